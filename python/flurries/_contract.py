@@ -1,0 +1,226 @@
+"""The contract of the array functions: what may come in, and the one way to refuse the rest.
+
+Every refusal names the argument, says what came and what is wanted. Types and layouts are settled
+here; ranges that a kernel can judge are judged there.
+"""
+
+from __future__ import annotations
+
+import math
+import operator
+from collections.abc import Sequence
+from typing import Any, TypeAlias
+
+import numpy as np
+import numpy.typing as npt
+
+Array: TypeAlias = npt.NDArray[Any]
+Float64: TypeAlias = npt.NDArray[np.float64]
+
+# More elements are refused before anything is allocated: 2^33 float32 are 32 GiB.
+MOST_ELEMENTS = 2**33
+
+
+def _came(value: object) -> str:
+    """Say what came, in a few words."""
+    if isinstance(value, np.ndarray):
+        return f"an array of shape {value.shape} and dtype {value.dtype}"
+    text = repr(value)
+    return text if len(text) <= 60 else f"{text[:57]}... ({type(value).__name__})"
+
+
+def integer(name: str, value: object, *, low: int, high: int) -> int:
+    """Return `value` as an int within [low, high]; floats are refused, NumPy integers are not."""
+    if isinstance(value, (bool, np.bool_)):
+        raise TypeError(f"{name} must be an integer, got {value!r}")
+    try:
+        number = operator.index(value)  # type: ignore[arg-type]
+    except TypeError:
+        raise TypeError(f"{name} must be an integer, got {_came(value)}") from None
+    if not low <= number <= high:
+        raise ValueError(f"{name} must be from {low} to {high}, got {_came(number)}")
+    return number
+
+
+def real(
+    name: str,
+    value: object,
+    *,
+    low: float = -math.inf,
+    high: float = math.inf,
+    above: float = -math.inf,
+) -> float:
+    """Return `value` as a finite float with low <= value <= high and value > above."""
+    if isinstance(value, (str, bytes, bool, np.bool_, complex, np.complexfloating)):
+        raise TypeError(f"{name} must be a real number, got {_came(value)}")
+    if isinstance(value, np.ndarray) and value.ndim != 0:
+        raise TypeError(f"{name} must be one number, got {_came(value)}")
+    try:
+        number = float(value)  # type: ignore[arg-type]
+    except OverflowError:
+        raise ValueError(f"{name} must be finite, got {_came(value)}") from None
+    except (TypeError, ValueError):
+        raise TypeError(f"{name} must be a real number, got {_came(value)}") from None
+    if not math.isfinite(number):
+        raise ValueError(f"{name} must be finite, got {number}")
+    if number <= above:
+        raise ValueError(f"{name} must be greater than {above:g}, got {number!r}")
+    if not low <= number <= high:
+        wanted = (
+            f"from {low:g} to {high:g}"
+            if math.isfinite(low) and math.isfinite(high)
+            else (f"at least {low:g}" if math.isfinite(low) else f"at most {high:g}")
+        )
+        raise ValueError(f"{name} must be {wanted}, got {number!r}")
+    return number
+
+
+def flag(name: str, value: object) -> bool:
+    """Return a bool; anything else is refused, since a forgotten keyword is often truthy."""
+    if isinstance(value, (bool, np.bool_)):
+        return bool(value)
+    raise TypeError(f"{name} must be True or False, got {_came(value)}")
+
+
+def choice(name: str, value: object, options: Sequence[str]) -> str:
+    """Return `value` if it is one of `options`."""
+    if not isinstance(value, str):
+        raise TypeError(
+            f"{name} must be one of {', '.join(map(repr, options))}, got {_came(value)}"
+        )
+    if value not in options:
+        raise ValueError(
+            f"{name} must be one of {', '.join(map(repr, options))}, got {_came(value)}"
+        )
+    return value
+
+
+def shape_of(name: str, value: object) -> tuple[int, int]:
+    """Return (H, W) of a frame, both at least 1 and their product within reason."""
+    if isinstance(value, (str, bytes)) or not isinstance(value, (Sequence, np.ndarray)):
+        raise TypeError(f"{name} must be (H, W), got {_came(value)}")
+    if len(value) != 2:
+        raise ValueError(f"{name} must be (H, W), got {_came(value)}")
+    height = integer(f"{name}[0]", value[0], low=1, high=2**31 - 1)
+    width = integer(f"{name}[1]", value[1], low=1, high=2**31 - 1)
+    if height * width > MOST_ELEMENTS:
+        raise ValueError(f"{name} must hold at most {MOST_ELEMENTS} pixels, got {height} x {width}")
+    return height, width
+
+
+def tile_of(tile: object, overlap: object) -> tuple[tuple[int, int], int]:
+    """Return the tile as (rows, cols) and the overlap, 0 <= overlap < tile."""
+    if isinstance(tile, (tuple, list)):
+        size = shape_of("tile", tile)
+    else:
+        size = (integer("tile", tile, low=1, high=2**15),) * 2
+    if max(size) > 2**15:
+        raise ValueError(f"tile must be at most {2**15} px, got {_came(tile)}")
+    pixels = integer("overlap", overlap, low=0, high=2**15)
+    if pixels >= min(size):
+        raise ValueError(f"overlap must be less than the tile ({min(size)} px), got {pixels}")
+    return size, pixels
+
+
+def seed_of(seed: object) -> int:
+    """Return a seed that fits an int64."""
+    return integer("seed", seed, low=-(2**63), high=2**63 - 1)
+
+
+def float_dtype(dtype: npt.DTypeLike) -> np.dtype[Any]:
+    """Return float32 or float64, the dtypes that kernels generate."""
+    try:
+        wanted = np.dtype(dtype)
+    except TypeError:
+        raise TypeError(f"dtype must be float32 or float64, got {_came(dtype)}") from None
+    if dtype is None or wanted not in (np.dtype(np.float32), np.dtype(np.float64)):
+        raise TypeError(f"dtype must be float32 or float64, got {_came(dtype)}")
+    return wanted.newbyteorder("=")
+
+
+def _numeric(name: str, value: object) -> Array:
+    """Return `value` as an array of real numbers, not yet of a given dtype or layout."""
+    try:
+        array = np.asarray(value)
+    except ValueError:
+        raise ValueError(
+            f"{name} must be a rectangular array of numbers, got {_came(value)}"
+        ) from None
+    if array.dtype.kind not in "iuf":
+        raise TypeError(f"{name} must be an array of real numbers, got {_came(value)}")
+    return array
+
+
+def table(name: str, value: object, *, ndim: int | None = 2, finite: bool = True) -> Float64:
+    """Return a float64, C-contiguous, aligned, finite array: spectral tables and geometry."""
+    array = np.ascontiguousarray(_numeric(name, value), dtype=np.float64)
+    if not array.flags.aligned:
+        array = array.copy()
+    if ndim is not None and array.ndim != ndim:
+        raise ValueError(f"{name} must have {ndim} dimensions, got {_came(value)}")
+    if finite and not np.isfinite(array).all():
+        raise ValueError(f"{name} must be finite, got NaN or infinity in {_came(array)}")
+    return array
+
+
+def vector(name: str, value: object, length: int) -> Float64:
+    """Return a finite float64 vector of the given length."""
+    array = table(name, value, ndim=None)
+    if array.shape != (length,):
+        raise ValueError(f"{name} must be {length} numbers, got {_came(value)}")
+    return array
+
+
+def pixels(name: str, value: object, *, ndim: int) -> tuple[Array, np.dtype[Any]]:
+    """Return pixels as C-contiguous float32 or float64, and the dtype that the result keeps.
+
+    The dtype rule of every function that transforms float pixels: float32 and float64 stay; float16
+    is computed in float32 and comes back as float16; lists and integers become float64; the rest is
+    refused.
+    """
+    array = _numeric(name, value)
+    if array.ndim != ndim:
+        raise ValueError(f"{name} must have {ndim} dimensions, got {_came(value)}")
+    if 0 in array.shape:
+        raise ValueError(f"{name} must not be empty, got {_came(value)}")
+    if array.dtype.kind in "iu":
+        working = kept = np.dtype(np.float64)
+    elif array.dtype.itemsize == 2:
+        working, kept = np.dtype(np.float32), np.dtype(np.float16)
+    elif array.dtype.itemsize in (4, 8):
+        working = kept = array.dtype.newbyteorder("=")
+    else:
+        raise TypeError(f"{name} must be float16, float32 or float64, got {_came(value)}")
+    return aligned(array, working), kept
+
+
+def aligned(array: Array, dtype: npt.DTypeLike) -> Array:
+    """Return the array C-contiguous, native and aligned, copied only where it has to be."""
+    result = np.ascontiguousarray(array, dtype=dtype)
+    return result if result.flags.aligned else result.copy()
+
+
+def output(
+    out: Array | None,
+    shape: tuple[int, ...],
+    dtype: np.dtype[Any],
+    *inputs: Array,
+) -> Array:
+    """Return the array to write into: a new one, or `out` if it fits and touches no input."""
+    if out is None:
+        return np.empty(shape, dtype)
+    if not isinstance(out, np.ndarray):
+        raise TypeError(f"out must be an array, got {_came(out)}")
+    if out.dtype != dtype or not out.dtype.isnative:
+        raise TypeError(f"out must have dtype {dtype}, got {_came(out)}")
+    if out.shape != shape:
+        raise ValueError(f"out must have shape {shape}, got {_came(out)}")
+    if not (out.flags.c_contiguous and out.flags.aligned):
+        raise ValueError(
+            f"out must be C-contiguous and aligned, got {_came(out)} with strides {out.strides}"
+        )
+    if not out.flags.writeable:
+        raise ValueError("out must be writeable, got a read-only array")
+    if any(np.may_share_memory(out, given) for given in inputs):
+        raise ValueError("out must not overlap an input array")
+    return out

@@ -1,0 +1,22 @@
+//! flurries: falling snow synthesized in the frequency domain, with particles on top.
+//!
+//! The map. Kernels are pure functions on array views; they know nothing of Python, files or clocks.
+//!
+//! | module | what | source |
+//! | --- | --- | --- |
+//! | [`error`] | what a caller can do wrong; cancelling | |
+//! | [`random`] | counter-based numbers | |
+//! | [`pool`] | the thread pool, safe across fork | |
+//! | [`spectral`] | the tent, the band, phases, tiles, one frame of the field | Langer 2004, sections 4-7 |
+//! | [`particles`] | the box of flakes, their image | Langer 2004, sections 6-7 |
+//! | [`frame`] | compositing | Langer 2004, Eq. 7 |
+//! | `python` | the binding, behind the feature of that name | |
+
+pub mod error;
+pub mod frame;
+pub mod particles;
+pub mod pool;
+#[cfg(feature = "python")]
+mod python;
+pub mod random;
+pub mod spectral;

@@ -1,0 +1,129 @@
+//! The one gate between Python and the kernels: interpreter released, panics and errors turned into
+//! exceptions, Ctrl-C heard during long work.
+
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::time::Duration;
+
+use numpy::{PyReadonlyArray2, PyReadwriteArray2};
+use pyo3::exceptions::{PyKeyboardInterrupt, PyMemoryError, PyRuntimeError, PyValueError};
+use pyo3::prelude::*;
+
+use crate::error::{Cancel, Error};
+
+pyo3::create_exception!(
+    flurries,
+    InternalError,
+    PyRuntimeError,
+    "A defect of flurries itself: a kernel failed where its arguments were right. Please report it."
+);
+
+impl From<Error> for PyErr {
+    fn from(error: Error) -> Self {
+        match error {
+            Error::Invalid { .. } => PyValueError::new_err(error.to_string()),
+            Error::Memory { .. } => PyMemoryError::new_err(error.to_string()),
+            Error::Cancelled => PyKeyboardInterrupt::new_err(()),
+            Error::Internal(_) => InternalError::new_err(error.to_string()),
+        }
+    }
+}
+
+/// Work (in rough nanoseconds) below which a kernel runs in the calling thread. Signals wait for it.
+const SHORT: f64 = 1e8;
+
+/// How often a long kernel's caller looks for Ctrl-C.
+const LOOK: Duration = Duration::from_millis(50);
+
+/// Runs a kernel with the interpreter released. `nanoseconds` is a rough estimate of the work.
+///
+/// Python handles signals on its main thread only, which is the one waiting here; so a long kernel
+/// moves to a thread of its own while this one wakes now and then to look.
+pub fn run<R: Send>(
+    py: Python<'_>,
+    nanoseconds: f64,
+    kernel: impl FnOnce(&Cancel) -> Result<R, Error> + Send,
+) -> PyResult<R> {
+    let cancel = Cancel::new();
+    let guarded = || catch_unwind(AssertUnwindSafe(|| kernel(&cancel)));
+    let (outcome, signal) = if nanoseconds < SHORT {
+        (py.detach(guarded), None)
+    } else {
+        py.detach(|| watched(guarded, &cancel))
+    };
+    if let Some(signal) = signal {
+        return Err(signal);
+    }
+    match outcome {
+        Ok(result) => Ok(result?),
+        Err(panic) => Err(InternalError::new_err(format!("a kernel panicked: {}", words(&*panic)))),
+    }
+}
+
+fn watched<R: Send>(kernel: impl FnOnce() -> R + Send, cancel: &Cancel) -> (R, Option<PyErr>) {
+    std::thread::scope(|scope| {
+        let waiter = std::thread::current();
+        let worker = scope.spawn(move || {
+            let result = kernel();
+            waiter.unpark();
+            result
+        });
+        let mut signal = None;
+        while !worker.is_finished() {
+            std::thread::park_timeout(LOOK);
+            if signal.is_none() {
+                signal = Python::attach(|py| py.check_signals()).err();
+                if signal.is_some() {
+                    cancel.raise();
+                }
+            }
+        }
+        match worker.join() {
+            Ok(result) => (result, signal),
+            // `kernel` catches its own panics, so this is out of reach; never lose one all the same.
+            Err(panic) => std::panic::resume_unwind(panic),
+        }
+    })
+}
+
+fn words(panic: &(dyn std::any::Any + Send)) -> &str {
+    panic
+        .downcast_ref::<&str>()
+        .copied()
+        .or_else(|| panic.downcast_ref::<String>().map(String::as_str))
+        .unwrap_or("no message")
+}
+
+/// A frame-sized output of either precision, allocated through NumPy by the Python layer.
+#[derive(FromPyObject)]
+pub enum PlaneMut<'py> {
+    /// float32
+    Single(PyReadwriteArray2<'py, f32>),
+    /// float64
+    Double(PyReadwriteArray2<'py, f64>),
+}
+
+/// A frame-sized input of either precision.
+#[derive(FromPyObject)]
+pub enum Plane<'py> {
+    /// float32
+    Single(PyReadonlyArray2<'py, f32>),
+    /// float64
+    Double(PyReadonlyArray2<'py, f64>),
+}
+
+/// Runs `$body` with `$view`, the mutable view of an output of either precision.
+macro_rules! each_precision {
+    ($out:expr, $view:ident => $body:expr) => {
+        match $out {
+            $crate::python::gate::PlaneMut::Single(mut array) => {
+                let $view = array.as_array_mut();
+                $body
+            }
+            $crate::python::gate::PlaneMut::Double(mut array) => {
+                let $view = array.as_array_mut();
+                $body
+            }
+        }
+    };
+}
+pub(crate) use each_precision;

@@ -1,0 +1,18 @@
+//! The binding: the only folder that imports pyo3. One thin wrapper file per module, one gate.
+//!
+//! The Python layer owns the contract (types, dtypes, layout, allocation of outputs); what arrives
+//! here is C-contiguous and of the stated dtype, or raises TypeError.
+
+use pyo3::prelude::*;
+
+mod gate;
+mod threads;
+
+#[pymodule]
+#[pyo3(name = "_core")]
+mod core {
+    #[pymodule_export]
+    use super::gate::InternalError;
+    #[pymodule_export]
+    use super::threads::{panic_for_test, set_threads, threads};
+}

@@ -1,0 +1,29 @@
+//! Thread count, and the forced panic that the tests send through the gate.
+
+use pyo3::prelude::*;
+
+use super::gate;
+use crate::pool;
+
+/// Sets how many threads the kernels use.
+#[pyfunction]
+pub fn set_threads(n: usize) -> PyResult<()> {
+    Ok(pool::set_threads(n)?)
+}
+
+/// How many threads the kernels use.
+#[pyfunction]
+pub fn threads() -> usize {
+    pool::threads()
+}
+
+/// Panics inside a kernel, on a worker of the pool, so that the tests can see what Python gets.
+#[pyfunction]
+pub fn panic_for_test(py: Python<'_>) -> PyResult<()> {
+    gate::run(py, 0.0, |_| {
+        pool::for_each(vec![0, 1], |i| {
+            assert!(i == 0, "forced by a test");
+            Ok(())
+        })
+    })
+}

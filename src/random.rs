@@ -1,0 +1,66 @@
+//! Counter-based random numbers: a value is a hash of what it belongs to, never of an order of calls.
+//!
+//! So a tile, a wave or a flake has the same number whatever the image size, the thread count or the
+//! frame that asks (spectral.md section 1 of the specification; splitmix64's finalizer).
+
+/// Scrambles 64 bits; a bijection.
+#[inline]
+pub const fn mix64(value: u64) -> u64 {
+    let mut z = value.wrapping_add(0x9E37_79B9_7F4A_7C15);
+    z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
+    z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
+    z ^ (z >> 31)
+}
+
+/// A hash that takes its words one after another; copy it to share a prefix.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Hash(u64);
+
+impl Hash {
+    /// The empty hash followed by the seed.
+    #[inline]
+    pub const fn seeded(seed: i64) -> Self {
+        Self(0).word(seed)
+    }
+
+    /// The hash with one more word, taken in two's complement.
+    #[inline]
+    pub const fn word(self, word: i64) -> Self {
+        Self(mix64(self.0 ^ word.cast_unsigned()))
+    }
+
+    /// The 64 bits.
+    #[inline]
+    pub const fn bits(self) -> u64 {
+        self.0
+    }
+
+    /// Uniform in [0, 1), from the upper 53 bits.
+    #[inline]
+    pub const fn unit(self) -> f64 {
+        (self.0 >> 11) as f64 * (1.0 / 9_007_199_254_740_992.0)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn mix64_has_the_published_first_value() {
+        assert_eq!(mix64(0), 0xE220_A839_7B1D_CDAF);
+    }
+
+    #[test]
+    fn negative_words_are_twos_complement() {
+        assert_eq!(Hash::seeded(-1).bits(), mix64(u64::MAX));
+    }
+
+    #[test]
+    fn units_are_uniform() {
+        let n = 100_000;
+        let mean = (0..n).map(|i| Hash::seeded(7).word(i).unit()).sum::<f64>() / n as f64;
+        // Five standard errors of a uniform mean.
+        assert!((mean - 0.5).abs() < 5.0 / (12.0 * n as f64).sqrt(), "{mean}");
+    }
+}
