@@ -56,9 +56,9 @@ pub fn finite(argument: &'static str, value: f64) -> Result<f64, Error> {
 /// A zeroed work buffer; a request that cannot be met is an error, not an abort of the interpreter.
 pub fn zeroed<T: Clone + num_traits::Zero>(count: usize) -> Result<Vec<T>, Error> {
     let mut buffer = Vec::new();
-    buffer.try_reserve_exact(count).map_err(|_| Error::Memory {
-        bytes: count.saturating_mul(size_of::<T>()),
-    })?;
+    buffer
+        .try_reserve_exact(count)
+        .map_err(|_| Error::Memory { bytes: count.saturating_mul(size_of::<T>()) })?;
     buffer.resize(count, T::zero());
     Ok(buffer)
 }

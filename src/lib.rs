@@ -7,6 +7,7 @@
 //! | [`error`] | what a caller can do wrong; cancelling | |
 //! | [`random`] | counter-based numbers | |
 //! | [`pool`] | the thread pool, safe across fork | |
+//! | [`real`] | float32 and float64 pixels | |
 //! | [`spectral`] | the tent, the band, phases, tiles, one frame of the field | Langer 2004, sections 4-7 |
 //! | [`particles`] | the box of flakes, their image | Langer 2004, sections 6-7 |
 //! | [`frame`] | compositing | Langer 2004, Eq. 7 |
@@ -19,4 +20,5 @@ pub mod pool;
 #[cfg(feature = "python")]
 mod python;
 pub mod random;
+pub mod real;
 pub mod spectral;

@@ -62,9 +62,8 @@ fn pool(count: usize) -> Result<&'static rayon::ThreadPool, Error> {
     let process = std::process::id();
     let seen = slot.load(Ordering::Acquire);
     // SAFETY: a slot only ever holds null or a leaked box, which nothing frees or mutates.
-    if let Some(made) = unsafe { seen.as_ref() }
-        && made.process == process
-    {
+    let made = unsafe { seen.as_ref() }.filter(|made| made.process == process);
+    if let Some(made) = made {
         return Ok(&made.pool);
     }
     let pool = rayon::ThreadPoolBuilder::new()
@@ -145,9 +144,8 @@ mod tests {
 
     #[test]
     fn an_error_comes_back() {
-        let result = for_each(vec![1, 2, 3], |i| {
-            if i == 2 { Err(Error::Cancelled) } else { Ok(()) }
-        });
+        let result =
+            for_each(vec![1, 2, 3], |i| if i == 2 { Err(Error::Cancelled) } else { Ok(()) });
         assert_eq!(result, Err(Error::Cancelled));
     }
 }

@@ -26,7 +26,7 @@ impl Hash {
     /// The hash with one more word, taken in two's complement.
     #[inline]
     pub const fn word(self, word: i64) -> Self {
-        Self(mix64(self.0 ^ word.cast_unsigned()))
+        Self(mix64(self.0 ^ word as u64))
     }
 
     /// The 64 bits.

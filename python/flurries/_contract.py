@@ -135,7 +135,8 @@ def float_dtype(dtype: npt.DTypeLike) -> np.dtype[Any]:
         raise TypeError(f"dtype must be float32 or float64, got {_came(dtype)}") from None
     if dtype is None or wanted not in (np.dtype(np.float32), np.dtype(np.float64)):
         raise TypeError(f"dtype must be float32 or float64, got {_came(dtype)}")
-    return wanted.newbyteorder("=")
+    native: np.dtype[Any] = wanted.newbyteorder("=")
+    return native
 
 
 def _numeric(name: str, value: object) -> Array:
@@ -179,12 +180,14 @@ def pixels(name: str, value: object, *, ndim: int) -> tuple[Array, np.dtype[Any]
     refused.
     """
     array = _numeric(name, value)
+    working: np.dtype[Any]
+    kept: np.dtype[Any]
     if array.ndim != ndim:
         raise ValueError(f"{name} must have {ndim} dimensions, got {_came(value)}")
     if 0 in array.shape:
         raise ValueError(f"{name} must not be empty, got {_came(value)}")
     if array.dtype.kind in "iu":
-        working = kept = np.dtype(np.float64)
+        working, kept = np.dtype(np.float64), np.dtype(np.float64)
     elif array.dtype.itemsize == 2:
         working, kept = np.dtype(np.float32), np.dtype(np.float16)
     elif array.dtype.itemsize in (4, 8):

@@ -1,1 +1,4 @@
-//! Layers over a background.
+//! Layers over a background: Langer 2004, Eq. 7, and premultiplied over.
+
+pub mod composite;
+pub mod sample;

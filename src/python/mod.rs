@@ -5,14 +5,23 @@
 
 use pyo3::prelude::*;
 
+mod frame;
 mod gate;
+mod spectral;
 mod threads;
 
 #[pymodule]
 #[pyo3(name = "_core")]
 mod core {
     #[pymodule_export]
+    use super::frame::{join, over, snow};
+    #[pymodule_export]
     use super::gate::InternalError;
+    #[pymodule_export]
+    use super::spectral::{
+        advance_phase, all_finite, band_amplitude, blend_tiles, field, inverse_transform, opacity,
+        random_phase, temporal_filter, tent_rate, tile_starts,
+    };
     #[pymodule_export]
     use super::threads::{panic_for_test, set_threads, threads};
 }

@@ -1,0 +1,39 @@
+"""Falling snow as a texture whose spectrum lies on the tent surface (Langer 2004, sections 3-7).
+
+The steps are here one by one, on NumPy arrays, and :func:`field` and :func:`alpha` make a whole
+frame of overlapping tiles in one pass. Wave tables are in ``numpy.fft.fftfreq`` order, x right and
+y down; phases and rates are in cycles.
+
+Two vectors move the texture, both in pixels of the picture's content and both accumulated since
+time 0: the *drift* is the displacement of the longest wave, ``wavelengths[1]`` (the nearest snow);
+a wave of wavelength L moves by ``drift * L / wavelengths[1]``. The *shift* is the displacement of
+all waves alike (a turning camera).
+"""
+
+from __future__ import annotations
+
+from flurries.spectral.frame import alpha, field
+from flurries.spectral.tables import (
+    advance_phase,
+    band_amplitude,
+    random_phase,
+    temporal_filter,
+    tent_rate,
+    velocity_from_paper,
+)
+from flurries.spectral.tiles import blend_tiles, inverse_transform, opacity, tile_starts
+
+__all__ = [
+    "advance_phase",
+    "alpha",
+    "band_amplitude",
+    "blend_tiles",
+    "field",
+    "inverse_transform",
+    "opacity",
+    "random_phase",
+    "temporal_filter",
+    "tent_rate",
+    "tile_starts",
+    "velocity_from_paper",
+]

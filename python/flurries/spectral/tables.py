@@ -1,0 +1,305 @@
+"""Tables of waves: rates, amplitudes, phases, and what a frame rate does to them."""
+
+from __future__ import annotations
+
+import math
+import warnings
+
+import numpy as np
+import numpy.typing as npt
+
+from flurries import _core
+from flurries._contract import (
+    Float64,
+    choice,
+    flag,
+    integer,
+    output,
+    real,
+    seed_of,
+    shape_of,
+    table,
+    vector,
+)
+
+ALIAS = ("cut", "soft", "keep")
+FLOAT64 = np.dtype(np.float64)
+
+
+def band_of(wavelengths: object) -> tuple[float, float]:
+    low, high = vector("wavelengths", wavelengths, 2)
+    return float(low), float(high)
+
+
+def _cycles(name: str, value: object, wavelength_max: object) -> list[float]:
+    longest = real("wavelength_max", wavelength_max, above=0.0)
+    return [float(v) / longest for v in vector(name, value, 2)]
+
+
+def tent_rate(
+    shape: tuple[int, int],
+    velocity: npt.ArrayLike,
+    *,
+    wavelength_max: float = 32.0,
+    out: Float64 | None = None,
+) -> Float64:
+    """Temporal frequency of each wave on the tent surface.
+
+    Parameters
+    ----------
+    shape : (H, W)
+        Size of the tile in pixels.
+    velocity : (vx, vy)
+        Drift per frame: pixels per frame of the wave of `wavelength_max`, x right, y down.
+    wavelength_max : float
+        Wavelength in pixels that `velocity` belongs to.
+    out : (H, W) float64, optional
+        Array to write into and return.
+
+    Returns
+    -------
+    (H, W) float64
+        Cycles per frame of each bin, ``rate = -(a kx' + b ky') / |k'|`` with
+        ``(a, b) = velocity / wavelength_max``; at most |velocity| / wavelength_max. Odd in k; 0 at
+        dc. On a Nyquist line that axis' part of the numerator is 0, as the real field demands.
+
+    Raises
+    ------
+    ValueError, TypeError
+        For a wrong shape or a number that is not finite.
+
+    Notes
+    -----
+    Langer 2004, Eq. 6 with the sign of Eq. 1: the printed sign moves the snow backwards
+    (``docs/deviations.md``, 1).
+    """
+    size = shape_of("shape", shape)
+    drift = _cycles("velocity", velocity, wavelength_max)
+    result = output(out, size, FLOAT64)
+    _core.tent_rate(result, drift)
+    return result
+
+
+def velocity_from_paper(
+    C: float, theta: float, *, period: float, wavelength_max: float = 32.0
+) -> tuple[float, float]:
+    """Drift per frame from the constants of the paper.
+
+    Parameters
+    ----------
+    C : float
+        Temporal frequency of the tent's ridge, cycles per `period`.
+    theta : float
+        Direction of motion in radians from +x towards +y; pi/2 falls down the screen.
+    period : float
+        The paper's T, frames.
+    wavelength_max : float
+        Longest wavelength, pixels.
+
+    Returns
+    -------
+    (vx, vy) : tuple of float
+        Pixels per frame of the longest wave, ``C / period * wavelength_max * (cos, sin)``.
+    """
+    frames = real("period", period, above=0.0)
+    speed = real("C", C) / frames * real("wavelength_max", wavelength_max, above=0.0)
+    angle = real("theta", theta)
+    return speed * math.cos(angle), speed * math.sin(angle)
+
+
+def band_amplitude(
+    shape: tuple[int, int],
+    *,
+    wavelengths: tuple[float, float] = (4.0, 32.0),
+    exponent: float = 1.0,
+    out: Float64 | None = None,
+) -> Float64:
+    """Amplitude of each wave: a band of wavelengths, falling as a power of the frequency.
+
+    Parameters
+    ----------
+    shape : (H, W)
+        Size of the tile in pixels.
+    wavelengths : (shortest, longest)
+        Pixels; waves with ``shortest < wavelength <= longest`` take part; at least 2. The default
+        is the paper's three octaves, (2, 16) the slides'.
+    exponent : float
+        Amplitude ~ ``|k| ** -exponent``; 1 gives every octave the same power, less makes finer
+        snow.
+    out : (H, W) float64, optional
+        Array to write into and return.
+
+    Returns
+    -------
+    (H, W) float64
+        Amplitudes in fftfreq order; their squares sum to 1, so the field has variance 1. 0 at dc.
+
+    Raises
+    ------
+    ValueError
+        If the tile is too small to hold a wave of the band, or the band is not
+        ``2 <= shortest < longest``.
+
+    Warns
+    -----
+    UserWarning
+        If `wavelengths` asks for waves longer than the tile, which do not exist.
+
+    Notes
+    -----
+    Langer 2004, sections 5.3 and 5.4.
+    """
+    size = shape_of("shape", shape)
+    band = band_of(wavelengths)
+    power = real("exponent", exponent)
+    result = output(out, size, FLOAT64)
+    _core.band_amplitude(result, band, power)
+    warn_long(size, band)
+    return result
+
+
+def warn_long(tile: tuple[int, int], band: tuple[float, float]) -> None:
+    if band[1] > max(tile):
+        warnings.warn(
+            f"wavelengths asks for waves up to {band[1]:g} px, but a tile of {tile[0]} x {tile[1]} "
+            f"px holds none longer than {max(tile)} px",
+            UserWarning,
+            stacklevel=3,
+        )
+
+
+def random_phase(
+    shape: tuple[int, int],
+    *,
+    seed: int,
+    tile: tuple[int, int] = (0, 0),
+    out: Float64 | None = None,
+) -> Float64:
+    """Random phases of a tile, odd in k so that the field is real.
+
+    Parameters
+    ----------
+    shape : (H, W)
+        Size of the tile in pixels.
+    seed : int
+        Any int64.
+    tile : (row, col)
+        Which tile of the grid; int64.
+    out : (H, W) float64, optional
+        Array to write into and return.
+
+    Returns
+    -------
+    (H, W) float64
+        Cycles in [-1/2, 1/2), uniform over a whole turn, fftfreq order. A hash of seed, tile and
+        wave: the same whatever else is computed. Bins that are their own mirror have 0 or -1/2.
+    """
+    size = shape_of("shape", shape)
+    if not isinstance(tile, (tuple, list, np.ndarray)) or len(tile) != 2:
+        raise TypeError(f"tile must be (row, col), got {tile!r}")
+    row, col = (integer("tile", index, low=-(2**63), high=2**63 - 1) for index in tile)
+    number = seed_of(seed)
+    result = output(out, size, FLOAT64)
+    _core.random_phase(result, number, (row, col))
+    return result
+
+
+def advance_phase(
+    phase: npt.ArrayLike,
+    drift: npt.ArrayLike,
+    *,
+    shift: npt.ArrayLike = (0.0, 0.0),
+    wavelength_max: float = 32.0,
+    out: Float64 | None = None,
+) -> Float64:
+    """Phases after a displacement of the snow.
+
+    Parameters
+    ----------
+    phase : (H, W)
+        Cycles at time 0, fftfreq order.
+    drift : (x, y)
+        Displacement in pixels of the wave of `wavelength_max`; a wave L moves by
+        ``drift * L / wavelength_max``.
+    shift : (x, y)
+        Displacement in pixels of all waves alike.
+    wavelength_max : float
+        Wavelength in pixels that `drift` belongs to.
+    out : (H, W) float64, optional
+        Array to write into and return; not `phase` itself.
+
+    Returns
+    -------
+    (H, W) float64
+        ``phase - (A kx' + B ky') / |k'| - (fx sx + fy sy)`` reduced to [-1/2, 1/2) cycles.
+
+    Notes
+    -----
+    The paper multiplies where phases must be added (Langer 2004, section 5.2;
+    ``docs/deviations.md``, 6 and 7). At a drift of 1e6 times the wavelength the phase is right to
+    1e-9 cycles; beyond about 1e12 times nothing of it is left.
+    """
+    start = table("phase", phase)
+    size = shape_of("phase", start.shape)
+    cycles = _cycles("drift", drift, wavelength_max)
+    plane = vector("shift", shift, 2)
+    result = output(out, size, FLOAT64, start)
+    _core.advance_phase(result, start, cycles, plane.tolist())
+    return result
+
+
+def temporal_filter(
+    amplitude: npt.ArrayLike,
+    velocity: npt.ArrayLike,
+    *,
+    shift_rate: npt.ArrayLike = (0.0, 0.0),
+    alias: str = "cut",
+    soft_from: float = 0.4,
+    shutter: float = 0.0,
+    renormalise: bool = False,
+    wavelength_max: float = 32.0,
+    out: Float64 | None = None,
+) -> Float64:
+    """Amplitudes after what frames do to fast waves: aliasing and the open shutter.
+
+    Parameters
+    ----------
+    amplitude : (H, W)
+        Amplitudes in fftfreq order.
+    velocity, shift_rate : (x, y)
+        Change per frame of the drift and of the shift, pixels; both count.
+    alias : {"cut", "soft", "keep"}
+        Waves of half a cycle per frame or more are dropped (the paper), fade out from `soft_from`
+        on as cos^2 (nothing pops when the speed varies), or stay and run backwards.
+    soft_from : float
+        Cycles per frame, 0 to 1/2.
+    shutter : float
+        Exposure in frames, centred on the frame's time: a factor sinc(rate * shutter).
+    renormalise : bool
+        Restore the power that the alias law took, before the shutter. Nothing kept gives zeros.
+    wavelength_max : float
+        Wavelength in pixels that `velocity` belongs to.
+    out : (H, W) float64, optional
+        Array to write into and return; not `amplitude` itself.
+
+    Returns
+    -------
+    (H, W) float64
+        Amplitudes; the shutter's negative lobes are kept.
+
+    Notes
+    -----
+    Langer 2004, section 5.5. The equal case, exactly half a cycle, is cut
+    (``docs/deviations.md``, 15).
+    """
+    given = table("amplitude", amplitude)
+    size = shape_of("amplitude", given.shape)
+    drift = _cycles("velocity", velocity, wavelength_max)
+    plane = vector("shift_rate", shift_rate, 2)
+    law = choice("alias", alias, ALIAS)
+    start = real("soft_from", soft_from)
+    exposure = real("shutter", shutter, low=0.0)
+    restore = flag("renormalise", renormalise)
+    result = output(out, size, FLOAT64, given)
+    _core.temporal_filter(result, given, drift, plane.tolist(), law, start, exposure, restore)
+    return result

@@ -1,0 +1,198 @@
+"""From tables to pixels: the transform of a tile, the blend of many, the map to opacity."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from flurries import _core
+from flurries._contract import (
+    Array,
+    choice,
+    float_dtype,
+    integer,
+    output,
+    pixels,
+    real,
+    shape_of,
+    table,
+    tile_of,
+)
+
+BLEND = ("power", "linear")
+
+
+def inverse_transform(
+    amplitude: npt.ArrayLike,
+    phase: npt.ArrayLike,
+    *,
+    dtype: npt.DTypeLike = np.float32,
+    out: Array | None = None,
+) -> Array:
+    """Real field of two wave tables: the unnormalised inverse transform.
+
+    Parameters
+    ----------
+    amplitude, phase : (H, W)
+        Amplitudes, and phases in cycles, fftfreq order.
+    dtype : float32 or float64
+        Precision of the pixels.
+    out : (H, W), optional
+        Array to write into and return.
+
+    Returns
+    -------
+    (H, W) float32 or float64
+        ``sum_k amplitude(k) cos 2 pi (f_k . (x, y) + phase(k))`` over all bins, at integer x and y.
+        Mean 0 and variance 1 for the tables of :func:`band_amplitude` and :func:`random_phase`.
+        Tables without symmetry are taken as they stand: the sum is the Hermitian part's transform.
+    """
+    waves = table("amplitude", amplitude)
+    turns = table("phase", phase)
+    size = shape_of("amplitude", waves.shape)
+    if turns.shape != size:
+        raise ValueError(f"phase must have the shape of amplitude, {size}, got {turns.shape}")
+    result = output(out, size, float_dtype(dtype), waves, turns)
+    _core.inverse_transform(result, waves, turns)
+    return result
+
+
+def tile_starts(length: int, *, tile: int = 64, overlap: int = 10) -> npt.NDArray[np.intp]:
+    """First pixel of each tile along one axis.
+
+    Parameters
+    ----------
+    length : int
+        Pixels to cover.
+    tile, overlap : int
+        Size of a tile, and pixels shared by neighbours; ``0 <= overlap < tile``.
+
+    Returns
+    -------
+    (n,) int
+        0, tile - overlap, ...; the last tile may stick out. 19 for 1024 px and the defaults.
+    """
+    pixels_ = integer("length", length, low=1, high=2**31 - 1)
+    size = integer("tile", tile, low=1, high=2**15)
+    (rows, _), shared = tile_of(size, overlap)
+    return np.array(_core.tile_starts(pixels_, rows, shared), dtype=np.intp)
+
+
+def blend_tiles(
+    tiles: npt.ArrayLike,
+    shape: tuple[int, int],
+    *,
+    overlap: int = 10,
+    blend: str = "power",
+    out: Array | None = None,
+) -> Array:
+    """Blend a grid of overlapping tiles into one picture.
+
+    Parameters
+    ----------
+    tiles : (rows, cols, M, M)
+        The tiles; as many as :func:`tile_starts` gives for each axis.
+    shape : (H, W)
+        Size of the picture.
+    overlap : int
+        Pixels shared by neighbours.
+    blend : {"power", "linear"}
+        Squares of the weights sum to 1, so that independent fields keep their variance everywhere;
+        or the weights themselves do (the paper), and the variance dips to 1/2 at edges and 1/4 at
+        corners.
+    out : (H, W), optional
+        Array to write into and return.
+
+    Returns
+    -------
+    (H, W), dtype of `tiles`
+
+    Notes
+    -----
+    Langer 2004, section 7; ``docs/deviations.md``, 16.
+    """
+    given, kept = pixels("tiles", tiles, ndim=4)
+    _require_finite("tiles", given)
+    size = shape_of("shape", shape)
+    _, shared = tile_of((given.shape[2], given.shape[3]), overlap)
+    law = choice("blend", blend, BLEND)
+    result = output(out, size, kept, given)
+    return _in_working_dtype(
+        result, given.dtype, lambda view: _core.blend_tiles(view, given, shared, law)
+    )
+
+
+def _in_working_dtype(
+    result: Array, working: np.dtype[Any], fill: Callable[[Array], None]
+) -> Array:
+    """Let `fill` write, in its own precision where the result's is float16."""
+    if result.dtype == working:
+        fill(result)
+    else:
+        wide = np.empty(result.shape, working)
+        fill(wide)
+        result[...] = wide
+    return result
+
+
+def _require_finite(name: str, array: Array) -> None:
+    if not _core.all_finite(array.reshape(-1)):
+        raise ValueError(f"{name} must be finite, got NaN or infinity")
+
+
+def opacity(
+    field: npt.ArrayLike,
+    *,
+    mean: float = 0.5,
+    spread: float = 3.0,
+    exponent: float = 2.0,
+    amount: float = 1.0,
+    out: Array | None = None,
+) -> Array:
+    """Opacity of a field: ``amount * clip(mean + field / (2 spread), 0, 1) ** exponent``.
+
+    Parameters
+    ----------
+    field : (H, W)
+        Field of variance 1.
+    mean : float
+        Where the field's zero goes. Less than the paper's 0.5 leaves separate flakes.
+    spread : float
+        Standard deviations of the field that reach from 1/2 to 0 or 1; the paper gives no number,
+        3 puts 99.7 % inside.
+    exponent : float
+        Above 0; the paper squares.
+    amount : float
+        0 to 1.
+    out : (H, W), optional
+        Array to write into and return; not `field` itself.
+
+    Returns
+    -------
+    (H, W), dtype of `field`
+        Opacity in [0, amount]. The defaults have mean 0.2776 and standard deviation 0.1706.
+
+    Notes
+    -----
+    Langer 2004, section 5.6. The scale comes from the known variance, never from the frame: a
+    per-frame minimum and maximum flickers (``docs/deviations.md``, 20).
+    """
+    given, kept = pixels("field", field, ndim=2)
+    _require_finite("field", given)
+    mapped = opacity_map(mean, spread, exponent, amount, name="exponent")
+    result = output(out, given.shape, kept, given)
+    return _in_working_dtype(result, given.dtype, lambda view: _core.opacity(view, given, mapped))
+
+
+def opacity_map(
+    mean: object, spread: object, power: object, amount: object, *, name: str
+) -> tuple[float, float, float, float]:
+    return (
+        real("mean", mean),
+        real("spread", spread, above=0.0),
+        real(name, power, above=0.0),
+        real("amount", amount, low=0.0, high=1.0),
+    )

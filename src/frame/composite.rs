@@ -1,0 +1,178 @@
+//! Snow over a background (Langer 2004, Eq. 7), a premultiplied layer over a background, and the
+//! joint opacity of layers of one colour.
+
+use ndarray::{ArrayView2, ArrayView3, ArrayViewMut2, ArrayViewMut3, Axis};
+use num_traits::{One, Zero};
+
+use super::sample::Sample;
+use crate::error::{Cancel, Error};
+use crate::pool;
+use crate::real::Real;
+
+/// `colour * alpha + (1 - alpha) * background`, exact at both ends: alpha 0 is the background's bits
+/// and alpha 1 the colour's. A NaN of the background stays, whatever covers it.
+#[inline]
+fn mix<T: Real>(background: T, colour: T, alpha: T) -> T {
+    let mixed = colour * alpha + (T::one() - alpha) * background;
+    if alpha == T::zero() {
+        background
+    } else if alpha == T::one() && !background.is_nan() {
+        colour
+    } else {
+        mixed
+    }
+}
+
+/// Rows of an output with the matching rows of inputs, each a task of its own for the pool.
+fn each_row<'o, S: Sample, A: Sync + Send>(
+    out: ArrayViewMut3<'o, S>,
+    background: ArrayView3<'_, S>,
+    layer: &[A],
+    per_row: usize,
+    cancel: &Cancel,
+    work: impl Fn(&mut [S], &[S], &[A]) + Sync + Send,
+) -> Result<(), Error> {
+    let layout = || Error::Internal("rows are not contiguous".into());
+    let (height, width, channels) = out.dim();
+    let out = out.into_slice().ok_or_else(layout)?;
+    let background = background.to_slice().ok_or_else(layout)?;
+    let mut tasks = Vec::new();
+    let mut rest: &'o mut [S] = out;
+    for run in pool::split(height, pool::threads()) {
+        let (part, later) = rest.split_at_mut(run.len() * width * channels);
+        tasks.push((run, part));
+        rest = later;
+    }
+    pool::for_each(tasks, |(run, part)| {
+        let line = width * channels;
+        for (row, out) in run.zip(part.chunks_mut(line)) {
+            cancel.check()?;
+            work(out, &background[row * line..][..line], &layer[row * per_row..][..per_row]);
+        }
+        Ok(())
+    })
+}
+
+/// Eq. 7 in the background's own values, for any number of channels; `intensity` has one entry per
+/// channel, as a fraction of full scale.
+pub fn snow<S: Sample, A: Real>(
+    out: ArrayViewMut3<'_, S>,
+    background: ArrayView3<'_, S>,
+    alpha: ArrayView2<'_, A>,
+    intensity: &[f64],
+    cancel: &Cancel,
+) -> Result<(), Error> {
+    let (_, width, channels) = out.dim();
+    let alpha = alpha.to_slice().ok_or_else(|| Error::Internal("layout".into()))?;
+    let colour: Vec<S::Working> =
+        intensity.iter().map(|&value| <S::Working as Real>::of(value * S::SCALE)).collect();
+    // A fixed number of channels lets the loop vectorise.
+    match colour[..] {
+        [r, g, b] if channels == 3 => {
+            each_row(out, background, alpha, width, cancel, |out, back, alpha| {
+                let pixels = out.chunks_exact_mut(3).zip(back.chunks_exact(3));
+                for ((out, back), alpha) in pixels.zip(alpha) {
+                    let alpha = <S::Working as Real>::of(alpha.wide());
+                    out[0] = S::store(mix(back[0].load(), r, alpha));
+                    out[1] = S::store(mix(back[1].load(), g, alpha));
+                    out[2] = S::store(mix(back[2].load(), b, alpha));
+                }
+            })
+        }
+        _ => each_row(out, background, alpha, width, cancel, |out, back, alpha| {
+            let pixels = out.chunks_mut(channels).zip(back.chunks(channels));
+            for ((out, back), alpha) in pixels.zip(alpha) {
+                let alpha = <S::Working as Real>::of(alpha.wide());
+                for ((out, back), &colour) in out.iter_mut().zip(back).zip(&colour) {
+                    *out = S::store(mix(back.load(), colour, alpha));
+                }
+            }
+        }),
+    }
+}
+
+/// A premultiplied RGBA layer (4 floats a pixel, full scale 1) over a background of 3 or 4 channels.
+pub fn over<S: Sample, A: Real>(
+    out: ArrayViewMut3<'_, S>,
+    background: ArrayView3<'_, S>,
+    layer: ArrayView3<'_, A>,
+    cancel: &Cancel,
+) -> Result<(), Error> {
+    let (_, width, channels) = out.dim();
+    let layer = layer.to_slice().ok_or_else(|| Error::Internal("layout".into()))?;
+    let scale = <S::Working as Real>::of(S::SCALE);
+    each_row(out, background, layer, width * 4, cancel, |out, back, layer| {
+        let pixels = out.chunks_mut(channels).zip(back.chunks(channels));
+        for ((out, back), layer) in pixels.zip(layer.chunks(4)) {
+            let through = <S::Working as Real>::of(1.0 - layer[3].wide());
+            for ((out, &back), layer) in out.iter_mut().zip(back).zip(layer) {
+                let light = <S::Working as Real>::of(layer.wide());
+                // An empty layer leaves the bits alone, those of minus zero and infinity too.
+                *out = if light == S::Working::zero() && through == S::Working::one() {
+                    back
+                } else {
+                    S::store(light * scale + through * back.load())
+                };
+            }
+        }
+    })
+}
+
+/// Opacity of several layers of one colour together, behind a matte:
+/// `(1 - (1 - haze) prod (1 - alpha_i)) (1 - matte)`. The order does not matter.
+pub fn join<T: Real>(
+    mut out: ArrayViewMut2<'_, T>,
+    layers: &[ArrayView2<'_, T>],
+    haze: f64,
+    matte: Option<ArrayView2<'_, T>>,
+    cancel: &Cancel,
+) -> Result<(), Error> {
+    let clear = T::of(1.0 - haze);
+    let tasks = out.axis_iter_mut(Axis(0)).enumerate().collect();
+    pool::for_each(tasks, |(row, mut out): (usize, ndarray::ArrayViewMut1<'_, T>)| {
+        cancel.check()?;
+        out.fill(clear);
+        for layer in layers {
+            out.zip_mut_with(&layer.row(row), |through, &alpha| *through *= T::one() - alpha);
+        }
+        out.mapv_inplace(|through| T::one() - through);
+        if let Some(matte) = &matte {
+            out.zip_mut_with(&matte.row(row), |alpha, &matte| *alpha *= T::one() - matte);
+        }
+        Ok(())
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use ndarray::{Array2, Array3};
+
+    #[test]
+    fn the_ends_are_exact_and_nan_stays() {
+        assert_eq!(mix(-0.0_f32, 1.0, 0.0).to_bits(), (-0.0_f32).to_bits());
+        assert_eq!(mix(f64::INFINITY, 0.5, 1.0), 0.5);
+        assert_eq!(mix(f64::INFINITY, 0.5, 0.0), f64::INFINITY);
+        assert!(mix(f32::NAN, 0.5, 1.0).is_nan());
+    }
+
+    #[test]
+    fn integers_round_to_the_nearest() {
+        let background = Array3::from_elem((1, 1, 3), 100_u8);
+        let alpha = Array2::from_elem((1, 1), 0.5_f32);
+        let mut out = Array3::zeros((1, 1, 3));
+        let white = [250.0 / 255.0, 1.0, 0.0];
+        snow(out.view_mut(), background.view(), alpha.view(), &white, &Cancel::new()).unwrap();
+        assert_eq!(out.as_slice().unwrap(), [175, 178, 50]);
+    }
+
+    #[test]
+    fn layers_join_in_any_order() {
+        let layer = |a: f64| Array2::from_elem((2, 3), a);
+        let (a, b, matte) = (layer(0.25), layer(0.5), layer(0.5));
+        let mut out = layer(f64::NAN);
+        let views = [a.view(), b.view()];
+        join(out.view_mut(), &views, 0.2, Some(matte.view()), &Cancel::new()).unwrap();
+        assert!(out.iter().all(|&v| (v - (1.0 - 0.8 * 0.75 * 0.5) * 0.5).abs() < 1e-15));
+    }
+}

@@ -1,0 +1,54 @@
+//! What a background's pixel can be: 8 and 16 bit integers of full scale 1, and floats as they are.
+
+use crate::real::Real;
+
+/// One channel of a background's pixel.
+pub trait Sample: Copy + PartialEq + Send + Sync {
+    /// The precision that it is composited in.
+    type Working: Real;
+    /// What 1 of a layer is in the background's own values.
+    const SCALE: f64;
+    /// The value in the background's own units.
+    fn load(self) -> Self::Working;
+    /// Rounded to the nearest integer and clipped, or a float as it is.
+    fn store(value: Self::Working) -> Self;
+}
+
+macro_rules! integer_sample {
+    ($integer:ty) => {
+        impl Sample for $integer {
+            type Working = f32;
+            const SCALE: f64 = <$integer>::MAX as f64;
+            #[inline]
+            fn load(self) -> f32 {
+                f32::from(self)
+            }
+            #[inline]
+            fn store(value: f32) -> Self {
+                // The cast saturates; adding a half and cutting rounds half up.
+                (value + 0.5) as Self
+            }
+        }
+    };
+}
+integer_sample!(u8);
+integer_sample!(u16);
+
+macro_rules! float_sample {
+    ($float:ty) => {
+        impl Sample for $float {
+            type Working = $float;
+            const SCALE: f64 = 1.0;
+            #[inline]
+            fn load(self) -> $float {
+                self
+            }
+            #[inline]
+            fn store(value: $float) -> Self {
+                value
+            }
+        }
+    };
+}
+float_sample!(f32);
+float_sample!(f64);

@@ -1,0 +1,167 @@
+//! `flurries.composite`: Eq. 7, over, and the joint opacity of layers.
+
+use numpy::{PyReadonlyArray2, PyReadonlyArray3, PyReadwriteArray3};
+use pyo3::prelude::*;
+
+use super::gate::{self, Plane, PlaneMut};
+use crate::error::Error;
+use crate::frame::{composite, sample::Sample};
+use crate::real::Real;
+
+/// A background of any supported dtype.
+#[derive(FromPyObject)]
+pub enum Picture<'py> {
+    /// uint8
+    Byte(PyReadonlyArray3<'py, u8>),
+    /// uint16
+    Word(PyReadonlyArray3<'py, u16>),
+    /// float32
+    Single(PyReadonlyArray3<'py, f32>),
+    /// float64
+    Double(PyReadonlyArray3<'py, f64>),
+}
+
+/// An output of the same dtypes.
+#[derive(FromPyObject)]
+pub enum PictureMut<'py> {
+    /// uint8
+    Byte(PyReadwriteArray3<'py, u8>),
+    /// uint16
+    Word(PyReadwriteArray3<'py, u16>),
+    /// float32
+    Single(PyReadwriteArray3<'py, f32>),
+    /// float64
+    Double(PyReadwriteArray3<'py, f64>),
+}
+
+/// RGBA of either precision.
+#[derive(FromPyObject)]
+pub enum Layer<'py> {
+    /// float32
+    Single(PyReadonlyArray3<'py, f32>),
+    /// float64
+    Double(PyReadonlyArray3<'py, f64>),
+}
+
+fn mismatch() -> PyErr {
+    Error::invalid("out", "must have the dtype of the background").into()
+}
+
+/// Snow of one colour over a background.
+#[pyfunction]
+pub fn snow(
+    py: Python<'_>,
+    out: PictureMut<'_>,
+    background: Picture<'_>,
+    alpha: Plane<'_>,
+    intensity: Vec<f64>,
+) -> PyResult<()> {
+    fn run<S: Sample + numpy::Element>(
+        py: Python<'_>,
+        mut out: PyReadwriteArray3<'_, S>,
+        background: &PyReadonlyArray3<'_, S>,
+        alpha: &Plane<'_>,
+        intensity: &[f64],
+    ) -> PyResult<()> {
+        let (out, back) = (out.as_array_mut(), background.as_array());
+        let work = out.len() as f64;
+        match alpha {
+            Plane::Single(alpha) => {
+                let alpha = alpha.as_array();
+                gate::run(py, work, move |cancel| {
+                    composite::snow(out, back, alpha, intensity, cancel)
+                })
+            }
+            Plane::Double(alpha) => {
+                let alpha = alpha.as_array();
+                gate::run(py, work, move |cancel| {
+                    composite::snow(out, back, alpha, intensity, cancel)
+                })
+            }
+        }
+    }
+    match (out, background) {
+        (PictureMut::Byte(out), Picture::Byte(back)) => run(py, out, &back, &alpha, &intensity),
+        (PictureMut::Word(out), Picture::Word(back)) => run(py, out, &back, &alpha, &intensity),
+        (PictureMut::Single(out), Picture::Single(back)) => run(py, out, &back, &alpha, &intensity),
+        (PictureMut::Double(out), Picture::Double(back)) => run(py, out, &back, &alpha, &intensity),
+        _ => Err(mismatch()),
+    }
+}
+
+/// A premultiplied layer over a background.
+#[pyfunction]
+pub fn over(
+    py: Python<'_>,
+    out: PictureMut<'_>,
+    background: Picture<'_>,
+    layer: Layer<'_>,
+) -> PyResult<()> {
+    fn run<S: Sample + numpy::Element>(
+        py: Python<'_>,
+        mut out: PyReadwriteArray3<'_, S>,
+        background: &PyReadonlyArray3<'_, S>,
+        layer: &Layer<'_>,
+    ) -> PyResult<()> {
+        let (out, back) = (out.as_array_mut(), background.as_array());
+        let work = out.len() as f64;
+        match layer {
+            Layer::Single(layer) => {
+                let layer = layer.as_array();
+                gate::run(py, work, move |cancel| composite::over(out, back, layer, cancel))
+            }
+            Layer::Double(layer) => {
+                let layer = layer.as_array();
+                gate::run(py, work, move |cancel| composite::over(out, back, layer, cancel))
+            }
+        }
+    }
+    match (out, background) {
+        (PictureMut::Byte(out), Picture::Byte(back)) => run(py, out, &back, &layer),
+        (PictureMut::Word(out), Picture::Word(back)) => run(py, out, &back, &layer),
+        (PictureMut::Single(out), Picture::Single(back)) => run(py, out, &back, &layer),
+        (PictureMut::Double(out), Picture::Double(back)) => run(py, out, &back, &layer),
+        _ => Err(mismatch()),
+    }
+}
+
+/// Joint opacity of layers of one colour.
+#[pyfunction]
+#[pyo3(signature = (out, layers, haze, matte=None))]
+pub fn join(
+    py: Python<'_>,
+    out: PlaneMut<'_>,
+    layers: Vec<Plane<'_>>,
+    haze: f64,
+    matte: Option<Plane<'_>>,
+) -> PyResult<()> {
+    fn run<T: Real + numpy::Element>(
+        py: Python<'_>,
+        mut out: numpy::PyReadwriteArray2<'_, T>,
+        layers: &[&PyReadonlyArray2<'_, T>],
+        haze: f64,
+        matte: Option<&PyReadonlyArray2<'_, T>>,
+    ) -> PyResult<()> {
+        let out = out.as_array_mut();
+        let layers: Vec<_> = layers.iter().map(|layer| layer.as_array()).collect();
+        let matte = matte.map(|matte| matte.as_array());
+        let work = out.len() as f64;
+        gate::run(py, work, move |cancel| composite::join(out, &layers, haze, matte, cancel))
+    }
+    let differ = || PyErr::from(Error::invalid("layers", "must have the dtype of out"));
+    macro_rules! of {
+        ($variant:ident, $out:expr) => {{
+            let pick = |plane| match plane {
+                &Plane::$variant(ref array) => Ok(array),
+                _ => Err(differ()),
+            };
+            let planes = layers.iter().map(pick).collect::<PyResult<Vec<_>>>()?;
+            let matte = matte.as_ref().map(pick).transpose()?;
+            run(py, $out, &planes, haze, matte)
+        }};
+    }
+    match out {
+        PlaneMut::Single(out) => of!(Single, out),
+        PlaneMut::Double(out) => of!(Double, out),
+    }
+}

@@ -1,0 +1,314 @@
+//! `flurries.spectral`: tables, steps and whole frames.
+
+use numpy::{PyReadonlyArray1, PyReadonlyArray2, PyReadonlyArray4, PyReadwriteArray2};
+use pyo3::prelude::*;
+
+use super::gate::{self, Plane, PlaneMut, each_precision};
+use crate::error::Error;
+use crate::pool;
+use crate::real::Real;
+use crate::spectral::band::{Band, band_amplitude as band_kernel};
+use crate::spectral::field::{Field, Window};
+use crate::spectral::filter::{Alias, TemporalFilter, temporal_filter as filter_kernel};
+use crate::spectral::opacity::Opacity;
+use crate::spectral::phase::random_phase as random_kernel;
+use crate::spectral::tent::{self, Motion};
+use crate::spectral::tiles::{Blend, Row, blend_tiles as blend_kernel};
+use crate::spectral::transform::inverse_transform as transform_kernel;
+
+/// Rough nanoseconds for a pixel of a tiled frame on one thread; only decides who watches Ctrl-C.
+const PIXEL: f64 = 10.0;
+
+/// Temporal frequency of every bin.
+#[pyfunction]
+pub fn tent_rate(mut out: PyReadwriteArray2<'_, f64>, drift: [f64; 2]) {
+    tent::tent_rate(out.as_array_mut(), drift);
+}
+
+/// Amplitude of every bin.
+#[pyfunction]
+pub fn band_amplitude(
+    mut out: PyReadwriteArray2<'_, f64>,
+    wavelengths: (f64, f64),
+    exponent: f64,
+) -> PyResult<()> {
+    let band = Band { shortest: wavelengths.0, longest: wavelengths.1, exponent };
+    Ok(band_kernel(out.as_array_mut(), band)?)
+}
+
+/// Random phases of a tile.
+#[pyfunction]
+pub fn random_phase(mut out: PyReadwriteArray2<'_, f64>, seed: i64, tile: (i64, i64)) {
+    random_kernel(out.as_array_mut(), seed, tile);
+}
+
+/// Phases moved by a drift and a shift.
+#[pyfunction]
+pub fn advance_phase(
+    mut out: PyReadwriteArray2<'_, f64>,
+    phase: PyReadonlyArray2<'_, f64>,
+    drift: [f64; 2],
+    shift: [f64; 2],
+) {
+    tent::advance_phase(out.as_array_mut(), phase.as_array(), Motion { drift, shift });
+}
+
+/// Amplitudes after the alias law and the shutter.
+#[pyfunction]
+#[expect(clippy::too_many_arguments, reason = "one flat call per public function")]
+pub fn temporal_filter(
+    mut out: PyReadwriteArray2<'_, f64>,
+    amplitude: PyReadonlyArray2<'_, f64>,
+    drift: [f64; 2],
+    shift: [f64; 2],
+    alias: &str,
+    soft_from: f64,
+    shutter: f64,
+    renormalise: bool,
+) -> PyResult<()> {
+    let filter = TemporalFilter { alias: Alias::named(alias)?, soft_from, shutter };
+    let motion = Motion { drift, shift };
+    Ok(filter_kernel(out.as_array_mut(), amplitude.as_array(), motion, filter, renormalise)?)
+}
+
+/// The field of two tables.
+#[pyfunction]
+pub fn inverse_transform(
+    py: Python<'_>,
+    out: PlaneMut<'_>,
+    amplitude: PyReadonlyArray2<'_, f64>,
+    phase: PyReadonlyArray2<'_, f64>,
+) -> PyResult<()> {
+    let (amplitude, phase) = (amplitude.as_array(), phase.as_array());
+    let work = amplitude.len() as f64 * 100.0;
+    each_precision!(out, view => {
+        gate::run(py, work, move |cancel| transform_kernel(view, amplitude, phase, cancel))
+    })
+}
+
+/// First pixels of the tiles along one axis.
+#[pyfunction]
+pub fn tile_starts(length: usize, tile: usize, overlap: usize) -> PyResult<Vec<usize>> {
+    let row = Row { length, tile, overlap }.checked()?;
+    Ok((0..row.count()).map(|index| row.start(index)).collect())
+}
+
+/// Tiles of either precision.
+#[derive(FromPyObject)]
+pub enum Tiles<'py> {
+    /// float32
+    Single(PyReadonlyArray4<'py, f32>),
+    /// float64
+    Double(PyReadonlyArray4<'py, f64>),
+}
+
+/// The blend of a grid of tiles; both arrays of one precision.
+#[pyfunction]
+pub fn blend_tiles(
+    py: Python<'_>,
+    out: PlaneMut<'_>,
+    tiles: Tiles<'_>,
+    overlap: usize,
+    blend: &str,
+) -> PyResult<()> {
+    let blend = Blend::named(blend)?;
+    match (out, tiles) {
+        (PlaneMut::Single(mut out), Tiles::Single(tiles)) => {
+            let (out, tiles) = (out.as_array_mut(), tiles.as_array());
+            gate::run(py, 0.0, move |_| blend_kernel(out, tiles, overlap, blend))
+        }
+        (PlaneMut::Double(mut out), Tiles::Double(tiles)) => {
+            let (out, tiles) = (out.as_array_mut(), tiles.as_array());
+            gate::run(py, 0.0, move |_| blend_kernel(out, tiles, overlap, blend))
+        }
+        _ => Err(Error::invalid("out", "must have the dtype of the tiles").into()),
+    }
+}
+
+/// The opacity of a field; both arrays of one precision.
+#[pyfunction]
+pub fn opacity(
+    py: Python<'_>,
+    out: PlaneMut<'_>,
+    field: Plane<'_>,
+    map: (f64, f64, f64, f64),
+) -> PyResult<()> {
+    let map = opacity_map(map).checked("exponent")?;
+    match (out, field) {
+        (PlaneMut::Single(mut out), Plane::Single(field)) => {
+            map_plane(py, out.as_array_mut(), field.as_array(), map)
+        }
+        (PlaneMut::Double(mut out), Plane::Double(field)) => {
+            map_plane(py, out.as_array_mut(), field.as_array(), map)
+        }
+        _ => Err(Error::invalid("out", "must have the dtype of the field").into()),
+    }
+}
+
+fn map_plane<T: Real>(
+    py: Python<'_>,
+    mut out: ndarray::ArrayViewMut2<'_, T>,
+    field: ndarray::ArrayView2<'_, T>,
+    map: Opacity,
+) -> PyResult<()> {
+    gate::run(py, field.len() as f64, move |_| {
+        let tasks = out.rows_mut().into_iter().zip(field.rows()).collect();
+        pool::for_each(
+            tasks,
+            |(mut out, field): (ndarray::ArrayViewMut1<'_, T>, ndarray::ArrayView1<'_, T>)| {
+                let layout = || Error::Internal("rows are not contiguous".into());
+                let out = out.as_slice_mut().ok_or_else(layout)?;
+                map.map_row(field.as_slice().ok_or_else(layout)?, None, out);
+                Ok(())
+            },
+        )
+    })
+}
+
+const fn opacity_map((mean, spread, power, amount): (f64, f64, f64, f64)) -> Opacity {
+    Opacity { mean, spread, power, amount }
+}
+
+/// A frame of the field as the Python layer has settled it; the attributes of its request.
+#[derive(FromPyObject)]
+pub struct Request<'py> {
+    #[pyo3(attribute)]
+    shape: (usize, usize),
+    #[pyo3(attribute)]
+    tile: (usize, usize),
+    #[pyo3(attribute)]
+    overlap: usize,
+    #[pyo3(attribute)]
+    blend: String,
+    #[pyo3(attribute)]
+    wavelengths: (f64, f64),
+    #[pyo3(attribute)]
+    exponent: f64,
+    #[pyo3(attribute)]
+    seed: i64,
+    #[pyo3(attribute)]
+    jitter: bool,
+    #[pyo3(attribute)]
+    ring_edges: PyReadonlyArray1<'py, f64>,
+    #[pyo3(attribute)]
+    drift: PyReadonlyArray4<'py, f64>,
+    #[pyo3(attribute)]
+    shift: PyReadonlyArray4<'py, f64>,
+    #[pyo3(attribute)]
+    velocity: PyReadonlyArray4<'py, f64>,
+    #[pyo3(attribute)]
+    shift_rate: PyReadonlyArray4<'py, f64>,
+    #[pyo3(attribute)]
+    alias: String,
+    #[pyo3(attribute)]
+    soft_from: f64,
+    #[pyo3(attribute)]
+    shutter: f64,
+    #[pyo3(attribute)]
+    shortest: Option<PyReadonlyArray2<'py, f64>>,
+    #[pyo3(attribute)]
+    window: (usize, usize, usize, usize),
+}
+
+impl Request<'_> {
+    fn with_field<R>(
+        &self,
+        use_it: impl FnOnce(&Field<'_>, &Window) -> PyResult<R>,
+    ) -> PyResult<R> {
+        let edges = self
+            .ring_edges
+            .as_slice()
+            .map_err(|_| Error::invalid("ring_edges", "must be contiguous"))?;
+        let field = Field {
+            shape: self.shape,
+            tile: self.tile,
+            overlap: self.overlap,
+            blend: Blend::named(&self.blend)?,
+            band: Band {
+                shortest: self.wavelengths.0,
+                longest: self.wavelengths.1,
+                exponent: self.exponent,
+            },
+            seed: self.seed,
+            jitter: self.jitter,
+            ring_edges: edges,
+            drift: self.drift.as_array(),
+            shift: self.shift.as_array(),
+            velocity: self.velocity.as_array(),
+            shift_rate: self.shift_rate.as_array(),
+            filter: TemporalFilter {
+                alias: Alias::named(&self.alias)?,
+                soft_from: self.soft_from,
+                shutter: self.shutter,
+            },
+            shortest: self.shortest.as_ref().map(|map| map.as_array()),
+        };
+        let (top, bottom, left, right) = self.window;
+        use_it(&field, &Window { rows: top..bottom, cols: left..right })
+    }
+}
+
+/// One frame of the field, or of its opacity when `map` = (mean, spread, power, amount) is given.
+#[pyfunction]
+#[pyo3(signature = (out, request, map=None, preserve_mean=false))]
+pub fn field(
+    py: Python<'_>,
+    out: PlaneMut<'_>,
+    request: Request<'_>,
+    map: Option<(f64, f64, f64, f64)>,
+    preserve_mean: bool,
+) -> PyResult<()> {
+    let map = map.map(|map| opacity_map(map).checked("power")).transpose()?;
+    request.with_field(|field, window| {
+        each_precision!(out, view => render(py, view, field, window, map, preserve_mean))
+    })
+}
+
+fn render<T: Real>(
+    py: Python<'_>,
+    out: ndarray::ArrayViewMut2<'_, T>,
+    field: &Field<'_>,
+    window: &Window,
+    map: Option<Opacity>,
+    preserve_mean: bool,
+) -> PyResult<()> {
+    let work = out.len() as f64 * PIXEL;
+    gate::run(py, work, move |cancel| {
+        let ready = field.ready::<T>()?;
+        match map {
+            None => {
+                ready.render(window, out, None, cancel, |_, row, _, out| out.copy_from_slice(row))
+            }
+            Some(map) => {
+                let lift = preserve_mean.then_some(&map);
+                ready.render(window, out, lift, cancel, |_, row, lift, out| {
+                    map.map_row(row, lift, out)
+                })
+            }
+        }
+    })
+}
+
+/// Whether all numbers are finite, in one pass.
+#[pyfunction]
+pub fn all_finite(values: Flat<'_>) -> bool {
+    fn sound<T: Real>(values: &[T]) -> bool {
+        // NaN and infinity times zero are NaN; sums of zeros are zero. No branch, so it vectorises.
+        let check =
+            |run: &[T]| run.iter().fold(T::zero(), |sum, &v| sum + v * T::zero()) == T::zero();
+        values.chunks(4096).all(check)
+    }
+    match values {
+        Flat::Single(values) => values.as_slice().is_ok_and(sound),
+        Flat::Double(values) => values.as_slice().is_ok_and(sound),
+    }
+}
+
+/// A flat array of either precision.
+#[derive(FromPyObject)]
+pub enum Flat<'py> {
+    /// float32
+    Single(PyReadonlyArray1<'py, f32>),
+    /// float64
+    Double(PyReadonlyArray1<'py, f64>),
+}

@@ -1,0 +1,159 @@
+//! What the sampling in time does to a wave: aliasing and the shutter (Langer 2004, section 5.5).
+
+use ndarray::{ArrayView2, ArrayViewMut2, Zip};
+
+use super::band::Sum;
+use super::tent::Motion;
+use crate::error::{Error, finite};
+
+/// A rate of half a cycle per frame has no direction, so it counts as aliased; the margin keeps
+/// rounding from deciding for waves that lie exactly on it.
+const NYQUIST: f64 = 0.5 - 1e-12;
+
+/// What becomes of waves that turn half a cycle per frame or more.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Alias {
+    /// They stay, and seem to run backwards.
+    Keep,
+    /// They are dropped (the paper).
+    Cut,
+    /// They fade out below the limit, so that nothing pops when the speed varies.
+    Soft,
+}
+
+impl Alias {
+    /// The option of that name.
+    pub fn named(name: &str) -> Result<Self, Error> {
+        match name {
+            "keep" => Ok(Self::Keep),
+            "cut" => Ok(Self::Cut),
+            "soft" => Ok(Self::Soft),
+            _ => Err(Error::invalid("alias", format!("must be keep, cut or soft, got {name:?}"))),
+        }
+    }
+}
+
+/// The gain of a wave as a function of its rate.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct TemporalFilter {
+    /// Law at the temporal Nyquist limit.
+    pub alias: Alias,
+    /// Where the soft law starts, cycles per frame.
+    pub soft_from: f64,
+    /// Exposure in frames, centred on the frame's time; 0 is an instant.
+    pub shutter: f64,
+}
+
+impl TemporalFilter {
+    /// Refuses values outside their ranges.
+    pub fn checked(self) -> Result<Self, Error> {
+        finite("soft_from", self.soft_from)?;
+        finite("shutter", self.shutter)?;
+        if !(0.0..0.5).contains(&self.soft_from) {
+            let message = format!("must be at least 0 and below 0.5, got {}", self.soft_from);
+            return Err(Error::invalid("soft_from", message));
+        }
+        if self.shutter < 0.0 {
+            let message = format!("must be at least 0 frames, got {}", self.shutter);
+            return Err(Error::invalid("shutter", message));
+        }
+        Ok(self)
+    }
+
+    /// Whether every gain is 1.
+    pub fn is_open(&self) -> bool {
+        self.alias == Alias::Keep && self.shutter == 0.0
+    }
+
+    /// The factor of the alias law for a rate in cycles per frame.
+    #[inline]
+    pub fn alias_gain(&self, rate: f64) -> f64 {
+        let speed = rate.abs();
+        match self.alias {
+            Alias::Keep => 1.0,
+            _ if speed >= NYQUIST => 0.0,
+            Alias::Soft if speed > self.soft_from => {
+                let part = (speed - self.soft_from) / (0.5 - self.soft_from);
+                (std::f64::consts::FRAC_PI_2 * part).cos().powi(2)
+            }
+            _ => 1.0,
+        }
+    }
+
+    /// The mean of a wave over the exposure: sin(pi x) / (pi x), negative lobes kept.
+    #[inline]
+    pub fn shutter_gain(&self, rate: f64) -> f64 {
+        let angle = std::f64::consts::PI * rate * self.shutter;
+        // The series keeps the value 1 - angle^2/6 where the quotient would be 0/0.
+        if angle.abs() < 1e-4 { 1.0 - angle * angle / 6.0 } else { angle.sin() / angle }
+    }
+
+    /// Both factors.
+    #[inline]
+    pub fn gain(&self, rate: f64) -> f64 {
+        let kept = self.alias_gain(rate);
+        if self.shutter == 0.0 || kept == 0.0 { kept } else { kept * self.shutter_gain(rate) }
+    }
+}
+
+/// Amplitudes after the alias law and the shutter, both on the total rate.
+///
+/// `renormalise` restores the power that the alias law took, before the shutter: blur then lowers
+/// the contrast, as it does for real flakes. Nothing kept gives zeros.
+pub fn temporal_filter(
+    mut out: ArrayViewMut2<'_, f64>,
+    amplitude: ArrayView2<'_, f64>,
+    velocity: Motion,
+    filter: TemporalFilter,
+    renormalise: bool,
+) -> Result<(), Error> {
+    let filter = filter.checked()?;
+    let shape = out.dim();
+    let (mut before, mut after) = (Sum::default(), Sum::default());
+    Zip::indexed(&mut out).and(amplitude).for_each(|(row, col), out, &amplitude| {
+        *out = amplitude * filter.alias_gain(velocity.step_at(row, col, shape));
+        before.add(amplitude * amplitude);
+        after.add(*out * *out);
+    });
+    let restored = match after.value() {
+        power if renormalise && power > 0.0 => (before.value() / power).sqrt(),
+        _ => 1.0,
+    };
+    Zip::indexed(&mut out).for_each(|(row, col), out| {
+        *out *= restored * filter.shutter_gain(velocity.step_at(row, col, shape));
+    });
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const SOFT: TemporalFilter =
+        TemporalFilter { alias: Alias::Soft, soft_from: 0.4, shutter: 0.0 };
+
+    #[test]
+    fn the_equal_case_is_cut() {
+        let cut = TemporalFilter { alias: Alias::Cut, ..SOFT };
+        assert_eq!(cut.gain(0.5), 0.0);
+        assert_eq!(cut.gain(-0.5), 0.0);
+        assert_eq!(cut.gain(0.499), 1.0);
+    }
+
+    #[test]
+    fn the_soft_law_has_no_step() {
+        assert_eq!(SOFT.gain(0.4), 1.0);
+        assert!((SOFT.gain(0.45) - 0.5).abs() < 1e-12);
+        assert!(SOFT.gain(0.5 - 1e-9) < 1e-12);
+    }
+
+    #[test]
+    fn the_shutter_is_smooth_through_its_series() {
+        let filter = TemporalFilter { alias: Alias::Keep, soft_from: 0.4, shutter: 1.0 };
+        let at = 1e-4 / std::f64::consts::PI;
+        let (low, high) =
+            (filter.shutter_gain(at * 0.999_999), filter.shutter_gain(at * 1.000_001));
+        assert!((low - high).abs() < 1e-14);
+        assert_eq!(filter.shutter_gain(0.0), 1.0);
+    }
+}

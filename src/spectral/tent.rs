@@ -1,0 +1,82 @@
+//! The tent surface: the dispersion relation of falling snow (Langer 2004, Eq. 6, sign of Eq. 1).
+//!
+//! `rate(k) = -(a kx' + b ky') / |k'|` cycles per frame, for a drift of (a, b) cycles per frame.
+//! Along its direction a wave of wavelength L then moves by |(a, b)| L pixels per frame: small waves
+//! stand for distant snow and move slowly. Displacements obey the same formula as rates.
+
+use ndarray::{ArrayView2, ArrayViewMut2, Zip};
+
+use super::grid::{direction, odd_frequency, signed};
+use super::phase::reduce;
+
+/// Motion of a tile: a drift on the tent and a shift of all waves alike.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Motion {
+    /// Displacement (or velocity) of the wave of one pixel, (x, y): pixels of the longest wave
+    /// divided by its wavelength, that is cycles.
+    pub drift: [f64; 2],
+    /// Displacement (or velocity) of every wave, (x, y) in pixels (camera rotation).
+    pub shift: [f64; 2],
+}
+
+impl Motion {
+    /// The phase step in cycles of a wave with unit vector `direction` and `frequency`, both (y, x).
+    #[inline]
+    pub fn step(&self, direction: (f64, f64), frequency: (f64, f64)) -> f64 {
+        let tent = self.drift[0] * direction.1 + self.drift[1] * direction.0;
+        let plane = self.shift[0] * frequency.1 + self.shift[1] * frequency.0;
+        -(tent + plane)
+    }
+
+    /// The step of the bin at array position (row, col).
+    #[inline]
+    pub fn step_at(&self, row: usize, col: usize, shape: (usize, usize)) -> f64 {
+        let (ky, kx) = (signed(row, shape.0), signed(col, shape.1));
+        self.step(direction(ky, kx, shape), odd_frequency(ky, kx, shape))
+    }
+}
+
+/// The temporal frequency of every bin, cycles per frame.
+pub fn tent_rate(mut out: ArrayViewMut2<'_, f64>, drift: [f64; 2]) {
+    let shape = out.dim();
+    let motion = Motion { drift, shift: [0.0; 2] };
+    Zip::indexed(&mut out).for_each(|(row, col), rate| *rate = motion.step_at(row, col, shape));
+}
+
+/// Phases displaced by a motion, reduced to [-1/2, 1/2).
+pub fn advance_phase(mut out: ArrayViewMut2<'_, f64>, phase: ArrayView2<'_, f64>, motion: Motion) {
+    let shape = out.dim();
+    Zip::indexed(&mut out).and(phase).for_each(|(row, col), out, &phase| {
+        *out = reduce(phase + motion.step_at(row, col, shape));
+    });
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::spectral::grid::position;
+    use ndarray::Array2;
+
+    #[test]
+    fn the_rate_is_odd_even_on_nyquist_lines() {
+        for shape in [(1, 1), (4, 4), (5, 6), (7, 7), (8, 3)] {
+            let mut rate = Array2::zeros(shape);
+            tent_rate(rate.view_mut(), [0.3, -0.7]);
+            for ((row, col), &value) in rate.indexed_iter() {
+                let (ky, kx) = (signed(row, shape.0), signed(col, shape.1));
+                let mirror = rate[(position(-ky, shape.0), position(-kx, shape.1))];
+                assert_eq!(value, -mirror, "{shape:?} {ky} {kx}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_wave_steps_as_its_translation_does() {
+        // A wave of wavelength L moves along its own direction by c L pixels for a drift of c cycles.
+        let (shape, c) = ((64, 64), 0.0625);
+        let mut rate = Array2::zeros(shape);
+        tent_rate(rate.view_mut(), [c, 0.0]);
+        assert_eq!(rate[(0, 2)], -c);
+        assert_eq!(rate[(5, 0)], 0.0);
+    }
+}

@@ -1,0 +1,189 @@
+//! Overlapping tiles: where they start, how they are weighted, and their sum.
+
+use ndarray::{ArrayView4, ArrayViewMut2};
+
+use crate::error::{Error, zeroed};
+use crate::real::Real;
+
+/// How overlapping tiles are mixed.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Blend {
+    /// Squares of the weights sum to 1: independent fields keep their variance everywhere.
+    Power,
+    /// Weights sum to 1 (the paper): the variance dips to a half at edges, a quarter at corners.
+    Linear,
+}
+
+impl Blend {
+    /// The option of that name.
+    pub fn named(name: &str) -> Result<Self, Error> {
+        match name {
+            "power" => Ok(Self::Power),
+            "linear" => Ok(Self::Linear),
+            _ => Err(Error::invalid("blend", format!("must be power or linear, got {name:?}"))),
+        }
+    }
+}
+
+/// The tiles along one axis.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Row {
+    /// Pixels to cover.
+    pub length: usize,
+    /// Size of a tile.
+    pub tile: usize,
+    /// Pixels shared by neighbours.
+    pub overlap: usize,
+}
+
+impl Row {
+    /// Refuses an overlap that would never get on.
+    pub fn checked(self) -> Result<Self, Error> {
+        if self.tile == 0 || self.length == 0 {
+            return Err(Error::invalid("tile", "a tile and the image need at least one pixel"));
+        }
+        if self.overlap >= self.tile {
+            let message =
+                format!("must be less than the tile ({}), got {}", self.tile, self.overlap);
+            return Err(Error::invalid("overlap", message));
+        }
+        Ok(self)
+    }
+
+    /// From one start to the next.
+    pub const fn step(&self) -> usize {
+        self.tile - self.overlap
+    }
+
+    /// How many tiles cover the length; the last may stick out.
+    pub const fn count(&self) -> usize {
+        if self.length <= self.tile {
+            1
+        } else {
+            (self.length - self.tile).div_ceil(self.step()) + 1
+        }
+    }
+
+    /// First pixel of a tile.
+    pub const fn start(&self, index: usize) -> usize {
+        index * self.step()
+    }
+
+    /// The tiles that touch the pixels [from, to).
+    pub const fn touching(&self, from: usize, to: usize) -> std::ops::Range<usize> {
+        let first = if from < self.tile { 0 } else { (from - self.tile) / self.step() + 1 };
+        let last = (to - 1) / self.step();
+        let count = self.count();
+        first..if last < count { last + 1 } else { count }
+    }
+
+    /// Weights of all tiles, `tile` of them each. Every pixel is normalised by the sum over all tiles
+    /// there, counted whole where they stick out, so that borders and overlaps of more than half a
+    /// tile come out right too.
+    pub fn weights<T: Real>(&self, blend: Blend) -> Result<Vec<T>, Error> {
+        let (tile, overlap) = (self.tile, self.overlap as f64);
+        let ramp: Vec<f64> = (0..tile)
+            .map(|i| {
+                let inner = (i as f64 + 0.5).min(tile as f64 - i as f64 - 0.5);
+                let rise = if self.overlap == 0 { 1.0 } else { (inner / overlap).min(1.0) };
+                match blend {
+                    Blend::Linear => rise,
+                    Blend::Power => (std::f64::consts::FRAC_PI_2 * rise).sin().powi(2),
+                }
+            })
+            .collect();
+        let count = self.count();
+        let mut sums = zeroed::<f64>(self.start(count - 1) + tile)?;
+        for index in 0..count {
+            for (sum, w) in sums[self.start(index)..].iter_mut().zip(&ramp) {
+                *sum += w;
+            }
+        }
+        let mut weights = zeroed::<T>(count * tile)?;
+        for (index, weights) in weights.chunks_mut(tile).enumerate() {
+            for ((weight, w), sum) in weights.iter_mut().zip(&ramp).zip(&sums[self.start(index)..])
+            {
+                let share = w / sum;
+                *weight = T::of(if blend == Blend::Power { share.sqrt() } else { share });
+            }
+        }
+        Ok(weights)
+    }
+}
+
+/// The weighted sum of a grid of tiles, in a fixed order.
+pub fn blend_tiles<T: Real>(
+    mut out: ArrayViewMut2<'_, T>,
+    tiles: ArrayView4<'_, T>,
+    overlap: usize,
+    blend: Blend,
+) -> Result<(), Error> {
+    let (height, width) = out.dim();
+    let (rows, cols, tile_height, tile_width) = tiles.dim();
+    let down = Row { length: height, tile: tile_height, overlap }.checked()?;
+    let across = Row { length: width, tile: tile_width, overlap }.checked()?;
+    if (rows, cols) != (down.count(), across.count()) {
+        return Err(Error::invalid(
+            "tiles",
+            format!(
+                "shape ({height}, {width}) with this tile and overlap takes {} x {} tiles, got {rows} x {cols}",
+                down.count(),
+                across.count()
+            ),
+        ));
+    }
+    let (wy, wx) = (down.weights::<T>(blend)?, across.weights::<T>(blend)?);
+    out.fill(T::zero());
+    for ((row, col, y, x), &value) in tiles.indexed_iter() {
+        let at = (down.start(row) + y, across.start(col) + x);
+        if let Some(pixel) = out.get_mut(at) {
+            *pixel += wy[row * tile_height + y] * wx[col * tile_width + x] * value;
+        }
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_papers_frame_takes_19_tiles_an_axis() {
+        let row = Row { length: 1024, tile: 64, overlap: 10 };
+        assert_eq!((row.count(), row.start(18)), (19, 972));
+    }
+
+    #[test]
+    fn touching_is_what_a_search_finds() {
+        for (length, tile, overlap) in [(100, 16, 5), (100, 16, 15), (10, 16, 3), (64, 8, 0)] {
+            let row = Row { length, tile, overlap };
+            for from in 0..length {
+                for to in from + 1..=length {
+                    let found: Vec<usize> = (0..row.count())
+                        .filter(|&i| row.start(i) < to && row.start(i) + tile > from)
+                        .collect();
+                    assert_eq!(row.touching(from, to).collect::<Vec<_>>(), found);
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn weights_sum_to_one_at_every_pixel() {
+        for (blend, power) in [(Blend::Linear, 1), (Blend::Power, 2)] {
+            for (tile, overlap) in [(9, 0), (9, 1), (9, 5), (9, 8), (64, 10)] {
+                for length in [1, 8, 9, 10, 27, 100] {
+                    let row = Row { length, tile, overlap };
+                    let weights = row.weights::<f64>(blend).unwrap();
+                    for x in 0..length {
+                        let sum: f64 = (0..row.count())
+                            .filter(|&i| (row.start(i)..row.start(i) + tile).contains(&x))
+                            .map(|i| weights[i * tile + x - row.start(i)].powi(power))
+                            .sum();
+                        assert!((sum - 1.0).abs() < 1e-14, "{blend:?} {row:?} {x}: {sum}");
+                    }
+                }
+            }
+        }
+    }
+}

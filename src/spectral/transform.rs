@@ -1,0 +1,119 @@
+//! From amplitudes and phases of all bins to the real field, through half of the spectrum.
+
+use flurries_fft::FftError;
+use ndarray::{ArrayView2, ArrayViewMut2, Axis};
+use num_complex::Complex;
+
+use super::grid::{position, signed};
+use crate::error::{Cancel, Error, zeroed};
+use crate::pool;
+use crate::real::Real;
+
+/// The row transform's own complaint would be a defect of ours: lengths are right by construction
+/// and the imaginary parts that must vanish are set to zero.
+fn defect(error: FftError) -> Error {
+    Error::Internal(error.to_string())
+}
+
+/// `sum_k amplitude(k) cos 2 pi (f_k . (x, y) + phase(k))` over all bins, for any two arrays.
+///
+/// Tables need not be symmetric: the sum of cosines is the transform of the Hermitian part
+/// (S(k) + conj S(-k)) / 2, which is what is formed here. Columns of zeros are not transformed.
+pub fn inverse_transform<T: Real>(
+    mut out: ArrayViewMut2<'_, T>,
+    amplitude: ArrayView2<'_, f64>,
+    phase: ArrayView2<'_, f64>,
+    cancel: &Cancel,
+) -> Result<(), Error> {
+    let (height, width) = out.dim();
+    let half = width / 2 + 1;
+    let used: Vec<usize> = (0..half)
+        .filter(|&col| {
+            let mirror = position(-signed(col, width), width);
+            (0..height).any(|row| amplitude[(row, col)] != 0.0 || amplitude[(row, mirror)] != 0.0)
+        })
+        .collect();
+    let mut columns = zeroed::<Complex<T>>(used.len() * height)?;
+    let rows = T::inverse(height);
+    let bin = |row: usize, col: usize| {
+        T::turn(super::phase::reduce(phase[(row, col)])).scale(T::of(amplitude[(row, col)]))
+    };
+    let tasks = columns.chunks_mut(height).zip(&used).collect();
+    pool::for_each(tasks, |(column, &col): (&mut [Complex<T>], &usize)| {
+        cancel.check()?;
+        let mirror_col = position(-signed(col, width), width);
+        for (row, value) in column.iter_mut().enumerate() {
+            let mirror_row = position(-signed(row, height), height);
+            let sum = bin(row, col) + bin(mirror_row, mirror_col).conj();
+            *value = sum.scale(T::of(0.5));
+        }
+        rows.process_with_scratch(column, &mut zeroed(rows.get_inplace_scratch_len())?);
+        Ok(())
+    })?;
+
+    let to_real = T::to_real(width);
+    let runs = pool::split(height, pool::threads());
+    let mut tasks = Vec::with_capacity(runs.len());
+    for run in runs {
+        let (part, rest) = out.split_at(Axis(0), run.len());
+        tasks.push((run, part));
+        out = rest;
+    }
+    pool::for_each(tasks, |(run, mut part)| {
+        let mut line = zeroed::<Complex<T>>(half)?;
+        let mut scratch = zeroed(to_real.get_scratch_len())?;
+        for (row, mut pixels) in run.zip(part.rows_mut()) {
+            cancel.check()?;
+            line.fill(Complex::new(T::zero(), T::zero()));
+            for (column, &col) in columns.chunks(height).zip(&used) {
+                line[col] = column[row];
+            }
+            line[0].im = T::zero();
+            if width % 2 == 0 {
+                line[half - 1].im = T::zero();
+            }
+            let pixels = pixels.as_slice_mut().ok_or_else(|| Error::Internal("layout".into()))?;
+            to_real.process_with_scratch(&mut line, pixels, &mut scratch).map_err(defect)?;
+        }
+        Ok(())
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use ndarray::Array2;
+
+    /// The sum written out, as the judge.
+    fn direct(amplitude: &Array2<f64>, phase: &Array2<f64>) -> Array2<f64> {
+        let (height, width) = amplitude.dim();
+        Array2::from_shape_fn((height, width), |(y, x)| {
+            amplitude
+                .indexed_iter()
+                .map(|((row, col), a)| {
+                    let turns = signed(row, height) as f64 * y as f64 / height as f64
+                        + signed(col, width) as f64 * x as f64 / width as f64
+                        + phase[(row, col)];
+                    a * (std::f64::consts::TAU * turns).cos()
+                })
+                .sum()
+        })
+    }
+
+    #[test]
+    fn any_tables_give_their_sum_of_cosines() {
+        for shape in [(1, 1), (2, 2), (16, 16), (15, 15), (12, 8), (9, 14), (7, 13), (1, 6), (5, 1)]
+        {
+            let hash = |i: usize, j: usize, word| {
+                crate::random::Hash::seeded(word).word(i as i64).word(j as i64).unit() - 0.5
+            };
+            let amplitude = Array2::from_shape_fn(shape, |(i, j)| hash(i, j, 1));
+            let phase = Array2::from_shape_fn(shape, |(i, j)| hash(i, j, 2));
+            let mut field = Array2::from_elem(shape, f64::NAN);
+            let cancel = Cancel::new();
+            inverse_transform(field.view_mut(), amplitude.view(), phase.view(), &cancel).unwrap();
+            let error = (&field - &direct(&amplitude, &phase)).mapv(f64::abs);
+            assert!(error.iter().all(|&e| e < 1e-13), "{shape:?}: {error}");
+        }
+    }
+}

@@ -1,0 +1,141 @@
+//! The waves of a tile that take part: the leaders of the band, with what each needs for its phase.
+
+use super::band::{Band, Sum};
+use super::grid::{Role, direction, magnitude, odd_frequency, role, signed};
+use super::phase::{leader_phase, tile_hash};
+use super::tent::Motion;
+use crate::error::{Error, zeroed};
+use crate::random::Hash;
+
+/// One pair of bins (k, -k), by its leader.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Wave {
+    /// Signed index along y.
+    pub ky: i64,
+    /// Signed index along x; never negative here, since the band holds no Nyquist bin.
+    pub kx: i64,
+    /// Unit vector (y, x) that the tent uses.
+    pub direction: (f64, f64),
+    /// Cycles per pixel, (y, x).
+    pub frequency: (f64, f64),
+    /// Amplitude of each of the two bins.
+    pub amplitude: f64,
+    /// Pixels.
+    pub wavelength: f64,
+    /// Which entry of the drift applies.
+    pub ring: usize,
+}
+
+/// The leaders of a band on a tile, sorted by column (kx), then by row.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Waves {
+    /// Tile size (rows, cols).
+    pub tile: (usize, usize),
+    /// The leaders.
+    pub list: Vec<Wave>,
+    /// Columns kx = 0 .. columns hold all of them.
+    pub columns: usize,
+}
+
+impl Waves {
+    /// All leaders of the band. `ring_edges` are increasing wavelengths; waves beyond the outer edges
+    /// join the outer rings.
+    pub fn new(tile: (usize, usize), band: Band, ring_edges: &[f64]) -> Result<Self, Error> {
+        let band = band.checked()?;
+        let mut list = Vec::new();
+        let mut squares = Sum::default();
+        for col in 0..tile.1 {
+            for row in 0..tile.0 {
+                let (ky, kx) = (signed(row, tile.0), signed(col, tile.1));
+                if role(ky, kx, tile) != Role::Leader || !band.holds(ky, kx, tile) {
+                    continue;
+                }
+                let weight = band.weight(ky, kx, tile);
+                squares.add(2.0 * weight * weight);
+                let wavelength = 1.0 / magnitude(ky, kx, tile);
+                list.push(Wave {
+                    ky,
+                    kx,
+                    direction: direction(ky, kx, tile),
+                    frequency: odd_frequency(ky, kx, tile),
+                    amplitude: weight,
+                    wavelength,
+                    ring: ring_of(wavelength, ring_edges),
+                });
+            }
+        }
+        let factor = band.normaliser(squares.value(), tile)?;
+        list.iter_mut().for_each(|wave| wave.amplitude *= factor);
+        let columns = list.iter().map(|wave| wave.kx as usize + 1).max().unwrap_or(0);
+        Ok(Self { tile, list, columns })
+    }
+
+    /// Motions of all rings, as a work buffer.
+    pub fn motions(rings: usize) -> Result<Vec<Motion>, Error> {
+        Ok(zeroed::<u8>(rings)?
+            .iter()
+            .map(|_| Motion { drift: [0.0; 2], shift: [0.0; 2] })
+            .collect())
+    }
+}
+
+/// Ring r holds edges[r] < wavelength <= edges[r + 1].
+fn ring_of(wavelength: f64, edges: &[f64]) -> usize {
+    let inner = if edges.len() > 2 { &edges[1..edges.len() - 1] } else { &[] };
+    inner.iter().filter(|&&edge| wavelength > edge).count()
+}
+
+/// The random state of one tile: phases, and the directions of the jittered tent.
+#[derive(Debug, Clone, Copy)]
+pub struct Draw {
+    hash: Hash,
+    jitter: bool,
+}
+
+impl Draw {
+    /// The draw of tile (row, col) for a seed.
+    pub const fn new(seed: i64, tile: (usize, usize), jitter: bool) -> Self {
+        Self { hash: tile_hash(seed, tile.0 as i64, tile.1 as i64), jitter }
+    }
+
+    /// The phase at rest, and the unit vector (y, x) that the tent uses.
+    ///
+    /// With jitter it points to a random place of the bin's cell. Exactly across the motion the
+    /// tent's rate is 0, so that on a lattice a share of the power would stand still; this spreads it.
+    #[inline]
+    pub fn of(&self, wave: &Wave, tile: (usize, usize)) -> (f64, (f64, f64)) {
+        let hash = self.hash.word(wave.ky).word(wave.kx);
+        if !self.jitter {
+            return (leader_phase(hash), wave.direction);
+        }
+        let place =
+            |k: i64, n: usize, word: i64| (k as f64 + hash.word(word).unit() - 0.5) / n as f64;
+        let (y, x) = (place(wave.ky, tile.0, 2), place(wave.kx, tile.1, 1));
+        let length = (y * y + x * x).sqrt();
+        (leader_phase(hash), (y / length, x / length))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_default_tile_has_392_leaders_in_16_columns() {
+        let band = Band { shortest: 4.0, longest: 32.0, exponent: 1.0 };
+        let waves = Waves::new((64, 64), band, &[]).unwrap();
+        assert_eq!((waves.list.len(), waves.columns), (392, 16));
+        let power: f64 = waves.list.iter().map(|wave| 2.0 * wave.amplitude.powi(2)).sum();
+        assert!((power - 1.0).abs() < 1e-13);
+        assert!(waves.list.iter().all(|wave| wave.kx >= 0));
+    }
+
+    #[test]
+    fn rings_are_half_open_and_the_outer_ones_catch_the_rest() {
+        let edges = [4.0, 8.0, 16.0];
+        for (wavelength, ring) in [(3.0, 0), (8.0, 0), (8.1, 1), (16.0, 1), (40.0, 1)] {
+            assert_eq!(ring_of(wavelength, &edges), ring);
+        }
+        assert_eq!(ring_of(5.0, &[]), 0);
+    }
+}
