@@ -42,6 +42,14 @@ impl Hash {
     }
 }
 
+/// A uniform number in [0, 1) for each index, of one `stream` (what the numbers are for).
+pub fn uniform(out: &mut [f64], seed: i64, stream: i64) {
+    let hash = Hash::seeded(seed).word(stream);
+    for (index, value) in out.iter_mut().enumerate() {
+        *value = hash.word(index as i64).unit();
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

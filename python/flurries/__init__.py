@@ -1,7 +1,31 @@
-"""Falling snow, synthesized in the frequency domain, with particles on top."""
+"""Falling snow, synthesized in the frequency domain, with particles on top.
 
-from flurries import camera, composite, spectral
+Arrays in, arrays out: :mod:`flurries.spectral`, :mod:`flurries.camera`, :mod:`flurries.particles`,
+:mod:`flurries.composite`. Pictures and film: :class:`Scene` and its effects.
+"""
+
+from flurries import camera, composite, particles, spectral, trace
 from flurries._core import InternalError
+from flurries.effects import Snow
+from flurries.path import CameraPath
+from flurries.scene import Rendered, Scene
 from flurries.threads import set_threads, threads
+from flurries.timeline import Keys
 
-__all__ = ["InternalError", "camera", "composite", "set_threads", "spectral", "threads"]
+__version__ = "0.1.0"
+
+__all__ = [
+    "CameraPath",
+    "InternalError",
+    "Keys",
+    "Rendered",
+    "Scene",
+    "Snow",
+    "camera",
+    "composite",
+    "particles",
+    "set_threads",
+    "spectral",
+    "threads",
+    "trace",
+]

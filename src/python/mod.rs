@@ -7,6 +7,7 @@ use pyo3::prelude::*;
 
 mod frame;
 mod gate;
+mod random;
 mod spectral;
 mod threads;
 
@@ -17,6 +18,8 @@ mod core {
     use super::frame::{join, over, snow};
     #[pymodule_export]
     use super::gate::InternalError;
+    #[pymodule_export]
+    use super::random::uniform;
     #[pymodule_export]
     use super::spectral::{
         advance_phase, all_finite, band_amplitude, blend_tiles, field, inverse_transform, opacity,

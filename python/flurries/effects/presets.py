@@ -1,0 +1,54 @@
+"""Looks by name, tuned by eye on dark, bright and busy photographs (docs/looks.md)."""
+
+from __future__ import annotations
+
+from typing import Any
+
+SNOW: dict[str, dict[str, Any]] = {
+    "light": {
+        "texture": 0.8,
+        "mean": -0.1,
+        "haze": 0.0,
+        "flakes": 2000,
+        "fall": 1.2,
+        "wind": (0.3, 0.0, 0.0),
+    },
+    "moderate": {},
+    "heavy": {
+        "texture": 0.9,
+        "mean": 0.2,
+        "spread": 2.5,
+        "haze": 0.12,
+        "flakes": 15000,
+        "fall": 1.6,
+        "wind": (0.5, 0.0, 0.0),
+    },
+    "blizzard": {
+        "texture": 0.85,
+        "mean": 0.25,
+        "spread": 2.5,
+        "haze": 0.35,
+        "flakes": 30000,
+        "fall": 1.8,
+        "wind": (4.0, 0.0, 0.0),
+        "near_depth": 16.0,
+        "flake_size": (0.005, 0.012),
+    },
+    # Langer 2004: tiles of 64 px, band 4 to 32 px, 1/f, overlap 10 blended linearly, white 250.
+    "paper": {
+        "texture": 1.0,
+        "mean": 0.5,
+        "spread": 3.0,
+        "power": 2.0,
+        "exponent": 1.0,
+        "wavelengths": (4.0, 32.0),
+        "tile": 64,
+        "overlap": 10,
+        "blend": "linear",
+        "alias": "cut",
+        "colour": 250 / 255,
+        "haze": 0.0,
+        "shutter": 0.0,
+        "flakes": 2000,
+    },
+}

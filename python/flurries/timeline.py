@@ -1,0 +1,174 @@
+"""Numbers that vary over time: keyframes, their values, and their integrals in closed form.
+
+Time is in frames and may be any float. Between keys values are linear, so that an integral is a sum
+of trapezoids and any frame can be asked for without the frames before it.
+"""
+
+from __future__ import annotations
+
+import bisect
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any, TypeAlias
+
+import numpy as np
+
+from flurries._contract import Float64, real, table, vector
+
+__all__ = ["Keys", "Number", "Vector", "as_number", "as_vector"]
+
+
+@dataclass(frozen=True)
+class Keys:
+    """A number or a vector given at some frames, linear between them.
+
+    Parameters
+    ----------
+    keys : sequence of (frame, value)
+        Frames increase; values are numbers, or vectors of one length.
+
+    Raises
+    ------
+    ValueError, TypeError
+        If there is no key, frames do not increase, or something is not finite.
+
+    Examples
+    --------
+    >>> import flurries as fl
+    >>> amount = fl.Keys([(0, 0.0), (48, 1.0)])
+    >>> amount.at(12)
+    0.25
+    >>> amount.integral(48)
+    24.0
+    """
+
+    keys: Sequence[tuple[float, Any]]
+    _frames: Float64 = field(init=False, repr=False, compare=False)
+    _values: Float64 = field(init=False, repr=False, compare=False)
+    _sums: Float64 = field(init=False, repr=False, compare=False)
+
+    def __post_init__(self) -> None:
+        pairs = list(self.keys)
+        if not pairs or any(not isinstance(p, (tuple, list)) or len(p) != 2 for p in pairs):
+            raise ValueError(f"keys must be pairs (frame, value), at least one, got {self.keys!r}")
+        frames = np.array([real("keys: frame", frame) for frame, _ in pairs])
+        if not (np.diff(frames) > 0).all():
+            raise ValueError(f"keys: frames must increase, got {frames.tolist()}")
+        values = table("keys: value", [value for _, value in pairs], ndim=None)
+        if values.ndim not in (1, 2):
+            raise ValueError(f"keys: values must be numbers or vectors, got shape {values.shape}")
+        settle = object.__setattr__
+        settle(
+            self, "keys", tuple((float(f), _plain(v)) for f, v in zip(frames, values, strict=True))
+        )
+        settle(self, "_frames", frames)
+        settle(self, "_values", values)
+        areas = (
+            0.5 * (values[1:] + values[:-1]) * np.diff(frames).reshape(-1, *[1] * (values.ndim - 1))
+        )
+        settle(self, "_sums", _prefix_sums(areas, values.shape))
+
+    @property
+    def width(self) -> int | None:
+        """Length of the vectors, None for numbers."""
+        return None if self._values.ndim == 1 else int(self._values.shape[1])
+
+    def at(self, t: float, *, extend: bool = False) -> Any:
+        """Return the value at frame `t`.
+
+        Outside the keys it holds, or with `extend` goes on along the first and the last piece.
+        """
+        frames, values = self._frames, self._values
+        if len(frames) == 1 or (not extend and not frames[0] <= t <= frames[-1]):
+            return _plain(values[0] if t < frames[0] else values[-1])
+        i = self._piece(t)
+        part = (t - frames[i]) / (frames[i + 1] - frames[i])
+        return _plain(values[i] + part * (values[i + 1] - values[i]))
+
+    def slope(self, t: float, *, extend: bool = False) -> Any:
+        """Return the change per frame at `t`, at a key that of the piece behind it."""
+        frames, values = self._frames, self._values
+        if len(frames) == 1 or (not extend and not frames[0] <= t < frames[-1]):
+            return _plain(0.0 * values[0])
+        i = self._piece(t)
+        return _plain((values[i + 1] - values[i]) / (frames[i + 1] - frames[i]))
+
+    def integral(self, t: float) -> Any:
+        """Return the integral from frame 0 to `t`, values held outside the keys."""
+        return _plain(self._area(t) - self._area(0.0))
+
+    def _piece(self, t: float) -> int:
+        return min(max(bisect.bisect_right(self._frames, t) - 1, 0), len(self._frames) - 2)
+
+    def _area(self, t: float) -> Any:
+        """Return the integral from the first key to `t`."""
+        frames, values = self._frames, self._values
+        if t <= frames[0]:
+            return values[0] * (t - frames[0])
+        if t >= frames[-1]:
+            return self._sums[-1] + values[-1] * (t - frames[-1])
+        i = self._piece(t)
+        width = t - frames[i]
+        slope = (values[i + 1] - values[i]) / (frames[i + 1] - frames[i])
+        return self._sums[i] + width * (values[i] + 0.5 * width * slope)
+
+
+def _prefix_sums(areas: Float64, shape: tuple[int, ...]) -> Float64:
+    """Return running sums that carry their rounding error (Neumaier), the first of them 0."""
+    total, lost = np.zeros(shape[1:]), np.zeros(shape[1:])
+    sums = np.zeros(shape)
+    for i, area in enumerate(areas, 1):
+        larger = total + area
+        lost = lost + np.where(
+            np.abs(total) >= np.abs(area), (total - larger) + area, (area - larger) + total
+        )
+        total = larger
+        sums[i] = total + lost
+    return sums
+
+
+def _plain(value: Any) -> Any:
+    """Return a float or a tuple of floats."""
+    return float(value) if np.ndim(value) == 0 else tuple(float(v) for v in value)
+
+
+Number: TypeAlias = float | Keys
+Vector: TypeAlias = tuple[float, ...] | Keys
+
+
+def as_number(
+    name: str,
+    value: object,
+    *,
+    low: float = -math.inf,
+    high: float = math.inf,
+    above: float = -math.inf,
+) -> Number:
+    """Return a number or keyed numbers, each within the range."""
+    if not isinstance(value, Keys):
+        return real(name, value, low=low, high=high, above=above)
+    if value.width is not None:
+        raise ValueError(f"{name} must be keyed with numbers, got vectors of {value.width}")
+    for _, v in value.keys:
+        real(name, v, low=low, high=high, above=above)
+    return value
+
+
+def as_vector(name: str, value: object, length: int) -> Vector:
+    """Return a vector or keyed vectors of the given length."""
+    if not isinstance(value, Keys):
+        return tuple(vector(name, value, length).tolist())
+    if value.width != length:
+        raise ValueError(f"{name} must be keyed with vectors of {length}, got {value.keys[0][1]!r}")
+    return value
+
+
+def value_at(value: Any, t: float) -> Any:
+    """Return a plain value, or a keyed one at frame `t`."""
+    return value.at(t) if isinstance(value, Keys) else value
+
+
+def integral_to(value: Any, t: float) -> Any:
+    """Return the integral from frame 0 to `t` of a plain or keyed value, as an array."""
+    return np.asarray(value.integral(t) if isinstance(value, Keys) else np.multiply(value, t))
