@@ -6,6 +6,7 @@
 use pyo3::prelude::*;
 
 mod gate;
+mod particles;
 mod threads;
 
 #[pymodule]
@@ -13,6 +14,10 @@ mod threads;
 mod core {
     #[pymodule_export]
     use super::gate::InternalError;
+    #[pymodule_export]
+    use super::particles::{
+        particle_edge_fade, particle_positions, particle_splat, particle_sway_offsets,
+    };
     #[pymodule_export]
     use super::threads::{panic_for_test, set_threads, threads};
 }
