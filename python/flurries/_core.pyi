@@ -42,3 +42,31 @@ def snow(out: _Array, background: _Array, alpha: _Array, intensity: list[float])
 def over(out: _Array, background: _Array, layer: _Array) -> None: ...
 def join(out: _Array, layers: list[_Array], haze: float, matte: _Array | None = None) -> None: ...
 def uniform(out: _Float64, seed: int, stream: int) -> None: ...
+def particle_positions(
+    out: _Float64,
+    sides: tuple[float, float, float],
+    center: tuple[float, float, float],
+    seed: int,
+    velocity: _Float64,
+    time: float,
+    sway: tuple[float, float] | None,
+) -> None: ...
+def particle_sway_offsets(
+    out: _Float64, seed: int, time: float, sway: tuple[float, float]
+) -> None: ...
+def particle_edge_fade(
+    out: _Float64,
+    points: _Float64,
+    sides: tuple[float, float, float],
+    center: tuple[float, float, float],
+) -> None: ...
+def particle_splat(
+    out: npt.NDArray[Any],
+    points: _Float64,
+    radius: _Float64,
+    opacity: _Float64,
+    velocity: _Float64,
+    shutter: float,
+    lens: tuple[float, float, float, tuple[float, float, float], float],
+    depth: npt.NDArray[Any] | None,
+) -> None: ...

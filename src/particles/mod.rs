@@ -1,1 +1,17 @@
 //! Sparse flakes in front of the texture (Langer 2004, sections 6 and 7).
+//!
+//! | module | what |
+//! | --- | --- |
+//! | [`torus`] | where the flakes are: stateless positions in a box that wraps |
+//! | [`sprite`] | one flake's image: projection, near plane, size and amplitude |
+//! | [`profile`] | the Gaussian with an end, and its motion blur |
+//! | [`bins`] | which flakes touch which tile of the picture |
+//! | [`draw`] | flakes drawn into one tile |
+//! | [`splat`] | the image of many flakes |
+
+pub mod bins;
+pub mod draw;
+pub mod profile;
+pub mod splat;
+pub mod sprite;
+pub mod torus;

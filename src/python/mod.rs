@@ -7,6 +7,7 @@ use pyo3::prelude::*;
 
 mod frame;
 mod gate;
+mod particles;
 mod random;
 mod spectral;
 mod threads;
@@ -18,6 +19,10 @@ mod core {
     use super::frame::{join, over, snow};
     #[pymodule_export]
     use super::gate::InternalError;
+    #[pymodule_export]
+    use super::particles::{
+        particle_edge_fade, particle_positions, particle_splat, particle_sway_offsets,
+    };
     #[pymodule_export]
     use super::random::uniform;
     #[pymodule_export]

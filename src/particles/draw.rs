@@ -1,0 +1,277 @@
+//! Flakes drawn into one tile: T *= 1 - alpha, pixel by pixel, flake after flake.
+//!
+//! The transmittance is float64 whatever the pixels are: 1e5 layers of alpha 1e-5 in float32 would
+//! be wrong by 3e-3, because 1 - alpha rounds the same way each time. One tile of it fits the L1
+//! cache. Alphas are computed in the pixels' type.
+//!
+//! A flake at rest is the product of two short vectors, one per axis. A streak is tilted, so its
+//! pixels are computed one by one, but only those inside its rectangle, row by row, and the part
+//! between the two ends, where nothing changes along the way, does without error functions.
+//!
+//! Loops over lanes are plain loops with a fixed count: a closure would not inherit the instruction
+//! set that the function is compiled for, and would run many times slower.
+
+use multiversion::multiversion;
+
+use super::bins::{Bins, Grid, TILE, pixels};
+use super::profile::{self, Real, TERMS};
+use super::sprite::{REACH, Sprite};
+use crate::error::{Cancel, Error};
+
+/// Pixels of a tile.
+pub const PIXELS: usize = TILE * TILE;
+
+/// Pixels that are handled together along a row.
+const LANES: usize = 8;
+
+/// Flakes between two looks at the cancel flag.
+const LOOK: usize = 1024;
+
+/// Multiplies what the flakes let through into a tile's transmittance.
+///
+/// `depth`, where given, is the depth of what stands in the tile; a flake behind it is hidden. Pixels
+/// beyond the picture's border are computed like the others and never looked at.
+#[multiversion(targets(
+    "x86_64+avx512f+avx512bw+avx512dq+avx512vl",
+    "x86_64+avx2",
+    "x86_64+sse4.1",
+))]
+pub fn draw<P: Real>(
+    transmittance: &mut [f64; PIXELS],
+    depth: Option<&[P; PIXELS]>,
+    runs: &[Bins],
+    grid: &Grid,
+    tile: usize,
+    cancel: &Cancel,
+) -> Result<(), Error> {
+    let origin = [tile % grid.columns, tile / grid.columns].map(corner);
+    let mut drawn = 0_usize;
+    for bins in runs {
+        for sprite in bins.sprites(grid, tile) {
+            drawn += 1;
+            if drawn % LOOK == 0 {
+                cancel.check()?;
+            }
+            if sprite.length == 0.0 {
+                disc::<P>(transmittance, depth, sprite, origin);
+            } else {
+                streak::<P>(transmittance, depth, sprite, origin);
+            }
+        }
+    }
+    Ok(())
+}
+
+#[inline(always)]
+fn corner(place: usize) -> f64 {
+    (place * TILE) as f64
+}
+
+/// The first pixel of `blocks` blocks of `lanes` that begin at `first`, moved to stay in the tile.
+#[inline(always)]
+fn begin(first: usize, count: usize, lanes: usize) -> (usize, usize) {
+    let blocks = count.div_ceil(lanes);
+    (first.min(TILE - blocks * lanes), blocks)
+}
+
+/// T *= 1 - alpha for one block of a row, hidden where the map is nearer.
+#[inline(always)]
+fn multiply<P: Real, const N: usize>(
+    transmittance: &mut [f64; PIXELS],
+    map: Option<&[P; PIXELS]>,
+    depth: P,
+    at: usize,
+    alpha: &mut [P; N],
+) {
+    if let Some(map) = map {
+        let map: &[P; N] = map[at..at + N].try_into().expect("a block lies in the tile");
+        for k in 0..N {
+            // NaN in the map hides nothing.
+            alpha[k] = if map[k] < depth { P::zero() } else { alpha[k] };
+        }
+    }
+    let row: &mut [f64; N] =
+        (&mut transmittance[at..at + N]).try_into().expect("a block lies in the tile");
+    for k in 0..N {
+        row[k] *= 1.0 - alpha[k].wide();
+    }
+}
+
+#[inline(always)]
+fn disc<P: Real>(
+    transmittance: &mut [f64; PIXELS],
+    map: Option<&[P; PIXELS]>,
+    sprite: &Sprite,
+    origin: [f64; 2],
+) {
+    let [x, y] = [sprite.start[0] - origin[0], sprite.start[1] - origin[1]];
+    let reach = REACH * sprite.sigma;
+    let Some(columns) = pixels(x - reach, x + reach, TILE) else { return };
+    let Some(rows) = pixels(y - reach, y + reach, TILE) else { return };
+    let (first_column, blocks) = begin(columns.start, columns.len(), LANES);
+    let (first_row, row_blocks) = begin(rows.start, rows.len(), LANES);
+    let inverse = 1.0 / sprite.sigma;
+    let across = axis::<P>((first_column as f64 + 0.5 - x) * inverse, inverse, blocks);
+    let mut down = axis::<P>((first_row as f64 + 0.5 - y) * inverse, inverse, row_blocks);
+    let amplitude = P::of(sprite.amplitude);
+    for value in &mut down {
+        *value = *value * amplitude;
+    }
+    let depth = P::of(sprite.depth);
+    for row in rows {
+        let weight = down[row - first_row];
+        for block in 0..blocks {
+            let mut alpha = [P::zero(); LANES];
+            let profile: &[P; LANES] =
+                across[block * LANES..(block + 1) * LANES].try_into().expect("whole blocks");
+            for k in 0..LANES {
+                alpha[k] = weight * profile[k];
+            }
+            let at = row * TILE + first_column + block * LANES;
+            multiply(transmittance, map, depth, at, &mut alpha);
+        }
+    }
+}
+
+/// The profile at `start`, `start + step`, ... for `blocks` blocks.
+#[inline(always)]
+fn axis<P: Real>(start: f64, step: f64, blocks: usize) -> [P; TILE] {
+    let (start, step) = (P::of(start), P::of(step));
+    let mut values = [P::zero(); TILE];
+    for block in 0..blocks {
+        let values: &mut [P; LANES] =
+            (&mut values[block * LANES..(block + 1) * LANES]).try_into().expect("whole blocks");
+        for k in 0..LANES {
+            let offset = P::of((block * LANES + k) as f64);
+            values[k] = profile::gaussian(start + offset * step);
+        }
+    }
+    values
+}
+
+/// What is the same for all pixels of a streak.
+struct Sweep<P> {
+    /// Steps per pixel to the right, in sigma: along the streak and across it.
+    step_along: P,
+    step_across: P,
+    amplitude: P,
+    half: P,
+    series: [P; TERMS],
+}
+
+#[inline(always)]
+fn streak<P: Real>(
+    transmittance: &mut [f64; PIXELS],
+    map: Option<&[P; PIXELS]>,
+    sprite: &Sprite,
+    origin: [f64; 2],
+) {
+    const BLOCK: usize = 2 * LANES;
+    let (low, high) = sprite.bounds();
+    let Some(rows) = pixels(low[1] - origin[1], high[1] - origin[1], TILE) else { return };
+    let [x, y] = [sprite.start[0] - origin[0], sprite.start[1] - origin[1]];
+    let [ux, uy] = sprite.along;
+    let inverse = 1.0 / sprite.sigma;
+    let reach = REACH * sprite.sigma;
+    let length = sprite.length * inverse;
+    let short = length < P::SHORT;
+    let amplitude = if short {
+        sprite.amplitude
+    } else {
+        sprite.amplitude * std::f64::consts::FRAC_PI_2.sqrt() / length
+    };
+    let coefficients = if short { profile::series(length) } else { [0.0; TERMS] };
+    let mut series = [P::zero(); TERMS];
+    for k in 0..TERMS {
+        series[k] = P::of(coefficients[k]);
+    }
+    let sweep = Sweep {
+        step_along: P::of(ux * inverse),
+        step_across: P::of(-uy * inverse),
+        amplitude: P::of(amplitude),
+        half: P::of(0.5 * length),
+        series,
+    };
+    let depth = P::of(sprite.depth);
+    // Where a row (at height h above the start) meets the rectangle: two slanted strips.
+    let (by_x, by_y) = (1.0 / ux, 1.0 / uy);
+    for row in rows {
+        let h = row as f64 + 0.5 - y;
+        let (mut left, mut right) = (f64::NEG_INFINITY, f64::INFINITY);
+        if uy.abs() > 1e-9 {
+            let middle = h * ux * by_y;
+            let half = reach * by_y.abs();
+            (left, right) = (middle - half, middle + half);
+        }
+        if ux.abs() > 1e-9 {
+            let middle = (0.5 * sprite.length - h * uy) * by_x;
+            let half = (0.5 * sprite.length + reach) * by_x.abs();
+            left = left.max(middle - half);
+            right = right.min(middle + half);
+        }
+        let Some(columns) = pixels(x + left, x + right, TILE) else { continue };
+        let (first, blocks) = begin(columns.start, columns.len(), BLOCK);
+        for block in 0..blocks {
+            let column = first + block * BLOCK;
+            let right = column as f64 + 0.5 - x;
+            let from_start = (right * ux + h * uy) * inverse;
+            let across = (h * ux - right * uy) * inverse;
+            let mut alpha = [P::zero(); BLOCK];
+            if short {
+                blurred_short(&sweep, from_start - 0.5 * length, across, &mut alpha);
+            } else {
+                blurred(&sweep, from_start, length - from_start, across, &mut alpha);
+            }
+            multiply(transmittance, map, depth, row * TILE + column, &mut alpha);
+        }
+    }
+}
+
+#[inline(always)]
+fn blurred_short<P: Real, const N: usize>(
+    sweep: &Sweep<P>,
+    along: f64,
+    across: f64,
+    alpha: &mut [P; N],
+) {
+    let (x, q) = (P::of(along), P::of(across));
+    for k in 0..N {
+        let offset = P::of(k as f64);
+        alpha[k] = sweep.amplitude
+            * profile::swept_short(
+                x + offset * sweep.step_along,
+                q + offset * sweep.step_across,
+                sweep.half,
+                sweep.series,
+            );
+    }
+}
+
+#[inline(always)]
+fn blurred<P: Real, const N: usize>(
+    sweep: &Sweep<P>,
+    from_start: f64,
+    from_end: f64,
+    across: f64,
+    alpha: &mut [P; N],
+) {
+    let q = P::of(across);
+    for k in 0..N {
+        alpha[k] = sweep.amplitude * profile::gaussian(q + P::of(k as f64) * sweep.step_across);
+    }
+    let last = sweep.step_along.wide() * (N - 1) as f64;
+    let nearest = (from_start + last.min(0.0)).min(from_end - last.max(0.0));
+    if nearest >= P::SATURATED {
+        for k in 0..N {
+            alpha[k] = alpha[k] + alpha[k];
+        }
+        return;
+    }
+    let (a, b) = (P::of(from_start), P::of(from_end));
+    for k in 0..N {
+        let step = P::of(k as f64) * sweep.step_along;
+        let (a, b) = (a + step, b - step);
+        let nearest = if a < b { a } else { b };
+        alpha[k] = alpha[k] * (profile::swept(a, b) * profile::rim(-nearest));
+    }
+}

@@ -1,0 +1,232 @@
+//! One flake's image: where it falls, how large, how opaque (Langer 2004, section 6).
+//!
+//! A flake of radius r at depth D is a Gaussian with sigma = f r / (3 D) px: size goes as 1/D, like
+//! the speed. Sampled at pixel centres, a narrow Gaussian loses or gains energy with its sub-pixel
+//! position, so it is drawn with sigma_e^2 = max(sigma^2 + 1/12, 0.38) and its amplitude is lowered
+//! by sigma^2 / sigma_e^2: the sum over pixels stays 2 pi sigma^2, and a far flake fades where it
+//! would otherwise flicker.
+
+/// The variance of one pixel's box, by which sampling widens a flake.
+const PIXEL_VARIANCE: f64 = 1.0 / 12.0;
+
+/// Below this variance (px^2) samples alias: exp(-2 pi^2 0.38) = 5.5e-4 of the energy per axis.
+const LEAST_VARIANCE: f64 = 0.38;
+
+/// The footprint ends here, in sigma_e, on each side.
+pub const REACH: f64 = 4.0;
+
+/// A motion shorter than this (px) is none. Both precisions turn here, so that they agree.
+const LEAST_LENGTH: f64 = 1e-6;
+
+/// Images farther out or wider than this (px) are dropped: their squares still fit any arithmetic.
+const MOST_PIXELS: f64 = 1e30;
+
+/// An opacity that leaves 1 - alpha at 1, even in float64.
+const LEAST_AMPLITUDE: f64 = 1e-17;
+
+/// A pinhole camera as plain numbers: x right, y down, z forward.
+#[derive(Debug, Clone, Copy)]
+pub struct Lens {
+    /// f, px.
+    pub focal: f64,
+    /// The principal point, px.
+    pub center: [f64; 2],
+    /// The eye, in camera axes.
+    pub offset: [f64; 3],
+    /// Nothing nearer than this is drawn, world units.
+    pub near: f64,
+}
+
+/// A flake in the world.
+#[derive(Debug, Clone, Copy)]
+pub struct Flake {
+    /// In camera axes, at mid-exposure.
+    pub point: [f64; 3],
+    /// World units.
+    pub radius: f64,
+    /// Of its centre, when it rests, 0 to 1.
+    pub opacity: f64,
+    /// How far it moves during the exposure, flake minus camera, world units.
+    pub travel: [f64; 3],
+}
+
+/// A flake in the picture: a Gaussian swept along a segment.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Sprite {
+    /// Where the segment starts, px.
+    pub start: [f64; 2],
+    /// The unit vector along it; (1, 0) for a flake that does not move.
+    pub along: [f64; 2],
+    /// Its length, px; 0 for a flake that does not move.
+    pub length: f64,
+    /// sigma_e, px.
+    pub sigma: f64,
+    /// Opacity of the resting flake's centre, times the share of the exposure that is seen.
+    pub amplitude: f64,
+    /// Depth at the middle of the segment, world units.
+    pub depth: f64,
+}
+
+impl Sprite {
+    /// The image of a flake, or None if nothing of it can be seen.
+    #[inline]
+    pub fn of(flake: &Flake, lens: &Lens) -> Option<Self> {
+        let middle: [f64; 3] = std::array::from_fn(|axis| flake.point[axis] - lens.offset[axis]);
+        let (from, to) = kept(middle[2], flake.travel[2], lens.near)?;
+        // The segment's middle in units of the travel: 0 unless it is clipped.
+        let shift = 0.5 * (from + to);
+        let depth = (middle[2] + shift * flake.travel[2]).max(lens.near);
+        let raw = lens.focal * flake.radius / (3.0 * depth);
+        let variance = (raw * raw + PIXEL_VARIANCE).max(LEAST_VARIANCE);
+        let amplitude = flake.opacity * (to - from) * (raw * raw / variance);
+        let place = |share: f64| {
+            let at: [f64; 3] =
+                std::array::from_fn(|axis| middle[axis] + share * flake.travel[axis]);
+            // A clipped end lies on the near plane; rounding must not put it behind the eye.
+            let scale = lens.focal / at[2].max(lens.near);
+            [lens.center[0] + scale * at[0], lens.center[1] + scale * at[1]]
+        };
+        let mut start = place(from);
+        let mut along = [1.0, 0.0];
+        let mut length = 0.0;
+        if flake.travel != [0.0; 3] {
+            let end = place(to);
+            let (dx, dy) = (end[0] - start[0], end[1] - start[1]);
+            length = (dx * dx + dy * dy).sqrt();
+            if length > LEAST_LENGTH {
+                along = [dx / length, dy / length];
+            } else {
+                start = [start[0] + 0.5 * dx, start[1] + 0.5 * dy];
+                length = if length.is_finite() { 0.0 } else { f64::NAN };
+            }
+        }
+        let sigma = variance.sqrt();
+        // Each comparison is false for NaN, so that an overflow above ends here.
+        let within = start[0].abs() <= MOST_PIXELS
+            && start[1].abs() <= MOST_PIXELS
+            && length <= MOST_PIXELS
+            && sigma <= MOST_PIXELS
+            && amplitude >= LEAST_AMPLITUDE;
+        within.then_some(Self { start, along, length, sigma, amplitude, depth })
+    }
+
+    /// The smallest box of pixel coordinates that holds the footprint: (low, high) as (x, y).
+    #[inline]
+    pub fn bounds(&self) -> ([f64; 2], [f64; 2]) {
+        let spread = REACH * self.sigma * (self.along[0].abs() + self.along[1].abs());
+        let end: [f64; 2] =
+            std::array::from_fn(|axis| self.start[axis] + self.length * self.along[axis]);
+        (
+            std::array::from_fn(|axis| self.start[axis].min(end[axis]) - spread),
+            std::array::from_fn(|axis| self.start[axis].max(end[axis]) + spread),
+        )
+    }
+
+    /// Whether the footprint can touch a square of the given centre and half side; never a wrong no.
+    #[inline]
+    pub fn touches(&self, center: [f64; 2], half: f64) -> bool {
+        let [x, y] = [center[0] - self.start[0], center[1] - self.start[1]];
+        let [ux, uy] = self.along;
+        let reach = REACH * self.sigma + half * (ux.abs() + uy.abs());
+        let (along, across) = (x * ux + y * uy, y * ux - x * uy);
+        across.abs() <= reach && -reach <= along && along <= self.length + reach
+    }
+}
+
+/// The part of the motion in front of the near plane, in units of the travel, within [-1/2, 1/2].
+#[inline]
+fn kept(depth: f64, travel: f64, near: f64) -> Option<(f64, f64)> {
+    let (first, last) = (depth - 0.5 * travel, depth + 0.5 * travel);
+    if first >= near && last >= near {
+        return Some((-0.5, 0.5));
+    }
+    let crossing = ((near - depth) / travel).clamp(-0.5, 0.5);
+    if first >= near {
+        Some((-0.5, crossing))
+    } else if last >= near {
+        Some((crossing, 0.5))
+    } else {
+        None
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const LENS: Lens = Lens { focal: 300.0, center: [50.0, 40.0], offset: [0.0; 3], near: 0.1 };
+
+    fn flake(point: [f64; 3], travel: [f64; 3]) -> Flake {
+        Flake { point, radius: 0.02, opacity: 0.5, travel }
+    }
+
+    #[test]
+    fn a_resting_flake_is_a_point_on_the_picture() {
+        let sprite = Sprite::of(&flake([0.2, -0.1, 2.0], [0.0; 3]), &LENS).unwrap();
+        assert_eq!((sprite.start, sprite.length, sprite.depth), ([80.0, 25.0], 0.0, 2.0));
+        assert!((sprite.sigma.powi(2) - (1.0 + PIXEL_VARIANCE)).abs() < 1e-12);
+        assert!((sprite.amplitude - 0.5 / (1.0 + PIXEL_VARIANCE)).abs() < 1e-12);
+    }
+
+    #[test]
+    fn a_far_flake_keeps_its_energy_and_not_its_size() {
+        let sprite = Sprite::of(&flake([0.0, 0.0, 40.0], [0.0; 3]), &LENS).unwrap();
+        assert_eq!(sprite.sigma.powi(2), LEAST_VARIANCE.sqrt().powi(2));
+        let energy = sprite.amplitude * sprite.sigma.powi(2);
+        assert!((energy / (0.5 * 0.05_f64.powi(2)) - 1.0).abs() < 1e-12);
+    }
+
+    #[test]
+    fn a_flake_through_the_eye_plane_is_seen_for_a_part_of_the_exposure() {
+        // Depth from -0.5 to 1.5, near 0.1: 0.7 of the exposure, and the middle lies at 0.8.
+        let sprite = Sprite::of(&flake([0.0, 0.0, 0.5], [0.0, 0.0, 2.0]), &LENS).unwrap();
+        assert!((sprite.depth - 0.8).abs() < 1e-12);
+        let share = sprite.amplitude
+            / Sprite::of(&flake([0.0, 0.0, 0.8], [0.0; 3]), &LENS).unwrap().amplitude;
+        assert!((share - 0.7).abs() < 1e-12, "{share}");
+        // The same backwards.
+        let back = Sprite::of(&flake([0.0, 0.0, 0.5], [0.0, 0.0, -2.0]), &LENS).unwrap();
+        assert!((back.amplitude - sprite.amplitude).abs() < 1e-12);
+    }
+
+    #[test]
+    fn the_near_plane_is_clipped_before_dividing() {
+        let sprite = Sprite::of(&flake([1.0, 0.0, 0.5], [0.0, 0.0, -2.0]), &LENS).unwrap();
+        // From depth 1.5 (200 px right of the centre) to the near plane (3000 px).
+        assert!((sprite.start[0] - 250.0).abs() < 1e-9);
+        assert!((sprite.length - 2800.0).abs() < 1e-6, "{}", sprite.length);
+    }
+
+    #[test]
+    fn what_cannot_be_seen_is_none() {
+        for (point, travel) in [
+            ([0.0, 0.0, 0.05], [0.0; 3]),
+            ([0.0, 0.0, -3.0], [0.0, 0.0, 2.0]),
+            ([0.0, 0.0, 1.0], [f64::INFINITY, 0.0, 0.0]),
+            ([0.0, 0.0, 1.0], [0.0, 0.0, f64::INFINITY]),
+            ([1e300, 0.0, 1.0], [0.0; 3]),
+        ] {
+            assert_eq!(Sprite::of(&flake(point, travel), &LENS), None, "{point:?} {travel:?}");
+        }
+        let point = Flake { radius: 0.0, ..flake([0.0, 0.0, 1.0], [0.0; 3]) };
+        assert_eq!(Sprite::of(&point, &LENS), None);
+    }
+
+    #[test]
+    fn bounds_hold_the_tilted_rectangle() {
+        let sprite = Sprite {
+            start: [10.0, 20.0],
+            along: [0.6, -0.8],
+            length: 10.0,
+            sigma: 1.0,
+            amplitude: 1.0,
+            depth: 1.0,
+        };
+        let (low, high) = sprite.bounds();
+        for (got, want) in low.iter().chain(&high).zip([4.4, 6.4, 21.6, 25.6]) {
+            assert!((got - want).abs() < 1e-12, "{got} {want}");
+        }
+        assert!(sprite.touches([13.0, 16.0], 0.5));
+        assert!(!sprite.touches([13.0 + 5.0, 16.0 + 5.0], 0.5));
+    }
+}

@@ -1,0 +1,107 @@
+//! Flakes: positions, fades, the image.
+
+use numpy::ndarray::{ArrayView2, ArrayViewMut2};
+use numpy::{PyReadonlyArray1, PyReadonlyArray2, PyReadwriteArray1, PyReadwriteArray2};
+use pyo3::prelude::*;
+
+use super::gate::{self, Plane, PlaneMut};
+use crate::particles::profile::Real;
+use crate::particles::splat::{self, Flakes};
+use crate::particles::sprite::Lens;
+use crate::particles::torus::{self, Sway, Torus};
+
+fn swaying(sway: Option<(f64, f64)>) -> Option<Sway> {
+    sway.map(|(amplitude, angular_frequency)| Sway { amplitude, angular_frequency })
+}
+
+/// Fills `out` (n, 3) with the positions of flakes 0..n at `time`.
+#[pyfunction]
+#[expect(clippy::too_many_arguments, reason = "the Python layer passes plain values")]
+pub fn particle_positions(
+    py: Python<'_>,
+    mut out: PyReadwriteArray2<'_, f64>,
+    sides: [f64; 3],
+    center: [f64; 3],
+    seed: i64,
+    velocity: PyReadonlyArray2<'_, f64>,
+    time: f64,
+    sway: Option<(f64, f64)>,
+) -> PyResult<()> {
+    let (out, velocity) = (out.as_array_mut(), velocity.as_array());
+    gate::run(py, 60.0 * out.nrows() as f64, |cancel| {
+        let torus = Torus::new(sides, center)?;
+        torus::positions(out, &torus, seed, velocity, time, swaying(sway), cancel)
+    })
+}
+
+/// Fills `out` (n, 3) with what the sway adds to the positions of flakes 0..n at `time`.
+#[pyfunction]
+pub fn particle_sway_offsets(
+    py: Python<'_>,
+    mut out: PyReadwriteArray2<'_, f64>,
+    seed: i64,
+    time: f64,
+    sway: (f64, f64),
+) -> PyResult<()> {
+    let out = out.as_array_mut();
+    let sway = Sway { amplitude: sway.0, angular_frequency: sway.1 };
+    gate::run(py, 60.0 * out.nrows() as f64, |cancel| {
+        torus::sway_offsets(out, seed, time, sway, cancel)
+    })
+}
+
+/// Fills `out` (n,) with how much of each point is shown: less near the walls of the box.
+#[pyfunction]
+pub fn particle_edge_fade(
+    py: Python<'_>,
+    mut out: PyReadwriteArray1<'_, f64>,
+    points: PyReadonlyArray2<'_, f64>,
+    sides: [f64; 3],
+    center: [f64; 3],
+) -> PyResult<()> {
+    let (out, points) = (out.as_array_mut(), points.as_array());
+    gate::run(py, 10.0 * out.len() as f64, |cancel| {
+        torus::edge_fade(out, points, &Torus::new(sides, center)?, cancel)
+    })
+}
+
+/// Draws the alpha of the flakes into `out` (H, W). `lens` is (focal, cx, cy, offset, near).
+#[pyfunction]
+#[expect(clippy::too_many_arguments, reason = "the Python layer passes plain values")]
+pub fn particle_splat(
+    py: Python<'_>,
+    out: PlaneMut<'_>,
+    points: PyReadonlyArray2<'_, f64>,
+    radius: PyReadonlyArray1<'_, f64>,
+    opacity: PyReadonlyArray1<'_, f64>,
+    velocity: PyReadonlyArray2<'_, f64>,
+    shutter: f64,
+    lens: (f64, f64, f64, [f64; 3], f64),
+    depth: Option<Plane<'_>>,
+) -> PyResult<()> {
+    let (focal, x, y, offset, near) = lens;
+    let lens = Lens { focal, center: [x, y], offset, near };
+    let flakes = Flakes {
+        points: points.as_array(),
+        radius: radius.as_array(),
+        opacity: opacity.as_array(),
+        velocity: velocity.as_array(),
+        shutter,
+    };
+    gate::each_precision!(out, view => match &depth {
+        None => drawn(py, view, &flakes, &lens, None::<ArrayView2<f32>>),
+        Some(Plane::Single(map)) => drawn(py, view, &flakes, &lens, Some(map.as_array())),
+        Some(Plane::Double(map)) => drawn(py, view, &flakes, &lens, Some(map.as_array())),
+    })
+}
+
+fn drawn<P: Real, M: Real>(
+    py: Python<'_>,
+    out: ArrayViewMut2<P>,
+    flakes: &Flakes<'_>,
+    lens: &Lens,
+    depth: Option<ArrayView2<M>>,
+) -> PyResult<()> {
+    let nanoseconds = splat::estimate(out.dim(), flakes, lens);
+    gate::run(py, nanoseconds, |cancel| splat::splat(out, flakes, lens, depth, cancel))
+}
