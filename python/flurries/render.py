@@ -179,11 +179,13 @@ def display_bytes(image: Array) -> Array:
     if image.dtype == np.uint8:
         return image
     if image.dtype == np.uint16:
-        return ((image.astype(np.uint32) * 255 + 32767) // 65535).astype(np.uint8)
+        wide: Array = (image.astype(np.uint32) * 255 + 32767) // 65535
+        return wide.astype(np.uint8)
     from flurries.io import linear_to_srgb
 
     display = np.nan_to_num(linear_to_srgb(image), nan=0.0, posinf=1.0, neginf=0.0)
-    return np.rint(np.clip(display, 0.0, 1.0) * 255.0).astype(np.uint8)
+    levels: Array = np.rint(np.clip(display, 0.0, 1.0) * 255.0)
+    return levels.astype(np.uint8)
 
 
 def _write_sequence(

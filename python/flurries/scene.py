@@ -103,7 +103,7 @@ class Scene:
             object.__setattr__(self, name, value)
 
         if self.size is not None:
-            settle("size", _size(self.size))
+            settle("size", parse_size(self.size))
         settle("fps", real("fps", self.fps, above=0.0))
         settle("seed", seed_of(self.seed))
         choice("space", self.space, SPACES)
@@ -290,8 +290,10 @@ class Scene:
         from flurries.io import linear_to_srgb, srgb_to_linear
 
         if display:
-            return srgb_to_linear(_unit(picture))
-        return linear_to_srgb(np.ascontiguousarray(picture))
+            light: Array = srgb_to_linear(_unit(picture))
+            return light
+        shown: Array = linear_to_srgb(np.ascontiguousarray(picture))
+        return shown
 
     def _finished(self, working: Array, picture: Array) -> Array:
         """Return the composite in the background's own encoding and dtype."""
@@ -300,9 +302,12 @@ class Scene:
         from flurries.io import linear_to_srgb, srgb_to_linear
 
         if self._backdrop.encoding == "linear":
-            return srgb_to_linear(working)
+            light: Array = srgb_to_linear(working)
+            return light
         full = np.iinfo(picture.dtype).max
-        return np.rint(np.clip(linear_to_srgb(working), 0.0, 1.0) * full).astype(picture.dtype)
+        shown: Array = np.rint(np.clip(linear_to_srgb(working), 0.0, 1.0) * full)
+        image: Array = shown.astype(picture.dtype)
+        return image
 
 
 def effect_seed(seed: int, index: int) -> int:
@@ -324,7 +329,8 @@ def _snow_over(background: Array, alpha: Array, colour: list[float]) -> Array:
     return result
 
 
-def _size(size: object) -> tuple[int, int]:
+def parse_size(size: object) -> tuple[int, int]:
+    """Return (width, height) from a pair or "WIDTHxHEIGHT"."""
     if isinstance(size, str):
         parts = size.lower().split("x")
         if len(parts) != 2 or not all(part.strip().isdigit() for part in parts):

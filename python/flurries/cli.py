@@ -1,0 +1,236 @@
+"""The command line: words to stderr, data to stdout, exit code 2 for a user's mistake."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import Any, NoReturn
+
+__all__ = ["main"]
+
+MISTAKE = 2
+INTERRUPTED = 130
+
+
+class _Parser(argparse.ArgumentParser):
+    def error(self, message: str) -> NoReturn:
+        raise _Mistake(f"{message} (see {self.prog} --help)")
+
+
+class _Mistake(Exception):
+    """What the user can mend; one clear sentence."""
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command line and return its exit code.
+
+    Parameters
+    ----------
+    arguments : sequence of str, optional
+        In place of ``sys.argv[1:]``.
+
+    Returns
+    -------
+    int
+        0; 2 for a user's mistake or a file that fails; 130 after Ctrl-C.
+    """
+    try:
+        options = _parser().parse_args(arguments)
+        _threads(options)
+        code: int = options.run(options)
+        return code
+    except _Mistake as mistake:
+        return _say(mistake)
+    except (ValueError, TypeError, OSError, MemoryError) as error:
+        # The library's own refusals are sentences that name the argument or the file.
+        return _say(error)
+    except KeyboardInterrupt:
+        print("flurries: stopped; finished frames stay, run again to go on", file=sys.stderr)
+        return INTERRUPTED
+
+
+def _say(error: BaseException) -> int:
+    text = str(error) or type(error).__name__
+    if isinstance(error, OSError) and error.filename is not None and error.strerror:
+        text = f"{error.filename}: {error.strerror}"
+    print(f"flurries: {' '.join(text.split())}", file=sys.stderr)
+    return MISTAKE
+
+
+def _threads(options: argparse.Namespace) -> None:
+    if options.threads is not None:
+        from flurries.threads import set_threads
+
+        set_threads(options.threads)
+
+
+def _parser() -> argparse.ArgumentParser:
+    from flurries import __version__
+
+    parser = _Parser(prog="flurries", description="Falling snow for pictures and film.")
+    parser.add_argument("--version", action="version", version=f"flurries {__version__}")
+    commands = parser.add_subparsers(required=True, metavar="COMMAND", parser_class=_Parser)
+
+    demo = commands.add_parser("demo", help="snow on a photograph: films, stills, an EXR")
+    demo.add_argument("-o", "--output", default="demo", metavar="FOLDER", help="default: demo")
+    demo.add_argument("--size", type=int, default=1024, metavar="PX", help="default: 1024")
+    demo.add_argument("--frames", type=int, default=60, metavar="N", help="default: 60")
+    demo.set_defaults(run=_demo)
+
+    render = commands.add_parser("render", help="a scene or a picture to files")
+    render.add_argument("input", metavar="SCENE|PICTURE", help="scene.toml, or a picture or film")
+    render.add_argument(
+        "-o",
+        "--output",
+        required=True,
+        metavar="PATTERN|VIDEO",
+        help="frames/%%04d.exr, .png, ...; out.mp4, .webm, .mkv; or one still",
+    )
+    from flurries.effects.presets import SNOW
+
+    render.add_argument("--snow", metavar="PRESET", help=", ".join(SNOW))
+    render.add_argument("--amount", type=float, metavar="A", help="how much snow, 0 to 1")
+    render.add_argument("--wind", type=_numbers(3), metavar="X,Y,Z", help="metres per second")
+    render.add_argument(
+        "--fly", type=_numbers(3), metavar="X,Y,Z", help="camera velocity, metres per second"
+    )
+    render.add_argument("--foreground", metavar="FILE", help="mask or picture in front of the snow")
+    render.add_argument("--frames", metavar="RANGE", help="1-60, 1-100x2, 7")
+    render.add_argument("--seed", type=int, metavar="N")
+    render.add_argument("--size", metavar="WxH")
+    render.add_argument("--fps", type=float, metavar="F")
+    render.add_argument("--linear", action="store_true", help="mix in linear light")
+    render.add_argument("--float", action="store_true", help="EXR with 32 bits, not half")
+    render.add_argument("--layers", action="store_true", help="EXR with the snow as a layer")
+    render.add_argument("--quality", choices=("high", "medium", "draft"), default="high")
+    render.add_argument("--overwrite", action="store_true", help="render again what is there")
+    render.add_argument("--quiet", action="store_true", help="no progress bar")
+    render.set_defaults(run=_render)
+
+    for command in (demo, render):
+        command.add_argument("--threads", type=int, metavar="N")
+    return parser
+
+
+def _numbers(count: int) -> Any:
+    def parse(text: str) -> tuple[float, ...]:
+        parts = text.split(",")
+        if len(parts) != count:
+            raise argparse.ArgumentTypeError(f"wants {count} numbers like 1,0,0, got {text!r}")
+        try:
+            return tuple(float(part) for part in parts)
+        except ValueError:
+            message = f"wants {count} numbers like 1,0,0, got {text!r}"
+            raise argparse.ArgumentTypeError(message) from None
+
+    return parse
+
+
+def _demo(options: argparse.Namespace) -> int:
+    from flurries.demo import run
+
+    run(options.output, size=options.size, frames=options.frames)
+    return 0
+
+
+def _render(options: argparse.Namespace) -> int:
+    scene = _scene(options)
+    summary = scene.write(
+        options.output,
+        options.frames,
+        half=not options.float,
+        layers=options.layers,
+        overwrite=options.overwrite,
+        quality=options.quality,
+        progress=_silent if options.quiet else _bar,
+    )
+    kept = f", {len(summary.kept)} were there already" if summary.kept else ""
+    print(f"flurries: {len(summary.written)} frames rendered{kept}", file=sys.stderr)
+    for file in summary.files:
+        print(file)
+    return 0
+
+
+def _silent(frames: Iterable[int]) -> Iterable[int]:
+    return frames
+
+
+def _bar(frames: Iterable[int]) -> Iterable[int]:
+    from tqdm import tqdm
+
+    bar: Iterable[int] = tqdm(frames, unit="frame", file=sys.stderr, dynamic_ncols=True)
+    return bar
+
+
+def _scene(options: argparse.Namespace) -> Any:
+    """Return the scene that the options describe."""
+    from dataclasses import replace
+
+    from flurries.effects import Snow
+    from flurries.path import CameraPath
+    from flurries.scene import Scene
+
+    given = Path(options.input)
+    changes: dict[str, Any] = {
+        name: getattr(options, name)
+        for name in ("seed", "size", "fps", "foreground")
+        if getattr(options, name) is not None
+    }
+    if options.linear:
+        changes["space"] = "linear"
+    snow = {
+        name: getattr(options, name)
+        for name in ("amount", "wind")
+        if getattr(options, name) is not None
+    }
+    if given.suffix.lower() == ".toml":
+        scene = Scene.load(given)
+        if options.snow is not None:
+            changes["effects"] = [Snow.preset(options.snow, **snow)]
+        elif snow:
+            changes["effects"] = [
+                replace(e, **snow) if isinstance(e, Snow) else e for e in scene.effects
+            ]
+        if "size" in changes:
+            # The focal length belongs to the picture's width: keep the angle of view.
+            scene, changes = _resized(scene, changes)
+        scene = scene.replace(**changes)
+    else:
+        if options.snow is None:
+            raise _Mistake("a picture needs weather: add --snow PRESET, such as --snow heavy")
+        from flurries.io import open_background
+
+        source = open_background(os.fspath(options.input))
+        if source.fps is not None:
+            changes.setdefault("fps", float(source.fps))
+        size = changes.pop("size", None)
+        scene = Scene(size, source, effects=[Snow.preset(options.snow, **snow)], **changes)
+    if options.fly is not None:
+        scene = scene.replace(camera=CameraPath(scene.camera.camera, velocity=options.fly))
+    return scene
+
+
+def _resized(scene: Any, changes: dict[str, Any]) -> tuple[Any, dict[str, Any]]:
+    from dataclasses import replace
+
+    from flurries.scene import parse_size
+
+    changes = dict(changes)
+    width, height = parse_size(changes.pop("size"))
+    path, scale = scene.camera, width / scene.size[0]
+    camera = path.camera
+    center = None if camera.center is None else tuple(scale * c for c in camera.center)
+    lens = replace(
+        camera,
+        focal=camera.focal * scale,
+        center=center,
+        center_shift=tuple(scale * c for c in camera.center_shift),
+    )
+    return scene, {**changes, "size": (width, height), "camera": replace(path, camera=lens)}
+
+
+if __name__ == "__main__":
+    sys.exit(main())

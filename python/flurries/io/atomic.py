@@ -1,0 +1,209 @@
+"""Files that appear whole or not at all.
+
+A file is written under a hidden name in its own folder, checked, flushed to the disk, and renamed.
+Whoever looks at the final name sees the old file or the new one, whatever happens in between: an
+exception, Ctrl-C, a full disk, or a process killed without warning. The last leaves the hidden file
+behind, and `remove_leftovers` finds it: a writer holds a lock on its temporary file, and the
+system lets go of the lock when the process dies.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import errno
+import os
+import secrets
+import stat
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+if sys.platform != "win32":
+    import fcntl
+
+PREFIX = ".flurries-"
+_TOKEN_LENGTH = 16
+
+
+@contextmanager
+def replacing(path: str | os.PathLike[str]) -> Iterator[Path]:
+    """Yield a temporary path to write to; on success it replaces `path` in one step.
+
+    The temporary file lies in the same folder and has the same extension, so that writers which
+    look at the extension recognise it. Whoever uses it may read it back before leaving the block
+    and raise if it is not what was meant: then, as for any other exception, KeyboardInterrupt
+    included, it is removed and `path` stays as it was. The folder is made if only its last part
+    is missing.
+
+    Parameters
+    ----------
+    path : str or path
+        The file to make or replace.
+
+    Yields
+    ------
+    Path
+        Where to write. The file exists and is empty.
+
+    Raises
+    ------
+    OSError
+        If the folder cannot be written, if `path` is a folder, a symbolic link, a FIFO or
+        anything else but a plain file, if it is read-only, if the disk is full, or if nothing was
+        written. The message names the file.
+    ValueError
+        If `path` is empty or holds a NUL byte.
+    """
+    target = checked_target(path)
+    temporary, descriptor = _reserve(target)
+    owner = os.getpid()
+    try:
+        yield temporary
+        if temporary.stat().st_size == 0:
+            raise OSError(f"{target}: nothing was written")
+        _flush(temporary)
+        temporary.replace(target)
+    except OSError as error:
+        _remove(temporary, owner)
+        # A message about the hidden name, or about none, helps nobody: name the file itself.
+        if error.errno is not None and error.filename in (None, str(temporary), temporary):
+            raise OSError(error.errno, error.strerror, str(target)) from error
+        raise
+    except BaseException:
+        _remove(temporary, owner)
+        raise
+    finally:
+        if descriptor is not None:
+            os.close(descriptor)
+    _flush_folder(target.parent)
+
+
+def checked_target(path: str | os.PathLike[str]) -> Path:
+    """Return `path` as a Path that a plain file can be written to, its folder made if need be."""
+    text = os.fspath(path)
+    if not isinstance(text, str):
+        raise TypeError(f"path must be a string or a path, got {type(path).__name__}")
+    if not text:
+        raise ValueError("path must not be empty")
+    if "\0" in text:
+        raise ValueError(f"path must not hold a NUL byte, got {text!r}")
+    target = Path(text)
+    if text.endswith(("/", os.sep)) or not target.name or target.name == "..":
+        raise IsADirectoryError(errno.EISDIR, "This names a folder, not a file", text)
+    if not target.parent.exists():
+        # Only the last folder is made: a mistyped path must not grow a whole tree.
+        try:
+            target.parent.mkdir(exist_ok=True)
+        except OSError as error:
+            reason = f"Its folder is missing and cannot be made ({error.strerror})"
+            raise OSError(error.errno, reason, text) from error
+    if not target.parent.is_dir():
+        raise NotADirectoryError(errno.ENOTDIR, "The folder of this file is not a folder", text)
+    try:
+        mode = target.lstat().st_mode
+    except FileNotFoundError:
+        return target
+    if stat.S_ISDIR(mode):
+        raise IsADirectoryError(errno.EISDIR, "Is a folder and cannot become a file", text)
+    if stat.S_ISLNK(mode):
+        # The rename would replace the link and leave the file it points to as it was.
+        raise OSError(errno.EINVAL, "Is a symbolic link; name the file that it points to", text)
+    if not stat.S_ISREG(mode):
+        raise OSError(errno.EINVAL, "Is not a plain file and cannot be replaced", text)
+    if not os.access(target, os.W_OK):
+        raise PermissionError(errno.EACCES, "Is read-only", text)
+    return target
+
+
+def remove_leftovers(folder: str | os.PathLike[str]) -> list[Path]:
+    """Remove the temporary files of writers that were killed; those at work are left alone.
+
+    Parameters
+    ----------
+    folder : str or path
+        Where pictures were being written. Folders inside it are not searched.
+
+    Returns
+    -------
+    list of Path
+        What was removed.
+    """
+    removed = []
+    for found in sorted(Path(folder).glob(f"{PREFIX}{'?' * _TOKEN_LENGTH}*")):
+        if _is_abandoned(found):
+            with contextlib.suppress(OSError):
+                found.unlink()
+                removed.append(found)
+    return removed
+
+
+def _reserve(target: Path) -> tuple[Path, int | None]:
+    """Make the temporary file, locked; return it with the open descriptor that holds the lock."""
+    # The name does not grow with the target's, so a name at the length limit still has room.
+    suffix = target.suffix if len(target.suffix) <= 16 else ""
+    while True:
+        temporary = target.with_name(f"{PREFIX}{secrets.token_hex(_TOKEN_LENGTH // 2)}{suffix}")
+        flags = os.O_RDWR | os.O_CREAT | os.O_EXCL | getattr(os, "O_CLOEXEC", 0)
+        try:
+            # Mode 0o666 less the umask: what any program gives a new file. A private temporary
+            # file would become a private picture.
+            descriptor = os.open(temporary, flags, 0o666)
+        except FileExistsError:
+            continue
+        except OSError as error:
+            raise OSError(error.errno, error.strerror, str(target)) from error
+        if sys.platform == "win32":
+            # An open file can be neither renamed nor removed there, which is lock enough.
+            os.close(descriptor)
+            return temporary, None
+        with contextlib.suppress(OSError):
+            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        # Someone may have tidied up between the making and the locking.
+        if os.fstat(descriptor).st_nlink:
+            return temporary, descriptor
+        os.close(descriptor)
+
+
+def _is_abandoned(temporary: Path) -> bool:
+    if sys.platform == "win32":
+        return True
+    try:
+        descriptor = os.open(temporary, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK)
+    except OSError:
+        return False
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError:
+        return False
+    finally:
+        os.close(descriptor)
+    return True
+
+
+def _flush(path: Path) -> None:
+    """Wait until the file's bytes are on the disk, so that the new name never shows less."""
+    descriptor = os.open(path, os.O_RDWR)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)
+
+
+def _flush_folder(folder: Path) -> None:
+    """Make the rename itself last; some file systems cannot, and the file is whole anyway."""
+    if sys.platform == "win32":
+        return
+    with contextlib.suppress(OSError):
+        descriptor = os.open(folder, os.O_RDONLY)
+        try:
+            os.fsync(descriptor)
+        finally:
+            os.close(descriptor)
+
+
+def _remove(temporary: Path, owner: int) -> None:
+    # A forked child that ends unwinds the same block: the file is its parent's, not its own.
+    if os.getpid() == owner:
+        with contextlib.suppress(OSError):
+            temporary.unlink()

@@ -1,0 +1,120 @@
+"""Writing a picture in bands of rows, and reading it back before it takes its final name.
+
+Bands keep memory at the size of the picture given: no second copy of 16384 x 16384 px in another
+type is ever made.
+"""
+
+from __future__ import annotations
+
+import os
+import zlib
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from flurries.io.atomic import replacing
+from flurries.io.color import Array
+from flurries.io.library import last_error, openimageio
+
+# A whole number of the strips and blocks in which EXR and TIFF compress.
+_ROWS = 64
+
+
+def write_bands(
+    path: str | os.PathLike[str],
+    specification: Any,
+    band: Callable[[int, int], Array],
+    *,
+    lossless: bool,
+) -> None:
+    """Write a picture whose rows `band(first, last)` makes, atomically, and verify it.
+
+    Parameters
+    ----------
+    path : str or path
+        The picture to make or replace.
+    specification : ImageSpec
+        Its size, channels, types and header.
+    band : callable
+        Returns rows [first, last) as an array (rows, W, channels) in one type.
+    lossless : bool
+        Whether what is read back must be the same bits.
+
+    Raises
+    ------
+    OSError
+        If it cannot be written, or does not read back as what was written.
+    """
+    target = os.fspath(path)
+    with replacing(path) as temporary:
+        checksums = _write(target, temporary, specification, band)
+        _verify(target, temporary, specification, checksums, lossless=lossless)
+
+
+def _write(
+    target: str, temporary: Path, specification: Any, band: Callable[[int, int], Array]
+) -> list[tuple[np.dtype[Any], int]]:
+    """Write all bands; return the type and the checksum of each."""
+    output = openimageio().ImageOutput.create(str(temporary))
+    if output is None:
+        raise ValueError(f"{target}: cannot be written: {last_error()}")
+    checksums = []
+    closed = False
+    try:
+        if not output.open(str(temporary), specification):
+            raise OSError(f"{target}: cannot be written: {last_error(output)}")
+        for first in range(0, specification.height, _ROWS):
+            last = min(first + _ROWS, specification.height)
+            rows = np.ascontiguousarray(band(first, last))
+            checksums.append((rows.dtype, zlib.crc32(rows.data)))
+            if not output.write_scanlines(first, last, 0, rows):
+                raise OSError(f"{target}: cannot be written: {last_error(output)}")
+        closed = True
+        if not output.close():
+            raise OSError(f"{target}: cannot be written: {last_error(output)}")
+    finally:
+        if not closed:
+            output.close()
+            last_error(output)
+    return checksums
+
+
+def _verify(
+    target: str,
+    temporary: Path,
+    specification: Any,
+    checksums: Sequence[tuple[np.dtype[Any], int]],
+    *,
+    lossless: bool,
+) -> None:
+    """Read the picture back; a full disk or a faulty writer shows here and not next week."""
+    library = openimageio()
+    wishes = library.ImageSpec()
+    wishes.attribute("oiio:UnassociatedAlpha", 1)
+    reader = library.ImageInput.open(str(temporary), wishes)
+    if reader is None:
+        raise OSError(f"{target}: cannot be read back: {last_error()}")
+    try:
+        stored = reader.spec()
+        wanted = (specification.width, specification.height, specification.nchannels)
+        if (stored.width, stored.height, stored.nchannels) != wanted:
+            raise OSError(f"{target}: reads back with another size or other channels")
+        # EXR keeps channels in alphabetical order, whatever order they were given in.
+        order = [stored.channelindex(name) for name in specification.channelnames]
+        sorts = sorted(order) == list(range(stored.nchannels)) and order != sorted(order)
+        for number, (dtype, checksum) in enumerate(checksums):
+            first = number * _ROWS
+            last = min(first + _ROWS, stored.height)
+            kind = {"float16": "half", "float32": "float"}.get(dtype.name, dtype.name)
+            rows = reader.read_scanlines(0, 0, first, last, 0, 0, stored.nchannels, kind)
+            if rows is None or reader.has_error:
+                raise OSError(f"{target}: cannot be read back: {last_error(reader)}")
+            if lossless:
+                rows = np.ascontiguousarray(rows[..., order] if sorts else rows)
+                if zlib.crc32(rows.data) != checksum:
+                    raise OSError(f"{target}: does not read back as what was written")
+    finally:
+        reader.close()
+        last_error(reader)

@@ -1,0 +1,135 @@
+"""The sRGB transfer functions and the steps between integers and floats.
+
+Three kinds of values meet in files: integers from 0 to 255 or 65535, display values from 0 to 1
+(the same numbers divided by their maximum), and scene-linear light, where 1 is the brightness of
+paper white and a lamp may be 50.
+"""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from typing import Any, Literal, TypeAlias
+
+import numpy as np
+import numpy.typing as npt
+
+Array: TypeAlias = npt.NDArray[Any]
+Encoding: TypeAlias = Literal["display", "linear"]
+
+# The largest finite half float. Anything above rounds to infinity when it is stored as half.
+LARGEST_HALF = 65504.0
+
+
+def srgb_to_linear(values: npt.ArrayLike) -> Array:
+    """Decode sRGB display values to linear light.
+
+    The exact two-part formula of IEC 61966-2-1. Below 0 its straight part goes on, above 1 its
+    power goes on, so that every finite value survives a round trip; NaN stays NaN.
+
+    Parameters
+    ----------
+    values : array_like of float
+        Display values, 0 to 1 for what a screen can show. float32 and float64 keep their dtype,
+        float16 becomes float32. Integers are refused: divide by their maximum first.
+
+    Returns
+    -------
+    ndarray
+        Linear light, same shape.
+
+    Raises
+    ------
+    TypeError
+        If `values` are not floats.
+    """
+    display = _floats("values", values)
+    # The base of the power is kept off negative numbers, where it would be NaN with a warning.
+    power = ((np.maximum(display, 0.0) + 0.055) / 1.055) ** 2.4
+    return np.where(display <= 0.04045, display / 12.92, power).astype(display.dtype, copy=False)
+
+
+def linear_to_srgb(values: npt.ArrayLike) -> Array:
+    """Encode linear light as sRGB display values, the inverse of `srgb_to_linear`.
+
+    Parameters
+    ----------
+    values : array_like of float
+        Linear light. float32 and float64 keep their dtype, float16 becomes float32.
+
+    Returns
+    -------
+    ndarray
+        Display values, same shape, not clipped.
+
+    Raises
+    ------
+    TypeError
+        If `values` are not floats.
+    """
+    linear = _floats("values", values)
+    power = 1.055 * np.maximum(linear, 0.0) ** (1.0 / 2.4) - 0.055
+    return np.where(linear <= 0.0031308, linear * 12.92, power).astype(linear.dtype, copy=False)
+
+
+def to_unit(pixels: Array) -> Array:
+    """Return integer pixels as float32 from 0 to 1; float pixels as float32 or float64."""
+    if pixels.dtype.kind == "u":
+        unit: Array = pixels.astype(np.float32) / np.float32(np.iinfo(pixels.dtype).max)
+        return unit
+    return pixels.astype(np.float32) if pixels.dtype.itemsize == 2 else pixels
+
+
+def to_linear(pixels: Array, encoding: str) -> Array:
+    """Return pixels of either encoding as linear float light; alpha must not be among them."""
+    if encoding == "linear":
+        return to_unit(pixels)
+    if pixels.dtype.kind == "u":
+        return _decoding_table(pixels.dtype.itemsize)[pixels]
+    return srgb_to_linear(pixels)
+
+
+def to_display(pixels: Array, encoding: str) -> Array:
+    """Return pixels of either encoding as float display values; alpha must not be among them."""
+    values = to_unit(pixels)
+    return values if encoding == "display" else linear_to_srgb(values)
+
+
+def to_integer(values: Array, bits: int) -> Array:
+    """Round floats from 0 to 1 to integers of 8 or 16 bits; the rest is clipped, NaN becomes 0."""
+    largest = 2**bits - 1
+    # float32 holds 65535 levels with room to spare, so no wider type is needed here.
+    bounded: Array = np.clip(np.nan_to_num(values, nan=0.0, posinf=1.0, neginf=0.0), 0.0, 1.0)
+    levels: Array = np.rint(bounded * largest)
+    return levels.astype(np.uint8 if bits == 8 else np.uint16)
+
+
+def to_half(values: Array) -> Array:
+    """Round floats to half, with the largest half in place of infinity; NaN stays NaN."""
+    bounded: Array = np.clip(values, -LARGEST_HALF, LARGEST_HALF)
+    return bounded.astype(np.float16)
+
+
+def to_single(values: Array) -> Array:
+    """Return floats as float32; what float32 cannot hold becomes its largest number."""
+    if values.dtype.itemsize <= 4:
+        return values.astype(np.float32, copy=False)
+    largest = float(np.finfo(np.float32).max)
+    # Infinity itself is a value that float32 has, and it is kept.
+    bounded = np.where(np.isinf(values), values, np.clip(values, -largest, largest))
+    return bounded.astype(np.float32)
+
+
+@lru_cache(maxsize=2)
+def _decoding_table(itemsize: int) -> Array:
+    """Return the linear light of every 8-bit or 16-bit display value."""
+    levels = 256**itemsize
+    table = srgb_to_linear(np.arange(levels) / (levels - 1)).astype(np.float32)
+    table.flags.writeable = False
+    return table
+
+
+def _floats(name: str, values: npt.ArrayLike) -> Array:
+    array = np.asarray(values)
+    if array.dtype.kind != "f":
+        raise TypeError(f"{name} must be floats, got dtype {array.dtype}")
+    return array.astype(np.float32) if array.dtype.itemsize == 2 else array

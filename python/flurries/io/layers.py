@@ -1,0 +1,155 @@
+"""EXR pictures with named layers, as compositing programs expect them."""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Mapping
+
+import numpy as np
+import numpy.typing as npt
+
+from flurries.io import metadata as header
+from flurries.io.bands import write_bands
+from flurries.io.color import Array, to_half, to_single
+from flurries.io.headers import open_picture
+from flurries.io.library import openimageio
+from flurries.io.writing import format_of
+
+MAIN = "rgba"
+
+_NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*(\.[A-Za-z][A-Za-z0-9_]*)*")
+# The order of the channels in an array; files keep them by the alphabet.
+_ORDER = "RGBAXYZ"
+# Two-dimensional layers get the channel name that tells programs what they are.
+_SINGLE = {"depth": "Z", "alpha": "A", "mask": "A"}
+
+
+def write_layers(
+    path: str | os.PathLike[str],
+    layers: Mapping[str, npt.ArrayLike],
+    *,
+    half: bool = True,
+    metadata: Mapping[str, object] | None = None,
+) -> None:
+    """Write one EXR with several named layers; atomic and verified as `write_picture`.
+
+    Parameters
+    ----------
+    path : str or path
+        Ends in .exr.
+    layers : mapping of str to array
+        Float arrays of one size, linear light, colours multiplied by alpha. The layer ``"rgba"``
+        becomes the channels R, G, B, A; others get their name in front, ``snow.R``. An array
+        (H, W, 3) or (H, W, 4) is a colour, (H, W, 2) a vector with the channels X and Y, and
+        (H, W) a number: ``depth.Z``, ``alpha.A``, ``mask.A``, else ``name.Y``.
+    half : bool, default True
+        Store colours and masks as half. Depth and vectors always have 32 bits: as half, a depth
+        of 3 km is known to 2 m.
+    metadata : mapping, optional
+        As `write_picture`.
+
+    Raises
+    ------
+    ValueError
+        If a name or a shape is not as above, sizes differ, or `path` does not end in .exr.
+    TypeError
+        If an array does not hold floats.
+    OSError
+        If the file cannot be written or does not read back.
+    """
+    if format_of(path).name != "openexr":
+        raise ValueError(f"{os.fspath(path)}: only .exr holds layers")
+    strings = header.checked(metadata)
+    planes: dict[str, tuple[Array, bool]] = {}
+    sizes = set()
+    for name, values in layers.items():
+        array = _checked_layer(name, values)
+        sizes.add(array.shape[:2])
+        precise = not half or name.rpartition(".")[2] == "depth" or array.shape[2] == 2
+        for number, channel in enumerate(_channels(name, array.shape[2])):
+            planes[channel] = (array[..., number], precise)
+    if not planes:
+        raise ValueError("layers must not be empty")
+    if len(sizes) > 1:
+        raise ValueError(f"layers must have one size, got {sorted(sizes)}")
+
+    def band(first: int, last: int) -> Array:
+        # One type for all: halves are rounded here, so that the check compares what is stored.
+        rows = [
+            to_single(plane[first:last] if precise else to_half(plane[first:last]))
+            for plane, precise in planes.values()
+        ]
+        return np.stack(rows, axis=-1)
+
+    library = openimageio()
+    height, width = sizes.pop()
+    specification = library.ImageSpec(width, height, len(planes), "float")
+    specification.channelnames = tuple(planes)
+    specification.channelformats = tuple(
+        library.TypeDesc("float" if precise else "half") for _, precise in planes.values()
+    )
+    specification.alpha_channel = specification.channelindex("A")
+    specification.attribute("compression", "zip")
+    header.put(specification, strings, "openexr")
+    write_bands(path, specification, band, lossless=True)
+
+
+def read_layers(path: str | os.PathLike[str]) -> dict[str, Array]:
+    """Read all layers of an EXR, the inverse of `write_layers`.
+
+    Returns
+    -------
+    dict of str to ndarray
+        float32, (H, W) for single channels and (H, W, C) else; the display window is not applied.
+
+    Raises
+    ------
+    FileNotFoundError, OSError, ValueError
+        As `read_picture`.
+    """
+    opened = open_picture(path)
+    spec = opened.specification
+    values = opened.reader.read_image(opened.part, 0, 0, spec.nchannels, "float")
+    if values is None or opened.reader.has_error:
+        raise opened.failure("the picture is damaged or cut short")
+    opened.reader.close()
+    values = values.reshape(spec.height, spec.width, spec.nchannels)
+    found: dict[str, list[int]] = {}
+    for place, name in enumerate(spec.channelnames):
+        found.setdefault(name.rpartition(".")[0] or MAIN, []).append(place)
+    for places in found.values():
+        places.sort(key=lambda place: _ORDER.find(spec.channelnames[place][-1:]))
+    return {
+        name: np.ascontiguousarray(values[..., places[0] if len(places) == 1 else places])
+        for name, places in found.items()
+    }
+
+
+def _checked_layer(name: str, values: npt.ArrayLike) -> Array:
+    if not isinstance(name, str) or not _NAME.fullmatch(name):
+        raise ValueError(
+            f"layer name {name!r} must be letters, digits and '_', parts joined by '.'"
+        )
+    array = np.asarray(values)
+    if array.dtype.kind != "f":
+        raise TypeError(f"layer {name!r} must hold floats, got {array.dtype}")
+    if array.ndim == 2:
+        array = array[..., np.newaxis]
+    if array.ndim != 3 or not 1 <= array.shape[2] <= 4 or 0 in array.shape:
+        raise ValueError(
+            f"layer {name!r} must be (H, W), (H, W, 2), (H, W, 3) or (H, W, 4), "
+            f"got {np.shape(values)}"
+        )
+    return array
+
+
+def _channels(name: str, count: int) -> list[str]:
+    """Return the channel names of one layer."""
+    if count == 1:
+        own = [_SINGLE.get(name.rpartition(".")[2], "Y")]
+    elif count == 2:
+        own = ["X", "Y"]
+    else:
+        own = ["R", "G", "B", "A"][:count]
+    return own if name == MAIN else [f"{name}.{channel}" for channel in own]

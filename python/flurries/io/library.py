@@ -1,0 +1,37 @@
+"""The one gate to OpenImageIO: imported when first needed, its threads and its errors tamed."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from typing import Any
+
+
+@lru_cache(maxsize=1)
+def openimageio() -> Any:
+    """Import OpenImageIO and return the module.
+
+    Its OpenEXR writer hands scanlines to a global pool of threads. A forked child inherits the pool
+    without its threads and waits for them for ever, which is what a data loader's workers would
+    do. So OpenEXR compresses in the calling thread, which also releases the GIL: several frames in
+    several threads use all cores.
+    """
+    import OpenImageIO as library
+
+    library.attribute("exr_threads", -1)
+    return library
+
+
+def last_error(*holders: Any) -> str:
+    """Return what OpenImageIO has to say about the last failure, on one line, and clear it.
+
+    Messages pile up in the object that failed and in a global list, and an unread one would be
+    taken for the next file's.
+    """
+    messages = []
+    for holder in (*holders, openimageio()):
+        try:
+            messages.append(holder.geterror())
+        except UnicodeDecodeError:
+            # It quotes a damaged file.
+            messages.append("no reason that could be put into words")
+    return "; ".join(" ".join(message.split()) for message in messages if message)

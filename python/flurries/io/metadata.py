@@ -1,0 +1,95 @@
+"""What a picture says about how it was made: small strings under ``flurries:`` in its header.
+
+EXR and PNG hold any named string. TIFF and JPEG hold one description, which takes all of them as
+JSON. Radiance HDR holds none.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Mapping
+from typing import Any
+
+PREFIX = "flurries:"
+
+# OpenImageIO stamps the present moment into every header, and then no two runs make the same
+# bytes. A moment that never changes says as much as a clock that nobody asked about.
+FIXED_MOMENT = "2000:01:01 00:00:00"
+
+_KEY = re.compile(r"[A-Za-z][A-Za-z0-9_.-]{0,59}")
+_MOMENT = re.compile(r"[0-9]{4}:[0-9]{2}:[0-9]{2} [0-9]{2}:[0-9]{2}:[0-9]{2}")
+
+
+def checked(metadata: Mapping[str, object] | None) -> dict[str, str]:
+    """Return the metadata as strings, keys without the prefix, ``DateTime`` always among them.
+
+    Raises
+    ------
+    TypeError
+        If a value is not a string or a number.
+    ValueError
+        If a key or ``DateTime`` is not written as it should be.
+    """
+    strings = {"DateTime": FIXED_MOMENT}
+    for given, value in (metadata or {}).items():
+        if not isinstance(given, str):
+            raise TypeError(f"metadata keys must be strings, got {given!r}")
+        key = given.removeprefix(PREFIX)
+        if not _KEY.fullmatch(key):
+            raise ValueError(
+                f"metadata key {given!r} must be at most 60 letters, digits, '_', '.' or '-'"
+            )
+        if not isinstance(value, (str, int, float)):
+            raise TypeError(f"metadata {key!r} must be a string or a number, got {value!r}")
+        text = value if isinstance(value, str) else repr(value)
+        if "\0" in text:
+            raise ValueError(f"metadata {key!r} must not hold a NUL byte")
+        if key == "DateTime" and not _MOMENT.fullmatch(text):
+            raise ValueError(f"metadata 'DateTime' must read YYYY:MM:DD HH:MM:SS, got {text!r}")
+        strings[key] = text
+    return strings
+
+
+def put(specification: Any, strings: Mapping[str, str], format_name: str) -> None:
+    """Write checked metadata into the header of a picture that is about to be made."""
+    specification.attribute("DateTime", strings["DateTime"])
+    specification.attribute("Software", "flurries")
+    own = {PREFIX + key: text for key, text in strings.items() if key != "DateTime"}
+    if format_name in ("openexr", "png"):
+        # Numbers travel as strings too: OpenImageIO would round integers to 32 bits and floats to
+        # single precision.
+        for key, text in own.items():
+            specification.attribute(key, text)
+    elif own:
+        specification.attribute("ImageDescription", json.dumps(own, sort_keys=True))
+
+
+def get(specification: Any) -> dict[str, str]:
+    """Return the metadata in a picture's header, keys without the prefix; none if damaged."""
+    try:
+        return _found(specification)
+    except UnicodeDecodeError:
+        return {}
+
+
+def _found(specification: Any) -> dict[str, str]:
+    found: dict[str, str] = {}
+    description = specification.get_string_attribute("ImageDescription")
+    if description.startswith("{"):
+        try:
+            parsed = json.loads(description)
+        except ValueError:
+            parsed = {}
+        found.update(
+            (key.removeprefix(PREFIX), text)
+            for key, text in parsed.items()
+            if key.startswith(PREFIX) and isinstance(text, str)
+        )
+    for attribute in specification.extra_attribs:
+        if attribute.name.startswith(PREFIX) and isinstance(attribute.value, str):
+            found[attribute.name.removeprefix(PREFIX)] = attribute.value
+    moment = specification.get_string_attribute("DateTime")
+    if found and moment:
+        found["DateTime"] = moment
+    return found

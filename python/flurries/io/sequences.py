@@ -1,0 +1,178 @@
+"""Which frames, and in which files: ``1-60`` and ``frames/%04d.exr``."""
+
+from __future__ import annotations
+
+import operator
+import os
+import re
+from dataclasses import dataclass
+from pathlib import Path
+
+# More frames are refused before a list of them is made: at 24 frames a second, four days.
+MOST_FRAMES = 10_000_000
+
+_LONGEST_TEXT = 100_000
+
+VIDEO_EXTENSIONS = (".mp4", ".mov", ".webm", ".mkv")
+
+_PART = re.compile(r"([0-9]{1,9})(?:-([0-9]{1,9})(?:x([0-9]{1,9}))?)?")
+_TOKEN = re.compile(r"%(?:0([0-9]{1,2}))?d")
+
+
+def frame_range(text: str) -> list[int]:
+    """Return the frames that a text like ``1-10,20,30-40x2`` names.
+
+    Parameters
+    ----------
+    text : str
+        Parts with commas between them: a frame, ``first-last`` with both ends included, or
+        ``first-lastxstep``. Frames are whole numbers from 0.
+
+    Returns
+    -------
+    list of int
+        In the order given, each frame once.
+
+    Raises
+    ------
+    ValueError
+        If the text is not of this form, a range runs backwards, a step is 0, or there are more
+        than 10 million frames.
+    TypeError
+        If `text` is not a string.
+    """
+    if not isinstance(text, str):
+        raise TypeError(f"frames must be a text like '1-60', got {text!r}")
+    if len(text) > _LONGEST_TEXT:
+        raise ValueError(f"frames {_short(text)} are {len(text)} characters, too many to be meant")
+    ranges = [_range(part.strip(), text) for part in text.split(",")]
+    if sum(map(len, ranges)) > MOST_FRAMES:
+        raise ValueError(f"frames {_short(text)} are more than {MOST_FRAMES}")
+    if len(ranges) == 1:
+        return list(ranges[0])
+    return list(dict.fromkeys(frame for part in ranges for frame in part))
+
+
+def _range(part: str, text: str) -> range:
+    matched = _PART.fullmatch(part)
+    if not matched:
+        raise ValueError(
+            f"frames {_short(text)} must read like '1-60', '7', '1-100x2' or '1-10,20'; "
+            f"{_short(part)} does not"
+        )
+    first = int(matched[1])
+    last = first if matched[2] is None else int(matched[2])
+    step = 1 if matched[3] is None else int(matched[3])
+    if last < first:
+        raise ValueError(f"frames {part!r} run backwards: write '{last}-{first}'")
+    if step == 0:
+        raise ValueError(f"frames {part!r} have a step of 0; it must be at least 1")
+    return range(first, last + 1, step)
+
+
+def _short(text: str) -> str:
+    return repr(text if len(text) <= 60 else f"{text[:57]}...")
+
+
+@dataclass(frozen=True)
+class Pattern:
+    """Where frames go: a name with one frame token, ``frames/%04d.exr``, or a video.
+
+    Parameters
+    ----------
+    text : str
+        The file name holds exactly one ``%d`` or ``%04d``; folders hold none. The name of a
+        video, which ends in .mp4, .mov, .webm or .mkv, holds none either.
+    inside : str, optional
+        A folder that every frame must lie in, links resolved.
+
+    Raises
+    ------
+    ValueError
+        If the pattern is anything else: empty, another token, two of them, a folder, control
+        characters, or outside `inside`.
+    TypeError
+        If it is not a string or a path.
+    """
+
+    text: str
+    inside: str | None = None
+
+    def __post_init__(self) -> None:
+        text = os.fspath(self.text)
+        if not isinstance(text, str):
+            raise TypeError(f"pattern must be a string or a path, got {self.text!r}")
+        object.__setattr__(self, "text", text)
+        if self.inside is not None:
+            object.__setattr__(self, "inside", os.fspath(self.inside))
+        if not text.strip():
+            raise ValueError("pattern must not be empty")
+        if any(ord(character) < 32 or ord(character) == 127 for character in text):
+            raise ValueError(f"pattern {_short(text)} must not hold control characters")
+        folder, name = os.path.split(text)
+        if name in ("", ".", "..") or "\\" in name:
+            raise ValueError(f"pattern {_short(text)} must end in a file name")
+        if "%" in folder:
+            raise ValueError(f"pattern {_short(text)} must not hold '%' in a folder's name")
+        tokens = name.count("%")
+        if self.is_video:
+            if tokens:
+                raise ValueError(
+                    f"pattern {_short(text)} must not hold '%': a video holds all frames"
+                )
+        elif tokens != 1 or not _TOKEN.search(name):
+            raise ValueError(
+                f"pattern {_short(text)} must hold one frame token, %04d or %d, in its file name"
+            )
+        elif int(_TOKEN.search(name)[1] or 1) not in range(1, 13):  # type: ignore[index]
+            raise ValueError(f"pattern {_short(text)} must ask for 1 to 12 digits")
+        self._check_inside(self.path(0))
+
+    @property
+    def is_video(self) -> bool:
+        """Whether the pattern names a video, which takes all frames."""
+        return self.text.lower().endswith(VIDEO_EXTENSIONS)
+
+    def path(self, frame: int) -> Path:
+        """Return the file of a frame; for a video, the video.
+
+        Raises
+        ------
+        ValueError
+            If `frame` is negative, or the file would lie outside `inside`.
+        TypeError
+            If `frame` is not an integer.
+        """
+        number = operator.index(frame)
+        if number < 0:
+            raise ValueError(f"frame must not be negative, got {number}")
+        path = Path(self.text if self.is_video else self.text % number)
+        self._check_inside(path)
+        return path
+
+    def existing(self) -> list[int]:
+        """Return the frames that are there as files, in ascending order; none for a video."""
+        if self.is_video:
+            return []
+        folder, name = os.path.split(self.text)
+        token = _TOKEN.search(name)
+        assert token is not None  # As __post_init__ made sure.
+        digits = re.compile(
+            f"{re.escape(name[: token.start()])}([0-9]{{1,18}}){re.escape(name[token.end() :])}"
+        )
+        try:
+            names = os.listdir(folder or ".")  # noqa: PTH208 -- names are all that is needed
+        except (FileNotFoundError, NotADirectoryError):
+            return []
+        found = (digits.fullmatch(candidate) for candidate in names)
+        # "7" is not a frame of %04d: only what this pattern would write counts.
+        return sorted(
+            int(match[1]) for match in found if match and name % int(match[1]) == match[0]
+        )
+
+    def _check_inside(self, path: Path) -> None:
+        if self.inside is None:
+            return
+        folder = Path(self.inside).resolve()
+        if folder not in path.resolve().parents:
+            raise ValueError(f"pattern {_short(self.text)} leads outside {self.inside}")

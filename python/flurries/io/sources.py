@@ -1,0 +1,263 @@
+"""Backgrounds: a still, a numbered sequence or a video, all asked for a frame by its number."""
+
+from __future__ import annotations
+
+import ctypes
+import errno
+import operator
+import os
+import threading
+from abc import ABC, abstractmethod
+from collections import OrderedDict
+from pathlib import Path
+from typing import Any
+
+from flurries.io.color import Encoding
+from flurries.io.containers import READABLE
+from flurries.io.decoding import VideoReader
+from flurries.io.headers import read_header
+from flurries.io.pictures import Picture, read_picture
+from flurries.io.sequences import Pattern
+
+# Two eyes ask for the same frame, and a player steps back and forth by one.
+_KEPT = 3
+
+_guard = threading.Lock()
+
+
+def _renew_guard() -> None:
+    """Give a forked child a guard that no vanished thread holds."""
+    global _guard
+    _guard = threading.Lock()
+
+
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(after_in_child=_renew_guard)
+
+
+class Source(ABC):
+    """A background that has a picture for every frame.
+
+    Safe to share between threads, to pickle and to use after a fork: files are opened again where
+    need be. Pictures that it returns are read-only, since the next caller may get the same ones.
+
+    Attributes
+    ----------
+    spec : str
+        What it was opened from, as an absolute path.
+    size : tuple of int
+        (width, height) in px.
+    count : int or None
+        How many frames there are; None for a still.
+    fps : float or None
+        Frames per second of a video.
+    encoding : {"display", "linear"}
+        What the pixels mean.
+    damaged : {"stop", "hold"}
+        What becomes of a frame that cannot be read.
+    """
+
+    spec: str
+    size: tuple[int, int]
+    count: int | None = None
+    fps: float | None = None
+    encoding: Encoding
+    damaged: str
+
+    def __init__(self, spec: str, damaged: str) -> None:
+        self.spec, self.damaged = spec, damaged
+        self._renew()
+
+    def frame(self, i: int) -> Picture:
+        """Return the picture of frame `i`, counted from 0 at the first.
+
+        Before the first frame it is the first, after the end the last, for a still the still.
+
+        Raises
+        ------
+        OSError
+            If the frame is missing or damaged, unless the source holds the last good one.
+        TypeError
+            If `i` is not an integer.
+        """
+        number = max(operator.index(i), 0)
+        number = 0 if self.count is None else min(number, self.count - 1)
+        with self._own_lock():
+            if number in self._kept:
+                self._kept.move_to_end(number)
+                return self._kept[number]
+            picture = self._read_or_hold(number)
+            picture.pixels.flags.writeable = False
+            if picture.alpha is not None:
+                picture.alpha.flags.writeable = False
+            self._kept[number] = picture
+            while len(self._kept) > _KEPT:
+                self._kept.popitem(last=False)
+            return picture
+
+    def close(self) -> None:
+        """Close files and forget pictures; asking for a frame opens them again."""
+        with self._own_lock():
+            self._kept.clear()
+
+    @abstractmethod
+    def _read(self, number: int) -> Picture:
+        """Read the picture of a frame that exists."""
+
+    def _read_or_hold(self, number: int) -> Picture:
+        try:
+            return self._read(number)
+        except (OSError, ValueError) as error:
+            if self.damaged == "stop":
+                raise
+            # The last good frame before it, found by reading backwards and not by remembering, so
+            # that it does not depend on which frames were asked for before.
+            for earlier in range(number - 1, -1, -1):
+                try:
+                    return self._read(earlier)
+                except (OSError, ValueError):
+                    continue
+            raise error
+
+    def _renew(self) -> None:
+        self._lock = threading.Lock()
+        self._process = os.getpid()
+        self._kept: OrderedDict[int, Picture] = OrderedDict()
+
+    def _own_lock(self) -> threading.Lock:
+        """Return the lock; a forked child gets a new one, as a lost thread may hold the old."""
+        with _guard:
+            if self._process != os.getpid():
+                self._renew()
+            return self._lock
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {name: value for name, value in vars(self).items() if not name.startswith("_")}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        vars(self).update(state)
+        self._renew()
+
+
+class StillSource(Source):
+    """One picture for all frames."""
+
+    def __init__(self, spec: str, damaged: str) -> None:
+        super().__init__(spec, damaged)
+        header = read_header(spec)
+        self.size, self.encoding = header.size, header.encoding
+
+    def _read(self, number: int) -> Picture:
+        return read_picture(self.spec)
+
+
+class SequenceSource(Source):
+    """A picture file per frame; frame 0 is the file with the lowest number."""
+
+    def __init__(self, spec: str, damaged: str) -> None:
+        super().__init__(spec, damaged)
+        self.pattern = Pattern(spec)
+        numbers = self.pattern.existing()
+        if not numbers:
+            raise FileNotFoundError(errno.ENOENT, "No frame of this sequence is there", spec)
+        self.first = numbers[0]
+        self.count = numbers[-1] - numbers[0] + 1
+        header = read_header(self.pattern.path(self.first))
+        self.size, self.encoding = header.size, header.encoding
+
+    def _read(self, number: int) -> Picture:
+        frame = self.first + number
+        path = self.pattern.path(frame)
+        if not path.exists():
+            raise FileNotFoundError(errno.ENOENT, f"Frame {frame} is missing", str(path))
+        try:
+            picture = read_picture(path)
+        except OSError as error:
+            raise OSError(f"frame {frame}: {error}") from error
+        except ValueError as error:
+            raise ValueError(f"frame {frame}: {error}") from error
+        if picture.size != self.size or picture.encoding != self.encoding:
+            raise OSError(
+                f"frame {frame}: {path} is {picture.size[0]} x {picture.size[1]} px, "
+                f"{picture.encoding}; the first frame is {self.size[0]} x {self.size[1]} px, "
+                f"{self.encoding}"
+            )
+        return picture
+
+
+class VideoSource(Source):
+    """A video's frames in the order of showing, uint8 RGB."""
+
+    encoding: Encoding = "display"
+    _reader: VideoReader | None
+
+    def __init__(self, spec: str, damaged: str) -> None:
+        super().__init__(spec, damaged)
+        self._reader = reader = VideoReader(spec)
+        assert reader.size is not None  # The reader has decoded the first frame.
+        self.size, self.count, self.fps = reader.size, reader.count, reader.fps
+
+    def close(self) -> None:
+        """Close the file; asking for a frame opens it again."""
+        super().close()
+        with self._own_lock():
+            reader, self._reader = self._reader, None
+            if reader is not None:
+                reader.close()
+
+    def _renew(self) -> None:
+        inherited = getattr(self, "_reader", None)
+        if inherited is not None:
+            # The parent goes on reading through the same open file: the child must neither read
+            # nor free what it inherited, which the parent's thread may have been changing. A
+            # reference that is never given back keeps it out of the garbage collector's reach.
+            ctypes.pythonapi.Py_IncRef(ctypes.py_object(inherited))
+        super()._renew()
+        self._reader = None
+
+    def _read(self, number: int) -> Picture:
+        if self._reader is None:
+            self._reader = VideoReader(self.spec)
+        return Picture(self._reader.frame(number), None, "display", self.spec)
+
+
+def open_background(spec: str | os.PathLike[str], *, damaged: str = "stop") -> Source:
+    """Open a background: a picture, a numbered sequence of pictures, or a video.
+
+    Parameters
+    ----------
+    spec : str or path
+        ``plate.exr``, ``plate.%04d.png`` or ``plate.mov``. A sequence starts at the lowest number
+        that is there.
+    damaged : {"stop", "hold"}
+        Whether a frame that is missing or damaged is an error, or the last good frame before it
+        stands in for it.
+
+    Returns
+    -------
+    Source
+        With `size`, `count`, `fps`, `encoding` and ``frame(i)``.
+
+    Raises
+    ------
+    FileNotFoundError
+        If there is no such file, or no frame of the sequence.
+    OSError
+        If the file, or the first frame, is damaged.
+    ValueError
+        If it is not a picture or video of a known format, or the pattern is not one.
+    """
+    text = os.fspath(spec)
+    if not isinstance(text, str):
+        raise TypeError(f"background must be a string or a path, got {type(spec).__name__}")
+    if not text or "\0" in text:
+        raise ValueError(f"background must name a file, got {text!r}")
+    if damaged not in ("stop", "hold"):
+        raise ValueError(f"damaged must be 'stop' or 'hold', got {damaged!r}")
+    path = Path(text).absolute()
+    # A file whose own name holds a '%' is that file.
+    if "%" in path.name and not path.exists():
+        return SequenceSource(str(path), damaged)
+    if path.suffix.lower() in READABLE:
+        return VideoSource(str(path), damaged)
+    return StillSource(str(path), damaged)
