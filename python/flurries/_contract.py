@@ -20,6 +20,11 @@ Float64: TypeAlias = npt.NDArray[np.float64]
 # More elements are refused before anything is allocated: 2^33 float32 are 32 GiB.
 MOST_ELEMENTS = 2**33
 
+# Vectors, lengths and times up to here, and lengths that divide from its inverse on, have finite
+# products of three; no geometry of a picture comes near either.
+LARGEST = 1e100
+SMALLEST = 1e-100
+
 
 def _came(value: object) -> str:
     """Say what came, in a few words."""
@@ -164,12 +169,20 @@ def table(name: str, value: object, *, ndim: int | None = 2, finite: bool = True
     return array
 
 
+def moderate(name: str, array: Float64) -> Float64:
+    """Refuse magnitudes whose products could overflow: beyond `LARGEST` nothing has a meaning."""
+    if array.size and max(array.max(), -array.min()) > LARGEST:
+        worst = array.flat[np.abs(array).argmax()]
+        raise ValueError(f"{name} must not exceed {LARGEST:g} in magnitude, got {worst:g}")
+    return array
+
+
 def vector(name: str, value: object, length: int) -> Float64:
-    """Return a finite float64 vector of the given length."""
+    """Return a finite float64 vector of the given length, of at most `LARGEST`."""
     array = table(name, value, ndim=None)
     if array.shape != (length,):
         raise ValueError(f"{name} must be {length} numbers, got {_came(value)}")
-    return array
+    return moderate(name, array)
 
 
 def pixels(name: str, value: object, *, ndim: int) -> tuple[Array, np.dtype[Any]]:

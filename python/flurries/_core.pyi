@@ -5,6 +5,32 @@ import numpy.typing as npt
 
 from flurries.spectral.frame import Request
 
+__all__ = [
+    "InternalError",
+    "advance_phase",
+    "all_finite",
+    "band_amplitude",
+    "blend_tiles",
+    "field",
+    "inverse_transform",
+    "join",
+    "opacity",
+    "over",
+    "panic_for_test",
+    "particle_edge_fade",
+    "particle_positions",
+    "particle_splat",
+    "particle_sway_offsets",
+    "random_phase",
+    "set_threads",
+    "snow",
+    "temporal_filter",
+    "tent_rate",
+    "threads",
+    "tile_starts",
+    "uniform",
+]
+
 _Array = npt.NDArray[Any]
 _Float64 = npt.NDArray[np.float64]
 _Map = tuple[float, float, float, float]

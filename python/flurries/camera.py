@@ -13,7 +13,17 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from flurries._contract import Float64, output, real, shape_of, table, tile_of, vector
+from flurries._contract import (
+    LARGEST,
+    SMALLEST,
+    Float64,
+    output,
+    real,
+    shape_of,
+    table,
+    tile_of,
+    vector,
+)
 from flurries.spectral.tiles import tile_starts
 
 __all__ = ["Camera", "image_velocity", "project", "tile_drift"]
@@ -51,7 +61,7 @@ class Camera:
 
     def __post_init__(self) -> None:
         settle = object.__setattr__
-        settle(self, "focal", real("focal", self.focal, above=0.0))
+        settle(self, "focal", real("focal", self.focal, low=SMALLEST, high=LARGEST))
         if self.center is not None:
             settle(self, "center", tuple(vector("center", self.center, 2).tolist()))
         settle(self, "offset", tuple(vector("offset", self.offset, 3).tolist()))
@@ -220,7 +230,7 @@ def tile_drift(
     """
     size = shape_of("shape", shape)
     view = _expect_camera(camera)
-    near = real("near_depth", near_depth, above=0.0)
+    near = real("near_depth", near_depth, low=SMALLEST)
     (tile_height, tile_width), shared = tile_of(tile, overlap)
     p = vector("displacement", displacement, 3) + np.array(view.offset)
     cx, cy = view.principal(size)

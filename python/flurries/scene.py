@@ -320,7 +320,8 @@ def effect_seed(seed: int, index: int) -> int:
 
 
 def _unit(picture: Array) -> Array:
-    return picture.astype(np.float32) / np.float32(np.iinfo(picture.dtype).max)
+    unit: Array = picture.astype(np.float32) / np.float32(np.iinfo(picture.dtype).max)
+    return unit
 
 
 def _snow_over(background: Array, alpha: Array, colour: list[float]) -> Array:

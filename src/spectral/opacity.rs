@@ -38,7 +38,9 @@ impl Opacity {
 
     /// Maps a row; `lift` is added before the amount and the upper clip (see [`Self::mean_of`]).
     pub fn map_row<T: Real>(&self, field: &[T], lift: Option<&[T]>, out: &mut [T]) {
-        let (mean, scale) = (T::of(self.mean), T::of(0.5 / self.spread));
+        // A vanishing spread is a threshold: the largest factor, since infinity times 0 is NaN.
+        let scale = T::of((0.5 / self.spread).min(T::max_value().wide()));
+        let mean = T::of(self.mean);
         let amount = T::of(self.amount);
         let clip = |z: T| (mean + z * scale).max(T::zero()).min(T::one());
         // The three powers that people use avoid the general one, which costs ten times as much.

@@ -125,8 +125,8 @@ class Snow:
     blend: str = "power"
     alias: str = "soft"
     jitter: bool = False
-    flakes: int = 6000
-    flake_size: tuple[float, float] = (0.006, 0.016)
+    flakes: int = 8000
+    flake_size: tuple[float, float] = (0.008, 0.024)
     flake_opacity: Number = 0.9
     sway: tuple[float, float] = (0.02, 4.0)
     seed: int | None = None

@@ -8,15 +8,16 @@ from typing import Any
 
 @lru_cache(maxsize=1)
 def openimageio() -> Any:
-    """Import OpenImageIO and return the module.
+    """Import OpenImageIO and return the module, without its threads.
 
-    Its OpenEXR writer hands scanlines to a global pool of threads. A forked child inherits the pool
-    without its threads and waits for them for ever, which is what a data loader's workers would
-    do. So OpenEXR compresses in the calling thread, which also releases the GIL: several frames in
-    several threads use all cores.
+    Its pools of threads are global, and a forked child inherits them without the threads: writing
+    an EXR then waits for ever, and so does the end of the process. Workers of data loaders are such
+    children. So everything happens in the calling thread, which lets go of the GIL: several frames
+    in several threads still use all cores.
     """
     import OpenImageIO as library
 
+    library.attribute("threads", 1)
     library.attribute("exr_threads", -1)
     return library
 

@@ -9,11 +9,13 @@ import numpy.typing as npt
 
 from flurries import _core
 from flurries._contract import (
+    LARGEST,
     Array,
     Float64,
     choice,
     flag,
     float_dtype,
+    moderate,
     output,
     real,
     seed_of,
@@ -21,7 +23,7 @@ from flurries._contract import (
     table,
     tile_of,
 )
-from flurries.spectral.tables import ALIAS, band_of, warn_long
+from flurries.spectral.tables import ALIAS, band_of, warn_far, warn_long
 from flurries.spectral.tiles import BLEND, opacity_map
 
 
@@ -53,7 +55,7 @@ _ZERO = np.zeros((1, 1, 1, 2))
 
 def _vectors(name: str, value: object, rings: int | None) -> Float64:
     """Return (rows or 1, cols or 1, rings or 1, 2) from any of the shapes that api.md allows."""
-    array = table(name, value, ndim=None)
+    array = moderate(name, table(name, value, ndim=None))
     ringed = rings is not None
     if array.ndim == 1 and array.shape == (2,):
         return array.reshape(1, 1, 1, 2)
@@ -108,11 +110,13 @@ def request(
             )
         rings = len(edges) - 1
     law = choice("alias", alias, ALIAS)
-    exposure = real("shutter", shutter, low=0.0)
+    exposure = real("shutter", shutter, low=0.0, high=LARGEST)
     if velocity is None and (law != "keep" or exposure > 0.0):
         raise ValueError(f"velocity is needed for alias={law!r} and shutter={exposure:g}, got None")
     limits = None if shortest is None else table("shortest", shortest)
-    warn_long(tile_size, band)
+    warn_long(tile_size, band, stacklevel=4)
+    offsets = _vectors("drift", drift, rings)
+    warn_far(float(np.abs(offsets).max()) / band[1] if band[1] > 0.0 else 0.0, stacklevel=4)
     return Request(
         shape=size,
         tile=tile_size,
@@ -123,7 +127,7 @@ def request(
         seed=seed_of(seed),
         jitter=flag("jitter", jitter),
         ring_edges=edges,
-        drift=_vectors("drift", drift, rings),
+        drift=offsets,
         shift=_vectors("shift", shift, None),
         velocity=_ZERO if velocity is None else _vectors("velocity", velocity, rings),
         shift_rate=_ZERO if shift_rate is None else _vectors("shift_rate", shift_rate, None),

@@ -10,6 +10,8 @@ import numpy.typing as npt
 
 from flurries import _core
 from flurries._contract import (
+    LARGEST,
+    SMALLEST,
     Float64,
     choice,
     flag,
@@ -25,6 +27,9 @@ from flurries._contract import (
 ALIAS = ("cut", "soft", "keep")
 FLOAT64 = np.dtype(np.float64)
 
+# Cycles of drift up to which phases are right to 2e-5 cycles; at 1e16 nothing is left of them.
+FAR = 1e12
+
 
 def band_of(wavelengths: object) -> tuple[float, float]:
     low, high = vector("wavelengths", wavelengths, 2)
@@ -32,7 +37,7 @@ def band_of(wavelengths: object) -> tuple[float, float]:
 
 
 def _cycles(name: str, value: object, wavelength_max: object) -> list[float]:
-    longest = real("wavelength_max", wavelength_max, above=0.0)
+    longest = real("wavelength_max", wavelength_max, low=SMALLEST, high=LARGEST)
     return [float(v) / longest for v in vector(name, value, 2)]
 
 
@@ -101,8 +106,9 @@ def velocity_from_paper(
     (vx, vy) : tuple of float
         Pixels per frame of the longest wave, ``C / period * wavelength_max * (cos, sin)``.
     """
-    frames = real("period", period, above=0.0)
-    speed = real("C", C) / frames * real("wavelength_max", wavelength_max, above=0.0)
+    frames = real("period", period, low=SMALLEST)
+    longest = real("wavelength_max", wavelength_max, low=SMALLEST, high=LARGEST)
+    speed = real("C", C, low=-LARGEST, high=LARGEST) / frames * longest
     angle = real("theta", theta)
     return speed * math.cos(angle), speed * math.sin(angle)
 
@@ -158,13 +164,24 @@ def band_amplitude(
     return result
 
 
-def warn_long(tile: tuple[int, int], band: tuple[float, float]) -> None:
+def warn_long(tile: tuple[int, int], band: tuple[float, float], *, stacklevel: int = 3) -> None:
+    """Warn the public function's caller, `stacklevel` frames up, of waves that do not exist."""
     if band[1] > max(tile):
         warnings.warn(
             f"wavelengths asks for waves up to {band[1]:g} px, but a tile of {tile[0]} x {tile[1]} "
             f"px holds none longer than {max(tile)} px",
             UserWarning,
-            stacklevel=3,
+            stacklevel=stacklevel,
+        )
+
+
+def warn_far(cycles: float, *, stacklevel: int = 3) -> None:
+    """Warn where float64 no longer holds the phase: the drift counts in whole cycles, too."""
+    if cycles > FAR:
+        warnings.warn(
+            f"drift is {cycles:.1e} cycles: phases are off by more than 1e-5 cycles beyond {FAR:g}",
+            UserWarning,
+            stacklevel=stacklevel,
         )
 
 
@@ -242,6 +259,7 @@ def advance_phase(
     start = table("phase", phase)
     size = shape_of("phase", start.shape)
     cycles = _cycles("drift", drift, wavelength_max)
+    warn_far(max(map(abs, cycles)))
     plane = vector("shift", shift, 2)
     result = output(out, size, FLOAT64, start)
     _core.advance_phase(result, start, cycles, plane.tolist())
@@ -298,7 +316,7 @@ def temporal_filter(
     plane = vector("shift_rate", shift_rate, 2)
     law = choice("alias", alias, ALIAS)
     start = real("soft_from", soft_from)
-    exposure = real("shutter", shutter, low=0.0)
+    exposure = real("shutter", shutter, low=0.0, high=LARGEST)
     restore = flag("renormalise", renormalise)
     result = output(out, size, FLOAT64, given)
     _core.temporal_filter(result, given, drift, plane.tolist(), law, start, exposure, restore)

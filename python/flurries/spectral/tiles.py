@@ -55,7 +55,11 @@ def inverse_transform(
     size = shape_of("amplitude", waves.shape)
     if turns.shape != size:
         raise ValueError(f"phase must have the shape of amplitude, {size}, got {turns.shape}")
-    result = output(out, size, float_dtype(dtype), waves, turns)
+    precision = float_dtype(dtype)
+    # Twice, since the kernel's partial sums may be larger than the field.
+    if 2.0 * float(np.abs(waves).sum()) > float(np.finfo(precision).max):
+        raise ValueError(f"amplitude must have a sum that {precision} can hold")
+    result = output(out, size, precision, waves, turns)
     _core.inverse_transform(result, waves, turns)
     return result
 

@@ -1,0 +1,65 @@
+# make demo    set up and render the demo's films and stills into demo/
+# make test    set up, lint, and run all tests
+# make bench   print the speeds that the README quotes
+#
+# Both make a virtual environment in .venv and need Python 3.10 or newer, a Rust toolchain and the
+# package registries. PYTHON=python3.12 make test chooses another Python.
+
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+WORKERS ?= 2
+
+RUST := $(shell find src crates -name '*.rs' 2>/dev/null) Cargo.toml crates/fft/Cargo.toml pyproject.toml
+
+.PHONY: demo test lint bench looks frames clean requirements
+
+demo: $(VENV)/.installed
+	$(BIN)/flurries demo --output demo
+
+test: lint
+	cargo test --workspace --quiet
+	$(BIN)/python -m pytest -n $(WORKERS) --dist worksteal --quiet
+
+lint: $(VENV)/.tools
+	cargo fmt --all --check
+	cargo clippy --workspace --all-targets --quiet -- --deny warnings
+	cargo clippy --all-targets --features python --quiet -- --deny warnings
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+	$(BIN)/stubtest flurries._core --mypy-config-file pyproject.toml
+
+bench: $(VENV)/.tools
+	$(BIN)/python benches/speed.py
+
+# Reference frames come from the tests' independent twin, never from the kernels.
+frames: $(VENV)/.tools
+	$(BIN)/python tests/make_frames.py
+
+clean:
+	rm -rf $(VENV) target demo dist
+
+requirements:
+	@command -v $(PYTHON) >/dev/null || { echo "missing: $(PYTHON) (Python 3.10 or newer)"; exit 1; }
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 10))' \
+		|| { echo "missing: Python 3.10 or newer; $(PYTHON) is $$($(PYTHON) --version)"; exit 1; }
+	@$(PYTHON) -c 'import venv, ensurepip' 2>/dev/null \
+		|| { echo "missing: the venv module (on Debian: apt install python3-venv)"; exit 1; }
+	@command -v cargo >/dev/null \
+		|| { echo "missing: cargo (a Rust toolchain, 1.85 or newer: https://rustup.rs)"; exit 1; }
+
+$(VENV)/.made: | requirements
+	$(PYTHON) -m venv $(VENV)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check 'maturin>=1.16,<2'
+	touch $@
+
+$(VENV)/.installed: $(VENV)/.made $(RUST)
+	$(BIN)/maturin develop --release --quiet
+	touch $@
+
+$(VENV)/.tools: $(VENV)/.installed
+	@cargo clippy --version >/dev/null 2>&1 && cargo fmt --version >/dev/null 2>&1 \
+		|| { echo "missing: clippy and rustfmt (rustup component add clippy rustfmt)"; exit 1; }
+	$(BIN)/maturin develop --release --quiet --extras test,lint
+	touch $@

@@ -1,0 +1,17 @@
+"""What the tests share: the default number of threads comes back after a test that changed it."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterator
+
+import pytest
+
+
+@pytest.fixture
+def threads() -> Iterator[Callable[[int], None]]:
+    """`fl.set_threads`, undone at the end."""
+    import flurries as fl  # not at the top: the twin's own tests must run without the kernels
+
+    yield fl.set_threads
+    fl.set_threads(max(1, min(os.cpu_count() or 1, 256)))

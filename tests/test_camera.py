@@ -1,0 +1,335 @@
+"""The camera: where points are seen, how their images move, and the drift of every tile."""
+
+from __future__ import annotations
+
+import dataclasses
+import warnings
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+import flurries as fl
+import twin
+
+SHAPE = (480, 640)
+CAMERAS: dict[str, dict[str, Any]] = {
+    "plain": {"focal": 600.0},
+    "centre": {"focal": 500.0, "center": (100.0, 333.5)},
+    "eye": {"focal": 700.0, "offset": (0.3, -0.1, 0.05)},
+    "convergence": {"focal": 600.0, "center_shift": (12.5, -3.0)},
+    "turned": {"focal": 400.0, "rotation": (0.3, -0.5, 0.2)},
+    "all": {
+        "focal": 450.0, "center": (300.0, 200.0), "offset": (0.2, 0.1, -0.3),
+        "center_shift": (5.0, 6.0), "rotation": (-0.2, 0.4, 1.1),
+    },
+}  # fmt: skip
+
+
+def both(name: str) -> tuple[fl.camera.Camera, twin.Camera]:
+    return fl.camera.Camera(**CAMERAS[name]), twin.Camera(**CAMERAS[name])
+
+
+def points(count: int = 50) -> np.ndarray:
+    """Points all around, some of them behind."""
+    return np.random.default_rng(2).uniform(-5.0, 5.0, (count, 3))
+
+
+@pytest.mark.parametrize("name", CAMERAS)
+def test_project_is_the_twins(name: str):
+    camera, slow = both(name)
+    px, depth = fl.camera.project(points(), camera, SHAPE)
+    want_px, want_depth = twin.project(points(), slow, SHAPE)
+    assert px.shape == (50, 2) and depth.shape == (50,)
+    assert px.dtype == depth.dtype == np.float64
+    assert np.abs(depth - want_depth).max() < 1e-14
+    # eps times the size of a pixel coordinate times the condition |p|/z of the division
+    near = want_depth > 0.0
+    assert 5 < np.sum(near) < 45
+    assert np.allclose(px[near], want_px[near], rtol=1e-12, atol=1e-9)
+    assert np.all(np.isnan(px[depth <= 0.0]))
+
+
+def test_project_by_hand():
+    # x right, y down, z forward; the centre of the picture is (W/2, H/2).
+    camera = fl.camera.Camera(100.0)
+    seen = [(0.0, 0.0, 2.0), (1.0, 0.0, 2.0), (0.0, 1.0, 4.0), (0.0, 0.0, 0.0), (0.0, 0.0, -1.0)]
+    px, depth = fl.camera.project(seen, camera, (200, 300))
+    assert np.array_equal(px[:3], [(150.0, 100.0), (200.0, 100.0), (150.0, 125.0)])
+    assert np.all(np.isnan(px[3:]))
+    assert np.array_equal(depth, [2.0, 2.0, 4.0, 0.0, -1.0])
+
+
+def test_a_camera_that_turns_right_sees_things_move_left():
+    # Right-handed about y (down): the view turns from z towards x.
+    turned = fl.camera.Camera(100.0, rotation=(0.0, 0.1, 0.0))
+    px, _ = fl.camera.project([(0.0, 0.0, 2.0)], turned, (200, 300))
+    assert px[0] == pytest.approx((150.0 - 100.0 * np.tan(0.1), 100.0), abs=1e-12)
+
+
+def test_second_eye_and_convergence():
+    right = fl.camera.Camera(600.0, offset=(0.065, 0.0, 0.0), center_shift=(4.0, 0.0))
+    px, _ = fl.camera.project([(0.0, 0.0, 3.0)], right, SHAPE)
+    assert px[0] == pytest.approx((320.0 - 600.0 * 0.065 / 3.0 + 4.0, 240.0), abs=1e-12)
+
+
+@pytest.mark.parametrize("turn", [1e-12, 1e-9, 1e-6, np.pi, 7.0])
+def test_small_and_large_turns(turn: float):
+    # The rotation matrix at angles where a careless formula divides 0 by 0.
+    camera = fl.camera.Camera(100.0, rotation=(0.6 * turn, 0.0, 0.8 * turn))
+    seen, depth = fl.camera.project([(0.3, -0.2, 5.0)], camera, SHAPE)
+    want = Rotation.from_rotvec((0.6 * turn, 0.0, 0.8 * turn)).inv().apply([(0.3, -0.2, 5.0)])[0]
+    assert depth[0] == pytest.approx(want[2], abs=1e-14)
+    if want[2] > 0.0:
+        pixel = (320.0 + 100.0 * want[0] / want[2], 240.0 + 100.0 * want[1] / want[2])
+        assert seen[0] == pytest.approx(pixel, abs=1e-11)
+    else:
+        assert np.all(np.isnan(seen))
+
+
+@pytest.mark.parametrize("omega", [(0.0, 0.0, 0.0), (0.01, -0.02, 0.005)])
+@pytest.mark.parametrize("name", CAMERAS)
+def test_image_velocity_is_the_twins(name: str, omega):
+    camera, slow = both(name)
+    random = np.random.default_rng(3)
+    where, depth = random.uniform(0, 640, (20, 2)), random.uniform(1, 20, 20)
+    arguments = (where, depth, (0.1, -0.2, 0.4))
+    got = fl.camera.image_velocity(*arguments, camera, SHAPE, rotation=omega)
+    assert got.shape == (20, 2) and got.dtype == np.float64
+    assert np.abs(got - twin.image_velocity(*arguments, slow, SHAPE, rotation=omega)).max() < 1e-11
+
+
+@pytest.mark.parametrize("omega", [(0.0, 0.0, 0.0), (0.02, 0.0, 0.0), (0.01, -0.02, 0.03)])
+@pytest.mark.parametrize("velocity", [(0.3, 0.0, 0.0), (0.0, -0.2, 0.5), (0.1, 0.2, -0.4)])
+@pytest.mark.parametrize("name", CAMERAS)
+def test_image_velocity_is_the_derivative_of_project(name: str, velocity, omega):
+    # Camera minus flake: the points go the other way while the camera turns about its own axes.
+    # Central differences with h = 1e-4 err by h^2 times a third derivative of order 10 px.
+    given = CAMERAS[name]
+    start = Rotation.from_rotvec(given.get("rotation", (0.0, 0.0, 0.0)))
+    camera = fl.camera.Camera(**given)
+    ahead = np.random.default_rng(4).uniform((-1, -1, 3), (1, 1, 9), (20, 3))
+    ahead = start.apply(ahead)
+    pixels, depth = fl.camera.project(ahead, camera, SHAPE)
+    moved = []
+    for t in (1e-4, -1e-4):
+        turned = (start * Rotation.from_rotvec(np.multiply(omega, t))).as_rotvec()
+        later = fl.camera.Camera(**{**given, "rotation": tuple(turned)})
+        moved.append(fl.camera.project(ahead - np.multiply(velocity, t), later, SHAPE)[0])
+    difference = (moved[0] - moved[1]) / 2e-4
+    got = fl.camera.image_velocity(pixels, depth, velocity, camera, SHAPE, rotation=omega)
+    assert np.abs(difference).max() > 1.0
+    assert np.abs(got - difference).max() < 1e-6
+
+
+def test_still_snow_and_falling_snow():
+    camera = fl.camera.Camera(600.0)
+    still = fl.camera.image_velocity([(10.0, 20.0)], [3.0], (0.0, 0.0, 0.0), camera, SHAPE)
+    assert np.array_equal(still, [(0.0, 0.0)])
+    # Falling snow is a camera that rises: 0.5 down at depth 3 is 100 px down.
+    falling = fl.camera.image_velocity([(10.0, 20.0)], [3.0], (0.0, -0.5, 0.0), camera, SHAPE)
+    assert falling[0] == pytest.approx((0.0, 100.0), abs=1e-12)
+
+
+def test_speed_is_inversely_proportional_to_depth():
+    camera = fl.camera.Camera(600.0)
+    depth = np.geomspace(1.0, 1e4, 30)
+    where = np.full((30, 2), 77.0)
+    speed = fl.camera.image_velocity(where, depth, (0.2, 0.1, 0.6), camera, SHAPE)
+    slope = np.polyfit(np.log(depth), np.log(np.hypot(*speed.T)), 1)[0]
+    assert slope == pytest.approx(-1.0, abs=1e-12)
+
+
+@pytest.mark.parametrize(("tile", "overlap"), [(64, 10), (64, 0), (48, 47), (31, 10), (512, 10)])
+@pytest.mark.parametrize("name", CAMERAS)
+def test_tile_drift_is_the_twins(name: str, tile: int, overlap: int):
+    camera, slow = both(name)
+    options = {"near_depth": 3.0, "tile": tile, "overlap": overlap}
+    shape = (100, 130) if overlap == 47 else SHAPE
+    got = fl.camera.tile_drift(shape, (0.5, -2.0, 1.0), camera, **options)
+    want = twin.tile_drift(shape, (0.5, -2.0, 1.0), slow, **options)
+    assert got.shape == want.shape and got.dtype == np.float64
+    assert np.abs(got - want).max() < 1e-12 * np.abs(want).max()
+
+
+def test_tile_drift_default_tiles():
+    camera = fl.camera.Camera(600.0)
+    spelled = fl.camera.tile_drift(SHAPE, (1, 2, 3), camera, near_depth=3.0, tile=64, overlap=10)
+    assert np.array_equal(fl.camera.tile_drift(SHAPE, (1, 2, 3), camera, near_depth=3.0), spelled)
+
+
+@pytest.mark.parametrize("wavelength", [32.0, 16.0, 5.0])
+def test_a_wave_moves_like_a_particle_at_its_depth(wavelength: float):
+    # Section 8: lambda = f S/Z, so that the wave's speed is Eq. 8 at Z = Z_near lam_max/lambda.
+    camera = fl.camera.Camera(600.0, center_shift=(3.0, -8.0))
+    velocity = (0.02, -0.05, 0.08)
+    drift = fl.camera.tile_drift(SHAPE, velocity, camera, near_depth=3.0)
+    y, x = (twin.tile_starts(n) + 32.0 for n in SHAPE)
+    centres = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
+    depth = np.full(len(centres), 3.0 * 32.0 / wavelength)
+    speed = fl.camera.image_velocity(centres, depth, velocity, camera, SHAPE)
+    assert np.abs(speed - drift.reshape(-1, 2) * wavelength / 32.0).max() < 1e-12
+
+
+def angle_between(got: np.ndarray, want: np.ndarray) -> np.ndarray:
+    cross = got[..., 0] * want[..., 1] - got[..., 1] * want[..., 0]
+    return np.abs(np.arctan2(cross, np.sum(got * want, axis=-1)))
+
+
+PATHS = {
+    "inside": (0.01, -0.02, 0.4),
+    "on the border": (0.4 * 320.0 / 600.0, 0.0, 0.4),
+    "outside": (2.0, 1.0, 0.4),
+    "at infinity": (0.3, -0.2, 0.0),
+    "nearly at infinity": (0.3, -0.2, 1e-310),
+    "behind": (0.01, -0.02, -0.4),
+}
+
+
+@pytest.mark.parametrize("path", PATHS)
+def test_tile_directions(path: str):
+    # Each tile within 1e-12 rad of Eq. 8 taken at its centre, wherever the focus of expansion is.
+    tx, ty, tz = (np.longdouble(v) for v in PATHS[path])
+    y, x = np.meshgrid(twin.tile_starts(480) + 32.0 - 240.0, twin.tile_starts(640) + 32.0 - 320.0,
+                       indexing="ij")  # fmt: skip
+    want = np.stack([tz * x - 600 * tx, tz * y - 600 * ty], axis=-1)
+    got = fl.camera.tile_drift(SHAPE, PATHS[path], fl.camera.Camera(600.0), near_depth=3.0)
+    assert np.isfinite(got).all()
+    assert angle_between(got, want).max() < 1e-12
+    # Negative control: the paper's plain arctan, and a direction without the sign of Tz, fail
+    # wherever some tile moves left.
+    plain = np.arctan(want[..., 1] / want[..., 0])
+    plain = np.stack([np.cos(plain), np.sin(plain)], axis=-1)
+    assert (angle_between(got, plain).max() < 1e-12) == bool(np.all(want[..., 0] > 0.0))
+
+
+def test_no_forward_motion_is_the_limit():
+    # Tz -> 0: drift -f (Tx, Ty)/Z_near in every tile.
+    camera = fl.camera.Camera(600.0)
+    for tz in (0.0, 1e-310, -1e-310):
+        got = fl.camera.tile_drift(SHAPE, (0.5, -0.25, tz), camera, near_depth=3.0)
+        assert np.array_equal(got, np.broadcast_to((-100.0, 50.0), got.shape))
+
+
+def test_backwards_is_reversed():
+    camera = fl.camera.Camera(600.0)
+    ahead = fl.camera.tile_drift(SHAPE, (0.1, 0.2, 0.5), camera, near_depth=3.0)
+    back = fl.camera.tile_drift(SHAPE, (-0.1, -0.2, -0.5), camera, near_depth=3.0)
+    assert np.array_equal(back, -ahead)
+
+
+def test_tile_on_the_focus_of_expansion_stands():
+    camera = fl.camera.Camera(600.0, center=(32.0, 32.0 + 54.0))
+    got = fl.camera.tile_drift(SHAPE, (0.0, 0.0, 0.7), camera, near_depth=3.0)
+    assert np.array_equal(got[1, 0], (0.0, 0.0))
+    assert np.all(np.hypot(*np.moveaxis(got, -1, 0))[2:] > 0.0)
+
+
+def test_drift_is_linear_in_the_displacement():
+    # So the phase is a function of the camera's position, and a closed path ends where it began.
+    camera = fl.camera.Camera(600.0)
+    one = fl.camera.tile_drift(SHAPE, (0.5, 0.25, 1.0), camera, near_depth=2.0)
+    two = fl.camera.tile_drift(SHAPE, (-0.25, 1.0, 3.0), camera, near_depth=2.0)
+    sum_ = fl.camera.tile_drift(SHAPE, (0.25, 1.25, 4.0), camera, near_depth=2.0)
+    assert np.abs(one + two - sum_).max() < 1e-11
+    assert not np.any(fl.camera.tile_drift(SHAPE, (0.0, 0.0, 0.0), camera, near_depth=2.0))
+
+
+def test_second_eye_is_a_displacement():
+    # Section 9: the right eye's drift is less by K lam_max = f b/Z_near, here 13 px.
+    one = fl.camera.tile_drift(SHAPE, (0.1, 0.2, 0.5), fl.camera.Camera(600.0), near_depth=3.0)
+    right = fl.camera.Camera(600.0, offset=(0.065, 0.0, 0.0))
+    other = fl.camera.tile_drift(SHAPE, (0.1, 0.2, 0.5), right, near_depth=3.0)
+    assert np.abs(other - one - (-13.0, 0.0)).max() < 1e-12
+
+
+def test_tile_drift_into_out():
+    camera = fl.camera.Camera(600.0)
+    want = fl.camera.tile_drift(SHAPE, (1, 2, 3), camera, near_depth=3.0)
+    out = np.full(want.shape, np.nan)
+    assert fl.camera.tile_drift(SHAPE, (1, 2, 3), camera, near_depth=3.0, out=out) is out
+    assert np.array_equal(out, want)
+    for wrong in (np.empty(want.shape, np.float32), np.empty((2, 2, 2)), np.empty(want.shape[:2])):
+        with pytest.raises((TypeError, ValueError), match="out"):
+            fl.camera.tile_drift(SHAPE, (1, 2, 3), camera, near_depth=3.0, out=wrong)
+
+
+def test_camera_is_frozen_and_comparable():
+    camera = fl.camera.Camera(600.0, offset=(1, 2, 3))
+    with pytest.raises(dataclasses.FrozenInstanceError):
+        camera.focal = 1.0
+    assert camera == fl.camera.Camera(600, offset=[1.0, 2.0, 3.0])
+    assert camera != fl.camera.Camera(600.0)
+    assert camera.offset == (1.0, 2.0, 3.0) and camera.center is None
+
+
+NAN, INF = float("nan"), float("inf")
+PX, AT = [(1.0, 2.0)], [3.0]
+
+
+@pytest.mark.parametrize("bad", [NAN, INF, -INF])
+@pytest.mark.parametrize(
+    ("argument", "size"), [("focal", 0), ("center", 2), ("offset", 3), ("center_shift", 2),
+                           ("rotation", 3)]
+)  # fmt: skip
+def test_camera_refuses_what_is_not_finite(argument: str, size: int, bad: float):
+    value = (0.0,) * (size - 1) + (bad,) if size else bad
+    with pytest.raises(ValueError, match=argument):
+        fl.camera.Camera(**{"focal": 600.0, argument: value})
+
+
+@pytest.mark.parametrize(
+    ("argument", "value"),
+    [("focal", 0.0), ("focal", -1.0), ("focal", "600"), ("focal", None), ("center", (1.0,)),
+     ("center", 3.0), ("offset", (1.0, 2.0)), ("offset", None), ("center_shift", (1, 2, 3)),
+     ("rotation", 0.1), ("rotation", np.eye(3))],
+)  # fmt: skip
+def test_camera_refuses_what_is_wrong(argument: str, value: Any):
+    with pytest.raises((TypeError, ValueError), match=argument):
+        fl.camera.Camera(**{"focal": 600.0, argument: value})
+
+
+C = fl.camera.Camera(600.0)
+
+
+def velocity_at(camera: Any, **options: Any) -> np.ndarray:
+    return fl.camera.image_velocity(PX, AT, (0, 0, 1), camera, SHAPE, **options)
+
+
+def drift_of(camera: Any, **options: Any) -> np.ndarray:
+    return fl.camera.tile_drift(SHAPE, (0, 0, 1), camera, **options)
+
+
+@pytest.mark.parametrize(
+    ("argument", "call"),
+    [
+        *[("points", lambda b=b: fl.camera.project(b, C, SHAPE))
+          for b in ([(1.0, 2.0)], [1.0, 2.0, 3.0], [(1, 2, NAN)], [(INF, 2, 3)], "x", None)],
+        *[("camera", lambda b=b: fl.camera.project([(1, 2, 3)], b, SHAPE)) for b in (600.0, None)],
+        *[("camera", lambda b=b: velocity_at(b)) for b in (600.0, None)],
+        *[("camera", lambda b=b: drift_of(b, near_depth=3.0)) for b in (600.0, None)],
+        *[("shape", lambda b=b: fl.camera.project([(1, 2, 3)], C, b)) for b in ((0, 3), 7, (1,))],
+        *[("points_px", lambda b=b: fl.camera.image_velocity(b, AT, (0, 0, 1), C, SHAPE))
+          for b in ([(1, 2, 3)], [(NAN, 1)], [1, 2])],
+        *[("depth", lambda b=b: fl.camera.image_velocity(PX, b, (0, 0, 1), C, SHAPE))
+          for b in ([NAN], [INF], [0.0], [-1.0], [1.0, 2.0], "x")],
+        *[("velocity", lambda b=b: fl.camera.image_velocity(PX, AT, b, C, SHAPE))
+          for b in ((0, 0), (0, 0, NAN), 1.0, [[0, 0, 1], [0, 0, 1]])],
+        *[("rotation", lambda b=b: velocity_at(C, rotation=b))
+          for b in ((0, 0), (INF, 0, 0), None)],
+        *[("displacement", lambda b=b: fl.camera.tile_drift(SHAPE, b, C, near_depth=3.0))
+          for b in ((0, 0), (NAN, 0, 0), (0, 0, INF), None)],
+        *[("near_depth", lambda b=b: drift_of(C, near_depth=b))
+          for b in (0.0, -1.0, NAN, INF, None)],
+        *[("tile", lambda b=b: drift_of(C, near_depth=3.0, tile=b))
+          for b in (0, -3, 64.0, NAN)],
+        *[("overlap", lambda b=b: drift_of(C, near_depth=3.0, overlap=b))
+          for b in (-1, 64, 0.5)],
+    ],
+)  # fmt: skip
+def test_bad_arguments_are_refused_by_name(argument: str, call):
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        with pytest.raises((TypeError, ValueError), match=argument):
+            call()

@@ -1,0 +1,234 @@
+"""One frame of the field: equal to the twin, equal to the composition of its steps."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+
+import flurries as fl
+import twin
+
+LIMIT = {np.float64: 1e-12, np.float32: 2e-6}
+
+# (shape, tile, overlap): powers of two, odd, prime and tiny tiles; overlap 0, 1, 10, M/2, M - 1;
+# pictures that are not square, and smaller than a tile.
+LAYOUTS = [
+    ((21, 30), 8, 0),
+    ((20, 17), 8, 4),
+    ((10, 11), 8, 7),
+    ((25, 31), 9, 1),
+    ((11, 10), 9, 8),
+    ((40, 33), 16, 10),
+    ((5, 40), 16, 8),
+    ((19, 18), 16, 15),
+    ((33, 40), 17, 1),
+    ((12, 9), 17, 10),
+    ((70, 45), 31, 10),
+    ((34, 33), 31, 30),
+    ((100, 60), 48, 24),
+    ((50, 120), 48, 0),
+    ((130, 200), 64, 10),
+    ((90, 70), 64, 32),
+    ((66, 65), 64, 63),
+    ((30, 20), 64, 10),
+    ((1, 1), 64, 10),
+]
+
+
+def wavelengths_for(tile: int) -> tuple[float, float]:
+    """A band that the tile holds without a warning."""
+    return (2.0, float(tile)) if tile < 16 else (3.0, min(32.0, float(tile)))
+
+
+def grid(shape: twin.Shape, tile: int, overlap: int) -> tuple[int, int]:
+    rows, cols = (len(twin.tile_starts(n, tile=tile, overlap=overlap)) for n in shape)
+    return rows, cols
+
+
+def per_tile(rows: int, cols: int, *rings: int) -> np.ndarray:
+    """A different vector for every tile, up to 20 px."""
+    return np.random.default_rng(3).uniform(-20.0, 20.0, (rows, cols, *rings, 2))
+
+
+# What a frame can be asked for, each as a function of the number of tiles.
+OPTIONS: dict[str, Callable[[int, int], dict[str, Any]]] = {
+    "plain": lambda r, c: {},
+    "drift per tile": lambda r, c: {"drift": per_tile(r, c)},
+    "shift": lambda r, c: {"shift": (3.7, -12.1)},
+    "shift per tile": lambda r, c: {"shift": per_tile(r, c)},
+    "velocity changes nothing": lambda r, c: {"velocity": (40.0, 3.0)},
+    "cut": lambda r, c: {"alias": "cut", "velocity": (9.0, 14.0)},
+    "cut per tile": lambda r, c: {"alias": "cut", "velocity": per_tile(r, c)},
+    "cut with pan": lambda r, c: {
+        "alias": "cut", "velocity": (9.0, 14.0), "shift_rate": (1.5, -0.8)
+    },
+    "cut with pan per tile": lambda r, c: {
+        "alias": "cut", "velocity": (2.0, 4.0), "shift_rate": per_tile(r, c) / 5
+    },
+    "soft": lambda r, c: {"alias": "soft", "velocity": (9.0, 10.0), "soft_from": 0.25},
+    "shutter": lambda r, c: {"velocity": (9.0, 14.0), "shutter": 0.7},
+    "shutter with pan": lambda r, c: {
+        "velocity": per_tile(r, c), "shift_rate": (1.0, 2.0), "shutter": 1.3
+    },
+    "cut and shutter": lambda r, c: {"alias": "cut", "velocity": (20.0, 1.0), "shutter": 1.0},
+    "jitter": lambda r, c: {"jitter": True},
+    "jitter and cut": lambda r, c: {
+        "jitter": True, "alias": "cut", "velocity": (12.0, 11.0), "shutter": 0.5
+    },
+    "linear": lambda r, c: {"blend": "linear"},
+    "exponent": lambda r, c: {"exponent": 0.4},
+    "shortest": lambda r, c: {
+        "shortest": np.random.default_rng(1).uniform(2.0, 7.5, (r, c))
+    },
+    "far wall and no snow": lambda r, c: {"shortest": np.where(np.eye(r, c), 64.0, 4.0)},
+    "rings": lambda r, c: {
+        "drift": [(8.0, 1.0), (-3.0, 5.0), (0.0, 30.0)], "ring_edges": [2.0, 4.0, 7.0, 32.0]
+    },
+    "rings inside the band": lambda r, c: {
+        "drift": [(8.0, 1.0), (-3.0, 5.0)], "ring_edges": [3.5, 5.0, 6.0]
+    },
+    "rings per tile": lambda r, c: {
+        "drift": per_tile(r, c, 3), "ring_edges": [2.0, 4.0, 7.0, 32.0], "jitter": True
+    },
+    "rings cut": lambda r, c: {
+        "drift": per_tile(r, c, 2), "velocity": [(30.0, 0.0), (5.0, 9.0)],
+        "ring_edges": [2.0, 5.0, 32.0], "alias": "cut", "shutter": 0.5
+    },
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("dtype", [np.float64, np.float32])
+@pytest.mark.parametrize("option", OPTIONS)
+@pytest.mark.parametrize(
+    ("shape", "tile", "overlap"), [((40, 33), 16, 10), ((33, 20), 17, 1), ((20, 25), 9, 4)]
+)
+def test_field_is_the_cosine_sum(shape, tile: int, overlap: int, option: str, dtype: type):
+    # Every option, against the direct sum.
+    options = {"drift": (5.0, -11.0), **OPTIONS[option](*grid(shape, tile, overlap))}
+    options |= {"seed": -7, "tile": tile, "overlap": overlap, "wavelengths": wavelengths_for(tile)}
+    got = fl.spectral.field(shape, **options, dtype=dtype)
+    assert got.dtype == dtype and got.shape == shape and got.flags.c_contiguous
+    assert np.abs(got - twin.field(shape, **options, direct=True)).max() <= LIMIT[dtype]
+
+
+@pytest.mark.parametrize("dtype", [np.float64, np.float32])
+@pytest.mark.parametrize("blend", ["power", "linear"])
+@pytest.mark.parametrize(("shape", "tile", "overlap"), LAYOUTS)
+def test_every_layout_is_the_twins(shape, tile: int, overlap: int, blend: str, dtype: type):
+    rows, cols = grid(shape, tile, overlap)
+    options = {"drift": per_tile(rows, cols), "shift": (2.5, 6.5), "seed": 2**63 - 1}
+    options |= {"tile": tile, "overlap": overlap, "wavelengths": wavelengths_for(tile)}
+    got = fl.spectral.field(shape, **options, blend=blend, dtype=dtype)
+    want = twin.field(shape, **options, blend=blend, direct=tile <= 17)
+    assert np.abs(got - want).max() <= LIMIT[dtype]
+
+
+@pytest.mark.parametrize("option", [o for o in OPTIONS if "ring" not in o and "jitter" not in o])
+@pytest.mark.parametrize(
+    ("shape", "tile", "overlap"), [((130, 100), 64, 10), ((70, 45), 31, 30), ((50, 60), 48, 24)]
+)
+def test_field_is_the_composition_of_its_steps(shape, tile: int, overlap: int, option: str):
+    rows, cols = grid(shape, tile, overlap)
+    band, size = wavelengths_for(tile), (tile, tile)
+    options = {"drift": (5.0, -11.0), **OPTIONS[option](rows, cols)}
+    got = fl.spectral.field(
+        shape, seed=99, tile=tile, overlap=overlap, wavelengths=band, dtype=np.float64, **options
+    )
+    exponent, blend = options.get("exponent", 1.0), options.get("blend", "power")
+    filter_ = {k: v for k, v in options.items() if k in ("soft_from", "shutter")}
+    tiles = np.zeros((rows, cols, tile, tile))
+    for row, col in np.ndindex(rows, cols):
+
+        def mine(name: str, where: tuple[int, int] = (row, col), asked: dict = options):
+            value = np.asarray(asked.get(name, (0.0, 0.0)))
+            return value[where] if value.ndim == 3 else value
+
+        amplitude = fl.spectral.band_amplitude(size, wavelengths=band, exponent=exponent)
+        if "shortest" in options:
+            amplitude[~twin.longer_than(size, float(options["shortest"][row, col]))] = 0.0
+        amplitude = fl.spectral.temporal_filter(
+            amplitude, mine("velocity"), shift_rate=mine("shift_rate"), **filter_,
+            alias=options.get("alias", "keep"), wavelength_max=band[1],
+        )  # fmt: skip
+        phase = fl.spectral.random_phase(size, seed=99, tile=(row, col))
+        phase = fl.spectral.advance_phase(
+            phase, mine("drift"), shift=mine("shift"), wavelength_max=band[1]
+        )
+        tiles[row, col] = fl.spectral.inverse_transform(amplitude, phase, dtype=np.float64)
+    blended = fl.spectral.blend_tiles(tiles, shape, overlap=overlap, blend=blend)
+    assert np.abs(got - blended).max() <= 1e-12
+
+
+@pytest.mark.parametrize("tile", [(16, 24), (31, 12)])
+def test_tiles_that_are_not_square(tile: tuple[int, int]):
+    options = {"drift": (5.0, 3.0), "shift": (1.0, 2.0), "seed": 4, "tile": tile, "overlap": 6}
+    options |= {"wavelengths": (2.5, 12.0), "velocity": (4.0, 4.0), "alias": "cut", "jitter": True}
+    got = fl.spectral.field((50, 61), **options, dtype=np.float64)
+    assert np.abs(got - twin.field((50, 61), **options, direct=True)).max() <= 1e-12
+
+
+@pytest.mark.parametrize("size", [16, 31, 64, 100])
+def test_one_tile_without_overlap_is_a_torus(size: int):
+    # Mean 0, variance 1, and the same standard deviation in every frame, to rounding.
+    stds = []
+    for t in (0.0, 1.0, 17.5, 1e4, -3.0):
+        z = fl.spectral.field(
+            (size, size), drift=(1.3 * t, 2.9 * t), seed=1, tile=size, overlap=0,
+            wavelengths=(3.0, min(size, 32.0)), dtype=np.float64,
+        )  # fmt: skip
+        assert abs(z.mean()) < 1e-13
+        stds.append(z.std())
+    assert abs(stds[0] ** 2 - 1.0) < 1e-13
+    assert np.ptp(stds) < 1e-14
+
+
+def test_variance_of_a_torus_in_float32():
+    stds = [
+        fl.spectral.field((64, 64), drift=(0.7 * t, 1.9 * t), seed=1, overlap=0)
+        .astype(np.float64)
+        .std()
+        for t in range(100)
+    ]
+    assert np.abs(np.array(stds) - 1.0).max() < 1e-6
+
+
+def test_defaults_of_field():
+    spelled = fl.spectral.field(
+        (80, 90), drift=(1.0, 2.0), shift=(0.0, 0.0), seed=5, tile=64, overlap=10,
+        wavelengths=(4.0, 32.0), exponent=1.0, velocity=None, shift_rate=None, alias="keep",
+        soft_from=0.4, shutter=0.0, jitter=False, shortest=None, blend="power", dtype=np.float32,
+    )  # fmt: skip
+    got = fl.spectral.field((80, 90), drift=(1.0, 2.0), seed=5)
+    assert got.dtype == np.float32 and np.array_equal(got, spelled)
+
+
+def test_shortest_keeps_the_normaliser():
+    # Section 9: the kept variance is log(Z_bg/Z_near)/log 8, here one octave of three, and the
+    # waves that stay are the same: a near wall shows less snow, not other snow.
+    options = {"drift": (0.0, 0.0), "seed": 5, "tile": 256, "overlap": 0, "dtype": np.float64}
+    cut = fl.spectral.field((256, 256), **options, shortest=[[16.0]])
+    assert cut.var() == pytest.approx(1 / 3, abs=0.01)
+    full = fl.spectral.field((256, 256), **options)
+    assert np.mean(cut * full) == pytest.approx(cut.var(), abs=1e-12)
+
+
+def test_closed_path_returns_the_frame():
+    camera = fl.camera.Camera(600.0)
+    steps = np.array([(0.5, 0.25, 1.0), (-0.75, 0.0, 2.0), (0.25, -0.25, -3.0)])
+    frames = []
+    for place in np.vstack([np.zeros(3), np.cumsum(steps, axis=0)]):
+        drift = fl.camera.tile_drift((130, 130), place, camera, near_depth=3.0)
+        frames.append(fl.spectral.field((130, 130), drift=drift, seed=8))
+    assert np.array_equal(frames[0], frames[-1])
+    assert not np.array_equal(frames[0], frames[1])
+
+
+@pytest.mark.parametrize("frame", [0, 1_000_000])
+def test_a_late_frame_is_as_exact_as_the_first(frame: int):
+    # float64 holds the drift of 3.2e6 px to 5e-10 px; through sum(amp) = 24 that is 1e-9.
+    drift = (0.8 * frame, 3.1 * frame)
+    got = fl.spectral.field((100, 100), drift=drift, seed=1, dtype=np.float64)
+    assert np.abs(got - twin.field((100, 100), drift=drift, seed=1)).max() < 2e-9

@@ -1,0 +1,206 @@
+"""Temporal aliasing, the soft roll-off, the box shutter, and the waves that never move."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import flurries as fl
+import twin
+
+M = (64, 64)
+DOWN = (0.0, 32.0)  # px per frame of the 32 px wave, that is one cycle per frame, times c below
+
+
+def kept(c: float, theta: float, *, size: int = 64, **options) -> float:
+    """The share of the power that the filter leaves at c cycles per frame."""
+    amplitude = fl.spectral.band_amplitude((size, size))
+    velocity = (32.0 * c * np.cos(theta), 32.0 * c * np.sin(theta))
+    return float(np.sum(fl.spectral.temporal_filter(amplitude, velocity, **options) ** 2))
+
+
+@pytest.mark.parametrize("renormalise", [False, True])
+@pytest.mark.parametrize("shutter", [0.0, 0.5, 1.0, 3.0])
+@pytest.mark.parametrize("alias", ["cut", "soft", "keep"])
+@pytest.mark.parametrize("shape", [(64, 64), (31, 31), (40, 33)])
+def test_temporal_filter_is_the_twins(
+    shape: twin.Shape, alias: str, shutter: float, renormalise: bool
+):
+    amplitude = twin.band_amplitude(shape, wavelengths=(3.0, 30.0))
+    options = {
+        "shift_rate": (0.9, -0.4),
+        "alias": alias,
+        "soft_from": 0.3,
+        "shutter": shutter,
+        "renormalise": renormalise,
+        "wavelength_max": 30.0,
+    }
+    got = fl.spectral.temporal_filter(amplitude, (14.0, 9.0), **options)
+    want = twin.temporal_filter(amplitude, (14.0, 9.0), **options)
+    assert got.dtype == np.float64 and got.shape == shape
+    assert np.abs(got - want).max() < 1e-14
+    assert np.array_equal(got == 0.0, want == 0.0)
+
+
+def test_defaults_are_cut_without_shutter():
+    amplitude = twin.band_amplitude(M)
+    got = fl.spectral.temporal_filter(amplitude, (0.0, 20.0))
+    spelled = fl.spectral.temporal_filter(
+        amplitude, (0.0, 20.0), shift_rate=(0.0, 0.0), alias="cut", soft_from=0.4, shutter=0.0,
+        renormalise=False, wavelength_max=32.0,
+    )  # fmt: skip
+    assert np.array_equal(got, spelled)
+
+
+@pytest.mark.parametrize(
+    ("size", "share"), [(64, 0.9169), (128, 0.962), (256, 0.982), (512, 0.991)]
+)
+def test_half_a_cycle_exactly(size: int, share: float):
+    # c = 1/2 straight down: the waves that run straight down flip and are cut, 8.3 % at M = 64.
+    assert kept(0.5, np.pi / 2, size=size) == pytest.approx(share, abs=6e-4)
+    assert kept(0.5 - 1e-9, np.pi / 2, size=size) == pytest.approx(1.0, abs=1e-12)
+
+
+def test_half_a_cycle_at_45_degrees():
+    # For k = (n, n) rounding would decide without the margin: all of them are cut, in both signs.
+    amplitude = twin.band_amplitude(M)
+    velocity = (16.0 * np.cos(np.pi / 4), 16.0 * np.sin(np.pi / 4))
+    cut = fl.spectral.temporal_filter(amplitude, velocity)
+    diagonal = np.arange(2, 12)
+    assert np.all(amplitude[diagonal, diagonal] > 0)
+    assert np.all(cut[diagonal, diagonal] == 0) and np.all(cut[-diagonal, -diagonal] == 0)
+    assert np.sum(cut**2) == pytest.approx(1.0 - np.sum(2 * amplitude[diagonal, diagonal] ** 2))
+
+
+@pytest.mark.parametrize(("c", "printed"), [(1.0, 0.334), (2.0, 0.162), (4.0, 0.082), (8.0, 0.042)])
+def test_kept_share(c: float, printed: float):
+    # Theory (2/pi) asin(1/(2c)); the lattice at M = 512 stays within 0.005 of it.
+    share = kept(c, np.pi / 2, size=512)
+    assert share == pytest.approx(2 / np.pi * np.arcsin(1 / (2 * c)), abs=5e-3)
+    assert share == pytest.approx(printed, abs=6e-3)
+
+
+def test_cut_with_a_huge_speed_gives_zeros():
+    # The wave most nearly across 37 degrees is (kx, ky) = (-3, 4), 0.13 degrees off: it is cut from
+    # c = 220.2 on. Beyond that nothing is kept: zeros, not 0/0.
+    off = abs(-3 * np.cos(np.radians(37)) + 4 * np.sin(np.radians(37))) / 5
+    assert kept(0.999 * 0.5 / off, np.radians(37)) > 0.0
+    for options in ({}, {"renormalise": True}, {"renormalise": True, "shutter": 1.0}):
+        speed = 32.0 * 1.001 * 0.5 / off
+        velocity = (speed * np.cos(np.radians(37)), speed * np.sin(np.radians(37)))
+        got = fl.spectral.temporal_filter(twin.band_amplitude(M), velocity, **options)
+        assert np.all(got == 0.0)
+
+
+def test_renormalise_keeps_the_power_of_the_input():
+    assert kept(2.0, 1.0, renormalise=True) == pytest.approx(1.0, abs=1e-14)
+    assert kept(2.0, 1.0, renormalise=False) < 0.2
+    # The power of the input, whatever it was, and before the shutter.
+    amplitude = 3.0 * twin.band_amplitude(M)
+    got = fl.spectral.temporal_filter(amplitude, (0.0, 64.0), renormalise=True)
+    assert np.sum(got**2) == pytest.approx(9.0, abs=1e-13)
+    assert kept(0.4, 1.0, renormalise=True, shutter=1.0) < 0.9
+
+
+@pytest.mark.parametrize(("c", "left"), [(0.5, 0.677), (1.0, 0.309), (2.0, 0.157), (4.0, 0.079)])
+def test_power_left_by_a_full_shutter(c: float, left: float):
+    # Section 5: the mean of sinc^2(c cos beta) over the angles; the lattice at 512 adds 0.005.
+    angles = (np.arange(4096) + 0.5) * 2 * np.pi / 4096
+    theory = np.mean(np.sinc(c * np.cos(angles)) ** 2)
+    assert theory == pytest.approx(left, abs=6e-3)
+    share = kept(c, np.pi / 2, size=512, alias="keep", shutter=1.0)
+    assert share == pytest.approx(theory, abs=6e-3)
+
+
+def test_negative_lobes_of_the_shutter_are_kept():
+    amplitude = twin.band_amplitude(M)
+    got = fl.spectral.temporal_filter(amplitude, (0.0, 1.5 * 32.0), alias="keep", shutter=1.0)
+    assert got[4, 0] == pytest.approx(amplitude[4, 0] * np.sinc(1.5), abs=1e-15)
+    assert got[4, 0] < 0.0
+
+
+def test_soft_roll_off():
+    # cos^2 from soft_from to 1/2: 1 up to 0.4, half at 0.45, 0 at 0.5.
+    amplitude = twin.band_amplitude(M)
+    quarter = np.cos(np.pi / 8) ** 2
+    for c, gain in [(0.39, 1.0), (0.4, 1.0), (0.425, quarter), (0.45, 0.5), (0.5, 0.0)]:
+        got = fl.spectral.temporal_filter(amplitude, (0.0, 32.0 * c), alias="soft")
+        assert got[3, 0] == pytest.approx(amplitude[3, 0] * gain, abs=1e-15)
+
+
+def test_hard_cut_pops_and_soft_does_not():
+    # Section 5: the largest change of one frame's field while c goes from 0.3 to 3 in 300 frames.
+    amplitude = twin.band_amplitude(M)
+    jump = {}
+    for alias in ("cut", "soft"):
+        frames = [
+            fl.spectral.temporal_filter(amplitude, (0.0, 32.0 * c), alias=alias)
+            for c in np.linspace(0.3, 3.0, 301)
+        ]
+        jump[alias] = max(np.sqrt(np.sum(np.diff(frames, axis=0) ** 2, axis=(1, 2))))
+    assert jump["cut"] > 0.25
+    assert jump["soft"] < jump["cut"] / 3
+
+
+@pytest.mark.parametrize("soft_from", [0.0, 0.2, 0.49])
+def test_soft_from_moves_the_knee(soft_from: float):
+    amplitude = twin.band_amplitude(M)
+    velocity = (32.0 * 0.46, 0.0)
+    got = fl.spectral.temporal_filter(amplitude, velocity, alias="soft", soft_from=soft_from)
+    want = twin.temporal_filter(amplitude, velocity, alias="soft", soft_from=soft_from)
+    assert np.abs(got - want).max() < 1e-15
+
+
+@pytest.mark.parametrize("c", [0.3, 0.9])
+def test_box_shutter_is_the_mean_of_sub_frames(c: float):
+    # 256 midpoint samples of one frame; order 2, so the midpoint rule itself errs by at most
+    # sum(amp) * (2 pi c)^2 / (24 * 256^2), far inside the 3e-5 of the table.
+    velocity = (32.0 * c * np.cos(1.1), 32.0 * c * np.sin(1.1))
+    options = {"seed": 4, "tile": 64, "overlap": 0, "dtype": np.float64}
+    sub = (np.arange(256) + 0.5) / 256 - 0.5
+    mean = np.mean(
+        [fl.spectral.field(M, drift=np.multiply(velocity, 7.0 + s), **options) for s in sub], axis=0
+    )
+    blurred = fl.spectral.field(
+        M, drift=np.multiply(velocity, 7.0), velocity=velocity, shutter=1.0, **options
+    )
+    assert np.abs(blurred - mean).max() < 3e-5
+    sharp = fl.spectral.field(M, drift=np.multiply(velocity, 7.0), **options)
+    assert np.abs(sharp - mean).max() > 0.1
+
+
+def test_the_plane_term_is_filtered_too():
+    # 2 px per frame: a 4 px wave along the pan flips, longer ones do not.
+    amplitude = fl.spectral.band_amplitude(M, wavelengths=(3.0, 32.0))
+    got = fl.spectral.temporal_filter(amplitude, (0.0, 0.0), shift_rate=(2.0, 0.0))
+    assert got[0, 16] == 0.0 and got[0, 15] == amplitude[0, 15] and got[16, 0] == amplitude[16, 0]
+
+
+@pytest.mark.parametrize(
+    ("size", "theta", "share"),
+    [(64, 90, 0.0831), (128, 90, 0.038), (256, 90, 0.018), (512, 90, 0.009),
+     (64, 45, 0.040), (128, 45, 0.026), (256, 45, 0.012), (512, 45, 0.006)],
+)  # fmt: skip
+def test_static_share(size: int, theta: float, share: float):
+    # Section 4: waves exactly across the motion have rate 0.
+    velocity = (np.cos(np.radians(theta)), np.sin(np.radians(theta)))
+    rate = fl.spectral.tent_rate((size, size), velocity)
+    power = fl.spectral.band_amplitude((size, size)) ** 2
+    static = np.sum(power[np.abs(rate) < 1e-12])
+    assert static == pytest.approx(share, abs=1e-4 if size == 64 and theta == 90 else 6e-4)
+
+
+@pytest.mark.parametrize(("jitter", "low", "high"), [(False, 0.0830, 0.0832), (True, -1.0, 0.005)])
+def test_static_share_of_rendered_frames(jitter: bool, low: float, high: float):
+    # The power of the waves whose coefficient does not change while the texture falls 0.25 cycles.
+    first, second = (
+        np.fft.fft2(
+            fl.spectral.field(
+                M, drift=(0.0, y), seed=12, tile=64, overlap=0, jitter=jitter, dtype=np.float64
+            )
+        )
+        for y in (0.0, 8.0)
+    )
+    power = np.abs(first) ** 2
+    still = np.abs(second - first) < 1e-6 * np.sqrt(power.sum())
+    assert low < np.sum(power[still]) / np.sum(power) < high

@@ -1,0 +1,148 @@
+"""The tent and the band: rates, amplitudes and their lattice sums."""
+
+from __future__ import annotations
+
+import warnings
+
+import numpy as np
+import pytest
+
+import flurries as fl
+import twin
+
+SHAPES = [(64, 64), (8, 8), (9, 9), (17, 17), (31, 31), (12, 8), (9, 14), (2, 2), (1, 1), (3, 4)]
+
+
+@pytest.mark.parametrize("velocity", [(2.0, 0.0), (0.0, -1.5), (0.7, 1.9)])
+@pytest.mark.parametrize("shape", SHAPES)
+def test_tent_rate_is_the_twins(shape: twin.Shape, velocity: tuple[float, float]):
+    got = fl.spectral.tent_rate(shape, velocity, wavelength_max=20.0)
+    assert got.shape == shape and got.dtype == np.float64
+    assert np.abs(got - twin.tent_rate(shape, velocity, wavelength_max=20.0)).max() < 1e-15
+
+
+@pytest.mark.parametrize("velocity", [(2.0, 0.0), (0.7, 1.9), (-31.0, 5.5)])
+@pytest.mark.parametrize("shape", SHAPES)
+def test_tent_is_exactly_odd(shape: twin.Shape, velocity: tuple[float, float]):
+    rate = fl.spectral.tent_rate(shape, velocity)
+    assert np.all(rate + twin.mirror(rate) == 0.0)
+    assert np.all(rate[twin.self_conjugate(shape)] == 0.0)
+
+
+@pytest.mark.parametrize("size", [16, 15, 31, 50, 64])
+def test_tent_is_exact_on_the_axes(size: int):
+    # u must be exactly 1 there, so that a wave at exactly half a cycle is seen as such.
+    rate = fl.spectral.tent_rate((size, size), (8.0, -4.0), wavelength_max=32.0)
+    assert np.all(rate[0, 1 : (size + 1) // 2] == -0.25)
+    assert np.all(rate[1 : (size + 1) // 2, 0] == 0.125)
+
+
+def test_tent_sign_and_size():
+    # Section 1: omega = -v.omega; |rate| never exceeds c = speed/wavelength_max.
+    rate = fl.spectral.tent_rate((64, 64), (3.0, 4.0), wavelength_max=32.0)
+    assert rate[0, 3] < 0.0 and rate[3, 0] < 0.0
+    assert np.abs(rate).max() <= 5.0 / 32.0
+    along = fl.spectral.tent_rate((64, 64), (3.0, 4.0), wavelength_max=32.0)[4, 3]
+    assert along == pytest.approx(-5.0 / 32.0, abs=1e-16)
+
+
+def test_tent_default_wavelength_max():
+    default = fl.spectral.tent_rate((16, 16), (1.0, 2.0))
+    assert np.array_equal(default, fl.spectral.tent_rate((16, 16), (1.0, 2.0), wavelength_max=32.0))
+
+
+@pytest.mark.parametrize("size", [5, 7])
+def test_one_wavelength_is_a_translation(size: int):
+    # Only the waves of one wavelength along the axes: the tent's step moves them as a whole by
+    # drift * lambda / wavelength_max, here a whole pixel to the right and two down.
+    amplitude = np.zeros((size, size))
+    amplitude[0, [1, -1]] = amplitude[[1, -1], 0] = 0.5
+    phase = twin.random_phase((size, size), seed=1)
+    drift = (1.0 * 32.0 / size, 2.0 * 32.0 / size)
+    moved = fl.spectral.advance_phase(phase, drift)
+    still = fl.spectral.inverse_transform(amplitude, phase, dtype=np.float64)
+    after = fl.spectral.inverse_transform(amplitude, moved, dtype=np.float64)
+    assert np.abs(after - np.roll(still, (2, 1), axis=(0, 1))).max() < 1e-14
+
+
+@pytest.mark.parametrize("theta", [0.0, np.pi / 2, -2.2])
+def test_velocity_from_paper(theta: float):
+    # C tile widths per T frames for the wave as long as the tile: C = 4, T = 64 is 2 px at 32 px.
+    vx, vy = fl.spectral.velocity_from_paper(4.0, theta, period=64.0)
+    assert (vx, vy) == pytest.approx((2.0 * np.cos(theta), 2.0 * np.sin(theta)), abs=1e-15)
+    vx, vy = fl.spectral.velocity_from_paper(1.875, theta, period=30, wavelength_max=16.0)
+    assert np.hypot(vx, vy) == pytest.approx(1.0, abs=1e-15)
+
+
+@pytest.mark.parametrize("exponent", [1.0, 0.0, 1.7])
+@pytest.mark.parametrize("wavelengths", [(4.0, 32.0), (2.0, 16.0), (3.3, 21.7)])
+@pytest.mark.parametrize("shape", [(64, 64), (48, 48), (33, 33), (47, 47), (40, 64)])
+def test_band_amplitude_is_the_twins(shape: twin.Shape, wavelengths, exponent: float):
+    got = fl.spectral.band_amplitude(shape, wavelengths=wavelengths, exponent=exponent)
+    want = twin.band_amplitude(shape, wavelengths=wavelengths, exponent=exponent)
+    assert got.dtype == np.float64
+    assert np.array_equal(got > 0.0, want > 0.0)
+    # eps times a sum of at most 4096 squares, added in another order
+    assert np.abs(got - want).max() < 1e-14
+    assert abs(np.sum(got**2) - 1.0) < 1e-13
+
+
+@pytest.mark.parametrize(("size", "bins"), [(5, 4), (8, 8), (9, 20), (64, 784), (128, 3160)])
+def test_number_of_bins(size: int, bins: int):
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", UserWarning)  # 32 px do not fit the small tiles
+        amplitude = fl.spectral.band_amplitude((size, size))
+    assert np.count_nonzero(amplitude) == bins
+
+
+@pytest.mark.parametrize(
+    ("size", "lattice"),
+    [
+        (60, (1.139, 0.986, 0.988)),
+        (63, (1.139, 1.048, 1.005)),
+        (64, (1.139, 1.048, 1.019)),
+        (100, (1.035, 1.008, 0.994)),
+        (128, (1.048, 1.019, 1.007)),
+        (256, (1.019, 1.007, 1.002)),
+        (512, (1.007, 1.002, 1.0005)),
+    ],
+)
+def test_power_per_octave_is_the_lattice_sum(size: int, lattice: tuple[float, float, float]):
+    power = fl.spectral.band_amplitude((size, size)) ** 2
+    ky, kx = twin.wave_numbers((size, size))
+    k2 = np.where(power > 0, kx**2 + ky**2, np.inf)
+    sums, shares = [], []
+    for longest in (32, 16, 8):
+        octave = (k2 * longest**2 >= size**2) & (k2 * longest**2 < 4 * size**2)
+        sums.append(np.sum(1.0 / k2[octave]))
+        shares.append(np.sum(power[octave]))
+    assert np.array(sums) / (2 * np.pi * np.log(2)) == pytest.approx(lattice, abs=6e-4)
+    assert np.abs(np.array(shares) - np.array(sums) / np.sum(sums)).max() < 1e-12
+
+
+@pytest.mark.parametrize(
+    ("edge", "wave"), [(4.0, (0, 16)), (8.0, (8, 0)), (12.8, (3, 4)), (16.0, (0, 4))]
+)
+def test_band_is_half_open(edge: float, wave: tuple[int, int]):
+    # A wave of exactly the edge's length, 64/|k|, belongs to the band below it, so that neighbours
+    # partition the spectrum.
+    coarse = fl.spectral.band_amplitude((64, 64), wavelengths=(edge, 32.0))
+    fine = fl.spectral.band_amplitude((64, 64), wavelengths=(2.0, edge))
+    whole = fl.spectral.band_amplitude((64, 64), wavelengths=(2.0, 32.0))
+    assert coarse[wave] == 0.0 and fine[wave] > 0.0
+    assert not np.any((coarse > 0) & (fine > 0))
+    assert np.array_equal((coarse > 0) | (fine > 0), whole > 0)
+
+
+def test_default_band_and_dc():
+    default = fl.spectral.band_amplitude((64, 64))
+    assert np.array_equal(default, fl.spectral.band_amplitude((64, 64), wavelengths=(4.0, 32.0)))
+    assert default[0, 0] == 0.0
+
+
+def test_a_band_longer_than_the_tile_warns():
+    with pytest.warns(UserWarning, match="wavelengths"):
+        fl.spectral.band_amplitude((16, 16), wavelengths=(4.0, 32.0))
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        fl.spectral.band_amplitude((32, 32), wavelengths=(4.0, 32.0))

@@ -1,0 +1,141 @@
+"""Tiles: where they start, how they blend, and that nobody sees the seams."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import flurries as fl
+import twin
+
+LENGTHS = [1, 2, 63, 64, 65, 117, 118, 119, 130, 200]
+OVERLAPS = [0, 1, 10, 32, 48, 63]
+
+
+@pytest.mark.parametrize("overlap", OVERLAPS)
+@pytest.mark.parametrize("length", LENGTHS)
+def test_tile_starts(length: int, overlap: int):
+    got = fl.spectral.tile_starts(length, tile=64, overlap=overlap)
+    assert got.ndim == 1 and got.dtype.kind == "i"
+    assert np.array_equal(got, twin.tile_starts(length, tile=64, overlap=overlap))
+    # One fewer would leave pixels bare.
+    assert got[-1] + 64 >= length
+    assert len(got) == 1 or got[-2] + 64 < length
+
+
+def test_nineteen_tiles():
+    got = fl.spectral.tile_starts(1024)
+    assert len(got) == 19 and got[-1] + 64 - 1024 == 12
+
+
+def weights_of(shape: twin.Shape, tile: int, overlap: int, blend: str) -> np.ndarray:
+    """(tiles, H, W): the weight picture of each tile, by blending one tile of ones at a time."""
+    rows = len(twin.tile_starts(shape[0], tile=tile, overlap=overlap))
+    cols = len(twin.tile_starts(shape[1], tile=tile, overlap=overlap))
+    pictures = []
+    for row, col in np.ndindex(rows, cols):
+        tiles = np.zeros((rows, cols, tile, tile))
+        tiles[row, col] = 1.0
+        pictures.append(fl.spectral.blend_tiles(tiles, shape, overlap=overlap, blend=blend))
+    return np.array(pictures)
+
+
+@pytest.mark.parametrize("blend", ["power", "linear"])
+@pytest.mark.parametrize("overlap", [0, 1, 5, 10, 15])
+@pytest.mark.parametrize("shape", [(1, 1), (15, 15), (16, 16), (17, 17), (33, 15), (1, 40)])
+def test_weights_add_up(shape: twin.Shape, overlap: int, blend: str):
+    weights = weights_of(shape, 16, overlap, blend)
+    assert weights.min() >= 0.0
+    total = np.sum(weights**2 if blend == "power" else weights, axis=0)
+    assert np.abs(total - 1.0).max() < 1e-14
+
+
+@pytest.mark.parametrize(("dtype", "limit"), [(np.float64, 1e-14), (np.float32, 2e-6)])
+@pytest.mark.parametrize("blend", ["power", "linear"])
+@pytest.mark.parametrize(
+    ("shape", "size", "overlap"),
+    [((130, 70), (64, 64), 10), ((40, 50), (17, 17), 0), ((50, 41), (16, 24), 7),
+     ((19, 18), (16, 16), 15), ((20, 20), (31, 31), 10), ((40, 33), (12, 12), 8)],
+)  # fmt: skip
+def test_blend_is_the_twins(shape, size, overlap: int, blend: str, dtype: type, limit: float):
+    rows = len(twin.tile_starts(shape[0], tile=size[0], overlap=overlap))
+    cols = len(twin.tile_starts(shape[1], tile=size[1], overlap=overlap))
+    tiles = np.random.default_rng(0).standard_normal((rows, cols, *size)).astype(dtype)
+    got = fl.spectral.blend_tiles(tiles, shape, overlap=overlap, blend=blend)
+    assert got.dtype == dtype and got.shape == shape
+    assert np.abs(got - twin.blend_tiles(tiles, shape, overlap=overlap, blend=blend)).max() < limit
+
+
+def test_one_tile_is_itself():
+    tiles = np.random.default_rng(0).standard_normal((1, 1, 16, 16))
+    for blend in ("power", "linear"):
+        got = fl.spectral.blend_tiles(tiles, (13, 16), overlap=7, blend=blend)
+        assert np.array_equal(got, tiles[0, 0, :13])
+
+
+def test_default_blend():
+    tiles = np.random.default_rng(0).standard_normal((2, 1, 64, 64))
+    spelled = fl.spectral.blend_tiles(tiles, (90, 64), overlap=10, blend="power")
+    assert np.array_equal(fl.spectral.blend_tiles(tiles, (90, 64)), spelled)
+
+
+# 5 x 5 tiles give 16 corners and 40 edges: with 400 seeds, 6400 nearly independent values at the
+# corners, standard error of their variance 1.8 %; whole 10 x 10 patches and the edges do better.
+STARTS = np.arange(1, 5) * 54
+SEAM = np.concatenate([np.arange(s, s + 10) for s in STARTS])
+MIDDLE = np.concatenate([[s + 4, s + 5] for s in STARTS])
+PLAIN = np.concatenate([np.arange(s + 10, s + 54) for s in (0, *STARTS)])
+
+
+@pytest.fixture(scope="module")
+def variance() -> dict[str, np.ndarray]:
+    """Variance of every pixel over 400 seeds, for both blends."""
+    result = {}
+    for blend in ("power", "linear"):
+        squares = np.zeros((280, 280))
+        for seed in range(400):
+            z = fl.spectral.field((280, 280), drift=(3.0, 5.0), seed=seed, blend=blend)
+            squares += z.astype(np.float64) ** 2
+        result[blend] = squares / 400
+    return result
+
+
+@pytest.mark.parametrize("rows", [SEAM, MIDDLE, PLAIN], ids=["seam", "middle", "plain"])
+@pytest.mark.parametrize("cols", [SEAM, MIDDLE, PLAIN], ids=["seam", "middle", "plain"])
+def test_power_blending_keeps_the_variance(variance, rows: np.ndarray, cols: np.ndarray):
+    assert np.mean(variance["power"][np.ix_(rows, cols)]) == pytest.approx(1.0, abs=0.03)
+
+
+def test_linear_blending_dips(variance):
+    # w^2 + (1 - w)^2 at w = 0.45 is 0.505: a half at the edges and a quarter at the corners. The
+    # negative control of the test above.
+    dip = 0.45**2 + 0.55**2
+    linear = variance["linear"]
+    assert np.mean(linear[np.ix_(PLAIN, PLAIN)]) == pytest.approx(1.0, abs=0.03)
+    assert np.mean(linear[np.ix_(MIDDLE, PLAIN)]) == pytest.approx(dip, abs=0.03 * dip)
+    assert np.mean(linear[np.ix_(PLAIN, MIDDLE)]) == pytest.approx(dip, abs=0.03 * dip)
+    assert np.mean(linear[np.ix_(MIDDLE, MIDDLE)]) == pytest.approx(dip**2, abs=0.05 * dip**2)
+
+
+@pytest.mark.parametrize("blend", ["power", "linear"])
+@pytest.mark.parametrize("overlap", [0, 10, 40])
+@pytest.mark.parametrize(("old", "new"), [((100, 150), (170, 150)), ((128, 64), (128, 300)),
+                                          ((90, 90), (91, 92)), ((64, 64), (65, 65))])  # fmt: skip
+def test_growing_the_picture_keeps_old_pixels(old, new, overlap: int, blend: str):
+    # Tiles that stick out count whole, so a pixel changes only where a new tile reaches it.
+    arguments = {"drift": (4.0, 9.0), "seed": 21, "overlap": overlap, "blend": blend}
+    before = fl.spectral.field(old, **arguments)
+    after = fl.spectral.field(new, **arguments)
+    counts = [len(twin.tile_starts(n, overlap=overlap)) for n in old]
+    kept = tuple(slice(0, min(n, c * (64 - overlap))) for n, c in zip(old, counts, strict=True))
+    assert before[kept].size > 0
+    assert np.array_equal(before[kept], after[kept])
+
+
+def test_neighbouring_tiles_are_independent():
+    # Correlation of two 64 x 64 tiles of about 160 independent values each; 200 pairs, mean square.
+    z = fl.spectral.field((64, 64 * 201), drift=(0.0, 0.0), seed=3, overlap=0, dtype=np.float64)
+    tiles = z.reshape(64, 201, 64).transpose(1, 0, 2).reshape(201, -1)
+    neighbours = np.mean(tiles[1:] * tiles[:-1], axis=1)
+    assert np.abs(np.mean(neighbours)) < 0.02
+    assert np.abs(neighbours).max() < 0.35

@@ -1,0 +1,119 @@
+"""The inverse transform against the cosine sum, and against long double for large sizes."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import flurries as fl
+import twin
+
+SMALL = [(16, 16), (15, 15), (8, 8), (12, 8), (9, 14), (1, 1), (1, 5), (6, 1), (2, 2), (3, 2)]
+LARGE = [(1021, 6), (6, 1021), (1024, 12), (12, 1024), (97, 97), (127, 64), (64, 509), (48, 31)]
+
+
+def symmetric(shape: twin.Shape) -> tuple[np.ndarray, np.ndarray]:
+    """An even amplitude with all bins, dc and Nyquist too, and odd phases: unit variance."""
+    amplitude = np.random.default_rng(1).uniform(0.1, 1.0, shape)
+    amplitude = amplitude + twin.mirror(amplitude)
+    return amplitude / np.sqrt(np.sum(amplitude**2)), twin.random_phase(shape, seed=6)
+
+
+@pytest.mark.parametrize(("dtype", "limit"), [(np.float64, 1e-13), (np.float32, 2e-6)])
+@pytest.mark.parametrize("shape", SMALL)
+def test_transform_is_the_cosine_sum(shape: twin.Shape, dtype: type, limit: float):
+    amplitude, phase = symmetric(shape)
+    got = fl.spectral.inverse_transform(amplitude, phase, dtype=dtype)
+    assert got.dtype == dtype and got.shape == shape and got.flags.c_contiguous
+    assert np.abs(got - twin.direct_sum(amplitude, phase)).max() < limit
+
+
+@pytest.mark.parametrize(("dtype", "limit"), [(np.float64, 1e-12), (np.float32, 4e-6)])
+@pytest.mark.parametrize("shape", SMALL)
+def test_tables_without_symmetry(shape: twin.Shape, dtype: type, limit: float):
+    # Arbitrary tables, negative amplitudes, phases of many turns: all bins count as they are.
+    random = np.random.default_rng(2)
+    amplitude = random.standard_normal(shape)
+    amplitude /= np.sqrt(np.sum(amplitude**2))
+    phase = random.uniform(-20.0, 20.0, shape)
+    got = fl.spectral.inverse_transform(amplitude, phase, dtype=dtype)
+    assert np.abs(got - twin.direct_sum(amplitude, phase)).max() < limit
+
+
+@pytest.mark.parametrize("bin_", [(0, 8), (8, 0), (8, 8), (0, 0), (8, 3), (3, 8), (-3, 8), (8, -3)])
+def test_one_nyquist_wave(bin_: tuple[int, int]):
+    # One bin alone, on the lines where the half spectrum is its own mirror.
+    amplitude, phase = np.zeros((16, 16)), np.zeros((16, 16))
+    amplitude[bin_], phase[bin_] = 1.0, 0.2
+    got = fl.spectral.inverse_transform(amplitude, phase, dtype=np.float64)
+    assert np.abs(got - twin.direct_sum(amplitude, phase)).max() < 1e-13
+
+
+def test_one_wave_is_a_cosine():
+    # Without the twin: a wave of 8 px to the right and 16 px down, an eighth of a turn ahead.
+    amplitude, phase = np.zeros((32, 16)), np.zeros((32, 16))
+    amplitude[2, 2], phase[2, 2] = 1.5, 0.125
+    y, x = np.mgrid[:32, :16]
+    want = 1.5 * np.cos(2 * np.pi * (x / 8 + y / 16 + 0.125))
+    got = fl.spectral.inverse_transform(amplitude, phase, dtype=np.float64)
+    assert np.abs(got - want).max() < 1e-14
+
+
+@pytest.mark.parametrize("size", [8, 9, 16, 31, 64, 100, 128, 512])
+def test_mean_zero_and_variance_one(size: int):
+    amplitude = fl.spectral.band_amplitude((size, size), wavelengths=(2.5, min(size, 32.0)))
+    phase = fl.spectral.random_phase((size, size), seed=size)
+    picture = fl.spectral.inverse_transform(amplitude, phase, dtype=np.float64)
+    assert abs(picture.mean()) < 1e-13
+    assert abs(picture.var() - 1.0) < 1e-13
+
+
+def long_double(amplitude: np.ndarray, phase: np.ndarray) -> np.ndarray:
+    """The transform in long double: 2 pi with 18 digits, and NumPy's long double FFT."""
+    turn = 2 * np.arctan2(np.longdouble(0), np.longdouble(-1))
+    angle = turn * phase.astype(np.longdouble)
+    spectrum = amplitude.astype(np.longdouble) * (np.cos(angle) + 1j * np.sin(angle))
+    return np.fft.ifft2(spectrum, norm="forward").real
+
+
+@pytest.mark.parametrize(("dtype", "limit"), [(np.float64, 3e-15), (np.float32, 5e-7)])
+@pytest.mark.parametrize("shape", [*SMALL, *LARGE])
+def test_relative_rms_error(shape: twin.Shape, dtype: type, limit: float):
+    amplitude, phase = symmetric(shape)
+    exact = long_double(amplitude, phase)
+    error = fl.spectral.inverse_transform(amplitude, phase, dtype=dtype) - exact
+    assert np.sqrt(np.mean(error**2) / np.mean(exact**2)) <= limit
+
+
+@pytest.mark.parametrize("shape", [(97, 97), (12, 1024)])
+def test_one_bad_twiddle_would_be_seen(shape: twin.Shape):
+    # Negative control of the measure: a plain transform along x passes with its right table of
+    # twiddles, and fails both limits with one of them off by 1e-4.
+    amplitude, phase = symmetric(shape)
+    exact, width = long_double(amplitude, phase), shape[1]
+    columns = np.fft.ifft(amplitude * np.exp(2j * np.pi * phase), axis=0, norm="forward")
+    twiddle = np.exp(2j * np.pi * np.arange(width) / width)
+    which = np.outer(np.arange(width), np.arange(width)) % width
+    errors = []
+    for wrong in (0.0, 1e-4):
+        twiddle[width // 3] += wrong
+        error = (columns @ twiddle[which]).real - exact
+        errors.append(np.sqrt(np.mean(error**2) / np.mean(exact**2)))
+    assert errors[0] < 5e-7 < errors[1]
+
+
+def test_default_dtype_is_float32():
+    amplitude, phase = symmetric((8, 8))
+    assert fl.spectral.inverse_transform(amplitude, phase).dtype == np.float32
+
+
+def test_linear_in_the_amplitude():
+    amplitude, phase = symmetric((16, 9))
+    one = fl.spectral.inverse_transform(amplitude, phase, dtype=np.float64)
+    two = fl.spectral.inverse_transform(-2.0 * amplitude, phase, dtype=np.float64)
+    assert np.array_equal(two, -2.0 * one)
+
+
+def test_zero_amplitude_gives_zeros():
+    got = fl.spectral.inverse_transform(np.zeros((16, 9)), np.full((16, 9), 0.3))
+    assert np.array_equal(got, np.zeros((16, 9)))
