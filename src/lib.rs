@@ -8,6 +8,7 @@
 //! | [`random`] | counter-based numbers | |
 //! | [`pool`] | the thread pool, safe across fork | |
 //! | [`real`] | float32 and float64 pixels | |
+//! | [`simd`] | vector instructions chosen at run time | |
 //! | [`spectral`] | the tent, the band, phases, tiles, one frame of the field | Langer 2004, sections 4-7 |
 //! | [`particles`] | the box of flakes, their image | Langer 2004, sections 6-7 |
 //! | [`frame`] | compositing | Langer 2004, Eq. 7 |
@@ -21,4 +22,5 @@ pub mod pool;
 mod python;
 pub mod random;
 pub mod real;
+pub mod simd;
 pub mod spectral;

@@ -7,13 +7,15 @@ use ndarray::{ArrayView2, ArrayView4, ArrayViewMut2, Axis};
 use super::band::Band;
 use super::filter::TemporalFilter;
 use super::opacity::Opacity;
+use super::phases::{Power, TileMotion};
 use super::tent::Motion;
-use super::tile::{Plan, Power, TileMotion};
+use super::tile::{Choice, Plan};
 use super::tiles::{Blend, Row};
 use super::waves::{Draw, Waves};
 use crate::error::{Cancel, Error, zeroed};
 use crate::pool;
 use crate::real::Real;
+use crate::simd::{dispatch, multiply_add};
 
 /// Vectors (x, y) for all tiles and rings: shape (rows or 1, cols or 1, rings or 1, 2).
 pub type Vectors<'a> = ArrayView4<'a, f64>;
@@ -65,7 +67,6 @@ pub struct Ready<'f, 'a, T: Real> {
     down: Row,
     across: Row,
     weights: (Vec<T>, Vec<T>),
-    waves: Waves,
     plan: Plan<T>,
 }
 
@@ -132,7 +133,8 @@ impl<'a> Field<'a> {
         }
         let waves = Waves::new(self.tile, self.band, self.ring_edges)?;
         let weights = (down.weights(self.blend)?, across.weights(self.blend)?);
-        Ok(Ready { field: self, down, across, weights, plan: Plan::new(&waves), waves })
+        let plan = Plan::new(&waves, Choice::Cheaper)?;
+        Ok(Ready { field: self, down, across, weights, plan })
     }
 }
 
@@ -223,11 +225,12 @@ impl<T: Real> Ready<'_, '_, T> {
                 field.motions(field.velocity, field.shift_rate, (row, col), &mut rate);
                 let motion = TileMotion {
                     place: &place,
-                    rate: (!field.filter.is_open()).then_some((&rate[..], field.filter)),
+                    rate: &rate,
+                    filter: field.filter,
                     shortest: field.shortest.as_ref().map_or(0.0, |map| map[(row, col)]),
                 };
                 let draw = Draw::new(field.seed, (row, col), field.jitter);
-                let (pixels, power) = self.plan.render(&self.waves, draw, &motion, &mut scratch)?;
+                let (pixels, power) = self.plan.render(draw, motion, &mut scratch)?;
                 let lift = lift.map(|map| T::of(lost_mean(map, power)));
                 self.add(&mut stripe, (row, col), cols, pixels, lift);
             }
@@ -267,23 +270,49 @@ impl<T: Real> Ready<'_, '_, T> {
         let to = (cols.end - start).min(tile_width);
         let offset = start + from - cols.start;
         let wx = &self.weights.1[col * tile_width..][from..to];
+        let wy = &self.weights.0[row * tile_height..(row + 1) * tile_height];
+        add_rows(&mut stripe.field[offset..], stripe.width, wy, wx, &pixels[from..], tile_width);
+        let Some(lift) = lift else { return };
         let linear = self.field.blend == Blend::Linear;
-        for y in 0..tile_height {
-            let wy = self.weights.0[row * tile_height + y];
+        for (y, &wy) in wy.iter().enumerate() {
             let at = y * stripe.width + offset;
-            let sums = &mut stripe.field[at..at + wx.len()];
-            for ((sum, &wx), &z) in sums.iter_mut().zip(wx).zip(&pixels[y * tile_width + from..]) {
-                *sum += wy * wx * z;
-            }
-            if let Some(lift) = lift {
-                for (sum, &wx) in stripe.lift[at..at + wx.len()].iter_mut().zip(wx) {
-                    // Means mix with weights that sum to 1: the squares, in the power law.
-                    let weight = wy * wx;
-                    *sum += lift * if linear { weight } else { weight * weight };
-                }
+            for (sum, &wx) in stripe.lift[at..at + wx.len()].iter_mut().zip(wx) {
+                // Means mix with weights that sum to 1: the squares, in the power law.
+                let weight = wy * wx;
+                *sum += lift * if linear { weight } else { weight * weight };
             }
         }
     }
+}
+
+/// Adds a weighted tile to rows of sums.
+#[inline(always)]
+fn add_rows_with<T: Real, const LEVEL: u8>(
+    sums: &mut [T],
+    stride: usize,
+    wy: &[T],
+    wx: &[T],
+    pixels: &[T],
+    tile_width: usize,
+) {
+    for (y, &wy) in wy.iter().enumerate() {
+        let sums = &mut sums[y * stride..][..wx.len()];
+        let pixels = &pixels[y * tile_width..][..wx.len()];
+        for i in 0..wx.len() {
+            sums[i] = multiply_add::<T, LEVEL>(wy * wx[i], pixels[i], sums[i]);
+        }
+    }
+}
+
+dispatch! {
+    fn add_rows<T>(
+        sums: &mut [T],
+        stride: usize,
+        wy: &[T],
+        wx: &[T],
+        pixels: &[T],
+        tile_width: usize,
+    ) = add_rows_with
 }
 
 /// The mean opacity that the filter took from a tile.

@@ -7,11 +7,13 @@
 //! [`field`] makes a whole frame; the other modules are its steps, for experiments and as judges.
 
 pub mod band;
+pub mod dense;
 pub mod field;
 pub mod filter;
 pub mod grid;
 pub mod opacity;
 pub mod phase;
+pub mod phases;
 pub mod tent;
 pub mod tile;
 pub mod tiles;

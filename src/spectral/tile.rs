@@ -1,46 +1,54 @@
-//! One tile: its waves at their phases, transformed to pixels.
+//! One tile: its waves at their phases, transformed to pixels by the cheaper of two ways.
 
 use std::sync::Arc;
 
 use flurries_fft::{ComplexToReal, Fft};
 use num_complex::Complex;
 
-use super::filter::TemporalFilter;
+use super::dense::{Dense, Work, transform};
 use super::grid::position;
-use super::tent::Motion;
+use super::phases::{Lanes, Power, TileMotion, Values};
 use super::waves::{Draw, Waves};
 use crate::error::{Error, zeroed};
 use crate::real::Real;
 
-/// What one tile is asked for, apart from its random draw. Slices have one entry per ring.
-pub struct TileMotion<'a> {
-    /// Displacements since time 0.
-    pub place: &'a [Motion],
-    /// Displacements per frame, where the filter needs them.
-    pub rate: Option<(&'a [Motion], TemporalFilter)>,
-    /// Waves up to this wavelength are left out (a depth limit); 0 leaves out none.
-    pub shortest: f64,
-}
+/// How many multiply-adds of the dense passes cost as much as one floating-point operation of an FFT:
+/// they run on full vectors from the first cache. Measured from 24 to 512 px (benches/history.md).
+const DENSE_ADVANTAGE: f64 = 3.0;
 
-/// Power of the waves of a tile: what is in the band's depth range, and what the filter kept.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Power {
-    /// Before the temporal filter.
-    pub present: f64,
-    /// After it.
-    pub kept: f64,
-}
-
-/// Transforms of one tile size. Only columns that hold a wave are transformed along y.
+/// A transform, planned for one tile size and band.
 pub struct Plan<T: Real> {
+    lanes: Lanes,
+    way: Way<T>,
     tile: (usize, usize),
-    columns: usize,
-    along_y: Arc<dyn Fft<T>>,
-    along_x: Arc<dyn ComplexToReal<T>>,
+    // Where each leader's bin goes, and its mirror's for kx = 0 (the same place otherwise).
+    places: Vec<(usize, usize)>,
+}
+
+enum Way<T: Real> {
+    Dense(Dense<T>),
+    Fft { columns: usize, along_y: Arc<dyn Fft<T>>, along_x: Arc<dyn ComplexToReal<T>> },
+}
+
+/// Which way to take; both give the same field within rounding.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Choice {
+    /// By the operation count.
+    Cheaper,
+    /// Two dense products.
+    Dense,
+    /// FFTs of the columns in the band, then of every row.
+    Fft,
 }
 
 /// Buffers of one worker, reused from tile to tile.
 pub struct Scratch<T> {
+    values: Values<T>,
+    // Dense: real and imaginary parts of the spectrum, and work space.
+    re: Vec<T>,
+    im: Vec<T>,
+    work: Option<Work<T>>,
+    // FFT: spectrum, half a row, work space.
     spectrum: Vec<Complex<T>>,
     line: Vec<Complex<T>>,
     work_y: Vec<Complex<T>>,
@@ -49,83 +57,132 @@ pub struct Scratch<T> {
 }
 
 impl<T: Real> Plan<T> {
-    /// Plans the transforms for a set of waves.
-    pub fn new(waves: &Waves) -> Self {
-        Self {
-            tile: waves.tile,
-            columns: waves.columns,
-            along_y: T::inverse(waves.tile.0),
-            along_x: T::to_real(waves.tile.1),
+    /// Plans the transform for a set of waves.
+    pub fn new(waves: &Waves, choice: Choice) -> Result<Self, Error> {
+        let (height, width) = waves.tile;
+        let dense = Dense::<T>::new(waves)?;
+        let log2 = |n: usize| (n as f64).log2().max(1.0);
+        let fft = 5.0 * (waves.columns * height) as f64 * log2(height)
+            + 2.5 * (height * width) as f64 * log2(width);
+        let take_dense = match choice {
+            Choice::Cheaper => (dense.operations() as f64) < DENSE_ADVANTAGE * fft,
+            Choice::Dense => true,
+            Choice::Fft => false,
+        };
+        let tile = waves.tile;
+        if take_dense {
+            let lanes = Lanes::new(waves, |ky, kx| dense.half_pixel(ky, kx));
+            let places = waves.list.iter().map(|wave| {
+                let mirror = if wave.kx == 0 { -wave.ky } else { wave.ky };
+                (dense.place(wave.ky, wave.kx), dense.place(mirror, wave.kx))
+            });
+            return Ok(Self { lanes, tile, places: places.collect(), way: Way::Dense(dense) });
         }
+        let places = waves.list.iter().map(|wave| {
+            let mirror = if wave.kx == 0 { -wave.ky } else { wave.ky };
+            let column = wave.kx as usize * height;
+            (column + position(wave.ky, height), column + position(mirror, height))
+        });
+        Ok(Self {
+            lanes: Lanes::new(waves, |_, _| 0.0),
+            tile,
+            places: places.collect(),
+            way: Way::Fft {
+                columns: waves.columns,
+                along_y: T::inverse(height),
+                along_x: T::to_real(width),
+            },
+        })
     }
 
     /// Buffers for this plan.
     pub fn scratch(&self) -> Result<Scratch<T>, Error> {
-        Ok(Scratch {
-            spectrum: zeroed(self.columns * self.tile.0)?,
-            line: zeroed(self.tile.1 / 2 + 1)?,
-            work_y: zeroed(self.along_y.get_inplace_scratch_len())?,
-            work_x: zeroed(self.along_x.get_scratch_len())?,
-            pixels: zeroed(self.tile.0 * self.tile.1)?,
-        })
+        let (height, width) = self.tile;
+        let mut scratch = Scratch {
+            values: self.lanes.values()?,
+            re: Vec::new(),
+            im: Vec::new(),
+            work: None,
+            spectrum: Vec::new(),
+            line: Vec::new(),
+            work_y: Vec::new(),
+            work_x: Vec::new(),
+            pixels: zeroed(height * width)?,
+        };
+        match &self.way {
+            Way::Dense(dense) => {
+                scratch.re = zeroed(dense.bins())?;
+                scratch.im = zeroed(dense.bins())?;
+                scratch.work = Some(dense.work()?);
+            }
+            Way::Fft { columns, along_y, along_x } => {
+                scratch.spectrum = zeroed(columns * height)?;
+                scratch.line = zeroed(width / 2 + 1)?;
+                scratch.work_y = zeroed(along_y.get_inplace_scratch_len())?;
+                scratch.work_x = zeroed(along_x.get_scratch_len())?;
+            }
+        }
+        Ok(scratch)
     }
 
     /// The tile's pixels, row by row, and the power of its waves.
     pub fn render<'s>(
         &self,
-        waves: &Waves,
         draw: Draw,
-        motion: &TileMotion<'_>,
+        motion: TileMotion<'_>,
         scratch: &'s mut Scratch<T>,
     ) -> Result<(&'s [T], Power), Error> {
-        let power = self.fill(waves, draw, motion, &mut scratch.spectrum);
-        self.along_y.process_with_scratch(&mut scratch.spectrum, &mut scratch.work_y);
+        let power = self.lanes.spectrum(self.tile, draw, motion, &mut scratch.values);
+        let (re, im) = (&scratch.values.re, &scratch.values.im);
+        let bins = self.places.iter().zip(re.iter().zip(im));
+        match &self.way {
+            Way::Dense(dense) => {
+                // Places outside the band were zero at the start and stay so.
+                for (&(place, mirror), (&re, &im)) in bins {
+                    scratch.re[mirror] = re;
+                    scratch.im[mirror] = -im;
+                    scratch.re[place] = re;
+                    scratch.im[place] = im;
+                }
+                let (re, im) = (&scratch.re, &scratch.im);
+                if let Some(work) = &mut scratch.work {
+                    transform(dense, re, im, work, &mut scratch.pixels);
+                }
+            }
+            Way::Fft { columns, along_y, along_x } => {
+                // The transform is in place, so the last tile's is still there.
+                scratch.spectrum.fill(Complex::new(T::zero(), T::zero()));
+                for (&(place, mirror), (&re, &im)) in bins {
+                    scratch.spectrum[mirror] = Complex::new(re, -im);
+                    scratch.spectrum[place] = Complex::new(re, im);
+                }
+                along_y.process_with_scratch(&mut scratch.spectrum, &mut scratch.work_y);
+                self.rows(*columns, along_x.as_ref(), scratch)?;
+            }
+        }
+        Ok((&scratch.pixels, power))
+    }
+
+    /// The second half of the FFT's way: every row from the columns to pixels.
+    fn rows(
+        &self,
+        columns: usize,
+        along_x: &dyn ComplexToReal<T>,
+        scratch: &mut Scratch<T>,
+    ) -> Result<(), Error> {
         let (height, width) = self.tile;
         for (y, pixels) in scratch.pixels.chunks_mut(width).enumerate() {
             for (bin, column) in scratch.line.iter_mut().zip(scratch.spectrum.chunks(height)) {
                 *bin = column[y];
             }
             // Beyond the columns the transform left its own work behind.
-            scratch.line[self.columns..].fill(Complex::new(T::zero(), T::zero()));
+            scratch.line[columns..].fill(Complex::new(T::zero(), T::zero()));
             // Zero but for rounding, since the column of kx = 0 is Hermitian; c2r insists on zero.
             scratch.line[0].im = T::zero();
-            self.along_x
+            along_x
                 .process_with_scratch(&mut scratch.line, pixels, &mut scratch.work_x)
                 .map_err(|error| Error::Internal(error.to_string()))?;
         }
-        Ok((&scratch.pixels, power))
-    }
-
-    /// Writes the half spectrum, column after column.
-    fn fill(
-        &self,
-        waves: &Waves,
-        draw: Draw,
-        motion: &TileMotion<'_>,
-        spectrum: &mut [Complex<T>],
-    ) -> Power {
-        let height = self.tile.0;
-        spectrum.fill(Complex::new(T::zero(), T::zero()));
-        let mut power = Power { present: 0.0, kept: 0.0 };
-        for wave in &waves.list {
-            if wave.wavelength <= motion.shortest {
-                continue;
-            }
-            let (rest, direction) = draw.of(wave, self.tile);
-            let step = motion.place[wave.ring].step(direction, wave.frequency);
-            let gain = motion.rate.as_ref().map_or(1.0, |(rates, filter)| {
-                filter.gain(rates[wave.ring].step(direction, wave.frequency))
-            });
-            power.present += 2.0 * wave.amplitude * wave.amplitude;
-            let amplitude = wave.amplitude * gain;
-            power.kept += 2.0 * amplitude * amplitude;
-            let value = T::turn(super::phase::reduce(rest + step)).scale(T::of(amplitude));
-            let column = wave.kx as usize * height;
-            spectrum[column + position(wave.ky, height)] = value;
-            if wave.kx == 0 {
-                spectrum[position(-wave.ky, height)] = value.conj();
-            }
-        }
-        power
+        Ok(())
     }
 }

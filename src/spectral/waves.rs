@@ -2,7 +2,7 @@
 
 use super::band::{Band, Sum};
 use super::grid::{Role, direction, magnitude, odd_frequency, role, signed};
-use super::phase::{leader_phase, tile_hash};
+use super::phase::tile_hash;
 use super::tent::Motion;
 use crate::error::{Error, zeroed};
 use crate::random::Hash;
@@ -89,7 +89,8 @@ fn ring_of(wavelength: f64, edges: &[f64]) -> usize {
 #[derive(Debug, Clone, Copy)]
 pub struct Draw {
     hash: Hash,
-    jitter: bool,
+    /// Whether directions are spread over the bin's cell.
+    pub jitter: bool,
 }
 
 impl Draw {
@@ -98,21 +99,23 @@ impl Draw {
         Self { hash: tile_hash(seed, tile.0 as i64, tile.1 as i64), jitter }
     }
 
-    /// The phase at rest, and the unit vector (y, x) that the tent uses.
+    /// The tile's hash, to which each wave adds ky and kx.
+    pub const fn bits(&self) -> u64 {
+        self.hash.bits()
+    }
+
+    /// The unit vector (y, x) that the jittered tent uses: towards a random place of the bin's cell.
     ///
-    /// With jitter it points to a random place of the bin's cell. Exactly across the motion the
-    /// tent's rate is 0, so that on a lattice a share of the power would stand still; this spreads it.
+    /// Exactly across the motion the tent's rate is 0, so that on a lattice a share of the power
+    /// would stand still; this spreads it.
     #[inline]
-    pub fn of(&self, wave: &Wave, tile: (usize, usize)) -> (f64, (f64, f64)) {
-        let hash = self.hash.word(wave.ky).word(wave.kx);
-        if !self.jitter {
-            return (leader_phase(hash), wave.direction);
-        }
+    pub fn direction(&self, ky: i64, kx: i64, tile: (usize, usize)) -> (f64, f64) {
+        let hash = self.hash.word(ky).word(kx);
         let place =
             |k: i64, n: usize, word: i64| (k as f64 + hash.word(word).unit() - 0.5) / n as f64;
-        let (y, x) = (place(wave.ky, tile.0, 2), place(wave.kx, tile.1, 1));
+        let (y, x) = (place(ky, tile.0, 2), place(kx, tile.1, 1));
         let length = (y * y + x * x).sqrt();
-        (leader_phase(hash), (y / length, x / length))
+        (y / length, x / length)
     }
 }
 

@@ -53,6 +53,20 @@ def write_bands(
         _verify(target, temporary, specification, checksums, lossless=lossless)
 
 
+def write_whole(path: str | os.PathLike[str], specification: Any, data: bytes) -> None:
+    """Write a picture that is encoded already, atomically, and verify its size and channels.
+
+    Raises
+    ------
+    OSError
+        If it cannot be written, or does not read back.
+    """
+    unknown = [(np.dtype(np.uint8), 0)] * -(-specification.height // _ROWS)
+    with replacing(path) as temporary:
+        temporary.write_bytes(data)
+        _verify(os.fspath(path), temporary, specification, unknown, lossless=False)
+
+
 def _write(
     target: str, temporary: Path, specification: Any, band: Callable[[int, int], Array]
 ) -> list[tuple[np.dtype[Any], int]]:

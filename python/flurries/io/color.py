@@ -44,7 +44,8 @@ def srgb_to_linear(values: npt.ArrayLike) -> Array:
     """
     display = _floats("values", values)
     # The base of the power is kept off negative numbers, where it would be NaN with a warning.
-    power = ((np.maximum(display, 0.0) + 0.055) / 1.055) ** 2.4
+    with np.errstate(over="ignore"):
+        power = ((np.maximum(display, 0.0) + 0.055) / 1.055) ** 2.4
     return np.where(display <= 0.04045, display / 12.92, power).astype(display.dtype, copy=False)
 
 

@@ -28,6 +28,11 @@ _TIMELESS = ("avi", "mpeg")
 _SEEKLESS = ("mpegts",)
 
 
+# How pixel formats are converted: bicubic (4), chroma interpolated in full (0x2000), rounded
+# exactly (0x40000), the same bits on every processor (0x80000), and in the calling thread.
+SCALING: dict[str, Any] = {"interpolation": 4 | 0x2000 | 0x40000 | 0x80000, "threads": 1}
+
+
 @dataclass(frozen=True)
 class FrameIndex:
     """Where the frames of a video are.

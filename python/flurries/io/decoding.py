@@ -14,7 +14,8 @@ from typing import Any
 import numpy as np
 
 from flurries.io.color import Array
-from flurries.io.containers import index_frames, open_video
+from flurries.io.containers import SCALING, index_frames, open_video
+from flurries.io.forks import never_free_in_children
 from flurries.io.headers import plain_file
 from flurries.io.integrity import check_structure
 
@@ -42,6 +43,7 @@ class VideoReader:
     def __init__(self, path: str | os.PathLike[str]) -> None:
         self.path = plain_file(path)
         check_structure(self.path)
+        never_free_in_children(self)
         self._container, self._stream = open_video(self.path)
         rate = self._stream.average_rate or self._stream.guessed_rate
         self.fps = float(rate) if rate else None
@@ -161,15 +163,9 @@ def read_video(path: str | os.PathLike[str]) -> Iterator[Array]:
 
 def _to_rgb(frame: Any) -> Array:
     """Return a decoded frame as RGB, upright."""
-    from av.video.reformatter import Colorspace, Interpolation
+    from av.video.reformatter import Colorspace
 
-    # The exact paths of the scaler: its fast ones differ between processors.
-    wishes: dict[str, Any] = {
-        "interpolation": Interpolation.BICUBIC
-        | Interpolation.ACCURATE_RND
-        | Interpolation.FULL_CHR_H_INT
-        | Interpolation.BITEXACT
-    }
+    wishes = dict(SCALING)
     if frame.colorspace == _UNSPECIFIED and not frame.format.is_rgb:
         # Unmarked video follows the convention of its size.
         wishes["src_colorspace"] = Colorspace.ITU709 if frame.height >= 720 else Colorspace.ITU601

@@ -9,6 +9,7 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Mapping
+from numbers import Integral, Real
 from typing import Any
 
 PREFIX = "flurries:"
@@ -40,9 +41,7 @@ def checked(metadata: Mapping[str, object] | None) -> dict[str, str]:
             raise ValueError(
                 f"metadata key {given!r} must be at most 60 letters, digits, '_', '.' or '-'"
             )
-        if not isinstance(value, (str, int, float)):
-            raise TypeError(f"metadata {key!r} must be a string or a number, got {value!r}")
-        text = value if isinstance(value, str) else repr(value)
+        text = _text(key, value)
         if "\0" in text:
             raise ValueError(f"metadata {key!r} must not hold a NUL byte")
         if key == "DateTime" and not _MOMENT.fullmatch(text):
@@ -51,18 +50,35 @@ def checked(metadata: Mapping[str, object] | None) -> dict[str, str]:
     return strings
 
 
+def _text(key: str, value: object) -> str:
+    if isinstance(value, str):
+        return value
+    # NumPy's numbers are among these; their own repr names the type too.
+    if isinstance(value, Integral):
+        return str(value)
+    if isinstance(value, Real):
+        return repr(float(value))
+    raise TypeError(f"metadata {key!r} must be a string or a number, got {value!r}")
+
+
+def description(strings: Mapping[str, str]) -> str:
+    """Return checked metadata as the one text of formats that hold no more; empty if none."""
+    own = {PREFIX + key: text for key, text in strings.items() if key != "DateTime"}
+    return json.dumps(own, sort_keys=True) if own else ""
+
+
 def put(specification: Any, strings: Mapping[str, str], format_name: str) -> None:
     """Write checked metadata into the header of a picture that is about to be made."""
     specification.attribute("DateTime", strings["DateTime"])
     specification.attribute("Software", "flurries")
-    own = {PREFIX + key: text for key, text in strings.items() if key != "DateTime"}
     if format_name in ("openexr", "png"):
         # Numbers travel as strings too: OpenImageIO would round integers to 32 bits and floats to
         # single precision.
-        for key, text in own.items():
-            specification.attribute(key, text)
-    elif own:
-        specification.attribute("ImageDescription", json.dumps(own, sort_keys=True))
+        for key, text in strings.items():
+            if key != "DateTime":
+                specification.attribute(PREFIX + key, text)
+    elif text := description(strings):
+        specification.attribute("ImageDescription", text)
 
 
 def get(specification: Any) -> dict[str, str]:
@@ -75,11 +91,11 @@ def get(specification: Any) -> dict[str, str]:
 
 def _found(specification: Any) -> dict[str, str]:
     found: dict[str, str] = {}
-    description = specification.get_string_attribute("ImageDescription")
-    if description.startswith("{"):
+    said = specification.get_string_attribute("ImageDescription")
+    if said.startswith("{"):
         try:
-            parsed = json.loads(description)
-        except ValueError:
+            parsed = json.loads(said)
+        except (ValueError, RecursionError):
             parsed = {}
         found.update(
             (key.removeprefix(PREFIX), text)

@@ -102,13 +102,14 @@ def read_mask(path: str | os.PathLike[str]) -> Array:
         As `read_picture`.
     """
     picture = read_picture(path)
-    mask = picture.alpha
-    if mask is None:
-        red, green, blue = np.moveaxis(to_unit(picture.pixels), -1, 0)
-        # Written as differences, so that grey pictures give their grey level exactly.
-        mask = red + np.float32(_GREEN) * (green - red) + np.float32(_BLUE) * (blue - red)
-    clipped: Array = np.clip(np.nan_to_num(mask, nan=0.0), 0.0, 1.0)
-    return clipped.astype(np.float32, copy=False)
+    given = to_unit(picture.pixels) if picture.alpha is None else picture.alpha
+    values: Array = np.clip(np.nan_to_num(given, nan=0.0), 0.0, 1.0)
+    if values.ndim == 2:
+        return values
+    red, green, blue = np.moveaxis(values, -1, 0)
+    # Written as differences, so that grey pictures give their grey level exactly.
+    mask: Array = red + np.float32(_GREEN) * (green - red) + np.float32(_BLUE) * (blue - red)
+    return mask
 
 
 def _decode(opened: Opened) -> tuple[Array, Array | None]:

@@ -28,7 +28,8 @@ def fit(
 
     Filtering happens in linear light: a bright star between dark pixels keeps its light when the
     picture shrinks. The filter's ringing is cut at the smallest and the largest value of each
-    channel, so black stays black around lamps.
+    channel, so black stays black around lamps; a lamp of a single pixel gains light by that, up to
+    a third.
 
     Parameters
     ----------

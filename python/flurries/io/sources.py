@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import ctypes
 import errno
 import operator
 import os
@@ -12,6 +11,7 @@ from collections import OrderedDict
 from pathlib import Path
 from typing import Any
 
+from flurries.io import forks
 from flurries.io.color import Encoding
 from flurries.io.containers import READABLE
 from flurries.io.decoding import VideoReader
@@ -21,18 +21,6 @@ from flurries.io.sequences import Pattern
 
 # Two eyes ask for the same frame, and a player steps back and forth by one.
 _KEPT = 3
-
-_guard = threading.Lock()
-
-
-def _renew_guard() -> None:
-    """Give a forked child a guard that no vanished thread holds."""
-    global _guard
-    _guard = threading.Lock()
-
-
-if hasattr(os, "register_at_fork"):
-    os.register_at_fork(after_in_child=_renew_guard)
 
 
 class Source(ABC):
@@ -126,7 +114,7 @@ class Source(ABC):
 
     def _own_lock(self) -> threading.Lock:
         """Return the lock; a forked child gets a new one, as a lost thread may hold the old."""
-        with _guard:
+        with forks.guard:
             if self._process != os.getpid():
                 self._renew()
             return self._lock
@@ -206,12 +194,7 @@ class VideoSource(Source):
                 reader.close()
 
     def _renew(self) -> None:
-        inherited = getattr(self, "_reader", None)
-        if inherited is not None:
-            # The parent goes on reading through the same open file: the child must neither read
-            # nor free what it inherited, which the parent's thread may have been changing. A
-            # reference that is never given back keeps it out of the garbage collector's reach.
-            ctypes.pythonapi.Py_IncRef(ctypes.py_object(inherited))
+        # In a child: the parent goes on reading through the same open file.
         super()._renew()
         self._reader = None
 

@@ -15,6 +15,8 @@ import numpy as np
 import numpy.typing as npt
 
 from flurries.io.atomic import replacing
+from flurries.io.containers import SCALING
+from flurries.io.forks import never_free_in_children
 from flurries.io.integrity import check_structure
 from flurries.io.sequences import VIDEO_EXTENSIONS
 
@@ -42,7 +44,7 @@ class _Codec:
     container: dict[str, str]
 
 
-def _codec_of(suffix: str, quality: str) -> _Codec:
+def _codec_of(suffix: str, quality: str, size: tuple[int, int]) -> _Codec:
     """Return the encoder for an extension, with settings that make the same bytes every time."""
     # Without bitexact, the container is stamped with the library's version and random numbers.
     container = {"fflags": "+bitexact"}
@@ -55,7 +57,9 @@ def _codec_of(suffix: str, quality: str) -> _Codec:
     if suffix == ".webm":
         options = {**_VP9[quality], "b:v": "0", "deadline": "good", "row-mt": "1"}
         return _Codec("libvpx-vp9", "yuv420p", options, container)
-    return _Codec("ffv1", "bgr0", {"level": "3", "slices": "4", "slicecrc": "1"}, container)
+    # Four slices are two by two, which a picture of one row has no room for.
+    slices = "4" if min(size) > 1 else "1"
+    return _Codec("ffv1", "bgr0", {"level": "3", "slices": slices, "slicecrc": "1"}, container)
 
 
 class VideoWriter:
@@ -120,7 +124,7 @@ class VideoWriter:
         self.size = _checked_size(size)
         self.fps = frame_rate(fps)
         self.count = 0
-        self._codec = _codec_of(suffix, quality)
+        self._codec = _codec_of(suffix, quality, self.size)
         self._replacing: AbstractContextManager[Path] | None = None
         self._temporary: Path | None = None
         self._container: Any = None
@@ -129,6 +133,8 @@ class VideoWriter:
     def __enter__(self) -> VideoWriter:
         if self._replacing is not None:
             raise RuntimeError(f"{self.path}: a VideoWriter writes one video only")
+        never_free_in_children(self)
+        self._owner = os.getpid()
         self._replacing = replacing(self.path)
         self._temporary = self._replacing.__enter__()
         try:
@@ -144,6 +150,8 @@ class VideoWriter:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
+        if os.getpid() != self._owner:
+            return  # A forked child leaves the block: the file is its parent's.
         if error is not None:
             self._leave(error)
             return
@@ -196,24 +204,17 @@ class VideoWriter:
 
     def _converted(self, array: npt.NDArray[np.uint8]) -> Any:
         from av import VideoFrame
-        from av.video.reformatter import ColorRange, Colorspace, Interpolation
+        from av.video.reformatter import ColorRange, Colorspace
 
         pad_down = self._stream.height - array.shape[0]
         pad_right = self._stream.width - array.shape[1]
         if pad_down or pad_right:
             array = np.pad(array, ((0, pad_down), (0, pad_right), (0, 0)), mode="edge")
         image = VideoFrame.from_ndarray(np.ascontiguousarray(array), format="rgb24")
-        wishes: dict[str, Any] = {}
+        wishes = dict(SCALING)
         if self._codec.pixels == "yuv420p":
-            wishes = {
-                "dst_colorspace": Colorspace.ITU709,
-                "dst_color_range": ColorRange.MPEG,
-                # The exact paths of the scaler: its fast ones differ between processors.
-                "interpolation": Interpolation.BICUBIC
-                | Interpolation.ACCURATE_RND
-                | Interpolation.FULL_CHR_H_INT
-                | Interpolation.BITEXACT,
-            }
+            wishes["dst_colorspace"] = Colorspace.ITU709
+            wishes["dst_color_range"] = ColorRange.MPEG
         converted = self._reformatter.reformat(image, format=self._codec.pixels, **wishes)
         converted.pts = self.count
         converted.time_base = 1 / self.fps

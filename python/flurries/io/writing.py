@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from flurries.io import metadata as header
-from flurries.io.bands import write_bands
+from flurries.io.bands import write_bands, write_whole
 from flurries.io.color import (
     Array,
     to_display,
@@ -22,6 +22,7 @@ from flurries.io.color import (
     to_single,
     to_unit,
 )
+from flurries.io.jpeg import encode_jpeg
 from flurries.io.library import openimageio
 
 
@@ -146,12 +147,16 @@ def write_picture(
         return _converted(color[first:last], rows, encoding, premultiplied, stored)
 
     specification = _specification(color.shape, stored, alpha=opacity is not None)
+    if form.name == "jpeg":
+        try:
+            data = encode_jpeg(band(0, color.shape[0]), int(quality), strings)
+        except OSError as error:
+            raise OSError(f"{os.fspath(path)}: cannot be encoded: {error}") from error
+        write_whole(path, specification, data)
+        return
     header.put(specification, strings, form.name)
     if form.name == "openexr":
         specification.attribute("compression", compression)
-    elif form.name == "jpeg":
-        specification.attribute("compression", f"jpeg:{int(quality)}")
-        specification.attribute("jpeg:subsampling", "4:4:4")
     elif form.name in ("png", "tiff") and stored in ("uint8", "uint16"):
         specification.attribute("oiio:UnassociatedAlpha", 1)
     lossless = form.lossless and (form.name != "openexr" or _COMPRESSIONS[compression])
@@ -217,9 +222,9 @@ def _converted(
     wanted = "linear" if floats else "display"
     if encoding != wanted or (alpha is not None and premultiplied != floats):
         opacity = None if alpha is None else to_unit(alpha)[..., np.newaxis]
-        color = to_unit(color)
         if opacity is not None and premultiplied:
             # Light without opacity, a glow, has no straight colour and is left as it is.
+            color = to_unit(color)
             color = np.divide(color, opacity, out=color.copy(), where=opacity > 0)
         color = (to_linear if floats else to_display)(color, encoding)
         if opacity is not None and floats:
