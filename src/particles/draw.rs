@@ -13,7 +13,7 @@
 
 use multiversion::multiversion;
 
-use super::bins::{Bins, Grid, TILE, pixels};
+use super::bins::{Bins, Grid, TILE, pixels, touches};
 use super::profile::{self, Real, TERMS};
 use super::sprite::{REACH, Sprite};
 use crate::error::{Cancel, Error};
@@ -45,19 +45,26 @@ pub fn draw<P: Real>(
     cancel: &Cancel,
 ) -> Result<(), Error> {
     let origin = [tile % grid.columns, tile / grid.columns].map(corner);
-    let mut drawn = 0_usize;
+    let (row, column) = (tile / grid.columns, tile % grid.columns);
     for bins in runs {
-        for sprite in bins.sprites(grid, tile) {
-            drawn += 1;
-            if drawn % LOOK == 0 {
-                cancel.check()?;
-            }
-            if sprite.length == 0.0 {
-                disc::<P>(transmittance, depth, sprite, origin);
-            } else {
-                streak::<P>(transmittance, depth, sprite, origin);
+        let mut drawn = 0_usize;
+        for (list, whole) in [(bins.small(tile), true), (bins.large(), false)] {
+            for sprite in list {
+                if !whole && !touches(sprite, row, column) {
+                    continue;
+                }
+                drawn += 1;
+                if drawn % LOOK == 0 {
+                    cancel.check()?;
+                }
+                if sprite.length == 0.0 {
+                    disc::<P>(transmittance, depth, sprite, origin);
+                } else {
+                    streak::<P>(transmittance, depth, sprite, origin);
+                }
             }
         }
+        cancel.check()?;
     }
     Ok(())
 }
@@ -108,42 +115,77 @@ fn disc<P: Real>(
     let reach = REACH * sprite.sigma;
     let Some(columns) = pixels(x - reach, x + reach, TILE) else { return };
     let Some(rows) = pixels(y - reach, y + reach, TILE) else { return };
-    let (first_column, blocks) = begin(columns.start, columns.len(), LANES);
-    let (first_row, row_blocks) = begin(rows.start, rows.len(), LANES);
+    let (left, blocks) = begin(columns.start, columns.len(), LANES);
+    let (top, row_blocks) = begin(rows.start, rows.len(), LANES);
     let inverse = 1.0 / sprite.sigma;
-    let across = axis::<P>((first_column as f64 + 0.5 - x) * inverse, inverse, blocks);
-    let mut down = axis::<P>((first_row as f64 + 0.5 - y) * inverse, inverse, row_blocks);
-    let amplitude = P::of(sprite.amplitude);
-    for value in &mut down {
-        *value = *value * amplitude;
+    let (first_x, first_y) = (left as f64 + 0.5 - x, top as f64 + 0.5 - y);
+    let (first_x, first_y) = (P::of(first_x * inverse), P::of(first_y * inverse));
+    let (step, amplitude) = (P::of(inverse), P::of(sprite.amplitude));
+    let place = Place { map, depth: P::of(sprite.depth), left, top, rows };
+    if blocks <= 2 && row_blocks <= 2 {
+        // Most flakes. Both axes at once, so that the chain of the exponential is waited for once.
+        let mut values = [P::zero(); 4 * LANES];
+        for k in 0..4 * LANES {
+            let (start, scale) =
+                if k < 2 * LANES { (first_x, P::one()) } else { (first_y, amplitude) };
+            let offset = P::of((k % (2 * LANES)) as f64);
+            values[k] = scale * profile::gaussian(start + offset * step);
+        }
+        let (across, down) = values.split_at(2 * LANES);
+        if blocks == 1 {
+            outer::<P, LANES>(transmittance, &place, 1, across, down);
+        } else {
+            outer::<P, { 2 * LANES }>(transmittance, &place, 1, across, down);
+        }
+    } else {
+        let across = axis::<P>(first_x, step, P::one(), blocks);
+        let down = axis::<P>(first_y, step, amplitude, row_blocks);
+        outer::<P, LANES>(transmittance, &place, blocks, &across, &down);
     }
-    let depth = P::of(sprite.depth);
-    for row in rows {
-        let weight = down[row - first_row];
-        for block in 0..blocks {
-            let mut alpha = [P::zero(); LANES];
-            let profile: &[P; LANES] =
-                across[block * LANES..(block + 1) * LANES].try_into().expect("whole blocks");
-            for k in 0..LANES {
+}
+
+/// Where a disc lies in its tile.
+struct Place<'a, P> {
+    map: Option<&'a [P; PIXELS]>,
+    depth: P,
+    left: usize,
+    top: usize,
+    rows: std::ops::Range<usize>,
+}
+
+/// The product of the two axes, `blocks` blocks of N columns.
+#[inline(always)]
+fn outer<P: Real, const N: usize>(
+    transmittance: &mut [f64; PIXELS],
+    place: &Place<'_, P>,
+    blocks: usize,
+    across: &[P],
+    down: &[P],
+) {
+    for block in 0..blocks {
+        let profile: &[P; N] = across[block * N..(block + 1) * N].try_into().expect("whole blocks");
+        for row in place.rows.start..place.rows.end {
+            let weight = down[row - place.top];
+            let mut alpha = [P::zero(); N];
+            for k in 0..N {
                 alpha[k] = weight * profile[k];
             }
-            let at = row * TILE + first_column + block * LANES;
-            multiply(transmittance, map, depth, at, &mut alpha);
+            let at = row * TILE + place.left + block * N;
+            multiply(transmittance, place.map, place.depth, at, &mut alpha);
         }
     }
 }
 
 /// The profile at `start`, `start + step`, ... for `blocks` blocks.
 #[inline(always)]
-fn axis<P: Real>(start: f64, step: f64, blocks: usize) -> [P; TILE] {
-    let (start, step) = (P::of(start), P::of(step));
+fn axis<P: Real>(start: P, step: P, scale: P, blocks: usize) -> [P; TILE] {
     let mut values = [P::zero(); TILE];
     for block in 0..blocks {
         let values: &mut [P; LANES] =
             (&mut values[block * LANES..(block + 1) * LANES]).try_into().expect("whole blocks");
         for k in 0..LANES {
             let offset = P::of((block * LANES + k) as f64);
-            values[k] = profile::gaussian(start + offset * step);
+            values[k] = scale * profile::gaussian(start + offset * step);
         }
     }
     values

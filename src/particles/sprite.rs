@@ -68,6 +68,16 @@ pub struct Sprite {
 }
 
 impl Sprite {
+    /// No flake at all.
+    pub const NONE: Self = Self {
+        start: [0.0; 2],
+        along: [1.0, 0.0],
+        length: 0.0,
+        sigma: 1.0,
+        amplitude: 0.0,
+        depth: 1.0,
+    };
+
     /// The image of a flake, or None if nothing of it can be seen.
     #[inline]
     pub fn of(flake: &Flake, lens: &Lens) -> Option<Self> {
