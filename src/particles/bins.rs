@@ -62,12 +62,13 @@ impl Grid {
 pub fn pixels(low: f64, high: f64, count: usize) -> Option<Range<usize>> {
     // Clamped before the cast, since a bound may be 1e30. The casts truncate, which is the floor of
     // what is not negative; `floor` and `ceil` would be calls where SSE 4.1 is not assumed.
-    let limit = count as f64;
+    // Signed integers convert in one instruction, unsigned ones in several.
+    let limit = count as i64 as f64;
     let first = (low - 0.5).clamp(0.0, limit);
     let end = (high + 0.5).clamp(0.0, limit);
-    let whole = first as usize;
-    let start = whole + usize::from(first > whole as f64);
-    let end = end as usize;
+    let whole = first as i64;
+    let start = whole as usize + usize::from(first > whole as f64);
+    let end = end as i64 as usize;
     if start < end { Some(start..end) } else { None }
 }
 
@@ -160,7 +161,7 @@ impl Bins {
 /// Whether a sprite's footprint can touch a tile; never a wrong no.
 #[inline]
 pub fn touches(sprite: &Sprite, row: usize, column: usize) -> bool {
-    let center = [column, row].map(|place| (place * TILE + TILE / 2) as f64);
+    let center = [column, row].map(|place| (place * TILE + TILE / 2) as i64 as f64);
     sprite.touches(center, (TILE / 2) as f64)
 }
 

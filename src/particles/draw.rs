@@ -301,19 +301,32 @@ fn blurred<P: Real, const N: usize>(
     for k in 0..N {
         alpha[k] = sweep.amplitude * profile::gaussian(q + P::of(k as f64) * sweep.step_across);
     }
+    // The least distances from the ends that any lane has.
     let last = sweep.step_along.wide() * (N - 1) as f64;
-    let nearest = (from_start + last.min(0.0)).min(from_end - last.max(0.0));
-    if nearest >= P::SATURATED {
+    let (least_a, least_b) = (from_start + last.min(0.0), from_end - last.max(0.0));
+    let (a, b) = (P::of(from_start), P::of(from_end));
+    if least_a >= P::SATURATED && least_b >= P::SATURATED {
         for k in 0..N {
             alpha[k] = alpha[k] + alpha[k];
         }
-        return;
+    } else if least_b >= P::SATURATED {
+        one_end(a, sweep.step_along, alpha);
+    } else if least_a >= P::SATURATED {
+        one_end(b, -sweep.step_along, alpha);
+    } else {
+        for k in 0..N {
+            let step = P::of(k as f64) * sweep.step_along;
+            let (a, b) = (a + step, b - step);
+            let nearest = if a < b { a } else { b };
+            alpha[k] = alpha[k] * (profile::swept(a, b) * profile::rim(-nearest));
+        }
     }
-    let (a, b) = (P::of(from_start), P::of(from_end));
+}
+
+#[inline(always)]
+fn one_end<P: Real, const N: usize>(start: P, step: P, alpha: &mut [P; N]) {
     for k in 0..N {
-        let step = P::of(k as f64) * sweep.step_along;
-        let (a, b) = (a + step, b - step);
-        let nearest = if a < b { a } else { b };
-        alpha[k] = alpha[k] * (profile::swept(a, b) * profile::rim(-nearest));
+        let from_end = start + P::of(k as f64) * step;
+        alpha[k] = alpha[k] * (profile::swept_end(from_end) * profile::rim(-from_end));
     }
 }

@@ -230,6 +230,13 @@ pub fn swept<P: Real>(from_start: P, from_end: P) -> P {
     base + (near + far)
 }
 
+/// The same near one end, where the other is saturated.
+#[inline(always)]
+pub fn swept_end<P: Real>(from_end: P) -> P {
+    let tail = P::tail(from_end.abs());
+    if from_end < P::zero() { tail } else { P::of(2.0) - tail }
+}
+
 /// The series of G for a short segment, as a polynomial in x^2 (highest power first):
 /// G = exp(-x^2/2) * polynomial(x^2).
 pub fn series(length: f64) -> [f64; TERMS] {
@@ -370,6 +377,17 @@ mod tests {
             // Simpson's own error is below 1e-15 up to 10 sigma and 1e-11 at 40.
             assert!(wide < if length > 10.0 { 1e-11 } else { 3e-15 }, "{length}: {wide:e}");
             assert!(narrow < 3e-7, "{length}: {narrow:e}");
+        }
+    }
+
+    #[test]
+    fn one_end_alone_is_both_with_the_other_saturated() {
+        for i in -40..=90 {
+            let a = f64::from(i) / 10.0;
+            let both = swept(a, <f64 as Real>::SATURATED);
+            assert!((swept_end(a) - both).abs() < 1e-15, "{a}");
+            let both = swept(a as f32, <f32 as Real>::SATURATED as f32);
+            assert!((swept_end(a as f32) - both).abs() < 1.3e-7, "{a}");
         }
     }
 

@@ -124,8 +124,7 @@ pub fn splat<P: Real, M: Real>(
     let runs = binned(flakes, lens, &grid, cancel)?;
     pool::for_each(tiles(out), |(tile, pixels)| {
         cancel.check()?;
-        let map: Option<[P; PIXELS]> =
-            depth.as_ref().map(|map| map_of_tile(map, &grid, tile));
+        let map: Option<[P; PIXELS]> = depth.as_ref().map(|map| map_of_tile(map, &grid, tile));
         let mut transmittance = [1.0; PIXELS];
         draw(&mut transmittance, map.as_ref(), &runs, &grid, tile, cancel)?;
         store(pixels, &transmittance);
