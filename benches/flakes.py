@@ -12,9 +12,8 @@ import statistics
 import time
 from collections.abc import Callable
 
-import numpy as np
-
 import flurries as fl
+import numpy as np
 from flurries import particles
 from flurries.camera import Camera
 
@@ -70,8 +69,8 @@ def main() -> None:
             "discs f32": lambda p=points, r=radius: particles.splat(
                 (size, size), p, r, camera, opacity=0.5, out=target
             ),
-            "discs f64": lambda p=points, r=radius: particles.splat(
-                (size, size), p, r, camera, opacity=0.5, dtype=np.float64, out=wide
+            "discs f64": lambda p=points, r=radius, o=wide: particles.splat(
+                (size, size), p, r, camera, opacity=0.5, dtype=np.float64, out=o
             ),
         }
         for length in (1, 5, 20, 100):

@@ -11,6 +11,11 @@
 //! Loops over lanes are plain loops with a fixed count: a closure would not inherit the instruction
 //! set that the function is compiled for, and would run many times slower.
 
+#![expect(
+    clippy::needless_range_loop,
+    reason = "an index over lanes of a fixed count is what vectorises without closures"
+)]
+
 use multiversion::multiversion;
 
 use super::bins::{Bins, Grid, TILE, pixels, touches};
@@ -235,17 +240,24 @@ fn streak<P: Real>(
         series,
     };
     let depth = P::of(sprite.depth);
-    // Where a row (at height h above the start) meets the rectangle: two slanted strips.
+    // A square footprint's middle, and its axes in units of its own spread along each.
+    let square = sprite.square();
+    let [middle_x, middle_y] = [0.5 * sprite.length * ux, 0.5 * sprite.length * uy];
+    let [wide_x, wide_y] = profile::widening([length * ux, length * uy]);
+    let (by_wide_x, by_wide_y) = (inverse / wide_x, inverse / wide_y);
+    // Where a row (h below the start) meets the tilted rectangle: two slanted strips.
     let (by_x, by_y) = (1.0 / ux, 1.0 / uy);
     for row in rows {
         let h = row as f64 + 0.5 - y;
         let (mut left, mut right) = (f64::NEG_INFINITY, f64::INFINITY);
-        if uy.abs() > 1e-9 {
+        if square {
+            (left, right) = (low[0] - sprite.start[0], high[0] - sprite.start[0]);
+        } else if uy.abs() > 1e-9 {
             let middle = h * ux * by_y;
             let half = reach * by_y.abs();
             (left, right) = (middle - half, middle + half);
         }
-        if ux.abs() > 1e-9 {
+        if !square && ux.abs() > 1e-9 {
             let middle = (0.5 * sprite.length - h * uy) * by_x;
             let half = (0.5 * sprite.length + reach) * by_x.abs();
             left = left.max(middle - half);
@@ -259,8 +271,25 @@ fn streak<P: Real>(
             let from_start = (right * ux + h * uy) * inverse;
             let across = (h * ux - right * uy) * inverse;
             let mut alpha = [P::zero(); BLOCK];
+            let along = from_start - 0.5 * length;
+            let rims = if square {
+                let (x, y) = ((right - middle_x) * by_wide_x, (h - middle_y) * by_wide_y);
+                [
+                    Rim { start: P::of(x), step: P::of(by_wide_x), half: P::zero() },
+                    Rim { start: P::of(y), step: P::zero(), half: P::zero() },
+                ]
+            } else {
+                [
+                    Rim { start: P::of(across), step: sweep.step_across, half: P::zero() },
+                    Rim { start: P::of(along), step: sweep.step_along, half: sweep.half },
+                ]
+            };
             if short {
-                blurred_short(&sweep, from_start - 0.5 * length, across, &mut alpha);
+                blurred_short(&sweep, along, across, &mut alpha);
+                end(&rims, &mut alpha);
+            } else if square {
+                blurred_square(&sweep, from_start, length - from_start, across, &mut alpha);
+                end(&rims, &mut alpha);
             } else {
                 blurred(&sweep, from_start, length - from_start, across, &mut alpha);
             }
@@ -286,6 +315,42 @@ fn blurred_short<P: Real, const N: usize>(
                 sweep.half,
                 sweep.series,
             );
+    }
+}
+
+/// One of the two directions in which a footprint ends: from `half` around 0, in sigma.
+struct Rim<P> {
+    start: P,
+    step: P,
+    half: P,
+}
+
+#[inline(always)]
+fn end<P: Real, const N: usize>(rims: &[Rim<P>; 2], alpha: &mut [P; N]) {
+    for k in 0..N {
+        let offset = P::of(k as f64);
+        let [a, b] = rims;
+        let a = profile::rim((a.start + offset * a.step).abs() - a.half);
+        let b = profile::rim((b.start + offset * b.step).abs() - b.half);
+        alpha[k] = alpha[k] * (a * b);
+    }
+}
+
+/// In float64 the series ends before footprints turn from square to tilted.
+#[inline(always)]
+fn blurred_square<P: Real, const N: usize>(
+    sweep: &Sweep<P>,
+    from_start: f64,
+    from_end: f64,
+    across: f64,
+    alpha: &mut [P; N],
+) {
+    let (a, b, q) = (P::of(from_start), P::of(from_end), P::of(across));
+    for k in 0..N {
+        let offset = P::of(k as f64);
+        let step = offset * sweep.step_along;
+        let bare = profile::bare(q + offset * sweep.step_across);
+        alpha[k] = sweep.amplitude * bare * profile::swept(a + step, b - step);
     }
 }
 

@@ -284,16 +284,22 @@ mod tests {
                     (x * s.along[0] + y * s.along[1], y * s.along[0] - x * s.along[1]);
                 let length = s.length / s.sigma;
                 let rim = |u: f64| crate::particles::profile::rim(u);
-                let gauss = (-0.5 * across * across).exp() * rim(across.abs());
+                let gauss = (-0.5 * across * across).exp();
                 let swept = if length == 0.0 {
-                    (-0.5 * along * along).exp() * rim(along.abs())
+                    (-0.5 * along * along).exp()
                 } else {
                     let erf = |u: f64| libm::erf(u * std::f64::consts::FRAC_1_SQRT_2);
                     (erf(along) + erf(length - along)) * (0.5 * std::f64::consts::PI).sqrt()
                         / length
-                        * rim((-along).max(along - length))
                 };
-                *through *= 1.0 - s.amplitude * gauss * swept;
+                let rims = if length < 1.0 {
+                    let [ux, uy] = s.along.map(|u| length * u);
+                    let wide = |u: f64| (1.0 + u * u / 12.0).sqrt();
+                    rim((x - 0.5 * ux).abs() / wide(ux)) * rim((y - 0.5 * uy).abs() / wide(uy))
+                } else {
+                    rim(across.abs()) * rim((-along).max(along - length))
+                };
+                *through *= 1.0 - s.amplitude * gauss * swept * rims;
             }
         }
         through.mapv(|through| 1.0 - through)
@@ -326,7 +332,8 @@ mod tests {
         let alpha = drawn::<f32>(&owned, (90, 140), 1e-5);
         let raw = 100.0_f64 / 3.0;
         let variance = raw * raw + 1.0 / 12.0;
-        let layer = 1e-5 * raw * raw / variance * (-0.25 / variance).exp();
+        let layer =
+            1e-5 * raw * raw / variance * (1.0 + 4.8e-4 / variance) * (-0.25 / variance).exp();
         let want = 1.0 - (count as f64 * (-layer).ln_1p()).exp();
         assert!((f64::from(alpha[[45, 70]]) - want).abs() < 1e-6, "{} {want}", alpha[[45, 70]]);
     }
