@@ -70,8 +70,8 @@ def main() -> None:
             "discs f32": lambda p=points, r=radius: particles.splat(
                 (size, size), p, r, camera, opacity=0.5, out=target
             ),
-            "discs f64": lambda p=points, r=radius: particles.splat(
-                (size, size), p, r, camera, opacity=0.5, dtype=np.float64, out=wide
+            "discs f64": lambda p=points, r=radius, o=wide: particles.splat(
+                (size, size), p, r, camera, opacity=0.5, dtype=np.float64, out=o
             ),
         }
         for length in (1, 5, 20, 100):

@@ -71,30 +71,31 @@ pub fn multiply_add<T: Real, const LEVEL: u8>(a: T, b: T, c: T) -> T {
 macro_rules! dispatch {
     (
         $(#[$meta:meta])*
-        $visibility:vis fn $name:ident<$real:ident>($($argument:ident: $type:ty),* $(,)?) $(-> $result:ty)? = $kernel:ident
+        $visibility:vis fn $name:ident $(<$real:ident>)? ($($argument:ident: $type:ty),* $(,)?)
+            = $kernel:ident
     ) => {
         $(#[$meta])*
         #[allow(clippy::too_many_arguments, reason = "some kernels take many slices, one by one")]
-        $visibility fn $name<$real: $crate::real::Real>($($argument: $type),*) $(-> $result)? {
+        $visibility fn $name $(<$real: $crate::real::Real>)? ($($argument: $type),*) {
             #[cfg(target_arch = "x86_64")]
             {
                 #[target_feature(enable = "avx2,fma")]
-                unsafe fn avx2<$real: $crate::real::Real>($($argument: $type),*) $(-> $result)? {
-                    $kernel::<$real, { $crate::simd::AVX2 }>($($argument),*)
+                unsafe fn avx2 $(<$real: $crate::real::Real>)? ($($argument: $type),*) {
+                    $kernel::<$($real,)? { $crate::simd::AVX2 }>($($argument),*)
                 }
                 #[target_feature(enable = "avx512f,avx512vl,avx512dq,avx512bw,avx2,fma")]
-                unsafe fn avx512<$real: $crate::real::Real>($($argument: $type),*) $(-> $result)? {
-                    $kernel::<$real, { $crate::simd::AVX512 }>($($argument),*)
+                unsafe fn avx512 $(<$real: $crate::real::Real>)? ($($argument: $type),*) {
+                    $kernel::<$($real,)? { $crate::simd::AVX512 }>($($argument),*)
                 }
                 match $crate::simd::level() {
                     // SAFETY: `level` has asked the processor for these instructions.
-                    $crate::simd::Level::Avx512 => return unsafe { avx512::<$real>($($argument),*) },
+                    $crate::simd::Level::Avx512 => return unsafe { avx512 $(::<$real>)? ($($argument),*) },
                     // SAFETY: as above.
-                    $crate::simd::Level::Avx2 => return unsafe { avx2::<$real>($($argument),*) },
+                    $crate::simd::Level::Avx2 => return unsafe { avx2 $(::<$real>)? ($($argument),*) },
                     $crate::simd::Level::Portable => {}
                 }
             }
-            $kernel::<$real, { $crate::simd::PORTABLE }>($($argument),*)
+            $kernel::<$($real,)? { $crate::simd::PORTABLE }>($($argument),*)
         }
     };
 }

@@ -103,7 +103,8 @@ def rotation_matrix(rotation: npt.ArrayLike) -> Float64:
     return matrix
 
 
-def _expect_camera(camera: object) -> Camera:
+def expect_camera(camera: object) -> Camera:
+    """Return a camera, or refuse what is none."""
     if not isinstance(camera, Camera):
         raise TypeError(f"camera must be a flurries.camera.Camera, got {type(camera).__name__}")
     return camera
@@ -131,7 +132,7 @@ def project(
         z in camera axes, world units.
     """
     given = _rows("points", points, 3)
-    view = _expect_camera(camera)
+    view = expect_camera(camera)
     size = shape_of("shape", shape)
     local = given @ view.matrix() - np.array(view.offset)
     depth = np.ascontiguousarray(local[:, 2])
@@ -177,7 +178,7 @@ def image_velocity(
         ``f (Tx, Ty) / Tz``.
     """
     given = _rows("points_px", points_px, 2)
-    view = _expect_camera(camera)
+    view = expect_camera(camera)
     size = shape_of("shape", shape)
     distance = table("depth", depth, ndim=None)
     if distance.ndim not in (0, 1) or (distance.ndim == 1 and distance.shape != given.shape[:1]):
@@ -229,7 +230,7 @@ def tile_drift(
         principal point. Exact for sideways motion of any size; to first order in forward motion.
     """
     size = shape_of("shape", shape)
-    view = _expect_camera(camera)
+    view = expect_camera(camera)
     near = real("near_depth", near_depth, low=SMALLEST)
     (tile_height, tile_width), shared = tile_of(tile, overlap)
     p = vector("displacement", displacement, 3) + np.array(view.offset)

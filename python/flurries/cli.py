@@ -62,7 +62,7 @@ def _say(error: BaseException) -> int:
 
 def _threads(options: argparse.Namespace) -> None:
     if options.threads is not None:
-        from flurries.threads import set_threads
+        from flurries._threads import set_threads
 
         set_threads(options.threads)
 

@@ -26,7 +26,7 @@ from flurries._contract import (
     table,
     vector,
 )
-from flurries.camera import Camera
+from flurries.camera import Camera, expect_camera
 
 __all__ = ["edge_fade", "positions", "splat", "sway_offsets"]
 
@@ -84,9 +84,9 @@ def positions(
 
     Notes
     -----
-    velocity * time is reduced by whole boxes with the rounding error of the product carried along, so
-    at time 1e9 a position is as exact as at time 0: about 2e-16 B, for the velocity as given in
-    float64. Nothing is lost to a centre that is far away but the last digits of its own coordinates.
+    velocity * time is reduced by whole boxes with the rounding error of the product carried along,
+    so at time 1e9 a position is as exact as at time 0: within 1e-15 B, for the velocity as given in
+    float64. A centre far away costs the last digits of its own coordinates and no more.
 
     Source: Langer 2004, section 6.
     """
@@ -172,8 +172,8 @@ def edge_fade(
     Returns
     -------
     (n,) float64
-        The product over the axes of 1 - smoothstep(0.85, 1, 2 |p - c| / B), from 0 at the walls (and
-        outside) to 1; to be multiplied into the opacity.
+        The product over the axes of 1 - smoothstep(0.85, 1, 2 |p - c| / B), from 0 at the walls
+        (and outside) to 1; to be multiplied into the opacity.
 
     Raises
     ------
@@ -240,8 +240,8 @@ def splat(
     Returns
     -------
     (H, W) array
-        alpha = 1 - prod(1 - alpha_i) at the pixel centres (j + 1/2, i + 1/2), from 0 to 1. The sum of
-        one faint flake's alpha is 2 pi opacity sigma^2 within 0.2 %, resting or moving.
+        alpha = 1 - prod(1 - alpha_i) at the pixel centres (j + 1/2, i + 1/2), from 0 to 1. The sum
+        of one faint flake's alpha is 2 pi opacity sigma^2 within 0.2 %, resting or moving.
 
     Raises
     ------
@@ -250,14 +250,15 @@ def splat(
 
     Notes
     -----
-    The order of the flakes does not matter beyond rounding, and the bits depend on neither the thread
-    count nor the instruction set. Transmittance is accumulated in float64: 1e5 layers are right to
-    1e-6. float32 differs from float64 by less than 4e-6 where flakes overlap.
+    The order of the flakes does not matter beyond rounding, and the bits depend on neither the
+    thread count nor the instruction set. Transmittance is accumulated in float64: 1e5 layers are
+    right to 1e-6. float32 differs from float64 by less than 4e-6 where flakes overlap.
 
-    The footprint is the exact Gaussian (or its integral) inside 3 sigma_e and goes smoothly to 0 at
-    4 sigma_e, along and across the motion. A path is taken as straight and evenly bright in the
-    picture. Flakes whose image is farther out or wider than 1e30 px are left out. Time grows with the
-    number of pixels that flakes cover.
+    The footprint is the Gaussian (or its integral) inside 3 sigma_e and goes smoothly to 0 at
+    4 sigma_e, along and across the motion (along x and y if that is shorter than sigma_e). Its
+    amplitude carries a factor 1 + 4.8e-4 / sigma_e^2 that makes up for the end. A path is taken as
+    straight and evenly bright in the picture. Flakes whose image is farther out or wider than
+    1e30 px are left out. Time grows with the number of pixels that flakes cover.
 
     Source: Langer 2004, sections 6 and 7.
     """
@@ -265,8 +266,7 @@ def splat(
     kind = float_dtype(dtype)
     place = _points(points)
     count = len(place)
-    if not isinstance(camera, Camera):
-        raise TypeError(f"camera must be a flurries.camera.Camera, got {type(camera).__name__}")
+    expect_camera(camera)
     width = _rows("radius", radius, count, (), "one number or (n,)")
     cover = _rows("opacity", opacity, count, (), "one number or (n,)")
     rate = _rows(
@@ -283,8 +283,7 @@ def splat(
         inputs.append(map_)
     result = output(out, size, kind, *inputs)
     x, y = camera.principal(size)
-    offset = _triple(vector("camera.offset", camera.offset, 3))
-    lens = (float(camera.focal), float(x), float(y), offset, closest)
+    lens = (camera.focal, x, y, camera.offset, closest)
     _core.particle_splat(result, place, width, cover, rate, exposure, lens, map_)
     return result
 

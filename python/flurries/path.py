@@ -71,14 +71,17 @@ class CameraPath:
         """Whether the camera never moves."""
         return self.position is None and self.velocity is None
 
-    def goes_forward(self) -> bool:
-        """Whether the depth of the air changes along the way (the texture's flow then spreads)."""
+    def goes_along(self, axis: Float64) -> bool:
+        """Whether the camera ever moves along a direction of the house axes, (3,)."""
         if self.velocity is not None:
             keys = self.velocity.keys if isinstance(self.velocity, Keys) else [(0, self.velocity)]
-            return any(value[2] != 0.0 for _, value in keys)
-        if isinstance(self.position, Keys):
-            return len({value[2] for _, value in self.position.keys}) > 1
-        return self.position is not None and bool(np.ptp(self.position[:, 2]) != 0.0)
+            return any(np.dot(axis, value) != 0.0 for _, value in keys)
+        if self.position is None:
+            return False
+        places = self.position
+        if isinstance(places, Keys):
+            places = np.array([value for _, value in places.keys])
+        return bool((np.diff(places, axis=0) @ axis != 0.0).any())
 
     def place(self, t: float, *, fps: float) -> Float64:
         """Return the place at frame `t`, (3,) world units."""

@@ -1,8 +1,9 @@
 //! Which flakes touch which tile of the picture.
 //!
-//! Flakes are cut into runs of consecutive indices; each run is projected and sorted by tile on its
-//! own (a counting sort, which keeps the order), so binning is parallel and a tile that walks the
-//! runs one after another meets its flakes by index whatever the number of runs.
+//! Flakes are cut into runs of consecutive indices, by their number and never by that of the threads.
+//! Each run is projected and sorted by tile on its own (a counting sort, which keeps the order), so
+//! binning is parallel, a run stays in the L2 cache, and a tile that walks the runs one after another
+//! meets its flakes in the same order on any machine.
 
 use std::ops::Range;
 
@@ -59,19 +60,36 @@ impl Grid {
 /// The pixels (of `count`) whose centres j + 1/2 lie in [low, high].
 #[inline]
 pub fn pixels(low: f64, high: f64, count: usize) -> Option<Range<usize>> {
-    // Casts saturate, and compare as floats first: a bound may be 1e30.
-    let first = (low - 0.5).ceil().max(0.0);
-    let last = (high - 0.5).floor().min(count as f64 - 1.0);
-    if first <= last { Some(first as usize..last as usize + 1) } else { None }
+    // Clamped before the cast, since a bound may be 1e30. The casts truncate, which is the floor of
+    // what is not negative; `floor` and `ceil` would be calls where SSE 4.1 is not assumed.
+    // Signed integers convert in one instruction, unsigned ones in several.
+    let limit = count as i64 as f64;
+    let first = (low - 0.5).clamp(0.0, limit);
+    let end = (high + 0.5).clamp(0.0, limit);
+    let whole = first as i64;
+    let start = whole as usize + usize::from(first > whole as f64);
+    let end = end as i64 as usize;
+    if start < end { Some(start..end) } else { None }
 }
 
 /// The sprites of one run of flakes, by tile.
+///
+/// They are copied into the order in which tiles read them. An index instead would make every flake
+/// of a tile a cache miss, which costs more than drawing it.
 pub struct Bins {
+    /// The sprites of tile k are sprites[starts[k]..starts[k + 1]], by index of the flake.
     sprites: Vec<Sprite>,
-    /// The entries of tile k are starts[k]..starts[k + 1].
     starts: Vec<u32>,
-    entries: Vec<u32>,
-    large: Vec<u32>,
+    /// Those that span many tiles, by index.
+    large: Vec<Sprite>,
+}
+
+/// Buffers that one run leaves to the next.
+#[derive(Default)]
+pub struct Scratch {
+    projected: Vec<Sprite>,
+    /// (tile, place in `projected`)
+    pairs: Vec<(u32, u32)>,
 }
 
 impl Bins {
@@ -80,101 +98,71 @@ impl Bins {
         flakes: impl ExactSizeIterator<Item = Flake>,
         lens: &Lens,
         grid: &Grid,
+        scratch: &mut Scratch,
     ) -> Result<Self, Error> {
-        let mut sprites: Vec<Sprite> = Vec::new();
-        reserve(&mut sprites, flakes.len())?;
-        let mut large: Vec<u32> = Vec::new();
-        let mut pairs: Vec<(u32, u32)> = Vec::new();
-        reserve(&mut pairs, flakes.len())?;
+        let Scratch { projected, pairs } = scratch;
+        projected.clear();
+        pairs.clear();
+        reserve(projected, flakes.len())?;
+        reserve(pairs, flakes.len())?;
+        let mut large: Vec<Sprite> = Vec::new();
         let mut starts: Vec<u32> = zeroed(grid.len() + 1)?;
         for flake in flakes {
             let Some(sprite) = Sprite::of(&flake, lens) else { continue };
             let Some((rows, columns)) = grid.reached(&sprite) else { continue };
-            let index = sprites.len() as u32;
             if rows.len() * columns.len() > MOST_TILES {
                 reserve(&mut large, 1)?;
-                large.push(index);
-            } else {
-                reserve(&mut pairs, MOST_TILES)?;
-                let alone = rows.len() * columns.len() == 1;
-                for row in rows {
-                    for column in columns.clone() {
-                        if alone || touches(&sprite, row, column) {
-                            let tile = row * grid.columns + column;
-                            starts[tile + 1] += 1;
-                            pairs.push((tile as u32, index));
-                        }
+                large.push(sprite);
+                continue;
+            }
+            reserve(pairs, MOST_TILES)?;
+            let alone = rows.len() * columns.len() == 1;
+            for row in rows {
+                for column in columns.clone() {
+                    if alone || touches(&sprite, row, column) {
+                        let tile = row * grid.columns + column;
+                        starts[tile + 1] += 1;
+                        pairs.push((tile as u32, projected.len() as u32));
                     }
                 }
             }
-            sprites.push(sprite);
+            projected.push(sprite);
         }
         for tile in 0..grid.len() {
             starts[tile + 1] += starts[tile];
         }
-        let mut entries: Vec<u32> = zeroed(pairs.len())?;
+        let mut sprites = Vec::new();
+        reserve(&mut sprites, pairs.len())?;
+        sprites.resize(pairs.len(), Sprite::NONE);
         let mut next: Vec<u32> = Vec::new();
         reserve(&mut next, grid.len())?;
         next.extend_from_slice(&starts[..grid.len()]);
-        for (tile, index) in pairs {
+        for &(tile, place) in pairs.iter() {
             let slot = &mut next[tile as usize];
-            entries[*slot as usize] = index;
+            sprites[*slot as usize] = projected[place as usize];
             *slot += 1;
         }
-        Ok(Self { sprites, starts, entries, large })
+        Ok(Self { sprites, starts, large })
     }
 
-    /// The sprites that may touch a tile, in the order of the flakes.
+    /// The sprites that lie in few tiles, of which this is one.
     #[inline]
-    pub fn sprites(&self, grid: &Grid, tile: usize) -> Ordered<'_> {
-        let own = self.starts[tile] as usize..self.starts[tile + 1] as usize;
-        Ordered {
-            bins: self,
-            own: &self.entries[own],
-            large: &self.large,
-            row: tile / grid.columns,
-            column: tile % grid.columns,
-        }
+    pub fn small(&self, tile: usize) -> &[Sprite] {
+        &self.sprites[self.starts[tile] as usize..self.starts[tile + 1] as usize]
+    }
+
+    /// The sprites that lie in many tiles, perhaps in this one.
+    #[inline]
+    pub fn large(&self) -> &[Sprite] {
+        &self.large
     }
 }
 
+/// Whether a sprite's footprint can touch a tile; never a wrong no.
 #[inline]
-fn touches(sprite: &Sprite, row: usize, column: usize) -> bool {
-    let center = [column, row].map(|place| (place * TILE + TILE / 2) as f64);
+pub fn touches(sprite: &Sprite, row: usize, column: usize) -> bool {
+    let center = [column, row].map(|place| (place * TILE + TILE / 2) as i64 as f64);
     sprite.touches(center, (TILE / 2) as f64)
-}
-
-/// The merge of a tile's own entries and the large sprites.
-pub struct Ordered<'a> {
-    bins: &'a Bins,
-    own: &'a [u32],
-    large: &'a [u32],
-    row: usize,
-    column: usize,
-}
-
-impl<'a> Iterator for Ordered<'a> {
-    type Item = &'a Sprite;
-
-    #[inline(always)]
-    fn next(&mut self) -> Option<&'a Sprite> {
-        loop {
-            let own = self.own.first().copied().unwrap_or(u32::MAX);
-            let large = self.large.first().copied().unwrap_or(u32::MAX);
-            if own < large {
-                self.own = &self.own[1..];
-                return Some(&self.bins.sprites[own as usize]);
-            }
-            if large == u32::MAX {
-                return None;
-            }
-            self.large = &self.large[1..];
-            let sprite = &self.bins.sprites[large as usize];
-            if touches(sprite, self.row, self.column) {
-                return Some(sprite);
-            }
-        }
-    }
 }
 
 /// Room for `more` elements, or an error where `push` would abort the process.
@@ -214,29 +202,36 @@ mod tests {
         let grid = Grid::over((200, 300));
         assert_eq!((grid.rows, grid.columns), (4, 5));
         for parts in [1, 2, 7] {
+            let mut scratch = Scratch::default();
             let bins: Vec<Bins> = crate::pool::split(flakes.len(), parts)
                 .into_iter()
-                .map(|run| Bins::of(flakes[run].iter().copied(), &LENS, &grid).unwrap())
+                .map(|run| {
+                    Bins::of(flakes[run].iter().copied(), &LENS, &grid, &mut scratch).unwrap()
+                })
                 .collect();
             for tile in 0..grid.len() {
-                let needed = |sprite: &Sprite| {
-                    let reached = grid.reached(sprite).is_some_and(|(rows, columns)| {
-                        rows.contains(&(tile / 5)) && columns.contains(&(tile % 5))
-                    });
-                    reached && touches(sprite, tile / 5, tile % 5)
-                };
-                let met: Vec<Sprite> = bins
-                    .iter()
-                    .flat_map(|bins| bins.sprites(&grid, tile))
-                    .filter(|sprite| needed(sprite))
-                    .copied()
-                    .collect();
-                let wanted: Vec<Sprite> = flakes
-                    .iter()
-                    .filter_map(|flake| Sprite::of(flake, &LENS))
-                    .filter(needed)
-                    .collect();
-                assert_eq!(met, wanted, "tile {tile} of {parts} runs");
+                let (row, column) = (tile / 5, tile % 5);
+                for large in [false, true] {
+                    let kept = |sprite: &&Sprite| {
+                        grid.reached(sprite).is_some_and(|(rows, columns)| {
+                            (rows.len() * columns.len() > MOST_TILES) == large
+                                && rows.contains(&row)
+                                && columns.contains(&column)
+                                && touches(sprite, row, column)
+                        })
+                    };
+                    let met: Vec<Sprite> = bins
+                        .iter()
+                        .flat_map(|bins| if large { bins.large() } else { bins.small(tile) })
+                        .filter(kept)
+                        .copied()
+                        .collect();
+                    let projected: Vec<Sprite> =
+                        flakes.iter().filter_map(|flake| Sprite::of(flake, &LENS)).collect();
+                    let wanted: Vec<Sprite> = projected.iter().filter(kept).copied().collect();
+                    assert!(!wanted.is_empty());
+                    assert_eq!(met, wanted, "tile {tile} of {parts} runs");
+                }
             }
         }
     }

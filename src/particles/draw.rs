@@ -11,9 +11,14 @@
 //! Loops over lanes are plain loops with a fixed count: a closure would not inherit the instruction
 //! set that the function is compiled for, and would run many times slower.
 
+#![expect(
+    clippy::needless_range_loop,
+    reason = "an index over lanes of a fixed count is what vectorises without closures"
+)]
+
 use multiversion::multiversion;
 
-use super::bins::{Bins, Grid, TILE, pixels};
+use super::bins::{Bins, Grid, TILE, pixels, touches};
 use super::profile::{self, Real, TERMS};
 use super::sprite::{REACH, Sprite};
 use crate::error::{Cancel, Error};
@@ -45,19 +50,26 @@ pub fn draw<P: Real>(
     cancel: &Cancel,
 ) -> Result<(), Error> {
     let origin = [tile % grid.columns, tile / grid.columns].map(corner);
-    let mut drawn = 0_usize;
+    let (row, column) = (tile / grid.columns, tile % grid.columns);
     for bins in runs {
-        for sprite in bins.sprites(grid, tile) {
-            drawn += 1;
-            if drawn % LOOK == 0 {
-                cancel.check()?;
-            }
-            if sprite.length == 0.0 {
-                disc::<P>(transmittance, depth, sprite, origin);
-            } else {
-                streak::<P>(transmittance, depth, sprite, origin);
+        let mut drawn = 0_usize;
+        for (list, whole) in [(bins.small(tile), true), (bins.large(), false)] {
+            for sprite in list {
+                if !whole && !touches(sprite, row, column) {
+                    continue;
+                }
+                drawn += 1;
+                if drawn % LOOK == 0 {
+                    cancel.check()?;
+                }
+                if sprite.length == 0.0 {
+                    disc::<P>(transmittance, depth, sprite, origin);
+                } else {
+                    streak::<P>(transmittance, depth, sprite, origin);
+                }
             }
         }
+        cancel.check()?;
     }
     Ok(())
 }
@@ -108,42 +120,77 @@ fn disc<P: Real>(
     let reach = REACH * sprite.sigma;
     let Some(columns) = pixels(x - reach, x + reach, TILE) else { return };
     let Some(rows) = pixels(y - reach, y + reach, TILE) else { return };
-    let (first_column, blocks) = begin(columns.start, columns.len(), LANES);
-    let (first_row, row_blocks) = begin(rows.start, rows.len(), LANES);
+    let (left, blocks) = begin(columns.start, columns.len(), LANES);
+    let (top, row_blocks) = begin(rows.start, rows.len(), LANES);
     let inverse = 1.0 / sprite.sigma;
-    let across = axis::<P>((first_column as f64 + 0.5 - x) * inverse, inverse, blocks);
-    let mut down = axis::<P>((first_row as f64 + 0.5 - y) * inverse, inverse, row_blocks);
-    let amplitude = P::of(sprite.amplitude);
-    for value in &mut down {
-        *value = *value * amplitude;
+    let (first_x, first_y) = (left as f64 + 0.5 - x, top as f64 + 0.5 - y);
+    let (first_x, first_y) = (P::of(first_x * inverse), P::of(first_y * inverse));
+    let (step, amplitude) = (P::of(inverse), P::of(sprite.amplitude));
+    let place = Place { map, depth: P::of(sprite.depth), left, top, rows };
+    if blocks <= 2 && row_blocks <= 2 {
+        // Most flakes. Both axes at once, so that the chain of the exponential is waited for once.
+        let mut values = [P::zero(); 4 * LANES];
+        for k in 0..4 * LANES {
+            let (start, scale) =
+                if k < 2 * LANES { (first_x, P::one()) } else { (first_y, amplitude) };
+            let offset = P::of((k % (2 * LANES)) as f64);
+            values[k] = scale * profile::gaussian(start + offset * step);
+        }
+        let (across, down) = values.split_at(2 * LANES);
+        if blocks == 1 {
+            outer::<P, LANES>(transmittance, &place, 1, across, down);
+        } else {
+            outer::<P, { 2 * LANES }>(transmittance, &place, 1, across, down);
+        }
+    } else {
+        let across = axis::<P>(first_x, step, P::one(), blocks);
+        let down = axis::<P>(first_y, step, amplitude, row_blocks);
+        outer::<P, LANES>(transmittance, &place, blocks, &across, &down);
     }
-    let depth = P::of(sprite.depth);
-    for row in rows {
-        let weight = down[row - first_row];
-        for block in 0..blocks {
-            let mut alpha = [P::zero(); LANES];
-            let profile: &[P; LANES] =
-                across[block * LANES..(block + 1) * LANES].try_into().expect("whole blocks");
-            for k in 0..LANES {
+}
+
+/// Where a disc lies in its tile.
+struct Place<'a, P> {
+    map: Option<&'a [P; PIXELS]>,
+    depth: P,
+    left: usize,
+    top: usize,
+    rows: std::ops::Range<usize>,
+}
+
+/// The product of the two axes, `blocks` blocks of N columns.
+#[inline(always)]
+fn outer<P: Real, const N: usize>(
+    transmittance: &mut [f64; PIXELS],
+    place: &Place<'_, P>,
+    blocks: usize,
+    across: &[P],
+    down: &[P],
+) {
+    for block in 0..blocks {
+        let profile: &[P; N] = across[block * N..(block + 1) * N].try_into().expect("whole blocks");
+        for row in place.rows.start..place.rows.end {
+            let weight = down[row - place.top];
+            let mut alpha = [P::zero(); N];
+            for k in 0..N {
                 alpha[k] = weight * profile[k];
             }
-            let at = row * TILE + first_column + block * LANES;
-            multiply(transmittance, map, depth, at, &mut alpha);
+            let at = row * TILE + place.left + block * N;
+            multiply(transmittance, place.map, place.depth, at, &mut alpha);
         }
     }
 }
 
 /// The profile at `start`, `start + step`, ... for `blocks` blocks.
 #[inline(always)]
-fn axis<P: Real>(start: f64, step: f64, blocks: usize) -> [P; TILE] {
-    let (start, step) = (P::of(start), P::of(step));
+fn axis<P: Real>(start: P, step: P, scale: P, blocks: usize) -> [P; TILE] {
     let mut values = [P::zero(); TILE];
     for block in 0..blocks {
         let values: &mut [P; LANES] =
             (&mut values[block * LANES..(block + 1) * LANES]).try_into().expect("whole blocks");
         for k in 0..LANES {
             let offset = P::of((block * LANES + k) as f64);
-            values[k] = profile::gaussian(start + offset * step);
+            values[k] = scale * profile::gaussian(start + offset * step);
         }
     }
     values
@@ -193,17 +240,24 @@ fn streak<P: Real>(
         series,
     };
     let depth = P::of(sprite.depth);
-    // Where a row (at height h above the start) meets the rectangle: two slanted strips.
+    // A square footprint's middle, and its axes in units of its own spread along each.
+    let square = sprite.square();
+    let [middle_x, middle_y] = [0.5 * sprite.length * ux, 0.5 * sprite.length * uy];
+    let [wide_x, wide_y] = profile::widening([length * ux, length * uy]);
+    let (by_wide_x, by_wide_y) = (inverse / wide_x, inverse / wide_y);
+    // Where a row (h below the start) meets the tilted rectangle: two slanted strips.
     let (by_x, by_y) = (1.0 / ux, 1.0 / uy);
     for row in rows {
         let h = row as f64 + 0.5 - y;
         let (mut left, mut right) = (f64::NEG_INFINITY, f64::INFINITY);
-        if uy.abs() > 1e-9 {
+        if square {
+            (left, right) = (low[0] - sprite.start[0], high[0] - sprite.start[0]);
+        } else if uy.abs() > 1e-9 {
             let middle = h * ux * by_y;
             let half = reach * by_y.abs();
             (left, right) = (middle - half, middle + half);
         }
-        if ux.abs() > 1e-9 {
+        if !square && ux.abs() > 1e-9 {
             let middle = (0.5 * sprite.length - h * uy) * by_x;
             let half = (0.5 * sprite.length + reach) * by_x.abs();
             left = left.max(middle - half);
@@ -217,8 +271,25 @@ fn streak<P: Real>(
             let from_start = (right * ux + h * uy) * inverse;
             let across = (h * ux - right * uy) * inverse;
             let mut alpha = [P::zero(); BLOCK];
+            let along = from_start - 0.5 * length;
+            let rims = if square {
+                let (x, y) = ((right - middle_x) * by_wide_x, (h - middle_y) * by_wide_y);
+                [
+                    Rim { start: P::of(x), step: P::of(by_wide_x), half: P::zero() },
+                    Rim { start: P::of(y), step: P::zero(), half: P::zero() },
+                ]
+            } else {
+                [
+                    Rim { start: P::of(across), step: sweep.step_across, half: P::zero() },
+                    Rim { start: P::of(along), step: sweep.step_along, half: sweep.half },
+                ]
+            };
             if short {
-                blurred_short(&sweep, from_start - 0.5 * length, across, &mut alpha);
+                blurred_short(&sweep, along, across, &mut alpha);
+                end(&rims, &mut alpha);
+            } else if square {
+                blurred_square(&sweep, from_start, length - from_start, across, &mut alpha);
+                end(&rims, &mut alpha);
             } else {
                 blurred(&sweep, from_start, length - from_start, across, &mut alpha);
             }
@@ -247,6 +318,42 @@ fn blurred_short<P: Real, const N: usize>(
     }
 }
 
+/// One of the two directions in which a footprint ends: from `half` around 0, in sigma.
+struct Rim<P> {
+    start: P,
+    step: P,
+    half: P,
+}
+
+#[inline(always)]
+fn end<P: Real, const N: usize>(rims: &[Rim<P>; 2], alpha: &mut [P; N]) {
+    for k in 0..N {
+        let offset = P::of(k as f64);
+        let [a, b] = rims;
+        let a = profile::rim((a.start + offset * a.step).abs() - a.half);
+        let b = profile::rim((b.start + offset * b.step).abs() - b.half);
+        alpha[k] = alpha[k] * (a * b);
+    }
+}
+
+/// In float64 the series ends before footprints turn from square to tilted.
+#[inline(always)]
+fn blurred_square<P: Real, const N: usize>(
+    sweep: &Sweep<P>,
+    from_start: f64,
+    from_end: f64,
+    across: f64,
+    alpha: &mut [P; N],
+) {
+    let (a, b, q) = (P::of(from_start), P::of(from_end), P::of(across));
+    for k in 0..N {
+        let offset = P::of(k as f64);
+        let step = offset * sweep.step_along;
+        let bare = profile::bare(q + offset * sweep.step_across);
+        alpha[k] = sweep.amplitude * bare * profile::swept(a + step, b - step);
+    }
+}
+
 #[inline(always)]
 fn blurred<P: Real, const N: usize>(
     sweep: &Sweep<P>,
@@ -259,19 +366,32 @@ fn blurred<P: Real, const N: usize>(
     for k in 0..N {
         alpha[k] = sweep.amplitude * profile::gaussian(q + P::of(k as f64) * sweep.step_across);
     }
+    // The least distances from the ends that any lane has.
     let last = sweep.step_along.wide() * (N - 1) as f64;
-    let nearest = (from_start + last.min(0.0)).min(from_end - last.max(0.0));
-    if nearest >= P::SATURATED {
+    let (least_a, least_b) = (from_start + last.min(0.0), from_end - last.max(0.0));
+    let (a, b) = (P::of(from_start), P::of(from_end));
+    if least_a >= P::SATURATED && least_b >= P::SATURATED {
         for k in 0..N {
             alpha[k] = alpha[k] + alpha[k];
         }
-        return;
+    } else if least_b >= P::SATURATED {
+        one_end(a, sweep.step_along, alpha);
+    } else if least_a >= P::SATURATED {
+        one_end(b, -sweep.step_along, alpha);
+    } else {
+        for k in 0..N {
+            let step = P::of(k as f64) * sweep.step_along;
+            let (a, b) = (a + step, b - step);
+            let nearest = if a < b { a } else { b };
+            alpha[k] = alpha[k] * (profile::swept(a, b) * profile::rim(-nearest));
+        }
     }
-    let (a, b) = (P::of(from_start), P::of(from_end));
+}
+
+#[inline(always)]
+fn one_end<P: Real, const N: usize>(start: P, step: P, alpha: &mut [P; N]) {
     for k in 0..N {
-        let step = P::of(k as f64) * sweep.step_along;
-        let (a, b) = (a + step, b - step);
-        let nearest = if a < b { a } else { b };
-        alpha[k] = alpha[k] * (profile::swept(a, b) * profile::rim(-nearest));
+        let from_end = start + P::of(k as f64) * step;
+        alpha[k] = alpha[k] * (profile::swept_end(from_end) * profile::rim(-from_end));
     }
 }

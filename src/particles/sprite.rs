@@ -5,12 +5,20 @@
 //! position, so it is drawn with sigma_e^2 = max(sigma^2 + 1/12, 0.38) and its amplitude is lowered
 //! by sigma^2 / sigma_e^2: the sum over pixels stays 2 pi sigma^2, and a far flake fades where it
 //! would otherwise flicker.
+//!
+//! The footprint ends at 4 sigma, which costs up to 0.29 % of a small flake's energy, more than the
+//! 0.22 % that sampling alone costs. A factor 1 + 4.8e-4 / sigma_e^2 on the amplitude (0.13 % for the
+//! smallest flakes, nothing for large ones, never above the opacity) keeps it within 0.18 % for every
+//! size and position.
 
 /// The variance of one pixel's box, by which sampling widens a flake.
 const PIXEL_VARIANCE: f64 = 1.0 / 12.0;
 
 /// Below this variance (px^2) samples alias: exp(-2 pi^2 0.38) = 5.5e-4 of the energy per axis.
 const LEAST_VARIANCE: f64 = 0.38;
+
+/// Gives back what the end of the footprint takes from small flakes, px^2.
+const RIM_SHARE: f64 = 4.8e-4;
 
 /// The footprint ends here, in sigma_e, on each side.
 pub const REACH: f64 = 4.0;
@@ -68,6 +76,16 @@ pub struct Sprite {
 }
 
 impl Sprite {
+    /// No flake at all.
+    pub const NONE: Self = Self {
+        start: [0.0; 2],
+        along: [1.0, 0.0],
+        length: 0.0,
+        sigma: 1.0,
+        amplitude: 0.0,
+        depth: 1.0,
+    };
+
     /// The image of a flake, or None if nothing of it can be seen.
     #[inline]
     pub fn of(flake: &Flake, lens: &Lens) -> Option<Self> {
@@ -78,7 +96,8 @@ impl Sprite {
         let depth = (middle[2] + shift * flake.travel[2]).max(lens.near);
         let raw = lens.focal * flake.radius / (3.0 * depth);
         let variance = (raw * raw + PIXEL_VARIANCE).max(LEAST_VARIANCE);
-        let amplitude = flake.opacity * (to - from) * (raw * raw / variance);
+        let share = raw * raw / variance * (1.0 + RIM_SHARE / variance);
+        let amplitude = flake.opacity * (to - from) * share;
         let place = |share: f64| {
             let at: [f64; 3] =
                 std::array::from_fn(|axis| middle[axis] + share * flake.travel[axis]);
@@ -113,7 +132,8 @@ impl Sprite {
     /// The smallest box of pixel coordinates that holds the footprint: (low, high) as (x, y).
     #[inline]
     pub fn bounds(&self) -> ([f64; 2], [f64; 2]) {
-        let spread = REACH * self.sigma * (self.along[0].abs() + self.along[1].abs());
+        let tilt = if self.square() { 1.0 } else { self.along[0].abs() + self.along[1].abs() };
+        let spread = REACH * self.sigma * tilt;
         let end: [f64; 2] =
             std::array::from_fn(|axis| self.start[axis] + self.length * self.along[axis]);
         (
@@ -122,9 +142,25 @@ impl Sprite {
         )
     }
 
+    /// Whether the footprint ends along the pixel axes (at 4 times the deviation that the motion leaves
+    /// on each), not along the motion. A motion shorter than sigma hardly has a direction; a tilted
+    /// rim would meet the lattice of pixels at an angle where up to 0.31 % of the energy is lost, and
+    /// would not become the resting flake's as the motion shortens.
+    #[inline]
+    pub fn square(&self) -> bool {
+        self.length < self.sigma
+    }
+
     /// Whether the footprint can touch a square of the given centre and half side; never a wrong no.
     #[inline]
     pub fn touches(&self, center: [f64; 2], half: f64) -> bool {
+        if self.square() {
+            let (low, high) = self.bounds();
+            let axes = [0, 1];
+            return axes.iter().all(|&axis| {
+                low[axis] <= center[axis] + half && center[axis] - half <= high[axis]
+            });
+        }
         let [x, y] = [center[0] - self.start[0], center[1] - self.start[1]];
         let [ux, uy] = self.along;
         let reach = REACH * self.sigma + half * (ux.abs() + uy.abs());
@@ -165,14 +201,16 @@ mod tests {
         let sprite = Sprite::of(&flake([0.2, -0.1, 2.0], [0.0; 3]), &LENS).unwrap();
         assert_eq!((sprite.start, sprite.length, sprite.depth), ([80.0, 25.0], 0.0, 2.0));
         assert!((sprite.sigma.powi(2) - (1.0 + PIXEL_VARIANCE)).abs() < 1e-12);
-        assert!((sprite.amplitude - 0.5 / (1.0 + PIXEL_VARIANCE)).abs() < 1e-12);
+        let variance = 1.0 + PIXEL_VARIANCE;
+        let amplitude = 0.5 / variance * (1.0 + RIM_SHARE / variance);
+        assert!((sprite.amplitude - amplitude).abs() < 1e-12);
     }
 
     #[test]
     fn a_far_flake_keeps_its_energy_and_not_its_size() {
         let sprite = Sprite::of(&flake([0.0, 0.0, 40.0], [0.0; 3]), &LENS).unwrap();
         assert_eq!(sprite.sigma.powi(2), LEAST_VARIANCE.sqrt().powi(2));
-        let energy = sprite.amplitude * sprite.sigma.powi(2);
+        let energy = sprite.amplitude * sprite.sigma.powi(2) / (1.0 + RIM_SHARE / LEAST_VARIANCE);
         assert!((energy / (0.5 * 0.05_f64.powi(2)) - 1.0).abs() < 1e-12);
     }
 

@@ -113,7 +113,7 @@ impl Lanes {
         }
         let steps = |motions: &[Motion], out: &mut [f64]| match motions {
             [one] => {
-                step_lanes::<f64>(*one, tent_y, tent_x, &self.frequency_y, &self.frequency_x, out);
+                step_lanes(*one, tent_y, tent_x, &self.frequency_y, &self.frequency_x, out);
             }
             rings => {
                 for (i, out) in out.iter_mut().enumerate() {
@@ -146,7 +146,7 @@ impl Lanes {
 
     /// Amplitudes after the filter and the depth limit.
     fn gains(&self, motion: TileMotion<'_>, rate: &[f64], gain: &mut [f64]) -> Power {
-        gain_lanes::<f64>(motion.filter, rate, gain);
+        gain_lanes(motion.filter, rate, gain);
         let mut power = Power { present: 0.0, kept: 0.0 };
         for (i, gain) in gain.iter_mut().enumerate() {
             if self.wavelength[i] <= motion.shortest {
@@ -163,7 +163,7 @@ impl Lanes {
 }
 
 #[inline(always)]
-fn step_lanes_with<T: Real, const LEVEL: u8>(
+fn step_lanes_with<const LEVEL: u8>(
     motion: Motion,
     tent_y: &[f64],
     tent_x: &[f64],
@@ -179,11 +179,7 @@ fn step_lanes_with<T: Real, const LEVEL: u8>(
 }
 
 #[inline(always)]
-fn gain_lanes_with<T: Real, const LEVEL: u8>(
-    filter: TemporalFilter,
-    rate: &[f64],
-    gain: &mut [f64],
-) {
+fn gain_lanes_with<const LEVEL: u8>(filter: TemporalFilter, rate: &[f64], gain: &mut [f64]) {
     // Polynomials cover what a usual shutter sees; beyond that each wave takes the exact way.
     let reach = rate.iter().fold(0.0_f64, |most, r| most.max(r.abs()));
     if filter.shutter * if filter.alias == Alias::Keep { reach } else { 0.5 } > 0.5 {
@@ -239,6 +235,7 @@ fn short_sinc(x: f64) -> f64 {
 
 /// Bins from phases: hash, add, reduce, turn, scale.
 #[inline(always)]
+#[expect(clippy::too_many_arguments, reason = "parallel arrays, one by one")]
 fn bins_with<T: Real, const LEVEL: u8>(
     tile: u64,
     ky: &[i64],
@@ -264,7 +261,7 @@ fn bins_with<T: Real, const LEVEL: u8>(
 }
 
 dispatch! {
-    fn step_lanes<T>(
+    fn step_lanes(
         motion: Motion,
         tent_y: &[f64],
         tent_x: &[f64],
@@ -275,7 +272,7 @@ dispatch! {
 }
 
 dispatch! {
-    fn gain_lanes<T>(filter: TemporalFilter, rate: &[f64], gain: &mut [f64]) = gain_lanes_with
+    fn gain_lanes(filter: TemporalFilter, rate: &[f64], gain: &mut [f64]) = gain_lanes_with
 }
 
 dispatch! {

@@ -11,7 +11,7 @@ SNOW: dict[str, dict[str, Any]] = {
         "haze": 0.0,
         "flakes": 2500,
         "fall": 1.2,
-        "wind": (0.3, 0.0, 0.0),
+        "wind": (0.31, 0.0, 0.0),
     },
     "moderate": {},
     "heavy": {

@@ -50,8 +50,9 @@ class Snow:
     fall : float
         Fall speed in still air, metres per second. Keyed.
     wind : (x, y, z)
-        Air velocity, metres per second, x right, y down, z away from the camera. Keyed. Without any
-        sideways wind the waves exactly across the fall stand still: see `jitter`.
+        Air velocity, metres per second, x right, y down, z away from the camera. Keyed. Waves
+        exactly across the motion stand still, which shows when the wind is 0 or in a simple ratio
+        to the fall (1:3, 1:4): take a ratio beside it, or `jitter`.
     colour : float or (r, g, b)
         Display values, 0 to 1. Keyed.
     haze : float
@@ -109,7 +110,7 @@ class Snow:
 
     amount: Number = 1.0
     fall: Number = 1.4
-    wind: Vector = (0.35, 0.0, 0.0)
+    wind: Vector = (0.36, 0.0, 0.0)
     colour: Any = 0.98
     haze: Number = 0.04
     shutter: Number = 0.5
@@ -232,7 +233,7 @@ class Snow:
     def texture_request(self, frame: Frame) -> Request:
         """Return the field that the texture of a frame is made of."""
         shape, camera = frame.shape, frame.camera
-        tile, overlap = self.tiling(shape, frame.path.goes_forward() or self._wind_forward())
+        tile, overlap = self.tiling(shape, self._spreads(frame))
         place = frame.to_camera(self.displacement(frame))
         # A velocity has no eye: take away what tile_drift adds for one.
         rate = frame.to_camera(self.velocity(frame)) - camera.offset
@@ -259,9 +260,16 @@ class Snow:
             window=frame.window,
         )
 
-    def _wind_forward(self) -> bool:
-        keys = self.wind.keys if isinstance(self.wind, Keys) else [(0.0, self.wind)]
-        return any(value[2] != 0.0 for _, value in keys)
+    def _spreads(self, frame: Frame) -> bool:
+        """Whether the air ever comes nearer or recedes: its flow then differs between tiles."""
+        axis = frame.camera.matrix()[:, 2]
+        winds = self.wind.keys if isinstance(self.wind, Keys) else [(0.0, self.wind)]
+        falls = self.fall.keys if isinstance(self.fall, Keys) else [(0.0, self.fall)]
+        return (
+            frame.path.goes_along(axis)
+            or any(np.dot(axis, wind) != 0.0 for _, wind in winds)
+            or any(axis[1] * fall != 0.0 for _, fall in falls)
+        )
 
     def _texture(self, frame: Frame, amount: float) -> Array:
         t = frame.t
@@ -276,14 +284,21 @@ class Snow:
     def box(self, frame: Frame) -> Float64:
         """Return the sides in metres of the box of flakes that the view fits into."""
         height, width = frame.shape
-        reach = self.near_depth / frame.camera.focal
+        # The path's camera, so that both eyes see the same flakes; the farther side of a lens that
+        # is off the middle, since the box is centred on the axis.
+        cx, cy = frame.path.camera.principal(frame.shape)
+        across, down = (2.0 * max(c, n - c) for c, n in ((cx, width), (cy, height)))
+        reach = self.near_depth / frame.path.camera.focal
         # The outer 15 % of the box fade; the view's far corners stay inside of that.
-        return np.array([width * reach / 0.85, height * reach / 0.85, self.near_depth])
+        return np.array([across * reach / 0.85, down * reach / 0.85, self.near_depth])
 
     def count(self, frame: Frame) -> int:
         """Return how many flakes the box holds, so that the view has `flakes`."""
+        height, width = frame.shape
+        reach = self.near_depth / frame.path.camera.focal
         # The view is a pyramid: a third of the prism around it.
-        return round(self.flakes * 3.0 / 0.85**2)
+        view = width * reach * height * reach * self.near_depth / 3.0
+        return round(self.flakes * float(np.prod(self.box(frame))) / view)
 
     def _flakes(self, frame: Frame, amount: float) -> Array:
         t, camera = frame.t, frame.camera

@@ -48,8 +48,8 @@ def fit(
     Returns
     -------
     ndarray
-        (height, width) and the channels and the dtype of `pixels`. A picture that has the size
-        already comes back as an unchanged copy.
+        (height, width) and the channels and the dtype of `pixels`, computed in float32. A picture
+        that has the size already comes back as an unchanged copy.
 
     Raises
     ------

@@ -150,11 +150,14 @@ class Pattern:
         self._check_inside(path)
         return path
 
-    def existing(self) -> list[int]:
-        """Return the frames that are there as files, in ascending order; none for a video."""
+    def existing(self, start: str = "") -> list[int]:
+        """Return the frames that are there as files, in ascending order; none for a video.
+
+        A relative pattern is looked for from the folder `start`, by default the current one.
+        """
         if self.is_video:
             return []
-        folder, name = os.path.split(self.text)
+        folder, name = os.path.split(os.path.join(start, self.text))  # noqa: PTH118
         token = _TOKEN.search(name)
         assert token is not None  # As __post_init__ made sure.
         digits = re.compile(

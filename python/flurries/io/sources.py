@@ -144,18 +144,23 @@ class SequenceSource(Source):
 
     def __init__(self, spec: str, damaged: str) -> None:
         super().__init__(spec, damaged)
-        self.pattern = Pattern(spec)
-        numbers = self.pattern.existing()
+        # Only the name is a pattern: a folder may be called "50%".
+        self.folder, name = os.path.split(spec)
+        self.pattern = Pattern(name)
+        numbers = self.pattern.existing(self.folder)
         if not numbers:
             raise FileNotFoundError(errno.ENOENT, "No frame of this sequence is there", spec)
         self.first = numbers[0]
         self.count = numbers[-1] - numbers[0] + 1
-        header = read_header(self.pattern.path(self.first))
+        header = read_header(self._path(self.first))
         self.size, self.encoding = header.size, header.encoding
+
+    def _path(self, frame: int) -> Path:
+        return Path(self.folder) / self.pattern.path(frame)
 
     def _read(self, number: int) -> Picture:
         frame = self.first + number
-        path = self.pattern.path(frame)
+        path = self._path(frame)
         if not path.exists():
             raise FileNotFoundError(errno.ENOENT, f"Frame {frame} is missing", str(path))
         try:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 import sys
 from contextlib import AbstractContextManager, suppress
-from dataclasses import dataclass
 from fractions import Fraction
 from pathlib import Path
 from types import TracebackType
@@ -16,50 +15,10 @@ import numpy.typing as npt
 
 from flurries.io.atomic import replacing
 from flurries.io.containers import SCALING
+from flurries.io.encoders import QUALITIES, THREADS, encoder_for, frame_rate
 from flurries.io.forks import never_free_in_children
 from flurries.io.integrity import check_structure
 from flurries.io.sequences import VIDEO_EXTENSIONS
-
-# The same number everywhere, since x264's result depends on it.
-_THREADS = 4
-
-_X264 = {
-    "high": {"preset": "slow", "crf": "16"},
-    "medium": {"preset": "medium", "crf": "21"},
-    "draft": {"preset": "veryfast", "crf": "28"},
-}
-_VP9 = {
-    "high": {"crf": "18", "cpu-used": "2"},
-    "medium": {"crf": "28", "cpu-used": "4"},
-    "draft": {"crf": "38", "cpu-used": "6"},
-}
-QUALITIES = tuple(_X264)
-
-
-@dataclass(frozen=True)
-class _Codec:
-    name: str
-    pixels: str
-    options: dict[str, str]
-    container: dict[str, str]
-
-
-def _codec_of(suffix: str, quality: str, size: tuple[int, int]) -> _Codec:
-    """Return the encoder for an extension, with settings that make the same bytes every time."""
-    # Without bitexact, the container is stamped with the library's version and random numbers.
-    container = {"fflags": "+bitexact"}
-    if suffix in (".mp4", ".mov"):
-        # x264's macroblock tree reads memory that was never set, and no two runs are alike.
-        options = {**_X264[quality], "mbtree": "0"}
-        return _Codec(
-            "libx264", "yuv420p", options, {**container, "movflags": "+faststart+write_colr"}
-        )
-    if suffix == ".webm":
-        options = {**_VP9[quality], "b:v": "0", "deadline": "good", "row-mt": "1"}
-        return _Codec("libvpx-vp9", "yuv420p", options, container)
-    # Four slices are two by two, which a picture of one row has no room for.
-    slices = "4" if min(size) > 1 else "1"
-    return _Codec("ffv1", "bgr0", {"level": "3", "slices": slices, "slicecrc": "1"}, container)
 
 
 class VideoWriter:
@@ -124,7 +83,7 @@ class VideoWriter:
         self.size = _checked_size(size)
         self.fps = frame_rate(fps)
         self.count = 0
-        self._codec = _codec_of(suffix, quality, self.size)
+        self._codec = encoder_for(suffix, quality, self.size)
         self._replacing: AbstractContextManager[Path] | None = None
         self._temporary: Path | None = None
         self._container: Any = None
@@ -194,7 +153,7 @@ class VideoWriter:
             stream.height = height + (height % 2 if even else 0)
             stream.pix_fmt = self._codec.pixels
             context = stream.codec_context
-            context.thread_count = _THREADS
+            context.thread_count = THREADS
             context.color_primaries = 1  # BT.709
             context.color_trc = 1 if even else 13  # BT.709, or sRGB where RGB is stored
             context.colorspace = 1 if even else 0
@@ -236,7 +195,10 @@ class VideoWriter:
 
         assert self._temporary is not None  # _finish is called from __exit__ only.
         with self._told():
-            check_structure(self._temporary)
+            try:
+                check_structure(self._temporary)
+            except OSError as error:
+                raise OSError(f"{self.path}: does not read back as a whole video") from error
             with av.open(str(self._temporary.absolute())) as container:
                 stream = container.streams.video[0]
                 found = sum(1 for packet in container.demux(stream) if packet.size)
@@ -276,29 +238,6 @@ class _Told(AbstractContextManager[None]):
         if av is not None and isinstance(error, av.FFmpegError):
             reason = error.strerror or "no reason given"
             raise OSError(f"{self._path}: the video cannot be written: {reason}") from error
-
-
-def frame_rate(fps: float | Fraction) -> Fraction:
-    """Return a frame rate as a fraction, the rates of television as what they stand for.
-
-    Raises
-    ------
-    ValueError
-        If it is not above 0 and at most 1000.
-    TypeError
-        If it is not a number.
-    """
-    if isinstance(fps, bool) or not isinstance(fps, (int, float, Fraction, np.number)):
-        raise TypeError(f"fps must be a number, got {fps!r}")
-    if not 0 < fps <= 1000:
-        raise ValueError(f"fps must be above 0 and at most 1000, got {fps!r}")
-    if isinstance(fps, Fraction):
-        return fps.limit_denominator(100_000)
-    number = float(fps)
-    nominal = round(number * 1.001)
-    if not number.is_integer() and abs(nominal / 1.001 - number) < 0.005:
-        return Fraction(nominal * 1000, 1001)
-    return max(Fraction(number).limit_denominator(1000), Fraction(1, 1000))
 
 
 def _checked_size(size: tuple[int, int]) -> tuple[int, int]:

@@ -1,0 +1,343 @@
+"""A file appears whole or not at all: failures, kills, full disks, odd targets."""
+
+import os
+import resource
+import select
+import signal
+import stat
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from flurries.io import atomic, bands, read_picture, remove_leftovers, replacing, write_picture
+
+OLD = b"the old file"
+
+# Newer Pythons warn when a process with threads is forked, which is what these tests are about.
+pytestmark = pytest.mark.filterwarnings("ignore:.*fork.*:DeprecationWarning")
+
+
+@pytest.fixture
+def target(tmp_path):
+    """A file that is there already, alone in its folder."""
+    path = tmp_path / "frames" / "picture.png"
+    path.parent.mkdir()
+    path.write_bytes(OLD)
+    return path
+
+
+def alone(path):
+    """Whether the folder of `path` holds nothing else, hidden files included."""
+    return names(path.parent) == [path.name]
+
+
+def names(folder):
+    return sorted(path.name for path in folder.iterdir())
+
+
+def test_the_new_file_replaces_the_old_one(target):
+    with replacing(target) as temporary:
+        assert temporary.parent == target.parent
+        assert temporary.suffix == target.suffix
+        assert temporary.name.startswith(".")
+        temporary.write_bytes(b"new")
+        assert target.read_bytes() == OLD
+    assert target.read_bytes() == b"new"
+    assert alone(target)
+
+
+@pytest.mark.parametrize("error", [ValueError, KeyboardInterrupt, SystemExit, MemoryError])
+def test_an_exception_leaves_the_old_file(target, error):
+    with pytest.raises(error), replacing(target) as temporary:
+        temporary.write_bytes(b"half of the new")
+        raise error
+    assert target.read_bytes() == OLD
+    assert alone(target)
+
+
+def test_writing_in_place_loses_the_old_file(target):
+    """The control: what the guard is there for."""
+    with pytest.raises(ValueError), target.open("wb") as stream:
+        stream.write(b"half of the new")
+        raise ValueError
+    assert target.read_bytes() != OLD
+
+
+def test_a_new_file_gets_the_permissions_of_any_new_file(target):
+    mask = os.umask(0o027)
+    try:
+        with replacing(target) as temporary:
+            temporary.write_bytes(b"new")
+    finally:
+        os.umask(mask)
+    assert stat.S_IMODE(target.stat().st_mode) == 0o640
+
+
+def test_nothing_written_is_an_error(target):
+    with pytest.raises(OSError, match=r"picture\.png: nothing was written"), replacing(target):
+        pass
+    assert target.read_bytes() == OLD
+    assert alone(target)
+
+
+def test_one_missing_folder_is_made_and_no_more(tmp_path):
+    with replacing(tmp_path / "new" / "a.png") as temporary:
+        temporary.write_bytes(b"x")
+    assert (tmp_path / "new" / "a.png").read_bytes() == b"x"
+    with (
+        pytest.raises(FileNotFoundError, match=r"b\.png"),
+        replacing(tmp_path / "x" / "y" / "b.png"),
+    ):
+        pass
+    assert not (tmp_path / "x").exists()
+
+
+def test_odd_targets_are_refused_by_name(tmp_path):
+    file = tmp_path / "file"
+    file.write_bytes(OLD)
+    (tmp_path / "folder.png").mkdir()
+    os.mkfifo(tmp_path / "fifo.png")
+    (tmp_path / "link.png").symlink_to(file)
+    (tmp_path / "dangling.png").symlink_to(tmp_path / "nowhere")
+    before = names(tmp_path)
+    for name, error in [
+        ("folder.png", IsADirectoryError),
+        ("fifo.png", OSError),
+        ("link.png", OSError),
+        ("dangling.png", OSError),
+        ("file/under.png", NotADirectoryError),
+        ("new/", IsADirectoryError),
+        ("..", IsADirectoryError),
+        ("a" * 300 + ".png", OSError),
+    ]:
+        with pytest.raises(error) as caught, replacing(f"{tmp_path}/{name}"):
+            pass
+        assert name.rstrip("/") in str(caught.value)
+    for name, error in [("", ValueError), ("a\0b.png", ValueError), (b"a.png", TypeError)]:
+        with pytest.raises(error), replacing(name):
+            pass
+    assert file.read_bytes() == OLD
+    assert names(tmp_path) == before
+
+
+def test_an_error_in_the_block_names_the_file_and_not_the_hidden_one(target):
+    with pytest.raises(FileNotFoundError) as caught, replacing(target) as temporary:
+        temporary.unlink()
+        temporary.open("rb")
+    assert caught.value.filename == str(target)
+
+
+def test_a_long_name_still_has_room(tmp_path):
+    path = tmp_path / f"{'n' * 250}.png"
+    with replacing(path) as temporary:
+        temporary.write_bytes(b"x")
+    assert alone(path)
+
+
+def in_child(prepare, task):
+    """Run `prepare` and `task` in a child; return what became of `task`, in words."""
+    reader, writer = os.pipe()
+    child = os.fork()
+    if child == 0:
+        try:
+            prepare()
+            said = task()
+        except BaseException as error:
+            said = f"{type(error).__name__}: {error}"
+        os.write(writer, str(said).encode())
+        os._exit(0)
+    os.close(writer)
+    with os.fdopen(reader, "rb") as stream:
+        said = stream.read().decode()
+    os.waitpid(child, 0)
+    return said
+
+
+def as_ordinary_user():
+    if os.getuid() == 0:
+        os.setuid(65534)
+
+
+def with_a_full_disk():
+    """No file may grow beyond 2000 bytes; the system answers as if there were no room."""
+    resource.setrlimit(resource.RLIMIT_FSIZE, (2000, resource.RLIM_INFINITY))
+
+
+def test_read_only_folders_and_files_as_an_ordinary_user():
+    pixels = np.zeros((4, 4, 3), np.uint8)
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        write_picture(folder / "old.png", pixels + 9)
+        (folder / "old.png").chmod(0o444)
+        (folder / "open").mkdir(mode=0o777)
+        (folder / "open").chmod(0o777)
+        write_picture(folder / "open" / "locked.png", pixels + 9)
+        (folder / "open" / "locked.png").chmod(0o444)
+        folder.chmod(0o555)
+        try:
+            for path in ("old.png", "new.png", "open/locked.png"):
+                said = in_child(
+                    as_ordinary_user, lambda path=path: write_picture(folder / path, pixels)
+                )
+                assert said.startswith("PermissionError"), said
+                assert path in said
+            said = in_child(
+                as_ordinary_user, lambda: write_picture(folder / "open" / "new.png", pixels)
+            )
+            assert said == "None"
+        finally:
+            folder.chmod(0o755)
+        assert read_picture(folder / "open" / "locked.png").pixels.max() == 9
+        assert names(folder / "open") == ["locked.png", "new.png"]
+
+
+@pytest.mark.parametrize("name", ["a.exr", "a.png", "a.tif", "a.jpg", "a.hdr"])
+def test_a_full_disk_leaves_the_old_file(tmp_path, name):
+    path = tmp_path / name
+    noise = np.random.default_rng(1).random((64, 64, 3))
+    write_picture(path, noise[:8, :8])
+    old = path.read_bytes()
+    said = in_child(with_a_full_disk, lambda: write_picture(path, noise))
+    assert "Error" in said.partition(":")[0]
+    assert name in said
+    assert path.read_bytes() == old
+    assert alone(path)
+    write_picture(path, noise)
+    assert read_picture(path).size == (64, 64)
+
+
+def damaging(original):
+    """A faulty disk: writes, then changes one byte in the middle."""
+
+    def write(target, temporary, *rest):
+        checksums = original(target, temporary, *rest)
+        data = bytearray(temporary.read_bytes())
+        data[len(data) // 2] ^= 255
+        temporary.write_bytes(data)
+        return checksums
+
+    return write
+
+
+def test_a_picture_that_reads_back_wrong_is_not_kept(tmp_path, monkeypatch):
+    path = tmp_path / "a.exr"
+    pixels = np.random.default_rng(2).random((40, 40, 3)).astype(np.float32)
+    monkeypatch.setattr(bands, "_write", damaging(bands._write))
+    options = {"compression": "none", "half": False}
+    with pytest.raises(OSError, match=r"a\.exr: does not read back"):
+        write_picture(path, pixels, **options)
+    assert names(tmp_path) == []
+    # The control: without the check the damage goes unnoticed.
+    monkeypatch.setattr(bands, "_verify", lambda *_, **__: None)
+    write_picture(path, pixels, **options)
+    assert not np.array_equal(read_picture(path).pixels, pixels)
+
+
+def test_a_failure_in_the_middle_of_a_picture_leaves_the_old_one(tmp_path, monkeypatch):
+    path = tmp_path / "a.png"
+    write_picture(path, np.full((200, 30, 3), 7, np.uint8))
+    old = path.read_bytes()
+    calls = []
+
+    def failing(first, *_):
+        calls.append(first)
+        if len(calls) == 3:
+            raise KeyboardInterrupt
+        return np.zeros((min(64, 200 - 64 * (len(calls) - 1)), 30, 3), np.uint8)
+
+    monkeypatch.setattr("flurries.io.writing._converted", failing)
+    with pytest.raises(KeyboardInterrupt):
+        write_picture(path, np.zeros((200, 30, 3), np.uint8))
+    assert len(calls) == 3
+    assert path.read_bytes() == old
+    assert alone(path)
+
+
+WRITER = """
+import itertools, sys
+import numpy as np
+from flurries.io import write_picture
+rows = np.random.default_rng(0).random((700, 500, 3)).astype(np.float32)
+for number in itertools.count():
+    write_picture(f"{sys.argv[1]}/{number % 3}.exr", rows + number % 3, half=False)
+    print(number, flush=True)
+"""
+
+
+def start(code, *arguments):
+    return subprocess.Popen(
+        [sys.executable, "-c", code, *map(str, arguments)],
+        stdout=subprocess.PIPE,
+        text=True,
+        env={**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)},
+    )
+
+
+def test_killed_writers_leave_no_partial_picture(tmp_path):
+    found = []
+    for kill in range(6):
+        with start(WRITER, tmp_path) as writer:
+            for _ in range(kill + 1):
+                assert writer.stdout.readline()
+            # Anywhere within the next picture.
+            select.select([], [], [], 0.004 * kill)
+            writer.send_signal(signal.SIGKILL)
+        assert writer.returncode == -signal.SIGKILL
+        for path in tmp_path.glob("[0-9].exr"):
+            pixels = read_picture(path).pixels
+            assert pixels.shape == (700, 500, 3)
+            assert int(pixels.min()) == int(path.stem)
+        found += remove_leftovers(tmp_path)
+        assert all(not name.startswith(".") for name in names(tmp_path))
+    # The control: kills did hit writers at work.
+    assert found
+
+
+HOLDER = """
+import sys
+from flurries.io import replacing
+with replacing(sys.argv[1]) as temporary:
+    temporary.write_bytes(b"half")
+    print(temporary, flush=True)
+    sys.stdin.read() if len(sys.argv) > 2 else input()
+"""
+
+
+def test_leftovers_of_the_dead_are_removed_and_those_of_the_living_are_not(tmp_path):
+    path = tmp_path / "a.png"
+    command = [sys.executable, "-c", HOLDER, str(path)]
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
+    with subprocess.Popen(
+        command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, env=environment
+    ) as writer:
+        temporary = Path(writer.stdout.readline().strip())
+        assert remove_leftovers(tmp_path) == []
+        assert temporary.read_bytes() == b"half"
+        writer.send_signal(signal.SIGKILL)
+    assert temporary.exists()
+    assert not path.exists()
+    assert remove_leftovers(tmp_path) == [temporary]
+    assert names(tmp_path) == []
+
+
+def test_only_our_own_leftovers_are_removed(tmp_path):
+    for name in [".flurries-short.exr", ".other", "flurries-0123456789abcdef.exr"]:
+        (tmp_path / name).write_bytes(b"x")
+    assert remove_leftovers(tmp_path) == []
+    assert len(names(tmp_path)) == 3
+
+
+def test_a_forked_child_leaves_the_block_without_touching_the_file(target):
+    with replacing(target) as temporary:
+        temporary.write_bytes(b"new")
+        child = os.fork()
+        if child == 0:
+            # What unwinding the block does in the child.
+            atomic._remove(temporary, os.getppid())
+            os._exit(0)
+        os.waitpid(child, 0)
+    assert target.read_bytes() == b"new"

@@ -1,0 +1,386 @@
+"""Which frames, which files, and backgrounds that are stills or numbered pictures."""
+
+import copy
+import os
+import pickle
+import threading
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from flurries.io import Pattern, frame_range, open_background, write_picture
+from flurries.io import sources as sources_module
+
+# Newer Pythons warn when a process with threads is forked, which is what these tests are about.
+pytestmark = pytest.mark.filterwarnings("ignore:.*fork.*:DeprecationWarning")
+
+# Frames
+
+
+@pytest.mark.parametrize(
+    ("text", "frames"),
+    [
+        ("7", [7]),
+        ("0", [0]),
+        ("1-3", [1, 2, 3]),
+        ("5-5", [5]),
+        ("1-10x4", [1, 5, 9]),
+        ("1-9x4", [1, 5, 9]),
+        ("1-3x9", [1]),
+        ("0008-0010", [8, 9, 10]),
+        ("1-3,10,20-24x2", [1, 2, 3, 10, 20, 22, 24]),
+        ("10, 1-2", [10, 1, 2]),
+        ("1-5,3-7", [1, 2, 3, 4, 5, 6, 7]),
+        ("999999999", [999999999]),
+    ],
+)
+def test_frames_are_read(text, frames):
+    assert frame_range(text) == frames
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        *("", " ", ",", "1,", ",1", "1,,2", "a", "1-", "-1", "1-2-3", "1x2", "1-9x", "1-9x0"),
+        *("1..9", "1:9", "1-9x-2", "1.5", "+1", "1 2", "1-a", "0x10", "1e3", "\uff11-\uff13"),
+        *("\u0661", "1\n2", "1\0", "9999999999", "1-10000001", "0-999999999", "1" * 10**6),
+        *("1," * 200_000, "1-9000000,1-9000000", "nan", "inf", "$(ls)"),
+    ],
+)
+def test_frames_that_are_none_are_refused(text):
+    with pytest.raises(ValueError, match=r"^frames ") as caught:
+        frame_range(text)
+    assert len(str(caught.value)) < 300
+
+
+def test_frames_backwards_are_refused_with_advice():
+    with pytest.raises(ValueError, match="'30-20' run backwards: write '20-30'"):
+        frame_range("1-10,30-20")
+
+
+def test_frames_must_be_text():
+    for wrong in (None, 7, b"1-3", [1, 2]):
+        with pytest.raises(TypeError, match="frames must be a text"):
+            frame_range(wrong)
+
+
+def test_the_most_frames_are_allowed():
+    assert len(frame_range("1-10000000")) == 10_000_000
+
+
+# Patterns
+
+
+@pytest.mark.parametrize(
+    ("text", "frame", "path"),
+    [
+        ("%04d.exr", 7, "0007.exr"),
+        ("out/snow.%04d.exr", 12345, "out/snow.12345.exr"),
+        ("/a/b/f%d.png", 3, "/a/b/f3.png"),
+        ("f_%06d_left.png", 3, "f_000003_left.png"),
+        ("../f.%02d.tif", 0, "../f.00.tif"),
+        ("100 %d.png", np.int64(4), "100 4.png"),
+        ("snow.mp4", 9, "snow.mp4"),
+        ("out/snow.MOV", 0, "out/snow.MOV"),
+    ],
+)
+def test_patterns(text, frame, path):
+    pattern = Pattern(text)
+    assert pattern.path(frame) == Path(path)
+    assert pattern.is_video == (Path(path).suffix.lower() in (".mp4", ".mov"))
+    assert pattern == Pattern(text) == pickle.loads(pickle.dumps(pattern)) == copy.copy(pattern)
+
+
+def hostile_patterns():
+    """What must not pass: other tokens, tokens elsewhere, folders, control characters."""
+    tokens = [
+        "%s",
+        "%n",
+        "%x",
+        "%f",
+        "%c",
+        "%r",
+        "%u",
+        "%i",
+        "%%",
+        "%",
+        "%*d",
+        "%-4d",
+        "%+d",
+        "% d",
+    ]
+    tokens += ["%4d", "%.4d", "%#d", "%ld", "%lld", "%hd", "%1$d", "%(a)d", "%04D", "%0d", "%00d"]
+    tokens += ["%99d", "%099d", "%0999999999d", "%013d", "%D", "%0", "%04", "%04x", "%d%", "%%d"]
+    tokens += ["{}", "{0}", "{:04d}", "####", "@@@@", "$F4", "*", "?", "", "<UDIM>", "%V", "% d"]
+    tokens += [
+        "%d%d",
+        "%04d%04d",
+        "%d.%d",
+        "%d_%s",
+        "%s_%d",
+        "%d%n",
+        "%n%04d",
+        "%%%d",
+        "%d%%",
+        "% d",
+    ]
+    for token in tokens:
+        yield f"{token}.exr"
+        yield f"out/frame.{token}.png"
+        yield f"/tmp/frame{token}"
+        yield f"{token}/frame.exr"
+        if "%" in token:
+            yield f"{token}/frame.%04d.exr"
+    for video in (".mp4", ".mkv", ".webm", ".mov"):
+        yield f"clip%04d{video}"
+        yield f"%d/clip{video}"
+        yield f"cl\0ip{video}"
+    for control in [*map(chr, range(32)), "\x7f"]:
+        yield f"frame{control}.%04d.exr"
+        yield f"out{control}/%04d.exr"
+    yield from ("", " ", "\t", ".", "..", "/", "out/", "out/.", "out/..", "%04d/", "a\\%04d.exr")
+
+
+def test_hostile_patterns_are_refused():
+    patterns = list(hostile_patterns())
+    assert len(set(patterns)) >= 300
+    passed = []
+    for text in patterns:
+        try:
+            Pattern(text)
+        except ValueError as error:
+            assert "pattern" in str(error)
+            assert len(str(error)) < 300
+        else:
+            passed.append(text)
+    assert passed == []
+    for wrong in (None, 7, b"%04d.exr", ["%d"]):
+        with pytest.raises(TypeError):
+            Pattern(wrong)
+
+
+def test_bad_frames_of_a_pattern_are_refused():
+    for frame in (-1, np.int64(-5)):
+        with pytest.raises(ValueError, match="frame must not be negative"):
+            Pattern("%04d.exr").path(frame)
+    for frame in (1.0, "1", None):
+        with pytest.raises(TypeError):
+            Pattern("%04d.exr").path(frame)
+
+
+def test_a_pattern_stays_inside_its_folder(tmp_path):
+    inside, outside = tmp_path / "in", tmp_path / "out"
+    inside.mkdir()
+    outside.mkdir()
+    (inside / "link").symlink_to(outside)
+    (inside / "here").symlink_to(inside)
+    (inside / "stray.0003.exr").symlink_to(outside / "victim.exr")
+    for good in ("%04d.exr", "new/%04d.exr", "here/%04d.exr", "../in/%d.exr", "a.mp4"):
+        Pattern(f"{inside}/{good}", str(inside)).path(1)
+    for bad in ("../%04d.exr", "link/%04d.exr", "../in2/%d.exr", "new/../../%d.exr", "../a.mp4"):
+        with pytest.raises(ValueError, match="leads outside"):
+            Pattern(f"{inside}/{bad}", str(inside))
+    with pytest.raises(ValueError, match="leads outside"):
+        Pattern("/etc/%04d.exr", inside)
+    stray = Pattern(f"{inside}/stray.%04d.exr", inside)
+    stray.path(2)
+    with pytest.raises(ValueError, match="leads outside"):
+        stray.path(3)
+    # The control: without the folder to stay in, all of them pass.
+    Pattern(f"{inside}/link/%04d.exr")
+    assert Pattern(f"{inside}/stray.%04d.exr").path(3).resolve().parent == outside
+
+
+def test_existing_frames_are_those_that_the_pattern_would_write(tmp_path):
+    names = ["a.0001.png", "a.0012.png", "a.12345.png", "a.7.png", "a.00013.png", "a.0003.exr"]
+    names += ["b.0001.png", "a.0004.png.bak", "xa.0005.png", "a.-006.png", "a0007.png"]
+    for name in names:
+        (tmp_path / name).touch()
+    assert Pattern(f"{tmp_path}/a.%04d.png").existing() == [1, 12, 12345]
+    assert Pattern(f"{tmp_path}/a.%d.png").existing() == [7, 12345]
+    assert Pattern(f"{tmp_path}/none/a.%d.png").existing() == []
+    assert Pattern(f"{tmp_path}/a.mp4").existing() == []
+
+
+def test_existing_frames_of_the_folder_one_is_in(tmp_path, monkeypatch):
+    (tmp_path / "f3.png").touch()
+    monkeypatch.chdir(tmp_path)
+    assert Pattern("f%d.png").existing() == [3]
+
+
+# Backgrounds
+
+
+def level(number, size=(6, 4)):
+    return np.full((size[1], size[0], 3), number, np.uint8)
+
+
+@pytest.fixture
+def sequence(tmp_path):
+    """Frames 98 to 103, each of its own grey."""
+    for number in range(98, 104):
+        write_picture(tmp_path / f"plate.{number:04d}.png", level(number))
+    return tmp_path / "plate.%04d.png"
+
+
+def test_a_still_is_the_same_in_every_frame(tmp_path):
+    path = tmp_path / "still.exr"
+    write_picture(path, np.random.default_rng(0).random((5, 7, 4)).astype(np.float32) * 3)
+    source = open_background(path)
+    assert (source.size, source.count, source.fps, source.encoding) == (
+        (7, 5),
+        None,
+        None,
+        "linear",
+    )
+    first = source.frame(0)
+    assert first.alpha is not None
+    for number in (-5, 1, 10**9):
+        assert source.frame(number) is first
+
+
+def test_a_sequence_counts_from_its_first_frame(sequence):
+    source = open_background(sequence)
+    assert (source.size, source.count, source.fps, source.encoding) == ((6, 4), 6, None, "display")
+    for number, wanted in [(0, 98), (3, 101), (5, 103), (6, 103), (10**12, 103), (-1, 98)]:
+        assert (source.frame(number).pixels == wanted).all()
+    assert source.frame(np.int64(2)).path.endswith("plate.0100.png")
+    for wrong in (1.0, "1", None):
+        with pytest.raises(TypeError):
+            source.frame(wrong)
+
+
+def test_pictures_of_a_source_cannot_be_changed(sequence):
+    picture = open_background(sequence).frame(0)
+    with pytest.raises(ValueError, match="read-only"):
+        picture.pixels[0, 0] = 1
+
+
+def test_few_pictures_are_kept(sequence, monkeypatch):
+    read = []
+    original = sources_module.read_picture
+    monkeypatch.setattr(
+        sources_module, "read_picture", lambda path: read.append(path) or original(path)
+    )
+    source = open_background(sequence)
+    for number in (0, 0, 1, 0, 1, 2, 2, 0):
+        source.frame(number)
+    assert len(read) == 3
+    for number in range(6):
+        source.frame(number)
+    assert len(source._kept) <= 3
+    source.close()
+    assert not source._kept
+    assert (source.frame(4).pixels == 102).all()
+
+
+def test_missing_and_damaged_frames_are_errors_that_name_them(sequence):
+    folder = sequence.parent
+    (folder / "plate.0100.png").unlink()
+    (folder / "plate.0101.png").write_bytes((folder / "plate.0102.png").read_bytes()[:-30])
+    write_picture(folder / "plate.0102.png", level(102, (9, 9)))
+    source = open_background(sequence)
+    with pytest.raises(FileNotFoundError, match=r"Frame 100 is missing.*plate\.0100\.png"):
+        source.frame(2)
+    with pytest.raises(OSError, match=r"frame 101: .*plate\.0101\.png.* cut short"):
+        source.frame(3)
+    with pytest.raises(OSError, match=r"frame 102: .*plate\.0102\.png is 9 x 9 px"):
+        source.frame(4)
+    assert (source.frame(5).pixels == 103).all()
+
+
+def test_the_last_good_frame_can_stand_in(sequence):
+    folder = sequence.parent
+    (folder / "plate.0100.png").unlink()
+    (folder / "plate.0101.png").write_bytes(b"damaged")
+    source = open_background(sequence, damaged="hold")
+    greys = [int(source.frame(number).pixels[0, 0, 0]) for number in (3, 0, 2, 1, 4, 5)]
+    assert greys == [99, 98, 99, 99, 102, 103]
+    # In whatever order they are asked for.
+    again = open_background(sequence, damaged="hold")
+    assert (again.frame(3).pixels == 99).all()
+
+
+def test_what_cannot_be_opened(tmp_path, sequence):
+    for spec, error, words in [
+        (tmp_path / "none.png", FileNotFoundError, r"none\.png"),
+        (tmp_path / "none.%04d.png", FileNotFoundError, r"No frame .*none\.%04d\.png"),
+        (tmp_path / "plate.%s.png", ValueError, "frame token"),
+        (tmp_path / "plate.%04d.%04d.png", ValueError, "frame token"),
+        (tmp_path, IsADirectoryError, tmp_path.name),
+        ("", ValueError, "must name a file"),
+        ("a\0b.png", ValueError, "must name a file"),
+    ]:
+        with pytest.raises(error, match=words):
+            open_background(spec)
+    with pytest.raises(ValueError, match="damaged must be"):
+        open_background(sequence, damaged="skip")
+    with pytest.raises(TypeError):
+        open_background(b"a.png")
+    (tmp_path / "plate.0098.png").write_bytes(b"")
+    with pytest.raises(OSError, match=r"plate\.0098\.png: the file is empty"):
+        open_background(sequence)
+
+
+def test_a_file_that_is_called_like_a_pattern(tmp_path):
+    write_picture(tmp_path / "100%d.png", level(5))
+    source = open_background(tmp_path / "100%d.png")
+    assert source.count is None
+    assert (source.frame(3).pixels == 5).all()
+
+
+def test_a_folder_may_hold_a_percent_sign(sequence, tmp_path, monkeypatch):
+    folder = tmp_path / "50%done"
+    folder.mkdir()
+    for path in sequence.parent.glob("plate.*.png"):
+        path.rename(folder / path.name)
+    monkeypatch.chdir(folder)
+    for spec in ("plate.%04d.png", folder / "plate.%04d.png"):
+        assert (open_background(spec).frame(1).pixels == 99).all()
+
+
+def test_sources_pickle_and_copy(sequence, tmp_path, monkeypatch):
+    write_picture(tmp_path / "still.png", level(9))
+    monkeypatch.chdir(tmp_path)
+    for spec in ("still.png", sequence.name):
+        source = open_background(spec)
+        source.frame(1)
+        data = pickle.dumps(source)
+        assert len(data) < 4096
+        with monkeypatch.context() as elsewhere:
+            elsewhere.chdir("/")
+            for other in (pickle.loads(data), copy.copy(source), copy.deepcopy(source)):
+                assert (other.size, other.count, other.fps) == (source.size, source.count, None)
+                np.testing.assert_array_equal(other.frame(1).pixels, source.frame(1).pixels)
+
+
+def test_threads_share_a_source(sequence):
+    source = open_background(sequence)
+    wrong = []
+
+    def look(seed):
+        for number in np.random.default_rng(seed).integers(0, 6, 40):
+            if not (source.frame(int(number)).pixels == 98 + number).all():
+                wrong.append(number)
+
+    threads = [threading.Thread(target=look, args=(seed,)) for seed in range(8)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert not wrong
+
+
+def test_a_forked_child_is_not_stopped_by_a_lock_that_a_lost_thread_holds(sequence):
+    source = open_background(sequence)
+    held = source._own_lock()
+    held.acquire()
+    child = os.fork()
+    if child == 0:
+        os._exit(0 if (source.frame(2).pixels == 100).all() else 1)
+    assert os.waitpid(child, 0)[1] == 0
+    # The control: here the lock is held indeed.
+    assert source._own_lock() is held
+    assert not held.acquire(blocking=False)
+    held.release()

@@ -1,0 +1,324 @@
+"""The image of the flakes against the slow twin, and the laws it obeys."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+import twin_particles as twin
+from flurries import particles
+from flurries.camera import Camera
+
+FOCAL = 300.0
+
+
+def one(shape, x, y, *, sigma, opacity=1e-3, depth=2.0, dtype=np.float64, **more):
+    """Return the alpha of a flake whose image is at (x, y), with a raw sigma in px."""
+    height, width = shape
+    point = ((x - width / 2) * depth / FOCAL, (y - height / 2) * depth / FOCAL, depth)
+    radius = 3 * sigma * depth / FOCAL
+    return particles.splat(
+        shape, [point], radius, Camera(FOCAL), opacity=opacity, dtype=dtype, **more
+    )
+
+
+def cloud(count, seed, *, speed, shutter):
+    """Return flakes as arguments and as the twin wants them; some huge, behind, far outside."""
+    rng = np.random.default_rng(seed)
+    points = rng.uniform((-1, -0.8, -0.3), (1, 0.8, 4), (count, 3))
+    radius = 0.05 * rng.uniform(0, 1, count) ** 3 + 0.002
+    opacity = rng.uniform(0, 0.9, count)
+    velocity = rng.normal(0, speed, (count, 3))
+    flakes = [
+        {"point": p, "radius": r, "opacity": o, "velocity": v, "shutter": shutter}
+        for p, r, o, v in zip(points, radius, opacity, velocity, strict=True)
+    ]
+    arguments = {"opacity": opacity, "velocity": velocity, "shutter": shutter}
+    return points, radius, arguments, flakes
+
+
+@pytest.mark.parametrize(
+    ("speed", "shutter"), [(0.0, 0.0), (1e-5, 0.5), (0.003, 0.5), (0.05, 0.5), (0.6, 1.0), (5, 2)]
+)
+@pytest.mark.parametrize("shape", [(1, 1), (64, 64), (75, 130)])
+def test_the_image_is_the_twins(speed, shutter, shape):
+    points, radius, arguments, flakes = cloud(150, 7, speed=speed, shutter=shutter)
+    camera = Camera(FOCAL, center=(33.25, 40.5), offset=(0.03, -0.02, 0.1), center_shift=(1.5, -2))
+    want = twin.splat(shape, flakes, FOCAL, center=(34.75, 38.5), offset=camera.offset)
+    wide = particles.splat(shape, points, radius, camera, dtype=np.float64, **arguments)
+    narrow = particles.splat(shape, points, radius, camera, **arguments)
+    assert (wide.dtype, narrow.dtype) == (np.float64, np.float32)
+    # erf near 1 loses an ulp of 1, times sqrt(pi/2) / L with L >= 0.45 or scipy's own 1e-3.
+    np.testing.assert_allclose(wide, want, rtol=0, atol=2e-12)
+    np.testing.assert_allclose(narrow, want, rtol=0, atol=4e-6)
+    assert wide.min() >= 0
+    assert wide.max() <= 1
+
+
+def test_rotation_is_the_callers():
+    points, radius, arguments, _ = cloud(50, 8, speed=0.1, shutter=0.5)
+    turned = Camera(FOCAL, rotation=(0.1, 0.2, 0.3))
+    np.testing.assert_array_equal(
+        particles.splat((40, 40), points, radius, turned, **arguments),
+        particles.splat((40, 40), points, radius, Camera(FOCAL), **arguments),
+    )
+
+
+@pytest.mark.parametrize("sigma", [0.02, 0.2, 0.54, 0.57, 0.61, 0.7, 0.8, 1.3, 3.0, 12.0])
+def test_energy_at_every_subpixel_position(sigma):
+    energies = []
+    for x in np.linspace(0, 1, 11):
+        for y in np.linspace(0, 1, 11):
+            alpha = one((101, 101), 50 + x, 50 + y, sigma=sigma)
+            energies.append(alpha.sum() / (2 * math.pi * 1e-3 * sigma**2))
+    assert min(energies) > 0.998
+    assert max(energies) < 1.002
+
+
+@pytest.mark.parametrize("sigma", [0.1, 0.54, 0.65, 1.0, 2.5])
+@pytest.mark.parametrize("length", [1e-7, 1e-3, 0.2, 0.4, 0.6, 0.65, 1.0, 1.5, 4.0, 11.0, 40.0])
+def test_energy_of_streaks_of_every_length_and_angle(sigma, length):
+    for angle in np.linspace(0, math.pi, 9):
+        for x in (0.0, 0.3, 0.5):
+            travel = np.array([math.cos(angle), math.sin(angle), 0]) * length * 2.0 / FOCAL
+            alpha = one((90, 90), 45 + x, 45.1, sigma=sigma, velocity=travel / 0.5, shutter=0.5)
+            energy = alpha.sum() / (2 * math.pi * 1e-3 * sigma**2)
+            assert abs(energy - 1) < 0.002, (angle, x, energy)
+
+
+def test_inside_three_sigma_the_footprint_is_the_gaussian_alone():
+    sigma = 2.0
+    effective = sigma**2 + 1 / 12
+    alpha = one((60, 60), 30.3, 29.8, sigma=sigma, opacity=0.5)
+    y, x = np.mgrid[:60, :60] + 0.5
+    dx, dy = np.abs(x - 30.3), np.abs(y - 29.8)
+    want = 0.5 * twin.share(sigma**2, effective) * np.exp(-(dx**2 + dy**2) / (2 * effective))
+    core = np.maximum(dx, dy) <= 3 * math.sqrt(effective)
+    np.testing.assert_allclose(alpha[core], want[core], rtol=1e-13, atol=1e-15)
+    far = np.maximum(dx, dy) >= 4 * math.sqrt(effective)
+    assert (alpha[far] == 0).all()
+    assert np.abs(alpha - want).max() < 2e-3 * want.max()
+
+
+def test_the_rim_has_no_step():
+    # A flake moves by 1e-4 px; nowhere does alpha change by more than its slope allows.
+    for sigma in (0.3, 1.0, 4.0):
+        effective = math.sqrt(max(sigma**2 + 1 / 12, 0.38))
+        for speed in (None, (1.0, 0.7, 0.0)):
+            last = None
+            for x in 20 + np.arange(0, 0.01, 1e-4):
+                alpha = one((40, 50), x, 20.2, sigma=sigma, opacity=1, velocity=speed, shutter=0.04)
+                if last is not None:
+                    assert np.abs(alpha - last).max() < 0.7 * 1e-4 / effective
+                last = alpha
+
+
+def test_a_streak_is_the_mean_of_many_discs():
+    sigma, length, angle, opacity = 1.2, 9.0, 0.7, 1e-4
+    direction = np.array([math.cos(angle), math.sin(angle)])
+    travel = np.append(direction, 0) * length * 2.0 / FOCAL
+    streak = one((50, 50), 25.2, 24.9, sigma=sigma, opacity=opacity, velocity=travel, shutter=1)
+    shares = (np.arange(400) + 0.5) / 400 - 0.5
+    places = np.array([25.2, 24.9]) + shares[:, None] * length * direction
+    discs = [one((50, 50), *place, sigma=sigma, opacity=opacity) for place in places]
+    # The rims follow other axes, so that they differ by the rim's own 2e-3 and no more.
+    assert np.abs(np.mean(discs, axis=0) - streak).max() < 1e-3 * streak.max()
+    # Against plain Gaussians, where the streak's footprint is exact, the sum's error is left.
+    effective = sigma**2 + 1 / 12
+    y, x = np.mgrid[:50, :50] + 0.5
+    squares = (x[..., None] - places[:, 0]) ** 2 + (y[..., None] - places[:, 1]) ** 2
+    plain = (
+        opacity * twin.share(sigma**2, effective) * np.exp(-squares / (2 * effective)).mean(axis=-1)
+    )
+    dx, dy = x - 25.2, y - 24.9
+    along, across = dx * direction[0] + dy * direction[1], dy * direction[0] - dx * direction[1]
+    reach = 3 * math.sqrt(effective)
+    core = (np.abs(across) < reach) & (np.abs(along) < length / 2 + reach)
+    assert core.sum() > 100
+    np.testing.assert_allclose(streak[core], plain[core], rtol=0, atol=1e-5 * streak.max())
+
+
+def test_the_speed_goes_as_one_over_depth():
+    # The centroids of large, smooth discs before and after a step to the side.
+    step, shape = 0.31, (200, 500)
+    x = np.arange(500) + 0.5
+    speeds = []
+    for depth in (1.0, 1.7, 2.9, 6.0):
+        middles = []
+        for offset in (0.0, step):
+            points = [(-0.25 * depth + offset, 0.0, depth)]
+            alpha = particles.splat(
+                shape,
+                points,
+                10 * 3 * depth / FOCAL,
+                Camera(FOCAL),
+                opacity=1e-6,
+                dtype=np.float64,
+            )
+            middles.append((alpha.sum(axis=0) @ x) / alpha.sum())
+        speeds.append((middles[1] - middles[0]) * depth)
+    np.testing.assert_allclose(speeds, FOCAL * step, rtol=1e-6)
+
+
+def test_the_size_goes_as_one_over_depth():
+    for depth in (1.0, 2.0, 5.0):
+        alpha = particles.splat(
+            (400, 400), [(0, 0, depth)], 0.3, Camera(FOCAL), opacity=1e-6, dtype=np.float64
+        )
+        sigma = math.sqrt(alpha.sum() / (2 * math.pi * 1e-6))
+        assert abs(sigma * depth / (FOCAL * 0.1) - 1) < 1e-3
+
+
+def test_a_flake_through_the_eye_plane_keeps_seven_tenths():
+    # Depth -0.5 to 1.5, near 0.1, along the axis: 0.7 of a resting flake at the middle, 0.8.
+    arguments = {"opacity": 1e-3, "dtype": np.float64}
+    camera = Camera(FOCAL)
+    resting = particles.splat((300, 300), [(0, 0, 0.8)], 0.05, camera, **arguments)
+    for speed in (2.0, -2.0):
+        moving = particles.splat(
+            (300, 300),
+            [(0, 0, 0.5)],
+            0.05,
+            camera,
+            velocity=(0, 0, speed),
+            shutter=1.0,
+            **arguments,
+        )
+        np.testing.assert_allclose(moving, 0.7 * resting, rtol=1e-11, atol=3e-16)
+
+
+def test_what_is_too_near_or_behind_gives_nothing():
+    points = [(0, 0, 0.0999), (0, 0, 0), (0.1, 0, -3), (0, 0, -0.5)]
+    velocity = [(0, 0, 0), (0, 0, 0.1), (5, 0, 0), (0, 0, 1.0)]
+    alpha = particles.splat(
+        (40, 40), points, 0.1, Camera(FOCAL), opacity=1, velocity=velocity, shutter=1.0
+    )
+    assert (alpha == 0).all()
+    # The negative control: with a nearer plane two of them are seen.
+    alpha = particles.splat(
+        (40, 40), points, 0.1, Camera(FOCAL), opacity=1, velocity=velocity, shutter=1.0, near=0.01
+    )
+    assert alpha.max() > 0
+
+
+@pytest.mark.parametrize("dtype", [np.float32, np.float64])
+@pytest.mark.parametrize("near", [0.1, 1e-12, 1e-300])
+def test_huge_flakes_and_endless_streaks_are_finite(dtype, near):
+    points = [(0, 0, near * 1.5), (1e-3, 0, 0.11), (1e12, 1e12, 1), (0, 0, 1e300), (1e300, 0, 0.2)]
+    velocity = [(0, 0, 0), (0, 0, -100), (-3e12, 1e11, 0), (0, 0, 0), (1e300, 1e300, 1e300)]
+    alpha = particles.splat(
+        (70, 90),
+        points,
+        5.0,
+        Camera(FOCAL),
+        opacity=0.5,
+        velocity=velocity,
+        shutter=1.0,
+        near=near,
+        dtype=dtype,
+    )
+    assert np.isfinite(alpha).all()
+    assert alpha.min() >= 0
+    assert alpha.max() <= 1
+
+
+@pytest.mark.parametrize("angle", [0.0, 0.3, math.pi / 2, 2.0])
+def test_a_streak_a_million_pixels_long(angle):
+    length, opacity = 1e6, 0.9
+    direction = np.array([math.cos(angle), math.sin(angle), 0])
+    travel = direction * length * 2.0 / FOCAL
+    kwargs = {"sigma": 3.0, "opacity": opacity, "velocity": travel, "shutter": 1.0}
+    wide = one((150, 150), 75.2, 74.7, **kwargs)
+    y, x = np.mgrid[:150, :150] + 0.5
+    across = (y - 74.7) * direction[0] - (x - 75.2) * direction[1]
+    effective = 9 + 1 / 12
+    level = math.sqrt(2 * math.pi * effective) / length * opacity * twin.share(9, effective)
+    u = across / math.sqrt(effective)
+    want = level * np.exp(-u * u / 2) * twin.rim(np.abs(u))
+    np.testing.assert_allclose(wide, want, rtol=1e-8, atol=1e-8 * level)
+    narrow = one((150, 150), 75.2, 74.7, dtype=np.float32, **kwargs)
+    np.testing.assert_allclose(narrow, want, rtol=0, atol=3e-6 * level)
+
+
+def test_flakes_on_the_border_are_the_middle_of_a_larger_picture():
+    points, radius, arguments, _ = cloud(300, 9, speed=0.05, shutter=1.0)
+    large = particles.splat(
+        (194, 220), points, radius, Camera(FOCAL, center=(110, 97)), dtype=np.float64, **arguments
+    )
+    cut = particles.splat(
+        (94, 100), points, radius, Camera(FOCAL, center=(40, 47)), dtype=np.float64, **arguments
+    )
+    # 70 and 50 px off: tiles fall elsewhere, pixels agree to rounding.
+    np.testing.assert_allclose(cut, large[50:144, 70:170], rtol=0, atol=1e-12)
+
+
+def test_coincident_flakes_multiply():
+    n, opacity = 100_000, 1e-5
+    points = np.broadcast_to((0.0, 0.0, 1.0), (n, 3))
+    single = particles.splat(
+        (9, 9), points[:1], 0.1, Camera(FOCAL), opacity=opacity, dtype=np.float64
+    )
+    want = -np.expm1(n * np.log1p(-single))
+    for dtype in (np.float32, np.float64):
+        got = particles.splat((9, 9), points, 0.1, Camera(FOCAL), opacity=opacity, dtype=dtype)
+        np.testing.assert_allclose(1 - got, 1 - want, rtol=0, atol=1e-6)
+    # The negative control: a float32 transmittance is wrong by more.
+    through = np.float32(1)
+    layer = np.float32(1) - np.float32(single[4, 4])
+    for _ in range(n):
+        through *= layer
+    assert abs(float(through) - (1 - want[4, 4])) > 1e-4
+
+
+def test_the_order_of_flakes_does_not_matter():
+    points, radius, arguments, _ = cloud(400, 10, speed=0.05, shutter=1.0)
+    order = np.random.default_rng(0).permutation(400)
+    a = particles.splat((99, 99), points, radius, Camera(FOCAL), dtype=np.float64, **arguments)
+    arguments["opacity"] = arguments["opacity"][order]
+    arguments["velocity"] = arguments["velocity"][order]
+    b = particles.splat(
+        (99, 99), points[order], radius[order], Camera(FOCAL), dtype=np.float64, **arguments
+    )
+    np.testing.assert_allclose(a, b, rtol=0, atol=1e-14)
+
+
+@pytest.mark.parametrize("map_dtype", [np.float32, np.float64])
+def test_what_stands_in_front_hides(map_dtype):
+    shape = (70, 140)
+    points, radius, arguments, flakes = cloud(200, 11, speed=0.05, shutter=1.0)
+    depth = np.full(shape, np.inf, map_dtype)
+    depth[10:60, 20:130] = np.linspace(0.2, 4, 110, dtype=map_dtype)
+    want = twin.splat(shape, flakes, FOCAL, depth_map=depth.astype(float))
+    plain = particles.splat(shape, points, radius, Camera(FOCAL), **arguments)
+    for dtype, limit in ((np.float64, 2e-12), (np.float32, 4e-6)):
+        got = particles.splat(
+            shape, points, radius, Camera(FOCAL), depth=depth, dtype=dtype, **arguments
+        )
+        np.testing.assert_allclose(got, want, rtol=0, atol=limit)
+    assert np.abs(plain - want).max() > 0.1
+
+
+def test_a_wall_at_the_flakes_own_depth_does_not_hide_it():
+    arguments = {"sigma": 2.0, "depth": 2.0, "opacity": 0.5}
+    shape, camera, point = (20, 20), Camera(FOCAL), [(0, 0, 2.0)]
+    plain = one(shape, 10, 10, **arguments)
+    for wall, visible in ((2.0, True), (1.999, False), (np.nan, True), (np.inf, True)):
+        alpha = particles.splat(
+            shape,
+            point,
+            3 * 2.0 * 2 / FOCAL,
+            camera,
+            opacity=0.5,
+            dtype=np.float64,
+            depth=np.full(shape, wall),
+        )
+        np.testing.assert_array_equal(alpha, plain if visible else 0)
+
+
+def test_nothing_in_the_air():
+    assert (particles.splat((5, 70), np.empty((0, 3)), 1.0, Camera(FOCAL), opacity=1) == 0).all()
+    points = [(0, 0, 1.0)]
+    assert (particles.splat((5, 70), points, 0.0, Camera(FOCAL), opacity=1) == 0).all()
+    assert (particles.splat((5, 70), points, 1.0, Camera(FOCAL), opacity=0) == 0).all()
