@@ -1,6 +1,6 @@
 """Make the pictures of the README and of docs/looks.md from the package as it is.
 
-    python docs/make_pictures.py
+python docs/make_pictures.py
 """
 
 from __future__ import annotations

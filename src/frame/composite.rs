@@ -8,6 +8,7 @@ use super::sample::Sample;
 use crate::error::{Cancel, Error};
 use crate::pool;
 use crate::real::Real;
+use crate::simd::dispatch;
 
 /// `colour * alpha + (1 - alpha) * background`, exact at both ends: alpha 0 is the background's bits
 /// and alpha 1 the colour's. A NaN of the background stays, whatever covers it.
@@ -53,7 +54,7 @@ fn each_row<'o, S: Sample, A: Sync + Send>(
     })
 }
 
-/// Eq. 7 in the background's own values, for any number of channels; `intensity` has one entry per
+/// Eq. 7 in the background's own values, for one channel or three; `intensity` has one entry per
 /// channel, as a fraction of full scale.
 pub fn snow<S: Sample, A: Real>(
     out: ArrayViewMut3<'_, S>,
@@ -64,31 +65,59 @@ pub fn snow<S: Sample, A: Real>(
 ) -> Result<(), Error> {
     let (_, width, channels) = out.dim();
     let alpha = alpha.to_slice().ok_or_else(|| Error::Internal("layout".into()))?;
-    let colour: Vec<S::Working> =
-        intensity.iter().map(|&value| <S::Working as Real>::of(value * S::SCALE)).collect();
-    // A fixed number of channels lets the loop vectorise.
-    match colour[..] {
-        [r, g, b] if channels == 3 => {
-            each_row(out, background, alpha, width, cancel, |out, back, alpha| {
-                let pixels = out.chunks_exact_mut(3).zip(back.chunks_exact(3));
-                for ((out, back), alpha) in pixels.zip(alpha) {
-                    let alpha = <S::Working as Real>::of(alpha.wide());
-                    out[0] = S::store(mix(back[0].load(), r, alpha));
-                    out[1] = S::store(mix(back[1].load(), g, alpha));
-                    out[2] = S::store(mix(back[2].load(), b, alpha));
-                }
-            })
-        }
-        _ => each_row(out, background, alpha, width, cancel, |out, back, alpha| {
-            let pixels = out.chunks_mut(channels).zip(back.chunks(channels));
-            for ((out, back), alpha) in pixels.zip(alpha) {
-                let alpha = <S::Working as Real>::of(alpha.wide());
-                for ((out, back), &colour) in out.iter_mut().zip(back).zip(&colour) {
-                    *out = S::store(mix(back.load(), colour, alpha));
-                }
+    // The colour of a block of pixels, channel by channel: one loop over channels alike vectorises,
+    // where a loop over pixels of three does not.
+    let colour: Vec<S::Working> = (0..BLOCK * channels)
+        .map(|i| <S::Working as Real>::of(intensity[i % channels] * S::SCALE))
+        .collect();
+    each_row(out, background, alpha, width, cancel, |out, back, alpha| {
+        let mut spread = vec![S::Working::zero(); BLOCK * channels];
+        let blocks = out.chunks_mut(BLOCK * channels).zip(back.chunks(BLOCK * channels));
+        for ((out, back), alpha) in blocks.zip(alpha.chunks(BLOCK)) {
+            if channels == 3 {
+                spread_alpha::<S::Working, A, 3>(alpha, &mut spread);
+            } else {
+                spread_alpha::<S::Working, A, 1>(alpha, &mut spread);
             }
-        }),
+            mix_row::<S>(out, back, &colour, &spread);
+        }
+    })
+}
+
+/// Repeats each alpha for the channels of its pixel.
+fn spread_alpha<T: Real, A: Real, const CHANNELS: usize>(alpha: &[A], spread: &mut [T]) {
+    for (spread, alpha) in spread.chunks_exact_mut(CHANNELS).zip(alpha) {
+        let value = T::of(alpha.wide());
+        for channel in spread {
+            *channel = value;
+        }
     }
+}
+
+/// Pixels that are mixed at once; their work space stays in the first cache.
+const BLOCK: usize = 256;
+
+#[inline(always)]
+fn mix_row_with<S: Sample, const LEVEL: u8>(
+    out: &mut [S],
+    background: &[S],
+    colour: &[S::Working],
+    alpha: &[S::Working],
+) {
+    let n = out.len();
+    let (background, colour, alpha) = (&background[..n], &colour[..n], &alpha[..n]);
+    for i in 0..n {
+        out[i] = S::store(mix(background[i].load(), colour[i], alpha[i]));
+    }
+}
+
+dispatch! {
+    fn mix_row<S: Sample>(
+        out: &mut [S],
+        background: &[S],
+        colour: &[S::Working],
+        alpha: &[S::Working],
+    ) = mix_row_with
 }
 
 /// A premultiplied RGBA layer (4 floats a pixel, full scale 1) over a background of 3 or 4 channels.

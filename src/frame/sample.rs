@@ -10,7 +10,7 @@ pub trait Sample: Copy + PartialEq + Send + Sync {
     const SCALE: f64;
     /// The value in the background's own units.
     fn load(self) -> Self::Working;
-    /// Rounded to the nearest integer and clipped, or a float as it is.
+    /// Clipped and rounded to the nearest integer, ties to even; or a float as it is.
     fn store(value: Self::Working) -> Self;
 }
 
@@ -25,8 +25,10 @@ macro_rules! integer_sample {
             }
             #[inline]
             fn store(value: f32) -> Self {
-                // The cast saturates; adding a half and cutting rounds half up.
-                (value + 0.5) as Self
+                // Added to 2^23 a float's last bits are its value rounded to the nearest integer, ties
+                // to even: a conversion with a vector form, which the saturating cast has not.
+                let clipped = value.max(0.0).min(Self::SCALE as f32);
+                (clipped + 8_388_608.0).to_bits() as Self
             }
         }
     };

@@ -250,7 +250,7 @@ fn rows_x<T: Real, const ROWS: usize, const LEVEL: u8>(
 
 dispatch! {
     /// [`transform_with`] on the best instructions.
-    pub fn transform<T>(
+    pub fn transform<T: Real>(
         dense: &Dense<T>,
         re: &[T],
         im: &[T],

@@ -305,7 +305,7 @@ fn add_rows_with<T: Real, const LEVEL: u8>(
 }
 
 dispatch! {
-    fn add_rows<T>(
+    fn add_rows<T: Real>(
         sums: &mut [T],
         stride: usize,
         wy: &[T],

@@ -36,13 +36,13 @@ fn scale_with<T: Real, const LEVEL: u8>(amount: T, lift: &[T], out: &mut [T]) {
 }
 
 dispatch! {
-    fn map_square<T>(map: Opacity, field: &[T], out: &mut [T]) = map_square_with
+    fn map_square<T: Real>(map: Opacity, field: &[T], out: &mut [T]) = map_square_with
 }
 dispatch! {
-    fn map_plain<T>(map: Opacity, field: &[T], out: &mut [T]) = map_plain_with
+    fn map_plain<T: Real>(map: Opacity, field: &[T], out: &mut [T]) = map_plain_with
 }
 dispatch! {
-    fn scale<T>(amount: T, lift: &[T], out: &mut [T]) = scale_with
+    fn scale<T: Real>(amount: T, lift: &[T], out: &mut [T]) = scale_with
 }
 
 /// `amount * clip(mean + z / (2 spread), 0, 1) ** power` for a field of variance 1.

@@ -276,7 +276,7 @@ dispatch! {
 }
 
 dispatch! {
-    fn bins<T>(
+    fn bins<T: Real>(
         tile: u64,
         ky: &[i64],
         kx: &[i64],
