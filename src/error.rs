@@ -63,6 +63,15 @@ pub fn zeroed<T: Clone + num_traits::Zero>(count: usize) -> Result<Vec<T>, Error
     Ok(buffer)
 }
 
+/// The items of an iterator in a vector, memory asked for as in [`zeroed`].
+pub fn collected<T>(items: impl ExactSizeIterator<Item = T>) -> Result<Vec<T>, Error> {
+    let mut list = Vec::new();
+    list.try_reserve_exact(items.len())
+        .map_err(|_| Error::Memory { bytes: items.len().saturating_mul(size_of::<T>()) })?;
+    list.extend(items);
+    Ok(list)
+}
+
 /// A flag that long kernels look at between stripes of work, so that Ctrl-C ends them.
 #[derive(Debug, Default)]
 pub struct Cancel(AtomicBool);

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import os
+import re
 import sys
 from collections.abc import Iterable, Sequence
 from pathlib import Path
@@ -38,7 +39,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         0; 2 for a user's mistake or a file that fails; 130 after Ctrl-C.
     """
     try:
-        options = _parser().parse_args(arguments)
+        given = sys.argv[1:] if arguments is None else list(arguments)
+        options = _parser().parse_args(_joined(given))
         _threads(options)
         code: int = options.run(options)
         return code
@@ -50,6 +52,17 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except KeyboardInterrupt:
         print("flurries: stopped; finished frames stay, run again to go on", file=sys.stderr)
         return INTERRUPTED
+
+
+def _joined(arguments: Sequence[str]) -> list[str]:
+    """Join "--wind -1,0,0" by "=": argparse would take the minus for an option."""
+    result: list[str] = []
+    for argument in arguments:
+        if result and result[-1] in ("--wind", "--fly") and re.match(r"-[\d.]", argument):
+            result[-1] += f"={argument}"
+        else:
+            result.append(argument)
+    return result
 
 
 def _say(error: BaseException) -> int:

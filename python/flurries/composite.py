@@ -26,7 +26,10 @@ _WORKING = {
 
 def _background(background: object, channels: Sequence[int]) -> tuple[Array, Array]:
     """Return the picture as (H, W, C) of a dtype that kernels read, and the array as it came."""
-    given = np.asarray(background)
+    try:
+        given = np.asarray(background)
+    except ValueError:
+        raise ValueError("background must be a rectangular array, got a ragged one") from None
     name = given.dtype.newbyteorder("=").name
     if name not in _WORKING:
         raise TypeError(
@@ -96,14 +99,19 @@ def snow(
     cover, _ = pixels("alpha", alpha, ndim=2)
     if cover.shape != planes.shape[:2]:
         raise ValueError(f"alpha must have shape {planes.shape[:2]}, got {cover.shape}")
-    if not bool(((cover >= 0.0) & (cover <= 1.0)).all()):
-        raise ValueError("alpha must be from 0 to 1 everywhere")
+    _require_cover("alpha", cover)
     colour = _intensity(intensity, planes.shape[2])
     result, wide = _result(given, planes, out, cover)
     _core.snow(wide.reshape(planes.shape), planes, cover, colour)
     if wide is not result:
         result[...] = wide
     return result
+
+
+def _require_cover(name: str, cover: Array) -> None:
+    """Refuse an opacity outside 0 to 1; NaN is outside, too."""
+    if not (cover.min() >= 0.0 and cover.max() <= 1.0):
+        raise ValueError(f"{name} must be from 0 to 1 everywhere")
 
 
 def _intensity(intensity: Any, channels: int) -> list[float]:
@@ -137,6 +145,9 @@ def over(background: npt.ArrayLike, layer: npt.ArrayLike, *, out: Array | None =
     front, _ = pixels("layer", layer, ndim=3)
     if front.shape != (*planes.shape[:2], 4):
         raise ValueError(f"layer must have shape {(*planes.shape[:2], 4)}, got {front.shape}")
+    _require_cover("layer: alpha", front[..., 3])
+    if not _core.all_finite(front.reshape(-1)):
+        raise ValueError("layer must be finite, got NaN or infinity")
     result, wide = _result(given, planes, out, front)
     _core.over(wide, planes, front)
     if wide is not result:
@@ -169,6 +180,8 @@ def join(
     (H, W), dtype of the layers
         ``(1 - (1 - haze) prod (1 - alpha_i)) (1 - matte)``; the layers' order does not matter.
     """
+    if not isinstance(layers, (list, tuple, np.ndarray)):
+        raise TypeError(f"layers must be a sequence of opacities, got {type(layers).__name__}")
     if len(layers) == 0:
         raise ValueError("layers must hold at least one opacity, got none")
     first, kept = pixels("layers[0]", layers[0], ndim=2)
@@ -181,12 +194,15 @@ def join(
                 f"layers[{index}] is {plane.dtype} {plane.shape}"
             )
         planes.append(plane)
+    for index, plane in enumerate(planes):
+        _require_cover(f"layers[{index}]", plane)
     veil = real("haze", haze, low=0.0, high=1.0)
     front = None
     if matte is not None:
         front = aligned(pixels("matte", matte, ndim=2)[0], first.dtype)
         if front.shape != first.shape:
             raise ValueError(f"matte must have shape {first.shape}, got {front.shape}")
+        _require_cover("matte", front)
     result = output(out, first.shape, kept, *planes, *([] if front is None else [front]))
     wide = result if kept == first.dtype else np.empty(first.shape, first.dtype)
     _core.join(wide, planes, veil, front)

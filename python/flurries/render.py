@@ -111,8 +111,11 @@ def write(
         target = Pattern(text)
     if layers and not text.lower().endswith(".exr"):
         raise ValueError(f"layers need an EXR, got {text!r}")
+    if text.lower().endswith(".hdr"):
+        raise ValueError(f"{text}: a .hdr picture cannot say which frame it is; take .exr")
     bar = progress if progress is not None else _silent
     if target.is_video:
+        _require_other_file(scene, target.path(0))
         _write_video(scene, target, wanted, quality, bar)
         return Summary(wanted, [], [target.path(0)])
     path_of = (lambda _: Path(text)) if still else target.path
@@ -149,12 +152,23 @@ def _frames(scene: Scene, frames: str | int | Iterable[int] | None) -> list[int]
         numbers: Sequence[int] = frame_range(frames)
     elif isinstance(frames, (int, np.integer)):
         numbers = [int(frames)]
-    else:
+    elif isinstance(frames, Iterable):
         numbers = list(frames)
+    else:
+        raise TypeError(f"frames must be a range such as '1-60' or integers, got {frames!r}")
     result = list(dict.fromkeys(integer("frames", n, low=0, high=10**12) for n in numbers))
     if not result:
         raise ValueError("frames must name at least one frame, got none")
     return result
+
+
+def _require_other_file(scene: Scene, path: Path) -> None:
+    """Refuse to write a film over the one that is being read."""
+    given = getattr(scene.background, "spec", scene.background)
+    if not isinstance(given, (str, os.PathLike)) or not (path.exists() and Path(given).exists()):
+        return
+    if path.samefile(given):
+        raise ValueError(f"{path} is the scene's own background; choose another name")
 
 
 def _write_video(
@@ -198,15 +212,20 @@ def _write_sequence(
     bar: Callable[[Iterable[int]], Iterable[int]],
 ) -> Summary:
     from flurries import __version__
+    from flurries.io.atomic import checked_target, remove_leftovers
+    from flurries.io.writing import format_of
     from flurries.scenefile import fingerprint
 
-    mark = f"{fingerprint(scene)}-{'half' if half else 'float'}{'-layers' if layers else ''}"
     files = [path_of(number) for number in frames]
+    # Before anything is rendered: a format that can be written, in a place that can be.
+    format_of(files[0])
+    checked_target(files[0])
+    mark = f"{fingerprint(scene)}-{'half' if half else 'float'}{'-layers' if layers else ''}"
     kept = [] if overwrite else [n for n in frames if _is_ours(path_of(n), mark, n)]
-    wanted = [number for number in frames if number not in set(kept)]
-    folder = files[0].parent
-    if not folder.exists():
-        folder.mkdir(parents=True)
+    done = set(kept)
+    wanted = [number for number in frames if number not in done]
+    # What a killed run left under temporary names.
+    remove_leftovers(files[0].parent)
     with ThreadPoolExecutor(WRITERS) as writers:
         pending: list[Future[None]] = []
         for number in bar(wanted):
@@ -222,7 +241,7 @@ def _write_sequence(
 
 def _is_ours(path: Path, mark: str, number: int) -> bool:
     """Whether a frame is there and of this very scene; refuses one that is of another."""
-    from flurries.io import read_header
+    from flurries.io import read_header, read_picture
 
     if not path.exists():
         return False
@@ -231,6 +250,11 @@ def _is_ours(path: Path, mark: str, number: int) -> bool:
     except (OSError, ValueError):
         found = {}
     if (found.get(SCENE_KEY), found.get("frame")) == (mark, str(number)):
+        try:
+            read_picture(path)
+        except (OSError, ValueError):
+            # Ours, but damaged since: made again.
+            return False
         return True
     raise ValueError(
         f"{path} is there already and is not frame {number} of this scene; "

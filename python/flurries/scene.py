@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import operator
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -110,9 +110,13 @@ class Scene:
         settle("_backdrop", backdrop(self.background, self.size))
         settle("size", self._backdrop.size)
         settle("camera", as_path(self.camera, DEFAULT_FOCAL * self.shape[1]))
-        effects = (self.effects,) if isinstance(self.effects, Snow) else tuple(self.effects)
+        if isinstance(self.effects, Snow):
+            settle("effects", (self.effects,))
+        if not isinstance(self.effects, (list, tuple)):
+            raise TypeError(f"effects must be a sequence of effects, got {self.effects!r}")
+        effects = tuple(self.effects)
         for index, effect in enumerate(effects):
-            if not callable(getattr(effect, "render", None)):
+            if isinstance(effect, type) or not callable(getattr(effect, "render", None)):
                 raise TypeError(f"effects[{index}] must be an effect, got {effect!r}")
         settle("effects", effects)
         front = None if self.foreground is None else foreground_of(self.foreground, self.shape)
@@ -128,6 +132,11 @@ class Scene:
     def frames(self) -> int | None:
         """How many frames the background has; None for a still."""
         return self._backdrop.count
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        # What it was made from, not what was made of it: a colour is not a picture of it.
+        values = {f.name: getattr(self, f.name) for f in fields(self) if f.init}
+        return _rebuilt, (values,)
 
     def replace(self, **changes: Any) -> Scene:
         """Return the scene with some arguments changed."""
@@ -298,7 +307,8 @@ class Scene:
     def _finished(self, working: Array, picture: Array) -> Array:
         """Return the composite in the background's own encoding and dtype."""
         if self.linear == (self._backdrop.encoding == "linear"):
-            return working
+            # The background's own pixels where nothing lay over them: the caller gets a copy.
+            return working if working.flags.writeable else working.copy()
         from flurries.io import linear_to_srgb, srgb_to_linear
 
         if self._backdrop.encoding == "linear":
@@ -308,6 +318,10 @@ class Scene:
         shown: Array = np.rint(np.clip(linear_to_srgb(working), 0.0, 1.0) * full)
         image: Array = shown.astype(picture.dtype)
         return image
+
+
+def _rebuilt(values: dict[str, Any]) -> Scene:
+    return Scene(**values)
 
 
 def effect_seed(seed: int, index: int) -> int:

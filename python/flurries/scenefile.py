@@ -10,6 +10,7 @@ import hashlib
 import os
 import re
 import sys
+from collections.abc import Iterable
 from dataclasses import MISSING, fields
 from pathlib import Path
 from typing import Any
@@ -18,7 +19,6 @@ import numpy as np
 
 from flurries.camera import Camera
 from flurries.effects import Snow
-from flurries.effects.presets import SNOW
 from flurries.path import CameraPath
 from flurries.scene import DEFAULT_FOCAL, Scene
 from flurries.timeline import Keys
@@ -26,6 +26,9 @@ from flurries.timeline import Keys
 __all__ = ["fingerprint", "load", "save"]
 
 MOST_BYTES = 1 << 20
+
+# How much of a large background each end gives to its hash.
+ENDS = 1 << 20
 
 EFFECTS: dict[str, type[Any]] = {"snow": Snow}
 
@@ -38,21 +41,56 @@ class _File:
 
     def __init__(self, path: Path, text: str) -> None:
         self.path = path
-        self.lines = text.splitlines()
+        self._lines = _key_lines(text)
 
-    def where(self, key: str) -> str:
-        """Return the file and the line of a key, as nearly as the text shows it."""
-        word = re.compile(rf"(^|[\s{{,\[.]){re.escape(key)}\"?\s*(=|\])")
-        for number, line in enumerate(self.lines, 1):
-            if word.search(line):
-                return f"{self.path}, line {number}"
+    def where(self, *keys: str | int) -> str:
+        """Return the file, and the line of a key given by its way from the top."""
+        for end in range(len(keys), 0, -1):
+            line = self._lines.get(keys[:end])
+            if line is not None:
+                return f"{self.path}, line {line}"
         return str(self.path)
 
-    def refuse(self, key: str, known: tuple[str, ...], place: str) -> ValueError:
+    def refuse(self, known: tuple[str, ...], place: str, *keys: str | int) -> ValueError:
         """Return the error for a key that nobody knows."""
+        key = str(keys[-1])
         near = difflib.get_close_matches(key, known, n=1, cutoff=0.5)
         hint = f"; did you mean {near[0]!r}?" if near else f"; known are {', '.join(known)}"
-        return ValueError(f"{self.where(key)}: unknown key {key!r} in {place}{hint}")
+        return ValueError(f"{self.where(*keys)}: unknown key {key!r} in {place}{hint}")
+
+    def placed(self, error: Exception, known: Iterable[str], *keys: str | int) -> Exception:
+        """Return an argument's error with the line of the argument that its message names."""
+        text = str(error)
+        if text.startswith(str(self.path)):
+            return error
+        named = [key for key in known if re.search(rf"\b{re.escape(key)}\b", text)]
+        # The first word that is a key of this table: messages begin with the argument's name.
+        named.sort(key=text.find)
+        place = self.where(*keys, *named[:1])
+        return type(error)(f"{place}: {text}") if type(error) in (ValueError, TypeError) else error
+
+
+_HEADER = re.compile(r"\s*\[(\[)?\s*([^\]]+?)\s*\]")
+_KEY = re.compile(r"\s*(?:\"([^\"]*)\"|'([^']*)'|([A-Za-z0-9_-]+))\s*(?=[=.])")
+
+
+def _key_lines(text: str) -> dict[tuple[str | int, ...], int]:
+    """Return the lines of keys and tables of a scene file by their way from the top."""
+    lines: dict[tuple[str | int, ...], int] = {}
+    table: tuple[str | int, ...] = ()
+    counts: dict[str, int] = {}
+    for number, line in enumerate(text.splitlines(), 1):
+        if header := _HEADER.match(line):
+            name = header[2].strip("\"'")
+            table = (name,)
+            if header[1]:
+                counts[name] = counts.get(name, -1) + 1
+                table = (name, counts[name])
+            lines.setdefault((name,), number)
+            lines[table] = number
+        elif key := _KEY.match(line):
+            lines.setdefault((*table, key[1] or key[2] or key[3]), number)
+    return lines
 
 
 def load(path: str | os.PathLike[str]) -> Scene:
@@ -81,7 +119,8 @@ def load(path: str | os.PathLike[str]) -> Scene:
     try:
         text = file.read_text(encoding="utf-8")
         values = tomllib.loads(text)
-    except (UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+    except (ValueError, RecursionError) as error:
+        # Also what is not UTF-8, numbers of thousands of digits, and brackets nested as deep.
         raise ValueError(f"{file}: not a TOML file: {error}") from None
     return _scene(_File(file, text), values)
 
@@ -89,7 +128,7 @@ def load(path: str | os.PathLike[str]) -> Scene:
 def _scene(file: _File, values: dict[str, Any]) -> Scene:
     for key in values:
         if key not in _SCENE:
-            raise file.refuse(key, _SCENE, "the scene")
+            raise file.refuse(_SCENE, "the scene", key)
     arguments = dict(values)
     folder = file.path.parent
     for key in ("background", "foreground"):
@@ -100,35 +139,37 @@ def _scene(file: _File, values: dict[str, Any]) -> Scene:
     listed = arguments.pop("effects", [])
     if not isinstance(listed, list):
         raise TypeError(f"{file.where('effects')}: effects must be [[effects]] tables")
+    effects = [_effect(file, table, index) for index, table in enumerate(listed)]
     try:
-        effects = [_effect(file, table) for table in listed]
         scene = Scene(**arguments, effects=effects)
-        return scene if camera is None else scene.replace(camera=_camera(file, camera, scene))
     except (ValueError, TypeError) as error:
-        message = str(error)
-        named = message.split(" ", 1)[0].rstrip(":").split("[")[0]
-        if str(file.path) in message:
-            raise
-        raise type(error)(f"{file.where(named)}: {message}") from None
+        raise file.placed(error, _SCENE) from None
+    return scene if camera is None else scene.replace(camera=_camera(file, camera, scene))
 
 
-def _effect(file: _File, table: Any) -> Any:
+def _effect(file: _File, table: Any, index: int) -> Any:
+    at = ("effects", index)
     if not isinstance(table, dict):
-        raise TypeError(f"{file.where('effects')}: effects must be [[effects]] tables")
+        raise TypeError(f"{file.where(*at)}: effects must be [[effects]] tables")
     kind = table.get("kind")
-    if kind not in EFFECTS:
+    if not isinstance(kind, str) or kind not in EFFECTS:
         known = ", ".join(map(repr, EFFECTS))
-        raise ValueError(f"{file.where('kind')}: kind must be one of {known}, got {kind!r}")
+        raise ValueError(f"{file.where(*at, 'kind')}: kind must be one of {known}, got {kind!r}")
     known_keys = tuple(f.name for f in fields(EFFECTS[kind]))
-    values: dict[str, Any] = {}
-    for key, value in table.items():
-        if key in ("kind", "preset"):
-            continue
-        if key not in known_keys:
-            raise file.refuse(key, ("kind", "preset", *known_keys), f"effect {kind!r}")
-        values[key] = _value(file, key, value)
-    preset = table.get("preset")
-    return EFFECTS[kind](**values) if preset is None else EFFECTS[kind].preset(preset, **values)
+    for key in table:
+        if key not in ("kind", "preset", *known_keys):
+            raise file.refuse(("kind", "preset", *known_keys), f"effect {kind!r}", *at, key)
+    values = {
+        key: _value(file, value, *at, key)
+        for key, value in table.items()
+        if key not in ("kind", "preset")
+    }
+    try:
+        if "preset" in table:
+            return EFFECTS[kind].preset(table["preset"], **values)
+        return EFFECTS[kind](**values)
+    except (ValueError, TypeError) as error:
+        raise file.placed(error, table, *at) from None
 
 
 def _camera(file: _File, table: Any, scene: Scene) -> CameraPath:
@@ -136,24 +177,28 @@ def _camera(file: _File, table: Any, scene: Scene) -> CameraPath:
         raise TypeError(f"{file.where('camera')}: camera must be a table")
     for key in table:
         if key not in _CAMERA:
-            raise file.refuse(key, _CAMERA, "camera")
-    values = {key: _value(file, key, value) for key, value in table.items()}
+            raise file.refuse(_CAMERA, "camera", "camera", key)
+    values = {key: _value(file, value, "camera", key) for key, value in table.items()}
     position, velocity = values.pop("position", None), values.pop("velocity", None)
     values.setdefault("focal", DEFAULT_FOCAL * scene.shape[1])
-    if isinstance(position, tuple):
-        position = np.asarray(position, dtype=np.float64)
-    return CameraPath(Camera(**values), position=position, velocity=velocity)
+    try:
+        return CameraPath(Camera(**values), position=position, velocity=velocity)
+    except (ValueError, TypeError) as error:
+        raise file.placed(error, table, "camera") from None
 
 
-def _value(file: _File, key: str, value: Any) -> Any:
+def _value(file: _File, value: Any, *keys: str | int) -> Any:
     """Return a number, a tuple, or keys."""
-    if isinstance(value, dict):
-        if set(value) != {"keys"}:
-            raise ValueError(
-                f"{file.where(key)}: {key} must be a value or {{keys = [[frame, value], ...]}}"
-            )
-        return Keys([tuple(pair) if isinstance(pair, list) else pair for pair in value["keys"]])
-    return tuple(value) if isinstance(value, list) else value
+    if not isinstance(value, dict):
+        return tuple(value) if isinstance(value, list) else value
+    if set(value) != {"keys"}:
+        raise ValueError(
+            f"{file.where(*keys)}: {keys[-1]} must be a value or {{keys = [[frame, value], ...]}}"
+        )
+    try:
+        return Keys(value["keys"])
+    except (ValueError, TypeError) as error:
+        raise file.placed(error, (), *keys) from None
 
 
 def describe(
@@ -192,6 +237,8 @@ def describe(
 def _background(name: str, value: Any, folder: Path | None) -> Any:
     if isinstance(value, str) and value.startswith("#"):
         return value
+    # An opened source is its file.
+    value = getattr(value, "spec", value)
     if isinstance(value, (str, os.PathLike)):
         return str(value) if folder is None else os.path.relpath(value, folder)
     if isinstance(value, (tuple, list)):
@@ -228,23 +275,47 @@ def save(scene: Scene, path: str | os.PathLike[str]) -> None:
 
 
 def fingerprint(scene: Scene) -> str:
-    """Return a hash of all that a scene's frames depend on, files' contents included."""
+    """Return a hash of all that a scene's frames depend on, files' contents included.
+
+    Of a file larger than 2 MiB the size and both ends count: plates of film need not be read.
+    """
     digest = hashlib.sha256()
     hashed: list[str] = []
     for name in ("background", "foreground"):
         value = getattr(scene, name)
+        value = getattr(value, "spec", value)
         if isinstance(value, np.ndarray):
-            hashed.append(name)
-            digest.update(f"{value.shape} {value.dtype}".encode())
+            digest.update(f"{name} {value.shape} {value.dtype}".encode())
             digest.update(np.ascontiguousarray(value).tobytes())
-        elif isinstance(value, (str, os.PathLike)) and Path(value).is_file():
-            with Path(value).open("rb") as file:
-                while block := file.read(1 << 20):
-                    digest.update(block)
-            hashed.append(name)
+        elif isinstance(value, (str, os.PathLike)) and not str(value).startswith("#"):
+            digest.update(name.encode())
+            for file in _files(os.fspath(value)):
+                digest.update(_content(file))
+        else:
+            continue
+        hashed.append(name)
     table = describe(scene, leave_out=tuple(hashed))
-    digest.update(repr(sorted(table.items(), key=lambda item: item[0])).encode())
+    digest.update(repr(sorted(table.items())).encode())
     return digest.hexdigest()[:16]
 
 
-PRESETS = {"snow": tuple(SNOW)}
+def _files(spec: str) -> list[Path]:
+    """Return the files of a picture, a film or a sequence's pattern."""
+    if Path(spec).is_file():
+        return [Path(spec)]
+    from flurries.io import Pattern
+
+    pattern = Pattern(spec)
+    return [pattern.path(number) for number in pattern.existing()]
+
+
+def _content(path: Path) -> bytes:
+    """Return a hash of a file: all of it, or its size and both ends."""
+    size = path.stat().st_size
+    digest = hashlib.sha256(str(size).encode())
+    with path.open("rb") as file:
+        digest.update(file.read(ENDS))
+        if size > ENDS:
+            file.seek(max(size - ENDS, ENDS))
+            digest.update(file.read(ENDS))
+    return digest.digest()

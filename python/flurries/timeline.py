@@ -49,6 +49,8 @@ class Keys:
     _sums: Float64 = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
+        if not isinstance(self.keys, (list, tuple)) and np.ndim(self.keys) == 0:
+            raise TypeError(f"keys must be pairs (frame, value), got {self.keys!r}")
         pairs = list(self.keys)
         if not pairs or any(not isinstance(p, (tuple, list)) or len(p) != 2 for p in pairs):
             raise ValueError(f"keys must be pairs (frame, value), at least one, got {self.keys!r}")
@@ -56,7 +58,7 @@ class Keys:
         if not (np.diff(frames) > 0).all():
             raise ValueError(f"keys: frames must increase, got {frames.tolist()}")
         values = table("keys: value", [value for _, value in pairs], ndim=None)
-        if values.ndim not in (1, 2):
+        if values.ndim not in (1, 2) or values.size == 0:
             raise ValueError(f"keys: values must be numbers or vectors, got shape {values.shape}")
         settle = object.__setattr__
         settle(
@@ -79,6 +81,7 @@ class Keys:
 
         Outside the keys it holds, or with `extend` goes on along the first and the last piece.
         """
+        t = real("t", t)
         frames, values = self._frames, self._values
         if len(frames) == 1 or (not extend and not frames[0] <= t <= frames[-1]):
             return _plain(values[0] if t < frames[0] else values[-1])
@@ -88,6 +91,7 @@ class Keys:
 
     def slope(self, t: float, *, extend: bool = False) -> Any:
         """Return the change per frame at `t`, at a key that of the piece behind it."""
+        t = real("t", t)
         frames, values = self._frames, self._values
         if len(frames) == 1 or (not extend and not frames[0] <= t < frames[-1]):
             return _plain(0.0 * values[0])
@@ -96,7 +100,7 @@ class Keys:
 
     def integral(self, t: float) -> Any:
         """Return the integral from frame 0 to `t`, values held outside the keys."""
-        return _plain(self._area(t) - self._area(0.0))
+        return _plain(self._area(real("t", t)) - self._area(0.0))
 
     def _piece(self, t: float) -> int:
         return min(max(bisect.bisect_right(self._frames, t) - 1, 0), len(self._frames) - 2)

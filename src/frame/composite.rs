@@ -2,7 +2,7 @@
 //! joint opacity of layers of one colour.
 
 use ndarray::{ArrayView2, ArrayView3, ArrayViewMut2, ArrayViewMut3, Axis};
-use num_traits::{One, Zero};
+use num_traits::{Float, One, Zero};
 
 use super::sample::Sample;
 use crate::error::{Cancel, Error};
@@ -139,6 +139,9 @@ pub fn over<S: Sample, A: Real>(
                 // An empty layer leaves the bits alone, those of minus zero and infinity too.
                 *out = if light == S::Working::zero() && through == S::Working::one() {
                     back
+                } else if through == S::Working::zero() && !back.load().is_nan() {
+                    // Opaque hides an infinite background as well.
+                    S::store(light * scale)
                 } else {
                     S::store(light * scale + through * back.load())
                 };

@@ -272,7 +272,14 @@ fn render<T: Real>(
     map: Option<Opacity>,
     preserve_mean: bool,
 ) -> PyResult<()> {
-    let work = out.len() as f64 * PIXEL;
+    // All pixels of all tiles: many times the frame's where they overlap a lot.
+    let tiles = |length: usize, tile: usize| {
+        1.0 + length as f64 / tile.saturating_sub(field.overlap).max(1) as f64
+    };
+    let work = tiles(window.rows.len(), field.tile.0)
+        * tiles(window.cols.len(), field.tile.1)
+        * (field.tile.0 * field.tile.1) as f64
+        * PIXEL;
     gate::run(py, work, move |cancel| {
         let ready = field.ready::<T>()?;
         match map {

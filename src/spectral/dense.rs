@@ -45,10 +45,7 @@ impl<T: Real> Dense<T> {
     /// Tables for the waves of a tile.
     pub fn new(waves: &Waves) -> Result<Self, Error> {
         let (height, width) = waves.tile;
-        let reach =
-            waves.list.iter().map(|wave| wave.ky.unsigned_abs() as usize).max().unwrap_or(0);
-        let padded = |n: usize| n.div_ceil(2).div_ceil(LANES) * LANES;
-        let half = (padded(height), padded(width));
+        let (reach, half) = (reach_of(waves), halves(waves.tile));
         let fill = |run: std::ops::Range<usize>, n: usize, padded: usize, doubled: bool| {
             let mut tables = zeroed(2 * run.len() * padded)?;
             for i in 0..n.div_ceil(2) {
@@ -96,11 +93,24 @@ impl<T: Real> Dense<T> {
         let folded = zeroed::<u8>(self.reach)?.iter().map(|_| [T::zero(); 4]).collect();
         Ok(Work { re: zeroed(between)?, im: zeroed(between)?, folded })
     }
+}
 
-    /// Multiply-adds of both passes.
-    pub const fn operations(&self) -> usize {
-        4 * self.columns * self.reach * self.half.0 + 2 * self.tile.0 * self.columns * self.half.1
-    }
+/// Largest |ky| of the waves.
+fn reach_of(waves: &Waves) -> usize {
+    waves.list.iter().map(|wave| wave.ky.unsigned_abs() as usize).max().unwrap_or(0)
+}
+
+/// Half of the tile's rows and columns, rounded up to whole lanes.
+fn halves((height, width): (usize, usize)) -> (usize, usize) {
+    let padded = |n: usize| n.div_ceil(2).div_ceil(LANES) * LANES;
+    (padded(height), padded(width))
+}
+
+/// Multiply-adds of both passes for the waves of a tile.
+pub fn operations(waves: &Waves) -> f64 {
+    let (down, across) = halves(waves.tile);
+    let columns = waves.columns as f64;
+    4.0 * columns * (reach_of(waves) * down) as f64 + 2.0 * columns * (waves.tile.0 * across) as f64
 }
 
 /// Transforms a dense spectrum (`re`, `im`, the column kx = 0 complete) to `pixels`, row by row.

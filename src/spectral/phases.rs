@@ -5,7 +5,7 @@
 use super::filter::{Alias, TemporalFilter};
 use super::tent::Motion;
 use super::waves::{Draw, Waves};
-use crate::error::{Error, zeroed};
+use crate::error::{Error, collected, zeroed};
 use crate::random::mix64;
 use crate::real::Real;
 use crate::simd::dispatch;
@@ -64,21 +64,21 @@ pub struct Power {
 
 impl Lanes {
     /// The arrays of a list of waves; `offset` is the phase that the transform wants taken off.
-    pub fn new(waves: &Waves, offset: impl Fn(i64, i64) -> f64) -> Self {
+    pub fn new(waves: &Waves, offset: impl Fn(i64, i64) -> f64) -> Result<Self, Error> {
         let list = &waves.list;
-        let each = |value: &dyn Fn(&super::waves::Wave) -> f64| list.iter().map(value).collect();
-        Self {
-            ky: list.iter().map(|wave| wave.ky).collect(),
-            kx: list.iter().map(|wave| wave.kx).collect(),
-            tent_y: each(&|wave| wave.direction.0),
-            tent_x: each(&|wave| wave.direction.1),
-            frequency_y: each(&|wave| wave.frequency.0),
-            frequency_x: each(&|wave| wave.frequency.1),
-            offset: each(&|wave| offset(wave.ky, wave.kx)),
-            amplitude: each(&|wave| wave.amplitude),
-            wavelength: each(&|wave| wave.wavelength),
-            ring: list.iter().map(|wave| wave.ring).collect(),
-        }
+        let each = |value: &dyn Fn(&super::waves::Wave) -> f64| collected(list.iter().map(value));
+        Ok(Self {
+            ky: collected(list.iter().map(|wave| wave.ky))?,
+            kx: collected(list.iter().map(|wave| wave.kx))?,
+            tent_y: each(&|wave| wave.direction.0)?,
+            tent_x: each(&|wave| wave.direction.1)?,
+            frequency_y: each(&|wave| wave.frequency.0)?,
+            frequency_x: each(&|wave| wave.frequency.1)?,
+            offset: each(&|wave| offset(wave.ky, wave.kx))?,
+            amplitude: each(&|wave| wave.amplitude)?,
+            wavelength: each(&|wave| wave.wavelength)?,
+            ring: collected(list.iter().map(|wave| wave.ring))?,
+        })
     }
 
     /// Buffers for these waves.

@@ -5,11 +5,11 @@ use std::sync::Arc;
 use flurries_fft::{ComplexToReal, Fft};
 use num_complex::Complex;
 
-use super::dense::{Dense, Work, transform};
+use super::dense::{Dense, Work, operations, transform};
 use super::grid::position;
 use super::phases::{Lanes, Power, TileMotion, Values};
 use super::waves::{Draw, Waves};
-use crate::error::{Error, zeroed};
+use crate::error::{Error, collected, zeroed};
 use crate::real::Real;
 
 /// How many multiply-adds of the dense passes cost as much as one floating-point operation of an FFT:
@@ -60,23 +60,23 @@ impl<T: Real> Plan<T> {
     /// Plans the transform for a set of waves.
     pub fn new(waves: &Waves, choice: Choice) -> Result<Self, Error> {
         let (height, width) = waves.tile;
-        let dense = Dense::<T>::new(waves)?;
         let log2 = |n: usize| (n as f64).log2().max(1.0);
         let fft = 5.0 * (waves.columns * height) as f64 * log2(height)
             + 2.5 * (height * width) as f64 * log2(width);
         let take_dense = match choice {
-            Choice::Cheaper => (dense.operations() as f64) < DENSE_ADVANTAGE * fft,
+            Choice::Cheaper => operations(waves) < DENSE_ADVANTAGE * fft,
             Choice::Dense => true,
             Choice::Fft => false,
         };
         let tile = waves.tile;
         if take_dense {
-            let lanes = Lanes::new(waves, |ky, kx| dense.half_pixel(ky, kx));
+            let dense = Dense::new(waves)?;
+            let lanes = Lanes::new(waves, |ky, kx| dense.half_pixel(ky, kx))?;
             let places = waves.list.iter().map(|wave| {
                 let mirror = if wave.kx == 0 { -wave.ky } else { wave.ky };
                 (dense.place(wave.ky, wave.kx), dense.place(mirror, wave.kx))
             });
-            return Ok(Self { lanes, tile, places: places.collect(), way: Way::Dense(dense) });
+            return Ok(Self { lanes, tile, places: collected(places)?, way: Way::Dense(dense) });
         }
         let places = waves.list.iter().map(|wave| {
             let mirror = if wave.kx == 0 { -wave.ky } else { wave.ky };
@@ -84,9 +84,9 @@ impl<T: Real> Plan<T> {
             (column + position(wave.ky, height), column + position(mirror, height))
         });
         Ok(Self {
-            lanes: Lanes::new(waves, |_, _| 0.0),
+            lanes: Lanes::new(waves, |_, _| 0.0)?,
             tile,
-            places: places.collect(),
+            places: collected(places)?,
             way: Way::Fft {
                 columns: waves.columns,
                 along_y: T::inverse(height),

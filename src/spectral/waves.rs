@@ -1,7 +1,7 @@
 //! The waves of a tile that take part: the leaders of the band, with what each needs for its phase.
 
 use super::band::{Band, Sum};
-use super::grid::{Role, direction, magnitude, odd_frequency, role, signed};
+use super::grid::{Role, direction, magnitude, odd_frequency, role};
 use super::phase::tile_hash;
 use super::tent::Motion;
 use crate::error::{Error, zeroed};
@@ -42,17 +42,20 @@ impl Waves {
     /// join the outer rings.
     pub fn new(tile: (usize, usize), band: Band, ring_edges: &[f64]) -> Result<Self, Error> {
         let band = band.checked()?;
-        let mut list = Vec::new();
+        let mut list: Vec<Wave> = Vec::new();
         let mut squares = Sum::default();
-        for col in 0..tile.1 {
-            for row in 0..tile.0 {
-                let (ky, kx) = (signed(row, tile.0), signed(col, tile.1));
+        // Leaders of the band lie within |k| < 1 / shortest, kx >= 0.
+        let reach = |n: usize| (n as f64 / band.shortest).ceil().min(n as f64 / 2.0) as i64;
+        for kx in 0..=reach(tile.1) {
+            for ky in -reach(tile.0)..=reach(tile.0) {
                 if role(ky, kx, tile) != Role::Leader || !band.holds(ky, kx, tile) {
                     continue;
                 }
                 let weight = band.weight(ky, kx, tile);
                 squares.add(2.0 * weight * weight);
                 let wavelength = 1.0 / magnitude(ky, kx, tile);
+                list.try_reserve(1)
+                    .map_err(|_| Error::Memory { bytes: 2 * size_of_val(&list[..]) })?;
                 list.push(Wave {
                     ky,
                     kx,

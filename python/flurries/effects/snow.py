@@ -345,7 +345,7 @@ def _colour(value: object) -> Any:
         for _, v in value.keys:
             _colour(v)
         return value
-    if np.ndim(value) == 0:  # type: ignore[arg-type]
+    if isinstance(value, (float, int, np.number, str, bytes)) or value is None:
         return real("colour", value, low=0.0, high=1.0)
     parts = vector("colour", value, 3).tolist()
     return tuple(real("colour", part, low=0.0, high=1.0) for part in parts)

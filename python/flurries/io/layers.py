@@ -84,11 +84,12 @@ def write_layers(
 
     library = openimageio()
     height, width = sizes.pop()
-    specification = library.ImageSpec(width, height, len(planes), "float")
+    kinds = ["float" if precise else "half" for _, precise in planes.values()]
+    # Where all channels are alike the common type counts, not the list of theirs.
+    specification = library.ImageSpec(width, height, len(planes), max(kinds, key=kinds.count))
     specification.channelnames = tuple(planes)
-    specification.channelformats = tuple(
-        library.TypeDesc("float" if precise else "half") for _, precise in planes.values()
-    )
+    if len(set(kinds)) > 1:
+        specification.channelformats = tuple(map(library.TypeDesc, kinds))
     specification.alpha_channel = specification.channelindex("A")
     specification.attribute("compression", "zip")
     header.put(specification, strings, "openexr")
