@@ -7,6 +7,7 @@ Arrays in, arrays out: :mod:`flurries.spectral`, :mod:`flurries.camera`, :mod:`f
 from flurries import camera, composite, particles, spectral, trace
 from flurries._core import InternalError
 from flurries._threads import set_threads, threads
+from flurries.camera import Camera
 from flurries.effects import Snow
 from flurries.path import CameraPath
 from flurries.scene import Rendered, Scene
@@ -15,6 +16,7 @@ from flurries.timeline import Keys
 __version__ = "0.1.0"
 
 __all__ = [
+    "Camera",
     "CameraPath",
     "InternalError",
     "Keys",
