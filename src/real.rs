@@ -25,11 +25,36 @@ impl Real for f64 {
     fn wide(self) -> f64 {
         self
     }
+    /// Taylor series on an eighth of a turn, without a branch, so that a loop over waves vectorises.
     #[inline]
     fn turn(phase: f64) -> Complex<Self> {
-        let (sin, cos) = (TAU * phase).sin_cos();
-        Complex::new(cos, sin)
+        let quarter = (4.0 * phase).round_ties_even();
+        let angle = (phase - 0.25 * quarter) * TAU;
+        let square = angle * angle;
+        let sin = angle * series::<8>(square, 1.0);
+        let cos = series::<9>(square, 0.0);
+        // -2 .. 2 quarters: an odd number swaps the two, 1 and +-2 negate.
+        let odd = quarter.abs() == 1.0;
+        let (real, imaginary) = if odd { (sin, cos) } else { (cos, sin) };
+        let half = quarter.abs() == 2.0;
+        let real_sign = if half || quarter == 1.0 { -1.0 } else { 1.0 };
+        let imaginary_sign = if half || quarter == -1.0 { -1.0 } else { 1.0 };
+        Complex::new(real_sign * real, imaginary_sign * imaginary)
     }
+}
+
+/// `1 - s / ((1 + o)(2 + o)) (1 - s / ((3 + o)(4 + o)) (1 - ...))`: with o = 0 the series of the cosine,
+/// with o = 1 that of the sine over its angle, for s the square of the angle.
+#[inline(always)]
+fn series<const TERMS: usize>(square: f64, offset: f64) -> f64 {
+    let mut sum = 1.0;
+    let mut n = TERMS;
+    while n > 1 {
+        n -= 1;
+        let k = 2.0 * n as f64 + offset;
+        sum = 1.0 - square * (sum * (1.0 / ((k - 1.0) * k)));
+    }
+    sum
 }
 
 impl Real for f32 {
@@ -81,13 +106,25 @@ mod tests {
     use super::*;
 
     #[test]
+    fn the_series_are_right_to_float64() {
+        for i in -20_000..=20_000 {
+            let phase = f64::from(i) / 40_000.0;
+            let (sin, cos) = (TAU * phase).sin_cos();
+            let fast = f64::turn(phase);
+            let error = (fast.re - cos).abs().max((fast.im - sin).abs());
+            // The judge's own angle is rounded at up to pi: 2.2e-16 of it.
+            assert!(error < 7e-16, "{phase}: {error:e}");
+        }
+    }
+
+    #[test]
     fn the_polynomial_turn_is_right_to_float32() {
         let worst = (-20_000..=20_000)
             .map(|i| f64::from(i) / 40_000.0)
             .map(|phase| {
-                let exact = f64::turn(phase);
+                let (sin, cos) = (TAU * phase).sin_cos();
                 let fast = f32::turn(phase);
-                (f64::from(fast.re) - exact.re).abs().max((f64::from(fast.im) - exact.im).abs())
+                (f64::from(fast.re) - cos).abs().max((f64::from(fast.im) - sin).abs())
             })
             .fold(0.0, f64::max);
         // Rounding the phase costs pi eps / 2 = 1.9e-7; the series and its arithmetic as much again.

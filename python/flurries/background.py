@@ -108,6 +108,7 @@ def _of_source(source: Any, size: tuple[int, int] | None) -> Backdrop:
 
 def _of_array(background: Any, size: tuple[int, int] | None) -> Backdrop:
     given = np.asarray(background)
+    given = given.astype(given.dtype.newbyteorder("="), copy=False)
     if given.dtype not in (np.uint8, np.uint16, np.float16, np.float32, np.float64):
         raise TypeError(
             "background must be a path, a colour or an array of uint8, uint16 or float, "

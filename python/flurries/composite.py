@@ -115,7 +115,7 @@ def _require_cover(name: str, cover: Array) -> None:
 
 
 def _intensity(intensity: Any, channels: int) -> list[float]:
-    if np.ndim(intensity) == 0:
+    if isinstance(intensity, (float, int, complex, np.number, str)) or intensity is None:
         return [real("intensity", intensity, low=0.0)] * channels
     colour: list[float] = vector("intensity", intensity, channels).tolist()
     if min(colour) < 0.0:

@@ -70,7 +70,8 @@ def write(
         ``frames/%04d.png`` or ``.exr``, ``.tif``, ``.jpg``: one file a frame, each written under a
         temporary name, checked and renamed. Frames of this very scene that are there already stay;
         a frame of another scene is refused. A name that ends in .mp4, .mov, .webm or .mkv is a
-        video. A picture's name without a token is a still: the first of `frames`.
+        video, which replaces an old one when it is whole. A picture's name without a token is a
+        still: the first of `frames`.
     frames : str, int or iterable of int, optional
         "1-60", "1-100x2", "7", or numbers; not negative. If not given, the background's frames from
         0 on, or three seconds from 1 on.

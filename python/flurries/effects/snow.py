@@ -32,6 +32,9 @@ SIZES = 101
 # Over this share of the flakes the last one fades in while `amount` rises, so that none pops.
 FADE_IN = 0.1
 
+# What the most flakes in view need behind a centred lens; a small scene must not ask for more work.
+MOST_IN_BOX = 420_000_000
+
 # Flakes larger than this on a picture 1024 px wide fade out: out-of-focus puffs look like dirt.
 LARGEST_SIGMA = (3.5, 6.0)
 
@@ -156,6 +159,10 @@ class Snow:
             settle("tile", integer("tile", self.tile, low=5, high=2**15))
         if self.overlap is not None:
             settle("overlap", integer("overlap", self.overlap, low=0, high=2**15))
+            if self.tile is not None and self.overlap >= self.tile:
+                raise ValueError(
+                    f"overlap must be less than the tile ({self.tile} px), got {self.overlap}"
+                )
         choice("blend", self.blend, BLEND)
         choice("alias", self.alias, ALIAS)
         flag("jitter", self.jitter)
@@ -298,7 +305,13 @@ class Snow:
         reach = self.near_depth / frame.path.camera.focal
         # The view is a pyramid: a third of the prism around it.
         view = width * reach * height * reach * self.near_depth / 3.0
-        return round(self.flakes * float(np.prod(self.box(frame))) / view)
+        count = round(self.flakes * float(np.prod(self.box(frame))) / view)
+        if count > MOST_IN_BOX:
+            raise ValueError(
+                f"flakes: {self.flakes} in view are {count} in the box around a lens whose center "
+                f"is so far off the middle; at most {MOST_IN_BOX} are drawn"
+            )
+        return count
 
     def _flakes(self, frame: Frame, amount: float) -> Array:
         t, camera = frame.t, frame.camera

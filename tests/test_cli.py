@@ -1,0 +1,377 @@
+"""The command line: what it makes, how it says no, and what is left when it is stopped."""
+
+from __future__ import annotations
+
+import os
+import resource
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import OpenImageIO as oiio
+import pytest
+
+import flurries as fl
+from flurries.cli import main
+from flurries.io import VideoWriter, open_background, read_picture, write_picture
+
+CameraPath, Camera, Scene, Snow = fl.CameraPath, fl.camera.Camera, fl.Scene, fl.Snow
+W, H = 96, 64
+PLATE = np.random.default_rng(2).integers(0, 200, (H, W, 3)).astype(np.uint8)
+MASK = np.zeros((H, W), np.uint8)
+MASK[:, 48:] = 255
+RENDER = ["render", "plate.png", "--snow", "light", "-o", "out/%04d.png"]
+Run = Callable[..., tuple[int, str, str]]
+
+
+@pytest.fixture
+def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A working folder with a plate, a mask and a scene."""
+    monkeypatch.chdir(tmp_path)
+    write_picture("plate.png", PLATE)
+    write_picture("mask.png", MASK)
+    write_picture("light.exr", (PLATE / 50.0).astype(np.float32))
+    Path("scene.toml").write_text(
+        "background = 'plate.png'\nfps = 25\nseed = 4\n[camera]\nfocal = 100\n"
+        "[[effects]]\nkind = 'snow'\npreset = 'light'\nflakes = 100\n"
+    )
+    return tmp_path
+
+
+@pytest.fixture
+def run(here: Path, capfd: pytest.CaptureFixture[str], threads: Any) -> Run:
+    """The command line in this process: exit code, stdout, stderr."""
+
+    def call(*arguments: str) -> tuple[int, str, str]:
+        capfd.readouterr()
+        code = main(list(arguments))
+        return (code, *capfd.readouterr())
+
+    return call
+
+
+def files(folder: Path) -> dict[str, bytes]:
+    """Every file below a folder, hidden ones too."""
+    return {str(p.relative_to(folder)): p.read_bytes() for p in folder.rglob("*") if p.is_file()}
+
+
+def pixels(path: str | Path) -> np.ndarray:
+    return read_picture(path).pixels
+
+
+# What it makes -----------------------------------------------------------------------------------
+
+
+def test_a_picture_becomes_frames_and_again_only_what_is_missing(run: Run, here: Path):
+    command = ["render", "plate.png", "--snow", "heavy", "-o", "frames/%04d.png", "--frames", "1-3"]
+    code, out, err = run(*command)
+    names = [f"frames/000{n}.png" for n in (1, 2, 3)]
+    assert (code, out.splitlines()) == (0, names)
+    assert "3 frames rendered" in err
+    first = files(here / "frames")
+    assert sorted(first) == ["0001.png", "0002.png", "0003.png"]
+    scene = Scene(None, PLATE, effects=[Snow.preset("heavy")])
+    assert all(np.array_equal(pixels(n), scene.render(i)) for i, n in enumerate(names, 1))
+
+    code, out, err = run(*command)
+    assert (code, out.splitlines()) == (0, names), "data, as if it had made them"
+    assert "0 frames rendered, 3 were there already" in err
+    (here / "frames" / "0002.png").unlink()
+    code, _, err = run(*command)
+    assert code == 0 and "1 frames rendered, 2 were there already" in err
+    assert files(here / "frames") == first
+
+    other = ["light" if word == "heavy" else word for word in command]
+    code, out, err = run(*other)
+    assert (code, out) == (2, "")
+    assert err.startswith("flurries: frames/0001.png") and err.count("\n") == 1
+    assert files(here / "frames") == first
+    assert run(*other, "--overwrite")[0] == 0
+    assert all(first[n] != data for n, data in files(here / "frames").items())
+
+
+LENS = Camera(1.2 * W)
+OPTIONS: dict[str, tuple[list[str], dict[str, Any], dict[str, Any]]] = {
+    # The options, what they mean for the scene, and for the snow.
+    "nothing": ([], {}, {}),
+    "seed": (["--seed", "-7"], {"seed": -7}, {}),
+    "fps": (["--fps", "12.5"], {"fps": 12.5}, {}),
+    "wind": (["--wind", "1,0.5,-2"], {}, {"wind": (1.0, 0.5, -2.0)}),
+    "wind from the right": (["--wind", "-1.5,0,0"], {}, {"wind": (-1.5, 0.0, 0.0)}),
+    "fly": (["--fly", "0,-0.5,3"], {"camera": CameraPath(LENS, velocity=(0, -0.5, 3))}, {}),
+    "fly back": (["--fly=-1,0,-2"], {"camera": CameraPath(LENS, velocity=(-1, 0, -2))}, {}),
+    "amount": (["--amount", "0.5"], {}, {"amount": 0.5}),
+    "foreground": (["--foreground", "mask.png"], {"foreground": MASK}, {}),
+    "linear": (["--linear"], {"space": "linear"}, {}),
+    "quiet": (["--quiet"], {}, {}),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", OPTIONS)
+def test_what_an_option_means(name: str, run: Run):
+    options, of_scene, of_snow = OPTIONS[name]
+    code, _, err = run(*RENDER, "--frames", "9", *options)
+    assert code == 0, err
+    scene = Scene(None, PLATE, effects=[Snow.preset("light", **of_snow)], **of_scene)
+    assert np.array_equal(pixels("out/0009.png"), scene.render(9))
+    plain = Scene(None, PLATE, effects=[Snow.preset("light")]).render(9)
+    assert np.array_equal(scene.render(9), plain) is (name in ("nothing", "quiet"))
+
+
+def test_size_and_threads(run: Run, here: Path):
+    for count in ("1", "3"):
+        command = [*RENDER, "--frames", "2", "--threads", count, "--size", "50x40", "--overwrite"]
+        assert run(*command)[0] == 0
+        assert fl.threads() == int(count)
+        (here / "out" / "0002.png").rename(here / f"{count}.png")
+    assert pixels("1.png").shape == (40, 50, 3)
+    assert (here / "1.png").read_bytes() == (here / "3.png").read_bytes()
+    want = Scene((50, 40), here / "plate.png", effects=[Snow.preset("light")]).render(2)
+    assert np.array_equal(pixels("1.png"), want)
+
+
+@pytest.mark.parametrize("ending", ["mp4", "webm", "mkv"])
+def test_a_film(ending: str, run: Run, here: Path):
+    code, out, _ = run(*RENDER[:-1], f"film.{ending}", "--frames", "1-4", "--fps", "10")
+    assert (code, out) == (0, f"film.{ending}\n")
+    film = open_background(here / f"film.{ending}")
+    assert (film.count, film.fps, film.size) == (4, 10.0, (W, H))
+
+
+@pytest.mark.parametrize("ending", ["png", "jpg", "exr"])
+def test_a_still(ending: str, run: Run, here: Path):
+    code, out, _ = run(*RENDER[:-1], f"still.{ending}", "--frames", "6")
+    assert (code, out) == (0, f"still.{ending}\n")
+    want = Scene(None, PLATE, effects=[Snow.preset("light")]).render(6)
+    got = pixels(f"still.{ending}")
+    if ending == "exr":
+        assert got.dtype == np.float32 and 0.0 < got.max() <= 1.0
+    else:
+        assert np.abs(got.astype(int) - want).mean() <= (0 if ending == "png" else 8)
+
+
+@pytest.mark.parametrize("depth", ["half", "float"])
+@pytest.mark.parametrize("layers", [[], ["--layers"]])
+def test_an_exr(layers: list[str], depth: str, run: Run, here: Path):
+    options = [*layers, *(["--float"] if depth == "float" else [])]
+    command = ["render", "light.exr", "--snow", "heavy", "-o", "a.exr", "--frames", "3", *options]
+    assert run(*command)[0] == 0
+    reader = oiio.ImageInput.open("a.exr")
+    spec = reader.spec()
+    assert {str(spec.channelformat(i)) for i in range(spec.nchannels)} == {depth}
+    values = reader.read_image(0, 0, 0, spec.nchannels, "float").reshape(H, W, spec.nchannels)
+    found = {name: values[..., i] for i, name in enumerate(spec.channelnames)}
+    reader.close()
+    extra = {"A", "snow.R", "snow.G", "snow.B", "snow.A"} if layers else set()
+    assert set(found) == {"R", "G", "B"} | extra
+    want = Scene(None, "light.exr", effects=[Snow.preset("heavy")]).render(3, layers=True)
+    limit = 2.0**-11 if depth == "half" else 1e-7
+    for i, name in enumerate("RGB"):
+        assert (np.abs(found[name] - want.image[..., i]) <= limit * want.image[..., i]).all()
+    if layers:
+        assert (found["A"] == 1.0).all()
+        assert np.abs(found["snow.A"] - want.alpha).max() <= limit
+
+
+def test_a_scene_file(run: Run, here: Path):
+    command = ["render", "scene.toml", "-o", "a/%d.png", "--frames", "1-7x3"]
+    code, out, _ = run(*command)
+    assert (code, out.split()) == (0, ["a/1.png", "a/4.png", "a/7.png"])
+    scene = Scene.load("scene.toml")
+    assert np.array_equal(pixels("a/4.png"), scene.render(4))
+    assert scene.effects[0].flakes == 100
+
+    assert run(*[w.replace("a/", "b/") for w in command], "--snow", "heavy", "--seed", "9")[0] == 0
+    heavy = scene.replace(effects=[Snow.preset("heavy")], seed=9)
+    assert np.array_equal(pixels("b/4.png"), heavy.render(4))
+
+    assert run(*[w.replace("a/", "c/") for w in command], "--amount", "0.3")[0] == 0
+    less = scene.replace(effects=[Snow.preset("light", flakes=100, amount=0.3)])
+    assert np.array_equal(pixels("c/4.png"), less.render(4))
+
+    # Another size keeps the angle of view.
+    assert run(*[w.replace("a/", "d/") for w in command], "--size", "48x32")[0] == 0
+    small = scene.replace(size=(48, 32), camera=Camera(50.0))
+    assert np.array_equal(pixels("d/4.png"), small.render(4))
+
+
+def test_a_film_gives_its_own_rate_and_length(run: Run, here: Path):
+    with VideoWriter("plate.mkv", (W, H), 12) as video:
+        for shift in range(3):
+            video.write(np.roll(PLATE, shift, axis=0))
+    code, out, _ = run("render", "plate.mkv", "--snow", "light", "-o", "a/%d.png")
+    assert (code, out.split()) == (0, ["a/0.png", "a/1.png", "a/2.png"])
+    scene = Scene(None, "plate.mkv", effects=[Snow.preset("light")], fps=12.0)
+    assert np.array_equal(pixels("a/2.png"), scene.render(2))
+
+
+def test_help_and_version_go_to_stdout(run: Run, capfd: pytest.CaptureFixture[str]):
+    for arguments, word in ((["--version"], fl.__version__), (["render", "--help"], "%04d")):
+        with pytest.raises(SystemExit) as caught:
+            main(arguments)
+        out, err = capfd.readouterr()
+        assert (caught.value.code, err) == (0, "") and word in out
+
+
+# How it says no ----------------------------------------------------------------------------------
+
+
+def mistakes() -> dict[str, tuple[list[str], str]]:
+    """Each: the arguments, and a word that the one line must hold."""
+    options = [
+        ("--size", "size", ["0x0", "abc", "131073x4", "5", "-5x5"]),
+        ("--amount", "amount", ["nan", "2", "-0.1", "x"]),
+        ("--wind", "wind", ["nan,0,0", "1,2", "a,b,c", "1e999,0,0"]),
+        ("--fly", "", ["0,nan,0", "1"]),
+        ("--frames", "frames", ["one", "5-1", "-3", "1-5x0", "1-", ""]),
+        ("--seed", "seed", [str(2**63), "1.5", "x"]),
+        ("--fps", "fps", ["0", "nan", "-24"]),
+        ("--threads", "", ["0", "257", "two"]),
+        ("--foreground", "no.png", ["no.png"]),
+        ("--flakes", "--flakes", ["3"]),
+        ("--quality", "quality", ["best"]),
+    ]
+    patterns = ["plate.png/%d.png", "plate.png/a/%d.png", "%d/%d.png", "%s.png", "a%d%d.png", "a",
+                "a/", "", "%d.xyz", "a\n%d.png", "plate.png", "%d.toml", "."]  # fmt: skip
+    inputs = {
+        "missing": ["no.png", "no.png"], "damaged": ["cut.png", "cut.png"],
+        "no picture": ["text.png", "text.png"], "empty": ["empty.png", "empty.png"],
+        "a folder": [".", "folder"], "unknown key": ["bad.toml", "line 1.*fpps.*fps"],
+        "no scene": ["no.toml", "no.toml"], "bad TOML": ["worse.toml", "worse.toml"],
+        "deep TOML": ["deep.toml", "deep.toml"], "no sequence": ["no.%d.png", "no.%d.png"],
+    }  # fmt: skip
+    every = {f"{o} {v}": ([*RENDER, o, v], word) for o, word, vs in options for v in vs}
+    every["layers of PNG"] = ([*RENDER, "--layers"], "layers")
+    every |= {f"to {p!r}": ([*RENDER[:-1], p, "--frames", "1"], "") for p in patterns}
+    for name, (given, word) in inputs.items():
+        every[name] = (["render", given, "--snow", "light", "-o", "out/%d.png"], word)
+    every["preset"] = (["render", "plate.png", "--snow", "hevy", "-o", "a.png"], "hevy")
+    every["no snow"] = (["render", "plate.png", "-o", "a.png"], "--snow")
+    every["no output"] = (["render", "plate.png", "--snow", "light"], "output")
+    every["no command"], every["bad command"] = ([], "COMMAND"), (["rendr"], "rendr")
+    every["video rate"] = ([*RENDER[:-1], "a.mp4", "--frames", "1", "--fps", "5000"], "fps")
+    every["demo size"] = (["demo", "-o", "d", "--size", "3"], "size")
+    every["demo frames"] = (["demo", "-o", "d", "--frames", "0"], "frames")
+    return every
+
+
+MISTAKES = mistakes()
+
+
+@pytest.mark.parametrize("name", MISTAKES, ids=ascii)
+def test_a_mistake_is_one_sentence(name: str, run: Run, here: Path):
+    Path("cut.png").write_bytes(Path("plate.png").read_bytes()[:3000])
+    Path("text.png").write_text("no picture at all")
+    Path("empty.png").touch()
+    Path("bad.toml").write_text("fpps = 25\n")
+    Path("worse.toml").write_text("size = [1,\n")
+    Path("deep.toml").write_text("size = " + "[" * 20000)
+    before = sorted(here.rglob("*"))
+    contents = files(here)
+    arguments, word = MISTAKES[name]
+    code, out, err = run(*arguments)
+    assert (code, out) == (2, "")
+    assert err.startswith("flurries: ") and err.count("\n") == 1 and err.endswith("\n"), err
+    assert "Traceback" not in err and len(err) < 600
+    assert all(part in err for part in word.split(".*"))
+    assert sorted(here.rglob("*")) == before, "something was left"
+    assert files(here) == contents
+
+
+# When it is stopped ------------------------------------------------------------------------------
+
+
+def start(here: Path, *arguments: str, **more: Any) -> subprocess.Popen[str]:
+    return subprocess.Popen(
+        [sys.executable, "-m", "flurries", *arguments],
+        cwd=here, text=True, stdout=subprocess.PIPE, stderr=subprocess.PIPE, **more,
+    )  # fmt: skip
+
+
+def wait_for(count: int, folder: Path, process: subprocess.Popen[str]) -> None:
+    """Wait until so many frames are there."""
+    end = time.monotonic() + 60
+    while len(list(folder.glob("[0-9]*"))) < count and time.monotonic() < end:
+        assert process.poll() is None, process.communicate()
+        time.sleep(0.002)
+
+
+def test_ctrl_c_keeps_what_is_done_and_goes_on(here: Path):
+    process = start(here, *RENDER, "--frames", "1-5000")
+    wait_for(3, here / "out", process)
+    process.send_signal(signal.SIGINT)
+    out, err = process.communicate(timeout=60)
+    assert process.returncode == 130, err
+    assert "Traceback" not in err and "flurries: stopped" in err and out == ""
+    done = sorted(p.name for p in (here / "out").iterdir())
+    assert 3 <= len(done) < 5000 and done == [f"{n:04d}.png" for n in range(1, len(done) + 1)]
+    last = len(done) + 2
+    process = start(here, *RENDER, "--frames", f"1-{last}", "--quiet")
+    _, err = process.communicate(timeout=60)
+    assert f"2 frames rendered, {len(done)} were there already" in err
+    scene = Scene(None, PLATE, effects=[Snow.preset("light")])
+    for number in (1, len(done), last):
+        assert np.array_equal(pixels(here / "out" / f"{number:04d}.png"), scene.render(number))
+
+
+def test_ctrl_c_leaves_no_half_a_film(here: Path):
+    process = start(here, *RENDER[:-1], "out/film.mp4", "--frames", "1-5000")
+    end = time.monotonic() + 60
+    while not list(here.glob("out/.*")) and time.monotonic() < end:
+        time.sleep(0.002)
+    process.send_signal(signal.SIGINT)
+    _, err = process.communicate(timeout=60)
+    assert process.returncode == 130, err
+    assert not list((here / "out").iterdir())
+
+
+@pytest.fixture(scope="module")
+def uninterrupted(tmp_path_factory: pytest.TempPathFactory) -> dict[str, bytes]:
+    folder = tmp_path_factory.mktemp("whole")
+    write_picture(folder / "plate.png", PLATE)
+    process = start(folder, *RENDER, "--frames", "1-12")
+    assert process.wait(60) == 0, process.communicate()
+    process.communicate()
+    return files(folder / "out")
+
+
+@pytest.mark.parametrize("after", [1, 5, 9])
+def test_killed_in_the_middle_and_run_again(after: int, here: Path, uninterrupted: Any):
+    process = start(here, *RENDER, "--frames", "1-12")
+    wait_for(after, here / "out", process)
+    process.kill()
+    process.communicate()
+    found = {n: v for n, v in files(here / "out").items() if not n.startswith(".")}
+    assert len(found) >= after
+    assert all(uninterrupted[name] == data for name, data in found.items()), "a partial frame"
+    process = start(here, *RENDER, "--frames", "1-12")
+    process.communicate(timeout=60)
+    assert process.returncode == 0
+    assert files(here / "out") == uninterrupted
+
+
+def test_what_a_killed_writer_left_is_removed(run: Run, here: Path):
+    (here / "out").mkdir()
+    left = here / "out" / ".flurries-0123456789abcdef.png"
+    left.write_bytes(b"half a picture")
+    assert run(*RENDER, "--frames", "1-2")[0] == 0
+    assert sorted(files(here / "out")) == ["0001.png", "0002.png"]
+
+
+@pytest.mark.parametrize("name", ["out/%04d.png", "film.mp4"])
+def test_a_full_disk_leaves_nothing(name: str, here: Path):
+    def limit() -> None:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (1500, 1500))
+
+    process = start(here, *RENDER[:-1], name, "--frames", "1-3", "--quiet", preexec_fn=limit,
+                    env={**os.environ, "PYTHONDONTWRITEBYTECODE": "1"})  # fmt: skip
+    out, err = process.communicate(timeout=60)
+    assert (process.returncode, out) == (2, ""), err
+    last = err.splitlines()[-1]  # libpng may complain in its own words before
+    assert last.startswith("flurries: ") and name[:4] in last and "Traceback" not in err
+    assert not [n for n in files(here) if n.startswith(("out/", "film", "."))]

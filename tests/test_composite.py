@@ -1,0 +1,269 @@
+"""Eq. 7 and `over` against plain float64 NumPy, and what must hold to the last bit."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import flurries as fl
+
+C = fl.composite
+DTYPES = ["uint8", "uint16", "float16", "float32", "float64"]
+SHAPES = {"gray": (24, 31), "one channel": (24, 31, 1), "RGB": (24, 31, 3)}
+
+
+def full_scale(dtype: Any) -> float:
+    return float(np.iinfo(dtype).max) if np.dtype(dtype).kind == "u" else 1.0
+
+
+def picture(dtype: Any, shape: tuple[int, ...], seed: int = 0) -> np.ndarray:
+    values = np.random.default_rng(seed).uniform(0.0, 1.0, shape) * full_scale(dtype)
+    return np.rint(values).astype(dtype) if np.dtype(dtype).kind == "u" else values.astype(dtype)
+
+
+def opacity(shape: tuple[int, ...], dtype: Any = np.float32, seed: int = 1) -> np.ndarray:
+    """Everything from 0 to 1, both ends among it."""
+    values = np.clip(np.random.default_rng(seed).uniform(-0.2, 1.2, shape[:2]), 0.0, 1.0)
+    return values.astype(dtype)
+
+
+def equation_7(background: np.ndarray, alpha: np.ndarray, intensity: Any) -> np.ndarray:
+    """The twin: float64, not rounded, in the background's own values."""
+    back = background.astype(np.float64)
+    cover = alpha.astype(np.float64).reshape(*alpha.shape, *[1] * (back.ndim - 2))
+    return np.asarray(intensity) * full_scale(background.dtype) * cover + (1.0 - cover) * back
+
+
+def slack(dtype: Any) -> float:
+    """How far from the twin a result may be: half a step, and the rounding of the arithmetic."""
+    kind = np.dtype(dtype)
+    if kind.kind == "u":
+        return 0.5 + 4.0 * float(np.finfo(np.float32).eps) * full_scale(dtype)
+    return 4.0 * float(np.finfo(kind).eps)
+
+
+@pytest.mark.parametrize("intensity", [250 / 255, 0.0, 1.0, (0.9, 0.5, 0.1)], ids=str)
+@pytest.mark.parametrize("shape", SHAPES.values(), ids=SHAPES)
+@pytest.mark.parametrize("dtype", DTYPES)
+def test_equation_7(dtype: str, shape: tuple[int, ...], intensity: Any):
+    if np.ndim(intensity) and shape[2:] != (3,):
+        intensity = 0.25  # a gray picture has one colour
+    background, alpha = picture(dtype, shape), opacity(shape)
+    got = C.snow(background, alpha, intensity=intensity)
+    assert got.shape == background.shape
+    assert got.dtype == background.dtype
+    wrong = np.abs(got.astype(np.float64) - equation_7(background, alpha, intensity))
+    assert wrong.max() <= slack(dtype)
+    # The judge is sharp: a white one step off shows.
+    other = equation_7(background, alpha, np.asarray(intensity) + 3.0 / full_scale(dtype))
+    assert np.abs(got.astype(np.float64) - other).max() > slack(dtype)
+
+
+@pytest.mark.parametrize("dtype", ["uint8", "uint16"])
+def test_integers_are_rounded_to_the_nearest(dtype: str):
+    # White 1 over black: alpha = (n + part) / full must give n below a half and n + 1 above.
+    full = int(full_scale(dtype))
+    for part, up in [(0.25, 0), (0.75, 1)]:
+        n = np.arange(0, full, max(full // 997, 1))[None, :]
+        alpha = (n + part) / full
+        got = C.snow(np.zeros(n.shape, dtype), alpha, intensity=1.0)
+        assert np.array_equal(got, n + up)
+
+
+@pytest.mark.parametrize("alpha_dtype", [np.float16, np.float32, np.float64])
+@pytest.mark.parametrize("dtype", DTYPES)
+def test_ends_are_exact_to_the_bit(dtype: str, alpha_dtype: type):
+    background = picture(dtype, (8, 9, 3))
+    if np.dtype(dtype).kind == "f":
+        largest = np.finfo(dtype).max
+        background[0, :4, 0] = [-0.0, np.inf, -np.inf, largest]
+        background[0, 4, 0] = np.finfo(dtype).smallest_subnormal
+    clear = C.snow(background, np.zeros((8, 9), alpha_dtype), intensity=0.3)
+    assert clear.tobytes() == background.tobytes()
+    # -0.0 over clear must stay, though -0.0 == 0.0.
+    covered = C.snow(background, np.ones((8, 9), alpha_dtype), intensity=(0.25, 0.5, 1.0))
+    colour = np.array([0.25, 0.5, 1.0]) * full_scale(dtype)
+    if np.dtype(dtype).kind == "u":
+        colour = np.floor(colour + 0.5)
+    assert np.array_equal(covered, np.broadcast_to(colour.astype(dtype), covered.shape))
+
+
+@pytest.mark.parametrize("function", ["snow", "over"])
+@pytest.mark.parametrize("dtype", ["float16", "float32", "float64"])
+def test_bad_pixels_stay_where_they_were(function: str, dtype: str):
+    rng = np.random.default_rng(5)
+    for _ in range(100):
+        background = picture(dtype, (9, 11, 3), seed=int(rng.integers(1 << 30)))
+        bad = rng.uniform(size=background.shape) < rng.choice([0.0, 0.01, 0.3, 1.0])
+        background[bad] = np.nan
+        alpha = opacity((9, 11), seed=int(rng.integers(1 << 30)))
+        if function == "snow":
+            got = C.snow(background, alpha)
+        else:
+            got = C.over(background, np.repeat(alpha[..., None], 4, axis=2))
+        assert np.array_equal(np.isnan(got), bad)
+
+
+@pytest.mark.parametrize("function", ["snow", "over"])
+@pytest.mark.parametrize("dtype", ["float16", "float32", "float64"])
+def test_infinity_never_becomes_nan(function: str, dtype: str):
+    background = np.full((1, 3, 3), np.inf, dtype)
+    alpha = np.array([[0.0, 0.5, 1.0]], np.float32)
+    if function == "snow":
+        got = C.snow(background, alpha, intensity=0.5)
+    else:
+        got = C.over(background, np.dstack([alpha * 0.5] * 3 + [alpha]))
+    assert np.isinf(got[0, :2]).all()
+    assert np.array_equal(got[0, 2], np.full(3, 0.5, dtype)), "opaque is the layer's colour"
+
+
+@settings(max_examples=300, deadline=None, derandomize=True, database=None)
+@given(
+    st.lists(
+        st.tuples(st.floats(0.0, 1e4, width=32), st.floats(0.0, 1.0, width=32)),
+        min_size=1,
+        max_size=50,
+    ),
+    st.floats(0.0, 50.0, width=32),
+    st.sampled_from([np.float32, np.float64]),
+)
+def test_inside_the_two_colours(pairs: list[tuple[float, float]], white: float, dtype: type):
+    values = np.array([b for b, _ in pairs], dtype)[None]
+    alpha = np.array([a for _, a in pairs], dtype)[None]
+    got = C.snow(values, alpha, intensity=white)
+    low, high = np.minimum(values, dtype(white)), np.maximum(values, dtype(white))
+    assert (got >= np.nextafter(low, dtype(-np.inf))).all()
+    assert (got <= np.nextafter(high, dtype(np.inf))).all()
+
+
+@pytest.mark.parametrize(("dtype", "steps"), [("uint8", 1), ("uint16", 1)])
+def test_integers_and_floats_agree_within_a_step(dtype: str, steps: int):
+    background, alpha = picture(dtype, (64, 64, 3)), opacity((64, 64))
+    whole = C.snow(background, alpha).astype(np.float64)
+    real = C.snow(background / full_scale(dtype), alpha) * full_scale(dtype)
+    assert np.abs(whole - real).max() <= steps
+
+
+def layouts(array: np.ndarray) -> dict[str, np.ndarray]:
+    """The same numbers in other memory."""
+    padded = np.zeros((*array.shape[:-1], 2 * array.shape[-1]), array.dtype)
+    padded[..., ::2] = array
+    raw = np.zeros(array.nbytes + 1, np.uint8)[1:].view(array.dtype).reshape(array.shape)
+    raw[...] = array
+    readonly = array.copy()
+    readonly.flags.writeable = False
+    return {
+        "Fortran": np.asfortranarray(array),
+        "transposed": np.ascontiguousarray(array.swapaxes(0, 1)).swapaxes(0, 1),
+        "backwards": np.ascontiguousarray(array[::-1, ::-1])[::-1, ::-1],
+        "strided": padded[..., ::2],
+        "misaligned": raw,
+        "read-only": readonly,
+        "big-endian": array.astype(array.dtype.newbyteorder(">")),
+        "subclass": array.view(type("Sub", (np.ndarray,), {})),
+    }
+
+
+CALLS: dict[str, tuple[Callable[..., Any], Callable[[Any], np.ndarray]]] = {
+    "snow": (C.snow, lambda d: opacity((12, 10), np.float64)),
+    "over": (C.over, lambda d: np.random.default_rng(3).uniform(0, 1, (12, 10, 4))),
+}
+
+
+@pytest.mark.parametrize("name", CALLS)
+@pytest.mark.parametrize("dtype", DTYPES)
+def test_memory_layout_does_not_matter(dtype: str, name: str):
+    call, make = CALLS[name]
+    background, front = picture(dtype, (12, 10, 3)), make(dtype)
+    before, want = background.copy(), call(background, front)
+    for layout, variant in layouts(background).items():
+        got = call(variant, layouts(front)[layout])
+        assert got.tobytes() == want.tobytes(), layout
+        assert got.flags.c_contiguous and got.dtype.isnative, layout
+    assert background.tobytes() == before.tobytes(), "the background was written to"
+
+
+@pytest.mark.parametrize("name", CALLS)
+@pytest.mark.parametrize("dtype", DTYPES)
+def test_out_is_filled_and_returned(dtype: str, name: str):
+    call, make = CALLS[name]
+    background, front = picture(dtype, (12, 10, 3)), make(dtype)
+    out = np.full_like(background, 77)
+    assert call(background, front, out=out) is out
+    assert np.array_equal(out, call(background, front))
+    for wrong in (background, out[:, ::-1], out[:6], out.astype(">f8"), out.tolist()):
+        with pytest.raises((TypeError, ValueError), match="out"):
+            call(background, front, out=wrong)
+
+
+@pytest.mark.parametrize("dtype", [*DTYPES])
+@pytest.mark.parametrize("channels", [3, 4])
+def test_over_is_premultiplied(dtype: str, channels: int):
+    background = picture(dtype, (16, 17, channels))
+    layer = np.random.default_rng(2).uniform(0, 0.5, (16, 17, 4)).astype(np.float32)
+    layer[0, :5] = 0.0
+    got = C.over(background, layer).astype(np.float64)
+    front = layer.astype(np.float64)
+    want = front[..., :channels] * full_scale(dtype) + (1 - front[..., 3:]) * background
+    if np.dtype(dtype).kind == "u":
+        want = np.minimum(want, full_scale(dtype))
+    assert np.abs(got - want).max() <= slack(dtype)
+    assert C.over(background, np.zeros_like(layer)).tobytes() == background.tobytes()
+
+
+def test_join_does_not_know_an_order():
+    planes = [opacity((16, 16), np.float64, seed=s) for s in range(5)]
+    matte = opacity((16, 16), np.float64, seed=9)
+    want = (1 - 0.9 * np.prod([1 - p for p in planes], axis=0)) * (1 - matte)
+    for order in ([0, 1, 2, 3, 4], [4, 2, 0, 1, 3], [3, 4, 1, 0, 2]):
+        got = C.join([planes[i] for i in order], haze=0.1, matte=matte)
+        assert np.abs(got - want).max() <= 1e-15
+
+
+ALPHA = np.full((2, 2), 0.5)
+GRAY, RGBA = np.zeros((2, 2)), np.zeros((2, 2, 4))
+RAGGED = [[1.0], [1.0, 2.0]]
+PLANES = {"NaN": ALPHA * np.nan, "over 1": ALPHA + 1, "under 0": ALPHA - 1, "shape": ALPHA[:1]}
+# For each argument: a call with it, and what it must refuse.
+REFUSED: dict[str, tuple[Callable[[Any], Any], dict[str, Any]]] = {
+    "alpha": (lambda v: C.snow(GRAY, v), {**PLANES, "0-d": 0.5, "text": "x", "ragged": RAGGED}),
+    "background": (
+        lambda v: C.snow(v, ALPHA),
+        {"int64": GRAY.astype(int), "bool": GRAY > 0, "complex": GRAY + 1j, "text": "x",
+         "None": None, "empty": GRAY[:0], "two channels": np.zeros((2, 2, 2)), "0-d": 0.5,
+         "ragged": RAGGED},
+    ),
+    "intensity": (
+        lambda v: C.snow(GRAY, ALPHA, intensity=v),
+        {"NaN": np.nan, "infinite": np.inf, "negative": -0.1, "text": "x", "None": None,
+         "RGB over gray": (1.0, 1.0, 1.0), "complex": 1j},
+    ),
+    "layer": (
+        lambda v: C.over(np.zeros((2, 2, 3)), v),
+        {"RGB": RGBA[..., :3], "shape": RGBA[:1], "text": "x", "bool": RGBA > 0,
+         "NaN": RGBA * np.nan, "alpha over 1": RGBA + 2.0, "alpha under 0": RGBA - 1.0},
+    ),
+    "layers": (
+        lambda v: C.join(v),
+        {"none": [], "shapes": [GRAY, GRAY[:1]], "dtypes": [GRAY, GRAY.astype(np.float32)],
+         "None": None, "NaN": [PLANES["NaN"]], "over 1": [PLANES["over 1"]]},
+    ),
+    "haze": (
+        lambda v: C.join([GRAY], haze=v), {"NaN": np.nan, "low": -0.1, "high": 1.1, "text": "x"}
+    ),
+    "matte": (lambda v: C.join([GRAY], matte=v), PLANES),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("name", "what"), [(name, what) for name, (_, values) in REFUSED.items() for what in values]
+)
+def test_refusals_name_the_argument(name: str, what: str):
+    call, values = REFUSED[name]
+    with pytest.raises((TypeError, ValueError), match=name):
+        call(values[what])

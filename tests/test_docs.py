@@ -1,0 +1,75 @@
+"""The examples in docstrings and in the README run."""
+
+from __future__ import annotations
+
+import doctest
+import importlib
+import pkgutil
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+import flurries
+
+README = Path(__file__).parents[1] / "README.md"
+RUN = re.compile(r"^```python\n(.*?)^```$", re.MULTILINE | re.DOTALL)
+
+
+def modules() -> Iterator[str]:
+    yield "flurries"
+    for found in pkgutil.walk_packages(flurries.__path__, "flurries."):
+        if not found.name.endswith("__main__"):  # importing it runs the command line
+            yield found.name
+
+
+def run_examples(module: object) -> doctest.TestResults:
+    return doctest.testmod(module, verbose=False, optionflags=doctest.ELLIPSIS)  # type: ignore[arg-type]
+
+
+def run_blocks(text: str) -> int:
+    """Run the marked blocks of a page, one after the other in one namespace; say how many."""
+    namespace: dict[str, object] = {"__name__": "readme"}
+    blocks = RUN.findall(text)
+    for number, block in enumerate(blocks, 1):
+        exec(compile(block, f"block {number}", "exec"), namespace)
+    return len(blocks)
+
+
+@pytest.fixture(autouse=True)
+def elsewhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Examples may write files; they do so in a folder of the test's own."""
+    monkeypatch.chdir(tmp_path)
+
+
+@pytest.mark.parametrize("name", sorted(modules()))
+def test_docstring_examples(name: str):
+    assert run_examples(importlib.import_module(name)).failed == 0
+
+
+def test_there_are_examples_to_run():
+    tried = {name: run_examples(importlib.import_module(name)).attempted for name in modules()}
+    for name in ("scene", "timeline", "path", "composite", "effects.snow", "spectral.frame"):
+        assert tried[f"flurries.{name}"] > 0, name
+
+
+def test_a_wrong_example_is_noticed(capsys: pytest.CaptureFixture[str]):
+    import types
+
+    module = types.ModuleType("wrong", ">>> 1 + 1\n3\n")
+    assert run_examples(module) == (1, 1)
+    assert "Expected" in capsys.readouterr().out
+
+
+def test_the_readme_runs():
+    text = README.read_text(encoding="utf-8")
+    assert run_blocks(text) == text.count("```python") >= 2
+
+
+def test_the_readme_reader_runs_blocks_in_order():
+    page = "```python\nx = 1\n```\nwords\n```text\nx = 1 / 0\n```\n"
+    page += "```python\nassert x == {}\n```\n"
+    assert run_blocks(page.format(1)) == 2
+    with pytest.raises(AssertionError):
+        run_blocks(page.format(2))

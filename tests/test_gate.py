@@ -1,0 +1,325 @@
+"""The gate between Python and the kernels: panics, forks, Ctrl-C, the GIL, threads, memory, exits.
+
+Most of it runs in processes of their own, so that a hang or a crash is a failed test and no more.
+"""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import threading
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any
+
+import numpy as np
+import pytest
+
+import flurries as fl
+from flurries import _core
+
+SNOW = fl.Snow.preset("heavy", flakes=300)
+
+
+def launch(code: str, **environment: str) -> subprocess.Popen[str]:
+    return subprocess.Popen(
+        [sys.executable, "-c", code], text=True, env={**os.environ, **environment},
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+    )  # fmt: skip
+
+
+def python(code: str, **environment: str) -> list[str]:
+    """Run a program to its end and return the words that it printed."""
+    process = launch(code, **environment)
+    try:
+        out, err = process.communicate(timeout=100)
+    except subprocess.TimeoutExpired:
+        process.kill()
+        raise
+    assert process.returncode == 0, err
+    assert err == ""
+    return out.split()
+
+
+# Panics and refusals -----------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("count", [1, 2, 5])
+def test_a_panic_is_an_error_of_ours(count: int, threads: Callable[[int], None]):
+    threads(count)
+    scene = fl.Scene((64, 64), effects=[SNOW])
+    want = scene.render(3)
+    assert issubclass(fl.InternalError, RuntimeError)
+    for _ in range(3):
+        with pytest.raises(fl.InternalError, match="forced by a test"):
+            _core.panic_for_test()
+        assert np.array_equal(scene.render(3), want)
+
+
+def test_a_panic_in_another_thread(capfd: pytest.CaptureFixture[str]):
+    with ThreadPoolExecutor(4) as pool:
+        errors = [pool.submit(_core.panic_for_test).exception(60) for _ in range(8)]
+    assert {type(error) for error in errors} == {fl.InternalError}
+
+
+@pytest.mark.parametrize("bad", [0, -1, 257, 2**63, 2**80, 1.0, "2", None, True, float("nan"), [2]])
+def test_set_threads_refuses(bad: Any, threads: Callable[[int], None]):
+    threads(2)
+    with pytest.raises((TypeError, ValueError), match=r"\bn\b"):
+        fl.set_threads(bad)
+    assert fl.threads() == 2
+    threads(np.int64(3))
+    assert fl.threads() == 3
+
+
+# Threads -----------------------------------------------------------------------------------------
+
+
+def test_many_threads_on_one_scene(threads: Callable[[int], None]):
+    threads(2)
+    scene = fl.Scene((80, 60), "#304050", effects=[SNOW, fl.Snow(flakes=100, jitter=True)])
+    want = [scene.render(t).tobytes() for t in range(4)]
+    ready = threading.Barrier(16)
+
+    def work(number: int) -> list[bytes]:
+        ready.wait()
+        return [scene.render((t + number) % 4).tobytes() for t in range(8)]
+
+    with ThreadPoolExecutor(16) as pool:
+        for number, got in enumerate(pool.map(work, range(16))):
+            assert got == [want[(t + number) % 4] for t in range(8)]
+
+
+def test_import_starts_nothing_and_loads_little():
+    code = """
+import os, sys, numpy
+def running():
+    return len(os.listdir("/proc/self/task"))
+before = running()
+import flurries as fl
+heavy = {"OpenImageIO", "av", "scipy", "skimage", "tqdm", "tomli_w", "matplotlib"}
+print(running() - before, heavy & set(sys.modules) or "none")
+fl.Scene((300, 300), effects=[fl.Snow(flakes=50)]).render(0)
+print(running() - before, len(heavy & set(sys.modules)))
+from flurries.io import fit
+fit(numpy.zeros((4, 4), "u1"), (2, 2))
+print(len(heavy & set(sys.modules)))
+"""
+    # None of its own at import; three at the first frame; and the watch sees what a call loads.
+    assert python(code, FLURRIES_NUM_THREADS="3") == ["0", "none", "3", "0", "1"]
+
+
+@pytest.mark.parametrize("value", ["1", "3", "7", " 2 ", "100000", "0", "-1", "two", "", "1.5"])
+def test_the_environment_sets_the_threads(value: str):
+    cores = len(os.sched_getaffinity(0))
+    want = {"1": 1, "3": 3, "7": 7, " 2 ": 2, "100000": 256}.get(value, cores)
+    code = "import flurries as fl; print(fl.threads()); fl.set_threads(4); print(fl.threads())"
+    assert python(code, FLURRIES_NUM_THREADS=value) == [str(want), "4"]
+
+
+def test_the_gil_is_free_during_a_frame():
+    # Another thread counts while this one is in a kernel; the control holds the GIL all along.
+    code = """
+import sys, threading, time
+import flurries as fl
+fl.set_threads(1)
+count, stop = 0, False
+def work():
+    global count
+    while not stop:
+        count += 1
+        time.sleep(0)
+def rate(call):
+    first, start = count, time.perf_counter()
+    call()
+    return (count - first) / (time.perf_counter() - start)
+frame = lambda: fl.spectral.alpha((1200, 1200), drift=(1.0, 9.0), seed=1, overlap=60)
+frame()
+thread = threading.Thread(target=work); thread.start()
+print(rate(lambda: time.sleep(0.3)), rate(frame), rate(lambda: sum(range(30_000_000))))
+stop = True
+thread.join()
+"""
+    solo, during, held = map(float, python(code))
+    assert held < 0.1 * solo, "the control holds it"
+    assert during > 5 * held and during > 0.2 * solo
+
+
+# Forks -------------------------------------------------------------------------------------------
+
+FORKS = """
+import os, signal, sys, threading, time
+import flurries as fl
+fl.set_threads(3)
+{scene}
+want = [scene.render(t).tobytes() for t in range(3)]
+stop = False
+def work():
+    while not stop:
+        scene.render(1)
+def child(limit, job):
+    # A child that hangs is ended by its alarm, and counted.
+    pid = os.fork()
+    if pid == 0:
+        signal.alarm(limit)
+        os._exit(0 if job() else 1)
+    return os.waitpid(pid, 0)[1]
+same = lambda: [scene.render(t).tobytes() for t in range(3)] == want
+results = [child(30, same) for _ in range(10)]
+thread = threading.Thread(target=work); thread.start()
+for i in range(10):
+    results.append(child(30, same))
+    time.sleep(0.003)
+nested = child(30, lambda: same() and child(30, same) == 0)
+stop = True
+thread.join()
+lock = threading.Lock(); lock.acquire()
+print(set(results), nested, same(), child(1, lock.acquire) == signal.SIGALRM)
+"""
+
+
+@pytest.mark.parametrize("background", ["colour", "video"])
+def test_forks_after_use(background: str, tmp_path: Any):
+    scene = "scene = fl.Scene((200, 150), effects=[fl.Snow(flakes=200)])"
+    if background == "video":
+        from flurries.io import VideoWriter
+
+        with VideoWriter(tmp_path / "plate.mkv", (64, 48), 24) as video:
+            for level in (10, 60, 110):
+                video.write(np.full((48, 64, 3), level, np.uint8))
+        scene = f"scene = fl.Scene(None, {str(tmp_path / 'plate.mkv')!r}, "
+        scene += "effects=[fl.Snow(flakes=200)])"
+    # Twenty children, some while another thread renders; the control is a lock that is never freed.
+    assert python(FORKS.format(scene=scene)) == ["{0}", "0", "True", "True"]
+
+
+# Ctrl-C ------------------------------------------------------------------------------------------
+
+INTERRUPT = """
+import os, signal, threading, time
+import numpy as np
+import flurries as fl
+fl.set_threads(1)
+def interrupted(begun, call):
+    # Ctrl-C comes when the first results are there, however fast the machine is.
+    def watch():
+        while not begun():
+            time.sleep(0.001)
+        os.kill(os.getpid(), signal.SIGINT)
+    threading.Thread(target=watch).start()
+    try:
+        call()
+        threading.Event().wait(5)
+    except KeyboardInterrupt:
+        return True
+{call}
+# Pixels that were never written show that the work was given up, not only reported late.
+print(interrupted(lambda: not np.isnan(out[::64, ::64]).all(), call), np.isnan(out).any())
+print(np.isfinite(fl.Scene((64, 64), effects=[fl.Snow(flakes=50)]).render(0)).all())
+# The control does not look for signals: it is interrupted only when it has finished.
+numbers = np.random.default_rng(0).random(10_000_000)
+first = numbers[0]
+print(interrupted(lambda: numbers[0] != first, numbers.sort), (np.diff(numbers) < 0).any())
+"""
+# Overlaps make them long: at 8k a plain field is done in a tenth of a second.
+FIELD = """
+out = np.full(({size}, {size}), np.nan, np.float32)
+call = lambda: fl.spectral.{name}(out.shape, drift=(1, 9), seed=1, overlap={overlap}, out=out)
+"""
+CALLS = {
+    "field": FIELD.format(name="field", size=8192, overlap=48),
+    "alpha": FIELD.format(name="alpha", size=8192, overlap=48),
+    "small but long": FIELD.format(name="field", size=1024, overlap=63),
+    "splat": """
+out = np.full((2048, 2048), np.nan, np.float32)
+points = np.random.default_rng(0).random((3_000_000, 3)) + [-0.5, -0.5, 1.0]
+radius = np.full(len(points), 0.02)
+call = lambda: fl.particles.splat(
+    out.shape, points, radius, fl.camera.Camera(4000.0), opacity=0.1, out=out)
+""",
+}
+
+
+@pytest.mark.parametrize("name", CALLS)
+def test_ctrl_c_is_heard_in_a_kernel(name: str):
+    got = python(INTERRUPT.format(call=CALLS[name]))
+    assert got == ["True", "True", "True", "True", "False"]
+
+
+# Memory and the end ------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("leak", [0, 8192])
+def test_memory_stays_flat(leak: int):
+    code = """
+import gc
+import flurries as fl
+scene = fl.Scene((256, 256), "#304050", effects=[fl.Snow.preset("heavy", flakes=400)])
+def resident():
+    gc.collect()
+    with open("/proc/self/status") as file:
+        return next(int(line.split()[1]) for line in file if line.startswith("VmRSS"))
+kept = []
+def run(frames):
+    for t in frames:
+        scene.render(t)
+        kept.append(bytes(LEAK))
+run(range(150))
+before = resident()
+run(range(150, 450))
+print(resident() - before)
+""".replace("LEAK", str(leak))
+    (growth,) = map(int, python(code, FLURRIES_NUM_THREADS="2"))
+    assert (growth <= 1024) is (leak == 0), f"{growth} KiB in 300 frames"
+
+
+HUGE = {
+    "frame": "fl.Scene((100_000, 100_000))",
+    "flakes": "fl.Scene((64, 64), effects=[fl.Snow(flakes=10**8, texture=0.0)]).render(0)",
+    "lens far off": "fl.Scene((64, 64), camera=fl.camera.Camera(60.0, center=(1e6, 32.0)), "
+                    "effects=[fl.Snow(texture=0.0)]).render(0)",
+    "field": "fl.spectral.field((2**16, 2**16), drift=(0, 0), seed=1)",
+    "tile": "fl.spectral.field((64, 64), drift=(0, 0), seed=1, tile=2**15, overlap=0)",
+    "tile of the scene": "fl.Scene((64, 64), effects=[fl.Snow(tile=2**15, flakes=0)]).render(0)",
+    "tables": "fl.spectral.random_phase((2**15, 2**15), seed=1)",
+    "nothing huge": "fl.Scene((64, 64), effects=[fl.Snow()]).render(0); raise MemoryError",
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", HUGE)
+def test_memory_that_is_not_there_is_an_error(name: str):
+    code = f"""
+import resource
+resource.setrlimit(resource.RLIMIT_AS, (1 << 30, 1 << 30))
+import flurries as fl
+try:
+    {HUGE[name]}
+except (MemoryError, ValueError):
+    print("refused")
+print(fl.Scene((64, 64), effects=[fl.Snow(flakes=50)]).render(0).shape)
+"""
+    got = python(code, FLURRIES_NUM_THREADS="2", OPENBLAS_NUM_THREADS="1")
+    assert "".join(got) == "refused(64,64,3)"
+
+
+@pytest.mark.parametrize("size", [64, 1500])
+def test_clean_exits_while_a_daemon_thread_renders(size: int):
+    code = f"""
+import threading, time
+import flurries as fl
+scene = fl.Scene(({size}, {size}), effects=[fl.Snow(flakes=200)])
+started = threading.Event()
+def work():
+    while True:
+        scene.render(1)
+        started.set()
+        fl.spectral.alpha(({size}, {size}), drift=(1.0, 9.0), seed=1)
+for _ in range(2):
+    threading.Thread(target=work, daemon=True).start()
+started.wait()
+"""
+    running = [launch(code, FLURRIES_NUM_THREADS="2") for _ in range(5)]
+    ends = [process.communicate(timeout=100) for process in running]
+    assert [process.returncode for process in running] == [0] * 5, ends
+    assert ends == [("", "")] * 5

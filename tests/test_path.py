@@ -1,0 +1,262 @@
+"""The camera's way through the air: places and rates, and snow that moves as both say."""
+
+from __future__ import annotations
+
+import copy
+import dataclasses
+import pickle
+from fractions import Fraction
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.integrate import quad
+
+import flurries as fl
+from flurries.effects import Frame
+
+Camera, Keys, Scene, Snow = fl.camera.Camera, fl.Keys, fl.Scene, fl.Snow
+LENS = Camera(300.0)
+FPS = 24.0
+W, H, GRAY = 90, 70, "#404448"
+FORWARD = np.array([0.0, 0.0, 1.0])
+PLACES = np.random.default_rng(4).normal(size=(9, 3)).cumsum(axis=0)
+KEYED = fl.Keys([(2, (0.0, 1.0, 5.0)), (5, (3.0, 1.0, 4.0)), (11, (3.0, -2.0, 9.0))])
+PATHS: dict[str, fl.CameraPath] = {
+    "still": fl.CameraPath(LENS),
+    "array": fl.CameraPath(LENS, position=PLACES),
+    "one place": fl.CameraPath(LENS, position=[(1.0, 2.0, 3.0)]),
+    "keys": fl.CameraPath(LENS, position=KEYED),
+    "one key": fl.CameraPath(LENS, position=fl.Keys([(4, (1.0, 2.0, 3.0))])),
+    "velocity": fl.CameraPath(LENS, velocity=(0.5, -1.0, 3.0)),
+    "keyed velocity": fl.CameraPath(LENS, velocity=KEYED),
+}
+CORNERS = [*range(9), 11]
+
+
+@pytest.mark.parametrize("name", PATHS)
+@pytest.mark.parametrize("span", [(0.0, 3.7), (-6.5, 2.0), (1.25, 20.5), (-40.0, -31.5)])
+def test_place_is_the_integral_of_rate(name: str, span: tuple[float, float]):
+    path, (start, stop) = PATHS[name], span
+    moved = path.place(stop, fps=FPS) - path.place(start, fps=FPS)
+    corners = [c for c in CORNERS if start < c < stop]
+    for axis in range(3):
+        want, _ = quad(
+            lambda t, i=axis: path.rate(t, fps=FPS)[i], start, stop, points=corners or None
+        )
+        assert moved[axis] == pytest.approx(want, abs=1e-9)
+
+
+@pytest.mark.parametrize("name", PATHS)
+def test_what_comes_is_three_float64(name: str):
+    for t in (-5.5, 0, 3, 1e6):
+        for vector in (PATHS[name].place(t, fps=FPS), PATHS[name].rate(t, fps=FPS)):
+            assert vector.shape == (3,) and vector.dtype == np.float64
+            assert np.isfinite(vector).all()
+
+
+def test_a_still_camera():
+    still = PATHS["still"]
+    assert still.still and not still.goes_along(FORWARD)
+    assert not any(PATHS[name].still for name in PATHS if name != "still")
+    assert still.place(77.7, fps=FPS).tolist() == [0.0, 0.0, 0.0]
+
+
+def test_an_array_is_a_place_for_each_frame():
+    path = PATHS["array"]
+    for i, place in enumerate(PLACES):
+        assert np.abs(path.place(i, fps=FPS) - place).max() < 1e-15
+    assert np.allclose(path.place(3.25, fps=FPS), 0.75 * PLACES[3] + 0.25 * PLACES[4], rtol=1e-14)
+    assert np.array_equal(path.rate(3.25, fps=FPS), PLACES[4] - PLACES[3])
+    assert np.array_equal(path.rate(3, fps=FPS), PLACES[4] - PLACES[3]), "a frame's own rate"
+
+
+def test_outside_it_goes_on_with_the_end_rates():
+    first, last = PLACES[1] - PLACES[0], PLACES[-1] - PLACES[-2]
+    path = PATHS["array"]
+    assert np.allclose(path.place(-10.5, fps=FPS), PLACES[0] - 10.5 * first, rtol=1e-14)
+    assert np.allclose(path.place(8 + 7.25, fps=FPS), PLACES[-1] + 7.25 * last, rtol=1e-14)
+    assert np.array_equal(path.rate(-3, fps=FPS), first)
+    assert np.array_equal(path.rate(8, fps=FPS), last)
+    keyed = PATHS["keys"]
+    assert np.allclose(keyed.place(0, fps=FPS), (-2.0, 1.0, 17 / 3), rtol=1e-14)
+    assert np.allclose(keyed.place(13, fps=FPS), (3.0, -3.0, 32 / 3), rtol=1e-14)
+    # A velocity is held instead.
+    held = PATHS["keyed velocity"]
+    assert np.allclose(held.rate(-100, fps=FPS), np.array([0.0, 1.0, 5.0]) / FPS)
+    assert np.allclose(held.rate(100, fps=FPS), np.array([3.0, -2.0, 9.0]) / FPS)
+
+
+def test_a_velocity_counts_in_seconds():
+    path = PATHS["velocity"]
+    assert np.allclose(path.place(48.0, fps=FPS), (1.0, -2.0, 6.0), rtol=1e-15)
+    assert np.allclose(path.place(48.0, fps=12.0), (2.0, -4.0, 12.0), rtol=1e-15)
+    assert np.array_equal(path.place(0.0, fps=FPS), np.zeros(3))
+    assert np.allclose(path.rate(7, fps=FPS) * FPS, (0.5, -1.0, 3.0), rtol=1e-15)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "forward"),
+    [
+        ({"velocity": (1.0, 1.0, 0.0)}, False),
+        ({"velocity": (0.0, 0.0, -1.0)}, True),
+        ({"velocity": fl.Keys([(0, (0, 0, 0)), (9, (0, 0, 1))])}, True),
+        ({"velocity": fl.Keys([(0, (1, 0, 0)), (9, (0, 1, 0))])}, False),
+        ({"position": [(0, 0, 5), (1, 1, 5)]}, False),
+        ({"position": [(0, 0, 5), (0, 0, 6)]}, True),
+        ({"position": fl.Keys([(0, (0, 0, 5)), (3, (1, 0, 5))])}, False),
+        ({"position": fl.Keys([(0, (0, 0, 5)), (3, (1, 0, 6))])}, True),
+    ],
+)
+def test_whether_it_goes_forward(arguments: dict[str, Any], forward: bool):
+    assert fl.CameraPath(LENS, **arguments).goes_along(FORWARD) is forward
+
+
+@pytest.mark.parametrize("name", PATHS)
+def test_frozen_and_copied(name: str):
+    path = PATHS[name]
+    for twin in (pickle.loads(pickle.dumps(path)), copy.copy(path), copy.deepcopy(path)):
+        assert np.array_equal(twin.place(3.3, fps=FPS), path.place(3.3, fps=FPS))
+    with pytest.raises(AttributeError):
+        path.position = None
+
+
+def test_the_callers_array_is_his():
+    places = PLACES.copy()
+    path = fl.CameraPath(LENS, position=places)
+    places[:] = 99.0
+    assert np.array_equal(path.place(0, fps=FPS), PLACES[0])
+    with pytest.raises(ValueError, match="read-only"):
+        path.position[0] = 1.0
+
+
+NAN = float("nan")
+REFUSED: dict[str, list[Any]] = {
+    "camera": [None, 300.0, "x"],
+    "velocity": [
+        1.0, (1.0, 2.0), "abc", (NAN, 0, 0), (0, 0, float("inf")), [[1, 2, 3]], (None, 0, 0),
+        fl.Keys([(0, 1.0)]), fl.Keys([(0, (1.0, 2.0))]), [(1,), (1, 2), 3],
+    ],
+    "position": [
+        1.0, (1.0, 2.0, 3.0), "x", np.zeros((0, 3)), np.zeros((4, 2)), np.zeros((2, 2, 3)),
+        [(0, 0, NAN)], fl.Keys([(0, 1.0)]), [(0, 0, 0), (1, 2)],
+    ],
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("name", "number"), [(n, i) for n in REFUSED for i in range(len(REFUSED[n]))]
+)
+def test_refusals_name_the_argument(name: str, number: int):
+    arguments: dict[str, Any] = {"camera": LENS, name: REFUSED[name][number]}
+    with pytest.raises((TypeError, ValueError), match=name):
+        fl.CameraPath(**arguments)
+
+
+def test_both_ways_at_once_are_refused():
+    with pytest.raises(ValueError, match="position and velocity"):
+        fl.CameraPath(LENS, position=PLACES, velocity=(0, 0, 0))
+
+
+# The air -----------------------------------------------------------------------------------------
+
+
+def frame_of(scene: fl.Scene, t: float) -> Frame:
+    return Frame(shape=scene.shape, window=(0, *scene.shape[:1], 0, scene.shape[1]), t=t,
+                 fps=scene.fps, camera=scene.camera.camera, path=scene.camera, seed=1)  # fmt: skip
+
+
+@pytest.mark.parametrize(("wind", "fall"), [((0.7, 0.0, 0.0), 1.4), ((-3.0, 0.5, 0.0), 0.1)])
+def test_the_longest_wave_moves_as_a_flake_at_its_depth(wind: Any, fall: float):
+    snow = Snow(wind=wind, fall=fall, near_depth=9.0)
+    scene = Scene((W, H), camera=Camera(123.0), effects=[snow], fps=25.0)
+    requests = [snow.texture_request(frame_of(scene, t)) for t in (4.0, 5.0)]
+    speed = 123.0 * np.array([wind[0], wind[1] + fall]) / (25.0 * 9.0)
+    assert np.abs(requests[1].drift - requests[0].drift - speed).max() < 1e-12
+    assert np.abs(requests[0].velocity - speed).max() < 1e-12
+    assert requests[0].wavelengths == snow.band((H, W))
+
+
+def test_a_million_frames_are_exact():
+    snow = Snow(wind=(0.35, 0.0, 0.0), fall=1.4, near_depth=12.0)
+    scene = Scene((256, 256), camera=Camera(307.2), effects=[snow], fps=30.0)
+    drift = snow.texture_request(frame_of(scene, 1_000_000.0)).drift[0, 0, 0]
+    longest = Fraction(snow.band((256, 256))[1])
+    for got, speed in zip(drift, (0.35, 1.4), strict=True):
+        cycles = Fraction(307.2) * Fraction(speed) * 1_000_000 / 30 / 12 / longest
+        assert abs(Fraction(float(got)) / longest - cycles) <= 1e-9
+        single = np.float32(307.2) * np.float32(speed) / np.float32(30 * 12) / np.float32(longest)
+        assert abs(Fraction(float(single * np.float32(1e6))) - cycles) > 1e-9
+
+
+def test_keyed_air_has_come_as_far_as_its_integral():
+    wind, fall = Keys([(3, (0, 0, 1)), (8, (6, -1, 0))]), Keys([(-2, 1.0), (5, 3.0)])
+    snow = Snow(wind=wind, fall=fall)
+    path = fl.CameraPath(LENS, velocity=Keys([(0, (0, 0, 0)), (6, (1, 2, 3))]))
+    scene = Scene((W, H), camera=path, effects=[snow], fps=20.0)
+    for t in (-7.5, 0.0, 4.25, 30.0):
+        air = (np.array(wind.integral(t)) + np.array([0.0, fall.integral(t), 0.0])) / 20.0
+        moved = snow.displacement(frame_of(scene, t))
+        assert np.abs(moved - (path.place(t, fps=20.0) - air)).max() < 1e-13
+        ahead, behind = (snow.displacement(frame_of(scene, t + s)) for s in (1e-3, -1e-3))
+        rate = snow.velocity(frame_of(scene, t))
+        assert np.abs((ahead - behind) / 2e-3 - rate).max() < 1e-3  # a key may lie between
+
+
+def test_moving_air_and_a_moving_camera_are_one():
+    still = {"fall": 0.0, "sway": (0.0, 1.0), "flakes": 300}
+    blown = Scene((W, H), GRAY, effects=[Snow(wind=(0.5, 1.5, 0.0), **still)])
+    flown = Scene((W, H), GRAY, fl.CameraPath(Camera(1.2 * W), velocity=(-0.5, -1.5, 0.0)),
+                  effects=[Snow(wind=(0.0, 0.0, 0.0), **still)])  # fmt: skip
+    fallen = Scene((W, H), GRAY, effects=[Snow(**{**still, "fall": 1.5, "wind": (0.5, 0.0, 0.0)})])
+    for t in (0.0, 9.25, -4.0):
+        want = blown.render(t)
+        assert np.array_equal(flown.render(t), want) and np.array_equal(fallen.render(t), want)
+        assert not np.array_equal(blown.render(t + 1), want)
+
+
+def test_an_eye_is_a_camera_moved_aside():
+    path = fl.CameraPath(LENS, velocity=(0.3, -0.2, 1.5))
+    scene = Scene((W, H), GRAY, path, [Snow(flakes=300)])
+    lens = dataclasses.replace(scene.camera.camera, offset=(0.06, 0.0, 0.0))
+    moved = scene.replace(camera=fl.CameraPath(lens, velocity=scene.camera.velocity))
+    assert np.array_equal(scene.render(5, eye=lens), moved.render(5))
+    assert not np.array_equal(scene.render(5, eye=lens), scene.render(5))
+    with pytest.raises(TypeError, match="eye"):
+        scene.render(5, eye=0.06)
+
+
+def test_a_camera_that_looks_along_the_wind_sees_it_go_away():
+    snow = Snow(wind=(1.0, 0.0, 0.0), fall=0.0, tile=16, overlap=0, wavelengths=(2.0, 8.0))
+    lens = Camera(100.0, rotation=(0.0, np.pi / 2, 0.0))  # to the right
+    scene = Scene((96, 64), camera=lens, effects=[snow])
+    drift = snow.texture_request(frame_of(scene, 30.0)).drift[:, :, 0]
+    x = np.arange(8, 96, 16) - 48.0
+    assert np.allclose(drift[..., 0], -x / 12.0, atol=1e-12), "towards the middle, 1 m in 12"
+
+
+@pytest.mark.parametrize("part", [{"flakes": 0}, {"texture": 0.0, "haze": 0.0, "near_depth": 3.0}])
+@pytest.mark.parametrize(("wind", "fall", "axis"), [((2.0, 0.0, 0.0), 0.0, 1), ((0, 0, 0), 2.0, 0)])
+def test_the_picture_moves_with_the_air(part: dict[str, Any], wind: Any, fall: float, axis: int):
+    snow = Snow(wind=wind, fall=fall, sway=(0.0, 1.0), shutter=0.0, jitter=True, **part)
+    scene = Scene((128, 128), effects=[snow], fps=60.0)
+    first, second = (np.fft.fft2(scene.render(t, layers=True).alpha) for t in (10.0, 11.0))
+    match = np.fft.ifft2(second * first.conj()).real
+    match[0, 0] = -np.inf  # what stands still, the haze
+    best = np.array(np.unravel_index(match.argmax(), match.shape))
+    best -= 128 * (best > 64)
+    assert best[axis] > 0 and abs(best[1 - axis]) <= best[axis]
+
+
+@pytest.mark.parametrize("center", [(1e6, 35.0), (-1e5, 1e5), (1e9, 1e9)])
+def test_a_lens_far_off_the_middle_is_no_endless_work(center: tuple[float, float]):
+    # The box of flakes reaches to the lens's axis: refused, or within what `flakes` may ask for.
+    snow, most = Snow(flakes=1000), Snow(flakes=100_000_000)
+    middle = frame_of(Scene((W, H), camera=Camera(100.0), effects=[most]), 0.0)
+    try:
+        scene = Scene((W, H), camera=Camera(100.0, center=center), effects=[snow])
+        count = snow.count(frame_of(scene, 0.0))
+    except ValueError as error:
+        assert "center" in str(error) or "flakes" in str(error)
+    else:
+        assert count <= most.count(middle)

@@ -1,0 +1,310 @@
+"""Scenes to files: what is in them, what stays, and that nothing of another scene is mixed in."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import OpenImageIO as oiio
+import pytest
+
+import flurries as fl
+from flurries.io import (
+    VideoWriter,
+    linear_to_srgb,
+    open_background,
+    read_header,
+    read_picture,
+    read_video,
+    srgb_to_linear,
+    write_picture,
+)
+from flurries.render import display_bytes
+
+Scene, Snow = fl.Scene, fl.Snow
+W, H = 66, 50
+RNG = np.random.default_rng(3)
+BYTES = RNG.integers(0, 220, (H, W, 3)).astype(np.uint8)
+LIGHT = RNG.gamma(1.0, 1.0, (H, W, 3)).astype(np.float32)  # with values above 1
+SNOW = Snow.preset("heavy", flakes=200)
+
+
+@pytest.fixture
+def scene() -> fl.Scene:
+    return Scene(None, BYTES, effects=[SNOW], fps=12.0)
+
+
+@pytest.fixture
+def bright() -> fl.Scene:
+    return Scene(None, LIGHT, effects=[SNOW, Snow(colour=(0.9, 0.4, 0.1), flakes=100)])
+
+
+def contents(folder: Path) -> dict[str, bytes]:
+    """Every file below a folder, hidden ones too."""
+    return {str(p.relative_to(folder)): p.read_bytes() for p in folder.rglob("*") if p.is_file()}
+
+
+def channels_of(path: Path) -> tuple[dict[str, np.ndarray], dict[str, str]]:
+    """Read an EXR with OpenImageIO alone: values and type of each channel."""
+    reader = oiio.ImageInput.open(str(path))
+    spec = reader.spec()
+    values = reader.read_image(0, 0, 0, spec.nchannels, "float").reshape(
+        spec.height, spec.width, spec.nchannels
+    )
+    types = {n: str(spec.channelformat(i)) for i, n in enumerate(spec.channelnames)}
+    reader.close()
+    return {name: values[..., i] for i, name in enumerate(spec.channelnames)}, types
+
+
+@pytest.mark.parametrize("ending", ["png", "tif", "exr"])
+def test_a_sequence_holds_the_frames(ending: str, scene: fl.Scene, tmp_path: Path):
+    done = scene.write(tmp_path / "new" / f"%04d.{ending}", "2-6x2", half=False)
+    assert (done.written, done.kept) == ([2, 4, 6], [])
+    assert done.files == [tmp_path / "new" / f"000{n}.{ending}" for n in (2, 4, 6)]
+    assert sorted(contents(tmp_path)) == [f"new/000{n}.{ending}" for n in (2, 4, 6)]
+    for number, file in zip(done.written, done.files, strict=True):
+        got, want = read_picture(file).pixels, scene.render(number)
+        if ending == "exr":
+            assert np.abs(got - srgb_to_linear(want / 255.0)).max() < 1e-6
+        else:
+            assert np.array_equal(got, want)
+
+
+def test_16_bits_stay_16_bits(tmp_path: Path):
+    scene = Scene(None, BYTES.astype(np.uint16) * 257, effects=[SNOW])
+    scene.write(tmp_path / "%d.png", [3])
+    assert np.array_equal(read_picture(tmp_path / "3.png").pixels, scene.render(3))
+
+
+@pytest.mark.parametrize("half", [True, False])
+def test_an_exr_holds_the_light(half: bool, bright: fl.Scene, tmp_path: Path):
+    bright.write(tmp_path / "still.exr", "7", half=half)
+    values, types = channels_of(tmp_path / "still.exr")
+    assert set(types) == {"R", "G", "B"}
+    assert set(types.values()) == {"half" if half else "float"}
+    want = bright.render(7)
+    assert want.max() > 1.5
+    for name, plane in zip("RGB", np.moveaxis(want, -1, 0), strict=True):
+        stored = plane.astype(np.float16).astype(np.float32) if half else plane
+        assert np.array_equal(values[name], stored), "half within half an ulp, floats exact"
+
+
+@pytest.mark.parametrize("half", [True, False])
+@pytest.mark.parametrize("kind", ["light", "bytes"])
+def test_an_exr_with_layers(kind: str, half: bool, bright: fl.Scene, tmp_path: Path):
+    scene = bright if kind == "light" else Scene(None, BYTES, effects=[SNOW, SNOW], space="linear")
+    scene.write(tmp_path / "a.exr", 5, layers=True, half=half)
+    values, types = channels_of(tmp_path / "a.exr")
+    rgba = "RGBA"
+    assert set(values) == {*rgba, *(f"{n}.{c}" for n in ("snow", "snow2") for c in rgba)}
+    assert set(types.values()) == {"half" if half else "float"}
+    want = scene.render(5, layers=True)
+    image = want.image if kind == "light" else srgb_to_linear(want.image.astype(np.float32) / 255)
+    planes = {c: image[..., i] for i, c in enumerate("RGB")} | {"A": np.ones((H, W))}
+    for name, layer in want.layers.items():
+        planes |= {f"{name}.{c}": layer[..., i] for i, c in enumerate(rgba)}
+    for name, plane in planes.items():
+        limit = 2.0**-11 * np.maximum(np.abs(plane), 2.0**-14) if half else 1e-7
+        assert (np.abs(values[name] - plane) <= limit).all(), name
+    # What a compositor does with them gives the picture again.
+    back = LIGHT if kind == "light" else srgb_to_linear(BYTES / 255.0)
+    for name in ("snow", "snow2"):
+        cover = values[f"{name}.A"][..., None]
+        back = np.dstack([values[f"{name}.{c}"] for c in "RGB"]) + (1 - cover) * back
+    again = np.dstack([values[c] for c in "RGB"])
+    assert np.abs(back - again).max() < (0.01 if kind == "bytes" else 0.005 * LIGHT.max())
+
+
+def test_display_bytes(scene: fl.Scene, bright: fl.Scene):
+    assert np.array_equal(display_bytes(BYTES), BYTES)
+    levels = np.arange(65536, dtype=np.uint16).reshape(256, 256)
+    assert np.array_equal(display_bytes(levels), np.rint(levels / 257.0))
+    odd = np.array([[np.nan, np.inf, -np.inf, -1.0, 0.0, 0.5, 1.0, 70.0]], np.float32)
+    want = [0, 255, 0, 0, 0, round(255 * float(linear_to_srgb(np.array(0.5)))), 255, 255]
+    assert display_bytes(odd).tolist() == [want]
+
+
+@pytest.mark.parametrize("ending", ["mp4", "webm", "mkv", "mov"])
+def test_a_video_holds_the_frames(ending: str, tmp_path: Path):
+    ramp = np.linspace(0, 200, W)[None, :, None] * np.array([1.0, 0.5, 0.2])
+    smooth = np.broadcast_to(np.rint(ramp), (H, W, 3)).astype(np.uint8)
+    scene = Scene(None, smooth, effects=[SNOW], fps=12.0)
+    done = scene.write(tmp_path / f"film.{ending}", "3-7")
+    assert (done.written, done.kept, len(contents(tmp_path))) == ([3, 4, 5, 6, 7], [], 1)
+    frames = list(read_video(done.files[0]))
+    assert len(frames) == 5
+    assert open_background(done.files[0]).fps == 12.0
+    for number, got in zip(done.written, frames, strict=True):
+        want = scene.render(number)
+        assert got.shape == want.shape
+        away = np.abs(got.astype(int) - want).mean()
+        assert away == 0 if ending == "mkv" else away < 4  # colours at half resolution
+        other = np.abs(got.astype(int) - scene.render(number + 40)).mean()
+        assert away < 0.3 * other, "and of no other frame"
+
+
+@pytest.mark.parametrize("ending", ["png", "tif", "jpg", "exr"])
+def test_again_makes_only_what_is_missing(ending: str, scene: fl.Scene, tmp_path: Path):
+    pattern = tmp_path / f"%04d.{ending}"
+    scene.write(pattern, "1-4")
+    first = contents(tmp_path)
+    stamps = {p: p.stat().st_mtime_ns for p in tmp_path.iterdir()}
+    again = scene.replace().write(pattern, "1-4")
+    assert (again.written, again.kept) == ([], [1, 2, 3, 4])
+    assert {p: p.stat().st_mtime_ns for p in tmp_path.iterdir()} == stamps
+    (tmp_path / f"0002.{ending}").unlink()
+    more = scene.write(pattern, "1-5")
+    assert (more.written, more.kept) == ([2, 5], [1, 3, 4])
+    assert {n: v for n, v in contents(tmp_path).items() if "5" not in n} == first
+
+
+@pytest.mark.parametrize(
+    "change", [{"seed": 1}, {"effects": [Snow.preset("light")]}, {"space": "linear"}, {"fps": 25.0}]
+)
+def test_another_scene_is_never_mixed_in(change: Any, scene: fl.Scene, tmp_path: Path):
+    pattern = tmp_path / "%04d.png"
+    scene.write(pattern, "1-3")
+    (tmp_path / "0001.png").unlink()
+    before = contents(tmp_path)
+    with pytest.raises(ValueError, match=r"0002\.png is there already"):
+        scene.replace(**change).write(pattern, "1-3")
+    assert contents(tmp_path) == before
+    done = scene.replace(**change).write(pattern, "1-3", overwrite=True)
+    assert done.written == [1, 2, 3]
+    assert scene.replace(**change).write(pattern, "1-3").kept == [1, 2, 3]
+
+
+@pytest.mark.parametrize("ending", ["png", "exr", "jpg", "tif"])
+def test_a_damaged_frame_is_not_taken_for_done(ending: str, scene: fl.Scene, tmp_path: Path):
+    scene.write(tmp_path / f"%04d.{ending}", "1-2")
+    target = tmp_path / f"0002.{ending}"
+    whole = target.read_bytes()
+    target.write_bytes(whole[: len(whole) // 2])
+    try:
+        done = scene.write(tmp_path / f"%04d.{ending}", "1-2")
+    except (ValueError, OSError) as error:
+        assert target.name in str(error)  # refused by name, or made again: both are honest
+    else:
+        assert done.written == [2] and target.read_bytes() == whole
+
+
+@pytest.mark.parametrize("kind", ["photograph", "other frame", "half", "layers"])
+def test_what_is_in_the_way_stays(kind: str, bright: fl.Scene, tmp_path: Path):
+    target = tmp_path / "0002.exr"
+    bright.write(tmp_path / "%04d.exr", "1-2")
+    options: dict[str, Any] = {}
+    if kind == "photograph":
+        write_picture(target, BYTES)
+    elif kind == "other frame":
+        target.write_bytes((tmp_path / "0001.exr").read_bytes())
+    else:
+        options = {"half": False} if kind == "half" else {"layers": True}
+    before = contents(tmp_path)
+    with pytest.raises(ValueError, match=r"000[12]\.exr is there already"):
+        bright.write(tmp_path / "%04d.exr", "1-3", **options)
+    assert contents(tmp_path) == before
+
+
+def test_a_film_is_not_its_own_background(tmp_path: Path):
+    film = tmp_path / "film.mkv"
+    with VideoWriter(film, (W, H), 24) as video:
+        video.write(BYTES)
+        video.write(BYTES[::-1])
+    before = film.read_bytes()
+    with pytest.raises((ValueError, OSError), match=r"film\.mkv"):
+        Scene(None, film, effects=[SNOW]).write(film)
+    assert film.read_bytes() == before
+
+
+def test_headers_say_which_frame_and_nothing_private(scene: fl.Scene, tmp_path: Path):
+    scene.write(tmp_path / "%d.png", [12])
+    found = read_header(tmp_path / "12.png").metadata
+    assert found["frame"] == "12" and found["version"] == fl.__version__
+    assert len(found["scene"]) >= 16
+    assert str(tmp_path) not in (tmp_path / "12.png").read_bytes().decode("latin-1")
+
+
+def test_frames_that_were_not_named(tmp_path: Path):
+    for number in (3, 4, 5):
+        write_picture(tmp_path / f"plate.{number}.png", np.roll(BYTES, number, axis=1))
+    done = Scene(None, tmp_path / "plate.%d.png").write(tmp_path / "out" / "%d.png")
+    assert done.written == [0, 1, 2]
+    assert np.array_equal(
+        read_picture(tmp_path / "out" / "1.png").pixels, np.roll(BYTES, 4, axis=1)
+    )
+    still = Scene((8, 8), "#102030", fps=1.5)
+    assert still.write(tmp_path / "still" / "%d.png").written == [1, 2, 3, 4, 5]  # 3 s and a bit
+    assert still.write(tmp_path / "one.png").written == [1]
+
+
+@pytest.mark.parametrize(
+    ("frames", "want"), [("7", [7]), (7, [7]), (np.int64(7), [7]), ([3, 1, 3], [3, 1]),
+                         (range(2), [0, 1]), ("1-3,9", [1, 2, 3, 9])], ids=str
+)  # fmt: skip
+def test_ways_to_name_frames(frames: Any, want: list[int], tmp_path: Path):
+    seen: list[int] = []
+
+    def progress(numbers: Iterable[int]) -> Iterable[int]:
+        for number in numbers:
+            seen.append(number)
+            yield number
+
+    done = Scene((8, 8), "#102030").write(tmp_path / "%d.png", frames, progress=progress)
+    assert done.written == seen == want
+
+
+HOSTILE = ["", " ", ".png", "%d", "a", "a/", "%d%d.png", "%s.png", "%x.png", "%f.png", "%.png",
+           "%%.png", "%-4d.png", "%+d.png", "% d.png", "%4d.png", "%*d.png", "%99d.png",
+           "%099d.png", "%(x)d.png", "%n.png", "{0}%s.png", "%d/%d.png", "%d/a.png", "a%/b%d.png",
+           "a\n%d.png", "a\0%d.png", "%d\x7f.png", "..", ".", "%d.xyz", "%d.png.gz", "%d.toml",
+           "a.gif", "%d.mp4", "a%%.webm", "%d.", "..\\%d.png", "%1$d.png", "%d.exr/..",
+           "%013d.png", "%000d.png", "~%d.psd"]  # fmt: skip
+
+
+@pytest.mark.parametrize("pattern", HOSTILE, ids=ascii)
+def test_hostile_patterns(
+    pattern: str, scene: fl.Scene, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    (tmp_path / "in").mkdir()
+    monkeypatch.chdir(tmp_path / "in")
+    with pytest.raises((ValueError, OSError)) as caught:
+        scene.write(pattern, "1-2")
+    assert len(str(caught.value)) < 300
+    assert sorted(p.name for p in tmp_path.rglob("*")) == ["in"], "nothing was made"
+
+
+BAD: dict[str, tuple[str, dict[str, Any]]] = {
+    "no frames": ("frames", {"frames": []}), "negative": ("frames", {"frames": [-1]}),
+    "backwards": ("frames", {"frames": "5-1"}), "garbage": ("frames", {"frames": "x"}),
+    "a fraction": ("frames", {"frames": [1.5]}), "a bool": ("frames", {"frames": [True]}),
+    "half": ("half", {"half": 1}), "layers of PNG": ("layers", {"layers": True}),
+    "overwrite": ("overwrite", {"overwrite": "yes"}), "a number": ("frames", {"frames": 1.5}),
+    "too many": ("frames", {"frames": "0-99999999"}), "text": ("frames", {"frames": ["1"]}),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", BAD)
+def test_bad_options_name_themselves(name: str, scene: fl.Scene, tmp_path: Path):
+    argument, options = BAD[name]
+    with pytest.raises((TypeError, ValueError), match=argument):
+        scene.write(tmp_path / "a" / "%d.png", **{"frames": "1", **options})
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("target", ["folder", "link", "file as a folder"])
+def test_targets_that_are_no_files(target: str, scene: fl.Scene, tmp_path: Path):
+    path = tmp_path / "0001.png"
+    kept = tmp_path / "kept"
+    kept.write_bytes(b"mine")
+    if target == "folder":
+        path.mkdir()
+    elif target == "link":
+        path.symlink_to(kept)
+    else:
+        path = kept / "0001.png"
+    with pytest.raises((OSError, ValueError), match=r"0001\.png|kept"):
+        scene.write(path.with_name("%04d.png"), "1-2", overwrite=True)
+    assert kept.read_bytes() == b"mine"
+    assert {p.name for p in tmp_path.iterdir()} <= {"kept", "0001.png", "0002.png"}

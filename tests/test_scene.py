@@ -1,0 +1,419 @@
+"""The scene: a frame is a pure function, its layers add up, and what it refuses."""
+
+from __future__ import annotations
+
+import copy
+import dataclasses
+import multiprocessing
+import pickle
+import threading
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import flurries as fl
+from flurries.io import VideoWriter, srgb_to_linear, write_picture
+
+Keys, Snow, Scene, Camera = fl.Keys, fl.Snow, fl.Scene, fl.camera.Camera
+W, H = 90, 70
+RNG = np.random.default_rng(11)
+BYTES = RNG.integers(0, 200, (H, W, 3)).astype(np.uint8)
+FLOATS = RNG.gamma(1.0, 0.5, (H, W, 3)).astype(np.float32)
+MASK = np.zeros((H, W), np.float32)
+MASK[:, 30:60], MASK[:, 60:] = 0.5, 1.0
+FEW = {"flakes": 300}
+
+
+def fly(**way: Any) -> fl.CameraPath:
+    return fl.CameraPath(Camera(110.0), **way)
+
+
+SCENES: dict[str, fl.Scene] = {
+    "keyed": Scene(
+        (W, H), "#203040", fly(velocity=(0.3, -0.2, 1.5)), fps=24.0, seed=-5,
+        effects=[Snow(amount=Keys([(0, 0.2), (20, 1.0)]), **FEW,
+                      wind=Keys([(0, (0, 0, 0)), (9, (2, 0, 1))]))],
+    ),
+    "float": Scene(
+        None, FLOATS, fly(position=RNG.normal(size=(5, 3)).cumsum(axis=0)),
+        [Snow.preset("blizzard", **FEW), Snow(seed=9, jitter=True, colour=(0.5, 0.7, 0.9), **FEW)],
+    ),
+    "matte": Scene(
+        None, BYTES, effects=[Snow.preset("heavy", **FEW)], foreground=MASK, space="linear"
+    ),
+    "paper": Scene(None, BYTES, effects=[Snow.preset("paper", **FEW)], seed=2**63 - 1),
+}  # fmt: skip
+TIMES = [0, 7, 7.5, -3.25, 20, 777]
+
+
+def digest(scene: fl.Scene, t: float) -> bytes:
+    return scene.render(t).tobytes()
+
+
+@pytest.fixture(scope="module", params=SCENES)
+def case(request: pytest.FixtureRequest) -> tuple[fl.Scene, dict[float, bytes]]:
+    scene = SCENES[request.param]
+    return scene, {t: digest(scene, t) for t in TIMES}
+
+
+# A frame is a pure function ----------------------------------------------------------------------
+
+
+def test_any_order_gives_the_same_bits(case: Any):
+    scene, want = case
+    assert len(set(want.values())) == len(TIMES), "frames differ from each other"
+    shuffled = [TIMES[i] for i in np.random.default_rng(0).permutation(len(TIMES))]
+    for order in (TIMES[::-1], shuffled):
+        fresh = scene.replace()
+        assert all(digest(fresh, t) == want[t] for t in order)
+
+
+def test_frame_777_alone_is_frame_777_of_the_film(case: Any):
+    scene, want = case
+    film = scene.replace()
+    for t in range(757, 777):
+        film.render(t)
+    assert digest(film, 777) == want[777]
+    assert digest(scene.replace(seed=scene.seed - 1), 777) != want[777]
+
+
+def test_threads_do_not_show(case: Any, threads: Callable[[int], None]):
+    scene, want = case
+    for count in (1, 2, 3):
+        threads(count)
+        assert all(digest(scene, t) == want[t] for t in TIMES[:3])
+
+
+def test_another_thread_and_copies_give_the_same_bits(case: Any):
+    scene, want = case
+    found: list[bytes] = []
+    worker = threading.Thread(target=lambda: found.append(digest(scene, 7.5)))
+    worker.start()
+    worker.join()
+    twins = [copy.copy(scene), copy.deepcopy(scene), pickle.loads(pickle.dumps(scene))]
+    assert found + [digest(twin, 7.5) for twin in twins] == [want[7.5]] * 4
+
+
+@pytest.mark.filterwarnings("ignore:.*fork:DeprecationWarning")
+@pytest.mark.parametrize("method", ["fork", "spawn", "forkserver"])
+def test_another_process_gives_the_same_bits(method: str):
+    with multiprocessing.get_context(method).Pool(1) as pool:
+        for scene in SCENES.values():
+            got = [pool.apply_async(scene.render, (t,)).get(120) for t in TIMES[:3]]
+            assert [frame.tobytes() for frame in got] == [digest(scene, t) for t in TIMES[:3]]
+
+
+PARTS = [
+    np.s_[0:1, 0:1], np.s_[H - 1 : H, W - 1 : W], np.s_[33:34, 45:46], np.s_[:, :],
+    np.s_[20:51, 13:77], np.s_[-9:, :], np.s_[:, 63:65], np.s_[5:1000, 80:],
+]  # fmt: skip
+
+
+def test_a_region_has_the_bits_of_the_whole(case: Any):
+    scene, _ = case
+    whole = scene.render(7.5, layers=True)
+    for part in PARTS:
+        assert np.array_equal(scene.render(7.5, region=part), whole.image[part])
+        apart = scene.render(7.5, region=part, layers=True)
+        assert np.array_equal(apart.alpha, whole.alpha[part])
+        assert all(np.array_equal(apart.layers[n], whole.layers[n][part]) for n in whole.layers)
+
+
+@pytest.mark.parametrize("t", [1e6, -5.5, 1e6 + 0.37, -1e6, np.float32(2.5), np.int64(3)])
+def test_any_time_is_finite(t: Any):
+    for scene in SCENES.values():
+        got = scene.render(t, layers=True)
+        assert np.isfinite(got.image).all() and np.isfinite(got.alpha).all()
+        assert 0.0 < got.alpha.mean() < 1.0
+
+
+@pytest.mark.parametrize("name", ["Scene", "Snow", "Keys", "CameraPath"])
+def test_what_holds_no_picture_is_small(name: str):
+    thing = {"Scene": SCENES["keyed"], "Snow": Snow.preset("heavy"), "Keys": Keys([(0, 1), (9, 2)]),
+             "CameraPath": fly(velocity=(1, 2, 3))}[name]  # fmt: skip
+    assert len(pickle.dumps(thing)) <= 4096
+
+
+def test_frozen_and_nobody_elses():
+    scene, snow = SCENES["keyed"], Snow()
+    for thing in (scene, snow, scene.render(0, layers=True)):
+        for field in dataclasses.fields(thing):
+            with pytest.raises(dataclasses.FrozenInstanceError):
+                setattr(thing, field.name, 1)
+    mine, mask = BYTES.copy(), MASK.copy()
+    scene = Scene(None, mine, effects=[Snow(**FEW)], foreground=mask)
+    want = scene.render(3)
+    assert np.array_equal(mine, BYTES) and np.array_equal(mask, MASK), "altered"
+    mine[...], mask[...] = 7, 0.25
+    assert np.array_equal(scene.render(3), want)
+
+
+@pytest.mark.parametrize("effects", [(), (Snow(amount=0.0),), (Snow(**FEW),)])
+def test_a_frame_belongs_to_the_caller(effects: tuple[Any, ...]):
+    scene = Scene(None, BYTES, effects=effects)
+    first = scene.render(0)
+    want = first.tobytes()
+    first[...] = 1
+    assert digest(scene, 0) == want
+
+
+# How much, and what stands in front --------------------------------------------------------------
+
+
+@pytest.mark.parametrize("space", ["auto", "linear"])
+@pytest.mark.parametrize("dtype", [np.uint8, np.uint16, np.float32])
+def test_no_snow_is_the_background(dtype: type, space: str):
+    kinds = {np.uint8: BYTES, np.uint16: BYTES.astype(np.uint16) * 257, np.float32: FLOATS.copy()}
+    picture = kinds[dtype]
+    if dtype is np.float32:
+        picture[0, :3, 0] = [np.nan, np.inf, -0.0]
+    for effects in ((), Snow(amount=0.0), [Snow(amount=Keys([(5, 0.0), (9, 1.0)]), haze=1.0)]):
+        scene = Scene(None, picture, effects=effects, space=space)
+        assert scene.render(5).tobytes() == picture.tobytes()
+    assert scene.render(6).tobytes() != picture.tobytes()
+
+
+def test_a_keyed_amount_rises():
+    scene = Scene((W, H), effects=[Snow.preset("heavy", amount=Keys([(0, 0.0), (10, 1.0)]))])
+    means = [scene.render(t).mean() for t in range(0, 11, 2)]
+    assert means[0] == 0.0 and (np.diff(means) > 0).all(), means
+
+
+def test_flakes_come_one_after_the_other():
+    # Half the amount is half the flakes, as white as ever, and not all of them half as white.
+    snow = Snow(texture=0.0, haze=0.0, amount=Keys([(0, 0.0), (10, 1.0)]), flakes=800, fall=0.0,
+                wind=(0.0, 0.0, 0.0), sway=(0.0, 1.0))  # fmt: skip
+    scene = Scene((128, 128), effects=[snow])
+    half, whole = (scene.render(t, layers=True).alpha for t in (5, 10))
+    assert (half <= whole + 1e-6).all(), "none vanishes while the amount rises"
+    share = (half / np.maximum(whole, 1e-9))[whole > 1e-3]
+    assert 0.2 < (share < 0.02).mean() < 0.5, "not there yet"
+    assert 0.2 < (share > 0.98).mean() < 0.5, "there"
+
+
+@pytest.mark.parametrize("kind", ["float", "uint8", "bool", "file"])
+def test_a_mask_hides_the_snow(kind: str, tmp_path: Path):
+    masks: dict[str, Any] = {"float": MASK, "uint8": np.rint(MASK * 255).astype(np.uint8),
+                             "bool": MASK == 1.0, "file": tmp_path / "mask.png"}  # fmt: skip
+    write_picture(masks["file"], masks["uint8"])
+    snow = [Snow.preset("heavy", haze=0.5, **FEW)]
+    free = Scene(None, BYTES, effects=snow).render(3)
+    got = Scene(None, BYTES, effects=snow, foreground=masks[kind]).render(3)
+    assert np.array_equal(got[:, 60:], BYTES[:, 60:])
+    assert np.array_equal(got[:, :30], free[:, :30])
+    assert not np.array_equal(free[:, 60:], BYTES[:, 60:])
+    middle = (free[:, 30:60].astype(float) + BYTES[:, 30:60]) / 2
+    wanted = free[:, 30:60] if kind == "bool" else middle
+    assert np.abs(got[:, 30:60] - wanted).max() <= 1.5
+
+
+@pytest.mark.parametrize("background", ["bytes", "floats"])
+def test_a_picture_stands_in_front(background: str):
+    picture = BYTES if background == "bytes" else FLOATS
+    plain = Scene(None, picture, effects=[Snow(**FEW)])
+    if background == "bytes":
+        front = np.zeros((H, W, 4), np.uint8)
+        front[...] = (10, 130, 250, 255)  # straight
+        front[:, :40, 3], front[:, 40:50, 3] = 0, 51
+        colour, cover = front[..., :3].astype(float), front[..., 3:] / 255.0
+        wanted = colour * cover + (1 - cover) * plain.render(3)
+    else:
+        front = np.zeros((H, W, 4), np.float32)  # premultiplied
+        front[:, 40:] = (0.1, 2.0, 0.5, 1.0)
+        front[:, 40:50] *= np.float32(0.25)
+        wanted = front[..., :3] + (1.0 - front[..., 3:].astype(float)) * plain.render(3)
+    got = plain.replace(foreground=front).render(3)
+    assert np.abs(got - wanted).max() <= (0.51 if background == "bytes" else 1e-6)
+    assert np.array_equal(got[:, :40], plain.render(3)[:, :40])
+
+
+# Layers and light --------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("space", ["display", "linear"])
+@pytest.mark.parametrize("dtype", [np.uint8, np.uint16, np.float32])
+def test_the_layers_make_the_composite(dtype: type, space: str):
+    picture = {np.uint8: BYTES, np.uint16: BYTES.astype(np.uint16) * 257, np.float32: FLOATS}[dtype]
+    two = [Snow.preset("heavy", **FEW), Snow(colour=(0.9, 0.4, 0.1), **FEW)]
+    scene = Scene(None, picture, effects=two, space=space)
+    got = scene.render(4, layers=True)
+    assert np.array_equal(got.image, scene.render(4))
+    assert list(got.layers) == ["snow", "snow2"]
+    full = 1.0 if dtype is np.float32 else float(np.iinfo(dtype).max)
+    values = picture.astype(np.float64) / full
+    if dtype is np.float32 and space == "display":
+        values = twin_encode(values)
+    if dtype is not np.float32 and space == "linear":
+        values = srgb_to_linear(values)
+    through = np.ones((H, W))
+    for layer in got.layers.values():
+        assert layer.dtype == np.float32 and layer.shape == (H, W, 4)
+        values = layer[..., :3] + (1.0 - layer[..., 3:].astype(np.float64)) * values
+        through *= 1.0 - layer[..., 3].astype(np.float64)
+    assert np.abs(got.alpha - (1.0 - through)).max() <= 1e-6
+    if dtype is np.float32:
+        wanted = values if space == "linear" else srgb_to_linear(values)
+        assert np.abs(got.image - wanted).max() <= 1e-6 * (1 if space == "linear" else 20)
+    else:
+        wanted = full * (twin_encode(values) if space == "linear" else values)
+        assert np.abs(got.image - wanted).max() <= 1.0
+
+
+def twin_encode(light: np.ndarray) -> np.ndarray:
+    """IEC 61966-2-1, written out."""
+    return np.where(light <= 0.0031308, 12.92 * light, 1.055 * np.abs(light) ** (1 / 2.4) - 0.055)
+
+
+def test_linear_light_keeps_the_energy():
+    snow = [Snow.preset("heavy", colour=1.0, **FEW)]
+    flat = np.full((H, W, 3), 60, np.uint8)
+    display, linear = (Scene(None, flat, effects=snow, space=s) for s in ("display", "linear"))
+    alpha = linear.render(2, layers=True).alpha.astype(np.float64).mean()
+    ground = float(srgb_to_linear(np.array(60 / 255)))
+    light = srgb_to_linear(linear.render(2) / 255.0)[..., 0].mean()
+    assert light == pytest.approx(alpha + (1 - alpha) * ground, abs=1e-3)
+    # The paper's own mixing keeps the mean of the display values instead, so it is another look.
+    values = display.render(2)[..., 0].mean() / 255.0
+    assert values == pytest.approx(alpha + (1 - alpha) * 60 / 255, abs=1e-3)
+    assert linear.render(2).mean() > display.render(2).mean() + 5
+
+
+# Backgrounds and bad arguments -------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("kind", ["sequence", "video"])
+def test_a_film_behind_shows_its_frames_and_holds_its_ends(kind: str, tmp_path: Path):
+    frames = [np.full((48, 64, 3), level, np.uint8) for level in (10, 90, 170)]
+    if kind == "sequence":
+        for number, frame in enumerate(frames, 101):
+            write_picture(tmp_path / f"plate.{number}.png", frame)
+        spec = tmp_path / "plate.%d.png"
+    else:
+        spec = tmp_path / "plate.mkv"
+        with VideoWriter(spec, (64, 48), 25) as video:
+            for frame in frames:
+                video.write(frame)
+    scene = Scene(None, spec)
+    assert scene.size == (64, 48) and scene.frames == 3
+    for t, index in [(2, 2), (0, 0), (1.99, 1), (1, 1), (2.5, 2), (3, 2), (1e6, 2), (-0.5, 0)]:
+        assert np.array_equal(scene.render(t), frames[index]), t
+    again = pickle.loads(pickle.dumps(scene))
+    assert np.array_equal(again.render(1), frames[1])
+    assert Scene((32, 32), spec, effects=[Snow(**FEW)]).render(0).shape == (32, 32, 3)
+
+
+REFUSED: dict[str, list[Any]] = {
+    "size": [(0, 5), (5,), "5", "axb", (2.0, 3.0), (W, H + 1), (2**17 + 1, 4), None],
+    "background": ["#12", np.zeros((4, 4, 2)), np.zeros((4, 4), int), np.zeros((0, 4, 3)), None],
+    "camera": [3.0, "x", object()],
+    "effects": [["snow"], [None], [Snow], [1]],
+    "fps": [0, -1.0, np.nan, np.inf, "24", None, True],
+    "seed": [2**63, 1.0, "1", None, True],
+    "space": ["srgb", 1, None],
+    "foreground": [MASK[:5], np.dstack([MASK] * 3), MASK * 2, MASK * np.nan, {}, 5],
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("name", "number"), [(n, i) for n, v in REFUSED.items() for i in range(len(v))]
+)
+def test_refusals_name_the_argument(name: str, number: int):
+    value = REFUSED[name][number]
+    arguments: dict[str, Any] = {"size": (W, H), "background": BYTES, name: value}
+    if value is None and name == "size":
+        arguments = {"size": (H, W), "background": BYTES}  # the wrong way round: a hint
+        name = r"size is \(width, height\)"
+    elif isinstance(value, tuple) and value == (W, H + 1):
+        name = "background must have size"
+    with pytest.raises((TypeError, ValueError), match=name):
+        Scene(**arguments)
+
+
+@pytest.mark.parametrize("t", [np.nan, np.inf, "x", None, 1j, True])
+def test_times_that_are_none_are_refused(t: Any):
+    with pytest.raises((TypeError, ValueError), match=r"\bt must be"):
+        SCENES["keyed"].render(t)
+
+
+@pytest.mark.parametrize(
+    "region", [np.s_[0:0, :], np.s_[5:3, :], np.s_[::2, :], np.s_[::-1, :], np.s_[0, 0], 5, "x",
+               (slice(0, 1),), np.s_[200:300, :], np.s_["a":, :], np.s_[0.5:2, :]], ids=str
+)  # fmt: skip
+def test_regions_that_are_none_are_refused(region: Any):
+    with pytest.raises((TypeError, ValueError), match="region"):
+        SCENES["keyed"].render(0, region=region)
+
+
+# Each field of Snow: good values besides the default, and what is out of its range.
+FIELDS: dict[str, tuple[Any, list[Any]]] = {
+    "amount": (0.5, [-0.1, 1.1]), "fall": (2.0, []), "wind": ((1.0, 2.0, 3.0), [(1.0, 2.0), 1.0]),
+    "colour": ((0.1, 0.2, 0.3), [-0.1, 1.1, (0.5, 0.5), (0.0, 0.0, 2.0), [[1.0], [1.0, 2.0]]]),
+    "haze": (0.5, [-0.1, 1.1]), "shutter": (0.0, [-0.1]), "texture": (0.0, [-0.1, 1.1]),
+    "mean": (-0.5, []), "spread": (1.0, [0.0, -1.0]), "power": (1.0, [0.0, -1.0]),
+    "exponent": (1.0, []), "near_depth": (5.0, [0.0, -1.0]),
+    "wavelengths": ((2.0, 6.0), [(1.9, 4.0), (4.0, 4.0), (5.0, 4.0), (4.0,), 4.0]),
+    "tile": (16, [4, -1, 2**15 + 1, 16.0]), "overlap": (3, [-1, 2**15 + 1, 3.0]),
+    "blend": ("linear", ["smooth"]), "alias": ("cut", ["Cut"]), "jitter": (True, [1, 0]),
+    "flakes": (7, [-1, 100_000_001, 7.0]), "flake_opacity": (0.5, [-0.1, 1.1]),
+    "flake_size": ((0.01, 0.01), [(0.0, 1.0), (0.02, 0.01), (0.1,), 0.1]),
+    "sway": ((0.1, 1.0), [(1.0,), 1.0]), "seed": (3, [2**63, -(2**63) - 1, 1.0]),
+}  # fmt: skip
+MAY_BE_NONE = {"wavelengths", "tile", "overlap", "seed"}
+KEYED = {"amount", "fall", "wind", "colour", "haze", "shutter", "texture", "mean", "spread",
+         "power", "flake_opacity"}  # fmt: skip
+
+
+def test_no_field_of_snow_is_forgotten():
+    assert set(FIELDS) == {field.name for field in dataclasses.fields(Snow)}
+    for name, (good, _) in FIELDS.items():
+        assert getattr(Snow(**{name: good}), name) == good
+
+
+def wrong_values(name: str) -> list[Any]:
+    good, outside = FIELDS[name]
+    bad: list[Any] = [*outside, "x", b"1", 1j, {}, object(), [[]], Keys([(0, (1.0, 2.0))])]
+    if name not in MAY_BE_NONE:
+        bad.append(None)
+    for number in (np.nan, np.inf, -np.inf):
+        bad.append((*good[:-1], number) if isinstance(good, tuple) else number)
+    if name not in KEYED:
+        bad.append(Keys([(0, 1.0), (1, 2.0)]))
+    elif name not in ("wind", "colour"):
+        bad += [Keys([(0, 0.5), (1, value)]) for value in outside]
+        bad.append(True)
+    return bad
+
+
+@pytest.mark.parametrize("name", FIELDS)
+def test_snow_refuses_by_name(name: str):
+    for value in wrong_values(name):
+        with pytest.raises((TypeError, ValueError), match=name):
+            Snow(**{name: value})
+            pytest.fail(f"accepted: {value!r}")
+
+
+@pytest.mark.parametrize("name", sorted(KEYED))
+def test_what_may_be_keyed_is(name: str):
+    good = FIELDS[name][0]
+    snow = Snow(**{name: Keys([(0, good), (10, good)]), **({} if name == "flakes" else FEW)})
+    plain = Snow(**{name: good, **FEW})
+    first, second = (Scene((W, H), effects=[s]).render(4).astype(int) for s in (snow, plain))
+    assert np.abs(first - second).max() <= 1  # the way of keyed air is summed otherwise
+
+
+def test_presets_are_named_and_changed():
+    alphas = {}
+    for name in ("light", "moderate", "heavy", "blizzard", "paper"):
+        scene = Scene((128, 96), effects=[Snow.preset(name, wind=(1.0, 0.0, 0.0))])
+        assert scene.effects[0].wind == (1.0, 0.0, 0.0)
+        alphas[name] = scene.render(1, layers=True).alpha.mean()
+    assert alphas["light"] < alphas["moderate"] < alphas["heavy"] < alphas["blizzard"]
+    with pytest.raises(ValueError, match=r"preset must be one of .*'heavy'.* got 'hevy'"):
+        Snow.preset("hevy")
+    with pytest.raises(TypeError, match="flaks"):
+        Snow.preset("heavy", flaks=3)
+    with pytest.raises(TypeError):
+        Snow(0.5)  # keywords only

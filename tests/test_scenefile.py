@@ -1,0 +1,234 @@
+"""Scene files: what is saved comes back, and every mistake is told with its line."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import flurries as fl
+from flurries.io import write_picture
+from flurries.scenefile import fingerprint
+
+Keys, Scene, Snow = fl.Keys, fl.Scene, fl.Snow
+RNG = np.random.default_rng(8)
+PLATE = RNG.integers(0, 255, (40, 60, 3)).astype(np.uint8)
+FULL = Snow(
+    amount=Keys([(0, 0.5), (9.5, 1.0)]), fall=2.0, wind=Keys([(0, (1, 0, 0)), (5, (0, 0, 1))]),
+    colour=(0.9, 0.8, 0.7), haze=0.1, shutter=0.25, texture=0.6, mean=0.1, spread=2.2, power=1.5,
+    exponent=0.9, wavelengths=(2.5, 8.0), near_depth=7.0, tile=24, overlap=5, blend="linear",
+    alias="cut", jitter=True, flakes=200, flake_size=(0.01, 0.02), flake_opacity=0.8,
+    sway=(0.01, 3.0), seed=99,
+)  # fmt: skip
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Plates in `sub`, and the working folder elsewhere, so that a wrong base would show."""
+    (tmp_path / "sub").mkdir()
+    write_picture(tmp_path / "sub" / "plate.png", PLATE)
+    write_picture(
+        tmp_path / "sub" / "mask.png", RNG.integers(0, 2, (40, 60)).astype(np.uint8) * 255
+    )
+    write_picture(tmp_path / "sub" / "light.exr", (PLATE / 100.0).astype(np.float32))
+    for number in (4, 5):
+        write_picture(tmp_path / "sub" / f"film.{number}.png", np.roll(PLATE, number, axis=0))
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+SCENES: dict[str, dict[str, Any]] = {
+    "default": {},
+    "colour": {"size": (50, 40), "background": "#405060", "effects": [Snow.preset("heavy")]},
+    "light colour": {"size": (50, 40), "background": (0.1, 0.2, 4.0), "effects": [FULL]},
+    "picture": {"background": "sub/plate.png", "foreground": "sub/mask.png", "effects": [FULL],
+                "seed": -(2**63), "fps": 23.976, "space": "linear"},
+    "path": {"background": Path("sub/light.exr"), "effects": [Snow.preset("paper")]},
+    "sequence": {"background": "sub/film.%d.png", "effects": [Snow(flakes=100)]},
+    "velocity": {"size": (50, 40), "effects": [Snow(flakes=100), Snow(flakes=100, fall=0.5)],
+                 "camera": fl.CameraPath(fl.camera.Camera(80.0, center=(20.0, 11.0)),
+                                         velocity=Keys([(0, (0, 0, 1)), (9, (1, 0, 2))]))},
+    "places": {"size": (50, 40), "effects": [Snow(flakes=100)],
+               "camera": fl.CameraPath(
+                   fl.camera.Camera(77.7, offset=(0.1, 0, 0), center_shift=(1, 2),
+                                    rotation=(0, 0.1, 0)),
+                   position=RNG.normal(size=(4, 3)))},
+    "keyed places": {"size": (50, 40), "effects": [Snow(flakes=100)],
+                     "camera": fl.CameraPath(fl.camera.Camera(90.0),
+                                             position=Keys([(0, (0, 0, 0)), (4, (0, 1, 1))]))},
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_saved_and_loaded_it_is_the_same_scene(name: str, folder: Path):
+    scene = Scene(**SCENES[name])
+    (folder / "elsewhere").mkdir()
+    for file in (Path("scene.toml"), folder / "elsewhere" / "deep.toml"):
+        scene.save(file)
+        again = Scene.load(file)
+        for t in (0, 3.5):
+            assert np.array_equal(again.render(t), scene.render(t))
+        assert again.effects == scene.effects
+        assert (again.size, again.fps, again.seed) == (scene.size, scene.fps, scene.seed)
+        assert fingerprint(again) == fingerprint(scene)
+        again.save(folder / "elsewhere" / "second.toml")
+        assert fingerprint(Scene.load(folder / "elsewhere" / "second.toml")) == fingerprint(scene)
+    assert {p.name for p in folder.iterdir()} == {"sub", "elsewhere", "scene.toml"}
+
+
+def test_paths_are_relative_to_the_file(folder: Path):
+    Scene(None, folder / "sub" / "plate.png").save(folder / "sub" / "scene.toml")
+    assert str(folder) not in (folder / "sub" / "scene.toml").read_text()
+    moved = folder.parent / f"{folder.name}-moved"
+    folder.rename(moved)
+    assert np.array_equal(Scene.load(moved / "sub" / "scene.toml").render(0), PLATE)
+
+
+def test_what_a_fingerprint_sees(folder: Path):
+    base = {"background": "sub/plate.png", "effects": [FULL], "foreground": "sub/mask.png"}
+    prints = {fingerprint(Scene(**base))}
+    for change in ({"seed": 1}, {"fps": 25.0}, {"space": "linear"}, {"foreground": None},
+                   {"size": (30, 20)}, {"effects": []}, {"effects": [FULL, FULL]},
+                   {"camera": fl.camera.Camera(50.0)}, {"background": "#000000", "size": (60, 40)},
+                   {"effects": [Snow(**{**vars_of(FULL), "fall": 2.0000001})]}):  # fmt: skip
+        prints.add(fingerprint(Scene(**{**base, **change})))
+    assert len(prints) == 11
+    # One array or the same in a file of another name: the pixels count.
+    array = Scene(None, PLATE.copy(), effects=[FULL])
+    assert fingerprint(array) == fingerprint(Scene(None, PLATE, effects=[FULL]))
+    assert fingerprint(array) != fingerprint(Scene(None, PLATE + 1, effects=[FULL]))
+
+
+def vars_of(snow: fl.Snow) -> dict[str, Any]:
+    return dict(vars(snow))
+
+
+@pytest.mark.parametrize("file", ["plate.png", "mask.png", "film.5.png"])
+def test_a_changed_picture_is_another_scene(file: str, folder: Path):
+    kinds = {"mask.png": {"background": "sub/plate.png", "foreground": "sub/mask.png"},
+             "plate.png": {"background": "sub/plate.png"},
+             "film.5.png": {"background": "sub/film.%d.png"}}  # fmt: skip
+    before = fingerprint(Scene(**kinds[file]))
+    assert fingerprint(Scene(**kinds[file])) == before
+    write_picture(folder / "sub" / file, PLATE[::-1, ::-1])
+    assert fingerprint(Scene(**kinds[file])) != before
+
+
+def test_an_opened_source_is_its_file(folder: Path):
+    # The command line opens its picture before the scene does.
+    from flurries.io import open_background
+
+    opened = Scene(None, open_background("sub/plate.png"), effects=[FULL])
+    assert fingerprint(opened) == fingerprint(Scene(None, "sub/plate.png", effects=[FULL]))
+    opened.save("scene.toml")
+    assert np.array_equal(Scene.load("scene.toml").render(2), opened.render(2))
+
+
+def test_what_a_text_cannot_hold_is_refused(folder: Path):
+    for name, scene in {
+        "background": Scene(None, PLATE),
+        "foreground": Scene((60, 40), foreground=np.zeros((40, 60), np.float32)),
+    }.items():
+        with pytest.raises(ValueError, match=name):
+            scene.save("scene.toml")
+    assert {p.name for p in folder.iterdir()} == {"sub"}
+
+
+def load(folder: Path, text: str | bytes) -> fl.Scene:
+    file = folder / "scene.toml"
+    file.write_bytes(text if isinstance(text, bytes) else text.encode())
+    return Scene.load(file)
+
+
+def test_a_file_by_hand(folder: Path):
+    scene = load(
+        folder,
+        """
+        size = [60, 40]
+        background = "sub/plate.png"
+        fps = 25
+        [camera]
+        velocity = {keys = [[0, [0, 0, 1]], [10, [0, 0, 2]]]}
+        [[effects]]
+        kind = "snow"
+        preset = "heavy"
+        flakes = 50
+        amount = {keys = [[0, 0.0], [10, 1.0]]}
+        """,
+    )
+    assert scene.effects == (Snow.preset("heavy", flakes=50, amount=Keys([(0, 0.0), (10, 1.0)])),)
+    assert scene.camera.velocity == Keys([(0, (0, 0, 1)), (10, (0, 0, 2))])
+    assert scene.camera.camera.focal == 72.0
+    assert np.array_equal(scene.render(0), PLATE)
+    assert load(folder, "").size == Scene().size
+
+
+SNOW = "[[effects]]\nkind = 'snow'\n"
+# The text, the line that the message must name, and words that it must hold.
+MISTAKES: dict[str, tuple[str | bytes, int | None, str]] = {
+    "unknown key": ("size = [6, 4]\nbackgroud = '#000000'\n", 2, "backgroud.*'background'"),
+    "unknown, nothing near": ("size = [6, 4]\nzzzzz = 1\n", 2, "zzzzz.*known are size"),
+    "unknown in camera": ("[camera]\nfocal = 9\nfokal = 9\n", 3, "fokal.*camera.*'focal'"),
+    "unknown in effect": (SNOW + "flaks = 5\n", 3, "flaks.*'snow'.*'flakes'"),
+    "unknown in second": (SNOW + "fall = 1\n" + SNOW + "flaks = 5\n", 6, "flaks.*'flakes'"),
+    "known elsewhere": ("[camera]\nfocal = 9\n" + SNOW + "focal = 9\n", 5, "focal.*'snow'"),
+    "quoted key": ('"siz" = [6, 4]\n', 1, "siz.*'size'"),
+    "after a comment": ("# flaks = 3\n" + SNOW + "flaks = 5\n", 4, "flaks"),
+    "kind": ("[[effects]]\nkind = 'hail'\n", 2, "kind.*'snow'.*'hail'"),
+    "no kind": ("[[effects]]\nflakes = 5\n", None, "kind"),
+    "kind a list": ("[[effects]]\nkind = ['snow']\n", 2, "kind"),
+    "preset": (SNOW + "preset = 'hevy'\n", 3, "preset.*'heavy'.*'hevy'"),
+    "preset a number": (SNOW + "preset = 3\n", 3, "preset"),
+    "NaN": (SNOW + "fall = nan\n", 3, "fall.*finite"),
+    "infinite": ("fps = inf\n", 1, "fps.*finite"),
+    "NaN in a vector": (SNOW + "wind = [0.0, nan, 0.0]\n", 3, "wind.*finite"),
+    "NaN in keys": (SNOW + "fall = {keys = [[0, nan]]}\n", 3, "fall|keys.*finite"),
+    "NaN in camera": ("[camera]\nfocal = nan\n", 2, "focal.*finite"),
+    "NaN in second": (SNOW + "fall = 1.0\n" + SNOW + "fall = nan\n", 6, "fall.*finite"),
+    "effects a text": ("effects = 'snow'\n", 1, "effects"),
+    "effects one table": ("[effects]\nkind = 'snow'\n", 1, "effects"),
+    "effects numbers": ("effects = [1]\n", 1, "effects"),
+    "camera a number": ("camera = 3\n", 1, "camera"),
+    "keys no list": (SNOW + "fall = {keys = 5}\n", 3, "fall|keys"),
+    "keys misspelt": (SNOW + "fall = {kays = [[0, 1]]}\n", 3, "fall.*keys"),
+    "keys backwards": (SNOW + "fall = {keys = [[1, 1], [0, 1]]}\n", 3, "keys.*increase"),
+    "keys where none may be": (SNOW + "flakes = {keys = [[0, 1]]}\n", 3, "flakes"),
+    "places ragged": ("[camera]\nposition = [[0, 0, 0], [1]]\n", 2, "position"),
+    "two ways": ("[camera]\nvelocity = [0, 0, 0]\nposition = [[0, 0, 0]]\n", 3, "position"),
+    "size 0": ("size = [0, 5]\n", 1, "size"), "seed": (f"seed = {2**63}\n", 1, "seed"),
+    "a date": ("fps = 1979-05-27\n", 1, "fps"), "space": ("space = 'srgb'\n", 1, "space"),
+    "colour": ("background = '#12'\n", 1, "background"),
+    "missing picture": ("background = 'nope.png'\n", None, "nope.png"),
+    "bad TOML": ("size = [6, 4\n", None, "TOML"),
+    "twice": ("seed = 1\nseed = 2\n", 2, "TOML.*line 2"),
+    "not UTF-8": (b"background = '\xff'\n", None, "TOML"),
+    "NUL": ("background = 'a\0b'\n", None, "TOML"),
+    "deep": ("size = " + "[" * 20000 + "]" * 20000, None, "TOML"),
+    "long number": ("seed = " + "9" * 5000, None, "TOML"),
+    "too big": ("#" * (1 << 20) + "\n", None, "1048576"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", MISTAKES)
+def test_a_mistake_is_told_with_its_place(name: str, folder: Path):
+    text, line, words = MISTAKES[name]
+    with pytest.raises((ValueError, TypeError, OSError), match=words) as caught:
+        load(folder, text)
+    message = str(caught.value)
+    if name != "missing picture":
+        assert "scene.toml" in message
+    assert len(message) < 1000 and "\n" not in message
+    if line is not None:
+        assert f"line {line}" in message
+
+
+def test_a_file_of_just_a_mebibyte_is_read(folder: Path):
+    assert load(folder, "#" * ((1 << 20) - 1) + "\n").size == Scene().size
+
+
+@pytest.mark.parametrize("name", ["missing.toml", "sub"])
+def test_no_such_file(name: str, folder: Path):
+    with pytest.raises(OSError, match=name):
+        Scene.load(folder / name)

@@ -1,0 +1,180 @@
+"""Keyframes: values, slopes, and integrals that a million frames do not spoil."""
+
+from __future__ import annotations
+
+import copy
+import itertools
+import pickle
+from fractions import Fraction
+from typing import Any
+
+import mpmath
+import numpy as np
+import pytest
+from scipy.integrate import quad
+
+import flurries as fl
+from flurries.timeline import as_number, as_vector, integral_to, value_at
+
+Keys = fl.Keys
+RAMP = Keys([(-3, 2.0), (4, -1.0), (4.5, 5.0), (90, 5.0), (100, 0.25)])
+VECTOR = Keys([(2, (1.0, 0.0, -1.0)), (10, (3.0, -8.0, 1.0)), (11, (0.0, 0.0, 0.5))])
+TIMES = [-1e6, -5.5, -3.0, 0.0, 1.0, 3.999, 4.0, 4.25, 4.5, 17.3, 90.0, 99.9, 100.0, 101.0, 1e6]
+
+
+def exact(keys: Keys, t: float) -> Fraction:
+    """The integral from 0 to `t` in exact rational arithmetic, values held outside."""
+    pairs = [(Fraction(f), Fraction(v)) for f, v in keys.keys]
+
+    def area(end: Fraction) -> Fraction:
+        first, last = pairs[0], pairs[-1]
+        if end <= first[0]:
+            return first[1] * (end - first[0])
+        total = Fraction(0)
+        for (f0, v0), (f1, v1) in itertools.pairwise(pairs):
+            stop = min(end, f1)
+            if stop > f0:
+                at_stop = v0 + (v1 - v0) * (stop - f0) / (f1 - f0)
+                total += (v0 + at_stop) / 2 * (stop - f0)
+        return total + last[1] * max(end - last[0], Fraction(0))
+
+    return area(Fraction(t)) - area(Fraction(0))
+
+
+def test_values_at_and_between_the_keys():
+    for frame, value in RAMP.keys:
+        assert RAMP.at(frame) == value
+    assert RAMP.at(0.5) == 0.5
+    assert RAMP.at(4.25) == 2.0
+    assert RAMP.at(95.0) == 2.625
+    for frame, value in VECTOR.keys:
+        assert VECTOR.at(frame) == value
+    assert VECTOR.at(6) == (2.0, -4.0, 0.0)
+    assert isinstance(RAMP.at(1), float) and isinstance(VECTOR.at(1), tuple)
+    assert (RAMP.width, VECTOR.width) == (None, 3)
+
+
+def test_outside_the_keys_values_hold_or_go_on():
+    assert RAMP.at(-1e9) == 2.0 and RAMP.at(1e9) == 0.25
+    assert RAMP.slope(-4) == 0.0 and RAMP.slope(101) == 0.0 and RAMP.slope(100) == 0.0
+    assert RAMP.at(-10, extend=True) == 2.0 + 7 * 3 / 7
+    assert RAMP.at(104, extend=True) == pytest.approx(0.25 - 4 * 4.75 / 10, rel=1e-15)
+    assert RAMP.slope(-10, extend=True) == -3 / 7
+    assert RAMP.slope(100, extend=True) == -4.75 / 10
+    assert VECTOR.at(0) == (1.0, 0.0, -1.0)
+    assert VECTOR.at(0, extend=True) == (0.5, 2.0, -1.5)
+
+
+@pytest.mark.parametrize("extend", [False, True])
+def test_slope_is_the_change_of_the_value(extend: bool):
+    step = 2.0**-12  # smaller than any distance from a key below
+    for t in (-9.3, -1.7, 3.3, 4.2, 50.1, 95.5, 120.2):
+        for keys in (RAMP, VECTOR):
+            ahead, behind = (np.array(keys.at(t + s, extend=extend)) for s in (step, -step))
+            wanted = (ahead - behind) / (2 * step)
+            assert np.abs(np.array(keys.slope(t, extend=extend)) - wanted).max() < 1e-10
+    assert RAMP.slope(4) == 12.0, "at a key the slope is that of what comes"
+
+
+@pytest.mark.parametrize("t", TIMES)
+def test_integral_is_exact(t: float):
+    want = exact(RAMP, t)
+    assert abs(RAMP.integral(t) - want) <= 1e-15 * max(1.0, float(abs(want)), abs(t))
+    parts = [Keys([(f, v[i]) for f, v in VECTOR.keys]) for i in range(3)]
+    for got, part in zip(VECTOR.integral(t), parts, strict=True):
+        assert abs(got - exact(part, t)) <= 1e-15 * max(1.0, abs(t) * 3)
+    assert integral_to(RAMP, t) == RAMP.integral(t)
+
+
+@pytest.mark.parametrize("t", [-20.5, -3.0, 2.2, 4.3, 77.7, 130.0])
+def test_integral_against_quadrature(t: float):
+    corners = sorted(f for f, _ in RAMP.keys if min(0, t) < f < max(0, t))
+    numeric, _ = quad(RAMP.at, 0.0, t, points=corners or None, epsabs=1e-12, epsrel=1e-12)
+    assert RAMP.integral(t) == pytest.approx(numeric, abs=1e-10)
+    with mpmath.workdps(40):
+        path = [mpmath.mpf(p) for p in ([0.0, *corners, t] if t > 0 else [0.0, *corners[::-1], t])]
+        fine = mpmath.quad(lambda x: mpmath.mpf(RAMP.at(float(x))), path)
+        assert abs(fine - RAMP.integral(t)) < 1e-9
+
+
+def test_the_integral_starts_at_frame_0_wherever_the_keys_do():
+    for keys in (RAMP, VECTOR, Keys([(50, 1.0), (60, 3.0)]), Keys([(-60, 1.0), (-50, 3.0)])):
+        assert np.all(np.array(keys.integral(0.0)) == 0.0)
+    late = Keys([(50, 1.0), (60, 3.0)])
+    assert late.integral(50) == 50.0
+    assert late.integral(60) == 70.0
+    assert late.integral(-10) == -10.0
+
+
+def test_one_key_is_a_constant():
+    one = Keys([(7, 0.3)])
+    for t in (-1e6, -0.5, 0.0, 7.0, 1e6):
+        assert one.at(t) == one.at(t, extend=True) == 0.3
+        assert one.slope(t) == one.slope(t, extend=True) == 0.0
+        assert one.integral(t) == pytest.approx(0.3 * t, rel=1e-15, abs=3e-15)
+    assert Keys([(7, (1, 2))]).slope(3) == (0.0, 0.0)
+
+
+def test_a_million_frames_of_a_tenth():
+    # A key on every frame, so that the sum is one of a million areas.
+    keys = Keys([(float(i), 0.1) for i in range(1_000_001)])
+    with mpmath.workdps(50):
+        want = mpmath.mpf(0.1) * 1_000_000
+        assert abs(keys.integral(1_000_000.0) - want) <= 1e-10
+        naive = 0.0
+        for _ in range(1_000_000):
+            naive += 0.1
+        assert abs(naive - want) > 1e-7, "summing without care would not do"
+
+
+def test_plain_numbers_and_keys_are_asked_alike():
+    assert value_at(0.25, 9.0) == 0.25
+    assert integral_to((1.0, 2.0, 3.0), 4.0).tolist() == [4.0, 8.0, 12.0]
+    assert as_number("x", RAMP) is RAMP
+    assert as_vector("x", [1, 2, 3], 3) == (1.0, 2.0, 3.0)
+    with pytest.raises(ValueError, match="amount"):
+        as_number("amount", RAMP, low=0.0)
+    for call in (lambda: as_number("amount", VECTOR), lambda: as_vector("amount", RAMP, 3)):
+        with pytest.raises(ValueError, match="amount"):
+            call()
+
+
+def test_frozen_equal_and_copied():
+    same = Keys([[-3, 2], [4, -1.0], (np.float64(4.5), np.int32(5)), (90, 5.0), (100, 0.25)])
+    assert same == RAMP and hash(same) == hash(RAMP)
+    assert Keys([(-3, 2.0)]) != RAMP
+    for twin in (pickle.loads(pickle.dumps(RAMP)), copy.copy(RAMP), copy.deepcopy(RAMP)):
+        assert twin == RAMP and twin.integral(55.5) == RAMP.integral(55.5)
+    given = [[0, [1.0, 2.0]], [1, [3.0, 4.0]]]
+    keys = Keys(given)
+    given[0][1][0] = 99.0
+    assert keys.at(0) == (1.0, 2.0)
+    with pytest.raises(AttributeError):
+        keys.keys = ()
+
+
+NAN, INF = float("nan"), float("inf")
+REFUSED: dict[str, Any] = {
+    "none": [], "None": None, "number": 5, "text": "ab", "not pairs": [(0,)],
+    "triples": [(0, 1, 2)],
+    "same frame": [(0, 1), (0, 2)], "backwards": [(1, 1), (0, 2)], "frame NaN": [(NAN, 1)],
+    "frame infinite": [(INF, 1)], "frame text": [("0", 1)], "frame None": [(None, 1)],
+    "frame bool": [(True, 1)], "value NaN": [(0, NAN)], "value infinite": [(0, 1), (1, INF)],
+    "value text": [(0, "x")], "value None": [(0, None)], "value bool": [(0, True)],
+    "value complex": [(0, 1j)], "vector NaN": [(0, (1, NAN))], "empty vectors": [(0, ())],
+    "matrices": [(0, [[1]])], "mixed": [(0, 1), (1, (1, 2))], "lengths": [(0, (1,)), (1, (1, 2))],
+    "mapping": {0: 1},
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("what", REFUSED)
+def test_refusals_name_keys(what: str):
+    with pytest.raises((TypeError, ValueError), match="keys"):
+        Keys(REFUSED[what])
+
+
+@pytest.mark.parametrize("t", [NAN, "x", None])
+@pytest.mark.parametrize("ask", ["at", "slope", "integral"])
+def test_times_that_are_none_are_refused(ask: str, t: Any):
+    with pytest.raises((TypeError, ValueError)):
+        getattr(RAMP, ask)(t)
