@@ -11,7 +11,7 @@
 use std::f64::consts::TAU;
 
 use super::waves::Waves;
-use crate::error::{Error, zeroed};
+use crate::error::{Error, collected, zeroed};
 use crate::real::Real;
 use crate::simd::{AVX2, AVX512, dispatch, multiply_add};
 
@@ -90,7 +90,7 @@ impl<T: Real> Dense<T> {
     /// Work space for this transform.
     pub fn work(&self) -> Result<Work<T>, Error> {
         let between = self.columns * self.tile.0;
-        let folded = zeroed::<u8>(self.reach)?.iter().map(|_| [T::zero(); 4]).collect();
+        let folded = collected((0..self.reach).map(|_| [T::zero(); 4]))?;
         Ok(Work { re: zeroed(between)?, im: zeroed(between)?, folded })
     }
 }

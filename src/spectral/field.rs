@@ -12,7 +12,7 @@ use super::tent::Motion;
 use super::tile::{Choice, Plan};
 use super::tiles::{Blend, Row};
 use super::waves::{Draw, Waves};
-use crate::error::{Cancel, Error, zeroed};
+use crate::error::{Cancel, Error, collected, zeroed};
 use crate::pool;
 use crate::real::Real;
 use crate::simd::{dispatch, multiply_add};
@@ -213,7 +213,8 @@ impl<T: Real> Ready<'_, '_, T> {
         finish: &impl Fn(usize, &[T], Option<&[T]>, &mut [O]),
     ) -> Result<(), Error> {
         let rings = self.field.rings();
-        let (mut place, mut rate) = (Waves::motions(rings)?, Waves::motions(rings)?);
+        let still = || collected((0..rings).map(|_| Motion { drift: [0.0; 2], shift: [0.0; 2] }));
+        let (mut place, mut rate) = (still()?, still()?);
         let mut scratch = self.plan.scratch()?;
         let mut stripe = Stripe::new(self.field.tile.0, cols.len(), lift.is_some())?;
         let mut next = rows.start;

@@ -13,8 +13,18 @@ use crate::error::{Error, collected, zeroed};
 use crate::real::Real;
 
 /// How many multiply-adds of the dense passes cost as much as one floating-point operation of an FFT:
-/// they run on full vectors from the first cache. Measured from 24 to 512 px (benches/history.md).
-const DENSE_ADVANTAGE: f64 = 3.0;
+/// they run on full vectors from the first cache. `cargo bench --bench transform` measures it; it lies
+/// between 1.2 and 3.8, high where the size is no power of two.
+const DENSE_ADVANTAGE: f64 = 1.5;
+
+/// Floating-point operations of the FFT's way: complex along y for the columns of the band, then every
+/// row to real pixels.
+pub fn fft_operations(waves: &Waves) -> f64 {
+    let (height, width) = waves.tile;
+    let log2 = |n: usize| (n as f64).log2().max(1.0);
+    5.0 * (waves.columns * height) as f64 * log2(height)
+        + 2.5 * (height * width) as f64 * log2(width)
+}
 
 /// A transform, planned for one tile size and band.
 pub struct Plan<T: Real> {
@@ -60,11 +70,8 @@ impl<T: Real> Plan<T> {
     /// Plans the transform for a set of waves.
     pub fn new(waves: &Waves, choice: Choice) -> Result<Self, Error> {
         let (height, width) = waves.tile;
-        let log2 = |n: usize| (n as f64).log2().max(1.0);
-        let fft = 5.0 * (waves.columns * height) as f64 * log2(height)
-            + 2.5 * (height * width) as f64 * log2(width);
         let take_dense = match choice {
-            Choice::Cheaper => operations(waves) < DENSE_ADVANTAGE * fft,
+            Choice::Cheaper => operations(waves) < DENSE_ADVANTAGE * fft_operations(waves),
             Choice::Dense => true,
             Choice::Fft => false,
         };

@@ -3,8 +3,7 @@
 use super::band::{Band, Sum};
 use super::grid::{Role, direction, magnitude, odd_frequency, role};
 use super::phase::tile_hash;
-use super::tent::Motion;
-use crate::error::{Error, zeroed};
+use crate::error::Error;
 use crate::random::Hash;
 
 /// One pair of bins (k, -k), by its leader.
@@ -71,14 +70,6 @@ impl Waves {
         list.iter_mut().for_each(|wave| wave.amplitude *= factor);
         let columns = list.iter().map(|wave| wave.kx as usize + 1).max().unwrap_or(0);
         Ok(Self { tile, list, columns })
-    }
-
-    /// Motions of all rings, as a work buffer.
-    pub fn motions(rings: usize) -> Result<Vec<Motion>, Error> {
-        Ok(zeroed::<u8>(rings)?
-            .iter()
-            .map(|_| Motion { drift: [0.0; 2], shift: [0.0; 2] })
-            .collect())
     }
 }
 

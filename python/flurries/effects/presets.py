@@ -16,9 +16,9 @@ SNOW: dict[str, dict[str, Any]] = {
     "moderate": {},
     "heavy": {
         "texture": 0.9,
-        "mean": 0.15,
-        "spread": 2.3,
-        "exponent": 0.8,
+        "mean": 0.12,
+        "spread": 2.2,
+        "exponent": 0.95,
         "haze": 0.1,
         "flakes": 20000,
         "flake_size": (0.008, 0.028),
