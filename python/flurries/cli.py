@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import os
 import re
 import sys
 from collections.abc import Iterable, Sequence
@@ -94,7 +93,9 @@ def _parser() -> argparse.ArgumentParser:
     demo.set_defaults(run=_demo)
 
     render = commands.add_parser("render", help="a scene or a picture to files")
-    render.add_argument("input", metavar="SCENE|PICTURE", help="scene.toml, or a picture or film")
+    render.add_argument(
+        "input", metavar="SCENE|PICTURE", help="scene.toml, a picture, a film, #rrggbb"
+    )
     render.add_argument(
         "-o",
         "--output",
@@ -118,6 +119,7 @@ def _parser() -> argparse.ArgumentParser:
     render.add_argument("--linear", action="store_true", help="mix in linear light")
     render.add_argument("--float", action="store_true", help="EXR with 32 bits, not half")
     render.add_argument("--layers", action="store_true", help="EXR with the snow as a layer")
+    render.add_argument("--alone", action="store_true", help="only the snow, as RGBA")
     render.add_argument("--quality", choices=("high", "medium", "draft"), default="high")
     render.add_argument("--overwrite", action="store_true", help="render again what is there")
     render.add_argument("--quiet", action="store_true", help="no progress bar")
@@ -156,6 +158,7 @@ def _render(options: argparse.Namespace) -> int:
         options.frames,
         half=not options.float,
         layers=options.layers,
+        alone=options.alone,
         overwrite=options.overwrite,
         quality=options.quality,
         progress=_silent if options.quiet else _bar,
@@ -214,11 +217,13 @@ def _scene(options: argparse.Namespace) -> Any:
     else:
         if options.snow is None:
             raise _Mistake("a picture needs weather: add --snow PRESET, such as --snow heavy")
-        from flurries.io import open_background
+        source: Any = options.input
+        if not options.input.startswith("#"):
+            from flurries.io import open_background
 
-        source = open_background(os.fspath(options.input))
-        if source.fps is not None:
-            changes.setdefault("fps", float(source.fps))
+            source = open_background(options.input)
+            if source.fps is not None:
+                changes.setdefault("fps", float(source.fps))
         size = changes.pop("size", None)
         scene = Scene(size, source, effects=[Snow.preset(options.snow, **snow)], **changes)
     if options.fly is not None:

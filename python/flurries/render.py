@@ -16,7 +16,7 @@ from flurries._contract import Array, flag, integer
 from flurries.trace import stage
 
 if TYPE_CHECKING:
-    from flurries.scene import Scene
+    from flurries.scene import Rendered, Scene
 
 __all__ = ["Summary", "write"]
 
@@ -56,6 +56,7 @@ def write(
     *,
     half: bool = True,
     layers: bool = False,
+    alone: bool = False,
     overwrite: bool = False,
     quality: str = "high",
     progress: Callable[[Iterable[int]], Iterable[int]] | None = None,
@@ -79,6 +80,9 @@ def write(
         EXR as half floats, else 32 bits.
     layers : bool
         EXR only: each effect's premultiplied RGBA as named channels beside the composite.
+    alone : bool
+        The weather alone as RGBA, without background and foreground's picture: premultiplied linear
+        light in EXR, straight display values in PNG. Not for video.
     overwrite : bool
         Render again what is there, whatever scene it belongs to.
     quality : {"high", "medium", "draft"}
@@ -99,6 +103,7 @@ def write(
     """
     flag("half", half)
     flag("layers", layers)
+    flag("alone", alone)
     flag("overwrite", overwrite)
     from flurries.io import Pattern
 
@@ -110,6 +115,8 @@ def write(
         wanted = wanted[:1]
     else:
         target = Pattern(text)
+    if alone and (layers or target.is_video or not text.lower().endswith((".exr", ".png", ".tif"))):
+        raise ValueError(f"alone needs .exr, .png or .tif, and no layers, got {text!r}")
     if layers and not text.lower().endswith(".exr"):
         raise ValueError(f"layers need an EXR, got {text!r}")
     if text.lower().endswith(".hdr"):
@@ -120,7 +127,8 @@ def write(
         _write_video(scene, target, wanted, quality, bar)
         return Summary(wanted, [], [target.path(0)])
     path_of = (lambda _: Path(text)) if still else target.path
-    return _write_sequence(scene, path_of, wanted, half, layers, overwrite, bar)
+    content = "layers" if layers else "alone" if alone else "composite"
+    return _write_sequence(scene, path_of, wanted, half, content, overwrite, bar)
 
 
 def _video_suffixes() -> tuple[str, ...]:
@@ -208,7 +216,7 @@ def _write_sequence(
     path_of: Callable[[int], Path],
     frames: list[int],
     half: bool,
-    layers: bool,
+    content: str,
     overwrite: bool,
     bar: Callable[[Iterable[int]], Iterable[int]],
 ) -> Summary:
@@ -221,7 +229,7 @@ def _write_sequence(
     # Before anything is rendered: a format that can be written, in a place that can be.
     format_of(files[0])
     checked_target(files[0])
-    mark = f"{fingerprint(scene)}-{'half' if half else 'float'}{'-layers' if layers else ''}"
+    mark = f"{fingerprint(scene)}-{'half' if half else 'float'}-{content}"
     kept = [] if overwrite else [n for n in frames if _is_ours(path_of(n), mark, n)]
     done = set(kept)
     wanted = [number for number in frames if number not in done]
@@ -231,10 +239,12 @@ def _write_sequence(
         pending: list[Future[None]] = []
         for number in bar(wanted):
             metadata = {SCENE_KEY: mark, "frame": number, "version": __version__}
-            rendered = scene.render(number, layers=layers)
+            rendered = scene.render(number, layers=content != "composite")
             while len(pending) >= WRITERS:
                 pending.pop(0).result()
-            pending.append(writers.submit(_save, scene, path_of(number), rendered, half, metadata))
+            pending.append(
+                writers.submit(_save, scene, path_of(number), rendered, content, half, metadata)
+            )
         for job in pending:
             job.result()
     return Summary(wanted, kept, files)
@@ -263,11 +273,25 @@ def _is_ours(path: Path, mark: str, number: int) -> bool:
     )
 
 
-def _save(scene: Scene, path: Path, rendered: Any, half: bool, metadata: dict[str, Any]) -> None:
+def weather(rendered: Rendered) -> Array:
+    """Return (H, W, 4) float32: the layers over each other, premultiplied."""
+    whole = np.zeros((*rendered.alpha.shape, 4), np.float32)
+    for layer in rendered.layers.values():
+        whole = layer + (1.0 - layer[..., 3:]) * whole
+    return whole
+
+
+def _save(
+    scene: Scene, path: Path, rendered: Any, content: str, half: bool, metadata: dict[str, Any]
+) -> None:
     from flurries.io import srgb_to_linear, write_layers, write_picture
 
     if isinstance(rendered, np.ndarray):
         write_picture(path, rendered, half=half, metadata=metadata)
+        return
+    if content == "alone":
+        encoding = "linear" if scene.linear else "display"
+        write_picture(path, weather(rendered), encoding=encoding, half=half, metadata=metadata)
         return
     image = rendered.image
     if image.dtype.kind == "u":

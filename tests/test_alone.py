@@ -1,0 +1,61 @@
+"""The weather alone as RGBA: put over its background elsewhere, it is the composite."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import flurries as fl
+from flurries.cli import main
+from flurries.io import read_picture
+
+LIGHT = np.random.default_rng(5).random((48, 64, 3), np.float32)
+SNOW = fl.Snow.preset("heavy", colour=(0.9, 0.8, 1.0), flakes=300)
+
+
+def test_over_its_background_it_is_the_composite(tmp_path: Path):
+    scene = fl.Scene(None, LIGHT, effects=[SNOW, fl.Snow.preset("light")])
+    scene.write(tmp_path / "%d.exr", "7", alone=True, half=False)
+    layer = read_picture(tmp_path / "7.exr")
+    assert layer.alpha is not None and layer.premultiplied
+    whole = layer.pixels + (1.0 - layer.alpha[..., None]) * LIGHT
+    assert np.abs(whole - scene.render(7)).max() < 1e-6
+    assert 0.0 < layer.alpha.mean() < 1.0
+
+
+def test_a_png_holds_straight_display_values(tmp_path: Path):
+    scene = fl.Scene((64, 48), "#204060", effects=[SNOW])
+    scene.write(tmp_path / "snow.png", 7, alone=True)
+    layer = read_picture(tmp_path / "snow.png")
+    assert layer.alpha is not None and not layer.premultiplied
+    seen = layer.alpha > 0.2
+    colour = layer.pixels[seen].mean(axis=0) / 255.0
+    assert np.abs(colour - (0.9, 0.8, 1.0)).max() < 0.01
+    assert np.abs(layer.alpha - scene.render(7, layers=True).alpha).max() <= 0.5 / 255 + 1e-6
+
+
+def test_frames_alone_are_not_taken_for_composites(tmp_path: Path):
+    scene = fl.Scene(None, LIGHT, effects=[SNOW])
+    scene.write(tmp_path / "%d.exr", "7", alone=True)
+    with pytest.raises(ValueError, match=r"7\.exr"):
+        scene.write(tmp_path / "%d.exr", "7")
+
+
+@pytest.mark.parametrize("name", ["film.mp4", "%d.jpg"])
+def test_what_has_no_alpha_is_refused(name: str, tmp_path: Path):
+    with pytest.raises(ValueError, match="alone"):
+        fl.Scene(None, LIGHT, effects=[SNOW]).write(tmp_path / name, "1", alone=True)
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_colour_and_the_snow_alone_from_the_command_line(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    monkeypatch.chdir(tmp_path)
+    words = ["render", "#000000", "--snow", "light", "--size", "64x48", "--frames", "3"]
+    assert main([*words, "--alone", "--quiet", "-o", "%d.exr"]) == 0
+    assert main([*words, "--quiet", "-o", "still.png"]) == 0
+    assert read_picture("3.exr").alpha is not None
+    assert read_picture("still.png").size == (64, 48)
