@@ -72,19 +72,19 @@ macro_rules! dispatch {
     (
         $(#[$meta:meta])*
         $visibility:vis fn $name:ident $(<$real:ident: $bound:path>)? ($($argument:ident: $type:ty),* $(,)?)
-            = $kernel:ident
+            $(-> $result:ty)? = $kernel:ident
     ) => {
         $(#[$meta])*
         #[allow(clippy::too_many_arguments, reason = "some kernels take many slices, one by one")]
-        $visibility fn $name $(<$real: $bound>)? ($($argument: $type),*) {
+        $visibility fn $name $(<$real: $bound>)? ($($argument: $type),*) $(-> $result)? {
             #[cfg(target_arch = "x86_64")]
             {
                 #[target_feature(enable = "avx2,fma")]
-                unsafe fn avx2 $(<$real: $bound>)? ($($argument: $type),*) {
+                unsafe fn avx2 $(<$real: $bound>)? ($($argument: $type),*) $(-> $result)? {
                     $kernel::<$($real,)? { $crate::simd::AVX2 }>($($argument),*)
                 }
                 #[target_feature(enable = "avx512f,avx512vl,avx512dq,avx512bw,avx2,fma")]
-                unsafe fn avx512 $(<$real: $bound>)? ($($argument: $type),*) {
+                unsafe fn avx512 $(<$real: $bound>)? ($($argument: $type),*) $(-> $result)? {
                     $kernel::<$($real,)? { $crate::simd::AVX512 }>($($argument),*)
                 }
                 match $crate::simd::level() {

@@ -16,12 +16,11 @@
     reason = "an index over lanes of a fixed count is what vectorises without closures"
 )]
 
-use multiversion::multiversion;
-
 use super::bins::{Bins, Grid, TILE, pixels, touches};
 use super::profile::{self, Real, TERMS};
 use super::sprite::{REACH, Sprite};
 use crate::error::{Cancel, Error};
+use crate::simd::dispatch;
 
 /// Pixels of a tile.
 pub const PIXELS: usize = TILE * TILE;
@@ -32,16 +31,23 @@ const LANES: usize = 8;
 /// Flakes between two looks at the cancel flag.
 const LOOK: usize = 1024;
 
-/// Multiplies what the flakes let through into a tile's transmittance.
-///
-/// `depth`, where given, is the depth of what stands in the tile; a flake behind it is hidden. Pixels
-/// beyond the picture's border are computed like the others and never looked at.
-#[multiversion(targets(
-    "x86_64+avx512f+avx512bw+avx512dq+avx512vl",
-    "x86_64+avx2",
-    "x86_64+sse4.1",
-))]
-pub fn draw<P: Real>(
+dispatch! {
+    /// Multiplies what the flakes let through into a tile's transmittance.
+    ///
+    /// `depth`, where given, is the depth of what stands in the tile; a flake behind it is hidden. Pixels
+    /// beyond the picture's border are computed like the others and never looked at.
+    pub fn draw<P: Real>(
+        transmittance: &mut [f64; PIXELS],
+        depth: Option<&[P; PIXELS]>,
+        runs: &[Bins],
+        grid: &Grid,
+        tile: usize,
+        cancel: &Cancel,
+    ) -> Result<(), Error> = draw_with
+}
+
+#[inline(always)]
+fn draw_with<P: Real, const LEVEL: u8>(
     transmittance: &mut [f64; PIXELS],
     depth: Option<&[P; PIXELS]>,
     runs: &[Bins],
