@@ -17,7 +17,7 @@
 )]
 
 use super::bins::{Bins, Grid, TILE, pixels, touches};
-use super::profile::{self, Real, TERMS};
+use super::profile::{self, Profile, TERMS};
 use super::sprite::{REACH, Sprite};
 use crate::error::{Cancel, Error};
 use crate::simd::dispatch;
@@ -36,7 +36,7 @@ dispatch! {
     ///
     /// `depth`, where given, is the depth of what stands in the tile; a flake behind it is hidden. Pixels
     /// beyond the picture's border are computed like the others and never looked at.
-    pub fn draw<P: Real>(
+    pub fn draw<P: Profile>(
         transmittance: &mut [f64; PIXELS],
         depth: Option<&[P; PIXELS]>,
         runs: &[Bins],
@@ -47,7 +47,7 @@ dispatch! {
 }
 
 #[inline(always)]
-fn draw_with<P: Real, const LEVEL: u8>(
+fn draw_with<P: Profile, const LEVEL: u8>(
     transmittance: &mut [f64; PIXELS],
     depth: Option<&[P; PIXELS]>,
     runs: &[Bins],
@@ -94,7 +94,7 @@ fn begin(first: usize, count: usize, lanes: usize) -> (usize, usize) {
 
 /// T *= 1 - alpha for one block of a row, hidden where the map is nearer.
 #[inline(always)]
-fn multiply<P: Real, const N: usize>(
+fn multiply<P: Profile, const N: usize>(
     transmittance: &mut [f64; PIXELS],
     map: Option<&[P; PIXELS]>,
     depth: P,
@@ -116,7 +116,7 @@ fn multiply<P: Real, const N: usize>(
 }
 
 #[inline(always)]
-fn disc<P: Real>(
+fn disc<P: Profile>(
     transmittance: &mut [f64; PIXELS],
     map: Option<&[P; PIXELS]>,
     sprite: &Sprite,
@@ -166,7 +166,7 @@ struct Place<'a, P> {
 
 /// The product of the two axes, `blocks` blocks of N columns.
 #[inline(always)]
-fn outer<P: Real, const N: usize>(
+fn outer<P: Profile, const N: usize>(
     transmittance: &mut [f64; PIXELS],
     place: &Place<'_, P>,
     blocks: usize,
@@ -189,7 +189,7 @@ fn outer<P: Real, const N: usize>(
 
 /// The profile at `start`, `start + step`, ... for `blocks` blocks.
 #[inline(always)]
-fn axis<P: Real>(start: P, step: P, scale: P, blocks: usize) -> [P; TILE] {
+fn axis<P: Profile>(start: P, step: P, scale: P, blocks: usize) -> [P; TILE] {
     let mut values = [P::zero(); TILE];
     for block in 0..blocks {
         let values: &mut [P; LANES] =
@@ -213,7 +213,7 @@ struct Sweep<P> {
 }
 
 #[inline(always)]
-fn streak<P: Real>(
+fn streak<P: Profile>(
     transmittance: &mut [f64; PIXELS],
     map: Option<&[P; PIXELS]>,
     sprite: &Sprite,
@@ -305,7 +305,7 @@ fn streak<P: Real>(
 }
 
 #[inline(always)]
-fn blurred_short<P: Real, const N: usize>(
+fn blurred_short<P: Profile, const N: usize>(
     sweep: &Sweep<P>,
     along: f64,
     across: f64,
@@ -332,7 +332,7 @@ struct Rim<P> {
 }
 
 #[inline(always)]
-fn end<P: Real, const N: usize>(rims: &[Rim<P>; 2], alpha: &mut [P; N]) {
+fn end<P: Profile, const N: usize>(rims: &[Rim<P>; 2], alpha: &mut [P; N]) {
     for k in 0..N {
         let offset = P::of(k as f64);
         let [a, b] = rims;
@@ -344,7 +344,7 @@ fn end<P: Real, const N: usize>(rims: &[Rim<P>; 2], alpha: &mut [P; N]) {
 
 /// In float64 the series ends before footprints turn from square to tilted.
 #[inline(always)]
-fn blurred_square<P: Real, const N: usize>(
+fn blurred_square<P: Profile, const N: usize>(
     sweep: &Sweep<P>,
     from_start: f64,
     from_end: f64,
@@ -361,7 +361,7 @@ fn blurred_square<P: Real, const N: usize>(
 }
 
 #[inline(always)]
-fn blurred<P: Real, const N: usize>(
+fn blurred<P: Profile, const N: usize>(
     sweep: &Sweep<P>,
     from_start: f64,
     from_end: f64,
@@ -395,7 +395,7 @@ fn blurred<P: Real, const N: usize>(
 }
 
 #[inline(always)]
-fn one_end<P: Real, const N: usize>(start: P, step: P, alpha: &mut [P; N]) {
+fn one_end<P: Profile, const N: usize>(start: P, step: P, alpha: &mut [P; N]) {
     for k in 0..N {
         let from_end = start + P::of(k as f64) * step;
         alpha[k] = alpha[k] * (profile::swept_end(from_end) * profile::rim(-from_end));

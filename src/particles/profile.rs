@@ -15,25 +15,21 @@
 
 use num_traits::Float;
 
+use crate::real::Real;
+
 /// Where the end of the footprint begins, in sigma.
 const RIM: f64 = 3.0;
 
 /// Terms of the series for short segments.
 pub const TERMS: usize = 7;
 
-/// A pixel's arithmetic: f32 or f64.
-pub trait Real: Float + Send + Sync + 'static {
+/// What the profiles need of a pixel's precision beyond [`Real`].
+pub trait Profile: Real {
     /// Segments shorter than this many sigma use the series. The first term left out is below
     /// (L/2)^14 * 1.0e-7 there, and the difference of error functions loses 2.5 eps / L above.
     const SHORT: f64;
     /// erfc(u / sqrt 2) is taken as constant (and zero to rounding) beyond this u.
     const SATURATED: f64;
-
-    /// Rounds a double.
-    fn of(value: f64) -> Self;
-
-    /// As a double, exactly.
-    fn wide(self) -> f64;
 
     /// exp(x) for x from -80 to 0.
     fn exp_negative(x: Self) -> Self;
@@ -73,19 +69,9 @@ fn most<P: Float>(a: P, b: P) -> P {
 }
 
 // The coefficients below are Chebyshev fits made with 60 digits, highest power first.
-impl Real for f32 {
+impl Profile for f32 {
     const SHORT: f64 = 2.0;
     const SATURATED: f64 = 5.7;
-
-    #[inline(always)]
-    fn of(value: f64) -> Self {
-        value as f32
-    }
-
-    #[inline(always)]
-    fn wide(self) -> f64 {
-        f64::from(self)
-    }
 
     #[inline(always)]
     fn exp_negative(x: f32) -> f32 {
@@ -134,19 +120,9 @@ impl Real for f32 {
     }
 }
 
-impl Real for f64 {
+impl Profile for f64 {
     const SHORT: f64 = 0.45;
     const SATURATED: f64 = 8.7;
-
-    #[inline(always)]
-    fn of(value: f64) -> Self {
-        value
-    }
-
-    #[inline(always)]
-    fn wide(self) -> f64 {
-        self
-    }
 
     #[inline(always)]
     fn exp_negative(x: f64) -> f64 {
@@ -212,7 +188,7 @@ impl Real for f64 {
 
 /// The end of the footprint: 1 up to 3 sigma, 0 from 4 sigma on; any u, also a negative one.
 #[inline(always)]
-pub fn rim<P: Real>(u: P) -> P {
+pub fn rim<P: Profile>(u: P) -> P {
     let t = least(most(u - P::of(RIM), P::zero()), P::one());
     P::one() - t * t * (P::of(3.0) - (t + t))
 }
@@ -225,7 +201,7 @@ pub fn widening(extents: [f64; 2]) -> [f64; 2] {
 
 /// The Gaussian, without its rim; held beyond 6 sigma, where the rim is zero.
 #[inline(always)]
-pub fn bare<P: Real>(u: P) -> P {
+pub fn bare<P: Profile>(u: P) -> P {
     let u = least(u.abs(), P::of(6.0));
     P::exp_negative(P::of(-0.5) * u * u)
 }
@@ -235,7 +211,7 @@ pub fn bare<P: Real>(u: P) -> P {
 /// Past the end the exponent is held at 4 sigma: the rim makes it zero, and a power of two that ran
 /// out of its range would make it anything.
 #[inline(always)]
-pub fn gaussian<P: Real>(u: P) -> P {
+pub fn gaussian<P: Profile>(u: P) -> P {
     let u = least(u.abs(), P::of(4.0));
     P::exp_negative(P::of(-0.5) * u * u) * rim(u)
 }
@@ -243,7 +219,7 @@ pub fn gaussian<P: Real>(u: P) -> P {
 /// G for segments of `P::SHORT` and longer, without its factor sqrt(pi/2) / L: the two error
 /// functions of the distances inwards from the ends. `erfc` alone enters, so tails do not cancel.
 #[inline(always)]
-pub fn swept<P: Real>(from_start: P, from_end: P) -> P {
+pub fn swept<P: Profile>(from_start: P, from_end: P) -> P {
     let (near, far) = (P::tail(from_start.abs()), P::tail(from_end.abs()));
     let outside = least(from_start, from_end) < P::zero();
     let near = if from_start < P::zero() { near } else { -near };
@@ -254,7 +230,7 @@ pub fn swept<P: Real>(from_start: P, from_end: P) -> P {
 
 /// The same near one end, where the other is saturated.
 #[inline(always)]
-pub fn swept_end<P: Real>(from_end: P) -> P {
+pub fn swept_end<P: Profile>(from_end: P) -> P {
     let tail = P::tail(from_end.abs());
     if from_end < P::zero() { tail } else { P::of(2.0) - tail }
 }
@@ -289,7 +265,7 @@ pub fn series(length: f64) -> [f64; TERMS] {
 /// A short segment's image at `x` along it from its middle and `q` across, without its rim: both
 /// Gaussians in one. Far outside the rim the exponent is held where it stays in range.
 #[inline(always)]
-pub fn swept_short<P: Real>(x: P, q: P, half: P, series: [P; TERMS]) -> P {
+pub fn swept_short<P: Profile>(x: P, q: P, half: P, series: [P; TERMS]) -> P {
     let x = least(x.abs(), half + P::of(6.0));
     let q = least(q.abs(), P::of(6.0));
     let squared = x * x;
@@ -316,14 +292,14 @@ mod tests {
     fn exp_is_right_to_the_last_digits() {
         for i in 0..=3700 {
             let x = -f64::from(i) / 100.0;
-            let wide = <f64 as Real>::exp_negative(x) / x.exp() - 1.0;
+            let wide = <f64 as Profile>::exp_negative(x) / x.exp() - 1.0;
             assert!(wide.abs() < 8e-15, "{x}: {wide:e}");
             let x = x as f32;
-            let narrow = f64::from(<f32 as Real>::exp_negative(x)) / f64::from(x).exp() - 1.0;
+            let narrow = f64::from(<f32 as Profile>::exp_negative(x)) / f64::from(x).exp() - 1.0;
             assert!(narrow.abs() < 1.5e-7 + 9e-8 * f64::from(-x), "{x}: {narrow:e}");
         }
         assert_eq!(
-            (<f32 as Real>::exp_negative(0.0), <f64 as Real>::exp_negative(0.0)),
+            (<f32 as Profile>::exp_negative(0.0), <f64 as Profile>::exp_negative(0.0)),
             (1.0, 1.0)
         );
     }
@@ -350,7 +326,7 @@ mod tests {
         let jump = values.windows(2).map(|pair| (pair[1] - pair[0]).abs()).fold(0.0, f64::max);
         assert!(jump < 0.61 * width, "{jump}");
         assert_eq!((gaussian(4.0), gaussian(4.5_f32), gaussian(-1e30_f32)), (0.0, 0.0, 0.0));
-        assert_eq!(gaussian(2.9), <f64 as Real>::exp_negative(-0.5 * 2.9 * 2.9));
+        assert_eq!(gaussian(2.9), <f64 as Profile>::exp_negative(-0.5 * 2.9 * 2.9));
     }
 
     /// G by Simpson's rule over the segment: the definition.
@@ -374,7 +350,7 @@ mod tests {
         sum / (3.0 * f64::from(steps))
     }
 
-    fn errors<P: Real>(length: f64) -> f64 {
+    fn errors<P: Profile>(length: f64) -> f64 {
         let coefficients = series(length).map(P::of);
         let scale = std::f64::consts::FRAC_PI_2.sqrt() / length;
         (0..=60)
@@ -407,9 +383,9 @@ mod tests {
     fn one_end_alone_is_both_with_the_other_saturated() {
         for i in -40..=90 {
             let a = f64::from(i) / 10.0;
-            let both = swept(a, <f64 as Real>::SATURATED);
+            let both = swept(a, <f64 as Profile>::SATURATED);
             assert!((swept_end(a) - both).abs() < 1e-15, "{a}");
-            let both = swept(a as f32, <f32 as Real>::SATURATED as f32);
+            let both = swept(a as f32, <f32 as Profile>::SATURATED as f32);
             assert!((swept_end(a as f32) - both).abs() < 1.3e-7, "{a}");
         }
     }

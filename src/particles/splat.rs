@@ -4,10 +4,11 @@ use ndarray::{ArrayView1, ArrayView2, ArrayViewMut2, Axis};
 
 use super::bins::{Bins, Grid, Scratch, TILE};
 use super::draw::{PIXELS, draw};
-use super::profile::Real;
+use super::profile::Profile;
 use super::sprite::{Flake, Lens, Sprite};
 use crate::error::{Cancel, Error, finite};
 use crate::pool;
+use crate::real::Real;
 
 /// Flakes per run of the binning, at least: projected, they fit the L2 cache.
 const RUN: usize = 8192;
@@ -106,7 +107,7 @@ fn check_lens(lens: &Lens) -> Result<(), Error> {
 /// `depth`, (H, W), is the depth of what stands in the picture; where it is nearer than a flake's
 /// depth (both rounded to the pixels' type), the flake is hidden; NaN hides nothing. Bits do not depend on the thread count: tiles have one owner, and
 /// the order in which flakes are multiplied follows from their indices.
-pub fn splat<P: Real, M: Real>(
+pub fn splat<P: Profile, M: Real>(
     out: ArrayViewMut2<P>,
     flakes: &Flakes<'_>,
     lens: &Lens,
@@ -159,7 +160,7 @@ fn binned(
 }
 
 /// The picture cut into tiles, each with its number; those at the border are smaller.
-fn tiles<P: Real>(out: ArrayViewMut2<P>) -> Vec<(usize, ArrayViewMut2<P>)> {
+fn tiles<P: Profile>(out: ArrayViewMut2<P>) -> Vec<(usize, ArrayViewMut2<P>)> {
     let mut tiles = Vec::new();
     let mut rest = out;
     while rest.nrows() > 0 {
@@ -181,7 +182,7 @@ fn tiles<P: Real>(out: ArrayViewMut2<P>) -> Vec<(usize, ArrayViewMut2<P>)> {
 }
 
 /// A tile of the depth map; beyond the picture nothing stands.
-fn map_of_tile<P: Real, M: Real>(map: &ArrayView2<M>, grid: &Grid, tile: usize) -> [P; PIXELS] {
+fn map_of_tile<P: Profile, M: Real>(map: &ArrayView2<M>, grid: &Grid, tile: usize) -> [P; PIXELS] {
     let (top, left) = (tile / grid.columns * TILE, tile % grid.columns * TILE);
     let mut values = [P::infinity(); PIXELS];
     for (row, values) in values.chunks_exact_mut(TILE).enumerate().take(grid.shape.0 - top) {
@@ -192,7 +193,7 @@ fn map_of_tile<P: Real, M: Real>(map: &ArrayView2<M>, grid: &Grid, tile: usize) 
     values
 }
 
-fn store<P: Real>(mut pixels: ArrayViewMut2<P>, transmittance: &[f64; PIXELS]) {
+fn store<P: Profile>(mut pixels: ArrayViewMut2<P>, transmittance: &[f64; PIXELS]) {
     for (mut row, transmittance) in
         pixels.rows_mut().into_iter().zip(transmittance.chunks_exact(TILE))
     {
@@ -239,7 +240,7 @@ mod tests {
         shutter: f64,
     }
 
-    fn drawn<P: Real>(owned: &Owned, shape: (usize, usize), opacity: f64) -> Array2<P> {
+    fn drawn<P: Profile>(owned: &Owned, shape: (usize, usize), opacity: f64) -> Array2<P> {
         // Dirty, so that a pixel that is not written shows.
         let mut out = Array2::from_elem(shape, P::nan());
         let opacity = array![opacity];

@@ -5,10 +5,11 @@ use numpy::{PyReadonlyArray1, PyReadonlyArray2, PyReadwriteArray1, PyReadwriteAr
 use pyo3::prelude::*;
 
 use super::gate::{self, Plane, PlaneMut};
-use crate::particles::profile::Real;
+use crate::particles::profile::Profile;
 use crate::particles::splat::{self, Flakes};
 use crate::particles::sprite::Lens;
 use crate::particles::torus::{self, Sway, Torus};
+use crate::real::Real;
 
 fn swaying(sway: Option<(f64, f64)>) -> Option<Sway> {
     sway.map(|(amplitude, angular_frequency)| Sway { amplitude, angular_frequency })
@@ -95,7 +96,7 @@ pub fn particle_splat(
     })
 }
 
-fn drawn<P: Real, M: Real>(
+fn drawn<P: Profile, M: Real>(
     py: Python<'_>,
     out: ArrayViewMut2<P>,
     flakes: &Flakes<'_>,
