@@ -338,7 +338,7 @@ fn end<P: Profile, const N: usize>(rims: &[Rim<P>; 2], alpha: &mut [P; N]) {
         let [a, b] = rims;
         let a = profile::rim((a.start + offset * a.step).abs() - a.half);
         let b = profile::rim((b.start + offset * b.step).abs() - b.half);
-        alpha[k] = alpha[k] * (a * b);
+        alpha[k] *= a * b;
     }
 }
 
@@ -389,7 +389,7 @@ fn blurred<P: Profile, const N: usize>(
             let step = P::of(k as f64) * sweep.step_along;
             let (a, b) = (a + step, b - step);
             let nearest = if a < b { a } else { b };
-            alpha[k] = alpha[k] * (profile::swept(a, b) * profile::rim(-nearest));
+            alpha[k] *= profile::swept(a, b) * profile::rim(-nearest);
         }
     }
 }
@@ -398,6 +398,6 @@ fn blurred<P: Profile, const N: usize>(
 fn one_end<P: Profile, const N: usize>(start: P, step: P, alpha: &mut [P; N]) {
     for k in 0..N {
         let from_end = start + P::of(k as f64) * step;
-        alpha[k] = alpha[k] * (profile::swept_end(from_end) * profile::rim(-from_end));
+        alpha[k] *= profile::swept_end(from_end) * profile::rim(-from_end);
     }
 }
