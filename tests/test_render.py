@@ -101,7 +101,7 @@ def test_an_exr_with_layers(kind: str, half: bool, bright: fl.Scene, tmp_path: P
     assert set(values) == {*rgba, *(f"{n}.{c}" for n in ("snow", "snow2") for c in rgba)}
     assert set(types.values()) == {"half" if half else "float"}
     want = scene.render(5, layers=True)
-    image = want.image if kind == "light" else srgb_to_linear(want.image.astype(np.float32) / 255)
+    image = want.image if kind == "light" else srgb_to_linear(want.image / 255.0)
     planes = {c: image[..., i] for i, c in enumerate("RGB")} | {"A": np.ones((H, W))}
     for name, layer in want.layers.items():
         planes |= {f"{name}.{c}": layer[..., i] for i, c in enumerate(rgba)}

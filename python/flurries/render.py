@@ -201,14 +201,9 @@ def display_bytes(image: Array) -> Array:
     """Return (H, W, 3) uint8 display values of a rendered image."""
     if image.dtype == np.uint8:
         return image
-    if image.dtype == np.uint16:
-        wide: Array = (image.astype(np.uint32) * 255 + 32767) // 65535
-        return wide.astype(np.uint8)
-    from flurries.io import linear_to_srgb
+    from flurries.io.color import to_display, to_integer
 
-    display = np.nan_to_num(linear_to_srgb(image), nan=0.0, posinf=1.0, neginf=0.0)
-    levels: Array = np.rint(np.clip(display, 0.0, 1.0) * 255.0)
-    return levels.astype(np.uint8)
+    return to_integer(to_display(image, "display" if image.dtype.kind == "u" else "linear"), 8)
 
 
 def _write_sequence(
@@ -284,7 +279,8 @@ def weather(rendered: Rendered) -> Array:
 def _save(
     scene: Scene, path: Path, rendered: Any, content: str, half: bool, metadata: dict[str, Any]
 ) -> None:
-    from flurries.io import srgb_to_linear, write_layers, write_picture
+    from flurries.io import write_layers, write_picture
+    from flurries.io.color import to_linear
 
     if isinstance(rendered, np.ndarray):
         write_picture(path, rendered, half=half, metadata=metadata)
@@ -294,7 +290,6 @@ def _save(
         write_picture(path, weather(rendered), encoding=encoding, half=half, metadata=metadata)
         return
     image = rendered.image
-    if image.dtype.kind == "u":
-        image = srgb_to_linear(image.astype(np.float32) / np.float32(np.iinfo(image.dtype).max))
+    image = to_linear(image, "display" if image.dtype.kind == "u" else "linear")
     planes = {"rgba": np.concatenate([image, np.ones_like(image[..., :1])], axis=2)}
     write_layers(path, {**planes, **rendered.layers}, half=half, metadata=metadata)

@@ -293,31 +293,23 @@ class Scene:
 
     def _working(self, picture: Array) -> Array:
         """Return the background in the light that layers are mixed in."""
-        display = self._backdrop.encoding == "display"
-        if self.linear == (not display):
-            return np.ascontiguousarray(picture)
-        from flurries.io import linear_to_srgb, srgb_to_linear
+        from flurries.io.color import to_display, to_linear
 
-        if display:
-            light: Array = srgb_to_linear(_unit(picture))
-            return light
-        shown: Array = linear_to_srgb(np.ascontiguousarray(picture))
-        return shown
+        encoding = self._backdrop.encoding
+        if self.linear == (encoding == "linear"):
+            return np.ascontiguousarray(picture)
+        return to_linear(picture, encoding) if self.linear else to_display(picture, encoding)
 
     def _finished(self, working: Array, picture: Array) -> Array:
         """Return the composite in the background's own encoding and dtype."""
+        from flurries.io.color import to_display, to_integer, to_linear
+
         if self.linear == (self._backdrop.encoding == "linear"):
             # The background's own pixels where nothing lay over them: the caller gets a copy.
             return working if working.flags.writeable else working.copy()
-        from flurries.io import linear_to_srgb, srgb_to_linear
-
-        if self._backdrop.encoding == "linear":
-            light: Array = srgb_to_linear(working)
-            return light
-        full = np.iinfo(picture.dtype).max
-        shown: Array = np.rint(np.clip(linear_to_srgb(working), 0.0, 1.0) * full)
-        image: Array = shown.astype(picture.dtype)
-        return image
+        if not self.linear:
+            return to_linear(working, "display")
+        return to_integer(to_display(working, "linear"), 8 * picture.dtype.itemsize)
 
 
 def _rebuilt(values: dict[str, Any]) -> Scene:
@@ -331,11 +323,6 @@ def effect_seed(seed: int, index: int) -> int:
     draw = np.empty(index + 1)
     _core.uniform(draw, seed, -1)
     return int(draw[index] * 2**53)
-
-
-def _unit(picture: Array) -> Array:
-    unit: Array = picture.astype(np.float32) / np.float32(np.iinfo(picture.dtype).max)
-    return unit
 
 
 def _snow_over(background: Array, alpha: Array, colour: list[float]) -> Array:
