@@ -148,9 +148,11 @@ thread.join()
 
 # Forks -------------------------------------------------------------------------------------------
 
+# From 3.12 on Python warns of any fork beside threads; the test is that it works all the same.
 FORKS = """
-import os, signal, sys, threading, time
+import os, signal, sys, threading, time, warnings
 import flurries as fl
+warnings.filterwarnings("ignore", message=".*multi-threaded.*", category=DeprecationWarning)
 fl.set_threads(3)
 {scene}
 want = [scene.render(t).tobytes() for t in range(3)]
