@@ -12,7 +12,7 @@ WORKERS ?= 2
 
 RUST := $(shell find src crates -name '*.rs' 2>/dev/null) Cargo.toml crates/fft/Cargo.toml pyproject.toml
 
-.PHONY: demo test lint bench looks frames clean requirements
+.PHONY: demo test lint bench frames clean requirements
 
 demo: $(VENV)/.installed
 	$(BIN)/flurries demo --output demo

@@ -64,6 +64,10 @@ pub fn snow<S: Sample, A: Real>(
     cancel: &Cancel,
 ) -> Result<(), Error> {
     let (_, width, channels) = out.dim();
+    if channels != 1 && channels != 3 {
+        let message = format!("must have one channel or three, got {channels}");
+        return Err(Error::invalid("background", message));
+    }
     let alpha = alpha.to_slice().ok_or_else(|| Error::Internal("layout".into()))?;
     // The colour of a block of pixels, channel by channel: one loop over channels alike vectorises,
     // where a loop over pixels of three does not.
@@ -71,15 +75,17 @@ pub fn snow<S: Sample, A: Real>(
         .map(|i| <S::Working as Real>::of(intensity[i % channels] * S::SCALE))
         .collect();
     each_row(out, background, alpha, width, cancel, |out, back, alpha| {
-        let mut spread = vec![S::Working::zero(); BLOCK * channels];
+        // On the stack: rows must not allocate. Three channels are the most.
+        let mut spread = [S::Working::zero(); BLOCK * 3];
+        let spread = &mut spread[..BLOCK * channels];
         let blocks = out.chunks_mut(BLOCK * channels).zip(back.chunks(BLOCK * channels));
         for ((out, back), alpha) in blocks.zip(alpha.chunks(BLOCK)) {
             if channels == 3 {
-                spread_alpha::<S::Working, A, 3>(alpha, &mut spread);
+                spread_alpha::<S::Working, A, 3>(alpha, spread);
             } else {
-                spread_alpha::<S::Working, A, 1>(alpha, &mut spread);
+                spread_alpha::<S::Working, A, 1>(alpha, spread);
             }
-            mix_row::<S>(out, back, &colour, &spread);
+            mix_row::<S>(out, back, &colour, spread);
         }
     })
 }
