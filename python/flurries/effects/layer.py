@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -10,6 +10,7 @@ import numpy as np
 from flurries._contract import Array, Float64
 from flurries.camera import Camera
 from flurries.path import CameraPath
+from flurries.sun import Sun
 
 
 @dataclass(frozen=True)
@@ -32,6 +33,11 @@ class Frame:
         Its way.
     seed : int
         The effect's own.
+    depth : (H, W) float32 or None
+        Planar depth of the background in world units, of the whole frame; infinity where nothing
+        stands, None where nobody said. Read-only.
+    sun : Sun or None
+        What shines.
     """
 
     shape: tuple[int, int]
@@ -41,6 +47,8 @@ class Frame:
     camera: Camera
     path: CameraPath
     seed: int
+    depth: Array | None = None
+    sun: Sun | None = None
 
     @property
     def width_scale(self) -> float:
@@ -64,16 +72,23 @@ class Layer:
     Attributes
     ----------
     name : str
-        What it is.
+        What it is: letters, digits and "_", parts joined by "." as in layers of an EXR.
     alpha : (h, w) float32
-        Opacity over the window.
+        Opacity over the window, 0 to 1.
     colour : (r, g, b)
-        Its one colour, display values 0 to 1.
+        Its one colour, display values 0 to 1; not used where `rgb` is given.
+    rgb : (h, w, 3) float32, optional
+        Colour of each pixel, linear light multiplied by alpha. Light without opacity (a glow) shows
+        in linear light only: display values have no way to add it.
+    depth : (h, w) float32, optional
+        Where it is: planar depth in world units, for files with layers.
     """
 
     name: str
     alpha: Array
-    colour: tuple[float, float, float]
+    colour: tuple[float, float, float] = (1.0, 1.0, 1.0)
+    rgb: Array | None = None
+    depth: Array | None = None
 
     def rgba(self, colour: Any) -> Array:
         """Return (h, w, 4) float32, premultiplied with `colour` (3,)."""
@@ -81,3 +96,35 @@ class Layer:
         np.multiply(self.alpha[..., None], np.asarray(colour, np.float32), out=result[..., :3])
         result[..., 3] = self.alpha
         return result
+
+
+def layers_of(answer: object, effect: object, shape: tuple[int, int]) -> tuple[Layer, ...]:
+    """Return what an effect rendered as layers, or refuse what is none."""
+    layers = []
+    for layer in answer if isinstance(answer, (tuple, list)) else (answer,):
+        if not isinstance(layer, Layer):
+            raise TypeError(
+                f"effects: {type(effect).__name__}.render must return a Layer or a tuple of them, "
+                f"got {type(layer).__name__}"
+            )
+        planes: dict[str, tuple[Any, tuple[int, ...]]] = {
+            "alpha": (layer.alpha, shape),
+            "rgb": (layer.rgb, (*shape, 3)),
+            "depth": (layer.depth, shape),
+        }
+        for name, (plane, wanted) in planes.items():
+            if plane is None and name != "alpha":
+                continue
+            kind = getattr(plane, "dtype", type(plane).__name__)
+            if not isinstance(plane, np.ndarray) or kind != np.float32 or plane.shape != wanted:
+                raise TypeError(
+                    f"effects: {name} of the layer {layer.name!r} must be float32 of shape "
+                    f"{wanted}, got {kind} of shape {np.shape(plane)}"
+                )
+        parts = {name: plane for name, (plane, _) in planes.items() if plane is not None}
+        if not all(plane.flags.c_contiguous for plane in parts.values()):
+            # Windows cut out of a whole frame; kernels read rows that follow each other.
+            parts = {name: np.ascontiguousarray(plane) for name, plane in parts.items()}
+            layer = replace(layer, **parts)
+        layers.append(layer)
+    return tuple(layers)
