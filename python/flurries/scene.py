@@ -186,7 +186,8 @@ class Scene:
             Frame number, any float; frame 0 is the first. A background film shows its frame
             floor(t), the last one beyond its end.
         eye : Camera, optional
-            Another eye, in place of the path's camera; the background stays.
+            Another eye, in place of the path's camera, that moves and turns with the path; the
+            background stays.
         layers : bool
             Return a :class:`Rendered` with the layers apart.
         region : (rows, cols), optional
@@ -314,6 +315,7 @@ class Scene:
         path: CameraPath = self.camera
         if eye is not None and not isinstance(eye, Camera):
             raise TypeError(f"eye must be a Camera, got {eye!r}")
+        view = path.seen(path.camera if eye is None else eye, t)
         asks = []
         for index, effect in enumerate(self.effects):
             own = getattr(effect, "seed", None)
@@ -326,7 +328,7 @@ class Scene:
                         window=window,
                         t=t,
                         fps=self.fps,
-                        camera=path.camera if eye is None else eye,
+                        camera=view,
                         path=path,
                         seed=seed,
                         depth=depth,

@@ -39,7 +39,8 @@ _SCENE = (
     "size", "background", "camera", "effects", "fps", "seed", "foreground", "space", "depth", "sun",
 )  # fmt: skip
 _DEPTH = ("source", "near", "far", "white", "law")
-_CAMERA = ("focal", "center", "offset", "center_shift", "rotation", "position", "velocity")
+_WAY = ("position", "velocity", "orientation")
+_CAMERA = ("focal", "center", "offset", "center_shift", "rotation", "path", *_WAY)
 
 
 class _File:
@@ -219,10 +220,20 @@ def _camera(file: _File, table: Any, scene: Scene) -> CameraPath:
         if key not in _CAMERA:
             raise file.refuse(_CAMERA, "camera", "camera", key)
     values = {key: _value(file, value, "camera", key) for key, value in table.items()}
-    position, velocity = values.pop("position", None), values.pop("velocity", None)
+    way = {key: values.pop(key) for key in _WAY if key in values}
     values.setdefault("focal", DEFAULT_FOCAL * scene.shape[1])
+    if "path" in values:
+        from flurries.io import read_path
+
+        name = values.pop("path")
+        if not isinstance(name, str) or way:
+            raise ValueError(
+                f"{file.where('camera', 'path')}: path must be a CSV file, and stand without "
+                + ", ".join(_WAY)
+            )
+        way = read_path(file.path.parent / name)
     try:
-        return CameraPath(Camera(**values), position=position, velocity=velocity)
+        return CameraPath(Camera(**values), **way)
     except (ValueError, TypeError) as error:
         raise file.placed(error, table, "camera") from None
 
@@ -262,7 +273,7 @@ def describe(
     path: CameraPath = scene.camera
     camera = {f.name: _toml(getattr(path.camera, f.name)) for f in fields(Camera)}
     table["camera"] = {key: value for key, value in camera.items() if value is not None}
-    for name in ("position", "velocity"):
+    for name in _WAY:
         value = getattr(path, name)
         if value is not None:
             table["camera"][name] = _toml(value)

@@ -9,8 +9,9 @@ import numpy as np
 
 from flurries._contract import Array, Float64
 from flurries.camera import Camera
-from flurries.path import CameraPath
+from flurries.path import CameraPath, air_moved
 from flurries.sun import Sun
+from flurries.timeline import Number, Vector, value_at
 
 
 @dataclass(frozen=True)
@@ -28,7 +29,7 @@ class Frame:
     fps : float
         Frames per second.
     camera : Camera
-        The eye.
+        The eye as it is at `t`: its rotation is from its own axes to the house's then.
     path : CameraPath
         Its way.
     seed : int
@@ -59,6 +60,41 @@ class Frame:
         """Return the window of a plane of the whole frame."""
         top, bottom, left, right = self.window
         return plane[top:bottom, left:right]
+
+    def displacement(self, *, fall: Number = 0.0, wind: Vector = (0.0, 0.0, 0.0)) -> Float64:
+        """Return camera minus air since frame 0, house axes, (3,) world units.
+
+        Parameters
+        ----------
+        fall : float or Keys
+            World units per second, down.
+        wind : (x, y, z) or Keys
+            World units per second, house axes.
+        """
+        moved = air_moved(self.t, fps=self.fps, fall=fall, wind=wind)
+        return self.path.place(self.t, fps=self.fps) - moved
+
+    def velocity(self, *, fall: Number = 0.0, wind: Vector = (0.0, 0.0, 0.0)) -> Float64:
+        """Return camera minus what falls in the wind, house axes, (3,) world units per frame."""
+        air = np.array(value_at(wind, self.t))
+        air[1] += value_at(fall, self.t)
+        return self.path.rate(self.t, fps=self.fps) - air / self.fps
+
+    def travel(self, *, fall: Number = 0.0, wind: Vector = (0.0, 0.0, 0.0)) -> Float64:
+        """Return P, camera minus air since frame 0, (3,) world units in the eye's axes.
+
+        While the camera turns it is the integral of the relative velocity in the eye's turning
+        axes, and no longer a difference of places.
+        """
+        return self.to_camera(self.path.travel(self.t, fps=self.fps, fall=fall, wind=wind))
+
+    def turned(self) -> Float64:
+        """Return the integral of `spin` since frame 0, (3,) radians."""
+        return self.to_camera(self.path.turned(self.t))
+
+    def spin(self) -> Float64:
+        """Return how fast the eye turns, (3,) radians per frame in its own axes, right-handed."""
+        return self.to_camera(self.path.spin(self.t))
 
     def to_camera(self, vectors: Float64) -> Float64:
         """Return house axes turned into the camera's."""
