@@ -181,7 +181,8 @@ def image_velocity(
     given = _rows("points_px", points_px, 2)
     view = expect_camera(camera)
     size = shape_of("shape", shape)
-    distance = table("depth", depth, ndim=None)
+    # One number comes as an array of one.
+    distance = table("depth", depth, ndim=None).reshape(np.shape(depth))
     if distance.ndim not in (0, 1) or (distance.ndim == 1 and distance.shape != given.shape[:1]):
         raise ValueError(f"depth must be a number or {len(given)} of them, got {distance.shape}")
     if not (distance > 0.0).all():
