@@ -8,9 +8,11 @@ from flurries import camera, composite, particles, spectral, trace
 from flurries._core import InternalError
 from flurries._threads import set_threads, threads
 from flurries.camera import Camera
-from flurries.effects import Snow
+from flurries.depth import DepthMap
+from flurries.effects import Frame, Layer, Snow
 from flurries.path import CameraPath
 from flurries.scene import Rendered, Scene
+from flurries.sun import Sun
 from flurries.timeline import Keys
 
 __version__ = "0.1.0"
@@ -18,11 +20,15 @@ __version__ = "0.1.0"
 __all__ = [
     "Camera",
     "CameraPath",
+    "DepthMap",
+    "Frame",
     "InternalError",
     "Keys",
+    "Layer",
     "Rendered",
     "Scene",
     "Snow",
+    "Sun",
     "camera",
     "composite",
     "particles",

@@ -32,6 +32,7 @@ fn lift_with<T: Real, const LEVEL: u8>(amount: T, lift: &[T], out: &mut [T]) {
     let n = out.len();
     let lift = &lift[..n];
     for i in 0..n {
+        // A map with a power up to 1 gains mean by blur: what is added can be below 0.
         out[i] = (out[i] + amount * lift[i]).max(T::zero()).min(amount);
     }
 }
@@ -181,5 +182,7 @@ mod tests {
         let mut out = [0.0; 3];
         PAPER.map_row(&[-10.0, 0.0, 10.0], None, &mut out);
         assert_eq!(out, [0.0, 0.25, 1.0]);
+        PAPER.map_row(&[-10.0, 0.0, 10.0], Some(&[-1e-9, 0.25, 0.5]), &mut out);
+        assert_eq!(out, [0.0, 0.5, 1.0]);
     }
 }

@@ -16,14 +16,14 @@ import numpy as np
 from flurries import particles
 from flurries._contract import Array, Float64, choice, flag, integer, real, seed_of, vector
 from flurries._core import uniform
-from flurries.camera import tile_drift
+from flurries.camera import tile_drift, tile_shift
 from flurries.composite import join
 from flurries.effects.layer import Frame, Layer
 from flurries.effects.presets import SNOW
 from flurries.spectral.frame import Request, alpha_of, request
 from flurries.spectral.tables import ALIAS, band_of
 from flurries.spectral.tiles import BLEND
-from flurries.timeline import Keys, Number, Vector, as_number, as_vector, integral_to, value_at
+from flurries.timeline import Keys, Number, Vector, as_number, as_vector, value_at
 from flurries.trace import stage
 
 # Streams of counter-based numbers; the flakes' places and sway have their own in the kernel.
@@ -31,6 +31,9 @@ SIZES = 101
 
 # Over this share of the flakes the last one fades in while `amount` rises, so that none pops.
 FADE_IN = 0.1
+
+# The share of a box in which flakes are shown in full; beyond they fade to its walls.
+SHOWN = 0.85
 
 # What the most flakes in view need behind a centred lens; a small scene must not ask for more work.
 MOST_IN_BOX = 420_000_000
@@ -206,19 +209,11 @@ class Snow:
 
     def displacement(self, frame: Frame) -> Float64:
         """Return camera minus air since frame 0 in house axes, (3,) metres."""
-        return frame.path.place(frame.t, fps=frame.fps) - self._air(frame)
+        return frame.displacement(fall=self.fall, wind=self.wind)
 
     def velocity(self, frame: Frame) -> Float64:
         """Return camera minus flake per frame in house axes, (3,) metres."""
-        air = np.array(value_at(self.wind, frame.t))
-        air[1] += value_at(self.fall, frame.t)
-        return frame.path.rate(frame.t, fps=frame.fps) - air / frame.fps
-
-    def _air(self, frame: Frame) -> Float64:
-        """Return how far the air's snow has come since frame 0, (3,) metres."""
-        moved = integral_to(self.wind, frame.t) / frame.fps
-        moved[1] += float(integral_to(self.fall, frame.t)) / frame.fps
-        return np.asarray(moved)
+        return frame.velocity(fall=self.fall, wind=self.wind)
 
     def band(self, shape: tuple[int, int]) -> tuple[float, float]:
         """Return the texture's wavelengths in pixels on a picture of that shape."""
@@ -241,9 +236,20 @@ class Snow:
         """Return the field that the texture of a frame is made of."""
         shape, camera = frame.shape, frame.camera
         tile, overlap = self.tiling(shape, self._spreads(frame))
-        place = frame.to_camera(self.displacement(frame))
+        place = frame.travel(fall=self.fall, wind=self.wind)
         # A velocity has no eye: take away what tile_drift adds for one.
         rate = frame.to_camera(self.velocity(frame)) - camera.offset
+        shift: Any = camera.center_shift
+        shift_rate: Any = None
+        if frame.path.turns:
+            # An eye beside the axis is carried round it; its place in the air stays that of the
+            # camera plus the offset, so that two eyes keep their disparities.
+            rate = rate + np.cross(frame.spin(), camera.offset)
+            shift, shift_rate = (
+                tile_shift(shape, angle, camera, tile=tile, overlap=overlap)
+                for angle in (frame.turned(), frame.spin())
+            )
+            shift = shift + camera.center_shift
         drift, velocity = (
             tile_drift(
                 shape, vector, camera, near_depth=self.near_depth, tile=tile, overlap=overlap
@@ -253,8 +259,9 @@ class Snow:
         return request(
             shape,
             drift=drift,
-            shift=camera.center_shift,
+            shift=shift,
             velocity=velocity,
+            shift_rate=shift_rate,
             seed=frame.seed,
             tile=tile,
             overlap=overlap,
@@ -269,6 +276,8 @@ class Snow:
 
     def _spreads(self, frame: Frame) -> bool:
         """Whether the air ever comes nearer or recedes: its flow then differs between tiles."""
+        if frame.path.turns:
+            return True
         axis = frame.camera.matrix()[:, 2]
         winds = self.wind.keys if isinstance(self.wind, Keys) else [(0.0, self.wind)]
         falls = self.fall.keys if isinstance(self.fall, Keys) else [(0.0, self.fall)]
@@ -289,15 +298,38 @@ class Snow:
         return alpha_of(self.texture_request(frame), mapped, preserve_mean=True)
 
     def box(self, frame: Frame) -> Float64:
-        """Return the sides in metres of the box of flakes that the view fits into."""
+        """Return the sides in metres of the box of flakes that the view fits into.
+
+        Along the camera's axes; for a camera that turns along those of the house, a cube that holds
+        the view however it is turned.
+        """
+        across, down = self._reach(frame)
+        if frame.path.turns:
+            return np.full(3, 2.0 * self._ball(frame) / SHOWN)
+        # The outer 15 % of the box fade; the view's far corners stay inside of that.
+        return np.array([across / SHOWN, down / SHOWN, self.near_depth])
+
+    def _reach(self, frame: Frame) -> tuple[float, float]:
+        """Return the view's width and height at the far end, metres, as if the lens were centred.
+
+        The path's camera counts, so that both eyes see the same flakes; and the farther side of a
+        lens that is off the middle, since the box is centred on the axis.
+        """
         height, width = frame.shape
-        # The path's camera, so that both eyes see the same flakes; the farther side of a lens that
-        # is off the middle, since the box is centred on the axis.
         cx, cy = frame.path.camera.principal(frame.shape)
         across, down = (2.0 * max(c, n - c) for c, n in ((cx, width), (cy, height)))
         reach = self.near_depth / frame.path.camera.focal
-        # The outer 15 % of the box fade; the view's far corners stay inside of that.
-        return np.array([across * reach / 0.85, down * reach / 0.85, self.near_depth])
+        return across * reach, down * reach
+
+    def _ball(self, frame: Frame) -> float:
+        """Return the radius of the ball through the eye and the view's far corners, metres.
+
+        Its centre lies on the axis at the same distance from the eye, or in the middle of the far
+        end where the view is wider than deep.
+        """
+        across, down = self._reach(frame)
+        corner = 0.25 * (across**2 + down**2)
+        return max(0.5 * (self.near_depth + corner / self.near_depth), math.sqrt(corner))
 
     def count(self, frame: Frame) -> int:
         """Return how many flakes the box holds, so that the view has `flakes`."""
@@ -313,22 +345,46 @@ class Snow:
             )
         return count
 
-    def _flakes(self, frame: Frame, amount: float) -> Array:
-        t, camera = frame.t, frame.camera
-        box, count = self.box(frame), self.count(frame)
-        middle = (0.0, 0.0, 0.5 * self.near_depth)
+    def _places(self, frame: Frame, count: int) -> tuple[Float64, Float64]:
+        """Return where the flakes are, (n, 3) metres in the eye's axes, and how much they show."""
+        box = self.box(frame)
         # The way is known as a whole, so it is the velocity of one unit of time, and the swing's
         # angle of now is its rate.
+        swing = (self.sway[0], self.sway[1] * frame.t / frame.fps)
+        ahead = np.array([0.0, 0.0, 0.5 * self.near_depth])
+        if not frame.path.turns:
+            points = particles.positions(
+                count,
+                box,
+                seed=frame.seed,
+                velocity=-frame.to_camera(self.displacement(frame)),
+                time=1.0,
+                center=ahead,
+                sway=swing,
+            )
+            return points, particles.edge_fade(points, box, center=ahead)
+        # Flakes stay in axes that do not turn; the box goes round with the view inside.
+        turn = frame.camera.matrix()
+        middle = turn @ (0.0, 0.0, min(self._ball(frame), self.near_depth))
         points = particles.positions(
             count,
             box,
             seed=frame.seed,
-            velocity=-frame.to_camera(self.displacement(frame)),
+            velocity=-self.displacement(frame),
             time=1.0,
             center=middle,
-            sway=(self.sway[0], self.sway[1] * t / frame.fps),
+            sway=swing,
         )
         fade = particles.edge_fade(points, box, center=middle)
+        points = frame.to_camera(points)
+        # The far end fades as in the box of a camera that does not turn.
+        deep = (1e3 * self.near_depth, 1e3 * self.near_depth, self.near_depth)
+        return points, fade * particles.edge_fade(points, deep, center=ahead)
+
+    def _flakes(self, frame: Frame, amount: float) -> Array:
+        t, camera = frame.t, frame.camera
+        count = self.count(frame)
+        points, fade = self._places(frame, count)
         sizes = np.empty(count)
         uniform(sizes, frame.seed, SIZES)
         rank = (np.arange(count) + 0.5) / count
@@ -339,13 +395,16 @@ class Snow:
         part = np.clip((sigma - low) / (high - low), 0.0, 1.0)
         weight *= 1.0 - part * part * (3.0 - 2.0 * part)
         seen = weight > 0.0
+        velocity = -frame.to_camera(self.velocity(frame))
+        if frame.path.turns:
+            velocity = velocity - np.cross(frame.spin(), points[seen])
         return particles.splat(
             frame.shape,
             points[seen],
             radius[seen],
             camera,
             opacity=weight[seen] * value_at(self.flake_opacity, t),
-            velocity=-frame.to_camera(self.velocity(frame)),
+            velocity=velocity,
             shutter=value_at(self.shutter, t),
         )
 
