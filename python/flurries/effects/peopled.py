@@ -235,6 +235,10 @@ class Peopled(Textured):
         wind = self.wind if isinstance(self.wind, Wind) else None
         if not frame.path.turns and (wind is None or wind.uniform):
             return self._flurry(frame, amount)
+        return self._placed(frame, amount)
+
+    def _placed(self, frame: Frame, amount: float) -> Array:
+        """Return the alpha of flakes from arrays of their places: any wind, any camera."""
         t, camera = frame.t, frame.camera
         kind = self.population(t)
         points, velocity, shown = self.places(frame)
@@ -261,7 +265,7 @@ class Peopled(Textured):
         )
 
     def _flurry(self, frame: Frame, amount: float) -> Array:
-        """Return what `particles` does where all flakes move alike, without arrays of them."""
+        """Return the same where all flakes move alike, without arrays of them."""
         t, camera, kind = frame.t, frame.camera, self.population(frame.t)
         x, y = camera.principal(frame.shape)
         low, high = (limit * frame.width_scale for limit in self._LARGEST_SIGMA)
