@@ -121,11 +121,12 @@ class Textured(Moving):
         )
 
     def _ring_edges(self, shape: tuple[int, int]) -> Float64 | None:
-        """Return wavelengths between rings of half an octave, if the wind differs over depth."""
+        """Return wavelengths between rings of a half or a quarter octave, if the wind differs."""
         if not isinstance(self.wind, Wind) or (self.wind.profile is None and not self.gusty):
             return None
         shortest, longest = self.band(shape)
-        rings = max(round(2.0 * math.log2(longest / shortest)), 1)
+        finer = 4.0 if self.wind.profile is not None else 2.0
+        rings = max(round(finer * math.log2(longest / shortest)), 1)
         return np.asarray(shortest * (longest / shortest) ** (np.arange(rings + 1) / rings))
 
     def _ring_drift(
