@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import warnings
 from dataclasses import dataclass
 from typing import Any
 
@@ -71,6 +72,21 @@ class Textured(Moving):
         rate = frame.to_camera(self.velocity(frame))
         speed = frame.camera.focal * float(np.hypot(rate[0], rate[1])) / self.near_depth
         return speed / self.band(frame.shape)[1]
+
+    def warn_ambiguous(
+        self, shape: tuple[int, int], focal: float, distance: float, index: int
+    ) -> None:
+        """Warn if two eyes see the longest wave, and so every wave, half a cycle apart or more."""
+        cycles = focal * distance / (self.near_depth * self.band(shape)[1])
+        if cycles < 0.5 or getattr(self, "texture", 1.0) == 0.0:
+            return
+        warnings.warn(
+            f"effects[{index}]: eyes {distance:g} apart see its texture {cycles:.2g} cycles apart, "
+            f"which is ambiguous from 0.5 on; take near_depth above "
+            f"{2.0 * cycles * self.near_depth:.3g}, or longer waves, or eyes closer together",
+            UserWarning,
+            stacklevel=3,
+        )
 
     def texture_request(self, frame: Frame, **more: Any) -> Request:
         """Return the field that the texture of a frame is made of; `more` goes to the request."""
