@@ -5,6 +5,7 @@
 
 use pyo3::prelude::*;
 
+mod air;
 mod frame;
 mod gate;
 mod particles;
@@ -16,6 +17,8 @@ mod threads;
 #[pymodule]
 #[pyo3(name = "_core")]
 mod core {
+    #[pymodule_export]
+    use super::air::wind_waves;
     #[pymodule_export]
     use super::frame::{join, over, snow};
     #[pymodule_export]
