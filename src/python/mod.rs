@@ -11,6 +11,7 @@ mod particles;
 mod random;
 mod spectral;
 mod threads;
+mod volume;
 
 #[pymodule]
 #[pyo3(name = "_core")]
@@ -32,4 +33,6 @@ mod core {
     };
     #[pymodule_export]
     use super::threads::{panic_for_test, set_threads, threads};
+    #[pymodule_export]
+    use super::volume::volume;
 }

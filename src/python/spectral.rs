@@ -21,8 +21,9 @@ const PIXEL: f64 = 10.0;
 
 /// Temporal frequency of every bin.
 #[pyfunction]
-pub fn tent_rate(mut out: PyReadwriteArray2<'_, f64>, drift: [f64; 2]) {
-    tent::tent_rate(out.as_array_mut(), drift);
+#[pyo3(signature = (out, drift, repeat=None))]
+pub fn tent_rate(mut out: PyReadwriteArray2<'_, f64>, drift: [f64; 2], repeat: Option<f64>) {
+    tent::tent_rate(out.as_array_mut(), drift, repeat);
 }
 
 /// Amplitude of every bin.

@@ -18,4 +18,5 @@ pub mod tent;
 pub mod tile;
 pub mod tiles;
 pub mod transform;
+pub mod volume;
 pub mod waves;

@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from flurries.spectral.frame import alpha, field
 from flurries.spectral.tables import (
+    BANDS,
     advance_phase,
     band_amplitude,
     random_phase,
@@ -22,18 +23,22 @@ from flurries.spectral.tables import (
     velocity_from_paper,
 )
 from flurries.spectral.tiles import blend_tiles, inverse_transform, opacity, tile_starts
+from flurries.spectral.volume import loop, volume
 
 __all__ = [
+    "BANDS",
     "advance_phase",
     "alpha",
     "band_amplitude",
     "blend_tiles",
     "field",
     "inverse_transform",
+    "loop",
     "opacity",
     "random_phase",
     "temporal_filter",
     "tent_rate",
     "tile_starts",
     "velocity_from_paper",
+    "volume",
 ]
