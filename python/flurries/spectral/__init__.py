@@ -12,6 +12,7 @@ all waves alike (a turning camera).
 
 from __future__ import annotations
 
+from flurries.spectral.export import export_loop
 from flurries.spectral.frame import alpha, field
 from flurries.spectral.tables import (
     BANDS,
@@ -31,6 +32,7 @@ __all__ = [
     "alpha",
     "band_amplitude",
     "blend_tiles",
+    "export_loop",
     "field",
     "inverse_transform",
     "loop",
