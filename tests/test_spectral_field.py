@@ -93,6 +93,12 @@ OPTIONS: dict[str, Callable[[int, int], dict[str, Any]]] = {
     "rings per tile": lambda r, c: {
         "drift": per_tile(r, c, 3), "ring_edges": [2.0, 4.0, 7.0, 32.0], "jitter": True
     },
+    "ring gains": lambda r, c: {
+        "ring_edges": [2.0, 4.0, 7.0, 32.0], "ring_gains": [0.2, 3.0, 1.0], "exponent": 0.5
+    },
+    "gains that silence a ring": lambda r, c: {
+        "drift": [(8.0, 1.0), (-3.0, 5.0)], "ring_edges": [2.0, 4.0, 32.0], "ring_gains": [0, 1]
+    },
     "rings cut": lambda r, c: {
         "drift": per_tile(r, c, 2), "velocity": [(30.0, 0.0), (5.0, 9.0)],
         "ring_edges": [2.0, 5.0, 32.0], "alias": "cut", "shutter": 0.5

@@ -197,7 +197,8 @@ def _texture(options: argparse.Namespace) -> int:
                 f"--band wants {', '.join(BANDS)}, or two numbers like 4,32, got {options.band!r}"
             ) from None
         band = (low, high)
-    look = Snow.preset(options.look)
+    # The presets' numbers are plain ones.
+    look: Any = Snow.preset(options.look)
     made = export_loop(
         options.output,
         options.frames,

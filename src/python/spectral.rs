@@ -192,6 +192,8 @@ pub struct Request<'py> {
     #[pyo3(attribute)]
     ring_edges: PyReadonlyArray1<'py, f64>,
     #[pyo3(attribute)]
+    ring_gains: PyReadonlyArray1<'py, f64>,
+    #[pyo3(attribute)]
     drift: PyReadonlyArray4<'py, f64>,
     #[pyo3(attribute)]
     shift: PyReadonlyArray4<'py, f64>,
@@ -220,6 +222,10 @@ impl Request<'_> {
             .ring_edges
             .as_slice()
             .map_err(|_| Error::invalid("ring_edges", "must be contiguous"))?;
+        let gains = self
+            .ring_gains
+            .as_slice()
+            .map_err(|_| Error::invalid("ring_gains", "must be contiguous"))?;
         let field = Field {
             shape: self.shape,
             tile: self.tile,
@@ -233,6 +239,7 @@ impl Request<'_> {
             seed: self.seed,
             jitter: self.jitter,
             ring_edges: edges,
+            ring_gains: gains,
             drift: self.drift.as_array(),
             shift: self.shift.as_array(),
             velocity: self.velocity.as_array(),

@@ -38,6 +38,8 @@ pub struct Field<'a> {
     pub jitter: bool,
     /// Increasing wavelengths; rings + 1 of them, or none for one ring.
     pub ring_edges: &'a [f64],
+    /// Relative amplitude of each ring; none leaves them as they are.
+    pub ring_gains: &'a [f64],
     /// Displacement of the longest wave, pixels.
     pub drift: Vectors<'a>,
     /// Displacement of all waves alike, pixels.
@@ -131,7 +133,7 @@ impl<'a> Field<'a> {
             let message = format!("must have shape {grid:?}, got {:?}", shortest.dim());
             return Err(Error::invalid("shortest", message));
         }
-        let waves = Waves::new(self.tile, self.band, self.ring_edges)?;
+        let waves = Waves::new(self.tile, self.band, self.ring_edges)?.weighted(self.ring_gains)?;
         let weights = (down.weights(self.blend)?, across.weights(self.blend)?);
         let plan = Plan::new(&waves, Choice::Cheaper)?;
         Ok(Ready { field: self, down, across, weights, plan })
@@ -348,6 +350,7 @@ mod tests {
             seed: 5,
             jitter: false,
             ring_edges: &[],
+            ring_gains: &[],
             drift: moved.view(),
             shift: still.view(),
             velocity: still.view(),
