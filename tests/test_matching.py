@@ -87,7 +87,7 @@ def test_the_closed_form_is_that_of_the_pictures(truth):
 
 
 def test_coverage_without_fades_is_a_formula():
-    # 2 pi sigma^2 a n is the same for every depth: L = 2 pi density opacity E[r^2] / 9 (far - near).
+    # Every depth covers alike: L = 2 pi density opacity E[r^2] / 9 (far - near).
     # Fades take a half of 0.15 at the near and of 2.4 at the far end.
     squares = (0.006**2 + 0.006 * 0.014 + 0.014**2) / 3.0
     depth = 24.0 - 1.5 - 0.5 * (0.15 + 2.4)
