@@ -182,24 +182,48 @@ def test_overlap_breaks_equal_octaves(turns: float, most: float, least: float, p
     assert one / one[2] == pytest.approx([1.118, 1.028, 1.0], abs=2e-3)
     film = volume(frames, c=turns / frames, cells="overlap")
     count = cells_per_column(film)
-    assert (count[0], count[2]) == pytest.approx((most, least), rel=0.12)
+    assert (count[0], count[2]) == pytest.approx((most, least), abs=0.05)
     measured = octave_powers(film)
-    assert measured / measured[2] == pytest.approx(powers, rel=0.1)
+    assert measured / measured[2] == pytest.approx(powers, abs=0.02)
 
 
 def test_overlap_beats():
     # Each wave of several cells has an amplitude that varies, and so has a frame's contrast.
-    one, film = volume(128, c=8 / 128), volume(128, c=8 / 128, cells="overlap")
+    one = volume()
+    films = [volume(cells="overlap", seed=seed) for seed in range(8)]
     inside = twin.band_amplitude((64, 64)) > 0.0
-    variation = [
-        np.mean((z.std(axis=0) / z.mean(axis=0))[inside]) for z in np.abs(np.fft.fft2([one, film]))
-    ]
+    spectra = np.abs(np.fft.fft2([one, films[1]]))
+    variation = [np.mean((z.std(axis=0) / z.mean(axis=0))[inside]) for z in spectra]
     assert variation[0] < 1e-12
-    assert 0.25 < variation[1] < 0.5
-    deviation = film.std(axis=(1, 2))
+    assert 0.33 < variation[1] < 0.40
     assert one.std(axis=(1, 2)) == pytest.approx(1.0, abs=1e-12)
-    assert 0.02 < deviation.std() < 0.15
-    assert np.mean(film**2) == pytest.approx(1.0, abs=1e-12)
+    contrast = np.array([film.std(axis=(1, 2)) for film in films])
+    assert np.sqrt(np.mean((contrast - 1.0) ** 2)) == pytest.approx(0.064, abs=0.015)
+    assert np.mean(films[0] ** 2) == pytest.approx(1.0, abs=1e-12)
+    # And its power is spread about the tent: 55 % within one bin, where one cell has it all.
+    assert share(films[1], 63.0, 1, window=False) == pytest.approx(0.55, abs=0.01)
+    assert share(one, 63.0, 1, window=False) == pytest.approx(1.0, abs=1e-12)
+
+
+def test_overlap_moves_unsteadily():
+    # The velocity of the 24 px band, least squares, varies by 6 %, that of one cell not at all. The
+    # specification says 38 %: a correlator that takes the next crest of few waves for the same.
+    ky, kx = twin.wave_numbers((64, 64))
+    band = twin.leaders((64, 64)) & twin.band((64, 64), (21.0, 28.0))
+    f = np.stack([kx[band], ky[band]]) / 64.0
+
+    def unsteady(film: np.ndarray) -> float:
+        z = np.fft.fft2(film)[:, band]
+        step = -np.angle(z[1:] * z[:-1].conj()) / (2.0 * np.pi)
+        along = []
+        for power, turns in zip(np.abs(z[1:] * z[:-1]), step, strict=True):
+            velocity = np.linalg.solve((power * f) @ f.T, (power * f) @ turns)
+            along.append(velocity @ [np.cos(np.radians(63.0)), np.sin(np.radians(63.0))])
+        return float(np.std(along) / np.mean(along))
+
+    found = [unsteady(volume(cells="overlap", seed=seed)) for seed in range(8)]
+    assert 0.03 < np.mean(found) < 0.10
+    assert unsteady(volume()) < 1e-9
 
 
 # The slides' band, arguments ----------------------------------------------------------------------
