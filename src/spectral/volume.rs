@@ -19,6 +19,7 @@ use super::waves::{Draw, Waves};
 use crate::error::{Cancel, Error, zeroed};
 use crate::pool;
 use crate::real::Real;
+use crate::simd::PORTABLE;
 
 /// The word that keeps the phases of cells apart from those of waves and from the jitter's words.
 const CELL: i64 = 3;
@@ -259,7 +260,7 @@ impl Spectrum {
         let part = time.rem_euclid(self.frames);
         for cell in &self.cells {
             let phase = reduce(cell.phase + reduce(cell.turns * part / self.frames));
-            let value = T::turn(phase).scale(T::of(cell.amplitude));
+            let value = T::turn::<PORTABLE>(phase).scale(T::of(cell.amplitude));
             let start = cell.column * height;
             columns[start + cell.row] = columns[start + cell.row] + value;
             if self.columns[cell.column] == 0 {
