@@ -9,7 +9,7 @@ from flurries._core import InternalError
 from flurries._threads import set_threads, threads
 from flurries.camera import Camera
 from flurries.depth import DepthMap
-from flurries.effects import Frame, Layer, Rain, Snow
+from flurries.effects import Frame, Layer, MatchedSnow, Rain, Snow
 from flurries.path import CameraPath
 from flurries.scene import Rendered, Scene
 from flurries.sun import Sun
@@ -26,6 +26,7 @@ __all__ = [
     "InternalError",
     "Keys",
     "Layer",
+    "MatchedSnow",
     "Rain",
     "Rendered",
     "Scene",

@@ -7,7 +7,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from flurries._contract import Float64, vector
+from flurries._contract import Array, Float64, vector
 from flurries.hybrid.opacity_map import orders, power_for, solved
 from flurries.hybrid.population import Population, Seen, particle_share, seen
 from flurries.hybrid.statistics import (
@@ -73,6 +73,18 @@ class Match:
     texture_opacity: float
     particle_opacity: float
     amount: float = 1.0
+
+    def before(self, depth: Array) -> Float64:
+        """Return the share of the texture's coverage that lies nearer than depths, 0 to 1."""
+        flakes = seen(self.population, self.focal)
+        left = 1.0 - particle_share(flakes.sigma, self.handover)
+        cover = flakes.number * flakes.variance * flakes.amplitude * left
+        nodes, which = np.unique(flakes.depth, return_inverse=True)
+        layers = np.bincount(which, cover)
+        # Half of a node's layer lies before the node.
+        share = (np.cumsum(layers) - 0.5 * layers) / layers.sum()
+        near, far = self.population.depth
+        return np.asarray(np.interp(depth, [near, *nodes, far], [0.0, *share, 1.0]))
 
 
 def match(

@@ -13,6 +13,7 @@ from flurries._contract import (
     float_dtype,
     integer,
     output,
+    pixels,
     real,
     seed_of,
     shape_of,
@@ -41,6 +42,7 @@ def simulate(
     displacement: npt.ArrayLike = (0.0, 0.0, 0.0),
     velocity: npt.ArrayLike = (0.0, 0.0, 0.0),
     shutter: float = 0.0,
+    depth: npt.ArrayLike | None = None,
     dtype: npt.DTypeLike = np.float32,
     out: Array | None = None,
 ) -> Array:
@@ -62,6 +64,8 @@ def simulate(
         Its change per frame; of use with `shutter`.
     shutter : float
         Exposure, frames, centred on the frame.
+    depth : (H, W), optional
+        Depth of what stands in the picture, world units; it hides the flakes behind it.
     dtype : float32 or float64
         Of the result.
     out : (H, W), optional
@@ -79,9 +83,11 @@ def simulate(
     """
     size, place, rate, exposure = _asked(shape, camera, displacement, velocity, shutter)
     snow = expect_population(population)
+    wall = _wall(depth, size)
     return _drawn(
-        size, snow, camera, seed_of(seed), place, rate, exposure, snow.depth[1], None, dtype, out
-    )
+        size, snow, camera, seed_of(seed), place, rate, exposure, snow.depth[1], None, wall, dtype,
+        out,
+    )  # fmt: skip
 
 
 def render(
@@ -93,10 +99,11 @@ def render(
     displacement: npt.ArrayLike = (0.0, 0.0, 0.0),
     velocity: npt.ArrayLike = (0.0, 0.0, 0.0),
     shutter: float = 0.0,
+    depth: npt.ArrayLike | None = None,
     parts: str = "both",
     tile: int | None = None,
     overlap: int | None = None,
-    alias: str = "soft",
+    alias: str = "keep",
     jitter: bool = False,
     dtype: npt.DTypeLike = np.float32,
     out: Array | None = None,
@@ -107,6 +114,9 @@ def render(
     ----------
     shape, camera, seed, displacement, velocity, shutter, dtype, out
         See :func:`simulate`. The camera must have the focal length that was matched.
+    depth : (H, W), optional
+        Depth of what stands in the picture, world units. It hides the particles behind it; of the
+        texture it leaves the share of the coverage that lies before it.
     match : Match
         What to draw.
     parts : {"both", "texture", "particles"}
@@ -115,7 +125,8 @@ def render(
         Of the texture, pixels; four of the longest waves and an eighth of that if not given. Take
         smaller tiles where the camera moves forward.
     alias, jitter
-        See :func:`flurries.spectral.field`.
+        See :func:`flurries.spectral.field`. Fast flakes seem to run backwards at times, and with
+        "keep" so do their waves; "soft" drops these, and most of the contrast of fast snow.
 
     Returns
     -------
@@ -138,11 +149,16 @@ def render(
     if parts not in ("both", "texture", "particles"):
         raise ValueError(f"parts must be 'both', 'texture' or 'particles', got {parts!r}")
     number, kind = seed_of(seed), float_dtype(dtype)
+    wall = _wall(depth, size)
     result = output(out, size, kind)
     if parts != "particles":
         result[...] = _texture(
             size, match, camera, number, place, rate, exposure, tile, overlap, alias, jitter, kind
         )
+        if wall is not None:
+            # Optical depths add up along the way, and the texture's lies evenly along it.
+            share = match.before(wall).astype(kind)
+            result[...] = -np.expm1(share * np.log1p(-np.minimum(result, 1.0 - 1e-7)))
         if parts == "texture":
             return result
     snow, (low, _) = match.population, match.handover
@@ -150,7 +166,7 @@ def render(
     if parts == "both" and reach <= snow.depth[0]:
         return result
     drawn = _drawn(
-        size, snow, camera, number, place, rate, exposure, reach, match.handover, kind, None
+        size, snow, camera, number, place, rate, exposure, reach, match.handover, wall, kind, None
     )
     result[...] = drawn if parts == "particles" else 1.0 - (1.0 - result) * (1.0 - drawn)
     return result
@@ -166,6 +182,15 @@ def _asked(
         vector("velocity", velocity, 3),
         real("shutter", shutter, low=0.0, high=LARGEST),
     )
+
+
+def _wall(depth: npt.ArrayLike | None, shape: tuple[int, int]) -> Array | None:
+    if depth is None:
+        return None
+    wall, _ = pixels("depth", depth, ndim=2)
+    if wall.shape != shape:
+        raise ValueError(f"depth must have shape {shape}, got {wall.shape}")
+    return wall
 
 
 def _texture(
@@ -224,6 +249,7 @@ def _drawn(
     shutter: float,
     far: float,
     handover: tuple[float, float] | None,
+    wall: Array | None,
     dtype: npt.DTypeLike,
     out: Array | None,
 ) -> Array:
@@ -233,7 +259,7 @@ def _drawn(
         result = output(out, shape, float_dtype(dtype))
         result[...] = 0.0
         return result
-    box, middle = _box(shape, population, camera, rate, shutter, far)
+    box, middle = _box(shape, population, camera, far)
     expected = population.density * float(np.prod(box))
     if not expected <= MOST:
         raise ValueError(
@@ -255,32 +281,24 @@ def _drawn(
         points, radius, weight = points[seen], radius[seen], weight[seen]
     return particles.splat(
         shape, points, radius, camera, opacity=population.opacity * weight, velocity=-rate,
-        shutter=shutter, near=0.5 * near, dtype=dtype, out=out,
+        shutter=shutter, near=0.5 * near, depth=wall, dtype=dtype, out=out,
     )  # fmt: skip
 
 
 def _box(
-    shape: tuple[int, int],
-    population: Population,
-    camera: Camera,
-    rate: Float64,
-    shutter: float,
-    far: float,
+    shape: tuple[int, int], population: Population, camera: Camera, far: float
 ) -> tuple[Float64, tuple[float, float, float]]:
     """Return the sides of a box around the view up to a depth, and its middle.
 
-    No flake that can be seen touches a side, where the box wraps: not its blur, nor its way during
-    the exposure. The near and the far wall lie where flakes have faded.
+    It depends on neither eye nor motion, since with its sides every flake's place would change. The
+    walls aside lie beyond the view by the nearest depth: room for the eyes, for convergence and for
+    the way during an exposure. The near and the far wall lie where flakes have faded.
     """
     near = population.depth[0]
     height, width = shape
-    cx, cy = camera.principal(shape)
-    travel = 0.5 * shutter * np.abs(rate)
+    cx, cy = (width / 2, height / 2) if camera.center is None else camera.center
     # Four sigma of the drawn Gaussian, at most those of the flake and of a pixel together.
-    rim = 4.0 * (population.radius[1] / 3.0 + far / camera.focal)
-    margin = [rim + float(step + abs(eye)) for step, eye in zip(travel, camera.offset, strict=True)]
-    # A way through the depth moves a flake across the picture, too.
-    reach = (far + float(travel[2])) / camera.focal
-    across, down = (2.0 * max(c, n - c) * reach for c, n in ((cx, width), (cy, height)))
-    sides = np.array([across + 2.0 * margin[0], down + 2.0 * margin[1], far - near])
-    return sides, (0.0, 0.0, 0.5 * (near + far))
+    room = near + 4.0 * (population.radius[1] / 3.0 + far / camera.focal)
+    reach = far / camera.focal
+    across, down = (2.0 * (max(c, n - c) * reach + room) for c, n in ((cx, width), (cy, height)))
+    return np.array([across, down, far - near]), (0.0, 0.0, 0.5 * (near + far))
