@@ -3,6 +3,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from flurries.effects.peopled import Flurry
 from flurries.spectral.frame import Request
 from flurries.spectral.volume import Film
 
@@ -19,6 +20,7 @@ __all__ = [
     "over",
     "panic_for_test",
     "particle_edge_fade",
+    "particle_flurry",
     "particle_positions",
     "particle_splat",
     "particle_sway_offsets",
@@ -91,6 +93,7 @@ def particle_positions(
     time: float,
     sway: tuple[float, float] | None,
 ) -> None: ...
+def particle_flurry(out: _Array, request: Flurry, depth: _Array | None = None) -> None: ...
 def particle_sway_offsets(
     out: _Float64, seed: int, time: float, sway: tuple[float, float]
 ) -> None: ...

@@ -160,6 +160,11 @@ class Wind:
         waves: Waves | None = self._waves
         return waves
 
+    @property
+    def uniform(self) -> bool:
+        """Whether it blows alike everywhere."""
+        return self.profile is None and self._waves is None
+
     def velocity(self, points: npt.ArrayLike, seconds: float) -> Float64:
         """Return the air's velocity at places of the house axes, without the profile.
 

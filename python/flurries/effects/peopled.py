@@ -10,7 +10,7 @@ import numpy as np
 
 from flurries import particles
 from flurries._contract import Array, Float64
-from flurries._core import uniform
+from flurries._core import particle_flurry, uniform
 from flurries.effects.layer import Frame
 from flurries.effects.moving import profile_of_flakes, waves_of_flakes
 from flurries.effects.textured import Textured
@@ -25,6 +25,9 @@ FADE_IN = 0.1
 
 # The share of a box in which flakes are shown in full; beyond they fade to its walls.
 SHOWN = 0.85
+
+# Nothing nearer than this is drawn, metres; what `particles.splat` has for a default.
+NEAR = 0.1
 
 # What the most flakes in view need behind a centred lens; a small scene must not ask for more work.
 MOST_IN_BOX = 420_000_000
@@ -55,6 +58,58 @@ class Population(NamedTuple):
     sizes: tuple[float, float]
     opacity: float
     sway: tuple[float, float]
+
+
+Triple = tuple[float, float, float]
+
+
+class Flurry(NamedTuple):
+    """A box of flakes that all move alike, settled; the kernel reads its fields by name.
+
+    Attributes
+    ----------
+    number : int
+        Flakes in the box.
+    sides, center : (3,)
+        The box in the eye's axes, metres.
+    seed : int
+        Of places, sway and sizes.
+    way, travel : (3,)
+        Metres since frame 0, and during the exposure.
+    sway : (amplitude, angle)
+        Metres, radians.
+    radius : (smallest, largest)
+        Metres.
+    opacity, amount, fade_in : float
+        Of a flake's middle; the share of flakes that is there; over which the last ones fade in.
+    largest : (low, high)
+        Sigma in pixels from which flakes fade, and at which they are gone.
+    sizes : int
+        Stream of the numbers that their sizes are.
+    lens : (focal, cx, cy, offset, near)
+        See :class:`flurries.Camera`.
+    """
+
+    number: int
+    sides: Triple
+    center: Triple
+    seed: int
+    way: Triple
+    sway: tuple[float, float]
+    travel: Triple
+    radius: tuple[float, float]
+    opacity: float
+    amount: float
+    fade_in: float
+    largest: tuple[float, float]
+    sizes: int
+    lens: tuple[float, float, float, Triple, float]
+
+
+def triple(values: Float64) -> Triple:
+    """Return three numbers."""
+    x, y, z = values.tolist()
+    return x, y, z
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -177,6 +232,9 @@ class Peopled(Textured):
 
     def particles(self, frame: Frame, amount: float) -> Array:
         """Return the alpha of the flakes over the whole frame, (H, W) float32."""
+        wind = self.wind if isinstance(self.wind, Wind) else None
+        if not frame.path.turns and (wind is None or wind.uniform):
+            return self._flurry(frame, amount)
         t, camera = frame.t, frame.camera
         kind = self.population(t)
         points, velocity, shown = self.places(frame)
@@ -201,3 +259,32 @@ class Peopled(Textured):
             shutter=value_at(self.shutter, t),
             depth=frame.depth,
         )
+
+    def _flurry(self, frame: Frame, amount: float) -> Array:
+        """Return what `particles` does where all flakes move alike, without arrays of them."""
+        t, camera, kind = frame.t, frame.camera, self.population(frame.t)
+        x, y = camera.principal(frame.shape)
+        low, high = (limit * frame.width_scale for limit in self._LARGEST_SIGMA)
+        velocity = -frame.to_camera(self.velocity(frame))
+        result = np.empty(frame.shape, np.float32)
+        particle_flurry(
+            result,
+            Flurry(
+                number=self.count(frame),
+                sides=triple(self.box(frame)),
+                center=(0.0, 0.0, 0.5 * kind.reach),
+                seed=frame.seed,
+                way=triple(-frame.to_camera(self.displacement(frame))),
+                sway=(kind.sway[0], kind.sway[1] * t / frame.fps),
+                travel=triple(value_at(self.shutter, t) * velocity),
+                radius=(0.5 * kind.sizes[0], 0.5 * kind.sizes[1]),
+                opacity=kind.opacity,
+                amount=amount,
+                fade_in=FADE_IN,
+                largest=(low, high),
+                sizes=SIZES,
+                lens=(camera.focal, x, y, triple(np.asarray(camera.offset)), NEAR),
+            ),
+            frame.depth,
+        )
+        return result
