@@ -107,6 +107,7 @@ mod tests {
             seed: 5,
             jitter: false,
             ring_edges: &[],
+            ring_gains: &[],
             drift: moved.view(),
             shift: still.view(),
             velocity: moved.view(),

@@ -13,6 +13,7 @@ mod random;
 mod snowfall;
 mod spectral;
 mod threads;
+mod volume;
 
 #[pymodule]
 #[pyo3(name = "_core")]
@@ -39,4 +40,6 @@ mod core {
     };
     #[pymodule_export]
     use super::threads::{panic_for_test, set_threads, threads};
+    #[pymodule_export]
+    use super::volume::volume;
 }

@@ -34,6 +34,8 @@ pub struct Field<'a> {
     pub jitter: bool,
     /// Increasing wavelengths; rings + 1 of them, or none for one ring.
     pub ring_edges: &'a [f64],
+    /// Relative amplitude of each ring; none leaves them as they are.
+    pub ring_gains: &'a [f64],
     /// Displacement of the longest wave, pixels.
     pub drift: Vectors<'a>,
     /// Displacement of all waves alike, pixels.
@@ -168,6 +170,7 @@ mod tests {
             seed: 5,
             jitter: false,
             ring_edges: &[],
+            ring_gains: &[],
             drift: moved.view(),
             shift: still.view(),
             velocity: still.view(),

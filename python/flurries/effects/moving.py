@@ -59,7 +59,7 @@ class Moving:
 
     def spreads(self, frame: Frame) -> bool:
         """Whether the air ever comes nearer or recedes: its flow then differs between tiles."""
-        return frame.path.turns or _comes_nearer(
+        return frame.path.turns or comes_nearer(
             frame.path, frame.camera.matrix()[:, 2], self.fall, self.mean_wind
         )
 
@@ -75,7 +75,7 @@ class Moving:
         return float(np.linalg.norm(speeds, axis=1).max())
 
 
-def _comes_nearer(path: CameraPath, axis: Float64, fall: Number, wind: Vector) -> bool:
+def comes_nearer(path: CameraPath, axis: Float64, fall: Number, wind: Vector) -> bool:
     winds = wind.keys if isinstance(wind, Keys) else [(0.0, wind)]
     falls = fall.keys if isinstance(fall, Keys) else [(0.0, fall)]
     return (
@@ -238,7 +238,7 @@ def profile_of_flakes(effect: Moving, frame: Frame, depth: Float64) -> tuple[Flo
     assert isinstance(wind, Wind)
     moved, rate = _profiled(wind, frame, depth)
     axis = frame.camera.matrix()[:, 2]
-    if wind.profile is None or not _comes_nearer(frame.path, axis, effect.fall, effect.mean_wind):
+    if wind.profile is None or not comes_nearer(frame.path, axis, effect.fall, effect.mean_wind):
         return moved, rate
     course = _relative(frame.path, frame.fps, effect.fall, effect.mean_wind)
     way = _way(course)
