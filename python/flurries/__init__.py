@@ -4,7 +4,7 @@ Arrays in, arrays out: :mod:`flurries.spectral`, :mod:`flurries.camera`, :mod:`f
 :mod:`flurries.composite`. Pictures and film: :class:`Scene` and its effects.
 """
 
-from flurries import camera, composite, particles, spectral, trace
+from flurries import camera, composite, cone, particles, spectral, trace
 from flurries._core import InternalError
 from flurries._threads import set_threads, threads
 from flurries.camera import Camera
@@ -25,6 +25,7 @@ __all__ = [
     "Snow",
     "camera",
     "composite",
+    "cone",
     "particles",
     "set_threads",
     "spectral",

@@ -5,6 +5,7 @@
 
 use pyo3::prelude::*;
 
+mod cone;
 mod frame;
 mod gate;
 mod particles;
@@ -15,6 +16,11 @@ mod threads;
 #[pymodule]
 #[pyo3(name = "_core")]
 mod core {
+    #[pymodule_export]
+    use super::cone::{
+        cone_basis, cone_chart, cone_footprints, cone_layer, cone_moving, cone_needed, cone_rays,
+        cone_shown, cone_stack, cone_table, cone_tile,
+    };
     #[pymodule_export]
     use super::frame::{join, over, snow};
     #[pymodule_export]
