@@ -28,7 +28,8 @@ fn map_plain_with<T: Real, const LEVEL: u8>(map: Opacity, field: &[T], out: &mut
 #[inline(always)]
 fn scale_with<T: Real, const LEVEL: u8>(amount: T, lift: &[T], out: &mut [T]) {
     for (out, &lift) in out.iter_mut().zip(lift) {
-        *out = (*out + lift).min(T::one());
+        // A map with a power up to 1 gains mean by blur: what is added can be below 0.
+        *out = (*out + lift).max(T::zero()).min(T::one());
     }
     for out in out {
         *out *= amount;
@@ -178,5 +179,7 @@ mod tests {
         let mut out = [0.0; 3];
         PAPER.map_row(&[-10.0, 0.0, 10.0], None, &mut out);
         assert_eq!(out, [0.0, 0.25, 1.0]);
+        PAPER.map_row(&[-10.0, 0.0, 10.0], Some(&[-1e-9, 0.25, 0.5]), &mut out);
+        assert_eq!(out, [0.0, 0.5, 1.0]);
     }
 }
