@@ -9,7 +9,7 @@ from flurries._core import InternalError
 from flurries._threads import set_threads, threads
 from flurries.camera import Camera
 from flurries.depth import DepthMap
-from flurries.effects import Frame, Layer, Rain, Snow
+from flurries.effects import ConeRain, ConeSnow, Frame, Layer, Rain, Snow
 from flurries.path import CameraPath
 from flurries.scene import Rendered, Scene
 from flurries.sun import Sun
@@ -21,6 +21,8 @@ __version__ = "0.1.0"
 __all__ = [
     "Camera",
     "CameraPath",
+    "ConeRain",
+    "ConeSnow",
     "DepthMap",
     "Frame",
     "InternalError",

@@ -166,7 +166,7 @@ def _vectors(name: str, value: Any) -> Float64:
 
 def _numbers(name: str, value: Any) -> Float64:
     """Return one number or a row of them, as float64."""
-    given = moderate(name, table(name, value, ndim=None)).reshape(np.shape(value))
+    given: Float64 = moderate(name, table(name, value, ndim=None)).reshape(np.shape(value))
     if given.ndim > 1:
         raise ValueError(f"{name} must be one number or (n,), got shape {given.shape}")
     return given

@@ -75,6 +75,7 @@ class Path:
     _velocity: Float64
     _blur: float
     _tile: float
+    _still: float
     _published: bool
 
     def at(self, time: float) -> State:
@@ -96,7 +97,7 @@ class Path:
             start = velocity[i]
             part = (t - times[i]) / (times[i + 1] - times[i])
             end = start + part * (velocity[i + 1] - start)
-        axis, speed = _tilt(end, self.axis[i])
+        axis, speed = _tilt(end, self.axis[i], self._still)
         gone = _gone(start, end, t - times[i], self.axis[i], self._blur) / self._tile
         stretch = 1.0 + self._blur * abs(speed)
         x, y, z = axis.tolist()
@@ -117,12 +118,13 @@ def path(
     length: float = 0.02,
     radius: float = 2.0,
     repeats: int = 4,
+    still: float = STILL,
     published: bool = False,
     pixel: float = 50.0,
 ) -> Path:
     """Return axis, phase and stretch of the cone for a whole way of the camera.
 
-    With v = drop - damping camera the axis is v / |v|. Below 1e-3 m/s it stays what it was, and
+    With v = drop - damping camera the axis is v / |v|. Below `still` it stays what it was, and
     where it would turn by more than a right angle from one time to the next, the drops go backwards
     along the old one instead, so that nothing flips as v goes through zero; before the first time
     it is (0, 1, 0). The phase is the integral of ``speed / (tile stretch)``, from 0 at the first
@@ -146,6 +148,8 @@ def path(
         R0, of the first layer's cone, metres.
     repeats : int
         Tiles of the first layer around.
+    still : float
+        Metres per second, more than 0: what is slower has no direction.
     published : bool
         Everything as printed: a sum in Eq. 1, frame times where an exposure and a speed are meant.
         `length` is S_streak in tiles' pixels, of which there are `pixel` to a metre. Rows of `axis`
@@ -184,18 +188,19 @@ def path(
     if flag("published", published):
         return _printed(moments, rows, damping, length, pixel, tile)
     velocity = travel(*rows, damping=damping)
+    slow = real("still", still, above=0.0)
     blur = real("exposure", exposure, low=0.0) / real("length", length, above=0.0)
     axis, speed = np.empty((count, 3)), np.empty(count)
     last = DOWN
     for i, rate in enumerate(velocity):
-        axis[i], speed[i] = _tilt(rate, last)
+        axis[i], speed[i] = _tilt(rate, last, slow)
         last = axis[i]
     steps = _all_gone(velocity, np.diff(moments), axis, blur) / tile
     phase = np.zeros(count)
     for i, step in enumerate(steps.tolist()):
         phase[i + 1] = wrapped(phase[i] + math.fmod(step, 1.0))
     stretch = 1.0 + blur * np.abs(speed)
-    return Path(moments, axis, phase, stretch, speed, velocity, blur, tile, False)
+    return Path(moments, axis, phase, stretch, speed, velocity, blur, tile, slow, False)
 
 
 def _rows(name: str, value: npt.ArrayLike, count: int) -> Float64:
@@ -205,10 +210,10 @@ def _rows(name: str, value: npt.ArrayLike, count: int) -> Float64:
     return moderate(name, np.array(np.broadcast_to(given, (count, 3))))
 
 
-def _tilt(velocity: Float64, last: Float64) -> tuple[Float64, float]:
+def _tilt(velocity: Float64, last: Float64, still: float) -> tuple[Float64, float]:
     """Return the axis and the speed along it of a velocity, where the axis was `last`."""
     pace = float(np.linalg.norm(velocity))
-    if pace < STILL:
+    if pace < still:
         return last, float(velocity @ last)
     axis: Float64 = velocity / pace
     return (axis, pace) if axis @ last >= 0.0 else (-axis, -pace)
@@ -293,4 +298,4 @@ def _printed(
     stretch = elongation(length, length=streak, published=True, pixel=pixel)
     moved = scroll(length, dt, published=True, streak=streak, pixel=pixel) / (pixel * tile)
     phase = np.array([wrapped(value) for value in np.cumsum(moved / stretch).tolist()])
-    return Path(moments, axis, phase, stretch, speed, vectors, 0.0, tile, True)
+    return Path(moments, axis, phase, stretch, speed, vectors, 0.0, tile, STILL, True)

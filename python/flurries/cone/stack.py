@@ -80,15 +80,41 @@ class Texture:
             return found
         size = len(self.tile)
         width, height = 2.0 ** (0.5 * across), 2.0 ** (0.5 * along)
-        # Half a box apart at most: what lies between two entries is linear, as in the boxes.
+        # Half a box apart at most.
         shape = _power(min(size, 2.0 * size / height)), _power(min(size, 2.0 * size / width))
         entries = np.empty(shape, np.uint32)
-        _core.cone_table(entries, self.tile, width, height, self._peak)
+        narrow = _narrowed(width, size, shape[1]), _narrowed(height, size, shape[0])
+        _core.cone_table(entries, self.tile, narrow[0], narrow[1], self._peak)
         if sum(kept.size for kept in self._tables.values()) + entries.size > MOST_WORDS:
             # A new dictionary: another thread may be reading the old one.
             self._tables = {}
         self._tables[across, along] = entries
         return entries
+
+
+def _narrowed(width: float, size: int, count: int) -> float:
+    """Return the box, in texels, that looks `width` wide where `count` entries are gone between.
+
+    Going linearly between entries h apart blurs by h^2 / 6 in the mean; a texel's own width is
+    1 / 12. What is left of the variance of a box over texels is that of shares of whole texels.
+    """
+    step = size / count
+    wanted = (width**2 + 1.0) / 12.0 - step**2 / 6.0
+    low, high = 1.0, max(width, 1.0)
+    for _ in range(40):
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if _shares(middle, step) < wanted else (low, middle)
+    return 0.5 * (low + high)
+
+
+def _shares(width: float, step: float) -> float:
+    """Return the variance of a box over texels, around the place of an entry."""
+    # Entries stand in the middle of texels, or for an even number to an entry between two.
+    middle = 0.5 if step <= 1.0 else 0.5 * step % 1.0
+    edges = np.arange(-math.ceil(width), math.ceil(width) + 1.0)
+    low, high = np.maximum(edges, middle - width / 2), np.minimum(edges + 1, middle + width / 2)
+    part = np.maximum(high - low, 0.0) / width
+    return float(part @ (edges + 0.5 - middle) ** 2)
 
 
 def _power(count: float) -> int:
@@ -248,8 +274,10 @@ def layers(
     -----
     float32 looks into tables of 8 bits (of the texture's largest value) that are filtered
     beforehand for footprints in steps of the square root of two, and goes linearly between their
-    entries; a look-up costs the same whatever the footprint. float64 is the composition of :func:`layer`, exact boxes and all (a mapping's `depth`
-    is not used). On textures of the package's own the two differ by less than 0.003 in the mean.
+    entries; a look-up costs the same whatever the footprint. float64 is the composition of
+    :func:`layer`, exact boxes and all (a mapping's `depth` is not used). On textures of the
+    package's own the two differ by less than 0.011 in the mean, by 0.004 where a pixel is no wider
+    than a texel of the nearest layer.
 
     Examples
     --------
