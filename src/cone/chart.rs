@@ -10,7 +10,7 @@ use std::f64::consts::TAU;
 use ndarray::{ArrayViewMut2, ArrayViewMut3};
 
 use super::basis::{Vector, dot};
-use super::view::{View, fade};
+use super::view::{FADE, FADE_SLOPE, View};
 use crate::error::{Cancel, Error};
 use crate::pool;
 use crate::simd::{dispatch, multiply_add};
@@ -109,11 +109,21 @@ fn cast<const LEVEL: u8>(lanes: &mut Lanes, row: &Row, first: usize, count: usiz
 }
 
 #[inline(always)]
-fn row_with<const LEVEL: u8>(across: &mut [u32], along: &mut [u32], state: &mut [u8], row: &Row) {
+fn row_with<const LEVEL: u8>(
+    across: &mut [u32],
+    along: &mut [u32],
+    fade: &mut [f32],
+    state: &mut [u8],
+    row: &Row,
+) {
     let zeros = [0.0; RUN];
     let mut lanes = Lanes { p: zeros, q: zeros, s: zeros, c: zeros };
-    let runs = across.chunks_mut(RUN).zip(along.chunks_mut(RUN)).zip(state.chunks_mut(RUN / BLOCK));
-    for (index, ((across, along), state)) in runs.enumerate() {
+    let runs = across
+        .chunks_mut(RUN)
+        .zip(along.chunks_mut(RUN))
+        .zip(fade.chunks_mut(RUN))
+        .zip(state.chunks_mut(RUN / BLOCK));
+    for (index, (((across, along), fade), state)) in runs.enumerate() {
         let count = across.len();
         cast::<LEVEL>(&mut lanes, row, index * RUN, count);
         let (p, q) = (&lanes.p[..count], &lanes.q[..count]);
@@ -140,19 +150,42 @@ fn row_with<const LEVEL: u8>(across: &mut [u32], along: &mut [u32], state: &mut 
             let reach = multiply_add::<f32, LEVEL>(row.slope, s[k].abs(), c[k]).max(row.floor);
             along[k] = fraction(s[k] / reach * row.tiles[1]);
         }
-        for (block, state) in state.iter_mut().enumerate() {
-            let at = block * BLOCK..(block + 1) * BLOCK;
-            let mut steep = 0.0_f32;
-            for (&s, &c) in s[at.clone()].iter().zip(&c[at]) {
-                steep = steep.max(s.abs() - STEEP * c);
-            }
-            *state = if steep > 0.0 { FADED } else { SHOWN };
+        let mut steep = 0.0_f32;
+        for k in 0..count {
+            steep = steep.max(s[k].abs() - STEEP * c[k]);
+        }
+        if steep <= 0.0 {
+            state.fill(SHOWN);
+            continue;
+        }
+        let fade = &mut fade[..count];
+        for k in 0..count {
+            let bent = FADE_SLOPE as f32 * s[k].abs();
+            let t = bent / (c[k] + bent).max(f32::MIN_POSITIVE) - FADE[0] as f32;
+            let t = (t * (1.0 / (FADE[1] - FADE[0])) as f32).clamp(0.0, 1.0);
+            fade[k] = 1.0 - t * t * (3.0 - 2.0 * t);
+        }
+        for (fade, state) in fade.chunks(BLOCK).zip(state) {
+            let ends = fade
+                .iter()
+                .fold((1.0_f32, 0.0_f32), |(low, high), &value| (low.min(value), high.max(value)));
+            *state = match ends {
+                (_, 0.0) => HIDDEN,
+                (1.0, _) => SHOWN,
+                _ => FADED,
+            };
         }
     }
 }
 
 dispatch! {
-    fn chart_row(across: &mut [u32], along: &mut [u32], state: &mut [u8], row: &Row) = row_with
+    fn chart_row(
+        across: &mut [u32],
+        along: &mut [u32],
+        fade: &mut [f32],
+        state: &mut [u8],
+        row: &Row,
+    ) = row_with
 }
 
 /// Rounds until an eye's place is accounted for to float32; see `View::ray`.
@@ -181,16 +214,15 @@ impl Course {
 /// Fills the footprints, (blocks down, blocks, 2): log2 of tiles across and along per pixel.
 pub fn footprints(mut out: ArrayViewMut3<'_, f32>, view: &View, course: &Course) {
     let around = f64::from(course.tiles);
-    for ((down, across, axis), step) in out.indexed_iter_mut() {
-        // Both axes of a block are visited one after the other; the ray is cheap beside the frame.
-        let middle = |block: usize| (block * BLOCK + BLOCK / 2) as f64;
-        let point = view.point(middle(across), course.top as f64 + middle(down));
-        // Never below what a texture can be asked for, never infinite.
-        let tiles = match axis {
-            0 => (point.azimuth_step * around).clamp(1e-30, around),
-            _ => (point.height_step * course.along()).clamp(1e-30, 1e6),
-        };
-        *step = tiles.log2() as f32;
+    let along = course.along();
+    let middle = |block: usize| (block * BLOCK + BLOCK / 2) as f64;
+    for (down, mut row) in out.outer_iter_mut().enumerate() {
+        for (across, mut steps) in row.outer_iter_mut().enumerate() {
+            let point = view.point(middle(across), course.top as f64 + middle(down));
+            // Never below what a texture can be asked for, never infinite.
+            steps[0] = (point.azimuth_step * around).clamp(1e-30, around).log2() as f32;
+            steps[1] = (point.height_step * along).clamp(1e-30, 1e6).log2() as f32;
+        }
     }
 }
 
@@ -228,13 +260,7 @@ pub fn band(band: Band<'_>, view: &View, course: &Course, first: usize, blocks: 
             floor: (1e-6 * view.focal) as f32,
             tiles: [f64::from(course.tiles) as f32, course.along() as f32],
         };
-        chart_row(across, along, states, &row);
-        for (block, state) in states.iter_mut().enumerate() {
-            if *state == FADED {
-                let fades = &mut fades[block * BLOCK..][..BLOCK];
-                *state = faded(fades, view, (block * BLOCK) as f64 + 0.5, y + view.center[1]);
-            }
-        }
+        chart_row(across, along, fades, states, &row);
     }
 }
 
@@ -259,22 +285,6 @@ pub fn chart(chart: Chart<'_>, view: &View, course: &Course, cancel: &Cancel) ->
         band(planes, view, course, course.top + index * BLOCK, blocks);
         Ok(())
     })
-}
-
-/// Fills a block of fades, and says what the block is.
-fn faded(fades: &mut [f32], view: &View, x: f64, y: f64) -> u8 {
-    for (lane, value) in fades.iter_mut().enumerate() {
-        let (across, along) = view.parts(x + lane as f64, y);
-        *value = fade(across, along) as f32;
-    }
-    let all = |wanted: f32| fades.iter().all(|&value| value == wanted);
-    if all(0.0) {
-        HIDDEN
-    } else if all(1.0) {
-        SHOWN
-    } else {
-        FADED
-    }
 }
 
 #[cfg(test)]

@@ -77,14 +77,6 @@ impl View {
         p.hypot(q) + self.slope * dot(ray, self.basis.axis).abs()
     }
 
-    /// The ray's parts across and along the axis.
-    #[inline]
-    pub fn parts(&self, x: f64, y: f64) -> (f64, f64) {
-        let (ray, _) = self.ray(x, y);
-        let (p, q) = (dot(ray, self.basis.first), dot(ray, self.basis.second));
-        (p.hypot(q), dot(ray, self.basis.axis))
-    }
-
     /// Depth (z) of the cone behind a pixel over its radius; not positive behind the camera.
     #[inline]
     pub fn depth(&self, x: f64, y: f64) -> f64 {
