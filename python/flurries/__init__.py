@@ -4,12 +4,12 @@ Arrays in, arrays out: :mod:`flurries.spectral`, :mod:`flurries.camera`, :mod:`f
 :mod:`flurries.hybrid`, :mod:`flurries.composite`. Pictures and film: :class:`Scene`, its effects.
 """
 
-from flurries import camera, composite, hybrid, particles, spectral, stereo, trace
+from flurries import camera, composite, cone, hybrid, particles, spectral, stereo, trace
 from flurries._core import InternalError
 from flurries._threads import set_threads, threads
 from flurries.camera import Camera
 from flurries.depth import DepthMap
-from flurries.effects import Frame, Layer, MatchedSnow, Rain, Snow
+from flurries.effects import ConeRain, ConeSnow, Frame, Layer, MatchedSnow, Rain, Snow
 from flurries.path import CameraPath
 from flurries.scene import Rendered, Scene
 from flurries.sun import Sun
@@ -21,6 +21,8 @@ __version__ = "0.1.0"
 __all__ = [
     "Camera",
     "CameraPath",
+    "ConeRain",
+    "ConeSnow",
     "DepthMap",
     "Frame",
     "InternalError",
@@ -35,6 +37,7 @@ __all__ = [
     "Wind",
     "camera",
     "composite",
+    "cone",
     "hybrid",
     "particles",
     "set_threads",

@@ -107,10 +107,12 @@ def _parser() -> argparse.ArgumentParser:
         metavar="PATTERN|VIDEO",
         help="frames/%%04d.exr, .png, ...; out.mp4, .webm, .mkv; or one still",
     )
-    from flurries.effects.presets import RAIN, SNOW
+    from flurries.effects.presets import CONE_RAIN, CONE_SNOW, RAIN, SNOW
 
     render.add_argument("--snow", metavar="PRESET", help=", ".join(SNOW))
     render.add_argument("--rain", metavar="PRESET", help=", ".join(RAIN))
+    render.add_argument("--cone-snow", metavar="PRESET", help=", ".join(CONE_SNOW))
+    render.add_argument("--cone-rain", metavar="PRESET", help=", ".join(CONE_RAIN))
     render.add_argument("--amount", type=float, metavar="A", help="how much of it, 0 to 1")
     render.add_argument("--wind", type=_numbers(3), metavar="X,Y,Z", help="metres per second")
     render.add_argument(
@@ -261,6 +263,7 @@ def _scene(options: argparse.Namespace) -> Any:
     """Return the scene that the options describe."""
     from dataclasses import replace
 
+    from flurries.effects.cone import Coned
     from flurries.effects.falling import Falling
     from flurries.path import CameraPath
     from flurries.scene import Scene
@@ -286,7 +289,8 @@ def _scene(options: argparse.Namespace) -> Any:
             changes["effects"] = effects
         elif weather:
             changes["effects"] = [
-                replace(e, **weather) if isinstance(e, Falling) else e for e in scene.effects
+                replace(e, **weather) if isinstance(e, (Coned, Falling)) else e
+                for e in scene.effects
             ]
         if "size" in changes:
             # The focal length belongs to the picture's width: keep the angle of view.
@@ -318,9 +322,14 @@ def _scene(options: argparse.Namespace) -> Any:
 
 def _effects(options: argparse.Namespace, weather: dict[str, Any]) -> list[Any]:
     """Return the weather of the options, back to front."""
-    from flurries.effects import Rain, Snow
+    from flurries.effects import ConeRain, ConeSnow, Rain, Snow
 
-    kinds = ((Snow, options.snow), (Rain, options.rain))
+    kinds: tuple[tuple[type[Any], str | None], ...] = (
+        (ConeSnow, options.cone_snow),
+        (Snow, options.snow),
+        (ConeRain, options.cone_rain),
+        (Rain, options.rain),
+    )
     return [kind.preset(name, **weather) for kind, name in kinds if name is not None]
 
 
