@@ -8,6 +8,7 @@
 //! | [`random`] | counter-based numbers | |
 //! | [`pool`] | the thread pool, safe across fork | |
 //! | [`real`] | float32 and float64 pixels | |
+//! | [`normal`] | the normal law on lanes | |
 //! | [`simd`] | vector instructions chosen at run time | |
 //! | [`spectral`] | the tent, the band, phases, tiles, one frame of the field | Langer 2004, sections 4-7 |
 //! | [`particles`] | the box of flakes, their image | Langer 2004, sections 6-7 |
@@ -16,6 +17,7 @@
 
 pub mod error;
 pub mod frame;
+pub mod normal;
 pub mod particles;
 pub mod pool;
 #[cfg(feature = "python")]
