@@ -6,14 +6,21 @@
 use num_traits::Float;
 
 use crate::real::Real;
+use crate::simd::{PORTABLE, multiply_add};
 
 /// What Gaussians need of a pixel's precision beyond [`Real`].
 pub trait Normal: Real {
     /// erfc(u / sqrt 2) is taken as constant (and zero to rounding) beyond this u.
     const SATURATED: f64;
 
-    /// exp(x) for x from -80 to 0.
-    fn exp_negative(x: Self) -> Self;
+    /// exp(x) for x from -80 to 0, with the products of a level of [`crate::simd`].
+    fn exp_at<const LEVEL: u8>(x: Self) -> Self;
+
+    /// exp(x) for x from -80 to 0, the same bits at every level.
+    #[inline(always)]
+    fn exp_negative(x: Self) -> Self {
+        Self::exp_at::<PORTABLE>(x)
+    }
 
     /// erfc(u / sqrt 2) for u >= 0, small relative error even in the tail.
     fn tail(u: Self) -> Self;
@@ -22,19 +29,26 @@ pub trait Normal: Real {
 /// A polynomial, highest power first, as two half as long in x^2: Horner's one long chain of
 /// dependent operations would leave most of the processor idle.
 #[inline(always)]
-pub fn polynomial<P: Float, const N: usize>(coefficients: [P; N], x: P) -> P {
+pub fn polynomial<P: Real, const N: usize>(coefficients: [P; N], x: P) -> P {
+    polynomial_at::<P, N, PORTABLE>(coefficients, x)
+}
+
+/// The same with the products of a level.
+#[inline(always)]
+fn polynomial_at<P: Real, const N: usize, const LEVEL: u8>(coefficients: [P; N], x: P) -> P {
     let squared = x * x;
     let (mut first, mut second) = (coefficients[0], coefficients[1]);
     let mut i = 2;
     while i + 1 < N {
-        first = first * squared + coefficients[i];
-        second = second * squared + coefficients[i + 1];
+        first = multiply_add::<P, LEVEL>(first, squared, coefficients[i]);
+        second = multiply_add::<P, LEVEL>(second, squared, coefficients[i + 1]);
         i += 2;
     }
     if N % 2 == 0 {
-        first * x + second
+        multiply_add::<P, LEVEL>(first, x, second)
     } else {
-        (first * squared + coefficients[N - 1]) + second * x
+        let even = multiply_add::<P, LEVEL>(first, squared, coefficients[N - 1]);
+        multiply_add::<P, LEVEL>(second, x, even)
     }
 }
 
@@ -55,14 +69,14 @@ impl Normal for f32 {
     const SATURATED: f64 = 5.7;
 
     #[inline(always)]
-    fn exp_negative(x: f32) -> f32 {
+    fn exp_at<const LEVEL: u8>(x: f32) -> f32 {
         // Adding 1.5 * 2^23 rounds to an integer and leaves it in the low bits.
         const ROUND: f32 = 12_582_912.0;
         let y = x * std::f32::consts::LOG2_E;
         let shifted = y + ROUND;
         let f = y - (shifted - ROUND);
         // (2^f - 1) / f on [-1/2, 1/2], to 5e-9.
-        let fraction = polynomial(
+        let fraction = polynomial_at::<_, 6, LEVEL>(
             [
                 1.545_316_3e-4,
                 1.339_086_3e-3,
@@ -72,8 +86,8 @@ impl Normal for f32 {
                 std::f32::consts::LN_2,
             ],
             f,
-        ) * f
-            + 1.0;
+        );
+        let fraction = multiply_add::<_, LEVEL>(fraction, f, 1.0);
         f32::from_bits(fraction.to_bits().wrapping_add(shifted.to_bits() << 23))
     }
 
@@ -105,13 +119,13 @@ impl Normal for f64 {
     const SATURATED: f64 = 8.7;
 
     #[inline(always)]
-    fn exp_negative(x: f64) -> f64 {
+    fn exp_at<const LEVEL: u8>(x: f64) -> f64 {
         const ROUND: f64 = 6_755_399_441_055_744.0;
         let y = x * std::f64::consts::LOG2_E;
         let shifted = y + ROUND;
         let f = y - (shifted - ROUND);
         // (2^f - 1) / f on [-1/2, 1/2], to 1.1e-19.
-        let fraction = polynomial(
+        let fraction = polynomial_at::<_, 12, LEVEL>(
             [
                 2.572_932_417_736_230_5e-11,
                 4.455_817_908_336_064_5e-10,
@@ -127,8 +141,8 @@ impl Normal for f64 {
                 std::f64::consts::LN_2,
             ],
             f,
-        ) * f
-            + 1.0;
+        );
+        let fraction = multiply_add::<_, LEVEL>(fraction, f, 1.0);
         f64::from_bits(fraction.to_bits().wrapping_add(shifted.to_bits() << 52))
     }
 

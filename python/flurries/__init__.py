@@ -1,10 +1,10 @@
 """Falling snow, synthesized in the frequency domain, with particles on top.
 
 Arrays in, arrays out: :mod:`flurries.spectral`, :mod:`flurries.camera`, :mod:`flurries.particles`,
-:mod:`flurries.composite`. Pictures and film: :class:`Scene` and its effects.
+:mod:`flurries.gas`, :mod:`flurries.composite`. Pictures and film: :class:`Scene` and its effects.
 """
 
-from flurries import camera, composite, particles, spectral, trace
+from flurries import camera, composite, gas, particles, spectral, trace
 from flurries._core import InternalError
 from flurries._threads import set_threads, threads
 from flurries.camera import Camera
@@ -25,6 +25,7 @@ __all__ = [
     "Snow",
     "camera",
     "composite",
+    "gas",
     "particles",
     "set_threads",
     "spectral",

@@ -12,6 +12,9 @@ __all__ = [
     "band_amplitude",
     "blend_tiles",
     "field",
+    "gas_alpha",
+    "gas_light",
+    "gas_splat",
     "inverse_transform",
     "join",
     "opacity",
@@ -95,4 +98,31 @@ def particle_splat(
     shutter: float,
     lens: tuple[float, float, float, tuple[float, float, float], float],
     depth: npt.NDArray[Any] | None,
+) -> None: ...
+def gas_splat(
+    out: _Array,
+    centers: _Float64,
+    radius: _Float64,
+    density: _Float64,
+    colours: _Float64,
+    lens: tuple[float, float, float, tuple[float, float, float]],
+    manner: tuple[str, str, float, bool, bool, float],
+    depth: _Array | None,
+) -> None: ...
+def gas_alpha(
+    out: _Array,
+    centers: _Float64,
+    radius: _Float64,
+    density: _Float64,
+    lens: tuple[float, float, float, tuple[float, float, float]],
+    manner: tuple[str, str, float, bool, bool, float],
+    depth: _Array | None,
+) -> None: ...
+def gas_light(
+    out: _Float64,
+    centers: _Float64,
+    radius: _Float64,
+    density: _Float64,
+    direction: tuple[float, float, float],
+    forward: float,
 ) -> None: ...

@@ -6,6 +6,7 @@
 use pyo3::prelude::*;
 
 mod frame;
+mod gas;
 mod gate;
 mod particles;
 mod random;
@@ -17,6 +18,8 @@ mod threads;
 mod core {
     #[pymodule_export]
     use super::frame::{join, over, snow};
+    #[pymodule_export]
+    use super::gas::{gas_alpha, gas_light, gas_splat};
     #[pymodule_export]
     use super::gate::InternalError;
     #[pymodule_export]

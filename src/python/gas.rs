@@ -1,0 +1,182 @@
+//! Gas: the image of its particles, and the light that reaches them.
+
+use numpy::ndarray::ArrayView2;
+use numpy::{PyReadonlyArray1, PyReadonlyArray2, PyReadwriteArray1, PyReadwriteArray3};
+use pyo3::prelude::*;
+
+use super::gate::{self, Plane, PlaneMut};
+use crate::error::Error;
+use crate::gas::footprint::Edge;
+use crate::gas::light;
+use crate::gas::splat::{self, Cloud};
+use crate::gas::sprite::{Eye, Footprint, Look};
+use crate::normal::Normal;
+use crate::real::Real;
+
+/// RGBA of either precision, to be written.
+#[derive(FromPyObject)]
+pub enum LayerMut<'py> {
+    /// float32
+    Single(PyReadwriteArray3<'py, f32>),
+    /// float64
+    Double(PyReadwriteArray3<'py, f64>),
+}
+
+/// (focal, cx, cy, offset)
+type Lens = (f64, f64, f64, [f64; 3]);
+
+/// (footprint, edge, near, fade, hard, error)
+type Manner = (String, String, f64, bool, bool, f64);
+
+fn eye_of((focal, x, y, offset): Lens) -> Eye {
+    Eye { focal, center: [x, y], offset }
+}
+
+fn look_of((footprint, edge, near, fade, hard, error): Manner) -> PyResult<Look> {
+    let footprint = match footprint.as_str() {
+        "viewplane" => Footprint::Viewplane,
+        "viewplane_c" => Footprint::ViewplaneC,
+        "viewpoint" => Footprint::Viewpoint,
+        "volume" => Footprint::Volume,
+        "table" => Footprint::Table,
+        _ => return Err(Error::invalid("footprint", "is none of ours").into()),
+    };
+    let edge = match edge.as_str() {
+        "taper" => Edge::Taper,
+        "square" => Edge::Square,
+        _ => return Err(Error::invalid("edge", "is none of ours").into()),
+    };
+    Ok(Look { footprint, edge, near, fade, hard, error })
+}
+
+fn colours_of(colours: &PyReadonlyArray2<'_, f64>) -> PyResult<Vec<[f64; 3]>> {
+    let colours = colours.as_array();
+    if colours.ncols() != 3 {
+        return Err(Error::invalid("color", "must have three numbers to a row").into());
+    }
+    Ok(colours.rows().into_iter().map(|row| [row[0], row[1], row[2]]).collect())
+}
+
+/// Draws premultiplied linear RGBA of a gas into `out` (H, W, 4).
+#[pyfunction]
+#[expect(clippy::too_many_arguments, reason = "the Python layer passes plain values")]
+pub fn gas_splat(
+    py: Python<'_>,
+    out: LayerMut<'_>,
+    centers: PyReadonlyArray2<'_, f64>,
+    radius: PyReadonlyArray1<'_, f64>,
+    density: PyReadonlyArray1<'_, f64>,
+    colours: PyReadonlyArray2<'_, f64>,
+    lens: Lens,
+    manner: Manner,
+    depth: Option<Plane<'_>>,
+) -> PyResult<()> {
+    let colours = colours_of(&colours)?;
+    let cloud = Cloud {
+        centers: centers.as_array(),
+        radius: radius.as_array(),
+        density: density.as_array(),
+        colours: &colours,
+    };
+    let (eye, look) = (eye_of(lens), look_of(manner)?);
+    match (out, &depth) {
+        (LayerMut::Single(out), None) => layer(py, out, &cloud, &eye, &look, NOTHING),
+        (LayerMut::Double(out), None) => layer(py, out, &cloud, &eye, &look, NOTHING),
+        (LayerMut::Single(out), Some(Plane::Single(map))) => {
+            layer(py, out, &cloud, &eye, &look, Some(map.as_array()))
+        }
+        (LayerMut::Single(out), Some(Plane::Double(map))) => {
+            layer(py, out, &cloud, &eye, &look, Some(map.as_array()))
+        }
+        (LayerMut::Double(out), Some(Plane::Single(map))) => {
+            layer(py, out, &cloud, &eye, &look, Some(map.as_array()))
+        }
+        (LayerMut::Double(out), Some(Plane::Double(map))) => {
+            layer(py, out, &cloud, &eye, &look, Some(map.as_array()))
+        }
+    }
+}
+
+/// No depth map.
+const NOTHING: Option<ArrayView2<'static, f32>> = None;
+
+fn layer<P: Normal + numpy::Element, M: Real>(
+    py: Python<'_>,
+    mut out: PyReadwriteArray3<'_, P>,
+    cloud: &Cloud<'_>,
+    eye: &Eye,
+    look: &Look,
+    depth: Option<ArrayView2<'_, M>>,
+) -> PyResult<()> {
+    let out = out.as_array_mut();
+    cloud.check()?;
+    let nanoseconds = splat::estimate((out.dim().0, out.dim().1), cloud, eye, look);
+    gate::run(py, nanoseconds, |cancel| splat::splat(out, cloud, eye, look, depth, cancel))
+}
+
+/// Draws the alpha of a gas into `out` (H, W).
+#[pyfunction]
+#[expect(clippy::too_many_arguments, reason = "the Python layer passes plain values")]
+pub fn gas_alpha(
+    py: Python<'_>,
+    out: PlaneMut<'_>,
+    centers: PyReadonlyArray2<'_, f64>,
+    radius: PyReadonlyArray1<'_, f64>,
+    density: PyReadonlyArray1<'_, f64>,
+    lens: Lens,
+    manner: Manner,
+    depth: Option<Plane<'_>>,
+) -> PyResult<()> {
+    let cloud = Cloud {
+        centers: centers.as_array(),
+        radius: radius.as_array(),
+        density: density.as_array(),
+        colours: &[[0.0; 3]],
+    };
+    let (eye, look) = (eye_of(lens), look_of(manner)?);
+    cloud.check()?;
+    gate::each_precision!(out, view => {
+        let nanoseconds = splat::estimate(view.dim(), &cloud, &eye, &look);
+        match &depth {
+            None => gate::run(py, nanoseconds, |cancel| {
+                splat::alpha(view, &cloud, &eye, &look, NOTHING, cancel)
+            }),
+            Some(Plane::Single(map)) => {
+                let map = map.as_array();
+                gate::run(py, nanoseconds, |cancel| {
+                    splat::alpha(view, &cloud, &eye, &look, Some(map), cancel)
+                })
+            }
+            Some(Plane::Double(map)) => {
+                let map = map.as_array();
+                gate::run(py, nanoseconds, |cancel| {
+                    splat::alpha(view, &cloud, &eye, &look, Some(map), cancel)
+                })
+            }
+        }
+    })
+}
+
+/// Fills `out` (n,) with the light of a direction that reaches each particle.
+#[pyfunction]
+pub fn gas_light(
+    py: Python<'_>,
+    mut out: PyReadwriteArray1<'_, f64>,
+    centers: PyReadonlyArray2<'_, f64>,
+    radius: PyReadonlyArray1<'_, f64>,
+    density: PyReadonlyArray1<'_, f64>,
+    direction: [f64; 3],
+    forward: f64,
+) -> PyResult<()> {
+    let cloud = Cloud {
+        centers: centers.as_array(),
+        radius: radius.as_array(),
+        density: density.as_array(),
+        colours: &[[0.0; 3]],
+    };
+    let out = out.as_array_mut();
+    let count = cloud.centers.nrows() as f64;
+    gate::run(py, 5.0 * count * count, |cancel| {
+        light::light(out, &cloud, direction, forward, cancel)
+    })
+}
