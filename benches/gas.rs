@@ -8,7 +8,7 @@ use std::time::Instant;
 use _core::error::Cancel;
 use _core::gas::footprint::{Edge, TABLE};
 use _core::gas::splat::{self, Cloud};
-use _core::gas::sprite::{Eye, Footprint, Look};
+use _core::gas::sprite::{Eye, Footprint, Look, NearMode};
 use _core::pool;
 use _core::random::Hash;
 use ndarray::{Array1, Array2, Array3, ArrayView2};
@@ -94,7 +94,7 @@ fn main() {
             footprint,
             edge: Edge::Taper,
             near: 0.1,
-            fade: true,
+            near_mode: NearMode::Fade,
             hard: false,
             error: 1e-6,
         };

@@ -106,7 +106,7 @@ def gas_splat(
     density: _Float64,
     colours: _Float64,
     lens: tuple[float, float, float, tuple[float, float, float]],
-    manner: tuple[str, str, float, bool, bool, float],
+    manner: tuple[str, str, float, str, bool, float],
     depth: _Array | None,
 ) -> None: ...
 def gas_alpha(
@@ -115,7 +115,7 @@ def gas_alpha(
     radius: _Float64,
     density: _Float64,
     lens: tuple[float, float, float, tuple[float, float, float]],
-    manner: tuple[str, str, float, bool, bool, float],
+    manner: tuple[str, str, float, str, bool, float],
     depth: _Array | None,
 ) -> None: ...
 def gas_light(

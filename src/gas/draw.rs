@@ -93,7 +93,7 @@ fn draw_with<P: Normal, const LEVEL: u8>(
         }
         let sprite = &drawing.sprites[entry.sprite as usize];
         let look = drawing.look;
-        let cut = ray::cut(sprite, look.footprint, look.near, look.hard, tile.rays, tile.ground);
+        let cut = ray::cut(sprite, look, tile.rays, tile.ground);
         if cut == Cut::Hidden {
             continue;
         }
@@ -250,7 +250,7 @@ fn by_rows<P: Normal, const LEVEL: u8>(
     let alpha = &mut row_of.0;
     for row in top..bottom {
         if let Some((forms, rays)) = &forms {
-            forms.distance::<P, LEVEL>(look.footprint, rays, row, alpha);
+            forms.distance::<P, LEVEL>(sprite.model, rays, row, alpha);
             ray::opacities::<P, LEVEL>(alpha, scale, square);
         } else {
             let gain = scale.gain * down.0[row];

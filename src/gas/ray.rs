@@ -161,13 +161,12 @@ pub enum Cut {
 /// What cuts a particle off; the ranges of the tile settle it for most.
 pub fn cut<P: Normal>(
     sprite: &Sprite,
-    footprint: Footprint,
-    near: f64,
-    hard: bool,
+    look: &Look,
     rays: Option<&Rays>,
     ground: Option<&Ground<'_, P>>,
 ) -> Cut {
-    if ground.is_none() && footprint != Footprint::Volume {
+    let (model, near, hard) = (sprite.model, look.near, look.hard);
+    if ground.is_none() && model != Footprint::Volume {
         return Cut::Clear;
     }
     let [x, y, depth] = sprite.place;
@@ -182,10 +181,10 @@ pub fn cut<P: Normal>(
         }
         if far[0] <= level {
             // The near plane of `volume` is minded as well.
-            return if footprint == Footprint::Volume { Cut::Line } else { Cut::Hard };
+            return if model == Footprint::Volume { Cut::Line } else { Cut::Hard };
         }
     }
-    if let (Footprint::Volume, Some(rays)) = (footprint, rays) {
+    if let (Footprint::Volume, Some(rays)) = (model, rays) {
         let away = x.hypot(y).hypot(depth);
         let before = sprite.nearest() - near * rays.range[1] > saturated && depth > 0.0;
         let behind = hard || far[0] * rays.range[0] - away > saturated;
@@ -228,7 +227,7 @@ pub fn cut_row<P: Normal>(
         (Cut::Soft, Some(map), _) => {
             for (alpha, ground) in alpha.iter_mut().zip(map) {
                 let u = P::of((ground.wide() - depth) * inverse);
-                *alpha = *alpha * below(u);
+                *alpha *= below(u);
             }
         }
         (Cut::Line, map, Some(rays)) => {
@@ -244,7 +243,7 @@ pub fn cut_row<P: Normal>(
                 let middle = (along + f64::from(k as i32) * step) / length;
                 let from = P::of((near * length - middle) * inverse);
                 let to = P::of((end[k] * length - middle) * inverse);
-                *alpha = *alpha * between(from, to);
+                *alpha *= between(from, to);
             }
         }
         _ => {}

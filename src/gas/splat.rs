@@ -147,6 +147,8 @@ pub struct Picture<'a, P, M> {
     pub bands: Bands,
     /// Whether particles differ in colour.
     pub coloured: bool,
+    /// Whether a particle needs the pixels' rays.
+    pub by_ray: bool,
     /// Depth of what stands in the picture.
     pub depth: Option<ArrayView2<'a, M>>,
     /// The pixels' type.
@@ -205,8 +207,7 @@ impl<P: Normal, M: Real> Picture<'_, P, M> {
             (Some(map), Some(depth)) => Some(standing(map, origin, depth)),
             _ => None,
         };
-        let by_ray = self.drawing.look.footprint.by_ray();
-        let rays = by_ray.then(|| Rays::of(self.eye, origin, &mut scratch.lengths));
+        let rays = self.by_ray.then(|| Rays::of(self.eye, origin, &mut scratch.lengths));
         let mut tile = Tile {
             origin,
             through: &mut scratch.through[0],
@@ -255,7 +256,8 @@ fn prepared<'a, P: Normal, M: Real>(
     let bands = Bands::of(sprites, &order, shape.0)?;
     let drawing = Drawing { sprites, colours, look };
     let pixel = std::marker::PhantomData;
-    Ok(Picture { shape, eye, drawing, bands, coloured, depth, pixel })
+    let by_ray = order.iter().any(|&place| sprites[place as usize].model.by_ray());
+    Ok(Picture { shape, eye, drawing, bands, coloured, by_ray, depth, pixel })
 }
 
 fn check_all<M>(

@@ -9,7 +9,7 @@ use crate::error::Error;
 use crate::gas::footprint::Edge;
 use crate::gas::light;
 use crate::gas::splat::{self, Cloud};
-use crate::gas::sprite::{Eye, Footprint, Look};
+use crate::gas::sprite::{Eye, Footprint, Look, NearMode};
 use crate::normal::Normal;
 use crate::real::Real;
 
@@ -25,14 +25,14 @@ pub enum LayerMut<'py> {
 /// (focal, cx, cy, offset)
 type Lens = (f64, f64, f64, [f64; 3]);
 
-/// (footprint, edge, near, fade, hard, error)
-type Manner = (String, String, f64, bool, bool, f64);
+/// (footprint, edge, near, near mode, hard, error)
+type Manner = (String, String, f64, String, bool, f64);
 
 fn eye_of((focal, x, y, offset): Lens) -> Eye {
     Eye { focal, center: [x, y], offset }
 }
 
-fn look_of((footprint, edge, near, fade, hard, error): Manner) -> PyResult<Look> {
+fn look_of((footprint, edge, near, near_mode, hard, error): Manner) -> PyResult<Look> {
     let footprint = match footprint.as_str() {
         "viewplane" => Footprint::Viewplane,
         "viewplane_c" => Footprint::ViewplaneC,
@@ -46,7 +46,13 @@ fn look_of((footprint, edge, near, fade, hard, error): Manner) -> PyResult<Look>
         "square" => Edge::Square,
         _ => return Err(Error::invalid("edge", "is none of ours").into()),
     };
-    Ok(Look { footprint, edge, near, fade, hard, error })
+    let near_mode = match near_mode.as_str() {
+        "fade" => NearMode::Fade,
+        "cull" => NearMode::Cull,
+        "exact" => NearMode::Exact,
+        _ => return Err(Error::invalid("near_mode", "is none of ours").into()),
+    };
+    Ok(Look { footprint, edge, near, near_mode, hard, error })
 }
 
 fn colours_of(colours: &PyReadonlyArray2<'_, f64>) -> PyResult<Vec<[f64; 3]>> {

@@ -29,7 +29,7 @@ __all__ = ["alpha", "splat"]
 
 FOOTPRINTS = ("viewplane_c", "viewplane", "viewpoint", "volume", "table")
 EDGES = ("taper", "square")
-NEAR_MODES = ("fade", "cull")
+NEAR_MODES = ("fade", "cull", "exact")
 OCCLUSIONS = ("soft", "hard")
 
 # A pixel that lets through less than this is finished, where `error` is not given: below what the
@@ -37,7 +37,7 @@ OCCLUSIONS = ("soft", "hard")
 FINISHED = {"float32": 1e-6, "float64": 1e-13}
 
 _Lens = tuple[float, float, float, tuple[float, float, float]]
-_Manner = tuple[str, str, float, bool, bool, float]
+_Manner = tuple[str, str, float, str, bool, float]
 
 
 @dataclass(frozen=True)
@@ -110,10 +110,11 @@ def splat(
         know only a distance, at q = 3), and leaves a step of 1.1 % of the density.
     near : float
         Depth before which nothing is drawn, world units, more than 0.
-    near_mode : {"fade", "cull"}
+    near_mode : {"fade", "cull", "exact"}
         "fade" lets particles come in over a third of their radius behind `near`; "cull" draws all
-        whose middle is not before it, as the paper does, and pops. "volume" needs neither: its
-        integral begins at `near`.
+        whose middle is not before it, as the paper does, and pops; "exact" draws particles nearer
+        than four radii as "volume" does, whatever the footprint: for cameras that fly through gas.
+        "volume" itself needs none of these: its integral begins at `near`.
     depth : (H, W), optional
         Planar depth of what stands in the picture, world units; infinity where nothing does.
     occlusion : {"soft", "hard"}
@@ -286,7 +287,7 @@ def manner_of(
         choice("footprint", footprint, FOOTPRINTS),
         choice("edge", edge, EDGES),
         real("near", near, low=SMALLEST, high=LARGEST),
-        choice("near_mode", near_mode, NEAR_MODES) == "fade",
+        choice("near_mode", near_mode, NEAR_MODES),
         choice("occlusion", occlusion, OCCLUSIONS) == "hard",
         limit,
     )
