@@ -140,6 +140,7 @@ def test_nan_exactly_where_the_domain_ends():
 
 def test_naive_differences_would_not_do():
     """The negative control: what the stable form is for."""
+
     def naive(x, depth, r, kind):
         x, depth, r = kind(x), kind(depth), kind(r)
         s = np.sqrt(x * x + depth * depth)
@@ -285,7 +286,9 @@ def test_printed_forms_are_the_papers():
         e_y = n * r * x * y * s / (z * (z * s - r * x))
         np.testing.assert_allclose(values, [e_x, e_y], rtol=1e-12)
     # Opposite sign, and a third of it for r << C_x << D.
-    a, b = (fl.gas.projection_error([(0.5, 1, 50)], 1e-3, form=f)[0, 0] for f in ("exact", "printed"))
+    a, b = (
+        fl.gas.projection_error([(0.5, 1, 50)], 1e-3, form=f)[0, 0] for f in ("exact", "printed")
+    )
     np.testing.assert_allclose(a / b, -1 / 3, rtol=2e-2)
     parallax = fl.gas.parallax_error(centers, 0.45, eye_distance=0.1, form="printed")
     sides = [centers + (s, 0, 0) for s in (-0.05, 0.05)]

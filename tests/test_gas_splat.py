@@ -306,7 +306,9 @@ def test_no_particles_and_none_in_sight():
     empty = np.zeros((0, 3))
     for footprint in MODELS:
         for centers in (empty, [(0.0, 0.0, -500.0)], [(1e90, 0.0, 1.0)], [(0, 0, 1e90)]):
-            layer = fl.gas.splat((9, 9), centers, 0.1, 0.5, 1.0, fl.Camera(9.0), footprint=footprint)
+            layer = fl.gas.splat(
+                (9, 9), centers, 0.1, 0.5, 1.0, fl.Camera(9.0), footprint=footprint
+            )
             assert not layer.any()
     assert fl.gas.splat((9, 9), empty, [], [], np.zeros((0, 3)), fl.Camera(9.0)).max() == 0
 

@@ -149,7 +149,9 @@ def parallax_error(
         a, b = x - half, x + half
         sa, sb = np.hypot(a, depth), np.hypot(b, depth)
         # In units of the depth, so that nothing overflows or vanishes.
-        a, b, sa, sb, size, y, gap = (v / depth for v in (a, b, sa, sb, r, y, np.full_like(x, apart)))
+        a, b, sa, sb, size, y, gap = (
+            v / depth for v in (a, b, sa, sb, r, y, np.full_like(x, apart))
+        )
         ba, bb = sa - size * a, sb - size * b
         seen = (depth > 0.0) & (ba > 0.0) & (bb > 0.0)
         both = sa + sb

@@ -100,9 +100,7 @@ def _density(wanted: Float64) -> Float64:
         for part in np.array_split(np.arange(len(density)), max(1, len(density) // 4096)):
             inside = part[density[part] < 1.0]
             value, slope = _optical_depth(density[inside])
-            density[inside] = np.clip(
-                density[inside] - (value - wanted[inside]) / slope, 0.0, 1.0
-            )
+            density[inside] = np.clip(density[inside] - (value - wanted[inside]) / slope, 0.0, 1.0)
     return np.asarray(density)
 
 
