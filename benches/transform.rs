@@ -5,6 +5,7 @@
 
 use std::time::Instant;
 
+use _core::real::Real;
 use _core::spectral::band::Band;
 use _core::spectral::dense::operations;
 use _core::spectral::filter::{Alias, TemporalFilter};
@@ -13,8 +14,8 @@ use _core::spectral::tent::Motion;
 use _core::spectral::tile::{Choice, Plan, fft_operations};
 use _core::spectral::waves::{Draw, Waves};
 
-fn microseconds(waves: &Waves, choice: Choice) -> f64 {
-    let plan = Plan::<f32>::new(waves, choice).expect("a plan");
+fn microseconds<T: Real>(waves: &Waves, choice: Choice) -> f64 {
+    let plan = Plan::<T>::new(waves, choice).expect("a plan");
     let mut scratch = plan.scratch().expect("buffers");
     let motion = [Motion { drift: [1.3, 2.7], shift: [0.0; 2] }];
     let filter = TemporalFilter { alias: Alias::Keep, soft_from: 0.4, shutter: 0.0 };
@@ -33,8 +34,8 @@ fn microseconds(waves: &Waves, choice: Choice) -> f64 {
 
 fn main() {
     println!(
-        "{:>5} {:>10} {:>9} {:>9} {:>12} {:>11}",
-        "tile", "band px", "dense us", "FFT us", "dense/FFT", "break-even"
+        "{:>5} {:>10} {:>9} {:>9} {:>12} {:>11} {:>13}",
+        "tile", "band px", "dense us", "FFT us", "dense/FFT", "break-even", "dense f64 us"
     );
     for (size, low, high) in [
         (32, 2.0, 12.0),
@@ -47,10 +48,12 @@ fn main() {
     ] {
         let band = Band { shortest: low, longest: high, exponent: 1.0 };
         let waves = Waves::new((size, size), band, &[]).expect("waves");
-        let (dense, fft) = (microseconds(&waves, Choice::Dense), microseconds(&waves, Choice::Fft));
+        let dense = microseconds::<f32>(&waves, Choice::Dense);
+        let fft = microseconds::<f32>(&waves, Choice::Fft);
+        let wide = microseconds::<f64>(&waves, Choice::Dense);
         let counts = operations(&waves) / fft_operations(&waves);
         println!(
-            "{size:>5} {:>10} {dense:>9.2} {fft:>9.2} {:>12.2} {:>11.2}",
+            "{size:>5} {:>10} {dense:>9.2} {fft:>9.2} {:>12.2} {:>11.2} {wide:>13.2}",
             format!("{low}..{high}"),
             dense / fft,
             counts * fft / dense

@@ -15,6 +15,7 @@
 //! | [`particles`] | the box of flakes, their image | Langer 2004, sections 6-7 |
 //! | [`gas`] | splatted mist, fog and clouds | Johnson 2005 |
 //! | [`frame`] | compositing | Langer 2004, Eq. 7 |
+//! | [`snowfall`] | texture, flakes and veil over a picture in one pass | Langer 2004, Eq. 7 |
 //! | `python` | the binding, behind the feature of that name | |
 
 pub mod cover;
@@ -29,4 +30,5 @@ mod python;
 pub mod random;
 pub mod real;
 pub mod simd;
+pub mod snowfall;
 pub mod spectral;

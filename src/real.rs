@@ -6,6 +6,8 @@ use flurries_fft::Transform;
 use num_complex::Complex;
 use num_traits::Float;
 
+use crate::simd::multiply_add;
+
 /// float32 or float64 pixels.
 pub trait Real: Transform + Float + std::ops::AddAssign + std::ops::MulAssign {
     /// Rounds a float64 to this precision.
@@ -13,7 +15,9 @@ pub trait Real: Transform + Float + std::ops::AddAssign + std::ops::MulAssign {
     /// This value in float64.
     fn wide(self) -> f64;
     /// `exp(2 pi i phase)` for a phase of at most half a cycle, to this precision.
-    fn turn(phase: f64) -> Complex<Self>;
+    ///
+    /// Loops compiled for a level of vector instructions name it, for its fused multiply-add.
+    fn turn<const LEVEL: u8>(phase: f64) -> Complex<Self>;
 }
 
 impl Real for f64 {
@@ -27,12 +31,12 @@ impl Real for f64 {
     }
     /// Taylor series on an eighth of a turn, without a branch, so that a loop over waves vectorises.
     #[inline]
-    fn turn(phase: f64) -> Complex<Self> {
+    fn turn<const LEVEL: u8>(phase: f64) -> Complex<Self> {
         let quarter = (4.0 * phase).round_ties_even();
         let angle = (phase - 0.25 * quarter) * TAU;
         let square = angle * angle;
-        let sin = angle * series::<8>(square, 1.0);
-        let cos = series::<9>(square, 0.0);
+        let sin = angle * series::<8, LEVEL>(square, 1.0);
+        let cos = series::<9, LEVEL>(square, 0.0);
         // -2 .. 2 quarters: an odd number swaps the two, 1 and +-2 negate.
         let odd = quarter.abs() == 1.0;
         let (real, imaginary) = if odd { (sin, cos) } else { (cos, sin) };
@@ -46,13 +50,13 @@ impl Real for f64 {
 /// `1 - s / ((1 + o)(2 + o)) (1 - s / ((3 + o)(4 + o)) (1 - ...))`: with o = 0 the series of the cosine,
 /// with o = 1 that of the sine over its angle, for s the square of the angle.
 #[inline(always)]
-fn series<const TERMS: usize>(square: f64, offset: f64) -> f64 {
+fn series<const TERMS: usize, const LEVEL: u8>(square: f64, offset: f64) -> f64 {
     let mut sum = 1.0;
     let mut n = TERMS;
     while n > 1 {
         n -= 1;
         let k = 2.0 * n as f64 + offset;
-        sum = 1.0 - square * (sum * (1.0 / ((k - 1.0) * k)));
+        sum = multiply_add::<f64, LEVEL>(-square, sum * (1.0 / ((k - 1.0) * k)), 1.0);
     }
     sum
 }
@@ -69,7 +73,7 @@ impl Real for f32 {
     /// Polynomials on a quarter of a turn, without a branch, so that a loop over waves vectorises.
     /// The phase is rounded to float32 only here, where it is already reduced.
     #[inline]
-    fn turn(phase: f64) -> Complex<Self> {
+    fn turn<const LEVEL: u8>(phase: f64) -> Complex<Self> {
         let turns = phase as Self;
         // The nearest half turn; what is left is at most a quarter turn, where both series are short.
         let half = (turns + turns).round_ties_even();
@@ -77,40 +81,46 @@ impl Real for f32 {
         // `half` is -1, 0 or 1; a half turn changes both signs.
         let sign = 1.0 - 2.0 * half * half;
         let square = angle * angle;
-        let sin = angle
-            * (1.0
-                + square
-                    * (-1.666_666_6e-1
-                        + square
-                            * (8.333_333e-3
-                                + square
-                                    * (-1.984_126_9e-4
-                                        + square * (2.755_731_9e-6 - square * 2.505_210_8e-8)))));
-        let cos = 1.0
-            + square
-                * (-0.5
-                    + square
-                        * (4.166_666_8e-2
-                            + square
-                                * (-1.388_888_9e-3
-                                    + square
-                                        * (2.480_158_7e-5
-                                            + square
-                                                * (-2.755_732e-7 + square * 2.087_675_7e-9)))));
+        const SIN: [f32; 6] =
+            [1.0, -1.666_666_6e-1, 8.333_333e-3, -1.984_126_9e-4, 2.755_731_9e-6, -2.505_210_8e-8];
+        const COS: [f32; 7] = [
+            1.0,
+            -0.5,
+            4.166_666_8e-2,
+            -1.388_888_9e-3,
+            2.480_158_7e-5,
+            -2.755_732e-7,
+            2.087_675_7e-9,
+        ];
+        let sin = angle * polynomial::<6, LEVEL>(&SIN, square);
+        let cos = polynomial::<7, LEVEL>(&COS, square);
         Complex::new(sign * cos, sign * sin)
     }
+}
+
+/// `c[0] + x (c[1] + x (c[2] + ...))`.
+#[inline(always)]
+fn polynomial<const TERMS: usize, const LEVEL: u8>(c: &[f32; TERMS], x: f32) -> f32 {
+    let mut sum = c[TERMS - 1];
+    let mut n = TERMS - 1;
+    while n > 0 {
+        n -= 1;
+        sum = multiply_add::<f32, LEVEL>(sum, x, c[n]);
+    }
+    sum
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::simd::PORTABLE;
 
     #[test]
     fn the_series_are_right_to_float64() {
         for i in -20_000..=20_000 {
             let phase = f64::from(i) / 40_000.0;
             let (sin, cos) = (TAU * phase).sin_cos();
-            let fast = f64::turn(phase);
+            let fast = f64::turn::<PORTABLE>(phase);
             let error = (fast.re - cos).abs().max((fast.im - sin).abs());
             // The judge's own angle is rounded at up to pi: 2.2e-16 of it.
             assert!(error < 7e-16, "{phase}: {error:e}");
@@ -123,7 +133,7 @@ mod tests {
             .map(|i| f64::from(i) / 40_000.0)
             .map(|phase| {
                 let (sin, cos) = (TAU * phase).sin_cos();
-                let fast = f32::turn(phase);
+                let fast = f32::turn::<PORTABLE>(phase);
                 (f64::from(fast.re) - cos).abs().max((f64::from(fast.im) - sin).abs())
             })
             .fold(0.0, f64::max);

@@ -333,3 +333,10 @@ def test_bad_arguments_are_refused_by_name(argument: str, call):
         warnings.simplefilter("error")
         with pytest.raises((TypeError, ValueError), match=argument):
             call()
+
+
+def test_one_depth_serves_all_points():
+    at = np.array([(10.0, 20.0), (30.0, 5.0)])
+    one = fl.camera.image_velocity(at, 4.0, (0.1, 0.2, 0.3), C, SHAPE)
+    each = fl.camera.image_velocity(at, [4.0, 4.0], (0.1, 0.2, 0.3), C, SHAPE)
+    assert np.array_equal(one, each)

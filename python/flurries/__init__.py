@@ -8,21 +8,30 @@ from flurries import camera, composite, gas, particles, spectral, trace
 from flurries._core import InternalError
 from flurries._threads import set_threads, threads
 from flurries.camera import Camera
-from flurries.effects import Snow
+from flurries.depth import DepthMap
+from flurries.effects import Frame, Layer, Rain, Snow
 from flurries.path import CameraPath
 from flurries.scene import Rendered, Scene
+from flurries.sun import Sun
 from flurries.timeline import Keys
+from flurries.wind import Wind
 
 __version__ = "0.1.0"
 
 __all__ = [
     "Camera",
     "CameraPath",
+    "DepthMap",
+    "Frame",
     "InternalError",
     "Keys",
+    "Layer",
+    "Rain",
     "Rendered",
     "Scene",
     "Snow",
+    "Sun",
+    "Wind",
     "camera",
     "composite",
     "gas",

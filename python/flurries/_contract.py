@@ -210,6 +210,17 @@ def pixels(name: str, value: object, *, ndim: int) -> tuple[Array, np.dtype[Any]
     return aligned(array, working), kept
 
 
+def depths(name: str, array: Array) -> Array:
+    """Return depths, each greater than 0; infinity is the sky, and NaN is refused."""
+    if not (array > 0.0).all():
+        worst = "NaN" if np.isnan(array).any() else f"{array.min():g}"
+        raise ValueError(
+            f"{name} must be greater than 0 everywhere, and infinity where nothing stands, "
+            f"got {worst}"
+        )
+    return array
+
+
 def aligned(array: Array, dtype: npt.DTypeLike) -> Array:
     """Return the array C-contiguous, native and aligned, copied only where it has to be."""
     result = np.ascontiguousarray(array, dtype=dtype)

@@ -16,6 +16,7 @@ import numpy.typing as npt
 from flurries._contract import (
     LARGEST,
     SMALLEST,
+    Array,
     Float64,
     output,
     real,
@@ -26,7 +27,7 @@ from flurries._contract import (
 )
 from flurries.spectral.tiles import tile_starts
 
-__all__ = ["Camera", "image_velocity", "project", "tile_drift"]
+__all__ = ["Camera", "image_velocity", "project", "tile_drift", "tile_shift"]
 
 
 @dataclass(frozen=True)
@@ -180,19 +181,21 @@ def image_velocity(
     given = _rows("points_px", points_px, 2)
     view = expect_camera(camera)
     size = shape_of("shape", shape)
-    distance = table("depth", depth, ndim=None)
+    # One number comes as an array of one.
+    distance = table("depth", depth, ndim=None).reshape(np.shape(depth))
     if distance.ndim not in (0, 1) or (distance.ndim == 1 and distance.shape != given.shape[:1]):
         raise ValueError(f"depth must be a number or {len(given)} of them, got {distance.shape}")
     if not (distance > 0.0).all():
         raise ValueError(f"depth must be positive, got {distance.min()}")
-    wx, wy, wz = omega = vector("rotation", rotation, 3)
+    omega = vector("rotation", rotation, 3)
     # An eye beside the axis of rotation is carried along by it.
     tx, ty, tz = vector("velocity", velocity, 3) @ view.matrix() + np.cross(omega, view.offset)
     f = view.focal
     x, y = (given - np.array(view.principal(size))).T
     flow = np.stack([tz * x - f * tx, tz * y - f * ty], axis=1) / np.atleast_1d(distance)[:, None]
-    flow[:, 0] += -(f + x * x / f) * wy + (x * y / f) * wx + y * wz
-    flow[:, 1] += (f + y * y / f) * wx - (x * y / f) * wy - x * wz
+    turned = _rotational(x, y, f, omega)
+    flow[:, 0] += turned[0]
+    flow[:, 1] += turned[1]
     return flow
 
 
@@ -241,6 +244,59 @@ def tile_drift(
     result[..., 0] = (p[2] * x - view.focal * p[0])[None, :] / near
     result[..., 1] = (p[2] * y - view.focal * p[1])[:, None] / near
     return result
+
+
+def tile_shift(
+    shape: tuple[int, int],
+    rotation: npt.ArrayLike,
+    camera: Camera,
+    *,
+    tile: int | tuple[int, int] = 64,
+    overlap: int = 10,
+    out: Float64 | None = None,
+) -> Float64:
+    """Shift of every tile of :func:`flurries.spectral.field` for a turning camera.
+
+    Parameters
+    ----------
+    shape : (H, W)
+        Size of the picture.
+    rotation : (3,)
+        Radians in camera axes, right-handed (a pan to the right is +y): the rate of turning, or its
+        sum over the frames.
+    camera : Camera
+        The eye.
+    tile, overlap : int
+        As given to the field.
+    out : (rows, cols, 2) float64, optional
+        Array to write into and return.
+
+    Returns
+    -------
+    (rows, cols, 2) float64
+        How far the content of the tile moves, pixels, whatever its depth: at the tile's centre
+        (x, y) from the principal point ``-(f + x^2/f) wy + (x y/f) wx + y wz`` across and
+        ``(f + y^2/f) wx - (x y/f) wy - x wz`` down. The flow that Langer 2004 leaves out
+        (``docs/deviations.md``, 17).
+    """
+    size = shape_of("shape", shape)
+    view = expect_camera(camera)
+    (tile_height, tile_width), shared = tile_of(tile, overlap)
+    omega = vector("rotation", rotation, 3)
+    cx, cy = view.principal(size)
+    y = tile_starts(size[0], tile=tile_height, overlap=shared) + tile_height / 2 - cy
+    x = tile_starts(size[1], tile=tile_width, overlap=shared) + tile_width / 2 - cx
+    result = output(out, (len(y), len(x), 2), np.dtype(np.float64))
+    result[..., 0], result[..., 1] = _rotational(x[None, :], y[:, None], view.focal, omega)
+    return result
+
+
+def _rotational(x: Array, y: Array, f: float, omega: Float64) -> tuple[Array, Array]:
+    """Return the flow of a rotation at (x, y) from the principal point."""
+    wx, wy, wz = omega
+    across = -(f + x * x / f) * wy + (x * y / f) * wx + y * wz
+    down = (f + y * y / f) * wx - (x * y / f) * wy - x * wz
+    return across, down
 
 
 def _rows(name: str, value: object, columns: int) -> Float64:

@@ -3,21 +3,35 @@
 from __future__ import annotations
 
 import bisect
-from dataclasses import dataclass
+import os
+from dataclasses import dataclass, field, replace
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
 
 from flurries._contract import Float64, table
 from flurries.camera import Camera
-from flurries.timeline import Keys, as_vector, integral_to, value_at
+from flurries.timeline import (
+    Course,
+    Keys,
+    Number,
+    Running,
+    Vector,
+    as_vector,
+    course_of,
+    integral_to,
+    summed,
+    value_at,
+)
+from flurries.turning import Turning, rotation_vector, turning_of
 
 __all__ = ["CameraPath"]
 
 
 @dataclass(frozen=True, eq=False)
 class CameraPath:
-    """A camera that moves, without turning.
+    """A camera that moves and turns.
 
     Give one of `position` and `velocity`, or neither for a camera that stands still.
 
@@ -29,12 +43,24 @@ class CameraPath:
         Places in world units, x right, y down, z forward: one for each frame from 0 on, or keyed.
         Linear between them; outside they go on with the first and the last rate.
     velocity : (3,) or Keys, optional
-        World units per second; integrated in closed form from frame 0.
+        World units per second, house axes; integrated in closed form from frame 0.
+    orientation : (n, 3), (n, 4) or (n, 3, 3) array, or Keys, optional
+        Rotation vectors (axis times angle in radians, as `Camera.rotation`), unit quaternions
+        (w, x, y, z), or matrices from the camera's axes to the house's: one for each frame from 0
+        on, or keyed (vectors and quaternions). Between them the camera turns at one rate about one
+        axis; outside it goes on with the first and the last rate. It turns the shorter way, less
+        than half a turn from one to the next; rotation vectors may mean more: (0, 0, 0) to
+        (0, 7, 0) is 7 radians. `camera.rotation` is how the camera sits on what turns.
 
     Raises
     ------
     ValueError, TypeError
-        For wrong shapes, numbers that are not finite, or both ways at once.
+        For wrong shapes, numbers that are not finite, matrices that are no rotations, or both ways
+        at once.
+
+    Notes
+    -----
+    Langer 2004, section 7, where the camera never turns; ``docs/deviations.md``, 17.
 
     Examples
     --------
@@ -47,6 +73,8 @@ class CameraPath:
     camera: Camera
     position: Any = None
     velocity: Any = None
+    orientation: Any = None
+    _turning: Turning | None = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         settle = object.__setattr__
@@ -65,11 +93,88 @@ class CameraPath:
             places = places.copy()
             places.flags.writeable = False
             settle(self, "position", places)
+        turning = None if self.orientation is None else turning_of(self.orientation)
+        settle(self, "_turning", turning)
+        if turning is not None and not isinstance(self.orientation, Keys):
+            given = table("orientation", self.orientation, ndim=None).copy()
+            given.flags.writeable = False
+            settle(self, "orientation", given)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return CameraPath, (self.camera, self.position, self.velocity, self.orientation)
+
+    @staticmethod
+    def load(path: str | os.PathLike[str], camera: Camera) -> CameraPath:
+        """Return the path of a CSV file; see :func:`flurries.io.read_path`."""
+        from flurries.io.paths import read_path
+
+        return CameraPath(camera, **read_path(path))
 
     @property
     def still(self) -> bool:
-        """Whether the camera never moves."""
-        return self.position is None and self.velocity is None
+        """Whether the camera never moves nor turns."""
+        return self.position is None and self.velocity is None and not self.turns
+
+    @property
+    def turns(self) -> bool:
+        """Whether the camera ever turns."""
+        return self._turning is not None and self._turning.moves
+
+    def turn(self, t: float) -> Float64:
+        """Return the matrix (3, 3) at frame `t` from the camera's axes to the house's."""
+        return np.asarray(self.rig(t) @ self.camera.matrix())
+
+    def rig(self, t: float) -> Float64:
+        """Return the matrix (3, 3) at frame `t` of what the camera sits on, without its own."""
+        return np.eye(3) if self._turning is None else self._turning.at(t)
+
+    def spin(self, t: float) -> Float64:
+        """Return how fast it turns at `t`, (3,) radians per frame, house axes, right-handed."""
+        if self._turning is None:
+            return np.zeros(3)
+        return np.asarray(self._turning.at(t) @ self._turning.rate(t))
+
+    def seen(self, camera: Camera, t: float) -> Camera:
+        """Return a camera that sits on the path as it looks at `t`: its rotation is the whole."""
+        if self._turning is None:
+            return camera
+        whole = rotation_vector(self._turning.at(t) @ camera.matrix())
+        return replace(camera, rotation=tuple(whole.tolist()))
+
+    def travel(self, t: float, *, fps: float, fall: Number, wind: Vector) -> Float64:
+        """Return P, the camera's way through air that falls and blows, as the camera felt it.
+
+        The integral from frame 0 of R^T v, v = camera minus air, in the camera's own axes; given in
+        house axes as the camera stands at `t`, (3,) world units. Where the camera does not turn it
+        is the difference of the places.
+        """
+        if self._turning is None or not self.turns:
+            return self.place(t, fps=fps) - air_moved(t, fps=fps, fall=fall, wind=wind)
+        return np.asarray(self.rig(t) @ _relative_way(self, fps, fall, wind).to(t))
+
+    def turned(self, t: float) -> Float64:
+        """Return the integral of the rate of turning in the camera's own axes since frame 0.
+
+        Given in house axes as the camera stands at `t`, (3,) radians.
+        """
+        if self._turning is None:
+            return np.zeros(3)
+        return np.asarray(self._turning.at(t) @ self._turning.angle(t))
+
+    def course(self, fps: float) -> Course:
+        """Return the velocity over time, house axes, world units per frame."""
+        if self.velocity is not None:
+            return course_of(self.velocity, 1.0 / fps)
+        if isinstance(self.position, Keys):
+            frames = np.array([frame for frame, _ in self.position.keys])
+            places = np.array([place for _, place in self.position.keys])
+        elif self.position is not None:
+            frames, places = np.arange(len(self.position), dtype=np.float64), self.position
+        else:
+            frames, places = np.zeros(1), np.zeros((1, 3))
+        if len(frames) == 1:
+            return Course(np.empty(0), np.zeros((1, 3)))
+        return Course(frames[1:-1], np.diff(places, axis=0) / np.diff(frames)[:, None])
 
     def goes_along(self, axis: Float64) -> bool:
         """Whether the camera ever moves along a direction of the house axes, (3,)."""
@@ -111,6 +216,28 @@ class CameraPath:
     def _piece(self, t: float) -> int:
         last = len(self.position) - 2
         return min(max(bisect.bisect_right(range(last + 1), t) - 1, 0), last)
+
+
+def air_moved(t: float, *, fps: float, fall: Number, wind: Vector) -> Float64:
+    """Return how far what falls in the wind has come since frame 0, house axes, (3,)."""
+    moved = integral_to(wind, t) / fps
+    moved[1] += float(integral_to(fall, t)) / fps
+    return np.asarray(moved)
+
+
+@lru_cache(maxsize=32)
+def _relative_way(path: CameraPath, fps: float, fall: Number, wind: Vector) -> Running:
+    """Return P of a camera that turns; its sums are made once for a film."""
+    assert path._turning is not None
+    air = course_of(wind, -1.0 / fps), fall_course(fall, -1.0 / fps)
+    return path._turning.integral(summed([path.course(fps), *air]))
+
+
+def fall_course(fall: Number, scale: float) -> Course:
+    """Return a plain or keyed fall speed as a course of vectors, down."""
+    if not isinstance(fall, Keys):
+        return course_of((0.0, fall, 0.0), scale)
+    return course_of(Keys([(frame, (0.0, value, 0.0)) for frame, value in fall.keys]), scale)
 
 
 def as_path(camera: object, default_focal: float) -> CameraPath:

@@ -79,7 +79,8 @@ def write(
     half : bool
         EXR as half floats, else 32 bits.
     layers : bool
-        EXR only: each effect's premultiplied RGBA as named channels beside the composite.
+        EXR only: each effect's premultiplied RGBA as named channels beside the composite, and the
+        depth of the background and of layers where they are known.
     alone : bool
         The weather alone as RGBA, without background and foreground's picture: premultiplied linear
         light in EXR, straight display values in PNG. Not for video.
@@ -292,4 +293,8 @@ def _save(
     image = rendered.image
     image = to_linear(image, "display" if image.dtype.kind == "u" else "linear")
     planes = {"rgba": np.concatenate([image, np.ones_like(image[..., :1])], axis=2)}
-    write_layers(path, {**planes, **rendered.layers}, half=half, metadata=metadata)
+    planes.update(rendered.layers)
+    if rendered.depth is not None:
+        planes["depth"] = rendered.depth
+    planes.update({f"{name}.depth": depth for name, depth in rendered.depths.items()})
+    write_layers(path, planes, half=half, metadata=metadata)

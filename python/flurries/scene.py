@@ -12,11 +12,16 @@ import numpy as np
 
 from flurries import _core
 from flurries._contract import Array, choice, integer, real, seed_of
-from flurries.background import Backdrop, backdrop
+from flurries.background import Backdrop, ambient_light, backdrop
 from flurries.camera import Camera
-from flurries.effects import Frame, Layer, Snow
+from flurries.depth import Distance, distance_of
+from flurries.effects import Frame, Layer
+from flurries.effects.falling import AMBIENT
+from flurries.effects.layer import layers_of
 from flurries.foreground import Foreground, foreground_of
+from flurries.mixing import Mix, behind, free_name
 from flurries.path import CameraPath, as_path
+from flurries.sun import Sun
 from flurries.trace import stage
 
 __all__ = ["Rendered", "Scene"]
@@ -38,12 +43,19 @@ class Rendered:
     alpha : (h, w) float32
         Opacity of all effects together, in front of the background and behind the foreground.
     layers : dict of str to (h, w, 4) float32
-        One premultiplied RGBA layer for each effect, back to front, in the light of the composite.
+        The effects' premultiplied RGBA layers, back to front, in the light of the composite. Of
+        layers that have one name the second is called "name2", and so on.
+    depth : (h, w) float32 or None
+        The background's planar depth, where the scene has one.
+    depths : dict of str to (h, w) float32
+        The planar depth of those layers that know theirs.
     """
 
     image: Array
     alpha: Array
     layers: dict[str, Array]
+    depth: Array | None = None
+    depths: dict[str, Array] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,6 +84,13 @@ class Scene:
     space : {"auto", "display", "linear"}
         Where layers are mixed. "auto": integers in display values as the paper does, floats in
         linear light.
+    depth : float, array, path or DepthMap, optional
+        How far away what stands in the background is, planar depth in world units: a wall at one
+        depth; an array (H, W) of float with infinity where nothing stands; an EXR or float TIFF, or
+        a sequence of them, with a channel "Z" or "depth"; or a grey picture, see :class:`DepthMap`.
+        Files are fitted to the frame as the background is, each pixel with the depth of one.
+    sun : Sun, optional
+        What shines on the weather.
 
     Raises
     ------
@@ -95,8 +114,11 @@ class Scene:
     seed: int = 0
     foreground: Any = None
     space: str = "auto"
+    depth: Any = None
+    sun: Sun | None = None
     _backdrop: Backdrop = field(init=False, repr=False)
     _foreground: Foreground | None = field(init=False, repr=False)
+    _distance: Distance | None = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         def settle(name: str, value: Any) -> None:
@@ -110,7 +132,7 @@ class Scene:
         settle("_backdrop", backdrop(self.background, self.size))
         settle("size", self._backdrop.size)
         settle("camera", as_path(self.camera, DEFAULT_FOCAL * self.shape[1]))
-        if isinstance(self.effects, Snow):
+        if callable(getattr(self.effects, "render", None)):
             settle("effects", (self.effects,))
         if not isinstance(self.effects, (list, tuple)):
             raise TypeError(f"effects must be a sequence of effects, got {self.effects!r}")
@@ -121,6 +143,13 @@ class Scene:
         settle("effects", effects)
         front = None if self.foreground is None else foreground_of(self.foreground, self.shape)
         settle("_foreground", front)
+        if self.sun is not None and not isinstance(self.sun, Sun):
+            raise TypeError(f"sun must be a flurries.Sun, got {self.sun!r}")
+        distance = None if self.depth is None else distance_of(self.depth, self.shape)
+        settle("_distance", distance)
+        if distance is not None and np.ndim(self.depth) == 2:
+            # The copy that it was made into: the caller's array may change.
+            settle("depth", distance.source)
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -158,7 +187,8 @@ class Scene:
             Frame number, any float; frame 0 is the first. A background film shows its frame
             floor(t), the last one beyond its end.
         eye : Camera, optional
-            Another eye, in place of the path's camera; the background stays.
+            Another eye, in place of the path's camera, that moves and turns with the path; the
+            background stays.
         layers : bool
             Return a :class:`Rendered` with the layers apart.
         region : (rows, cols), optional
@@ -173,43 +203,63 @@ class Scene:
         time = real("t", t)
         window = self._window(region)
         top, bottom, left, right = window
-        parts = [effect.render(frame) for effect, frame in self._asks(time, eye, window)]
+        part = (bottom - top, right - left)
+        depth = self.depth_at(time) if self.effects or layers else None
+        parts = [
+            layer
+            for effect, frame in self._asks(time, eye, window, depth)
+            for layer in layers_of(effect.render(frame), effect, part)
+        ]
         with stage("background"):
             picture = self._backdrop.frame(time)[top:bottom, left:right]
-            working = self._working(picture)
         matte = None if self._foreground is None else self._foreground.window(window)
+        mix = Mix(self.linear, self._backdrop.encoding)
         with stage("composite"):
-            return self._mixed(parts, working, picture, matte, layers)
+            image, cover, named, depths = self._mixed(parts, mix, picture, matte, layers)
+        if not layers:
+            return image
+        around = None if depth is None else depth[top:bottom, left:right]
+        return Rendered(image, cover, named, around, depths)
+
+    def depth_at(self, t: float) -> Array | None:
+        """Return the background's planar depth at `t`, (H, W) float32, or None.
+
+        World units, infinity where nothing stands. A sequence of depths goes by frames as the
+        background does.
+        """
+        time = real("t", t)
+        if self._distance is None:
+            return None
+        with stage("depth"):
+            return self._distance.frame(time)
 
     def _mixed(
         self,
         parts: list[Layer],
-        working: Array,
+        mix: Mix,
         picture: Array,
         matte: Foreground | None,
-        layers: bool,
-    ) -> Any:
-        """Return the composite of the layers, with themselves if asked for."""
-        whole = None
-        done: dict[str, Array] = {}
+        whole: bool,
+    ) -> tuple[Array, Array, dict[str, Array], dict[str, Array]]:
+        """Return the composite of the layers, and if asked for their cover and themselves."""
+        working = mix.working(picture)
+        cover: Array = np.zeros(picture.shape[:2] if whole else (0, 0), np.float32)
+        layers: dict[str, Array] = {}
+        depths: dict[str, Array] = {}
         for part in parts:
-            colour = self._light(part.colour)
             # A mask keeps the weather from the background's own pixels in front.
-            alpha = part.alpha
-            if matte is not None:
-                alpha = np.ascontiguousarray(alpha * (1.0 - matte.cover))
-            working = _snow_over(working, alpha, colour)
-            if layers:
-                name = part.name if part.name not in done else f"{part.name}{len(done) + 1}"
-                done[name] = Layer(part.name, alpha, part.colour).rgba(colour)
-                whole = alpha if whole is None else 1.0 - (1.0 - whole) * (1.0 - alpha)
+            part = part if matte is None else behind(part, matte.cover)
+            working = mix.over(working, part)
+            if whole:
+                name = free_name(part.name, layers)
+                layers[name] = mix.rgba(part)
+                if part.depth is not None:
+                    depths[name] = part.depth
+                first = len(layers) == 1
+                cover = part.alpha if first else 1.0 - (1.0 - cover) * (1.0 - part.alpha)
         if matte is not None and matte.light is not None:
             working = matte.over(working, linear=self.linear)
-        image = self._finished(working, picture)
-        if not layers:
-            return image
-        cover = np.zeros(image.shape[:2], np.float32) if whole is None else whole
-        return Rendered(image, cover, done)
+        return mix.finished(working, picture), cover, layers, depths
 
     def write(self, pattern: str | Path, frames: Any = None, **options: Any) -> Any:
         """Render frames to files; see :func:`flurries.render.write`."""
@@ -257,11 +307,20 @@ class Scene:
         return window[0], window[1], window[2], window[3]
 
     def _asks(
-        self, t: float, eye: Camera | None, window: tuple[int, int, int, int]
+        self,
+        t: float,
+        eye: Camera | None,
+        window: tuple[int, int, int, int],
+        depth: Array | None,
     ) -> list[tuple[Any, Frame]]:
         path: CameraPath = self.camera
         if eye is not None and not isinstance(eye, Camera):
             raise TypeError(f"eye must be a Camera, got {eye!r}")
+        view = path.seen(path.camera if eye is None else eye, t)
+        ambient = None
+        if any(getattr(effect, "colour", None) == AMBIENT for effect in self.effects):
+            # Of the whole picture, so that a region has the whole's bits.
+            ambient = ambient_light(self._backdrop.frame(t), self._backdrop.encoding)
         asks = []
         for index, effect in enumerate(self.effects):
             own = getattr(effect, "seed", None)
@@ -274,42 +333,16 @@ class Scene:
                         window=window,
                         t=t,
                         fps=self.fps,
-                        camera=path.camera if eye is None else eye,
+                        camera=view,
                         path=path,
                         seed=seed,
+                        depth=depth,
+                        sun=self.sun,
+                        ambient=ambient,
                     ),
                 )
             )
         return asks
-
-    def _light(self, colour: tuple[float, float, float]) -> list[float]:
-        """Return a display colour in the light that layers are mixed in."""
-        if not self.linear:
-            return list(colour)
-        from flurries.io import srgb_to_linear
-
-        light: list[float] = srgb_to_linear(np.asarray(colour, np.float64)).tolist()
-        return light
-
-    def _working(self, picture: Array) -> Array:
-        """Return the background in the light that layers are mixed in."""
-        from flurries.io.color import to_display, to_linear
-
-        encoding = self._backdrop.encoding
-        if self.linear == (encoding == "linear"):
-            return np.ascontiguousarray(picture)
-        return to_linear(picture, encoding) if self.linear else to_display(picture, encoding)
-
-    def _finished(self, working: Array, picture: Array) -> Array:
-        """Return the composite in the background's own encoding and dtype."""
-        from flurries.io.color import to_display, to_integer, to_linear
-
-        if self.linear == (self._backdrop.encoding == "linear"):
-            # The background's own pixels where nothing lay over them: the caller gets a copy.
-            return working if working.flags.writeable else working.copy()
-        if not self.linear:
-            return to_linear(working, "display")
-        return to_integer(to_display(working, "linear"), 8 * picture.dtype.itemsize)
 
 
 def _rebuilt(values: dict[str, Any]) -> Scene:
@@ -323,12 +356,6 @@ def effect_seed(seed: int, index: int) -> int:
     draw = np.empty(index + 1)
     _core.uniform(draw, seed, -1)
     return int(draw[index] * 2**53)
-
-
-def _snow_over(background: Array, alpha: Array, colour: list[float]) -> Array:
-    result = np.empty_like(background)
-    _core.snow(result, background, alpha, colour)
-    return result
 
 
 def parse_size(size: object) -> tuple[int, int]:

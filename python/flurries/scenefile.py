@@ -8,6 +8,7 @@ from __future__ import annotations
 import difflib
 import hashlib
 import os
+import pickle
 import re
 import sys
 from collections.abc import Iterable
@@ -18,10 +19,13 @@ from typing import Any
 import numpy as np
 
 from flurries.camera import Camera
-from flurries.effects import Snow
+from flurries.depth import DepthMap
+from flurries.effects import Rain, Snow
 from flurries.path import CameraPath
 from flurries.scene import DEFAULT_FOCAL, Scene
+from flurries.sun import Sun
 from flurries.timeline import Keys
+from flurries.wind import FIELDS, Wind
 
 __all__ = ["fingerprint", "load", "save"]
 
@@ -30,10 +34,14 @@ MOST_BYTES = 1 << 20
 # How much of a large background each end gives to its hash.
 ENDS = 1 << 20
 
-EFFECTS: dict[str, type[Any]] = {"snow": Snow}
+EFFECTS: dict[str, type[Any]] = {"snow": Snow, "rain": Rain}
 
-_SCENE = ("size", "background", "camera", "effects", "fps", "seed", "foreground", "space")
-_CAMERA = ("focal", "center", "offset", "center_shift", "rotation", "position", "velocity")
+_SCENE = (
+    "size", "background", "camera", "effects", "fps", "seed", "foreground", "space", "depth", "sun",
+)  # fmt: skip
+_DEPTH = ("source", "near", "far", "white", "law")
+_WAY = ("position", "velocity", "orientation")
+_CAMERA = ("focal", "center", "offset", "center_shift", "rotation", "path", *_WAY)
 
 
 class _File:
@@ -131,10 +139,14 @@ def _scene(file: _File, values: dict[str, Any]) -> Scene:
             raise file.refuse(_SCENE, "the scene", key)
     arguments = dict(values)
     folder = file.path.parent
-    for key in ("background", "foreground"):
+    for key in ("background", "foreground", "depth"):
         value = arguments.get(key)
         if isinstance(value, str) and not value.startswith("#"):
             arguments[key] = str(folder / value)
+    if isinstance(arguments.get("depth"), dict):
+        arguments["depth"] = _depth_map(file, arguments["depth"])
+    if "sun" in arguments:
+        arguments["sun"] = _sun(file, arguments["sun"])
     camera = arguments.pop("camera", None)
     listed = arguments.pop("effects", [])
     if not isinstance(listed, list):
@@ -172,6 +184,36 @@ def _effect(file: _File, table: Any, index: int) -> Any:
         raise file.placed(error, table, *at) from None
 
 
+def _depth_map(file: _File, table: dict[str, Any]) -> DepthMap:
+    for key in table:
+        if key not in _DEPTH:
+            raise file.refuse(_DEPTH, "depth", "depth", key)
+    for key in ("source", "near", "far"):
+        if key not in table:
+            raise ValueError(f"{file.where('depth')}: depth needs {key}")
+    values = dict(table)
+    source = values.pop("source")
+    if not isinstance(source, str):
+        raise TypeError(f"{file.where('depth', 'source')}: source must be a file, got {source!r}")
+    try:
+        return DepthMap(str(file.path.parent / source), **values)
+    except (ValueError, TypeError) as error:
+        raise file.placed(error, table, "depth") from None
+
+
+def _sun(file: _File, table: Any) -> Sun:
+    if not isinstance(table, dict):
+        raise TypeError(f"{file.where('sun')}: sun must be a table")
+    known = tuple(f.name for f in fields(Sun))
+    for key in table:
+        if key not in known:
+            raise file.refuse(known, "sun", "sun", key)
+    try:
+        return Sun(**table)
+    except (ValueError, TypeError) as error:
+        raise file.placed(error, table, "sun") from None
+
+
 def _camera(file: _File, table: Any, scene: Scene) -> CameraPath:
     if not isinstance(table, dict):
         raise TypeError(f"{file.where('camera')}: camera must be a table")
@@ -179,10 +221,20 @@ def _camera(file: _File, table: Any, scene: Scene) -> CameraPath:
         if key not in _CAMERA:
             raise file.refuse(_CAMERA, "camera", "camera", key)
     values = {key: _value(file, value, "camera", key) for key, value in table.items()}
-    position, velocity = values.pop("position", None), values.pop("velocity", None)
+    way = {key: values.pop(key) for key in _WAY if key in values}
     values.setdefault("focal", DEFAULT_FOCAL * scene.shape[1])
+    if "path" in values:
+        from flurries.io import read_path
+
+        name = values.pop("path")
+        if not isinstance(name, str) or way:
+            raise ValueError(
+                f"{file.where('camera', 'path')}: path must be a CSV file, and stand without "
+                + ", ".join(_WAY)
+            )
+        way = read_path(file.path.parent / name)
     try:
-        return CameraPath(Camera(**values), position=position, velocity=velocity)
+        return CameraPath(Camera(**values), **way)
     except (ValueError, TypeError) as error:
         raise file.placed(error, table, "camera") from None
 
@@ -191,12 +243,27 @@ def _value(file: _File, value: Any, *keys: str | int) -> Any:
     """Return a number, a tuple, or keys."""
     if not isinstance(value, dict):
         return tuple(value) if isinstance(value, list) else value
+    if keys[-1] == "wind" and "keys" not in value:
+        return _wind(file, value, *keys)
     if set(value) != {"keys"}:
         raise ValueError(
             f"{file.where(*keys)}: {keys[-1]} must be a value or {{keys = [[frame, value], ...]}}"
         )
     try:
         return Keys(value["keys"])
+    except (ValueError, TypeError) as error:
+        raise file.placed(error, (), *keys) from None
+
+
+def _wind(file: _File, table: dict[str, Any], *keys: str | int) -> Wind:
+    known = tuple(name for name in FIELDS if name != "field")
+    for key in table:
+        if key not in known:
+            # Tables in one line have no line of their own for a key.
+            raise file.refuse(known, "wind", *keys, key)
+    values = {key: _value(file, value, *keys, key) for key, value in table.items()}
+    try:
+        return Wind(values.pop("mean", (0.0, 0.0, 0.0)), **values)
     except (ValueError, TypeError) as error:
         raise file.placed(error, (), *keys) from None
 
@@ -213,16 +280,24 @@ def describe(
         table[name] = _background(name, value, folder)
     if scene.space != "auto":
         table["space"] = scene.space
+    if scene.depth is not None:
+        described = _depth(scene.depth, folder, bare="depth" in leave_out)
+        if described is not None:
+            table["depth"] = described
+    if scene.sun is not None:
+        table["sun"] = {f.name: _toml(getattr(scene.sun, f.name)) for f in fields(Sun)}
     path: CameraPath = scene.camera
     camera = {f.name: _toml(getattr(path.camera, f.name)) for f in fields(Camera)}
     table["camera"] = {key: value for key, value in camera.items() if value is not None}
-    for name in ("position", "velocity"):
+    for name in _WAY:
         value = getattr(path, name)
         if value is not None:
             table["camera"][name] = _toml(value)
     table["effects"] = []
     kinds = {cls: kind for kind, cls in EFFECTS.items()}
     for effect in scene.effects:
+        if type(effect) not in kinds and "effects" in leave_out:
+            continue
         if type(effect) not in kinds:
             raise ValueError(f"effects: a {type(effect).__name__} cannot be written to a file")
         entry: dict[str, Any] = {"kind": kinds[type(effect)]}
@@ -246,7 +321,22 @@ def _background(name: str, value: Any, folder: Path | None) -> Any:
     raise ValueError(f"{name} must be a file or a colour to be written, got an array")
 
 
+def _depth(value: Any, folder: Path | None, *, bare: bool) -> Any:
+    """Return the depth as a file holds it; a bare one without its picture, or None."""
+    if isinstance(value, DepthMap):
+        law = {key: getattr(value, key) for key in _DEPTH if key != "source"}
+        return law if bare else {"source": _background("depth", value.source, folder), **law}
+    if np.ndim(value) == 0 and not isinstance(value, (str, os.PathLike)):
+        return float(value)
+    return None if bare else _background("depth", value, folder)
+
+
 def _toml(value: Any) -> Any:
+    if isinstance(value, Wind):
+        if value.field is not None:
+            raise ValueError("wind: a field is an array, which a text file cannot hold")
+        given = {name: getattr(value, name) for name in FIELDS}
+        return {name: _toml(part) for name, part in given.items() if part is not None}
     if isinstance(value, Keys):
         return {"keys": [[frame, _toml(v)] for frame, v in value.keys]}
     if isinstance(value, np.ndarray):
@@ -281,9 +371,9 @@ def fingerprint(scene: Scene) -> str:
     """
     digest = hashlib.sha256()
     hashed: list[str] = []
-    for name in ("background", "foreground"):
+    for name in ("background", "foreground", "depth"):
         value = getattr(scene, name)
-        value = getattr(value, "spec", value)
+        value = getattr(value, "source" if isinstance(value, DepthMap) else "spec", value)
         if isinstance(value, np.ndarray):
             digest.update(f"{name} {value.shape} {value.dtype}".encode())
             digest.update(np.ascontiguousarray(value).tobytes())
@@ -294,7 +384,12 @@ def fingerprint(scene: Scene) -> str:
         else:
             continue
         hashed.append(name)
-    table = describe(scene, leave_out=tuple(hashed))
+    known = set(EFFECTS.values())
+    for place, effect in enumerate(scene.effects):
+        if type(effect) not in known:
+            # Somebody's own, which no scene file can hold but frames can be made of.
+            digest.update(f"effect {place}".encode() + pickle.dumps(effect, 5))
+    table = describe(scene, leave_out=(*hashed, "effects"))
     digest.update(repr(sorted(table.items())).encode())
     return digest.hexdigest()[:16]
 

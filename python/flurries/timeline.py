@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import bisect
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Any, TypeAlias
 
@@ -16,7 +16,7 @@ import numpy as np
 
 from flurries._contract import Float64, real, table, vector
 
-__all__ = ["Keys", "Number", "Vector", "as_number", "as_vector"]
+__all__ = ["Course", "Keys", "Number", "Vector", "as_number", "as_vector"]
 
 
 @dataclass(frozen=True)
@@ -69,7 +69,7 @@ class Keys:
         areas = (
             0.5 * (values[1:] + values[:-1]) * np.diff(frames).reshape(-1, *[1] * (values.ndim - 1))
         )
-        settle(self, "_sums", _prefix_sums(areas, values.shape))
+        settle(self, "_sums", prefix_sums(areas, values.shape))
 
     @property
     def width(self) -> int | None:
@@ -118,7 +118,7 @@ class Keys:
         return self._sums[i] + width * (values[i] + 0.5 * width * slope)
 
 
-def _prefix_sums(areas: Float64, shape: tuple[int, ...]) -> Float64:
+def prefix_sums(areas: Float64, shape: tuple[int, ...]) -> Float64:
     """Return running sums that carry their rounding error (Neumaier), the first of them 0."""
     total, lost = np.zeros(shape[1:]), np.zeros(shape[1:])
     sums = np.zeros(shape)
@@ -176,3 +176,109 @@ def value_at(value: Any, t: float) -> Any:
 def integral_to(value: Any, t: float) -> Any:
     """Return the integral from frame 0 to `t` of a plain or keyed value, as an array."""
     return np.asarray(value.integral(t) if isinstance(value, Keys) else np.multiply(value, t))
+
+
+@dataclass(frozen=True, eq=False)
+class Course:
+    """A vector that is linear in time between knots, and goes on as its end pieces do.
+
+    Attributes
+    ----------
+    knots : (n,) float64
+        Increasing times at which one piece ends and the next begins.
+    values : (n + 1, width) float64
+        Values of the pieces at their `times`.
+    slopes : (n + 1, width) float64, optional
+        Change per frame of each piece; none if left out.
+    times : (n + 1,) float64, optional
+        Where the values hold; needed with slopes.
+    """
+
+    knots: Float64
+    values: Float64
+    slopes: Float64 | None = None
+    times: Float64 | None = None
+
+    @property
+    def constant(self) -> bool:
+        """Whether it has one value at all times."""
+        sloped = self.slopes is not None and bool(self.slopes.any())
+        return not sloped and bool((self.values == self.values[0]).all())
+
+    def line(self, at: Float64, inside: Float64) -> tuple[Float64, Float64]:
+        """Return values at times (m,) and slopes, of the pieces that other times lie in."""
+        which = np.searchsorted(self.knots, inside, side="right")
+        values = self.values[which]
+        if self.slopes is None or self.times is None:
+            return values, np.zeros_like(values)
+        slopes = self.slopes[which]
+        return values + slopes * (at - self.times[which])[:, None], slopes
+
+
+def course_of(value: Any, scale: float = 1.0) -> Course:
+    """Return a plain or keyed vector, held outside its keys, as a course."""
+    if not isinstance(value, Keys):
+        return Course(np.empty(0), scale * np.array(value, dtype=np.float64)[None])
+    frames = np.array([frame for frame, _ in value.keys])
+    values = scale * np.array([v for _, v in value.keys], dtype=np.float64)
+    between = np.diff(values, axis=0) / np.diff(frames)[:, None]
+    flat = np.zeros((1, values.shape[1]))
+    return Course(
+        frames,
+        np.concatenate([values[:1], values]),
+        np.concatenate([flat, between, flat]),
+        np.concatenate([frames[:1], frames]),
+    )
+
+
+def summed(courses: Sequence[Course]) -> Course:
+    """Return the sum of courses."""
+    knots = np.unique(np.concatenate([course.knots for course in courses]))
+    # One time in each piece, beyond the ends too.
+    inside = (
+        np.concatenate([knots[:1] - 1.0, 0.5 * (knots[1:] + knots[:-1]), knots[-1:] + 1.0])
+        if len(knots)
+        else np.zeros(1)
+    )
+    lines = [course.line(inside, inside) for course in courses]
+    values = np.sum([value for value, _ in lines], axis=0)
+    return Course(knots, values, np.sum([slope for _, slope in lines], axis=0), inside)
+
+
+Pieces: TypeAlias = Callable[[Float64, Float64, Float64], Float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Running:
+    """The integral from frame 0 of a vector that is elementary between knots.
+
+    Attributes
+    ----------
+    pieces : callable
+        ``pieces(start, end, inside)`` gives the integrals (m, width) over intervals (m,) that hold
+        no knot; `inside` is a time that lies in the piece meant.
+    knots : (n,) float64
+        Increasing; 0 is one of them.
+    sums : (n, width) float64
+        Integrals from 0 to them.
+    """
+
+    pieces: Pieces
+    knots: Float64
+    sums: Float64
+
+    @staticmethod
+    def of(pieces: Pieces, knots: Float64) -> Running:
+        """Return the integral with its sums at all knots."""
+        knots = np.unique(np.concatenate([knots, [0.0]]))
+        areas = pieces(knots[:-1], knots[1:], 0.5 * (knots[:-1] + knots[1:]))
+        sums = prefix_sums(areas, (len(knots), areas.shape[1]))
+        return Running(pieces, knots, sums - sums[np.searchsorted(knots, 0.0)])
+
+    def to(self, t: float) -> Float64:
+        """Return the integral from frame 0 to `t`, (width,)."""
+        at = max(bisect.bisect_right(self.knots, t) - 1, 0)
+        start, end = self.knots[at : at + 1], np.array([t])
+        inside = end if t < start[0] else 0.5 * (start + end)
+        way: Float64 = self.sums[at] + self.pieces(start, end, inside)[0]
+        return way

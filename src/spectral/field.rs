@@ -1,21 +1,17 @@
 //! One whole frame of the field: tiles, their motion, their blend, and what is done with each row.
 
 use std::ops::Range;
+use std::sync::Arc;
 
-use ndarray::{ArrayView2, ArrayView4, ArrayViewMut2, Axis};
+use ndarray::{ArrayView2, ArrayView4, Axis};
 
 use super::band::Band;
 use super::filter::TemporalFilter;
-use super::opacity::Opacity;
-use super::phases::{Power, TileMotion};
+use super::parts::{Parts, parts};
 use super::tent::Motion;
-use super::tile::{Choice, Plan};
 use super::tiles::{Blend, Row};
-use super::waves::{Draw, Waves};
-use crate::error::{Cancel, Error, collected, zeroed};
-use crate::pool;
+use crate::error::Error;
 use crate::real::Real;
-use crate::simd::{dispatch, multiply_add};
 
 /// Vectors (x, y) for all tiles and rings: shape (rows or 1, cols or 1, rings or 1, 2).
 pub type Vectors<'a> = ArrayView4<'a, f64>;
@@ -63,20 +59,19 @@ pub struct Window {
 
 /// A field made ready: waves listed, transforms planned, weights computed.
 pub struct Ready<'f, 'a, T: Real> {
-    field: &'f Field<'a>,
-    down: Row,
-    across: Row,
-    weights: (Vec<T>, Vec<T>),
-    plan: Plan<T>,
+    pub(super) field: &'f Field<'a>,
+    pub(super) down: Row,
+    pub(super) across: Row,
+    pub(super) parts: Arc<Parts<T>>,
 }
 
 impl<'a> Field<'a> {
-    fn rings(&self) -> usize {
+    pub(super) fn rings(&self) -> usize {
         self.ring_edges.len().saturating_sub(1).max(1)
     }
 
     /// The motions of one tile's rings from a drift and a shift.
-    fn motions(
+    pub(super) fn motions(
         &self,
         drift: Vectors<'_>,
         shift: Vectors<'_>,
@@ -116,8 +111,9 @@ impl<'a> Field<'a> {
         for (name, vectors) in sizes {
             let (rows, cols, rings, pair) = vectors.dim();
             let fits = |n: usize, all: usize| n == 1 || n == all;
-            if !(fits(rows, grid.0) && fits(cols, grid.1) && fits(rings, self.rings()) && pair == 2)
-            {
+            // A shift is that of all waves.
+            let most = if name.starts_with("shift") { 1 } else { self.rings() };
+            if !(fits(rows, grid.0) && fits(cols, grid.1) && fits(rings, most) && pair == 2) {
                 let message = format!(
                     "this frame has {} x {} tiles and {} rings, got vectors for {rows} x {cols} and {rings}",
                     grid.0,
@@ -131,203 +127,15 @@ impl<'a> Field<'a> {
             let message = format!("must have shape {grid:?}, got {:?}", shortest.dim());
             return Err(Error::invalid("shortest", message));
         }
-        let waves = Waves::new(self.tile, self.band, self.ring_edges)?;
-        let weights = (down.weights(self.blend)?, across.weights(self.blend)?);
-        let plan = Plan::new(&waves, Choice::Cheaper)?;
-        Ok(Ready { field: self, down, across, weights, plan })
+        let parts = parts::<T>(self, down, across)?;
+        Ok(Ready { field: self, down, across, parts })
     }
-}
-
-/// The row sums of a stripe of tiles, and of what `preserve_mean` adds to them.
-struct Stripe<T> {
-    width: usize,
-    field: Vec<T>,
-    lift: Vec<T>,
-}
-
-impl<T: Real> Stripe<T> {
-    fn new(height: usize, width: usize, lifted: bool) -> Result<Self, Error> {
-        let lift = if lifted { zeroed(height * width)? } else { Vec::new() };
-        Ok(Self { width, field: zeroed(height * width)?, lift })
-    }
-
-    fn row(&self, y: usize) -> (&[T], Option<&[T]>) {
-        let run = y * self.width..(y + 1) * self.width;
-        (&self.field[run.clone()], (!self.lift.is_empty()).then(|| &self.lift[run]))
-    }
-
-    /// Drops the first `rows` rows and makes room for as many new ones.
-    fn advance(&mut self, rows: usize) {
-        for buffer in [&mut self.field, &mut self.lift] {
-            let done = (rows * self.width).min(buffer.len());
-            buffer.copy_within(done.., 0);
-            let kept = buffer.len() - done;
-            buffer[kept..].fill(T::zero());
-        }
-    }
-}
-
-impl<T: Real> Ready<'_, '_, T> {
-    /// Renders the window: `finish(y, field row, lift row, out row)` for every image row y of it.
-    ///
-    /// `out` has one row per row of the window, of any width that `finish` understands. Each worker
-    /// owns a run of rows and adds the tiles that touch it in row-major order, so that the bits of a
-    /// pixel depend neither on the threads nor on the window. Tiles across a border between workers
-    /// are made by both: fewer than one row of tiles for each worker.
-    pub fn render<O: Send>(
-        &self,
-        window: &Window,
-        mut out: ArrayViewMut2<'_, O>,
-        lift: Option<&Opacity>,
-        cancel: &Cancel,
-        finish: impl Fn(usize, &[T], Option<&[T]>, &mut [O]) + Sync + Send,
-    ) -> Result<(), Error> {
-        let touched = self.down.touching(window.rows.start, window.rows.end);
-        let mut tasks = Vec::new();
-        for run in pool::split(touched.len(), pool::threads()) {
-            let first = touched.start + run.start;
-            let last = touched.start + run.end;
-            let from = if run.start == 0 { window.rows.start } else { self.down.start(first) };
-            let to = if last == touched.end { window.rows.end } else { self.down.start(last) };
-            // Many overlapping tiles in a small window: their starts can lie before or behind it.
-            let rows = from.clamp(window.rows.start, window.rows.end)
-                ..to.clamp(window.rows.start, window.rows.end);
-            let (part, rest) = out.split_at(Axis(0), rows.len());
-            out = rest;
-            if !rows.is_empty() {
-                tasks.push((rows, part));
-            }
-        }
-        pool::for_each(tasks, |(rows, part)| {
-            self.stripes(rows, &window.cols, part, lift, cancel, &finish)
-        })
-    }
-
-    fn stripes<O>(
-        &self,
-        rows: Range<usize>,
-        cols: &Range<usize>,
-        mut out: ArrayViewMut2<'_, O>,
-        lift: Option<&Opacity>,
-        cancel: &Cancel,
-        finish: &impl Fn(usize, &[T], Option<&[T]>, &mut [O]),
-    ) -> Result<(), Error> {
-        let rings = self.field.rings();
-        let still = || collected((0..rings).map(|_| Motion { drift: [0.0; 2], shift: [0.0; 2] }));
-        let (mut place, mut rate) = (still()?, still()?);
-        let mut scratch = self.plan.scratch()?;
-        let mut stripe = Stripe::new(self.field.tile.0, cols.len(), lift.is_some())?;
-        let mut next = rows.start;
-        for row in self.down.touching(rows.start, rows.end) {
-            for col in self.across.touching(cols.start, cols.end) {
-                cancel.check()?;
-                let field = self.field;
-                field.motions(field.drift, field.shift, (row, col), &mut place);
-                field.motions(field.velocity, field.shift_rate, (row, col), &mut rate);
-                let motion = TileMotion {
-                    place: &place,
-                    rate: &rate,
-                    filter: field.filter,
-                    shortest: field.shortest.as_ref().map_or(0.0, |map| map[(row, col)]),
-                };
-                let draw = Draw::new(field.seed, (row, col), field.jitter);
-                let (pixels, power) = self.plan.render(draw, motion, &mut scratch)?;
-                let lift = lift.map(|map| T::of(lost_mean(map, power)));
-                self.add(&mut stripe, (row, col), cols, pixels, lift);
-            }
-            // Rows before the next tile's start are finished.
-            let start = self.down.start(row);
-            let end = (start + self.down.step()).min(rows.end);
-            let end = if row + 1 == self.down.touching(rows.start, rows.end).end {
-                rows.end
-            } else {
-                end
-            };
-            while next < end {
-                let (sum, lift) = stripe.row(next - start);
-                let mut line = out.row_mut(next - rows.start);
-                let line = line.as_slice_mut().ok_or_else(|| Error::Internal("layout".into()))?;
-                finish(next, sum, lift, line);
-                next += 1;
-            }
-            stripe.advance(self.down.step());
-        }
-        Ok(())
-    }
-
-    /// Adds one weighted tile to the stripe that starts at its first row.
-    fn add(
-        &self,
-        stripe: &mut Stripe<T>,
-        (row, col): (usize, usize),
-        cols: &Range<usize>,
-        pixels: &[T],
-        lift: Option<T>,
-    ) {
-        let (tile_height, tile_width) = self.field.tile;
-        let start = self.across.start(col);
-        // The tile's columns that lie in the window, counted from its own first pixel.
-        let from = cols.start.saturating_sub(start);
-        let to = (cols.end - start).min(tile_width);
-        let offset = start + from - cols.start;
-        let wx = &self.weights.1[col * tile_width..][from..to];
-        let wy = &self.weights.0[row * tile_height..(row + 1) * tile_height];
-        add_rows(&mut stripe.field[offset..], stripe.width, wy, wx, &pixels[from..], tile_width);
-        let Some(lift) = lift else { return };
-        let linear = self.field.blend == Blend::Linear;
-        for (y, &wy) in wy.iter().enumerate() {
-            let at = y * stripe.width + offset;
-            for (sum, &wx) in stripe.lift[at..at + wx.len()].iter_mut().zip(wx) {
-                // Means mix with weights that sum to 1: the squares, in the power law.
-                let weight = wy * wx;
-                *sum += lift * if linear { weight } else { weight * weight };
-            }
-        }
-    }
-}
-
-/// Adds a weighted tile to rows of sums.
-#[inline(always)]
-fn add_rows_with<T: Real, const LEVEL: u8>(
-    sums: &mut [T],
-    stride: usize,
-    wy: &[T],
-    wx: &[T],
-    pixels: &[T],
-    tile_width: usize,
-) {
-    for (y, &wy) in wy.iter().enumerate() {
-        let sums = &mut sums[y * stride..][..wx.len()];
-        let pixels = &pixels[y * tile_width..][..wx.len()];
-        for i in 0..wx.len() {
-            sums[i] = multiply_add::<T, LEVEL>(wy * wx[i], pixels[i], sums[i]);
-        }
-    }
-}
-
-dispatch! {
-    fn add_rows<T: Real>(
-        sums: &mut [T],
-        stride: usize,
-        wy: &[T],
-        wx: &[T],
-        pixels: &[T],
-        tile_width: usize,
-    ) = add_rows_with
-}
-
-/// The mean opacity that the filter took from a tile.
-fn lost_mean(map: &Opacity, power: Power) -> f64 {
-    // Nothing lost is the common case, and exactly nothing must be added then.
-    if power.kept == power.present {
-        return 0.0;
-    }
-    map.mean_of(power.present) - map.mean_of(power.kept)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::error::Cancel;
     use crate::spectral::filter::Alias;
     use ndarray::{Array2, Array4};
 

@@ -8,10 +8,12 @@ use crate::simd::dispatch;
 fn map_with<T: Real, const SQUARE: bool>(map: Opacity, field: &[T], out: &mut [T]) {
     // A vanishing spread is a threshold: the largest factor, since infinity times 0 is NaN.
     let scale = T::of((0.5 / map.spread).min(T::max_value().wide()));
-    let mean = T::of(map.mean);
-    for (out, &z) in out.iter_mut().zip(field) {
-        let base = (mean + z * scale).max(T::zero()).min(T::one());
-        *out = if SQUARE { base * base } else { base };
+    let (mean, amount) = (T::of(map.mean), T::of(map.amount));
+    let n = out.len();
+    let field = &field[..n];
+    for i in 0..n {
+        let base = (mean + field[i] * scale).max(T::zero()).min(T::one());
+        out[i] = amount * if SQUARE { base * base } else { base };
     }
 }
 
@@ -26,12 +28,12 @@ fn map_plain_with<T: Real, const LEVEL: u8>(map: Opacity, field: &[T], out: &mut
 }
 
 #[inline(always)]
-fn scale_with<T: Real, const LEVEL: u8>(amount: T, lift: &[T], out: &mut [T]) {
-    for (out, &lift) in out.iter_mut().zip(lift) {
-        *out = (*out + lift).min(T::one());
-    }
-    for out in out {
-        *out *= amount;
+fn lift_with<T: Real, const LEVEL: u8>(amount: T, lift: &[T], out: &mut [T]) {
+    let n = out.len();
+    let lift = &lift[..n];
+    for i in 0..n {
+        // A map with a power up to 1 gains mean by blur: what is added can be below 0.
+        out[i] = (out[i] + amount * lift[i]).max(T::zero()).min(amount);
     }
 }
 
@@ -42,7 +44,7 @@ dispatch! {
     fn map_plain<T: Real>(map: Opacity, field: &[T], out: &mut [T]) = map_plain_with
 }
 dispatch! {
-    fn scale<T: Real>(amount: T, lift: &[T], out: &mut [T]) = scale_with
+    fn lift_row<T: Real>(amount: T, lift: &[T], out: &mut [T]) = lift_with
 }
 
 /// `amount * clip(mean + z / (2 spread), 0, 1) ** power` for a field of variance 1.
@@ -86,11 +88,13 @@ impl Opacity {
         } else if self.power == 1.0 {
             map_plain(*self, field, out);
         } else {
-            map_plain(*self, field, out);
-            let power = T::of(self.power);
-            out.iter_mut().for_each(|value| *value = value.powf(power));
+            map_plain(Self { amount: 1.0, ..*self }, field, out);
+            let (power, amount) = (T::of(self.power), T::of(self.amount));
+            out.iter_mut().for_each(|value| *value = amount * value.powf(power));
         }
-        scale(T::of(self.amount), lift.unwrap_or(&[]), out);
+        if let Some(lift) = lift {
+            lift_row(T::of(self.amount), lift, out);
+        }
     }
 
     /// Mean of the map before `amount`, for a Gaussian field of the given variance.
@@ -178,5 +182,7 @@ mod tests {
         let mut out = [0.0; 3];
         PAPER.map_row(&[-10.0, 0.0, 10.0], None, &mut out);
         assert_eq!(out, [0.0, 0.25, 1.0]);
+        PAPER.map_row(&[-10.0, 0.0, 10.0], Some(&[-1e-9, 0.25, 0.5]), &mut out);
+        assert_eq!(out, [0.0, 0.5, 1.0]);
     }
 }

@@ -1,6 +1,7 @@
 //! The spectrum of one tile: every wave's phase, reduced, and its amplitude after the filter.
 //!
-//! Waves stand in parallel arrays, so that one loop without branches does them all on vector lanes.
+//! Waves stand in rows of one ky, so that loops without branches do them all on vector lanes; places
+//! of the rows that the band leaves out have amplitude 0.
 
 use super::filter::{Alias, TemporalFilter};
 use super::tent::Motion;
@@ -10,40 +11,61 @@ use crate::random::mix64;
 use crate::real::Real;
 use crate::simd::dispatch;
 
-/// The waves of a band as parallel arrays.
-pub struct Lanes {
-    /// Signed indices.
+/// Places that a loop advances by: one AVX-512 register of float64.
+const LANES: usize = 8;
+
+/// Places in a row for so many columns: whole lanes.
+pub const fn columns_padded(columns: usize) -> usize {
+    columns.div_ceil(LANES) * LANES
+}
+
+/// The waves of a band by rows: ky = 0 .. half, then ky = 0, -1 .. -half + 1 (the second row of
+/// ky = 0 stays empty); in a row kx = 0 .. stride.
+pub struct Columns {
+    half: usize,
+    stride: usize,
+    /// Signed index of each row, cycles per pixel, and cycles that the transform's sampling takes.
     ky: Vec<i64>,
+    row_frequency: Vec<f64>,
+    row_offset: Vec<f64>,
+    /// The same across.
     kx: Vec<i64>,
+    column_frequency: Vec<f64>,
+    column_offset: Vec<f64>,
     /// Unit vectors of the tent.
     tent_y: Vec<f64>,
     tent_x: Vec<f64>,
-    /// Cycles per pixel.
-    frequency_y: Vec<f64>,
-    frequency_x: Vec<f64>,
-    /// Cycles that the transform's sampling takes from each phase.
-    offset: Vec<f64>,
     amplitude: Vec<f64>,
     wavelength: Vec<f64>,
-    ring: Vec<usize>,
+    ring: Vec<u32>,
+    /// Power of all waves.
+    power: f64,
 }
 
-/// Buffers that [`Lanes::spectrum`] fills: one value for each wave.
+/// Buffers that [`Columns::spectrum`] fills: one value for each place.
 pub struct Values<T> {
-    /// Real part of each leader's bin.
+    /// Real part of each leader's bin, and of the mirrors in the column of kx = 0.
     pub re: Vec<T>,
     /// Imaginary part.
     pub im: Vec<T>,
     phase: Vec<f64>,
-    rate: Vec<f64>,
     gain: Vec<f64>,
     tent: (Vec<f64>, Vec<f64>),
+    // Of the last tile, whose phases and gains serve the next one if it moves alike.
+    place: Vec<[f64; 2]>,
+    rate: Vec<Motion>,
+    shortest: f64,
+    power: Power,
+    // By row: the hash with ky, and the phase's part that depends on ky alone.
+    hash: Vec<u64>,
+    row_phase: Vec<f64>,
+    column_phase: Vec<f64>,
 }
 
 /// What a tile is asked for. Slices have one entry per ring.
 #[derive(Clone, Copy)]
 pub struct TileMotion<'a> {
-    /// Displacements since time 0.
+    /// Displacements since time 0; one shift for all rings.
     pub place: &'a [Motion],
     /// Displacements per frame.
     pub rate: &'a [Motion],
@@ -62,35 +84,90 @@ pub struct Power {
     pub kept: f64,
 }
 
-impl Lanes {
-    /// The arrays of a list of waves; `offset` is the phase that the transform wants taken off.
-    pub fn new(waves: &Waves, offset: impl Fn(i64, i64) -> f64) -> Result<Self, Error> {
-        let list = &waves.list;
-        let each = |value: &dyn Fn(&super::waves::Wave) -> f64| collected(list.iter().map(value));
-        Ok(Self {
-            ky: collected(list.iter().map(|wave| wave.ky))?,
-            kx: collected(list.iter().map(|wave| wave.kx))?,
-            tent_y: each(&|wave| wave.direction.0)?,
-            tent_x: each(&|wave| wave.direction.1)?,
-            frequency_y: each(&|wave| wave.frequency.0)?,
-            frequency_x: each(&|wave| wave.frequency.1)?,
-            offset: each(&|wave| offset(wave.ky, wave.kx))?,
-            amplitude: each(&|wave| wave.amplitude)?,
-            wavelength: each(&|wave| wave.wavelength)?,
-            ring: collected(list.iter().map(|wave| wave.ring))?,
-        })
+impl Columns {
+    /// The rows of a list of waves; `offset(k, n)` is the phase that the transform wants taken off
+    /// for an index along an axis of n pixels.
+    pub fn new(waves: &Waves, offset: impl Fn(i64, usize) -> f64) -> Result<Self, Error> {
+        let (height, width) = waves.tile;
+        let (half, stride) = (waves.reach + 1, columns_padded(waves.columns));
+        let ky = collected((0..2 * half).map(|row| {
+            let k = (row % half) as i64;
+            if row < half { k } else { -k }
+        }))?;
+        let kx = collected((0..stride).map(|k| k as i64))?;
+        let size = 2 * half * stride;
+        let mut columns = Self {
+            half,
+            stride,
+            row_frequency: collected(ky.iter().map(|&k| k as f64 / height as f64))?,
+            row_offset: collected(ky.iter().map(|&k| offset(k, height)))?,
+            column_frequency: collected(kx.iter().map(|&k| k as f64 / width as f64))?,
+            column_offset: collected(kx.iter().map(|&k| offset(k, width)))?,
+            ky,
+            kx,
+            tent_y: zeroed(size)?,
+            tent_x: zeroed(size)?,
+            amplitude: zeroed(size)?,
+            wavelength: zeroed(size)?,
+            ring: zeroed(size)?,
+            power: waves.list.iter().map(|wave| 2.0 * wave.amplitude * wave.amplitude).sum(),
+        };
+        for wave in &waves.list {
+            let at = columns.place(wave.ky, wave.kx);
+            (columns.tent_y[at], columns.tent_x[at]) = wave.direction;
+            columns.amplitude[at] = wave.amplitude;
+            columns.wavelength[at] = wave.wavelength;
+            columns.ring[at] = wave.ring as u32;
+        }
+        Ok(columns)
+    }
+
+    /// How many places there are.
+    pub const fn len(&self) -> usize {
+        2 * self.half * self.stride
+    }
+
+    /// Whether there are none.
+    pub const fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// Rows of one sign, ky = 0 included, and places in each.
+    pub const fn size(&self) -> (usize, usize) {
+        (self.half, self.stride)
+    }
+
+    /// Where a wave stands.
+    pub const fn place(&self, ky: i64, kx: i64) -> usize {
+        let row = ky.unsigned_abs() as usize + if ky < 0 { self.half } else { 0 };
+        row * self.stride + kx as usize
+    }
+
+    /// Completes the column of kx = 0, whose leaders have ky > 0.
+    pub fn mirror<T: Real>(&self, re: &mut [T], im: &mut [T]) {
+        for row in 1..self.half {
+            let (up, down) = (row * self.stride, (self.half + row) * self.stride);
+            re[down] = re[up];
+            im[down] = -im[up];
+        }
     }
 
     /// Buffers for these waves.
     pub fn values<T: Real>(&self) -> Result<Values<T>, Error> {
-        let n = self.ky.len();
+        let n = self.len();
         Ok(Values {
             re: zeroed(n)?,
             im: zeroed(n)?,
             phase: zeroed(n)?,
-            rate: zeroed(n)?,
             gain: zeroed(n)?,
             tent: (zeroed(n)?, zeroed(n)?),
+            place: Vec::new(),
+            rate: Vec::new(),
+            shortest: 0.0,
+            power: Power { present: self.power, kept: self.power },
+            hash: zeroed(2 * self.half)?,
+            row_phase: zeroed(2 * self.half)?,
+            column_phase: zeroed(self.stride)?,
         })
     }
 
@@ -102,110 +179,163 @@ impl Lanes {
         motion: TileMotion<'_>,
         values: &mut Values<T>,
     ) -> Power {
-        let (mut tent_y, mut tent_x) = (&self.tent_y[..], &self.tent_x[..]);
+        let drift = motion.place.iter().map(|motion| motion.drift);
         if draw.jitter {
-            for i in 0..self.ky.len() {
-                let (y, x) = draw.direction(self.ky[i], self.kx[i], tile);
-                values.tent.0[i] = y;
-                values.tent.1[i] = x;
-            }
-            (tent_y, tent_x) = (&values.tent.0, &values.tent.1);
-        }
-        let steps = |motions: &[Motion], out: &mut [f64]| match motions {
-            [one] => {
-                step_lanes(*one, tent_y, tent_x, &self.frequency_y, &self.frequency_x, out);
-            }
-            rings => {
-                for (i, out) in out.iter_mut().enumerate() {
-                    let frequency = (self.frequency_y[i], self.frequency_x[i]);
-                    *out = rings[self.ring[i]].step((tent_y[i], tent_x[i]), frequency);
+            for (row, &ky) in self.ky.iter().enumerate() {
+                for (at, &kx) in (row * self.stride..).zip(&self.kx) {
+                    // Places that the band leaves out may have no direction at all.
+                    if self.amplitude[at] > 0.0 {
+                        let (y, x) = draw.direction(ky, kx, tile);
+                        values.tent.0[at] = y;
+                        values.tent.1[at] = x;
+                    }
                 }
             }
-        };
-        steps(motion.place, &mut values.phase);
-        let mut power = Power { present: 1.0, kept: 1.0 };
-        let plain = motion.filter.is_open() && motion.shortest <= 0.0;
-        if plain {
-            values.gain.copy_from_slice(&self.amplitude);
-        } else {
-            steps(motion.rate, &mut values.rate);
-            power = self.gains(motion, &values.rate, &mut values.gain);
+            self.steps(motion.place, (&values.tent.0, &values.tent.1), &mut values.phase);
+            values.place.clear();
+        } else if !drift.clone().eq(values.place.iter().copied()) {
+            self.steps(motion.place, (&self.tent_y, &self.tent_x), &mut values.phase);
+            values.place.clear();
+            values.place.extend(drift);
         }
-        bins::<T>(
-            draw.bits(),
-            &self.ky,
-            &self.kx,
-            &values.phase,
-            &self.offset,
-            &values.gain,
-            &mut values.re,
-            &mut values.im,
-        );
-        power
+        self.gains(draw.jitter, motion, values);
+        let shift = motion.place.first().map_or([0.0; 2], |motion| motion.shift);
+        let rows = values.row_phase.iter_mut().zip(&self.row_frequency).zip(&self.row_offset);
+        for ((out, frequency), offset) in rows {
+            *out = -(shift[1] * frequency) - offset;
+        }
+        let columns = values.column_phase.iter_mut();
+        for ((out, frequency), offset) in
+            columns.zip(&self.column_frequency).zip(&self.column_offset)
+        {
+            *out = -(shift[0] * frequency) - offset;
+        }
+        for (hash, &ky) in values.hash.iter_mut().zip(&self.ky) {
+            *hash = mix64(draw.bits() ^ ky as u64);
+        }
+        bins::<T>(&self.kx, values);
+        self.mirror(&mut values.re, &mut values.im);
+        values.power
     }
 
-    /// Amplitudes after the filter and the depth limit.
-    fn gains(&self, motion: TileMotion<'_>, rate: &[f64], gain: &mut [f64]) -> Power {
-        gain_lanes(motion.filter, rate, gain);
-        let mut power = Power { present: 0.0, kept: 0.0 };
-        for (i, gain) in gain.iter_mut().enumerate() {
-            if self.wavelength[i] <= motion.shortest {
-                *gain = 0.0;
-                continue;
+    /// The tent's phase steps of all places.
+    fn steps(&self, motions: &[Motion], tent: (&[f64], &[f64]), out: &mut [f64]) {
+        match motions {
+            [one] => tent_steps(one.drift, tent.0, tent.1, out),
+            rings => {
+                for (i, out) in out.iter_mut().enumerate() {
+                    *out = rings[self.ring[i] as usize].step((tent.0[i], tent.1[i]), (0.0, 0.0));
+                }
             }
-            let amplitude = self.amplitude[i];
-            power.present += 2.0 * amplitude * amplitude;
-            *gain *= amplitude;
-            power.kept += 2.0 * *gain * *gain;
         }
-        power
+    }
+
+    /// Amplitudes after the filter and the depth limit, and their power.
+    fn gains<T: Real>(&self, jitter: bool, motion: TileMotion<'_>, values: &mut Values<T>) {
+        let known = !values.rate.is_empty();
+        if motion.filter.is_open() && motion.shortest <= 0.0 {
+            if !known {
+                values.gain.copy_from_slice(&self.amplitude);
+                values.rate.extend(motion.rate);
+            }
+            return;
+        }
+        let same = values.rate[..] == *motion.rate && values.shortest == motion.shortest;
+        if known && same && !jitter {
+            return;
+        }
+        values.rate.clear();
+        values.rate.extend(motion.rate);
+        values.shortest = motion.shortest;
+        let tent = if jitter {
+            (&values.tent.0[..], &values.tent.1[..])
+        } else {
+            (&self.tent_y[..], &self.tent_x[..])
+        };
+        self.steps(motion.rate, tent, &mut values.gain);
+        let shift = motion.rate.first().map_or([0.0; 2], |motion| motion.shift);
+        if shift != [0.0; 2] {
+            let rows = values.gain.chunks_exact_mut(self.stride).zip(&self.row_frequency);
+            for (rates, fy) in rows {
+                for (rate, fx) in rates.iter_mut().zip(&self.column_frequency) {
+                    *rate -= shift[0] * fx + shift[1] * fy;
+                }
+            }
+        }
+        values.power = gain_lanes(
+            motion.filter,
+            motion.shortest,
+            &self.amplitude,
+            &self.wavelength,
+            &mut values.gain,
+        );
+        if motion.shortest <= 0.0 {
+            values.power.present = self.power;
+        }
     }
 }
 
 #[inline(always)]
-fn step_lanes_with<const LEVEL: u8>(
-    motion: Motion,
+fn tent_steps_with<const LEVEL: u8>(
+    drift: [f64; 2],
     tent_y: &[f64],
     tent_x: &[f64],
-    frequency_y: &[f64],
-    frequency_x: &[f64],
     out: &mut [f64],
 ) {
-    let tent = tent_y.iter().zip(tent_x);
-    let frequency = frequency_y.iter().zip(frequency_x);
-    for ((out, (&ty, &tx)), (&fy, &fx)) in out.iter_mut().zip(tent).zip(frequency) {
-        *out = motion.step((ty, tx), (fy, fx));
+    let motion = Motion { drift, shift: [0.0; 2] };
+    for ((out, &ty), &tx) in out.iter_mut().zip(tent_y).zip(tent_x) {
+        *out = motion.step((ty, tx), (0.0, 0.0));
     }
 }
 
+/// Rates to amplitudes, in place; sums run over lanes, in one order for every level.
 #[inline(always)]
-fn gain_lanes_with<const LEVEL: u8>(filter: TemporalFilter, rate: &[f64], gain: &mut [f64]) {
-    // Polynomials cover what a usual shutter sees; beyond that each wave takes the exact way.
-    let reach = rate.iter().fold(0.0_f64, |most, r| most.max(r.abs()));
-    if filter.shutter * if filter.alias == Alias::Keep { reach } else { 0.5 } > 0.5 {
-        for (gain, &rate) in gain.iter_mut().zip(rate) {
-            *gain = filter.gain(rate);
+fn gain_lanes_with<const LEVEL: u8>(
+    filter: TemporalFilter,
+    shortest: f64,
+    amplitude: &[f64],
+    wavelength: &[f64],
+    values: &mut [f64],
+) -> Power {
+    filtered(filter, values);
+    let (mut present, mut kept) = ([0.0; LANES], [0.0; LANES]);
+    let places = amplitude.chunks_exact(LANES).zip(wavelength.chunks_exact(LANES));
+    for (values, (amplitude, wavelength)) in values.chunks_exact_mut(LANES).zip(places) {
+        for i in 0..LANES {
+            let full = if wavelength[i] > shortest { amplitude[i] } else { 0.0 };
+            values[i] *= full;
+            present[i] += full * full;
+            kept[i] += values[i] * values[i];
         }
+    }
+    Power { present: 2.0 * present.iter().sum::<f64>(), kept: 2.0 * kept.iter().sum::<f64>() }
+}
+
+/// Rates to the factors of the filter.
+#[inline(always)]
+fn filtered(filter: TemporalFilter, values: &mut [f64]) {
+    // Polynomials cover what a usual shutter sees; beyond that each wave takes the exact way.
+    let reach = values.iter().fold(0.0_f64, |most, r| most.max(r.abs()));
+    if filter.shutter * if filter.alias == Alias::Keep { reach } else { 0.5 } > 0.5 {
+        values.iter_mut().for_each(|value| *value = filter.gain(*value));
         return;
     }
-    match filter.alias {
-        Alias::Soft if reach > filter.soft_from => {
-            for (gain, &rate) in gain.iter_mut().zip(rate) {
-                *gain = filter.alias_gain(rate);
-            }
+    let fades = match filter.alias {
+        Alias::Soft => reach > filter.soft_from,
+        Alias::Cut => true,
+        Alias::Keep => false,
+    };
+    if filter.shutter == 0.0 && !fades {
+        values.fill(1.0);
+    } else if !fades {
+        for value in values {
+            *value = short_sinc(*value * filter.shutter);
         }
-        Alias::Cut => {
-            for (gain, &rate) in gain.iter_mut().zip(rate) {
-                *gain = filter.alias_gain(rate);
-            }
-        }
-        _ => gain.fill(1.0),
-    }
-    if filter.shutter > 0.0 {
-        for (gain, &rate) in gain.iter_mut().zip(rate) {
+    } else {
+        for value in values {
+            let kept = filter.alias_gain(*value);
             // An aliased rate has gain 0 already, but its polynomial must not be infinite.
-            let turns = (rate * filter.shutter).abs().min(0.5);
-            *gain *= short_sinc(turns);
+            *value = kept * short_sinc((*value * filter.shutter).abs().min(0.5));
         }
     }
 }
@@ -235,57 +365,60 @@ fn short_sinc(x: f64) -> f64 {
 
 /// Bins from phases: hash, add, reduce, turn, scale.
 #[inline(always)]
+fn bins_with<T: Real, const LEVEL: u8>(kx: &[i64], values: &mut Values<T>) {
+    let stride = kx.len();
+    let spectrum = values.re.chunks_exact_mut(stride).zip(values.im.chunks_exact_mut(stride));
+    let inputs = values.phase.chunks_exact(stride).zip(values.gain.chunks_exact(stride));
+    let rows = values.hash.iter().zip(&values.row_phase);
+    for (((re, im), (phase, gain)), (&hash, &row_phase)) in spectrum.zip(inputs).zip(rows) {
+        row_bins::<T, LEVEL>(hash, row_phase, kx, &values.column_phase, phase, gain, re, im);
+    }
+}
+
+#[inline(always)]
 #[expect(clippy::too_many_arguments, reason = "parallel arrays, one by one")]
-fn bins_with<T: Real, const LEVEL: u8>(
-    tile: u64,
-    ky: &[i64],
+fn row_bins<T: Real, const LEVEL: u8>(
+    hash: u64,
+    row_phase: f64,
     kx: &[i64],
+    column_phase: &[f64],
     phase: &[f64],
-    offset: &[f64],
     gain: &[f64],
     re: &mut [T],
     im: &mut [T],
 ) {
     let n = re.len();
-    let (ky, kx, phase) = (&ky[..n], &kx[..n], &phase[..n]);
-    let (offset, gain, im) = (&offset[..n], &gain[..n], &mut im[..n]);
+    let (kx, column_phase, phase) = (&kx[..n], &column_phase[..n], &phase[..n]);
+    let (gain, im) = (&gain[..n], &mut im[..n]);
     for i in 0..n {
-        let hash = mix64(mix64(tile ^ ky[i] as u64) ^ kx[i] as u64);
+        let hash = mix64(hash ^ kx[i] as u64);
         // 52 of the hash's bits as the fraction of a number in [1, 2): the 53rd is below any pixel's
         // precision, and this conversion has a vector form everywhere.
-        let turns = f64::from_bits((hash >> 12) | 0x3FF0_0000_0000_0000) + (phase[i] - offset[i]);
-        let turn = T::turn(turns - turns.round_ties_even());
+        let turns = f64::from_bits((hash >> 12) | 0x3FF0_0000_0000_0000)
+            + (phase[i] + (row_phase + column_phase[i]));
+        let turn = T::turn::<LEVEL>(turns - turns.round_ties_even());
         re[i] = turn.re * T::of(gain[i]);
         im[i] = turn.im * T::of(gain[i]);
     }
 }
 
 dispatch! {
-    fn step_lanes(
-        motion: Motion,
-        tent_y: &[f64],
-        tent_x: &[f64],
-        frequency_y: &[f64],
-        frequency_x: &[f64],
-        out: &mut [f64],
-    ) = step_lanes_with
+    fn tent_steps(drift: [f64; 2], tent_y: &[f64], tent_x: &[f64], out: &mut [f64])
+        = tent_steps_with
 }
 
 dispatch! {
-    fn gain_lanes(filter: TemporalFilter, rate: &[f64], gain: &mut [f64]) = gain_lanes_with
+    fn gain_lanes(
+        filter: TemporalFilter,
+        shortest: f64,
+        amplitude: &[f64],
+        wavelength: &[f64],
+        values: &mut [f64],
+    ) -> Power = gain_lanes_with
 }
 
 dispatch! {
-    fn bins<T: Real>(
-        tile: u64,
-        ky: &[i64],
-        kx: &[i64],
-        phase: &[f64],
-        offset: &[f64],
-        gain: &[f64],
-        re: &mut [T],
-        im: &mut [T],
-    ) = bins_with
+    fn bins<T: Real>(kx: &[i64], values: &mut Values<T>) = bins_with
 }
 
 #[cfg(test)]

@@ -6,10 +6,9 @@ use flurries_fft::{ComplexToReal, Fft};
 use num_complex::Complex;
 
 use super::dense::{Dense, Work, operations, transform};
-use super::grid::position;
-use super::phases::{Lanes, Power, TileMotion, Values};
+use super::phases::{Columns, Power, TileMotion, Values};
 use super::waves::{Draw, Waves};
-use crate::error::{Error, collected, zeroed};
+use crate::error::{Error, zeroed};
 use crate::real::Real;
 
 /// How many multiply-adds of the dense passes cost as much as one floating-point operation of an FFT:
@@ -28,11 +27,9 @@ pub fn fft_operations(waves: &Waves) -> f64 {
 
 /// A transform, planned for one tile size and band.
 pub struct Plan<T: Real> {
-    lanes: Lanes,
+    columns: Columns,
     way: Way<T>,
     tile: (usize, usize),
-    // Where each leader's bin goes, and its mirror's for kx = 0 (the same place otherwise).
-    places: Vec<(usize, usize)>,
 }
 
 enum Way<T: Real> {
@@ -54,9 +51,7 @@ pub enum Choice {
 /// Buffers of one worker, reused from tile to tile.
 pub struct Scratch<T> {
     values: Values<T>,
-    // Dense: real and imaginary parts of the spectrum, and work space.
-    re: Vec<T>,
-    im: Vec<T>,
+    // Dense: work space.
     work: Option<Work<T>>,
     // FFT: spectrum, half a row, work space.
     spectrum: Vec<Complex<T>>,
@@ -64,6 +59,13 @@ pub struct Scratch<T> {
     work_y: Vec<Complex<T>>,
     work_x: Vec<Complex<T>>,
     pixels: Vec<T>,
+}
+
+impl<T> Scratch<T> {
+    /// The last tile, row by row.
+    pub fn pixels(&self) -> &[T] {
+        &self.pixels
+    }
 }
 
 impl<T: Real> Plan<T> {
@@ -77,23 +79,12 @@ impl<T: Real> Plan<T> {
         };
         let tile = waves.tile;
         if take_dense {
-            let dense = Dense::new(waves)?;
-            let lanes = Lanes::new(waves, |ky, kx| dense.half_pixel(ky, kx))?;
-            let places = waves.list.iter().map(|wave| {
-                let mirror = if wave.kx == 0 { -wave.ky } else { wave.ky };
-                (dense.place(wave.ky, wave.kx), dense.place(mirror, wave.kx))
-            });
-            return Ok(Self { lanes, tile, places: collected(places)?, way: Way::Dense(dense) });
+            let columns = Columns::new(waves, Dense::<T>::half_pixel)?;
+            return Ok(Self { columns, tile, way: Way::Dense(Dense::new(waves)?) });
         }
-        let places = waves.list.iter().map(|wave| {
-            let mirror = if wave.kx == 0 { -wave.ky } else { wave.ky };
-            let column = wave.kx as usize * height;
-            (column + position(wave.ky, height), column + position(mirror, height))
-        });
         Ok(Self {
-            lanes: Lanes::new(waves, |_, _| 0.0)?,
+            columns: Columns::new(waves, |_, _| 0.0)?,
             tile,
-            places: collected(places)?,
             way: Way::Fft {
                 columns: waves.columns,
                 along_y: T::inverse(height),
@@ -106,9 +97,7 @@ impl<T: Real> Plan<T> {
     pub fn scratch(&self) -> Result<Scratch<T>, Error> {
         let (height, width) = self.tile;
         let mut scratch = Scratch {
-            values: self.lanes.values()?,
-            re: Vec::new(),
-            im: Vec::new(),
+            values: self.columns.values()?,
             work: None,
             spectrum: Vec::new(),
             line: Vec::new(),
@@ -118,8 +107,6 @@ impl<T: Real> Plan<T> {
         };
         match &self.way {
             Way::Dense(dense) => {
-                scratch.re = zeroed(dense.bins())?;
-                scratch.im = zeroed(dense.bins())?;
                 scratch.work = Some(dense.work()?);
             }
             Way::Fft { columns, along_y, along_x } => {
@@ -132,42 +119,40 @@ impl<T: Real> Plan<T> {
         Ok(scratch)
     }
 
-    /// The tile's pixels, row by row, and the power of its waves.
-    pub fn render<'s>(
+    /// Makes the tile's pixels, see [`Scratch::pixels`], and returns the power of its waves.
+    pub fn render(
         &self,
         draw: Draw,
         motion: TileMotion<'_>,
-        scratch: &'s mut Scratch<T>,
-    ) -> Result<(&'s [T], Power), Error> {
-        let power = self.lanes.spectrum(self.tile, draw, motion, &mut scratch.values);
+        scratch: &mut Scratch<T>,
+    ) -> Result<Power, Error> {
+        let power = self.columns.spectrum(self.tile, draw, motion, &mut scratch.values);
         let (re, im) = (&scratch.values.re, &scratch.values.im);
-        let bins = self.places.iter().zip(re.iter().zip(im));
         match &self.way {
             Way::Dense(dense) => {
-                // Places outside the band were zero at the start and stay so.
-                for (&(place, mirror), (&re, &im)) in bins {
-                    scratch.re[mirror] = re;
-                    scratch.im[mirror] = -im;
-                    scratch.re[place] = re;
-                    scratch.im[place] = im;
-                }
-                let (re, im) = (&scratch.re, &scratch.im);
                 if let Some(work) = &mut scratch.work {
                     transform(dense, re, im, work, &mut scratch.pixels);
                 }
             }
             Way::Fft { columns, along_y, along_x } => {
-                // The transform is in place, so the last tile's is still there.
-                scratch.spectrum.fill(Complex::new(T::zero(), T::zero()));
-                for (&(place, mirror), (&re, &im)) in bins {
-                    scratch.spectrum[mirror] = Complex::new(re, -im);
-                    scratch.spectrum[place] = Complex::new(re, im);
+                let height = self.tile.0;
+                let (half, stride) = self.columns.size();
+                for (kx, column) in scratch.spectrum.chunks_exact_mut(height).enumerate() {
+                    for (ky, bin) in column[..half].iter_mut().enumerate() {
+                        *bin = Complex::new(re[ky * stride + kx], im[ky * stride + kx]);
+                    }
+                    // The transform is in place, so the last tile's is still there.
+                    column[half..height - half + 1].fill(Complex::new(T::zero(), T::zero()));
+                    for (ky, bin) in column[height - half + 1..].iter_mut().rev().enumerate() {
+                        let at = (half + 1 + ky) * stride + kx;
+                        *bin = Complex::new(re[at], im[at]);
+                    }
                 }
                 along_y.process_with_scratch(&mut scratch.spectrum, &mut scratch.work_y);
                 self.rows(*columns, along_x.as_ref(), scratch)?;
             }
         }
-        Ok((&scratch.pixels, power))
+        Ok(power)
     }
 
     /// The second half of the FFT's way: every row from the columns to pixels.
@@ -217,7 +202,8 @@ mod tests {
             // Twice, so that the second tile finds the buffers dirty.
             plan.render(Draw::new(1, (0, 0), true), asked, &mut scratch).unwrap();
             let draw = Draw::new(1, (3, 4), false);
-            plan.render(draw, asked, &mut scratch).unwrap().0.to_vec()
+            plan.render(draw, asked, &mut scratch).unwrap();
+            scratch.pixels().to_vec()
         });
         let differences = tiles[0].iter().zip(&tiles[1]).map(|(a, b)| (a.wide() - b.wide()).abs());
         differences.fold(0.0, f64::max)

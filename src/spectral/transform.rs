@@ -8,6 +8,7 @@ use super::grid::{position, signed};
 use crate::error::{Cancel, Error, zeroed};
 use crate::pool;
 use crate::real::Real;
+use crate::simd::PORTABLE;
 
 /// The row transform's own complaint would be a defect of ours: lengths are right by construction
 /// and the imaginary parts that must vanish are set to zero.
@@ -36,7 +37,8 @@ pub fn inverse_transform<T: Real>(
     let mut columns = zeroed::<Complex<T>>(used.len() * height)?;
     let rows = T::inverse(height);
     let bin = |row: usize, col: usize| {
-        T::turn(super::phase::reduce(phase[(row, col)])).scale(T::of(amplitude[(row, col)]))
+        T::turn::<PORTABLE>(super::phase::reduce(phase[(row, col)]))
+            .scale(T::of(amplitude[(row, col)]))
     };
     let tasks = columns.chunks_mut(height).zip(&used).collect();
     pool::for_each(tasks, |(column, &col): (&mut [Complex<T>], &usize)| {

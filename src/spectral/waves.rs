@@ -34,6 +34,8 @@ pub struct Waves {
     pub list: Vec<Wave>,
     /// Columns kx = 0 .. columns hold all of them.
     pub columns: usize,
+    /// Largest |ky|.
+    pub reach: usize,
 }
 
 impl Waves {
@@ -69,7 +71,8 @@ impl Waves {
         let factor = band.normaliser(squares.value(), tile)?;
         list.iter_mut().for_each(|wave| wave.amplitude *= factor);
         let columns = list.iter().map(|wave| wave.kx as usize + 1).max().unwrap_or(0);
-        Ok(Self { tile, list, columns })
+        let reach = list.iter().map(|wave| wave.ky.unsigned_abs() as usize).max().unwrap_or(0);
+        Ok(Self { tile, list, columns, reach })
     }
 }
 

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from flurries._contract import Array, Float64
 from flurries.camera import Camera
-from flurries.path import CameraPath
+from flurries.path import CameraPath, air_moved
+from flurries.sun import Sun
+from flurries.timeline import Number, Vector, value_at
 
 
 @dataclass(frozen=True)
@@ -27,11 +29,19 @@ class Frame:
     fps : float
         Frames per second.
     camera : Camera
-        The eye.
+        The eye as it is at `t`: its rotation is from its own axes to the house's then.
     path : CameraPath
         Its way.
     seed : int
         The effect's own.
+    depth : (H, W) float32 or None
+        Planar depth of the background in world units, of the whole frame; infinity where nothing
+        stands, None where nobody said. Read-only.
+    sun : Sun or None
+        What shines.
+    ambient : (r, g, b) or None
+        Display values of white in the background's own light, where an effect's colour is
+        "ambient".
     """
 
     shape: tuple[int, int]
@@ -41,6 +51,9 @@ class Frame:
     camera: Camera
     path: CameraPath
     seed: int
+    depth: Array | None = None
+    sun: Sun | None = None
+    ambient: tuple[float, float, float] | None = None
 
     @property
     def width_scale(self) -> float:
@@ -51,6 +64,41 @@ class Frame:
         """Return the window of a plane of the whole frame."""
         top, bottom, left, right = self.window
         return plane[top:bottom, left:right]
+
+    def displacement(self, *, fall: Number = 0.0, wind: Vector = (0.0, 0.0, 0.0)) -> Float64:
+        """Return camera minus air since frame 0, house axes, (3,) world units.
+
+        Parameters
+        ----------
+        fall : float or Keys
+            World units per second, down.
+        wind : (x, y, z) or Keys
+            World units per second, house axes.
+        """
+        moved = air_moved(self.t, fps=self.fps, fall=fall, wind=wind)
+        return self.path.place(self.t, fps=self.fps) - moved
+
+    def velocity(self, *, fall: Number = 0.0, wind: Vector = (0.0, 0.0, 0.0)) -> Float64:
+        """Return camera minus what falls in the wind, house axes, (3,) world units per frame."""
+        air = np.array(value_at(wind, self.t))
+        air[1] += value_at(fall, self.t)
+        return self.path.rate(self.t, fps=self.fps) - air / self.fps
+
+    def travel(self, *, fall: Number = 0.0, wind: Vector = (0.0, 0.0, 0.0)) -> Float64:
+        """Return P, camera minus air since frame 0, (3,) world units in the eye's axes.
+
+        While the camera turns it is the integral of the relative velocity in the eye's turning
+        axes, and no longer a difference of places.
+        """
+        return self.to_camera(self.path.travel(self.t, fps=self.fps, fall=fall, wind=wind))
+
+    def turned(self) -> Float64:
+        """Return the integral of `spin` since frame 0, (3,) radians."""
+        return self.to_camera(self.path.turned(self.t))
+
+    def spin(self) -> Float64:
+        """Return how fast the eye turns, (3,) radians per frame in its own axes, right-handed."""
+        return self.to_camera(self.path.spin(self.t))
 
     def to_camera(self, vectors: Float64) -> Float64:
         """Return house axes turned into the camera's."""
@@ -64,16 +112,23 @@ class Layer:
     Attributes
     ----------
     name : str
-        What it is.
+        What it is: letters, digits and "_", parts joined by "." as in layers of an EXR.
     alpha : (h, w) float32
-        Opacity over the window.
+        Opacity over the window, 0 to 1.
     colour : (r, g, b)
-        Its one colour, display values 0 to 1.
+        Its one colour, display values 0 to 1; not used where `rgb` is given.
+    rgb : (h, w, 3) float32, optional
+        Colour of each pixel, linear light multiplied by alpha. Light without opacity (a glow) shows
+        in linear light only: display values have no way to add it.
+    depth : (h, w) float32, optional
+        Where it is: planar depth in world units, for files with layers.
     """
 
     name: str
     alpha: Array
-    colour: tuple[float, float, float]
+    colour: tuple[float, float, float] = (1.0, 1.0, 1.0)
+    rgb: Array | None = None
+    depth: Array | None = None
 
     def rgba(self, colour: Any) -> Array:
         """Return (h, w, 4) float32, premultiplied with `colour` (3,)."""
@@ -81,3 +136,35 @@ class Layer:
         np.multiply(self.alpha[..., None], np.asarray(colour, np.float32), out=result[..., :3])
         result[..., 3] = self.alpha
         return result
+
+
+def layers_of(answer: object, effect: object, shape: tuple[int, int]) -> tuple[Layer, ...]:
+    """Return what an effect rendered as layers, or refuse what is none."""
+    layers = []
+    for layer in answer if isinstance(answer, (tuple, list)) else (answer,):
+        if not isinstance(layer, Layer):
+            raise TypeError(
+                f"effects: {type(effect).__name__}.render must return a Layer or a tuple of them, "
+                f"got {type(layer).__name__}"
+            )
+        planes: dict[str, tuple[Any, tuple[int, ...]]] = {
+            "alpha": (layer.alpha, shape),
+            "rgb": (layer.rgb, (*shape, 3)),
+            "depth": (layer.depth, shape),
+        }
+        for name, (plane, wanted) in planes.items():
+            if plane is None and name != "alpha":
+                continue
+            kind = getattr(plane, "dtype", type(plane).__name__)
+            if not isinstance(plane, np.ndarray) or kind != np.float32 or plane.shape != wanted:
+                raise TypeError(
+                    f"effects: {name} of the layer {layer.name!r} must be float32 of shape "
+                    f"{wanted}, got {kind} of shape {np.shape(plane)}"
+                )
+        parts = {name: plane for name, (plane, _) in planes.items() if plane is not None}
+        if not all(plane.flags.c_contiguous for plane in parts.values()):
+            # Windows cut out of a whole frame; kernels read rows that follow each other.
+            parts = {name: np.ascontiguousarray(plane) for name, plane in parts.items()}
+            layer = replace(layer, **parts)
+        layers.append(layer)
+    return tuple(layers)

@@ -6,10 +6,12 @@ Importing it costs NumPy; OpenImageIO and PyAV are imported by the first call th
 from flurries.io.atomic import remove_leftovers, replacing
 from flurries.io.color import linear_to_srgb, srgb_to_linear
 from flurries.io.decoding import read_video
+from flurries.io.depth import open_depth, read_depth
 from flurries.io.headers import Header, read_header
 from flurries.io.layers import read_layers, write_layers
+from flurries.io.paths import read_path
 from flurries.io.pictures import Picture, read_mask, read_picture
-from flurries.io.resize import fit
+from flurries.io.resize import fit, fit_nearest
 from flurries.io.sequences import Pattern, frame_range
 from flurries.io.sources import Source, open_background
 from flurries.io.video import VideoWriter
@@ -22,12 +24,16 @@ __all__ = [
     "Source",
     "VideoWriter",
     "fit",
+    "fit_nearest",
     "frame_range",
     "linear_to_srgb",
     "open_background",
+    "open_depth",
+    "read_depth",
     "read_header",
     "read_layers",
     "read_mask",
+    "read_path",
     "read_picture",
     "read_video",
     "remove_leftovers",

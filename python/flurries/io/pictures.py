@@ -102,14 +102,19 @@ def read_mask(path: str | os.PathLike[str]) -> Array:
         As `read_picture`.
     """
     picture = read_picture(path)
-    given = to_unit(picture.pixels) if picture.alpha is None else picture.alpha
-    values: Array = np.clip(np.nan_to_num(given, nan=0.0), 0.0, 1.0)
-    if values.ndim == 2:
-        return values
+    if picture.alpha is None:
+        return luminance(picture)
+    mask: Array = np.clip(np.nan_to_num(picture.alpha, nan=0.0), 0.0, 1.0)
+    return mask
+
+
+def luminance(picture: Picture) -> Array:
+    """Return (H, W) float32 from 0 to 1: the luminance of the numbers as stored."""
+    values = np.clip(np.nan_to_num(to_unit(picture.pixels), nan=0.0), 0.0, 1.0)
     red, green, blue = np.moveaxis(values, -1, 0)
     # Written as differences, so that grey pictures give their grey level exactly.
-    mask: Array = red + np.float32(_GREEN) * (green - red) + np.float32(_BLUE) * (blue - red)
-    return mask
+    grey: Array = red + np.float32(_GREEN) * (green - red) + np.float32(_BLUE) * (blue - red)
+    return grey
 
 
 def _decode(opened: Opened) -> tuple[Array, Array | None]:
@@ -125,7 +130,7 @@ def _decode(opened: Opened) -> tuple[Array, Array | None]:
     if opened.reader.has_error:
         raise opened.failure("the picture is damaged or cut short")
     values = values.reshape(*values.shape[:2], last - first)
-    values = _seen(values, opened)
+    values = seen(values, opened)
     color = values[..., [place - first for place in opened.color]]
     pixels = np.repeat(color, 3, axis=-1) if color.shape[-1] == 1 else color
     if opened.alpha is None:
@@ -134,18 +139,21 @@ def _decode(opened: Opened) -> tuple[Array, Array | None]:
     return np.ascontiguousarray(pixels), alpha
 
 
-def _seen(values: Array, opened: Opened) -> Array:
-    """Return what the user sees of the stored values: the display window, upright."""
+def seen(values: Array, opened: Opened, outside: float = 0.0) -> Array:
+    """Return what the user sees of the stored values: the display window, upright.
+
+    Pixels of the window that are not stored get the value `outside`.
+    """
     left, top, width, height = opened.window
     stored_height, stored_width = values.shape[:2]
     if (left, top, width, height) != (0, 0, stored_width, stored_height):
-        seen = np.zeros((height, width, values.shape[2]), values.dtype)
+        shown = np.full((height, width, values.shape[2]), outside, values.dtype)
         rows = slice(max(top, 0), max(min(top + height, stored_height), 0))
         columns = slice(max(left, 0), max(min(left + width, stored_width), 0))
         part = values[rows, columns]
         y, x = max(-top, 0), max(-left, 0)
-        seen[y : y + part.shape[0], x : x + part.shape[1]] = part
-        values = seen
+        shown[y : y + part.shape[0], x : x + part.shape[1]] = part
+        values = shown
     return upright(values, opened.orientation)
 
 

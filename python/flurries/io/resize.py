@@ -88,6 +88,34 @@ def fit(
     return result[..., 0] if array.ndim == 2 else result
 
 
+def fit_nearest(plane: Array, size: Sequence[int]) -> Array:
+    """Scale data to cover a frame as `fit` does a picture, without making values in between.
+
+    Parameters
+    ----------
+    plane : (h, w) array
+        Numbers of which no mean may be taken, such as depths: between a wall and the sky behind it
+        there is nothing.
+    size : (int, int)
+        (width, height) in px.
+
+    Returns
+    -------
+    (height, width) array
+        Each pixel has the value of the pixel of `plane` that its centre falls into.
+    """
+    width, height = _checked_size(size)
+    rows, columns = plane.shape
+    scale = max(width / columns, height / rows)
+    places = []
+    for length, stored in ((height, rows), (width, columns)):
+        scaled = _scaled(stored * scale, length)
+        first = (scaled - length) // 2
+        at = (np.arange(length) + first + 0.5) * (stored / scaled)
+        places.append(np.clip(at.astype(np.int64), 0, stored - 1))
+    return np.ascontiguousarray(plane[np.ix_(*places)])
+
+
 def _checked_size(size: Sequence[int]) -> tuple[int, int]:
     if isinstance(size, (str, bytes)) or len(size) != 2:
         raise ValueError(f"size must be (width, height), got {size!r}")

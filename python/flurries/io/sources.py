@@ -107,6 +107,10 @@ class Source(ABC):
                     continue
             raise error
 
+    def _picture(self, path: str | Path) -> Picture:
+        """Read a file of it."""
+        return read_picture(path)
+
     def _renew(self) -> None:
         self._lock = threading.Lock()
         self._process = os.getpid()
@@ -136,7 +140,7 @@ class StillSource(Source):
         self.size, self.encoding = header.size, header.encoding
 
     def _read(self, number: int) -> Picture:
-        return read_picture(self.spec)
+        return self._picture(self.spec)
 
 
 class SequenceSource(Source):
@@ -164,7 +168,7 @@ class SequenceSource(Source):
         if not path.exists():
             raise FileNotFoundError(errno.ENOENT, f"Frame {frame} is missing", str(path))
         try:
-            picture = read_picture(path)
+            picture = self._picture(path)
         except OSError as error:
             raise OSError(f"frame {frame}: {error}") from error
         except ValueError as error:

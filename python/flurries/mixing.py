@@ -1,0 +1,103 @@
+"""How layers become a picture: in which light they are mixed, and in what form it goes back."""
+
+from __future__ import annotations
+
+from collections.abc import Container
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from flurries import _core
+from flurries._contract import Array
+from flurries.effects.layer import Layer
+
+# What files with layers call their own planes.
+_TAKEN = ("rgba", "depth")
+
+
+@dataclass(frozen=True)
+class Mix:
+    """The light that layers are mixed in, over a background of an encoding.
+
+    Attributes
+    ----------
+    linear : bool
+        Whether that is linear light, or display values.
+    encoding : "display" or "linear"
+        The background's own.
+    """
+
+    linear: bool
+    encoding: str
+
+    def working(self, picture: Array) -> Array:
+        """Return the background in the light that layers are mixed in."""
+        from flurries.io.color import to_display, to_linear
+
+        if self.linear == (self.encoding == "linear"):
+            return np.ascontiguousarray(picture)
+        return to_linear(picture, self.encoding) if self.linear else to_display(picture, "linear")
+
+    def finished(self, working: Array, picture: Array) -> Array:
+        """Return the composite in the background's own encoding and dtype."""
+        from flurries.io.color import to_display, to_integer, to_linear
+
+        if self.linear == (self.encoding == "linear"):
+            # The background's own pixels where nothing lay over them: the caller gets a copy.
+            return working if working.flags.writeable else working.copy()
+        if not self.linear:
+            return to_linear(working, "display")
+        return to_integer(to_display(working, "linear"), 8 * picture.dtype.itemsize)
+
+    def over(self, working: Array, layer: Layer) -> Array:
+        """Return a layer over what lies behind it."""
+        result = np.empty_like(working)
+        if layer.rgb is None:
+            _core.snow(result, working, layer.alpha, self._light(layer.colour))
+        else:
+            _core.over(result, working, self.rgba(layer))
+        return result
+
+    def rgba(self, layer: Layer) -> Array:
+        """Return a layer as (h, w, 4) float32, premultiplied, in the light of the mix."""
+        if layer.rgb is None:
+            return layer.rgba(self._light(layer.colour))
+        result = np.empty((*layer.alpha.shape, 4), np.float32)
+        result[..., 3] = layer.alpha
+        if self.linear:
+            result[..., :3] = layer.rgb
+            return result
+        from flurries.io import linear_to_srgb
+
+        # Encoding bends: it wants straight colours.
+        cover = layer.alpha[..., None]
+        straight = np.divide(layer.rgb, cover, out=np.zeros_like(layer.rgb), where=cover > 0.0)
+        np.multiply(linear_to_srgb(straight), cover, out=result[..., :3])
+        return result
+
+    def _light(self, colour: Any) -> list[float]:
+        """Return a display colour in the light that layers are mixed in."""
+        if not self.linear:
+            return list(colour)
+        from flurries.io import srgb_to_linear
+
+        light: list[float] = srgb_to_linear(np.asarray(colour, np.float64)).tolist()
+        return light
+
+
+def behind(layer: Layer, cover: Array) -> Layer:
+    """Return a layer as far as a matte in front of it leaves it."""
+    left = 1.0 - cover
+    alpha = np.ascontiguousarray(layer.alpha * left)
+    rgb = None if layer.rgb is None else layer.rgb * left[..., None]
+    return replace(layer, alpha=alpha, rgb=rgb)
+
+
+def free_name(name: str, taken: Container[str]) -> str:
+    """Return the name, or the name with the first number from 2 on that makes it a new one."""
+    number, free = 1, name
+    while free in taken or free in _TAKEN:
+        number += 1
+        free = f"{name}{number}"
+    return free

@@ -1,0 +1,204 @@
+"""What effects may answer: layers of one colour or of many, one or several, with depths."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import flurries as fl
+from flurries.io import read_layers, srgb_to_linear
+from flurries.render import weather
+
+W, H = 40, 30
+RNG = np.random.default_rng(21)
+BYTES = RNG.integers(0, 256, (H, W, 3)).astype(np.uint8)
+LIGHT = RNG.gamma(1.0, 0.5, (H, W, 3)).astype(np.float32)
+ALPHA = RNG.random((H, W), np.float32)
+ALPHA[:3], ALPHA[3:6] = 0.0, 1.0
+STRAIGHT = RNG.gamma(1.0, 0.4, (H, W, 3)).astype(np.float32)
+FAR = RNG.uniform(1.0, 9.0, (H, W)).astype(np.float32)
+MATTE = RNG.random((H, W), np.float32)
+
+
+@dataclass(frozen=True)
+class Given:
+    """An effect that answers what it was made with, cut to the window."""
+
+    answer: Any
+    seed: int | None = None
+
+    def render(self, frame: fl.Frame) -> Any:
+        def cut(layer: fl.Layer) -> fl.Layer:
+            rgb = None if layer.rgb is None else frame.crop(layer.rgb)
+            depth = None if layer.depth is None else frame.crop(layer.depth)
+            return fl.Layer(layer.name, frame.crop(layer.alpha), layer.colour, rgb, depth)
+
+        if isinstance(self.answer, tuple):
+            return tuple(map(cut, self.answer))
+        return cut(self.answer) if isinstance(self.answer, fl.Layer) else self.answer
+
+
+ONE = fl.Layer("fog", ALPHA, (0.25, 0.5, 0.75))
+MANY = fl.Layer("cloud", ALPHA, rgb=STRAIGHT * ALPHA[..., None], depth=FAR)
+
+
+def decode(display: np.ndarray) -> np.ndarray:
+    return np.where(display <= 0.04045, display / 12.92, ((display + 0.055) / 1.055) ** 2.4)
+
+
+def encode(light: np.ndarray) -> np.ndarray:
+    return np.where(light <= 0.0031308, 12.92 * light, 1.055 * np.abs(light) ** (1 / 2.4) - 0.055)
+
+
+def over(behind: np.ndarray, straight: np.ndarray, alpha: np.ndarray) -> np.ndarray:
+    cover = alpha[..., None].astype(np.float64)
+    return straight * cover + (1.0 - cover) * behind
+
+
+@pytest.mark.parametrize("space", ["display", "linear"])
+@pytest.mark.parametrize("kind", ["bytes", "light"])
+@pytest.mark.parametrize("matte", [None, MATTE], ids=["open", "matte"])
+def test_colour_by_pixel_is_mixed_in_either_light(space: str, kind: str, matte: Any):
+    picture = BYTES if kind == "bytes" else LIGHT
+    scene = fl.Scene(None, picture, effects=[Given((ONE, MANY))], space=space, foreground=matte)
+    got = scene.render(0)
+    alpha = ALPHA.astype(np.float64) * (1.0 if matte is None else 1.0 - matte)
+    if space == "linear":
+        behind = decode(BYTES / 255.0) if kind == "bytes" else LIGHT.astype(np.float64)
+        first, second = decode(np.array(ONE.colour)), STRAIGHT.astype(np.float64)
+    else:
+        behind = BYTES / 255.0 if kind == "bytes" else encode(LIGHT.astype(np.float64))
+        first, second = np.array(ONE.colour), encode(STRAIGHT.astype(np.float64))
+    want = over(over(behind, first, alpha), second, alpha)
+    if kind == "bytes":
+        want = 255.0 * np.clip(want if space == "display" else encode(want), 0.0, 1.0)
+        assert np.abs(got - want).max() <= 1.01  # rounded after each layer
+    else:
+        want = want if space == "linear" else decode(want)
+        assert np.abs(got / want - 1.0).max() <= 1e-5
+
+
+def test_one_colour_by_pixel_is_the_plain_layer():
+    # The same light given in both ways; a layer mistaken for straight or for display would differ.
+    light = decode(np.array(ONE.colour))
+    same = fl.Layer("fog", ALPHA, rgb=(light * ALPHA[..., None]).astype(np.float32))
+    for picture, space in ((BYTES, "display"), (BYTES, "linear"), (LIGHT, "linear")):
+        plain, by_pixel = (
+            fl.Scene(None, picture, effects=[Given(layer)], space=space).render(0)
+            for layer in (ONE, same)
+        )
+        assert np.abs(plain.astype(float) - by_pixel).max() <= (1 if picture is BYTES else 1e-6)
+    wrong = fl.Layer("fog", ALPHA, rgb=np.broadcast_to(light, (H, W, 3)).astype(np.float32))
+    plain, straight = (
+        fl.Scene(None, BYTES, effects=[Given(layer)]).render(0) for layer in (ONE, wrong)
+    )
+    assert np.abs(plain.astype(float) - straight).max() > 20
+
+
+@pytest.mark.parametrize("space", ["display", "linear"])
+def test_the_layers_of_a_tuple_make_the_composite(space: str):
+    effects = [Given((ONE, MANY)), Given(ONE), fl.Snow(flakes=50)]
+    got = fl.Scene(None, LIGHT, effects=effects, space=space).render(2, layers=True)
+    assert list(got.layers) == ["fog", "cloud", "fog2", "snow"]
+    whole = weather(got).astype(np.float64)
+    behind = LIGHT.astype(np.float64) if space == "linear" else encode(LIGHT.astype(np.float64))
+    values = whole[..., :3] + (1.0 - whole[..., 3:]) * behind
+    light = values if space == "linear" else decode(values)
+    assert np.abs(light / got.image - 1.0).max() < 1e-5
+    assert np.abs(whole[..., 3] - got.alpha).max() < 1e-6
+    assert list(got.depths) == ["cloud"] and np.array_equal(got.depths["cloud"], FAR)
+
+
+def test_names_are_unique_and_none_is_taken():
+    names = ["snow", "snow2", "snow", "snow", "rgba", "depth", "x.y", "x.y"]
+    effects = [Given(tuple(fl.Layer(name, ALPHA) for name in names))]
+    got = fl.Scene(None, BYTES, effects=effects).render(0, layers=True)
+    assert list(got.layers) == ["snow", "snow2", "snow3", "snow4", "rgba2", "depth2", "x.y", "x.y2"]
+
+
+def test_a_region_has_the_bits_of_the_whole():
+    scene = fl.Scene(None, BYTES, effects=[Given((ONE, MANY))], depth=FAR)
+    part = np.s_[5:21, 7:30]
+    whole, got = scene.render(0, layers=True), scene.render(0, layers=True, region=part)
+    assert np.array_equal(got.image, whole.image[part])
+    assert np.array_equal(got.depth, FAR[part])
+    assert np.array_equal(got.depths["cloud"], FAR[part])
+
+
+def test_an_exr_keeps_colours_and_depths(tmp_path: Path):
+    scene = fl.Scene(None, LIGHT, effects=[Given((ONE, MANY))], depth=2.0 * FAR)
+    scene.write(tmp_path / "%d.exr", 3, layers=True, half=False)
+    found = read_layers(tmp_path / "3.exr")
+    assert set(found) == {"rgba", "fog", "cloud", "depth", "cloud.depth"}
+    assert np.array_equal(found["cloud"][..., :3], MANY.rgb)
+    assert np.array_equal(found["cloud"][..., 3], ALPHA)
+    assert np.array_equal(found["depth"], 2.0 * FAR)
+    assert np.array_equal(found["cloud.depth"], FAR)
+
+
+@pytest.mark.parametrize("space", ["display", "linear"])
+def test_nothing_there_leaves_the_bits(space: str):
+    empty = fl.Layer("fog", np.zeros((H, W), np.float32), rgb=np.zeros((H, W, 3), np.float32))
+    for picture in (BYTES, LIGHT):
+        if picture is LIGHT and space == "display":
+            continue  # through display values and back
+        got = fl.Scene(None, picture, effects=[Given(empty)], space=space).render(0)
+        assert np.array_equal(got, picture)
+
+
+def test_light_is_kept_in_linear_light():
+    glow = fl.Layer("glow", np.zeros((H, W), np.float32), rgb=np.full((H, W, 3), 0.5, np.float32))
+    got = fl.Scene(None, LIGHT, effects=[Given(glow)]).render(0)
+    assert np.abs(got - (LIGHT + 0.5)).max() < 1e-6
+    bright = srgb_to_linear(np.array(0.5))
+    assert bright < 0.5  # what a wrong light would have added
+
+
+WRONG = {
+    "nothing": None,
+    "an array": ALPHA,
+    "a list with one": [ONE, 3],
+    "alpha64": fl.Layer("x", ALPHA.astype(np.float64)),
+    "alpha of another size": fl.Layer("x", ALPHA[1:]),
+    "alpha none": fl.Layer("x", None),  # type: ignore[arg-type]
+    "rgb of two": fl.Layer("x", ALPHA, rgb=STRAIGHT[..., :2]),
+    "rgb64": fl.Layer("x", ALPHA, rgb=STRAIGHT.astype(np.float64)),
+    "rgb a list": fl.Layer("x", ALPHA, rgb=STRAIGHT.tolist()),  # type: ignore[arg-type]
+    "depth64": fl.Layer("x", ALPHA, depth=FAR.astype(np.float64)),
+}
+
+
+@pytest.mark.parametrize("name", WRONG)
+def test_other_answers_are_refused_by_name(name: str):
+    @dataclass(frozen=True)
+    class Odd:
+        seed: int | None = None
+
+        def render(self, frame: fl.Frame) -> Any:
+            return WRONG[name]
+
+    with pytest.raises(TypeError, match=r"effects: .*(Odd|'x')"):
+        fl.Scene(None, BYTES, effects=[Odd()]).render(0)
+
+
+def test_effects_see_depth_and_sun():
+    seen: list[fl.Frame] = []
+
+    @dataclass(frozen=True)
+    class Looks:
+        seed: int | None = None
+
+        def render(self, frame: fl.Frame) -> fl.Layer:
+            seen.append(frame)
+            return fl.Layer("x", frame.crop(ALPHA))
+
+    sun = fl.Sun((1.0, 0.0, 0.0))
+    fl.Scene(None, BYTES, effects=[Looks()], depth=FAR, sun=sun).render(0, region=np.s_[3:5, :])
+    fl.Scene(None, BYTES, effects=[Looks()]).render(0)
+    assert seen[0].depth is not None and np.array_equal(seen[0].depth, FAR)
+    assert not seen[0].depth.flags.writeable and seen[0].sun is sun
+    assert (seen[1].depth, seen[1].sun) == (None, None)

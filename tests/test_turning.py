@@ -1,0 +1,456 @@
+"""Cameras that turn: orientation over time, the way in turning axes, and what is seen of it."""
+
+from __future__ import annotations
+
+import copy
+import pickle
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.integrate import quad_vec
+from scipy.spatial.transform import Rotation, Slerp
+from skimage.registration import optical_flow_ilk
+
+import flurries as fl
+import measure
+from flurries.turning import rotation_vector
+from measure import FLAKES, FOCAL, LONGEST, NEAR, SIZE, TEXTURE, picture, scene
+
+Camera, Keys, Path_ = fl.camera.Camera, fl.Keys, fl.CameraPath
+LENS = Camera(300.0)
+FPS = 25.0
+RNG = np.random.default_rng(17)
+TURNS = Rotation.from_rotvec(RNG.normal(scale=0.4, size=(9, 3)))
+PLACES = RNG.normal(size=(9, 3)).cumsum(axis=0)
+WAY = Keys([(2, (0.0, 1.0, 5.0)), (5, (3.0, 1.0, 4.0)), (11, (3.0, -2.0, 9.0))])
+GUST = Keys([(-3, (1.0, 0.0, 0.5)), (4.5, (-2.0, 0.3, 0.0)), (12, (0.0, 0.0, 1.0))])
+FALL = Keys([(0, 1.0), (7, 2.0)])
+TIMES = [0.0, 1.0, 3.7, 8.0, 11.25, 40.5, -2.5, -33.0]
+
+
+def quaternions(turns: Rotation) -> np.ndarray:
+    return np.roll(turns.as_quat(), 1, axis=1)  # (w, x, y, z)
+
+
+FORMS: dict[str, Any] = {
+    "vectors": TURNS.as_rotvec(), "quaternions": quaternions(TURNS), "matrices": TURNS.as_matrix(),
+    "either sign": quaternions(TURNS) * np.where(np.arange(9) % 2, -1.0, 1.0)[:, None],
+    "keys": Keys([(i, tuple(v)) for i, v in enumerate(TURNS.as_rotvec())]),
+    "keyed quaternions": Keys([(i, tuple(q)) for i, q in enumerate(quaternions(TURNS))]),
+}  # fmt: skip
+
+
+def twin_turn(t: float) -> np.ndarray:
+    """Slerp between the keys; the first and the last piece go on."""
+    i = int(np.clip(np.floor(t), 0, 7))
+    step = (TURNS[i].inv() * TURNS[i + 1]).as_rotvec()
+    return (TURNS[i] * Rotation.from_rotvec((t - i) * step)).as_matrix()
+
+
+@pytest.mark.parametrize("form", FORMS)
+def test_all_forms_are_one_turn(form: str):
+    path = Path_(LENS, orientation=FORMS[form])
+    slerp = Slerp(np.arange(9), TURNS)
+    for t in TIMES:
+        assert np.abs(path.turn(t) - twin_turn(t)).max() < 1e-13
+        if 0.0 <= t <= 8.0:
+            assert np.abs(path.turn(t) - slerp(t).as_matrix()).max() < 1e-13
+        step = 1e-6
+        if t != round(t):
+            omega = path.spin(t)
+            turned = Rotation.from_rotvec(omega * step).as_matrix() @ path.turn(t)
+            assert np.abs(path.turn(t + step) - turned).max() < 1e-11
+
+
+def test_a_mounted_camera_turns_with_the_rig():
+    mount = (0.3, -0.2, 0.1)
+    path = Path_(Camera(300.0, rotation=mount), orientation=TURNS.as_rotvec())
+    want = twin_turn(2.4) @ Rotation.from_rotvec(mount).as_matrix()
+    assert np.abs(path.turn(2.4) - want).max() < 1e-14
+    assert np.abs(path.seen(path.camera, 2.4).matrix() - want).max() < 1e-14
+    assert np.abs(path.rig(2.4) - twin_turn(2.4)).max() < 1e-14
+
+
+def test_vectors_may_turn_more_than_half():
+    path = Path_(LENS, orientation=Keys([(0, (0, 0, 0)), (10, (0, 14.0, 0)), (12, (0, 14.0, 0.1))]))
+    assert np.allclose(path.spin(3.0), (0.0, 1.4, 0.0), atol=1e-15)
+    assert np.allclose(path.turn(5.0), Rotation.from_rotvec((0, 7.0, 0)).as_matrix(), atol=1e-13)
+    # Matrices can't say so: they turn the shorter way.
+    short = Path_(LENS, orientation=Rotation.from_rotvec([(0, 0, 0), (0, 14.0, 0)]).as_matrix())
+    assert abs(short.spin(0.5)[1]) == pytest.approx(abs(14.0 - 4 * np.pi), abs=1e-12)
+
+
+def test_rotation_vectors_of_matrices():
+    turns = Rotation.random(200, random_state=3)
+    for turn in turns:
+        assert np.abs(rotation_vector(turn.as_matrix()) - turn.as_rotvec()).max() < 1e-12
+    for axis in np.eye(3):
+        for angle in (0.0, 1e-12, 1e-7, np.pi - 1e-9, np.pi):
+            matrix = Rotation.from_rotvec(angle * axis).as_matrix()
+            got = rotation_vector(matrix)
+            assert min(np.abs(got - angle * axis).max(), np.abs(got + angle * axis).max()) < 1e-14
+
+
+# P and the sum of the turning ------------------------------------------------------------------
+
+WAYS: dict[str, dict[str, Any]] = {
+    "still": {}, "array": {"position": PLACES}, "velocity": {"velocity": (0.5, -1.0, 3.0)},
+    "keys": {"position": WAY}, "keyed velocity": {"velocity": WAY},
+}  # fmt: skip
+AIR: dict[str, dict[str, Any]] = {
+    "calm": {"fall": 0.0, "wind": (0.0, 0.0, 0.0)}, "wind": {"fall": 1.4, "wind": (0.4, 0.1, -1.0)},
+    "gusts": {"fall": FALL, "wind": GUST},
+}  # fmt: skip
+
+
+def value(given: Any, t: float) -> Any:
+    return given.at(t) if isinstance(given, Keys) else given
+
+
+def twin_velocity(path: fl.CameraPath, air: dict[str, Any], t: float) -> np.ndarray:
+    """Camera minus what falls in the wind, per frame, house axes."""
+    down = np.array([0.0, value(air["fall"], t), 0.0])
+    return path.rate(t, fps=FPS) - (np.array(value(air["wind"], t)) + down) / FPS
+
+
+@pytest.mark.parametrize("way", WAYS)
+@pytest.mark.parametrize("air", AIR)
+def test_p_is_the_integral_in_turning_axes(way: str, air: str):
+    path = Path_(LENS, orientation=TURNS.as_rotvec(), **WAYS[way])
+    corners = np.array([*range(-1, 12), 4.5, -3, 12, 7, 2, 5, 11], dtype=float)
+    for t in TIMES:
+        points = [c for c in corners if min(0, t) < c < max(0, t)]
+        want, _ = quad_vec(
+            lambda u: twin_turn(u).T @ twin_velocity(path, AIR[air], u), 0.0, t,
+            epsabs=1e-12, epsrel=1e-13, points=points or None,
+        )  # fmt: skip
+        got = path.rig(t).T @ path.travel(t, fps=FPS, **AIR[air])
+        assert np.abs(got - want).max() < 2e-11 * max(1.0, abs(t))
+        angle, _ = quad_vec(
+            lambda u: twin_turn(u).T @ path.spin(u), 0.0, t, epsabs=1e-12, epsrel=1e-13,
+            points=points or None,
+        )  # fmt: skip
+        assert np.abs(path.rig(t).T @ path.turned(t) - angle).max() < 2e-11 * max(1.0, abs(t))
+
+
+def test_p_is_not_the_place_seen_from_now():
+    # The negative control: turned back as a whole, the way would be another one.
+    path = Path_(LENS, orientation=TURNS.as_rotvec(), position=PLACES)
+    got = path.travel(6.0, fps=FPS, fall=0.0, wind=(0.0, 0.0, 0.0))
+    assert np.abs(got - (PLACES[6] - PLACES[0])).max() > 0.1
+
+
+def test_a_million_frames_lose_nothing():
+    # One turn in 1000 frames, at 0.1 a frame sideways: P runs round a circle of radius 100 / 2 pi.
+    rate = 2.0 * np.pi / 1000.0
+    path = Path_(LENS, velocity=(0.1 * FPS, 0.0, 0.0), orientation=[(0, 0, 0), (0, rate, 0)])
+    for t in (250.0, 1e6 + 250.0, -1e6 + 250.0):
+        way = path.rig(t).T @ path.travel(t, fps=FPS, fall=0.0, wind=(0.0, 0.0, 0.0))
+        # R^T (1, 0, 0) = (cos, 0, sin) of the angle for a turn about y.
+        want = 0.1 / rate * np.array([np.sin(rate * t), 0.0, 1.0 - np.cos(rate * t)])
+        assert np.abs(way - want).max() < 2e-8
+
+
+def test_a_path_of_many_frames_is_summed_well():
+    count = 20_001
+    turns = np.zeros((count, 3))
+    turns[:, 1] = 0.3 * np.sin(np.arange(count) / 50.0)
+    path = Path_(LENS, velocity=(0.1 * FPS, 0.0, 0.0), orientation=turns)
+    way = path.rig(2e4).T @ path.travel(2e4, fps=FPS, fall=0.0, wind=(0.0, 0.0, 0.0))
+    a, b = turns[:-1, 1], turns[1:, 1]
+    # Exact in each piece: the angle is linear in it.
+    want = 0.1 * np.array([((np.sin(b) - np.sin(a)) / (b - a)).sum(), 0.0,
+                           ((np.cos(a) - np.cos(b)) / (b - a)).sum()])  # fmt: skip
+    assert np.abs(way - want).max() < 1e-10
+
+
+def test_a_shift_is_the_flow_of_the_rotation_at_the_middle_of_the_tile():
+    lens = Camera(280.0, center=(50.0, 33.0), center_shift=(3.0, -1.0))
+    angle = (0.02, -0.03, 0.05)
+    got = fl.camera.tile_shift((90, 120), angle, lens, tile=(32, 24), overlap=6)
+    rows = fl.spectral.tile_starts(90, tile=32, overlap=6) + 16.0
+    cols = fl.spectral.tile_starts(120, tile=24, overlap=6) + 12.0
+    at = np.array([(x, y) for y in rows for x in cols])
+    want = fl.camera.image_velocity(at, 1.0, (0, 0, 0), lens, (90, 120), rotation=angle)
+    assert np.abs(got.reshape(-1, 2) - want).max() < 1e-13
+    out = np.empty_like(got)
+    assert fl.camera.tile_shift((90, 120), angle, lens, tile=(32, 24), overlap=6, out=out) is out
+    # Independent of the formula: where the directions of those points go under a small turn.
+    step = 1e-6
+    ahead = np.column_stack([(at - lens.principal((90, 120))) / 280.0, np.ones(len(at))])
+    moved = ahead @ Rotation.from_rotvec(step * np.array(angle)).as_matrix()  # R^T d
+    px = 280.0 * moved[:, :2] / moved[:, 2:] + lens.principal((90, 120))
+    assert np.abs((px - at) / step - want).max() < 1e-4
+
+
+@pytest.mark.parametrize("bad", [(0.0, 1.0), (0.0, np.nan, 0.0), "x", None])
+def test_a_shift_refuses_by_name(bad: Any):
+    with pytest.raises((TypeError, ValueError), match="rotation"):
+        fl.camera.tile_shift((90, 120), bad, LENS)
+
+
+# Frames ------------------------------------------------------------------------------------------
+
+SMALL = {"flakes": 300}
+
+
+def test_a_closed_path_returns_the_frame():
+    loop = np.array([(0, 0, 0), (1, 0, 2), (3, -1, 2), (1, 1, 1), (0, 0, 0)], dtype=float)
+    still = fl.Snow(fall=0.0, wind=(0.0, 0.0, 0.0), sway=(0.0, 1.0), shutter=0.0, **SMALL)
+    for tilt in (None, np.tile((0.1, 0.2, 0.3), (5, 1))):
+        path = Path_(Camera(110.0), position=loop, orientation=tilt)
+        assert not path.turns
+        shown = fl.Scene((90, 70), camera=path, effects=[still])
+        # But for the waves' temporal filter, which goes by the rate of the frame.
+        first, last = (shown.effects[0].texture_request(one(shown, t)) for t in (0.0, 4.0))
+        assert np.array_equal(first.drift, last.drift) and np.array_equal(first.shift, last.shift)
+        kept = shown.replace(effects=[fl.Snow(**{**vars(still), "alias": "keep"})])
+        assert np.array_equal(kept.render(0), kept.render(4))
+        assert not np.array_equal(kept.render(0), kept.render(2))
+
+
+def one(shown: fl.Scene, t: float) -> fl.Frame:
+    return shown._asks(t, None, (0, *shown.shape[:1], 0, shown.shape[1]), None)[0][1]
+
+
+def test_an_orientation_that_stays_is_the_camera_s_own():
+    tilt = (0.1, -0.2, 0.05)
+    snow = fl.Snow(wind=(1.0, 0.0, 2.0), **SMALL)
+    frames = [
+        fl.Scene((90, 70), camera=camera, effects=[snow]).render(7.0).astype(int)
+        for camera in (
+            Path_(Camera(110.0, rotation=tilt), velocity=(0, 0, 1)),
+            Path_(Camera(110.0), velocity=(0, 0, 1), orientation=np.tile(tilt, (6, 1))),
+            Path_(Camera(110.0), velocity=(0, 0, 1), orientation=[tilt]),
+        )
+    ]
+    assert all(np.abs(frame - frames[0]).max() <= 1 for frame in frames)
+    assert frames[0].std() > 1
+
+
+# A camera that pans, tilts, rolls and moves, 10 px a frame in all.
+SPIN = np.array([0.004, 0.012, -0.004])
+MOVING = {
+    "velocity": (0.6, -0.4, 0.0),
+    "orientation": Keys([(0, (0, 0, 0)), (100, tuple(100 * SPIN))]),
+}
+
+
+def expected(shown: fl.Scene, t: float, px: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Flow at pixels by rotation alone, and by translation at a depth of 1 m; twin of its own."""
+    path = shown.camera
+    turn = path.turn(t)
+    x, y = (px - SIZE / 2.0).T
+    ahead = np.column_stack([x / FOCAL, y / FOCAL, np.ones(len(px))])
+    omega = turn.T @ path.spin(t)
+    snow = shown.effects[0]
+    air = np.array([snow.wind[0], snow.wind[1] + snow.fall, snow.wind[2]])
+    v = turn.T @ (path.rate(t, fps=shown.fps) - air / shown.fps)
+
+    def image(speed: np.ndarray) -> np.ndarray:
+        return FOCAL * (speed[:, :2] - ahead[:, :2] * speed[:, 2:])
+
+    return image(-np.cross(omega, ahead)), image(np.tile(-v, (len(px), 1)))
+
+
+def fit_of_flow(
+    shown: fl.Scene, judge: fl.Scene, t: float, step: float
+) -> tuple[np.ndarray, float]:
+    """Optical flow of the texture as rotation * a + translation / Z: (a, 1 / Z), and the rest."""
+    first, second = picture(shown, t), picture(shown, t + step)
+    down, across = optical_flow_ilk(first, second, radius=24, num_warp=8)
+    rows, cols = (grid.ravel() for grid in np.mgrid[40 : SIZE - 40 : 12, 40 : SIZE - 40 : 12])
+    flow = np.stack([across, down], axis=-1)[rows, cols] / step
+    turned, moved = expected(judge, t + 0.5 * step, np.stack([cols, rows], axis=1) + 0.5)
+    system = np.stack([turned.ravel(), moved.ravel()], axis=1)
+    found, *_ = np.linalg.lstsq(system, flow.ravel(), rcond=None)
+    rest = np.sqrt(np.mean((system @ found - flow.ravel()) ** 2) / np.mean(flow**2))
+    return found, float(rest)
+
+
+# Long waves: those that a turn of 10 px a frame would make alias are few.
+SOFT = {**TEXTURE, "wavelengths": (12.0, LONGEST), "shutter": 0.0, "alias": "keep"}
+
+
+@pytest.mark.parametrize("t", [5.0, 60.0])
+def test_the_texture_flows_as_the_camera_turns_and_moves(t: float):
+    shown = scene(SOFT, camera=Path_(Camera(FOCAL), **MOVING))
+    (rotation, inverse), rest = fit_of_flow(shown, shown, t, 0.25)
+    assert abs(rotation - 1.0) < 0.05
+    # What lies between near_depth and the depth of the shortest wave moves as one mean of them.
+    assert NEAR < 1.0 / inverse < NEAR * LONGEST / 12.0
+    assert rest < 0.06
+
+
+def test_a_wrong_turn_would_be_seen():
+    shown = scene(SOFT, camera=Path_(Camera(FOCAL), **MOVING))
+    for wrong in (-SPIN, SPIN[[1, 0, 2]], SPIN * (1, 1, -4), 0.8 * SPIN):
+        way = {**MOVING, "orientation": Keys([(0, (0, 0, 0)), (100, tuple(100 * wrong))])}
+        judge = scene(SOFT, camera=Path_(Camera(FOCAL), **way))
+        (rotation, _), rest = fit_of_flow(shown, judge, 5.0, 0.25)
+        assert abs(rotation - 1.0) > 0.05 or rest > 0.06
+
+
+def flake_rows(shown: fl.Scene, t: float, step: float) -> np.ndarray:
+    """(depth, x, y, dx, dy) of lone flakes, tracked on the frames; half-way."""
+    frames = picture(shown, t), picture(shown, t + step)
+    frame = one(shown, t)
+    snow = shown.effects[0]
+    points, _, fade = snow.places(frame)
+    start = points[(points[:, 2] > 0.1) & (fade > 0.0)]
+    px = start[:, :2] * FOCAL / start[:, 2:] + SIZE / 2.0
+    inside = (np.abs(px - SIZE / 2.0) < SIZE).all(axis=1)
+    start, px = start[inside], px[inside]
+    rows = []
+    for i in np.flatnonzero(measure.lone(px) & (start[:, 2] > 0.25 * NEAR)):
+        if start[i, 2] > 0.85 * NEAR:
+            continue
+        a = measure.centroid(frames[0], px[i])
+        b = measure.centroid(frames[1], a)
+        rows.append([start[i, 2], *(a + b) / 2, *b - a])
+    return np.array(rows)
+
+
+def test_flakes_move_as_the_camera_turns_and_moves():
+    step = 0.25
+    for t in (5.0, 60.0):
+        rows = np.concatenate([
+            flake_rows(scene(FLAKES, camera=Path_(Camera(FOCAL), **MOVING), seed=seed), t, step)
+            for seed in range(6)
+        ])  # fmt: skip
+        assert len(rows) >= 15
+        shown = scene(FLAKES, camera=Path_(Camera(FOCAL), **MOVING))
+        turned, moved = expected(shown, t + 0.5 * step, rows[:, 1:3])
+        want = turned + moved / rows[:, :1]
+        off = np.linalg.norm(rows[:, 3:] / step - want, axis=1) / np.linalg.norm(want, axis=1)
+        assert np.median(off) < 0.01 and np.quantile(off, 0.9) < 0.04
+        # A camera that turns the other way, or flakes that don't turn, are far off.
+        for wrong in (moved / rows[:, :1], moved / rows[:, :1] - turned):
+            bad = np.linalg.norm(rows[:, 3:] / step - wrong, axis=1) / np.linalg.norm(want, axis=1)
+            assert np.median(bad) > 0.3
+
+
+def test_streaks_follow_the_turn():
+    # A whole frame of exposure is the mean of flakes at many instants.
+    way = {"orientation": Keys([(0, (0, 0, 0)), (100, (0.0, 1.5, 0.5))])}
+    base = {**FLAKES, "fall": 0.0, "wind": (0.0, 0.0, 0.0), "flakes": 40, "flake_opacity": 0.3}
+    path = Path_(Camera(FOCAL), **way)
+    blurred = picture(scene({**base, "shutter": 0.8}, camera=path), 7.0)
+    sharp = scene(base, camera=path)
+    mean = np.mean([picture(sharp, 7.0 + s) for s in (np.arange(32) + 0.5) / 40.0 - 0.4], axis=0)
+    assert np.abs(blurred - mean).max() < 0.1 * mean.max()
+    assert blurred.sum() == pytest.approx(mean.sum(), rel=0.02)
+    still = picture(scene({**base, "shutter": 0.8}, camera=Path_(Camera(FOCAL))), 7.0)
+    assert still.max() > 2.0 * blurred.max()
+
+
+def test_density_is_constant_and_nothing_pops():
+    shown = [
+        scene({**FLAKES, "flakes": 2000, "flake_size": (0.02, 0.02)}, seed=seed, size=256,
+              camera=Path_(Camera(1.2 * 256), **MOVING))
+        for seed in range(4)
+    ]  # fmt: skip
+    still = [scene({**FLAKES, "flakes": 2000, "flake_size": (0.02, 0.02)}, seed=seed, size=256)
+             for seed in range(4)]  # fmt: skip
+    wanted = np.mean([picture(one, 0.0).mean() for one in still])
+    means = np.array([[picture(one, t).mean() for t in (0.0, 33.0, 150.0, 400.0)] for one in shown])
+    # 8000 flakes in all, of unequal size in the picture.
+    assert np.abs(means.mean(axis=0) / wanted - 1.0).max() < 0.06
+
+    def frame(t: float) -> np.ndarray:
+        return picture(shown[0], t)
+
+    assert measure.smooth(measure.largest_changes(frame, np.arange(0.0, 60.0, 7.3)))
+
+
+def test_two_eyes_of_a_turning_camera_see_one_air():
+    path = Path_(Camera(FOCAL), **MOVING)
+    eye = Camera(FOCAL, offset=(0.06, 0.0, 0.0))
+    torus = scene({**TEXTURE, "tile": SIZE, "overlap": 0, "alias": "keep"}, camera=path)
+    pair = picture(torus, 40.0), picture(torus, 40.0, eye=eye)
+    for parallax in measure.parallax(pair):
+        assert parallax == pytest.approx((-FOCAL * 0.06, 0.0), abs=0.02 * FOCAL * 0.06)
+
+
+# Files -------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("form", FORMS)
+def test_scene_files_keep_the_turn(form: str, tmp_path: Path):
+    path = Path_(Camera(90.0), position=PLACES, orientation=FORMS[form])
+    shown = fl.Scene((50, 40), camera=path, effects=[fl.Snow(**SMALL)])
+    shown.save(tmp_path / "scene.toml")
+    again = fl.Scene.load(tmp_path / "scene.toml")
+    for t in (0.0, 3.3):
+        assert np.array_equal(again.render(t), shown.render(t))
+    for twin in (pickle.loads(pickle.dumps(shown)), copy.deepcopy(shown)):
+        assert np.array_equal(twin.render(3.3), shown.render(3.3))
+
+
+CSV = "frame, x,y,z, rx,ry,rz\n0,0,0,0,0,0,0\n10, 1,0,2, 0,0.5,0\n\n25,1,0,3,0.1,0.5,0\n"
+
+
+def test_a_csv_is_a_path(tmp_path: Path):
+    file = tmp_path / "way.csv"
+    file.write_text(CSV)
+    path = fl.CameraPath.load(file, LENS)
+    assert path.place(10.0, fps=1.0).tolist() == [1.0, 0.0, 2.0]
+    assert np.allclose(path.turn(5.0), Rotation.from_rotvec((0, 0.25, 0)).as_matrix(), atol=1e-15)
+    rows = "\n".join(",".join(map(str, row)) for row in np.hstack([quaternions(TURNS), PLACES]))
+    file.write_text("\ufeffqw,qx,qy,qz,x,y,z\r\n" + rows.replace("\n", "\r\n"))
+    path = fl.CameraPath.load(file, LENS)
+    assert np.array_equal(path.position, PLACES)
+    assert np.abs(path.turn(3.5) - twin_turn(3.5)).max() < 1e-13
+    file.write_text("x,y,z\n0,0,0\n0,0,1\n")
+    assert fl.CameraPath.load(file, LENS).orientation is None
+    file.write_text(CSV)
+    (tmp_path / "scene.toml").write_text(
+        "size = [50, 40]\n[camera]\nfocal = 60\npath = 'way.csv'\n"
+    )
+    shown = fl.Scene.load(tmp_path / "scene.toml")
+    assert np.abs(shown.camera.turn(10.0) - fl.CameraPath.load(file, LENS).turn(10.0)).max() == 0.0
+
+
+BAD_CSV = {
+    "empty": ("", "header"), "no rows": ("x,y,z\n", "at least one row"),
+    "unknown": ("x,y,w\n1,2,3\n", "line 1.*'w'"), "twice": ("x,x,y\n1,2,3\n", "line 1.*'x'"),
+    "half": ("x,y\n1,2\n", "'z' is missing"), "both": ("rx,qw\n1,2\n", "not both"),
+    "nothing": ("frame\n1\n", "neither"), "text": ("x,y,z\n1,2,3\n1,a,3\n", "line 3.*'a'"),
+    "NaN": ("x,y,z\n1,nan,3\n", "line 2.*'nan'"), "short": ("x,y,z\n1,2\n", "line 2: 3 entries"),
+    "backwards": ("frame,x,y,z\n1,0,0,0\n0,0,0,0\n", "increase"),
+    "latin": (b"x,y,z\n\xff,1,2\n", "not a CSV"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", BAD_CSV)
+def test_bad_files_are_told(name: str, tmp_path: Path):
+    text, words = BAD_CSV[name]
+    file = tmp_path / "way.csv"
+    file.write_bytes(text if isinstance(text, bytes) else text.encode())
+    with pytest.raises(ValueError, match=rf"way\.csv.*{words}"):
+        fl.CameraPath.load(file, LENS)
+
+
+ODD: dict[str, Any] = {
+    "shape": np.zeros((4, 2)), "none": np.zeros((0, 3)), "one vector": (0.0, 0.1, 0.0), "text": "x",
+    "long quaternions": 2.0 * quaternions(TURNS), "zero quaternions": np.zeros((3, 4)),
+    "mirrored": -TURNS.as_matrix(), "sheared": TURNS.as_matrix() + 0.1, "NaN": [(0.0, np.nan, 0.0)],
+    "keyed pairs": Keys([(0, (0.0, 1.0))]), "keyed numbers": Keys([(0, 1.0)]), "a dict": {},
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", ODD)
+def test_orientations_that_are_none_are_refused(name: str):
+    with pytest.raises((TypeError, ValueError), match="orientation"):
+        Path_(LENS, orientation=ODD[name])
+
+
+def test_a_turning_path_belongs_to_itself():
+    mine = TURNS.as_rotvec()
+    path = Path_(LENS, orientation=mine)
+    want = path.turn(3.3)
+    mine[...] = 0.0
+    assert np.array_equal(path.turn(3.3), want)
+    assert np.array_equal(pickle.loads(pickle.dumps(path)).turn(3.3), want)
