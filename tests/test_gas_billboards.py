@@ -291,7 +291,7 @@ def test_printed_forms_are_the_papers():
     )
     np.testing.assert_allclose(a / b, -1 / 3, rtol=2e-2)
     parallax = fl.gas.parallax_error(centers, 0.45, eye_distance=0.1, form="printed")
-    sides = [centers + (s, 0, 0) for s in (-0.05, 0.05)]
+    sides = [centers + np.array((s, 0, 0)) for s in (-0.05, 0.05)]
     right, left = (fl.gas.projection_error(c, 0.45, form="printed") for c in sides)
     np.testing.assert_array_equal(parallax, right - left)
 

@@ -297,7 +297,7 @@ def test_an_early_end_errs_by_what_it_says():
 def test_thousands_of_faint_layers():
     # 1 - alpha would round the same way each time, and be wrong by 3e-3 in float32.
     count = 50_000
-    centers = np.zeros((count, 3)) + (0, 0, 3)
+    centers = np.tile((0.0, 0.0, 3.0), (count, 1))
     alpha = fl.gas.alpha((41, 41), centers, 5.0, 2e-5, fl.Camera(40.0, center=(20.5, 20.5)))
     assert abs(alpha[20, 20] + np.expm1(count * np.log1p(-2e-5))) < 1e-5
 

@@ -1,10 +1,11 @@
 """Falling snow, synthesized in the frequency domain, with particles on top.
 
 Arrays in, arrays out: :mod:`flurries.spectral`, :mod:`flurries.camera`, :mod:`flurries.particles`,
-:mod:`flurries.gas`, :mod:`flurries.composite`. Pictures and film: :class:`Scene` and its effects.
+:mod:`flurries.gas`, :mod:`flurries.composite`, :mod:`flurries.stereo`. Pictures and film:
+:class:`Scene` and its effects.
 """
 
-from flurries import camera, composite, gas, particles, spectral, trace
+from flurries import camera, composite, gas, particles, spectral, stereo, trace
 from flurries._core import InternalError
 from flurries._threads import set_threads, threads
 from flurries.camera import Camera
@@ -38,6 +39,7 @@ __all__ = [
     "particles",
     "set_threads",
     "spectral",
+    "stereo",
     "threads",
     "trace",
 ]

@@ -1,8 +1,8 @@
 """What a billboard parallel to the viewplane gets wrong (Johnson 2005, section 3, corrected).
 
-The point looked at is the middle of a billboard's right edge, C + r u. Parallel to the viewplane u is
-(1, 0, 0); facing the eye it is (D, 0, -C_x) / S with S = hypot(C_x, D). The paper's u has the wrong
-sign in its last component, and its Eq. 12 a factor S too many (``docs/deviations.md``).
+The point looked at is the middle of a billboard's right edge, C + r u. Parallel to the viewplane u
+is (1, 0, 0); facing the eye it is (D, 0, -C_x) / S with S = hypot(C_x, D). The paper's u has the
+wrong sign in its last component, and its Eq. 12 a factor S too many (``docs/deviations.md``).
 """
 
 from __future__ import annotations
