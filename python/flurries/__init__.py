@@ -10,7 +10,7 @@ from flurries._core import InternalError
 from flurries._threads import set_threads, threads
 from flurries.camera import Camera
 from flurries.depth import DepthMap
-from flurries.effects import Frame, Layer, Rain, Snow
+from flurries.effects import Frame, Layer, Mist, Rain, Snow
 from flurries.path import CameraPath
 from flurries.scene import Rendered, Scene
 from flurries.sun import Sun
@@ -27,6 +27,7 @@ __all__ = [
     "InternalError",
     "Keys",
     "Layer",
+    "Mist",
     "Rain",
     "Rendered",
     "Scene",

@@ -103,10 +103,12 @@ def _parser() -> argparse.ArgumentParser:
         metavar="PATTERN|VIDEO",
         help="frames/%%04d.exr, .png, ...; out.mp4, .webm, .mkv; or one still",
     )
-    from flurries.effects.presets import RAIN, SNOW
+    from flurries.effects.presets import MIST, RAIN, SNOW
 
     render.add_argument("--snow", metavar="PRESET", help=", ".join(SNOW))
     render.add_argument("--rain", metavar="PRESET", help=", ".join(RAIN))
+    render.add_argument("--mist", metavar="PRESET", help=", ".join(MIST))
+    render.add_argument("--visibility", type=float, metavar="METRES", help="how far one sees in it")
     render.add_argument("--amount", type=float, metavar="A", help="how much of it, 0 to 1")
     render.add_argument("--wind", type=_numbers(3), metavar="X,Y,Z", help="metres per second")
     render.add_argument(
@@ -190,6 +192,7 @@ def _scene(options: argparse.Namespace) -> Any:
     """Return the scene that the options describe."""
     from dataclasses import replace
 
+    from flurries.effects import Mist
     from flurries.effects.falling import Falling
     from flurries.path import CameraPath
     from flurries.scene import Scene
@@ -215,7 +218,8 @@ def _scene(options: argparse.Namespace) -> Any:
             changes["effects"] = effects
         elif weather:
             changes["effects"] = [
-                replace(e, **weather) if isinstance(e, Falling) else e for e in scene.effects
+                replace(e, **weather) if isinstance(e, (Falling, Mist)) else e
+                for e in scene.effects
             ]
         if "size" in changes:
             # The focal length belongs to the picture's width: keep the angle of view.
@@ -225,7 +229,8 @@ def _scene(options: argparse.Namespace) -> Any:
         effects = _effects(options, weather)
         if not effects:
             raise _Mistake(
-                "a picture needs weather: add --snow PRESET, such as --snow heavy, or --rain PRESET"
+                "a picture needs weather: add --snow PRESET, such as --snow heavy, "
+                "--rain PRESET or --mist PRESET"
             )
         source: Any = options.input
         if not options.input.startswith("#"):
@@ -247,10 +252,17 @@ def _scene(options: argparse.Namespace) -> Any:
 
 def _effects(options: argparse.Namespace, weather: dict[str, Any]) -> list[Any]:
     """Return the weather of the options, back to front."""
-    from flurries.effects import Rain, Snow
+    from flurries.effects import Mist, Rain, Snow
 
+    effects: list[Any] = []
+    if options.mist is not None:
+        seen = {} if options.visibility is None else {"visibility": options.visibility}
+        effects.append(Mist.preset(options.mist, **weather, **seen))
+    elif options.visibility is not None:
+        raise _Mistake("--visibility is one of mist: add --mist PRESET, such as --mist fog")
     kinds = ((Snow, options.snow), (Rain, options.rain))
-    return [kind.preset(name, **weather) for kind, name in kinds if name is not None]
+    effects += [kind.preset(name, **weather) for kind, name in kinds if name is not None]
+    return effects
 
 
 def _depth(text: str) -> float | str:
