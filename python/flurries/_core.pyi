@@ -14,6 +14,7 @@ __all__ = [
     "field",
     "gas_alpha",
     "gas_light",
+    "gas_pair",
     "gas_splat",
     "inverse_transform",
     "join",
@@ -137,3 +138,17 @@ def gas_light(
     direction: tuple[float, float, float],
     forward: float,
 ) -> None: ...
+def gas_pair(
+    left: _Array,
+    right: _Array,
+    centers: _Float64,
+    radius: _Float64,
+    density: _Float64,
+    lenses: tuple[
+        tuple[float, float, float, tuple[float, float, float]],
+        tuple[float, float, float, tuple[float, float, float]],
+    ],
+    manner: tuple[str, str, float, str, bool, float],
+    depths: tuple[_Float64, _Float64] | None,
+    slab: float,
+) -> tuple[int, int]: ...

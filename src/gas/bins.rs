@@ -18,7 +18,7 @@ pub struct Entry {
 }
 
 /// The lists of all bands, one after the other.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 pub struct Bands {
     entries: Vec<Entry>,
     starts: Vec<usize>,

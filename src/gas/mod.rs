@@ -8,12 +8,14 @@
 //! | [`bins`] | which particles touch which band of the picture |
 //! | [`draw`] | particles drawn into one tile |
 //! | [`splat`] | the image of many particles |
+//! | [`pair`] | both eyes at once, by slabs of equal disparity |
 //! | [`light`] | how much light of a direction reaches each particle |
 
 pub mod bins;
 pub mod draw;
 pub mod footprint;
 pub mod light;
+pub mod pair;
 pub mod ray;
 pub mod splat;
 pub mod sprite;

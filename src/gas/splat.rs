@@ -260,7 +260,7 @@ fn prepared<'a, P: Normal, M: Real>(
     Ok(Picture { shape, eye, drawing, bands, coloured, by_ray, depth, pixel })
 }
 
-fn check_all<M>(
+pub(super) fn check_all<M>(
     shape: (usize, usize),
     cloud: &Cloud<'_>,
     eye: &Eye,

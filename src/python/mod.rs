@@ -20,7 +20,7 @@ mod core {
     #[pymodule_export]
     use super::frame::{join, over, snow};
     #[pymodule_export]
-    use super::gas::{gas_alpha, gas_light, gas_splat};
+    use super::gas::{gas_alpha, gas_light, gas_pair, gas_splat};
     #[pymodule_export]
     use super::gate::InternalError;
     #[pymodule_export]

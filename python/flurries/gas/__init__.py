@@ -8,6 +8,7 @@ and :func:`parallax_error` are the paper's analysis of its billboards, corrected
 """
 
 from flurries.gas.billboards import parallax_error, projection_error
+from flurries.gas.eyes import alpha_pair
 from flurries.gas.grid import particles_of
 from flurries.gas.lighting import light, phase
 from flurries.gas.splatting import alpha, splat
@@ -17,6 +18,7 @@ from flurries.gas.visibility import visibility as visibility
 
 __all__ = [
     "alpha",
+    "alpha_pair",
     "count_for_visibility",
     "density_for_visibility",
     "extinction",
