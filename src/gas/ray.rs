@@ -96,8 +96,9 @@ impl Forms {
                 let b = multiply_add::<P, LEVEL>(k, v3_step, v3);
                 let c = multiply_add::<P, LEVEL>(k, m_step, m);
                 let squared = multiply_add::<P, LEVEL>(a, a, multiply_add::<P, LEVEL>(b, b, v1));
-                // A ray that points away from the particle misses it.
-                *value = if c > P::zero() { squared / (c * c) } else { P::of(1e3) };
+                // A ray that points away from the particle misses it. Not a branch: it would cost half.
+                let c = most(c, P::of(1e-15));
+                *value = squared / (c * c);
             }
         } else {
             let lengths = &rays.length[row * TILE..(row + 1) * TILE];
