@@ -1,16 +1,16 @@
 """Falling snow, synthesized in the frequency domain, with particles on top.
 
 Arrays in, arrays out: :mod:`flurries.spectral`, :mod:`flurries.camera`, :mod:`flurries.particles`,
-:mod:`flurries.gas`, :mod:`flurries.composite`, :mod:`flurries.stereo`. Pictures and film:
-:class:`Scene` and its effects.
+:mod:`flurries.gas`, :mod:`flurries.hybrid`, :mod:`flurries.composite`, :mod:`flurries.stereo`.
+Pictures and film: :class:`Scene` and its effects.
 """
 
-from flurries import camera, composite, gas, particles, spectral, stereo, trace
+from flurries import camera, composite, gas, hybrid, particles, spectral, stereo, trace
 from flurries._core import InternalError
 from flurries._threads import set_threads, threads
 from flurries.camera import Camera
 from flurries.depth import DepthMap
-from flurries.effects import Frame, Layer, Mist, Rain, Snow
+from flurries.effects import Frame, Layer, MatchedSnow, Mist, Rain, Snow
 from flurries.path import CameraPath
 from flurries.scene import Rendered, Scene
 from flurries.sun import Sun
@@ -27,6 +27,7 @@ __all__ = [
     "InternalError",
     "Keys",
     "Layer",
+    "MatchedSnow",
     "Mist",
     "Rain",
     "Rendered",
@@ -37,6 +38,7 @@ __all__ = [
     "camera",
     "composite",
     "gas",
+    "hybrid",
     "particles",
     "set_threads",
     "spectral",

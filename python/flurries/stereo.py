@@ -46,46 +46,46 @@ _ROWS = 64
 def eyes(
     camera: Camera, *, distance: float, convergence: float | None = None
 ) -> tuple[Camera, Camera]:
-    """Return the cameras of two eyes with parallel axes.
+    """Return the left and the right eye of a camera.
 
     Parameters
     ----------
     camera : Camera
-        The middle between them.
+        What stands between them.
     distance : float
-        Between the eyes, world units, not negative; 0.065 m for people.
+        From eye to eye, world units, 0 or more; people's are 0.065 m apart.
     convergence : float, optional
-        Z0, the depth of what both pictures show at the same place, world units, positive. If not
-        given, that is infinitely far away.
+        Depth in world units that both eyes see at one place of the picture; nearer things come out
+        of it. If not given the eyes look straight ahead and infinity is there.
 
     Returns
     -------
     left, right : Camera
-        `camera` with ``offset`` moved by -+ distance / 2 along x, and with ``center_shift`` moved
-        by -+ focal * distance / (2 Z0). A point at depth Z is seen by the right eye
-        ``focal * distance * (1/Z0 - 1/Z)`` px to the right of where the left eye sees it.
+        `offset` less and more by half the distance along x, and `center_shift` by
+        ``focal distance / (2 convergence)`` px the other way: a point at depth Z is seen
+        ``focal distance (1/Z - 1/convergence)`` px farther left by the right eye than by the left.
 
     Raises
     ------
-    TypeError, ValueError
-        If an argument is not as described; the message names it.
+    ValueError, TypeError
+        For a negative distance, a convergence that is not positive, or what is no camera.
 
     Examples
     --------
     >>> import flurries as fl
-    >>> left, right = fl.stereo.eyes(fl.Camera(420.0), distance=0.065, convergence=6.0)
-    >>> left.offset, round(right.center_shift[0], 3)
-    ((-0.0325, 0.0, 0.0), 2.275)
+    >>> left, right = fl.stereo.eyes(fl.Camera(1200.0), distance=0.065, convergence=3.0)
+    >>> left.offset, right.center_shift
+    ((-0.0325, 0.0, 0.0), (13.0, 0.0))
     """
-    view = expect_camera(camera)
-    apart = real("distance", distance, low=0.0)
+    middle = expect_camera(camera)
+    half = 0.5 * real("distance", distance, low=0.0)
     shift = 0.0
     if convergence is not None:
-        shift = view.focal * apart / (2.0 * real("convergence", convergence, above=0.0))
-    x, y, z = view.offset
-    cx, cy = view.center_shift
+        shift = middle.focal * half / real("convergence", convergence, above=0.0)
+    x, y, z = middle.offset
+    cx, cy = middle.center_shift
     left, right = (
-        replace(view, offset=(x + side * apart / 2.0, y, z), center_shift=(cx + side * shift, cy))
+        replace(middle, offset=(x + side * half, y, z), center_shift=(cx + side * shift, cy))
         for side in (-1.0, 1.0)
     )
     return left, right
