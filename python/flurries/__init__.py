@@ -1,15 +1,16 @@
 """Falling snow, synthesized in the frequency domain, with particles on top.
 
 Arrays in, arrays out: :mod:`flurries.spectral`, :mod:`flurries.camera`, :mod:`flurries.particles`,
-:mod:`flurries.hybrid`, :mod:`flurries.composite`. Pictures and film: :class:`Scene`, its effects.
+:mod:`flurries.gas`, :mod:`flurries.hybrid`, :mod:`flurries.composite`, :mod:`flurries.stereo`.
+Pictures and film: :class:`Scene` and its effects.
 """
 
-from flurries import camera, composite, cone, hybrid, particles, spectral, stereo, trace
+from flurries import camera, composite, cone, gas, hybrid, particles, spectral, stereo, trace
 from flurries._core import InternalError
 from flurries._threads import set_threads, threads
 from flurries.camera import Camera
 from flurries.depth import DepthMap
-from flurries.effects import ConeRain, ConeSnow, Frame, Layer, MatchedSnow, Rain, Snow
+from flurries.effects import ConeRain, ConeSnow, Frame, Layer, MatchedSnow, Mist, Rain, Snow
 from flurries.path import CameraPath
 from flurries.scene import Rendered, Scene
 from flurries.sun import Sun
@@ -29,6 +30,7 @@ __all__ = [
     "Keys",
     "Layer",
     "MatchedSnow",
+    "Mist",
     "Rain",
     "Rendered",
     "Scene",
@@ -38,6 +40,7 @@ __all__ = [
     "camera",
     "composite",
     "cone",
+    "gas",
     "hybrid",
     "particles",
     "set_threads",

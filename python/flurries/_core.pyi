@@ -26,6 +26,10 @@ __all__ = [
     "cone_table",
     "cone_tile",
     "field",
+    "gas_alpha",
+    "gas_light",
+    "gas_pair",
+    "gas_splat",
     "inverse_transform",
     "join",
     "opacity",
@@ -174,3 +178,44 @@ def cone_stack(
     shown: _Array | None = None,
 ) -> None: ...
 def cone_tile(out: _Array, drops: _Float64) -> None: ...
+def gas_splat(
+    out: _Array,
+    centers: _Float64,
+    radius: _Float64,
+    density: _Float64,
+    colours: _Float64,
+    lens: tuple[float, float, float, tuple[float, float, float]],
+    manner: tuple[str, str, float, str, bool, float],
+    depth: _Array | None,
+) -> None: ...
+def gas_alpha(
+    out: _Array,
+    centers: _Float64,
+    radius: _Float64,
+    density: _Float64,
+    lens: tuple[float, float, float, tuple[float, float, float]],
+    manner: tuple[str, str, float, str, bool, float],
+    depth: _Array | None,
+) -> None: ...
+def gas_light(
+    out: _Float64,
+    centers: _Float64,
+    radius: _Float64,
+    density: _Float64,
+    direction: tuple[float, float, float],
+    forward: float,
+) -> None: ...
+def gas_pair(
+    left: _Array,
+    right: _Array,
+    centers: _Float64,
+    radius: _Float64,
+    density: _Float64,
+    lenses: tuple[
+        tuple[float, float, float, tuple[float, float, float]],
+        tuple[float, float, float, tuple[float, float, float]],
+    ],
+    manner: tuple[str, str, float, str, bool, float],
+    depths: tuple[_Float64, _Float64] | None,
+    slab: float,
+) -> tuple[int, int]: ...

@@ -107,12 +107,14 @@ def _parser() -> argparse.ArgumentParser:
         metavar="PATTERN|VIDEO",
         help="frames/%%04d.exr, .png, ...; out.mp4, .webm, .mkv; or one still",
     )
-    from flurries.effects.presets import CONE_RAIN, CONE_SNOW, RAIN, SNOW
+    from flurries.effects.presets import CONE_RAIN, CONE_SNOW, MIST, RAIN, SNOW
 
     render.add_argument("--snow", metavar="PRESET", help=", ".join(SNOW))
     render.add_argument("--rain", metavar="PRESET", help=", ".join(RAIN))
     render.add_argument("--cone-snow", metavar="PRESET", help=", ".join(CONE_SNOW))
     render.add_argument("--cone-rain", metavar="PRESET", help=", ".join(CONE_RAIN))
+    render.add_argument("--mist", metavar="PRESET", help=", ".join(MIST))
+    render.add_argument("--visibility", type=float, metavar="METRES", help="how far one sees in it")
     render.add_argument("--amount", type=float, metavar="A", help="how much of it, 0 to 1")
     render.add_argument("--wind", type=_numbers(3), metavar="X,Y,Z", help="metres per second")
     render.add_argument(
@@ -263,6 +265,7 @@ def _scene(options: argparse.Namespace) -> Any:
     """Return the scene that the options describe."""
     from dataclasses import replace
 
+    from flurries.effects import Mist
     from flurries.effects.cone import Coned
     from flurries.effects.falling import Falling
     from flurries.path import CameraPath
@@ -289,7 +292,7 @@ def _scene(options: argparse.Namespace) -> Any:
             changes["effects"] = effects
         elif weather:
             changes["effects"] = [
-                replace(e, **weather) if isinstance(e, (Coned, Falling)) else e
+                replace(e, **weather) if isinstance(e, (Coned, Falling, Mist)) else e
                 for e in scene.effects
             ]
         if "size" in changes:
@@ -300,7 +303,8 @@ def _scene(options: argparse.Namespace) -> Any:
         effects = _effects(options, weather)
         if not effects:
             raise _Mistake(
-                "a picture needs weather: add --snow PRESET, such as --snow heavy, or --rain PRESET"
+                "a picture needs weather: add --snow PRESET, such as --snow heavy, "
+                "--rain PRESET or --mist PRESET"
             )
         source: Any = options.input
         if not options.input.startswith("#"):
@@ -322,15 +326,22 @@ def _scene(options: argparse.Namespace) -> Any:
 
 def _effects(options: argparse.Namespace, weather: dict[str, Any]) -> list[Any]:
     """Return the weather of the options, back to front."""
-    from flurries.effects import ConeRain, ConeSnow, Rain, Snow
+    from flurries.effects import ConeRain, ConeSnow, Mist, Rain, Snow
 
+    effects: list[Any] = []
+    if options.mist is not None:
+        seen = {} if options.visibility is None else {"visibility": options.visibility}
+        effects.append(Mist.preset(options.mist, **weather, **seen))
+    elif options.visibility is not None:
+        raise _Mistake("--visibility is one of mist: add --mist PRESET, such as --mist fog")
     kinds: tuple[tuple[type[Any], str | None], ...] = (
         (ConeSnow, options.cone_snow),
         (Snow, options.snow),
         (ConeRain, options.cone_rain),
         (Rain, options.rain),
     )
-    return [kind.preset(name, **weather) for kind, name in kinds if name is not None]
+    effects += [kind.preset(name, **weather) for kind, name in kinds if name is not None]
+    return effects
 
 
 def _depth(text: str) -> float | str:

@@ -8,6 +8,7 @@ use pyo3::prelude::*;
 mod air;
 mod cone;
 mod frame;
+mod gas;
 mod gate;
 mod particles;
 mod random;
@@ -28,6 +29,8 @@ mod core {
     };
     #[pymodule_export]
     use super::frame::{join, over, snow};
+    #[pymodule_export]
+    use super::gas::{gas_alpha, gas_light, gas_pair, gas_splat};
     #[pymodule_export]
     use super::gate::InternalError;
     #[pymodule_export]

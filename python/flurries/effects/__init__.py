@@ -3,7 +3,8 @@
 from flurries.effects.cone import ConeRain, ConeSnow
 from flurries.effects.layer import Frame, Layer
 from flurries.effects.matched import MatchedSnow
+from flurries.effects.mist import Mist
 from flurries.effects.rain import Rain
 from flurries.effects.snow import Snow
 
-__all__ = ["ConeRain", "ConeSnow", "Frame", "Layer", "MatchedSnow", "Rain", "Snow"]
+__all__ = ["ConeRain", "ConeSnow", "Frame", "Layer", "MatchedSnow", "Mist", "Rain", "Snow"]

@@ -17,8 +17,7 @@ from flurries import cone
 from flurries._contract import Array, choice, flag, integer, real, seed_of, vector
 from flurries.composite import join
 from flurries.effects.coned import Drops, Pose, drawn, way
-from flurries.effects.falling import AMBIENT
-from flurries.effects.falling import _colour as colour_of
+from flurries.effects.falling import AMBIENT, settled_colour
 from flurries.effects.layer import Frame, Layer
 from flurries.effects.limited import veil
 from flurries.effects.moving import Moving
@@ -65,7 +64,7 @@ class Coned(Moving):
         settle("fall", as_number("fall", self.fall))
         if not isinstance(self.wind, Wind):
             settle("wind", as_vector("wind", self.wind, 3))
-        settle("colour", colour_of(self.colour))
+        settle("colour", settled_colour(self.colour))
         settle("shutter", real("shutter", self.shutter, low=0.0))
         settle("gain", real("gain", self.gain, low=0.0, high=1e4))
         flag("conserve", self.conserve)

@@ -122,3 +122,10 @@ CONE_SNOW: dict[str, dict[str, Any]] = {
         "flakes": 700,
     },
 }
+
+# Johnson 2005, figures 14 to 16, in a box of 5 x 5 x 5.
+MIST: dict[str, dict[str, Any]] = {
+    "clouds": {"count": 1500, "radius": 0.37, "density": 0.4, "colour": 0.86},
+    "mist": {"count": 1000, "radius": 0.45, "density": 0.15, "colour": 0.6},
+    "fog": {"count": 1200, "radius": 0.45, "density": 0.4, "colour": 0.7},
+}
