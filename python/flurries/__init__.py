@@ -14,6 +14,7 @@ from flurries.path import CameraPath
 from flurries.scene import Rendered, Scene
 from flurries.sun import Sun
 from flurries.timeline import Keys
+from flurries.viewer import view
 from flurries.wind import Wind
 
 __version__ = "0.1.0"
@@ -39,4 +40,5 @@ __all__ = [
     "spectral",
     "threads",
     "trace",
+    "view",
 ]
