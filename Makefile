@@ -13,7 +13,7 @@ WORKERS ?= 2
 
 RUST := $(shell find src crates -name '*.rs' 2>/dev/null) Cargo.toml crates/fft/Cargo.toml pyproject.toml
 
-.PHONY: demo test test-browser lint bench frames clean requirements
+.PHONY: demo test test-browser hard-cases mutations lint bench frames clean requirements
 
 demo: $(VENV)/.installed
 	$(BIN)/flurries demo --output demo
@@ -28,6 +28,15 @@ test-browser: $(VENV)/.tools
 		|| { echo "missing: chromium (on Debian: apt install chromium)"; exit 1; }
 	$(BIN)/maturin develop --release --quiet --extras test,browser
 	$(BIN)/python -m pytest --quiet tests/browser
+
+# The measured value of every hard case beside the expected one: docs/hard-cases.md.
+hard-cases: $(VENV)/.tools
+	PYTHONPATH=tests $(BIN)/python tests/make_hard_cases.py
+
+# Guards are taken away one at a time; WHAT=python leaves out those that need a build each.
+WHAT ?= all
+mutations: $(VENV)/.tools
+	$(BIN)/python tests/mutations.py $(WHAT)
 
 lint: $(VENV)/.tools
 	cargo fmt --all --check

@@ -28,7 +28,7 @@ CHROMIUM = os.environ.get("CHROMIUM") or shutil.which("chromium") or shutil.whic
 
 # A picture's pixels, read back from the canvas that the user sees.
 PIXELS = "document.querySelector('.fl-picture').toDataURL('image/png').split(',')[1]"
-PICTURES = "Number(document.querySelector('main').dataset.pictures || 0)"
+PICTURES = "Number(document.querySelector('.flurries')?.dataset.pictures || 0)"
 
 
 @pytest.fixture(scope="module")

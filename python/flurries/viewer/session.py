@@ -7,7 +7,6 @@ remembered here but the scene and what was last shown.
 from __future__ import annotations
 
 import importlib
-import importlib.util
 import io
 import json
 import math
@@ -55,7 +54,7 @@ class Session:
         self.save_path = Path(save)
         self.values: dict[str, float] = {}
         self._preview = Preview(scene, size)
-        self._stereo = importlib.util.find_spec("flurries.stereo") is not None
+        self._stereo = _stereo() is not None
         # Sources of files decode one frame at a time.
         self._lock = threading.Lock()
 
@@ -126,9 +125,9 @@ class Session:
 
     def _eyes(self, scene: Scene, t: float, distance: float) -> Array:
         """Return the picture as uint8 display values, for one eye or red-cyan glasses."""
-        if distance <= 0.0 or not self._stereo:
+        stereo = _stereo()
+        if distance <= 0.0 or stereo is None:
             return shown(scene, scene.render(t))
-        stereo = importlib.import_module("flurries.stereo")
         pair = stereo.eyes(scene.camera.camera, distance=distance, convergence=CONVERGENCE)
         left, right = (shown(scene, scene.render(t, eye=eye)) for eye in pair)
         result: Array = stereo.anaglyph(left, right)
@@ -142,6 +141,15 @@ class Session:
             "saved": str(self.save_path),
             "text": self.save_path.read_text(encoding="utf-8"),
         }
+
+
+def _stereo() -> Any:
+    """Return the module of two eyes and red-cyan glasses, if it is there."""
+    try:
+        module = importlib.import_module("flurries.stereo")
+    except ModuleNotFoundError:
+        return None
+    return module if hasattr(module, "anaglyph") else None
 
 
 def shown(scene: Scene, picture: Array) -> Array:
