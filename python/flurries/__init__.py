@@ -15,6 +15,7 @@ from flurries.path import CameraPath
 from flurries.scene import Rendered, Scene
 from flurries.sun import Sun
 from flurries.timeline import Keys
+from flurries.viewer import view
 from flurries.wind import Wind
 
 __version__ = "0.1.0"
@@ -48,4 +49,5 @@ __all__ = [
     "stereo",
     "threads",
     "trace",
+    "view",
 ]

@@ -11,7 +11,7 @@ import numpy as np
 
 from flurries import gas, particles
 from flurries._contract import Array, Float64, choice, flag, integer, real, seed_of, vector
-from flurries.effects.falling import AMBIENT
+from flurries.effects.falling import AMBIENT, settled_colour
 from flurries.effects.layer import Frame, Layer
 from flurries.effects.presets import MIST
 from flurries.gas.splatting import FOOTPRINTS
