@@ -3,7 +3,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from flurries.effects.peopled import Flurry
 from flurries.spectral.frame import Request
+from flurries.spectral.volume import Film
 
 __all__ = [
     "InternalError",
@@ -18,17 +20,21 @@ __all__ = [
     "over",
     "panic_for_test",
     "particle_edge_fade",
+    "particle_flurry",
     "particle_positions",
     "particle_splat",
     "particle_sway_offsets",
     "random_phase",
     "set_threads",
     "snow",
+    "snowfall",
     "temporal_filter",
     "tent_rate",
     "threads",
     "tile_starts",
     "uniform",
+    "volume",
+    "wind_waves",
 ]
 
 _Array = npt.NDArray[Any]
@@ -40,7 +46,7 @@ class InternalError(RuntimeError): ...
 def set_threads(n: int) -> None: ...
 def threads() -> int: ...
 def panic_for_test() -> None: ...
-def tent_rate(out: _Float64, drift: list[float]) -> None: ...
+def tent_rate(out: _Float64, drift: list[float], repeat: float | None = None) -> None: ...
 def band_amplitude(out: _Float64, wavelengths: tuple[float, float], exponent: float) -> None: ...
 def random_phase(out: _Float64, seed: int, tile: tuple[int, int]) -> None: ...
 def advance_phase(
@@ -63,11 +69,23 @@ def opacity(out: _Array, field: _Array, map: _Map) -> None: ...
 def field(
     out: _Array, request: Request, map: _Map | None = None, preserve_mean: bool = False
 ) -> None: ...
+def snowfall(
+    out: _Array,
+    background: _Array,
+    request: Request,
+    map: _Map,
+    preserve_mean: bool,
+    haze: float,
+    intensity: list[float],
+    flakes: _Array | None = None,
+) -> None: ...
 def all_finite(values: _Array) -> bool: ...
+def volume(out: _Array, film: Film, times: _Float64) -> int: ...
 def snow(out: _Array, background: _Array, alpha: _Array, intensity: list[float]) -> None: ...
 def over(out: _Array, background: _Array, layer: _Array) -> None: ...
 def join(out: _Array, layers: list[_Array], haze: float, matte: _Array | None = None) -> None: ...
 def uniform(out: _Float64, seed: int, stream: int) -> None: ...
+def wind_waves(out: _Float64, points: _Float64, k: _Float64, weights: _Float64) -> None: ...
 def particle_positions(
     out: _Float64,
     sides: tuple[float, float, float],
@@ -77,6 +95,7 @@ def particle_positions(
     time: float,
     sway: tuple[float, float] | None,
 ) -> None: ...
+def particle_flurry(out: _Array, request: Flurry, depth: _Array | None = None) -> None: ...
 def particle_sway_offsets(
     out: _Float64, seed: int, time: float, sway: tuple[float, float]
 ) -> None: ...

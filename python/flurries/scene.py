@@ -21,6 +21,7 @@ from flurries.effects.layer import layers_of
 from flurries.foreground import Foreground, foreground_of
 from flurries.mixing import Mix, behind, free_name
 from flurries.path import CameraPath, as_path
+from flurries.stereo import eyes
 from flurries.sun import Sun
 from flurries.trace import stage
 
@@ -205,21 +206,64 @@ class Scene:
         top, bottom, left, right = window
         part = (bottom - top, right - left)
         depth = self.depth_at(time) if self.effects or layers else None
-        parts = [
-            layer
-            for effect, frame in self._asks(time, eye, window, depth)
-            for layer in layers_of(effect.render(frame), effect, part)
-        ]
+        asks = self._asks(time, eye, window, depth)
         with stage("background"):
             picture = self._backdrop.frame(time)[top:bottom, left:right]
         matte = None if self._foreground is None else self._foreground.window(window)
         mix = Mix(self.linear, self._backdrop.encoding)
+        if matte is None and not layers:
+            return self._laid_over(asks, mix, picture)
+        parts = [
+            layer
+            for effect, frame in asks
+            for layer in layers_of(effect.render(frame), effect, part)
+        ]
         with stage("composite"):
             image, cover, named, depths = self._mixed(parts, mix, picture, matte, layers)
         if not layers:
             return image
         around = None if depth is None else depth[top:bottom, left:right]
         return Rendered(image, cover, named, around, depths)
+
+    def stereo(
+        self,
+        t: float,
+        *,
+        distance: float,
+        convergence: float | None = None,
+        layers: bool = False,
+        region: tuple[slice, slice] | None = None,
+    ) -> tuple[Any, Any]:
+        """Return the frame at `t` as the left and the right eye see it.
+
+        The weather lies in depth; the background and what stands in front of the weather are flat
+        pictures at the depth of convergence, the same for both.
+
+        Parameters
+        ----------
+        t, layers, region
+            See :meth:`render`.
+        distance, convergence : float
+            See :func:`flurries.stereo.eyes`.
+
+        Returns
+        -------
+        left, right
+            Each as :meth:`render` returns it.
+
+        Warns
+        -----
+        UserWarning
+            If an effect's texture begins so near that its disparity is half a wavelength or more:
+            it is then ambiguous, and only flakes tell the depth.
+        """
+        pair = eyes(self.camera.camera, distance=distance, convergence=convergence)
+        for index, effect in enumerate(self.effects):
+            warned = getattr(effect, "warn_ambiguous", None)
+            if warned is not None:
+                warned(self.shape, self.camera.camera.focal, distance, index)
+        left, right = (self.render(t, eye=eye, layers=layers, region=region) for eye in pair)
+        return left, right
 
     def depth_at(self, t: float) -> Array | None:
         """Return the background's planar depth at `t`, (H, W) float32, or None.
@@ -232,6 +276,21 @@ class Scene:
             return None
         with stage("depth"):
             return self._distance.frame(time)
+
+    def _laid_over(self, asks: list[tuple[Any, Frame]], mix: Mix, picture: Array) -> Array:
+        """Return the composite, each effect straight over what lies behind it if it knows how."""
+        working = mix.working(picture)
+        for effect, frame in asks:
+            over = getattr(effect, "over", None)
+            done = None if over is None else over(frame, working, mix.light)
+            if done is not None:
+                working = done
+                continue
+            for layer in layers_of(effect.render(frame), effect, picture.shape[:2]):
+                with stage("composite"):
+                    working = mix.over(working, layer)
+        with stage("composite"):
+            return mix.finished(working, picture)
 
     def _mixed(
         self,

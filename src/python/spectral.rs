@@ -21,8 +21,9 @@ const PIXEL: f64 = 10.0;
 
 /// Temporal frequency of every bin.
 #[pyfunction]
-pub fn tent_rate(mut out: PyReadwriteArray2<'_, f64>, drift: [f64; 2]) {
-    tent::tent_rate(out.as_array_mut(), drift);
+#[pyo3(signature = (out, drift, repeat=None))]
+pub fn tent_rate(mut out: PyReadwriteArray2<'_, f64>, drift: [f64; 2], repeat: Option<f64>) {
+    tent::tent_rate(out.as_array_mut(), drift, repeat);
 }
 
 /// Amplitude of every bin.
@@ -165,7 +166,8 @@ fn map_plane<T: Real>(
     })
 }
 
-const fn opacity_map((mean, spread, power, amount): (f64, f64, f64, f64)) -> Opacity {
+/// The map of (mean, spread, power, amount).
+pub const fn opacity_map((mean, spread, power, amount): (f64, f64, f64, f64)) -> Opacity {
     Opacity { mean, spread, power, amount }
 }
 
@@ -191,6 +193,8 @@ pub struct Request<'py> {
     #[pyo3(attribute)]
     ring_edges: PyReadonlyArray1<'py, f64>,
     #[pyo3(attribute)]
+    ring_gains: PyReadonlyArray1<'py, f64>,
+    #[pyo3(attribute)]
     drift: PyReadonlyArray4<'py, f64>,
     #[pyo3(attribute)]
     shift: PyReadonlyArray4<'py, f64>,
@@ -211,7 +215,8 @@ pub struct Request<'py> {
 }
 
 impl Request<'_> {
-    fn with_field<R>(
+    /// The request as the kernels take it.
+    pub fn with_field<R>(
         &self,
         use_it: impl FnOnce(&Field<'_>, &Window) -> PyResult<R>,
     ) -> PyResult<R> {
@@ -219,6 +224,10 @@ impl Request<'_> {
             .ring_edges
             .as_slice()
             .map_err(|_| Error::invalid("ring_edges", "must be contiguous"))?;
+        let gains = self
+            .ring_gains
+            .as_slice()
+            .map_err(|_| Error::invalid("ring_gains", "must be contiguous"))?;
         let field = Field {
             shape: self.shape,
             tile: self.tile,
@@ -232,6 +241,7 @@ impl Request<'_> {
             seed: self.seed,
             jitter: self.jitter,
             ring_edges: edges,
+            ring_gains: gains,
             drift: self.drift.as_array(),
             shift: self.shift.as_array(),
             velocity: self.velocity.as_array(),
@@ -264,6 +274,18 @@ pub fn field(
     })
 }
 
+/// Rough nanoseconds of a frame: all pixels of all tiles, many times the frame's where they overlap a
+/// lot.
+pub fn estimate(field: &Field<'_>, window: &Window) -> f64 {
+    let tiles = |length: usize, tile: usize| {
+        1.0 + length as f64 / tile.saturating_sub(field.overlap).max(1) as f64
+    };
+    tiles(window.rows.len(), field.tile.0)
+        * tiles(window.cols.len(), field.tile.1)
+        * (field.tile.0 * field.tile.1) as f64
+        * PIXEL
+}
+
 fn render<T: Real>(
     py: Python<'_>,
     out: ndarray::ArrayViewMut2<'_, T>,
@@ -272,15 +294,7 @@ fn render<T: Real>(
     map: Option<Opacity>,
     preserve_mean: bool,
 ) -> PyResult<()> {
-    // All pixels of all tiles: many times the frame's where they overlap a lot.
-    let tiles = |length: usize, tile: usize| {
-        1.0 + length as f64 / tile.saturating_sub(field.overlap).max(1) as f64
-    };
-    let work = tiles(window.rows.len(), field.tile.0)
-        * tiles(window.cols.len(), field.tile.1)
-        * (field.tile.0 * field.tile.1) as f64
-        * PIXEL;
-    gate::run(py, work, move |cancel| {
+    gate::run(py, estimate(field, window), move |cancel| {
         let ready = field.ready::<T>()?;
         match map {
             None => {

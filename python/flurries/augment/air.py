@@ -95,8 +95,8 @@ class Air:
         for plane in planes[1:]:
             clear *= np.subtract(np.float32(1.0), plane, out=plane)
         clear *= left
-        alpha = np.subtract(np.float32(1.0), clear, out=clear)
-        return np.asarray(np.clip(alpha, 0.0, 1.0, out=alpha))
+        # From 0 to 1 as its factors are, to the last bit: rounding keeps the order.
+        return np.asarray(np.subtract(np.float32(1.0), clear, out=clear))
 
     def extinction(self, view: View, distances: Distances, time: float) -> float:
         """Return the veil's extinction, per metre, for what a view shows."""
@@ -162,7 +162,7 @@ class Air:
     def _extinction(self, flakes: Flakes | None, distances: Distances) -> float:
         if self.fixed is not None:
             return self.fixed
-        depth = distances.quantiles()
+        depth = distances.quantiles
         clear = np.ones(len(depth))
         if self.texture is not None:
             clear *= 1.0 - self.texture.cover() * self.texture.share(depth)

@@ -15,6 +15,9 @@ import numpy as np
 from flurries._contract import Float64, real
 
 SEVERITIES = 5
+
+# Newton's, at most; eight are usual.
+_STEPS = 60
 _LOSS = (0.0, 0.06, 0.14, 0.25, 0.38, 0.55)
 
 
@@ -85,10 +88,13 @@ def extinction(loss: float, depth: Float64, clear: Float64, density: Float64) ->
     way = depth[:, None] * density[None, :]
     if float(np.broadcast_to(clear, way.shape).mean()) <= wanted:
         return 0.0
-    low, high = -60.0, 40.0
-    # Bisection on the logarithm: what is left falls from all to nothing, without a derivative.
-    for _ in range(60):
-        middle = 0.5 * (low + high)
-        left = float((clear * np.exp(-math.exp(middle) * way)).mean())
-        low, high = (middle, high) if left > wanted else (low, middle)
-    return math.exp(0.5 * (low + high))
+    # What is left is convex and falls, so Newton's steps from 0 never go too far; and the loss is
+    # less than that of all at the farthest depth.
+    found = 0.0
+    for _ in range(_STEPS):
+        left = clear * np.exp(-found * way)
+        step = (float(left.mean()) - wanted) / float((left * way).mean())
+        found += step
+        if step <= 1e-9 * found:
+            break
+    return found

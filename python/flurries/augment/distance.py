@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -83,8 +83,9 @@ class Distances:
     plane: Array
     given: bool
 
+    @cached_property
     def quantiles(self) -> Float64:
-        """Return depths of equally many pixels each, (n,) metres."""
+        """Depths of equally many pixels each, (n,) metres."""
         if self.plane.size <= QUANTILES:
             return np.asarray(self.plane.reshape(-1), np.float64)
         # An even sample: sorting 8 million depths would cost more than the weather.
@@ -106,7 +107,7 @@ def distances_of(
     Infinity becomes `far`, or twice the farthest finite depth if that is more.
     """
     if depth is None:
-        return Distances(_grounded(shape, ground, focal, far), False)
+        return _grounded(shape, ground, focal, far)
     if isinstance(depth, DepthMap):
         if not isinstance(depth.source, np.ndarray):
             raise TypeError("depth must hold its greys as an array, got a DepthMap of a file")
@@ -135,7 +136,7 @@ def distances_of(
 
 
 @lru_cache(maxsize=32)
-def _grounded(shape: tuple[int, int], ground: Ground | None, focal: float, far: float) -> Array:
+def _grounded(shape: tuple[int, int], ground: Ground | None, focal: float, far: float) -> Distances:
     plane = np.full((1, 1), far, np.float32) if ground is None else ground.rows(shape, focal)
     plane.flags.writeable = False
-    return plane
+    return Distances(plane, False)

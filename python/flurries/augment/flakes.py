@@ -64,8 +64,10 @@ class Flakes:
         Metres per second.
     cover : (n,)
         The share of the picture that each is expected to cover.
-    swing : (n,)
-        How fast each swings to the right, metres per second.
+    angle : (n,)
+        Where each is in its swing, radians.
+    swing : float
+        The fastest of the swing, metres per second.
     """
 
     points: Float64
@@ -73,25 +75,26 @@ class Flakes:
     opacity: Float64
     velocity: Float64
     cover: Float64
-    swing: Float64
+    angle: Float64
+    swing: float
 
     def part(self, which: Array) -> Flakes:
         """Return some of them."""
         return replace(
             self, points=self.points[which], radius=self.radius[which],
-            opacity=self.opacity[which], cover=self.cover[which], swing=self.swing[which],
+            opacity=self.opacity[which], cover=self.cover[which], angle=self.angle[which],
         )  # fmt: skip
 
     def rates(self) -> Float64:
         """Return how fast each moves, (2, n) metres per second."""
-        own = np.stack([self.swing, np.zeros_like(self.swing)])
+        own = np.stack([self.swing * np.cos(self.angle), np.zeros_like(self.angle)])
         return np.asarray(self.velocity[:2, None] + own)
 
     def before(self, depth: Float64) -> Float64:
         """Return what they leave of the light from depths, (n,): exp of minus what they cover."""
         order = np.argsort(self.points[:, 2])
         covered = np.concatenate([[0.0], np.cumsum(self.cover[order])])
-        return np.exp(-covered[np.searchsorted(self.points[order, 2], depth)])
+        return np.asarray(np.exp(-covered[np.searchsorted(self.points[order, 2], depth)]))
 
 
 def flakes_at(
@@ -140,8 +143,9 @@ def flakes_at(
         place.append((way - np.floor(way) - 0.5) * span / pixels)
     x, y = place
     angle = cloud.sway[1] * time + 2.0 * np.pi * u[:, 4]
-    x = x + cloud.sway[0] * np.sin(angle)
-    swing = cloud.sway[0] * cloud.sway[1] * np.cos(angle)
+    swing = cloud.sway[0] * cloud.sway[1]
+    if swing != 0.0:
+        x = x + cloud.sway[0] * np.sin(angle)
     radius = 0.5 * (cloud.sizes[0] + u[:, 3] * (cloud.sizes[1] - cloud.sizes[0]))
     sigma = pixels * radius / 3.0
     low, high = (limit * max(width, height) / 1024.0 for limit in _LARGEST_SIGMA)
@@ -150,4 +154,6 @@ def flakes_at(
     cover = 2.0 * np.pi * opacity * sigma**2 / (over[0] * over[1])
     seen = opacity > 0.0
     points = np.stack([x, y, z], axis=1)
-    return Flakes(points[seen], radius[seen], opacity[seen], velocity, cover[seen], swing[seen])
+    return Flakes(
+        points[seen], radius[seen], opacity[seen], velocity, cover[seen], angle[seen], swing
+    )

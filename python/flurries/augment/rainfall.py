@@ -11,7 +11,7 @@ from flurries.augment.draws import Range, range_of
 from flurries.augment.flakes import Cloud
 from flurries.augment.weather import Weather
 
-_DROPS = (100.0, 350.0, 700.0, 1200.0, 1800.0, 2500.0)
+_DROPS = (50.0, 300.0, 550.0, 850.0, 1200.0, 1600.0)
 _GAIN = (60.0, 70.0, 80.0, 90.0, 100.0, 100.0)
 _REACH = 12.0
 

@@ -1,7 +1,7 @@
 """The spectral texture of what falls far away, the same at every size of the picture.
 
-Waves shorter than two pixels are not cut off: a small picture gets the texture of a larger one,
-averaged over its pixels, as if the larger picture had been made smaller.
+A small picture, which has no room for the short waves, gets the texture of a larger one averaged
+over its pixels, as if the larger picture had been made smaller.
 """
 
 from __future__ import annotations
@@ -20,8 +20,9 @@ from flurries.spectral.frame import alpha_of, request
 _BAND = (3.0, 24.0)
 _LONG = 1024.0
 
-# Length from which on the shortest wave has two pixels, and the most pixels of a larger picture.
-_ENOUGH = 2.0 / _BAND[0] * _LONG
+# Length from which on a picture is left alone: there only the shortest of its waves, from 1.5 px
+# on, are under two pixels. And the most pixels of a larger one.
+_ENOUGH = 512.0
 _MOST_PIXELS = 2**22
 
 
@@ -118,7 +119,12 @@ def averaged(plane: Array, times: int) -> Array:
     """Return means over squares of `times` px."""
     if times == 1:
         return plane
-    height, width = plane.shape[0] // times, plane.shape[1] // times
-    rows = plane.reshape(height, times, width * times).sum(axis=1)
-    sums = rows.reshape(height, width, times).sum(axis=2)
-    return np.asarray(sums * np.float32(1.0 / times**2))
+    # Whole rows first: NumPy is slow along short axes.
+    rows = plane[::times].copy()
+    for first in range(1, times):
+        rows += plane[first::times]
+    sums = rows[:, ::times].copy()
+    for first in range(1, times):
+        sums += rows[:, first::times]
+    sums *= np.float32(1.0 / times**2)
+    return np.minimum(sums, np.float32(1.0), out=sums)

@@ -8,8 +8,9 @@ from typing import Any, ClassVar, TypeVar
 import numpy as np
 
 from flurries._contract import Array, choice, flag, integer, real, seed_of, vector
+from flurries._core import snowfall
 from flurries.composite import join
-from flurries.effects.layer import Frame, Layer
+from flurries.effects.layer import Frame, Layer, Light
 from flurries.effects.limited import deepened, veil
 from flurries.effects.peopled import Peopled
 from flurries.spectral.tables import ALIAS, band_of
@@ -56,7 +57,7 @@ class Falling(Peopled):
         settle("shutter", as_number("shutter", self.shutter, low=0.0))
         if not isinstance(self.wind, Wind):
             settle("wind", as_vector("wind", self.wind, 3))
-        settle("colour", _colour(self.colour))
+        settle("colour", settled_colour(self.colour))
         settle("exponent", real("exponent", self.exponent))
         settle("near_depth", real("near_depth", self.near_depth, above=0.0))
         if self.wavelengths is not None:
@@ -97,6 +98,11 @@ class Falling(Peopled):
             raise TypeError(f"{cls.__name__} has no field {sorted(unknown)[0]!r}")
         return cls(**{**values, **changes})
 
+    @property
+    def preserves_mean(self) -> bool:
+        """Whether what blur takes of the texture's mean opacity is added again."""
+        return True
+
     def mapped(self, frame: Frame, amount: float) -> tuple[float, float, float, float]:
         """Return mean, spread, power and amount of the texture's map to opacity."""
         t = frame.t
@@ -113,11 +119,10 @@ class Falling(Peopled):
         planes = []
         if amount * value_at(self.texture, frame.t) > 0.0:
             with stage("texture"):
-                planes.append(self._texture(frame, amount))
-        kind = self.population(frame.t)
-        if kind.number and amount * kind.opacity > 0.0:
-            with stage("flakes"):
-                planes.append(frame.crop(self.particles(frame, amount)))
+                planes.append(deepened(self, frame, self.mapped(frame, amount)))
+        flakes = self._drawn(frame, amount)
+        if flakes is not None:
+            planes.append(flakes)
         haze = amount * value_at(self.haze, frame.t)
         if haze > 0.0 and frame.depth is not None:
             planes.append(veil(haze, frame.crop(frame.depth), self.far_depth(frame.shape)))
@@ -127,8 +132,36 @@ class Falling(Peopled):
             planes.append(np.zeros((bottom - top, right - left), np.float32))
         return Layer(self.NAME, join(planes, haze=haze), self._colour_of(frame))
 
-    def _texture(self, frame: Frame, amount: float) -> Array:
-        return deepened(self, frame, self.mapped(frame, amount), preserve_mean=True)
+    def over(self, frame: Frame, behind: Array, light: Light) -> Array | None:
+        """Return this effect over a picture, the bits of its layer over it, in one pass.
+
+        None where that pass has no way to do it: no texture, or a scene that ends.
+        """
+        amount = value_at(self.amount, frame.t)
+        if frame.depth is not None or not amount * value_at(self.texture, frame.t) > 0.0:
+            return None
+        flakes = self._drawn(frame, amount)
+        result = np.empty_like(behind)
+        with stage("texture"):
+            snowfall(
+                result,
+                behind,
+                self.texture_request(frame),
+                self.mapped(frame, amount),
+                self.preserves_mean,
+                amount * value_at(self.haze, frame.t),
+                light(self._colour_of(frame)),
+                flakes,
+            )
+        return result
+
+    def _drawn(self, frame: Frame, amount: float) -> Array | None:
+        """Return the flakes' alpha over the window, or None where there are none."""
+        kind = self.population(frame.t)
+        if not (kind.number and amount * kind.opacity > 0.0):
+            return None
+        with stage("flakes"):
+            return frame.crop(self.particles(frame, amount))
 
     def _colour_of(self, frame: Frame) -> tuple[float, float, float]:
         if self.colour == AMBIENT:
@@ -137,13 +170,13 @@ class Falling(Peopled):
         return (colour,) * 3 if isinstance(colour, float) else colour
 
 
-def _colour(value: object) -> Any:
+def settled_colour(value: object) -> Any:
     """Return one grey or (r, g, b), plain or keyed, in 0 to 1, or the word for ambient light."""
     if isinstance(value, Keys):
         if value.width not in (None, 3):
             raise ValueError(f"colour must be keyed with numbers or (r, g, b), got {value!r}")
         for _, v in value.keys:
-            _colour(v)
+            settled_colour(v)
         return value
     if isinstance(value, str):
         return choice("colour", value, (AMBIENT,))
