@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from flurries import particles
+from flurries import _core
 from flurries._contract import Array, Float64
 from flurries.augment.calibration import extinction
 from flurries.augment.distance import Distances
@@ -206,17 +206,22 @@ class Air:
         """
         plane: Array | None = distances.plane
         assert plane is not None
-        shown: Array | slice = slice(None)
+        shown: Array | None = None
         if plane.shape[1] == 1:
             # A depth for each row: of a flake, that of its own.
             shown = flakes.points[:, 2] <= plane[self._rows(flakes, view, len(plane)), 0]
             plane = None
         opacity = flakes.opacity if scale is None else flakes.opacity * scale
-        return particles.splat(
-            view.shape, flakes.points[shown], flakes.radius[shown], view.camera,
-            opacity=opacity[shown], velocity=flakes.velocity, shutter=self.exposure,
-            near=0.5 * NEAREST, depth=plane, dtype=np.float32 if scale is None else np.float64,
-        )  # fmt: skip
+        points, radius = flakes.points, flakes.radius
+        if shown is not None and not shown.all():
+            points, radius, opacity = points[shown], radius[shown], opacity[shown]
+        # Everything was made here, so it goes to the kernel without the checks of `particles`.
+        result: Array = np.empty(view.shape, np.float32 if scale is None else np.float64)
+        x, y = view.camera.principal(view.shape)
+        lens = (view.camera.focal, x, y, view.camera.offset, 0.5 * NEAREST)
+        velocity = flakes.velocity[None, :]
+        _core.particle_splat(result, points, radius, opacity, velocity, self.exposure, lens, plane)
+        return result
 
     @staticmethod
     def _rows(flakes: Flakes, view: View, count: int) -> Array:

@@ -11,8 +11,8 @@ from flurries.augment.draws import Range, range_of
 from flurries.augment.flakes import Cloud
 from flurries.augment.weather import Weather
 
-_DROPS = (50.0, 300.0, 550.0, 850.0, 1200.0, 1600.0)
-_GAIN = (60.0, 70.0, 80.0, 90.0, 100.0, 100.0)
+_DROPS = (50.0, 250.0, 420.0, 600.0, 800.0, 1000.0)
+_GAIN = (60.0, 75.0, 90.0, 105.0, 120.0, 130.0)
 _REACH = 12.0
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, fields
+from functools import lru_cache
 from typing import Any, ClassVar, TypeVar
 
 import numpy as np
@@ -442,9 +443,7 @@ class Weather:
         raise NotImplementedError
 
     def _view(self, shape: tuple[int, ...], aside: float = 0.0, eyes: float = 0.0) -> View:
-        height, width = shape
-        camera = Camera(self.focal * max(height, width), offset=(aside, 0.0, 0.0))
-        return View((height, width), camera, eyes)
+        return _view_of((shape[0], shape[1]), self.focal, aside, eyes)
 
     def _distances(self, depth: Depth, view: View) -> Distances:
         far = DEFAULT_GROUND.far if self.ground is None else self.ground.far
@@ -499,6 +498,11 @@ def replay(record: Mapping[str, Any]) -> Weather:
     if kind not in kinds:
         raise ValueError(f"record: transform must be one of {', '.join(kinds)}, got {kind!r}")
     return kinds[kind]().replay(record)
+
+
+@lru_cache(maxsize=32)
+def _view_of(shape: tuple[int, int], focal: float, aside: float, eyes: float) -> View:
+    return View(shape, Camera(focal * max(shape), offset=(aside, 0.0, 0.0)), eyes)
 
 
 def _seconds(time: object) -> float:
