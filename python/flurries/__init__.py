@@ -5,6 +5,8 @@ Arrays in, arrays out: :mod:`flurries.spectral`, :mod:`flurries.camera`, :mod:`f
 Pictures and film: :class:`Scene` and its effects.
 """
 
+from types import ModuleType
+
 from flurries import camera, composite, cone, gas, hybrid, particles, spectral, stereo, trace
 from flurries._core import InternalError
 from flurries._threads import set_threads, threads
@@ -51,3 +53,16 @@ __all__ = [
     "trace",
     "view",
 ]
+
+
+def __getattr__(name: str) -> ModuleType:
+    # What only some users need is imported when they ask for it.
+    if name == "augment":
+        import importlib
+
+        return importlib.import_module("flurries.augment")
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), "augment"})
