@@ -8,9 +8,11 @@
 //! | [`bins`] | which flakes touch which tile of the picture |
 //! | [`draw`] | flakes drawn into one tile |
 //! | [`splat`] | the image of many flakes |
+//! | [`ids`] | which flake a pixel shows |
 
 pub mod bins;
 pub mod draw;
+pub mod ids;
 pub mod profile;
 pub mod splat;
 pub mod sprite;

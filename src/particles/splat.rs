@@ -32,7 +32,7 @@ pub struct Flakes<'a> {
 }
 
 impl Flakes<'_> {
-    fn check(&self) -> Result<(), Error> {
+    pub(super) fn check(&self) -> Result<(), Error> {
         let count = self.points.nrows();
         if self.points.ncols() != 3 {
             return Err(Error::invalid("points", "must be (n, 3)"));
@@ -73,7 +73,7 @@ impl Flakes<'_> {
     }
 
     #[inline]
-    fn get(&self, index: usize) -> Flake {
+    pub(super) fn get(&self, index: usize) -> Flake {
         let row = |length: usize| if length == 1 { 0 } else { index };
         let velocity = row(self.velocity.nrows());
         Flake {
@@ -85,7 +85,7 @@ impl Flakes<'_> {
     }
 }
 
-fn check_lens(lens: &Lens) -> Result<(), Error> {
+pub(super) fn check_lens(lens: &Lens) -> Result<(), Error> {
     let plain = lens.center.iter().chain(&lens.offset);
     for &value in plain {
         finite("camera", value)?;

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from typing import Any, ClassVar, TypeVar
 
 import numpy as np
@@ -12,6 +12,7 @@ from flurries.composite import join
 from flurries.effects.layer import Frame, Layer
 from flurries.effects.limited import deepened, veil
 from flurries.effects.peopled import Peopled
+from flurries.effects.seen import seen
 from flurries.spectral.tables import ALIAS, band_of
 from flurries.spectral.tiles import BLEND
 from flurries.timeline import Keys, Number, as_number, as_vector, value_at
@@ -111,13 +112,16 @@ class Falling(Peopled):
         """Return this effect's layer of a frame."""
         amount = value_at(self.amount, frame.t)
         planes = []
+        texture = flakes = None
         if amount * value_at(self.texture, frame.t) > 0.0:
             with stage("texture"):
-                planes.append(self._texture(frame, amount))
+                texture = self._texture(frame, amount)
+            planes.append(texture)
         kind = self.population(frame.t)
         if kind.number and amount * kind.opacity > 0.0:
             with stage("flakes"):
-                planes.append(frame.crop(self.particles(frame, amount)))
+                flakes = frame.crop(self.particles(frame, amount))
+            planes.append(flakes)
         haze = amount * value_at(self.haze, frame.t)
         if haze > 0.0 and frame.depth is not None:
             planes.append(veil(haze, frame.crop(frame.depth), self.far_depth(frame.shape)))
@@ -125,7 +129,10 @@ class Falling(Peopled):
         if not planes:
             top, bottom, left, right = frame.window
             planes.append(np.zeros((bottom - top, right - left), np.float32))
-        return Layer(self.NAME, join(planes, haze=haze), self._colour_of(frame))
+        layer = Layer(self.NAME, join(planes, haze=haze), self._colour_of(frame))
+        if not frame.whole:
+            return layer
+        return replace(layer, **seen(self, frame, amount, texture, flakes)._asdict())
 
     def _texture(self, frame: Frame, amount: float) -> Array:
         return deepened(self, frame, self.mapped(frame, amount), preserve_mean=True)

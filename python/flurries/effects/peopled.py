@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -177,6 +177,27 @@ class Peopled(Textured):
 
     def particles(self, frame: Frame, amount: float) -> Array:
         """Return the alpha of the flakes over the whole frame, (H, W) float32."""
+        return particles.splat(**self._drawn(frame, amount)[0])
+
+    def ids(self, frame: Frame, amount: float) -> tuple[Array, Float64, Float64]:
+        """Return which flake each pixel of the whole frame shows, and all flakes.
+
+        Returns
+        -------
+        ids : (H, W) int32
+            The flake's number, the same in every frame; -1 where there is none.
+        points, velocity : (n, 3)
+            As `places` gives them.
+        """
+        flakes, seen, points, velocity = self._drawn(frame, amount)
+        found = particles.ids(**flakes)
+        numbers = np.append(np.flatnonzero(seen), -1).astype(np.int32)
+        return numbers[found], points, velocity
+
+    def _drawn(
+        self, frame: Frame, amount: float
+    ) -> tuple[dict[str, Any], Array, Float64, Float64]:
+        """Return the flakes to draw, which of all they are, and all places and velocities."""
         t, camera = frame.t, frame.camera
         kind = self.population(t)
         points, velocity, shown = self.places(frame)
@@ -191,13 +212,14 @@ class Peopled(Textured):
         part = np.clip((sigma - low) / (high - low), 0.0, 1.0)
         weight *= 1.0 - part * part * (3.0 - 2.0 * part)
         seen = weight > 0.0
-        return particles.splat(
-            frame.shape,
-            points[seen],
-            radius[seen],
-            camera,
-            opacity=weight[seen] * kind.opacity,
-            velocity=velocity[0] if len(velocity) == 1 else velocity[seen],
-            shutter=value_at(self.shutter, t),
-            depth=frame.depth,
-        )
+        flakes = {
+            "shape": frame.shape,
+            "points": points[seen],
+            "radius": radius[seen],
+            "camera": camera,
+            "opacity": weight[seen] * kind.opacity,
+            "velocity": velocity[0] if len(velocity) == 1 else velocity[seen],
+            "shutter": value_at(self.shutter, t),
+            "depth": frame.depth,
+        }
+        return flakes, seen, points, velocity
