@@ -39,7 +39,7 @@ class Mix:
             return np.ascontiguousarray(picture)
         return to_linear(picture, self.encoding) if self.linear else to_display(picture, "linear")
 
-    def light(self, picture: Array) -> Array:
+    def plate(self, picture: Array) -> Array:
         """Return the background in the light that layers are mixed in, (H, W, 3) float32."""
         from flurries.io.color import to_single, to_unit
 
@@ -60,7 +60,7 @@ class Mix:
         """Return a layer over what lies behind it."""
         result = np.empty_like(working)
         if layer.rgb is None:
-            _core.snow(result, working, layer.alpha, self._light(layer.colour))
+            _core.snow(result, working, layer.alpha, self.light(layer.colour))
         else:
             _core.over(result, working, self.rgba(layer))
         return result
@@ -68,7 +68,7 @@ class Mix:
     def rgba(self, layer: Layer) -> Array:
         """Return a layer as (h, w, 4) float32, premultiplied, in the light of the mix."""
         if layer.rgb is None:
-            return layer.rgba(self._light(layer.colour))
+            return layer.rgba(self.light(layer.colour))
         result = np.empty((*layer.alpha.shape, 4), np.float32)
         result[..., 3] = layer.alpha
         if self.linear:
@@ -82,7 +82,7 @@ class Mix:
         np.multiply(linear_to_srgb(straight), cover, out=result[..., :3])
         return result
 
-    def _light(self, colour: Any) -> list[float]:
+    def light(self, colour: Any) -> list[float]:
         """Return a display colour in the light that layers are mixed in."""
         if not self.linear:
             return list(colour)

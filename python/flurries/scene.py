@@ -180,15 +180,18 @@ class Scene:
         top, bottom, left, right = window
         part = (bottom - top, right - left)
         depth = self.depth_at(time) if self.effects or layers else None
-        parts = [
-            layer
-            for effect, frame in self._asks(time, eye, window, depth, layers)
-            for layer in layers_of(effect.render(frame), effect, part)
-        ]
+        asks = self._asks(time, eye, window, depth, layers)
         with stage("background"):
             picture = self._backdrop.frame(time)[top:bottom, left:right]
         matte = None if self._foreground is None else self._foreground.window(window)
         mix = Mix(self.linear, self._backdrop.encoding)
+        if matte is None and not layers:
+            return self._laid_over(asks, mix, picture)
+        parts = [
+            layer
+            for effect, frame in asks
+            for layer in layers_of(effect.render(frame), effect, part)
+        ]
         # A mask keeps the weather from the background's own pixels in front.
         parts = parts if matte is None else [behind(part, matte.cover) for part in parts]
         with stage("composite"):
@@ -197,7 +200,7 @@ class Scene:
             return image
         front = None if matte is None or matte.light is None else matte.rgba(linear=self.linear)
         around = None if depth is None else depth[top:bottom, left:right]
-        return rendered(image, parts, mix, mix.light(picture), front, around)
+        return rendered(image, parts, mix, mix.plate(picture), front, around)
 
     def depth_at(self, t: float) -> Array | None:
         """Return the background's planar depth at `t`, (H, W) float32, or None.
@@ -210,6 +213,21 @@ class Scene:
             return None
         with stage("depth"):
             return self._distance.frame(time)
+
+    def _laid_over(self, asks: list[tuple[Any, Frame]], mix: Mix, picture: Array) -> Array:
+        """Return the composite, each effect straight over what lies behind it if it knows how."""
+        working = mix.working(picture)
+        for effect, frame in asks:
+            over = getattr(effect, "over", None)
+            done = None if over is None else over(frame, working, mix.light)
+            if done is not None:
+                working = done
+                continue
+            for layer in layers_of(effect.render(frame), effect, picture.shape[:2]):
+                with stage("composite"):
+                    working = mix.over(working, layer)
+        with stage("composite"):
+            return mix.finished(working, picture)
 
     def _mixed(
         self, parts: list[Layer], mix: Mix, picture: Array, matte: Foreground | None

@@ -8,8 +8,9 @@ from typing import Any, ClassVar, TypeVar
 import numpy as np
 
 from flurries._contract import Array, choice, flag, integer, real, seed_of, vector
+from flurries._core import snowfall
 from flurries.composite import join
-from flurries.effects.layer import Frame, Layer
+from flurries.effects.layer import Frame, Layer, Light
 from flurries.effects.limited import deepened, veil
 from flurries.effects.peopled import Peopled
 from flurries.effects.seen import seen
@@ -98,6 +99,11 @@ class Falling(Peopled):
             raise TypeError(f"{cls.__name__} has no field {sorted(unknown)[0]!r}")
         return cls(**{**values, **changes})
 
+    @property
+    def preserves_mean(self) -> bool:
+        """Whether what blur takes of the texture's mean opacity is added again."""
+        return True
+
     def mapped(self, frame: Frame, amount: float) -> tuple[float, float, float, float]:
         """Return mean, spread, power and amount of the texture's map to opacity."""
         t = frame.t
@@ -112,15 +118,13 @@ class Falling(Peopled):
         """Return this effect's layer of a frame."""
         amount = value_at(self.amount, frame.t)
         planes = []
-        texture = flakes = None
+        texture = None
         if amount * value_at(self.texture, frame.t) > 0.0:
             with stage("texture"):
-                texture = self._texture(frame, amount)
+                texture = deepened(self, frame, self.mapped(frame, amount))
             planes.append(texture)
-        kind = self.population(frame.t)
-        if kind.number and amount * kind.opacity > 0.0:
-            with stage("flakes"):
-                flakes = frame.crop(self.particles(frame, amount))
+        flakes = self._drawn(frame, amount)
+        if flakes is not None:
             planes.append(flakes)
         haze = amount * value_at(self.haze, frame.t)
         if haze > 0.0 and frame.depth is not None:
@@ -134,8 +138,36 @@ class Falling(Peopled):
             return layer
         return replace(layer, **seen(self, frame, amount, texture, flakes)._asdict())
 
-    def _texture(self, frame: Frame, amount: float) -> Array:
-        return deepened(self, frame, self.mapped(frame, amount), preserve_mean=True)
+    def over(self, frame: Frame, behind: Array, light: Light) -> Array | None:
+        """Return this effect over a picture, the bits of its layer over it, in one pass.
+
+        None where that pass has no way to do it: no texture, or a scene that ends.
+        """
+        amount = value_at(self.amount, frame.t)
+        if frame.depth is not None or not amount * value_at(self.texture, frame.t) > 0.0:
+            return None
+        flakes = self._drawn(frame, amount)
+        result = np.empty_like(behind)
+        with stage("texture"):
+            snowfall(
+                result,
+                behind,
+                self.texture_request(frame),
+                self.mapped(frame, amount),
+                self.preserves_mean,
+                amount * value_at(self.haze, frame.t),
+                light(self._colour_of(frame)),
+                flakes,
+            )
+        return result
+
+    def _drawn(self, frame: Frame, amount: float) -> Array | None:
+        """Return the flakes' alpha over the window, or None where there are none."""
+        kind = self.population(frame.t)
+        if not (kind.number and amount * kind.opacity > 0.0):
+            return None
+        with stage("flakes"):
+            return frame.crop(self.particles(frame, amount))
 
     def _colour_of(self, frame: Frame) -> tuple[float, float, float]:
         if self.colour == AMBIENT:

@@ -177,7 +177,7 @@ class Peopled(Textured):
 
     def particles(self, frame: Frame, amount: float) -> Array:
         """Return the alpha of the flakes over the whole frame, (H, W) float32."""
-        return particles.splat(**self._drawn(frame, amount)[0])
+        return particles.splat(**self._to_draw(frame, amount)[0])
 
     def ids(self, frame: Frame, amount: float) -> tuple[Array, Float64, Float64]:
         """Return which flake each pixel of the whole frame shows, and all flakes.
@@ -189,12 +189,12 @@ class Peopled(Textured):
         points, velocity : (n, 3)
             As `places` gives them.
         """
-        flakes, seen, points, velocity = self._drawn(frame, amount)
+        flakes, seen, points, velocity = self._to_draw(frame, amount)
         found = particles.ids(**flakes)
         numbers = np.append(np.flatnonzero(seen), -1).astype(np.int32)
         return numbers[found], points, velocity
 
-    def _drawn(
+    def _to_draw(
         self, frame: Frame, amount: float
     ) -> tuple[dict[str, Any], Array, Float64, Float64]:
         """Return the flakes to draw, which of all they are, and all places and velocities."""
