@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 import flurries as fl
+from flurries.contents import weather
 from flurries.io import read_layers, srgb_to_linear
-from flurries.render import weather
 
 W, H = 40, 30
 RNG = np.random.default_rng(21)
@@ -133,7 +133,8 @@ def test_an_exr_keeps_colours_and_depths(tmp_path: Path):
     scene = fl.Scene(None, LIGHT, effects=[Given((ONE, MANY))], depth=2.0 * FAR)
     scene.write(tmp_path / "%d.exr", 3, layers=True, half=False)
     found = read_layers(tmp_path / "3.exr")
-    assert set(found) == {"rgba", "fog", "cloud", "depth", "cloud.depth"}
+    planes = {"alpha", "background", "weather.depth"}
+    assert set(found) == {"rgba", "fog", "cloud", "depth", "cloud.depth"} | planes
     assert np.array_equal(found["cloud"][..., :3], MANY.rgb)
     assert np.array_equal(found["cloud"][..., 3], ALPHA)
     assert np.array_equal(found["depth"], 2.0 * FAR)

@@ -202,6 +202,46 @@ class Scene:
         around = None if depth is None else depth[top:bottom, left:right]
         return rendered(image, parts, mix, mix.plate(picture), front, around)
 
+    def look(self, t: float) -> None:
+        """Read background and depth of a frame, as `render` will.
+
+        Raises
+        ------
+        OSError, ValueError
+            If one of them is missing or damaged.
+        """
+        time = real("t", t)
+        self._backdrop.frame(time)
+        if self._distance is not None:
+            self._distance.frame(time)
+
+    @property
+    def film(self) -> Any:
+        """The source of a background that is a video; None for others."""
+        from flurries.io.sources import VideoSource
+
+        source = self._opened
+        return source if isinstance(source, VideoSource) else None
+
+    @property
+    def held(self) -> set[int]:
+        """Frames rendered so far whose background is that of an earlier one."""
+        return getattr(self._opened, "held", set())
+
+    def holding(self) -> Scene:
+        """Return the scene with a background that holds its last good frame where one is bad."""
+        from flurries.io import open_background
+        from flurries.io.sources import Source
+
+        source = self._opened
+        if not isinstance(source, Source) or source.damaged == "hold":
+            return self
+        return self.replace(background=open_background(source.spec, damaged="hold"))
+
+    @property
+    def _opened(self) -> Any:
+        return getattr(self._backdrop.source, "source", None)
+
     def depth_at(self, t: float) -> Array | None:
         """Return the background's planar depth at `t`, (H, W) float32, or None.
 
