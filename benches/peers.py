@@ -18,6 +18,7 @@ import time
 import traceback
 import warnings
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -158,10 +159,11 @@ def imgaug(picture: Any) -> list[tuple[str, str, Call]]:
     import imgaug.augmenters as iaa
 
     made = {"snow": "Snowflakes", "rain": "Rain", "fog": "Fog"}
-    return [
-        (kind, f"imgaug {name}()", lambda t=getattr(iaa, name)(): t(image=picture))
-        for kind, name in made.items()
-    ]
+    peers = []
+    for kind, name in made.items():
+        transform = getattr(iaa, name)()
+        peers.append((kind, f"imgaug {name}()", partial(transform, image=picture)))
+    return peers
 
 
 def imagecorruptions(picture: Any) -> list[tuple[str, str, Call]]:

@@ -12,6 +12,7 @@ from typing import Any, NoReturn
 __all__ = ["main"]
 
 MISTAKE = 2
+SKIPPED = 3
 INTERRUPTED = 130
 
 
@@ -35,7 +36,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     Returns
     -------
     int
-        0; 2 for a user's mistake or a file that fails; 130 after Ctrl-C.
+        0; 2 for a user's mistake or a file that fails; 3 if frames were skipped, or if files are
+        not what their manifest says; 130 after Ctrl-C.
     """
     try:
         given = sys.argv[1:] if arguments is None else list(arguments)
@@ -114,6 +116,15 @@ def _parser() -> argparse.ArgumentParser:
     render.add_argument("--alone", action="store_true", help="only the snow, as RGBA")
     render.add_argument("--quality", choices=("high", "medium", "draft"), default="high")
     render.add_argument("--overwrite", action="store_true", help="render again what is there")
+    render.add_argument(
+        "--damaged",
+        choices=("stop", "skip", "hold"),
+        default="stop",
+        help="where the background's frame is missing or damaged: stop (default), leave the frame "
+        "out and exit with 3, or hold the last good one",
+    )
+    render.add_argument("--no-sound", action="store_true", help="a video without the film's sound")
+    render.add_argument("--no-manifest", action="store_true", help="no flurries.json")
     render.add_argument("--quiet", action="store_true", help="no progress bar")
     render.set_defaults(run=_render)
 
@@ -156,6 +167,10 @@ def _parser() -> argparse.ArgumentParser:
     view.add_argument("--port", type=int, default=0, metavar="N", help="any free one")
     view.add_argument("--no-browser", action="store_true", help="only print the address")
     view.set_defaults(run=_view)
+
+    check = commands.add_parser("check", help="compare frames with their folder's flurries.json")
+    check.add_argument("folder", metavar="FOLDER")
+    check.set_defaults(run=_check, threads=None)
 
     for command in (demo, render, texture, view):
         command.add_argument("--threads", type=int, metavar="N")
@@ -260,14 +275,45 @@ def _render(options: argparse.Namespace) -> int:
         layers=options.layers,
         alone=options.alone,
         overwrite=options.overwrite,
+        damaged=options.damaged,
+        sound=not options.no_sound,
+        manifest=not options.no_manifest,
         quality=options.quality,
         progress=_silent if options.quiet else _bar,
     )
-    kept = f", {len(summary.kept)} were there already" if summary.kept else ""
-    print(f"flurries: {len(summary.written)} frames rendered{kept}", file=sys.stderr)
+    print(f"flurries: {told(summary)}", file=sys.stderr)
     for file in summary.files:
         print(file)
-    return 0
+    return SKIPPED if summary.skipped else 0
+
+
+def told(summary: Any) -> str:
+    """Return a summary in words."""
+    made = len(summary.written)
+    parts = [f"{made} frames rendered"]
+    if summary.kept:
+        parts.append(f"{len(summary.kept)} were there already")
+    for what, frames in (("skipped", summary.skipped), ("held", summary.held)):
+        if frames:
+            named = ", ".join(map(str, frames[:10])) + (", ..." if len(frames) > 10 else "")
+            parts.append(f"{len(frames)} {what} ({named})")
+    if summary.sound != "none":
+        parts.append(f"sound {summary.sound}")
+    if made and summary.seconds > 0.0:
+        parts.append(f"in {summary.seconds:.1f} s, {made / summary.seconds:.1f} a second")
+    return ", ".join(parts)
+
+
+def _check(options: argparse.Namespace) -> int:
+    from flurries import manifest
+
+    wrong = manifest.check(options.folder)
+    for sentence in wrong:
+        print(f"flurries: {sentence}", file=sys.stderr)
+    if not wrong:
+        count = len(manifest.read(options.folder))
+        print(f"flurries: {count} files are what the manifest says", file=sys.stderr)
+    return SKIPPED if wrong else 0
 
 
 def _view(options: argparse.Namespace) -> int:

@@ -9,10 +9,12 @@
 //! | [`draw`] | flakes drawn into one tile |
 //! | [`splat`] | the image of many flakes |
 //! | [`flurry`] | the flakes of a box, each placed and looked at as it is drawn |
+//! | [`ids`] | which flake a pixel shows |
 
 pub mod bins;
 pub mod draw;
 pub mod flurry;
+pub mod ids;
 pub mod profile;
 pub mod splat;
 pub mod sprite;
