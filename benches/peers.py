@@ -150,7 +150,7 @@ def imgaug(picture: Any) -> list[tuple[str, str, Call]]:
 
     if not hasattr(np, "sctypes"):
         # NumPy 2 took away what it is imported with; put back so that it can be timed at all.
-        np.sctypes = {
+        np.sctypes = {  # noqa: NPY201
             "float": [np.float16, np.float32, np.float64],
             "int": [np.int8, np.int16, np.int32, np.int64],
             "uint": [np.uint8, np.uint16, np.uint32, np.uint64],
