@@ -80,7 +80,7 @@ fn add_waves_with<const LEVEL: u8>(
                 places[2][lane],
                 multiply_add::<f64, LEVEL>(k[1], places[1][lane], k[0] * places[0][lane]),
             );
-            let turned = f64::turn(phase - phase.round_ties_even());
+            let turned = f64::turn::<LEVEL>(phase - phase.round_ties_even());
             cosines[lane] = turned.re;
             sines[lane] = turned.im;
         }

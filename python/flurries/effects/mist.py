@@ -11,7 +11,7 @@ import numpy as np
 
 from flurries import gas, particles
 from flurries._contract import Array, Float64, choice, flag, integer, real, seed_of, vector
-from flurries.effects.falling import AMBIENT, _colour
+from flurries.effects.falling import AMBIENT, settled_colour
 from flurries.effects.layer import Frame, Layer
 from flurries.effects.presets import MIST
 from flurries.gas.splatting import FOOTPRINTS
@@ -129,7 +129,7 @@ class Mist:
 
         settle("amount", as_number("amount", self.amount, low=0.0, high=1.0))
         settle("density", as_number("density", self.density, low=0.0, high=1.0))
-        settle("colour", _colour(self.colour))
+        settle("colour", settled_colour(self.colour))
         settle("wind", as_vector("wind", self.wind, 3))
         if self.count is None and self.visibility is None:
             settle("count", 1200)

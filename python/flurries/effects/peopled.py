@@ -259,9 +259,9 @@ class Peopled(Textured):
         wind = self.wind if isinstance(self.wind, Wind) else None
         if not frame.path.turns and (wind is None or wind.uniform):
             return self._flurry(frame, amount)
-        return self._placed(frame, amount)
+        return self._listed(frame, amount)
 
-    def _placed(self, frame: Frame, amount: float) -> Array:
+    def _listed(self, frame: Frame, amount: float) -> Array:
         """Return the alpha of flakes from arrays of their places: any wind, any camera."""
         t, camera = frame.t, frame.camera
         kind = self.population(t)
