@@ -5,16 +5,19 @@ Arrays in, arrays out: :mod:`flurries.spectral`, :mod:`flurries.camera`, :mod:`f
 Pictures and film: :class:`Scene` and its effects.
 """
 
-from flurries import camera, composite, gas, hybrid, particles, spectral, stereo, trace
+from types import ModuleType
+
+from flurries import camera, composite, cone, gas, hybrid, particles, spectral, stereo, trace
 from flurries._core import InternalError
 from flurries._threads import set_threads, threads
 from flurries.camera import Camera
 from flurries.depth import DepthMap
-from flurries.effects import Frame, Layer, MatchedSnow, Mist, Rain, Snow
+from flurries.effects import ConeRain, ConeSnow, Frame, Layer, MatchedSnow, Mist, Rain, Snow
 from flurries.path import CameraPath
 from flurries.scene import Rendered, Scene
 from flurries.sun import Sun
 from flurries.timeline import Keys
+from flurries.viewer import view
 from flurries.wind import Wind
 
 __version__ = "0.1.0"
@@ -22,6 +25,8 @@ __version__ = "0.1.0"
 __all__ = [
     "Camera",
     "CameraPath",
+    "ConeRain",
+    "ConeSnow",
     "DepthMap",
     "Frame",
     "InternalError",
@@ -37,6 +42,7 @@ __all__ = [
     "Wind",
     "camera",
     "composite",
+    "cone",
     "gas",
     "hybrid",
     "particles",
@@ -45,4 +51,18 @@ __all__ = [
     "stereo",
     "threads",
     "trace",
+    "view",
 ]
+
+
+def __getattr__(name: str) -> ModuleType:
+    # What only some users need is imported when they ask for it.
+    if name == "augment":
+        import importlib
+
+        return importlib.import_module("flurries.augment")
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), "augment"})

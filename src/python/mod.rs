@@ -6,6 +6,7 @@
 use pyo3::prelude::*;
 
 mod air;
+mod cone;
 mod frame;
 mod gas;
 mod gate;
@@ -21,6 +22,11 @@ mod volume;
 mod core {
     #[pymodule_export]
     use super::air::wind_waves;
+    #[pymodule_export]
+    use super::cone::{
+        cone_basis, cone_chart, cone_footprints, cone_layer, cone_moving, cone_needed, cone_rays,
+        cone_shown, cone_stack, cone_table, cone_tile,
+    };
     #[pymodule_export]
     use super::frame::{join, over, snow};
     #[pymodule_export]
