@@ -12,9 +12,11 @@
 //! | [`spectral`] | the tent, the band, phases, tiles, one frame of the field | Langer 2004, sections 4-7 |
 //! | [`particles`] | the box of flakes, their image | Langer 2004, sections 6-7 |
 //! | [`cone`] | textures on a double cone around the camera | Wang 2004 |
+//! | [`air`] | plane waves of wind | Langer 2004, section 8 |
 //! | [`frame`] | compositing | Langer 2004, Eq. 7 |
 //! | `python` | the binding, behind the feature of that name | |
 
+pub mod air;
 pub mod cone;
 pub mod error;
 pub mod frame;

@@ -4,7 +4,7 @@ Arrays in, arrays out: :mod:`flurries.spectral`, :mod:`flurries.camera`, :mod:`f
 :mod:`flurries.composite`. Pictures and film: :class:`Scene` and its effects.
 """
 
-from flurries import camera, composite, cone, particles, spectral, trace
+from flurries import camera, composite, cone, particles, spectral, stereo, trace
 from flurries._core import InternalError
 from flurries._threads import set_threads, threads
 from flurries.camera import Camera
@@ -40,6 +40,7 @@ __all__ = [
     "particles",
     "set_threads",
     "spectral",
+    "stereo",
     "threads",
     "trace",
 ]

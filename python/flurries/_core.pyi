@@ -41,6 +41,7 @@ __all__ = [
     "threads",
     "tile_starts",
     "uniform",
+    "wind_waves",
 ]
 
 _Array = npt.NDArray[Any]
@@ -81,6 +82,7 @@ def snow(out: _Array, background: _Array, alpha: _Array, intensity: list[float])
 def over(out: _Array, background: _Array, layer: _Array) -> None: ...
 def join(out: _Array, layers: list[_Array], haze: float, matte: _Array | None = None) -> None: ...
 def uniform(out: _Float64, seed: int, stream: int) -> None: ...
+def wind_waves(out: _Float64, points: _Float64, k: _Float64, weights: _Float64) -> None: ...
 def particle_positions(
     out: _Float64,
     sides: tuple[float, float, float],

@@ -5,6 +5,7 @@
 
 use pyo3::prelude::*;
 
+mod air;
 mod cone;
 mod frame;
 mod gate;
@@ -16,6 +17,8 @@ mod threads;
 #[pymodule]
 #[pyo3(name = "_core")]
 mod core {
+    #[pymodule_export]
+    use super::air::wind_waves;
     #[pymodule_export]
     use super::cone::{
         cone_basis, cone_chart, cone_footprints, cone_layer, cone_moving, cone_needed, cone_rays,

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 
 from flurries import particles
 from flurries._contract import Array, Float64
@@ -90,7 +91,7 @@ class Peopled(Textured):
         """
         if not isinstance(self.wind, Wind) or self.wind.waves is None:
             return 0.0
-        return 2.0 * self.wind.waves.spread()
+        return 1.5 * self.wind.waves.spread()
 
     def _wide(self, frame: Frame) -> tuple[float, float]:
         """Return the view's width and height at the far end, metres, as if the lens were centred.
@@ -136,10 +137,16 @@ class Peopled(Textured):
         Returns
         -------
         points, velocity : (n, 3)
-            Metres and metres per frame in the eye's axes, from the camera.
+            Metres and metres per frame in the eye's axes, from the camera. In gusts only those that
+            may be in view.
         shown : (n,)
             0 at the walls of the box, 1 inside.
         """
+        points, velocity, shown, _ = self._placed(frame)
+        return points, np.broadcast_to(velocity, points.shape), shown
+
+    def _placed(self, frame: Frame) -> tuple[Float64, Float64, Float64, Any]:
+        """Return the same with one velocity for all where it is one, and which flakes they are."""
         kind, count, box = self.population(frame.t), self.count(frame), self.box(frame)
         # The way is known as a whole, so it is the velocity of one unit of time, and the swing's
         # angle of now is its rate.
@@ -158,6 +165,7 @@ class Peopled(Textured):
             )
 
         points = placed(way)
+        which: Any = slice(None)
         wind = self.wind if isinstance(self.wind, Wind) else None
         if wind is not None and wind.profile is not None and count:
             moved, rate = profile_of_flakes(self, frame, points[:, 2])
@@ -169,21 +177,38 @@ class Peopled(Textured):
             deep = (1e3 * kind.reach, 1e3 * kind.reach, kind.reach)
             shown = shown * particles.edge_fade(points, deep, center=ahead)
         if wind is not None and wind.waves is not None and count:
+            # Only those that may come into view are worth their waves.
+            near = self._in_view(frame, points, 3.0 * wind.waves.spread())
+            which, points, shown = near, points[near], shown[near]
             moved, rate = waves_of_flakes(self, frame, points)
+            velocity = velocity[near] if len(velocity) > 1 else velocity
             points, velocity = points + moved, velocity + rate
         if turns:
             velocity = velocity - np.cross(frame.spin(), points)
-        return points, velocity, shown
+        return points, velocity, shown, which
+
+    def _in_view(self, frame: Frame, points: Float64, room: float) -> npt.NDArray[np.intp]:
+        """Return which points are in view or at most so many metres beside it."""
+        camera, reach = frame.camera, self.population(frame.t).reach
+        cx, cy = camera.principal(frame.shape)
+        x, y, z = (points - camera.offset).T
+        deep = np.maximum(z + room, 0.0) / camera.focal
+        height, width = frame.shape
+        inside = (z > -room) & (z < reach + room)
+        inside &= (x > -cx * deep - room) & (x < (width - cx) * deep + room)
+        inside &= (y > -cy * deep - room) & (y < (height - cy) * deep + room)
+        return np.flatnonzero(inside)
 
     def particles(self, frame: Frame, amount: float) -> Array:
         """Return the alpha of the flakes over the whole frame, (H, W) float32."""
         t, camera = frame.t, frame.camera
         kind = self.population(t)
-        points, velocity, shown = self.places(frame)
-        count = len(points)
+        points, velocity, shown, which = self._placed(frame)
+        count = self.count(frame)
         sizes = np.empty(count)
         uniform(sizes, frame.seed, SIZES)
         rank = (np.arange(count) + 0.5) / count
+        sizes, rank = sizes[which], rank[which]
         radius = 0.5 * (kind.sizes[0] + sizes * (kind.sizes[1] - kind.sizes[0]))
         weight = np.clip((amount - rank * (1.0 - FADE_IN)) / FADE_IN, 0.0, 1.0) * shown
         low, high = (limit * frame.width_scale for limit in self._LARGEST_SIGMA)
