@@ -22,6 +22,7 @@ from flurries.foreground import Foreground, foreground_of
 from flurries.mixing import Mix, behind
 from flurries.path import CameraPath, as_path
 from flurries.rendered import Rendered, rendered
+from flurries.stereo import eyes
 from flurries.sun import Sun
 from flurries.trace import stage
 
@@ -242,6 +243,46 @@ class Scene:
     def _opened(self) -> Any:
         return getattr(self._backdrop.source, "source", None)
 
+    def stereo(
+        self,
+        t: float,
+        *,
+        distance: float,
+        convergence: float | None = None,
+        layers: bool = False,
+        region: tuple[slice, slice] | None = None,
+    ) -> tuple[Any, Any]:
+        """Return the frame at `t` as the left and the right eye see it.
+
+        The weather lies in depth; the background and what stands in front of the weather are flat
+        pictures at the depth of convergence, the same for both.
+
+        Parameters
+        ----------
+        t, layers, region
+            See :meth:`render`.
+        distance, convergence : float
+            See :func:`flurries.stereo.eyes`.
+
+        Returns
+        -------
+        left, right
+            Each as :meth:`render` returns it.
+
+        Warns
+        -----
+        UserWarning
+            If an effect's texture begins so near that its disparity is half a wavelength or more:
+            it is then ambiguous, and only flakes tell the depth.
+        """
+        pair = eyes(self.camera.camera, distance=distance, convergence=convergence)
+        for index, effect in enumerate(self.effects):
+            warned = getattr(effect, "warn_ambiguous", None)
+            if warned is not None:
+                warned(self.shape, self.camera.camera.focal, distance, index)
+        left, right = (self.render(t, eye=eye, layers=layers, region=region) for eye in pair)
+        return left, right
+
     def depth_at(self, t: float) -> Array | None:
         """Return the background's planar depth at `t`, (H, W) float32, or None.
 
@@ -331,7 +372,7 @@ class Scene:
         eye: Camera | None,
         window: tuple[int, int, int, int],
         depth: Array | None,
-        whole: bool,
+        whole: bool = False,
     ) -> list[tuple[Any, Frame]]:
         path: CameraPath = self.camera
         if eye is not None and not isinstance(eye, Camera):

@@ -4,7 +4,7 @@ use ndarray::{ArrayView2, ArrayViewMut2, Axis};
 
 use super::bins::pixels;
 use super::profile::{self, bare};
-use super::splat::{Flakes, check_lens};
+use super::splat::{Flakes, Source, check_lens};
 use super::sprite::{Lens, Sprite};
 use crate::error::{Cancel, Error};
 use crate::pool;
@@ -44,7 +44,8 @@ pub fn ids<M: Real>(
         if index % 65_536 == 0 {
             cancel.check()?;
         }
-        if let Some(sprite) = Sprite::of(&flakes.get(index), lens) {
+        let flake = flakes.get(index);
+        if let Some(sprite) = flake.and_then(|flake| Sprite::of(&flake, lens)) {
             sprites.push((sprite, index as i32));
         }
     }
@@ -133,7 +134,7 @@ mod tests {
                 .unwrap();
             let mut found = Array2::<i32>::zeros((31, 41));
             ids(found.view_mut(), &flakes, &LENS, None::<ArrayView2<f32>>, &Cancel::new()).unwrap();
-            let sprite = Sprite::of(&flakes.get(0), &LENS).unwrap();
+            let sprite = Sprite::of(&flakes.get(0).unwrap(), &LENS).unwrap();
             for ((row, column), &value) in alpha.indexed_iter() {
                 let own = alpha_at(&sprite, column as f64 + 0.5, row as f64 + 0.5);
                 assert!((own - value).abs() < 1e-12, "{own} {value}");

@@ -3,7 +3,7 @@
 use std::ops::Range;
 use std::sync::Arc;
 
-use ndarray::{ArrayView2, ArrayView4, Axis};
+use ndarray::{ArrayView2, ArrayView4, Axis, s};
 
 use super::band::Band;
 use super::filter::TemporalFilter;
@@ -34,6 +34,8 @@ pub struct Field<'a> {
     pub jitter: bool,
     /// Increasing wavelengths; rings + 1 of them, or none for one ring.
     pub ring_edges: &'a [f64],
+    /// Relative amplitude of each ring; none leaves them as they are.
+    pub ring_gains: &'a [f64],
     /// Displacement of the longest wave, pixels.
     pub drift: Vectors<'a>,
     /// Displacement of all waves alike, pixels.
@@ -68,6 +70,18 @@ pub struct Ready<'f, 'a, T: Real> {
 impl<'a> Field<'a> {
     pub(super) fn rings(&self) -> usize {
         self.ring_edges.len().saturating_sub(1).max(1)
+    }
+
+    /// Whether the filter does the same to all tiles.
+    pub(super) fn tiles_alike(&self) -> bool {
+        let one = |v: &Vectors<'_>| {
+            let first = v.slice(s![0, 0, .., ..]);
+            v.lanes(Axis(3))
+                .into_iter()
+                .enumerate()
+                .all(|(i, pair)| pair == first.row(i % first.nrows()))
+        };
+        !self.jitter && self.shortest.is_none() && one(&self.velocity) && one(&self.shift_rate)
     }
 
     /// The motions of one tile's rings from a drift and a shift.
@@ -156,6 +170,7 @@ mod tests {
             seed: 5,
             jitter: false,
             ring_edges: &[],
+            ring_gains: &[],
             drift: moved.view(),
             shift: still.view(),
             velocity: still.view(),

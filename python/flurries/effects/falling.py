@@ -58,7 +58,7 @@ class Falling(Peopled):
         settle("shutter", as_number("shutter", self.shutter, low=0.0))
         if not isinstance(self.wind, Wind):
             settle("wind", as_vector("wind", self.wind, 3))
-        settle("colour", _colour(self.colour))
+        settle("colour", settled_colour(self.colour))
         settle("exponent", real("exponent", self.exponent))
         settle("near_depth", real("near_depth", self.near_depth, above=0.0))
         if self.wavelengths is not None:
@@ -176,13 +176,13 @@ class Falling(Peopled):
         return (colour,) * 3 if isinstance(colour, float) else colour
 
 
-def _colour(value: object) -> Any:
+def settled_colour(value: object) -> Any:
     """Return one grey or (r, g, b), plain or keyed, in 0 to 1, or the word for ambient light."""
     if isinstance(value, Keys):
         if value.width not in (None, 3):
             raise ValueError(f"colour must be keyed with numbers or (r, g, b), got {value!r}")
         for _, v in value.keys:
-            _colour(v)
+            settled_colour(v)
         return value
     if isinstance(value, str):
         return choice("colour", value, (AMBIENT,))
