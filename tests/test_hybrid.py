@@ -224,7 +224,7 @@ def test_flakes_in_view_are_all_flakes(preset: str, z: float, monkeypatch: pytes
         shown = fl.Scene((256, 200), (0.0, 0.0, 0.0), camera=path, effects=[effect], seed=3)
         few = [shown.render(t, layers=True).alpha for t in (0.0, 77.5, -3e5)]
         with monkeypatch.context() as patched:
-            patched.setattr(Peopled, "_flurry", Peopled._placed)
+            patched.setattr(Peopled, "_flurry", Peopled._listed)
             all_of_them = [shown.render(t, layers=True).alpha for t in (0.0, 77.5, -3e5)]
         assert max(alpha.max() for alpha in few) > 0.05
         np.testing.assert_allclose(few, all_of_them, rtol=0.0, atol=4e-6)
@@ -240,7 +240,7 @@ def test_no_flake_pops(z: float, monkeypatch: pytest.MonkeyPatch):
     assert measure.smooth(changes({}, camera=path))
     # Without the fade they pop; those at the sides of the box do so outside the picture. The flakes
     # of arrays have one that can be taken away.
-    monkeypatch.setattr(Peopled, "_flurry", Peopled._placed)
+    monkeypatch.setattr(Peopled, "_flurry", Peopled._listed)
     monkeypatch.setattr(fl.particles, "edge_fade", lambda points, *_, **__: np.ones(len(points)))
     assert measure.smooth(changes({}, camera=path)) == (z == 0.0)
 
