@@ -2,10 +2,10 @@
 
 use ndarray::{ArrayView2, ArrayViewMut2, Axis};
 
-use super::bins::pixels;
 use super::profile::{self, bare};
 use super::splat::{Flakes, Source, check_lens};
 use super::sprite::{Lens, Sprite};
+use crate::cover::pixels;
 use crate::error::{Cancel, Error};
 use crate::pool;
 use crate::real::Real;
