@@ -372,7 +372,7 @@ class Scene:
         eye: Camera | None,
         window: tuple[int, int, int, int],
         depth: Array | None,
-        whole: bool,
+        whole: bool = False,
     ) -> list[tuple[Any, Frame]]:
         path: CameraPath = self.camera
         if eye is not None and not isinstance(eye, Camera):

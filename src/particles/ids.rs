@@ -44,7 +44,8 @@ pub fn ids<M: Real>(
         if index % 65_536 == 0 {
             cancel.check()?;
         }
-        if let Some(sprite) = flakes.get(index).and_then(|flake| Sprite::of(&flake, lens)) {
+        let flake = flakes.get(index);
+        if let Some(sprite) = flake.and_then(|flake| Sprite::of(&flake, lens)) {
             sprites.push((sprite, index as i32));
         }
     }

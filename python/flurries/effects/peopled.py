@@ -186,13 +186,8 @@ class Peopled(Textured):
             )
         return count
 
-    def places(self, frame: Frame, *, whole: bool = False) -> tuple[Float64, Float64, Float64]:
+    def places(self, frame: Frame) -> tuple[Float64, Float64, Float64]:
         """Return where the flakes of a frame are, how fast, and how much they show.
-
-        Parameters
-        ----------
-        whole : bool
-            All flakes of the box, by their numbers, whether in view or not.
 
         Returns
         -------
@@ -202,10 +197,10 @@ class Peopled(Textured):
         shown : (n,)
             0 at the walls of the box, 1 inside.
         """
-        points, velocity, shown, _ = self._placed(frame, whole)
+        points, velocity, shown, _ = self._placed(frame)
         return points, np.broadcast_to(velocity, points.shape), shown
 
-    def _placed(self, frame: Frame, whole: bool) -> tuple[Float64, Float64, Float64, Any]:
+    def _placed(self, frame: Frame) -> tuple[Float64, Float64, Float64, Any]:
         """Return the same with one velocity for all where it is one, and which flakes they are."""
         kind, count, box = self.population(frame.t), self.count(frame), self.box(frame)
         # The way is known as a whole, so it is the velocity of one unit of time, and the swing's
@@ -238,8 +233,7 @@ class Peopled(Textured):
             shown = shown * particles.edge_fade(points, deep, center=ahead)
         if wind is not None and wind.waves is not None and count:
             # Only those that may come into view are worth their waves.
-            room = 3.0 * wind.waves.spread()
-            near = np.arange(count) if whole else self._in_view(frame, points, room)
+            near = self._in_view(frame, points, 3.0 * wind.waves.spread())
             which, points, shown = near, points[near], shown[near]
             moved, rate = waves_of_flakes(self, frame, points)
             velocity = velocity[near] if len(velocity) > 1 else velocity
@@ -269,30 +263,33 @@ class Peopled(Textured):
 
     def _listed(self, frame: Frame, amount: float) -> Array:
         """Return the alpha of flakes from arrays of their places: any wind, any camera."""
-        return particles.splat(**self._to_draw(frame, amount, whole=False)[0])
+        return particles.splat(**self._to_draw(frame, amount)[0])
 
-    def ids(self, frame: Frame, amount: float) -> tuple[Array, Float64, Float64]:
-        """Return which flake each pixel of the whole frame shows, and all flakes.
+    def ids(self, frame: Frame, amount: float) -> npt.NDArray[np.int32]:
+        """Return which flake each pixel of the whole frame shows, (H, W); -1 for none.
 
-        Returns
-        -------
-        ids : (H, W) int32
-            The flake's number, the same in every frame; -1 where there is none.
-        points, velocity : (n, 3)
-            Of all flakes of the box, as `places` gives them.
+        Its number in the box is the same in every frame.
         """
-        flakes, numbers, points, velocity = self._to_draw(frame, amount, whole=True)
-        found = particles.ids(**flakes)
-        numbers = np.append(numbers, -1).astype(np.int32)
-        return numbers[found], points, velocity
+        flakes, numbers = self._to_draw(frame, amount)
+        return np.append(numbers, -1).astype(np.int32)[particles.ids(**flakes)]
 
-    def _to_draw(
-        self, frame: Frame, amount: float, *, whole: bool
-    ) -> tuple[dict[str, Any], Array, Float64, Float64]:
-        """Return the flakes to draw, which of all they are, and all places and velocities."""
+    def placed(
+        self, frame: Frame, numbers: npt.NDArray[Any]
+    ) -> tuple[Float64, Float64, npt.NDArray[np.bool_]]:
+        """Return where flakes with these numbers are, how fast, and whether they may be in view."""
+        points, velocity, _, which = self._placed(frame)
+        known = np.arange(len(points)) if isinstance(which, slice) else which
+        at = np.minimum(np.searchsorted(known, numbers), max(len(known) - 1, 0))
+        if len(known) == 0:
+            return np.zeros((len(numbers), 3)), np.zeros((len(numbers), 3)), numbers < 0
+        speeds = np.broadcast_to(velocity, points.shape)
+        return points[at], speeds[at], known[at] == numbers
+
+    def _to_draw(self, frame: Frame, amount: float) -> tuple[dict[str, Any], npt.NDArray[np.intp]]:
+        """Return the flakes to draw, and their numbers in the box."""
         t, camera = frame.t, frame.camera
         kind = self.population(t)
-        points, velocity, shown, which = self._placed(frame, whole)
+        points, velocity, shown, which = self._placed(frame)
         count = self.count(frame)
         sizes = np.empty(count)
         uniform(sizes, frame.seed, SIZES)
@@ -315,7 +312,7 @@ class Peopled(Textured):
             "shutter": value_at(self.shutter, t),
             "depth": frame.depth,
         }
-        return flakes, np.arange(count)[which][seen], points, velocity
+        return flakes, np.arange(count)[which][seen]
 
     def _flurry(self, frame: Frame, amount: float) -> Array:
         """Return the same where all flakes move alike, without arrays of them."""

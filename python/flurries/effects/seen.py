@@ -46,16 +46,18 @@ def seen(
     motion = np.zeros((*shape, 2), np.float32)
     depth = np.full(shape, np.inf, np.float32)
     coverage = np.zeros(shape, np.float32) if flakes is None else np.ascontiguousarray(flakes)
-    ids = np.full(shape, -1, np.int32)
+    ids: Array = np.full(shape, -1, np.int32)
     with stage("seen"):
         later = frame.later()
         if texture is not None:
             motion, depth = _of_texture(effect, frame, later)
         if flakes is not None:
-            ids, way, far = _of_flakes(effect, frame, later, amount)
+            ids = frame.crop(effect.ids(frame, amount))
             behind = 0.0 if texture is None else texture * (1.0 - flakes)
             front = (ids >= 0) & (flakes > behind)
-            motion[front], depth[front] = way[ids[front]], far[ids[front]]
+            numbers, which = np.unique(ids[front], return_inverse=True)
+            way, far = _of_flakes(effect, frame, later, numbers)
+            motion[front], depth[front] = way[which], far[which]
     return Seen(motion, depth, coverage, ids)
 
 
@@ -80,26 +82,21 @@ def _of_texture(effect: Falling, frame: Frame, later: Frame) -> tuple[Array, Arr
     return np.stack([x, y], axis=-1), z
 
 
-def _of_flakes(
-    effect: Falling, frame: Frame, later: Frame, amount: float
-) -> tuple[Array, Array, Array]:
-    """Return the flakes that pixels show (h, w), and motion and depth of every flake."""
-    found, points, velocity = effect.ids(frame, amount)
-    after = effect.places(later, whole=True)[0]
+def _of_flakes(effect: Falling, frame: Frame, later: Frame, numbers: Array) -> tuple[Array, Array]:
+    """Return motion (n, 2) and depth (n,) of flakes."""
+    points, velocity, _ = effect.placed(frame, numbers)
+    after, _, known = effect.placed(later, numbers)
     start, depth = _projected(points, frame.camera, frame.shape)
     end, ahead = _projected(after, later.camera, later.shape)
     way = end - start
     # One that flies past the eye before the next frame, or comes back at the other side of the box:
     # as fast as now.
-    jumps = np.abs(after - points).max(axis=1) > 0.5 * float(effect.box(frame).min())
-    gone = (ahead <= NEAR) | jumps
-    x, y, z = (points - np.array(frame.camera.offset)).T
-    speed = np.broadcast_to(velocity, points.shape)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        flow = frame.camera.focal * (speed[:, :2] - speed[:, 2:] * np.stack([x, y], 1) / z[:, None])
-        flow /= z[:, None]
-    way[gone] = flow[gone]
-    return frame.crop(found), way.astype(np.float32), depth.astype(np.float32)
+    jumps = np.abs(after - points).max(axis=1, initial=0.0) > 0.5 * float(effect.box(frame).min())
+    gone = ~known | (ahead <= NEAR) | jumps
+    local = points[gone] - np.array(frame.camera.offset)
+    speed, z = velocity[gone], local[:, 2:]
+    way[gone] = frame.camera.focal * (speed[:, :2] - speed[:, 2:] * local[:, :2] / z) / z
+    return way.astype(np.float32), depth.astype(np.float32)
 
 
 def _projected(points: Float64, camera: Camera, shape: tuple[int, int]) -> tuple[Float64, Float64]:
