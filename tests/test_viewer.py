@@ -259,7 +259,7 @@ def test_light_is_shown_in_display_values():
 
 
 def test_two_eyes_are_an_anaglyph_of_both():
-    head, buffers = Session(SCENE).answer({"t": 9.0, "values": {"eyes": 80.0}})
+    _, buffers = Session(SCENE).answer({"t": 9.0, "values": {"eyes": 80.0}})
     pair = fl.stereo.eyes(SCENE.camera.camera, distance=0.08, convergence=6.0)
     left, right = (SCENE.render(9.0, eye=eye) for eye in pair)
     assert not np.array_equal(left, right)
