@@ -172,6 +172,22 @@ def _parser() -> argparse.ArgumentParser:
     check.add_argument("folder", metavar="FOLDER")
     check.set_defaults(run=_check, threads=None)
 
+    corrupt = commands.add_parser("corrupt", help="a folder of pictures in weather")
+    corrupt.add_argument("input", metavar="IN_DIR", help="pictures, also in folders below")
+    corrupt.add_argument("output", metavar="OUT_DIR", help="gets WEATHER/SEVERITY/NAME")
+    corrupt.add_argument(
+        "--weather", default="snow", metavar="W", help="snow, rain, fog; several with commas"
+    )
+    corrupt.add_argument("--severity", default="1-5", metavar="S", help="such as 3; default: 1-5")
+    corrupt.add_argument("--seed", type=int, default=0, metavar="N")
+    corrupt.add_argument("--workers", type=int, metavar="N", help="processes; default: all cores")
+    corrupt.add_argument(
+        "--dask", nargs="?", const="", metavar="ADDRESS", help="by Dask; without address here"
+    )
+    corrupt.add_argument("--overwrite", action="store_true", help="make again what is there")
+    corrupt.add_argument("--quiet", action="store_true", help="no progress bar")
+    corrupt.set_defaults(run=_corrupt, threads=None)
+
     for command in (demo, render, texture, view):
         command.add_argument("--threads", type=int, metavar="N")
     return parser
@@ -332,6 +348,28 @@ def _view(options: argparse.Namespace) -> int:
         webbrowser.open(server.url)
     serve(server)
     return 0
+
+
+def _corrupt(options: argparse.Namespace) -> int:
+    from flurries.augment.corrupt import corrupt
+
+    made = corrupt(
+        options.input,
+        options.output,
+        weather=options.weather.split(","),
+        severity=options.severity,
+        seed=options.seed,
+        workers=options.workers,
+        dask=options.dask,
+        overwrite=options.overwrite,
+        progress=None if options.quiet else _bar,
+    )
+    kept = f", {len(made.kept)} were there already" if made.kept else ""
+    print(f"flurries: {len(made.written)} pictures written{kept}", file=sys.stderr)
+    for name, why in made.failed.items():
+        print(f"flurries: {name}: {' '.join(why.split())}", file=sys.stderr)
+    print(made.manifest)
+    return MISTAKE if made.failed else 0
 
 
 def _silent(frames: Iterable[int]) -> Iterable[int]:
