@@ -18,6 +18,7 @@ import time
 import traceback
 import warnings
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -149,7 +150,7 @@ def imgaug(picture: Any) -> list[tuple[str, str, Call]]:
 
     if not hasattr(np, "sctypes"):
         # NumPy 2 took away what it is imported with; put back so that it can be timed at all.
-        np.sctypes = {
+        np.sctypes = {  # noqa: NPY201
             "float": [np.float16, np.float32, np.float64],
             "int": [np.int8, np.int16, np.int32, np.int64],
             "uint": [np.uint8, np.uint16, np.uint32, np.uint64],
@@ -158,10 +159,11 @@ def imgaug(picture: Any) -> list[tuple[str, str, Call]]:
     import imgaug.augmenters as iaa
 
     made = {"snow": "Snowflakes", "rain": "Rain", "fog": "Fog"}
-    return [
-        (kind, f"imgaug {name}()", lambda t=getattr(iaa, name)(): t(image=picture))
-        for kind, name in made.items()
-    ]
+    peers = []
+    for kind, name in made.items():
+        transform = getattr(iaa, name)()
+        peers.append((kind, f"imgaug {name}()", partial(transform, image=picture)))
+    return peers
 
 
 def imagecorruptions(picture: Any) -> list[tuple[str, str, Call]]:

@@ -128,10 +128,6 @@ def _parser() -> argparse.ArgumentParser:
     render.add_argument("--quiet", action="store_true", help="no progress bar")
     render.set_defaults(run=_render)
 
-    check = commands.add_parser("check", help="compare frames with their folder's flurries.json")
-    check.add_argument("folder", metavar="FOLDER")
-    check.set_defaults(run=_check, threads=None)
-
     from flurries.effects.presets import SNOW
 
     texture = commands.add_parser(
@@ -171,6 +167,10 @@ def _parser() -> argparse.ArgumentParser:
     view.add_argument("--port", type=int, default=0, metavar="N", help="any free one")
     view.add_argument("--no-browser", action="store_true", help="only print the address")
     view.set_defaults(run=_view)
+
+    check = commands.add_parser("check", help="compare frames with their folder's flurries.json")
+    check.add_argument("folder", metavar="FOLDER")
+    check.set_defaults(run=_check, threads=None)
 
     for command in (demo, render, texture, view):
         command.add_argument("--threads", type=int, metavar="N")

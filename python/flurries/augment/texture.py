@@ -127,4 +127,4 @@ def averaged(plane: Array, times: int) -> Array:
     for first in range(1, times):
         sums += rows[:, first::times]
     sums *= np.float32(1.0 / times**2)
-    return np.minimum(sums, np.float32(1.0), out=sums)
+    return np.asarray(np.minimum(sums, np.float32(1.0), out=sums))
