@@ -210,7 +210,12 @@ def _add_scene(command: argparse.ArgumentParser) -> None:
     command.add_argument(
         "--fly", type=_numbers(3), metavar="X,Y,Z", help="camera velocity, metres per second"
     )
-    command.add_argument("--camera", metavar="CSV", help="camera path: x,y,z and rx,ry,rz a frame")
+    command.add_argument(
+        "--camera",
+        metavar="FILE",
+        help="camera path: .csv with x,y,z and rx,ry,rz a frame, Nuke's .chan, KITTI's poses .txt, "
+        "or a folder of COLMAP's text",
+    )
     command.add_argument("--depth", metavar="FILE|METRES", help="EXR with Z; or a wall's distance")
     command.add_argument(
         "--foreground", metavar="FILE", help="mask or picture in front of the weather"
@@ -442,7 +447,10 @@ def _scene(options: argparse.Namespace) -> Any:
     if options.camera is not None:
         if options.fly is not None:
             raise _Mistake("--camera and --fly must not both be given")
-        scene = scene.replace(camera=CameraPath.load(options.camera, scene.camera.camera))
+        from flurries.cameras import load
+
+        way = load(options.camera, scene.shape, camera=scene.camera.camera)
+        scene = scene.replace(camera=way)
     return scene
 
 

@@ -328,7 +328,7 @@ def _flakes(
     """Return flakes as the kernels read them, and the arrays that no output may overlap."""
     place = _points(points)
     count = len(place)
-    expect_camera(camera)
+    aspect = expect_camera(camera, stretched=True).aspect
     width = _rows("radius", radius, count, (), "one number or (n,)")
     cover = _rows("opacity", opacity, count, (), "one number or (n,)")
     rate = _rows(
@@ -344,7 +344,12 @@ def _flakes(
             raise ValueError(f"depth must have shape {size}, got {map_.shape}")
         inputs.append(map_)
     x, y = camera.principal(size)
-    lens = (camera.focal, x, y, camera.offset, closest)
+    eye_x, eye_y, eye_z = camera.offset
+    if aspect != 1.0:
+        # Everything is as much higher as pixels are.
+        stretch = np.array([1.0, aspect, 1.0])
+        place, rate = place * stretch, rate * stretch
+    lens = (camera.focal, x, y, (eye_x, aspect * eye_y, eye_z), closest)
     return (place, width, cover, rate, exposure, lens, map_), inputs
 
 

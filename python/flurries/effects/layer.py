@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
@@ -76,6 +77,10 @@ class Frame:
         if self.path.turns:
             turn = self.path.rig(after) @ self.path.rig(self.t).T @ camera.matrix()
             camera = replace(camera, rotation=tuple(rotation_vector(turn).tolist()))
+        if self.path.zooms:
+            ratio = math.exp(self.path.zoom(after)[0] - self.path.zoom(self.t)[0])
+            shift = (ratio * camera.center_shift[0], ratio * camera.center_shift[1])
+            camera = replace(camera, focal=ratio * camera.focal, center_shift=shift)
         return replace(self, t=after, camera=camera, depth=None, ambient=None)
 
     def displacement(self, *, fall: Number = 0.0, wind: Vector = (0.0, 0.0, 0.0)) -> Float64:

@@ -95,7 +95,7 @@ def _of_flakes(effect: Falling, frame: Frame, later: Frame, numbers: Array) -> t
     gone = ~known | (ahead <= NEAR) | jumps
     local = points[gone] - np.array(frame.camera.offset)
     speed, z = velocity[gone], local[:, 2:]
-    way[gone] = frame.camera.focal * (speed[:, :2] - speed[:, 2:] * local[:, :2] / z) / z
+    way[gone] = frame.camera.focals * (speed[:, :2] - speed[:, 2:] * local[:, :2] / z) / z
     return way.astype(np.float32), depth.astype(np.float32)
 
 
@@ -103,5 +103,5 @@ def _projected(points: Float64, camera: Camera, shape: tuple[int, int]) -> tuple
     """Return where points in the eye's axes are seen, (n, 2) px, and their depth."""
     local = points - np.array(camera.offset)
     with np.errstate(divide="ignore", invalid="ignore"):
-        px = camera.focal * local[:, :2] / local[:, 2:] + np.array(camera.principal(shape))
+        px = camera.focals * local[:, :2] / local[:, 2:] + np.array(camera.principal(shape))
     return px, local[:, 2]
