@@ -8,6 +8,7 @@ from flurries.io.color import linear_to_srgb, srgb_to_linear
 from flurries.io.decoding import read_video
 from flurries.io.depth import open_depth, read_depth
 from flurries.io.headers import Header, read_header
+from flurries.io.layer_views import write_layer_views
 from flurries.io.layers import read_layers, write_layers
 from flurries.io.paths import read_path
 from flurries.io.pictures import Picture, read_mask, read_picture
@@ -15,6 +16,7 @@ from flurries.io.resize import fit, fit_nearest
 from flurries.io.sequences import Pattern, frame_range
 from flurries.io.sources import Source, open_background
 from flurries.io.video import VideoWriter
+from flurries.io.views import read_views, write_views
 from flurries.io.writing import write_picture
 
 __all__ = [
@@ -36,9 +38,12 @@ __all__ = [
     "read_path",
     "read_picture",
     "read_video",
+    "read_views",
     "remove_leftovers",
     "replacing",
     "srgb_to_linear",
+    "write_layer_views",
     "write_layers",
     "write_picture",
+    "write_views",
 ]
