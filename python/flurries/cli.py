@@ -47,7 +47,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return code
     except _Mistake as mistake:
         return _say(mistake)
-    except (ValueError, TypeError, OSError, MemoryError) as error:
+    except (ValueError, TypeError, OSError, MemoryError, ImportError) as error:
         # The library's own refusals are sentences that name the argument or the file.
         return _say(error)
     except KeyboardInterrupt:
@@ -56,9 +56,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _joined(arguments: Sequence[str]) -> list[str]:
-    """Join "--wind -1,0,0" by "=": argparse would take the minus for an option."""
+    """Join "--wind -1,0,0" by "=": argparse would take the minus for an option.
+
+    And part "--dask" from a file that follows it, which argparse would take for an address.
+    """
     result: list[str] = []
     for argument in arguments:
+        if result and result[-1] == "--dask" and not re.match(r"\w+://|[\w.-]+:\d+$", argument):
+            result[-1] = "--dask="
         if (
             result
             and result[-1] in ("--wind", "--fly", "--velocity")
@@ -124,6 +129,13 @@ def _parser() -> argparse.ArgumentParser:
         "out and exit with 3, or hold the last good one",
     )
     render.add_argument("--no-sound", action="store_true", help="a video without the film's sound")
+    render.add_argument(
+        "--dask",
+        nargs="?",
+        const="",
+        metavar="ADDRESS",
+        help="on a Dask cluster: tcp://host:8786, or one made on this machine",
+    )
     render.add_argument("--no-manifest", action="store_true", help="no flurries.json")
     render.add_argument("--quiet", action="store_true", help="no progress bar")
     render.set_defaults(run=_render)
@@ -300,6 +312,7 @@ def _render(options: argparse.Namespace) -> int:
         sound=not options.no_sound,
         manifest=not options.no_manifest,
         quality=options.quality,
+        dask=None if options.dask is None else options.dask or True,
         progress=_silent if options.quiet else _bar,
     )
     print(f"flurries: {told(summary)}", file=sys.stderr)
