@@ -54,15 +54,17 @@ __all__ = [
     "view",
 ]
 
+_ON_DEMAND = ("accuracy", "augment")
+
 
 def __getattr__(name: str) -> ModuleType:
     # What only some users need is imported when they ask for it.
-    if name == "augment":
+    if name in _ON_DEMAND:
         import importlib
 
-        return importlib.import_module("flurries.augment")
+        return importlib.import_module(f"flurries.{name}")
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 
 
 def __dir__() -> list[str]:
-    return sorted({*globals(), "augment"})
+    return sorted({*globals(), *_ON_DEMAND})
