@@ -200,7 +200,18 @@ def _parser() -> argparse.ArgumentParser:
     corrupt.add_argument("--quiet", action="store_true", help="no progress bar")
     corrupt.set_defaults(run=_corrupt, threads=None)
 
-    for command in (demo, render, texture, view):
+    accuracy = commands.add_parser("accuracy", help="error against time, measured here")
+    accuracy.add_argument("axes", nargs="*", metavar="AXIS", help="all if none; see --list")
+    accuracy.add_argument("--list", action="store_true", help="say what can be measured")
+    accuracy.add_argument(
+        "-o", "--output", default="accuracy", metavar="FOLDER", help="default: accuracy"
+    )
+    accuracy.add_argument("--runs", type=int, default=20, metavar="N", help="of each; 20 or more")
+    accuracy.add_argument("--page", metavar="FILE", help="also a page in Markdown")
+    accuracy.add_argument("--quiet", action="store_true", help="no progress bar")
+    accuracy.set_defaults(run=_accuracy)
+
+    for command in (demo, render, texture, view, accuracy):
         command.add_argument("--threads", type=int, metavar="N")
     return parser
 
@@ -350,6 +361,30 @@ def _check(options: argparse.Namespace) -> int:
     return SKIPPED if wrong else 0
 
 
+def _accuracy(options: argparse.Namespace) -> int:
+    from flurries.accuracy import AXES, study, write
+
+    if options.list:
+        for axis in AXES.values():
+            print(f"{axis.name:10} {axis.title}")
+        return 0
+    unknown = [name for name in options.axes if name not in AXES]
+    if unknown:
+        raise _Mistake(f"unknown axis {unknown[0]!r}: known are {', '.join(AXES)}")
+    progress = _silent if options.quiet else _axes
+    found = study(options.axes or None, runs=options.runs, progress=progress)
+    for file in write(found, options.output, page=options.page):
+        print(file)
+    return 0
+
+
+def _axes(axes: Iterable[Any]) -> Iterable[Any]:
+    from tqdm import tqdm
+
+    bar: Iterable[Any] = tqdm(axes, unit="axis", file=sys.stderr, dynamic_ncols=True)
+    return bar
+
+
 def _view(options: argparse.Namespace) -> int:
     from flurries.viewer.server import Server, serve
 
@@ -391,6 +426,7 @@ def _corrupt(options: argparse.Namespace) -> int:
 
 
 def _silent(frames: Iterable[int]) -> Iterable[int]:
+def _silent(frames: Iterable[Any]) -> Iterable[Any]:
     return frames
 
 
