@@ -425,7 +425,6 @@ def _corrupt(options: argparse.Namespace) -> int:
     return MISTAKE if made.failed else 0
 
 
-def _silent(frames: Iterable[int]) -> Iterable[int]:
 def _silent(frames: Iterable[Any]) -> Iterable[Any]:
     return frames
 
