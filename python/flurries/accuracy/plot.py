@@ -80,8 +80,8 @@ def _label(ax: Any, points: Any, size: float) -> None:
             if free and floor + 0.5 * height < at < ceiling + height:
                 break
         taken.append((at, x, end))
-        ax.annotate(point.setting, place, textcoords="offset pixels", fontsize=size, va="center", zorder=2,
-                    xytext=(5.0 * pixel, at - y), color=INK if point.best else "#61758a",
+        ax.annotate(point.setting, place, textcoords="offset pixels", fontsize=size, va="center",
+                    zorder=2, xytext=(5.0 * pixel, at - y), color=INK if point.best else "#61758a",
                     path_effects=[withStroke(linewidth=2.0, foreground="white")])  # fmt: skip
 
 
