@@ -160,7 +160,7 @@ def report() -> str:
         f"  clock (the median of {TURNS} pairs of runs, in turns, 240 frames of 640 x 480), on a",
         f"  machine of {os.cpu_count()} cores with a load of {workers['load']:.1f}, of which 2 to 3",  # noqa: E501
         "  are the measurement's own: with more than its cores' load the clock says little. Processor",  # noqa: E501
-        f"  time a frame: {one:.0f} ms with one worker, {two:.0f} ms with two.",  # noqa: E501
+        f"  time a frame: {one:.0f} ms with one worker, {two:.0f} ms with two.",
         f"- A task that does nothing costs {1e3 * workers['task']:.2f} ms. Frames of 640 x 480 come",  # noqa: E501
         f"  in groups of {workers['group']}: the scheduler takes {share:.2f} % of the work.",
         "",
