@@ -54,12 +54,13 @@ __all__ = [
     "view",
 ]
 
-_ON_DEMAND = ("accuracy", "augment")
+
+# What only some users need is imported when they ask for it.
+_LATER = ("accuracy", "augment", "cameras", "cluster", "manifest")
 
 
 def __getattr__(name: str) -> ModuleType:
-    # What only some users need is imported when they ask for it.
-    if name in _ON_DEMAND:
+    if name in _LATER:
         import importlib
 
         return importlib.import_module(f"flurries.{name}")
@@ -67,4 +68,4 @@ def __getattr__(name: str) -> ModuleType:
 
 
 def __dir__() -> list[str]:
-    return sorted({*globals(), *_ON_DEMAND})
+    return sorted({*globals(), *_LATER})

@@ -19,8 +19,9 @@ from flurries.effects import Frame, Layer
 from flurries.effects.falling import AMBIENT
 from flurries.effects.layer import layers_of
 from flurries.foreground import Foreground, foreground_of
-from flurries.mixing import Mix, behind, free_name
+from flurries.mixing import Mix, behind
 from flurries.path import CameraPath, as_path
+from flurries.rendered import Rendered, rendered
 from flurries.stereo import eyes
 from flurries.sun import Sun
 from flurries.trace import stage
@@ -31,32 +32,6 @@ SPACES = ("auto", "display", "linear")
 
 # A focal length in picture widths, where none is given: 45 degrees across.
 DEFAULT_FOCAL = 1.2
-
-
-@dataclass(frozen=True, eq=False)
-class Rendered:
-    """A frame with what it is made of.
-
-    Attributes
-    ----------
-    image : (h, w, 3)
-        The composite, as `Scene.render` returns it.
-    alpha : (h, w) float32
-        Opacity of all effects together, in front of the background and behind the foreground.
-    layers : dict of str to (h, w, 4) float32
-        The effects' premultiplied RGBA layers, back to front, in the light of the composite. Of
-        layers that have one name the second is called "name2", and so on.
-    depth : (h, w) float32 or None
-        The background's planar depth, where the scene has one.
-    depths : dict of str to (h, w) float32
-        The planar depth of those layers that know theirs.
-    """
-
-    image: Array
-    alpha: Array
-    layers: dict[str, Array]
-    depth: Array | None = None
-    depths: dict[str, Array] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, eq=False)
@@ -206,7 +181,7 @@ class Scene:
         top, bottom, left, right = window
         part = (bottom - top, right - left)
         depth = self.depth_at(time) if self.effects or layers else None
-        asks = self._asks(time, eye, window, depth)
+        asks = self._asks(time, eye, window, depth, layers)
         with stage("background"):
             picture = self._backdrop.frame(time)[top:bottom, left:right]
         matte = None if self._foreground is None else self._foreground.window(window)
@@ -218,12 +193,55 @@ class Scene:
             for effect, frame in asks
             for layer in layers_of(effect.render(frame), effect, part)
         ]
+        # A mask keeps the weather from the background's own pixels in front.
+        parts = parts if matte is None else [behind(part, matte.cover) for part in parts]
         with stage("composite"):
-            image, cover, named, depths = self._mixed(parts, mix, picture, matte, layers)
+            image = self._mixed(parts, mix, picture, matte)
         if not layers:
             return image
+        front = None if matte is None or matte.light is None else matte.rgba(linear=self.linear)
         around = None if depth is None else depth[top:bottom, left:right]
-        return Rendered(image, cover, named, around, depths)
+        return rendered(image, parts, mix, mix.plate(picture), front, around)
+
+    def look(self, t: float) -> None:
+        """Read background and depth of a frame, as `render` will.
+
+        Raises
+        ------
+        OSError, ValueError
+            If one of them is missing or damaged.
+        """
+        time = real("t", t)
+        self._backdrop.frame(time)
+        if self._distance is not None:
+            self._distance.frame(time)
+
+    @property
+    def film(self) -> Any:
+        """The source of a background that is a video; None for others."""
+        from flurries.io.sources import VideoSource
+
+        source = self._opened
+        return source if isinstance(source, VideoSource) else None
+
+    @property
+    def held(self) -> set[int]:
+        """Frames rendered so far whose background is that of an earlier one."""
+        return getattr(self._opened, "held", set())
+
+    def holding(self) -> Scene:
+        """Return the scene with a background that holds its last good frame where one is bad."""
+        from flurries.io import open_background
+        from flurries.io.sources import Source
+
+        source = self._opened
+        if not isinstance(source, Source) or source.damaged == "hold":
+            return self
+        return self.replace(background=open_background(source.spec, damaged="hold"))
+
+    @property
+    def _opened(self) -> Any:
+        return getattr(self._backdrop.source, "source", None)
 
     def stereo(
         self,
@@ -293,38 +311,27 @@ class Scene:
             return mix.finished(working, picture)
 
     def _mixed(
-        self,
-        parts: list[Layer],
-        mix: Mix,
-        picture: Array,
-        matte: Foreground | None,
-        whole: bool,
-    ) -> tuple[Array, Array, dict[str, Array], dict[str, Array]]:
-        """Return the composite of the layers, and if asked for their cover and themselves."""
+        self, parts: list[Layer], mix: Mix, picture: Array, matte: Foreground | None
+    ) -> Array:
+        """Return the composite of the layers."""
         working = mix.working(picture)
-        cover: Array = np.zeros(picture.shape[:2] if whole else (0, 0), np.float32)
-        layers: dict[str, Array] = {}
-        depths: dict[str, Array] = {}
         for part in parts:
-            # A mask keeps the weather from the background's own pixels in front.
-            part = part if matte is None else behind(part, matte.cover)
             working = mix.over(working, part)
-            if whole:
-                name = free_name(part.name, layers)
-                layers[name] = mix.rgba(part)
-                if part.depth is not None:
-                    depths[name] = part.depth
-                first = len(layers) == 1
-                cover = part.alpha if first else 1.0 - (1.0 - cover) * (1.0 - part.alpha)
         if matte is not None and matte.light is not None:
             working = matte.over(working, linear=self.linear)
-        return mix.finished(working, picture), cover, layers, depths
+        return mix.finished(working, picture)
 
     def write(self, pattern: str | Path, frames: Any = None, **options: Any) -> Any:
         """Render frames to files; see :func:`flurries.render.write`."""
         from flurries.render import write
 
         return write(self, pattern, frames, **options)
+
+    def to_dask(self, frames: Any = None, *, group: int | None = None) -> Any:
+        """Return frames as a lazy Dask array; see :func:`flurries.cluster.to_dask`."""
+        from flurries.cluster import to_dask
+
+        return to_dask(self, frames, group=group)
 
     @staticmethod
     def load(path: str | Path) -> Scene:
@@ -371,6 +378,7 @@ class Scene:
         eye: Camera | None,
         window: tuple[int, int, int, int],
         depth: Array | None,
+        whole: bool = False,
     ) -> list[tuple[Any, Frame]]:
         path: CameraPath = self.camera
         if eye is not None and not isinstance(eye, Camera):
@@ -398,6 +406,7 @@ class Scene:
                         depth=depth,
                         sun=self.sun,
                         ambient=ambient,
+                        whole=whole,
                     ),
                 )
             )

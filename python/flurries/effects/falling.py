@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from typing import Any, ClassVar, TypeVar
 
 import numpy as np
@@ -13,6 +13,7 @@ from flurries.composite import join
 from flurries.effects.layer import Frame, Layer, Light
 from flurries.effects.limited import deepened, veil
 from flurries.effects.peopled import Peopled
+from flurries.effects.seen import seen
 from flurries.spectral.tables import ALIAS, band_of
 from flurries.spectral.tiles import BLEND
 from flurries.timeline import Keys, Number, as_number, as_vector, value_at
@@ -117,9 +118,11 @@ class Falling(Peopled):
         """Return this effect's layer of a frame."""
         amount = value_at(self.amount, frame.t)
         planes = []
+        texture = None
         if amount * value_at(self.texture, frame.t) > 0.0:
             with stage("texture"):
-                planes.append(deepened(self, frame, self.mapped(frame, amount)))
+                texture = deepened(self, frame, self.mapped(frame, amount))
+            planes.append(texture)
         flakes = self._drawn(frame, amount)
         if flakes is not None:
             planes.append(flakes)
@@ -130,7 +133,10 @@ class Falling(Peopled):
         if not planes:
             top, bottom, left, right = frame.window
             planes.append(np.zeros((bottom - top, right - left), np.float32))
-        return Layer(self.NAME, join(planes, haze=haze), self._colour_of(frame))
+        layer = Layer(self.NAME, join(planes, haze=haze), self._colour_of(frame))
+        if not frame.whole:
+            return layer
+        return replace(layer, **seen(self, frame, amount, texture, flakes)._asdict())
 
     def over(self, frame: Frame, behind: Array, light: Light) -> Array | None:
         """Return this effect over a picture, the bits of its layer over it, in one pass.
