@@ -236,5 +236,5 @@ def test_no_flake_pops_while_the_amount_rises(monkeypatch: pytest.MonkeyPatch):
     none, all_ = (picture(scene({**CROWD, **still}, 256), t) for t in (0.0, 30.0))
     assert none.max() == 0.0
     assert np.array_equal(all_, picture(scene({**CROWD, **still, "amount": 1.0}, 256), 30.0))
-    monkeypatch.setattr("flurries.effects.snow.FADE_IN", 1e-6)
+    monkeypatch.setattr("flurries.effects.peopled.FADE_IN", 1e-6)
     assert not measure.smooth(changes(still, times))

@@ -354,6 +354,7 @@ FIELDS: dict[str, tuple[Any, list[Any]]] = {
     "haze": (0.5, [-0.1, 1.1]), "shutter": (0.0, [-0.1]), "texture": (0.0, [-0.1, 1.1]),
     "mean": (-0.5, []), "spread": (1.0, [0.0, -1.0]), "power": (1.0, [0.0, -1.0]),
     "exponent": (1.0, []), "near_depth": (5.0, [0.0, -1.0]),
+    "depth_mode": ("pixel", ["Tile"]),
     "wavelengths": ((2.0, 6.0), [(1.9, 4.0), (4.0, 4.0), (5.0, 4.0), (4.0,), 4.0]),
     "tile": (16, [4, -1, 2**15 + 1, 16.0]), "overlap": (3, [-1, 2**15 + 1, 3.0]),
     "blend": ("linear", ["smooth"]), "alias": ("cut", ["Cut"]), "jitter": (True, [1, 0]),

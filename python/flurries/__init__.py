@@ -9,11 +9,12 @@ from flurries._core import InternalError
 from flurries._threads import set_threads, threads
 from flurries.camera import Camera
 from flurries.depth import DepthMap
-from flurries.effects import Frame, Layer, Snow
+from flurries.effects import Frame, Layer, Rain, Snow
 from flurries.path import CameraPath
 from flurries.scene import Rendered, Scene
 from flurries.sun import Sun
 from flurries.timeline import Keys
+from flurries.wind import Wind
 
 __version__ = "0.1.0"
 
@@ -25,10 +26,12 @@ __all__ = [
     "InternalError",
     "Keys",
     "Layer",
+    "Rain",
     "Rendered",
     "Scene",
     "Snow",
     "Sun",
+    "Wind",
     "camera",
     "composite",
     "particles",

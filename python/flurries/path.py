@@ -229,13 +229,15 @@ def air_moved(t: float, *, fps: float, fall: Number, wind: Vector) -> Float64:
 def _relative_way(path: CameraPath, fps: float, fall: Number, wind: Vector) -> Running:
     """Return P of a camera that turns; its sums are made once for a film."""
     assert path._turning is not None
-    down = (
-        Keys([(frame, (0.0, value, 0.0)) for frame, value in fall.keys])
-        if isinstance(fall, Keys)
-        else (0.0, fall, 0.0)
-    )
-    air = [course_of(part, -1.0 / fps) for part in (wind, down)]
+    air = course_of(wind, -1.0 / fps), fall_course(fall, -1.0 / fps)
     return path._turning.integral(summed([path.course(fps), *air]))
+
+
+def fall_course(fall: Number, scale: float) -> Course:
+    """Return a plain or keyed fall speed as a course of vectors, down."""
+    if not isinstance(fall, Keys):
+        return course_of((0.0, fall, 0.0), scale)
+    return course_of(Keys([(frame, (0.0, value, 0.0)) for frame, value in fall.keys]), scale)
 
 
 def as_path(camera: object, default_focal: float) -> CameraPath:

@@ -12,10 +12,11 @@ import numpy as np
 
 from flurries import _core
 from flurries._contract import Array, choice, integer, real, seed_of
-from flurries.background import Backdrop, backdrop
+from flurries.background import Backdrop, ambient_light, backdrop
 from flurries.camera import Camera
 from flurries.depth import Distance, distance_of
-from flurries.effects import Frame, Layer, Snow
+from flurries.effects import Frame, Layer
+from flurries.effects.falling import AMBIENT
 from flurries.effects.layer import layers_of
 from flurries.foreground import Foreground, foreground_of
 from flurries.mixing import Mix, behind, free_name
@@ -131,7 +132,7 @@ class Scene:
         settle("_backdrop", backdrop(self.background, self.size))
         settle("size", self._backdrop.size)
         settle("camera", as_path(self.camera, DEFAULT_FOCAL * self.shape[1]))
-        if isinstance(self.effects, Snow):
+        if callable(getattr(self.effects, "render", None)):
             settle("effects", (self.effects,))
         if not isinstance(self.effects, (list, tuple)):
             raise TypeError(f"effects must be a sequence of effects, got {self.effects!r}")
@@ -316,6 +317,10 @@ class Scene:
         if eye is not None and not isinstance(eye, Camera):
             raise TypeError(f"eye must be a Camera, got {eye!r}")
         view = path.seen(path.camera if eye is None else eye, t)
+        ambient = None
+        if any(getattr(effect, "colour", None) == AMBIENT for effect in self.effects):
+            # Of the whole picture, so that a region has the whole's bits.
+            ambient = ambient_light(self._backdrop.frame(t), self._backdrop.encoding)
         asks = []
         for index, effect in enumerate(self.effects):
             own = getattr(effect, "seed", None)
@@ -333,6 +338,7 @@ class Scene:
                         seed=seed,
                         depth=depth,
                         sun=self.sun,
+                        ambient=ambient,
                     ),
                 )
             )

@@ -20,11 +20,12 @@ import numpy as np
 
 from flurries.camera import Camera
 from flurries.depth import DepthMap
-from flurries.effects import Snow
+from flurries.effects import Rain, Snow
 from flurries.path import CameraPath
 from flurries.scene import DEFAULT_FOCAL, Scene
 from flurries.sun import Sun
 from flurries.timeline import Keys
+from flurries.wind import FIELDS, Wind
 
 __all__ = ["fingerprint", "load", "save"]
 
@@ -33,7 +34,7 @@ MOST_BYTES = 1 << 20
 # How much of a large background each end gives to its hash.
 ENDS = 1 << 20
 
-EFFECTS: dict[str, type[Any]] = {"snow": Snow}
+EFFECTS: dict[str, type[Any]] = {"snow": Snow, "rain": Rain}
 
 _SCENE = (
     "size", "background", "camera", "effects", "fps", "seed", "foreground", "space", "depth", "sun",
@@ -242,12 +243,27 @@ def _value(file: _File, value: Any, *keys: str | int) -> Any:
     """Return a number, a tuple, or keys."""
     if not isinstance(value, dict):
         return tuple(value) if isinstance(value, list) else value
+    if keys[-1] == "wind" and "keys" not in value:
+        return _wind(file, value, *keys)
     if set(value) != {"keys"}:
         raise ValueError(
             f"{file.where(*keys)}: {keys[-1]} must be a value or {{keys = [[frame, value], ...]}}"
         )
     try:
         return Keys(value["keys"])
+    except (ValueError, TypeError) as error:
+        raise file.placed(error, (), *keys) from None
+
+
+def _wind(file: _File, table: dict[str, Any], *keys: str | int) -> Wind:
+    known = tuple(name for name in FIELDS if name != "field")
+    for key in table:
+        if key not in known:
+            # Tables in one line have no line of their own for a key.
+            raise file.refuse(known, "wind", *keys, key)
+    values = {key: _value(file, value, *keys, key) for key, value in table.items()}
+    try:
+        return Wind(values.pop("mean", (0.0, 0.0, 0.0)), **values)
     except (ValueError, TypeError) as error:
         raise file.placed(error, (), *keys) from None
 
@@ -316,6 +332,11 @@ def _depth(value: Any, folder: Path | None, *, bare: bool) -> Any:
 
 
 def _toml(value: Any) -> Any:
+    if isinstance(value, Wind):
+        if value.field is not None:
+            raise ValueError("wind: a field is an array, which a text file cannot hold")
+        given = {name: getattr(value, name) for name in FIELDS}
+        return {name: _toml(part) for name, part in given.items() if part is not None}
     if isinstance(value, Keys):
         return {"keys": [[frame, _toml(v)] for frame, v in value.keys]}
     if isinstance(value, np.ndarray):

@@ -39,6 +39,9 @@ class Frame:
         stands, None where nobody said. Read-only.
     sun : Sun or None
         What shines.
+    ambient : (r, g, b) or None
+        Display values of white in the background's own light, where an effect's colour is
+        "ambient".
     """
 
     shape: tuple[int, int]
@@ -50,6 +53,7 @@ class Frame:
     seed: int
     depth: Array | None = None
     sun: Sun | None = None
+    ambient: tuple[float, float, float] | None = None
 
     @property
     def width_scale(self) -> float:

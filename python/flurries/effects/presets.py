@@ -56,3 +56,23 @@ SNOW: dict[str, dict[str, Any]] = {
         "flakes": 2000,
     },
 }
+
+RAIN: dict[str, dict[str, Any]] = {
+    "drizzle": {
+        "fall": 4.0,
+        "wind": (0.28, 0.0, 0.0),
+        "wavelengths": None,
+        "texture": 0.25,
+        "mean": 0.1,
+        "haze": 0.04,
+        "drops": 1500,
+        "gain": 10.0,
+    },
+    "rain": {},
+    "downpour": {
+        "texture": 0.5,
+        "mean": 0.3,
+        "haze": 0.2,
+        "drops": 12000,
+    },
+}

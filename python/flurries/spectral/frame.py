@@ -313,3 +313,10 @@ def alpha_of(
     result = np.empty(_window_shape(asked), float_dtype(dtype))
     _core.field(result, asked, mapped, preserve_mean)
     return result
+
+
+def field_of(asked: Request, *, dtype: npt.DTypeLike = np.float32) -> Array:
+    """Field of a settled request's window."""
+    result = np.empty(_window_shape(asked), float_dtype(dtype))
+    _core.field(result, asked)
+    return result

@@ -1,0 +1,153 @@
+"""What snow and rain have in common: a texture, particles and a veil, of one colour."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+from typing import Any, ClassVar, TypeVar
+
+import numpy as np
+
+from flurries._contract import Array, choice, flag, integer, real, seed_of, vector
+from flurries.composite import join
+from flurries.effects.layer import Frame, Layer
+from flurries.effects.limited import deepened, veil
+from flurries.effects.peopled import Peopled
+from flurries.spectral.tables import ALIAS, band_of
+from flurries.spectral.tiles import BLEND
+from flurries.timeline import Keys, Number, as_number, as_vector, value_at
+from flurries.trace import stage
+from flurries.wind import Wind
+
+DEPTH_MODES = ("tile", "pixel")
+
+# What `colour` says instead of a colour: the background's own light.
+AMBIENT = "ambient"
+
+_Kind = TypeVar("_Kind", bound="Falling")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Falling(Peopled):
+    """Snow and rain. The fields are described in `Snow` and `Rain`."""
+
+    amount: Number = 1.0
+    colour: Any = 0.98
+    haze: Number = 0.04
+    texture: Number = 0.8
+    mean: Number = 0.05
+    spread: Number = 2.0
+    power: Number = 2.0
+    depth_mode: str = "tile"
+    seed: int | None = None
+
+    NAME: ClassVar[str] = ""
+    PRESETS: ClassVar[dict[str, dict[str, Any]]] = {}
+
+    def __post_init__(self) -> None:
+        def settle(name: str, value: Any) -> None:
+            object.__setattr__(self, name, value)
+
+        for name in ("amount", "haze", "texture"):
+            settle(name, as_number(name, getattr(self, name), low=0.0, high=1.0))
+        for name in ("fall", "mean"):
+            settle(name, as_number(name, getattr(self, name)))
+        for name in ("spread", "power"):
+            settle(name, as_number(name, getattr(self, name), above=0.0))
+        settle("shutter", as_number("shutter", self.shutter, low=0.0))
+        if not isinstance(self.wind, Wind):
+            settle("wind", as_vector("wind", self.wind, 3))
+        settle("colour", _colour(self.colour))
+        settle("exponent", real("exponent", self.exponent))
+        settle("near_depth", real("near_depth", self.near_depth, above=0.0))
+        if self.wavelengths is not None:
+            low, high = band_of(self.wavelengths)
+            if not 2.0 <= low < high:
+                raise ValueError(f"wavelengths must be 2 <= shortest < longest, got {(low, high)}")
+            settle("wavelengths", (low, high))
+        if self.tile is not None:
+            settle("tile", integer("tile", self.tile, low=5, high=2**15))
+        if self.overlap is not None:
+            settle("overlap", integer("overlap", self.overlap, low=0, high=2**15))
+            if self.tile is not None and self.overlap >= self.tile:
+                raise ValueError(
+                    f"overlap must be less than the tile ({self.tile} px), got {self.overlap}"
+                )
+        choice("blend", self.blend, BLEND)
+        choice("alias", self.alias, ALIAS)
+        choice("depth_mode", self.depth_mode, DEPTH_MODES)
+        flag("jitter", self.jitter)
+        if self.seed is not None:
+            settle("seed", seed_of(self.seed))
+
+    def _settle_particles(self, number: str, size: str) -> None:
+        """Check how many particles there are, and how large."""
+        count = integer(number, getattr(self, number), low=0, high=100_000_000)
+        object.__setattr__(self, number, count)
+        sizes = vector(size, getattr(self, size), 2).tolist()
+        if not 0.0 < sizes[0] <= sizes[1]:
+            raise ValueError(f"{size} must be 0 < smallest <= largest, got {tuple(sizes)}")
+        object.__setattr__(self, size, tuple(sizes))
+
+    @classmethod
+    def preset(cls: type[_Kind], name: str, **changes: Any) -> _Kind:
+        """Return a look by name; further arguments replace single values of it."""
+        values: dict[str, Any] = dict(cls.PRESETS[choice("preset", name, tuple(cls.PRESETS))])
+        unknown = set(changes) - {f.name for f in fields(cls)}
+        if unknown:
+            raise TypeError(f"{cls.__name__} has no field {sorted(unknown)[0]!r}")
+        return cls(**{**values, **changes})
+
+    def mapped(self, frame: Frame, amount: float) -> tuple[float, float, float, float]:
+        """Return mean, spread, power and amount of the texture's map to opacity."""
+        t = frame.t
+        return (
+            value_at(self.mean, t),
+            value_at(self.spread, t),
+            value_at(self.power, t),
+            amount * value_at(self.texture, t),
+        )
+
+    def render(self, frame: Frame) -> Layer:
+        """Return this effect's layer of a frame."""
+        amount = value_at(self.amount, frame.t)
+        planes = []
+        if amount * value_at(self.texture, frame.t) > 0.0:
+            with stage("texture"):
+                planes.append(self._texture(frame, amount))
+        kind = self.population(frame.t)
+        if kind.number and amount * kind.opacity > 0.0:
+            with stage("flakes"):
+                planes.append(frame.crop(self.particles(frame, amount)))
+        haze = amount * value_at(self.haze, frame.t)
+        if haze > 0.0 and frame.depth is not None:
+            planes.append(veil(haze, frame.crop(frame.depth), self.far_depth(frame.shape)))
+            haze = 0.0
+        if not planes:
+            top, bottom, left, right = frame.window
+            planes.append(np.zeros((bottom - top, right - left), np.float32))
+        return Layer(self.NAME, join(planes, haze=haze), self._colour_of(frame))
+
+    def _texture(self, frame: Frame, amount: float) -> Array:
+        return deepened(self, frame, self.mapped(frame, amount), preserve_mean=True)
+
+    def _colour_of(self, frame: Frame) -> tuple[float, float, float]:
+        if self.colour == AMBIENT:
+            return frame.ambient or (1.0, 1.0, 1.0)
+        colour = value_at(self.colour, frame.t)
+        return (colour,) * 3 if isinstance(colour, float) else colour
+
+
+def _colour(value: object) -> Any:
+    """Return one grey or (r, g, b), plain or keyed, in 0 to 1, or the word for ambient light."""
+    if isinstance(value, Keys):
+        if value.width not in (None, 3):
+            raise ValueError(f"colour must be keyed with numbers or (r, g, b), got {value!r}")
+        for _, v in value.keys:
+            _colour(v)
+        return value
+    if isinstance(value, str):
+        return choice("colour", value, (AMBIENT,))
+    if isinstance(value, (float, int, np.number, bytes)) or value is None:
+        return real("colour", value, low=0.0, high=1.0)
+    parts = vector("colour", value, 3).tolist()
+    return tuple(real("colour", part, low=0.0, high=1.0) for part in parts)

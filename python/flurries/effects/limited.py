@@ -1,0 +1,133 @@
+"""The texture in front of a scene that ends: only the air before it has snow in it.
+
+A wave of wavelength L stands for the depth near_depth * longest / L. Before a wall at depth Z only
+the waves longer than near_depth * longest / Z are left, with the amplitudes that they have before
+the sky (Langer 2004, section 8).
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from flurries._contract import Array, Float64
+from flurries.effects.layer import Frame
+from flurries.spectral import opacity
+from flurries.spectral.contrast import kept_power, mean_opacity
+from flurries.spectral.frame import alpha_of, field_of
+from flurries.spectral.tiles import tile_starts
+from flurries.timeline import value_at
+
+if TYPE_CHECKING:
+    from flurries.effects.falling import Falling
+
+Map = tuple[float, float, float, float]
+
+
+def deepened(effect: Falling, frame: Frame, mapped: Map, *, preserve_mean: bool) -> Array:
+    """Return the texture's opacity over the window, as far as the scene's depth leaves it."""
+    far = effect.far_depth(frame.shape)
+    if frame.depth is None or float(frame.depth.min()) >= far:
+        return alpha_of(effect.texture_request(frame), mapped, preserve_mean=preserve_mean)
+    if effect.depth_mode == "tile":
+        return _by_tile(effect, frame, mapped, preserve_mean)
+    return _by_pixel(effect, frame, mapped, preserve_mean)
+
+
+def share_of(depth: Array, near: float, far: float) -> Float64:
+    """Return the share of the texture's power that lies before depths: equal for every octave."""
+    with np.errstate(divide="ignore"):
+        share = np.log(depth.astype(np.float64) / near) / math.log(far / near)
+    return np.asarray(np.clip(share, 0.0, 1.0))
+
+
+def _faded(share: Float64, mapped: Map) -> Float64:
+    """Return the factor that brings the mean opacity down to the share that is left.
+
+    Less variance alone would leave the even veil that the map's mean makes, even before a wall that
+    no snow is in front of.
+    """
+    mean, spread, power, _ = mapped
+    whole = mean_opacity(np.ones(1), mean, spread, power)[0]
+    left = mean_opacity(share.ravel(), mean, spread, power).reshape(share.shape)
+    factor = np.divide(share * whole, left, out=np.zeros_like(share), where=left > 0.0)
+    return np.asarray(np.minimum(factor, 1.0))
+
+
+def _by_tile(effect: Falling, frame: Frame, mapped: Map, preserve_mean: bool) -> Array:
+    """Limit the band of each tile by its farthest depth."""
+    assert frame.depth is not None
+    (height, width), (tile, overlap) = frame.shape, effect.tiles(frame)
+    near, far = effect.near_depth, effect.far_depth(frame.shape)
+    rows = tile_starts(height, tile=tile, overlap=overlap)
+    cols = tile_starts(width, tile=tile, overlap=overlap)
+    # The farthest of each run of columns first, so that a pixel is not read for every tile.
+    bands = np.stack([frame.depth[:, x : x + tile].max(axis=1) for x in cols], axis=1)
+    farthest = np.stack([bands[y : y + tile].max(axis=0) for y in rows])
+    longest = effect.band(frame.shape)[1]
+    shortest = near * longest / farthest.astype(np.float64)
+    alpha = alpha_of(
+        effect.texture_request(frame, shortest=shortest), mapped, preserve_mean=preserve_mean
+    )
+    faded = _faded(share_of(farthest, near, far), mapped)
+    top, bottom, left, right = frame.window
+    down = weights(rows, height, tile, overlap)[top:bottom]
+    across = weights(cols, width, tile, overlap)[left:right]
+    alpha *= (down @ faded @ across.T).astype(np.float32)
+    return alpha
+
+
+def weights(starts: Array, length: int, tile: int, overlap: int) -> Float64:
+    """Return each tile's share of each pixel along one axis, (length, tiles); rows sum to 1."""
+    place = np.arange(length)[:, None] - starts[None, :] + 0.5
+    ramp = np.minimum(place, tile - place) / max(overlap, 1)
+    if overlap == 0:
+        ramp = np.where((place > 0.0) & (place < tile), 1.0, 0.0)
+    share = np.sin(0.5 * np.pi * np.clip(ramp, 0.0, 1.0)) ** 2
+    return np.asarray(share / share.sum(axis=1, keepdims=True))
+
+
+def _by_pixel(effect: Falling, frame: Frame, mapped: Map, preserve_mean: bool) -> Array:
+    """Weigh octaves of the texture by how much of their air is before the pixel."""
+    assert frame.depth is not None
+    near, far = effect.near_depth, effect.far_depth(frame.shape)
+    depth = frame.crop(frame.depth)
+    octaves = max(math.ceil(math.log2(far / near) - 1e-9), 1)
+    edges = near * (far / near) ** (np.arange(octaves + 1) / octaves)
+    longest = effect.band(frame.shape)[1]
+    tile, overlap = effect.tiles(frame)
+    grid = tuple(len(tile_starts(n, tile=tile, overlap=overlap)) for n in frame.shape)
+    total = np.zeros(depth.shape, np.float32)
+    before = None
+    for number in range(octaves):
+        # All waves that stand for depths up to the far edge of this octave.
+        limit = 0.0 if number + 1 == octaves else near * longest / edges[number + 1]
+        asked = effect.texture_request(frame, shortest=np.full(grid, limit))
+        nearer = field_of(asked)
+        part = share_of(depth, edges[number], edges[number + 1])
+        total += np.sqrt(part).astype(np.float32) * (nearer if before is None else nearer - before)
+        before = nearer
+    share = share_of(depth, near, far)
+    mean, spread, power, amount = mapped
+    alpha = opacity(total, mean=mean, spread=spread, exponent=power)
+    if preserve_mean:
+        kept = kept_power(
+            effect.cycles(frame), effect.alias, shutter=value_at(effect.shutter, frame.t)
+        )
+        lost = mean_opacity(share.ravel(), mean, spread, power) - mean_opacity(
+            kept * share.ravel(), mean, spread, power
+        )
+        alpha += lost.reshape(share.shape).astype(np.float32)
+    alpha *= (amount * _faded(share, mapped)).astype(np.float32)
+    return np.clip(alpha, 0.0, 1.0, out=alpha)
+
+
+def veil(haze: float, depth: Array, far: float) -> Array:
+    """Return the opacity of an even veil before depths: whole from the texture's far end on.
+
+    Its optical depth grows with the way through it.
+    """
+    way = np.minimum(depth / np.float32(far), np.float32(1.0))
+    return np.asarray(1.0 - (1.0 - haze) ** way, np.float32)

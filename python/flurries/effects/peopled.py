@@ -1,0 +1,203 @@
+"""Flakes and drops: many points in a box that goes with the camera, seen through its lens."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from flurries import particles
+from flurries._contract import Array, Float64
+from flurries._core import uniform
+from flurries.effects.layer import Frame
+from flurries.effects.moving import profile_of_flakes, waves_of_flakes
+from flurries.effects.textured import Textured
+from flurries.timeline import value_at
+from flurries.wind import Wind
+
+# Streams of counter-based numbers; the flakes' places and sway have their own in the kernel.
+SIZES = 101
+
+# Over this share of the flakes the last one fades in while `amount` rises, so that none pops.
+FADE_IN = 0.1
+
+# The share of a box in which flakes are shown in full; beyond they fade to its walls.
+SHOWN = 0.85
+
+# What the most flakes in view need behind a centred lens; a small scene must not ask for more work.
+MOST_IN_BOX = 420_000_000
+
+# Flakes larger than this on a picture 1024 px wide fade out: out-of-focus puffs look like dirt.
+LARGEST_SIGMA = (3.5, 6.0)
+
+
+class Population(NamedTuple):
+    """The flakes of an effect at one time.
+
+    Attributes
+    ----------
+    name : str
+        What the effect calls their number.
+    number : int
+        How many are in view.
+    reach : float
+        Depth up to which they are drawn, metres.
+    sizes : (smallest, largest)
+        Diameters, metres.
+    opacity : float
+        Of a resting one's middle.
+    sway : (amplitude, rate)
+        Metres, and radians per second.
+    """
+
+    name: str
+    number: int
+    reach: float
+    sizes: tuple[float, float]
+    opacity: float
+    sway: tuple[float, float]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Peopled(Textured):
+    """A texture with particles in front."""
+
+    def population(self, t: float) -> Population:
+        """Return what is drawn one by one at `t`."""
+        raise NotImplementedError
+
+    def box(self, frame: Frame) -> Float64:
+        """Return the sides in metres of the box of flakes that the view fits into.
+
+        Along the camera's axes; for a camera that turns along those of the house, a cube that holds
+        the view however it is turned. Gusts get room aside.
+        """
+        reach = self.population(frame.t).reach
+        across, down = self._wide(frame)
+        room = self._room()
+        if frame.path.turns:
+            return np.full(3, 2.0 * self._ball(frame) / SHOWN + 2.0 * room)
+        # The outer 15 % of the box fade; the view's far corners stay inside of that.
+        return np.array([across / SHOWN + 2.0 * room, down / SHOWN + 2.0 * room, reach])
+
+    def _room(self) -> float:
+        """Return how far gusts carry flakes aside, with few exceptions, metres.
+
+        One that is carried farther is missed at the view's border; none ever jumps, since flakes
+        are faded out where the box wraps.
+        """
+        if not isinstance(self.wind, Wind) or self.wind.waves is None:
+            return 0.0
+        return 2.0 * self.wind.waves.spread()
+
+    def _wide(self, frame: Frame) -> tuple[float, float]:
+        """Return the view's width and height at the far end, metres, as if the lens were centred.
+
+        The path's camera counts, so that both eyes see the same flakes; and the farther side of a
+        lens that is off the middle, since the box is centred on the axis.
+        """
+        height, width = frame.shape
+        cx, cy = frame.path.camera.principal(frame.shape)
+        across, down = (2.0 * max(c, n - c) for c, n in ((cx, width), (cy, height)))
+        reach = self.population(frame.t).reach / frame.path.camera.focal
+        return across * reach, down * reach
+
+    def _ball(self, frame: Frame) -> float:
+        """Return the radius of the ball through the eye and the view's far corners, metres.
+
+        Its centre lies on the axis at the same distance from the eye, or in the middle of the far
+        end where the view is wider than deep.
+        """
+        across, down = self._wide(frame)
+        reach = self.population(frame.t).reach
+        corner = 0.25 * (across**2 + down**2)
+        return max(0.5 * (reach + corner / reach), math.sqrt(corner))
+
+    def count(self, frame: Frame) -> int:
+        """Return how many flakes the box holds, so that the view has as many as were asked for."""
+        kind = self.population(frame.t)
+        height, width = frame.shape
+        reach = kind.reach / frame.path.camera.focal
+        # The view is a pyramid: a third of the prism around it.
+        view = width * reach * height * reach * kind.reach / 3.0
+        count = round(kind.number * float(np.prod(self.box(frame))) / view)
+        if count > MOST_IN_BOX:
+            raise ValueError(
+                f"{kind.name}: {kind.number} in view are {count} in the box around a lens whose "
+                f"center is so far off the middle; at most {MOST_IN_BOX} are drawn"
+            )
+        return count
+
+    def places(self, frame: Frame) -> tuple[Float64, Float64, Float64]:
+        """Return where the flakes of a frame are, how fast, and how much they show.
+
+        Returns
+        -------
+        points, velocity : (n, 3)
+            Metres and metres per frame in the eye's axes, from the camera.
+        shown : (n,)
+            0 at the walls of the box, 1 inside.
+        """
+        kind, count, box = self.population(frame.t), self.count(frame), self.box(frame)
+        # The way is known as a whole, so it is the velocity of one unit of time, and the swing's
+        # angle of now is its rate.
+        swing = (kind.sway[0], kind.sway[1] * frame.t / frame.fps)
+        ahead = np.array([0.0, 0.0, 0.5 * kind.reach])
+        turns = frame.path.turns
+        way = -self.displacement(frame) if turns else -frame.to_camera(self.displacement(frame))
+        velocity = np.broadcast_to(-frame.to_camera(self.velocity(frame)), (1, 3))
+        # Flakes stay in axes that do not turn; the box goes round with the view inside.
+        middle = frame.camera.matrix() @ (0.0, 0.0, min(self._ball(frame), kind.reach))
+        middle = middle if turns else ahead
+
+        def placed(way: Float64) -> Float64:
+            return particles.positions(
+                count, box, seed=frame.seed, velocity=way, time=1.0, center=middle, sway=swing
+            )
+
+        points = placed(way)
+        wind = self.wind if isinstance(self.wind, Wind) else None
+        if wind is not None and wind.profile is not None and count:
+            moved, rate = profile_of_flakes(self, frame, points[:, 2])
+            points, velocity = placed(way + moved), velocity + rate
+        shown = particles.edge_fade(points, box, center=middle)
+        if turns:
+            points = frame.to_camera(points)
+            # The far end fades as in the box of a camera that does not turn.
+            deep = (1e3 * kind.reach, 1e3 * kind.reach, kind.reach)
+            shown = shown * particles.edge_fade(points, deep, center=ahead)
+        if wind is not None and wind.waves is not None and count:
+            moved, rate = waves_of_flakes(self, frame, points)
+            points, velocity = points + moved, velocity + rate
+        if turns:
+            velocity = velocity - np.cross(frame.spin(), points)
+        return points, velocity, shown
+
+    def particles(self, frame: Frame, amount: float) -> Array:
+        """Return the alpha of the flakes over the whole frame, (H, W) float32."""
+        t, camera = frame.t, frame.camera
+        kind = self.population(t)
+        points, velocity, shown = self.places(frame)
+        count = len(points)
+        sizes = np.empty(count)
+        uniform(sizes, frame.seed, SIZES)
+        rank = (np.arange(count) + 0.5) / count
+        radius = 0.5 * (kind.sizes[0] + sizes * (kind.sizes[1] - kind.sizes[0]))
+        weight = np.clip((amount - rank * (1.0 - FADE_IN)) / FADE_IN, 0.0, 1.0) * shown
+        low, high = (limit * frame.width_scale for limit in LARGEST_SIGMA)
+        sigma = camera.focal * radius / (3.0 * np.maximum(points[:, 2], 1e-6))
+        part = np.clip((sigma - low) / (high - low), 0.0, 1.0)
+        weight *= 1.0 - part * part * (3.0 - 2.0 * part)
+        seen = weight > 0.0
+        return particles.splat(
+            frame.shape,
+            points[seen],
+            radius[seen],
+            camera,
+            opacity=weight[seen] * kind.opacity,
+            velocity=velocity[0] if len(velocity) == 1 else velocity[seen],
+            shutter=value_at(self.shutter, t),
+            depth=frame.depth,
+        )

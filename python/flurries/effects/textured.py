@@ -1,0 +1,151 @@
+"""The texture of all that is far: its band, tiles and motion, as one request for the kernel."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from flurries._contract import Float64
+from flurries.camera import tile_drift, tile_shift
+from flurries.effects.layer import Frame
+from flurries.effects.moving import Moving, of_rings
+from flurries.spectral.frame import Request, request
+from flurries.spectral.tiles import tile_starts
+from flurries.timeline import Number, value_at
+from flurries.wind import Wind
+
+
+@dataclass(frozen=True, kw_only=True)
+class Textured(Moving):
+    """A texture that moves. The fields are described where they are used."""
+
+    shutter: Number = 0.5
+    exponent: float = 0.75
+    wavelengths: tuple[float, float] | None = None
+    near_depth: float = 12.0
+    tile: int | None = None
+    overlap: int | None = None
+    blend: str = "power"
+    alias: str = "soft"
+    jitter: bool = False
+
+    # Wavelengths in pixels on a picture 1024 px wide.
+    _BAND = (3.0, 24.0)
+
+    def band(self, shape: tuple[int, int]) -> tuple[float, float]:
+        """Return the texture's wavelengths in pixels on a picture of that shape."""
+        if self.wavelengths is not None:
+            return self.wavelengths
+        scale = shape[1] / 1024.0
+        longest = max(self._BAND[1] * scale, 4.0)
+        return max(self._BAND[0] * scale, 2.0), longest
+
+    def far_depth(self, shape: tuple[int, int]) -> float:
+        """Return the depth that the shortest wave stands for, metres."""
+        shortest, longest = self.band(shape)
+        return self.near_depth * longest / shortest
+
+    def tiling(self, shape: tuple[int, int], forward: bool) -> tuple[int, int]:
+        """Return tile and overlap in pixels."""
+        longest = self.band(shape)[1]
+        tile = self.tile or 8 * math.ceil(longest / 3.0 - 1e-9)
+        if self.overlap is not None:
+            return tile, min(self.overlap, tile - 1)
+        # The flow differs from tile to tile when the camera goes forward: mix more of them.
+        return tile, tile // 2 if forward else tile // 6
+
+    def tiles(self, frame: Frame) -> tuple[int, int]:
+        """Return tile and overlap in pixels for the film that a frame belongs to."""
+        return self.tiling(frame.shape, self.spreads(frame) or self.gusty)
+
+    @property
+    def gusty(self) -> bool:
+        """Whether the wind differs from place to place across the view."""
+        return isinstance(self.wind, Wind) and self.wind.waves is not None
+
+    def cycles(self, frame: Frame) -> float:
+        """Return how fast the middle of the longest wave's tent turns, cycles per frame."""
+        rate = frame.to_camera(self.velocity(frame))
+        speed = frame.camera.focal * float(np.hypot(rate[0], rate[1])) / self.near_depth
+        return speed / self.band(frame.shape)[1]
+
+    def texture_request(self, frame: Frame, **more: Any) -> Request:
+        """Return the field that the texture of a frame is made of; `more` goes to the request."""
+        shape, camera = frame.shape, frame.camera
+        tile, overlap = self.tiles(frame)
+        place = frame.travel(fall=self.fall, wind=self.mean_wind)
+        # A velocity has no eye: take away what tile_drift adds for one.
+        rate = frame.to_camera(self.velocity(frame)) - camera.offset
+        shift: Any = camera.center_shift
+        shift_rate: Any = None
+        if frame.path.turns:
+            # An eye beside the axis is carried round it; its place in the air stays that of the
+            # camera plus the offset, so that two eyes keep their disparities.
+            rate = rate + np.cross(frame.spin(), camera.offset)
+            shift, shift_rate = (
+                tile_shift(shape, angle, camera, tile=tile, overlap=overlap)
+                for angle in (frame.turned(), frame.spin())
+            )
+            shift = shift + camera.center_shift
+        drift, velocity = (
+            tile_drift(
+                shape, vector, camera, near_depth=self.near_depth, tile=tile, overlap=overlap
+            )
+            for vector in (place, rate)
+        )
+        edges = self._ring_edges(shape)
+        if edges is not None:
+            extra = self._ring_drift(frame, tile, overlap, edges)
+            drift, velocity = drift[:, :, None] + extra[0], velocity[:, :, None] + extra[1]
+            more["ring_edges"] = edges
+        return request(
+            shape,
+            drift=drift,
+            shift=shift,
+            velocity=velocity,
+            shift_rate=shift_rate,
+            seed=frame.seed,
+            tile=tile,
+            overlap=overlap,
+            wavelengths=self.band(shape),
+            exponent=self.exponent,
+            alias=self.alias,
+            shutter=value_at(self.shutter, frame.t),
+            jitter=self.jitter,
+            blend=self.blend,
+            window=frame.window,
+            **more,
+        )
+
+    def _ring_edges(self, shape: tuple[int, int]) -> Float64 | None:
+        """Return wavelengths between rings of half an octave, if the wind differs over depth."""
+        if not isinstance(self.wind, Wind) or (self.wind.profile is None and not self.gusty):
+            return None
+        shortest, longest = self.band(shape)
+        rings = max(round(2.0 * math.log2(longest / shortest)), 1)
+        return np.asarray(shortest * (longest / shortest) ** (np.arange(rings + 1) / rings))
+
+    def _ring_drift(
+        self, frame: Frame, tile: int, overlap: int, edges: Float64
+    ) -> tuple[Float64, Float64]:
+        """Return drift and velocity (rows, cols, rings, 2) px beyond those of the mean wind."""
+        camera, shape = frame.camera, frame.shape
+        cx, cy = camera.principal(shape)
+        y = tile_starts(shape[0], tile=tile, overlap=overlap) + 0.5 * tile - cy
+        x = tile_starts(shape[1], tile=tile, overlap=overlap) + 0.5 * tile - cx
+        middles = np.sqrt(edges[1:] * edges[:-1])
+        depth = self.near_depth * self.band(shape)[1] / middles
+        rows, cols, z = np.meshgrid(y, x, depth, indexing="ij")
+        ahead = np.stack([cols * z / camera.focal, rows * z / camera.focal, z], axis=-1)
+        aside = np.stack([cols, rows], axis=-1)
+        # Both eyes feel the wind of one place, that before the camera.
+        moved, rate = of_rings(self, frame, ahead)
+        # The air moves, so the camera moves the other way through it.
+        drift, velocity = (
+            (camera.focal * v[..., :2] - v[..., 2:] * aside) / self.near_depth
+            for v in (moved, rate)
+        )
+        return drift, velocity
