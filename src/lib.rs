@@ -12,6 +12,7 @@
 //! | [`spectral`] | the tent, the band, phases, tiles, one frame of the field | Langer 2004, sections 4-7 |
 //! | [`particles`] | the box of flakes, their image | Langer 2004, sections 6-7 |
 //! | [`frame`] | compositing | Langer 2004, Eq. 7 |
+//! | [`snowfall`] | texture, flakes and veil over a picture in one pass | Langer 2004, Eq. 7 |
 //! | `python` | the binding, behind the feature of that name | |
 
 pub mod error;
@@ -23,4 +24,5 @@ mod python;
 pub mod random;
 pub mod real;
 pub mod simd;
+pub mod snowfall;
 pub mod spectral;

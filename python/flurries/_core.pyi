@@ -24,6 +24,7 @@ __all__ = [
     "random_phase",
     "set_threads",
     "snow",
+    "snowfall",
     "temporal_filter",
     "tent_rate",
     "threads",
@@ -62,6 +63,16 @@ def blend_tiles(out: _Array, tiles: _Array, overlap: int, blend: str) -> None: .
 def opacity(out: _Array, field: _Array, map: _Map) -> None: ...
 def field(
     out: _Array, request: Request, map: _Map | None = None, preserve_mean: bool = False
+) -> None: ...
+def snowfall(
+    out: _Array,
+    background: _Array,
+    request: Request,
+    map: _Map,
+    preserve_mean: bool,
+    haze: float,
+    intensity: list[float],
+    flakes: _Array | None = None,
 ) -> None: ...
 def all_finite(values: _Array) -> bool: ...
 def snow(out: _Array, background: _Array, alpha: _Array, intensity: list[float]) -> None: ...

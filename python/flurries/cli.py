@@ -103,15 +103,20 @@ def _parser() -> argparse.ArgumentParser:
         metavar="PATTERN|VIDEO",
         help="frames/%%04d.exr, .png, ...; out.mp4, .webm, .mkv; or one still",
     )
-    from flurries.effects.presets import SNOW
+    from flurries.effects.presets import RAIN, SNOW
 
     render.add_argument("--snow", metavar="PRESET", help=", ".join(SNOW))
-    render.add_argument("--amount", type=float, metavar="A", help="how much snow, 0 to 1")
+    render.add_argument("--rain", metavar="PRESET", help=", ".join(RAIN))
+    render.add_argument("--amount", type=float, metavar="A", help="how much of it, 0 to 1")
     render.add_argument("--wind", type=_numbers(3), metavar="X,Y,Z", help="metres per second")
     render.add_argument(
         "--fly", type=_numbers(3), metavar="X,Y,Z", help="camera velocity, metres per second"
     )
-    render.add_argument("--foreground", metavar="FILE", help="mask or picture in front of the snow")
+    render.add_argument("--camera", metavar="CSV", help="camera path: x,y,z and rx,ry,rz a frame")
+    render.add_argument("--depth", metavar="FILE|METRES", help="EXR with Z; or a wall's distance")
+    render.add_argument(
+        "--foreground", metavar="FILE", help="mask or picture in front of the weather"
+    )
     render.add_argument("--frames", metavar="RANGE", help="1-60, 1-100x2, 7")
     render.add_argument("--seed", type=int, metavar="N")
     render.add_argument("--size", metavar="WxH")
@@ -185,7 +190,7 @@ def _scene(options: argparse.Namespace) -> Any:
     """Return the scene that the options describe."""
     from dataclasses import replace
 
-    from flurries.effects import Snow
+    from flurries.effects.falling import Falling
     from flurries.path import CameraPath
     from flurries.scene import Scene
 
@@ -197,26 +202,31 @@ def _scene(options: argparse.Namespace) -> Any:
     }
     if options.linear:
         changes["space"] = "linear"
-    snow = {
+    if options.depth is not None:
+        changes["depth"] = _depth(options.depth)
+    weather = {
         name: getattr(options, name)
         for name in ("amount", "wind")
         if getattr(options, name) is not None
     }
     if given.suffix.lower() == ".toml":
         scene = Scene.load(given)
-        if options.snow is not None:
-            changes["effects"] = [Snow.preset(options.snow, **snow)]
-        elif snow:
+        if effects := _effects(options, weather):
+            changes["effects"] = effects
+        elif weather:
             changes["effects"] = [
-                replace(e, **snow) if isinstance(e, Snow) else e for e in scene.effects
+                replace(e, **weather) if isinstance(e, Falling) else e for e in scene.effects
             ]
         if "size" in changes:
             # The focal length belongs to the picture's width: keep the angle of view.
             scene, changes = _resized(scene, changes)
         scene = scene.replace(**changes)
     else:
-        if options.snow is None:
-            raise _Mistake("a picture needs weather: add --snow PRESET, such as --snow heavy")
+        effects = _effects(options, weather)
+        if not effects:
+            raise _Mistake(
+                "a picture needs weather: add --snow PRESET, such as --snow heavy, or --rain PRESET"
+            )
         source: Any = options.input
         if not options.input.startswith("#"):
             from flurries.io import open_background
@@ -225,10 +235,29 @@ def _scene(options: argparse.Namespace) -> Any:
             if source.fps is not None:
                 changes.setdefault("fps", float(source.fps))
         size = changes.pop("size", None)
-        scene = Scene(size, source, effects=[Snow.preset(options.snow, **snow)], **changes)
+        scene = Scene(size, source, effects=effects, **changes)
     if options.fly is not None:
         scene = scene.replace(camera=CameraPath(scene.camera.camera, velocity=options.fly))
+    if options.camera is not None:
+        if options.fly is not None:
+            raise _Mistake("--camera and --fly must not both be given")
+        scene = scene.replace(camera=CameraPath.load(options.camera, scene.camera.camera))
     return scene
+
+
+def _effects(options: argparse.Namespace, weather: dict[str, Any]) -> list[Any]:
+    """Return the weather of the options, back to front."""
+    from flurries.effects import Rain, Snow
+
+    kinds = ((Snow, options.snow), (Rain, options.rain))
+    return [kind.preset(name, **weather) for kind, name in kinds if name is not None]
+
+
+def _depth(text: str) -> float | str:
+    try:
+        return float(text)
+    except ValueError:
+        return text
 
 
 def _resized(scene: Any, changes: dict[str, Any]) -> tuple[Any, dict[str, Any]]:

@@ -5,7 +5,7 @@ use ndarray::{ArrayView2, ArrayView3, ArrayViewMut2, ArrayViewMut3, Axis};
 use num_traits::{Float, One, Zero};
 
 use super::sample::Sample;
-use crate::error::{Cancel, Error};
+use crate::error::{Cancel, Error, collected};
 use crate::pool;
 use crate::real::Real;
 use crate::simd::dispatch;
@@ -64,30 +64,51 @@ pub fn snow<S: Sample, A: Real>(
     cancel: &Cancel,
 ) -> Result<(), Error> {
     let (_, width, channels) = out.dim();
-    if channels != 1 && channels != 3 {
-        let message = format!("must have one channel or three, got {channels}");
-        return Err(Error::invalid("background", message));
-    }
     let alpha = alpha.to_slice().ok_or_else(|| Error::Internal("layout".into()))?;
+    let colour = OneColour::new(intensity, channels)?;
+    each_row(out, background, alpha, width, cancel, |out, back, alpha| {
+        colour.over(out, back, alpha)
+    })
+}
+
+/// One colour laid over pixels of one channel or three (Eq. 7).
+pub struct OneColour<S: Sample> {
     // The colour of a block of pixels, channel by channel: one loop over channels alike vectorises,
     // where a loop over pixels of three does not.
-    let colour: Vec<S::Working> = (0..BLOCK * channels)
-        .map(|i| <S::Working as Real>::of(intensity[i % channels] * S::SCALE))
-        .collect();
-    each_row(out, background, alpha, width, cancel, |out, back, alpha| {
+    values: Vec<S::Working>,
+    channels: usize,
+}
+
+impl<S: Sample> OneColour<S> {
+    /// The colour with one entry of `intensity` per channel, as a fraction of full scale.
+    pub fn new(intensity: &[f64], channels: usize) -> Result<Self, Error> {
+        if (channels != 1 && channels != 3) || intensity.len() != channels {
+            let message = format!(
+                "must have one channel or three, as the colour has, got {channels} and {}",
+                intensity.len()
+            );
+            return Err(Error::invalid("background", message));
+        }
+        let value = |i: usize| <S::Working as Real>::of(intensity[i % channels] * S::SCALE);
+        Ok(Self { values: collected((0..BLOCK * channels).map(value))?, channels })
+    }
+
+    /// Writes `colour * alpha + (1 - alpha) * background`, with one alpha per pixel.
+    pub fn over<A: Real>(&self, out: &mut [S], background: &[S], alpha: &[A]) {
+        let size = BLOCK * self.channels;
         // On the stack: rows must not allocate. Three channels are the most.
         let mut spread = [S::Working::zero(); BLOCK * 3];
-        let spread = &mut spread[..BLOCK * channels];
-        let blocks = out.chunks_mut(BLOCK * channels).zip(back.chunks(BLOCK * channels));
+        let spread = &mut spread[..size];
+        let blocks = out.chunks_mut(size).zip(background.chunks(size));
         for ((out, back), alpha) in blocks.zip(alpha.chunks(BLOCK)) {
-            if channels == 3 {
+            if self.channels == 3 {
                 spread_alpha::<S::Working, A, 3>(alpha, spread);
             } else {
                 spread_alpha::<S::Working, A, 1>(alpha, spread);
             }
-            mix_row::<S>(out, back, &colour, spread);
+            mix_row::<S>(out, back, &self.values, spread);
         }
-    })
+    }
 }
 
 /// Repeats each alpha for the channels of its pixel.
@@ -101,7 +122,7 @@ fn spread_alpha<T: Real, A: Real, const CHANNELS: usize>(alpha: &[A], spread: &m
 }
 
 /// Pixels that are mixed at once; their work space stays in the first cache.
-const BLOCK: usize = 256;
+pub const BLOCK: usize = 256;
 
 #[inline(always)]
 fn mix_row_with<S: Sample, const LEVEL: u8>(
@@ -166,19 +187,46 @@ pub fn join<T: Real>(
     cancel: &Cancel,
 ) -> Result<(), Error> {
     let clear = T::of(1.0 - haze);
-    let tasks = out.axis_iter_mut(Axis(0)).enumerate().collect();
-    pool::for_each(tasks, |(row, mut out): (usize, ndarray::ArrayViewMut1<'_, T>)| {
-        cancel.check()?;
-        out.fill(clear);
-        for layer in layers {
-            out.zip_mut_with(&layer.row(row), |through, &alpha| *through *= T::one() - alpha);
-        }
-        out.mapv_inplace(|through| T::one() - through);
-        if let Some(matte) = &matte {
-            out.zip_mut_with(&matte.row(row), |alpha, &matte| *alpha *= T::one() - matte);
+    let layout = || Error::Internal("rows are not contiguous".into());
+    let width = out.ncols();
+    let mut tasks = Vec::new();
+    for run in pool::split(out.nrows(), pool::threads()) {
+        let (part, rest) = out.split_at(Axis(0), run.len());
+        out = rest;
+        tasks.push((run, part));
+    }
+    pool::for_each(tasks, |(run, mut part): (std::ops::Range<usize>, ArrayViewMut2<'_, T>)| {
+        for (row, mut out) in run.zip(part.rows_mut()) {
+            cancel.check()?;
+            let out = out.as_slice_mut().ok_or_else(layout)?;
+            out.fill(clear);
+            for layer in layers {
+                let layer = layer.row(row);
+                dim(layer.as_slice().ok_or_else(layout)?, out);
+            }
+            invert(out);
+            if let Some(matte) = &matte {
+                for (alpha, &matte) in out.iter_mut().zip(matte.row(row)).take(width) {
+                    *alpha *= T::one() - matte;
+                }
+            }
         }
         Ok(())
     })
+}
+
+/// What is left of the light behind one more layer.
+pub fn dim<T: Real>(alpha: &[T], through: &mut [T]) {
+    for (through, &alpha) in through.iter_mut().zip(alpha) {
+        *through *= T::one() - alpha;
+    }
+}
+
+/// Transmittance to opacity, or back.
+pub fn invert<T: Real>(values: &mut [T]) {
+    for value in values {
+        *value = T::one() - *value;
+    }
 }
 
 #[cfg(test)]

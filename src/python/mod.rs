@@ -9,6 +9,7 @@ mod frame;
 mod gate;
 mod particles;
 mod random;
+mod snowfall;
 mod spectral;
 mod threads;
 
@@ -25,6 +26,8 @@ mod core {
     };
     #[pymodule_export]
     use super::random::uniform;
+    #[pymodule_export]
+    use super::snowfall::snowfall;
     #[pymodule_export]
     use super::spectral::{
         advance_phase, all_finite, band_amplitude, blend_tiles, field, inverse_transform, opacity,

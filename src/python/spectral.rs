@@ -165,7 +165,8 @@ fn map_plane<T: Real>(
     })
 }
 
-const fn opacity_map((mean, spread, power, amount): (f64, f64, f64, f64)) -> Opacity {
+/// The map of (mean, spread, power, amount).
+pub const fn opacity_map((mean, spread, power, amount): (f64, f64, f64, f64)) -> Opacity {
     Opacity { mean, spread, power, amount }
 }
 
@@ -211,7 +212,8 @@ pub struct Request<'py> {
 }
 
 impl Request<'_> {
-    fn with_field<R>(
+    /// The request as the kernels take it.
+    pub fn with_field<R>(
         &self,
         use_it: impl FnOnce(&Field<'_>, &Window) -> PyResult<R>,
     ) -> PyResult<R> {
@@ -264,6 +266,18 @@ pub fn field(
     })
 }
 
+/// Rough nanoseconds of a frame: all pixels of all tiles, many times the frame's where they overlap a
+/// lot.
+pub fn estimate(field: &Field<'_>, window: &Window) -> f64 {
+    let tiles = |length: usize, tile: usize| {
+        1.0 + length as f64 / tile.saturating_sub(field.overlap).max(1) as f64
+    };
+    tiles(window.rows.len(), field.tile.0)
+        * tiles(window.cols.len(), field.tile.1)
+        * (field.tile.0 * field.tile.1) as f64
+        * PIXEL
+}
+
 fn render<T: Real>(
     py: Python<'_>,
     out: ndarray::ArrayViewMut2<'_, T>,
@@ -272,15 +286,7 @@ fn render<T: Real>(
     map: Option<Opacity>,
     preserve_mean: bool,
 ) -> PyResult<()> {
-    // All pixels of all tiles: many times the frame's where they overlap a lot.
-    let tiles = |length: usize, tile: usize| {
-        1.0 + length as f64 / tile.saturating_sub(field.overlap).max(1) as f64
-    };
-    let work = tiles(window.rows.len(), field.tile.0)
-        * tiles(window.cols.len(), field.tile.1)
-        * (field.tile.0 * field.tile.1) as f64
-        * PIXEL;
-    gate::run(py, work, move |cancel| {
+    gate::run(py, estimate(field, window), move |cancel| {
         let ready = field.ready::<T>()?;
         match map {
             None => {

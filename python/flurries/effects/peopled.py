@@ -29,9 +29,6 @@ SHOWN = 0.85
 # What the most flakes in view need behind a centred lens; a small scene must not ask for more work.
 MOST_IN_BOX = 420_000_000
 
-# Flakes larger than this on a picture 1024 px wide fade out: out-of-focus puffs look like dirt.
-LARGEST_SIGMA = (3.5, 6.0)
-
 
 class Population(NamedTuple):
     """The flakes of an effect at one time.
@@ -63,6 +60,9 @@ class Population(NamedTuple):
 @dataclass(frozen=True, kw_only=True)
 class Peopled(Textured):
     """A texture with particles in front."""
+
+    # Flakes larger than this on a picture 1024 px wide fade out: out-of-focus puffs look like dirt.
+    _LARGEST_SIGMA = (3.5, 6.0)
 
     def population(self, t: float) -> Population:
         """Return what is drawn one by one at `t`."""
@@ -186,7 +186,7 @@ class Peopled(Textured):
         rank = (np.arange(count) + 0.5) / count
         radius = 0.5 * (kind.sizes[0] + sizes * (kind.sizes[1] - kind.sizes[0]))
         weight = np.clip((amount - rank * (1.0 - FADE_IN)) / FADE_IN, 0.0, 1.0) * shown
-        low, high = (limit * frame.width_scale for limit in LARGEST_SIGMA)
+        low, high = (limit * frame.width_scale for limit in self._LARGEST_SIGMA)
         sigma = camera.focal * radius / (3.0 * np.maximum(points[:, 2], 1e-6))
         part = np.clip((sigma - low) / (high - low), 0.0, 1.0)
         weight *= 1.0 - part * part * (3.0 - 2.0 * part)

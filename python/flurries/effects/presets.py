@@ -61,12 +61,11 @@ RAIN: dict[str, dict[str, Any]] = {
     "drizzle": {
         "fall": 4.0,
         "wind": (0.28, 0.0, 0.0),
-        "wavelengths": None,
         "texture": 0.25,
         "mean": 0.1,
         "haze": 0.04,
         "drops": 1500,
-        "gain": 10.0,
+        "gain": 25.0,
     },
     "rain": {},
     "downpour": {

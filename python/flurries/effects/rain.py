@@ -127,11 +127,13 @@ class Rain(Falling):
     drops: int = 4000
     drop_size: tuple[float, float] = (0.0025, 0.004)
     drop_depth: float = 14.0
-    gain: float = 12.0
+    gain: float = 30.0
 
     NAME: ClassVar[str] = "rain"
     PRESETS: ClassVar[dict[str, dict[str, Any]]] = RAIN
     _BAND = (2.0, 12.0)
+    # Wider streaks look like smears on the lens.
+    _LARGEST_SIGMA = (1.8, 3.0)
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -145,9 +147,7 @@ class Rain(Falling):
         # Light goes with the area: a gain is a larger drop, whose streak is as long as ever.
         wider = math.sqrt(self.gain)
         sizes = (wider * self.drop_size[0], wider * self.drop_size[1])
-        return Population(
-            "drops", self.drops, self.drop_depth, sizes, min(self.gain, 1.0), (0.0, 0.0)
-        )
+        return Population("drops", self.drops, self.drop_depth, sizes, 1.0, (0.0, 0.0))
 
     def needed_tile(self, frame: Frame) -> float:
         """Return the tile in pixels from which on less than a tenth of the streaks stands still.

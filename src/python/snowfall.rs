@@ -1,0 +1,68 @@
+//! Texture, flakes and veil over a picture in one pass.
+
+use numpy::{PyReadonlyArray2, PyReadonlyArray3, PyReadwriteArray3};
+use pyo3::prelude::*;
+
+use super::frame::{Picture, PictureMut};
+use super::gate;
+use super::spectral::{Request, estimate, opacity_map};
+use crate::error::Error;
+use crate::frame::sample::Sample;
+use crate::snowfall::Snowfall;
+
+/// What lies over the picture, as [`Snowfall`] has it.
+struct Asked<'py> {
+    request: Request<'py>,
+    map: (f64, f64, f64, f64),
+    preserve_mean: bool,
+    haze: f64,
+    intensity: Vec<f64>,
+    flakes: Option<PyReadonlyArray2<'py, f32>>,
+}
+
+/// Snow of one colour over a picture, from the request of its texture, its map (mean, spread, power,
+/// amount), the opacity of drawn flakes and a veil.
+#[pyfunction]
+#[expect(clippy::too_many_arguments, reason = "one flat call from the effect")]
+#[pyo3(signature = (out, background, request, map, preserve_mean, haze, intensity, flakes=None))]
+pub fn snowfall(
+    py: Python<'_>,
+    out: PictureMut<'_>,
+    background: Picture<'_>,
+    request: Request<'_>,
+    map: (f64, f64, f64, f64),
+    preserve_mean: bool,
+    haze: f64,
+    intensity: Vec<f64>,
+    flakes: Option<PyReadonlyArray2<'_, f32>>,
+) -> PyResult<()> {
+    let asked = Asked { request, map, preserve_mean, haze, intensity, flakes };
+    match (out, background) {
+        (PictureMut::Byte(out), Picture::Byte(back)) => run(py, out, &back, &asked),
+        (PictureMut::Word(out), Picture::Word(back)) => run(py, out, &back, &asked),
+        (PictureMut::Single(out), Picture::Single(back)) => run(py, out, &back, &asked),
+        (PictureMut::Double(out), Picture::Double(back)) => run(py, out, &back, &asked),
+        _ => Err(Error::invalid("out", "must have the dtype of the background").into()),
+    }
+}
+
+fn run<S: Sample + numpy::Element>(
+    py: Python<'_>,
+    mut out: PyReadwriteArray3<'_, S>,
+    background: &PyReadonlyArray3<'_, S>,
+    asked: &Asked<'_>,
+) -> PyResult<()> {
+    let (out, background) = (out.as_array_mut(), background.as_array());
+    let map = opacity_map(asked.map).checked("power")?;
+    let flakes = asked.flakes.as_ref().map(|flakes| flakes.as_array());
+    let (preserve_mean, haze) = (asked.preserve_mean, asked.haze);
+    let intensity = &asked.intensity[..];
+    asked.request.with_field(|field, window| {
+        gate::run(py, estimate(field, window), move |cancel| {
+            let texture = &field.ready::<f32>()?;
+            let snowfall =
+                Snowfall { texture, window, map, preserve_mean, flakes, haze, intensity };
+            snowfall.over(out, background, cancel)
+        })
+    })
+}

@@ -1,0 +1,305 @@
+"""Rain: streaks that move, as long as the shutter says, and a tile that is large enough."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+import warnings
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.integrate import quad
+
+import flurries as fl
+import measure
+from flurries.cli import main
+from flurries.io import read_picture
+from flurries.scenefile import fingerprint
+from flurries.spectral.contrast import kept_power, mean_opacity
+
+Rain, Scene, Camera = fl.Rain, fl.Scene, fl.camera.Camera
+PRESETS = ("drizzle", "rain", "downpour")
+# The texture alone, of a map that keeps the field's shape.
+BARE = {"drops": 0, "haze": 0.0, "mean": 0.5, "spread": 4.0, "power": 1.0, "texture": 1.0,
+        "colour": 1.0}  # fmt: skip
+
+
+def black(effect: Any, size: tuple[int, int] = (512, 512), **about: Any) -> fl.Scene:
+    return Scene(None, np.zeros((size[1], size[0], 3), np.float32), effects=[effect], **about)
+
+
+def one(scene: fl.Scene, t: float = 0.0) -> fl.Frame:
+    return scene._asks(t, None, (0, scene.shape[0], 0, scene.shape[1]), None)[0][1]
+
+
+def test_presets_are_named_and_grow():
+    alphas = []
+    for name in PRESETS:
+        scene = Scene((256, 192), effects=[Rain.preset(name, wind=(1.0, 0.0, 0.0))])
+        assert scene.effects[0].wind == (1.0, 0.0, 0.0)
+        got = scene.render(1, layers=True)
+        assert list(got.layers) == ["rain"]
+        alphas.append(got.alpha.mean())
+    assert alphas[0] < alphas[1] < alphas[2]
+    with pytest.raises(ValueError, match=r"preset must be one of 'drizzle', 'rain', 'downpour'"):
+        Rain.preset("shower")
+    with pytest.raises(TypeError, match="Rain has no field 'flakes'"):
+        Rain.preset("rain", flakes=3)
+
+
+# What fast motion leaves -------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("cycles", [0.2, 0.5, 0.7, 1.0, 2.0, 8.0, 40.0])
+@pytest.mark.parametrize(("alias", "shutter"), [("cut", 0.0), ("soft", 0.0), ("cut", 0.5),
+                                                ("soft", 1.0), ("keep", 1.0)])  # fmt: skip
+def test_kept_power_is_the_mean_over_directions(cycles: float, alias: str, shutter: float):
+    def law(angle: float) -> float:
+        rate = cycles * math.sin(angle)
+        if alias != "keep" and rate >= 0.5:
+            return 0.0
+        soft = 1.0
+        if alias == "soft" and rate > 0.4:
+            soft = math.cos(0.5 * math.pi * (rate - 0.4) / 0.1) ** 2
+        return (soft * float(np.sinc(rate * shutter))) ** 2
+
+    ends = [math.asin(min(at / cycles, 1.0)) for at in (0.4, 0.5)]
+    want = quad(law, 0.0, 0.5 * math.pi, points=ends, limit=500)[0] / (0.5 * math.pi)
+    assert kept_power(cycles, alias, shutter=shutter) == pytest.approx(want, rel=2e-6)
+    if alias == "cut" and shutter == 0.0 and cycles >= 0.5:
+        assert want == pytest.approx(2.0 / math.pi * math.asin(0.5 / cycles), rel=1e-9)
+
+
+@pytest.mark.parametrize("cycles", [1.0, 4.0])
+def test_kept_power_is_that_of_a_large_tile(cycles: float):
+    # The kernel's own tables: the sum over the lattice of 512 px.
+    amplitude = fl.spectral.band_amplitude((512, 512), wavelengths=(2.0, 12.0))
+    speed = 12.0 * cycles * np.array([math.cos(1.5), math.sin(1.5)])
+    for alias in ("cut", "soft"):
+        kept = fl.spectral.temporal_filter(amplitude, speed, alias=alias, wavelength_max=12.0)
+        assert (kept**2).sum() == pytest.approx(kept_power(cycles, alias), rel=0.06)
+
+
+@pytest.mark.parametrize(
+    ("mean", "spread", "power"), [(0.5, 3.0, 2.0), (-0.1, 2.0, 2.0), (0.15, 2.5, 1.5)]
+)
+def test_mean_opacity_is_the_integral(mean: float, spread: float, power: float):
+    variances = np.array([1e-6, 0.04, 0.3, 1.0])
+    got = mean_opacity(variances, mean, spread, power)
+
+    def mapped(z: float, s: float) -> float:
+        base = np.clip(mean + s * z / (2.0 * spread), 0.0, 1.0) ** power
+        return float(base * math.exp(-0.5 * z * z) / math.sqrt(2.0 * math.pi))
+
+    for variance, value in zip(variances, got, strict=True):
+        s = math.sqrt(variance)
+        clips = sorted(np.clip((u - mean) * 2.0 * spread / s, -9.0, 9.0) for u in (0.0, 1.0))
+        want = quad(mapped, -9.0, 9.0, args=(s,), points=clips, limit=300)[0]
+        assert value == pytest.approx(want, rel=2e-4, abs=1e-6)
+
+
+def test_mean_opacity_of_the_paper_s_map():
+    # The specification's figure.
+    assert mean_opacity(np.ones(1), 0.5, 3.0, 2.0)[0] == pytest.approx(0.27764, abs=1e-4)
+
+
+@pytest.mark.parametrize("cycles", [1.0, 8.0])
+def test_what_is_left_has_the_contrast_of_all(cycles: float):
+    # c from the fall speed: c = fall f / (30 near_depth longest).
+    lens = Camera(600.0)
+    fall = cycles * 30.0 * 3.5 * 12.0 / 600.0
+    rain = {**BARE, "fall": fall, "wind": (0.07 * fall, 0.0, 0.0), "wavelengths": (2.0, 12.0),
+            "shutter": 0.0}  # fmt: skip
+    stds = {}
+    for renormalise in (True, False):
+        scene = black(Rain(**rain, renormalise=renormalise), camera=lens)
+        stds[renormalise] = np.mean([scene.render(t)[..., 0].std() for t in (3, 50, 400)])
+    assert stds[True] == pytest.approx(1.0 / 8.0, rel=0.06)
+    kept = kept_power(math.hypot(1.0, 0.07) * cycles, "cut")
+    assert stds[False] / stds[True] == pytest.approx(math.sqrt(kept), rel=0.08)
+
+
+def test_nothing_kept_is_no_streak_and_no_nan():
+    # Every wave of a small tile is too fast: section 10's "cut with c huge, renormalise".
+    rain = Rain(**{**BARE, "mean": 0.3}, fall=9e4, wind=(9e3, 0.0, 0.0), tile=16, jitter=True,
+                wavelengths=(2.0, 4.0))  # fmt: skip
+    got = black(rain, (64, 64)).render(7, layers=True)
+    assert np.isfinite(got.image).all()
+
+
+# Streaks that move -------------------------------------------------------------------------------
+
+
+def share_still(rain: fl.Rain, seed: int = 0) -> float:
+    """Share of the texture's power that stays through many frames at times without a rhythm."""
+    scene = black(rain, camera=Camera(600.0), seed=seed)
+    times = np.random.default_rng(8).uniform(0.0, 1e5, 24)
+    frames = np.array([scene.render(t, region=np.s_[:256, :256])[..., 0] for t in times], float)
+    frames -= frames.mean()
+    share = (frames.mean(axis=0) ** 2).mean() / (frames**2).mean()
+    return float((share - 1.0 / 24) / (1.0 - 1.0 / 24))
+
+
+@pytest.mark.parametrize(("wavelengths", "near"), [((2.0, 12.0), 3.5), ((4.0, 32.0), 6.0)])
+def test_streaks_move_where_the_tile_follows_the_rule(wavelengths: Any, near: float):
+    # Straight down is the worst case: waves exactly across the fall never move.
+    down = {**BARE, "wind": (0.0, 0.0, 0.0), "wavelengths": wavelengths, "near_depth": near}
+    scene = black(Rain(**down), camera=Camera(600.0))
+    rain, frame = scene.effects[0], one(scene)
+    tile, _ = rain.tiles(frame)
+    cycles = rain.cycles(frame)
+    assert tile >= rain.needed_tile(frame) and tile % 8 == 0
+    if wavelengths == (4.0, 32.0):
+        assert rain.needed_tile(frame) == pytest.approx(144.0 * cycles, rel=1e-12)
+    assert share_still(rain) < 0.11
+    # The negative control: a quarter of the tile.
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        assert share_still(dataclasses.replace(rain, tile=tile // 4)) > 0.22
+
+
+def test_a_tile_that_freezes_the_streaks_is_told():
+    small = Rain(tile=64)
+    with pytest.warns(UserWarning, match=r"rain: .*64 px .*stands still; take tile=\d+"):
+        Scene((512, 300), effects=[small]).render(1)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        Scene((512, 300), effects=[Rain()]).render(1)
+        Scene((512, 300), effects=[Rain(tile=64, jitter=True)]).render(1)
+        Scene((512, 300), effects=[Rain(tile=64, alias="keep", renormalise=False)]).render(1)
+        Scene((512, 300), effects=[Rain(tile=64, fall=0.2, wind=(0.0, 0.0, 0.0))]).render(1)
+
+
+def test_the_tile_is_one_for_the_film():
+    keyed = Rain(
+        fall=fl.Keys([(0, 2.0), (50, 9.0)]), wind=fl.Keys([(0, (0, 0, 0)), (9, (3, 0, 0))])
+    )
+    scene = Scene((512, 300), effects=[keyed])
+    tiles = {keyed.tiles(one(scene, t)) for t in (-5, 0, 9, 30, 50, 500)}
+    assert len(tiles) == 1
+    fastest = keyed.fastest(one(scene))
+    assert fastest * 30.0 == pytest.approx(math.hypot(3.0, 9.0), rel=1e-12)
+    flying = scene.replace(camera=fl.CameraPath(Camera(600.0), velocity=(0.0, 0.0, 20.0)))
+    assert keyed.fastest(one(flying)) * 30.0 > 20.0
+
+
+def test_texture_and_drops_fall_alike():
+    # Half the rain's speed for the eye's sake: slow enough for the frame rate, so that all is kept.
+    slow = {"fall": 1.4, "wind": (0.35, 0.0, 0.0), "near_depth": measure.NEAR,
+            "wavelengths": (4.0, measure.LONGEST), "shutter": 0.0}  # fmt: skip
+    texture = black(
+        Rain(**{**BARE, **slow, "tile": 512, "overlap": 0}), camera=Camera(measure.FOCAL)
+    )
+    pair = tuple(texture.render(t)[..., 0].astype(float) for t in (7.0, 8.0))
+    drops = {"drops": 60, "drop_size": (0.03, 0.03), "gain": 1.0, "texture": 0.0, "haze": 0.0,
+             "colour": 1.0, "drop_depth": measure.NEAR}  # fmt: skip
+    found = []
+    for seed in range(4):
+        scene = black(Rain(**{**slow, **drops}), camera=Camera(measure.FOCAL), seed=seed)
+        frames = [scene.render(t)[..., 0].astype(float) for t in (7.0, 8.0)]
+        points, _, shown = scene.effects[0].places(one(scene, 7.0))
+        points = points[(shown > 0.0) & (points[:, 2] > 2.0)]
+        px = points[:, :2] * measure.FOCAL / points[:, 2:] + 256.0
+        for i in np.flatnonzero(measure.lone(px)):
+            if 3.0 < points[i, 2] < 10.5:
+                at = measure.centroid(frames[0], px[i])
+                found.append((measure.centroid(frames[1], at) - at) * points[i, 2])
+    assert len(found) >= 10
+    for band in measure.parallax(pair):
+        ratio, turn = measure.against(band, np.median(found, axis=0))
+        assert abs(ratio - 1.0) < 0.02 and abs(turn) < 1.0
+
+
+@pytest.mark.parametrize("shutter", [0.5, 1.0])
+def test_drops_are_streaks_as_long_as_the_shutter(shutter: float):
+    rain = Rain(texture=0.0, haze=0.0, drops=400, shutter=shutter, wind=(0.0, 0.0, 0.0), colour=1.0)
+    scene = black(rain, (640, 640), camera=Camera(700.0))
+    points, _, shown = rain.places(one(scene, 3.0))
+    inside = (shown > 0.5) & (np.abs(points[:, 2] - 6.0) < 1.5)
+    alpha = scene.render(3.0)[..., 0].astype(float)
+    px = points[:, :2] * 700.0 / points[:, 2:] + 320.0
+    lengths = []
+    for i in np.flatnonzero(inside & (np.abs(px - 320.0) < 240.0).all(axis=1)):
+        x, y = px[i]
+        wanted = shutter * 8.0 / 30.0 * 700.0 / points[i, 2]
+        near = (np.abs(px[:, 0] - x) < 4.0) & (np.abs(px[:, 1] - y) < 1.5 * wanted)
+        if near.sum() > 1:
+            continue
+        half = round(wanted) + 6
+        line = alpha[round(y) - half : round(y) + half, round(x) - 3 : round(x) + 3].sum(axis=1)
+        middle = line[half - 4 : half + 4].mean()
+        lengths.append(line.sum() / middle / wanted)
+    assert len(lengths) > 5
+    assert np.median(lengths) == pytest.approx(1.0, abs=0.05)
+
+
+def test_the_gain_is_light():
+    means = [
+        black(Rain(texture=0.0, haze=0.0, gain=gain, drops=3000), camera=Camera(600.0))
+        .render(2, layers=True).alpha.mean(dtype=float)
+        for gain in (0.25, 1.0, 4.0)
+    ]  # fmt: skip
+    # Each drop is faint; those near enough to be drawn wide fade out.
+    assert means[1] / means[0] == pytest.approx(4.0, rel=0.1)
+    assert means[2] / means[1] == pytest.approx(4.0, rel=0.1)
+
+
+# The contract ------------------------------------------------------------------------------------
+
+ODD: dict[str, list[Any]] = {
+    "drops": [-1, 1.5, True, 100_000_001], "drop_size": [(0.0, 1.0), (2.0, 1.0), 1.0],
+    "drop_depth": [0.0, np.inf, "x"], "gain": [-1.0, np.nan, 1e5], "renormalise": [1, None],
+    "fall": ["x", None], "alias": ["hard"], "tile": [2], "overlap": [-1], "seed": [2**63],
+    "depth_mode": ["row"], "colour": ["white", 2.0], "wind": [(1.0, 2.0), "x"],
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", ODD)
+def test_rain_refuses_by_name(name: str):
+    for value in ODD[name]:
+        with pytest.raises((TypeError, ValueError), match=name):
+            Rain(**{name: value})
+            pytest.fail(f"accepted: {value!r}")
+
+
+def test_scenes_with_rain_are_saved(tmp_path: Path):
+    rain = Rain.preset("downpour", fall=7.0, tile=512, renormalise=False, drop_depth=9.0, gain=5.0)
+    scene = Scene((64, 48), effects=[fl.Snow.preset("light", flakes=50), rain], seed=5)
+    scene.save(tmp_path / "scene.toml")
+    again = Scene.load(tmp_path / "scene.toml")
+    assert again.effects == scene.effects and fingerprint(again) == fingerprint(scene)
+    assert np.array_equal(again.render(3), scene.render(3))
+    (tmp_path / "hand.toml").write_text("[[effects]]\nkind = 'rain'\npreset = 'drizzle'\n")
+    assert Scene.load(tmp_path / "hand.toml").effects == (Rain.preset("drizzle"),)
+    (tmp_path / "bad.toml").write_text("[[effects]]\nkind = 'rain'\nflakes = 3\n")
+    with pytest.raises(ValueError, match=r"line 3.*flakes.*'rain'"):
+        Scene.load(tmp_path / "bad.toml")
+
+
+def test_the_command_line_rains(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+    file = str(tmp_path / "out.png")
+    common = ["render", "#203040", "-o", file, "--size", "96x64", "--quiet", "--frames", "3"]
+    assert main([*common, "--rain", "downpour", "--snow", "light", "--wind", "1,0,0"]) == 0
+    effects = [fl.Snow.preset("light", wind=(1.0, 0.0, 0.0)),
+               Rain.preset("downpour", wind=(1.0, 0.0, 0.0))]  # fmt: skip
+    want = Scene((96, 64), "#203040", effects=effects).render(3)
+    assert np.array_equal(read_picture(file).pixels, want)
+    assert main([*common, "--overwrite", "--rain", "downpour", "--depth", "2.5"]) == 0
+    near = Scene((96, 64), "#203040", effects=[Rain.preset("downpour")], depth=2.5).render(3)
+    assert np.array_equal(read_picture(file).pixels, near)
+    way = tmp_path / "way.csv"
+    way.write_text("x,y,z,rx,ry,rz\n0,0,0,0,0,0\n0,0,1,0,0.01,0\n")
+    assert main([*common, "--overwrite", "--rain", "rain", "--camera", str(way)]) == 0
+    path = fl.CameraPath.load(way, Camera(1.2 * 96))
+    turned = Scene((96, 64), "#203040", path, effects=[Rain.preset("rain")]).render(3)
+    assert np.array_equal(read_picture(file).pixels, turned)
+    capsys.readouterr()
+    for wrong, words in (
+        ([], "--rain PRESET"), (["--rain", "shower"], "'drizzle'"),
+        (["--rain", "rain", "--camera", str(way), "--fly", "0,0,1"], "--camera and --fly"),
+        (["--rain", "rain", "--depth", "nope.exr"], "nope.exr"),
+    ):  # fmt: skip
+        assert main([*common, "--overwrite", *wrong]) == 2
+        assert words in capsys.readouterr().err
