@@ -108,7 +108,7 @@ def write(
     flag("overwrite", overwrite)
     from flurries.io import Pattern
 
-    wanted = _frames(scene, frames)
+    wanted = frames_of(scene, frames)
     text = os.fspath(pattern)
     still = Path(text).suffix.lower() not in _video_suffixes() and "%" not in Path(text).name
     if still:
@@ -150,7 +150,7 @@ def _silent(frames: Iterable[int]) -> Iterable[int]:
     return frames
 
 
-def _frames(scene: Scene, frames: str | int | Iterable[int] | None) -> list[int]:
+def frames_of(scene: Scene, frames: str | int | Iterable[int] | None) -> list[int]:
     """Return frame numbers, each once, in the order asked for."""
     from flurries.io import frame_range
 

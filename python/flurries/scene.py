@@ -6,23 +6,27 @@ import operator
 from collections.abc import Sequence
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from flurries import _core
 from flurries._contract import Array, choice, integer, real, seed_of
-from flurries.background import Backdrop, ambient_light, backdrop
+from flurries.background import Backdrop, backdrop
 from flurries.camera import Camera
 from flurries.depth import Distance, distance_of
 from flurries.effects import Frame, Layer
-from flurries.effects.falling import AMBIENT
 from flurries.effects.layer import layers_of
+from flurries.effects.visible import Window
 from flurries.foreground import Foreground, foreground_of
 from flurries.mixing import Mix, behind, free_name
-from flurries.path import CameraPath, as_path
+from flurries.path import as_path
+from flurries.plan.program import Program
 from flurries.sun import Sun
 from flurries.trace import stage
+
+if TYPE_CHECKING:
+    from flurries.plan import Plan
 
 __all__ = ["Rendered", "Scene"]
 
@@ -119,6 +123,7 @@ class Scene:
     _backdrop: Backdrop = field(init=False, repr=False)
     _foreground: Foreground | None = field(init=False, repr=False)
     _distance: Distance | None = field(init=False, repr=False)
+    _program: Program | None = field(init=False, repr=False, default=None)
 
     def __post_init__(self) -> None:
         def settle(name: str, value: Any) -> None:
@@ -201,25 +206,87 @@ class Scene:
             rendered before, in any process and with any number of threads.
         """
         time = real("t", t)
+        if eye is not None and not isinstance(eye, Camera):
+            raise TypeError(f"eye must be a Camera, got {eye!r}")
         window = self._window(region)
-        top, bottom, left, right = window
-        part = (bottom - top, right - left)
-        depth = self.depth_at(time) if self.effects or layers else None
-        parts = [
-            layer
-            for effect, frame in self._asks(time, eye, window, depth)
-            for layer in layers_of(effect.render(frame), effect, part)
-        ]
         with stage("background"):
-            picture = self._backdrop.frame(time)[top:bottom, left:right]
+            picture = cropped(self._backdrop.frame(time), window)
+        # Where none of the weather can be seen, none is made; layers are whole.
+        inner = window if layers else self.program.seen(window)
+        parts: list[Layer] = []
+        if inner is not None:
+            parts = self._layers(time, eye, inner, None if layers else picture.dtype)
         matte = None if self._foreground is None else self._foreground.window(window)
         mix = Mix(self.linear, self._backdrop.encoding)
         with stage("composite"):
-            image, cover, named, depths = self._mixed(parts, mix, picture, matte, layers)
+            if layers:
+                image, cover, named, depths = self._mixed(parts, mix, picture, matte)
+            else:
+                image = self._composite(parts, mix, picture, matte, within(inner, window))
         if not layers:
             return image
-        around = None if depth is None else depth[top:bottom, left:right]
+        depth = self.depth_at(time)
+        around = None if depth is None else cropped(depth, window)
         return Rendered(image, cover, named, around, depths)
+
+    def render_eyes(
+        self,
+        t: float,
+        eyes: Sequence[Camera],
+        *,
+        layers: bool = False,
+        region: tuple[slice, slice] | None = None,
+    ) -> list[Any]:
+        """Return the frame at `t` for several eyes, such as a left and a right one.
+
+        Parameters
+        ----------
+        t, layers, region
+            As for :meth:`render`.
+        eyes : sequence of Camera
+            In place of the path's camera. Equal eyes, as two at distance 0 are, are rendered once.
+
+        Returns
+        -------
+        list
+            What `render` returns for each; arrays are shared by equal eyes.
+        """
+        if not isinstance(eyes, (list, tuple)):
+            raise TypeError(f"eyes must be a sequence of Camera, got {eyes!r}")
+        made: list[tuple[Camera, Any]] = []
+        result = []
+        for eye in eyes:
+            found = [image for other, image in made if other == eye]
+            if not found:
+                found = [self.render(t, eye=eye, layers=layers, region=region)]
+                made.append((eye, found[0]))
+            result.append(found[0])
+        return result
+
+    def plan(self, frames: Any = None) -> Plan:
+        """Return what rendering costs: its steps, their sizes and times, and what is left out.
+
+        Parameters
+        ----------
+        frames : str, int or iterable of int, optional
+            As for :meth:`write`; of a long film a few frames stand for all.
+
+        Returns
+        -------
+        Plan
+            To print, to show in a notebook, or as JSON.
+        """
+        from flurries.plan import plan_of
+
+        return plan_of(self, frames)
+
+    @property
+    def program(self) -> Program:
+        """What runs for each frame, resolved when it is first asked for."""
+        if self._program is None:
+            object.__setattr__(self, "_program", Program(self))
+        assert self._program is not None
+        return self._program
 
     def depth_at(self, t: float) -> Array | None:
         """Return the background's planar depth at `t`, (H, W) float32, or None.
@@ -239,27 +306,52 @@ class Scene:
         mix: Mix,
         picture: Array,
         matte: Foreground | None,
-        whole: bool,
     ) -> tuple[Array, Array, dict[str, Array], dict[str, Array]]:
-        """Return the composite of the layers, and if asked for their cover and themselves."""
+        """Return the composite of the layers, their cover, themselves and their depths."""
         working = mix.working(picture)
-        cover: Array = np.zeros(picture.shape[:2] if whole else (0, 0), np.float32)
+        cover: Array = np.zeros(picture.shape[:2], np.float32)
         layers: dict[str, Array] = {}
         depths: dict[str, Array] = {}
         for part in parts:
             # A mask keeps the weather from the background's own pixels in front.
             part = part if matte is None else behind(part, matte.cover)
             working = mix.over(working, part)
-            if whole:
-                name = free_name(part.name, layers)
-                layers[name] = mix.rgba(part)
-                if part.depth is not None:
-                    depths[name] = part.depth
-                first = len(layers) == 1
-                cover = part.alpha if first else 1.0 - (1.0 - cover) * (1.0 - part.alpha)
+            name = free_name(part.name, layers)
+            layers[name] = mix.rgba(part)
+            if part.depth is not None:
+                depths[name] = part.depth
+            first = len(layers) == 1
+            cover = part.alpha.copy() if first else 1.0 - (1.0 - cover) * (1.0 - part.alpha)
         if matte is not None and matte.light is not None:
             working = matte.over(working, linear=self.linear)
         return mix.finished(working, picture), cover, layers, depths
+
+    def _composite(
+        self,
+        parts: list[Layer],
+        mix: Mix,
+        picture: Array,
+        matte: Foreground | None,
+        inner: Window,
+    ) -> Array:
+        """Return the composite of layers that lie over a part of the picture only."""
+        working = mix.working(picture)
+        if parts:
+            top, bottom, left, right = inner
+            whole = (bottom - top, right - left) == picture.shape[:2]
+            over = working if whole else np.ascontiguousarray(cropped(working, inner))
+            for part in parts:
+                if matte is not None:
+                    part = behind(part, cropped(matte.cover, inner))
+                over = mix.over(over, part)
+            if whole:
+                working = over
+            else:
+                working = working if working.flags.writeable else working.copy()
+                working[top:bottom, left:right] = over
+        if matte is not None and matte.light is not None:
+            working = matte.over(working, linear=self.linear)
+        return mix.finished(working, picture)
 
     def write(self, pattern: str | Path, frames: Any = None, **options: Any) -> Any:
         """Render frames to files; see :func:`flurries.render.write`."""
@@ -306,56 +398,47 @@ class Scene:
             window += [start, stop]
         return window[0], window[1], window[2], window[3]
 
+    def _layers(
+        self, t: float, eye: Camera | None, window: Window, dtype: np.dtype[Any] | None
+    ) -> list[Layer]:
+        """Return what the effects that run give for a window, back to front."""
+        asked = list(self.program.frames(t, eye, window, dtype=dtype))
+        shape = (window[1] - window[0], window[3] - window[2])
+        result: list[Layer] = []
+        for effect, frame in self.program.given(t, asked):
+            if hasattr(effect, "needs"):
+                answer = effect.render(frame)
+            else:
+                with stage(type(effect).__name__.lower()):
+                    answer = effect.render(frame)
+            result += layers_of(answer, effect, shape)
+        return result
+
     def _asks(
-        self,
-        t: float,
-        eye: Camera | None,
-        window: tuple[int, int, int, int],
-        depth: Array | None,
+        self, t: float, eye: Camera | None, window: Window, depth: Array | None
     ) -> list[tuple[Any, Frame]]:
-        path: CameraPath = self.camera
-        if eye is not None and not isinstance(eye, Camera):
-            raise TypeError(f"eye must be a Camera, got {eye!r}")
-        view = path.seen(path.camera if eye is None else eye, t)
-        ambient = None
-        if any(getattr(effect, "colour", None) == AMBIENT for effect in self.effects):
-            # Of the whole picture, so that a region has the whole's bits.
-            ambient = ambient_light(self._backdrop.frame(t), self._backdrop.encoding)
-        asks = []
-        for index, effect in enumerate(self.effects):
-            own = getattr(effect, "seed", None)
-            seed = effect_seed(self.seed, index) if own is None else own
-            asks.append(
-                (
-                    effect,
-                    Frame(
-                        shape=self.shape,
-                        window=window,
-                        t=t,
-                        fps=self.fps,
-                        camera=view,
-                        path=path,
-                        seed=seed,
-                        depth=depth,
-                        sun=self.sun,
-                        ambient=ambient,
-                    ),
-                )
-            )
-        return asks
+        """Return each effect with its view of a frame, given a depth."""
+        asked = self.program.frames(t, eye, window, dtype=None)
+        return [(effect, replace(frame, depth=depth)) for effect, frame, _ in asked]
+
+
+def cropped(plane: Array, window: Window) -> Array:
+    """Return the window of a plane or picture."""
+    top, bottom, left, right = window
+    return plane[top:bottom, left:right]
+
+
+def within(inner: Window | None, window: Window) -> Window:
+    """Return a window counted from the first pixel of one around it."""
+    if inner is None:
+        return (0, 0, 0, 0)
+    top, left = window[0], window[2]
+    return inner[0] - top, inner[1] - top, inner[2] - left, inner[3] - left
 
 
 def _rebuilt(values: dict[str, Any]) -> Scene:
     return Scene(**values)
 
-
-def effect_seed(seed: int, index: int) -> int:
-    """Return the seed of the effect at a place of the list; the first one's is the scene's own."""
-    if index == 0:
-        return seed
-    draw = np.empty(index + 1)
-    _core.uniform(draw, seed, -1)
-    return int(draw[index] * 2**53)
 
 
 def parse_size(size: object) -> tuple[int, int]:

@@ -250,7 +250,8 @@ impl Request<'_> {
     }
 }
 
-/// One frame of the field, or of its opacity when `map` = (mean, spread, power, amount) is given.
+/// One frame of the field, or of its opacity when `map` = (mean, spread, power, amount) is given;
+/// returns how many tiles were transformed.
 #[pyfunction]
 #[pyo3(signature = (out, request, map=None, preserve_mean=false))]
 pub fn field(
@@ -259,7 +260,7 @@ pub fn field(
     request: Request<'_>,
     map: Option<(f64, f64, f64, f64)>,
     preserve_mean: bool,
-) -> PyResult<()> {
+) -> PyResult<usize> {
     let map = map.map(|map| opacity_map(map).checked("power")).transpose()?;
     request.with_field(|field, window| {
         each_precision!(out, view => render(py, view, field, window, map, preserve_mean))
@@ -285,20 +286,21 @@ fn render<T: Real>(
     window: &Window,
     map: Option<Opacity>,
     preserve_mean: bool,
-) -> PyResult<()> {
+) -> PyResult<usize> {
     gate::run(py, estimate(field, window), move |cancel| {
         let ready = field.ready::<T>()?;
         match map {
             None => {
-                ready.render(window, out, None, cancel, |_, row, _, out| out.copy_from_slice(row))
+                ready.render(window, out, None, cancel, |_, row, _, out| out.copy_from_slice(row))?;
             }
             Some(map) => {
                 let lift = preserve_mean.then_some(&map);
                 ready.render(window, out, lift, cancel, |_, row, lift, out| {
                     map.map_row(row, lift, out)
-                })
+                })?;
             }
         }
+        Ok(ready.transformed())
     })
 }
 

@@ -2,6 +2,7 @@
 //! soon as no later tile touches them.
 
 use std::ops::Range;
+use std::sync::atomic::Ordering;
 
 use ndarray::{ArrayViewMut2, Axis};
 
@@ -118,7 +119,7 @@ impl<T: Real> Ready<'_, '_, T> {
             None => None,
         };
         let touching = self.down.touching(rows.start, rows.end);
-        let mut next = rows.start;
+        let (mut next, mut made) = (rows.start, 0);
         for row in touching.clone() {
             if let Some((_, lift)) = &mut lift {
                 lift.line(row).fill(T::zero());
@@ -126,6 +127,7 @@ impl<T: Real> Ready<'_, '_, T> {
             for col in self.across.touching(cols.start, cols.end) {
                 cancel.check()?;
                 let power = work.render(self, (row, col))?;
+                made += usize::from(power.kept > 0.0);
                 let tile = Tile::new(self, (row, col), cols);
                 tile.add(&mut stripe, work.pixels());
                 if let Some((map, lift)) = &mut lift {
@@ -146,6 +148,7 @@ impl<T: Real> Ready<'_, '_, T> {
             next = next.max(end);
             stripe.advance(step, tile_height);
         }
+        self.transformed.fetch_add(made, Ordering::Relaxed);
         Ok(())
     }
 

@@ -9,8 +9,10 @@ import numpy as np
 
 from flurries._contract import Array, choice, flag, integer, real, seed_of, vector
 from flurries.composite import join
+from flurries.effects.demand import needs_of_falling
 from flurries.effects.layer import Frame, Layer
 from flurries.effects.limited import deepened, veil
+from flurries.effects.needs import Needs
 from flurries.effects.peopled import Peopled
 from flurries.spectral.tables import ALIAS, band_of
 from flurries.spectral.tiles import BLEND
@@ -107,25 +109,30 @@ class Falling(Peopled):
             amount * value_at(self.texture, t),
         )
 
+    def needs(self, frame: Frame) -> Needs:
+        """Return what a frame takes: see :mod:`flurries.effects.demand`."""
+        return needs_of_falling(self, frame)
+
     def render(self, frame: Frame) -> Layer:
         """Return this effect's layer of a frame."""
-        amount = value_at(self.amount, frame.t)
-        planes = []
-        if amount * value_at(self.texture, frame.t) > 0.0:
-            with stage("texture"):
-                planes.append(self._texture(frame, amount))
-        kind = self.population(frame.t)
-        if kind.number and amount * kind.opacity > 0.0:
-            with stage("flakes"):
-                planes.append(frame.crop(self.particles(frame, amount)))
+        amount, run = value_at(self.amount, frame.t), frame.running(self)
         haze = amount * value_at(self.haze, frame.t)
-        if haze > 0.0 and frame.depth is not None:
-            planes.append(veil(haze, frame.crop(frame.depth), self.far_depth(frame.shape)))
+        depth = frame.depth
+        planes = [
+            run("texture", lambda: self._texture(frame, amount)),
+            run("flakes", lambda: frame.crop(self.particles(frame, amount))),
+        ]
+        if depth is not None:
+            far = self.far_depth(frame.shape)
+            planes.append(run("veil", lambda: veil(haze, frame.crop(depth), far)))
             haze = 0.0
-        if not planes:
+        parts = [plane for plane in planes if plane is not None]
+        if not parts:
             top, bottom, left, right = frame.window
-            planes.append(np.zeros((bottom - top, right - left), np.float32))
-        return Layer(self.NAME, join(planes, haze=haze), self._colour_of(frame))
+            parts.append(np.zeros((bottom - top, right - left), np.float32))
+        with stage("join"):
+            alpha = join(parts, haze=haze)
+        return Layer(self.NAME, alpha, self._colour_of(frame))
 
     def _texture(self, frame: Frame, amount: float) -> Array:
         return deepened(self, frame, self.mapped(frame, amount), preserve_mean=True)

@@ -7,8 +7,9 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 
-from flurries import particles
+from flurries import particles, trace
 from flurries._contract import Array, Float64
 from flurries._core import uniform
 from flurries.effects.layer import Frame
@@ -130,8 +131,22 @@ class Peopled(Textured):
             )
         return count
 
-    def places(self, frame: Frame) -> tuple[Float64, Float64, Float64]:
+    def shown(self, frame: Frame, amount: float) -> int:
+        """Return how many flakes of the box an amount shows at all: the first ones."""
+        count = self.count(frame)
+        return min(math.ceil(count * amount / (1.0 - FADE_IN)), count)
+
+    def places(
+        self, frame: Frame, first: int | None = None
+    ) -> tuple[Float64, Float64, Float64]:
         """Return where the flakes of a frame are, how fast, and how much they show.
+
+        Parameters
+        ----------
+        frame : Frame
+            The view.
+        first : int, optional
+            How many of the box's flakes; all if not given.
 
         Returns
         -------
@@ -140,7 +155,8 @@ class Peopled(Textured):
         shown : (n,)
             0 at the walls of the box, 1 inside.
         """
-        kind, count, box = self.population(frame.t), self.count(frame), self.box(frame)
+        kind, box = self.population(frame.t), self.box(frame)
+        count = self.count(frame) if first is None else first
         # The way is known as a whole, so it is the velocity of one unit of time, and the swing's
         # angle of now is its rate.
         swing = (kind.sway[0], kind.sway[1] * frame.t / frame.fps)
@@ -179,18 +195,24 @@ class Peopled(Textured):
         """Return the alpha of the flakes over the whole frame, (H, W) float32."""
         t, camera = frame.t, frame.camera
         kind = self.population(t)
-        points, velocity, shown = self.places(frame)
-        count = len(points)
-        sizes = np.empty(count)
+        first = self.shown(frame, amount)
+        points, velocity, shown = self.places(frame, first)
+        exposure = value_at(self.shutter, t)
+        inside = in_view(frame, points, velocity, exposure, 0.5 * kind.sizes[1])
+        inside = np.flatnonzero(inside & (shown > 0.0))
+        points, shown = points[inside], shown[inside]
+        velocity = velocity if len(velocity) == 1 else velocity[inside]
+        sizes = np.empty(first)
         uniform(sizes, frame.seed, SIZES)
-        rank = (np.arange(count) + 0.5) / count
-        radius = 0.5 * (kind.sizes[0] + sizes * (kind.sizes[1] - kind.sizes[0]))
+        rank = (inside + 0.5) / self.count(frame)
+        radius = 0.5 * (kind.sizes[0] + sizes[inside] * (kind.sizes[1] - kind.sizes[0]))
         weight = np.clip((amount - rank * (1.0 - FADE_IN)) / FADE_IN, 0.0, 1.0) * shown
         low, high = (limit * frame.width_scale for limit in self._LARGEST_SIGMA)
         sigma = camera.focal * radius / (3.0 * np.maximum(points[:, 2], 1e-6))
         part = np.clip((sigma - low) / (high - low), 0.0, 1.0)
         weight *= 1.0 - part * part * (3.0 - 2.0 * part)
         seen = weight > 0.0
+        trace.count("particles", int(seen.sum()))
         return particles.splat(
             frame.shape,
             points[seen],
@@ -198,6 +220,35 @@ class Peopled(Textured):
             camera,
             opacity=weight[seen] * kind.opacity,
             velocity=velocity[0] if len(velocity) == 1 else velocity[seen],
-            shutter=value_at(self.shutter, t),
+            shutter=exposure,
             depth=frame.depth,
         )
+
+
+def in_view(
+    frame: Frame, points: Float64, velocity: Float64, shutter: float, radius: float
+) -> npt.NDArray[np.bool_]:
+    """Return which flakes may touch the frame's window during the exposure, (n,) bool.
+
+    With f x + (c - left) z + R > 0 for the left side, and so on: linear in the place, so that a
+    path whose two ends fail fails everywhere, clipped at the near plane or not. R holds a flake of
+    `radius` up to where it ends, 4 sigma_e, and is never too small: sigma_e is at most sigma + 0.62
+    px, and sigma that of at least half the depth.
+    """
+    camera = frame.camera
+    cx, cy = camera.principal(frame.shape)
+    top, bottom, left, right = frame.window
+    f = camera.focal
+    sides = np.array(
+        [
+            [f, 0.0, cx - left + 3.1],
+            [-f, 0.0, right - cx + 3.1],
+            [0.0, f, cy - top + 3.1],
+            [0.0, -f, bottom - cy + 3.1],
+            [0.0, 0.0, 1.0],
+        ]
+    ).T
+    room = np.array([10.0 * f * radius / 3.0] * 4 + [0.0])
+    reach = points @ sides
+    reach += (room - np.asarray(camera.offset) @ sides) + 0.5 * shutter * np.abs(velocity @ sides)
+    return np.asarray((reach > 0.0).all(axis=1))

@@ -160,6 +160,10 @@ class Rain(Falling):
             return 0.0
         return PIXELS_PER_CYCLE * cycles * (longest - shortest) / math.log(longest / shortest)
 
+    def least_tile(self, frame: Frame) -> float:
+        """Return the tile in pixels that the motion of the film needs."""
+        return self.needed_tile(frame)
+
     def tiles(self, frame: Frame) -> tuple[int, int]:
         """Return tile and overlap in pixels for the film that a frame belongs to."""
         tile, overlap = super().tiles(frame)
@@ -172,7 +176,7 @@ class Rain(Falling):
                 f"rain: with tiles of {tile} px a tenth of the streaks or more stands still; "
                 f"take tile={math.ceil(needed)}, or leave it out, or jitter=True",
                 UserWarning,
-                stacklevel=6,
+                stacklevel=7,
             )
         return tile, overlap
 

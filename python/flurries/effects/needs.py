@@ -1,0 +1,171 @@
+"""What an effect says about a frame before it is made, and what the plan then lets it do.
+
+An effect has one method for it, ``needs(frame) -> Needs``: its steps with what they cost, what it
+leaves out by itself and why, and which parts of the scene it reads. An effect without the method is
+rendered whenever it is in the scene, and given everything.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, TypeVar
+
+import numpy as np
+
+from flurries.effects.visible import Visible
+from flurries.trace import stage
+
+if TYPE_CHECKING:
+    from flurries.effects.layer import Frame
+
+_Made = TypeVar("_Made")
+
+# What an effect can read of a scene beside its own arguments; each costs something to make.
+PARTS = frozenset({"depth", "ambient"})
+
+
+@dataclass(frozen=True)
+class LeftOut:
+    """Something that is not done, and why."""
+
+    what: str
+    why: str
+
+
+@dataclass(frozen=True)
+class Cost:
+    """What a step takes.
+
+    Attributes
+    ----------
+    work : dict of str to float
+        How many of which operations; their times are in :mod:`flurries.costs`.
+    size : str
+        For people: "361 tiles of 64 px".
+    kept : int
+        Bytes that it leaves for later steps.
+    scratch : int
+        Bytes that it takes beyond these while it runs.
+    left_out : tuple of LeftOut
+        What it does without.
+    """
+
+    work: Mapping[str, float] = field(default_factory=dict)
+    size: str = ""
+    kept: int = 0
+    scratch: int = 0
+    left_out: tuple[LeftOut, ...] = ()
+
+
+@dataclass(frozen=True)
+class Step:
+    """A part of an effect's work that can be left out or kept.
+
+    Attributes
+    ----------
+    name : str
+        What the trace calls it.
+    cost : callable
+        Gives its :class:`Cost`; asked for by plans that somebody reads, never by rendering.
+    once : bool
+        Whether it gives the same in every frame, for a camera and a depth that do not change.
+    """
+
+    name: str
+    cost: Callable[[], Cost] = Cost
+    once: bool = False
+
+
+@dataclass(frozen=True)
+class Needs:
+    """What an effect needs for a frame.
+
+    Attributes
+    ----------
+    steps : tuple of Step
+        In their order. None: the effect shows nothing, and is not rendered.
+    left_out : tuple of LeftOut
+        What is not among them.
+    reads : set of str
+        Of the scene's "depth" and "ambient" light.
+    most : float
+        The most that it can change a display value by, full scale 1: its largest opacity, if its
+        colours are at most 1.
+    varies : bool
+        Whether it is other at other times although nothing of the effect is keyed, such as for a
+        cloud that the camera passes.
+    """
+
+    steps: tuple[Step, ...]
+    left_out: tuple[LeftOut, ...] = ()
+    reads: frozenset[str] = frozenset()
+    most: float = 1.0
+    varies: bool = False
+
+
+def needs_of(effect: Any, frame: Frame) -> Needs:
+    """Return what an effect says that it needs, or all there is if it does not say."""
+    own = getattr(effect, "needs", None)
+    if own is None:
+        return Needs((Step(type(effect).__name__.lower()),), reads=PARTS)
+    said = own(frame)
+    if not isinstance(said, Needs):
+        kind = type(effect).__name__
+        raise TypeError(f"effects: {kind}.needs must return Needs, got {type(said).__name__}")
+    return said
+
+
+class Kept:
+    """Results that are the same in every frame; the last few are kept."""
+
+    MOST = 4
+
+    def __init__(self) -> None:
+        self._made: dict[Any, Any] = {}
+
+    def get(self, key: Any) -> Any:
+        """Return what was made for a key, or None."""
+        return self._made.get(key)
+
+    def put(self, key: Any, made: Any) -> None:
+        """Keep a result; what is shared is read-only."""
+        if isinstance(made, np.ndarray):
+            made.flags.writeable = False
+        # A new dictionary each time: other threads may be reading the old one.
+        rest = list(self._made.items())[-(self.MOST - 1) :]
+        self._made = {**dict(rest), key: made}
+
+
+@dataclass(frozen=True)
+class Run:
+    """The plan's hand in a frame: calling it runs a step, if the step is planned.
+
+    Attributes
+    ----------
+    steps : dict of str to Step
+        What is planned.
+    kept, key : Kept and object, optional
+        Where results that are the same in every frame are found, and under what.
+    visible : Visible, optional
+        Where anything of the effect can be seen, if that is not everywhere.
+    """
+
+    steps: Mapping[str, Step]
+    kept: Kept | None = None
+    key: Any = None
+    visible: Visible | None = None
+
+    def __call__(self, name: str, make: Callable[[], _Made]) -> _Made | None:
+        """Return what the step makes, or None where it is left out."""
+        step = self.steps.get(name)
+        if step is None:
+            return None
+        kept = self.kept if step.once else None
+        if kept is not None and (found := kept.get((self.key, name))) is not None:
+            return found  # type: ignore[no-any-return]
+        with stage(name):
+            made = make()
+        if kept is not None:
+            kept.put((self.key, name), made)
+        return made
