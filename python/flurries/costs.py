@@ -14,32 +14,41 @@ from collections.abc import Mapping
 # is NumPy's on one.
 NANOSECONDS: dict[str, tuple[str, float]] = {
     # Texture, for each tile made: see flurries.spectral.operations.TileWork.
-    "tile bin": ("kernel", 0.35),
-    "tile multiply-add": ("kernel", 0.0115),
-    "tile fft": ("kernel", 0.22),
-    "tile pixel": ("kernel", 0.08),
-    "planned bin": ("kernel", 130.0),
+    "tile bin": ("kernel", 1.98),
+    "tile multiply-add": ("kernel", 0.01),
+    "tile fft": ("kernel", 0.0523),
+    "large tile multiply-add": ("kernel", 0.0927),
+    "large tile fft": ("kernel", 0.167),
+    "tile pixel": ("kernel", 0.1),
+    "jittered bin": ("kernel", 23.5),
+    "planned bin": ("kernel", 53.5),
     # Texture, for each pixel of the window.
-    "texture pixel": ("kernel", 0.25),
-    # Flakes: those of the box, those that touch the window, and their pixels.
-    "flake placed": ("array", 80.0),
-    "flake drawn": ("kernel", 150.0),
-    "flake pixel": ("kernel", 0.7),
+    "texture pixel": ("kernel", 0.951),
+    # ... before a depth: its farthest in each tile, and the tiles' fades.
+    "limited pixel": ("array", 6.67),
+    # Flakes: those of the box, those that touch the window, and runs of pixels in their rows, of
+    # resting ones and of those that the shutter makes streaks of.
+    "flake placed": ("array", 84.7),
+    "disc": ("kernel", 79.3),
+    "disc run": ("kernel", 20),
+    "streak": ("kernel", 470),
+    "streak run": ("kernel", 31.4),
     # Planes and pictures, for each pixel.
-    "mask pixel": ("kernel", 0.5),
-    "joined pixel": ("kernel", 0.6),
-    "array number": ("array", 0.9),
-    "copied byte": ("array", 0.1),
-    "array pixel": ("array", 1.0),
-    "veil pixel": ("array", 20.0),
-    "byte pixel": ("kernel", 0.35),
-    "word pixel": ("kernel", 0.5),
-    "float pixel": ("kernel", 0.9),
+    "mask pixel": ("kernel", 0.582),
+    "joined pixel": ("kernel", 0.328),
+    # A square root, by which machines are compared.
+    "array number": ("array", 1.12),
+    "copied byte": ("array", 0.0606),
+    "array pixel": ("array", 0.144),
+    "veil pixel": ("array", 2.41),
+    "byte pixel": ("kernel", 0.671),
+    "word pixel": ("kernel", 0.865),
+    "float pixel": ("kernel", 2.13),
     "decoded pixel": ("array", 8.0),
-    "encoded pixel": ("array", 40.0),
+    "encoded pixel": ("array", 12.1),
     # What Python takes for a frame, an effect and a call of a kernel.
-    "frame": ("array", 30_000.0),
-    "layer": ("array", 100_000.0),
+    "frame": ("array", 6229.0),
+    "layer": ("array", 31040.0),
 }
 
 

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from flurries import _core
 from flurries._contract import Array, choice, integer, real, seed_of
 from flurries.background import Backdrop, backdrop
 from flurries.camera import Camera
@@ -438,7 +437,6 @@ def within(inner: Window | None, window: Window) -> Window:
 
 def _rebuilt(values: dict[str, Any]) -> Scene:
     return Scene(**values)
-
 
 
 def parse_size(size: object) -> tuple[int, int]:

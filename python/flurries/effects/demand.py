@@ -19,6 +19,9 @@ if TYPE_CHECKING:
 
 # Fields that only the flakes, or only the mixing, depend on.
 _NOT_TEXTURE = frozenset({"colour", "haze", "flakes", "flake_size", "flake_opacity", "sway"})
+# Pixels that are drawn together.
+RUN = 32
+
 _NOT_FLAKES = frozenset({"colour", "haze", "texture", "mean", "spread", "power"})
 
 
@@ -48,9 +51,7 @@ def needs_of_falling(effect: Falling, frame: Frame) -> Needs:
         left_out.append(LeftOut(f"{name}: veil", "its opacity is 0"))
     elif frame.deep or frame.depth is not None:
         pixels = _pixels(frame)
-        steps.append(
-            Step("veil", lambda: Cost({"veil pixel": pixels}, "", 4 * pixels, 8 * pixels))
-        )
+        steps.append(Step("veil", lambda: Cost({"veil pixel": pixels}, "", 4 * pixels, 8 * pixels)))
     clear = (1.0 - texture) * (1.0 - haze) * (1.0 - _faint(effect, frame, amount, opacity))
     if clear == 1.0:
         return Needs((), (LeftOut(name, "nothing of it has any opacity"),), most=0.0)
@@ -75,9 +76,9 @@ def _stands_still(effect: Falling, frame: Frame, apart: frozenset[str]) -> bool:
     if not frame.settled or isinstance(effect.wind, Wind):
         return False
     mine = [getattr(effect, f.name) for f in fields(effect) if f.name not in apart]
-    return not any(isinstance(value, Keys) for value in mine) and not (
-        effect.fall or np.any(effect.wind)
-    )
+    if any(isinstance(value, Keys) for value in mine):
+        return False
+    return value_at(effect.fall, 0.0) == 0.0 and not np.any(value_at(effect.wind, 0.0))
 
 
 def _faint(effect: Falling, frame: Frame, amount: float, opacity: float) -> float:
@@ -106,39 +107,51 @@ def _texture(effect: Falling, frame: Frame) -> Cost:
     if effect.depth_mode == "pixel" and frame.deep:
         shortest, longest = effect.band(frame.shape)
         passes = max(math.ceil(math.log2(longest / shortest) - 1e-9), 1)
+    band = effect.band(frame.shape)
     cost = texture_cost(
-        frame.shape, frame.window, tiling, effect.band(frame.shape), hidden=hidden, passes=passes
+        frame.shape,
+        frame.window,
+        tiling,
+        band,
+        hidden=hidden,
+        passes=passes,
+        jitter=effect.jitter,
     )
     cost = replace(cost, left_out=tuple(left_out))
     if not frame.deep:
         return cost
     pixels = _pixels(frame)
-    work: dict[str, Any] = {**cost.work, "veil pixel": passes * pixels}
+    work: dict[str, Any] = {**cost.work, "limited pixel": passes * pixels}
     return replace(cost, work=work, scratch=cost.scratch + (24 if passes > 1 else 4) * pixels)
 
 
 def _flakes(effect: Falling, frame: Frame, amount: float) -> Cost:
     kind = effect.population(frame.t)
     placed = effect.shown(frame, amount)
-    drawn, pixels = _footprints(effect, frame)
+    drawn, runs = footprints(effect, frame)
     height, width = frame.shape
     part = placed / max(effect.count(frame), 1)
-    top, bottom, left, right = frame.window
     share = min(_pixels(frame) / (height * width), 1.0)
+    name = "streak" if value_at(effect.shutter, frame.t) > 0.0 else "disc"
     work = {
         "flake placed": float(placed),
-        "flake drawn": drawn * part * share,
-        "flake pixel": pixels * part * share,
+        name: drawn * part * share,
+        f"{name} run": runs * part * share,
         "mask pixel": float(height * width),
     }
     size = f"{round(drawn * part * share)} {kind.name}"
-    unseen = LeftOut(f"{placed - round(drawn * part * share)} {kind.name}", "not in the view")
-    # Of each placed: place, fade, size and the five sides of the view.
-    return Cost(work, size, 4 * height * width, 8 * 13 * placed, (unseen,))
+    unseen = LeftOut(
+        f"{kind.name} out of view", f"some {placed - round(drawn * part * share)} of {placed}"
+    )
+    # First, of each placed: place, fade, its columns, how far it reaches, and one more. Then the
+    # plane itself, and what is left of those in the view, with sizes still of all.
+    whole = 4 * height * width
+    first, then = 73 * placed, whole + 8 * placed + 90 * round(drawn * part)
+    return Cost(work, size, whole, max(first, then) - whole, (unseen,))
 
 
-def _footprints(effect: Falling, frame: Frame) -> tuple[float, float]:
-    """Return how many flakes are drawn and the pixels that they cover, on average."""
+def footprints(effect: Falling, frame: Frame) -> tuple[float, float]:
+    """Return how many flakes are drawn, and runs of pixels in their rows, on average."""
     kind = effect.population(frame.t)
     # Depths of equal numbers of flakes: the view is a pyramid.
     depth = kind.reach * ((np.arange(64) + 0.5) / 64.0) ** (1.0 / 3.0)
@@ -148,8 +161,9 @@ def _footprints(effect: Falling, frame: Frame) -> tuple[float, float]:
     _, high = (limit * frame.width_scale for limit in effect._LARGEST_SIGMA)
     drawn = (sigma < high) & (depth > 0.1)
     wide = 8.0 * np.sqrt(np.maximum(sigma**2 + 1.0 / 12.0, 0.38))
-    rate = frame.to_camera(effect.velocity(frame))
-    length = focal * float(np.hypot(rate[0], rate[1])) / depth * value_at(effect.shutter, frame.t)
-    inside = np.minimum(wide * (wide + length), frame.shape[0] * frame.shape[1])
+    blur = focal * value_at(effect.shutter, frame.t) / depth
+    across, down = (blur * abs(rate) for rate in frame.to_camera(effect.velocity(frame))[:2])
+    rows = np.minimum(wide + down, frame.shape[0])
+    runs = rows * np.ceil(np.minimum(wide + across, frame.shape[1]) / RUN)
     number = float(kind.number)
-    return number * float(drawn.mean()), number * float((drawn * inside).mean())
+    return number * float(drawn.mean()), number * float((drawn * runs).mean())

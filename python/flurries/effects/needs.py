@@ -108,7 +108,10 @@ def needs_of(effect: Any, frame: Frame) -> Needs:
     """Return what an effect says that it needs, or all there is if it does not say."""
     own = getattr(effect, "needs", None)
     if own is None:
-        return Needs((Step(type(effect).__name__.lower()),), reads=PARTS)
+        ambient = getattr(effect, "colour", None) == "ambient"
+        return Needs(
+            (Step(type(effect).__name__.lower()),), reads=PARTS if ambient else PARTS - {"ambient"}
+        )
     said = own(frame)
     if not isinstance(said, Needs):
         kind = type(effect).__name__

@@ -81,9 +81,7 @@ class Textured(Moving):
             return tiling, "the wind may differ from tile to tile"
         if frame.deep or frame.depth is not None:
             return tiling, "the depth differs from tile to tile"
-        torus, why = torus_for(
-            frame.shape, tiling, self.band(frame.shape), self.least_tile(frame)
-        )
+        torus, why = torus_for(frame.shape, tiling, self.band(frame.shape), self.least_tile(frame))
         return torus or tiling, why
 
     @property

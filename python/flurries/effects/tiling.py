@@ -5,13 +5,16 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from flurries.effects.needs import Cost
 from flurries.costs import nanoseconds
+from flurries.effects.needs import Cost
 from flurries.spectral.operations import smooth, tile_work, tiles_touching
 
 # A torus must be cheaper by this much: both sides are estimates, and its statistics are equal, but
 # its bits are not.
 WORTH = 1.25
+
+# Pixels of a tile that stays in a cache with its spectrum.
+CACHED = 1 << 17
 
 
 class Tiling(NamedTuple):
@@ -46,11 +49,13 @@ def operations(
     down, across = count(shape, window, tiling)
     made = down * across * waves_shown
     top, bottom, left, right = window
+    # Tiles that leave the second cache wait for memory.
+    large = "large " if each.pixels > CACHED else ""
     return {
         "planned bin": each.planned,
         "tile bin": made * each.bins,
-        "tile multiply-add": made * each.dense,
-        "tile fft": made * each.fft,
+        f"{large}tile multiply-add": made * each.dense,
+        f"{large}tile fft": made * each.fft,
         "tile pixel": down * across * each.pixels,
         "texture pixel": float((bottom - top) * (right - left)),
     }
@@ -85,6 +90,7 @@ def texture_cost(
     *,
     hidden: int = 0,
     passes: int = 1,
+    jitter: bool = False,
 ) -> Cost:
     """Return what a texture costs; `hidden` tiles are not made."""
     down, across = count(shape, window, tiling)
@@ -92,6 +98,8 @@ def texture_cost(
     work = operations(
         shape, window, tiling, wavelengths, waves_shown=1.0 - min(hidden, total) / total
     )
+    if jitter:
+        work["jittered bin"] = work["tile bin"]
     pixels = (window[1] - window[0]) * (window[3] - window[2])
     height, width = tiling.tile
     if tiling.overlap == 0 and tiling.tile == shape:
@@ -108,6 +116,3 @@ def texture_cost(
         kept=4 * pixels,
         scratch=4 * 16 * grid + (8 * pixels if passes > 1 else 0),
     )
-
-
-

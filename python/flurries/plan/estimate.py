@@ -10,13 +10,14 @@ import numpy as np
 
 from flurries._threads import threads
 from flurries.costs import nanoseconds
-from flurries.effects.needs import Cost, LeftOut, Needs
+from flurries.effects.needs import Cost, LeftOut, Needs, needs_of
 from flurries.plan.calibration import scales
 from flurries.plan.report import Plan, PlannedStep
 from flurries.timeline import Keys
 
 if TYPE_CHECKING:
     from flurries.effects.layer import Frame
+    from flurries.effects.visible import Window
     from flurries.plan.program import Asked
     from flurries.scene import Scene
 
@@ -45,7 +46,7 @@ def plan_of(scene: Scene, frames: str | int | Iterable[int] | None = None) -> Pl
     looked = _looked_at(scene, wanted)
     factors = scales()
     rows: dict[str, _Row] = {}
-    gone: dict[LeftOut, int] = {}
+    gone: dict[str, list[LeftOut]] = {}
     totals, peak = [], 0
     for t in looked:
         costs, left_out, most = _frame(scene, float(t))
@@ -59,7 +60,7 @@ def plan_of(scene: Scene, frames: str | int | Iterable[int] | None = None) -> Pl
             total += 0.0 if once else time
         totals.append(total)
         for one in left_out:
-            gone[one] = gone.get(one, 0) + 1
+            gone.setdefault(one.what, []).append(one)
     steps = tuple(
         PlannedStep(
             name,
@@ -72,10 +73,10 @@ def plan_of(scene: Scene, frames: str | int | Iterable[int] | None = None) -> Pl
         for name, row in rows.items()
     )
     parts = tuple(
-        one
-        if number == len(looked)
-        else LeftOut(one.what, f"{one.why}, in {100.0 * number / len(looked):.0f} % of the frames")
-        for one, number in gone.items()
+        same[-1]
+        if len(same) >= len(looked)
+        else LeftOut(what, f"{same[-1].why}, in {100.0 * len(same) / len(looked):.0f} % of frames")
+        for what, same in gone.items()
     )
     assert scene.size is not None
     return Plan(
@@ -93,7 +94,7 @@ def _looked_at(scene: Scene, wanted: list[int]) -> list[int]:
     """Return the frames that stand for a film: evenly spread, and around every key."""
     spread = {wanted[i] for i in np.linspace(0, len(wanted) - 1, LOOKED_AT).astype(int)}
     keyed = {
-        int(round(frame))
+        round(frame)
         for effect in scene.effects
         for value in getattr(effect, "__dict__", {}).values()
         if isinstance(value, Keys)
@@ -103,9 +104,7 @@ def _looked_at(scene: Scene, wanted: list[int]) -> list[int]:
     return sorted(spread | set(near))
 
 
-def _frame(
-    scene: Scene, t: float
-) -> tuple[dict[str, tuple[Cost, bool]], list[LeftOut], int]:
+def _frame(scene: Scene, t: float) -> tuple[dict[str, tuple[Cost, bool]], list[LeftOut], int]:
     """Return the costs of a frame's steps by name, what is left out, and the most bytes held."""
     program = scene.program
     dtype = scene._backdrop.frame(t).dtype
@@ -134,18 +133,17 @@ def _frame(
     if "ambient" in reads:
         costs["ambient"] = (Cost({"encoded pixel": 1.5 * pixels}), False)
     held, peak, names = 0, 0, _names(asked)
-    for name, (_, frame, needs) in zip(names, asked, strict=True):
-        held, most = _effect(name, frame, needs, held, costs, left_out)
+    for name, (effect, frame, _) in zip(names, asked, strict=True):
+        # Asked again: what was said for the whole film knows neither this time nor this window.
+        held, most = _effect(name, frame, needs_of(effect, frame), held, costs, left_out)
         peak = max(peak, most)
-    cost, most = _composite(scene, dtype, asked, pixels)
+    cost, most = _composite(scene, dtype, asked, window)
     costs["composite"] = (cost, False)
     return costs, left_out, max(peak, held + most)
 
 
 def _silent(program: Any, part: Any, t: float, window: tuple[int, int, int, int]) -> list[LeftOut]:
     """Return why an effect that may run does not run now."""
-    from flurries.effects.needs import needs_of
-
     needs = part.needs
     if needs is None:
         needs = needs_of(part.effect, program._frame(t, None, window, seed=part.seed))
@@ -191,25 +189,27 @@ def _effect(
 
 
 def _composite(
-    scene: Scene, dtype: np.dtype[Any], asked: list[Asked], pixels: float
+    scene: Scene, dtype: np.dtype[Any], asked: list[Asked], window: Window | None
 ) -> tuple[Cost, int]:
     """Return what mixing the layers costs, and the most bytes it holds with the frame."""
     same = scene.linear == (scene._backdrop.encoding == "linear")
     item = dtype.itemsize if same else 4
     layers = len(asked)
-    work: dict[str, float] = {_PIXEL_KIND[item]: layers * pixels, "layer": float(layers)}
-    whole = int(3 * item * pixels)
-    most = whole * min(layers + (not same), 2) if layers or not same else whole
-    matte = scene._foreground
-    if matte is not None and layers:
-        work["array pixel"] = 2.0 * layers * pixels
-        most += int(8 * pixels)
-    if not layers:
-        work["copied byte"] = float(whole)
+    pixels = scene.shape[0] * scene.shape[1]
+    inner = 0 if window is None else (window[1] - window[0]) * (window[3] - window[2])
+    whole, part = 3 * item * pixels, 3 * item * inner
+    work: dict[str, float] = {_PIXEL_KIND[item]: float(layers * inner), "layer": float(layers)}
+    if layers == 0 or inner < pixels:
+        work["copied byte"] = float(whole + 2 * part if layers else whole)
+    # The one that is made, and the one behind it.
+    most = min(layers, 2) * part
+    if scene._foreground is not None and layers:
+        work["array pixel"] = 2.0 * layers * inner
+        most += 8 * inner
     if not same:
-        # There and back through the curve, in float64 pieces.
+        # There and back through the curve; arrays of float32 come and go.
         work["encoded pixel"] = 2.0 * pixels
-        most = whole + int(3 * pixels * (8 + dtype.itemsize))
+        most = max(most + whole, (60 if dtype.kind == "u" else 51) * pixels)
     size = f"{layers} layer{'s' * (layers != 1)}"
+    most = max(most, whole + (part if inner < pixels else 0))
     return Cost(work, size, whole, most - whole), most
-

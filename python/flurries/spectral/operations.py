@@ -1,8 +1,8 @@
 """How much work a frame of the field is: counts of operations, in closed form.
 
 They say which of two ways of making one film is cheaper, and how long it may take. The counts are
-those of ``src/spectral/dense.rs`` and ``tile.rs``; the band's waves are counted as lattice points of
-an annulus, without listing them.
+those of ``src/spectral/dense.rs`` and ``tile.rs``; the band's waves are counted as lattice points
+of an annulus, without listing them.
 """
 
 from __future__ import annotations
