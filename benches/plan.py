@@ -388,13 +388,27 @@ def flakes(runs: int) -> dict[str, float]:
         print(f"{name} fit, planned / measured:", np.round(fit, 2).tolist())
         result["flake placed"] = each
         result.update(zip((name.split()[0], name), solved, strict=True))
+    # From arrays of places, as for a camera that turns.
+    effect = fl.Snow(texture=0.0, haze=0.0)
+    frame = fl.Scene((SIZE, SIZE), effects=[effect])._asks(3.0, None, (0, SIZE, 0, SIZE), None)[0][
+        1
+    ]
+    found = least(
+        {
+            "listed": lambda: effect._listed(frame, 1.0),
+            "alike": lambda: effect.particles(frame, 1.0),
+        },
+        runs,
+    )
+    more = 1e6 * (found["listed"] - found["alike"])
+    result["flake listed"] = max(more, 0.0) / effect.count(frame)
     return result
 
 
 def mixing(runs: int) -> dict[str, float]:
     """Return nanoseconds of what is done for each pixel of a plane or a picture."""
     from flurries import _core
-    from flurries.effects.limited import veil
+    from flurries.effects.limited import deepened, veil
     from flurries.mixing import Mix
 
     planes = [RNG.random((SIZE, SIZE), np.float32) for _ in range(2)]
@@ -403,7 +417,7 @@ def mixing(runs: int) -> dict[str, float]:
     word = PICTURE.astype(np.uint16) * 257
     values = np.linspace(0.5, 1.5, 1 << 16)
     roots = np.empty_like(values)
-    snow = fl.Snow()
+    snow = fl.Snow(flakes=0)
     wall = fl.Scene((SIZE, SIZE), depth=30.0, effects=[snow])
     air = fl.Scene((SIZE, SIZE), effects=[snow])
     open_air = air._asks(3.0, None, (0, SIZE, 0, SIZE), None)[0][1]
@@ -421,8 +435,10 @@ def mixing(runs: int) -> dict[str, float]:
         "joined pixel": lambda: fl.composite.join(planes),
         "array pixel": lambda: planes[0] * planes[1],
         "array number": lambda: np.sqrt(values, out=roots),
-        "deep": lambda: snow._texture(before, 1.0),
-        "flat": lambda: snow._texture(open_air, 1.0),
+        "plane": lambda: snow.render(open_air),
+        "one pass": lambda: snow.over(open_air, PICTURE, list),
+        "deep": lambda: deepened(snow, before, snow.mapped(before, 1.0)),
+        "flat": lambda: deepened(snow, open_air, snow.mapped(open_air, 1.0)),
         "copied byte": PICTURE.copy,
         "veil pixel": lambda: veil(0.1, depth, 100.0),
         "byte pixel": lambda: Mix(False, "display").over(PICTURE, layer),
@@ -435,6 +451,8 @@ def mixing(runs: int) -> dict[str, float]:
     pixels = float(SIZE * SIZE)
     result = {name: value / pixels for name, value in times.items() if name in costs.NANOSECONDS}
     result["array number"] = times["array number"] / values.size
+    both = times["one pass"] - times["plane"] + times["joined pixel"]
+    result["fused pixel"] = max(both - times["byte pixel"], 0.0) / pixels
     result["limited pixel"] = (times["deep"] - times["flat"]) / pixels
     result["joined pixel"] = times["joined pixel"] / 2.0 / pixels
     result["copied byte"] = times["copied byte"] / PICTURE.nbytes

@@ -1,10 +1,11 @@
 """Make the pictures of the README and of docs/looks.md from the package as it is.
 
-python docs/make_pictures.py
+python docs/make_pictures.py [NAME ...]
 """
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -73,7 +74,84 @@ def sizes() -> None:
     save("sizes.jpg", np.hstack(parts), 1536)
 
 
+def rain() -> None:
+    """The presets of rain on a dark and a bright photograph, a step between frames, and a mean."""
+    rows = []
+    region = np.s_[300:700, 300:740]
+    for photograph in (data.rocket(), data.astronaut()):
+        picture = io.fit(photograph, (1024, 1024))
+        scenes = [fl.Scene(None, picture, effects=[fl.Rain.preset(name)]) for name in RAINS]
+        rows.append(np.hstack([scene.render(31, region=region) for scene in scenes]))
+    scene = fl.Scene(None, demo.photograph(1024), effects=[fl.Rain.preset("rain")])
+    frames = [scene.render(t, region=region).astype(float) for t in range(1, 31)]
+    step = np.clip(128.0 + 3.0 * (frames[1] - frames[0]), 0, 255)
+    mean = np.mean(frames, axis=0)
+    rows.append(np.hstack([frames[0], step, mean]).astype(np.uint8))
+    save("rain.jpg", np.vstack(rows), 1320)
+
+
+def wind() -> None:
+    """Traces of flakes: in an even wind, in one that turns over depth, in gusts and swirls."""
+    black = np.zeros((640, 640, 3), np.uint8)
+    winds = (
+        (1.0, 0.0, 0.0),
+        fl.Wind((0.0, 0.0, 0.0), profile=[(3.0, (2.5, 0.0, 0.0)), (12.0, (-2.5, 0.0, 0.0))]),
+        fl.Wind((1.0, 0.0, 0.0), gusts=1.2, swirl=1.0, scale=5.0),
+    )
+    parts = []
+    for blow in winds:
+        snow = fl.Snow(wind=blow, flakes=1500, texture=0.0, haze=0.0, fall=1.0)
+        scene = fl.Scene(None, black, effects=[snow])
+        frames = [scene.render(t) for t in np.arange(40.0, 52.0, 0.5)]
+        parts.append(np.minimum(3.0 * np.max(frames, axis=0), 255.0))
+    save("wind.jpg", np.hstack(parts).astype(np.uint8), 1440)
+
+
+def depth() -> None:
+    """A photograph with its depth: heavy snow without it, by tiles, by pixels, and the depth."""
+    left, _, disparity = data.stereo_motorcycle()
+    # Metres; where nothing was measured, the wall behind.
+    measured = np.isfinite(disparity)
+    far = 994.978 * 0.193001 / (np.where(measured, disparity, 6.0) + 31.086)
+    camera = fl.Camera(994.978)
+    snow = {"near_depth": 2.0, "flakes": 6000, "flake_size": (0.004, 0.01)}
+    effects = [
+        (fl.Snow.preset("heavy", **snow), None),
+        (fl.Snow.preset("heavy", **snow), far),
+        (fl.Snow.preset("heavy", depth_mode="pixel", **snow), far),
+    ]
+    pictures = [
+        fl.Scene(None, left, camera, [effect], depth=limit).render(31) for effect, limit in effects
+    ]
+    grey = np.clip(255.0 * (5.5 - far) / 3.5, 0.0, 255.0).astype(np.uint8)
+    pictures.append(np.dstack([grey] * 3))
+    save("depth.jpg", np.vstack([np.hstack(pictures[:2]), np.hstack(pictures[2:])]), 1400)
+
+
+def stereo() -> None:
+    """Two eyes, the right one's picture on the left: to be looked at cross-eyed."""
+    scene = fl.Scene(None, demo.photograph(768), effects=[fl.Snow.preset("heavy")])
+    left, right = scene.stereo(31, distance=0.05, convergence=6.0)
+    save("stereo.jpg", np.hstack([right, left]), 1200)
+
+
+def jitter() -> None:
+    """Waves that stand still: the mean of 60 frames of snow that falls straight down."""
+    black = np.zeros((512, 512, 3), np.float32)
+    parts = []
+    for spread in (False, True):
+        snow = fl.Snow.preset("heavy", wind=(0.0, 0.0, 0.0), flakes=0, haze=0.0, jitter=spread)
+        scene = fl.Scene(None, black, effects=[snow])
+        frames = [scene.render(t) for t in range(60)]
+        parts += [frames[30], 3.0 * np.mean(frames, axis=0)]
+    save("jitter.jpg", io.linear_to_srgb(np.hstack(parts).clip(0.0, 1.0)), 1400)
+
+
+RAINS = ("drizzle", "rain", "downpour")
+ALL = (three, flight, looks, paper, sizes, rain, wind, depth, stereo, jitter)
+
 if __name__ == "__main__":
-    for make in (three, flight, looks, paper, sizes):
-        make()
-        print(make.__name__)
+    for make in ALL:
+        if not sys.argv[1:] or make.__name__ in sys.argv[1:]:
+            make()
+            print(make.__name__)

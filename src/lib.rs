@@ -11,10 +11,12 @@
 //! | [`simd`] | vector instructions chosen at run time | |
 //! | [`spectral`] | the tent, the band, phases, tiles, one frame of the field | Langer 2004, sections 4-7 |
 //! | [`particles`] | the box of flakes, their image | Langer 2004, sections 6-7 |
+//! | [`air`] | plane waves of wind | Langer 2004, section 8 |
 //! | [`frame`] | compositing | Langer 2004, Eq. 7 |
 //! | [`snowfall`] | texture, flakes and veil over a picture in one pass | Langer 2004, Eq. 7 |
 //! | `python` | the binding, behind the feature of that name | |
 
+pub mod air;
 pub mod error;
 pub mod frame;
 pub mod particles;

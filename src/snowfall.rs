@@ -52,6 +52,9 @@ impl Snowfall<'_, '_, '_> {
             return Err(Error::invalid("haze", format!("must be from 0 to 1, got {}", self.haze)));
         }
         let layout = || Error::Internal("rows are not contiguous".into());
+        if self.flakes.is_some_and(|flakes| flakes.row(0).to_slice().is_none()) {
+            return Err(layout());
+        }
         let colour = OneColour::<S>::new(self.intensity, channels)?;
         let background = background.to_slice().ok_or_else(layout)?;
         let lines = out.into_shape_with_order((height, width * channels)).map_err(|_| layout())?;
@@ -61,7 +64,7 @@ impl Snowfall<'_, '_, '_> {
         self.texture.render(self.window, lines, lift, cancel, |y, field, lift, line| {
             let row = y - rows.start;
             let back = &background[row * width * channels..][..width * channels];
-            let flakes = self.flakes.as_ref().map(|flakes| flakes.row(row));
+            let flakes = self.flakes.as_ref().and_then(|flakes| flakes.row(row).to_slice());
             let mut alpha = [0.0; BLOCK];
             let mut through = [0.0; BLOCK];
             for start in (0..width).step_by(BLOCK) {
@@ -70,10 +73,8 @@ impl Snowfall<'_, '_, '_> {
                 self.map.map_row(&field[start..end], lift.map(|lift| &lift[start..end]), alpha);
                 through.fill(clear);
                 dim(alpha, through);
-                if let Some(flakes) = &flakes {
-                    for (through, &alpha) in through.iter_mut().zip(flakes.iter().skip(start)) {
-                        *through *= 1.0 - alpha;
-                    }
+                if let Some(flakes) = flakes {
+                    dim(&flakes[start..end], through);
                 }
                 invert(through);
                 let run = start * channels..end * channels;
@@ -106,6 +107,7 @@ mod tests {
             seed: 5,
             jitter: false,
             ring_edges: &[],
+            ring_gains: &[],
             drift: moved.view(),
             shift: still.view(),
             velocity: moved.view(),

@@ -14,6 +14,7 @@ import pytest
 
 import flurries as fl
 import measure
+from flurries.effects.peopled import Peopled
 from measure import FLAKES, FOCAL, LONGEST, NEAR, SIZE, STEPS, TEXTURE, TORUS, WAVES, picture, scene
 
 LENS = fl.camera.Camera(FOCAL)
@@ -213,6 +214,22 @@ def changes(options: dict, times: np.ndarray = SOMETIMES, **about) -> np.ndarray
     )
 
 
+@pytest.mark.parametrize("preset", ["light", "heavy", "blizzard"])
+@pytest.mark.parametrize("z", [3.0, 0.0, -3.0])
+def test_flakes_in_view_are_all_flakes(preset: str, z: float, monkeypatch: pytest.MonkeyPatch):
+    # The kernel that drops flakes out of view, against arrays of all of them.
+    path = fl.CameraPath(fl.camera.Camera(300.0, center=(90.0, 150.0)), velocity=(1.0, -0.3, z))
+    falling = [fl.Snow.preset(preset, texture=0.0, haze=0.0), fl.Rain.preset("rain", texture=0.0)]
+    for effect in falling:
+        shown = fl.Scene((256, 200), (0.0, 0.0, 0.0), camera=path, effects=[effect], seed=3)
+        few = [shown.render(t, layers=True).alpha for t in (0.0, 77.5, -3e5)]
+        with monkeypatch.context() as patched:
+            patched.setattr(Peopled, "_flurry", Peopled._listed)
+            all_of_them = [shown.render(t, layers=True).alpha for t in (0.0, 77.5, -3e5)]
+        assert max(alpha.max() for alpha in few) > 0.05
+        np.testing.assert_allclose(few, all_of_them, rtol=0.0, atol=4e-6)
+
+
 @pytest.mark.parametrize("z", [5.0, 0.0, -5.0])
 def test_no_flake_pops(z: float, monkeypatch: pytest.MonkeyPatch):
     path = fl.CameraPath(fl.camera.Camera(300.0), velocity=(1.0, -0.3, z))
@@ -221,7 +238,9 @@ def test_no_flake_pops(z: float, monkeypatch: pytest.MonkeyPatch):
     ends = [[measure.places(shown, t + step) for t in SOMETIMES] for step in (0.0, STEPS[-1])]
     assert np.sum(abs(np.subtract(*ends)) > 1.0) >= 10
     assert measure.smooth(changes({}, camera=path))
-    # Without the fade they pop; those at the sides of the box do so outside the picture.
+    # Without the fade they pop; those at the sides of the box do so outside the picture. The flakes
+    # of arrays have one that can be taken away.
+    monkeypatch.setattr(Peopled, "_flurry", Peopled._listed)
     monkeypatch.setattr(fl.particles, "edge_fade", lambda points, *_, **__: np.ones(len(points)))
     assert measure.smooth(changes({}, camera=path)) == (z == 0.0)
 

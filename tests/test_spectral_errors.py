@@ -59,6 +59,22 @@ GOOD: dict[str, tuple[Callable[..., Any], int, dict[str, Any]]] = {
         {"shape": (40, 30), "drift": [(1.0, 2.0)] * 2, "seed": 1, "tile": 32,
          "ring_edges": (4.0, 8.0, 32.0)},
     ),
+    "field gains": (
+        S.field, 1,
+        {"shape": (40, 30), "drift": (1.0, 2.0), "seed": 1, "tile": 32,
+         "ring_edges": (4.0, 8.0, 32.0), "ring_gains": (0.5, 2.0)},
+    ),
+    "volume": (
+        S.volume, 3,
+        {"frames": 12, "size": 32, "velocity": (3.0, 4.0), "seed": 1, "wavelengths": (4.0, 32.0),
+         "cells": "overlap"},
+    ),
+    "loop": (
+        S.loop, 3,
+        {"frames": 12, "shape": (32, 40), "velocity": (3.0, 4.0), "seed": 1, "time": (1.0, 2.5),
+         "wavelengths": (4.0, 32.0), "exponent": 1.0, "alias": "soft", "soft_from": 0.4,
+         "shutter": 0.5, "jitter": True},
+    ),
     "opacity": (
         S.opacity, 1, {"field": ONES, "mean": 0.5, "spread": 3.0, "exponent": 2.0, "amount": 1.0}
     ),
@@ -70,7 +86,7 @@ GOOD: dict[str, tuple[Callable[..., Any], int, dict[str, Any]]] = {
 }  # fmt: skip
 EVERY = [(name, key) for name, (_, _, good) in GOOD.items() for key in good]
 NUMBERS = [(n, k) for n, k in EVERY if not isinstance(GOOD[n][2][k], (str, bool))]
-OPTIONAL = {"velocity", "shift_rate", "shortest", "ring_edges"}
+OPTIONAL = {"velocity", "shift_rate", "shortest", "ring_edges", "ring_gains"}
 
 
 def call(name: str, **changes: Any) -> Any:
@@ -113,6 +129,8 @@ def test_wrong_types_are_refused_by_name(name: str, key: str, bad: Any):
 def test_none_is_not_a_number(name: str, key: str):
     if key in OPTIONAL and name.startswith("field"):
         key = "drift"  # None is the default there
+    if (name, key) == ("loop", "time"):
+        key = "velocity"
     with pytest.raises((TypeError, ValueError), match=key):
         call(name, **{key: None})
 
@@ -186,6 +204,10 @@ WRONG: list[tuple[str, dict[str, Any], str]] = [
     ("field rings", {"ring_edges": (4.0, 4.0, 32.0)}, "ring_edges"),
     ("field rings", {"ring_edges": (8.0, 4.0, 32.0)}, "ring_edges"),
     ("field rings", {"ring_edges": (4.0,)}, "ring_edges"),
+    ("field gains", {"ring_gains": (1.0, 1.0, 1.0)}, "ring_gains"),
+    ("field gains", {"ring_gains": (0.0, 0.0)}, "ring_gains"),
+    ("field gains", {"ring_gains": (1.0, -1.0)}, "ring_gains"),
+    ("field gains", {"ring_edges": None}, "ring_gains"),
     ("opacity", {"field": np.ones(16)}, "field"),
     ("opacity", {"field": np.ones((0, 4))}, "field"),
     ("opacity", {"spread": 0.0}, "spread"),

@@ -93,6 +93,12 @@ OPTIONS: dict[str, Callable[[int, int], dict[str, Any]]] = {
     "rings per tile": lambda r, c: {
         "drift": per_tile(r, c, 3), "ring_edges": [2.0, 4.0, 7.0, 32.0], "jitter": True
     },
+    "ring gains": lambda r, c: {
+        "ring_edges": [2.0, 4.0, 7.0, 32.0], "ring_gains": [0.2, 3.0, 1.0], "exponent": 0.5
+    },
+    "gains that silence a ring": lambda r, c: {
+        "drift": [(8.0, 1.0), (-3.0, 5.0)], "ring_edges": [2.0, 4.0, 32.0], "ring_gains": [0, 1]
+    },
     "rings cut": lambda r, c: {
         "drift": per_tile(r, c, 2), "velocity": [(30.0, 0.0), (5.0, 9.0)],
         "ring_edges": [2.0, 5.0, 32.0], "alias": "cut", "shutter": 0.5
@@ -232,3 +238,26 @@ def test_a_late_frame_is_as_exact_as_the_first(frame: int):
     drift = (0.8 * frame, 3.1 * frame)
     got = fl.spectral.field((100, 100), drift=drift, seed=1, dtype=np.float64)
     assert np.abs(got - twin.field((100, 100), drift=drift, seed=1)).max() < 2e-9
+
+
+def test_gains_are_not_taken_from_the_call_before():
+    # Plans are kept from call to call; edges that end like another's gains must not be mistaken.
+    options = {"drift": (5.0, -3.0), "seed": 3, "tile": 64, "dtype": np.float64}
+    calls = [
+        {"ring_edges": (2.0, 4.0, 8.0, 16.0, 32.0)},
+        {"ring_edges": (2.0, 4.0, 8.0), "ring_gains": (16.0, 32.0)},
+        {"ring_edges": (2.0, 4.0, 8.0), "ring_gains": (1.0, 32.0)},
+        {"ring_edges": (2.0, 4.0, 8.0)},
+    ]
+    for _ in range(2):
+        for call in calls:
+            got = fl.spectral.field((64, 64), **options, **call)
+            assert (
+                np.abs(
+                    got
+                    - twin.field(
+                        (64, 64), **{k: v for k, v in options.items() if k != "dtype"}, **call
+                    )
+                ).max()
+                < 1e-12
+            )

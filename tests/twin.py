@@ -380,6 +380,7 @@ def field(
     shortest: ArrayLike | None = None,
     blend: str = "power",
     ring_edges: ArrayLike | None = None,
+    ring_gains: ArrayLike | None = None,
     direct: bool = False,
 ) -> Floats:
     """One frame, tile by tile; `direct` takes the cosine sum instead of the FFT."""
@@ -389,6 +390,9 @@ def field(
     longest = wavelengths[1]
     rings = None if ring_edges is None else ring_of(size, ring_edges)
     base = band_amplitude(size, wavelengths=wavelengths, exponent=exponent)
+    if ring_gains is not None:
+        base = base * np.asarray(ring_gains, dtype=np.float64)[rings]
+        base = base / np.sqrt(np.sum(base**2))
     transform = direct_sum if direct else inverse_transform
     tiles = np.zeros((rows, cols, *size))
     for row, col in np.ndindex(rows, cols):

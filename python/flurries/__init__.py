@@ -1,15 +1,15 @@
 """Falling snow, synthesized in the frequency domain, with particles on top.
 
 Arrays in, arrays out: :mod:`flurries.spectral`, :mod:`flurries.camera`, :mod:`flurries.particles`,
-:mod:`flurries.composite`. Pictures and film: :class:`Scene` and its effects.
+:mod:`flurries.hybrid`, :mod:`flurries.composite`. Pictures and film: :class:`Scene`, its effects.
 """
 
-from flurries import camera, composite, particles, spectral, trace
+from flurries import camera, composite, hybrid, particles, spectral, stereo, trace
 from flurries._core import InternalError
 from flurries._threads import set_threads, threads
 from flurries.camera import Camera
 from flurries.depth import DepthMap
-from flurries.effects import Frame, Layer, Rain, Snow
+from flurries.effects import Frame, Layer, MatchedSnow, Rain, Snow
 from flurries.path import CameraPath
 from flurries.scene import Rendered, Scene
 from flurries.sun import Sun
@@ -26,6 +26,7 @@ __all__ = [
     "InternalError",
     "Keys",
     "Layer",
+    "MatchedSnow",
     "Rain",
     "Rendered",
     "Scene",
@@ -34,9 +35,11 @@ __all__ = [
     "Wind",
     "camera",
     "composite",
+    "hybrid",
     "particles",
     "set_threads",
     "spectral",
+    "stereo",
     "threads",
     "trace",
 ]

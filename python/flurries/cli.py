@@ -57,7 +57,11 @@ def _joined(arguments: Sequence[str]) -> list[str]:
     """Join "--wind -1,0,0" by "=": argparse would take the minus for an option."""
     result: list[str] = []
     for argument in arguments:
-        if result and result[-1] in ("--wind", "--fly") and re.match(r"-[\d.]", argument):
+        if (
+            result
+            and result[-1] in ("--wind", "--fly", "--velocity")
+            and re.match(r"-[\d.]", argument)
+        ):
             result[-1] += f"={argument}"
         else:
             result.append(argument)
@@ -130,7 +134,34 @@ def _parser() -> argparse.ArgumentParser:
     render.add_argument("--quiet", action="store_true", help="no progress bar")
     render.set_defaults(run=_render)
 
-    for command in (demo, render):
+    texture = commands.add_parser(
+        "texture", help="snow that repeats in x, y and time, as textures for a game engine"
+    )
+    texture.add_argument(
+        "-o", "--output", required=True, metavar="PATTERN", help="snow/%%04d.png, .exr or .tif"
+    )
+    texture.add_argument("--frames", type=int, default=60, metavar="N", help="default: 60")
+    texture.add_argument("--size", default="512x512", metavar="WxH", help="default: 512x512")
+    texture.add_argument(
+        "--velocity",
+        type=_numbers(2),
+        default=(0.5, 2.0),
+        metavar="X,Y",
+        help="pixels per frame of the longest wave, y down; default: 0.5,2",
+    )
+    texture.add_argument(
+        "--band", metavar="NAME|SHORT,LONG", default="paper", help="paper, slides, or pixels"
+    )
+    texture.add_argument("--look", metavar="PRESET", default="paper", help=", ".join(SNOW))
+    texture.add_argument("--shutter", type=float, default=0.0, metavar="S", help="frames")
+    texture.add_argument("--seed", type=int, default=1, metavar="N")
+    texture.add_argument("--bits", type=int, choices=(8, 16), help="of integer files; default: 8")
+    texture.add_argument("--half", action="store_true", help="EXR with 16 bits")
+    texture.add_argument("--overwrite", action="store_true", help="replace what is there")
+    texture.add_argument("--quiet", action="store_true", help="no progress bar")
+    texture.set_defaults(run=_texture)
+
+    for command in (demo, render, texture):
         command.add_argument("--threads", type=int, metavar="N")
     return parser
 
@@ -153,6 +184,46 @@ def _demo(options: argparse.Namespace) -> int:
     from flurries.demo import run
 
     run(options.output, size=options.size, frames=options.frames)
+    return 0
+
+
+def _texture(options: argparse.Namespace) -> int:
+    from flurries.effects import Snow
+    from flurries.scene import parse_size
+    from flurries.spectral import BANDS, export_loop
+
+    width, height = parse_size(options.size)
+    band = BANDS.get(options.band)
+    if band is None:
+        try:
+            low, high = (float(part) for part in options.band.split(","))
+        except ValueError:
+            raise _Mistake(
+                f"--band wants {', '.join(BANDS)}, or two numbers like 4,32, got {options.band!r}"
+            ) from None
+        band = (low, high)
+    # The presets' numbers are plain ones.
+    look: Any = Snow.preset(options.look)
+    made = export_loop(
+        options.output,
+        options.frames,
+        (height, width),
+        options.velocity,
+        seed=options.seed,
+        wavelengths=band,
+        exponent=look.exponent,
+        shutter=options.shutter,
+        mean=look.mean,
+        spread=look.spread,
+        power=look.power,
+        amount=look.texture,
+        bits=options.bits,
+        half=options.half,
+        overwrite=options.overwrite,
+        progress=_silent if options.quiet else _bar,
+    )
+    for file in made:
+        print(file)
     return 0
 
 

@@ -14,41 +14,43 @@ from collections.abc import Mapping
 # is NumPy's on one.
 NANOSECONDS: dict[str, tuple[str, float]] = {
     # Texture, for each tile made: see flurries.spectral.operations.TileWork.
-    "tile bin": ("kernel", 1.98),
+    "tile bin": ("kernel", 2.05),
     "tile multiply-add": ("kernel", 0.01),
-    "tile fft": ("kernel", 0.0523),
-    "large tile multiply-add": ("kernel", 0.0927),
-    "large tile fft": ("kernel", 0.167),
+    "tile fft": ("kernel", 0.0569),
+    "large tile multiply-add": ("kernel", 0.109),
+    "large tile fft": ("kernel", 0.194),
     "tile pixel": ("kernel", 0.1),
-    "jittered bin": ("kernel", 23.5),
-    "planned bin": ("kernel", 53.5),
+    "jittered bin": ("kernel", 23),
+    "planned bin": ("kernel", 60.7),
     # Texture, for each pixel of the window.
-    "texture pixel": ("kernel", 0.951),
+    "texture pixel": ("kernel", 0.9),
     # ... before a depth: its farthest in each tile, and the tiles' fades.
-    "limited pixel": ("array", 6.67),
+    "limited pixel": ("array", 6.32),
     # Flakes: those of the box, those that touch the window, and runs of pixels in their rows, of
     # resting ones and of those that the shutter makes streaks of.
-    "flake placed": ("array", 84.7),
-    "disc": ("kernel", 79.3),
-    "disc run": ("kernel", 20),
-    "streak": ("kernel", 470),
-    "streak run": ("kernel", 31.4),
+    "flake listed": ("array", 53.2),
+    "flake placed": ("kernel", 85),
+    "disc": ("kernel", 40),
+    "disc run": ("kernel", 2.56),
+    "streak": ("kernel", 195),
+    "streak run": ("kernel", 31),
     # Planes and pictures, for each pixel.
-    "mask pixel": ("kernel", 0.582),
-    "joined pixel": ("kernel", 0.328),
+    "mask pixel": ("kernel", 0.512),
+    "joined pixel": ("kernel", 0.333),
     # A square root, by which machines are compared.
     "array number": ("array", 1.12),
-    "copied byte": ("array", 0.0606),
-    "array pixel": ("array", 0.144),
-    "veil pixel": ("array", 2.41),
-    "byte pixel": ("kernel", 0.671),
-    "word pixel": ("kernel", 0.865),
-    "float pixel": ("kernel", 2.13),
+    "copied byte": ("array", 0.0445),
+    "array pixel": ("array", 0.151),
+    "veil pixel": ("array", 2.47),
+    "byte pixel": ("kernel", 1.01),
+    "fused pixel": ("kernel", 0.05),
+    "word pixel": ("kernel", 1.29),
+    "float pixel": ("kernel", 1.55),
     "decoded pixel": ("array", 8.0),
-    "encoded pixel": ("array", 12.1),
+    "encoded pixel": ("array", 10.9),
     # What Python takes for a frame, an effect and a call of a kernel.
-    "frame": ("array", 6229.0),
-    "layer": ("array", 31040.0),
+    "frame": ("array", 6570.0),
+    "layer": ("array", 31780.0),
 }
 
 

@@ -54,7 +54,7 @@ class Mix:
         """Return a layer over what lies behind it."""
         result = np.empty_like(working)
         if layer.rgb is None:
-            _core.snow(result, working, layer.alpha, self._light(layer.colour))
+            _core.snow(result, working, layer.alpha, self.light(layer.colour))
         else:
             _core.over(result, working, self.rgba(layer))
         return result
@@ -62,7 +62,7 @@ class Mix:
     def rgba(self, layer: Layer) -> Array:
         """Return a layer as (h, w, 4) float32, premultiplied, in the light of the mix."""
         if layer.rgb is None:
-            return layer.rgba(self._light(layer.colour))
+            return layer.rgba(self.light(layer.colour))
         result = np.empty((*layer.alpha.shape, 4), np.float32)
         result[..., 3] = layer.alpha
         if self.linear:
@@ -76,7 +76,7 @@ class Mix:
         np.multiply(linear_to_srgb(straight), cover, out=result[..., :3])
         return result
 
-    def _light(self, colour: Any) -> list[float]:
+    def light(self, colour: Any) -> list[float]:
         """Return a display colour in the light that layers are mixed in."""
         if not self.linear:
             return list(colour)

@@ -21,6 +21,7 @@ from flurries.foreground import Foreground, foreground_of
 from flurries.mixing import Mix, behind, free_name
 from flurries.path import as_path
 from flurries.plan.program import Program
+from flurries.stereo import eyes
 from flurries.sun import Sun
 from flurries.trace import stage
 
@@ -212,55 +213,25 @@ class Scene:
             picture = cropped(self._backdrop.frame(time), window)
         # Where none of the weather can be seen, none is made; layers are whole.
         inner = window if layers else self.program.seen(window)
-        parts: list[Layer] = []
+        asked: list[tuple[Any, Frame]] = []
         if inner is not None:
-            parts = self._layers(time, eye, inner, None if layers else picture.dtype)
+            dtype = None if layers else picture.dtype
+            needed = list(self.program.frames(time, eye, inner, dtype=dtype))
+            asked = self.program.given(time, needed)
         matte = None if self._foreground is None else self._foreground.window(window)
         mix = Mix(self.linear, self._backdrop.encoding)
-        with stage("composite"):
-            if layers:
-                image, cover, named, depths = self._mixed(parts, mix, picture, matte)
-            else:
-                image = self._composite(parts, mix, picture, matte, within(inner, window))
         if not layers:
-            return image
+            if matte is None or not asked or inner is None:
+                return self._laid_over(asked, mix, picture, matte)
+            return self._laid_behind(asked, mix, picture, matte, within(inner, window))
+        parts = [
+            layer for effect, frame in asked for layer in rendered(effect, frame, picture.shape[:2])
+        ]
+        with stage("composite"):
+            image, cover, named, depths = self._mixed(parts, mix, picture, matte)
         depth = self.depth_at(time)
         around = None if depth is None else cropped(depth, window)
         return Rendered(image, cover, named, around, depths)
-
-    def render_eyes(
-        self,
-        t: float,
-        eyes: Sequence[Camera],
-        *,
-        layers: bool = False,
-        region: tuple[slice, slice] | None = None,
-    ) -> list[Any]:
-        """Return the frame at `t` for several eyes, such as a left and a right one.
-
-        Parameters
-        ----------
-        t, layers, region
-            As for :meth:`render`.
-        eyes : sequence of Camera
-            In place of the path's camera. Equal eyes, as two at distance 0 are, are rendered once.
-
-        Returns
-        -------
-        list
-            What `render` returns for each; arrays are shared by equal eyes.
-        """
-        if not isinstance(eyes, (list, tuple)):
-            raise TypeError(f"eyes must be a sequence of Camera, got {eyes!r}")
-        made: list[tuple[Camera, Any]] = []
-        result = []
-        for eye in eyes:
-            found = [image for other, image in made if other == eye]
-            if not found:
-                found = [self.render(t, eye=eye, layers=layers, region=region)]
-                made.append((eye, found[0]))
-            result.append(found[0])
-        return result
 
     def plan(self, frames: Any = None) -> Plan:
         """Return what rendering costs: its steps, their sizes and times, and what is left out.
@@ -287,6 +258,48 @@ class Scene:
         assert self._program is not None
         return self._program
 
+    def stereo(
+        self,
+        t: float,
+        *,
+        distance: float,
+        convergence: float | None = None,
+        layers: bool = False,
+        region: tuple[slice, slice] | None = None,
+    ) -> tuple[Any, Any]:
+        """Return the frame at `t` as the left and the right eye see it.
+
+        The weather lies in depth; the background and what stands in front of the weather are flat
+        pictures at the depth of convergence, the same for both.
+
+        Parameters
+        ----------
+        t, layers, region
+            See :meth:`render`.
+        distance, convergence : float
+            See :func:`flurries.stereo.eyes`.
+
+        Returns
+        -------
+        left, right
+            Each as :meth:`render` returns it; one and the same at distance 0.
+
+        Warns
+        -----
+        UserWarning
+            If an effect's texture begins so near that its disparity is half a wavelength or more:
+            it is then ambiguous, and only flakes tell the depth.
+        """
+        pair = eyes(self.camera.camera, distance=distance, convergence=convergence)
+        for index, effect in enumerate(self.effects):
+            warned = getattr(effect, "warn_ambiguous", None)
+            if warned is not None:
+                warned(self.shape, self.camera.camera.focal, distance, index)
+        left = self.render(t, eye=pair[0], layers=layers, region=region)
+        if pair[0] == pair[1]:
+            return left, left
+        return left, self.render(t, eye=pair[1], layers=layers, region=region)
+
     def depth_at(self, t: float) -> Array | None:
         """Return the background's planar depth at `t`, (H, W) float32, or None.
 
@@ -298,6 +311,55 @@ class Scene:
             return None
         with stage("depth"):
             return self._distance.frame(time)
+
+    def _laid_over(
+        self,
+        asks: list[tuple[Any, Frame]],
+        mix: Mix,
+        picture: Array,
+        matte: Foreground | None = None,
+    ) -> Array:
+        """Return the composite, each effect straight over what lies behind it if it knows how."""
+        working = mix.working(picture)
+        for effect, frame in asks:
+            over = getattr(effect, "over", None)
+            done = None if over is None else over(frame, working, mix.light)
+            if done is not None:
+                working = done
+                continue
+            for layer in rendered(effect, frame, picture.shape[:2]):
+                with stage("composite"):
+                    working = mix.over(working, layer)
+        with stage("composite"):
+            if matte is not None and matte.light is not None:
+                working = matte.over(working, linear=self.linear)
+            return mix.finished(working, picture)
+
+    def _laid_behind(
+        self,
+        asks: list[tuple[Any, Frame]],
+        mix: Mix,
+        picture: Array,
+        matte: Foreground,
+        inner: Window,
+    ) -> Array:
+        """Return the composite of effects in the part of a picture where they can be seen."""
+        working = mix.working(picture)
+        over = np.ascontiguousarray(cropped(working, inner))
+        cover = cropped(matte.cover, inner)
+        for effect, frame in asks:
+            for layer in rendered(effect, frame, over.shape[:2]):
+                with stage("composite"):
+                    over = mix.over(over, behind(layer, cover))
+        with stage("composite"):
+            if over.shape == working.shape:
+                working = over
+            else:
+                working = working if working.flags.writeable else working.copy()
+                cropped(working, inner)[...] = over
+            if matte.light is not None:
+                working = matte.over(working, linear=self.linear)
+            return mix.finished(working, picture)
 
     def _mixed(
         self,
@@ -324,33 +386,6 @@ class Scene:
         if matte is not None and matte.light is not None:
             working = matte.over(working, linear=self.linear)
         return mix.finished(working, picture), cover, layers, depths
-
-    def _composite(
-        self,
-        parts: list[Layer],
-        mix: Mix,
-        picture: Array,
-        matte: Foreground | None,
-        inner: Window,
-    ) -> Array:
-        """Return the composite of layers that lie over a part of the picture only."""
-        working = mix.working(picture)
-        if parts:
-            top, bottom, left, right = inner
-            whole = (bottom - top, right - left) == picture.shape[:2]
-            over = working if whole else np.ascontiguousarray(cropped(working, inner))
-            for part in parts:
-                if matte is not None:
-                    part = behind(part, cropped(matte.cover, inner))
-                over = mix.over(over, part)
-            if whole:
-                working = over
-            else:
-                working = working if working.flags.writeable else working.copy()
-                working[top:bottom, left:right] = over
-        if matte is not None and matte.light is not None:
-            working = matte.over(working, linear=self.linear)
-        return mix.finished(working, picture)
 
     def write(self, pattern: str | Path, frames: Any = None, **options: Any) -> Any:
         """Render frames to files; see :func:`flurries.render.write`."""
@@ -397,22 +432,6 @@ class Scene:
             window += [start, stop]
         return window[0], window[1], window[2], window[3]
 
-    def _layers(
-        self, t: float, eye: Camera | None, window: Window, dtype: np.dtype[Any] | None
-    ) -> list[Layer]:
-        """Return what the effects that run give for a window, back to front."""
-        asked = list(self.program.frames(t, eye, window, dtype=dtype))
-        shape = (window[1] - window[0], window[3] - window[2])
-        result: list[Layer] = []
-        for effect, frame in self.program.given(t, asked):
-            if hasattr(effect, "needs"):
-                answer = effect.render(frame)
-            else:
-                with stage(type(effect).__name__.lower()):
-                    answer = effect.render(frame)
-            result += layers_of(answer, effect, shape)
-        return result
-
     def _asks(
         self, t: float, eye: Camera | None, window: Window, depth: Array | None
     ) -> list[tuple[Any, Frame]]:
@@ -421,16 +440,23 @@ class Scene:
         return [(effect, replace(frame, depth=depth)) for effect, frame, _ in asked]
 
 
+def rendered(effect: Any, frame: Frame, shape: tuple[int, int]) -> tuple[Layer, ...]:
+    """Return the layers of an effect."""
+    if hasattr(effect, "needs"):
+        return layers_of(effect.render(frame), effect, shape)
+    # One that does not say what it needs is a step by itself.
+    with stage(type(effect).__name__.lower()):
+        return layers_of(effect.render(frame), effect, shape)
+
+
 def cropped(plane: Array, window: Window) -> Array:
     """Return the window of a plane or picture."""
     top, bottom, left, right = window
     return plane[top:bottom, left:right]
 
 
-def within(inner: Window | None, window: Window) -> Window:
+def within(inner: Window, window: Window) -> Window:
     """Return a window counted from the first pixel of one around it."""
-    if inner is None:
-        return (0, 0, 0, 0)
     top, left = window[0], window[2]
     return inner[0] - top, inner[1] - top, inner[2] - left, inner[3] - left
 

@@ -20,7 +20,7 @@ import numpy as np
 
 from flurries.camera import Camera
 from flurries.depth import DepthMap
-from flurries.effects import Rain, Snow
+from flurries.effects import MatchedSnow, Rain, Snow
 from flurries.path import CameraPath
 from flurries.scene import DEFAULT_FOCAL, Scene
 from flurries.sun import Sun
@@ -34,7 +34,11 @@ MOST_BYTES = 1 << 20
 # How much of a large background each end gives to its hash.
 ENDS = 1 << 20
 
-EFFECTS: dict[str, type[Any]] = {"snow": Snow, "rain": Rain}
+EFFECTS: dict[str, type[Any]] = {
+    "snow": Snow,
+    "rain": Rain,
+    "matched_snow": MatchedSnow,
+}
 
 _SCENE = (
     "size", "background", "camera", "effects", "fps", "seed", "foreground", "space", "depth", "sun",

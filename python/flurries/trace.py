@@ -58,7 +58,7 @@ def tracing() -> Iterator[Trace]:
     >>> with fl.trace.tracing() as trace:
     ...     frame = scene.render(3)
     >>> list(trace.calls)
-    ['texture', 'background', 'composite']
+    ['background', 'texture', 'composite']
     """
     trace = Trace()
     token = _current.set(trace)

@@ -9,15 +9,15 @@ for each wave and time, for all flakes alike. Nothing is stepped from frame to f
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
+from flurries import _core
 from flurries._contract import Float64, integer, real, seed_of, table
-from flurries._core import uniform
 from flurries.timeline import Course, Keys, Running, Vector, as_vector
 
 __all__ = ["Wind"]
@@ -30,8 +30,9 @@ GUST_LENGTHS = (2.0, 8.0)
 SWIRL_LENGTHS = (0.25, 1.0)
 
 # Eddies change at this many times their speed over their size: below 1 flakes would be folded
-# over each other, far above the air would shake instead of turning.
-TURNOVER = 2.0
+# over each other, far above the air would shake instead of turning. Gusts carry less far than the
+# swirls are wide.
+GUST_TURNOVER, SWIRL_TURNOVER = 6.0, 3.0
 
 _STREAM = 201
 
@@ -76,9 +77,11 @@ class Wind:
 
     Notes
     -----
-    Langer 2004, section 8, asks for such winds. Gusts and swirls have no divergence; they displace
-    a flake by a bounded way in a mean wind that does not change, since they ride on it and drift
-    upwards in it while what falls does not.
+    Langer 2004, section 8, asks for such winds. A `field` that never changes carries what falls
+    straight through its columns ever further; give it a period in time, or a mean. Gusts and swirls
+    have no divergence; they displace a flake by a bounded way in a mean wind that does not change,
+    since they ride on it and drift upwards in it while what falls does not. A flake feels the wind
+    of the place where it would be without them: see ``docs/deviations.md``.
 
     Examples
     --------
@@ -160,6 +163,21 @@ class Wind:
         waves: Waves | None = self._waves
         return waves
 
+    @property
+    def uniform(self) -> bool:
+        """Whether it blows alike everywhere."""
+        return self.profile is None and self._waves is None
+
+    @property
+    def steady(self) -> Vector:
+        """The mean with that of `field`."""
+        if self.field is None:
+            return self.mean
+        own = self.field.reshape(-1, 3).mean(axis=0)
+        if isinstance(self.mean, Keys):
+            return Keys([(frame, tuple(np.add(value, own))) for frame, value in self.mean.keys])
+        return tuple(np.add(self.mean, own).tolist())
+
     def velocity(self, points: npt.ArrayLike, seconds: float) -> Float64:
         """Return the air's velocity at places of the house axes, without the profile.
 
@@ -178,7 +196,8 @@ class Wind:
         at = table("points", points)
         if at.shape[1] != 3:
             raise ValueError(f"points must be (n, 3), got an array of shape {at.shape}")
-        mean = self.mean.at(0.0) if isinstance(self.mean, Keys) else self.mean
+        steady = self.steady
+        mean = steady.at(0.0) if isinstance(steady, Keys) else steady
         found = np.tile(np.array(mean), (len(at), 1))
         if self._waves is not None:
             now = np.exp(-1j * self._waves.omega * real("seconds", seconds))
@@ -229,64 +248,64 @@ class Waves:
         Radians per second.
     a : (m, 3) complex128
         Metres per second.
+    own : (m,) float64
+        How fast each changes for what rides on the mean wind, at least, radians per second.
     """
 
     k: Float64
     omega: Float64
     a: npt.NDArray[np.complex128]
+    own: Float64
 
-    def at(self, points: Float64, factor: npt.NDArray[np.complex128]) -> Float64:
-        """Return Re sum a factor exp(i k . x) at points (n, 3), (n, 3)."""
-        weights = self.a * factor[:, None]
-        result = np.empty((len(points), 3))
-        # In runs that stay in the cache.
-        for first in range(0, len(points), 4096):
-            phase = points[first : first + 4096] @ self.k.T
-            result[first : first + 4096] = (
-                np.cos(phase) @ weights.real - np.sin(phase) @ weights.imag
-            )
+    def at(self, points: Float64, *factors: npt.NDArray[np.complex128]) -> Float64:
+        """Return Re sum a factor exp(i k . x) at points (n, 3), one after the other: (n, 3 f)."""
+        weights = np.concatenate([self.a * factor[:, None] for factor in factors], axis=1)
+        result = np.empty((len(points), weights.shape[1]))
+        parts = np.concatenate([weights.real, weights.imag], axis=1)
+        cycles = self.k / (2.0 * np.pi)
+        _core.wind_waves(result, np.ascontiguousarray(points), cycles, parts)
         return result
 
     def spread(self) -> float:
-        """Return the displacement (root mean square) that the gusts and swirls are made for."""
-        change = np.maximum(self.omega_own, 1e-9)
-        return float(np.sqrt(np.sum(np.abs(self.a) ** 2 / change[:, None] ** 2)))
-
-    @property
-    def omega_own(self) -> Float64:
-        """How fast each wave changes for what is carried along, at least, radians per second."""
-        speed = np.sqrt(np.sum(np.abs(self.a) ** 2, axis=1))
-        return np.asarray(np.maximum(speed, 1e-12) * np.linalg.norm(self.k, axis=1))
+        """Return how far it carries flakes to and fro, root mean square, metres."""
+        power = 0.5 * np.sum(np.abs(self.a) ** 2, axis=1)
+        return float(np.sqrt(np.sum(power[self.own > 0.0] / self.own[self.own > 0.0] ** 2)))
 
 
 def _waves_of(wind: Wind) -> Waves | None:
     parts = []
-    mean = wind.mean
+    mean = wind.steady
     if isinstance(mean, Keys):
         mean = tuple(np.mean([value for _, value in mean.keys], axis=0))
-    kinds = ((wind.gusts, GUST_LENGTHS), (wind.swirl, SWIRL_LENGTHS))
-    for number, (speed, lengths) in enumerate(kinds):
+    kinds = (
+        (wind.gusts, GUST_LENGTHS, GUST_TURNOVER),
+        (wind.swirl, SWIRL_LENGTHS, SWIRL_TURNOVER),
+    )
+    for number, (speed, lengths, turnover) in enumerate(kinds):
         if speed > 0.0:
+            sizes = (wind.scale * lengths[0], wind.scale * lengths[1])
             stream = _STREAM + 8 * number
-            parts.append(_eddies(speed, lengths, wind.scale, mean, wind.seed, stream))
+            parts.append(_eddies(speed, sizes, turnover, mean, wind.seed, stream))
     if wind.field is not None:
         parts.append(_sampled(wind))
     parts = [part for part in parts if len(part.k)]
     if not parts:
         return None
-    return Waves(*(np.concatenate([getattr(p, n) for p in parts]) for n in ("k", "omega", "a")))
+    return Waves(
+        *(np.concatenate([getattr(p, n) for p in parts]) for n in ("k", "omega", "a", "own"))
+    )
 
 
 def _eddies(
-    speed: float, lengths: tuple[float, float], scale: float, mean: Any, seed: int, stream: int
+    speed: float, sizes: tuple[float, float], turnover: float, mean: Any, seed: int, stream: int
 ) -> Waves:
     """Return solenoidal waves of random directions whose speed squared has the mean speed^2."""
     draws = np.empty((5, WAVES))
     for row, draw in enumerate(draws):
-        uniform(draw, seed, stream + row)
+        _core.uniform(draw, seed, stream + row)
     # Lengths evenly spread over the octaves, so that every seed has its share of each.
     share = (np.arange(WAVES) + draws[0]) / WAVES
-    length = scale * lengths[0] * (lengths[1] / lengths[0]) ** share
+    length = sizes[0] * (sizes[1] / sizes[0]) ** share
     # Directions of half the sphere, upwards: a wave and its opposite are the same.
     up, around = draws[1], 2.0 * np.pi * draws[2]
     flat = np.sqrt(1.0 - up**2)
@@ -297,13 +316,13 @@ def _eddies(
     other = np.cross(unit, side)
     angle = 2.0 * np.pi * draws[3][:, None]
     across = np.cos(angle) * side + np.sin(angle) * other
-    own = TURNOVER * speed * 2.0 * np.pi / length
+    own = turnover * speed * 2.0 * np.pi / length
     amplitude = speed * math.sqrt(2.0 / WAVES) * np.exp(2j * np.pi * draws[4])
-    return Waves(k, k @ np.array(mean) + own, across * amplitude[:, None])
+    return Waves(k, k @ np.array(mean) + own, across * amplitude[:, None], own)
 
 
 def _sampled(wind: Wind) -> Waves:
-    """Return the strongest waves of a periodic field; its mean is a wave of endless length."""
+    """Return the strongest waves of a periodic field, without its mean."""
     given = wind.field if wind.field.ndim == 5 else wind.field[None]
     count = given.shape[:4]
     spectrum = np.fft.fftn(given, axes=(0, 1, 2, 3)) / np.prod(count)
@@ -314,6 +333,8 @@ def _sampled(wind: Wind) -> Waves:
     # exp(i (k x + w t)) of the transform is exp(i (k x - omega t)) here.
     omega = -omega.ravel()
     a = spectrum.reshape(-1, 3)
+    # What is the same everywhere and always belongs to the mean.
+    a[0] = 0.0
     power = np.sum(np.abs(a) ** 2, axis=1)
     # Of a wave and its mirror one is kept, twice as strong.
     mirror = _mirror(count)
@@ -321,7 +342,10 @@ def _sampled(wind: Wind) -> Waves:
     a = np.where((mirror == order)[:, None], a, 2.0 * a)
     strongest = [i for i in np.argsort(-power, kind="stable") if i <= mirror[i] and power[i] > 0.0]
     chosen = np.array(strongest[: wind.modes], dtype=np.intp)
-    return Waves(k[chosen], omega[chosen], a[chosen])
+    # A field is taken to change as fast as it carries things through its own waves.
+    speed = math.sqrt(0.5 * float(np.sum(np.abs(a[chosen]) ** 2)))
+    own = speed * np.linalg.norm(k[chosen], axis=1)
+    return Waves(k[chosen], omega[chosen], a[chosen], own)
 
 
 def _mirror(count: tuple[int, ...]) -> npt.NDArray[np.intp]:
@@ -356,7 +380,17 @@ def carried(waves: Waves, course: Course, fps: float) -> tuple[Running, Running]
             result[row, : len(rate)], result[row, len(rate) :] = found.real, found.imag
         return result
 
-    return way, Running.of(turns, course.knots)
+    sums = Running.of(turns, course.knots)
+    return way, replace(sums, sums=sums.sums + _start(waves, course, rate))
+
+
+def _start(waves: Waves, course: Course, rate: Float64) -> Float64:
+    """Return the value at frame 0 that makes the integral swing about 0 and not beside it."""
+    now = course.line(np.zeros(1), np.zeros(1))[0][0]
+    turning = waves.k @ now - rate
+    slow = np.abs(turning) < 1e-3
+    first = np.where(slow, 0.0, 1.0 / (1j * np.where(slow, 1.0, turning)))
+    return np.concatenate([first.real, first.imag])
 
 
 def _turning_sum(first: Float64, speed: Float64, slope: Float64, length: float) -> Any:

@@ -96,33 +96,50 @@ impl<S: Sample> OneColour<S> {
     /// Writes `colour * alpha + (1 - alpha) * background`, with one alpha per pixel.
     pub fn over<A: Real>(&self, out: &mut [S], background: &[S], alpha: &[A]) {
         let size = BLOCK * self.channels;
-        // On the stack: rows must not allocate. Three channels are the most.
-        let mut spread = [S::Working::zero(); BLOCK * 3];
-        let spread = &mut spread[..size];
+        // On the stack: rows must not allocate.
+        let mut own = [S::Working::zero(); BLOCK];
         let blocks = out.chunks_mut(size).zip(background.chunks(size));
         for ((out, back), alpha) in blocks.zip(alpha.chunks(BLOCK)) {
-            if self.channels == 3 {
-                spread_alpha::<S::Working, A, 3>(alpha, spread);
-            } else {
-                spread_alpha::<S::Working, A, 1>(alpha, spread);
+            for (own, alpha) in own.iter_mut().zip(alpha) {
+                *own = S::Working::of(alpha.wide());
             }
-            mix_row::<S>(out, back, &self.values, spread);
-        }
-    }
-}
-
-/// Repeats each alpha for the channels of its pixel.
-fn spread_alpha<T: Real, A: Real, const CHANNELS: usize>(alpha: &[A], spread: &mut [T]) {
-    for (spread, alpha) in spread.chunks_exact_mut(CHANNELS).zip(alpha) {
-        let value = T::of(alpha.wide());
-        for channel in spread {
-            *channel = value;
+            let alpha = &own[..alpha.len()];
+            if self.channels == 3 {
+                mix_three::<S>(out, back, &self.values, alpha);
+            } else {
+                mix_row::<S>(out, back, &self.values, alpha);
+            }
         }
     }
 }
 
 /// Pixels that are mixed at once; their work space stays in the first cache.
 pub const BLOCK: usize = 256;
+
+#[inline(always)]
+fn mix_three_with<S: Sample, const LEVEL: u8>(
+    out: &mut [S],
+    background: &[S],
+    colour: &[S::Working],
+    alpha: &[S::Working],
+) {
+    let mut spread = [S::Working::zero(); 3 * BLOCK];
+    for (spread, &alpha) in spread.chunks_exact_mut(3).zip(alpha) {
+        spread[0] = alpha;
+        spread[1] = alpha;
+        spread[2] = alpha;
+    }
+    mix_row_with::<S, LEVEL>(out, background, colour, &spread);
+}
+
+dispatch! {
+    fn mix_three<S: Sample>(
+        out: &mut [S],
+        background: &[S],
+        colour: &[S::Working],
+        alpha: &[S::Working],
+    ) = mix_three_with
+}
 
 #[inline(always)]
 fn mix_row_with<S: Sample, const LEVEL: u8>(
@@ -215,18 +232,28 @@ pub fn join<T: Real>(
     })
 }
 
-/// What is left of the light behind one more layer.
-pub fn dim<T: Real>(alpha: &[T], through: &mut [T]) {
+#[inline(always)]
+fn dim_with<T: Real, const LEVEL: u8>(alpha: &[T], through: &mut [T]) {
     for (through, &alpha) in through.iter_mut().zip(alpha) {
         *through *= T::one() - alpha;
     }
 }
 
-/// Transmittance to opacity, or back.
-pub fn invert<T: Real>(values: &mut [T]) {
+#[inline(always)]
+fn invert_with<T: Real, const LEVEL: u8>(values: &mut [T]) {
     for value in values {
         *value = T::one() - *value;
     }
+}
+
+dispatch! {
+    /// What is left of the light behind one more layer.
+    pub fn dim<T: Real>(alpha: &[T], through: &mut [T]) = dim_with
+}
+
+dispatch! {
+    /// Transmittance to opacity, or back.
+    pub fn invert<T: Real>(values: &mut [T]) = invert_with
 }
 
 #[cfg(test)]

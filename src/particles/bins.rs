@@ -95,7 +95,7 @@ pub struct Scratch {
 impl Bins {
     /// Projects the flakes of a run and sorts them by tile.
     pub fn of(
-        flakes: impl ExactSizeIterator<Item = Flake>,
+        flakes: impl ExactSizeIterator<Item = Option<Flake>>,
         lens: &Lens,
         grid: &Grid,
         scratch: &mut Scratch,
@@ -108,6 +108,7 @@ impl Bins {
         let mut large: Vec<Sprite> = Vec::new();
         let mut starts: Vec<u32> = zeroed(grid.len() + 1)?;
         for flake in flakes {
+            let Some(flake) = flake else { continue };
             let Some(sprite) = Sprite::of(&flake, lens) else { continue };
             let Some((rows, columns)) = grid.reached(&sprite) else { continue };
             if rows.len() * columns.len() > MOST_TILES {
@@ -206,7 +207,8 @@ mod tests {
             let bins: Vec<Bins> = crate::pool::split(flakes.len(), parts)
                 .into_iter()
                 .map(|run| {
-                    Bins::of(flakes[run].iter().copied(), &LENS, &grid, &mut scratch).unwrap()
+                    Bins::of(flakes[run].iter().copied().map(Some), &LENS, &grid, &mut scratch)
+                        .unwrap()
                 })
                 .collect();
             for tile in 0..grid.len() {

@@ -31,7 +31,30 @@ pub struct Flakes<'a> {
     pub shutter: f64,
 }
 
-impl Flakes<'_> {
+/// Where flakes come from.
+pub trait Source: Sync {
+    /// How many there are.
+    fn len(&self) -> usize;
+
+    /// Whether there are none.
+    fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// A flake, or None if it is known not to be seen.
+    fn get(&self, index: usize) -> Option<Flake>;
+
+    /// Refuses what cannot be drawn.
+    fn check(&self) -> Result<(), Error> {
+        Ok(())
+    }
+}
+
+impl Source for Flakes<'_> {
+    fn len(&self) -> usize {
+        self.points.nrows()
+    }
+
     fn check(&self) -> Result<(), Error> {
         let count = self.points.nrows();
         if self.points.ncols() != 3 {
@@ -73,15 +96,15 @@ impl Flakes<'_> {
     }
 
     #[inline]
-    fn get(&self, index: usize) -> Flake {
+    fn get(&self, index: usize) -> Option<Flake> {
         let row = |length: usize| if length == 1 { 0 } else { index };
         let velocity = row(self.velocity.nrows());
-        Flake {
+        Some(Flake {
             point: [0, 1, 2].map(|axis| self.points[[index, axis]]),
             radius: self.radius[row(self.radius.len())],
             opacity: self.opacity[row(self.opacity.len())],
             travel: [0, 1, 2].map(|axis| self.shutter * self.velocity[[velocity, axis]]),
-        }
+        })
     }
 }
 
@@ -109,7 +132,7 @@ fn check_lens(lens: &Lens) -> Result<(), Error> {
 /// the order in which flakes are multiplied follows from their indices.
 pub fn splat<P: Profile, M: Real>(
     out: ArrayViewMut2<P>,
-    flakes: &Flakes<'_>,
+    flakes: &impl Source,
     lens: &Lens,
     depth: Option<ArrayView2<M>>,
     cancel: &Cancel,
@@ -134,12 +157,12 @@ pub fn splat<P: Profile, M: Real>(
 }
 
 fn binned(
-    flakes: &Flakes<'_>,
+    flakes: &impl Source,
     lens: &Lens,
     grid: &Grid,
     cancel: &Cancel,
 ) -> Result<Vec<Bins>, Error> {
-    let count = flakes.points.nrows();
+    let count = flakes.len();
     // A run of this length keeps the tables of tiles (one per run) small beside the flakes.
     let length = RUN.max(grid.len()).min(LONGEST_RUN);
     let mut runs: Vec<Option<Bins>> = (0..count.div_ceil(length)).map(|_| None).collect();
@@ -204,16 +227,16 @@ fn store<P: Profile>(mut pixels: ArrayViewMut2<P>, transmittance: &[f64; PIXELS]
 }
 
 /// A rough estimate of the work in nanoseconds, from a sample of the flakes.
-pub fn estimate(shape: (usize, usize), flakes: &Flakes<'_>, lens: &Lens) -> f64 {
+pub fn estimate(shape: (usize, usize), flakes: &impl Source, lens: &Lens) -> f64 {
     let pixels = shape.0 as f64 * shape.1 as f64;
-    let count = flakes.points.nrows();
+    let count = flakes.len();
     if flakes.check().is_err() {
         return 0.0;
     }
     let stride = count.div_ceil(256).max(1);
     let area: f64 = (0..count)
         .step_by(stride)
-        .filter_map(|index| Sprite::of(&flakes.get(index), lens))
+        .filter_map(|index| Sprite::of(&flakes.get(index)?, lens))
         .map(|sprite| {
             let (low, high) = sprite.bounds();
             let side = |axis: usize, limit: usize| {

@@ -92,6 +92,67 @@ fn reduced(rate: f64, time: f64, side: f64) -> Result<f64, Error> {
     Ok(rounded % side + rest % side)
 }
 
+/// The flakes of a box at one time, all carried along alike.
+#[derive(Debug, Clone, Copy)]
+pub struct Carried {
+    torus: Torus,
+    // By how much each start is moved before the wrap: reduced by whole boxes, exactly.
+    moved: [f64; 3],
+    stream: Hash,
+    sway: Option<(Sway, f64)>,
+}
+
+impl Carried {
+    /// The flakes of a seed, carried by `velocity` times `time`.
+    pub fn new(
+        torus: Torus,
+        seed: i64,
+        velocity: [f64; 3],
+        time: f64,
+        sway: Option<Sway>,
+    ) -> Result<Self, Error> {
+        finite("time", time)?;
+        let drift = drift(ArrayView1::from(&velocity), time, &torus)?;
+        let angle = sway.map(|sway| sway_angle(sway, time)).transpose()?;
+        Ok(Self {
+            torus,
+            moved: std::array::from_fn(|axis| drift[axis] - torus.center[axis] % torus.sides[axis]),
+            stream: Hash::seeded(seed).word(STREAM),
+            sway: sway.zip(angle),
+        })
+    }
+
+    /// The numbers of a flake.
+    pub const fn flake(&self, index: usize) -> Hash {
+        self.stream.word(index as i64)
+    }
+
+    /// Where a flake is along an axis, before the sway.
+    #[inline]
+    pub fn along(&self, flake: Hash, axis: usize) -> f64 {
+        let side = self.torus.sides[axis];
+        let start = side * flake.word(axis as i64).unit();
+        self.torus.center[axis] + wrap(start + self.moved[axis], side)
+    }
+
+    /// What the sway adds, along x and z.
+    #[inline]
+    pub fn swing(&self, flake: Hash) -> [f64; 2] {
+        self.sway.map_or([0.0; 2], |(sway, angle)| swing(flake, sway, angle))
+    }
+
+    /// How far the sway reaches.
+    pub fn reach(&self) -> f64 {
+        self.sway.map_or(0.0, |(sway, _)| sway.amplitude.abs())
+    }
+
+    /// How much of a flake is shown at a point, see [`edge_fade`].
+    #[inline]
+    pub fn shown(&self, point: [f64; 3]) -> f64 {
+        fade(&self.torus, point)
+    }
+}
+
 /// The positions of the flakes `first..first + n`, (n, 3), at `time`, sway included.
 ///
 /// `velocity` is flake minus world, one row for all flakes or one per flake. The offset from the
@@ -208,16 +269,21 @@ pub fn edge_fade(
     pool::for_each(runs, |(mut fades, points): (ArrayViewMut1<f64>, ArrayView2<f64>)| {
         cancel.check()?;
         for (fade, point) in fades.iter_mut().zip(points.rows()) {
-            *fade = (0..3)
-                .map(|axis| {
-                    let reach = 2.0 * (point[axis] - torus.center[axis]).abs() / torus.sides[axis];
-                    let t = ((reach - FADE_FROM) / (1.0 - FADE_FROM)).clamp(0.0, 1.0);
-                    1.0 - t * t * (3.0 - 2.0 * t)
-                })
-                .product();
+            *fade = self::fade(torus, [point[0], point[1], point[2]]);
         }
         Ok(())
     })
+}
+
+#[inline]
+fn fade(torus: &Torus, point: [f64; 3]) -> f64 {
+    (0..3)
+        .map(|axis| {
+            let reach = 2.0 * (point[axis] - torus.center[axis]).abs() / torus.sides[axis];
+            let t = ((reach - FADE_FROM) / (1.0 - FADE_FROM)).clamp(0.0, 1.0);
+            1.0 - t * t * (3.0 - 2.0 * t)
+        })
+        .product()
 }
 
 #[cfg(test)]

@@ -5,6 +5,7 @@
 
 use pyo3::prelude::*;
 
+mod air;
 mod frame;
 mod gate;
 mod particles;
@@ -12,17 +13,21 @@ mod random;
 mod snowfall;
 mod spectral;
 mod threads;
+mod volume;
 
 #[pymodule]
 #[pyo3(name = "_core")]
 mod core {
+    #[pymodule_export]
+    use super::air::wind_waves;
     #[pymodule_export]
     use super::frame::{join, over, snow};
     #[pymodule_export]
     use super::gate::InternalError;
     #[pymodule_export]
     use super::particles::{
-        particle_edge_fade, particle_positions, particle_splat, particle_sway_offsets,
+        particle_edge_fade, particle_flurry, particle_positions, particle_splat,
+        particle_sway_offsets,
     };
     #[pymodule_export]
     use super::random::uniform;
@@ -35,4 +40,6 @@ mod core {
     };
     #[pymodule_export]
     use super::threads::{panic_for_test, set_threads, threads};
+    #[pymodule_export]
+    use super::volume::volume;
 }

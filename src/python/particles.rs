@@ -5,10 +5,11 @@ use numpy::{PyReadonlyArray1, PyReadonlyArray2, PyReadwriteArray1, PyReadwriteAr
 use pyo3::prelude::*;
 
 use super::gate::{self, Plane, PlaneMut};
+use crate::particles::flurry::{Flurry, Looks};
 use crate::particles::profile::Profile;
-use crate::particles::splat::{self, Flakes};
+use crate::particles::splat::{self, Flakes, Source};
 use crate::particles::sprite::Lens;
-use crate::particles::torus::{self, Sway, Torus};
+use crate::particles::torus::{self, Carried, Sway, Torus};
 use crate::real::Real;
 
 fn swaying(sway: Option<(f64, f64)>) -> Option<Sway> {
@@ -99,10 +100,76 @@ pub fn particle_splat(
 fn drawn<P: Profile, M: Real>(
     py: Python<'_>,
     out: ArrayViewMut2<P>,
-    flakes: &Flakes<'_>,
+    flakes: &impl Source,
     lens: &Lens,
     depth: Option<ArrayView2<M>>,
 ) -> PyResult<()> {
     let nanoseconds = splat::estimate(out.dim(), flakes, lens);
     gate::run(py, nanoseconds, |cancel| splat::splat(out, flakes, lens, depth, cancel))
+}
+
+/// A box of flakes that all move alike, as the effect has settled it; the attributes of its request.
+#[derive(FromPyObject)]
+pub struct FlurryRequest {
+    #[pyo3(attribute)]
+    number: usize,
+    #[pyo3(attribute)]
+    sides: [f64; 3],
+    #[pyo3(attribute)]
+    center: [f64; 3],
+    #[pyo3(attribute)]
+    seed: i64,
+    #[pyo3(attribute)]
+    way: [f64; 3],
+    #[pyo3(attribute)]
+    sway: (f64, f64),
+    #[pyo3(attribute)]
+    travel: [f64; 3],
+    #[pyo3(attribute)]
+    radius: (f64, f64),
+    #[pyo3(attribute)]
+    opacity: f64,
+    #[pyo3(attribute)]
+    amount: f64,
+    #[pyo3(attribute)]
+    fade_in: f64,
+    #[pyo3(attribute)]
+    largest: (f64, f64),
+    #[pyo3(attribute)]
+    sizes: i64,
+    #[pyo3(attribute)]
+    lens: (f64, f64, f64, [f64; 3], f64),
+}
+
+/// Draws the alpha of a box of flakes into `out` (H, W), each flake placed as it is drawn.
+#[pyfunction]
+#[pyo3(signature = (out, request, depth=None))]
+pub fn particle_flurry(
+    py: Python<'_>,
+    out: PlaneMut<'_>,
+    request: FlurryRequest,
+    depth: Option<Plane<'_>>,
+) -> PyResult<()> {
+    let (focal, x, y, offset, near) = request.lens;
+    let lens = Lens { focal, center: [x, y], offset, near };
+    let torus = Torus::new(request.sides, request.center)?;
+    let seed = request.seed;
+    let carried = Carried::new(torus, seed, request.way, 1.0, swaying(Some(request.sway)))?;
+    let looks = Looks {
+        radius: request.radius,
+        opacity: request.opacity,
+        amount: request.amount,
+        fade_in: request.fade_in,
+        largest: request.largest,
+        sizes: request.sizes,
+    };
+    let (count, travel) = (request.number, request.travel);
+    gate::each_precision!(out, view => {
+        let flurry = Flurry::new(count, carried, seed, looks, &lens, view.dim(), travel)?;
+        match &depth {
+            None => drawn(py, view, &flurry, &lens, None::<ArrayView2<f32>>),
+            Some(Plane::Single(map)) => drawn(py, view, &flurry, &lens, Some(map.as_array())),
+            Some(Plane::Double(map)) => drawn(py, view, &flurry, &lens, Some(map.as_array())),
+        }
+    })
 }

@@ -21,8 +21,9 @@ const PIXEL: f64 = 10.0;
 
 /// Temporal frequency of every bin.
 #[pyfunction]
-pub fn tent_rate(mut out: PyReadwriteArray2<'_, f64>, drift: [f64; 2]) {
-    tent::tent_rate(out.as_array_mut(), drift);
+#[pyo3(signature = (out, drift, repeat=None))]
+pub fn tent_rate(mut out: PyReadwriteArray2<'_, f64>, drift: [f64; 2], repeat: Option<f64>) {
+    tent::tent_rate(out.as_array_mut(), drift, repeat);
 }
 
 /// Amplitude of every bin.
@@ -192,6 +193,8 @@ pub struct Request<'py> {
     #[pyo3(attribute)]
     ring_edges: PyReadonlyArray1<'py, f64>,
     #[pyo3(attribute)]
+    ring_gains: PyReadonlyArray1<'py, f64>,
+    #[pyo3(attribute)]
     drift: PyReadonlyArray4<'py, f64>,
     #[pyo3(attribute)]
     shift: PyReadonlyArray4<'py, f64>,
@@ -221,6 +224,10 @@ impl Request<'_> {
             .ring_edges
             .as_slice()
             .map_err(|_| Error::invalid("ring_edges", "must be contiguous"))?;
+        let gains = self
+            .ring_gains
+            .as_slice()
+            .map_err(|_| Error::invalid("ring_gains", "must be contiguous"))?;
         let field = Field {
             shape: self.shape,
             tile: self.tile,
@@ -234,6 +241,7 @@ impl Request<'_> {
             seed: self.seed,
             jitter: self.jitter,
             ring_edges: edges,
+            ring_gains: gains,
             drift: self.drift.as_array(),
             shift: self.shift.as_array(),
             velocity: self.velocity.as_array(),

@@ -4,7 +4,7 @@ use std::ops::Range;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-use ndarray::{ArrayView2, ArrayView4, Axis};
+use ndarray::{ArrayView2, ArrayView4, Axis, s};
 
 use super::band::Band;
 use super::filter::TemporalFilter;
@@ -35,6 +35,8 @@ pub struct Field<'a> {
     pub jitter: bool,
     /// Increasing wavelengths; rings + 1 of them, or none for one ring.
     pub ring_edges: &'a [f64],
+    /// Relative amplitude of each ring; none leaves them as they are.
+    pub ring_gains: &'a [f64],
     /// Displacement of the longest wave, pixels.
     pub drift: Vectors<'a>,
     /// Displacement of all waves alike, pixels.
@@ -77,6 +79,18 @@ impl<T: Real> Ready<'_, '_, T> {
 impl<'a> Field<'a> {
     pub(super) fn rings(&self) -> usize {
         self.ring_edges.len().saturating_sub(1).max(1)
+    }
+
+    /// Whether the filter does the same to all tiles.
+    pub(super) fn tiles_alike(&self) -> bool {
+        let one = |v: &Vectors<'_>| {
+            let first = v.slice(s![0, 0, .., ..]);
+            v.lanes(Axis(3))
+                .into_iter()
+                .enumerate()
+                .all(|(i, pair)| pair == first.row(i % first.nrows()))
+        };
+        !self.jitter && self.shortest.is_none() && one(&self.velocity) && one(&self.shift_rate)
     }
 
     /// The motions of one tile's rings from a drift and a shift.
@@ -165,6 +179,7 @@ mod tests {
             seed: 5,
             jitter: false,
             ring_edges: &[],
+            ring_gains: &[],
             drift: moved.view(),
             shift: still.view(),
             velocity: still.view(),

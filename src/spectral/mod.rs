@@ -20,4 +20,5 @@ pub mod tent;
 pub mod tile;
 pub mod tiles;
 pub mod transform;
+pub mod volume;
 pub mod waves;

@@ -31,8 +31,10 @@ struct Key {
     pixel: TypeId,
     rows: (Row, Row),
     blend: Blend,
-    /// Shortest and longest wavelength, exponent and ring edges, as bits: NaN is no one's key.
+    /// Shortest and longest wavelength, exponent and ring edges, and the rings' gains, as bits: NaN
+    /// is no one's key.
     band: Vec<u64>,
+    gains: Vec<u64>,
 }
 
 type Kept = Vec<(Key, Arc<dyn Any + Send + Sync>)>;
@@ -47,6 +49,7 @@ pub fn parts<T: Real>(field: &Field<'_>, down: Row, across: Row) -> Result<Arc<P
         rows: (down, across),
         blend: field.blend,
         band: band.iter().chain(field.ring_edges).map(|value| value.to_bits()).collect(),
+        gains: field.ring_gains.iter().map(|value| value.to_bits()).collect(),
     };
     if let Ok(kept) = KEPT_PARTS.try_lock() {
         let found = kept.iter().find(|(known, _)| *known == key);
@@ -54,7 +57,7 @@ pub fn parts<T: Real>(field: &Field<'_>, down: Row, across: Row) -> Result<Arc<P
             return Ok(parts);
         }
     }
-    let waves = Waves::new(field.tile, field.band, field.ring_edges)?;
+    let waves = Waves::new(field.tile, field.band, field.ring_edges)?.weighted(field.ring_gains)?;
     let made = Arc::new(Parts {
         plan: Plan::new(&waves, Choice::Cheaper)?,
         weights: (down.weights(field.blend)?, across.weights(field.blend)?),

@@ -49,6 +49,8 @@ struct Lift<T> {
     // A ring: one line for each row of tiles that can touch a pixel.
     lines: Vec<Vec<T>>,
     row: Vec<T>,
+    // The last tile's power and what it lost: the next one's are often the same.
+    known: (Power, f64),
 }
 
 impl<T: Real> Lift<T> {
@@ -57,7 +59,8 @@ impl<T: Real> Lift<T> {
         for _ in 0..lines {
             all.push(zeroed(width)?);
         }
-        Ok(Self { lines: all, row: zeroed(width)? })
+        let none = Power { present: f64::NAN, kept: f64::NAN };
+        Ok(Self { lines: all, row: zeroed(width)?, known: (none, 0.0) })
     }
 
     fn line(&mut self, row: usize) -> &mut [T] {
@@ -118,6 +121,8 @@ impl<T: Real> Ready<'_, '_, T> {
             Some(map) => Some((*map, Lift::new(tile_height.div_ceil(step), cols.len())?)),
             None => None,
         };
+        // Weights sum to 1, so that what all tiles have alike is the mix of it.
+        let alike = self.field.tiles_alike();
         let touching = self.down.touching(rows.start, rows.end);
         let (mut next, mut made) = (rows.start, 0);
         for row in touching.clone() {
@@ -131,7 +136,15 @@ impl<T: Real> Ready<'_, '_, T> {
                 let tile = Tile::new(self, (row, col), cols);
                 tile.add(&mut stripe, work.pixels());
                 if let Some((map, lift)) = &mut lift {
-                    tile.lift(lost_mean(map, power), lift.line(row));
+                    if power != lift.known.0 {
+                        lift.known = (power, lost_mean(map, power));
+                        if alike {
+                            lift.row.fill(T::of(lift.known.1));
+                        }
+                    }
+                    if !alike {
+                        tile.lift(lift.known.1, lift.line(row));
+                    }
                 }
             }
             // Rows before the next tile's start are finished.
@@ -141,8 +154,11 @@ impl<T: Real> Ready<'_, '_, T> {
             for y in next..end {
                 let mut line = out.row_mut(y - rows.start);
                 let line = line.as_slice_mut().ok_or_else(|| Error::Internal("layout".into()))?;
-                let lift =
-                    lift.as_mut().map(|(_, lift)| self.lift_row(y, touching.start, row, lift));
+                let lift = match &mut lift {
+                    Some((_, lift)) if alike => Some(&lift.row[..]),
+                    Some((_, lift)) => Some(self.lift_row(y, touching.start, row, lift)),
+                    None => None,
+                };
                 finish(y, stripe.row(y - start), lift, line);
             }
             next = next.max(end);
@@ -154,7 +170,7 @@ impl<T: Real> Ready<'_, '_, T> {
 
     /// What is added to image row y, from the rows of tiles `first` to `last`.
     fn lift_row<'l>(&self, y: usize, first: usize, last: usize, lift: &'l mut Lift<T>) -> &'l [T] {
-        let Lift { lines, row: sum } = lift;
+        let Lift { lines, row: sum, .. } = lift;
         sum.fill(T::zero());
         for row in self.down.touching(y, y + 1) {
             if row < first || row > last {

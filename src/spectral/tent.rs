@@ -36,11 +36,15 @@ impl Motion {
     }
 }
 
-/// The temporal frequency of every bin, cycles per frame.
-pub fn tent_rate(mut out: ArrayViewMut2<'_, f64>, drift: [f64; 2]) {
+/// The temporal frequency of every bin, cycles per frame; with a loop of so many frames, rounded to
+/// whole turns of it (half to even, which is odd).
+pub fn tent_rate(mut out: ArrayViewMut2<'_, f64>, drift: [f64; 2], repeat: Option<f64>) {
     let shape = out.dim();
     let motion = Motion { drift, shift: [0.0; 2] };
-    Zip::indexed(&mut out).for_each(|(row, col), rate| *rate = motion.step_at(row, col, shape));
+    Zip::indexed(&mut out).for_each(|(row, col), rate| {
+        let step = motion.step_at(row, col, shape);
+        *rate = repeat.map_or(step, |frames| (step * frames).round_ties_even() / frames);
+    });
 }
 
 /// Phases displaced by a motion, reduced to [-1/2, 1/2).
@@ -61,11 +65,13 @@ mod tests {
     fn the_rate_is_odd_even_on_nyquist_lines() {
         for shape in [(1, 1), (4, 4), (5, 6), (7, 7), (8, 3)] {
             let mut rate = Array2::zeros(shape);
-            tent_rate(rate.view_mut(), [0.3, -0.7]);
-            for ((row, col), &value) in rate.indexed_iter() {
-                let (ky, kx) = (signed(row, shape.0), signed(col, shape.1));
-                let mirror = rate[(position(-ky, shape.0), position(-kx, shape.1))];
-                assert_eq!(value, -mirror, "{shape:?} {ky} {kx}");
+            for repeat in [None, Some(5.0)] {
+                tent_rate(rate.view_mut(), [0.3, -0.7], repeat);
+                for ((row, col), &value) in rate.indexed_iter() {
+                    let (ky, kx) = (signed(row, shape.0), signed(col, shape.1));
+                    let mirror = rate[(position(-ky, shape.0), position(-kx, shape.1))];
+                    assert_eq!(value, -mirror, "{shape:?} {ky} {kx}");
+                }
             }
         }
     }
@@ -75,7 +81,7 @@ mod tests {
         // A wave of wavelength L moves along its own direction by c L pixels for a drift of c cycles.
         let (shape, c) = ((64, 64), 0.0625);
         let mut rate = Array2::zeros(shape);
-        tent_rate(rate.view_mut(), [c, 0.0]);
+        tent_rate(rate.view_mut(), [c, 0.0], None);
         assert_eq!(rate[(0, 2)], -c);
         assert_eq!(rate[(5, 0)], 0.0);
     }

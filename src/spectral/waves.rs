@@ -74,6 +74,36 @@ impl Waves {
         let reach = list.iter().map(|wave| wave.ky.unsigned_abs() as usize).max().unwrap_or(0);
         Ok(Self { tile, list, columns, reach })
     }
+
+    /// The same waves with amplitudes multiplied by their ring's gain; squares sum to 1 again.
+    pub fn weighted(mut self, gains: &[f64]) -> Result<Self, Error> {
+        if gains.is_empty() {
+            return Ok(self);
+        }
+        if let Some(bad) = gains.iter().find(|&&gain| !(gain >= 0.0 && gain.is_finite())) {
+            let message = format!("must be finite and not negative, got {bad}");
+            return Err(Error::invalid("ring_gains", message));
+        }
+        // A common factor means nothing; without it, no square overflows.
+        let largest = gains.iter().fold(0.0_f64, |most, &gain| most.max(gain));
+        let mut squares = Sum::default();
+        for wave in &mut self.list {
+            let gain = gains.get(wave.ring).ok_or_else(|| {
+                Error::invalid(
+                    "ring_gains",
+                    format!("must have one number for each ring, got {}", gains.len()),
+                )
+            })?;
+            wave.amplitude *= if largest > 0.0 { gain / largest } else { 0.0 };
+            squares.add(2.0 * wave.amplitude * wave.amplitude);
+        }
+        if squares.value() <= 0.0 {
+            return Err(Error::invalid("ring_gains", "leave no wave of the tile any power"));
+        }
+        let factor = 1.0 / squares.value().sqrt();
+        self.list.iter_mut().for_each(|wave| wave.amplitude *= factor);
+        Ok(self)
+    }
 }
 
 /// Ring r holds edges[r] < wavelength <= edges[r + 1].
@@ -128,6 +158,27 @@ mod tests {
         let power: f64 = waves.list.iter().map(|wave| 2.0 * wave.amplitude.powi(2)).sum();
         assert!((power - 1.0).abs() < 1e-13);
         assert!(waves.list.iter().all(|wave| wave.kx >= 0));
+    }
+
+    #[test]
+    fn gains_weigh_rings_and_keep_the_power() {
+        let band = Band { shortest: 4.0, longest: 32.0, exponent: 1.0 };
+        let edges = [4.0, 8.0, 32.0];
+        let plain = Waves::new((64, 64), band, &edges).unwrap();
+        let power = |waves: &Waves, ring: usize| {
+            let of = waves.list.iter().filter(|wave| wave.ring == ring);
+            of.map(|wave| 2.0 * wave.amplitude.powi(2)).sum::<f64>()
+        };
+        let weighted = plain.clone().weighted(&[3.0, 1.0]).unwrap();
+        assert!((power(&weighted, 0) + power(&weighted, 1) - 1.0).abs() < 1e-13);
+        let ratio = power(&weighted, 0) / power(&weighted, 1);
+        assert!((ratio / (9.0 * power(&plain, 0) / power(&plain, 1)) - 1.0).abs() < 1e-12);
+        assert_eq!(plain.clone().weighted(&[]).unwrap(), plain);
+        for bad in [&[1.0][..], &[0.0, 0.0], &[-1.0, 1.0], &[f64::NAN, 1.0]] {
+            let error = plain.clone().weighted(bad).unwrap_err().to_string();
+            assert!(error.starts_with("ring_gains"), "{error}");
+        }
+        assert!(plain.weighted(&[1e300, 1e-300]).is_ok());
     }
 
     #[test]

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from flurries.effects.needs import PARTS, Cost, LeftOut, Needs, Step
+from flurries.effects.peopled import FADE_IN
 from flurries.effects.tiling import count, texture_cost
 from flurries.timeline import Keys, value_at
 from flurries.wind import Wind
@@ -35,6 +36,7 @@ def needs_of_falling(effect: Falling, frame: Frame) -> Needs:
     texture = amount * value_at(effect.texture, t)
     haze = amount * value_at(effect.haze, t)
     opacity = kind.opacity if kind.number else 0.0
+    deep = frame.deep or frame.depth is not None
     steps, left_out = [], []
     if texture > 0.0:
         still = _stands_still(effect, frame, _NOT_TEXTURE)
@@ -49,7 +51,7 @@ def needs_of_falling(effect: Falling, frame: Frame) -> Needs:
         left_out.append(LeftOut(f"{name}: {kind.name}", why))
     if haze == 0.0:
         left_out.append(LeftOut(f"{name}: veil", "its opacity is 0"))
-    elif frame.deep or frame.depth is not None:
+    elif deep:
         pixels = _pixels(frame)
         steps.append(Step("veil", lambda: Cost({"veil pixel": pixels}, "", 4 * pixels, 8 * pixels)))
     clear = (1.0 - texture) * (1.0 - haze) * (1.0 - _faint(effect, frame, amount, opacity))
@@ -58,7 +60,8 @@ def needs_of_falling(effect: Falling, frame: Frame) -> Needs:
     planes = max(len(steps), 1)
     steps.append(Step("join", lambda: _joined(frame, planes)))
     reads = PARTS if effect.colour == "ambient" else PARTS - {"ambient"}
-    return Needs(tuple(steps), tuple(left_out), reads, most=1.0 - clear)
+    one_pass = steps[0].name == "texture" and not (steps[0].once or deep)
+    return Needs(tuple(steps), tuple(left_out), reads, most=1.0 - clear, in_one_pass=one_pass)
 
 
 def _pixels(frame: Frame) -> int:
@@ -127,10 +130,11 @@ def _texture(effect: Falling, frame: Frame) -> Cost:
 
 def _flakes(effect: Falling, frame: Frame, amount: float) -> Cost:
     kind = effect.population(frame.t)
-    placed = effect.shown(frame, amount)
+    placed = effect.count(frame)
     drawn, runs = footprints(effect, frame)
     height, width = frame.shape
-    part = placed / max(effect.count(frame), 1)
+    # The last flakes in are fading.
+    part = min(amount / (1.0 - FADE_IN), 1.0)
     share = min(_pixels(frame) / (height * width), 1.0)
     name = "streak" if value_at(effect.shutter, frame.t) > 0.0 else "disc"
     work = {
@@ -143,10 +147,17 @@ def _flakes(effect: Falling, frame: Frame, amount: float) -> Cost:
     unseen = LeftOut(
         f"{kind.name} out of view", f"some {placed - round(drawn * part * share)} of {placed}"
     )
-    # First, of each placed: place, fade, its columns, how far it reaches, and one more. Then the
-    # plane itself, and what is left of those in the view, with sizes still of all.
     whole = 4 * height * width
-    first, then = 73 * placed, whole + 8 * placed + 90 * round(drawn * part)
+    if effect.alike(frame):
+        return Cost(work, size, whole, 0, (unseen,))
+    # First, of each placed: place, fade, its columns, how far it reaches, and one more; for a camera
+    # that turns its velocity as well, and that across. Then the plane itself, and what is left of
+    # those in the view, with sizes still of all.
+    first, then = (
+        (129 if frame.path.turns else 73) * placed,
+        whole + 8 * placed + 90 * round(drawn * part),
+    )
+    work["flake listed"] = float(placed)
     return Cost(work, size, whole, max(first, then) - whole, (unseen,))
 
 

@@ -8,16 +8,17 @@ from typing import Any, ClassVar, TypeVar
 import numpy as np
 
 from flurries._contract import Array, choice, flag, integer, real, seed_of, vector
+from flurries._core import snowfall
 from flurries.composite import join
 from flurries.effects.demand import needs_of_falling
-from flurries.effects.layer import Frame, Layer
+from flurries.effects.layer import Frame, Layer, Light
 from flurries.effects.limited import deepened, veil
 from flurries.effects.needs import Needs
 from flurries.effects.peopled import Peopled
 from flurries.spectral.tables import ALIAS, band_of
 from flurries.spectral.tiles import BLEND
 from flurries.timeline import Keys, Number, as_number, as_vector, value_at
-from flurries.trace import stage
+from flurries.trace import count, stage
 from flurries.wind import Wind
 
 DEPTH_MODES = ("tile", "pixel")
@@ -58,7 +59,7 @@ class Falling(Peopled):
         settle("shutter", as_number("shutter", self.shutter, low=0.0))
         if not isinstance(self.wind, Wind):
             settle("wind", as_vector("wind", self.wind, 3))
-        settle("colour", _colour(self.colour))
+        settle("colour", settled_colour(self.colour))
         settle("exponent", real("exponent", self.exponent))
         settle("near_depth", real("near_depth", self.near_depth, above=0.0))
         if self.wavelengths is not None:
@@ -99,6 +100,11 @@ class Falling(Peopled):
             raise TypeError(f"{cls.__name__} has no field {sorted(unknown)[0]!r}")
         return cls(**{**values, **changes})
 
+    @property
+    def preserves_mean(self) -> bool:
+        """Whether what blur takes of the texture's mean opacity is added again."""
+        return True
+
     def mapped(self, frame: Frame, amount: float) -> tuple[float, float, float, float]:
         """Return mean, spread, power and amount of the texture's map to opacity."""
         t = frame.t
@@ -119,7 +125,7 @@ class Falling(Peopled):
         haze = amount * value_at(self.haze, frame.t)
         depth = frame.depth
         planes = [
-            run("texture", lambda: self._texture(frame, amount)),
+            run("texture", lambda: deepened(self, frame, self.mapped(frame, amount))),
             run("flakes", lambda: frame.crop(self.particles(frame, amount))),
         ]
         if depth is not None:
@@ -134,8 +140,30 @@ class Falling(Peopled):
             alpha = join(parts, haze=haze)
         return Layer(self.NAME, alpha, self._colour_of(frame))
 
-    def _texture(self, frame: Frame, amount: float) -> Array:
-        return deepened(self, frame, self.mapped(frame, amount), preserve_mean=True)
+    def over(self, frame: Frame, behind: Array, light: Light) -> Array | None:
+        """Return this effect over a picture, the bits of its layer over it, in one pass.
+
+        None where that pass has no way to do it: no texture, or a scene that ends.
+        """
+        amount, run = value_at(self.amount, frame.t), frame.running(self)
+        # A texture that never moves is kept as a plane.
+        if frame.depth is not None or "texture" not in run.steps or run.keeps("texture"):
+            return None
+        flakes = run("flakes", lambda: frame.crop(self.particles(frame, amount)))
+        result = np.empty_like(behind)
+        with stage("texture"):
+            made = snowfall(
+                result,
+                behind,
+                self.texture_request(frame),
+                self.mapped(frame, amount),
+                self.preserves_mean,
+                amount * value_at(self.haze, frame.t),
+                light(self._colour_of(frame)),
+                flakes,
+            )
+            count("tiles", made)
+        return result
 
     def _colour_of(self, frame: Frame) -> tuple[float, float, float]:
         if self.colour == AMBIENT:
@@ -144,13 +172,13 @@ class Falling(Peopled):
         return (colour,) * 3 if isinstance(colour, float) else colour
 
 
-def _colour(value: object) -> Any:
+def settled_colour(value: object) -> Any:
     """Return one grey or (r, g, b), plain or keyed, in 0 to 1, or the word for ambient light."""
     if isinstance(value, Keys):
         if value.width not in (None, 3):
             raise ValueError(f"colour must be keyed with numbers or (r, g, b), got {value!r}")
         for _, v in value.keys:
-            _colour(v)
+            settled_colour(v)
         return value
     if isinstance(value, str):
         return choice("colour", value, (AMBIENT,))

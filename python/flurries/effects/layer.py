@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -119,6 +120,10 @@ class Frame:
     def to_camera(self, vectors: Float64) -> Float64:
         """Return house axes turned into the camera's."""
         return np.ascontiguousarray(vectors @ self.camera.matrix())
+
+
+# From a display colour to the light that layers are mixed in, one number per channel.
+Light = Callable[[tuple[float, float, float]], list[float]]
 
 
 @dataclass(frozen=True)

@@ -26,8 +26,9 @@ if TYPE_CHECKING:
 Map = tuple[float, float, float, float]
 
 
-def deepened(effect: Falling, frame: Frame, mapped: Map, *, preserve_mean: bool) -> Array:
+def deepened(effect: Falling, frame: Frame, mapped: Map) -> Array:
     """Return the texture's opacity over the window, as far as the scene's depth leaves it."""
+    preserve_mean = effect.preserves_mean
     far = effect.far_depth(frame.shape)
     if frame.depth is None or float(frame.depth.min()) >= far:
         return alpha_of(effect.texture_request(frame), mapped, preserve_mean=preserve_mean)

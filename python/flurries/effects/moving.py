@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -27,7 +28,10 @@ from flurries.timeline import (
     summed,
     value_at,
 )
-from flurries.wind import Wind, carried
+from flurries.wind import Waves, Wind, carried
+
+# Frames whose sum is kept where nothing closed is known: a film asks for the same ones again.
+BLOCK = 64
 
 # Depths at which a profile is integrated for a camera that comes nearer; linear between.
 _DEPTHS = 65
@@ -43,7 +47,7 @@ class Moving:
     @property
     def mean_wind(self) -> Vector:
         """The part of the wind that is the same everywhere."""
-        return self.wind.mean if isinstance(self.wind, Wind) else self.wind
+        return self.wind.steady if isinstance(self.wind, Wind) else self.wind
 
     def displacement(self, frame: Frame) -> Float64:
         """Return camera minus air since frame 0 in house axes, (3,) metres, for the mean wind."""
@@ -55,7 +59,7 @@ class Moving:
 
     def spreads(self, frame: Frame) -> bool:
         """Whether the air ever comes nearer or recedes: its flow then differs between tiles."""
-        return frame.path.turns or _comes_nearer(
+        return frame.path.turns or comes_nearer(
             frame.path, frame.camera.matrix()[:, 2], self.fall, self.mean_wind
         )
 
@@ -71,7 +75,7 @@ class Moving:
         return float(np.linalg.norm(speeds, axis=1).max())
 
 
-def _comes_nearer(path: CameraPath, axis: Float64, fall: Number, wind: Vector) -> bool:
+def comes_nearer(path: CameraPath, axis: Float64, fall: Number, wind: Vector) -> bool:
     winds = wind.keys if isinstance(wind, Keys) else [(0.0, wind)]
     falls = fall.keys if isinstance(fall, Keys) else [(0.0, fall)]
     return (
@@ -120,13 +124,15 @@ def of_rings(effect: Moving, frame: Frame, ahead: Float64) -> tuple[Float64, Flo
     if wind.waves is not None:
         world = frame.path.place(frame.t, fps=frame.fps) + points @ frame.camera.matrix().T
         now = _phasor(wind, frame, frame.t)
-        rate = rate + frame.to_camera(wind.waves.at(world, now))
         if frame.path.turns:
+            rate = rate + frame.to_camera(wind.waves.at(world, now))
             depths, which = np.unique(points[:, 2], return_inverse=True)
             moved = moved + _seen_turning(wind, frame, depths)[which]
         else:
-            way, waves = carried(wind.waves, _camera(frame.path, frame.fps), frame.fps)
-            moved = moved + frame.to_camera(_carried(wind, frame, world, way, waves))
+            parts = carried(wind.waves, _camera(frame.path, frame.fps), frame.fps)
+            both = wind.waves.at(world, _summed(wind, frame, *parts), now)
+            moved = moved + frame.to_camera(both[:, :3])
+            rate = rate + frame.to_camera(both[:, 3:])
     return moved.reshape(ahead.shape), rate.reshape(ahead.shape)
 
 
@@ -137,13 +143,14 @@ def _phasor(wind: Wind, frame: Frame, time: float) -> npt.NDArray[np.complex128]
     return np.asarray(turned, np.complex128)
 
 
-def _carried(wind: Wind, frame: Frame, world: Float64, way: Running, waves: Running) -> Float64:
-    """Return how what is at `world` now has been displaced by the waves along its way."""
+def _summed(wind: Wind, frame: Frame, way: Running, waves: Running) -> npt.NDArray[np.complex128]:
+    """Return what the amplitudes are multiplied by for the way of what is at a place now."""
     assert wind.waves is not None
     parts = waves.to(frame.t)
     half = len(parts) // 2
-    factor = np.asarray(parts[:half] + 1j * parts[half:], np.complex128) / frame.fps
-    return wind.waves.at(world - way.to(frame.t), factor)
+    back = np.exp(-1j * (wind.waves.k @ way.to(frame.t)))
+    factor = (parts[:half] + 1j * parts[half:]) * back / frame.fps
+    return np.asarray(factor, np.complex128)
 
 
 def _seen_turning(wind: Wind, frame: Frame, depths: Float64) -> Float64:
@@ -153,17 +160,44 @@ def _seen_turning(wind: Wind, frame: Frame, depths: Float64) -> Float64:
     the wind differs between there and the middle.
     """
     assert wind.waves is not None
-    path, mount = frame.path, frame.camera.matrix().T @ frame.path.rig(frame.t)
-    steps = max(math.ceil(abs(frame.t)), 1)
-    step = frame.t / steps
+    mount = frame.path.rig(frame.t).T @ frame.camera.matrix()
+    # Turned back by a frame's own orientation it has lost some bits: the mount is one for a film.
+    view = _View(wind.waves, frame.path, frame.fps, np.round(mount, 12).tobytes(), depths.tobytes())
+    whole = math.trunc(frame.t)
+    sign = -1 if frame.t < 0.0 else 1
+    blocks, rest = divmod(abs(whole), BLOCK)
     total = np.zeros((len(depths), 3))
-    for number in range(steps):
-        time = (number + 0.5) * step
-        turn = path.rig(time) @ mount.T
-        world = path.place(time, fps=frame.fps) + depths[:, None] * turn[:, 2]
-        now = _phasor(wind, frame, time)
-        total += step * (wind.waves.at(world, now) @ turn)
-    return total
+    for number in range(blocks):
+        total += _block(view, sign, number)
+    for number in range(blocks * BLOCK, blocks * BLOCK + rest):
+        total += sign * view.seen(sign * (number + 0.5))
+    part = frame.t - whole
+    return np.asarray(total + part * view.seen(whole + 0.5 * part) if part else total)
+
+
+class _View(NamedTuple):
+    """What a camera that turns sees of waves, straight ahead at some depths."""
+
+    waves: Waves
+    path: CameraPath
+    fps: float
+    mount: bytes
+    depths: bytes
+
+    def seen(self, time: float) -> Float64:
+        """Return the velocity of the air there, (n, 3) metres per frame in the eye's axes."""
+        depths = np.frombuffer(self.depths)
+        turn = self.path.rig(time) @ np.frombuffer(self.mount).reshape(3, 3)
+        world = self.path.place(time, fps=self.fps) + depths[:, None] * turn[:, 2]
+        now = np.exp(-1j * self.waves.omega * time / self.fps) / self.fps
+        return np.asarray(self.waves.at(world, np.asarray(now, np.complex128)) @ turn)
+
+
+@lru_cache(maxsize=4096)
+def _block(view: _View, sign: int, number: int) -> Float64:
+    """Return the sum over a block of whole frames, by their middles."""
+    first = number * BLOCK
+    return np.asarray(sum(sign * view.seen(sign * (first + step + 0.5)) for step in range(BLOCK)))
 
 
 def _profiled(wind: Wind, frame: Frame, depth: Float64) -> tuple[Float64, Float64]:
@@ -172,8 +206,9 @@ def _profiled(wind: Wind, frame: Frame, depth: Float64) -> tuple[Float64, Float6
         return np.zeros((len(depth), 3)), np.zeros((len(depth), 3))
     require_still_axes(frame)
     factor, own = wind.extra(depth)
-    mean = integral_to(wind.mean, frame.t) / frame.fps
-    now = np.array(value_at(wind.mean, frame.t)) / frame.fps
+    steady = wind.steady
+    mean = integral_to(steady, frame.t) / frame.fps
+    now = np.array(value_at(steady, frame.t)) / frame.fps
     moved = factor[:, None] * mean + own * (frame.t / frame.fps)
     return _across(frame, moved), _across(frame, factor[:, None] * now + own / frame.fps)
 
@@ -203,23 +238,29 @@ def profile_of_flakes(effect: Moving, frame: Frame, depth: Float64) -> tuple[Flo
     assert isinstance(wind, Wind)
     moved, rate = _profiled(wind, frame, depth)
     axis = frame.camera.matrix()[:, 2]
-    if wind.profile is None or not _comes_nearer(frame.path, axis, effect.fall, wind.mean):
+    if wind.profile is None or not comes_nearer(frame.path, axis, effect.fall, effect.mean_wind):
         return moved, rate
-    course = _relative(frame.path, frame.fps, effect.fall, wind.mean)
+    course = _relative(frame.path, frame.fps, effect.fall, effect.mean_wind)
     way = _way(course)
     nearer = float(way.to(frame.t) @ axis)
     # Where the air at these depths was before: depth plus the camera's way through it is kept.
     nodes = np.linspace(min(float(depth.min()), 0.0), float(depth.max()), _DEPTHS)
-    steps = max(math.ceil(abs(frame.t)), 1)
-    step = frame.t / steps
-    total = np.zeros((_DEPTHS, 3))
-    for number in range(steps):
-        time = (number + 0.5) * step
-        was = nodes + nearer - float(way.to(time) @ axis)
-        factor, own = wind.extra(was)
-        total += step / frame.fps * (factor[:, None] * np.array(value_at(wind.mean, time)) + own)
+    times, steps = _middles(frame.t)
+    was = nodes + nearer - (np.stack([way.to(time) for time in times]) @ axis)[:, None]
+    factor, own = wind.extra(was.ravel())
+    mean = np.stack([value_at(effect.mean_wind, time) for time in times])
+    felt = factor.reshape(was.shape)[..., None] * mean[:, None] + own.reshape(*was.shape, 3)
+    total = np.einsum("t,tni->ni", steps, felt) / frame.fps
     total = _across(frame, total)
     return np.stack([np.interp(depth, nodes, total[:, a]) for a in range(3)], axis=1), rate
+
+
+def _middles(t: float) -> tuple[Float64, Float64]:
+    """Return the middles of the frames from 0 to `t`, the last a part of one, and their lengths."""
+    whole = math.trunc(t)
+    sign = -1.0 if t < 0.0 else 1.0
+    times = sign * (np.arange(abs(whole)) + 0.5)
+    return np.append(times, 0.5 * (whole + t)), np.append(np.full(abs(whole), sign), t - whole)
 
 
 @lru_cache(maxsize=32)
@@ -239,7 +280,6 @@ def waves_of_flakes(effect: Moving, frame: Frame, points: Float64) -> tuple[Floa
     wind = effect.wind
     assert isinstance(wind, Wind) and wind.waves is not None
     world = frame.path.place(frame.t, fps=frame.fps) + points @ frame.camera.matrix().T
-    way, waves = carried(wind.waves, _air(frame.fps, effect.fall, wind.mean), frame.fps)
-    now = _phasor(wind, frame, frame.t)
-    moved = _carried(wind, frame, world, way, waves)
-    return frame.to_camera(moved), frame.to_camera(wind.waves.at(world, now))
+    parts = carried(wind.waves, _air(frame.fps, effect.fall, effect.mean_wind), frame.fps)
+    both = wind.waves.at(world, _summed(wind, frame, *parts), _phasor(wind, frame, frame.t))
+    return frame.to_camera(both[:, :3]), frame.to_camera(both[:, 3:])

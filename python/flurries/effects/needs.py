@@ -92,6 +92,8 @@ class Needs:
     most : float
         The most that it can change a display value by, full scale 1: its largest opacity, if its
         colours are at most 1.
+    in_one_pass : bool
+        Whether its method ``over`` lays it straight over a picture, without the step "join".
     varies : bool
         Whether it is other at other times although nothing of the effect is keyed, such as for a
         cloud that the camera passes.
@@ -101,6 +103,7 @@ class Needs:
     left_out: tuple[LeftOut, ...] = ()
     reads: frozenset[str] = frozenset()
     most: float = 1.0
+    in_one_pass: bool = False
     varies: bool = False
 
 
@@ -159,12 +162,17 @@ class Run:
     key: Any = None
     visible: Visible | None = None
 
+    def keeps(self, name: str) -> bool:
+        """Whether the step is made once for all frames."""
+        step = self.steps.get(name)
+        return step is not None and step.once and self.kept is not None
+
     def __call__(self, name: str, make: Callable[[], _Made]) -> _Made | None:
         """Return what the step makes, or None where it is left out."""
         step = self.steps.get(name)
         if step is None:
             return None
-        kept = self.kept if step.once else None
+        kept = self.kept if self.keeps(name) else None
         if kept is not None and (found := kept.get((self.key, name))) is not None:
             return found  # type: ignore[no-any-return]
         with stage(name):

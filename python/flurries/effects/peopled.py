@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 from flurries import particles, trace
 from flurries._contract import Array, Float64
-from flurries._core import uniform
+from flurries._core import particle_flurry, uniform
 from flurries.effects.layer import Frame
 from flurries.effects.moving import profile_of_flakes, waves_of_flakes
 from flurries.effects.textured import Textured
@@ -26,6 +26,9 @@ FADE_IN = 0.1
 
 # The share of a box in which flakes are shown in full; beyond they fade to its walls.
 SHOWN = 0.85
+
+# Nothing nearer than this is drawn, metres; what `particles.splat` has for a default.
+NEAR = 0.1
 
 # What the most flakes in view need behind a centred lens; a small scene must not ask for more work.
 MOST_IN_BOX = 420_000_000
@@ -56,6 +59,58 @@ class Population(NamedTuple):
     sizes: tuple[float, float]
     opacity: float
     sway: tuple[float, float]
+
+
+Triple = tuple[float, float, float]
+
+
+class Flurry(NamedTuple):
+    """A box of flakes that all move alike, settled; the kernel reads its fields by name.
+
+    Attributes
+    ----------
+    number : int
+        Flakes in the box.
+    sides, center : (3,)
+        The box in the eye's axes, metres.
+    seed : int
+        Of places, sway and sizes.
+    way, travel : (3,)
+        Metres since frame 0, and during the exposure.
+    sway : (amplitude, angle)
+        Metres, radians.
+    radius : (smallest, largest)
+        Metres.
+    opacity, amount, fade_in : float
+        Of a flake's middle; the share of flakes that is there; over which the last ones fade in.
+    largest : (low, high)
+        Sigma in pixels from which flakes fade, and at which they are gone.
+    sizes : int
+        Stream of the numbers that their sizes are.
+    lens : (focal, cx, cy, offset, near)
+        See :class:`flurries.Camera`.
+    """
+
+    number: int
+    sides: Triple
+    center: Triple
+    seed: int
+    way: Triple
+    sway: tuple[float, float]
+    travel: Triple
+    radius: tuple[float, float]
+    opacity: float
+    amount: float
+    fade_in: float
+    largest: tuple[float, float]
+    sizes: int
+    lens: tuple[float, float, float, Triple, float]
+
+
+def triple(values: Float64) -> Triple:
+    """Return three numbers."""
+    x, y, z = values.tolist()
+    return x, y, z
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -91,7 +146,7 @@ class Peopled(Textured):
         """
         if not isinstance(self.wind, Wind) or self.wind.waves is None:
             return 0.0
-        return 2.0 * self.wind.waves.spread()
+        return 1.5 * self.wind.waves.spread()
 
     def _wide(self, frame: Frame) -> tuple[float, float]:
         """Return the view's width and height at the far end, metres, as if the lens were centred.
@@ -131,30 +186,23 @@ class Peopled(Textured):
             )
         return count
 
-    def shown(self, frame: Frame, amount: float) -> int:
-        """Return how many flakes of the box an amount shows at all: the first ones."""
-        count = self.count(frame)
-        return min(math.ceil(count * amount / (1.0 - FADE_IN)), count)
-
-    def places(self, frame: Frame, first: int | None = None) -> tuple[Float64, Float64, Float64]:
+    def places(self, frame: Frame) -> tuple[Float64, Float64, Float64]:
         """Return where the flakes of a frame are, how fast, and how much they show.
-
-        Parameters
-        ----------
-        frame : Frame
-            The view.
-        first : int, optional
-            How many of the box's flakes; all if not given.
 
         Returns
         -------
         points, velocity : (n, 3)
-            Metres and metres per frame in the eye's axes, from the camera.
+            Metres and metres per frame in the eye's axes, from the camera. In gusts only those that
+            may be in view.
         shown : (n,)
             0 at the walls of the box, 1 inside.
         """
-        kind, box = self.population(frame.t), self.box(frame)
-        count = self.count(frame) if first is None else first
+        points, velocity, shown, _ = self._placed(frame)
+        return points, np.broadcast_to(velocity, points.shape), shown
+
+    def _placed(self, frame: Frame) -> tuple[Float64, Float64, Float64, Any]:
+        """Return the same with one velocity for all where it is one, and which flakes they are."""
+        kind, count, box = self.population(frame.t), self.count(frame), self.box(frame)
         # The way is known as a whole, so it is the velocity of one unit of time, and the swing's
         # angle of now is its rate.
         swing = (kind.sway[0], kind.sway[1] * frame.t / frame.fps)
@@ -172,6 +220,7 @@ class Peopled(Textured):
             )
 
         points = placed(way)
+        which: Any = slice(None)
         wind = self.wind if isinstance(self.wind, Wind) else None
         if wind is not None and wind.profile is not None and count:
             moved, rate = profile_of_flakes(self, frame, points[:, 2])
@@ -183,26 +232,52 @@ class Peopled(Textured):
             deep = (1e3 * kind.reach, 1e3 * kind.reach, kind.reach)
             shown = shown * particles.edge_fade(points, deep, center=ahead)
         if wind is not None and wind.waves is not None and count:
+            # Only those that may come into view are worth their waves.
+            near = self._in_view(frame, points, 3.0 * wind.waves.spread())
+            which, points, shown = near, points[near], shown[near]
             moved, rate = waves_of_flakes(self, frame, points)
+            velocity = velocity[near] if len(velocity) > 1 else velocity
             points, velocity = points + moved, velocity + rate
         if turns:
             velocity = velocity - np.cross(frame.spin(), points)
-        return points, velocity, shown
+        return points, velocity, shown, which
+
+    def _in_view(self, frame: Frame, points: Float64, room: float) -> npt.NDArray[np.intp]:
+        """Return which points are in view or at most so many metres beside it."""
+        camera, reach = frame.camera, self.population(frame.t).reach
+        cx, cy = camera.principal(frame.shape)
+        x, y, z = (points - camera.offset).T
+        deep = np.maximum(z + room, 0.0) / camera.focal
+        height, width = frame.shape
+        inside = (z > -room) & (z < reach + room)
+        inside &= (x > -cx * deep - room) & (x < (width - cx) * deep + room)
+        inside &= (y > -cy * deep - room) & (y < (height - cy) * deep + room)
+        return np.flatnonzero(inside)
 
     def particles(self, frame: Frame, amount: float) -> Array:
         """Return the alpha of the flakes over the whole frame, (H, W) float32."""
+        return (self._flurry if self.alike(frame) else self._listed)(frame, amount)
+
+    def alike(self, frame: Frame) -> bool:
+        """Whether all flakes move alike."""
+        wind = self.wind if isinstance(self.wind, Wind) else None
+        return not frame.path.turns and (wind is None or wind.uniform)
+
+    def _listed(self, frame: Frame, amount: float) -> Array:
+        """Return the alpha of flakes from arrays of their places: any wind, any camera."""
         t, camera = frame.t, frame.camera
         kind = self.population(t)
-        first = self.shown(frame, amount)
-        points, velocity, shown = self.places(frame, first)
+        points, velocity, shown, which = self._placed(frame)
         exposure = value_at(self.shutter, t)
         near = in_view(frame, points, velocity, exposure, 0.5 * kind.sizes[1])
         inside = np.flatnonzero(near & (shown > 0.0))
         points, shown = points[inside], shown[inside]
         velocity = velocity if len(velocity) == 1 else velocity[inside]
-        sizes = np.empty(first)
+        inside = inside if isinstance(which, slice) else which[inside]
+        count = self.count(frame)
+        sizes = np.empty(count)
         uniform(sizes, frame.seed, SIZES)
-        rank = (inside + 0.5) / self.count(frame)
+        rank = (inside + 0.5) / count
         radius = 0.5 * (kind.sizes[0] + sizes[inside] * (kind.sizes[1] - kind.sizes[0]))
         weight = np.clip((amount - rank * (1.0 - FADE_IN)) / FADE_IN, 0.0, 1.0) * shown
         low, high = (limit * frame.width_scale for limit in self._LARGEST_SIGMA)
@@ -221,6 +296,35 @@ class Peopled(Textured):
             shutter=exposure,
             depth=frame.depth,
         )
+
+    def _flurry(self, frame: Frame, amount: float) -> Array:
+        """Return the same where all flakes move alike, without arrays of them."""
+        t, camera, kind = frame.t, frame.camera, self.population(frame.t)
+        x, y = camera.principal(frame.shape)
+        low, high = (limit * frame.width_scale for limit in self._LARGEST_SIGMA)
+        velocity = -frame.to_camera(self.velocity(frame))
+        result = np.empty(frame.shape, np.float32)
+        particle_flurry(
+            result,
+            Flurry(
+                number=self.count(frame),
+                sides=triple(self.box(frame)),
+                center=(0.0, 0.0, 0.5 * kind.reach),
+                seed=frame.seed,
+                way=triple(-frame.to_camera(self.displacement(frame))),
+                sway=(kind.sway[0], kind.sway[1] * t / frame.fps),
+                travel=triple(value_at(self.shutter, t) * velocity),
+                radius=(0.5 * kind.sizes[0], 0.5 * kind.sizes[1]),
+                opacity=kind.opacity,
+                amount=amount,
+                fade_in=FADE_IN,
+                largest=(low, high),
+                sizes=SIZES,
+                lens=(camera.focal, x, y, triple(np.asarray(camera.offset)), NEAR),
+            ),
+            frame.depth,
+        )
+        return result
 
 
 def in_view(

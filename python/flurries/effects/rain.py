@@ -12,10 +12,9 @@ import warnings
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
-from flurries._contract import Array, flag, real
+from flurries._contract import flag, real
 from flurries.effects.falling import Falling
 from flurries.effects.layer import Frame
-from flurries.effects.limited import deepened
 from flurries.effects.peopled import Population
 from flurries.effects.presets import RAIN
 from flurries.spectral.contrast import kept_power
@@ -180,10 +179,15 @@ class Rain(Falling):
             )
         return tile, overlap
 
-    def _texture(self, frame: Frame, amount: float) -> Array:
-        mean, spread, power, most = self.mapped(frame, amount)
-        if not self.renormalise:
-            return deepened(self, frame, (mean, spread, power, most), preserve_mean=True)
-        kept = kept_power(self.cycles(frame), self.alias)
-        mapped = (mean, max(spread * math.sqrt(kept), 1e-3), power, most)
-        return deepened(self, frame, mapped, preserve_mean=False)
+    @property
+    def preserves_mean(self) -> bool:
+        """Whether what blur takes of the mean is added again; renormalised, it has lost nothing."""
+        return not self.renormalise
+
+    def mapped(self, frame: Frame, amount: float) -> tuple[float, float, float, float]:
+        """Return mean, spread, power and amount of the texture's map to opacity."""
+        mean, spread, power, most = super().mapped(frame, amount)
+        if self.renormalise:
+            kept = kept_power(self.cycles(frame), self.alias)
+            spread = max(spread * math.sqrt(kept), 1e-3)
+        return mean, spread, power, most

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import warnings
 from dataclasses import dataclass
 from typing import Any
 
@@ -95,6 +96,21 @@ class Textured(Moving):
         speed = frame.camera.focal * float(np.hypot(rate[0], rate[1])) / self.near_depth
         return speed / self.band(frame.shape)[1]
 
+    def warn_ambiguous(
+        self, shape: tuple[int, int], focal: float, distance: float, index: int
+    ) -> None:
+        """Warn if two eyes see the longest wave, and so every wave, half a cycle apart or more."""
+        cycles = focal * distance / (self.near_depth * self.band(shape)[1])
+        if cycles < 0.5 or getattr(self, "texture", 1.0) == 0.0:
+            return
+        warnings.warn(
+            f"effects[{index}]: eyes {distance:g} apart see its texture {cycles:.2g} cycles apart, "
+            f"which is ambiguous from 0.5 on; take near_depth above "
+            f"{2.0 * cycles * self.near_depth:.3g}, or longer waves, or eyes closer together",
+            UserWarning,
+            stacklevel=3,
+        )
+
     def texture_request(self, frame: Frame, **more: Any) -> Request:
         """Return the field that the texture of a frame is made of; `more` goes to the request."""
         shape, camera = frame.shape, frame.camera
@@ -156,11 +172,12 @@ class Textured(Moving):
         return np.where(seen, base, self.band(frame.shape)[1])
 
     def _ring_edges(self, shape: tuple[int, int]) -> Float64 | None:
-        """Return wavelengths between rings of half an octave, if the wind differs over depth."""
+        """Return wavelengths between rings of a half or a quarter octave, if the wind differs."""
         if not isinstance(self.wind, Wind) or (self.wind.profile is None and not self.gusty):
             return None
         shortest, longest = self.band(shape)
-        rings = max(round(2.0 * math.log2(longest / shortest)), 1)
+        finer = 4.0 if self.wind.profile is not None else 2.0
+        rings = max(round(finer * math.log2(longest / shortest)), 1)
         return np.asarray(shortest * (longest / shortest) ** (np.arange(rings + 1) / rings))
 
     def _ring_drift(

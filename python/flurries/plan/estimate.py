@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from flurries._threads import threads
 from flurries.costs import nanoseconds
-from flurries.effects.needs import Cost, LeftOut, Needs, needs_of
+from flurries.effects.needs import Cost, LeftOut, Needs, Step, needs_of
 from flurries.plan.calibration import scales
 from flurries.plan.report import Plan, PlannedStep
 from flurries.timeline import Keys
@@ -132,14 +132,55 @@ def _frame(scene: Scene, t: float) -> tuple[dict[str, tuple[Cost, bool]], list[L
         costs["depth"] = (Cost({"decoded pixel": pixels}), False)
     if "ambient" in reads:
         costs["ambient"] = (Cost({"encoded pixel": 1.5 * pixels}), False)
-    held, peak, names = 0, 0, _names(asked)
+    names, fused = _names(asked), 0
+    held = _Held(scene, dtype, window)
     for name, (effect, frame, _) in zip(names, asked, strict=True):
         # Asked again: what was said for the whole film knows neither this time nor this window.
-        held, most = _effect(name, frame, needs_of(effect, frame), held, costs, left_out)
-        peak = max(peak, most)
-    cost, most = _composite(scene, dtype, asked, window)
+        needs = needs_of(effect, frame)
+        if scene._foreground is None and needs.in_one_pass:
+            needs = _in_one_pass(needs)
+            fused += 1
+        held.add(*_effect(name, frame, needs, costs, left_out))
+    cost = _composite(scene, dtype, asked, window, fused)
     costs["composite"] = (cost, False)
-    return costs, left_out, max(peak, held + most)
+    return costs, left_out, held.most()
+
+
+class _Held:
+    """The bytes that are held while effects are made and laid over a picture, one after another."""
+
+    def __init__(self, scene: Scene, dtype: np.dtype[Any], window: Window | None) -> None:
+        same = scene.linear == (scene._backdrop.encoding == "linear")
+        item = dtype.itemsize if same else 4
+        self._pixels = scene.shape[0] * scene.shape[1]
+        self._inner = 0 if window is None else (window[1] - window[0]) * (window[3] - window[2])
+        self._whole, self._part = 3 * item * self._pixels, 3 * item * self._inner
+        self._cut = 0 < self._inner < self._pixels
+        self._matte = scene._foreground is not None
+        # What lies behind the next effect, beyond the scene's own picture.
+        self._base = 0 if same else self._whole
+        # Whole rows of it need no copy.
+        aside = window is not None and window[3] - window[2] < scene.shape[1]
+        self._behind = self._part if aside else 0
+        # There and back through the curve; arrays of float32 come and go.
+        self._turned = 0 if same else (60 if dtype.kind == "u" else 51) * self._pixels
+        self._peak = self._whole
+
+    def add(self, layer: int, most: int) -> None:
+        """Add an effect that takes `most` bytes while it is made, and leaves `layer`."""
+        back = self._base + self._behind
+        # A matte makes two planes: of what it leaves, which goes, and of the layer behind it.
+        plane = 4 * self._inner if self._matte else 0
+        mixed = max(2 * plane, plane + self._part)
+        self._peak = max(self._peak, back + most, back + layer + mixed)
+        self._behind = self._part
+        if not self._matte:
+            self._base = 0
+
+    def most(self) -> int:
+        """Return the most bytes, with those of mixing."""
+        end = self._base + self._behind + (self._whole if self._cut else 0)
+        return max(self._peak, end, self._turned)
 
 
 def _silent(program: Any, part: Any, t: float, window: tuple[int, int, int, int]) -> list[LeftOut]:
@@ -169,29 +210,42 @@ def _effect(
     name: str,
     frame: Frame,
     needs: Needs,
-    held: int,
     costs: dict[str, tuple[Cost, bool]],
     left_out: list[LeftOut],
 ) -> tuple[int, int]:
-    """Add an effect's steps; return the bytes held after it, and the most while it ran."""
-    most, now, last = held, held, 0
+    """Add an effect's steps; return the bytes that it leaves, and the most while it ran."""
+    most, now, last = 0, 0, 0
     for step in needs.steps:
         cost = step.cost()
         label = name if step.name == name else f"{name}: {step.name}"
         costs[label] = (cost, step.once and frame.settled)
         left_out += [LeftOut(f"{name}: {one.what}", one.why) for one in cost.left_out]
+        if step.once and frame.settled:
+            # The scene holds it from the first frame on.
+            continue
         most = max(most, now + cost.kept + cost.scratch)
         now += cost.kept
         last = cost.kept
     left_out += needs.left_out
     # Planes of single steps go; what the last one made is the layer.
-    return held + last, most
+    return last, most
+
+
+def _in_one_pass(needs: Needs) -> Needs:
+    """Return the needs without the plane of the texture and that of the layer."""
+
+    def thin(step: Step) -> Step:
+        cost = step.cost()
+        return replace(step, cost=lambda: replace(cost, kept=0))
+
+    steps = [thin(s) if s.name == "texture" else s for s in needs.steps if s.name != "join"]
+    return replace(needs, steps=tuple(steps))
 
 
 def _composite(
-    scene: Scene, dtype: np.dtype[Any], asked: list[Asked], window: Window | None
-) -> tuple[Cost, int]:
-    """Return what mixing the layers costs, and the most bytes it holds with the frame."""
+    scene: Scene, dtype: np.dtype[Any], asked: list[Asked], window: Window | None, fused: int
+) -> Cost:
+    """Return what mixing the layers costs."""
     same = scene.linear == (scene._backdrop.encoding == "linear")
     item = dtype.itemsize if same else 4
     layers = len(asked)
@@ -199,17 +253,11 @@ def _composite(
     inner = 0 if window is None else (window[1] - window[0]) * (window[3] - window[2])
     whole, part = 3 * item * pixels, 3 * item * inner
     work: dict[str, float] = {_PIXEL_KIND[item]: float(layers * inner), "layer": float(layers)}
+    work["fused pixel"] = float(fused * inner)
     if layers == 0 or inner < pixels:
         work["copied byte"] = float(whole + 2 * part if layers else whole)
-    # The one that is made, and the one behind it.
-    most = min(layers, 2) * part
     if scene._foreground is not None and layers:
         work["array pixel"] = 2.0 * layers * inner
-        most += 8 * inner
     if not same:
-        # There and back through the curve; arrays of float32 come and go.
         work["encoded pixel"] = 2.0 * pixels
-        most = max(most + whole, (60 if dtype.kind == "u" else 51) * pixels)
-    size = f"{layers} layer{'s' * (layers != 1)}"
-    most = max(most, whole + (part if inner < pixels else 0))
-    return Cost(work, size, whole, most - whole), most
+    return Cost(work, f"{layers} layer{'s' * (layers != 1)}", whole)

@@ -12,8 +12,10 @@ all waves alike (a turning camera).
 
 from __future__ import annotations
 
+from flurries.spectral.export import export_loop
 from flurries.spectral.frame import alpha, field
 from flurries.spectral.tables import (
+    BANDS,
     advance_phase,
     band_amplitude,
     random_phase,
@@ -22,18 +24,23 @@ from flurries.spectral.tables import (
     velocity_from_paper,
 )
 from flurries.spectral.tiles import blend_tiles, inverse_transform, opacity, tile_starts
+from flurries.spectral.volume import loop, volume
 
 __all__ = [
+    "BANDS",
     "advance_phase",
     "alpha",
     "band_amplitude",
     "blend_tiles",
+    "export_loop",
     "field",
     "inverse_transform",
+    "loop",
     "opacity",
     "random_phase",
     "temporal_filter",
     "tent_rate",
     "tile_starts",
     "velocity_from_paper",
+    "volume",
 ]

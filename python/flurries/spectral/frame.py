@@ -40,6 +40,7 @@ class Request(NamedTuple):
     seed: int
     jitter: bool
     ring_edges: Float64
+    ring_gains: Float64
     drift: Float64
     shift: Float64
     velocity: Float64
@@ -94,6 +95,7 @@ def request(
     jitter: bool = False,
     shortest: npt.ArrayLike | None = None,
     ring_edges: npt.ArrayLike | None = None,
+    ring_gains: npt.ArrayLike | None = None,
     blend: str = "power",
     window: tuple[int, int, int, int] | None = None,
 ) -> Request:
@@ -110,6 +112,14 @@ def request(
                 f"ring_edges must be at least two increasing wavelengths, got {edges.tolist()}"
             )
         rings = len(edges) - 1
+    gains = np.empty(0)
+    if ring_gains is not None:
+        gains = table("ring_gains", ring_gains, ndim=1)
+        if rings is None or len(gains) != rings:
+            raise ValueError(
+                f"ring_gains must be one number for each ring of ring_edges "
+                f"({'none' if rings is None else rings}), got {len(gains)}"
+            )
     law = choice("alias", alias, ALIAS)
     exposure = real("shutter", shutter, low=0.0, high=LARGEST)
     if velocity is None and (law != "keep" or exposure > 0.0):
@@ -128,6 +138,7 @@ def request(
         seed=seed_of(seed),
         jitter=flag("jitter", jitter),
         ring_edges=edges,
+        ring_gains=gains,
         drift=offsets,
         shift=_vectors("shift", shift, None),
         velocity=_ZERO if velocity is None else _vectors("velocity", velocity, rings),
@@ -163,6 +174,7 @@ def field(
     jitter: bool = False,
     shortest: npt.ArrayLike | None = None,
     ring_edges: npt.ArrayLike | None = None,
+    ring_gains: npt.ArrayLike | None = None,
     blend: str = "power",
     dtype: npt.DTypeLike = np.float32,
     out: Array | None = None,
@@ -199,6 +211,9 @@ def field(
     ring_edges : (rings + 1,), optional
         Increasing wavelengths in pixels; ring r holds edges[r] < wavelength <= edges[r + 1], the
         outer rings what lies beyond. For wind that varies with depth.
+    ring_gains : (rings,), optional
+        Relative amplitude of each ring's waves, 0 or more; the whole keeps the variance 1. For
+        snow whose octaves differ, see :func:`flurries.hybrid.match`.
     blend : {"power", "linear"}
         See :func:`blend_tiles`.
     dtype : float32 or float64
@@ -233,7 +248,7 @@ def field(
         shape, drift=drift, shift=shift, seed=seed, tile=tile, overlap=overlap,
         wavelengths=wavelengths, exponent=exponent, velocity=velocity, shift_rate=shift_rate,
         alias=alias, soft_from=soft_from, shutter=shutter, jitter=jitter, shortest=shortest,
-        ring_edges=ring_edges, blend=blend,
+        ring_edges=ring_edges, ring_gains=ring_gains, blend=blend,
     )  # fmt: skip
     result = output(out, asked.shape, float_dtype(dtype))
     _core.field(result, asked)
@@ -258,6 +273,7 @@ def alpha(
     jitter: bool = False,
     shortest: npt.ArrayLike | None = None,
     ring_edges: npt.ArrayLike | None = None,
+    ring_gains: npt.ArrayLike | None = None,
     blend: str = "power",
     mean: float = 0.5,
     spread: float = 3.0,
@@ -273,7 +289,7 @@ def alpha(
     ----------
     shape, drift, shift, seed, tile, overlap, wavelengths, exponent, velocity, shift_rate, alias
         See :func:`field`.
-    soft_from, shutter, jitter, shortest, ring_edges, blend, dtype
+    soft_from, shutter, jitter, shortest, ring_edges, ring_gains, blend, dtype
         See :func:`field`.
     mean, spread, amount
         See :func:`opacity`.
@@ -294,7 +310,7 @@ def alpha(
         shape, drift=drift, shift=shift, seed=seed, tile=tile, overlap=overlap,
         wavelengths=wavelengths, exponent=exponent, velocity=velocity, shift_rate=shift_rate,
         alias=alias, soft_from=soft_from, shutter=shutter, jitter=jitter, shortest=shortest,
-        ring_edges=ring_edges, blend=blend,
+        ring_edges=ring_edges, ring_gains=ring_gains, blend=blend,
     )  # fmt: skip
     mapped = opacity_map(mean, spread, power, amount, name="power")
     keep = flag("preserve_mean", preserve_mean)

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 import warnings
+from collections.abc import Mapping
+from types import MappingProxyType
 
 import numpy as np
 import numpy.typing as npt
@@ -25,6 +27,12 @@ from flurries._contract import (
 )
 
 ALIAS = ("cut", "soft", "keep")
+
+#: Bands of wavelengths in pixels that the sources name: the paper's three octaves (section 5.3),
+#: and the upper three octaves of the slides of 2003.
+BANDS: Mapping[str, tuple[float, float]] = MappingProxyType(
+    {"paper": (4.0, 32.0), "slides": (2.0, 16.0)}
+)
 FLOAT64 = np.dtype(np.float64)
 
 # Cycles of drift up to which phases are right to 2e-5 cycles; at 1e16 nothing is left of them.
@@ -46,6 +54,7 @@ def tent_rate(
     velocity: npt.ArrayLike,
     *,
     wavelength_max: float = 32.0,
+    loop: int | None = None,
     out: Float64 | None = None,
 ) -> Float64:
     """Temporal frequency of each wave on the tent surface.
@@ -58,6 +67,9 @@ def tent_rate(
         Drift per frame: pixels per frame of the wave of `wavelength_max`, x right, y down.
     wavelength_max : float
         Wavelength in pixels that `velocity` belongs to.
+    loop : int, optional
+        Frames after which the film shall repeat: rates are rounded to ``n / loop``, half to even,
+        which is odd in k. See :func:`loop`.
     out : (H, W) float64, optional
         Array to write into and return.
 
@@ -81,7 +93,8 @@ def tent_rate(
     size = shape_of("shape", shape)
     drift = _cycles("velocity", velocity, wavelength_max)
     result = output(out, size, FLOAT64)
-    _core.tent_rate(result, drift)
+    frames = None if loop is None else float(integer("loop", loop, low=1, high=2**31 - 1))
+    _core.tent_rate(result, drift, frames)
     return result
 
 
@@ -128,7 +141,7 @@ def band_amplitude(
         Size of the tile in pixels.
     wavelengths : (shortest, longest)
         Pixels; waves with ``shortest < wavelength <= longest`` take part; at least 2. The default
-        is the paper's three octaves, (2, 16) the slides'.
+        is the paper's three octaves, (2, 16) the slides'; see :data:`BANDS`.
     exponent : float
         Amplitude ~ ``|k| ** -exponent``; 1 gives every octave the same power, less makes finer
         snow.

@@ -160,8 +160,8 @@ def opacity(
 
     Parameters
     ----------
-    field : (H, W)
-        Field of variance 1.
+    field : (H, W) or (n, H, W)
+        Field of variance 1, or a film of it.
     mean : float
         Where the field's zero goes. Less than the paper's 0.5 leaves separate flakes.
     spread : float
@@ -171,12 +171,12 @@ def opacity(
         Above 0; the paper squares.
     amount : float
         0 to 1.
-    out : (H, W), optional
+    out : array of the shape of `field`, optional
         Array to write into and return; not `field` itself.
 
     Returns
     -------
-    (H, W), dtype of `field`
+    (H, W) or (n, H, W), dtype of `field`
         Opacity in [0, amount]. The defaults have mean 0.2776 and standard deviation 0.1706.
 
     Notes
@@ -184,11 +184,16 @@ def opacity(
     Langer 2004, section 5.6. The scale comes from the known variance, never from the frame: a
     per-frame minimum and maximum flickers (``docs/deviations.md``, 20).
     """
-    given, kept = pixels("field", field, ndim=2)
+    given, kept = pixels("field", field, ndim=3 if np.ndim(field) == 3 else 2)
     _require_finite("field", given)
     mapped = opacity_map(mean, spread, exponent, amount, name="exponent")
     result = output(out, given.shape, kept, given)
-    return _in_working_dtype(result, given.dtype, lambda view: _core.opacity(view, given, mapped))
+    width = given.shape[-1]
+
+    def fill(view: Array) -> None:
+        _core.opacity(view.reshape(-1, width), given.reshape(-1, width), mapped)
+
+    return _in_working_dtype(result, given.dtype, fill)
 
 
 def opacity_map(

@@ -1,0 +1,296 @@
+"""Films that repeat: the 3-D method of the paper, and loops for game engines."""
+
+from __future__ import annotations
+
+import math
+import warnings
+from typing import Any, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from flurries import _core
+from flurries._contract import (
+    LARGEST,
+    MOST_ELEMENTS,
+    Array,
+    Float64,
+    choice,
+    flag,
+    float_dtype,
+    integer,
+    moderate,
+    output,
+    real,
+    seed_of,
+    shape_of,
+    table,
+    vector,
+)
+from flurries.spectral.tables import ALIAS, band_of, warn_long
+
+CELLS = ("one", "overlap")
+
+# More of a loop standing still than this deserves a word.
+STILL = 0.25
+
+
+class Film(NamedTuple):
+    """A film that repeats, as the kernel reads it: every argument settled and checked."""
+
+    frames: int
+    shape: tuple[int, int]
+    drift: tuple[float, float]
+    seed: int
+    wavelengths: tuple[float, float]
+    exponent: float
+    alias: str
+    soft_from: float
+    shutter: float
+    jitter: bool
+    cells: str
+
+
+def film(
+    frames: int,
+    shape: tuple[int, int],
+    velocity: npt.ArrayLike,
+    *,
+    seed: int,
+    wavelengths: tuple[float, float],
+    exponent: float = 1.0,
+    alias: str = "keep",
+    soft_from: float = 0.4,
+    shutter: float = 0.0,
+    jitter: bool = False,
+    cells: str = "one",
+    most_still: float = STILL,
+) -> Film:
+    """Settle the arguments of a film, and warn of what would disappoint."""
+    count = integer("frames", frames, low=1, high=2**31 - 1)
+    size = shape_of("shape", shape)
+    band = band_of(wavelengths)
+    speed = vector("velocity", velocity, 2)
+    law = choice("alias", alias, ALIAS)
+    warn_long(size, band, stacklevel=4)
+    cycles = speed / band[1] if band[1] > 0.0 else np.zeros(2)
+    steepest = math.hypot(float(cycles[0]), float(cycles[1]))
+    if steepest >= 0.5 and law == "keep":
+        warnings.warn(
+            f"velocity turns the fastest waves by {steepest:.3g} cycles a frame; from half a cycle "
+            'on they seem to run backwards: lower it, or drop them with alias="cut"',
+            UserWarning,
+            stacklevel=3,
+        )
+    turns = steepest * count
+    # Rates below half a turn round to none; snow that is asked to stand still needs no warning.
+    still = 2.0 / math.pi * math.asin(min(1.0, 0.5 / turns)) if turns > 0.0 else 0.0
+    if still > most_still and cells == "one":
+        warnings.warn(
+            f"a loop of {count} frames rounds {100 * still:.0f} % of the waves to rest at this "
+            "velocity: take more frames",
+            UserWarning,
+            stacklevel=3,
+        )
+    return Film(
+        frames=count,
+        shape=size,
+        drift=(float(cycles[0]), float(cycles[1])),
+        seed=seed_of(seed),
+        wavelengths=band,
+        exponent=real("exponent", exponent),
+        alias=law,
+        soft_from=real("soft_from", soft_from),
+        shutter=real("shutter", shutter, low=0.0, high=LARGEST),
+        jitter=flag("jitter", jitter),
+        cells=choice("cells", cells, CELLS),
+    )
+
+
+def rendered(asked: Film, times: Float64 | None, dtype: npt.DTypeLike, out: Array | None) -> Array:
+    """Return (n, H, W): the film at each of the times, or at all its frames."""
+    shape = (asked.frames if times is None else len(times), *asked.shape)
+    if math.prod(shape) > MOST_ELEMENTS:
+        raise ValueError(
+            f"frames must hold at most {MOST_ELEMENTS} pixels together, got {shape[0]} of "
+            f"{shape[1]} x {shape[2]}"
+        )
+    result = output(out, shape, float_dtype(dtype))
+    moments = np.arange(shape[0], dtype=np.float64) if times is None else times
+    _core.volume(result.reshape(-1, shape[2]), asked, moments)
+    return result
+
+
+def volume(
+    frames: int,
+    size: int,
+    velocity: npt.ArrayLike,
+    *,
+    seed: int,
+    wavelengths: tuple[float, float] = (4.0, 32.0),
+    cells: str = "one",
+    dtype: npt.DTypeLike = np.float32,
+    out: Array | None = None,
+) -> Array:
+    """Film of falling snow by the 3-D method: an inverse transform of its space-time spectrum.
+
+    Every column (kx, ky) of the M x M x T spectrum holds power where the tent passes through it;
+    the rest is zero. The film is periodic in x, y and t.
+
+    Parameters
+    ----------
+    frames : int
+        T, the length of the film and its period.
+    size : int
+        M, pixels of a side.
+    velocity : (vx, vy)
+        Drift per frame: pixels per frame of the longest wave, ``wavelengths[1]``; x right, y down.
+    seed : int
+        Any int64. Frame 0 with one cell per column is that of :func:`field` with one tile.
+    wavelengths : (shortest, longest)
+        Pixels; see :func:`band_amplitude` and :data:`BANDS`.
+    cells : {"one", "overlap"}
+        Which cells of a column hold power: the one nearest to the tent, so that each wave keeps
+        its amplitude and moves at ``round(rate T) / T``; or, an experiment, all whose unit cube the
+        tent passes through, as the paper says. The latter has more cells at low frequencies, so
+        that octaves are not equal any more, and every wave beats
+        (``docs/deviations.md``, 14).
+    dtype : float32 or float64
+        Precision of the pixels.
+    out : (T, M, M), optional
+        Array to write into and return.
+
+    Returns
+    -------
+    (T, M, M) float32 or float64
+        ``sum_k,n a(k, n) cos 2 pi (f_k . (x, y) + n t / T + phase(k, n))``. Mean 0; mean square 1
+        over space and time, with one cell per column in every frame.
+
+    Raises
+    ------
+    ValueError, TypeError
+        For an argument that is not as described; the message names it. With ``cells="overlap"`` the
+        longest wave may turn by at most one cycle a frame.
+
+    Warns
+    -----
+    UserWarning
+        If waves are so fast that they seem to run backwards, if rounding stops them all, or if
+        `wavelengths` asks for waves longer than the tile.
+
+    Notes
+    -----
+    Langer 2004, section 5.1, and the slides of 2003, whose band is ``BANDS["slides"]``. Unlike
+    :func:`field` it wants a constant motion, and M M T pixels in memory.
+
+    Examples
+    --------
+    >>> import flurries as fl
+    >>> band = fl.spectral.BANDS["slides"]
+    >>> film = fl.spectral.volume(60, 64, (0.5, 2.0), seed=7, wavelengths=band)
+    >>> film.shape
+    (60, 64, 64)
+    """
+    side = integer("size", size, low=1, high=2**15)
+    asked = film(
+        frames, (side, side), velocity, seed=seed, wavelengths=wavelengths, cells=cells,
+        most_still=0.999,
+    )  # fmt: skip
+    return rendered(asked, None, dtype, out)
+
+
+def loop(
+    frames: int,
+    shape: tuple[int, int],
+    velocity: npt.ArrayLike,
+    *,
+    seed: int,
+    time: npt.ArrayLike | None = None,
+    wavelengths: tuple[float, float] = (4.0, 32.0),
+    exponent: float = 1.0,
+    alias: str = "keep",
+    soft_from: float = 0.4,
+    shutter: float = 0.0,
+    jitter: bool = False,
+    dtype: npt.DTypeLike = np.float32,
+    out: Array | None = None,
+) -> Array:
+    """Field of falling snow that repeats after so many frames, and in x and y.
+
+    Each wave turns a whole number of times in the loop: the rates of :func:`tent_rate` with
+    ``loop=frames``. Frame T + 3 has the bits of frame 3, and the step from the last frame to the
+    first is like any other.
+
+    Parameters
+    ----------
+    frames : int
+        T, the length of the loop. Rounding is off by 0.29 cycles a loop (rms), so short loops of
+        slow snow lose motion: of 30 frames at 2 px per frame 17 % of the power stands still.
+    shape : (H, W)
+        Size of the texture in pixels; it is a torus.
+    velocity : (vx, vy)
+        Pixels per frame of the longest wave, ``wavelengths[1]``; x right, y down.
+    seed : int
+        Any int64.
+    time : float or (n,), optional
+        Which moments, in frames; any numbers. If not given, frames 0 to T - 1.
+    wavelengths, exponent
+        See :func:`band_amplitude`.
+    alias, soft_from, shutter
+        See :func:`temporal_filter`; they act on the rounded rates. Power is not restored.
+    jitter : bool
+        See :func:`field`.
+    dtype : float32 or float64
+        Precision of the pixels.
+    out : array of the result's shape, optional
+        Array to write into and return.
+
+    Returns
+    -------
+    (T, H, W), (n, H, W) or (H, W) float32 or float64
+        All frames, those of an array of times, or that of one time. Mean 0, variance 1 in every
+        frame (less what the filter takes).
+
+    Raises
+    ------
+    ValueError, TypeError
+        For an argument that is not as described; the message names it.
+
+    Warns
+    -----
+    UserWarning
+        As :func:`volume`, and if rounding stops more than a quarter of the waves.
+
+    Notes
+    -----
+    The paper's films repeat 30 frames (section 6.2). Without rounding, the step of the wrap would
+    be that between independent frames.
+
+    Examples
+    --------
+    >>> import flurries as fl
+    >>> film = fl.spectral.loop(60, (96, 128), (0.5, 2.0), seed=7)
+    >>> film.shape
+    (60, 96, 128)
+    >>> later = fl.spectral.loop(60, (96, 128), (0.5, 2.0), seed=7, time=63)
+    >>> bool((later == film[3]).all())
+    True
+    """
+    asked = film(
+        frames, shape, velocity, seed=seed, wavelengths=wavelengths, exponent=exponent,
+        alias=alias, soft_from=soft_from, shutter=shutter, jitter=jitter,
+    )  # fmt: skip
+    if time is None:
+        return rendered(asked, None, dtype, out)
+    times = moderate("time", table("time", time, ndim=None))
+    if times.ndim > 1 or times.size == 0:
+        raise ValueError(f"time must be a number or (n,), got an array of shape {times.shape}")
+    if np.ndim(time) == 0:
+        return _one(asked, times.reshape(1), dtype, out)
+    return rendered(asked, times, dtype, out)
+
+
+def _one(asked: Film, times: Float64, dtype: npt.DTypeLike, out: Array | None) -> Array:
+    result: npt.NDArray[Any] = output(out, asked.shape, float_dtype(dtype))
+    rendered(asked, times, dtype, result[np.newaxis])
+    return result

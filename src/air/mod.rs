@@ -1,0 +1,3 @@
+//! The air itself: plane waves of wind.
+
+pub mod waves;

@@ -1,0 +1,236 @@
+//! The flakes of a box seen by a camera: each is placed, and dropped at once if it is out of view.
+//!
+//! The box holds several times as many flakes as the picture shows. Doing step after step for all of
+//! them, through arrays, costs more than drawing those that are seen.
+
+use super::splat::Source;
+use super::sprite::{Flake, Lens};
+use super::torus::Carried;
+use crate::error::Error;
+use crate::random::Hash;
+
+/// How flakes look.
+#[derive(Debug, Clone, Copy)]
+pub struct Looks {
+    /// Smallest and largest radius, world units.
+    pub radius: (f64, f64),
+    /// Of a flake's middle, 0 to 1.
+    pub opacity: f64,
+    /// The share of the flakes that is there, 0 to 1: those of the lowest indices.
+    pub amount: f64,
+    /// Over this share of them the last ones fade in.
+    pub fade_in: f64,
+    /// Sigma in px (without blur) from which flakes fade, and at which they are gone.
+    pub largest: (f64, f64),
+    /// Stream of the numbers that their sizes are.
+    pub sizes: i64,
+}
+
+/// Flakes of a box, as [`super::splat::splat`] draws them.
+pub struct Flurry {
+    count: usize,
+    carried: Carried,
+    looks: Looks,
+    sizes: Hash,
+    focal: f64,
+    travel: [f64; 3],
+    view: View,
+}
+
+impl Flurry {
+    /// Flakes 0 .. `count`, which all move by `travel` during the exposure, before a lens.
+    pub fn new(
+        count: usize,
+        carried: Carried,
+        seed: i64,
+        looks: Looks,
+        lens: &Lens,
+        shape: (usize, usize),
+        travel: [f64; 3],
+    ) -> Result<Self, Error> {
+        let Looks { radius, opacity, amount, fade_in, .. } = looks;
+        let sound = 0.0 <= radius.0
+            && radius.0 <= radius.1
+            && radius.1.is_finite()
+            && (0.0..=1.0).contains(&opacity)
+            && (0.0..=1.0).contains(&amount)
+            && 0.0 < fade_in
+            && fade_in <= 1.0
+            && looks.largest.0 < looks.largest.1
+            && travel.iter().all(|v| v.is_finite());
+        if !sound {
+            return Err(Error::Internal(format!("no flakes look like {looks:?}, {travel:?}")));
+        }
+        let length = travel.iter().map(|v| v * v).sum::<f64>().sqrt();
+        let room = carried.reach() + length + 2.0 * radius.1;
+        Ok(Self {
+            count,
+            carried,
+            looks,
+            sizes: Hash::seeded(seed).word(looks.sizes),
+            focal: lens.focal,
+            travel,
+            view: View::new(lens, shape, room),
+        })
+    }
+}
+
+impl Source for Flurry {
+    fn len(&self) -> usize {
+        self.count
+    }
+
+    #[inline]
+    fn get(&self, index: usize) -> Option<Flake> {
+        let Looks { radius, opacity, amount, fade_in, largest, .. } = self.looks;
+        let rank = (index as f64 + 0.5) / self.count as f64;
+        let there = ((amount - rank * (1.0 - fade_in)) / fade_in).clamp(0.0, 1.0);
+        if there == 0.0 {
+            return None;
+        }
+        let flake = self.carried.flake(index);
+        let z = self.carried.along(flake, 2);
+        let x = self.carried.along(flake, 0);
+        if !self.view.holds(0, x, z) {
+            return None;
+        }
+        let y = self.carried.along(flake, 1);
+        if !self.view.holds(1, y, z) {
+            return None;
+        }
+        let [aside, ahead] = self.carried.swing(flake);
+        let point = [x + aside, y, z + ahead];
+        let size = self.sizes.word(index as i64).unit();
+        let radius = radius.0 + size * (radius.1 - radius.0);
+        let sigma = self.focal * radius / (3.0 * point[2].max(1e-6));
+        let part = ((sigma - largest.0) / (largest.1 - largest.0)).clamp(0.0, 1.0);
+        let sharp = 1.0 - part * part * (3.0 - 2.0 * part);
+        let weight = there * self.carried.shown(point) * sharp;
+        (weight > 0.0).then_some(Flake {
+            point,
+            radius,
+            opacity: weight * opacity,
+            travel: self.travel,
+        })
+    }
+}
+
+/// What a lens sees, with room for the size and the motion of flakes: never a wrong no.
+struct View {
+    offset: [f64; 3],
+    // Slopes of the four planes, along x and y.
+    low: [f64; 2],
+    high: [f64; 2],
+    room: f64,
+}
+
+/// Pixels that the smallest image reaches beyond its middle, and a little more.
+const LEAST_REACH: f64 = 4.0;
+
+impl View {
+    fn new(lens: &Lens, shape: (usize, usize), room: f64) -> Self {
+        let size = [shape.1 as f64, shape.0 as f64];
+        let slope = |axis: usize, px: f64| (px - lens.center[axis]) / lens.focal;
+        Self {
+            offset: lens.offset,
+            low: std::array::from_fn(|axis| slope(axis, -LEAST_REACH)),
+            high: std::array::from_fn(|axis| slope(axis, size[axis] + LEAST_REACH)),
+            room,
+        }
+    }
+
+    #[inline]
+    fn holds(&self, axis: usize, place: f64, z: f64) -> bool {
+        let (place, z) = (place - self.offset[axis], z - self.offset[2]);
+        // The room shifts each plane outwards, whichever way it leans.
+        let (near, far) = (z - self.room, z + self.room);
+        let reach =
+            |slope: f64, deep: f64, shallow: f64| slope * if slope > 0.0 { deep } else { shallow };
+        far > 0.0
+            && place >= -reach(-self.low[axis], far, near) - self.room
+            && place <= reach(self.high[axis], far, near) + self.room
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::error::Cancel;
+    use crate::particles::splat::{Flakes, splat};
+    use crate::particles::torus::{Sway, Torus, edge_fade, positions};
+    use ndarray::{Array1, Array2, ArrayView2, array};
+
+    const LOOKS: Looks = Looks {
+        radius: (0.02, 0.08),
+        opacity: 0.9,
+        amount: 0.7,
+        fade_in: 0.1,
+        largest: (3.5, 6.0),
+        sizes: 101,
+    };
+
+    /// Step after step, through arrays: what the frame must be.
+    fn stepwise(
+        torus: &Torus,
+        way: [f64; 3],
+        sway: Sway,
+        lens: &Lens,
+        travel: [f64; 3],
+    ) -> Array2<f64> {
+        let (count, cancel) = (4000, Cancel::new());
+        let mut points = Array2::zeros((count, 3));
+        let way = Array2::from_shape_vec((1, 3), way.to_vec()).unwrap();
+        positions(points.view_mut(), torus, 5, way.view(), 1.0, Some(sway), &cancel).unwrap();
+        let mut shown = Array1::zeros(count);
+        edge_fade(shown.view_mut(), points.view(), torus, &cancel).unwrap();
+        let mut sizes = vec![0.0; count];
+        crate::random::uniform(&mut sizes, 5, LOOKS.sizes);
+        let radius: Array1<f64> =
+            sizes.iter().map(|u| LOOKS.radius.0 + u * (LOOKS.radius.1 - LOOKS.radius.0)).collect();
+        let opacity = Array1::from_shape_fn(count, |i| {
+            let rank = (i as f64 + 0.5) / count as f64;
+            let there = ((0.7 - rank * 0.9) / 0.1).clamp(0.0, 1.0);
+            let sigma = lens.focal * radius[i] / (3.0 * points[[i, 2]].max(1e-6));
+            let t = ((sigma - 3.5) / 2.5).clamp(0.0, 1.0);
+            0.9 * there * shown[i] * (1.0 - t * t * (3.0 - 2.0 * t))
+        });
+        let velocity = array![[travel[0], travel[1], travel[2]]];
+        let flakes = Flakes {
+            points: points.view(),
+            radius: radius.view(),
+            opacity: opacity.view(),
+            velocity: velocity.view(),
+            shutter: 1.0,
+        };
+        let mut out = Array2::zeros((96, 160));
+        splat(out.view_mut(), &flakes, lens, None::<ArrayView2<f32>>, &cancel).unwrap();
+        out
+    }
+
+    #[test]
+    fn nothing_that_is_seen_is_dropped() {
+        for (offset, center, travel) in [
+            ([0.0; 3], [80.0, 48.0], [0.0; 3]),
+            ([0.3, -0.1, 0.0], [20.0, 90.0], [0.02, 0.3, 0.0]),
+            // A middle far outside the picture, and flakes that come at the eye.
+            ([0.0, 0.0, 0.4], [-150.0, 48.0], [0.0, 0.05, -1.0]),
+        ] {
+            let lens = Lens { focal: 150.0, center, offset, near: 0.1 };
+            let torus = Torus::new([9.0, 6.0, 8.0], [0.0, 0.0, 4.0]).unwrap();
+            let sway = Sway { amplitude: 0.05, angular_frequency: 2.0 };
+            let way = [3.0, 14.0, -2.5];
+            let wanted = stepwise(&torus, way, sway, &lens, travel);
+            let carried = Carried::new(torus, 5, way, 1.0, Some(sway)).unwrap();
+            let flurry = Flurry::new(4000, carried, 5, LOOKS, &lens, (96, 160), travel).unwrap();
+            let kept = (0..4000).filter(|&i| flurry.get(i).is_some()).count();
+            assert!(kept < 2500, "{kept}");
+            let mut got = Array2::from_elem((96, 160), f64::NAN);
+            splat(got.view_mut(), &flurry, &lens, None::<ArrayView2<f32>>, &Cancel::new()).unwrap();
+            let most = wanted.iter().fold(0.0, |most: f64, &a| most.max(a));
+            assert!(most > 0.02, "{most}");
+            for (got, want) in got.iter().zip(&wanted) {
+                assert!((got - want).abs() < 1e-14, "{got} {want}");
+            }
+        }
+    }
+}

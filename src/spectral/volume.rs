@@ -1,0 +1,348 @@
+//! The 3-D method: a film that repeats, from the cells of its space-time spectrum (Langer 2004,
+//! section 5.1; the slides of 2003).
+//!
+//! `alpha(x, y, t) = sum a(k, n) cos 2 pi (f_k . (x, y) + n t / T + phase(k, n))` over the cells
+//! (k, n) on the tent. Few of the M x M x T cells are not zero: the transform along t is their plain
+//! sum, exact at any t, and only columns that hold a cell are transformed along y.
+
+use std::ops::Range;
+
+use ndarray::{ArrayViewMut2, Axis};
+use num_complex::Complex;
+
+use super::band::{Band, Sum};
+use super::filter::TemporalFilter;
+use super::grid::position;
+use super::phase::{leader_phase, reduce, tile_hash};
+use super::tent::Motion;
+use super::waves::{Draw, Waves};
+use crate::error::{Cancel, Error, zeroed};
+use crate::pool;
+use crate::real::Real;
+use crate::simd::PORTABLE;
+
+/// The word that keeps the phases of cells apart from those of waves and from the jitter's words.
+const CELL: i64 = 3;
+
+/// The steepest tent whose cells are listed one by one, cycles per frame: at 1 the fastest waves
+/// have wrapped round the temporal axis.
+const STEEPEST: f64 = 1.0;
+
+/// Which cells of a column (kx, ky) hold power.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Cells {
+    /// The one nearest to the tent, half to even.
+    One,
+    /// All whose unit cube the tent passes through.
+    Overlap,
+}
+
+impl Cells {
+    /// The option of that name.
+    pub fn named(name: &str) -> Result<Self, Error> {
+        match name {
+            "one" => Ok(Self::One),
+            "overlap" => Ok(Self::Overlap),
+            _ => Err(Error::invalid("cells", format!("must be one or overlap, got {name:?}"))),
+        }
+    }
+}
+
+/// Everything that defines a film that repeats.
+#[derive(Debug, Clone, Copy)]
+pub struct Volume {
+    /// (H, W).
+    pub shape: (usize, usize),
+    /// T.
+    pub frames: usize,
+    /// Which waves, how strong.
+    pub band: Band,
+    /// Random seed.
+    pub seed: i64,
+    /// Drift per frame.
+    pub velocity: Motion,
+    /// What sampling in time does to the waves.
+    pub filter: TemporalFilter,
+    /// Whether tent directions are spread over the bin's cell.
+    pub jitter: bool,
+    /// Which cells.
+    pub cells: Cells,
+}
+
+/// A cell of a leader's column: `amplitude cos 2 pi (n t / T + phase)`, both bins of the pair.
+#[derive(Debug, Clone, Copy)]
+struct Cell {
+    /// Index of the column kx among those in use, and array position of ky.
+    column: usize,
+    row: usize,
+    /// n modulo T.
+    turns: f64,
+    phase: f64,
+    amplitude: f64,
+}
+
+/// The cells of a film, sorted by column.
+pub struct Spectrum {
+    shape: (usize, usize),
+    frames: f64,
+    columns: Vec<usize>,
+    cells: Vec<Cell>,
+}
+
+impl Volume {
+    /// Lists the cells that hold power.
+    pub fn spectrum(&self) -> Result<Spectrum, Error> {
+        let filter = self.filter.checked()?;
+        if self.frames == 0 {
+            return Err(Error::invalid("frames", "must be at least 1"));
+        }
+        let steepest = self.velocity.drift[0].hypot(self.velocity.drift[1]);
+        if self.cells == Cells::Overlap && (steepest > STEEPEST || steepest.is_nan()) {
+            let message = format!(
+                "may turn the longest wave by at most {STEEPEST} cycle per frame with \
+                 cells=\"overlap\", got {steepest}"
+            );
+            return Err(Error::invalid("velocity", message));
+        }
+        let waves = Waves::new(self.shape, self.band, &[])?;
+        let tile = tile_hash(self.seed, 0, 0);
+        let draw = Draw::new(self.seed, (0, 0), self.jitter);
+        let frames = self.frames as f64;
+        let mut columns: Vec<usize> = Vec::new();
+        let mut cells = Vec::new();
+        let mut squares = Sum::default();
+        for wave in &waves.list {
+            if columns.last() != Some(&(wave.kx as usize)) {
+                columns.push(wave.kx as usize);
+            }
+            let hash = tile.word(wave.ky).word(wave.kx);
+            let direction = if self.jitter {
+                draw.direction(wave.ky, wave.kx, self.shape)
+            } else {
+                wave.direction
+            };
+            let middle = self.velocity.step(direction, wave.frequency) * frames;
+            let range = match self.cells {
+                Cells::One => {
+                    let n = middle.round_ties_even();
+                    n..=n
+                }
+                Cells::Overlap => {
+                    let (low, high) = self.rates(wave.ky, wave.kx);
+                    // Integers n with n - 1/2 < high and n + 1/2 > low: touching is not passing.
+                    (low * frames - 0.5).floor() + 1.0..=(high * frames + 0.5).ceil() - 1.0
+                }
+            };
+            // A fast wave's n is too large to be counted up by ones; its range is one number.
+            for step in 0..=(range.end() - range.start()) as u64 {
+                let n = range.start() + step as f64;
+                let phase = match self.cells {
+                    Cells::One => leader_phase(hash),
+                    Cells::Overlap => leader_phase(hash.word(CELL).word(n as i64)),
+                };
+                squares.add(2.0 * wave.amplitude * wave.amplitude);
+                cells
+                    .try_reserve(1)
+                    .map_err(|_| Error::Memory { bytes: 2 * cells.len() * size_of::<Cell>() })?;
+                cells.push(Cell {
+                    column: columns.len() - 1,
+                    row: position(wave.ky, self.shape.0),
+                    // The remainder of a float is exact, however fast the wave.
+                    turns: n % frames,
+                    phase,
+                    amplitude: wave.amplitude * filter.gain(n / frames),
+                });
+            }
+        }
+        // The squares before the filter sum to 1: it lowers the contrast, as blur does.
+        let factor = 1.0 / squares.value().sqrt();
+        cells.iter_mut().for_each(|cell| cell.amplitude *= factor);
+        Ok(Spectrum { shape: self.shape, frames, columns, cells })
+    }
+
+    /// The least and the largest rate over the square of side 1 around a wave's index.
+    ///
+    /// The rate depends on the direction alone, `-c cos(beta - theta)`: its extremes lie at corners,
+    /// or at +-c where the line along the motion cuts the square, which dc is never in.
+    fn rates(&self, ky: i64, kx: i64) -> (f64, f64) {
+        let (height, width) = (self.shape.0 as f64, self.shape.1 as f64);
+        let [a, b] = self.velocity.drift;
+        let at = |dy: f64, dx: f64| ((ky as f64 + dy) / height, (kx as f64 + dx) / width);
+        let corners = [(-0.5, -0.5), (-0.5, 0.5), (0.5, -0.5), (0.5, 0.5)].map(|(y, x)| at(y, x));
+        let rate = |(y, x): (f64, f64)| -(a * x + b * y) / (x * x + y * y).sqrt();
+        let mut low = corners.map(rate).into_iter().fold(f64::INFINITY, f64::min);
+        let mut high = corners.map(rate).into_iter().fold(f64::NEG_INFINITY, f64::max);
+        let side = corners.map(|(y, x)| a * y - b * x);
+        if side.iter().any(|&s| s > 0.0) && side.iter().any(|&s| s < 0.0) {
+            // Every point of the square is within a right angle of its middle.
+            let extreme = -a.hypot(b) * (a * at(0.0, 0.0).1 + b * at(0.0, 0.0).0).signum();
+            low = low.min(extreme);
+            high = high.max(extreme);
+        }
+        (low, high)
+    }
+}
+
+impl Spectrum {
+    /// How many cells hold power, both of each pair counted.
+    pub fn len(&self) -> usize {
+        2 * self.cells.len()
+    }
+
+    /// Whether none does.
+    pub fn is_empty(&self) -> bool {
+        self.cells.is_empty()
+    }
+
+    /// Fills `out`, (times H, W), with the film at the given times, one frame below the other.
+    pub fn render<T: Real>(
+        &self,
+        mut out: ArrayViewMut2<'_, T>,
+        times: &[f64],
+        cancel: &Cancel,
+    ) -> Result<(), Error> {
+        let (height, width) = self.shape;
+        if out.dim() != (times.len() * height, width) {
+            return Err(Error::Internal("a film of another shape".into()));
+        }
+        let mut tasks = Vec::new();
+        for run in pool::split(times.len(), pool::threads()) {
+            let (part, rest) = out.split_at(Axis(0), run.len() * height);
+            tasks.push((run, part));
+            out = rest;
+        }
+        pool::for_each(tasks, |(run, part): (Range<usize>, ArrayViewMut2<'_, T>)| {
+            self.run(part, &times[run], cancel)
+        })
+    }
+
+    fn run<T: Real>(
+        &self,
+        mut out: ArrayViewMut2<'_, T>,
+        times: &[f64],
+        cancel: &Cancel,
+    ) -> Result<(), Error> {
+        let (height, width) = self.shape;
+        let (down, across) = (T::inverse(height), T::to_real(width));
+        let zero = Complex::new(T::zero(), T::zero());
+        let mut columns = zeroed::<Complex<T>>(self.columns.len() * height)?;
+        let mut line = zeroed::<Complex<T>>(width / 2 + 1)?;
+        let mut scratch = zeroed(down.get_inplace_scratch_len())?;
+        let mut real_scratch = zeroed(across.get_scratch_len())?;
+        for (&time, mut frame) in times.iter().zip(out.axis_chunks_iter_mut(Axis(0), height)) {
+            cancel.check()?;
+            columns.fill(zero);
+            self.at(time, &mut columns);
+            for column in columns.chunks_mut(height) {
+                down.process_with_scratch(column, &mut scratch);
+            }
+            for (y, mut pixels) in frame.rows_mut().into_iter().enumerate() {
+                line.fill(zero);
+                for (column, &kx) in columns.chunks(height).zip(&self.columns) {
+                    line[kx] = column[y];
+                }
+                // No Nyquist bin is ever in the band; of dc's column rounding leaves a rest.
+                line[0].im = T::zero();
+                let layout = || Error::Internal("layout".into());
+                let pixels = pixels.as_slice_mut().ok_or_else(layout)?;
+                across
+                    .process_with_scratch(&mut line, pixels, &mut real_scratch)
+                    .map_err(|error| Error::Internal(error.to_string()))?;
+            }
+        }
+        Ok(())
+    }
+
+    /// The transform along t: adds every cell's value at a time to its column.
+    fn at<T: Real>(&self, time: f64, columns: &mut [Complex<T>]) {
+        let height = self.shape.0;
+        // Exact, so that frame t + T has the bits of frame t.
+        let part = time.rem_euclid(self.frames);
+        for cell in &self.cells {
+            let phase = reduce(cell.phase + reduce(cell.turns * part / self.frames));
+            let value = T::turn::<PORTABLE>(phase).scale(T::of(cell.amplitude));
+            let start = cell.column * height;
+            columns[start + cell.row] = columns[start + cell.row] + value;
+            if self.columns[cell.column] == 0 {
+                let mirror = start + (height - cell.row) % height;
+                columns[mirror] = columns[mirror] + value.conj();
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::spectral::filter::Alias;
+    use ndarray::Array2;
+
+    fn volume(cells: Cells) -> Volume {
+        Volume {
+            shape: (12, 15),
+            frames: 10,
+            band: Band { shortest: 3.0, longest: 12.0, exponent: 1.0 },
+            seed: 5,
+            velocity: Motion { drift: [0.13, 0.31], shift: [0.0; 2] },
+            filter: TemporalFilter { alias: Alias::Keep, soft_from: 0.4, shutter: 0.0 },
+            jitter: false,
+            cells,
+        }
+    }
+
+    fn film(volume: &Volume, times: &[f64]) -> Array2<f64> {
+        let (height, width) = volume.shape;
+        let mut out = Array2::from_elem((times.len() * height, width), f64::NAN);
+        volume.spectrum().unwrap().render(out.view_mut(), times, &Cancel::new()).unwrap();
+        out
+    }
+
+    #[test]
+    fn the_mean_square_over_space_and_time_is_one() {
+        let times: Vec<f64> = (0..10).map(f64::from).collect();
+        for cells in [Cells::One, Cells::Overlap] {
+            let film = film(&volume(cells), &times);
+            let power = film.mapv(|z| z * z).mean().unwrap();
+            assert!((power - 1.0).abs() < 1e-12, "{cells:?} {power}");
+        }
+    }
+
+    #[test]
+    fn a_frame_alone_and_a_period_later_has_the_same_bits() {
+        let film_at = |times: &[f64]| film(&volume(Cells::Overlap), times);
+        assert_eq!(film_at(&[3.0]), film_at(&[13.0]));
+        assert_eq!(film_at(&[3.0]), film_at(&[-7.0]));
+        assert_eq!(film_at(&[3.25]), film_at(&[100_003.25]));
+        let both = film_at(&[1.0, 3.0]);
+        assert_eq!(both.slice(ndarray::s![12.., ..]), film_at(&[3.0]));
+    }
+
+    #[test]
+    fn the_range_of_a_cell_holds_what_a_fine_grid_finds() {
+        let volume = volume(Cells::Overlap);
+        let [a, b] = volume.velocity.drift;
+        for (ky, kx) in [(0, 1), (1, 0), (-2, 1), (3, 4), (-1, 5), (2, 0)] {
+            let (low, high) = volume.rates(ky, kx);
+            let (mut least, mut most) = (f64::INFINITY, f64::NEG_INFINITY);
+            for i in 0..=200 {
+                for j in 0..=200 {
+                    let y = (ky as f64 + f64::from(i) / 200.0 - 0.5) / 12.0;
+                    let x = (kx as f64 + f64::from(j) / 200.0 - 0.5) / 15.0;
+                    let rate = -(a * x + b * y) / x.hypot(y);
+                    least = least.min(rate);
+                    most = most.max(rate);
+                }
+            }
+            assert!(low <= least + 1e-15 && least - low < 1e-4, "{ky} {kx}: {low} {least}");
+            assert!(high >= most - 1e-15 && high - most < 1e-4, "{ky} {kx}: {high} {most}");
+        }
+    }
+
+    #[test]
+    fn a_tent_too_steep_to_list_is_refused() {
+        let steep = Motion { drift: [1e30, 0.0], shift: [0.0; 2] };
+        let error = Volume { velocity: steep, ..volume(Cells::Overlap) }.spectrum().err().unwrap();
+        assert!(error.to_string().starts_with("velocity"), "{error}");
+        assert!(Volume { velocity: steep, ..volume(Cells::One) }.spectrum().is_ok());
+    }
+}

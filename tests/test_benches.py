@@ -1,0 +1,50 @@
+"""The studies in benches/ run, and say what they should."""
+
+from __future__ import annotations
+
+import importlib.util
+import sys
+from pathlib import Path
+from types import ModuleType
+
+import pytest
+
+BENCHES = Path(__file__).parents[1] / "benches"
+
+
+def load(name: str) -> ModuleType:
+    found = importlib.util.spec_from_file_location(name, BENCHES / f"{name}.py")
+    assert found is not None and found.loader is not None
+    module = importlib.util.module_from_spec(found)
+    # Dataclasses look their module up.
+    sys.modules[name] = module
+    found.loader.exec_module(module)
+    return module
+
+
+@pytest.fixture(autouse=True)
+def same_threads(threads) -> None:
+    """Benches set the number of threads; it comes back."""
+
+
+def run(name: str, *arguments: str, monkeypatch: pytest.MonkeyPatch, capsys) -> str:
+    monkeypatch.setattr(sys, "argv", [name, *arguments])
+    load(name).main()
+    return capsys.readouterr().out
+
+
+def test_the_papers_tables(monkeypatch, capsys):
+    out = run("paper_tables", "--runs", "1", monkeypatch=monkeypatch, capsys=capsys)
+    lines = {line[:18].strip(): line[18:].split() for line in out.splitlines()}
+    # The last part holds ratios: many / few, hybrid / few, hybrid / many.
+    assert len(lines["Human Condition"]) == 3
+    assert "30000" in out and "150000" in out and out.count("1024 x 1024") == 1
+    assert all(float(value) > 0.0 for value in lines["Flythrough"])
+
+
+def test_matching_before_and_after(monkeypatch, capsys):
+    out = run("matching", "--seeds", "1", "--size", "256", monkeypatch=monkeypatch, capsys=capsys)
+    assert out.count("simulated") >= 3 and out.count("closed form") == 2
+    powers = [line for line in out.splitlines() if line.startswith("  before")]
+    # The finest octave of the paper's texture has far too little power.
+    assert int(powers[0].split()[4].rstrip("%")) < -50

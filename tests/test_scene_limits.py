@@ -1,0 +1,183 @@
+"""Weather in front of a scene that ends: less before a wall than before the sky."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+
+import flurries as fl
+from flurries.effects.limited import share_of, weights
+from flurries.io import linear_to_srgb, srgb_to_linear
+
+Snow, Scene = fl.Snow, fl.Scene
+W, H = 256, 192
+MODES = ("tile", "pixel")
+NEAR, FAR = 12.0, 96.0  # three octaves
+# A map that is linear, so that mean and deviation follow from those of the field.
+PLAIN = {"flakes": 0, "haze": 0.0, "mean": 0.5, "spread": 6.0, "power": 1.0, "texture": 1.0,
+         "wavelengths": (4.0, 32.0), "near_depth": NEAR, "alias": "keep", "shutter": 0.0,
+         "exponent": 1.0, "tile": 64}  # fmt: skip
+
+
+def alpha(snow: Any, depth: Any, t: float = 5.0, seed: int = 0, **more: Any) -> np.ndarray:
+    scene = Scene((W, H), depth=depth, effects=[snow], seed=seed)
+    return scene.render(t, layers=True, **more).alpha.astype(float)
+
+
+@pytest.mark.parametrize("mode", MODES)
+def test_what_is_beyond_all_snow_changes_nothing(mode: str):
+    for snow in (Snow(depth_mode=mode, flakes=500), fl.Rain(depth_mode=mode, drops=500)):
+        want = alpha(snow, None)
+        far = max(snow.far_depth((H, W)), snow.population(0.0).reach)
+        for depth in (np.full((H, W), np.inf), 1.001 * far):
+            got = alpha(snow, depth)
+            assert np.array_equal(got, want) or np.abs(got - want).max() < 1e-7
+
+
+@pytest.mark.parametrize("mode", MODES)
+def test_the_share_of_the_air_before_a_wall(mode: str):
+    sky = [alpha(Snow(**PLAIN), None, seed=s) for s in range(8)]
+    assert np.mean(sky) == pytest.approx(0.5, abs=0.01)
+    whole = np.mean([a.std() for a in sky])
+    for wall, share in ((24.0, 1 / 3), (48.0, 2 / 3), (34.0, math.log(34 / 12) / math.log(8))):
+        got = [alpha(Snow(**PLAIN, depth_mode=mode), wall, seed=s) for s in range(8)]
+        # The mean goes with the share; the deviation with it and with the root of the power left.
+        assert np.mean(got) == pytest.approx(0.5 * share, rel=0.02)
+        # Lattice of 64 px: octaves of 1.14, 1.05 and 1.02 of an even share of the power.
+        left = np.mean([a.std() for a in got]) / share / whole
+        assert left**2 == pytest.approx(share, rel=0.09)
+    for wall in (12.0, 3.0, 0.5):
+        assert alpha(Snow(**PLAIN, depth_mode=mode), wall).max() == 0.0
+
+
+@pytest.mark.parametrize("mode", MODES)
+@pytest.mark.parametrize("kind", ["snow", "rain"])
+def test_a_wall_at_3_m_shows_less_than_the_sky(mode: str, kind: str):
+    effect = (Snow.preset("heavy", depth_mode=mode) if kind == "snow"
+              else fl.Rain.preset("downpour", depth_mode=mode))  # fmt: skip
+    means = [alpha(effect, depth).mean() for depth in (1.0, 3.0, 5.0, 30.0, None)]
+    assert (np.diff(means) >= 0.0).all() and means[0] < means[1] < means[2] < means[-1], means
+    assert means[1] < 0.4 * means[-1]
+
+
+def test_pixels_follow_edges_that_tiles_cannot():
+    half = np.full((H, W), np.inf, np.float32)
+    half[:, : W // 2] = 10.0
+    sky = alpha(Snow(**PLAIN), None)
+    pixel, tile = (alpha(Snow(**PLAIN, depth_mode=mode), half) for mode in ("pixel", "tile"))
+    assert pixel[:, : W // 2].max() == 0.0
+    assert np.abs(pixel[:, W // 2 :] - sky[:, W // 2 :]).max() < 2e-6
+    # A tile takes its farthest depth: snow in front of the wall beside its edge, none far from it.
+    assert tile[:, W // 2 - 8 : W // 2].mean() > 0.05
+    assert tile[:, : W // 4].max() == 0.0
+    assert np.abs(tile[:, 3 * W // 4 :] - sky[:, 3 * W // 4 :]).max() < 2e-6
+
+
+@pytest.mark.parametrize("mode", MODES)
+def test_a_region_has_the_bits_of_the_whole(mode: str):
+    depth = np.random.default_rng(3).uniform(1.0, 120.0, (H, W)).astype(np.float32)
+    snow = Snow.preset("heavy", depth_mode=mode, flakes=500)
+    part = np.s_[40:111, 30:177]
+    assert np.array_equal(alpha(snow, depth, region=part), alpha(snow, depth)[part])
+
+
+@pytest.mark.parametrize("mode", MODES)
+def test_blur_keeps_the_mean_before_a_wall_too(mode: str):
+    fast = {"flakes": 0, "haze": 0.0, "mean": 0.05, "spread": 2.0, "wind": (4.0, 0.0, 0.0),
+            "fall": 3.0, "depth_mode": mode}  # fmt: skip
+    sharp, blurred = (
+        np.mean([alpha(Snow(**fast, alias="keep", shutter=s), 40.0, seed=n) for n in range(6)])
+        for s in (0.0, 0.9)
+    )
+    assert blurred == pytest.approx(sharp, rel=0.06)
+
+
+def test_weights_of_tiles_are_those_of_the_kernel():
+    # Tiles of one value each: the law of means under `power`, w and not its root.
+    for length, tile, overlap in ((100, 32, 8), (70, 16, 0), (95, 24, 12), (20, 32, 5)):
+        starts = fl.spectral.tile_starts(length, tile=tile, overlap=overlap)
+        got = weights(starts, length, tile, overlap)
+        assert np.abs(got.sum(axis=1) - 1.0).max() < 1e-14
+        for number in range(len(starts)):
+            tiles = np.zeros((len(starts), 1, tile, tile))
+            tiles[number] = 1.0
+            blended = fl.spectral.blend_tiles(tiles, (length, min(tile, 5)), overlap=overlap)
+            assert np.abs(blended[:, 0] ** 2 - got[:, number]).max() < 1e-14
+
+
+def test_share_is_even_over_octaves():
+    got = share_of(np.array([3.0, 12.0, 24.0, 48.0, 96.0, 500.0, np.inf]), NEAR, FAR)
+    assert got == pytest.approx([0.0, 0.0, 1 / 3, 2 / 3, 1.0, 1.0, 1.0], abs=1e-12)
+
+
+# Flakes and veil ---------------------------------------------------------------------------------
+
+
+def test_flakes_behind_the_scene_are_hidden():
+    depth = np.random.default_rng(4).uniform(1.0, 12.0, (H, W)).astype(np.float32)
+    snow = Snow(texture=0.0, haze=0.0, flakes=2000, sway=(0.0, 1.0), flake_opacity=0.5)
+    shown, hidden = alpha(snow, None), alpha(snow, depth)
+    assert (hidden <= shown + 1e-6).all()
+    # Before a wall only what is nearer: the same as a wall at each pixel's own depth.
+    for wall in (3.0, 8.0):
+        at = alpha(snow, wall)
+        same = np.abs(depth - wall) < 0.05
+        assert np.median(np.abs(at - hidden)[same]) < 1e-6
+    assert alpha(snow, 0.5).mean() < 0.02 * shown.mean() < alpha(snow, 8.0).mean()
+
+
+def test_the_veil_thickens_with_the_way_through_it():
+    veil = Snow(texture=0.0, flakes=0, haze=0.4)
+    far = veil.far_depth((H, W))
+    sky = alpha(veil, None)
+    assert sky == pytest.approx(0.4, abs=1e-6)
+    for part in (0.01, 0.25, 0.5, 1.0, 7.0):
+        want = 1.0 - 0.6 ** min(part, 1.0)
+        assert alpha(veil, part * far) == pytest.approx(want, abs=1e-6)
+
+
+# The light of the background ---------------------------------------------------------------------
+
+
+def test_ambient_snow_has_the_background_s_light():
+    for level, want in ((0.05, 0.25), (0.02, 0.10), (0.5, 1.0)):
+        light = np.full((H, W, 3), level, np.float32) * np.array([1.0, 0.8, 0.5], np.float32)
+        light[:20] *= 2.0
+        light[20:40] *= 0.0
+        snow = Snow(colour="ambient", flakes=0, haze=1.0, texture=0.0)
+        got = Scene(None, light, effects=[snow]).render(0)[50, 50]
+        white = light.reshape(-1, 3).mean(axis=0, dtype=float) * (0.9 / 0.18)
+        white /= max(1.0, white.max())
+        assert got == pytest.approx(white, rel=1e-4)
+        assert got[0] == pytest.approx(want, rel=1e-3)
+        # uint8 pictures give display values of that light.
+        display = np.rint(255.0 * linear_to_srgb(light)).clip(0, 255).astype(np.uint8)
+        seen = Scene(None, display, effects=[snow]).render(0)[50, 50] / 255.0
+        if level < 0.5:
+            assert srgb_to_linear(seen.astype(np.float64)) == pytest.approx(white, rel=0.03)
+
+
+def test_ambient_of_a_region_is_that_of_the_whole():
+    picture = np.random.default_rng(6).integers(0, 90, (H, W, 3)).astype(np.uint8)
+    picture[:, 100:] //= 4
+    scene = Scene(None, picture, effects=[Snow(colour="ambient", flakes=200)])
+    part = np.s_[20:60, 120:200]
+    assert np.array_equal(scene.render(2, region=part), scene.render(2)[part])
+    odd = picture.astype(np.float32)
+    odd[0, 0], odd[1, 1] = np.nan, np.inf
+    got = Scene(None, odd, effects=[Snow(colour="ambient", flakes=200)]).render(2)
+    assert np.isfinite(got[5:]).all()
+
+
+def test_ambient_is_saved_and_other_words_are_refused(tmp_path: Any):
+    scene = Scene(
+        (W, H), "#405060", effects=[Snow(colour="ambient", depth_mode="pixel")], depth=20.0
+    )
+    scene.save(tmp_path / "scene.toml")
+    again = Scene.load(tmp_path / "scene.toml")
+    assert again.effects == scene.effects and np.array_equal(again.render(1), scene.render(1))
+    with pytest.raises(ValueError, match="colour must be one of 'ambient'"):
+        Snow(colour="white")

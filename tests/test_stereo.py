@@ -1,0 +1,167 @@
+"""Two eyes: every band of the texture at the depth that it stands for, flakes at their own."""
+
+from __future__ import annotations
+
+import warnings
+from typing import Any
+
+import numpy as np
+import pytest
+
+import flurries as fl
+import measure
+from measure import FLAKES, FOCAL, LONGEST, NEAR, SIZE, TEXTURE, TORUS, scene
+
+Camera, Snow, Scene = fl.Camera, fl.Snow, fl.Scene
+LENS = Camera(FOCAL)
+BANDS = (30.0, 24.0, 20.0, 16.0, 12.0, 10.0, 8.0, 6.0, 5.0)
+SHARP = {**TEXTURE, **TORUS, "alias": "keep"}
+
+
+def halves(shown: fl.Scene, t: float, **about: Any) -> tuple[np.ndarray, np.ndarray]:
+    left, right = shown.stereo(t, **about)
+    return left[..., 0].astype(float), right[..., 0].astype(float)
+
+
+def test_eyes_are_cameras_moved_aside():
+    lens = Camera(600.0, offset=(0.5, 0.1, -0.2), center_shift=(2.0, 1.0), rotation=(0.1, 0, 0))
+    left, right = fl.stereo.eyes(lens, distance=0.07)
+    assert left.offset == pytest.approx((0.465, 0.1, -0.2), abs=1e-15)
+    assert right.offset == pytest.approx((0.535, 0.1, -0.2), abs=1e-15)
+    assert left.center_shift == right.center_shift == (2.0, 1.0)
+    assert left.rotation == right.rotation == lens.rotation and left.focal == 600.0
+    assert fl.stereo.eyes(lens, distance=0.0) == (lens, lens)
+    # At the depth of convergence both see one place; nearer and farther as the formula says.
+    left, right = fl.stereo.eyes(Camera(600.0), distance=0.07, convergence=4.0)
+    points = np.array([(0.3, -0.2, z) for z in (1.0, 4.0, 50.0)])
+    seen = [fl.camera.project(points, eye, (300, 400))[0] for eye in (left, right)]
+    want = 600.0 * 0.07 * (1.0 / points[:, 2] - 0.25)
+    assert (seen[0] - seen[1])[:, 0] == pytest.approx(want, abs=1e-11)
+    assert (seen[0] - seen[1])[:, 1] == pytest.approx(0.0, abs=1e-12)
+
+
+ODD: list[tuple[Any, dict[str, Any], str]] = [
+    (3.0, {"distance": 0.1}, "camera"), (LENS, {"distance": -0.1}, "distance"),
+    (LENS, {"distance": np.nan}, "distance"), (LENS, {"distance": "x"}, "distance"),
+    (LENS, {"distance": 0.1, "convergence": 0.0}, "convergence"),
+    (LENS, {"distance": 0.1, "convergence": -2.0}, "convergence"),
+    (LENS, {"distance": 0.1, "convergence": np.inf}, "convergence"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("number", range(len(ODD)))
+def test_eyes_refuse_by_name(number: int):
+    camera, about, name = ODD[number]
+    with pytest.raises((TypeError, ValueError), match=name):
+        fl.stereo.eyes(camera, **about)
+    if isinstance(camera, Camera):
+        with pytest.raises((TypeError, ValueError), match=name):
+            Scene((64, 48), effects=[Snow(flakes=10)]).stereo(0, **about)
+
+
+@pytest.mark.parametrize("t", [0.0, 5.0, 1000.25])
+def test_disparity_times_depth_is_constant_and_the_slope_is_minus_one(t: float):
+    distance = 0.05
+    pair = halves(scene(SHARP), t, distance=distance)
+    depths, shifts = [], []
+    for band in BANDS:
+        moved, mean = measure.band_shift([pair], band, 0.04)
+        depths.append(NEAR * LONGEST / mean)
+        shifts.append(-moved[0])
+        assert abs(moved[1]) < 0.002 * abs(moved[0]) + 1e-3
+    products = np.array(depths) * shifts
+    assert np.abs(products / (FOCAL * distance) - 1.0).max() < 0.01
+    slope = np.polyfit(np.log(depths), np.log(shifts), 1)[0]
+    assert abs(slope + 1.0) < 0.01
+
+
+def test_a_texture_without_depth_would_be_seen():
+    # The negative control: a picture shifted as a whole has one disparity for all bands.
+    left, _ = halves(scene(SHARP), 5.0, distance=0.0)
+    pair = left, np.roll(left, -2, axis=1)
+    found = [measure.band_shift([pair], band, 0.04) for band in BANDS]
+    depths = [NEAR * LONGEST / mean for _, mean in found]
+    slope = np.polyfit(np.log(depths), np.log([-moved[0] for moved, _ in found]), 1)[0]
+    assert abs(slope) < 0.01
+
+
+def test_flakes_have_their_own_disparity():
+    products = []
+    for seed in range(6):
+        shown = scene(FLAKES, camera=LENS, seed=seed)
+        left, right = fl.stereo.eyes(LENS, distance=0.06)
+        first, second = (measure.picture(shown, 5.0, eye=eye) for eye in (left, right))
+        points = measure.places(shown, 5.0)
+        px = measure.on_screen(points, left) - (FOCAL * -0.03 / points[:, 2:]) * (1, 0)
+        near = measure.lone(px) & (points[:, 2] > 0.25 * NEAR) & (points[:, 2] < 0.9 * NEAR)
+        for i in np.flatnonzero(near):
+            a = measure.centroid(first, px[i])
+            products.append((measure.centroid(second, a) - a) * points[i, 2])
+    assert len(products) > 20
+    assert np.median(products, axis=0) == pytest.approx(
+        (-FOCAL * 0.06, 0.0), abs=0.02 * FOCAL * 0.06
+    )
+
+
+@pytest.mark.parametrize("effect", [Snow(flakes=300), fl.Rain(drops=300)], ids=["snow", "rain"])
+def test_eyes_at_one_place_see_one_picture(effect: Any):
+    shown = Scene((128, 96), "#203040", effects=[effect])
+    left, right = shown.stereo(7.5, distance=0.0)
+    assert np.array_equal(left, right) and np.array_equal(left, shown.render(7.5))
+    left, right = shown.stereo(7.5, distance=0.01)
+    assert not np.array_equal(left, right)
+
+
+def test_convergence_moves_the_plane_of_the_picture():
+    pair = halves(scene(SHARP), 5.0, distance=0.05, convergence=24.0)
+    # The band that stands for 24 m is seen at one place by both.
+    moved, mean = measure.band_shift([pair], 16.0, 0.04)
+    assert NEAR * LONGEST / mean == pytest.approx(24.0, rel=0.01)
+    assert abs(moved[0]) < 0.01
+    nearer, mean = measure.band_shift([pair], 28.0, 0.04)
+    want = -FOCAL * 0.05 * (mean / (NEAR * LONGEST) - 1.0 / 24.0)
+    assert nearer[0] == pytest.approx(want, abs=0.02) and want < 0.0
+
+
+def test_both_eyes_keep_background_seed_and_time():
+    picture = np.random.default_rng(2).integers(0, 255, (96, 128, 3)).astype(np.uint8)
+    left, right = Scene(None, picture).stereo(3.0, distance=0.065, convergence=2.0)
+    assert np.array_equal(left, picture) and np.array_equal(right, picture)
+    shown = Scene(None, picture, effects=[Snow(flakes=300)])
+    for eye, got in zip(fl.stereo.eyes(shown.camera.camera, distance=0.01),
+                        shown.stereo(3.0, distance=0.01), strict=True):  # fmt: skip
+        assert np.array_equal(got, shown.render(3.0, eye=eye))
+    part = np.s_[10:50, 20:90]
+    whole = shown.stereo(3.0, distance=0.01)[1]
+    assert np.array_equal(shown.stereo(3.0, distance=0.01, region=part)[1], whole[part])
+    apart = shown.stereo(3.0, distance=0.01, layers=True)
+    assert list(apart[0].layers) == ["snow"] and np.array_equal(apart[1].image, whole)
+
+
+def test_an_ambiguous_texture_is_told():
+    # K = f b / (near_depth longest): 600 px, 65 mm, 3 m and 32 px give 0.406.
+    def shown(near: float, **more: Any) -> fl.Scene:
+        snow = Snow(wavelengths=(4.0, 32.0), near_depth=near, **{"flakes": 0, **more})
+        return Scene((128, 96), camera=Camera(600.0), effects=[snow])
+
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        shown(3.0).stereo(0, distance=0.065)
+        shown(2.0, texture=0.0, flakes=10).stereo(0, distance=0.065)
+    with pytest.warns(UserWarning, match=r"effects\[0\]: .*0\.61 cycles.*near_depth above 2\.44"):
+        shown(2.0).stereo(0, distance=0.065)
+
+
+def test_the_second_eye_is_a_camera_moved_aside():
+    # One complex transform for both, L + i R, is a sum of two real ones: what it would give.
+    shape, distance = (64, 64), 0.05
+    amplitude = fl.spectral.band_amplitude(shape)
+    phase = fl.spectral.random_phase(shape, seed=4)
+    shift = -FOCAL * distance / NEAR
+    both = [fl.spectral.advance_phase(phase, (side * shift, 0.0)) for side in (-0.5, 0.5)]
+    left, right = (amplitude * np.exp(2j * np.pi * p) for p in both)
+    together = np.fft.ifft2(left + 1j * right) * left.size
+    for part, one in zip((together.real, together.imag), both, strict=True):
+        field = fl.spectral.inverse_transform(amplitude, one, dtype=np.float64)
+        assert np.abs(field - part).max() < 1e-13
+    assert SIZE > 64

@@ -1,0 +1,450 @@
+"""Wind over depth, gusts and swirls: no air is made, and waves and flakes move alike."""
+
+from __future__ import annotations
+
+import copy
+import math
+import pickle
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+import flurries as fl
+import measure
+from flurries.effects.moving import of_rings
+from flurries.scenefile import fingerprint
+from measure import FLAKES, FOCAL, LONGEST, NEAR, SIZE, TEXTURE, TORUS, WAVES, picture, scene
+
+Wind, Keys, Snow, Camera = fl.Wind, fl.Keys, fl.Snow, fl.camera.Camera
+RNG = np.random.default_rng(23)
+GRID = RNG.normal(size=(4, 5, 6, 7, 3))
+WINDS = {
+    "gusts": Wind((2.0, 0.0, 0.5), gusts=1.0, seed=3),
+    "swirl": Wind((0.5, 0.0, 0.0), swirl=0.7, scale=5.0, seed=4),
+    "both": Wind((1.0, 0.0, -0.5), gusts=1.0, swirl=0.5),
+}
+LENS = Camera(FOCAL)
+
+
+def one(shown: fl.Scene, t: float, effect: int = 0) -> fl.Frame:
+    return shown._asks(t, None, (0, shown.shape[0], 0, shown.shape[1]), None)[effect][1]
+
+
+# The field ---------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", WINDS)
+def test_no_air_is_made(name: str):
+    wind, step = WINDS[name], 1e-3
+    at = RNG.uniform(-30.0, 30.0, (200, 3))
+    slopes = np.stack(
+        [
+            (wind.velocity(at + step * e, 7.3) - wind.velocity(at - step * e, 7.3)) / (2 * step)
+            for e in np.eye(3)
+        ],
+        axis=1,
+    )
+    divergence = np.trace(slopes, axis1=1, axis2=2)
+    steepest = np.sqrt((slopes**2).sum(axis=(1, 2))).mean()
+    # Differences err by k^2 step^2 / 6 < 2e-6 of the slopes.
+    assert np.abs(divergence).max() < 1e-5 * steepest
+    # The negative control: a part along k would be seen.
+    waves = wind.waves
+    assert np.abs(np.einsum("mi,mi->m", waves.k, waves.a)).max() < 1e-12
+    assert np.abs(np.trace(slopes * np.array([1.0, 1.0, 0.0]), axis1=1, axis2=2)).max() > 1e-2
+
+
+@pytest.mark.parametrize(("arguments", "speed"), [({"gusts": 1.5}, 1.5), ({"swirl": 0.4}, 0.4),
+                                                  ({"gusts": 3.0, "swirl": 4.0}, 5.0)])  # fmt: skip
+def test_speeds_are_those_that_were_asked_for(arguments: Any, speed: float):
+    found = []
+    for seed in range(6):
+        wind = Wind(seed=seed, **arguments)
+        at = np.random.default_rng(seed).uniform(0.0, 4000.0, (20_000, 3))
+        found.append((wind.velocity(at, 11.0) ** 2).sum(axis=1).mean())
+    assert math.sqrt(np.mean(found)) == pytest.approx(speed, rel=0.02)
+    mean = Wind((1.0, 2.0, 3.0), **arguments).velocity(at, 5.0).mean(axis=0)
+    assert np.abs(mean - (1.0, 2.0, 3.0)).max() < 0.05 * speed
+
+
+def test_sizes_are_those_of_the_scale():
+    for arguments, low, high in (({"gusts": 1.0}, 2.0, 8.0), ({"swirl": 1.0}, 0.25, 1.0)):
+        length = 2 * np.pi / np.linalg.norm(Wind(scale=5.0, **arguments).waves.k, axis=1)
+        assert 5.0 * low <= length.min() < 5.0 * low * 1.2
+        assert 5.0 * high / 1.2 < length.max() <= 5.0 * high
+
+
+def test_gusts_travel_with_the_wind():
+    wind = Wind((3.0, 0.0, 1.0), gusts=0.3, seed=9)
+    at = RNG.uniform(-50.0, 50.0, (500, 3))
+    first = wind.velocity(at, 0.0) - wind.mean
+    later = wind.velocity(at + np.array(wind.mean), 1.0) - wind.mean
+    still = wind.velocity(at, 1.0) - wind.mean
+    alike = [np.sum(first * other) / np.sum(first**2) for other in (later, still)]
+    assert alike[0] > alike[1] + 0.05 and alike[0] > 0.85
+
+
+def test_a_field_of_one_s_own_is_met_at_its_samples():
+    wind = Wind(field=GRID, spacing=2.0, duration=3.0, modes=4096)
+    t, z, y, x = np.indices(GRID.shape[:4]).reshape(4, -1)
+    for time in range(4):
+        at = np.stack([x, y, z], axis=1)[t == time] * 2.0
+        want = GRID[time].reshape(-1, 3)
+        assert np.abs(wind.velocity(at, time * 3.0 / 4) - want).max() < 1e-13
+        # It repeats in space and time.
+        again = wind.velocity(at + np.array([14.0, -12.0, 10.0]), time * 0.75 + 6.0)
+        assert np.abs(again - want).max() < 1e-12
+    still = Wind(field=GRID[0], spacing=2.0, modes=4096)
+    assert np.abs(still.velocity(at, 123.4) - GRID[0].reshape(-1, 3)).max() < 1e-13
+    few = Wind(field=GRID, modes=20)
+    assert len(few.waves.k) == 20
+    kept = [np.sum(np.abs(w.waves.a) ** 2) for w in (few, Wind(field=GRID, modes=4096))]
+    assert 0.05 < kept[0] / kept[1] < 0.6
+
+
+# What it carries ---------------------------------------------------------------------------------
+
+
+def carried_by(wind: fl.Wind, start: np.ndarray, fall: float, seconds: float) -> np.ndarray:
+    """Where points come to that fall through the field along their undisturbed ways."""
+    mean = np.array(wind.mean)
+
+    def rate(t: float, y: np.ndarray) -> np.ndarray:
+        base = start + t * (mean + np.array([0.0, fall, 0.0]))
+        return (wind.velocity(base, t) - mean).ravel()
+
+    got = solve_ivp(rate, (0.0, seconds), np.zeros(start.size), rtol=1e-11, atol=1e-12)
+    return got.y[:, -1].reshape(-1, 3)
+
+
+@pytest.mark.parametrize("t", [12.0, 75.5, -20.0])
+def test_flakes_are_displaced_by_the_integral_along_their_way(t: float):
+    wind = WINDS["both"]
+    snow = Snow(wind=wind, sway=(0.0, 1.0), flakes=40)
+    calm = Snow(wind=wind.mean, sway=(0.0, 1.0), flakes=40)
+    shown, plain = scene(snow), scene(calm)
+    from flurries.effects.moving import waves_of_flakes
+
+    points = RNG.uniform((-4, -4, 2), (4, 4, 12), (30, 3))
+    moved, rate = waves_of_flakes(snow, one(shown, t), points)
+    start = points - (np.array(wind.mean) + np.array([0.0, snow.fall, 0.0])) * t / 30.0
+    # Since frame 0; where the swings begin is free.
+    first, _ = waves_of_flakes(snow, one(shown, 0.0), start)
+    want = carried_by(wind, start, snow.fall, t / 30.0)
+    assert np.abs(moved - first - want).max() < 1e-9
+    assert np.abs(rate * 30.0 - (wind.velocity(points, t / 30.0) - wind.mean)).max() < 1e-12
+    # What is drawn is that: the same flakes as without gusts, each displaced.
+    assert one(plain, t).seed == one(shown, t).seed
+    box = snow.box(one(shown, t))
+    assert (box > calm.box(one(plain, t)) + np.array([0.5, 0.5, -1e-9])).all()
+
+
+def test_a_keyed_wind_is_integrated_too():
+    wind = Wind(Keys([(0, (1.0, 0.0, 0.0)), (40, (-2.0, 0.5, 1.0))]), gusts=0.8, seed=2)
+    fall = Keys([(10, 1.0), (30, 2.0)])
+    snow = Snow(wind=wind, fall=fall)
+    from flurries.effects.moving import waves_of_flakes
+
+    points = RNG.uniform((-4, -4, 2), (4, 4, 12), (10, 3))
+    for t in (25.0, 60.0):
+        frame = one(scene(snow), t)
+        moved, _ = waves_of_flakes(snow, frame, points)
+
+        def way(s: float) -> np.ndarray:
+            down = np.array([0.0, fall.integral(s), 0.0])
+            return (np.array(wind.mean.integral(s)) + down) / 30.0
+
+        def rate(s: float, _: np.ndarray, t: float = t) -> np.ndarray:
+            waves = wind.waves
+            base = points - way(t) + way(s)
+            return waves.at(base, np.exp(-1j * waves.omega * s / 30.0)).ravel() / 30.0
+
+        got = solve_ivp(rate, (0.0, t), np.zeros(30), rtol=1e-11, atol=1e-12)
+        first, _ = waves_of_flakes(snow, one(scene(snow), 0.0), points - way(t))
+        assert np.abs((moved - first).ravel() - got.y[:, -1]).max() < 1e-8
+
+
+def test_gusts_stay_bounded_for_ever():
+    wind = Wind((1.5, 0.0, 0.0), gusts=1.2, swirl=0.6, seed=5)
+    snow = Snow(wind=wind)
+    from flurries.effects.moving import waves_of_flakes
+
+    points = RNG.uniform((-9, -9, 1), (9, 9, 12), (400, 3))
+    sizes = []
+    for t in (1e2, 1e3, 1e4, 1e5, 1e6, -1e6):
+        moved, _ = waves_of_flakes(snow, one(scene(snow), t), points)
+        sizes.append(np.sqrt((moved**2).sum(axis=1).mean()))
+    assert max(sizes) < 2.0 * wind.waves.spread()
+    assert max(sizes) > 0.1 * wind.waves.spread()
+
+
+@pytest.mark.parametrize("name", WINDS)
+def test_rings_and_flakes_of_one_depth_move_alike(name: str):
+    """The texture's rings by their own integral; the rates are those of flakes at the place."""
+    wind = WINDS[name]
+    snow = Snow(wind=wind, wavelengths=(4.0, LONGEST))
+    frame = one(scene(snow), 33.0)
+    from flurries.effects.moving import waves_of_flakes
+
+    ahead = RNG.uniform((-6, -6, 3), (6, 6, 60), (40, 3))
+    _, of_air = of_rings(snow, frame, ahead)
+    _, of_flakes = waves_of_flakes(snow, frame, ahead)
+    assert np.abs(of_air - of_flakes).max() < 1e-14
+    # The displacement is the integral of the rate at the place.
+    step = 1e-4
+    frames = [one(scene(snow), 33.0 + s) for s in (-step, step)]
+    before, after = (of_rings(snow, f, ahead)[0] for f in frames)
+    assert np.abs((after - before) / (2 * step) - of_air).max() < 1e-8
+    # And of a camera that flies, with the place.
+    path = fl.CameraPath(LENS, velocity=(0.5, -0.2, 3.0))
+    frames = [one(scene(snow, camera=path), 33.0 + s) for s in (-step, 0.0, step)]
+    before, now, after = (of_rings(snow, f, ahead) for f in frames)
+    assert np.abs((after[0] - before[0]) / (2 * step) - now[1]).max() < 1e-8
+
+
+SHEAR = [(NEAR, (1.0, 0.0, 0.0)), (4 * NEAR, (-1.5, 0.4, 0.0))]
+
+
+def test_measured_on_frames_each_band_has_the_wind_of_its_depth():
+    wind = Wind((0.3, 0.0, 0.0), profile=SHEAR)
+    shown = scene({**TEXTURE, **TORUS, "wind": wind})
+    for t in (3.0, 50.0):
+        pair = picture(shown, t), picture(shown, t + 1.0)
+        for wavelength in WAVES:
+            moved, mean = measure.band_shift([pair], wavelength, 0.04)
+            depth = NEAR * LONGEST / mean
+            own = [np.interp(depth, [NEAR, 4 * NEAR], [a, b]) for a, b in ((1.0, -1.5), (0.0, 0.4))]
+            want = np.array([0.3 + own[0], 1.4 + own[1]]) * FOCAL / 30.0 / depth
+            ratio, turn = measure.against(moved, want)
+            # Rings are a quarter octave wide, and each stands for one depth.
+            assert abs(ratio - 1.0) < 0.05 and abs(turn) < 5.0
+        # The calm texture moves otherwise.
+        ratio, turn = measure.against(moved, np.array([0.3, 1.4]) * FOCAL / 30.0 / depth)
+        assert abs(turn) > 20.0
+
+
+def flake_motion(shown: fl.Scene, t: float, step: float) -> tuple[np.ndarray, np.ndarray]:
+    """Places (n, 3) of lone flakes and their motion measured on two frames, px per frame."""
+    frames = picture(shown, t), picture(shown, t + step)
+    frame = one(shown, t)
+    points, _, fade = shown.effects[0].places(frame)
+    points = points[(fade > 0.0) & (points[:, 2] > 2.0)]
+    px = points[:, :2] * FOCAL / points[:, 2:] + SIZE / 2.0
+    rows = []
+    for i in np.flatnonzero(measure.lone(px) & (points[:, 2] < 0.85 * NEAR)):
+        a = measure.centroid(frames[0], px[i])
+        rows.append((measure.centroid(frames[1], a) - a) / step)
+    chosen = measure.lone(px) & (points[:, 2] < 0.85 * NEAR)
+    return points[chosen], np.array(rows)
+
+
+def undisturbed(shown: fl.Scene, points: np.ndarray, t: float) -> np.ndarray:
+    """Where flakes would be without gusts: the inverse of their displacement."""
+    from flurries.effects.moving import waves_of_flakes
+
+    base = points.copy()
+    for _ in range(80):
+        base = points - waves_of_flakes(shown.effects[0], one(shown, t), base)[0]
+    return base
+
+
+@pytest.mark.parametrize("kind", ["profile", "gusts", "flying"])
+def test_measured_on_frames_flakes_have_the_wind_of_their_place(kind: str):
+    profile = [(3.0, (2.0, 0.0, 0.0)), (10.0, (-2.0, 0.5, 0.0))]
+    path = fl.CameraPath(LENS, velocity=(0.0, 0.0, 2.0)) if kind == "flying" else LENS
+    wind = WINDS["both"] if kind == "gusts" else Wind((0.3, 0.0, 0.0), profile=profile)
+    off = []
+    for seed in range(4):
+        shown = scene({**FLAKES, "wind": wind}, camera=path, seed=seed)
+        points, moved = flake_motion(shown, 40.0, 0.25)
+        air = np.tile(wind.mean, (len(points), 1))
+        if kind == "gusts":
+            air = wind.velocity(undisturbed(shown, points, 40.0), 40.125 / 30.0)
+        else:
+            for axis in range(3):
+                ends = [v[axis] for _, v in profile]
+                air[:, axis] += np.interp(points[:, 2], [3.0, 10.0], ends)
+        air[:, 1] += 1.4
+        if kind == "flying":
+            air[:, 2] -= 2.0
+        want = (
+            FOCAL / 30.0 * (air[:, :2] - points[:, :2] / points[:, 2:] * air[:, 2:]) / points[:, 2:]
+        )
+        off.append(np.linalg.norm(moved - want, axis=1) / np.linalg.norm(want, axis=1).mean())
+    off = np.concatenate(off)
+    assert len(off) >= 10
+    assert np.median(off) < 0.02 and np.quantile(off, 0.8) < 0.06
+
+
+def test_the_wind_of_a_flake_s_own_place_is_nearly_the_same():
+    # By how much flakes and the texture beside them differ: docs/deviations.md.
+    off = []
+    for seed in range(4):
+        shown = scene({**FLAKES, "wind": WINDS["both"], "flakes": 400}, seed=seed)
+        points, velocity, shows = shown.effects[0].places(one(shown, 40.0))
+        points, velocity = points[shows > 0.0], velocity[shows > 0.0]
+        felt = velocity * 30.0 - (0.0, 1.4, 0.0)
+        there = WINDS["both"].velocity(points, 40.0 / 30.0)
+        off.append(np.linalg.norm(felt - there, axis=1) / np.linalg.norm(felt, axis=1))
+    assert np.median(np.concatenate(off)) < 0.2
+
+
+def test_a_profile_of_factors_scales_the_mean():
+    wind = Wind(
+        Keys([(0, (2.0, 0.0, 0.0)), (20, (4.0, 0.0, 0.0))]), profile=[(5.0, 0.5), (20.0, 3.0)]
+    )
+    snow = Snow(wind=wind)
+    ahead = np.array([(0.0, 0.0, 1.0), (0.0, 0.0, 12.5), (0.0, 0.0, 90.0)])
+    moved, rate = of_rings(snow, one(scene(snow), 20.0), ahead)
+    assert np.allclose(rate[:, 0] * 30.0, 4.0 * (np.array([0.5, 1.75, 3.0]) - 1.0))
+    assert np.allclose(moved[:, 0] * 30.0, 60.0 * (np.array([0.5, 1.75, 3.0]) - 1.0))
+
+
+def test_a_profile_wants_a_camera_that_does_not_turn():
+    path = fl.CameraPath(LENS, orientation=[(0, 0, 0), (0, 0.01, 0)])
+    for part in ({"flakes": 10, "texture": 0.0}, {"flakes": 0}):
+        shown = fl.Scene((64, 48), camera=path, effects=[Snow(wind=Wind(profile=SHEAR), **part)])
+        with pytest.raises(ValueError, match="wind: a profile"):
+            shown.render(3)
+
+
+def test_gusts_in_the_view_of_a_turning_camera():
+    # Straight ahead the texture's displacement is the integral in turning axes.
+    path = fl.CameraPath(
+        LENS, velocity=(0.3, 0.0, 1.0), orientation=[(0, 0, 0), (0.0, 0.02, 0.005)]
+    )
+    snow = Snow(wind=WINDS["both"])
+    ahead = np.array([(0.0, 0.0, 15.0), (0.0, 0.0, 40.0)])
+
+    def displaced(t: float) -> np.ndarray:
+        return of_rings(snow, one(scene(snow, camera=path), t), ahead)[0]
+
+    waves = snow.wind.waves
+
+    def rate(t: float, _: np.ndarray) -> np.ndarray:
+        turn = path.turn(t)
+        world = path.place(t, fps=30.0) + ahead @ turn.T
+        return (waves.at(world, np.exp(-1j * waves.omega * t / 30.0)) @ turn / 30.0).ravel()
+
+    for t in (0.4, 50.0, 200.7, -70.25):
+        want = solve_ivp(rate, (0.0, t), np.zeros(6), rtol=1e-10, atol=1e-11).y[:, -1]
+        # A frame by its middle errs by (w step)^2 / 24 of what it adds.
+        assert np.abs(displaced(t).ravel() - want).max() < 2e-3 * max(1.0, np.abs(want).max())
+    # No step where a frame begins.
+    assert np.abs(displaced(64.0 + 1e-9) - displaced(64.0 - 1e-9)).max() < 1e-8
+    assert np.abs(displaced(1e-9)).max() < 1e-9
+
+
+# Frames and the contract -------------------------------------------------------------------------
+
+SCENES = {
+    "gusts": {"wind": Wind((1.0, 0.0, 0.0), gusts=1.5, swirl=0.5)},
+    "profile": {"wind": Wind((1.0, 0.0, 0.0), profile=SHEAR)},
+    "field": {"wind": Wind((0.5, 0.0, 0.0), field=GRID, spacing=2.0, duration=4.0)},
+}
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_frames_are_pure(name: str):
+    path = fl.CameraPath(Camera(110.0), velocity=(0.2, 0.0, 0.5))
+    shown = fl.Scene((90, 70), camera=path, effects=[Snow(flakes=300, **SCENES[name])])
+    times = [0.0, 7.5, 40.0, -6.25, 300.0]
+    want = {t: shown.render(t).tobytes() for t in times}
+    assert len(set(want.values())) == len(times)
+    for t in times[::-1]:
+        assert shown.replace().render(t).tobytes() == want[t]
+    for twin in (pickle.loads(pickle.dumps(shown)), copy.deepcopy(shown)):
+        assert twin.render(7.5).tobytes() == want[7.5]
+    part = np.s_[11:40, 20:77]
+    assert np.array_equal(shown.render(7.5, region=part), shown.render(7.5)[part])
+
+
+@pytest.mark.parametrize("name", ["gusts", "profile"])
+def test_nothing_pops(name: str):
+    shown = scene({**FLAKES, "flakes": 1500, **SCENES[name]}, size=256)
+
+    def frame(t: float) -> np.ndarray:
+        return picture(shown, t)
+
+    assert measure.smooth(measure.largest_changes(frame, np.array([0.0, 17.3, 55.1])))
+
+
+def test_density_stays():
+    calm = np.mean([picture(scene({**FLAKES, "flakes": 2500}, seed=s, size=256), 9.0).mean()
+                    for s in range(4)])  # fmt: skip
+    for snow in SCENES["gusts"], SCENES["profile"]:
+        means = [picture(scene({**FLAKES, "flakes": 2500, **snow}, seed=s, size=256), 90.0).mean()
+                 for s in range(4)]  # fmt: skip
+        assert np.mean(means) == pytest.approx(calm, rel=0.12)
+
+
+def test_a_calm_wind_is_no_wind():
+    for wind in (Wind((0.4, 0.1, 0.0)), Wind((0.4, 0.1, 0.0), gusts=0.0, swirl=0.0)):
+        assert wind.waves is None
+        frames = [fl.Scene((90, 70), effects=[Snow(wind=w, flakes=300)]).render(9)
+                  for w in (wind, wind.mean)]  # fmt: skip
+        assert np.array_equal(*frames)
+
+
+def test_equal_winds_are_equal():
+    assert Wind((1, 2, 3), gusts=1.0) == Wind((1.0, 2.0, 3.0), gusts=1) != Wind((1, 2, 3))
+    assert Wind(field=GRID) == Wind(field=GRID.copy()) != Wind(field=GRID + 1)
+    assert hash(Wind(field=GRID)) == hash(pickle.loads(pickle.dumps(Wind(field=GRID))))
+    assert (Wind() == 3) is False
+    # One air for all: snow and rain that share a wind share its gusts, whatever their own seeds.
+    wind = Wind(gusts=1.0)
+    at = RNG.uniform(-5, 5, (5, 3))
+    effects = [Snow(wind=wind, seed=1), fl.Rain(wind=wind, seed=2)]
+    rates = [of_rings(e, one(fl.Scene((64, 48), effects=effects), 9.0, i), at)[1]
+             for i, e in enumerate(effects)]  # fmt: skip
+    assert np.array_equal(*rates)
+
+
+@pytest.mark.parametrize("kind", ["gusts", "profile", "keyed profile"])
+def test_scene_files_keep_the_wind(kind: str, tmp_path: Path):
+    wind = {"gusts": Wind(Keys([(0, (1, 0, 0)), (9, (2, 0, 0))]), gusts=0.5, swirl=0.25, seed=9),
+            "profile": Wind(profile=SHEAR),
+            "keyed profile": Wind((1, 0, 0), profile=[(1, 0.5), (9, 2)])}  # fmt: skip
+    shown = fl.Scene((64, 48), effects=[Snow(wind=wind[kind], flakes=50)])
+    shown.save(tmp_path / "scene.toml")
+    again = fl.Scene.load(tmp_path / "scene.toml")
+    assert again.effects == shown.effects and fingerprint(again) == fingerprint(shown)
+    assert np.array_equal(again.render(3), shown.render(3))
+
+
+def test_a_wind_by_hand_and_its_mistakes(tmp_path: Path):
+    file = tmp_path / "scene.toml"
+    head = "[[effects]]\nkind = 'snow'\n"
+    file.write_text(head + "wind = {mean = [1, 0, 0], gusts = 0.5}\n")
+    assert fl.Scene.load(file).effects[0].wind == Wind((1, 0, 0), gusts=0.5)
+    for text, words in (("wind = {mean = [1, 0, 0], gust = 0.5}", "line 3.*'gust'.*'gusts'"),
+                        ("wind = {gusts = -1}", "line 3.*gusts"),
+                        ("wind = {profile = {keys = [[1, [0, 1]]]}}", "line 3.*profile"),
+                        ):  # fmt: skip
+        file.write_text(head + text + "\n")
+        with pytest.raises(ValueError, match=words):
+            fl.Scene.load(file)
+    with pytest.raises(ValueError, match="wind: a field"):
+        fl.Scene((64, 48), effects=[Snow(wind=Wind(field=GRID))]).save(file)
+
+
+ODD: dict[str, list[Any]] = {
+    "mean": [(1.0, 2.0), "x", (np.nan, 0, 0), None], "gusts": [-1.0, np.inf, "x", True],
+    "swirl": [-0.1, None], "scale": [0.0, -1.0], "seed": [2**63, 1.5], "modes": [0, 1.5],
+    "profile": [[(1.0, (1.0, 2.0))], [(-1.0, 1.0)], [(2, 1.0), (1, 1.0)], 3.0, [], "x"],
+    "field": [GRID[..., :2], np.zeros((3, 3)), GRID * np.nan, "x", np.zeros((0, 2, 2, 3))],
+    "spacing": [0.0], "duration": [-1.0],
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", ODD)
+def test_wind_refuses_by_name(name: str):
+    for value in ODD[name]:
+        with pytest.raises((TypeError, ValueError), match=name):
+            Wind(**{name: value})
+            pytest.fail(f"accepted: {value!r}")
+    with pytest.raises(ValueError, match="points"):
+        Wind().velocity([(1.0, 2.0)], 0.0)
