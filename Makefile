@@ -1,6 +1,7 @@
 # make demo    set up and render the demo's films and stills into demo/
 # make test    set up, lint, and run all tests
 # make bench   print the speeds that the README quotes
+# make test-browser   test the viewer in a real browser: chromium, from apt where it is missing
 #
 # Both make a virtual environment in .venv and need Python 3.10 or newer, a Rust toolchain and the
 # package registries. PYTHON=python3.12 make test chooses another Python.
@@ -12,7 +13,7 @@ WORKERS ?= 2
 
 RUST := $(shell find src crates -name '*.rs' 2>/dev/null) Cargo.toml crates/fft/Cargo.toml pyproject.toml
 
-.PHONY: demo test lint bench frames clean requirements
+.PHONY: demo test test-browser hard-cases mutations lint bench frames clean requirements
 
 demo: $(VENV)/.installed
 	$(BIN)/flurries demo --output demo
@@ -20,6 +21,22 @@ demo: $(VENV)/.installed
 test: lint
 	cargo test --workspace --quiet
 	$(BIN)/python -m pytest -n $(WORKERS) --dist worksteal --quiet
+
+test-browser: $(VENV)/.tools
+	@command -v chromium >/dev/null || command -v google-chrome >/dev/null \
+		|| { command -v apt-get >/dev/null && apt-get install --yes --no-install-recommends chromium; } \
+		|| { echo "missing: chromium (on Debian: apt install chromium)"; exit 1; }
+	$(BIN)/maturin develop --release --quiet --extras test,browser
+	$(BIN)/python -m pytest --quiet tests/browser
+
+# The measured value of every hard case beside the expected one: docs/hard-cases.md.
+hard-cases: $(VENV)/.tools
+	PYTHONPATH=tests $(BIN)/python tests/make_hard_cases.py
+
+# Guards are taken away one at a time; WHAT=python leaves out those that need a build each.
+WHAT ?= all
+mutations: $(VENV)/.tools
+	$(BIN)/python tests/mutations.py $(WHAT)
 
 lint: $(VENV)/.tools
 	cargo fmt --all --check
@@ -32,6 +49,7 @@ lint: $(VENV)/.tools
 
 bench: $(VENV)/.tools
 	$(BIN)/python benches/speed.py
+	$(BIN)/python benches/gas.py
 
 # Reference frames come from the tests' independent twin, never from the kernels.
 frames: $(VENV)/.tools

@@ -1,19 +1,23 @@
 """Falling snow, synthesized in the frequency domain, with particles on top.
 
 Arrays in, arrays out: :mod:`flurries.spectral`, :mod:`flurries.camera`, :mod:`flurries.particles`,
-:mod:`flurries.hybrid`, :mod:`flurries.composite`. Pictures and film: :class:`Scene`, its effects.
+:mod:`flurries.gas`, :mod:`flurries.hybrid`, :mod:`flurries.composite`, :mod:`flurries.stereo`.
+Pictures and film: :class:`Scene` and its effects.
 """
 
-from flurries import camera, composite, hybrid, particles, spectral, stereo, trace
+from types import ModuleType
+
+from flurries import camera, composite, cone, gas, hybrid, particles, spectral, stereo, trace
 from flurries._core import InternalError
 from flurries._threads import set_threads, threads
 from flurries.camera import Camera
 from flurries.depth import DepthMap
-from flurries.effects import Frame, Layer, MatchedSnow, Rain, Snow
+from flurries.effects import ConeRain, ConeSnow, Frame, Layer, MatchedSnow, Mist, Rain, Snow
 from flurries.path import CameraPath
 from flurries.scene import Rendered, Scene
 from flurries.sun import Sun
 from flurries.timeline import Keys
+from flurries.viewer import view
 from flurries.wind import Wind
 
 __version__ = "0.1.0"
@@ -21,12 +25,15 @@ __version__ = "0.1.0"
 __all__ = [
     "Camera",
     "CameraPath",
+    "ConeRain",
+    "ConeSnow",
     "DepthMap",
     "Frame",
     "InternalError",
     "Keys",
     "Layer",
     "MatchedSnow",
+    "Mist",
     "Rain",
     "Rendered",
     "Scene",
@@ -35,6 +42,8 @@ __all__ = [
     "Wind",
     "camera",
     "composite",
+    "cone",
+    "gas",
     "hybrid",
     "particles",
     "set_threads",
@@ -42,4 +51,18 @@ __all__ = [
     "stereo",
     "threads",
     "trace",
+    "view",
 ]
+
+
+def __getattr__(name: str) -> ModuleType:
+    # What only some users need is imported when they ask for it.
+    if name == "augment":
+        import importlib
+
+        return importlib.import_module("flurries.augment")
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), "augment"})

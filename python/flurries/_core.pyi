@@ -3,6 +3,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from flurries.cone.rays import Pose
 from flurries.effects.peopled import Flurry
 from flurries.spectral.frame import Request
 from flurries.spectral.volume import Film
@@ -13,7 +14,22 @@ __all__ = [
     "all_finite",
     "band_amplitude",
     "blend_tiles",
+    "cone_basis",
+    "cone_chart",
+    "cone_footprints",
+    "cone_layer",
+    "cone_moving",
+    "cone_needed",
+    "cone_rays",
+    "cone_shown",
+    "cone_stack",
+    "cone_table",
+    "cone_tile",
     "field",
+    "gas_alpha",
+    "gas_light",
+    "gas_pair",
+    "gas_splat",
     "inverse_transform",
     "join",
     "opacity",
@@ -40,6 +56,7 @@ __all__ = [
 _Array = npt.NDArray[Any]
 _Float64 = npt.NDArray[np.float64]
 _Map = tuple[float, float, float, float]
+_Sheet = tuple[int, int, int, float, float]
 
 class InternalError(RuntimeError): ...
 
@@ -115,3 +132,90 @@ def particle_splat(
     lens: tuple[float, float, float, tuple[float, float, float], float],
     depth: npt.NDArray[Any] | None,
 ) -> None: ...
+def cone_basis(
+    axis: tuple[float, float, float],
+) -> tuple[list[float], list[float], list[float]]: ...
+def cone_rays(out: _Float64, places: _Float64, pose: Pose) -> None: ...
+def cone_layer(
+    out: _Array,
+    texture: _Float64,
+    pose: Pose,
+    sheet: tuple[int, float, float, tuple[float, float], float],
+) -> None: ...
+def cone_chart(
+    across: _Array,
+    along: _Array,
+    fade: _Array,
+    state: _Array,
+    pose: Pose,
+    course: tuple[int, float, int],
+) -> None: ...
+def cone_footprints(out: _Array, pose: Pose, course: tuple[int, float, int]) -> None: ...
+def cone_moving(
+    out: _Array,
+    footprint: _Array,
+    pose: Pose,
+    course: tuple[int, float, int],
+    sheets: list[_Sheet],
+    levels: int,
+    tables: list[tuple[int, int, _Array]],
+) -> None: ...
+def cone_shown(out: _Array, depth: _Array, pose: Pose, radii: list[float], top: int) -> None: ...
+def cone_table(
+    out: _Array, texture: _Float64, width: float, height: float, peak: float
+) -> None: ...
+def cone_needed(out: _Array, footprint: _Array, sheets: list[_Sheet]) -> None: ...
+def cone_stack(
+    out: _Array,
+    across: _Array,
+    along: _Array,
+    fade: _Array,
+    state: _Array,
+    footprint: _Array,
+    sheets: list[_Sheet],
+    levels: int,
+    tables: list[tuple[int, int, _Array]],
+    shown: _Array | None = None,
+) -> None: ...
+def cone_tile(out: _Array, drops: _Float64) -> None: ...
+def gas_splat(
+    out: _Array,
+    centers: _Float64,
+    radius: _Float64,
+    density: _Float64,
+    colours: _Float64,
+    lens: tuple[float, float, float, tuple[float, float, float]],
+    manner: tuple[str, str, float, str, bool, float],
+    depth: _Array | None,
+) -> None: ...
+def gas_alpha(
+    out: _Array,
+    centers: _Float64,
+    radius: _Float64,
+    density: _Float64,
+    lens: tuple[float, float, float, tuple[float, float, float]],
+    manner: tuple[str, str, float, str, bool, float],
+    depth: _Array | None,
+) -> None: ...
+def gas_light(
+    out: _Float64,
+    centers: _Float64,
+    radius: _Float64,
+    density: _Float64,
+    direction: tuple[float, float, float],
+    forward: float,
+) -> None: ...
+def gas_pair(
+    left: _Array,
+    right: _Array,
+    centers: _Float64,
+    radius: _Float64,
+    density: _Float64,
+    lenses: tuple[
+        tuple[float, float, float, tuple[float, float, float]],
+        tuple[float, float, float, tuple[float, float, float]],
+    ],
+    manner: tuple[str, str, float, str, bool, float],
+    depths: tuple[_Float64, _Float64] | None,
+    slab: float,
+) -> tuple[int, int]: ...

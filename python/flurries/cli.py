@@ -107,25 +107,8 @@ def _parser() -> argparse.ArgumentParser:
         metavar="PATTERN|VIDEO",
         help="frames/%%04d.exr, .png, ...; out.mp4, .webm, .mkv; or one still",
     )
-    from flurries.effects.presets import RAIN, SNOW
-
-    render.add_argument("--snow", metavar="PRESET", help=", ".join(SNOW))
-    render.add_argument("--rain", metavar="PRESET", help=", ".join(RAIN))
-    render.add_argument("--amount", type=float, metavar="A", help="how much of it, 0 to 1")
-    render.add_argument("--wind", type=_numbers(3), metavar="X,Y,Z", help="metres per second")
-    render.add_argument(
-        "--fly", type=_numbers(3), metavar="X,Y,Z", help="camera velocity, metres per second"
-    )
-    render.add_argument("--camera", metavar="CSV", help="camera path: x,y,z and rx,ry,rz a frame")
-    render.add_argument("--depth", metavar="FILE|METRES", help="EXR with Z; or a wall's distance")
-    render.add_argument(
-        "--foreground", metavar="FILE", help="mask or picture in front of the weather"
-    )
+    _add_scene(render)
     render.add_argument("--frames", metavar="RANGE", help="1-60, 1-100x2, 7")
-    render.add_argument("--seed", type=int, metavar="N")
-    render.add_argument("--size", metavar="WxH")
-    render.add_argument("--fps", type=float, metavar="F")
-    render.add_argument("--linear", action="store_true", help="mix in linear light")
     render.add_argument("--float", action="store_true", help="EXR with 32 bits, not half")
     render.add_argument("--layers", action="store_true", help="EXR with the snow as a layer")
     render.add_argument("--alone", action="store_true", help="only the snow, as RGBA")
@@ -133,6 +116,8 @@ def _parser() -> argparse.ArgumentParser:
     render.add_argument("--overwrite", action="store_true", help="render again what is there")
     render.add_argument("--quiet", action="store_true", help="no progress bar")
     render.set_defaults(run=_render)
+
+    from flurries.effects.presets import SNOW
 
     texture = commands.add_parser(
         "texture", help="snow that repeats in x, y and time, as textures for a game engine"
@@ -161,9 +146,48 @@ def _parser() -> argparse.ArgumentParser:
     texture.add_argument("--quiet", action="store_true", help="no progress bar")
     texture.set_defaults(run=_texture)
 
-    for command in (demo, render, texture):
+    view = commands.add_parser("view", help="a scene in the browser, with sliders")
+    view.add_argument(
+        "input", metavar="SCENE|PICTURE", help="scene.toml, a picture, a film, #rrggbb"
+    )
+    _add_scene(view)
+    view.add_argument("--save", metavar="FILE", help="where the button writes; beside the input")
+    view.add_argument("--pixels", type=int, default=512, metavar="N", help="longer side; 512")
+    view.add_argument("--port", type=int, default=0, metavar="N", help="any free one")
+    view.add_argument("--no-browser", action="store_true", help="only print the address")
+    view.set_defaults(run=_view)
+
+    for command in (demo, render, texture, view):
         command.add_argument("--threads", type=int, metavar="N")
     return parser
+
+
+def _add_scene(command: argparse.ArgumentParser) -> None:
+    """Add the options that make or change a scene."""
+    from flurries.effects.presets import CONE_RAIN, CONE_SNOW, MIST, RAIN, SNOW
+
+    command.add_argument("--snow", metavar="PRESET", help=", ".join(SNOW))
+    command.add_argument("--rain", metavar="PRESET", help=", ".join(RAIN))
+    command.add_argument("--cone-snow", metavar="PRESET", help=", ".join(CONE_SNOW))
+    command.add_argument("--cone-rain", metavar="PRESET", help=", ".join(CONE_RAIN))
+    command.add_argument("--mist", metavar="PRESET", help=", ".join(MIST))
+    command.add_argument(
+        "--visibility", type=float, metavar="METRES", help="how far one sees in it"
+    )
+    command.add_argument("--amount", type=float, metavar="A", help="how much of it, 0 to 1")
+    command.add_argument("--wind", type=_numbers(3), metavar="X,Y,Z", help="metres per second")
+    command.add_argument(
+        "--fly", type=_numbers(3), metavar="X,Y,Z", help="camera velocity, metres per second"
+    )
+    command.add_argument("--camera", metavar="CSV", help="camera path: x,y,z and rx,ry,rz a frame")
+    command.add_argument("--depth", metavar="FILE|METRES", help="EXR with Z; or a wall's distance")
+    command.add_argument(
+        "--foreground", metavar="FILE", help="mask or picture in front of the weather"
+    )
+    command.add_argument("--seed", type=int, metavar="N")
+    command.add_argument("--size", metavar="WxH")
+    command.add_argument("--fps", type=float, metavar="F")
+    command.add_argument("--linear", action="store_true", help="mix in linear light")
 
 
 def _numbers(count: int) -> Any:
@@ -246,6 +270,24 @@ def _render(options: argparse.Namespace) -> int:
     return 0
 
 
+def _view(options: argparse.Namespace) -> int:
+    from flurries.viewer.server import Server, serve
+
+    if not 0 <= options.port < 65536:
+        raise _Mistake(f"--port must be 0 to 65535, got {options.port}")
+    given = Path(options.input)
+    save = options.save or given.with_name(f"{given.stem.lstrip('#') or 'scene'}-tuned.toml")
+    server = Server(_scene(options), port=options.port, size=options.pixels, save=save)
+    print(server.url, flush=True)
+    print("flurries: Ctrl-C ends the viewer", file=sys.stderr)
+    if not options.no_browser:
+        import webbrowser
+
+        webbrowser.open(server.url)
+    serve(server)
+    return 0
+
+
 def _silent(frames: Iterable[int]) -> Iterable[int]:
     return frames
 
@@ -261,6 +303,8 @@ def _scene(options: argparse.Namespace) -> Any:
     """Return the scene that the options describe."""
     from dataclasses import replace
 
+    from flurries.effects import Mist
+    from flurries.effects.cone import Coned
     from flurries.effects.falling import Falling
     from flurries.path import CameraPath
     from flurries.scene import Scene
@@ -286,7 +330,8 @@ def _scene(options: argparse.Namespace) -> Any:
             changes["effects"] = effects
         elif weather:
             changes["effects"] = [
-                replace(e, **weather) if isinstance(e, Falling) else e for e in scene.effects
+                replace(e, **weather) if isinstance(e, (Coned, Falling, Mist)) else e
+                for e in scene.effects
             ]
         if "size" in changes:
             # The focal length belongs to the picture's width: keep the angle of view.
@@ -296,7 +341,8 @@ def _scene(options: argparse.Namespace) -> Any:
         effects = _effects(options, weather)
         if not effects:
             raise _Mistake(
-                "a picture needs weather: add --snow PRESET, such as --snow heavy, or --rain PRESET"
+                "a picture needs weather: add --snow PRESET, such as --snow heavy, "
+                "--rain PRESET or --mist PRESET"
             )
         source: Any = options.input
         if not options.input.startswith("#"):
@@ -318,10 +364,22 @@ def _scene(options: argparse.Namespace) -> Any:
 
 def _effects(options: argparse.Namespace, weather: dict[str, Any]) -> list[Any]:
     """Return the weather of the options, back to front."""
-    from flurries.effects import Rain, Snow
+    from flurries.effects import ConeRain, ConeSnow, Mist, Rain, Snow
 
-    kinds = ((Snow, options.snow), (Rain, options.rain))
-    return [kind.preset(name, **weather) for kind, name in kinds if name is not None]
+    effects: list[Any] = []
+    if options.mist is not None:
+        seen = {} if options.visibility is None else {"visibility": options.visibility}
+        effects.append(Mist.preset(options.mist, **weather, **seen))
+    elif options.visibility is not None:
+        raise _Mistake("--visibility is one of mist: add --mist PRESET, such as --mist fog")
+    kinds: tuple[tuple[type[Any], str | None], ...] = (
+        (ConeSnow, options.cone_snow),
+        (Snow, options.snow),
+        (ConeRain, options.cone_rain),
+        (Rain, options.rain),
+    )
+    effects += [kind.preset(name, **weather) for kind, name in kinds if name is not None]
+    return effects
 
 
 def _depth(text: str) -> float | str:
@@ -332,22 +390,11 @@ def _depth(text: str) -> float | str:
 
 
 def _resized(scene: Any, changes: dict[str, Any]) -> tuple[Any, dict[str, Any]]:
-    from dataclasses import replace
-
     from flurries.scene import parse_size
 
     changes = dict(changes)
-    width, height = parse_size(changes.pop("size"))
-    path, scale = scene.camera, width / scene.size[0]
-    camera = path.camera
-    center = None if camera.center is None else tuple(scale * c for c in camera.center)
-    lens = replace(
-        camera,
-        focal=camera.focal * scale,
-        center=center,
-        center_shift=tuple(scale * c for c in camera.center_shift),
-    )
-    return scene, {**changes, "size": (width, height), "camera": replace(path, camera=lens)}
+    size = parse_size(changes.pop("size"))
+    return scene, {**changes, "size": size, "camera": scene.camera.scaled(size[0] / scene.size[0])}
 
 
 if __name__ == "__main__":

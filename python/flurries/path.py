@@ -161,6 +161,14 @@ class CameraPath:
             return np.zeros(3)
         return np.asarray(self._turning.at(t) @ self._turning.angle(t))
 
+    def scaled(self, scale: float) -> CameraPath:
+        """Return the same view on a picture that is `scale` times as wide and high."""
+        lens = self.camera
+        center = None if lens.center is None else (scale * lens.center[0], scale * lens.center[1])
+        shift = (scale * lens.center_shift[0], scale * lens.center_shift[1])
+        changed = replace(lens, focal=lens.focal * scale, center=center, center_shift=shift)
+        return replace(self, camera=changed)
+
     def course(self, fps: float) -> Course:
         """Return the velocity over time, house axes, world units per frame."""
         if self.velocity is not None:

@@ -20,7 +20,7 @@ import numpy as np
 
 from flurries.camera import Camera
 from flurries.depth import DepthMap
-from flurries.effects import MatchedSnow, Rain, Snow
+from flurries.effects import ConeRain, ConeSnow, MatchedSnow, Mist, Rain, Snow
 from flurries.path import CameraPath
 from flurries.scene import DEFAULT_FOCAL, Scene
 from flurries.sun import Sun
@@ -37,7 +37,10 @@ ENDS = 1 << 20
 EFFECTS: dict[str, type[Any]] = {
     "snow": Snow,
     "rain": Rain,
+    "mist": Mist,
     "matched_snow": MatchedSnow,
+    "cone_snow": ConeSnow,
+    "cone_rain": ConeRain,
 }
 
 _SCENE = (

@@ -8,6 +8,7 @@
 use std::ops::Range;
 
 use super::sprite::{Flake, Lens, Sprite};
+use crate::cover::pixels;
 use crate::error::{Error, zeroed};
 
 /// Side of a tile, px. Its transmittance in float64 is 32 KiB: the L1 cache.
@@ -55,21 +56,6 @@ impl Grid {
             columns.start / TILE..(columns.end - 1) / TILE + 1,
         ))
     }
-}
-
-/// The pixels (of `count`) whose centres j + 1/2 lie in [low, high].
-#[inline]
-pub fn pixels(low: f64, high: f64, count: usize) -> Option<Range<usize>> {
-    // Clamped before the cast, since a bound may be 1e30. The casts truncate, which is the floor of
-    // what is not negative; `floor` and `ceil` would be calls where SSE 4.1 is not assumed.
-    // Signed integers convert in one instruction, unsigned ones in several.
-    let limit = count as i64 as f64;
-    let first = (low - 0.5).clamp(0.0, limit);
-    let end = (high + 0.5).clamp(0.0, limit);
-    let whole = first as i64;
-    let start = whole as usize + usize::from(first > whole as f64);
-    let end = end as i64 as usize;
-    if start < end { Some(start..end) } else { None }
 }
 
 /// The sprites of one run of flakes, by tile.
@@ -236,14 +222,5 @@ mod tests {
                 }
             }
         }
-    }
-
-    #[test]
-    fn pixels_are_those_whose_centres_lie_inside() {
-        assert_eq!(pixels(0.5, 2.5, 10), Some(0..3));
-        assert_eq!(pixels(0.6, 2.4, 10), Some(1..2));
-        assert_eq!(pixels(-1e30, 1e30, 10), Some(0..10));
-        assert_eq!(pixels(10.0, 1e30, 10), None);
-        assert_eq!(pixels(3.6, 4.4, 10), None);
     }
 }

@@ -16,9 +16,10 @@
     reason = "an index over lanes of a fixed count is what vectorises without closures"
 )]
 
-use super::bins::{Bins, Grid, TILE, pixels, touches};
+use super::bins::{Bins, Grid, TILE, touches};
 use super::profile::{self, Profile, TERMS};
 use super::sprite::{REACH, Sprite};
+use crate::cover::pixels;
 use crate::error::{Cancel, Error};
 use crate::simd::dispatch;
 

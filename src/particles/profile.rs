@@ -13,9 +13,7 @@
 //! inwards. For short segments the difference of nearly equal numbers loses digits; there
 //! G = exp(-x^2/2) sum_n (L/2)^2n / (2n+1)! He_2n(x), x from the middle, is used instead.
 
-use num_traits::Float;
-
-use crate::real::Real;
+use crate::normal::{Normal, least, most, polynomial};
 
 /// Where the end of the footprint begins, in sigma.
 const RIM: f64 = 3.0;
@@ -23,167 +21,19 @@ const RIM: f64 = 3.0;
 /// Terms of the series for short segments.
 pub const TERMS: usize = 7;
 
-/// What the profiles need of a pixel's precision beyond [`Real`].
-pub trait Profile: Real {
+/// What the profiles need of a pixel's precision beyond [`Normal`].
+pub trait Profile: Normal {
     /// Segments shorter than this many sigma use the series. The first term left out is below
     /// (L/2)^14 * 1.0e-7 there, and the difference of error functions loses 2.5 eps / L above.
     const SHORT: f64;
-    /// erfc(u / sqrt 2) is taken as constant (and zero to rounding) beyond this u.
-    const SATURATED: f64;
-
-    /// exp(x) for x from -80 to 0.
-    fn exp_negative(x: Self) -> Self;
-
-    /// erfc(u / sqrt 2) for u >= 0, small relative error even in the tail.
-    fn tail(u: Self) -> Self;
 }
 
-/// A polynomial, highest power first, as two half as long in x^2: Horner's one long chain of
-/// dependent operations would leave most of the processor idle.
-#[inline(always)]
-fn polynomial<P: Float, const N: usize>(coefficients: [P; N], x: P) -> P {
-    let squared = x * x;
-    let (mut first, mut second) = (coefficients[0], coefficients[1]);
-    let mut i = 2;
-    while i + 1 < N {
-        first = first * squared + coefficients[i];
-        second = second * squared + coefficients[i + 1];
-        i += 2;
-    }
-    if N % 2 == 0 {
-        first * x + second
-    } else {
-        (first * squared + coefficients[N - 1]) + second * x
-    }
-}
-
-// `Float::min` must mind NaN and costs three instructions; these cost one.
-#[inline(always)]
-fn least<P: Float>(a: P, b: P) -> P {
-    if a < b { a } else { b }
-}
-
-#[inline(always)]
-fn most<P: Float>(a: P, b: P) -> P {
-    if a > b { a } else { b }
-}
-
-// The coefficients below are Chebyshev fits made with 60 digits, highest power first.
 impl Profile for f32 {
     const SHORT: f64 = 2.0;
-    const SATURATED: f64 = 5.7;
-
-    #[inline(always)]
-    fn exp_negative(x: f32) -> f32 {
-        // Adding 1.5 * 2^23 rounds to an integer and leaves it in the low bits.
-        const ROUND: f32 = 12_582_912.0;
-        let y = x * std::f32::consts::LOG2_E;
-        let shifted = y + ROUND;
-        let f = y - (shifted - ROUND);
-        // (2^f - 1) / f on [-1/2, 1/2], to 5e-9.
-        let fraction = polynomial(
-            [
-                1.545_316_3e-4,
-                1.339_086_3e-3,
-                9.618_083e-3,
-                5.550_357e-2,
-                0.240_226_5,
-                std::f32::consts::LN_2,
-            ],
-            f,
-        ) * f
-            + 1.0;
-        f32::from_bits(fraction.to_bits().wrapping_add(shifted.to_bits() << 23))
-    }
-
-    #[inline(always)]
-    fn tail(u: f32) -> f32 {
-        // log(erfc(u / sqrt 2)) / u on [0, 5.7]: erfc to 3e-8 of 1, and to 5e-7 of itself.
-        let u = least(u, 5.7);
-        f32::exp_negative(
-            u * polynomial(
-                [
-                    -1.470_208_6e-8,
-                    4.595_409e-7,
-                    -6.151_43e-6,
-                    4.464_455_2e-5,
-                    -1.657_682e-4,
-                    -5.594_040_3e-5,
-                    4.879_426e-3,
-                    -0.036_389_07,
-                    -0.318_296_3,
-                    -0.797_885_7,
-                ],
-                u,
-            ),
-        )
-    }
 }
 
 impl Profile for f64 {
     const SHORT: f64 = 0.45;
-    const SATURATED: f64 = 8.7;
-
-    #[inline(always)]
-    fn exp_negative(x: f64) -> f64 {
-        const ROUND: f64 = 6_755_399_441_055_744.0;
-        let y = x * std::f64::consts::LOG2_E;
-        let shifted = y + ROUND;
-        let f = y - (shifted - ROUND);
-        // (2^f - 1) / f on [-1/2, 1/2], to 1.1e-19.
-        let fraction = polynomial(
-            [
-                2.572_932_417_736_230_5e-11,
-                4.455_817_908_336_064_5e-10,
-                7.054_897_304_155_499_5e-9,
-                1.017_805_708_773_394_1e-7,
-                1.321_548_680_870_556_3e-6,
-                1.525_273_384_155_677_3e-5,
-                1.540_353_039_337_073_4e-4,
-                1.333_355_814_640_647e-3,
-                9.618_129_107_628_48e-3,
-                0.055_504_108_664_821_625,
-                0.240_226_506_959_100_72,
-                std::f64::consts::LN_2,
-            ],
-            f,
-        ) * f
-            + 1.0;
-        f64::from_bits(fraction.to_bits().wrapping_add(shifted.to_bits() << 52))
-    }
-
-    #[inline(always)]
-    fn tail(u: f64) -> f64 {
-        // (1 + u) exp(u^2/2) erfc(u / sqrt 2) in (u - 4) / (u + 4) on [0, 8.7], to 1.1e-18.
-        let u = least(u, 8.7);
-        let scaled = polynomial(
-            [
-                -1.326_895_861_088_188_6e-8,
-                -9.370_448_823_321_068e-8,
-                -2.197_901_552_486_525_2e-7,
-                5.299_289_029_373_28e-8,
-                1.134_539_443_723_137e-6,
-                8.005_867_950_609_764e-7,
-                -5.239_267_435_544_577_5e-6,
-                -6.865_647_423_578_811e-6,
-                2.725_623_814_455_813_8e-5,
-                4.250_057_553_569_679_5e-5,
-                -1.757_066_413_968_571_5e-4,
-                -1.888_605_495_191_870_5e-4,
-                1.389_794_233_161_446_5e-3,
-                -5.712_461_960_191_179e-4,
-                -0.010_004_757_183_908_997,
-                0.035_872_194_959_533_56,
-                -0.064_395_674_856_086_69,
-                0.057_200_728_107_093_44,
-                0.027_999_269_448_849_257,
-                -0.193_406_954_653_051_52,
-                0.944_106_413_019_689_3,
-            ],
-            (u - 4.0) / (u + 4.0),
-        );
-        f64::exp_negative(-0.5 * u * u) * scaled / (1.0 + u)
-    }
 }
 
 /// The end of the footprint: 1 up to 3 sigma, 0 from 4 sigma on; any u, also a negative one.
@@ -276,45 +126,6 @@ pub fn swept_short<P: Profile>(x: P, q: P, half: P, series: [P; TERMS]) -> P {
 mod tests {
     use super::*;
 
-    // erfc(u / sqrt 2), 20 digits from a multiple-precision library.
-    const TAIL: [(f64, f64); 8] = [
-        (0.0, 1.0),
-        (0.125, 0.900_523_550_339_774_2),
-        (0.5, 0.617_075_077_451_973_8),
-        (1.0, 0.317_310_507_862_914_1),
-        (2.0, 0.045_500_263_896_358_42),
-        (3.0, 0.002_699_796_063_260_189),
-        (4.0, 6.334_248_366_623_984e-5),
-        (5.5, 3.797_912_493_177_544e-8),
-    ];
-
-    #[test]
-    fn exp_is_right_to_the_last_digits() {
-        for i in 0..=3700 {
-            let x = -f64::from(i) / 100.0;
-            let wide = <f64 as Profile>::exp_negative(x) / x.exp() - 1.0;
-            assert!(wide.abs() < 8e-15, "{x}: {wide:e}");
-            let x = x as f32;
-            let narrow = f64::from(<f32 as Profile>::exp_negative(x)) / f64::from(x).exp() - 1.0;
-            assert!(narrow.abs() < 1.5e-7 + 9e-8 * f64::from(-x), "{x}: {narrow:e}");
-        }
-        assert_eq!(
-            (<f32 as Profile>::exp_negative(0.0), <f64 as Profile>::exp_negative(0.0)),
-            (1.0, 1.0)
-        );
-    }
-
-    #[test]
-    fn tails_are_right_relative_to_themselves() {
-        for (u, want) in TAIL {
-            let wide = f64::tail(u) / want - 1.0;
-            assert!(wide.abs() < 8e-15, "{u}: {wide:e}");
-            let narrow = f64::from(f32::tail(u as f32)) / want - 1.0;
-            assert!(narrow.abs() < 3e-6, "{u}: {narrow:e}");
-            assert!((narrow * want).abs() < 2e-7, "{u}: {narrow:e}");
-        }
-    }
-
     #[test]
     fn the_ended_gaussian_has_no_step_and_loses_little() {
         let steps = 1 << 16;
@@ -326,7 +137,7 @@ mod tests {
         let jump = values.windows(2).map(|pair| (pair[1] - pair[0]).abs()).fold(0.0, f64::max);
         assert!(jump < 0.61 * width, "{jump}");
         assert_eq!((gaussian(4.0), gaussian(4.5_f32), gaussian(-1e30_f32)), (0.0, 0.0, 0.0));
-        assert_eq!(gaussian(2.9), <f64 as Profile>::exp_negative(-0.5 * 2.9 * 2.9));
+        assert_eq!(gaussian(2.9), f64::exp_negative(-0.5 * 2.9 * 2.9));
     }
 
     /// G by Simpson's rule over the segment: the definition.
@@ -383,9 +194,9 @@ mod tests {
     fn one_end_alone_is_both_with_the_other_saturated() {
         for i in -40..=90 {
             let a = f64::from(i) / 10.0;
-            let both = swept(a, <f64 as Profile>::SATURATED);
+            let both = swept(a, f64::SATURATED);
             assert!((swept_end(a) - both).abs() < 1e-15, "{a}");
-            let both = swept(a as f32, <f32 as Profile>::SATURATED as f32);
+            let both = swept(a as f32, f32::SATURATED as f32);
             assert!((swept_end(a as f32) - both).abs() < 1.3e-7, "{a}");
         }
     }

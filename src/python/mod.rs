@@ -6,7 +6,9 @@
 use pyo3::prelude::*;
 
 mod air;
+mod cone;
 mod frame;
+mod gas;
 mod gate;
 mod particles;
 mod random;
@@ -21,7 +23,14 @@ mod core {
     #[pymodule_export]
     use super::air::wind_waves;
     #[pymodule_export]
+    use super::cone::{
+        cone_basis, cone_chart, cone_footprints, cone_layer, cone_moving, cone_needed, cone_rays,
+        cone_shown, cone_stack, cone_table, cone_tile,
+    };
+    #[pymodule_export]
     use super::frame::{join, over, snow};
+    #[pymodule_export]
+    use super::gas::{gas_alpha, gas_light, gas_pair, gas_splat};
     #[pymodule_export]
     use super::gate::InternalError;
     #[pymodule_export]

@@ -75,3 +75,57 @@ RAIN: dict[str, dict[str, Any]] = {
         "drops": 12000,
     },
 }
+
+CONE_RAIN: dict[str, dict[str, Any]] = {
+    "drizzle": {
+        "fall": 4.0,
+        "wind": (0.28, 0.0, 0.0),
+        "haze": 0.04,
+        "drops": 500,
+        "drop_size": 0.003,
+        "drop_length": 0.03,
+        "gain": 2.5,
+    },
+    "rain": {},
+    "downpour": {
+        "haze": 0.2,
+        "drops": 2200,
+        "gain": 3.0,
+    },
+}
+
+CONE_SNOW: dict[str, dict[str, Any]] = {
+    "light": {
+        "fall": 1.2,
+        "wind": (0.31, 0.0, 0.0),
+        "haze": 0.0,
+        "texture_flakes": 250,
+        "flake_size": (0.006, 0.016),
+        "flakes": 500,
+    },
+    "moderate": {},
+    "heavy": {
+        "fall": 1.6,
+        "wind": (0.5, 0.0, 0.0),
+        "haze": 0.1,
+        "texture_flakes": 5000,
+        "flake_size": (0.008, 0.02),
+        "flakes": 600,
+    },
+    "blizzard": {
+        "fall": 1.7,
+        "wind": (3.0, 0.0, 0.0),
+        "haze": 0.3,
+        "shutter": 0.3,
+        "texture_flakes": 9000,
+        "flake_size": (0.008, 0.022),
+        "flakes": 700,
+    },
+}
+
+# Johnson 2005, figures 14 to 16, in a box of 5 x 5 x 5.
+MIST: dict[str, dict[str, Any]] = {
+    "clouds": {"count": 1500, "radius": 0.37, "density": 0.4, "colour": 0.86},
+    "mist": {"count": 1000, "radius": 0.45, "density": 0.15, "colour": 0.6},
+    "fog": {"count": 1200, "radius": 0.45, "density": 0.4, "colour": 0.7},
+}

@@ -15,6 +15,7 @@ from flurries.io.resize import fit, fit_nearest
 from flurries.io.sequences import Pattern, frame_range
 from flurries.io.sources import Source, open_background
 from flurries.io.video import VideoWriter
+from flurries.io.views import read_views, write_views
 from flurries.io.writing import write_picture
 
 __all__ = [
@@ -36,9 +37,11 @@ __all__ = [
     "read_path",
     "read_picture",
     "read_video",
+    "read_views",
     "remove_leftovers",
     "replacing",
     "srgb_to_linear",
     "write_layers",
     "write_picture",
+    "write_views",
 ]

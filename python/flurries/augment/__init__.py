@@ -1,0 +1,42 @@
+"""Weather for data sets: snow, rain and fog on arrays, with labels that know about it.
+
+Nothing of it is imported by ``import flurries``; ``fl.augment`` brings it in. The same weather as
+transforms of other libraries: :mod:`flurries.augment.albumentations`,
+:mod:`flurries.augment.torchvision`, :mod:`flurries.augment.kornia`, each imported when asked for.
+"""
+
+from __future__ import annotations
+
+import importlib
+from types import ModuleType
+
+from flurries.augment.calibration import contrast_loss
+from flurries.augment.distance import Ground
+from flurries.augment.fog import Fog
+from flurries.augment.labels import Weathered, occlusion
+from flurries.augment.rainfall import Rainfall
+from flurries.augment.snowfall import Snowfall
+from flurries.augment.weather import replay
+
+__all__ = [
+    "Fog",
+    "Ground",
+    "Rainfall",
+    "Snowfall",
+    "Weathered",
+    "contrast_loss",
+    "occlusion",
+    "replay",
+]
+
+_LATER = ("albumentations", "corrupt", "kornia", "torchvision")
+
+
+def __getattr__(name: str) -> ModuleType:
+    if name in _LATER:
+        return importlib.import_module(f"{__name__}.{name}")
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    return sorted([*__all__, *_LATER])

@@ -1,0 +1,142 @@
+"""How far away what a picture shows is: given, or a plane with a horizon where nobody said."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
+from typing import Any, TypeAlias
+
+import numpy as np
+
+from flurries._contract import Array, Float64, depths, real
+from flurries.depth import DepthMap
+
+Depth: TypeAlias = Any
+
+# Depths that stand for all of a picture's when its mean loss of contrast is worked out.
+QUANTILES = 256
+
+# How wide the bend at the horizon is: edges that no picture has would show in fog.
+_BEND = 0.1
+
+
+@dataclass(frozen=True, kw_only=True)
+class Ground:
+    """A plane with a horizon: the depth of a picture of which nobody said it.
+
+    Parameters
+    ----------
+    horizon : float
+        Where it lies, as a share of the picture's height from the top.
+    height : float
+        Of the camera above the plane, metres.
+    far : float
+        Depth of all that is above the horizon, metres: between that of a sky and that of what
+        stands before it, since nobody knows.
+
+    Raises
+    ------
+    ValueError, TypeError
+        For a number that is out of range.
+
+    Notes
+    -----
+    A row y px below the horizon is at ``1 / (y / (focal height) + 1 / far)``, with the bend at the
+    horizon rounded over a tenth of the picture's height. It is plausible for pictures taken
+    outdoors at eye level, and nothing more: give the depth where it is known.
+    """
+
+    horizon: float = 0.45
+    height: float = 1.6
+    far: float = 25.0
+
+    def __post_init__(self) -> None:
+        settle = object.__setattr__
+        settle(self, "horizon", real("horizon", self.horizon, low=-10.0, high=10.0))
+        settle(self, "height", real("height", self.height, low=1e-3, high=1e6))
+        settle(self, "far", real("far", self.far, low=1e-3, high=1e9))
+
+    def rows(self, shape: tuple[int, int], focal: float) -> Array:
+        """Return the depth of each row, (H, 1) float32 metres; `focal` in pixels."""
+        below = np.arange(shape[0]) + 0.5 - self.horizon * shape[0]
+        bend = _BEND * shape[0]
+        rounded = bend * np.logaddexp(0.0, below / bend)
+        inverse = rounded / (focal * self.height) + 1.0 / self.far
+        return np.asarray(1.0 / inverse[:, None], np.float32)
+
+
+DEFAULT_GROUND = Ground()
+
+
+@dataclass(frozen=True)
+class Distances:
+    """The depth of one picture.
+
+    Attributes
+    ----------
+    plane : (H, W), (H, 1) or (1, 1) float32
+        Metres, finite.
+    given : bool
+        Whether the caller said so.
+    """
+
+    plane: Array
+    given: bool
+
+    @cached_property
+    def quantiles(self) -> Float64:
+        """Depths of equally many pixels each, (n,) metres."""
+        if self.plane.size <= QUANTILES:
+            return np.asarray(self.plane.reshape(-1), np.float64)
+        # An even sample: sorting 8 million depths would cost more than the weather.
+        step = max(int((self.plane.size / 65536) ** 0.5), 1)
+        sample = self.plane[::step, ::step] if self.plane.shape[1] > 1 else self.plane
+        ranks = (np.arange(QUANTILES) + 0.5) / QUANTILES
+        return np.asarray(np.quantile(sample, ranks), np.float64)
+
+    def whole(self, shape: tuple[int, int]) -> Array:
+        """Return (H, W) float32."""
+        return np.broadcast_to(self.plane, shape)
+
+
+def distances_of(
+    depth: Depth, shape: tuple[int, int], ground: Ground | None, focal: float, far: float
+) -> Distances:
+    """Return the depth of a picture from the argument `depth`, else from the ground.
+
+    Infinity becomes `far`, or twice the farthest finite depth if that is more.
+    """
+    if depth is None:
+        return _grounded(shape, ground, focal, far)
+    if isinstance(depth, DepthMap):
+        if not isinstance(depth.source, np.ndarray):
+            raise TypeError("depth must hold its greys as an array, got a DepthMap of a file")
+        from flurries.io.color import to_unit
+
+        plane = depth.depth_of(to_unit(depth.source))
+    elif np.ndim(depth) == 0 and not isinstance(depth, np.ndarray):
+        plane = np.full((1, 1), real("depth", depth, low=1e-6, high=1e9), np.float32)
+        return Distances(plane, True)
+    else:
+        given = np.asarray(depth)
+        if given.dtype.kind != "f":
+            raise TypeError(
+                "depth must be a number, an array of float in metres or a DepthMap, got "
+                f"{given.dtype}; relative depths become metres through flurries.DepthMap"
+            )
+        with np.errstate(over="ignore"):
+            plane = depths("depth", given.astype(np.float32))
+    if plane.shape != shape:
+        raise ValueError(f"depth must have shape {shape}, got {plane.shape}")
+    finite = plane[np.isfinite(plane)]
+    if finite.size < plane.size:
+        end = max(far, 2.0 * float(finite.max()) if finite.size else 0.0)
+        plane = np.where(np.isfinite(plane), plane, np.float32(end))
+    return Distances(np.ascontiguousarray(plane), True)
+
+
+@lru_cache(maxsize=32)
+def _grounded(shape: tuple[int, int], ground: Ground | None, focal: float, far: float) -> Distances:
+    plane = np.full((1, 1), far, np.float32) if ground is None else ground.rows(shape, focal)
+    plane.flags.writeable = False
+    return Distances(plane, False)

@@ -1,0 +1,159 @@
+"""Flakes and drops before a camera that stands still, each on its own way through the picture.
+
+Seen by a camera that does not come nearer, what falls keeps its depth and crosses the picture at a
+constant speed. So particles are drawn in the picture: a depth from the view's own distribution, a
+place on a torus a little larger than the picture, a motion of focal / depth times the velocity.
+None is wasted outside the view, and each has its exact motion.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from flurries._contract import Array, Float64
+from flurries.augment.draws import uniforms
+from flurries.camera import Camera
+
+# Nearer ones would fill the picture, and fade as out-of-focus puffs do.
+NEAREST = 0.4
+
+# Widths in pixels of a picture 1024 px wide over which they fade.
+_LARGEST_SIGMA = (3.5, 6.0)
+
+_STREAM = 7001
+_DEPTHS = np.linspace(0.0, 1.0, 129)
+
+
+@dataclass(frozen=True)
+class Cloud:
+    """How many particles there are, and what they are like.
+
+    Attributes
+    ----------
+    count : float
+        In view.
+    reach : float
+        Depth up to which they are drawn, metres.
+    sizes : (smallest, largest)
+        Diameters, metres.
+    opacity : float
+        Of a resting one's middle.
+    sway : (amplitude, rate)
+        Metres, and radians per second.
+    """
+
+    count: float
+    reach: float
+    sizes: tuple[float, float]
+    opacity: float
+    sway: tuple[float, float] = (0.0, 0.0)
+
+
+@dataclass(frozen=True)
+class Flakes:
+    """Particles at one time.
+
+    Attributes
+    ----------
+    points : (n, 3)
+        Metres in the camera's axes.
+    radius, opacity : (n,)
+    velocity : (3,)
+        Metres per second.
+    cover : (n,)
+        The share of the picture that each is expected to cover.
+    angle : (n,)
+        Where each is in its swing, radians.
+    swing : float
+        The fastest of the swing, metres per second.
+    """
+
+    points: Float64
+    radius: Float64
+    opacity: Float64
+    velocity: Float64
+    cover: Float64
+    angle: Float64
+    swing: float
+
+    def part(self, which: Array) -> Flakes:
+        """Return some of them."""
+        return replace(
+            self, points=self.points[which], radius=self.radius[which],
+            opacity=self.opacity[which], cover=self.cover[which], angle=self.angle[which],
+        )  # fmt: skip
+
+    def rates(self) -> Float64:
+        """Return how fast each moves, (2, n) metres per second."""
+        own = np.stack([self.swing * np.cos(self.angle), np.zeros_like(self.angle)])
+        return np.asarray(self.velocity[:2, None] + own)
+
+    def before(self, depth: Float64) -> Float64:
+        """Return what they leave of the light from depths, (n,): exp of minus what they cover."""
+        order = np.argsort(self.points[:, 2])
+        covered = np.concatenate([[0.0], np.cumsum(self.cover[order])])
+        return np.asarray(np.exp(-covered[np.searchsorted(self.points[order, 2], depth)]))
+
+
+def flakes_at(
+    cloud: Cloud,
+    shape: tuple[int, int],
+    camera: Camera,
+    *,
+    seed: int,
+    velocity: Float64,
+    time: float,
+    exposure: float,
+    eyes: float,
+) -> Flakes:
+    """Return the particles at a time.
+
+    Parameters
+    ----------
+    velocity : (3,)
+        Metres per second, the third 0.
+    time, exposure : float
+        Seconds.
+    eyes : float
+        Distance of the farthest eye from the camera's own place, metres.
+    """
+    height, width = shape
+    focal = camera.focal
+    speed = float(np.hypot(velocity[0], velocity[1]))
+    # So far outside the picture a particle is still seen in it, by any eye.
+    room = 2.0 * cloud.sizes[1] + speed * exposure + cloud.sway[0] + eyes
+    soft = 4.0 * max(width, height) / 1024.0 + 4.0
+    table = NEAREST + (cloud.reach - NEAREST) * _DEPTHS
+    margin = 2.0 * (room * focal / table + soft)
+    density = table**2 * (width + margin) * (height + margin)
+    sums = np.concatenate([[0.0], np.cumsum(0.5 * (density[1:] + density[:-1]))])
+    view = table**2 * (width * height)
+    in_view = float(np.sum(0.5 * (view[1:] + view[:-1])))
+    number = round(cloud.count * float(sums[-1]) / in_view)
+    u = uniforms(seed, _STREAM, 5 * number).reshape(number, 5)
+    z = np.interp(u[:, 0] * sums[-1], sums, table)
+    pixels = focal / z
+    margins = 2.0 * (room * pixels + soft)
+    over = (width + margins, height + margins)
+    place = []
+    for axis, span in enumerate(over):
+        way = u[:, 1 + axis] + velocity[axis] * time * pixels / span
+        place.append((way - np.floor(way) - 0.5) * span / pixels)
+    x, y = place
+    angle = cloud.sway[1] * time + 2.0 * np.pi * u[:, 4]
+    swing = cloud.sway[0] * cloud.sway[1]
+    if swing != 0.0:
+        x = x + cloud.sway[0] * np.sin(angle)
+    radius = 0.5 * (cloud.sizes[0] + u[:, 3] * (cloud.sizes[1] - cloud.sizes[0]))
+    sigma = pixels * radius / 3.0
+    low, high = (limit * max(width, height) / 1024.0 for limit in _LARGEST_SIGMA)
+    part = np.clip((sigma - low) / (high - low), 0.0, 1.0)
+    opacity = cloud.opacity * (1.0 - part * part * (3.0 - 2.0 * part))
+    cover = 2.0 * np.pi * opacity * sigma**2 / (over[0] * over[1])
+    seen = opacity > 0.0
+    points = np.stack([x, y, z], axis=1)
+    return Flakes(
+        points[seen], radius[seen], opacity[seen], velocity, cover[seen], angle[seen], swing
+    )

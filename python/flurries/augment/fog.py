@@ -1,0 +1,99 @@
+"""Fog for data sets."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+from flurries._contract import Array
+from flurries.augment.air import Air
+from flurries.augment.calibration import contrast_loss
+from flurries.augment.draws import Range, between, range_of, uniforms
+from flurries.augment.patches import Patches
+from flurries.augment.weather import Weather
+
+# Contrast of a black thing before the sky at which it is no longer seen (Koschmieder).
+THRESHOLD = 0.05
+
+_STREAM = 7002
+
+
+@dataclass(frozen=True, kw_only=True)
+class Fog(Weather):
+    """Fog, as a function of pictures, clips, batches and stereo pairs.
+
+    Numbers that are drawn take a number or a range (low, high), and are drawn evenly from it, anew
+    for each index.
+
+    Parameters
+    ----------
+    amount, severity, ground, focal, white, seed, weather_seed
+        See :class:`Snowfall`.
+    visibility : number or range, optional
+        In place of both: the distance in metres at which 5 % of a contrast is left. For depths in
+        metres; an amount is worked out for each picture from its own depths.
+    patches : number or range
+        How uneven it is: standard deviation of the extinction against its mean, 0 to 1.
+    wind : number or range
+        How fast the largest patches drift to the right, picture lengths per second.
+    colour : number, range or (r, g, b)
+        The light that fog scatters towards the camera, display values, 0 to 1.
+
+    Raises
+    ------
+    ValueError, TypeError
+        For an argument that is not as described; the message names it.
+
+    Notes
+    -----
+    Koschmieder: ``seen = clear exp(-b d) + colour (1 - exp(-b d))`` at depth d, b the extinction,
+    3 / visibility. `patches` multiplies b by 1 + patches z, no less than 0, with z a spectral field
+    of variance 1.
+
+    Examples
+    --------
+    >>> import numpy as np, flurries as fl
+    >>> picture = np.zeros((96, 128, 3), np.float32)
+    >>> fog = fl.augment.Fog(visibility=60.0, patches=0.0, colour=1.0)
+    >>> seen = fog(picture, depth=60.0)
+    >>> round(float(seen[0, 0, 0]), 3)
+    0.95
+    """
+
+    colour: Range | tuple[float, float, float] = (0.75, 0.92)
+    visibility: Range | None = None
+    patches: Range = (0.0, 0.3)
+    wind: Range = (-0.1, 0.1)
+
+    DRAWN: ClassVar[tuple[str, ...]] = ("patches", "wind")
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        settle = object.__setattr__
+        settle(self, "patches", range_of("patches", self.patches, low=0.0, high=1.0))
+        settle(self, "wind", range_of("wind", self.wind, low=-100.0, high=100.0))
+        if self.visibility is not None:
+            if self.amount is not None or self.severity is not None:
+                raise ValueError("visibility must stand without amount and severity")
+            limits = range_of("visibility", self.visibility, low=1e-3, high=1e9)
+            settle(self, "visibility", limits)
+
+    def _drawn(self, image: Array | None, index: int | None) -> dict[str, Any]:
+        record = super()._drawn(image, index)
+        record["visibility"] = None
+        if self.visibility is not None:
+            u = float(uniforms(record["weather_seed"], _STREAM, 1)[0])
+            record["amount"], record["visibility"] = None, between(self.visibility, u)
+        return record
+
+    def _air(self, record: dict[str, Any]) -> Air:
+        far = record["visibility"]
+        return Air(
+            seed=record["weather_seed"],
+            loss=1.0 if far is not None else contrast_loss(record["amount"]),
+            velocity=(0.0, 0.0),
+            exposure=0.0,
+            patches=Patches(record["patches"], (record["wind"], 0.0)),
+            fixed=None if far is None else -math.log(THRESHOLD) / far,
+        )

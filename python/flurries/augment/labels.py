@@ -1,0 +1,138 @@
+"""Labels that know about the weather: what it hides, how it moves, how far away it is."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from flurries._contract import Array, Float64, pixels, table
+
+# From this opacity on the weather is what is seen at a pixel.
+SEEN = 0.5
+
+
+@dataclass(frozen=True, eq=False)
+class Weathered:
+    """A picture with weather, and what there is to know about it.
+
+    Attributes
+    ----------
+    image : array
+        Of the shape and dtype of the picture that came.
+    alpha : (H, W) float32
+        Opacity of the weather, 0 to 1.
+    colour : (r, g, b)
+        Its display values, 0 to 1.
+    record : dict
+        What :func:`flurries.augment.replay` makes the same weather of; plain numbers and words.
+    boxes, masks : as they came
+        Weather moves nothing in the picture.
+    occlusion : (n,) float64 or None
+        The mean opacity over each box, 0 to 1.
+    flow : (H, W, 2) float32 or None
+        The label, with the weather's own motion where its opacity exceeds a half. Pixels per frame.
+    depth : (H, W) float32 or None
+        The depth that came, with the weather's own where its opacity exceeds a half. Metres.
+    motion : (H, W, 2) float32 or None
+        How the weather moves, pixels (x, y) per frame: of the flakes and waves at a pixel the mean,
+        weighted with their opacities.
+    """
+
+    image: Array
+    alpha: Array
+    colour: tuple[float, float, float]
+    record: dict[str, Any] = field(default_factory=dict)
+    boxes: Any = None
+    masks: Any = None
+    occlusion: Float64 | None = None
+    flow: Array | None = None
+    depth: Array | None = None
+    motion: Array | None = None
+
+    @property
+    def layer(self) -> Array:
+        """(H, W, 4) float32: the weather alone, display values premultiplied with its opacity."""
+        return layer_of(self.alpha, self.colour)
+
+
+def layer_of(alpha: Array, colour: tuple[float, ...]) -> Array:
+    """Return (..., 4) float32: a colour, premultiplied with an opacity."""
+    layer = np.empty((*alpha.shape, 4), np.float32)
+    np.multiply(alpha[..., None], np.asarray(colour, np.float32), out=layer[..., :3])
+    layer[..., 3] = alpha
+    return layer
+
+
+def occlusion(alpha: npt.ArrayLike, boxes: npt.ArrayLike) -> Float64:
+    """Return how much of each box the weather hides.
+
+    Parameters
+    ----------
+    alpha : (H, W)
+        Opacity, 0 to 1, float.
+    boxes : (n, 4)
+        (x0, y0, x1, y1) in pixels, x0 <= x1 and y0 <= y1; pixel (row i, column j) covers
+        [j, j + 1) x [i, i + 1). Parts of pixels count as parts, what lies outside the picture not
+        at all.
+
+    Returns
+    -------
+    (n,) float64
+        The mean opacity over the box, 0 to 1; NaN for a box without area inside the picture.
+
+    Raises
+    ------
+    ValueError, TypeError
+        For an argument that is not as described.
+    """
+    plane, _ = pixels("alpha", alpha, ndim=2)
+    if not (plane.min() >= 0.0 and plane.max() <= 1.0):
+        raise ValueError("alpha must be from 0 to 1 everywhere")
+    corners = boxes_of(boxes)
+    height, width = plane.shape
+    sums = np.zeros((height + 1, width + 1))
+    np.cumsum(np.cumsum(plane, axis=0, dtype=np.float64), axis=1, out=sums[1:, 1:])
+    x = np.clip(corners[:, 0::2], 0.0, width)
+    y = np.clip(corners[:, 1::2], 0.0, height)
+
+    def upto(column: Float64, row: Float64) -> Float64:
+        """The integral from the corner of the picture: bilinear between corners of pixels."""
+        j = np.minimum(column.astype(np.int64), width - 1)
+        i = np.minimum(row.astype(np.int64), height - 1)
+        right, down = column - j, row - i
+        upper = sums[i, j] + right * (sums[i, j + 1] - sums[i, j])
+        lower = sums[i + 1, j] + right * (sums[i + 1, j + 1] - sums[i + 1, j])
+        return np.asarray(upper + down * (lower - upper))
+
+    hidden = (
+        upto(x[:, 1], y[:, 1]) - upto(x[:, 0], y[:, 1])
+        - upto(x[:, 1], y[:, 0]) + upto(x[:, 0], y[:, 0])
+    )  # fmt: skip
+    area = (x[:, 1] - x[:, 0]) * (y[:, 1] - y[:, 0])
+    share = np.divide(hidden, area, out=np.full(len(area), np.nan), where=area > 0.0)
+    return np.asarray(np.clip(share, 0.0, 1.0))
+
+
+def boxes_of(boxes: npt.ArrayLike) -> Float64:
+    """Return boxes (n, 4) float64, checked; none of them is (0, 4)."""
+    corners = table("boxes", boxes, ndim=None)
+    if corners.size == 0:
+        return np.empty((0, 4))
+    if corners.ndim != 2 or corners.shape[1] != 4:
+        raise ValueError(f"boxes must have shape (n, 4), got {corners.shape}")
+    if (corners[:, :2] > corners[:, 2:]).any():
+        raise ValueError("boxes must be (x0, y0, x1, y1) with x0 <= x1 and y0 <= y1")
+    return corners
+
+
+def flow_of(flow: npt.ArrayLike, shape: tuple[int, int]) -> Array:
+    """Return the label of the picture's own motion, (H, W, 2) float, checked."""
+    given = np.asarray(flow)
+    if given.dtype.kind != "f":
+        raise TypeError(f"flow must be an array of float, got {given.dtype}")
+    if given.shape != (*shape, 2):
+        raise ValueError(f"flow must have shape {(*shape, 2)}, got {given.shape}")
+    return given

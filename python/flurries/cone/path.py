@@ -1,0 +1,301 @@
+"""Axis, phase and stretch of the cone for a whole way at once: any frame can be asked for."""
+
+from __future__ import annotations
+
+import bisect
+import math
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+import numpy.typing as npt
+
+from flurries._contract import Float64, flag, integer, moderate, real, table
+from flurries.cone.motion import elongation, scroll, travel
+from flurries.cone.sheet import MOST_REPEATS, wrapped
+
+__all__ = ["Path", "State", "path"]
+
+# Below this speed, m/s, there is no direction: the axis stays as it was.
+STILL = 1e-3
+
+# Before anything has moved the cone points down.
+DOWN = np.array([0.0, 1.0, 0.0])
+
+# Gauss-Legendre nodes and weights on [-1, 1]: right to 1e-16 where the speed's branch points are
+# farther from the middle than twice the half width.
+_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(16)
+
+
+@dataclass(frozen=True)
+class State:
+    """What :func:`flurries.cone.layer` needs of one moment.
+
+    Attributes
+    ----------
+    axis : (x, y, z)
+        Of length 1, house axes.
+    phase : float
+        Tiles, in [0, 1).
+    stretch : float
+        How many times as long as a drop its streak is.
+    speed : float
+        Along the axis, metres per second; negative where the drops go against it.
+    """
+
+    axis: tuple[float, float, float]
+    phase: float
+    stretch: float
+    speed: float
+
+
+@dataclass(frozen=True, eq=False)
+class Path:
+    """The cone over time; made by :func:`path`.
+
+    Attributes
+    ----------
+    times : (n,) float64
+        Seconds, not decreasing.
+    axis : (n, 3) float64
+        Of length 1, house axes.
+    phase : (n,) float64
+        Tiles, in [0, 1).
+    stretch : (n,) float64
+        1 or more.
+    speed : (n,) float64
+        Along the axis, metres per second.
+    """
+
+    times: Float64
+    axis: Float64
+    phase: Float64
+    stretch: Float64
+    speed: Float64
+    _velocity: Float64
+    _blur: float
+    _tile: float
+    _still: float
+    _published: bool
+
+    def at(self, time: float) -> State:
+        """Return the state at a time in seconds.
+
+        Before the first and after the last time the velocity stays what it is there; between two
+        times it is linear, and the phase its integral. A path as printed has only the moments that
+        it was made of, and gives the last one before `time`.
+        """
+        t = real("time", time)
+        times = self.times
+        i = max(bisect.bisect_right(times, t) - 1, 0)
+        if self._published or t == times[i]:
+            return self._state(i)
+        velocity = self._velocity
+        if i + 1 == len(times) or t < times[0]:
+            start, end = velocity[i], velocity[i]
+        else:
+            start = velocity[i]
+            part = (t - times[i]) / (times[i + 1] - times[i])
+            end = start + part * (velocity[i + 1] - start)
+        axis, speed = _tilt(end, self.axis[i], self._still)
+        gone = _gone(start, end, t - times[i], self.axis[i], self._blur) / self._tile
+        stretch = 1.0 + self._blur * abs(speed)
+        x, y, z = axis.tolist()
+        return State((x, y, z), wrapped(self.phase[i] + gone), stretch, speed)
+
+    def _state(self, i: int) -> State:
+        x, y, z = self.axis[i].tolist()
+        return State((x, y, z), float(self.phase[i]), float(self.stretch[i]), float(self.speed[i]))
+
+
+def path(
+    times: npt.ArrayLike,
+    drop: npt.ArrayLike,
+    camera: npt.ArrayLike = (0.0, 0.0, 0.0),
+    *,
+    damping: float = 1.0,
+    exposure: float = 1.0 / 60.0,
+    length: float = 0.02,
+    radius: float = 2.0,
+    repeats: int = 4,
+    still: float = STILL,
+    published: bool = False,
+    pixel: float = 50.0,
+) -> Path:
+    """Return axis, phase and stretch of the cone for a whole way of the camera.
+
+    With v = drop - damping camera the axis is v / |v|. Below `still` it stays what it was, and
+    where it would turn by more than a right angle from one time to the next, the drops go backwards
+    along the old one instead, so that nothing flips as v goes through zero; before the first time
+    it is (0, 1, 0). The phase is the integral of ``speed / (tile stretch)``, from 0 at the first
+    time, with ``tile = 2 pi radius / repeats`` metres: at the equator of the cone the image moves
+    as a drop's at that radius, whatever the frame rate.
+
+    Parameters
+    ----------
+    times : (n,)
+        Seconds, not decreasing; a paused clock repeats a time.
+    drop, camera : (3,) or (n, 3)
+        Velocities at those times, metres per second, house axes, linear between them.
+    damping : float
+        C_f, how much of the camera's motion counts, 0 to 1; with 1 the apex of the cone is the
+        focus of expansion.
+    exposure : float
+        Seconds.
+    length : float
+        Of a drop, metres, more than 0.
+    radius : float
+        R0, of the first layer's cone, metres.
+    repeats : int
+        Tiles of the first layer around.
+    still : float
+        Metres per second, more than 0: what is slower has no direction.
+    published : bool
+        Everything as printed: a sum in Eq. 1, frame times where an exposure and a speed are meant.
+        `length` is S_streak in tiles' pixels, of which there are `pixel` to a metre. Rows of `axis`
+        where the clock stands still are NaN. See ``docs/deviations.md``.
+    pixel : float
+        C_pixel of the printed form.
+
+    Returns
+    -------
+    Path
+
+    Raises
+    ------
+    ValueError, TypeError
+        For an argument that is not as described; the message names it.
+
+    Notes
+    -----
+    Wang 2004, Eqs. 1-3, corrected. Phases are computed in float64 and reduced at every time.
+
+    Examples
+    --------
+    >>> import flurries as fl
+    >>> film = fl.cone.path([0.0, 10.0], drop=(0.5, 5.0, 0.0), camera=(0.0, 0.0, 8.0))
+    >>> state = film.at(3.0)
+    >>> alpha = fl.cone.layer((90, 120), fl.Camera(150.0), fl.cone.rain_tile(64, seed=1),
+    ...                       axis=state.axis, phase=state.phase, stretch=state.stretch)
+    """
+    moments = moderate("times", table("times", times, ndim=1))
+    if len(moments) == 0 or (np.diff(moments) < 0.0).any():
+        raise ValueError("times must not be empty and not decrease")
+    count = len(moments)
+    rows = [_rows(name, value, count) for name, value in (("drop", drop), ("camera", camera))]
+    around = integer("repeats", repeats, low=1, high=MOST_REPEATS)
+    tile = 2.0 * math.pi * real("radius", radius, above=0.0) / around
+    if flag("published", published):
+        return _printed(moments, rows, damping, length, pixel, tile)
+    velocity = travel(*rows, damping=damping)
+    slow = real("still", still, above=0.0)
+    blur = real("exposure", exposure, low=0.0) / real("length", length, above=0.0)
+    axis, speed = np.empty((count, 3)), np.empty(count)
+    last = DOWN
+    for i, rate in enumerate(velocity):
+        axis[i], speed[i] = _tilt(rate, last, slow)
+        last = axis[i]
+    steps = _all_gone(velocity, np.diff(moments), axis, blur) / tile
+    phase = np.zeros(count)
+    for i, step in enumerate(steps.tolist()):
+        phase[i + 1] = wrapped(phase[i] + math.fmod(step, 1.0))
+    stretch = 1.0 + blur * np.abs(speed)
+    return Path(moments, axis, phase, stretch, speed, velocity, blur, tile, slow, False)
+
+
+def _rows(name: str, value: npt.ArrayLike, count: int) -> Float64:
+    given = table(name, value, ndim=None)
+    if given.shape not in ((3,), (count, 3)):
+        raise ValueError(f"{name} must be (3,) or ({count}, 3), got shape {given.shape}")
+    return moderate(name, np.array(np.broadcast_to(given, (count, 3))))
+
+
+def _tilt(velocity: Float64, last: Float64, still: float) -> tuple[Float64, float]:
+    """Return the axis and the speed along it of a velocity, where the axis was `last`."""
+    pace = float(np.linalg.norm(velocity))
+    if pace < still:
+        return last, float(velocity @ last)
+    axis: Float64 = velocity / pace
+    return (axis, pace) if axis @ last >= 0.0 else (-axis, -pace)
+
+
+def _gone(start: Float64, end: Float64, dt: float, axis: Float64, blur: float) -> float:
+    """Return metres of the texture's scroll over a time in which the velocity is linear.
+
+    The integral of ``s |v| / (1 + blur |v|)``, s the sign along `axis`. |v| has a kink, or nearly
+    one, where v is least: pieces double in length from there on.
+    """
+    change = end - start
+    square = float(change @ change)
+    edges = {0.0, 1.0}
+    if square > 0.0:
+        least = -float(start @ change) / square
+        slowest = float(np.linalg.norm(start + least * change)) / math.sqrt(square)
+        for side in (-1.0, 1.0):
+            width = 1.0
+            # Where |v| is as far from its branch points as the piece is long, or is no matter.
+            while width > max(0.25 * slowest, 1e-12):
+                edges.add(least + side * width)
+                width *= 0.5
+            edges.add(least + side * width)
+        edges.add(least)
+        along, turning = float(start @ axis), float(change @ axis)
+        if turning != 0.0:
+            edges.add(-along / turning)
+    inside = sorted(edge for edge in edges if 0.0 <= edge <= 1.0)
+    total = 0.0
+    for low, high in pairwise(inside):
+        total += float(_pieces(start[None], change[None], axis[None], blur, low, high)[0])
+    return total * dt
+
+
+def _pieces(
+    start: Float64, change: Float64, axis: Float64, blur: float, low: float, high: float
+) -> Float64:
+    """Return the integrals over [low, high] of rows of velocities, by one Gauss rule each."""
+    middle, half = 0.5 * (low + high), 0.5 * (high - low)
+    at = middle + half * _NODES
+    velocity = start[:, None, :] + at[:, None] * change[:, None, :]
+    pace = np.sqrt(np.einsum("nkc,nkc->nk", velocity, velocity))
+    sign = np.where(np.einsum("nkc,nc->nk", velocity, axis) >= 0.0, 1.0, -1.0)
+    return np.asarray(half * (sign * pace / (1.0 + blur * pace)) @ _WEIGHTS)
+
+
+def _all_gone(velocity: Float64, steps: Float64, axis: Float64, blur: float) -> Float64:
+    """Return `_gone` of every step; those without a kink nearby in one go."""
+    start, change, axis = velocity[:-1], np.diff(velocity, axis=0), axis[:-1]
+    square = np.einsum("nc,nc->n", change, change)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        least = np.where(square > 0.0, -np.einsum("nc,nc->n", start, change) / square, np.inf)
+        closest = start + np.where(np.isfinite(least), least, 0.0)[:, None] * change
+        slowest = np.linalg.norm(closest, axis=1) / np.sqrt(square)
+    far = np.hypot(least - 0.5, slowest) > 1.25
+    along = np.einsum("nc,nc->n", start, axis)
+    turned = np.einsum("nc,nc->n", start + change, axis)
+    plain = far & ((along >= 0.0) == (turned >= 0.0))
+    gone = np.zeros(len(steps))
+    gone[plain] = _pieces(start[plain], change[plain], axis[plain], blur, 0.0, 1.0) * steps[plain]
+    for i in np.flatnonzero(~plain):
+        gone[i] = _gone(velocity[i], velocity[i + 1], float(steps[i]), axis[i], blur)
+    return gone
+
+
+def _printed(
+    moments: Float64,
+    rows: list[Float64],
+    damping: float,
+    streak: float,
+    pixel: float,
+    tile: float,
+) -> Path:
+    """Return the path by the equations as printed, frame after frame."""
+    dt = np.diff(moments, prepend=moments[0])
+    vectors = travel(*rows, damping=damping, published=True, dt=dt)
+    length = np.linalg.norm(vectors, axis=1)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        axis = vectors / length[:, None]
+        speed = length / dt
+    stretch = elongation(length, length=streak, published=True, pixel=pixel)
+    moved = scroll(length, dt, published=True, streak=streak, pixel=pixel) / (pixel * tile)
+    phase = np.array([wrapped(value) for value in np.cumsum(moved / stretch).tolist()])
+    return Path(moments, axis, phase, stretch, speed, vectors, 0.0, tile, STILL, True)

@@ -1,0 +1,160 @@
+"""Where a pixel's ray meets the double cone: azimuth, height, footprint and fade."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TypeAlias
+
+import numpy as np
+import numpy.typing as npt
+
+from flurries import _core
+from flurries._contract import Float64, real, shape_of, table, vector
+from flurries.camera import Camera, expect_camera
+
+__all__ = ["Rays", "frame", "rays"]
+
+_Triple: TypeAlias = tuple[float, float, float]
+
+# What a kernel needs to know of a camera in a cone: focal, cx, cy, rotation, axis, slope, eye.
+Pose: TypeAlias = tuple[float, float, float, list[float], _Triple, float, _Triple]
+
+# An eye further off the middle than this share of the radius may see the cone from outside.
+FARTHEST_EYE = 0.5
+
+
+@dataclass(frozen=True)
+class Rays:
+    """What every pixel sees of the cone.
+
+    Attributes
+    ----------
+    azimuth : (H, W) float64
+        Turns around the axis, in [0, 1).
+    height : (H, W) float64
+        Along the axis, over the cone's radius: ``w = s / (c + slope |s|)`` for a ray with s along
+        the axis and c across it.
+    azimuth_step, height_step : (H, W) float64
+        How much each changes from pixel to pixel: the lengths of their gradients in the picture.
+    fade : (H, W) float64
+        How much is shown, 1 up to 82 degrees from the equator, 0 from 89.4 degrees on.
+    """
+
+    azimuth: Float64
+    height: Float64
+    azimuth_step: Float64
+    height_step: Float64
+    fade: Float64
+
+
+def frame(axis: npt.ArrayLike) -> tuple[Float64, Float64, Float64]:
+    """Return the axis and two directions across it.
+
+    Parameters
+    ----------
+    axis : (3,)
+        Of any length but 0, house axes.
+
+    Returns
+    -------
+    axis, first, second : (3,) float64
+        Of length 1 and square to each other: x and z, turned by the smallest rotation that brings
+        the default axis (0, 1, 0) to the wanted one; x and -z where the axis points straight up.
+
+    Raises
+    ------
+    ValueError, TypeError
+        If the axis is no direction.
+    """
+    basis = _core.cone_basis(direction("axis", axis))
+    first, second, third = (np.array(part) for part in basis)
+    return first, second, third
+
+
+def rays(
+    shape: tuple[int, int],
+    camera: Camera,
+    *,
+    axis: npt.ArrayLike,
+    slope: float = 0.0,
+    radius: float = math.inf,
+    points_px: npt.ArrayLike | None = None,
+) -> Rays:
+    """Return what every pixel sees of a double cone.
+
+    Parameters
+    ----------
+    shape : (H, W)
+        Size of the picture.
+    camera : Camera
+        Its lens, rotation and offset.
+    axis : (3,)
+        Direction of the cone, house axes.
+    slope : float
+        k, radius over height of the cone, 0 or more; 0 is a cylinder, on which images move exactly
+        as those of points in space. A cone's are faster by ``(1 + k tan e)^2`` at elevation e.
+    radius : float
+        Of the cone, world units; matters for a camera with an `offset` only.
+    points_px : (n, 2), optional
+        Positions (x, y) in the picture, in place of every pixel's centre.
+
+    Returns
+    -------
+    Rays
+        Planes (H, W), or rows (n,) for `points_px`.
+
+    Raises
+    ------
+    ValueError, TypeError
+        For an argument that is not as described.
+    """
+    size = shape_of("shape", shape)
+    given = pose(size, camera, axis, slope, radius)
+    wanted: tuple[int, ...]
+    if points_px is None:
+        places, wanted = np.empty((size[0] * size[1], 2)), size
+        places[:, 0] = np.tile(np.arange(size[1]) + 0.5, size[0])
+        places[:, 1] = np.repeat(np.arange(size[0]) + 0.5, size[1])
+    else:
+        places = table("points_px", points_px)
+        wanted = (len(places),)
+        if places.shape[1] != 2:
+            raise ValueError(f"points_px must have shape (n, 2), got {places.shape}")
+    values = np.empty((len(places), 5))
+    _core.cone_rays(values, places, given)
+    planes = [np.ascontiguousarray(column).reshape(wanted) for column in values.T]
+    return Rays(*planes)
+
+
+def pose(
+    shape: tuple[int, int], camera: Camera, axis: npt.ArrayLike, slope: float, radius: float
+) -> Pose:
+    """Return what a kernel needs to know of a camera in a cone."""
+    view = expect_camera(camera)
+    x, y = view.principal(shape)
+    cone = real("slope", slope, low=0.0, high=1e6)
+    eye = np.zeros(3)
+    if any(view.offset) and radius != math.inf:
+        eye = np.array(view.offset) / real("radius", radius, above=0.0)
+        if float(np.linalg.norm(eye)) * (1.0 + cone) > FARTHEST_EYE:
+            raise ValueError(
+                f"radius must be at least {(1.0 + cone) / FARTHEST_EYE:g} times the length of "
+                f"camera.offset {view.offset}, got {radius!r}"
+            )
+    rotation = view.matrix().ravel().tolist()
+    return view.focal, x, y, rotation, direction("axis", axis), cone, triple(eye)
+
+
+def triple(values: Float64) -> _Triple:
+    """Return three floats."""
+    x, y, z = values.tolist()
+    return x, y, z
+
+
+def direction(name: str, value: npt.ArrayLike) -> _Triple:
+    """Return a vector that is not zero."""
+    given = vector(name, value, 3)
+    if not given.any():
+        raise ValueError(f"{name} must not be zero, got {tuple(given.tolist())}")
+    return triple(given)

@@ -1,0 +1,376 @@
+"""Mist, fog and clouds: a box of splatted particles that the wind moves (Johnson 2005)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+from functools import lru_cache
+from typing import Any, ClassVar
+
+import numpy as np
+
+from flurries import gas, particles
+from flurries._contract import Array, Float64, choice, flag, integer, real, seed_of, vector
+from flurries.effects.falling import AMBIENT, settled_colour
+from flurries.effects.layer import Frame, Layer
+from flurries.effects.presets import MIST
+from flurries.gas.splatting import FOOTPRINTS
+from flurries.gas.visibility import count_for_visibility
+from flurries.timeline import Keys, Number, Vector, as_number, as_vector, value_at
+from flurries.trace import stage
+
+SCATTER = ("even", "rayleigh", "henyey")
+
+# The paper's fog: a radius of .45 in a box of 5.
+RADIUS = 0.09
+
+# A box whose fog hides what lies behind it, where a visibility is given and no box.
+REACH = 1.2
+
+# The outer share of the box, on each side, in which particles fade.
+RIM = 0.075
+
+MOST = 2_000_000
+
+
+@dataclass(frozen=True, kw_only=True)
+class Mist:
+    """Gas that one sees into: mist, fog, clouds.
+
+    Numbers marked "keyed" may vary over time: give :class:`flurries.Keys`. Lengths are metres when
+    the camera's places are.
+
+    Parameters
+    ----------
+    amount : float
+        How much of it, 0 to 1; scales the density. Keyed.
+    count : int, optional
+        Particles in the box. If neither this nor `visibility` is given, the fog's 1200.
+    visibility : float, optional
+        In place of a count: the distance in metres at which a black object keeps 5 % of its
+        contrast, by :func:`flurries.gas.count_for_visibility`. Keyed: the density follows. With
+        `count` the density follows from both, in place of `density`.
+    radius : float, optional
+        Three sigma of a particle, metres; 0.09 of the box if not given.
+    density : float
+        Opacity of a particle's middle, 0 to 1. Keyed.
+    colour : float, (r, g, b) or "ambient"
+        Display values, 0 to 1. Keyed. "ambient" is the background's own light.
+    wind : (x, y, z)
+        Air velocity, metres per second, x right, y down, z away from the camera. Keyed.
+    box : float or (x, y, z), optional
+        Sides of the box that the gas fills, metres. If not given, 5, or 1.2 times the visibility.
+    center : (x, y, z), optional
+        The middle of the box in the world, house axes, metres. If not given, the box goes with the
+        camera, which stands inside; it is then made as wide as the view at its far end, with as
+        many particles more.
+    depths : (near, far), optional
+        Only the gas between these depths, metres: one effect can stand behind flakes, and another
+        of the same seed in front of them.
+    footprint : str
+        See :func:`flurries.gas.splat`. Particles nearer than four radii are always drawn by their
+        line integral.
+    near : float
+        Depth before which nothing is drawn, metres.
+    lit : bool
+        Whether the scene's sun shades the gas and the gas itself.
+    forward : float
+        Share of the sun's light that a particle passes on to those behind it, 0 to 1.
+    scatter : {"rayleigh", "henyey", "even"}
+        Where light is scattered to, see :func:`flurries.gas.phase`.
+    asymmetry : float
+        Of "henyey", -0.99 to 0.99.
+    seed : int, optional
+        Of this effect; the scene's if not given.
+
+    Raises
+    ------
+    ValueError, TypeError
+        For an argument outside its range; the message names it.
+
+    Notes
+    -----
+    Johnson 2005, section 4: the presets "clouds", "mist" and "fog" have the paper's numbers. The
+    paper does not say how large its box was.
+
+    Examples
+    --------
+    >>> import flurries as fl
+    >>> fog = fl.Mist.preset("fog", wind=(0.4, 0.0, 0.0))
+    >>> fog.count, round(fog.extinction(), 3)
+    (1200, 0.515)
+    >>> round(fl.gas.visibility(fl.Mist(visibility=40.0).extinction()))
+    40
+    """
+
+    amount: Number = 1.0
+    count: int | None = None
+    visibility: Number | None = None
+    radius: float | None = None
+    density: Number = 0.4
+    colour: Any = 0.7
+    wind: Vector = (0.0, 0.0, 0.0)
+    box: float | Sequence[float] | None = None
+    center: Sequence[float] | None = None
+    depths: Sequence[float] | None = None
+    footprint: str = "viewplane_c"
+    near: float = 0.1
+    lit: bool = True
+    forward: float = 0.5
+    scatter: str = "rayleigh"
+    asymmetry: float = 0.6
+    seed: int | None = None
+
+    NAME: ClassVar[str] = "mist"
+
+    def __post_init__(self) -> None:
+        def settle(name: str, value: Any) -> None:
+            object.__setattr__(self, name, value)
+
+        settle("amount", as_number("amount", self.amount, low=0.0, high=1.0))
+        settle("density", as_number("density", self.density, low=0.0, high=1.0))
+        settle("colour", settled_colour(self.colour))
+        settle("wind", as_vector("wind", self.wind, 3))
+        if self.count is None and self.visibility is None:
+            settle("count", 1200)
+        if self.count is not None:
+            settle("count", integer("count", self.count, low=0, high=MOST))
+        if self.visibility is not None:
+            settle("visibility", as_number("visibility", self.visibility, above=0.0))
+        settle("box", self._sides())
+        if self.radius is None:
+            settle("radius", RADIUS * min(self.box))  # type: ignore[arg-type]
+        settle("radius", real("radius", self.radius, above=0.0))
+        if self.center is not None:
+            settle("center", tuple(vector("center", self.center, 3).tolist()))
+        if self.depths is not None:
+            settle("depths", _depths(self.depths))
+        choice("footprint", self.footprint, FOOTPRINTS)
+        settle("near", real("near", self.near, above=0.0))
+        flag("lit", self.lit)
+        settle("forward", real("forward", self.forward, low=0.0, high=1.0))
+        choice("scatter", self.scatter, SCATTER)
+        settle("asymmetry", real("asymmetry", self.asymmetry, low=-0.99, high=0.99))
+        if self.seed is not None:
+            settle("seed", seed_of(self.seed))
+        for t in _times(self.density, self.visibility):
+            self.particle_density(t)
+        self.particles_in_box()
+
+    def _sides(self) -> tuple[float, float, float]:
+        if self.box is None:
+            far = 5.0 if self.visibility is None else REACH * max(_values(self.visibility))
+            return (far, far, far)
+        if np.ndim(self.box) == 0:
+            side = real("box", self.box, above=0.0)
+            return (side, side, side)
+        x, y, z = (real("box", side, above=0.0) for side in vector("box", self.box, 3).tolist())
+        return (x, y, z)
+
+    @classmethod
+    def preset(cls, name: str, **changes: Any) -> Mist:
+        """Return a look by name: "clouds", "mist" or "fog", the paper's.
+
+        Further arguments replace single values of it; a `visibility` replaces its count.
+        """
+        values: dict[str, Any] = dict(MIST[choice("preset", name, tuple(MIST))])
+        unknown = set(changes) - {f.name for f in fields(cls)}
+        if unknown:
+            raise TypeError(f"Mist has no field {sorted(unknown)[0]!r}")
+        if changes.get("visibility") is not None:
+            # The look keeps its grain: particles grow with the box.
+            values.pop("count")
+            if "box" not in changes and "radius" not in changes:
+                values["radius"] = (
+                    values["radius"] / 5.0 * REACH * max(_values(changes["visibility"]))
+                )
+        return cls(**{**values, **changes})
+
+    def particles_in_box(self) -> int:
+        """Return how many particles the box of the given sides holds."""
+        if self.count is not None:
+            return self.count
+        # Of keyed values the pair that needs the most.
+        assert self.visibility is not None and self.radius is not None
+        volume = float(np.prod(self.box))  # type: ignore[arg-type]
+        least, most = min(_values(self.visibility)), max(_values(self.density))
+        if most == 0.0:
+            return 0
+        count = count_for_visibility(least, volume, self.radius, most)
+        if count > MOST:
+            raise ValueError(
+                f"visibility: {least:g} m wants {count} particles of radius {self.radius:g} in the "
+                f"box, at most {MOST} are drawn; a larger radius wants fewer"
+            )
+        return count
+
+    def particle_density(self, t: float) -> float:
+        """Return the opacity of a particle's middle at `t`, without `amount`."""
+        density = float(value_at(self.density, t))
+        if self.visibility is None:
+            return density
+        far = float(value_at(self.visibility, t))
+        if self.count is None:
+            return density * min(_values(self.visibility)) / far
+        assert self.radius is not None
+        volume = float(np.prod(self.box))  # type: ignore[arg-type]
+        try:
+            return gas.density_for_visibility(far, max(self.count, 1), volume, self.radius)
+        except ValueError as error:
+            text = str(error).replace("distance", "visibility", 1)
+            raise ValueError(text) from None
+
+    def extinction(self, t: float = 0.0) -> float:
+        """Return beta at `t`, per metre; see :func:`flurries.gas.extinction`."""
+        assert self.radius is not None
+        volume = float(np.prod(self.box))  # type: ignore[arg-type]
+        density = float(value_at(self.amount, t)) * self.particle_density(t)
+        return gas.extinction(self.particles_in_box(), volume, self.radius, density)
+
+    def render(self, frame: Frame) -> Layer:
+        """Return this effect's layer of a frame."""
+        assert self.radius is not None
+        with stage("gas"):
+            points, shown = self.particles(frame)
+            camera = frame.camera
+            options: dict[str, Any] = {
+                "footprint": self.footprint,
+                "near": self.near,
+                "near_mode": "exact",
+                "depth": frame.depth,
+            }
+            if frame.sun is None or not self.lit or not len(points):
+                alpha = gas.alpha(frame.shape, points, self.radius, shown, camera, **options)
+                return Layer(self.NAME, frame.crop(alpha), self._display(frame))
+            colours = self._shaded(frame, points, shown)
+            layer = gas.splat(frame.shape, points, self.radius, shown, colours, camera, **options)
+            return Layer(self.NAME, frame.crop(layer[..., 3]), rgb=frame.crop(layer[..., :3]))
+
+    def particles(self, frame: Frame) -> tuple[Float64, Float64]:
+        """Return middles in camera axes (n, 3) and the density that each shows (n,)."""
+        sides, count = self._filled(frame)
+        middle = self._middle(frame, sides)
+        points = particles.positions(
+            count,
+            sides,
+            seed=frame.seed,
+            velocity=-frame.displacement(wind=self.wind),
+            time=1.0,
+            center=middle,
+        )
+        shown = particles.edge_fade(points, sides, center=middle)
+        shown *= value_at(self.amount, frame.t) * self.particle_density(frame.t)
+        local = frame.to_camera(points)
+        if self.depths is not None:
+            shown = shown * self._between(local[:, 2] - frame.camera.offset[2])
+        seen = shown > 0.0
+        return np.ascontiguousarray(local[seen]), shown[seen]
+
+    def _filled(self, frame: Frame) -> tuple[Float64, int]:
+        """Return the sides of the box and how many particles fill it."""
+        sides = np.array(self.box, np.float64)
+        count = self.particles_in_box()
+        if self.center is not None:
+            return sides, count
+        # The path's lens, so that both eyes see the same gas.
+        cx, cy = frame.path.camera.principal(frame.shape)
+        height, width = frame.shape
+        slopes = np.array([max(cx, width - cx), max(cy, height - cy)]) / frame.path.camera.focal
+        # The outer part fades; the view's far corners stay inside of that. Up to 1 : 1 either way.
+        wide = 2.0 * np.minimum(slopes, 1.0) * sides[2] * (1.0 - RIM) / (1.0 - 2.0 * RIM)
+        grown = sides.copy()
+        if not frame.path.turns and not np.any(frame.camera.rotation):
+            grown[:2] = np.maximum(sides[:2], wide)
+        return grown, min(round(count * float(np.prod(grown / sides))), 4 * MOST)
+
+    def _middle(self, frame: Frame, sides: Float64) -> Float64:
+        """Return the middle of the box, house axes, from the camera's place."""
+        if self.center is not None:
+            return np.array(self.center) - frame.path.place(frame.t, fps=frame.fps)
+        assert self.radius is not None
+        # The wall behind the camera fades where no particle reaches the eye any more.
+        ahead = max(0.5 * sides[2] - RIM * sides[2] - self.radius, 0.0)
+        return np.asarray(ahead * frame.camera.matrix()[:, 2])
+
+    def _between(self, depth: Float64) -> Float64:
+        """Return the share of particles that lies between the two depths."""
+        assert self.depths is not None and self.radius is not None
+        low, high = (_normal((limit - depth) * 3.0 / self.radius) for limit in self.depths)
+        return np.asarray(high - low)
+
+    def _display(self, frame: Frame) -> tuple[float, float, float]:
+        if self.colour == AMBIENT:
+            return frame.ambient or (1.0, 1.0, 1.0)
+        colour = value_at(self.colour, frame.t)
+        return (colour,) * 3 if isinstance(colour, float) else colour
+
+    def _shaded(self, frame: Frame, points: Float64, shown: Float64) -> Array:
+        """Return the linear colour of each particle, (n, 3)."""
+        from flurries.io import srgb_to_linear
+
+        assert frame.sun is not None and self.radius is not None
+        sun = frame.sun
+        # In house axes, so that a camera that only turns or moves has the same gas and light.
+        world = points @ frame.camera.matrix().T + frame.path.place(frame.t, fps=frame.fps)
+        lit = light_of(np.round(world, 9), self.radius, np.round(shown, 12), sun, self.forward)
+        scattered = lit
+        if self.scatter != "even":
+            eye = np.array(frame.camera.offset) - points
+            away = np.linalg.norm(eye, axis=1)
+            way = frame.to_camera(sun.unit())
+            cosine = np.divide(eye @ way, away, out=np.zeros_like(away), where=away > 0.0)
+            scattered = lit * gas.phase(
+                np.clip(cosine, -1.0, 1.0), kind=self.scatter, asymmetry=self.asymmetry
+            )
+        own, colour = (
+            srgb_to_linear(np.asarray(given, np.float64))
+            for given in (self._display(frame), sun.colour)
+        )
+        brightness = sun.ambient + (1.0 - sun.ambient) * scattered[:, None] * colour
+        return np.ascontiguousarray(own * brightness)
+
+
+def light_of(
+    centers: Float64, radius: float, density: Float64, sun: Any, forward: float
+) -> Float64:
+    """Return the sun's light that reaches each particle; the last gases and lights are kept."""
+    x, y, z = sun.unit().tolist()
+    return _light(centers.tobytes(), density.tobytes(), radius, (x, y, z), forward)
+
+
+@lru_cache(maxsize=8)
+def _light(
+    centers: bytes, density: bytes, radius: float, way: tuple[float, float, float], forward: float
+) -> Float64:
+    places = np.frombuffer(centers).reshape(-1, 3)
+    lit = gas.light(places, radius, np.frombuffer(density), way, forward=forward)
+    lit.flags.writeable = False
+    return lit
+
+
+def _normal(u: Float64) -> Float64:
+    """Return the normal law up to u."""
+    from math import erfc
+
+    return np.array([0.5 * erfc(-v * 0.7071067811865476) for v in u.tolist()])
+
+
+def _depths(depths: Any) -> tuple[float, float]:
+    if not isinstance(depths, (tuple, list, np.ndarray)) or len(depths) != 2:
+        raise TypeError(f"depths must be (near, far), got {depths!r}")
+    near = real("depths[0]", depths[0], low=0.0)
+    far = float(depths[1]) if isinstance(depths[1], (int, float, np.number)) else None
+    if far is None or not far > near:
+        raise ValueError(f"depths must be near < far, far may be infinite, got {depths!r}")
+    # The near plane itself is the camera's affair.
+    return (near if near > 0.0 else -np.inf), far
+
+
+def _values(number: Any) -> list[float]:
+    return [float(v) for _, v in number.keys] if isinstance(number, Keys) else [float(number)]
+
+
+def _times(*numbers: Any) -> list[float]:
+    """Return the frames at which keyed numbers have keys, or 0."""
+    keyed = [t for number in numbers if isinstance(number, Keys) for t, _ in number.keys]
+    return keyed or [0.0]

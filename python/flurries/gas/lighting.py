@@ -1,0 +1,99 @@
+"""Light in a gas: what of a direction's light reaches each particle (after Harris 2001)."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import numpy.typing as npt
+
+from flurries import _core
+from flurries._contract import Array, Float64, choice, output, real, table, vector
+from flurries.gas.splatting import gas_of
+
+__all__ = ["light", "phase"]
+
+
+def light(
+    centers: npt.ArrayLike,
+    radius: npt.ArrayLike,
+    density: npt.ArrayLike,
+    direction: npt.ArrayLike,
+    *,
+    forward: float = 0.5,
+    out: Float64 | None = None,
+) -> Float64:
+    """Return how much light of a direction reaches each particle: self-shadowing.
+
+    Parameters
+    ----------
+    centers, radius, density
+        As in :func:`flurries.gas.splat`.
+    direction : (3,)
+        The way the light travels, in the axes of `centers`; any length.
+    forward : float
+        Share of the light that a particle takes from those behind it that it scatters on forward,
+        0 (shadow alone) to 1 (no shadow).
+    out : (n,) float64, optional
+        Where to write.
+
+    Returns
+    -------
+    (n,) float64
+        0 to 1. In a uniform gas the mean at a depth L along the light is
+        exp(-(1 - forward) beta L), beta the :func:`extinction`.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If an argument is not as described; the message names it.
+
+    Notes
+    -----
+    Particles are visited along the light. Each takes ``density g(q)`` of the light of those behind
+    it, q their distance across the light in its sigma, and gives `forward` of that on. Time grows
+    with n^2: 2 ms for 1500 particles, 10 s for 100,000. The result depends on the gas and the light
+    alone, so it serves all frames and both eyes.
+    """
+    gas = gas_of(centers, radius, density)
+    way = vector("direction", direction, 3)
+    length = math.sqrt(float(way @ way))
+    if not length > 0.0:
+        raise ValueError(f"direction must not be zero, got {way.tolist()}")
+    share = real("forward", forward, low=0.0, high=1.0)
+    result = output(out, (len(gas.centers),), np.dtype(np.float64), *vars(gas).values())
+    x, y, z = (way / length).tolist()
+    _core.gas_light(result, gas.centers, gas.radius, gas.density, (x, y, z), share)
+    return result
+
+
+def phase(cosine: npt.ArrayLike, *, kind: str = "rayleigh", asymmetry: float = 0.6) -> Array:
+    """Return how much light a gas scatters by an angle, over the mean of all directions.
+
+    Parameters
+    ----------
+    cosine : array
+        Of the angle between the light's way and the way to the eye: 1 looks into the sun.
+    kind : {"rayleigh", "henyey"}
+        ``3/4 (1 + c^2)``, or Henyey and Greenstein's
+        ``(1 - g^2) / (1 + g^2 - 2 g c)^(3/2)``, which is the one for droplets.
+    asymmetry : float
+        g of the latter, -0.99 to 0.99; 0 scatters evenly, 0.85 is a cloud.
+
+    Returns
+    -------
+    array
+        The mean over the sphere is 1.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If an argument is not as described; the message names it.
+    """
+    c = table("cosine", cosine, ndim=None)
+    if c.size and np.abs(c).max() > 1.0 + 1e-9:
+        raise ValueError("cosine must be from -1 to 1")
+    if choice("kind", kind, ("rayleigh", "henyey")) == "rayleigh":
+        return np.asarray(0.75 * (1.0 + c * c))
+    g = real("asymmetry", asymmetry, low=-0.99, high=0.99)
+    return np.asarray((1.0 - g * g) / (1.0 + g * g - 2.0 * g * c) ** 1.5)

@@ -1,0 +1,55 @@
+"""The viewer: sliders beside a picture that follows them, in a notebook or in a browser.
+
+Wang 2004 tunes its weather with such a tool. `fl.view` needs the extra ``flurries[view]`` in a
+notebook; ``flurries view`` in a browser needs nothing.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from flurries.scene import Scene
+
+if TYPE_CHECKING:
+    from flurries.viewer.widget import Viewer
+
+__all__ = ["view"]
+
+
+def view(scene: Scene, *, size: int = 512, save: str = "tuned.toml") -> Viewer:
+    """Show a scene in a notebook, with sliders.
+
+    Parameters
+    ----------
+    scene : Scene
+        What the sliders start from; it is not changed.
+    size : int
+        Pixels of the longer side of the picture, 16 to 4096. More is slower.
+    save : path
+        Where the button "Save" writes the scene as TOML, over what was there.
+
+    Returns
+    -------
+    Viewer
+        A widget. Its `scene` is the scene as the sliders stand.
+
+    Raises
+    ------
+    ImportError
+        Without anywidget.
+    TypeError, ValueError
+        For what is no scene, or a size out of range.
+
+    Notes
+    -----
+    While a slider is dragged the air goes on from where it is; the scene that is saved has the
+    sliders' values from frame 0 on.
+    """
+    options: dict[str, Any] = {"size": size, "save": save}
+    try:
+        from flurries.viewer.widget import Viewer
+    except ImportError as error:
+        raise ImportError(
+            f"fl.view needs anywidget: pip install 'flurries[view]' ({error})"
+        ) from None
+    return Viewer(scene, **options)

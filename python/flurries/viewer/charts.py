@@ -1,0 +1,111 @@
+"""The spectrum and the tent of one tile, as the functions of `flurries.spectral` give them."""
+
+from __future__ import annotations
+
+import math
+import warnings
+from dataclasses import dataclass
+
+import numpy as np
+
+from flurries import spectral
+from flurries._contract import Array
+from flurries.scene import Scene
+
+# Bins a side: enough for a smooth surface, few enough to draw while a slider is dragged.
+_FEWEST, _MOST = 32, 56
+
+
+@dataclass(frozen=True)
+class Chart:
+    """What the texture of one tile is made of.
+
+    Attributes
+    ----------
+    rate : (n, n) float32
+        Cycles per frame of each wave; frequencies from -1/2 to 1/2 cycles per pixel, dc in the
+        middle, y down.
+    power : (n, n) float32
+        Squared amplitude of each wave over the largest without aliasing and shutter; NaN outside
+        the band.
+    velocity : (vx, vy)
+        Pixels per frame of the longest wave.
+    band : (shortest, longest)
+        Pixels.
+    tile : (left, top, size)
+        The tile in pixels.
+    kept : float
+        Share of the power that aliasing and shutter leave.
+    """
+
+    rate: Array
+    power: Array
+    velocity: tuple[float, float]
+    band: tuple[float, float]
+    tile: tuple[int, int, int]
+    kept: float
+
+
+def chart(scene: Scene, t: float, index: int, at: tuple[float, float]) -> Chart | None:
+    """Return the chart of the tile of an effect at a place of the picture.
+
+    Parameters
+    ----------
+    scene : Scene
+    t : float
+        Frame number.
+    index : int
+        Of the effect.
+    at : (x, y)
+        Shares of the width and height, 0 to 1.
+
+    Returns
+    -------
+    Chart or None
+        None for an effect without a texture.
+    """
+    if not 0 <= index < len(scene.effects):
+        return None
+    window = (0, scene.shape[0], 0, scene.shape[1])
+    effect, frame = scene._asks(t, None, window, None)[index]
+    if not hasattr(effect, "texture_request"):
+        return None
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", UserWarning)
+        asked = effect.texture_request(frame)
+    row, top = _nearest(asked.shape[0], asked.tile[0], asked.overlap, at[1])
+    col, left = _nearest(asked.shape[1], asked.tile[1], asked.overlap, at[0])
+    rates = asked.velocity
+    rate = rates[min(row, rates.shape[0] - 1), min(col, rates.shape[1] - 1)]
+    # The ring of the longest waves is the last.
+    velocity = (float(rate[-1, 0]), float(rate[-1, 1]))
+    shortest, longest = asked.wavelengths
+    side = min(max(asked.tile[0], _FEWEST), _MOST)
+    size = (side, side)
+    tent = spectral.tent_rate(size, velocity, wavelength_max=longest)
+    band = (max(shortest, 2.0), min(longest, float(side)))
+    amplitude = spectral.band_amplitude(size, wavelengths=band, exponent=asked.exponent)
+    left_over = spectral.temporal_filter(
+        amplitude,
+        velocity,
+        alias=asked.alias,
+        shutter=asked.shutter,
+        wavelength_max=longest,
+    )
+    power = left_over**2 / np.max(amplitude**2)
+    power[amplitude == 0.0] = math.nan
+    return Chart(
+        np.fft.fftshift(tent).astype(np.float32),
+        np.fft.fftshift(power).astype(np.float32),
+        velocity,
+        (shortest, longest),
+        (left, top, asked.tile[0]),
+        float(np.sum(left_over**2)),
+    )
+
+
+def _nearest(length: int, tile: int, overlap: int, share: float) -> tuple[int, int]:
+    """Return the number and the start of the tile whose middle is nearest to a place."""
+    starts = spectral.tile_starts(length, tile=tile, overlap=overlap)
+    best = int(np.argmin(np.abs(starts + tile / 2 - share * length)))
+    return best, int(starts[best])

@@ -1,0 +1,234 @@
+"""What can be tuned by hand in a scene, and the scene that the sliders stand for.
+
+Only sliders that were touched count: what is keyed or unusual in a scene stays until somebody moves
+its slider, which then holds for the whole film.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, fields, is_dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from flurries.path import CameraPath
+from flurries.scene import Scene
+from flurries.timeline import Keys, value_at
+from flurries.wind import FIELDS, Wind
+
+DIRECTION, SPEED = "direction", "speed"
+OCTAVES, LONGEST = "octaves", "longest"
+EYES = "eyes"
+
+
+@dataclass(frozen=True)
+class Control:
+    """One slider.
+
+    Attributes
+    ----------
+    key : str
+        Place of the effect and field ("0.amount"), or "camera.forward", or "eyes".
+    group, label, unit : str
+        Where it stands, and what it says.
+    low, high, step, value : float
+        Its range and where it stands now, in `unit`.
+    """
+
+    key: str
+    group: str
+    label: str
+    unit: str
+    low: float
+    high: float
+    step: float
+    value: float
+
+    def plain(self) -> dict[str, Any]:
+        """Return it as JSON has it."""
+        return asdict(self)
+
+
+# field: label, unit, low, high, step
+_FIELDS: dict[str, tuple[str, str, float, float, float]] = {
+    "amount": ("Amount", "", 0.0, 1.0, 0.01),
+    "texture": ("Texture", "", 0.0, 1.0, 0.01),
+    "flakes": ("Flakes", "", 0, 30000, 100),
+    "drops": ("Drops", "", 0, 20000, 100),
+    "count": ("Particles", "", 0, 4000, 10),
+    "density": ("Density", "", 0.0, 1.0, 0.01),
+    "haze": ("Haze", "", 0.0, 1.0, 0.01),
+    "mean": ("Mean", "", -0.5, 0.6, 0.01),
+    "exponent": ("Softness", "", 0.0, 2.0, 0.05),
+    "shutter": ("Shutter", "frames", 0.0, 2.0, 0.05),
+}
+# The camera's axes: label, place in a velocity, sign.
+_CAMERA = {
+    "camera.forward": ("Forward", 2, 1.0),
+    "camera.lateral": ("Sideways", 0, 1.0),
+    "camera.rise": ("Upwards", 1, -1.0),
+}
+_FASTEST_CAMERA = 12.0
+
+
+def controls_of(scene: Scene, *, stereo: bool = False) -> list[Control]:
+    """Return the sliders of a scene, each where the scene stands at frame 0."""
+    found: list[Control] = []
+    for index, effect in enumerate(scene.effects):
+        group = names(scene)[index]
+        if moves(effect):
+            angle, speed = _polar(effect)
+            top = max(4.0, 2.0 * math.ceil(speed))
+            found += [
+                Control(f"{index}.{DIRECTION}", group, "Direction", "°", -180, 180, 1, angle),
+                Control(f"{index}.{SPEED}", group, "Speed", "m/s", 0.0, top, 0.05, speed),
+            ]
+        found += _of_fields(index, group, effect)
+        if hasattr(effect, "band") and hasattr(effect, "wavelengths"):
+            shortest, longest = effect.band(scene.shape)
+            octaves = math.log2(longest / shortest)
+            high = max(64.0, 2.0 * longest)
+            found += [
+                Control(f"{index}.{OCTAVES}", group, "Octaves", "", 0.5, 5.0, 0.05, octaves),
+                Control(f"{index}.{LONGEST}", group, "Longest wave", "px", 4, high, 0.5, longest),
+            ]
+    found += [
+        Control(key, "camera", label, "m/s", -_FASTEST_CAMERA, _FASTEST_CAMERA, 0.1, value)
+        for key, label, value in _camera(scene)
+    ]
+    if stereo:
+        found.append(Control(EYES, "camera", "Eye distance", "mm", 0, 200, 1, 0))
+    return found
+
+
+def names(scene: Scene) -> list[str]:
+    """Return a name for each effect: its class, numbered where there are several."""
+    kinds = [type(effect).__name__ for effect in scene.effects]
+    return [
+        kind if kinds.count(kind) == 1 else f"{kind} {kinds[: index + 1].count(kind)}"
+        for index, kind in enumerate(kinds)
+    ]
+
+
+def moves(effect: Any) -> bool:
+    """Whether an effect falls, blows, or both."""
+    return hasattr(effect, "wind")
+
+
+def applied(scene: Scene, values: Mapping[str, Any]) -> Scene:
+    """Return the scene with what was touched; see `settings`."""
+    effects, path = settings(scene, values)
+    return scene.replace(effects=effects, camera=path)
+
+
+def settings(scene: Scene, values: Mapping[str, Any]) -> tuple[list[Any], CameraPath]:
+    """Return a scene's effects and camera with what was touched.
+
+    Parameters
+    ----------
+    scene : Scene
+    values : mapping
+        Numbers by the keys of `controls_of`, in its units.
+
+    Raises
+    ------
+    ValueError, TypeError
+        For a key that no slider has, or a value outside its range.
+    """
+    known = {control.key: control for control in controls_of(scene, stereo=True)}
+    checked: dict[str, float] = {}
+    for key, value in values.items():
+        if key not in known:
+            raise ValueError(f"values must have keys of sliders, got {key!r}")
+        control = known[key]
+        if isinstance(value, bool) or not isinstance(value, (int, float)):
+            raise TypeError(f"values[{key!r}] must be a number, got {value!r}")
+        if not control.low <= value <= control.high:
+            raise ValueError(
+                f"values[{key!r}] must be {control.low:g} to {control.high:g}, got {value:g}"
+            )
+        checked[key] = float(value)
+    effects = [
+        _changed(effect, index, checked, known) for index, effect in enumerate(scene.effects)
+    ]
+    path: CameraPath = scene.camera
+    if any(key in checked for key in _CAMERA):
+        velocity = [0.0, 0.0, 0.0]
+        for key, (_, axis, sign) in _CAMERA.items():
+            velocity[axis] = sign * checked.get(key, known[key].value)
+        path = CameraPath(path.camera, velocity=tuple(velocity), orientation=path.orientation)
+    return effects, path
+
+
+def _changed(
+    effect: Any, index: int, values: Mapping[str, float], known: Mapping[str, Control]
+) -> Any:
+    prefix = f"{index}."
+    own = {key[len(prefix) :]: v for key, v in values.items() if key.startswith(prefix)}
+    changes: dict[str, Any] = {}
+    for name in own.keys() & _FIELDS.keys():
+        whole = isinstance(getattr(effect, name), int)
+        changes[name] = round(own[name]) if whole else own[name]
+    if DIRECTION in own or SPEED in own:
+        angle, speed = (own.get(n, known[f"{index}.{n}"].value) for n in (DIRECTION, SPEED))
+        changes |= _moving(effect, math.radians(angle), speed)
+    if OCTAVES in own or LONGEST in own:
+        octaves, longest = (own.get(n, known[f"{index}.{n}"].value) for n in (OCTAVES, LONGEST))
+        shortest = max(longest / 2.0**octaves, 2.0)
+        changes["wavelengths"] = (shortest, max(longest, 1.05 * shortest))
+    return replace(effect, **changes) if changes else effect
+
+
+def _of_fields(index: int, group: str, effect: Any) -> list[Control]:
+    if not is_dataclass(effect):
+        return []
+    found = []
+    for name in _FIELDS.keys() & {f.name for f in fields(effect)}:
+        value = value_at(getattr(effect, name), 0.0)
+        if isinstance(value, bool) or not isinstance(value, (int, float)):
+            continue
+        label, unit, low, high, step = _FIELDS[name]
+        # A scene may stand where no slider would have thought.
+        low, high = min(low, value), max(high, value)
+        found.append(Control(f"{index}.{name}", group, label, unit, low, high, step, float(value)))
+    order = list(_FIELDS)
+    return sorted(found, key=lambda control: order.index(control.key.split(".")[1]))
+
+
+def _air(effect: Any) -> tuple[float, float, float]:
+    """Return what the air with all that falls in it does at frame 0, metres per second."""
+    wind = effect.wind.mean if isinstance(effect.wind, Wind) else effect.wind
+    x, y, z = (float(v) for v in np.asarray(value_at(wind, 0.0)))
+    return x, y + float(value_at(getattr(effect, "fall", 0.0), 0.0)), z
+
+
+def _polar(effect: Any) -> tuple[float, float]:
+    x, y, _ = _air(effect)
+    return math.degrees(math.atan2(y, x)), math.hypot(x, y)
+
+
+def _moving(effect: Any, angle: float, speed: float) -> dict[str, Any]:
+    """Return wind and fall for a direction; what falls keeps to falling, the wind is level."""
+    across, down = speed * math.cos(angle), speed * math.sin(angle)
+    falls = hasattr(effect, "fall")
+    wind: Any = (across, 0.0 if falls else down, _air(effect)[2])
+    if isinstance(effect.wind, Wind):
+        rest = {name: getattr(effect.wind, name) for name in FIELDS if name != "mean"}
+        wind = Wind(wind, **rest)
+    return {"wind": wind, "fall": down} if falls else {"wind": wind}
+
+
+def _camera(scene: Scene) -> list[tuple[str, str, float]]:
+    path = scene.camera
+    velocity = path.velocity
+    if velocity is None:
+        velocity = path.rate(0.0, fps=scene.fps) * scene.fps
+    elif isinstance(velocity, Keys):
+        velocity = velocity.at(0.0)
+    most = _FASTEST_CAMERA
+    return [
+        (key, label, float(np.clip(sign * velocity[axis], -most, most)) + 0.0)
+        for key, (label, axis, sign) in _CAMERA.items()
+    ]

@@ -1,0 +1,94 @@
+"""A scene at the size of a preview: the same view, the same weather, fewer pixels."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from flurries._contract import Array, integer
+from flurries.depth import DepthMap
+from flurries.path import CameraPath
+from flurries.scene import Scene
+
+# Of an effect, what is counted in pixels of the picture, with the least that makes sense.
+_SCALED = {"tile": 8, "overlap": 0}
+
+
+class Preview:
+    """A scene made small once, to be shown with changing effects and cameras.
+
+    Parameters
+    ----------
+    scene : Scene
+    most : int
+        Pixels of the longer side, 16 to 4096. A smaller scene keeps its size.
+    """
+
+    def __init__(self, scene: Scene, most: int) -> None:
+        limit = integer("size", most, low=16, high=4096)
+        height, width = scene.shape
+        self.scale = min(limit / max(height, width), 1.0)
+        self.scene = scene
+        if self.scale < 1.0:
+            size = (max(round(width * self.scale), 1), max(round(height * self.scale), 1))
+            self.scene = scene.replace(
+                size=size,
+                background=_picture(scene.background, size),
+                foreground=_picture(scene.foreground, size),
+                depth=_depth(scene.depth, size),
+                camera=scene.camera.scaled(self.scale),
+            )
+
+    def shown(self, effects: list[Any], path: CameraPath) -> Scene:
+        """Return the small scene with other weather and camera, given for the large one."""
+        if self.scale < 1.0:
+            path = path.scaled(self.scale)
+            effects = [scaled(effect, self.scale) for effect in effects]
+        # Not `replace`, which would open and fit the background's file for every picture.
+        scene = object.__new__(Scene)
+        vars(scene).update(vars(self.scene), effects=tuple(effects), camera=path)
+        return scene
+
+
+def scaled(effect: Any, scale: float) -> Any:
+    """Return an effect for a picture `scale` times as large."""
+    changes: dict[str, Any] = {}
+    if getattr(effect, "wavelengths", None) is not None:
+        shortest, longest = (scale * length for length in effect.wavelengths)
+        shortest = max(shortest, 2.0)
+        changes["wavelengths"] = (shortest, max(longest, 1.25 * shortest))
+    for name, least in _SCALED.items():
+        value = getattr(effect, name, None)
+        if isinstance(value, int):
+            changes[name] = max(round(scale * value), least)
+    return replace(effect, **changes) if changes else effect
+
+
+def _picture(value: Any, size: tuple[int, int]) -> Any:
+    if not isinstance(value, np.ndarray):
+        return value
+    if value.ndim == 2:
+        return _sampled(value, size)
+    from flurries.io import fit
+
+    return fit(value, size, "stretch")
+
+
+def _depth(value: Any, size: tuple[int, int]) -> Any:
+    if isinstance(value, np.ndarray) and value.ndim == 2:
+        return _sampled(value, size)
+    if isinstance(value, DepthMap) and isinstance(value.source, np.ndarray):
+        law = {key: getattr(value, key) for key in ("near", "far", "white", "law")}
+        return DepthMap(_sampled(value.source, size), **law)
+    return value
+
+
+def _sampled(plane: Array, size: tuple[int, int]) -> Array:
+    """Return every n-th pixel: means of depths stand for places where nothing is."""
+    rows, cols = (
+        ((np.arange(wanted) + 0.5) * (length / wanted)).astype(np.intp)
+        for wanted, length in zip(size[::-1], plane.shape, strict=True)
+    )
+    return np.ascontiguousarray(plane[np.ix_(rows, cols)])

@@ -1,0 +1,246 @@
+"""What both viewers ask: a picture for where the sliders stand, the charts, and the scene's text.
+
+The front end keeps the time and the sliders and sends both with every question, so nothing is
+remembered here but the scene and what was last shown.
+"""
+
+from __future__ import annotations
+
+import importlib
+import io
+import json
+import math
+import threading
+import time
+import warnings
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from flurries._contract import Array
+from flurries.effects import Frame
+from flurries.path import CameraPath
+from flurries.scene import Scene
+from flurries.timeline import Keys
+from flurries.viewer.charts import chart
+from flurries.viewer.controls import EYES, applied, controls_of, moves, names, settings
+from flurries.viewer.preview import Preview
+
+QUALITY = 90
+
+# Where two eyes meet, if nothing else says so: in front of the far flakes, behind the nearest.
+CONVERGENCE = 6.0
+
+
+class Session:
+    """A scene that is being looked at.
+
+    Parameters
+    ----------
+    scene : Scene
+    size : int
+        Pixels of the longer side of the pictures.
+    save : path
+        Where the button writes the scene. Written over, since it is what the button is for.
+    """
+
+    def __init__(self, scene: Scene, *, size: int = 512, save: str | Path = "tuned.toml") -> None:
+        if not isinstance(scene, Scene):
+            raise TypeError(f"scene must be a flurries.Scene, got {type(scene).__name__}")
+        self.scene = scene
+        self.save_path = Path(save)
+        self.values: dict[str, float] = {}
+        self._preview = Preview(scene, size)
+        self._stereo = _stereo() is not None
+        # Sources of files decode one frame at a time.
+        self._lock = threading.Lock()
+
+    def describe(self) -> dict[str, Any]:
+        """Return what the page is built from, as JSON has it."""
+        height, width = self._preview.scene.shape
+        controls = controls_of(self.scene, stereo=self._stereo)
+        return {
+            "width": width,
+            "height": height,
+            "full": list(self.scene.size or ()),
+            "fps": self.scene.fps,
+            "frames": self.scene.frames,
+            "effects": names(self.scene),
+            "controls": [control.plain() for control in controls],
+            "save": str(self.save_path),
+        }
+
+    def answer(self, ask: Mapping[str, Any]) -> tuple[dict[str, Any], list[bytes]]:
+        """Return a header, as JSON has it, and buffers; a mistake is a header with "error"."""
+        try:
+            if not isinstance(ask, Mapping):
+                raise TypeError(f"ask must be an object, got {type(ask).__name__}")
+            kind = ask.get("kind", "frame")
+            with self._lock, warnings.catch_warnings():
+                warnings.simplefilter("ignore", UserWarning)
+                if kind == "describe":
+                    return self.describe(), []
+                if kind == "save":
+                    return self._save(ask), []
+                if kind == "frame":
+                    return self._frame(ask)
+            raise ValueError(f"kind must be 'frame', 'save' or 'describe', got {kind!r}")
+        except (ValueError, TypeError, OSError, MemoryError) as error:
+            return {"error": " ".join(str(error).split()) or type(error).__name__}, []
+
+    @property
+    def tuned(self) -> Scene:
+        """The scene as the sliders stand."""
+        return applied(self.scene, {k: v for k, v in self.values.items() if k != EYES})
+
+    def _frame(self, ask: Mapping[str, Any]) -> tuple[dict[str, Any], list[bytes]]:
+        began = time.perf_counter()
+        values = _mapping(ask.get("values", {}))
+        now = _number("t", ask.get("t", 0.0))
+        effects, path = settings(self.scene, values)
+        self.values = dict(values)
+        scene = self._preview.shown(effects, path)
+        scene, place = _carried(scene, now, ask.get("carry"))
+        picture = self._eyes(scene, now, float(values.get(EYES, 0.0)) / 1000.0)
+        head: dict[str, Any] = {"t": now, "place": place}
+        buffers = [jpeg(picture)]
+        if ask.get("charts"):
+            at = ask.get("at", (0.5, 0.5))
+            x, y = (_number("at", v) for v in at)
+            found = chart(scene, now, int(_number("effect", ask.get("effect", 0))), (x, y))
+            if found is not None:
+                head["chart"] = {
+                    "side": found.rate.shape[0],
+                    "velocity": found.velocity,
+                    "band": found.band,
+                    "tile": found.tile,
+                    "kept": found.kept,
+                }
+                buffers += [found.rate.tobytes(), found.power.tobytes()]
+        head["ms"] = round(1e3 * (time.perf_counter() - began), 2)
+        return head, buffers
+
+    def _eyes(self, scene: Scene, t: float, distance: float) -> Array:
+        """Return the picture as uint8 display values, for one eye or red-cyan glasses."""
+        stereo = _stereo()
+        if distance <= 0.0 or stereo is None:
+            return shown(scene, scene.render(t))
+        pair = stereo.eyes(scene.camera.camera, distance=distance, convergence=CONVERGENCE)
+        left, right = (shown(scene, scene.render(t, eye=eye)) for eye in pair)
+        result: Array = stereo.anaglyph(left, right)
+        return result
+
+    def _save(self, ask: Mapping[str, Any]) -> dict[str, Any]:
+        self.values = dict(_mapping(ask.get("values", {})))
+        tuned = self.tuned
+        tuned.save(self.save_path)
+        return {
+            "saved": str(self.save_path),
+            "text": self.save_path.read_text(encoding="utf-8"),
+        }
+
+
+def _stereo() -> Any:
+    """Return the module of two eyes and red-cyan glasses, if it is there."""
+    try:
+        module = importlib.import_module("flurries.stereo")
+    except ModuleNotFoundError:
+        return None
+    return module if hasattr(module, "anaglyph") else None
+
+
+def shown(scene: Scene, picture: Array) -> Array:
+    """Return a frame as uint8 display values."""
+    if picture.dtype == np.uint8:
+        return picture
+    if picture.dtype == np.uint16:
+        return np.asarray((picture.astype(np.uint32) + 128) // 257, np.uint8)
+    from flurries.io import linear_to_srgb
+
+    display = linear_to_srgb(np.nan_to_num(picture))
+    return np.asarray(np.clip(display, 0.0, 1.0) * 255.0 + 0.5, np.uint8)
+
+
+def jpeg(picture: Array) -> bytes:
+    """Return a picture as JPEG; colours at full resolution, since flakes are a pixel or two."""
+    from PIL import Image
+
+    target = io.BytesIO()
+    Image.fromarray(np.ascontiguousarray(picture)).save(
+        target, "JPEG", quality=QUALITY, subsampling=0
+    )
+    return target.getvalue()
+
+
+def packed(head: Mapping[str, Any], buffers: list[bytes]) -> bytes:
+    """Return an answer as one run of bytes: the header's length, the header, the buffers."""
+    text = json.dumps({**head, "buffers": [len(part) for part in buffers]}).encode()
+    # Floats behind it begin at a multiple of 4 once the page has cut them out; it copies.
+    return len(text).to_bytes(4, "little") + text + b"".join(buffers)
+
+
+def _carried(scene: Scene, t: float, carry: Any) -> tuple[Scene, list[float] | None]:
+    """Return the scene moved so that the air goes on from where it was, and where it is now.
+
+    A frame is a function of the scene and t: with another speed the air would jump to where that
+    speed had brought it by now. Under the hand it must go on from where it is. `carry` holds a
+    time, the place of the air then, and the scene's fall and wind decide what comes after.
+    """
+    path: CameraPath = scene.camera
+    main = next((effect for effect in scene.effects if moves(effect)), None)
+    if main is None or path.turns:
+        return scene, None
+
+    def place(time: float) -> Any:
+        frame = _moment(scene, time)
+        return frame.displacement(fall=getattr(main, "fall", 0.0), wind=_wind_of(main))
+
+    here = place(t)
+    if carry is None:
+        return scene, here.tolist()
+    then = _number("carry", _mapping(carry).get("t"))
+    was = np.array([_number("carry", v) for v in _mapping(carry).get("place", ())])
+    if was.shape != (3,):
+        raise ValueError(f"carry must have a place of three numbers, got {was.tolist()}")
+    offset = was - place(then)
+    if not np.any(np.abs(offset) > 1e-9):
+        return scene, here.tolist()
+    start, rate = path.place(t, fps=scene.fps) + offset, path.rate(t, fps=scene.fps)
+    keys = Keys([(t, tuple(start)), (t + 1.0, tuple(start + rate))])
+    changed = replace(path, position=keys, velocity=None)
+    moved = object.__new__(Scene)
+    vars(moved).update(vars(scene), camera=changed)
+    return moved, (here + offset).tolist()
+
+
+def _moment(scene: Scene, t: float) -> Frame:
+    height, width = scene.shape
+    path: CameraPath = scene.camera
+    return Frame(
+        shape=scene.shape,
+        window=(0, height, 0, width),
+        t=t,
+        fps=scene.fps,
+        camera=path.camera,
+        path=path,
+        seed=scene.seed,
+    )
+
+
+def _wind_of(effect: Any) -> Any:
+    return getattr(effect, "mean_wind", effect.wind)
+
+
+def _number(name: str, value: Any) -> float:
+    if isinstance(value, bool) or not isinstance(value, (int, float)) or not math.isfinite(value):
+        raise TypeError(f"{name} must be a finite number, got {value!r}")
+    return float(value)
+
+
+def _mapping(value: Any) -> Mapping[str, Any]:
+    if not isinstance(value, Mapping):
+        raise TypeError(f"wants an object, got {type(value).__name__}")
+    return value

@@ -1,0 +1,221 @@
+// The viewer's page: sliders, a picture that follows them, and the charts. The same in a notebook
+// and in a browser; only how a question reaches Python differs (`ask`).
+
+const CHARTS_EVERY = 2;   // pictures for each drawing of the charts while something moves
+
+function element(kind, name, parent, text) {
+  const made = document.createElement(kind);
+  if (name) made.className = name;
+  if (text !== undefined) made.textContent = text;
+  if (parent) parent.append(made);
+  return made;
+}
+
+function shown(control, value) {
+  const digits = control.step >= 1 ? 0 : control.step >= 0.1 ? 1 : 2;
+  const unit = control.unit === "°" ? "°" : control.unit ? ` ${control.unit}` : "";
+  return `${Number(value).toFixed(digits)}${unit}`;
+}
+
+// ask(question) -> Promise of {head, buffers: [ArrayBuffer or DataView or Uint8Array]}
+export function mount(root, about, ask) {
+  root.classList.add("flurries");
+  root.replaceChildren();
+  const values = {}, state = { t: about.fps, playing: true, at: [0.5, 0.5], effect: 0, carry: null, turn: 0.6, tilt: 0.38 };
+  let busy = false, dirty = true, gone = false, chart = null, count = 0, last = 0, heldUntil = 0, clock = performance.now();
+  const pace = [];
+
+  const stage = element("div", "fl-stage", root);
+  const frame = element("div", "fl-frame", stage);
+  const canvas = element("canvas", "fl-picture", frame);
+  // A tall picture must leave room for the sliders.
+  if (about.height > about.width) frame.style.maxWidth = `${Math.round(560 * about.width / about.height)}px`;
+  canvas.width = about.width;
+  canvas.height = about.height;
+  const brush = canvas.getContext("2d");
+  const marker = element("div", "fl-tile", frame);
+  const bar = element("div", "fl-bar", frame);
+  const play = element("button", "fl-play", bar, "❚❚");
+  play.title = "Play or stop";
+  const time = element("input", "fl-time", bar);
+  Object.assign(time, { type: "range", min: 0, max: Math.max(about.frames || 0, Math.round(20 * about.fps)), step: 1, value: state.t });
+  time.setAttribute("aria-label", "Frame");
+  const clockText = element("span", "fl-clock", bar);
+  const save = element("button", "fl-save", bar, "Save TOML");
+  save.title = `Write the scene to ${about.save}`;
+  const status = element("div", "fl-status", frame);
+
+  const side = element("div", "fl-charts", stage);
+  const spectrumHead = element("div", "fl-title", side, "Spectrum of a tile");
+  spectrumHead.title = "Power of each wave over horizontal and vertical frequency, 24 dB from dark to white. Click the picture to choose a tile.";
+  const spectrum = element("canvas", "fl-spectrum", side);
+  const tentHead = element("div", "fl-title", side, "Its tent");
+  tentHead.title = "Temporal frequency of each wave. Red: too fast for the frame rate. Drag to turn it.";
+  const tent = element("canvas", "fl-tent", side);
+  const note = element("div", "fl-note", side);
+
+  const panel = element("div", "fl-panel", root);
+  for (const group of [...about.effects, "camera"]) {
+    const own = about.controls.filter((control) => control.group === group);
+    if (!own.length) continue;
+    const box = element("fieldset", "fl-group", panel);
+    element("legend", "", box, group === "camera" ? "Camera" : group);
+    for (const control of own) {
+      const row = element("label", "fl-row", box);
+      element("span", "fl-name", row, control.label);
+      const slider = element("input", "fl-slider", row);
+      Object.assign(slider, { type: "range", min: control.low, max: control.high, step: control.step, value: control.value });
+      slider.dataset.key = control.key;
+      const number = element("output", "fl-value", row, shown(control, control.value));
+      const show = () => { number.textContent = shown(control, values[control.key] ?? control.value); row.classList.toggle("fl-touched", control.key in values); };
+      slider.addEventListener("input", () => {
+        values[control.key] = Math.min(Math.max(Number(slider.value), control.low), control.high);
+        const effect = about.effects.indexOf(control.group);
+        if (effect >= 0) state.effect = effect;
+        show();
+        wanted();
+      });
+      slider.addEventListener("dblclick", () => { delete values[control.key]; slider.value = control.value; show(); wanted(); });
+      slider.title = "Double-click to take it back";
+    }
+  }
+
+  function wanted() { dirty = true; pump(); }
+
+  async function pump() {
+    if (busy || gone || !dirty) return;
+    busy = true;
+    dirty = false;
+    root.dataset.idle = "false";
+    const now = performance.now();
+    if (state.playing) {
+      state.t += Math.min((now - clock) / 1000, 0.25) * about.fps;
+      if (state.t > Number(time.max)) { state.t = 0; state.carry = null; }
+    }
+    clock = now;
+    try {
+      const charts = !chart || count++ % CHARTS_EVERY === 0;
+      const answer = await ask({ kind: "frame", t: state.t, values, carry: state.carry, at: state.at, effect: state.effect, charts });
+      if (answer.head.error) fail(answer.head.error); else await put(answer, charts);
+    } catch (error) {
+      state.playing = false;
+      play.textContent = "▶";
+      fail(`no answer: ${error.message || error}`);
+    }
+    busy = false;
+    if (gone) return;
+    if (state.playing) dirty = true;
+    // A hidden page gets no animation frames, and must not keep the machine busy.
+    if (dirty) document.hidden ? requestAnimationFrame(pump) : pump();
+    // The last picture of a drag has its charts.
+    else if (chart && count % CHARTS_EVERY) wanted();
+    else root.dataset.idle = "true";
+  }
+
+  async function put({ head: found, buffers }, charts) {
+    const picture = await createImageBitmap(new Blob([buffers[0]], { type: "image/jpeg" }));
+    brush.drawImage(picture, 0, 0, canvas.width, canvas.height);
+    picture.close();
+    state.carry = found.place ? { t: found.t, place: found.place } : null;
+    time.value = state.t;
+    clockText.textContent = `frame ${Math.round(state.t)}`;
+    if (found.chart) {
+      // Copied: what arrives need not begin at a multiple of four.
+      const floats = (part) => new Float32Array(new Uint8Array(part.buffer || part, part.byteOffset || 0, part.byteLength).slice().buffer);
+      chart = { ...found.chart, rate: floats(buffers[1]), power: floats(buffers[2]) };
+      redraw();
+    } else if (charts && !found.chart) chart = null;
+    side.classList.toggle("fl-none", !chart);
+    // Between one picture and the next, while they follow each other.
+    const now = performance.now();
+    if (now - last < 1000) pace.push(now - last);
+    last = now;
+    if (pace.length > 20) pace.shift();
+    const mean = pace.reduce((a, b) => a + b, 0) / Math.max(pace.length, 1);
+    root.dataset.pictures = Number(root.dataset.pictures || 0) + 1;
+    root.dataset.pace = mean.toFixed(2);
+    if (now < heldUntil) return;
+    status.textContent = (pace.length > 4 ? `${(1000 / mean).toFixed(0)} pictures/s · ` : "") + `${found.ms.toFixed(0)} ms in Python`;
+    status.classList.remove("fl-error");
+  }
+
+  function redraw() {
+    if (!chart) return;
+    const width = side.clientWidth || 240;
+    drawSpectrum(spectrum, chart, Math.min(width, 232));
+    drawTent(tent, chart, width, 200, state.turn, state.tilt);
+    const [left, top, size] = chart.tile, sx = 100 / about.width, sy = 100 / about.height;
+    Object.assign(marker.style, {
+      left: `${left * sx}%`, top: `calc((100% - var(--fl-below)) * ${top / about.height})`,
+      width: `${Math.min(size, about.width - left) * sx}%`,
+      height: `calc((100% - var(--fl-below)) * ${Math.min(size, about.height - top) / about.height})`,
+    });
+    const [vx, vy] = chart.velocity, few = (v) => v.toFixed(Math.abs(v) < 10 ? 2 : 1);
+    note.textContent = `${few(chart.band[0])}–${few(chart.band[1])} px · longest wave ${few(Math.hypot(vx, vy))} px/frame · ` +
+      `${Math.round(100 * chart.kept)} % of the power left`;
+  }
+
+  function fail(text) {
+    heldUntil = performance.now() + 5000;
+    status.textContent = text;
+    status.classList.add("fl-error");
+  }
+
+  play.addEventListener("click", () => {
+    state.playing = !state.playing;
+    play.textContent = state.playing ? "❚❚" : "▶";
+    clock = performance.now();
+    wanted();
+  });
+  time.addEventListener("input", () => { state.t = Number(time.value); wanted(); });
+  canvas.addEventListener("pointerdown", (event) => {
+    const box = canvas.getBoundingClientRect();
+    state.at = [(event.clientX - box.left) / box.width, (event.clientY - box.top) / box.height];
+    chart = null;
+    wanted();
+  });
+  tent.addEventListener("pointerdown", (event) => {
+    tent.setPointerCapture(event.pointerId);
+    const start = { x: event.clientX, y: event.clientY, turn: state.turn, tilt: state.tilt };
+    const move = (next) => {
+      state.turn = start.turn + (next.clientX - start.x) / 80;
+      state.tilt = Math.min(Math.max(start.tilt + (next.clientY - start.y) / 120, 0.1), 1.4);
+      redraw();
+    };
+    tent.addEventListener("pointermove", move);
+    tent.addEventListener("pointerup", () => tent.removeEventListener("pointermove", move), { once: true });
+  });
+  save.addEventListener("click", async () => {
+    const { head: answer } = await ask({ kind: "save", values });
+    if (answer.error) return fail(answer.error);
+    save.textContent = "Saved";
+    save.title = `${answer.saved}\n\n${answer.text}`;
+    root.dataset.saved = answer.saved;
+    setTimeout(() => { save.textContent = "Save TOML"; }, 1500);
+  });
+
+  pump();
+  return () => { gone = true; };
+}
+
+// In a notebook anywidget calls this.
+export default {
+  render({ model, el }) {
+    const waiting = new Map();
+    let last = 0;
+    const heard = (message, buffers) => {
+      const settle = waiting.get(message.id);
+      waiting.delete(message.id);
+      if (settle) settle({ head: message.head, buffers });
+    };
+    model.on("msg:custom", heard);
+    const ask = (question) => new Promise((resolve, reject) => {
+      const id = `${Date.now()}-${last++}`;
+      waiting.set(id, resolve);
+      setTimeout(() => waiting.delete(id) && reject(new Error("the kernel is busy or gone")), 15000);
+      model.send({ id, ask: question });
+    });
+    const stop = mount(el, model.get("about"), ask);
+    return () => { stop(); model.off("msg:custom", heard); };
+  },
+};

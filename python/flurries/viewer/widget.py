@@ -1,0 +1,40 @@
+"""The viewer in a notebook: an anywidget that draws what a session answers."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import anywidget
+import traitlets
+
+from flurries.scene import Scene
+from flurries.viewer.session import Session
+from flurries.viewer.web import script, style
+
+
+class Viewer(anywidget.AnyWidget):
+    """Sliders, a picture that follows them, the spectrum and the tent.
+
+    Attributes
+    ----------
+    scene : Scene
+        The scene as the sliders stand now.
+    """
+
+    _esm = script()
+    _css = style()
+    about = traitlets.Dict().tag(sync=True)
+
+    def __init__(self, scene: Scene, **options: Any) -> None:
+        self._session = Session(scene, **options)
+        super().__init__(about=self._session.describe())
+        self.on_msg(self._asked)
+
+    @property
+    def scene(self) -> Scene:
+        """The scene as the sliders stand now."""
+        return self._session.tuned
+
+    def _asked(self, _: Any, content: dict[str, Any], __: list[Any]) -> None:
+        head, buffers = self._session.answer(content.get("ask", {}))
+        self.send({"id": content.get("id"), "head": head}, buffers=buffers)

@@ -1,0 +1,388 @@
+//! Several layers of one texture, far behind near: alpha = 1 - prod(1 - alpha_i), from one chart.
+//!
+//! A layer is the first one repeated a whole number of times as often. Its place in the texture is the
+//! chart's, multiplied: the overflow is the whole tiles, which do not matter. One word of a filtered
+//! table is loaded for each layer and pixel.
+
+use std::ops::Range;
+
+use ndarray::{ArrayView2, ArrayView3, ArrayViewMut2, Axis};
+
+use super::chart::{self, BLOCK, Band, Course, FADED, HIDDEN};
+use super::view::View;
+use crate::error::{Cancel, Error, zeroed};
+use crate::pool;
+use crate::simd::{dispatch, multiply_add};
+
+/// One filtered texture.
+#[derive(Debug, Clone, Copy)]
+pub struct Table<'a> {
+    /// Row after row; see [`super::table`].
+    pub entries: &'a [u32],
+    /// log2 of the columns.
+    pub columns: u32,
+    /// log2 of the rows.
+    pub rows: u32,
+}
+
+/// One layer.
+#[derive(Debug, Clone, Copy)]
+pub struct Sheet {
+    /// How often it repeats the first layer.
+    pub multiple: u32,
+    /// Added across and along, 2^32 to a tile; the phase is in it.
+    pub offset: [u32; 2],
+    /// Factor of the texture's opacity.
+    pub gain: f32,
+    /// log2 of the texture's texels in a tile of the first layer.
+    pub texels: f32,
+}
+
+/// Filtered textures by the size of their boxes: level l is a box of 2^(l / 2) texels.
+#[derive(Debug, Clone)]
+pub struct Tables<'a> {
+    /// Levels across and along.
+    pub levels: usize,
+    /// (levels, levels): across, then along; only those that a chart needs.
+    pub grid: Vec<Option<Table<'a>>>,
+}
+
+impl Tables<'_> {
+    fn check(&self) -> Result<(), Error> {
+        for table in self.grid.iter().flatten() {
+            let sized = (1..24).contains(&table.columns) && (1..24).contains(&table.rows);
+            // Words are 32 bits wide, and so are the places in a table.
+            let bits = table.columns + table.rows;
+            if !sized || bits > 31 || table.entries.len() != 1 << bits {
+                return Err(Error::Internal("a table must be as long as it says".into()));
+            }
+        }
+        if !(1..=255).contains(&self.levels) || self.grid.len() != self.levels * self.levels {
+            return Err(Error::Internal("tables must be square".into()));
+        }
+        Ok(())
+    }
+}
+
+/// The level for a footprint of 2^`log` texels.
+#[inline]
+pub fn level(log: f32, levels: usize) -> usize {
+    // Half a step is added and the rest cut off: rounded, for what is not negative.
+    ((2.0 * log + 0.5).max(0.0) as usize).min(levels - 1)
+}
+
+/// The planes that a stack is read from; see [`super::chart::Chart`].
+#[derive(Debug, Clone, Copy)]
+pub struct Charted<'a> {
+    /// Azimuth.
+    pub across: ArrayView2<'a, u32>,
+    /// Height.
+    pub along: ArrayView2<'a, u32>,
+    /// How much is shown.
+    pub fade: ArrayView2<'a, f32>,
+    /// What the blocks are.
+    pub state: ArrayView2<'a, u8>,
+    /// log2 of the footprints.
+    pub footprint: ArrayView3<'a, f32>,
+}
+
+impl Charted<'_> {
+    fn check(&self, shape: (usize, usize)) -> Result<(), Error> {
+        let blocks = shape.1.div_ceil(BLOCK);
+        let wide = (shape.0, blocks * BLOCK);
+        let fits = self.across.dim() == wide
+            && self.along.dim() == wide
+            && self.fade.dim() == wide
+            && self.state.dim() == (shape.0, blocks)
+            && self.footprint.dim() == (shape.0.div_ceil(BLOCK), blocks, 2);
+        if fits { Ok(()) } else { Err(Error::invalid("mapping", "must be of this shape")) }
+    }
+}
+
+/// Marks the tables that the layers of a chart look into, (levels, levels).
+pub fn needed(
+    needed: ArrayViewMut2<'_, u8>,
+    footprint: ArrayView3<'_, f32>,
+    sheets: &[Sheet],
+) -> Result<(), Error> {
+    let levels = needed.dim().0;
+    let marks = needed.into_slice().ok_or_else(|| Error::Internal("layout".into()))?;
+    if levels == 0 || marks.len() != levels * levels || levels > 255 {
+        return Err(Error::Internal("levels must be square".into()));
+    }
+    for row in footprint.outer_iter() {
+        for place in places_of(row, sheets, levels) {
+            marks[usize::from(place)] = 1;
+        }
+    }
+    Ok(())
+}
+
+/// Most pixels that are handled together: their work space stays in the first cache.
+const RUN: usize = 4 * BLOCK;
+
+/// Looks up one layer for a run of pixels, and multiplies in what it lets through.
+#[inline(always)]
+fn look_up<const LEVEL: u8>(
+    clear: &mut [f32],
+    across: &[u32],
+    along: &[u32],
+    gains: &[f32],
+    sheet: &Sheet,
+    table: &Table<'_>,
+) {
+    let count = clear.len();
+    let (across, along, gains) = (&across[..count], &along[..count], &gains[..count]);
+    // Entries stand for the middles of their parts: half a part less.
+    let (rows, columns) = (table.rows, table.columns);
+    let offset_across = sheet.offset[0].wrapping_sub(1 << (31 - columns));
+    let offset_along = sheet.offset[1].wrapping_sub(1 << (31 - rows));
+    let entries = table.entries;
+    let last = (entries.len() - 1) as u32;
+    for k in 0..count {
+        let u = across[k].wrapping_mul(sheet.multiple).wrapping_add(offset_across);
+        let v = along[k].wrapping_mul(sheet.multiple).wrapping_add(offset_along);
+        let place = (((v >> (32 - rows)) << columns) | (u >> (32 - columns))).min(last);
+        // SAFETY: not beyond the last entry, which is less than 2^31. With a check instead the loop would
+        // be no vector loop, and with an unsigned place its loads would take twice as many instructions.
+        let word = unsafe { *entries.as_ptr().offset(place as i32 as isize) };
+        // Both rows at once, each in half of a word: at most 255 * 256 fits.
+        let side = (u << columns) >> 24;
+        let left = word & 0x00ff_00ff;
+        let right = (word >> 8) & 0x00ff_00ff;
+        let both = left * (256 - side) + right * side;
+        let here = (both & 0xffff) as i32 as f32;
+        let next = (both >> 16) as i32 as f32;
+        // 24 bits, exact in float32: the texture scrolls smoothly.
+        let part = ((v << rows) >> 8) as i32 as f32 * (1.0 / 16_777_216.0);
+        let value = multiply_add::<f32, LEVEL>(next - here, part, here);
+        let alpha = (value * gains[k]).min(1.0);
+        clear[k] = multiply_add::<f32, LEVEL>(-alpha, clear[k], clear[k]);
+    }
+}
+
+/// A band of BLOCK rows of the picture, or fewer at its end, and of its chart.
+struct Rows<'a> {
+    across: &'a [u32],
+    along: &'a [u32],
+    fade: &'a [f32],
+    state: &'a [u8],
+    shown: Option<&'a [u8]>,
+    /// For each block the place of each layer's table in the grid.
+    places: &'a [u16],
+    /// Blocks across.
+    blocks: usize,
+}
+
+/// One layer's factors over a run of a row.
+#[inline(always)]
+fn gains_of(band: &Rows<'_>, run: &Range<usize>, state: u8, index: usize, gain: f32) -> [f32; RUN] {
+    let mut gains = [gain * (1.0 / 65280.0); RUN];
+    if state == FADED {
+        for (gain, &fade) in gains.iter_mut().zip(&band.fade[run.clone()]) {
+            *gain *= fade;
+        }
+    }
+    if let Some(shown) = band.shown {
+        for (gain, &count) in gains.iter_mut().zip(&shown[run.clone()]) {
+            *gain = if index < usize::from(count) { *gain } else { 0.0 };
+        }
+    }
+    gains
+}
+
+/// The joint alpha of a band, run by run and within a run row by row: what a run sees of the textures
+/// stays in the first cache.
+#[inline(always)]
+fn stack_band_with<const LEVEL: u8>(
+    out: &mut [f32],
+    width: usize,
+    band: &Rows<'_>,
+    sheets: &[Sheet],
+    tables: &Tables<'_>,
+) -> bool {
+    let (count, blocks) = (sheets.len(), band.blocks);
+    let places = |block: usize| &band.places[block * count..][..count];
+    let mut whole = true;
+    let mut block = 0;
+    while block < blocks {
+        let mut end = block + 1;
+        while end < blocks && (end - block) * BLOCK < RUN && places(end) == places(block) {
+            end += 1;
+        }
+        // The chart's rows are whole blocks, the picture's may end before.
+        let (first, last) = (block * BLOCK, (end * BLOCK).min(width));
+        for (row, line) in out.chunks_mut(width).enumerate() {
+            let states = &band.state[row * blocks + block..row * blocks + end];
+            // Fades differ from block to block only near the cone's ends.
+            let state =
+                if states.iter().all(|&state| state == states[0]) { states[0] } else { MIXED };
+            let line = &mut line[first..last];
+            if state == HIDDEN {
+                line.fill(0.0);
+                continue;
+            }
+            let at = row * blocks * BLOCK + first;
+            let run = at..at + line.len();
+            let mut clear = [1.0_f32; RUN];
+            let clear = &mut clear[..line.len()];
+            for (index, (sheet, &place)) in sheets.iter().zip(places(block)).enumerate() {
+                let Some(table) = &tables.grid[usize::from(place)] else {
+                    whole = false;
+                    continue;
+                };
+                let mut gains = gains_of(band, &run, state, index, sheet.gain);
+                if state == MIXED {
+                    for (lane, gain) in gains[..line.len()].iter_mut().enumerate() {
+                        *gain *= match states[lane / BLOCK] {
+                            HIDDEN => 0.0,
+                            FADED => band.fade[at + lane],
+                            _ => 1.0,
+                        };
+                    }
+                }
+                let (across, along) = (&band.across[run.clone()], &band.along[run.clone()]);
+                look_up::<LEVEL>(clear, across, along, &gains, sheet, table);
+            }
+            for (out, clear) in line.iter_mut().zip(&*clear) {
+                *out = 1.0 - clear;
+            }
+        }
+        block = end;
+    }
+    whole
+}
+
+/// A run whose blocks differ in how much of them is shown.
+const MIXED: u8 = 255;
+
+dispatch! {
+    fn stack_band(
+        out: &mut [f32],
+        width: usize,
+        band: &Rows<'_>,
+        sheets: &[Sheet],
+        tables: &Tables<'_>,
+    ) -> bool = stack_band_with
+}
+
+/// The places in the grid of each block's and layer's table.
+fn places_of(footprint: ArrayView2<'_, f32>, sheets: &[Sheet], levels: usize) -> Vec<u16> {
+    let mut places = Vec::with_capacity(footprint.nrows() * sheets.len());
+    let sizes: Vec<f32> =
+        sheets.iter().map(|sheet| sheet.texels + (sheet.multiple as f32).log2()).collect();
+    for block in footprint.rows() {
+        for size in &sizes {
+            let [across, along] = [0, 1].map(|axis| level(block[axis] + size, levels));
+            places.push((across * levels + along) as u16);
+        }
+    }
+    places
+}
+
+/// The picture's bands, each with its number.
+fn bands<'a>(out: ArrayViewMut2<'a, f32>) -> Result<Vec<(usize, &'a mut [f32])>, Error> {
+    let width = out.dim().1;
+    let all = out.into_slice().ok_or_else(|| Error::Internal("rows must be contiguous".into()))?;
+    Ok(all.chunks_mut(BLOCK * width).enumerate().collect())
+}
+
+fn missing() -> Error {
+    Error::Internal("a table that the chart needs is missing".into())
+}
+
+/// Fills `out` (H, W) with the joint alpha of the layers. `shown` (H, blocks * BLOCK), where given, is
+/// how many of the layers, nearest first, stand before what is in the picture.
+pub fn stack(
+    out: ArrayViewMut2<'_, f32>,
+    charted: &Charted<'_>,
+    sheets: &[Sheet],
+    tables: &Tables<'_>,
+    shown: Option<ArrayView2<'_, u8>>,
+    cancel: &Cancel,
+) -> Result<(), Error> {
+    let (height, width) = out.dim();
+    charted.check((height, width))?;
+    tables.check()?;
+    let blocks = charted.state.dim().1;
+    if shown.is_some_and(|shown| shown.dim() != (height, blocks * BLOCK)) {
+        return Err(Error::Internal("layers in front: wrong shape".into()));
+    }
+    let layout = || Error::Internal("a chart's planes must be contiguous".into());
+    let (across, along) = (charted.across.to_slice(), charted.along.to_slice());
+    let (across, along) = (across.ok_or_else(layout)?, along.ok_or_else(layout)?);
+    let (fade, state) = (charted.fade.to_slice(), charted.state.to_slice());
+    let (fade, state) = (fade.ok_or_else(layout)?, state.ok_or_else(layout)?);
+    let shown = match &shown {
+        None => None,
+        Some(shown) => Some(shown.to_slice().ok_or_else(layout)?),
+    };
+    pool::for_each(bands(out)?, |(index, out)| {
+        cancel.check()?;
+        let rows = index * BLOCK..index * BLOCK + out.len() / width;
+        let pixels = rows.start * blocks * BLOCK..rows.end * blocks * BLOCK;
+        let footprint = charted.footprint.index_axis(Axis(0), index);
+        let band = Rows {
+            across: &across[pixels.clone()],
+            along: &along[pixels.clone()],
+            fade: &fade[pixels.clone()],
+            state: &state[rows.start * blocks..rows.end * blocks],
+            shown: shown.map(|shown| &shown[pixels]),
+            places: &places_of(footprint, sheets, tables.levels),
+            blocks,
+        };
+        if stack_band(out, width, &band, sheets, tables) { Ok(()) } else { Err(missing()) }
+    })
+}
+
+/// The same from the view itself, without a chart that would be used once.
+pub fn moving(
+    out: ArrayViewMut2<'_, f32>,
+    view: &View,
+    course: &Course,
+    footprint: ArrayView3<'_, f32>,
+    sheets: &[Sheet],
+    tables: &Tables<'_>,
+    cancel: &Cancel,
+) -> Result<(), Error> {
+    let (height, width) = out.dim();
+    let blocks = width.div_ceil(BLOCK);
+    tables.check()?;
+    if footprint.dim() != (height.div_ceil(BLOCK), blocks, 2) {
+        return Err(Error::Internal("footprints: wrong shape".into()));
+    }
+    pool::for_each(bands(out)?, |(index, out)| {
+        cancel.check()?;
+        let rows = out.len() / width;
+        let pixels = rows * blocks * BLOCK;
+        let (mut across, mut along) = (zeroed(pixels)?, zeroed(pixels)?);
+        let (mut fade, mut state) = (zeroed(pixels)?, zeroed(rows * blocks)?);
+        let planes =
+            Band { across: &mut across, along: &mut along, fade: &mut fade, state: &mut state };
+        chart::band(planes, view, course, course.top + index * BLOCK, blocks);
+        let band = Rows {
+            across: &across,
+            along: &along,
+            fade: &fade,
+            state: &state,
+            shown: None,
+            places: &places_of(footprint.index_axis(Axis(0), index), sheets, tables.levels),
+            blocks,
+        };
+        if stack_band(out, width, &band, sheets, tables) { Ok(()) } else { Err(missing()) }
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn levels_are_rounded_and_kept_in_range() {
+        let levels = 19;
+        for (log, wanted) in [(-20.0, 0), (0.0, 0), (0.24, 0), (0.26, 1), (1.0, 2), (30.0, 18)] {
+            assert_eq!(level(log, levels), wanted, "{log}");
+        }
+        assert_eq!(level(f32::NAN, levels), 0);
+    }
+}

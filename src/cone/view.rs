@@ -1,0 +1,193 @@
+//! Where a pixel's ray meets the double cone: azimuth and height, how fast they change from pixel to
+//! pixel, and how much of the texture is shown.
+//!
+//! The cone |across| = R (1 - slope |w|), w = height / R, surrounds the camera, so every ray meets it
+//! once. With s the ray along the axis and c across it, `w = s / (c + slope |s|)`: no length of the ray
+//! is needed. `slope = 0` is a cylinder, whose images move exactly as those of points in space.
+
+use std::f64::consts::TAU;
+
+use super::basis::{Basis, Vector, dot};
+
+/// Denominators are at least this share of the ray's length: a ray along the axis stays finite.
+const FLOOR: f64 = 1e-6;
+
+/// Of the fade's own cone, so that a cylinder fades, too.
+pub const FADE_SLOPE: f64 = 0.2;
+
+/// The fade begins and ends where `FADE_SLOPE |s| / (c + FADE_SLOPE |s|)` has these values: 82.4 and
+/// 89.4 degrees from the equator.
+pub const FADE: [f64; 2] = [0.6, 0.95];
+
+/// A camera inside a double cone.
+#[derive(Debug, Clone, Copy)]
+pub struct View {
+    /// In camera axes.
+    pub basis: Basis,
+    /// Pixels.
+    pub focal: f64,
+    /// Principal point, pixels.
+    pub center: [f64; 2],
+    /// Radius over height of the cone; 0 is a cylinder.
+    pub slope: f64,
+    /// The eye's place in camera axes over the cone's radius.
+    pub eye: Vector,
+}
+
+/// What a pixel sees.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Point {
+    /// Turns, in [0, 1).
+    pub azimuth: f64,
+    /// Over the radius.
+    pub height: f64,
+    /// Turns per pixel: the length of the azimuth's gradient in the picture.
+    pub azimuth_step: f64,
+    /// Per pixel: the length of the height's gradient in the picture.
+    pub height_step: f64,
+    /// 1 away from the cone's ends, 0 at them.
+    pub fade: f64,
+}
+
+impl View {
+    /// The ray of a pixel position, times the focal length; an eye off the axis sees the cone's point
+    /// that its ray meets, as a ray from the middle.
+    fn ray(&self, x: f64, y: f64) -> (Vector, f64) {
+        let ray = [x - self.center[0], y - self.center[1], self.focal];
+        if self.eye == [0.0; 3] {
+            return (ray, self.reach(ray));
+        }
+        // The ray from the middle is ray + eye * reach(itself): it shrinks by |eye| in each round.
+        let mut seen = ray;
+        for _ in 0..24 {
+            let reach = self.reach(seen);
+            let next: Vector = [0, 1, 2].map(|i| ray[i] + self.eye[i] * reach);
+            if next == seen {
+                break;
+            }
+            seen = next;
+        }
+        (seen, self.reach(seen))
+    }
+
+    /// Radii in the length of a ray's way to the cone, inverted.
+    #[inline]
+    fn reach(&self, ray: Vector) -> f64 {
+        let (p, q) = (dot(ray, self.basis.first), dot(ray, self.basis.second));
+        p.hypot(q) + self.slope * dot(ray, self.basis.axis).abs()
+    }
+
+    /// Depth (z) of the cone behind a pixel over its radius; not positive behind the camera.
+    #[inline]
+    pub fn depth(&self, x: f64, y: f64) -> f64 {
+        let (ray, reach) = self.ray(x, y);
+        ray[2] / reach.max(FLOOR * self.focal) - self.eye[2]
+    }
+
+    /// What the position (x, y) in the picture sees, pixels.
+    pub fn point(&self, x: f64, y: f64) -> Point {
+        let Basis { axis, first, second } = self.basis;
+        let (ray, reach) = self.ray(x, y);
+        let floor = FLOOR * dot(ray, ray).sqrt();
+        let (p, q, s) = (dot(ray, first), dot(ray, second), dot(ray, axis));
+        let across = p.hypot(q);
+        let (wide, reach) = (across.max(floor), reach.max(floor));
+        let turn = q.atan2(p) / TAU;
+        let azimuth = if turn < 0.0 { turn + 1.0 } else { turn };
+        // Both differ along the rows and columns: the gradient's length is what a box over the pixel
+        // has to span, whatever the angle between them.
+        let mut steps = [0.0; 2];
+        for i in 0..2 {
+            let turning = (p * second[i] - q * first[i]) / (wide * wide);
+            let widening = (p * first[i] + q * second[i]) / wide;
+            let rising = (axis[i] * across - s * widening) / (reach * reach);
+            steps[0] += turning * turning;
+            steps[1] += rising * rising;
+        }
+        Point {
+            // -1e-20 + 1 is 1, which is 0 again.
+            azimuth: if azimuth >= 1.0 { 0.0 } else { azimuth },
+            height: s / reach,
+            azimuth_step: steps[0].sqrt() / TAU,
+            height_step: steps[1].sqrt(),
+            fade: fade(across, s),
+        }
+    }
+}
+
+/// How much is shown of a ray with these parts across and along the axis.
+#[inline]
+pub fn fade(across: f64, along: f64) -> f64 {
+    let bent = FADE_SLOPE * along.abs();
+    let t = (bent / (across + bent).max(f64::MIN_POSITIVE) - FADE[0]) / (FADE[1] - FADE[0]);
+    let t = t.clamp(0.0, 1.0);
+    1.0 - t * t * (3.0 - 2.0 * t)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::cone::basis::DOWN;
+
+    fn view(axis: Vector, slope: f64) -> View {
+        let basis = Basis::of(axis).unwrap();
+        View { basis, focal: 500.0, center: [320.0, 240.0], slope, eye: [0.0; 3] }
+    }
+
+    #[test]
+    fn the_steps_are_the_derivatives() {
+        for (axis, slope) in [(DOWN, 0.0), ([0.3, 0.9, -0.4], 0.2), ([0.1, 0.2, 1.0], 0.1)] {
+            let view = view(axis, slope);
+            for (x, y) in [(10.3, 17.0), (400.0, 300.0), (630.0, 30.0), (200.0, 470.0)] {
+                let at = |dx: f64, dy: f64| view.point(x + dx, y + dy);
+                let h = 1e-3;
+                let slope_of = |f: &dyn Fn(Point) -> f64| {
+                    let dx = (f(at(h, 0.0)) - f(at(-h, 0.0))) / (2.0 * h);
+                    let dy = (f(at(0.0, h)) - f(at(0.0, -h))) / (2.0 * h);
+                    dx.hypot(dy)
+                };
+                let here = at(0.0, 0.0);
+                let turning = slope_of(&|p| p.azimuth);
+                assert!((here.azimuth_step / turning - 1.0).abs() < 1e-6, "{axis:?} {x} {y}");
+                let rising = slope_of(&|p| p.height);
+                assert!((here.height_step / rising - 1.0).abs() < 1e-6, "{axis:?} {x} {y}");
+            }
+        }
+    }
+
+    #[test]
+    fn the_axis_itself_is_finite_and_hidden() {
+        let view = view([0.0, 0.0, 1.0], 0.0);
+        let point = view.point(320.0, 240.0);
+        assert_eq!(point.fade, 0.0);
+        let all = [point.azimuth, point.height, point.azimuth_step, point.height_step];
+        assert!(all.iter().all(|value| value.is_finite()), "{point:?}");
+    }
+
+    #[test]
+    fn an_eye_off_the_axis_sees_the_same_point_of_the_cone() {
+        let eye = [0.03, -0.01, 0.02];
+        for slope in [0.0, 0.25] {
+            let moved = View { eye, ..view([0.3, 0.9, -0.4], slope) };
+            for (x, y) in [(10.0, 20.0), (600.0, 400.0), (320.0, 240.0)] {
+                let (seen, reach) = moved.ray(x, y);
+                // The point of the cone, from the middle, radius 1; then the eye's ray to it.
+                let hit: Vector = seen.map(|part| part / reach);
+                let to: Vector = [0, 1, 2].map(|i| hit[i] - eye[i]);
+                assert!((to[0] / to[2] * 500.0 + 320.0 - x).abs() < 1e-9);
+                assert!((to[1] / to[2] * 500.0 + 240.0 - y).abs() < 1e-9);
+                assert!((moved.depth(x, y) - to[2]).abs() < 1e-12);
+            }
+        }
+    }
+
+    #[test]
+    fn the_fade_begins_and_ends_where_it_says() {
+        let at = |degrees: f64| fade(degrees.to_radians().cos(), degrees.to_radians().sin());
+        assert_eq!(at(82.3), 1.0);
+        assert!(at(82.5) < 1.0);
+        assert!(at(89.3) > 0.0);
+        assert_eq!(at(89.45), 0.0);
+        assert_eq!(at(-89.45), 0.0);
+    }
+}

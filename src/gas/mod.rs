@@ -1,0 +1,21 @@
+//! Gas as splatted Gaussian particles (Johnson and McAllister 2005).
+//!
+//! | module | what |
+//! | --- | --- |
+//! | [`footprint`] | the kernel's image along one axis: point, pixel box, table; its end |
+//! | [`sprite`] | one particle's image: projection, size, near plane, bounds |
+//! | [`ray`] | the two models that look at each pixel's ray; what stands before the gas |
+//! | [`bins`] | which particles touch which band of the picture |
+//! | [`draw`] | particles drawn into one tile |
+//! | [`splat`] | the image of many particles |
+//! | [`pair`] | both eyes at once, by slabs of equal disparity |
+//! | [`light`] | how much light of a direction reaches each particle |
+
+pub mod bins;
+pub mod draw;
+pub mod footprint;
+pub mod light;
+pub mod pair;
+pub mod ray;
+pub mod splat;
+pub mod sprite;

@@ -1,0 +1,283 @@
+//! Both eyes at once: slabs of equal disparity are drawn once and shifted for the second eye.
+//!
+//! Eyes side by side see a particle at depth D `f I / D` px apart. Particles whose disparities differ
+//! by at most twice `slab` px are drawn into one impostor, which the first eye takes as it is and the
+//! second one shifted by the middle disparity: none of them is off by more than `slab` px. Only the
+//! gas of one colour can be done so, since the eyes' transmittances are products of the slabs'.
+//! Particles that are small, close, or cut off by what stands in the picture are drawn for each eye.
+//!
+//! A slab costs some additions and multiplications for every pixel, a particle three for each of its
+//! own: slabs are used where a count of these says that they pay, and never by a clock.
+
+use std::ops::Range;
+
+use ndarray::{ArrayView2, ArrayViewMut2, Axis};
+
+use super::bins::Bands;
+use super::draw::{Drawing, TILE};
+use super::splat::{Cloud, Picture, alpha, check_all, sprites};
+use super::sprite::{Eye, Form, Look, Sprite};
+use crate::error::{Cancel, Error, collected, zeroed};
+use crate::normal::Normal;
+use crate::pool;
+use crate::real::Real;
+
+/// A footprint of a smaller radius (px) is not shifted: between pixels its shape would suffer.
+const LEAST_RADIUS: f64 = 8.0;
+
+/// Operations for each pixel of a slab, where drawing a pixel of a particle is 1: measured.
+const SLAB_COST: f64 = 6.0;
+
+/// Pixels on either side that shifts by parts of a pixel look at.
+const TAPS: f64 = 2.0;
+
+/// What was done about the second eye.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Done {
+    /// Slabs that were shifted; 0 if drawing again was cheaper.
+    pub slabs: usize,
+    /// Particles in them.
+    pub shifted: usize,
+}
+
+/// Draws the alphas that two eyes see, (H, W) each. The eyes differ in x alone.
+pub fn pair<P: Normal, M: Real>(
+    mut outs: [ArrayViewMut2<'_, P>; 2],
+    cloud: &Cloud<'_>,
+    eyes: [&Eye; 2],
+    look: &Look,
+    depths: [Option<ArrayView2<'_, M>>; 2],
+    slab: f64,
+    cancel: &Cancel,
+) -> Result<Done, Error> {
+    let shape = outs[0].dim();
+    for (eye, depth) in eyes.iter().zip(&depths) {
+        check_all(shape, cloud, eye, look, depth.as_ref())?;
+    }
+    let [left, right] = eyes;
+    let apart = right.offset[0] - left.offset[0];
+    let aligned = left.focal == right.focal
+        && left.offset[1..] == right.offset[1..]
+        && left.center[1] == right.center[1];
+    if outs[1].dim() != shape || !aligned {
+        return Err(Error::invalid("cameras", "must be two eyes side by side"));
+    }
+    if !(slab > 0.0 && slab.is_finite()) {
+        return Err(Error::invalid("slab", format!("must be positive, got {slab}")));
+    }
+    let shift = right.center[0] - left.center[0];
+    let disparity = |depth: f64| shift - left.focal * apart / depth;
+    let nearest = depths.iter().flatten().flatten().fold(f64::INFINITY, |a, v| a.min(v.wide()));
+    let plain = |sprite: &Sprite| {
+        let [_, _, depth] = sprite.place;
+        let clear = depth + P::SATURATED * sprite.sigma < nearest;
+        let clear = clear && depth > look.near.max(3.0 * sprite.sigma);
+        sprite.form == Form::Point && !sprite.model.by_ray() && clear
+    };
+    let fits = |sprite: &Sprite| plain(sprite) && sprite.radius >= LEAST_RADIUS;
+    let reach = (0..cloud.centers.nrows())
+        .map(|index| cloud.get(index))
+        .map(|particle| (particle.center[2] - left.offset[2], particle.radius))
+        .filter(|&(depth, radius)| depth > look.near.max(radius))
+        .map(|(depth, _)| disparity(depth).abs())
+        .fold(0.0, f64::max);
+    let pad = (reach + TAPS).ceil() as usize;
+    // The first eye's picture, with the columns that only the second one sees.
+    let wide = Eye { center: [left.center[0] + pad as f64, left.center[1]], margin: pad, ..*left };
+    let wider = (shape.0, shape.1 + 2 * pad);
+    if pad > shape.1 / 4 {
+        return separately(outs, cloud, eyes, look, depths, cancel);
+    }
+    let all = sprites(cloud, &wide, look, wider, cancel)?;
+    let number = |sprite: &Sprite| (disparity(sprite.place[2]) / (2.0 * slab)).round() as i64;
+    let mut order: Vec<u32> = collected(0..all.len() as u32)?;
+    order.retain(|&k| fits(&all[k as usize]));
+    order.sort_by_key(|&k| number(&all[k as usize]));
+    let mut slabs: Vec<Range<usize>> = Vec::new();
+    let mut start = 0;
+    for end in 1..=order.len() {
+        let at = |k: usize| number(&all[order[k] as usize]);
+        if end == order.len() || at(end) != at(start) {
+            slabs.push(start..end);
+            start = end;
+        }
+    }
+    let area: f64 = order.iter().map(|&k| area_of(&all[k as usize])).sum();
+    let pixels = (shape.0 * shape.1) as f64;
+    if slabs.len() as f64 * SLAB_COST * pixels >= area {
+        return separately(outs, cloud, eyes, look, depths, cancel);
+    }
+    // What does not fit into slabs, for each eye.
+    let rest = collected((0..all.len()).map(|k| !fits(&all[k])))?;
+    let [depth_left, depth_right] = depths;
+    for ((out, eye), depth) in outs.iter_mut().zip(eyes).zip([depth_left, depth_right]) {
+        some(out.view_mut(), cloud, eye, look, depth, &rest, cancel)?;
+    }
+    let none: Option<ArrayView2<'_, P>> = None;
+    let mut drawings = Vec::new();
+    for range in &slabs {
+        let middle = 2.0 * slab * number(&all[order[range.start] as usize]) as f64;
+        let mut members = collected(order[range.clone()].iter().copied())?;
+        members.sort_unstable();
+        drawings.push((middle, Bands::of(&all, &members, shape.0)?));
+    }
+    let [out_left, out_right] = outs;
+    let items: Vec<_> = out_left
+        .into_iter_bands()
+        .into_iter()
+        .zip(out_right.into_iter_bands())
+        .enumerate()
+        .collect();
+    pool::for_each(items, |(band, (mut a, mut b))| {
+        let mut plane: Vec<P> = zeroed(TILE * wider.1)?;
+        for (middle, bands) in &drawings {
+            cancel.check()?;
+            let list = bands.band(band);
+            let Some(touched) = columns(list, wider.1) else { continue };
+            let picture = Picture::<P, P> {
+                shape: wider,
+                eye: &wide,
+                drawing: Drawing { sprites: &all, colours: &[[0.0; 3]], look },
+                bands: bands.clone(),
+                coloured: false,
+                by_ray: false,
+                depth: none,
+                pixel: std::marker::PhantomData,
+            };
+            plane.fill(P::one());
+            let mut scratch = picture.scratch()?;
+            for left in (touched.start / TILE * TILE..touched.end).step_by(TILE) {
+                let done = picture.tile([left, band * TILE], &mut scratch, cancel)?;
+                let end = (left + TILE).min(wider.1);
+                for (row, through) in done.through.0.iter().enumerate() {
+                    plane[row * wider.1 + left..row * wider.1 + end]
+                        .copy_from_slice(&through[..end - left]);
+                }
+            }
+            for (row, (mut a, mut b)) in a.rows_mut().into_iter().zip(b.rows_mut()).enumerate() {
+                let source = &plane[row * wider.1..(row + 1) * wider.1];
+                let (a, b) = (a.as_slice_mut(), b.as_slice_mut());
+                let (Some(a), Some(b)) = (a, b) else {
+                    return Err(Error::Internal("an output that is not contiguous".into()));
+                };
+                hide(a, &source[pad..]);
+                shifted(b, source, pad as f64 - middle);
+            }
+        }
+        Ok(())
+    })?;
+    Ok(Done { slabs: slabs.len(), shifted: order.len() })
+}
+
+fn area_of(sprite: &Sprite) -> f64 {
+    let length = |[low, high]: [u32; 2]| f64::from(high - low);
+    length(sprite.rows) * length(sprite.columns)
+}
+
+fn separately<P: Normal, M: Real>(
+    outs: [ArrayViewMut2<'_, P>; 2],
+    cloud: &Cloud<'_>,
+    eyes: [&Eye; 2],
+    look: &Look,
+    depths: [Option<ArrayView2<'_, M>>; 2],
+    cancel: &Cancel,
+) -> Result<Done, Error> {
+    for ((out, eye), depth) in outs.into_iter().zip(eyes).zip(depths) {
+        alpha(out, cloud, eye, look, depth, cancel)?;
+    }
+    Ok(Done { slabs: 0, shifted: 0 })
+}
+
+/// Draws the particles that are named in `which`.
+fn some<P: Normal, M: Real>(
+    out: ArrayViewMut2<'_, P>,
+    cloud: &Cloud<'_>,
+    eye: &Eye,
+    look: &Look,
+    depth: Option<ArrayView2<'_, M>>,
+    which: &[bool],
+    cancel: &Cancel,
+) -> Result<(), Error> {
+    let kept = which.iter().enumerate().filter(|&(_, &kept)| kept).map(|(k, _)| k);
+    let kept: Vec<usize> = kept.collect();
+    let centers = cloud.centers.select(Axis(0), &kept);
+    let one = |values: ndarray::ArrayView1<'_, f64>| {
+        if values.len() == 1 { values.to_owned() } else { values.select(Axis(0), &kept) }
+    };
+    let (radius, density) = (one(cloud.radius), one(cloud.density));
+    let part = Cloud {
+        centers: centers.view(),
+        radius: radius.view(),
+        density: density.view(),
+        colours: &[[0.0; 3]],
+    };
+    let seen = sprites(&part, eye, look, out.dim(), cancel)?;
+    if seen.iter().all(|sprite| sprite.rows[0] >= sprite.rows[1]) {
+        let mut out = out;
+        out.fill(P::zero());
+        return Ok(());
+    }
+    alpha(out, &part, eye, look, depth, cancel)
+}
+
+/// The columns that a list touches.
+fn columns(list: &[super::bins::Entry], width: usize) -> Option<Range<usize>> {
+    let left = list.iter().map(|entry| entry.left as usize).min()?;
+    let right = list.iter().map(|entry| entry.right as usize).max()?;
+    Some(left..right.min(width))
+}
+
+/// alpha := 1 - (1 - alpha) through.
+fn hide<P: Normal>(alpha: &mut [P], through: &[P]) {
+    for (alpha, through) in alpha.iter_mut().zip(through) {
+        *alpha = P::one() - (P::one() - *alpha) * *through;
+    }
+}
+
+/// The same with what lies `offset` px to the right in `source`; between pixels by a cubic through
+/// the four around.
+fn shifted<P: Normal>(alpha: &mut [P], source: &[P], offset: f64) {
+    let whole = offset.floor();
+    let t = offset - whole;
+    let start = whole as usize;
+    if t < 1e-9 {
+        hide(alpha, &source[start..]);
+        return;
+    }
+    // Lagrange's weights.
+    let w = [
+        -t * (t - 1.0) * (t - 2.0) / 6.0,
+        (t + 1.0) * (t - 1.0) * (t - 2.0) / 2.0,
+        -(t + 1.0) * t * (t - 2.0) / 2.0,
+        (t + 1.0) * t * (t - 1.0) / 6.0,
+    ]
+    .map(P::of);
+    let count = alpha.len();
+    let [a, b, c, d] = [0, 1, 2, 3].map(|k| &source[start + k - 1..start + k - 1 + count]);
+    for (k, alpha) in alpha.iter_mut().enumerate() {
+        let through = (a[k] * w[0] + b[k] * w[1]) + (c[k] * w[2] + d[k] * w[3]);
+        // A cubic overshoots by less than it errs.
+        let through = if through < P::zero() { P::zero() } else { through };
+        let through = if through > P::one() { P::one() } else { through };
+        *alpha = P::one() - (P::one() - *alpha) * through;
+    }
+}
+
+/// A picture in bands of rows.
+trait InBands<'a, P> {
+    fn into_iter_bands(self) -> Vec<ArrayViewMut2<'a, P>>;
+}
+
+impl<'a, P> InBands<'a, P> for ArrayViewMut2<'a, P> {
+    fn into_iter_bands(self) -> Vec<ArrayViewMut2<'a, P>> {
+        let mut bands = Vec::new();
+        let mut rest = self;
+        while rest.nrows() > 0 {
+            let height = TILE.min(rest.nrows());
+            let (band, below) = rest.split_at(Axis(0), height);
+            bands.push(band);
+            rest = below;
+        }
+        bands
+    }
+}

@@ -1,0 +1,414 @@
+//! The image of many particles: projection, bands, tiles.
+//!
+//! If all have one colour, `over` commutes: what is let through is a product, and no order matters.
+//! Else they are sorted once, front to back. Every pixel has one owner and its particles come in an
+//! order that follows from the arguments alone, so bits do not depend on the thread count.
+
+use ndarray::{ArrayView1, ArrayView2, ArrayViewMut2, ArrayViewMut3, Axis};
+
+use super::bins::Bands;
+use super::draw::{Drawing, PIXELS, Plane, TILE, Tile, draw};
+use super::ray::{Ground, Rays};
+use super::sprite::{Eye, Form, Look, Particle, Sprite};
+use crate::error::{Cancel, Error, collected, finite};
+use crate::normal::Normal;
+use crate::pool;
+use crate::real::Real;
+
+/// Particles that are projected together.
+const RUN: usize = 1024;
+
+/// Particles as arrays: centers (n, 3) in camera axes; the others have n rows, or one for all.
+#[derive(Debug, Clone, Copy)]
+pub struct Cloud<'a> {
+    /// World units.
+    pub centers: ArrayView2<'a, f64>,
+    /// Three sigma, world units.
+    pub radius: ArrayView1<'a, f64>,
+    /// Opacity of the middle, 0 to 1.
+    pub density: ArrayView1<'a, f64>,
+    /// Linear RGB, (1 or n, 3).
+    pub colours: &'a [[f64; 3]],
+}
+
+impl Cloud<'_> {
+    /// Refuses what has no image.
+    pub fn check(&self) -> Result<(), Error> {
+        let count = self.centers.nrows();
+        if self.centers.ncols() != 3 {
+            return Err(Error::invalid("centers", "must be (n, 3)"));
+        }
+        if count > u32::MAX as usize {
+            return Err(Error::invalid("centers", "must hold fewer than 2^32 particles"));
+        }
+        let rows = |length: usize| length == 1 || length == count;
+        if !rows(self.radius.len()) {
+            return Err(Error::invalid("radius", "must be one number, or one for each particle"));
+        }
+        if !rows(self.density.len()) {
+            return Err(Error::invalid("density", "must be one number, or one for each particle"));
+        }
+        if self.colours.is_empty() || !rows(self.colours.len()) {
+            return Err(Error::invalid("color", "must be one colour, or one for each particle"));
+        }
+        if !self.centers.iter().all(|value| value.is_finite()) {
+            return Err(Error::invalid("centers", "must be finite"));
+        }
+        if let Some(bad) = self.radius.iter().find(|&&r| !(r > 0.0 && r.is_finite())) {
+            return Err(Error::invalid("radius", format!("must be positive, got {bad}")));
+        }
+        if let Some(bad) = self.density.iter().find(|&&d| !(0.0..=1.0).contains(&d)) {
+            return Err(Error::invalid("density", format!("must be from 0 to 1, got {bad}")));
+        }
+        if !self.colours.iter().flatten().all(|value| value.is_finite()) {
+            return Err(Error::invalid("color", "must be finite"));
+        }
+        Ok(())
+    }
+
+    /// One particle.
+    pub fn get(&self, index: usize) -> Particle {
+        let row = |length: usize| if length == 1 { 0 } else { index };
+        Particle {
+            center: [0, 1, 2].map(|axis| self.centers[[index, axis]]),
+            radius: self.radius[row(self.radius.len())],
+            density: self.density[row(self.density.len())],
+        }
+    }
+}
+
+fn check(eye: &Eye, look: &Look) -> Result<(), Error> {
+    for &value in eye.center.iter().chain(&eye.offset) {
+        finite("camera", value)?;
+    }
+    if !(eye.focal > 0.0 && eye.focal.is_finite()) {
+        return Err(Error::invalid("camera", format!("focal must be positive, got {}", eye.focal)));
+    }
+    if !(look.near > 0.0 && look.near.is_finite()) {
+        return Err(Error::invalid("near", format!("must be positive, got {}", look.near)));
+    }
+    if !(0.0..1.0).contains(&look.error) {
+        return Err(Error::invalid("error", format!("must be from 0 to 1, got {}", look.error)));
+    }
+    Ok(())
+}
+
+/// The images of all particles; those that are not seen touch no row.
+pub fn sprites(
+    cloud: &Cloud<'_>,
+    eye: &Eye,
+    look: &Look,
+    shape: (usize, usize),
+    cancel: &Cancel,
+) -> Result<Vec<Sprite>, Error> {
+    let count = cloud.centers.nrows();
+    let mut sprites = collected((0..count).map(|_| Sprite::NONE))?;
+    pool::for_each(sprites.chunks_mut(RUN).enumerate().collect(), |(run, sprites)| {
+        cancel.check()?;
+        for (i, sprite) in sprites.iter_mut().enumerate() {
+            let index = run * RUN + i;
+            if let Some(seen) = Sprite::of(&cloud.get(index), index as u32, eye, look, shape) {
+                *sprite = seen;
+            }
+        }
+        Ok(())
+    })?;
+    Ok(sprites)
+}
+
+/// The places of the sprites that are seen, in the order in which they are drawn.
+fn order(sprites: &[Sprite], sorted: bool) -> Result<Vec<u32>, Error> {
+    let mut order: Vec<u32> = collected(0..sprites.len() as u32)?;
+    order.retain(|&place| sprites[place as usize].rows[0] < sprites[place as usize].rows[1]);
+    if sorted {
+        let key = |place: u32| sprites[place as usize].key;
+        order.sort_unstable_by(|&a, &b| key(a).total_cmp(&key(b)).then(a.cmp(&b)));
+    }
+    Ok(order)
+}
+
+/// What a finished tile is stored from.
+pub struct Finished<'a, P> {
+    /// What the tile lets through.
+    pub through: &'a Plane<P>,
+    /// Premultiplied light, if particles differ in colour.
+    pub light: Option<&'a [Plane<P>; 3]>,
+}
+
+/// All that the tiles of a picture share.
+pub struct Picture<'a, P, M> {
+    /// (H, W), px.
+    pub shape: (usize, usize),
+    /// The eye.
+    pub eye: &'a Eye,
+    /// What is drawn.
+    pub drawing: Drawing<'a>,
+    /// Which bands it touches.
+    pub bands: Bands,
+    /// Whether particles differ in colour.
+    pub coloured: bool,
+    /// Whether a particle needs the pixels' rays.
+    pub by_ray: bool,
+    /// Depth of what stands in the picture.
+    pub depth: Option<ArrayView2<'a, M>>,
+    /// The pixels' type.
+    pub pixel: std::marker::PhantomData<P>,
+}
+
+/// Buffers of one tile, kept from tile to tile.
+pub struct Scratch<P> {
+    through: Box<[Plane<P>; 1]>,
+    light: Option<Box<[Plane<P>; 3]>>,
+    depth: Option<Box<[P; PIXELS]>>,
+    lengths: Vec<f64>,
+}
+
+/// A plane of zeros.
+fn nothing<P: Normal>() -> Plane<P> {
+    Plane([[P::zero(); TILE]; TILE])
+}
+
+/// A boxed array, which never stands on the stack.
+fn boxed<T: Clone, const N: usize>(value: T) -> Result<Box<[T; N]>, Error> {
+    let values = collected((0..N).map(|_| value.clone()))?;
+    values
+        .into_boxed_slice()
+        .try_into()
+        .map_err(|_| Error::Internal("a plane has the wrong size".into()))
+}
+
+impl<P: Normal, M: Real> Picture<'_, P, M> {
+    /// Buffers for its tiles.
+    pub fn scratch(&self) -> Result<Scratch<P>, Error> {
+        let light = if self.coloured { Some(boxed(nothing())?) } else { None };
+        let depth = if self.depth.is_some() { Some(boxed(P::zero())?) } else { None };
+        Ok(Scratch { through: boxed::<_, 1>(nothing())?, light, depth, lengths: Vec::new() })
+    }
+
+    /// Draws the tile whose corner is at `origin` (x, y).
+    pub fn tile<'s>(
+        &self,
+        origin: [usize; 2],
+        scratch: &'s mut Scratch<P>,
+        cancel: &Cancel,
+    ) -> Result<Finished<'s, P>, Error> {
+        let [left, top] = origin;
+        let (height, width) = (self.shape.0 - top, self.shape.1 - left);
+        for (row, values) in scratch.through[0].0.iter_mut().enumerate() {
+            // Beyond the border nothing is let through, so that a tile there can be finished.
+            let inside = if row < height { width.min(TILE) } else { 0 };
+            values[..inside].fill(P::one());
+            values[inside..].fill(P::zero());
+        }
+        if let Some(light) = &mut scratch.light {
+            light.iter_mut().for_each(|plane| plane.0.fill([P::zero(); TILE]));
+        }
+        let ground = match (&self.depth, &mut scratch.depth) {
+            (Some(map), Some(depth)) => Some(standing(map, origin, depth)),
+            _ => None,
+        };
+        let rays = self.by_ray.then(|| Rays::of(self.eye, origin, &mut scratch.lengths));
+        let mut tile = Tile {
+            origin,
+            through: &mut scratch.through[0],
+            light: scratch.light.as_deref_mut(),
+            rays: rays.as_ref(),
+            ground: ground.as_ref(),
+        };
+        draw(&mut tile, self.bands.band(top / TILE), &self.drawing, cancel)?;
+        if let Some(rays) = rays {
+            scratch.lengths = rays.length;
+        }
+        Ok(Finished { through: &scratch.through[0], light: scratch.light.as_deref() })
+    }
+}
+
+/// A tile of the depth map; beyond the picture nothing stands.
+fn standing<'a, P: Normal, M: Real>(
+    map: &ArrayView2<M>,
+    [left, top]: [usize; 2],
+    depth: &'a mut [P; PIXELS],
+) -> Ground<'a, P> {
+    let (height, width) = (map.nrows() - top, map.ncols() - left);
+    let mut range = [f64::INFINITY, f64::NEG_INFINITY];
+    for (row, values) in depth.chunks_exact_mut(TILE).enumerate() {
+        values.fill(P::infinity());
+        if row < height {
+            for (column, value) in values.iter_mut().enumerate().take(width) {
+                *value = P::of(map[[top + row, left + column]].wide());
+                range = [range[0].min(value.wide()), range[1].max(value.wide())];
+            }
+        }
+    }
+    Ground { depth, range }
+}
+
+fn prepared<'a, P: Normal, M: Real>(
+    shape: (usize, usize),
+    colours: &'a [[f64; 3]],
+    eye: &'a Eye,
+    look: &'a Look,
+    depth: Option<ArrayView2<'a, M>>,
+    sprites: &'a [Sprite],
+) -> Result<Picture<'a, P, M>, Error> {
+    let coloured = colours.iter().any(|colour| *colour != colours[0]);
+    let order = order(sprites, coloured)?;
+    let bands = Bands::of(sprites, &order, shape.0)?;
+    let drawing = Drawing { sprites, colours, look };
+    let pixel = std::marker::PhantomData;
+    let by_ray = order.iter().any(|&place| sprites[place as usize].model.by_ray());
+    Ok(Picture { shape, eye, drawing, bands, coloured, by_ray, depth, pixel })
+}
+
+pub(super) fn check_all<M>(
+    shape: (usize, usize),
+    cloud: &Cloud<'_>,
+    eye: &Eye,
+    look: &Look,
+    depth: Option<&ArrayView2<'_, M>>,
+) -> Result<(), Error> {
+    cloud.check()?;
+    check(eye, look)?;
+    match depth {
+        Some(depth) if depth.dim() != shape => {
+            Err(Error::invalid("depth", format!("must have shape {shape:?}")))
+        }
+        _ => Ok(()),
+    }
+}
+
+/// Draws the alpha of particles of one colour, or of any, into `out` (H, W).
+pub fn alpha<P: Normal, M: Real>(
+    out: ArrayViewMut2<P>,
+    cloud: &Cloud<'_>,
+    eye: &Eye,
+    look: &Look,
+    depth: Option<ArrayView2<M>>,
+    cancel: &Cancel,
+) -> Result<(), Error> {
+    let shape = out.dim();
+    let cloud = Cloud { colours: &[[0.0; 3]], ..*cloud };
+    check_all(shape, &cloud, eye, look, depth.as_ref())?;
+    let sprites = sprites(&cloud, eye, look, shape, cancel)?;
+    let picture = prepared::<P, M>(shape, cloud.colours, eye, look, depth, &sprites)?;
+    pool::for_each(runs_of(out, shape.1, 1), |(origins, mut pixels)| {
+        let mut scratch = picture.scratch()?;
+        for (place, origin) in origins.into_iter().enumerate() {
+            cancel.check()?;
+            let done = picture.tile(origin, &mut scratch, cancel)?;
+            let (from, to) = (place * TILE, ((place + 1) * TILE).min(pixels.ncols()));
+            for (row, mut pixels) in pixels.rows_mut().into_iter().enumerate() {
+                let pixels = pixels.as_slice_mut().expect("rows are contiguous");
+                for (pixel, through) in pixels[from..to].iter_mut().zip(&done.through.0[row]) {
+                    *pixel = P::one() - *through;
+                }
+            }
+        }
+        Ok(())
+    })
+}
+
+/// Draws premultiplied linear RGBA into `out` (H, W, 4).
+pub fn splat<P: Normal, M: Real>(
+    out: ArrayViewMut3<P>,
+    cloud: &Cloud<'_>,
+    eye: &Eye,
+    look: &Look,
+    depth: Option<ArrayView2<M>>,
+    cancel: &Cancel,
+) -> Result<(), Error> {
+    let shape = (out.dim().0, out.dim().1);
+    check_all(shape, cloud, eye, look, depth.as_ref())?;
+    let sprites = sprites(cloud, eye, look, shape, cancel)?;
+    let picture = prepared::<P, M>(shape, cloud.colours, eye, look, depth, &sprites)?;
+    let colour = cloud.colours[0].map(P::of);
+    let (height, width) = shape;
+    let flat = out
+        .into_shape_with_order((height, width * 4))
+        .map_err(|_| Error::Internal("an output that is not contiguous".into()))?;
+    pool::for_each(runs_of(flat, width, 4), |(origins, mut pixels)| {
+        let mut scratch = picture.scratch()?;
+        for (place, origin) in origins.into_iter().enumerate() {
+            cancel.check()?;
+            let done = picture.tile(origin, &mut scratch, cancel)?;
+            let (from, to) = (4 * place * TILE, (4 * (place + 1) * TILE).min(pixels.ncols()));
+            for (row, mut pixels) in pixels.rows_mut().into_iter().enumerate() {
+                let pixels = pixels.as_slice_mut().expect("rows are contiguous");
+                let pixels = &mut pixels[from..to];
+                match done.light {
+                    None => one_colour(pixels, &done.through.0[row], colour),
+                    Some(light) => {
+                        many_colours(
+                            pixels,
+                            &done.through.0[row],
+                            [0, 1, 2].map(|c| &light[c].0[row]),
+                        );
+                    }
+                }
+            }
+        }
+        Ok(())
+    })
+}
+
+fn one_colour<P: Normal>(pixels: &mut [P], through: &[P; TILE], colour: [P; 3]) {
+    for (pixel, through) in pixels.chunks_exact_mut(4).zip(through) {
+        let alpha = P::one() - *through;
+        pixel[0] = colour[0] * alpha;
+        pixel[1] = colour[1] * alpha;
+        pixel[2] = colour[2] * alpha;
+        pixel[3] = alpha;
+    }
+}
+
+fn many_colours<P: Normal>(pixels: &mut [P], through: &[P; TILE], light: [&[P; TILE]; 3]) {
+    for (k, (pixel, through)) in pixels.chunks_exact_mut(4).zip(through).enumerate() {
+        pixel[0] = light[0][k];
+        pixel[1] = light[1][k];
+        pixel[2] = light[2][k];
+        pixel[3] = P::one() - *through;
+    }
+}
+
+/// Tiles of a run that one task draws, one after the other, and its part of the picture.
+type Run<'a, P> = (Vec<[usize; 2]>, ArrayViewMut2<'a, P>);
+
+/// The picture cut into runs of up to four tiles side by side; `channels` numbers to a pixel.
+fn runs_of<P>(out: ArrayViewMut2<'_, P>, width: usize, channels: usize) -> Vec<Run<'_, P>> {
+    const TOGETHER: usize = 4;
+    let mut runs = Vec::new();
+    let mut rest = out;
+    let mut top = 0;
+    while rest.nrows() > 0 {
+        let height = TILE.min(rest.nrows());
+        let (mut band, below) = rest.split_at(Axis(0), height);
+        let mut left = 0;
+        while left < width {
+            let end = (left + TOGETHER * TILE).min(width);
+            let (run, right) = band.split_at(Axis(1), (end - left) * channels);
+            runs.push(((left..end).step_by(TILE).map(|x| [x, top]).collect(), run));
+            band = right;
+            left = end;
+        }
+        rest = below;
+        top += height;
+    }
+    runs
+}
+
+/// A rough estimate of the work in nanoseconds, from a sample of the particles.
+pub fn estimate(shape: (usize, usize), cloud: &Cloud<'_>, eye: &Eye, look: &Look) -> f64 {
+    let pixels = shape.0 as f64 * shape.1 as f64;
+    let count = cloud.centers.nrows();
+    let stride = count.div_ceil(256).max(1);
+    let area: f64 = (0..count)
+        .step_by(stride)
+        .filter_map(|index| Sprite::of(&cloud.get(index), 0, eye, look, shape))
+        .map(|sprite| {
+            let length = |[low, high]: [u32; 2]| f64::from(high - low);
+            let cost = if sprite.form == Form::Ray { 2.0 } else { 0.2 };
+            length(sprite.rows) * length(sprite.columns) * cost
+        })
+        .sum();
+    4.0 * pixels + count as f64 * 100.0 + area * stride as f64
+}

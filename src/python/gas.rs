@@ -1,0 +1,244 @@
+//! Gas: the image of its particles, and the light that reaches them.
+
+use numpy::ndarray::{ArrayView2, ArrayViewMut2};
+use numpy::{PyReadonlyArray1, PyReadonlyArray2, PyReadwriteArray1, PyReadwriteArray3};
+use pyo3::prelude::*;
+
+use super::gate::{self, Plane, PlaneMut};
+use crate::error::Error;
+use crate::gas::footprint::Edge;
+use crate::gas::splat::{self, Cloud};
+use crate::gas::sprite::{Eye, Footprint, Look, NearMode};
+use crate::gas::{light, pair};
+use crate::normal::Normal;
+use crate::real::Real;
+
+/// RGBA of either precision, to be written.
+#[derive(FromPyObject)]
+pub enum LayerMut<'py> {
+    /// float32
+    Single(PyReadwriteArray3<'py, f32>),
+    /// float64
+    Double(PyReadwriteArray3<'py, f64>),
+}
+
+/// (focal, cx, cy, offset)
+type Lens = (f64, f64, f64, [f64; 3]);
+
+/// (footprint, edge, near, near mode, hard, error)
+type Manner = (String, String, f64, String, bool, f64);
+
+fn eye_of((focal, x, y, offset): Lens) -> Eye {
+    Eye { focal, center: [x, y], offset, margin: 0 }
+}
+
+fn look_of((footprint, edge, near, near_mode, hard, error): Manner) -> PyResult<Look> {
+    let footprint = match footprint.as_str() {
+        "viewplane" => Footprint::Viewplane,
+        "viewplane_c" => Footprint::ViewplaneC,
+        "viewpoint" => Footprint::Viewpoint,
+        "volume" => Footprint::Volume,
+        "table" => Footprint::Table,
+        _ => return Err(Error::invalid("footprint", "is none of ours").into()),
+    };
+    let edge = match edge.as_str() {
+        "taper" => Edge::Taper,
+        "square" => Edge::Square,
+        _ => return Err(Error::invalid("edge", "is none of ours").into()),
+    };
+    let near_mode = match near_mode.as_str() {
+        "fade" => NearMode::Fade,
+        "cull" => NearMode::Cull,
+        "exact" => NearMode::Exact,
+        _ => return Err(Error::invalid("near_mode", "is none of ours").into()),
+    };
+    Ok(Look { footprint, edge, near, near_mode, hard, error })
+}
+
+fn colours_of(colours: &PyReadonlyArray2<'_, f64>) -> PyResult<Vec<[f64; 3]>> {
+    let colours = colours.as_array();
+    if colours.ncols() != 3 {
+        return Err(Error::invalid("color", "must have three numbers to a row").into());
+    }
+    Ok(colours.rows().into_iter().map(|row| [row[0], row[1], row[2]]).collect())
+}
+
+/// Draws premultiplied linear RGBA of a gas into `out` (H, W, 4).
+#[pyfunction]
+#[expect(clippy::too_many_arguments, reason = "the Python layer passes plain values")]
+pub fn gas_splat(
+    py: Python<'_>,
+    out: LayerMut<'_>,
+    centers: PyReadonlyArray2<'_, f64>,
+    radius: PyReadonlyArray1<'_, f64>,
+    density: PyReadonlyArray1<'_, f64>,
+    colours: PyReadonlyArray2<'_, f64>,
+    lens: Lens,
+    manner: Manner,
+    depth: Option<Plane<'_>>,
+) -> PyResult<()> {
+    let colours = colours_of(&colours)?;
+    let cloud = Cloud {
+        centers: centers.as_array(),
+        radius: radius.as_array(),
+        density: density.as_array(),
+        colours: &colours,
+    };
+    let (eye, look) = (eye_of(lens), look_of(manner)?);
+    match (out, &depth) {
+        (LayerMut::Single(out), None) => layer(py, out, &cloud, &eye, &look, NOTHING),
+        (LayerMut::Double(out), None) => layer(py, out, &cloud, &eye, &look, NOTHING),
+        (LayerMut::Single(out), Some(Plane::Single(map))) => {
+            layer(py, out, &cloud, &eye, &look, Some(map.as_array()))
+        }
+        (LayerMut::Single(out), Some(Plane::Double(map))) => {
+            layer(py, out, &cloud, &eye, &look, Some(map.as_array()))
+        }
+        (LayerMut::Double(out), Some(Plane::Single(map))) => {
+            layer(py, out, &cloud, &eye, &look, Some(map.as_array()))
+        }
+        (LayerMut::Double(out), Some(Plane::Double(map))) => {
+            layer(py, out, &cloud, &eye, &look, Some(map.as_array()))
+        }
+    }
+}
+
+/// No depth map.
+const NOTHING: Option<ArrayView2<'static, f32>> = None;
+
+fn layer<P: Normal + numpy::Element, M: Real>(
+    py: Python<'_>,
+    mut out: PyReadwriteArray3<'_, P>,
+    cloud: &Cloud<'_>,
+    eye: &Eye,
+    look: &Look,
+    depth: Option<ArrayView2<'_, M>>,
+) -> PyResult<()> {
+    let out = out.as_array_mut();
+    cloud.check()?;
+    let nanoseconds = splat::estimate((out.dim().0, out.dim().1), cloud, eye, look);
+    gate::run(py, nanoseconds, |cancel| splat::splat(out, cloud, eye, look, depth, cancel))
+}
+
+/// Draws the alpha of a gas into `out` (H, W).
+#[pyfunction]
+#[expect(clippy::too_many_arguments, reason = "the Python layer passes plain values")]
+pub fn gas_alpha(
+    py: Python<'_>,
+    out: PlaneMut<'_>,
+    centers: PyReadonlyArray2<'_, f64>,
+    radius: PyReadonlyArray1<'_, f64>,
+    density: PyReadonlyArray1<'_, f64>,
+    lens: Lens,
+    manner: Manner,
+    depth: Option<Plane<'_>>,
+) -> PyResult<()> {
+    let cloud = Cloud {
+        centers: centers.as_array(),
+        radius: radius.as_array(),
+        density: density.as_array(),
+        colours: &[[0.0; 3]],
+    };
+    let (eye, look) = (eye_of(lens), look_of(manner)?);
+    cloud.check()?;
+    gate::each_precision!(out, view => {
+        let nanoseconds = splat::estimate(view.dim(), &cloud, &eye, &look);
+        match &depth {
+            None => gate::run(py, nanoseconds, |cancel| {
+                splat::alpha(view, &cloud, &eye, &look, NOTHING, cancel)
+            }),
+            Some(Plane::Single(map)) => {
+                let map = map.as_array();
+                gate::run(py, nanoseconds, |cancel| {
+                    splat::alpha(view, &cloud, &eye, &look, Some(map), cancel)
+                })
+            }
+            Some(Plane::Double(map)) => {
+                let map = map.as_array();
+                gate::run(py, nanoseconds, |cancel| {
+                    splat::alpha(view, &cloud, &eye, &look, Some(map), cancel)
+                })
+            }
+        }
+    })
+}
+
+/// Draws the alphas that two eyes see; returns how many slabs were shifted, and particles in them.
+#[pyfunction]
+#[expect(clippy::too_many_arguments, reason = "the Python layer passes plain values")]
+pub fn gas_pair(
+    py: Python<'_>,
+    left: PlaneMut<'_>,
+    right: PlaneMut<'_>,
+    centers: PyReadonlyArray2<'_, f64>,
+    radius: PyReadonlyArray1<'_, f64>,
+    density: PyReadonlyArray1<'_, f64>,
+    lenses: (Lens, Lens),
+    manner: Manner,
+    depths: Option<(PyReadonlyArray2<'_, f64>, PyReadonlyArray2<'_, f64>)>,
+    slab: f64,
+) -> PyResult<(usize, usize)> {
+    let cloud = Cloud {
+        centers: centers.as_array(),
+        radius: radius.as_array(),
+        density: density.as_array(),
+        colours: &[[0.0; 3]],
+    };
+    cloud.check()?;
+    let (first, second, look) = (eye_of(lenses.0), eye_of(lenses.1), look_of(manner)?);
+    let maps = match &depths {
+        Some((a, b)) => [Some(a.as_array()), Some(b.as_array())],
+        None => [None, None],
+    };
+    match (left, right) {
+        (PlaneMut::Single(mut a), PlaneMut::Single(mut b)) => {
+            let outs = [a.as_array_mut(), b.as_array_mut()];
+            both(py, outs, &cloud, [&first, &second], &look, maps, slab)
+        }
+        (PlaneMut::Double(mut a), PlaneMut::Double(mut b)) => {
+            let outs = [a.as_array_mut(), b.as_array_mut()];
+            both(py, outs, &cloud, [&first, &second], &look, maps, slab)
+        }
+        _ => Err(Error::invalid("out", "must have one dtype for both eyes").into()),
+    }
+}
+
+fn both<P: Normal>(
+    py: Python<'_>,
+    outs: [ArrayViewMut2<'_, P>; 2],
+    cloud: &Cloud<'_>,
+    eyes: [&Eye; 2],
+    look: &Look,
+    maps: [Option<ArrayView2<'_, f64>>; 2],
+    slab: f64,
+) -> PyResult<(usize, usize)> {
+    let nanoseconds = 2.0 * splat::estimate(outs[0].dim(), cloud, eyes[0], look);
+    let done = gate::run(py, nanoseconds, |cancel| {
+        pair::pair(outs, cloud, eyes, look, maps, slab, cancel)
+    })?;
+    Ok((done.slabs, done.shifted))
+}
+
+/// Fills `out` (n,) with the light of a direction that reaches each particle.
+#[pyfunction]
+pub fn gas_light(
+    py: Python<'_>,
+    mut out: PyReadwriteArray1<'_, f64>,
+    centers: PyReadonlyArray2<'_, f64>,
+    radius: PyReadonlyArray1<'_, f64>,
+    density: PyReadonlyArray1<'_, f64>,
+    direction: [f64; 3],
+    forward: f64,
+) -> PyResult<()> {
+    let cloud = Cloud {
+        centers: centers.as_array(),
+        radius: radius.as_array(),
+        density: density.as_array(),
+        colours: &[[0.0; 3]],
+    };
+    let out = out.as_array_mut();
+    let count = cloud.centers.nrows() as f64;
+    gate::run(py, 5.0 * count * count, |cancel| {
+        light::light(out, &cloud, direction, forward, cancel)
+    })
+}

@@ -1,0 +1,217 @@
+"""`flurries view` in a real browser: a slider is dragged, and the picture follows.
+
+Run by `make test-browser`, which finds or installs chromium. Screenshots stay in
+``build/screenshots`` to be looked at.
+"""
+
+from __future__ import annotations
+
+import base64
+import io
+import os
+import shutil
+import threading
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from PIL import Image
+from playwright.sync_api import Page, sync_playwright
+
+import flurries as fl
+from flurries.viewer.server import Server
+
+SHOTS = Path(__file__).parents[2] / "build" / "screenshots"
+CHROMIUM = os.environ.get("CHROMIUM") or shutil.which("chromium") or shutil.which("google-chrome")
+
+# A picture's pixels, read back from the canvas that the user sees.
+PIXELS = "document.querySelector('.fl-picture').toDataURL('image/png').split(',')[1]"
+PICTURES = "Number(document.querySelector('.flurries')?.dataset.pictures || 0)"
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Any]:
+    assert CHROMIUM, "no chromium: `make test-browser` installs it"
+    with sync_playwright() as play:
+        # Everything that is shown comes from this machine; root has no sandbox.
+        shown = play.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
+        yield shown
+        shown.close()
+
+
+def scene() -> fl.Scene:
+    from skimage import data
+
+    return fl.Scene(None, data.astronaut(), effects=[fl.Snow.preset("heavy", flakes=6000)])
+
+
+@pytest.fixture
+def server(tmp_path: Path) -> Iterator[Server]:
+    served = Server(scene(), size=512, save=tmp_path / "tuned.toml")
+    runner = threading.Thread(target=served.serve_forever, daemon=True)
+    runner.start()
+    yield served
+    served.shutdown()
+    served.server_close()
+    runner.join()
+
+
+@pytest.fixture
+def page(browser: Any, server: Server) -> Iterator[Page]:
+    tab = browser.new_page(viewport={"width": 900, "height": 940})
+    said: list[str] = []
+    tab.on("pageerror", lambda error: said.append(str(error)))
+    tab.on("console", lambda line: said.append(line.text) if line.type == "error" else None)
+    tab.goto(server.url)
+    until(tab, f"{PICTURES} >= 3")
+    yield tab
+    tab.close()
+    assert not said, said
+
+
+def pixels(page: Page) -> np.ndarray:
+    """The picture on the page, (512, 512, 3)."""
+    with Image.open(io.BytesIO(base64.b64decode(page.evaluate(PIXELS)))) as picture:
+        return np.asarray(picture.convert("RGB"), dtype=float)
+
+
+def stop(page: Page) -> None:
+    page.click(".fl-play")
+    settle(page)
+
+
+def settle(page: Page) -> None:
+    """Wait until all that was asked for is shown."""
+    until(page, "document.querySelector('main').dataset.idle === 'true'")
+
+
+def until(page: Page, condition: str, seconds: float = 30.0) -> None:
+    """Wait for a condition; the page's policy forbids the eval of `wait_for_function`."""
+    for _ in range(int(seconds / 0.05)):
+        if page.evaluate(condition):
+            return
+        page.wait_for_timeout(50)
+    raise AssertionError(f"{condition} did not come true in {seconds} s")
+
+
+def drag(page: Page, key: str, share: float, steps: int = 12) -> int:
+    """Drag a slider to a share of its length; return how many pictures were shown meanwhile."""
+    slider = page.locator(f"[data-key='{key}']")
+    box = slider.bounding_box()
+    assert box is not None
+    low, high, value = (
+        float(slider.evaluate(f"(s) => s.{name}")) for name in ("min", "max", "value")
+    )
+    y = box["y"] + box["height"] / 2
+    # The thumb's middle runs over the length less its own width.
+    start = box["x"] + 8 + (box["width"] - 16) * (value - low) / (high - low)
+    end = box["x"] + 8 + (box["width"] - 16) * share
+    before = int(page.evaluate(PICTURES))
+    page.mouse.move(start, y)
+    page.mouse.down()
+    for step in range(1, steps + 1):
+        page.mouse.move(start + (end - start) * step / steps, y)
+        page.wait_for_timeout(60)
+    page.mouse.up()
+    return int(page.evaluate(PICTURES)) - before
+
+
+def test_the_picture_follows_a_dragged_slider(page: Page):
+    stop(page)
+    before = pixels(page)
+    during = drag(page, "0.amount", 0.1)
+    settle(page)
+    after = pixels(page)
+    # Bright weather over the whole picture goes: many pixels change, and the dark ones darken.
+    changed = np.abs(after - before).max(axis=2)
+    assert (changed > 8).mean() > 0.2
+    assert after.mean() < before.mean() - 2.0
+    # Not only after the mouse was let go.
+    assert during >= 2
+    assert "0.1" in page.locator(".fl-row.fl-touched output").inner_text()
+
+
+def test_a_still_page_stays_still(page: Page):
+    """The control of the test above: without a hand on a slider nothing changes."""
+    stop(page)
+    before = pixels(page)
+    page.wait_for_timeout(500)
+    assert np.array_equal(before, pixels(page))
+
+
+def test_the_picture_is_what_the_scene_renders(page: Page):
+    stop(page)
+    t = page.evaluate("Number(document.querySelector('.fl-time').value)")
+    shown = pixels(page)
+    # The slider rounds the time to a frame; go there.
+    page.locator(".fl-time").evaluate("(s) => s.dispatchEvent(new Event('input'))")
+    settle(page)
+    shown = pixels(page)
+    wanted = scene().render(t).astype(float)
+    # JPEG's quantisation, about 2 levels rms at quality 90 on snow; another frame is 20 off.
+    assert np.sqrt(np.mean((shown - wanted) ** 2)) < 5.0
+    assert np.sqrt(np.mean((shown - scene().render(t + 9).astype(float)) ** 2)) > 10.0
+
+
+def test_spectrum_and_tent_are_drawn(page: Page):
+    stop(page)
+    ink = """(name) => {
+      const c = document.querySelector(name);
+      const d = c.getContext('2d').getImageData(0, 0, c.width, c.height).data;
+      let lit = 0;
+      for (let i = 3; i < d.length; i += 4) lit += d[i] > 0;
+      return lit / (d.length / 4);
+    }"""
+    assert page.evaluate(ink, ".fl-spectrum") > 0.3
+    assert page.evaluate(ink, ".fl-tent") > 0.1
+    before = page.locator(".fl-note").inner_text()
+    drag(page, "0.speed", 0.95)
+    settle(page)
+    assert page.locator(".fl-note").inner_text() != before
+
+
+def test_what_cannot_be_saved_is_said(page: Page, server: Server, tmp_path: Path):
+    # A picture in memory has no place in a file: the page says so.
+    page.click(".fl-save")
+    page.wait_for_selector(".fl-error")
+    assert "background" in page.locator(".fl-status").inner_text()
+    assert not (tmp_path / "tuned.toml").exists()
+
+
+def test_a_scene_file_is_tuned_and_saved(browser: Any, tmp_path: Path):
+    fl.Scene((320, 240), "#203040", effects=[fl.Snow(flakes=500)]).save(tmp_path / "a.toml")
+    served = Server(fl.Scene.load(tmp_path / "a.toml"), save=tmp_path / "b.toml")
+    runner = threading.Thread(target=served.serve_forever, daemon=True)
+    runner.start()
+    tab = browser.new_page(viewport={"width": 900, "height": 900})
+    tab.goto(served.url)
+    until(tab, f"{PICTURES} >= 1")
+    drag(tab, "0.amount", 0.5)
+    tab.click(".fl-save")
+    until(tab, "document.querySelector('main').dataset.saved")
+    tab.close()
+    served.shutdown()
+    served.server_close()
+    runner.join()
+    tuned = fl.Scene.load(tmp_path / "b.toml")
+    assert abs(tuned.effects[0].amount - 0.5) < 0.05
+    assert tuned.effects[0].flakes == 500
+
+
+def test_screenshot(page: Page):
+    SHOTS.mkdir(parents=True, exist_ok=True)
+    drag(page, "camera.forward", 0.75)
+    page.mouse.click(*_at(page, 0.75, 0.3))
+    settle_one = int(page.evaluate(PICTURES)) + 4
+    until(page, f"{PICTURES} >= {settle_one}")
+    stop(page)
+    page.screenshot(path=SHOTS / "viewer.png", full_page=True)
+    assert (SHOTS / "viewer.png").stat().st_size > 50_000
+
+
+def _at(page: Page, x: float, y: float) -> tuple[float, float]:
+    box = page.locator(".fl-picture").bounding_box()
+    assert box is not None
+    return box["x"] + x * box["width"], box["y"] + y * box["height"]

@@ -1,0 +1,9 @@
+"""Hard cases: what is asked at the edges, and the answer that mathematics gives.
+
+Each file holds one subject's table of `Case`; `tests/test_hard_cases.py` judges them all, and
+`tests/make_hard_cases.py` writes them with the measured values to ``docs/hard-cases.md``.
+"""
+
+from hard import air, spectral
+
+TABLES = {"Spectral texture": spectral.CASES, "Camera, flakes, compositing": air.CASES}

@@ -1,0 +1,64 @@
+"""What a hard case is."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+Measure = Callable[[Any], float]
+
+EPS = {np.float32: float(np.finfo(np.float32).eps), np.float64: float(np.finfo(np.float64).eps)}
+
+
+@dataclass(frozen=True)
+class Case:
+    """One question with a known answer.
+
+    Attributes
+    ----------
+    name : str
+        What is asked.
+    measure : callable
+        dtype -> the measured number.
+    expected : float
+        The answer, from a formula or a count and never from our own kernels.
+    tolerance : float or (float32, float64)
+        How far the measured number may be off; 0 demands equality.
+    because : str
+        Where the tolerance comes from.
+    guard : str
+        What breaks it when it is taken away.
+    """
+
+    name: str
+    measure: Measure
+    expected: float
+    tolerance: float | tuple[float, float]
+    because: str
+    guard: str = ""
+
+    def allowed(self, dtype: Any) -> float:
+        """Return the tolerance for a dtype."""
+        if isinstance(self.tolerance, tuple):
+            return self.tolerance[0 if dtype is np.float32 else 1]
+        return self.tolerance
+
+
+def refused(*calls: Callable[[], Any]) -> float:
+    """Return how many of the calls raise ValueError or TypeError."""
+    count = 0
+    for call in calls:
+        try:
+            call()
+        except (ValueError, TypeError):
+            count += 1
+    return float(count)
+
+
+def worst(difference: Any) -> float:
+    """Return the largest absolute value, as float64; infinity for what is not finite."""
+    array = np.abs(np.asarray(difference, dtype=np.float64))
+    return float(np.max(array)) if np.isfinite(array).all() else float("inf")

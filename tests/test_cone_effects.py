@@ -1,0 +1,284 @@
+"""Rain and snow on a cone in a scene: purity, parts, eyes, depth, files, and their motion."""
+
+from __future__ import annotations
+
+import math
+import pickle
+
+import numpy as np
+import pytest
+
+import flurries as fl
+from flurries import cone
+from flurries.effects import coned
+from flurries.effects.layer import Frame
+
+SIZE = (120, 90)
+FLYING = fl.CameraPath(
+    fl.Camera(140.0),
+    velocity=fl.Keys([(0, (0.0, 0.0, 0.0)), (20, (1.0, 0.0, 8.0)), (40, (0.0, -3.0, -4.0))]),
+)
+TURNING = fl.CameraPath(
+    fl.Camera(140.0), orientation=fl.Keys([(0, (0, 0, 0)), (30, (0.2, 1.5, 0))])
+)
+EFFECTS = [
+    fl.ConeRain(tile=64, drops=120),
+    fl.ConeSnow(tile=64, texture_flakes=120, flakes=40),
+]
+
+
+def scene(effect, **about):
+    return fl.Scene(SIZE, "#102030", effects=[effect], **about)
+
+
+def frame_of(shown, t):
+    """Return the frame that a scene asks its effects for."""
+    height, width = shown.shape
+    path = shown.camera
+    return Frame(shape=shown.shape, window=(0, height, 0, width), t=t, fps=shown.fps,
+                 camera=path.seen(path.camera, t), path=path, seed=shown.seed)  # fmt: skip
+
+
+@pytest.mark.parametrize("effect", EFFECTS, ids=["rain", "snow"])
+@pytest.mark.parametrize("camera", [None, FLYING, TURNING], ids=["still", "flying", "turning"])
+def test_a_frame_alone_is_a_frame_in_sequence(effect, camera):
+    shown = scene(effect, camera=camera)
+    times = [0, 1, 2, 2.5, 19, 20, 21, 50, -3]
+    forward = [shown.render(t) for t in times]
+    assert len({frame.tobytes() for frame in forward}) == len(times)
+    for i in np.random.default_rng(0).permutation(len(times)):
+        assert shown.render(times[i]).tobytes() == forward[i].tobytes()
+    # Another scene of the same content, and one that comes from another process.
+    again = pickle.loads(pickle.dumps(scene(effect, camera=camera)))
+    for t, frame in zip(times, forward, strict=True):
+        assert again.render(t).tobytes() == frame.tobytes()
+
+
+@pytest.mark.parametrize("effect", EFFECTS, ids=["rain", "snow"])
+def test_what_is_kept_changes_no_bit(effect, monkeypatch):
+    shown = scene(effect)
+    kept = [shown.render(t).tobytes() for t in (5, 5, 5, 6, 6)]
+    assert kept[0] == kept[1] == kept[2] and coned._charts
+    monkeypatch.setattr(coned, "chart", lambda pose: None)
+    assert [shown.render(t).tobytes() for t in (5, 6)] == [kept[0], kept[3]]
+
+
+@pytest.mark.parametrize("effect", EFFECTS, ids=["rain", "snow"])
+@pytest.mark.parametrize("camera", [None, FLYING], ids=["still", "flying"])
+def test_a_part_has_the_bits_of_the_whole(effect, camera):
+    shown = scene(effect, camera=camera)
+    whole = shown.render(21)
+    part = shown.render(21, region=np.s_[33:80, 17:90])
+    np.testing.assert_array_equal(part, whole[33:80, 17:90])
+
+
+def test_the_cone_moves_as_the_flakes_do():
+    effect = fl.ConeRain(wind=(1.0, 0.0, -2.0), fall=6.0)
+    shown = scene(effect, camera=FLYING)
+    for t in (0.0, 7.3, 20.0, 33.0, 60.0):
+        frame = frame_of(shown, t)
+        state = effect.state(frame)
+        # Camera minus flake per frame, the other way and per second.
+        velocity = -effect.velocity(frame) * shown.fps
+        np.testing.assert_allclose(np.array(state.axis) * state.speed, velocity, atol=1e-9)
+
+
+def test_the_way_has_jumps_where_the_velocity_has():
+    # Places from frame to frame: the velocity jumps at every one.
+    places = np.cumsum(np.random.default_rng(3).normal(0, 0.05, (30, 3)), axis=0)
+    shown = scene(fl.ConeRain(), camera=fl.CameraPath(fl.Camera(140.0), position=places))
+    effect = shown.effects[0]
+    for t in (3.0, 3.5, 28.5, 40.0):
+        frame = frame_of(shown, t)
+        state = effect.state(frame)
+        velocity = -effect.velocity(frame) * shown.fps
+        np.testing.assert_allclose(np.array(state.axis) * state.speed, velocity, atol=1e-9)
+    before, after = (effect.state(frame_of(shown, t)).phase for t in (10 - 1e-9, 10 + 1e-9))
+    assert abs(before - after) < 1e-6
+
+
+def test_a_camera_that_turns_sees_the_same_rain_elsewhere():
+    # A pan by whole pixels' azimuths cannot be had in a plane picture: compare what rays see.
+    effect = fl.ConeRain(haze=0.0, wind=(0.0, 0.0, 0.0))
+    shown = scene(effect, camera=TURNING)
+    seen = []
+    for t in (0.0, 10.0):
+        frame = frame_of(shown, t)
+        state = effect.state(frame)
+        assert state.axis == (0.0, 1.0, 0.0)
+        seen.append(cone.rays(shown.shape, frame.camera, axis=state.axis).azimuth[45, 60])
+    forward = TURNING.turn(10.0)[:, 2]
+    wanted = (math.atan2(1.0, 0.0) - math.atan2(forward[2], forward[0])) / (2 * math.pi)
+    assert abs((seen[0] - seen[1] - wanted + 0.5) % 1.0 - 0.5) < 2e-3
+
+
+def tracked(phases, seconds, camera, shape, tile):
+    """Return pixels per second straight ahead: the shift under which two pictures agree best."""
+    first, second = (
+        cone.layer(shape, camera, tile, axis=(0, 1, 0), phase=p, repeats=16, dtype=np.float64)
+        for p in phases
+    )
+    height = shape[0]
+    errors = {}
+    for shift in range(-60, 61):
+        # The rows in the middle; those at the borders have gone.
+        ahead = second[60 + shift : height - 60 + shift]
+        errors[shift] = ((ahead - first[60 : height - 60]) ** 2).mean()
+    best = min(errors, key=errors.get)
+    before, here, after = (errors.get(best + k, np.inf) for k in (-1, 0, 1))
+    return (best + 0.5 * (before - after) / (before - 2 * here + after)) / seconds
+
+
+@pytest.mark.parametrize("stutter", [False, True])
+def test_the_fall_speed_does_not_depend_on_the_frame_rate(stutter):
+    # Measured on pictures: straight ahead a drop at 16 m that falls 5 m/s moves f v / R.
+    camera, shape, radius = fl.Camera(1200.0), (200, 60), 16.0
+    tile = cone.snow_tile(128, seed=4, flakes=400, width=0.03, dtype=np.float64)
+    speeds = []
+    for fps in (15, 24, 30, 60, 120):
+        times = np.arange(40) / fps
+        if stutter:
+            drop = np.random.default_rng(fps).choice([0.0, 0.0, 2.5 / fps], 40)
+            times = np.sort(times + drop)
+        moving = cone.path(times, (0.0, 5.0, 0.0), radius=radius, repeats=16, exposure=0.0)
+        for i in (10, 20, 30):
+            seconds = times[i + 1] - times[i]
+            if seconds > 1e-3:
+                pair = moving.phase[[i, i + 1]]
+                speeds.append(tracked(pair, seconds, camera, shape, tile))
+    wanted = 1200.0 * 5.0 / radius
+    assert len(speeds) > 10 and np.abs(np.array(speeds) / wanted - 1.0).max() < 0.03
+    # As printed the same pictures go at speeds that differ by almost two.
+    printed = []
+    for fps in (15, 120):
+        moving = cone.path(np.arange(3) / fps, (0, 6, 0), published=True, length=8.0, pixel=20.0,
+                           radius=radius, repeats=16)  # fmt: skip
+        step = (moving.phase[2] - moving.phase[1]) * moving.stretch[2]
+        printed.append(step * fps * moving.stretch[2])
+    assert printed[0] / printed[1] > 1.7
+
+
+def test_two_eyes():
+    camera = fl.Camera(140.0)
+    shown = scene(fl.ConeRain(haze=0.0, tile=128, wind=(0, 0, 0)), camera=camera)
+    left, right = (fl.Camera(140.0, offset=(x, 0, 0)) for x in (-0.1, 0.1))
+    a, b, middle = (shown.render(9, eye=eye)[..., 1].astype(float) for eye in (left, right, camera))
+    assert (a != b).any() and (a != middle).any()
+
+    # The right eye's picture is the left one's moved to the left, by f b / R of the layers.
+    def alike(shift):
+        return np.corrcoef(a[:, 30:90].ravel(), b[:, 30 - shift : 90 - shift].ravel())[0, 1]
+
+    best = max(range(-12, 13), key=alike)
+    # 140 * .2 / (3, 6, 12, 24) is 9.3, 4.7, 2.3, 1.2 px.
+    assert 1 <= best <= 9
+
+
+def test_the_scenes_depth_hides_what_is_behind():
+    depth = np.full((90, 120), np.inf, np.float32)
+    depth[:, 60:] = 0.5
+    effect = fl.ConeSnow(tile=64, haze=0.0, flakes=0, texture_flakes=400)
+    free = scene(effect).render(4, layers=True).alpha
+    behind = scene(effect, depth=depth).render(4, layers=True).alpha
+    np.testing.assert_array_equal(behind[:, :60], free[:, :60])
+    assert free[:, 60:].max() > 0.02 and behind[:, 60:].max() == 0.0
+
+
+def test_amounts_and_colours():
+    rain = fl.ConeRain(tile=64, haze=0.0)
+    none = scene(fl.ConeRain(tile=64, amount=0.0)).render(3)
+    np.testing.assert_array_equal(none, scene(fl.ConeRain(tile=64, gain=0.0, haze=0.0)).render(3))
+    assert (none == none[0, 0]).all()
+    more = [scene(fl.ConeRain(tile=64, haze=0.0, amount=a)).render(3, layers=True).alpha.mean()
+            for a in (0.25, 0.5, 1.0)]  # fmt: skip
+    assert more == sorted(more) and more[0] > 0
+    keyed = fl.ConeRain(tile=64, haze=0.0, amount=fl.Keys([(0, 0.0), (6, 1.0)]))
+    half = scene(keyed).render(3, layers=True).alpha
+    np.testing.assert_array_equal(
+        half, scene(fl.ConeRain(tile=64, haze=0.0, amount=0.5)).render(3, layers=True).alpha
+    )
+    red = fl.Scene(SIZE, "#000000", effects=[fl.ConeRain(colour=(1.0, 0.0, 0.0))]).render(3)
+    assert red[..., 0].max() > 20 and red[..., 1:].max() == 0
+    assert scene(rain, seed=1).render(3).tobytes() != scene(rain, seed=2).render(3).tobytes()
+
+
+def test_snow_in_front_is_the_same_as_snows_flakes():
+    effect = fl.ConeSnow(texture_flakes=0, haze=0.0, flakes=60)
+    alone = fl.Snow(texture=0.0, haze=0.0, flakes=60, near_depth=effect.radius, fall=effect.fall,
+                    wind=effect.wind, shutter=effect.shutter, flake_size=effect.flake_size,
+                    flake_opacity=effect.flake_opacity, sway=effect.sway)  # fmt: skip
+    np.testing.assert_array_equal(
+        scene(effect).render(8, layers=True).alpha, scene(alone).render(8, layers=True).alpha
+    )
+
+
+@pytest.mark.parametrize("kind", [fl.ConeRain, fl.ConeSnow])
+def test_presets_files_and_refusals(kind, tmp_path):
+    alphas = []
+    for name in kind.PRESETS:
+        shown = scene(kind.preset(name, tile=64))
+        shown.save(tmp_path / "scene.toml")
+        loaded = fl.Scene.load(tmp_path / "scene.toml")
+        assert loaded.effects == shown.effects
+        assert loaded.render(4).tobytes() == shown.render(4).tobytes()
+        alphas.append(shown.render(4, layers=True).alpha.mean())
+    assert alphas == sorted(alphas)
+    with pytest.raises(ValueError, match="preset must be one of"):
+        kind.preset("none")
+    with pytest.raises(TypeError, match="no field 'speed'"):
+        kind.preset(next(iter(kind.PRESETS)), speed=1)
+    for change, message in [
+        ({"amount": 2.0}, "amount must be from 0 to 1"),
+        ({"damping": -0.1}, "damping must be from 0 to 1"),
+        ({"radius": 0.0}, "radius must be greater than 0"),
+        ({"repeats": 0}, "repeats must be from 1"),
+        ({"slope": -1.0}, "slope must be from 0"),
+        ({"tile": 4}, "tile must be from 16"),
+        ({"shutter": -1.0}, "shutter must be at least 0"),
+        ({"gain": math.nan}, "gain must be finite"),
+        ({"wind": (0, 0)}, "wind must be 3 numbers"),
+    ]:
+        with pytest.raises(ValueError, match=message):
+            kind(**change)
+    with pytest.raises(TypeError, match="conserve must be True or False"):
+        kind(conserve=1)
+
+
+def test_refusals_of_their_own():
+    for change, message in [
+        ({"drops": -1}, "drops must be from 0"),
+        ({"drop_size": 0.0}, "drop_size must be greater than 0"),
+        ({"drop_length": 3.0}, "drop_length must be at most half a tile"),
+        ({"spread": 2.0}, "spread must be from 0 to 1"),
+    ]:
+        with pytest.raises(ValueError, match=message):
+            fl.ConeRain(**change)
+    for change, message in [
+        ({"texture_flakes": 10**6}, "texture_flakes must be from 0"),
+        ({"flakes": -1}, "flakes must be from 0"),
+        ({"flake_size": (0.02, 0.01)}, "flake_size must be 0 < smallest"),
+        ({"flake_opacity": 1.5}, "flake_opacity must be from 0 to 1"),
+    ]:
+        with pytest.raises(ValueError, match=message):
+            fl.ConeSnow(**change)
+
+
+def test_a_wind_with_gusts_counts_by_its_mean():
+    gusty = fl.ConeRain(tile=64, wind=fl.Wind(mean=(2.0, 0.0, 0.0)))
+    plain = fl.ConeRain(tile=64, wind=(2.0, 0.0, 0.0))
+    np.testing.assert_array_equal(scene(gusty).render(5), scene(plain).render(5))
+
+
+def test_from_the_command_line(tmp_path):
+    from flurries.cli import main
+
+    out = tmp_path / "frame.png"
+    assert main(["render", "#203040", "--cone-rain", "downpour", "--cone-snow", "light", "--size",
+                 "64x48", "--frames", "3", "-o", str(out), "--quiet"]) == 0  # fmt: skip
+    from flurries import io
+
+    picture = io.read_picture(out) if hasattr(io, "read_picture") else None
+    assert out.exists() and (picture is None or np.asarray(picture.pixels).std() > 0)
+    assert (
+        main(["render", "#203040", "--cone-rain", "none", "--size", "64x48", "-o", str(out)]) == 2
+    )

@@ -1,0 +1,225 @@
+"""One texture on the cone: the box, the seam, the pole, energy, and what is refused."""
+
+from __future__ import annotations
+
+import hashlib
+import math
+
+import numpy as np
+import pytest
+
+import twin_cone as twin
+from flurries import cone
+from flurries.camera import Camera
+
+SHAPE = (30, 40)
+CAMERA = Camera(30.0, rotation=(0.2, -0.4, 0.1))
+
+
+def noise(size, seed=0):
+    return np.random.default_rng(seed).random((size, size))
+
+
+@pytest.mark.parametrize(
+    "given",
+    [
+        {"axis": (0, 1, 0), "phase": 0.0},
+        {"axis": (0.3, 0.9, -0.4), "phase": 0.7, "stretch": 2.5, "repeats": 3, "slope": 0.2},
+        {"axis": (0.1, 0.3, 1.0), "phase": -8.25, "offset": (0.3, -0.7), "gain": 0.5},
+        {"axis": (-1, 0.02, 0), "phase": 1e6 + 0.125, "repeats": 1},
+        {"axis": (0, -1, 0), "phase": 0.3, "repeats": 32},
+    ],
+)
+@pytest.mark.parametrize("size", [8, 33])
+def test_a_layer_is_the_twins(given, size):
+    tile = noise(size)
+    got = cone.layer(SHAPE, CAMERA, tile, **given, dtype=np.float64)
+    want = twin.layer(SHAPE, CAMERA, tile, **given)
+    # The twin's footprints come from differences, right to 1e-7.
+    np.testing.assert_allclose(got, want, atol=2e-6)
+    single = cone.layer(SHAPE, CAMERA, tile, **given)
+    np.testing.assert_allclose(single, got, atol=6e-8)
+
+
+@pytest.mark.parametrize("axis", [(0.3, 1, 0.2), (0.1, 0.4, 1.0)])
+@pytest.mark.parametrize("repeats", [8, 16, 24])
+def test_against_ten_by_ten_samples(axis, repeats):
+    # Strong reduction of a dense tile: 256 texels to a tile that is some pixels wide.
+    shape, camera = (90, 120), Camera(75.0)
+    tile = cone.snow_tile(256, seed=1, flakes=1500, width=0.009, opacity=1.0, dtype=np.float64)
+    given = {"axis": axis, "phase": 0.37, "repeats": repeats, "slope": 0.2}
+    want = twin.supersampled(shape, camera, tile, **given)
+    got = cone.layer(shape, camera, tile, **given, dtype=np.float64)
+    assert abs(got - want).mean() <= 0.012
+    # Without the box, by the nearest texel: what a filter is for.
+    points = twin.centres(shape)
+    bare = twin.point_alpha(points, shape, camera, tile, **given).reshape(shape)
+    assert abs(bare - want).mean() > 0.05
+
+
+@pytest.mark.parametrize("make", [cone.rain_tile, cone.snow_tile, cone.sleet_tile])
+def test_own_tiles_against_ten_by_ten_samples(make):
+    shape, camera = (90, 120), Camera(75.0)
+    tile = make(256, seed=5, dtype=np.float64)
+    for repeats in (4, 8, 16, 32):
+        given = {"axis": (0.2, 1, 0.1), "phase": 0.6, "repeats": repeats}
+        want = twin.supersampled(shape, camera, tile, **given)
+        got = cone.layer(shape, camera, tile, **given, dtype=np.float64)
+        assert abs(got - want).mean() <= 0.012, repeats
+
+
+def around(alpha_of, turns):
+    """Return the picture of a camera that looks along an azimuth, straight across."""
+    # Azimuth 0 is +x, a quarter is +z; a camera that looks along z has turned by none.
+    camera = Camera(60.0, rotation=(0.0, math.pi / 2 - 2 * math.pi * turns, 0.0))
+    return alpha_of(camera)
+
+
+def column_steps(alpha):
+    """Return the mean step from each column to the next."""
+    return np.abs(np.diff(alpha, axis=1)).mean(axis=0)
+
+
+@pytest.mark.parametrize("dtype", [np.float32, np.float64])
+def test_no_seam_where_the_azimuth_begins_again(dtype):
+    shape, tile = (64, 128), cone.snow_tile(64, seed=2)
+    largest = {}
+    for turns in (0.0, 0.31):
+        alpha = around(
+            lambda camera: cone.layers(shape, camera, tile, axis=(0, 1, 0), phase=0.4, dtype=dtype),
+            turns,
+        )
+        steps = column_steps(alpha)
+        largest[turns] = steps[63] / np.median(steps)
+        assert steps.max() / np.median(steps) < 2.5
+    # The column at azimuth 0 differs from its neighbour as any other does.
+    assert largest[0.0] < 2.0
+    # Two and a half tiles would have a seam there: that is how one looks.
+    seen = cone.rays(shape, Camera(60.0, rotation=(0.0, math.pi / 2, 0.0)), axis=(0, 1, 0))
+    u = np.floor(np.mod(seen.azimuth * 2.5, 1.0) * 64).astype(int)
+    v = np.floor(np.mod(seen.height * 2.5 / (2 * math.pi), 1.0) * 64).astype(int)
+    steps = column_steps(tile[v, u])
+    assert steps[63] / np.median(steps) > 2.5
+
+
+@pytest.mark.parametrize("dtype", [np.float32, np.float64])
+def test_nothing_happens_at_the_pole(dtype):
+    # Looking along the axis: rings around the apex, the fade hides its middle, no step anywhere.
+    shape, camera = (96, 96), Camera(40.0)
+    tile = cone.snow_tile(64, seed=2)
+    alpha = cone.layers(shape, camera, tile, axis=(0.0, 0.0, 1.0), phase=0.4, dtype=dtype)
+    assert np.isfinite(alpha).all()
+    y, x = np.mgrid[:96, :96] + 0.5 - 48
+    distance = np.hypot(x, y)
+    # 89.4 degrees from the equator is 0.42 px from the apex here; 82.4 is 5.3 px.
+    assert alpha[distance < 0.4].size == 0 or alpha[distance < 0.4].max() == 0.0
+    inner, outer = alpha[distance < 2.0], alpha[(distance > 8) & (distance < 40)]
+    assert inner.mean() < 0.5 * outer.mean()
+    jumps = np.maximum(np.abs(np.diff(alpha, axis=0))[:, :-1], np.abs(np.diff(alpha, axis=1))[:-1])
+    near = distance[:-1, :-1] < 8
+    assert jumps[near].max() <= jumps[~near].max()
+
+
+def test_longer_streaks_keep_the_light():
+    shape, camera, tile = (64, 64), Camera(60.0), cone.rain_tile(128, seed=1, opacity=0.3)
+    given = {"axis": (0, 1, 0), "phase": 0.0, "dtype": np.float64}
+    short = cone.layer(shape, camera, tile, **given)
+    # A tile of eight times the height is not seen whole: many phases give its mean.
+    long = np.mean(
+        [
+            cone.layer(shape, camera, tile, **{**given, "phase": p}, stretch=8.0, offset=(u, 0.0))
+            for p in np.arange(16) / 16
+            for u in np.arange(8) / 8
+        ],
+        axis=0,
+    )
+    assert abs(long.mean() * 8.0 / tile.mean() - 1.0) < 0.01
+    bright = cone.layer(shape, camera, tile, **given, stretch=8.0, conserve=False)
+    dim = cone.layer(shape, camera, tile, **given, stretch=8.0)
+    np.testing.assert_allclose(bright, 8.0 * dim, rtol=1e-12)
+    assert short.max() > dim.max()
+
+
+def test_the_stretch_scales_about_the_equator():
+    # A row that looks straight across sees the same texels whatever the stretch; others do not.
+    shape, camera, tile = (65, 64), Camera(60.0), noise(64)
+    given = {"axis": (0, 1, 0), "phase": 0.31, "dtype": np.float64, "conserve": False}
+    one, more = (cone.layer(shape, camera, tile, **given, stretch=s) for s in (1.0, 1.0001))
+    assert np.abs(one[32] - more[32]).max() < 1e-12
+    assert np.abs(one[0] - more[0]).max() > 1e-5
+
+
+def test_the_texture_goes_along_the_axis():
+    # Rows of a tile that is bright at one place: the bright band moves by the phase, downwards.
+    tile = np.zeros((64, 64))
+    tile[30:34] = 1.0
+    shape, camera = (101, 9), Camera(400.0, center=(4.5, 50.5))
+    rows = []
+    for phase in (0.5, 0.51):
+        alpha = cone.layer(shape, camera, tile, axis=(0, 1, 0), phase=phase, dtype=np.float64)
+        rows.append((alpha[:, 4] @ (np.arange(101) + 0.5)) / alpha[:, 4].sum())
+    # One tile is 2 pi / 4 rad, so a hundredth is 6.283 px at f = 400.
+    assert abs(rows[1] - rows[0] - 400 * 2 * math.pi / 4 * 0.01) < 0.05
+
+
+@pytest.mark.parametrize("dtype", [np.float32, np.float64])
+def test_bits_do_not_depend_on_the_threads_and_out_is_written_whole(threads, dtype):
+    tile, hashes = noise(32), set()
+    given = {"axis": (0.1, 0.9, 0.3), "phase": 0.3, "dtype": dtype}
+    for count in (1, 2, 3):
+        threads(count)
+        out = np.full((70, 90), np.nan, dtype)
+        assert cone.layer((70, 90), CAMERA, tile, **given, out=out) is out
+        hashes.add(hashlib.sha256(out.tobytes()).hexdigest())
+    assert len(hashes) == 1
+
+
+@pytest.mark.parametrize(
+    "change, error, message",
+    [
+        ({"axis": (0, 0, 0)}, ValueError, "axis must not be zero"),
+        ({"phase": np.nan}, ValueError, "phase must be finite"),
+        ({"phase": "0"}, TypeError, "phase must be a real number"),
+        ({"stretch": 0.0}, ValueError, "stretch must be from 1e-06"),
+        ({"slope": -1.0}, ValueError, "slope must be from 0"),
+        ({"repeats": 0}, ValueError, "repeats must be from 1"),
+        ({"repeats": 2.5}, TypeError, "repeats must be an integer"),
+        ({"offset": (0, 0, 0)}, ValueError, "offset must be 2 numbers"),
+        ({"gain": -1.0}, ValueError, "gain must be from 0"),
+        ({"conserve": 1}, TypeError, "conserve must be True or False"),
+        ({"dtype": np.float16}, TypeError, "dtype must be float32 or float64"),
+        ({"out": np.zeros((3, 3), np.float32)}, ValueError, "out must have shape"),
+        ({"tile": np.zeros((4, 5))}, ValueError, "tile must be square"),
+        ({"tile": np.full((4, 4), 2.0)}, ValueError, "tile must hold opacities"),
+        ({"tile": np.full((4, 4), np.nan)}, ValueError, "tile must hold opacities"),
+        ({"tile": np.zeros(4)}, ValueError, "tile must have 2 dimensions"),
+        ({"tile": np.zeros((4, 4), complex)}, TypeError, "tile must be an array of real"),
+        ({"camera": None}, TypeError, "camera must be"),
+    ],
+)
+def test_refusals_name_the_argument(change, error, message):
+    given = {"axis": (0, 1, 0), "phase": 0.0, "camera": CAMERA, "tile": noise(4), **change}
+    camera, tile = given.pop("camera"), given.pop("tile")
+    with pytest.raises(error, match=message):
+        cone.layer((8, 8), camera, tile, **given)
+    if change.keys() & {"offset", "gain"}:
+        return
+    with pytest.raises(error, match=message):
+        cone.layers((8, 8), camera, tile, **given)
+
+
+@pytest.mark.parametrize(
+    "layout",
+    [
+        np.asfortranarray,
+        lambda a: a.astype(a.dtype.newbyteorder()),
+        lambda a: np.repeat(a, 2, axis=0)[::2],
+        lambda a: a[::-1].copy()[::-1],
+        lambda a: a.tolist(),
+    ],
+)
+def test_any_layout_of_the_tile(layout):
+    tile = noise(16)
+    given = {"axis": (0, 1, 0), "phase": 0.1}
+    want = cone.layer(SHAPE, CAMERA, tile, **given)
+    np.testing.assert_array_equal(cone.layer(SHAPE, CAMERA, layout(tile), **given), want)

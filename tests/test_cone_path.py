@@ -1,0 +1,307 @@
+"""Axis and phase over a whole way: the hard cases of the clock and of the velocity, by name."""
+
+from __future__ import annotations
+
+import math
+import pickle
+from itertools import pairwise
+
+import mpmath
+import numpy as np
+import pytest
+
+from flurries import cone
+from flurries.camera import Camera, image_velocity
+
+DROP = (0.4, 5.0, -0.3)
+
+
+def cycles_apart(a, b):
+    off = np.asarray(a) - np.asarray(b)
+    return np.abs(off - np.round(off)).max()
+
+
+def test_the_speed_at_the_equator_is_a_drops():
+    # Where the ray is square to the axis, layer i moves as a drop at its radius does.
+    radius, repeats, fps = 2.0, 4, 30.0
+    camera, shape = Camera(800.0), (101, 101)
+    moving = cone.path([0.0, 1.0], (0.0, 5.0, 0.0), radius=radius, repeats=repeats)
+    a, b = moving.at(0.3), moving.at(0.3 + 1e-4)
+    assert a.axis == (0.0, 1.0, 0.0)
+    for factor, wanted in [(1, 2.5), (2, 1.25), (4, 0.625), (8, 0.3125)]:
+        # V = n w / (2 pi L) - phase: what stays the same V moves in w by this.
+        rate = (b.phase - a.phase) / 1e-4 * 2 * math.pi * a.stretch / (repeats * factor)
+        assert abs(rate - wanted) < 1e-6 * wanted
+        flow = image_velocity([(50.5, 50.5)], radius * factor, (0, -5.0 / fps, 0), camera, shape)
+        assert abs(flow[0, 1] - camera.focal * rate / fps) < 1e-5
+
+
+@pytest.mark.parametrize("rate", [15, 60, 600])
+def test_ten_seconds_in_steps(rate):
+    times = np.arange(10 * rate + 1) / rate
+    stepped = cone.path(times, DROP, (1.0, 0.0, 8.0))
+    at_once = cone.path([0.0], DROP, (1.0, 0.0, 8.0)).at(10.0)
+    assert cycles_apart(stepped.phase[-1], at_once.phase) < 1e-12
+    # And in exact arithmetic.
+    v = mpmath.matrix([0.4 - 1.0, 5.0, -0.3 - 8.0])
+    mpmath.mp.dps = 40
+    speed = mpmath.sqrt(sum(mpmath.mpf(x) ** 2 for x in v))
+    tiles = 10 * speed / (1 + speed / 60 / mpmath.mpf(0.02)) / (2 * mpmath.pi * 2 / 4)
+    assert cycles_apart(stepped.phase[-1], float(tiles - mpmath.floor(tiles))) < 1e-12
+
+
+@pytest.mark.parametrize("rate", [15, 60, 600])
+def test_a_camera_that_changes_its_speed_has_one_phase_whatever_the_steps(rate):
+    # Linear from key to key; any frame rate that has the keys among its times gives the same.
+    keys = np.arange(11.0)
+    camera = np.random.default_rng(4).normal(0, 1.5, (11, 3))
+    times = np.arange(10 * rate + 1) / rate
+    dense = np.stack([np.interp(times, keys, camera[:, i]) for i in range(3)], axis=1)
+    coarse, fine = cone.path(keys, DROP, camera), cone.path(times, DROP, dense)
+    assert cycles_apart(fine.phase[::rate], coarse.phase) < 1e-9
+    np.testing.assert_allclose(fine.axis[::rate], coarse.axis, atol=1e-12)
+
+
+def test_the_phase_is_the_integral_in_exact_arithmetic():
+    # A velocity that passes near zero inside a piece, at several distances from it.
+    mpmath.mp.dps = 30
+    for miss in (1.0, 1e-2, 1e-4, 1e-8, 0.0):
+        start, end = np.array([miss, 3.0, 0.0]), np.array([miss, -2.0, 0.0])
+        moving = cone.path([0.0, 2.0], np.array([start, end]), exposure=0.01, length=0.02)
+        axis = moving.axis[0]
+
+        def rate(t, start=start, end=end, axis=axis):
+            v = [mpmath.mpf(a) + (mpmath.mpf(b) - mpmath.mpf(a)) * t / 2
+                 for a, b in zip(start, end, strict=True)]  # fmt: skip
+            pace = mpmath.sqrt(sum(x * x for x in v))
+            sign = 1 if sum(x * mpmath.mpf(a) for x, a in zip(v, axis, strict=True)) >= 0 else -1
+            return sign * pace / (1 + pace / 2)
+
+        root = -(start @ axis) / ((end - start) @ axis) * 2
+        points = sorted({0.0, 1.2, root, 2.0})
+        tiles = mpmath.quad(rate, points) / mpmath.pi
+        assert cycles_apart(moving.phase[1], float(tiles - mpmath.floor(tiles))) < 1e-9, miss
+
+
+def test_v_rel_zero():
+    still = cone.path([0.0, 1.0, 2.0], (0.0, 0.0, 0.0))
+    np.testing.assert_array_equal(still.axis, [[0, 1, 0]] * 3)
+    assert not still.phase.any() and (still.stretch == 1.0).all()
+    # A camera that falls with the drops.
+    with_them = cone.path([0.0, 1.0], DROP, DROP)
+    assert np.isfinite(with_them.axis).all() and not with_them.phase.any()
+    state = with_them.at(17.0)
+    assert state.axis == (0.0, 1.0, 0.0) and state.phase == 0.0
+
+
+def picture(state):
+    tile = cone.snow_tile(64, seed=1)
+    return cone.layers(
+        (48, 64), Camera(60.0), tile, axis=state.axis, phase=state.phase, stretch=state.stretch,
+        conserve=False,
+    )  # fmt: skip
+
+
+def largest_steps(moving, times):
+    """Return the largest turn of the axis (rad), step of the phase (tiles), step of a pixel."""
+    states = [moving.at(t) for t in times]
+    axes = np.array([state.axis for state in states])
+    assert np.isfinite(axes).all()
+    turns = np.linalg.norm(np.diff(axes, axis=0), axis=1).max()
+    phases = np.diff([state.phase for state in states])
+    frames = [picture(state) for state in states]
+    assert np.isfinite(frames).all()
+    jump = max(np.abs(b - a).mean() for a, b in pairwise(frames))
+    return turns, np.abs(phases - np.round(phases)).max(), jump
+
+
+def test_through_zero():
+    # The camera overtakes the drops: v goes through zero; the axis stays, the speed changes sign.
+    times = np.array([0.0, 1.0, 2.0])
+    camera = np.array([[0.0, 0.0, 0.0], [0.0, 5.0, 0.0], [0.0, 10.0, 0.0]])
+    moving = cone.path(times, (0.0, 5.0, 0.0), camera, exposure=0.0)
+    np.testing.assert_array_equal(moving.axis, [[0, 1, 0]] * 3)
+    assert moving.speed.tolist() == [5.0, 0.0, -5.0]
+    coarse, fine = (
+        largest_steps(moving, np.linspace(0.98, 1.02, 5)),
+        largest_steps(moving, np.linspace(0.995, 1.005, 5)),
+    )
+    # Largest steps: no turn at all, and the rest falls with the square of the time, as at rest.
+    assert coarse[0] == fine[0] == 0.0
+    assert coarse[1] < 5e-4 and fine[1] < 3.2e-5
+    assert fine[2] < coarse[2] < 5e-3
+    # Not the minus sign instead: the whole picture would change at once.
+    state = moving.at(1.01)
+    flipped = cone.State((0.0, -1.0, 0.0), state.phase, state.stretch, -state.speed)
+    assert np.abs(picture(flipped) - picture(state)).mean() > 5 * coarse[2]
+
+
+def test_past_zero_at_a_small_distance():
+    # Not quite through zero, between two frames: the axis turns the shorter way, never by more than
+    # a right angle, and the drops go backwards along it.
+    t = (np.arange(121) + 0.5) / 60
+    drop = np.stack([np.full(121, 0.01), 5.0 - 5.0 * t, np.zeros(121)], axis=1)
+    moving = cone.path(t, drop)
+    turns = np.arccos(np.clip((moving.axis[1:] * moving.axis[:-1]).sum(axis=1), -1, 1))
+    # At 1/24 m/s before and after, .01 aside: 27 degrees, of which the sign takes none.
+    assert turns.max() < 0.5
+    assert moving.speed[0] > 0 > moving.speed[-1]
+    # Where `still` is above what is left of the speed, nothing turns at all.
+    calm = cone.path(t, drop, still=0.2)
+    turns = np.arccos(np.clip((calm.axis[1:] * calm.axis[:-1]).sum(axis=1), -1, 1))
+    assert turns.max() < 0.11 and calm.speed[0] > 0 > calm.speed[-1]
+
+
+def test_straight_up():
+    # A camera that falls faster than the drops: they go up. The axis still points down.
+    moving = cone.path([0.0, 1.0], (0.0, 5.0, 0.0), (0.0, 30.0, 0.0))
+    assert moving.axis.tolist() == [[0, 1, 0]] * 2 and (moving.speed == -25.0).all()
+    steps = largest_steps(moving, np.linspace(0, 0.01, 6))
+    assert steps[0] == 0.0 and steps[2] < 0.05
+    # An axis given straight up, and close to it: finite, and the frame stays square.
+    tile = cone.snow_tile(64, seed=1)
+    for tilt in (0.0, 1e-13, 1e-9, 1e-3):
+        alpha = cone.layers((48, 64), Camera(60.0), tile, axis=(tilt, -1.0, 0.0), phase=0.3)
+        assert np.isfinite(alpha).all() and alpha.max() > 0.2
+
+
+def test_along_the_view_axis():
+    # Straight ahead: the apex is in the middle of the picture.
+    moving = cone.path([0.0, 1.0], (0.0, 0.0, 0.0), (0.0, 0.0, 10.0))
+    assert moving.axis.tolist() == [[0, 0, -1]] * 2 or moving.axis.tolist() == [[0, 0, 1]] * 2
+    steps = largest_steps(moving, np.linspace(0, 0.01, 6))
+    assert steps[0] == 0.0 and steps[2] < 0.05
+    alpha = picture(moving.at(0.4))
+    assert alpha.max() > 0.2 and alpha[23:25, 31:33].max() < 0.5
+
+
+def test_dt_zero_and_a_paused_clock():
+    paused = cone.path([0.0, 0.5, 0.5, 0.5, 1.0], DROP)
+    plain = cone.path([0.0, 0.5, 1.0], DROP)
+    assert np.isfinite(paused.axis).all()
+    assert paused.phase[1] == paused.phase[2] == paused.phase[3]
+    np.testing.assert_allclose(paused.phase[[0, 1, 4]], plain.phase, atol=1e-14)
+    assert (paused.stretch == plain.stretch[0]).all()
+
+
+def test_a_stuttering_clock():
+    # Frames that come late: what is seen at a time does not depend on the frames before it.
+    rng = np.random.default_rng(7)
+    steps = rng.choice([1 / 60, 1 / 30, 1 / 5, 0.0, 1.5], 400)
+    times = np.concatenate([[0.0], np.cumsum(steps)])
+    moving = cone.path(times, DROP, (0.0, 0.0, 3.0))
+    steady = cone.path([0.0], DROP, (0.0, 0.0, 3.0))
+    assert cycles_apart(moving.phase, [steady.at(t).phase for t in times]) < 1e-11
+    # The frames before it do matter to the printed form, which scrolls by frame times.
+    with np.errstate(invalid="ignore"):
+        printed = cone.path(times, DROP, (0.0, 0.0, 3.0), published=True, length=8.0)
+    assert np.isnan(printed.axis).any()
+
+
+def test_a_day_later():
+    # t = 86400 s: float32 would be off by .008 tile.
+    late = cone.path([0.0], DROP).at(86400.0)
+    mpmath.mp.dps = 40
+    speed = mpmath.sqrt(sum(mpmath.mpf(x) ** 2 for x in DROP))
+    tiles = 86400 * speed / (1 + speed / 60 / mpmath.mpf(0.02)) / mpmath.pi
+    assert cycles_apart(late.phase, float(tiles - mpmath.floor(tiles))) < 1e-10
+    rate = np.float32(float(tiles) / 86400.0)
+    assert cycles_apart(float(rate * np.float32(86400.0)), float(tiles)) > 1e-4
+
+
+def test_any_time_alone():
+    times = np.arange(20.0)
+    camera = np.random.default_rng(0).normal(0, 4, (20, 3))
+    moving = cone.path(times, DROP, camera)
+    for t in times:
+        state, i = moving.at(t), int(t)
+        assert state.phase == moving.phase[i] and state.stretch == moving.stretch[i]
+        # From both sides.
+        for beside in (t - 1e-9, t + 1e-9):
+            assert cycles_apart(moving.at(beside).phase, state.phase) < 1e-7
+    again = pickle.loads(pickle.dumps(moving))
+    assert again.at(7.3) == moving.at(7.3)
+
+
+def test_damping():
+    half = cone.path([0.0], (0, 2, 0), (0, 0, 8.0), damping=0.5)
+    np.testing.assert_allclose(half.axis[0] * half.speed[0], (0, 2, -4))
+    none = cone.path([0.0], (0, 2, 0), (0, 0, 8.0), damping=0.0)
+    assert none.axis[0].tolist() == [0, 1, 0]
+
+
+def test_elongation():
+    assert cone.elongation(0.0) == 1.0
+    assert cone.elongation(-6.0, exposure=1 / 60, length=0.02) == pytest.approx(6.0)
+    speeds = np.linspace(-10, 10, 5)
+    assert cone.elongation(speeds).shape == (5,)
+
+
+# As printed, with its defects -------------------------------------------------------------------
+
+
+def test_as_printed_the_scroll_depends_on_the_frame_rate():
+    speeds = []
+    for fps in (15, 30, 60, 120):
+        length = np.linalg.norm(cone.travel((0, 6, 0), published=True, dt=1 / fps))
+        moved = cone.scroll(length, 1 / fps, published=True, streak=8.0, pixel=20.0)
+        speeds.append(float(moved * fps))
+    np.testing.assert_allclose(speeds, [480.0, 360.0, 300.0, 270.0])
+    # Ours: metres per second over a tile, at any rate.
+    ours = [float(cone.scroll(6.0, 1 / fps, tile=math.pi) * fps) for fps in (15, 30, 60, 120)]
+    np.testing.assert_allclose(ours, 6.0 / math.pi)
+
+
+def test_as_printed_a_larger_streak_factor_gives_shorter_streaks():
+    length = np.linalg.norm(cone.travel((0, 6, 0), published=True, dt=1 / 30))
+    longer = [
+        float(cone.elongation(length, length=streak, published=True, pixel=20.0))
+        for streak in (2.0, 4.0, 8.0, 16.0)
+    ]
+    np.testing.assert_allclose(longer, [3.0, 2.0, 1.5, 1.25])
+
+
+def test_as_printed_far_streaks_are_shorter_than_in_perspective():
+    length = 0.2
+    near, far = (
+        float(cone.elongation(length, length=8.0, published=True, pixel=20.0, scale=scale))
+        for scale in (1.0, 0.125)
+    )
+    assert near == pytest.approx(1.5) and far == pytest.approx(1.0625)
+
+
+def test_as_printed_a_pause_has_no_direction():
+    printed = cone.path([0.0, 0.1, 0.1, 0.2], (0, 5, 0), published=True, length=8.0)
+    assert np.isnan(printed.axis[2]).all() and np.isfinite(printed.axis[1]).all()
+
+
+def test_as_printed_the_streaks_depend_on_the_frame_rate():
+    stretch = [
+        cone.path(np.arange(4) / fps, (0, 6, 0), published=True, length=8.0, pixel=20.0).stretch[-1]
+        for fps in (15, 30, 60)
+    ]
+    np.testing.assert_allclose(stretch, [2.0, 1.5, 1.25])
+    ours = [cone.path(np.arange(4) / fps, (0, 6, 0)).stretch[-1] for fps in (15, 30, 60)]
+    np.testing.assert_array_equal(ours, ours[0])
+
+
+@pytest.mark.parametrize(
+    "change, message",
+    [
+        ({"times": []}, "times must not be empty"),
+        ({"times": [0.0, -1.0]}, "times must not be empty and not decrease"),
+        ({"times": [0.0, np.nan]}, "times must be finite"),
+        ({"drop": (1, 2)}, r"drop must be \(3,\) or \(2, 3\)"),
+        ({"camera": np.zeros((3, 3))}, r"camera must be \(3,\) or \(2, 3\)"),
+        ({"damping": 1.5}, "damping must be from 0 to 1"),
+        ({"exposure": -1.0}, "exposure must be at least 0"),
+        ({"length": 0.0}, "length must be greater than 0"),
+        ({"radius": 0.0}, "radius must be greater than 0"),
+        ({"repeats": 0}, "repeats must be from 1"),
+    ],
+)
+def test_refusals(change, message):
+    given = {"times": [0.0, 1.0], "drop": DROP, **change}
+    times, drop = given.pop("times"), given.pop("drop")
+    with pytest.raises(ValueError, match=message):
+        cone.path(times, drop, **given)

@@ -1,0 +1,206 @@
+"""Rays to azimuth and height: the frame, the perspective, the pole, the seam, an eye beside."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import flurries as fl
+import twin_cone as twin
+from flurries import cone
+from flurries.camera import Camera, image_velocity
+
+SHAPE = (90, 120)
+CAMERA = Camera(100.0, rotation=(0.2, -0.4, 0.1))
+AXES = [(0, 1, 0), (0, -1, 0), (1, 0, 0), (0, 0, 1), (0.3, 0.9, -0.4), (-0.5, 0.2, 0.8)]
+
+
+@pytest.mark.parametrize("axis", AXES)
+@pytest.mark.parametrize("slope", [0.0, 0.2])
+def test_rays_are_the_twins(axis, slope):
+    seen = cone.rays(SHAPE, CAMERA, axis=axis, slope=slope)
+    points = twin.centres(SHAPE)
+    rays = twin.directions(points, CAMERA, SHAPE)
+    azimuth, height = twin.hit(rays, axis, slope)
+    off = seen.azimuth.ravel() - azimuth
+    # Near the axis a rounding of the ray is a large turn: 1e-15 over the distance from it.
+    across = np.sqrt(1 - np.minimum((rays @ twin.basis(axis)[0]) ** 2, 1.0))
+    assert (np.abs(off - np.round(off)) <= 1e-15 / np.maximum(across, 1e-8)).all()
+    # The same where it is seen, in heights: d w is d e / c^2.
+    assert (np.abs(seen.height.ravel() - height) * across**2 <= 3e-15).all()
+    np.testing.assert_allclose(seen.fade.ravel(), twin.fade(rays, axis), atol=1e-12)
+    around, up = twin.steps(points, CAMERA, SHAPE, axis, slope)
+    away = across > 0.05
+    np.testing.assert_allclose(seen.azimuth_step.ravel()[away], around[away], rtol=1e-5)
+    np.testing.assert_allclose(seen.height_step.ravel()[away], up[away], rtol=1e-5, atol=1e-9)
+
+
+@given(st.tuples(*[st.floats(-1, 1)] * 3).filter(lambda v: math.hypot(*v) > 1e-9))
+def test_the_frame_is_square_and_the_smallest_rotation(axis):
+    a, first, second = cone.frame(axis)
+    frame = np.array([a, first, second])
+    np.testing.assert_allclose(frame @ frame.T, np.eye(3), atol=5e-15)
+    np.testing.assert_allclose(a, np.array(axis) / math.hypot(*axis), atol=2e-12)
+    # Right-handed like x, y, z, and turned about the normal only.
+    normal = np.cross(twin.DOWN, a)
+    if np.linalg.norm(normal) > 1e-6:
+        assert abs(normal @ first - normal[0]) < 1e-9
+        assert abs(normal @ second - normal[2]) < 1e-9
+
+
+def test_straight_down_is_the_default_frame_and_straight_up_the_fallback():
+    np.testing.assert_array_equal(
+        np.array(cone.frame((0, 2, 0))), [[0, 1, 0], [1, 0, 0], [0, 0, 1]]
+    )
+    np.testing.assert_array_equal(
+        np.array(cone.frame((0, -5, 0))), [[0, -1, 0], [1, 0, 0], [0, 0, -1]]
+    )
+
+
+def test_the_frame_stays_square_close_to_straight_up():
+    for angle in 10.0 ** np.arange(-15.0, 0.0):
+        a, first, second = cone.frame((math.sin(angle), -math.cos(angle), 0.3 * angle))
+        frame = np.array([a, first, second])
+        assert np.abs(frame @ frame.T - np.eye(3)).max() < 5e-15
+    # The plain 1 + cos would not: 1e-5 rad from straight up it has lost 1.7e-7 of itself.
+    plain, exact = 1.0 + -math.cos(1e-5), 2.0 * math.sin(0.5e-5) ** 2
+    assert abs(plain / exact - 1.0) > 1e-8
+
+
+@pytest.mark.parametrize("travel", [(0.5, 2, 8), (-3, 1, 2), (0.1, 4, -6), (0.3, 1.0, 1e-3)])
+def test_the_apex_is_the_focus_of_expansion(travel):
+    # The one position from which nothing seems to move, found from Eq. 8 alone.
+    camera = Camera(500.0, rotation=(0.1, 0.2, -0.3))
+    shape = (480, 640)
+    velocity = -np.array(travel, float)  # camera minus drop
+    system, wanted = [], []
+    for x, y in [(0.0, 0.0), (100.0, 0.0), (0.0, 100.0)]:
+        flow = image_velocity([(x, y)], 1.0, velocity, camera, shape)[0]
+        system.append((x, y))
+        wanted.append(flow)
+    (at0, atx, aty) = wanted
+    matrix = np.stack([(atx - at0) / 100.0, (aty - at0) / 100.0], axis=1)
+    focus = np.linalg.solve(matrix, -at0)
+    # The apex: where the ray is the axis itself.
+    axis = cone.path([0.0], travel).axis[0]
+    local = axis @ camera.matrix()
+    apex = np.array(camera.principal(shape)) + camera.focal * local[:2] / local[2]
+    scale = max(1.0, np.abs(apex).max())
+    assert np.abs(apex - focus).max() <= 1e-9 * scale
+    # And the rays there agree: nothing is shown, nothing lies across.
+    seen = cone.rays(shape, camera, axis=axis, points_px=[apex])
+    assert seen.fade[0] == 0.0
+    assert abs(seen.height[0]) > 1e5
+
+
+def test_the_printed_sign_misses_the_focus_of_expansion():
+    # C_f Vel_cam + Vel_grav, cone.md: apex (94, -125) px where the focus is at (31.25, 125).
+    camera, drop = np.array([1.0, 0.0, 8.0]), np.array([0.5, 2.0, 0.0])
+    wrong = cone.travel(drop, camera, published=True, dt=1.0)
+    right = cone.travel(drop, camera)
+    apex = 500.0 * np.array([right[:2] / right[2], wrong[:2] / wrong[2]])
+    np.testing.assert_allclose(apex[0], (31.25, -125.0) if apex[0][1] < 0 else (31.25, 125.0))
+    np.testing.assert_allclose(np.abs(apex[1]), (93.75, 125.0))
+    assert np.hypot(*(apex[0] - apex[1])) > 60.0
+
+
+@pytest.mark.parametrize("travel", [(0, 5, 0), (1.5, 4, -3), (0.2, 0.5, -8)])
+def test_a_cylinder_is_perspective_everywhere(travel):
+    # A drop on the cylinder's surface moves along it; its image, by Eq. 8, stays on its azimuth and
+    # goes up in height by speed / radius.
+    camera, shape, radius = Camera(100.0, rotation=(0.3, 0.2, 0.1)), (200, 240), 2.0
+    axis = np.array(travel) / np.linalg.norm(travel)
+    points = np.random.default_rng(1).uniform((5, 5), (235, 195), (400, 2))
+    seen = cone.rays(shape, camera, axis=axis, points_px=points)
+    rays = twin.directions(points, camera, shape)
+    across = np.sqrt(1 - (rays @ axis) ** 2)
+    depth = (radius / across * rays.T).T @ camera.matrix()
+    rate = image_velocity(points, depth[:, 2], -1e-5 * np.array(travel), camera, shape)
+    moved = cone.rays(shape, camera, axis=axis, points_px=points + rate)
+    keep = across > 0.1
+    turned = (moved.azimuth - seen.azimuth)[keep]
+    climbed = (moved.height - seen.height)[keep]
+    speed = 1e-5 * np.linalg.norm(travel) / radius
+    # Second order in the step of 1e-5: 1e-10, and more near the axis.
+    np.testing.assert_allclose(climbed, speed, rtol=2e-4)
+    assert np.abs(turned - np.round(turned)).max() < 1e-4 * speed
+
+
+@pytest.mark.parametrize("elevation, excess", [(0.3, 1.13), (0.8, 1.45), (1.2, 2.29)])
+def test_a_cone_is_too_fast_by_the_stated_factor(elevation, excess):
+    # The same height on a cone of slope .2 takes less of the picture than on a cylinder.
+    step = 1e-6
+    axis = (0.0, 1.0, 0.0)
+    camera, shape = Camera(1.0), (2, 2)
+    y = np.tan([elevation, elevation + step])
+    points = np.stack([np.ones(2), 1.0 + y], axis=1)
+    straight = np.diff(cone.rays(shape, camera, axis=axis, points_px=points).height)[0]
+    bent = np.diff(cone.rays(shape, camera, axis=axis, slope=0.2, points_px=points).height)[0]
+    assert abs(straight / bent - (1 + 0.2 * math.tan(elevation)) ** 2) < 1e-4
+    assert abs(straight / bent - excess) < 0.006
+
+
+def test_a_pixel_exactly_on_the_axis():
+    camera, shape = Camera(50.0, center=(10.5, 8.5)), (17, 21)
+    for axis in [(0, 0, 1), (0, 0, -1)]:
+        seen = cone.rays(shape, camera, axis=axis)
+        for plane in (seen.azimuth, seen.height, seen.azimuth_step, seen.height_step, seen.fade):
+            assert np.isfinite(plane).all()
+        assert seen.fade[8, 10] == 0.0
+        alpha = cone.layer(shape, camera, np.ones((8, 8)), axis=axis, phase=0.2)
+        assert alpha[8, 10] == 0.0 and np.isfinite(alpha).all() and alpha.max() == 1.0
+
+
+def test_azimuth_on_both_sides_of_zero():
+    # Along +x from the camera the azimuth is 0; a hair to either side it is 0 or almost 1.
+    camera = Camera(100.0, rotation=(0.0, math.pi / 2, 0.0))
+    shape = (10, 10)
+    points = 5.0 + np.array([[-1e-9, 0.0], [-1e-300, 0.0], [0.0, 0.0], [1e-300, 0.0], [1e-9, 0.0]])
+    azimuth = cone.rays(shape, camera, axis=(0, 1, 0), points_px=points).azimuth
+    assert ((azimuth >= 0.0) & (azimuth < 1.0)).all()
+    assert np.abs(azimuth - np.round(azimuth)).max() < 1e-10
+
+
+def test_two_eyes_see_the_cone_at_its_distance():
+    # A point of the cylinder straight ahead: its disparity is f b / R.
+    shape, radius, apart = (64, 128), 2.0, 0.064
+    left, right = (
+        fl.Camera(200.0, offset=(-apart / 2, 0, 0)),
+        fl.Camera(200.0, offset=(apart / 2, 0, 0)),
+    )
+    x = 64.0 + np.linspace(-3, 3, 7)
+    row = np.stack([x, np.full(7, 32.0)], axis=1)
+    seen = [
+        cone.rays(shape, eye, axis=(0, 1, 0), radius=radius, points_px=row).azimuth
+        for eye in (left, right)
+    ]
+    slope = np.polyfit(x, seen[0], 1)[0]
+    disparity = np.mean(seen[0] - seen[1]) / slope
+    # The right eye sees a point farther left.
+    assert abs(disparity - (-200.0 * apart / radius)) < 0.02
+    # Without a distance the eyes see the same.
+    far = [cone.rays(shape, eye, axis=(0, 1, 0)).azimuth for eye in (left, right)]
+    np.testing.assert_array_equal(*far)
+
+
+@pytest.mark.parametrize(
+    "change, message",
+    [
+        ({"axis": (0, 0, 0)}, "axis must not be zero"),
+        ({"axis": (0, 1)}, "axis must be 3 numbers"),
+        ({"axis": (0, np.nan, 0)}, "axis must be finite"),
+        ({"slope": -0.1}, "slope must be from 0"),
+        ({"radius": 0.0}, "radius must be greater than 0"),
+        ({"radius": 0.1}, "radius must be at least"),
+        ({"points_px": [1.0, 2.0]}, "points_px must have 2 dimensions"),
+        ({"points_px": [[1.0, 2.0, 3.0]]}, "points_px must have shape"),
+    ],
+)
+def test_refusals(change, message):
+    given = {"axis": (0, 1, 0), **change}
+    with pytest.raises(ValueError, match=message):
+        cone.rays(SHAPE, Camera(100.0, offset=(0.1, 0, 0)), **given)

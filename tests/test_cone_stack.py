@@ -1,0 +1,192 @@
+"""Four layers at once: against their composition, and what a mapping may be used for."""
+
+from __future__ import annotations
+
+import hashlib
+import pickle
+
+import numpy as np
+import pytest
+
+import twin_cone as twin
+from flurries import cone
+from flurries.camera import Camera
+
+TILE = cone.snow_tile(128, seed=3)
+RAIN = cone.rain_tile(256, seed=3)
+OFFSETS = ((0, 0), (0.37, 0.61), (0.71, 0.23), (0.13, 0.83))
+AXES = [(0, 1, 0), (0.3, 0.9, -0.4), (0.05, 0.1, 1.0), (1, 0.05, 0.0), (0, -1, 0)]
+
+
+def composed(shape, camera, tile, **given):
+    clear = np.ones(shape)
+    for factor, offset in zip((1, 2, 4, 8), OFFSETS, strict=True):
+        clear *= 1 - twin.layer(shape, camera, tile, **given, repeats=4 * factor, offset=offset)
+    return 1 - clear
+
+
+@pytest.mark.parametrize("axis", AXES)
+def test_float64_is_the_composition_of_the_twins_layers(axis):
+    shape, camera = (24, 32), Camera(25.0, rotation=(0.1, 0.2, 0.0))
+    given = {"axis": axis, "phase": 0.7, "stretch": 1.5, "slope": 0.1}
+    got = cone.layers(shape, camera, TILE, **given, dtype=np.float64)
+    np.testing.assert_allclose(got, composed(shape, camera, TILE, **given), atol=4e-6)
+
+
+@pytest.mark.parametrize("axis", AXES)
+@pytest.mark.parametrize("tile", [TILE, RAIN], ids=["snow", "rain"])
+@pytest.mark.parametrize("focal", [120.0, 600.0])
+def test_float32_is_close_to_float64(axis, tile, focal):
+    shape, camera = (150, 200), Camera(focal, rotation=(0.1, 0.2, 0.0))
+    given = {"axis": axis, "phase": 0.7, "slope": 0.1}
+    fast = cone.layers(shape, camera, tile, **given)
+    exact = cone.layers(shape, camera, tile, **given, dtype=np.float64)
+    # Footprints in steps of the square root of two, 8 bits: as sharp in the mean, as bright.
+    assert abs(fast - exact).mean() < 0.011
+    assert abs(fast.mean() / exact.mean() - 1.0) < 0.005
+    assert abs(fast.std() / exact.std() - 1.0) < 0.02
+    # What another phase would do: the limit can fail.
+    other = cone.layers(shape, camera, tile, **{**given, "phase": 0.75}, dtype=np.float64)
+    assert abs(other - exact).mean() > 0.02
+
+
+def test_float32_against_ten_by_ten_samples():
+    shape, camera = (90, 120), Camera(75.0)
+    for tile in (np.asarray(cone.snow_tile(256, seed=1)), RAIN):
+        for axis in ((0.3, 1, 0.2), (0.1, 0.4, 1.0)):
+            given = {"axis": axis, "phase": 0.37, "slope": 0.2}
+            total = np.zeros(shape)
+            middle = twin.centres(shape)
+            sub = (np.arange(10) + 0.5) / 10 - 0.5
+            for dy in sub:
+                for dx in sub:
+                    clear, places = 1.0, middle + np.array([dx, dy])
+                    for factor, offset in zip((1, 2, 4, 8), OFFSETS, strict=True):
+                        alpha = twin.point_alpha(
+                            places, shape, camera, tile, **given, repeats=4 * factor, offset=offset
+                        )
+                        clear = clear * (1 - alpha)
+                    total += (1 - clear).reshape(shape) / 100
+            exact = cone.layers(shape, camera, tile, **given, dtype=np.float64)
+            assert abs(exact - total).mean() <= 0.012
+            # Steps of footprints and 8 bits cost a little of it.
+            got = cone.layers(shape, camera, tile, **given)
+            assert abs(got - total).mean() <= 0.014
+
+
+@pytest.mark.parametrize("axis", AXES)
+def test_a_mapping_changes_no_bit(axis):
+    shape, camera = (70, 101), Camera(80.0)
+    texture = cone.Texture(TILE)
+    given = {"axis": axis, "stretch": 1.3, "slope": 0.2}
+    kept = cone.Mapping(shape, camera, **given)
+    for phase in (0.0, 0.33, -7.5):
+        alone = cone.layers(shape, camera, texture, **given, phase=phase)
+        again = cone.layers(shape, camera, texture, **given, phase=phase, mapping=kept)
+        assert alone.tobytes() == again.tobytes()
+
+
+@pytest.mark.parametrize("rows", [(0, 16), (5, 37), (33, 34), (64, 70)])
+@pytest.mark.parametrize("offset", [(0, 0, 0), (0.03, 0, 0)])
+def test_a_part_has_the_bits_of_the_whole(rows, offset):
+    shape, camera = (70, 101), Camera(80.0, offset=offset)
+    texture, given = cone.Texture(TILE), {"axis": (0.2, 1, 0.4), "radius": 2.0}
+    whole = cone.layers(shape, camera, texture, **given, phase=0.2)
+    part = cone.Mapping(shape, camera, **given, rows=rows)
+    out = np.full((rows[1] - rows[0], 101), np.nan, np.float32)
+    given_out = cone.layers(shape, camera, texture, **given, phase=0.2, mapping=part, out=out)
+    assert given_out is out
+    assert out.tobytes() == whole[rows[0] : rows[1]].tobytes()
+
+
+def test_bits_do_not_depend_on_the_threads(threads):
+    texture, hashes = cone.Texture(TILE), set()
+    kept = cone.Mapping((133, 90), Camera(80.0), axis=(0.2, 1, 0.4))
+    for count in (1, 2, 3):
+        threads(count)
+        for mapping in (None, kept):
+            alpha = cone.layers(
+                (133, 90), Camera(80.0), texture, axis=(0.2, 1, 0.4), phase=0.2, mapping=mapping
+            )
+            hashes.add(hashlib.sha256(alpha.tobytes()).hexdigest())
+        hashes.add(hashes.pop())
+    assert len(hashes) == 1
+
+
+def test_two_eyes_are_layers_seen_from_beside():
+    shape, axis = (48, 64), (0.1, 1, 0.2)
+    eye = Camera(60.0, offset=(0.032, 0.0, 0.0))
+    fast = cone.layers(shape, eye, TILE, axis=axis, phase=0.3, radius=2.0)
+    exact = cone.layers(shape, eye, TILE, axis=axis, phase=0.3, radius=2.0, dtype=np.float64)
+    middle = cone.layers(shape, Camera(60.0), TILE, axis=axis, phase=0.3)
+    assert abs(fast - exact).mean() < 0.011
+    assert abs(fast - middle).mean() > 0.02
+
+
+def test_what_stands_in_the_picture_hides_the_layers_behind_it():
+    shape, camera, axis = (48, 64), Camera(60.0), (0, 1, 0)
+    depth = np.full(shape, np.inf, np.float32)
+    depth[:, 20:40] = 5.0
+    depth[:, 40:50] = 0.1
+    depth[:, 50:] = np.nan
+    seen = cone.Mapping(shape, camera, axis=axis, radius=2.0, depth=depth)
+    texture = cone.Texture(TILE)
+    alpha = cone.layers(shape, camera, texture, axis=axis, phase=0.3, mapping=seen)
+    free = cone.layers(shape, camera, texture, axis=axis, phase=0.3)
+    # On the cylinder straight ahead the radii are the depths: 2 and 4 m stand before 5 m.
+    near = cone.layers(
+        shape, camera, texture, axis=axis, phase=0.3, multiples=(1, 2),
+        offsets=((0, 0), (0.37, 0.61)),
+    )  # fmt: skip
+    np.testing.assert_array_equal(alpha[:, :20], free[:, :20])
+    np.testing.assert_array_equal(alpha[:, 50:], free[:, 50:])
+    np.testing.assert_array_equal(alpha[:, 40:50], 0.0)
+    np.testing.assert_allclose(alpha[:, 24:40], near[:, 24:40], atol=2e-7)
+
+
+def test_a_texture_goes_through_pickle_and_does_not_change_with_its_array():
+    tile = np.array(TILE)
+    texture = cone.Texture(tile)
+    before = cone.layers((20, 20), Camera(20.0), texture, axis=(0, 1, 0), phase=0.1)
+    tile[:] = 0.0
+    again = pickle.loads(pickle.dumps(texture))
+    for other in (texture, again):
+        after = cone.layers((20, 20), Camera(20.0), other, axis=(0, 1, 0), phase=0.1)
+        np.testing.assert_array_equal(before, after)
+
+
+def test_an_empty_texture_and_one_texel():
+    for tile in (np.zeros((16, 16)), np.ones((1, 1)), np.ones((5, 5))):
+        alpha = cone.layers((20, 20), Camera(20.0), tile, axis=(0, 1, 0), phase=0.1, gains=0.5)
+        wanted = 0.0 if tile.max() == 0 else 1 - 0.5**4
+        np.testing.assert_allclose(alpha, wanted, atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    "change, message",
+    [
+        ({"multiples": (1, 1)}, "multiples must increase"),
+        ({"multiples": ()}, "multiples must be 1 to 16"),
+        ({"offsets": (0.0, 1.0)}, "offsets must have 2 dimensions"),
+        ({"offsets": np.zeros((3, 2))}, "offsets must have shape"),
+        ({"gains": (1.0, 2.0)}, "gains must be one number or 4"),
+        ({"gains": -1.0}, "gains must be one number or 4, none negative"),
+        (
+            {"mapping": cone.Mapping((9, 9), Camera(9.0), axis=(0, 1, 0))},
+            "mapping must be of shape",
+        ),
+        ({"out": np.zeros((20, 20))}, "out must have dtype"),
+    ],
+)
+def test_refusals(change, message):
+    with pytest.raises((ValueError, TypeError), match=message):
+        cone.layers((20, 20), Camera(20.0), TILE, axis=(0, 1, 0), phase=0.1, **change)
+
+
+def test_refusals_of_a_mapping():
+    with pytest.raises(ValueError, match="depth must have shape"):
+        cone.Mapping((9, 9), Camera(9.0), axis=(0, 1, 0), radius=2.0, depth=np.ones((3, 3)))
+    with pytest.raises(ValueError, match="radius must be finite"):
+        cone.Mapping((9, 9), Camera(9.0), axis=(0, 1, 0), depth=np.ones((9, 9)))
+    with pytest.raises(ValueError, match=r"rows\[1\] must be from"):
+        cone.Mapping((9, 9), Camera(9.0), axis=(0, 1, 0), rows=(3, 10))

@@ -1,0 +1,143 @@
+"""Toroidal textures: drops by the twin, no edges, sizes and seeds, pictures."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from skimage import data
+
+import twin_cone as twin
+from flurries import cone
+
+MAKERS = [cone.rain_tile, cone.snow_tile, cone.sleet_tile]
+
+
+def test_rain_is_the_twins():
+    size, count, width, length, spread, opacity = 48, 9, 0.05, 0.2, 0.6, 0.7
+    got = cone.rain_tile(
+        size, seed=11, drops=count, width=width, length=length, spread=spread, opacity=opacity,
+        dtype=np.float64,
+    )  # fmt: skip
+    u, v, s, o = (twin.unit(11, stream, count) for stream in (311, 312, 313, 314))
+    factor = 1 + spread * (s - 0.5)
+    places, peaks = [size * u, size * v], opacity * (1 - spread * o / 2)
+    sizes = [size * width / 2 * factor, size * length / 2 * factor]
+    rows = np.stack([*places, *sizes, peaks], axis=1)
+    # The kernel ends a Gaussian where it is 8e-7.
+    np.testing.assert_allclose(got, twin.drops(size, rows), atol=9 * 8e-7)
+
+
+def test_snow_is_the_twins():
+    got = cone.snow_tile(40, seed=-3, flakes=7, width=0.08, spread=0.0, opacity=0.5,
+                         dtype=np.float64)  # fmt: skip
+    u, v = (twin.unit(-3, stream, 7) for stream in (311, 312))
+    rows = np.stack([40 * u, 40 * v, np.full(7, 1.6), np.zeros(7), np.full(7, 0.5)], axis=1)
+    np.testing.assert_allclose(got, twin.drops(40, rows), atol=7 * 8e-7)
+
+
+@pytest.mark.parametrize("make", MAKERS)
+@pytest.mark.parametrize("size", [16, 33, 128])
+def test_a_tile_has_no_edge(make, size):
+    tile = make(size, seed=2, dtype=np.float64)
+    assert tile.shape == (size, size) and tile.min() >= 0.0 and tile.max() <= 1.0
+    for axis in (0, 1):
+        steps = np.abs(np.diff(np.concatenate([tile, tile.take([0], axis)], axis), axis=axis))
+        lines = steps.mean(axis=1 - axis)
+        assert lines[-1] < 3.5 * np.median(lines)
+
+
+@pytest.mark.parametrize("make", MAKERS)
+def test_seeds_sizes_and_dtypes(make):
+    one, two = make(64, seed=1), make(64, seed=2)
+    assert one.dtype == np.float32 and (one != two).any()
+    np.testing.assert_array_equal(one, make(64, seed=1))
+    out = np.full((64, 64), np.nan)
+    assert make(64, seed=1, dtype=np.float64, out=out) is out
+    np.testing.assert_allclose(out, one, atol=6e-8)
+    # The same drops at any resolution: means of two by two texels agree.
+    fine = make(256, seed=1, dtype=np.float64)
+    coarse = make(128, seed=1, dtype=np.float64)
+    halved = fine.reshape(128, 2, 128, 2).mean(axis=(1, 3))
+    assert abs(halved.mean() / coarse.mean() - 1.0) < 0.02
+
+
+def test_the_shapes_are_what_they_are_called():
+    rain = cone.rain_tile(256, seed=4, drops=1, spread=0.0, length=0.2, width=0.02)
+    seen = np.argwhere(rain > 0.1 * rain.max())
+    seen = (seen - seen[0] + 128) % 256
+    tall, wide = np.ptp(seen, axis=0) + 1
+    assert tall > 5 * wide
+    snow = cone.snow_tile(256, seed=4, flakes=1, spread=0.0, width=0.05)
+    seen = (np.argwhere(snow > 0.1 * snow.max()) - np.argwhere(snow > 0.1)[0] + 128) % 256
+    tall, wide = np.ptp(seen, axis=0) + 1
+    assert abs(tall - wide) <= 1
+    assert not cone.rain_tile(16, seed=1, drops=0).any()
+    # Sleet has both.
+    wet = cone.sleet_tile(128, seed=1, flakes=0)
+    both = cone.sleet_tile(128, seed=1)
+    assert wet.any() and (both != wet).any()
+
+
+def test_drops_smaller_than_a_texel_keep_their_energy():
+    for size in (32, 64, 128):
+        tile = cone.snow_tile(size, seed=9, flakes=50, width=0.01, spread=0.0, opacity=0.01,
+                              dtype=np.float64)  # fmt: skip
+        wanted = 50 * 0.01 * 2 * math.pi * 0.005**2
+        assert abs(tile.mean() / wanted - 1.0) < 3e-3
+
+
+def test_a_picture_becomes_a_tile():
+    picture = data.coffee()
+    tile = cone.tile_of(picture, size=64)
+    assert tile.shape == (64, 64) and tile.dtype == np.float32
+    wrapped = np.concatenate([tile, tile[:1]])
+    steps = np.abs(np.diff(wrapped, axis=0)).mean(axis=1)
+    assert steps[-1] < 2.5 * np.median(steps)
+    # Without the border there is an edge: that is how one looks.
+    bare = cone.tile_of(picture, size=64, border=0.0)
+    steps = np.abs(np.diff(np.concatenate([bare, bare[:1]]), axis=0)).mean(axis=1)
+    assert steps[-1] > 3.5 * np.median(steps)
+    # Dtypes of one picture agree.
+    np.testing.assert_allclose(cone.tile_of(picture / 255.0, size=64), tile, atol=1e-7)
+    inverted = cone.tile_of(picture, size=64, invert=True)
+    np.testing.assert_allclose(inverted + tile, 1.0, atol=1e-6)
+
+
+def test_a_toroidal_picture_stays_as_it_is():
+    tile = cone.snow_tile(32, seed=1, dtype=np.float64)
+    np.testing.assert_array_equal(cone.tile_of(tile, border=0.0, dtype=np.float64), tile)
+    half = cone.tile_of(tile, size=16, border=0.0, dtype=np.float64)
+    np.testing.assert_allclose(half, tile.reshape(16, 2, 16, 2).mean(axis=(1, 3)), atol=1e-13)
+    twice = cone.tile_of(tile, size=64, border=0.0, dtype=np.float64)
+    np.testing.assert_allclose(twice.mean(), tile.mean(), rtol=1e-12)
+
+
+def test_transparency_counts():
+    picture = np.ones((20, 24, 4))
+    picture[..., 3] = 0.25
+    np.testing.assert_allclose(cone.tile_of(picture, size=8), 0.25)
+
+
+@pytest.mark.parametrize(
+    "call, error, message",
+    [
+        (lambda: cone.rain_tile(3, seed=1), ValueError, "size must be from 4"),
+        (lambda: cone.rain_tile(16.0, seed=1), TypeError, "size must be an integer"),
+        (lambda: cone.rain_tile(16, seed=1.5), TypeError, "seed must be an integer"),
+        (lambda: cone.rain_tile(16, seed=1, drops=-1), ValueError, "drops must be from 0"),
+        (lambda: cone.rain_tile(16, seed=1, length=0.6), ValueError, "length must be from 0"),
+        (lambda: cone.snow_tile(16, seed=1, width=0.0), ValueError, "width must be greater"),
+        (lambda: cone.snow_tile(16, seed=1, opacity=1.1), ValueError, "opacity must be from 0"),
+        (lambda: cone.sleet_tile(16, seed=1, spread=-1), ValueError, "spread must be from 0"),
+        (lambda: cone.sleet_tile(16, seed=1, flake_width=2.0), ValueError, "flake_width must be"),
+        (lambda: cone.tile_of(np.zeros(3)), ValueError, r"picture must be \(h, w\)"),
+        (lambda: cone.tile_of(np.zeros((9, 9, 2))), ValueError, r"picture must be \(h, w\)"),
+        (lambda: cone.tile_of(np.full((9, 9), 2.0)), ValueError, "picture must hold values"),
+        (lambda: cone.tile_of(np.zeros((9, 9)), border=0.7), ValueError, "border must be from 0"),
+    ],
+)
+def test_refusals(call, error, message):
+    with pytest.raises(error, match=message):
+        call()

@@ -1,0 +1,320 @@
+"""The errors of billboards: derivation, direct projection in 700 digits, domain, hard spots."""
+
+from __future__ import annotations
+
+import math
+
+import mpmath
+import numpy as np
+import pytest
+import sympy
+
+import flurries as fl
+
+DIGITS = 700
+EPS = np.finfo(float).eps
+
+
+def edges(x, y, depth, r):
+    """Middle of the right edge of both billboards, from the geometry alone, in mpmath."""
+    # Facing the eye: perpendicular to (0, 1, 0) and to the way to the eye.
+    c = mpmath.matrix([x, y, depth])
+    up, way = mpmath.matrix([0, 1, 0]), -c
+    across = mpmath.matrix(
+        [up[1] * way[2] - up[2] * way[1], up[2] * way[0] - up[0] * way[2],
+         up[0] * way[1] - up[1] * way[0]]
+    )  # fmt: skip
+    length = mpmath.sqrt(sum(v * v for v in across))
+    across = across / length
+    if across[0] < 0:
+        across = -across  # the right one
+    return mpmath.matrix([x + r, y, depth]), c + r * across
+
+
+def direct(center, r, near):
+    """Projection error by direct projection; NaN where there is none."""
+    with mpmath.workdps(DIGITS):
+        x, y, depth = map(mpmath.mpf, center)
+        r, near = mpmath.mpf(r), mpmath.mpf(near)
+        if depth <= 0:
+            return None
+        flat, facing = edges(x, y, depth, r)
+        if facing[2] <= 0:
+            return None
+        return [near * flat[k] / flat[2] - near * facing[k] / facing[2] for k in (0, 1)]
+
+
+def relative(got, want):
+    with mpmath.workdps(DIGITS):
+        if want == 0:
+            return 0.0 if got == 0 else math.inf
+        return float(abs((mpmath.mpf(float(got)) - want) / want))
+
+
+def tolerance(center, r, near):
+    """gas.md section 5: where two terms of e_x cancel."""
+    x, _, depth = map(abs, center)
+    s = math.hypot(x, depth)
+    signed = center[0]
+    below = abs(depth * s - r * signed)
+    return 4 * EPS * near * r * x * (x * s / (s + depth) + r) / (depth * below)
+
+
+SIZES = [1e-160, 1e-100, 1e-30, 1e-9, 1e-3, 0.05, 0.45, 1.0, 7.0, 300.0, 1e5]
+DEPTHS = [0.1, 0.3, 1.0, 5.0, 100.0, 1e4, 1e6]
+
+
+def test_exact_forms_against_direct_projection():
+    near, r, y = 1.3, 0.45, -0.7
+    worst = 0.0
+    for size in SIZES:
+        for x in (size, -size):
+            for depth in DEPTHS:
+                got = fl.gas.projection_error([(x, y, depth)], r, near=near)[0]
+                want = direct((x, y, depth), r, near)
+                if want is None:
+                    assert np.isnan(got).all()
+                    continue
+                for k in (0, 1):
+                    error = relative(got[k], want[k])
+                    if error > 1e-13 and k == 0:
+                        # Near the second zero only, and within its own tolerance.
+                        assert abs(float(want[0] - mpmath.mpf(got[0]))) <= tolerance(
+                            (x, y, depth), r, near
+                        )
+                        assert -3.5 * r < x < -0.5 * r
+                        continue
+                    worst = max(worst, error)
+    assert worst <= 1e-13
+
+
+def test_random_billboards_against_direct_projection():
+    rng = np.random.default_rng(8)
+    count = 400
+    centers = np.stack(
+        [rng.uniform(-4, 4, count), rng.uniform(-4, 4, count), 10 ** rng.uniform(-1, 2, count)], 1
+    )
+    radius = 10 ** rng.uniform(-3, 0.5, count)
+    got = fl.gas.projection_error(centers, radius, near=0.5)
+    for center, r, values in zip(centers, radius, got, strict=True):
+        want = direct(center, r, 0.5)
+        if want is None:
+            assert np.isnan(values).all()
+            continue
+        # D S - r C_x cancels near the end of the domain.
+        s = math.hypot(center[0], center[2])
+        condition = center[2] * s / (center[2] * s - r * center[0]) + 1
+        limit = max(tolerance(center, r, 0.5), 4 * EPS * condition * abs(float(want[0])))
+        assert abs(float(want[0] - mpmath.mpf(values[0]))) <= limit
+        assert relative(values[1], want[1]) < 4 * EPS * condition
+
+
+def test_the_second_zero():
+    # C_x near -2 r: the zeros for D = 1, 2, 5, 20 and r = .45 (gas.md section 5).
+    for depth, zero in ((1, -0.8012), (2, -0.8632), (5, -0.8930), (20, -0.8995)):
+        around = np.linspace(zero - 1e-4, zero + 1e-4, 201)
+        centers = np.stack([around, np.zeros(201), np.full(201, float(depth))], 1)
+        values = fl.gas.projection_error(centers, 0.45)[:, 0]
+        assert values[0] * values[-1] < 0
+        for center, value in zip(centers, values, strict=True):
+            want = direct(center, 0.45, 1.0)[0]
+            assert abs(float(want - mpmath.mpf(value))) <= tolerance(center, 0.45, 1.0)
+
+
+def test_nan_exactly_where_the_domain_ends():
+    # Behind, at the eye's plane, and where the facing billboard's edge lies behind it.
+    for depth in (0.0, -0.0, -1.0):
+        assert np.isnan(fl.gas.projection_error([(0.3, 0.1, depth)], 0.45)).all()
+    # D S = r C_x: with r > D. On both sides of the end of the domain, bit by bit.
+    depth, x = 0.5, 2.0
+    edge = depth * math.hypot(x, depth) / x
+    for factor, seen in ((1 - 4 * EPS, True), (1 + 4 * EPS, False)):
+        values = fl.gas.projection_error([(x, 0.3, depth)], edge * factor)
+        assert bool(np.isfinite(values).all()) == seen
+        assert bool(np.isnan(values).all()) != seen
+        parallax = fl.gas.parallax_error([(x - 0.05, 0.3, depth)], edge * factor, eye_distance=0.1)
+        assert bool(np.isnan(parallax).all()) != seen
+    # r > D is no end in itself.
+    assert np.isfinite(fl.gas.projection_error([(0.1, 0.0, 0.4)], 0.45)).all()
+
+
+def test_naive_differences_would_not_do():
+    """The negative control: what the stable form is for."""
+
+    def naive(x, depth, r, kind):
+        x, depth, r = kind(x), kind(depth), kind(r)
+        s = np.sqrt(x * x + depth * depth)
+        flat = (x + r) / depth
+        facing = (x + r * depth / s) / (depth - r * x / s)
+        return float(flat - facing)
+
+    for x, depth, worse in ((1e-3, 5.0, 1e-13), (1.0, 1e4, 1e-9), (1e-3, 1e6, 1e-3)):
+        want = direct((x, 0, depth), 0.45, 1.0)[0]
+        assert relative(naive(x, depth, 0.45, np.float64), want) > worse
+        got = fl.gas.projection_error([(x, 0.0, depth)], 0.45)[0, 0]
+        assert relative(got, want) < 1e-15
+    want = direct((1e-6, 0, 5.0), 0.45, 1.0)[0]
+    assert relative(naive(1e-6, 5.0, 0.45, np.float32), want) >= 0.99  # no correct digit
+
+
+@pytest.mark.parametrize("apart", [1e-10, 1e-3, 0.065, 2.0])
+def test_parallax_error_against_direct_projection(apart):
+    near, r = 1.0, 0.45
+    for size in (0.0, 1e-160, 1e-9, 0.01, 0.45, 1.3, 40.0, 1e5):
+        for x in (size, -size):
+            for depth in (0.1, 0.6, 1.0, 5.0, 1e3, 1e6):
+                center = (x, 0.8, depth)
+                got = fl.gas.parallax_error([center], r, near=near, eye_distance=apart)[0]
+                with mpmath.workdps(DIGITS):
+                    half = mpmath.mpf(apart) / 2
+                    right = direct((mpmath.mpf(x) - half, 0.8, depth), r, near)
+                    left = direct((mpmath.mpf(x) + half, 0.8, depth), r, near)
+                if right is None or left is None:
+                    assert np.isnan(got).all()
+                    continue
+                for k in (0, 1):
+                    with mpmath.workdps(DIGITS):
+                        want = right[k] - left[k]
+                    error = relative(got[k], want)
+                    if k == 0 and error > 1e-13:
+                        # p_x goes through zero near C_x = -r; elsewhere all digits are there.
+                        assert -2.5 < x / r < -0.3, (center, apart, error)
+                        continue
+                    assert error <= 1e-13, (center, k, error)
+
+
+def test_parallax_error_by_subtraction_would_not_do():
+    far = [(1e5, 0.8, 5.0)]
+    h = 0.5e-10
+    right, left = (fl.gas.projection_error([(1e5 + s, 0.8, 5.0)], 0.45) for s in (-h, h))
+    exact = fl.gas.parallax_error(far, 0.45, eye_distance=1e-10)
+    assert exact[0, 1] != 0 and abs((right - left)[0, 1] / exact[0, 1] - 1) > 1e-3
+
+
+def test_what_is_true_of_the_true_formulas():
+    def e(x, y, depth):
+        return fl.gas.projection_error([(x, y, depth)], 0.45)[0]
+
+    assert e(0.0, 1.0, 3.0)[0] == 0
+    assert e(1.0, -4.0, 3.0)[0] == e(1.0, 2.0, 3.0)[0]
+    np.testing.assert_allclose(e(1.0, 4.0, 3.0)[1], 2 * e(1.0, 2.0, 3.0)[1], rtol=1e-15)
+    far = -0.45 * 1.0 * (1.0 / 2 + 0.45) / 1e4**3
+    np.testing.assert_allclose(e(1.0, 0.0, 1e4)[0], far, rtol=1e-7)
+    near = [abs(e(1.0, 0.0, d)[0]) for d in (8.0, 4.0, 2.0, 1.0)]
+    assert (np.diff(near) > 0).all()
+    right = [abs(e(x, 0.0, 3.0)[0]) for x in (0.1, 0.5, 1.0, 3.0)]
+    assert (np.diff(right) > 0).all()
+    # Not as the text says: on the left the error goes down to zero again.
+    left = [abs(e(-x, 0.0, 5.0)[0]) for x in (0.3, 0.6, 0.893, 1.2)]
+    assert left[0] > left[2] < left[3]
+    # Nor is the parallax error nothing on the axis: N r^2 I / D^3 and N r C_y I / D^3.
+    parallax = fl.gas.parallax_error([(0.0, 2.0, 50.0)], 0.45, eye_distance=0.065)[0]
+    np.testing.assert_allclose(parallax[0], 0.45**2 * 0.065 / 50**3, rtol=2e-3)
+    np.testing.assert_allclose(parallax[1], 0.45 * 2.0 * 0.065 / 50**3, rtol=2e-3)
+
+
+def test_the_largest_error_lies_in_a_corner():
+    rng = np.random.default_rng(3)
+    steps = np.linspace(-1, 1, 9)
+    for _ in range(60):
+        c = rng.uniform((-3, -3, 1.2), (3, 3, 9))
+        r = 0.45
+        way = -c / np.linalg.norm(c)
+        across = np.cross((0, 1, 0), way)
+        across /= np.linalg.norm(across)
+        across *= np.sign(across[0])
+        down = np.cross(way, across)
+        down *= np.sign(down[1])
+        worst, where = -1.0, None
+        for u in steps:
+            for v in steps:
+                a = c + r * np.array((u, v, 0))
+                b = c + r * (u * across + v * down)
+                error = np.linalg.norm(a[:2] / a[2] - b[:2] / b[2])
+                if error > worst:
+                    worst, where = error, (u, v)
+        assert {abs(where[0]), abs(where[1])} == {1.0}
+
+
+# The paper's formulas ---------------------------------------------------------------------------
+
+
+def test_sympy_derives_the_corrected_forms():
+    x, y, z = sympy.symbols("C_x C_y C_z", real=True)
+    n, r, depth = sympy.symbols("N r D", positive=True)
+    to_eye = sympy.Matrix([-x, -y, -z])
+    u = sympy.Matrix([0, 1, 0]).cross(to_eye)
+    # The paper prints -C_x for the last component.
+    assert u == sympy.Matrix([-z, 0, x])
+    assert u.dot(to_eye) == 0
+    assert sympy.Matrix([-z, 0, -x]).dot(to_eye) == 2 * x * z
+    s = sympy.sqrt(x**2 + depth**2)
+    unit = u.subs(z, -depth) / s
+    flat = sympy.Matrix([n * (x + r) / depth, n * y / depth])
+    below = depth - r * unit[2]
+    facing = sympy.Matrix([n * (x + r * unit[0]) / below, n * y / below])
+    ours = sympy.Matrix(
+        [
+            -n * r * x * (x * s / (s + depth) + r) / (depth * (depth * s - r * x)),
+            -n * r * x * y / (depth * (depth * s - r * x)),
+        ]
+    )
+    assert sympy.simplify(flat - facing - ours) == sympy.zeros(2, 1)
+    # Eq. 11 follows from the wrong u; Eq. 12 is that difference times S.
+    below = depth + r * x / s
+    wrong = sympy.Matrix([n * (x + r * depth / s) / below, n * y / below])
+    printed = [
+        n * r * (x**2 + depth * s + r * x - depth**2) / (depth * (depth * s + r * x)),
+        n * r * x * y * s / (-depth * (-depth * s - r * x)),
+    ]
+    assert sympy.simplify(flat[0] - wrong[0] - printed[0]) == 0
+    assert sympy.simplify((flat[1] - wrong[1]) * s - printed[1]) == 0
+    # The true one over the printed one.
+    ratio = sympy.simplify(ours[1] / printed[1] + (depth * s + r * x) / (s * (depth * s - r * x)))
+    assert ratio == 0
+
+
+def test_printed_forms_are_the_papers():
+    rng = np.random.default_rng(6)
+    centers = rng.uniform((-2, -2, 1), (2, 2, 9), (50, 3))
+    got = fl.gas.projection_error(centers, 0.45, near=1.5, form="printed")
+    for (x, y, depth), values in zip(centers, got, strict=True):
+        z = -depth
+        s = math.sqrt(z * z + x * x)
+        n, r = 1.5, 0.45
+        e_x = n * r * (x * x - z * s + r * x - z * z) / (-z * (-z * s + r * x))
+        e_y = n * r * x * y * s / (z * (z * s - r * x))
+        np.testing.assert_allclose(values, [e_x, e_y], rtol=1e-12)
+    # Opposite sign, and a third of it for r << C_x << D.
+    a, b = (
+        fl.gas.projection_error([(0.5, 1, 50)], 1e-3, form=f)[0, 0] for f in ("exact", "printed")
+    )
+    np.testing.assert_allclose(a / b, -1 / 3, rtol=2e-2)
+    parallax = fl.gas.parallax_error(centers, 0.45, eye_distance=0.1, form="printed")
+    sides = [centers + np.array((s, 0, 0)) for s in (-0.05, 0.05)]
+    right, left = (fl.gas.projection_error(c, 0.45, form="printed") for c in sides)
+    np.testing.assert_array_equal(parallax, right - left)
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "kind"),
+    [
+        ("centers", [(1.0, 2.0)], ValueError),
+        ("centers", [(1.0, np.nan, 2.0)], ValueError),
+        ("radius", 0.0, ValueError),
+        ("radius", [1.0, 2.0], ValueError),
+        ("near", 0.0, ValueError),
+        ("eye_distance", 0.0, ValueError),
+        ("eye_distance", "wide", TypeError),
+        ("form", "wrong", ValueError),
+        ("out", np.zeros((1, 3)), ValueError),
+    ],
+)
+def test_refusals_name_the_argument(name, value, kind):
+    good = {"centers": [(0.0, 0.0, 1.0)], "radius": 0.4, "eye_distance": 0.1}
+    with pytest.raises(kind, match=name):
+        fl.gas.parallax_error(**{**good, name: value})
+    if name != "eye_distance":
+        del good["eye_distance"]
+        with pytest.raises(kind, match=name):
+            fl.gas.projection_error(**{**good, name: value})

@@ -1,0 +1,304 @@
+"""What a gas as a whole obeys: transmittance, visibility, light, grids, flight, the table."""
+
+from __future__ import annotations
+
+import math
+
+import mpmath
+import numpy as np
+import pytest
+
+import flurries as fl
+import twin_gas as twin
+
+# Pixels of one row whose rays lean by 0, 15, 30 and 45 degrees: slopes j / 40 from the first pixel.
+LENS = fl.Camera(40.0, center=(0.5, 0.5))
+COLUMNS = np.array([0, 11, 23, 40])
+LENGTHEN = np.hypot(1.0, COLUMNS / 40.0)
+RADIUS, DENSITY = 0.45, 0.4
+
+
+def mean_transmittance(footprint, near, far, draws, *, edge="taper", depth=None, pad=0.0):
+    """Mean T of the four rays through random slabs, and its standard error.
+
+    Middles fill a slab from `near` to `far`, farther to the sides than any ray's reach; how many is
+    a Poisson number, so that exp(-beta L) is exact.
+    """
+    low = np.array([-1.0, -1.0, near - pad])
+    high = np.array([far + pad + 1.0, 1.0, far + pad])
+    volume = np.prod(high - low)
+    rng = np.random.default_rng(17)
+    values = []
+    ground = None if depth is None else np.full((1, 41), depth)
+    for _ in range(draws):
+        centers = rng.uniform(low, high, (rng.poisson(9.6 * volume), 3))
+        alpha = fl.gas.alpha(
+            (1, 41), centers, RADIUS, DENSITY, LENS, footprint=footprint, edge=edge,
+            depth=ground, dtype=np.float64, near_mode="cull",
+        )  # fmt: skip
+        values.append(1 - alpha[0, COLUMNS])
+    return np.mean(values, axis=0), np.std(values, axis=0) / math.sqrt(draws)
+
+
+def beta(edge="taper"):
+    return fl.gas.extinction(9.6, 1.0, RADIUS, DENSITY, edge=edge)
+
+
+@pytest.mark.parametrize("edge", ["taper", "square"])
+def test_volume_keeps_the_mean_transmittance(edge):
+    mean, error = mean_transmittance("volume", 2.0, 4.0, 800, edge=edge)
+    want = np.exp(-beta("disc" if edge == "square" else edge) * 2.0 * LENGTHEN)
+    assert (np.abs(mean - want) < 3 * error).all()
+    assert (error < 0.01).all()
+
+
+def test_volume_keeps_it_with_the_eye_inside_and_a_wall():
+    # From the near plane to the wall; middles lie beyond both.
+    mean, error = mean_transmittance("volume", 0.1, 3.0, 600, depth=3.0, pad=1.5)
+    want = np.exp(-beta() * 2.9 * LENGTHEN)
+    assert (np.abs(mean - want) < 3 * error).all()
+
+
+def test_viewpoint_keeps_it_from_three_units_on():
+    mean, error = mean_transmittance("viewpoint", 3.0, 5.0, 800)
+    assert (np.abs(mean - np.exp(-beta() * 2.0 * LENGTHEN)) < 3 * error).all()
+
+
+def test_viewplane_loses_the_cosine():
+    mean, error = mean_transmittance("viewplane", 3.0, 5.0, 800)
+    assert (np.abs(mean - np.exp(-beta() * 2.0)) < 3 * error).all()
+    # At 45 degrees this is far from what it should be.
+    assert mean[-1] - np.exp(-beta() * 2.0 * LENGTHEN[-1]) > 10 * error[-1]
+
+
+def test_the_widened_viewplane_does_not():
+    mean, error = mean_transmittance("viewplane_c", 3.0, 5.0, 800)
+    # gas.md section 2: optical depth 1.002 to 1.005 of the exact one at depth 3.
+    assert (np.abs(mean - np.exp(-beta() * 2.0 * LENGTHEN)) < 3 * error + 0.005).all()
+
+
+def test_extinction_and_visibility():
+    for count, radius, density, want in (
+        (1500, 0.37, 0.4, 0.4356), (1000, 0.45, 0.15, 0.1611), (1200, 0.45, 0.4, 0.5154)
+    ):  # fmt: skip
+        got = fl.gas.extinction(count, 125.0, radius, density)
+        assert abs(got - want) < 6e-5
+        far = fl.gas.visibility(got)
+        assert abs(far - {0.4356: 6.88, 0.1611: 18.60, 0.5154: 5.81}[want]) < 6e-3
+        assert abs(math.exp(-got * far) - 0.05) < 1e-15
+        assert abs(fl.gas.visibility(got, contrast=0.02) * got - 3.912) < 1e-3
+        again = fl.gas.density_for_visibility(far, count, 125.0, radius)
+        assert abs(again - density) < 1e-12
+        assert fl.gas.count_for_visibility(far, 125.0, radius, density) == count
+    # The areas by quadrature.
+    q = np.linspace(0, 3, 200_001)
+    for edge, g in (("taper", twin.taper(np.exp(-q * q / 2))), ("disc", np.exp(-q * q / 2))):
+        heights = 2 * np.pi * q * g
+        area = (heights[1:] + heights[:-1]).sum() / 2 * (q[1] - q[0])
+        got = fl.gas.extinction(1.0, 1.0, 3.0, 1.0, edge=edge)
+        assert abs(area - got) < 1e-8
+    with pytest.raises(ValueError, match=r"distance.*needs"):
+        fl.gas.density_for_visibility(0.5, 100, 125.0, 0.45)
+    for bad in (0.0, 1.0, -1.0):
+        with pytest.raises(ValueError, match="contrast"):
+            fl.gas.visibility(1.0, contrast=bad)
+
+
+# The table --------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("size", [1, 2, 16, 33, 64, 65, 129])
+def test_the_table_is_the_closed_form_whatever_the_quadrature(size):
+    want = np.exp(-0.5 * np.add.outer(*[np.linspace(-3, 3, size) ** 2 if size > 1 else [0.0]] * 2))
+    for intervals in (1, 7, 100):
+        table = fl.gas.footprint_table(size, intervals=intervals)
+        np.testing.assert_allclose(table, want, rtol=0, atol=5e-16)
+        np.testing.assert_array_equal(table, table[::-1, ::-1].T)
+    if size % 2:
+        assert table[size // 2, size // 2] == 1
+    else:
+        # Scaled by the origin's value, not by the largest entry: the even table's trap.
+        step = 6 / (size - 1)
+        assert abs(table.max() - math.exp(-step * step / 4)) < 1e-15
+
+
+def test_the_quadrature_is_the_papers():
+    # gas.md section 1: trapezoid with 100 intervals is 8.0e-6 short of the integral.
+    w = np.linspace(-3, 3, 101)
+    line = np.exp(-w * w / 2)
+    with mpmath.workdps(30):
+        exact = float(mpmath.quad(lambda t: mpmath.exp(-t * t / 2), [-3, 0, 3]))
+    trapezoid = (line.sum() - 0.5 * (line[0] + line[-1])) * 0.06
+    assert abs(exact - 2.4998608894830947) < 1e-15
+    assert abs(trapezoid / exact - 1 + 8.0e-6) < 1e-7
+
+
+@pytest.mark.parametrize("size", [65, 129, 257])
+def test_lookup_errors_of_the_table(size):
+    table = fl.gas.footprint_table(size)
+    x = np.random.default_rng(1).uniform(-3, 3, (2, 200_000))
+    place = (x + 3) * (size - 1) / 6
+    exact = np.exp(-(x**2).sum(axis=0) / 2)
+    near = np.rint(place).astype(int)
+    nearest = np.abs(table[near[0], near[1]] - exact).max()
+    low = np.minimum(place.astype(int), size - 2)
+    u, v = place - low
+    i, j = low
+    bilinear = (table[i, j] * (1 - u) * (1 - v) + table[i + 1, j] * u * (1 - v)
+                + table[i, j + 1] * (1 - u) * v + table[i + 1, j + 1] * u * v)  # fmt: skip
+    assert 0.9 * 2.574 / (size - 1) < nearest <= 2.574 / (size - 1)
+    assert np.abs(bilinear - exact).max() <= 9 / (size - 1) ** 2
+    floor = np.abs(table[i, j] - exact).max()
+    assert floor > 1.8 * nearest  # integer division, as printed
+
+
+def test_table_refusals():
+    for bad, kind in ((0, ValueError), (1.5, TypeError), (10**9, ValueError)):
+        with pytest.raises(kind, match="size"):
+            fl.gas.footprint_table(bad)
+    with pytest.raises(ValueError, match="intervals"):
+        fl.gas.footprint_table(5, intervals=0)
+    out = np.empty((5, 5))
+    assert fl.gas.footprint_table(5, out=out) is out
+
+
+def test_whole_pixel_patches_move_the_middle():
+    """What Eq. 2 costs: the reference mode's middles are off, at every size."""
+
+    def middle(alpha):
+        return alpha.sum(axis=0) @ (np.arange(alpha.shape[1]) + 0.5) / alpha.sum()
+
+    for radius in (4.0, 16.0, 40.0):
+        worst = {"table": 0.0, "viewplane": 0.0}
+        for x in np.linspace(0, 1, 21):
+            camera = fl.Camera(100.0, center=(60 + x, 60.3))
+            for footprint in worst:
+                alpha = fl.gas.alpha((120, 120), [(0, 0, 10.0)], radius / 10, 0.5, camera,
+                                     footprint=footprint, dtype=np.float64)  # fmt: skip
+                worst[footprint] = max(worst[footprint], abs(middle(alpha) - 60 - x))
+        assert worst["table"] > 0.4 and worst["viewplane"] < 0.002
+
+
+# Light ------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("forward", [0.0, 0.3, 1.0])
+def test_light_is_the_twins(forward):
+    rng = np.random.default_rng(4)
+    centers = rng.uniform(-2, 2, (150, 3))
+    radius, density = rng.uniform(0.3, 0.9, 150), rng.uniform(0, 1, 150)
+    for direction in ((0.3, 1.0, -0.2), (0, 0, -5.0)):
+        got = fl.gas.light(centers, radius, density, direction, forward=forward)
+        want = twin.light(centers, radius, density, direction, forward)
+        np.testing.assert_allclose(got, want, rtol=0, atol=1e-13)
+        assert got.min() >= 0 and got.max() <= 1
+    if forward == 1.0:
+        np.testing.assert_allclose(got, 1.0, rtol=1e-12)
+
+
+@pytest.mark.parametrize("forward", [0.0, 0.5])
+def test_light_falls_off_as_it_should(forward):
+    # Means over draws, near the middle of the box so that the walls cast no lack of shadow.
+    rng = np.random.default_rng(9)
+    depths, values = [], []
+    for _ in range(40):
+        centers = rng.uniform(-2.5, 2.5, (rng.poisson(1200), 3))
+        lit = fl.gas.light(centers, 0.45, 0.4, (0, 1, 0), forward=forward)
+        inner = np.abs(centers[:, [0, 2]]).max(axis=1) < 2.0
+        depths.append(centers[inner, 1] + 2.5)
+        values.append(lit[inner])
+    depth, lit = np.concatenate(depths), np.concatenate(values)
+    for low in (0.0, 1.5, 3.0, 4.5):
+        part = (depth >= low) & (depth < low + 0.5)
+        per_draw = [
+            v[(d >= low) & (d < low + 0.5)].mean() for d, v in zip(depths, values, strict=True)
+        ]
+        want = np.exp(-(1 - forward) * 0.5154 * depth[part]).mean()
+        assert abs(np.mean(per_draw) - want) < 3 * np.std(per_draw) / math.sqrt(40) + 0.002
+
+
+def test_phase_functions_keep_the_light():
+    c = np.linspace(-1, 1, 200_001)
+    for values in (fl.gas.phase(c), fl.gas.phase(c, kind="henyey", asymmetry=0.7)):
+        assert abs(values[:-1].mean() + values[1:].mean() - 2.0) < 1e-4
+    assert fl.gas.phase(1.0, kind="henyey") > fl.gas.phase(-1.0, kind="henyey")
+
+
+def test_light_refusals():
+    good = {"centers": [(0.0, 0.0, 1.0)], "radius": 0.4, "density": 0.5, "direction": (0, 1, 0)}
+    for name, value in (("direction", (0, 0, 0)), ("direction", (1, 2)), ("radius", -1.0),
+                        ("density", 2.0), ("forward", 1.5), ("out", np.zeros(2))):  # fmt: skip
+        with pytest.raises(ValueError, match=name):
+            fl.gas.light(**{**good, name: value})
+
+
+# A gridded volume -------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("value", [0.01, 0.3, 2.0, 6.0])
+def test_a_uniform_grid_keeps_its_optical_depth(value):
+    # Voxels of .25; rays through the middle of a slab of 12 of them, 3 units.
+    gas = fl.gas.particles_of(np.full((12, 24, 24), value), 0.25, center=(0, 0, 40.0))
+    assert len(gas.centers) == 12 * 24 * 24
+    for camera in (fl.Camera(1500.0), fl.Camera(1500.0, center_shift=(0.37, -0.21))):
+        alpha = fl.gas.alpha((60, 60), *gas, camera, footprint="volume", dtype=np.float64)
+        optical_depth = -np.log1p(-alpha).mean()
+        # The grid's own ripple, and rays that lean by up to one degree.
+        assert abs(optical_depth / (value * 3.0) - 1) < 0.004
+
+
+def test_a_smooth_volume_against_a_ray_march():
+    # A Gaussian ball: wide against its voxels, so that its reconstruction is itself.
+    n, side = 33, 0.15
+    axis = (np.arange(n) - (n - 1) / 2) * side
+    z, y, x = np.meshgrid(axis, axis, axis, indexing="ij")
+    width = 0.6
+    gas = fl.gas.particles_of(3.0 * np.exp(-(x**2 + y**2 + z**2) / (2 * width**2)), side,
+                              center=(0.2, -0.1, 9.0), threshold=1e-6)  # fmt: skip
+    camera = fl.Camera(160.0)
+    alpha = fl.gas.alpha((61, 61), *gas, camera, footprint="volume", dtype=np.float64)
+    row, col = np.mgrid[:61, :61]
+    way = np.stack([(col + 0.5 - 30.5) / 160, (row + 0.5 - 30.5) / 160, np.ones((61, 61))], -1)
+    way /= np.linalg.norm(way, axis=-1, keepdims=True)
+    # Voxels are means of nothing: the reconstruction blurs by sigma = .75 voxels.
+    blurred = width**2 + (0.75 * side) ** 2
+    c = np.array([0.2, -0.1, 9.0])
+    across = (np.cross(way, c) ** 2).sum(axis=-1)
+    peak = 3.0 * (width**2 / blurred) ** 1.5
+    want = peak * math.sqrt(2 * math.pi * blurred) * np.exp(-across / (2 * blurred))
+    np.testing.assert_allclose(-np.log1p(-alpha), want, rtol=0, atol=0.01 * want.max())
+
+
+def test_a_grid_too_dense_is_opaque_and_empty_voxels_are_left_out():
+    values = np.zeros((2, 3, 4))
+    values[1, 2, 0] = 1e6
+    gas = fl.gas.particles_of(values, 0.5, center=(1.0, 2.0, 3.0))
+    np.testing.assert_allclose(gas.centers, [[1 - 0.75, 2 + 0.5, 3 + 0.25]])
+    assert gas.density.tolist() == [1.0]
+    assert len(fl.gas.particles_of(np.zeros((2, 2, 2)), 1.0).centers) == 0
+    for name, value in (("volume", -np.ones((2, 2, 2))), ("volume", np.ones((2, 2))),
+                        ("volume", np.full((1, 1, 1), np.nan)), ("spacing", 0.0),
+                        ("center", (1, 2)), ("threshold", -1.0)):  # fmt: skip
+        good = {"volume": np.ones((2, 2, 2)), "spacing": 1.0}
+        with pytest.raises(ValueError, match=name):
+            fl.gas.particles_of(**{**good, name: value})
+
+
+# Flight -----------------------------------------------------------------------------------------
+
+
+def test_flying_through_fog_shows_no_pop():
+    """The fog's box wraps around the eye; .05 units a frame for 600 frames."""
+    camera, steps = fl.Camera(84.0), {}
+    for near_mode in ("exact", "fade", "cull"):
+        means = []
+        for t in range(600):
+            centers = fl.particles.positions(1200, 5.0, seed=1, velocity=(0, 0, -0.05), time=t)
+            shown = 0.4 * fl.particles.edge_fade(centers, 5.0)
+            alpha = fl.gas.alpha((72, 96), centers, 0.45, shown, camera, near_mode=near_mode)
+            means.append(alpha.mean())
+        steps[near_mode] = np.abs(np.diff(means)).max()
+    assert steps["exact"] < 0.02
+    assert steps["cull"] > 3 * steps["exact"] and steps["cull"] > 0.06
+    # A fade of a third of the radius is three frames long at this speed: better, not enough.
+    assert steps["exact"] < steps["fade"] < steps["cull"]

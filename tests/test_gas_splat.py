@@ -1,0 +1,396 @@
+"""The image of a gas against the slow twin, and its hard cases."""
+
+from __future__ import annotations
+
+import hashlib
+import itertools
+
+import numpy as np
+import pytest
+
+import flurries as fl
+import twin_gas as twin
+
+FOCAL = 130.0
+SHAPE = (90, 120)
+MODELS = ("viewplane", "viewplane_c", "viewpoint", "volume", "table")
+# What float32 and float64 promise of T.
+LIMITS = {"float32": 5e-6, "float64": 1e-12}
+
+
+def cloud(count=220, seed=3, *, inside=False):
+    """A box of the fog's particles; the eye before it, or in its middle, some behind it."""
+    rng = np.random.default_rng(seed)
+    middle = 0.0 if inside else 4.5
+    centers = rng.uniform((-2.5, -2.5, middle - 2.5), (2.5, 2.5, middle + 2.5), (count, 3))
+    radius = rng.uniform(0.3, 0.6, count)
+    density = rng.uniform(0.05, 0.6, count)
+    # Some of a few pixels, and some far away under one.
+    centers[::9, 2] *= 30
+    centers[::9, :2] *= 15
+    return centers, radius, density
+
+
+def ground(seed=1):
+    """A wall, a slope and the sky."""
+    rng = np.random.default_rng(seed)
+    depth = np.full(SHAPE, np.inf)
+    depth[:, 30:70] = np.linspace(0.05, 6.0, 40)
+    depth[60:] = 3.0
+    depth[:20, 80:] = rng.uniform(0.5, 8, (20, 40))
+    return depth
+
+
+def check(dtype, arguments, options, camera=None, shape=SHAPE):
+    camera = fl.Camera(FOCAL) if camera is None else camera
+    center = camera.principal(shape)
+    through, _ = twin.transmittance(
+        shape, *arguments, camera.focal, center=center, offset=camera.offset, **options
+    )
+    alpha = fl.gas.alpha(shape, *arguments, camera, dtype=dtype, **options)
+    assert alpha.dtype == dtype
+    worst = np.abs((1.0 - through) - alpha)
+    if options.get("edge") == "square" and dtype == "float32":
+        # A pixel exactly on the rim may be in for one type and out for the other.
+        assert (worst > LIMITS[dtype]).sum() <= 3 and worst.max() < 0.012
+    else:
+        assert worst.max() <= LIMITS[dtype]
+    return through
+
+
+@pytest.mark.parametrize("dtype", ["float32", "float64"])
+@pytest.mark.parametrize("inside", [False, True], ids=["outside", "inside"])
+@pytest.mark.parametrize("footprint", MODELS)
+def test_every_model_is_its_twin(footprint, inside, dtype):
+    camera = fl.Camera(FOCAL, center=(50.3, 47.9), offset=(0.03, -0.02, 0.1), center_shift=(2, 1))
+    for edge, near_mode in itertools.product(("taper", "square"), ("fade", "cull", "exact")):
+        options = {"footprint": footprint, "edge": edge, "near_mode": near_mode}
+        through = check(dtype, cloud(inside=inside), options, camera)
+        assert through.min() < 0.5 < through.max()
+
+
+@pytest.mark.parametrize("dtype", ["float32", "float64"])
+@pytest.mark.parametrize("occlusion", ["soft", "hard"])
+@pytest.mark.parametrize("footprint", MODELS)
+def test_occlusion_is_the_twins(footprint, occlusion, dtype):
+    for inside in (False, True):
+        depth = ground().astype(dtype)
+        options = {"footprint": footprint, "occlusion": occlusion, "depth": depth}
+        through = check(dtype, cloud(inside=inside), options)
+        free, _ = twin.transmittance(SHAPE, *cloud(inside=inside), FOCAL, footprint=footprint)
+        assert np.abs(through - free).max() > 0.2
+
+
+@pytest.mark.parametrize("shape", [(1, 1), (64, 64), (65, 63), (3, 200)])
+@pytest.mark.parametrize("footprint", MODELS)
+def test_tiles_at_the_border(shape, footprint):
+    check("float64", cloud(60), {"footprint": footprint}, shape=shape)
+    check("float64", cloud(60, inside=True), {"footprint": footprint}, shape=shape)
+
+
+@pytest.mark.parametrize("footprint", MODELS)
+def test_colours_come_in_order(footprint):
+    arguments = cloud(150)
+    color = np.random.default_rng(5).uniform(0, 4, (150, 3))
+    options = {"footprint": footprint, "depth": ground()}
+    want = twin.layer(SHAPE, *arguments, color, FOCAL, **options)
+    for dtype, limit in (("float32", 3e-5), ("float64", 4e-12)):
+        got = fl.gas.splat(SHAPE, *arguments, color, fl.Camera(FOCAL), dtype=dtype, **options)
+        np.testing.assert_allclose(got, want, rtol=0, atol=limit)
+        # Colours up to 4, and the rest within T's own limit.
+        np.testing.assert_allclose(got[..., 3], want[..., 3], rtol=0, atol=LIMITS[dtype])
+
+
+def test_equal_depths_keep_the_order_of_indices():
+    centers = np.array([[0.0, 0.0, 3.0]] * 6)
+    color = np.eye(3)[[0, 1, 2, 1, 0, 2]]
+    got = fl.gas.splat((41, 41), centers, 1.0, 0.7, color, fl.Camera(40.0), dtype=np.float64)
+    want = twin.layer((41, 41), centers, 1.0, 0.7, color, 40.0)
+    np.testing.assert_allclose(got, want, rtol=0, atol=1e-13)
+    assert got[20, 20, 0] > 2 * got[20, 20, 1]
+
+
+def test_one_colour_needs_no_order():
+    arguments = cloud(200)
+    turned = [a[::-1] for a in arguments]
+    camera = fl.Camera(FOCAL)
+    a, b = (fl.gas.splat(SHAPE, *given, (0.2, 0.5, 0.9), camera) for given in (arguments, turned))
+    np.testing.assert_allclose(a, b, rtol=0, atol=1e-6)
+    # The two ways, with a colour that differs by nothing that shows.
+    color = np.tile((0.2, 0.5, 0.9), (200, 1))
+    color[0] += 1e-12
+    sorted_ = fl.gas.splat(SHAPE, *arguments, color, camera)
+    np.testing.assert_allclose(sorted_, a, rtol=0, atol=2e-6)
+    # A random order of different colours is wrong: the guard's negative control.
+    color = np.random.default_rng(2).random((200, 3))
+    wrong = twin.layer(SHAPE, arguments[0] * [1, 1, 1], *arguments[1:], color, FOCAL)
+    shuffled = np.random.default_rng(3).permutation(200)
+    right = fl.gas.splat(SHAPE, *arguments, color[shuffled], camera)
+    assert np.abs(right - wrong).max() > 0.05
+
+
+def test_grey_and_colours_are_told_apart():
+    arguments = cloud(4)
+    camera = fl.Camera(FOCAL)
+    for color in (0.3, (0.3, 0.3, 0.3), [0.3] * 4, np.full((4, 3), 0.3), np.float32(0.3)):
+        layer = fl.gas.splat(SHAPE, *arguments, color, camera, dtype=np.float64)
+        alpha = fl.gas.alpha(SHAPE, *arguments, camera, dtype=np.float64)
+        np.testing.assert_array_equal(layer[..., 3], alpha)
+        want = np.repeat(0.3 * alpha[..., None], 3, axis=2)
+        np.testing.assert_allclose(layer[..., :3], want, rtol=1e-7)
+
+
+@pytest.mark.parametrize("dtype", ["float32", "float64"])
+@pytest.mark.parametrize("footprint", MODELS)
+def test_opaque_particles_are_opaque(footprint, dtype):
+    # Its middle lies on the middle of pixel (20, 20).
+    camera = fl.Camera(40.0, center=(20.5, 20.5))
+    for edge in ("taper", "square"):
+        layer = fl.gas.splat((41, 41), [(0, 0, 3.0)], 0.9, 1.0, [[1, 2, 3]], camera,
+                             footprint=footprint, edge=edge, dtype=dtype)  # fmt: skip
+        assert np.isfinite(layer).all() and layer.min() >= 0 and layer[..., 3].max() <= 1
+        if footprint not in ("volume", "table"):  # a patch of 24 px has no middle
+            assert layer[20, 20, 3] == 1.0  # T = 0 exactly
+    many = fl.gas.alpha((41, 41), [(0, 0, 3.0)] * 40, 0.9, 1.0, camera, dtype=dtype)
+    assert many.max() == 1.0 and np.isfinite(many).all()
+
+
+@pytest.mark.parametrize("count", [1, 2, 3])
+@pytest.mark.parametrize("footprint", MODELS)
+def test_bits_do_not_depend_on_the_thread_count(footprint, count, threads):
+    def bits():
+        arguments = cloud(300)
+        color = np.random.default_rng(5).random((300, 3))
+        options = {"footprint": footprint, "depth": np.tile(ground(), (3, 3))}
+        shape = (270, 360)
+        parts = [
+            fl.gas.alpha(shape, *arguments, fl.Camera(390.0), **options),
+            fl.gas.splat(shape, *arguments, color, fl.Camera(390.0), **options),
+        ]
+        return hashlib.sha256(b"".join(part.tobytes() for part in parts)).hexdigest()
+
+    threads(1)
+    want = bits()
+    threads(count)
+    assert bits() == want
+
+
+# Hard cases -------------------------------------------------------------------------------------
+
+
+def one(place, radius=0.45, density=0.4, *, focal=40.0, shape=(41, 41), **options):
+    """Alpha of one particle whose ray is the middle of pixel (20, 20)."""
+    camera = fl.Camera(focal, center=(20.5, 20.5))
+    options = {"dtype": np.float64, **options}
+    return fl.gas.alpha(shape, [place], radius, density, camera, **options)
+
+
+def test_the_near_plane_to_the_last_bit():
+    for step, drawn in ((-1, False), (0, True), (1, True)):
+        depth = 0.1 if step == 0 else float(np.nextafter(0.1, np.inf * step))
+        culled = one((0, 0, depth), near_mode="cull")
+        assert bool(culled.max() > 0.39) == drawn
+        faded = one((0, 0, depth))
+        # A smoothstep from zero: invisible, and no step.
+        assert faded.max() < 1e-15
+
+
+@pytest.mark.parametrize("footprint", MODELS)
+def test_behind_the_eye(footprint):
+    for depth in (0.0, -0.0, -1e-300, -0.2, -50.0):
+        for near_mode in ("fade", "cull", "exact"):
+            alpha = one((0.0, 0.0, depth), footprint=footprint, near_mode=near_mode)
+            assert np.isfinite(alpha).all() and alpha.min() >= 0
+            if (footprint != "volume" and near_mode != "exact") or depth < -1:
+                assert alpha.max() == 0
+
+
+def test_inside_a_particle_the_line_integral_is_exact():
+    # gas.md section 3: on the axis, density .4, near .1.
+    want = {1.0: 0.40, 0.3: 0.364, 0.1: 0.20, 0.05: 0.148, 0.0: 0.101, -0.1: 0.036}
+    for depth, value in want.items():
+        alpha = one((0, 0, depth), footprint="volume")[20, 20]
+        assert abs(alpha - value) < 6e-4, depth
+
+
+def test_footprints_larger_than_the_picture():
+    # R = 2450 px.
+    for footprint in MODELS:
+        arguments = ([(0.01, -0.02, 0.12), (300.0, 0.0, 0.11)], 0.49, 0.5)
+        options = {"footprint": footprint, "near_mode": "cull"}
+        through = check("float64", arguments, options, fl.Camera(600.0), (50, 70))
+        assert through.max() < 0.9
+
+
+def test_what_stands_exactly_at_the_particle_hides_it():
+    depth = np.full((41, 41), 3.0)
+    assert one((0, 0, 3.0), depth=depth, occlusion="hard").max() == 0
+    beyond = np.nextafter(depth, 4)
+    assert one((0, 0, 3.0), depth=beyond, occlusion="hard").max() == pytest.approx(0.4)
+    # Soft: half of it lies before the wall.
+    assert one((0, 0, 3.0), depth=depth).max() == pytest.approx(0.2, abs=1e-12)
+
+
+@pytest.mark.parametrize("footprint", MODELS)
+def test_what_stands_before_the_near_plane_hides_all(footprint):
+    depth = np.full((41, 41), 0.02)
+    for occlusion in ("soft", "hard"):
+        alpha = one((0, 0, 3.0), depth=depth, footprint=footprint, occlusion=occlusion)
+        assert alpha.max() == 0
+
+
+@pytest.mark.parametrize("edge", ["taper", "square"])
+@pytest.mark.parametrize("footprint", ["viewplane", "viewplane_c", "viewpoint", "volume"])
+def test_energy_is_continuous_from_box_to_point(footprint, edge):
+    # The sum of alpha over the picture, from a quarter of a pixel to twelve.
+    area = twin.TAPER if edge == "taper" else twin.SQUARE
+    if edge == "square" and footprint in ("viewpoint", "volume"):
+        area = 2 * np.pi * (1 - twin.RIM)
+    last = None
+    for radius_px in (0.01, 0.25, 1.0, 1.5, 1.999, 2.0, 2.001, 3.0, 6.0, 12.0):
+        energies = []
+        for x, y in itertools.product(np.linspace(0, 1, 5), repeat=2):
+            camera = fl.Camera(400.0, center=(30 + x, 30 + y))
+            # So far away that all models are the same.
+            alpha = fl.gas.alpha((60, 60), [(0, 0, 400.0)], radius_px, 1e-3, camera,
+                                 footprint=footprint, edge=edge, dtype=np.float64)  # fmt: skip
+            energies.append(alpha.sum() / (1e-3 * (radius_px / 3) ** 2))
+        if radius_px < 2:
+            # The box holds the square's integral, and with the taper's factor the taper's.
+            exact = twin.TAPER if edge == "taper" else twin.SQUARE
+            np.testing.assert_allclose(energies, exact, rtol=1e-6)
+        else:
+            # gas.md section 1: at 2 px the taper's samples are within .17 %, the square's .6 %.
+            limit = 0.003 if edge == "taper" else 0.03
+            np.testing.assert_allclose(energies, area, rtol=limit)
+        mean = np.mean(energies)
+        assert last is None or abs(mean / last - 1) < 0.01
+        last = mean
+
+
+def test_the_taper_has_no_step():
+    last = None
+    for x in np.arange(0, 0.02, 2e-4):
+        alpha = one((x, 0, 3.0), 0.9, 1.0)
+        if last is not None:
+            # 2e-4 units are 2.7e-3 px, 6.7e-4 sigma; the slope of the footprint is below .62.
+            assert np.abs(alpha - last).max() < 0.62 * 6.7e-4
+        last = alpha
+    # The paper's edge has one, of exp(-4.5).
+    steps = [one((x, 0, 3.0), 0.9, 1.0, edge="square") for x in np.arange(0, 0.08, 2e-4)]
+    assert max(np.abs(np.diff(steps, axis=0)).ravel()) > 0.011
+
+
+def test_an_early_end_errs_by_what_it_says():
+    centers = np.random.default_rng(4).uniform((-2, -1.5, 2), (2, 1.5, 5), (400, 3))
+    exact, _ = twin.transmittance(SHAPE, centers, 0.8, 0.5, FOCAL)
+    worst = {}
+    for error in (0.0, 1e-4, 1e-2, 0.1):
+        alpha = fl.gas.alpha(SHAPE, centers, 0.8, 0.5, fl.Camera(FOCAL),
+                             error=error, dtype=np.float64)  # fmt: skip
+        worst[error] = np.abs(1 - exact - alpha).max()
+        assert worst[error] <= max(error, 1e-12)
+    # And it does end early.
+    assert worst[0.1] > 1e-6
+
+
+def test_thousands_of_faint_layers():
+    # 1 - alpha would round the same way each time, and be wrong by 3e-3 in float32.
+    count = 50_000
+    centers = np.tile((0.0, 0.0, 3.0), (count, 1))
+    alpha = fl.gas.alpha((41, 41), centers, 5.0, 2e-5, fl.Camera(40.0, center=(20.5, 20.5)))
+    assert abs(alpha[20, 20] + np.expm1(count * np.log1p(-2e-5))) < 1e-5
+
+
+def test_no_particles_and_none_in_sight():
+    empty = np.zeros((0, 3))
+    for footprint in MODELS:
+        for centers in (empty, [(0.0, 0.0, -500.0)], [(1e90, 0.0, 1.0)], [(0, 0, 1e90)]):
+            layer = fl.gas.splat(
+                (9, 9), centers, 0.1, 0.5, 1.0, fl.Camera(9.0), footprint=footprint
+            )
+            assert not layer.any()
+    assert fl.gas.splat((9, 9), empty, [], [], np.zeros((0, 3)), fl.Camera(9.0)).max() == 0
+
+
+def test_out_is_written_whole_and_returned():
+    arguments = cloud(50)
+    for dtype in (np.float32, np.float64):
+        out = np.full((*SHAPE, 4), np.nan, dtype)
+        got = fl.gas.splat(SHAPE, *arguments, 0.5, fl.Camera(FOCAL), dtype=dtype, out=out)
+        assert got is out
+        fresh = fl.gas.splat(SHAPE, *arguments, 0.5, fl.Camera(FOCAL), dtype=dtype)
+        np.testing.assert_array_equal(out, fresh)
+        plane = np.full(SHAPE, np.nan, dtype)
+        assert fl.gas.alpha(SHAPE, *arguments, fl.Camera(FOCAL), dtype=dtype, out=plane) is plane
+        np.testing.assert_array_equal(plane, fresh[..., 3])
+
+
+GOOD = {"shape": (8, 9), "centers": [(0.0, 0.0, 2.0), (0.1, 0.0, 3.0)], "radius": 0.5,
+        "density": 0.4, "color": 0.7, "camera": fl.Camera(9.0)}  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "kind"),
+    [
+        ("shape", (0, 5), ValueError),
+        ("shape", 5, TypeError),
+        ("centers", [(0.0, 0.0)], ValueError),
+        ("centers", [(0.0, np.nan, 1.0)], ValueError),
+        ("centers", [(0.0, np.inf, 1.0)], ValueError),
+        ("centers", [(0.0, 1e101, 1.0)], ValueError),
+        ("centers", [("a", "b", "c")], TypeError),
+        ("radius", 0.0, ValueError),
+        ("radius", -1.0, ValueError),
+        ("radius", [0.1, np.nan], ValueError),
+        ("radius", [0.1], ValueError),
+        ("radius", "big", TypeError),
+        ("density", 1.01, ValueError),
+        ("density", [-0.1, 0.5], ValueError),
+        ("density", np.nan, ValueError),
+        ("color", (0.1, 0.2, 0.3, 0.4), ValueError),
+        ("color", np.inf, ValueError),
+        ("color", None, TypeError),
+        ("camera", 9.0, TypeError),
+        ("footprint", "sphere", ValueError),
+        ("footprint", 3, TypeError),
+        ("edge", "round", ValueError),
+        ("near", 0.0, ValueError),
+        ("near", np.nan, ValueError),
+        ("near_mode", "pop", ValueError),
+        ("depth", np.ones((9, 8)), ValueError),
+        ("depth", np.full((8, 9), np.nan), ValueError),
+        ("occlusion", "none", ValueError),
+        ("error", -1e-3, ValueError),
+        ("error", 1.0, ValueError),
+        ("dtype", np.int32, TypeError),
+        ("out", np.zeros((8, 9, 3), np.float32), ValueError),
+        ("out", np.zeros((8, 9, 4)), TypeError),
+        ("out", np.zeros((8, 9, 4), np.float32, order="F"), ValueError),
+    ],
+)
+def test_refusals_name_the_argument(name, value, kind):
+    with pytest.raises(kind, match=name):
+        fl.gas.splat(**{**GOOD, name: value})
+    if name not in ("color", "out"):
+        with pytest.raises(kind, match=name):
+            fl.gas.alpha(**{k: v for k, v in {**GOOD, name: value}.items() if k != "color"})
+
+
+@pytest.mark.parametrize(
+    "layout",
+    [
+        np.asfortranarray,
+        lambda a: a[::-1].copy()[::-1],
+        lambda a: np.repeat(a, 2, axis=0)[::2],
+        lambda a: a.astype(">f8"),
+        lambda a: a.tolist(),
+    ],
+)
+def test_layouts_of_inputs_do_not_matter(layout):
+    arguments = cloud(40)
+    color = np.random.default_rng(5).random((40, 3))
+    want = fl.gas.splat(SHAPE, *arguments, color, fl.Camera(FOCAL), depth=ground())
+    laid = [layout(np.asarray(a)) for a in (*arguments, color)]
+    got = fl.gas.splat(SHAPE, *laid, fl.Camera(FOCAL), depth=layout(ground()))
+    np.testing.assert_array_equal(got, want)

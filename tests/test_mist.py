@@ -1,0 +1,291 @@
+"""Mist in scenes: presets, visibility, wind, depth, layers, light, two eyes, the command line."""
+
+from __future__ import annotations
+
+import math
+import pickle
+
+import numpy as np
+import pytest
+
+import flurries as fl
+from flurries import cli, stereo
+from flurries.effects import mist as module
+
+SIZE = (96, 72)
+FOCAL = 100.0
+
+
+def scene(*effects, **about):
+    about = {"camera": fl.Camera(FOCAL), "seed": 5, "background": np.zeros((72, 96, 3), np.float32),
+             **about}  # fmt: skip
+    return fl.Scene(effects=list(effects), **about)
+
+
+def cover(shown, t=0.0, **options):
+    return shown.render(t, layers=True, **options).alpha
+
+
+@pytest.mark.parametrize("name", ["clouds", "mist", "fog"])
+def test_presets_have_the_papers_numbers(name):
+    effect = fl.Mist.preset(name)
+    want = {"clouds": (1500, 0.37, 0.4, 0.86), "mist": (1000, 0.45, 0.15, 0.6),
+            "fog": (1200, 0.45, 0.4, 0.7)}[name]  # fmt: skip
+    assert (effect.count, effect.radius, effect.density, effect.colour) == want
+    assert effect.box == (5.0, 5.0, 5.0)
+    beta = {"clouds": 0.4356, "mist": 0.1611, "fog": 0.5154}[name]
+    assert abs(effect.extinction() - beta) < 6e-5
+    alpha = cover(scene(effect))
+    # One draw of it. The view goes through 4.4 units of it or so, and its far end fades.
+    assert abs(-math.log(1 - alpha.mean()) / (beta * 4.2) - 1) < 0.4
+
+
+def test_a_frame_is_pure_and_a_region_has_its_bits(threads):
+    shown = scene(fl.Mist.preset("fog", wind=(0.5, 0.1, -0.2)), depth=4.0, sun=fl.Sun())
+    want = shown.render(17)
+    shown.render(3)
+    part = shown.render(17, region=np.s_[10:40, 50:90])
+    np.testing.assert_array_equal(part, want[10:40, 50:90])
+    for count in (1, 3):
+        threads(count)
+        module._light.cache_clear()
+        np.testing.assert_array_equal(shown.render(17), want)
+    again = pickle.loads(pickle.dumps(shown))
+    np.testing.assert_array_equal(again.render(17), want)
+
+
+def test_visibility_is_what_one_sees():
+    # Walls at several depths: what is left of them.
+    for far in (4.0, 12.0):
+        for footprint in ("viewplane_c", "volume"):
+            means = []
+            for seed in range(12):
+                effect = fl.Mist(visibility=far, seed=seed, footprint=footprint)
+                alpha = cover(scene(effect, depth=far / 2))
+                means.append(1 - alpha.mean())
+            want = math.exp(math.log(0.05) / 2)
+            # Rays lean by up to 31 degrees; a wall is farther away there.
+            assert abs(np.mean(means) - want) < 3 * np.std(means) / math.sqrt(12) + 0.02
+
+
+def test_visibility_and_count():
+    effect = fl.Mist(visibility=10.0, count=3000)
+    assert effect.particles_in_box() == 3000
+    assert abs(fl.gas.visibility(effect.extinction()) - 10.0) < 1e-9
+    effect = fl.Mist.preset("fog", visibility=20.0)
+    assert effect.count is None and effect.radius == pytest.approx(0.45 / 5 * 24)
+    assert abs(fl.gas.visibility(effect.extinction()) / 20.0 - 1) < 1e-3
+    keyed = fl.Mist(visibility=fl.Keys([(0, 10.0), (100, 40.0)]))
+    for t, far in ((0, 10.0), (50, 25.0), (100, 40.0)):
+        assert abs(fl.gas.visibility(keyed.extinction(t)) / far - 1) < 1e-3
+    with pytest.raises(ValueError, match="visibility"):
+        fl.Mist(visibility=0.1, count=5)
+    with pytest.raises(ValueError, match="visibility"):
+        fl.Mist(visibility=1.0, box=500.0, radius=0.05)
+
+
+def test_flying_through_the_fog_shows_no_pop():
+    path = fl.CameraPath(fl.Camera(84.0), velocity=(0.0, 0.0, 0.05 * 30))
+    shown = scene(fl.Mist.preset("fog"), camera=path, seed=1)
+    frames = [cover(shown, t).mean() for t in range(0, 600)]
+    assert np.abs(np.diff(frames)).max() < 0.02
+    assert np.ptp(frames) > 0.05  # it does fly
+
+
+def test_wind_moves_the_gas_and_its_box_wraps():
+    # Against a camera that moves the other way: the same pictures.
+    blown = scene(fl.Mist.preset("fog", wind=(0.6, 0.0, 0.3)))
+    path = fl.CameraPath(fl.Camera(FOCAL), velocity=(-0.6, 0.0, -0.3))
+    flown = scene(fl.Mist.preset("fog"), camera=path)
+    for t in (0.0, 40.0, 1e4):
+        np.testing.assert_allclose(cover(blown, t), cover(flown, t), atol=2e-5)
+    # After one box's length the gas is where it was.
+    round_ = scene(fl.Mist.preset("fog", wind=(0.0, 1.5, 0.0)), fps=30.0)
+    sides, _ = fl.Mist.preset("fog")._filled(round_._asks(0, None, (0, 72, 0, 96), None)[0][1])
+    np.testing.assert_allclose(cover(round_, 0), cover(round_, sides[1] * 20), atol=2e-5)
+    assert np.abs(cover(round_, 0) - cover(round_, sides[1] * 10)).max() > 0.05
+    # Frame by frame: nothing pops at the walls.
+    steps = np.diff([cover(round_, t) for t in range(0, 60)], axis=0)
+    assert np.abs(steps).max() < 0.12
+
+
+def test_a_box_in_the_world_stays_there():
+    effect = fl.Mist.preset("clouds", center=(0.0, 0.0, 8.0), box=3.0)
+    near = fl.CameraPath(fl.Camera(FOCAL), position=[(0, 0, 0), (0, 0, 2.0)])
+    shown = scene(effect, camera=near)
+    small, large = ((cover(shown, t) > 0.05).sum() for t in (0, 1))
+    # From 8 to 6 units away.
+    assert 1.3 < large / small < 2.4
+    assert cover(shown, 0)[:5].max() < 0.05  # and around it nothing
+    turned = scene(effect, camera=fl.Camera(FOCAL, rotation=(0.0, 0.2, 0.0)))
+    columns = cover(turned).sum(axis=0)
+    moved = (
+        columns @ np.arange(96) / columns.sum()
+        - cover(shown, 0).sum(axis=0) @ np.arange(96) / cover(shown, 0).sum()
+    )
+    assert abs(moved + FOCAL * math.tan(0.2)) < 3.0
+
+
+def test_depths_put_gas_behind_and_in_front():
+    whole = cover(scene(fl.Mist.preset("fog", seed=7)))
+    parts = [fl.Mist.preset("fog", seed=7, depths=d) for d in ((2.5, math.inf), (0, 2.5))]
+    back, front = (cover(scene(part)) for part in parts)
+    together = cover(scene(*parts))
+    # Particles that the border cuts are two of lesser opacity: 1 - (1 - a F)(1 - a (1 - F)).
+    assert np.abs(together - whole).max() < 0.03
+    assert back.mean() > 0.1 and front.mean() > 0.1
+    # A red wall of flakes between them.
+    snow = fl.Snow(flakes=0, texture=0.0, haze=1.0, colour=(1.0, 0.0, 0.0), fall=0.0)
+    picture = scene(parts[0], snow, parts[1]).render(0)
+    grey = fl.io.srgb_to_linear(np.array(0.7))
+    np.testing.assert_allclose(picture[..., 1], front * grey, atol=2e-6)
+    np.testing.assert_allclose(picture[..., 0], front * grey + (1 - front), atol=2e-6)
+
+
+def test_what_stands_in_the_picture_hides_gas_behind_it():
+    depth = np.full((72, 96), np.inf, np.float32)
+    depth[:, 48:] = 1.0
+    alpha = cover(scene(fl.Mist.preset("fog"), depth=depth))
+    free = cover(scene(fl.Mist.preset("fog")))
+    assert alpha[:, 49:].mean() < 0.75 * free[:, 49:].mean()
+    np.testing.assert_array_equal(alpha[:, :48], free[:, :48])
+
+
+def test_the_sun_shades_the_gas():
+    effect = fl.Mist.preset("clouds", center=(0, 0, 7.0), box=4.0, scatter="even", forward=0.0)
+    dark = scene(effect, sun=fl.Sun((0, 1, 0), 1.0, ambient=0.0)).render(0, layers=True)
+    layer = dark.layers["mist"]
+    with np.errstate(invalid="ignore", divide="ignore"):
+        light = np.where(layer[..., 3] > 0.2, layer[..., 1] / layer[..., 3], np.nan)
+    own = fl.io.srgb_to_linear(np.array(0.86))
+    rows = np.flatnonzero(np.isfinite(light).any(axis=1))
+    top, bottom = (np.nanmean(light[r]) for r in (rows[:6], rows[-6:]))
+    assert top > 2 * bottom and np.nanmax(light) <= own * 1.000001
+    # Ambient light alone is the plain colour; so is no sun, and a gas that is not lit.
+    flat = scene(effect, sun=fl.Sun((0, 1, 0), 1.0, ambient=1.0)).render(0)
+    none = scene(effect).render(0)
+    unlit = scene(fl.Mist(**{**vars(effect), "lit": False}), sun=fl.Sun()).render(0)
+    np.testing.assert_allclose(flat, none, atol=3e-6)
+    np.testing.assert_array_equal(unlit, none)
+    # Into the sun a cloud of droplets is brighter than away from it.
+    into, away = (
+        scene(fl.Mist.preset("mist", scatter="henyey"), sun=fl.Sun((0, 0.2, z), 1.0, 0.0)).render(0)
+        for z in (-1.0, 1.0)
+    )
+    assert into.mean() > 3 * away.mean()
+
+
+def test_light_is_computed_once_for_a_gas_and_a_light():
+    module._light.cache_clear()
+    shown = scene(fl.Mist.preset("clouds", center=(0, 0, 6.0)), sun=fl.Sun())
+    left, right = stereo.eyes(shown.camera.camera, distance=0.065)
+    for eye in (None, left, right):
+        shown.render(4, eye=eye)
+    shown.render(5)
+    info = module._light.cache_info()
+    assert (info.misses, info.hits) == (1, 3)
+
+
+def test_two_eyes_see_the_same_gas():
+    shown = scene(fl.Mist.preset("fog", wind=(0.3, 0, 0)), depth=np.full((72, 96), 6.0, np.float32))
+    left, right = stereo.eyes(shown.camera.camera, distance=0.065, convergence=4.0)
+    middle, a, b = (cover(shown, 9, eye=eye) for eye in (None, left, right))
+    assert np.abs(a - b).max() > 1e-3
+    # Half-way between them, to second order of shifts under a pixel.
+    assert np.abs(0.5 * (a + b) - middle).max() < 0.02
+    red = stereo.anaglyph(shown.render(9, eye=left), shown.render(9, eye=right))
+    assert red.shape == (72, 96, 3)
+
+
+def test_a_camera_that_turns():
+    path = fl.CameraPath(
+        fl.Camera(FOCAL), orientation=fl.Keys([(0, (0.0, 0.0, 0.0)), (10, (0.0, 1.5, 0.0))])
+    )
+    shown = scene(fl.Mist.preset("fog"), camera=path)
+    means = [cover(shown, t).mean() for t in range(11)]
+    assert min(means) > 0.4 and np.abs(np.diff(means)).max() < 0.15
+
+
+def test_amount_fades_and_nothing_is_nothing():
+    keyed = fl.Mist.preset("fog", amount=fl.Keys([(0, 0.0), (10, 1.0)]))
+    means = [cover(scene(keyed), t).mean() for t in (0, 3, 10)]
+    assert means[0] == 0 and 0 < means[1] < means[2]
+    for nothing in (fl.Mist(count=0), fl.Mist(density=0.0)):
+        for sun in (None, fl.Sun()):
+            assert not cover(scene(nothing, sun=sun)).any()
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "kind"),
+    [
+        ("amount", 1.5, ValueError),
+        ("count", -1, ValueError),
+        ("count", 10.0, TypeError),
+        ("count", 10**9, ValueError),
+        ("visibility", 0.0, ValueError),
+        ("radius", 0.0, ValueError),
+        ("density", 2.0, ValueError),
+        ("colour", 2.0, ValueError),
+        ("colour", "blue", ValueError),
+        ("wind", (1.0, 2.0), ValueError),
+        ("box", 0.0, ValueError),
+        ("box", (1.0, 2.0), ValueError),
+        ("center", (1.0, 2.0), ValueError),
+        ("depths", (3.0, 2.0), ValueError),
+        ("depths", 3.0, TypeError),
+        ("footprint", "ball", ValueError),
+        ("near", 0.0, ValueError),
+        ("lit", 1, TypeError),
+        ("forward", -0.1, ValueError),
+        ("scatter", "mie", ValueError),
+        ("asymmetry", 1.0, ValueError),
+        ("seed", 0.5, TypeError),
+    ],
+)
+def test_refusals_name_the_argument(name, value, kind):
+    with pytest.raises(kind, match=name):
+        fl.Mist(**{name: value})
+
+
+def test_presets_refuse_what_they_do_not_know():
+    with pytest.raises(ValueError, match="preset"):
+        fl.Mist.preset("smog")
+    with pytest.raises(TypeError, match="hight"):
+        fl.Mist.preset("fog", hight=3)
+
+
+def test_scene_files(tmp_path):
+    shown = fl.Scene(SIZE, "#203040", camera=fl.Camera(FOCAL), effects=[
+        fl.Mist.preset("fog", wind=fl.Keys([(0, (0, 0, 0)), (9, (1, 0, 0))]), depths=(2, math.inf)),
+        fl.Mist(visibility=30.0, colour=(0.5, 0.6, 0.7), center=(0, 0, 9), box=(4, 5, 6)),
+    ])  # fmt: skip
+    shown.save(tmp_path / "a.toml")
+    again = fl.Scene.load(tmp_path / "a.toml")
+    assert again.effects == shown.effects
+    np.testing.assert_array_equal(again.render(7), shown.render(7))
+    text = (tmp_path / "a.toml").read_text().replace("density", "densty")
+    (tmp_path / "b.toml").write_text('[[effects]]\nkind = "mist"\npreset = "fog"\ndensty = 0.3\n')
+    assert "mist" in text
+    with pytest.raises(ValueError, match=r"line 4.*density"):
+        fl.Scene.load(tmp_path / "b.toml")
+
+
+def test_the_command_line(tmp_path, capsys):
+    out = str(tmp_path / "%04d.png")
+    options = ["--size", "96x72", "--quiet", "--frames", "0-1"]
+    assert (
+        cli.main(["render", "#203040", "-o", out, "--mist", "fog", "--wind", "1,0,0", *options])
+        == 0
+    )
+    first, second = (fl.io.read_picture(tmp_path / f"000{n}.png").pixels for n in (0, 1))
+    assert np.abs(first.astype(int) - second).max() > 0
+    want = fl.Scene(SIZE, "#203040", effects=[fl.Mist.preset("fog", wind=(1.0, 0, 0))]).render(1)
+    np.testing.assert_array_equal(second, want)
+    still = str(tmp_path / "far.png")
+    assert cli.main(["render", "#203040", "-o", still, "--mist", "mist", "--visibility", "30",
+                     *options[:-2]]) == 0  # fmt: skip
+    capsys.readouterr()
+    assert cli.main(["render", "#203040", "-o", still, "--visibility", "30"]) == 2
+    assert "--mist" in capsys.readouterr().err
+    assert cli.main(["render", "#203040", "-o", still, "--mist", "smog"]) == 2
+    assert "fog" in capsys.readouterr().err

@@ -1,0 +1,275 @@
+"""Two eyes: disparities of what is rendered, anaglyphs, packings, files."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import flurries as fl
+from flurries import io, stereo
+
+SHAPE = (120, 200)
+
+
+def middle(alpha):
+    weight = alpha.astype(np.float64)
+    return weight.sum(axis=0) @ (np.arange(alpha.shape[1]) + 0.5) / weight.sum()
+
+
+@pytest.mark.parametrize("footprint", ["viewplane", "viewplane_c"])
+def test_gas_and_flakes_have_the_predicted_disparity(footprint):
+    f, apart, screen = 300.0, 0.5, 3.0
+    pair = stereo.eyes(fl.Camera(f, center=(100.0, 60.0)), distance=apart, convergence=screen)
+    for depth in (2.0, 3.0, 3.7, 9.0):
+        want = f * apart * (1 / screen - 1 / depth)
+        place = [(0.03, 0.1, depth)]
+        gas = [
+            middle(fl.gas.alpha(SHAPE, place, 0.2, 0.5, eye, footprint=footprint)) for eye in pair
+        ]
+        flakes = [middle(fl.particles.splat(SHAPE, place, 0.03, eye, opacity=0.5)) for eye in pair]
+        assert abs(gas[1] - gas[0] - want) < 0.01
+        # Snow and gas at equal depth.
+        assert abs((flakes[1] - flakes[0]) - (gas[1] - gas[0])) < 0.01
+        for x, eye in zip(gas, pair, strict=True):
+            px, _ = fl.camera.project(place, eye, SHAPE)
+            assert abs(x - px[0, 0]) < 0.01
+
+
+def test_by_ray_models_have_it_where_particles_are_small():
+    f, apart = 300.0, 0.5
+    pair = stereo.eyes(fl.Camera(f), distance=apart)
+    for footprint in ("viewpoint", "volume"):
+        left, right = (
+            middle(fl.gas.alpha(SHAPE, [(0, 0, 6.0)], 0.1, 0.5, eye, footprint=footprint))
+            for eye in pair
+        )
+        assert abs(right - left + f * apart / 6.0) < 0.01
+
+
+def test_the_texture_has_the_disparity_of_the_depth_it_stands_for():
+    # A far texture, whose disparity is well under half a wave: K = f I / (near lambda) = .047.
+    camera = fl.Camera(300.0)
+    pair = stereo.eyes(camera, distance=0.5)
+    near, longest = 100.0, 32.0
+    shape = (256, 256)
+    fields = [
+        fl.spectral.field(
+            shape, seed=3, tile=256, overlap=0, wavelengths=(8.0, longest), dtype=np.float64,
+            drift=fl.camera.tile_drift(shape, (0, 0, 0), eye, near_depth=near, tile=256, overlap=0),
+            shift=eye.center_shift,
+        )
+        for eye in pair
+    ]  # fmt: skip
+    a, b = (np.fft.rfft2(field) for field in fields)
+    fy, fx = np.fft.fftfreq(256)[:, None], np.fft.rfftfreq(256)[None]
+    size = np.hypot(fy, fx)
+    for wavelength in (30.0, 16.0, 9.0):
+        ring = (np.abs(size * wavelength - 1) < 0.06) & (np.abs(fx) > 0.5 * size)
+        step = -np.angle((b * a.conj())[ring]) / (2 * np.pi)
+        moved = (step / np.broadcast_to(fx, size.shape)[ring]).mean()
+        depth = near * longest / wavelength
+        assert abs(moved + 300.0 * 0.5 / depth) < 0.08 * 300.0 * 0.5 / depth
+
+
+def test_eyes():
+    camera = fl.Camera(500.0, offset=(0.1, 0.2, 0.3), center_shift=(4.0, 5.0))
+    left, right = stereo.eyes(camera, distance=0.06)
+    assert left.offset == (0.07, 0.2, 0.3) and right.offset == (0.13, 0.2, 0.3)
+    assert left.center_shift == right.center_shift == (4.0, 5.0)
+    left, right = stereo.eyes(camera, distance=0.06, convergence=2.0)
+    assert left.center_shift == (4.0 - 7.5, 5.0) and right.center_shift == (4.0 + 7.5, 5.0)
+    point = np.array([[0.1, 0.2, 2.3]])  # at the distance of convergence from the eyes
+    a, b = (fl.camera.project(point, eye, SHAPE)[0] for eye in (left, right))
+    np.testing.assert_allclose(a, b, atol=1e-12)
+    same = stereo.eyes(camera, distance=0.0)
+    assert same == (camera, camera)
+    for name, value in (("distance", -1.0), ("convergence", 0.0)):
+        with pytest.raises(ValueError, match=name):
+            stereo.eyes(camera, **{"distance": 0.06, name: value})
+    with pytest.raises(TypeError, match="camera"):
+        stereo.eyes(500.0, distance=0.06)
+
+
+# Anaglyphs --------------------------------------------------------------------------------------
+
+# gas.md section 6, linear light.
+CASES = {
+    "red pair": ((1, 0, 0), (1, 0, 0), (0.41263, 0.33839, 0)),
+    "blue pair": ((0, 0, 1), (0, 0, 1), (0.17483, 0, 1)),
+    "white and black": ((1, 1, 1), (0, 0, 0), (1, 0, 0)),
+    "black and white": ((0, 0, 0), (1, 1, 1), (0, 1, 1)),
+}
+
+
+@pytest.mark.parametrize("dtype", [np.float32, np.float64])
+@pytest.mark.parametrize("case", CASES)
+def test_anaglyph_cases(case, dtype):
+    left, right, want = (np.array(c, dtype).reshape(1, 1, 3) for c in CASES[case])
+    got = stereo.anaglyph(left, right)
+    assert got.dtype == dtype
+    np.testing.assert_allclose(got, want, atol=5e-6 if case.endswith("pair") else 2e-3)
+
+
+@pytest.mark.parametrize("matrix", ["lsq2001", "lcd2009"])
+def test_grey_pairs_stay_grey(matrix):
+    grey = np.linspace(0, 1, 256)
+    pair = np.repeat(grey[None, :, None], 3, axis=2)
+    got = stereo.anaglyph(pair, pair, matrix=matrix)
+    # The matrices' rows sum to 1 within .001; clipped at white.
+    assert np.abs(got - pair).max() < 1.2e-3
+    levels = np.repeat(np.arange(256, dtype=np.uint8)[None, :, None], 3, axis=2)
+    got = stereo.anaglyph(levels, levels, matrix=matrix).astype(int)
+    assert np.abs(got - levels).max() <= 1 and np.ptp(got, axis=2).max() <= 1
+
+
+def test_the_matrices_are_duboiss():
+    for matrix in stereo.MATRICES.values():
+        assert np.abs(np.sum(matrix, axis=(0, 2)) - 1).max() < 1.2e-3
+    left, right = stereo.MATRICES["lsq2001"]
+    # FFmpeg's set, in 65536ths.
+    np.testing.assert_allclose(
+        np.array(left) * 65536,
+        [[29891, 32800, 11559], [-2627, -2479, -1033], [-997, -1350, -358]], atol=40,
+    )  # fmt: skip
+    np.testing.assert_allclose(
+        np.array(right) * 65536,
+        [[-2849, -5763, -102], [24804, 48080, -1209], [-4729, -7403, 80373]], atol=40,
+    )  # fmt: skip
+
+
+def test_integers_go_through_linear_light():
+    rng = np.random.default_rng(1)
+    for dtype, limit in ((np.uint8, 0), (np.uint16, 1)):
+        left, right = rng.integers(0, np.iinfo(dtype).max + 1, (2, 70, 90, 3)).astype(dtype)
+        light = [io.srgb_to_linear(p / np.iinfo(dtype).max) for p in (left, right)]
+        a, b = (np.array(m) for m in stereo.MATRICES["lsq2001"])
+        mixed = np.clip(light[0] @ a.T + light[1] @ b.T, 0, 1)
+        want = np.rint(io.linear_to_srgb(mixed) * np.iinfo(dtype).max)
+        got = stereo.anaglyph(left, right)
+        assert got.dtype == dtype
+        off = np.abs(got - want)
+        # float32 light, where a value lies on the border of two levels.
+        assert off.max() <= 1 and (off > limit).mean() < 2e-3
+        # On display values it would be far off: the negative control.
+        shown = np.clip(left / np.iinfo(dtype).max @ a.T + right / np.iinfo(dtype).max @ b.T, 0, 1)
+        assert np.abs(shown - io.linear_to_srgb(mixed)).max() > 0.2
+
+
+def test_every_level_encodes_to_itself():
+    levels = np.arange(256)
+    light = io.srgb_to_linear(levels / 255.0).astype(np.float32)
+    np.testing.assert_array_equal(stereo._shown(light, np.dtype(np.uint8)), levels)
+    between = io.srgb_to_linear((np.arange(255) + 0.5) / 255.0)
+    for side, want in ((-1e-6, np.arange(255)), (1e-6, np.arange(1, 256))):
+        got = stereo._shown((between + side).astype(np.float32), np.dtype(np.uint8))
+        np.testing.assert_array_equal(got, want)
+
+
+def test_anaglyph_of_layouts_and_out():
+    rng = np.random.default_rng(2)
+    left, right = rng.random((2, 9, 11, 3), np.float32)
+    want = stereo.anaglyph(left, right)
+    out = np.full((9, 11, 3), np.nan, np.float32)
+    assert stereo.anaglyph(np.asfortranarray(left), right[::-1].copy()[::-1], out=out) is out
+    np.testing.assert_array_equal(out, want)
+    half = stereo.anaglyph(left.astype(np.float16), right.astype(np.float16))
+    assert half.dtype == np.float16 and np.abs(half - want).max() < 3e-3
+    for name, value, kind in (
+        ("left", left[..., :2], ValueError), ("left", left[0], ValueError),
+        ("left", left.astype(int), TypeError), ("right", right[:5], ValueError),
+        ("right", right.astype(np.float64), ValueError), ("matrix", "red", ValueError),
+        ("out", left, ValueError), ("out", np.zeros((9, 11, 3)), TypeError),
+    ):  # fmt: skip
+        with pytest.raises(kind, match=name):
+            stereo.anaglyph(**{"left": left, "right": right, name: value})
+
+
+# Packings and files -----------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("dtype", [np.uint8, np.uint16, np.float32])
+@pytest.mark.parametrize("shape", [(4, 6, 3), (4, 6, 4), (4, 6)])
+def test_packings(shape, dtype):
+    left, right = np.random.default_rng(3).integers(0, 200, (2, *shape)).astype(dtype)
+    wide = stereo.side_by_side(left, right)
+    assert wide.dtype == dtype
+    np.testing.assert_array_equal(wide, np.concatenate([left, right], axis=1))
+    crossed = stereo.side_by_side(left, right, cross=True)
+    np.testing.assert_array_equal(crossed, np.concatenate([right, left], axis=1))
+    tall = stereo.over_under(left, right)
+    np.testing.assert_array_equal(tall, np.concatenate([left, right], axis=0))
+    packed = stereo.side_by_side(left, right, squeeze=True)
+    assert packed.shape == left.shape
+    want = (left[:, ::2].astype(float) + left[:, 1::2]) / 2
+    assert np.abs(packed[:, :3] - want).max() <= 0.5
+    assert stereo.over_under(left, right, squeeze=True).shape == left.shape
+    out = np.empty_like(wide)
+    assert stereo.side_by_side(left, right, out=out) is out
+
+
+def test_packing_refusals():
+    picture = np.zeros((5, 7, 3))
+    with pytest.raises(ValueError, match="even width"):
+        stereo.side_by_side(picture, picture, squeeze=True)
+    with pytest.raises(ValueError, match="even height"):
+        stereo.over_under(picture, picture, squeeze=True)
+    with pytest.raises(ValueError, match="right"):
+        stereo.over_under(picture, picture[:4])
+    with pytest.raises(TypeError, match="cross"):
+        stereo.side_by_side(picture, picture, cross=1)
+
+
+@pytest.mark.parametrize("layout", ["parts", "views"])
+@pytest.mark.parametrize("half", [True, False])
+@pytest.mark.parametrize("channels", [3, 4])
+def test_stereo_exr(layout, half, channels, tmp_path):
+    left, right = np.random.default_rng(4).random((2, 70, 33, channels), np.float32) * 2
+    path = tmp_path / "pair.exr"
+    io.write_views(path, left, right, layout=layout, half=half, metadata={"frame": 7})
+    got = io.read_views(path)
+    for eye, want in zip(got, (left, right), strict=True):
+        stored = want.astype(np.float16).astype(np.float32) if half else want
+        np.testing.assert_array_equal(eye, stored)
+    # Other readers see the left eye, and the note.
+    np.testing.assert_array_equal(io.read_picture(path).pixels, got[0][..., :3])
+    assert io.read_header(path).metadata["frame"] == "7"
+    again = tmp_path / "again.exr"
+    io.write_views(again, left, right, layout=layout, half=half, metadata={"frame": 7})
+    assert again.read_bytes() == path.read_bytes()
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["again.exr", "pair.exr"]
+
+
+def test_stereo_exr_is_what_others_write(tmp_path):
+    import OpenImageIO as oiio
+
+    left, right = np.zeros((2, 4, 5, 3), np.float32)
+    io.write_views(tmp_path / "a.exr", left, right)
+    reader = oiio.ImageInput.open(str(tmp_path / "a.exr"))
+    parts = [reader.spec(part) for part in (0, 1)]
+    assert [p.get_string_attribute("view") for p in parts] == ["left", "right"]
+    assert [p.channelnames for p in parts] == [("R", "G", "B")] * 2
+    reader.close()
+    io.write_views(tmp_path / "b.exr", left, right, layout="views")
+    reader = oiio.ImageInput.open(str(tmp_path / "b.exr"))
+    assert reader.spec().getattribute("multiView") == ("left", "right")
+    assert "right.R" in reader.spec().channelnames
+    reader.close()
+
+
+def test_stereo_exr_refusals(tmp_path):
+    good = np.zeros((4, 5, 3), np.float32)
+    path = tmp_path / "a.exr"
+    with pytest.raises(ValueError, match="layout"):
+        io.write_views(path, good, good, layout="both")
+    with pytest.raises(ValueError, match=r"\.exr"):
+        io.write_views(tmp_path / "a.png", good, good)
+    with pytest.raises(TypeError, match="left"):
+        io.write_views(path, np.zeros((4, 5, 3), np.uint8), good)
+    with pytest.raises(ValueError, match="right"):
+        io.write_views(path, good, good[:3])
+    with pytest.raises(ValueError, match="left"):
+        io.write_views(path, good[..., 0], good)
+    assert not list(tmp_path.iterdir())
+    io.write_picture(path, good)
+    with pytest.raises(ValueError, match="left and a right view"):
+        io.read_views(path)

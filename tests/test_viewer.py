@@ -1,0 +1,265 @@
+"""What the viewer answers: the picture of where the sliders stand, its charts, the scene's text.
+
+How it looks and feels in a browser is judged in `tests/browser`.
+"""
+
+from __future__ import annotations
+
+import io
+import json
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import flurries as fl
+import twin
+from flurries.viewer.charts import chart
+from flurries.viewer.controls import applied, controls_of
+from flurries.viewer.preview import Preview
+from flurries.viewer.session import Session, jpeg, packed
+
+SCENE = fl.Scene(
+    (160, 120),
+    "#203040",
+    effects=[fl.Snow(flakes=300, wind=(0.9, 0.0, 0.0), fall=1.2)],
+    fps=25.0,
+    seed=5,
+)
+
+
+def decoded(data: bytes) -> np.ndarray:
+    from PIL import Image
+
+    return np.asarray(Image.open(io.BytesIO(data)))
+
+
+def slider(scene: fl.Scene, key: str) -> Any:
+    return next(control for control in controls_of(scene) if control.key == key)
+
+
+def test_untouched_sliders_change_nothing():
+    same = applied(SCENE, {})
+    assert np.array_equal(same.render(7), SCENE.render(7))
+    assert same.effects == SCENE.effects
+
+
+def test_sliders_stand_where_the_scene_does():
+    # wind (0.9, 0), fall 1.2: 1.5 m/s, atan2(1.2, 0.9) = 53.13 degrees.
+    assert slider(SCENE, "0.direction").value == pytest.approx(53.130102354155980, abs=1e-9)
+    assert slider(SCENE, "0.speed").value == pytest.approx(1.5, abs=1e-12)
+    # Three octaves, 3 to 24 px at 1024 px; here the shortest is held at 2 px and the longest at 4.
+    assert slider(SCENE, "0.octaves").value == pytest.approx(1.0, abs=1e-12)
+
+
+def test_direction_and_speed_become_fall_and_wind():
+    changed = applied(SCENE, {"0.direction": 180.0, "0.speed": 2.0}).effects[0]
+    assert changed.wind == pytest.approx((-2.0, 0.0, 0.0), abs=1e-12)
+    assert changed.fall == pytest.approx(0.0, abs=1e-12)
+
+
+def test_one_of_a_pair_keeps_the_other():
+    changed = applied(SCENE, {"0.direction": 90.0}).effects[0]
+    assert (changed.wind[0], changed.fall) == pytest.approx((0.0, 1.5), abs=1e-12)
+
+
+def test_the_band_has_the_octaves_asked_for():
+    changed = applied(SCENE, {"0.octaves": 3.0, "0.longest": 32.0}).effects[0]
+    assert changed.wavelengths == pytest.approx((4.0, 32.0))
+
+
+def test_a_gusty_wind_keeps_its_gusts():
+    scene = SCENE.replace(effects=[fl.Snow(wind=fl.Wind((1.0, 0.0, 0.5), gusts=0.7, seed=3))])
+    wind = applied(scene, {"0.direction": 0.0, "0.speed": 3.0}).effects[0].wind
+    assert wind.mean == pytest.approx((3.0, 0.0, 0.5))
+    assert (wind.gusts, wind.seed) == (0.7, 3)
+
+
+def test_camera_sliders_count_upwards_and_forwards():
+    path = applied(SCENE, {"camera.rise": 2.0, "camera.forward": 3.0}).camera
+    assert path.velocity == (0.0, -2.0, 3.0)
+
+
+def test_keys_stay_until_their_slider_is_touched():
+    keyed = SCENE.replace(effects=[fl.Snow(amount=fl.Keys([(0, 0.25), (9, 1.0)]))])
+    assert slider(keyed, "0.amount").value == 0.25
+    assert isinstance(applied(keyed, {"0.haze": 0.5}).effects[0].amount, fl.Keys)
+    assert applied(keyed, {"0.amount": 0.5}).effects[0].amount == 0.5
+
+
+@pytest.mark.parametrize(
+    ("values", "said"),
+    [
+        ({"0.amount": 1.5}, "0 to 1"),
+        ({"0.amount": "1"}, "number"),
+        ({"0.amount": True}, "number"),
+        ({"0.amount": float("nan")}, "0 to 1"),
+        ({"7.amount": 0.5}, "7.amount"),
+        ({"0.seed": 3}, "0.seed"),
+    ],
+)
+def test_what_no_slider_says_is_refused(values: dict[str, Any], said: str):
+    head, buffers = Session(SCENE).answer({"t": 0.0, "values": values})
+    assert said in head["error"] and not buffers
+
+
+@pytest.mark.parametrize(
+    "ask",
+    [
+        None,
+        {"kind": "run"},
+        {"t": "0"},
+        {"t": float("inf")},
+        {"values": [1]},
+        {"t": 1.0, "carry": {"t": 0.0, "place": [1.0]}},
+        {"t": 1.0, "carry": 3},
+        {"t": 1.0, "charts": True, "at": ["a", 0.0]},
+    ],
+)
+def test_bad_questions_are_answered_with_a_sentence(ask: Any):
+    head, buffers = Session(SCENE).answer(ask)
+    assert head["error"] and not buffers
+
+
+def test_the_answer_is_the_scenes_own_frame():
+    head, buffers = Session(SCENE).answer({"t": 12.0, "values": {"0.amount": 0.5}})
+    wanted = applied(SCENE, {"0.amount": 0.5}).render(12.0)
+    assert buffers[0] == jpeg(wanted)
+    # JPEG at quality 90 keeps a picture of flakes to a few levels.
+    assert np.abs(decoded(buffers[0]).astype(int) - wanted).mean() < 4.0
+    assert head["t"] == 12.0
+
+
+def test_the_air_goes_on_from_where_it_is():
+    """Another speed at frame 100 must not throw the air to where that speed had brought it."""
+    session = Session(SCENE)
+    first, _ = session.answer({"t": 100.0, "values": {}})
+    ask = {"t": 101.0, "values": {"0.speed": 3.0, "0.direction": 0.0}, "carry": first}
+    second, buffers = session.answer(ask)
+    # Camera minus air: 3 m/s to the right over one of 25 frames a second.
+    moved = np.subtract(second["place"], first["place"])
+    assert moved == pytest.approx((-3.0 / 25.0, 0.0, 0.0), abs=1e-12)
+    _, jumped = session.answer({**ask, "carry": None})
+    assert buffers[0] != jumped[0]
+
+
+def test_without_a_change_carrying_is_the_closed_form():
+    session = Session(SCENE)
+    head, _ = session.answer({"t": 100.0})
+    for t in (101.0, 102.5, 60.0):
+        head, buffers = session.answer({"t": t, "carry": head})
+        assert buffers[0] == jpeg(SCENE.render(t))
+
+
+def test_charts_are_the_tiles_own():
+    """The tent of the chart is the twin's for the motion that the camera gives that tile."""
+    camera = fl.Camera(200.0)
+    path = fl.CameraPath(camera, velocity=(0.0, 0.0, 2.0))
+    snow = fl.Snow(wavelengths=(4.0, 16.0), tile=32, overlap=8, near_depth=10.0, alias="cut")
+    scene = fl.Scene((160, 120), camera=path, effects=[snow], fps=25.0)
+    found = chart(scene, 10.0, 0, (0.9, 0.2))
+    assert found is not None
+    left, top, side = found.tile
+    x, y = left + side / 2 - 80.0, top + side / 2 - 60.0
+    air = np.array([0.36, 1.4, 0.0])
+    px, py, pz = (np.array([0.0, 0.0, 2.0]) - air) / 25.0
+    wanted = ((pz * x - 200.0 * px) / 10.0, (pz * y - 200.0 * py) / 10.0)
+    assert found.velocity == pytest.approx(wanted, abs=1e-12)
+    tent = np.fft.fftshift(twin.tent_rate((32, 32), wanted, wavelength_max=16.0))
+    assert np.abs(found.rate - tent).max() < 1e-7
+    kept = twin.temporal_filter(
+        twin.band_amplitude((32, 32), wavelengths=(4.0, 16.0), exponent=0.75),
+        wanted,
+        shutter=0.5,
+        wavelength_max=16.0,
+    )
+    assert found.kept == pytest.approx(float(np.sum(kept**2)), abs=1e-12)
+    inside = np.fft.fftshift(twin.band((32, 32), (4.0, 16.0)))
+    assert np.array_equal(~np.isnan(found.power), inside)
+
+
+def test_an_effect_without_texture_has_no_chart():
+    class Veil:
+        def render(self, frame: fl.Frame) -> fl.Layer:
+            return fl.Layer("veil", np.zeros(frame.shape, np.float32))
+
+    scene = fl.Scene((32, 24), effects=[Veil()])
+    head, buffers = Session(scene).answer({"charts": True})
+    assert "chart" not in head and len(buffers) == 1
+
+
+def test_a_preview_is_the_same_view_smaller():
+    big = fl.Scene((1024, 768), "#101010", effects=[fl.Snow(flakes=0, haze=0.0)])
+    small = Preview(big, 256).shown(list(big.effects), big.camera)
+    assert small.shape == (192, 256)
+    # The mean opacity of a look does not depend on the size; 1 % of it is its own noise.
+    means = [s.render(20, layers=True).alpha.mean() for s in (big, small)]
+    assert means[1] == pytest.approx(means[0], rel=0.1)
+    assert small.camera.camera.focal == pytest.approx(big.camera.camera.focal / 4)
+
+
+def test_a_preview_takes_arrays_masks_and_depths_along():
+    rng = np.random.default_rng(1)
+    big = fl.Scene(
+        None,
+        rng.integers(0, 255, (96, 128, 3), np.uint8),
+        effects=[fl.Snow(flakes=50, wavelengths=(8.0, 32.0), tile=96, overlap=16)],
+        foreground=np.eye(96, 128, dtype=np.float32),
+        depth=np.full((96, 128), 30.0, np.float32),
+    )
+    small = Preview(big, 64).shown(list(big.effects), big.camera)
+    assert small.shape == (48, 64)
+    assert small.effects[0].wavelengths == (4.0, 16.0)
+    assert (small.effects[0].tile, small.effects[0].overlap) == (48, 8)
+    assert small.render(3).shape == (48, 64, 3)
+    depth = small.depth_at(0)
+    assert depth is not None and np.all(depth == 30.0)
+
+
+def test_light_is_shown_in_display_values():
+    scene = fl.Scene((16, 16), (0.214, 0.0, 2.0))
+    _, buffers = Session(scene).answer({})
+    # sRGB of 0.214 is 0.5; light above 1 is white.
+    assert np.abs(decoded(buffers[0])[8, 8].astype(int) - (128, 0, 255)).max() <= 3
+
+
+def test_save_writes_what_the_sliders_say(tmp_path: Path):
+    session = Session(SCENE, save=tmp_path / "tuned.toml")
+    head, _ = session.answer({"kind": "save", "values": {"0.amount": 0.25, "camera.lateral": 1.5}})
+    assert head["saved"] == str(tmp_path / "tuned.toml")
+    loaded = fl.Scene.load(tmp_path / "tuned.toml")
+    assert loaded.effects[0].amount == 0.25
+    assert loaded.camera.velocity == (1.5, 0.0, 0.0)
+    assert np.array_equal(loaded.render(9), session.tuned.render(9))
+
+
+def test_answers_are_packed_as_the_page_unpacks_them():
+    data = packed({"t": 1.5}, [b"abc", b"", b"12345"])
+    length = int.from_bytes(data[:4], "little")
+    head = json.loads(data[4 : 4 + length])
+    assert head == {"t": 1.5, "buffers": [3, 0, 5]}
+    assert data[4 + length :] == b"abc12345"
+
+
+def test_bad_arguments():
+    with pytest.raises(TypeError, match="scene"):
+        Session("scene.toml")  # type: ignore[arg-type]
+    with pytest.raises(ValueError, match="size"):
+        Session(SCENE, size=4)
+
+
+def test_nothing_heavy_is_imported_before_it_is_asked_for():
+    code = "import flurries, sys; print([m for m in sys.modules if m.split('.')[0] in "
+    code += "('anywidget', 'ipywidgets', 'traitlets', 'PIL', 'http', 'matplotlib')])"
+    said = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert said.stdout.strip() == "[]"
+
+
+def test_without_anywidget_it_says_what_to_install(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setitem(sys.modules, "anywidget", None)
+    monkeypatch.delitem(sys.modules, "flurries.viewer.widget", raising=False)
+    with pytest.raises(ImportError, match=r"flurries\[view\]"):
+        fl.view(SCENE)
