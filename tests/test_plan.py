@@ -332,6 +332,53 @@ def test_amounts_that_are_keyed_count_frame_by_frame():
     assert "% of frames" in left_out(scene, "0-20")["snow"]
 
 
+def test_gas_of_one_colour_is_not_sorted():
+    gas = fl.Mist.preset("mist", wind=(0.3, 0.0, 0.0))
+    sun = fl.Sun((0.0, 1.0, 0.0), 1.0, ambient=1.0)
+    plain = fl.Scene(None, BYTES, effects=[gas])
+    image, trace = traced(plain)
+    assert "gas" in trace.calls and "lit gas" not in trace.calls
+    assert left_out(plain)["mist: sort"] == "its particles have one colour"
+    # All light is even: with colours and a sort it is the same, within a step of rounding.
+    want, full = traced(plain.replace(sun=sun))
+    assert "lit gas" in full.calls
+    assert np.abs(image.astype(int) - want).max() <= 1
+
+
+@pytest.mark.parametrize(
+    "effect",
+    [fl.Mist(amount=0.0), fl.Mist(count=0), fl.ConeRain(amount=0.0), fl.ConeSnow(amount=0)],
+)
+def test_no_gas_and_no_cone(effect: Any):
+    image, trace = traced(fl.Scene(None, BYTES, effects=[effect]))
+    assert set(trace.calls) == {"background", "composite"}
+    assert np.array_equal(image, BYTES)
+
+
+def test_gas_that_stands_still_is_made_once():
+    cloud = fl.Mist.preset("clouds", center=(0.0, 0.0, 6.0))
+    for sun, name in ((None, "gas"), (fl.Sun(), "lit gas")):
+        scene = fl.Scene(None, BYTES, effects=[cloud], sun=sun)
+        with fl.trace.tracing() as trace:
+            images = [scene.render(t) for t in (0, 4, 9)]
+        assert trace.calls[name] == 1
+        for image, t in zip(images, (0, 4, 9), strict=True):
+            assert np.array_equal(image, scene.replace(fps=30.0).render(t))
+        for change in ({"wind": (0.1, 0.0, 0.0)}, {"colour": "ambient"},
+                       {"amount": fl.Keys([(0, 0.5), (9, 1.0)])}):  # fmt: skip
+            moving = scene.replace(effects=[replace(cloud, **change)])
+            with fl.trace.tracing() as trace:
+                moving.render(0), moving.render(4)
+            assert trace.calls[name] == 2
+
+
+def test_a_cone_without_light_is_only_a_veil():
+    effect = fl.ConeSnow(gain=0.0, flakes=0)
+    image, trace = traced(fl.Scene(None, BYTES, effects=[effect]))
+    assert not {"cone", "flakes"} & set(trace.calls) and "join" in trace.calls
+    assert not np.array_equal(image, BYTES)
+
+
 # One torus ---------------------------------------------------------------------------------------
 
 
@@ -506,6 +553,21 @@ def test_bytes_are_foreseen():
         most = tracemalloc.get_traced_memory()[1]
         tracemalloc.stop()
         assert plan.bytes == pytest.approx(most, rel=0.1), str(plan)
+
+
+def test_the_command_line_prints_a_plan(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+    from flurries.cli import main
+
+    scene = fl.Scene((64, 48), "#203040", effects=[fl.Snow(), fl.Rain(amount=0.0)])
+    scene.save(tmp_path / "scene.toml")
+    assert main(["plan", str(tmp_path / "scene.toml"), "--frames", "3-9"]) == 0
+    text = capsys.readouterr().out
+    assert text.strip() == str(fl.Scene.load(tmp_path / "scene.toml").plan("3-9"))
+    assert main(["plan", "#203040", "--snow", "heavy", "--json", "--calibrate"]) == 0
+    values = json.loads(capsys.readouterr().out)
+    assert {"steps", "left_out", "milliseconds", "bytes"} <= set(values)
+    assert main(["plan", str(tmp_path / "scene.toml"), "--frames", "9-3"]) == 2
+    assert "Traceback" not in capsys.readouterr().err
 
 
 # Calibration -------------------------------------------------------------------------------------

@@ -117,6 +117,20 @@ def _parser() -> argparse.ArgumentParser:
     render.add_argument("--quiet", action="store_true", help="no progress bar")
     render.set_defaults(run=_render)
 
+    plan = commands.add_parser(
+        "plan", help="what rendering would cost: steps, times, memory, and what is left out"
+    )
+    plan.add_argument(
+        "input", metavar="SCENE|PICTURE", help="scene.toml, a picture, a film, #rrggbb"
+    )
+    _add_scene(plan)
+    plan.add_argument("--frames", metavar="RANGE", help="1-60, 1-100x2, 7")
+    plan.add_argument("--json", action="store_true", help="JSON in place of a table")
+    plan.add_argument(
+        "--calibrate", action="store_true", help="measure this machine's speed again first"
+    )
+    plan.set_defaults(run=_plan)
+
     from flurries.effects.presets import SNOW
 
     texture = commands.add_parser(
@@ -157,7 +171,7 @@ def _parser() -> argparse.ArgumentParser:
     view.add_argument("--no-browser", action="store_true", help="only print the address")
     view.set_defaults(run=_view)
 
-    for command in (demo, render, texture, view):
+    for command in (demo, render, plan, texture, view):
         command.add_argument("--threads", type=int, metavar="N")
     return parser
 
@@ -267,6 +281,17 @@ def _render(options: argparse.Namespace) -> int:
     print(f"flurries: {len(summary.written)} frames rendered{kept}", file=sys.stderr)
     for file in summary.files:
         print(file)
+    return 0
+
+
+def _plan(options: argparse.Namespace) -> int:
+    from flurries.plan.calibration import scales
+
+    scene = _scene(options)
+    if options.calibrate:
+        scales(again=True)
+    plan = scene.plan(options.frames)
+    print(plan.to_json() if options.json else plan)
     return 0
 
 

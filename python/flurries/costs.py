@@ -34,6 +34,12 @@ NANOSECONDS: dict[str, tuple[str, float]] = {
     "disc run": ("kernel", 2.56),
     "streak": ("kernel", 195),
     "streak run": ("kernel", 31),
+    # Gas: particles of the box, and pixels that they cover, of one colour or of many.
+    "gas placed": ("kernel", 100.0),
+    "gas pixel": ("kernel", 6.1),
+    "lit gas pixel": ("kernel", 8.2),
+    # The four layers of a double cone, for each pixel.
+    "cone pixel": ("kernel", 9.8),
     # Planes and pictures, for each pixel.
     "mask pixel": ("kernel", 0.512),
     "joined pixel": ("kernel", 0.333),

@@ -299,7 +299,8 @@ fn render<T: Real>(
         let ready = field.ready::<T>()?;
         match map {
             None => {
-                ready.render(window, out, None, cancel, |_, row, _, out| out.copy_from_slice(row))?;
+                ready
+                    .render(window, out, None, cancel, |_, row, _, out| out.copy_from_slice(row))?;
             }
             Some(map) => {
                 let lift = preserve_mean.then_some(&map);

@@ -150,9 +150,9 @@ def _flakes(effect: Falling, frame: Frame, amount: float) -> Cost:
     whole = 4 * height * width
     if effect.alike(frame):
         return Cost(work, size, whole, 0, (unseen,))
-    # First, of each placed: place, fade, its columns, how far it reaches, and one more; for a camera
-    # that turns its velocity as well, and that across. Then the plane itself, and what is left of
-    # those in the view, with sizes still of all.
+    # First, of each placed: place, fade, its columns, how far it reaches, and one more; for a
+    # camera that turns its velocity as well, and that across. Then the plane itself, and what is
+    # left of those in the view, with sizes still of all.
     first, then = (
         (129 if frame.path.turns else 73) * placed,
         whole + 8 * placed + 90 * round(drawn * part),

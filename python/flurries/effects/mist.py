@@ -13,11 +13,11 @@ from flurries import gas, particles
 from flurries._contract import Array, Float64, choice, flag, integer, real, seed_of, vector
 from flurries.effects.falling import AMBIENT, settled_colour
 from flurries.effects.layer import Frame, Layer
+from flurries.effects.needs import PARTS, Cost, LeftOut, Needs, Step, keyed
 from flurries.effects.presets import MIST
 from flurries.gas.splatting import FOOTPRINTS
 from flurries.gas.visibility import count_for_visibility
 from flurries.timeline import Keys, Number, Vector, as_number, as_vector, value_at
-from flurries.trace import stage
 
 SCATTER = ("even", "rayleigh", "henyey")
 
@@ -227,24 +227,69 @@ class Mist:
         density = float(value_at(self.amount, t)) * self.particle_density(t)
         return gas.extinction(self.particles_in_box(), volume, self.radius, density)
 
+    def needs(self, frame: Frame) -> Needs:
+        """Return what a frame takes: one step, "gas", or "lit gas" with its colours and a sort."""
+        name, density = self.NAME, self.particle_density(frame.t)
+        most = value_at(self.amount, frame.t) * density
+        if most == 0.0 or self.particles_in_box() == 0:
+            return Needs((), (LeftOut(name, "it has no density"),), most=0.0)
+        ambient = self.colour == AMBIENT
+        # The background's light may change from frame to frame.
+        still = not (ambient or keyed(self) or np.any(value_at(self.wind, 0.0)))
+        lit = self.lit and frame.sun is not None
+        step = Step("lit gas" if lit else "gas", lambda: self._cost(frame, lit), once=still)
+        out = () if lit else (LeftOut(f"{name}: sort", "its particles have one colour"),)
+        return Needs((step,), out, PARTS if ambient else PARTS - {"ambient"})
+
+    def _cost(self, frame: Frame, lit: bool) -> Cost:
+        """Return what a frame's particles and the pixels that they cover take."""
+        assert self.radius is not None
+        sides, count = self._filled(frame)
+        # Depths of equal numbers of particles, of a box that the camera looks into.
+        depth = sides[2] * (np.arange(64) + 0.5) / 64.0
+        focal, (height, width) = frame.camera.focal, frame.shape
+        wide, high = width * depth / focal, height * depth / focal
+        seen = np.minimum(sides[0] / wide, 1.0) * np.minimum(sides[1] / high, 1.0)
+        inside = np.minimum(wide / sides[0], 1.0) * np.minimum(high / sides[1], 1.0)
+        area = np.minimum((2.0 * focal * self.radius / depth) ** 2, height * width * seen)
+        pixels = height * width
+        work = {
+            "gas placed": float(count),
+            "lit gas pixel" if lit else "gas pixel": count * float((inside * area).mean()),
+            "mask pixel": float(pixels),
+        }
+        size = f"{count} particles"
+        if lit:
+            # Its colours go through the curve to display values; arrays of float32 come and go.
+            return Cost(work, size, 20 * pixels, 66 * pixels)
+        return Cost(work, size, 4 * pixels, 80 * count)
+
     def render(self, frame: Frame) -> Layer:
         """Return this effect's layer of a frame."""
+        run = frame.running(self)
+        for name in ("gas", "lit gas"):
+            layer = run(name, lambda: self._layer(frame))
+            if layer is not None:
+                return layer
+        top, bottom, left, right = frame.window
+        return Layer(self.NAME, np.zeros((bottom - top, right - left), np.float32))
+
+    def _layer(self, frame: Frame) -> Layer:
         assert self.radius is not None
-        with stage("gas"):
-            points, shown = self.particles(frame)
-            camera = frame.camera
-            options: dict[str, Any] = {
-                "footprint": self.footprint,
-                "near": self.near,
-                "near_mode": "exact",
-                "depth": frame.depth,
-            }
-            if frame.sun is None or not self.lit or not len(points):
-                alpha = gas.alpha(frame.shape, points, self.radius, shown, camera, **options)
-                return Layer(self.NAME, frame.crop(alpha), self._display(frame))
-            colours = self._shaded(frame, points, shown)
-            layer = gas.splat(frame.shape, points, self.radius, shown, colours, camera, **options)
-            return Layer(self.NAME, frame.crop(layer[..., 3]), rgb=frame.crop(layer[..., :3]))
+        points, shown = self.particles(frame)
+        camera = frame.camera
+        options: dict[str, Any] = {
+            "footprint": self.footprint,
+            "near": self.near,
+            "near_mode": "exact",
+            "depth": frame.depth,
+        }
+        if frame.sun is None or not self.lit or not len(points):
+            alpha = gas.alpha(frame.shape, points, self.radius, shown, camera, **options)
+            return Layer(self.NAME, frame.crop(alpha), self._display(frame))
+        colours = self._shaded(frame, points, shown)
+        layer = gas.splat(frame.shape, points, self.radius, shown, colours, camera, **options)
+        return Layer(self.NAME, frame.crop(layer[..., 3]), rgb=frame.crop(layer[..., :3]))
 
     def particles(self, frame: Frame) -> tuple[Float64, Float64]:
         """Return middles in camera axes (n, 3) and the density that each shows (n,)."""

@@ -8,12 +8,13 @@ rendered whenever it is in the scene, and given everything.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields, is_dataclass
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
 from flurries.effects.visible import Visible
+from flurries.timeline import Keys
 from flurries.trace import stage
 
 if TYPE_CHECKING:
@@ -122,6 +123,19 @@ def needs_of(effect: Any, frame: Frame) -> Needs:
     return said
 
 
+def keyed(value: Any, depth: int = 3) -> bool:
+    """Whether something varies over time: holds keys, or cannot be looked into."""
+    if isinstance(value, Keys):
+        return True
+    if depth == 0:
+        return False
+    if is_dataclass(value):
+        return any(keyed(getattr(value, f.name, None), depth - 1) for f in fields(value))
+    if isinstance(value, (tuple, list)) and len(value) <= 16:
+        return any(keyed(one, depth - 1) for one in value)
+    return False
+
+
 class Kept:
     """Results that are the same in every frame; the last few are kept."""
 
@@ -136,8 +150,9 @@ class Kept:
 
     def put(self, key: Any, made: Any) -> None:
         """Keep a result; what is shared is read-only."""
-        if isinstance(made, np.ndarray):
-            made.flags.writeable = False
+        for part in (made, getattr(made, "alpha", None), getattr(made, "rgb", None)):
+            if isinstance(part, np.ndarray):
+                part.flags.writeable = False
         # A new dictionary each time: other threads may be reading the old one.
         rest = list(self._made.items())[-(self.MOST - 1) :]
         self._made = {**dict(rest), key: made}

@@ -7,7 +7,7 @@ seeded or allocated, and a frame costs no time for it.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, fields, is_dataclass, replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -17,9 +17,8 @@ from flurries._contract import Array
 from flurries.background import ambient_light
 from flurries.camera import Camera
 from flurries.effects.layer import Frame
-from flurries.effects.needs import Kept, LeftOut, Needs, Run, needs_of
+from flurries.effects.needs import Kept, LeftOut, Needs, Run, keyed, needs_of
 from flurries.effects.visible import Visible, Window
-from flurries.timeline import Keys
 from flurries.trace import stage
 
 if TYPE_CHECKING:
@@ -192,19 +191,6 @@ class Program:
             gone.append(total + change < limit)
             total += change if gone[-1] else 0.0
         return gone
-
-
-def keyed(value: Any, depth: int = 3) -> bool:
-    """Whether something varies over time: holds keys, or cannot be looked into."""
-    if isinstance(value, Keys):
-        return True
-    if depth == 0:
-        return False
-    if is_dataclass(value):
-        return any(keyed(getattr(value, f.name, None), depth - 1) for f in fields(value))
-    if isinstance(value, (tuple, list)) and len(value) <= 16:
-        return any(keyed(one, depth - 1) for one in value)
-    return False
 
 
 def effect_seed(seed: int, index: int) -> int:
