@@ -124,11 +124,10 @@ def print_savings(runs: int) -> None:
     for name, (planned, whole) in savings().items():
         print_pair(name, planned, whole, runs)
     snow = fl.Scene(background=PICTURE, effects=[fl.Snow()])
-    left, right = (Camera(1.2 * SIZE, offset=(x, 0.0, 0.0)) for x in (-0.03, 0.03))
     print_ratio(
         "two eyes at distance 0",
-        lambda: snow.render_eyes(3, [left, left]),
-        lambda: snow.render_eyes(3, [left, right]),
+        lambda: snow.stereo(3, distance=0.0),
+        lambda: snow.stereo(3, distance=0.06),
         runs,
     )
     region = np.s_[100:200, 100:200]

@@ -72,7 +72,7 @@ def torus_for(
     torus = Tiling(shape, 0)
     tiles = nanoseconds(operations(shape, whole, tiling, wavelengths))
     one = nanoseconds(operations(shape, whole, torus, wavelengths))
-    said = f"{1e-6 * tiles:.3g} ms in tiles, {1e-6 * one:.3g} ms as one torus"
+    said = f"by the cost model {1e-6 * tiles:.3g} ms in tiles, {1e-6 * one:.3g} ms as one torus"
     if min(shape) < max(tiling.tile) or min(shape) < least:
         return None, "the frame is smaller than a tile"
     if not all(smooth(n) for n in shape):

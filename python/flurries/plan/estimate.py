@@ -61,6 +61,8 @@ def plan_of(scene: Scene, frames: str | int | Iterable[int] | None = None) -> Pl
         totals.append(total)
         for one in left_out:
             gone.setdefault(one.what, []).append(one)
+    # Effects that come in later stand before it all the same.
+    rows["composite"] = rows.pop("composite")
     steps = tuple(
         PlannedStep(
             name,

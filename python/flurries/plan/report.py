@@ -96,13 +96,13 @@ class Plan:
                 step.name,
                 step.size,
                 f"{step.milliseconds:.3g}",
-                f"{step.bytes / MIB:.3g}",
+                f"{step.bytes / MIB:.1f}",
                 _when(step),
             )
             for step in self.steps
         ]
         total = f"{self.milliseconds:.3g}"
-        rows.append(("a frame", self._film(), total, f"{self.bytes / MIB:.3g}", ""))
+        rows.append(("a frame", self._film(), total, f"{self.bytes / MIB:.1f}", ""))
         wide = [max(len(row[i]) for row in rows) for i in range(5)]
         lines = [f"{width} x {height} px, {self.threads} thread{'s' * (self.threads > 1)}"]
         for name, what, ms, mib, when in rows:
@@ -132,7 +132,7 @@ class Plan:
                 f"<tr><td style='{cell}left'>{html.escape(step.name)}</td>"
                 f"<td style='{cell}left'>{html.escape(step.size)}</td>"
                 f"<td style='{cell}right'>{step.milliseconds:.3g} ms</td>"
-                f"<td style='{cell}right'>{step.bytes / MIB:.3g} MiB</td>"
+                f"<td style='{cell}right'>{step.bytes / MIB:.1f} MiB</td>"
                 f"<td style='{cell}left;width:12em'>{bar}</td>"
                 f"<td style='{cell}left'>{_when(step)}</td></tr>"
             )
@@ -142,7 +142,7 @@ class Plan:
             f"<td style='{cell}left' colspan='5'>{html.escape(one.why)}</td></tr>"
             for one in self.left_out
         )
-        total = f"{self.milliseconds:.3g} ms a frame, {self.bytes / MIB:.3g} MiB"
+        total = f"{self.milliseconds:.3g} ms a frame, {self.bytes / MIB:.1f} MiB"
         return (
             f"<div><b>{width} x {height} px: {total}</b> ({html.escape(self._film())})"
             f"<table>{''.join(rows)}</table>"
