@@ -50,6 +50,7 @@ lint: $(VENV)/.tools
 bench: $(VENV)/.tools
 	$(BIN)/python benches/speed.py
 	$(BIN)/python benches/gas.py
+	$(BIN)/python benches/cone.py
 
 # Reference frames come from the tests' independent twin, never from the kernels.
 frames: $(VENV)/.tools

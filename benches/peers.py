@@ -137,6 +137,7 @@ def albumentations(picture: Any) -> list[tuple[str, str, Call]]:
         ("rain", 'RandomRain(rain_type="heavy")'): A.RandomRain(rain_type="heavy", p=1.0),
         ("rain", 'RandomRain(rain_type="torrential")'): A.RandomRain(rain_type="torrential", p=1.0),
         ("fog", "RandomFog()"): A.RandomFog(p=1.0),
+        ("fog", "AtmosphericFog()"): A.AtmosphericFog(p=1.0),
     }
     return [
         (kind, f"albumentationsX {name}", lambda t=transform: t(image=picture))
@@ -147,20 +148,25 @@ def albumentations(picture: Any) -> list[tuple[str, str, Call]]:
 def imgaug(picture: Any) -> list[tuple[str, str, Call]]:
     import numpy as np
 
-    if not hasattr(np, "sctypes"):
+    if "sctypes" not in vars(np):
         # NumPy 2 took away what it is imported with; put back so that it can be timed at all.
-        np.sctypes = {
+        types = {
             "float": [np.float16, np.float32, np.float64],
             "int": [np.int8, np.int16, np.int32, np.int64],
             "uint": [np.uint8, np.uint16, np.uint32, np.uint64],
         }
+        vars(np)["sctypes"] = types
         print("imgaug: runs with np.sctypes put back, which NumPy 2 does not have")
     import imgaug.augmenters as iaa
 
-    made = {"snow": "Snowflakes", "rain": "Rain", "fog": "Fog"}
+    made = {
+        ("snow", "Snowflakes()"): iaa.Snowflakes(),
+        ("rain", "Rain()"): iaa.Rain(),
+        ("fog", "Fog()"): iaa.Fog(),
+    }
     return [
-        (kind, f"imgaug {name}()", lambda t=getattr(iaa, name)(): t(image=picture))
-        for kind, name in made.items()
+        (kind, f"imgaug {name}", lambda t=transform: t(image=picture))
+        for (kind, name), transform in made.items()
     ]
 
 

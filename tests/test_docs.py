@@ -17,10 +17,14 @@ README = Path(__file__).parents[1] / "README.md"
 RUN = re.compile(r"^```python\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 
 
+# Importing one runs the command line, the others need other libraries: tests/hosts has them.
+ELSEWHERE = ("__main__", "augment.albumentations", "augment.kornia", "augment.torchvision")
+
+
 def modules() -> Iterator[str]:
     yield "flurries"
     for found in pkgutil.walk_packages(flurries.__path__, "flurries."):
-        if not found.name.endswith("__main__"):  # importing it runs the command line
+        if not found.name.endswith(ELSEWHERE):
             yield found.name
 
 

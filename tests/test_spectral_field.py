@@ -83,6 +83,7 @@ OPTIONS: dict[str, Callable[[int, int], dict[str, Any]]] = {
     "shortest": lambda r, c: {
         "shortest": np.random.default_rng(1).uniform(2.0, 7.5, (r, c))
     },
+    "sky beside walls": lambda r, c: {"shortest": 8.0 * (np.indices((r, c)).sum(0) % 2)},
     "far wall and no snow": lambda r, c: {"shortest": np.where(np.eye(r, c), 64.0, 4.0)},
     "rings": lambda r, c: {
         "drift": [(8.0, 1.0), (-3.0, 5.0), (0.0, 30.0)], "ring_edges": [2.0, 4.0, 7.0, 32.0]

@@ -17,6 +17,7 @@ import pytest
 
 import flurries as fl
 import twin
+from flurries.scenefile import EFFECTS
 from flurries.viewer.charts import chart
 from flurries.viewer.controls import applied, controls_of
 from flurries.viewer.preview import Preview
@@ -114,7 +115,11 @@ def test_what_no_slider_says_is_refused(values: dict[str, Any], said: str):
         {"t": "0"},
         {"t": float("inf")},
         {"values": [1]},
-        {"t": 1.0, "carry": {"t": 0.0, "place": [1.0]}},
+        {"t": 1.0, "carry": {"t": 0.0, "places": [[1.0]]}},
+        {"t": 1.0, "carry": {"t": 0.0, "places": [[1.0, 2.0, "x"]]}},
+        {"t": 1.0, "carry": {"t": 0.0, "places": []}},
+        {"t": 1.0, "effect": 1},
+        {"t": 1.0, "effect": True},
         {"t": 1.0, "carry": 3},
         {"t": 1.0, "charts": True, "at": ["a", 0.0]},
     ],
@@ -140,10 +145,37 @@ def test_the_air_goes_on_from_where_it_is():
     ask = {"t": 101.0, "values": {"0.speed": 3.0, "0.direction": 0.0}, "carry": first}
     second, buffers = session.answer(ask)
     # Camera minus air: 3 m/s to the right over one of 25 frames a second.
-    moved = np.subtract(second["place"], first["place"])
+    moved = np.subtract(second["places"][0], first["places"][0])
     assert moved == pytest.approx((-3.0 / 25.0, 0.0, 0.0), abs=1e-12)
     _, jumped = session.answer({**ask, "carry": None})
     assert buffers[0] != jumped[0]
+
+
+def test_the_effect_under_the_hand_decides_where_the_air_goes_on():
+    two = SCENE.replace(effects=[SCENE.effects[0], fl.Rain(drops=50)])
+    session = Session(two)
+    first, _ = session.answer({"t": 100.0, "values": {}})
+    values = {"1.speed": 4.0, "1.direction": 90.0}
+    second, _ = session.answer({"t": 101.0, "values": values, "carry": first, "effect": 1})
+    moved = np.subtract(second["places"][1], first["places"][1])
+    assert moved == pytest.approx((0.0, -4.0 / 25.0, 0.0), abs=1e-12)
+
+
+@pytest.mark.parametrize("kind", sorted(EFFECTS))
+def test_every_effect_of_scene_files_can_be_tuned(kind: str):
+    needs = {"matched_snow": {"density": 20.0, "radius": (0.006, 0.014), "depth": (3.0, 12.0)}}
+    scene = fl.Scene((64, 48), effects=[EFFECTS[kind](**needs.get(kind, {}))])
+    session = Session(scene)
+    about = session.describe()
+    for control in about["controls"]:
+        middle = 0.5 * (control["low"] + control["high"])
+        if control["key"].endswith((".count", ".flakes", ".drops")):
+            middle = control["low"] + 100
+        ask = {"t": 3.0, "values": {control["key"]: middle}, "charts": True}
+        head, buffers = session.answer(ask)
+        assert "error" not in head, (control, head)
+        assert decoded(buffers[0]).shape == (48, 64, 3)
+    assert len(about["controls"]) >= 5
 
 
 def test_without_a_change_carrying_is_the_closed_form():
@@ -224,6 +256,14 @@ def test_light_is_shown_in_display_values():
     _, buffers = Session(scene).answer({})
     # sRGB of 0.214 is 0.5; light above 1 is white.
     assert np.abs(decoded(buffers[0])[8, 8].astype(int) - (128, 0, 255)).max() <= 3
+
+
+def test_two_eyes_are_an_anaglyph_of_both():
+    _, buffers = Session(SCENE).answer({"t": 9.0, "values": {"eyes": 80.0}})
+    pair = fl.stereo.eyes(SCENE.camera.camera, distance=0.08, convergence=6.0)
+    left, right = (SCENE.render(9.0, eye=eye) for eye in pair)
+    assert not np.array_equal(left, right)
+    assert buffers[0] == jpeg(fl.stereo.anaglyph(left, right))
 
 
 def test_save_writes_what_the_sliders_say(tmp_path: Path):

@@ -55,14 +55,17 @@ __all__ = [
 ]
 
 
+# What only some users need is imported when they ask for it.
+_LATER = ("augment", "cameras", "manifest")
+
+
 def __getattr__(name: str) -> ModuleType:
-    # What only some users need is imported when they ask for it.
-    if name == "augment":
+    if name in _LATER:
         import importlib
 
-        return importlib.import_module("flurries.augment")
+        return importlib.import_module(f"flurries.{name}")
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 
 
 def __dir__() -> list[str]:
-    return sorted({*globals(), "augment"})
+    return sorted({*globals(), *_LATER})

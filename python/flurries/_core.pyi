@@ -37,6 +37,7 @@ __all__ = [
     "panic_for_test",
     "particle_edge_fade",
     "particle_flurry",
+    "particle_ids",
     "particle_positions",
     "particle_splat",
     "particle_sway_offsets",
@@ -121,6 +122,16 @@ def particle_edge_fade(
     points: _Float64,
     sides: tuple[float, float, float],
     center: tuple[float, float, float],
+) -> None: ...
+def particle_ids(
+    out: npt.NDArray[np.int32],
+    points: _Float64,
+    radius: _Float64,
+    opacity: _Float64,
+    velocity: _Float64,
+    shutter: float,
+    lens: tuple[float, float, float, tuple[float, float, float], float],
+    depth: npt.NDArray[Any] | None,
 ) -> None: ...
 def particle_splat(
     out: npt.NDArray[Any],

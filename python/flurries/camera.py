@@ -27,7 +27,7 @@ from flurries._contract import (
 )
 from flurries.spectral.tiles import tile_starts
 
-__all__ = ["Camera", "image_velocity", "project", "tile_drift", "tile_shift"]
+__all__ = ["Camera", "image_velocity", "project", "tile_drift", "tile_shift", "tile_zoom"]
 
 
 @dataclass(frozen=True)
@@ -47,6 +47,9 @@ class Camera:
     rotation : (x, y, z)
         Orientation as a rotation vector: axis times angle in radians, right-handed in the axes x
         right, y down, z forward; (0, 0.1, 0) looks to the right.
+    aspect : float
+        Focal length down over focal length across, fy / fx, of pixels that are not square or of
+        calibrated cameras. Snow and rain know it; flakes stay round in pixels.
 
     Raises
     ------
@@ -59,6 +62,7 @@ class Camera:
     offset: tuple[float, float, float] = (0.0, 0.0, 0.0)
     center_shift: tuple[float, float] = (0.0, 0.0)
     rotation: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    aspect: float = 1.0
 
     def __post_init__(self) -> None:
         settle = object.__setattr__
@@ -68,6 +72,12 @@ class Camera:
         settle(self, "offset", tuple(vector("offset", self.offset, 3).tolist()))
         settle(self, "center_shift", tuple(vector("center_shift", self.center_shift, 2).tolist()))
         settle(self, "rotation", tuple(vector("rotation", self.rotation, 3).tolist()))
+        settle(self, "aspect", real("aspect", self.aspect, low=0.05, high=20.0))
+
+    @property
+    def focals(self) -> tuple[float, float]:
+        """Focal lengths across and down, (fx, fy) pixels."""
+        return self.focal, self.focal * self.aspect
 
     def principal(self, shape: tuple[int, int]) -> tuple[float, float]:
         """Return the principal point (cx, cy) in a picture of `shape` (H, W), shift included."""
@@ -104,10 +114,12 @@ def rotation_matrix(rotation: npt.ArrayLike) -> Float64:
     return matrix
 
 
-def expect_camera(camera: object) -> Camera:
-    """Return a camera, or refuse what is none."""
+def expect_camera(camera: object, *, stretched: bool = False) -> Camera:
+    """Return a camera, or refuse what is none, or has an aspect that the caller does not know."""
     if not isinstance(camera, Camera):
         raise TypeError(f"camera must be a flurries.camera.Camera, got {type(camera).__name__}")
+    if camera.aspect != 1.0 and not stretched:
+        raise ValueError(f"camera must have an aspect of 1 here, got {camera.aspect:g}")
     return camera
 
 
@@ -133,12 +145,12 @@ def project(
         z in camera axes, world units.
     """
     given = _rows("points", points, 3)
-    view = expect_camera(camera)
+    view = expect_camera(camera, stretched=True)
     size = shape_of("shape", shape)
     local = given @ view.matrix() - np.array(view.offset)
     depth = np.ascontiguousarray(local[:, 2])
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-        px = view.focal * local[:, :2] / depth[:, None] + np.array(view.principal(size))
+        px = view.focals * local[:, :2] / depth[:, None] + np.array(view.principal(size))
     px[depth <= 0.0] = np.nan
     return px, depth
 
@@ -179,7 +191,7 @@ def image_velocity(
         ``f (Tx, Ty) / Tz``.
     """
     given = _rows("points_px", points_px, 2)
-    view = expect_camera(camera)
+    view = expect_camera(camera, stretched=True)
     size = shape_of("shape", shape)
     # One number comes as an array of one.
     distance = table("depth", depth, ndim=None).reshape(np.shape(depth))
@@ -190,10 +202,11 @@ def image_velocity(
     omega = vector("rotation", rotation, 3)
     # An eye beside the axis of rotation is carried along by it.
     tx, ty, tz = vector("velocity", velocity, 3) @ view.matrix() + np.cross(omega, view.offset)
-    f = view.focal
+    fx, fy = view.focals
     x, y = (given - np.array(view.principal(size))).T
-    flow = np.stack([tz * x - f * tx, tz * y - f * ty], axis=1) / np.atleast_1d(distance)[:, None]
-    turned = _rotational(x, y, f, omega)
+    flow = np.stack([tz * x - fx * tx, tz * y - fy * ty], axis=1)
+    flow /= np.atleast_1d(distance)[:, None]
+    turned = _rotational(x, y, view.focals, omega)
     flow[:, 0] += turned[0]
     flow[:, 1] += turned[1]
     return flow
@@ -233,7 +246,7 @@ def tile_drift(
         principal point. Exact for sideways motion of any size; to first order in forward motion.
     """
     size = shape_of("shape", shape)
-    view = expect_camera(camera)
+    view = expect_camera(camera, stretched=True)
     near = real("near_depth", near_depth, low=SMALLEST)
     (tile_height, tile_width), shared = tile_of(tile, overlap)
     p = vector("displacement", displacement, 3) + np.array(view.offset)
@@ -242,7 +255,7 @@ def tile_drift(
     x = tile_starts(size[1], tile=tile_width, overlap=shared) + tile_width / 2 - cx
     result = output(out, (len(y), len(x), 2), np.dtype(np.float64))
     result[..., 0] = (p[2] * x - view.focal * p[0])[None, :] / near
-    result[..., 1] = (p[2] * y - view.focal * p[1])[:, None] / near
+    result[..., 1] = (p[2] * y - view.focals[1] * p[1])[:, None] / near
     return result
 
 
@@ -280,22 +293,67 @@ def tile_shift(
         (``docs/deviations.md``, 17).
     """
     size = shape_of("shape", shape)
-    view = expect_camera(camera)
+    view = expect_camera(camera, stretched=True)
     (tile_height, tile_width), shared = tile_of(tile, overlap)
     omega = vector("rotation", rotation, 3)
     cx, cy = view.principal(size)
     y = tile_starts(size[0], tile=tile_height, overlap=shared) + tile_height / 2 - cy
     x = tile_starts(size[1], tile=tile_width, overlap=shared) + tile_width / 2 - cx
     result = output(out, (len(y), len(x), 2), np.dtype(np.float64))
-    result[..., 0], result[..., 1] = _rotational(x[None, :], y[:, None], view.focal, omega)
+    result[..., 0], result[..., 1] = _rotational(x[None, :], y[:, None], view.focals, omega)
     return result
 
 
-def _rotational(x: Array, y: Array, f: float, omega: Float64) -> tuple[Array, Array]:
+def tile_zoom(
+    shape: tuple[int, int],
+    growth: float,
+    camera: Camera,
+    *,
+    tile: int | tuple[int, int] = 64,
+    overlap: int = 10,
+    out: Float64 | None = None,
+) -> Float64:
+    """Shift of every tile of :func:`flurries.spectral.field` for a lens that zooms.
+
+    Parameters
+    ----------
+    shape : (H, W)
+        Size of the picture.
+    growth : float
+        Relative change of the focal length: its rate per frame, or its sum over the frames, the
+        logarithm of the ratio.
+    camera : Camera
+        The eye.
+    tile, overlap : int
+        As given to the field.
+    out : (rows, cols, 2) float64, optional
+        Array to write into and return.
+
+    Returns
+    -------
+    (rows, cols, 2) float64
+        ``growth * (x, y)`` pixels, (x, y) the tile's centre from the principal point: how far its
+        content moves, whatever its depth.
+    """
+    size = shape_of("shape", shape)
+    view = expect_camera(camera, stretched=True)
+    (tile_height, tile_width), shared = tile_of(tile, overlap)
+    part = real("growth", growth)
+    cx, cy = view.principal(size)
+    y = tile_starts(size[0], tile=tile_height, overlap=shared) + tile_height / 2 - cy
+    x = tile_starts(size[1], tile=tile_width, overlap=shared) + tile_width / 2 - cx
+    result = output(out, (len(y), len(x), 2), np.dtype(np.float64))
+    result[..., 0], result[..., 1] = part * x[None, :], part * y[:, None]
+    return result
+
+
+def _rotational(
+    x: Array, y: Array, focals: tuple[float, float], omega: Float64
+) -> tuple[Array, Array]:
     """Return the flow of a rotation at (x, y) from the principal point."""
-    wx, wy, wz = omega
-    across = -(f + x * x / f) * wy + (x * y / f) * wx + y * wz
-    down = (f + y * y / f) * wx - (x * y / f) * wy - x * wz
+    (fx, fy), (wx, wy, wz) = focals, omega
+    across = -(fx + x * x / fx) * wy + (x * y / fy) * wx + (fx / fy) * y * wz
+    down = (fy + y * y / fy) * wx - (x * y / fx) * wy - (fy / fx) * x * wz
     return across, down
 
 

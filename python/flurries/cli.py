@@ -12,6 +12,7 @@ from typing import Any, NoReturn
 __all__ = ["main"]
 
 MISTAKE = 2
+SKIPPED = 3
 INTERRUPTED = 130
 
 
@@ -35,7 +36,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     Returns
     -------
     int
-        0; 2 for a user's mistake or a file that fails; 130 after Ctrl-C.
+        0; 2 for a user's mistake or a file that fails; 3 if frames were skipped, or if files are
+        not what their manifest says; 130 after Ctrl-C.
     """
     try:
         given = sys.argv[1:] if arguments is None else list(arguments)
@@ -114,6 +116,15 @@ def _parser() -> argparse.ArgumentParser:
     render.add_argument("--alone", action="store_true", help="only the snow, as RGBA")
     render.add_argument("--quality", choices=("high", "medium", "draft"), default="high")
     render.add_argument("--overwrite", action="store_true", help="render again what is there")
+    render.add_argument(
+        "--damaged",
+        choices=("stop", "skip", "hold"),
+        default="stop",
+        help="where the background's frame is missing or damaged: stop (default), leave the frame "
+        "out and exit with 3, or hold the last good one",
+    )
+    render.add_argument("--no-sound", action="store_true", help="a video without the film's sound")
+    render.add_argument("--no-manifest", action="store_true", help="no flurries.json")
     render.add_argument("--quiet", action="store_true", help="no progress bar")
     render.set_defaults(run=_render)
 
@@ -171,6 +182,26 @@ def _parser() -> argparse.ArgumentParser:
     view.add_argument("--no-browser", action="store_true", help="only print the address")
     view.set_defaults(run=_view)
 
+    check = commands.add_parser("check", help="compare frames with their folder's flurries.json")
+    check.add_argument("folder", metavar="FOLDER")
+    check.set_defaults(run=_check, threads=None)
+
+    corrupt = commands.add_parser("corrupt", help="a folder of pictures in weather")
+    corrupt.add_argument("input", metavar="IN_DIR", help="pictures, also in folders below")
+    corrupt.add_argument("output", metavar="OUT_DIR", help="gets WEATHER/SEVERITY/NAME")
+    corrupt.add_argument(
+        "--weather", default="snow", metavar="W", help="snow, rain, fog; several with commas"
+    )
+    corrupt.add_argument("--severity", default="1-5", metavar="S", help="such as 3; default: 1-5")
+    corrupt.add_argument("--seed", type=int, default=0, metavar="N")
+    corrupt.add_argument("--workers", type=int, metavar="N", help="processes; default: all cores")
+    corrupt.add_argument(
+        "--dask", nargs="?", const="", metavar="ADDRESS", help="by Dask; without address here"
+    )
+    corrupt.add_argument("--overwrite", action="store_true", help="make again what is there")
+    corrupt.add_argument("--quiet", action="store_true", help="no progress bar")
+    corrupt.set_defaults(run=_corrupt, threads=None)
+
     for command in (demo, render, plan, texture, view):
         command.add_argument("--threads", type=int, metavar="N")
     return parser
@@ -193,7 +224,12 @@ def _add_scene(command: argparse.ArgumentParser) -> None:
     command.add_argument(
         "--fly", type=_numbers(3), metavar="X,Y,Z", help="camera velocity, metres per second"
     )
-    command.add_argument("--camera", metavar="CSV", help="camera path: x,y,z and rx,ry,rz a frame")
+    command.add_argument(
+        "--camera",
+        metavar="FILE",
+        help="camera path: .csv with x,y,z and rx,ry,rz a frame, Nuke's .chan, KITTI's poses .txt, "
+        "or a folder of COLMAP's text",
+    )
     command.add_argument("--depth", metavar="FILE|METRES", help="EXR with Z; or a wall's distance")
     command.add_argument(
         "--foreground", metavar="FILE", help="mask or picture in front of the weather"
@@ -274,14 +310,45 @@ def _render(options: argparse.Namespace) -> int:
         layers=options.layers,
         alone=options.alone,
         overwrite=options.overwrite,
+        damaged=options.damaged,
+        sound=not options.no_sound,
+        manifest=not options.no_manifest,
         quality=options.quality,
         progress=_silent if options.quiet else _bar,
     )
-    kept = f", {len(summary.kept)} were there already" if summary.kept else ""
-    print(f"flurries: {len(summary.written)} frames rendered{kept}", file=sys.stderr)
+    print(f"flurries: {told(summary)}", file=sys.stderr)
     for file in summary.files:
         print(file)
-    return 0
+    return SKIPPED if summary.skipped else 0
+
+
+def told(summary: Any) -> str:
+    """Return a summary in words."""
+    made = len(summary.written)
+    parts = [f"{made} frames rendered"]
+    if summary.kept:
+        parts.append(f"{len(summary.kept)} were there already")
+    for what, frames in (("skipped", summary.skipped), ("held", summary.held)):
+        if frames:
+            named = ", ".join(map(str, frames[:10])) + (", ..." if len(frames) > 10 else "")
+            parts.append(f"{len(frames)} {what} ({named})")
+    if summary.sound != "none":
+        parts.append(f"sound {summary.sound}")
+    if made and summary.seconds > 0.0:
+        parts.append(f"in {summary.seconds:.1f} s, {made / summary.seconds:.1f} a second")
+    return ", ".join(parts)
+
+
+def _check(options: argparse.Namespace) -> int:
+    from flurries import manifest
+
+    wrong = manifest.check(options.folder)
+    for sentence in wrong:
+        print(f"flurries: {sentence}", file=sys.stderr)
+    if not wrong:
+        count = len(manifest.read(options.folder))
+        print(f"flurries: {count} files are what the manifest says", file=sys.stderr)
+    return SKIPPED if wrong else 0
 
 
 def _plan(options: argparse.Namespace) -> int:
@@ -311,6 +378,28 @@ def _view(options: argparse.Namespace) -> int:
         webbrowser.open(server.url)
     serve(server)
     return 0
+
+
+def _corrupt(options: argparse.Namespace) -> int:
+    from flurries.augment.corrupt import corrupt
+
+    made = corrupt(
+        options.input,
+        options.output,
+        weather=options.weather.split(","),
+        severity=options.severity,
+        seed=options.seed,
+        workers=options.workers,
+        dask=options.dask,
+        overwrite=options.overwrite,
+        progress=None if options.quiet else _bar,
+    )
+    kept = f", {len(made.kept)} were there already" if made.kept else ""
+    print(f"flurries: {len(made.written)} pictures written{kept}", file=sys.stderr)
+    for name, why in made.failed.items():
+        print(f"flurries: {name}: {' '.join(why.split())}", file=sys.stderr)
+    print(made.manifest)
+    return MISTAKE if made.failed else 0
 
 
 def _silent(frames: Iterable[int]) -> Iterable[int]:
@@ -383,7 +472,10 @@ def _scene(options: argparse.Namespace) -> Any:
     if options.camera is not None:
         if options.fly is not None:
             raise _Mistake("--camera and --fly must not both be given")
-        scene = scene.replace(camera=CameraPath.load(options.camera, scene.camera.camera))
+        from flurries.cameras import load
+
+        way = load(options.camera, scene.shape, camera=scene.camera.camera)
+        scene = scene.replace(camera=way)
     return scene
 
 

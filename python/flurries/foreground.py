@@ -38,6 +38,10 @@ class Foreground:
 
     def over(self, background: Array, *, linear: bool) -> Array:
         """Return its picture over a composite, in linear light or in display values."""
+        return composite.over(background, self.rgba(linear=linear))
+
+    def rgba(self, *, linear: bool) -> Array:
+        """Return its picture (H, W, 4), premultiplied, in linear light or in display values."""
         from flurries.io import linear_to_srgb, srgb_to_linear
 
         assert self.light is not None
@@ -49,7 +53,7 @@ class Foreground:
             colours = linear_to_srgb(straight) * cover
         elif not self.linear_light:
             colours = (srgb_to_linear(colours) if linear else colours) * cover
-        return composite.over(background, np.concatenate([colours, cover], axis=2))
+        return np.concatenate([colours, cover], axis=2)
 
 
 def foreground_of(value: Any, shape: tuple[int, int]) -> Foreground:

@@ -13,7 +13,7 @@ from flurries._contract import Array
 from flurries.effects.layer import Layer
 
 # What files with layers call their own planes.
-_TAKEN = ("rgba", "depth")
+_TAKEN = ("rgba", "alpha", "background", "depth", "foreground", "forward", "weather")
 
 
 @dataclass(frozen=True)
@@ -38,6 +38,12 @@ class Mix:
         if self.linear == (self.encoding == "linear"):
             return np.ascontiguousarray(picture)
         return to_linear(picture, self.encoding) if self.linear else to_display(picture, "linear")
+
+    def plate(self, picture: Array) -> Array:
+        """Return the background in the light that layers are mixed in, (H, W, 3) float32."""
+        from flurries.io.color import to_single, to_unit
+
+        return to_single(to_unit(self.working(picture)))
 
     def finished(self, working: Array, picture: Array) -> Array:
         """Return the composite in the background's own encoding and dtype."""
@@ -91,7 +97,8 @@ def behind(layer: Layer, cover: Array) -> Layer:
     left = 1.0 - cover
     alpha = np.ascontiguousarray(layer.alpha * left)
     rgb = None if layer.rgb is None else layer.rgb * left[..., None]
-    return replace(layer, alpha=alpha, rgb=rgb)
+    coverage = None if layer.coverage is None else layer.coverage * left
+    return replace(layer, alpha=alpha, rgb=rgb, coverage=coverage)
 
 
 def free_name(name: str, taken: Container[str]) -> str:

@@ -28,7 +28,7 @@ from flurries._contract import (
 )
 from flurries.camera import Camera, expect_camera
 
-__all__ = ["edge_fade", "positions", "splat", "sway_offsets"]
+__all__ = ["edge_fade", "ids", "positions", "splat", "sway_offsets"]
 
 _Triple = tuple[float, float, float]
 
@@ -264,9 +264,71 @@ def splat(
     """
     size = shape_of("shape", shape)
     kind = float_dtype(dtype)
+    flakes, inputs = _flakes(size, points, radius, camera, opacity, velocity, shutter, near, depth)
+    result = output(out, size, kind, *inputs)
+    _core.particle_splat(result, *flakes)
+    return result
+
+
+def ids(
+    shape: tuple[int, int],
+    points: npt.ArrayLike,
+    radius: npt.ArrayLike,
+    camera: Camera,
+    *,
+    opacity: npt.ArrayLike,
+    velocity: npt.ArrayLike | None = None,
+    shutter: float = 0.0,
+    near: float = 0.1,
+    depth: npt.ArrayLike | None = None,
+    out: npt.NDArray[np.int32] | None = None,
+) -> npt.NDArray[np.int32]:
+    """Return which flake each pixel shows.
+
+    Parameters
+    ----------
+    shape, points, radius, camera, opacity, velocity, shutter, near, depth
+        As given to `splat`.
+    out : (H, W) int32, optional
+        Where to write.
+
+    Returns
+    -------
+    (H, W) int32
+        The row in `points` of the flake whose own opacity at the pixel's centre is the greatest,
+        the first of equals; -1 outside all footprints. A footprint ends where its opacity is 0.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If an argument is not as described; the message names it.
+
+    Notes
+    -----
+    Time grows with the boxes around the flakes' footprints, about ten times that of `splat`.
+    """
+    size = shape_of("shape", shape)
+    flakes, inputs = _flakes(size, points, radius, camera, opacity, velocity, shutter, near, depth)
+    result = output(out, size, np.dtype(np.int32), *inputs)
+    _core.particle_ids(result, *flakes)
+    return result
+
+
+def _flakes(
+    size: tuple[int, int],
+    points: npt.ArrayLike,
+    radius: npt.ArrayLike,
+    camera: Camera,
+    opacity: npt.ArrayLike,
+    velocity: npt.ArrayLike | None,
+    shutter: float,
+    near: float,
+    depth: npt.ArrayLike | None,
+) -> tuple[tuple[Any, ...], list[npt.NDArray[Any]]]:
+    """Return flakes as the kernels read them, and the arrays that no output may overlap."""
     place = _points(points)
     count = len(place)
-    expect_camera(camera)
+    aspect = expect_camera(camera, stretched=True).aspect
     width = _rows("radius", radius, count, (), "one number or (n,)")
     cover = _rows("opacity", opacity, count, (), "one number or (n,)")
     rate = _rows(
@@ -281,11 +343,14 @@ def splat(
         if map_.shape != size:
             raise ValueError(f"depth must have shape {size}, got {map_.shape}")
         inputs.append(map_)
-    result = output(out, size, kind, *inputs)
     x, y = camera.principal(size)
-    lens = (camera.focal, x, y, camera.offset, closest)
-    _core.particle_splat(result, place, width, cover, rate, exposure, lens, map_)
-    return result
+    eye_x, eye_y, eye_z = camera.offset
+    if aspect != 1.0:
+        # Everything is as much higher as pixels are.
+        stretch = np.array([1.0, aspect, 1.0])
+        place, rate = place * stretch, rate * stretch
+    lens = (camera.focal, x, y, (eye_x, aspect * eye_y, eye_z), closest)
+    return (place, width, cover, rate, exposure, lens, map_), inputs
 
 
 def _triple(values: Float64) -> _Triple:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import bisect
+import math
 import os
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
@@ -25,6 +26,7 @@ from flurries.timeline import (
     value_at,
 )
 from flurries.turning import Turning, rotation_vector, turning_of
+from flurries.zoom import Zoom, running, zoom_of
 
 __all__ = ["CameraPath"]
 
@@ -51,6 +53,9 @@ class CameraPath:
         axis; outside it goes on with the first and the last rate. It turns the shorter way, less
         than half a turn from one to the next; rotation vectors may mean more: (0, 0, 0) to
         (0, 7, 0) is 7 radians. `camera.rotation` is how the camera sits on what turns.
+    focal : (n,) array or Keys, optional
+        Focal length in pixels, in place of the camera's, for a lens that zooms: one for each frame
+        from 0 on, or keyed; linear between them, held outside.
 
     Raises
     ------
@@ -74,7 +79,9 @@ class CameraPath:
     position: Any = None
     velocity: Any = None
     orientation: Any = None
+    focal: Any = None
     _turning: Turning | None = field(init=False, repr=False)
+    _zoom: Zoom | None = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         settle = object.__setattr__
@@ -99,9 +106,18 @@ class CameraPath:
             given = table("orientation", self.orientation, ndim=None).copy()
             given.flags.writeable = False
             settle(self, "orientation", given)
+        zoom = None if self.focal is None else zoom_of(self.focal)
+        settle(self, "_zoom", zoom)
+        if zoom is not None:
+            settle(self, "camera", replace(self.camera, focal=zoom.at(0.0)))
+            if not isinstance(self.focal, Keys):
+                lengths = table("focal", self.focal, ndim=1).copy()
+                lengths.flags.writeable = False
+                settle(self, "focal", lengths)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return CameraPath, (self.camera, self.position, self.velocity, self.orientation)
+        given = (self.camera, self.position, self.velocity, self.orientation, self.focal)
+        return CameraPath, given
 
     @staticmethod
     def load(path: str | os.PathLike[str], camera: Camera) -> CameraPath:
@@ -112,13 +128,30 @@ class CameraPath:
 
     @property
     def still(self) -> bool:
-        """Whether the camera never moves nor turns."""
-        return self.position is None and self.velocity is None and not self.turns
+        """Whether the camera never moves, turns nor zooms."""
+        moves = self.position is not None or self.velocity is not None
+        return not (moves or self.turns or self.zooms)
 
     @property
     def turns(self) -> bool:
         """Whether the camera ever turns."""
         return self._turning is not None and self._turning.moves
+
+    @property
+    def zooms(self) -> bool:
+        """Whether the focal length ever changes."""
+        return self._zoom is not None and self._zoom.moves
+
+    @property
+    def widest(self) -> Camera:
+        """The camera with the shortest focal length of the film."""
+        if self._zoom is None:
+            return self.camera
+        return replace(self.camera, focal=self._zoom.widest)
+
+    def zoom(self, t: float) -> tuple[float, float]:
+        """Return the logarithm of the focal length over that of frame 0, and its change."""
+        return (0.0, 0.0) if self._zoom is None else (self._zoom.grown(t), self._zoom.rate(t))
 
     def turn(self, t: float) -> Float64:
         """Return the matrix (3, 3) at frame `t` from the camera's axes to the house's."""
@@ -136,6 +169,10 @@ class CameraPath:
 
     def seen(self, camera: Camera, t: float) -> Camera:
         """Return a camera that sits on the path as it looks at `t`: its rotation is the whole."""
+        if self._zoom is not None:
+            ratio = math.exp(self._zoom.grown(t))
+            shift = (ratio * camera.center_shift[0], ratio * camera.center_shift[1])
+            camera = replace(camera, focal=ratio * camera.focal, center_shift=shift)
         if self._turning is None:
             return camera
         whole = rotation_vector(self._turning.at(t) @ camera.matrix())
@@ -146,20 +183,33 @@ class CameraPath:
 
         The integral from frame 0 of R^T v, v = camera minus air, in the camera's own axes; given in
         house axes as the camera stands at `t`, (3,) world units. Where the camera does not turn it
-        is the difference of the places.
+        is the difference of the places. While it zooms the way across the view is weighed by the
+        focal length of its time over that at `t`, so that f P is how far the picture has moved.
         """
-        if self._turning is None or not self.turns:
-            return self.place(t, fps=fps) - air_moved(t, fps=fps, fall=fall, wind=wind)
-        return np.asarray(self.rig(t) @ _relative_way(self, fps, fall, wind).to(t))
+        if not self.turns:
+            way = self.place(t, fps=fps) - air_moved(t, fps=fps, fall=fall, wind=wind)
+        else:
+            way = self.rig(t) @ _relative_way(self, fps, fall, wind).to(t)
+        if self._zoom is None or not self.zooms:
+            return np.asarray(way)
+        weighted = self.rig(t) @ _weighted_way(self, fps, fall, wind).to(t) / self._zoom.at(t)
+        axis = self.turn(t)[:, 2]
+        return np.asarray(weighted + axis * (axis @ (way - weighted)))
 
     def turned(self, t: float) -> Float64:
         """Return the integral of the rate of turning in the camera's own axes since frame 0.
 
-        Given in house axes as the camera stands at `t`, (3,) radians.
+        Given in house axes as the camera stands at `t`, (3,) radians. A zoom weighs what is not
+        about the view's axis as it does the way in `travel`.
         """
         if self._turning is None:
             return np.zeros(3)
-        return np.asarray(self._turning.at(t) @ self._turning.angle(t))
+        angle = self._turning.at(t) @ self._turning.angle(t)
+        if self._zoom is None or not (self.zooms and self.turns):
+            return np.asarray(angle)
+        weighted = self._turning.at(t) @ _weighted_turn(self).to(t) / self._zoom.at(t)
+        axis = self.turn(t)[:, 2]
+        return np.asarray(weighted + axis * (axis @ (angle - weighted)))
 
     def scaled(self, scale: float) -> CameraPath:
         """Return the same view on a picture that is `scale` times as wide and high."""
@@ -167,7 +217,12 @@ class CameraPath:
         center = None if lens.center is None else (scale * lens.center[0], scale * lens.center[1])
         shift = (scale * lens.center_shift[0], scale * lens.center_shift[1])
         changed = replace(lens, focal=lens.focal * scale, center=center, center_shift=shift)
-        return replace(self, camera=changed)
+        focal = self.focal
+        if isinstance(focal, Keys):
+            focal = Keys([(frame, scale * value) for frame, value in focal.keys])
+        elif focal is not None:
+            focal = scale * focal
+        return replace(self, camera=changed, focal=focal)
 
     def course(self, fps: float) -> Course:
         """Return the velocity over time, house axes, world units per frame."""
@@ -239,6 +294,28 @@ def _relative_way(path: CameraPath, fps: float, fall: Number, wind: Vector) -> R
     assert path._turning is not None
     air = course_of(wind, -1.0 / fps), fall_course(fall, -1.0 / fps)
     return path._turning.integral(summed([path.course(fps), *air]))
+
+
+@lru_cache(maxsize=32)
+def _weighted_way(path: CameraPath, fps: float, fall: Number, wind: Vector) -> Running:
+    """Return the integral of f R^T v, in the rig's axes."""
+    assert path._zoom is not None
+    air = course_of(wind, -1.0 / fps), fall_course(fall, -1.0 / fps)
+    course = path._zoom.weighted(summed([path.course(fps), *air]))
+    if path._turning is not None and path.turns:
+        return path._turning.integral(course)
+    # The rig stands still: house axes, turned back into its own.
+    rig = path.rig(0.0)
+    slopes = None if course.slopes is None else course.slopes @ rig
+    return running(Course(course.knots, course.values @ rig, slopes, course.times))
+
+
+@lru_cache(maxsize=32)
+def _weighted_turn(path: CameraPath) -> Running:
+    """Return the integral of f w, in the rig's axes."""
+    assert path._turning is not None and path._zoom is not None
+    turning = path._turning
+    return running(path._zoom.weighted(Course(turning.frames[1:-1], turning.rates)))
 
 
 def fall_course(fall: Number, scale: float) -> Course:

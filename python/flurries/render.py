@@ -4,30 +4,28 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Callable, Iterable, Sequence
-from concurrent.futures import Future, ThreadPoolExecutor
-from dataclasses import dataclass
+import time
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from flurries._contract import Array, flag, integer
-from flurries.trace import stage
+from flurries._contract import Array, choice, flag, integer
+from flurries.camera import Camera
+from flurries.contents import Content
+from flurries.sequence import Progress
 
 if TYPE_CHECKING:
-    from flurries.scene import Rendered, Scene
+    from flurries.scene import Scene
 
 __all__ = ["Summary", "write"]
 
 # Three seconds of film, where neither the caller nor the background says how long.
 DEFAULT_SECONDS = 3.0
 
-# Frames that are encoded while the next is rendered; each holds a picture in memory.
-WRITERS = 2
-
-# How a frame says which scene it belongs to.
-SCENE_KEY = "scene"
+DAMAGED = ("stop", "skip", "hold")
 
 
 @dataclass(frozen=True)
@@ -39,14 +37,26 @@ class Summary:
     written : list of int
         Frames that were rendered now.
     kept : list of int
-        Frames of this scene that were there already.
+        Frames of this scene that were there already, or that another process made meanwhile.
     files : list of Path
-        All files of the request, in order; the one video.
+        All files of the request that are there, in order; the one video.
+    skipped : list of int
+        Frames that were left out because their background is missing or damaged.
+    held : list of int
+        Frames whose background is that of an earlier one, for the same reason.
+    seconds : float
+        How long it took.
+    sound : str
+        What became of the background's sound: "kept", "none", or why it was left out.
     """
 
     written: list[int]
     kept: list[int]
     files: list[Path]
+    skipped: list[int] = field(default_factory=list)
+    held: list[int] = field(default_factory=list)
+    seconds: float = 0.0
+    sound: str = "none"
 
 
 def write(
@@ -57,11 +67,19 @@ def write(
     half: bool = True,
     layers: bool = False,
     alone: bool = False,
+    eyes: Mapping[str, Camera] | None = None,
     overwrite: bool = False,
+    damaged: str = "stop",
+    sound: bool = True,
+    manifest: bool = True,
     quality: str = "high",
-    progress: Callable[[Iterable[int]], Iterable[int]] | None = None,
+    progress: Progress | None = None,
 ) -> Summary:
     """Render frames to files.
+
+    Several processes, on one machine or many, may write one sequence: each makes the frames that
+    no other is making, and returns when all are there. One that is killed loses the frames that it
+    was at, which the others or the next run make again; no file is ever half-written.
 
     Parameters
     ----------
@@ -79,13 +97,25 @@ def write(
     half : bool
         EXR as half floats, else 32 bits.
     layers : bool
-        EXR only: each effect's premultiplied RGBA as named channels beside the composite, and the
-        depth of the background and of layers where they are known.
+        EXR only: everything that is known of the frame as named channels beside the composite, see
+        `flurries.contents.planes`.
     alone : bool
         The weather alone as RGBA, without background and foreground's picture: premultiplied linear
         light in EXR, straight display values in PNG. Not for video.
+    eyes : mapping of str to Camera, optional
+        EXR only: the views of these eyes, such as ``{"left": ..., "right": ...}``, one part of the
+        file for each.
     overwrite : bool
         Render again what is there, whatever scene it belongs to.
+    damaged : {"stop", "skip", "hold"}
+        What becomes of a frame whose background is missing or damaged: an error, left out, or
+        rendered over the last good background before it.
+    sound : bool
+        Keep the sound of a film that is the background in a video, where the frames follow each
+        other at the film's own rate.
+    manifest : bool
+        Write ``flurries.json`` beside a sequence: the frame, the scene, the size and the SHA-256 of
+        each file, see `flurries.manifest`.
     quality : {"high", "medium", "draft"}
         Of a video.
     progress : callable, optional
@@ -102,10 +132,15 @@ def write(
     OSError
         If something cannot be written; no half-written file stays.
     """
-    flag("half", half)
-    flag("layers", layers)
-    flag("alone", alone)
-    flag("overwrite", overwrite)
+    started = time.monotonic()
+    for name, value in (
+        ("half", half), ("layers", layers), ("alone", alone), ("overwrite", overwrite),
+        ("sound", sound), ("manifest", manifest),
+    ):  # fmt: skip
+        flag(name, value)
+    choice("damaged", damaged, DAMAGED)
+    if alone and layers:
+        raise ValueError("alone and layers must not both be given")
     from flurries.io import Pattern
 
     wanted = frames_of(scene, frames)
@@ -116,20 +151,62 @@ def write(
         wanted = wanted[:1]
     else:
         target = Pattern(text)
-    if alone and (layers or target.is_video or not text.lower().endswith((".exr", ".png", ".tif"))):
-        raise ValueError(f"alone needs .exr, .png or .tif, and no layers, got {text!r}")
-    if layers and not text.lower().endswith(".exr"):
-        raise ValueError(f"layers need an EXR, got {text!r}")
-    if text.lower().endswith(".hdr"):
-        raise ValueError(f"{text}: a .hdr picture cannot say which frame it is; take .exr")
+    content = Content("layers" if layers else "alone" if alone else "composite", half, _views(eyes))
+    _require_room(text, content, is_video=target.is_video)
     bar = progress if progress is not None else _silent
+    if damaged == "hold":
+        scene = scene.holding()
     if target.is_video:
-        _require_other_file(scene, target.path(0))
-        _write_video(scene, target, wanted, quality, bar)
-        return Summary(wanted, [], [target.path(0)])
-    path_of = (lambda _: Path(text)) if still else target.path
-    content = "layers" if layers else "alone" if alone else "composite"
-    return _write_sequence(scene, path_of, wanted, half, content, overwrite, bar)
+        from flurries.film import write_film
+
+        path = target.path(0)
+        _require_other_file(scene, path)
+        done, skipped, heard = write_film(
+            scene, path, wanted, quality, bar, skip=damaged == "skip", sound=sound
+        )
+        made, kept, files = done, [], [path]
+    else:
+        from flurries.sequence import Sequence as Frames
+
+        path_of = (lambda _: Path(text)) if still else target.path
+        job = Frames(
+            scene, content, path_of, overwrite, skip=damaged == "skip",
+            listed=manifest and not still,
+        )  # fmt: skip
+        job.make(wanted, bar)
+        made, kept, skipped, heard = job.written, job.kept, job.skipped, "none"
+        left_out = set(skipped)
+        files = [path_of(number) for number in wanted if number not in left_out]
+    held = [number for number in made if number in scene.held]
+    return Summary(made, kept, files, skipped, held, time.monotonic() - started, heard)
+
+
+def _views(eyes: Any) -> dict[str, Camera] | None:
+    if eyes is None:
+        return None
+    if not isinstance(eyes, Mapping) or not eyes:
+        raise TypeError(f"eyes must be a mapping such as {{'left': Camera, ...}}, got {eyes!r}")
+    for name, eye in eyes.items():
+        if not isinstance(name, str) or not name.isidentifier():
+            raise ValueError(f"eyes must be called like 'left' and 'right', got {name!r}")
+        if not isinstance(eye, Camera):
+            raise TypeError(f"eyes: {name!r} must be a Camera, got {eye!r}")
+    return dict(eyes)
+
+
+def _require_room(text: str, content: Content, *, is_video: bool) -> None:
+    """Refuse a kind of file that cannot hold what is asked for."""
+    lower = text.lower()
+    if content.kind == "alone" and (is_video or not lower.endswith((".exr", ".png", ".tif"))):
+        raise ValueError(f"alone needs .exr, .png or .tif, and no layers, got {text!r}")
+    if content.kind == "alone" and content.eyes is not None:
+        raise ValueError("alone and eyes must not both be given")
+    if content.kind == "layers" and not lower.endswith(".exr"):
+        raise ValueError(f"layers need an EXR, got {text!r}")
+    if content.eyes is not None and not lower.endswith(".exr"):
+        raise ValueError(f"eyes need an EXR, got {text!r}")
+    if lower.endswith(".hdr"):
+        raise ValueError(f"{text}: a .hdr picture cannot say which frame it is; take .exr")
 
 
 def _video_suffixes() -> tuple[str, ...]:
@@ -181,23 +258,6 @@ def _require_other_file(scene: Scene, path: Path) -> None:
         raise ValueError(f"{path} is the scene's own background; choose another name")
 
 
-def _write_video(
-    scene: Scene,
-    target: Any,
-    frames: list[int],
-    quality: str,
-    bar: Callable[[Iterable[int]], Iterable[int]],
-) -> None:
-    from flurries.io import VideoWriter
-
-    assert scene.size is not None
-    with VideoWriter(target.path(0), scene.size, scene.fps, quality=quality) as video:
-        for number in bar(frames):
-            image = scene.render(number)
-            with stage("encode"):
-                video.write(display_bytes(image))
-
-
 def display_bytes(image: Array) -> Array:
     """Return (H, W, 3) uint8 display values of a rendered image."""
     if image.dtype == np.uint8:
@@ -205,96 +265,3 @@ def display_bytes(image: Array) -> Array:
     from flurries.io.color import to_display, to_integer
 
     return to_integer(to_display(image, "display" if image.dtype.kind == "u" else "linear"), 8)
-
-
-def _write_sequence(
-    scene: Scene,
-    path_of: Callable[[int], Path],
-    frames: list[int],
-    half: bool,
-    content: str,
-    overwrite: bool,
-    bar: Callable[[Iterable[int]], Iterable[int]],
-) -> Summary:
-    from flurries import __version__
-    from flurries.io.atomic import checked_target, remove_leftovers
-    from flurries.io.writing import format_of
-    from flurries.scenefile import fingerprint
-
-    files = [path_of(number) for number in frames]
-    # Before anything is rendered: a format that can be written, in a place that can be.
-    format_of(files[0])
-    checked_target(files[0])
-    mark = f"{fingerprint(scene)}-{'half' if half else 'float'}-{content}"
-    kept = [] if overwrite else [n for n in frames if _is_ours(path_of(n), mark, n)]
-    done = set(kept)
-    wanted = [number for number in frames if number not in done]
-    # What a killed run left under temporary names.
-    remove_leftovers(files[0].parent)
-    with ThreadPoolExecutor(WRITERS) as writers:
-        pending: list[Future[None]] = []
-        for number in bar(wanted):
-            metadata = {SCENE_KEY: mark, "frame": number, "version": __version__}
-            rendered = scene.render(number, layers=content != "composite")
-            while len(pending) >= WRITERS:
-                pending.pop(0).result()
-            pending.append(
-                writers.submit(_save, scene, path_of(number), rendered, content, half, metadata)
-            )
-        for job in pending:
-            job.result()
-    return Summary(wanted, kept, files)
-
-
-def _is_ours(path: Path, mark: str, number: int) -> bool:
-    """Whether a frame is there and of this very scene; refuses one that is of another."""
-    from flurries.io import read_header, read_picture
-
-    if not path.exists():
-        return False
-    try:
-        found = read_header(path).metadata
-    except (OSError, ValueError):
-        found = {}
-    if (found.get(SCENE_KEY), found.get("frame")) == (mark, str(number)):
-        try:
-            read_picture(path)
-        except (OSError, ValueError):
-            # Ours, but damaged since: made again.
-            return False
-        return True
-    raise ValueError(
-        f"{path} is there already and is not frame {number} of this scene; "
-        "choose another name, remove it, or overwrite"
-    )
-
-
-def weather(rendered: Rendered) -> Array:
-    """Return (H, W, 4) float32: the layers over each other, premultiplied."""
-    whole = np.zeros((*rendered.alpha.shape, 4), np.float32)
-    for layer in rendered.layers.values():
-        whole = layer + (1.0 - layer[..., 3:]) * whole
-    return whole
-
-
-def _save(
-    scene: Scene, path: Path, rendered: Any, content: str, half: bool, metadata: dict[str, Any]
-) -> None:
-    from flurries.io import write_layers, write_picture
-    from flurries.io.color import to_linear
-
-    if isinstance(rendered, np.ndarray):
-        write_picture(path, rendered, half=half, metadata=metadata)
-        return
-    if content == "alone":
-        encoding = "linear" if scene.linear else "display"
-        write_picture(path, weather(rendered), encoding=encoding, half=half, metadata=metadata)
-        return
-    image = rendered.image
-    image = to_linear(image, "display" if image.dtype.kind == "u" else "linear")
-    planes = {"rgba": np.concatenate([image, np.ones_like(image[..., :1])], axis=2)}
-    planes.update(rendered.layers)
-    if rendered.depth is not None:
-        planes["depth"] = rendered.depth
-    planes.update({f"{name}.depth": depth for name, depth in rendered.depths.items()})
-    write_layers(path, planes, half=half, metadata=metadata)

@@ -18,9 +18,10 @@ from flurries.effects import Frame, Layer
 from flurries.effects.layer import layers_of
 from flurries.effects.visible import Window
 from flurries.foreground import Foreground, foreground_of
-from flurries.mixing import Mix, behind, free_name
+from flurries.mixing import Mix, behind
 from flurries.path import as_path
 from flurries.plan.program import Program
+from flurries.rendered import Rendered, rendered
 from flurries.stereo import eyes
 from flurries.sun import Sun
 from flurries.trace import stage
@@ -34,32 +35,6 @@ SPACES = ("auto", "display", "linear")
 
 # A focal length in picture widths, where none is given: 45 degrees across.
 DEFAULT_FOCAL = 1.2
-
-
-@dataclass(frozen=True, eq=False)
-class Rendered:
-    """A frame with what it is made of.
-
-    Attributes
-    ----------
-    image : (h, w, 3)
-        The composite, as `Scene.render` returns it.
-    alpha : (h, w) float32
-        Opacity of all effects together, in front of the background and behind the foreground.
-    layers : dict of str to (h, w, 4) float32
-        The effects' premultiplied RGBA layers, back to front, in the light of the composite. Of
-        layers that have one name the second is called "name2", and so on.
-    depth : (h, w) float32 or None
-        The background's planar depth, where the scene has one.
-    depths : dict of str to (h, w) float32
-        The planar depth of those layers that know theirs.
-    """
-
-    image: Array
-    alpha: Array
-    layers: dict[str, Array]
-    depth: Array | None = None
-    depths: dict[str, Array] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, eq=False)
@@ -225,13 +200,58 @@ class Scene:
                 return self._laid_over(asked, mix, picture, matte)
             return self._laid_behind(asked, mix, picture, matte, within(inner, window))
         parts = [
-            layer for effect, frame in asked for layer in rendered(effect, frame, picture.shape[:2])
+            layer
+            for effect, frame in asked
+            for layer in layers_made(effect, frame, picture.shape[:2])
         ]
+        # A mask keeps the weather from the background's own pixels in front.
+        parts = parts if matte is None else [behind(part, matte.cover) for part in parts]
         with stage("composite"):
-            image, cover, named, depths = self._mixed(parts, mix, picture, matte)
+            image = self._mixed(parts, mix, picture, matte)
+        front = None if matte is None or matte.light is None else matte.rgba(linear=self.linear)
         depth = self.depth_at(time)
         around = None if depth is None else cropped(depth, window)
-        return Rendered(image, cover, named, around, depths)
+        return rendered(image, parts, mix, mix.plate(picture), front, around)
+
+    def look(self, t: float) -> None:
+        """Read background and depth of a frame, as `render` will.
+
+        Raises
+        ------
+        OSError, ValueError
+            If one of them is missing or damaged.
+        """
+        time = real("t", t)
+        self._backdrop.frame(time)
+        if self._distance is not None:
+            self._distance.frame(time)
+
+    @property
+    def film(self) -> Any:
+        """The source of a background that is a video; None for others."""
+        from flurries.io.sources import VideoSource
+
+        source = self._opened
+        return source if isinstance(source, VideoSource) else None
+
+    @property
+    def held(self) -> set[int]:
+        """Frames rendered so far whose background is that of an earlier one."""
+        return getattr(self._opened, "held", set())
+
+    def holding(self) -> Scene:
+        """Return the scene with a background that holds its last good frame where one is bad."""
+        from flurries.io import open_background
+        from flurries.io.sources import Source
+
+        source = self._opened
+        if not isinstance(source, Source) or source.damaged == "hold":
+            return self
+        return self.replace(background=open_background(source.spec, damaged="hold"))
+
+    @property
+    def _opened(self) -> Any:
+        return getattr(self._backdrop.source, "source", None)
 
     def plan(self, frames: Any = None) -> Plan:
         """Return what rendering costs: its steps, their sizes and times, and what is left out.
@@ -327,7 +347,7 @@ class Scene:
             if done is not None:
                 working = done
                 continue
-            for layer in rendered(effect, frame, picture.shape[:2]):
+            for layer in layers_made(effect, frame, picture.shape[:2]):
                 with stage("composite"):
                     working = mix.over(working, layer)
         with stage("composite"):
@@ -348,7 +368,7 @@ class Scene:
         over = np.ascontiguousarray(cropped(working, inner))
         cover = cropped(matte.cover, inner)
         for effect, frame in asks:
-            for layer in rendered(effect, frame, over.shape[:2]):
+            for layer in layers_made(effect, frame, over.shape[:2]):
                 with stage("composite"):
                     over = mix.over(over, behind(layer, cover))
         with stage("composite"):
@@ -362,30 +382,15 @@ class Scene:
             return mix.finished(working, picture)
 
     def _mixed(
-        self,
-        parts: list[Layer],
-        mix: Mix,
-        picture: Array,
-        matte: Foreground | None,
-    ) -> tuple[Array, Array, dict[str, Array], dict[str, Array]]:
-        """Return the composite of the layers, their cover, themselves and their depths."""
+        self, parts: list[Layer], mix: Mix, picture: Array, matte: Foreground | None
+    ) -> Array:
+        """Return the composite of the layers."""
         working = mix.working(picture)
-        cover: Array = np.zeros(picture.shape[:2], np.float32)
-        layers: dict[str, Array] = {}
-        depths: dict[str, Array] = {}
         for part in parts:
-            # A mask keeps the weather from the background's own pixels in front.
-            part = part if matte is None else behind(part, matte.cover)
             working = mix.over(working, part)
-            name = free_name(part.name, layers)
-            layers[name] = mix.rgba(part)
-            if part.depth is not None:
-                depths[name] = part.depth
-            first = len(layers) == 1
-            cover = part.alpha.copy() if first else 1.0 - (1.0 - cover) * (1.0 - part.alpha)
         if matte is not None and matte.light is not None:
             working = matte.over(working, linear=self.linear)
-        return mix.finished(working, picture), cover, layers, depths
+        return mix.finished(working, picture)
 
     def write(self, pattern: str | Path, frames: Any = None, **options: Any) -> Any:
         """Render frames to files; see :func:`flurries.render.write`."""
@@ -433,14 +438,19 @@ class Scene:
         return window[0], window[1], window[2], window[3]
 
     def _asks(
-        self, t: float, eye: Camera | None, window: Window, depth: Array | None
+        self,
+        t: float,
+        eye: Camera | None,
+        window: Window,
+        depth: Array | None,
+        whole: bool = False,
     ) -> list[tuple[Any, Frame]]:
         """Return each effect with its view of a frame, given a depth."""
         asked = self.program.frames(t, eye, window, dtype=None)
-        return [(effect, replace(frame, depth=depth)) for effect, frame, _ in asked]
+        return [(effect, replace(frame, depth=depth, whole=whole)) for effect, frame, _ in asked]
 
 
-def rendered(effect: Any, frame: Frame, shape: tuple[int, int]) -> tuple[Layer, ...]:
+def layers_made(effect: Any, frame: Frame, shape: tuple[int, int]) -> tuple[Layer, ...]:
     """Return the layers of an effect."""
     if hasattr(effect, "needs"):
         return layers_of(effect.render(frame), effect, shape)

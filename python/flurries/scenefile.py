@@ -48,7 +48,8 @@ _SCENE = (
 )  # fmt: skip
 _DEPTH = ("source", "near", "far", "white", "law")
 _WAY = ("position", "velocity", "orientation")
-_CAMERA = ("focal", "center", "offset", "center_shift", "rotation", "path", *_WAY)
+_LENS = ("focal", "center", "offset", "center_shift", "rotation", "aspect")
+_CAMERA = (*_LENS, "path", *_WAY)
 
 
 class _File:
@@ -230,16 +231,27 @@ def _camera(file: _File, table: Any, scene: Scene) -> CameraPath:
     values = {key: _value(file, value, "camera", key) for key, value in table.items()}
     way = {key: values.pop(key) for key in _WAY if key in values}
     values.setdefault("focal", DEFAULT_FOCAL * scene.shape[1])
+    zoom = values["focal"] if isinstance(values["focal"], (Keys, tuple)) else None
+    if zoom is not None:
+        values["focal"] = 1.0
     if "path" in values:
         from flurries.io import read_path
 
         name = values.pop("path")
         if not isinstance(name, str) or way:
             raise ValueError(
-                f"{file.where('camera', 'path')}: path must be a CSV file, and stand without "
+                f"{file.where('camera', 'path')}: path must be a file, and stand without "
                 + ", ".join(_WAY)
             )
+        if Path(name).suffix.lower() != ".csv":
+            from flurries.cameras import load as load_camera
+
+            if zoom is not None:
+                raise ValueError(f"{file.where('camera', 'focal')}: focal must be a number here")
+            return load_camera(file.path.parent / name, scene.shape, camera=Camera(**values))
         way = read_path(file.path.parent / name)
+    if zoom is not None:
+        way["focal"] = zoom
     try:
         return CameraPath(Camera(**values), **way)
     except (ValueError, TypeError) as error:
@@ -296,7 +308,7 @@ def describe(
     path: CameraPath = scene.camera
     camera = {f.name: _toml(getattr(path.camera, f.name)) for f in fields(Camera)}
     table["camera"] = {key: value for key, value in camera.items() if value is not None}
-    for name in _WAY:
+    for name in (*_WAY, "focal"):
         value = getattr(path, name)
         if value is not None:
             table["camera"][name] = _toml(value)

@@ -77,7 +77,7 @@ def eyes(
     >>> left.offset, right.center_shift
     ((-0.0325, 0.0, 0.0), (13.0, 0.0))
     """
-    middle = expect_camera(camera)
+    middle = expect_camera(camera, stretched=True)
     half = 0.5 * real("distance", distance, low=0.0)
     shift = 0.0
     if convergence is not None:

@@ -8,11 +8,13 @@
 //! | [`bins`] | which flakes touch which tile of the picture |
 //! | [`draw`] | flakes drawn into one tile |
 //! | [`splat`] | the image of many flakes |
+//! | [`ids`] | which flake a pixel shows |
 //! | [`flurry`] | the flakes of a box, each placed and looked at as it is drawn |
 
 pub mod bins;
 pub mod draw;
 pub mod flurry;
+pub mod ids;
 pub mod profile;
 pub mod splat;
 pub mod sprite;

@@ -108,7 +108,7 @@ impl Source for Flakes<'_> {
     }
 }
 
-fn check_lens(lens: &Lens) -> Result<(), Error> {
+pub(super) fn check_lens(lens: &Lens) -> Result<(), Error> {
     let plain = lens.center.iter().chain(&lens.offset);
     for &value in plain {
         finite("camera", value)?;

@@ -6,6 +6,7 @@ use pyo3::prelude::*;
 
 use super::gate::{self, Plane, PlaneMut};
 use crate::particles::flurry::{Flurry, Looks};
+use crate::particles::ids;
 use crate::particles::profile::Profile;
 use crate::particles::splat::{self, Flakes, Source};
 use crate::particles::sprite::Lens;
@@ -106,6 +107,49 @@ fn drawn<P: Profile, M: Real>(
 ) -> PyResult<()> {
     let nanoseconds = splat::estimate(out.dim(), flakes, lens);
     gate::run(py, nanoseconds, |cancel| splat::splat(out, flakes, lens, depth, cancel))
+}
+
+/// Writes the index of the flake that each pixel shows into `out` (H, W), -1 where there is none.
+#[pyfunction]
+#[expect(clippy::too_many_arguments, reason = "the Python layer passes plain values")]
+pub fn particle_ids(
+    py: Python<'_>,
+    mut out: PyReadwriteArray2<'_, i32>,
+    points: PyReadonlyArray2<'_, f64>,
+    radius: PyReadonlyArray1<'_, f64>,
+    opacity: PyReadonlyArray1<'_, f64>,
+    velocity: PyReadonlyArray2<'_, f64>,
+    shutter: f64,
+    lens: (f64, f64, f64, [f64; 3], f64),
+    depth: Option<Plane<'_>>,
+) -> PyResult<()> {
+    let (focal, x, y, offset, near) = lens;
+    let lens = Lens { focal, center: [x, y], offset, near };
+    let flakes = Flakes {
+        points: points.as_array(),
+        radius: radius.as_array(),
+        opacity: opacity.as_array(),
+        velocity: velocity.as_array(),
+        shutter,
+    };
+    let out = out.as_array_mut();
+    match &depth {
+        None => shown(py, out, &flakes, &lens, None::<ArrayView2<f32>>),
+        Some(Plane::Single(map)) => shown(py, out, &flakes, &lens, Some(map.as_array())),
+        Some(Plane::Double(map)) => shown(py, out, &flakes, &lens, Some(map.as_array())),
+    }
+}
+
+fn shown<M: Real>(
+    py: Python<'_>,
+    out: ArrayViewMut2<i32>,
+    flakes: &Flakes<'_>,
+    lens: &Lens,
+    depth: Option<ArrayView2<M>>,
+) -> PyResult<()> {
+    // One lane where the splat has many.
+    let nanoseconds = 20.0 * splat::estimate(out.dim(), flakes, lens);
+    gate::run(py, nanoseconds, |cancel| ids::ids(out, flakes, lens, depth, cancel))
 }
 
 /// A box of flakes that all move alike, as the effect has settled it; the attributes of its request.

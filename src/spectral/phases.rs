@@ -234,19 +234,22 @@ impl Columns {
     fn gains<T: Real>(&self, jitter: bool, motion: TileMotion<'_>, values: &mut Values<T>) {
         let known = !values.rate.is_empty();
         if motion.filter.is_open() && motion.shortest <= 0.0 {
-            if !known {
+            if !known || values.shortest > 0.0 {
                 values.gain.copy_from_slice(&self.amplitude);
+                values.power = Power { present: self.power, kept: self.power };
+                values.rate.clear();
                 values.rate.extend(motion.rate);
+                values.shortest = 0.0;
             }
             return;
         }
-        let same = values.rate[..] == *motion.rate && values.shortest == motion.shortest;
+        let same = values.rate[..] == *motion.rate && values.shortest == motion.shortest.max(0.0);
         if known && same && !jitter {
             return;
         }
         values.rate.clear();
         values.rate.extend(motion.rate);
-        values.shortest = motion.shortest;
+        values.shortest = motion.shortest.max(0.0);
         let tent = if jitter {
             (&values.tent.0[..], &values.tent.1[..])
         } else {

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -12,13 +12,16 @@ from flurries.augment.calibration import extinction
 from flurries.augment.distance import Distances
 from flurries.augment.flakes import NEAREST, Cloud, Flakes, flakes_at
 from flurries.augment.patches import Patches
-from flurries.augment.texture import Texture
+from flurries.augment.texture import Texture, longest_wave
 from flurries.camera import Camera
 
 FPS = 30.0
 
 # Opacities so small that those that overlap add up, to a part in ten thousand.
 _THIN = 1e-4
+
+# The largest disparity of the longest wave, in lengths of it.
+_DISPARITY = 0.45
 
 # Depths that flakes are sorted into where their motion is asked for: a pixel that several cover
 # moves as the densest does.
@@ -98,27 +101,47 @@ class Air:
         # From 0 to 1 as its factors are, to the last bit: rounding keeps the order.
         return np.asarray(np.subtract(np.float32(1.0), clear, out=clear))
 
+    def apart(self, view: View, distance: float) -> Air:
+        """Return the air as two eyes see it: the texture so far that its disparity has a sign.
+
+        A wave that is displaced by half its length could as well be displaced the other way.
+        """
+        if self.texture is None:
+            return self
+        near = view.camera.focal * distance / (_DISPARITY * longest_wave(view.shape))
+        if near <= self.texture.near:
+            return self
+        return replace(self, texture=replace(self.texture, near=near))
+
     def extinction(self, view: View, distances: Distances, time: float) -> float:
         """Return the veil's extinction, per metre, for what a view shows."""
         return self._extinction(self._flakes(view, time), distances)
 
     def moving(
         self, view: View, distances: Distances, *, time: float, fps: float
-    ) -> tuple[Array, Array]:
-        """Return how it moves, (H, W, 2) px per frame, and how far away it is, (H, W) m or 0.
+    ) -> tuple[Array, Array, Array]:
+        """Return what is densest at each pixel of all that is somewhere and moves.
 
-        Of what is densest at a pixel, flakes of about one depth or the texture; the veil counts for
-        neither. Of fog the mean motion of its patches.
+        Flakes of about one depth, or the texture; a veil is nowhere in particular. Fog moves as the
+        mean of its patches.
+
+        Returns
+        -------
+        opacity : (H, W)
+        motion : (H, W, 2)
+            Pixels per frame.
+        where : (H, W)
+            Depth, metres.
         """
         flow = np.zeros((*view.shape, 2), np.float32)
-        where = np.zeros(view.shape, np.float32)
+        where = np.full(view.shape, np.inf, np.float32)
+        most = np.zeros(view.shape, np.float32)
         if self.loss <= 0.0:
-            return flow, where
+            return most, flow, where
         if self.patches is not None:
             flow[...] = self.patches.motion(view.shape, fps)
-            return flow, where
+            return most, flow, where
         step = np.asarray(self.velocity) * view.camera.focal / fps
-        most = np.zeros(view.shape, np.float32)
         if self.texture is not None:
             most = self._before(self._texture(view, time, fps), self.texture, distances)
             where[most > 0.0] = self.texture.typical()
@@ -132,7 +155,7 @@ class Air:
                 cover, way, near = self._means(part, view, distances, fps)
                 seen = cover > most
                 most[seen], flow[seen], where[seen] = cover[seen], way[seen], 1.0 / near[seen]
-        return flow, where
+        return most, flow, where
 
     def _means(
         self, flakes: Flakes, view: View, distances: Distances, fps: float

@@ -51,7 +51,8 @@ def own_index(seed: int | None, image: Array) -> int:
     values = image.reshape(-1) if image.flags.c_contiguous else np.ravel(image)
     sample = np.ascontiguousarray(values[:: max(values.size // _SAMPLES, 1)])
     head = zlib.crc32(repr((image.shape, image.dtype.name)).encode())
-    return (zlib.crc32(sample.tobytes(), head) << 32) | zlib.adler32(sample.tobytes(), head)
+    content = sample.tobytes()
+    return (zlib.crc32(content, head) & 0x7FFF_FFFF) << 32 | zlib.adler32(content, head)
 
 
 def uniforms(seed: int, stream: int, count: int) -> Float64:

@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from flurries._contract import Array, Float64, pixels, table
 
-# From this opacity on the weather is what is seen at a pixel.
+# From this opacity on a flake, not what is behind it, is what is seen at a pixel.
 SEEN = 0.5
 
 
@@ -33,12 +33,13 @@ class Weathered:
     occlusion : (n,) float64 or None
         The mean opacity over each box, 0 to 1.
     flow : (H, W, 2) float32 or None
-        The label, with the weather's own motion where its opacity exceeds a half. Pixels per frame.
+        The label, with the weather's own motion where flakes, drops or the texture hide more than
+        half. Pixels per frame.
     depth : (H, W) float32 or None
-        The depth that came, with the weather's own where its opacity exceeds a half. Metres.
+        The depth that came, with the weather's own where they hide more than half. Metres. A veil
+        is nowhere in particular, and counts for neither.
     motion : (H, W, 2) float32 or None
-        How the weather moves, pixels (x, y) per frame: of the flakes and waves at a pixel the mean,
-        weighted with their opacities.
+        How the weather moves, pixels (x, y) per frame: what is densest at a pixel.
     """
 
     image: Array

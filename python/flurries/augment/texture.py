@@ -108,6 +108,11 @@ class Texture:
         return averaged(alpha_of(asked, mapped, preserve_mean=True), times)
 
 
+def longest_wave(shape: tuple[int, int]) -> float:
+    """Return the length in pixels of the texture's longest wave in a picture."""
+    return _BAND[1] * max(shape) / _LONG
+
+
 def enlargement(shape: tuple[int, int]) -> int:
     """Return how many times larger the picture is that a small one's texture is averaged from."""
     wanted = math.ceil(_ENOUGH / max(shape))
@@ -127,4 +132,4 @@ def averaged(plane: Array, times: int) -> Array:
     for first in range(1, times):
         sums += rows[:, first::times]
     sums *= np.float32(1.0 / times**2)
-    return np.minimum(sums, np.float32(1.0), out=sums)
+    return np.asarray(np.minimum(sums, np.float32(1.0), out=sums))

@@ -11,7 +11,7 @@ from typing import Any, ClassVar, TypeVar
 import numpy as np
 import numpy.typing as npt
 
-from flurries._contract import Array, flag, output, real, seed_of
+from flurries._contract import Array, flag, integer, output, real
 from flurries.augment.air import Air, View
 from flurries.augment.distance import DEFAULT_GROUND, Depth, Distances, Ground, distances_of
 from flurries.augment.draws import Range, between, index_of, own_index, range_of, uniforms
@@ -67,7 +67,7 @@ class Weather:
         for name in ("seed", "weather_seed"):
             value = getattr(self, name)
             if value is not None:
-                settle(self, name, seed_of(value))
+                settle(self, name, integer(name, value, low=-(2**63), high=2**63 - 1))
 
     # One picture ---------------------------------------------------------------------------------
 
@@ -167,16 +167,15 @@ class Weather:
         air = self._air(record)
         moment = _seconds(time)
         alpha = air.alpha(view, distances, time=moment, fps=rate)
-        way = where = None
+        way = far = None
         if wanted or label is not None or distances.given:
-            way, where = air.moving(view, distances, time=moment, fps=rate)
-        seen = alpha > SEEN
-        if label is not None and way is not None:
-            label = np.where(seen[..., None], way, label).astype(np.float32)
-        far = None
-        if distances.given and where is not None:
-            far = np.where(seen & (where > 0.0), where, distances.whole(shape))
-            far = far.astype(np.float32)
+            dense, way, where = air.moving(view, distances, time=moment, fps=rate)
+            seen = dense > SEEN
+            if label is not None:
+                label = np.where(seen[..., None], way, label).astype(np.float32)
+            if distances.given:
+                behind = distances.whole(view.shape)
+                far = np.where(seen, np.minimum(where, behind), behind).astype(np.float32)
         return Weathered(
             image=mixed(given, alpha, record["colour"], self.white),
             alpha=alpha,
@@ -327,7 +326,7 @@ class Weather:
                 f"{pictures[1].shape[:2]}"
             )
         record = self._drawn(pictures[0], index)
-        air = self._air(record)
+        air = self._air(record).apart(self._view(pictures[0].shape[:2]), apart)
         moment = _seconds(time)
         both = depth if isinstance(depth, tuple) else (depth, depth)
         if len(both) != 2:

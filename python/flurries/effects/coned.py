@@ -98,9 +98,14 @@ _seen: list[Pose] = []
 _charts: dict[Pose, cone.Mapping] = {}
 _MOST = 4
 
+# A chart is three words a pixel: those of large pictures are not kept.
+LARGEST_CHART = 1 << 22
+
 
 def chart(pose: Pose) -> cone.Mapping | None:
     """Return a chart of a pose that stays, None for one that is new and may be gone at once."""
+    if pose.shape[0] * pose.shape[1] > LARGEST_CHART:
+        return None
     found = _charts.get(pose)
     if found is not None:
         return found

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from typing import Any, ClassVar, TypeVar
 
 import numpy as np
@@ -15,6 +15,7 @@ from flurries.effects.layer import Frame, Layer, Light
 from flurries.effects.limited import deepened, veil
 from flurries.effects.needs import Needs
 from flurries.effects.peopled import Peopled
+from flurries.effects.seen import seen
 from flurries.spectral.tables import ALIAS, band_of
 from flurries.spectral.tiles import BLEND
 from flurries.timeline import Keys, Number, as_number, as_vector, value_at
@@ -138,7 +139,10 @@ class Falling(Peopled):
             parts.append(np.zeros((bottom - top, right - left), np.float32))
         with stage("join"):
             alpha = join(parts, haze=haze)
-        return Layer(self.NAME, alpha, self._colour_of(frame))
+        layer = Layer(self.NAME, alpha, self._colour_of(frame))
+        if not frame.whole:
+            return layer
+        return replace(layer, **seen(self, frame, amount, planes[0], planes[1])._asdict())
 
     def over(self, frame: Frame, behind: Array, light: Light) -> Array | None:
         """Return this effect over a picture, the bits of its layer over it, in one pass.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
@@ -14,6 +15,7 @@ from flurries.effects.needs import Run, needs_of
 from flurries.path import CameraPath, air_moved
 from flurries.sun import Sun
 from flurries.timeline import Number, Vector, value_at
+from flurries.turning import rotation_vector
 
 
 @dataclass(frozen=True)
@@ -50,6 +52,8 @@ class Frame:
         Whether neither the camera nor the depth ever changes.
     deep : bool
         Whether the scene has a depth, read or not.
+    whole : bool
+        Whether layers are asked for with all that they can say of their pixels.
     """
 
     shape: tuple[int, int]
@@ -72,6 +76,8 @@ class Frame:
             return self.run
         return Run({step.name: step for step in needs_of(effect, self).steps})
 
+    whole: bool = False
+
     @property
     def width_scale(self) -> float:
         """Size of the picture against one of 1024 px, so that looks do not change with it."""
@@ -81,6 +87,18 @@ class Frame:
         """Return the window of a plane of the whole frame."""
         top, bottom, left, right = self.window
         return plane[top:bottom, left:right]
+
+    def later(self, step: float = 1.0) -> Frame:
+        """Return what the same eye is asked `step` frames later, without depth and light."""
+        after, camera = self.t + step, self.camera
+        if self.path.turns:
+            turn = self.path.rig(after) @ self.path.rig(self.t).T @ camera.matrix()
+            camera = replace(camera, rotation=tuple(rotation_vector(turn).tolist()))
+        if self.path.zooms:
+            ratio = math.exp(self.path.zoom(after)[0] - self.path.zoom(self.t)[0])
+            shift = (ratio * camera.center_shift[0], ratio * camera.center_shift[1])
+            camera = replace(camera, focal=ratio * camera.focal, center_shift=shift)
+        return replace(self, t=after, camera=camera, depth=None, ambient=None)
 
     def displacement(self, *, fall: Number = 0.0, wind: Vector = (0.0, 0.0, 0.0)) -> Float64:
         """Return camera minus air since frame 0, house axes, (3,) world units.
@@ -142,7 +160,13 @@ class Layer:
         Colour of each pixel, linear light multiplied by alpha. Light without opacity (a glow) shows
         in linear light only: display values have no way to add it.
     depth : (h, w) float32, optional
-        Where it is: planar depth in world units, for files with layers.
+        Where it is: planar depth in world units, for files with layers; infinity where nothing is.
+    motion : (h, w, 2) float32, optional
+        How what the pixel shows moves until the next frame: pixels, (x, y), y down.
+    coverage : (h, w) float32, optional
+        Opacity of what is drawn one by one, flakes and drops, without texture and veil.
+    ids : (h, w) int32, optional
+        The number of the flake or drop that shows most, the same in every frame; -1 for none.
     """
 
     name: str
@@ -150,6 +174,9 @@ class Layer:
     colour: tuple[float, float, float] = (1.0, 1.0, 1.0)
     rgb: Array | None = None
     depth: Array | None = None
+    motion: Array | None = None
+    coverage: Array | None = None
+    ids: Array | None = None
 
     def rgba(self, colour: Any) -> Array:
         """Return (h, w, 4) float32, premultiplied with `colour` (3,)."""
@@ -172,14 +199,18 @@ def layers_of(answer: object, effect: object, shape: tuple[int, int]) -> tuple[L
             "alpha": (layer.alpha, shape),
             "rgb": (layer.rgb, (*shape, 3)),
             "depth": (layer.depth, shape),
+            "motion": (layer.motion, (*shape, 2)),
+            "coverage": (layer.coverage, shape),
+            "ids": (layer.ids, shape),
         }
         for name, (plane, wanted) in planes.items():
             if plane is None and name != "alpha":
                 continue
             kind = getattr(plane, "dtype", type(plane).__name__)
-            if not isinstance(plane, np.ndarray) or kind != np.float32 or plane.shape != wanted:
+            own = np.dtype(np.int32 if name == "ids" else np.float32)
+            if not isinstance(plane, np.ndarray) or kind != own or plane.shape != wanted:
                 raise TypeError(
-                    f"effects: {name} of the layer {layer.name!r} must be float32 of shape "
+                    f"effects: {name} of the layer {layer.name!r} must be {own} of shape "
                     f"{wanted}, got {kind} of shape {np.shape(plane)}"
                 )
         parts = {name: plane for name, (plane, _) in planes.items() if plane is not None}

@@ -57,22 +57,30 @@ def _faded(share: Float64, mapped: Map) -> Float64:
     return np.asarray(np.minimum(factor, 1.0))
 
 
+def farthest(effect: Falling, frame: Frame) -> Array:
+    """Return the farthest depth of each tile, (rows, cols)."""
+    assert frame.depth is not None
+    (height, width), (tile, overlap) = frame.shape, effect.tiles(frame)
+    # The farthest of each run of columns first, so that a pixel is not read for every tile.
+    cols = tile_starts(width, tile=tile, overlap=overlap)
+    bands = np.stack([frame.depth[:, x : x + tile].max(axis=1) for x in cols], axis=1)
+    rows = tile_starts(height, tile=tile, overlap=overlap)
+    return np.stack([bands[y : y + tile].max(axis=0) for y in rows])
+
+
 def _by_tile(effect: Falling, frame: Frame, mapped: Map, preserve_mean: bool) -> Array:
     """Limit the band of each tile by its farthest depth."""
-    assert frame.depth is not None
     (height, width), ((tile, _), overlap) = frame.shape, effect.layout(frame)[0]
     near, far = effect.near_depth, effect.far_depth(frame.shape)
     rows = tile_starts(height, tile=tile, overlap=overlap)
     cols = tile_starts(width, tile=tile, overlap=overlap)
-    # The farthest of each run of columns first, so that a pixel is not read for every tile.
-    bands = np.stack([frame.depth[:, x : x + tile].max(axis=1) for x in cols], axis=1)
-    farthest = np.stack([bands[y : y + tile].max(axis=0) for y in rows])
+    ends = farthest(effect, frame)
     longest = effect.band(frame.shape)[1]
-    shortest = near * longest / farthest.astype(np.float64)
+    shortest = near * longest / ends.astype(np.float64)
     alpha = alpha_of(
         effect.texture_request(frame, shortest=shortest), mapped, preserve_mean=preserve_mean
     )
-    faded = _faded(share_of(farthest, near, far), mapped)
+    faded = _faded(share_of(ends, near, far), mapped)
     top, bottom, left, right = frame.window
     down = weights(rows, height, tile, overlap)[top:bottom]
     across = weights(cols, width, tile, overlap)[left:right]

@@ -127,6 +127,8 @@ class MatchedSnow:
         """Return this effect's layer of a frame."""
         if frame.path.turns:
             raise ValueError("effects: MatchedSnow needs a camera that does not turn")
+        if frame.path.zooms:
+            raise ValueError("effects: MatchedSnow needs a lens that does not zoom")
         camera = frame.camera
         # `displacement` has no eye; hybrid's functions add the camera's own.
         options: dict[str, Any] = {

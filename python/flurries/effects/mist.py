@@ -318,9 +318,9 @@ class Mist:
         if self.center is not None:
             return sides, count
         # The path's lens, so that both eyes see the same gas.
-        cx, cy = frame.path.camera.principal(frame.shape)
+        cx, cy = frame.path.widest.principal(frame.shape)
         height, width = frame.shape
-        slopes = np.array([max(cx, width - cx), max(cy, height - cy)]) / frame.path.camera.focal
+        slopes = np.array([max(cx, width - cx), max(cy, height - cy)]) / frame.path.widest.focal
         # The outer part fades; the view's far corners stay inside of that. Up to 1 : 1 either way.
         wide = 2.0 * np.minimum(slopes, 1.0) * sides[2] * (1.0 - RIM) / (1.0 - 2.0 * RIM)
         grown = sides.copy()

@@ -59,8 +59,10 @@ class Moving:
 
     def spreads(self, frame: Frame) -> bool:
         """Whether the air ever comes nearer or recedes: its flow then differs between tiles."""
-        return frame.path.turns or comes_nearer(
-            frame.path, frame.camera.matrix()[:, 2], self.fall, self.mean_wind
+        return (
+            frame.path.turns
+            or frame.path.zooms
+            or comes_nearer(frame.path, frame.camera.matrix()[:, 2], self.fall, self.mean_wind)
         )
 
     def fastest(self, frame: Frame) -> float:

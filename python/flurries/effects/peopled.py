@@ -155,10 +155,11 @@ class Peopled(Textured):
         lens that is off the middle, since the box is centred on the axis.
         """
         height, width = frame.shape
-        cx, cy = frame.path.camera.principal(frame.shape)
+        lens = frame.path.widest
+        cx, cy = lens.principal(frame.shape)
         across, down = (2.0 * max(c, n - c) for c, n in ((cx, width), (cy, height)))
-        reach = self.population(frame.t).reach / frame.path.camera.focal
-        return across * reach, down * reach
+        fx, fy = (self.population(frame.t).reach / focal for focal in lens.focals)
+        return across * fx, down * fy
 
     def _ball(self, frame: Frame) -> float:
         """Return the radius of the ball through the eye and the view's far corners, metres.
@@ -175,9 +176,9 @@ class Peopled(Textured):
         """Return how many flakes the box holds, so that the view has as many as were asked for."""
         kind = self.population(frame.t)
         height, width = frame.shape
-        reach = kind.reach / frame.path.camera.focal
+        fx, fy = (kind.reach / focal for focal in frame.path.widest.focals)
         # The view is a pyramid: a third of the prism around it.
-        view = width * reach * height * reach * kind.reach / 3.0
+        view = width * fx * height * fy * kind.reach / 3.0
         count = round(kind.number * float(np.prod(self.box(frame))) / view)
         if count > MOST_IN_BOX:
             raise ValueError(
@@ -240,6 +241,9 @@ class Peopled(Textured):
             points, velocity = points + moved, velocity + rate
         if turns:
             velocity = velocity - np.cross(frame.spin(), points)
+        if frame.path.zooms:
+            # What is aside goes outwards as if it moved.
+            velocity = velocity + frame.path.zoom(frame.t)[1] * points * (1.0, 1.0, 0.0)
         return points, velocity, shown, which
 
     def _in_view(self, frame: Frame, points: Float64, room: float) -> npt.NDArray[np.intp]:
@@ -251,6 +255,7 @@ class Peopled(Textured):
         height, width = frame.shape
         inside = (z > -room) & (z < reach + room)
         inside &= (x > -cx * deep - room) & (x < (width - cx) * deep + room)
+        deep = deep / camera.aspect
         inside &= (y > -cy * deep - room) & (y < (height - cy) * deep + room)
         return np.flatnonzero(inside)
 
@@ -261,10 +266,35 @@ class Peopled(Textured):
     def alike(self, frame: Frame) -> bool:
         """Whether all flakes move alike."""
         wind = self.wind if isinstance(self.wind, Wind) else None
-        return not frame.path.turns and (wind is None or wind.uniform)
+        alike = wind is None or wind.uniform
+        return alike and not (frame.path.turns or frame.path.zooms)
 
     def _listed(self, frame: Frame, amount: float) -> Array:
         """Return the alpha of flakes from arrays of their places: any wind, any camera."""
+        return particles.splat(**self._to_draw(frame, amount)[0])
+
+    def ids(self, frame: Frame, amount: float) -> npt.NDArray[np.int32]:
+        """Return which flake each pixel of the whole frame shows, (H, W); -1 for none.
+
+        Its number in the box is the same in every frame.
+        """
+        flakes, numbers = self._to_draw(frame, amount)
+        return np.append(numbers, -1).astype(np.int32)[particles.ids(**flakes)]
+
+    def placed(
+        self, frame: Frame, numbers: npt.NDArray[Any]
+    ) -> tuple[Float64, Float64, npt.NDArray[np.bool_]]:
+        """Return where flakes with these numbers are, how fast, and whether they may be in view."""
+        points, velocity, _, which = self._placed(frame)
+        known = np.arange(len(points)) if isinstance(which, slice) else which
+        at = np.minimum(np.searchsorted(known, numbers), max(len(known) - 1, 0))
+        if len(known) == 0:
+            return np.zeros((len(numbers), 3)), np.zeros((len(numbers), 3)), numbers < 0
+        speeds = np.broadcast_to(velocity, points.shape)
+        return points[at], speeds[at], known[at] == numbers
+
+    def _to_draw(self, frame: Frame, amount: float) -> tuple[dict[str, Any], npt.NDArray[np.intp]]:
+        """Return the flakes to draw, and their numbers in the box."""
         t, camera = frame.t, frame.camera
         kind = self.population(t)
         points, velocity, shown, which = self._placed(frame)
@@ -286,16 +316,17 @@ class Peopled(Textured):
         weight *= 1.0 - part * part * (3.0 - 2.0 * part)
         seen = weight > 0.0
         trace.count("particles", int(seen.sum()))
-        return particles.splat(
-            frame.shape,
-            points[seen],
-            radius[seen],
-            camera,
-            opacity=weight[seen] * kind.opacity,
-            velocity=velocity[0] if len(velocity) == 1 else velocity[seen],
-            shutter=exposure,
-            depth=frame.depth,
-        )
+        flakes = {
+            "shape": frame.shape,
+            "points": points[seen],
+            "radius": radius[seen],
+            "camera": camera,
+            "opacity": weight[seen] * kind.opacity,
+            "velocity": velocity[0] if len(velocity) == 1 else velocity[seen],
+            "shutter": exposure,
+            "depth": frame.depth,
+        }
+        return flakes, inside[seen]
 
     def _flurry(self, frame: Frame, amount: float) -> Array:
         """Return the same where all flakes move alike, without arrays of them."""
@@ -303,24 +334,26 @@ class Peopled(Textured):
         x, y = camera.principal(frame.shape)
         low, high = (limit * frame.width_scale for limit in self._LARGEST_SIGMA)
         velocity = -frame.to_camera(self.velocity(frame))
+        # Everything is as much higher as pixels are.
+        stretch = np.array([1.0, camera.aspect, 1.0])
         result = np.empty(frame.shape, np.float32)
         particle_flurry(
             result,
             Flurry(
                 number=self.count(frame),
-                sides=triple(self.box(frame)),
+                sides=triple(stretch * self.box(frame)),
                 center=(0.0, 0.0, 0.5 * kind.reach),
                 seed=frame.seed,
-                way=triple(-frame.to_camera(self.displacement(frame))),
+                way=triple(-stretch * frame.to_camera(self.displacement(frame))),
                 sway=(kind.sway[0], kind.sway[1] * t / frame.fps),
-                travel=triple(value_at(self.shutter, t) * velocity),
+                travel=triple(value_at(self.shutter, t) * stretch * velocity),
                 radius=(0.5 * kind.sizes[0], 0.5 * kind.sizes[1]),
                 opacity=kind.opacity,
                 amount=amount,
                 fade_in=FADE_IN,
                 largest=(low, high),
                 sizes=SIZES,
-                lens=(camera.focal, x, y, triple(np.asarray(camera.offset)), NEAR),
+                lens=(camera.focal, x, y, triple(stretch * camera.offset), NEAR),
             ),
             frame.depth,
         )
@@ -344,8 +377,8 @@ def in_view(
     sides = (
         (0, f, cx - left + 3.1),
         (0, -f, right - cx + 3.1),
-        (1, f, cy - top + 3.1),
-        (1, -f, bottom - cy + 3.1),
+        (1, f * camera.aspect, cy - top + 3.1),
+        (1, -f * camera.aspect, bottom - cy + 3.1),
     )
     # Columns by themselves: a matrix product of three terms wakes the threads of BLAS.
     place = [np.ascontiguousarray(points[:, axis]) - camera.offset[axis] for axis in range(3)]

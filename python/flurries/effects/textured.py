@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from flurries._contract import Float64
-from flurries.camera import tile_drift, tile_shift
+from flurries.camera import tile_drift, tile_shift, tile_zoom
 from flurries.effects.layer import Frame
 from flurries.effects.moving import Moving, of_rings
 from flurries.effects.tiling import Tiling, torus_for
@@ -76,7 +76,7 @@ class Textured(Moving):
         tiling = Tiling((tile, tile), overlap)
         if self.tile is not None or self.overlap is not None:
             return tiling, "the tiles were asked for"
-        if frame.path.turns or self.spreads(frame):
+        if frame.path.turns or frame.path.zooms or self.spreads(frame):
             return tiling, "the flow differs from tile to tile"
         if isinstance(self.wind, Wind):
             return tiling, "the wind may differ from tile to tile"
@@ -93,7 +93,8 @@ class Textured(Moving):
     def cycles(self, frame: Frame) -> float:
         """Return how fast the middle of the longest wave's tent turns, cycles per frame."""
         rate = frame.to_camera(self.velocity(frame))
-        speed = frame.camera.focal * float(np.hypot(rate[0], rate[1])) / self.near_depth
+        fx, fy = frame.camera.focals
+        speed = float(np.hypot(fx * rate[0], fy * rate[1])) / self.near_depth
         return speed / self.band(frame.shape)[1]
 
     def warn_ambiguous(
@@ -130,6 +131,13 @@ class Textured(Moving):
                 for angle in (frame.turned(), frame.spin())
             )
             shift = shift + camera.center_shift
+        if frame.path.zooms:
+            grown, grows = (
+                tile_zoom(shape, growth, camera, tile=tile, overlap=overlap)
+                for growth in frame.path.zoom(frame.t)
+            )
+            shift = shift + grown
+            shift_rate = grows if shift_rate is None else shift_rate + grows
         drift, velocity = (
             tile_drift(
                 shape, vector, camera, near_depth=self.near_depth, tile=tile, overlap=overlap
@@ -191,13 +199,14 @@ class Textured(Moving):
         middles = np.sqrt(edges[1:] * edges[:-1])
         depth = self.near_depth * self.band(shape)[1] / middles
         rows, cols, z = np.meshgrid(y, x, depth, indexing="ij")
-        ahead = np.stack([cols * z / camera.focal, rows * z / camera.focal, z], axis=-1)
+        fx, fy = camera.focals
+        ahead = np.stack([cols * z / fx, rows * z / fy, z], axis=-1)
         aside = np.stack([cols, rows], axis=-1)
         # Both eyes feel the wind of one place, that before the camera.
         moved, rate = of_rings(self, frame, ahead)
         # The air moves, so the camera moves the other way through it.
         drift, velocity = (
-            (camera.focal * v[..., :2] - v[..., 2:] * aside) / self.near_depth
+            (camera.focals * v[..., :2] - v[..., 2:] * aside) / self.near_depth
             for v in (moved, rate)
         )
         return drift, velocity

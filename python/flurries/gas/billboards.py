@@ -66,8 +66,8 @@ def projection_error(
     Examples
     --------
     >>> import flurries as fl
-    >>> fl.gas.projection_error([(1.0, 0.0, 5.0)], 0.45).round(6).tolist()
-    [[-0.001962, -0.0]]
+    >>> fl.gas.projection_error([(1.0, 0.5, 5.0)], 0.45).round(6).tolist()
+    [[-0.003431, -0.001797]]
     """
     x, y, depth, r = _each(centers, radius)
     distance = real("near", near, above=0.0)

@@ -8,6 +8,7 @@ from flurries.io.color import linear_to_srgb, srgb_to_linear
 from flurries.io.decoding import read_video
 from flurries.io.depth import open_depth, read_depth
 from flurries.io.headers import Header, read_header
+from flurries.io.layer_views import write_layer_views
 from flurries.io.layers import read_layers, write_layers
 from flurries.io.paths import read_path
 from flurries.io.pictures import Picture, read_mask, read_picture
@@ -41,6 +42,7 @@ __all__ = [
     "remove_leftovers",
     "replacing",
     "srgb_to_linear",
+    "write_layer_views",
     "write_layers",
     "write_picture",
     "write_views",

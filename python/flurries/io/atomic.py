@@ -23,7 +23,7 @@ if sys.platform != "win32":
     import fcntl
 
 PREFIX = ".flurries-"
-_TOKEN_LENGTH = 16
+TOKEN_LENGTH = 16
 
 
 @contextmanager
@@ -130,11 +130,9 @@ def remove_leftovers(folder: str | os.PathLike[str]) -> list[Path]:
         What was removed.
     """
     removed = []
-    for found in sorted(Path(folder).glob(f"{PREFIX}{'?' * _TOKEN_LENGTH}*")):
-        if _is_abandoned(found):
-            with contextlib.suppress(OSError):
-                found.unlink()
-                removed.append(found)
+    for found in sorted(Path(folder).glob(f"{PREFIX}{'?' * TOKEN_LENGTH}*")):
+        if _removed_abandoned(found):
+            removed.append(found)
     return removed
 
 
@@ -143,7 +141,7 @@ def _reserve(target: Path) -> tuple[Path, int | None]:
     # The name does not grow with the target's, so a name at the length limit still has room.
     suffix = target.suffix if len(target.suffix) <= 16 else ""
     while True:
-        temporary = target.with_name(f"{PREFIX}{secrets.token_hex(_TOKEN_LENGTH // 2)}{suffix}")
+        temporary = target.with_name(f"{PREFIX}{secrets.token_hex(TOKEN_LENGTH // 2)}{suffix}")
         flags = os.O_RDWR | os.O_CREAT | os.O_EXCL | getattr(os, "O_CLOEXEC", 0)
         try:
             # Mode 0o666 less the umask: what any program gives a new file. A private temporary
@@ -165,15 +163,21 @@ def _reserve(target: Path) -> tuple[Path, int | None]:
         os.close(descriptor)
 
 
-def _is_abandoned(temporary: Path) -> bool:
+def _removed_abandoned(temporary: Path) -> bool:
+    """Remove a temporary file that nobody holds; return whether it was one."""
     if sys.platform == "win32":
-        return True
+        with contextlib.suppress(OSError):
+            temporary.unlink()
+            return True
+        return False
     try:
         descriptor = os.open(temporary, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK)
     except OSError:
         return False
     try:
+        # Held until it is gone, so that nobody takes it up in between.
         fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        temporary.unlink()
     except OSError:
         return False
     finally:

@@ -8,9 +8,10 @@ from __future__ import annotations
 
 import os
 import zlib
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 
@@ -21,11 +22,14 @@ from flurries.io.library import last_error, openimageio
 # A whole number of the strips and blocks in which EXR and TIFF compress.
 _ROWS = 64
 
+Band: TypeAlias = Callable[[int, int], Array]
+Checksums: TypeAlias = list[tuple[np.dtype[Any], int]]
+
 
 def write_bands(
     path: str | os.PathLike[str],
     specification: Any,
-    band: Callable[[int, int], Array],
+    band: Band,
     *,
     lossless: bool,
 ) -> None:
@@ -53,6 +57,21 @@ def write_bands(
         _verify(target, temporary, specification, checksums, lossless=lossless)
 
 
+def write_parts(path: str | os.PathLike[str], parts: Sequence[tuple[Any, Band]]) -> None:
+    """Write a picture of several parts, each as `write_bands` takes it, lossless.
+
+    Raises
+    ------
+    OSError
+        If it cannot be written, or does not read back as what was written.
+    """
+    target = os.fspath(path)
+    with replacing(path) as temporary:
+        checksums = _write_parts(target, temporary, parts)
+        for number, ((specification, _), sums) in enumerate(zip(parts, checksums, strict=True)):
+            _verify(target, temporary, specification, sums, lossless=True, part=number)
+
+
 def write_whole(path: str | os.PathLike[str], specification: Any, data: bytes) -> None:
     """Write a picture that is encoded already, atomically, and verify its size and channels.
 
@@ -67,24 +86,40 @@ def write_whole(path: str | os.PathLike[str], specification: Any, data: bytes) -
         _verify(os.fspath(path), temporary, specification, unknown, lossless=False)
 
 
-def _write(
-    target: str, temporary: Path, specification: Any, band: Callable[[int, int], Array]
-) -> list[tuple[np.dtype[Any], int]]:
+def _write(target: str, temporary: Path, specification: Any, band: Band) -> Checksums:
     """Write all bands; return the type and the checksum of each."""
+    with _output(target, temporary) as output:
+        if not output.open(str(temporary), specification):
+            raise OSError(f"{target}: cannot be written: {last_error(output)}")
+        return _write_rows(target, output, specification, band)
+
+
+def _write_parts(
+    target: str, temporary: Path, parts: Sequence[tuple[Any, Band]]
+) -> list[Checksums]:
+    """Write all bands of all parts; return the type and the checksum of each."""
+    checksums = []
+    with _output(target, temporary) as output:
+        for number, (specification, band) in enumerate(parts):
+            if number == 0:
+                opened = output.open(str(temporary), tuple(spec for spec, _ in parts))
+            else:
+                opened = output.open(str(temporary), specification, "AppendSubimage")
+            if not opened:
+                raise OSError(f"{target}: cannot be written: {last_error(output)}")
+            checksums.append(_write_rows(target, output, specification, band))
+    return checksums
+
+
+@contextmanager
+def _output(target: str, temporary: Path) -> Iterator[Any]:
+    """Yield a writer, and close it whatever happens."""
     output = openimageio().ImageOutput.create(str(temporary))
     if output is None:
         raise ValueError(f"{target}: cannot be written: {last_error()}")
-    checksums = []
     closed = False
     try:
-        if not output.open(str(temporary), specification):
-            raise OSError(f"{target}: cannot be written: {last_error(output)}")
-        for first in range(0, specification.height, _ROWS):
-            last = min(first + _ROWS, specification.height)
-            rows = np.ascontiguousarray(band(first, last))
-            checksums.append((rows.dtype, zlib.crc32(rows.data)))
-            if not output.write_scanlines(first, last, 0, rows):
-                raise OSError(f"{target}: cannot be written: {last_error(output)}")
+        yield output
         closed = True
         if not output.close():
             raise OSError(f"{target}: cannot be written: {last_error(output)}")
@@ -92,6 +127,17 @@ def _write(
         if not closed:
             output.close()
             last_error(output)
+
+
+def _write_rows(target: str, output: Any, specification: Any, band: Band) -> Checksums:
+    """Write the bands of one part; return the type and the checksum of each."""
+    checksums = []
+    for first in range(0, specification.height, _ROWS):
+        last = min(first + _ROWS, specification.height)
+        rows = np.ascontiguousarray(band(first, last))
+        checksums.append((rows.dtype, zlib.crc32(rows.data)))
+        if not output.write_scanlines(first, last, 0, rows):
+            raise OSError(f"{target}: cannot be written: {last_error(output)}")
     return checksums
 
 
@@ -102,6 +148,7 @@ def _verify(
     checksums: Sequence[tuple[np.dtype[Any], int]],
     *,
     lossless: bool,
+    part: int = 0,
 ) -> None:
     """Read the picture back; a full disk or a faulty writer shows here and not next week."""
     library = openimageio()
@@ -111,7 +158,7 @@ def _verify(
     if reader is None:
         raise OSError(f"{target}: cannot be read back: {last_error()}")
     try:
-        stored = reader.spec()
+        stored = reader.spec(part)
         wanted = (specification.width, specification.height, specification.nchannels)
         if (stored.width, stored.height, stored.nchannels) != wanted:
             raise OSError(f"{target}: reads back with another size or other channels")
@@ -122,7 +169,7 @@ def _verify(
             first = number * _ROWS
             last = min(first + _ROWS, stored.height)
             kind = {"float16": "half", "float32": "float"}.get(dtype.name, dtype.name)
-            rows = reader.read_scanlines(0, 0, first, last, 0, 0, stored.nchannels, kind)
+            rows = reader.read_scanlines(part, 0, first, last, 0, 0, stored.nchannels, kind)
             if rows is None or reader.has_error:
                 raise OSError(f"{target}: cannot be read back: {last_error(reader)}")
             if lossless:

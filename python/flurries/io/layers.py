@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -20,9 +21,13 @@ MAIN = "rgba"
 
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*(\.[A-Za-z][A-Za-z0-9_]*)*")
 # The order of the channels in an array; files keep them by the alphabet.
-_ORDER = "RGBAXYZ"
+_ORDER = "RGBAXYZuv"
 # Two-dimensional layers get the channel name that tells programs what they are.
-_SINGLE = {"depth": "Z", "alpha": "A", "mask": "A"}
+_SINGLE = {"depth": "Z", "alpha": "A", "mask": "A", "coverage": "A"}
+# Vectors from this frame to the next are called so by compositing programs.
+_FLOW = ("forward", "backward")
+# What a half is too coarse for.
+_PRECISE = ("depth", "id")
 
 
 def write_layers(
@@ -41,11 +46,12 @@ def write_layers(
     layers : mapping of str to array
         Float arrays of one size, linear light, colours multiplied by alpha. The layer ``"rgba"``
         becomes the channels R, G, B, A; others get their name in front, ``snow.R``. An array
-        (H, W, 3) or (H, W, 4) is a colour, (H, W, 2) a vector with the channels X and Y, and
-        (H, W) a number: ``depth.Z``, ``alpha.A``, ``mask.A``, else ``name.Y``.
+        (H, W, 3) or (H, W, 4) is a colour, (H, W, 2) a vector with the channels X and Y, or u and v
+        where the name ends in "forward" or "backward", and (H, W) a number: ``depth.Z``,
+        ``alpha.A``, ``mask.A``, ``coverage.A``, else ``name.Y``.
     half : bool, default True
-        Store colours and masks as half. Depth and vectors always have 32 bits: as half, a depth
-        of 3 km is known to 2 m.
+        Store colours and masks as half. Depths, vectors and ids always have 32 bits: as half, a
+        depth of 3 km is known to 2 m.
     metadata : mapping, optional
         As `write_picture`.
 
@@ -61,12 +67,35 @@ def write_layers(
     if format_of(path).name != "openexr":
         raise ValueError(f"{os.fspath(path)}: only .exr holds layers")
     strings = header.checked(metadata)
+    part = part_of(layers, half)
+    header.put(part.specification, strings, "openexr")
+    write_bands(path, part.specification, part.band, lossless=True)
+
+
+class Part(NamedTuple):
+    """Layers as one part of a file.
+
+    Attributes
+    ----------
+    specification : ImageSpec
+        Size, channels and types.
+    band : callable
+        ``band(first, last)`` gives rows of all channels, float32.
+    """
+
+    specification: Any
+    band: Callable[[int, int], Array]
+
+
+def part_of(layers: Mapping[str, npt.ArrayLike], half: bool) -> Part:
+    """Return layers as `write_layers` takes them as a part of a file."""
     planes: dict[str, tuple[Array, bool]] = {}
     sizes = set()
     for name, values in layers.items():
         array = _checked_layer(name, values)
         sizes.add(array.shape[:2])
-        precise = not half or name.rpartition(".")[2] == "depth" or array.shape[2] == 2
+        last = name.rpartition(".")[2]
+        precise = not half or last in _PRECISE or array.shape[2] == 2
         for number, channel in enumerate(_channels(name, array.shape[2])):
             planes[channel] = (array[..., number], precise)
     if not planes:
@@ -92,8 +121,7 @@ def write_layers(
         specification.channelformats = tuple(map(library.TypeDesc, kinds))
     specification.alpha_channel = specification.channelindex("A")
     specification.attribute("compression", "zip")
-    header.put(specification, strings, "openexr")
-    write_bands(path, specification, band, lossless=True)
+    return Part(specification, band)
 
 
 def read_layers(path: str | os.PathLike[str]) -> dict[str, Array]:
@@ -150,7 +178,7 @@ def _channels(name: str, count: int) -> list[str]:
     if count == 1:
         own = [_SINGLE.get(name.rpartition(".")[2], "Y")]
     elif count == 2:
-        own = ["X", "Y"]
+        own = ["u", "v"] if name.rpartition(".")[2] in _FLOW else ["X", "Y"]
     else:
         own = ["R", "G", "B", "A"][:count]
     return own if name == MAIN else [f"{name}.{channel}" for channel in own]

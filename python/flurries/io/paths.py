@@ -15,7 +15,7 @@ from flurries.timeline import Keys
 _PLACE = ("x", "y", "z")
 _VECTOR = ("rx", "ry", "rz")
 _QUATERNION = ("qw", "qx", "qy", "qz")
-_KNOWN = ("frame", *_PLACE, *_VECTOR, *_QUATERNION)
+_KNOWN = ("frame", *_PLACE, *_VECTOR, *_QUATERNION, "focal")
 _MOST_BYTES = 1 << 28
 
 
@@ -27,14 +27,14 @@ def read_path(path: str | os.PathLike[str]) -> dict[str, Any]:
     path : str or path
         A CSV file with a header. Columns, in any order: ``x, y, z``, world units, x right, y down,
         z forward; ``rx, ry, rz``, a rotation vector in radians, or ``qw, qx, qy, qz``, a unit
-        quaternion; and ``frame``. Without ``frame`` the rows are the frames 0, 1, 2 and so on; with
-        it they are keys, and frames increase.
+        quaternion; ``focal``, pixels, of a lens that zooms; and ``frame``. Without ``frame`` the
+        rows are the frames 0, 1, 2 and so on; with it they are keys, and frames increase.
 
     Returns
     -------
     dict
-        ``position`` and ``orientation`` as :class:`flurries.CameraPath` takes them, those that the
-        file has.
+        ``position``, ``orientation`` and ``focal`` as :class:`flurries.CameraPath` takes them,
+        those that the file has.
 
     Raises
     ------
@@ -74,6 +74,8 @@ def read_path(path: str | os.PathLike[str]) -> dict[str, Any]:
             if missing:
                 raise ValueError(f"{file}, line 1: column {missing[0]!r} is missing")
             found[key] = np.stack([columns[name] for name in group], axis=1)
+    if "focal" in columns:
+        found["focal"] = columns["focal"]
     if not found:
         raise ValueError(f"{file}, line 1: neither x, y, z nor an orientation")
     if "frame" in columns:

@@ -43,6 +43,8 @@ class Source(ABC):
         What the pixels mean.
     damaged : {"stop", "hold"}
         What becomes of a frame that cannot be read.
+    held : set of int
+        Frames asked for so far for which an earlier one stood in.
     """
 
     spec: str
@@ -54,6 +56,7 @@ class Source(ABC):
 
     def __init__(self, spec: str, damaged: str) -> None:
         self.spec, self.damaged = spec, damaged
+        self.held: set[int] = set()
         self._renew()
 
     def frame(self, i: int) -> Picture:
@@ -102,9 +105,11 @@ class Source(ABC):
             # that it does not depend on which frames were asked for before.
             for earlier in range(number - 1, -1, -1):
                 try:
-                    return self._read(earlier)
+                    picture = self._read(earlier)
                 except (OSError, ValueError):
                     continue
+                self.held.add(number)
+                return picture
             raise error
 
     def _picture(self, path: str | Path) -> Picture:

@@ -19,6 +19,7 @@ from flurries.io.encoders import QUALITIES, THREADS, encoder_for, frame_rate
 from flurries.io.forks import never_free_in_children
 from flurries.io.integrity import check_structure
 from flurries.io.sequences import VIDEO_EXTENSIONS
+from flurries.io.sound import Sound, SoundTrack
 
 
 class VideoWriter:
@@ -44,6 +45,9 @@ class VideoWriter:
         so on.
     quality : {"high", "medium", "draft"}
         What the codec may throw away; FFV1 throws nothing away.
+    sound : flurries.io.sound.Sound, optional
+        A part of another film's sound to go with the pictures; copied where the new file can hold
+        it as it is, else encoded as AAC, Opus (WebM) or FLAC (Matroska).
 
     Raises
     ------
@@ -71,6 +75,7 @@ class VideoWriter:
         fps: float | Fraction,
         *,
         quality: str = "high",
+        sound: Sound | None = None,
     ) -> None:
         self.path = Path(path)
         suffix = self.path.suffix.lower()
@@ -88,6 +93,8 @@ class VideoWriter:
         self._temporary: Path | None = None
         self._container: Any = None
         self._stream: Any = None
+        self._sound = sound
+        self._track: SoundTrack | None = None
 
     def __enter__(self) -> VideoWriter:
         if self._replacing is not None:
@@ -134,6 +141,8 @@ class VideoWriter:
         with self._told():
             for packet in self._stream.encode(self._converted(array)):
                 self._container.mux(packet)
+            if self._track is not None:
+                self._track.write_up_to((self.count + 1) / self.fps)
         self.count += 1
 
     def _open(self, temporary: Path) -> None:
@@ -158,6 +167,8 @@ class VideoWriter:
             context.color_trc = 1 if even else 13  # BT.709, or sRGB where RGB is stored
             context.colorspace = 1 if even else 0
             context.color_range = 1 if even else 2  # 16 to 235, or 0 to 255
+            if self._sound is not None:
+                self._track = SoundTrack(self._sound, self._container, self.path.suffix.lower())
         self._stream = stream
         self._reformatter = VideoReformatter()
 
@@ -186,6 +197,8 @@ class VideoWriter:
         with self._told():
             for packet in self._stream.encode():
                 self._container.mux(packet)
+            if self._track is not None:
+                self._track.finish()
             self._container.close()
         self._container = None
         self._check()
@@ -211,6 +224,8 @@ class VideoWriter:
         if container is not None:
             with suppress(Exception):
                 container.close()
+        if self._track is not None:
+            self._track.close()
         assert self._replacing is not None  # Set on entry.
         if error is None:
             self._replacing.__exit__(None, None, None)

@@ -72,7 +72,8 @@ class Program:
         self.parts: list[Part] = []
         self.left_out: list[LeftOut] = []
         self._kept = Kept()
-        self._visible: dict[bool, Visible | None] = {}
+        self._visible: Visible | None = None
+        self._looked = False
         distance = scene._distance
         self.deep = distance is not None
         self.settled = scene.camera.still and (distance is None or distance.still)
@@ -119,7 +120,7 @@ class Program:
         asked = []
         if self.parts:
             base = self._frame(t, eye, window, seed=0)
-            visible = self.visible(layers=dtype is None)
+            visible = None if dtype is None else self.visible
             for part in self.parts:
                 frame = replace(base, seed=part.seed)
                 needs = part.needs if part.needs is not None else needs_of(part.effect, frame)
@@ -130,9 +131,9 @@ class Program:
                 asked = [one for one, gone in zip(asked, faint, strict=True) if not gone]
             for part, frame, needs in asked:
                 steps = {step.name: step for step in needs.steps}
-                key = (part.index, frame.camera, window)
+                key = (part.index, frame.camera, window, dtype is None)
                 run = Run(steps, self._kept if self.settled else None, key, visible)
-                yield part.effect, replace(frame, run=run), needs
+                yield part.effect, replace(frame, run=run, whole=dtype is None), needs
 
     def given(self, t: float, asked: list[Asked]) -> list[tuple[Any, Frame]]:
         """Return the effects with what they read of the scene filled in."""
@@ -160,24 +161,21 @@ class Program:
         """Return the part of a window in which the weather can be seen at all."""
         if not self.parts:
             return None
-        visible = self.visible(layers=False)
+        visible = self.visible
         return window if visible is None else visible.within(window)
 
-    def visible(self, *, layers: bool) -> Visible | None:
-        """Return where the weather can be seen; None is everywhere.
-
-        A picture in front hides it in the composite only: the layers are whole.
-        """
-        if layers not in self._visible:
+    @property
+    def visible(self) -> Visible | None:
+        """Where the weather can be seen in the composite; None is everywhere."""
+        if not self._looked:
             front = self.scene._foreground
-            found = None
             if front is not None:
                 cover: Array = front.cover
-                if front.light is not None and not layers:
+                if front.light is not None:
                     cover = np.maximum(cover, front.light[..., 3])
-                found = Visible(cover) if bool((cover >= 1.0).any()) else None
-            self._visible = {**self._visible, layers: found}
-        return self._visible[layers]
+                self._visible = Visible(cover) if bool((cover >= 1.0).any()) else None
+            self._looked = True
+        return self._visible
 
     def _faint(self, needs: list[Needs], dtype: np.dtype[Any]) -> list[bool]:
         """Return which effects cannot change a picture of integers."""

@@ -67,7 +67,7 @@ def chart(scene: Scene, t: float, index: int, at: tuple[float, float]) -> Chart 
     if not 0 <= index < len(scene.effects):
         return None
     window = (0, scene.shape[0], 0, scene.shape[1])
-    effect, frame = scene._asks(t, None, window, None)[index]
+    effect, frame = scene._asks(t, None, window, None, False)[index]
     if not hasattr(effect, "texture_request"):
         return None
     with warnings.catch_warnings():

@@ -73,7 +73,7 @@ _CAMERA = {
 _FASTEST_CAMERA = 12.0
 
 
-def controls_of(scene: Scene, *, stereo: bool = False) -> list[Control]:
+def controls_of(scene: Scene) -> list[Control]:
     """Return the sliders of a scene, each where the scene stands at frame 0."""
     found: list[Control] = []
     for index, effect in enumerate(scene.effects):
@@ -98,8 +98,7 @@ def controls_of(scene: Scene, *, stereo: bool = False) -> list[Control]:
         Control(key, "camera", label, "m/s", -_FASTEST_CAMERA, _FASTEST_CAMERA, 0.1, value)
         for key, label, value in _camera(scene)
     ]
-    if stereo:
-        found.append(Control(EYES, "camera", "Eye distance", "mm", 0, 200, 1, 0))
+    found.append(Control(EYES, "camera", "Eye distance", "mm", 0, 200, 1, 0))
     return found
 
 
@@ -137,7 +136,7 @@ def settings(scene: Scene, values: Mapping[str, Any]) -> tuple[list[Any], Camera
     ValueError, TypeError
         For a key that no slider has, or a value outside its range.
     """
-    known = {control.key: control for control in controls_of(scene, stereo=True)}
+    known = {control.key: control for control in controls_of(scene)}
     checked: dict[str, float] = {}
     for key, value in values.items():
         if key not in known:
@@ -191,7 +190,7 @@ def _of_fields(index: int, group: str, effect: Any) -> list[Control]:
             continue
         label, unit, low, high, step = _FIELDS[name]
         # A scene may stand where no slider would have thought.
-        low, high = min(low, value), max(high, value)
+        low, high = min(low, value), high if value <= high else 2.0 * value
         found.append(Control(f"{index}.{name}", group, label, unit, low, high, step, float(value)))
     order = list(_FIELDS)
     return sorted(found, key=lambda control: order.index(control.key.split(".")[1]))

@@ -6,7 +6,6 @@ remembered here but the scene and what was last shown.
 
 from __future__ import annotations
 
-import importlib
 import io
 import json
 import math
@@ -20,6 +19,7 @@ from typing import Any
 
 import numpy as np
 
+from flurries import stereo
 from flurries._contract import Array
 from flurries.effects import Frame
 from flurries.path import CameraPath
@@ -54,14 +54,13 @@ class Session:
         self.save_path = Path(save)
         self.values: dict[str, float] = {}
         self._preview = Preview(scene, size)
-        self._stereo = _stereo() is not None
         # Sources of files decode one frame at a time.
         self._lock = threading.Lock()
 
     def describe(self) -> dict[str, Any]:
         """Return what the page is built from, as JSON has it."""
         height, width = self._preview.scene.shape
-        controls = controls_of(self.scene, stereo=self._stereo)
+        controls = controls_of(self.scene)
         return {
             "width": width,
             "height": height,
@@ -69,6 +68,7 @@ class Session:
             "fps": self.scene.fps,
             "frames": self.scene.frames,
             "effects": names(self.scene),
+            "textured": [hasattr(effect, "texture_request") for effect in self.scene.effects],
             "controls": [control.plain() for control in controls],
             "save": str(self.save_path),
         }
@@ -103,14 +103,15 @@ class Session:
         effects, path = settings(self.scene, values)
         self.values = dict(values)
         scene = self._preview.shown(effects, path)
-        scene, place = _carried(scene, now, ask.get("carry"))
+        index = _index(ask.get("effect", 0), len(scene.effects))
+        scene, places = _carried(scene, now, ask.get("carry"), index)
         picture = self._eyes(scene, now, float(values.get(EYES, 0.0)) / 1000.0)
-        head: dict[str, Any] = {"t": now, "place": place}
+        head: dict[str, Any] = {"t": now, "places": places}
         buffers = [jpeg(picture)]
         if ask.get("charts"):
             at = ask.get("at", (0.5, 0.5))
             x, y = (_number("at", v) for v in at)
-            found = chart(scene, now, int(_number("effect", ask.get("effect", 0))), (x, y))
+            found = chart(scene, now, _index(ask.get("chart", index), len(scene.effects)), (x, y))
             if found is not None:
                 head["chart"] = {
                     "side": found.rate.shape[0],
@@ -125,13 +126,11 @@ class Session:
 
     def _eyes(self, scene: Scene, t: float, distance: float) -> Array:
         """Return the picture as uint8 display values, for one eye or red-cyan glasses."""
-        stereo = _stereo()
-        if distance <= 0.0 or stereo is None:
+        if distance <= 0.0:
             return shown(scene, scene.render(t))
         pair = stereo.eyes(scene.camera.camera, distance=distance, convergence=CONVERGENCE)
         left, right = (shown(scene, scene.render(t, eye=eye)) for eye in pair)
-        result: Array = stereo.anaglyph(left, right)
-        return result
+        return stereo.anaglyph(left, right)
 
     def _save(self, ask: Mapping[str, Any]) -> dict[str, Any]:
         self.values = dict(_mapping(ask.get("values", {})))
@@ -141,15 +140,6 @@ class Session:
             "saved": str(self.save_path),
             "text": self.save_path.read_text(encoding="utf-8"),
         }
-
-
-def _stereo() -> Any:
-    """Return the module of two eyes and red-cyan glasses, if it is there."""
-    try:
-        module = importlib.import_module("flurries.stereo")
-    except ModuleNotFoundError:
-        return None
-    return module if hasattr(module, "anaglyph") else None
 
 
 def shown(scene: Scene, picture: Array) -> Array:
@@ -182,38 +172,48 @@ def packed(head: Mapping[str, Any], buffers: list[bytes]) -> bytes:
     return len(text).to_bytes(4, "little") + text + b"".join(buffers)
 
 
-def _carried(scene: Scene, t: float, carry: Any) -> tuple[Scene, list[float] | None]:
+def _carried(scene: Scene, t: float, carry: Any, index: int) -> tuple[Scene, list[Any] | None]:
     """Return the scene moved so that the air goes on from where it was, and where it is now.
 
     A frame is a function of the scene and t: with another speed the air would jump to where that
     speed had brought it by now. Under the hand it must go on from where it is. `carry` holds a
-    time, the place of the air then, and the scene's fall and wind decide what comes after.
+    time and where each effect's air was then; what comes after follows from the scene. There is one
+    camera to move, so the effect at `index`, which is under the hand, decides.
     """
     path: CameraPath = scene.camera
-    main = next((effect for effect in scene.effects if moves(effect)), None)
-    if main is None or path.turns:
+    if path.turns or not any(map(moves, scene.effects)):
         return scene, None
-
-    def place(time: float) -> Any:
-        frame = _moment(scene, time)
-        return frame.displacement(fall=getattr(main, "fall", 0.0), wind=_wind_of(main))
-
-    here = place(t)
+    here = _places(scene, t)
     if carry is None:
-        return scene, here.tolist()
+        return scene, here
     then = _number("carry", _mapping(carry).get("t"))
-    was = np.array([_number("carry", v) for v in _mapping(carry).get("place", ())])
-    if was.shape != (3,):
-        raise ValueError(f"carry must have a place of three numbers, got {was.tolist()}")
-    offset = was - place(then)
+    places = _mapping(carry).get("places")
+    if not isinstance(places, (list, tuple)) or len(places) != len(scene.effects):
+        raise ValueError(f"carry must have a place for each of {len(scene.effects)} effects")
+    if not moves(scene.effects[index]):
+        index = next(i for i, effect in enumerate(scene.effects) if moves(effect))
+    if not isinstance(places[index], (list, tuple)) or len(places[index]) != 3:
+        raise ValueError(f"carry must have places of three numbers, got {places[index]!r}")
+    was = np.array([_number("carry", v) for v in places[index]])
+    offset = was - _places(scene, then)[index]
     if not np.any(np.abs(offset) > 1e-9):
-        return scene, here.tolist()
+        return scene, here
     start, rate = path.place(t, fps=scene.fps) + offset, path.rate(t, fps=scene.fps)
     keys = Keys([(t, tuple(start)), (t + 1.0, tuple(start + rate))])
-    changed = replace(path, position=keys, velocity=None)
     moved = object.__new__(Scene)
-    vars(moved).update(vars(scene), camera=changed)
-    return moved, (here + offset).tolist()
+    vars(moved).update(vars(scene), camera=replace(path, position=keys, velocity=None))
+    return moved, _places(moved, t)
+
+
+def _places(scene: Scene, t: float) -> list[Any]:
+    """Return camera minus air for each effect that moves, three numbers each."""
+    frame = _moment(scene, t)
+    return [
+        frame.displacement(fall=getattr(effect, "fall", 0.0), wind=_wind_of(effect)).tolist()
+        if moves(effect)
+        else None
+        for effect in scene.effects
+    ]
 
 
 def _moment(scene: Scene, t: float) -> Frame:
@@ -232,6 +232,12 @@ def _moment(scene: Scene, t: float) -> Frame:
 
 def _wind_of(effect: Any) -> Any:
     return getattr(effect, "mean_wind", effect.wind)
+
+
+def _index(value: Any, count: int) -> int:
+    if isinstance(value, bool) or not isinstance(value, int) or not 0 <= value < max(count, 1):
+        raise ValueError(f"effect must be 0 to {max(count - 1, 0)}, got {value!r}")
+    return value
 
 
 def _number(name: str, value: Any) -> float:

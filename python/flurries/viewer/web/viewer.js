@@ -21,7 +21,7 @@ function shown(control, value) {
 export function mount(root, about, ask) {
   root.classList.add("flurries");
   root.replaceChildren();
-  const values = {}, state = { t: about.fps, playing: true, at: [0.5, 0.5], effect: 0, carry: null, turn: 0.6, tilt: 0.38 };
+  const values = {}, state = { t: about.fps, playing: true, at: [0.5, 0.5], effect: Math.max(about.textured.indexOf(true), 0), under: 0, carry: null, turn: 0.6, tilt: 0.38 };
   let busy = false, dirty = true, gone = false, chart = null, count = 0, last = 0, heldUntil = 0, clock = performance.now();
   const pace = [];
 
@@ -46,6 +46,7 @@ export function mount(root, about, ask) {
   const status = element("div", "fl-status", frame);
 
   const side = element("div", "fl-charts", stage);
+  side.hidden = marker.hidden = !about.textured.includes(true);
   const spectrumHead = element("div", "fl-title", side, "Spectrum of a tile");
   spectrumHead.title = "Power of each wave over horizontal and vertical frequency, 24 dB from dark to white. Click the picture to choose a tile.";
   const spectrum = element("canvas", "fl-spectrum", side);
@@ -71,7 +72,8 @@ export function mount(root, about, ask) {
       slider.addEventListener("input", () => {
         values[control.key] = Math.min(Math.max(Number(slider.value), control.low), control.high);
         const effect = about.effects.indexOf(control.group);
-        if (effect >= 0) state.effect = effect;
+        if (effect >= 0) state.under = effect;
+        if (about.textured[effect]) state.effect = effect;
         show();
         wanted();
       });
@@ -95,7 +97,7 @@ export function mount(root, about, ask) {
     clock = now;
     try {
       const charts = !chart || count++ % CHARTS_EVERY === 0;
-      const answer = await ask({ kind: "frame", t: state.t, values, carry: state.carry, at: state.at, effect: state.effect, charts });
+      const answer = await ask({ kind: "frame", t: state.t, values, carry: state.carry, at: state.at, effect: state.under, chart: state.effect, charts });
       if (answer.head.error) fail(answer.head.error); else await put(answer, charts);
     } catch (error) {
       state.playing = false;
@@ -116,7 +118,7 @@ export function mount(root, about, ask) {
     const picture = await createImageBitmap(new Blob([buffers[0]], { type: "image/jpeg" }));
     brush.drawImage(picture, 0, 0, canvas.width, canvas.height);
     picture.close();
-    state.carry = found.place ? { t: found.t, place: found.place } : null;
+    state.carry = found.places ? { t: found.t, places: found.places } : null;
     time.value = state.t;
     clockText.textContent = `frame ${Math.round(state.t)}`;
     if (found.chart) {

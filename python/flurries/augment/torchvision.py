@@ -1,0 +1,121 @@
+"""Weather as transforms of torchvision (v2), in its pipelines.
+
+    from torchvision.transforms import v2
+    from flurries.augment.torchvision import Snowfall
+    pipeline = v2.Compose([v2.ToImage(), Snowfall(severity=(1, 4)), v2.RandomHorizontalFlip()])
+
+Draws come from torch's random numbers, which a DataLoader seeds for each of its workers. Boxes and
+masks pass through. A `tv_tensors.Video` is the frames of one film, and its weather moves; plain
+tensors of more than three dimensions are batches whose pictures have one weather.
+"""
+
+from __future__ import annotations
+
+from typing import Any, ClassVar
+
+import numpy as np
+import torch
+from torchvision import tv_tensors
+from torchvision.transforms import v2
+
+from flurries import augment
+from flurries._contract import real
+from flurries.augment.weather import Weather
+
+__all__ = ["Fog", "Rainfall", "Snowfall"]
+
+
+class _Transform(v2.Transform):  # type: ignore[misc]
+    """One weather.
+
+    Parameters
+    ----------
+    p : float
+        Probability of the transform.
+    fps : float
+        Frames per second of videos.
+    **weather
+        The fields of :class:`flurries.augment.Snowfall` and its like, but `seed`.
+    """
+
+    KIND: ClassVar[type[Weather]]
+
+    def __init__(self, *, p: float = 1.0, fps: float = 30.0, **weather: Any) -> None:
+        super().__init__()
+        if "seed" in weather:
+            raise TypeError("seed belongs to torch: torch.manual_seed(7)")
+        self.p = real("p", p, low=0.0, high=1.0)
+        self.fps = real("fps", fps, low=1e-3, high=1e6)
+        self.weather = self.KIND(**weather)
+
+    def make_params(self, flat_inputs: list[Any]) -> dict[str, Any]:
+        """Draw the weather of one call."""
+        if float(torch.rand(())) >= self.p:
+            return {"record": None}
+        index = int(torch.randint(0, 2**62, ()))
+        return {"record": self.weather.record(index=index)}
+
+    # Its name before torchvision 0.21.
+    _get_params = make_params
+
+    def transform(self, inpt: Any, params: dict[str, Any]) -> Any:
+        """Return one input in the weather; labels as they are."""
+        record = params["record"]
+        labels = (tv_tensors.BoundingBoxes, tv_tensors.Mask)
+        if record is None or isinstance(inpt, labels):
+            return inpt
+        drawn = augment.replay(record)
+        if not isinstance(inpt, torch.Tensor):
+            from PIL import Image
+
+            return Image.fromarray(drawn(np.asarray(inpt)))
+        planes = inpt.detach().cpu().numpy()
+        if isinstance(inpt, tv_tensors.Video):
+            seen = film(drawn, planes, self.fps)
+        else:
+            seen = pictures(drawn, planes)
+        result = torch.from_numpy(seen).to(inpt.device)
+        if isinstance(inpt, tv_tensors.TVTensor):
+            result = tv_tensors.wrap(result, like=inpt)
+        return result
+
+    _transform = transform
+
+    def extra_repr(self) -> str:
+        return f"p={self.p}, {self.weather}"
+
+
+def pictures(weather: Weather, planes: Any) -> Any:
+    """Return (..., C, H, W) in one weather."""
+    if planes.ndim < 2:
+        raise ValueError(f"a picture must have shape (..., C, H, W), got {planes.shape}")
+    if planes.ndim == 2:
+        return weather(planes)
+    flat = planes.reshape(-1, *planes.shape[-3:])
+    seen = [np.moveaxis(weather(np.moveaxis(image, 0, -1)), -1, 0) for image in flat]
+    return np.ascontiguousarray(np.stack(seen)).reshape(planes.shape)
+
+
+def film(weather: Weather, planes: Any, fps: float) -> Any:
+    """Return (..., T, C, H, W) in one weather that moves."""
+    flat = planes.reshape(-1, *planes.shape[-4:])
+    seen = [np.moveaxis(weather.clip(np.moveaxis(c, 1, -1), fps=fps), -1, 1) for c in flat]
+    return np.ascontiguousarray(np.stack(seen)).reshape(planes.shape)
+
+
+class Snowfall(_Transform):
+    """:class:`flurries.augment.Snowfall` in a pipeline."""
+
+    KIND = augment.Snowfall
+
+
+class Rainfall(_Transform):
+    """:class:`flurries.augment.Rainfall` in a pipeline."""
+
+    KIND = augment.Rainfall
+
+
+class Fog(_Transform):
+    """:class:`flurries.augment.Fog` in a pipeline."""
+
+    KIND = augment.Fog

@@ -1,0 +1,102 @@
+"""How a texture of waves moves from one frame to the next, as one vector for each tile."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+import numpy as np
+
+from flurries._contract import Float64
+from flurries.spectral.frame import Request
+from flurries.spectral.tables import band_amplitude
+from flurries.spectral.tiles import tile_starts
+
+
+def tile_motion(now: Request, later: Request) -> tuple[Float64, Float64]:
+    """Return how the field of each tile moves from one frame to another, and its wavelength.
+
+    Waves of a texture that stands for many depths move at many speeds. The vector is that of the
+    shift that predicts the later frame best, to first order: the least squares of the waves' phase
+    errors, ``sum a^2 (k . (v - v_k))^2``, over the waves with their amplitudes a as the alias law,
+    the shutter and the scene's depth leave them. Without wind that varies over depth it is the
+    drift of the wavelength L at which the field has its gradients, ``L = sum a^2 k / sum a^2 k^2``.
+
+    Parameters
+    ----------
+    now, later : Request
+        Two frames of one texture.
+
+    Returns
+    -------
+    motion : (rows, cols, 2) float64
+        Pixels, (x, y), y down: what is at p in the first frame is at p + motion in the other.
+    wavelength : (rows, cols) float64
+        L in pixels; the longest where nothing is left of a tile.
+    """
+    rows, cols = (
+        len(tile_starts(n, tile=m, overlap=now.overlap))
+        for n, m in zip(now.shape, now.tile, strict=True)
+    )
+    shortest = np.zeros((1, 1)) if now.shortest is None else now.shortest
+    parts = [later.drift - now.drift, now.velocity, later.shift - now.shift, now.shift_rate]
+    rings = max(part.shape[2] for part in parts)
+    whole = (rows, cols, rings, 2)
+    wide = [np.broadcast_to(part, whole).reshape(rows * cols, -1) for part in parts]
+    wide.append(np.broadcast_to(shortest, (rows, cols)).reshape(-1, 1))
+    # Tiles of a camera that does not come nearer are all alike.
+    kinds, which = np.unique(np.concatenate(wide, axis=1), axis=0, return_inverse=True)
+    found = np.array([_fitted(now, kind, rings) for kind in kinds])[which.ravel()]
+    return found[:, :2].reshape(rows, cols, 2), found[:, 2].reshape(rows, cols)
+
+
+def _fitted(now: Request, kind: Float64, rings: int) -> Float64:
+    """Return motion x, y and wavelength of one tile."""
+    k, power, length, ring = _waves(
+        now.tile, now.wavelengths, now.exponent, tuple(now.ring_edges.tolist()), rings
+    )
+    moved, velocity, shifted, turned = kind[:-1].reshape(4, rings, 2)
+    near = (length / now.wavelengths[1])[:, None]
+    kept = np.where(length > kind[-1], power, 0.0)
+    rate = np.einsum("wi,wi->w", k, near * velocity[ring] + turned[ring])
+    weight = kept * _gain(rate, now) ** 2
+    if weight.sum() <= 1e-9 * power.sum():
+        # Blurred away, or no air: what it would be.
+        weight = kept if kept.any() else power
+    gradients = np.einsum("w,wi,wj->ij", weight, k, k)
+    ways = near * moved[ring] + shifted[ring]
+    pull = np.einsum("w,wi,w->i", weight, k, np.einsum("wi,wi->w", k, ways))
+    motion = np.linalg.lstsq(gradients, pull, rcond=1e-9)[0]
+    steep = weight @ (1.0 / length**2)
+    return np.array([*motion, (weight @ (1.0 / length)) / steep])
+
+
+def _gain(rate: Float64, asked: Request) -> Float64:
+    """Return what alias law and shutter leave of waves, see `temporal_filter`."""
+    speed = np.abs(rate)
+    gain = np.sinc(rate * asked.shutter)
+    if asked.alias != "keep":
+        gain = np.where(speed < 0.5, gain, 0.0)
+    if asked.alias == "soft":
+        part = np.clip((speed - asked.soft_from) / (0.5 - asked.soft_from), 0.0, 1.0)
+        gain = gain * np.cos(0.5 * np.pi * part) ** 2
+    return np.asarray(gain)
+
+
+@lru_cache(maxsize=4)
+def _waves(
+    tile: tuple[int, int],
+    wavelengths: tuple[float, float],
+    exponent: float,
+    edges: tuple[float, ...],
+    rings: int,
+) -> tuple[Float64, Float64, Float64, np.ndarray]:
+    """Return the waves of the band, half a plane: vectors (n, 2), power, wavelength, ring."""
+    power = band_amplitude(tile, wavelengths=wavelengths, exponent=exponent) ** 2
+    ky, kx = np.meshgrid(np.fft.fftfreq(tile[0]), np.fft.fftfreq(tile[1]), indexing="ij")
+    half = (power > 0.0) & ((ky > 0.0) | ((ky == 0.0) & (kx > 0.0)))
+    k = np.stack([kx[half], ky[half]], axis=1)
+    length = 1.0 / np.hypot(k[:, 0], k[:, 1])
+    ring = np.zeros(len(k), np.intp)
+    if rings > 1:
+        ring = np.clip(np.searchsorted(edges, length, side="left") - 1, 0, rings - 1)
+    return k, power[half], length, ring

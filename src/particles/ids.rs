@@ -1,0 +1,172 @@
+//! Which flake a pixel shows: the one whose own opacity there is the greatest.
+
+use ndarray::{ArrayView2, ArrayViewMut2, Axis};
+
+use super::profile::{self, bare};
+use super::splat::{Flakes, Source, check_lens};
+use super::sprite::{Lens, Sprite};
+use crate::cover::pixels;
+use crate::error::{Cancel, Error};
+use crate::pool;
+use crate::real::Real;
+
+/// Rows of one item of work.
+const BAND: usize = 16;
+
+/// Where no flake is.
+pub const NONE: i32 = -1;
+
+/// Writes the index of the flake with the greatest opacity of its own into each pixel of `out`, (H, W), or
+/// [`NONE`]. Of equals it is the first.
+///
+/// Flakes are those of [`super::splat::splat`], pixel by pixel in float64; `depth` hides as there.
+pub fn ids<M: Real>(
+    mut out: ArrayViewMut2<i32>,
+    flakes: &Flakes<'_>,
+    lens: &Lens,
+    depth: Option<ArrayView2<M>>,
+    cancel: &Cancel,
+) -> Result<(), Error> {
+    flakes.check()?;
+    check_lens(lens)?;
+    if depth.as_ref().is_some_and(|map| map.dim() != out.dim()) {
+        return Err(Error::invalid("depth", format!("must have shape {:?}", out.dim())));
+    }
+    let count = flakes.points.nrows();
+    if i32::try_from(count).is_err() {
+        return Err(Error::invalid("points", "must be fewer than 2^31"));
+    }
+    let mut sprites: Vec<(Sprite, i32)> = Vec::new();
+    sprites
+        .try_reserve_exact(count)
+        .map_err(|_| Error::Memory { bytes: count * size_of::<(Sprite, i32)>() })?;
+    for index in 0..count {
+        if index % 65_536 == 0 {
+            cancel.check()?;
+        }
+        let flake = flakes.get(index);
+        if let Some(sprite) = flake.and_then(|flake| Sprite::of(&flake, lens)) {
+            sprites.push((sprite, index as i32));
+        }
+    }
+    let bands: Vec<_> = out.axis_chunks_iter_mut(Axis(0), BAND).enumerate().collect();
+    pool::for_each(bands, |(number, mut band)| {
+        cancel.check()?;
+        band.fill(NONE);
+        let top = number * BAND;
+        let mut best = vec![0.0_f64; band.len()];
+        let width = band.ncols();
+        for (sprite, index) in &sprites {
+            let (low, high) = sprite.bounds();
+            let shift = top as f64;
+            let Some(rows) = pixels(low[1] - shift, high[1] - shift, band.nrows()) else {
+                continue;
+            };
+            let Some(columns) = pixels(low[0], high[0], width) else { continue };
+            for row in rows {
+                for column in columns.clone() {
+                    let hidden = depth.as_ref().is_some_and(|map| {
+                        f64::from(map[[top + row, column]].wide() as f32)
+                            < f64::from(sprite.depth as f32)
+                    });
+                    if hidden {
+                        continue;
+                    }
+                    let alpha = alpha_at(sprite, column as f64 + 0.5, (top + row) as f64 + 0.5);
+                    let best = &mut best[row * width + column];
+                    if alpha > *best {
+                        *best = alpha;
+                        band[[row, column]] = *index;
+                    }
+                }
+            }
+        }
+        Ok(())
+    })
+}
+
+/// The opacity of one flake at a point of the picture: the definition, without a table or a tile.
+fn alpha_at(sprite: &Sprite, x: f64, y: f64) -> f64 {
+    let (x, y) = ((x - sprite.start[0]) / sprite.sigma, (y - sprite.start[1]) / sprite.sigma);
+    let [ux, uy] = sprite.along;
+    let length = sprite.length / sprite.sigma;
+    let (along, across) = (x * ux + y * uy, y * ux - x * uy);
+    if length == 0.0 {
+        return sprite.amplitude * profile::gaussian(along) * profile::gaussian(across);
+    }
+    let ends = if sprite.square() {
+        let [wide_x, wide_y] = profile::widening([length * ux, length * uy]);
+        profile::rim(((x - 0.5 * length * ux) / wide_x).abs())
+            * profile::rim(((y - 0.5 * length * uy) / wide_y).abs())
+    } else {
+        profile::rim(across.abs()) * profile::rim((-along).max(along - length))
+    };
+    if ends == 0.0 {
+        return 0.0;
+    }
+    let swept = profile::swept(along, length - along) * std::f64::consts::FRAC_PI_2.sqrt() / length;
+    sprite.amplitude * bare(across) * swept * ends
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::particles::splat::splat;
+    use ndarray::{Array2, array};
+
+    const LENS: Lens = Lens { focal: 50.0, center: [20.0, 15.0], offset: [0.0; 3], near: 0.1 };
+
+    #[test]
+    fn one_flake_alone_is_where_it_is_drawn() {
+        for velocity in [[0.0, 0.0, 0.0], [0.001, 0.0, 0.0], [0.1, 0.2, 0.0], [-0.4, 0.3, 0.2]] {
+            let (points, radius) = (array![[0.05, -0.02, 1.0]], array![0.08]);
+            let (opacity, velocity) =
+                (array![0.9], Array2::from_shape_fn((1, 3), |(_, i)| velocity[i]));
+            let flakes = Flakes {
+                points: points.view(),
+                radius: radius.view(),
+                opacity: opacity.view(),
+                velocity: velocity.view(),
+                shutter: 1.0,
+            };
+            let mut alpha = Array2::<f64>::zeros((31, 41));
+            splat(alpha.view_mut(), &flakes, &LENS, None::<ArrayView2<f32>>, &Cancel::new())
+                .unwrap();
+            let mut found = Array2::<i32>::zeros((31, 41));
+            ids(found.view_mut(), &flakes, &LENS, None::<ArrayView2<f32>>, &Cancel::new()).unwrap();
+            let sprite = Sprite::of(&flakes.get(0).unwrap(), &LENS).unwrap();
+            for ((row, column), &value) in alpha.indexed_iter() {
+                let own = alpha_at(&sprite, column as f64 + 0.5, row as f64 + 0.5);
+                assert!((own - value).abs() < 1e-12, "{own} {value}");
+                assert_eq!(found[[row, column]] == 0, own > 0.0);
+            }
+        }
+    }
+
+    #[test]
+    fn the_strongest_wins_and_of_equals_the_first() {
+        let points = array![[0.0, 0.0, 1.0], [0.0, 0.0, 1.0], [0.02, 0.0, 1.0], [-9.0, 0.0, 1.0]];
+        let flakes = |opacity| Flakes {
+            points: points.view(),
+            radius: ndarray::aview1(&[0.08]),
+            opacity,
+            velocity: ndarray::aview2(&[[0.0, 0.0, 0.0]]),
+            shutter: 0.0,
+        };
+        let mut found = Array2::<i32>::zeros((31, 41));
+        let opacity = array![0.5, 0.5, 0.5, 1.0];
+        ids(
+            found.view_mut(),
+            &flakes(opacity.view()),
+            &LENS,
+            None::<ArrayView2<f32>>,
+            &Cancel::new(),
+        )
+        .unwrap();
+        assert_eq!((found[[15, 19]], found[[15, 21]], found[[0, 0]]), (0, 2, NONE));
+        let near = Array2::<f32>::from_elem((31, 41), 0.5);
+        ids(found.view_mut(), &flakes(opacity.view()), &LENS, Some(near.view()), &Cancel::new())
+            .unwrap();
+        assert!(found.iter().all(|&id| id == NONE));
+    }
+}

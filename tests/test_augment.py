@@ -1,0 +1,535 @@
+"""Weather for data sets: what comes back, how much there is of it, and that it can be had again."""
+
+from __future__ import annotations
+
+import copy
+import json
+import math
+import pickle
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+
+import flurries as fl
+from flurries.augment import Fog, Ground, Rainfall, Snowfall, Weathered, contrast_loss, occlusion
+from flurries.augment.calibration import extinction, mean_square
+
+KINDS: dict[str, Callable[..., Any]] = {"snow": Snowfall, "rain": Rainfall, "fog": Fog}
+EACH = pytest.mark.parametrize("kind", KINDS)
+RNG = np.random.default_rng(0)
+PICTURE = RNG.integers(0, 256, (48, 64, 3), dtype=np.uint8)
+DTYPES = {
+    "u1": PICTURE,
+    "u2": (PICTURE.astype(np.uint16) * 257),
+    "f2": (PICTURE / 255).astype(np.float16),
+    "f4": (PICTURE / 255).astype(np.float32),
+    "f8": PICTURE / 255,
+}
+
+
+# What comes back ---------------------------------------------------------------------------------
+
+
+@EACH
+@pytest.mark.parametrize("dtype", DTYPES)
+@pytest.mark.parametrize("channels", [None, 1, 3])
+def test_dtype_and_shape_stay_and_nothing_is_written(kind: str, dtype: str, channels: int | None):
+    picture = DTYPES[dtype]
+    picture = picture[..., 0] if channels is None else picture[..., :channels]
+    before = picture.copy()
+    seen = KINDS[kind](severity=4, seed=1)(picture, index=3)
+    assert seen.shape == picture.shape and seen.dtype == picture.dtype
+    assert np.array_equal(picture, before)
+    assert not np.shares_memory(seen, picture)
+    assert not np.array_equal(seen, picture)
+
+
+@EACH
+def test_dtypes_agree(kind: str):
+    weather = KINDS[kind](severity=4, seed=1)
+    exact = weather(DTYPES["f8"], index=3)
+    # One rounding of the result, and of the half the picture's own.
+    for name, step in (("u1", 0.5 / 255), ("u2", 0.5 / 65535), ("f4", 2e-7), ("f2", 2.0**-11)):
+        seen = weather(DTYPES[name], index=3).astype(np.float64)
+        seen /= {"u1": 255.0, "u2": 65535.0}.get(name, 1.0)
+        assert np.abs(seen - exact).max() <= 1.01 * step + 3e-7, name
+
+
+@EACH
+def test_it_is_the_layer_over_the_picture(kind: str):
+    weather = KINDS[kind](severity=4, seed=1)
+    picture = DTYPES["f8"]
+    seen, layer = weather(picture, index=3, return_layer=True)
+    assert layer.shape == (48, 64, 4) and layer.dtype == np.float32
+    want = layer[..., :3] + (1.0 - layer[..., 3:].astype(np.float64)) * picture
+    assert np.abs(seen - want).max() < 1e-6
+    assert np.array_equal(seen, weather(picture, index=3))
+
+
+@EACH
+def test_layouts_make_no_difference(kind: str):
+    weather = KINDS[kind](severity=4, seed=1)
+    want = weather(PICTURE, index=3)
+    wide = np.zeros((96, 128, 3), np.uint8)
+    wide[::2, ::2] = PICTURE
+    readonly = PICTURE.copy()
+    readonly.flags.writeable = False
+    for given in (
+        np.asfortranarray(PICTURE), PICTURE[::-1].copy()[::-1], wide[::2, ::2], readonly,
+        np.ascontiguousarray(PICTURE.transpose(2, 0, 1)).transpose(1, 2, 0),
+    ):  # fmt: skip
+        assert np.array_equal(weather(given, index=3), want)
+    big = DTYPES["u2"].astype(">u2")
+    assert np.array_equal(weather(big, index=3), weather(DTYPES["u2"], index=3))
+
+
+@EACH
+def test_nothing_is_nothing(kind: str):
+    for picture in DTYPES.values():
+        assert np.array_equal(KINDS[kind](amount=0.0, seed=1)(picture, index=0), picture)
+
+
+@EACH
+def test_bad_pixels_stay_where_they_were(kind: str):
+    picture = DTYPES["f4"].copy()
+    bad = RNG.random(picture.shape) < 0.05
+    picture[bad] = np.nan
+    seen = KINDS[kind](severity=5, seed=1)(picture, index=0)
+    assert np.array_equal(np.isnan(seen), bad)
+
+
+@EACH
+@pytest.mark.parametrize("shape", [(1, 1), (1, 7), (7, 1), (13, 17), (3, 400), (65, 63)])
+def test_odd_sizes(kind: str, shape: tuple[int, int]):
+    picture = np.full((*shape, 3), 0.25)
+    seen = KINDS[kind](severity=5, seed=1)(picture, index=0)
+    assert seen.shape == picture.shape
+    assert ((seen >= 0.25 - 1e-9) & (seen <= 1.0)).all()
+
+
+@EACH
+def test_white_is_what_the_caller_says(kind: str):
+    seen = KINDS[kind](severity=4, seed=1)(DTYPES["f8"], index=3)
+    with pytest.warns(UserWarning, match="white=255"):
+        KINDS[kind](severity=4, seed=1)(DTYPES["f8"] * 255.0, index=3)
+    scaled = KINDS[kind](severity=4, seed=1, white=255.0)(DTYPES["f8"] * 255.0, index=3)
+    assert np.allclose(scaled, 255.0 * seen, rtol=0.0, atol=1e-9)
+
+
+@EACH
+def test_out(kind: str):
+    weather = KINDS[kind](severity=4, seed=1)
+    out = np.full_like(PICTURE, 7)
+    assert weather(PICTURE, index=3, out=out) is out
+    assert np.array_equal(out, weather(PICTURE, index=3))
+    for wrong in (PICTURE, out[:-1], out.astype(np.float32), out[..., ::-1]):
+        with pytest.raises((TypeError, ValueError), match="out"):
+            weather(PICTURE, index=3, out=wrong)
+
+
+# More than one -----------------------------------------------------------------------------------
+
+
+@EACH
+def test_a_batch_is_its_pictures(kind: str):
+    weather = KINDS[kind](severity=(1, 5), seed=1)
+    images = np.stack([PICTURE, PICTURE[::-1], PICTURE])
+    seen, layers = weather.batch(images, index=40, return_layer=True)
+    for number in range(3):
+        one, layer = weather(images[number], index=40 + number, return_layer=True)
+        assert np.array_equal(seen[number], one) and np.array_equal(layers[number], layer)
+    assert not np.array_equal(seen[0], seen[2])
+    assert np.array_equal(weather.batch(images, index=[40, 41, 42]), seen)
+    with pytest.raises(ValueError, match="index"):
+        weather.batch(images, index=[1, 2])
+
+
+@EACH
+def test_a_clip_is_its_frames(kind: str):
+    weather = KINDS[kind](severity=3, seed=1)
+    frames = np.stack([PICTURE] * 3)
+    seen = weather.clip(frames, index=5, fps=25.0, time=2.0)
+    assert seen.shape == frames.shape
+    for number in range(3):
+        # At 25 frames a second, which is what a call takes for 30.
+        one = weather.apply(PICTURE, index=5, time=2.0 + number / 25.0, fps=25.0).image
+        assert np.array_equal(seen[number], one)
+    assert not np.array_equal(seen[0], seen[1])
+    grey = weather.clip(frames[..., 0], index=5)
+    assert grey.shape == frames.shape[:3]
+
+
+def test_a_depth_for_each():
+    fog = Fog(visibility=50.0, patches=0.0, seed=1)
+    images = np.stack([PICTURE] * 2)
+    depth = np.stack([np.full((48, 64), d) for d in (5.0, 500.0)])
+    for many in (fog.batch, fog.clip):
+        seen = many(images, index=[0, 0] if many == fog.batch else 0, depth=depth)
+        for number in range(2):
+            one = fog(PICTURE, index=0, depth=depth[number])
+            assert np.array_equal(seen[number], one)
+
+
+def test_channels_that_come_first_are_named():
+    with pytest.raises(ValueError, match="channels come last"):
+        Snowfall()(np.zeros((3, 40, 50), np.uint8))
+    with pytest.raises(ValueError, match=r"\.clip.*\.batch"):
+        Snowfall()(np.zeros((2, 40, 50, 3), np.uint8))
+
+
+def test_two_eyes_see_one_snow():
+    # A flake at z is displaced by focal * distance / z, and nothing else differs: rows agree.
+    snow = Snowfall(severity=5, seed=3, ground=None)
+    picture = np.zeros((256, 256), np.uint8)
+    _, _, left, right = snow.pair(picture, picture, index=0, distance=0.1, return_layer=True)
+    air, view = snow._air(snow.record(index=0)), snow._view((256, 256), 0.0, 0.05)
+    flakes = air._flakes(view, 0.0)
+    near = flakes.points[:, 2] < 3.0
+    x, y, z = flakes.points[near].T
+    focal = view.camera.focal
+    column, row = 128 + focal * x / z, 128 + focal * y / z
+    shift = focal * 0.05 / z
+    inside = (column > 30) & (column < 226) & (row > 5) & (row < 251)
+    values = []
+    for layer, sign in ((left, 1.0), (right, -1.0)):
+        j = (column + sign * shift)[inside].astype(int)
+        values.append(layer[row[inside].astype(int), j, 3])
+    # Where flakes are there is more than in the mean, in both eyes, at their own disparities.
+    for layer, at in zip((left, right), values, strict=True):
+        assert at.mean() > layer[..., 3].mean() + 0.04
+    crossed = left[row[inside].astype(int), (column - shift)[inside].astype(int), 3]
+    # Four standard errors of the mean of so many pixels.
+    assert abs(crossed.mean() - left[..., 3].mean()) < 4.0 * left[..., 3].std() / crossed.size**0.5
+    # The texture lies so far that its disparity is less than half its longest wave.
+    far = snow._air(snow.record(index=0)).apart(view, 0.5).texture
+    assert focal * 0.5 / far.near < 0.5 * 24.0 * 256 / 1024 < focal * 0.5 / 12.0
+    same = snow.pair(picture, picture, index=0, distance=0.0)
+    assert np.array_equal(same[0], same[1])
+
+
+# Random numbers, records -------------------------------------------------------------------------
+
+
+@EACH
+def test_a_seed_and_an_index_are_all(kind: str):
+    one, two = KINDS[kind](seed=7), KINDS[kind](seed=7)
+    want = [one(PICTURE, index=k) for k in range(4)]
+    # In another order, from another object.
+    for k in (2, 0, 3, 1):
+        assert np.array_equal(two(PICTURE, index=k), want[k])
+    assert len({image.tobytes() for image in want}) == 4
+    assert not np.array_equal(KINDS[kind](seed=8)(PICTURE, index=0), want[0])
+
+
+@EACH
+def test_without_an_index(kind: str):
+    seeded = KINDS[kind](seed=7)
+    assert np.array_equal(seeded(PICTURE), seeded(PICTURE.copy()))
+    other = PICTURE.copy()
+    other[0, 0] ^= 255
+    assert seeded.record(PICTURE) != seeded.record(other)
+    free = KINDS[kind]()
+    assert not np.array_equal(free(PICTURE), free(PICTURE))
+    with pytest.raises(ValueError, match="index"):
+        free.record(PICTURE)
+    with pytest.raises(ValueError, match="index"):
+        seeded.record()
+
+
+@EACH
+def test_a_record_makes_it_again(kind: str):
+    weather = KINDS[kind]()
+    seen = weather.apply(PICTURE)
+    text = json.dumps(seen.record)
+    for again in (fl.augment.replay(json.loads(text)), KINDS[kind].replay(json.loads(text))):
+        assert type(again) is type(weather)
+        for index in (None, 5):
+            assert np.array_equal(again(PICTURE, index=index), seen.image)
+        assert again.record(index=9) == json.loads(text) | {"colour": again.colour}
+
+
+@pytest.mark.parametrize("change", [
+    {"transform": "Hail"}, {"version": 2}, {"version": None}, {"amount": 2.0}, {"amount": "much"},
+    {"weather_seed": 1.5}, {"more": 1}, {"ground": 3}, {"ground": {"horizon": math.nan}},
+])  # fmt: skip
+def test_a_record_that_is_none_is_refused(change: dict[str, Any]):
+    record = Snowfall().apply(PICTURE).record
+    with pytest.raises((TypeError, ValueError)):
+        fl.augment.replay({**record, **change})
+    for wrong in (None, [], "snow", 3):
+        with pytest.raises(TypeError, match="record"):
+            fl.augment.replay(wrong)  # type: ignore[arg-type]
+    record.pop("colour")
+    with pytest.raises(ValueError, match="colour"):
+        fl.augment.replay(record)
+
+
+@EACH
+def test_draws_fill_their_ranges(kind: str):
+    weather = KINDS[kind](amount=(0.1, 0.9), seed=3)
+    records = [weather.record(index=k) for k in range(400)]
+    for name in ("amount", *weather.DRAWN):
+        low, high = getattr(weather, name)
+        values = np.array([record[name] for record in records])
+        assert values.min() >= low and values.max() <= high
+        # The mean of 400 uniform numbers, five standard errors.
+        assert abs((values.mean() - low) / (high - low) - 0.5) < 5.0 / math.sqrt(12 * 400), name
+    levels = {KINDS[kind](severity=(2, 4), seed=3).record(index=k)["amount"] for k in range(60)}
+    assert levels == {0.4, 0.6, 0.8}
+
+
+@EACH
+def test_objects_pickle_small(kind: str):
+    weather = KINDS[kind](severity=(1, 4), seed=7)
+    text = pickle.dumps(weather)
+    assert len(text) <= 4096
+    want = weather(PICTURE, index=7)
+    for again in (pickle.loads(text), copy.copy(weather), copy.deepcopy(weather)):
+        assert again == weather and np.array_equal(again(PICTURE, index=7), want)
+
+
+BAD = {
+    "amount": [-0.1, 1.1, math.nan, "x", None.__class__, (0.5, 0.2), (0.1, 0.2, 0.3), [[0, 1]]],
+    "severity": [0, 6, 1.5, (3, 2), math.inf, "3", (1, 2, 3)],
+    "wind": [math.nan, 1e9, (1, -1), "w"],
+    "colour": [-1.0, 2.0, (0.1, 0.2, 3.0), "white", (1, 2)],
+    "ground": [3, "flat", Ground],
+    "focal": [0.0, -1.0, math.inf, "f"],
+    "white": [0.0, math.nan],
+    "seed": [1.5, "s", 2**63, True],
+    "weather_seed": [1.5, 2**63],
+}
+
+
+@EACH
+@pytest.mark.parametrize("name", BAD)
+def test_bad_fields_are_refused_by_name(kind: str, name: str):
+    for value in BAD[name]:
+        with pytest.raises((TypeError, ValueError), match=name):
+            KINDS[kind](**{name: value})
+    with pytest.raises(ValueError, match="amount and severity"):
+        KINDS[kind](amount=0.5, severity=3)
+
+
+@pytest.mark.parametrize("wrong", [
+    None, "picture", [[1, 2], [3]], np.zeros((4, 4), np.int32), np.zeros((4, 4), bool),
+    np.zeros((4, 4), complex), np.zeros((0, 4)), np.zeros(4), np.zeros((4, 4, 2)), np.zeros(()),
+    np.zeros((4, 4, 4)), np.zeros((4, 4), object),
+])  # fmt: skip
+def test_bad_pictures_are_refused_by_name(wrong: Any):
+    with pytest.raises((TypeError, ValueError), match="image"):
+        Snowfall()(wrong)
+
+
+# How much ----------------------------------------------------------------------------------------
+
+
+def test_the_scale_of_severities():
+    assert [round(contrast_loss(n / 5), 3) for n in range(6)] == [0, 0.06, 0.14, 0.25, 0.38, 0.55]
+    for wrong in (-0.1, 1.1, math.nan, "x"):
+        with pytest.raises((TypeError, ValueError), match="amount"):
+            contrast_loss(wrong)  # type: ignore[arg-type]
+
+
+def boxed(plane: np.ndarray, cells: int = 64) -> np.ndarray:
+    """Means over cells of equal area, parts of pixels as parts."""
+    size = plane.shape[0]
+    edges = np.arange(cells + 1) * size / cells
+    sums = np.zeros(size + 1)
+
+    def along(values: np.ndarray) -> np.ndarray:
+        sums = np.concatenate([np.zeros((1, values.shape[1])), np.cumsum(values, axis=0)])
+        first = np.minimum(edges.astype(int), size - 1)
+        at = sums[first] + (edges - first)[:, None] * (sums[first + 1] - sums[first])
+        return np.diff(at, axis=0) * cells / size
+
+    assert sums.shape == (size + 1,)
+    return along(along(plane.astype(np.float64)).T).T
+
+
+@EACH
+@pytest.mark.parametrize("severity", [1, 3, 5])
+def test_a_severity_is_the_same_at_every_size(kind: str, severity: int):
+    """Three statistics at 64, 224, 512 and 2160 px, box-filtered to 64, agree within 5 %."""
+    weather = KINDS[kind](severity=severity, seed=5)
+    found = []
+    for size, count in ((64, 6), (224, 6), (512, 6), (2160, 2)):
+        values = []
+        for index in range(count):
+            dark, bright = np.zeros((size, size)), np.ones((size, size))
+            low, high = (boxed(weather(p, index=index)) for p in (dark, bright))
+            alpha = 1.0 - (high - low)
+            # The contrast of two pictures that is lost; the light that is added; its unevenness.
+            values.append([alpha.mean(), low.mean(), alpha.std()])
+        found.append((np.array(values), count))
+    for values, count in found:
+        want = found[0][0][:count].mean(axis=0)
+        assert np.abs(values.mean(axis=0) / want - 1.0).max() < 0.05
+        assert values[:, 0].mean() == pytest.approx(contrast_loss(severity / 5), rel=0.05)
+
+
+@EACH
+def test_severities_without_a_ground_and_with_depths(kind: str):
+    rng = np.random.default_rng(1)
+    depth = np.exp(rng.uniform(np.log(3.0), np.log(300.0), (256, 256)))
+    for arguments, given in (({"ground": None}, None), ({}, depth), ({}, 40.0)):
+        weather = KINDS[kind](severity=3, seed=2, **arguments)
+        black = np.zeros((256, 256))
+        loss = [
+            1.0 - (weather(black + 1.0, index=k, depth=given)
+                   - weather(black, index=k, depth=given)).mean()
+            for k in range(6)
+        ]  # fmt: skip
+        assert np.mean(loss) == pytest.approx(contrast_loss(0.6), rel=0.05)
+
+
+def test_the_control_of_the_sizes_notices_a_texture_in_pixels():
+    # The same tile of pixels at every size: what the usual libraries do. The statistic sees it.
+    spread = []
+    for size in (64, 512):
+        alpha = fl.spectral.alpha((size, size), drift=(0.0, 0.0), seed=1, mean=0.2, spread=2.0)
+        spread.append(boxed(alpha).std())
+    assert abs(spread[1] / spread[0] - 1.0) > 0.4
+
+
+@pytest.mark.parametrize("mean", [-0.4, -0.1, 0.0, 0.14, 0.5, 1.2])
+@pytest.mark.parametrize("deviation", [0.05, 0.25, 1.0])
+def test_mean_square_is_the_integral(mean: float, deviation: float):
+    z = np.linspace(-10.0, 10.0, 400_001)
+    weight = np.exp(-0.5 * z * z) / math.sqrt(2.0 * math.pi) * (z[1] - z[0])
+    want = (np.clip(mean + deviation * z, 0.0, 1.0) ** 2 * weight).sum()
+    assert mean_square(mean, deviation) == pytest.approx(want, rel=1e-6, abs=1e-12)
+
+
+def test_extinction_is_the_root():
+    rng = np.random.default_rng(2)
+    for _ in range(50):
+        depth = rng.uniform(0.5, 200.0, 100)
+        clear = rng.uniform(0.9, 1.0, (100, 1))
+        density = np.maximum(1.0 + 0.3 * rng.standard_normal(7), 0.05)
+        loss = rng.uniform(0.12, 0.6)
+        found = extinction(loss, depth, clear, density)
+        left = (clear * np.exp(-found * depth[:, None] * density)).mean()
+        assert left == pytest.approx(1.0 - loss, rel=1e-6)
+    assert extinction(0.05, depth, np.full((100, 1), 0.9), np.ones(1)) == 0.0
+
+
+# Depth -------------------------------------------------------------------------------------------
+
+
+def test_fog_is_koschmieder():
+    depth = np.random.default_rng(3).uniform(1.0, 300.0, (40, 50))
+    depth[:5] = np.inf
+    picture = np.random.default_rng(4).random((40, 50, 3))
+    fog = Fog(visibility=80.0, patches=0.0, colour=(0.7, 0.8, 0.9))
+    clear = np.exp(-depth * math.log(20.0) / 80.0)[..., None]
+    clear[:5] = np.exp(-max(25.0, 2.0 * depth[5:].max()) * math.log(20.0) / 80.0)
+    want = picture * clear + np.array([0.7, 0.8, 0.9]) * (1.0 - clear)
+    assert np.abs(fog(picture, depth=depth) - want).max() < 1e-6
+
+
+def test_flakes_stay_behind_what_is_nearer():
+    snow = Snowfall(severity=5, seed=1, ground=None)
+    air, view = snow._air(snow.record(index=0)), snow._view((128, 128))
+    far = air.alpha(view, snow._distances(200.0, view), time=0.0, veil=0.0)
+    near = air.alpha(view, snow._distances(2.0, view), time=0.0, veil=0.0)
+    nothing = air.alpha(view, snow._distances(0.3, view), time=0.0, veil=0.0)
+    assert far.mean() > 2.0 * near.mean() > 0.0 and nothing.max() == 0.0
+    # A wall in the left half hides there what it hides everywhere, and nothing in the right half.
+    wall = np.full((128, 128), 200.0)
+    wall[:, :64] = 2.0
+    half = air.alpha(view, snow._distances(wall, view), time=0.0, veil=0.0)
+    assert np.allclose(half[:, 66:], far[:, 66:], atol=1e-6)
+    assert np.allclose(half[:, :62], near[:, :62], atol=1e-6)
+
+
+def test_relative_depths_become_metres():
+    greys = np.random.default_rng(5).integers(0, 256, (48, 64), dtype=np.uint8)
+    painted = fl.DepthMap(greys, near=2.0, far=80.0, law="inverse")
+    fog = Fog(visibility=50.0, seed=1)
+    metres = painted.depth_of(greys / 255.0)
+    assert np.allclose(
+        fog(DTYPES["f8"], index=0, depth=painted), fog(DTYPES["f8"], index=0, depth=metres),
+        atol=1e-6,
+    )  # fmt: skip
+
+
+def test_the_ground_is_a_plane_with_a_horizon():
+    rows = Ground(horizon=0.5, height=2.0, far=50.0).rows((100, 100), 120.0)[:, 0]
+    assert (np.diff(rows) < 0.0).all() and rows[0] == pytest.approx(50.0, rel=0.02)
+    # Far below the horizon the rounding is gone: 1 / (y / (f h) + 1 / far).
+    assert rows[99] == pytest.approx(1.0 / (49.5 / 240.0 + 1.0 / 50.0), rel=0.02)
+
+
+@pytest.mark.parametrize("wrong", [
+    0.0, -1.0, math.nan, "near", np.zeros((48, 64)), np.full((48, 64), np.nan),
+    np.full((48, 64), 5), np.full((64, 48), 5.0), np.full((48, 64, 1), 5.0), [[1.0, 2.0]],
+    np.array(5.0),
+])  # fmt: skip
+def test_bad_depths_are_refused_by_name(wrong: Any):
+    for weather in (Snowfall(), Fog()):
+        with pytest.raises((TypeError, ValueError), match="depth"):
+            weather(PICTURE, depth=wrong)
+
+
+# Labels ------------------------------------------------------------------------------------------
+
+
+def test_occlusion_is_the_mean_opacity():
+    alpha = np.random.default_rng(6).random((30, 40)).astype(np.float32)
+    boxes = [[0, 0, 40, 30], [3, 4, 17, 9], [2.5, 3.25, 2.75, 7.0], [-5, -5, 10, 10],
+             [50, 50, 60, 60], [4, 4, 4, 9]]  # fmt: skip
+    found = occlusion(alpha, boxes)
+    # Each pixel cut into 8 x 8 parts: exact for eighths.
+    fine = np.kron(alpha.astype(np.float64), np.ones((8, 8)))
+    for (x0, y0, x1, y1), value in zip(boxes, found, strict=True):
+        columns = slice(max(int(8 * x0), 0), max(int(8 * x1), 0))
+        part = fine[max(int(8 * y0), 0) : max(int(8 * y1), 0), columns]
+        if part.size == 0:
+            assert math.isnan(value)
+        else:
+            assert value == pytest.approx(part.mean(), abs=1e-12)
+    assert occlusion(alpha, []).shape == (0,)
+
+
+@pytest.mark.parametrize("wrong", [[[1, 2, 3]], [[5, 5, 1, 9]], [[0, 0, math.nan, 3]], "box"])
+def test_bad_boxes_are_refused(wrong: Any):
+    with pytest.raises((TypeError, ValueError), match="boxes"):
+        Snowfall().apply(PICTURE, boxes=wrong)
+
+
+@EACH
+def test_labels_come_along(kind: str):
+    rng = np.random.default_rng(7)
+    shape = (384, 512)
+    boxes, masks = np.array([[1.0, 2.0, 30.0, 40.0]]), [rng.random(shape) > 0.5]
+    depth = rng.uniform(6.0, 60.0, shape)
+    flow = rng.standard_normal((*shape, 2)).astype(np.float32)
+    kept = flow.copy(), depth.copy()
+    # So short an exposure that drops hide what is behind them.
+    sharp = {} if kind == "fog" else {"exposure": 1e-4}
+    seen = KINDS[kind](severity=5, seed=1, **sharp).apply(
+        np.zeros(shape), index=0, boxes=boxes, masks=masks, depth=depth, flow=flow, motion=True
+    )
+    assert isinstance(seen, Weathered)
+    assert seen.boxes is boxes and seen.masks is masks
+    assert np.array_equal(flow, kept[0]) and np.array_equal(depth, kept[1])
+    assert seen.occlusion == pytest.approx([seen.alpha[2:40, 1:30].mean()], rel=1e-6)
+    metres = depth.astype(np.float32)
+    covered = seen.depth < metres
+    # Fog hides, but is nowhere in particular.
+    assert covered.any() == (kind != "fog") and covered.mean() < 0.1
+    assert np.array_equal(seen.depth[~covered], metres[~covered])
+    assert (seen.alpha[covered] > 0.5).all()
+    changed = (seen.flow != flow).any(axis=-1)
+    assert (changed[covered]).all() and changed.mean() < 0.1
+    assert np.array_equal(seen.flow[changed], seen.motion[changed])
+    assert np.array_equal(seen.layer[..., 3], seen.alpha)
+
+
+@pytest.mark.parametrize("wrong", [np.zeros((48, 64)), np.zeros((48, 64, 2), int), "flow"])
+def test_bad_flows_are_refused(wrong: Any):
+    with pytest.raises((TypeError, ValueError), match="flow"):
+        Snowfall().apply(PICTURE, flow=wrong)

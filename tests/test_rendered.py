@@ -1,0 +1,275 @@
+"""What layers say of their pixels: motion, depth, coverage, ids; as arrays and as channels of EXR.
+
+Motion is judged by warping: what it predicts of the next frame is compared with the next frame.
+"""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import OpenImageIO as oiio
+import pytest
+
+import flurries as fl
+from flurries.io import read_header, read_layers
+
+W, H = 256, 192
+LIGHT = np.random.default_rng(3).gamma(1.0, 0.4, (H, W, 3)).astype(np.float32)
+TURN = fl.Keys([(0.0, (0.0, 0.0, 0.0)), (100.0, (0.05, 0.2, 0.1))])
+
+PROFILE = fl.Wind((0.2, 0.0, 0.0), profile=[(8.0, 0.8), (40.0, 1.5)])
+
+SCENES: dict[str, dict[str, Any]] = {
+    "texture and flakes": {"effects": fl.Snow(fall=0.4, wind=(0.15, 0, 0), flakes=1500)},
+    "texture": {"effects": fl.Snow(fall=0.6, wind=(0.2, 0, 0), flakes=0)},
+    "flakes": {"effects": fl.Snow(fall=0.5, wind=(0.2, 0, 0), texture=0.0, flakes=1500)},
+    "forwards": {
+        "effects": fl.Snow(fall=0.3, wind=(0.1, 0, 0), flakes=1500),
+        "camera": fl.CameraPath(fl.Camera(600.0), velocity=(0.0, 0.0, 1.0)),
+    },
+    "a camera that turns": {
+        "effects": fl.Snow(fall=0.3, wind=(0.1, 0, 0), flakes=1500),
+        "camera": fl.CameraPath(fl.Camera(600.0), orientation=TURN),
+    },
+    "rain before a wall": {"effects": fl.Rain(fall=0.15, wind=(0.03, 0, 0)), "depth": 20.0},
+    "wind over depth": {
+        "effects": fl.Snow(fall=0.3, wind=PROFILE, flakes=1500)
+    },
+}  # fmt: skip
+
+
+def warped(values: np.ndarray, motion: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Carry pixels along and spread each over four: what lands, and where anything does."""
+    height, width = values.shape
+    total, weight = np.zeros(values.size), np.zeros(values.size)
+    i, j = np.mgrid[:height, :width]
+    y, x = i + motion[..., 1].astype(float), j + motion[..., 0].astype(float)
+    top, left = np.floor(y).astype(int), np.floor(x).astype(int)
+    for row, col in ((0, 0), (0, 1), (1, 0), (1, 1)):
+        share = (1 - abs(y - top - row)) * (1 - abs(x - left - col))
+        a, b = top + row, left + col
+        inside = (a >= 0) & (a < height) & (b >= 0) & (b < width)
+        place = (a * width + b)[inside]
+        np.add.at(total, place, (share * values)[inside])
+        np.add.at(weight, place, share[inside])
+    return (total / np.maximum(weight, 1e-9)).reshape(values.shape), (weight > 0.3).reshape(
+        values.shape
+    )
+
+
+def predicted(now: fl.Rendered, later: fl.Rendered, name: str, scale: float = 1.0) -> float:
+    got, seen = warped(now.layers[name][..., 3], scale * now.motions[name])
+    return float(np.corrcoef(got[seen], later.layers[name][..., 3][seen])[0, 1])
+
+
+@pytest.mark.parametrize("kind", SCENES)
+def test_motion_predicts_the_next_frame(kind: str):
+    scene = fl.Scene((2 * W, 2 * H), "#304050", **SCENES[kind])
+    now, later = (scene.render(t, layers=True) for t in (40, 41))
+    (name,) = now.layers
+    share = predicted(now, later, name)
+    assert share >= 0.9
+    # Controls: as if nothing moved, too far, and backwards.
+    for scale in (0.0, 2.0, -1.0):
+        assert predicted(now, later, name, scale) < share - 0.02, scale
+    assert np.isfinite(now.motions[name]).all()
+
+
+def test_the_texture_moves_as_the_mean_of_its_gradients():
+    # The formula of the docstring, with the plain spectrum, by hand.
+    effect = fl.Snow(fall=0.6, wind=(0.2, 0, 0), flakes=0, alias="keep", shutter=0.0)
+    scene = fl.Scene((W, H), camera=fl.Camera(300.0), effects=effect)
+    got = scene.render(10, layers=True)
+    low, high = effect.band((H, W))
+    tile = effect.tiling((H, W), False)[0]
+    k = np.hypot(np.fft.fftfreq(tile)[:, None], np.fft.fftfreq(tile)[None])
+    inside = (k > 0) & (1 / np.maximum(k, 1e-9) > low) & (1 / np.maximum(k, 1e-9) <= high)
+    power = np.where(inside, np.maximum(k, 1e-9) ** (-2 * effect.exponent), 0.0)
+    length = (power * k).sum() / (power * k**2).sum()
+    drift = 300.0 * np.array([0.2, 0.6]) / scene.fps / effect.near_depth
+    want = drift * length / high
+    assert np.abs(got.motions["snow"] / want - 1.0).max() < 0.03
+    assert np.abs(got.depths["snow"] / (effect.near_depth * high / length) - 1.0).max() < 0.03
+
+
+def test_a_flake_keeps_its_number_and_goes_where_it_says():
+    effect = fl.Snow(fall=0.8, wind=(0.3, 0, 0), texture=0.0, haze=0.0, flakes=150, sway=(0.0, 1.0))
+    scene = fl.Scene((1024, 768), camera=fl.Camera(1200.0), effects=effect)
+    now, later = (scene.render(t, layers=True) for t in (40, 41))
+    ids, alpha = now.ids["snow"], now.coverages["snow"]
+    followed = 0
+    for number in set(np.unique(ids)) - {-1}:
+        here, there = ids == number, later.ids["snow"] == number
+        if alpha[here].max() < 0.2 or not there.any() or here.sum() < 9:
+            continue
+        rows, cols = np.nonzero(here)
+        if min(rows.min(), cols.min()) < 6 or rows.max() > 761 or cols.max() > 1017:
+            continue
+        weight = alpha[here] / alpha[here].sum()
+        start = np.array([cols @ weight, rows @ weight])
+        share = later.coverages["snow"][there]
+        ends = np.nonzero(there)
+        end = np.array([ends[1] @ share, ends[0] @ share]) / share.sum()
+        said = now.motions["snow"][here]
+        assert np.ptp(said, axis=0).max() == 0.0, "one flake, one vector"
+        assert np.abs(end - start - said[0]).max() < 0.35, number
+        depth = np.unique(now.depths["snow"][here])
+        assert len(depth) == 1
+        # 0.8 m/s at that depth is so many pixels a frame.
+        assert said[0, 1] == pytest.approx(1200.0 * 0.8 / scene.fps / depth[0], rel=1e-3)
+        followed += 1
+    assert followed >= 8
+    assert (ids == -1).any() and np.isinf(now.depths["snow"][ids == -1]).all()
+    assert (now.motions["snow"][ids == -1] == 0.0).all()
+    assert ((ids >= 0) | (alpha == 0.0)).all()
+
+
+def test_ids_are_the_strongest_flake():
+    rng = np.random.default_rng(1)
+    points = np.c_[rng.uniform(-1, 1, (40, 2)), rng.uniform(1, 3, 40)]
+    velocity, radius = rng.normal(0, 0.2, (40, 3)), rng.uniform(0.02, 0.2, 40)
+    camera, shape = fl.Camera(60.0), (60, 80)
+    common = {"velocity": velocity, "shutter": 0.5}
+    got = fl.particles.ids(shape, points, radius, camera, opacity=0.7, **common)
+    alone = np.stack([
+        fl.particles.splat(shape, points[i : i + 1], radius[i : i + 1], camera, opacity=0.7,
+                           velocity=velocity[i : i + 1], shutter=0.5, dtype=np.float64)
+        for i in range(40)
+    ])  # fmt: skip
+    best = np.where(alone.max(axis=0) > 0, alone.argmax(axis=0), -1)
+    # float64 tells all but the faintest tails apart.
+    differ = got != best
+    assert (alone.max(axis=0)[differ] < 1e-9).all() and differ.mean() < 0.01
+    wall = np.full(shape, 0.5)
+    assert (fl.particles.ids(shape, points, radius, camera, opacity=0.7, depth=wall) == -1).all()
+    with pytest.raises(ValueError, match="radius"):
+        fl.particles.ids(shape, points, -1.0, camera, opacity=1.0)
+    out = np.zeros(shape, np.int32)
+    assert fl.particles.ids(shape, points, radius, camera, opacity=0.7, out=out, **common) is out
+    assert np.array_equal(out, got)
+
+
+def test_what_is_asked_for_does_not_change_the_picture():
+    scene = fl.Scene(None, LIGHT, effects=[fl.Snow(flakes=300), fl.Rain()])
+    plain, whole = scene.render(7), scene.render(7, layers=True)
+    assert np.array_equal(plain, whole.image)
+    part = scene.render(7, layers=True, region=np.s_[50:120, 30:200])
+    for name in ("motions", "depths", "coverages", "ids"):
+        for layer, plane in getattr(whole, name).items():
+            got = getattr(part, name)[layer]
+            assert np.allclose(plane[50:120, 30:200], got, atol=1e-6), (name, layer)
+    assert np.array_equal(part.ids["snow"], whole.ids["snow"][50:120, 30:200])
+
+
+def test_layers_together_show_the_one_in_front():
+    scene = fl.Scene((W, H), effects=[
+        fl.Snow(flakes=400, texture=0.0, haze=0.0), fl.Rain(texture=0.0, haze=0.0, drops=800)
+    ])  # fmt: skip
+    got = scene.render(5, layers=True)
+    snow, rain = (got.layers[name][..., 3] for name in ("snow", "rain"))
+    front = rain > snow * (1.0 - rain)
+    assert front.any() and not front.all()
+    assert got.motion is not None and got.weather_depth is not None
+    assert np.array_equal(got.motion[front], got.motions["rain"][front])
+    behind = snow * (1.0 - rain) > rain
+    assert np.array_equal(got.weather_depth[behind], got.depths["snow"][behind])
+
+
+# Files -------------------------------------------------------------------------------------------
+
+
+def scene_of_two() -> fl.Scene:
+    front = np.zeros((H, W, 4), np.float32)
+    front[150:, :100] = (0.1, 0.2, 0.05, 0.8)
+    return fl.Scene(
+        None, LIGHT, effects=[fl.Snow(flakes=300), fl.Rain()], depth=30.0, foreground=front, seed=9
+    )
+
+
+def oiiotool(*arguments: str) -> None:
+    tool = Path(sys.executable).with_name("oiiotool")
+    found = str(tool) if tool.exists() else shutil.which("oiiotool")
+    command = [found] if found else [sys.executable, "-m", "OpenImageIO"]
+    subprocess.run([*command, *arguments], check=True, timeout=60)
+
+
+def test_one_command_makes_the_composite_again(tmp_path: Path):
+    scene = scene_of_two()
+    file, out = str(tmp_path / "a.exr"), str(tmp_path / "again.exr")
+    scene.write(file, 12, layers=True, half=False)
+    steps: list[str] = [file, "--ch", "R=background.R,G=background.G,B=background.B,A=1.0"]
+    for name in ("snow", "rain", "foreground"):
+        steps += [file, "--ch", ",".join(f"{c}={name}.{c}" for c in "RGBA"), "--swap", "--over"]
+    oiiotool(*steps, "-d", "float", "-o", out)
+    got = oiio.ImageBuf(out).get_pixels(oiio.FLOAT)[..., :3]
+    want = oiio.ImageBufAlgo.channels(oiio.ImageBuf(file), ("R", "G", "B")).get_pixels(oiio.FLOAT)
+    assert np.abs(got - want).max() <= 1e-6 * max(1.0, float(want.max()))
+    assert np.array_equal(want, scene.render(12))
+    assert np.abs(want - LIGHT).max() > 0.3, "there is weather in it"
+
+
+def test_channels_are_called_as_compositors_call_them(tmp_path: Path):
+    scene = scene_of_two()
+    scene.write(tmp_path / "a.exr", 12, layers=True)
+    spec = oiio.ImageBuf(str(tmp_path / "a.exr")).spec()
+    types = {name: str(spec.channelformat(i)) for i, name in enumerate(spec.channelnames)}
+    named = {"R", "G", "B", "A", "depth.Z", "alpha.A", "forward.u", "forward.v", "weather.depth.Z"}
+    named |= {f"background.{c}" for c in "RGB"} | {f"foreground.{c}" for c in "RGBA"}
+    for layer in ("snow", "rain"):
+        named |= {f"{layer}.{c}" for c in "RGBA"}
+        named |= {f"{layer}.{c}" for c in ("depth.Z", "forward.u", "forward.v")}
+        named |= {f"{layer}.coverage.A", f"{layer}.id.Y"}
+    assert set(types) == named
+    precise = {name for name in named if name[-1] in "ZuvY"}
+    assert {types[name] for name in precise} == {"float"}
+    assert {types[name] for name in named - precise} == {"half"}
+    said = read_header(tmp_path / "a.exr").metadata
+    assert said["version"] == fl.__version__ and (said["seed"], said["frame"]) == ("9", "12")
+    assert said["light"] == "linear" and "y down" in said["motion"] and len(said["scene"]) > 16
+    whole, read = scene.render(12, layers=True), read_layers(tmp_path / "a.exr")
+    assert np.array_equal(read["snow.forward"], whole.motions["snow"])
+    assert np.array_equal(read["forward"], whole.motion)
+    assert np.array_equal(read["rain.id"] - 1, whole.ids["rain"])
+    assert np.array_equal(read["rain.depth"], whole.depths["rain"])
+
+
+@pytest.mark.parametrize("layers", [True, False])
+def test_two_eyes_are_two_views(layers: bool, tmp_path: Path):
+    scene = fl.Scene(None, LIGHT, effects=fl.Snow(flakes=300))
+    eye = scene.camera.camera
+    eyes = {
+        name: fl.Camera(eye.focal, offset=(side, 0, 0))
+        for name, side in (("left", -0.03), ("right", 0.03))
+    }
+    scene.write(tmp_path / "%d.exr", "3-4", layers=layers, half=False, eyes=eyes)
+    for part, name in enumerate(eyes):
+        buffer = oiio.ImageBuf(str(tmp_path / "4.exr"), part, 0)
+        spec = buffer.spec()
+        assert (buffer.nsubimages, spec["view"], spec["oiio:subimagename"]) == (2, name, name)
+        assert ("snow.forward.u" in spec.channelnames) == layers
+        assert spec["flurries:frame"] == "4"
+        got = oiio.ImageBufAlgo.channels(buffer, ("R", "G", "B")).get_pixels(oiio.FLOAT)
+        assert np.array_equal(got, scene.render(4, eye=eyes[name]))
+    assert (
+        scene.write(tmp_path / "%d.exr", "3-4", layers=layers, half=False, eyes=eyes).written == []
+    )
+    with pytest.raises(ValueError, match="already"):
+        scene.write(tmp_path / "%d.exr", "3", layers=layers, half=False)
+
+
+EYES = [
+    ("a.png", {"left": fl.Camera(9.0)}), ("a.exr", {"a b": 1}), ("a.exr", {"left": 3}),
+    ("a.exr", {}), ("a.exr", 5),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("name, eyes", EYES)
+def test_eyes_that_cannot_be(name: str, eyes: Any, tmp_path: Path):
+    with pytest.raises((TypeError, ValueError), match="eyes"):
+        fl.Scene((8, 8)).write(tmp_path / name, 1, eyes=eyes)
+    assert not list(tmp_path.iterdir())
