@@ -273,10 +273,12 @@ class Scene:
     @property
     def program(self) -> Program:
         """What runs for each frame, resolved when it is first asked for."""
-        if self._program is None:
-            object.__setattr__(self, "_program", Program(self))
-        assert self._program is not None
-        return self._program
+        found = self._program
+        # One that was copied with a scene's other attributes belongs to that scene.
+        if found is None or found.scene is not self:
+            found = Program(self)
+            object.__setattr__(self, "_program", found)
+        return found
 
     def stereo(
         self,

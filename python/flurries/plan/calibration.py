@@ -20,7 +20,7 @@ from flurries.costs import nanoseconds
 
 # A file of another form is measured again.
 FORM = 1
-RUNS = 7
+RUNS = 31
 
 _known: dict[int, dict[str, float]] = {}
 
@@ -53,7 +53,7 @@ def machine() -> str:
 def scales(*, again: bool = False) -> Mapping[str, float]:
     """Return factors on the model's times by kind of work, for the threads that are set.
 
-    Measured in a fifth of a second the first time, then read from the cache; a cache that cannot be
+    Measured in a few tenths of a second the first time, then read from the cache; a cache that cannot be
     read or written is done without.
     """
     count = threads()
