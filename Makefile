@@ -13,7 +13,7 @@ WORKERS ?= 2
 
 RUST := $(shell find src crates -name '*.rs' 2>/dev/null) Cargo.toml crates/fft/Cargo.toml pyproject.toml
 
-.PHONY: demo test test-browser hard-cases mutations lint bench frames clean requirements
+.PHONY: demo test test-browser hard-cases accuracy mutations lint bench frames clean requirements
 
 demo: $(VENV)/.installed
 	$(BIN)/flurries demo --output demo
@@ -32,6 +32,10 @@ test-browser: $(VENV)/.tools
 # The measured value of every hard case beside the expected one: docs/hard-cases.md.
 hard-cases: $(VENV)/.tools
 	PYTHONPATH=tests $(BIN)/python tests/make_hard_cases.py
+
+# Error against time of every approximation: docs/accuracy.md and its plots, some ten minutes.
+accuracy: $(VENV)/.tools
+	$(BIN)/flurries accuracy -o docs/images/accuracy --page docs/accuracy.md
 
 # Guards are taken away one at a time; WHAT=python leaves out those that need a build each.
 WHAT ?= all

@@ -20,7 +20,10 @@ import flurries as fl
 
 SIZE = 1024
 SHAPE = (SIZE, SIZE)
-ARGUMENTS = {"drift": (3.0, 9.0), "seed": 1}
+# Every tile has its own drift, as before a camera that flies forward.
+TILES = len(fl.spectral.tile_starts(SIZE))
+DRIFT = np.random.default_rng(3).normal(0.0, 5.0, (TILES, TILES, 2))
+ARGUMENTS = {"drift": DRIFT, "seed": 1}
 
 
 def straightforward() -> np.ndarray:
@@ -63,6 +66,15 @@ def variants() -> dict[str, Callable[[], object]]:
         "scene: heavy snow, texture alone, uint8 RGB": fl.Scene(None, picture, effects=[texture]),
         "scene: heavy snow, 20,000 flakes and texture": fl.Scene(
             None, picture, effects=[fl.Snow.preset("heavy")]
+        ),
+        "scene: heavy snow, 30,000 flakes and texture": fl.Scene(
+            None, picture, effects=[fl.Snow.preset("heavy", flakes=30_000)]
+        ),
+        "scene: heavy snow, flying forward, no flakes": fl.Scene(
+            None,
+            picture,
+            camera=fl.CameraPath(fl.Camera(1.2 * SIZE), velocity=(0.0, 0.0, 3.0)),
+            effects=[texture],
         ),
     }
     camera = fl.camera.Camera(1000.0)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 import signal
@@ -44,7 +45,12 @@ def start(folder: Path, frames: str, program: str = PROGRAM) -> subprocess.Popen
 
 
 def contents(folder: Path) -> dict[str, bytes]:
-    return {p.name: p.read_bytes() for p in folder.iterdir()}
+    found = {}
+    for path in folder.iterdir():
+        # Another process may take its claim away meanwhile.
+        with contextlib.suppress(FileNotFoundError):
+            found[path.name] = path.read_bytes()
+    return found
 
 
 @pytest.fixture(scope="module")

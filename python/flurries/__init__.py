@@ -56,7 +56,7 @@ __all__ = [
 
 
 # What only some users need is imported when they ask for it.
-_LATER = ("augment", "cameras", "manifest")
+_LATER = ("accuracy", "augment", "cameras", "cluster", "manifest")
 
 
 def __getattr__(name: str) -> ModuleType:

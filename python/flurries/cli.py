@@ -47,7 +47,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return code
     except _Mistake as mistake:
         return _say(mistake)
-    except (ValueError, TypeError, OSError, MemoryError) as error:
+    except (ValueError, TypeError, OSError, MemoryError, ImportError) as error:
         # The library's own refusals are sentences that name the argument or the file.
         return _say(error)
     except KeyboardInterrupt:
@@ -56,9 +56,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _joined(arguments: Sequence[str]) -> list[str]:
-    """Join "--wind -1,0,0" by "=": argparse would take the minus for an option."""
+    """Join "--wind -1,0,0" by "=": argparse would take the minus for an option.
+
+    And part "--dask" from a file that follows it, which argparse would take for an address.
+    """
     result: list[str] = []
     for argument in arguments:
+        if result and result[-1] == "--dask" and not re.match(r"\w+://|[\w.-]+:\d+$", argument):
+            result[-1] = "--dask="
         if (
             result
             and result[-1] in ("--wind", "--fly", "--velocity")
@@ -124,6 +129,13 @@ def _parser() -> argparse.ArgumentParser:
         "out and exit with 3, or hold the last good one",
     )
     render.add_argument("--no-sound", action="store_true", help="a video without the film's sound")
+    render.add_argument(
+        "--dask",
+        nargs="?",
+        const="",
+        metavar="ADDRESS",
+        help="on a Dask cluster: tcp://host:8786, or one made on this machine",
+    )
     render.add_argument("--no-manifest", action="store_true", help="no flurries.json")
     render.add_argument("--quiet", action="store_true", help="no progress bar")
     render.set_defaults(run=_render)
@@ -202,7 +214,18 @@ def _parser() -> argparse.ArgumentParser:
     corrupt.add_argument("--quiet", action="store_true", help="no progress bar")
     corrupt.set_defaults(run=_corrupt, threads=None)
 
-    for command in (demo, render, plan, texture, view):
+    accuracy = commands.add_parser("accuracy", help="error against time, measured here")
+    accuracy.add_argument("axes", nargs="*", metavar="AXIS", help="all if none; see --list")
+    accuracy.add_argument("--list", action="store_true", help="say what can be measured")
+    accuracy.add_argument(
+        "-o", "--output", default="accuracy", metavar="FOLDER", help="default: accuracy"
+    )
+    accuracy.add_argument("--runs", type=int, default=20, metavar="N", help="of each; 20 or more")
+    accuracy.add_argument("--page", metavar="FILE", help="also a page in Markdown")
+    accuracy.add_argument("--quiet", action="store_true", help="no progress bar")
+    accuracy.set_defaults(run=_accuracy)
+
+    for command in (demo, render, plan, texture, view, accuracy):
         command.add_argument("--threads", type=int, metavar="N")
     return parser
 
@@ -314,6 +337,7 @@ def _render(options: argparse.Namespace) -> int:
         sound=not options.no_sound,
         manifest=not options.no_manifest,
         quality=options.quality,
+        dask=None if options.dask is None else options.dask or True,
         progress=_silent if options.quiet else _bar,
     )
     print(f"flurries: {told(summary)}", file=sys.stderr)
@@ -362,6 +386,30 @@ def _plan(options: argparse.Namespace) -> int:
     return 0
 
 
+def _accuracy(options: argparse.Namespace) -> int:
+    from flurries.accuracy import AXES, study, write
+
+    if options.list:
+        for axis in AXES.values():
+            print(f"{axis.name:10} {axis.title}")
+        return 0
+    unknown = [name for name in options.axes if name not in AXES]
+    if unknown:
+        raise _Mistake(f"unknown axis {unknown[0]!r}: known are {', '.join(AXES)}")
+    progress = _silent if options.quiet else _axes
+    found = study(options.axes or None, runs=options.runs, progress=progress)
+    for file in write(found, options.output, page=options.page):
+        print(file)
+    return 0
+
+
+def _axes(axes: Iterable[Any]) -> Iterable[Any]:
+    from tqdm import tqdm
+
+    bar: Iterable[Any] = tqdm(axes, unit="axis", file=sys.stderr, dynamic_ncols=True)
+    return bar
+
+
 def _view(options: argparse.Namespace) -> int:
     from flurries.viewer.server import Server, serve
 
@@ -402,7 +450,7 @@ def _corrupt(options: argparse.Namespace) -> int:
     return MISTAKE if made.failed else 0
 
 
-def _silent(frames: Iterable[int]) -> Iterable[int]:
+def _silent(frames: Iterable[Any]) -> Iterable[Any]:
     return frames
 
 

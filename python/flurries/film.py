@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from contextlib import ExitStack
 from fractions import Fraction
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
+from flurries._contract import Array
 from flurries.sequence import Progress
 from flurries.trace import stage
 
@@ -24,6 +26,7 @@ def write_film(
     *,
     skip: bool,
     sound: bool,
+    dask: Any = None,
 ) -> tuple[list[int], list[int], str]:
     """Render frames into a video, which replaces an old one when it is whole.
 
@@ -45,18 +48,40 @@ def write_film(
         video = stack.enter_context(
             VideoWriter(path, scene.size, scene.fps, quality=quality, sound=part)
         )
-        for number in progress(frames):
-            if skip:
-                try:
-                    scene.look(number)
-                except (OSError, ValueError):
-                    skipped.append(number)
-                    continue
-            image = scene.render(number)
+        for number, image in _rendered(scene, frames, progress, skip, dask):
+            if image is None:
+                skipped.append(number)
+                continue
             with stage("encode"):
                 video.write(display_bytes(image))
             written.append(number)
     return written, skipped, heard
+
+
+def _rendered(
+    scene: Scene, frames: list[int], progress: Progress, skip: bool, dask: Any
+) -> Iterator[tuple[int, Array | None]]:
+    """Yield frames in order; None where one is left out."""
+    if dask is not None:
+        if skip:
+            raise ValueError("damaged='skip' and dask must not both be given for a video")
+        from flurries.cluster import images
+
+        blocks = images(scene, frames, dask)
+        each = (
+            (n, image) for numbers, block in blocks for n, image in zip(numbers, block, strict=True)
+        )
+        for _ in progress(frames):
+            yield next(each)
+        return
+    for number in progress(frames):
+        try:
+            if skip:
+                scene.look(number)
+        except (OSError, ValueError):
+            yield number, None
+            continue
+        yield number, scene.render(number)
 
 
 def _sound(scene: Scene, frames: list[int], skip: bool) -> tuple[str, Sound | None]:

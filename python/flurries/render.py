@@ -73,6 +73,7 @@ def write(
     sound: bool = True,
     manifest: bool = True,
     quality: str = "high",
+    dask: Any = None,
     progress: Progress | None = None,
 ) -> Summary:
     """Render frames to files.
@@ -118,6 +119,10 @@ def write(
         each file, see `flurries.manifest`.
     quality : {"high", "medium", "draft"}
         Of a video.
+    dask : True, str or distributed.Client, optional
+        Render on a Dask cluster: one made on this machine, the one whose scheduler answers at an
+        address such as ``tcp://host:8786``, or a client's. Workers write where this process would;
+        one that dies loses nothing. Needs ``flurries[dask]``.
     progress : callable, optional
         Wraps the frames, as tqdm does.
 
@@ -154,6 +159,7 @@ def write(
     content = Content("layers" if layers else "alone" if alone else "composite", half, _views(eyes))
     _require_room(text, content, is_video=target.is_video)
     bar = progress if progress is not None else _silent
+    held_there: set[int] = set()
     if damaged == "hold":
         scene = scene.holding()
     if target.is_video:
@@ -162,22 +168,26 @@ def write(
         path = target.path(0)
         _require_other_file(scene, path)
         done, skipped, heard = write_film(
-            scene, path, wanted, quality, bar, skip=damaged == "skip", sound=sound
+            scene, path, wanted, quality, bar, skip=damaged == "skip", sound=sound, dask=dask
         )
         made, kept, files = done, [], [path]
     else:
         from flurries.sequence import Sequence as Frames
 
-        path_of = (lambda _: Path(text)) if still else target.path
         job = Frames(
-            scene, content, path_of, overwrite, skip=damaged == "skip",
+            scene, content, text, overwrite, skip=damaged == "skip",
             listed=manifest and not still,
         )  # fmt: skip
-        job.make(wanted, bar)
+        if dask is None:
+            job.make(wanted, bar)
+        else:
+            from flurries import cluster
+
+            held_there = cluster.make(job, wanted, bar, dask)
         made, kept, skipped, heard = job.written, job.kept, job.skipped, "none"
         left_out = set(skipped)
-        files = [path_of(number) for number in wanted if number not in left_out]
-    held = [number for number in made if number in scene.held]
+        files = [job.path_of(number) for number in wanted if number not in left_out]
+    held = [number for number in made if number in scene.held | held_there]
     return Summary(made, kept, files, skipped, held, time.monotonic() - started, heard)
 
 

@@ -400,6 +400,12 @@ class Scene:
 
         return write(self, pattern, frames, **options)
 
+    def to_dask(self, frames: Any = None, *, group: int | None = None) -> Any:
+        """Return frames as a lazy Dask array; see :func:`flurries.cluster.to_dask`."""
+        from flurries.cluster import to_dask
+
+        return to_dask(self, frames, group=group)
+
     @staticmethod
     def load(path: str | Path) -> Scene:
         """Return the scene of a TOML file; see :mod:`flurries.scenefile`."""

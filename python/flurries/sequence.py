@@ -32,31 +32,45 @@ class Sequence:
         What to render.
     content : Content
         What a file holds.
-    path_of : callable
-        The file of a frame.
-    overwrite, skip, listed : bool
+    pattern : str
+        The files' names; without a token the name of one still.
+    overwrite, skip, listed, tidy : bool
         Whether frames that are there are made again; whether frames whose background cannot be
-        read are left out; whether the folder gets a manifest.
+        read are left out; whether the folder gets a manifest; whether what killed writers left in
+        it is removed.
+    mark : str
+        What tells this scene's files from others'; made of scene and content if not given.
     written, kept, skipped : list of int
         Frames that this process made, found, and left out.
+    entries : dict
+        Of the manifest, for frames written.
     """
 
     scene: Scene
     content: Content
-    path_of: Callable[[int], Path]
+    pattern: str
     overwrite: bool = False
     skip: bool = False
     listed: bool = True
+    tidy: bool = True
+    mark: str = ""
     written: list[int] = field(default_factory=list)
     kept: list[int] = field(default_factory=list)
     skipped: list[int] = field(default_factory=list)
-    mark: str = field(init=False, default="")
-    _entries: dict[str, dict[str, Any]] = field(init=False, default_factory=dict)
+    entries: dict[str, dict[str, Any]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         from flurries.scenefile import fingerprint
 
-        self.mark = f"{fingerprint(self.scene)}-{self.content.mark}"
+        if not self.mark:
+            self.mark = f"{fingerprint(self.scene)}-{self.content.mark}"
+
+    def path_of(self, number: int) -> Path:
+        """Return the file of a frame."""
+        from flurries.io import Pattern
+
+        still = "%" not in Path(self.pattern).name
+        return Path(self.pattern) if still else Pattern(self.pattern).path(number)
 
     def make(self, frames: list[int], progress: Progress) -> None:
         """Make the frames that are missing."""
@@ -74,19 +88,27 @@ class Sequence:
             self.kept += [number for number in frames if self.is_there(number)]
         there = set(self.kept)
         wanted = [number for number in frames if number not in there]
-        # What a killed run left under temporary names.
-        remove_leftovers(folder)
+        if self.tidy:
+            # What a killed run left under temporary names.
+            remove_leftovers(folder)
         try:
             others = self._round(progress(wanted), claimed)
             # What others were making should be there by now, unless they were killed.
             self._round(others, awaited)
         finally:
-            order = {number: place for place, number in enumerate(frames)}
-            for numbers in (self.written, self.kept, self.skipped):
-                numbers.sort(key=order.__getitem__)
-            if self.listed and (self.written or self.kept):
-                self._list(folder, frames)
-            remove_leftovers(folder)
+            self.settle(folder, frames)
+            if self.tidy:
+                remove_leftovers(folder)
+
+    def settle(self, folder: Path, frames: list[int]) -> None:
+        """Bring what was done into the order of the frames, and list it."""
+        order = {number: place for place, number in enumerate(frames)}
+        for numbers in (self.written, self.kept, self.skipped):
+            numbers.sort(key=order.__getitem__)
+        if self.listed and (self.written or self.kept):
+            done = {*self.written, *self.kept}
+            paths = [(self.path_of(number), number) for number in frames if number in done]
+            manifest.update(folder, manifest.completed(folder, self.entries, paths, self.mark))
 
     def _round(self, frames: Iterable[int], claiming: Callable[[Path], Claim | None]) -> list[int]:
         """Make the frames that can be claimed; return the others."""
@@ -144,7 +166,7 @@ class Sequence:
         try:
             self.content.save(self.scene, path, frame, metadata)
             if self.listed:
-                self._entries[path.name] = manifest.entry(path, number, self.mark)
+                self.entries[path.name] = manifest.entry(path, number, self.mark)
             self.written.append(number)
         finally:
             claim.release()
@@ -171,8 +193,3 @@ class Sequence:
             f"{path} is there already and is not frame {number} of this scene; "
             "choose another name, remove it, or overwrite"
         )
-
-    def _list(self, folder: Path, frames: list[int]) -> None:
-        done = {*self.written, *self.kept}
-        paths = [(self.path_of(number), number) for number in frames if number in done]
-        manifest.update(folder, manifest.completed(folder, self._entries, paths, self.mark))

@@ -1,0 +1,13 @@
+"""What accuracy costs: for every approximation, its error against the time that it takes.
+
+`flurries accuracy` measures on your machine and writes a page with plots; `fl.accuracy.study` gives
+the numbers. References are slow and independent: sums in extended precision, brute force, closed
+forms. Plots need the extra ``flurries[plots]``.
+"""
+
+from __future__ import annotations
+
+from flurries.accuracy.page import write
+from flurries.accuracy.study import AXES, Axis, Point, Study, study
+
+__all__ = ["AXES", "Axis", "Point", "Study", "study", "write"]

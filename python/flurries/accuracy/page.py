@@ -1,0 +1,86 @@
+"""The page that says what accuracy costs, from measured studies."""
+
+from __future__ import annotations
+
+import json
+import os
+import platform
+from pathlib import Path
+
+from flurries._threads import threads
+from flurries.accuracy.study import Study
+
+_HEAD = """# What accuracy costs
+
+Made by `make accuracy` ({machine}, {threads} threads). For every approximation: its error against
+an independent reference, and the time of a frame. Times belong to that machine and moment: read
+them as ratios within a table. On the orange line lies what nothing else beats in both.
+`flurries accuracy` measures yours.
+
+![Error against time, six of the axes](images/accuracy/accuracy.png)
+"""
+
+
+def write(
+    studies: list[Study],
+    folder: str | os.PathLike[str],
+    *,
+    page: str | os.PathLike[str] | None = None,
+) -> list[Path]:
+    """Write the numbers as JSON, plots as PNG and SVG, and on request a page in Markdown.
+
+    Parameters
+    ----------
+    studies : list of Study
+        From :func:`flurries.accuracy.study`.
+    folder : path
+        Where ``accuracy.json`` and the plots go; made if it is not there.
+    page : path, optional
+        A Markdown file beside a folder ``images/accuracy`` that holds them.
+
+    Returns
+    -------
+    list of Path
+        What was written.
+
+    Raises
+    ------
+    ImportError
+        Without matplotlib.
+    OSError
+        If something cannot be written.
+    """
+    from flurries.accuracy.plot import save
+
+    target = Path(folder)
+    target.mkdir(parents=True, exist_ok=True)
+    data = target / "accuracy.json"
+    text = json.dumps([study.plain() for study in studies], indent=1)
+    data.write_text(text + "\n", encoding="utf-8")
+    files = [data, *save(studies, target), *save(studies, target, suffix="svg")]
+    if page is not None:
+        Path(page).write_text(markdown(studies), encoding="utf-8")
+        files.append(Path(page))
+    return files
+
+
+def markdown(studies: list[Study]) -> str:
+    """Return the page."""
+    parts = [
+        _HEAD.format(machine=f"{platform.machine()}, {os.cpu_count()} cores", threads=threads())
+    ]
+    for study in studies:
+        axis = study.axis
+        parts += [
+            f"\n## {axis.title}\n",
+            f"`flurries accuracy {axis.name}`. Error {axis.unit}. Against: {axis.reference}.\n",
+            f"![Error against time](images/accuracy/{axis.name}.png)\n",
+            f"| setting | error | fastest of {study.points[0].runs}, ms | median, ms | unbeaten |",
+            "| --- | --- | --- | --- | --- |",
+        ]
+        parts += [
+            f"| {p.setting} | {p.error:.2g} | {p.fastest:.3g} | {p.median:.3g} | "
+            f"{'yes' if p.best else ''} |"
+            for p in sorted(study.points, key=lambda p: p.error)
+        ]
+    return "\n".join(parts) + "\n"

@@ -1,0 +1,206 @@
+"""Sets of corrupted pictures: one set however it is made, gone on from, and never half made."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from skimage import data
+
+import flurries as fl
+from flurries.augment.corrupt import JOURNAL, MANIFEST, corrupt
+from flurries.cli import main
+from flurries.io import read_picture, write_picture
+
+
+def pictures(folder: Path, count: int = 5, size: int = 96) -> Path:
+    (folder / "below").mkdir(parents=True)
+    for number in range(count):
+        part = data.astronaut()[number * 20 :][:size, :size]
+        write_picture(folder / f"{number}.png", part)
+    write_picture(folder / "below" / "photo.jpg", data.coffee()[:size, :size])
+    write_picture(folder / "below" / "light.exr", data.coffee()[:size, :size] / np.float32(255))
+    (folder / "notes.txt").write_text("no picture")
+    return folder
+
+
+def contents(folder: Path) -> dict[str, str]:
+    """Hashes of all files by their names."""
+    return {
+        path.relative_to(folder).as_posix(): hashlib.sha256(path.read_bytes()).hexdigest()
+        for path in sorted(folder.rglob("*"))
+        if path.is_file()
+    }
+
+
+@pytest.fixture
+def source(tmp_path: Path) -> Path:
+    return pictures(tmp_path / "in")
+
+
+def test_what_is_made(source: Path, tmp_path: Path):
+    before = contents(source)
+    out = tmp_path / "out"
+    made = corrupt(source, out, weather=["snow", "fog"], severity=(1, 4), seed=3, workers=1)
+    assert len(made.written) == 7 * 2 * 2 and made.kept == [] and made.failed == {}
+    assert contents(source) == before
+    names = {path.relative_to(out).as_posix() for path in made.written}
+    assert {"snow/1/0.png", "fog/4/below/photo.jpg", "snow/4/below/light.exr"} <= names
+    manifest = json.loads((out / MANIFEST).read_text())
+    assert manifest["seed"] == 3 and set(manifest["files"]) == names
+    # What the manifest says of a picture is what it is.
+    entry = manifest["files"]["snow/4/2.png"]
+    want = fl.augment.replay(entry["record"])(read_picture(source / "2.png").pixels)
+    assert np.array_equal(read_picture(out / "snow/4/2.png").pixels, want)
+    assert entry["severity"] == 4 and entry["record"]["amount"] == 0.8
+    assert entry["sha256"] == contents(out)["snow/4/2.png"]
+    # Linear light went through display values and back.
+    light = read_picture(out / "fog/4/below/light.exr").pixels
+    assert light.dtype == np.float32 and 0.0 < light.mean() < 1.0
+
+
+def test_one_set_whatever_the_workers(source: Path, tmp_path: Path):
+    sets = {}
+    for name, arguments in {
+        "1": {"workers": 1}, "2": {"workers": 2}, "7": {"workers": 7},
+        "dask": {"workers": 2, "dask": ""},
+    }.items():  # fmt: skip
+        made = corrupt(source, tmp_path / name, severity="2-3", seed=1, **arguments)
+        assert len(made.written) == 14
+        sets[name] = contents(tmp_path / name)
+    assert len({json.dumps(found) for found in sets.values()}) == 1
+    # No duplicates: each picture its own weather.
+    manifest = json.loads((tmp_path / "1" / MANIFEST).read_text())["files"]
+    assert len({entry["record"]["weather_seed"] for entry in manifest.values()}) == 14
+
+
+def test_a_picture_is_the_same_in_another_folder(source: Path, tmp_path: Path):
+    corrupt(source, tmp_path / "all", severity=2, workers=1)
+    for name in ("0.png", "3.png"):
+        (source / name).unlink()
+    corrupt(source, tmp_path / "less", severity=2, workers=1)
+    less, whole = contents(tmp_path / "less"), contents(tmp_path / "all")
+    del less[MANIFEST]
+    assert less.items() <= whole.items()
+
+
+def test_it_goes_on(source: Path, tmp_path: Path):
+    out = tmp_path / "out"
+    corrupt(source, out, severity=(1, 2), workers=1)
+    want = contents(out)
+    (out / "snow/1/1.png").unlink()
+    (out / "snow/2/2.png").write_bytes(b"damaged")
+    changed = out / "snow/1/3.png"
+    write_picture(source / "3.png", data.coffee()[:96, :96])
+    made = corrupt(source, out, severity=(1, 2, 3), workers=1)
+    assert {p.relative_to(out).as_posix() for p in made.written} == {
+        "snow/1/1.png", "snow/2/2.png", "snow/1/3.png", "snow/2/3.png",
+        *(f"snow/3/{n}" for n in ("0.png", "1.png", "2.png", "3.png", "4.png",
+                                  "below/photo.jpg", "below/light.exr")),
+    }  # fmt: skip
+    found = contents(out)
+    assert found["snow/1/1.png"] == want["snow/1/1.png"]
+    assert found["snow/2/2.png"] == want["snow/2/2.png"]
+    assert found["snow/1/3.png"] != want["snow/1/3.png"] and changed.exists()
+    assert corrupt(source, out, severity=(1, 2, 3), workers=1).written == []
+    assert len(corrupt(source, out, severity=1, workers=1, overwrite=True).written) == 7
+
+
+KILLED = """
+import sys
+from flurries.augment.corrupt import corrupt
+if __name__ == "__main__":
+    corrupt(sys.argv[1], sys.argv[2], severity="1-5", workers=1)
+"""
+
+
+def test_killed_and_gone_on(tmp_path: Path):
+    source = pictures(tmp_path / "in", count=12, size=256)
+    corrupt(source, tmp_path / "whole", workers=1)
+    want = contents(tmp_path / "whole")
+    out = tmp_path / "out"
+    script = tmp_path / "killed.py"
+    script.write_text(KILLED)
+    kills = 0
+    for wait in (3, 11, 23):
+        process = subprocess.Popen([sys.executable, str(script), str(source), str(out)])
+        # Killed when it has made so many, in whatever state that is.
+        while process.poll() is None and len(list(out.glob("snow/*/*"))) < wait:
+            time.sleep(0.002)
+        kills += process.poll() is None
+        os.kill(process.pid, signal.SIGKILL)
+        process.wait()
+        # What stands under a final name is whole.
+        for path in out.glob("snow/*/[!.]*.png"):
+            assert (
+                contents(out)[path.relative_to(out).as_posix()]
+                == want[path.relative_to(out).as_posix()]
+            )
+    assert kills == 3 and (out / JOURNAL).exists()
+    made = corrupt(source, out, workers=1)
+    assert made.kept, "it went on and did not start again"
+    assert contents(out) == want
+
+
+def test_one_bad_picture_stops_nobody(source: Path, tmp_path: Path):
+    (source / "bad.png").write_bytes((source / "0.png").read_bytes()[:300])
+    made = corrupt(source, tmp_path / "out", severity=1, workers=2)
+    assert list(made.failed) == ["bad.png"] and len(made.written) == 7
+
+
+def test_links_and_hidden_files_are_left_out(source: Path, tmp_path: Path):
+    (source / "link.png").symlink_to(source / "0.png")
+    (source / ".hidden.png").write_bytes((source / "0.png").read_bytes())
+    made = corrupt(source, tmp_path / "out", severity=1, workers=1)
+    assert len(made.written) == 7
+
+
+@pytest.mark.parametrize("arguments", [
+    {"weather": "hail"}, {"weather": ["snow", "hail"]}, {"severity": 0}, {"severity": "1-9"},
+    {"severity": "many"}, {"severity": []}, {"severity": 1.5}, {"seed": "x"}, {"workers": 0},
+    {"workers": 1.5}, {"overwrite": "yes"},
+])  # fmt: skip
+def test_bad_arguments_are_refused_by_name(arguments: dict[str, Any], source: Path, tmp_path: Path):
+    with pytest.raises((TypeError, ValueError), match=next(iter(arguments))):
+        corrupt(source, tmp_path / "out", **{"workers": 1, **arguments})
+    assert not (tmp_path / "out").exists()
+
+
+def test_bad_folders_are_refused(source: Path, tmp_path: Path):
+    with pytest.raises(ValueError, match="out must not be inside"):
+        corrupt(source, source / "out", workers=1)
+    with pytest.raises(NotADirectoryError):
+        corrupt(source / "0.png", tmp_path / "out", workers=1)
+    (tmp_path / "empty").mkdir()
+    with pytest.raises(ValueError, match="no pictures"):
+        corrupt(tmp_path / "empty", tmp_path / "out", workers=1)
+    corrupt(source, tmp_path / "out", severity=1, seed=1, workers=1)
+    with pytest.raises(ValueError, match="seed 1, not 2"):
+        corrupt(source, tmp_path / "out", severity=1, seed=2, workers=1)
+    (tmp_path / "out" / MANIFEST).write_text("[1, 2]")
+    with pytest.raises(ValueError, match="no manifest"):
+        corrupt(source, tmp_path / "out", severity=1, seed=1, workers=1)
+
+
+def test_the_command(source: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+    out = tmp_path / "out"
+    line = ["corrupt", str(source), str(out), "--weather", "rain", "--severity", "2", "--quiet"]
+    assert main([*line, "--workers", "1"]) == 0
+    words = capsys.readouterr()
+    assert words.out.strip() == str(out / MANIFEST) and "7 pictures written" in words.err
+    assert main([*line, "--workers", "1"]) == 0
+    assert "7 were there already" in capsys.readouterr().err
+    assert main([*line, "--severity", "9"]) == 2
+    assert "severity" in capsys.readouterr().err
+    (source / "bad.png").write_bytes(b"nonsense")
+    assert main([*line, "--workers", "1"]) == 2
+    assert "bad.png" in capsys.readouterr().err

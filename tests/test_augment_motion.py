@@ -1,0 +1,110 @@
+"""A clip keeps its weather's motion: frame t and its vectors say where frame t + 1 has what."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+import flurries as fl
+
+
+def moved(alpha: np.ndarray, motion: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Carry each pixel along its vector; where several arrive the denser count for more."""
+    height, width = alpha.shape
+    y, x = np.mgrid[:height, :width]
+    row, column = y + motion[..., 1], x + motion[..., 0]
+    i, j = np.floor(row).astype(int), np.floor(column).astype(int)
+    down, across = row - i, column - j
+    sums, shares = np.zeros(height * width + 1), np.zeros(height * width + 1)
+    for di in (0, 1):
+        for dj in (0, 1):
+            share = np.where(di, down, 1 - down) * np.where(dj, across, 1 - across)
+            share = share * (alpha + 1e-9)
+            inside = (i + di >= 0) & (i + di < height) & (j + dj >= 0) & (j + dj < width)
+            at = np.where(inside, (i + di) * width + j + dj, height * width).ravel()
+            sums += np.bincount(at, (share * alpha).ravel(), len(sums))
+            shares += np.bincount(at, share.ravel(), len(sums))
+    there = shares[:-1] > 0.0
+    carried = np.divide(sums[:-1], shares[:-1], out=np.zeros(height * width), where=there)
+    return carried.reshape(height, width), there.reshape(height, width)
+
+
+def correlations(weather: Any, fps: float, size: int = 512) -> tuple[float, float]:
+    """Of frame t + 1 with frame t carried along, and with frame t as it was."""
+    picture = np.zeros((size, size), np.uint8)
+    now = weather.apply(picture, index=0, time=1.0, fps=fps, motion=True)
+    then = weather.apply(picture, index=0, time=1.0 + 1.0 / fps, fps=fps)
+    # What is even over the picture moves nowhere and says nothing.
+    carried, there = moved(now.alpha.astype(np.float64) - now.alpha.min(), now.motion)
+    with_vectors = np.corrcoef(carried[there], then.alpha[there])[0, 1]
+    without = np.corrcoef(now.alpha.ravel(), then.alpha.ravel())[0, 1]
+    return float(with_vectors), float(without)
+
+
+@pytest.mark.parametrize("kind", ["Snowfall", "Rainfall", "Fog"])
+@pytest.mark.parametrize("severity", [1, 3, 5])
+def test_the_layer_of_a_clip_predicts_the_next(kind: str, severity: int):
+    weather = getattr(fl.augment, kind)(severity=severity, seed=5)
+    assert correlations(weather, 30.0)[0] >= 0.9
+
+
+@pytest.mark.parametrize("kind, fps, least", [
+    # All that falls, without the veil that stands still. Snow is waves of many depths at one place,
+    # and one vector cannot carry them all.
+    ("Snowfall", 30.0, 0.75), ("Snowfall", 60.0, 0.8),
+    ("Rainfall", 30.0, 0.87), ("Rainfall", 60.0, 0.9),
+])  # fmt: skip
+def test_what_falls_is_carried_by_its_vectors(kind: str, fps: float, least: float):
+    weather = getattr(fl.augment, kind)(severity=3, seed=5, ground=None)
+    along, still = correlations(weather, fps)
+    assert along >= least
+    assert still < 0.5
+
+
+def test_vectors_that_point_the_other_way_are_noticed():
+    weather = fl.augment.Rainfall(severity=3, seed=5, ground=None)
+    picture = np.zeros((512, 512), np.uint8)
+    now = weather.apply(picture, index=0, time=1.0, motion=True)
+    then = weather.apply(picture, index=0, time=1.0 + 1.0 / 30.0)
+    carried, there = moved(now.alpha.astype(np.float64) - now.alpha.min(), -now.motion)
+    assert np.corrcoef(carried[there], then.alpha[there])[0, 1] < 0.1
+
+
+def test_weather_drawn_anew_for_each_frame_does_not_move():
+    # What the usual libraries do to a clip.
+    rain = fl.augment.Rainfall(severity=3, seed=5, ground=None)
+    picture = np.zeros((512, 512), np.uint8)
+    now = rain.apply(picture, index=0, motion=True)
+    then = rain.apply(picture, index=1)
+    carried, there = moved(now.alpha.astype(np.float64) - now.alpha.min(), now.motion)
+    assert abs(np.corrcoef(carried[there], then.alpha[there])[0, 1]) < 0.1
+
+
+@pytest.mark.parametrize("kind", ["Snowfall", "Rainfall"])
+def test_vectors_are_focal_over_depth(kind: str):
+    """At every flake that hides what is behind it: its own exact motion, by finite differences."""
+    weather = getattr(fl.augment, kind)(severity=2, seed=5, ground=None, exposure=1e-3)
+    air, view = weather._air(weather.record(index=0)), weather._view((512, 512))
+    distances = weather._distances(None, view)
+    _, motion, where = air.moving(view, distances, time=1.0, fps=30.0)
+    now, then = (air._flakes(view, t) for t in (1.0 - 0.5 / 30.0, 1.0 + 0.5 / 30.0))
+    here = air._flakes(view, 1.0)
+    focal = view.camera.focal
+    places = [256 + focal * f.points[:, :2] / f.points[:, 2:] for f in (now, here, then)]
+    way = places[2] - places[0]
+    inside = ((places[1] > 2) & (places[1] < 510)).all(axis=1) & (np.abs(way) < 200).all(axis=1)
+    large = inside & (focal * here.radius / here.points[:, 2] / 3.0 > 0.5)
+    column, row = places[1][large].astype(int).T
+    error = np.abs(motion[row, column] - way[large]).max(axis=1)
+    # Flakes behind larger ones see those.
+    assert np.median(error) < 0.1 and large.sum() > 20
+    assert np.median(np.abs(where[row, column] / here.points[large, 2] - 1.0)) < 0.02
+
+
+def test_time_is_seekable():
+    weather = fl.augment.Snowfall(severity=3, seed=5)
+    picture = np.zeros((96, 128), np.uint8)
+    clip = weather.clip(np.stack([picture] * 5), index=2, fps=30.0, time=1e5)
+    assert np.array_equal(weather(picture, index=2, time=1e5 + 3 / 30.0), clip[3])

@@ -1,0 +1,210 @@
+"""Scenes on Dask: the same bits, nothing lost with a worker, few tasks."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import dask
+import distributed
+import numpy as np
+import pytest
+
+import flurries as fl
+from flurries import cluster, manifest
+from flurries.cli import main
+from flurries.io import open_background, write_picture
+
+SCENE = fl.Scene((96, 64), "#304050", effects=fl.Snow.preset("heavy", flakes=100))
+
+
+@dataclass(frozen=True)
+class Slow:
+    """No weather at all, after a while: so that a test can come in between."""
+
+    seconds: float = 0.05
+    ends: bool = False
+    seed: int | None = None
+
+    def render(self, frame: fl.Frame) -> fl.Layer:
+        time.sleep(self.seconds)
+        if self.ends:
+            os._exit(3)
+        return fl.Layer("slow", np.zeros((64, 96), np.float32))
+
+
+SLOW = SCENE.replace(effects=[fl.Snow.preset("heavy", flakes=100), Slow()])
+
+
+@pytest.fixture(scope="module")
+def client() -> Iterator[Any]:
+    # Groups of a few frames, so that there is something to lose.
+    with (
+        dask.config.set({"distributed.scheduler.allowed-failures": 2}),
+        distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None,
+                                 silence_logs=50) as local,
+        distributed.Client(local, set_as_default=False) as client,
+    ):  # fmt: skip
+        client.run(sys.path.insert, 0, str(Path(__file__).parent))
+        yield client
+
+
+@pytest.fixture
+def small_groups(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(cluster, "grouped", lambda scene, frames: [
+        frames[i : i + 4] for i in range(0, len(frames), 4)
+    ])  # fmt: skip
+
+
+def contents(folder: Path) -> dict[str, bytes]:
+    return {p.name: p.read_bytes() for p in folder.iterdir()}
+
+
+def test_an_array_has_the_frames(client: Any):
+    film = SCENE.to_dask("3-20x3", group=2)
+    assert (film.shape, film.dtype, film.chunks[0]) == ((6, 64, 96, 3), np.uint8, (2, 2, 2))
+    want = np.stack([SCENE.render(t) for t in range(3, 21, 3)])
+    assert np.array_equal(film.compute(scheduler="threads"), want)
+    assert np.array_equal(client.compute(film[2:5, ::2]).result(), want[2:5, ::2])
+    assert np.array_equal(client.compute(film.max(axis=0)).result(), want.max(axis=0))
+    light = fl.Scene(None, np.full((20, 30, 3), 0.3, np.float32)).to_dask([4])
+    assert light.dtype == np.float32 and light.shape == (1, 20, 30, 3)
+
+
+class Never(Slow):
+    def render(self, frame: fl.Frame) -> fl.Layer:
+        raise AssertionError("rendered before anybody asked")
+
+
+def test_an_array_is_lazy():
+    film = SCENE.replace(effects=[Never()]).to_dask(range(100_000))
+    assert len(film) == 100_000
+    # The scene is one node of the graph, each chunk another, whatever a picture weighs.
+    assert len(film.__dask_graph__()) <= 3 * len(film.chunks[0]) + 10
+
+
+def test_groups_are_worth_a_task():
+    # At the fixed cost; benches/scale.py measures it.
+    for size in ((320, 240), (1920, 1080), (8000, 8000)):
+        scene = fl.Scene(size, effects=[fl.Snow(), fl.Snow()])
+        groups = cluster.grouped(scene, list(range(1000)))
+        cost = 85e-9 * size[0] * size[1]
+        assert [n for group in groups for n in group] == list(range(1000))
+        assert len(groups[0]) * cost >= 0.25 and (len(groups[0]) - 1) * cost < 0.25
+
+
+def test_a_sequence_has_the_same_bytes(client: Any, small_groups: None, tmp_path: Path):
+    SCENE.write(tmp_path / "here" / "%04d.png", "1-30")
+    seen: list[int] = []
+
+    def progress(frames: Any) -> Any:
+        assert len(frames) == 30
+        for frame in frames:
+            seen.append(frame)
+            yield frame
+
+    done = SCENE.write(tmp_path / "there" / "%04d.png", "1-30", dask=client, progress=progress)
+    assert done.written == sorted(seen) == list(range(1, 31)) and done.kept == []
+    assert contents(tmp_path / "there") == contents(tmp_path / "here")
+    (tmp_path / "there" / "0007.png").unlink()
+    again = SCENE.write(tmp_path / "there" / "%04d.png", "1-30", dask=client)
+    assert again.written == [7] and len(again.kept) == 29
+    assert contents(tmp_path / "there") == contents(tmp_path / "here")
+    with pytest.raises(ValueError, match="already"):
+        SCENE.replace(seed=5).write(tmp_path / "there" / "%04d.png", "1-30", dask=client)
+    assert contents(tmp_path / "there") == contents(tmp_path / "here")
+
+
+@pytest.mark.parametrize("after", [3, 11])
+def test_a_worker_that_is_killed_loses_nothing(
+    after: int, client: Any, small_groups: None, tmp_path: Path
+):
+    SLOW.write(tmp_path / "here" / "%04d.png", "1-40")
+    out = tmp_path / "there"
+    result: list[Any] = []
+    thread = threading.Thread(
+        target=lambda: result.append(SLOW.write(out / "%04d.png", "1-40", dask=client))
+    )
+    thread.start()
+    end = time.monotonic() + 60
+    while len(list(out.glob("*.png"))) < after and time.monotonic() < end:
+        time.sleep(0.005)
+    pid = next(iter(client.run(os.getpid).values()))
+    os.kill(pid, signal.SIGKILL)
+    thread.join(100)
+    assert result and sorted(result[0].written + result[0].kept) == list(range(1, 41))
+    assert contents(out) == contents(tmp_path / "here"), "same bits, nothing left over"
+    assert manifest.check(out) == []
+    client.wait_for_workers(2, timeout=60)
+
+
+def test_frames_that_kill_every_worker_are_named(client: Any, small_groups: None, tmp_path: Path):
+    client.wait_for_workers(2, timeout=60)
+    deadly = SCENE.replace(effects=[Slow(0.0, ends=True)])
+    with pytest.raises(RuntimeError, match="frames 1 to 4"):
+        deadly.write(tmp_path / "%d.png", "1-4", dask=client)
+    client.wait_for_workers(2, timeout=60)
+    assert SCENE.write(tmp_path / "%d.png", "1-2", dask=client).written == [1, 2]
+    assert not list(tmp_path.glob(".*"))
+
+
+def test_damaged_plates_are_skipped_and_held(client: Any, small_groups: None, tmp_path: Path):
+    for number in (0, 2, 3):
+        write_picture(tmp_path / f"plate.{number}.png", np.full((20, 30, 3), 40, np.uint8))
+    scene = fl.Scene(None, tmp_path / "plate.%d.png")
+    done = scene.write(tmp_path / "a" / "%d.png", damaged="skip", dask=client)
+    assert (done.written, done.skipped) == ([0, 2, 3], [1])
+    done = scene.write(tmp_path / "b" / "%d.png", damaged="hold", dask=client)
+    assert (done.written, done.held) == ([0, 1, 2, 3], [1])
+
+
+def test_a_film_has_the_same_bytes(client: Any, small_groups: None, tmp_path: Path):
+    for name, where in (("here", None), ("there", client)):
+        SCENE.write(tmp_path / f"{name}.mkv", "1-21", dask=where)
+    assert (tmp_path / "here.mkv").read_bytes() == (tmp_path / "there.mkv").read_bytes()
+    assert open_background(tmp_path / "there.mkv").count == 21
+
+
+def test_the_command_line_makes_a_cluster(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.chdir(tmp_path)
+    words = ["#304050", "--snow", "heavy", "--size", "96x64", "--frames", "1-9", "--quiet"]
+    command = [sys.executable, "-m", "flurries", "render", "--dask", *words, "-o", "a/%04d.png"]
+    run = subprocess.run(command, capture_output=True, text=True, timeout=120)
+    assert run.returncode == 0, run.stderr
+    assert run.stdout.split() == [f"a/{n:04d}.png" for n in range(1, 10)]
+    assert "9 frames rendered" in run.stderr and "Traceback" not in run.stderr
+    assert main(["render", *words, "-o", "b/%04d.png"]) == 0
+    assert contents(Path("a")) == contents(Path("b"))
+
+
+@pytest.mark.parametrize("where", ["tcp://127.0.0.1:9", "nonsense", 7])
+def test_no_cluster_there(where: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(distributed, "Client", _impatient(distributed.Client))
+    with pytest.raises((OSError, TypeError), match="dask"):
+        SCENE.write(tmp_path / "%d.png", "1", dask=where)
+    assert not list(tmp_path.iterdir())
+
+
+def _impatient(kind: Any) -> Any:
+    class Client(kind):  # type: ignore[misc]
+        def __init__(self, *arguments: Any, timeout: str = "", **options: Any) -> None:
+            super().__init__(*arguments, timeout="0.5s", **options)
+
+    return Client
+
+
+def test_without_dask_it_says_what_to_install(monkeypatch: pytest.MonkeyPatch, tmp_path: Path):
+    monkeypatch.setitem(sys.modules, "distributed", None)
+    monkeypatch.setitem(sys.modules, "dask", None)
+    with pytest.raises(ImportError, match=r"flurries\[dask\]"):
+        SCENE.to_dask("1-2")
+    with pytest.raises(ImportError, match=r"flurries\[dask\]"):
+        SCENE.write(tmp_path / "%d.png", "1", dask=True)
