@@ -212,8 +212,9 @@ def test_waves_too_fast_everywhere_make_no_tiles():
 
 
 def test_flakes_out_of_view_are_not_drawn(monkeypatch: pytest.MonkeyPatch):
-    forward = fl.CameraPath(Camera(180.0, aspect=1.7), velocity=(0.3, 0.0, 9.0), orientation=fl.Keys(
-        [(0, (0.0, 0.0, 0.0)), (40, (0.1, 0.5, 0.0))]))  # fmt: skip
+    turning = fl.Keys([(0, (0.0, 0.0, 0.0)), (40, (0.1, 0.5, 0.0))])
+    lens = Camera(180.0, aspect=1.7)
+    forward = fl.CameraPath(lens, velocity=(0.3, 0.0, 9.0), orientation=turning)
     effects = (
         fl.Snow(texture=0.0, flakes=900, shutter=0.9, flake_size=(0.01, 0.2), seed=2),
         fl.Rain(texture=0.0, drops=500, shutter=1.5, seed=2),

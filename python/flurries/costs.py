@@ -45,7 +45,7 @@ NANOSECONDS: dict[str, tuple[str, float]] = {
     "joined pixel": ("kernel", 0.333),
     # A square root, by which machines are compared.
     "array number": ("array", 1.12),
-    "copied byte": ("array", 0.0445),
+    "copied byte": ("array", 0.066),
     "array pixel": ("array", 0.151),
     "veil pixel": ("array", 2.47),
     "byte pixel": ("kernel", 1.01),

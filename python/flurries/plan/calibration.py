@@ -53,8 +53,8 @@ def machine() -> str:
 def scales(*, again: bool = False) -> Mapping[str, float]:
     """Return factors on the model's times by kind of work, for the threads that are set.
 
-    Measured in a few tenths of a second the first time, then read from the cache; a cache that cannot be
-    read or written is done without.
+    Measured the first time, in a few tenths of a second, then read from the cache; a cache that
+    cannot be read or written is done without.
     """
     count = threads()
     if again:
