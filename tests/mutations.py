@@ -1,9 +1,10 @@
 """Take guards away, one at a time, and see a hard case fail for each: `make mutations`.
 
 Python's are patched in a copy of the package. Rust's are patched in a copy of the crate and built,
-which takes a minute or two each; `make mutations WHAT=python` leaves them out. Each line of the
-output names the guard and the cases that failed without it; a guard that nothing misses ends the
-run with an error.
+which takes a minute or two each; `make mutations WHAT=python` leaves them out, and
+`make mutations WHAT="near plane"` takes the guards with these words alone. Each line of the output
+names the guard and the cases that failed without it; a guard that nothing misses ends the run with
+an error.
 """
 
 from __future__ import annotations
@@ -45,6 +46,14 @@ PYTHON = [
              "(p[2] * (x - view.focal * p[0] / p[2]))[None, :]"),
     Mutation("paths go on linearly", "path.py", "before + (t - i) * (after - before)",
              "before + min(max(t - i, 0.0), 1.0) * (after - before)"),
+    Mutation("billboard errors have a domain", "gas/billboards.py",
+             "    result[~seen] = np.nan\n    return result\n\n\ndef _share",
+             "    return result\n\n\ndef _share"),
+    Mutation("parallax errors are no difference of two", "gas/billboards.py",
+             'if choice("form", form, FORMS) == "printed":\n        eyes',
+             "if True:\n        eyes"),
+    Mutation("the cone's axis keeps its side", "cone/path.py",
+             "(axis, pace) if axis @ last >= 0.0 else (-axis, -pace)", "(axis, pace)"),
 ]  # fmt: skip
 
 RUST = [
@@ -77,6 +86,15 @@ RUST = [
              "if alpha == T::zero()", "if false"),
     Mutation("integers are rounded", "frame/sample.rs", "clipped + 8_388_608.0",
              "clipped.floor() + 8_388_608.0"),
+    Mutation("gas is integrated over small pixels", "gas/footprint.rs",
+             "pub const POINT_FROM: f64 = 2.0", "pub const POINT_FROM: f64 = 0.0"),
+    Mutation("1 + cos without cancellation", "cone/basis.rs",
+             "let one_plus_cos = 0.5 * dot(sum, sum);",
+             "let one_plus_cos = 1.0 + dot(DOWN, axis);"),
+    Mutation("denominators of the mapping have a floor", "cone/view.rs",
+             "const FLOOR: f64 = 1e-6", "const FLOOR: f64 = 0.0"),
+    Mutation("azimuth 1 is 0", "cone/view.rs", "if azimuth >= 1.0 { 0.0 } else { azimuth }",
+             "azimuth"),
 ]  # fmt: skip
 
 
@@ -133,6 +151,8 @@ def main(what: str) -> int:
     missed = 0
     jobs = [(in_python, m) for m in PYTHON] * (what != "rust")
     jobs += [(in_rust, m) for m in RUST] * (what != "python")
+    if what not in ("all", "python", "rust"):
+        jobs = [(run, mutation) for run, mutation in jobs if what in mutation.guard]
     with tempfile.TemporaryDirectory() as name:
         shutil.copytree(ROOT / "python" / "flurries", Path(name) / "whole" / "flurries")
         if found := failures(Path(name) / "whole"):

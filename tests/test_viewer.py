@@ -115,12 +115,10 @@ def test_what_no_slider_says_is_refused(values: dict[str, Any], said: str):
         {"t": "0"},
         {"t": float("inf")},
         {"values": [1]},
-        {"t": 1.0, "carry": {"t": 0.0, "places": [[1.0]]}},
-        {"t": 1.0, "carry": {"t": 0.0, "places": [[1.0, 2.0, "x"]]}},
-        {"t": 1.0, "carry": {"t": 0.0, "places": []}},
+        {"t": 1.0, "page": 3},
+        {"t": 1.0, "page": "x" * 100},
         {"t": 1.0, "effect": 1},
         {"t": 1.0, "effect": True},
-        {"t": 1.0, "carry": 3},
         {"t": 1.0, "charts": True, "at": ["a", 0.0]},
     ],
 )
@@ -138,27 +136,52 @@ def test_the_answer_is_the_scenes_own_frame():
     assert head["t"] == 12.0
 
 
+def place(session: Session, effect: int = 0) -> np.ndarray:
+    """Camera minus air of the page's last picture."""
+    return np.array(session._air["p"][1][effect])
+
+
 def test_the_air_goes_on_from_where_it_is():
     """Another speed at frame 100 must not throw the air to where that speed had brought it."""
     session = Session(SCENE)
-    first, _ = session.answer({"t": 100.0, "values": {}})
-    ask = {"t": 101.0, "values": {"0.speed": 3.0, "0.direction": 0.0}, "carry": first}
-    second, buffers = session.answer(ask)
+    session.answer({"t": 100.0, "page": "p", "begin": True})
+    before = place(session)
+    ask = {"t": 101.0, "values": {"0.speed": 3.0, "0.direction": 0.0}, "page": "p"}
+    _, buffers = session.answer({**ask, "begin": False})
     # Camera minus air: 3 m/s to the right over one of 25 frames a second.
-    moved = np.subtract(second["places"][0], first["places"][0])
-    assert moved == pytest.approx((-3.0 / 25.0, 0.0, 0.0), abs=1e-12)
-    _, jumped = session.answer({**ask, "carry": None})
+    assert place(session) - before == pytest.approx((-3.0 / 25.0, 0.0, 0.0), abs=1e-12)
+    _, jumped = session.answer({**ask, "begin": True})
     assert buffers[0] != jumped[0]
 
 
+def test_without_a_change_the_air_is_the_closed_form():
+    session = Session(SCENE)
+    session.answer({"t": 100.0, "page": "p", "begin": True})
+    for t in (101.0, 102.5, 60.0):
+        _, buffers = session.answer({"t": t, "page": "p", "begin": False})
+        assert buffers[0] == jpeg(SCENE.render(t))
+
+
 def test_the_effect_under_the_hand_decides_where_the_air_goes_on():
-    two = SCENE.replace(effects=[SCENE.effects[0], fl.Rain(drops=50)])
-    session = Session(two)
-    first, _ = session.answer({"t": 100.0, "values": {}})
+    session = Session(SCENE.replace(effects=[SCENE.effects[0], fl.Rain(drops=50)]))
+    session.answer({"t": 100.0, "page": "p", "begin": True})
+    before = place(session, 1)
     values = {"1.speed": 4.0, "1.direction": 90.0}
-    second, _ = session.answer({"t": 101.0, "values": values, "carry": first, "effect": 1})
-    moved = np.subtract(second["places"][1], first["places"][1])
+    session.answer({"t": 101.0, "values": values, "page": "p", "begin": False, "effect": 1})
+    moved = place(session, 1) - before
     assert moved == pytest.approx((0.0, -4.0 / 25.0, 0.0), abs=1e-12)
+
+
+def test_pages_do_not_move_each_others_air_and_old_ones_are_forgotten():
+    session = Session(SCENE)
+    for page in ("p", "q"):
+        session.answer({"t": 10.0, "page": page, "begin": True})
+    session.answer({"t": 11.0, "values": {"0.speed": 3.5}, "page": "q", "begin": False})
+    _, buffers = session.answer({"t": 12.0, "page": "p", "begin": False})
+    assert buffers[0] == jpeg(SCENE.render(12.0))
+    for number in range(40):
+        session.answer({"t": 1.0, "page": str(number)})
+    assert len(session._air) <= 16 and "p" not in session._air
 
 
 @pytest.mark.parametrize("kind", sorted(EFFECTS))
@@ -176,14 +199,6 @@ def test_every_effect_of_scene_files_can_be_tuned(kind: str):
         assert "error" not in head, (control, head)
         assert decoded(buffers[0]).shape == (48, 64, 3)
     assert len(about["controls"]) >= 5
-
-
-def test_without_a_change_carrying_is_the_closed_form():
-    session = Session(SCENE)
-    head, _ = session.answer({"t": 100.0})
-    for t in (101.0, 102.5, 60.0):
-        head, buffers = session.answer({"t": t, "carry": head})
-        assert buffers[0] == jpeg(SCENE.render(t))
 
 
 def test_charts_are_the_tiles_own():

@@ -4,6 +4,11 @@ Each file holds one subject's table of `Case`; `tests/test_hard_cases.py` judges
 `tests/make_hard_cases.py` writes them with the measured values to ``docs/hard-cases.md``.
 """
 
-from hard import air, spectral
+from hard import air, cone, gas, spectral
 
-TABLES = {"Spectral texture": spectral.CASES, "Camera, flakes, compositing": air.CASES}
+TABLES = {
+    "Spectral texture": spectral.CASES,
+    "Camera, flakes, compositing": air.CASES,
+    "Gas": gas.CASES,
+    "Double cone": cone.CASES,
+}

@@ -131,6 +131,23 @@ def outside_the_box(box: float, time: float) -> Any:
     return measure
 
 
+def at_the_edge(box: float) -> Any:
+    """Flakes outside [-B/2, B/2) that are sent to the edge itself, an ulp up or down, far away."""
+
+    def measure(dtype: Any) -> float:
+        start = P.positions(100, box, seed=1, velocity=(0.0, 0.0, 0.0), time=0.0)
+        outside = 0
+        for i, place in enumerate(start):
+            for boxes in (0.0, 1.0, 1e6):
+                way = boxes * box + 0.5 * box - place
+                for move in (np.nextafter(way, -np.inf), way, np.nextafter(way, np.inf)):
+                    got = P.positions(i + 1, box, seed=1, velocity=move, time=1.0)[i]
+                    outside += np.count_nonzero((got < -0.5 * box) | (got >= 0.5 * box))
+        return float(outside)
+
+    return measure
+
+
 def whole_boxes(time: float) -> Any:
     """How far flakes are from where they were after whole numbers of boxes, in boxes."""
 
@@ -329,6 +346,11 @@ CASES = [
         Case(f"flakes outside a box of {b:g} m after {t:g} s", outside_the_box(b, t), 0.0, 0.0,
              "a count", "a second fold, since rounding can leave the box by an ulp")
         for b, t in ((1e-100, 1.0), (1e100, 1.0), (7.3, 1e6), (7.3, -1e6), (0.1, 1e-9))
+    ],
+    *[
+        Case(f"flakes sent to the wall of a box of {b:g} m, +- an ulp: outside", at_the_edge(b),
+             0.0, 0.0, "a count", "a second fold, since rounding can leave the box by an ulp")
+        for b in (0.1, 3.0, 7.3)
     ],
     *[
         Case(f"flakes after {t:.0e} whole boxes, in boxes", whole_boxes(t), 0.0, tol,

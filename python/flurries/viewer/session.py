@@ -1,7 +1,7 @@
 """What both viewers ask: a picture for where the sliders stand, the charts, and the scene's text.
 
-The front end keeps the time and the sliders and sends both with every question, so nothing is
-remembered here but the scene and what was last shown.
+The front end keeps the time and the sliders and sends both with every question. What is remembered
+here is where the air was in each page's last picture, so that it can go on from there.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ import warnings
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 
@@ -33,6 +33,13 @@ QUALITY = 90
 
 # Where two eyes meet, if nothing else says so: in front of the far flakes, behind the nearest.
 CONVERGENCE = 6.0
+
+
+# Pages whose air is remembered; an older one begins again from the closed form.
+MOST_PAGES = 16
+
+# A time, and camera minus air of each effect then; None for one that does not move.
+_Air: TypeAlias = tuple[float, list[Any]]
 
 
 class Session:
@@ -54,6 +61,7 @@ class Session:
         self.save_path = Path(save)
         self.values: dict[str, float] = {}
         self._preview = Preview(scene, size)
+        self._air: dict[str, _Air] = {}
         # Sources of files decode one frame at a time.
         self._lock = threading.Lock()
 
@@ -104,9 +112,14 @@ class Session:
         self.values = dict(values)
         scene = self._preview.shown(effects, path)
         index = _index(ask.get("effect", 0), len(scene.effects))
-        scene, places = _carried(scene, now, ask.get("carry"), index)
+        page = ask.get("page", "")
+        if not isinstance(page, str) or len(page) > 64:
+            raise ValueError("page must be a short text")
+        before = None if ask.get("begin", True) else self._air.get(page)
+        scene, places = _carried(scene, now, before, index)
+        self._remember(page, now, places)
         picture = self._eyes(scene, now, float(values.get(EYES, 0.0)) / 1000.0)
-        head: dict[str, Any] = {"t": now, "places": places}
+        head: dict[str, Any] = {"t": now}
         buffers = [jpeg(picture)]
         if ask.get("charts"):
             at = ask.get("at", (0.5, 0.5))
@@ -123,6 +136,14 @@ class Session:
                 buffers += [found.rate.tobytes(), found.power.tobytes()]
         head["ms"] = round(1e3 * (time.perf_counter() - began), 2)
         return head, buffers
+
+    def _remember(self, page: str, t: float, places: list[Any] | None) -> None:
+        """Keep where the air of a page was; of the last few pages."""
+        self._air.pop(page, None)
+        if places is not None:
+            self._air[page] = (t, places)
+        while len(self._air) > MOST_PAGES:
+            del self._air[next(iter(self._air))]
 
     def _eyes(self, scene: Scene, t: float, distance: float) -> Array:
         """Return the picture as uint8 display values, for one eye or red-cyan glasses."""
@@ -172,30 +193,26 @@ def packed(head: Mapping[str, Any], buffers: list[bytes]) -> bytes:
     return len(text).to_bytes(4, "little") + text + b"".join(buffers)
 
 
-def _carried(scene: Scene, t: float, carry: Any, index: int) -> tuple[Scene, list[Any] | None]:
+def _carried(
+    scene: Scene, t: float, before: _Air | None, index: int
+) -> tuple[Scene, list[Any] | None]:
     """Return the scene moved so that the air goes on from where it was, and where it is now.
 
     A frame is a function of the scene and t: with another speed the air would jump to where that
-    speed had brought it by now. Under the hand it must go on from where it is. `carry` holds a
-    time and where each effect's air was then; what comes after follows from the scene. There is one
-    camera to move, so the effect at `index`, which is under the hand, decides.
+    speed had brought it by now. Under the hand it must go on from where it was `before`; what comes
+    after follows from the scene. There is one camera to move, so the effect at `index`, which is
+    under the hand, decides.
     """
     path: CameraPath = scene.camera
     if path.turns or not any(map(moves, scene.effects)):
         return scene, None
     here = _places(scene, t)
-    if carry is None:
+    if before is None:
         return scene, here
-    then = _number("carry", _mapping(carry).get("t"))
-    places = _mapping(carry).get("places")
-    if not isinstance(places, (list, tuple)) or len(places) != len(scene.effects):
-        raise ValueError(f"carry must have a place for each of {len(scene.effects)} effects")
     if not moves(scene.effects[index]):
         index = next(i for i, effect in enumerate(scene.effects) if moves(effect))
-    if not isinstance(places[index], (list, tuple)) or len(places[index]) != 3:
-        raise ValueError(f"carry must have places of three numbers, got {places[index]!r}")
-    was = np.array([_number("carry", v) for v in places[index]])
-    offset = was - _places(scene, then)[index]
+    then, places = before
+    offset = np.subtract(places[index], _places(scene, then)[index])
     if not np.any(np.abs(offset) > 1e-9):
         return scene, here
     start, rate = path.place(t, fps=scene.fps) + offset, path.rate(t, fps=scene.fps)

@@ -2,6 +2,7 @@
 // and in a browser; only how a question reaches Python differs (`ask`).
 
 const CHARTS_EVERY = 2;   // pictures for each drawing of the charts while something moves
+const IN_FLIGHT = 2;
 
 function element(kind, name, parent, text) {
   const made = document.createElement(kind);
@@ -21,9 +22,9 @@ function shown(control, value) {
 export function mount(root, about, ask) {
   root.classList.add("flurries");
   root.replaceChildren();
-  const values = {}, state = { t: about.fps, playing: true, at: [0.5, 0.5], effect: Math.max(about.textured.indexOf(true), 0), under: 0, carry: null, turn: 0.6, tilt: 0.38 };
-  let busy = false, dirty = true, gone = false, chart = null, count = 0, last = 0, heldUntil = 0, clock = performance.now();
-  const pace = [];
+  const values = {}, state = { t: about.fps, playing: true, at: [0.5, 0.5], effect: Math.max(about.textured.indexOf(true), 0), under: 0, begin: true, turn: 0.6, tilt: 0.38 };
+  let flying = 0, asked = 0, newest = 0, dirty = true, gone = false, chart = null, charted = false, last = 0, heldUntil = 0, clock = performance.now();
+  const pace = [], page = Math.random().toString(36).slice(2);
 
   const stage = element("div", "fl-stage", root);
   const frame = element("div", "fl-frame", stage);
@@ -84,43 +85,49 @@ export function mount(root, about, ask) {
 
   function wanted() { dirty = true; pump(); }
 
-  async function pump() {
-    if (busy || gone || !dirty) return;
-    busy = true;
+  // Two questions are on their way at a time: Python makes one picture while another is shown.
+  function pump() {
+    while (!gone && flying < IN_FLIGHT && (dirty || state.playing)) send();
+    // The last picture of a drag has its charts.
+    if (!flying && !gone && chart && !charted) wanted();
+    root.dataset.idle = String(!flying && !dirty && !state.playing);
+  }
+
+  async function send() {
+    const order = ++asked, now = performance.now();
+    flying++;
     dirty = false;
-    root.dataset.idle = "false";
-    const now = performance.now();
     if (state.playing) {
       state.t += Math.min((now - clock) / 1000, 0.25) * about.fps;
-      if (state.t > Number(time.max)) { state.t = 0; state.carry = null; }
+      if (state.t > Number(time.max)) { state.t = 0; state.begin = true; }
     }
     clock = now;
     try {
-      const charts = !chart || count++ % CHARTS_EVERY === 0;
-      const answer = await ask({ kind: "frame", t: state.t, values, carry: state.carry, at: state.at, effect: state.under, chart: state.effect, charts });
-      if (answer.head.error) fail(answer.head.error); else await put(answer, charts);
+      const charts = !chart || order % CHARTS_EVERY === 0 || !flying;
+      const question = { kind: "frame", t: state.t, values, page, begin: state.begin, at: state.at, effect: state.under, chart: state.effect, charts };
+      state.begin = false;
+      const answer = await ask(question);
+      if (answer.head.error) fail(answer.head.error); else await put(answer, order, charts);
     } catch (error) {
       state.playing = false;
       play.textContent = "▶";
       fail(`no answer: ${error.message || error}`);
     }
-    busy = false;
-    if (gone) return;
-    if (state.playing) dirty = true;
+    flying--;
     // A hidden page gets no animation frames, and must not keep the machine busy.
-    if (dirty) document.hidden ? requestAnimationFrame(pump) : pump();
-    // The last picture of a drag has its charts.
-    else if (chart && count % CHARTS_EVERY) wanted();
-    else root.dataset.idle = "true";
+    if (document.hidden) requestAnimationFrame(pump); else pump();
   }
 
-  async function put({ head: found, buffers }, charts) {
+  async function put({ head: found, buffers }, order, charts) {
     const picture = await createImageBitmap(new Blob([buffers[0]], { type: "image/jpeg" }));
+    // Overtaken by a later one.
+    if (order < newest) return;
+    newest = order;
     brush.drawImage(picture, 0, 0, canvas.width, canvas.height);
     picture.close();
-    state.carry = found.places ? { t: found.t, places: found.places } : null;
-    time.value = state.t;
-    clockText.textContent = `frame ${Math.round(state.t)}`;
+    charted = charts;
+    time.value = found.t;
+    clockText.textContent = `frame ${Math.round(found.t)}`;
     if (found.chart) {
       // Copied: what arrives need not begin at a multiple of four.
       const floats = (part) => new Float32Array(new Uint8Array(part.buffer || part, part.byteOffset || 0, part.byteLength).slice().buffer);

@@ -1,0 +1,155 @@
+"""Hard cases of the double cone: its frame, mapping, elongation and path."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import mpmath
+import numpy as np
+
+import flurries as fl
+from hard.case import EPS, Case, refused, worst
+
+K = fl.cone
+EYE = fl.Camera(100.0)
+SHAPE = (60, 80)
+
+
+def upright(axis: tuple[float, float, float]) -> Any:
+    """How far the frame of an axis is from orthonormal."""
+
+    def measure(dtype: Any) -> float:
+        frame = np.stack(K.frame(np.array(axis, np.float64)))
+        return worst(frame @ frame.T - np.eye(3))
+
+    return measure
+
+
+def turned(angle: float) -> Any:
+    """How far x, turned as the default axis is to one `angle` from straight up, is off."""
+
+    def measure(dtype: Any) -> float:
+        with mpmath.workdps(40):
+            # In the plane of y and (x + z)/sqrt 2; the axis is pi - angle from (0, 1, 0).
+            theta = mpmath.pi - mpmath.mpf(angle)
+            across = mpmath.sin(theta) / mpmath.sqrt(2)
+            axis = [float(across), float(mpmath.cos(theta)), float(across)]
+            first = K.frame(axis)[1]
+            # Rodrigues about n = (1, 0, -1)/sqrt 2 with (0, 1, 0) x axis along it.
+            n = [1 / mpmath.sqrt(2), mpmath.mpf(0), -1 / mpmath.sqrt(2)]
+            c, s = mpmath.cos(theta), mpmath.sin(theta)
+            x = [mpmath.mpf(1), mpmath.mpf(0), mpmath.mpf(0)]
+            pairs = ((1, 2), (2, 0), (0, 1))
+            cross = [n[i] * x[j] - n[j] * x[i] for i, j in pairs]
+            along = sum(a * b for a, b in zip(n, x, strict=True))
+            exact = [c * x[i] + s * cross[i] + (1 - c) * along * n[i] for i in range(3)]
+            return max(abs(float(first[i] - exact[i])) for i in range(3))
+
+    return measure
+
+
+def on_axis_finite(axis: tuple[float, float, float]) -> Any:
+    """Numbers of the mapping that are not finite, with a pixel exactly on the axis."""
+
+    def measure(dtype: Any) -> float:
+        camera = fl.Camera(100.0, center=(40.5, 30.5))
+        found = K.rays(SHAPE, camera, axis=axis, slope=0.2)
+        parts = (found.azimuth, found.height, found.azimuth_step, found.height_step, found.fade)
+        return float(sum(np.count_nonzero(~np.isfinite(part)) for part in parts))
+
+    return measure
+
+
+def azimuth_range(dtype: Any) -> float:
+    """Azimuths outside [0, 1)."""
+    found = K.rays(SHAPE, fl.Camera(30.0), axis=(0.0, 1e-30, 1.0), slope=0.0).azimuth
+    return float(np.count_nonzero((found < 0.0) | (found >= 1.0)))
+
+
+def even_tile(dtype: Any) -> float:
+    """A tile of ones on the horizon: 1, whatever filter, seam or phase."""
+    got = K.layer((1, 400), EYE, np.ones((64, 64), dtype), axis=(0.0, 1.0, 0.0), phase=0.123,
+                  slope=0.2, repeats=5, dtype=dtype)  # fmt: skip
+    return worst(got - 1.0)
+
+
+def elongation(speed: float) -> Any:
+    return lambda dtype: float(K.elongation(speed, exposure=0.02, length=0.04))
+
+
+def path_of(rate: int) -> Any:
+    """The phase after 10 s at 5 m/s, asked for at a rate of frames: turns off the closed form."""
+
+    def measure(dtype: Any) -> float:
+        times = np.arange(10 * rate + 1) / rate
+        drops = np.tile([0.0, 5.0, 0.0], (len(times), 1))
+        found = K.path(times, drops, repeats=4, radius=2.0, exposure=1.0 / 60.0, length=0.02)
+        stretch = 1.0 + 5.0 / 60.0 / 0.02
+        wanted = 10.0 * 5.0 / (math.pi * stretch)
+        off = float(found.at(10.0).phase) - wanted
+        return abs(off - round(off))
+
+    return measure
+
+
+def through_zero(dtype: Any) -> float:
+    """The least cosine between axes of successive times while the motion turns round."""
+    times = np.linspace(0.0, 2.0, 201)
+    drops = np.column_stack([0 * times, 5.0 * (1.0 - times), 0 * times])
+    found = K.path(times, drops)
+    axes = np.array([found.at(float(t)).axis for t in times])
+    return float((axes[1:] * axes[:-1]).sum(axis=1).min())
+
+
+def bad_input(dtype: Any) -> float:
+    tile = np.ones((8, 8), dtype)
+    calls = [
+        lambda: K.frame((0.0, 0.0, 0.0)),
+        lambda: K.frame((math.nan, 1.0, 0.0)),
+        lambda: K.layer(SHAPE, EYE, tile, axis=(0, 0, 0), phase=0.0),
+        lambda: K.layer(SHAPE, EYE, tile, axis=(0, 1, 0), phase=math.inf),
+        lambda: K.layer(SHAPE, EYE, tile, axis=(0, 1, 0), phase=0.0, repeats=0),
+        lambda: K.layer(SHAPE, EYE, tile, axis=(0, 1, 0), phase=0.0, stretch=0.0),
+        lambda: K.elongation(1.0, length=0.0),
+        lambda: K.path([1.0, 0.0], np.zeros((2, 3))),
+    ]
+    return refused(*calls)
+
+
+CASES = [
+    *[
+        Case(f"the frame of the axis {axis} is orthonormal", upright(axis), 0.0, 1e-15, "4 eps",
+             "a minimal rotation, not a look-at with an up")
+        for axis in (
+            (0.0, 1.0, 0.0), (0.0, -1.0, 0.0), (1e-5, -1.0, 0.0), (1e-13, -1.0, 1e-13),
+            (1.0, 0.0, 0.0), (3e-200, 4e-200, 0.0))
+    ],
+    *[
+        Case(f"the frame {a:g} rad from straight up", turned(a), 0.0, tol,
+             "eps of the axis over the angle", "o = |a0 + a|^2 / 2, not 1 + cos")
+        for a, tol in ((1.0, 1e-15), (1e-3, 1e-12), (1e-5, 1e-10))
+    ],
+    *[
+        Case(f"a pixel on the axis {axis}: numbers that are not finite", on_axis_finite(axis), 0.0,
+             0.0, "a count", "denominators have a floor")
+        for axis in ((0.0, 0.0, 1.0), (0.0, -0.0, -1.0))
+    ],
+    Case("azimuths outside [0, 1)", azimuth_range, 0.0, 0.0, "a count", "the wrap at +-0"),
+    Case("a tile of ones on the horizon", even_tile, 0.0, (1e-6, 1e-13),
+         "sums of 64 x 64 in float64 over their box", "whole repeats make no seam"),
+    *[
+        Case(f"elongation at {v:g} m/s", elongation(v), 1.0 + 0.5 * v, 1e-12 * (1.0 + v), "4 eps",
+             "1 at rest, from the speed and not from a step")
+        for v in (0.0, 1e-12, 2.0, 1e6)
+    ],
+    *[
+        Case(f"phase after 10 s in steps of 1/{r} s, turns", path_of(r), 0.0,
+             10.0 * r * EPS[np.float64] + 1e-15, "an eps for each step",
+             "the exposure stretches, not the step")
+        for r in (15, 60, 600)
+    ],
+    Case("the axis while the motion turns round: least cosine", through_zero, 1.0, 1e-12, "4 eps",
+         "the axis keeps its side and the speed turns negative"),
+    Case("bad input: refused", bad_input, 8.0, 0.0, "a count", "every number is checked"),
+]  # fmt: skip
