@@ -20,6 +20,7 @@ from flurries.effects.coned import Drops, Pose, drawn, way
 from flurries.effects.falling import AMBIENT, settled_colour
 from flurries.effects.layer import Frame, Layer
 from flurries.effects.limited import veil
+from flurries.effects.looks import look_of
 from flurries.effects.moving import Moving
 from flurries.effects.needs import PARTS, Cost, LeftOut, Needs, Step
 from flurries.effects.presets import CONE_RAIN, CONE_SNOW
@@ -49,6 +50,7 @@ class Coned(Moving):
     repeats: int = 5
     slope: float = 0.0
     tile: int = 512
+    look: str = "v1"
     seed: int | None = None
 
     NAME: ClassVar[str] = ""
@@ -60,6 +62,7 @@ class Coned(Moving):
         def settle(name: str, value: Any) -> None:
             object.__setattr__(self, name, value)
 
+        look_of(self.look)
         for name in ("amount", "haze"):
             settle(name, as_number(name, getattr(self, name), low=0.0, high=1.0))
         settle("fall", as_number("fall", self.fall))

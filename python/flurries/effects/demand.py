@@ -35,7 +35,7 @@ def needs_of_falling(effect: Falling, frame: Frame) -> Needs:
         return Needs((), (LeftOut(name, "its amount is 0"),), most=0.0)
     texture = amount * value_at(effect.texture, t)
     haze = amount * value_at(effect.haze, t)
-    opacity = kind.opacity if kind.number else 0.0
+    opacity = 0.0 if kind.empty else kind.opacity
     deep = frame.deep or frame.depth is not None
     steps, left_out = [], []
     if texture > 0.0:
@@ -47,7 +47,7 @@ def needs_of_falling(effect: Falling, frame: Frame) -> Needs:
         still = _stands_still(effect, frame, _NOT_FLAKES) and 0.0 in kind.sway
         steps.append(Step("flakes", lambda: _flakes(effect, frame, amount), once=still))
     else:
-        why = "their opacity is 0" if kind.number else "there are none"
+        why = "there are none" if kind.empty else "their opacity is 0"
         left_out.append(LeftOut(f"{name}: {kind.name}", why))
     if haze == 0.0:
         left_out.append(LeftOut(f"{name}: veil", "its opacity is 0"))
@@ -176,5 +176,5 @@ def footprints(effect: Falling, frame: Frame) -> tuple[float, float]:
     across, down = (blur * abs(rate) for rate in frame.to_camera(effect.velocity(frame))[:2])
     rows = np.minimum(wide + down, frame.shape[0])
     runs = rows * np.ceil(np.minimum(wide + across, frame.shape[1]) / RUN)
-    number = float(kind.number)
+    number = effect.number_in_view(frame)
     return number * float(drawn.mean()), number * float((drawn * runs).mean())

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields, replace
+from dataclasses import InitVar, dataclass, fields, replace
 from typing import Any, ClassVar, TypeVar
 
 import numpy as np
@@ -11,8 +11,10 @@ from flurries._contract import Array, choice, flag, integer, real, seed_of, vect
 from flurries._core import snowfall
 from flurries.composite import join
 from flurries.effects.demand import needs_of_falling
+from flurries.effects.knobs import Knobs
 from flurries.effects.layer import Frame, Layer, Light
 from flurries.effects.limited import deepened, veil
+from flurries.effects.looks import look_of
 from flurries.effects.needs import Needs
 from flurries.effects.peopled import Peopled
 from flurries.effects.seen import seen
@@ -31,7 +33,7 @@ _Kind = TypeVar("_Kind", bound="Falling")
 
 
 @dataclass(frozen=True, kw_only=True)
-class Falling(Peopled):
+class Falling(Peopled, Knobs):
     """Snow and rain. The fields are described in `Snow` and `Rain`."""
 
     amount: Number = 1.0
@@ -42,15 +44,22 @@ class Falling(Peopled):
     spread: Number = 2.0
     power: Number = 2.0
     depth_mode: str = "tile"
+    look: str = "v1"
     seed: int | None = None
+    severity: InitVar[int | None] = None
+    rate_mm_h: InitVar[float | None] = None
 
     NAME: ClassVar[str] = ""
     PRESETS: ClassVar[dict[str, dict[str, Any]]] = {}
+    KNOBS: ClassVar[tuple[str, ...]] = ("severity", "rate_mm_h")
 
-    def __post_init__(self) -> None:
+    def __post_init__(self, severity: int | None, rate_mm_h: float | None) -> None:
         def settle(name: str, value: Any) -> None:
             object.__setattr__(self, name, value)
 
+        look_of(self.look)
+        knob = self._turned(severity=severity, rate_mm_h=rate_mm_h)
+        self._set(knob, self._look(severity, rate_mm_h), *self._instead())
         for name in ("amount", "haze", "texture"):
             settle(name, as_number(name, getattr(self, name), low=0.0, high=1.0))
         for name in ("fall", "mean"):
@@ -83,10 +92,21 @@ class Falling(Peopled):
         if self.seed is not None:
             settle("seed", seed_of(self.seed))
 
-    def _settle_particles(self, number: str, size: str) -> None:
+    def _look(self, severity: int | None, rate_mm_h: float | None) -> dict[str, Any]:
+        """Return the fields that a knob sets."""
+        raise NotImplementedError
+
+    def _instead(self) -> tuple[str, ...]:
+        """Return fields that say the same as one that a knob sets."""
+        return ()
+
+    def _settle_particles(self, number: str, size: str, density: str) -> None:
         """Check how many particles there are, and how large."""
         count = integer(number, getattr(self, number), low=0, high=100_000_000)
         object.__setattr__(self, number, count)
+        many = getattr(self, density)
+        if many is not None:
+            object.__setattr__(self, density, real(density, many, low=0.0, high=1e6))
         sizes = vector(size, getattr(self, size), 2).tolist()
         if not 0.0 < sizes[0] <= sizes[1]:
             raise ValueError(f"{size} must be 0 < smallest <= largest, got {tuple(sizes)}")
@@ -97,6 +117,9 @@ class Falling(Peopled):
         """Return a look by name; further arguments replace single values of it."""
         values: dict[str, Any] = dict(cls.PRESETS[choice("preset", name, tuple(cls.PRESETS))])
         unknown = set(changes) - {f.name for f in fields(cls)}
+        if turned := unknown & set(cls.KNOBS):
+            knob = sorted(turned)[0]
+            raise TypeError(f"{knob} and a preset set the same fields: give one of them")
         if unknown:
             raise TypeError(f"{cls.__name__} has no field {sorted(unknown)[0]!r}")
         return cls(**{**values, **changes})

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import InitVar, dataclass, fields
 from functools import lru_cache
 from typing import Any, ClassVar
 
@@ -12,7 +12,9 @@ import numpy as np
 from flurries import gas, particles
 from flurries._contract import Array, Float64, choice, flag, integer, real, seed_of, vector
 from flurries.effects.falling import AMBIENT, settled_colour
+from flurries.effects.knobs import Knobs
 from flurries.effects.layer import Frame, Layer
+from flurries.effects.looks import look_of, mist_density, severity_of
 from flurries.effects.needs import PARTS, Cost, LeftOut, Needs, Step, keyed
 from flurries.effects.presets import MIST
 from flurries.gas.splatting import FOOTPRINTS
@@ -34,7 +36,7 @@ MOST = 2_000_000
 
 
 @dataclass(frozen=True, kw_only=True)
-class Mist:
+class Mist(Knobs):
     """Gas that one sees into: mist, fog, clouds.
 
     Numbers marked "keyed" may vary over time: give :class:`flurries.Keys`. Lengths are metres when
@@ -80,8 +82,15 @@ class Mist:
         Where light is scattered to, see :func:`flurries.gas.phase`.
     asymmetry : float
         Of "henyey", -0.99 to 0.99.
+    look : {"v1"}
+        Version of the looks, as in :class:`Snow`.
     seed : int, optional
         Of this effect; the scene's if not given.
+    severity : int, optional
+        One knob: 1 to 5 take 6, 14, 25, 38 and 55 % of the contrast of what lies behind the box.
+        Sets `density`. No field: what it makes is written out.
+    visibility_m : float, optional
+        One knob: the `visibility`, in metres.
 
     Raises
     ------
@@ -119,14 +128,25 @@ class Mist:
     forward: float = 0.5
     scatter: str = "rayleigh"
     asymmetry: float = 0.6
+    look: str = "v1"
     seed: int | None = None
+    severity: InitVar[int | None] = None
+    visibility_m: InitVar[float | None] = None
 
     NAME: ClassVar[str] = "mist"
+    KNOBS: ClassVar[tuple[str, ...]] = ("severity", "visibility_m")
 
-    def __post_init__(self) -> None:
+    def __post_init__(self, severity: int | None, visibility_m: float | None) -> None:
         def settle(name: str, value: Any) -> None:
             object.__setattr__(self, name, value)
 
+        look_of(self.look)
+        knob = self._turned(severity=severity, visibility_m=visibility_m)
+        if visibility_m is not None:
+            far = real("visibility_m", visibility_m, above=0.0)
+            self._set(knob, {"visibility": far}, "visibility")
+        elif severity is None:
+            self._set(None, {})
         settle("amount", as_number("amount", self.amount, low=0.0, high=1.0))
         settle("density", as_number("density", self.density, low=0.0, high=1.0))
         settle("colour", settled_colour(self.colour))
@@ -153,9 +173,26 @@ class Mist:
         settle("asymmetry", real("asymmetry", self.asymmetry, low=-0.99, high=0.99))
         if self.seed is not None:
             settle("seed", seed_of(self.seed))
+        if severity is not None:
+            # Of a density of 1, which all else is settled for.
+            thickness = gas.extinction(self.count or 0, self._volume(), self.radius, 1.0)
+            thickness *= self._through()
+            values = {"density": mist_density(severity_of(severity), thickness)}
+            self._set(knob, values, "density", "visibility")
         for t in _times(self.density, self.visibility):
             self.particle_density(t)
         self.particles_in_box()
+
+    def _volume(self) -> float:
+        return float(np.prod(self.box))  # type: ignore[arg-type]
+
+    def _through(self) -> float:
+        """Return how far one looks through the box, its fading rims half, metres."""
+        assert self.box is not None and self.radius is not None
+        depth: float = tuple(self.box)[2]  # type: ignore[arg-type]
+        if self.center is not None:
+            return depth * (1.0 - RIM)
+        return max(depth * (1.0 - 1.5 * RIM) - self.radius, 0.0)
 
     def _sides(self) -> tuple[float, float, float]:
         if self.box is None:
@@ -174,7 +211,14 @@ class Mist:
         Further arguments replace single values of it; a `visibility` replaces its count.
         """
         values: dict[str, Any] = dict(MIST[choice("preset", name, tuple(MIST))])
-        unknown = set(changes) - {f.name for f in fields(cls)}
+        if changes.get("visibility_m") is not None:
+            if "visibility" in changes:
+                raise TypeError("visibility_m and visibility say the same: give one of them")
+            changes["visibility"] = real("visibility_m", changes.pop("visibility_m"), above=0.0)
+        if changes.get("severity") is not None:
+            # The rest of the look stays.
+            values.pop("density")
+        unknown = set(changes) - {f.name for f in fields(cls)} - {"severity"}
         if unknown:
             raise TypeError(f"Mist has no field {sorted(unknown)[0]!r}")
         if changes.get("visibility") is not None:

@@ -51,6 +51,8 @@ class Population(NamedTuple):
         Of a resting one's middle.
     sway : (amplitude, rate)
         Metres, and radians per second.
+    density : float, optional
+        Per cubic metre, in place of the number in view.
     """
 
     name: str
@@ -59,6 +61,12 @@ class Population(NamedTuple):
     sizes: tuple[float, float]
     opacity: float
     sway: tuple[float, float]
+    density: float | None = None
+
+    @property
+    def empty(self) -> bool:
+        """Whether there are none."""
+        return (self.number if self.density is None else self.density) == 0
 
 
 Triple = tuple[float, float, float]
@@ -175,17 +183,31 @@ class Peopled(Textured):
     def count(self, frame: Frame) -> int:
         """Return how many flakes the box holds, so that the view has as many as were asked for."""
         kind = self.population(frame.t)
-        height, width = frame.shape
-        fx, fy = (kind.reach / focal for focal in frame.path.widest.focals)
-        # The view is a pyramid: a third of the prism around it.
-        view = width * fx * height * fy * kind.reach / 3.0
-        count = round(kind.number * float(np.prod(self.box(frame))) / view)
+        if kind.density is None:
+            per_metre = kind.number / self._view(frame)
+        else:
+            per_metre = kind.density
+        count = round(per_metre * float(np.prod(self.box(frame))))
         if count > MOST_IN_BOX:
+            given = f"{kind.number} in view" if kind.density is None else f"{kind.density:g} per m3"
             raise ValueError(
-                f"{kind.name}: {kind.number} in view are {count} in the box around a lens whose "
+                f"{kind.name}: {given} are {count} in the box around a lens whose "
                 f"center is so far off the middle; at most {MOST_IN_BOX} are drawn"
             )
         return count
+
+    def number_in_view(self, frame: Frame) -> float:
+        """Return how many flakes are in view."""
+        kind = self.population(frame.t)
+        return kind.number if kind.density is None else kind.density * self._view(frame)
+
+    def _view(self, frame: Frame) -> float:
+        """Return the volume that the view fills up to the far end, cubic metres."""
+        reach = self.population(frame.t).reach
+        height, width = frame.shape
+        fx, fy = (reach / focal for focal in frame.path.widest.focals)
+        # The view is a pyramid: a third of the prism around it.
+        return width * fx * height * fy * reach / 3.0
 
     def places(self, frame: Frame) -> tuple[Float64, Float64, Float64]:
         """Return where the flakes of a frame are, how fast, and how much they show.
