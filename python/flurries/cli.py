@@ -234,11 +234,15 @@ def _add_scene(command: argparse.ArgumentParser) -> None:
     """Add the options that make or change a scene."""
     from flurries.effects.presets import CONE_RAIN, CONE_SNOW, MIST, RAIN, SNOW
 
-    command.add_argument("--snow", metavar="PRESET", help=", ".join(SNOW))
-    command.add_argument("--rain", metavar="PRESET", help=", ".join(RAIN))
+    command.add_argument(
+        "--snow", metavar="PRESET", help=", ".join(SNOW) + "; or severity=1..5, or rate_mm_h=R"
+    )
+    command.add_argument("--rain", metavar="PRESET", help="likewise; " + ", ".join(RAIN))
     command.add_argument("--cone-snow", metavar="PRESET", help=", ".join(CONE_SNOW))
     command.add_argument("--cone-rain", metavar="PRESET", help=", ".join(CONE_RAIN))
-    command.add_argument("--mist", metavar="PRESET", help=", ".join(MIST))
+    command.add_argument(
+        "--mist", metavar="PRESET", help=", ".join(MIST) + "; or severity=1..5, or visibility_m=V"
+    )
     command.add_argument(
         "--visibility", type=float, metavar="METRES", help="how far one sees in it"
     )
@@ -534,7 +538,7 @@ def _effects(options: argparse.Namespace, weather: dict[str, Any]) -> list[Any]:
     effects: list[Any] = []
     if options.mist is not None:
         seen = {} if options.visibility is None else {"visibility": options.visibility}
-        effects.append(Mist.preset(options.mist, **weather, **seen))
+        effects.append(_look(Mist, options.mist, **weather, **seen))
     elif options.visibility is not None:
         raise _Mistake("--visibility is one of mist: add --mist PRESET, such as --mist fog")
     kinds: tuple[tuple[type[Any], str | None], ...] = (
@@ -543,8 +547,24 @@ def _effects(options: argparse.Namespace, weather: dict[str, Any]) -> list[Any]:
         (ConeRain, options.cone_rain),
         (Rain, options.rain),
     )
-    effects += [kind.preset(name, **weather) for kind, name in kinds if name is not None]
+    effects += [_look(kind, name, **weather) for kind, name in kinds if name is not None]
     return effects
+
+
+def _look(kind: type[Any], name: str, **weather: Any) -> Any:
+    """Return an effect by a preset's name, or by a knob such as "severity=3"."""
+    knob, given, value = name.partition("=")
+    if not given:
+        return kind.preset(name, **weather)
+    knobs: tuple[str, ...] = getattr(kind, "KNOBS", ())
+    if knob not in knobs:
+        known = " or ".join(f"{one}=NUMBER" for one in knobs) or "none"
+        raise _Mistake(f"{name!r}: knobs of {kind.NAME} are {known}")
+    try:
+        number: float | int = int(value) if knob == "severity" else float(value)
+    except ValueError:
+        raise _Mistake(f"{knob} must be a number, got {value!r}") from None
+    return kind(**{knob: number}, **weather)
 
 
 def _depth(text: str) -> float | str:

@@ -324,7 +324,9 @@ def describe(
         for f in fields(effect):
             value = getattr(effect, f.name)
             # A look's version always: a later one has another default.
-            if value is not None and (f.name == "look" or f.default is MISSING or value != f.default):
+            if value is not None and (
+                f.name == "look" or f.default is MISSING or value != f.default
+            ):
                 entry[f.name] = _toml(value)
         table["effects"].append(entry)
     return table

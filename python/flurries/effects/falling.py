@@ -17,6 +17,7 @@ from flurries.effects.limited import deepened, veil
 from flurries.effects.looks import look_of
 from flurries.effects.needs import Needs
 from flurries.effects.peopled import Peopled
+from flurries.effects.resolution import map_at
 from flurries.effects.seen import seen
 from flurries.spectral.tables import ALIAS, band_of
 from flurries.spectral.tiles import BLEND
@@ -132,12 +133,11 @@ class Falling(Peopled, Knobs):
     def mapped(self, frame: Frame, amount: float) -> tuple[float, float, float, float]:
         """Return mean, spread, power and amount of the texture's map to opacity."""
         t = frame.t
-        return (
-            value_at(self.mean, t),
-            value_at(self.spread, t),
-            value_at(self.power, t),
-            amount * value_at(self.texture, t),
+        power = value_at(self.power, t)
+        mean, spread = map_at(
+            value_at(self.mean, t), value_at(self.spread, t), power, self.power_share(frame.shape)
         )
+        return mean, spread, power, amount * value_at(self.texture, t)
 
     def needs(self, frame: Frame) -> Needs:
         """Return what a frame takes: see :mod:`flurries.effects.demand`."""

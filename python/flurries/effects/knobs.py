@@ -1,9 +1,9 @@
-"""One number in place of many: which of an effect's fields the caller gave, and which a knob sets."""
+"""One number in place of many: fields that the caller gave, and those that a knob sets."""
 
 from __future__ import annotations
 
 from dataclasses import fields
-from typing import Any
+from typing import Any, ClassVar
 
 
 class Knobs:
@@ -13,12 +13,14 @@ class Knobs:
     """
 
     # Names of the arguments; at most one of them is given.
-    KNOBS: tuple[str, ...] = ()
+    KNOBS: ClassVar[tuple[str, ...]] = ()
 
     def __new__(cls, *_: Any, **given: Any) -> Any:
         """Remember which arguments were given: a field's value does not say so."""
         made = super().__new__(cls)
-        object.__setattr__(made, "_given", frozenset(given))
+        if given:
+            # Not for what is copied: it has all that it needs.
+            object.__setattr__(made, "_given", frozenset(given))
         return made
 
     def _turned(self, **knobs: Any) -> str | None:

@@ -135,11 +135,12 @@ def snow_rate(density: float, sizes: tuple[float, float], fall: float) -> float:
     """Return the liquid-equivalent rate, mm/h, of flakes per m3 whose sizes, m, are even."""
     low, high = (1e3 * size for size in sizes)
     power = 3.0 - 0.922
+    moment: float
     if high > low:
         moment = (high ** (power + 1.0) - low ** (power + 1.0)) / ((power + 1.0) * (high - low))
     else:
         moment = low**power
-    # Grams of a mm3 of water are thousandths.
+    # Grams per cm3 are thousandths per mm3, and kilograms thousandths again.
     kilograms = 1e-3 * 0.178e-3 * math.pi / 6.0 * moment
     return density * kilograms * fall * 3600.0
 
@@ -180,10 +181,8 @@ def mist_density(severity: int, thickness: float) -> float:
     """
     wanted = -math.log1p(-LOSS[severity - 1])
     if wanted > thickness:
-        raise ValueError(
-            f"severity {severity} needs {math.ceil(wanted / max(thickness, 1e-12))} times as many "
-            "particles"
-        )
+        more = f"{math.ceil(wanted / thickness)} times as many" if thickness > 0.0 else "some"
+        raise ValueError(f"severity {severity} needs {more} particles in the box")
     return wanted / thickness
 
 
@@ -225,9 +224,7 @@ def _between(
 ) -> dict[str, float]:
     """Return a look between those of some rates, by their logarithms."""
     at = math.log(rate)
-    return {
-        name: float(np.interp(at, np.log(rates), values)) for name, values in look.items()
-    }
+    return {name: float(np.interp(at, np.log(rates), values)) for name, values in look.items()}
 
 
 def rate_of(value: object, kind: str) -> float:

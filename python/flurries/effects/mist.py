@@ -147,6 +147,8 @@ class Mist(Knobs):
             self._set(knob, {"visibility": far}, "visibility")
         elif severity is None:
             self._set(None, {})
+        elif self.visibility is not None:
+            raise TypeError("severity and visibility say the same: give one of them")
         settle("amount", as_number("amount", self.amount, low=0.0, high=1.0))
         settle("density", as_number("density", self.density, low=0.0, high=1.0))
         settle("colour", settled_colour(self.colour))
@@ -175,10 +177,11 @@ class Mist(Knobs):
             settle("seed", seed_of(self.seed))
         if severity is not None:
             # Of a density of 1, which all else is settled for.
+            assert self.radius is not None
             thickness = gas.extinction(self.count or 0, self._volume(), self.radius, 1.0)
             thickness *= self._through()
             values = {"density": mist_density(severity_of(severity), thickness)}
-            self._set(knob, values, "density", "visibility")
+            self._set(knob, values, "density")
         for t in _times(self.density, self.visibility):
             self.particle_density(t)
         self.particles_in_box()

@@ -183,11 +183,8 @@ class Peopled(Textured):
     def count(self, frame: Frame) -> int:
         """Return how many flakes the box holds, so that the view has as many as were asked for."""
         kind = self.population(frame.t)
-        if kind.density is None:
-            per_metre = kind.number / self._view(frame)
-        else:
-            per_metre = kind.density
-        count = round(per_metre * float(np.prod(self.box(frame))))
+        each = kind.number / self._view(frame) if kind.density is None else kind.density
+        count = round(each * float(np.prod(self.box(frame))))
         if count > MOST_IN_BOX:
             given = f"{kind.number} in view" if kind.density is None else f"{kind.density:g} per m3"
             raise ValueError(

@@ -13,6 +13,7 @@ from flurries._contract import Float64
 from flurries.camera import tile_drift, tile_shift, tile_zoom
 from flurries.effects.layer import Frame
 from flurries.effects.moving import Moving, of_rings
+from flurries.effects.resolution import TUNED, power_share
 from flurries.effects.tiling import Tiling, torus_for
 from flurries.spectral.frame import Request, request
 from flurries.spectral.tiles import tile_starts
@@ -41,9 +42,14 @@ class Textured(Moving):
         """Return the texture's wavelengths in pixels on a picture of that shape."""
         if self.wavelengths is not None:
             return self.wavelengths
-        scale = shape[1] / 1024.0
-        longest = max(self._BAND[1] * scale, 4.0)
-        return max(self._BAND[0] * scale, 2.0), longest
+        scale = shape[1] / TUNED
+        return max(self._BAND[0] * scale, 2.0), max(self._BAND[1] * scale, 3.0)
+
+    def power_share(self, shape: tuple[int, int]) -> float:
+        """Return how much of its power a picture shows, against one 1024 px wide."""
+        if self.wavelengths is not None:
+            return 1.0
+        return power_share(self._BAND, self.exponent, shape[1])
 
     def far_depth(self, shape: tuple[int, int]) -> float:
         """Return the depth that the shortest wave stands for, metres."""
@@ -53,7 +59,7 @@ class Textured(Moving):
     def tiling(self, shape: tuple[int, int], forward: bool) -> tuple[int, int]:
         """Return tile and overlap in pixels."""
         longest = self.band(shape)[1]
-        tile = self.tile or 8 * math.ceil(longest / 3.0 - 1e-9)
+        tile = self.tile or max(8 * math.ceil(longest / 3.0 - 1e-9), 16)
         if self.overlap is not None:
             return tile, min(self.overlap, tile - 1)
         # The flow differs from tile to tile when the camera goes forward: mix more of them.
