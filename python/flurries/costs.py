@@ -54,6 +54,9 @@ NANOSECONDS: dict[str, tuple[str, float]] = {
     "float pixel": ("kernel", 1.55),
     "decoded pixel": ("array", 8.0),
     "encoded pixel": ("array", 10.9),
+    # Linear light to integers of display values: by the formula, or by a table.
+    "encoded value": ("array", 10.0),
+    "looked up value": ("array", 3.0),
     # What Python takes for a frame, an effect and a call of a kernel.
     "frame": ("array", 6570.0),
     "layer": ("array", 31780.0),

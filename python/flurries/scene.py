@@ -21,6 +21,7 @@ from flurries.foreground import Foreground, foreground_of
 from flurries.mixing import Mix, behind
 from flurries.path import as_path
 from flurries.plan.program import Program
+from flurries.plan.spending import EXACT
 from flurries.rendered import Rendered, rendered
 from flurries.stereo import eyes
 from flurries.sun import Sun
@@ -70,6 +71,8 @@ class Scene:
         Files are fitted to the frame as the background is, each pixel with the depth of one.
     sun : Sun, optional
         What shines on the weather.
+    tolerance : float
+        How far values of a frame may be off, of full scale, if it saves time; see `render`.
 
     Raises
     ------
@@ -95,6 +98,7 @@ class Scene:
     space: str = "auto"
     depth: Any = None
     sun: Sun | None = None
+    tolerance: float = 0.0
     _backdrop: Backdrop = field(init=False, repr=False)
     _foreground: Foreground | None = field(init=False, repr=False)
     _distance: Distance | None = field(init=False, repr=False)
@@ -109,6 +113,7 @@ class Scene:
         settle("fps", real("fps", self.fps, above=0.0))
         settle("seed", seed_of(self.seed))
         choice("space", self.space, SPACES)
+        settle("tolerance", tolerance_of(self.tolerance))
         settle("_backdrop", backdrop(self.background, self.size))
         settle("size", self._backdrop.size)
         settle("camera", as_path(self.camera, DEFAULT_FOCAL * self.shape[1]))
@@ -158,6 +163,7 @@ class Scene:
         eye: Camera | None = None,
         layers: bool = False,
         region: tuple[slice, slice] | None = None,
+        tolerance: float | None = None,
     ) -> Any:
         """Return the frame at `t`.
 
@@ -173,6 +179,10 @@ class Scene:
             Return a :class:`Rendered` with the layers apart.
         region : (rows, cols), optional
             Two slices, as from ``np.s_[100:200, 50:80]``: only that part, with the whole's bits.
+        tolerance : float, optional
+            How far any value may be off, of full scale, from the frame without a tolerance; the
+            scene's own if not given. Spent where it saves most time by a fixed cost model, so that
+            frames have the same bits on all machines; `plan` says on what. Layers are exact.
 
         Returns
         -------
@@ -186,15 +196,17 @@ class Scene:
         window = self._window(region)
         with stage("background"):
             picture = cropped(self._backdrop.frame(time), window)
+        limit = self.tolerance if tolerance is None else tolerance_of(tolerance)
+        dtype = None if layers else picture.dtype
+        chosen = EXACT if limit == 0.0 else self.program.choice(time, dtype, limit)
         # Where none of the weather can be seen, none is made; layers are whole.
-        inner = window if layers else self.program.seen(window)
+        inner = window if layers else self.program.seen(window, chosen.hidden)
         asked: list[tuple[Any, Frame]] = []
         if inner is not None:
-            dtype = None if layers else picture.dtype
-            needed = list(self.program.frames(time, eye, inner, dtype=dtype))
+            needed = list(self.program.frames(time, eye, inner, dtype=dtype, choice=chosen))
             asked = self.program.given(time, needed)
         matte = None if self._foreground is None else self._foreground.window(window)
-        mix = Mix(self.linear, self._backdrop.encoding)
+        mix = Mix(self.linear, self._backdrop.encoding, chosen.table)
         if not layers:
             if matte is None or not asked or inner is None:
                 return self._laid_over(asked, mix, picture, matte)
@@ -253,13 +265,15 @@ class Scene:
     def _opened(self) -> Any:
         return getattr(self._backdrop.source, "source", None)
 
-    def plan(self, frames: Any = None) -> Plan:
+    def plan(self, frames: Any = None, *, tolerance: float | None = None) -> Plan:
         """Return what rendering costs: its steps, their sizes and times, and what is left out.
 
         Parameters
         ----------
         frames : str, int or iterable of int, optional
             As for :meth:`write`; of a long film a few frames stand for all.
+        tolerance : float, optional
+            As for :meth:`render`: the plan says what it is spent on, and the error to expect.
 
         Returns
         -------
@@ -268,7 +282,8 @@ class Scene:
         """
         from flurries.plan import plan_of
 
-        return plan_of(self, frames)
+        limit = self.tolerance if tolerance is None else tolerance_of(tolerance)
+        return plan_of(self, frames, limit)
 
     @property
     def program(self) -> Program:
@@ -288,6 +303,7 @@ class Scene:
         convergence: float | None = None,
         layers: bool = False,
         region: tuple[slice, slice] | None = None,
+        tolerance: float | None = None,
     ) -> tuple[Any, Any]:
         """Return the frame at `t` as the left and the right eye see it.
 
@@ -296,7 +312,7 @@ class Scene:
 
         Parameters
         ----------
-        t, layers, region
+        t, layers, region, tolerance
             See :meth:`render`.
         distance, convergence : float
             See :func:`flurries.stereo.eyes`.
@@ -317,10 +333,11 @@ class Scene:
             warned = getattr(effect, "warn_ambiguous", None)
             if warned is not None:
                 warned(self.shape, self.camera.camera.focal, distance, index)
-        left = self.render(t, eye=pair[0], layers=layers, region=region)
+        more: dict[str, Any] = {"layers": layers, "region": region, "tolerance": tolerance}
+        left = self.render(t, eye=pair[0], **more)
         if pair[0] == pair[1]:
             return left, left
-        return left, self.render(t, eye=pair[1], layers=layers, region=region)
+        return left, self.render(t, eye=pair[1], **more)
 
     def depth_at(self, t: float) -> Array | None:
         """Return the background's planar depth at `t`, (H, W) float32, or None.
@@ -481,6 +498,11 @@ def within(inner: Window, window: Window) -> Window:
 
 def _rebuilt(values: dict[str, Any]) -> Scene:
     return Scene(**values)
+
+
+def tolerance_of(value: object) -> float:
+    """Return a tolerance, or refuse it."""
+    return real("tolerance", value, low=0.0, high=1.0)
 
 
 def parse_size(size: object) -> tuple[int, int]:

@@ -45,6 +45,7 @@ EFFECTS: dict[str, type[Any]] = {
 
 _SCENE = (
     "size", "background", "camera", "effects", "fps", "seed", "foreground", "space", "depth", "sun",
+    "tolerance",
 )  # fmt: skip
 _DEPTH = ("source", "near", "far", "white", "law")
 _WAY = ("position", "velocity", "orientation")
@@ -300,6 +301,8 @@ def describe(
         table[name] = _background(name, value, folder)
     if scene.space != "auto":
         table["space"] = scene.space
+    if scene.tolerance != 0.0:
+        table["tolerance"] = scene.tolerance
     if scene.depth is not None:
         described = _depth(scene.depth, folder, bare="depth" in leave_out)
         if described is not None:

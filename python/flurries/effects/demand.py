@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from flurries.effects.needs import PARTS, Cost, LeftOut, Needs, Step
+from flurries.effects.needs import PARTS, Cost, LeftOut, Needs, Step, skipped
 from flurries.effects.peopled import FADE_IN
 from flurries.effects.tiling import count, texture_cost
 from flurries.timeline import Keys, value_at
@@ -54,14 +54,24 @@ def needs_of_falling(effect: Falling, frame: Frame) -> Needs:
     elif deep:
         pixels = _pixels(frame)
         steps.append(Step("veil", lambda: Cost({"veil pixel": pixels}, "", 4 * pixels, 8 * pixels)))
-    clear = (1.0 - texture) * (1.0 - haze) * (1.0 - _faint(effect, frame, amount, opacity))
+    faint = _faint(effect, frame, amount, opacity)
+    bounds = {"texture": texture, "flakes": faint, "veil": haze}
+    savings = tuple(skipped(step, bounds[step.name]) for step in steps)
+    clear = (1.0 - texture) * (1.0 - haze) * (1.0 - faint)
     if clear == 1.0:
         return Needs((), (LeftOut(name, "nothing of it has any opacity"),), most=0.0)
     planes = max(len(steps), 1)
     steps.append(Step("join", lambda: _joined(frame, planes)))
     reads = PARTS if effect.colour == "ambient" else PARTS - {"ambient"}
     one_pass = steps[0].name == "texture" and not (steps[0].once or deep)
-    return Needs(tuple(steps), tuple(left_out), reads, most=1.0 - clear, in_one_pass=one_pass)
+    return Needs(
+        tuple(steps),
+        tuple(left_out),
+        reads,
+        most=1.0 - clear,
+        in_one_pass=one_pass,
+        savings=savings,
+    )
 
 
 def _pixels(frame: Frame) -> int:

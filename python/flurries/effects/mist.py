@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import InitVar, dataclass, fields
 from functools import lru_cache
@@ -11,17 +12,21 @@ import numpy as np
 
 from flurries import gas, particles
 from flurries._contract import Array, Float64, choice, flag, integer, real, seed_of, vector
+from flurries.costs import nanoseconds
 from flurries.effects.falling import AMBIENT, settled_colour
 from flurries.effects.knobs import Knobs
 from flurries.effects.layer import Frame, Layer
 from flurries.effects.looks import look_of, mist_density, severity_of
-from flurries.effects.needs import PARTS, Cost, LeftOut, Needs, Step, keyed
+from flurries.effects.needs import PARTS, Cost, LeftOut, Needs, Saving, Step, keyed
 from flurries.effects.presets import MIST
-from flurries.gas.splatting import FOOTPRINTS
+from flurries.gas.splatting import FINISHED, FOOTPRINTS
 from flurries.gas.visibility import count_for_visibility
 from flurries.timeline import Keys, Number, Vector, as_number, as_vector, value_at
 
 SCATTER = ("even", "rayleigh", "henyey")
+
+# The steepest place of the sRGB encoding, at black: display values per linear light.
+STEEPEST = 12.92
 
 # The paper's fog: a radius of .45 in a box of 5.
 RADIUS = 0.09
@@ -286,12 +291,33 @@ class Mist(Knobs):
         lit = self.lit and frame.sun is not None
         step = Step("lit gas" if lit else "gas", lambda: self._cost(frame, lit), once=still)
         out = () if lit else (LeftOut(f"{name}: sort", "its particles have one colour"),)
-        return Needs((step,), out, PARTS if ambient else PARTS - {"ambient"})
 
-    def _cost(self, frame: Frame, lit: bool) -> Cost:
+        def saved(error: float) -> float:
+            return nanoseconds(self._cost(frame, lit).work) - nanoseconds(
+                self._cost(frame, lit, error).work
+            )
+
+        stop = Saving(
+            "error",
+            "particles behind what is opaque but for the error",
+            # Colours of lit gas are encoded straight: they err as much as opacity does at black.
+            1.0 + STEEPEST if lit else 1.0,
+            saved,
+            setting=True,
+        )
+        most = min(most * self._filled(frame)[1], 1.0)
+        reads = PARTS if ambient else PARTS - {"ambient"}
+        return Needs((step,), out, reads, most=most, savings=(stop,))
+
+    def _cost(self, frame: Frame, lit: bool, error: float | None = None) -> Cost:
         """Return what a frame's particles and the pixels that they cover take."""
         assert self.radius is not None
         sides, count = self._filled(frame)
+        if error is None:
+            error = FINISHED["float32"] if frame.run is None else self._error(frame)
+        # Front to back, up to where no more than the error is let through.
+        thickness = self.extinction(frame.t) * self._through()
+        share = min(-math.log(max(error, 1e-12)) / thickness, 1.0) if thickness > 0.0 else 1.0
         # Depths of equal numbers of particles, of a box that the camera looks into.
         depth = sides[2] * (np.arange(64) + 0.5) / 64.0
         focal, (height, width) = frame.camera.focal, frame.shape
@@ -302,7 +328,7 @@ class Mist(Knobs):
         pixels = height * width
         work = {
             "gas placed": float(count),
-            "lit gas pixel" if lit else "gas pixel": count * float((inside * area).mean()),
+            "lit gas pixel" if lit else "gas pixel": share * count * float((inside * area).mean()),
             "mask pixel": float(pixels),
         }
         size = f"{count} particles"
@@ -330,6 +356,7 @@ class Mist(Knobs):
             "near": self.near,
             "near_mode": "exact",
             "depth": frame.depth,
+            "error": self._error(frame),
         }
         if frame.sun is None or not self.lit or not len(points):
             alpha = gas.alpha(frame.shape, points, self.radius, shown, camera, **options)
@@ -337,6 +364,11 @@ class Mist(Knobs):
         colours = self._shaded(frame, points, shown)
         layer = gas.splat(frame.shape, points, self.radius, shown, colours, camera, **options)
         return Layer(self.NAME, frame.crop(layer[..., 3]), rgb=frame.crop(layer[..., :3]))
+
+    def _error(self, frame: Frame) -> float:
+        """Return what is let through where nothing more is drawn."""
+        allowed = {} if frame.run is None else frame.run.settings
+        return max(allowed.get("error", 0.0), FINISHED["float32"])
 
     def particles(self, frame: Frame) -> tuple[Float64, Float64]:
         """Return middles in camera axes (n, 3) and the density that each shows (n,)."""

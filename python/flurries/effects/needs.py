@@ -8,11 +8,12 @@ rendered whenever it is in the scene, and given everything.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, fields, is_dataclass
+from dataclasses import dataclass, field, fields, is_dataclass, replace
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
+from flurries.costs import nanoseconds
 from flurries.effects.visible import Visible
 from flurries.timeline import Keys
 from flurries.trace import stage
@@ -79,6 +80,53 @@ class Step:
 
 
 @dataclass(frozen=True)
+class Saving:
+    """Something that an effect can do without, or less exactly, and the error that it makes.
+
+    Attributes
+    ----------
+    name : str
+        Of the step that is left out, or of the setting.
+    what : str
+        For people.
+    error : float
+        The most that an opacity errs by without the step; of a setting, for each unit of it.
+    saved : callable
+        Gives the nanoseconds that an error saves by the cost model.
+    setting : bool
+        Whether it is a setting, to be found in ``Run.settings``.
+    all : bool
+        Whether it is the effect itself that is left out.
+    """
+
+    name: str
+    what: str
+    error: float
+    saved: Callable[[float], float]
+    setting: bool = False
+    all: bool = False
+
+
+@dataclass(frozen=True)
+class Spent:
+    """What a tolerance is spent on.
+
+    Attributes
+    ----------
+    what : str
+        What is not done, or done less exactly.
+    error : float
+        That it makes of an opacity, at most.
+    milliseconds : float
+        That it saves, by the cost model.
+    """
+
+    what: str
+    error: float
+    milliseconds: float
+
+
+@dataclass(frozen=True)
 class Needs:
     """What an effect needs for a frame.
 
@@ -98,6 +146,8 @@ class Needs:
     varies : bool
         Whether it is other at other times although nothing of the effect is keyed, such as for a
         cloud that the camera passes.
+    savings : tuple of Saving
+        What a tolerance may be spent on, beside the effect as a whole.
     """
 
     steps: tuple[Step, ...]
@@ -106,6 +156,18 @@ class Needs:
     most: float = 1.0
     in_one_pass: bool = False
     varies: bool = False
+    savings: tuple[Saving, ...] = ()
+
+    def without(self, names: frozenset[str]) -> Needs:
+        """Return the needs less some steps."""
+        left = tuple(step for step in self.steps if step.name not in names)
+        one_pass = self.in_one_pass and bool(left) and left[0].name == "texture"
+        return replace(self, steps=left, in_one_pass=one_pass)
+
+
+def skipped(step: Step, error: float) -> Saving:
+    """Return the saving of leaving out a step."""
+    return Saving(step.name, f"no {step.name}", error, lambda _: nanoseconds(step.cost().work))
 
 
 def needs_of(effect: Any, frame: Frame) -> Needs:
@@ -170,12 +232,15 @@ class Run:
         Where results that are the same in every frame are found, and under what.
     visible : Visible, optional
         Where anything of the effect can be seen, if that is not everywhere.
+    settings : dict of str to float
+        What a tolerance allows.
     """
 
     steps: Mapping[str, Step]
     kept: Kept | None = None
     key: Any = None
     visible: Visible | None = None
+    settings: Mapping[str, float] = field(default_factory=dict)
 
     def keeps(self, name: str) -> bool:
         """Whether the step is made once for all frames."""

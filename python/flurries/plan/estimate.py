@@ -10,7 +10,7 @@ import numpy as np
 
 from flurries._threads import threads
 from flurries.costs import nanoseconds
-from flurries.effects.needs import Cost, LeftOut, Needs, Step, needs_of
+from flurries.effects.needs import Cost, LeftOut, Needs, Spent, Step, needs_of
 from flurries.plan.calibration import scales
 from flurries.plan.report import Plan, PlannedStep
 from flurries.timeline import Keys
@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from flurries.effects.layer import Frame
     from flurries.effects.visible import Window
     from flurries.plan.program import Asked
+    from flurries.plan.spending import Choice
     from flurries.scene import Scene
 
 # Frames that stand for a film, spread over it, beside those where something is keyed.
@@ -38,7 +39,9 @@ class _Row:
     bytes: int = 0
 
 
-def plan_of(scene: Scene, frames: str | int | Iterable[int] | None = None) -> Plan:
+def plan_of(
+    scene: Scene, frames: str | int | Iterable[int] | None = None, tolerance: float = 0.0
+) -> Plan:
     """Return the plan of a scene's frames; see :meth:`flurries.Scene.plan`."""
     from flurries.render import frames_of
 
@@ -48,8 +51,15 @@ def plan_of(scene: Scene, frames: str | int | Iterable[int] | None = None) -> Pl
     rows: dict[str, _Row] = {}
     gone: dict[str, list[LeftOut]] = {}
     totals, peak = [], 0
+    spent: dict[str, Spent] = {}
+    error = 0.0
     for t in looked:
-        costs, left_out, most = _frame(scene, float(t))
+        dtype = scene._backdrop.frame(float(t)).dtype
+        choice = scene.program.choice(float(t), dtype, tolerance)
+        for one_spent in choice.spent:
+            spent[one_spent.what] = one_spent
+        error = max(error, choice.error)
+        costs, left_out, most = _frame(scene, float(t), choice)
         peak = max(peak, most)
         total = 0.0
         for name, (cost, once) in costs.items():
@@ -89,6 +99,9 @@ def plan_of(scene: Scene, frames: str | int | Iterable[int] | None = None) -> Pl
         milliseconds=float(np.mean(totals)),
         bytes=peak,
         threads=threads(),
+        tolerance=tolerance,
+        error=error,
+        spent=tuple(spent.values()),
     )
 
 
@@ -106,21 +119,25 @@ def _looked_at(scene: Scene, wanted: list[int]) -> list[int]:
     return sorted(spread | set(near))
 
 
-def _frame(scene: Scene, t: float) -> tuple[dict[str, tuple[Cost, bool]], list[LeftOut], int]:
+def _frame(
+    scene: Scene, t: float, choice: Choice
+) -> tuple[dict[str, tuple[Cost, bool]], list[LeftOut], int]:
     """Return the costs of a frame's steps by name, what is left out, and the most bytes held."""
     program = scene.program
     dtype = scene._backdrop.frame(t).dtype
     height, width = scene.shape
-    window = program.seen((0, height, 0, width))
+    window = program.seen((0, height, 0, width), choice.hidden)
     asked: list[Asked] = []
     left_out: list[LeftOut] = []
     if window is None and program.parts:
         left_out.append(LeftOut("all effects", "they are behind what stands in front"))
     elif window is not None:
-        asked = list(program.frames(t, None, window, dtype=dtype))
+        asked = list(program.frames(t, None, window, dtype=dtype, choice=choice))
         shown = {id(effect) for effect, _, _ in asked}
         for part in program.parts:
-            if id(part.effect) not in shown:
+            if part.index in choice.without and id(part.effect) not in shown:
+                left_out.append(LeftOut(part.name, "within the tolerance"))
+            elif id(part.effect) not in shown:
                 left_out += _silent(program, part, t, window)
     costs: dict[str, tuple[Cost, bool]] = {"frame": (Cost({"frame": 1.0}), False)}
     pixels = float(height * width)
@@ -139,11 +156,23 @@ def _frame(scene: Scene, t: float) -> tuple[dict[str, tuple[Cost, bool]], list[L
     for name, (effect, frame, _) in zip(names, asked, strict=True):
         # Asked again: what was said for the whole film knows neither this time nor this window.
         needs = needs_of(effect, frame)
+        assert frame.run is not None
+        gone = frozenset(step.name for step in needs.steps) - set(frame.run.steps)
+        if gone:
+            needs = needs.without(gone)
+            left_out += [
+                LeftOut(f"{name}: {step}", "within the tolerance") for step in sorted(gone)
+            ]
         if scene._foreground is None and needs.in_one_pass:
             needs = _in_one_pass(needs)
             fused += 1
         held.add(*_effect(name, frame, needs, costs, left_out))
     cost = _composite(scene, dtype, asked, window, fused)
+    if choice.table:
+        work = {**cost.work, "encoded pixel": 0.0, "array pixel": cost.work.get("array pixel", 0.0)}
+        work["looked up value"] = 3.0 * pixels
+        work["decoded value"] = 3.0 * pixels
+        cost = replace(cost, work=work)
     costs["composite"] = (cost, False)
     return costs, left_out, held.most()
 

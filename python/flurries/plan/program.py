@@ -16,22 +16,23 @@ from flurries import _core
 from flurries._contract import Array
 from flurries.background import ambient_light
 from flurries.camera import Camera
+from flurries.costs import nanoseconds
 from flurries.effects.layer import Frame
-from flurries.effects.needs import Kept, LeftOut, Needs, Run, keyed, needs_of
+from flurries.effects.needs import Kept, LeftOut, Needs, Run, Saving, keyed, needs_of
 from flurries.effects.visible import Visible, Window
+from flurries.plan.spending import EXACT, STEEPEST, Asking, Choice, Light, choose, light_of
 from flurries.trace import stage
 
 if TYPE_CHECKING:
     from flurries.scene import Scene
-
-# The steepest place of the sRGB encoding, at black: display values per linear light.
-STEEPEST = 12.92
 
 # Half a step of an integer picture, less what rounding in float32 can take.
 HALF_STEP = 0.5 - 1e-3
 
 # An effect, its view of the frame, and its needs.
 Asked = tuple[Any, Frame, Needs]
+
+_Entry = tuple["Part", Frame, Needs]
 
 
 @dataclass(frozen=True)
@@ -55,6 +56,22 @@ class Part:
     seed: int
     needs: Needs | None
 
+    @property
+    def name(self) -> str:
+        """What people call it."""
+        return getattr(self.effect, "NAME", "") or type(self.effect).__name__.lower()
+
+
+def _savings(part: Part, needs: Needs) -> tuple[Saving, ...]:
+    """Return what an effect can save, and the effect as a whole."""
+
+    def saved(_: float) -> float:
+        layer = nanoseconds({"layer": 1.0})
+        return layer + sum(nanoseconds(step.cost().work) for step in needs.steps)
+
+    whole = Saving(part.name, part.name, needs.most, saved, all=True)
+    return (*needs.savings, whole)
+
 
 class Program:
     """What runs for each frame of a scene.
@@ -72,8 +89,9 @@ class Program:
         self.parts: list[Part] = []
         self.left_out: list[LeftOut] = []
         self._kept = Kept()
-        self._visible: Visible | None = None
-        self._looked = False
+        self._visible: dict[float, Visible | None] = {}
+        self._light: Light | None = None
+        self._choices: dict[Any, Choice] = {}
         distance = scene._distance
         self.deep = distance is not None
         self.settled = scene.camera.still and (distance is None or distance.still)
@@ -110,30 +128,81 @@ class Program:
         )
 
     def frames(
-        self, t: float, eye: Camera | None, window: Window, *, dtype: np.dtype[Any] | None
+        self,
+        t: float,
+        eye: Camera | None,
+        window: Window,
+        *,
+        dtype: np.dtype[Any] | None,
+        choice: Choice = EXACT,
     ) -> Iterator[Asked]:
         """Return the effects that run at `t` with what they are asked, back to front.
 
         A picture of integers, of type `dtype`, does not show what is less than half of a step; of
-        layers, where it is None, every value counts.
+        layers, where it is None, every value counts. A `choice` leaves out more.
         """
+        visible = None if dtype is None or not self.parts else self.visible(choice.hidden)
+        for part, frame, all_needs in self._entries(t, eye, window, dtype):
+            needs = all_needs
+            if gone := choice.without.get(part.index):
+                needs = needs.without(gone)
+                if not needs.steps:
+                    continue
+            steps = {step.name: step for step in needs.steps}
+            settings = choice.settings.get(part.index, {})
+            key = (part.index, frame.camera, window, dtype is None, *settings.values())
+            run = Run(steps, self._kept if self.settled else None, key, visible, settings)
+            yield part.effect, replace(frame, run=run, whole=dtype is None), needs
+
+    def _entries(
+        self, t: float, eye: Camera | None, window: Window, dtype: np.dtype[Any] | None
+    ) -> list[_Entry]:
+        """Return the parts that show anything at `t`, with their needs."""
+        if not self.parts:
+            return []
         asked = []
-        if self.parts:
-            base = self._frame(t, eye, window, seed=0)
-            visible = None if dtype is None else self.visible
-            for part in self.parts:
-                frame = replace(base, seed=part.seed)
-                needs = part.needs if part.needs is not None else needs_of(part.effect, frame)
-                if needs.steps:
-                    asked.append((part, frame, needs))
-            if dtype is not None and dtype.kind == "u":
-                faint = self._faint([needs for _, _, needs in asked], dtype)
-                asked = [one for one, gone in zip(asked, faint, strict=True) if not gone]
-            for part, frame, needs in asked:
-                steps = {step.name: step for step in needs.steps}
-                key = (part.index, frame.camera, window, dtype is None)
-                run = Run(steps, self._kept if self.settled else None, key, visible)
-                yield part.effect, replace(frame, run=run, whole=dtype is None), needs
+        base = self._frame(t, eye, window, seed=0)
+        for part in self.parts:
+            frame = replace(base, seed=part.seed)
+            needs = part.needs if part.needs is not None else needs_of(part.effect, frame)
+            if needs.steps:
+                asked.append((part, frame, needs))
+        if dtype is not None and dtype.kind == "u":
+            faint = self._faint([needs for _, _, needs in asked], dtype)
+            asked = [one for one, gone in zip(asked, faint, strict=True) if not gone]
+        return asked
+
+    def choice(self, t: float, dtype: np.dtype[Any] | None, tolerance: float) -> Choice:
+        """Return what a tolerance is spent on at `t`: the same for every window and eye."""
+        if tolerance <= 0.0 or dtype is None or not self.parts:
+            return EXACT
+        still = self.scene.frames is None
+        if self._light is None or not still:
+            self._light = light_of(self.scene, t)
+        light = self._light
+        whole = (0, self.scene.shape[0], 0, self.scene.shape[1])
+        asked = self._entries(t, None, whole, dtype)
+        # Nothing that counts changes: asked once.
+        fixed = all(part.needs is not None for part, _, _ in asked)
+        key = (tolerance, light, tuple(part.index for part, _, _ in asked)) if fixed else None
+        if key is not None and (found := self._choices.get(key)) is not None:
+            return found
+        asking = [
+            Asking(part.index, part.name, replace(needs, savings=_savings(part, needs)))
+            for part, _, needs in asked
+        ]
+        values = 3 * self.scene.shape[0] * self.scene.shape[1]
+        found = choose(asking, light, tolerance, values=values, hides=self._hides)
+        if key is not None:
+            self._choices = {key: found}
+        return found
+
+    def _hides(self, hidden: float) -> float:
+        """Return the share of the frame that is covered by all but so much, and not wholly."""
+        cover = self._cover()
+        if cover is None:
+            return 0.0
+        return float(((cover >= np.float32(1.0 - hidden)) & (cover < 1.0)).mean())
 
     def given(self, t: float, asked: list[Asked]) -> list[tuple[Any, Frame]]:
         """Return the effects with what they read of the scene filled in."""
@@ -157,25 +226,36 @@ class Program:
             for effect, frame, needs in asked
         ]
 
-    def seen(self, window: Window) -> Window | None:
+    def seen(self, window: Window, hidden: float = 0.0) -> Window | None:
         """Return the part of a window in which the weather can be seen at all."""
         if not self.parts:
             return None
-        visible = self.visible
+        visible = self.visible(hidden)
         return window if visible is None else visible.within(window)
 
-    @property
-    def visible(self) -> Visible | None:
-        """Where the weather can be seen in the composite; None is everywhere."""
-        if not self._looked:
-            front = self.scene._foreground
-            if front is not None:
-                cover: Array = front.cover
-                if front.light is not None:
-                    cover = np.maximum(cover, front.light[..., 3])
-                self._visible = Visible(cover) if bool((cover >= 1.0).any()) else None
-            self._looked = True
-        return self._visible
+    def visible(self, hidden: float = 0.0) -> Visible | None:
+        """Return where the weather can be seen in the composite; None is everywhere.
+
+        Not where all but `hidden` of it is covered.
+        """
+        if hidden not in self._visible:
+            cover = self._cover()
+            none = cover is None or not bool((cover >= np.float32(1.0 - hidden)).any())
+            found = None if none or cover is None else Visible(cover, hidden)
+            # Of tolerances the last one; what hides all always.
+            kept = {0.0: self._visible[0.0]} if 0.0 in self._visible else {}
+            self._visible = {**kept, hidden: found}
+            return found
+        return self._visible[hidden]
+
+    def _cover(self) -> Array | None:
+        """Return how much of the weather stands something in front of."""
+        front = self.scene._foreground
+        if front is None:
+            return None
+        if front.light is None:
+            return front.cover
+        return np.asarray(np.maximum(front.cover, front.light[..., 3]))
 
     def _faint(self, needs: list[Needs], dtype: np.dtype[Any]) -> list[bool]:
         """Return which effects cannot change a picture of integers."""

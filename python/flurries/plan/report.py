@@ -7,7 +7,7 @@ import json
 from dataclasses import asdict, dataclass
 from typing import Any
 
-from flurries.effects.needs import LeftOut
+from flurries.effects.needs import LeftOut, Spent
 
 MIB = 2.0**20
 
@@ -61,6 +61,12 @@ class Plan:
         the scene holds.
     threads : int
         What the times are for.
+    tolerance : float
+        That was given, of full scale; 0 without.
+    error : float
+        To be expected of it at most.
+    spent : tuple of Spent
+        What the tolerance is spent on.
     """
 
     size: tuple[int, int]
@@ -70,6 +76,9 @@ class Plan:
     milliseconds: float
     bytes: int
     threads: int
+    tolerance: float = 0.0
+    error: float = 0.0
+    spent: tuple[Spent, ...] = ()
 
     def to_dict(self) -> dict[str, Any]:
         """Return the plan as plain values."""
@@ -82,6 +91,9 @@ class Plan:
             "bytes": self.bytes,
             "steps": [asdict(step) for step in self.steps],
             "left_out": [asdict(one) for one in self.left_out],
+            "tolerance": self.tolerance,
+            "error": self.error,
+            "spent": [asdict(one) for one in self.spent],
         }
 
     def to_json(self) -> str:
@@ -112,7 +124,20 @@ class Plan:
             lines += ["", "left out"]
             most = max(len(one.what) for one in self.left_out)
             lines += [f"{one.what:<{most}}  {one.why}" for one in self.left_out]
+        if self.tolerance > 0.0:
+            lines += ["", self._spending()]
+            most = max((len(one.what) for one in self.spent), default=0)
+            lines += [
+                f"{one.what:<{most}}  opacity off by {one.error:.2g}, "
+                f"{one.milliseconds:.3g} ms saved"
+                for one in self.spent
+            ]
         return "\n".join(lines)
+
+    def _spending(self) -> str:
+        if not self.spent:
+            return f"tolerance {self.tolerance:.3g}: nothing to be saved, no error"
+        return f"tolerance {self.tolerance:.3g}: error at most {self.error:.3g}"
 
     def _film(self) -> str:
         first, last, count = self.frames
@@ -142,11 +167,19 @@ class Plan:
             f"<td style='{cell}left' colspan='5'>{html.escape(one.why)}</td></tr>"
             for one in self.left_out
         )
+        spent = "".join(
+            f"<tr><td style='{cell}left'>{html.escape(one.what)}</td>"
+            f"<td style='{cell}left'>opacity off by {one.error:.2g}</td>"
+            f"<td style='{cell}right'>{one.milliseconds:.3g} ms saved</td></tr>"
+            for one in self.spent
+        )
         total = f"{self.milliseconds:.3g} ms a frame, {self.bytes / MIB:.1f} MiB"
         return (
             f"<div><b>{width} x {height} px: {total}</b> ({html.escape(self._film())})"
             f"<table>{''.join(rows)}</table>"
             + (f"<b>left out</b><table>{out}</table>" if out else "")
+            + (f"<b>{self._spending()}</b>" if self.tolerance > 0.0 else "")
+            + (f"<table>{spent}</table>" if spent else "")
             + "</div>"
         )
 
