@@ -118,8 +118,8 @@ def _texture(effect: Falling, frame: Frame) -> Cost:
     if hidden:
         left_out.append(LeftOut(f"{hidden} tiles", "they are behind what stands in front"))
     if effect.depth_mode == "pixel" and frame.deep:
-        shortest, longest = effect.band(frame.shape)
-        passes = max(math.ceil(math.log2(longest / shortest) - 1e-9), 1)
+        octaves = math.log2(effect.far_depth(frame.shape) / effect.near_depth)
+        passes = max(math.ceil(octaves - 1e-9), 1)
     band = effect.band(frame.shape)
     cost = texture_cost(
         frame.shape,

@@ -52,8 +52,8 @@ class Textured(Moving):
         return power_share(self._BAND, self.exponent, shape[1])
 
     def far_depth(self, shape: tuple[int, int]) -> float:
-        """Return the depth that the shortest wave stands for, metres."""
-        shortest, longest = self.band(shape)
+        """Return the depth that the shortest wave stands for, metres, shown or not."""
+        shortest, longest = self._BAND if self.wavelengths is None else self.band(shape)
         return self.near_depth * longest / shortest
 
     def tiling(self, shape: tuple[int, int], forward: bool) -> tuple[int, int]:
