@@ -262,6 +262,9 @@ def _add_scene(command: argparse.ArgumentParser) -> None:
         "--foreground", metavar="FILE", help="mask or picture in front of the weather"
     )
     command.add_argument("--seed", type=int, metavar="N")
+    command.add_argument(
+        "--tolerance", type=float, metavar="E", help="how far values may be off to save time"
+    )
     command.add_argument("--size", metavar="WxH")
     command.add_argument("--fps", type=float, metavar="F")
     command.add_argument("--linear", action="store_true", help="mix in linear light")
@@ -478,7 +481,7 @@ def _scene(options: argparse.Namespace) -> Any:
     given = Path(options.input)
     changes: dict[str, Any] = {
         name: getattr(options, name)
-        for name in ("seed", "size", "fps", "foreground")
+        for name in ("seed", "tolerance", "size", "fps", "foreground")
         if getattr(options, name) is not None
     }
     if options.linear:

@@ -133,7 +133,7 @@ class Light(NamedTuple):
     def most(self, left: float, effects: int, *, gone: bool) -> float:
         """Return the error that each of some effects may make, so that all make no more."""
         if self.step == 0.0:
-            return left / (self.reach * self.slope * effects)
+            return (1.0 - 1e-9) * left / (self.reach * self.slope * effects)
         steps = math.floor(left / self.step + 1e-9)
         if self.same:
             more = 0.5 if gone else 0.0
