@@ -6,10 +6,18 @@ use flurries_fft::Transform;
 use num_complex::Complex;
 use num_traits::Float;
 
+use crate::lanes::{Lanes, Plain};
 use crate::simd::multiply_add;
 
 /// float32 or float64 pixels.
 pub trait Real: Transform + Float + std::ops::AddAssign + std::ops::MulAssign {
+    /// Vectors of the level AVX-512.
+    type Avx512: Lanes<Self>;
+    /// Vectors of the level AVX2.
+    type Avx2: Lanes<Self>;
+    /// Vectors of the portable level.
+    type Portable: Lanes<Self>;
+
     /// Rounds a float64 to this precision.
     fn of(value: f64) -> Self;
     /// This value in float64.
@@ -21,6 +29,16 @@ pub trait Real: Transform + Float + std::ops::AddAssign + std::ops::MulAssign {
 }
 
 impl Real for f64 {
+    #[cfg(target_arch = "x86_64")]
+    type Avx512 = crate::lanes::F64x8;
+    #[cfg(target_arch = "x86_64")]
+    type Avx2 = crate::lanes::F64x4;
+    #[cfg(not(target_arch = "x86_64"))]
+    type Avx512 = Self::Portable;
+    #[cfg(not(target_arch = "x86_64"))]
+    type Avx2 = Self::Portable;
+    type Portable = Plain<Self, 2>;
+
     #[inline]
     fn of(value: f64) -> Self {
         value
@@ -62,6 +80,16 @@ fn series<const TERMS: usize, const LEVEL: u8>(square: f64, offset: f64) -> f64 
 }
 
 impl Real for f32 {
+    #[cfg(target_arch = "x86_64")]
+    type Avx512 = crate::lanes::F32x16;
+    #[cfg(target_arch = "x86_64")]
+    type Avx2 = crate::lanes::F32x8;
+    #[cfg(not(target_arch = "x86_64"))]
+    type Avx512 = Self::Portable;
+    #[cfg(not(target_arch = "x86_64"))]
+    type Avx2 = Self::Portable;
+    type Portable = Plain<Self, 4>;
+
     #[inline]
     fn of(value: f64) -> Self {
         value as Self

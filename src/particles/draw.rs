@@ -66,7 +66,7 @@ fn draw_with<P: Profile, const LEVEL: u8>(
                     continue;
                 }
                 drawn += 1;
-                if drawn % LOOK == 0 {
+                if drawn.is_multiple_of(LOOK) {
                     cancel.check()?;
                 }
                 if sprite.length == 0.0 {

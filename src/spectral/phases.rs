@@ -6,6 +6,7 @@
 use super::filter::{Alias, TemporalFilter};
 use super::tent::Motion;
 use super::waves::{Draw, Waves};
+use crate::aligned::Aligned;
 use crate::error::{Error, collected, zeroed};
 use crate::random::mix64;
 use crate::real::Real;
@@ -33,10 +34,10 @@ pub struct Columns {
     column_frequency: Vec<f64>,
     column_offset: Vec<f64>,
     /// Unit vectors of the tent.
-    tent_y: Vec<f64>,
-    tent_x: Vec<f64>,
-    amplitude: Vec<f64>,
-    wavelength: Vec<f64>,
+    tent_y: Aligned<f64>,
+    tent_x: Aligned<f64>,
+    amplitude: Aligned<f64>,
+    wavelength: Aligned<f64>,
     ring: Vec<u32>,
     /// Power of all waves.
     power: f64,
@@ -45,12 +46,12 @@ pub struct Columns {
 /// Buffers that [`Columns::spectrum`] fills: one value for each place.
 pub struct Values<T> {
     /// Real part of each leader's bin, and of the mirrors in the column of kx = 0.
-    pub re: Vec<T>,
+    pub re: Aligned<T>,
     /// Imaginary part.
-    pub im: Vec<T>,
-    phase: Vec<f64>,
-    gain: Vec<f64>,
-    tent: (Vec<f64>, Vec<f64>),
+    pub im: Aligned<T>,
+    phase: Aligned<f64>,
+    gain: Aligned<f64>,
+    tent: (Aligned<f64>, Aligned<f64>),
     // Of the last tile, whose phases and gains serve the next one if it moves alike.
     place: Vec<[f64; 2]>,
     rate: Vec<Motion>,
@@ -59,7 +60,7 @@ pub struct Values<T> {
     // By row: the hash with ky, and the phase's part that depends on ky alone.
     hash: Vec<u64>,
     row_phase: Vec<f64>,
-    column_phase: Vec<f64>,
+    column_phase: Aligned<f64>,
 }
 
 /// What a tile is asked for. Slices have one entry per ring.
@@ -105,10 +106,10 @@ impl Columns {
             column_offset: collected(kx.iter().map(|&k| offset(k, width)))?,
             ky,
             kx,
-            tent_y: zeroed(size)?,
-            tent_x: zeroed(size)?,
-            amplitude: zeroed(size)?,
-            wavelength: zeroed(size)?,
+            tent_y: Aligned::zeroed(size)?,
+            tent_x: Aligned::zeroed(size)?,
+            amplitude: Aligned::zeroed(size)?,
+            wavelength: Aligned::zeroed(size)?,
             ring: zeroed(size)?,
             power: waves.list.iter().map(|wave| 2.0 * wave.amplitude * wave.amplitude).sum(),
         };
@@ -156,18 +157,18 @@ impl Columns {
     pub fn values<T: Real>(&self) -> Result<Values<T>, Error> {
         let n = self.len();
         Ok(Values {
-            re: zeroed(n)?,
-            im: zeroed(n)?,
-            phase: zeroed(n)?,
-            gain: zeroed(n)?,
-            tent: (zeroed(n)?, zeroed(n)?),
+            re: Aligned::zeroed(n)?,
+            im: Aligned::zeroed(n)?,
+            phase: Aligned::zeroed(n)?,
+            gain: Aligned::zeroed(n)?,
+            tent: (Aligned::zeroed(n)?, Aligned::zeroed(n)?),
             place: Vec::new(),
             rate: Vec::new(),
             shortest: 0.0,
             power: Power { present: self.power, kept: self.power },
             hash: zeroed(2 * self.half)?,
             row_phase: zeroed(2 * self.half)?,
-            column_phase: zeroed(self.stride)?,
+            column_phase: Aligned::zeroed(self.stride)?,
         })
     }
 
