@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import lru_cache
 from typing import NamedTuple
 
 from flurries.costs import nanoseconds
@@ -61,6 +62,7 @@ def operations(
     }
 
 
+@lru_cache(maxsize=64)
 def torus_for(
     shape: tuple[int, int], tiling: Tiling, wavelengths: tuple[float, float], least: float
 ) -> tuple[Tiling | None, str]:

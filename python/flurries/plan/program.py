@@ -152,7 +152,11 @@ class Program:
             settings = choice.settings.get(part.index, {})
             key = (part.index, frame.camera, window, dtype is None, *settings.values())
             run = Run(steps, self._kept if self.settled else None, key, visible, settings)
-            yield part.effect, replace(frame, run=run, whole=dtype is None), needs
+            yield (
+                part.effect,
+                replace(frame, seed=part.seed, run=run, whole=dtype is None),
+                needs,
+            )
 
     def _entries(
         self, t: float, eye: Camera | None, window: Window, dtype: np.dtype[Any] | None
@@ -163,10 +167,10 @@ class Program:
         asked = []
         base = self._frame(t, eye, window, seed=0)
         for part in self.parts:
-            frame = replace(base, seed=part.seed)
-            needs = part.needs if part.needs is not None else needs_of(part.effect, frame)
+            # The seed comes last: needs do not depend on it, and copies of frames take time.
+            needs = part.needs if part.needs is not None else needs_of(part.effect, base)
             if needs.steps:
-                asked.append((part, frame, needs))
+                asked.append((part, base, needs))
         if dtype is not None and dtype.kind == "u":
             faint = self._faint([needs for _, _, needs in asked], dtype)
             asked = [one for one, gone in zip(asked, faint, strict=True) if not gone]
@@ -214,6 +218,8 @@ class Program:
                 # Of the whole picture, so that a region has the whole's bits.
                 backdrop = self.scene._backdrop
                 ambient = ambient_light(backdrop.frame(t), backdrop.encoding)
+        if depth is None and ambient is None:
+            return [(effect, frame) for effect, frame, _ in asked]
         return [
             (
                 effect,
