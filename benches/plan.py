@@ -26,6 +26,7 @@ from flurries.camera import Camera
 from flurries.effects.demand import footprints
 from flurries.effects.needs import Needs, Step
 from flurries.effects.tiling import Tiling, operations
+from flurries.plan import calibration
 from flurries.spectral.operations import tile_work
 
 SIZE = 1024
@@ -253,7 +254,14 @@ def peak(scene: fl.Scene) -> int:
 def print_estimates(runs: int) -> None:
     """Print estimates beside what was measured."""
     every = scenes()
-    found = least({name: (lambda s=scene: s.render(3)) for name, scene in every.items()}, runs)
+    fl.set_threads(1)
+    # Calibrated in the same run, between the scenes: the machine is as busy for both.
+    calls = {name: call for name, (call, _) in calibration.samples().items()}
+    calls.update({name: (lambda s=scene: s.render(3)) for name, scene in every.items()})
+    found = least(calls, runs)
+    factors = calibration.factors({n: 1e6 * found[n] for n in calibration.samples()})
+    calibration._known[1] = factors
+    print("this machine against the model:", {k: round(v, 2) for k, v in factors.items()})
     print(f"\n{'scene':<34}{'ms':>9}{'planned':>9}{'ratio':>7}{'MiB':>9}{'planned':>9}{'ratio':>7}")
     worst_time = worst_bytes = 1.0
     for name, scene in every.items():
@@ -383,10 +391,12 @@ def flakes(runs: int) -> dict[str, float]:
             drawn, pieces = footprints(effect, frame)
             rows.append([effect.count(frame), drawn, pieces])
             calls[f"{number} {size} {fall}"] = lambda e=effect, f=frame: e.particles(f, 1.0)
-            # Placed and drawn are in proportion: the places are timed alone.
-            calls["places"] = lambda e=effect, f=frame: e.places(f)
+            # Placed and drawn are in proportion: one is timed where all are too large to be shown.
+            none = replace(effect, flake_size=(90.0, 90.0))
+            calls["places"] = lambda e=none, f=frame: e.particles(f, 1.0)
         found = least(calls, runs)
-        each = 1e6 * found.pop("places") / rows[-1][0]
+        masked = SIZE * SIZE * costs.NANOSECONDS["mask pixel"][1]
+        each = max(1e6 * found.pop("places") - masked, 0.0) / rows[-1][0]
         table, times = np.array(rows), 1e6 * np.array(list(found.values()))
         known = SIZE * SIZE * costs.NANOSECONDS["mask pixel"][1] + each * table[:, 0]
         weights = 1.0 / times
@@ -472,6 +482,7 @@ def mixing(runs: int) -> dict[str, float]:
         "float pixel": lambda: Mix(True, "linear").over(LIGHT, layer),
         "to": lambda: there.working(PICTURE),
         "from": lambda: there.finished(bright, PICTURE),
+        "table": lambda: replace(there, table=True).finished(bright, PICTURE),
     }
     times = {name: 1e6 * value for name, value in least(calls, runs).items()}
     pixels = float(SIZE * SIZE)
@@ -483,6 +494,9 @@ def mixing(runs: int) -> dict[str, float]:
     result["joined pixel"] = times["joined pixel"] / 2.0 / pixels
     result["copied byte"] = times["copied byte"] / PICTURE.nbytes
     result["encoded pixel"] = (times["to"] + times["from"]) / 2.0 / pixels
+    result["encoded value"] = times["from"] / PICTURE.size
+    result["decoded value"] = times["to"] / PICTURE.size
+    result["looked up value"] = times["table"] / PICTURE.size
     assert _core is not None
     small = fl.Scene((8, 8), effects=[])
     one = fl.Scene((8, 8), effects=[fl.Snow(texture=0.0, flakes=0, haze=0.5)])

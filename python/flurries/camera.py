@@ -88,7 +88,7 @@ class Camera:
 
     def matrix(self) -> Float64:
         """Return R (3, 3): a direction d of the camera's axes is R d in the house axes."""
-        return _matrix(self.rotation).copy()
+        return np.array(_matrix(self.rotation))
 
 
 def rotation_matrix(rotation: npt.ArrayLike) -> Float64:

@@ -14,52 +14,53 @@ from collections.abc import Mapping
 # is NumPy's on one.
 NANOSECONDS: dict[str, tuple[str, float]] = {
     # Texture, for each tile made: see flurries.spectral.operations.TileWork.
-    "tile bin": ("kernel", 2.05),
+    "tile bin": ("kernel", 1.45),
     "tile multiply-add": ("kernel", 0.01),
-    "tile fft": ("kernel", 0.0569),
-    "large tile multiply-add": ("kernel", 0.109),
-    "large tile fft": ("kernel", 0.194),
+    "tile fft": ("kernel", 0.0615),
+    "large tile multiply-add": ("kernel", 0.073),
+    "large tile fft": ("kernel", 0.16),
     "tile pixel": ("kernel", 0.1),
     "jittered bin": ("kernel", 23),
-    "planned bin": ("kernel", 60.7),
+    "planned bin": ("kernel", 39.6),
     # Texture, for each pixel of the window.
-    "texture pixel": ("kernel", 0.9),
+    "texture pixel": ("kernel", 0.475),
     # ... before a depth: its farthest in each tile, and the tiles' fades.
-    "limited pixel": ("array", 6.32),
+    "limited pixel": ("array", 4.83),
     # Flakes: those of the box, those that touch the window, and runs of pixels in their rows, of
     # resting ones and of those that the shutter makes streaks of.
-    "flake listed": ("array", 53.2),
-    "flake placed": ("kernel", 85),
-    "disc": ("kernel", 40),
-    "disc run": ("kernel", 2.56),
-    "streak": ("kernel", 195),
-    "streak run": ("kernel", 31),
+    "flake listed": ("array", 45),
+    "flake placed": ("kernel", 72),
+    "disc": ("kernel", 5),
+    "disc run": ("kernel", 3.0),
+    "streak": ("kernel", 220),
+    "streak run": ("kernel", 33),
     # Gas: particles of the box, and pixels that they cover, of one colour or of many.
     "gas placed": ("kernel", 100.0),
-    "gas pixel": ("kernel", 6.1),
-    "lit gas pixel": ("kernel", 8.2),
+    "gas pixel": ("kernel", 6.05),
+    "lit gas pixel": ("kernel", 6.3),
     # The four layers of a double cone, for each pixel.
-    "cone pixel": ("kernel", 9.8),
+    "cone pixel": ("kernel", 7.5),
     # Planes and pictures, for each pixel.
-    "mask pixel": ("kernel", 0.512),
+    "mask pixel": ("kernel", 0.535),
     "joined pixel": ("kernel", 0.333),
     # A square root, by which machines are compared.
-    "array number": ("array", 1.12),
-    "copied byte": ("array", 0.066),
-    "array pixel": ("array", 0.151),
-    "veil pixel": ("array", 2.47),
-    "byte pixel": ("kernel", 1.01),
-    "fused pixel": ("kernel", 0.05),
-    "word pixel": ("kernel", 1.29),
-    "float pixel": ("kernel", 1.55),
+    "array number": ("array", 1.05),
+    "copied byte": ("array", 0.055),
+    "array pixel": ("array", 0.135),
+    "veil pixel": ("array", 2.26),
+    "byte pixel": ("kernel", 1.0),
+    "fused pixel": ("kernel", 0.02),
+    "word pixel": ("kernel", 1.05),
+    "float pixel": ("kernel", 1.2),
     "decoded pixel": ("array", 8.0),
-    "encoded pixel": ("array", 10.9),
-    # Linear light to integers of display values: by the formula, or by a table.
-    "encoded value": ("array", 10.0),
-    "looked up value": ("array", 3.0),
+    "encoded pixel": ("array", 10.1),
+    # Integers of display values to linear light, and back by the formula, or by a table.
+    "decoded value": ("array", 1.2),
+    "encoded value": ("array", 5.5),
+    "looked up value": ("array", 2.13),
     # What Python takes for a frame, an effect and a call of a kernel.
-    "frame": ("array", 6570.0),
-    "layer": ("array", 31780.0),
+    "frame": ("array", 6400),
+    "layer": ("array", 26000),
 }
 
 

@@ -148,7 +148,7 @@ def _flakes(effect: Falling, frame: Frame, amount: float) -> Cost:
     share = min(_pixels(frame) / (height * width), 1.0)
     name = "streak" if value_at(effect.shutter, frame.t) > 0.0 else "disc"
     work = {
-        "flake placed": float(placed),
+        "flake placed": placed * part,
         name: drawn * part * share,
         f"{name} run": runs * part * share,
         "mask pixel": float(height * width),

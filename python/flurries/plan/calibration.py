@@ -6,6 +6,7 @@ It scales displayed times and nothing else: no choice that a frame depends on ma
 from __future__ import annotations
 
 import json
+import math
 import os
 import platform
 import sys
@@ -17,10 +18,12 @@ import numpy as np
 
 from flurries._threads import threads
 from flurries.costs import nanoseconds
+from flurries.spectral.frame import alpha_of
 
 # A file of another form is measured again.
 FORM = 1
-RUNS = 31
+# Seconds for each kernel: the least time of that long is one when nobody else was in the way.
+SECONDS = 0.15
 
 _known: dict[int, dict[str, float]] = {}
 
@@ -70,31 +73,42 @@ def scales(*, again: bool = False) -> Mapping[str, float]:
 
 def measure() -> dict[str, float]:
     """Return the factors, measured now."""
-    from flurries.effects.tiling import Tiling, operations
-    from flurries.spectral import alpha
+    return factors({name: _best(call) for name, (call, _) in samples().items()})
 
-    shape, tiling, band = (512, 512), Tiling((64, 64), 10), (3.0, 24.0)
-    work = operations(shape, (0, 512, 0, 512), tiling, band)
-    kernel = _best(
-        lambda: alpha(
-            shape,
-            drift=(3.0, 9.0),
-            seed=1,
-            tile=64,
-            overlap=10,
-            wavelengths=band,
-            velocity=(2.0, 6.0),
-            alias="soft",
-            shutter=0.5,
-            preserve_mean=True,
-        )
-    )
+
+def factors(nanoseconds_each: Mapping[str, float]) -> dict[str, float]:
+    """Return the factors from the times of the samples."""
+    ratios = {name: nanoseconds_each[name] / model for name, (_, model) in samples().items()}
+    kernel = math.sqrt(ratios["texture"] * ratios["flakes"])
+    return {"kernel": kernel, "array": ratios["array"]}
+
+
+def samples() -> dict[str, tuple[Callable[[], object], float]]:
+    """Return what is timed, each with its nanoseconds by the model."""
+    from flurries.effects import Snow
+    from flurries.scene import Scene
+
+    window = (0, 512, 0, 512)
+    texture = Snow(flakes=0, haze=0.0, wavelengths=(3.0, 24.0), tile=64, overlap=10)
+    flakes = Snow(texture=0.0, haze=0.0, flakes=1000)
+    scene = Scene((512, 512), effects=[texture, flakes])
+    (_, first), (_, second) = scene._asks(3.0, None, window, None)
+    asked, mapped = texture.texture_request(first), texture.mapped(first, 1.0)
     values = np.linspace(0.5, 1.5, 1 << 16)
     roots = np.empty_like(values)
-    array = _best(lambda: np.sqrt(values, out=roots))
     return {
-        "kernel": kernel / nanoseconds(work),
-        "array": array / nanoseconds({"array number": float(values.size)}),
+        "texture": (
+            lambda: alpha_of(asked, mapped, preserve_mean=True),
+            nanoseconds(texture.needs(first).steps[0].cost().work),
+        ),
+        "flakes": (
+            lambda: flakes.particles(second, 1.0),
+            nanoseconds(flakes.needs(second).steps[0].cost().work),
+        ),
+        "array": (
+            lambda: np.sqrt(values, out=roots),
+            nanoseconds({"array number": float(values.size)}),
+        ),
     }
 
 
@@ -104,10 +118,8 @@ def _best(call: Callable[[], object]) -> float:
     clock = time.process_time_ns if threads() == 1 else time.perf_counter_ns
     call()
     least = float("inf")
-    # In a film other steps come between, and take the caches.
-    between = np.zeros(1 << 21)
-    for _ in range(RUNS):
-        between += 1.0
+    end = time.perf_counter() + SECONDS
+    while time.perf_counter() < end:
         start = clock()
         call()
         least = min(least, clock() - start)
