@@ -2,7 +2,9 @@
 
 ``--savings`` prints what each thing left out saves, as a ratio of least times, runs interleaved;
 ``--estimates`` the estimate against the time and the bytes of 23 scenes of different kinds;
-``--constants`` measures the cost model of `flurries.costs` again. Without an option: the first two.
+``--tolerance`` what a tolerance saves, and whether more of it ever takes more time;
+``--constants`` measures the cost model of `flurries.costs` again. Without an option: the first
+three.
 """
 
 from __future__ import annotations
@@ -63,7 +65,7 @@ class Everything:
 
     def needs(self, frame: fl.Frame) -> Needs:
         """Return all steps."""
-        names = ("texture", "flakes", "veil") if frame.deep else ("texture", "flakes")
+        names = ("texture", "flakes", "gas") + (("veil",) if frame.deep else ())
         return Needs(tuple(map(Step, names)), reads=frozenset({"depth"}))
 
     def render(self, frame: fl.Frame) -> fl.Layer:
@@ -103,6 +105,20 @@ def savings() -> dict[str, tuple[fl.Scene, fl.Scene]]:
         "tiles behind a matte": pair(fl.Snow(flakes=0), foreground=spotted),
         "a wall nearer than the texture": pair(fl.Snow(flakes=0, haze=0.0), depth=2.0),
         "nothing moves": pair(fl.Snow(**still)),
+        "no flakes of any opacity": pair(fl.Snow(flake_opacity=0.0)),
+        "no veil before a depth": pair(fl.Snow(haze=0.0, flakes=0), depth=40.0),
+        "waves too fast everywhere": pair(
+            fl.Snow(flakes=0, fall=4e5, wind=(1.3e5, 0.0, 0.0), alias="cut", tile=63, overlap=9)
+        ),
+        "gas that stands still": pair(fl.Mist(count=300)),
+        "gas of one colour": (
+            fl.Scene(background=PICTURE, effects=[fl.Mist(wind=(0.3, 0.0, 0.0), count=300)]),
+            fl.Scene(
+                background=PICTURE,
+                effects=[fl.Mist(wind=(0.3, 0.0, 0.0), count=300)],
+                sun=fl.Sun((0.3, 1.0, 0.2)),
+            ),
+        ),
     }
 
 
@@ -194,6 +210,47 @@ def print_torus(runs: int) -> None:
         ratio = found["tiles"] / found["torus"]
         taken = "tiles" if torus is None else "torus"
         print(f"{name:<42}{found['tiles']:>9.2f}{found['torus']:>9.2f}{ratio:>8.2f}  {taken}")
+
+
+# A tolerance ---------------------------------------------------------------------------------
+
+
+def tolerant() -> dict[str, fl.Scene]:
+    """Return scenes that have something to save."""
+    matte = np.full((SIZE, SIZE), 254.0 / 255.0, np.float32)
+    matte[:300] = 0.0
+    forward = {"wind": (0.3, 0.0, 0.0)}
+    return {
+        "8 bit in linear light": fl.Scene(None, PICTURE, effects=[fl.Snow()], space="linear"),
+        "rain fades in": fl.Scene(None, LIGHT, effects=[fl.Snow(), fl.Rain(amount=1e-4)]),
+        "faint snow": fl.Scene(None, LIGHT, effects=[fl.Snow(amount=1e-4)]),
+        "a matte of 254 / 255": fl.Scene(None, PICTURE, effects=[fl.Snow()], foreground=matte),
+        "thick fog": fl.Scene(
+            None, np.minimum(LIGHT, 1.0),
+            effects=[fl.Mist(count=4000, density=0.9, lit=False, **forward)],
+        ),
+        "a thin veil": fl.Scene(None, LIGHT, effects=[fl.Snow(haze=1e-4, flakes=0)], depth=30.0),
+        "nothing to save": fl.Scene(None, PICTURE, effects=[fl.Snow()]),
+    }  # fmt: skip
+
+
+def print_tolerance(runs: int) -> None:
+    """Print times by tolerance, errors expected and made, and whether times ever rise."""
+    steps = (0.0, 1e-5, 1e-3, 1 / 255)
+    print(f"\n{'tolerance':<26}" + "".join(f"{step:>9.2g}" for step in steps) + "  expected  real")
+    worst = 0.0
+    for name, scene in tolerant().items():
+        calls = {str(step): (lambda s=scene, e=step: s.render(3, tolerance=e)) for step in steps}
+        found = list(least(calls, runs).values())
+        exact, near = scene.render(3).astype(np.float64), scene.render(3, tolerance=steps[-1])
+        full = 255.0 if near.dtype == np.uint8 else 1.0
+        error = np.abs(exact - near).max() / full
+        expected = scene.plan(3, tolerance=steps[-1]).error
+        times = "".join(f"{time:>9.2f}" for time in found)
+        print(f"{name:<26}{times}{expected:>10.2g}{error:>10.2g}")
+        rises = [after / min(found[:n]) for n, after in enumerate(found[1:], 1)]
+        worst = max(worst, *rises)
+    print(f"most that more tolerance took more time: {worst:.3f}")
 
 
 # Estimates ---------------------------------------------------------------------------------------
@@ -511,15 +568,19 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--savings", action="store_true")
     parser.add_argument("--estimates", action="store_true")
+    parser.add_argument("--tolerance", action="store_true")
     parser.add_argument("--constants", action="store_true")
     parser.add_argument("--runs", type=int, default=15)
     options = parser.parse_args()
     if options.constants:
         print_constants(options.runs)
         return
-    if options.savings or not options.estimates:
+    every = not (options.savings or options.estimates or options.tolerance)
+    if options.savings or every:
         print_savings(options.runs)
-    if options.estimates or not options.savings:
+    if options.tolerance or every:
+        print_tolerance(options.runs)
+    if options.estimates or every:
         print_estimates(options.runs)
 
 

@@ -114,7 +114,7 @@ def test_the_scenes_spend_something():
         kinds |= {one.what.split(": ")[-1] for one in choice.spent}
         if choice.spent:
             errors.append(off(scene, 1 / 255))
-    assert {"no texture", "no flakes", "what hardly shows past what stands in front",
+    assert {"no texture", "rain", "snow", "what hardly shows past what stands in front",
             "particles behind what is opaque but for the error",
             "display values from a table of 16 bits"} <= kinds  # fmt: skip
     assert len(errors) > SCENES // 4 and sum(error > 1e-5 for error in errors) > 10

@@ -97,6 +97,8 @@ class Flurry(NamedTuple):
         Stream of the numbers that their sizes are.
     lens : (focal, cx, cy, offset, near)
         See :class:`flurries.Camera`.
+    window : (top, bottom, left, right)
+        Pixels; the rest of the frame may lack flakes.
     """
 
     number: int
@@ -113,6 +115,7 @@ class Flurry(NamedTuple):
     largest: tuple[float, float]
     sizes: int
     lens: tuple[float, float, float, Triple, float]
+    window: tuple[int, int, int, int]
 
 
 def triple(values: Float64) -> Triple:
@@ -373,6 +376,7 @@ class Peopled(Textured):
                 largest=(low, high),
                 sizes=SIZES,
                 lens=(camera.focal, x, y, triple(stretch * camera.offset), NEAR),
+                window=frame.window,
             ),
             frame.depth,
         )
