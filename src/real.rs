@@ -22,10 +22,10 @@ pub trait Real: Transform + Float + std::ops::AddAssign + std::ops::MulAssign {
     fn of(value: f64) -> Self;
     /// This value in float64.
     fn wide(self) -> f64;
-    /// `exp(2 pi i phase)` for a phase of at most half a cycle, to this precision.
+    /// `exp(2 pi i phase)` for a phase of at most half a cycle, reduced in float64 before it was rounded.
     ///
     /// Loops compiled for a level of vector instructions name it, for its fused multiply-add.
-    fn turn<const LEVEL: u8>(phase: f64) -> Complex<Self>;
+    fn turn<const LEVEL: u8>(phase: Self) -> Complex<Self>;
 }
 
 impl Real for f64 {
@@ -49,7 +49,7 @@ impl Real for f64 {
     }
     /// Taylor series on an eighth of a turn, without a branch, so that a loop over waves vectorises.
     #[inline]
-    fn turn<const LEVEL: u8>(phase: f64) -> Complex<Self> {
+    fn turn<const LEVEL: u8>(phase: Self) -> Complex<Self> {
         let quarter = (4.0 * phase).round_ties_even();
         let angle = (phase - 0.25 * quarter) * TAU;
         let square = angle * angle;
@@ -99,13 +99,11 @@ impl Real for f32 {
         f64::from(self)
     }
     /// Polynomials on a quarter of a turn, without a branch, so that a loop over waves vectorises.
-    /// The phase is rounded to float32 only here, where it is already reduced.
     #[inline]
-    fn turn<const LEVEL: u8>(phase: f64) -> Complex<Self> {
-        let turns = phase as Self;
+    fn turn<const LEVEL: u8>(phase: Self) -> Complex<Self> {
         // The nearest half turn; what is left is at most a quarter turn, where both series are short.
-        let half = (turns + turns).round_ties_even();
-        let angle = (turns - 0.5 * half) * std::f32::consts::TAU;
+        let half = (phase + phase).round_ties_even();
+        let angle = (phase - 0.5 * half) * std::f32::consts::TAU;
         // `half` is -1, 0 or 1; a half turn changes both signs.
         let sign = 1.0 - 2.0 * half * half;
         let square = angle * angle;
@@ -161,7 +159,7 @@ mod tests {
             .map(|i| f64::from(i) / 40_000.0)
             .map(|phase| {
                 let (sin, cos) = (TAU * phase).sin_cos();
-                let fast = f32::turn::<PORTABLE>(phase);
+                let fast = f32::turn::<PORTABLE>(phase as f32);
                 (f64::from(fast.re) - cos).abs().max((f64::from(fast.im) - sin).abs())
             })
             .fold(0.0, f64::max);
