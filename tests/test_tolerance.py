@@ -61,6 +61,7 @@ def random_scene(number: int) -> fl.Scene:
         elif what == "thick":
             common["amount"] = 1.0
             more = {"count": 3000, "density": 0.8, "lit": bool(rng.random() < 0.5)}
+            more["scatter"] = str(rng.choice(["even", "rayleigh", "henyey"]))
             made.append(fl.Mist(**common, **more))
         else:
             made.append(fl.ConeRain(**common, tile=64))

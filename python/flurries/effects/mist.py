@@ -307,7 +307,15 @@ class Mist(Knobs):
         )
         most = min(most * self._filled(frame)[1], 1.0)
         reads = PARTS if ambient else PARTS - {"ambient"}
-        return Needs((step,), out, reads, most=most, savings=(stop,))
+        bright = self._brightest() if lit else 1.0
+        return Needs((step,), out, reads, most=most, savings=(stop,), brightest=bright)
+
+    def _brightest(self) -> float:
+        """Return the most that the phase function brightens white gas by."""
+        if self.scatter == "henyey":
+            g = abs(self.asymmetry)
+            return (1.0 + g) / (1.0 - g) ** 2
+        return 1.5 if self.scatter == "rayleigh" else 1.0
 
     def _cost(self, frame: Frame, lit: bool, error: float | None = None) -> Cost:
         """Return what a frame's particles and the pixels that they cover take."""

@@ -139,8 +139,9 @@ class Needs:
     reads : set of str
         Of the scene's "depth" and "ambient" light.
     most : float
-        The most that it can change a display value by, full scale 1: its largest opacity, if its
-        colours are at most 1.
+        Its largest opacity.
+    brightest : float
+        The largest of its colours' values, at least 1.
     in_one_pass : bool
         Whether its method ``over`` lays it straight over a picture, without the step "join".
     varies : bool
@@ -157,6 +158,7 @@ class Needs:
     in_one_pass: bool = False
     varies: bool = False
     savings: tuple[Saving, ...] = ()
+    brightest: float = 1.0
 
     def without(self, names: frozenset[str]) -> Needs:
         """Return the needs less some steps."""

@@ -244,15 +244,15 @@ class Program:
 
         Not where all but `hidden` of it is covered.
         """
-        if hidden not in self._visible:
-            cover = self._cover()
-            none = cover is None or not bool((cover >= np.float32(1.0 - hidden)).any())
-            found = None if none or cover is None else Visible(cover, hidden)
-            # Of tolerances the last one; what hides all always.
-            kept = {0.0: self._visible[0.0]} if 0.0 in self._visible else {}
-            self._visible = {**kept, hidden: found}
-            return found
-        return self._visible[hidden]
+        known = self._visible
+        if hidden in known:
+            return known[hidden]
+        cover = self._cover()
+        none = cover is None or not bool((cover >= np.float32(1.0 - hidden)).any())
+        found = None if none or cover is None else Visible(cover, hidden)
+        # Of tolerances the last one; a new dictionary: other threads may read the old one.
+        self._visible = {**({0.0: known[0.0]} if 0.0 in known else {}), hidden: found}
+        return found
 
     def _cover(self) -> Array | None:
         """Return how much of the weather stands something in front of."""
@@ -268,10 +268,10 @@ class Program:
         limit = HALF_STEP / float(np.iinfo(dtype).max)
         if not self.scene.linear:
             # Each layer is rounded before the next.
-            return [one.most < limit for one in needs]
+            return [one.most * one.brightest < limit for one in needs]
         total, gone = 0.0, []
         for one in needs:
-            change = STEEPEST * one.most
+            change = STEEPEST * one.most * one.brightest
             gone.append(total + change < limit)
             total += change if gone[-1] else 0.0
         return gone

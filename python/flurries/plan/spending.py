@@ -82,6 +82,8 @@ class Light(NamedTuple):
         The most that a colour and a value of the background differ, in the light of the mix.
     slope : float
         Of the way back to the background's encoding.
+    brightest : float
+        The largest of the layers' colours, at least 1.
     """
 
     linear: bool
@@ -89,6 +91,7 @@ class Light(NamedTuple):
     step: float
     reach: float
     slope: float
+    brightest: float = 1.0
 
     @staticmethod
     def of(picture: Array, *, linear: bool, encoding: str) -> Light:
@@ -113,6 +116,7 @@ class Light(NamedTuple):
 
     def total(self, errors: Sequence[Error], *, table: bool = False) -> float:
         """Return what errors of the layers' opacities make of the frame's values."""
+        errors = [Error(*(self.brightest * part for part in error)) for error in errors]
         whole = sum(error.layer + error.gone for error in errors)
         if self.step == 0.0:
             return self.reach * self.slope * whole if whole else 0.0
@@ -133,12 +137,15 @@ class Light(NamedTuple):
     def most(self, left: float, effects: int, *, gone: bool) -> float:
         """Return the error that each of some effects may make, so that all make no more."""
         if self.step == 0.0:
-            return (1.0 - 1e-9) * left / (self.reach * self.slope * effects)
+            return (1.0 - 1e-9) * left / (self.reach * self.slope * self.brightest * effects)
         steps = math.floor(left / self.step + 1e-9)
         if self.same:
             more = 0.5 if gone else 0.0
-            return max(self.step * (steps // effects + more) - 2.0 * ROUNDING, 0.0)
-        return max((self.step * steps - 2.0 * ROUNDING) / (self.slope * effects), 0.0)
+            each = max(self.step * (steps // effects + more) - 2.0 * ROUNDING, 0.0)
+            return each / self.brightest
+        return max((self.step * steps - 2.0 * ROUNDING) / self.slope, 0.0) / (
+            self.brightest * effects
+        )
 
 
 class Error(NamedTuple):
@@ -204,6 +211,8 @@ def choose(
     """
     if not math.isfinite(light.reach):
         return EXACT
+    bright = max((one.needs.brightest for one in asked), default=1.0)
+    light = light._replace(brightest=bright)
     limit = tolerance * (1.0 + 1e-9)
     table = not light.same and light.step > 0.0 and light.total([], table=True) <= limit
     items = [
