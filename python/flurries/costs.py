@@ -45,7 +45,7 @@ NANOSECONDS: dict[str, tuple[str, float]] = {
     "joined pixel": ("kernel", 0.333),
     # A square root, by which machines are compared.
     "array number": ("array", 1.05),
-    "copied byte": ("array", 0.055),
+    "copied byte": ("array", 0.062),
     "array pixel": ("array", 0.135),
     "veil pixel": ("array", 2.26),
     "byte pixel": ("kernel", 1.0),
