@@ -7,10 +7,12 @@
 //! | [`ray`] | the two models that look at each pixel's ray; what stands before the gas |
 //! | [`bins`] | which particles touch which band of the picture |
 //! | [`draw`] | particles drawn into one tile |
+//! | `batch` | the same for a few at a time, products of two vectors |
 //! | [`splat`] | the image of many particles |
 //! | [`pair`] | both eyes at once, by slabs of equal disparity |
 //! | [`light`] | how much light of a direction reaches each particle |
 
+mod batch;
 pub mod bins;
 pub mod draw;
 pub mod footprint;
