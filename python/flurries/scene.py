@@ -17,7 +17,7 @@ from flurries.camera import Camera
 from flurries.depth import Distance, distance_of
 from flurries.effects import Frame, Layer
 from flurries.effects.falling import AMBIENT
-from flurries.effects.layer import layers_of
+from flurries.effects.layer import Shared, layers_of
 from flurries.foreground import Foreground, foreground_of
 from flurries.mixing import Mix, behind
 from flurries.path import CameraPath, as_path
@@ -176,12 +176,21 @@ class Scene:
             uint8 or uint16 where the background is, else float32. The same bits whatever else was
             rendered before, in any process and with any number of threads.
         """
-        time = real("t", t)
-        window = self._window(region)
+        return self._seen(real("t", t), eye, layers, self._window(region))
+
+    def _seen(
+        self,
+        time: float,
+        eye: Camera | None,
+        layers: bool,
+        window: tuple[int, int, int, int],
+        shared: Shared | None = None,
+    ) -> Any:
+        """Return what an eye sees; `shared` is what it has in common with another one."""
         top, bottom, left, right = window
         part = (bottom - top, right - left)
         depth = self.depth_at(time) if self.effects or layers else None
-        asks = self._asks(time, eye, window, depth, layers)
+        asks = self._asks(time, eye, window, depth, layers, shared)
         with stage("background"):
             picture = self._backdrop.frame(time)[top:bottom, left:right]
         matte = None if self._foreground is None else self._foreground.window(window)
@@ -267,7 +276,8 @@ class Scene:
         Returns
         -------
         left, right
-            Each as :meth:`render` returns it.
+            Each with the bits that :meth:`render` returns for that eye; what does not depend on the
+            eye is found once for both.
 
         Warns
         -----
@@ -280,7 +290,11 @@ class Scene:
             warned = getattr(effect, "warn_ambiguous", None)
             if warned is not None:
                 warned(self.shape, self.camera.camera.focal, distance, index)
-        left, right = (self.render(t, eye=eye, layers=layers, region=region) for eye in pair)
+        time, window = real("t", t), self._window(region)
+        path: CameraPath = self.camera
+        views = path.seen(pair[0], time), path.seen(pair[1], time)
+        shared = Shared(views)
+        left, right = (self._seen(time, eye, layers, window, shared) for eye in pair)
         return left, right
 
     def depth_at(self, t: float) -> Array | None:
@@ -379,6 +393,7 @@ class Scene:
         window: tuple[int, int, int, int],
         depth: Array | None,
         whole: bool = False,
+        shared: Shared | None = None,
     ) -> list[tuple[Any, Frame]]:
         path: CameraPath = self.camera
         if eye is not None and not isinstance(eye, Camera):
@@ -407,6 +422,7 @@ class Scene:
                         sun=self.sun,
                         ambient=ambient,
                         whole=whole,
+                        shared=shared,
                     ),
                 )
             )

@@ -5,7 +5,7 @@
 //! Here a block of pixels stays in registers while all particles of the batch that touch it go over
 //! it, front to back: the operations of each pixel and their order are those of one after the other.
 
-use super::draw::{Row, TILE, Tile, vectors};
+use super::draw::{PART, Row, TILE, Tile, vectors};
 use super::footprint::Scale;
 use super::sprite::{Look, Sprite};
 use crate::lanes::Lanes;
@@ -16,7 +16,7 @@ use crate::simd::{AVX2, AVX512};
 const MOST: usize = 8;
 
 /// Pixels of a block: one AVX-512 register of float32 across, and a few rows to keep it busy.
-const ACROSS: usize = 16;
+const ACROSS: usize = PART;
 const DOWN: usize = 4;
 
 /// Particles that wait to be drawn into one tile.
@@ -59,7 +59,7 @@ impl<P: Normal> Batch<P> {
         colour: [P; 3],
     ) {
         let place = self.count;
-        let (across, mut down, scale) = vectors::<P, LEVEL>(tile, sprite, look);
+        let (across, mut down, scale) = vectors::<P, LEVEL>(tile, sprite, look, [columns, rows]);
         let Scale { gain, floor } = scale;
         for value in &mut down.0 {
             *value = gain * *value;

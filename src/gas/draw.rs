@@ -138,12 +138,18 @@ fn finished<P: Normal>(through: &Plane<P>, error: P) -> bool {
     greatest.iter().fold(P::zero(), |a, &b| most(a, b)) <= error
 }
 
+/// Pixels of a part of a vector: an exponential costs as much as some pixels of a particle.
+pub(super) const PART: usize = 16;
+
 /// The two vectors whose product is the footprint: across the tile, and down its rows.
+///
+/// Only parts that `spans` touch, [first, last) across and down, are filled.
 #[inline(always)]
 pub(super) fn vectors<P: Normal, const LEVEL: u8>(
     tile: &Tile<'_, P>,
     sprite: &Sprite,
     look: &Look,
+    spans: [[usize; 2]; 2],
 ) -> (Row<P>, Row<P>, Scale<P>) {
     let mut vectors = [Row([P::zero(); TILE]); 2];
     for axis in 0..2 {
@@ -156,12 +162,14 @@ pub(super) fn vectors<P: Normal, const LEVEL: u8>(
             Form::Point | Form::Ray => {
                 let step = 3.0 / radius;
                 let square = look.edge == Edge::Square;
-                footprint::point::<P, TILE, LEVEL>(
-                    values,
-                    (first + 0.5 - middle) * step,
-                    step,
-                    square,
-                );
+                let start = (first + 0.5 - middle) * step;
+                let [from, to] = spans[axis];
+                for part in from / PART..to.div_ceil(PART) {
+                    let first = part * PART;
+                    let values = &mut values[first..first + PART];
+                    let values: &mut [P; PART] = values.try_into().expect("PART of them");
+                    footprint::point::<P, PART, LEVEL>(values, first, start, step, square);
+                }
             }
         }
     }
@@ -218,7 +226,7 @@ fn by_rows<P: Normal, const LEVEL: u8>(
         let none = Row([P::zero(); TILE]);
         (none, none, Scale::of(sprite.opacity, look.edge))
     } else {
-        vectors::<P, LEVEL>(tile, sprite, look)
+        vectors::<P, LEVEL>(tile, sprite, look, [[0, TILE], [top, bottom]])
     };
     let forms = tile.rays.filter(|_| by_ray).map(|rays| (Forms::of(sprite, rays), rays));
     let mut row_of = Row([P::zero(); TILE]);

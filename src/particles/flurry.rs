@@ -6,7 +6,8 @@
 use super::splat::Source;
 use super::sprite::{Flake, Lens};
 use super::torus::Carried;
-use crate::error::Error;
+use crate::error::{Cancel, Error};
+use crate::pool;
 use crate::random::Hash;
 
 /// How flakes look.
@@ -35,6 +36,8 @@ pub struct Flurry {
     focal: f64,
     travel: [f64; 3],
     view: View,
+    /// Another eye, that sees the same flakes from aside.
+    aside: Option<View>,
 }
 
 impl Flurry {
@@ -71,7 +74,67 @@ impl Flurry {
             focal: lens.focal,
             travel,
             view: View::new(lens, shape, room),
+            aside: None,
         })
+    }
+
+    /// The same flakes, dropped only where neither the lens nor another one of its focal length sees
+    /// them.
+    pub fn seen_from(mut self, lens: &Lens, shape: (usize, usize)) -> Result<Self, Error> {
+        if lens.focal != self.focal {
+            return Err(Error::invalid("cameras", "must have one focal length"));
+        }
+        self.aside = Some(View::new(lens, shape, self.view.room));
+        Ok(self)
+    }
+
+    #[inline]
+    fn seen(&self, axis: usize, place: f64, z: f64) -> bool {
+        self.view.holds(axis, place, z)
+            || self.aside.as_ref().is_some_and(|view| view.holds(axis, place, z))
+    }
+}
+
+/// Flakes that have been placed, in the order of their numbers: for several pictures of them.
+pub struct Placed(Vec<Flake>);
+
+/// Flakes that are placed together.
+const RUN: usize = 1 << 15;
+
+impl Placed {
+    /// Places the flakes of a source that are seen.
+    pub fn of(source: &impl Source, cancel: &Cancel) -> Result<Self, Error> {
+        source.check()?;
+        let count = source.len();
+        let mut runs: Vec<Vec<Flake>> = vec![Vec::new(); count.div_ceil(RUN)];
+        pool::for_each(runs.iter_mut().enumerate().collect(), |(run, flakes)| {
+            cancel.check()?;
+            for index in run * RUN..((run + 1) * RUN).min(count) {
+                if let Some(flake) = source.get(index) {
+                    let bytes = (flakes.len() + 1) * size_of::<Flake>();
+                    flakes.try_reserve(1).map_err(|_| Error::Memory { bytes })?;
+                    flakes.push(flake);
+                }
+            }
+            Ok(())
+        })?;
+        let mut all = Vec::new();
+        let total: usize = runs.iter().map(Vec::len).sum();
+        let bytes = total * size_of::<Flake>();
+        all.try_reserve_exact(total).map_err(|_| Error::Memory { bytes })?;
+        runs.iter().for_each(|run| all.extend_from_slice(run));
+        Ok(Self(all))
+    }
+}
+
+impl Source for Placed {
+    fn len(&self) -> usize {
+        self.0.len()
+    }
+
+    #[inline]
+    fn get(&self, index: usize) -> Option<Flake> {
+        Some(self.0[index])
     }
 }
 
@@ -91,11 +154,11 @@ impl Source for Flurry {
         let flake = self.carried.flake(index);
         let z = self.carried.along(flake, 2);
         let x = self.carried.along(flake, 0);
-        if !self.view.holds(0, x, z) {
+        if !self.seen(0, x, z) {
             return None;
         }
         let y = self.carried.along(flake, 1);
-        if !self.view.holds(1, y, z) {
+        if !self.seen(1, y, z) {
             return None;
         }
         let [aside, ahead] = self.carried.swing(flake);
@@ -232,5 +295,44 @@ mod tests {
                 assert!((got - want).abs() < 1e-14, "{got} {want}");
             }
         }
+    }
+
+    #[test]
+    fn placed_once_for_two_eyes_they_are_the_flakes_of_each() {
+        let shape = (96, 160);
+        let torus = Torus::new([9.0, 6.0, 8.0], [0.0, 0.0, 4.0]).unwrap();
+        let sway = Sway { amplitude: 0.05, angular_frequency: 2.0 };
+        let carried = || Carried::new(torus, 5, [3.0, 14.0, -2.5], 1.0, Some(sway)).unwrap();
+        let lens = |x: f64| Lens {
+            focal: 150.0,
+            center: [80.0 + 10.0 * x, 48.0],
+            offset: [x, 0.0, 0.0],
+            near: 0.1,
+        };
+        let lenses = [lens(-0.4), lens(0.4)];
+        let travel = [0.02, 0.3, 0.0];
+        let alone =
+            |lens: &Lens| Flurry::new(4000, carried(), 5, LOOKS, lens, shape, travel).unwrap();
+        let drawn = |source: &dyn Fn(&mut Array2<f32>)| {
+            let mut out = Array2::from_elem(shape, f32::NAN);
+            source(&mut out);
+            out
+        };
+        let cancel = Cancel::new();
+        let none = None::<ArrayView2<f32>>;
+        let both = alone(&lenses[0]).seen_from(&lenses[1], shape).unwrap();
+        let placed = Placed::of(&both, &cancel).unwrap();
+        // Neither sees all of them.
+        let kept = |flurry: &Flurry| (0..4000).filter(|&i| flurry.get(i).is_some()).count();
+        assert!(lenses.iter().all(|lens| kept(&alone(lens)) < placed.len()));
+        for lens in &lenses {
+            let want = drawn(&|out| {
+                splat(out.view_mut(), &alone(lens), lens, none, &cancel).unwrap();
+            });
+            let got = drawn(&|out| splat(out.view_mut(), &placed, lens, none, &cancel).unwrap());
+            assert_eq!(got, want);
+        }
+        let other = Lens { focal: 151.0, ..lenses[1] };
+        assert!(alone(&lenses[0]).seen_from(&other, shape).is_err());
     }
 }

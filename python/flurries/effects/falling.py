@@ -128,7 +128,8 @@ class Falling(Peopled):
             planes.append(flakes)
         haze = amount * value_at(self.haze, frame.t)
         if haze > 0.0 and frame.depth is not None:
-            planes.append(veil(haze, frame.crop(frame.depth), self.far_depth(frame.shape)))
+            depth, far = frame.crop(frame.depth), self.far_depth(frame.shape)
+            planes.append(frame.once(self, "veil", lambda: veil(haze, depth, far)))
             haze = 0.0
         if not planes:
             top, bottom, left, right = frame.window
