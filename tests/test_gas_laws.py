@@ -310,7 +310,7 @@ def test_what_changes_in_flight_is_motion_and_no_jump(seed):
 
     A motion's step halves with the time between two frames, a jump's does not.
     """
-    camera = fl.Camera(84.0)
+    camera = fl.Camera(42.0)
 
     def largest(near_mode, step, footprint="viewplane_c"):
         means = []
@@ -323,10 +323,9 @@ def test_what_changes_in_flight_is_motion_and_no_jump(seed):
             means.append(alpha.mean())
         return np.abs(np.diff(means)).max()
 
-    camera = fl.Camera(42.0)
     whole, half = (largest("exact", step) for step in (0.05, 0.025))
     assert whole < 0.03 and 0.45 < half / whole < 0.6
     # The line integral of every particle, which has no near plane to pass, moves as much.
     assert abs(largest("exact", 0.05, "volume") / whole - 1.0) < 0.1
     # The negative control: culling jumps.
-    assert largest("cull", 0.025) > 0.8 * largest("cull", 0.05)
+    assert largest("cull", 0.025) > 0.7 * largest("cull", 0.05)

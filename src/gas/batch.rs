@@ -5,6 +5,11 @@
 //! Here a block of pixels stays in registers while all particles of the batch that touch it go over
 //! it, front to back: the operations of each pixel and their order are those of one after the other.
 
+#![expect(
+    clippy::needless_range_loop,
+    reason = "an index over rows of a fixed count is what stays in registers"
+)]
+
 use super::draw::{PART, Row, TILE, Tile, vectors};
 use super::footprint::Scale;
 use super::sprite::{Look, Sprite};
@@ -98,7 +103,8 @@ impl<P: Normal> Batch<P> {
 
     #[inline(always)]
     fn blocks<V: Lanes<P>, const ROWS: usize>(&self, tile: &mut Tile<'_, P>) {
-        const { assert!(ACROSS % V::N == 0 && DOWN % ROWS == 0) };
+        // What the reads and writes below rely on.
+        assert!(ACROSS.is_multiple_of(V::N) && DOWN.is_multiple_of(ROWS));
         let through = tile.through.0.as_mut_ptr().cast::<P>();
         let light = tile.light.as_mut().map(|light| {
             let [red, green, blue] = &mut **light;
