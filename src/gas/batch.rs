@@ -141,7 +141,7 @@ impl<P: Normal> Batch<P> {
         unsafe {
             let gain = V::splat(*self.down.get_unchecked(place).0.get_unchecked(row));
             let floor = V::splat(-*self.floor.get_unchecked(place));
-            gain.multiply_add(across, floor).most(V::splat(P::zero()))
+            gain.multiply_add(across, floor).max(V::splat(P::zero()))
         }
     }
 
@@ -199,7 +199,7 @@ impl<P: Normal> Batch<P> {
                 let colour = [V::splat(colour[0]), V::splat(colour[1]), V::splat(colour[2])];
                 for row in 0..ROWS {
                     let alpha = self.alpha(place, top + row, across);
-                    let share = t[row].multiply_add(alpha, V::splat(P::zero()));
+                    let share = t[row].mul(alpha);
                     t[row] = t[row].sub(share);
                     for channel in 0..3 {
                         light_of[row][channel] =
