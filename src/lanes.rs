@@ -43,6 +43,13 @@ pub trait Lanes<T>: Copy {
     /// As for all.
     unsafe fn multiply_add(self, b: Self, c: Self) -> Self;
 
+    /// `c - self * b`, rounded as `multiply_add`.
+    ///
+    /// # Safety
+    ///
+    /// As for all.
+    unsafe fn product_from(self, b: Self, c: Self) -> Self;
+
     /// `self + b`.
     ///
     /// # Safety
@@ -112,6 +119,10 @@ impl<T: Float, const N: usize> Lanes<T> for Plain<T, N> {
         Self(std::array::from_fn(|i| self.0[i] * b.0[i] + c.0[i]))
     }
     #[inline(always)]
+    unsafe fn product_from(self, b: Self, c: Self) -> Self {
+        Self(std::array::from_fn(|i| c.0[i] - self.0[i] * b.0[i]))
+    }
+    #[inline(always)]
     unsafe fn add(self, b: Self) -> Self {
         Self(std::array::from_fn(|i| self.0[i] + b.0[i]))
     }
@@ -148,8 +159,8 @@ mod x86 {
     macro_rules! lanes {
         (
             $(#[$meta:meta])* $name:ident, $real:ty, $n:literal, $vector:ty,
-            $splat:ident, $load:ident, $store:ident, $fmadd:ident, $add:ident, $sub:ident,
-            $mul:ident, $min:ident, $max:ident,
+            $splat:ident, $load:ident, $store:ident, $fmadd:ident, $fnmadd:ident,
+            $add:ident, $sub:ident, $mul:ident, $min:ident, $max:ident,
             |$v:ident| $reversed:expr
         ) => {
             $(#[$meta])*
@@ -176,6 +187,10 @@ mod x86 {
                 #[inline(always)]
                 unsafe fn multiply_add(self, b: Self, c: Self) -> Self {
                     Self(unsafe { $fmadd(self.0, b.0, c.0) })
+                }
+                #[inline(always)]
+                unsafe fn product_from(self, b: Self, c: Self) -> Self {
+                    Self(unsafe { $fnmadd(self.0, b.0, c.0) })
                 }
                 #[inline(always)]
                 unsafe fn add(self, b: Self) -> Self {
@@ -209,8 +224,8 @@ mod x86 {
     lanes!(
         /// An AVX-512 register of float32.
         F32x16, f32, 16, __m512,
-        _mm512_set1_ps, _mm512_loadu_ps, _mm512_storeu_ps, _mm512_fmadd_ps, _mm512_add_ps,
-        _mm512_sub_ps, _mm512_mul_ps, _mm512_min_ps, _mm512_max_ps,
+        _mm512_set1_ps, _mm512_loadu_ps, _mm512_storeu_ps, _mm512_fmadd_ps, _mm512_fnmadd_ps,
+        _mm512_add_ps, _mm512_sub_ps, _mm512_mul_ps, _mm512_min_ps, _mm512_max_ps,
         |v| _mm512_permutexvar_ps(
             _mm512_setr_epi32(15, 14, 13, 12, 11, 10, 9, 8, 7, 6, 5, 4, 3, 2, 1, 0), v
         )
@@ -218,22 +233,22 @@ mod x86 {
     lanes!(
         /// An AVX-512 register of float64.
         F64x8, f64, 8, __m512d,
-        _mm512_set1_pd, _mm512_loadu_pd, _mm512_storeu_pd, _mm512_fmadd_pd, _mm512_add_pd,
-        _mm512_sub_pd, _mm512_mul_pd, _mm512_min_pd, _mm512_max_pd,
+        _mm512_set1_pd, _mm512_loadu_pd, _mm512_storeu_pd, _mm512_fmadd_pd, _mm512_fnmadd_pd,
+        _mm512_add_pd, _mm512_sub_pd, _mm512_mul_pd, _mm512_min_pd, _mm512_max_pd,
         |v| _mm512_permutexvar_pd(_mm512_setr_epi64(7, 6, 5, 4, 3, 2, 1, 0), v)
     );
     lanes!(
         /// An AVX register of float32.
         F32x8, f32, 8, __m256,
-        _mm256_set1_ps, _mm256_loadu_ps, _mm256_storeu_ps, _mm256_fmadd_ps, _mm256_add_ps,
-        _mm256_sub_ps, _mm256_mul_ps, _mm256_min_ps, _mm256_max_ps,
+        _mm256_set1_ps, _mm256_loadu_ps, _mm256_storeu_ps, _mm256_fmadd_ps, _mm256_fnmadd_ps,
+        _mm256_add_ps, _mm256_sub_ps, _mm256_mul_ps, _mm256_min_ps, _mm256_max_ps,
         |v| _mm256_permutevar8x32_ps(v, _mm256_setr_epi32(7, 6, 5, 4, 3, 2, 1, 0))
     );
     lanes!(
         /// An AVX register of float64.
         F64x4, f64, 4, __m256d,
-        _mm256_set1_pd, _mm256_loadu_pd, _mm256_storeu_pd, _mm256_fmadd_pd, _mm256_add_pd,
-        _mm256_sub_pd, _mm256_mul_pd, _mm256_min_pd, _mm256_max_pd,
+        _mm256_set1_pd, _mm256_loadu_pd, _mm256_storeu_pd, _mm256_fmadd_pd, _mm256_fnmadd_pd,
+        _mm256_add_pd, _mm256_sub_pd, _mm256_mul_pd, _mm256_min_pd, _mm256_max_pd,
         |v| _mm256_permute4x64_pd::<0b00_01_10_11>(v)
     );
 }
@@ -249,7 +264,7 @@ mod tests {
         let numbers =
             |step: f64| (0..V::N).map(|i| T::of(1.0 + step * i as f64)).collect::<Vec<_>>();
         let (a, b) = (numbers(1.0), numbers(-0.5));
-        let mut out = vec![T::zero(); 7 * V::N];
+        let mut out = vec![T::zero(); 8 * V::N];
         // SAFETY: the callers have asked for the level; all vectors hold N numbers.
         unsafe {
             let (x, y) = (V::load(a.as_ptr()), V::load(b.as_ptr()));
@@ -260,13 +275,15 @@ mod tests {
             x.mul(y).store(out[4 * V::N..].as_mut_ptr());
             x.min(x.reversed()).store(out[5 * V::N..].as_mut_ptr());
             x.max(x.reversed()).store(out[6 * V::N..].as_mut_ptr());
+            x.product_from(y, V::splat(T::of(7.0))).store(out[7 * V::N..].as_mut_ptr());
         }
         for i in 0..V::N {
             let (x, y) = (a[i], b[i]);
             let back = a[V::N - 1 - i];
             let sums = [x + y, x - y, x * y + T::of(7.0), back];
-            let wanted = [sums[0], sums[1], sums[2], back, x * y, x.min(back), x.max(back)];
-            let got = [0, 1, 2, 3, 4, 5, 6].map(|op| out[op * V::N + i]);
+            let less = T::of(7.0) - x * y;
+            let wanted = [sums[0], sums[1], sums[2], back, x * y, x.min(back), x.max(back), less];
+            let got = [0, 1, 2, 3, 4, 5, 6, 7].map(|op| out[op * V::N + i]);
             assert_eq!(got, wanted, "lane {i}");
         }
     }

@@ -302,3 +302,30 @@ def test_flying_through_fog_shows_no_pop():
     assert steps["cull"] > 3 * steps["exact"] and steps["cull"] > 0.06
     # A fade of a third of the radius is three frames long at this speed: better, not enough.
     assert steps["exact"] < steps["fade"] < steps["cull"]
+
+
+@pytest.mark.parametrize("seed", [3, 8, 21])
+def test_what_changes_in_flight_is_motion_and_no_jump(seed):
+    """Of a box around the eye, half is behind: an exact particle alone may take .03 in a frame.
+
+    A motion's step halves with the time between two frames, a jump's does not.
+    """
+    camera = fl.Camera(42.0)
+
+    def largest(near_mode, step, footprint="viewplane_c"):
+        means = []
+        for t in range(round(5.0 / step)):
+            centers = fl.particles.positions(1200, 5.0, seed=seed, velocity=(0, 0, -step), time=t)
+            shown = 0.4 * fl.particles.edge_fade(centers, 5.0)
+            alpha = fl.gas.alpha(
+                (36, 48), centers, 0.45, shown, camera, near_mode=near_mode, footprint=footprint
+            )
+            means.append(alpha.mean())
+        return np.abs(np.diff(means)).max()
+
+    whole, half = (largest("exact", step) for step in (0.05, 0.025))
+    assert whole < 0.03 and 0.45 < half / whole < 0.6
+    # The line integral of every particle, which has no near plane to pass, moves as much.
+    assert abs(largest("exact", 0.05, "volume") / whole - 1.0) < 0.1
+    # The negative control: culling jumps.
+    assert largest("cull", 0.025) > 0.7 * largest("cull", 0.05)

@@ -165,3 +165,39 @@ def test_the_second_eye_is_a_camera_moved_aside():
         field = fl.spectral.inverse_transform(amplitude, one, dtype=np.float64)
         assert np.abs(field - part).max() < 1e-13
     assert SIZE > 64
+
+
+SHARED: list[tuple[str, list[Any]]] = [
+    ("flakes and texture", [Snow.preset("heavy")]),
+    ("two of one effect", [Snow(flakes=300)] * 2),
+    ("depth by pixel", [Snow(flakes=200, depth_mode="pixel", haze=0.2)]),
+    ("rain", [fl.Rain(drops=400, near_depth=6.0)]),
+    ("gusts", [Snow(flakes=200, wind=fl.Wind((0.5, 0.0, 0.0), gusts=0.5, swirl=0.2))]),
+    ("gas", [fl.Mist.preset("fog", wind=(0.3, 0.0, 0.1)), Snow(flakes=200)]),
+    ("light of the background", [Snow(flakes=200, colour="ambient")]),
+]
+
+
+@pytest.mark.parametrize("deep", [False, True], ids=["flat", "depth"])
+@pytest.mark.parametrize(("name", "effects"), SHARED, ids=[name for name, _ in SHARED])
+def test_both_eyes_at_once_have_the_bits_of_each_alone(name: str, effects: list[Any], deep: bool):
+    rng = np.random.default_rng(3)
+    picture = rng.integers(0, 255, (96, 128, 3)).astype(np.uint8)
+    depth = rng.uniform(1.0, 30.0, (96, 1)).repeat(128, axis=1) if deep else None
+    sun = fl.Sun() if name == "gas" else None
+    for camera in (Camera(FOCAL), fl.CameraPath(Camera(FOCAL), velocity=(0.2, 0.0, 1.5))):
+        shown = Scene(None, picture, camera=camera, effects=effects, depth=depth, sun=sun)
+        for about in ({}, {"layers": True}, {"region": np.s_[10:60, 30:99]}):
+            lens = shown.camera.camera
+            both = fl.stereo.eyes(lens, distance=0.01, convergence=6.0)
+            pair = shown.stereo(4.5, distance=0.01, convergence=6.0, **about)
+            for eye, got in zip(both, pair, strict=True):
+                want = shown.render(4.5, eye=eye, **about)
+                if "layers" in about:
+                    assert list(got.layers) == list(want.layers)
+                    for key, plane in want.layers.items():
+                        np.testing.assert_array_equal(got.layers[key], plane)
+                    got, want = got.image, want.image
+                np.testing.assert_array_equal(got, want)
+            if "region" not in about and "layers" not in about:
+                assert not np.array_equal(*pair)

@@ -37,6 +37,7 @@ __all__ = [
     "panic_for_test",
     "particle_edge_fade",
     "particle_flurry",
+    "particle_flurry_pair",
     "particle_ids",
     "particle_positions",
     "particle_splat",
@@ -114,6 +115,13 @@ def particle_positions(
     sway: tuple[float, float] | None,
 ) -> None: ...
 def particle_flurry(out: _Array, request: Flurry, depth: _Array | None = None) -> None: ...
+def particle_flurry_pair(
+    first: _Array,
+    second: _Array,
+    request: Flurry,
+    lens: tuple[float, float, float, tuple[float, float, float], float],
+    depth: _Array | None = None,
+) -> None: ...
 def particle_sway_offsets(
     out: _Float64, seed: int, time: float, sway: tuple[float, float]
 ) -> None: ...

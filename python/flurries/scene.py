@@ -15,7 +15,7 @@ from flurries.background import Backdrop, backdrop
 from flurries.camera import Camera
 from flurries.depth import Distance, distance_of
 from flurries.effects import Frame, Layer
-from flurries.effects.layer import layers_of
+from flurries.effects.layer import Shared, layers_of
 from flurries.effects.visible import Window
 from flurries.foreground import Foreground, foreground_of
 from flurries.mixing import Mix, behind
@@ -190,10 +190,22 @@ class Scene:
             uint8 or uint16 where the background is, else float32. The same bits whatever else was
             rendered before, in any process and with any number of threads.
         """
-        time = real("t", t)
+        more: dict[str, Any] = {"layers": layers, "tolerance": tolerance}
+        return self._seen(real("t", t), eye, self._window(region), **more)
+
+    def _seen(
+        self,
+        time: float,
+        eye: Camera | None,
+        window: Window,
+        *,
+        layers: bool,
+        tolerance: float | None,
+        shared: Shared | None = None,
+    ) -> Any:
+        """Return what an eye sees; `shared` is what it has in common with another one."""
         if eye is not None and not isinstance(eye, Camera):
             raise TypeError(f"eye must be a Camera, got {eye!r}")
-        window = self._window(region)
         with stage("background"):
             picture = cropped(self._backdrop.frame(time), window)
         limit = self.tolerance if tolerance is None else tolerance_of(tolerance)
@@ -205,6 +217,8 @@ class Scene:
         if inner is not None:
             needed = list(self.program.frames(time, eye, inner, dtype=dtype, choice=chosen))
             asked = self.program.given(time, needed)
+        if shared is not None:
+            asked = [(effect, replace(frame, shared=shared)) for effect, frame in asked]
         matte = None if self._foreground is None else self._foreground.window(window)
         mix = Mix(self.linear, self._backdrop.encoding, chosen.table)
         if not layers:
@@ -320,7 +334,8 @@ class Scene:
         Returns
         -------
         left, right
-            Each as :meth:`render` returns it; one and the same at distance 0.
+            Each with the bits that :meth:`render` returns for that eye; what does not depend on the
+            eye is found once for both. One and the same at distance 0.
 
         Warns
         -----
@@ -333,11 +348,14 @@ class Scene:
             warned = getattr(effect, "warn_ambiguous", None)
             if warned is not None:
                 warned(self.shape, self.camera.camera.focal, distance, index)
-        more: dict[str, Any] = {"layers": layers, "region": region, "tolerance": tolerance}
-        left = self.render(t, eye=pair[0], **more)
+        time, window = real("t", t), self._window(region)
+        more: dict[str, Any] = {"layers": layers, "tolerance": tolerance}
         if pair[0] == pair[1]:
+            left = self._seen(time, pair[0], window, **more)
             return left, left
-        return left, self.render(t, eye=pair[1], **more)
+        shared = Shared((self.camera.seen(pair[0], time), self.camera.seen(pair[1], time)))
+        left, right = (self._seen(time, eye, window, shared=shared, **more) for eye in pair)
+        return left, right
 
     def depth_at(self, t: float) -> Array | None:
         """Return the background's planar depth at `t`, (H, W) float32, or None.

@@ -1,8 +1,8 @@
 //! Particles drawn into one tile: T -= T alpha, and light += T alpha colour, front to back.
 //!
-//! A footprint that is a product of two short vectors costs a fused multiply-add, a comparison and
-//! another multiply-add for each pixel; the tile's transmittance stays in the L1 cache. Subtracting
-//! T alpha and not multiplying by a rounded 1 - alpha keeps many faint layers right in float32.
+//! Footprints that are products of two short vectors are drawn a few at a time (see [`Batch`]), others
+//! row by row. The tile's transmittance stays in the L1 cache. Subtracting T alpha and not multiplying
+//! by a rounded 1 - alpha keeps many faint layers right in float32.
 //!
 //! Loops over lanes are plain loops with a fixed count: a closure would not inherit the instruction
 //! set that the function is compiled for, and would run many times slower.
@@ -12,6 +12,7 @@
     reason = "an index over lanes of a fixed count is what vectorises without closures"
 )]
 
+use super::batch::Batch;
 use super::bins::Entry;
 use super::footprint::{self, Edge, Scale};
 use super::ray::{self, Cut, Forms, Ground, Rays};
@@ -39,7 +40,7 @@ pub struct Plane<P>(pub [[P; TILE]; TILE]);
 /// A row of a tile on the stack, aligned likewise.
 #[derive(Clone, Copy)]
 #[repr(C, align(64))]
-struct Row<P>([P; TILE]);
+pub(super) struct Row<P>(pub(super) [P; TILE]);
 
 /// Particles between two looks at what is still let through, and at the cancel flag.
 const LOOK: usize = 16;
@@ -87,6 +88,7 @@ fn draw_with<P: Normal, const LEVEL: u8>(
 ) -> Result<(), Error> {
     let [left, top] = tile.origin;
     let mut drawn = 0;
+    let mut batch = Batch::<P>::empty();
     for entry in list {
         if entry.right as usize <= left || entry.left as usize >= left + TILE {
             continue;
@@ -100,6 +102,7 @@ fn draw_with<P: Normal, const LEVEL: u8>(
         drawn += 1;
         if drawn % LOOK == 0 {
             cancel.check()?;
+            batch.draw::<LEVEL>(tile);
             if finished(tile.through, P::of(look.error)) {
                 break;
             }
@@ -112,11 +115,14 @@ fn draw_with<P: Normal, const LEVEL: u8>(
         let colour = drawing.colours[(sprite.index as usize).min(drawing.colours.len() - 1)];
         let colour = colour.map(P::of);
         if sprite.form != Form::Ray && cut == Cut::Clear {
-            product::<P, LEVEL>(tile, sprite, look, rows, colour);
+            let columns = within([entry.left, entry.right], left);
+            batch.add::<LEVEL>(tile, sprite, look, [columns, rows], colour);
         } else {
+            batch.draw::<LEVEL>(tile);
             by_rows::<P, LEVEL>(tile, sprite, look, rows, cut, colour);
         }
     }
+    batch.draw::<LEVEL>(tile);
     Ok(())
 }
 
@@ -132,12 +138,18 @@ fn finished<P: Normal>(through: &Plane<P>, error: P) -> bool {
     greatest.iter().fold(P::zero(), |a, &b| most(a, b)) <= error
 }
 
+/// Pixels of a part of a vector: an exponential costs as much as some pixels of a particle.
+pub(super) const PART: usize = 16;
+
 /// The two vectors whose product is the footprint: across the tile, and down its rows.
+///
+/// Only parts that `spans` touch, [first, last) across and down, are filled.
 #[inline(always)]
-fn vectors<P: Normal, const LEVEL: u8>(
+pub(super) fn vectors<P: Normal, const LEVEL: u8>(
     tile: &Tile<'_, P>,
     sprite: &Sprite,
     look: &Look,
+    spans: [[usize; 2]; 2],
 ) -> (Row<P>, Row<P>, Scale<P>) {
     let mut vectors = [Row([P::zero(); TILE]); 2];
     for axis in 0..2 {
@@ -150,12 +162,14 @@ fn vectors<P: Normal, const LEVEL: u8>(
             Form::Point | Form::Ray => {
                 let step = 3.0 / radius;
                 let square = look.edge == Edge::Square;
-                footprint::point::<P, TILE, LEVEL>(
-                    values,
-                    (first + 0.5 - middle) * step,
-                    step,
-                    square,
-                );
+                let start = (first + 0.5 - middle) * step;
+                let [from, to] = spans[axis];
+                for part in from / PART..to.div_ceil(PART) {
+                    let first = part * PART;
+                    let values = &mut values[first..first + PART];
+                    let values: &mut [P; PART] = values.try_into().expect("PART of them");
+                    footprint::point::<P, PART, LEVEL>(values, first, start, step, square);
+                }
             }
         }
     }
@@ -165,37 +179,6 @@ fn vectors<P: Normal, const LEVEL: u8>(
     };
     let [across, down] = vectors;
     (across, down, scale)
-}
-
-#[inline(always)]
-fn product<P: Normal, const LEVEL: u8>(
-    tile: &mut Tile<'_, P>,
-    sprite: &Sprite,
-    look: &Look,
-    [top, bottom]: [usize; 2],
-    colour: [P; 3],
-) {
-    let (across, down, scale) = vectors::<P, LEVEL>(tile, sprite, look);
-    let through = &mut tile.through.0[top..bottom];
-    let down = &down.0[top..bottom];
-    match &mut tile.light {
-        None => {
-            for (through, down) in through.iter_mut().zip(down) {
-                dim::<P, LEVEL>(through, &across.0, scale.gain * *down, scale.floor);
-            }
-        }
-        Some(light) => {
-            let [red, green, blue] = &mut **light;
-            let red = &mut red.0[top..bottom];
-            let green = &mut green.0[top..bottom];
-            let blue = &mut blue.0[top..bottom];
-            for i in 0..down.len() {
-                let gain = scale.gain * down[i];
-                let planes = [&mut red[i], &mut green[i], &mut blue[i]];
-                lit::<P, LEVEL>(&mut through[i], planes, &across.0, gain, scale.floor, colour);
-            }
-        }
-    }
 }
 
 /// T -= T alpha with alpha = max(0, gain g - floor), for one row.
@@ -243,7 +226,7 @@ fn by_rows<P: Normal, const LEVEL: u8>(
         let none = Row([P::zero(); TILE]);
         (none, none, Scale::of(sprite.opacity, look.edge))
     } else {
-        vectors::<P, LEVEL>(tile, sprite, look)
+        vectors::<P, LEVEL>(tile, sprite, look, [[0, TILE], [top, bottom]])
     };
     let forms = tile.rays.filter(|_| by_ray).map(|rays| (Forms::of(sprite, rays), rays));
     let mut row_of = Row([P::zero(); TILE]);

@@ -91,17 +91,19 @@ pub fn lane<P: Normal>(k: usize) -> P {
     P::of(f64::from(k as i32))
 }
 
-/// Fills `values` with the Gaussian at u = start, start + step, ...; with `square` it is cut at 3.
+/// Fills `values` with the Gaussian at u = start + k step for k = first, first + 1, ...; with `square`
+/// it is cut at 3.
 #[inline(always)]
 pub fn point<P: Normal, const N: usize, const LEVEL: u8>(
     values: &mut [P; N],
+    first: usize,
     start: f64,
     step: f64,
     square: bool,
 ) {
     let (start, step, three) = (P::of(start), P::of(step), P::of(3.0));
     for (k, value) in values.iter_mut().enumerate() {
-        let u = start + lane::<P>(k) * step;
+        let u = start + lane::<P>(first + k) * step;
         let g = gauss::<P, LEVEL>(u);
         *value = if square && u.abs() > three { P::zero() } else { g };
     }

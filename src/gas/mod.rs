@@ -7,11 +7,15 @@
 //! | [`ray`] | the two models that look at each pixel's ray; what stands before the gas |
 //! | [`bins`] | which particles touch which band of the picture |
 //! | [`draw`] | particles drawn into one tile |
+//! | `batch` | the same for a few at a time, products of two vectors |
 //! | [`splat`] | the image of many particles |
-//! | [`pair`] | both eyes at once, by slabs of equal disparity |
+//! | [`pair`] | both eyes at once: slabs of equal disparity, or the second eye coarser |
+//! | [`coarse`] | large particles at half the resolution |
 //! | [`light`] | how much light of a direction reaches each particle |
 
+mod batch;
 pub mod bins;
+pub mod coarse;
 pub mod draw;
 pub mod footprint;
 pub mod light;

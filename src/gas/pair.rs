@@ -1,4 +1,4 @@
-//! Both eyes at once: slabs of equal disparity are drawn once and shifted for the second eye.
+//! Both eyes at once: what the second eye may see with a small error is drawn for less.
 //!
 //! Eyes side by side see a particle at depth D `f I / D` px apart. Particles whose disparities differ
 //! by at most twice `slab` px are drawn into one impostor, which the first eye takes as it is and the
@@ -7,26 +7,30 @@
 //! Particles that are small, close, or cut off by what stands in the picture are drawn for each eye.
 //!
 //! A slab costs some additions and multiplications for every pixel, a particle three for each of its
-//! own: slabs are used where a count of these says that they pay, and never by a clock.
+//! own. Where disparities are many, the second eye sees its large particles at half the resolution
+//! (see [`super::coarse`]), each in its own place; where particles are few, all as the first eye does.
+//! A count of operations says which of the three is least work, and never a clock.
 
 use std::ops::Range;
 
 use ndarray::{ArrayView2, ArrayViewMut2, Axis};
 
-use super::bins::Bands;
+use super::bins::{Bands, Entry};
+use super::coarse;
 use super::draw::{Drawing, TILE};
-use super::splat::{Cloud, Picture, alpha, check_all, sprites};
+use super::splat::{Cloud, Picture, alpha, alpha_of, check_all, sprites};
 use super::sprite::{Eye, Form, Look, Sprite};
 use crate::error::{Cancel, Error, collected, zeroed};
-use crate::normal::Normal;
+use crate::normal::{Normal, least, most};
 use crate::pool;
 use crate::real::Real;
+use crate::simd::dispatch;
 
 /// A footprint of a smaller radius (px) is not shifted: between pixels its shape would suffer.
 const LEAST_RADIUS: f64 = 8.0;
 
 /// Operations for each pixel of a slab, where drawing a pixel of a particle is 1: measured.
-const SLAB_COST: f64 = 6.0;
+const SLAB_COST: f64 = 9.0;
 
 /// Pixels on either side that shifts by parts of a pixel look at.
 const TAPS: f64 = 2.0;
@@ -34,10 +38,109 @@ const TAPS: f64 = 2.0;
 /// What was done about the second eye.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Done {
-    /// Slabs that were shifted; 0 if drawing again was cheaper.
+    /// Slabs that were shifted; 0 if drawing for either eye was cheaper.
     pub slabs: usize,
     /// Particles in them.
     pub shifted: usize,
+}
+
+/// What the eyes have in common.
+struct Both<'a, 'c> {
+    cloud: &'a Cloud<'c>,
+    eyes: [&'a Eye; 2],
+    look: &'a Look,
+    shape: (usize, usize),
+    /// Depth of the nearest thing that stands in one of the pictures.
+    nearest: f64,
+}
+
+impl Both<'_, '_> {
+    /// How far to the right the second eye sees what is at `depth`, px.
+    fn disparity(&self, depth: f64) -> f64 {
+        let [left, right] = self.eyes;
+        let apart = right.offset[0] - left.offset[0];
+        right.center[0] - left.center[0] - left.focal * apart / depth
+    }
+
+    /// The slab, of twice `slab` px, that holds this depth.
+    fn number(&self, depth: f64, slab: f64) -> i64 {
+        (self.disparity(depth) / (2.0 * slab)).round() as i64
+    }
+
+    /// Whether a particle is a product of two sampled Gaussians and nothing cuts it off.
+    fn plain<P: Normal>(&self, sprite: &Sprite) -> bool {
+        let [_, _, depth] = sprite.place;
+        let clear = depth + P::SATURATED * sprite.sigma < self.nearest;
+        let clear = clear && depth > self.look.near.max(3.0 * sprite.sigma);
+        sprite.form == Form::Point && !sprite.model.by_ray() && clear
+    }
+}
+
+/// The particles that fit into slabs, and those that do not.
+struct Slabs {
+    /// The first eye, with the columns that only the second one sees.
+    wide: Eye,
+    shape: (usize, usize),
+    pad: usize,
+    all: Vec<Sprite>,
+    /// Places of those that fit, by slab.
+    order: Vec<u32>,
+    /// Parts of `order`, and the disparity in the middle of each.
+    slabs: Vec<(Range<usize>, f64)>,
+    rest: Vec<bool>,
+}
+
+impl Slabs {
+    /// Sorts particles into slabs of at most twice `slab` px; None if the eyes see too far apart.
+    fn of<P: Normal>(
+        both: &Both<'_, '_>,
+        slab: f64,
+        cancel: &Cancel,
+    ) -> Result<Option<Self>, Error> {
+        let Both { cloud, eyes: [left, _], look, shape, .. } = *both;
+        let reach = (0..cloud.centers.nrows())
+            .map(|index| cloud.get(index))
+            .map(|particle| (particle.center[2] - left.offset[2], particle.radius))
+            .filter(|&(depth, radius)| depth > look.near.max(radius))
+            .map(|(depth, _)| both.disparity(depth).abs())
+            .fold(0.0, f64::max);
+        let pad = (reach + TAPS).ceil() as usize;
+        if pad > shape.1 / 4 {
+            return Ok(None);
+        }
+        let center = [left.center[0] + pad as f64, left.center[1]];
+        let wide = Eye { center, margin: pad, ..*left };
+        let wider = (shape.0, shape.1 + 2 * pad);
+        let all = sprites(cloud, &wide, look, wider, cancel)?;
+        let fits = |sprite: &Sprite| both.plain::<P>(sprite) && sprite.radius >= LEAST_RADIUS;
+        let number =
+            |k: u32| (both.disparity(all[k as usize].place[2]) / (2.0 * slab)).round() as i64;
+        let mut order: Vec<u32> = collected(0..all.len() as u32)?;
+        order.retain(|&k| fits(&all[k as usize]));
+        order.sort_by_key(|&k| number(k));
+        let mut slabs = Vec::new();
+        let mut start = 0;
+        for end in 1..=order.len() {
+            if end == order.len() || number(order[end]) != number(order[start]) {
+                slabs.push((start..end, 2.0 * slab * number(order[start]) as f64));
+                start = end;
+            }
+        }
+        let rest = collected((0..all.len()).map(|k| !fits(&all[k])))?;
+        Ok(Some(Self { wide, shape: wider, pad, all, order, slabs, rest }))
+    }
+}
+
+/// Operations that slabs add for the second eye, which sees these particles.
+fn slab_work<P: Normal>(both: &Both<'_, '_>, seen: &[Sprite], slab: f64) -> Result<f64, Error> {
+    let fits = |s: &Sprite| both.plain::<P>(s) && s.radius >= LEAST_RADIUS;
+    let mut numbers =
+        collected(seen.iter().map(|s| fits(s).then(|| both.number(s.place[2], slab))))?;
+    numbers.sort_unstable();
+    numbers.dedup();
+    let slabs = numbers.iter().flatten().count() as f64;
+    let rest: f64 = seen.iter().filter(|s| !fits(s)).map(area_of).sum();
+    Ok(slabs * SLAB_COST * (both.shape.0 * both.shape.1) as f64 + rest)
 }
 
 /// Draws the alphas that two eyes see, (H, W) each. The eyes differ in x alone.
@@ -55,7 +158,6 @@ pub fn pair<P: Normal, M: Real>(
         check_all(shape, cloud, eye, look, depth.as_ref())?;
     }
     let [left, right] = eyes;
-    let apart = right.offset[0] - left.offset[0];
     let aligned = left.focal == right.focal
         && left.offset[1..] == right.offset[1..]
         && left.center[1] == right.center[1];
@@ -65,61 +167,53 @@ pub fn pair<P: Normal, M: Real>(
     if !(slab > 0.0 && slab.is_finite()) {
         return Err(Error::invalid("slab", format!("must be positive, got {slab}")));
     }
-    let shift = right.center[0] - left.center[0];
-    let disparity = |depth: f64| shift - left.focal * apart / depth;
     let nearest = depths.iter().flatten().flatten().fold(f64::INFINITY, |a, v| a.min(v.wide()));
-    let plain = |sprite: &Sprite| {
-        let [_, _, depth] = sprite.place;
-        let clear = depth + P::SATURATED * sprite.sigma < nearest;
-        let clear = clear && depth > look.near.max(3.0 * sprite.sigma);
-        sprite.form == Form::Point && !sprite.model.by_ray() && clear
-    };
-    let fits = |sprite: &Sprite| plain(sprite) && sprite.radius >= LEAST_RADIUS;
-    let reach = (0..cloud.centers.nrows())
-        .map(|index| cloud.get(index))
-        .map(|particle| (particle.center[2] - left.offset[2], particle.radius))
-        .filter(|&(depth, radius)| depth > look.near.max(radius))
-        .map(|(depth, _)| disparity(depth).abs())
-        .fold(0.0, f64::max);
-    let pad = (reach + TAPS).ceil() as usize;
-    // The first eye's picture, with the columns that only the second one sees.
-    let wide = Eye { center: [left.center[0] + pad as f64, left.center[1]], margin: pad, ..*left };
-    let wider = (shape.0, shape.1 + 2 * pad);
-    if pad > shape.1 / 4 {
-        return separately(outs, cloud, eyes, look, depths, cancel);
-    }
-    let all = sprites(cloud, &wide, look, wider, cancel)?;
-    let number = |sprite: &Sprite| (disparity(sprite.place[2]) / (2.0 * slab)).round() as i64;
-    let mut order: Vec<u32> = collected(0..all.len() as u32)?;
-    order.retain(|&k| fits(&all[k as usize]));
-    order.sort_by_key(|&k| number(&all[k as usize]));
-    let mut slabs: Vec<Range<usize>> = Vec::new();
-    let mut start = 0;
-    for end in 1..=order.len() {
-        let at = |k: usize| number(&all[order[k] as usize]);
-        if end == order.len() || at(end) != at(start) {
-            slabs.push(start..end);
-            start = end;
-        }
-    }
-    let area: f64 = order.iter().map(|&k| area_of(&all[k as usize])).sum();
+    let both = Both { cloud, eyes, look, shape, nearest };
     let pixels = (shape.0 * shape.1) as f64;
-    if slabs.len() as f64 * SLAB_COST * pixels >= area {
-        return separately(outs, cloud, eyes, look, depths, cancel);
+    let seen = sprites(cloud, right, look, shape, cancel)?;
+    let large = |s: &Sprite| both.plain::<P>(s) && s.radius >= coarse::LEAST_RADIUS;
+    let whole = seen.iter().map(area_of).sum::<f64>();
+    let quarter = seen.iter().filter(|s| large(s)).map(area_of).sum::<f64>();
+    let halved = coarse::COST * pixels + 0.25 * quarter + (whole - quarter);
+    let pays = slab_work::<P>(&both, &seen, slab)? < whole.min(halved);
+    if let Some(slabs) = if pays { Slabs::of::<P>(&both, slab, cancel)? } else { None } {
+        let [depth_left, depth_right] = depths;
+        for ((out, eye), depth) in outs.iter_mut().zip(eyes).zip([depth_left, depth_right]) {
+            some(out.view_mut(), cloud, eye, look, depth, &slabs.rest, cancel)?;
+        }
+        return shifted_slabs(outs, &slabs, look, cancel);
     }
-    // What does not fit into slabs, for each eye.
-    let rest = collected((0..all.len()).map(|k| !fits(&all[k])))?;
+    let [out_left, mut out_right] = outs;
     let [depth_left, depth_right] = depths;
-    for ((out, eye), depth) in outs.iter_mut().zip(eyes).zip([depth_left, depth_right]) {
-        some(out.view_mut(), cloud, eye, look, depth, &rest, cancel)?;
+    alpha(out_left, cloud, left, look, depth_left, cancel)?;
+    if halved < whole {
+        let (large, small): (Vec<Sprite>, Vec<Sprite>) = seen.into_iter().partition(large);
+        let fresh = small.iter().all(|sprite| sprite.rows[0] >= sprite.rows[1]);
+        if !fresh {
+            alpha_of(out_right.view_mut(), &small, right, look, depth_right, cancel)?;
+        }
+        coarse::over(out_right, &large, right, look, fresh, cancel)?;
+    } else {
+        alpha_of(out_right, &seen, right, look, depth_right, cancel)?;
     }
+    Ok(Done { slabs: 0, shifted: 0 })
+}
+
+/// Draws each slab once over both pictures.
+fn shifted_slabs<P: Normal>(
+    outs: [ArrayViewMut2<'_, P>; 2],
+    slabs: &Slabs,
+    look: &Look,
+    cancel: &Cancel,
+) -> Result<Done, Error> {
+    let Slabs { wide, shape: wider, pad, all, order, .. } = slabs;
+    let (wider, pad) = (*wider, *pad);
     let none: Option<ArrayView2<'_, P>> = None;
     let mut drawings = Vec::new();
-    for range in &slabs {
-        let middle = 2.0 * slab * number(&all[order[range.start] as usize]) as f64;
+    for (range, middle) in &slabs.slabs {
         let mut members = collected(order[range.clone()].iter().copied())?;
         members.sort_unstable();
-        drawings.push((middle, Bands::of(&all, &members, shape.0)?));
+        drawings.push((*middle, Bands::of(all, &members, wider.0)?));
     }
     let [out_left, out_right] = outs;
     let items: Vec<_> = out_left
@@ -136,8 +230,8 @@ pub fn pair<P: Normal, M: Real>(
             let Some(touched) = columns(list, wider.1) else { continue };
             let picture = Picture::<P, P> {
                 shape: wider,
-                eye: &wide,
-                drawing: Drawing { sprites: &all, colours: &[[0.0; 3]], look },
+                eye: wide,
+                drawing: Drawing { sprites: all, colours: &[[0.0; 3]], look },
                 bands: bands.clone(),
                 coloured: false,
                 by_ray: false,
@@ -166,26 +260,13 @@ pub fn pair<P: Normal, M: Real>(
         }
         Ok(())
     })?;
-    Ok(Done { slabs: slabs.len(), shifted: order.len() })
+    Ok(Done { slabs: slabs.slabs.len(), shifted: order.len() })
 }
 
+/// The operations that a particle takes: its pixels.
 fn area_of(sprite: &Sprite) -> f64 {
     let length = |[low, high]: [u32; 2]| f64::from(high - low);
     length(sprite.rows) * length(sprite.columns)
-}
-
-fn separately<P: Normal, M: Real>(
-    outs: [ArrayViewMut2<'_, P>; 2],
-    cloud: &Cloud<'_>,
-    eyes: [&Eye; 2],
-    look: &Look,
-    depths: [Option<ArrayView2<'_, M>>; 2],
-    cancel: &Cancel,
-) -> Result<Done, Error> {
-    for ((out, eye), depth) in outs.into_iter().zip(eyes).zip(depths) {
-        alpha(out, cloud, eye, look, depth, cancel)?;
-    }
-    Ok(Done { slabs: 0, shifted: 0 })
 }
 
 /// Draws the particles that are named in `which`.
@@ -221,27 +302,37 @@ fn some<P: Normal, M: Real>(
 }
 
 /// The columns that a list touches.
-fn columns(list: &[super::bins::Entry], width: usize) -> Option<Range<usize>> {
+fn columns(list: &[Entry], width: usize) -> Option<Range<usize>> {
     let left = list.iter().map(|entry| entry.left as usize).min()?;
     let right = list.iter().map(|entry| entry.right as usize).max()?;
     Some(left..right.min(width))
 }
 
-/// alpha := 1 - (1 - alpha) through.
-fn hide<P: Normal>(alpha: &mut [P], through: &[P]) {
+dispatch! {
+    /// alpha := 1 - (1 - alpha) through.
+    fn hide<P: Normal>(alpha: &mut [P], through: &[P]) = hide_with
+}
+
+#[inline(always)]
+fn hide_with<P: Normal, const LEVEL: u8>(alpha: &mut [P], through: &[P]) {
     for (alpha, through) in alpha.iter_mut().zip(through) {
         *alpha = P::one() - (P::one() - *alpha) * *through;
     }
 }
 
-/// The same with what lies `offset` px to the right in `source`; between pixels by a cubic through
-/// the four around.
-fn shifted<P: Normal>(alpha: &mut [P], source: &[P], offset: f64) {
+dispatch! {
+    /// The same with what lies `offset` px to the right in `source`; between pixels by a cubic
+    /// through the four around.
+    fn shifted<P: Normal>(alpha: &mut [P], source: &[P], offset: f64) = shifted_with
+}
+
+#[inline(always)]
+fn shifted_with<P: Normal, const LEVEL: u8>(alpha: &mut [P], source: &[P], offset: f64) {
     let whole = offset.floor();
     let t = offset - whole;
     let start = whole as usize;
     if t < 1e-9 {
-        hide(alpha, &source[start..]);
+        hide_with::<P, LEVEL>(alpha, &source[start..]);
         return;
     }
     // Lagrange's weights.
@@ -253,13 +344,16 @@ fn shifted<P: Normal>(alpha: &mut [P], source: &[P], offset: f64) {
     ]
     .map(P::of);
     let count = alpha.len();
-    let [a, b, c, d] = [0, 1, 2, 3].map(|k| &source[start + k - 1..start + k - 1 + count]);
-    for (k, alpha) in alpha.iter_mut().enumerate() {
+    // Subslices of one length, with no closure: so the loop vectorises.
+    let a = &source[start - 1..start - 1 + count];
+    let b = &source[start..start + count];
+    let c = &source[start + 1..start + 1 + count];
+    let d = &source[start + 2..start + 2 + count];
+    for k in 0..count {
         let through = (a[k] * w[0] + b[k] * w[1]) + (c[k] * w[2] + d[k] * w[3]);
         // A cubic overshoots by less than it errs.
-        let through = if through < P::zero() { P::zero() } else { through };
-        let through = if through > P::one() { P::one() } else { through };
-        *alpha = P::one() - (P::one() - *alpha) * through;
+        let through = least(most(through, P::zero()), P::one());
+        alpha[k] = P::one() - (P::one() - alpha[k]) * through;
     }
 }
 

@@ -14,6 +14,7 @@ use crate::error::{Cancel, Error, collected, finite};
 use crate::normal::Normal;
 use crate::pool;
 use crate::real::Real;
+use crate::simd::dispatch;
 
 /// Particles that are projected together.
 const RUN: usize = 1024;
@@ -290,7 +291,20 @@ pub fn alpha<P: Normal, M: Real>(
     let cloud = Cloud { colours: &[[0.0; 3]], ..*cloud };
     check_all(shape, &cloud, eye, look, depth.as_ref())?;
     let sprites = sprites(&cloud, eye, look, shape, cancel)?;
-    let picture = prepared::<P, M>(shape, cloud.colours, eye, look, depth, &sprites)?;
+    alpha_of(out, &sprites, eye, look, depth, cancel)
+}
+
+/// Draws the alpha of sprites of one colour, those that a picture like `out` (H, W) shows.
+pub(super) fn alpha_of<P: Normal, M: Real>(
+    out: ArrayViewMut2<P>,
+    sprites: &[Sprite],
+    eye: &Eye,
+    look: &Look,
+    depth: Option<ArrayView2<M>>,
+    cancel: &Cancel,
+) -> Result<(), Error> {
+    let shape = out.dim();
+    let picture = prepared::<P, M>(shape, &[[0.0; 3]], eye, look, depth, sprites)?;
     pool::for_each(runs_of(out, shape.1, 1), |(origins, mut pixels)| {
         let mut scratch = picture.scratch()?;
         for (place, origin) in origins.into_iter().enumerate() {
@@ -299,13 +313,23 @@ pub fn alpha<P: Normal, M: Real>(
             let (from, to) = (place * TILE, ((place + 1) * TILE).min(pixels.ncols()));
             for (row, mut pixels) in pixels.rows_mut().into_iter().enumerate() {
                 let pixels = pixels.as_slice_mut().expect("rows are contiguous");
-                for (pixel, through) in pixels[from..to].iter_mut().zip(&done.through.0[row]) {
-                    *pixel = P::one() - *through;
-                }
+                opacity(&mut pixels[from..to], &done.through.0[row]);
             }
         }
         Ok(())
     })
+}
+
+dispatch! {
+    /// alpha = 1 - T for a row of a tile.
+    fn opacity<P: Normal>(pixels: &mut [P], through: &[P; TILE]) = opacity_with
+}
+
+#[inline(always)]
+fn opacity_with<P: Normal, const LEVEL: u8>(pixels: &mut [P], through: &[P; TILE]) {
+    for (pixel, through) in pixels.iter_mut().zip(through) {
+        *pixel = P::one() - *through;
+    }
 }
 
 /// Draws premultiplied linear RGBA into `out` (H, W, 4).

@@ -163,7 +163,8 @@ impl Sprite {
         if opacity == 0.0 {
             return None;
         }
-        let away = x.hypot(y).hypot(depth);
+        let by_ray = look.footprint.by_ray() || model.by_ray();
+        let away = if by_ray { x.hypot(y).hypot(depth) } else { depth };
         let mut sprite = Self {
             place,
             sigma: radius / 3.0,

@@ -6,7 +6,8 @@
 use super::splat::Source;
 use super::sprite::{Flake, Lens};
 use super::torus::Carried;
-use crate::error::Error;
+use crate::error::{Cancel, Error, collected};
+use crate::pool;
 use crate::random::Hash;
 
 /// How flakes look.
@@ -35,6 +36,8 @@ pub struct Flurry {
     focal: f64,
     travel: [f64; 3],
     view: View,
+    /// Another eye, that sees the same flakes from aside.
+    aside: Option<View>,
 }
 
 impl Flurry {
@@ -73,7 +76,58 @@ impl Flurry {
             focal: lens.focal,
             travel,
             view: View::new(lens, window, room),
+            aside: None,
         })
+    }
+
+    /// The same flakes, dropped only where neither the lens nor another one of its focal length sees
+    /// them.
+    pub fn seen_from(mut self, lens: &Lens, window: [usize; 4]) -> Result<Self, Error> {
+        if lens.focal != self.focal {
+            return Err(Error::invalid("cameras", "must have one focal length"));
+        }
+        self.aside = Some(View::new(lens, window, self.view.room));
+        Ok(self)
+    }
+
+    #[inline(always)]
+    fn seen(&self, axis: usize, place: f64, z: f64) -> bool {
+        self.view.holds(axis, place, z)
+            || self.aside.as_ref().is_some_and(|view| view.holds(axis, place, z))
+    }
+}
+
+/// Flakes that have been placed, by their numbers: for several pictures of them.
+pub struct Placed(Vec<Option<Flake>>);
+
+/// Flakes that are placed together.
+const RUN: usize = 1 << 13;
+
+impl Placed {
+    /// Places the flakes of a source that are seen. All keep their numbers: runs are those of the
+    /// source, so that pictures have its bits.
+    pub fn of(source: &impl Source, cancel: &Cancel) -> Result<Self, Error> {
+        source.check()?;
+        let mut flakes = collected((0..source.len()).map(|_| None))?;
+        pool::for_each(flakes.chunks_mut(RUN).enumerate().collect(), |(run, flakes)| {
+            cancel.check()?;
+            for (index, flake) in (run * RUN..).zip(flakes) {
+                *flake = source.get(index);
+            }
+            Ok(())
+        })?;
+        Ok(Self(flakes))
+    }
+}
+
+impl Source for Placed {
+    fn len(&self) -> usize {
+        self.0.len()
+    }
+
+    #[inline(always)]
+    fn get(&self, index: usize) -> Option<Flake> {
+        self.0[index]
     }
 }
 
@@ -93,11 +147,11 @@ impl Source for Flurry {
         let flake = self.carried.flake(index);
         let z = self.carried.along(flake, 2);
         let x = self.carried.along(flake, 0);
-        if !self.view.holds(0, x, z) {
+        if !self.seen(0, x, z) {
             return None;
         }
         let y = self.carried.along(flake, 1);
-        if !self.view.holds(1, y, z) {
+        if !self.seen(1, y, z) {
             return None;
         }
         let [aside, ahead] = self.carried.swing(flake);
@@ -244,5 +298,45 @@ mod tests {
             splat(some.view_mut(), &part, &lens, None::<ArrayView2<f32>>, &Cancel::new()).unwrap();
             assert_eq!(some.slice(s![40..60, 100..140]), got.slice(s![40..60, 100..140]));
         }
+    }
+
+    #[test]
+    fn placed_once_for_two_eyes_they_are_the_flakes_of_each() {
+        let (shape, window) = ((96, 160), [0, 96, 0, 160]);
+        let torus = Torus::new([9.0, 6.0, 8.0], [0.0, 0.0, 4.0]).unwrap();
+        let sway = Sway { amplitude: 0.05, angular_frequency: 2.0 };
+        let carried = || Carried::new(torus, 5, [3.0, 14.0, -2.5], 1.0, Some(sway)).unwrap();
+        let lens = |x: f64| Lens {
+            focal: 150.0,
+            center: [80.0 + 10.0 * x, 48.0],
+            offset: [x, 0.0, 0.0],
+            near: 0.1,
+        };
+        let lenses = [lens(-0.4), lens(0.4)];
+        let travel = [0.02, 0.3, 0.0];
+        let alone =
+            |lens: &Lens| Flurry::new(4000, carried(), 5, LOOKS, lens, window, travel).unwrap();
+        let drawn = |source: &dyn Fn(&mut Array2<f32>)| {
+            let mut out = Array2::from_elem(shape, f32::NAN);
+            source(&mut out);
+            out
+        };
+        let cancel = Cancel::new();
+        let none = None::<ArrayView2<f32>>;
+        let both = alone(&lenses[0]).seen_from(&lenses[1], window).unwrap();
+        let placed = Placed::of(&both, &cancel).unwrap();
+        // Neither sees all of them.
+        let kept = |flurry: &Flurry| (0..4000).filter(|&i| flurry.get(i).is_some()).count();
+        let all = placed.0.iter().flatten().count();
+        assert!(lenses.iter().all(|lens| kept(&alone(lens)) < all));
+        for lens in &lenses {
+            let want = drawn(&|out| {
+                splat(out.view_mut(), &alone(lens), lens, none, &cancel).unwrap();
+            });
+            let got = drawn(&|out| splat(out.view_mut(), &placed, lens, none, &cancel).unwrap());
+            assert_eq!(got, want);
+        }
+        let other = Lens { focal: 151.0, ..lenses[1] };
+        assert!(alone(&lenses[0]).seen_from(&other, window).is_err());
     }
 }

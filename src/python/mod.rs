@@ -35,8 +35,8 @@ mod core {
     use super::gate::InternalError;
     #[pymodule_export]
     use super::particles::{
-        particle_edge_fade, particle_flurry, particle_ids, particle_positions, particle_splat,
-        particle_sway_offsets,
+        particle_edge_fade, particle_flurry, particle_flurry_pair, particle_ids,
+        particle_positions, particle_splat, particle_sway_offsets,
     };
     #[pymodule_export]
     use super::random::uniform;

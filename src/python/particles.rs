@@ -5,7 +5,8 @@ use numpy::{PyReadonlyArray1, PyReadonlyArray2, PyReadwriteArray1, PyReadwriteAr
 use pyo3::prelude::*;
 
 use super::gate::{self, Plane, PlaneMut};
-use crate::particles::flurry::{Flurry, Looks};
+use crate::error::Error;
+use crate::particles::flurry::{Flurry, Looks, Placed};
 use crate::particles::ids;
 use crate::particles::profile::Profile;
 use crate::particles::splat::{self, Flakes, Source};
@@ -187,6 +188,30 @@ pub struct FlurryRequest {
     window: [usize; 4],
 }
 
+impl FlurryRequest {
+    fn lens(&self) -> Lens {
+        lens_of(self.lens)
+    }
+
+    fn flurry(&self) -> Result<Flurry, Error> {
+        let torus = Torus::new(self.sides, self.center)?;
+        let carried = Carried::new(torus, self.seed, self.way, 1.0, swaying(Some(self.sway)))?;
+        let looks = Looks {
+            radius: self.radius,
+            opacity: self.opacity,
+            amount: self.amount,
+            fade_in: self.fade_in,
+            largest: self.largest,
+            sizes: self.sizes,
+        };
+        Flurry::new(self.number, carried, self.seed, looks, &self.lens(), self.window, self.travel)
+    }
+}
+
+fn lens_of((focal, x, y, offset, near): (f64, f64, f64, [f64; 3], f64)) -> Lens {
+    Lens { focal, center: [x, y], offset, near }
+}
+
 /// Draws the alpha of a box of flakes into `out` (H, W), each flake placed as it is drawn.
 #[pyfunction]
 #[pyo3(signature = (out, request, depth=None))]
@@ -196,26 +221,42 @@ pub fn particle_flurry(
     request: FlurryRequest,
     depth: Option<Plane<'_>>,
 ) -> PyResult<()> {
-    let (focal, x, y, offset, near) = request.lens;
-    let lens = Lens { focal, center: [x, y], offset, near };
-    let torus = Torus::new(request.sides, request.center)?;
-    let seed = request.seed;
-    let carried = Carried::new(torus, seed, request.way, 1.0, swaying(Some(request.sway)))?;
-    let looks = Looks {
-        radius: request.radius,
-        opacity: request.opacity,
-        amount: request.amount,
-        fade_in: request.fade_in,
-        largest: request.largest,
-        sizes: request.sizes,
-    };
-    let (count, travel) = (request.number, request.travel);
+    let lens = request.lens();
     gate::each_precision!(out, view => {
-        let flurry = Flurry::new(count, carried, seed, looks, &lens, request.window, travel)?;
+        let flurry = request.flurry()?;
         match &depth {
             None => drawn(py, view, &flurry, &lens, None::<ArrayView2<f32>>),
             Some(Plane::Single(map)) => drawn(py, view, &flurry, &lens, Some(map.as_array())),
             Some(Plane::Double(map)) => drawn(py, view, &flurry, &lens, Some(map.as_array())),
         }
+    })
+}
+
+/// Draws the alphas (H, W) of a box of flakes that two eyes see, each flake placed once.
+///
+/// `lens` is the second eye's.
+#[pyfunction]
+#[pyo3(signature = (first, second, request, lens, depth=None))]
+pub fn particle_flurry_pair(
+    py: Python<'_>,
+    mut first: PyReadwriteArray2<'_, f32>,
+    mut second: PyReadwriteArray2<'_, f32>,
+    request: FlurryRequest,
+    lens: (f64, f64, f64, [f64; 3], f64),
+    depth: Option<PyReadonlyArray2<'_, f32>>,
+) -> PyResult<()> {
+    let lenses = [request.lens(), lens_of(lens)];
+    let (first, second) = (first.as_array_mut(), second.as_array_mut());
+    let shape = first.dim();
+    if second.dim() != shape {
+        return Err(Error::invalid("second", "must have the shape of the first").into());
+    }
+    let both = request.flurry()?.seen_from(&lenses[1], request.window)?;
+    let map = depth.as_ref().map(|map| map.as_array());
+    let nanoseconds = 2.0 * splat::estimate(shape, &both, &lenses[0]);
+    gate::run(py, nanoseconds, |cancel| {
+        let placed = Placed::of(&both, cancel)?;
+        splat::splat(first, &placed, &lenses[0], map, cancel)?;
+        splat::splat(second, &placed, &lenses[1], map, cancel)
     })
 }

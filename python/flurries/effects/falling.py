@@ -153,8 +153,9 @@ class Falling(Peopled, Knobs):
             run("flakes", lambda: frame.crop(self.particles(frame, amount))),
         ]
         if depth is not None:
-            far = self.far_depth(frame.shape)
-            planes.append(run("veil", lambda: veil(haze, frame.crop(depth), far)))
+            near, far = frame.crop(depth), self.far_depth(frame.shape)
+            once = lambda: frame.once(self, "veil", lambda: veil(haze, near, far))  # noqa: E731
+            planes.append(run("veil", once))
             haze = 0.0
         parts = [plane for plane in planes if plane is not None]
         if not parts:

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, replace
-from typing import Any
+from dataclasses import dataclass, field, replace
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -16,6 +16,8 @@ from flurries.path import CameraPath, air_moved
 from flurries.sun import Sun
 from flurries.timeline import Number, Vector, value_at
 from flurries.turning import rotation_vector
+
+_Made = TypeVar("_Made")
 
 
 @dataclass(frozen=True)
@@ -54,6 +56,8 @@ class Frame:
         Whether the scene has a depth, read or not.
     whole : bool
         Whether layers are asked for with all that they can say of their pixels.
+    shared : Shared or None
+        Where both eyes are asked for: what need not be found for each.
     """
 
     shape: tuple[int, int]
@@ -77,6 +81,17 @@ class Frame:
         return Run({step.name: step for step in needs_of(effect, self).steps})
 
     whole: bool = False
+    shared: Shared | None = field(default=None, compare=False, repr=False)
+
+    def once(self, owner: object, name: str, make: Callable[[], _Made]) -> _Made:
+        """Return what `make` returns; for the second of two eyes what it returned for the first.
+
+        Only for what does not depend on the eye's place and principal point, and for nothing that
+        is written to afterwards.
+        """
+        if self.shared is None:
+            return make()
+        return self.shared.once(owner, self.seed, name, make)
 
     @property
     def width_scale(self) -> float:
@@ -98,7 +113,7 @@ class Frame:
             ratio = math.exp(self.path.zoom(after)[0] - self.path.zoom(self.t)[0])
             shift = (ratio * camera.center_shift[0], ratio * camera.center_shift[1])
             camera = replace(camera, focal=ratio * camera.focal, center_shift=shift)
-        return replace(self, t=after, camera=camera, depth=None, ambient=None)
+        return replace(self, t=after, camera=camera, depth=None, ambient=None, shared=None)
 
     def displacement(self, *, fall: Number = 0.0, wind: Vector = (0.0, 0.0, 0.0)) -> Float64:
         """Return camera minus air since frame 0, house axes, (3,) world units.
@@ -138,6 +153,28 @@ class Frame:
     def to_camera(self, vectors: Float64) -> Float64:
         """Return house axes turned into the camera's."""
         return np.ascontiguousarray(vectors @ self.camera.matrix())
+
+
+class Shared:
+    """What two eyes have in common while both are asked for one frame.
+
+    Attributes
+    ----------
+    cameras : (left, right)
+        The eyes as they are at the frame's time.
+    """
+
+    def __init__(self, cameras: tuple[Camera, Camera]) -> None:
+        self.cameras = cameras
+        self._known: dict[tuple[int, int, str], Any] = {}
+
+    def once(self, owner: object, seed: int, name: str, make: Callable[[], _Made]) -> _Made:
+        """Return what `make` returned for this effect, seed and name, or make it."""
+        key = (id(owner), seed, name)
+        if key not in self._known:
+            self._known[key] = make()
+        made: _Made = self._known[key]
+        return made
 
 
 # From a display colour to the light that layers are mixed in, one number per channel.

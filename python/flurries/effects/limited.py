@@ -70,6 +70,16 @@ def farthest(effect: Falling, frame: Frame) -> Array:
 
 def _by_tile(effect: Falling, frame: Frame, mapped: Map, preserve_mean: bool) -> Array:
     """Limit the band of each tile by its farthest depth."""
+    shortest, faded = frame.once(effect, "limits", lambda: _limits(effect, frame, mapped))
+    alpha = alpha_of(
+        effect.texture_request(frame, shortest=shortest), mapped, preserve_mean=preserve_mean
+    )
+    alpha *= faded
+    return alpha
+
+
+def _limits(effect: Falling, frame: Frame, mapped: Map) -> tuple[Float64, Array]:
+    """Return each tile's shortest wave, px, and each pixel's factor over the window."""
     (height, width), ((tile, _), overlap) = frame.shape, effect.layout(frame)[0]
     near, far = effect.near_depth, effect.far_depth(frame.shape)
     rows = tile_starts(height, tile=tile, overlap=overlap)
@@ -77,15 +87,11 @@ def _by_tile(effect: Falling, frame: Frame, mapped: Map, preserve_mean: bool) ->
     ends = farthest(effect, frame)
     longest = effect.band(frame.shape)[1]
     shortest = near * longest / ends.astype(np.float64)
-    alpha = alpha_of(
-        effect.texture_request(frame, shortest=shortest), mapped, preserve_mean=preserve_mean
-    )
     faded = _faded(share_of(ends, near, far), mapped)
     top, bottom, left, right = frame.window
     down = weights(rows, height, tile, overlap)[top:bottom]
     across = weights(cols, width, tile, overlap)[left:right]
-    alpha *= (down @ faded @ across.T).astype(np.float32)
-    return alpha
+    return shortest, (down @ faded @ across.T).astype(np.float32)
 
 
 def weights(starts: Array, length: int, tile: int, overlap: int) -> Float64:
@@ -110,13 +116,23 @@ def _by_pixel(effect: Falling, frame: Frame, mapped: Map, preserve_mean: bool) -
     grid = tuple(len(tile_starts(n, tile=tile, overlap=overlap)) for n in frame.shape)
     total = np.zeros(depth.shape, np.float32)
     before = None
+
+    def octave(number: int) -> Array:
+        # The root of the share of an octave's power; the same for both eyes.
+        limits = edges[number], edges[number + 1]
+        return frame.once(
+            effect,
+            f"octave {number}",
+            lambda: np.sqrt(share_of(depth, *limits)).astype(np.float32),
+        )
+
     for number in range(octaves):
         # All waves that stand for depths up to the far edge of this octave.
         limit = 0.0 if number + 1 == octaves else near * longest / edges[number + 1]
         asked = effect.texture_request(frame, shortest=np.full(grid, limit))
         nearer = field_of(asked)
-        part = share_of(depth, edges[number], edges[number + 1])
-        total += np.sqrt(part).astype(np.float32) * (nearer if before is None else nearer - before)
+        part = octave(number)
+        total += part * (nearer if before is None else nearer - before)
         before = nearer
     share = share_of(depth, near, far)
     mean, spread, power, amount = mapped

@@ -357,7 +357,7 @@ class Mist(Knobs):
 
     def _layer(self, frame: Frame) -> Layer:
         assert self.radius is not None
-        points, shown = self.particles(frame)
+        points, shown = frame.once(self, "particles", lambda: self.particles(frame))
         camera = frame.camera
         options: dict[str, Any] = {
             "footprint": self.footprint,
@@ -436,15 +436,21 @@ class Mist(Knobs):
         colour = value_at(self.colour, frame.t)
         return (colour,) * 3 if isinstance(colour, float) else colour
 
+    def _lit(self, frame: Frame, points: Float64, shown: Float64) -> Float64:
+        """Return the sun's light that reaches each particle, (n,)."""
+        assert frame.sun is not None and self.radius is not None
+        # In house axes, so that a camera that only turns or moves has the same gas and light.
+        world = points @ frame.camera.matrix().T + frame.path.place(frame.t, fps=frame.fps)
+        shown = np.round(shown, 12)
+        return light_of(np.round(world, 9), self.radius, shown, frame.sun, self.forward)
+
     def _shaded(self, frame: Frame, points: Float64, shown: Float64) -> Array:
         """Return the linear colour of each particle, (n, 3)."""
         from flurries.io import srgb_to_linear
 
         assert frame.sun is not None and self.radius is not None
         sun = frame.sun
-        # In house axes, so that a camera that only turns or moves has the same gas and light.
-        world = points @ frame.camera.matrix().T + frame.path.place(frame.t, fps=frame.fps)
-        lit = light_of(np.round(world, 9), self.radius, np.round(shown, 12), sun, self.forward)
+        lit = frame.once(self, "light", lambda: self._lit(frame, points, shown))
         scattered = lit
         if self.scatter != "even":
             eye = np.array(frame.camera.offset) - points

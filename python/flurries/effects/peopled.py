@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -11,7 +11,8 @@ import numpy.typing as npt
 
 from flurries import particles, trace
 from flurries._contract import Array, Float64
-from flurries._core import particle_flurry, uniform
+from flurries._core import particle_flurry, particle_flurry_pair, uniform
+from flurries.camera import Camera
 from flurries.effects.layer import Frame
 from flurries.effects.moving import profile_of_flakes, waves_of_flakes
 from flurries.effects.textured import Textured
@@ -352,35 +353,53 @@ class Peopled(Textured):
 
     def _flurry(self, frame: Frame, amount: float) -> Array:
         """Return the same where all flakes move alike, without arrays of them."""
-        t, camera, kind = frame.t, frame.camera, self.population(frame.t)
+        if frame.shared is None:
+            result = np.empty(frame.shape, np.float32)
+            particle_flurry(result, self._request(frame, amount), frame.depth)
+            return result
+        left, right = frame.shared.cameras
+        both = frame.once(self, "flakes", lambda: self._flurry_pair(frame, amount, left, right))
+        return both[frame.camera != left]
+
+    def _flurry_pair(
+        self, frame: Frame, amount: float, left: Camera, right: Camera
+    ) -> tuple[Array, Array]:
+        """Return what two eyes see, each flake placed once."""
+        first, second = (np.empty(frame.shape, np.float32) for _ in range(2))
+        asked = self._request(replace(frame, camera=left), amount)
+        particle_flurry_pair(first, second, asked, self._lens(frame, right), frame.depth)
+        return first, second
+
+    def _lens(self, frame: Frame, camera: Camera) -> tuple[float, float, float, Triple, float]:
+        """Return a camera as the kernel takes it."""
         x, y = camera.principal(frame.shape)
-        low, high = (limit * frame.width_scale for limit in self._LARGEST_SIGMA)
-        velocity = -frame.to_camera(self.velocity(frame))
         # Everything is as much higher as pixels are.
         stretch = np.array([1.0, camera.aspect, 1.0])
-        result = np.empty(frame.shape, np.float32)
-        particle_flurry(
-            result,
-            Flurry(
-                number=self.count(frame),
-                sides=triple(stretch * self.box(frame)),
-                center=(0.0, 0.0, 0.5 * kind.reach),
-                seed=frame.seed,
-                way=triple(-stretch * frame.to_camera(self.displacement(frame))),
-                sway=(kind.sway[0], kind.sway[1] * t / frame.fps),
-                travel=triple(value_at(self.shutter, t) * stretch * velocity),
-                radius=(0.5 * kind.sizes[0], 0.5 * kind.sizes[1]),
-                opacity=kind.opacity,
-                amount=amount,
-                fade_in=FADE_IN,
-                largest=(low, high),
-                sizes=SIZES,
-                lens=(camera.focal, x, y, triple(stretch * camera.offset), NEAR),
-                window=frame.window,
-            ),
-            frame.depth,
+        return (camera.focal, x, y, triple(stretch * camera.offset), NEAR)
+
+    def _request(self, frame: Frame, amount: float) -> Flurry:
+        """Return the box of flakes before the frame's camera."""
+        t, camera, kind = frame.t, frame.camera, self.population(frame.t)
+        low, high = (limit * frame.width_scale for limit in self._LARGEST_SIGMA)
+        velocity = -frame.to_camera(self.velocity(frame))
+        stretch = np.array([1.0, camera.aspect, 1.0])
+        return Flurry(
+            number=self.count(frame),
+            sides=triple(stretch * self.box(frame)),
+            center=(0.0, 0.0, 0.5 * kind.reach),
+            seed=frame.seed,
+            way=triple(-stretch * frame.to_camera(self.displacement(frame))),
+            sway=(kind.sway[0], kind.sway[1] * t / frame.fps),
+            travel=triple(value_at(self.shutter, t) * stretch * velocity),
+            radius=(0.5 * kind.sizes[0], 0.5 * kind.sizes[1]),
+            opacity=kind.opacity,
+            amount=amount,
+            fade_in=FADE_IN,
+            largest=(low, high),
+            sizes=SIZES,
+            lens=self._lens(frame, camera),
+            window=frame.window,
         )
-        return result
 
 
 def in_view(

@@ -23,7 +23,8 @@ class Pair(NamedTuple):
     left, right : (H, W)
         As :func:`flurries.gas.alpha` gives them; `right` within the error of the slabs.
     slabs : int
-        How many were shifted; 0 if drawing the right eye's particles was cheaper.
+        How many were shifted; 0 if drawing the right eye's particles was cheaper, as they are or at
+        half the resolution.
     shifted : int
         Particles in them.
     """
@@ -52,7 +53,7 @@ def alpha_pair(
     dtype: npt.DTypeLike = np.float32,
     out: tuple[Array, Array] | None = None,
 ) -> Pair:
-    """Return the opacity of a gas for two eyes, the second one from impostors where they pay.
+    """Return the opacity of a gas for two eyes, the second one for less work where that is known.
 
     Parameters
     ----------
@@ -80,9 +81,12 @@ def alpha_pair(
 
     Notes
     -----
-    Particles of a separable footprint, at least 8 px large and not cut off, are drawn into slabs of
-    nearly equal disparity, which the right eye sees shifted. A fixed count of operations decides
-    whether that is less work; near gas has many disparities, and particles are cheap to draw.
+    Particles of a separable footprint, at least 8 px large and not cut off, can be drawn into slabs
+    of nearly equal disparity, which the right eye sees shifted. Near gas has many disparities: the
+    right eye's particles of 16 px and more are then drawn in their own places at half the
+    resolution, which errs by less than .002 of opacity. A fixed count of operations decides between
+    these and drawing as for the left eye, which has the bits of :func:`flurries.gas.alpha` and is
+    what :meth:`flurries.Scene.stereo` does.
 
     Examples
     --------

@@ -1,0 +1,218 @@
+//! Particles drawn into a tile a few at a time, each a product of two short vectors.
+//!
+//! A pixel costs a fused multiply-add, a comparison and another multiply-add for each particle; with
+//! one particle at a time as much again went into reading and writing what the pixel lets through.
+//! Here a block of pixels stays in registers while all particles of the batch that touch it go over
+//! it, front to back: the operations of each pixel and their order are those of one after the other.
+
+#![expect(
+    clippy::needless_range_loop,
+    reason = "an index over rows of a fixed count is what stays in registers"
+)]
+
+use super::draw::{PART, Row, TILE, Tile, vectors};
+use super::footprint::Scale;
+use super::sprite::{Look, Sprite};
+use crate::lanes::Lanes;
+use crate::normal::Normal;
+use crate::simd::{AVX2, AVX512};
+
+/// Particles in a batch.
+const MOST: usize = 8;
+
+/// Pixels of a block: one AVX-512 register of float32 across, and a few rows to keep it busy.
+const ACROSS: usize = PART;
+const DOWN: usize = 4;
+
+/// Particles that wait to be drawn into one tile.
+pub struct Batch<P> {
+    count: usize,
+    across: [Row<P>; MOST],
+    /// Times the gain.
+    down: [Row<P>; MOST],
+    floor: [P; MOST],
+    colour: [[P; 3]; MOST],
+    /// Which particles touch a column of blocks, and which a row of them: a bit for each.
+    columns: [u8; TILE / ACROSS],
+    rows: [u8; TILE / DOWN],
+}
+
+impl<P: Normal> Batch<P> {
+    /// Nothing to draw.
+    #[inline(always)]
+    pub fn empty() -> Self {
+        let row = Row([P::zero(); TILE]);
+        Self {
+            count: 0,
+            across: [row; MOST],
+            down: [row; MOST],
+            floor: [P::zero(); MOST],
+            colour: [[P::zero(); 3]; MOST],
+            columns: [0; TILE / ACROSS],
+            rows: [0; TILE / DOWN],
+        }
+    }
+
+    /// Adds a particle that touches the columns and rows [first, last) of the tile.
+    #[inline(always)]
+    pub fn add<const LEVEL: u8>(
+        &mut self,
+        tile: &mut Tile<'_, P>,
+        sprite: &Sprite,
+        look: &Look,
+        [columns, rows]: [[usize; 2]; 2],
+        colour: [P; 3],
+    ) {
+        let place = self.count;
+        let (across, mut down, scale) = vectors::<P, LEVEL>(tile, sprite, look, [columns, rows]);
+        let Scale { gain, floor } = scale;
+        for value in &mut down.0 {
+            *value = gain * *value;
+        }
+        self.across[place] = across;
+        self.down[place] = down;
+        self.floor[place] = floor;
+        self.colour[place] = colour;
+        for block in columns[0] / ACROSS..columns[1].div_ceil(ACROSS) {
+            self.columns[block] |= 1 << place;
+        }
+        for block in rows[0] / DOWN..rows[1].div_ceil(DOWN) {
+            self.rows[block] |= 1 << place;
+        }
+        self.count += 1;
+        if self.count == MOST {
+            self.draw::<LEVEL>(tile);
+        }
+    }
+
+    /// Draws all that wait.
+    #[inline(always)]
+    pub fn draw<const LEVEL: u8>(&mut self, tile: &mut Tile<'_, P>) {
+        if self.count == 0 {
+            return;
+        }
+        match LEVEL {
+            AVX512 => self.blocks::<P::Avx512, 4>(tile),
+            AVX2 => self.blocks::<P::Avx2, 2>(tile),
+            _ => self.blocks::<P::Portable, 1>(tile),
+        }
+        self.count = 0;
+        self.columns = [0; TILE / ACROSS];
+        self.rows = [0; TILE / DOWN];
+    }
+
+    #[inline(always)]
+    fn blocks<V: Lanes<P>, const ROWS: usize>(&self, tile: &mut Tile<'_, P>) {
+        // What the reads and writes below rely on.
+        assert!(ACROSS.is_multiple_of(V::N) && DOWN.is_multiple_of(ROWS));
+        let through = tile.through.0.as_mut_ptr().cast::<P>();
+        let light = tile.light.as_mut().map(|light| {
+            let [red, green, blue] = &mut **light;
+            [red, green, blue].map(|plane| plane.0.as_mut_ptr().cast::<P>())
+        });
+        for (column, &across) in self.columns.iter().enumerate() {
+            for (row, &down) in self.rows.iter().enumerate() {
+                let which = across & down;
+                if which == 0 {
+                    continue;
+                }
+                for left in (column * ACROSS..(column + 1) * ACROSS).step_by(V::N) {
+                    for top in (row * DOWN..(row + 1) * DOWN).step_by(ROWS) {
+                        // SAFETY: the level has the instructions; `left + V::N` and `top + ROWS` are at
+                        // most TILE, and every plane has TILE rows of TILE pixels.
+                        unsafe {
+                            match light {
+                                None => self.dim::<V, ROWS>(which, left, top, through),
+                                Some(light) => {
+                                    self.lit::<V, ROWS>(which, left, top, through, light);
+                                }
+                            }
+                        }
+                    }
+                }
+            }
+        }
+    }
+
+    /// alpha = max(0, gain g - floor) of one particle on V::N pixels of a row.
+    #[inline(always)]
+    unsafe fn alpha<V: Lanes<P>>(&self, place: usize, row: usize, across: V) -> V {
+        // SAFETY: the caller has the instructions; `place` is below MOST and `row` below TILE.
+        unsafe {
+            let gain = V::splat(*self.down.get_unchecked(place).0.get_unchecked(row));
+            let floor = V::splat(-*self.floor.get_unchecked(place));
+            gain.multiply_add(across, floor).max(V::splat(P::zero()))
+        }
+    }
+
+    /// T -= T alpha, particle after particle.
+    #[inline(always)]
+    unsafe fn dim<V: Lanes<P>, const ROWS: usize>(
+        &self,
+        which: u8,
+        left: usize,
+        top: usize,
+        through: *mut P,
+    ) {
+        // SAFETY: as the caller says.
+        unsafe {
+            let at = |row: usize| through.add((top + row) * TILE + left);
+            let mut t: [V; ROWS] = std::array::from_fn(|row| V::load(at(row)));
+            let mut left_over = which;
+            while left_over != 0 {
+                let place = left_over.trailing_zeros() as usize;
+                left_over &= left_over - 1;
+                let across = V::load(self.across.get_unchecked(place).0.as_ptr().add(left));
+                for row in 0..ROWS {
+                    let alpha = self.alpha(place, top + row, across);
+                    t[row] = t[row].product_from(alpha, t[row]);
+                }
+            }
+            for row in 0..ROWS {
+                t[row].store(at(row));
+            }
+        }
+    }
+
+    /// The same, and light += T alpha colour.
+    #[inline(always)]
+    unsafe fn lit<V: Lanes<P>, const ROWS: usize>(
+        &self,
+        which: u8,
+        left: usize,
+        top: usize,
+        through: *mut P,
+        light: [*mut P; 3],
+    ) {
+        // SAFETY: as the caller says.
+        unsafe {
+            let at = |plane: *mut P, row: usize| plane.add((top + row) * TILE + left);
+            let mut t: [V; ROWS] = std::array::from_fn(|row| V::load(at(through, row)));
+            let mut light_of: [[V; 3]; ROWS] =
+                std::array::from_fn(|row| light.map(|plane| V::load(at(plane, row))));
+            let mut left_over = which;
+            while left_over != 0 {
+                let place = left_over.trailing_zeros() as usize;
+                left_over &= left_over - 1;
+                let across = V::load(self.across.get_unchecked(place).0.as_ptr().add(left));
+                let colour = self.colour.get_unchecked(place);
+                let colour = [V::splat(colour[0]), V::splat(colour[1]), V::splat(colour[2])];
+                for row in 0..ROWS {
+                    let alpha = self.alpha(place, top + row, across);
+                    let share = t[row].mul(alpha);
+                    t[row] = t[row].sub(share);
+                    for channel in 0..3 {
+                        light_of[row][channel] =
+                            share.multiply_add(colour[channel], light_of[row][channel]);
+                    }
+                }
+            }
+            for row in 0..ROWS {
+                t[row].store(at(through, row));
+                for channel in 0..3 {
+                    light_of[row][channel].store(at(light[channel], row));
+                }
+            }
+        }
+    }
+}
