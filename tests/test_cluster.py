@@ -98,7 +98,7 @@ def test_groups_are_worth_a_task():
         groups = cluster.grouped(scene, list(range(1000)))
         cost = 85e-9 * size[0] * size[1]
         assert [n for group in groups for n in group] == list(range(1000))
-        assert len(groups[0]) * cost >= 0.25 and (len(groups[0]) - 1) * cost < 0.25
+        assert len(groups[0]) * cost >= 0.5 and (len(groups[0]) - 1) * cost < 0.5
 
 
 def test_a_sequence_has_the_same_bytes(client: Any, small_groups: None, tmp_path: Path):

@@ -25,8 +25,8 @@ if TYPE_CHECKING:
 
 __all__ = ["grouped", "to_dask"]
 
-# A scheduler takes about 2 ms for a task; with this much work in one that is below 2 %.
-SECONDS_OF_A_TASK = 0.25
+# A scheduler takes 2 to 10 ms for a task; with this much work in one that is below 2 %.
+SECONDS_OF_A_TASK = 0.5
 
 # The fixed cost of a frame that groups go by, and never a clock: nanoseconds for each pixel, of the
 # background and of each effect.
@@ -40,7 +40,7 @@ _AHEAD = 4
 
 
 def grouped(scene: Scene, frames: list[int]) -> list[list[int]]:
-    """Return frames in groups of a quarter of a second's work or more each, by a fixed cost."""
+    """Return frames in groups of half a second's work or more each, by a fixed cost."""
     height, width = scene.shape
     cost = 1e-9 * height * width * (_BACKGROUND + _EFFECT * len(scene.effects))
     size = max(math.ceil(SECONDS_OF_A_TASK / cost), 1)
@@ -57,7 +57,7 @@ def to_dask(scene: Scene, frames: Any = None, *, group: int | None = None) -> An
     frames : str, int or iterable of int, optional
         As `flurries.render.write`.
     group : int, optional
-        Frames to a chunk; a quarter of a second's work if not given.
+        Frames to a chunk; half a second's work if not given.
 
     Returns
     -------
