@@ -14,6 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from flurries._contract import Array, aligned, choice, flag, output, real
+from flurries._threads import reproducible
 from flurries.camera import Camera, expect_camera
 
 __all__ = ["anaglyph", "eyes", "over_under", "side_by_side"]
@@ -139,8 +140,8 @@ def anaglyph(
     a, b = (np.ascontiguousarray(m.T, dtype=working) for m in toward)
     for top in range(0, len(first), _ROWS):
         rows = slice(top, top + _ROWS)
-        light = _light(first[rows], working) @ a
-        light += _light(second[rows], working) @ b
+        light = _mixed(_light(first[rows], working), a)
+        light += _mixed(_light(second[rows], working), b)
         np.clip(light, 0.0, 1.0, out=light)
         result[rows] = _shown(light, result.dtype)
     return result
@@ -261,6 +262,14 @@ def _light(pixels: Array, working: Any) -> Array:
 
     light = to_linear(pixels, "display" if pixels.dtype.kind == "u" else "linear")
     return light.astype(working, copy=False)
+
+
+def _mixed(light: Array, matrix: Array) -> Array:
+    if not reproducible():
+        return np.asarray(light @ matrix)
+    # Libraries of linear algebra round as their processor likes.
+    red, green, blue = (light[..., i, None] * matrix[i] for i in range(3))
+    return np.asarray(red + green + blue)
 
 
 def _shown(light: Array, dtype: np.dtype[Any]) -> Array:

@@ -48,7 +48,7 @@ mod core {
         random_phase, temporal_filter, tent_rate, tile_starts,
     };
     #[pymodule_export]
-    use super::threads::{panic_for_test, set_threads, threads};
+    use super::threads::{panic_for_test, reproducible, set_reproducible, set_threads, threads};
     #[pymodule_export]
     use super::volume::volume;
 }

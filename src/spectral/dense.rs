@@ -97,7 +97,7 @@ impl<T: Real> Tables<T> {
                 let weight = if doubled && k > 0 { 2.0 } else { 1.0 };
                 // Reduced as an integer first: exact for any size.
                 let turns = ((2 * i + 1) * k % (2 * n)) as f64 / (2 * n) as f64;
-                let (sin, cos) = (TAU * turns).sin_cos();
+                let (sin, cos) = libm::sincos(TAU * turns);
                 let at = block + k * 2 * LANES + i % LANES;
                 values[at] = T::of(weight * cos);
                 values[at + LANES] = T::of(weight * sin);

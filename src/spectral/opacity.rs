@@ -2,7 +2,7 @@
 
 use crate::error::{Error, finite};
 use crate::real::Real;
-use crate::simd::dispatch;
+use crate::simd::{dispatch, reproducible};
 
 #[inline(always)]
 fn map_with<T: Real, const SQUARE: bool>(map: Opacity, field: &[T], out: &mut [T]) {
@@ -90,7 +90,12 @@ impl Opacity {
         } else {
             map_plain(Self { amount: 1.0, ..*self }, field, out);
             let (power, amount) = (T::of(self.power), T::of(self.amount));
-            out.iter_mut().for_each(|value| *value = amount * value.powf(power));
+            if reproducible() {
+                let wide = |value: T| T::of(libm::pow(value.wide(), self.power));
+                out.iter_mut().for_each(|value| *value = amount * wide(*value));
+            } else {
+                out.iter_mut().for_each(|value| *value = amount * value.powf(power));
+            }
         }
         if let Some(lift) = lift {
             lift_row(T::of(self.amount), lift, out);
@@ -106,7 +111,7 @@ impl Opacity {
     pub fn mean_of(&self, variance: f64) -> f64 {
         let deviation = variance.max(0.0).sqrt() / (2.0 * self.spread);
         if deviation < 1e-9 {
-            return self.mean.clamp(0.0, 1.0).powf(self.power);
+            return libm::pow(self.mean.clamp(0.0, 1.0), self.power);
         }
         if self.power == 2.0 {
             return self.mean_of_square(deviation);
@@ -126,7 +131,7 @@ impl Opacity {
                 let weight =
                     if i == 0 || i == INTERVALS { 1.0 } else { 2.0 + 2.0 * (i % 2) as f64 };
                 let u = (self.mean + deviation * g).clamp(0.0, 1.0);
-                weight * u.powf(self.power) * (-0.5 * g * g).exp()
+                weight * libm::pow(u, self.power) * libm::exp(-0.5 * g * g)
             })
             .sum::<f64>();
         above + inside * step / 3.0 / (2.0 * std::f64::consts::PI).sqrt()
@@ -139,7 +144,7 @@ impl Opacity {
         let m = self.mean;
         let (a, b) = (-m / s, (1.0 - m) / s);
         let above = |x: f64| 0.5 * libm::erfc(x * std::f64::consts::FRAC_1_SQRT_2);
-        let density = |x: f64| (-0.5 * x * x).exp() / (2.0 * std::f64::consts::PI).sqrt();
+        let density = |x: f64| libm::exp(-0.5 * x * x) / (2.0 * std::f64::consts::PI).sqrt();
         let inside = above(a) - above(b);
         // m + s a = 0 at the lower clip, m + s b = 1 at the upper.
         let edges = m * density(a) - (m + 1.0) * density(b);
