@@ -84,7 +84,7 @@ def of_workers() -> dict[str, Any]:
         for turn in range(TURNS + 1):
             for workers in (1, 2):
                 with distributed.LocalCluster(
-                    n_workers=workers, threads_per_worker=1, dashboard_address=None,
+                    n_workers=workers, threads_per_worker=1, dashboard_address=":0",
                     silence_logs=50,
                 ) as local, distributed.Client(local, set_as_default=False) as client:  # fmt: skip
                     client.run(_warm, size)

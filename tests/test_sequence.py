@@ -150,6 +150,18 @@ def test_killed_at_any_time_and_resumed(number: int, tmp_path: Path, whole: dict
     assert contents(tmp_path / "out") == whole, "same bits, nothing left over"
 
 
+def test_the_two_modes_are_never_mixed(tmp_path: Path):
+    SCENE.write(tmp_path / "%d.png", "1-2")
+    fl.set_reproducible(True)
+    try:
+        with pytest.raises(ValueError, match="not frame 1 of this scene"):
+            SCENE.write(tmp_path / "%d.png", "1-3")
+        assert SCENE.write(tmp_path / "%d.png", "1-3", overwrite=True).written == [1, 2, 3]
+        assert SCENE.write(tmp_path / "%d.png", "1-3").kept == [1, 2, 3]
+    finally:
+        fl.set_reproducible(False)
+
+
 # The manifest ------------------------------------------------------------------------------------
 
 
