@@ -102,8 +102,10 @@ def choice(name: str, value: object, options: Sequence[str]) -> str:
 
 def shape_of(name: str, value: object) -> tuple[int, int]:
     """Return (H, W) of a frame, both at least 1 and their product within reason."""
-    if isinstance(value, (str, bytes)) or not isinstance(value, (Sequence, np.ndarray)):
+    rows = isinstance(value, Sequence) or (isinstance(value, np.ndarray) and value.ndim > 0)
+    if isinstance(value, (str, bytes)) or not rows:
         raise TypeError(f"{name} must be (H, W), got {_came(value)}")
+    assert isinstance(value, (Sequence, np.ndarray))
     if len(value) != 2:
         raise ValueError(f"{name} must be (H, W), got {_came(value)}")
     height = integer(f"{name}[0]", value[0], low=1, high=2**31 - 1)

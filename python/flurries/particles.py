@@ -16,6 +16,7 @@ from flurries._contract import (
     MOST_ELEMENTS,
     Array,
     Float64,
+    _came,
     float_dtype,
     integer,
     output,
@@ -397,6 +398,6 @@ def _rows(
 def _sway(sway: object) -> tuple[float, float] | None:
     if sway is None:
         return None
-    if not isinstance(sway, (tuple, list, np.ndarray)) or len(sway) != 2:
-        raise TypeError(f"sway must be (amplitude, angular_frequency), got {sway!r}")
+    if not isinstance(sway, (tuple, list, np.ndarray)) or np.shape(sway) != (2,):
+        raise TypeError(f"sway must be (amplitude, angular_frequency), got {_came(sway)}")
     return real("sway[0]", sway[0]), real("sway[1]", sway[1])

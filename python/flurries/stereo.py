@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from flurries._contract import Array, aligned, choice, flag, output, real
+from flurries._contract import LARGEST, SMALLEST, Array, aligned, choice, flag, output, real
 from flurries._threads import reproducible
 from flurries.camera import Camera, expect_camera
 
@@ -79,10 +79,13 @@ def eyes(
     ((-0.0325, 0.0, 0.0), (13.0, 0.0))
     """
     middle = expect_camera(camera, stretched=True)
-    half = 0.5 * real("distance", distance, low=0.0)
+    half = 0.5 * real("distance", distance, low=0.0, high=LARGEST)
     shift = 0.0
     if convergence is not None:
-        shift = middle.focal * half / real("convergence", convergence, above=0.0)
+        away = real("convergence", convergence, low=SMALLEST)
+        shift = middle.focal * half / away
+        if shift > LARGEST:
+            raise ValueError(f"convergence must be farther away, got {away:g}")
     x, y, z = middle.offset
     cx, cy = middle.center_shift
     left, right = (
