@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import os
 import platform
-import re
 import subprocess
 import sys
 import tempfile
@@ -56,13 +55,14 @@ def run(tests: list[str], share: str) -> dict[str, Outcome]:
         report = Path(folder) / "report.xml"
         subprocess.run(
             [sys.executable, "-m", "pytest", "-q", "-n", "0", f"--junitxml={report}",
+             f"--basetemp={folder}/tmp",
              "-o", "junit_family=xunit1", *(f"tests/{test}" for test in tests)],
             cwd=ROOT, env={**os.environ, "FLURRIES_SOAK": share}, check=False,
         )  # fmt: skip
         found: dict[str, Outcome] = {test: Outcome() for test in tests}
         for case in Xml.parse(report).iter("testcase"):
             file = (case.get("file") or "").removeprefix("tests/")
-            name = f"{file}::{re.sub(r'[[].*', '', case.get('name') or '')}"
+            name = f"{file}::{(case.get('name') or '').split('[')[0]}"
             outcome = found.setdefault(name, Outcome())
             bad = case.find("failure") is not None or case.find("error") is not None
             outcome.failed += bad

@@ -206,6 +206,21 @@ def test_copies_give_the_same_frame(
         )
 
 
+def test_a_copy_that_forgets_would_be_seen():
+    class Forgets:
+        def __init__(self, seed: int = 1) -> None:
+            self.scene = fl.Scene((96, 64), "#304050", effects=[fl.Snow(flakes=50)], seed=seed)
+
+        def render(self, t: float) -> Any:
+            return self.scene.render(t)
+
+        def __copy__(self) -> Forgets:
+            return Forgets()
+
+    value = Forgets(5)
+    assert bytes(copy.copy(value).render(7)) != bytes(value.render(7))
+
+
 def test_every_public_class_is_copied():
     public = {name for name in fl.__all__ if inspect.isclass(getattr(fl, name))}
     assert public - PASSING == {name for name in OBJECTS if "." not in name}

@@ -8,6 +8,7 @@ use num_complex::Complex;
 use super::dense::{Dense, Work, operations, transform};
 use super::phases::{Columns, Power, TileMotion, Values};
 use super::waves::{Draw, Waves};
+use crate::aligned::Aligned;
 use crate::error::{Error, zeroed};
 use crate::real::Real;
 
@@ -58,7 +59,7 @@ pub struct Scratch<T> {
     line: Vec<Complex<T>>,
     work_y: Vec<Complex<T>>,
     work_x: Vec<Complex<T>>,
-    pixels: Vec<T>,
+    pixels: Aligned<T>,
 }
 
 impl<T> Scratch<T> {
@@ -103,7 +104,7 @@ impl<T: Real> Plan<T> {
             line: Vec::new(),
             work_y: Vec::new(),
             work_x: Vec::new(),
-            pixels: zeroed(height * width)?,
+            pixels: Aligned::zeroed(height * width)?,
         };
         match &self.way {
             Way::Dense(dense) => {

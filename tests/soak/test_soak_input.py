@@ -54,7 +54,7 @@ def test_damaged_pictures(name: str, tmp_path: Path, record_property: Record):
 
 
 def test_fuzzed_scene_files(tmp_path: Path, record_property: Record):
-    count = times(20_000, 100)
+    count = times(10_000, 100)
     found = fuzz("scenes", str(tmp_path), count)
     record_property(
         "figure", f"{found['errors']:.0f} of {found['tried']:.0f} refused, the rest loaded; "
@@ -65,7 +65,7 @@ def test_fuzzed_scene_files(tmp_path: Path, record_property: Record):
 
 
 def test_random_arguments(record_property: Record):
-    rounds, tried = times(40, 3), 0
+    rounds, tried = times(20, 3), 0
     for seed, name in enumerate(sorted(CALLS | NUMBERS)):
         found = test_arguments.answered(name, rounds, seed)
         tried += found["tried"]
