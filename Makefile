@@ -1,6 +1,7 @@
 # make demo    set up and render the demo's films and stills into demo/
 # make test    set up, lint, and run all tests
 # make bench   print the speeds that the README quotes
+# make soak    kill, interrupt and damage by the hundred: docs/reliability.md, some half an hour
 # make test-browser   test the viewer in a real browser: chromium, from apt where it is missing
 #
 # Both make a virtual environment in .venv and need Python 3.10 or newer, a Rust toolchain and the

@@ -80,6 +80,13 @@ def real(
     return number
 
 
+def is_pair(value: object) -> bool:
+    """Whether something is two of something, in a row."""
+    if isinstance(value, np.ndarray):
+        return bool(value.shape == (2,))
+    return isinstance(value, (tuple, list)) and len(value) == 2
+
+
 def flag(name: str, value: object) -> bool:
     """Return a bool; anything else is refused, since a forgotten keyword is often truthy."""
     if isinstance(value, (bool, np.bool_)):

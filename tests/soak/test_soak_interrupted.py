@@ -198,25 +198,26 @@ def test_dask_workers_killed(
     ])  # fmt: skip
     SLOW.write(tmp_path / "whole" / "%04d.png", "1-32")
     want, during = contents(tmp_path / "whole"), 0
-    with (
-        dask.config.set({"distributed.scheduler.allowed-failures": 5}),
-        distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=":0",
-                                 silence_logs=50) as local,
-        distributed.Client(local, set_as_default=False) as client,
-    ):  # fmt: skip
-        for number in range(count):
-            client.wait_for_workers(2, timeout=60)
+    for number in range(count):
+        # A cluster for each: one that has lost many workers is slow to replace them.
+        with (
+            dask.config.set({"distributed.scheduler.allowed-failures": 5}),
+            distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=":0",
+                                     silence_logs=50) as local,
+            distributed.Client(local, set_as_default=False) as client,
+        ):  # fmt: skip
+            client.wait_for_workers(2, timeout=120)
             client.run(sys.path.insert, 0, str(Path(__file__).parents[1]))
+            pids = list(client.run(os.getpid).values())
             out, result = tmp_path / str(number), []
 
-            def work(out: Path = out, result: list[Any] = result) -> None:
+            def work(out: Path = out, result: list[Any] = result, client: Any = client) -> None:
                 result.append(SLOW.write(out / "%04d.png", "1-32", dask=client))
 
             thread = threading.Thread(target=work)
             thread.start()
             time.sleep(random.uniform(0.05, 1.0))
             during += thread.is_alive()
-            pids = list(client.run(os.getpid).values())
             os.kill(pids[int(random.integers(len(pids)))], signal.SIGKILL)
             thread.join(120)
             assert result and sorted(result[0].written + result[0].kept) == list(range(1, 33))

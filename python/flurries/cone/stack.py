@@ -18,6 +18,7 @@ from flurries._contract import (
     flag,
     float_dtype,
     integer,
+    is_pair,
     output,
     real,
     shape_of,
@@ -214,7 +215,7 @@ def _footprints(shape: tuple[int, int], given: Pose, course: tuple[int, float, i
 
 
 def _two(name: str, values: Any) -> tuple[Any, Any]:
-    if not isinstance(values, (tuple, list, np.ndarray)) or np.shape(values) != (2,):
+    if not is_pair(values):
         raise TypeError(f"{name} must be (start, stop), got {_came(values)}")
     return values[0], values[1]
 
