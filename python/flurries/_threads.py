@@ -36,8 +36,8 @@ def set_reproducible(on: bool) -> None:
 
     Off by default; ``FLURRIES_REPRODUCIBLE=1`` turns it on for a process and those that it starts.
     Without it AVX-512 and AVX2 agree with each other, and processors without either differ from
-    them in the last bits. ``flurries accuracy modes`` measures what it costs: a third more for a
-    frame of small tiles, two to four times for large ones, which take a Fourier transform.
+    them in the last bits. What it costs is measured by
+    ``flurries accuracy modes`` (docs/accuracy.md).
 
     Parameters
     ----------
