@@ -100,7 +100,13 @@ def stopped(
         place.mkdir()
         SCENE.save(place / "scene.toml")
         pid = runs.start(place, pattern)
-        time.sleep(random.uniform(0.0, 1.05 * seconds))
+        wait = random.uniform(0.0, 1.05 * seconds)
+        end = time.monotonic() + 60
+        # Half of them at any time, half among the frames.
+        while number % 4 >= 2 and not list(place.glob("out/*.*")) and time.monotonic() < end:
+            wait = random.uniform(0.0, 0.3 * seconds)
+            time.sleep(0.001)
+        time.sleep(wait)
         # Its parent has reaped it if it has ended already.
         with contextlib.suppress(ProcessLookupError):
             os.kill(pid, how)
