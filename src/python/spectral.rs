@@ -12,6 +12,7 @@ use crate::spectral::field::{Field, Window};
 use crate::spectral::filter::{Alias, TemporalFilter, temporal_filter as filter_kernel};
 use crate::spectral::opacity::Opacity;
 use crate::spectral::phase::random_phase as random_kernel;
+use crate::spectral::stripes::Mapped;
 use crate::spectral::tent::{self, Motion};
 use crate::spectral::tiles::{Blend, blend_tiles as blend_kernel};
 use crate::spectral::transform::inverse_transform as transform_kernel;
@@ -152,7 +153,7 @@ fn map_plane<T: Real>(
             |(mut out, field): (ndarray::ArrayViewMut1<'_, T>, ndarray::ArrayView1<'_, T>)| {
                 let layout = || Error::Internal("rows are not contiguous".into());
                 let out = out.as_slice_mut().ok_or_else(layout)?;
-                map.map_row(field.as_slice().ok_or_else(layout)?, None, out);
+                map.map_row(field.as_slice().ok_or_else(layout)?, out);
                 Ok(())
             },
         )
@@ -251,7 +252,8 @@ impl Request<'_> {
     }
 }
 
-/// One frame of the field, or of its opacity when `map` = (mean, spread, power, amount) is given.
+/// One frame of the field, or of its opacity when `map` = (mean, spread, power, amount) is given;
+/// returns how many tiles were transformed.
 #[pyfunction]
 #[pyo3(signature = (out, request, map=None, preserve_mean=false))]
 pub fn field(
@@ -260,7 +262,7 @@ pub fn field(
     request: Request<'_>,
     map: Option<(f64, f64, f64, f64)>,
     preserve_mean: bool,
-) -> PyResult<()> {
+) -> PyResult<usize> {
     let map = map.map(|map| opacity_map(map).checked("power")).transpose()?;
     request.with_field(|field, window| {
         each_precision!(out, view => render(py, view, field, window, map, preserve_mean))
@@ -286,20 +288,11 @@ fn render<T: Real>(
     window: &Window,
     map: Option<Opacity>,
     preserve_mean: bool,
-) -> PyResult<()> {
+) -> PyResult<usize> {
     gate::run(py, estimate(field, window), move |cancel| {
         let ready = field.ready::<T>()?;
-        match map {
-            None => {
-                ready.render(window, out, None, cancel, |_, row, _, out| out.copy_from_slice(row))
-            }
-            Some(map) => {
-                let lift = preserve_mean.then_some(&map);
-                ready.render(window, out, lift, cancel, |_, row, lift, out| {
-                    map.map_row(row, lift, out)
-                })
-            }
-        }
+        ready.render(window, out, map.map(|map| Mapped { map, preserve_mean }), cancel)?;
+        Ok(ready.transformed())
     })
 }
 

@@ -5,6 +5,7 @@ use std::sync::Arc;
 use flurries_fft::{ComplexToReal, Fft};
 use num_complex::Complex;
 
+use super::carry::Carry;
 use super::dense::{Dense, Work, operations, transform};
 use super::phases::{Columns, Power, TileMotion, Values};
 use super::waves::{Draw, Waves};
@@ -31,6 +32,8 @@ pub struct Plan<T: Real> {
     columns: Columns,
     way: Way<T>,
     tile: (usize, usize),
+    /// Wavelength, pixels.
+    longest: f64,
 }
 
 enum Way<T: Real> {
@@ -62,10 +65,15 @@ pub struct Scratch<T> {
     pixels: Aligned<T>,
 }
 
-impl<T> Scratch<T> {
+impl<T: Real> Scratch<T> {
     /// The last tile, row by row.
     pub fn pixels(&self) -> &[T] {
-        &self.pixels
+        &self.pixels[..self.pixels.len() - Carry::<T>::MARGIN]
+    }
+
+    /// The last tile, and behind it [`Carry::MARGIN`] values of no meaning.
+    pub fn pixels_and_margin(&mut self) -> &mut [T] {
+        &mut self.pixels
     }
 }
 
@@ -78,14 +86,16 @@ impl<T: Real> Plan<T> {
             Choice::Dense => true,
             Choice::Fft => false,
         };
+        let longest = waves.list.iter().map(|wave| wave.wavelength).fold(0.0, f64::max);
         let tile = waves.tile;
         if take_dense {
             let columns = Columns::new(waves, Dense::<T>::half_pixel)?;
-            return Ok(Self { columns, tile, way: Way::Dense(Dense::new(waves)?) });
+            return Ok(Self { columns, tile, longest, way: Way::Dense(Dense::new(waves)?) });
         }
         Ok(Self {
             columns: Columns::new(waves, |_, _| 0.0)?,
             tile,
+            longest,
             way: Way::Fft {
                 columns: waves.columns,
                 along_y: T::inverse(height, plain),
@@ -104,7 +114,7 @@ impl<T: Real> Plan<T> {
             line: Vec::new(),
             work_y: Vec::new(),
             work_x: Vec::new(),
-            pixels: Aligned::zeroed(height * width)?,
+            pixels: Aligned::zeroed(height * width + Carry::<T>::MARGIN)?,
         };
         match &self.way {
             Way::Dense(dense) => {
@@ -127,12 +137,23 @@ impl<T: Real> Plan<T> {
         motion: TileMotion<'_>,
         scratch: &mut Scratch<T>,
     ) -> Result<Power, Error> {
+        if motion.shortest >= self.longest {
+            // Before a wall that is nearer than all waves, or where nobody looks.
+            scratch.pixels.fill(T::zero());
+            return Ok(Power::default());
+        }
         let power = self.columns.spectrum(self.tile, draw, motion, &mut scratch.values);
+        if power.kept == 0.0 {
+            // Too fast for the frame rate, every wave: a transform of zeros.
+            scratch.pixels.fill(T::zero());
+            return Ok(power);
+        }
         let (re, im) = (&scratch.values.re, &scratch.values.im);
         match &self.way {
             Way::Dense(dense) => {
                 if let Some(work) = &mut scratch.work {
-                    transform(dense, re, im, work, &mut scratch.pixels);
+                    let count = self.tile.0 * self.tile.1;
+                    transform(dense, re, im, work, &mut scratch.pixels[..count]);
                 }
             }
             Way::Fft { columns, along_y, along_x } => {
@@ -164,7 +185,8 @@ impl<T: Real> Plan<T> {
         scratch: &mut Scratch<T>,
     ) -> Result<(), Error> {
         let (height, width) = self.tile;
-        for (y, pixels) in scratch.pixels.chunks_mut(width).enumerate() {
+        let pixels = scratch.pixels.chunks_exact_mut(width).take(height);
+        for (y, pixels) in pixels.enumerate() {
             for (bin, column) in scratch.line.iter_mut().zip(scratch.spectrum.chunks(height)) {
                 *bin = column[y];
             }
