@@ -288,7 +288,7 @@ NUMBERS: dict[str, Call] = {
 # Results, and what other tests send bad arguments to: files, whole scenes, timers.
 ELSEWHERE = {
     "spectral.BANDS", "spectral.export_loop", "cone.Path", "cone.Rays", "cone.State",
-    "hybrid.Match", "hybrid.Octaves", "hybrid.render", "trace.Trace", "trace.stage",
+    "hybrid.Match", "hybrid.Octaves", "hybrid.render", "trace.Trace", "trace.count", "trace.stage",
     "trace.tracing",
 }  # fmt: skip
 MODULES = (
