@@ -1,6 +1,7 @@
 # make demo    set up and render the demo's films and stills into demo/
 # make test    set up, lint, and run all tests
 # make bench   print the speeds that the README quotes
+# make soak    kill, interrupt and damage by the hundred: docs/reliability.md, some half an hour
 # make test-browser   test the viewer in a real browser: chromium, from apt where it is missing
 #
 # Both make a virtual environment in .venv and need Python 3.10 or newer, a Rust toolchain and the
@@ -13,7 +14,7 @@ WORKERS ?= 2
 
 RUST := $(shell find src crates -name '*.rs' 2>/dev/null) Cargo.toml crates/fft/Cargo.toml pyproject.toml
 
-.PHONY: demo test test-browser hard-cases accuracy mutations lint bench frames clean requirements
+.PHONY: demo test test-browser hard-cases accuracy mutations lint bench frames hashes soak clean requirements
 
 demo: $(VENV)/.installed
 	$(BIN)/flurries demo --output demo
@@ -59,6 +60,16 @@ bench: $(VENV)/.tools
 # Reference frames come from the tests' independent twin, never from the kernels.
 frames: $(VENV)/.tools
 	$(BIN)/python tests/make_frames.py
+
+# Hashes of frames in the reproducible mode; a change wants a line in the changelog.
+hashes: $(VENV)/.tools
+	$(BIN)/python tests/make_hashes.py
+
+# Kills, interruptions, damaged files, forks and leaks by the hundred: docs/reliability.md, some half
+# an hour; LENGTH=0.1 takes a tenth of it.
+LENGTH ?= 1
+soak: $(VENV)/.tools
+	FLURRIES_SOAK=$(LENGTH) $(BIN)/python tests/make_reliability.py
 
 clean:
 	rm -rf $(VENV) target demo dist

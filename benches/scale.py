@@ -16,6 +16,7 @@ import time
 from pathlib import Path
 from typing import Any
 
+import distributed
 import numpy as np
 
 import flurries as fl
@@ -73,8 +74,6 @@ def of_tasks(client: Any, count: int = 2000) -> float:
 
 def of_workers() -> dict[str, Any]:
     """Time and processor time of one sequence with one and with two workers, in turns."""
-    import distributed
-
     kind = "640 x 480, JPEG"
     size, ending = KINDS[kind]
     shown = scene(size)
@@ -85,7 +84,7 @@ def of_workers() -> dict[str, Any]:
         for turn in range(TURNS + 1):
             for workers in (1, 2):
                 with distributed.LocalCluster(
-                    n_workers=workers, threads_per_worker=1, dashboard_address=None,
+                    n_workers=workers, threads_per_worker=1, dashboard_address=":0",
                     silence_logs=50,
                 ) as local, distributed.Client(local, set_as_default=False) as client:  # fmt: skip
                     client.run(_warm, size)
@@ -112,9 +111,14 @@ def of_workers() -> dict[str, Any]:
     }
 
 
-def _warm(size: tuple[int, int]) -> None:
+def _warm(size: tuple[int, int], dask_worker: Any = None) -> None:
+    # A core to a worker: its writing would take another one where that is free.
+    cores = sorted(os.sched_getaffinity(0))
+    core = cores[int(dask_worker.name) % len(cores)]
     fl.set_threads(1)
     fl.Scene(size, effects=fl.Snow.preset("heavy")).render(0)
+    for thread in Path("/proc/self/task").iterdir():
+        os.sched_setaffinity(int(thread.name), {core})
 
 
 def plan(frames: int, frame: dict[str, float], group: int, task: float) -> list[str]:
@@ -152,17 +156,18 @@ def report() -> str:
             f"| {kind} | {1e3 * cost['cpu']:.0f} ms | {hourly} | {_bytes(cost['bytes'])} |"
         )
     one, two = (1e3 * workers["cpu"][n] for n in (1, 2))
+    gain, load, task = workers["efficiency"], workers["load"], 1e3 * workers["task"]
     share = 100.0 * workers["task"] / (workers["group"] * frames["640 x 480, JPEG"]["cpu"])
     lines += [
         "",
         "## Workers and the scheduler",
-        f"- From one worker to two, each on a core: efficiency {workers['efficiency']:.2f} by the",
-        f"  clock (the median of {TURNS} pairs of runs, in turns, 240 frames of 640 x 480), on a",
-        f"  machine of {os.cpu_count()} cores with a load of {workers['load']:.1f}, of which 2 to 3",  # noqa: E501
-        "  are the measurement's own: with more than its cores' load the clock says little. Processor",  # noqa: E501
-        f"  time a frame: {one:.0f} ms with one worker, {two:.0f} ms with two.",
-        f"- A task that does nothing costs {1e3 * workers['task']:.2f} ms. Frames of 640 x 480 come",  # noqa: E501
-        f"  in groups of {workers['group']}: the scheduler takes {share:.2f} % of the work.",
+        f"- From one worker to two, each held to a core: efficiency {gain:.2f} by the clock (the",
+        f"  median of {TURNS} pairs of runs, in turns, 240 frames of 640 x 480), on a machine of",
+        f"  {os.cpu_count()} cores with a load of {load:.1f}, of which 2 to 3 are the bench's",
+        "  own: with more load than cores the clock says little. Processor time of a frame:",
+        f"  {one:.0f} ms with one worker, {two:.0f} ms with two.",
+        f"- A task that does nothing costs {task:.2f} ms. Frames of 640 x 480 come in groups of",
+        f"  {workers['group']}: the scheduler takes {share:.2f} % of the work.",
         "",
         "## A plan",
         PLAN,

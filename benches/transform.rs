@@ -15,7 +15,7 @@ use _core::spectral::tile::{Choice, Plan, fft_operations};
 use _core::spectral::waves::{Draw, Waves};
 
 fn microseconds<T: Real>(waves: &Waves, choice: Choice) -> f64 {
-    let plan = Plan::<T>::new(waves, choice).expect("a plan");
+    let plan = Plan::<T>::new(waves, choice, false).expect("a plan");
     let mut scratch = plan.scratch().expect("buffers");
     let motion = [Motion { drift: [1.3, 2.7], shift: [0.0; 2] }];
     let filter = TemporalFilter { alias: Alias::Keep, soft_from: 0.4, shutter: 0.0 };

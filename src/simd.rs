@@ -4,8 +4,12 @@
 //! for each level and calls the best that the processor has. Loops use [`multiply_add`], which is one
 //! instruction with one rounding on both vector levels: these give the same bits. The portable level
 //! rounds twice, so its last bits differ (see docs/architecture.md).
+//!
+//! In the reproducible mode every level rounds twice: the portable arithmetic compiled for the vectors
+//! that there are, and the same bits with all of them.
 
 use std::sync::OnceLock;
+use std::sync::atomic::{AtomicU8, Ordering};
 
 use crate::real::Real;
 
@@ -53,6 +57,26 @@ fn best() -> Level {
     Level::Portable
 }
 
+/// What `set_reproducible` last said. 0: nothing yet, so as the environment says; 1: no; 2: yes.
+static REPRODUCIBLE: AtomicU8 = AtomicU8::new(0);
+
+/// Whether all levels give the same bits; FLURRIES_REPRODUCIBLE=1 says so for a process.
+pub fn reproducible() -> bool {
+    match REPRODUCIBLE.load(Ordering::Relaxed) {
+        0 => {
+            let told = std::env::var("FLURRIES_REPRODUCIBLE").is_ok_and(|value| value == "1");
+            set_reproducible(told);
+            told
+        }
+        said => said == 2,
+    }
+}
+
+/// Turns the reproducible mode on or off, for kernels that start from now on.
+pub fn set_reproducible(on: bool) {
+    REPRODUCIBLE.store(if on { 2 } else { 1 }, Ordering::Relaxed);
+}
+
 /// [`Level::Portable`] as a kernel's constant.
 pub const PORTABLE: u8 = 0;
 /// [`Level::Avx2`] as a kernel's constant.
@@ -79,6 +103,14 @@ macro_rules! dispatch {
         $visibility fn $name $(<$real: $bound>)? ($($argument: $type),*) $(-> $result)? {
             #[cfg(target_arch = "x86_64")]
             {
+                #[target_feature(enable = "avx2")]
+                unsafe fn avx2_plain $(<$real: $bound>)? ($($argument: $type),*) $(-> $result)? {
+                    $kernel::<$($real,)? { $crate::simd::PORTABLE }>($($argument),*)
+                }
+                #[target_feature(enable = "avx512f,avx512vl,avx512dq,avx512bw,avx2")]
+                unsafe fn avx512_plain $(<$real: $bound>)? ($($argument: $type),*) $(-> $result)? {
+                    $kernel::<$($real,)? { $crate::simd::PORTABLE }>($($argument),*)
+                }
                 #[target_feature(enable = "avx2,fma")]
                 unsafe fn avx2 $(<$real: $bound>)? ($($argument: $type),*) $(-> $result)? {
                     $kernel::<$($real,)? { $crate::simd::AVX2 }>($($argument),*)
@@ -87,7 +119,16 @@ macro_rules! dispatch {
                 unsafe fn avx512 $(<$real: $bound>)? ($($argument: $type),*) $(-> $result)? {
                     $kernel::<$($real,)? { $crate::simd::AVX512 }>($($argument),*)
                 }
+                let plain = $crate::simd::reproducible();
                 match $crate::simd::level() {
+                    $crate::simd::Level::Avx512 if plain => {
+                        // SAFETY: `level` has asked the processor for these instructions.
+                        return unsafe { avx512_plain $(::<$real>)? ($($argument),*) };
+                    }
+                    $crate::simd::Level::Avx2 if plain => {
+                        // SAFETY: as above.
+                        return unsafe { avx2_plain $(::<$real>)? ($($argument),*) };
+                    }
                     // SAFETY: `level` has asked the processor for these instructions.
                     $crate::simd::Level::Avx512 => return unsafe { avx512 $(::<$real>)? ($($argument),*) },
                     // SAFETY: as above.

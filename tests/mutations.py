@@ -62,7 +62,7 @@ RUST = [
     Mutation("half a cycle is cut with a margin", "spectral/filter.rs", "0.5 - 1e-12",
              "0.5 + 1e-12"),
     Mutation("the shutter's lobes keep their sign", "spectral/filter.rs",
-             "else { angle.sin() / angle }", "else { (angle.sin() / angle).abs() }"),
+             "else { libm::sin(angle) / angle }", "else { (libm::sin(angle) / angle).abs() }"),
     Mutation("the band is half open", "spectral/band.rs",
              "radius * self.shortest.powi(2) < limit", "radius * self.shortest.powi(2) <= limit"),
     Mutation("the band is not empty", "spectral/band.rs",

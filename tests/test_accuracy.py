@@ -55,6 +55,14 @@ def test_precision_orders_float32_and_float64():
     assert found["plain NumPy, float32"] > 5.0 * found["field, float32"]
 
 
+def test_the_same_bits_everywhere_are_as_right():
+    found = errors("modes")
+    for name, error in found.items():
+        assert error < (1e-12 if "float64" in name else 6e-6)
+        assert error <= 3.0 * found[name.removesuffix(", reproducible")]
+    assert len(found) == 8 and not fl.reproducible()
+
+
 def test_the_closed_form_does_not_drift(monkeypatch: pytest.MonkeyPatch):
     from flurries.accuracy import drift
 

@@ -81,7 +81,7 @@ from test_augment_workers import JOBS, made
 from distributed import Client
 if __name__ == "__main__":
     want = [made(job) for job in JOBS]
-    with Client(n_workers=2, threads_per_worker=1, dashboard_address=None) as client:
+    with Client(n_workers=2, threads_per_worker=1, dashboard_address=":0") as client:
         got = client.gather(client.map(made, JOBS, pure=False))
     print(got == want)
 """

@@ -49,7 +49,7 @@ def client() -> Iterator[Any]:
     # Groups of a few frames, so that there is something to lose.
     with (
         dask.config.set({"distributed.scheduler.allowed-failures": 2}),
-        distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None,
+        distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=":0",
                                  silence_logs=50) as local,
         distributed.Client(local, set_as_default=False) as client,
     ):  # fmt: skip
@@ -98,7 +98,7 @@ def test_groups_are_worth_a_task():
         groups = cluster.grouped(scene, list(range(1000)))
         cost = 85e-9 * size[0] * size[1]
         assert [n for group in groups for n in group] == list(range(1000))
-        assert len(groups[0]) * cost >= 0.25 and (len(groups[0]) - 1) * cost < 0.25
+        assert len(groups[0]) * cost >= 0.5 and (len(groups[0]) - 1) * cost < 0.5
 
 
 def test_a_sequence_has_the_same_bytes(client: Any, small_groups: None, tmp_path: Path):
@@ -121,6 +121,28 @@ def test_a_sequence_has_the_same_bytes(client: Any, small_groups: None, tmp_path
     with pytest.raises(ValueError, match="already"):
         SCENE.replace(seed=5).write(tmp_path / "there" / "%04d.png", "1-30", dask=client)
     assert contents(tmp_path / "there") == contents(tmp_path / "here")
+
+
+def test_workers_take_the_clients_mode(client: Any, small_groups: None, tmp_path: Path):
+    # float64 pixels would show the last bit; float32 light shows it in some of many.
+    plate = np.random.default_rng(0).random((64, 96, 3), np.float32)
+    scene = fl.Scene(None, plate, effects=[fl.ConeSnow(tile=64), fl.Snow(flakes=100)])
+    made = {}
+    for on in (True, False, True):
+        fl.set_reproducible(on)
+        try:
+            want = np.stack([scene.render(t) for t in range(6)])
+            made[on] = want.tobytes()
+            assert client.compute(scene.to_dask(range(6), group=2)).result().tobytes() == made[on]
+            scene.write(tmp_path / f"here{on}" / "%d.exr", "0-5", half=False)
+            scene.write(tmp_path / f"there{on}" / "%d.exr", "0-5", half=False, dask=client)
+            assert contents(tmp_path / f"here{on}") == contents(tmp_path / f"there{on}")
+            film = tmp_path / f"{on}.mkv"
+            scene.write(film, "0-5", dask=client)
+        finally:
+            fl.set_reproducible(False)
+    if "fma" in Path("/proc/cpuinfo").read_text():
+        assert made[True] != made[False]
 
 
 @pytest.mark.parametrize("after", [3, 11])

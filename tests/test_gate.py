@@ -9,6 +9,7 @@ import os
 import subprocess
 import sys
 import threading
+import time
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any
@@ -89,6 +90,26 @@ def test_many_threads_on_one_scene(threads: Callable[[int], None]):
     with ThreadPoolExecutor(16) as pool:
         for number, got in enumerate(pool.map(work, range(16))):
             assert got == [want[(t + number) % 4] for t in range(8)]
+
+
+def test_a_shared_buffer_would_be_seen():
+    """The control: sixteen threads on one painter that keeps its picture."""
+    shared = np.zeros(1000)
+    ready = threading.Barrier(16)
+
+    def work(number: int) -> bool:
+        ready.wait()
+        for _ in range(200):
+            for part in range(10):
+                shared[100 * part : 100 * part + 100] = number
+                # Where another thread may come in between.
+                time.sleep(0)
+            if (shared != number).any():
+                return True
+        return False
+
+    with ThreadPoolExecutor(16) as pool:
+        assert any(pool.map(work, range(16)))
 
 
 def test_import_starts_nothing_and_loads_little():
@@ -303,6 +324,12 @@ print(fl.Scene((64, 64), effects=[fl.Snow(flakes=50)]).render(0).shape)
 """
     got = python(code, FLURRIES_NUM_THREADS="2", OPENBLAS_NUM_THREADS="1")
     assert "".join(got) == "refused(64,64,3)"
+
+
+def test_an_exit_that_is_not_clean_would_be_seen():
+    for code in ("import os; os.abort()", "import sys; sys.stderr.write('x')", "1 / 0"):
+        process = launch(code)
+        assert (process.communicate(timeout=100), process.returncode) != (("", ""), 0)
 
 
 @pytest.mark.parametrize("size", [64, 1500])

@@ -160,6 +160,18 @@ def test_hostile_patterns_are_refused():
             Pattern(wrong)
 
 
+def test_without_the_check_patterns_reach_outside():
+    """The control: names made by the operator alone."""
+    outside = 0
+    for text in hostile_patterns():
+        try:
+            name = text % 7
+        except (TypeError, ValueError, OverflowError, MemoryError, KeyError):
+            continue
+        outside += name.startswith("/") or ".." in name or "\0" in name or name == text
+    assert outside >= 20
+
+
 def test_bad_frames_of_a_pattern_are_refused():
     for frame in (-1, np.int64(-5)):
         with pytest.raises(ValueError, match="frame must not be negative"):

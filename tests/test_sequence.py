@@ -23,6 +23,7 @@ from flurries.cli import main
 from flurries.io import VideoWriter, read_picture, read_video, write_picture
 from flurries.io.claims import awaited, claimed
 from flurries.io.sound import Sound, has_sound
+from flurries.sequence import Sequence
 
 W, H = 66, 50
 PLATE = np.random.default_rng(3).integers(0, 220, (H, W, 3)).astype(np.uint8)
@@ -148,6 +149,27 @@ def test_killed_at_any_time_and_resumed(number: int, tmp_path: Path, whole: dict
         assert contents(tmp_path / "out").items() >= whole.items() - {("flurries.json", b"")}
     SCENE.write(tmp_path / "out" / "%04d.png", "1-60")
     assert contents(tmp_path / "out") == whole, "same bits, nothing left over"
+
+
+def test_the_two_modes_are_never_mixed(tmp_path: Path):
+    SCENE.write(tmp_path / "%d.png", "1-2")
+    fl.set_reproducible(True)
+    try:
+        with pytest.raises(ValueError, match="not frame 1 of this scene"):
+            SCENE.write(tmp_path / "%d.png", "1-3")
+        assert SCENE.write(tmp_path / "%d.png", "1-3", overwrite=True).written == [1, 2, 3]
+        assert SCENE.write(tmp_path / "%d.png", "1-3").kept == [1, 2, 3]
+    finally:
+        fl.set_reproducible(False)
+
+
+def test_without_the_mark_scenes_would_be_mixed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    """The control: frames that do not say whose they are."""
+    monkeypatch.setattr(Sequence, "is_there", lambda self, number: self.path_of(number).exists())
+    other = SCENE.replace(seed=9)
+    SCENE.write(tmp_path / "%d.png", "1-2")
+    assert other.write(tmp_path / "%d.png", "1-3").kept == [1, 2]
+    assert not np.array_equal(read_picture(tmp_path / "1.png").pixels, other.render(1))
 
 
 # The manifest ------------------------------------------------------------------------------------

@@ -9,7 +9,7 @@ from types import ModuleType
 
 from flurries import camera, composite, cone, gas, hybrid, particles, spectral, stereo, trace
 from flurries._core import InternalError
-from flurries._threads import set_threads, threads
+from flurries._threads import reproducible, set_reproducible, set_threads, threads
 from flurries.camera import Camera
 from flurries.depth import DepthMap
 from flurries.effects import ConeRain, ConeSnow, Frame, Layer, MatchedSnow, Mist, Rain, Snow
@@ -46,6 +46,8 @@ __all__ = [
     "gas",
     "hybrid",
     "particles",
+    "reproducible",
+    "set_reproducible",
     "set_threads",
     "spectral",
     "stereo",

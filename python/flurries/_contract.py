@@ -80,6 +80,13 @@ def real(
     return number
 
 
+def is_pair(value: object) -> bool:
+    """Whether something is two of something, in a row."""
+    if isinstance(value, np.ndarray):
+        return bool(value.shape == (2,))
+    return isinstance(value, (tuple, list)) and len(value) == 2
+
+
 def flag(name: str, value: object) -> bool:
     """Return a bool; anything else is refused, since a forgotten keyword is often truthy."""
     if isinstance(value, (bool, np.bool_)):
@@ -102,8 +109,10 @@ def choice(name: str, value: object, options: Sequence[str]) -> str:
 
 def shape_of(name: str, value: object) -> tuple[int, int]:
     """Return (H, W) of a frame, both at least 1 and their product within reason."""
-    if isinstance(value, (str, bytes)) or not isinstance(value, (Sequence, np.ndarray)):
+    rows = isinstance(value, Sequence) or (isinstance(value, np.ndarray) and value.ndim > 0)
+    if isinstance(value, (str, bytes)) or not rows:
         raise TypeError(f"{name} must be (H, W), got {_came(value)}")
+    assert isinstance(value, (Sequence, np.ndarray))
     if len(value) != 2:
         raise ValueError(f"{name} must be (H, W), got {_came(value)}")
     height = integer(f"{name}[0]", value[0], low=1, high=2**31 - 1)

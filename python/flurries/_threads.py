@@ -1,9 +1,9 @@
-"""How many threads the kernels use."""
+"""How the kernels run: on how many threads, and whether with the same bits on every processor."""
 
 from __future__ import annotations
 
 from flurries import _core
-from flurries._contract import integer
+from flurries._contract import flag, integer
 
 MOST_THREADS = 256
 
@@ -29,3 +29,36 @@ def set_threads(n: int) -> None:
 def threads() -> int:
     """Return the number of threads that the kernels use."""
     return _core.threads()
+
+
+def set_reproducible(on: bool) -> None:
+    """Let the kernels give the same bits whatever vector instructions the processor has.
+
+    Off by default; ``FLURRIES_REPRODUCIBLE=1`` turns it on for a process and those that it starts.
+    Without it AVX-512 and AVX2 agree with each other, and processors without either differ from
+    them in the last bits. What it costs is measured by
+    ``flurries accuracy modes`` (docs/accuracy.md).
+
+    Parameters
+    ----------
+    on : bool
+
+    Raises
+    ------
+    TypeError
+        If `on` is no bool.
+
+    Notes
+    -----
+    Products and sums are rounded apart everywhere, and Fourier transforms take no vector path.
+    In float64 such a transform takes its factors from the C library, and those may differ in the
+    last bit between processors; so may what NumPy prepares for a scene. Scenes with the C library,
+    NumPy and its linear algebra held to an old processor's instructions kept all their bits
+    (``tests/test_reproducible.py``).
+    """
+    _core.set_reproducible(flag("on", on))
+
+
+def reproducible() -> bool:
+    """Return whether the kernels give the same bits with all vector instructions."""
+    return _core.reproducible()

@@ -88,6 +88,14 @@ def _threads(options: argparse.Namespace) -> None:
         from flurries._threads import set_threads
 
         set_threads(options.threads)
+    if getattr(options, "reproducible", False):
+        import os
+
+        from flurries._threads import set_reproducible
+
+        set_reproducible(True)
+        # For the workers that it may start.
+        os.environ["FLURRIES_REPRODUCIBLE"] = "1"
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -137,6 +145,9 @@ def _parser() -> argparse.ArgumentParser:
         help="on a Dask cluster: tcp://host:8786, or one made on this machine",
     )
     render.add_argument("--no-manifest", action="store_true", help="no flurries.json")
+    render.add_argument(
+        "--reproducible", action="store_true", help="the same bits on every processor"
+    )
     render.add_argument("--quiet", action="store_true", help="no progress bar")
     render.set_defaults(run=_render)
 

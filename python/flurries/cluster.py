@@ -12,12 +12,14 @@ import os
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from flurries._contract import Array, integer
+from flurries._threads import reproducible, set_reproducible, set_threads
 
 if TYPE_CHECKING:
     from flurries.scene import Scene
@@ -25,8 +27,8 @@ if TYPE_CHECKING:
 
 __all__ = ["grouped", "to_dask"]
 
-# A scheduler takes about 2 ms for a task; with this much work in one that is below 2 %.
-SECONDS_OF_A_TASK = 0.25
+# A scheduler takes 2 to 10 ms for a task; with this much work in one that is below 2 %.
+SECONDS_OF_A_TASK = 0.5
 
 # The fixed cost of a frame that groups go by, and never a clock: nanoseconds for each pixel, of the
 # background and of each effect.
@@ -40,7 +42,7 @@ _AHEAD = 4
 
 
 def grouped(scene: Scene, frames: list[int]) -> list[list[int]]:
-    """Return frames in groups of a quarter of a second's work or more each, by a fixed cost."""
+    """Return frames in groups of half a second's work or more each, by a fixed cost."""
     height, width = scene.shape
     cost = 1e-9 * height * width * (_BACKGROUND + _EFFECT * len(scene.effects))
     size = max(math.ceil(SECONDS_OF_A_TASK / cost), 1)
@@ -57,7 +59,7 @@ def to_dask(scene: Scene, frames: Any = None, *, group: int | None = None) -> An
     frames : str, int or iterable of int, optional
         As `flurries.render.write`.
     group : int, optional
-        Frames to a chunk; a quarter of a second's work if not given.
+        Frames to a chunk; half a second's work if not given.
 
     Returns
     -------
@@ -92,20 +94,21 @@ def to_dask(scene: Scene, frames: Any = None, *, group: int | None = None) -> An
         size = min(len(groups[0]), most)
     else:
         size = int(integer("group", group, low=1, high=2**31))
-    mark = fingerprint(scene)
+    plain = reproducible()
+    mark = fingerprint(scene) + ("-reproducible" if plain else "")
     # One node of the graph, not a copy in each of its tasks.
     shared = dask.delayed(scene, name=f"scene-{mark}", pure=True, traverse=False)
     parts = []
     for first in range(0, len(wanted), size):
         numbers = wanted[first : first + size]
         name = f"frames-{mark}-{numbers[0]}-{hash(tuple(numbers)) & (2**63 - 1):x}"
-        block = dask.delayed(_block, pure=True)(shared, numbers, dask_key_name=name)
+        block = dask.delayed(_block, pure=True)(shared, numbers, plain, dask_key_name=name)
         parts.append(array.from_delayed(block, (len(numbers), height, width, 3), dtype=dtype))
     return array.concatenate(parts, axis=0)
 
 
-def _block(scene: Scene, numbers: list[int]) -> Array:
-    with _one_core():
+def _block(scene: Scene, numbers: list[int], plain: bool) -> Array:
+    with _one_core(plain):
         return np.stack([scene.render(number) for number in numbers])
 
 
@@ -152,7 +155,7 @@ def make(job: Sequence, frames: list[int], progress: Progress, where: Any) -> se
 def _make(job: Sequence, numbers: list[int]) -> _Done:
     # A task that comes again after its worker died finds what was done: lists of its own.
     own = replace(job, written=[], kept=[], skipped=[], entries={})
-    with _one_core():
+    with _one_core(job.plain):
         own.make(numbers, lambda frames: frames)
     folder = own.path_of(numbers[0]).parent
     from flurries import manifest
@@ -169,7 +172,11 @@ def images(scene: Scene, frames: list[int], where: Any) -> Iterator[tuple[list[i
     """Yield groups of frames and their images, in order, rendered on a cluster."""
     with _client(where) as client:
         groups = grouped(scene, frames)
-        yield from zip(groups, _in_order(client, _block, scene, groups), strict=True)
+        yield from zip(
+            groups,
+            _in_order(client, partial(_block, plain=reproducible()), scene, groups),
+            strict=True,
+        )
 
 
 def progress_of(
@@ -287,8 +294,9 @@ def _client(where: Any) -> Iterator[Any]:
         raise TypeError(f"dask must be True, an address or a Client, got {where!r}")
     import logging
 
+    # Any free port: two runs at once, on one machine, must not want the same.
     with distributed.LocalCluster(
-        n_workers=_cores(), threads_per_worker=1, dashboard_address=None,
+        n_workers=_cores(), threads_per_worker=1, dashboard_address=":0",
         silence_logs=logging.CRITICAL,
     ) as cluster, distributed.Client(cluster, set_as_default=False) as client:  # fmt: skip
         yield client
@@ -301,12 +309,12 @@ def _cores() -> int:
 
 
 @contextmanager
-def _one_core() -> Iterator[None]:
-    """One thread to a frame: where there are many frames that wastes none."""
-    from flurries._threads import set_threads
-
-    if "FLURRIES_NUM_THREADS" not in os.environ and _on_a_worker():
-        set_threads(1)
+def _one_core(plain: bool) -> Iterator[None]:
+    """One thread to a frame: where there are many frames that wastes none. In the client's mode."""
+    if _on_a_worker():
+        if "FLURRIES_NUM_THREADS" not in os.environ:
+            set_threads(1)
+        set_reproducible(plain)
     yield
 
 

@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from flurries import _core
-from flurries._contract import Array, aligned, output, pixels, real, vector
+from flurries._contract import Array, _came, aligned, output, pixels, real, vector
 
 __all__ = ["join", "over", "snow"]
 
@@ -180,8 +180,9 @@ def join(
     (H, W), dtype of the layers
         ``(1 - (1 - haze) prod (1 - alpha_i)) (1 - matte)``; the layers' order does not matter.
     """
-    if not isinstance(layers, (list, tuple, np.ndarray)):
-        raise TypeError(f"layers must be a sequence of opacities, got {type(layers).__name__}")
+    single = isinstance(layers, np.ndarray) and layers.ndim == 0
+    if single or not isinstance(layers, (list, tuple, np.ndarray)):
+        raise TypeError(f"layers must be a sequence of opacities, got {_came(layers)}")
     if len(layers) == 0:
         raise ValueError("layers must hold at least one opacity, got none")
     first, kept = pixels("layers[0]", layers[0], ndim=2)

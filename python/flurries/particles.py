@@ -16,8 +16,10 @@ from flurries._contract import (
     MOST_ELEMENTS,
     Array,
     Float64,
+    _came,
     float_dtype,
     integer,
+    is_pair,
     output,
     pixels,
     real,
@@ -394,9 +396,9 @@ def _rows(
     return values
 
 
-def _sway(sway: object) -> tuple[float, float] | None:
+def _sway(sway: Any) -> tuple[float, float] | None:
     if sway is None:
         return None
-    if not isinstance(sway, (tuple, list, np.ndarray)) or len(sway) != 2:
-        raise TypeError(f"sway must be (amplitude, angular_frequency), got {sway!r}")
+    if not is_pair(sway):
+        raise TypeError(f"sway must be (amplitude, angular_frequency), got {_came(sway)}")
     return real("sway[0]", sway[0]), real("sway[1]", sway[1])

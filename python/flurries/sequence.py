@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from flurries import manifest
+from flurries._threads import reproducible
 from flurries.contents import Content
 from flurries.io.claims import Claim, awaited, claimed
 from flurries.scene import Scene
@@ -40,6 +41,8 @@ class Sequence:
         it is removed.
     mark : str
         What tells this scene's files from others'; made of scene and content if not given.
+    plain : bool
+        The mode that it was asked for in; frames of the two modes are never mixed.
     written, kept, skipped : list of int
         Frames that this process made, found, and left out.
     entries : dict
@@ -54,6 +57,7 @@ class Sequence:
     listed: bool = True
     tidy: bool = True
     mark: str = ""
+    plain: bool = field(default_factory=reproducible)
     written: list[int] = field(default_factory=list)
     kept: list[int] = field(default_factory=list)
     skipped: list[int] = field(default_factory=list)
@@ -63,7 +67,8 @@ class Sequence:
         from flurries.scenefile import fingerprint
 
         if not self.mark:
-            self.mark = f"{fingerprint(self.scene)}-{self.content.mark}"
+            mode = "-reproducible" if self.plain else ""
+            self.mark = f"{fingerprint(self.scene)}-{self.content.mark}{mode}"
 
     def path_of(self, number: int) -> Path:
         """Return the file of a frame."""

@@ -13,7 +13,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from flurries._contract import Array, aligned, choice, flag, output, real
+from flurries._contract import LARGEST, SMALLEST, Array, aligned, choice, flag, output, real
+from flurries._threads import reproducible
 from flurries.camera import Camera, expect_camera
 
 __all__ = ["anaglyph", "eyes", "over_under", "side_by_side"]
@@ -78,10 +79,13 @@ def eyes(
     ((-0.0325, 0.0, 0.0), (13.0, 0.0))
     """
     middle = expect_camera(camera, stretched=True)
-    half = 0.5 * real("distance", distance, low=0.0)
+    half = 0.5 * real("distance", distance, low=0.0, high=LARGEST)
     shift = 0.0
     if convergence is not None:
-        shift = middle.focal * half / real("convergence", convergence, above=0.0)
+        away = real("convergence", convergence, low=SMALLEST)
+        shift = middle.focal * half / away
+        if shift > LARGEST:
+            raise ValueError(f"convergence must be farther away, got {away:g}")
     x, y, z = middle.offset
     cx, cy = middle.center_shift
     left, right = (
@@ -139,8 +143,8 @@ def anaglyph(
     a, b = (np.ascontiguousarray(m.T, dtype=working) for m in toward)
     for top in range(0, len(first), _ROWS):
         rows = slice(top, top + _ROWS)
-        light = _light(first[rows], working) @ a
-        light += _light(second[rows], working) @ b
+        light = _mixed(_light(first[rows], working), a)
+        light += _mixed(_light(second[rows], working), b)
         np.clip(light, 0.0, 1.0, out=light)
         result[rows] = _shown(light, result.dtype)
     return result
@@ -261,6 +265,14 @@ def _light(pixels: Array, working: Any) -> Array:
 
     light = to_linear(pixels, "display" if pixels.dtype.kind == "u" else "linear")
     return light.astype(working, copy=False)
+
+
+def _mixed(light: Array, matrix: Array) -> Array:
+    if not reproducible():
+        return np.asarray(light @ matrix)
+    # Libraries of linear algebra round as their processor likes.
+    red, green, blue = (light[..., i, None] * matrix[i] for i in range(3))
+    return np.asarray(red + green + blue)
 
 
 def _shown(light: Array, dtype: np.dtype[Any]) -> Array:

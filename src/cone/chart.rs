@@ -191,7 +191,11 @@ dispatch! {
 /// Rounds until an eye's place is accounted for to float32; see `View::ray`.
 fn rounds(eye: Vector, slope: f64) -> usize {
     let shrinks = dot(eye, eye).sqrt() * (1.0 + slope);
-    if shrinks == 0.0 { 0 } else { ((1e-8_f64.ln() / shrinks.ln()).ceil() as usize).clamp(1, 24) }
+    if shrinks == 0.0 {
+        0
+    } else {
+        ((libm::log(1e-8) / libm::log(shrinks)).ceil() as usize).clamp(1, 24)
+    }
 }
 
 /// What a chart is made from, besides the view.

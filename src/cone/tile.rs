@@ -52,7 +52,7 @@ impl Drop {
         if along > REACH {
             return;
         }
-        let peak = self.opacity * (-0.5 * along * along).exp();
+        let peak = self.opacity * libm::exp(-0.5 * along * along);
         let whole = 2.0 * reach + 1.0 >= size;
         let first = if whole { 0 } else { (self.center[0] - reach - 0.5).ceil() as i64 };
         let last =
@@ -60,7 +60,7 @@ impl Drop {
         for column in first..=last {
             let column = column.rem_euclid(clear.len() as i64) as usize;
             let across = around(column as f64 + 0.5 - self.center[0], size) / self.sigma;
-            clear[column] *= 1.0 - peak * (-0.5 * across * across).exp();
+            clear[column] *= 1.0 - peak * libm::exp(-0.5 * across * across);
         }
     }
 }

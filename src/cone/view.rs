@@ -74,7 +74,7 @@ impl View {
     #[inline]
     fn reach(&self, ray: Vector) -> f64 {
         let (p, q) = (dot(ray, self.basis.first), dot(ray, self.basis.second));
-        p.hypot(q) + self.slope * dot(ray, self.basis.axis).abs()
+        libm::hypot(p, q) + self.slope * dot(ray, self.basis.axis).abs()
     }
 
     /// Depth (z) of the cone behind a pixel over its radius; not positive behind the camera.
@@ -90,9 +90,9 @@ impl View {
         let (ray, reach) = self.ray(x, y);
         let floor = FLOOR * dot(ray, ray).sqrt();
         let (p, q, s) = (dot(ray, first), dot(ray, second), dot(ray, axis));
-        let across = p.hypot(q);
+        let across = libm::hypot(p, q);
         let (wide, reach) = (across.max(floor), reach.max(floor));
-        let turn = q.atan2(p) / TAU;
+        let turn = libm::atan2(q, p) / TAU;
         let azimuth = if turn < 0.0 { turn + 1.0 } else { turn };
         // Both differ along the rows and columns: the gradient's length is what a box over the pixel
         // has to span, whatever the angle between them.

@@ -32,7 +32,7 @@ pub const TABLE: usize = 65;
 static ENTRIES: LazyLock<[f64; TABLE]> = LazyLock::new(|| {
     std::array::from_fn(|i| {
         let x = -3.0 + 6.0 * i as f64 / (TABLE - 1) as f64;
-        (-0.5 * x * x).exp()
+        libm::exp(-0.5 * x * x)
     })
 });
 

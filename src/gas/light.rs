@@ -28,7 +28,7 @@ pub fn light(
     if out.len() != count {
         return Err(Error::invalid("out", format!("must have {count} elements")));
     }
-    let length = direction[0].hypot(direction[1]).hypot(direction[2]);
+    let length = libm::hypot(libm::hypot(direction[0], direction[1]), direction[2]);
     if !(length > 0.0 && length.is_finite()) {
         return Err(Error::invalid("direction", "must be finite and not zero"));
     }

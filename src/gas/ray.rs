@@ -87,7 +87,7 @@ impl Forms {
             (P::of((self.corner[2] + x * down) * scale), P::of(-y * self.step * scale));
         let v1 = v1 * v1;
         if model == Footprint::Viewpoint {
-            let away = 1.0 / x.hypot(y).hypot(z);
+            let away = 1.0 / libm::hypot(libm::hypot(x, y), z);
             let m = P::of((self.along + y * down) * away);
             let m_step = P::of(x * self.step * away);
             for (k, value) in q2.iter_mut().enumerate() {
@@ -186,7 +186,7 @@ pub fn cut<P: Normal>(
         }
     }
     if let (Footprint::Volume, Some(rays)) = (model, rays) {
-        let away = x.hypot(y).hypot(depth);
+        let away = libm::hypot(libm::hypot(x, y), depth);
         let before = sprite.nearest() - near * rays.range[1] > saturated && depth > 0.0;
         let behind = hard || far[0] * rays.range[0] - away > saturated;
         return if before && behind { Cut::Clear } else { Cut::Line };
@@ -276,5 +276,5 @@ fn between<P: Normal>(from: P, to: P) -> P {
 
 /// The tapered Gaussian at a distance q in sigma, float64.
 pub fn tapered(q: f64) -> f64 {
-    (((-0.5 * q * q).exp() - RIM) / (1.0 - RIM)).max(0.0)
+    ((libm::exp(-0.5 * q * q) - RIM) / (1.0 - RIM)).max(0.0)
 }

@@ -164,7 +164,7 @@ impl Sprite {
             return None;
         }
         let by_ray = look.footprint.by_ray() || model.by_ray();
-        let away = if by_ray { x.hypot(y).hypot(depth) } else { depth };
+        let away = if by_ray { libm::hypot(libm::hypot(x, y), depth) } else { depth };
         let mut sprite = Self {
             place,
             sigma: radius / 3.0,
@@ -182,7 +182,7 @@ impl Sprite {
         let bounds = if model.by_ray() && !(size < POINT_FROM && depth > radius) {
             sprite.form = Form::Ray;
             let reach = match model {
-                Footprint::Viewpoint => radius * away / radius.hypot(away),
+                Footprint::Viewpoint => radius * away / libm::hypot(radius, away),
                 _ => radius,
             };
             let close = model == Footprint::Volume && depth <= radius;
@@ -273,17 +273,17 @@ fn projected(
 /// The slopes of the rays that meet a circle of `reach` around (x, depth); None if all point
 /// backwards.
 fn slopes(x: f64, depth: f64, reach: f64) -> Option<(f64, f64)> {
-    let away = x.hypot(depth);
+    let away = libm::hypot(x, depth);
     if away <= reach {
         return Some((f64::NEG_INFINITY, f64::INFINITY));
     }
-    let (middle, half) = (x.atan2(depth), (reach / away).asin());
+    let (middle, half) = (libm::atan2(x, depth), libm::asin(reach / away));
     let (low, high) = (middle - half, middle + half);
     if low >= FRAC_PI_2 || high <= -FRAC_PI_2 {
         return None;
     }
-    let low = if low <= -FRAC_PI_2 { f64::NEG_INFINITY } else { low.tan() };
-    let high = if high >= FRAC_PI_2 { f64::INFINITY } else { high.tan() };
+    let low = if low <= -FRAC_PI_2 { f64::NEG_INFINITY } else { libm::tan(low) };
+    let high = if high >= FRAC_PI_2 { f64::INFINITY } else { libm::tan(high) };
     Some((low, high))
 }
 

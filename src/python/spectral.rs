@@ -14,7 +14,7 @@ use crate::spectral::opacity::Opacity;
 use crate::spectral::phase::random_phase as random_kernel;
 use crate::spectral::stripes::Mapped;
 use crate::spectral::tent::{self, Motion};
-use crate::spectral::tiles::{Blend, Row, blend_tiles as blend_kernel};
+use crate::spectral::tiles::{Blend, blend_tiles as blend_kernel};
 use crate::spectral::transform::inverse_transform as transform_kernel;
 
 /// Rough nanoseconds for a pixel of a tiled frame on one thread; only decides who watches Ctrl-C.
@@ -86,13 +86,6 @@ pub fn inverse_transform(
     each_precision!(out, view => {
         gate::run(py, work, move |cancel| transform_kernel(view, amplitude, phase, cancel))
     })
-}
-
-/// First pixels of the tiles along one axis.
-#[pyfunction]
-pub fn tile_starts(length: usize, tile: usize, overlap: usize) -> PyResult<Vec<usize>> {
-    let row = Row { length, tile, overlap }.checked()?;
-    Ok((0..row.count()).map(|index| row.start(index)).collect())
 }
 
 /// Tiles of either precision.

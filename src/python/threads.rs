@@ -1,9 +1,9 @@
-//! Thread count, and the forced panic that the tests send through the gate.
+//! Thread count, the reproducible mode, and the forced panic that the tests send through the gate.
 
 use pyo3::prelude::*;
 
 use super::gate;
-use crate::pool;
+use crate::{pool, simd};
 
 /// Sets how many threads the kernels use.
 #[pyfunction]
@@ -15,6 +15,18 @@ pub fn set_threads(n: usize) -> PyResult<()> {
 #[pyfunction]
 pub fn threads() -> usize {
     pool::threads()
+}
+
+/// Turns the mode on or off in which all vector levels give the same bits.
+#[pyfunction]
+pub fn set_reproducible(on: bool) {
+    simd::set_reproducible(on);
+}
+
+/// Whether it is on.
+#[pyfunction]
+pub fn reproducible() -> bool {
+    simd::reproducible()
 }
 
 /// Panics inside a kernel, on a worker of the pool, so that the tests can see what Python gets.

@@ -42,7 +42,7 @@ impl Band {
 
     /// Amplitude before normalisation.
     pub fn weight(&self, ky: i64, kx: i64, shape: (usize, usize)) -> f64 {
-        magnitude(ky, kx, shape).powf(-self.exponent)
+        libm::pow(magnitude(ky, kx, shape), -self.exponent)
     }
 
     /// The factor that makes the squares of all bins sum to 1; an error if there is no bin.

@@ -105,7 +105,7 @@ impl<T: Real> Tables<T> {
             for k in 0..count {
                 // Reduced as an integer first: exact for any size.
                 let turns = ((2 * i + 1) * k % (2 * n)) as f64 / (2 * n) as f64;
-                let (sin, cos) = (TAU * turns).sin_cos();
+                let (sin, cos) = libm::sincos(TAU * turns);
                 let (at, further) = place(i, k, terms);
                 values[at] = T::of(weight(k) * cos);
                 values[at + further] = T::of(weight(k) * sin);

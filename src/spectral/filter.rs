@@ -74,7 +74,7 @@ impl TemporalFilter {
             _ if speed >= NYQUIST => 0.0,
             Alias::Soft if speed > self.soft_from => {
                 let part = (speed - self.soft_from) / (0.5 - self.soft_from);
-                (std::f64::consts::FRAC_PI_2 * part).cos().powi(2)
+                libm::cos(std::f64::consts::FRAC_PI_2 * part).powi(2)
             }
             _ => 1.0,
         }
@@ -85,7 +85,7 @@ impl TemporalFilter {
     pub fn shutter_gain(&self, rate: f64) -> f64 {
         let angle = std::f64::consts::PI * rate * self.shutter;
         // The series keeps the value 1 - angle^2/6 where the quotient would be 0/0.
-        if angle.abs() < 1e-4 { 1.0 - angle * angle / 6.0 } else { angle.sin() / angle }
+        if angle.abs() < 1e-4 { 1.0 - angle * angle / 6.0 } else { libm::sin(angle) / angle }
     }
 
     /// Both factors.

@@ -4,7 +4,7 @@ use super::lift::Lifted;
 use crate::error::{Error, finite};
 use crate::lanes::Lanes;
 use crate::real::Real;
-use crate::simd::{AVX2, AVX512, dispatch};
+use crate::simd::{AVX2, AVX512, dispatch, reproducible};
 
 /// A rectangle of the field and where its opacity goes; each row begins `stride` values after the last.
 pub struct Block<'f, 'o, T> {
@@ -177,7 +177,13 @@ impl Opacity {
         } else {
             map_plain(Self { amount: 1.0, ..*self }, &mut block);
             let (power, amount) = (T::of(self.power), T::of(self.amount));
+            let plain = reproducible();
             for out in block.out_rows() {
+                if plain {
+                    let wide = |value: T| T::of(libm::pow(value.wide(), self.power));
+                    out.iter_mut().for_each(|value| *value = amount * wide(*value));
+                    continue;
+                }
                 out.iter_mut().for_each(|value| *value = amount * value.powf(power));
             }
         }
@@ -195,7 +201,7 @@ impl Opacity {
     pub fn mean_of(&self, variance: f64) -> f64 {
         let deviation = variance.max(0.0).sqrt() / (2.0 * self.spread);
         if deviation < 1e-9 {
-            return self.mean.clamp(0.0, 1.0).powf(self.power);
+            return libm::pow(self.mean.clamp(0.0, 1.0), self.power);
         }
         if self.power == 2.0 {
             return self.mean_of_square(deviation);
@@ -215,7 +221,7 @@ impl Opacity {
                 let weight =
                     if i == 0 || i == INTERVALS { 1.0 } else { 2.0 + 2.0 * (i % 2) as f64 };
                 let u = (self.mean + deviation * g).clamp(0.0, 1.0);
-                weight * u.powf(self.power) * (-0.5 * g * g).exp()
+                weight * libm::pow(u, self.power) * libm::exp(-0.5 * g * g)
             })
             .sum::<f64>();
         above + inside * step / 3.0 / (2.0 * std::f64::consts::PI).sqrt()
@@ -228,7 +234,7 @@ impl Opacity {
         let m = self.mean;
         let (a, b) = (-m / s, (1.0 - m) / s);
         let above = |x: f64| 0.5 * libm::erfc(x * std::f64::consts::FRAC_1_SQRT_2);
-        let density = |x: f64| (-0.5 * x * x).exp() / (2.0 * std::f64::consts::PI).sqrt();
+        let density = |x: f64| libm::exp(-0.5 * x * x) / (2.0 * std::f64::consts::PI).sqrt();
         let inside = above(a) - above(b);
         // m + s a = 0 at the lower clip, m + s b = 1 at the upper.
         let edges = m * density(a) - (m + 1.0) * density(b);

@@ -13,6 +13,7 @@ use super::tiles::{Blend, Row};
 use super::waves::Waves;
 use crate::error::Error;
 use crate::real::Real;
+use crate::simd::reproducible;
 
 /// Plans kept; the oldest one goes.
 const KEPT: usize = 8;
@@ -29,6 +30,8 @@ pub struct Parts<T: Real> {
 #[derive(PartialEq)]
 struct Key {
     pixel: TypeId,
+    /// Plans of the reproducible mode are others.
+    plain: bool,
     rows: (Row, Row),
     blend: Blend,
     /// Shortest and longest wavelength, exponent and ring edges, and the rings' gains, as bits: NaN
@@ -44,8 +47,10 @@ static KEPT_PARTS: Mutex<Kept> = Mutex::new(Vec::new());
 /// The parts of a field's frame, from the store or made.
 pub fn parts<T: Real>(field: &Field<'_>, down: Row, across: Row) -> Result<Arc<Parts<T>>, Error> {
     let band = [field.band.shortest, field.band.longest, field.band.exponent];
+    let plain = reproducible();
     let key = Key {
         pixel: TypeId::of::<T>(),
+        plain,
         rows: (down, across),
         blend: field.blend,
         band: band.iter().chain(field.ring_edges).map(|value| value.to_bits()).collect(),
@@ -59,7 +64,7 @@ pub fn parts<T: Real>(field: &Field<'_>, down: Row, across: Row) -> Result<Arc<P
     }
     let waves = Waves::new(field.tile, field.band, field.ring_edges)?.weighted(field.ring_gains)?;
     let made = Arc::new(Parts {
-        plan: Plan::new(&waves, Choice::Cheaper)?,
+        plan: Plan::new(&waves, Choice::Cheaper, plain)?,
         weights: (down.weights(field.blend)?, across.weights(field.blend)?),
     });
     if waves.list.len() <= MOST_WAVES

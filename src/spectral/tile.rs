@@ -78,8 +78,8 @@ impl<T: Real> Scratch<T> {
 }
 
 impl<T: Real> Plan<T> {
-    /// Plans the transform for a set of waves.
-    pub fn new(waves: &Waves, choice: Choice) -> Result<Self, Error> {
+    /// Plans the transform for a set of waves, `plain` for the same bits on every processor.
+    pub fn new(waves: &Waves, choice: Choice, plain: bool) -> Result<Self, Error> {
         let (height, width) = waves.tile;
         let take_dense = match choice {
             Choice::Cheaper => operations(waves) < DENSE_ADVANTAGE * fft_operations(waves),
@@ -98,8 +98,8 @@ impl<T: Real> Plan<T> {
             longest,
             way: Way::Fft {
                 columns: waves.columns,
-                along_y: T::inverse(height),
-                along_x: T::to_real(width),
+                along_y: T::inverse(height, plain),
+                along_x: T::to_real(width, plain),
             },
         })
     }
@@ -220,7 +220,7 @@ mod tests {
             shortest: 4.0,
         };
         let tiles = [Choice::Dense, Choice::Fft].map(|choice| {
-            let plan = Plan::<T>::new(&waves, choice).unwrap();
+            let plan = Plan::<T>::new(&waves, choice, false).unwrap();
             let mut scratch = plan.scratch().unwrap();
             // Twice, so that the second tile finds the buffers dirty.
             plan.render(Draw::new(1, (0, 0), true), asked, &mut scratch).unwrap();

@@ -88,7 +88,7 @@ impl Row {
                 let rise = if self.overlap == 0 { 1.0 } else { (inner / overlap).min(1.0) };
                 match blend {
                     Blend::Linear => rise,
-                    Blend::Power => (std::f64::consts::FRAC_PI_2 * rise).sin().powi(2),
+                    Blend::Power => libm::sin(std::f64::consts::FRAC_PI_2 * rise).powi(2),
                 }
             })
             .collect();

@@ -8,7 +8,7 @@ use super::grid::{position, signed};
 use crate::error::{Cancel, Error, zeroed};
 use crate::pool;
 use crate::real::Real;
-use crate::simd::PORTABLE;
+use crate::simd::{PORTABLE, reproducible};
 
 /// The row transform's own complaint would be a defect of ours: lengths are right by construction
 /// and the imaginary parts that must vanish are set to zero.
@@ -35,7 +35,8 @@ pub fn inverse_transform<T: Real>(
         })
         .collect();
     let mut columns = zeroed::<Complex<T>>(used.len() * height)?;
-    let rows = T::inverse(height);
+    let plain = reproducible();
+    let rows = T::inverse(height, plain);
     let bin = |row: usize, col: usize| {
         T::turn::<PORTABLE>(T::of(super::phase::reduce(phase[(row, col)])))
             .scale(T::of(amplitude[(row, col)]))
@@ -53,7 +54,7 @@ pub fn inverse_transform<T: Real>(
         Ok(())
     })?;
 
-    let to_real = T::to_real(width);
+    let to_real = T::to_real(width, plain);
     let runs = pool::split(height, pool::threads());
     let mut tasks = Vec::with_capacity(runs.len());
     for run in runs {

@@ -19,7 +19,7 @@ use super::waves::{Draw, Waves};
 use crate::error::{Cancel, Error, zeroed};
 use crate::pool;
 use crate::real::Real;
-use crate::simd::PORTABLE;
+use crate::simd::{PORTABLE, reproducible};
 
 /// The word that keeps the phases of cells apart from those of waves and from the jitter's words.
 const CELL: i64 = 3;
@@ -96,7 +96,7 @@ impl Volume {
         if self.frames == 0 {
             return Err(Error::invalid("frames", "must be at least 1"));
         }
-        let steepest = self.velocity.drift[0].hypot(self.velocity.drift[1]);
+        let steepest = libm::hypot(self.velocity.drift[0], self.velocity.drift[1]);
         if self.cells == Cells::Overlap && (steepest > STEEPEST || steepest.is_nan()) {
             let message = format!(
                 "may turn the longest wave by at most {STEEPEST} cycle per frame with \
@@ -175,7 +175,7 @@ impl Volume {
         let side = corners.map(|(y, x)| a * y - b * x);
         if side.iter().any(|&s| s > 0.0) && side.iter().any(|&s| s < 0.0) {
             // Every point of the square is within a right angle of its middle.
-            let extreme = -a.hypot(b) * (a * at(0.0, 0.0).1 + b * at(0.0, 0.0).0).signum();
+            let extreme = -libm::hypot(a, b) * (a * at(0.0, 0.0).1 + b * at(0.0, 0.0).0).signum();
             low = low.min(extreme);
             high = high.max(extreme);
         }
@@ -223,7 +223,8 @@ impl Spectrum {
         cancel: &Cancel,
     ) -> Result<(), Error> {
         let (height, width) = self.shape;
-        let (down, across) = (T::inverse(height), T::to_real(width));
+        let plain = reproducible();
+        let (down, across) = (T::inverse(height, plain), T::to_real(width, plain));
         let zero = Complex::new(T::zero(), T::zero());
         let mut columns = zeroed::<Complex<T>>(self.columns.len() * height)?;
         let mut line = zeroed::<Complex<T>>(width / 2 + 1)?;

@@ -7,6 +7,8 @@
 
 use std::sync::Arc;
 
+mod plain;
+
 pub use realfft::{ComplexToReal, FftError};
 pub use rustfft::{Fft, FftNum};
 
@@ -17,20 +19,28 @@ mod sealed {
 }
 
 /// The two pixel precisions that have compiled transforms.
+///
+/// `plain` transforms take no vector instructions: slower, and the same bits on every processor.
 pub trait Transform: FftNum + sealed::Sealed {
     /// Complex inverse transform of length `n`.
-    fn inverse(n: usize) -> Arc<dyn Fft<Self>>;
+    fn inverse(n: usize, plain: bool) -> Arc<dyn Fft<Self>>;
     /// Inverse transform of a half spectrum (n/2 + 1 bins) to `n` real samples.
-    fn to_real(n: usize) -> Arc<dyn ComplexToReal<Self>>;
+    fn to_real(n: usize, plain: bool) -> Arc<dyn ComplexToReal<Self>>;
 }
 
 macro_rules! transform {
     ($real:ty) => {
         impl Transform for $real {
-            fn inverse(n: usize) -> Arc<dyn Fft<Self>> {
+            fn inverse(n: usize, plain: bool) -> Arc<dyn Fft<Self>> {
+                if plain {
+                    return plain::inverse(n);
+                }
                 rustfft::FftPlanner::<$real>::new().plan_fft_inverse(n)
             }
-            fn to_real(n: usize) -> Arc<dyn ComplexToReal<Self>> {
+            fn to_real(n: usize, plain: bool) -> Arc<dyn ComplexToReal<Self>> {
+                if plain {
+                    return Arc::new(plain::ToReal::new(n));
+                }
                 realfft::RealFftPlanner::<$real>::new().plan_fft_inverse(n)
             }
         }

@@ -85,6 +85,8 @@ _LIST: tuple[tuple[str, Axis], ...] = (
                      "in sigma, largest", "phases and transform in extended precision")),
     ("texture", Axis("transform", "Transforms of one tile", "in sigma, largest",
                      "the inverse transform in extended precision, of the same tile")),
+    ("modes", Axis("modes", "The same bits on every processor, texture of 512 x 512",
+                   "in sigma, largest", "phases and transform in extended precision")),
     ("drift", Axis("phase", "Ways to advance 392 phases, after 10^5 frames", "in cycles, largest",
                    "rate times time in extended precision")),
     ("texture", Axis("film", "2-D method against 3-D method, 64 x 64", "in sigma, rms",

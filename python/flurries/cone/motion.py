@@ -54,9 +54,11 @@ def travel(
     """
     fallen, moved = _vectors("drop", drop), _vectors("camera", camera)
     share = real("damping", damping, low=0.0, high=1.0)
-    if not flag("published", published):
-        return np.asarray(fallen - share * moved)
     step = _steps(dt)
+    if not flag("published", published):
+        _alike(drop=fallen[..., 0], camera=moved[..., 0])
+        return np.asarray(fallen - share * moved)
+    _alike(drop=fallen[..., 0], camera=moved[..., 0], dt=step)
     return np.asarray((share * moved + fallen) * (step[..., None] if step.ndim else step))
 
 
@@ -150,8 +152,10 @@ def scroll(
         longer = _numbers("stretch", stretch)
         if not (longer > 0.0).all():
             raise ValueError(f"stretch must be positive, got {longer.min()}")
+        _alike(speed=pace, dt=step, stretch=longer)
         return np.asarray(pace * step / (real("tile", tile, above=0.0) * longer))
     drop, size = real("streak", streak, above=0.0), real("scale", scale, above=0.0)
+    _alike(speed=pace, dt=step)
     moved = drop * step / FRAME
     longer = elongation(pace, length=drop, published=True, pixel=pixel, scale=size)
     return np.asarray(moved * size * longer)
@@ -170,6 +174,15 @@ def _numbers(name: str, value: Any) -> Float64:
     if given.ndim > 1:
         raise ValueError(f"{name} must be one number or (n,), got shape {given.shape}")
     return given
+
+
+def _alike(**numbers: Float64) -> None:
+    """Refuse rows of different lengths."""
+    try:
+        np.broadcast_shapes(*(given.shape for given in numbers.values()))
+    except ValueError:
+        shapes = ", ".join(f"{name} {given.shape}" for name, given in numbers.items())
+        raise ValueError(f"{', '.join(numbers)} must be alike in length, got {shapes}") from None
 
 
 def _steps(dt: npt.ArrayLike) -> Float64:

@@ -10,7 +10,7 @@ from itertools import pairwise
 import numpy as np
 import numpy.typing as npt
 
-from flurries._contract import Float64, flag, integer, moderate, real, table
+from flurries._contract import LARGEST, SMALLEST, Float64, flag, integer, moderate, real, table
 from flurries.cone.motion import elongation, scroll, travel
 from flurries.cone.sheet import MOST_REPEATS, wrapped
 
@@ -184,7 +184,7 @@ def path(
     count = len(moments)
     rows = [_rows(name, value, count) for name, value in (("drop", drop), ("camera", camera))]
     around = integer("repeats", repeats, low=1, high=MOST_REPEATS)
-    tile = 2.0 * math.pi * real("radius", radius, above=0.0) / around
+    tile = 2.0 * math.pi * real("radius", radius, low=SMALLEST, high=LARGEST) / around
     if flag("published", published):
         return _printed(moments, rows, damping, length, pixel, tile)
     velocity = travel(*rows, damping=damping)

@@ -134,9 +134,9 @@ def pose(
     view = expect_camera(camera)
     x, y = view.principal(shape)
     cone = real("slope", slope, low=0.0, high=1e6)
-    eye = np.zeros(3)
-    if any(view.offset) and radius != math.inf:
-        eye = np.array(view.offset) / real("radius", radius, above=0.0)
+    eye, reach = np.zeros(3), reach_of(radius)
+    if any(view.offset) and reach != math.inf:
+        eye = np.array(view.offset) / reach
         if float(np.linalg.norm(eye)) * (1.0 + cone) > FARTHEST_EYE:
             raise ValueError(
                 f"radius must be at least {(1.0 + cone) / FARTHEST_EYE:g} times the length of "
@@ -144,6 +144,13 @@ def pose(
             )
     rotation = view.matrix().ravel().tolist()
     return view.focal, x, y, rotation, direction("axis", axis), cone, triple(eye)
+
+
+def reach_of(radius: object) -> float:
+    """Return the radius of a cone, which may be infinite."""
+    if isinstance(radius, float) and radius == math.inf:
+        return math.inf
+    return real("radius", radius, above=0.0)
 
 
 def triple(values: Float64) -> _Triple:

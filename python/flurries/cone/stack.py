@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from itertools import pairwise
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -13,10 +13,12 @@ import numpy.typing as npt
 from flurries import _core
 from flurries._contract import (
     Array,
+    _came,
     aligned,
     flag,
     float_dtype,
     integer,
+    is_pair,
     output,
     real,
     shape_of,
@@ -24,7 +26,7 @@ from flurries._contract import (
 )
 from flurries._contract import pixels as pixels_of
 from flurries.camera import Camera
-from flurries.cone.rays import Pose, pose
+from flurries.cone.rays import Pose, pose, reach_of
 from flurries.cone.sheet import MOST_REPEATS, layer, texture_of, wrapped
 
 __all__ = ["Mapping", "Texture", "layers"]
@@ -167,7 +169,8 @@ class Mapping:
         self.stretch = real("stretch", stretch, low=1e-6, high=1e6)
         self.repeats = integer("repeats", repeats, low=1, high=MOST_REPEATS)
         self.multiples = _multiples(multiples)
-        start, stop = (0, self.shape[0]) if rows is None else rows
+        radius = reach_of(radius)
+        start, stop = (0, self.shape[0]) if rows is None else _two("rows", rows)
         start = integer("rows[0]", start, low=0, high=self.shape[0] - 1)
         stop = integer("rows[1]", stop, low=start + 1, high=self.shape[0])
         self.rows = (start, stop)
@@ -211,9 +214,15 @@ def _footprints(shape: tuple[int, int], given: Pose, course: tuple[int, float, i
     return steps
 
 
+def _two(name: str, values: Any) -> tuple[Any, Any]:
+    if not is_pair(values):
+        raise TypeError(f"{name} must be (start, stop), got {_came(values)}")
+    return values[0], values[1]
+
+
 def _multiples(values: Sequence[int]) -> tuple[int, ...]:
     if not isinstance(values, (list, tuple)) or not 1 <= len(values) <= 16:
-        raise ValueError(f"multiples must be 1 to 16 whole numbers, got {values!r}")
+        raise ValueError(f"multiples must be 1 to 16 whole numbers, got {_came(values)}")
     numbers = tuple(integer("multiples", value, low=1, high=1024) for value in values)
     if any(a >= b for a, b in pairwise(numbers)):
         raise ValueError(f"multiples must increase, nearest layer first, got {numbers}")

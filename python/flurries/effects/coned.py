@@ -13,6 +13,7 @@ import numpy as np
 
 from flurries import cone
 from flurries._contract import Array
+from flurries._threads import reproducible
 from flurries.camera import Camera
 from flurries.effects.layer import Frame
 from flurries.effects.moving import _air, _camera
@@ -95,7 +96,7 @@ class Pose(NamedTuple):
 
 # Poses that were asked for once; the second time a chart is made and kept. Two eyes take turns.
 _seen: list[Pose] = []
-_charts: dict[Pose, cone.Mapping] = {}
+_charts: dict[tuple[Pose, bool], cone.Mapping] = {}
 _MOST = 4
 
 # A chart is three words a pixel: those of large pictures are not kept.
@@ -106,7 +107,9 @@ def chart(pose: Pose) -> cone.Mapping | None:
     """Return a chart of a pose that stays, None for one that is new and may be gone at once."""
     if pose.shape[0] * pose.shape[1] > LARGEST_CHART:
         return None
-    found = _charts.get(pose)
+    # A chart of the reproducible mode is another one.
+    key = pose, reproducible()
+    found = _charts.get(key)
     if found is not None:
         return found
     if pose not in _seen:
@@ -116,7 +119,7 @@ def chart(pose: Pose) -> cone.Mapping | None:
     made = _chart(pose, None)
     while len(_charts) >= _MOST:
         _charts.pop(next(iter(_charts)), None)
-    _charts[pose] = made
+    _charts[key] = made
     return made
 
 

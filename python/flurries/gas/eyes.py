@@ -111,7 +111,10 @@ def alpha_pair(
     if depths is not None:
         if not isinstance(depths, (tuple, list)) or len(depths) != 2:
             raise TypeError(f"depths must be (left, right), got {type(depths).__name__}")
-        left, right = (np.ascontiguousarray(ground_of(depth, size), np.float64) for depth in depths)
+        left, right = (
+            np.ascontiguousarray(ground_of(depth, size, name=f"depths[{i}]"), np.float64)
+            for i, depth in enumerate(depths)
+        )
         grounds = (left, right)
     given = (None, None) if out is None else out
     if not isinstance(given, (tuple, list)) or len(given) != 2:

@@ -293,13 +293,15 @@ def manner_of(
     )
 
 
-def ground_of(depth: npt.ArrayLike | None, size: tuple[int, int]) -> Array | None:
+def ground_of(
+    depth: npt.ArrayLike | None, size: tuple[int, int], *, name: str = "depth"
+) -> Array | None:
     """Return the depth of what stands in the picture."""
     if depth is None:
         return None
-    ground, _ = pixels("depth", depth, ndim=2)
+    ground, _ = pixels(name, depth, ndim=2)
     if ground.shape != size:
-        raise ValueError(f"depth must have shape {size}, got {ground.shape}")
+        raise ValueError(f"{name} must have shape {size}, got {ground.shape}")
     if np.isnan(ground.min()):
-        raise ValueError("depth must not be NaN: infinity says that nothing stands there")
+        raise ValueError(f"{name} must not be NaN: infinity says that nothing stands there")
     return ground

@@ -6,7 +6,9 @@ import math
 
 import numpy as np
 
-from flurries._contract import choice, integer, real
+from flurries._contract import LARGEST, SMALLEST, choice, real
+
+MOST_PARTICLES = 2**53
 
 __all__ = ["count_for_visibility", "density_for_visibility", "extinction", "visibility"]
 
@@ -60,9 +62,9 @@ def extinction(
     >>> round(fl.gas.extinction(1200, 5**3, 0.45, 0.4), 4)  # the paper's fog
     0.5154
     """
-    number = real("count", count, low=0.0)
-    space = real("volume", volume, above=0.0)
-    size = real("radius", radius, above=0.0)
+    number = real("count", count, low=0.0, high=LARGEST)
+    space = real("volume", volume, low=SMALLEST, high=LARGEST)
+    size = real("radius", radius, low=SMALLEST, high=LARGEST)
     opacity = real("density", density, low=0.0, high=1.0)
     return number / space * opacity * _area(edge, size)
 
@@ -91,7 +93,7 @@ def visibility(beta: float, *, contrast: float = 0.05) -> float:
     TypeError, ValueError
         If an argument is not as described; the message names it.
     """
-    return _depth(contrast) / real("beta", beta, above=0.0)
+    return _depth(contrast) / real("beta", beta, low=SMALLEST)
 
 
 def density_for_visibility(
@@ -124,14 +126,14 @@ def density_for_visibility(
     ValueError
         Also if that few particles cannot be as dense; the message says how many can.
     """
-    length = real("distance", distance, above=0.0)
+    length = real("distance", distance, low=SMALLEST, high=LARGEST)
     most = extinction(count, volume, radius, 1.0, edge=edge)
     wanted = _depth(contrast) / length
     if wanted > most:
-        needed = math.ceil(wanted / _area(edge, radius) * volume)
+        needed = wanted / _area(edge, radius) * volume
         raise ValueError(
             f"distance must be at least {_depth(contrast) / most if most else math.inf:.4g} for "
-            f"{count:g} particles of radius {radius:g}, got {length:g}: that needs {needed}"
+            f"{count:g} particles of radius {radius:g}, got {length:g}: that needs {needed:.0f}"
         )
     return wanted / most
 
@@ -165,10 +167,16 @@ def count_for_visibility(
     TypeError, ValueError
         If an argument is not as described; the message names it.
     """
-    length = real("distance", distance, above=0.0)
-    opacity = real("density", density, above=0.0, high=1.0)
+    length = real("distance", distance, low=SMALLEST, high=LARGEST)
+    opacity = real("density", density, low=SMALLEST, high=1.0)
     each = extinction(1.0, volume, radius, opacity, edge=edge)
-    return integer("distance", round(_depth(contrast) / (length * each)), low=0, high=2**53)
+    share = length * each
+    if share * MOST_PARTICLES < _depth(contrast):
+        raise ValueError(
+            f"distance must not ask for more than {MOST_PARTICLES} particles, got {length:g} in a "
+            f"volume of {volume:g} of radius {radius:g}"
+        )
+    return round(_depth(contrast) / share)
 
 
 def _depth(contrast: float) -> float:

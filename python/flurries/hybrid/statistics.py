@@ -18,7 +18,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from flurries._contract import Float64, real, table
+from flurries._contract import Float64, _came, real, table
 from flurries.hybrid.population import Population, Seen, seen
 
 # Pixels of the torus on which correlations become spectra; no image of a flake reaches round it.
@@ -151,7 +151,7 @@ def statistics(
 
 
 def focal_of(focal: object) -> float:
-    return real("focal", focal, above=0.0, high=1e9)
+    return real("focal", focal, low=1e-9, high=1e9)
 
 
 def edges_of(edges: npt.ArrayLike) -> Float64:
@@ -165,5 +165,5 @@ def edges_of(edges: npt.ArrayLike) -> Float64:
 
 def expect_population(population: object) -> Population:
     if not isinstance(population, Population):
-        raise TypeError(f"population must be a hybrid.Population, got {population!r}")
+        raise TypeError(f"population must be a hybrid.Population, got {_came(population)}")
     return population

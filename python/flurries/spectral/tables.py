@@ -15,9 +15,11 @@ from flurries._contract import (
     LARGEST,
     SMALLEST,
     Float64,
+    _came,
     choice,
     flag,
     integer,
+    is_pair,
     output,
     real,
     seed_of,
@@ -225,8 +227,8 @@ def random_phase(
         wave: the same whatever else is computed. Bins that are their own mirror have 0 or -1/2.
     """
     size = shape_of("shape", shape)
-    if not isinstance(tile, (tuple, list, np.ndarray)) or len(tile) != 2:
-        raise TypeError(f"tile must be (row, col), got {tile!r}")
+    if not is_pair(tile):
+        raise TypeError(f"tile must be (row, col), got {_came(tile)}")
     row, col = (integer("tile", index, low=-(2**63), high=2**63 - 1) for index in tile)
     number = seed_of(seed)
     result = output(out, size, FLOAT64)

@@ -1,0 +1,170 @@
+"""The rows of docs/reliability.md: promises, the tests that hold them, what shows they can fail.
+
+Names are `file::test`; files in soak/ run in `make soak`, all others in `make test`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Row:
+    """One promise.
+
+    Attributes
+    ----------
+    promise, claim : str
+        What is promised, and the figure.
+    tests : tuple of str
+        What holds it.
+    control : tuple of str
+        Tests that see the failure where the guard is taken away.
+    """
+
+    promise: str
+    claim: str
+    tests: tuple[str, ...]
+    control: tuple[str, ...] = ()
+
+
+FORKED = "soak/test_soak_processes.py::"
+STOPPED = "soak/test_soak_interrupted.py::"
+FUZZED = "soak/test_soak_input.py::"
+KEPT = "test_io_atomic.py::"
+
+SECTIONS: dict[str, list[Row]] = {
+    "Determinism, processes, interpreter": [
+        Row("1, 2, 3, 8 threads x thread, fork, spawn, forkserver x forward, reverse, shuffled",
+            "4 scenes, SHA-256 equal",
+            ("test_determinism.py::test_threads_processes_and_orders",
+             "test_scene.py::test_frame_777_alone_is_frame_777_of_the_film"),
+            ("test_determinism.py::test_what_depends_on_the_order_would_be_seen",)),
+        Row("Reproducible mode", "the same bits with AVX-512, AVX2 and portable code",
+            ("test_reproducible.py::test_every_level_gives_the_same_bits",
+             "test_reproducible.py::test_an_old_processor_gives_the_same_bits",
+             "test_reproducible.py::test_switching_is_as_starting_so",
+             "test_sequence.py::test_the_two_modes_are_never_mixed"),
+            ("test_reproducible.py::test_without_the_mode_levels_differ",)),
+        Row("Kept hashes of frames", "change only with a line in the changelog",
+            ("test_determinism.py::test_kept_hashes",
+             "test_determinism.py::test_a_change_of_frames_is_told"),
+            ("test_determinism.py::test_a_change_that_is_not_told_would_be_seen",)),
+        Row("Fork after use", "100 forks, half of them from a busy process: 0 hang",
+            ("test_gate.py::test_forks_after_use", FORKED + "test_hundred_forks"),
+            # A lock that nobody frees ends by its alarm, in the same program.
+            ("test_gate.py::test_forks_after_use",)),
+        Row("multiprocessing, joblib and Dask workers (DataLoader: `make test-hosts`)",
+            "0 hangs, one set for any number of workers",
+            ("test_augment_workers.py::test_processes", "test_augment_workers.py::test_joblib",
+             "test_augment_workers.py::test_dask", "test_augment_workers.py::test_threads"),
+            ("test_augment_workers.py::test_no_two_are_alike",)),
+        Row("pickle, copy, deepcopy", "every public class, frame 7 the same, <= 4 KiB",
+            ("test_determinism.py::test_copies_give_the_same_frame",
+             "test_determinism.py::test_every_public_class_is_copied",
+             "test_scene.py::test_what_holds_no_picture_is_small"),
+            ("test_determinism.py::test_a_copy_that_forgets_would_be_seen",)),
+        Row("16 threads on one object", "equal results",
+            ("test_gate.py::test_many_threads_on_one_scene",),
+            ("test_gate.py::test_a_shared_buffer_would_be_seen",)),
+        Row("The interpreter is free during a frame",
+            "another thread at >= 80 % of its pace in a frame of 4k",
+            ("test_gate.py::test_the_gil_is_free_during_a_frame",
+             FORKED + "test_another_thread_goes_on_during_a_frame_of_4k"),
+            ("test_gate.py::test_the_gil_is_free_during_a_frame",)),
+        Row("Ctrl-C", "heard within 0.5 s in a frame of 16k; the next call works",
+            ("test_gate.py::test_ctrl_c_is_heard_in_a_kernel",
+             FORKED + "test_ctrl_c_in_a_frame_of_16k"),
+            ("test_gate.py::test_ctrl_c_is_heard_in_a_kernel",)),
+        Row("Panics", "an error of ours, never a PanicException",
+            ("test_gate.py::test_a_panic_is_an_error_of_ours",
+             "test_gate.py::test_a_panic_in_another_thread")),
+        Row("Import and exit", "0 threads at import; 100 of 100 clean exits while threads render",
+            ("test_gate.py::test_import_starts_nothing_and_loads_little",
+             "test_gate.py::test_clean_exits_while_a_daemon_thread_renders",
+             FORKED + "test_hundred_exits_while_daemon_threads_render"),
+            ("test_gate.py::test_an_exit_that_is_not_clean_would_be_seen",)),
+        Row("Memory", "<= 1 MiB in 10,000 frames",
+            ("test_gate.py::test_memory_stays_flat",
+             FORKED + "test_memory_over_ten_thousand_frames"),
+            (FORKED + "test_a_leak_is_seen",)),
+    ],
+    "Bad input": [
+        Row("Arrays: 11 layouts x 8 dtypes, 9 that are no such array, out over an input",
+            "every public function: right or refused by name",
+            ("test_arrays.py::test_layout_and_dtype", "test_arrays.py::test_what_is_no_such_array",
+             "test_arrays.py::test_out_over_an_input",
+             "test_arrays.py::test_every_public_function_is_here"),
+            ("test_arrays.py::test_a_wrong_answer_would_be_seen",)),
+        Row("Arguments: NaN, infinities, 2^31 +- 1, 2^63, long strings, random values",
+            "documented exceptions that name them, <= 50 ms, <= 64 MiB",
+            ("test_arguments.py::test_hostile_arguments", FUZZED + "test_random_arguments"),
+            ("test_arguments.py::test_what_is_wrong_is_told",)),
+        Row("Sizes", "MemoryError or ValueError under RLIMIT_AS, never an abort",
+            ("test_gate.py::test_memory_that_is_not_there_is_an_error",)),
+        Row("Scene files", "strict; the line and the nearest name; <= 1 MiB",
+            ("test_scenefile.py::test_a_mistake_is_told_with_its_place",
+             "test_scenefile.py::test_a_file_of_just_a_mebibyte_is_read",
+             FUZZED + "test_fuzzed_scene_files"),
+            ("test_scenefile.py::test_a_plain_reader_takes_what_we_refuse",)),
+        Row("Output patterns", "300 hostile ones refused, 0 files outside",
+            ("test_io_sequences.py::test_hostile_patterns_are_refused",
+             "test_io_sequences.py::test_a_pattern_stays_inside_its_folder",
+             "test_render.py::test_hostile_patterns"),
+            ("test_io_sequences.py::test_without_the_check_patterns_reach_outside",)),
+        Row("Damaged backgrounds", "one error naming file and frame, or a whole picture; 0 hangs",
+            ("test_io_pictures.py::test_a_picture_that_broke_off_is_an_error",
+             "test_io_pictures.py::test_changed_bytes_give_an_error_or_a_full_picture",
+             "test_sequence.py::test_it_stops_at_a_damaged_frame",
+             "test_sequence.py::test_it_skips_damaged_frames",
+             "test_sequence.py::test_it_holds_the_last_good_frame",
+             FUZZED + "test_damaged_pictures"),
+            ("test_io_pictures.py::test_without_the_guards_half_a_jpeg_is_half_grey",)),
+    ],
+    "Files": [
+        Row("kill -9, then resume", "0 partial frames, the same bits, nothing left over",
+            ("test_sequence.py::test_killed_at_any_time_and_resumed",
+             "test_io_atomic.py::test_killed_writers_leave_no_partial_picture",
+             STOPPED + "test_killed_and_resumed"),
+            (STOPPED + "test_without_the_guard_kills_leave_partial_frames",
+             "test_io_atomic.py::test_writing_in_place_loses_the_old_file")),
+        Row("Ctrl-C, then resume", "the same, and nothing left over even before",
+            ("test_cli.py::test_ctrl_c_keeps_what_is_done_and_goes_on",
+             "test_cli.py::test_ctrl_c_leaves_no_half_a_film",
+             STOPPED + "test_ctrl_c_and_resumed"),
+            (STOPPED + "test_without_the_guard_kills_leave_partial_frames",)),
+        Row("A Dask worker killed", "the same bits, nothing left over",
+            ("test_cluster.py::test_a_worker_that_is_killed_loses_nothing",
+             STOPPED + "test_dask_workers_killed"),
+            # Where no worker lives to take it up, the frames are missing, and named.
+            ("test_cluster.py::test_frames_that_kill_every_worker_are_named",)),
+        Row("A resume knows its scene",
+            "another scene's frames are refused; nothing private inside",
+            ("test_render.py::test_another_scene_is_never_mixed_in",
+             "test_render.py::test_a_damaged_frame_is_not_taken_for_done",
+             "test_render.py::test_headers_say_which_frame_and_nothing_private",
+             "test_sequence.py::test_the_manifest_has_a_hash_of_each_frame"),
+            ("test_sequence.py::test_without_the_mark_scenes_would_be_mixed",)),
+        Row("Disk full, read-only, FIFO, link, folder",
+            "OSError naming the file; what was there stays",
+            (KEPT + "test_a_full_disk_leaves_the_old_file",
+             KEPT + "test_read_only_folders_and_files_as_an_ordinary_user",
+             KEPT + "test_odd_targets_are_refused_by_name",
+             "test_cli.py::test_a_full_disk_leaves_nothing",
+             "test_io_video.py::test_a_full_disk_is_an_error_and_leaves_the_old_video"),
+            (KEPT + "test_writing_in_place_loses_the_old_file",)),
+        Row("Large frames", "peak memory <= the frame + 64 MiB",
+            (FORKED + "test_peak_memory_of_a_large_frame",)),
+        Row("Read back", "f32 EXR bit for bit, half within half an ulp, integers exact",
+            ("test_io_pictures.py::test_float32_comes_back_bit_for_bit",
+             "test_io_pictures.py::test_half_is_within_half_an_ulp",
+             "test_io_pictures.py::test_integers_come_back_exactly"),
+            ("test_io_atomic.py::test_a_picture_that_reads_back_wrong_is_not_kept",)),
+    ],
+}  # fmt: skip
+
+
+def named() -> set[str]:
+    """Return every test of the page."""
+    rows = [row for section in SECTIONS.values() for row in section]
+    return {test for row in rows for test in (*row.tests, *row.control)}

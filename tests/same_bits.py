@@ -1,0 +1,153 @@
+"""What must have the same bits wherever it is made: kernels and scenes, and their hashes.
+
+`python same_bits.py kernels` prints the hashes of the kernels' results as JSON; `scenes` those of
+frames. The tests run it with other vector instructions, threads and processes.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import sys
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+import flurries as fl
+
+RNG = np.random.default_rng
+LENS = fl.Camera(70.0)
+MOVING: dict[str, Any] = {
+    "drift": (3.0, -9.0), "velocity": (1.0, 4.0), "shutter": 0.5, "alias": "soft", "seed": 5,
+}  # fmt: skip
+
+
+def points(count: int) -> np.ndarray:
+    return RNG(1).random((count, 3)) * (4.0, 3.0, 6.0) + (-2.0, -1.5, 0.5)
+
+
+def gas(dtype: Any, **options: Any) -> np.ndarray:
+    radius = 0.05 + 0.4 * RNG(2).random(60)
+    colour = RNG(3).random((60, 3))
+    return fl.gas.splat(
+        (40, 52), points(60), radius, 0.5 + radius, colour, LENS, dtype=dtype, **options
+    )
+
+
+def picture(dtype: Any) -> np.ndarray:
+    numbers = RNG(4).random((40, 52, 3))
+    return numbers.astype(dtype) if np.dtype(dtype).kind == "f" else (200 * numbers).astype(dtype)
+
+
+def _kernels(dtype: Any) -> dict[str, Callable[[], Any]]:
+    cover = RNG(5).random((40, 52)).astype(dtype)
+    tile = fl.cone.snow_tile(64, seed=1)
+    axis = (0.1, 0.9, 0.3)
+    return {
+        "alpha": lambda: fl.spectral.alpha((200, 150), preserve_mean=True, dtype=dtype, **MOVING),
+        "alpha, power 1.7": lambda: fl.spectral.alpha(
+            (70, 64), power=1.7, spread=0.4, dtype=dtype, **MOVING
+        ),
+        "alpha, small tiles": lambda: fl.spectral.alpha(
+            (99, 97), tile=24, overlap=5, wavelengths=(2.0, 12.0), blend="linear", dtype=dtype,
+            **MOVING,
+        ),
+        "field, prime tile": lambda: fl.spectral.field(
+            (90, 70), tile=33, overlap=7, jitter=True, dtype=dtype, **MOVING
+        ),
+        "field, large tile": lambda: fl.spectral.field(
+            (300, 280), tile=(256, 270), wavelengths=(2.0, 90.0), dtype=dtype, **MOVING
+        ),
+        "volume": lambda: fl.spectral.volume(32, 32, (1.0, 5.0), seed=1, dtype=dtype),
+        "loop": lambda: fl.spectral.loop(
+            9, (40, 44), (1.0, 5.0), seed=1, shutter=0.4, dtype=dtype
+        ),
+        "inverse_transform": lambda: fl.spectral.inverse_transform(
+            RNG(6).random((45, 62)), RNG(7).random((45, 62)) - 0.5, dtype=dtype
+        ),
+        "opacity": lambda: fl.spectral.opacity(cover - 0.5, exponent=1.3, spread=0.2),
+        "blend_tiles": lambda: fl.spectral.blend_tiles(
+            RNG(8).random((2, 2, 32, 32)).astype(dtype), (54, 54), overlap=10
+        ),
+        "particles.splat": lambda: fl.particles.splat(
+            (40, 52), points(300), 0.01 + 0.1 * RNG(2).random(300), LENS, opacity=0.7,
+            velocity=RNG(9).random((300, 3)), shutter=0.5, dtype=dtype,
+        ),
+        "gas.splat": lambda: gas(dtype),
+        "gas.splat, by ray": lambda: gas(dtype, footprint="volume", edge="square"),
+        "gas.splat, viewpoint": lambda: gas(dtype, footprint="viewpoint", error=0.01),
+        "cone.layer": lambda: fl.cone.layer(
+            (40, 52), LENS, tile, axis=axis, phase=0.3, stretch=2.5, dtype=dtype
+        ),
+        "cone.layers": lambda: fl.cone.layers(
+            (40, 52), LENS, tile, axis=axis, phase=0.3, stretch=2.5, dtype=dtype
+        ),
+        "cone.rain_tile": lambda: fl.cone.rain_tile(64, seed=2, dtype=dtype),
+        "composite.snow": lambda: fl.composite.snow(picture(dtype), cover),
+        "composite.snow, 8 bits": lambda: fl.composite.snow(picture(np.uint8), cover),
+        "composite.join": lambda: fl.composite.join([cover, cover**2], haze=0.1),
+        "composite.over": lambda: fl.composite.over(
+            picture(dtype), np.dstack([picture(dtype), cover])
+        ),
+        "stereo.anaglyph": lambda: fl.stereo.anaglyph(picture(dtype), picture(dtype)[:, ::-1]),
+    }  # fmt: skip
+
+
+KERNELS: dict[str, Callable[[], Any]] = {
+    f"{name}, {np.dtype(dtype).name}": call
+    for dtype in (np.float32, np.float64)
+    for name, call in _kernels(dtype).items()
+}
+# Angles of tiles and places of flakes: float64 only.
+KERNELS |= {
+    "particles.positions": lambda: fl.particles.positions(
+        500, (4.0, 3.0, 6.0), seed=3, velocity=(0.3, 1.2, 0.1), time=1234.5, sway=(0.1, 2.0)
+    ),
+    "random_phase": lambda: fl.spectral.random_phase((33, 40), seed=9),
+    "tent_rate": lambda: fl.spectral.tent_rate((33, 40), (1.0, 5.0)),
+    "band_amplitude": lambda: fl.spectral.band_amplitude((64, 60), exponent=0.7),
+    "temporal_filter": lambda: fl.spectral.temporal_filter(
+        np.ones((64, 60)), (1.0, 5.0), alias="soft", shutter=0.7
+    ),
+    "cone.rays": lambda: np.stack(
+        [fl.cone.rays((40, 52), LENS, axis=(0.1, 0.9, 0.3)).azimuth,
+         fl.cone.rays((40, 52), LENS, axis=(0.1, 0.9, 0.3)).height]
+    ),
+    "gas.light": lambda: fl.gas.light(points(60), np.full(60, 0.3), np.ones(60), (0.4, 1.0, 0.3)),
+}  # fmt: skip
+
+PATH = fl.CameraPath(
+    fl.Camera(140.0),
+    velocity=(0.3, 0.0, 2.0),
+    orientation=fl.Keys([(0, (0.0, 0.0, 0.0)), (20, (0.0, 0.4, 0.1))]),
+)
+# Light in float32, so that the last bit is seen.
+PLATE = RNG(0).random((120, 160, 3), np.float32)
+SCENES: dict[str, fl.Scene] = {
+    "snow": fl.Scene(None, PLATE, effects=fl.Snow.preset("heavy", flakes=400)),
+    "rain": fl.Scene(None, PLATE, camera=PATH, effects=fl.Rain.preset("downpour", drops=300)),
+    "gusts": fl.Scene(
+        None, PLATE, camera=PATH,
+        effects=[fl.Snow(flakes=200, wind=fl.Wind((1.0, 0.0, 0.3), gusts=0.6, swirl=0.3))],
+    ),
+    "mist": fl.Scene(None, PLATE, sun=fl.Sun(), effects=[fl.Mist(count=300, wind=(0.5, 0.0, 0.0))]),
+    "cone": fl.Scene(None, PLATE, effects=[fl.ConeSnow(tile=128), fl.ConeRain(tile=128)]),
+}  # fmt: skip
+
+
+def digest(array: Any) -> str:
+    found = np.ascontiguousarray(array)
+    return hashlib.sha256(f"{found.dtype.str}{found.shape}".encode() + found.tobytes()).hexdigest()
+
+
+def of_kernels() -> dict[str, str]:
+    return {name: digest(call()) for name, call in KERNELS.items()}
+
+
+def of_scenes(frames: tuple[float, ...] = (0, 7.25, 1000)) -> dict[str, str]:
+    return {name: digest([scene.render(t) for t in frames]) for name, scene in SCENES.items()}
+
+
+if __name__ == "__main__":
+    print(json.dumps({"kernels": of_kernels, "scenes": of_scenes}[sys.argv[1]]()))

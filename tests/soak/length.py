@@ -1,0 +1,12 @@
+"""How long a soak is: FLURRIES_SOAK is a share of the full length."""
+
+from __future__ import annotations
+
+import os
+
+SHARE = float(os.environ.get("FLURRIES_SOAK", "1"))
+
+
+def times(full: int, least: int = 2) -> int:
+    """Return how often something is done."""
+    return max(round(SHARE * full), least)

@@ -1,0 +1,186 @@
+"""Forks, exits, memory and interruptions, many times."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+from length import times
+
+import test_gate
+
+Record = Callable[[str, object], None]
+
+
+def test_hundred_forks(record_property: Record):
+    each = times(50)
+    scene = "scene = fl.Scene((200, 150), effects=[fl.Snow(flakes=200)])"
+    program = test_gate.FORKS.replace("range(10)", f"range({each})").format(scene=scene)
+    assert test_gate.python(program) == ["{0}", "0", "True", "True"]
+    record_property("figure", f"{2 * each} forks, half of them from a busy process: 0 hung")
+
+
+def test_hundred_exits_while_daemon_threads_render(record_property: Record):
+    count, ends = times(100), []
+    code = """
+import threading
+import flurries as fl
+scene = fl.Scene((300, 300), effects=[fl.Snow(flakes=200)])
+started = threading.Event()
+def work():
+    while True:
+        scene.render(1)
+        started.set()
+for _ in range(2):
+    threading.Thread(target=work, daemon=True).start()
+started.wait()
+"""
+    for _ in range(0, count, 4):
+        running = [test_gate.launch(code, FLURRIES_NUM_THREADS="2") for _ in range(4)]
+        ends += [(process.communicate(timeout=100), process.returncode) for process in running]
+    bad = [end for end in ends if end != (("", ""), 0)]
+    record_property("figure", f"{len(ends) - len(bad)} of {len(ends)} clean exits")
+    assert bad == []
+
+
+MEMORY = """
+import gc
+import flurries as fl
+scene = fl.Scene((160, 120), "#304050", effects=[fl.Snow.preset("heavy", flakes=300)])
+def resident():
+    gc.collect()
+    with open("/proc/self/status") as file:
+        return next(int(line.split()[1]) for line in file if line.startswith("VmRSS"))
+kept = []
+def run(frames):
+    for t in frames:
+        scene.render(t)
+        kept.append(bytes(LEAK))
+run(range(300))
+before = resident()
+run(range(300, 300 + COUNT))
+print(resident() - before)
+"""
+
+
+def grown(frames: int, leak: int) -> int:
+    code = MEMORY.replace("LEAK", str(leak)).replace("COUNT", str(frames))
+    done = subprocess.run(
+        [sys.executable, "-c", code], text=True, capture_output=True, timeout=600,
+        env={**os.environ, "FLURRIES_NUM_THREADS": "2"},
+    )  # fmt: skip
+    return int(done.stdout)
+
+
+def test_memory_over_ten_thousand_frames(record_property: Record):
+    frames = times(10_000)
+    # A list of 10,000 empty byte strings is 80 KiB of it.
+    growth = grown(frames, 0)
+    record_property("figure", f"{growth} KiB in {frames} frames")
+    assert growth <= 1024
+
+
+def test_a_leak_is_seen(record_property: Record):
+    frames = times(2000, 300)
+    growth = grown(frames, 8192)
+    record_property("figure", f"8 KiB a frame: {growth} KiB in {frames} frames")
+    assert growth > 1024
+
+
+LATENCY = """
+import os, signal, threading, time
+import numpy as np
+import flurries as fl
+sent = 0.0
+out = np.full((16384, 16384), np.nan, np.float32)
+def watch():
+    global sent
+    while np.isnan(out[::64, ::64]).all():
+        time.sleep(0.001)
+    time.sleep(0.2)
+    sent = time.perf_counter()
+    os.kill(os.getpid(), signal.SIGINT)
+for _ in range(COUNT):
+    out.fill(np.nan)
+    threading.Thread(target=watch).start()
+    try:
+        fl.spectral.field(out.shape, drift=(1, 9), seed=1, overlap=48, out=out)
+        print("finished")
+    except KeyboardInterrupt:
+        print(time.perf_counter() - sent, bool(np.isnan(out).any()))
+"""
+
+
+def test_ctrl_c_in_a_frame_of_16k(record_property: Record):
+    got = test_gate.python(LATENCY.replace("COUNT", str(times(5))), FLURRIES_NUM_THREADS="2")
+    delays, given_up = [float(word) for word in got[::2]], got[1::2]
+    record_property("figure", f"slowest of {len(delays)}: {1e3 * max(delays):.0f} ms")
+    assert set(given_up) == {"True"} and max(delays) <= 0.5
+
+
+GIL = """
+import threading, time
+import flurries as fl
+fl.set_threads(1)
+count, stop = 0, False
+def work():
+    global count
+    while not stop:
+        count += 1
+        time.sleep(0)
+def rate(call):
+    first, start = count, time.perf_counter()
+    call()
+    return (count - first) / (time.perf_counter() - start)
+frame = lambda: fl.spectral.alpha((2160, 3840), drift=(1.0, 9.0), seed=1, overlap=30)
+frame()
+thread = threading.Thread(target=work); thread.start()
+for _ in range(COUNT):
+    print(rate(frame) / rate(lambda: time.sleep(0.2)))
+stop = True
+thread.join()
+"""
+
+
+def test_another_thread_goes_on_during_a_frame_of_4k(record_property: Record):
+    # Neighbours on the machine take from either rate: the best of many is the measurement.
+    shares = [float(word) for word in test_gate.python(GIL.replace("COUNT", "40"))]
+    best, middle = max(shares), float(np.median(shares))
+    record_property(
+        "figure", f"{100 * min(best, 1):.0f} % of its pace alone at best of 40, median "
+        f"{100 * middle:.0f} %, on a machine with a load of {os.getloadavg()[0]:.1f}"
+    )  # fmt: skip
+    assert best >= 0.8
+
+
+PEAK = """
+import resource, sys
+import numpy as np
+import flurries as fl
+size = int(sys.argv[1])
+plate = np.full((size, size, 3), 0.2, np.float16)
+scene = fl.Scene(None, plate, effects=[fl.Snow(flakes=500)])
+before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+scene.write(sys.argv[2], "1")
+print((resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before) // 1024)
+"""
+
+
+@pytest.mark.parametrize("size", [4096, 8192])
+def test_peak_memory_of_a_large_frame(size: int, tmp_path: Any, record_property: Record):
+    """Not met; the bound here only keeps it from growing."""
+    done = subprocess.run(
+        [sys.executable, "-c", PEAK, str(size), str(tmp_path / "a.exr")],
+        text=True, capture_output=True, timeout=600,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    output = size * size * 12 // 2**20
+    more = int(done.stdout) - output
+    record_property("figure", f"{size} px: output {output} MiB, {more} MiB more")
+    record_property("met", more <= 64)
+    assert more <= 3 * output

@@ -1,0 +1,226 @@
+"""One frame, one set of bits: threads, processes and order; and the hashes that must not change."""
+
+from __future__ import annotations
+
+import copy
+import inspect
+import json
+import multiprocessing
+import pickle
+import subprocess
+import sys
+import threading
+import warnings
+from collections.abc import Callable
+from concurrent.futures import ProcessPoolExecutor
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import flurries as fl
+from same_bits import SCENES, digest
+
+HERE = Path(__file__).parent
+TIMES = [0, 7.25, 3, 1000]
+ORDERS = {"forward": [0, 1, 2, 3], "reverse": [3, 2, 1, 0], "shuffled": [2, 0, 3, 1]}
+# Four of them: gusts are snow.
+NAMES = ["snow", "rain", "mist", "cone"]
+
+
+def hashes(threads: int, render: Callable[[str, float], Any] | None = None) -> list[str]:
+    """Hashes of all frames of all scenes, for each order of making them."""
+    fl.set_threads(threads)
+    make = render or (lambda name, t: SCENES[name].render(t))
+    found = []
+    for order in ORDERS.values():
+        made = {(name, i): digest(make(name, TIMES[i])) for name in NAMES for i in order}
+        found.append(json.dumps([made[name, i] for name in NAMES for i in range(4)]))
+    return found
+
+
+@pytest.fixture(scope="module")
+def want() -> str:
+    first = hashes(1)
+    fl.set_threads(2)
+    assert len(set(first)) == 1 and len(set(json.loads(first[0]))) == 16
+    return first[0]
+
+
+@pytest.mark.parametrize("kind", ["thread", "fork", "spawn", "forkserver"])
+@pytest.mark.parametrize("count", [1, 2, 3, 8])
+def test_threads_processes_and_orders(
+    count: int, kind: str, want: str, threads: Callable[[int], None],
+    record_property: Callable[[str, object], None],
+):  # fmt: skip
+    if kind == "thread":
+        got: list[str] = []
+        worker = threading.Thread(target=lambda: got.extend(hashes(count)))
+        worker.start()
+        worker.join(120)
+    else:
+        with warnings.catch_warnings():
+            # From 3.12 on Python warns of any fork beside threads; the test is that it works.
+            warnings.simplefilter("ignore", DeprecationWarning)
+            context = multiprocessing.get_context(kind)
+            with ProcessPoolExecutor(1, mp_context=context) as pool:
+                got = pool.submit(hashes, count).result(120)
+    assert got == [want] * 3
+    record_property("count", f"{16 * len(got)}")
+
+
+def test_what_depends_on_the_order_would_be_seen():
+    """The control: a painter that goes on from the frame before, and one that sums by threads."""
+    state = 0.0
+
+    def from_the_last(name: str, t: float) -> np.ndarray:
+        nonlocal state
+        state += t + len(name)
+        return np.array(state)
+
+    assert len(set(hashes(1, from_the_last))) == 3
+    numbers = np.random.default_rng(0).random(100_000, np.float32)
+
+    def by_threads(name: str, t: float) -> np.ndarray:
+        parts = np.array_split(numbers, fl.threads())
+        return np.float32(sum(float(t) + part.sum() for part in parts))
+
+    assert len({hashes(count, by_threads)[0] for count in (1, 2, 3, 8)}) > 1
+
+
+# Hashes that are kept ---------------------------------------------------------------------------
+
+KEPT = json.loads((HERE / "frames" / "hashes.json").read_text(encoding="utf-8"))
+
+
+def test_kept_hashes():
+    """In the reproducible mode; `make hashes` takes others, with a line in the changelog."""
+    code = "import json; from same_bits import of_scenes; print(json.dumps(of_scenes()))"
+    done = subprocess.run(
+        [sys.executable, "-c", f"import flurries; flurries.set_reproducible(True); {code}"],
+        text=True, capture_output=True, cwd=HERE,
+    )  # fmt: skip
+    found = json.loads(done.stdout)
+    assert set(found) == set(KEPT)
+    for name, value in found.items():
+        assert value == KEPT[name]["sha256"], f"frames of {name!r} have changed"
+
+
+def missing(kept: dict[str, Any], log: str) -> list[str]:
+    """The changes of frames that the changelog does not tell."""
+    return [
+        f"Frames of `{name}` change ({number})"
+        for name, entry in kept.items()
+        for number in range(2, entry["number"] + 1)
+        if f"Frames of `{name}` change ({number})" not in log
+    ]
+
+
+def test_a_change_of_frames_is_told():
+    assert missing(KEPT, (HERE.parent / "CHANGELOG.md").read_text(encoding="utf-8")) == []
+
+
+def test_a_change_that_is_not_told_would_be_seen():
+    changed = {"snow": {"sha256": "0", "number": 3}}
+    assert missing(changed, "- Frames of `snow` change (2): finer flakes.") == [
+        "Frames of `snow` change (3)"
+    ]
+
+
+# Copies -------------------------------------------------------------------------------------------
+
+WIND = fl.Wind((1.0, 0.0, 0.3), gusts=0.6)
+PATH = fl.CameraPath(
+    fl.Camera(80.0), velocity=fl.Keys([(0, (0.0, 0.0, 1.0)), (9, (0.1, 0.0, 2.0))])
+)
+EFFECTS = [
+    fl.Snow(flakes=50, wind=WIND), fl.Rain(drops=50), fl.Mist(count=40), fl.ConeSnow(tile=64),
+    fl.ConeRain(tile=64), fl.MatchedSnow(density=110, radius=(0.006, 0.014), depth=(1.5, 24.0)),
+]  # fmt: skip
+OBJECTS: dict[str, Any] = {
+    "Camera": fl.Camera(80.0, rotation=(0.1, 0.0, 0.0)),
+    "CameraPath": PATH,
+    "Keys": fl.Keys([(0, 1.0), (9, 0.0)]),
+    "Scene": fl.Scene((96, 64), "#304050", PATH, EFFECTS[:1], sun=fl.Sun()),
+    "Sun": fl.Sun((0.1, 1.0, 0.2)),
+    "Wind": WIND,
+    "DepthMap": fl.DepthMap("depth.png", near=1.0, far=9.0),
+    "cone.Texture": fl.cone.Texture(fl.cone.snow_tile(16, seed=1)),
+    "cone.Mapping": fl.cone.Mapping((9, 8), fl.Camera(8.0), axis=(0.0, 1.0, 0.0)),
+    "cone.Path": fl.cone.path([0.0, 1.0], (0.0, 8.0, 0.0)),
+    "hybrid.Population": fl.hybrid.Population(density=0.5, radius=(0.006, 0.014), depth=(1.5, 24)),
+    **{type(effect).__name__: effect for effect in EFFECTS},
+}
+# What a frame is made of while it is made: functions' own arguments and results, held by nobody.
+PASSING = {"Frame", "Layer", "Rendered", "InternalError"}
+COPIES: dict[str, Callable[[Any], Any]] = {
+    "pickle": lambda value: pickle.loads(pickle.dumps(value)),
+    "copy": copy.copy,
+    "deepcopy": copy.deepcopy,
+}
+
+
+def seen(name: str, value: Any) -> bytes:
+    """Frame 7 with an object in its place, or what the object answers."""
+    scene = fl.Scene((96, 64), "#304050", fl.Camera(80.0), [fl.Snow(flakes=50)], seed=3)
+    put: dict[str, Callable[[], dict[str, Any]]] = {
+        "Camera": lambda: {"camera": value},
+        "CameraPath": lambda: {"camera": value},
+        "Sun": lambda: {"sun": value},
+        "Keys": lambda: {"effects": [fl.Snow(flakes=50, amount=value)]},
+        "Wind": lambda: {"effects": [fl.Snow(flakes=50, wind=value)]},
+    }
+    if name == "Scene":
+        return bytes(value.render(7))
+    if hasattr(value, "render"):
+        return bytes(scene.replace(effects=[value]).render(7))
+    if name in put:
+        return bytes(scene.replace(**put[name]()).render(7))
+    camera, axis = fl.Camera(8.0), (0.0, 1.0, 0.0)
+    tile = OBJECTS["cone.Texture"]
+    if name == "cone.Texture":
+        return bytes(fl.cone.layers((9, 8), camera, value, axis=axis, phase=0.2))
+    if name == "cone.Mapping":
+        return bytes(fl.cone.layers((9, 8), camera, tile, axis=axis, phase=0.2, mapping=value))
+    if name == "cone.Path":
+        return repr(value.at(0.5)).encode()
+    if name == "hybrid.Population":
+        return bytes(fl.hybrid.simulate((9, 8), value, camera, seed=1))
+    return repr(value).encode()
+
+
+@pytest.mark.parametrize("how", COPIES)
+@pytest.mark.parametrize("name", OBJECTS)
+def test_copies_give_the_same_frame(
+    name: str, how: str, record_property: Callable[[str, object], None]
+):
+    value = OBJECTS[name]
+    assert seen(name, COPIES[how](value)) == seen(name, value)
+    if how == "pickle" and name != "cone.Mapping":
+        # A chart is made of pictures.
+        size = len(pickle.dumps(value))
+        record_property("bytes", size)
+        assert size <= 4096 + (
+            tile_bytes if (tile_bytes := 8 * 16 * 16) and "Texture" in name else 0
+        )
+
+
+def test_a_copy_that_forgets_would_be_seen():
+    class Forgets:
+        def __init__(self, seed: int = 1) -> None:
+            self.scene = fl.Scene((96, 64), "#304050", effects=[fl.Snow(flakes=50)], seed=seed)
+
+        def render(self, t: float) -> Any:
+            return self.scene.render(t)
+
+        def __copy__(self) -> Forgets:
+            return Forgets()
+
+    value = Forgets(5)
+    assert bytes(copy.copy(value).render(7)) != bytes(value.render(7))
+
+
+def test_every_public_class_is_copied():
+    public = {name for name in fl.__all__ if inspect.isclass(getattr(fl, name))}
+    assert public - PASSING == {name for name in OBJECTS if "." not in name}

@@ -1,0 +1,133 @@
+"""The reproducible mode: one set of bits whatever the processor has; and what it is not."""
+
+from __future__ import annotations
+
+import json
+import os
+import platform
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import flurries as fl
+from flurries import _core
+from flurries.cli import main
+from same_bits import KERNELS, SCENES, digest
+
+HERE = Path(__file__).parent
+# An old processor for everything beside the kernels: the C library, NumPy and its linear algebra.
+OLD = {
+    "GLIBC_TUNABLES": "glibc.cpu.hwcaps=-AVX,-AVX2,-FMA,-FMA4,-AVX512F,-AVX512VL",
+    "NPY_DISABLE_CPU_FEATURES": "AVX512F AVX512CD AVX512_SKX AVX512_CLX AVX512_CNL AVX512_ICL",
+    "OPENBLAS_CORETYPE": "Prescott",
+}
+# RustFFT takes its factors from the C library; in float64 their last bits show.
+FROM_THE_C_LIBRARY = {"field, large tile, float64", "inverse_transform, float64"}
+
+
+def hashes(what: str, **environment: str) -> dict[str, str]:
+    done = subprocess.run(
+        [sys.executable, str(HERE / "same_bits.py"), what], text=True, capture_output=True,
+        env={**os.environ, **environment}, timeout=300,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    found: dict[str, str] = json.loads(done.stdout)
+    return found
+
+
+def has_fma() -> bool:
+    info = Path("/proc/cpuinfo")
+    return platform.machine() == "x86_64" and info.exists() and " fma " in info.read_text()
+
+
+@pytest.fixture(autouse=True)
+def as_before() -> Iterator[None]:
+    before = fl.reproducible()
+    yield
+    fl.set_reproducible(before)
+
+
+@pytest.mark.parametrize("what", ["kernels", "scenes"])
+def test_every_level_gives_the_same_bits(what: str, record_property: Callable[[str, object], None]):
+    names = {"kernels": KERNELS, "scenes": SCENES}[what]
+    want = hashes(what, FLURRIES_REPRODUCIBLE="1")
+    assert set(want) == set(names) and len(set(want.values())) >= len(names) - 1
+    for environment in (
+        {"FLURRIES_SIMD": "avx2"},
+        {"FLURRIES_SIMD": "portable"},
+        {"FLURRIES_NUM_THREADS": "5"},
+    ):
+        assert hashes(what, FLURRIES_REPRODUCIBLE="1", **environment) == want, environment
+    record_property("figure", f"{len(want)} {what}: 0 of 4 runs differ")
+
+
+@pytest.mark.parametrize("what", ["kernels", "scenes"])
+def test_without_the_mode_levels_differ(what: str):
+    """The control: fused products round once."""
+    if not has_fma():
+        pytest.skip("this processor has no fused product")
+    fused, apart = hashes(what), hashes(what, FLURRIES_SIMD="portable")
+    assert sum(fused[name] != apart[name] for name in fused) >= 5
+
+
+@pytest.mark.parametrize("what", ["kernels", "scenes"])
+def test_an_old_processor_gives_the_same_bits(
+    what: str, record_property: Callable[[str, object], None]
+):
+    want = hashes(what, FLURRIES_REPRODUCIBLE="1")
+    got = hashes(what, FLURRIES_REPRODUCIBLE="1", FLURRIES_SIMD="portable", **OLD)
+    different = {name for name in want if got[name] != want[name]}
+    assert different <= FROM_THE_C_LIBRARY
+    record_property("figure", f"{len(want) - len(different)} of {len(want)} {what} the same")
+
+
+def test_switching_is_as_starting_so():
+    """Nothing that one mode keeps is used by the other."""
+    said = {mode: hashes("kernels", FLURRIES_REPRODUCIBLE=mode) for mode in ("0", "1")}
+    frames = {mode: hashes("scenes", FLURRIES_REPRODUCIBLE=mode) for mode in ("0", "1")}
+    for mode in ("0", "1", "0", "1"):
+        fl.set_reproducible(mode == "1")
+        assert fl.reproducible() is (mode == "1")
+        assert {name: digest(call()) for name, call in KERNELS.items()} == said[mode]
+        for name, scene in SCENES.items():
+            assert digest([scene.render(t) for t in (0, 7.25, 1000)]) == frames[mode][name]
+
+
+def test_it_is_as_right():
+    shape = (130, 140)
+    moving: dict[str, Any] = {"drift": (3.0, -9.0), "seed": 5, "tile": 64}
+    exact = fl.spectral.field(shape, dtype=np.float64, **moving)
+    errors = []
+    for mode in (False, True):
+        fl.set_reproducible(mode)
+        errors.append(np.abs(fl.spectral.field(shape, **moving) - exact).max())
+    assert errors[1] < 5e-6 and errors[1] < 3 * errors[0]
+
+
+@pytest.mark.parametrize("bad", [1, 0, "yes", None, np.ones(2)])
+def test_it_is_on_or_off(bad: Any):
+    with pytest.raises(TypeError, match=r"\bon\b"):
+        fl.set_reproducible(bad)
+
+
+@pytest.mark.parametrize("value, on", [("1", True), ("0", False), ("", False), ("yes", False)])
+def test_the_environment_turns_it_on(value: str, on: bool):
+    code = "import flurries as fl; print(fl.reproducible())"
+    done = subprocess.run(
+        [sys.executable, "-c", code], text=True, capture_output=True,
+        env={**os.environ, "FLURRIES_REPRODUCIBLE": value},
+    )  # fmt: skip
+    assert done.stdout.split() == [str(on)]
+
+
+def test_the_command_line_turns_it_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setenv("FLURRIES_REPRODUCIBLE", "0")
+    words = ["render", "#304050", "--snow", "heavy", "--size", "64x48", "--quiet", "--frames", "1"]
+    assert main([*words, "--reproducible", "-o", str(tmp_path / "%d.png")]) == 0
+    # Its workers, too.
+    assert _core.reproducible() and os.environ["FLURRIES_REPRODUCIBLE"] == "1"
