@@ -17,7 +17,7 @@ use super::bins::Bands;
 use super::draw::{Drawing, TILE};
 use super::splat::{Cloud, Picture, alpha, check_all, sprites};
 use super::sprite::{Eye, Form, Look, Sprite};
-use crate::error::{Cancel, Error, collected, zeroed};
+use crate::error::{Cancel, Error, collected, pushed, zeroed};
 use crate::normal::Normal;
 use crate::pool;
 use crate::real::Real;
@@ -122,12 +122,8 @@ pub fn pair<P: Normal, M: Real>(
         drawings.push((middle, Bands::of(&all, &members, shape.0)?));
     }
     let [out_left, out_right] = outs;
-    let items: Vec<_> = out_left
-        .into_iter_bands()
-        .into_iter()
-        .zip(out_right.into_iter_bands())
-        .enumerate()
-        .collect();
+    let items =
+        out_left.into_iter_bands()?.into_iter().zip(out_right.into_iter_bands()?).enumerate();
     pool::for_each(items, |(band, (mut a, mut b))| {
         let mut plane: Vec<P> = zeroed(TILE * wider.1)?;
         for (middle, bands) in &drawings {
@@ -265,19 +261,19 @@ fn shifted<P: Normal>(alpha: &mut [P], source: &[P], offset: f64) {
 
 /// A picture in bands of rows.
 trait InBands<'a, P> {
-    fn into_iter_bands(self) -> Vec<ArrayViewMut2<'a, P>>;
+    fn into_iter_bands(self) -> Result<Vec<ArrayViewMut2<'a, P>>, Error>;
 }
 
 impl<'a, P> InBands<'a, P> for ArrayViewMut2<'a, P> {
-    fn into_iter_bands(self) -> Vec<ArrayViewMut2<'a, P>> {
+    fn into_iter_bands(self) -> Result<Vec<ArrayViewMut2<'a, P>>, Error> {
         let mut bands = Vec::new();
         let mut rest = self;
         while rest.nrows() > 0 {
             let height = TILE.min(rest.nrows());
             let (band, below) = rest.split_at(Axis(0), height);
-            bands.push(band);
+            pushed(&mut bands, band)?;
             rest = below;
         }
-        bands
+        Ok(bands)
     }
 }

@@ -87,11 +87,10 @@ pub fn inverse_transform(
     })
 }
 
-/// First pixels of the tiles along one axis.
+/// How many tiles there are along one axis; they start at multiples of `tile - overlap`.
 #[pyfunction]
-pub fn tile_starts(length: usize, tile: usize, overlap: usize) -> PyResult<Vec<usize>> {
-    let row = Row { length, tile, overlap }.checked()?;
-    Ok((0..row.count()).map(|index| row.start(index)).collect())
+pub fn tile_count(length: usize, tile: usize, overlap: usize) -> PyResult<usize> {
+    Ok(Row { length, tile, overlap }.checked()?.count())
 }
 
 /// Tiles of either precision.
@@ -153,7 +152,7 @@ fn map_plane<T: Real>(
     map: Opacity,
 ) -> PyResult<()> {
     gate::run(py, field.len() as f64, move |_| {
-        let tasks = out.rows_mut().into_iter().zip(field.rows()).collect();
+        let tasks = out.rows_mut().into_iter().zip(field.rows());
         pool::for_each(
             tasks,
             |(mut out, field): (ndarray::ArrayViewMut1<'_, T>, ndarray::ArrayView1<'_, T>)| {

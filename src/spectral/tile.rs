@@ -7,6 +7,7 @@ use num_complex::Complex;
 
 use super::dense::{Dense, Work, operations, transform};
 use super::phases::{Columns, Power, TileMotion, Values};
+use super::transform::room_for_plans;
 use super::waves::{Draw, Waves};
 use crate::error::{Error, zeroed};
 use crate::real::Real;
@@ -82,6 +83,7 @@ impl<T: Real> Plan<T> {
             let columns = Columns::new(waves, Dense::<T>::half_pixel)?;
             return Ok(Self { columns, tile, way: Way::Dense(Dense::new(waves)?) });
         }
+        room_for_plans::<T>(tile)?;
         Ok(Self {
             columns: Columns::new(waves, |_, _| 0.0)?,
             tile,

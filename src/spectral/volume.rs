@@ -15,6 +15,7 @@ use super::filter::TemporalFilter;
 use super::grid::position;
 use super::phase::{leader_phase, reduce, tile_hash};
 use super::tent::Motion;
+use super::transform::room_for_plans;
 use super::waves::{Draw, Waves};
 use crate::error::{Cancel, Error, zeroed};
 use crate::pool;
@@ -223,6 +224,7 @@ impl Spectrum {
         cancel: &Cancel,
     ) -> Result<(), Error> {
         let (height, width) = self.shape;
+        room_for_plans::<T>(self.shape)?;
         let (down, across) = (T::inverse(height), T::to_real(width));
         let zero = Complex::new(T::zero(), T::zero());
         let mut columns = zeroed::<Complex<T>>(self.columns.len() * height)?;
