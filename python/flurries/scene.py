@@ -413,6 +413,13 @@ class Scene:
         return asks
 
 
+def expect_scene(scene: object) -> Scene:
+    """Return a scene, or refuse what is none."""
+    if not isinstance(scene, Scene):
+        raise TypeError(f"scene must be a flurries.Scene, got {type(scene).__name__}")
+    return scene
+
+
 def _rebuilt(values: dict[str, Any]) -> Scene:
     return Scene(**values)
 

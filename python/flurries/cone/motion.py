@@ -150,6 +150,12 @@ def scroll(
         longer = _numbers("stretch", stretch)
         if not (longer > 0.0).all():
             raise ValueError(f"stretch must be positive, got {longer.min()}")
+        lengths = {len(values) for values in (pace, step, longer) if values.ndim}
+        if len(lengths) > 1:
+            raise ValueError(
+                "speed, dt and stretch must be numbers or of one length, "
+                f"got lengths {sorted(lengths)}"
+            )
         return np.asarray(pace * step / (real("tile", tile, above=0.0) * longer))
     drop, size = real("streak", streak, above=0.0), real("scale", scale, above=0.0)
     moved = drop * step / FRAME

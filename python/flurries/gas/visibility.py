@@ -6,11 +6,14 @@ import math
 
 import numpy as np
 
-from flurries._contract import choice, integer, real
+from flurries._contract import LARGEST, SMALLEST, choice, real
 
 __all__ = ["count_for_visibility", "density_for_visibility", "extinction", "visibility"]
 
 _RIM = math.exp(-4.5)
+
+# More particles than this are no answer.
+_MOST = 2**53
 
 # The plane integral of a footprint in squares of sigma, by how it ends. "disc" is "square" as the
 # models that know only a distance cut it.
@@ -60,9 +63,9 @@ def extinction(
     >>> round(fl.gas.extinction(1200, 5**3, 0.45, 0.4), 4)  # the paper's fog
     0.5154
     """
-    number = real("count", count, low=0.0)
-    space = real("volume", volume, above=0.0)
-    size = real("radius", radius, above=0.0)
+    number = real("count", count, low=0.0, high=LARGEST)
+    space = real("volume", volume, low=SMALLEST, high=LARGEST)
+    size = real("radius", radius, low=SMALLEST, high=LARGEST)
     opacity = real("density", density, low=0.0, high=1.0)
     return number / space * opacity * _area(edge, size)
 
@@ -124,7 +127,7 @@ def density_for_visibility(
     ValueError
         Also if that few particles cannot be as dense; the message says how many can.
     """
-    length = real("distance", distance, above=0.0)
+    length = real("distance", distance, low=SMALLEST, high=LARGEST)
     most = extinction(count, volume, radius, 1.0, edge=edge)
     wanted = _depth(contrast) / length
     if wanted > most:
@@ -165,10 +168,16 @@ def count_for_visibility(
     TypeError, ValueError
         If an argument is not as described; the message names it.
     """
-    length = real("distance", distance, above=0.0)
+    length = real("distance", distance, low=SMALLEST, high=LARGEST)
     opacity = real("density", density, above=0.0, high=1.0)
     each = extinction(1.0, volume, radius, opacity, edge=edge)
-    return integer("distance", round(_depth(contrast) / (length * each)), low=0, high=2**53)
+    number = _depth(contrast) / max(length * each, SMALLEST)
+    if number > _MOST:
+        raise ValueError(
+            f"distance must be farther, or density larger: {length:g} with particles of density "
+            f"{opacity:g} needs {number:.3g}"
+        )
+    return round(number)
 
 
 def _depth(contrast: float) -> float:

@@ -151,7 +151,7 @@ def statistics(
 
 
 def focal_of(focal: object) -> float:
-    return real("focal", focal, above=0.0, high=1e9)
+    return real("focal", focal, low=1e-9, high=1e9)
 
 
 def edges_of(edges: npt.ArrayLike) -> Float64:
