@@ -24,6 +24,15 @@ from flurries.augment import albumentations as fla
 from flurries.augment import kornia as flk
 from flurries.augment import torchvision as flt
 
+pytestmark = [
+    pytest.mark.timeout(300),
+    # More workers than cores are what is tested; a pipeline may have nothing that moves boxes; and
+    # torch forks beside its own threads.
+    pytest.mark.filterwarnings("ignore:This DataLoader will create"),
+    pytest.mark.filterwarnings("ignore:Got processor for bboxes"),
+    pytest.mark.filterwarnings("ignore:This process .* is multi-threaded:DeprecationWarning"),
+]
+
 EXAMPLES = sorted((Path(__file__).parents[2] / "examples").glob("with_*.py"))
 PHOTOGRAPH = data.astronaut()[:160, 100:300]
 KINDS = ("Snowfall", "Rainfall", "Fog")
