@@ -53,7 +53,7 @@ wheel: $(VENV)/.made
 	RUSTFLAGS="--remap-path-prefix=$${CARGO_HOME:-$$HOME/.cargo}=cargo --remap-path-prefix=$(CURDIR)=." \
 	$(BIN)/maturin build --release --quiet --zig \
 		--compatibility $(COMPATIBILITY) --out dist
-	$(BIN)/maturin sdist --quiet --out dist
+	$(BIN)/maturin sdist --out dist
 
 # Installs dist/ where there is no Rust, and runs the suite there; then builds the source archive.
 test-wheel:
