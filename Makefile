@@ -104,7 +104,7 @@ requirements:
 	@$(PYTHON) -c 'import venv, ensurepip' 2>/dev/null \
 		|| { echo "missing: the venv module (on Debian: apt install python3-venv)"; exit 1; }
 	@command -v cargo >/dev/null \
-		|| { echo "missing: cargo (a Rust toolchain, 1.85 or newer: https://rustup.rs)"; exit 1; }
+		|| { echo "missing: cargo (a Rust toolchain, 1.89 or newer: https://rustup.rs)"; exit 1; }
 
 $(VENV)/.made: | requirements
 	$(PYTHON) -m venv $(VENV)

@@ -3,7 +3,7 @@
 use std::ops::Range;
 
 /// The pixels (of `count`) whose centres j + 1/2 lie in [low, high].
-#[inline]
+#[inline(always)]
 pub fn pixels(low: f64, high: f64, count: usize) -> Option<Range<usize>> {
     // Clamped before the cast, since a bound may be 1e30. The casts truncate, which is the floor of
     // what is not negative; `floor` and `ceil` would be calls where SSE 4.1 is not assumed.

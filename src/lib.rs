@@ -11,6 +11,8 @@
 //! | [`real`] | float32 and float64 pixels | |
 //! | [`normal`] | the normal law on lanes | |
 //! | [`simd`] | vector instructions chosen at run time | |
+//! | [`aligned`] | buffers that start at a cache line | |
+//! | [`lanes`] | vectors as values, for loops that need them | |
 //! | [`spectral`] | the tent, the band, phases, tiles, one frame of the field | Langer 2004, sections 4-7 |
 //! | [`particles`] | the box of flakes, their image | Langer 2004, sections 6-7 |
 //! | [`air`] | plane waves of wind | Langer 2004, section 8 |
@@ -21,11 +23,13 @@
 //! | `python` | the binding, behind the feature of that name | |
 
 pub mod air;
+pub mod aligned;
 pub mod cone;
 pub mod cover;
 pub mod error;
 pub mod frame;
 pub mod gas;
+pub mod lanes;
 pub mod normal;
 pub mod particles;
 pub mod pool;

@@ -44,7 +44,7 @@ fn polynomial_at<P: Real, const N: usize, const LEVEL: u8>(coefficients: [P; N],
         second = multiply_add::<P, LEVEL>(second, squared, coefficients[i + 1]);
         i += 2;
     }
-    if N % 2 == 0 {
+    if N.is_multiple_of(2) {
         multiply_add::<P, LEVEL>(first, x, second)
     } else {
         let even = multiply_add::<P, LEVEL>(first, squared, coefficients[N - 1]);

@@ -4,7 +4,7 @@
 //! frame that asks (spectral.md section 1 of the specification; splitmix64's finalizer).
 
 /// Scrambles 64 bits; a bijection.
-#[inline]
+#[inline(always)]
 pub const fn mix64(value: u64) -> u64 {
     let mut z = value.wrapping_add(0x9E37_79B9_7F4A_7C15);
     z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
@@ -18,25 +18,25 @@ pub struct Hash(u64);
 
 impl Hash {
     /// The empty hash followed by the seed.
-    #[inline]
+    #[inline(always)]
     pub const fn seeded(seed: i64) -> Self {
         Self(0).word(seed)
     }
 
     /// The hash with one more word, taken in two's complement.
-    #[inline]
+    #[inline(always)]
     pub const fn word(self, word: i64) -> Self {
         Self(mix64(self.0 ^ word as u64))
     }
 
     /// The 64 bits.
-    #[inline]
+    #[inline(always)]
     pub const fn bits(self) -> u64 {
         self.0
     }
 
     /// Uniform in [0, 1), from the upper 53 bits.
-    #[inline]
+    #[inline(always)]
     pub const fn unit(self) -> f64 {
         (self.0 >> 11) as f64 * (1.0 / 9_007_199_254_740_992.0)
     }

@@ -6,21 +6,39 @@ use flurries_fft::Transform;
 use num_complex::Complex;
 use num_traits::Float;
 
+use crate::lanes::{Lanes, Plain};
 use crate::simd::multiply_add;
 
 /// float32 or float64 pixels.
 pub trait Real: Transform + Float + std::ops::AddAssign + std::ops::MulAssign {
+    /// Vectors of the level AVX-512.
+    type Avx512: Lanes<Self>;
+    /// Vectors of the level AVX2.
+    type Avx2: Lanes<Self>;
+    /// Vectors of the portable level.
+    type Portable: Lanes<Self>;
+
     /// Rounds a float64 to this precision.
     fn of(value: f64) -> Self;
     /// This value in float64.
     fn wide(self) -> f64;
-    /// `exp(2 pi i phase)` for a phase of at most half a cycle, to this precision.
+    /// `exp(2 pi i phase)` for a phase of at most half a cycle, reduced in float64 before it was rounded.
     ///
     /// Loops compiled for a level of vector instructions name it, for its fused multiply-add.
-    fn turn<const LEVEL: u8>(phase: f64) -> Complex<Self>;
+    fn turn<const LEVEL: u8>(phase: Self) -> Complex<Self>;
 }
 
 impl Real for f64 {
+    #[cfg(target_arch = "x86_64")]
+    type Avx512 = crate::lanes::F64x8;
+    #[cfg(target_arch = "x86_64")]
+    type Avx2 = crate::lanes::F64x4;
+    #[cfg(not(target_arch = "x86_64"))]
+    type Avx512 = Self::Portable;
+    #[cfg(not(target_arch = "x86_64"))]
+    type Avx2 = Self::Portable;
+    type Portable = Plain<Self, 2>;
+
     #[inline]
     fn of(value: f64) -> Self {
         value
@@ -31,7 +49,7 @@ impl Real for f64 {
     }
     /// Taylor series on an eighth of a turn, without a branch, so that a loop over waves vectorises.
     #[inline]
-    fn turn<const LEVEL: u8>(phase: f64) -> Complex<Self> {
+    fn turn<const LEVEL: u8>(phase: Self) -> Complex<Self> {
         let quarter = (4.0 * phase).round_ties_even();
         let angle = (phase - 0.25 * quarter) * TAU;
         let square = angle * angle;
@@ -62,6 +80,16 @@ fn series<const TERMS: usize, const LEVEL: u8>(square: f64, offset: f64) -> f64 
 }
 
 impl Real for f32 {
+    #[cfg(target_arch = "x86_64")]
+    type Avx512 = crate::lanes::F32x16;
+    #[cfg(target_arch = "x86_64")]
+    type Avx2 = crate::lanes::F32x8;
+    #[cfg(not(target_arch = "x86_64"))]
+    type Avx512 = Self::Portable;
+    #[cfg(not(target_arch = "x86_64"))]
+    type Avx2 = Self::Portable;
+    type Portable = Plain<Self, 4>;
+
     #[inline]
     fn of(value: f64) -> Self {
         value as Self
@@ -71,13 +99,11 @@ impl Real for f32 {
         f64::from(self)
     }
     /// Polynomials on a quarter of a turn, without a branch, so that a loop over waves vectorises.
-    /// The phase is rounded to float32 only here, where it is already reduced.
     #[inline]
-    fn turn<const LEVEL: u8>(phase: f64) -> Complex<Self> {
-        let turns = phase as Self;
+    fn turn<const LEVEL: u8>(phase: Self) -> Complex<Self> {
         // The nearest half turn; what is left is at most a quarter turn, where both series are short.
-        let half = (turns + turns).round_ties_even();
-        let angle = (turns - 0.5 * half) * std::f32::consts::TAU;
+        let half = (phase + phase).round_ties_even();
+        let angle = (phase - 0.5 * half) * std::f32::consts::TAU;
         // `half` is -1, 0 or 1; a half turn changes both signs.
         let sign = 1.0 - 2.0 * half * half;
         let square = angle * angle;
@@ -133,7 +159,7 @@ mod tests {
             .map(|i| f64::from(i) / 40_000.0)
             .map(|phase| {
                 let (sin, cos) = (TAU * phase).sin_cos();
-                let fast = f32::turn::<PORTABLE>(phase);
+                let fast = f32::turn::<PORTABLE>(phase as f32);
                 (f64::from(fast.re) - cos).abs().max((f64::from(fast.im) - sin).abs())
             })
             .fold(0.0, f64::max);

@@ -324,6 +324,23 @@ def test_leftovers_of_the_dead_are_removed_and_those_of_the_living_are_not(tmp_p
     assert names(tmp_path) == []
 
 
+BETWEEN = """
+import sys
+from flurries.io import atomic
+# As when Ctrl-C falls after the file was made and before anything guards it.
+temporary, _ = atomic._reserve(atomic.Path(sys.argv[1]))
+print(temporary.exists(), flush=True)
+raise KeyboardInterrupt
+"""
+
+
+def test_ctrl_c_between_the_making_and_the_guard_leaves_nothing(tmp_path):
+    with start(BETWEEN, tmp_path / "a.png") as writer:
+        assert writer.stdout.read().strip() == "True"
+    assert writer.returncode == -signal.SIGINT
+    assert names(tmp_path) == []
+
+
 def test_only_our_own_leftovers_are_removed(tmp_path):
     for name in [".flurries-short.exr", ".other", "flurries-0123456789abcdef.exr"]:
         (tmp_path / name).write_bytes(b"x")

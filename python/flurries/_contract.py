@@ -189,12 +189,21 @@ def moderate(name: str, array: Float64) -> Float64:
     return array
 
 
+def bounded(name: str, value: object) -> Float64:
+    """Return what `moderate` of `table` does, of any shape, by one look at the numbers."""
+    array = table(name, value, ndim=None, finite=False)
+    # False for NaN, too.
+    if array.size and not np.abs(array).max() <= LARGEST:
+        return moderate(name, table(name, array, ndim=None))
+    return array
+
+
 def vector(name: str, value: object, length: int) -> Float64:
     """Return a finite float64 vector of the given length, of at most `LARGEST`."""
-    array = table(name, value, ndim=None)
+    array = table(name, value, ndim=None, finite=False)
     if array.shape != (length,):
         raise ValueError(f"{name} must be {length} numbers, got {_came(value)}")
-    return moderate(name, array)
+    return bounded(name, array)
 
 
 def pixels(name: str, value: object, *, ndim: int) -> tuple[Array, np.dtype[Any]]:

@@ -215,12 +215,12 @@ pub fn cut_row<P: Normal>(
     let part = row * TILE..(row + 1) * TILE;
     let depth = sprite.place[2];
     let map = ground.map(|ground| &ground.depth[part.clone()]);
-    if cut == Cut::Hard || (cut == Cut::Line && hard) {
-        if let Some(map) = map {
-            let level = P::of(depth);
-            for (alpha, ground) in alpha.iter_mut().zip(map) {
-                *alpha = if level < *ground { *alpha } else { P::zero() };
-            }
+    if (cut == Cut::Hard || (cut == Cut::Line && hard))
+        && let Some(map) = map
+    {
+        let level = P::of(depth);
+        for (alpha, ground) in alpha.iter_mut().zip(map) {
+            *alpha = if level < *ground { *alpha } else { P::zero() };
         }
     }
     let inverse = 1.0 / sprite.sigma;

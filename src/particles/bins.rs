@@ -9,7 +9,7 @@ use std::ops::Range;
 
 use super::sprite::{Flake, Lens, Sprite};
 use crate::cover::pixels;
-use crate::error::{Error, zeroed};
+use crate::error::Error;
 
 /// Side of a tile, px. Its transmittance in float64 is 32 KiB: the L1 cache.
 pub const TILE: usize = 64;
@@ -46,7 +46,7 @@ impl Grid {
     }
 
     /// The rows and columns of tiles that a sprite's bounds reach, or None outside the picture.
-    #[inline]
+    #[inline(always)]
     fn reached(&self, sprite: &Sprite) -> Option<(Range<usize>, Range<usize>)> {
         let (low, high) = sprite.bounds();
         let columns = pixels(low[0], high[0], self.shape.1)?;
@@ -62,12 +62,15 @@ impl Grid {
 ///
 /// They are copied into the order in which tiles read them. An index instead would make every flake
 /// of a tile a cache miss, which costs more than drawing it.
+#[derive(Default)]
 pub struct Bins {
     /// The sprites of tile k are sprites[starts[k]..starts[k + 1]], by index of the flake.
     sprites: Vec<Sprite>,
     starts: Vec<u32>,
     /// Those that span many tiles, by index.
     large: Vec<Sprite>,
+    /// The next free place of each tile.
+    next: Vec<u32>,
 }
 
 /// Buffers that one run leaves to the next.
@@ -79,26 +82,31 @@ pub struct Scratch {
 }
 
 impl Bins {
-    /// Projects the flakes of a run and sorts them by tile.
-    pub fn of(
+    /// Projects the flakes of a run and sorts them by tile, in place of those of another run.
+    #[inline(always)]
+    pub fn fill(
+        &mut self,
         flakes: impl ExactSizeIterator<Item = Option<Flake>>,
         lens: &Lens,
         grid: &Grid,
         scratch: &mut Scratch,
-    ) -> Result<Self, Error> {
+    ) -> Result<(), Error> {
+        let Self { sprites, starts, large, next } = self;
         let Scratch { projected, pairs } = scratch;
         projected.clear();
         pairs.clear();
         reserve(projected, flakes.len())?;
         reserve(pairs, flakes.len())?;
-        let mut large: Vec<Sprite> = Vec::new();
-        let mut starts: Vec<u32> = zeroed(grid.len() + 1)?;
+        large.clear();
+        starts.clear();
+        reserve(starts, grid.len() + 1)?;
+        starts.resize(grid.len() + 1, 0);
         for flake in flakes {
             let Some(flake) = flake else { continue };
             let Some(sprite) = Sprite::of(&flake, lens) else { continue };
             let Some((rows, columns)) = grid.reached(&sprite) else { continue };
             if rows.len() * columns.len() > MOST_TILES {
-                reserve(&mut large, 1)?;
+                reserve(large, 1)?;
                 large.push(sprite);
                 continue;
             }
@@ -118,18 +126,24 @@ impl Bins {
         for tile in 0..grid.len() {
             starts[tile + 1] += starts[tile];
         }
-        let mut sprites = Vec::new();
-        reserve(&mut sprites, pairs.len())?;
+        // What another run left there is written over.
+        reserve(sprites, pairs.len().saturating_sub(sprites.len()))?;
         sprites.resize(pairs.len(), Sprite::NONE);
-        let mut next: Vec<u32> = Vec::new();
-        reserve(&mut next, grid.len())?;
+        next.clear();
+        reserve(next, grid.len())?;
         next.extend_from_slice(&starts[..grid.len()]);
         for &(tile, place) in pairs.iter() {
             let slot = &mut next[tile as usize];
             sprites[*slot as usize] = projected[place as usize];
             *slot += 1;
         }
-        Ok(Self { sprites, starts, large })
+        Ok(())
+    }
+
+    /// Bytes that it keeps.
+    pub fn bytes(&self) -> usize {
+        size_of::<Sprite>() * (self.sprites.capacity() + self.large.capacity())
+            + size_of::<u32>() * (self.starts.capacity() + self.next.capacity())
     }
 
     /// The sprites that lie in few tiles, of which this is one.
@@ -146,14 +160,14 @@ impl Bins {
 }
 
 /// Whether a sprite's footprint can touch a tile; never a wrong no.
-#[inline]
+#[inline(always)]
 pub fn touches(sprite: &Sprite, row: usize, column: usize) -> bool {
     let center = [column, row].map(|place| (place * TILE + TILE / 2) as i64 as f64);
     sprite.touches(center, (TILE / 2) as f64)
 }
 
 /// Room for `more` elements, or an error where `push` would abort the process.
-#[inline]
+#[inline(always)]
 fn reserve<T>(buffer: &mut Vec<T>, more: usize) -> Result<(), Error> {
     if buffer.capacity() - buffer.len() >= more {
         return Ok(());
@@ -193,8 +207,10 @@ mod tests {
             let bins: Vec<Bins> = crate::pool::split(flakes.len(), parts)
                 .into_iter()
                 .map(|run| {
-                    Bins::of(flakes[run].iter().copied().map(Some), &LENS, &grid, &mut scratch)
-                        .unwrap()
+                    let mut bins = Bins::default();
+                    let flakes = flakes[run].iter().copied().map(Some);
+                    bins.fill(flakes, &LENS, &grid, &mut scratch).unwrap();
+                    bins
                 })
                 .collect();
             for tile in 0..grid.len() {

@@ -17,6 +17,7 @@
 )]
 
 use super::bins::{Bins, Grid, TILE, touches};
+use super::dim::LANES;
 use super::profile::{self, Profile, TERMS};
 use super::sprite::{REACH, Sprite};
 use crate::cover::pixels;
@@ -25,9 +26,6 @@ use crate::simd::dispatch;
 
 /// Pixels of a tile.
 pub const PIXELS: usize = TILE * TILE;
-
-/// Pixels that are handled together along a row.
-const LANES: usize = 8;
 
 /// Flakes between two looks at the cancel flag.
 const LOOK: usize = 1024;
@@ -66,13 +64,13 @@ fn draw_with<P: Profile, const LEVEL: u8>(
                     continue;
                 }
                 drawn += 1;
-                if drawn % LOOK == 0 {
+                if drawn.is_multiple_of(LOOK) {
                     cancel.check()?;
                 }
                 if sprite.length == 0.0 {
-                    disc::<P>(transmittance, depth, sprite, origin);
+                    disc::<P, LEVEL>(transmittance, depth, sprite, origin);
                 } else {
-                    streak::<P>(transmittance, depth, sprite, origin);
+                    streak::<P, LEVEL>(transmittance, depth, sprite, origin);
                 }
             }
         }
@@ -95,7 +93,7 @@ fn begin(first: usize, count: usize, lanes: usize) -> (usize, usize) {
 
 /// T *= 1 - alpha for one block of a row, hidden where the map is nearer.
 #[inline(always)]
-fn multiply<P: Profile, const N: usize>(
+fn multiply<P: Profile, const N: usize, const LEVEL: u8>(
     transmittance: &mut [f64; PIXELS],
     map: Option<&[P; PIXELS]>,
     depth: P,
@@ -109,15 +107,25 @@ fn multiply<P: Profile, const N: usize>(
             alpha[k] = if map[k] < depth { P::zero() } else { alpha[k] };
         }
     }
-    let row: &mut [f64; N] =
-        (&mut transmittance[at..at + N]).try_into().expect("a block lies in the tile");
-    for k in 0..N {
-        row[k] *= 1.0 - alpha[k].wide();
+    dim::<P, LEVEL>(&mut transmittance[at..at + N], P::one(), alpha);
+}
+
+/// T *= 1 - weight * profile for whole lanes.
+#[inline(always)]
+fn dim<P: Profile, const LEVEL: u8>(through: &mut [f64], weight: P, profile: &[P]) {
+    let lanes = through.chunks_exact_mut(LANES).zip(profile.chunks_exact(LANES));
+    for (through, profile) in lanes {
+        let (Some(through), Some(profile)) = (through.first_chunk_mut(), profile.first_chunk())
+        else {
+            return;
+        };
+        // SAFETY: `draw` asks the processor before it takes a level.
+        unsafe { P::dim::<LEVEL>(through, weight, profile) };
     }
 }
 
 #[inline(always)]
-fn disc<P: Profile>(
+fn disc<P: Profile, const LEVEL: u8>(
     transmittance: &mut [f64; PIXELS],
     map: Option<&[P; PIXELS]>,
     sprite: &Sprite,
@@ -145,14 +153,14 @@ fn disc<P: Profile>(
         }
         let (across, down) = values.split_at(2 * LANES);
         if blocks == 1 {
-            outer::<P, LANES>(transmittance, &place, 1, across, down);
+            outer::<P, LANES, LEVEL>(transmittance, &place, 1, across, down);
         } else {
-            outer::<P, { 2 * LANES }>(transmittance, &place, 1, across, down);
+            outer::<P, { 2 * LANES }, LEVEL>(transmittance, &place, 1, across, down);
         }
     } else {
         let across = axis::<P>(first_x, step, P::one(), blocks);
         let down = axis::<P>(first_y, step, amplitude, row_blocks);
-        outer::<P, LANES>(transmittance, &place, blocks, &across, &down);
+        outer::<P, LANES, LEVEL>(transmittance, &place, blocks, &across, &down);
     }
 }
 
@@ -167,7 +175,7 @@ struct Place<'a, P> {
 
 /// The product of the two axes, `blocks` blocks of N columns.
 #[inline(always)]
-fn outer<P: Profile, const N: usize>(
+fn outer<P: Profile, const N: usize, const LEVEL: u8>(
     transmittance: &mut [f64; PIXELS],
     place: &Place<'_, P>,
     blocks: usize,
@@ -178,12 +186,16 @@ fn outer<P: Profile, const N: usize>(
         let profile: &[P; N] = across[block * N..(block + 1) * N].try_into().expect("whole blocks");
         for row in place.rows.start..place.rows.end {
             let weight = down[row - place.top];
+            let at = row * TILE + place.left + block * N;
+            if place.map.is_none() {
+                dim::<P, LEVEL>(&mut transmittance[at..at + N], weight, profile);
+                continue;
+            }
             let mut alpha = [P::zero(); N];
             for k in 0..N {
                 alpha[k] = weight * profile[k];
             }
-            let at = row * TILE + place.left + block * N;
-            multiply(transmittance, place.map, place.depth, at, &mut alpha);
+            multiply::<P, N, LEVEL>(transmittance, place.map, place.depth, at, &mut alpha);
         }
     }
 }
@@ -214,7 +226,7 @@ struct Sweep<P> {
 }
 
 #[inline(always)]
-fn streak<P: Profile>(
+fn streak<P: Profile, const LEVEL: u8>(
     transmittance: &mut [f64; PIXELS],
     map: Option<&[P; PIXELS]>,
     sprite: &Sprite,
@@ -300,7 +312,8 @@ fn streak<P: Profile>(
             } else {
                 blurred(&sweep, from_start, length - from_start, across, &mut alpha);
             }
-            multiply(transmittance, map, depth, row * TILE + column, &mut alpha);
+            let at = row * TILE + column;
+            multiply::<P, BLOCK, LEVEL>(transmittance, map, depth, at, &mut alpha);
         }
     }
 }

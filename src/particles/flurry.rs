@@ -80,7 +80,7 @@ impl Source for Flurry {
         self.count
     }
 
-    #[inline]
+    #[inline(always)]
     fn get(&self, index: usize) -> Option<Flake> {
         let Looks { radius, opacity, amount, fade_in, largest, .. } = self.looks;
         let rank = (index as f64 + 0.5) / self.count as f64;
@@ -139,7 +139,7 @@ impl View {
         }
     }
 
-    #[inline]
+    #[inline(always)]
     fn holds(&self, axis: usize, place: f64, z: f64) -> bool {
         let (place, z) = (place - self.offset[axis], z - self.offset[2]);
         // The room shifts each plane outwards, whichever way it leans.

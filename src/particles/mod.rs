@@ -12,10 +12,12 @@
 //! | [`flurry`] | the flakes of a box, each placed and looked at as it is drawn |
 
 pub mod bins;
-pub mod draw;
+mod dim;
+mod draw;
 pub mod flurry;
 pub mod ids;
 pub mod profile;
+mod spare;
 pub mod splat;
 pub mod sprite;
 pub mod torus;

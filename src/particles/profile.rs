@@ -13,6 +13,7 @@
 //! inwards. For short segments the difference of nearly equal numbers loses digits; there
 //! G = exp(-x^2/2) sum_n (L/2)^2n / (2n+1)! He_2n(x), x from the middle, is used instead.
 
+use super::dim::Dim;
 use crate::normal::{Normal, least, most, polynomial};
 
 /// Where the end of the footprint begins, in sigma.
@@ -22,7 +23,7 @@ const RIM: f64 = 3.0;
 pub const TERMS: usize = 7;
 
 /// What the profiles need of a pixel's precision beyond [`Normal`].
-pub trait Profile: Normal {
+pub trait Profile: Normal + Dim {
     /// Segments shorter than this many sigma use the series. The first term left out is below
     /// (L/2)^14 * 1.0e-7 there, and the difference of error functions loses 2.5 eps / L above.
     const SHORT: f64;

@@ -1,20 +1,30 @@
 //! The image of many flakes of one colour: alpha = 1 - prod(1 - alpha_i), whatever their order.
 
+use std::cell::Cell;
+use std::ops::Range;
+
 use ndarray::{ArrayView1, ArrayView2, ArrayViewMut2, Axis};
 
 use super::bins::{Bins, Grid, Scratch, TILE};
 use super::draw::{PIXELS, draw};
 use super::profile::Profile;
+use super::spare;
 use super::sprite::{Flake, Lens, Sprite};
-use crate::error::{Cancel, Error, collected, finite, pushed};
+use crate::error::{Cancel, Error, finite, pushed};
 use crate::pool;
 use crate::real::Real;
+use crate::simd::dispatch;
 
 /// Flakes per run of the binning, at least: projected, they fit the L2 cache.
 const RUN: usize = 8192;
 
 /// Indices within a run are 32 bits wide, and a flake has at most 16 entries.
 const LONGEST_RUN: usize = 1 << 27;
+
+thread_local! {
+    /// What one run leaves to the next, on this thread.
+    static SCRATCH: Cell<Scratch> = Cell::default();
+}
 
 /// Flakes as arrays: points (n, 3) in camera axes; the others have n rows, or one for all.
 #[derive(Debug, Clone, Copy)]
@@ -95,7 +105,7 @@ impl Source for Flakes<'_> {
         Ok(())
     }
 
-    #[inline]
+    #[inline(always)]
     fn get(&self, index: usize) -> Option<Flake> {
         let row = |length: usize| if length == 1 { 0 } else { index };
         let velocity = row(self.velocity.nrows());
@@ -146,14 +156,16 @@ pub fn splat<P: Profile, M: Real>(
     }
     let grid = Grid::over(out.dim());
     let runs = binned(flakes, lens, &grid, cancel)?;
-    pool::for_each(tiles(out)?, |(tile, pixels)| {
+    let drawn = pool::for_each(tiles(out)?, |(tile, pixels)| {
         cancel.check()?;
         let map: Option<[P; PIXELS]> = depth.as_ref().map(|map| map_of_tile(map, &grid, tile));
         let mut transmittance = [1.0; PIXELS];
         draw(&mut transmittance, map.as_ref(), &runs, &grid, tile, cancel)?;
         store(pixels, &transmittance);
         Ok(())
-    })
+    });
+    spare::keep(runs);
+    drawn
 }
 
 fn binned(
@@ -165,21 +177,45 @@ fn binned(
     let count = flakes.len();
     // A run of this length keeps the tables of tiles (one per run) small beside the flakes.
     let length = RUN.max(grid.len()).min(LONGEST_RUN);
-    let mut runs: Vec<Option<Bins>> = collected((0..count.div_ceil(length)).map(|_| None))?;
+    let mut runs = spare::take(count.div_ceil(length));
     // Several runs to an item, which share their scratch buffers.
     let together = runs.len().div_ceil(4 * pool::threads()).max(1);
     pool::for_each(runs.chunks_mut(together).enumerate(), |(item, runs)| {
-        let mut scratch = Scratch::default();
+        let mut scratch = SCRATCH.take();
         for (i, bins) in runs.iter_mut().enumerate() {
             cancel.check()?;
             let start = (item * together + i) * length;
             let range = start..(start + length).min(count);
-            let flakes = range.map(|index| flakes.get(index));
-            *bins = Some(Bins::of(flakes, lens, grid, &mut scratch)?);
+            fill(bins, flakes, range, lens, grid, &mut scratch)?;
         }
+        SCRATCH.set(scratch);
         Ok(())
     })?;
-    Ok(runs.into_iter().flatten().collect())
+    Ok(runs)
+}
+
+dispatch! {
+    /// One run of flakes, placed, projected and sorted: all of it compiled for the best instructions.
+    fn fill<S: Source>(
+        bins: &mut Bins,
+        flakes: &S,
+        range: Range<usize>,
+        lens: &Lens,
+        grid: &Grid,
+        scratch: &mut Scratch,
+    ) -> Result<(), Error> = fill_with
+}
+
+#[inline(always)]
+fn fill_with<S: Source, const LEVEL: u8>(
+    bins: &mut Bins,
+    flakes: &S,
+    range: Range<usize>,
+    lens: &Lens,
+    grid: &Grid,
+    scratch: &mut Scratch,
+) -> Result<(), Error> {
+    bins.fill(range.map(|index| flakes.get(index)), lens, grid, scratch)
 }
 
 /// The picture cut into tiles, each with its number; those at the border are smaller.

@@ -87,7 +87,7 @@ impl Sprite {
     };
 
     /// The image of a flake, or None if nothing of it can be seen.
-    #[inline]
+    #[inline(always)]
     pub fn of(flake: &Flake, lens: &Lens) -> Option<Self> {
         let middle: [f64; 3] = std::array::from_fn(|axis| flake.point[axis] - lens.offset[axis]);
         let (from, to) = kept(middle[2], flake.travel[2], lens.near)?;
@@ -130,7 +130,7 @@ impl Sprite {
     }
 
     /// The smallest box of pixel coordinates that holds the footprint: (low, high) as (x, y).
-    #[inline]
+    #[inline(always)]
     pub fn bounds(&self) -> ([f64; 2], [f64; 2]) {
         let tilt = if self.square() { 1.0 } else { self.along[0].abs() + self.along[1].abs() };
         let spread = REACH * self.sigma * tilt;
@@ -146,13 +146,13 @@ impl Sprite {
     /// on each), not along the motion. A motion shorter than sigma hardly has a direction; a tilted
     /// rim would meet the lattice of pixels at an angle where up to 0.31 % of the energy is lost, and
     /// would not become the resting flake's as the motion shortens.
-    #[inline]
+    #[inline(always)]
     pub fn square(&self) -> bool {
         self.length < self.sigma
     }
 
     /// Whether the footprint can touch a square of the given centre and half side; never a wrong no.
-    #[inline]
+    #[inline(always)]
     pub fn touches(&self, center: [f64; 2], half: f64) -> bool {
         if self.square() {
             let (low, high) = self.bounds();
@@ -170,7 +170,7 @@ impl Sprite {
 }
 
 /// The part of the motion in front of the near plane, in units of the travel, within [-1/2, 1/2].
-#[inline]
+#[inline(always)]
 fn kept(depth: f64, travel: f64, near: f64) -> Option<(f64, f64)> {
     let (first, last) = (depth - 0.5 * travel, depth + 0.5 * travel);
     if first >= near && last >= near {

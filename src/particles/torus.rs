@@ -62,6 +62,7 @@ pub struct Sway {
 ///
 /// The formula alone can leave the interval by an ulp; the folds bring it back. The first fold may
 /// round to side/2 itself, which the second takes to the other wall.
+#[inline(always)]
 fn wrap(x: f64, side: f64) -> f64 {
     let mut folded = x - side * (x / side + 0.5).floor();
     if folded < -0.5 * side {
@@ -123,12 +124,13 @@ impl Carried {
     }
 
     /// The numbers of a flake.
+    #[inline(always)]
     pub const fn flake(&self, index: usize) -> Hash {
         self.stream.word(index as i64)
     }
 
     /// Where a flake is along an axis, before the sway.
-    #[inline]
+    #[inline(always)]
     pub fn along(&self, flake: Hash, axis: usize) -> f64 {
         let side = self.torus.sides[axis];
         let start = side * flake.word(axis as i64).unit();
@@ -136,7 +138,7 @@ impl Carried {
     }
 
     /// What the sway adds, along x and z.
-    #[inline]
+    #[inline(always)]
     pub fn swing(&self, flake: Hash) -> [f64; 2] {
         self.sway.map_or([0.0; 2], |(sway, angle)| swing(flake, sway, angle))
     }
@@ -147,7 +149,7 @@ impl Carried {
     }
 
     /// How much of a flake is shown at a point, see [`edge_fade`].
-    #[inline]
+    #[inline(always)]
     pub fn shown(&self, point: [f64; 3]) -> f64 {
         fade(&self.torus, point)
     }
@@ -246,6 +248,7 @@ fn sway_angle(sway: Sway, time: f64) -> Result<f64, Error> {
     Ok(libm::atan2(libm::sin(rounded), libm::cos(rounded)) + rest)
 }
 
+#[inline(always)]
 fn swing(flake: Hash, sway: Sway, angle: f64) -> [f64; 2] {
     [SWAY_X, SWAY_Z].map(|word| {
         let phase = std::f64::consts::TAU * flake.word(word).unit();
@@ -274,7 +277,7 @@ pub fn edge_fade(
     })
 }
 
-#[inline]
+#[inline(always)]
 fn fade(torus: &Torus, point: [f64; 3]) -> f64 {
     (0..3)
         .map(|axis| {

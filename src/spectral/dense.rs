@@ -13,9 +13,11 @@ use std::f64::consts::TAU;
 
 use super::phases::columns_padded;
 use super::waves::Waves;
-use crate::error::{Error, zeroed};
+use crate::aligned::Aligned;
+use crate::error::Error;
+use crate::lanes::Lanes;
 use crate::real::Real;
-use crate::simd::{AVX2, AVX512, dispatch, multiply_add};
+use crate::simd::{AVX2, AVX512, dispatch};
 
 /// Sums that stand together in a table: one AVX-512 register of float32, or two of float64.
 const LANES: usize = 16;
@@ -36,8 +38,9 @@ struct Tables<T> {
     symmetry: Symmetry,
     /// Values of k, made even in number by one more of zeros.
     terms: usize,
-    /// Blocks of LANES sums; in a block for each k the cosines, then the sines.
-    values: Vec<T>,
+    /// In the first pass, for each sum the cosines of all k, then the sines. In the second, blocks of
+    /// LANES sums; in a block for each k the cosines, then the sines.
+    values: Aligned<T>,
 }
 
 /// How many pixels a sum makes.
@@ -52,7 +55,7 @@ enum Symmetry {
 impl Symmetry {
     /// The better one for n pixels.
     const fn of(n: usize) -> Self {
-        if n % 4 == 0 && padded(n / 4) < padded(n.div_ceil(2)) {
+        if n.is_multiple_of(4) && padded(n / 4) < padded(n.div_ceil(2)) {
             Self::Quarters
         } else {
             Self::Halves
@@ -80,27 +83,32 @@ const fn padded(n: usize) -> usize {
 /// Work space: the spectrum folded to what cosines and sines are multiplied by, and the rows of each
 /// column between the passes.
 pub struct Work<T> {
-    cos: Vec<T>,
-    sin: Vec<T>,
-    between: Vec<T>,
+    cos: Aligned<T>,
+    sin: Aligned<T>,
+    between: Aligned<T>,
 }
 
 impl<T: Real> Tables<T> {
-    fn new(n: usize, count: usize, doubled: bool) -> Result<Self, Error> {
+    /// For n pixels and `count` values of k; `place(i, k, terms)` is where the cosine of sum i stands,
+    /// and how far behind it the sine.
+    fn new(
+        n: usize,
+        count: usize,
+        weight: impl Fn(usize) -> f64,
+        place: impl Fn(usize, usize, usize) -> (usize, usize),
+    ) -> Result<Self, Error> {
         let symmetry = Symmetry::of(n);
         let terms = even(count);
         let sums = symmetry.sums(n);
-        let mut values = zeroed(2 * terms * padded(sums))?;
+        let mut values = Aligned::zeroed(2 * terms * padded(sums))?;
         for i in 0..sums {
-            let block = i / LANES * 2 * LANES * terms;
             for k in 0..count {
-                let weight = if doubled && k > 0 { 2.0 } else { 1.0 };
                 // Reduced as an integer first: exact for any size.
                 let turns = ((2 * i + 1) * k % (2 * n)) as f64 / (2 * n) as f64;
                 let (sin, cos) = (TAU * turns).sin_cos();
-                let at = block + k * 2 * LANES + i % LANES;
-                values[at] = T::of(weight * cos);
-                values[at + LANES] = T::of(weight * sin);
+                let (at, further) = place(i, k, terms);
+                values[at] = T::of(weight(k) * cos);
+                values[at + further] = T::of(weight(k) * sin);
             }
         }
         Ok(Self { symmetry, terms, values })
@@ -111,13 +119,18 @@ impl<T: Real> Dense<T> {
     /// Tables for the waves of a tile.
     pub fn new(waves: &Waves) -> Result<Self, Error> {
         let half = waves.reach + 1;
+        let by_sum = |i: usize, k: usize, terms: usize| (2 * terms * i + k, terms);
+        let in_blocks = |i: usize, k: usize, terms: usize| {
+            (i / LANES * 2 * LANES * terms + k * 2 * LANES + i % LANES, LANES)
+        };
+        // Columns kx > 0 stand for their mirrors as well.
+        let mirrored = |k: usize| if k > 0 { 2.0 } else { 1.0 };
         Ok(Self {
             tile: waves.tile,
             half,
             stride: columns_padded(waves.columns),
-            down: Tables::new(waves.tile.0, half, false)?,
-            // Columns kx > 0 stand for their mirrors as well.
-            across: Tables::new(waves.tile.1, waves.columns, true)?,
+            down: Tables::new(waves.tile.0, half, |_| 1.0, by_sum)?,
+            across: Tables::new(waves.tile.1, waves.columns, mirrored, in_blocks)?,
         })
     }
 
@@ -130,9 +143,9 @@ impl<T: Real> Dense<T> {
     /// Work space for this transform.
     pub fn work(&self) -> Result<Work<T>, Error> {
         Ok(Work {
-            cos: zeroed(2 * self.stride * even(self.half))?,
-            sin: zeroed(2 * self.stride * even(self.half))?,
-            between: zeroed(2 * self.stride * self.tile.0)?,
+            cos: Aligned::zeroed(2 * self.stride * even(self.half))?,
+            sin: Aligned::zeroed(2 * self.stride * even(self.half))?,
+            between: Aligned::zeroed(2 * self.stride * self.tile.0)?,
         })
     }
 }
@@ -154,14 +167,39 @@ fn transform_with<T: Real, const LEVEL: u8>(
     work: &mut Work<T>,
     pixels: &mut [T],
 ) {
-    let (height, width) = dense.tile;
-    let (stride, rows) = (2 * dense.stride, 2 * dense.stride);
     fold(dense, re, im, work);
-    let folded = Factors { cos: &work.cos, sin: &work.sin, stride };
-    products::<T, LEVEL>(&dense.down, folded, rows, &mut work.between, height);
-    let (cos, sin) = work.between.split_at(dense.stride * height);
-    let between = Factors { cos, sin, stride: height };
-    products::<T, LEVEL>(&dense.across, between, height, pixels, width);
+    // As many sums at once as the registers hold, with their four accumulators each. The bits are the
+    // same for all.
+    match LEVEL {
+        AVX512 => passes::<T, T::Avx512, 4>(dense, work, pixels),
+        AVX2 => passes::<T, T::Avx2, 2>(dense, work, pixels),
+        _ => passes::<T, T::Portable, 2>(dense, work, pixels),
+    }
+}
+
+#[inline(always)]
+fn passes<T: Real, V: Lanes<T>, const ROWS: usize>(
+    dense: &Dense<T>,
+    work: &mut Work<T>,
+    pixels: &mut [T],
+) {
+    let (sums, rows) = (dense.down.symmetry.sums(dense.tile.0), dense.tile.0);
+    // The last ones may be made twice: the same sums, so the same bits.
+    for i in (0..sums).step_by(ROWS) {
+        if sums < ROWS {
+            (0..sums).for_each(|i| down::<T, V, 1>(dense, i, work));
+        } else {
+            down::<T, V, ROWS>(dense, i.min(sums - ROWS), work);
+        }
+    }
+    let between = &work.between[..];
+    for y in (0..rows).step_by(ROWS) {
+        if rows < ROWS {
+            (0..rows).for_each(|y| across::<T, V, 1>(dense, y, between, pixels));
+        } else {
+            across::<T, V, ROWS>(dense, y.min(rows - ROWS), between, pixels);
+        }
+    }
 }
 
 /// Folds S(k) and S(-k) of each column into what cosines and sines are multiplied by: for the real
@@ -187,168 +225,201 @@ fn fold<T: Real>(dense: &Dense<T>, re: &[T], im: &[T], work: &mut Work<T>) {
     }
 }
 
-/// What the tables are multiplied by: for each k `stride` values, one for each row of sums.
-#[derive(Clone, Copy)]
-struct Factors<'a, T> {
-    cos: &'a [T],
-    sin: &'a [T],
-    stride: usize,
-}
-
-/// All rows of sums of one pass: `out[row][i] = sum_k cos(k) C(i, k) + sin(k) S(i, k)`.
+/// Sums `first` to `first + ROWS` of the first pass, lanes along the columns, and the rows that they
+/// make: `between[y] = sum_k cos[k] C(y, k) + sin[k] S(y, k)`, real parts and then imaginary ones.
 #[inline(always)]
-fn products<T: Real, const LEVEL: u8>(
-    tables: &Tables<T>,
-    factors: Factors<'_, T>,
-    rows: usize,
-    out: &mut [T],
-    length: usize,
-) {
-    // Rows and sums made at once: as many as the registers hold, with their four accumulators each.
-    // The bits are the same for all.
-    match (LEVEL, size_of::<T>()) {
-        (AVX512, 4) => each_row::<T, 4, 16, LEVEL>(tables, factors, rows, out, length),
-        (AVX512, _) => each_row::<T, 2, 8, LEVEL>(tables, factors, rows, out, length),
-        (AVX2, 4) => each_row::<T, 2, 8, LEVEL>(tables, factors, rows, out, length),
-        (AVX2, _) => each_row::<T, 2, 4, LEVEL>(tables, factors, rows, out, length),
-        (_, 4) => each_row::<T, 2, 4, LEVEL>(tables, factors, rows, out, length),
-        _ => each_row::<T, 2, 2, LEVEL>(tables, factors, rows, out, length),
-    }
-}
-
-#[inline(always)]
-fn each_row<T: Real, const ROWS: usize, const WIDE: usize, const LEVEL: u8>(
-    tables: &Tables<T>,
-    factors: Factors<'_, T>,
-    rows: usize,
-    out: &mut [T],
-    length: usize,
-) {
-    if rows < ROWS {
-        for row in 0..rows {
-            sums::<T, 1, WIDE, LEVEL>(tables, factors, row, out, length);
-        }
-        return;
-    }
-    for row in (0..rows).step_by(ROWS) {
-        // The last rows may be made twice: the same sums, so the same bits.
-        sums::<T, ROWS, WIDE, LEVEL>(tables, factors, row.min(rows - ROWS), out, length);
-    }
-}
-
-#[inline(always)]
-fn sums<T: Real, const ROWS: usize, const WIDE: usize, const LEVEL: u8>(
-    tables: &Tables<T>,
-    factors: Factors<'_, T>,
+fn down<T: Real, V: Lanes<T>, const ROWS: usize>(
+    dense: &Dense<T>,
     first: usize,
-    out: &mut [T],
-    length: usize,
+    work: &mut Work<T>,
 ) {
-    let (terms, stride) = (tables.terms, factors.stride);
-    let size = 2 * LANES * terms;
-    let count = tables.symmetry.sums(length);
-    let (cos, sin) = (factors.cos, factors.sin);
-    // What the reads below rely on.
-    assert!(first + ROWS <= stride && terms * stride <= cos.len().min(sin.len()));
-    for (index, block) in tables.values.chunks_exact(size).enumerate() {
-        for part in 0..LANES / WIDE {
-            let start = index * LANES + part * WIDE;
+    let (n, stride) = (dense.tile.0, 2 * dense.stride);
+    let Tables { symmetry, terms, values } = &dense.down;
+    let terms = *terms;
+    let tables = &values[2 * terms * first..2 * terms * (first + ROWS)];
+    let (cos, sin) = (&work.cos[..terms * stride], &work.sin[..terms * stride]);
+    let between = &mut work.between[..n * stride];
+    // What the reads and writes below rely on; `terms` is even.
+    assert!(stride % V::N == 0 && first + ROWS <= symmetry.sums(n) && terms % 2 == 0);
+    for start in (0..stride).step_by(V::N) {
+        // SAFETY: `start + V::N <= stride`, k and k + 1 are below `terms`, the tables have 2 `terms`
+        // values for each of ROWS sums, and i and the places made of it are below n.
+        unsafe {
+            let mut sums = [Sums::<V>::none(); ROWS];
+            for k in (0..terms).step_by(2) {
+                let at = k * stride + start;
+                let cos = [at, at + stride].map(|at| V::load(cos.as_ptr().add(at)));
+                let sin = [at, at + stride].map(|at| V::load(sin.as_ptr().add(at)));
+                for (row, sums) in sums.iter_mut().enumerate() {
+                    let c = tables.as_ptr().add(2 * terms * row + k);
+                    let s = c.add(terms);
+                    let cosines = [V::splat(*c), V::splat(*c.add(1))];
+                    let sines = [V::splat(*s), V::splat(*s.add(1))];
+                    sums.add(cosines, cos, sines, sin);
+                }
+            }
+            for (i, sums) in (first..).zip(sums) {
+                let made = sums.pixels();
+                let mut line = |y: usize| between.as_mut_ptr().add(y * stride + start);
+                made[3].store(line(n - 1 - i));
+                if *symmetry == Symmetry::Quarters {
+                    made[1].store(line(n / 2 - 1 - i));
+                    made[2].store(line(n / 2 + i));
+                }
+                // Last, so that the middle of an odd length has its odd part, too.
+                made[0].store(line(i));
+            }
+        }
+    }
+}
+
+/// Sums over k that make up to four pixels each.
+#[derive(Clone, Copy)]
+struct Sums<V> {
+    cos: [V; 2],
+    sin: [V; 2],
+}
+
+impl<V> Sums<V> {
+    #[inline(always)]
+    unsafe fn none<T: Real>() -> Self
+    where
+        V: Lanes<T>,
+    {
+        // SAFETY: the caller has the instructions.
+        let zero = unsafe { V::splat(T::zero()) };
+        Self { cos: [zero; 2], sin: [zero; 2] }
+    }
+
+    /// Adds an even k's and the next odd one's products.
+    #[inline(always)]
+    unsafe fn add<T: Real>(&mut self, a: [V; 2], cos: [V; 2], b: [V; 2], sin: [V; 2])
+    where
+        V: Lanes<T>,
+    {
+        for parity in 0..2 {
+            // SAFETY: the caller has the instructions.
+            unsafe {
+                self.cos[parity] = a[parity].multiply_add(cos[parity], self.cos[parity]);
+                self.sin[parity] = b[parity].multiply_add(sin[parity], self.sin[parity]);
+            }
+        }
+    }
+
+    /// The pixels i, n/2-1-i, n/2+i and n-1-i.
+    #[inline(always)]
+    unsafe fn pixels<T: Real>(self) -> [V; 4]
+    where
+        V: Lanes<T>,
+    {
+        let Self { cos, sin } = self;
+        // SAFETY: the caller has the instructions.
+        unsafe {
+            let (even, odd) = (cos[0].add(cos[1]), sin[0].add(sin[1]));
+            let (even_back, odd_back) = (cos[0].sub(cos[1]), sin[1].sub(sin[0]));
+            [even.add(odd), even_back.add(odd_back), even_back.sub(odd_back), even.sub(odd)]
+        }
+    }
+}
+
+/// Rows `first` to `first + ROWS` of the second pass, lanes along the rows.
+#[inline(always)]
+fn across<T: Real, V: Lanes<T>, const ROWS: usize>(
+    dense: &Dense<T>,
+    first: usize,
+    between: &[T],
+    pixels: &mut [T],
+) {
+    let (n, stride) = (dense.tile.1, dense.stride);
+    let Tables { symmetry, terms, values } = &dense.across;
+    let terms = *terms;
+    let count = symmetry.sums(n);
+    let between = &between[2 * stride * first..2 * stride * (first + ROWS)];
+    let pixels = &mut pixels[n * first..n * (first + ROWS)];
+    // What the reads and writes below rely on; `terms` is even.
+    assert!(terms <= stride && terms % 2 == 0 && LANES.is_multiple_of(V::N));
+    for (index, block) in values.chunks_exact(2 * LANES * terms).enumerate() {
+        for part in (0..LANES).step_by(V::N) {
+            let start = index * LANES + part;
             if start >= count {
                 return;
             }
-            // Cosines and sines, of even k and of odd k.
-            let mut cos_even = [[T::zero(); WIDE]; ROWS];
-            let mut sin_even = [[T::zero(); WIDE]; ROWS];
-            let mut cos_odd = [[T::zero(); WIDE]; ROWS];
-            let mut sin_odd = [[T::zero(); WIDE]; ROWS];
-            for k in (0..terms).step_by(2) {
-                for row in 0..ROWS {
-                    let at = k * stride + first + row;
-                    for i in 0..WIDE {
-                        let table = k * 2 * LANES + part * WIDE + i;
-                        // SAFETY: `terms` is even, so k + 1 < terms; a block has 2 LANES values for
-                        // each term, and the factors `stride` ones, by the assertion above.
-                        unsafe {
-                            let (c, s) = (*cos.get_unchecked(at), *sin.get_unchecked(at));
-                            let even =
-                                (*block.get_unchecked(table), *block.get_unchecked(table + LANES));
-                            let odd = (
-                                *block.get_unchecked(table + 2 * LANES),
-                                *block.get_unchecked(table + 3 * LANES),
-                            );
-                            cos_even[row][i] =
-                                multiply_add::<T, LEVEL>(c, even.0, cos_even[row][i]);
-                            sin_even[row][i] =
-                                multiply_add::<T, LEVEL>(s, even.1, sin_even[row][i]);
-                            let at = at + stride;
-                            let (c, s) = (*cos.get_unchecked(at), *sin.get_unchecked(at));
-                            cos_odd[row][i] = multiply_add::<T, LEVEL>(c, odd.0, cos_odd[row][i]);
-                            sin_odd[row][i] = multiply_add::<T, LEVEL>(s, odd.1, sin_odd[row][i]);
-                        }
+            // SAFETY: k and k + 1 are below `terms`, a block has 2 LANES values for each, and the rows
+            // between the passes twice `stride`; `put` looks after the pixels.
+            unsafe {
+                let mut sums = [Sums::<V>::none(); ROWS];
+                for k in (0..terms).step_by(2) {
+                    let table = block.as_ptr().add(2 * LANES * k + part);
+                    let cos = [0, 2 * LANES].map(|at| V::load(table.add(at)));
+                    let sin = [LANES, 3 * LANES].map(|at| V::load(table.add(at)));
+                    for (row, sums) in sums.iter_mut().enumerate() {
+                        let c = between.as_ptr().add(2 * stride * row + k);
+                        let s = c.add(stride);
+                        let factors = [V::splat(*c), V::splat(*c.add(1))];
+                        let others = [V::splat(*s), V::splat(*s.add(1))];
+                        sums.add(factors, cos, others, sin);
                     }
                 }
-            }
-            // Whole vectors are the usual case, and take no loop with an end of its own.
-            let whole = count - start >= WIDE;
-            for row in 0..ROWS {
-                let line = &mut out[(first + row) * length..(first + row + 1) * length];
-                let sums = [cos_even[row], sin_even[row], cos_odd[row], sin_odd[row]];
-                match (tables.symmetry, whole) {
-                    (Symmetry::Quarters, true) => quarters::<T, WIDE>(&sums, start, WIDE, line),
-                    (Symmetry::Quarters, false) => quarters(&sums, start, count - start, line),
-                    (Symmetry::Halves, true) => halves::<T, WIDE>(&sums, start, WIDE, line),
-                    (Symmetry::Halves, false) => halves(&sums, start, count - start, line),
+                for (row, sums) in sums.into_iter().enumerate() {
+                    let line = &mut pixels[n * row..n * (row + 1)];
+                    put(sums.pixels(), *symmetry, start, count - start, line);
                 }
             }
         }
     }
 }
 
-/// The first `count` sums of both parities to the pixels i and n-1-i, from i = `start` on.
+/// The first `count` of the pixels made to their places in a row, from i = `start` on.
 #[inline(always)]
-fn halves<T: Real, const WIDE: usize>(
-    sum: &[[T; WIDE]; 4],
+unsafe fn put<T: Real, V: Lanes<T>>(
+    made: [V; 4],
+    symmetry: Symmetry,
     start: usize,
     count: usize,
     line: &mut [T],
 ) {
-    let (mut low, mut high) = ([T::zero(); WIDE], [T::zero(); WIDE]);
-    for i in 0..WIDE {
-        let (even, odd) = (sum[0][i] + sum[2][i], sum[1][i] + sum[3][i]);
-        low[i] = even + odd;
-        high[WIDE - 1 - i] = even - odd;
+    let (half, end) = (line.len() / 2, line.len() - start);
+    let quarters = symmetry == Symmetry::Quarters;
+    if count >= V::N {
+        // SAFETY: there are `symmetry.sums(n)` sums, so all of these places are in the row.
+        unsafe {
+            made[3].reversed().store(line.as_mut_ptr().add(end - V::N));
+            if quarters {
+                made[1].reversed().store(line.as_mut_ptr().add(half - start - V::N));
+                made[2].store(line.as_mut_ptr().add(half + start));
+            }
+            made[0].store(line.as_mut_ptr().add(start));
+        }
+        return;
     }
-    let end = line.len() - start;
-    line[end - count..end].copy_from_slice(&high[WIDE - count..]);
-    // Last, so that the middle of an odd length has its odd part, too.
-    line[start..start + count].copy_from_slice(&low[..count]);
+    let mut lanes = [[T::zero(); LANES]; 4];
+    for (lanes, made) in lanes.iter_mut().zip(made) {
+        // SAFETY: no vector has more than LANES numbers.
+        unsafe { made.store(lanes.as_mut_ptr()) };
+    }
+    put_few(&lanes, quarters, start, count, line);
 }
 
-/// The same to the pixels i, n/2-1-i, n/2+i and n-1-i.
-#[inline(always)]
-fn quarters<T: Real, const WIDE: usize>(
-    sum: &[[T; WIDE]; 4],
+/// The same where a row ends within a vector. Apart, so that the usual case stays short enough for its
+/// sums to stay in registers.
+#[cold]
+#[inline(never)]
+fn put_few<T: Real>(
+    made: &[[T; LANES]; 4],
+    quarters: bool,
     start: usize,
     count: usize,
     line: &mut [T],
 ) {
-    let (mut first, mut second) = ([T::zero(); WIDE], [T::zero(); WIDE]);
-    let (mut third, mut fourth) = ([T::zero(); WIDE], [T::zero(); WIDE]);
-    for i in 0..WIDE {
-        let (even, odd) = (sum[0][i] + sum[2][i], sum[1][i] + sum[3][i]);
-        let (even_back, odd_back) = (sum[0][i] - sum[2][i], sum[3][i] - sum[1][i]);
-        first[i] = even + odd;
-        fourth[WIDE - 1 - i] = even - odd;
-        second[WIDE - 1 - i] = even_back + odd_back;
-        third[i] = even_back - odd_back;
+    let (half, end) = (line.len() / 2, line.len() - start);
+    for i in 0..count {
+        line[end - 1 - i] = made[3][i];
+        if quarters {
+            line[half - 1 - start - i] = made[1][i];
+            line[half + start + i] = made[2][i];
+        }
+        line[start + i] = made[0][i];
     }
-    let half = line.len() / 2;
-    let (low, high) = line.split_at_mut(half);
-    low[start..start + count].copy_from_slice(&first[..count]);
-    low[half - start - count..half - start].copy_from_slice(&second[WIDE - count..]);
-    high[start..start + count].copy_from_slice(&third[..count]);
-    let end = high.len() - start;
-    high[end - count..end].copy_from_slice(&fourth[WIDE - count..]);
 }
 
 dispatch! {

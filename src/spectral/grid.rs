@@ -16,7 +16,7 @@ pub const fn position(index: i64, n: usize) -> usize {
 /// Whether a signed index is the Nyquist index of its axis, its own mirror there.
 #[inline]
 pub const fn is_nyquist(index: i64, n: usize) -> bool {
-    n % 2 == 0 && index == -(n as i64 / 2)
+    n.is_multiple_of(2) && index == -(n as i64 / 2)
 }
 
 /// Frequency in cycles per pixel, (y, x), with an axis' component zero on its Nyquist line.

@@ -62,13 +62,13 @@ pub fn parts<T: Real>(field: &Field<'_>, down: Row, across: Row) -> Result<Arc<P
         plan: Plan::new(&waves, Choice::Cheaper)?,
         weights: (down.weights(field.blend)?, across.weights(field.blend)?),
     });
-    if waves.list.len() <= MOST_WAVES {
-        if let Ok(mut kept) = KEPT_PARTS.try_lock() {
-            if kept.len() >= KEPT {
-                kept.remove(0);
-            }
-            kept.push((key, made.clone()));
+    if waves.list.len() <= MOST_WAVES
+        && let Ok(mut kept) = KEPT_PARTS.try_lock()
+    {
+        if kept.len() >= KEPT {
+            kept.remove(0);
         }
+        kept.push((key, made.clone()));
     }
     Ok(made)
 }

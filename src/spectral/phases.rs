@@ -6,6 +6,7 @@
 use super::filter::{Alias, TemporalFilter};
 use super::tent::Motion;
 use super::waves::{Draw, Waves};
+use crate::aligned::Aligned;
 use crate::error::{Error, collected, zeroed};
 use crate::random::mix64;
 use crate::real::Real;
@@ -33,10 +34,10 @@ pub struct Columns {
     column_frequency: Vec<f64>,
     column_offset: Vec<f64>,
     /// Unit vectors of the tent.
-    tent_y: Vec<f64>,
-    tent_x: Vec<f64>,
-    amplitude: Vec<f64>,
-    wavelength: Vec<f64>,
+    tent_y: Aligned<f64>,
+    tent_x: Aligned<f64>,
+    amplitude: Aligned<f64>,
+    wavelength: Aligned<f64>,
     ring: Vec<u32>,
     /// Power of all waves.
     power: f64,
@@ -45,12 +46,13 @@ pub struct Columns {
 /// Buffers that [`Columns::spectrum`] fills: one value for each place.
 pub struct Values<T> {
     /// Real part of each leader's bin, and of the mirrors in the column of kx = 0.
-    pub re: Vec<T>,
+    pub re: Aligned<T>,
     /// Imaginary part.
-    pub im: Vec<T>,
-    phase: Vec<f64>,
-    gain: Vec<f64>,
-    tent: (Vec<f64>, Vec<f64>),
+    pub im: Aligned<T>,
+    phase: Aligned<f64>,
+    gain: Aligned<f64>,
+    rounded: Aligned<T>,
+    tent: (Aligned<f64>, Aligned<f64>),
     // Of the last tile, whose phases and gains serve the next one if it moves alike.
     place: Vec<[f64; 2]>,
     rate: Vec<Motion>,
@@ -59,7 +61,7 @@ pub struct Values<T> {
     // By row: the hash with ky, and the phase's part that depends on ky alone.
     hash: Vec<u64>,
     row_phase: Vec<f64>,
-    column_phase: Vec<f64>,
+    column_phase: Aligned<f64>,
 }
 
 /// What a tile is asked for. Slices have one entry per ring.
@@ -105,10 +107,10 @@ impl Columns {
             column_offset: collected(kx.iter().map(|&k| offset(k, width)))?,
             ky,
             kx,
-            tent_y: zeroed(size)?,
-            tent_x: zeroed(size)?,
-            amplitude: zeroed(size)?,
-            wavelength: zeroed(size)?,
+            tent_y: Aligned::zeroed(size)?,
+            tent_x: Aligned::zeroed(size)?,
+            amplitude: Aligned::zeroed(size)?,
+            wavelength: Aligned::zeroed(size)?,
             ring: zeroed(size)?,
             power: waves.list.iter().map(|wave| 2.0 * wave.amplitude * wave.amplitude).sum(),
         };
@@ -156,18 +158,19 @@ impl Columns {
     pub fn values<T: Real>(&self) -> Result<Values<T>, Error> {
         let n = self.len();
         Ok(Values {
-            re: zeroed(n)?,
-            im: zeroed(n)?,
-            phase: zeroed(n)?,
-            gain: zeroed(n)?,
-            tent: (zeroed(n)?, zeroed(n)?),
+            re: Aligned::zeroed(n)?,
+            im: Aligned::zeroed(n)?,
+            phase: Aligned::zeroed(n)?,
+            gain: Aligned::zeroed(n)?,
+            rounded: Aligned::zeroed(n)?,
+            tent: (Aligned::zeroed(n)?, Aligned::zeroed(n)?),
             place: Vec::new(),
             rate: Vec::new(),
             shortest: 0.0,
             power: Power { present: self.power, kept: self.power },
             hash: zeroed(2 * self.half)?,
             row_phase: zeroed(2 * self.half)?,
-            column_phase: zeroed(self.stride)?,
+            column_phase: Aligned::zeroed(self.stride)?,
         })
     }
 
@@ -198,7 +201,11 @@ impl Columns {
             values.place.clear();
             values.place.extend(drift);
         }
-        self.gains(draw.jitter, motion, values);
+        if self.gains(draw.jitter, motion, values) {
+            for (rounded, gain) in values.rounded.iter_mut().zip(values.gain.iter()) {
+                *rounded = T::of(*gain);
+            }
+        }
         let shift = motion.place.first().map_or([0.0; 2], |motion| motion.shift);
         let rows = values.row_phase.iter_mut().zip(&self.row_frequency).zip(&self.row_offset);
         for ((out, frequency), offset) in rows {
@@ -231,7 +238,8 @@ impl Columns {
     }
 
     /// Amplitudes after the filter and the depth limit, and their power.
-    fn gains<T: Real>(&self, jitter: bool, motion: TileMotion<'_>, values: &mut Values<T>) {
+    /// Returns whether they are other ones than before.
+    fn gains<T: Real>(&self, jitter: bool, motion: TileMotion<'_>, values: &mut Values<T>) -> bool {
         let known = !values.rate.is_empty();
         if motion.filter.is_open() && motion.shortest <= 0.0 {
             if !known || values.shortest > 0.0 {
@@ -240,12 +248,13 @@ impl Columns {
                 values.rate.clear();
                 values.rate.extend(motion.rate);
                 values.shortest = 0.0;
+                return true;
             }
-            return;
+            return false;
         }
         let same = values.rate[..] == *motion.rate && values.shortest == motion.shortest.max(0.0);
         if known && same && !jitter {
-            return;
+            return false;
         }
         values.rate.clear();
         values.rate.extend(motion.rate);
@@ -275,6 +284,7 @@ impl Columns {
         if motion.shortest <= 0.0 {
             values.power.present = self.power;
         }
+        true
     }
 }
 
@@ -366,42 +376,31 @@ fn short_sinc(x: f64) -> f64 {
     sum
 }
 
-/// Bins from phases: hash, add, reduce, turn, scale.
+/// Bins from phases: hash, add, reduce in float64; then turn and scale in the pixels' precision, on
+/// twice the lanes if that is float32.
 #[inline(always)]
 fn bins_with<T: Real, const LEVEL: u8>(kx: &[i64], values: &mut Values<T>) {
     let stride = kx.len();
-    let spectrum = values.re.chunks_exact_mut(stride).zip(values.im.chunks_exact_mut(stride));
-    let inputs = values.phase.chunks_exact(stride).zip(values.gain.chunks_exact(stride));
-    let rows = values.hash.iter().zip(&values.row_phase);
-    for (((re, im), (phase, gain)), (&hash, &row_phase)) in spectrum.zip(inputs).zip(rows) {
-        row_bins::<T, LEVEL>(hash, row_phase, kx, &values.column_phase, phase, gain, re, im);
+    let rows = values.re.chunks_exact_mut(stride).zip(values.phase.chunks_exact(stride));
+    let by_row = values.hash.iter().zip(&values.row_phase);
+    for ((reduced, phase), (&hash, &row_phase)) in rows.zip(by_row) {
+        let (phase, column_phase) = (&phase[..stride], &values.column_phase[..stride]);
+        let reduced = &mut reduced[..stride];
+        for i in 0..stride {
+            let hash = mix64(hash ^ kx[i] as u64);
+            // 52 of the hash's bits as the fraction of a number in [1, 2): the 53rd is below any
+            // pixel's precision, and this conversion has a vector form everywhere.
+            let turns = f64::from_bits((hash >> 12) | 0x3FF0_0000_0000_0000)
+                + (phase[i] + (row_phase + column_phase[i]));
+            reduced[i] = T::of(turns - turns.round_ties_even());
+        }
     }
-}
-
-#[inline(always)]
-#[expect(clippy::too_many_arguments, reason = "parallel arrays, one by one")]
-fn row_bins<T: Real, const LEVEL: u8>(
-    hash: u64,
-    row_phase: f64,
-    kx: &[i64],
-    column_phase: &[f64],
-    phase: &[f64],
-    gain: &[f64],
-    re: &mut [T],
-    im: &mut [T],
-) {
-    let n = re.len();
-    let (kx, column_phase, phase) = (&kx[..n], &column_phase[..n], &phase[..n]);
-    let (gain, im) = (&gain[..n], &mut im[..n]);
+    let n = values.re.len();
+    let (re, im, gain) = (&mut values.re[..n], &mut values.im[..n], &values.rounded[..n]);
     for i in 0..n {
-        let hash = mix64(hash ^ kx[i] as u64);
-        // 52 of the hash's bits as the fraction of a number in [1, 2): the 53rd is below any pixel's
-        // precision, and this conversion has a vector form everywhere.
-        let turns = f64::from_bits((hash >> 12) | 0x3FF0_0000_0000_0000)
-            + (phase[i] + (row_phase + column_phase[i]));
-        let turn = T::turn::<LEVEL>(turns - turns.round_ties_even());
-        re[i] = turn.re * T::of(gain[i]);
-        im[i] = turn.im * T::of(gain[i]);
+        let turn = T::turn::<LEVEL>(re[i]);
+        re[i] = turn.re * gain[i];
+        im[i] = turn.im * gain[i];
     }
 }
 

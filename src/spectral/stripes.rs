@@ -11,15 +11,19 @@ use super::phases::{Power, TileMotion};
 use super::tent::Motion;
 use super::tiles::Blend;
 use super::waves::Draw;
+use crate::aligned::Aligned;
 use crate::error::{Cancel, Error, collected, zeroed};
 use crate::pool;
 use crate::real::Real;
 use crate::simd::{dispatch, multiply_add};
 
-/// Sums of the rows that a row of tiles touches.
+/// Sums of the rows that a row of tiles touches: a ring of lines, of which `first` is the tiles' first.
 struct Stripe<T> {
+    height: usize,
     width: usize,
-    sums: Vec<T>,
+    stride: usize,
+    sums: Aligned<T>,
+    first: usize,
     // The first rows, and of the rest the first columns, hold sums already; the others hold what was
     // there before.
     rows: usize,
@@ -28,17 +32,29 @@ struct Stripe<T> {
 
 impl<T: Real> Stripe<T> {
     fn new(height: usize, width: usize) -> Result<Self, Error> {
-        Ok(Self { width, sums: zeroed(height * width)?, rows: 0, cols: 0 })
+        // An odd number of lines of the cache: neighbouring rows don't compete for the same places.
+        let stride = (width.div_ceil(LANES) | 1) * LANES;
+        let sums = Aligned::zeroed(height * stride)?;
+        Ok(Self { height, width, stride, sums, first: 0, rows: 0, cols: 0 })
     }
 
+    /// Sums of the tiles' row y.
     fn row(&self, y: usize) -> &[T] {
-        &self.sums[y * self.width..(y + 1) * self.width]
+        let line = (self.first + y) % self.height;
+        &self.sums[line * self.stride..][..self.width]
     }
 
-    /// Drops the first `rows` rows of `height`; the others come first.
-    fn advance(&mut self, rows: usize, height: usize) {
-        self.sums.copy_within(rows * self.width.., 0);
-        (self.rows, self.cols) = (height - rows, 0);
+    /// Runs of the tiles' rows that lie one behind the other, each with its first line.
+    fn runs(&self, rows: Range<usize>) -> [(Range<usize>, usize); 2] {
+        let turn = (self.height - self.first).clamp(rows.start, rows.end);
+        let line = |y: usize| (self.first + y) % self.height;
+        [(rows.start..turn, line(rows.start)), (turn..rows.end, line(turn))]
+    }
+
+    /// Drops the first `rows` rows.
+    fn advance(&mut self, rows: usize) {
+        self.first = (self.first + rows) % self.height;
+        (self.rows, self.cols) = (self.height - rows, 0);
     }
 }
 
@@ -160,7 +176,7 @@ impl<T: Real> Ready<'_, '_, T> {
                 finish(y, stripe.row(y - start), lift, line);
             }
             next = next.max(end);
-            stripe.advance(step, tile_height);
+            stripe.advance(step);
         }
         Ok(())
     }
@@ -258,16 +274,16 @@ impl<'r, T: Real> Tile<'r, T> {
     /// Adds the weighted pixels; where nothing was added yet they are the sum.
     fn add(&self, stripe: &mut Stripe<T>, pixels: &[T]) {
         let (wy, wx) = self.weights;
-        let sums = &mut stripe.sums[self.offset..];
         let touched = stripe.cols.saturating_sub(self.offset).min(wx.len());
-        let pixels = &pixels[self.from..];
-        let all = (stripe.rows, wx.len());
-        let some = (wy.len() - stripe.rows, touched);
-        add_rows(sums, stripe.width, &wy[..all.0], wx, pixels, self.width, all.1);
-        let done = (stripe.rows * stripe.width).min(sums.len());
-        let sums = &mut sums[done..];
-        let pixels = &pixels[(stripe.rows * self.width).min(pixels.len())..];
-        add_rows(sums, stripe.width, &wy[stripe.rows..][..some.0], wx, pixels, self.width, some.1);
+        for (rows, touched) in [(0..stripe.rows, wx.len()), (stripe.rows..wy.len(), touched)] {
+            for (rows, line) in stripe.runs(rows) {
+                if !rows.is_empty() {
+                    let sums = &mut stripe.sums[line * stripe.stride + self.offset..];
+                    let pixels = &pixels[rows.start * self.width + self.from..];
+                    add_rows(sums, stripe.stride, &wy[rows], wx, pixels, self.width, touched);
+                }
+            }
+        }
         stripe.cols = self.offset + wx.len();
     }
 

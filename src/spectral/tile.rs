@@ -9,6 +9,7 @@ use super::dense::{Dense, Work, operations, transform};
 use super::phases::{Columns, Power, TileMotion, Values};
 use super::transform::room_for_plans;
 use super::waves::{Draw, Waves};
+use crate::aligned::Aligned;
 use crate::error::{Error, zeroed};
 use crate::real::Real;
 
@@ -59,7 +60,7 @@ pub struct Scratch<T> {
     line: Vec<Complex<T>>,
     work_y: Vec<Complex<T>>,
     work_x: Vec<Complex<T>>,
-    pixels: Vec<T>,
+    pixels: Aligned<T>,
 }
 
 impl<T> Scratch<T> {
@@ -105,7 +106,7 @@ impl<T: Real> Plan<T> {
             line: Vec::new(),
             work_y: Vec::new(),
             work_x: Vec::new(),
-            pixels: zeroed(height * width)?,
+            pixels: Aligned::zeroed(height * width)?,
         };
         match &self.way {
             Way::Dense(dense) => {

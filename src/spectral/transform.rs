@@ -44,7 +44,7 @@ pub fn inverse_transform<T: Real>(
     room_for_plans::<T>((height, width))?;
     let rows = T::inverse(height);
     let bin = |row: usize, col: usize| {
-        T::turn::<PORTABLE>(super::phase::reduce(phase[(row, col)]))
+        T::turn::<PORTABLE>(T::of(super::phase::reduce(phase[(row, col)])))
             .scale(T::of(amplitude[(row, col)]))
     };
     let tasks = columns.chunks_mut(height).zip(&used);

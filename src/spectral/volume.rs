@@ -262,7 +262,7 @@ impl Spectrum {
         let part = time.rem_euclid(self.frames);
         for cell in &self.cells {
             let phase = reduce(cell.phase + reduce(cell.turns * part / self.frames));
-            let value = T::turn::<PORTABLE>(phase).scale(T::of(cell.amplitude));
+            let value = T::turn::<PORTABLE>(T::of(phase)).scale(T::of(cell.amplitude));
             let start = cell.column * height;
             columns[start + cell.row] = columns[start + cell.row] + value;
             if self.columns[cell.column] == 0 {

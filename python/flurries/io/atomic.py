@@ -9,6 +9,7 @@ system lets go of the lock when the process dies.
 
 from __future__ import annotations
 
+import atexit
 import contextlib
 import errno
 import os
@@ -24,6 +25,10 @@ if sys.platform != "win32":
 
 PREFIX = ".flurries-"
 TOKEN_LENGTH = 16
+
+# The temporary files of this process, and which process that is. Ctrl-C can fall between the making
+# of a file and the block that guards it, so the end of the process looks once more.
+_unfinished: dict[Path, int] = {}
 
 
 @contextmanager
@@ -64,6 +69,7 @@ def replacing(path: str | os.PathLike[str]) -> Iterator[Path]:
             raise OSError(f"{target}: nothing was written")
         _flush(temporary)
         temporary.replace(target)
+        _unfinished.pop(temporary, None)
     except OSError as error:
         _remove(temporary, owner)
         # A message about the hidden name, or about none, helps nobody: name the file itself.
@@ -142,14 +148,17 @@ def _reserve(target: Path) -> tuple[Path, int | None]:
     suffix = target.suffix if len(target.suffix) <= 16 else ""
     while True:
         temporary = target.with_name(f"{PREFIX}{secrets.token_hex(TOKEN_LENGTH // 2)}{suffix}")
+        _unfinished[temporary] = os.getpid()
         flags = os.O_RDWR | os.O_CREAT | os.O_EXCL | getattr(os, "O_CLOEXEC", 0)
         try:
             # Mode 0o666 less the umask: what any program gives a new file. A private temporary
             # file would become a private picture.
             descriptor = os.open(temporary, flags, 0o666)
         except FileExistsError:
+            del _unfinished[temporary]
             continue
         except OSError as error:
+            del _unfinished[temporary]
             raise OSError(error.errno, error.strerror, str(target)) from error
         if sys.platform == "win32":
             # An open file can be neither renamed nor removed there, which is lock enough.
@@ -161,6 +170,7 @@ def _reserve(target: Path) -> tuple[Path, int | None]:
         if os.fstat(descriptor).st_nlink:
             return temporary, descriptor
         os.close(descriptor)
+        del _unfinished[temporary]
 
 
 def _removed_abandoned(temporary: Path) -> bool:
@@ -211,3 +221,10 @@ def _remove(temporary: Path, owner: int) -> None:
     if os.getpid() == owner:
         with contextlib.suppress(OSError):
             temporary.unlink()
+    _unfinished.pop(temporary, None)
+
+
+@atexit.register
+def _remove_unfinished() -> None:
+    for temporary, owner in list(_unfinished.items()):
+        _remove(temporary, owner)

@@ -12,10 +12,10 @@ from flurries._contract import (
     LARGEST,
     Array,
     Float64,
+    bounded,
     choice,
     flag,
     float_dtype,
-    moderate,
     output,
     real,
     seed_of,
@@ -55,12 +55,16 @@ class Request(NamedTuple):
         return [value for value in self if isinstance(value, np.ndarray)]
 
 
+# The default of displacements that are seldom given.
+NOWHERE = (0.0, 0.0)
 _ZERO = np.zeros((1, 1, 1, 2))
 
 
 def _vectors(name: str, value: object, rings: int | None) -> Float64:
     """Return (rows or 1, cols or 1, rings or 1, 2) from any of the shapes that api.md allows."""
-    array = moderate(name, table(name, value, ndim=None))
+    if value is NOWHERE:
+        return _ZERO
+    array = bounded(name, value)
     ringed = rings is not None
     if array.ndim == 1 and array.shape == (2,):
         return array.reshape(1, 1, 1, 2)
@@ -84,7 +88,7 @@ def request(
     shape: tuple[int, int],
     *,
     drift: npt.ArrayLike,
-    shift: npt.ArrayLike = (0.0, 0.0),
+    shift: npt.ArrayLike = NOWHERE,
     seed: int,
     tile: int | tuple[int, int] = 64,
     overlap: int = 10,
@@ -130,7 +134,8 @@ def request(
     limits = None if shortest is None else table("shortest", shortest)
     warn_long(tile_size, band, stacklevel=4)
     offsets = _vectors("drift", drift, rings)
-    warn_far(float(np.abs(offsets).max()) / band[1] if band[1] > 0.0 else 0.0, stacklevel=4)
+    if offsets is not _ZERO and band[1] > 0.0:
+        warn_far(float(np.abs(offsets).max()) / band[1], stacklevel=4)
     return Request(
         shape=size,
         tile=tile_size,
@@ -163,7 +168,7 @@ def field(
     shape: tuple[int, int],
     *,
     drift: npt.ArrayLike,
-    shift: npt.ArrayLike = (0.0, 0.0),
+    shift: npt.ArrayLike = NOWHERE,
     seed: int,
     tile: int | tuple[int, int] = 64,
     overlap: int = 10,
@@ -262,7 +267,7 @@ def alpha(
     shape: tuple[int, int],
     *,
     drift: npt.ArrayLike,
-    shift: npt.ArrayLike = (0.0, 0.0),
+    shift: npt.ArrayLike = NOWHERE,
     seed: int,
     tile: int | tuple[int, int] = 64,
     overlap: int = 10,

@@ -1,0 +1,235 @@
+//! Vectors of numbers, for the few loops that the compiler does not make vector code of by itself.
+//!
+//! A kernel that is generic over [`Lanes`] names the vectors of its level: [`Real::Avx512`],
+//! [`Real::Avx2`] or [`Real::Portable`]. Functions here must be inlined into one that is compiled for
+//! the level (`simd::dispatch`); anywhere else they would be calls.
+//!
+//! [`Real::Avx512`]: crate::real::Real::Avx512
+//! [`Real::Avx2`]: crate::real::Real::Avx2
+//! [`Real::Portable`]: crate::real::Real::Portable
+
+use num_traits::Float;
+
+/// N numbers that are worked on at once.
+pub trait Lanes<T>: Copy {
+    /// How many.
+    const N: usize;
+
+    /// The same number everywhere.
+    ///
+    /// # Safety
+    ///
+    /// This and all other functions: the processor has the level's instructions.
+    unsafe fn splat(value: T) -> Self;
+
+    /// N numbers from `from` on.
+    ///
+    /// # Safety
+    ///
+    /// They are there to be read.
+    unsafe fn load(from: *const T) -> Self;
+
+    /// Writes them from `to` on.
+    ///
+    /// # Safety
+    ///
+    /// There is room for N numbers.
+    unsafe fn store(self, to: *mut T);
+
+    /// `self * b + c`, rounded once on the vector levels and twice on the portable one.
+    ///
+    /// # Safety
+    ///
+    /// As for all.
+    unsafe fn multiply_add(self, b: Self, c: Self) -> Self;
+
+    /// `self + b`.
+    ///
+    /// # Safety
+    ///
+    /// As for all.
+    unsafe fn add(self, b: Self) -> Self;
+
+    /// `self - b`.
+    ///
+    /// # Safety
+    ///
+    /// As for all.
+    unsafe fn sub(self, b: Self) -> Self;
+
+    /// The last one first.
+    ///
+    /// # Safety
+    ///
+    /// As for all.
+    unsafe fn reversed(self) -> Self;
+}
+
+/// Lanes of the portable level.
+#[derive(Clone, Copy)]
+pub struct Plain<T, const N: usize>([T; N]);
+
+impl<T: Float, const N: usize> Lanes<T> for Plain<T, N> {
+    const N: usize = N;
+
+    #[inline(always)]
+    unsafe fn splat(value: T) -> Self {
+        Self([value; N])
+    }
+    #[inline(always)]
+    unsafe fn load(from: *const T) -> Self {
+        // SAFETY: the caller has N numbers there.
+        Self(unsafe { from.cast::<[T; N]>().read_unaligned() })
+    }
+    #[inline(always)]
+    unsafe fn store(self, to: *mut T) {
+        // SAFETY: the caller has room for N numbers there.
+        unsafe { to.cast::<[T; N]>().write_unaligned(self.0) }
+    }
+    #[inline(always)]
+    unsafe fn multiply_add(self, b: Self, c: Self) -> Self {
+        Self(std::array::from_fn(|i| self.0[i] * b.0[i] + c.0[i]))
+    }
+    #[inline(always)]
+    unsafe fn add(self, b: Self) -> Self {
+        Self(std::array::from_fn(|i| self.0[i] + b.0[i]))
+    }
+    #[inline(always)]
+    unsafe fn sub(self, b: Self) -> Self {
+        Self(std::array::from_fn(|i| self.0[i] - b.0[i]))
+    }
+    #[inline(always)]
+    unsafe fn reversed(self) -> Self {
+        Self(std::array::from_fn(|i| self.0[N - 1 - i]))
+    }
+}
+
+#[cfg(target_arch = "x86_64")]
+pub use x86::{F32x8, F32x16, F64x4, F64x8};
+
+#[cfg(target_arch = "x86_64")]
+mod x86 {
+    use super::Lanes;
+    use std::arch::x86_64::*;
+
+    macro_rules! lanes {
+        (
+            $(#[$meta:meta])* $name:ident, $real:ty, $n:literal, $vector:ty,
+            $splat:ident, $load:ident, $store:ident, $fmadd:ident, $add:ident, $sub:ident,
+            |$v:ident| $reversed:expr
+        ) => {
+            $(#[$meta])*
+            #[derive(Clone, Copy)]
+            pub struct $name($vector);
+
+            // SAFETY of every block: the caller answers for the instructions and the memory.
+            #[allow(clippy::undocumented_unsafe_blocks, reason = "one line above for all")]
+            impl Lanes<$real> for $name {
+                const N: usize = $n;
+
+                #[inline(always)]
+                unsafe fn splat(value: $real) -> Self {
+                    Self(unsafe { $splat(value) })
+                }
+                #[inline(always)]
+                unsafe fn load(from: *const $real) -> Self {
+                    Self(unsafe { $load(from) })
+                }
+                #[inline(always)]
+                unsafe fn store(self, to: *mut $real) {
+                    unsafe { $store(to, self.0) }
+                }
+                #[inline(always)]
+                unsafe fn multiply_add(self, b: Self, c: Self) -> Self {
+                    Self(unsafe { $fmadd(self.0, b.0, c.0) })
+                }
+                #[inline(always)]
+                unsafe fn add(self, b: Self) -> Self {
+                    Self(unsafe { $add(self.0, b.0) })
+                }
+                #[inline(always)]
+                unsafe fn sub(self, b: Self) -> Self {
+                    Self(unsafe { $sub(self.0, b.0) })
+                }
+                #[inline(always)]
+                unsafe fn reversed(self) -> Self {
+                    let $v = self.0;
+                    Self(unsafe { $reversed })
+                }
+            }
+        };
+    }
+
+    lanes!(
+        /// An AVX-512 register of float32.
+        F32x16, f32, 16, __m512,
+        _mm512_set1_ps, _mm512_loadu_ps, _mm512_storeu_ps, _mm512_fmadd_ps, _mm512_add_ps,
+        _mm512_sub_ps,
+        |v| _mm512_permutexvar_ps(
+            _mm512_setr_epi32(15, 14, 13, 12, 11, 10, 9, 8, 7, 6, 5, 4, 3, 2, 1, 0), v
+        )
+    );
+    lanes!(
+        /// An AVX-512 register of float64.
+        F64x8, f64, 8, __m512d,
+        _mm512_set1_pd, _mm512_loadu_pd, _mm512_storeu_pd, _mm512_fmadd_pd, _mm512_add_pd,
+        _mm512_sub_pd,
+        |v| _mm512_permutexvar_pd(_mm512_setr_epi64(7, 6, 5, 4, 3, 2, 1, 0), v)
+    );
+    lanes!(
+        /// An AVX register of float32.
+        F32x8, f32, 8, __m256,
+        _mm256_set1_ps, _mm256_loadu_ps, _mm256_storeu_ps, _mm256_fmadd_ps, _mm256_add_ps,
+        _mm256_sub_ps,
+        |v| _mm256_permutevar8x32_ps(v, _mm256_setr_epi32(7, 6, 5, 4, 3, 2, 1, 0))
+    );
+    lanes!(
+        /// An AVX register of float64.
+        F64x4, f64, 4, __m256d,
+        _mm256_set1_pd, _mm256_loadu_pd, _mm256_storeu_pd, _mm256_fmadd_pd, _mm256_add_pd,
+        _mm256_sub_pd,
+        |v| _mm256_permute4x64_pd::<0b00_01_10_11>(v)
+    );
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::real::Real;
+    use crate::simd::{Level, level};
+
+    /// All operations on one kind of vectors, against plain numbers.
+    fn check<T: Real + std::fmt::Debug, V: Lanes<T>>() {
+        let numbers =
+            |step: f64| (0..V::N).map(|i| T::of(1.0 + step * i as f64)).collect::<Vec<_>>();
+        let (a, b) = (numbers(1.0), numbers(-0.5));
+        let mut out = vec![T::zero(); 4 * V::N];
+        // SAFETY: the callers have asked for the level; all vectors hold N numbers.
+        unsafe {
+            let (x, y) = (V::load(a.as_ptr()), V::load(b.as_ptr()));
+            x.add(y).store(out.as_mut_ptr());
+            x.sub(y).store(out[V::N..].as_mut_ptr());
+            x.multiply_add(y, V::splat(T::of(7.0))).store(out[2 * V::N..].as_mut_ptr());
+            x.reversed().store(out[3 * V::N..].as_mut_ptr());
+        }
+        for i in 0..V::N {
+            let (x, y) = (a[i], b[i]);
+            let wanted = [x + y, x - y, x * y + T::of(7.0), a[V::N - 1 - i]];
+            assert_eq!([0, 1, 2, 3].map(|op| out[op * V::N + i]), wanted, "lane {i}");
+        }
+    }
+
+    #[test]
+    fn every_kind_computes_what_plain_numbers_do() {
+        check::<f32, <f32 as Real>::Portable>();
+        check::<f64, <f64 as Real>::Portable>();
+        if matches!(level(), Level::Avx2 | Level::Avx512) {
+            check::<f32, <f32 as Real>::Avx2>();
+            check::<f64, <f64 as Real>::Avx2>();
+        }
+        if level() == Level::Avx512 {
+            check::<f32, <f32 as Real>::Avx512>();
+            check::<f64, <f64 as Real>::Avx512>();
+        }
+    }
+}
