@@ -115,6 +115,13 @@ def test_torchvision_keeps_types(kind: str):
     mask = tv_tensors.Mask(torch.ones(planes.shape[-2:], dtype=torch.bool))
     _, kept = transform(tv_tensors.Image(planes), mask)
     assert kept is mask
+    size = tuple(planes.shape[-2:])
+    boxes = torch.tensor([[1.0, 2.0, 30.0, 40.0]])
+    labels = [tv_tensors.BoundingBoxes(boxes, format="XYXY", canvas_size=size)]
+    if hasattr(tv_tensors, "KeyPoints"):
+        labels.append(tv_tensors.KeyPoints(boxes.reshape(2, 2), canvas_size=size))
+    for label in labels:
+        assert transform(tv_tensors.Image(planes), label)[1] is label
 
 
 def test_torchvision_is_the_plain_weather():
