@@ -97,7 +97,7 @@ def quiet(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     # Plots take a second; they have tests of their own.
     monkeypatch.setattr("flurries.accuracy.plot.save", lambda *_, **__: [])
     signal.signal(signal.SIGALRM, _late)
-    signal.alarm(60)
+    signal.alarm(300)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         yield
@@ -394,7 +394,7 @@ def test_sizes_under_a_limit_of_memory(part: int, tmp_path: Path):
     """In a process that may have 64 MiB more: an answer, a refusal or MemoryError, no abort."""
     script = Path(__file__).with_name("sizes_under_limit.py")
     done = subprocess.run(
-        [sys.executable, str(script), str(part), str(PARTS)], cwd=tmp_path, timeout=100,
+        [sys.executable, str(script), str(part), str(PARTS)], cwd=tmp_path, timeout=300,
         capture_output=True, text=True, errors="replace",
     )  # fmt: skip
     assert done.returncode == 0, f"ends with {done.returncode}\n{done.stdout[-500:]}{done.stderr}"
@@ -407,7 +407,7 @@ def test_an_abort_is_noticed(tmp_path: Path):
     """The control: a library that cannot get memory and ends the process."""
     script = Path(__file__).with_name("sizes_under_limit.py")
     done = subprocess.run(
-        [sys.executable, str(script), "abort"], cwd=tmp_path, timeout=100, capture_output=True
+        [sys.executable, str(script), "abort"], cwd=tmp_path, timeout=300, capture_output=True
     )
     assert done.returncode != 0
 
