@@ -1,126 +1,167 @@
-"""The speeds in the README: ratios within one run, one frame of 1024 x 1024.
+"""The speeds in the README: ratios within one run, 1024 x 1024 unless a row says otherwise.
 
     python benches/speed.py [--runs N]
 
 Variants take turns, so that a busy moment of the machine meets all of them. A row says the minimum
 and the median in milliseconds, and the minimum against that of copying the alpha (4 MiB) in the
-same run.
+same run. Each instruction set of the machine runs in a process of its own.
 """
 
 from __future__ import annotations
 
 import argparse
+import json
+import os
 import statistics
+import subprocess
+import sys
 import time
 from collections.abc import Callable
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 import flurries as fl
 
+sys.path.insert(0, str(Path(__file__).parent))
+import flakes
+import rivals
+
 SIZE = 1024
 SHAPE = (SIZE, SIZE)
-# Every tile has its own drift, as before a camera that flies forward.
-TILES = len(fl.spectral.tile_starts(SIZE))
-DRIFT = np.random.default_rng(3).normal(0.0, 5.0, (TILES, TILES, 2))
-ARGUMENTS = {"drift": DRIFT, "seed": 1}
+COPY = "copy of the alpha"
+Calls = dict[str, Callable[[], object]]
 
 
-def straightforward() -> np.ndarray:
-    """Make such an alpha as a reader of the paper would: irfft2 of all tiles, a loop to blend."""
-    tile, overlap = 64, 10
-    starts = fl.spectral.tile_starts(SIZE, tile=tile, overlap=overlap)
-    amplitude = fl.spectral.band_amplitude((tile, tile))
-    ramp = np.minimum(1.0, (np.minimum(np.arange(tile), np.arange(tile)[::-1]) + 0.5) / overlap)
-    weight = np.sin(np.pi / 2 * ramp)
-    length = starts[-1] + tile
-    total, power = np.zeros((length, length)), np.zeros((length, length))
-    rng = np.random.default_rng(1)
-    f = np.fft.fftfreq(tile)
-    fy, fx = np.meshgrid(f, f[: tile // 2 + 1], indexing="ij")
-    size = np.hypot(fy, fx)
-    size[0, 0] = 1.0
-    step = -(3.0 * fx + 9.0 * fy) / 32.0 / size
-    phases = rng.random((len(starts), len(starts), tile, tile // 2 + 1)) + step
-    half = amplitude[:, : tile // 2 + 1] * np.exp(2j * np.pi * phases)
-    tiles = np.fft.irfft2(half, (tile, tile)) * tile**2
-    window = np.outer(weight, weight)
-    for i, top in enumerate(starts):
-        for j, left in enumerate(starts):
-            place = np.s_[top : top + tile, left : left + tile]
-            total[place] += window * tiles[i, j]
-            power[place] += window**2
-    z = (total / np.sqrt(power))[:SIZE, :SIZE]
-    return (np.clip(0.5 + z / 6.0, 0.0, 1.0) ** 2).astype(np.float32)
+def texture(shape: tuple[int, int], dtype: Any = np.float32) -> Callable[[], object]:
+    """Return a call that makes a texture's alpha, every tile with a drift of its own."""
+    rows, cols = (len(fl.spectral.tile_starts(length)) for length in shape)
+    # As before a camera that flies forward.
+    drift = np.random.default_rng(3).normal(0.0, 5.0, (rows, cols, 2))
+    out = np.empty(shape, dtype)
+    return lambda: fl.spectral.alpha(shape, drift=drift, seed=1, dtype=dtype, out=out)
 
 
-def variants() -> dict[str, Callable[[], object]]:
-    """Return what is timed, by the name in the table."""
-    out = np.empty(SHAPE, np.float32)
-    wide = np.empty(SHAPE, np.float64)
-    source = np.random.default_rng(0).random(SHAPE, np.float32)
-    target = np.empty_like(source)
+def scenes() -> Calls:
+    """Return frames of whole scenes over a uint8 photograph."""
     picture = np.random.default_rng(0).integers(0, 256, (*SHAPE, 3), np.uint8)
-    texture = fl.Snow.preset("heavy", flakes=0)
-    scenes = {
-        "scene: heavy snow, texture alone, uint8 RGB": fl.Scene(None, picture, effects=[texture]),
+    sheet = fl.Snow.preset("heavy", flakes=0)
+    forward = fl.CameraPath(fl.Camera(1.2 * SIZE), velocity=(0.0, 0.0, 3.0))
+    plain = fl.Snow(flakes=0, alias="keep", shutter=0.0)
+    found = {
+        "scene: plain texture, uint8 RGB": fl.Scene(None, picture, effects=[plain]),
+        "scene: heavy snow, texture alone": fl.Scene(None, picture, effects=[sheet]),
+        "scene: heavy snow, texture, flying forward": fl.Scene(
+            None, picture, camera=forward, effects=[sheet]
+        ),
         "scene: heavy snow, 20,000 flakes and texture": fl.Scene(
             None, picture, effects=[fl.Snow.preset("heavy")]
         ),
-        "scene: heavy snow, 30,000 flakes and texture": fl.Scene(
-            None, picture, effects=[fl.Snow.preset("heavy", flakes=30_000)]
-        ),
-        "scene: heavy snow, flying forward, no flakes": fl.Scene(
-            None,
-            picture,
-            camera=fl.CameraPath(fl.Camera(1.2 * SIZE), velocity=(0.0, 0.0, 3.0)),
-            effects=[texture],
-        ),
+        "scene: heavy snow, 64 x 64": fl.Scene((64, 64), picture[:64, :64], effects=[sheet]),
     }
-    camera = fl.camera.Camera(1000.0)
-    rng = np.random.default_rng(2)
-    z = rng.uniform(2, 20, 150_000)
-    points = np.stack([(rng.random(len(z)) - 0.5) * z, (rng.random(len(z)) - 0.5) * z, z], 1)
-    radius = rng.uniform(1, 4, len(z)) * z / 1000.0
-    result: dict[str, Callable[[], object]] = {
-        "copy of the alpha": lambda: np.copyto(target, source),
-        "texture, float32": lambda: fl.spectral.alpha(SHAPE, **ARGUMENTS, out=out),
-        "texture, float64": lambda: fl.spectral.alpha(
-            SHAPE, **ARGUMENTS, dtype=np.float64, out=wide
+    return {name: lambda scene=scene: scene.render(17) for name, scene in found.items()}
+
+
+def hybrid() -> Callable[[], object]:
+    """Return a call for 30,000 discs of 1-4 px and a texture over a uint8 picture, as arrays."""
+    picture = np.random.default_rng(0).integers(0, 256, (*SHAPE, 3), np.uint8)
+    points, radius = flakes.cloud(30_000, SIZE, 1000.0)
+    camera = fl.Camera(1000.0)
+    discs, both, out = np.empty(SHAPE, np.float32), np.empty(SHAPE, np.float32), picture.copy()
+    back = texture(SHAPE)
+
+    def frame() -> object:
+        sheet = back()
+        fl.particles.splat(SHAPE, points, radius, camera, opacity=0.5, out=discs)
+        fl.composite.join([sheet, discs], out=both)
+        return fl.composite.snow(picture, both, out=out)
+
+    return frame
+
+
+def variants() -> Calls:
+    """Return what is timed, by the name in the table."""
+    source = np.random.default_rng(0).random(SHAPE, np.float32)
+    target = np.empty_like(source)
+    points, radius = flakes.cloud(150_000, SIZE, 1000.0)
+    camera, discs = fl.Camera(1000.0), np.empty(SHAPE, np.float32)
+    torus = np.empty((512, 512), np.float32)
+    wheel = {"tile": 512, "overlap": 0, "drift": (3.0, 9.0), "seed": 1, "out": torus}
+    return {
+        COPY: lambda: np.copyto(target, source),
+        "texture": texture(SHAPE),
+        "texture, float64": texture(SHAPE, np.float64),
+        "texture, 1920 x 1080": texture((1080, 1920)),
+        "texture, 3840 x 2160": texture((2160, 3840)),
+        "texture, 512 x 512, one tile": lambda: fl.spectral.alpha((512, 512), **wheel),
+        "150,000 discs of 1-4 px": lambda: fl.particles.splat(
+            SHAPE, points, radius, camera, opacity=0.5, out=discs
         ),
-        "texture, straightforward NumPy": straightforward,
-        "150,000 flakes of 1-4 px": lambda: fl.particles.splat(
-            SHAPE, points, radius, camera, opacity=0.5, out=out
-        ),
+        "30,000 discs, texture and uint8 composite": hybrid(),
+        **scenes(),
     }
-    for name, scene in scenes.items():
-        result[name] = lambda scene=scene: scene.render(17)
-    return result
+
+
+def rivals_of() -> Calls:
+    """Return what others do, by the name of the row that it stands beside."""
+    points, radius = flakes.cloud(150_000, SIZE, 1000.0)
+    return {
+        "texture, plain NumPy": rivals.straightforward,
+        "texture, tuned SciPy, 2 workers": rivals.Tuned(),
+        "texture, 512 x 512, one tile, NumPy": rivals.torus,
+        "150,000 discs, np.bincount": lambda: flakes.bincount(points, radius, SIZE, 1000.0),
+    }
+
+
+def timed(calls: Calls, runs: int, *, warm: int = 2) -> dict[str, tuple[float, float]]:
+    """Return the minimum and the median of each call, ms, the calls in turns."""
+    times: dict[str, list[float]] = {name: [] for name in calls}
+    for turn in range(runs + warm):
+        for name, call in calls.items():
+            start = time.perf_counter()
+            call()
+            # The first turns warm caches and page in the outputs.
+            if turn >= warm:
+                times[name].append(1e3 * (time.perf_counter() - start))
+    return {name: (min(values), statistics.median(values)) for name, values in times.items()}
+
+
+def measured(level: str, threads: int, runs: int) -> dict[str, tuple[float, float]]:
+    """Return the times of one instruction set, from a process that has only that."""
+    command = [sys.executable, __file__, "--one", str(threads), "--runs", str(runs)]
+    environment = {**os.environ, "FLURRIES_SIMD": level, "OPENBLAS_NUM_THREADS": "1"}
+    done = subprocess.run(command, env=environment, check=True, capture_output=True, text=True)
+    found: dict[str, tuple[float, float]] = json.loads(done.stdout)
+    return found
+
+
+def levels() -> list[str]:
+    """Return the machine's instruction sets by the names that FLURRIES_SIMD knows, best first."""
+    flags = Path("/proc/cpuinfo").read_text() if Path("/proc/cpuinfo").exists() else ""
+    return ["avx512", "avx2"] if "avx512dq" in flags else ["avx2"]
 
 
 def main() -> None:
-    """Print the tables for one thread and for two."""
+    """Print the tables."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--runs", type=int, default=25)
-    runs = parser.parse_args().runs
-    for threads in (1, 2):
-        fl.set_threads(threads)
-        calls = variants()
-        times: dict[str, list[float]] = {name: [] for name in calls}
-        for turn in range(runs + 2):
-            for name, call in calls.items():
-                start = time.perf_counter()
-                call()
-                # The first turns warm caches and page in the outputs.
-                if turn >= 2:
-                    times[name].append(1e3 * (time.perf_counter() - start))
-        floor = min(times["copy of the alpha"])
-        print(f"{threads} thread{'s' if threads > 1 else ''}, {runs} runs, {SIZE} x {SIZE}")
-        print(f"{'':<46}{'min ms':>9}{'median':>9}{'/ copy':>9}")
-        for name, values in times.items():
-            least, middle = min(values), statistics.median(values)
-            print(f"{name:<46}{least:>9.2f}{middle:>9.2f}{least / floor:>9.1f}")
-        print()
+    parser.add_argument("--one", type=int, help=argparse.SUPPRESS)
+    options = parser.parse_args()
+    if options.one:
+        fl.set_threads(options.one)
+        others = timed(rivals_of(), max(options.runs // 8, 2), warm=1) if options.one == 1 else {}
+        print(json.dumps({**timed(variants(), options.runs), **others}))
+        return
+    for level in levels():
+        for threads in (1, 2):
+            times = measured(level, threads, options.runs)
+            floor = times[COPY][0]
+            print(f"{level}, {threads} thread{'s' if threads > 1 else ''}, {options.runs} runs")
+            print(f"{'':<46}{'min ms':>9}{'median':>9}{'/ copy':>9}")
+            for name, (least, middle) in times.items():
+                print(f"{name:<46}{least:>9.2f}{middle:>9.2f}{least / floor:>9.1f}")
+            print()
 
 
 if __name__ == "__main__":

@@ -57,6 +57,27 @@ pub trait Lanes<T>: Copy {
     /// As for all.
     unsafe fn sub(self, b: Self) -> Self;
 
+    /// `self * b`.
+    ///
+    /// # Safety
+    ///
+    /// As for all.
+    unsafe fn mul(self, b: Self) -> Self;
+
+    /// The smaller and the larger of two; of numbers alone, not of NaN.
+    ///
+    /// # Safety
+    ///
+    /// As for all.
+    unsafe fn min(self, b: Self) -> Self;
+
+    /// See `min`.
+    ///
+    /// # Safety
+    ///
+    /// As for all.
+    unsafe fn max(self, b: Self) -> Self;
+
     /// The last one first.
     ///
     /// # Safety
@@ -99,6 +120,18 @@ impl<T: Float, const N: usize> Lanes<T> for Plain<T, N> {
         Self(std::array::from_fn(|i| self.0[i] - b.0[i]))
     }
     #[inline(always)]
+    unsafe fn mul(self, b: Self) -> Self {
+        Self(std::array::from_fn(|i| self.0[i] * b.0[i]))
+    }
+    #[inline(always)]
+    unsafe fn min(self, b: Self) -> Self {
+        Self(std::array::from_fn(|i| if self.0[i] < b.0[i] { self.0[i] } else { b.0[i] }))
+    }
+    #[inline(always)]
+    unsafe fn max(self, b: Self) -> Self {
+        Self(std::array::from_fn(|i| if self.0[i] > b.0[i] { self.0[i] } else { b.0[i] }))
+    }
+    #[inline(always)]
     unsafe fn reversed(self) -> Self {
         Self(std::array::from_fn(|i| self.0[N - 1 - i]))
     }
@@ -116,6 +149,7 @@ mod x86 {
         (
             $(#[$meta:meta])* $name:ident, $real:ty, $n:literal, $vector:ty,
             $splat:ident, $load:ident, $store:ident, $fmadd:ident, $add:ident, $sub:ident,
+            $mul:ident, $min:ident, $max:ident,
             |$v:ident| $reversed:expr
         ) => {
             $(#[$meta])*
@@ -152,6 +186,18 @@ mod x86 {
                     Self(unsafe { $sub(self.0, b.0) })
                 }
                 #[inline(always)]
+                unsafe fn mul(self, b: Self) -> Self {
+                    Self(unsafe { $mul(self.0, b.0) })
+                }
+                #[inline(always)]
+                unsafe fn min(self, b: Self) -> Self {
+                    Self(unsafe { $min(self.0, b.0) })
+                }
+                #[inline(always)]
+                unsafe fn max(self, b: Self) -> Self {
+                    Self(unsafe { $max(self.0, b.0) })
+                }
+                #[inline(always)]
                 unsafe fn reversed(self) -> Self {
                     let $v = self.0;
                     Self(unsafe { $reversed })
@@ -164,7 +210,7 @@ mod x86 {
         /// An AVX-512 register of float32.
         F32x16, f32, 16, __m512,
         _mm512_set1_ps, _mm512_loadu_ps, _mm512_storeu_ps, _mm512_fmadd_ps, _mm512_add_ps,
-        _mm512_sub_ps,
+        _mm512_sub_ps, _mm512_mul_ps, _mm512_min_ps, _mm512_max_ps,
         |v| _mm512_permutexvar_ps(
             _mm512_setr_epi32(15, 14, 13, 12, 11, 10, 9, 8, 7, 6, 5, 4, 3, 2, 1, 0), v
         )
@@ -173,21 +219,21 @@ mod x86 {
         /// An AVX-512 register of float64.
         F64x8, f64, 8, __m512d,
         _mm512_set1_pd, _mm512_loadu_pd, _mm512_storeu_pd, _mm512_fmadd_pd, _mm512_add_pd,
-        _mm512_sub_pd,
+        _mm512_sub_pd, _mm512_mul_pd, _mm512_min_pd, _mm512_max_pd,
         |v| _mm512_permutexvar_pd(_mm512_setr_epi64(7, 6, 5, 4, 3, 2, 1, 0), v)
     );
     lanes!(
         /// An AVX register of float32.
         F32x8, f32, 8, __m256,
         _mm256_set1_ps, _mm256_loadu_ps, _mm256_storeu_ps, _mm256_fmadd_ps, _mm256_add_ps,
-        _mm256_sub_ps,
+        _mm256_sub_ps, _mm256_mul_ps, _mm256_min_ps, _mm256_max_ps,
         |v| _mm256_permutevar8x32_ps(v, _mm256_setr_epi32(7, 6, 5, 4, 3, 2, 1, 0))
     );
     lanes!(
         /// An AVX register of float64.
         F64x4, f64, 4, __m256d,
         _mm256_set1_pd, _mm256_loadu_pd, _mm256_storeu_pd, _mm256_fmadd_pd, _mm256_add_pd,
-        _mm256_sub_pd,
+        _mm256_sub_pd, _mm256_mul_pd, _mm256_min_pd, _mm256_max_pd,
         |v| _mm256_permute4x64_pd::<0b00_01_10_11>(v)
     );
 }
@@ -203,7 +249,7 @@ mod tests {
         let numbers =
             |step: f64| (0..V::N).map(|i| T::of(1.0 + step * i as f64)).collect::<Vec<_>>();
         let (a, b) = (numbers(1.0), numbers(-0.5));
-        let mut out = vec![T::zero(); 4 * V::N];
+        let mut out = vec![T::zero(); 7 * V::N];
         // SAFETY: the callers have asked for the level; all vectors hold N numbers.
         unsafe {
             let (x, y) = (V::load(a.as_ptr()), V::load(b.as_ptr()));
@@ -211,11 +257,17 @@ mod tests {
             x.sub(y).store(out[V::N..].as_mut_ptr());
             x.multiply_add(y, V::splat(T::of(7.0))).store(out[2 * V::N..].as_mut_ptr());
             x.reversed().store(out[3 * V::N..].as_mut_ptr());
+            x.mul(y).store(out[4 * V::N..].as_mut_ptr());
+            x.min(x.reversed()).store(out[5 * V::N..].as_mut_ptr());
+            x.max(x.reversed()).store(out[6 * V::N..].as_mut_ptr());
         }
         for i in 0..V::N {
             let (x, y) = (a[i], b[i]);
-            let wanted = [x + y, x - y, x * y + T::of(7.0), a[V::N - 1 - i]];
-            assert_eq!([0, 1, 2, 3].map(|op| out[op * V::N + i]), wanted, "lane {i}");
+            let back = a[V::N - 1 - i];
+            let sums = [x + y, x - y, x * y + T::of(7.0), back];
+            let wanted = [sums[0], sums[1], sums[2], back, x * y, x.min(back), x.max(back)];
+            let got = [0, 1, 2, 3, 4, 5, 6].map(|op| out[op * V::N + i]);
+            assert_eq!(got, wanted, "lane {i}");
         }
     }
 

@@ -12,6 +12,7 @@ use crate::frame::composite::{BLOCK, OneColour, dim, invert};
 use crate::frame::sample::Sample;
 use crate::spectral::field::{Ready, Window};
 use crate::spectral::opacity::Opacity;
+use crate::spectral::stripes::Mapped;
 
 /// What lies over the picture, all of one colour.
 pub struct Snowfall<'a, 'f, 'b> {
@@ -59,20 +60,18 @@ impl Snowfall<'_, '_, '_> {
         let background = background.to_slice().ok_or_else(layout)?;
         let lines = out.into_shape_with_order((height, width * channels)).map_err(|_| layout())?;
         let clear = (1.0 - self.haze) as f32;
-        let lift = self.preserve_mean.then_some(&self.map);
+        let mapped = Some(Mapped { map: self.map, preserve_mean: self.preserve_mean });
         let rows = &self.window.rows;
-        self.texture.render(self.window, lines, lift, cancel, |y, field, lift, line| {
+        self.texture.render_rows(self.window, lines, mapped, cancel, |y, alpha, line| {
             let row = y - rows.start;
             let back = &background[row * width * channels..][..width * channels];
             let flakes = self.flakes.as_ref().and_then(|flakes| flakes.row(row).to_slice());
-            let mut alpha = [0.0; BLOCK];
             let mut through = [0.0; BLOCK];
             for start in (0..width).step_by(BLOCK) {
                 let end = (start + BLOCK).min(width);
-                let (alpha, through) = (&mut alpha[..end - start], &mut through[..end - start]);
-                self.map.map_row(&field[start..end], lift.map(|lift| &lift[start..end]), alpha);
+                let through = &mut through[..end - start];
                 through.fill(clear);
-                dim(alpha, through);
+                dim(&alpha[start..end], through);
                 if let Some(flakes) = flakes {
                     dim(&flakes[start..end], through);
                 }
@@ -123,11 +122,8 @@ mod tests {
         let ready = field.ready::<f32>().unwrap();
         for flakes in [None, Some(flakes.view())] {
             let mut alpha = Array2::zeros(shape);
-            ready
-                .render(&window, alpha.view_mut(), Some(&map), &Cancel::new(), |_, z, lift, out| {
-                    map.map_row(z, lift, out)
-                })
-                .unwrap();
+            let mapped = Some(Mapped { map, preserve_mean: true });
+            ready.render(&window, alpha.view_mut(), mapped, &Cancel::new()).unwrap();
             let mut joint = Array2::zeros(shape);
             let layers: Vec<_> = [Some(alpha.view()), flakes].into_iter().flatten().collect();
             join(joint.view_mut(), &layers, 0.1, None, &Cancel::new()).unwrap();

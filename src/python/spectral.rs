@@ -12,6 +12,7 @@ use crate::spectral::field::{Field, Window};
 use crate::spectral::filter::{Alias, TemporalFilter, temporal_filter as filter_kernel};
 use crate::spectral::opacity::Opacity;
 use crate::spectral::phase::random_phase as random_kernel;
+use crate::spectral::stripes::Mapped;
 use crate::spectral::tent::{self, Motion};
 use crate::spectral::tiles::{Blend, Row, blend_tiles as blend_kernel};
 use crate::spectral::transform::inverse_transform as transform_kernel;
@@ -158,7 +159,7 @@ fn map_plane<T: Real>(
             |(mut out, field): (ndarray::ArrayViewMut1<'_, T>, ndarray::ArrayView1<'_, T>)| {
                 let layout = || Error::Internal("rows are not contiguous".into());
                 let out = out.as_slice_mut().ok_or_else(layout)?;
-                map.map_row(field.as_slice().ok_or_else(layout)?, None, out);
+                map.map_row(field.as_slice().ok_or_else(layout)?, out);
                 Ok(())
             },
         )
@@ -295,17 +296,7 @@ fn render<T: Real>(
 ) -> PyResult<()> {
     gate::run(py, estimate(field, window), move |cancel| {
         let ready = field.ready::<T>()?;
-        match map {
-            None => {
-                ready.render(window, out, None, cancel, |_, row, _, out| out.copy_from_slice(row))
-            }
-            Some(map) => {
-                let lift = preserve_mean.then_some(&map);
-                ready.render(window, out, lift, cancel, |_, row, lift, out| {
-                    map.map_row(row, lift, out)
-                })
-            }
-        }
+        ready.render(window, out, map.map(|map| Mapped { map, preserve_mean }), cancel)
     })
 }
 

@@ -183,11 +183,7 @@ mod tests {
     fn render(field: &Field<'_>, window: &Window) -> Array2<f64> {
         let mut out = Array2::from_elem((window.rows.len(), window.cols.len()), f64::NAN);
         let ready = field.ready::<f64>().unwrap();
-        ready
-            .render(window, out.view_mut(), None, &Cancel::new(), |_, row, _, out| {
-                out.copy_from_slice(row)
-            })
-            .unwrap();
+        ready.render(window, out.view_mut(), None, &Cancel::new()).unwrap();
         out
     }
 

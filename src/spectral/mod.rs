@@ -7,15 +7,17 @@
 //! [`field`] makes a whole frame; the other modules are its steps, for experiments and as judges.
 
 pub mod band;
+mod carry;
 pub mod dense;
 pub mod field;
 pub mod filter;
 pub mod grid;
+mod lift;
 pub mod opacity;
 mod parts;
 pub mod phase;
 pub mod phases;
-mod stripes;
+pub mod stripes;
 pub mod tent;
 pub mod tile;
 pub mod tiles;

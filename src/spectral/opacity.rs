@@ -1,50 +1,127 @@
 //! The field as an opacity (Langer 2004, section 5.6).
 
+use super::lift::Lifted;
 use crate::error::{Error, finite};
+use crate::lanes::Lanes;
 use crate::real::Real;
-use crate::simd::dispatch;
+use crate::simd::{AVX2, AVX512, dispatch};
+
+/// A rectangle of the field and where its opacity goes; each row begins `stride` values after the last.
+pub struct Block<'f, 'o, T> {
+    /// Height.
+    pub rows: usize,
+    /// Width.
+    pub cols: usize,
+    /// The field and its stride.
+    pub field: (&'f [T], usize),
+    /// The opacity and its stride.
+    pub out: (&'o mut [T], usize),
+}
+
+impl<T: Real> Block<'_, '_, T> {
+    /// The field itself.
+    pub fn copy(self) {
+        let field = self.field.0.chunks(self.field.1);
+        for (out, field) in self.out.0.chunks_mut(self.out.1).zip(field).take(self.rows) {
+            out[..self.cols].copy_from_slice(&field[..self.cols]);
+        }
+    }
+
+    fn out_rows(&mut self) -> impl Iterator<Item = &mut [T]> {
+        let cols = self.cols;
+        self.out.0.chunks_mut(self.out.1).take(self.rows).map(move |row| &mut row[..cols])
+    }
+}
 
 #[inline(always)]
-fn map_with<T: Real, const SQUARE: bool>(map: Opacity, field: &[T], out: &mut [T]) {
+fn map_with<T: Real, V: Lanes<T>, const SQUARE: bool>(map: Opacity, block: &mut Block<'_, '_, T>) {
     // A vanishing spread is a threshold: the largest factor, since infinity times 0 is NaN.
     let scale = T::of((0.5 / map.spread).min(T::max_value().wide()));
     let (mean, amount) = (T::of(map.mean), T::of(map.amount));
-    let n = out.len();
-    let field = &field[..n];
-    for i in 0..n {
-        let base = (mean + field[i] * scale).max(T::zero()).min(T::one());
-        out[i] = amount * if SQUARE { base * base } else { base };
+    let Block { rows, cols, field: (field, from), out: (out, to) } = block;
+    let cols = *cols;
+    for row in 0..*rows {
+        let (field, out) = (&field[row * *from..][..cols], &mut out[row * *to..][..cols]);
+        if cols < V::N {
+            for (out, &z) in out.iter_mut().zip(field) {
+                let base = (mean + z * scale).max(T::zero()).min(T::one());
+                *out = amount * if SQUARE { base * base } else { base };
+            }
+            continue;
+        }
+        // The last lanes may be made twice: rows seldom end with a whole vector.
+        for i in (0..cols).step_by(V::N) {
+            let i = i.min(cols - V::N);
+            // SAFETY: the caller has the level's instructions, and i + N <= cols.
+            unsafe {
+                let z = V::load(field.as_ptr().add(i));
+                let base = V::splat(mean).add(z.mul(V::splat(scale)));
+                let base = base.max(V::splat(T::zero())).min(V::splat(T::one()));
+                let base = if SQUARE { base.mul(base) } else { base };
+                V::splat(amount).mul(base).store(out.as_mut_ptr().add(i));
+            }
+        }
     }
 }
 
 #[inline(always)]
-fn map_square_with<T: Real, const LEVEL: u8>(map: Opacity, field: &[T], out: &mut [T]) {
-    map_with::<T, true>(map, field, out);
+fn map_on<T: Real, const SQUARE: bool, const LEVEL: u8>(
+    map: Opacity,
+    block: &mut Block<'_, '_, T>,
+) {
+    match LEVEL {
+        AVX512 => map_with::<T, T::Avx512, SQUARE>(map, block),
+        AVX2 => map_with::<T, T::Avx2, SQUARE>(map, block),
+        _ => map_with::<T, T::Portable, SQUARE>(map, block),
+    }
 }
 
 #[inline(always)]
-fn map_plain_with<T: Real, const LEVEL: u8>(map: Opacity, field: &[T], out: &mut [T]) {
-    map_with::<T, false>(map, field, out);
+fn map_square_with<T: Real, const LEVEL: u8>(map: Opacity, block: &mut Block<'_, '_, T>) {
+    map_on::<T, true, LEVEL>(map, block);
 }
 
 #[inline(always)]
-fn lift_with<T: Real, const LEVEL: u8>(amount: T, lift: &[T], out: &mut [T]) {
-    let n = out.len();
-    let lift = &lift[..n];
-    for i in 0..n {
-        // A map with a power up to 1 gains mean by blur: what is added can be below 0.
-        out[i] = (out[i] + amount * lift[i]).max(T::zero()).min(amount);
+fn map_plain_with<T: Real, const LEVEL: u8>(map: Opacity, block: &mut Block<'_, '_, T>) {
+    map_on::<T, false, LEVEL>(map, block);
+}
+
+#[inline(always)]
+fn lift_with<T: Real, const LEVEL: u8>(
+    amount: T,
+    lifted: Lifted<'_, T>,
+    block: &mut Block<'_, '_, T>,
+) {
+    // A map with a power up to 1 gains mean by blur: what is added can be below 0.
+    let add = |value: T, lift: T| (value + amount * lift).max(T::zero()).min(amount);
+    let cols = block.cols;
+    match lifted {
+        Lifted::None => {}
+        Lifted::All(lift) => {
+            for out in block.out_rows() {
+                for value in out {
+                    *value = add(*value, lift);
+                }
+            }
+        }
+        Lifted::Each(lift) => {
+            for (out, lift) in block.out_rows().zip(lift.chunks_exact(cols)) {
+                for (value, &lift) in out.iter_mut().zip(lift) {
+                    *value = add(*value, lift);
+                }
+            }
+        }
     }
 }
 
 dispatch! {
-    fn map_square<T: Real>(map: Opacity, field: &[T], out: &mut [T]) = map_square_with
+    fn map_square<T: Real>(map: Opacity, block: &mut Block<'_, '_, T>) = map_square_with
 }
 dispatch! {
-    fn map_plain<T: Real>(map: Opacity, field: &[T], out: &mut [T]) = map_plain_with
+    fn map_plain<T: Real>(map: Opacity, block: &mut Block<'_, '_, T>) = map_plain_with
 }
 dispatch! {
-    fn lift_row<T: Real>(amount: T, lift: &[T], out: &mut [T]) = lift_with
+    fn lift_block<T: Real>(amount: T, lifted: Lifted<'_, T>, block: &mut Block<'_, '_, T>) = lift_with
 }
 
 /// `amount * clip(mean + z / (2 spread), 0, 1) ** power` for a field of variance 1.
@@ -80,20 +157,32 @@ impl Opacity {
         Ok(self)
     }
 
-    /// Maps a row; `lift` is added before the amount and the upper clip (see [`Self::mean_of`]).
-    pub fn map_row<T: Real>(&self, field: &[T], lift: Option<&[T]>, out: &mut [T]) {
+    /// Maps a row.
+    pub fn map_row<T: Real>(&self, field: &[T], out: &mut [T]) {
+        let cols = out.len();
+        self.map_block(
+            Block { rows: 1, cols, field: (field, cols), out: (out, cols) },
+            Lifted::None,
+        );
+    }
+
+    /// Maps a block; what is lifted is added before the amount and the upper clip (see
+    /// [`Self::mean_of`]).
+    pub fn map_block<T: Real>(&self, mut block: Block<'_, '_, T>, lifted: Lifted<'_, T>) {
         // The two powers that people use avoid the general one, which costs ten times as much.
         if self.power == 2.0 {
-            map_square(*self, field, out);
+            map_square(*self, &mut block);
         } else if self.power == 1.0 {
-            map_plain(*self, field, out);
+            map_plain(*self, &mut block);
         } else {
-            map_plain(Self { amount: 1.0, ..*self }, field, out);
+            map_plain(Self { amount: 1.0, ..*self }, &mut block);
             let (power, amount) = (T::of(self.power), T::of(self.amount));
-            out.iter_mut().for_each(|value| *value = amount * value.powf(power));
+            for out in block.out_rows() {
+                out.iter_mut().for_each(|value| *value = amount * value.powf(power));
+            }
         }
-        if let Some(lift) = lift {
-            lift_row(T::of(self.amount), lift, out);
+        if !matches!(lifted, Lifted::None) {
+            lift_block(T::of(self.amount), lifted, &mut block);
         }
     }
 
@@ -180,9 +269,13 @@ mod tests {
     #[test]
     fn values_are_clipped_to_the_interval() {
         let mut out = [0.0; 3];
-        PAPER.map_row(&[-10.0, 0.0, 10.0], None, &mut out);
+        PAPER.map_row(&[-10.0, 0.0, 10.0], &mut out);
         assert_eq!(out, [0.0, 0.25, 1.0]);
-        PAPER.map_row(&[-10.0, 0.0, 10.0], Some(&[-1e-9, 0.25, 0.5]), &mut out);
+        let block = Block { rows: 1, cols: 3, field: (&[-10.0, 0.0, 10.0], 3), out: (&mut out, 3) };
+        PAPER.map_block(block, Lifted::Each(&[-1e-9, 0.25, 0.5]));
         assert_eq!(out, [0.0, 0.5, 1.0]);
+        let block = Block { rows: 1, cols: 3, field: (&[-10.0, 0.0, 10.0], 3), out: (&mut out, 3) };
+        PAPER.map_block(block, Lifted::All(0.25));
+        assert_eq!(out, [0.25, 0.5, 1.0]);
     }
 }

@@ -5,6 +5,7 @@ use std::sync::Arc;
 use flurries_fft::{ComplexToReal, Fft};
 use num_complex::Complex;
 
+use super::carry::Carry;
 use super::dense::{Dense, Work, operations, transform};
 use super::phases::{Columns, Power, TileMotion, Values};
 use super::transform::room_for_plans;
@@ -63,10 +64,15 @@ pub struct Scratch<T> {
     pixels: Aligned<T>,
 }
 
-impl<T> Scratch<T> {
+impl<T: Real> Scratch<T> {
     /// The last tile, row by row.
     pub fn pixels(&self) -> &[T] {
-        &self.pixels
+        &self.pixels[..self.pixels.len() - Carry::<T>::MARGIN]
+    }
+
+    /// The last tile, and behind it [`Carry::MARGIN`] values of no meaning.
+    pub fn pixels_and_margin(&mut self) -> &mut [T] {
+        &mut self.pixels
     }
 }
 
@@ -106,7 +112,7 @@ impl<T: Real> Plan<T> {
             line: Vec::new(),
             work_y: Vec::new(),
             work_x: Vec::new(),
-            pixels: Aligned::zeroed(height * width)?,
+            pixels: Aligned::zeroed(height * width + Carry::<T>::MARGIN)?,
         };
         match &self.way {
             Way::Dense(dense) => {
@@ -134,7 +140,8 @@ impl<T: Real> Plan<T> {
         match &self.way {
             Way::Dense(dense) => {
                 if let Some(work) = &mut scratch.work {
-                    transform(dense, re, im, work, &mut scratch.pixels);
+                    let count = self.tile.0 * self.tile.1;
+                    transform(dense, re, im, work, &mut scratch.pixels[..count]);
                 }
             }
             Way::Fft { columns, along_y, along_x } => {
@@ -166,7 +173,8 @@ impl<T: Real> Plan<T> {
         scratch: &mut Scratch<T>,
     ) -> Result<(), Error> {
         let (height, width) = self.tile;
-        for (y, pixels) in scratch.pixels.chunks_mut(width).enumerate() {
+        let pixels = scratch.pixels.chunks_exact_mut(width).take(height);
+        for (y, pixels) in pixels.enumerate() {
             for (bin, column) in scratch.line.iter_mut().zip(scratch.spectrum.chunks(height)) {
                 *bin = column[y];
             }

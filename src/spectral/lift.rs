@@ -1,0 +1,110 @@
+//! What `preserve_mean` gives back: the mean opacity that the filter took from each tile, mixed as
+//! the tiles are.
+
+use std::ops::Range;
+
+use super::opacity::Opacity;
+use super::phases::Power;
+use crate::error::{Error, zeroed};
+use crate::real::Real;
+
+/// Of each row of tiles that still touches the picture, the tiles' values mixed across.
+pub struct Lift<T> {
+    map: Opacity,
+    /// Whether all tiles have the same value, which is then the mix everywhere: weights sum to 1.
+    alike: bool,
+    /// A ring: one line for each row of tiles that can touch a pixel.
+    lines: Vec<Vec<T>>,
+    origin: usize,
+    /// The values of a block.
+    block: Vec<T>,
+    /// The last tile's power and what it lost: the next one's are often the same.
+    known: (Power, f64),
+}
+
+/// What is added to a block.
+#[derive(Debug, Clone, Copy)]
+pub enum Lifted<'l, T> {
+    /// Nothing.
+    None,
+    /// The same everywhere.
+    All(T),
+    /// A value for each pixel of the block, row by row.
+    Each(&'l [T]),
+}
+
+impl<T: Real> Lift<T> {
+    /// For at most `rows` rows of tiles over a pixel, columns `span`, blocks of at most `most` pixels.
+    pub fn new(
+        map: Opacity,
+        alike: bool,
+        rows: usize,
+        span: Range<usize>,
+        most: usize,
+    ) -> Result<Self, Error> {
+        let mut lines = Vec::new();
+        for _ in 0..if alike { 0 } else { rows } {
+            lines.push(zeroed(span.len())?);
+        }
+        let none = Power { present: f64::NAN, kept: f64::NAN };
+        let block = zeroed(if alike { 0 } else { most })?;
+        Ok(Self { map, alike, lines, origin: span.start, block, known: (none, 0.0) })
+    }
+
+    /// Before the first tile of a row.
+    pub fn begin_row(&mut self, row: usize) {
+        let count = self.lines.len();
+        if count > 0 {
+            self.lines[row % count].fill(T::zero());
+        }
+    }
+
+    /// Adds a tile of a row, of the given power, that starts at column `start`.
+    pub fn add(&mut self, power: Power, row: usize, start: usize, weights: &[T], squared: bool) {
+        if power != self.known.0 {
+            self.known = (power, self.lost(power));
+        }
+        let (value, count) = (self.known.1, self.lines.len());
+        // Nothing lost is the common case, and exactly nothing must be added then.
+        if count == 0 || value == 0.0 {
+            return;
+        }
+        let (value, line) = (T::of(value), &mut self.lines[row % count]);
+        for (sum, &w) in line[start - self.origin..].iter_mut().zip(weights) {
+            *sum += value * if squared { w * w } else { w };
+        }
+    }
+
+    /// What is added to a block of columns; `rows` gives, for each of its rows, the rows of tiles that
+    /// touch it and their share.
+    pub fn of<R: Iterator<Item = (usize, T)>>(
+        &mut self,
+        cols: Range<usize>,
+        rows: impl Iterator<Item = R>,
+    ) -> Lifted<'_, T> {
+        if self.alike {
+            return Lifted::All(T::of(self.known.1));
+        }
+        let Self { lines, block, .. } = self;
+        let mut count = 0;
+        for (out, touching) in block.chunks_exact_mut(cols.len()).zip(rows) {
+            out.fill(T::zero());
+            for (row, share) in touching {
+                let line = &lines[row % lines.len()];
+                for (out, &value) in out.iter_mut().zip(&line[cols.start - self.origin..]) {
+                    *out += share * value;
+                }
+            }
+            count += cols.len();
+        }
+        Lifted::Each(&block[..count])
+    }
+
+    /// The mean opacity that the filter took from a tile.
+    fn lost(&self, power: Power) -> f64 {
+        if power.kept == power.present {
+            return 0.0;
+        }
+        self.map.mean_of(power.present) - self.map.mean_of(power.kept)
+    }
+}
