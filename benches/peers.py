@@ -223,9 +223,10 @@ def classes(size: int, failures: list[str]) -> dict[str, dict[str, Call]]:
 
 
 def failed(failures: list[str], size: int, words: str) -> None:
-    line = f"{words}, at {size} x {size}".replace("\n", " ")
-    print(f"fails: {line}", flush=True)
-    failures.append(line)
+    if size == SIZES[0]:
+        line = " ".join(words.split())[:160]
+        print(f"fails: {line}", flush=True)
+        failures.append(line)
 
 
 def albumentations(picture: Any) -> list[tuple[str, str, Call]]:

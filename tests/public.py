@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import importlib
+import importlib.util
 import inspect
 import pkgutil
 from collections.abc import Callable
@@ -37,6 +38,16 @@ from flurries.augment.corrupt import corrupt
 
 # Modules of other libraries' transforms, which need those, and the one that runs when imported.
 ELSEWHERE = ("albumentations", "kornia", "torchvision", "__main__")
+
+# Functions of libraries that need not be here.
+MISSING = {
+    name for name, library in (
+        ("view", "anywidget"), ("viewer.view", "anywidget"), ("cluster.to_dask", "dask"),
+    )
+    if importlib.util.find_spec(library) is None
+}  # fmt: skip
+if "view" in MISSING:
+    ELSEWHERE += ("widget",)
 
 # Parts of `CameraPath`, of effects and of the command: they get what those have checked.
 INNER = ("turning", "timeline", "demo")
@@ -93,6 +104,8 @@ def functions() -> dict[str, Callable[..., Any]]:
     for name in names:
         module = importlib.import_module(name)
         for public in getattr(module, "__all__", ()):
+            if f"{name}.{public}".removeprefix("flurries.") in MISSING:
+                continue
             value = getattr(module, public)
             if inspect.isfunction(value):
                 # By the shortest way to it.
@@ -161,7 +174,13 @@ def calls(folder: Path) -> dict[str, Call]:
              "depth": WALL}  # fmt: skip
     clouds = {"shape": SHAPE, "centers": POINTS, "radius": RADII, "density": np.ones(6),
               "camera": CAMERA, "depth": WALL}  # fmt: skip
-    return {
+    given = {"scene": scene, "frames": "1-9", "group": 2}
+    guests = {} if "cluster.to_dask" in MISSING else {
+        "cluster.to_dask": Call(cluster.to_dask, given)
+    }  # fmt: skip
+    if "view" not in MISSING:
+        guests["view"] = Call(fl.view, {"scene": scene})
+    return guests | {
         # arrays in, arrays out
         "spectral.tent_rate": Call(
             spectral.tent_rate, {"shape": (16, 16), "velocity": np.array([1.0, 2.0])},
@@ -390,7 +409,6 @@ def calls(folder: Path) -> dict[str, Call]:
         "trace.tracing": Call(trace.tracing, {}),
         "set_threads": Call(fl.set_threads, {"n": 2}),
         "threads": Call(fl.threads, {}),
-        "view": Call(fl.view, {"scene": scene}),
         # data sets
         "augment.contrast_loss": Call(augment.contrast_loss, {"amount": 0.5}),
         "augment.occlusion": Call(
@@ -406,7 +424,6 @@ def calls(folder: Path) -> dict[str, Call]:
             accuracy.write, {"studies": [STUDY], "folder": folder / "study",
                              "page": folder / "study.md"}),
         "cluster.grouped": Call(cluster.grouped, {"scene": scene, "frames": "1-9"}),
-        "cluster.to_dask": Call(cluster.to_dask, {"scene": scene, "frames": "1-9", "group": 2}),
         # the command line
         "cli.main": Call(cli.main, {"arguments": ["--help-of-nothing"]}),
     }  # fmt: skip
