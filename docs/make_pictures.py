@@ -74,6 +74,21 @@ def sizes() -> None:
     save("sizes.jpg", np.hstack(parts), 1536)
 
 
+def severity() -> None:
+    """Severities 1 to 5 of snow, rain and mist, and rates of snow and rain."""
+    picture = io.fit(data.astronaut(), (512, 512))
+    region = np.s_[:300, 100:400]
+
+    def row(effects: list) -> np.ndarray:
+        scenes = [fl.Scene(None, picture, effects=[effect]) for effect in effects]
+        return np.hstack([scene.render(3, region=region) for scene in scenes])
+
+    rows = [row([kind(severity=n) for n in range(1, 6)]) for kind in (fl.Snow, fl.Rain, fl.Mist)]
+    rows.append(row([fl.Snow(rate_mm_h=rate) for rate in (0.3, 1.0, 3.0, 8.0, 20.0)]))
+    rows.append(row([fl.Rain(rate_mm_h=rate) for rate in (1.0, 4.0, 10.0, 25.0, 80.0)]))
+    save("severity.jpg", np.vstack(rows), 1400)
+
+
 def rain() -> None:
     """The presets of rain on a dark and a bright photograph, a step between frames, and a mean."""
     rows = []
@@ -148,7 +163,7 @@ def jitter() -> None:
 
 
 RAINS = ("drizzle", "rain", "downpour")
-ALL = (three, flight, looks, paper, sizes, rain, wind, depth, stereo, jitter)
+ALL = (three, flight, looks, paper, sizes, severity, rain, wind, depth, stereo, jitter)
 
 if __name__ == "__main__":
     for make in ALL:

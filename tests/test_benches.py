@@ -48,3 +48,12 @@ def test_matching_before_and_after(monkeypatch, capsys):
     powers = [line for line in out.splitlines() if line.startswith("  before")]
     # The finest octave of the paper's texture has far too little power.
     assert int(powers[0].split()[4].rstrip("%")) < -50
+
+
+def test_a_tolerance_is_kept(monkeypatch, capsys):
+    out = run("plan", "--tolerance", "--runs", "1", monkeypatch=monkeypatch, capsys=capsys)
+    lines = out.strip().splitlines()
+    rows = [line.split()[-2:] for line in lines[1:-1]]
+    assert len(rows) == 7 and lines[-1].startswith("most that more tolerance")
+    for expected, real in rows:
+        assert 0.0 <= float(real) <= float(expected) <= 1.01 / 255

@@ -28,7 +28,7 @@ W, H = 66, 50
 RNG = np.random.default_rng(3)
 BYTES = RNG.integers(0, 220, (H, W, 3)).astype(np.uint8)
 LIGHT = RNG.gamma(1.0, 1.0, (H, W, 3)).astype(np.float32)  # with values above 1
-SNOW = Snow.preset("heavy", flakes=200)
+SNOW = Snow.preset("heavy", flakes=200, wavelengths=(2.0, 4.0))
 
 
 @pytest.fixture

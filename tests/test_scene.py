@@ -360,9 +360,10 @@ FIELDS: dict[str, tuple[Any, list[Any]]] = {
     "blend": ("linear", ["smooth"]), "alias": ("cut", ["Cut"]), "jitter": (True, [1, 0]),
     "flakes": (7, [-1, 100_000_001, 7.0]), "flake_opacity": (0.5, [-0.1, 1.1]),
     "flake_size": ((0.01, 0.01), [(0.0, 1.0), (0.02, 0.01), (0.1,), 0.1]),
+    "flake_density": (4.5, [-0.1, 1e7, "many"]), "look": ("v1", ["v0", 1]),
     "sway": ((0.1, 1.0), [(1.0,), 1.0]), "seed": (3, [2**63, -(2**63) - 1, 1.0]),
 }  # fmt: skip
-MAY_BE_NONE = {"wavelengths", "tile", "overlap", "seed"}
+MAY_BE_NONE = {"wavelengths", "tile", "overlap", "seed", "flake_density"}
 KEYED = {"amount", "fall", "wind", "colour", "haze", "shutter", "texture", "mean", "spread",
          "power", "flake_opacity"}  # fmt: skip
 

@@ -29,7 +29,11 @@ def alpha(snow: Any, depth: Any, t: float = 5.0, seed: int = 0, **more: Any) -> 
 
 @pytest.mark.parametrize("mode", MODES)
 def test_what_is_beyond_all_snow_changes_nothing(mode: str):
-    for snow in (Snow(depth_mode=mode, flakes=500), fl.Rain(depth_mode=mode, drops=500)):
+    for snow in (
+        Snow(depth_mode=mode, flakes=500),
+        # Tiles, where the plan would take one torus without a depth.
+        fl.Rain(depth_mode=mode, drops=500, overlap=16),
+    ):
         want = alpha(snow, None)
         far = max(snow.far_depth((H, W)), snow.population(0.0).reach)
         for depth in (np.full((H, W), np.inf), 1.001 * far):

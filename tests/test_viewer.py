@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import io
 import json
+import math
 import subprocess
 import sys
 from pathlib import Path
@@ -52,8 +53,9 @@ def test_sliders_stand_where_the_scene_does():
     # wind (0.9, 0), fall 1.2: 1.5 m/s, atan2(1.2, 0.9) = 53.13 degrees.
     assert slider(SCENE, "0.direction").value == pytest.approx(53.130102354155980, abs=1e-9)
     assert slider(SCENE, "0.speed").value == pytest.approx(1.5, abs=1e-12)
-    # Three octaves, 3 to 24 px at 1024 px; here the shortest is held at 2 px and the longest at 4.
-    assert slider(SCENE, "0.octaves").value == pytest.approx(1.0, abs=1e-12)
+    # Three octaves, 3 to 24 px at 1024 px; here the shortest is held at 2 px.
+    octaves = math.log2(24.0 * SCENE.shape[1] / 1024.0 / 2.0)
+    assert slider(SCENE, "0.octaves").value == pytest.approx(octaves, abs=1e-12)
 
 
 def test_direction_and_speed_become_fall_and_wind():

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 import numpy.typing as npt
@@ -87,7 +88,7 @@ class Camera:
 
     def matrix(self) -> Float64:
         """Return R (3, 3): a direction d of the camera's axes is R d in the house axes."""
-        return rotation_matrix(self.rotation)
+        return np.array(_matrix(self.rotation))
 
 
 def rotation_matrix(rotation: npt.ArrayLike) -> Float64:
@@ -112,6 +113,12 @@ def rotation_matrix(rotation: npt.ArrayLike) -> Float64:
     half = math.sin(0.5 * angle) / angle
     matrix: Float64 = np.eye(3) + math.sin(angle) / angle * cross + 2.0 * half**2 * cross @ cross
     return matrix
+
+
+@lru_cache(maxsize=256)
+def _matrix(rotation: tuple[float, float, float]) -> Float64:
+    # Asked for several times in a frame.
+    return rotation_matrix(rotation)
 
 
 def expect_camera(camera: object, *, stretched: bool = False) -> Camera:

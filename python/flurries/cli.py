@@ -140,6 +140,20 @@ def _parser() -> argparse.ArgumentParser:
     render.add_argument("--quiet", action="store_true", help="no progress bar")
     render.set_defaults(run=_render)
 
+    plan = commands.add_parser(
+        "plan", help="what rendering would cost: steps, times, memory, and what is left out"
+    )
+    plan.add_argument(
+        "input", metavar="SCENE|PICTURE", help="scene.toml, a picture, a film, #rrggbb"
+    )
+    _add_scene(plan)
+    plan.add_argument("--frames", metavar="RANGE", help="1-60, 1-100x2, 7")
+    plan.add_argument("--json", action="store_true", help="JSON in place of a table")
+    plan.add_argument(
+        "--calibrate", action="store_true", help="measure this machine's speed again first"
+    )
+    plan.set_defaults(run=_plan)
+
     from flurries.effects.presets import SNOW
 
     texture = commands.add_parser(
@@ -211,7 +225,7 @@ def _parser() -> argparse.ArgumentParser:
     accuracy.add_argument("--quiet", action="store_true", help="no progress bar")
     accuracy.set_defaults(run=_accuracy)
 
-    for command in (demo, render, texture, view, accuracy):
+    for command in (demo, render, plan, texture, view, accuracy):
         command.add_argument("--threads", type=int, metavar="N")
     return parser
 
@@ -220,11 +234,15 @@ def _add_scene(command: argparse.ArgumentParser) -> None:
     """Add the options that make or change a scene."""
     from flurries.effects.presets import CONE_RAIN, CONE_SNOW, MIST, RAIN, SNOW
 
-    command.add_argument("--snow", metavar="PRESET", help=", ".join(SNOW))
-    command.add_argument("--rain", metavar="PRESET", help=", ".join(RAIN))
+    command.add_argument(
+        "--snow", metavar="PRESET", help=", ".join(SNOW) + "; or severity=1..5, or rate_mm_h=R"
+    )
+    command.add_argument("--rain", metavar="PRESET", help="likewise; " + ", ".join(RAIN))
     command.add_argument("--cone-snow", metavar="PRESET", help=", ".join(CONE_SNOW))
     command.add_argument("--cone-rain", metavar="PRESET", help=", ".join(CONE_RAIN))
-    command.add_argument("--mist", metavar="PRESET", help=", ".join(MIST))
+    command.add_argument(
+        "--mist", metavar="PRESET", help=", ".join(MIST) + "; or severity=1..5, or visibility_m=V"
+    )
     command.add_argument(
         "--visibility", type=float, metavar="METRES", help="how far one sees in it"
     )
@@ -244,6 +262,9 @@ def _add_scene(command: argparse.ArgumentParser) -> None:
         "--foreground", metavar="FILE", help="mask or picture in front of the weather"
     )
     command.add_argument("--seed", type=int, metavar="N")
+    command.add_argument(
+        "--tolerance", type=float, metavar="E", help="how far values may be off to save time"
+    )
     command.add_argument("--size", metavar="WxH")
     command.add_argument("--fps", type=float, metavar="F")
     command.add_argument("--linear", action="store_true", help="mix in linear light")
@@ -361,6 +382,17 @@ def _check(options: argparse.Namespace) -> int:
     return SKIPPED if wrong else 0
 
 
+def _plan(options: argparse.Namespace) -> int:
+    from flurries.plan.calibration import scales
+
+    scene = _scene(options)
+    if options.calibrate:
+        scales(again=True)
+    plan = scene.plan(options.frames)
+    print(plan.to_json() if options.json else plan)
+    return 0
+
+
 def _accuracy(options: argparse.Namespace) -> int:
     from flurries.accuracy import AXES, study, write
 
@@ -449,7 +481,7 @@ def _scene(options: argparse.Namespace) -> Any:
     given = Path(options.input)
     changes: dict[str, Any] = {
         name: getattr(options, name)
-        for name in ("seed", "size", "fps", "foreground")
+        for name in ("seed", "tolerance", "size", "fps", "foreground")
         if getattr(options, name) is not None
     }
     if options.linear:
@@ -509,7 +541,7 @@ def _effects(options: argparse.Namespace, weather: dict[str, Any]) -> list[Any]:
     effects: list[Any] = []
     if options.mist is not None:
         seen = {} if options.visibility is None else {"visibility": options.visibility}
-        effects.append(Mist.preset(options.mist, **weather, **seen))
+        effects.append(_look(Mist, options.mist, **weather, **seen))
     elif options.visibility is not None:
         raise _Mistake("--visibility is one of mist: add --mist PRESET, such as --mist fog")
     kinds: tuple[tuple[type[Any], str | None], ...] = (
@@ -518,8 +550,24 @@ def _effects(options: argparse.Namespace, weather: dict[str, Any]) -> list[Any]:
         (ConeRain, options.cone_rain),
         (Rain, options.rain),
     )
-    effects += [kind.preset(name, **weather) for kind, name in kinds if name is not None]
+    effects += [_look(kind, name, **weather) for kind, name in kinds if name is not None]
     return effects
+
+
+def _look(kind: type[Any], name: str, **weather: Any) -> Any:
+    """Return an effect by a preset's name, or by a knob such as "severity=3"."""
+    knob, given, value = name.partition("=")
+    if not given:
+        return kind.preset(name, **weather)
+    knobs: tuple[str, ...] = getattr(kind, "KNOBS", ())
+    if knob not in knobs:
+        known = " or ".join(f"{one}=NUMBER" for one in knobs) or "none"
+        raise _Mistake(f"{name!r}: knobs of {kind.NAME} are {known}")
+    try:
+        number: float | int = int(value) if knob == "severity" else float(value)
+    except ValueError:
+        raise _Mistake(f"{knob} must be a number, got {value!r}") from None
+    return kind(**{knob: number}, **weather)
 
 
 def _depth(text: str) -> float | str:

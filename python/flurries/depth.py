@@ -120,6 +120,13 @@ class Distance:
 
     source: Any
 
+    @property
+    def still(self) -> bool:
+        """Whether every frame has the same depth."""
+        if isinstance(self.source, np.ndarray):
+            return True
+        return self.source.files.count is None
+
     def frame(self, t: float) -> Array:
         """Return (H, W) float32 of frame floor(t), read-only; the ends of a sequence hold."""
         return self.source if isinstance(self.source, np.ndarray) else self.source.frame(t)

@@ -26,10 +26,13 @@ class Mix:
         Whether that is linear light, or display values.
     encoding : "display" or "linear"
         The background's own.
+    table : bool
+        Whether display values of integer pictures are looked up.
     """
 
     linear: bool
     encoding: str
+    table: bool = False
 
     def working(self, picture: Array) -> Array:
         """Return the background in the light that layers are mixed in."""
@@ -47,13 +50,15 @@ class Mix:
 
     def finished(self, working: Array, picture: Array) -> Array:
         """Return the composite in the background's own encoding and dtype."""
-        from flurries.io.color import to_display, to_integer, to_linear
+        from flurries.io.color import looked_up, to_display, to_integer, to_linear
 
         if self.linear == (self.encoding == "linear"):
             # The background's own pixels where nothing lay over them: the caller gets a copy.
             return working if working.flags.writeable else working.copy()
         if not self.linear:
             return to_linear(working, "display")
+        if self.table:
+            return looked_up(working, 8 * picture.dtype.itemsize)
         return to_integer(to_display(working, "linear"), 8 * picture.dtype.itemsize)
 
     def over(self, working: Array, layer: Layer) -> Array:

@@ -6,25 +6,29 @@ import operator
 from collections.abc import Sequence
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from flurries import _core
 from flurries._contract import Array, choice, integer, real, seed_of
-from flurries.background import Backdrop, ambient_light, backdrop
+from flurries.background import Backdrop, backdrop
 from flurries.camera import Camera
 from flurries.depth import Distance, distance_of
 from flurries.effects import Frame, Layer
-from flurries.effects.falling import AMBIENT
 from flurries.effects.layer import layers_of
+from flurries.effects.visible import Window
 from flurries.foreground import Foreground, foreground_of
 from flurries.mixing import Mix, behind
-from flurries.path import CameraPath, as_path
+from flurries.path import as_path
+from flurries.plan.program import Program
+from flurries.plan.spending import EXACT
 from flurries.rendered import Rendered, rendered
 from flurries.stereo import eyes
 from flurries.sun import Sun
 from flurries.trace import stage
+
+if TYPE_CHECKING:
+    from flurries.plan import Plan
 
 __all__ = ["Rendered", "Scene"]
 
@@ -67,6 +71,8 @@ class Scene:
         Files are fitted to the frame as the background is, each pixel with the depth of one.
     sun : Sun, optional
         What shines on the weather.
+    tolerance : float
+        How far values of a frame may be off, of full scale, if it saves time; see `render`.
 
     Raises
     ------
@@ -92,9 +98,11 @@ class Scene:
     space: str = "auto"
     depth: Any = None
     sun: Sun | None = None
+    tolerance: float = 0.0
     _backdrop: Backdrop = field(init=False, repr=False)
     _foreground: Foreground | None = field(init=False, repr=False)
     _distance: Distance | None = field(init=False, repr=False)
+    _program: Program | None = field(init=False, repr=False, default=None)
 
     def __post_init__(self) -> None:
         def settle(name: str, value: Any) -> None:
@@ -105,6 +113,7 @@ class Scene:
         settle("fps", real("fps", self.fps, above=0.0))
         settle("seed", seed_of(self.seed))
         choice("space", self.space, SPACES)
+        settle("tolerance", tolerance_of(self.tolerance))
         settle("_backdrop", backdrop(self.background, self.size))
         settle("size", self._backdrop.size)
         settle("camera", as_path(self.camera, DEFAULT_FOCAL * self.shape[1]))
@@ -154,6 +163,7 @@ class Scene:
         eye: Camera | None = None,
         layers: bool = False,
         region: tuple[slice, slice] | None = None,
+        tolerance: float | None = None,
     ) -> Any:
         """Return the frame at `t`.
 
@@ -169,6 +179,10 @@ class Scene:
             Return a :class:`Rendered` with the layers apart.
         region : (rows, cols), optional
             Two slices, as from ``np.s_[100:200, 50:80]``: only that part, with the whole's bits.
+        tolerance : float, optional
+            How far any value may be off, of full scale, from the frame without a tolerance; the
+            scene's own if not given. Spent where it saves most time by a fixed cost model, so that
+            frames have the same bits on all machines; `plan` says on what. Layers are exact.
 
         Returns
         -------
@@ -177,30 +191,38 @@ class Scene:
             rendered before, in any process and with any number of threads.
         """
         time = real("t", t)
+        if eye is not None and not isinstance(eye, Camera):
+            raise TypeError(f"eye must be a Camera, got {eye!r}")
         window = self._window(region)
-        top, bottom, left, right = window
-        part = (bottom - top, right - left)
-        depth = self.depth_at(time) if self.effects or layers else None
-        asks = self._asks(time, eye, window, depth, layers)
         with stage("background"):
-            picture = self._backdrop.frame(time)[top:bottom, left:right]
+            picture = cropped(self._backdrop.frame(time), window)
+        limit = self.tolerance if tolerance is None else tolerance_of(tolerance)
+        dtype = None if layers else picture.dtype
+        chosen = EXACT if limit == 0.0 else self.program.choice(time, dtype, limit)
+        # Where none of the weather can be seen, none is made; layers are whole.
+        inner = window if layers else self.program.seen(window, chosen.hidden)
+        asked: list[tuple[Any, Frame]] = []
+        if inner is not None:
+            needed = list(self.program.frames(time, eye, inner, dtype=dtype, choice=chosen))
+            asked = self.program.given(time, needed)
         matte = None if self._foreground is None else self._foreground.window(window)
-        mix = Mix(self.linear, self._backdrop.encoding)
-        if matte is None and not layers:
-            return self._laid_over(asks, mix, picture)
+        mix = Mix(self.linear, self._backdrop.encoding, chosen.table)
+        if not layers:
+            if matte is None or not asked or inner is None:
+                return self._laid_over(asked, mix, picture, matte)
+            return self._laid_behind(asked, mix, picture, matte, within(inner, window))
         parts = [
             layer
-            for effect, frame in asks
-            for layer in layers_of(effect.render(frame), effect, part)
+            for effect, frame in asked
+            for layer in layers_made(effect, frame, picture.shape[:2])
         ]
         # A mask keeps the weather from the background's own pixels in front.
         parts = parts if matte is None else [behind(part, matte.cover) for part in parts]
         with stage("composite"):
             image = self._mixed(parts, mix, picture, matte)
-        if not layers:
-            return image
         front = None if matte is None or matte.light is None else matte.rgba(linear=self.linear)
-        around = None if depth is None else depth[top:bottom, left:right]
+        depth = self.depth_at(time)
+        around = None if depth is None else cropped(depth, window)
         return rendered(image, parts, mix, mix.plate(picture), front, around)
 
     def look(self, t: float) -> None:
@@ -243,6 +265,36 @@ class Scene:
     def _opened(self) -> Any:
         return getattr(self._backdrop.source, "source", None)
 
+    def plan(self, frames: Any = None, *, tolerance: float | None = None) -> Plan:
+        """Return what rendering costs: its steps, their sizes and times, and what is left out.
+
+        Parameters
+        ----------
+        frames : str, int or iterable of int, optional
+            As for :meth:`write`; of a long film a few frames stand for all.
+        tolerance : float, optional
+            As for :meth:`render`: the plan says what it is spent on, and the error to expect.
+
+        Returns
+        -------
+        Plan
+            To print, to show in a notebook, or as JSON.
+        """
+        from flurries.plan import plan_of
+
+        limit = self.tolerance if tolerance is None else tolerance_of(tolerance)
+        return plan_of(self, frames, limit)
+
+    @property
+    def program(self) -> Program:
+        """What runs for each frame, resolved when it is first asked for."""
+        found = self._program
+        # One that was copied with a scene's other attributes belongs to that scene.
+        if found is None or found.scene is not self:
+            found = Program(self)
+            object.__setattr__(self, "_program", found)
+        return found
+
     def stereo(
         self,
         t: float,
@@ -251,6 +303,7 @@ class Scene:
         convergence: float | None = None,
         layers: bool = False,
         region: tuple[slice, slice] | None = None,
+        tolerance: float | None = None,
     ) -> tuple[Any, Any]:
         """Return the frame at `t` as the left and the right eye see it.
 
@@ -259,7 +312,7 @@ class Scene:
 
         Parameters
         ----------
-        t, layers, region
+        t, layers, region, tolerance
             See :meth:`render`.
         distance, convergence : float
             See :func:`flurries.stereo.eyes`.
@@ -267,7 +320,7 @@ class Scene:
         Returns
         -------
         left, right
-            Each as :meth:`render` returns it.
+            Each as :meth:`render` returns it; one and the same at distance 0.
 
         Warns
         -----
@@ -280,8 +333,11 @@ class Scene:
             warned = getattr(effect, "warn_ambiguous", None)
             if warned is not None:
                 warned(self.shape, self.camera.camera.focal, distance, index)
-        left, right = (self.render(t, eye=eye, layers=layers, region=region) for eye in pair)
-        return left, right
+        more: dict[str, Any] = {"layers": layers, "region": region, "tolerance": tolerance}
+        left = self.render(t, eye=pair[0], **more)
+        if pair[0] == pair[1]:
+            return left, left
+        return left, self.render(t, eye=pair[1], **more)
 
     def depth_at(self, t: float) -> Array | None:
         """Return the background's planar depth at `t`, (H, W) float32, or None.
@@ -295,7 +351,13 @@ class Scene:
         with stage("depth"):
             return self._distance.frame(time)
 
-    def _laid_over(self, asks: list[tuple[Any, Frame]], mix: Mix, picture: Array) -> Array:
+    def _laid_over(
+        self,
+        asks: list[tuple[Any, Frame]],
+        mix: Mix,
+        picture: Array,
+        matte: Foreground | None = None,
+    ) -> Array:
         """Return the composite, each effect straight over what lies behind it if it knows how."""
         working = mix.working(picture)
         for effect, frame in asks:
@@ -304,10 +366,38 @@ class Scene:
             if done is not None:
                 working = done
                 continue
-            for layer in layers_of(effect.render(frame), effect, picture.shape[:2]):
+            for layer in layers_made(effect, frame, picture.shape[:2]):
                 with stage("composite"):
                     working = mix.over(working, layer)
         with stage("composite"):
+            if matte is not None and matte.light is not None:
+                working = matte.over(working, linear=self.linear)
+            return mix.finished(working, picture)
+
+    def _laid_behind(
+        self,
+        asks: list[tuple[Any, Frame]],
+        mix: Mix,
+        picture: Array,
+        matte: Foreground,
+        inner: Window,
+    ) -> Array:
+        """Return the composite of effects in the part of a picture where they can be seen."""
+        working = mix.working(picture)
+        over = np.ascontiguousarray(cropped(working, inner))
+        cover = cropped(matte.cover, inner)
+        for effect, frame in asks:
+            for layer in layers_made(effect, frame, over.shape[:2]):
+                with stage("composite"):
+                    over = mix.over(over, behind(layer, cover))
+        with stage("composite"):
+            if over.shape == working.shape:
+                working = over
+            else:
+                working = working if working.flags.writeable else working.copy()
+                cropped(working, inner)[...] = over
+            if matte.light is not None:
+                working = matte.over(working, linear=self.linear)
             return mix.finished(working, picture)
 
     def _mixed(
@@ -376,41 +466,34 @@ class Scene:
         self,
         t: float,
         eye: Camera | None,
-        window: tuple[int, int, int, int],
+        window: Window,
         depth: Array | None,
         whole: bool = False,
     ) -> list[tuple[Any, Frame]]:
-        path: CameraPath = self.camera
-        if eye is not None and not isinstance(eye, Camera):
-            raise TypeError(f"eye must be a Camera, got {eye!r}")
-        view = path.seen(path.camera if eye is None else eye, t)
-        ambient = None
-        if any(getattr(effect, "colour", None) == AMBIENT for effect in self.effects):
-            # Of the whole picture, so that a region has the whole's bits.
-            ambient = ambient_light(self._backdrop.frame(t), self._backdrop.encoding)
-        asks = []
-        for index, effect in enumerate(self.effects):
-            own = getattr(effect, "seed", None)
-            seed = effect_seed(self.seed, index) if own is None else own
-            asks.append(
-                (
-                    effect,
-                    Frame(
-                        shape=self.shape,
-                        window=window,
-                        t=t,
-                        fps=self.fps,
-                        camera=view,
-                        path=path,
-                        seed=seed,
-                        depth=depth,
-                        sun=self.sun,
-                        ambient=ambient,
-                        whole=whole,
-                    ),
-                )
-            )
-        return asks
+        """Return each effect with its view of a frame, given a depth."""
+        asked = self.program.frames(t, eye, window, dtype=None)
+        return [(effect, replace(frame, depth=depth, whole=whole)) for effect, frame, _ in asked]
+
+
+def layers_made(effect: Any, frame: Frame, shape: tuple[int, int]) -> tuple[Layer, ...]:
+    """Return the layers of an effect."""
+    if hasattr(effect, "needs"):
+        return layers_of(effect.render(frame), effect, shape)
+    # One that does not say what it needs is a step by itself.
+    with stage(type(effect).__name__.lower()):
+        return layers_of(effect.render(frame), effect, shape)
+
+
+def cropped(plane: Array, window: Window) -> Array:
+    """Return the window of a plane or picture."""
+    top, bottom, left, right = window
+    return plane[top:bottom, left:right]
+
+
+def within(inner: Window, window: Window) -> Window:
+    """Return a window counted from the first pixel of one around it."""
+    top, left = window[0], window[2]
+    return inner[0] - top, inner[1] - top, inner[2] - left, inner[3] - left
 
 
 def expect_scene(scene: object) -> Scene:
@@ -424,13 +507,9 @@ def _rebuilt(values: dict[str, Any]) -> Scene:
     return Scene(**values)
 
 
-def effect_seed(seed: int, index: int) -> int:
-    """Return the seed of the effect at a place of the list; the first one's is the scene's own."""
-    if index == 0:
-        return seed
-    draw = np.empty(index + 1)
-    _core.uniform(draw, seed, -1)
-    return int(draw[index] * 2**53)
+def tolerance_of(value: object) -> float:
+    """Return a tolerance, or refuse it."""
+    return real("tolerance", value, low=0.0, high=1.0)
 
 
 def parse_size(size: object) -> tuple[int, int]:

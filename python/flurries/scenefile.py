@@ -45,6 +45,7 @@ EFFECTS: dict[str, type[Any]] = {
 
 _SCENE = (
     "size", "background", "camera", "effects", "fps", "seed", "foreground", "space", "depth", "sun",
+    "tolerance",
 )  # fmt: skip
 _DEPTH = ("source", "near", "far", "white", "law")
 _WAY = ("position", "velocity", "orientation")
@@ -176,6 +177,7 @@ def _effect(file: _File, table: Any, index: int) -> Any:
         known = ", ".join(map(repr, EFFECTS))
         raise ValueError(f"{file.where(*at, 'kind')}: kind must be one of {known}, got {kind!r}")
     known_keys = tuple(f.name for f in fields(EFFECTS[kind]))
+    known_keys += getattr(EFFECTS[kind], "KNOBS", ())
     for key in table:
         if key not in ("kind", "preset", *known_keys):
             raise file.refuse(("kind", "preset", *known_keys), f"effect {kind!r}", *at, key)
@@ -299,6 +301,8 @@ def describe(
         table[name] = _background(name, value, folder)
     if scene.space != "auto":
         table["space"] = scene.space
+    if scene.tolerance != 0.0:
+        table["tolerance"] = scene.tolerance
     if scene.depth is not None:
         described = _depth(scene.depth, folder, bare="depth" in leave_out)
         if described is not None:
@@ -322,7 +326,10 @@ def describe(
         entry: dict[str, Any] = {"kind": kinds[type(effect)]}
         for f in fields(effect):
             value = getattr(effect, f.name)
-            if value is not None and (f.default is MISSING or value != f.default):
+            # A look's version always: a later one has another default.
+            if value is not None and (
+                f.name == "look" or f.default is MISSING or value != f.default
+            ):
                 entry[f.name] = _toml(value)
         table["effects"].append(entry)
     return table

@@ -8,15 +8,24 @@ from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass, field
 
-__all__ = ["Trace", "stage", "tracing"]
+__all__ = ["Trace", "count", "stage", "tracing"]
 
 
 @dataclass
 class Trace:
-    """Seconds and calls of each stage, in the order of their first run."""
+    """What ran.
+
+    Attributes
+    ----------
+    seconds, calls : dict
+        Of each stage, in the order of their first run.
+    counts : dict of str to int
+        How much was done inside: "tiles" transformed, "particles" drawn.
+    """
 
     seconds: dict[str, float] = field(default_factory=dict)
     calls: dict[str, int] = field(default_factory=dict)
+    counts: dict[str, int] = field(default_factory=dict)
 
     def add(self, name: str, seconds: float) -> None:
         """Count one run of a stage."""
@@ -29,6 +38,13 @@ class Trace:
 
 
 _current: ContextVar[Trace | None] = ContextVar("flurries_trace", default=None)
+
+
+def count(name: str, number: int) -> None:
+    """Add to what was counted, if anybody traces."""
+    trace = _current.get()
+    if trace is not None:
+        trace.counts[name] = trace.counts.get(name, 0) + number
 
 
 @contextmanager

@@ -39,13 +39,15 @@ pub struct Flurry {
 
 impl Flurry {
     /// Flakes 0 .. `count`, which all move by `travel` during the exposure, before a lens.
+    ///
+    /// Those that are not seen in the window, pixels (top, bottom, left, right), are dropped.
     pub fn new(
         count: usize,
         carried: Carried,
         seed: i64,
         looks: Looks,
         lens: &Lens,
-        shape: (usize, usize),
+        window: [usize; 4],
         travel: [f64; 3],
     ) -> Result<Self, Error> {
         let Looks { radius, opacity, amount, fade_in, .. } = looks;
@@ -70,7 +72,7 @@ impl Flurry {
             sizes: Hash::seeded(seed).word(looks.sizes),
             focal: lens.focal,
             travel,
-            view: View::new(lens, shape, room),
+            view: View::new(lens, window, room),
         })
     }
 }
@@ -128,13 +130,14 @@ struct View {
 const LEAST_REACH: f64 = 4.0;
 
 impl View {
-    fn new(lens: &Lens, shape: (usize, usize), room: f64) -> Self {
-        let size = [shape.1 as f64, shape.0 as f64];
+    fn new(lens: &Lens, [top, bottom, left, right]: [usize; 4], room: f64) -> Self {
+        let first = [left as f64, top as f64];
+        let end = [right as f64, bottom as f64];
         let slope = |axis: usize, px: f64| (px - lens.center[axis]) / lens.focal;
         Self {
             offset: lens.offset,
-            low: std::array::from_fn(|axis| slope(axis, -LEAST_REACH)),
-            high: std::array::from_fn(|axis| slope(axis, size[axis] + LEAST_REACH)),
+            low: std::array::from_fn(|axis| slope(axis, first[axis] - LEAST_REACH)),
+            high: std::array::from_fn(|axis| slope(axis, end[axis] + LEAST_REACH)),
             room,
         }
     }
@@ -158,7 +161,7 @@ mod tests {
     use crate::error::Cancel;
     use crate::particles::splat::{Flakes, splat};
     use crate::particles::torus::{Sway, Torus, edge_fade, positions};
-    use ndarray::{Array1, Array2, ArrayView2, array};
+    use ndarray::{Array1, Array2, ArrayView2, array, s};
 
     const LOOKS: Looks = Looks {
         radius: (0.02, 0.08),
@@ -221,7 +224,8 @@ mod tests {
             let way = [3.0, 14.0, -2.5];
             let wanted = stepwise(&torus, way, sway, &lens, travel);
             let carried = Carried::new(torus, 5, way, 1.0, Some(sway)).unwrap();
-            let flurry = Flurry::new(4000, carried, 5, LOOKS, &lens, (96, 160), travel).unwrap();
+            let whole = [0, 96, 0, 160];
+            let flurry = Flurry::new(4000, carried, 5, LOOKS, &lens, whole, travel).unwrap();
             let kept = (0..4000).filter(|&i| flurry.get(i).is_some()).count();
             assert!(kept < 2500, "{kept}");
             let mut got = Array2::from_elem((96, 160), f64::NAN);
@@ -231,6 +235,14 @@ mod tests {
             for (got, want) in got.iter().zip(&wanted) {
                 assert!((got - want).abs() < 1e-14, "{got} {want}");
             }
+            // A window has the whole's bits, and asks for fewer flakes.
+            let window = [40, 60, 100, 140];
+            let part = Flurry::new(4000, carried, 5, LOOKS, &lens, window, travel).unwrap();
+            let fewer = (0..4000).filter(|&i| part.get(i).is_some()).count();
+            assert!(fewer < kept / 2, "{fewer} of {kept}");
+            let mut some = Array2::from_elem((96, 160), f64::NAN);
+            splat(some.view_mut(), &part, &lens, None::<ArrayView2<f32>>, &Cancel::new()).unwrap();
+            assert_eq!(some.slice(s![40..60, 100..140]), got.slice(s![40..60, 100..140]));
         }
     }
 }

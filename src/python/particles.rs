@@ -183,6 +183,8 @@ pub struct FlurryRequest {
     sizes: i64,
     #[pyo3(attribute)]
     lens: (f64, f64, f64, [f64; 3], f64),
+    #[pyo3(attribute)]
+    window: [usize; 4],
 }
 
 /// Draws the alpha of a box of flakes into `out` (H, W), each flake placed as it is drawn.
@@ -209,7 +211,7 @@ pub fn particle_flurry(
     };
     let (count, travel) = (request.number, request.travel);
     gate::each_precision!(out, view => {
-        let flurry = Flurry::new(count, carried, seed, looks, &lens, view.dim(), travel)?;
+        let flurry = Flurry::new(count, carried, seed, looks, &lens, request.window, travel)?;
         match &depth {
             None => drawn(py, view, &flurry, &lens, None::<ArrayView2<f32>>),
             Some(Plane::Single(map)) => drawn(py, view, &flurry, &lens, Some(map.as_array())),

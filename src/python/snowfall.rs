@@ -21,7 +21,7 @@ struct Asked<'py> {
 }
 
 /// Snow of one colour over a picture, from the request of its texture, its map (mean, spread, power,
-/// amount), the opacity of drawn flakes and a veil.
+/// amount), the opacity of drawn flakes and a veil; returns how many tiles were transformed.
 #[pyfunction]
 #[expect(clippy::too_many_arguments, reason = "one flat call from the effect")]
 #[pyo3(signature = (out, background, request, map, preserve_mean, haze, intensity, flakes=None))]
@@ -35,7 +35,7 @@ pub fn snowfall(
     haze: f64,
     intensity: Vec<f64>,
     flakes: Option<PyReadonlyArray2<'_, f32>>,
-) -> PyResult<()> {
+) -> PyResult<usize> {
     let asked = Asked { request, map, preserve_mean, haze, intensity, flakes };
     match (out, background) {
         (PictureMut::Byte(out), Picture::Byte(back)) => run(py, out, &back, &asked),
@@ -51,7 +51,7 @@ fn run<S: Sample + numpy::Element>(
     mut out: PyReadwriteArray3<'_, S>,
     background: &PyReadonlyArray3<'_, S>,
     asked: &Asked<'_>,
-) -> PyResult<()> {
+) -> PyResult<usize> {
     let (out, background) = (out.as_array_mut(), background.as_array());
     let map = opacity_map(asked.map).checked("power")?;
     let flakes = asked.flakes.as_ref().map(|flakes| flakes.as_array());
@@ -62,7 +62,8 @@ fn run<S: Sample + numpy::Element>(
             let texture = &field.ready::<f32>()?;
             let snowfall =
                 Snowfall { texture, window, map, preserve_mean, flakes, haze, intensity };
-            snowfall.over(out, background, cancel)
+            snowfall.over(out, background, cancel)?;
+            Ok(texture.transformed())
         })
     })
 }

@@ -258,7 +258,8 @@ impl Request<'_> {
     }
 }
 
-/// One frame of the field, or of its opacity when `map` = (mean, spread, power, amount) is given.
+/// One frame of the field, or of its opacity when `map` = (mean, spread, power, amount) is given;
+/// returns how many tiles were transformed.
 #[pyfunction]
 #[pyo3(signature = (out, request, map=None, preserve_mean=false))]
 pub fn field(
@@ -267,7 +268,7 @@ pub fn field(
     request: Request<'_>,
     map: Option<(f64, f64, f64, f64)>,
     preserve_mean: bool,
-) -> PyResult<()> {
+) -> PyResult<usize> {
     let map = map.map(|map| opacity_map(map).checked("power")).transpose()?;
     request.with_field(|field, window| {
         each_precision!(out, view => render(py, view, field, window, map, preserve_mean))
@@ -293,10 +294,11 @@ fn render<T: Real>(
     window: &Window,
     map: Option<Opacity>,
     preserve_mean: bool,
-) -> PyResult<()> {
+) -> PyResult<usize> {
     gate::run(py, estimate(field, window), move |cancel| {
         let ready = field.ready::<T>()?;
-        ready.render(window, out, map.map(|map| Mapped { map, preserve_mean }), cancel)
+        ready.render(window, out, map.map(|map| Mapped { map, preserve_mean }), cancel)?;
+        Ok(ready.transformed())
     })
 }
 

@@ -2,6 +2,7 @@
 
 use std::ops::Range;
 use std::sync::Arc;
+use std::sync::atomic::{AtomicUsize, Ordering};
 
 use ndarray::{ArrayView2, ArrayView4, Axis, s};
 
@@ -65,6 +66,14 @@ pub struct Ready<'f, 'a, T: Real> {
     pub(super) down: Row,
     pub(super) across: Row,
     pub(super) parts: Arc<Parts<T>>,
+    pub(super) transformed: AtomicUsize,
+}
+
+impl<T: Real> Ready<'_, '_, T> {
+    /// How many tiles with waves were made so far; those between two workers count twice.
+    pub fn transformed(&self) -> usize {
+        self.transformed.load(Ordering::Relaxed)
+    }
 }
 
 impl<'a> Field<'a> {
@@ -142,7 +151,7 @@ impl<'a> Field<'a> {
             return Err(Error::invalid("shortest", message));
         }
         let parts = parts::<T>(self, down, across)?;
-        Ok(Ready { field: self, down, across, parts })
+        Ok(Ready { field: self, down, across, parts, transformed: AtomicUsize::new(0) })
     }
 }
 

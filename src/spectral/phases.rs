@@ -78,7 +78,7 @@ pub struct TileMotion<'a> {
 }
 
 /// Power of the waves of a tile.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Power {
     /// Of the waves within the depth limit.
     pub present: f64,

@@ -2,6 +2,7 @@
 //! it still lies in the first cache.
 
 use std::ops::Range;
+use std::sync::atomic::Ordering;
 
 use ndarray::{ArrayViewMut2, Axis};
 
@@ -166,7 +167,7 @@ impl<T: Real> Ready<'_, '_, T> {
             Lift::new(mapped.map, alike, height.div_ceil(step.0), span, height * width)
         });
         let mut lift = lifted.transpose()?;
-        let mut next = rows.start;
+        let (mut next, mut made) = (rows.start, 0);
         for row in touching.0.clone() {
             let start = self.down.start(row);
             // Rows before the next tile's start are finished.
@@ -181,6 +182,7 @@ impl<T: Real> Ready<'_, '_, T> {
             for col in touching.1.clone() {
                 cancel.check()?;
                 let power = work.render(self, (row, col))?;
+                made += usize::from(power.kept > 0.0);
                 let left = self.across.start(col);
                 let across = &self.parts.weights.1[col * width..(col + 1) * width];
                 let pixels = work.pixels();
@@ -214,6 +216,7 @@ impl<T: Real> Ready<'_, '_, T> {
             next = done.end;
             target.done(done)?;
         }
+        self.transformed.fetch_add(made, Ordering::Relaxed);
         Ok(())
     }
 

@@ -33,6 +33,8 @@ pub struct Plan<T: Real> {
     columns: Columns,
     way: Way<T>,
     tile: (usize, usize),
+    /// Wavelength, pixels.
+    longest: f64,
 }
 
 enum Way<T: Real> {
@@ -85,15 +87,17 @@ impl<T: Real> Plan<T> {
             Choice::Dense => true,
             Choice::Fft => false,
         };
+        let longest = waves.list.iter().map(|wave| wave.wavelength).fold(0.0, f64::max);
         let tile = waves.tile;
         if take_dense {
             let columns = Columns::new(waves, Dense::<T>::half_pixel)?;
-            return Ok(Self { columns, tile, way: Way::Dense(Dense::new(waves)?) });
+            return Ok(Self { columns, tile, longest, way: Way::Dense(Dense::new(waves)?) });
         }
         room_for_plans::<T>(tile)?;
         Ok(Self {
             columns: Columns::new(waves, |_, _| 0.0)?,
             tile,
+            longest,
             way: Way::Fft {
                 columns: waves.columns,
                 along_y: T::inverse(height),
@@ -135,7 +139,17 @@ impl<T: Real> Plan<T> {
         motion: TileMotion<'_>,
         scratch: &mut Scratch<T>,
     ) -> Result<Power, Error> {
+        if motion.shortest >= self.longest {
+            // Before a wall that is nearer than all waves, or where nobody looks.
+            scratch.pixels.fill(T::zero());
+            return Ok(Power::default());
+        }
         let power = self.columns.spectrum(self.tile, draw, motion, &mut scratch.values);
+        if power.kept == 0.0 {
+            // Too fast for the frame rate, every wave: a transform of zeros.
+            scratch.pixels.fill(T::zero());
+            return Ok(power);
+        }
         let (re, im) = (&scratch.values.re, &scratch.values.im);
         match &self.way {
             Way::Dense(dense) => {

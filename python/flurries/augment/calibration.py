@@ -8,17 +8,16 @@ they do not take up to the wanted loss, an even veil takes.
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 
 from flurries._contract import Float64, real
+from flurries.effects.looks import LOSS, SEVERITIES, mean_square
 
-SEVERITIES = 5
+__all__ = ["SEVERITIES", "at_amount", "contrast_loss", "extinction", "mean_square"]
 
 # Newton's, at most; eight are usual.
 _STEPS = 60
-_LOSS = (0.0, 0.06, 0.14, 0.25, 0.38, 0.55)
+_LOSS = (0.0, *LOSS)
 
 
 def contrast_loss(amount: float) -> float:
@@ -46,23 +45,6 @@ def contrast_loss(amount: float) -> float:
 def at_amount(amount: float, levels: tuple[float, ...]) -> float:
     """Return a number of a look that is given at the amounts 0, 0.2, ..., 1."""
     return float(np.interp(SEVERITIES * amount, range(SEVERITIES + 1), levels))
-
-
-def mean_square(mean: float, deviation: float) -> float:
-    """Return the mean of clip(mean + deviation z, 0, 1)^2 for a normal z, in closed form."""
-    low, high = -mean / deviation, (1.0 - mean) / deviation
-
-    def bell(x: float) -> float:
-        return math.exp(-0.5 * x * x) / math.sqrt(2.0 * math.pi)
-
-    def below(x: float) -> float:
-        return 0.5 * math.erfc(-x / math.sqrt(2.0))
-
-    inside = below(high) - below(low)
-    first = bell(low) - bell(high)
-    second = inside + low * bell(low) - high * bell(high)
-    moments = mean**2 * inside + 2.0 * mean * deviation * first + deviation**2 * second
-    return moments + 1.0 - below(high)
 
 
 def extinction(loss: float, depth: Float64, clear: Float64, density: Float64) -> float:

@@ -11,12 +11,14 @@ from flurries.augment.draws import Range, range_of
 from flurries.augment.flakes import Cloud
 from flurries.augment.texture import Texture
 from flurries.augment.weather import Weather
+from flurries.effects.looks import SNOW_SEVERITY
 
-_FLAKES = (300.0, 2500.0, 5000.0, 8000.0, 12000.0, 16000.0)
-_LARGEST = (0.02, 0.022, 0.024, 0.026, 0.027, 0.028)
-_MEAN = (-0.3, -0.1, 0.05, 0.14, 0.2, 0.25)
-_SPREAD = (2.0, 2.0, 2.0, 2.1, 2.2, 2.2)
-_EXPONENT = (0.75, 0.75, 0.75, 0.85, 0.9, 0.9)
+# At the amounts 0, 0.2, ..., 1.
+_FLAKES = (300.0, *SNOW_SEVERITY["flakes"])
+_LARGEST = (0.02, *SNOW_SEVERITY["largest"])
+_MEAN = (-0.3, *SNOW_SEVERITY["mean"])
+_SPREAD = (2.0, *SNOW_SEVERITY["spread"])
+_EXPONENT = (0.75, *SNOW_SEVERITY["exponent"])
 _NEAR = 12.0
 
 

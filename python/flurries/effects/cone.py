@@ -20,7 +20,9 @@ from flurries.effects.coned import Drops, Pose, drawn, way
 from flurries.effects.falling import AMBIENT, settled_colour
 from flurries.effects.layer import Frame, Layer
 from flurries.effects.limited import veil
+from flurries.effects.looks import look_of
 from flurries.effects.moving import Moving
+from flurries.effects.needs import PARTS, Cost, LeftOut, Needs, Step
 from flurries.effects.presets import CONE_RAIN, CONE_SNOW
 from flurries.effects.snow import Snow
 from flurries.timeline import Number, Vector, as_number, as_vector, value_at
@@ -48,6 +50,7 @@ class Coned(Moving):
     repeats: int = 5
     slope: float = 0.0
     tile: int = 512
+    look: str = "v1"
     seed: int | None = None
 
     NAME: ClassVar[str] = ""
@@ -59,6 +62,7 @@ class Coned(Moving):
         def settle(name: str, value: Any) -> None:
             object.__setattr__(self, name, value)
 
+        look_of(self.look)
         for name in ("amount", "haze"):
             settle(name, as_number(name, getattr(self, name), low=0.0, high=1.0))
         settle("fall", as_number("fall", self.fall))
@@ -102,14 +106,40 @@ class Coned(Moving):
         )  # fmt: skip
         return way(frame.path, frame.fps, drops).at(frame.t / frame.fps)
 
+    def needs(self, frame: Frame) -> Needs:
+        """Return what a frame takes: the cone, and what `_near_steps` adds."""
+        amount = value_at(self.amount, frame.t)
+        haze = amount * value_at(self.haze, frame.t)
+        if amount == 0.0:
+            return Needs((), (LeftOut(self.NAME, "its amount is 0"),), most=0.0)
+        pixels = frame.shape[0] * frame.shape[1]
+        part = (frame.window[1] - frame.window[0]) * (frame.window[3] - frame.window[2])
+        steps, left_out = [], []
+        if self.gain > 0.0:
+            cost = Cost({"cone pixel": pixels}, "4 layers", 4 * part, 4 * (pixels - part))
+            steps.append(Step("cone", lambda: cost))
+        else:
+            left_out.append(LeftOut(f"{self.NAME}: cone", "its gain is 0"))
+        steps += self._near_steps(frame, amount)
+        if not steps and haze == 0.0:
+            return Needs((), (LeftOut(self.NAME, "nothing of it has any opacity"),), most=0.0)
+        planes = max(len(steps), 1)
+        steps.append(Step("join", lambda: Cost({"joined pixel": planes * part}, "", 4 * part)))
+        reads = PARTS if self.colour == AMBIENT else PARTS - {"ambient"}
+        return Needs(tuple(steps), tuple(left_out), reads, most=1.0 if len(steps) > 1 else haze)
+
+    def _near_steps(self, frame: Frame, amount: float) -> list[Step]:
+        """Return the steps of what is drawn one by one in front."""
+        return []
+
     def render(self, frame: Frame) -> Layer:
         """Return this effect's layer of a frame."""
-        amount = value_at(self.amount, frame.t)
-        planes = []
-        if amount * self.gain > 0.0:
-            with stage("cone"):
-                planes.append(self._cone(frame, amount))
-        planes += self._near(frame, amount)
+        amount, run = value_at(self.amount, frame.t), frame.running(self)
+        near = [
+            run("cone", lambda: self._cone(frame, amount)),
+            run("flakes", lambda: self._near(frame, amount)),
+        ]
+        planes = [plane for plane in near if plane is not None]
         haze = amount * value_at(self.haze, frame.t)
         if haze > 0.0 and frame.depth is not None:
             planes.append(veil(haze, frame.crop(frame.depth), FARTHEST * self.radius))
@@ -118,7 +148,9 @@ class Coned(Moving):
             top, bottom, left, right = frame.window
             planes.append(np.zeros((bottom - top, right - left), np.float32))
         planes = [np.ascontiguousarray(plane) for plane in planes]
-        return Layer(self.NAME, join(planes, haze=haze), self._colour_at(frame))
+        with stage("join"):
+            alpha = join(planes, haze=haze)
+        return Layer(self.NAME, alpha, self._colour_at(frame))
 
     def _cone(self, frame: Frame, amount: float) -> Array:
         state = self.state(frame)
@@ -131,9 +163,9 @@ class Coned(Moving):
         look = {"gains": gains, "conserve": self.conserve}
         return frame.crop(drawn(frame, pose, texture, state.phase, **look))
 
-    def _near(self, frame: Frame, amount: float) -> list[Array]:
+    def _near(self, frame: Frame, amount: float) -> Array:
         """Return what is drawn one by one in front."""
-        return []
+        raise NotImplementedError
 
     def _colour_at(self, frame: Frame) -> tuple[float, float, float]:
         if self.colour == AMBIENT:
@@ -350,11 +382,13 @@ class ConeSnow(Coned):
             flake_opacity=self.flake_opacity, sway=self.sway,
         )  # fmt: skip
 
-    def _near(self, frame: Frame, amount: float) -> list[Array]:
-        if not self.flakes or amount == 0.0:
+    def _near_steps(self, frame: Frame, amount: float) -> list[Step]:
+        if not self.flakes:
             return []
-        with stage("flakes"):
-            return [frame.crop(self.near_snow().particles(frame, amount))]
+        return [step for step in self.near_snow().needs(frame).steps if step.name == "flakes"]
+
+    def _near(self, frame: Frame, amount: float) -> Array:
+        return frame.crop(self.near_snow().particles(frame, amount))
 
 
 @lru_cache(maxsize=8)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields, replace
+from dataclasses import InitVar, dataclass, fields, replace
 from typing import Any, ClassVar, TypeVar
 
 import numpy as np
@@ -10,14 +10,19 @@ import numpy as np
 from flurries._contract import Array, choice, flag, integer, real, seed_of, vector
 from flurries._core import snowfall
 from flurries.composite import join
+from flurries.effects.demand import needs_of_falling
+from flurries.effects.knobs import Knobs
 from flurries.effects.layer import Frame, Layer, Light
 from flurries.effects.limited import deepened, veil
+from flurries.effects.looks import look_of
+from flurries.effects.needs import Needs
 from flurries.effects.peopled import Peopled
+from flurries.effects.resolution import map_at
 from flurries.effects.seen import seen
 from flurries.spectral.tables import ALIAS, band_of
 from flurries.spectral.tiles import BLEND
 from flurries.timeline import Keys, Number, as_number, as_vector, value_at
-from flurries.trace import stage
+from flurries.trace import count, stage
 from flurries.wind import Wind
 
 DEPTH_MODES = ("tile", "pixel")
@@ -29,7 +34,7 @@ _Kind = TypeVar("_Kind", bound="Falling")
 
 
 @dataclass(frozen=True, kw_only=True)
-class Falling(Peopled):
+class Falling(Peopled, Knobs):
     """Snow and rain. The fields are described in `Snow` and `Rain`."""
 
     amount: Number = 1.0
@@ -40,15 +45,22 @@ class Falling(Peopled):
     spread: Number = 2.0
     power: Number = 2.0
     depth_mode: str = "tile"
+    look: str = "v1"
     seed: int | None = None
+    severity: InitVar[int | None] = None
+    rate_mm_h: InitVar[float | None] = None
 
     NAME: ClassVar[str] = ""
     PRESETS: ClassVar[dict[str, dict[str, Any]]] = {}
+    KNOBS: ClassVar[tuple[str, ...]] = ("severity", "rate_mm_h")
 
-    def __post_init__(self) -> None:
+    def __post_init__(self, severity: int | None, rate_mm_h: float | None) -> None:
         def settle(name: str, value: Any) -> None:
             object.__setattr__(self, name, value)
 
+        look_of(self.look)
+        knob = self._turned(severity=severity, rate_mm_h=rate_mm_h)
+        self._set(knob, self._look(severity, rate_mm_h), *self._instead())
         for name in ("amount", "haze", "texture"):
             settle(name, as_number(name, getattr(self, name), low=0.0, high=1.0))
         for name in ("fall", "mean"):
@@ -81,10 +93,21 @@ class Falling(Peopled):
         if self.seed is not None:
             settle("seed", seed_of(self.seed))
 
-    def _settle_particles(self, number: str, size: str) -> None:
+    def _look(self, severity: int | None, rate_mm_h: float | None) -> dict[str, Any]:
+        """Return the fields that a knob sets."""
+        raise NotImplementedError
+
+    def _instead(self) -> tuple[str, ...]:
+        """Return fields that say the same as one that a knob sets."""
+        return ()
+
+    def _settle_particles(self, number: str, size: str, density: str) -> None:
         """Check how many particles there are, and how large."""
         count = integer(number, getattr(self, number), low=0, high=100_000_000)
         object.__setattr__(self, number, count)
+        many = getattr(self, density)
+        if many is not None:
+            object.__setattr__(self, density, real(density, many, low=0.0, high=1e6))
         sizes = vector(size, getattr(self, size), 2).tolist()
         if not 0.0 < sizes[0] <= sizes[1]:
             raise ValueError(f"{size} must be 0 < smallest <= largest, got {tuple(sizes)}")
@@ -95,6 +118,9 @@ class Falling(Peopled):
         """Return a look by name; further arguments replace single values of it."""
         values: dict[str, Any] = dict(cls.PRESETS[choice("preset", name, tuple(cls.PRESETS))])
         unknown = set(changes) - {f.name for f in fields(cls)}
+        if turned := unknown & set(cls.KNOBS):
+            knob = sorted(turned)[0]
+            raise TypeError(f"{knob} and a preset set the same fields: give one of them")
         if unknown:
             raise TypeError(f"{cls.__name__} has no field {sorted(unknown)[0]!r}")
         return cls(**{**values, **changes})
@@ -107,49 +133,53 @@ class Falling(Peopled):
     def mapped(self, frame: Frame, amount: float) -> tuple[float, float, float, float]:
         """Return mean, spread, power and amount of the texture's map to opacity."""
         t = frame.t
-        return (
-            value_at(self.mean, t),
-            value_at(self.spread, t),
-            value_at(self.power, t),
-            amount * value_at(self.texture, t),
+        power = value_at(self.power, t)
+        mean, spread = map_at(
+            value_at(self.mean, t), value_at(self.spread, t), power, self.power_share(frame.shape)
         )
+        return mean, spread, power, amount * value_at(self.texture, t)
+
+    def needs(self, frame: Frame) -> Needs:
+        """Return what a frame takes: see :mod:`flurries.effects.demand`."""
+        return needs_of_falling(self, frame)
 
     def render(self, frame: Frame) -> Layer:
         """Return this effect's layer of a frame."""
-        amount = value_at(self.amount, frame.t)
-        planes = []
-        texture = None
-        if amount * value_at(self.texture, frame.t) > 0.0:
-            with stage("texture"):
-                texture = deepened(self, frame, self.mapped(frame, amount))
-            planes.append(texture)
-        flakes = self._drawn(frame, amount)
-        if flakes is not None:
-            planes.append(flakes)
+        amount, run = value_at(self.amount, frame.t), frame.running(self)
         haze = amount * value_at(self.haze, frame.t)
-        if haze > 0.0 and frame.depth is not None:
-            planes.append(veil(haze, frame.crop(frame.depth), self.far_depth(frame.shape)))
+        depth = frame.depth
+        planes = [
+            run("texture", lambda: deepened(self, frame, self.mapped(frame, amount))),
+            run("flakes", lambda: frame.crop(self.particles(frame, amount))),
+        ]
+        if depth is not None:
+            far = self.far_depth(frame.shape)
+            planes.append(run("veil", lambda: veil(haze, frame.crop(depth), far)))
             haze = 0.0
-        if not planes:
+        parts = [plane for plane in planes if plane is not None]
+        if not parts:
             top, bottom, left, right = frame.window
-            planes.append(np.zeros((bottom - top, right - left), np.float32))
-        layer = Layer(self.NAME, join(planes, haze=haze), self._colour_of(frame))
+            parts.append(np.zeros((bottom - top, right - left), np.float32))
+        with stage("join"):
+            alpha = join(parts, haze=haze)
+        layer = Layer(self.NAME, alpha, self._colour_of(frame))
         if not frame.whole:
             return layer
-        return replace(layer, **seen(self, frame, amount, texture, flakes)._asdict())
+        return replace(layer, **seen(self, frame, amount, planes[0], planes[1])._asdict())
 
     def over(self, frame: Frame, behind: Array, light: Light) -> Array | None:
         """Return this effect over a picture, the bits of its layer over it, in one pass.
 
         None where that pass has no way to do it: no texture, or a scene that ends.
         """
-        amount = value_at(self.amount, frame.t)
-        if frame.depth is not None or not amount * value_at(self.texture, frame.t) > 0.0:
+        amount, run = value_at(self.amount, frame.t), frame.running(self)
+        # A texture that never moves is kept as a plane.
+        if frame.depth is not None or "texture" not in run.steps or run.keeps("texture"):
             return None
-        flakes = self._drawn(frame, amount)
+        flakes = run("flakes", lambda: frame.crop(self.particles(frame, amount)))
         result = np.empty_like(behind)
         with stage("texture"):
-            snowfall(
+            made = snowfall(
                 result,
                 behind,
                 self.texture_request(frame),
@@ -159,15 +189,8 @@ class Falling(Peopled):
                 light(self._colour_of(frame)),
                 flakes,
             )
+            count("tiles", made)
         return result
-
-    def _drawn(self, frame: Frame, amount: float) -> Array | None:
-        """Return the flakes' alpha over the window, or None where there are none."""
-        kind = self.population(frame.t)
-        if not (kind.number and amount * kind.opacity > 0.0):
-            return None
-        with stage("flakes"):
-            return frame.crop(self.particles(frame, amount))
 
     def _colour_of(self, frame: Frame) -> tuple[float, float, float]:
         if self.colour == AMBIENT:

@@ -11,6 +11,7 @@ import numpy as np
 
 from flurries._contract import Array, Float64
 from flurries.camera import Camera
+from flurries.effects.needs import Run, needs_of
 from flurries.path import CameraPath, air_moved
 from flurries.sun import Sun
 from flurries.timeline import Number, Vector, value_at
@@ -45,6 +46,12 @@ class Frame:
     ambient : (r, g, b) or None
         Display values of white in the background's own light, where an effect's colour is
         "ambient".
+    run : Run or None
+        What the plan lets the effect do; None where a frame was made without a plan.
+    settled : bool
+        Whether neither the camera nor the depth ever changes.
+    deep : bool
+        Whether the scene has a depth, read or not.
     whole : bool
         Whether layers are asked for with all that they can say of their pixels.
     """
@@ -59,6 +66,16 @@ class Frame:
     depth: Array | None = None
     sun: Sun | None = None
     ambient: tuple[float, float, float] | None = None
+    run: Run | None = None
+    settled: bool = False
+    deep: bool = False
+
+    def running(self, effect: Any) -> Run:
+        """Return the plan's hand, or that of the effect's own needs."""
+        if self.run is not None:
+            return self.run
+        return Run({step.name: step for step in needs_of(effect, self).steps})
+
     whole: bool = False
 
     @property

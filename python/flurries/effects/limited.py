@@ -70,7 +70,7 @@ def farthest(effect: Falling, frame: Frame) -> Array:
 
 def _by_tile(effect: Falling, frame: Frame, mapped: Map, preserve_mean: bool) -> Array:
     """Limit the band of each tile by its farthest depth."""
-    (height, width), (tile, overlap) = frame.shape, effect.tiles(frame)
+    (height, width), ((tile, _), overlap) = frame.shape, effect.layout(frame)[0]
     near, far = effect.near_depth, effect.far_depth(frame.shape)
     rows = tile_starts(height, tile=tile, overlap=overlap)
     cols = tile_starts(width, tile=tile, overlap=overlap)
@@ -106,7 +106,7 @@ def _by_pixel(effect: Falling, frame: Frame, mapped: Map, preserve_mean: bool) -
     octaves = max(math.ceil(math.log2(far / near) - 1e-9), 1)
     edges = near * (far / near) ** (np.arange(octaves + 1) / octaves)
     longest = effect.band(frame.shape)[1]
-    tile, overlap = effect.tiles(frame)
+    (tile, _), overlap = effect.layout(frame)[0]
     grid = tuple(len(tile_starts(n, tile=tile, overlap=overlap)) for n in frame.shape)
     total = np.zeros(depth.shape, np.float32)
     before = None

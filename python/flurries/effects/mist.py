@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import InitVar, dataclass, fields
 from functools import lru_cache
 from typing import Any, ClassVar
 
@@ -11,15 +12,21 @@ import numpy as np
 
 from flurries import gas, particles
 from flurries._contract import Array, Float64, choice, flag, integer, real, seed_of, vector
+from flurries.costs import nanoseconds
 from flurries.effects.falling import AMBIENT, settled_colour
+from flurries.effects.knobs import Knobs
 from flurries.effects.layer import Frame, Layer
+from flurries.effects.looks import look_of, mist_density, severity_of
+from flurries.effects.needs import PARTS, Cost, LeftOut, Needs, Saving, Step, keyed
 from flurries.effects.presets import MIST
-from flurries.gas.splatting import FOOTPRINTS
+from flurries.gas.splatting import FINISHED, FOOTPRINTS
 from flurries.gas.visibility import count_for_visibility
 from flurries.timeline import Keys, Number, Vector, as_number, as_vector, value_at
-from flurries.trace import stage
 
 SCATTER = ("even", "rayleigh", "henyey")
+
+# The steepest place of the sRGB encoding, at black: display values per linear light.
+STEEPEST = 12.92
 
 # The paper's fog: a radius of .45 in a box of 5.
 RADIUS = 0.09
@@ -34,7 +41,7 @@ MOST = 2_000_000
 
 
 @dataclass(frozen=True, kw_only=True)
-class Mist:
+class Mist(Knobs):
     """Gas that one sees into: mist, fog, clouds.
 
     Numbers marked "keyed" may vary over time: give :class:`flurries.Keys`. Lengths are metres when
@@ -80,8 +87,15 @@ class Mist:
         Where light is scattered to, see :func:`flurries.gas.phase`.
     asymmetry : float
         Of "henyey", -0.99 to 0.99.
+    look : {"v1"}
+        Version of the looks, as in :class:`Snow`.
     seed : int, optional
         Of this effect; the scene's if not given.
+    severity : int, optional
+        One knob: 1 to 5 take 6, 14, 25, 38 and 55 % of the contrast of what lies behind the box.
+        Sets `density`. No field: what it makes is written out.
+    visibility_m : float, optional
+        One knob: the `visibility`, in metres.
 
     Raises
     ------
@@ -119,14 +133,27 @@ class Mist:
     forward: float = 0.5
     scatter: str = "rayleigh"
     asymmetry: float = 0.6
+    look: str = "v1"
     seed: int | None = None
+    severity: InitVar[int | None] = None
+    visibility_m: InitVar[float | None] = None
 
     NAME: ClassVar[str] = "mist"
+    KNOBS: ClassVar[tuple[str, ...]] = ("severity", "visibility_m")
 
-    def __post_init__(self) -> None:
+    def __post_init__(self, severity: int | None, visibility_m: float | None) -> None:
         def settle(name: str, value: Any) -> None:
             object.__setattr__(self, name, value)
 
+        look_of(self.look)
+        knob = self._turned(severity=severity, visibility_m=visibility_m)
+        if visibility_m is not None:
+            far = real("visibility_m", visibility_m, above=0.0)
+            self._set(knob, {"visibility": far}, "visibility")
+        elif severity is None:
+            self._set(None, {})
+        elif self.visibility is not None:
+            raise TypeError("severity and visibility say the same: give one of them")
         settle("amount", as_number("amount", self.amount, low=0.0, high=1.0))
         settle("density", as_number("density", self.density, low=0.0, high=1.0))
         settle("colour", settled_colour(self.colour))
@@ -153,9 +180,27 @@ class Mist:
         settle("asymmetry", real("asymmetry", self.asymmetry, low=-0.99, high=0.99))
         if self.seed is not None:
             settle("seed", seed_of(self.seed))
+        if severity is not None:
+            # Of a density of 1, which all else is settled for.
+            assert self.radius is not None
+            thickness = gas.extinction(self.count or 0, self._volume(), self.radius, 1.0)
+            thickness *= self._through()
+            values = {"density": mist_density(severity_of(severity), thickness)}
+            self._set(knob, values, "density")
         for t in _times(self.density, self.visibility):
             self.particle_density(t)
         self.particles_in_box()
+
+    def _volume(self) -> float:
+        return float(np.prod(self.box))  # type: ignore[arg-type]
+
+    def _through(self) -> float:
+        """Return how far one looks through the box, its fading rims half, metres."""
+        assert self.box is not None and self.radius is not None
+        depth: float = tuple(self.box)[2]  # type: ignore[arg-type]
+        if self.center is not None:
+            return depth * (1.0 - RIM)
+        return max(depth * (1.0 - 1.5 * RIM) - self.radius, 0.0)
 
     def _sides(self) -> tuple[float, float, float]:
         if self.box is None:
@@ -174,7 +219,14 @@ class Mist:
         Further arguments replace single values of it; a `visibility` replaces its count.
         """
         values: dict[str, Any] = dict(MIST[choice("preset", name, tuple(MIST))])
-        unknown = set(changes) - {f.name for f in fields(cls)}
+        if changes.get("visibility_m") is not None:
+            if "visibility" in changes:
+                raise TypeError("visibility_m and visibility say the same: give one of them")
+            changes["visibility"] = real("visibility_m", changes.pop("visibility_m"), above=0.0)
+        if changes.get("severity") is not None:
+            # The rest of the look stays.
+            values.pop("density")
+        unknown = set(changes) - {f.name for f in fields(cls)} - {"severity"}
         if unknown:
             raise TypeError(f"Mist has no field {sorted(unknown)[0]!r}")
         if changes.get("visibility") is not None:
@@ -227,24 +279,104 @@ class Mist:
         density = float(value_at(self.amount, t)) * self.particle_density(t)
         return gas.extinction(self.particles_in_box(), volume, self.radius, density)
 
+    def needs(self, frame: Frame) -> Needs:
+        """Return what a frame takes: one step, "gas", or "lit gas" with its colours and a sort."""
+        name, density = self.NAME, self.particle_density(frame.t)
+        most = value_at(self.amount, frame.t) * density
+        if most == 0.0 or self.particles_in_box() == 0:
+            return Needs((), (LeftOut(name, "it has no density"),), most=0.0)
+        ambient = self.colour == AMBIENT
+        # The background's light may change from frame to frame.
+        still = not (ambient or keyed(self) or np.any(value_at(self.wind, 0.0)))
+        lit = self.lit and frame.sun is not None
+        step = Step("lit gas" if lit else "gas", lambda: self._cost(frame, lit), once=still)
+        out = () if lit else (LeftOut(f"{name}: sort", "its particles have one colour"),)
+
+        def saved(error: float) -> float:
+            return nanoseconds(self._cost(frame, lit).work) - nanoseconds(
+                self._cost(frame, lit, error).work
+            )
+
+        stop = Saving(
+            "error",
+            "particles behind what is opaque but for the error",
+            # Colours of lit gas are encoded straight: they err as much as opacity does at black.
+            1.0 + STEEPEST if lit else 1.0,
+            saved,
+            setting=True,
+        )
+        most = min(most * self._filled(frame)[1], 1.0)
+        reads = PARTS if ambient else PARTS - {"ambient"}
+        bright = self._brightest() if lit else 1.0
+        return Needs((step,), out, reads, most=most, savings=(stop,), brightest=bright)
+
+    def _brightest(self) -> float:
+        """Return the most that the phase function brightens white gas by."""
+        if self.scatter == "henyey":
+            g = abs(self.asymmetry)
+            return (1.0 + g) / (1.0 - g) ** 2
+        return 1.5 if self.scatter == "rayleigh" else 1.0
+
+    def _cost(self, frame: Frame, lit: bool, error: float | None = None) -> Cost:
+        """Return what a frame's particles and the pixels that they cover take."""
+        assert self.radius is not None
+        sides, count = self._filled(frame)
+        if error is None:
+            error = FINISHED["float32"] if frame.run is None else self._error(frame)
+        # Front to back, up to where no more than the error is let through.
+        thickness = self.extinction(frame.t) * self._through()
+        share = min(-math.log(max(error, 1e-12)) / thickness, 1.0) if thickness > 0.0 else 1.0
+        # Depths of equal numbers of particles, of a box that the camera looks into.
+        depth = sides[2] * (np.arange(64) + 0.5) / 64.0
+        focal, (height, width) = frame.camera.focal, frame.shape
+        wide, high = width * depth / focal, height * depth / focal
+        seen = np.minimum(sides[0] / wide, 1.0) * np.minimum(sides[1] / high, 1.0)
+        inside = np.minimum(wide / sides[0], 1.0) * np.minimum(high / sides[1], 1.0)
+        area = np.minimum((2.0 * focal * self.radius / depth) ** 2, height * width * seen)
+        pixels = height * width
+        work = {
+            "gas placed": float(count),
+            "lit gas pixel" if lit else "gas pixel": share * count * float((inside * area).mean()),
+            "mask pixel": float(pixels),
+        }
+        size = f"{count} particles"
+        if lit:
+            # Its colours go through the curve to display values; arrays of float32 come and go.
+            return Cost(work, size, 20 * pixels, 66 * pixels)
+        return Cost(work, size, 4 * pixels, 80 * count)
+
     def render(self, frame: Frame) -> Layer:
         """Return this effect's layer of a frame."""
+        run = frame.running(self)
+        for name in ("gas", "lit gas"):
+            layer = run(name, lambda: self._layer(frame))
+            if layer is not None:
+                return layer
+        top, bottom, left, right = frame.window
+        return Layer(self.NAME, np.zeros((bottom - top, right - left), np.float32))
+
+    def _layer(self, frame: Frame) -> Layer:
         assert self.radius is not None
-        with stage("gas"):
-            points, shown = self.particles(frame)
-            camera = frame.camera
-            options: dict[str, Any] = {
-                "footprint": self.footprint,
-                "near": self.near,
-                "near_mode": "exact",
-                "depth": frame.depth,
-            }
-            if frame.sun is None or not self.lit or not len(points):
-                alpha = gas.alpha(frame.shape, points, self.radius, shown, camera, **options)
-                return Layer(self.NAME, frame.crop(alpha), self._display(frame))
-            colours = self._shaded(frame, points, shown)
-            layer = gas.splat(frame.shape, points, self.radius, shown, colours, camera, **options)
-            return Layer(self.NAME, frame.crop(layer[..., 3]), rgb=frame.crop(layer[..., :3]))
+        points, shown = self.particles(frame)
+        camera = frame.camera
+        options: dict[str, Any] = {
+            "footprint": self.footprint,
+            "near": self.near,
+            "near_mode": "exact",
+            "depth": frame.depth,
+            "error": self._error(frame),
+        }
+        if frame.sun is None or not self.lit or not len(points):
+            alpha = gas.alpha(frame.shape, points, self.radius, shown, camera, **options)
+            return Layer(self.NAME, frame.crop(alpha), self._display(frame))
+        colours = self._shaded(frame, points, shown)
+        layer = gas.splat(frame.shape, points, self.radius, shown, colours, camera, **options)
+        return Layer(self.NAME, frame.crop(layer[..., 3]), rgb=frame.crop(layer[..., :3]))
+
+    def _error(self, frame: Frame) -> float:
+        """Return what is let through where nothing more is drawn."""
+        allowed = {} if frame.run is None else frame.run.settings
+        return max(allowed.get("error", 0.0), FINISHED["float32"])
 
     def particles(self, frame: Frame) -> tuple[Float64, Float64]:
         """Return middles in camera axes (n, 3) and the density that each shows (n,)."""

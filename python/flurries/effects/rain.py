@@ -15,6 +15,7 @@ from typing import Any, ClassVar
 from flurries._contract import flag, real
 from flurries.effects.falling import Falling
 from flurries.effects.layer import Frame
+from flurries.effects.looks import rain_of_rate, rain_of_severity, rate_of, severity_of
 from flurries.effects.peopled import Population
 from flurries.effects.presets import RAIN
 from flurries.spectral.contrast import kept_power
@@ -78,6 +79,8 @@ class Rain(Falling):
         As in :class:`Snow`.
     drops : int
         Drops in view between the camera and `drop_depth`; 0 draws none.
+    drop_density : float, optional
+        Drops per cubic metre, in place of `drops`.
     drop_size : (smallest, largest)
         Diameters in metres.
     drop_depth : float
@@ -85,8 +88,18 @@ class Rain(Falling):
     gain : float
         How many times as much light a drop scatters as an opaque disc of its size hides. Real drops
         are smeared to near invisibility.
+    look : {"v1"}
+        As in :class:`Snow`.
     seed : int, optional
         Of this effect; the scene's if not given.
+    severity : int, optional
+        One knob: 1 to 5 take 6, 14, 25, 38 and 55 % of a picture's contrast. Sets `drop_density`,
+        `drop_size`, `fall`, `texture`, `mean` and `haze`, those that are not given. No field: what
+        it makes is written out.
+    rate_mm_h : float, optional
+        One knob: the rate of rain in mm/h; drizzle 3, rain 10, a downpour 25. Sets the same fields:
+        the drops of Marshall and Palmer's law, and a veil with the extinction of all of them over
+        60 m.
 
     Raises
     ------
@@ -124,6 +137,7 @@ class Rain(Falling):
     alias: str = "cut"
     renormalise: bool = True
     drops: int = 4000
+    drop_density: float | None = None
     drop_size: tuple[float, float] = (0.0025, 0.004)
     drop_depth: float = 14.0
     gain: float = 30.0
@@ -134,19 +148,31 @@ class Rain(Falling):
     # Wider streaks look like smears on the lens.
     _LARGEST_SIGMA = (1.8, 3.0)
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        self._settle_particles("drops", "drop_size")
+    def __post_init__(self, severity: int | None, rate_mm_h: float | None) -> None:
+        super().__post_init__(severity, rate_mm_h)
+        self._settle_particles("drops", "drop_size", "drop_density")
         flag("renormalise", self.renormalise)
         object.__setattr__(self, "drop_depth", real("drop_depth", self.drop_depth, above=0.0))
         object.__setattr__(self, "gain", real("gain", self.gain, low=0.0, high=1e4))
+
+    def _look(self, severity: int | None, rate_mm_h: float | None) -> dict[str, Any]:
+        """Return the fields that a knob sets."""
+        if severity is not None:
+            return rain_of_severity(severity_of(severity))
+        return {} if rate_mm_h is None else rain_of_rate(rate_of(rate_mm_h, self.NAME))
+
+    def _instead(self) -> tuple[str, ...]:
+        """Return fields that say the same as one that a knob sets."""
+        return ("drops",)
 
     def population(self, t: float) -> Population:
         """Return the drops at `t`."""
         # Light goes with the area: a gain is a larger drop, whose streak is as long as ever.
         wider = math.sqrt(self.gain)
         sizes = (wider * self.drop_size[0], wider * self.drop_size[1])
-        return Population("drops", self.drops, self.drop_depth, sizes, 1.0, (0.0, 0.0))
+        return Population(
+            "drops", self.drops, self.drop_depth, sizes, 1.0, (0.0, 0.0), self.drop_density
+        )
 
     def needed_tile(self, frame: Frame) -> float:
         """Return the tile in pixels from which on less than a tenth of the streaks stands still.
@@ -158,6 +184,10 @@ class Rain(Falling):
         if cycles <= 0.5 or self.alias == "keep" or self.jitter:
             return 0.0
         return PIXELS_PER_CYCLE * cycles * (longest - shortest) / math.log(longest / shortest)
+
+    def least_tile(self, frame: Frame) -> float:
+        """Return the tile in pixels that the motion of the film needs."""
+        return self.needed_tile(frame)
 
     def tiles(self, frame: Frame) -> tuple[int, int]:
         """Return tile and overlap in pixels for the film that a frame belongs to."""
@@ -171,7 +201,7 @@ class Rain(Falling):
                 f"rain: with tiles of {tile} px a tenth of the streaks or more stands still; "
                 f"take tile={math.ceil(needed)}, or leave it out, or jitter=True",
                 UserWarning,
-                stacklevel=6,
+                stacklevel=7,
             )
         return tile, overlap
 

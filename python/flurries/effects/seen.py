@@ -63,7 +63,7 @@ def seen(
 
 def _of_texture(effect: Falling, frame: Frame, later: Frame) -> tuple[Array, Array]:
     """Return motion and depth of the texture over the window, from those of its tiles."""
-    (height, width), (tile, overlap) = frame.shape, effect.tiles(frame)
+    (height, width), ((tall, wide), overlap) = frame.shape, effect.layout(frame)[0]
     more: dict[str, Any] = {}
     if frame.depth is not None:
         near, longest = effect.near_depth, effect.band(frame.shape)[1]
@@ -74,9 +74,10 @@ def _of_texture(effect: Falling, frame: Frame, later: Frame) -> tuple[Array, Arr
     )
     depth = effect.near_depth * effect.band(frame.shape)[1] / length
     top, bottom, left, right = frame.window
-    rows, cols = (tile_starts(n, tile=tile, overlap=overlap) for n in (height, width))
-    down = weights(rows, height, tile, overlap)[top:bottom]
-    across = weights(cols, width, tile, overlap)[left:right]
+    rows = tile_starts(height, tile=tall, overlap=overlap)
+    cols = tile_starts(width, tile=wide, overlap=overlap)
+    down = weights(rows, height, tall, overlap)[top:bottom]
+    across = weights(cols, width, wide, overlap)[left:right]
     planes = (down @ plane @ across.T for plane in (motion[..., 0], motion[..., 1], depth))
     x, y, z = (plane.astype(np.float32) for plane in planes)
     return np.stack([x, y], axis=-1), z

@@ -12,6 +12,7 @@ from typing import Any, ClassVar
 
 from flurries._contract import vector
 from flurries.effects.falling import Falling
+from flurries.effects.looks import rate_of, severity_of, snow_of_rate, snow_of_severity
 from flurries.effects.peopled import Population
 from flurries.effects.presets import SNOW
 from flurries.timeline import Number, as_number, value_at
@@ -69,14 +70,26 @@ class Snow(Falling):
         pixel, which takes as many times as long as there are octaves.
     flakes : int
         Flakes in view between the camera and `near_depth`; 0 draws none.
+    flake_density : float, optional
+        Flakes per cubic metre, in place of `flakes`.
     flake_size : (smallest, largest)
         Diameters in metres.
     flake_opacity : float
         Of a flake's middle, 0 to 1. Keyed.
     sway : (amplitude, rate)
         Metres, and radians per second: each flake swings on its own.
+    look : {"v1"}
+        Version of the looks: what presets and knobs mean, and how a picture of another size shows
+        them.
     seed : int, optional
         Of this effect; the scene's if not given.
+    severity : int, optional
+        One knob: 1 to 5 take 6, 14, 25, 38 and 55 % of a picture's contrast. Sets `flake_density`,
+        `flake_size`, `texture`, `mean`, `spread`, `exponent`, `fall` and `haze`, those that are not
+        given. No field: what it makes is written out.
+    rate_mm_h : float, optional
+        One knob: the liquid-equivalent rate of snowfall in mm/h; light snow is less than 1, heavy
+        more than 5. Sets the same fields.
 
     Raises
     ------
@@ -96,6 +109,7 @@ class Snow(Falling):
     """
 
     flakes: int = 8000
+    flake_density: float | None = None
     flake_size: tuple[float, float] = (0.008, 0.024)
     flake_opacity: Number = 0.9
     sway: tuple[float, float] = (0.02, 4.0)
@@ -103,12 +117,22 @@ class Snow(Falling):
     NAME: ClassVar[str] = "snow"
     PRESETS: ClassVar[dict[str, dict[str, Any]]] = SNOW
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        self._settle_particles("flakes", "flake_size")
+    def __post_init__(self, severity: int | None, rate_mm_h: float | None) -> None:
+        super().__post_init__(severity, rate_mm_h)
+        self._settle_particles("flakes", "flake_size", "flake_density")
         opacity = as_number("flake_opacity", self.flake_opacity, low=0.0, high=1.0)
         object.__setattr__(self, "flake_opacity", opacity)
         object.__setattr__(self, "sway", tuple(vector("sway", self.sway, 2).tolist()))
+
+    def _look(self, severity: int | None, rate_mm_h: float | None) -> dict[str, Any]:
+        """Return the fields that a knob sets."""
+        if severity is not None:
+            return snow_of_severity(severity_of(severity))
+        return {} if rate_mm_h is None else snow_of_rate(rate_of(rate_mm_h, self.NAME))
+
+    def _instead(self) -> tuple[str, ...]:
+        """Return fields that say the same as one that a knob sets."""
+        return ("flakes",)
 
     def population(self, t: float) -> Population:
         """Return the flakes at `t`."""
@@ -119,4 +143,5 @@ class Snow(Falling):
             self.flake_size,
             value_at(self.flake_opacity, t),
             self.sway,
+            self.flake_density,
         )

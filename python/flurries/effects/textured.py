@@ -13,6 +13,8 @@ from flurries._contract import Float64
 from flurries.camera import tile_drift, tile_shift, tile_zoom
 from flurries.effects.layer import Frame
 from flurries.effects.moving import Moving, of_rings
+from flurries.effects.resolution import TUNED, power_share
+from flurries.effects.tiling import Tiling, torus_for
 from flurries.spectral.frame import Request, request
 from flurries.spectral.tiles import tile_starts
 from flurries.timeline import Number, value_at
@@ -40,19 +42,24 @@ class Textured(Moving):
         """Return the texture's wavelengths in pixels on a picture of that shape."""
         if self.wavelengths is not None:
             return self.wavelengths
-        scale = shape[1] / 1024.0
-        longest = max(self._BAND[1] * scale, 4.0)
-        return max(self._BAND[0] * scale, 2.0), longest
+        scale = shape[1] / TUNED
+        return max(self._BAND[0] * scale, 2.0), max(self._BAND[1] * scale, 3.0)
+
+    def power_share(self, shape: tuple[int, int]) -> float:
+        """Return how much of its power a picture shows, against one 1024 px wide."""
+        if self.wavelengths is not None:
+            return 1.0
+        return power_share(self._BAND, self.exponent, shape[1])
 
     def far_depth(self, shape: tuple[int, int]) -> float:
-        """Return the depth that the shortest wave stands for, metres."""
-        shortest, longest = self.band(shape)
+        """Return the depth that the shortest wave stands for, metres, shown or not."""
+        shortest, longest = self._BAND if self.wavelengths is None else self.band(shape)
         return self.near_depth * longest / shortest
 
     def tiling(self, shape: tuple[int, int], forward: bool) -> tuple[int, int]:
         """Return tile and overlap in pixels."""
         longest = self.band(shape)[1]
-        tile = self.tile or 8 * math.ceil(longest / 3.0 - 1e-9)
+        tile = self.tile or max(8 * math.ceil(longest / 3.0 - 1e-9), 16)
         if self.overlap is not None:
             return tile, min(self.overlap, tile - 1)
         # The flow differs from tile to tile when the camera goes forward: mix more of them.
@@ -61,6 +68,28 @@ class Textured(Moving):
     def tiles(self, frame: Frame) -> tuple[int, int]:
         """Return tile and overlap in pixels for the film that a frame belongs to."""
         return self.tiling(frame.shape, self.spreads(frame) or self.gusty)
+
+    def least_tile(self, frame: Frame) -> float:
+        """Return the tile in pixels that the motion of the film needs."""
+        return 0.0
+
+    def layout(self, frame: Frame) -> tuple[Tiling, str]:
+        """Return the tiles of the film's texture, and why it is them and not one torus.
+
+        The decision is one for all frames: it must not depend on the time or on the window.
+        """
+        tile, overlap = self.tiles(frame)
+        tiling = Tiling((tile, tile), overlap)
+        if self.tile is not None or self.overlap is not None:
+            return tiling, "the tiles were asked for"
+        if frame.path.turns or frame.path.zooms or self.spreads(frame):
+            return tiling, "the flow differs from tile to tile"
+        if isinstance(self.wind, Wind):
+            return tiling, "the wind may differ from tile to tile"
+        if frame.deep or frame.depth is not None:
+            return tiling, "the depth differs from tile to tile"
+        torus, why = torus_for(frame.shape, tiling, self.band(frame.shape), self.least_tile(frame))
+        return torus or tiling, why
 
     @property
     def gusty(self) -> bool:
@@ -92,7 +121,8 @@ class Textured(Moving):
     def texture_request(self, frame: Frame, **more: Any) -> Request:
         """Return the field that the texture of a frame is made of; `more` goes to the request."""
         shape, camera = frame.shape, frame.camera
-        tile, overlap = self.tiles(frame)
+        (tile, overlap), _ = self.layout(frame)
+        more["shortest"] = self._limits(frame, tile, overlap, more.get("shortest"))
         place = frame.travel(fall=self.fall, wind=self.mean_wind)
         # A velocity has no eye: take away what tile_drift adds for one.
         rate = frame.to_camera(self.velocity(frame)) - camera.offset
@@ -144,6 +174,17 @@ class Textured(Moving):
             **more,
         )
 
+    def _limits(
+        self, frame: Frame, tile: tuple[int, int], overlap: int, shortest: Float64 | None
+    ) -> Float64 | None:
+        """Return the shortest waves of the tiles; none are left where nothing can be seen."""
+        visible = None if frame.run is None else frame.run.visible
+        if visible is None:
+            return shortest
+        seen = visible.tiles(tile, overlap)
+        base = np.zeros(seen.shape) if shortest is None else shortest
+        return np.where(seen, base, self.band(frame.shape)[1])
+
     def _ring_edges(self, shape: tuple[int, int]) -> Float64 | None:
         """Return wavelengths between rings of a half or a quarter octave, if the wind differs."""
         if not isinstance(self.wind, Wind) or (self.wind.profile is None and not self.gusty):
@@ -154,13 +195,13 @@ class Textured(Moving):
         return np.asarray(shortest * (longest / shortest) ** (np.arange(rings + 1) / rings))
 
     def _ring_drift(
-        self, frame: Frame, tile: int, overlap: int, edges: Float64
+        self, frame: Frame, tile: tuple[int, int], overlap: int, edges: Float64
     ) -> tuple[Float64, Float64]:
         """Return drift and velocity (rows, cols, rings, 2) px beyond those of the mean wind."""
         camera, shape = frame.camera, frame.shape
         cx, cy = camera.principal(shape)
-        y = tile_starts(shape[0], tile=tile, overlap=overlap) + 0.5 * tile - cy
-        x = tile_starts(shape[1], tile=tile, overlap=overlap) + 0.5 * tile - cx
+        y = tile_starts(shape[0], tile=tile[0], overlap=overlap) + 0.5 * tile[0] - cy
+        x = tile_starts(shape[1], tile=tile[1], overlap=overlap) + 0.5 * tile[1] - cx
         middles = np.sqrt(edges[1:] * edges[:-1])
         depth = self.near_depth * self.band(shape)[1] / middles
         rows, cols, z = np.meshgrid(y, x, depth, indexing="ij")

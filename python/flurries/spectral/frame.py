@@ -25,6 +25,7 @@ from flurries._contract import (
 )
 from flurries.spectral.tables import ALIAS, band_of, warn_far, warn_long
 from flurries.spectral.tiles import BLEND, opacity_map
+from flurries.trace import count
 
 
 class Request(NamedTuple):
@@ -336,12 +337,12 @@ def alpha_of(
 ) -> Array:
     """Opacity of a settled request's window; what the scene calls."""
     result = np.empty(_window_shape(asked), float_dtype(dtype))
-    _core.field(result, asked, mapped, preserve_mean)
+    count("tiles", _core.field(result, asked, mapped, preserve_mean))
     return result
 
 
 def field_of(asked: Request, *, dtype: npt.DTypeLike = np.float32) -> Array:
     """Field of a settled request's window."""
     result = np.empty(_window_shape(asked), float_dtype(dtype))
-    _core.field(result, asked)
+    count("tiles", _core.field(result, asked))
     return result

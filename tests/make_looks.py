@@ -1,0 +1,82 @@
+"""Golden frames of the looks, version by version: ``python tests/make_looks.py v2``.
+
+They freeze what presets and knobs look like: a frame changes only with a new version of the
+looks, which gets a picture of its own. Unlike the reference frames of `make_frames` they are
+rendered: they say that a look is the same, and not that it is right. Each is the opacity of
+64 x 48 px in the middle of a picture, 16 bits, side by side in ``tests/frames/looks_VERSION.png``.
+"""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import flurries as fl
+from flurries.effects.presets import CONE_RAIN, CONE_SNOW, MIST, RAIN, SNOW
+
+FRAMES = Path(__file__).parent / "frames"
+WIDE, HIGH, ACROSS = 64, 48, 8
+
+
+def looks(version: str) -> dict[str, tuple[Any, tuple[int, int]]]:
+    """Return effects by name, each with the size of its picture."""
+    found: dict[str, tuple[Any, tuple[int, int]]] = {}
+    kinds: tuple[tuple[Any, dict[str, Any]], ...] = (
+        (fl.Snow, SNOW),
+        (fl.Rain, RAIN),
+        (fl.ConeSnow, CONE_SNOW),
+        (fl.ConeRain, CONE_RAIN),
+        (fl.Mist, MIST),
+    )
+    for kind, presets in kinds:
+        for name in presets:
+            effect = kind.preset(name, look=version)
+            found[f"{kind.__name__} {name}"] = (effect, (512, 384))
+    for kind in (fl.Snow, fl.Rain, fl.Mist):
+        for severity in range(1, 6):
+            effect = kind(severity=severity, look=version)
+            found[f"{kind.__name__} severity {severity}"] = (effect, (512, 384))
+    for kind in (fl.Snow, fl.Rain):
+        for rate in (0.5, 4.0, 20.0):
+            found[f"{kind.__name__} {rate} mm/h"] = (kind(rate_mm_h=rate, look=version), (512, 384))
+    for size in ((256, 192), (2048, 1536)):
+        found[f"Snow at {size[0]}"] = (fl.Snow(look=version), size)
+        found[f"Rain at {size[0]}"] = (fl.Rain(look=version), size)
+    return found
+
+
+def frame(effect: Any, size: tuple[int, int]) -> np.ndarray:
+    """Return the opacity in the middle of a frame, (HIGH, WIDE)."""
+    left, top = (size[0] - WIDE) // 2, (size[1] - HIGH) // 2
+    region = np.s_[top : top + HIGH, left : left + WIDE]
+    scene = fl.Scene(size, "#000000", effects=[effect], seed=7)
+    return np.asarray(scene.render(7, layers=True, region=region).alpha)
+
+
+def sheet(version: str) -> np.ndarray:
+    """Return all of them side by side, uint16."""
+    frames = [frame(*look) for look in looks(version).values()]
+    rows = -(-len(frames) // ACROSS)
+    result = np.zeros((rows * HIGH, ACROSS * WIDE), np.uint16)
+    for number, plane in enumerate(frames):
+        top, left = number // ACROSS * HIGH, number % ACROSS * WIDE
+        result[top : top + HIGH, left : left + WIDE] = np.rint(65535.0 * plane)
+    return result
+
+
+def main() -> None:
+    """Write the golden frames of a version; one that is there stays."""
+    import skimage.io
+
+    version = sys.argv[1]
+    file = FRAMES / f"looks_{version}.png"
+    if file.exists():
+        sys.exit(f"{file} is there: looks that were released do not change; make a new version")
+    skimage.io.imsave(file, sheet(version), check_contrast=False)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,226 @@
+"""One number in place of many: severities, rates, visibilities, and sizes of the picture."""
+
+from __future__ import annotations
+
+import copy
+import math
+import pickle
+from dataclasses import fields, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy import integrate
+
+import flurries as fl
+from flurries.cli import main
+from flurries.effects import falling
+from flurries.effects.resolution import map_at, power_share
+
+LOSS = {1: 0.06, 2: 0.14, 3: 0.25, 4: 0.38, 5: 0.55}
+KINDS = [fl.Snow, fl.Rain, fl.Mist]
+
+
+def noise(shape: tuple[int, int], seed: int) -> np.ndarray:
+    """A picture of contrasts of all sizes, none of them the weather's."""
+    return np.random.default_rng(seed).uniform(0.0, 1.0, (*shape, 3)).astype(np.float32)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("severity", LOSS)
+def test_a_severity_takes_its_share_of_the_contrast(kind: Any, severity: int):
+    lost = []
+    for seed in range(3):
+        picture = noise((192, 320), seed)
+        scene = fl.Scene(None, picture, effects=[kind(severity=severity)], seed=seed)
+        seen = scene.render(5).astype(np.float64)
+        clear = picture.astype(np.float64)
+        lost.append(1.0 - np.cov(seen.ravel(), clear.ravel())[0, 1] / clear.var(ddof=1))
+    # Large flakes fade, and a box of mist fades at its rims: .02.
+    assert np.mean(lost) == pytest.approx(LOSS[severity], abs=0.02)
+
+
+def test_the_rate_of_snow_is_its_mass_times_its_speed():
+    def mass(diameter: float) -> float:
+        """Brandes et al. 2007, kilograms of a flake of some mm."""
+        return 0.178e-3 * diameter**-0.922 * math.pi / 6.0 * diameter**3 * 1e-3
+
+    for rate in (0.1, 0.5, 1.0, 3.0, 8.0, 20.0):
+        snow = fl.Snow(rate_mm_h=rate)
+        low, high = (1e3 * size for size in snow.flake_size)
+        mean = integrate.quad(mass, low, high)[0] / (high - low)
+        assert snow.flake_density is not None
+        got = snow.flake_density * mean * snow.fall * 3600.0
+        assert got == pytest.approx(rate, rel=1e-9)
+
+
+def test_the_rate_of_rain_is_that_of_marshall_and_palmer():
+    for rate in (0.3, 2.0, 10.0, 40.0):
+        rain = fl.Rain(rate_mm_h=rate)
+
+        def number(diameter: float, rate: float = rate) -> float:
+            return 8000.0 * math.exp(-4.1 * rate**-0.21 * diameter)
+
+        low, high = (1e3 * size for size in rain.drop_size)
+        assert rain.drop_density == pytest.approx(integrate.quad(number, low, high)[0], rel=1e-9)
+        # Each drop takes twice its own area out of the light; square millimetres.
+        beta = integrate.quad(lambda d, n=number: 2.0 * math.pi / 4.0 * d * d * n(d), 0, 60)[0]
+        assert rain.haze == pytest.approx(1.0 - math.exp(-1e-6 * beta * 60.0), rel=1e-6)
+
+
+@pytest.mark.parametrize("kind", [fl.Snow, fl.Rain])
+def test_more_falls_at_a_higher_rate(kind: Any):
+    seen = []
+    for rate in (0.2, 0.7, 2.0, 6.0, 15.0, 40.0):
+        scene = fl.Scene((256, 192), effects=[kind(rate_mm_h=rate)])
+        seen.append(float(scene.render(3, layers=True).alpha.mean()))
+    assert (np.diff(seen) > 0.0).all(), seen
+
+
+def test_a_density_is_the_same_behind_any_lens():
+    snow = fl.Snow(texture=0.0, haze=0.0, flake_density=20.0)
+    covers = []
+    for focal, size in ((300.0, (256, 192)), (600.0, (256, 192)), (307.2, (256, 256))):
+        scene = fl.Scene(size, effects=[snow], camera=fl.Camera(focal))
+        alphas = [scene.replace(seed=s).render(3, layers=True).alpha.mean() for s in range(6)]
+        covers.append(np.mean(alphas))
+    # Flakes behind a pixel are as many whatever the lens; the nearest and largest ones fade.
+    assert np.ptp(covers) < 0.15 * np.mean(covers)
+    wide = fl.Scene((256, 192), effects=[snow], camera=fl.Camera(100.0))
+    frame = wide.program._frame(0.0, None, (0, 192, 0, 256), seed=0)
+    view = 2.56 * 1.92 * 12.0**3 / 3.0
+    assert snow.number_in_view(frame) == pytest.approx(20.0 * view)
+
+
+def test_visibility_in_metres_is_visibility():
+    fog = fl.Mist(visibility_m=150.0)
+    assert fog == fl.Mist(visibility=150.0)
+    assert fl.gas.visibility(fog.extinction()) == pytest.approx(150.0, rel=0.01)
+    given = fl.Mist.preset("fog", visibility_m=80.0)
+    assert given == fl.Mist.preset("fog", visibility=80.0)
+
+
+@pytest.mark.parametrize(
+    ("make", "named"),
+    [
+        (lambda: fl.Snow(severity=0), "severity"),
+        (lambda: fl.Snow(severity=6), "severity"),
+        (lambda: fl.Snow(severity=2.5), "severity"),
+        (lambda: fl.Snow(rate_mm_h=0.0), "rate_mm_h"),
+        (lambda: fl.Snow(rate_mm_h=math.nan), "rate_mm_h"),
+        (lambda: fl.Rain(rate_mm_h=1e4), "rate_mm_h"),
+        (lambda: fl.Rain(rate_mm_h="much"), "rate_mm_h"),
+        (lambda: fl.Rain(rate_mm_h=3.0, severity=2), "severity and rate_mm_h"),
+        (lambda: fl.Snow(rate_mm_h=3.0, flakes=10), "rate_mm_h and flakes"),
+        (lambda: fl.Rain(severity=3, drops=10), "severity and drops"),
+        (lambda: fl.Snow.preset("heavy", severity=3), "severity and a preset"),
+        (lambda: fl.Mist(visibility_m=-3.0), "visibility_m"),
+        (lambda: fl.Mist(visibility_m=3.0, visibility=4.0), "visibility_m and visibility"),
+        (lambda: fl.Mist(severity=2, density=0.3), "severity and density"),
+        (lambda: fl.Mist(severity=2, visibility=30.0), "severity and visibility"),
+        (lambda: fl.Mist(severity=5, count=3), "severity 5 needs"),
+        (lambda: fl.Mist(severity=5, count=0), "severity 5 needs"),
+        (lambda: fl.Snow(look="v0"), "look"),
+        (lambda: fl.Mist(look="v0"), "look"),
+        (lambda: fl.ConeRain(look="v0"), "look"),
+        (lambda: replace(fl.Snow(severity=2), severity=3), "severity"),
+    ],
+)
+def test_knobs_are_refused_by_name(make: Any, named: str):
+    with pytest.raises((TypeError, ValueError), match=named):
+        make()
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_knob_leaves_what_is_given_and_is_written_out(kind: Any, tmp_path: Path):
+    plain = kind(severity=3)
+    # A default that is given is given.
+    own = {f.name: f.default for f in fields(kind)}
+    for name in {"haze", "fall"} & set(own):
+        assert getattr(kind(severity=3, **{name: own[name]}), name) == own[name]
+        assert getattr(plain, name) != own[name]
+    for made in (pickle.loads(pickle.dumps(plain)), copy.copy(plain), replace(plain, amount=1.0)):
+        assert made == plain and "_given" not in vars(made)
+    scene = fl.Scene((32, 24), effects=[plain])
+    scene.save(tmp_path / "scene.toml")
+    assert 'look = "v1"' in (tmp_path / "scene.toml").read_text()
+    assert fl.Scene.load(tmp_path / "scene.toml").effects == (plain,)
+    kinds = {fl.Snow: "snow", fl.Rain: "rain", fl.Mist: "mist"}
+    text = f'size = [32, 24]\n[[effects]]\nkind = "{kinds[kind]}"\nseverity = 3\n'
+    (tmp_path / "own.toml").write_text(text)
+    assert fl.Scene.load(tmp_path / "own.toml").effects == (plain,)
+
+
+def test_knobs_on_the_command_line(capsys: pytest.CaptureFixture[str]):
+    assert main(["plan", "#203040", "--size", "64x48", "--snow", "severity=3", "--json"]) == 0
+    assert main(["plan", "#203040", "--size", "64x48", "--mist", "visibility_m=90"]) == 0
+    for wrong in ("rate=3", "severity=9", "severity=x", "rate_mm_h="):
+        assert main(["plan", "#203040", "--rain", wrong]) == 2
+        assert "Traceback" not in capsys.readouterr().err
+
+
+# Sizes of the picture ----------------------------------------------------------------------------
+
+
+def boxed(alpha: np.ndarray, times: int) -> np.ndarray:
+    """Means over squares."""
+    height, width = alpha.shape
+    return alpha.reshape(height // times, times, width // times, times).mean(axis=(1, 3))
+
+
+def opacities(effect: Any, width: int, count: int) -> np.ndarray:
+    scenes = [fl.Scene((width, width), effects=[effect], seed=seed) for seed in range(count)]
+    return np.stack([s.render(3, layers=True).alpha.astype(np.float64) for s in scenes])
+
+
+# (effect, error of the mean, of the standard deviation). Streaks of rain at 256 px have waves of
+# 2 to 3 px, few in a tile; flakes are never narrower than .62 px of sigma, which takes variance.
+SIZES = {
+    "texture": (fl.Snow(flakes=0, haze=0.0), 0.02, 0.08),
+    "heavy texture": (fl.Snow.preset("heavy", flakes=0, haze=0.0), 0.02, 0.06),
+    "snow": (fl.Snow(), 0.02, 0.15),
+    "rain": (fl.Rain(), 0.03, 0.2),
+}
+
+
+@pytest.mark.parametrize("name", SIZES)
+@pytest.mark.parametrize("width", [256, 512])
+def test_a_small_picture_is_the_large_one_made_smaller(name: str, width: int):
+    effect, mean, deviation = SIZES[name]
+    large = np.stack([boxed(alpha, 2048 // width) for alpha in opacities(effect, 2048, 1)])
+    small = opacities(effect, width, 12)
+    assert small.mean() == pytest.approx(large.mean(), rel=mean)
+    assert small.std() == pytest.approx(large.std(), rel=deviation)
+
+
+def test_without_it_small_pictures_have_too_much_contrast(monkeypatch: pytest.MonkeyPatch):
+    effect, _, deviation = SIZES["texture"]
+    large = boxed(opacities(effect, 2048, 1)[0], 8)
+    monkeypatch.setattr(falling, "map_at", lambda mean, spread, power, share: (mean, spread))
+    assert opacities(effect, 256, 8).std() > (1.0 + 3.0 * deviation) * large.std()
+
+
+def test_the_tuned_size_is_left_alone_and_maps_keep_their_moments():
+    assert power_share((3.0, 24.0), 0.75, 1024) == 1.0
+    assert map_at(0.05, 2.0, 2.0, 1.0) == (0.05, 2.0)
+    z = np.random.default_rng(3).standard_normal((2, 400_000))
+    for share in (0.2, 0.6, 1.1):
+        rho = min(share, 1.0 / share)
+        # Two pictures that share what is seen, and differ in what is not.
+        again = rho * z[0] + math.sqrt(1.0 - rho**2) * z[1]
+        mean, spread = map_at(0.05, 2.0, 2.0, share)
+
+        def mapped(field: np.ndarray, mean: float, spread: float) -> np.ndarray:
+            return np.clip(mean + field / (2.0 * spread), 0.0, 1.0) ** 2
+
+        def seen(mean: float, spread: float, z1: np.ndarray, z2: np.ndarray) -> tuple[float, float]:
+            """Mean and variance of what is left when only a share of the field is seen."""
+            first, second = mapped(z1, mean, spread), mapped(z2, mean, spread)
+            return float(first.mean()), float(np.cov(first, second)[0, 1])
+
+        part, whole = (z[0], again), (z[0], z[0])
+        tuned = seen(0.05, 2.0, *(part if share < 1.0 else whole))
+        fitted = seen(mean, spread, *(whole if share < 1.0 else part))
+        assert fitted[0] == pytest.approx(tuned[0], rel=0.01)
+        assert fitted[1] == pytest.approx(tuned[1], rel=0.03)

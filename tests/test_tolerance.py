@@ -1,0 +1,297 @@
+"""A tolerance: the error stays within it, and the plan says what it was spent on."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import flurries as fl
+from flurries.cli import main
+from flurries.effects.needs import Needs, Saving, Step
+from flurries.io.color import linear_to_srgb, looked_up, to_integer
+from flurries.plan import calibration, spending
+from flurries.plan.spending import TABLE, Asking, Error, Light, choose
+
+TOLERANCES = (1 / 255, 1e-3, 1e-5)
+W, H = 96, 72
+SCENES = 100
+
+
+@pytest.fixture(autouse=True)
+def cache(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Times are not looked at: none are measured."""
+    monkeypatch.setattr(calibration, "_known", {n: {"kernel": 1.0, "array": 1.0} for n in range(9)})
+    monkeypatch.setattr(calibration, "scales", lambda: {"kernel": 1.0, "array": 1.0})
+
+
+def random_scene(number: int) -> fl.Scene:
+    """A scene of one to three effects, of any amount down to a millionth, on any background."""
+    rng = np.random.default_rng(1000 + number)
+    kind = rng.choice(["byte", "word", "light", "bright"])
+    if kind in ("byte", "word"):
+        dtype = np.uint8 if kind == "byte" else np.uint16
+        picture = rng.integers(0, np.iinfo(dtype).max + 1, (H, W, 3)).astype(dtype)
+    else:
+        picture = rng.gamma(1.0, 0.4, (H, W, 3)).astype(np.float32)
+        if kind == "bright":
+            picture[5:9, 5:9] *= 40.0
+
+    def amount() -> float:
+        return 1.0 if rng.random() < 0.3 else float(10.0 ** rng.uniform(-6.0, 0.0))
+
+    def colour() -> Any:
+        return rng.random(3).tolist() if rng.random() < 0.7 else "ambient"
+
+    made: list[Any] = []
+    for _ in range(rng.integers(1, 4)):
+        what = rng.choice(["snow", "rain", "mist", "thick", "cone"])
+        common = {"amount": amount(), "colour": colour(), "seed": int(rng.integers(1000))}
+        if what == "snow":
+            haze = float(10.0 ** rng.uniform(-6.0, -1.0))
+            made.append(fl.Snow(**common, haze=haze, flakes=500, texture=amount()))
+        elif what == "rain":
+            made.append(fl.Rain(**common, drops=300, texture=amount()))
+        elif what == "mist":
+            made.append(fl.Mist(**common, count=400))
+        elif what == "thick":
+            common["amount"] = 1.0
+            more = {"count": 3000, "density": 0.8, "lit": bool(rng.random() < 0.5)}
+            more["scatter"] = str(rng.choice(["even", "rayleigh", "henyey"]))
+            made.append(fl.Mist(**common, **more))
+        else:
+            made.append(fl.ConeRain(**common, tile=64))
+    more = {}
+    if rng.random() < 0.5:
+        matte = np.clip(rng.normal(0.9, 0.2, (H // 8, W // 8)), 0.0, 1.0)
+        matte = np.kron(matte, np.ones((8, 8)))
+        # Nearly opaque, as mattes of 8 bits are.
+        matte[matte > 0.98] = 1.0 - 10.0 ** rng.uniform(-6.0, -2.0)
+        more["foreground"] = matte.astype(np.float32)
+    if rng.random() < 0.3:
+        more["depth"] = rng.uniform(2.0, 60.0, (H, W)).astype(np.float32)
+    if rng.random() < 0.4:
+        more["sun"] = fl.Sun((0.4, 1.0, 0.3))
+    if rng.random() < 0.4:
+        more["space"] = str(rng.choice(["display", "linear"]))
+    return fl.Scene(None, picture, effects=made, **more)
+
+
+def off(scene: fl.Scene, tolerance: float, t: float = 5.0) -> float:
+    """How far the frame is off, of full scale."""
+    exact, near = scene.render(t), scene.render(t, tolerance=tolerance)
+    assert near.dtype == exact.dtype
+    full = float(np.iinfo(exact.dtype).max) if exact.dtype.kind == "u" else 1.0
+    return float(np.abs(exact.astype(np.float64) - near.astype(np.float64)).max()) / full
+
+
+@pytest.mark.parametrize("number", range(SCENES))
+def test_the_error_stays_within_the_tolerance(number: int):
+    scene = random_scene(number)
+    for tolerance in TOLERANCES:
+        exact = scene.render(5)
+        choice = scene.program.choice(5.0, exact.dtype, tolerance)
+        assert choice.error <= tolerance
+        found = off(scene, tolerance)
+        if choice.error == 0.0:
+            assert found == 0.0
+        elif exact.dtype.kind == "u":
+            assert found <= choice.error * (1.0 + 1e-12)
+        else:
+            # Both frames are rounded, some layers one over another.
+            assert found <= choice.error + 4.0 * 2.0**-24 * max(float(np.abs(exact).max()), 1.0)
+
+
+def test_the_scenes_spend_something():
+    kinds: set[str] = set()
+    errors = []
+    for number in range(SCENES):
+        scene = random_scene(number)
+        choice = scene.program.choice(5.0, scene.render(0).dtype, 1 / 255)
+        kinds |= {one.what.split(": ")[-1] for one in choice.spent}
+        if choice.spent:
+            errors.append(off(scene, 1 / 255))
+    assert {"no texture", "rain", "snow", "what hardly shows past what stands in front",
+            "particles behind what is opaque but for the error",
+            "display values from a table of 16 bits"} <= kinds  # fmt: skip
+    assert len(errors) > SCENES // 4 and sum(error > 1e-5 for error in errors) > 10
+
+
+def test_a_law_that_lies_is_found(monkeypatch: pytest.MonkeyPatch):
+    """The control: errors said to be a hundredth of what they are break the tolerance."""
+    of = Light.of
+
+    def lying(*given: Any, **more: Any) -> Light:
+        light = of(*given, **more)
+        return light._replace(reach=0.01 * light.reach)
+
+    monkeypatch.setattr(spending.Light, "of", staticmethod(lying))
+    broken = 0
+    for number in range(SCENES):
+        scene = random_scene(number)
+        if scene.render(0).dtype.kind == "f":
+            broken += off(scene, 1e-3) > 1.01e-3
+    assert broken > 3
+
+
+def test_regions_and_eyes_have_the_whole_frame_s_bits():
+    for number in range(0, SCENES, 9):
+        scene = random_scene(number)
+        whole = scene.render(5, tolerance=1e-3)
+        part = np.s_[20:50, 10:70]
+        assert np.array_equal(scene.render(5, tolerance=1e-3, region=part), whole[part])
+        left, right = scene.stereo(5, distance=0.0, tolerance=1e-3)
+        assert np.array_equal(left, whole) and np.array_equal(right, whole)
+        assert np.array_equal(scene.replace(tolerance=1e-3).render(5), whole)
+
+
+def test_without_a_tolerance_nothing_changes():
+    scene = random_scene(3)
+    exact = scene.render(5)
+    assert np.array_equal(scene.render(5, tolerance=0.0), exact)
+    assert np.array_equal(scene.replace(tolerance=1e-2).render(5, tolerance=0.0), exact)
+    # Layers are exact, and one rendering does not change the next.
+    layers = scene.render(5, tolerance=1e-2, layers=True)
+    assert np.array_equal(layers.alpha, scene.render(5, layers=True).alpha)
+    scene.render(5, tolerance=1e-2)
+    assert np.array_equal(scene.render(5), exact)
+
+
+def test_what_never_moves_is_kept_by_what_is_spent():
+    fog = fl.Mist(count=3000, density=0.8, seed=3)
+    scene = fl.Scene((W, H), (0.2, 0.3, 0.4), effects=[fog])
+    exact, near = scene.render(1), scene.render(1, tolerance=1 / 255)
+    assert not np.array_equal(exact, near)
+    assert np.array_equal(scene.render(2), exact)
+    assert np.array_equal(scene.render(2, tolerance=1 / 255), near)
+
+
+def test_what_is_spent_does_not_run():
+    light = np.random.default_rng(3).random((H, W, 3), np.float32)
+    effects = [fl.Snow(amount=1e-4, seed=1), fl.Rain()]
+    scene = fl.Scene(None, light, effects=effects, depth=30.0)
+    with fl.trace.tracing() as exact:
+        scene.render(3)
+    with fl.trace.tracing() as near:
+        scene.render(3, tolerance=1e-3)
+    assert near.calls["texture"] == exact.calls["texture"] - 1
+    plan = scene.plan(3, tolerance=1e-3)
+    assert "within the tolerance" in {one.why for one in plan.left_out}
+    assert {step.name for step in plan.steps} < {step.name for step in scene.plan(3).steps}
+
+
+def test_the_plan_says_what_a_tolerance_is_spent_on(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+):
+    light = np.random.default_rng(3).random((H, W, 3), np.float32)
+    scene = fl.Scene(None, light, effects=[fl.Snow(amount=1e-4)])
+    plan = scene.plan(3, tolerance=1e-3)
+    assert plan.tolerance == 1e-3 and 0.0 < plan.error <= 1e-3
+    assert sum(one.milliseconds for one in plan.spent) > 0.0
+    assert plan.milliseconds < scene.plan(3).milliseconds
+    text, values, page = str(plan), json.loads(plan.to_json()), plan._repr_html_()
+    assert values["tolerance"] == 1e-3 and values["error"] == plan.error
+    for one in plan.spent:
+        assert one.what in text and one.what in page
+    assert "nothing to be saved" in str(fl.Scene((W, H)).plan(3, tolerance=1e-3))
+    assert "tolerance" not in str(scene.plan(3))
+    kept = fl.Scene((W, H), "#203040", effects=[fl.Snow()], tolerance=1 / 255)
+    kept.save(tmp_path / "scene.toml")
+    assert fl.Scene.load(tmp_path / "scene.toml").tolerance == 1 / 255
+    words = ["plan", "#203040", "--snow", "heavy", "--tolerance", "0.004", "--json"]
+    assert main(words) == 0
+    assert json.loads(capsys.readouterr().out)["tolerance"] == 0.004
+
+
+@pytest.mark.parametrize("value", [-1e-9, 1.1, float("nan"), "much", None, [0.1]])
+def test_a_tolerance_is_refused_by_name(value: Any):
+    if value is not None:
+        with pytest.raises((ValueError, TypeError), match="tolerance"):
+            fl.Scene((8, 8)).render(0, tolerance=value)
+    with pytest.raises((ValueError, TypeError), match="tolerance"):
+        fl.Scene((8, 8), tolerance=value)
+
+
+# The parts ---------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("bits", [8, 16])
+def test_the_table_errs_as_little_as_it_says(bits: int):
+    values = np.random.default_rng(1).random(400_000).astype(np.float32) ** 4
+    values = np.concatenate([values, np.array([-1.0, 0.0, 1.0, 2.0, 1e-6], np.float32)])
+    exact = linear_to_srgb(np.clip(values.astype(np.float64), 0.0, 1.0))
+    full = 2**bits - 1
+    got = looked_up(values, bits).astype(np.float64) / full
+    assert np.abs(got - exact).max() <= TABLE + 0.5 / full + 1e-7
+    assert np.abs(looked_up(values, bits).astype(int) - to_integer(exact, bits)).max() <= (
+        1 if bits == 8 else 7
+    )
+
+
+def test_integers_count_steps():
+    byte = Light(linear=False, same=True, step=1 / 255, reach=1.0, slope=1.0)
+    # An altered layer errs by a whole step however little; one that is left out by the nearest.
+    assert byte.total([Error(layer=1e-4)]) == pytest.approx(1 / 255)
+    assert byte.total([Error(gone=1e-4)]) == 0.0
+    assert byte.total([Error(gone=1.4 / 255)]) == pytest.approx(1 / 255)
+    assert byte.total([Error(gone=1.6 / 255)] * 2) == pytest.approx(4 / 255)
+    assert byte.total([]) == byte.total([Error()]) == 0.0
+    # Laid one over another, in the worst order, by exact integers.
+    rng = np.random.default_rng(5)
+    for _ in range(2000):
+        value = near = float(rng.integers(0, 256))
+        errors = []
+        for _ in range(3):
+            alpha, colour = rng.random(), rng.integers(0, 256)
+            error = float(rng.choice([0.0, 0.3, 1.0, 2.5])) / 255.0
+            gone = rng.random() < 0.5
+            if gone:
+                alpha = min(alpha, error)
+                errors.append(Error(gone=error))
+            else:
+                errors.append(Error(layer=error))
+            value = np.rint(value + alpha * (colour - value))
+            if not gone:
+                close = np.clip(alpha + rng.uniform(-error, error), 0.0, 1.0)
+                near = np.rint(near + close * (colour - near))
+        assert abs(value - near) / 255.0 <= byte.total(errors) + 1e-12
+
+
+def asking(index: int, *savings: tuple[str, float, float], whole: float = 1.0) -> Asking:
+    """An effect whose steps cost and err as given: (name, error, nanoseconds)."""
+    each = tuple(Saving(n, f"no {n}", e, lambda _, ns=ns: ns) for n, e, ns in savings)
+    total = sum(ns for _, _, ns in savings)
+    everything = Saving("all", "all", whole, lambda _: total, all=True)
+    steps = tuple(Step(name) for name, _, _ in savings)
+    return Asking(index, f"effect{index}", Needs(steps, savings=(*each, everything)))
+
+
+def test_the_budget_goes_where_most_time_is_saved():
+    light = Light(linear=True, same=True, step=0.0, reach=1.0, slope=1.0)
+
+    def hides(_: float) -> float:
+        return 0.0
+
+    def taken(tolerance: float, *asked: Asking) -> set[tuple[int, str]]:
+        found = choose(asked, light, tolerance, values=1, hides=hides)
+        assert found.error <= tolerance
+        return {(i, name) for i, names in found.without.items() for name in names}
+
+    a = asking(0, ("x", 0.5, 10.0), ("y", 0.3, 7.0), whole=0.65)
+    b = asking(1, ("z", 0.3, 6.0))
+    assert taken(0.2, a, b) == set()
+    assert taken(0.3, a, b) == {(0, "y")}
+    assert taken(0.6, a, b) == {(0, "y"), (1, "z")}
+    # The whole effect errs by less than its parts one by one.
+    assert taken(0.66, a, b) == {(0, "x"), (0, "y")}
+    assert taken(0.99, a, b) == {(0, "x"), (0, "y"), (1, "z")}
+    assert taken(0.79, replace(a, needs=replace(a.needs, savings=a.needs.savings[:2])), b) == {
+        (0, "y"), (1, "z"),
+    }  # fmt: skip
+    # Many: one by one, within the tolerance too.
+    many = [asking(i, ("x", 0.01 * (i + 1), 5.0), ("y", 0.02, 1.0)) for i in range(8)]
+    assert len(taken(0.1, *many)) >= 3
