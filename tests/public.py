@@ -35,6 +35,7 @@ from flurries import (
     trace,
 )
 from flurries.augment.corrupt import corrupt
+from flurries.plan import plan_of
 
 # Modules of other libraries' transforms, which need those, and the one that runs when imported.
 ELSEWHERE = ("albumentations", "kornia", "torchvision", "__main__")
@@ -49,8 +50,8 @@ MISSING = {
 if "view" in MISSING:
     ELSEWHERE += ("widget",)
 
-# Parts of `CameraPath`, of effects and of the command: they get what those have checked.
-INNER = ("turning", "timeline", "demo")
+# Parts of `CameraPath`, effects, weather and the command: they get what those have checked.
+INNER = ("turning", "timeline", "demo", "calibration")
 
 
 @dataclass(frozen=True)
@@ -405,6 +406,8 @@ def calls(folder: Path) -> dict[str, Call]:
         "scenefile.save": Call(
             fl.scenefile.save, {"scene": scene, "path": folder / "saved.toml"}),
         "scenefile.fingerprint": Call(fl.scenefile.fingerprint, {"scene": scene}),
+        "plan.plan_of": Call(plan_of, {"scene": scene}),
+        "trace.count": Call(trace.count, {"name": "flakes", "number": 3}),
         "trace.stage": Call(trace.stage, {"name": "texture"}),
         "trace.tracing": Call(trace.tracing, {}),
         "set_threads": Call(fl.set_threads, {"n": 2}),
