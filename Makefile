@@ -1,6 +1,8 @@
 # make demo    set up and render the demo's films and stills into demo/
 # make test    set up, lint, and run all tests
 # make bench   print the speeds that the README quotes
+# make test-hosts     test the transforms of torchvision, kornia and albumentations, installed for it
+# make wheel          build the wheel and the source archive into dist/; make test-wheel tries both
 # make soak    kill, interrupt and damage by the hundred: docs/reliability.md, some half an hour
 # make test-browser   test the viewer in a real browser: chromium, from apt where it is missing
 #
@@ -14,7 +16,8 @@ WORKERS ?= 2
 
 RUST := $(shell find src crates -name '*.rs' 2>/dev/null) Cargo.toml crates/fft/Cargo.toml pyproject.toml
 
-.PHONY: demo test test-browser hard-cases accuracy mutations lint bench frames hashes soak clean requirements
+.PHONY: demo test test-browser test-hosts test-hosts-older wheel test-wheel peers hard-cases accuracy mutations \
+	lint bench frames hashes soak clean requirements
 
 demo: $(VENV)/.installed
 	$(BIN)/flurries demo --output demo
@@ -29,6 +32,38 @@ test-browser: $(VENV)/.tools
 		|| { echo "missing: chromium (on Debian: apt install chromium)"; exit 1; }
 	$(BIN)/maturin develop --release --quiet --extras test,browser
 	$(BIN)/python -m pytest --quiet tests/browser
+
+# Each in an environment of its own, .venv-hosts and .venv-hosts-older; about 3 GB, since torch from
+# PyPI brings CUDA. TORCH_INDEX=https://download.pytorch.org/whl/cpu takes the one without.
+TORCH_INDEX ?=
+test-hosts: HOSTS := newest
+test-hosts-older: HOSTS := older
+test-hosts test-hosts-older: $(VENV)/.made
+	test -x .venv-$(@:test-%=%)/bin/python || $(PYTHON) -m venv .venv-$(@:test-%=%)
+	.venv-$(@:test-%=%)/bin/python -m pip install --quiet --disable-pip-version-check \
+		$(if $(TORCH_INDEX),--extra-index-url $(TORCH_INDEX)) --requirement tests/hosts/$(HOSTS).txt
+	VIRTUAL_ENV=$(CURDIR)/.venv-$(@:test-%=%) $(BIN)/maturin develop --release --quiet
+	.venv-$(@:test-%=%)/bin/python -m pytest --quiet tests/hosts
+
+# zig links against an old glibc, so that the wheel is manylinux2014's: any Linux since 2014.
+COMPATIBILITY ?= manylinux2014
+wheel: $(VENV)/.made
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check ziglang
+	rm -rf dist
+	# No paths of the machine that builds in what is given away.
+	PATH="$(CURDIR)/$(BIN):$$PATH" VIRTUAL_ENV="$(CURDIR)/$(VENV)" \
+	RUSTFLAGS="--remap-path-prefix=$${CARGO_HOME:-$$HOME/.cargo}=cargo --remap-path-prefix=$(CURDIR)=." \
+	$(BIN)/maturin build --release --quiet --zig \
+		--compatibility $(COMPATIBILITY) --out dist
+	$(BIN)/maturin sdist --out dist
+
+# Installs dist/ where there is no Rust, and runs the suite there; then builds the source archive.
+test-wheel:
+	$(PYTHON) tests/wheel/check.py dist
+
+# Our weather for data sets beside that of the usual libraries: docs/peers.md.
+peers:
+	$(PYTHON) benches/peers.py --page docs/peers.md
 
 # The measured value of every hard case beside the expected one: docs/hard-cases.md.
 hard-cases: $(VENV)/.tools

@@ -2,16 +2,20 @@
 
     python benches/peers.py             # makes .venv-peers, installs everyone and us, measures
     python benches/peers.py --here      # measures in the environment that runs it
+    python benches/peers.py --page docs/peers.md    # also writes the page
 
 One thread each; uint8 RGB, for kornia the float tensor that it wants, made beforehand; variants
-interleaved; minimum and median of many runs. Ratios within one run are what counts. Whoever cannot
-be installed or run is reported.
+interleaved; minimum and median of many runs, in processor time, so that other work on the machine
+counts little. Ratios within one run are what counts. Whoever cannot be installed or run is
+reported.
 """
 
 from __future__ import annotations
 
 import argparse
 import os
+import platform
+import statistics
 import subprocess
 import sys
 import time
@@ -24,25 +28,40 @@ from typing import Any
 ROOT = Path(__file__).resolve().parents[1]
 HOME = ROOT / ".venv-peers"
 # imagecorruptions asks setuptools for pkg_resources, which newer ones do not have.
-PEERS = ["albumentationsx", "imgaug", "imagecorruptions", "kornia", "setuptools<81"]
+PEERS = ["opencv-python-headless", "albumentationsx", "imgaug", "imagecorruptions", "kornia",
+         "setuptools<81"]  # fmt: skip
 SIZES = (512, 1024)
 
+# It draws no flakes, so it does not count as snow.
+WHITENS = "(no flakes: it whitens)"
+
 Call = Callable[[], Any]
+
+
+# Milliseconds of every call, by kind and size.
+Times = dict[tuple[str, int], dict[str, list[float]]]
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description="Weather of the usual libraries, and ours.")
     parser.add_argument("--here", action="store_true", help="measure in this environment")
     parser.add_argument("--runs", type=int, default=15)
+    parser.add_argument("--page", type=Path, help="Markdown to write")
     options = parser.parse_args()
     if options.here:
-        measure(options.runs)
+        times, failures = measure(options.runs)
+        lines = verdict(times)
+        print("\n" + "\n".join(lines))
+        if options.page:
+            options.page.write_text(page(times, failures, lines, options.runs), encoding="utf-8")
         return
     python = environment()
     threads = dict.fromkeys(
         ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "FLURRIES_NUM_THREADS"), "1"
     )
     command = [str(python), __file__, "--here", "--runs", str(options.runs)]
+    if options.page:
+        command += ["--page", str(options.page)]
     sys.exit(subprocess.run(command, env={**os.environ, **threads}, check=False).returncode)
 
 
@@ -60,28 +79,106 @@ def environment() -> Path:
     return python
 
 
-def measure(runs: int) -> None:
+def measure(runs: int) -> tuple[Times, list[str]]:
     warnings.simplefilter("ignore")
     one_thread()
+    found: Times = {}
+    failures: list[str] = []
     for size in SIZES:
-        for kind, calls in classes(size).items():
-            times = {name: [] for name in calls}
+        for kind, calls in classes(size, failures).items():
+            times: dict[str, list[float]] = {name: [] for name in calls}
             # Each once to warm up; then in turns, so that a slow moment is everybody's.
             for turn in range(runs + 1):
                 for name, call in calls.items():
-                    start = time.perf_counter()
+                    start = time.process_time()
                     call()
                     if turn:
-                        times[name].append(1e3 * (time.perf_counter() - start))
+                        times[name].append(1e3 * (time.process_time() - start))
+            found[kind, size] = times
             report(f"{kind}, {size} x {size}", times)
+    return found, failures
 
 
 def report(title: str, times: dict[str, list[float]]) -> None:
     ours = min(next(iter(times.values())))
     print(f"\n{title}".ljust(58) + "min ms   median   / ours")
-    for name, values in sorted(times.items(), key=lambda item: min(item[1])):
-        middle = sorted(values)[len(values) // 2]
+    for name, values in ranked(times):
+        middle = statistics.median(values)
         print(f"  {name:52} {min(values):8.2f} {middle:8.2f} {min(values) / ours:8.2f}", flush=True)
+
+
+def ranked(times: dict[str, list[float]]) -> list[tuple[str, list[float]]]:
+    return sorted(times.items(), key=lambda item: min(item[1]))
+
+
+def verdict(times: Times) -> list[str]:
+    """Say of each kind and size how our slower setting does against the fastest of the others.
+
+    Twice: by the fastest of all runs, which is that of the cheapest draw where a transform draws
+    its own parameters, and by the median, which a busy machine moves.
+    """
+    lines = []
+    for (kind, size), calls in times.items():
+        others = [name for name in calls if not name.startswith("flurries") and WHITENS not in name]
+        if not others:
+            lines.append(f"{kind}, {size} x {size}: nobody else ran")
+            continue
+        ratios = []
+        for law in (min, statistics.median):
+            ours = max(law(v) for name, v in calls.items() if name.startswith("flurries"))
+            ratios.append({name: law(calls[name]) / ours for name in others})
+        words = [f"{min(r.values()):.2f} ({min(r, key=lambda n, r=r: r[n])})" for r in ratios]
+        met = all(min(r.values()) > 1.0 for r in ratios)
+        lines.append(
+            f"{kind}, {size} x {size}: {'faster than all' if met else 'NOT faster than all'}; the "
+            f"fastest other takes this much of our time, by the fastest run {words[0]}, by the "
+            f"median {words[1]}"
+        )
+    return lines
+
+
+def page(times: Times, failures: list[str], lines: list[str], runs: int) -> str:
+    """Return the page."""
+    parts = [
+        "# Weather for data sets, beside that of other libraries\n",
+        "Made by `make peers` (`python benches/peers.py --page docs/peers.md`), which installs all"
+        " libraries into an environment of its own. uint8 RGB in and out, for kornia the float"
+        f" tensor that it wants, made beforehand; one thread each; {runs} runs in turns, the"
+        " fastest and the median in milliseconds of processor time. Read them as ratios: they are"
+        " of one run on one machine.\n",
+        "Ours at two severities; the verdict takes the slower one. A transform that only brightens"
+        " the picture draws no snow and is listed, but does not count.\n",
+        "## Verdict\n",
+        *(f"- {line}" for line in lines),
+    ]
+    versions = ", ".join(f"{name} {version}" for name, version in installed().items())
+    parts += [f"\n{versions}; {platform.machine()}, {os.cpu_count()} cores, "
+              f"load {os.getloadavg()[0]:.1f}."]  # fmt: skip
+    parts += ["\n## What did not run\n", *(f"- {f}" for f in failures or ["Everything ran."])]
+    for (kind, size), calls in times.items():
+        ours = min(next(iter(calls.values())))
+        parts += [
+            f"\n## {kind.capitalize()}, {size} x {size}\n",
+            "| transform | fastest, ms | median, ms | / ours |",
+            "| --- | --- | --- | --- |",
+        ]
+        parts += [
+            f"| {name} | {min(v):.2f} | {statistics.median(v):.2f} | {min(v) / ours:.2f} |"
+            for name, v in ranked(calls)
+        ]  # fmt: skip
+    return "\n".join(parts) + "\n"
+
+
+def installed() -> dict[str, str]:
+    from importlib.metadata import PackageNotFoundError, version
+
+    found = {}
+    for name in ("albumentationsx", "imgaug", "imagecorruptions", "kornia", "torch", "numpy"):
+        try:
+            found[name] = version(name)
+        except PackageNotFoundError:
+            found[name] = "not here"
+    return found
 
 
 def one_thread() -> None:
@@ -95,7 +192,7 @@ def one_thread() -> None:
             print(f"no {module} here")
 
 
-def classes(size: int) -> dict[str, dict[str, Call]]:
+def classes(size: int, failures: list[str]) -> dict[str, dict[str, Call]]:
     """Return the calls to be timed, ours first."""
     from skimage import data
 
@@ -115,15 +212,21 @@ def classes(size: int) -> dict[str, dict[str, Call]]:
                 try:
                     call()
                 except Exception as error:
-                    if size == SIZES[0]:
-                        print(f"fails: {name}: {type(error).__name__}: {error}")
+                    failed(failures, size, f"{name}: {type(error).__name__}: {error}")
                     continue
                 found[kind][name] = call
         except Exception as error:
-            if size == SIZES[0]:
-                line = traceback.extract_tb(error.__traceback__)[-1]
-                print(f"fails: {peer.__name__}: {type(error).__name__}: {error} ({line.name})")
+            line = traceback.extract_tb(error.__traceback__)[-1]
+            words = f"{peer.__name__}: {type(error).__name__}: {error} ({line.name})"
+            failed(failures, size, words)
     return found
+
+
+def failed(failures: list[str], size: int, words: str) -> None:
+    if size == SIZES[0]:
+        line = " ".join(words.split())[:160]
+        print(f"fails: {line}", flush=True)
+        failures.append(line)
 
 
 def albumentations(picture: Any) -> list[tuple[str, str, Call]]:
@@ -131,7 +234,7 @@ def albumentations(picture: Any) -> list[tuple[str, str, Call]]:
 
     made = {
         ("snow", 'RandomSnow(method="texture")'): A.RandomSnow(method="texture", p=1.0),
-        ("snow", "RandomSnow() (no flakes: it whitens)"): A.RandomSnow(p=1.0),
+        ("snow", f"RandomSnow() {WHITENS}"): A.RandomSnow(p=1.0),
         ("rain", "RandomRain()"): A.RandomRain(p=1.0),
         ("rain", 'RandomRain(rain_type="drizzle")'): A.RandomRain(rain_type="drizzle", p=1.0),
         ("rain", 'RandomRain(rain_type="heavy")'): A.RandomRain(rain_type="heavy", p=1.0),
@@ -186,7 +289,7 @@ def kornia(picture: Any) -> list[tuple[str, str, Call]]:
 
     batch = torch.from_numpy(picture).permute(2, 0, 1)[None].float() / 255.0
     made = {
-        ("snow", "RandomSnow() (no flakes: it whitens)"): K.RandomSnow(p=1.0),
+        ("snow", f"RandomSnow() {WHITENS}"): K.RandomSnow(p=1.0),
         ("rain", "RandomRain()"): K.RandomRain(p=1.0),
     }
     return [

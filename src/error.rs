@@ -72,6 +72,19 @@ pub fn collected<T>(items: impl ExactSizeIterator<Item = T>) -> Result<Vec<T>, E
     Ok(list)
 }
 
+/// Adds to a list that grows, memory asked for as in [`zeroed`].
+pub fn pushed<T>(list: &mut Vec<T>, item: T) -> Result<(), Error> {
+    list.try_reserve(1)
+        .map_err(|_| Error::Memory { bytes: 2 * list.len().saturating_mul(size_of::<T>()) })?;
+    list.push(item);
+    Ok(())
+}
+
+/// Refuses what would need so many bytes inside a library that aborts without them.
+pub fn spare(bytes: usize) -> Result<(), Error> {
+    Vec::<u8>::new().try_reserve_exact(bytes).map_err(|_| Error::Memory { bytes })
+}
+
 /// A flag that long kernels look at between stripes of work, so that Ctrl-C ends them.
 #[derive(Debug, Default)]
 pub struct Cancel(AtomicBool);

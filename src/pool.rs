@@ -10,7 +10,7 @@ use std::sync::atomic::{AtomicPtr, AtomicUsize, Ordering};
 
 use rayon::prelude::*;
 
-use crate::error::Error;
+use crate::error::{Error, collected};
 
 /// The most threads that may be asked for.
 pub const MOST_THREADS: usize = 256;
@@ -87,15 +87,18 @@ fn pool(count: usize) -> Result<&'static rayon::ThreadPool, Error> {
 /// Does `work` on every item, on the pool. With one thread or one item it runs in the caller: a
 /// pool of one thread would make all Python threads queue for it.
 ///
-/// Items carry what they write (rows of the output), so bits cannot depend on the thread count.
+/// Items carry what they write (rows of the output), so bits cannot depend on the thread count. They
+/// come as an iterator, since a list of all rows may be more than the memory that is left.
 pub fn for_each<T: Send>(
-    items: Vec<T>,
+    items: impl IntoIterator<Item = T, IntoIter: ExactSizeIterator>,
     work: impl Fn(T) -> Result<(), Error> + Sync + Send,
 ) -> Result<(), Error> {
     let count = threads();
+    let mut items = items.into_iter();
     if count == 1 || items.len() <= 1 {
-        return items.into_iter().try_for_each(work);
+        return items.try_for_each(work);
     }
+    let items = collected(items)?;
     pool(count)?.install(|| items.into_par_iter().with_max_len(1).try_for_each(work))
 }
 
@@ -134,7 +137,7 @@ mod tests {
     #[test]
     fn every_item_is_worked_on() {
         let mut values = vec![0_u32; 1000];
-        for_each(values.iter_mut().enumerate().collect(), |(i, value)| {
+        for_each(values.iter_mut().enumerate(), |(i, value)| {
             *value = i as u32;
             Ok(())
         })

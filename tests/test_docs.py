@@ -76,6 +76,11 @@ def test_the_page_on_matching_runs():
     assert run_blocks(text) == text.count("```python") >= 1
 
 
+def test_the_page_on_augmentation_runs():
+    text = (README.parent / "docs" / "augment.md").read_text(encoding="utf-8")
+    assert run_blocks(text) == text.count("```python") >= 1
+
+
 def test_the_readme_reader_runs_blocks_in_order():
     page = "```python\nx = 1\n```\nwords\n```text\nx = 1 / 0\n```\n"
     page += "```python\nassert x == {}\n```\n"

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 import operator
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -153,14 +153,26 @@ def float_dtype(dtype: npt.DTypeLike) -> np.dtype[Any]:
     return native
 
 
-def _numeric(name: str, value: object) -> Array:
-    """Return `value` as an array of real numbers, not yet of a given dtype or layout."""
+def rectangular(name: str, value: object) -> Array:
+    """Return `value` as an array of whatever it holds; refuses lists whose rows differ."""
     try:
-        array = np.asarray(value)
+        return np.asarray(value)
     except ValueError:
         raise ValueError(
             f"{name} must be a rectangular array of numbers, got {_came(value)}"
         ) from None
+
+
+def mapping(name: str, value: object) -> Mapping[Any, Any]:
+    """Return a mapping, or refuse what is none."""
+    if not isinstance(value, Mapping):
+        raise TypeError(f"{name} must be a mapping such as a dict, got {_came(value)}")
+    return value
+
+
+def _numeric(name: str, value: object) -> Array:
+    """Return `value` as an array of real numbers, not yet of a given dtype or layout."""
+    array = rectangular(name, value)
     if array.dtype.kind not in "iuf":
         raise TypeError(f"{name} must be an array of real numbers, got {_came(value)}")
     return array

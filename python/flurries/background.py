@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from flurries._contract import Array, table
+from flurries._contract import Array, rectangular, table
 
 _COLOUR = re.compile(r"#([0-9a-fA-F]{2})([0-9a-fA-F]{2})([0-9a-fA-F]{2})")
 _DEFAULT_SIZE = (1024, 768)
@@ -107,7 +107,7 @@ def _of_source(source: Any, size: tuple[int, int] | None) -> Backdrop:
 
 
 def _of_array(background: Any, size: tuple[int, int] | None) -> Backdrop:
-    given = np.asarray(background)
+    given = rectangular("background", background)
     given = given.astype(given.dtype.newbyteorder("="), copy=False)
     if given.dtype not in (np.uint8, np.uint16, np.float16, np.float32, np.float64):
         raise TypeError(

@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from flurries._contract import Float64, choice, real, shape_of, table, vector
+from flurries._contract import Float64, choice, moderate, real, shape_of, table, vector
 from flurries.camera import Camera, expect_camera
 from flurries.io.headers import plain_file
 from flurries.io.paths import read_path
@@ -184,7 +184,7 @@ def from_matrices(
     ValueError, TypeError
         If something is not as described, or a matrix is no rotation.
     """
-    poses = table("matrices", matrices, ndim=3)
+    poses = moderate("matrices", table("matrices", matrices, ndim=3))
     if poses.shape[1:] not in ((3, 4), (4, 4)) or len(poses) == 0:
         raise ValueError(f"matrices must be (n, 3, 4) or (n, 4, 4), got {poses.shape}")
     choice("axes", axes, _AXES)
@@ -196,6 +196,8 @@ def from_matrices(
         turns, places = _FLIP @ turns @ _FLIP, places @ _FLIP
     lens = expect_camera(camera, stretched=True)
     lengths = None if focal is None else table("focal", focal, ndim=1)
+    if lengths is not None and len(lengths) != len(poses):
+        raise ValueError(f"focal must have {len(poses)} numbers, one a matrix, got {len(lengths)}")
     return _path(np.arange(len(poses), dtype=np.float64), places, turns, lens, lengths, scale)
 
 

@@ -41,12 +41,33 @@ _MOST_BYTES = 1 << 28
 _AHEAD = 4
 
 
-def grouped(scene: Scene, frames: list[int]) -> list[list[int]]:
-    """Return frames in groups of half a second's work or more each, by a fixed cost."""
-    height, width = scene.shape
+def grouped(scene: Scene, frames: Any) -> list[list[int]]:
+    """Return frames in groups of half a second's work or more each, by a fixed cost.
+
+    Parameters
+    ----------
+    scene : Scene
+    frames : str, int or iterable of int
+        As `flurries.render.write`.
+
+    Returns
+    -------
+    list of lists of int
+        In the order asked for.
+
+    Raises
+    ------
+    TypeError, ValueError
+        For what is no scene, or names no frames.
+    """
+    from flurries.render import frames_of
+    from flurries.scene import expect_scene
+
+    height, width = expect_scene(scene).shape
+    wanted = frames_of(scene, frames)
     cost = 1e-9 * height * width * (_BACKGROUND + _EFFECT * len(scene.effects))
     size = max(math.ceil(SECONDS_OF_A_TASK / cost), 1)
-    return [frames[first : first + size] for first in range(0, len(frames), size)]
+    return [wanted[first : first + size] for first in range(0, len(wanted), size)]
 
 
 def to_dask(scene: Scene, frames: Any = None, *, group: int | None = None) -> Any:
@@ -82,8 +103,10 @@ def to_dask(scene: Scene, frames: Any = None, *, group: int | None = None) -> An
     dask = _required("dask")
     array = _required("dask.array")
     from flurries.render import frames_of
+    from flurries.scene import expect_scene
     from flurries.scenefile import fingerprint
 
+    expect_scene(scene)
     wanted = frames_of(scene, frames)
     height, width = scene.shape
     # The background decides.

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from flurries._contract import Array, choice, depths, real
+from flurries._contract import Array, choice, depths, real, rectangular
 
 __all__ = ["DepthMap"]
 
@@ -92,7 +92,7 @@ def _rebuilt(source: Any, near: float, far: float, white: str, law: str) -> Dept
 
 def _greys(source: Any) -> Array:
     """Return a read-only copy of an array of greys."""
-    given = np.asarray(source)
+    given = rectangular("source", source)
     given = given.astype(given.dtype.newbyteorder("="), copy=False)
     if given.dtype not in (np.uint8, np.uint16, np.float16, np.float32, np.float64):
         raise TypeError(
@@ -167,10 +167,10 @@ def distance_of(value: Any, shape: tuple[int, int]) -> Distance:
         from flurries.io import open_depth
 
         return Distance(_Fitted(open_depth(value), None, shape))
-    if np.ndim(value) == 0 and not isinstance(value, (dict, set)):
+    if not isinstance(value, (dict, set, list, tuple)) and np.ndim(value) == 0:
         wall = real("depth", value, above=0.0)
         return Distance(_read_only(np.full(shape, wall, np.float32)))
-    given = np.asarray(value)
+    given = rectangular("depth", value)
     if given.dtype.kind != "f":
         raise TypeError(
             f"depth must be a number, a path, a DepthMap or an array of float, got {given.dtype}; "

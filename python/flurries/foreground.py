@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from flurries import composite
-from flurries._contract import Array
+from flurries._contract import Array, rectangular
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,9 +60,10 @@ def foreground_of(value: Any, shape: tuple[int, int]) -> Foreground:
     """Return the foreground of a scene's argument, of the scene's size."""
     if isinstance(value, (str, os.PathLike)):
         return _of_file(value, shape)
-    given = np.asarray(value)
+    given = rectangular("foreground", value)
+    given = given.astype(given.dtype.newbyteorder("="), copy=False)
     if given.dtype not in (np.uint8, np.uint16, np.bool_, np.float16, np.float32, np.float64):
-        raise TypeError(f"foreground must be a path or an array, got {value!r}")
+        raise TypeError(f"foreground must be a path or an array, got an array of {given.dtype}")
     if given.shape[:2] != shape or given.ndim not in (2, 3) or given.shape[2:] not in ((), (4,)):
         raise ValueError(f"foreground must have shape {shape} or {(*shape, 4)}, got {given.shape}")
     whole = given.dtype.kind in "ub"

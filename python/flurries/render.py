@@ -137,6 +137,9 @@ def write(
     OSError
         If something cannot be written; no half-written file stays.
     """
+    from flurries.scene import expect_scene
+
+    expect_scene(scene)
     started = time.monotonic()
     for name, value in (
         ("half", half), ("layers", layers), ("alone", alone), ("overwrite", overwrite),

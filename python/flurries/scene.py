@@ -514,6 +514,13 @@ def within(inner: Window, window: Window) -> Window:
     return inner[0] - top, inner[1] - top, inner[2] - left, inner[3] - left
 
 
+def expect_scene(scene: object) -> Scene:
+    """Return a scene, or refuse what is none."""
+    if not isinstance(scene, Scene):
+        raise TypeError(f"scene must be a flurries.Scene, got {type(scene).__name__}")
+    return scene
+
+
 def _rebuilt(values: dict[str, Any]) -> Scene:
     return Scene(**values)
 

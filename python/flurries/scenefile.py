@@ -22,7 +22,7 @@ from flurries.camera import Camera
 from flurries.depth import DepthMap
 from flurries.effects import ConeRain, ConeSnow, MatchedSnow, Mist, Rain, Snow
 from flurries.path import CameraPath
-from flurries.scene import DEFAULT_FOCAL, Scene
+from flurries.scene import DEFAULT_FOCAL, Scene, expect_scene
 from flurries.sun import Sun
 from flurries.timeline import Keys
 from flurries.wind import FIELDS, Wind
@@ -380,6 +380,7 @@ def save(scene: Scene, path: str | os.PathLike[str]) -> None:
     OSError
         If the file cannot be written.
     """
+    expect_scene(scene)
     import tomli_w
 
     from flurries.io import replacing
@@ -395,6 +396,7 @@ def fingerprint(scene: Scene) -> str:
 
     Of a file larger than 2 MiB the size and both ends count: plates of film need not be read.
     """
+    expect_scene(scene)
     digest = hashlib.sha256()
     hashed: list[str] = []
     for name in ("background", "foreground", "depth"):

@@ -13,7 +13,17 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from flurries._contract import LARGEST, SMALLEST, Array, aligned, choice, flag, output, real
+from flurries._contract import (
+    LARGEST,
+    SMALLEST,
+    Array,
+    aligned,
+    choice,
+    flag,
+    output,
+    real,
+    rectangular,
+)
 from flurries._threads import reproducible
 from flurries.camera import Camera, expect_camera
 
@@ -163,12 +173,12 @@ def side_by_side(
     Parameters
     ----------
     left, right : (H, W) or (H, W, C)
-        What the eyes see, of any one dtype.
+        What the eyes see: uint8, uint16 or float, both alike.
     cross : bool
         The right eye's picture first, for looking at with crossed eyes.
     squeeze : bool
-        Halve both widths, as frame-packed video wants it; W must be even, the dtype uint8, uint16
-        or float. Pairs of pixels become their mean in the pictures' own values.
+        Halve both widths, as frame-packed video wants it; W must be even. Pairs of pixels become
+        their mean in the pictures' own values.
     out : array, optional
         Array to write into and return.
 
@@ -242,7 +252,7 @@ def _pair(
     """Return two pictures of one shape and dtype, native and contiguous."""
     pictures = []
     for name, picture in (("left", left), ("right", right)):
-        array = np.asarray(picture)
+        array = rectangular(name, picture)
         native = array.dtype.newbyteorder("=")
         if native.name not in ("uint8", "uint16", "float16", "float32", "float64"):
             raise TypeError(f"{name} must be uint8, uint16 or float, got {array.dtype}")

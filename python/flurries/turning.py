@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from flurries._contract import Float64, table
+from flurries._contract import Float64, moderate, table
 from flurries.camera import rotation_matrix
 from flurries.timeline import Course, Keys, Running
 
@@ -205,7 +205,7 @@ def turning_of(orientation: Any) -> Turning:
                 f"got {orientation.keys[0][1]!r}"
             )
     else:
-        values = table("orientation", orientation, ndim=None)
+        values = moderate("orientation", table("orientation", orientation, ndim=None))
         frames = np.arange(len(values), dtype=np.float64) if values.ndim else np.empty(0)
     vectors = values if values.shape[1:] == (3,) else None
     if len(values) == 0 or values.shape[1:] not in ((3,), (4,), (3, 3)):

@@ -36,10 +36,7 @@ pub fn sum(
     }
     let layout = || Error::Internal("layout".into());
     let (k, weights) = (k.to_slice().ok_or_else(layout)?, weights.to_slice().ok_or_else(layout)?);
-    let tasks = out
-        .axis_chunks_iter_mut(Axis(0), RUN)
-        .zip(points.axis_chunks_iter(Axis(0), RUN))
-        .collect::<Vec<_>>();
+    let tasks = out.axis_chunks_iter_mut(Axis(0), RUN).zip(points.axis_chunks_iter(Axis(0), RUN));
     pool::for_each(tasks, |(mut out, points)| {
         let mut places = [[0.0; LANES]; 3];
         let mut sums = [[0.0; LANES]; MOST_CHANNELS];

@@ -50,7 +50,7 @@ pub fn layer<T: Real>(
     cancel: &Cancel,
 ) -> Result<(), Error> {
     let size = texture.size() as f64;
-    let rows = out.axis_iter_mut(Axis(0)).enumerate().collect::<Vec<_>>();
+    let rows = out.axis_iter_mut(Axis(0)).enumerate();
     pool::for_each(rows, |(row, mut line)| {
         cancel.check()?;
         for (column, pixel) in line.iter_mut().enumerate() {
@@ -80,7 +80,7 @@ pub fn shown(
     if out.nrows() != depth.nrows() || out.ncols() < depth.ncols() {
         return Err(Error::Internal("wrong shape".into()));
     }
-    let rows = out.axis_iter_mut(Axis(0)).zip(depth.rows()).enumerate().collect();
+    let rows = out.axis_iter_mut(Axis(0)).zip(depth.rows()).enumerate();
     pool::for_each(
         rows,
         |(row, (mut out, depth)): (usize, (ArrayViewMut1<u8>, ArrayView1<f32>))| {

@@ -111,7 +111,7 @@ pub fn needed(
         return Err(Error::Internal("levels must be square".into()));
     }
     for row in footprint.outer_iter() {
-        for place in places_of(row, sheets, levels) {
+        for place in places_of(row, sheets, levels)? {
             marks[usize::from(place)] = 1;
         }
     }
@@ -267,8 +267,13 @@ dispatch! {
 }
 
 /// The places in the grid of each block's and layer's table.
-fn places_of(footprint: ArrayView2<'_, f32>, sheets: &[Sheet], levels: usize) -> Vec<u16> {
-    let mut places = Vec::with_capacity(footprint.nrows() * sheets.len());
+fn places_of(
+    footprint: ArrayView2<'_, f32>,
+    sheets: &[Sheet],
+    levels: usize,
+) -> Result<Vec<u16>, Error> {
+    let mut places = zeroed(footprint.nrows() * sheets.len())?;
+    places.clear();
     let sizes: Vec<f32> =
         sheets.iter().map(|sheet| sheet.texels + (sheet.multiple as f32).log2()).collect();
     for block in footprint.rows() {
@@ -277,14 +282,16 @@ fn places_of(footprint: ArrayView2<'_, f32>, sheets: &[Sheet], levels: usize) ->
             places.push((across * levels + along) as u16);
         }
     }
-    places
+    Ok(places)
 }
 
 /// The picture's bands, each with its number.
-fn bands<'a>(out: ArrayViewMut2<'a, f32>) -> Result<Vec<(usize, &'a mut [f32])>, Error> {
+fn bands<'a>(
+    out: ArrayViewMut2<'a, f32>,
+) -> Result<impl ExactSizeIterator<Item = (usize, &'a mut [f32])>, Error> {
     let width = out.dim().1;
     let all = out.into_slice().ok_or_else(|| Error::Internal("rows must be contiguous".into()))?;
-    Ok(all.chunks_mut(BLOCK * width).enumerate().collect())
+    Ok(all.chunks_mut(BLOCK * width).enumerate())
 }
 
 fn missing() -> Error {
@@ -328,7 +335,7 @@ pub fn stack(
             fade: &fade[pixels.clone()],
             state: &state[rows.start * blocks..rows.end * blocks],
             shown: shown.map(|shown| &shown[pixels]),
-            places: &places_of(footprint, sheets, tables.levels),
+            places: &places_of(footprint, sheets, tables.levels)?,
             blocks,
         };
         if stack_band(out, width, &band, sheets, tables) { Ok(()) } else { Err(missing()) }
@@ -366,7 +373,7 @@ pub fn moving(
             fade: &fade,
             state: &state,
             shown: None,
-            places: &places_of(footprint.index_axis(Axis(0), index), sheets, tables.levels),
+            places: &places_of(footprint.index_axis(Axis(0), index), sheets, tables.levels)?,
             blocks,
         };
         if stack_band(out, width, &band, sheets, tables) { Ok(()) } else { Err(missing()) }

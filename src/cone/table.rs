@@ -27,7 +27,7 @@ pub fn table(
         return Err(Error::Internal("a table must have powers of two".into()));
     }
     let size = texture.size() as f64;
-    let lines = out.axis_iter_mut(Axis(0)).enumerate().collect();
+    let lines = out.axis_iter_mut(Axis(0)).enumerate();
     pool::for_each(lines, |(row, mut line)| {
         cancel.check()?;
         let y = (row as f64 + 0.5) / rows as f64 * size;

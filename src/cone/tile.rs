@@ -80,7 +80,7 @@ pub fn tile<T: Real>(
         .into_iter()
         .map(|row| Drop::of(&[row[0], row[1], row[2], row[3], row[4]]))
         .collect();
-    let lines = out.axis_iter_mut(Axis(0)).enumerate().collect();
+    let lines = out.axis_iter_mut(Axis(0)).enumerate();
     pool::for_each(lines, |(row, mut line)| {
         cancel.check()?;
         let mut clear = vec![1.0; size];

@@ -20,7 +20,7 @@ use super::coarse;
 use super::draw::{Drawing, TILE};
 use super::splat::{Cloud, Picture, alpha, alpha_of, check_all, sprites};
 use super::sprite::{Eye, Form, Look, Sprite};
-use crate::error::{Cancel, Error, collected, zeroed};
+use crate::error::{Cancel, Error, collected, pushed, zeroed};
 use crate::normal::{Normal, least, most};
 use crate::pool;
 use crate::real::Real;
@@ -216,12 +216,8 @@ fn shifted_slabs<P: Normal>(
         drawings.push((*middle, Bands::of(all, &members, wider.0)?));
     }
     let [out_left, out_right] = outs;
-    let items: Vec<_> = out_left
-        .into_iter_bands()
-        .into_iter()
-        .zip(out_right.into_iter_bands())
-        .enumerate()
-        .collect();
+    let items =
+        out_left.into_iter_bands()?.into_iter().zip(out_right.into_iter_bands()?).enumerate();
     pool::for_each(items, |(band, (mut a, mut b))| {
         let mut plane: Vec<P> = zeroed(TILE * wider.1)?;
         for (middle, bands) in &drawings {
@@ -359,19 +355,19 @@ fn shifted_with<P: Normal, const LEVEL: u8>(alpha: &mut [P], source: &[P], offse
 
 /// A picture in bands of rows.
 trait InBands<'a, P> {
-    fn into_iter_bands(self) -> Vec<ArrayViewMut2<'a, P>>;
+    fn into_iter_bands(self) -> Result<Vec<ArrayViewMut2<'a, P>>, Error>;
 }
 
 impl<'a, P> InBands<'a, P> for ArrayViewMut2<'a, P> {
-    fn into_iter_bands(self) -> Vec<ArrayViewMut2<'a, P>> {
+    fn into_iter_bands(self) -> Result<Vec<ArrayViewMut2<'a, P>>, Error> {
         let mut bands = Vec::new();
         let mut rest = self;
         while rest.nrows() > 0 {
             let height = TILE.min(rest.nrows());
             let (band, below) = rest.split_at(Axis(0), height);
-            bands.push(band);
+            pushed(&mut bands, band)?;
             rest = below;
         }
-        bands
+        Ok(bands)
     }
 }

@@ -10,7 +10,7 @@ use super::bins::Bands;
 use super::draw::{Drawing, PIXELS, Plane, TILE, Tile, draw};
 use super::ray::{Ground, Rays};
 use super::sprite::{Eye, Form, Look, Particle, Sprite};
-use crate::error::{Cancel, Error, collected, finite};
+use crate::error::{Cancel, Error, collected, finite, pushed};
 use crate::normal::Normal;
 use crate::pool;
 use crate::real::Real;
@@ -104,7 +104,7 @@ pub fn sprites(
 ) -> Result<Vec<Sprite>, Error> {
     let count = cloud.centers.nrows();
     let mut sprites = collected((0..count).map(|_| Sprite::NONE))?;
-    pool::for_each(sprites.chunks_mut(RUN).enumerate().collect(), |(run, sprites)| {
+    pool::for_each(sprites.chunks_mut(RUN).enumerate(), |(run, sprites)| {
         cancel.check()?;
         for (i, sprite) in sprites.iter_mut().enumerate() {
             let index = run * RUN + i;
@@ -305,7 +305,7 @@ pub(super) fn alpha_of<P: Normal, M: Real>(
 ) -> Result<(), Error> {
     let shape = out.dim();
     let picture = prepared::<P, M>(shape, &[[0.0; 3]], eye, look, depth, sprites)?;
-    pool::for_each(runs_of(out, shape.1, 1), |(origins, mut pixels)| {
+    pool::for_each(runs_of(out, shape.1, 1)?, |(origins, mut pixels)| {
         let mut scratch = picture.scratch()?;
         for (place, origin) in origins.into_iter().enumerate() {
             cancel.check()?;
@@ -350,7 +350,7 @@ pub fn splat<P: Normal, M: Real>(
     let flat = out
         .into_shape_with_order((height, width * 4))
         .map_err(|_| Error::Internal("an output that is not contiguous".into()))?;
-    pool::for_each(runs_of(flat, width, 4), |(origins, mut pixels)| {
+    pool::for_each(runs_of(flat, width, 4)?, |(origins, mut pixels)| {
         let mut scratch = picture.scratch()?;
         for (place, origin) in origins.into_iter().enumerate() {
             cancel.check()?;
@@ -398,7 +398,11 @@ fn many_colours<P: Normal>(pixels: &mut [P], through: &[P; TILE], light: [&[P; T
 type Run<'a, P> = (Vec<[usize; 2]>, ArrayViewMut2<'a, P>);
 
 /// The picture cut into runs of up to four tiles side by side; `channels` numbers to a pixel.
-fn runs_of<P>(out: ArrayViewMut2<'_, P>, width: usize, channels: usize) -> Vec<Run<'_, P>> {
+fn runs_of<P>(
+    out: ArrayViewMut2<'_, P>,
+    width: usize,
+    channels: usize,
+) -> Result<Vec<Run<'_, P>>, Error> {
     const TOGETHER: usize = 4;
     let mut runs = Vec::new();
     let mut rest = out;
@@ -410,14 +414,15 @@ fn runs_of<P>(out: ArrayViewMut2<'_, P>, width: usize, channels: usize) -> Vec<R
         while left < width {
             let end = (left + TOGETHER * TILE).min(width);
             let (run, right) = band.split_at(Axis(1), (end - left) * channels);
-            runs.push(((left..end).step_by(TILE).map(|x| [x, top]).collect(), run));
+            let tiles = collected((left..end).step_by(TILE).map(|x| [x, top]))?;
+            pushed(&mut runs, (tiles, run))?;
             band = right;
             left = end;
         }
         rest = below;
         top += height;
     }
-    runs
+    Ok(runs)
 }
 
 /// A rough estimate of the work in nanoseconds, from a sample of the particles.

@@ -109,13 +109,16 @@ impl Placed {
     pub fn of(source: &impl Source, cancel: &Cancel) -> Result<Self, Error> {
         source.check()?;
         let mut flakes = collected((0..source.len()).map(|_| None))?;
-        pool::for_each(flakes.chunks_mut(RUN).enumerate().collect(), |(run, flakes)| {
-            cancel.check()?;
-            for (index, flake) in (run * RUN..).zip(flakes) {
-                *flake = source.get(index);
-            }
-            Ok(())
-        })?;
+        pool::for_each(
+            flakes.chunks_mut(RUN).enumerate(),
+            |(run, flakes): (usize, &mut [Option<Flake>])| {
+                cancel.check()?;
+                for (index, flake) in (run * RUN..).zip(flakes) {
+                    *flake = source.get(index);
+                }
+                Ok(())
+            },
+        )?;
         Ok(Self(flakes))
     }
 }

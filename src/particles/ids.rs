@@ -49,7 +49,7 @@ pub fn ids<M: Real>(
             sprites.push((sprite, index as i32));
         }
     }
-    let bands: Vec<_> = out.axis_chunks_iter_mut(Axis(0), BAND).enumerate().collect();
+    let bands = out.axis_chunks_iter_mut(Axis(0), BAND).enumerate();
     pool::for_each(bands, |(number, mut band)| {
         cancel.check()?;
         band.fill(NONE);

@@ -10,7 +10,7 @@ use super::draw::{PIXELS, draw};
 use super::profile::Profile;
 use super::spare;
 use super::sprite::{Flake, Lens, Sprite};
-use crate::error::{Cancel, Error, finite};
+use crate::error::{Cancel, Error, finite, pushed};
 use crate::pool;
 use crate::real::Real;
 use crate::simd::dispatch;
@@ -156,7 +156,7 @@ pub fn splat<P: Profile, M: Real>(
     }
     let grid = Grid::over(out.dim());
     let runs = binned(flakes, lens, &grid, cancel)?;
-    let drawn = pool::for_each(tiles(out), |(tile, pixels)| {
+    let drawn = pool::for_each(tiles(out)?, |(tile, pixels)| {
         cancel.check()?;
         let map: Option<[P; PIXELS]> = depth.as_ref().map(|map| map_of_tile(map, &grid, tile));
         let mut transmittance = [1.0; PIXELS];
@@ -180,7 +180,7 @@ fn binned(
     let mut runs = spare::take(count.div_ceil(length));
     // Several runs to an item, which share their scratch buffers.
     let together = runs.len().div_ceil(4 * pool::threads()).max(1);
-    pool::for_each(runs.chunks_mut(together).enumerate().collect(), |(item, runs)| {
+    pool::for_each(runs.chunks_mut(together).enumerate(), |(item, runs)| {
         let mut scratch = SCRATCH.take();
         for (i, bins) in runs.iter_mut().enumerate() {
             cancel.check()?;
@@ -219,7 +219,7 @@ fn fill_with<S: Source, const LEVEL: u8>(
 }
 
 /// The picture cut into tiles, each with its number; those at the border are smaller.
-fn tiles<P: Profile>(out: ArrayViewMut2<P>) -> Vec<(usize, ArrayViewMut2<P>)> {
+fn tiles<P: Profile>(out: ArrayViewMut2<P>) -> Result<Vec<(usize, ArrayViewMut2<P>)>, Error> {
     let mut tiles = Vec::new();
     let mut rest = out;
     while rest.nrows() > 0 {
@@ -232,12 +232,13 @@ fn tiles<P: Profile>(out: ArrayViewMut2<P>) -> Vec<(usize, ArrayViewMut2<P>)> {
                 let width = TILE.min(band.ncols());
                 band.split_at(Axis(1), width)
             };
-            tiles.push((tiles.len(), tile));
+            let number = tiles.len();
+            pushed(&mut tiles, (number, tile))?;
             band = right;
         }
         rest = below;
     }
-    tiles
+    Ok(tiles)
 }
 
 /// A tile of the depth map; beyond the picture nothing stands.

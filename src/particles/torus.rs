@@ -179,7 +179,7 @@ pub fn positions(
     // Exact, so that a centre far away loses nothing but its own last digits.
     let center: [f64; 3] = std::array::from_fn(|axis| torus.center[axis] % torus.sides[axis]);
     let stream = Hash::seeded(seed).word(STREAM);
-    let runs = out.axis_chunks_iter_mut(Axis(0), RUN).enumerate().collect();
+    let runs = out.axis_chunks_iter_mut(Axis(0), RUN).enumerate();
     pool::for_each(runs, |(run, mut rows): (usize, ArrayViewMut2<f64>)| {
         cancel.check()?;
         for (i, mut row) in rows.rows_mut().into_iter().enumerate() {
@@ -226,7 +226,7 @@ pub fn sway_offsets(
     finite("time", time)?;
     let angle = sway_angle(sway, time)?;
     let stream = Hash::seeded(seed).word(STREAM);
-    let runs = out.axis_chunks_iter_mut(Axis(0), RUN).enumerate().collect();
+    let runs = out.axis_chunks_iter_mut(Axis(0), RUN).enumerate();
     pool::for_each(runs, |(run, mut rows): (usize, ArrayViewMut2<f64>)| {
         cancel.check()?;
         for (i, mut row) in rows.rows_mut().into_iter().enumerate() {
@@ -267,8 +267,7 @@ pub fn edge_fade(
     if points.dim() != (out.len(), 3) {
         return Err(Error::invalid("points", "must be (n, 3)"));
     }
-    let runs =
-        out.axis_chunks_iter_mut(Axis(0), RUN).zip(points.axis_chunks_iter(Axis(0), RUN)).collect();
+    let runs = out.axis_chunks_iter_mut(Axis(0), RUN).zip(points.axis_chunks_iter(Axis(0), RUN));
     pool::for_each(runs, |(mut fades, points): (ArrayViewMut1<f64>, ArrayView2<f64>)| {
         cancel.check()?;
         for (fade, point) in fades.iter_mut().zip(points.rows()) {

@@ -54,8 +54,7 @@ pub fn cone_rays(
     gate::run(py, RAY * places.nrows() as f64, move |cancel| {
         let chunks = out
             .axis_chunks_iter_mut(numpy::ndarray::Axis(0), 4096)
-            .zip(places.axis_chunks_iter(numpy::ndarray::Axis(0), 4096))
-            .collect();
+            .zip(places.axis_chunks_iter(numpy::ndarray::Axis(0), 4096));
         pool::for_each(chunks, |(mut out, places): (ArrayViewMut2<f64>, ArrayView2<f64>)| {
             cancel.check()?;
             for (mut out, place) in out.rows_mut().into_iter().zip(places.rows()) {

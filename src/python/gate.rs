@@ -48,7 +48,7 @@ pub fn run<R: Send>(
     let (outcome, signal) = if nanoseconds < SHORT {
         (py.detach(guarded), None)
     } else {
-        py.detach(|| watched(guarded, &cancel))
+        py.detach(|| watched(guarded, &cancel))?
     };
     if let Some(signal) = signal {
         return Err(signal);
@@ -59,14 +59,21 @@ pub fn run<R: Send>(
     }
 }
 
-fn watched<R: Send>(kernel: impl FnOnce() -> R + Send, cancel: &Cancel) -> (R, Option<PyErr>) {
+/// Of the thread of a long kernel, bytes; what the standard library takes by itself.
+const STACK: usize = 2 << 20;
+
+fn watched<R: Send>(
+    kernel: impl FnOnce() -> R + Send,
+    cancel: &Cancel,
+) -> Result<(R, Option<PyErr>), Error> {
     std::thread::scope(|scope| {
         let waiter = std::thread::current();
-        let worker = scope.spawn(move || {
+        let worker = std::thread::Builder::new().stack_size(STACK).spawn_scoped(scope, move || {
             let result = kernel();
             waiter.unpark();
             result
         });
+        let worker = worker.map_err(|_| Error::Memory { bytes: STACK })?;
         let mut signal = None;
         while !worker.is_finished() {
             std::thread::park_timeout(LOOK);
@@ -78,7 +85,7 @@ fn watched<R: Send>(kernel: impl FnOnce() -> R + Send, cancel: &Cancel) -> (R, O
             }
         }
         match worker.join() {
-            Ok(result) => (result, signal),
+            Ok(result) => Ok((result, signal)),
             // `kernel` catches its own panics, so this is out of reach; never lose one all the same.
             Err(panic) => std::panic::resume_unwind(panic),
         }

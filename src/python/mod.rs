@@ -45,7 +45,7 @@ mod core {
     #[pymodule_export]
     use super::spectral::{
         advance_phase, all_finite, band_amplitude, blend_tiles, field, inverse_transform, opacity,
-        random_phase, temporal_filter, tent_rate,
+        random_phase, temporal_filter, tent_rate, tile_count,
     };
     #[pymodule_export]
     use super::threads::{panic_for_test, reproducible, set_reproducible, set_threads, threads};

@@ -14,7 +14,7 @@ use crate::spectral::opacity::Opacity;
 use crate::spectral::phase::random_phase as random_kernel;
 use crate::spectral::stripes::Mapped;
 use crate::spectral::tent::{self, Motion};
-use crate::spectral::tiles::{Blend, blend_tiles as blend_kernel};
+use crate::spectral::tiles::{Blend, Row, blend_tiles as blend_kernel};
 use crate::spectral::transform::inverse_transform as transform_kernel;
 
 /// Rough nanoseconds for a pixel of a tiled frame on one thread; only decides who watches Ctrl-C.
@@ -88,6 +88,12 @@ pub fn inverse_transform(
     })
 }
 
+/// How many tiles there are along one axis; they start at multiples of `tile - overlap`.
+#[pyfunction]
+pub fn tile_count(length: usize, tile: usize, overlap: usize) -> PyResult<usize> {
+    Ok(Row { length, tile, overlap }.checked()?.count())
+}
+
 /// Tiles of either precision.
 #[derive(FromPyObject)]
 pub enum Tiles<'py> {
@@ -147,7 +153,7 @@ fn map_plane<T: Real>(
     map: Opacity,
 ) -> PyResult<()> {
     gate::run(py, field.len() as f64, move |_| {
-        let tasks = out.rows_mut().into_iter().zip(field.rows()).collect();
+        let tasks = out.rows_mut().into_iter().zip(field.rows());
         pool::for_each(
             tasks,
             |(mut out, field): (ndarray::ArrayViewMut1<'_, T>, ndarray::ArrayView1<'_, T>)| {

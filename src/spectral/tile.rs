@@ -8,6 +8,7 @@ use num_complex::Complex;
 use super::carry::Carry;
 use super::dense::{Dense, Work, operations, transform};
 use super::phases::{Columns, Power, TileMotion, Values};
+use super::transform::room_for_plans;
 use super::waves::{Draw, Waves};
 use crate::aligned::Aligned;
 use crate::error::{Error, zeroed};
@@ -92,6 +93,7 @@ impl<T: Real> Plan<T> {
             let columns = Columns::new(waves, Dense::<T>::half_pixel)?;
             return Ok(Self { columns, tile, longest, way: Way::Dense(Dense::new(waves)?) });
         }
+        room_for_plans::<T>(tile)?;
         Ok(Self {
             columns: Columns::new(waves, |_, _| 0.0)?,
             tile,

@@ -5,7 +5,7 @@ use ndarray::{ArrayView2, ArrayViewMut2, Axis};
 use num_complex::Complex;
 
 use super::grid::{position, signed};
-use crate::error::{Cancel, Error, zeroed};
+use crate::error::{Cancel, Error, spare, zeroed};
 use crate::pool;
 use crate::real::Real;
 use crate::simd::{PORTABLE, reproducible};
@@ -14,6 +14,12 @@ use crate::simd::{PORTABLE, reproducible};
 /// and the imaginary parts that must vanish are set to zero.
 fn defect(error: FftError) -> Error {
     Error::Internal(error.to_string())
+}
+
+/// Refuses a shape whose plans would not find the memory: a planner asks for it without a way to
+/// fail. Plans of awkward lengths (Bluestein's) hold ten numbers for each point.
+pub fn room_for_plans<T>((height, width): (usize, usize)) -> Result<(), Error> {
+    spare(height.saturating_add(width).saturating_mul(16 * size_of::<Complex<T>>()))
 }
 
 /// `sum_k amplitude(k) cos 2 pi (f_k . (x, y) + phase(k))` over all bins, for any two arrays.
@@ -36,12 +42,13 @@ pub fn inverse_transform<T: Real>(
         .collect();
     let mut columns = zeroed::<Complex<T>>(used.len() * height)?;
     let plain = reproducible();
+    room_for_plans::<T>((height, width))?;
     let rows = T::inverse(height, plain);
     let bin = |row: usize, col: usize| {
         T::turn::<PORTABLE>(T::of(super::phase::reduce(phase[(row, col)])))
             .scale(T::of(amplitude[(row, col)]))
     };
-    let tasks = columns.chunks_mut(height).zip(&used).collect();
+    let tasks = columns.chunks_mut(height).zip(&used);
     pool::for_each(tasks, |(column, &col): (&mut [Complex<T>], &usize)| {
         cancel.check()?;
         let mirror_col = position(-signed(col, width), width);

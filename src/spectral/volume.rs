@@ -15,6 +15,7 @@ use super::filter::TemporalFilter;
 use super::grid::position;
 use super::phase::{leader_phase, reduce, tile_hash};
 use super::tent::Motion;
+use super::transform::room_for_plans;
 use super::waves::{Draw, Waves};
 use crate::error::{Cancel, Error, zeroed};
 use crate::pool;
@@ -224,6 +225,7 @@ impl Spectrum {
     ) -> Result<(), Error> {
         let (height, width) = self.shape;
         let plain = reproducible();
+        room_for_plans::<T>(self.shape)?;
         let (down, across) = (T::inverse(height, plain), T::to_real(width, plain));
         let zero = Complex::new(T::zero(), T::zero());
         let mut columns = zeroed::<Complex<T>>(self.columns.len() * height)?;

@@ -45,23 +45,28 @@ def write(
 
     Raises
     ------
+    TypeError, ValueError
+        If `studies` are none, or a path is no path.
     ImportError
         Without matplotlib.
     OSError
         If something cannot be written.
     """
+    if not isinstance(studies, (list, tuple)) or not all(isinstance(s, Study) for s in studies):
+        raise TypeError(f"studies must be a list of Study, got {studies!r:.60}")
+    if not studies:
+        raise ValueError("studies must hold at least one, got none")
     from flurries.accuracy.plot import save
 
-    target = Path(folder)
+    target, sheet = Path(folder), None if page is None else Path(page)
     target.mkdir(parents=True, exist_ok=True)
     data = target / "accuracy.json"
     text = json.dumps([study.plain() for study in studies], indent=1)
     data.write_text(text + "\n", encoding="utf-8")
-    files = [data, *save(studies, target), *save(studies, target, suffix="svg")]
-    if page is not None:
-        Path(page).write_text(markdown(studies), encoding="utf-8")
-        files.append(Path(page))
-    return files
+    if sheet is not None:
+        sheet.write_text(markdown(studies), encoding="utf-8")
+    plots = [*save(studies, target), *save(studies, target, suffix="svg")]
+    return [data, *plots, *([] if sheet is None else [sheet])]
 
 
 def markdown(studies: list[Study]) -> str:

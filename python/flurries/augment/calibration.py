@@ -66,16 +66,18 @@ def extinction(loss: float, depth: Float64, clear: Float64, density: Float64) ->
     float
         Per metre; 0 where the rest takes as much already.
     """
-    wanted = 1.0 - loss
     way = depth[:, None] * density[None, :]
-    if float(np.broadcast_to(clear, way.shape).mean()) <= wanted:
+    # Sums: a call of `mean` takes longer than all the rest of a step.
+    wanted = (1.0 - loss) * way.size
+    total = np.add.reduce
+    if float(total(clear, axis=None)) * (way.size / clear.size) <= wanted:
         return 0.0
     # What is left is convex and falls, so Newton's steps from 0 never go too far; and the loss is
     # less than that of all at the farthest depth.
     found = 0.0
     for _ in range(_STEPS):
         left = clear * np.exp(-found * way)
-        step = (float(left.mean()) - wanted) / float((left * way).mean())
+        step = (float(total(left, axis=None)) - wanted) / float(total(left * way, axis=None))
         found += step
         if step <= 1e-9 * found:
             break

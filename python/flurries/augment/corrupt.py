@@ -129,6 +129,10 @@ def corrupt(
     start = seed_of(seed)
     again = flag("overwrite", overwrite)
     count = os.cpu_count() or 1 if workers is None else integer("workers", workers, low=1, high=256)
+    if not (dask is None or isinstance(dask, str)):
+        raise TypeError(
+            f"dask must be an address, '' for a cluster here, or None, got {dask!r:.60}"
+        )
     names = _names(source)
     if not names:
         raise ValueError(f"{source}: no pictures ({', '.join(SUFFIXES)})")
@@ -266,7 +270,8 @@ class _Answers:
         import distributed
 
         dask: Any = distributed
-        here = {} if address else {"n_workers": self._workers, "threads_per_worker": 1}
+        own = {"n_workers": self._workers, "threads_per_worker": 1, "dashboard_address": None}
+        here: dict[str, Any] = {} if address else own
         with dask.Client(address or None, **here) as client:
             futures = client.map(_chunk, self._chunks, pure=False)
             for future in dask.as_completed(futures):

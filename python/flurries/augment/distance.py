@@ -8,7 +8,7 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from flurries._contract import Array, Float64, depths, real
+from flurries._contract import Array, Float64, depths, real, rectangular
 from flurries.depth import DepthMap
 
 Depth: TypeAlias = Any
@@ -114,11 +114,11 @@ def distances_of(
         from flurries.io.color import to_unit
 
         plane = depth.depth_of(to_unit(depth.source))
-    elif np.ndim(depth) == 0 and not isinstance(depth, np.ndarray):
+    elif not isinstance(depth, (np.ndarray, list, tuple)) and np.ndim(depth) == 0:
         plane = np.full((1, 1), real("depth", depth, low=1e-6, high=1e9), np.float32)
         return Distances(plane, True)
     else:
-        given = np.asarray(depth)
+        given = rectangular("depth", depth)
         if given.dtype.kind != "f":
             raise TypeError(
                 "depth must be a number, an array of float in metres or a DepthMap, got "

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from flurries._contract import Array, Float64, pixels, table
+from flurries._contract import Array, Float64, pixels, rectangular, table
 
 # From this opacity on a flake, not what is behind it, is what is seen at a pixel.
 SEEN = 0.5
@@ -131,7 +131,7 @@ def boxes_of(boxes: npt.ArrayLike) -> Float64:
 
 def flow_of(flow: npt.ArrayLike, shape: tuple[int, int]) -> Array:
     """Return the label of the picture's own motion, (H, W, 2) float, checked."""
-    given = np.asarray(flow)
+    given = rectangular("flow", flow)
     if given.dtype.kind != "f":
         raise TypeError(f"flow must be an array of float, got {given.dtype}")
     if given.shape != (*shape, 2):

@@ -61,8 +61,10 @@ class _Transform(v2.Transform):  # type: ignore[misc]
     def transform(self, inpt: Any, params: dict[str, Any]) -> Any:
         """Return one input in the weather; labels as they are."""
         record = params["record"]
-        labels = (tv_tensors.BoundingBoxes, tv_tensors.Mask)
-        if record is None or isinstance(inpt, labels):
+        visible = (tv_tensors.Image, tv_tensors.Video)
+        # Boxes, masks, key points and what may come to be.
+        label = isinstance(inpt, tv_tensors.TVTensor) and not isinstance(inpt, visible)
+        if record is None or label:
             return inpt
         drawn = augment.replay(record)
         if not isinstance(inpt, torch.Tensor):

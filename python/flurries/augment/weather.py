@@ -510,7 +510,10 @@ def _seconds(time: object) -> float:
 
 def _each(depth: Depth, count: int) -> bool:
     """Whether a depth is given for each of several pictures."""
-    return isinstance(depth, (list, tuple)) or np.ndim(depth) == 3
+    several = isinstance(depth, (list, tuple)) or getattr(depth, "ndim", 0) == 3
+    if several and len(depth) != count:
+        raise ValueError(f"depth must be one or {count} of them, got {len(depth)}")
+    return several
 
 
 def _wrapped(number: int) -> int:

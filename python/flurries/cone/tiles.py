@@ -15,6 +15,7 @@ from flurries._contract import (
     integer,
     output,
     real,
+    rectangular,
     seed_of,
 )
 from flurries._contract import pixels as pixels_of
@@ -210,10 +211,10 @@ def tile_of(
 
 
 def _brightness(picture: npt.ArrayLike) -> Float64:
-    array = np.asarray(picture)
+    array = rectangular("picture", picture)
     if array.ndim not in (2, 3):
         raise ValueError(f"picture must be (h, w), (h, w, 3) or (h, w, 4), got {array.shape}")
-    scale = {np.dtype(np.uint8): 255.0, np.dtype(np.uint16): 65535.0}.get(array.dtype, 1.0)
+    scale = {"u1": 255.0, "u2": 65535.0}.get(array.dtype.str[1:], 1.0)
     values, _ = pixels_of("picture", array, ndim=array.ndim)
     values = np.asarray(values, np.float64) / scale
     if not (np.isfinite(values).all() and values.min() >= 0.0 and values.max() <= 1.0):

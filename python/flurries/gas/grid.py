@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -92,10 +93,7 @@ def _density(wanted: Float64) -> Float64:
     """Return the density whose footprint's optical depth over the plane is `wanted` sigma^2."""
     density = np.clip(wanted / (2.0 * np.pi), 0.0, 1.0)
     # Newton's method on a convex function: from a table's lower end it cannot leave [0, 1].
-    grid = 1.0 - np.geomspace(1.0, 1e-9, 513)
-    grid[-1] = 1.0
-    reached = _optical_depth(grid)[0]
-    density = np.interp(wanted, reached, grid)
+    density = np.interp(wanted, *_inverse())
     for _ in range(4):
         for part in np.array_split(np.arange(len(density)), max(1, len(density) // 4096)):
             inside = part[density[part] < 1.0]
@@ -104,16 +102,29 @@ def _density(wanted: Float64) -> Float64:
     return np.asarray(density)
 
 
-def _optical_depth(density: Float64) -> tuple[Float64, Float64]:
-    """Return the plane integral of -log(1 - density g), tapered, and its slope, in sigma^2."""
+@lru_cache(maxsize=1)
+def _inverse() -> tuple[Float64, Float64]:
+    """Return optical depths over the plane, and the densities that reach them."""
+    grid = 1.0 - np.geomspace(1.0, 1e-9, 513)
+    grid[-1] = 1.0
+    return _optical_depth(grid)[0], grid
+
+
+@lru_cache(maxsize=1)
+def _nodes() -> tuple[Float64, Float64]:
+    """Return 1 - g at the nodes of an integral over the plane, and their areas."""
     # With s = exp(-q^2/2) the area is 2 pi ds / s, and 1 - g is proportional to 1 - s. The
     # logarithm of it at s = 1 wants nodes that crowd there: s = 1 - w^3.
     nodes, weights = np.polynomial.legendre.leggauss(96)
     top = (1.0 - RIM) ** (1.0 / 3.0)
     w = 0.5 * top * (nodes + 1.0)
     s = 1.0 - w**3
-    area = 2.0 * np.pi * (0.5 * top * weights) * 3.0 * w * w / s
-    through = w**3 / (1.0 - RIM)  # 1 - g
+    return w**3 / (1.0 - RIM), 2.0 * np.pi * (0.5 * top * weights) * 3.0 * w * w / s
+
+
+def _optical_depth(density: Float64) -> tuple[Float64, Float64]:
+    """Return the plane integral of -log(1 - density g), tapered, and its slope, in sigma^2."""
+    through, area = _nodes()
     rest = 1.0 - density[:, None]
     # 1 - density g = rest + density (1 - g)
     left = rest + density[:, None] * through

@@ -8,11 +8,12 @@ import numpy as np
 
 from flurries._contract import LARGEST, SMALLEST, choice, real
 
-MOST_PARTICLES = 2**53
-
 __all__ = ["count_for_visibility", "density_for_visibility", "extinction", "visibility"]
 
 _RIM = math.exp(-4.5)
+
+# More particles than this are no answer.
+_MOST = 2**53
 
 # The plane integral of a footprint in squares of sigma, by how it ends. "disc" is "square" as the
 # models that know only a distance cut it.
@@ -168,15 +169,15 @@ def count_for_visibility(
         If an argument is not as described; the message names it.
     """
     length = real("distance", distance, low=SMALLEST, high=LARGEST)
-    opacity = real("density", density, low=SMALLEST, high=1.0)
+    opacity = real("density", density, above=0.0, high=1.0)
     each = extinction(1.0, volume, radius, opacity, edge=edge)
-    share = length * each
-    if share * MOST_PARTICLES < _depth(contrast):
+    number = _depth(contrast) / max(length * each, SMALLEST)
+    if number > _MOST:
         raise ValueError(
-            f"distance must not ask for more than {MOST_PARTICLES} particles, got {length:g} in a "
-            f"volume of {volume:g} of radius {radius:g}"
+            f"distance must be farther, or density larger: {length:g} with particles of density "
+            f"{opacity:g} needs {number:.3g}"
         )
-    return round(_depth(contrast) / share)
+    return round(number)
 
 
 def _depth(contrast: float) -> float:

@@ -150,7 +150,7 @@ def render(
         raise ValueError(f"parts must be 'both', 'texture' or 'particles', got {parts!r}")
     number, kind = seed_of(seed), float_dtype(dtype)
     wall = _wall(depth, size)
-    result = output(out, size, kind)
+    result = output(out, size, kind, *([] if wall is None else [wall]))
     if parts != "particles":
         result[...] = _texture(
             size, match, camera, number, place, rate, exposure, tile, overlap, alias, jitter, kind

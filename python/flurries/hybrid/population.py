@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -83,13 +84,20 @@ class Seen(NamedTuple):
     """Its opacity in the middle."""
 
 
+@lru_cache(maxsize=2)
+def _nodes(count: int) -> tuple[Float64, Float64]:
+    """Return Gauss and Legendre's nodes and weights; an eigenvalue problem, solved once."""
+    nodes, weights = leggauss(count)
+    return nodes, weights
+
+
 def seen(population: Population, focal: float) -> Seen:
     """Return nodes and weights for integrals over a population as a camera sees it."""
     (near, far), (small, large) = population.depth, population.radius
-    x, wx = leggauss(DEPTHS)
+    x, wx = _nodes(DEPTHS)
     z = np.sqrt(near * far) * (far / near) ** (0.5 * x)
     share = 0.5 * np.log(far / near) * wx * z
-    y, wy = leggauss(RADII)
+    y, wy = _nodes(RADII)
     radius = 0.5 * (small + large) + 0.5 * (large - small) * y
     depth, size = (grid.ravel() for grid in np.meshgrid(z, radius, indexing="ij"))
     weight = np.outer(share, 0.5 * wy).ravel()

@@ -13,6 +13,8 @@ from typing import Any, Literal, TypeAlias
 import numpy as np
 import numpy.typing as npt
 
+from flurries._contract import rectangular
+
 Array: TypeAlias = npt.NDArray[Any]
 Encoding: TypeAlias = Literal["display", "linear"]
 
@@ -151,7 +153,7 @@ def _encoding_table(bits: int) -> Array:
 
 
 def _floats(name: str, values: npt.ArrayLike) -> Array:
-    array = np.asarray(values)
+    array = rectangular(name, values)
     if array.dtype.kind != "f":
         raise TypeError(f"{name} must be floats, got dtype {array.dtype}")
     return array.astype(np.float32) if array.dtype.itemsize == 2 else array

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 
 import numpy.typing as npt
 
+from flurries._contract import mapping
 from flurries.io import metadata as header
 from flurries.io.bands import write_parts
 from flurries.io.layers import part_of
@@ -44,7 +45,7 @@ def write_layer_views(
     """
     if format_of(path).name != "openexr":
         raise ValueError(f"{os.fspath(path)}: only .exr holds views")
-    if not views:
+    if not mapping("views", views):
         raise ValueError("views must name at least one view, got none")
     strings = header.checked(metadata)
     parts = []

@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from flurries._contract import mapping
 from flurries.io import metadata as header
 from flurries.io.bands import write_bands
 from flurries.io.color import Array, to_half, to_single
@@ -91,7 +92,7 @@ def part_of(layers: Mapping[str, npt.ArrayLike], half: bool) -> Part:
     """Return layers as `write_layers` takes them as a part of a file."""
     planes: dict[str, tuple[Array, bool]] = {}
     sizes = set()
-    for name, values in layers.items():
+    for name, values in mapping("layers", layers).items():
         array = _checked_layer(name, values)
         sizes.add(array.shape[:2])
         last = name.rpartition(".")[2]

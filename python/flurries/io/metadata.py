@@ -12,6 +12,8 @@ from collections.abc import Mapping
 from numbers import Integral, Real
 from typing import Any
 
+from flurries._contract import mapping
+
 PREFIX = "flurries:"
 
 # OpenImageIO stamps the present moment into every header, and then no two runs make the same
@@ -33,7 +35,7 @@ def checked(metadata: Mapping[str, object] | None) -> dict[str, str]:
         If a key or ``DateTime`` is not written as it should be.
     """
     strings = {"DateTime": FIXED_MOMENT}
-    for given, value in (metadata or {}).items():
+    for given, value in mapping("metadata", {} if metadata is None else metadata).items():
         if not isinstance(given, str):
             raise TypeError(f"metadata keys must be strings, got {given!r}")
         key = given.removeprefix(PREFIX)

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from flurries._contract import rectangular
 from flurries.io.color import Array, linear_to_srgb, to_integer, to_linear, to_unit
 from flurries.io.library import last_error, openimageio
 
@@ -58,7 +59,7 @@ def fit(
     ValueError
         If shapes, `how` or `encoding` are not as above.
     """
-    array = np.asarray(pixels)
+    array = rectangular("pixels", pixels)
     if array.dtype.name not in ("uint8", "uint16", "float16", "float32", "float64"):
         raise TypeError(f"pixels must be uint8, uint16 or float, got {array.dtype}")
     if (
@@ -88,7 +89,7 @@ def fit(
     return result[..., 0] if array.ndim == 2 else result
 
 
-def fit_nearest(plane: Array, size: Sequence[int]) -> Array:
+def fit_nearest(plane: npt.ArrayLike, size: Sequence[int]) -> Array:
     """Scale data to cover a frame as `fit` does a picture, without making values in between.
 
     Parameters
@@ -103,9 +104,20 @@ def fit_nearest(plane: Array, size: Sequence[int]) -> Array:
     -------
     (height, width) array
         Each pixel has the value of the pixel of `plane` that its centre falls into.
+
+    Raises
+    ------
+    TypeError, ValueError
+        For an argument that is not as described.
     """
     width, height = _checked_size(size)
-    rows, columns = plane.shape
+    array = rectangular("plane", plane)
+    if array.dtype.kind not in "biuf":
+        raise TypeError(f"plane must hold numbers, got {array.dtype}")
+    if array.ndim != 2 or 0 in array.shape:
+        raise ValueError(f"plane must have shape (h, w) and not be empty, got {array.shape}")
+    array = array.astype(array.dtype.newbyteorder("="), copy=False)
+    rows, columns = array.shape
     scale = max(width / columns, height / rows)
     places = []
     for length, stored in ((height, rows), (width, columns)):
@@ -113,11 +125,13 @@ def fit_nearest(plane: Array, size: Sequence[int]) -> Array:
         first = (scaled - length) // 2
         at = (np.arange(length) + first + 0.5) * (stored / scaled)
         places.append(np.clip(at.astype(np.int64), 0, stored - 1))
-    return np.ascontiguousarray(plane[np.ix_(*places)])
+    return np.ascontiguousarray(array[np.ix_(*places)])
 
 
 def _checked_size(size: Sequence[int]) -> tuple[int, int]:
-    if isinstance(size, (str, bytes)) or len(size) != 2:
+    if not isinstance(size, (Sequence, np.ndarray)) or isinstance(size, (str, bytes)):
+        raise TypeError(f"size must be (width, height), got {size!r:.60}")
+    if len(size) != 2:
         raise ValueError(f"size must be (width, height), got {size!r}")
     try:
         width, height = operator.index(size[0]), operator.index(size[1])
@@ -197,6 +211,9 @@ def _filtered(light: Array, scaled: tuple[int, int], window: tuple[int, int, int
     target = library.ImageBuf(specification)
     region = library.ROI(left, left + width, top, top + height, 0, 1, 0, channels)
     if not library.ImageBufAlgo.resize(target, source, _FILTER, 0.0, region):
-        raise RuntimeError(f"the picture could not be resized: {last_error(target, source)}")
+        words = last_error(target, source)
+        if "allocate" in words:
+            raise MemoryError(f"size {width} x {height}: {words}")
+        raise RuntimeError(f"the picture could not be resized: {words}")
     resized: Any = target.get_pixels("float")
     return np.asarray(resized, np.float32).reshape(height, width, channels)

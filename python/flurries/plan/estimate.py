@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from flurries._contract import real
 from flurries._threads import threads
 from flurries.costs import nanoseconds
 from flurries.effects.needs import Cost, LeftOut, Needs, Spent, Step, needs_of
@@ -44,7 +45,10 @@ def plan_of(
 ) -> Plan:
     """Return the plan of a scene's frames; see :meth:`flurries.Scene.plan`."""
     from flurries.render import frames_of
+    from flurries.scene import expect_scene
 
+    expect_scene(scene)
+    tolerance = real("tolerance", tolerance, low=0.0)
     wanted = frames_of(scene, frames)
     looked = _looked_at(scene, wanted)
     factors = scales()

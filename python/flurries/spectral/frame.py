@@ -51,6 +51,10 @@ class Request(NamedTuple):
     shortest: Float64 | None
     window: tuple[int, int, int, int]
 
+    def arrays(self) -> list[Float64]:
+        """Return those of its values that are arrays, and perhaps the caller's own."""
+        return [value for value in self if isinstance(value, np.ndarray)]
+
 
 # The default of displacements that are seldom given.
 NOWHERE = (0.0, 0.0)
@@ -255,7 +259,7 @@ def field(
         alias=alias, soft_from=soft_from, shutter=shutter, jitter=jitter, shortest=shortest,
         ring_edges=ring_edges, ring_gains=ring_gains, blend=blend,
     )  # fmt: skip
-    result = output(out, asked.shape, float_dtype(dtype))
+    result = output(out, asked.shape, float_dtype(dtype), *asked.arrays())
     _core.field(result, asked)
     return result
 
@@ -319,7 +323,7 @@ def alpha(
     )  # fmt: skip
     mapped = opacity_map(mean, spread, power, amount, name="power")
     keep = flag("preserve_mean", preserve_mean)
-    result = output(out, asked.shape, float_dtype(dtype))
+    result = output(out, asked.shape, float_dtype(dtype), *asked.arrays())
     _core.field(result, asked, mapped, keep)
     return result
 

@@ -17,12 +17,16 @@ from flurries._contract import (
     output,
     pixels,
     real,
+    rectangular,
     shape_of,
     table,
     tile_of,
 )
 
 BLEND = ("power", "linear")
+
+# Of one axis; more would be a list longer than the picture is wide.
+_MOST_TILES = 2**22
 
 
 def inverse_transform(
@@ -78,13 +82,22 @@ def tile_starts(length: int, *, tile: int = 64, overlap: int = 10) -> npt.NDArra
     -------
     (n,) int
         0, tile - overlap, ...; the last tile may stick out. 19 for 1024 px and the defaults.
+
+    Raises
+    ------
+    TypeError, ValueError
+        For an argument that is not as described, and for more than 2^22 tiles.
     """
     pixels_ = integer("length", length, low=1, high=2**31 - 1)
     size = integer("tile", tile, low=1, high=2**15)
     (rows, _), shared = tile_of(size, overlap)
-    step = rows - shared
-    count = 1 + max(-(-(pixels_ - rows) // step), 0)
-    return np.arange(0, count * step, step, dtype=np.intp)
+    count = _core.tile_count(pixels_, rows, shared)
+    if count > _MOST_TILES:
+        raise ValueError(
+            f"length must take at most {_MOST_TILES} tiles, got {pixels_}, which takes {count} "
+            f"of {rows} px with {shared} shared"
+        )
+    return np.arange(count, dtype=np.intp) * (rows - shared)
 
 
 def blend_tiles(
@@ -186,7 +199,8 @@ def opacity(
     Langer 2004, section 5.6. The scale comes from the known variance, never from the frame: a
     per-frame minimum and maximum flickers (``docs/deviations.md``, 20).
     """
-    given, kept = pixels("field", field, ndim=3 if np.ndim(field) == 3 else 2)
+    frames = rectangular("field", field)
+    given, kept = pixels("field", frames, ndim=3 if frames.ndim == 3 else 2)
     _require_finite("field", given)
     mapped = opacity_map(mean, spread, exponent, amount, name="exponent")
     result = output(out, given.shape, kept, given)

@@ -115,7 +115,7 @@ def rendered(asked: Film, times: Float64 | None, dtype: npt.DTypeLike, out: Arra
             f"frames must hold at most {MOST_ELEMENTS} pixels together, got {shape[0]} of "
             f"{shape[1]} x {shape[2]}"
         )
-    result = output(out, shape, float_dtype(dtype))
+    result = output(out, shape, float_dtype(dtype), *([] if times is None else [times]))
     moments = np.arange(shape[0], dtype=np.float64) if times is None else times
     _core.volume(result.reshape(-1, shape[2]), asked, moments)
     return result

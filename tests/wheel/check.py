@@ -1,0 +1,134 @@
+"""Check what `make wheel` made: its contents, and that it runs where there is no Rust.
+
+    python tests/wheel/check.py dist [--all]
+
+The wheel is installed into a new environment in which no `cargo` can be found, and the suite runs
+against it from a copy of tests/ that cannot see the repository: a good part of it, with --all
+everything that needs no other file of the repository. Then a wheel is built from the source
+archive, which must hold the same files.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import re
+import shutil
+import subprocess
+import sys
+import tarfile
+import tempfile
+import zipfile
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[2]
+
+# What tests of the suite need beside the package, without the tools that build it.
+NEEDS = ["pytest", "pytest-xdist", "hypothesis", "mpmath", "sympy", "scipy", "matplotlib",
+         "dask[array,distributed]"]  # fmt: skip
+SMOKE = ["spectral_twin", "spectral_frames", "particles", "gas_splat", "cone_layer", "composite",
+         "augment", "scene", "io_pictures", "simd", "cli", "every_function"]  # fmt: skip
+# They read pages, notebooks, benches or examples, or build.
+OF_THE_REPOSITORY = ["alone", "benches", "deviations", "docs", "hard_cases", "notebooks"]
+
+WHEEL = re.compile(r"flurries-[\w.]+-cp310-abi3-(manylinux[\w.]+|macosx\w+|win\w+)\.whl")
+IN_WHEEL = re.compile(
+    r"flurries/.*\.(py|pyi|js|css|html)|flurries/py\.typed|flurries/_core\.\w*\.?(so|pyd)"
+    r"|flurries-[^/]*\.dist-info/(METADATA|WHEEL|RECORD|entry_points\.txt|licenses/LICENSE[\w-]*)"
+)
+IN_ARCHIVE = re.compile(
+    r"(PKG-INFO|Cargo\.(toml|lock)|pyproject\.toml|rustfmt\.toml|Makefile|\.gitignore"
+    r"|(README|CHANGELOG|CONTRIBUTING)\.md|LICENSE[\w-]*"
+    r"|(src|crates)/.*\.(rs|toml)|python/flurries/.*\.(py|pyi|js|css|html|typed)"
+    r"|(tests|docs|benches|examples|notebooks)/.*\.(py|rs|md|txt|ipynb|npz|npy|png|exr|json|toml))"
+)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description="Check a wheel and a source archive.")
+    parser.add_argument("folder", type=Path)
+    parser.add_argument("--all", action="store_true", help="run all tests that can run")
+    options = parser.parse_args()
+    (wheel,) = options.folder.resolve().glob("*.whl")
+    (archive,) = options.folder.resolve().glob("*.tar.gz")
+    check_wheel(wheel)
+    check_archive(archive)
+    with tempfile.TemporaryDirectory() as folder:
+        try_wheel(wheel, Path(folder), options.all)
+        build_archive(archive, wheel, Path(folder))
+    print(f"{wheel.name} and {archive.name}: in order")
+
+
+def check_wheel(wheel: Path) -> None:
+    assert WHEEL.fullmatch(wheel.name), f"{wheel.name}: not an abi3 wheel for a known platform"
+    with zipfile.ZipFile(wheel) as opened:
+        odd = [name for name in opened.namelist() if not IN_WHEEL.fullmatch(name)]
+        assert not odd, f"stray files in the wheel: {odd}"
+        have = {n for n in opened.namelist() if n.startswith("flurries/") and "_core." not in n}
+        want = tracked("python/flurries") - {"flurries/_core.pyi"}
+        assert have == want, f"differs from the repository: {sorted(have ^ want)}"
+        for name in opened.namelist():
+            for path in {str(Path.home()), str(ROOT)} - {"/"}:
+                assert path.encode() + b"/" not in opened.read(name), f"{name} names {path}"
+
+
+def check_archive(archive: Path) -> None:
+    with tarfile.open(archive) as opened:
+        names = [name.split("/", 1)[1] for name in opened.getnames()]
+    odd = [name for name in names if not IN_ARCHIVE.fullmatch(name)]
+    assert not odd, f"stray files in the source archive: {odd}"
+    missing = {f"python/{name}" for name in tracked("python/flurries")} - set(names)
+    assert not missing, f"not in the source archive: {sorted(missing)}"
+
+
+def tracked(folder: str) -> set[str]:
+    """Return what git tracks below a folder, from the folder's name on."""
+    listed = subprocess.run(
+        ["git", "-C", str(ROOT), "ls-files", folder], capture_output=True, text=True, check=True
+    )
+    return {name.split("/", 1)[1] for name in listed.stdout.split()}
+
+
+def try_wheel(wheel: Path, folder: Path, everything: bool) -> None:
+    home = folder / "bare"
+    subprocess.run([sys.executable, "-m", "venv", str(home)], check=True)
+    python = str(home / "bin" / "python")
+    bare = {
+        key: value for key, value in os.environ.items()
+        if not key.startswith(("CARGO", "RUST", "PYTHON", "VIRTUAL_ENV"))
+    }  # fmt: skip
+    bare["PATH"] = f"{home / 'bin'}:/usr/bin:/bin"
+    for tool in ("cargo", "rustc", "maturin"):
+        assert shutil.which(tool, path=bare["PATH"]) is None, f"{tool} is on this machine's path"
+    pip = [python, "-m", "pip", "install", "--quiet", "--disable-pip-version-check"]
+    subprocess.run([*pip, str(wheel)], env=bare, check=True)
+    subprocess.run([*pip, *NEEDS], env=bare, check=True)
+    tests = folder / "away" / "tests"
+    shutil.copytree(ROOT / "tests", tests, ignore=shutil.ignore_patterns("__pycache__"))
+    files = sorted(tests.glob("test_*.py"))
+    left_out = {f"test_{name}" for name in OF_THE_REPOSITORY}
+    wanted = (
+        {path.stem for path in files} - left_out if everything else {f"test_{n}" for n in SMOKE}
+    )
+    chosen = [str(path) for path in files if path.stem in wanted]
+    assert len(chosen) >= len(SMOKE)
+    where = "import flurries, sys; sys.exit(not flurries.__file__.startswith(sys.prefix))"
+    subprocess.run([python, "-c", where], env=bare, cwd=tests, check=True)
+    suite = [python, "-m", "pytest", "--quiet", "-n", "2", "-p", "no:cacheprovider", *chosen]
+    subprocess.run(suite, env=bare, cwd=tests.parent, check=True)
+
+
+def build_archive(archive: Path, wheel: Path, folder: Path) -> None:
+    """Build a wheel from the source archive, as pip does where there is none for a platform."""
+    command = [sys.executable, "-m", "pip", "wheel", "--quiet", "--disable-pip-version-check",
+               "--no-deps", "--wheel-dir", str(folder / "built"), str(archive)]  # fmt: skip
+    # Libraries that are compiled already need not be again.
+    target = {"CARGO_TARGET_DIR": str(ROOT / "target")}
+    subprocess.run(command, env={**os.environ, **target}, check=True)
+    (built,) = (folder / "built").glob("*.whl")
+    with zipfile.ZipFile(built) as one, zipfile.ZipFile(wheel) as two:
+        assert set(one.namelist()) == set(two.namelist()), "the archive's wheel is another"
+
+
+if __name__ == "__main__":
+    main()
