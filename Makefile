@@ -1,6 +1,6 @@
 # make demo    set up and render the demo's films and stills into demo/
 # make test    set up, lint, and run all tests
-# make bench   print the speeds that the README quotes
+# make bench   print the speeds that the README quotes; make performance writes docs/performance.md
 # make test-hosts     test the transforms of torchvision, kornia and albumentations, installed for it
 # make wheel          build the wheel and the source archive into dist/; make test-wheel tries both
 # make soak    kill, interrupt and damage by the hundred: docs/reliability.md, some half an hour
@@ -17,7 +17,7 @@ WORKERS ?= 2
 RUST := $(shell find src crates -name '*.rs' 2>/dev/null) Cargo.toml crates/fft/Cargo.toml pyproject.toml
 
 .PHONY: demo test test-browser test-hosts test-hosts-older wheel test-wheel peers hard-cases accuracy mutations \
-	lint bench frames hashes soak clean requirements
+	lint bench performance frames hashes soak clean requirements
 
 demo: $(VENV)/.installed
 	$(BIN)/flurries demo --output demo
@@ -86,6 +86,10 @@ lint: $(VENV)/.tools
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 	$(BIN)/stubtest flurries._core --mypy-config-file pyproject.toml
+
+# Goals, sizes, the machine's limits, and a build for this processor beside the portable one.
+performance: $(VENV)/.tools
+	$(BIN)/python benches/performance.py --native --page docs/performance.md
 
 bench: $(VENV)/.tools
 	$(BIN)/python benches/speed.py

@@ -1,0 +1,401 @@
+"""Writes docs/performance.md: what a frame costs, against goals, sizes and what the machine can do.
+
+    python benches/performance.py [--runs N] [--native] [--page docs/performance.md]
+
+Each instruction set runs in a process of its own; rows of one table come from one run. `--native`
+also builds the kernels for this processor alone and compares: three minutes more.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+import flurries as fl
+
+sys.path.insert(0, str(Path(__file__).parent))
+import flakes
+import speed
+
+ROOT = Path(__file__).parents[1]
+Times = dict[str, tuple[float, float]]
+# For each row: name, least ratio asked, aim, and whether more is better.
+Goal = tuple[str, float, float, bool]
+
+
+def rows(one: Times, two: Times, level: str) -> list[tuple[Goal, float]]:
+    """Return the goals of one instruction set with what was measured."""
+
+    def ratio(name: str, other: str, times: Times = one) -> float:
+        return times[name][0] / times[other][0]
+
+    texture = "texture"
+    most = 3.0 if level == "avx512" else 4.2
+    per_pixel = {
+        size: ratio(f"texture, {size}", texture) * speed.SIZE**2 / np.prod(shape)
+        for size, shape in (("1920 x 1080", (1080, 1920)), ("3840 x 2160", (2160, 3840)))
+    }
+    hybrid = "30,000 discs, texture and uint8 composite"
+    return [
+        (("texture / copy of the alpha", most, 2.0, False), ratio(texture, speed.COPY)),
+        (("the same, two threads", 2.0, 1.4, False), ratio(texture, speed.COPY, two)),
+        (("plain NumPy / texture", 40, 80, True), ratio("texture, plain NumPy", texture)),
+        (
+            ("tuned SciPy, 2 workers / texture", 10, 20, True),
+            ratio("texture, tuned SciPy, 2 workers", texture),
+        ),
+        (
+            ("uint8 scene, plain texture / copy of the alpha", 4.5, 3.0, False),
+            ratio("scene: plain texture, uint8 RGB", speed.COPY),
+        ),
+        (
+            ("NumPy / texture of one tile, 512 x 512", 12, 18, True),
+            ratio("texture, 512 x 512, one tile, NumPy", "texture, 512 x 512, one tile"),
+        ),
+        (("a pixel at 1920 x 1080 / 1024 x 1024", 1.15, 1.0, False), per_pixel["1920 x 1080"]),
+        (("a pixel at 3840 x 2160 / 1024 x 1024", 1.15, 1.0, False), per_pixel["3840 x 2160"]),
+        (
+            ("np.bincount / 150,000 discs", 40, 60, True),
+            ratio("150,000 discs, np.bincount", "150,000 discs of 1-4 px"),
+        ),
+        (("frames a second, 30,000 discs, two threads", 300, 500, True), 1e3 / two[hybrid][0]),
+        (("texture, one thread / two", 1.5, 1.9, True), one[texture][0] / two[texture][0]),
+        (
+            ("150,000 discs, one thread / two", 1.3, 1.7, True),
+            one["150,000 discs of 1-4 px"][0] / two["150,000 discs of 1-4 px"][0],
+        ),
+        (("texture, float64 / float32", 2.6, 2.0, False), ratio("texture, float64", texture)),
+    ]
+
+
+def layer_cost() -> float:
+    """Return what the scene adds to its kernels, microseconds: a small frame, less its texture."""
+    picture = np.zeros((64, 64, 3), np.uint8)
+    shown = fl.Scene(None, picture, effects=[fl.Snow(flakes=0, alias="keep", shutter=0.0)])
+    bare = fl.Scene(None, picture)
+    sheet = np.empty((64, 64), np.float32)
+    times = speed.timed(
+        {
+            "scene": lambda: shown.render(17),
+            "empty": lambda: bare.render(17),
+            "kernels": lambda: fl.composite.snow(
+                picture, fl.spectral.alpha((64, 64), drift=(1.0, 9.0), seed=1, out=sheet)
+            ),
+        },
+        400,
+    )
+    return 1e3 * (times["scene"][0] - times["kernels"][0])
+
+
+def imports(runs: int = 12) -> float:
+    """Return the least time of importing flurries over that of importing NumPy, in turns."""
+    times: dict[str, list[float]] = {"flurries": [], "numpy": []}
+    for _ in range(runs):
+        for name, values in times.items():
+            clock = "time.perf_counter()"
+            code = f"import time; t = {clock}; import {name}; print({clock} - t)"
+            done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+            values.append(float(done.stdout))
+    return min(times["flurries"]) / min(times["numpy"])
+
+
+MEMORY = """
+import sys, numpy as np, flurries as fl
+def status(name):
+    return next(int(line.split()[1]) for line in open("/proc/self/status") if line.startswith(name))
+fl.set_threads(1)
+picture = np.zeros((1024, 1024, 3), np.uint8)
+scenes = {
+    "texture": lambda: fl.spectral.alpha((1024, 1024), drift=(1.0, 9.0), seed=1),
+    "scene": fl.Scene(None, picture, effects=[fl.Snow.preset("heavy")]).render,
+}
+make = scenes[sys.argv[1]]
+frame = make() if sys.argv[1] == "texture" else make(1)
+bytes_, frame = frame.nbytes, None
+open("/proc/self/clear_refs", "w").write("5")
+before = status("VmRSS")
+frame = make() if sys.argv[1] == "texture" else make(2)
+print((status("VmHWM") - before) / 1024 - bytes_ / 2**20)
+"""
+
+
+def memory(name: str) -> float:
+    """Return the peak of a second frame over the array that it returns, MiB."""
+    done = subprocess.run(
+        [sys.executable, "-c", MEMORY, name], capture_output=True, text=True, check=True
+    )
+    return float(done.stdout)
+
+
+def sweeps(runs: int) -> dict[str, dict[str, list[float]]]:
+    """Return milliseconds against pixels, tile size, discs, octaves and threads."""
+
+    def series(calls: dict[str, Callable[[], object]]) -> dict[str, list[float]]:
+        times = speed.timed(calls, runs)
+        return {"x": [float(x) for x in times], "ms": [least for least, _ in times.values()]}
+
+    fl.set_threads(1)
+    found = {
+        "pixels along a side": series(
+            {str(n): speed.texture((n, n)) for n in (128, 256, 512, 1024, 2048, 4096)}
+        )
+    }
+
+    def tiled(tile: int) -> Callable[[], object]:
+        out = np.empty(speed.SHAPE, np.float32)
+        waves = {"tile": tile, "overlap": tile // 6, "wavelengths": (tile / 16, tile / 2)}
+        return lambda: fl.spectral.alpha(speed.SHAPE, drift=(2.0, 9.0), seed=1, out=out, **waves)
+
+    found["pixels along a tile"] = series({str(n): tiled(n) for n in (32, 64, 128, 256, 512)})
+
+    def discs(count: int) -> Callable[[], object]:
+        points, radius = flakes.cloud(count, speed.SIZE, 1000.0)
+        out = np.empty(speed.SHAPE, np.float32)
+        camera = fl.Camera(1000.0)
+        return lambda: fl.particles.splat(speed.SHAPE, points, radius, camera, opacity=0.5, out=out)
+
+    found["discs of 1-4 px"] = series(
+        {str(n): discs(n) for n in (100, 1000, 10_000, 100_000, 300_000)}
+    )
+
+    def octaves(count: int) -> Callable[[], object]:
+        out = np.empty(speed.SHAPE, np.float32)
+        waves = (32.0 / 2**count, 32.0)
+        return lambda: fl.spectral.alpha(
+            speed.SHAPE, drift=(2.0, 9.0), seed=1, wavelengths=waves, out=out
+        )
+
+    found["octaves of waves"] = series({str(n): octaves(n) for n in (1, 2, 3, 4)})
+    calls: dict[str, Callable[[], object]] = {}
+    frame = speed.texture(speed.SHAPE)
+    for count in range(1, (os.cpu_count() or 1) + 1):
+        calls[str(count)] = lambda count=count: (fl.set_threads(count), frame())
+    found["threads"] = series(calls)
+    fl.set_threads(1)
+    return found
+
+
+def plotted(found: dict[str, dict[str, list[float]]], path: Path) -> None:
+    """Draw the sweeps."""
+    import matplotlib
+
+    matplotlib.use("Agg")
+    from matplotlib import pyplot
+
+    figure, axes = pyplot.subplots(1, len(found), figsize=(3.1 * len(found), 2.8))
+    for axis, (name, values) in zip(axes, found.items(), strict=True):
+        axis.loglog(values["x"], values["ms"], "o-", color="#20639b", markersize=4)
+        axis.set_xlabel(name)
+        axis.set_xticks(values["x"], [f"{x:,.0f}" for x in values["x"]], rotation=45, fontsize=7)
+        axis.minorticks_off()
+        axis.grid(alpha=0.3)
+    axes[0].set_ylabel("milliseconds a frame")
+    figure.tight_layout()
+    path.parent.mkdir(exist_ok=True)
+    figure.savefig(path, dpi=110)
+    pyplot.close(figure)
+
+
+PEAK = """
+import time, numpy as np
+rng = np.random.default_rng(0)
+def best(dtype):
+    a, b = (rng.random((1024, 1024)).astype(dtype) for _ in range(2))
+    out, least = np.empty_like(a), 1e9
+    for _ in range(12):
+        start = time.perf_counter(); np.matmul(a, b, out=out)
+        least = min(least, time.perf_counter() - start)
+    return 1024**3 / least / 1e9
+print(best(np.float32), best(np.float64))
+"""
+
+
+def roofline(times: Times) -> list[tuple[str, float, float, float, float]]:
+    """Return for each kernel: multiply-adds (1e6), megabytes, least ms by both, measured ms."""
+    environment = {**os.environ, "OPENBLAS_NUM_THREADS": "1"}
+    done = subprocess.run(
+        [sys.executable, "-c", PEAK], env=environment, capture_output=True, text=True, check=True
+    )
+    single, double = (float(value) for value in done.stdout.split())
+    copied = 2 * 4 * speed.SIZE**2 / (1e-3 * times[speed.COPY][0]) / 1e9
+    tiles = len(fl.spectral.tile_starts(speed.SIZE)) ** 2
+    # 16 columns, 16 rows of either sign, 16 sums for 64 pixels; cosines and sines, even and odd.
+    transform = 2 * 2 * 16 * 16 * 16 + 2 * 16 * 64 * 16
+    # A phase takes a hash, a reduction and two polynomials; a pixel a weight and the map.
+    others = 512 * 30 + 64 * 64 * 2 + 54 * 54 * 4
+    work = 1e-6 * tiles * (transform + others)
+    alpha = 4e-6 * speed.SIZE**2
+    points, radius = flakes.cloud(150_000, speed.SIZE, 1000.0)
+    sigma = np.sqrt(np.maximum((1000.0 * radius / points[:, 2] / 3) ** 2 + 1 / 12, 0.38))
+    # Rows of eights of pixels, and two profiles of 16 by polynomials.
+    blends = float((8 * sigma * np.ceil(8 * sigma / 8) * 8 * 2 + 32 * 12).sum())
+    found = []
+    for name, operations, peak, megabytes in (
+        ("texture", work, single, alpha),
+        ("texture, float64", work, double, 2 * alpha),
+        ("150,000 discs of 1-4 px", 1e-6 * blends, double, alpha + 150_000 * 200e-6),
+    ):
+        least = max(1e-3 * operations / peak * 1e3, megabytes / copied)
+        found.append((name, operations, megabytes, least, times[name][0]))
+    return [("the machine: 1e9 a second, GB/s", single, copied, 0.0, 0.0), *found]
+
+
+def native(runs: int) -> float:
+    """Return the texture's time of a build for this processor over the portable build's."""
+    target = ROOT / "target" / "native"
+    command = [
+        "cargo",
+        "build",
+        "--release",
+        "--quiet",
+        "--features",
+        "python",
+        "--target-dir",
+        str(target),
+    ]
+    flags = {**os.environ, "RUSTFLAGS": "-C target-cpu=native"}
+    subprocess.run(command, cwd=ROOT, env=flags, check=True)
+    with tempfile.TemporaryDirectory() as folder:
+        package = Path(folder) / "flurries"
+        shutil.copytree(ROOT / "python" / "flurries", package)
+        shutil.copy(target / "release" / "lib_core.so", package / "_core.abi3.so")
+        code = (
+            "import sys; sys.path.insert(0, sys.argv[1]); sys.path.insert(0, sys.argv[2])\n"
+            "import speed, json, flurries as fl\nfl.set_threads(1)\n"
+            "print(json.dumps(speed.timed({'texture': speed.texture(speed.SHAPE)}, 60)))"
+        )
+        best = {}
+        for _ in range(3):
+            for name, first in (("native", folder), ("portable", str(ROOT / "python"))):
+                done = subprocess.run(
+                    [sys.executable, "-c", code, first, str(ROOT / "benches")],
+                    capture_output=True, text=True, check=True,
+                )  # fmt: skip
+                least = json.loads(done.stdout)["texture"][0]
+                best[name] = min(best.get(name, least), least)
+    return best["native"] / best["portable"]
+
+
+def page(options: argparse.Namespace) -> str:
+    """Return the page, measured now."""
+    lines = [
+        "# Speed",
+        "",
+        "<!-- written by python benches/performance.py --native --page docs/performance.md -->",
+        "",
+        f"Measured on a machine of {os.cpu_count()} cores, load {os.getloadavg()[0]:.1f} at the",
+        f"start. Times are the least of {options.runs} runs in turns; ratios are within one run.",
+        "[benches/history.md](../benches/history.md) says what was tried.",
+        "",
+        "## Against the goals",
+        "1024 x 1024 float32 on one thread unless a row says otherwise, tiles of 64 px that share",
+        "10, every tile with its own drift, outputs reused.",
+    ]
+    measured: Times = {}
+    for level in speed.levels():
+        one, two = (speed.measured(level, threads, options.runs) for threads in (1, 2))
+        measured = measured or one
+        lines += [
+            "",
+            f"### {level}",
+            "",
+            "| what | asked | aim | measured | |",
+            "| --- | --- | --- | --- | --- |",
+        ]
+        for (name, least, aim, more), value in rows(one, two, level):
+            met = value >= least if more else value <= least
+            asked = f"at {'least' if more else 'most'} {least:g}"
+            end = "met" if met else "not met"
+            lines.append(f"| {name} | {asked} | {aim:g} | {value:.2f} | {end} |")
+    lines += [
+        "",
+        "### Around the kernels",
+        "",
+        "| what | asked | measured | |",
+        "| --- | --- | --- | --- |",
+    ]
+    fl.set_threads(1)
+    around = [
+        ("what a scene adds to its kernels, microseconds", 100.0, layer_cost()),
+        ("`import flurries` / `import numpy`", 1.3, imports()),
+        ("peak memory of a texture over its array, MiB", 8.0, memory("texture")),
+        ("peak memory of heavy snow over its array, MiB", 8.0, memory("scene")),
+    ]
+    if options.native:
+        around.append(
+            ("texture: build for this processor / portable build", 1.05, native(options.runs))
+        )
+    for name, least, value in around:
+        met = abs(value - 1.0) <= 0.05 if "build for" in name else value <= least
+        asked = "0.95 to 1.05" if "build for" in name else f"at most {least:g}"
+        lines.append(f"| {name} | {asked} | {value:.2f} | {'met' if met else 'not met'} |")
+    found = sweeps(max(options.runs // 3, 3))
+    picture = Path(options.page).parent / "images" / "performance.png" if options.page else None
+    if picture is not None:
+        plotted(found, picture)
+    lines += [
+        "",
+        "## Against size",
+        "",
+        "![Milliseconds against pixels, tiles, discs, octaves, threads](images/performance.png)",
+        "",
+    ]
+    for name, values in found.items():
+        pairs = ", ".join(
+            f"{x:,.0f}: {ms:.2f}" for x, ms in zip(values["x"], values["ms"], strict=True)
+        )
+        lines.append(f"- {name}, ms: {pairs}")
+    lines += [
+        "",
+        "## Against the machine",
+        "What a kernel must compute and move at least, the time that the machine needs for the",
+        "larger of the two, and where we stand. The machine's multiply-adds are those of NumPy's",
+        "matrix product on one thread, its bytes those of the copy.",
+        "",
+        "| kernel | 1e6 multiply-adds | MB | least ms | measured ms | share |",
+        "| --- | --- | --- | --- | --- | --- |",
+    ]
+    for name, operations, megabytes, least, took in roofline(measured):
+        if took:
+            numbers = f"{operations:.1f} | {megabytes:.1f} | {least:.2f} | {took:.2f}"
+            lines.append(f"| {name} | {numbers} | {100 * least / took:.0f} % |")
+        else:
+            lines.append(f"| {name} | {operations:.0f} | {megabytes:.0f} | | | |")
+    lines += [
+        "",
+        "The count of the texture holds no loads and no stores: each product of the transform",
+        "reads a factor, and blending is loads and stores alone. Small discs are bound by what is",
+        "done once for each of them, placing, sorting and the two profiles, not by their pixels.",
+        "",
+    ]
+    return "\n".join(lines)
+
+
+def main() -> None:
+    """Print the page, or write it."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--runs", type=int, default=25)
+    parser.add_argument("--native", action="store_true")
+    parser.add_argument("--page")
+    options = parser.parse_args()
+    start = time.perf_counter()
+    text = page(options)
+    if options.page:
+        Path(options.page).write_text(text)
+        print(f"{options.page}: {time.perf_counter() - start:.0f} s")
+    else:
+        print(text)
+
+
+if __name__ == "__main__":
+    main()
