@@ -411,6 +411,8 @@ def calls(folder: Path) -> dict[str, Call]:
         "trace.stage": Call(trace.stage, {"name": "texture"}),
         "trace.tracing": Call(trace.tracing, {}),
         "set_threads": Call(fl.set_threads, {"n": 2}),
+        "set_reproducible": Call(fl.set_reproducible, {"on": False}),
+        "reproducible": Call(fl.reproducible, {}),
         "threads": Call(fl.threads, {}),
         # data sets
         "augment.contrast_loss": Call(augment.contrast_loss, {"amount": 0.5}),

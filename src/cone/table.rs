@@ -8,7 +8,7 @@
 use ndarray::{ArrayViewMut2, Axis};
 
 use super::area::Area;
-use crate::error::{Cancel, Error};
+use crate::error::{Cancel, Error, collected};
 use crate::pool;
 
 /// Fills `out` (rows, columns), both powers of two. Entry (r, c) holds, from the lowest byte up, the means
@@ -46,7 +46,7 @@ pub fn table(
             line[column] |= (next & 0xff) << 8;
         }
     }
-    let top: Vec<u32> = out.row(0).to_vec();
+    let top = collected(out.row(0).iter().copied())?;
     for row in 0..rows {
         for column in 0..columns {
             let next = if row + 1 == rows { top[column] } else { out[[row + 1, column]] };

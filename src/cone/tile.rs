@@ -3,9 +3,9 @@
 
 use std::f64::consts::{PI, TAU};
 
-use ndarray::{ArrayView2, ArrayViewMut2, Axis};
+use ndarray::{ArrayView1, ArrayView2, ArrayViewMut2, Axis};
 
-use crate::error::{Cancel, Error};
+use crate::error::{Cancel, Error, collected, zeroed};
 use crate::pool;
 use crate::real::Real;
 
@@ -75,15 +75,13 @@ pub fn tile<T: Real>(
     if rows != size || drops.ncols() != 5 {
         return Err(Error::Internal("a tile is square, a drop five numbers".into()));
     }
-    let drops: Vec<Drop> = drops
-        .rows()
-        .into_iter()
-        .map(|row| Drop::of(&[row[0], row[1], row[2], row[3], row[4]]))
-        .collect();
+    let of = |row: ArrayView1<'_, f64>| Drop::of(&[row[0], row[1], row[2], row[3], row[4]]);
+    let drops = collected(drops.rows().into_iter().map(of))?;
     let lines = out.axis_iter_mut(Axis(0)).enumerate();
     pool::for_each(lines, |(row, mut line)| {
         cancel.check()?;
-        let mut clear = vec![1.0; size];
+        let mut clear = zeroed(size)?;
+        clear.fill(1.0);
         for drop in &drops {
             drop.draw(&mut clear, row);
         }
