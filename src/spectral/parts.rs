@@ -15,8 +15,9 @@ use crate::error::Error;
 use crate::real::Real;
 use crate::simd::reproducible;
 
-/// Plans kept; the oldest one goes.
-const KEPT: usize = 8;
+/// Plans kept, and waves of all of them, some 20 MB. The one that was not used for longest goes.
+const KEPT: usize = 32;
+const KEPT_WAVES: usize = 150_000;
 
 /// Bands of more waves are planned anew each time: their plans take megabytes, their frames long.
 const MOST_WAVES: usize = 30_000;
@@ -40,7 +41,8 @@ struct Key {
     gains: Vec<u64>,
 }
 
-type Kept = Vec<(Key, Arc<dyn Any + Send + Sync>)>;
+/// With how many waves each has; the last one used stands last.
+type Kept = Vec<(Key, usize, Arc<dyn Any + Send + Sync>)>;
 
 static KEPT_PARTS: Mutex<Kept> = Mutex::new(Vec::new());
 
@@ -56,9 +58,11 @@ pub fn parts<T: Real>(field: &Field<'_>, down: Row, across: Row) -> Result<Arc<P
         band: band.iter().chain(field.ring_edges).map(|value| value.to_bits()).collect(),
         gains: field.ring_gains.iter().map(|value| value.to_bits()).collect(),
     };
-    if let Ok(kept) = KEPT_PARTS.try_lock() {
-        let found = kept.iter().find(|(known, _)| *known == key);
-        if let Some(Ok(parts)) = found.map(|(_, parts)| Arc::clone(parts).downcast()) {
+    if let Ok(mut kept) = KEPT_PARTS.try_lock()
+        && let Some(at) = kept.iter().position(|(known, _, _)| *known == key)
+    {
+        kept[at..].rotate_left(1);
+        if let Some(Ok(parts)) = kept.last().map(|(_, _, parts)| Arc::clone(parts).downcast()) {
             return Ok(parts);
         }
     }
@@ -70,10 +74,13 @@ pub fn parts<T: Real>(field: &Field<'_>, down: Row, across: Row) -> Result<Arc<P
     if waves.list.len() <= MOST_WAVES
         && let Ok(mut kept) = KEPT_PARTS.try_lock()
     {
-        if kept.len() >= KEPT {
+        let count = waves.list.len();
+        while kept.len() >= KEPT
+            || kept.iter().map(|(_, waves, _)| waves).sum::<usize>() + count > KEPT_WAVES
+        {
             kept.remove(0);
         }
-        kept.push((key, made.clone()));
+        kept.push((key, count, made.clone()));
     }
     Ok(made)
 }

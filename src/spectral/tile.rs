@@ -28,6 +28,9 @@ pub fn fft_operations(waves: &Waves) -> f64 {
         + 2.5 * (height * width) as f64 * log2(width)
 }
 
+/// Rows that are taken from the columns together: a line of the cache, in float32.
+const TOGETHER: usize = 8;
+
 /// A transform, planned for one tile size and band.
 pub struct Plan<T: Real> {
     columns: Columns,
@@ -58,7 +61,7 @@ pub struct Scratch<T> {
     values: Values<T>,
     // Dense: work space.
     work: Option<Work<T>>,
-    // FFT: spectrum, half a row, work space.
+    // FFT: spectrum, several half rows, work space.
     spectrum: Vec<Complex<T>>,
     line: Vec<Complex<T>>,
     work_y: Vec<Complex<T>>,
@@ -124,7 +127,7 @@ impl<T: Real> Plan<T> {
             }
             Way::Fft { columns, along_y, along_x } => {
                 scratch.spectrum = zeroed(columns * height)?;
-                scratch.line = zeroed(width / 2 + 1)?;
+                scratch.line = zeroed(TOGETHER * (width / 2 + 1))?;
                 scratch.work_y = zeroed(along_y.get_inplace_scratch_len())?;
                 scratch.work_x = zeroed(along_x.get_scratch_len())?;
             }
@@ -187,18 +190,28 @@ impl<T: Real> Plan<T> {
         scratch: &mut Scratch<T>,
     ) -> Result<(), Error> {
         let (height, width) = self.tile;
-        let pixels = scratch.pixels.chunks_exact_mut(width).take(height);
-        for (y, pixels) in pixels.enumerate() {
-            for (bin, column) in scratch.line.iter_mut().zip(scratch.spectrum.chunks(height)) {
-                *bin = column[y];
+        let half = width / 2 + 1;
+        let pixels = scratch.pixels[..height * width].chunks_mut(TOGETHER * width);
+        for (block, pixels) in pixels.enumerate() {
+            // Several rows at a time: columns lie a power of two apart, and a line of the cache that is
+            // read for one row alone is gone before the next.
+            let first = block * TOGETHER;
+            let count = pixels.len() / width;
+            for (kx, column) in scratch.spectrum.chunks_exact(height).enumerate() {
+                for (row, bin) in column[first..first + count].iter().enumerate() {
+                    scratch.line[row * half + kx] = *bin;
+                }
             }
-            // Beyond the columns the transform left its own work behind.
-            scratch.line[columns..].fill(Complex::new(T::zero(), T::zero()));
-            // Zero but for rounding, since the column of kx = 0 is Hermitian; c2r insists on zero.
-            scratch.line[0].im = T::zero();
-            along_x
-                .process_with_scratch(&mut scratch.line, pixels, &mut scratch.work_x)
-                .map_err(|error| Error::Internal(error.to_string()))?;
+            let lines = scratch.line.chunks_exact_mut(half);
+            for (line, pixels) in lines.zip(pixels.chunks_exact_mut(width)) {
+                // Beyond the columns the transform left its own work behind.
+                line[columns..].fill(Complex::new(T::zero(), T::zero()));
+                // Zero but for rounding, since the column of kx = 0 is Hermitian; c2r insists on zero.
+                line[0].im = T::zero();
+                along_x
+                    .process_with_scratch(line, pixels, &mut scratch.work_x)
+                    .map_err(|error| Error::Internal(error.to_string()))?;
+            }
         }
         Ok(())
     }
