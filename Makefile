@@ -58,7 +58,7 @@ wheel: $(VENV)/.made
 	$(BIN)/maturin sdist --out dist
 
 # Installs dist/ where there is no Rust, and runs the suite there; then builds the source archive.
-test-wheel:
+test-wheel: wheel
 	$(PYTHON) tests/wheel/check.py dist
 
 # Our weather for data sets beside that of the usual libraries: docs/peers.md.
