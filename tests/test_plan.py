@@ -617,6 +617,7 @@ def test_rendering_asks_no_clock_and_imports_nothing_more():
     code = """
 import sys
 import flurries as fl
+fl.Scene, fl.Snow, fl.Rain
 before = set(sys.modules)
 scene = fl.Scene((32, 24), "#102030", effects=[fl.Snow(amount=0.0), fl.Rain(amount=0.0)])
 scene.render(1)
