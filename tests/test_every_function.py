@@ -98,11 +98,15 @@ def quiet(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     monkeypatch.setattr("flurries.accuracy.plot.save", lambda *_, **__: [])
     signal.signal(signal.SIGALRM, _late)
     signal.alarm(300)
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        yield
-    signal.alarm(0)
-    fl.set_threads(2)
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            yield
+    finally:
+        signal.alarm(0)
+        # What calls of these two left behind must not reach other tests.
+        fl.set_threads(2)
+        fl.set_reproducible(False)
 
 
 class Late(BaseException):
