@@ -83,8 +83,7 @@ pub fn particle_splat(
     lens: (f64, f64, f64, [f64; 3], f64),
     depth: Option<Plane<'_>>,
 ) -> PyResult<()> {
-    let (focal, x, y, offset, near) = lens;
-    let lens = Lens { focal, center: [x, y], offset, near };
+    let lens = lens_of(lens);
     let flakes = Flakes {
         points: points.as_array(),
         radius: radius.as_array(),
@@ -124,8 +123,7 @@ pub fn particle_ids(
     lens: (f64, f64, f64, [f64; 3], f64),
     depth: Option<Plane<'_>>,
 ) -> PyResult<()> {
-    let (focal, x, y, offset, near) = lens;
-    let lens = Lens { focal, center: [x, y], offset, near };
+    let lens = lens_of(lens);
     let flakes = Flakes {
         points: points.as_array(),
         radius: radius.as_array(),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, fields
 from functools import lru_cache
@@ -27,7 +28,7 @@ _Kind = TypeVar("_Kind", bound="Weather")
 
 
 @dataclass(frozen=True, kw_only=True)
-class Weather:
+class Weather(ABC):
     """Weather as a function of a picture. The fields are described in the weathers themselves."""
 
     amount: Range | None = None
@@ -437,9 +438,9 @@ class Weather:
             record[name] = between(getattr(self, name), u[4 + slot])
         return record
 
+    @abstractmethod
     def _air(self, record: dict[str, Any]) -> Air:
         """Return the air that a record describes."""
-        raise NotImplementedError
 
     def _view(self, shape: tuple[int, ...], aside: float = 0.0, eyes: float = 0.0) -> View:
         return _view_of((shape[0], shape[1]), self.focal, aside, eyes)

@@ -7,6 +7,7 @@ Fall, wind, shutter and the size of drops mean what they mean in `Rain` and `Sno
 from __future__ import annotations
 
 import math
+from abc import ABC, abstractmethod
 from dataclasses import dataclass, fields
 from functools import lru_cache
 from typing import Any, ClassVar, TypeVar
@@ -36,7 +37,7 @@ FARTHEST = 8
 
 
 @dataclass(frozen=True, kw_only=True)
-class Coned(Moving):
+class Coned(Moving, ABC):
     """What `ConeRain` and `ConeSnow` have in common; the fields are described there."""
 
     amount: Number = 1.0
@@ -90,13 +91,13 @@ class Coned(Moving):
         return cls(**{**values, **changes})
 
     @property
+    @abstractmethod
     def length(self) -> float:
         """Of a drop in still air, metres."""
-        raise NotImplementedError
 
+    @abstractmethod
     def texture(self, seed: int) -> cone.Texture:
         """Return the layers' texture."""
-        raise NotImplementedError
 
     def state(self, frame: Frame) -> cone.State:
         """Return axis, phase and stretch of a frame."""
@@ -164,8 +165,9 @@ class Coned(Moving):
         return frame.crop(drawn(frame, pose, texture, state.phase, **look))
 
     def _near(self, frame: Frame, amount: float) -> Array:
-        """Return what is drawn one by one in front."""
-        raise NotImplementedError
+        """Return what is drawn one by one in front: nothing, as `_near_steps` says."""
+        top, bottom, left, right = frame.window
+        return np.zeros((bottom - top, right - left), np.float32)
 
     def _colour_at(self, frame: Frame) -> tuple[float, float, float]:
         if self.colour == AMBIENT:

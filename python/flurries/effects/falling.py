@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from dataclasses import InitVar, dataclass, fields, replace
 from typing import Any, ClassVar, TypeVar
 
@@ -34,7 +35,7 @@ _Kind = TypeVar("_Kind", bound="Falling")
 
 
 @dataclass(frozen=True, kw_only=True)
-class Falling(Peopled, Knobs):
+class Falling(Peopled, Knobs, ABC):
     """Snow and rain. The fields are described in `Snow` and `Rain`."""
 
     amount: Number = 1.0
@@ -93,9 +94,9 @@ class Falling(Peopled, Knobs):
         if self.seed is not None:
             settle("seed", seed_of(self.seed))
 
+    @abstractmethod
     def _look(self, severity: int | None, rate_mm_h: float | None) -> dict[str, Any]:
         """Return the fields that a knob sets."""
-        raise NotImplementedError
 
     def _instead(self) -> tuple[str, ...]:
         """Return fields that say the same as one that a knob sets."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from abc import ABC, abstractmethod
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
@@ -126,15 +127,15 @@ def triple(values: Float64) -> Triple:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Peopled(Textured):
+class Peopled(Textured, ABC):
     """A texture with particles in front."""
 
     # Flakes larger than this on a picture 1024 px wide fade out: out-of-focus puffs look like dirt.
     _LARGEST_SIGMA = (3.5, 6.0)
 
+    @abstractmethod
     def population(self, t: float) -> Population:
         """Return what is drawn one by one at `t`."""
-        raise NotImplementedError
 
     def box(self, frame: Frame) -> Float64:
         """Return the sides in metres of the box of flakes that the view fits into.
