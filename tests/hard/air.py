@@ -344,12 +344,12 @@ CASES = [
     ],
     *[
         Case(f"flakes outside a box of {b:g} m after {t:g} s", outside_the_box(b, t), 0.0, 0.0,
-             "a count", "a second fold, since rounding can leave the box by an ulp")
+             "a count", "a fold, since rounding can leave the box by an ulp")
         for b, t in ((1e-100, 1.0), (1e100, 1.0), (7.3, 1e6), (7.3, -1e6), (0.1, 1e-9))
     ],
     *[
         Case(f"flakes sent to the wall of a box of {b:g} m, +- an ulp: outside", at_the_edge(b),
-             0.0, 0.0, "a count", "a second fold, since rounding can leave the box by an ulp")
+             0.0, 0.0, "a count", "a fold, since rounding can leave the box by an ulp")
         for b in (0.1, 3.0, 7.3)
     ],
     *[
