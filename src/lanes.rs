@@ -91,11 +91,39 @@ pub trait Lanes<T>: Copy {
     ///
     /// As for all.
     unsafe fn reversed(self) -> Self;
+
+    /// Each of them three times: what pixels have, for the channels of their pixels.
+    ///
+    /// # Safety
+    ///
+    /// As for all.
+    unsafe fn thrice(self) -> [Self; 3];
+
+    /// `by` where `at` equals `like`, as no NaN does, and `self` elsewhere.
+    ///
+    /// # Safety
+    ///
+    /// As for all.
+    unsafe fn replaced(self, at: Self, like: Self, by: Self) -> Self;
 }
 
 /// Lanes of the portable level.
 #[derive(Clone, Copy)]
 pub struct Plain<T, const N: usize>([T; N]);
+
+impl<T, const N: usize> From<[T; N]> for Plain<T, N> {
+    #[inline(always)]
+    fn from(values: [T; N]) -> Self {
+        Self(values)
+    }
+}
+
+impl<T, const N: usize> From<Plain<T, N>> for [T; N] {
+    #[inline(always)]
+    fn from(lanes: Plain<T, N>) -> Self {
+        lanes.0
+    }
+}
 
 impl<T: Float, const N: usize> Lanes<T> for Plain<T, N> {
     const N: usize = N;
@@ -146,6 +174,14 @@ impl<T: Float, const N: usize> Lanes<T> for Plain<T, N> {
     unsafe fn reversed(self) -> Self {
         Self(std::array::from_fn(|i| self.0[N - 1 - i]))
     }
+    #[inline(always)]
+    unsafe fn thrice(self) -> [Self; 3] {
+        std::array::from_fn(|part| Self(std::array::from_fn(|i| self.0[(part * N + i) / 3])))
+    }
+    #[inline(always)]
+    unsafe fn replaced(self, at: Self, like: Self, by: Self) -> Self {
+        Self(std::array::from_fn(|i| if at.0[i] == like.0[i] { by.0[i] } else { self.0[i] }))
+    }
 }
 
 #[cfg(target_arch = "x86_64")]
@@ -161,11 +197,26 @@ mod x86 {
             $(#[$meta:meta])* $name:ident, $real:ty, $n:literal, $vector:ty,
             $splat:ident, $load:ident, $store:ident, $fmadd:ident, $fnmadd:ident,
             $add:ident, $sub:ident, $mul:ident, $min:ident, $max:ident,
-            |$v:ident| $reversed:expr
+            |$v:ident| $reversed:expr, |$w:ident| $thrice:expr,
+            |$from:ident, $at:ident, $like:ident, $by:ident| $replaced:expr
         ) => {
             $(#[$meta])*
             #[derive(Clone, Copy)]
             pub struct $name($vector);
+
+            impl From<$vector> for $name {
+                #[inline(always)]
+                fn from(vector: $vector) -> Self {
+                    Self(vector)
+                }
+            }
+
+            impl From<$name> for $vector {
+                #[inline(always)]
+                fn from(lanes: $name) -> Self {
+                    lanes.0
+                }
+            }
 
             // SAFETY of every block: the caller answers for the instructions and the memory.
             #[allow(clippy::undocumented_unsafe_blocks, reason = "one line above for all")]
@@ -217,6 +268,16 @@ mod x86 {
                     let $v = self.0;
                     Self(unsafe { $reversed })
                 }
+                #[inline(always)]
+                unsafe fn thrice(self) -> [Self; 3] {
+                    let $w = self.0;
+                    unsafe { $thrice }.map(Self)
+                }
+                #[inline(always)]
+                unsafe fn replaced(self, at: Self, like: Self, by: Self) -> Self {
+                    let ($from, $at, $like, $by) = (self.0, at.0, like.0, by.0);
+                    Self(unsafe { $replaced })
+                }
             }
         };
     }
@@ -228,28 +289,55 @@ mod x86 {
         _mm512_add_ps, _mm512_sub_ps, _mm512_mul_ps, _mm512_min_ps, _mm512_max_ps,
         |v| _mm512_permutexvar_ps(
             _mm512_setr_epi32(15, 14, 13, 12, 11, 10, 9, 8, 7, 6, 5, 4, 3, 2, 1, 0), v
-        )
+        ),
+        |v| [
+            _mm512_setr_epi32(0, 0, 0, 1, 1, 1, 2, 2, 2, 3, 3, 3, 4, 4, 4, 5),
+            _mm512_setr_epi32(5, 5, 6, 6, 6, 7, 7, 7, 8, 8, 8, 9, 9, 9, 10, 10),
+            _mm512_setr_epi32(10, 11, 11, 11, 12, 12, 12, 13, 13, 13, 14, 14, 14, 15, 15, 15),
+        ]
+        .map(|from| _mm512_permutexvar_ps(from, v)),
+        |v, at, like, by| _mm512_mask_blend_ps(_mm512_cmp_ps_mask::<_CMP_EQ_OQ>(at, like), v, by)
     );
     lanes!(
         /// An AVX-512 register of float64.
         F64x8, f64, 8, __m512d,
         _mm512_set1_pd, _mm512_loadu_pd, _mm512_storeu_pd, _mm512_fmadd_pd, _mm512_fnmadd_pd,
         _mm512_add_pd, _mm512_sub_pd, _mm512_mul_pd, _mm512_min_pd, _mm512_max_pd,
-        |v| _mm512_permutexvar_pd(_mm512_setr_epi64(7, 6, 5, 4, 3, 2, 1, 0), v)
+        |v| _mm512_permutexvar_pd(_mm512_setr_epi64(7, 6, 5, 4, 3, 2, 1, 0), v),
+        |v| [
+            _mm512_setr_epi64(0, 0, 0, 1, 1, 1, 2, 2),
+            _mm512_setr_epi64(2, 3, 3, 3, 4, 4, 4, 5),
+            _mm512_setr_epi64(5, 5, 6, 6, 6, 7, 7, 7),
+        ]
+        .map(|from| _mm512_permutexvar_pd(from, v)),
+        |v, at, like, by| _mm512_mask_blend_pd(_mm512_cmp_pd_mask::<_CMP_EQ_OQ>(at, like), v, by)
     );
     lanes!(
         /// An AVX register of float32.
         F32x8, f32, 8, __m256,
         _mm256_set1_ps, _mm256_loadu_ps, _mm256_storeu_ps, _mm256_fmadd_ps, _mm256_fnmadd_ps,
         _mm256_add_ps, _mm256_sub_ps, _mm256_mul_ps, _mm256_min_ps, _mm256_max_ps,
-        |v| _mm256_permutevar8x32_ps(v, _mm256_setr_epi32(7, 6, 5, 4, 3, 2, 1, 0))
+        |v| _mm256_permutevar8x32_ps(v, _mm256_setr_epi32(7, 6, 5, 4, 3, 2, 1, 0)),
+        |v| [
+            _mm256_setr_epi32(0, 0, 0, 1, 1, 1, 2, 2),
+            _mm256_setr_epi32(2, 3, 3, 3, 4, 4, 4, 5),
+            _mm256_setr_epi32(5, 5, 6, 6, 6, 7, 7, 7),
+        ]
+        .map(|from| _mm256_permutevar8x32_ps(v, from)),
+        |v, at, like, by| _mm256_blendv_ps(v, by, _mm256_cmp_ps::<_CMP_EQ_OQ>(at, like))
     );
     lanes!(
         /// An AVX register of float64.
         F64x4, f64, 4, __m256d,
         _mm256_set1_pd, _mm256_loadu_pd, _mm256_storeu_pd, _mm256_fmadd_pd, _mm256_fnmadd_pd,
         _mm256_add_pd, _mm256_sub_pd, _mm256_mul_pd, _mm256_min_pd, _mm256_max_pd,
-        |v| _mm256_permute4x64_pd::<0b00_01_10_11>(v)
+        |v| _mm256_permute4x64_pd::<0b00_01_10_11>(v),
+        |v| [
+            _mm256_permute4x64_pd::<0b01_00_00_00>(v),
+            _mm256_permute4x64_pd::<0b10_10_01_01>(v),
+            _mm256_permute4x64_pd::<0b11_11_11_10>(v),
+        ],
+        |v, at, like, by| _mm256_blendv_pd(v, by, _mm256_cmp_pd::<_CMP_EQ_OQ>(at, like))
     );
 }
 
@@ -264,7 +352,7 @@ mod tests {
         let numbers =
             |step: f64| (0..V::N).map(|i| T::of(1.0 + step * i as f64)).collect::<Vec<_>>();
         let (a, b) = (numbers(1.0), numbers(-0.5));
-        let mut out = vec![T::zero(); 8 * V::N];
+        let mut out = vec![T::zero(); 12 * V::N];
         // SAFETY: the callers have asked for the level; all vectors hold N numbers.
         unsafe {
             let (x, y) = (V::load(a.as_ptr()), V::load(b.as_ptr()));
@@ -276,6 +364,18 @@ mod tests {
             x.min(x.reversed()).store(out[5 * V::N..].as_mut_ptr());
             x.max(x.reversed()).store(out[6 * V::N..].as_mut_ptr());
             x.product_from(y, V::splat(T::of(7.0))).store(out[7 * V::N..].as_mut_ptr());
+            for (part, out) in x.thrice().into_iter().zip(out[8 * V::N..11 * V::N].chunks_mut(V::N))
+            {
+                part.store(out.as_mut_ptr());
+            }
+            let middle = V::splat(a[V::N / 2]);
+            x.replaced(x, middle, y).store(out[11 * V::N..].as_mut_ptr());
+        }
+        for (i, &value) in out[11 * V::N..].iter().enumerate() {
+            assert_eq!(value, if i == V::N / 2 { b[i] } else { a[i] }, "replaced {i}");
+        }
+        for (i, &value) in out[8 * V::N..11 * V::N].iter().enumerate() {
+            assert_eq!(value, a[i / 3], "channel {i}");
         }
         for i in 0..V::N {
             let (x, y) = (a[i], b[i]);

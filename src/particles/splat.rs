@@ -13,6 +13,7 @@ use super::sprite::{Flake, Lens, Sprite};
 use crate::error::{Cancel, Error, finite, pushed};
 use crate::pool;
 use crate::real::Real;
+use crate::scan;
 use crate::simd::dispatch;
 
 /// Flakes per run of the binning, at least: projected, they fit the L2 cache.
@@ -83,10 +84,12 @@ impl Source for Flakes<'_> {
         let all_finite = |argument, ok: bool| {
             if ok { Ok(()) } else { Err(Error::invalid(argument, "must be finite")) }
         };
-        // Without an early end the loop is one vector comparison per few numbers.
-        let finite = |ok: bool, value: &f64| ok & value.is_finite();
-        all_finite("points", self.points.iter().fold(true, finite))?;
-        all_finite("velocity", self.velocity.iter().fold(true, finite))?;
+        let finite = |values: &ArrayView2<'_, f64>| match values.as_slice() {
+            Some(values) => scan::all_finite(values),
+            None => Ok(values.iter().all(|value| value.is_finite())),
+        };
+        all_finite("points", finite(&self.points)?)?;
+        all_finite("velocity", finite(&self.velocity)?)?;
         if let Some(bad) = self.radius.iter().find(|&&r| !(r >= 0.0 && r.is_finite())) {
             return Err(Error::invalid(
                 "radius",
