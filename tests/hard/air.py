@@ -213,6 +213,16 @@ def drawn_at(depth: float) -> Any:
     return measure
 
 
+def crossing(dtype: Any) -> float:
+    """Peak of a flake that comes from depth 0.9 to 0.1, near plane 0.5, over that of half of it."""
+    got = P.splat((64, 64), [[0.0, 0.0, 0.5]], 0.21, fl.Camera(100.0), opacity=0.5,
+                  velocity=(0.0, 0.0, -0.8), shutter=1.0, near=0.5, dtype=dtype)  # fmt: skip
+    # It rests in the picture, 10 px of sigma at depth 0.7, for half the exposure.
+    variance = 100.0 + 1.0 / 12.0
+    share = 100.0 / variance * (1.0 + 4.8e-4 / variance)
+    return float(got.max()) / (0.5 * 0.5 * share * math.exp(-0.25 / variance))
+
+
 def many_layers(dtype: Any) -> float:
     """Opacity of 10^5 wide flakes of 1e-5 on one another, at the middle: 1 - (1 - a)^n."""
     n = 100_000
@@ -386,6 +396,8 @@ CASES = [
         for n in (1e4, 1e6)
     ],
     Case("a flake at the near plane is drawn", drawn_at(0.5), 1.0, 0.0, WALL, "the equal case"),
+    Case("a flake that crosses the near plane: its share of the exposure", crossing, 1.0,
+         (1e-6, 1e-13), "float32 opacity", "the motion is cut before the division"),
     Case("an ulp nearer it is not", drawn_at(math.nextafter(0.5, 0.0)), 0.0, 0.0, WALL,
          "the near plane"),
     Case("at depth 0 it is not", drawn_at(0.0), 0.0, 0.0, WALL, "the near plane"),
