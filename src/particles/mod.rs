@@ -10,9 +10,11 @@
 //! | [`draw`] | flakes drawn into one tile |
 //! | [`splat`] | the image of many flakes |
 //! | [`ids`] | which flake a pixel shows |
+//! | [`crossing`] | flakes that cross the picture of a camera at rest |
 //! | [`flurry`] | the flakes of a box, each placed and looked at as it is drawn |
 
 pub mod bins;
+pub mod crossing;
 mod dim;
 mod draw;
 pub mod flurry;
