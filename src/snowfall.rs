@@ -8,7 +8,7 @@
 use ndarray::{ArrayView2, ArrayView3, ArrayViewMut3};
 
 use crate::error::{Cancel, Error};
-use crate::frame::composite::{BLOCK, OneColour, dim, invert};
+use crate::frame::mix::{OneColour, joint};
 use crate::frame::sample::Sample;
 use crate::spectral::field::{Ready, Window};
 use crate::spectral::opacity::Opacity;
@@ -31,6 +31,9 @@ pub struct Snowfall<'a, 'f, 'b> {
     /// The colour, one entry per channel, as a fraction of full scale.
     pub intensity: &'a [f64],
 }
+
+/// Pixels that are worked on at once; what lies between two steps stays in the first cache.
+const BLOCK: usize = 1024;
 
 impl Snowfall<'_, '_, '_> {
     /// Writes the snow over `background` to `out`, both of the window's shape.
@@ -66,18 +69,13 @@ impl Snowfall<'_, '_, '_> {
             let row = y - rows.start;
             let back = &background[row * width * channels..][..width * channels];
             let flakes = self.flakes.as_ref().and_then(|flakes| flakes.row(row).to_slice());
-            let mut through = [0.0; BLOCK];
+            let mut cover = [0.0; BLOCK];
             for start in (0..width).step_by(BLOCK) {
-                let end = (start + BLOCK).min(width);
-                let through = &mut through[..end - start];
-                through.fill(clear);
-                dim(&alpha[start..end], through);
-                if let Some(flakes) = flakes {
-                    dim(&flakes[start..end], through);
-                }
-                invert(through);
-                let run = start * channels..end * channels;
-                colour.over(&mut line[run.clone()], &back[run], through);
+                let run = start..(start + BLOCK).min(width);
+                let cover = &mut cover[..run.len()];
+                joint(cover, clear, &alpha[run.clone()], flakes.map(|flakes| &flakes[run.clone()]));
+                let run = run.start * channels..run.end * channels;
+                colour.over(&mut line[run.clone()], &back[run], cover);
             }
         })
     }

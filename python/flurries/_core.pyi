@@ -12,6 +12,7 @@ __all__ = [
     "InternalError",
     "advance_phase",
     "all_finite",
+    "all_within",
     "band_amplitude",
     "blend_tiles",
     "cone_basis",
@@ -37,6 +38,7 @@ __all__ = [
     "opacity",
     "over",
     "panic_for_test",
+    "particle_crossing",
     "particle_edge_fade",
     "particle_flurry",
     "particle_flurry_pair",
@@ -105,6 +107,7 @@ def snowfall(
     flakes: _Array | None = None,
 ) -> int: ...
 def all_finite(values: _Array) -> bool: ...
+def all_within(values: _Array, low: float, high: float) -> bool: ...
 def volume(out: _Array, film: Film, times: _Float64) -> int: ...
 def snow(out: _Array, background: _Array, alpha: _Array, intensity: list[float]) -> None: ...
 def over(out: _Array, background: _Array, layer: _Array) -> None: ...
@@ -137,6 +140,20 @@ def particle_edge_fade(
     sides: tuple[float, float, float],
     center: tuple[float, float, float],
 ) -> None: ...
+def particle_crossing(
+    points: _Array,
+    parts: _Array,
+    seed: int,
+    stream: int,
+    depths: list[float],
+    sums: list[float],
+    view: tuple[float, float, float, float, float],
+    way: tuple[float, float],
+    sway: tuple[float, float],
+    sizes: tuple[float, float],
+    opacity: float,
+    fade: tuple[float, float],
+) -> int: ...
 def particle_ids(
     out: npt.NDArray[np.int32],
     points: _Float64,

@@ -4,19 +4,23 @@
 //! | --- | --- |
 //! | [`torus`] | where the flakes are: stateless positions in a box that wraps |
 //! | [`sprite`] | one flake's image: projection, near plane, size and amplitude |
+//! | `project` | several flakes' images at once, by vectors |
 //! | [`profile`] | the Gaussian with an end, and its motion blur |
 //! | [`bins`] | which flakes touch which tile of the picture |
 //! | [`draw`] | flakes drawn into one tile |
 //! | [`splat`] | the image of many flakes |
 //! | [`ids`] | which flake a pixel shows |
+//! | [`crossing`] | flakes that cross the picture of a camera at rest |
 //! | [`flurry`] | the flakes of a box, each placed and looked at as it is drawn |
 
 pub mod bins;
+pub mod crossing;
 mod dim;
 mod draw;
 pub mod flurry;
 pub mod ids;
 pub mod profile;
+mod project;
 mod spare;
 pub mod splat;
 pub mod sprite;

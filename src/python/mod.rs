@@ -7,11 +7,13 @@ use pyo3::prelude::*;
 
 mod air;
 mod cone;
+mod crossing;
 mod frame;
 mod gas;
 mod gate;
 mod particles;
 mod random;
+mod scan;
 mod snowfall;
 mod spectral;
 mod threads;
@@ -28,6 +30,8 @@ mod core {
         cone_shown, cone_squares, cone_stack, cone_table, cone_tile, cone_windows,
     };
     #[pymodule_export]
+    use super::crossing::particle_crossing;
+    #[pymodule_export]
     use super::frame::{join, over, snow};
     #[pymodule_export]
     use super::gas::{gas_alpha, gas_light, gas_pair, gas_splat};
@@ -41,10 +45,12 @@ mod core {
     #[pymodule_export]
     use super::random::uniform;
     #[pymodule_export]
+    use super::scan::{all_finite, all_within};
+    #[pymodule_export]
     use super::snowfall::snowfall;
     #[pymodule_export]
     use super::spectral::{
-        advance_phase, all_finite, band_amplitude, blend_tiles, field, inverse_transform, opacity,
+        advance_phase, band_amplitude, blend_tiles, field, inverse_transform, opacity,
         random_phase, temporal_filter, tent_rate, tile_count,
     };
     #[pymodule_export]
