@@ -7,6 +7,7 @@
 //! | [`profile`] | the Gaussian with an end, and its motion blur |
 //! | [`bins`] | which flakes touch which tile of the picture |
 //! | [`draw`] | flakes drawn into one tile |
+//! | [`sorted`] | flakes projected and sorted once, for pictures of any part of a frame |
 //! | [`splat`] | the image of many flakes |
 //! | [`ids`] | which flake a pixel shows |
 //! | [`flurry`] | the flakes of a box, each placed and looked at as it is drawn |
@@ -17,6 +18,7 @@ mod draw;
 pub mod flurry;
 pub mod ids;
 pub mod profile;
+pub mod sorted;
 mod spare;
 pub mod splat;
 pub mod sprite;

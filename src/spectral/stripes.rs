@@ -29,7 +29,7 @@ pub struct Mapped {
 }
 
 /// Where finished rows go.
-trait Target<T> {
+pub(super) trait Target<T> {
     /// Room for these rows of the window, one behind the other.
     fn room(&mut self, rows: &Range<usize>) -> &mut [T];
 
@@ -61,10 +61,10 @@ struct ByRows<'o, T, O, F> {
     width: usize,
     out: ArrayViewMut2<'o, O>,
     first: usize,
-    finish: &'o F,
+    finish: F,
 }
 
-impl<T, O, F: Fn(usize, &[T], &mut [O])> Target<T> for ByRows<'_, T, O, F> {
+impl<T, O, F: FnMut(usize, &[T], &mut [O]) -> Result<(), Error>> Target<T> for ByRows<'_, T, O, F> {
     fn room(&mut self, rows: &Range<usize>) -> &mut [T] {
         &mut self.strip[..rows.len() * self.width]
     }
@@ -72,7 +72,7 @@ impl<T, O, F: Fn(usize, &[T], &mut [O])> Target<T> for ByRows<'_, T, O, F> {
     fn done(&mut self, rows: Range<usize>) -> Result<(), Error> {
         for (y, values) in rows.zip(self.strip.chunks_exact(self.width)) {
             let mut line = self.out.row_mut(y - self.first);
-            (self.finish)(y, values, line.as_slice_mut().ok_or_else(layout)?);
+            (self.finish)(y, values, line.as_slice_mut().ok_or_else(layout)?)?;
         }
         Ok(())
     }
@@ -99,19 +99,23 @@ impl<T: Real> Ready<'_, '_, T> {
     }
 
     /// The same by rows: `finish(y, values, out row)` for every image row y of the window, where `out`
-    /// has one row per row of it, of any width that `finish` understands.
-    pub fn render_rows<O: Send>(
+    /// has one row per row of it, of any width that `finish` understands. `begin` makes one for each
+    /// run of rows; it meets them from the top down.
+    pub fn render_rows<O: Send, F>(
         &self,
         window: &Window,
         out: ArrayViewMut2<'_, O>,
         mapped: Option<Mapped>,
         cancel: &Cancel,
-        finish: impl Fn(usize, &[T], &mut [O]) + Sync + Send,
-    ) -> Result<(), Error> {
+        begin: impl Fn() -> Result<F, Error> + Sync + Send,
+    ) -> Result<(), Error>
+    where
+        F: FnMut(usize, &[T], &mut [O]) -> Result<(), Error>,
+    {
         self.split(window, out, |rows, out| {
             let width = window.cols.len();
             let strip = Aligned::zeroed(self.field.tile.0 * width)?;
-            let target = ByRows { strip, width, out, first: rows.start, finish: &finish };
+            let target = ByRows { strip, width, out, first: rows.start, finish: begin()? };
             self.tiles(rows, &window.cols, target, mapped, cancel)
         })
     }
@@ -154,69 +158,10 @@ impl<T: Real> Ready<'_, '_, T> {
         mapped: Option<Mapped>,
         cancel: &Cancel,
     ) -> Result<(), Error> {
-        let (height, width) = self.field.tile;
-        let step = (self.down.step(), self.across.step());
-        let squared = self.field.blend == Blend::Power;
-        let touching =
-            (self.down.touching(rows.start, rows.end), self.across.touching(cols.start, cols.end));
-        let starts = (self.across.start(touching.1.start), self.across.start(touching.1.end - 1));
-        let mut work = TileWork::new(self)?;
-        let mut carry = Carry::new((height, width), step, starts.0, starts.1)?;
-        let lifted = mapped.filter(|mapped| mapped.preserve_mean).map(|mapped| {
-            let (alike, span) = (self.field.tiles_alike(), starts.0..starts.1 + width);
-            Lift::new(mapped.map, alike, height.div_ceil(step.0), span, height * width)
-        });
-        let mut lift = lifted.transpose()?;
-        let (mut next, mut made) = (rows.start, 0);
-        for row in touching.0.clone() {
-            let start = self.down.start(row);
-            // Rows before the next tile's start are finished.
-            let last = row + 1 == touching.0.end;
-            let end = if last { rows.end } else { (start + step.0).min(rows.end) };
-            let done = next..end.max(next);
-            let weights = &self.parts.weights.0[row * height..(row + 1) * height];
-            carry.begin_row();
-            if let Some(lift) = &mut lift {
-                lift.begin_row(row);
-            }
-            for col in touching.1.clone() {
-                cancel.check()?;
-                let power = work.render(self, (row, col))?;
-                made += usize::from(power.kept > 0.0);
-                let left = self.across.start(col);
-                let across = &self.parts.weights.1[col * width..(col + 1) * width];
-                let pixels = work.pixels();
-                carry.add(left, pixels, (weights, across));
-                if let Some(lift) = &mut lift {
-                    lift.add(power, row, left, across, squared);
-                }
-                let last = col + 1 == touching.1.end;
-                let right = if last { cols.end } else { (left + step.1).min(cols.end) };
-                let ready = left.max(cols.start)..right;
-                if !ready.is_empty() && !done.is_empty() {
-                    let room = target.room(&done);
-                    let from = (done.start - start) * width + ready.start - left;
-                    let block = Block {
-                        rows: done.len(),
-                        cols: ready.len(),
-                        field: (&pixels[from..], width),
-                        out: (&mut room[ready.start - cols.start..], cols.len()),
-                    };
-                    let lifted = lift.as_mut().map_or(Lifted::None, |lift| {
-                        let shares = done.clone().map(|y| self.shares(y, touching.0.start, row));
-                        lift.of(ready, shares)
-                    });
-                    match &mapped {
-                        Some(mapped) => mapped.map.map_block(block, lifted),
-                        None => block.copy(),
-                    }
-                }
-                carry.keep(left, pixels, last);
-            }
-            next = done.end;
-            target.done(done)?;
+        let mut strip = Strip::new(self, rows, cols.clone(), mapped)?;
+        while !strip.ended() {
+            strip.row_of_tiles(self, &mut target, cancel)?;
         }
-        self.transformed.fetch_add(made, Ordering::Relaxed);
         Ok(())
     }
 
@@ -228,6 +173,120 @@ impl<T: Real> Ready<'_, '_, T> {
             // Means mix with weights that sum to 1: the squares, in the power law.
             (row, if self.field.blend == Blend::Linear { weight } else { weight * weight })
         })
+    }
+}
+
+/// A window's rows of tiles, one after the other, with what each leaves to the next.
+pub(super) struct Strip<T: Real> {
+    rows: Range<usize>,
+    cols: Range<usize>,
+    /// The rows and columns of tiles that touch it.
+    touching: (Range<usize>, Range<usize>),
+    mapped: Option<Mapped>,
+    work: TileWork<T>,
+    carry: Carry<T>,
+    lift: Option<Lift<T>>,
+    /// The row of tiles that comes, and the first row that is not finished.
+    row: usize,
+    next: usize,
+}
+
+impl<T: Real> Strip<T> {
+    pub(super) fn new(
+        ready: &Ready<'_, '_, T>,
+        rows: Range<usize>,
+        cols: Range<usize>,
+        mapped: Option<Mapped>,
+    ) -> Result<Self, Error> {
+        let (height, width) = ready.field.tile;
+        let step = (ready.down.step(), ready.across.step());
+        let touching = (
+            ready.down.touching(rows.start, rows.end),
+            ready.across.touching(cols.start, cols.end),
+        );
+        let starts = (ready.across.start(touching.1.start), ready.across.start(touching.1.end - 1));
+        let lifted = mapped.filter(|mapped| mapped.preserve_mean).map(|mapped| {
+            let (alike, span) = (ready.field.tiles_alike(), starts.0..starts.1 + width);
+            Lift::new(mapped.map, alike, height.div_ceil(step.0), span, height * width)
+        });
+        Ok(Self {
+            work: TileWork::new(ready)?,
+            carry: Carry::new((height, width), step, starts.0, starts.1)?,
+            lift: lifted.transpose()?,
+            row: touching.0.start,
+            next: rows.start,
+            rows,
+            cols,
+            touching,
+            mapped,
+        })
+    }
+
+    /// Whether all rows are finished.
+    pub(super) fn ended(&self) -> bool {
+        self.row == self.touching.0.end
+    }
+
+    /// Makes one row of tiles and finishes what no later one touches.
+    pub(super) fn row_of_tiles(
+        &mut self,
+        ready: &Ready<'_, '_, T>,
+        target: &mut impl Target<T>,
+        cancel: &Cancel,
+    ) -> Result<(), Error> {
+        let Self { rows, cols, touching, mapped, work, carry, lift, .. } = self;
+        let (height, width) = ready.field.tile;
+        let step = (ready.down.step(), ready.across.step());
+        let squared = ready.field.blend == Blend::Power;
+        let (row, mut made) = (self.row, 0);
+        let start = ready.down.start(row);
+        // Rows before the next tile's start are finished.
+        let last = row + 1 == touching.0.end;
+        let end = if last { rows.end } else { (start + step.0).min(rows.end) };
+        let done = self.next..end.max(self.next);
+        let weights = &ready.parts.weights.0[row * height..(row + 1) * height];
+        carry.begin_row();
+        if let Some(lift) = lift {
+            lift.begin_row(row);
+        }
+        for col in touching.1.clone() {
+            cancel.check()?;
+            let power = work.render(ready, (row, col))?;
+            made += usize::from(power.kept > 0.0);
+            let left = ready.across.start(col);
+            let across = &ready.parts.weights.1[col * width..(col + 1) * width];
+            let pixels = work.pixels();
+            carry.add(left, pixels, (weights, across));
+            if let Some(lift) = lift {
+                lift.add(power, row, left, across, squared);
+            }
+            let last = col + 1 == touching.1.end;
+            let right = if last { cols.end } else { (left + step.1).min(cols.end) };
+            let inside = left.max(cols.start)..right;
+            if !inside.is_empty() && !done.is_empty() {
+                let room = target.room(&done);
+                let from = (done.start - start) * width + inside.start - left;
+                let block = Block {
+                    rows: done.len(),
+                    cols: inside.len(),
+                    field: (&pixels[from..], width),
+                    out: (&mut room[inside.start - cols.start..], cols.len()),
+                };
+                let lifted = lift.as_mut().map_or(Lifted::None, |lift| {
+                    let shares = done.clone().map(|y| ready.shares(y, touching.0.start, row));
+                    lift.of(inside, shares)
+                });
+                match &mapped {
+                    Some(mapped) => mapped.map.map_block(block, lifted),
+                    None => block.copy(),
+                }
+            }
+            carry.keep(left, pixels, last);
+        }
+        self.next = done.end;
+        self.row += 1;
+        ready.transformed.fetch_add(made, Ordering::Relaxed);
+        target.done(done)
     }
 }
 

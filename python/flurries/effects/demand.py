@@ -70,6 +70,7 @@ def needs_of_falling(effect: Falling, frame: Frame) -> Needs:
         reads,
         most=1.0 - clear,
         in_one_pass=one_pass,
+        by_rows=True,
         savings=savings,
     )
 

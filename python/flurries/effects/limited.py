@@ -16,7 +16,6 @@ from flurries._contract import Array, Float64
 from flurries.effects.layer import Frame
 from flurries.spectral import opacity
 from flurries.spectral.contrast import kept_power, mean_opacity
-from flurries.spectral.frame import alpha_of, field_of
 from flurries.spectral.tiles import tile_starts
 from flurries.timeline import value_at
 
@@ -28,13 +27,12 @@ Map = tuple[float, float, float, float]
 
 def deepened(effect: Falling, frame: Frame, mapped: Map) -> Array:
     """Return the texture's opacity over the window, as far as the scene's depth leaves it."""
-    preserve_mean = effect.preserves_mean
-    far = effect.far_depth(frame.shape)
-    if frame.depth is None or float(frame.depth.min()) >= far:
-        return alpha_of(effect.texture_request(frame), mapped, preserve_mean=preserve_mean)
+    far, depth = effect.far_depth(frame.shape), frame.depth
+    if depth is None or frame.once(effect, "nearest", lambda: float(depth.min())) >= far:
+        return effect.drawn(frame, mapped)
     if effect.depth_mode == "tile":
-        return _by_tile(effect, frame, mapped, preserve_mean)
-    return _by_pixel(effect, frame, mapped, preserve_mean)
+        return _by_tile(effect, frame, mapped)
+    return _by_pixel(effect, frame, mapped)
 
 
 def share_of(depth: Array, near: float, far: float) -> Float64:
@@ -68,18 +66,25 @@ def farthest(effect: Falling, frame: Frame) -> Array:
     return np.stack([bands[y : y + tile].max(axis=0) for y in rows])
 
 
-def _by_tile(effect: Falling, frame: Frame, mapped: Map, preserve_mean: bool) -> Array:
+def _by_tile(effect: Falling, frame: Frame, mapped: Map) -> Array:
     """Limit the band of each tile by its farthest depth."""
-    shortest, faded = frame.once(effect, "limits", lambda: _limits(effect, frame, mapped))
-    alpha = alpha_of(
-        effect.texture_request(frame, shortest=shortest), mapped, preserve_mean=preserve_mean
+    shortest, faded, down, across = frame.once(
+        effect, "limits", lambda: _limits(effect, frame, mapped)
     )
-    alpha *= faded
+    alpha = effect.drawn(frame, mapped, shortest=shortest)
+    top, bottom, left, right = frame.window
+
+    def factor() -> Array:
+        return np.asarray(down[top:bottom] @ faded @ across[left:right].T, np.float32)
+
+    alpha *= frame.here(effect, "factor", factor)
     return alpha
 
 
-def _limits(effect: Falling, frame: Frame, mapped: Map) -> tuple[Float64, Array]:
-    """Return each tile's shortest wave, px, and each pixel's factor over the window."""
+def _limits(
+    effect: Falling, frame: Frame, mapped: Map
+) -> tuple[Float64, Float64, Float64, Float64]:
+    """Return each tile's shortest wave, px, and factor, and its shares of rows and of columns."""
     (height, width), ((tile, _), overlap) = frame.shape, effect.layout(frame)[0]
     near, far = effect.near_depth, effect.far_depth(frame.shape)
     rows = tile_starts(height, tile=tile, overlap=overlap)
@@ -88,10 +93,9 @@ def _limits(effect: Falling, frame: Frame, mapped: Map) -> tuple[Float64, Array]
     longest = effect.band(frame.shape)[1]
     shortest = near * longest / ends.astype(np.float64)
     faded = _faded(share_of(ends, near, far), mapped)
-    top, bottom, left, right = frame.window
-    down = weights(rows, height, tile, overlap)[top:bottom]
-    across = weights(cols, width, tile, overlap)[left:right]
-    return shortest, (down @ faded @ across.T).astype(np.float32)
+    down = weights(rows, height, tile, overlap)
+    across = weights(cols, width, tile, overlap)
+    return shortest, faded, down, across
 
 
 def weights(starts: Array, length: int, tile: int, overlap: int) -> Float64:
@@ -104,7 +108,7 @@ def weights(starts: Array, length: int, tile: int, overlap: int) -> Float64:
     return np.asarray(share / share.sum(axis=1, keepdims=True))
 
 
-def _by_pixel(effect: Falling, frame: Frame, mapped: Map, preserve_mean: bool) -> Array:
+def _by_pixel(effect: Falling, frame: Frame, mapped: Map) -> Array:
     """Weigh octaves of the texture by how much of their air is before the pixel."""
     assert frame.depth is not None
     near, far = effect.near_depth, effect.far_depth(frame.shape)
@@ -120,7 +124,7 @@ def _by_pixel(effect: Falling, frame: Frame, mapped: Map, preserve_mean: bool) -
     def octave(number: int) -> Array:
         # The root of the share of an octave's power; the same for both eyes.
         limits = edges[number], edges[number + 1]
-        return frame.once(
+        return frame.here(
             effect,
             f"octave {number}",
             lambda: np.sqrt(share_of(depth, *limits)).astype(np.float32),
@@ -129,15 +133,15 @@ def _by_pixel(effect: Falling, frame: Frame, mapped: Map, preserve_mean: bool) -
     for number in range(octaves):
         # All waves that stand for depths up to the far edge of this octave.
         limit = 0.0 if number + 1 == octaves else near * longest / edges[number + 1]
-        asked = effect.texture_request(frame, shortest=np.full(grid, limit))
-        nearer = field_of(asked)
+        name, shortest = f"texture {number}", np.full(grid, limit)
+        nearer = effect.drawn(frame, None, name=name, shortest=shortest)
         part = octave(number)
         total += part * (nearer if before is None else nearer - before)
         before = nearer
     share = share_of(depth, near, far)
     mean, spread, power, amount = mapped
     alpha = opacity(total, mean=mean, spread=spread, exponent=power)
-    if preserve_mean:
+    if effect.preserves_mean:
         kept = kept_power(
             effect.cycles(frame), effect.alias, shutter=value_at(effect.shutter, frame.t)
         )
