@@ -42,7 +42,7 @@ def share_of(depth: Array, near: float, far: float) -> Float64:
     return np.asarray(np.clip(share, 0.0, 1.0))
 
 
-def _faded(share: Float64, mapped: Map) -> Float64:
+def _faded(share: Float64, mapped: Map, most: float | None = None) -> Float64:
     """Return the factor that brings the mean opacity down to the share that is left.
 
     Less variance alone would leave the even veil that the map's mean makes, even before a wall that
@@ -50,7 +50,7 @@ def _faded(share: Float64, mapped: Map) -> Float64:
     """
     mean, spread, power, _ = mapped
     whole = mean_opacity(np.ones(1), mean, spread, power)[0]
-    left = mean_opacity(share.ravel(), mean, spread, power).reshape(share.shape)
+    left = mean_opacity(share.ravel(), mean, spread, power, most=most).reshape(share.shape)
     factor = np.divide(share * whole, left, out=np.zeros_like(share), where=left > 0.0)
     return np.asarray(np.minimum(factor, 1.0))
 
@@ -139,17 +139,22 @@ def _by_pixel(effect: Falling, frame: Frame, mapped: Map) -> Array:
         total += part * (nearer if before is None else nearer - before)
         before = nearer
     share = share_of(depth, near, far)
+    # Of the whole frame, so that a window has its bits.
+    whole = frame.depth
+    most = float(
+        frame.once(effect, "most", lambda: share_of(whole.max(keepdims=True), near, far)).item()
+    )
     mean, spread, power, amount = mapped
     alpha = opacity(total, mean=mean, spread=spread, exponent=power)
     if effect.preserves_mean:
         kept = kept_power(
             effect.cycles(frame), effect.alias, shutter=value_at(effect.shutter, frame.t)
         )
-        lost = mean_opacity(share.ravel(), mean, spread, power) - mean_opacity(
-            kept * share.ravel(), mean, spread, power
+        lost = mean_opacity(share.ravel(), mean, spread, power, most=most) - mean_opacity(
+            kept * share.ravel(), mean, spread, power, most=kept * most
         )
         alpha += lost.reshape(share.shape).astype(np.float32)
-    alpha *= (amount * _faded(share, mapped)).astype(np.float32)
+    alpha *= (amount * _faded(share, mapped, most)).astype(np.float32)
     return np.clip(alpha, 0.0, 1.0, out=alpha)
 
 
