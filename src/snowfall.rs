@@ -5,6 +5,8 @@
 //! [`crate::spectral::opacity`], [`crate::frame::composite::join`] and
 //! [`crate::frame::composite::snow`] one after another, to the bit.
 
+use std::ops::Range;
+
 use ndarray::{ArrayView2, ArrayView3, ArrayViewMut3};
 
 use crate::error::{Cancel, Error, zeroed};
@@ -79,32 +81,37 @@ impl Snowfall<'_, '_, '_, '_> {
         let clear = (1.0 - self.haze) as f32;
         let mapped = Some(Mapped { map: self.map, preserve_mean: self.preserve_mean });
         let rows = &self.window.rows;
-        let cols = &self.window.cols;
+        let all = &self.window.cols;
         let (colour, background) = (&colour, &background);
-        let begin = || {
+        let begin = |cols: &Range<usize>| {
+            let (cols, wide) = (cols.clone(), cols.len());
+            let inside = cols.start - all.start..cols.end - all.start;
             let mut strip: Vec<f32> = match self.flakes {
-                Drawn::Sorted(_) => zeroed(TILE * width)?,
+                Drawn::Sorted(_) => zeroed(TILE * wide)?,
                 _ => Vec::new(),
             };
             // The row of tiles that the strip holds.
             let mut held = usize::MAX;
             Ok(move |y: usize, alpha: &[f32], line: &mut [S]| {
                 let row = y - rows.start;
-                let back = &background[row * width * channels..][..width * channels];
+                let first = (row * width + inside.start) * channels;
+                let back = &background[first..][..wide * channels];
                 let flakes = match &self.flakes {
                     Drawn::Nothing => None,
-                    Drawn::Plane(flakes) => flakes.row(row).to_slice(),
+                    Drawn::Plane(flakes) => {
+                        flakes.row(row).to_slice().map(|line| &line[inside.clone()])
+                    }
                     Drawn::Sorted(sorted) => {
                         if held != y / TILE {
                             held = y / TILE;
                             sorted.row_of_tiles(held, cols.clone(), &mut strip, cancel)?;
                         }
-                        Some(&strip[y % TILE * width..][..width])
+                        Some(&strip[y % TILE * wide..][..wide])
                     }
                 };
                 let mut through = [0.0; BLOCK];
-                for start in (0..width).step_by(BLOCK) {
-                    let end = (start + BLOCK).min(width);
+                for start in (0..wide).step_by(BLOCK) {
+                    let end = (start + BLOCK).min(wide);
                     let through = &mut through[..end - start];
                     through.fill(clear);
                     dim(&alpha[start..end], through);
@@ -118,7 +125,7 @@ impl Snowfall<'_, '_, '_, '_> {
                 Ok(())
             })
         };
-        self.texture.render_rows(self.window, lines, mapped, cancel, begin)
+        self.texture.render_rows(self.window, lines, mapped, cancel, S::floats, begin)
     }
 }
 

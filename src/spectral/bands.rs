@@ -14,7 +14,7 @@ use super::band::Band;
 use super::field::{Field, Ready, Window};
 use super::filter::TemporalFilter;
 use super::parts::Parts;
-use super::stripes::{Mapped, Strip, Target};
+use super::stripes::{Mapped, Strip, Target, runs};
 use super::tiles::{Blend, Row};
 use crate::error::{Cancel, Error};
 use crate::pool;
@@ -156,17 +156,9 @@ impl<T: Real> Bands<T> {
     /// The rows of a window of a field, or of its opacity.
     pub fn new(field: &Field<'_>, window: &Window, mapped: Option<Mapped>) -> Result<Self, Error> {
         let ready = field.ready::<T>()?;
-        let touched = ready.across.touching(window.cols.start, window.cols.end);
         let mut columns = Vec::new();
-        for run in pool::split(touched.len(), pool::threads()) {
-            let (first, last) = (touched.start + run.start, touched.start + run.end);
-            let inside = |x: usize| x.clamp(window.cols.start, window.cols.end);
-            let from = if run.start == 0 { window.cols.start } else { ready.across.start(first) };
-            let to = if last == touched.end { window.cols.end } else { ready.across.start(last) };
-            let cols = inside(from)..inside(to);
-            if !cols.is_empty() {
-                columns.push(Columns::new(&ready, window, cols, mapped)?);
-            }
+        for cols in runs(&ready.across, &window.cols) {
+            columns.push(Columns::new(&ready, window, cols, mapped)?);
         }
         Ok(Self {
             parts: Arc::clone(&ready.parts),

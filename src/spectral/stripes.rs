@@ -12,7 +12,7 @@ use super::lift::{Lift, Lifted};
 use super::opacity::{Block, Opacity};
 use super::phases::{Power, TileMotion};
 use super::tent::Motion;
-use super::tiles::Blend;
+use super::tiles::{Blend, Row};
 use super::waves::Draw;
 use crate::aligned::Aligned;
 use crate::error::{Cancel, Error, collected};
@@ -26,6 +26,31 @@ pub struct Mapped {
     pub map: Opacity,
     /// Whether the mean opacity that blur takes is given back.
     pub preserve_mean: bool,
+}
+
+/// Bytes of the rows that wait to be finished, beyond which workers share out columns.
+const MOST_STRIPS: usize = 8 << 20;
+
+fn touching(tiles: &Row, pixels: &Range<usize>) -> Range<usize> {
+    tiles.touching(pixels.start, pixels.end)
+}
+
+/// A run of pixels cut at starts of tiles, for each worker one.
+pub(super) fn runs(tiles: &Row, pixels: &Range<usize>) -> Vec<Range<usize>> {
+    let touched = touching(tiles, pixels);
+    let mut runs = Vec::new();
+    for run in pool::split(touched.len(), pool::threads()) {
+        let (first, last) = (touched.start + run.start, touched.start + run.end);
+        let from = if run.start == 0 { pixels.start } else { tiles.start(first) };
+        let to = if last == touched.end { pixels.end } else { tiles.start(last) };
+        // Many overlapping tiles in a small window: their starts can lie before or behind it.
+        let inside = |x: usize| x.clamp(pixels.start, pixels.end);
+        let part = inside(from)..inside(to);
+        if !part.is_empty() {
+            runs.push(part);
+        }
+    }
+    runs
 }
 
 /// Where finished rows go.
@@ -51,6 +76,45 @@ impl<T> Target<T> for Direct<'_, T> {
     }
 
     fn done(&mut self, _rows: Range<usize>) -> Result<(), Error> {
+        Ok(())
+    }
+}
+
+/// To the result's own rows, behind those that are handed on before them: nothing else is held.
+struct InPlace<'o, T, O, F> {
+    row: Aligned<T>,
+    out: &'o mut [O],
+    /// Of the window's row, and of the result's.
+    widths: (usize, usize),
+    first: usize,
+    floats: Floats<T, O>,
+    finish: F,
+}
+
+/// Pixels as values of the field, where they are such.
+pub type Floats<T, O> = fn(&mut [O]) -> Option<&mut [T]>;
+
+impl<T: Copy, O, F: FnMut(usize, &[T], &mut [O]) -> Result<(), Error>> Target<T>
+    for InPlace<'_, T, O, F>
+{
+    fn room(&mut self, rows: &Range<usize>) -> &mut [T] {
+        let (width, line) = self.widths;
+        let pixels = &mut self.out[(rows.start - self.first) * line..][..rows.len() * line];
+        // At its end: row i of n is written to w i .. w (i + 1), where w is the line in widths, and the
+        // values of later rows stand from (w - 1) n + i + 1 on, which is not before.
+        let from = pixels.len() - rows.len() * width;
+        (self.floats)(pixels).map_or(&mut [], |values| &mut values[from..])
+    }
+
+    fn done(&mut self, rows: Range<usize>) -> Result<(), Error> {
+        let Self { row, out, widths: (width, line), first, floats, finish } = self;
+        let pixels = &mut out[(rows.start - *first) * *line..][..rows.len() * *line];
+        let from = pixels.len() - rows.len() * *width;
+        for (i, y) in rows.enumerate() {
+            let values = floats(pixels).ok_or_else(layout)?;
+            row.copy_from_slice(&values[from + i * *width..][..*width]);
+            finish(y, row, &mut pixels[i * *line..][..*line])?;
+        }
         Ok(())
     }
 }
@@ -99,24 +163,63 @@ impl<T: Real> Ready<'_, '_, T> {
     }
 
     /// The same by rows: `finish(y, values, out row)` for every image row y of the window, where `out`
-    /// has one row per row of it, of any width that `finish` understands. `begin` makes one for each
-    /// run of rows; it meets them from the top down.
+    /// has one row per row of it, of any width to a pixel that `finish` understands. `begin` makes one
+    /// for each part of the columns and rows; it meets these from the top down. If `floats` says that
+    /// the result's pixels can hold the values, these wait there.
     pub fn render_rows<O: Send, F>(
         &self,
         window: &Window,
         out: ArrayViewMut2<'_, O>,
         mapped: Option<Mapped>,
         cancel: &Cancel,
-        begin: impl Fn() -> Result<F, Error> + Sync + Send,
+        floats: Floats<T, O>,
+        begin: impl Fn(&Range<usize>) -> Result<F, Error> + Sync + Send,
     ) -> Result<(), Error>
     where
         F: FnMut(usize, &[T], &mut [O]) -> Result<(), Error>,
     {
-        self.split(window, out, |rows, out| {
-            let width = window.cols.len();
-            let strip = Aligned::zeroed(self.field.tile.0 * width)?;
-            let target = ByRows { strip, width, out, first: rows.start, finish: begin()? };
-            self.tiles(rows, &window.cols, target, mapped, cancel)
+        let each = out.ncols() / window.cols.len().max(1);
+        if floats(&mut []).is_some() && out.is_standard_layout() {
+            return self.split(window, out, |rows, part| {
+                let width = window.cols.len();
+                let out = part.into_slice().ok_or_else(layout)?;
+                let target = InPlace {
+                    row: Aligned::zeroed(width)?,
+                    out,
+                    widths: (width, each * width),
+                    first: rows.start,
+                    floats,
+                    finish: begin(&window.cols)?,
+                };
+                self.tiles(rows, &window.cols, target, mapped, cancel)
+            });
+        }
+        let strips = self.field.tile.0 * window.cols.len() * size_of::<T>() * pool::threads();
+        let across = strips > MOST_STRIPS
+            && touching(&self.across, &window.cols).len()
+                >= touching(&self.down, &window.rows).len();
+        // Strips of columns are no wider together than one of all; strips of rows are one for each.
+        let (rows, cols) = if across {
+            (vec![window.rows.clone()], runs(&self.across, &window.cols))
+        } else {
+            (runs(&self.down, &window.rows), vec![window.cols.clone()])
+        };
+        let (mut tasks, mut below) = (Vec::new(), out);
+        for rows in rows {
+            let (mut part, rest) = below.split_at(Axis(0), rows.len());
+            below = rest;
+            for cols in &cols {
+                let (out, right) = part.split_at(Axis(1), cols.len() * each);
+                part = right;
+                tasks.push((rows.clone(), cols.clone(), out));
+            }
+        }
+        pool::for_each(tasks, |(rows, cols, out)| {
+            let width = cols.len();
+            let strip = Aligned::zeroed(self.field.tile.0.min(rows.len()) * width)?;
+            let finish = begin(&cols)?;
+            let target = ByRows { strip, width, out, first: rows.start, finish };
+            self.tiles(rows, &cols, target, mapped, cancel)
         })
     }
 
@@ -131,21 +234,11 @@ impl<T: Real> Ready<'_, '_, T> {
         mut out: ArrayViewMut2<'o, O>,
         work: impl Fn(Range<usize>, ArrayViewMut2<'o, O>) -> Result<(), Error> + Sync + Send,
     ) -> Result<(), Error> {
-        let touched = self.down.touching(window.rows.start, window.rows.end);
         let mut tasks = Vec::new();
-        for run in pool::split(touched.len(), pool::threads()) {
-            let first = touched.start + run.start;
-            let last = touched.start + run.end;
-            let from = if run.start == 0 { window.rows.start } else { self.down.start(first) };
-            let to = if last == touched.end { window.rows.end } else { self.down.start(last) };
-            // Many overlapping tiles in a small window: their starts can lie before or behind it.
-            let rows = from.clamp(window.rows.start, window.rows.end)
-                ..to.clamp(window.rows.start, window.rows.end);
+        for rows in runs(&self.down, &window.rows) {
             let (part, rest) = out.split_at(Axis(0), rows.len());
             out = rest;
-            if !rows.is_empty() {
-                tasks.push((rows, part));
-            }
+            tasks.push((rows, part));
         }
         pool::for_each(tasks, |(rows, part)| work(rows, part))
     }
