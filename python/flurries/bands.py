@@ -67,6 +67,16 @@ class Ask:
     in_one_pass: bool
 
 
+def bands_in(
+    window: Window, asks: Sequence[Ask], mix: Mix, matte: Foreground | None
+) -> list[Window]:
+    """Return the bands that a window is made in; one if no more than the result is held then."""
+    plain = mix.same and matte is None
+    if plain and (not asks or (len(asks) == 1 and asks[0].in_one_pass)):
+        return [window]
+    return bands_of(window)
+
+
 class Picture:
     """A frame that is put together.
 
@@ -102,12 +112,8 @@ class Picture:
 
     @property
     def bands(self) -> list[Window]:
-        """The bands that it is made in; one for all if nothing more than the frame is held then."""
-        plain = self.mix.same and (self.matte is None or self.matte.light is None)
-        alone = len(self.asks) == 1 and self.matte is None and self.asks[0].in_one_pass
-        if plain and (alone or not self.asks):
-            return [self.window]
-        return bands_of(self.window)
+        """The bands that it is made in."""
+        return bands_in(self.window, self.asks, self.mix, self.matte)
 
     def share(self, shared: Shared) -> None:
         """Let effects keep what eyes and bands have in common."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Container
+from collections.abc import Callable, Container
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -13,7 +13,7 @@ from flurries._contract import Array
 from flurries.effects.layer import Layer
 
 # Values that are encoded at a time: in float32 they and what is made on the way fit a cache.
-_CHUNK = 1 << 16
+CHUNK = 1 << 16
 
 # What files with layers call their own planes.
 _TAKEN = ("rgba", "alpha", "background", "depth", "foreground", "forward", "weather")
@@ -48,7 +48,11 @@ class Mix:
 
         if self.same:
             return np.ascontiguousarray(picture)
-        return to_linear(picture, self.encoding) if self.linear else to_display(picture, "linear")
+
+        def turned(part: Array) -> Array:
+            return to_linear(part, self.encoding) if self.linear else to_display(part, "linear")
+
+        return _by_parts(turned, picture, np.empty(picture.shape, np.float32))
 
     def plate(self, picture: Array) -> Array:
         """Return the background in the light that layers are mixed in, (H, W, 3) float32."""
@@ -66,12 +70,7 @@ class Mix:
             if result is not working:
                 result[...] = working
             return result
-        # Encoding makes many arrays on the way: of few rows at a time.
-        rows = max(_CHUNK // working[0].size, 1)
-        for first in range(0, len(working), rows):
-            part = slice(first, first + rows)
-            result[part] = self._encoded(working[part], picture.dtype)
-        return result
+        return _by_parts(lambda part: self._encoded(part, picture.dtype), working, result)
 
     def _encoded(self, working: Array, dtype: np.dtype[Any]) -> Array:
         from flurries.io.color import looked_up, to_display, to_integer, to_linear
@@ -116,6 +115,15 @@ class Mix:
 
         light: list[float] = srgb_to_linear(np.asarray(colour, np.float64)).tolist()
         return light
+
+
+def _by_parts(turn: Callable[[Array], Array], values: Array, result: Array) -> Array:
+    """Fill `result`, few rows at a time: turning values makes many arrays on the way."""
+    rows = max(CHUNK // values[0].size, 1)
+    for first in range(0, len(values), rows):
+        part = slice(first, first + rows)
+        result[part] = turn(values[part])
+    return result
 
 
 def behind(layer: Layer, cover: Array) -> Layer:

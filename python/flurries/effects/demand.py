@@ -158,18 +158,18 @@ def _flakes(effect: Falling, frame: Frame, amount: float) -> Cost:
     unseen = LeftOut(
         f"{kind.name} out of view", f"some {placed - round(drawn * part * share)} of {placed}"
     )
-    whole = 4 * height * width
+    plane = 4 * _pixels(frame)
     if effect.alike(frame):
-        return Cost(work, size, whole, 0, (unseen,))
+        return Cost(work, size, plane, 0, (unseen,))
     # First, of each placed: place, fade, its columns, how far it reaches, and one more; for a
-    # camera that turns its velocity as well, and that across. Then the plane itself, and what is
-    # left of those in the view, with sizes still of all.
+    # camera that turns its velocity as well, and that across. Then what is left of those in the
+    # view, with sizes still of all. The plane comes when these have gone.
     first, then = (
         (129 if frame.path.turns else 73) * placed,
-        whole + 8 * placed + 90 * round(drawn * part),
+        8 * placed + 90 * round(drawn * part),
     )
     work["flake listed"] = float(placed)
-    return Cost(work, size, whole, max(first, then) - whole, (unseen,))
+    return Cost(work, size, plane, max(first, then, plane) - plane, (unseen,))
 
 
 def footprints(effect: Falling, frame: Frame) -> tuple[float, float]:
