@@ -11,6 +11,7 @@ import numpy as np
 from flurries.effects.needs import PARTS, Cost, LeftOut, Needs, Step, skipped
 from flurries.effects.peopled import FADE_IN
 from flurries.effects.tiling import count, texture_cost
+from flurries.spectral.contrast import TABLE_BYTES
 from flurries.timeline import Keys, value_at
 from flurries.wind import Wind
 
@@ -136,7 +137,8 @@ def _texture(effect: Falling, frame: Frame) -> Cost:
         return cost
     pixels = _pixels(frame)
     work: dict[str, Any] = {**cost.work, "limited pixel": passes * pixels}
-    return replace(cost, work=work, scratch=cost.scratch + (24 if passes > 1 else 4) * pixels)
+    scratch = cost.scratch + (24 if passes > 1 else 8) * pixels
+    return replace(cost, work=work, scratch=max(scratch, TABLE_BYTES))
 
 
 def _flakes(effect: Falling, frame: Frame, amount: float) -> Cost:

@@ -71,13 +71,14 @@ def _by_tile(effect: Falling, frame: Frame, mapped: Map) -> Array:
     shortest, faded, down, across = frame.once(
         effect, "limits", lambda: _limits(effect, frame, mapped)
     )
-    alpha = effect.drawn(frame, mapped, shortest=shortest)
     top, bottom, left, right = frame.window
 
-    def factor() -> Array:
+    def mixed() -> Array:
         return np.asarray(down[top:bottom] @ faded @ across[left:right].T, np.float32)
 
-    alpha *= frame.here(effect, "factor", factor)
+    factor = frame.here(effect, "factor", mixed)
+    alpha = effect.drawn(frame, mapped, shortest=shortest)
+    alpha *= factor
     return alpha
 
 

@@ -159,7 +159,9 @@ def _frame(
         costs["ambient"] = (Cost({"encoded pixel": 1.5 * pixels}), False)
     names, fused = _names(asked), 0
     bands = _bands(scene, asked, window)
-    held = _Held(scene, dtype, window, bands)
+    # The one that has most of the weather.
+    band = max(bands, key=lambda band: _area(common(band, window or band)))
+    held = _Held(scene, dtype, window, band, banded=len(bands) > 1)
     for number, (name, (effect, frame, _)) in enumerate(zip(names, asked, strict=True)):
         # Asked again: what was said for the whole film knows neither this time nor this window.
         needs = needs_of(effect, frame)
@@ -174,7 +176,7 @@ def _frame(
             needs = _in_one_pass(needs)
             fused += 1
         elif len(bands) > 1 and needs.by_rows:
-            needs = _of_band(needs, effect, frame, max(bands, key=_area))
+            needs = _of_band(needs, effect, frame, band)
         last = number + 1 == len(asked)
         held.add(*_effect(name, frame, needs, costs, left_out), last=last)
     cost = _composite(scene, dtype, asked, window, fused)
@@ -198,14 +200,19 @@ class _Held:
     """
 
     def __init__(
-        self, scene: Scene, dtype: np.dtype[Any], window: Window | None, bands: list[Window]
+        self,
+        scene: Scene,
+        dtype: np.dtype[Any],
+        window: Window | None,
+        band: Window,
+        *,
+        banded: bool,
     ) -> None:
         self._same = scene.linear == (scene._backdrop.encoding == "linear")
-        self._banded = len(bands) > 1
-        band = max(bands, key=_area)
+        self._banded = banded
         part = None if window is None else common(band, window)
         item = dtype.itemsize if self._same else 4
-        pixels, self._inner = _area(band), 0 if part is None else _area(part)
+        pixels, self._inner = _area(band), _area(part)
         self._whole, self._part = 3 * item * pixels, 3 * item * self._inner
         self._cut = 0 < self._inner < pixels
         self._matte = scene._foreground is not None
@@ -243,7 +250,9 @@ class _Held:
         return self._frame + max(self._peak, end + self._made + self._turning)
 
 
-def _area(window: Window) -> int:
+def _area(window: Window | None) -> int:
+    if window is None:
+        return 0
     height, width = shape_of(window)
     return height * width
 
@@ -301,9 +310,9 @@ def _in_one_pass(needs: Needs) -> Needs:
 
     def thin(step: Step) -> Step:
         cost = step.cost()
-        # What flakes take before their plane is there is told beyond it.
-        more = max(cost.scratch + cost.kept, 0) if cost.scratch else 0
-        scratch = cost.scratch if step.name == "texture" else more
+        # What lists of flakes take is told beyond a plane that comes after them: here none comes.
+        more = cost.kept if step.name == "flakes" and cost.scratch else 0
+        scratch = cost.scratch + more
         return replace(step, cost=lambda: replace(cost, kept=0, scratch=scratch))
 
     return replace(needs, steps=tuple(thin(s) for s in needs.steps if s.name != "join"))
