@@ -137,7 +137,7 @@ def _texture(effect: Falling, frame: Frame) -> Cost:
         return cost
     pixels = _pixels(frame)
     work: dict[str, Any] = {**cost.work, "limited pixel": passes * pixels}
-    scratch = cost.scratch + (24 if passes > 1 else 8) * pixels
+    scratch = cost.scratch + (24 if passes > 1 else 4) * pixels
     return replace(cost, work=work, scratch=max(scratch, TABLE_BYTES))
 
 

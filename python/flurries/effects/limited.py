@@ -68,24 +68,31 @@ def farthest(effect: Falling, frame: Frame) -> Array:
 
 def _by_tile(effect: Falling, frame: Frame, mapped: Map) -> Array:
     """Limit the band of each tile by its farthest depth."""
-    shortest, faded, down, across = frame.once(
-        effect, "limits", lambda: _limits(effect, frame, mapped)
-    )
+    shortest, down, across = frame.once(effect, "limits", lambda: _limits(effect, frame, mapped))
     top, bottom, left, right = frame.window
-
-    def mixed() -> Array:
-        return np.asarray(down[top:bottom] @ faded @ across[left:right].T, np.float32)
-
-    factor = frame.here(effect, "factor", mixed)
+    factor = frame.here(effect, "factor", lambda: _product(down[top:bottom], across[left:right]))
     alpha = effect.drawn(frame, mapped, shortest=shortest)
     alpha *= factor
     return alpha
 
 
-def _limits(
-    effect: Falling, frame: Frame, mapped: Map
-) -> tuple[Float64, Float64, Float64, Float64]:
-    """Return each tile's shortest wave, px, and factor, and its shares of rows and of columns."""
+# Numbers of a product that are held in float64.
+_HELD = 1 << 16
+
+
+def _product(down: Float64, across: Float64) -> Array:
+    """Return ``down @ across.T`` as float32, (h, w); in few rows of float64, which stay in a cache."""
+    result = np.empty((len(down), len(across)), np.float32)
+    rows = max(_HELD // len(across), 1)
+    wide = np.empty((rows, len(across)))
+    for first in range(0, len(down), rows):
+        part = down[first : first + rows]
+        result[first : first + rows] = np.matmul(part, across.T, out=wide[: len(part)])
+    return result
+
+
+def _limits(effect: Falling, frame: Frame, mapped: Map) -> tuple[Float64, Float64, Float64]:
+    """Return each tile's shortest wave, px, and two whose product is each pixel's factor."""
     (height, width), ((tile, _), overlap) = frame.shape, effect.layout(frame)[0]
     near, far = effect.near_depth, effect.far_depth(frame.shape)
     rows = tile_starts(height, tile=tile, overlap=overlap)
@@ -96,7 +103,7 @@ def _limits(
     faded = _faded(share_of(ends, near, far), mapped)
     down = weights(rows, height, tile, overlap)
     across = weights(cols, width, tile, overlap)
-    return shortest, faded, down, across
+    return shortest, down @ faded, across
 
 
 def weights(starts: Array, length: int, tile: int, overlap: int) -> Float64:
