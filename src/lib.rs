@@ -8,6 +8,7 @@
 //! | [`cover`] | which pixels an interval covers | |
 //! | [`random`] | counter-based numbers | |
 //! | [`pool`] | the thread pool, safe across fork | |
+//! | [`scan`] | whether an array's numbers are in their range | |
 //! | [`real`] | float32 and float64 pixels | |
 //! | [`normal`] | the normal law on lanes | |
 //! | [`simd`] | vector instructions chosen at run time | |
@@ -37,6 +38,7 @@ pub mod pool;
 mod python;
 pub mod random;
 pub mod real;
+pub mod scan;
 pub mod simd;
 pub mod snowfall;
 pub mod spectral;

@@ -22,6 +22,12 @@ pub trait Real: Transform + Float + std::ops::AddAssign + std::ops::MulAssign {
     fn of(value: f64) -> Self;
     /// This value in float64.
     fn wide(self) -> f64;
+    /// Values of either precision, if they are of this one.
+    fn own<A: Real>(values: &[A]) -> Option<&[Self]>;
+    /// These values as float32, if they are.
+    fn singles(values: &[Self]) -> Option<&[f32]>;
+    /// These values as float64, if they are.
+    fn doubles(values: &[Self]) -> Option<&[f64]>;
     /// `exp(2 pi i phase)` for a phase of at most half a cycle, reduced in float64 before it was rounded.
     ///
     /// Loops compiled for a level of vector instructions name it, for its fused multiply-add.
@@ -46,6 +52,18 @@ impl Real for f64 {
     #[inline]
     fn wide(self) -> f64 {
         self
+    }
+    #[inline]
+    fn own<A: Real>(values: &[A]) -> Option<&[Self]> {
+        A::doubles(values)
+    }
+    #[inline]
+    fn singles(_values: &[Self]) -> Option<&[f32]> {
+        None
+    }
+    #[inline]
+    fn doubles(values: &[Self]) -> Option<&[f64]> {
+        Some(values)
     }
     /// Taylor series on an eighth of a turn, without a branch, so that a loop over waves vectorises.
     #[inline]
@@ -97,6 +115,18 @@ impl Real for f32 {
     #[inline]
     fn wide(self) -> f64 {
         f64::from(self)
+    }
+    #[inline]
+    fn own<A: Real>(values: &[A]) -> Option<&[Self]> {
+        A::singles(values)
+    }
+    #[inline]
+    fn singles(values: &[Self]) -> Option<&[f32]> {
+        Some(values)
+    }
+    #[inline]
+    fn doubles(_values: &[Self]) -> Option<&[f64]> {
+        None
     }
     /// Polynomials on a quarter of a turn, without a branch, so that a loop over waves vectorises.
     #[inline]

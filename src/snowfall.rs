@@ -10,7 +10,7 @@ use std::ops::Range;
 use ndarray::{ArrayView2, ArrayView3, ArrayViewMut3};
 
 use crate::error::{Cancel, Error, zeroed};
-use crate::frame::composite::{BLOCK, OneColour, dim, invert};
+use crate::frame::mix::{OneColour, joint};
 use crate::frame::sample::Sample;
 use crate::particles::bins::TILE;
 use crate::particles::sorted::Sorted;
@@ -46,6 +46,9 @@ pub struct Snowfall<'a, 'f, 'b, 'd> {
     /// The colour, one entry per channel, as a fraction of full scale.
     pub intensity: &'a [f64],
 }
+
+/// Pixels that are worked on at once; what lies between two steps stays in the first cache.
+const BLOCK: usize = 1024;
 
 impl Snowfall<'_, '_, '_, '_> {
     /// Writes the snow over `background` to `out`, both of the window's shape.
@@ -109,18 +112,14 @@ impl Snowfall<'_, '_, '_, '_> {
                         Some(&strip[y % TILE * wide..][..wide])
                     }
                 };
-                let mut through = [0.0; BLOCK];
+                let mut cover = [0.0; BLOCK];
                 for start in (0..wide).step_by(BLOCK) {
-                    let end = (start + BLOCK).min(wide);
-                    let through = &mut through[..end - start];
-                    through.fill(clear);
-                    dim(&alpha[start..end], through);
-                    if let Some(flakes) = flakes {
-                        dim(&flakes[start..end], through);
-                    }
-                    invert(through);
-                    let run = start * channels..end * channels;
-                    colour.over(&mut line[run.clone()], &back[run], through);
+                    let run = start..(start + BLOCK).min(wide);
+                    let cover = &mut cover[..run.len()];
+                    let flakes = flakes.map(|flakes| &flakes[run.clone()]);
+                    joint(cover, clear, &alpha[run.clone()], flakes);
+                    let run = run.start * channels..run.end * channels;
+                    colour.over(&mut line[run.clone()], &back[run], cover);
                 }
                 Ok(())
             })

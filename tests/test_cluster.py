@@ -165,15 +165,15 @@ def test_a_worker_that_is_killed_loses_nothing(
     assert result and sorted(result[0].written + result[0].kept) == list(range(1, 41))
     assert contents(out) == contents(tmp_path / "here"), "same bits, nothing left over"
     assert manifest.check(out) == []
-    client.wait_for_workers(2, timeout=60)
+    client.wait_for_workers(2, timeout=180)
 
 
 def test_frames_that_kill_every_worker_are_named(client: Any, small_groups: None, tmp_path: Path):
-    client.wait_for_workers(2, timeout=60)
+    client.wait_for_workers(2, timeout=180)
     deadly = SCENE.replace(effects=[Slow(0.0, ends=True)])
     with pytest.raises(RuntimeError, match="frames 1 to 4"):
         deadly.write(tmp_path / "%d.png", "1-4", dask=client)
-    client.wait_for_workers(2, timeout=60)
+    client.wait_for_workers(2, timeout=180)
     assert SCENE.write(tmp_path / "%d.png", "1-2", dask=client).written == [1, 2]
     assert not list(tmp_path.glob(".*"))
 

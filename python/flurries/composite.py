@@ -110,7 +110,7 @@ def snow(
 
 def _require_cover(name: str, cover: Array) -> None:
     """Refuse an opacity outside 0 to 1; NaN is outside, too."""
-    if not (cover.min() >= 0.0 and cover.max() <= 1.0):
+    if not _core.all_within(cover.ravel(), 0.0, 1.0):
         raise ValueError(f"{name} must be from 0 to 1 everywhere")
 
 

@@ -1,4 +1,5 @@
 //! Layers over a background: Langer 2004, Eq. 7, and premultiplied over.
 
 pub mod composite;
+pub mod mix;
 pub mod sample;

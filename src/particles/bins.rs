@@ -7,6 +7,7 @@
 
 use std::ops::Range;
 
+use super::project::Group;
 use super::sprite::{Flake, Lens, Sprite};
 use crate::cover::pixels;
 use crate::error::Error;
@@ -81,10 +82,59 @@ pub struct Scratch {
     pairs: Vec<(u32, u32)>,
 }
 
+/// A run's tables while they are filled.
+pub struct Sorter<'a> {
+    /// The tiles.
+    pub grid: &'a Grid,
+    large: &'a mut Vec<Sprite>,
+    starts: &'a mut Vec<u32>,
+    pairs: &'a mut Vec<(u32, u32)>,
+    projected: &'a mut Vec<Sprite>,
+}
+
+impl Sorter<'_> {
+    /// Adds a sprite to the tiles that it reaches.
+    #[inline(always)]
+    pub fn place(&mut self, sprite: Option<Sprite>) -> Result<(), Error> {
+        let Some(sprite) = sprite else { return Ok(()) };
+        let Some((rows, columns)) = self.grid.reached(&sprite) else { return Ok(()) };
+        self.add(sprite, rows, columns)
+    }
+
+    /// Adds a sprite to those of these rows and columns of tiles that it can touch.
+    #[inline(always)]
+    pub fn add(
+        &mut self,
+        sprite: Sprite,
+        rows: Range<usize>,
+        columns: Range<usize>,
+    ) -> Result<(), Error> {
+        let Self { grid, large, starts, pairs, projected } = self;
+        if rows.len() * columns.len() > MOST_TILES {
+            reserve(large, 1)?;
+            large.push(sprite);
+            return Ok(());
+        }
+        reserve(pairs, MOST_TILES)?;
+        let alone = rows.len() * columns.len() == 1;
+        for row in rows {
+            for column in columns.clone() {
+                if alone || touches(&sprite, row, column) {
+                    let tile = row * grid.columns + column;
+                    starts[tile + 1] += 1;
+                    pairs.push((tile as u32, projected.len() as u32));
+                }
+            }
+        }
+        projected.push(sprite);
+        Ok(())
+    }
+}
+
 impl Bins {
     /// Projects the flakes of a run and sorts them by tile, in place of those of another run.
     #[inline(always)]
-    pub fn fill(
+    pub fn fill<const LEVEL: u8>(
         &mut self,
         flakes: impl ExactSizeIterator<Item = Option<Flake>>,
         lens: &Lens,
@@ -101,28 +151,14 @@ impl Bins {
         starts.clear();
         reserve(starts, grid.len() + 1)?;
         starts.resize(grid.len() + 1, 0);
-        for flake in flakes {
-            let Some(flake) = flake else { continue };
-            let Some(sprite) = Sprite::of(&flake, lens) else { continue };
-            let Some((rows, columns)) = grid.reached(&sprite) else { continue };
-            if rows.len() * columns.len() > MOST_TILES {
-                reserve(large, 1)?;
-                large.push(sprite);
-                continue;
+        let mut sorter = Sorter { grid, large, starts, pairs, projected };
+        let mut group = Group::new();
+        for flake in flakes.flatten() {
+            if group.push(&flake) {
+                group.project::<LEVEL>(lens, &mut sorter)?;
             }
-            reserve(pairs, MOST_TILES)?;
-            let alone = rows.len() * columns.len() == 1;
-            for row in rows {
-                for column in columns.clone() {
-                    if alone || touches(&sprite, row, column) {
-                        let tile = row * grid.columns + column;
-                        starts[tile + 1] += 1;
-                        pairs.push((tile as u32, projected.len() as u32));
-                    }
-                }
-            }
-            projected.push(sprite);
         }
+        group.project::<LEVEL>(lens, &mut sorter)?;
         for tile in 0..grid.len() {
             starts[tile + 1] += starts[tile];
         }
@@ -181,6 +217,7 @@ fn reserve<T>(buffer: &mut Vec<T>, more: usize) -> Result<(), Error> {
 mod tests {
     use super::*;
     use crate::random::Hash;
+    use crate::simd::{AVX2, AVX512, Level, PORTABLE};
 
     const LENS: Lens = Lens { focal: 100.0, center: [0.0; 2], offset: [0.0; 3], near: 0.1 };
 
@@ -192,7 +229,19 @@ mod tests {
                 // Three sizes: a few pixels, a tile, the picture. All different, to tell them apart.
                 radius: [0.01, 0.3, 3.0][i % 3] * (1.0 + 1e-3 * i as f64),
                 opacity: 0.5,
-                travel: if i % 2 == 0 { [0.0; 3] } else { [unit(i, 2), -0.5, 0.0] },
+                // At rest in groups and one by one; some cross the near plane, some are behind it.
+                travel: if i < 100 || i % 2 == 0 {
+                    [0.0; 3]
+                } else {
+                    [unit(i, 2), -0.5, if i % 5 == 0 { 1.9 } else { 0.0 }]
+                },
+            })
+            .map(|flake| {
+                let behind = flake.radius > 0.0 && unit((flake.radius * 1e6) as usize, 3) < 0.1;
+                Flake {
+                    point: [flake.point[0], flake.point[1], if behind { -1.0 } else { 1.0 }],
+                    ..flake
+                }
             })
             .collect()
     }
@@ -202,14 +251,28 @@ mod tests {
         let flakes = flakes(300);
         let grid = Grid::over((200, 300));
         assert_eq!((grid.rows, grid.columns), (4, 5));
-        for parts in [1, 2, 7] {
+        for (level, parts) in [(PORTABLE, 1), (PORTABLE, 7), (AVX2, 2), (AVX512, 7)] {
+            let known = match crate::simd::level() {
+                Level::Avx512 => AVX512,
+                Level::Avx2 => AVX2,
+                Level::Portable => PORTABLE,
+            };
+            if level > known {
+                continue;
+            }
             let mut scratch = Scratch::default();
             let bins: Vec<Bins> = crate::pool::split(flakes.len(), parts)
                 .into_iter()
                 .map(|run| {
                     let mut bins = Bins::default();
                     let flakes = flakes[run].iter().copied().map(Some);
-                    bins.fill(flakes, &LENS, &grid, &mut scratch).unwrap();
+                    let scratch = &mut scratch;
+                    match level {
+                        AVX512 => bins.fill::<AVX512>(flakes, &LENS, &grid, scratch),
+                        AVX2 => bins.fill::<AVX2>(flakes, &LENS, &grid, scratch),
+                        _ => bins.fill::<PORTABLE>(flakes, &LENS, &grid, scratch),
+                    }
+                    .unwrap();
                     bins
                 })
                 .collect();

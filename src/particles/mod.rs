@@ -4,6 +4,7 @@
 //! | --- | --- |
 //! | [`torus`] | where the flakes are: stateless positions in a box that wraps |
 //! | [`sprite`] | one flake's image: projection, near plane, size and amplitude |
+//! | `project` | several flakes' images at once, by vectors |
 //! | [`profile`] | the Gaussian with an end, and its motion blur |
 //! | [`bins`] | which flakes touch which tile of the picture |
 //! | [`draw`] | flakes drawn into one tile |
@@ -18,6 +19,7 @@ mod draw;
 pub mod flurry;
 pub mod ids;
 pub mod profile;
+mod project;
 pub mod sorted;
 mod spare;
 pub mod splat;

@@ -172,7 +172,7 @@ fn fill_with<S: Source, const LEVEL: u8>(
     grid: &Grid,
     scratch: &mut Scratch,
 ) -> Result<(), Error> {
-    bins.fill(range.map(|index| flakes.get(index)), lens, grid, scratch)
+    bins.fill::<LEVEL>(range.map(|index| flakes.get(index)), lens, grid, scratch)
 }
 
 /// A tile's number, where in it the part begins, and its pixels.

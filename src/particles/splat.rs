@@ -7,6 +7,7 @@ use super::sorted::Sorted;
 use super::sprite::{Flake, Lens, Sprite};
 use crate::error::{Cancel, Error, finite};
 use crate::real::Real;
+use crate::scan;
 
 /// Flakes as arrays: points (n, 3) in camera axes; the others have n rows, or one for all.
 #[derive(Debug, Clone, Copy)]
@@ -65,17 +66,29 @@ impl Source for Flakes<'_> {
         let all_finite = |argument, ok: bool| {
             if ok { Ok(()) } else { Err(Error::invalid(argument, "must be finite")) }
         };
-        // Without an early end the loop is one vector comparison per few numbers.
-        let finite = |ok: bool, value: &f64| ok & value.is_finite();
-        all_finite("points", self.points.iter().fold(true, finite))?;
-        all_finite("velocity", self.velocity.iter().fold(true, finite))?;
-        if let Some(bad) = self.radius.iter().find(|&&r| !(r >= 0.0 && r.is_finite())) {
+        let finite = |values: &ArrayView2<'_, f64>| match values.as_slice() {
+            Some(values) => scan::all_finite(values),
+            None => Ok(values.iter().all(|value| value.is_finite())),
+        };
+        all_finite("points", finite(&self.points)?)?;
+        all_finite("velocity", finite(&self.velocity)?)?;
+        let within = |values: &ArrayView1<'_, f64>, most: f64| match values.as_slice() {
+            Some(values) => scan::all_within(values, 0.0, most),
+            None => Ok(values.iter().all(|value| (0.0..=most).contains(value))),
+        };
+        let bad = |values: &ArrayView1<'_, f64>, most: f64| {
+            if within(values, most)? {
+                return Ok(None);
+            }
+            Ok(values.iter().copied().find(|value| !(0.0..=most).contains(value)))
+        };
+        if let Some(bad) = bad(&self.radius, f64::MAX)? {
             return Err(Error::invalid(
                 "radius",
                 format!("must be finite and not negative, got {bad}"),
             ));
         }
-        if let Some(bad) = self.opacity.iter().find(|&&o| !(0.0..=1.0).contains(&o)) {
+        if let Some(bad) = bad(&self.opacity, 1.0)? {
             return Err(Error::invalid("opacity", format!("must be from 0 to 1, got {bad}")));
         }
         if !(self.shutter >= 0.0 && self.shutter.is_finite()) {

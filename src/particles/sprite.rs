@@ -12,13 +12,13 @@
 //! size and position.
 
 /// The variance of one pixel's box, by which sampling widens a flake.
-const PIXEL_VARIANCE: f64 = 1.0 / 12.0;
+pub(super) const PIXEL_VARIANCE: f64 = 1.0 / 12.0;
 
 /// Below this variance (px^2) samples alias: exp(-2 pi^2 0.38) = 5.5e-4 of the energy per axis.
-const LEAST_VARIANCE: f64 = 0.38;
+pub(super) const LEAST_VARIANCE: f64 = 0.38;
 
 /// Gives back what the end of the footprint takes from small flakes, px^2.
-const RIM_SHARE: f64 = 4.8e-4;
+pub(super) const RIM_SHARE: f64 = 4.8e-4;
 
 /// The footprint ends here, in sigma_e, on each side.
 pub const REACH: f64 = 4.0;
@@ -105,28 +105,38 @@ impl Sprite {
             let scale = lens.focal / at[2].max(lens.near);
             [lens.center[0] + scale * at[0], lens.center[1] + scale * at[1]]
         };
-        let mut start = place(from);
-        let mut along = [1.0, 0.0];
-        let mut length = 0.0;
+        let start = place(from);
+        let sigma = variance.sqrt();
+        let mut sprite = Self { start, along: [1.0, 0.0], length: 0.0, sigma, amplitude, depth };
         if flake.travel != [0.0; 3] {
             let end = place(to);
             let (dx, dy) = (end[0] - start[0], end[1] - start[1]);
-            length = (dx * dx + dy * dy).sqrt();
-            if length > LEAST_LENGTH {
-                along = [dx / length, dy / length];
-            } else {
-                start = [start[0] + 0.5 * dx, start[1] + 0.5 * dy];
-                length = if length.is_finite() { 0.0 } else { f64::NAN };
-            }
+            sprite.sweep([dx, dy], (dx * dx + dy * dy).sqrt());
         }
-        let sigma = variance.sqrt();
-        // Each comparison is false for NaN, so that an overflow above ends here.
-        let within = start[0].abs() <= MOST_PIXELS
-            && start[1].abs() <= MOST_PIXELS
-            && length <= MOST_PIXELS
-            && sigma <= MOST_PIXELS
-            && amplitude >= LEAST_AMPLITUDE;
-        within.then_some(Self { start, along, length, sigma, amplitude, depth })
+        sprite.within().then_some(sprite)
+    }
+
+    /// Makes a resting flake's image one that moves by `way`, of the given length, from its place on.
+    #[inline(always)]
+    pub(super) fn sweep(&mut self, [dx, dy]: [f64; 2], length: f64) {
+        if length > LEAST_LENGTH {
+            self.along = [dx / length, dy / length];
+            self.length = length;
+        } else {
+            self.start = [self.start[0] + 0.5 * dx, self.start[1] + 0.5 * dy];
+            self.length = if length.is_finite() { 0.0 } else { f64::NAN };
+        }
+    }
+
+    /// Whether it can be drawn and seen. Each comparison is false for NaN, so that an overflow on the
+    /// way here ends here.
+    #[inline(always)]
+    pub(super) fn within(&self) -> bool {
+        (self.start[0].abs() <= MOST_PIXELS)
+            & (self.start[1].abs() <= MOST_PIXELS)
+            & (self.length <= MOST_PIXELS)
+            & (self.sigma <= MOST_PIXELS)
+            & (self.amplitude >= LEAST_AMPLITUDE)
     }
 
     /// The smallest box of pixel coordinates that holds the footprint: (low, high) as (x, y).

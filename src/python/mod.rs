@@ -12,6 +12,7 @@ mod gas;
 mod gate;
 mod particles;
 mod random;
+mod scan;
 mod snowfall;
 mod spectral;
 mod threads;
@@ -42,12 +43,13 @@ mod core {
     #[pymodule_export]
     use super::random::uniform;
     #[pymodule_export]
+    use super::scan::{all_finite, all_within};
+    #[pymodule_export]
     use super::snowfall::snowfall;
     #[pymodule_export]
     use super::spectral::{
-        FieldBands, advance_phase, all_finite, band_amplitude, blend_tiles, field, field_bands,
-        field_take, inverse_transform, opacity, random_phase, temporal_filter, tent_rate,
-        tile_count,
+        FieldBands, advance_phase, band_amplitude, blend_tiles, field, field_bands, field_take,
+        inverse_transform, opacity, random_phase, temporal_filter, tent_rate, tile_count,
     };
     #[pymodule_export]
     use super::threads::{panic_for_test, reproducible, set_reproducible, set_threads, threads};

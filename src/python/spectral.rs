@@ -346,27 +346,3 @@ pub fn field_take(
     let FieldBands { bands, nanoseconds, .. } = bands;
     gate::run(py, rows * *nanoseconds, |cancel| bands.take(first, out, cancel))
 }
-
-/// Whether all numbers are finite, in one pass.
-#[pyfunction]
-pub fn all_finite(values: Flat<'_>) -> bool {
-    fn sound<T: Real>(values: &[T]) -> bool {
-        // NaN and infinity times zero are NaN; sums of zeros are zero. No branch, so it vectorises.
-        let check =
-            |run: &[T]| run.iter().fold(T::zero(), |sum, &v| sum + v * T::zero()) == T::zero();
-        values.chunks(4096).all(check)
-    }
-    match values {
-        Flat::Single(values) => values.as_slice().is_ok_and(sound),
-        Flat::Double(values) => values.as_slice().is_ok_and(sound),
-    }
-}
-
-/// A flat array of either precision.
-#[derive(FromPyObject)]
-pub enum Flat<'py> {
-    /// float32
-    Single(PyReadonlyArray1<'py, f32>),
-    /// float64
-    Double(PyReadonlyArray1<'py, f64>),
-}

@@ -5,7 +5,7 @@ use std::ops::Range;
 
 use super::opacity::Opacity;
 use super::phases::Power;
-use crate::error::{Error, zeroed};
+use crate::error::{Error, collected, zeroed};
 use crate::real::Real;
 
 /// Of each row of tiles that still touches the picture, the tiles' values mixed across.
@@ -15,6 +15,8 @@ pub struct Lift<T> {
     alike: bool,
     /// A ring: one line for each row of tiles that can touch a pixel.
     lines: Vec<Vec<T>>,
+    /// Whether a line has any that is not 0.
+    lost: Vec<bool>,
     origin: usize,
     /// The values of a block.
     block: Vec<T>,
@@ -48,7 +50,8 @@ impl<T: Real> Lift<T> {
         }
         let none = Power { present: f64::NAN, kept: f64::NAN };
         let block = zeroed(if alike { 0 } else { most })?;
-        Ok(Self { map, alike, lines, origin: span.start, block, known: (none, 0.0) })
+        let lost = collected(lines.iter().map(|_| false))?;
+        Ok(Self { map, alike, lines, lost, origin: span.start, block, known: (none, 0.0) })
     }
 
     /// Before the first tile of a row.
@@ -56,6 +59,7 @@ impl<T: Real> Lift<T> {
         let count = self.lines.len();
         if count > 0 {
             self.lines[row % count].fill(T::zero());
+            self.lost[row % count] = false;
         }
     }
 
@@ -69,6 +73,7 @@ impl<T: Real> Lift<T> {
         if count == 0 || value == 0.0 {
             return;
         }
+        self.lost[row % count] = true;
         let (value, line) = (T::of(value), &mut self.lines[row % count]);
         for (sum, &w) in line[start - self.origin..].iter_mut().zip(weights) {
             *sum += value * if squared { w * w } else { w };
@@ -82,8 +87,11 @@ impl<T: Real> Lift<T> {
         cols: Range<usize>,
         rows: impl Iterator<Item = R>,
     ) -> Lifted<'_, T> {
-        if self.alike {
+        if self.alike && self.known.1 != 0.0 {
             return Lifted::All(T::of(self.known.1));
+        }
+        if self.alike || !self.lost.contains(&true) {
+            return Lifted::None;
         }
         let Self { lines, block, .. } = self;
         let mut count = 0;

@@ -34,10 +34,15 @@ impl<T: Real> Block<'_, '_, T> {
 }
 
 #[inline(always)]
-fn map_with<T: Real, V: Lanes<T>, const SQUARE: bool>(map: Opacity, block: &mut Block<'_, '_, T>) {
+fn map_with<T: Real, V: Lanes<T>, const SQUARE: bool>(
+    map: Opacity,
+    lift: Option<T>,
+    block: &mut Block<'_, '_, T>,
+) {
     // A vanishing spread is a threshold: the largest factor, since infinity times 0 is NaN.
     let scale = T::of((0.5 / map.spread).min(T::max_value().wide()));
     let (mean, amount) = (T::of(map.mean), T::of(map.amount));
+    let lift = lift.map(|lift| amount * lift);
     let Block { rows, cols, field: (field, from), out: (out, to) } = block;
     let cols = *cols;
     for row in 0..*rows {
@@ -45,7 +50,8 @@ fn map_with<T: Real, V: Lanes<T>, const SQUARE: bool>(map: Opacity, block: &mut 
         if cols < V::N {
             for (out, &z) in out.iter_mut().zip(field) {
                 let base = (mean + z * scale).max(T::zero()).min(T::one());
-                *out = amount * if SQUARE { base * base } else { base };
+                let value = amount * if SQUARE { base * base } else { base };
+                *out = lift.map_or(value, |lift| (value + lift).max(T::zero()).min(amount));
             }
             continue;
         }
@@ -58,7 +64,12 @@ fn map_with<T: Real, V: Lanes<T>, const SQUARE: bool>(map: Opacity, block: &mut 
                 let base = V::splat(mean).add(z.mul(V::splat(scale)));
                 let base = base.max(V::splat(T::zero())).min(V::splat(T::one()));
                 let base = if SQUARE { base.mul(base) } else { base };
-                V::splat(amount).mul(base).store(out.as_mut_ptr().add(i));
+                let mut value = V::splat(amount).mul(base);
+                if let Some(lift) = lift {
+                    value =
+                        value.add(V::splat(lift)).max(V::splat(T::zero())).min(V::splat(amount));
+                }
+                value.store(out.as_mut_ptr().add(i));
             }
         }
     }
@@ -67,23 +78,32 @@ fn map_with<T: Real, V: Lanes<T>, const SQUARE: bool>(map: Opacity, block: &mut 
 #[inline(always)]
 fn map_on<T: Real, const SQUARE: bool, const LEVEL: u8>(
     map: Opacity,
+    lift: Option<T>,
     block: &mut Block<'_, '_, T>,
 ) {
     match LEVEL {
-        AVX512 => map_with::<T, T::Avx512, SQUARE>(map, block),
-        AVX2 => map_with::<T, T::Avx2, SQUARE>(map, block),
-        _ => map_with::<T, T::Portable, SQUARE>(map, block),
+        AVX512 => map_with::<T, T::Avx512, SQUARE>(map, lift, block),
+        AVX2 => map_with::<T, T::Avx2, SQUARE>(map, lift, block),
+        _ => map_with::<T, T::Portable, SQUARE>(map, lift, block),
     }
 }
 
 #[inline(always)]
-fn map_square_with<T: Real, const LEVEL: u8>(map: Opacity, block: &mut Block<'_, '_, T>) {
-    map_on::<T, true, LEVEL>(map, block);
+fn map_square_with<T: Real, const LEVEL: u8>(
+    map: Opacity,
+    lift: Option<T>,
+    block: &mut Block<'_, '_, T>,
+) {
+    map_on::<T, true, LEVEL>(map, lift, block);
 }
 
 #[inline(always)]
-fn map_plain_with<T: Real, const LEVEL: u8>(map: Opacity, block: &mut Block<'_, '_, T>) {
-    map_on::<T, false, LEVEL>(map, block);
+fn map_plain_with<T: Real, const LEVEL: u8>(
+    map: Opacity,
+    lift: Option<T>,
+    block: &mut Block<'_, '_, T>,
+) {
+    map_on::<T, false, LEVEL>(map, lift, block);
 }
 
 #[inline(always)]
@@ -115,10 +135,10 @@ fn lift_with<T: Real, const LEVEL: u8>(
 }
 
 dispatch! {
-    fn map_square<T: Real>(map: Opacity, block: &mut Block<'_, '_, T>) = map_square_with
+    fn map_square<T: Real>(map: Opacity, lift: Option<T>, block: &mut Block<'_, '_, T>) = map_square_with
 }
 dispatch! {
-    fn map_plain<T: Real>(map: Opacity, block: &mut Block<'_, '_, T>) = map_plain_with
+    fn map_plain<T: Real>(map: Opacity, lift: Option<T>, block: &mut Block<'_, '_, T>) = map_plain_with
 }
 dispatch! {
     fn lift_block<T: Real>(amount: T, lifted: Lifted<'_, T>, block: &mut Block<'_, '_, T>) = lift_with
@@ -168,14 +188,21 @@ impl Opacity {
 
     /// Maps a block; what is lifted is added before the amount and the upper clip (see
     /// [`Self::mean_of`]).
-    pub fn map_block<T: Real>(&self, mut block: Block<'_, '_, T>, lifted: Lifted<'_, T>) {
-        // The two powers that people use avoid the general one, which costs ten times as much.
-        if self.power == 2.0 {
-            map_square(*self, &mut block);
-        } else if self.power == 1.0 {
-            map_plain(*self, &mut block);
+    pub fn map_block<T: Real>(&self, mut block: Block<'_, '_, T>, mut lifted: Lifted<'_, T>) {
+        // The two powers that people use avoid the general one, which costs ten times as much, and are
+        // lifted on the way where it is by the same everywhere.
+        if self.power == 2.0 || self.power == 1.0 {
+            let lift = if let Lifted::All(lift) = lifted { Some(lift) } else { None };
+            if lift.is_some() {
+                lifted = Lifted::None;
+            }
+            if self.power == 2.0 {
+                map_square(*self, lift, &mut block);
+            } else {
+                map_plain(*self, lift, &mut block);
+            }
         } else {
-            map_plain(Self { amount: 1.0, ..*self }, &mut block);
+            map_plain(Self { amount: 1.0, ..*self }, None, &mut block);
             let (power, amount) = (T::of(self.power), T::of(self.amount));
             let plain = reproducible();
             for out in block.out_rows() {

@@ -62,9 +62,17 @@ def on_axis_finite(axis: tuple[float, float, float]) -> Any:
 
 
 def azimuth_range(dtype: Any) -> float:
-    """Azimuths outside [0, 1)."""
-    found = K.rays(SHAPE, fl.Camera(30.0), axis=(0.0, 1e-30, 1.0), slope=0.0).azimuth
-    return float(np.count_nonzero((found < 0.0) | (found >= 1.0)))
+    """Azimuths outside [0, 1), of rays that turn back from it by 1e-32 to 1e-14 among them."""
+    across = np.concatenate([np.logspace(-30, -12, 200), -np.logspace(-30, -12, 200)])
+    places = np.column_stack([np.full(400, 20.0), across])
+    camera = fl.Camera(30.0, center=(8.0, 0.0))
+    outside = 0
+    for found in (
+        K.rays(SHAPE, fl.Camera(30.0), axis=(0.0, 1e-30, 1.0), slope=0.0).azimuth,
+        K.rays((16, 16), camera, axis=(0.0, 0.0, 1.0), points_px=places).azimuth,
+    ):
+        outside += np.count_nonzero((found < 0.0) | (found >= 1.0))
+    return float(outside)
 
 
 def even_tile(dtype: Any) -> float:

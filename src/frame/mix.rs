@@ -1,0 +1,266 @@
+//! One colour laid over pixels (Langer 2004, Eq. 7), and the joint opacity of what lies over them.
+
+use num_traits::{One, Zero};
+
+use super::sample::{Sample, Samples};
+use crate::error::{Error, collected};
+use crate::real::Real;
+use crate::simd::{AVX2, AVX512, dispatch};
+
+/// `colour * alpha + (1 - alpha) * background`, exact at both ends: alpha 0 is the background's bits
+/// and alpha 1 the colour's. A NaN of the background stays, whatever covers it.
+#[inline(always)]
+fn mix<T: Real>(background: T, colour: T, alpha: T) -> T {
+    let mixed = colour * alpha + (T::one() - alpha) * background;
+    if alpha == T::zero() {
+        background
+    } else if alpha == T::one() && !background.is_nan() {
+        colour
+    } else {
+        mixed
+    }
+}
+
+/// One colour laid over pixels of one channel or three.
+pub struct OneColour<S: Sample> {
+    // The colour of a block of pixels, channel by channel: with one loop over channels alike a vector
+    // holds whatever channels come next.
+    values: Vec<S::Working>,
+    channels: usize,
+}
+
+/// Pixels that are mixed at once, a multiple of all vectors; their work space stays in the first cache.
+const BLOCK: usize = 256;
+
+impl<S: Sample> OneColour<S> {
+    /// The colour with one entry of `intensity` per channel, as a fraction of full scale.
+    pub fn new(intensity: &[f64], channels: usize) -> Result<Self, Error> {
+        if (channels != 1 && channels != 3) || intensity.len() != channels {
+            let message = format!(
+                "must have one channel or three, as the colour has, got {channels} and {}",
+                intensity.len()
+            );
+            return Err(Error::invalid("background", message));
+        }
+        let value = |i: usize| <S::Working as Real>::of(intensity[i % channels] * S::SCALE);
+        Ok(Self { values: collected((0..BLOCK * channels).map(value))?, channels })
+    }
+
+    /// Writes `colour * alpha + (1 - alpha) * background`, with one alpha per pixel.
+    pub fn over<A: Real>(&self, out: &mut [S], background: &[S], alpha: &[A]) {
+        let size = BLOCK * self.channels;
+        let blocks = out.chunks_mut(size).zip(background.chunks(size));
+        for ((out, back), alpha) in blocks.zip(alpha.chunks(BLOCK)) {
+            if let Some(alpha) = S::Working::own(alpha) {
+                self.block(out, back, alpha);
+            } else {
+                // On the stack: rows must not allocate.
+                let mut own = [S::Working::zero(); BLOCK];
+                for (own, alpha) in own.iter_mut().zip(alpha) {
+                    *own = S::Working::of(alpha.wide());
+                }
+                self.block(out, back, &own[..alpha.len()]);
+            }
+        }
+    }
+
+    fn block(&self, out: &mut [S], background: &[S], alpha: &[S::Working]) {
+        if self.channels == 3 {
+            mix_three::<S>(out, background, &self.values, alpha);
+        } else {
+            mix_one::<S>(out, background, &self.values, alpha);
+        }
+    }
+}
+
+/// Pixels of three channels.
+#[inline(always)]
+fn mix_three_with<S: Sample, const LEVEL: u8>(
+    out: &mut [S],
+    background: &[S],
+    colour: &[S::Working],
+    alpha: &[S::Working],
+) {
+    match LEVEL {
+        AVX512 => pixels::<S, S::Avx512, 3>(out, background, colour, alpha),
+        AVX2 => pixels::<S, S::Avx2, 3>(out, background, colour, alpha),
+        _ => pixels::<S, S::Portable, 3>(out, background, colour, alpha),
+    }
+}
+
+/// Pixels of one channel.
+#[inline(always)]
+fn mix_one_with<S: Sample, const LEVEL: u8>(
+    out: &mut [S],
+    background: &[S],
+    colour: &[S::Working],
+    alpha: &[S::Working],
+) {
+    match LEVEL {
+        AVX512 => pixels::<S, S::Avx512, 1>(out, background, colour, alpha),
+        AVX2 => pixels::<S, S::Avx2, 1>(out, background, colour, alpha),
+        _ => pixels::<S, S::Portable, 1>(out, background, colour, alpha),
+    }
+}
+
+dispatch! {
+    fn mix_three<S: Sample>(
+        out: &mut [S],
+        background: &[S],
+        colour: &[S::Working],
+        alpha: &[S::Working],
+    ) = mix_three_with
+}
+
+dispatch! {
+    fn mix_one<S: Sample>(
+        out: &mut [S],
+        background: &[S],
+        colour: &[S::Working],
+        alpha: &[S::Working],
+    ) = mix_one_with
+}
+
+#[inline(always)]
+fn pixels<S: Sample, V: Samples<S>, const CHANNELS: usize>(
+    out: &mut [S],
+    background: &[S],
+    colour: &[S::Working],
+    alpha: &[S::Working],
+) {
+    let count = alpha.len();
+    let (out, background) = (&mut out[..CHANNELS * count], &background[..CHANNELS * count]);
+    let colour = &colour[..CHANNELS * count];
+    let whole = count / V::N * V::N;
+    for pixel in (0..whole).step_by(V::N) {
+        // SAFETY: `pixel` and the N behind it are before `count`, and all else is CHANNELS times as
+        // long; the caller is compiled for the vectors' level.
+        unsafe {
+            let alpha = V::load(alpha.as_ptr().add(pixel));
+            let alpha = if CHANNELS == 3 { alpha.thrice() } else { [alpha; 3] };
+            for (part, &alpha) in alpha.iter().enumerate().take(CHANNELS) {
+                let at = CHANNELS * pixel + part * V::N;
+                let behind = V::read(background.as_ptr().add(at));
+                let colour = V::load(colour.as_ptr().add(at));
+                let (zero, one) = (V::splat(S::Working::zero()), V::splat(S::Working::one()));
+                let mut mixed = colour.mul(alpha).add(one.sub(alpha).mul(behind));
+                // Whole numbers are exact at both ends without more care.
+                if !S::INTEGER {
+                    let opaque = behind.replaced(behind, behind, colour);
+                    mixed = mixed.replaced(alpha, one, opaque).replaced(alpha, zero, behind);
+                }
+                mixed.write(out.as_mut_ptr().add(at));
+            }
+        }
+    }
+    for i in CHANNELS * whole..CHANNELS * count {
+        out[i] = S::store(mix(background[i].load(), colour[i], alpha[i / CHANNELS]));
+    }
+}
+
+#[inline(always)]
+fn joint_with<T: Real, const LEVEL: u8>(out: &mut [T], clear: T, alpha: &[T], more: Option<&[T]>) {
+    let (n, one) = (out.len(), T::one());
+    let alpha = &alpha[..n];
+    match more {
+        Some(more) => {
+            let more = &more[..n];
+            for i in 0..n {
+                out[i] = one - clear * (one - alpha[i]) * (one - more[i]);
+            }
+        }
+        None => {
+            for i in 0..n {
+                out[i] = one - clear * (one - alpha[i]);
+            }
+        }
+    }
+}
+
+dispatch! {
+    /// `1 - clear (1 - alpha) (1 - more)`: two layers and an even veil together.
+    pub fn joint<T: Real>(out: &mut [T], clear: T, alpha: &[T], more: Option<&[T]>) = joint_with
+}
+
+#[inline(always)]
+fn dim_with<T: Real, const LEVEL: u8>(alpha: &[T], through: &mut [T]) {
+    for (through, &alpha) in through.iter_mut().zip(alpha) {
+        *through *= T::one() - alpha;
+    }
+}
+
+#[inline(always)]
+fn invert_with<T: Real, const LEVEL: u8>(values: &mut [T]) {
+    for value in values {
+        *value = T::one() - *value;
+    }
+}
+
+dispatch! {
+    /// What is left of the light behind one more layer.
+    pub fn dim<T: Real>(alpha: &[T], through: &mut [T]) = dim_with
+}
+
+dispatch! {
+    /// Transmittance to opacity, or back.
+    pub fn invert<T: Real>(values: &mut [T]) = invert_with
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_ends_are_exact_and_nan_stays() {
+        assert_eq!(mix(-0.0_f32, 1.0, 0.0).to_bits(), (-0.0_f32).to_bits());
+        assert_eq!(mix(f64::INFINITY, 0.5, 1.0), 0.5);
+        assert_eq!(mix(f64::INFINITY, 0.5, 0.0), f64::INFINITY);
+        assert!(mix(f32::NAN, 0.5, 1.0).is_nan());
+    }
+
+    /// Vectors of every level against the formula, for lengths that fill none and some.
+    fn check<S: Sample + std::fmt::Debug, V: Samples<S>, const CHANNELS: usize>(
+        of: fn(usize) -> S,
+    ) {
+        for count in [1, V::N - 1, V::N, 3 * V::N + 1, BLOCK] {
+            let n = CHANNELS * count;
+            let value = |i: usize| <S::Working as Real>::of((i * 37 % 101) as f64 * 0.04 - 1.0);
+            // Out of range, zero, one and NaN too.
+            let mut alpha: Vec<_> = (0..count).map(value).collect();
+            alpha[count / 2] = S::Working::of(f64::NAN);
+            alpha[0] = S::Working::zero();
+            let colour: Vec<_> =
+                (0..n).map(|i| value(i) * <S::Working as Real>::of(S::SCALE * 3.0)).collect();
+            let background: Vec<_> = (0..n).map(of).collect();
+            let mut out = background.clone();
+            pixels::<S, V, CHANNELS>(&mut out, &background, &colour, &alpha);
+            for i in 0..n {
+                let wanted = S::store(mix(background[i].load(), colour[i], alpha[i / CHANNELS]));
+                // As printed: a NaN is a NaN.
+                assert_eq!(format!("{:?}", out[i]), format!("{wanted:?}"), "{i} of {n}");
+            }
+        }
+    }
+
+    fn check_all<S: Sample + std::fmt::Debug>(of: fn(usize) -> S) {
+        use crate::simd::{Level, level};
+        check::<S, S::Portable, 1>(of);
+        check::<S, S::Portable, 3>(of);
+        if matches!(level(), Level::Avx2 | Level::Avx512) {
+            check::<S, S::Avx2, 1>(of);
+            check::<S, S::Avx2, 3>(of);
+        }
+        if level() == Level::Avx512 {
+            check::<S, S::Avx512, 1>(of);
+            check::<S, S::Avx512, 3>(of);
+        }
+    }
+
+    #[test]
+    fn vectors_mix_as_one_does() {
+        check_all(|i| (i * 83) as u8);
+        check_all(|i| (i * 8_301) as u16);
+        check_all(|i| i as f32 - 20.0);
+        check_all(|i| 1.0 / i as f64);
+    }
+}
