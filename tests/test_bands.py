@@ -89,7 +89,8 @@ def same(first: Any, second: Any) -> bool:
 @pytest.mark.filterwarnings("ignore:.*ambiguous")
 @pytest.mark.parametrize(
     # Matched snow refuses a camera that turns.
-    ("name", "kind"), [(n, k) for n in EFFECTS for k in SCENES if (n, k) != ("matched", "turning")]
+    ("name", "kind"),
+    [(n, k) for n in EFFECTS for k in SCENES if (n, k) != ("matched", "turning")],
 )
 def test_bands_have_the_bits_of_the_whole(name: str, kind: str, low: Callable[[], None]):
     effect = EFFECTS[name]

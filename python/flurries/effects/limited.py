@@ -81,7 +81,7 @@ _HELD = 1 << 16
 
 
 def _product(down: Float64, across: Float64) -> Array:
-    """Return ``down @ across.T`` as float32, (h, w); in few rows of float64, which stay in a cache."""
+    """Return ``down @ across.T`` as float32, (h, w), few rows of float64 at a time."""
     result = np.empty((len(down), len(across)), np.float32)
     rows = max(_HELD // len(across), 1)
     wide = np.empty((rows, len(across)))
