@@ -43,6 +43,7 @@ __all__ = [
     "opacity",
     "over",
     "panic_for_test",
+    "particle_crossing",
     "particle_draw",
     "particle_edge_fade",
     "particle_ids",
@@ -173,6 +174,20 @@ def particle_edge_fade(
     sides: tuple[float, float, float],
     center: tuple[float, float, float],
 ) -> None: ...
+def particle_crossing(
+    points: _Array,
+    parts: _Array,
+    seed: int,
+    stream: int,
+    depths: list[float],
+    sums: list[float],
+    view: tuple[float, float, float, float, float],
+    way: tuple[float, float],
+    sway: tuple[float, float],
+    sizes: tuple[float, float],
+    opacity: float,
+    fade: tuple[float, float],
+) -> int: ...
 def particle_ids(
     out: npt.NDArray[np.int32],
     points: _Float64,

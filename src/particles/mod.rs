@@ -11,9 +11,11 @@
 //! | [`sorted`] | flakes projected and sorted once, for pictures of any part of a frame |
 //! | [`splat`] | the image of many flakes |
 //! | [`ids`] | which flake a pixel shows |
+//! | [`crossing`] | flakes that cross the picture of a camera at rest |
 //! | [`flurry`] | the flakes of a box, each placed and looked at as it is drawn |
 
 pub mod bins;
+pub mod crossing;
 mod dim;
 mod draw;
 pub mod flurry;

@@ -7,6 +7,7 @@ use pyo3::prelude::*;
 
 mod air;
 mod cone;
+mod crossing;
 mod frame;
 mod gas;
 mod gate;
@@ -28,6 +29,8 @@ mod core {
         cone_basis, cone_chart, cone_footprints, cone_layer, cone_moving, cone_needed, cone_rays,
         cone_shown, cone_stack, cone_table, cone_tile,
     };
+    #[pymodule_export]
+    use super::crossing::particle_crossing;
     #[pymodule_export]
     use super::frame::{join, over, snow};
     #[pymodule_export]

@@ -12,8 +12,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from flurries import _core
 from flurries._contract import Array, Float64
-from flurries.augment.draws import uniforms
 from flurries.camera import Camera
 
 # Nearer ones would fill the picture, and fade as out-of-focus puffs do.
@@ -108,7 +108,7 @@ def flakes_at(
     exposure: float,
     eyes: float,
 ) -> Flakes:
-    """Return the particles at a time.
+    """Return the particles at a time, without those that are faded out.
 
     Parameters
     ----------
@@ -132,28 +132,15 @@ def flakes_at(
     view = table**2 * (width * height)
     in_view = float(np.sum(0.5 * (view[1:] + view[:-1])))
     number = round(cloud.count * float(sums[-1]) / in_view)
-    u = uniforms(seed, _STREAM, 5 * number).reshape(number, 5)
-    z = np.interp(u[:, 0] * sums[-1], sums, table)
-    pixels = focal / z
-    margins = 2.0 * (room * pixels + soft)
-    over = (width + margins, height + margins)
-    place = []
-    for axis, span in enumerate(over):
-        way = u[:, 1 + axis] + velocity[axis] * time * pixels / span
-        place.append((way - np.floor(way) - 0.5) * span / pixels)
-    x, y = place
-    angle = cloud.sway[1] * time + 2.0 * np.pi * u[:, 4]
+    points, parts = np.empty((number, 3)), np.empty((number, 4))
+    scale = max(width, height) / 1024.0
+    seen = _core.particle_crossing(
+        points, parts, seed, _STREAM, table.tolist(), sums.tolist(),
+        (width, height, focal, room, soft),
+        (float(velocity[0] * time), float(velocity[1] * time)),
+        (cloud.sway[0], cloud.sway[1] * time), cloud.sizes, cloud.opacity,
+        (scale * _LARGEST_SIGMA[0], scale * _LARGEST_SIGMA[1]),
+    )  # fmt: skip
+    radius, opacity, cover, angle = parts[:seen].T.copy()
     swing = cloud.sway[0] * cloud.sway[1]
-    if swing != 0.0:
-        x = x + cloud.sway[0] * np.sin(angle)
-    radius = 0.5 * (cloud.sizes[0] + u[:, 3] * (cloud.sizes[1] - cloud.sizes[0]))
-    sigma = pixels * radius / 3.0
-    low, high = (limit * max(width, height) / 1024.0 for limit in _LARGEST_SIGMA)
-    part = np.clip((sigma - low) / (high - low), 0.0, 1.0)
-    opacity = cloud.opacity * (1.0 - part * part * (3.0 - 2.0 * part))
-    cover = 2.0 * np.pi * opacity * sigma**2 / (over[0] * over[1])
-    seen = opacity > 0.0
-    points = np.stack([x, y, z], axis=1)
-    return Flakes(
-        points[seen], radius[seen], opacity[seen], velocity, cover[seen], angle[seen], swing
-    )
+    return Flakes(points[:seen], radius, opacity, velocity, cover, angle, swing)

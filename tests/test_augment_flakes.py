@@ -1,0 +1,107 @@
+"""Flakes of the weather for data sets: the kernel against the law it draws from, flake by flake."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+
+import flurries as fl
+from flurries.augment.flakes import NEAREST, Cloud, Flakes, flakes_at
+from twin_particles import mix64
+
+CLOUD = Cloud(count=300.0, reach=9.0, sizes=(0.01, 0.06), opacity=0.8, sway=(0.03, 2.0))
+SHAPE = (240, 320)
+
+
+def unit(seed: int, index: int) -> float:
+    state = 0
+    for key in (seed, 7001, index):
+        state = mix64(state ^ (key & (2**64 - 1)))
+    return (state >> 11) / 2**53
+
+
+def found(cloud: Cloud, time: float, velocity: tuple[float, float], **more: Any) -> Flakes:
+    return flakes_at(
+        cloud, SHAPE, fl.Camera(300.0), seed=-5, velocity=np.array([*velocity, 0.0]), time=time,
+        exposure=0.01, **{"eyes": 0.0, **more},
+    )  # fmt: skip
+
+
+def twin(cloud: Cloud, time: float, velocity: tuple[float, float]) -> list[list[float]]:
+    """x, y, z, radius, opacity, cover, angle of each flake, one by one from the description."""
+    height, width = SHAPE
+    room = 2.0 * cloud.sizes[1] + math.hypot(*velocity) * 0.01 + cloud.sway[0]
+    soft = 4.0 * 320 / 1024 + 4.0
+
+    def over(z: float) -> tuple[float, float]:
+        margin = 2.0 * (room * 300.0 / z + soft)
+        return width + margin, height + margin
+
+    # As many as `count` in view: the volume of the margins' pyramid over that of the view's, both
+    # by the trapezes of 128 steps that are the law.
+    knots = [NEAREST + (cloud.reach - NEAREST) * k / 128 for k in range(129)]
+    law = [z * z * over(z)[0] * over(z)[1] for z in knots]
+    sums = [0.0]
+    for a, b in itertools.pairwise(law):
+        sums.append(sums[-1] + 0.5 * (a + b))
+    view = [z * z * width * height for z in knots]
+    inside = math.fsum(0.5 * (a + b) for a, b in itertools.pairwise(view))
+    rows = []
+    for i in range(round(cloud.count * sums[-1] / inside)):
+        u = [unit(-5, 5 * i + k) for k in range(5)]
+        wanted = u[0] * sums[-1]
+        step = max(k for k in range(128) if sums[k] <= wanted)
+        share = (wanted - sums[step]) / (sums[step + 1] - sums[step])
+        z = knots[step] + share * (knots[step + 1] - knots[step])
+        place = []
+        for axis in range(2):
+            span = over(z)[axis]
+            turns = u[1 + axis] + velocity[axis] * time * 300.0 / z / span
+            place.append((turns - math.floor(turns) - 0.5) * span * z / 300.0)
+        angle = cloud.sway[1] * time + 2.0 * math.pi * u[4]
+        place[0] += cloud.sway[0] * math.sin(angle)
+        radius = 0.5 * (cloud.sizes[0] + u[3] * (cloud.sizes[1] - cloud.sizes[0]))
+        sigma = 300.0 / z * radius / 3.0
+        part = min(max((sigma - 3.5 * 320 / 1024) / (2.5 * 320 / 1024), 0.0), 1.0)
+        opacity = cloud.opacity * (1.0 - 3.0 * part**2 + 2.0 * part**3)
+        if opacity > 1e-15:
+            cover = 2.0 * math.pi * opacity * sigma**2 / math.prod(over(z))
+            rows.append([*place, z, radius, opacity, cover, angle])
+    return rows
+
+
+@pytest.mark.parametrize("time", [0.0, 0.7, -1234.5])
+def test_flakes_are_those_of_the_description(time: float):
+    wanted = np.array(twin(CLOUD, time, (0.4, 1.1)))
+    got = found(CLOUD, time, (0.4, 1.1))
+    columns = [*got.points.T, got.radius, got.opacity, got.cover, got.angle]
+    assert len(wanted) == len(got.points) > 300
+    np.testing.assert_allclose(np.stack(columns, 1), wanted, rtol=1e-9, atol=1e-12)
+    # Some are so near that they fade.
+    assert 0.0 < got.opacity.min() < 0.5 * CLOUD.opacity
+
+
+def test_a_flake_crosses_at_its_own_speed():
+    still = Cloud(count=300.0, reach=9.0, sizes=(0.01, 0.06), opacity=0.8)
+    a, b = (found(still, t, (0.4, 1.1)) for t in (0.0, 0.001))
+    moved = b.points - a.points
+    near = np.abs(moved[:, :2] - [0.0004, 0.0011]).max(axis=1) < 1e-9
+    # All but those that have left on one side and come back on the other.
+    assert near.mean() > 0.99 and not moved[:, 2].any()
+
+
+def test_depths_follow_the_law():
+    many = Cloud(count=40_000.0, reach=9.0, sizes=(0.001, 0.002), opacity=0.5)
+    z = np.sort(found(many, 0.0, (0.0, 1.0)).points[:, 2])
+    knots = np.linspace(NEAREST, 9.0, 20_001)
+    soft, room = 2.0 * (4.0 * 320 / 1024 + 4.0), 2.0 * (0.004 + 0.01)
+    law = (320 + soft + room * 300 / knots) * (240 + soft + room * 300 / knots) * knots**2
+    share = np.cumsum(law)
+    expected = np.interp(z, knots, share / share[-1])
+    rank = (np.arange(len(z)) + 0.5) / len(z)
+    # Kolmogorov's distance: above 1.95 / sqrt(n) once in a thousand.
+    assert np.abs(expected - rank).max() < 1.95 / math.sqrt(len(z))
