@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import pickle
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -61,6 +62,48 @@ def test_what_is_kept_changes_no_bit(effect, monkeypatch):
     assert kept[0] == kept[1] == kept[2] and coned._charts
     monkeypatch.setattr(coned, "chart", lambda pose: None)
     assert [shown.render(t).tobytes() for t in (5, 6)] == [kept[0], kept[3]]
+
+
+@pytest.mark.parametrize("effect", EFFECTS, ids=["rain", "snow"])
+@pytest.mark.parametrize("camera", [None, FLYING], ids=["still", "flying"])
+def test_keys_of_one_shutter_are_the_number(effect, camera):
+    keyed = replace(effect, shutter=fl.Keys([(4, effect.shutter), (11.5, effect.shutter)]))
+    for t in (-3, 5, 11.7, 40):
+        number = scene(effect, camera=camera).render(t)
+        assert scene(keyed, camera=camera).render(t).tobytes() == number.tobytes()
+
+
+@pytest.mark.parametrize("effect", EFFECTS, ids=["rain", "snow"])
+@pytest.mark.parametrize("camera", [None, FLYING], ids=["still", "flying"])
+def test_a_keyed_shutter(effect, camera, tmp_path):
+    keys = fl.Keys([(0, 0.2), (10, 0.2), (20.5, 1.5), (33, 0.0)])
+    keyed = replace(effect, shutter=keys)
+    shown = scene(keyed, camera=camera)
+
+    def number(t):
+        return scene(replace(effect, shutter=keys.at(t)), camera=camera)
+
+    # At every time the axis, speed and length of streaks are those of the number there.
+    for t in (-5.0, 0.0, 7.5, 15.0, 20.5, 25.0, 33.0, 50.0):
+        got, want = (s.effects[0].state(frame_of(s, t)) for s in (shown, number(t)))
+        np.testing.assert_allclose(got.axis, want.axis, atol=1e-12)
+        assert got.speed == pytest.approx(want.speed, abs=1e-9)
+        assert got.stretch == pytest.approx(want.stretch, rel=1e-9)
+    # As long as nothing has changed the picture is, too, but for the last bits of the phase.
+    early, later = ([s.render(t, layers=True).alpha for s in (shown, number(t))] for t in (8, 19))
+    assert np.abs(early[0] - early[1]).max() < 1e-5 < 1e-4 < np.abs(later[0] - later[1]).max()
+    # The phase is the sum of small steps, from the first time of the film on.
+    times = np.linspace(0.0, 25.0, 25 * 400 + 1)
+    states = [keyed.state(frame_of(shown, t)) for t in 0.5 * (times[1:] + times[:-1])]
+    tile = 2.0 * math.pi * effect.radius / effect.repeats
+    gone = sum(s.speed / (tile * s.stretch) for s in states) * (times[1] - times[0]) / shown.fps
+    first, last = (keyed.state(frame_of(shown, t)).phase for t in (0.0, 25.0))
+    assert abs((last - first - gone + 0.5) % 1.0 - 0.5) < 1e-6
+    # And it comes back from a file.
+    shown.save(tmp_path / "scene.toml")
+    again = fl.Scene.load(tmp_path / "scene.toml")
+    assert again.effects == shown.effects
+    assert again.render(19).tobytes() == shown.render(19).tobytes()
 
 
 @pytest.mark.parametrize("effect", EFFECTS, ids=["rain", "snow"])
@@ -235,6 +278,8 @@ def test_presets_files_and_refusals(kind, tmp_path):
         ({"slope": -1.0}, "slope must be from 0"),
         ({"tile": 4}, "tile must be from 16"),
         ({"shutter": -1.0}, "shutter must be at least 0"),
+        ({"shutter": fl.Keys([(0, 0.5), (9, -1.0)])}, "shutter must be at least 0"),
+        ({"shutter": fl.Keys([(0, (0.5, 0.5))])}, "shutter must be keyed with numbers"),
         ({"gain": math.nan}, "gain must be finite"),
         ({"wind": (0, 0)}, "wind must be 3 numbers"),
     ]:

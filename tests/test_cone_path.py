@@ -83,6 +83,66 @@ def test_the_phase_is_the_integral_in_exact_arithmetic():
         assert cycles_apart(moving.phase[1], float(tiles - mpmath.floor(tiles))) < 1e-9, miss
 
 
+def test_one_exposure_at_every_time_is_the_number():
+    times, camera = np.arange(20.0), np.random.default_rng(0).normal(0, 4, (20, 3))
+    number = cone.path(times, DROP, camera, exposure=0.03)
+    rows = cone.path(times, DROP, camera, exposure=np.full(20, 0.03))
+    for name in ("axis", "phase", "stretch", "speed"):
+        assert getattr(rows, name).tobytes() == getattr(number, name).tobytes()
+    for t in (-1.0, 0.0, 3.7, 18.999, 25.0):
+        assert rows.at(t) == number.at(t)
+
+
+@pytest.mark.parametrize("ends", [(0.0, 0.5), (0.4, 0.1), (2.0, 0.0), (0.02, 0.03)])
+@pytest.mark.parametrize("camera", [(0.0, 0.0, 0.0), (0.0, 7.3, 0.0)], ids=["fall", "through zero"])
+def test_an_exposure_that_changes_in_exact_arithmetic(ends, camera):
+    # Up to 500 drops long in a second: the integrand has a pole close to where the exposure is 0.
+    mpmath.mp.dps = 30
+    start, end = np.array(DROP), np.array(DROP) - camera
+    moving = cone.path([0.0, 1.0], [start, end], exposure=ends, length=0.02)
+    axis = moving.axis[0]
+    root = -(start @ axis) / ((end - start) @ axis) if any(camera) else 2.0
+
+    def rate(t):
+        v = [mpmath.mpf(a) + (mpmath.mpf(b) - mpmath.mpf(a)) * t
+             for a, b in zip(start, end, strict=True)]  # fmt: skip
+        pace = mpmath.sqrt(sum(x * x for x in v))
+        exposure = mpmath.mpf(ends[0]) + (mpmath.mpf(ends[1]) - mpmath.mpf(ends[0])) * t
+        return (1 if t < root else -1) * pace / (1 + pace * exposure / mpmath.mpf(0.02))
+
+    near = [abs(place - 2.0**-k) for k in range(1, 14) for place in (0.0, 1.0)]
+    for t in (0.7, 1.0):
+        points = sorted({x for x in (0.0, *near, root, t) if 0.0 <= x <= t})
+        tiles = mpmath.quad(rate, points) / mpmath.pi
+        state = moving.at(t)
+        assert cycles_apart(state.phase, float(tiles - mpmath.floor(tiles))) < 1e-11
+        pace = np.linalg.norm(start + (end - start) * t)
+        blur = (ends[0] + (ends[1] - ends[0]) * t) / 0.02
+        assert state.stretch == pytest.approx(1.0 + pace * blur, rel=1e-13)
+    # Outside it holds.
+    assert (
+        moving.at(3.0).stretch == moving.stretch[1] and moving.at(-1.0).stretch == moving.stretch[0]
+    )
+
+
+def test_a_changing_exposure_has_one_phase_whatever_the_steps():
+    keys, times = np.arange(11.0), np.arange(241) / 24.0
+    rng = np.random.default_rng(4)
+    camera, exposure = rng.normal(0, 1.5, (11, 3)), rng.uniform(0.0, 0.2, 11)
+    exposure[3] = exposure[7] = 0.0
+    dense = np.stack([np.interp(times, keys, camera[:, i]) for i in range(3)], axis=1)
+    coarse = cone.path(keys, DROP, camera, exposure=exposure)
+    fine = cone.path(times, DROP, dense, exposure=np.interp(times, keys, exposure))
+    assert cycles_apart(fine.phase[::24], coarse.phase) < 1e-11
+    np.testing.assert_allclose(fine.stretch[::24], coarse.stretch, rtol=1e-13)
+
+
+def test_drops_at_the_equator_keep_their_speed_while_the_exposure_changes():
+    moving = cone.path([0.0, 1.0], (0.0, 5.0, 0.0), exposure=(0.0, 0.3))
+    a, b = moving.at(0.6), moving.at(0.6 + 1e-5)
+    assert (b.phase - a.phase) / 1e-5 * math.pi * a.stretch == pytest.approx(5.0, rel=1e-4)
+
+
 def test_v_rel_zero():
     still = cone.path([0.0, 1.0, 2.0], (0.0, 0.0, 0.0))
     np.testing.assert_array_equal(still.axis, [[0, 1, 0]] * 3)
@@ -295,6 +355,9 @@ def test_as_printed_the_streaks_depend_on_the_frame_rate():
         ({"camera": np.zeros((3, 3))}, r"camera must be \(3,\) or \(2, 3\)"),
         ({"damping": 1.5}, "damping must be from 0 to 1"),
         ({"exposure": -1.0}, "exposure must be at least 0"),
+        ({"exposure": (0.1, -1.0)}, "exposure must be at least 0, got -1"),
+        ({"exposure": (0.1, math.nan)}, "exposure must be finite"),
+        ({"exposure": (0.1, 0.1, 0.1)}, r"exposure must be a number or \(2,\)"),
         ({"length": 0.0}, "length must be greater than 0"),
         ({"radius": 0.0}, "radius must be from"),
         ({"repeats": 0}, "repeats must be from 1"),

@@ -73,7 +73,7 @@ class Path:
     stretch: Float64
     speed: Float64
     _velocity: Float64
-    _blur: float
+    _blur: Float64
     _tile: float
     _still: float
     _published: bool
@@ -81,25 +81,25 @@ class Path:
     def at(self, time: float) -> State:
         """Return the state at a time in seconds.
 
-        Before the first and after the last time the velocity stays what it is there; between two
-        times it is linear, and the phase its integral. A path as printed has only the moments that
-        it was made of, and gives the last one before `time`.
+        Before the first and after the last time velocity and exposure stay what they are there;
+        between two times they are linear, and the phase an integral. A path as printed has only the
+        moments that it was made of, and gives the last one before `time`.
         """
         t = real("time", time)
         times = self.times
         i = max(bisect.bisect_right(times, t) - 1, 0)
         if self._published or t == times[i]:
             return self._state(i)
-        velocity = self._velocity
-        if i + 1 == len(times) or t < times[0]:
-            start, end = velocity[i], velocity[i]
-        else:
-            start = velocity[i]
+        velocity, blur = self._velocity, self._blur.tolist()
+        start = end = velocity[i]
+        first = last = blur[i]
+        if i + 1 < len(times) and t > times[0]:
             part = (t - times[i]) / (times[i + 1] - times[i])
             end = start + part * (velocity[i + 1] - start)
+            last = first + part * (blur[i + 1] - first)
         axis, speed = _tilt(end, self.axis[i], self._still)
-        gone = _gone(start, end, t - times[i], self.axis[i], self._blur) / self._tile
-        stretch = 1.0 + self._blur * abs(speed)
+        gone = _gone(start, end, t - times[i], self.axis[i], (first, last)) / self._tile
+        stretch = 1.0 + last * abs(speed)
         x, y, z = axis.tolist()
         return State((x, y, z), wrapped(self.phase[i] + gone), stretch, speed)
 
@@ -114,7 +114,7 @@ def path(
     camera: npt.ArrayLike = (0.0, 0.0, 0.0),
     *,
     damping: float = 1.0,
-    exposure: float = 1.0 / 60.0,
+    exposure: npt.ArrayLike = 1.0 / 60.0,
     length: float = 0.02,
     radius: float = 2.0,
     repeats: int = 4,
@@ -140,8 +140,9 @@ def path(
     damping : float
         C_f, how much of the camera's motion counts, 0 to 1; with 1 the apex of the cone is the
         focus of expansion.
-    exposure : float
-        Seconds.
+    exposure : float or (n,)
+        Seconds, 0 or more; one at each time is linear between them. As one that grows makes streaks
+        longer, the phase goes slower by as much, so that drops at the equator keep their speed.
     length : float
         Of a drop, metres, more than 0.
     radius : float
@@ -189,7 +190,7 @@ def path(
         return _printed(moments, rows, damping, length, pixel, tile)
     velocity = travel(*rows, damping=damping)
     slow = real("still", still, above=0.0)
-    blur = real("exposure", exposure, low=0.0) / real("length", length, above=0.0)
+    blur = _exposures(exposure, count) / real("length", length, above=0.0)
     axis, speed = np.empty((count, 3)), np.empty(count)
     last = DOWN
     for i, rate in enumerate(velocity):
@@ -210,6 +211,17 @@ def _rows(name: str, value: npt.ArrayLike, count: int) -> Float64:
     return moderate(name, np.array(np.broadcast_to(given, (count, 3))))
 
 
+def _exposures(value: npt.ArrayLike, count: int) -> Float64:
+    if np.ndim(value) == 0:
+        return np.full(count, real("exposure", value, low=0.0))
+    given = moderate("exposure", table("exposure", value, ndim=1))
+    if given.shape != (count,):
+        raise ValueError(f"exposure must be a number or ({count},), got shape {given.shape}")
+    if not (given >= 0.0).all():
+        raise ValueError(f"exposure must be at least 0, got {given.min()}")
+    return given
+
+
 def _tilt(velocity: Float64, last: Float64, still: float) -> tuple[Float64, float]:
     """Return the axis and the speed along it of a velocity, where the axis was `last`."""
     pace = float(np.linalg.norm(velocity))
@@ -219,64 +231,87 @@ def _tilt(velocity: Float64, last: Float64, still: float) -> tuple[Float64, floa
     return (axis, pace) if axis @ last >= 0.0 else (-axis, -pace)
 
 
-def _gone(start: Float64, end: Float64, dt: float, axis: Float64, blur: float) -> float:
-    """Return metres of the texture's scroll over a time in which the velocity is linear.
+def _gone(
+    start: Float64, end: Float64, dt: float, axis: Float64, blur: tuple[float, float]
+) -> float:
+    """Return metres of the texture's scroll over a time in which velocity and blur are linear.
 
     The integral of ``s |v| / (1 + blur |v|)``, s the sign along `axis`. |v| has a kink, or nearly
-    one, where v is least: pieces double in length from there on.
+    one, where v is least, and the whole a pole beyond the time at which the blur would be 0: pieces
+    double in length from there on.
     """
-    change = end - start
+    change, longer = end - start, blur[1] - blur[0]
     square = float(change @ change)
     edges = {0.0, 1.0}
     if square > 0.0:
         least = -float(start @ change) / square
         slowest = float(np.linalg.norm(start + least * change)) / math.sqrt(square)
-        for side in (-1.0, 1.0):
-            width = 1.0
-            # Where |v| is as far from its branch points as the piece is long, or is no matter.
-            while width > max(0.25 * slowest, 1e-12):
-                edges.add(least + side * width)
-                width *= 0.5
-            edges.add(least + side * width)
-        edges.add(least)
+        edges |= _around(least, slowest)
         along, turning = float(start @ axis), float(change @ axis)
         if turning != 0.0:
             edges.add(-along / turning)
+    if longer != 0.0:
+        fastest = float(np.linalg.norm(start)) + 4.0 * math.sqrt(square)
+        edges |= _around(-blur[0] / longer, 1.0 / max(abs(longer) * fastest, 1.0))
     inside = sorted(edge for edge in edges if 0.0 <= edge <= 1.0)
     total = 0.0
+    rows = start[None], change[None], axis[None], np.array(blur[:1]), np.array([longer])
     for low, high in pairwise(inside):
-        total += float(_pieces(start[None], change[None], axis[None], blur, low, high)[0])
+        total += float(_pieces(*rows, low, high)[0])
     return total * dt
 
 
+def _around(place: float, distance: float) -> set[float]:
+    """Return the ends of pieces that double in length from a place on, to both sides.
+
+    `distance` is how far from there the function is not analytic: no need for shorter pieces.
+    """
+    edges = {place}
+    for side in (-1.0, 1.0):
+        width = 1.0
+        while width > max(0.25 * distance, 1e-12):
+            edges.add(place + side * width)
+            width *= 0.5
+        edges.add(place + side * width)
+    return edges
+
+
 def _pieces(
-    start: Float64, change: Float64, axis: Float64, blur: float, low: float, high: float
-) -> Float64:
+    start: Float64, change: Float64, axis: Float64, blur: Float64, longer: Float64,
+    low: float, high: float,
+) -> Float64:  # fmt: skip
     """Return the integrals over [low, high] of rows of velocities, by one Gauss rule each."""
     middle, half = 0.5 * (low + high), 0.5 * (high - low)
     at = middle + half * _NODES
     velocity = start[:, None, :] + at[:, None] * change[:, None, :]
     pace = np.sqrt(np.einsum("nkc,nkc->nk", velocity, velocity))
     sign = np.where(np.einsum("nkc,nc->nk", velocity, axis) >= 0.0, 1.0, -1.0)
-    return np.asarray(half * (sign * pace / (1.0 + blur * pace)) @ _WEIGHTS)
+    blurred = 1.0 + (blur[:, None] + at * longer[:, None]) * pace
+    return np.asarray(half * (sign * pace / blurred) @ _WEIGHTS)
 
 
-def _all_gone(velocity: Float64, steps: Float64, axis: Float64, blur: float) -> Float64:
-    """Return `_gone` of every step; those without a kink nearby in one go."""
+def _all_gone(velocity: Float64, steps: Float64, axis: Float64, blur: Float64) -> Float64:
+    """Return `_gone` of every step; those without a kink or a pole nearby in one go."""
     start, change, axis = velocity[:-1], np.diff(velocity, axis=0), axis[:-1]
+    first, longer = blur[:-1], np.diff(blur)
     square = np.einsum("nc,nc->n", change, change)
     with np.errstate(divide="ignore", invalid="ignore"):
         least = np.where(square > 0.0, -np.einsum("nc,nc->n", start, change) / square, np.inf)
         closest = start + np.where(np.isfinite(least), least, 0.0)[:, None] * change
         slowest = np.linalg.norm(closest, axis=1) / np.sqrt(square)
-    far = np.hypot(least - 0.5, slowest) > 1.25
+        fastest = np.linalg.norm(start, axis=1) + 4.0 * np.sqrt(square)
+        pole = np.where(longer != 0.0, -first / longer, np.inf)
+        beyond = np.where(longer != 0.0, 1.0 / (np.abs(longer) * fastest), np.inf)
+    far = np.minimum(np.hypot(least - 0.5, slowest), np.hypot(pole - 0.5, beyond)) > 1.25
     along = np.einsum("nc,nc->n", start, axis)
     turned = np.einsum("nc,nc->n", start + change, axis)
     plain = far & ((along >= 0.0) == (turned >= 0.0))
     gone = np.zeros(len(steps))
-    gone[plain] = _pieces(start[plain], change[plain], axis[plain], blur, 0.0, 1.0) * steps[plain]
+    of = [part[plain] for part in (start, change, axis, first, longer)]
+    gone[plain] = _pieces(of[0], of[1], of[2], of[3], of[4], 0.0, 1.0) * steps[plain]
     for i in np.flatnonzero(~plain):
-        gone[i] = _gone(velocity[i], velocity[i + 1], float(steps[i]), axis[i], blur)
+        ends = float(blur[i]), float(blur[i + 1])
+        gone[i] = _gone(velocity[i], velocity[i + 1], float(steps[i]), axis[i], ends)
     return gone
 
 
@@ -298,4 +333,4 @@ def _printed(
     stretch = elongation(length, length=streak, published=True, pixel=pixel)
     moved = scroll(length, dt, published=True, streak=streak, pixel=pixel) / (pixel * tile)
     phase = np.array([wrapped(value) for value in np.cumsum(moved / stretch).tolist()])
-    return Path(moments, axis, phase, stretch, speed, vectors, 0.0, tile, STILL, True)
+    return Path(moments, axis, phase, stretch, speed, vectors, np.zeros(len(dt)), tile, STILL, True)

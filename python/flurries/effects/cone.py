@@ -43,7 +43,7 @@ class Coned(Moving, ABC):
     amount: Number = 1.0
     colour: Any = 0.98
     haze: Number = 0.04
-    shutter: float = 0.5
+    shutter: Number = 0.5
     gain: float = 1.0
     conserve: bool = True
     damping: float = 1.0
@@ -70,7 +70,7 @@ class Coned(Moving, ABC):
         if not isinstance(self.wind, Wind):
             settle("wind", as_vector("wind", self.wind, 3))
         settle("colour", settled_colour(self.colour))
-        settle("shutter", real("shutter", self.shutter, low=0.0))
+        settle("shutter", as_number("shutter", self.shutter, low=0.0))
         settle("gain", real("gain", self.gain, low=0.0, high=1e4))
         flag("conserve", self.conserve)
         settle("damping", real("damping", self.damping, low=0.0, high=1.0))
@@ -203,7 +203,8 @@ class ConeRain(Coned):
         Opacity of an even veil, 0 to 1; before a scene with a depth, of the veil before the
         farthest rain. Keyed.
     shutter : float
-        Exposure in frames, centred on the frame: how long the streaks are.
+        Exposure in frames, centred on the frame: how long the streaks are. Keyed: streaks grow and
+        shrink about the cone's equator, and drops keep their speed there.
     gain : float
         How many times as much light a drop scatters as an opaque one of its size hides.
     conserve : bool
@@ -304,7 +305,7 @@ class ConeSnow(Coned):
     fall : float
         Fall speed in still air, metres per second. Keyed.
     shutter : float
-        Exposure in frames.
+        Exposure in frames. Keyed.
     texture_flakes : int
         Flakes in a tile of the cone's texture; 0 leaves the cone out.
     flakes : int
@@ -333,7 +334,7 @@ class ConeSnow(Coned):
     True
     """
 
-    shutter: float = 0.35
+    shutter: Number = 0.35
     gain: float = 5.0
     texture_flakes: int = 1500
     flakes: int = 300

@@ -12,13 +12,13 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from flurries import cone
-from flurries._contract import Array
+from flurries._contract import Array, Float64
 from flurries._threads import reproducible
 from flurries.camera import Camera
 from flurries.effects.layer import Frame
 from flurries.effects.moving import _air, _camera
 from flurries.path import CameraPath
-from flurries.timeline import Course, Number, Vector
+from flurries.timeline import Course, Keys, Number, Vector
 
 # Below this speed, m/s, the air hardly moves relative to the camera; a cone that turned over there
 # would be seen to.
@@ -34,7 +34,7 @@ class Drops(NamedTuple):
         Metres per second.
     damping : float
         How much of the camera's motion counts.
-    shutter : float
+    shutter : Number
         Exposure, frames.
     length : float
         Of a drop, metres.
@@ -47,7 +47,7 @@ class Drops(NamedTuple):
     fall: Number
     wind: Vector
     damping: float
-    shutter: float
+    shutter: Number
     length: float
     radius: float
     repeats: int
@@ -57,7 +57,10 @@ class Drops(NamedTuple):
 def way(path: CameraPath, fps: float, drops: Drops) -> cone.Path:
     """Return the cone over a whole film; times are seconds."""
     air, camera = _air(fps, drops.fall, drops.wind), _camera(path, fps)
+    shutter = _shutter(drops.shutter)
     knots = np.union1d(air.knots, camera.knots)
+    if isinstance(shutter, Keys):
+        knots = np.union1d(knots, [frame for frame, _ in shutter.keys])
     # Frames between the first and the last knot, at which the axis is looked at; what lies outside
     # does not change.
     ends = np.array([*knots, 0.0])
@@ -70,12 +73,27 @@ def way(path: CameraPath, fps: float, drops: Drops) -> cone.Path:
         twice / fps,
         *velocity,
         damping=drops.damping,
-        exposure=drops.shutter / fps,
+        exposure=_exposures(shutter, twice) / fps,
         length=drops.length,
         radius=drops.radius,
         repeats=drops.repeats,
         still=STILL,
     )
+
+
+def _shutter(shutter: Number) -> Number:
+    """Return keys of one value as the number: the same times, and the same bits."""
+    if not isinstance(shutter, Keys):
+        return shutter
+    values = {value for _, value in shutter.keys}
+    return values.pop() if len(values) == 1 else shutter
+
+
+def _exposures(shutter: Number, frames: Float64) -> Float64:
+    if not isinstance(shutter, Keys):
+        return np.full(len(frames), shutter)
+    at, values = zip(*shutter.keys, strict=True)
+    return np.asarray(np.interp(frames, at, values))
 
 
 def _values(course: Course, at: Array, inside: Array) -> Array:
