@@ -158,7 +158,7 @@ def print_savings(runs: int) -> None:
     effect, frame = flakes_alone._asks(3.0, None, (0, SIZE, 0, SIZE), None)[0]
     print_ratio(
         "flakes out of view, camera turns",
-        lambda: effect._listed(frame, 1.0),
+        lambda: effect._drawn(frame, effect._listed(frame, 1.0)),
         lambda: uncut(effect, frame),
         runs,
     )
@@ -177,7 +177,7 @@ def uncut(effect: Any, frame: fl.Frame) -> Any:
     kept = peopled.in_view
     try:
         peopled.in_view = lambda _frame, points, *_: np.ones(len(points), np.bool_)
-        return effect._listed(frame, 1.0)
+        return effect._drawn(frame, effect._listed(frame, 1.0))
     finally:
         peopled.in_view = kept
 
@@ -469,7 +469,7 @@ def flakes(runs: int) -> dict[str, float]:
     ]
     found = least(
         {
-            "listed": lambda: effect._listed(frame, 1.0),
+            "listed": lambda: effect._drawn(frame, effect._listed(frame, 1.0)),
             "alike": lambda: effect.particles(frame, 1.0),
         },
         runs,

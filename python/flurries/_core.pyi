@@ -1,4 +1,4 @@
-from typing import Any
+from typing import Any, final
 
 import numpy as np
 import numpy.typing as npt
@@ -9,7 +9,10 @@ from flurries.spectral.frame import Request
 from flurries.spectral.volume import Film
 
 __all__ = [
+    "FieldBands",
     "InternalError",
+    "SortedFlakes",
+    "SortedGas",
     "advance_phase",
     "all_finite",
     "all_within",
@@ -29,9 +32,13 @@ __all__ = [
     "cone_tile",
     "cone_windows",
     "field",
+    "field_bands",
+    "field_take",
     "gas_alpha",
+    "gas_draw",
     "gas_light",
     "gas_pair",
+    "gas_sort",
     "gas_splat",
     "inverse_transform",
     "join",
@@ -39,11 +46,13 @@ __all__ = [
     "over",
     "panic_for_test",
     "particle_crossing",
+    "particle_draw",
     "particle_edge_fade",
-    "particle_flurry",
-    "particle_flurry_pair",
     "particle_ids",
     "particle_positions",
+    "particle_sort",
+    "particle_sort_listed",
+    "particle_sort_pair",
     "particle_splat",
     "particle_sway_offsets",
     "random_phase",
@@ -96,6 +105,15 @@ def opacity(out: _Array, field: _Array, map: _Map) -> None: ...
 def field(
     out: _Array, request: Request, map: _Map | None = None, preserve_mean: bool = False
 ) -> int: ...
+
+@final
+class FieldBands:
+    """The rows of a window of the field, to be taken from the top down."""
+
+def field_bands(
+    request: Request, map: _Map | None = None, preserve_mean: bool = False
+) -> FieldBands: ...
+def field_take(bands: FieldBands, out: _Array, first: int) -> int: ...
 def snowfall(
     out: _Array,
     background: _Array,
@@ -104,7 +122,7 @@ def snowfall(
     preserve_mean: bool,
     haze: float,
     intensity: list[float],
-    flakes: _Array | None = None,
+    flakes: _Array | SortedFlakes | None = None,
 ) -> int: ...
 def all_finite(values: _Array) -> bool: ...
 def all_within(values: _Array, low: float, high: float) -> bool: ...
@@ -123,12 +141,30 @@ def particle_positions(
     time: float,
     sway: tuple[float, float] | None,
 ) -> None: ...
-def particle_flurry(out: _Array, request: Flurry, depth: _Array | None = None) -> None: ...
-def particle_flurry_pair(
-    first: _Array,
-    second: _Array,
+
+@final
+class SortedFlakes:
+    """Flakes of a frame, projected and sorted."""
+
+def particle_sort(shape: tuple[int, int], request: Flurry) -> SortedFlakes: ...
+def particle_sort_pair(
+    shape: tuple[int, int],
     request: Flurry,
     lens: tuple[float, float, float, tuple[float, float, float], float],
+) -> tuple[SortedFlakes, SortedFlakes]: ...
+def particle_sort_listed(
+    shape: tuple[int, int],
+    points: _Float64,
+    radius: _Float64,
+    opacity: _Float64,
+    velocity: _Float64,
+    shutter: float,
+    lens: tuple[float, float, float, tuple[float, float, float], float],
+) -> SortedFlakes: ...
+def particle_draw(
+    out: _Array,
+    flakes: SortedFlakes,
+    window: tuple[int, int, int, int],
     depth: _Array | None = None,
 ) -> None: ...
 def particle_sway_offsets(
@@ -241,6 +277,26 @@ def gas_alpha(
     lens: tuple[float, float, float, tuple[float, float, float]],
     manner: tuple[str, str, float, str, bool, float],
     depth: _Array | None,
+) -> None: ...
+
+@final
+class SortedGas:
+    """A gas as one eye sees it, projected and sorted."""
+
+def gas_sort(
+    shape: tuple[int, int],
+    centers: _Float64,
+    radius: _Float64,
+    density: _Float64,
+    colours: _Float64,
+    lens: tuple[float, float, float, tuple[float, float, float]],
+    manner: tuple[str, str, float, str, bool, float],
+) -> SortedGas: ...
+def gas_draw(
+    out: _Array,
+    gas: SortedGas,
+    window: tuple[int, int, int, int],
+    depth: _Array | None = None,
 ) -> None: ...
 def gas_light(
     out: _Float64,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Container
+from collections.abc import Callable, Container
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -11,6 +11,9 @@ import numpy as np
 from flurries import _core
 from flurries._contract import Array
 from flurries.effects.layer import Layer
+
+# Values that are encoded at a time: in float32 they and what is made on the way fit a cache.
+CHUNK = 1 << 16
 
 # What files with layers call their own planes.
 _TAKEN = ("rgba", "alpha", "background", "depth", "foreground", "forward", "weather")
@@ -34,13 +37,22 @@ class Mix:
     encoding: str
     table: bool = False
 
+    @property
+    def same(self) -> bool:
+        """Whether that is the light that the background holds."""
+        return self.linear == (self.encoding == "linear")
+
     def working(self, picture: Array) -> Array:
         """Return the background in the light that layers are mixed in."""
         from flurries.io.color import to_display, to_linear
 
-        if self.linear == (self.encoding == "linear"):
+        if self.same:
             return np.ascontiguousarray(picture)
-        return to_linear(picture, self.encoding) if self.linear else to_display(picture, "linear")
+
+        def turned(part: Array) -> Array:
+            return to_linear(part, self.encoding) if self.linear else to_display(part, "linear")
+
+        return _by_parts(turned, picture, np.empty(picture.shape, np.float32))
 
     def plate(self, picture: Array) -> Array:
         """Return the background in the light that layers are mixed in, (H, W, 3) float32."""
@@ -48,22 +60,30 @@ class Mix:
 
         return to_single(to_unit(self.working(picture)))
 
-    def finished(self, working: Array, picture: Array) -> Array:
-        """Return the composite in the background's own encoding and dtype."""
-        from flurries.io.color import looked_up, to_display, to_integer, to_linear
-
-        if self.linear == (self.encoding == "linear"):
+    def finished(self, working: Array, picture: Array, into: Array | None = None) -> Array:
+        """Return the composite in the background's own encoding and dtype, in `into` if given."""
+        if self.same and into is None:
             # The background's own pixels where nothing lay over them: the caller gets a copy.
             return working if working.flags.writeable else working.copy()
+        result = np.empty(picture.shape, picture.dtype) if into is None else into
+        if self.same:
+            if result is not working:
+                result[...] = working
+            return result
+        return _by_parts(lambda part: self._encoded(part, picture.dtype), working, result)
+
+    def _encoded(self, working: Array, dtype: np.dtype[Any]) -> Array:
+        from flurries.io.color import looked_up, to_display, to_integer, to_linear
+
         if not self.linear:
             return to_linear(working, "display")
         if self.table:
-            return looked_up(working, 8 * picture.dtype.itemsize)
-        return to_integer(to_display(working, "linear"), 8 * picture.dtype.itemsize)
+            return looked_up(working, 8 * dtype.itemsize)
+        return to_integer(to_display(working, "linear"), 8 * dtype.itemsize)
 
-    def over(self, working: Array, layer: Layer) -> Array:
-        """Return a layer over what lies behind it."""
-        result = np.empty_like(working)
+    def over(self, working: Array, layer: Layer, into: Array | None = None) -> Array:
+        """Return a layer over what lies behind it, in `into` if given: another array."""
+        result = np.empty_like(working) if into is None else into
         if layer.rgb is None:
             _core.snow(result, working, layer.alpha, self.light(layer.colour))
         else:
@@ -95,6 +115,15 @@ class Mix:
 
         light: list[float] = srgb_to_linear(np.asarray(colour, np.float64)).tolist()
         return light
+
+
+def _by_parts(turn: Callable[[Array], Array], values: Array, result: Array) -> Array:
+    """Fill `result`, few rows at a time: turning values makes many arrays on the way."""
+    rows = max(CHUNK // values[0].size, 1)
+    for first in range(0, len(values), rows):
+        part = slice(first, first + rows)
+        result[part] = turn(values[part])
+    return result
 
 
 def behind(layer: Layer, cover: Array) -> Layer:

@@ -266,7 +266,10 @@ def splat(
     """
     size = shape_of("shape", shape)
     kind = float_dtype(dtype)
-    flakes, inputs = _flakes(size, points, radius, camera, opacity, velocity, shutter, near, depth)
+    flakes, inputs = settled(
+        size, points, radius, camera, opacity=opacity, velocity=velocity, shutter=shutter,
+        near=near, depth=depth,
+    )  # fmt: skip
     result = output(out, size, kind, *inputs)
     _core.particle_splat(result, *flakes)
     return result
@@ -310,17 +313,21 @@ def ids(
     Time grows with the boxes around the flakes' footprints, about ten times that of `splat`.
     """
     size = shape_of("shape", shape)
-    flakes, inputs = _flakes(size, points, radius, camera, opacity, velocity, shutter, near, depth)
+    flakes, inputs = settled(
+        size, points, radius, camera, opacity=opacity, velocity=velocity, shutter=shutter,
+        near=near, depth=depth,
+    )  # fmt: skip
     result = output(out, size, np.dtype(np.int32), *inputs)
     _core.particle_ids(result, *flakes)
     return result
 
 
-def _flakes(
-    size: tuple[int, int],
+def settled(
+    shape: tuple[int, int],
     points: npt.ArrayLike,
     radius: npt.ArrayLike,
     camera: Camera,
+    *,
     opacity: npt.ArrayLike,
     velocity: npt.ArrayLike | None,
     shutter: float,
@@ -342,10 +349,10 @@ def _flakes(
     map_: npt.NDArray[Any] | None = None
     if depth is not None:
         map_, _ = pixels("depth", depth, ndim=2)
-        if map_.shape != size:
-            raise ValueError(f"depth must have shape {size}, got {map_.shape}")
+        if map_.shape != shape:
+            raise ValueError(f"depth must have shape {shape}, got {map_.shape}")
         inputs.append(map_)
-    x, y = camera.principal(size)
+    x, y = camera.principal(shape)
     eye_x, eye_y, eye_z = camera.offset
     if aspect != 1.0:
         # Everything is as much higher as pixels are.

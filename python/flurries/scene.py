@@ -12,10 +12,11 @@ import numpy as np
 
 from flurries._contract import Array, choice, integer, real, seed_of
 from flurries.background import Backdrop, backdrop
+from flurries.bands import Ask, Picture, cropped, laid, layers_made
 from flurries.camera import Camera
 from flurries.depth import Distance, distance_of
 from flurries.effects import Frame, Layer
-from flurries.effects.layer import Shared, layers_of
+from flurries.effects.layer import Shared
 from flurries.effects.visible import Window
 from flurries.foreground import Foreground, foreground_of
 from flurries.mixing import Mix, behind
@@ -190,8 +191,15 @@ class Scene:
             uint8 or uint16 where the background is, else float32. The same bits whatever else was
             rendered before, in any process and with any number of threads.
         """
-        more: dict[str, Any] = {"layers": layers, "tolerance": tolerance}
-        return self._seen(real("t", t), eye, self._window(region), **more)
+        time, window = real("t", t), self._window(region)
+        if eye is not None and not isinstance(eye, Camera):
+            raise TypeError(f"eye must be a Camera, got {eye!r}")
+        if layers:
+            if tolerance is not None:
+                tolerance_of(tolerance)
+            return self._layered(time, eye, window)
+        camera = self.camera.seen(self.camera.camera if eye is None else eye, time)
+        return laid([self._seen(time, eye, window, tolerance=tolerance)], (camera,))[0]
 
     def _seen(
         self,
@@ -199,45 +207,50 @@ class Scene:
         eye: Camera | None,
         window: Window,
         *,
-        layers: bool,
         tolerance: float | None,
-        shared: Shared | None = None,
-    ) -> Any:
-        """Return what an eye sees; `shared` is what it has in common with another one."""
-        if eye is not None and not isinstance(eye, Camera):
-            raise TypeError(f"eye must be a Camera, got {eye!r}")
+    ) -> Picture:
+        """Return what an eye sees, to be put together."""
         with stage("background"):
-            picture = cropped(self._backdrop.frame(time), window)
+            plate = cropped(self._backdrop.frame(time), window)
         limit = self.tolerance if tolerance is None else tolerance_of(tolerance)
-        dtype = None if layers else picture.dtype
-        chosen = EXACT if limit == 0.0 else self.program.choice(time, dtype, limit)
-        # Where none of the weather can be seen, none is made; layers are whole.
-        inner = window if layers else self.program.seen(window, chosen.hidden)
-        asked: list[tuple[Any, Frame]] = []
+        chosen = EXACT if limit == 0.0 else self.program.choice(time, plate.dtype, limit)
+        # Where none of the weather can be seen, none is made.
+        inner = self.program.seen(window, chosen.hidden)
+        asks: list[Ask] = []
         if inner is not None:
-            needed = list(self.program.frames(time, eye, inner, dtype=dtype, choice=chosen))
-            asked = self.program.given(time, needed)
-        if shared is not None:
-            asked = [(effect, replace(frame, shared=shared)) for effect, frame in asked]
+            frames = self.program.frames(time, eye, inner, dtype=plate.dtype, choice=chosen)
+            asked = list(frames)
+            given = self.program.given(time, asked)
+            asks = [
+                Ask(effect, frame, needs.by_rows, needs.in_one_pass)
+                for (effect, frame), (_, _, needs) in zip(given, asked, strict=True)
+            ]
         matte = None if self._foreground is None else self._foreground.window(window)
         mix = Mix(self.linear, self._backdrop.encoding, chosen.table)
-        if not layers:
-            if matte is None or not asked or inner is None:
-                return self._laid_over(asked, mix, picture, matte)
-            return self._laid_behind(asked, mix, picture, matte, within(inner, window))
+        return Picture(asks, mix, plate, matte, window, inner)
+
+    def _layered(
+        self, time: float, eye: Camera | None, window: Window, shared: Shared | None = None
+    ) -> Rendered:
+        """Return what an eye sees with the layers apart, whole and exact."""
+        with stage("background"):
+            plate = cropped(self._backdrop.frame(time), window)
+        asked = self.program.given(time, list(self.program.frames(time, eye, window, dtype=None)))
+        matte = None if self._foreground is None else self._foreground.window(window)
+        mix = Mix(self.linear, self._backdrop.encoding)
         parts = [
             layer
             for effect, frame in asked
-            for layer in layers_made(effect, frame, picture.shape[:2])
+            for layer in layers_made(effect, replace(frame, shared=shared), plate.shape[:2])
         ]
         # A mask keeps the weather from the background's own pixels in front.
         parts = parts if matte is None else [behind(part, matte.cover) for part in parts]
         with stage("composite"):
-            image = self._mixed(parts, mix, picture, matte)
+            image = self._mixed(parts, mix, plate, matte)
         front = None if matte is None or matte.light is None else matte.rgba(linear=self.linear)
         depth = self.depth_at(time)
         around = None if depth is None else cropped(depth, window)
-        return rendered(image, parts, mix, mix.plate(picture), front, around)
+        return rendered(image, parts, mix, mix.plate(plate), front, around)
 
     def look(self, t: float) -> None:
         """Read background and depth of a frame, as `render` will.
@@ -349,13 +362,17 @@ class Scene:
             if warned is not None:
                 warned(self.shape, self.camera.camera.focal, distance, index)
         time, window = real("t", t), self._window(region)
-        more: dict[str, Any] = {"layers": layers, "tolerance": tolerance}
         if pair[0] == pair[1]:
-            left = self._seen(time, pair[0], window, **more)
+            left = self.render(time, eye=pair[0], layers=layers, region=region, tolerance=tolerance)
             return left, left
-        shared = Shared((self.camera.seen(pair[0], time), self.camera.seen(pair[1], time)))
-        left, right = (self._seen(time, eye, window, shared=shared, **more) for eye in pair)
-        return left, right
+        cameras = self.camera.seen(pair[0], time), self.camera.seen(pair[1], time)
+        if layers:
+            shared = Shared(cameras, window)
+            first, second = (self._layered(time, eye, window, shared) for eye in pair)
+            return first, second
+        seen = [self._seen(time, eye, window, tolerance=tolerance) for eye in pair]
+        one, other = laid(seen, cameras)
+        return one, other
 
     def depth_at(self, t: float) -> Array | None:
         """Return the background's planar depth at `t`, (H, W) float32, or None.
@@ -368,55 +385,6 @@ class Scene:
             return None
         with stage("depth"):
             return self._distance.frame(time)
-
-    def _laid_over(
-        self,
-        asks: list[tuple[Any, Frame]],
-        mix: Mix,
-        picture: Array,
-        matte: Foreground | None = None,
-    ) -> Array:
-        """Return the composite, each effect straight over what lies behind it if it knows how."""
-        working = mix.working(picture)
-        for effect, frame in asks:
-            over = getattr(effect, "over", None)
-            done = None if over is None else over(frame, working, mix.light)
-            if done is not None:
-                working = done
-                continue
-            for layer in layers_made(effect, frame, picture.shape[:2]):
-                with stage("composite"):
-                    working = mix.over(working, layer)
-        with stage("composite"):
-            if matte is not None and matte.light is not None:
-                working = matte.over(working, linear=self.linear)
-            return mix.finished(working, picture)
-
-    def _laid_behind(
-        self,
-        asks: list[tuple[Any, Frame]],
-        mix: Mix,
-        picture: Array,
-        matte: Foreground,
-        inner: Window,
-    ) -> Array:
-        """Return the composite of effects in the part of a picture where they can be seen."""
-        working = mix.working(picture)
-        over = np.ascontiguousarray(cropped(working, inner))
-        cover = cropped(matte.cover, inner)
-        for effect, frame in asks:
-            for layer in layers_made(effect, frame, over.shape[:2]):
-                with stage("composite"):
-                    over = mix.over(over, behind(layer, cover))
-        with stage("composite"):
-            if over.shape == working.shape:
-                working = over
-            else:
-                working = working if working.flags.writeable else working.copy()
-                cropped(working, inner)[...] = over
-            if matte.light is not None:
-                working = matte.over(working, linear=self.linear)
-            return mix.finished(working, picture)
 
     def _mixed(
         self, parts: list[Layer], mix: Mix, picture: Array, matte: Foreground | None
@@ -491,27 +459,6 @@ class Scene:
         """Return each effect with its view of a frame, given a depth."""
         asked = self.program.frames(t, eye, window, dtype=None)
         return [(effect, replace(frame, depth=depth, whole=whole)) for effect, frame, _ in asked]
-
-
-def layers_made(effect: Any, frame: Frame, shape: tuple[int, int]) -> tuple[Layer, ...]:
-    """Return the layers of an effect."""
-    if hasattr(effect, "needs"):
-        return layers_of(effect.render(frame), effect, shape)
-    # One that does not say what it needs is a step by itself.
-    with stage(type(effect).__name__.lower()):
-        return layers_of(effect.render(frame), effect, shape)
-
-
-def cropped(plane: Array, window: Window) -> Array:
-    """Return the window of a plane or picture."""
-    top, bottom, left, right = window
-    return plane[top:bottom, left:right]
-
-
-def within(inner: Window, window: Window) -> Window:
-    """Return a window counted from the first pixel of one around it."""
-    top, left = window[0], window[2]
-    return inner[0] - top, inner[1] - top, inner[2] - left, inner[3] - left
 
 
 def expect_scene(scene: object) -> Scene:

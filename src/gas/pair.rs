@@ -228,7 +228,7 @@ fn shifted_slabs<P: Normal>(
                 shape: wider,
                 eye: wide,
                 drawing: Drawing { sprites: all, colours: &[[0.0; 3]], look },
-                bands: bands.clone(),
+                bands,
                 coloured: false,
                 by_ray: false,
                 depth: none,

@@ -4,6 +4,8 @@
 //! Else they are sorted once, front to back. Every pixel has one owner and its particles come in an
 //! order that follows from the arguments alone, so bits do not depend on the thread count.
 
+use std::ops::Range;
+
 use ndarray::{ArrayView1, ArrayView2, ArrayViewMut2, ArrayViewMut3, Axis};
 
 use super::bins::Bands;
@@ -145,7 +147,7 @@ pub struct Picture<'a, P, M> {
     /// What is drawn.
     pub drawing: Drawing<'a>,
     /// Which bands it touches.
-    pub bands: Bands,
+    pub bands: &'a Bands,
     /// Whether particles differ in colour.
     pub coloured: bool,
     /// Whether a particle needs the pixels' rays.
@@ -244,24 +246,38 @@ fn standing<'a, P: Normal, M: Real>(
     Ground { depth, range }
 }
 
-fn prepared<'a, P: Normal, M: Real>(
-    shape: (usize, usize),
-    colours: &'a [[f64; 3]],
-    eye: &'a Eye,
-    look: &'a Look,
-    depth: Option<ArrayView2<'a, M>>,
-    sprites: &'a [Sprite],
-) -> Result<Picture<'a, P, M>, Error> {
-    let coloured = colours.iter().any(|colour| *colour != colours[0]);
-    let order = order(sprites, coloured)?;
-    let bands = Bands::of(sprites, &order, shape.0)?;
-    let drawing = Drawing { sprites, colours, look };
-    let pixel = std::marker::PhantomData;
-    let by_ray = order.iter().any(|&place| sprites[place as usize].model.by_ray());
-    Ok(Picture { shape, eye, drawing, bands, coloured, by_ray, depth, pixel })
+/// What sprites touch, found once for any number of pictures of their frame.
+pub struct Touched {
+    bands: Bands,
+    by_ray: bool,
+    coloured: bool,
 }
 
-pub(super) fn check_all<M>(
+impl Touched {
+    /// Lists the sprites of a frame of so many rows; they are drawn in order if they differ in colour.
+    pub fn of(sprites: &[Sprite], colours: &[[f64; 3]], height: usize) -> Result<Self, Error> {
+        let coloured = colours.iter().any(|colour| *colour != colours[0]);
+        let order = order(sprites, coloured)?;
+        let by_ray = order.iter().any(|&place| sprites[place as usize].model.by_ray());
+        Ok(Self { bands: Bands::of(sprites, &order, height)?, by_ray, coloured })
+    }
+
+    /// The frame of `shape` as an eye sees it.
+    pub fn picture<'a, P: Normal, M: Real>(
+        &'a self,
+        shape: (usize, usize),
+        eye: &'a Eye,
+        drawing: Drawing<'a>,
+        depth: Option<ArrayView2<'a, M>>,
+    ) -> Picture<'a, P, M> {
+        let Self { bands, by_ray, coloured } = self;
+        let pixel = std::marker::PhantomData;
+        Picture { shape, eye, drawing, bands, coloured: *coloured, by_ray: *by_ray, depth, pixel }
+    }
+}
+
+/// Refuses what cannot be drawn.
+pub fn check_all<M>(
     shape: (usize, usize),
     cloud: &Cloud<'_>,
     eye: &Eye,
@@ -304,29 +320,92 @@ pub(super) fn alpha_of<P: Normal, M: Real>(
     cancel: &Cancel,
 ) -> Result<(), Error> {
     let shape = out.dim();
-    let picture = prepared::<P, M>(shape, &[[0.0; 3]], eye, look, depth, sprites)?;
-    pool::for_each(runs_of(out, shape.1, 1)?, |(origins, mut pixels)| {
-        let mut scratch = picture.scratch()?;
-        for (place, origin) in origins.into_iter().enumerate() {
-            cancel.check()?;
-            let done = picture.tile(origin, &mut scratch, cancel)?;
-            let (from, to) = (place * TILE, ((place + 1) * TILE).min(pixels.ncols()));
-            for (row, mut pixels) in pixels.rows_mut().into_iter().enumerate() {
-                let pixels = pixels.as_slice_mut().expect("rows are contiguous");
-                opacity(&mut pixels[from..to], &done.through.0[row]);
-            }
+    let colours = &[[0.0; 3]];
+    let touched = Touched::of(sprites, colours, shape.0)?;
+    let picture = touched.picture::<P, M>(shape, eye, Drawing { sprites, colours, look }, depth);
+    picture.alpha(out, [0, shape.0, 0, shape.1], cancel)
+}
+
+/// A part of a frame, pixels: top, bottom, left, right.
+pub type Part = [usize; 4];
+
+impl<P: Normal, M: Real> Picture<'_, P, M> {
+    fn check_part(&self, [top, bottom, left, right]: Part, found: [usize; 2]) -> Result<(), Error> {
+        let inside = top <= bottom && bottom <= self.shape.0 && left <= right;
+        if inside && right <= self.shape.1 && found == [bottom - top, right - left] {
+            return Ok(());
         }
-        Ok(())
-    })
+        Err(Error::Internal("the part is not one of the frame, or not out's".into()))
+    }
+
+    /// Draws the alpha of a part of the frame, in the bits of the whole.
+    pub fn alpha(
+        &self,
+        out: ArrayViewMut2<'_, P>,
+        part: Part,
+        cancel: &Cancel,
+    ) -> Result<(), Error> {
+        self.check_part(part, [out.nrows(), out.ncols()])?;
+        pool::for_each(runs_of(out, part, 1)?, |(tiles, mut pixels)| {
+            let mut scratch = self.scratch()?;
+            for Cut { origin, skipped, columns } in tiles {
+                cancel.check()?;
+                let done = self.tile(origin, &mut scratch, cancel)?;
+                for (row, mut pixels) in pixels.rows_mut().into_iter().enumerate() {
+                    let pixels = pixels.as_slice_mut().expect("rows are contiguous");
+                    let through = &done.through.0[skipped.0 + row][skipped.1..];
+                    opacity(&mut pixels[columns.clone()], through);
+                }
+            }
+            Ok(())
+        })
+    }
+
+    /// Draws premultiplied RGBA of a part of the frame, in the bits of the whole.
+    pub fn light(
+        &self,
+        out: ArrayViewMut3<'_, P>,
+        part: Part,
+        cancel: &Cancel,
+    ) -> Result<(), Error> {
+        let (height, width, channels) = out.dim();
+        self.check_part(part, [height, width])?;
+        let flat = out
+            .into_shape_with_order((height, width * channels))
+            .ok()
+            .filter(|_| channels == 4)
+            .ok_or_else(|| Error::Internal("an output that is not contiguous RGBA".into()))?;
+        let colour = self.drawing.colours[0].map(P::of);
+        pool::for_each(runs_of(flat, part, 4)?, |(tiles, mut pixels)| {
+            let mut scratch = self.scratch()?;
+            for Cut { origin, skipped: (down, across), columns } in tiles {
+                cancel.check()?;
+                let done = self.tile(origin, &mut scratch, cancel)?;
+                for (row, mut pixels) in pixels.rows_mut().into_iter().enumerate() {
+                    let pixels = pixels.as_slice_mut().expect("rows are contiguous");
+                    let pixels = &mut pixels[4 * columns.start..4 * columns.end];
+                    let through = &done.through.0[down + row][across..];
+                    match done.light {
+                        None => one_colour(pixels, through, colour),
+                        Some(light) => {
+                            let light = [0, 1, 2].map(|c| &light[c].0[down + row][across..]);
+                            many_colours(pixels, through, light);
+                        }
+                    }
+                }
+            }
+            Ok(())
+        })
+    }
 }
 
 dispatch! {
     /// alpha = 1 - T for a row of a tile.
-    fn opacity<P: Normal>(pixels: &mut [P], through: &[P; TILE]) = opacity_with
+    fn opacity<P: Normal>(pixels: &mut [P], through: &[P]) = opacity_with
 }
 
 #[inline(always)]
-fn opacity_with<P: Normal, const LEVEL: u8>(pixels: &mut [P], through: &[P; TILE]) {
+fn opacity_with<P: Normal, const LEVEL: u8>(pixels: &mut [P], through: &[P]) {
     for (pixel, through) in pixels.iter_mut().zip(through) {
         *pixel = P::one() - *through;
     }
@@ -344,38 +423,13 @@ pub fn splat<P: Normal, M: Real>(
     let shape = (out.dim().0, out.dim().1);
     check_all(shape, cloud, eye, look, depth.as_ref())?;
     let sprites = sprites(cloud, eye, look, shape, cancel)?;
-    let picture = prepared::<P, M>(shape, cloud.colours, eye, look, depth, &sprites)?;
-    let colour = cloud.colours[0].map(P::of);
-    let (height, width) = shape;
-    let flat = out
-        .into_shape_with_order((height, width * 4))
-        .map_err(|_| Error::Internal("an output that is not contiguous".into()))?;
-    pool::for_each(runs_of(flat, width, 4)?, |(origins, mut pixels)| {
-        let mut scratch = picture.scratch()?;
-        for (place, origin) in origins.into_iter().enumerate() {
-            cancel.check()?;
-            let done = picture.tile(origin, &mut scratch, cancel)?;
-            let (from, to) = (4 * place * TILE, (4 * (place + 1) * TILE).min(pixels.ncols()));
-            for (row, mut pixels) in pixels.rows_mut().into_iter().enumerate() {
-                let pixels = pixels.as_slice_mut().expect("rows are contiguous");
-                let pixels = &mut pixels[from..to];
-                match done.light {
-                    None => one_colour(pixels, &done.through.0[row], colour),
-                    Some(light) => {
-                        many_colours(
-                            pixels,
-                            &done.through.0[row],
-                            [0, 1, 2].map(|c| &light[c].0[row]),
-                        );
-                    }
-                }
-            }
-        }
-        Ok(())
-    })
+    let colours = cloud.colours;
+    let touched = Touched::of(&sprites, colours, shape.0)?;
+    let drawing = Drawing { sprites: &sprites, colours, look };
+    touched.picture::<P, M>(shape, eye, drawing, depth).light(out, [0, shape.0, 0, shape.1], cancel)
 }
 
-fn one_colour<P: Normal>(pixels: &mut [P], through: &[P; TILE], colour: [P; 3]) {
+fn one_colour<P: Normal>(pixels: &mut [P], through: &[P], colour: [P; 3]) {
     for (pixel, through) in pixels.chunks_exact_mut(4).zip(through) {
         let alpha = P::one() - *through;
         pixel[0] = colour[0] * alpha;
@@ -385,7 +439,7 @@ fn one_colour<P: Normal>(pixels: &mut [P], through: &[P; TILE], colour: [P; 3]) 
     }
 }
 
-fn many_colours<P: Normal>(pixels: &mut [P], through: &[P; TILE], light: [&[P; TILE]; 3]) {
+fn many_colours<P: Normal>(pixels: &mut [P], through: &[P], light: [&[P]; 3]) {
     for (k, (pixel, through)) in pixels.chunks_exact_mut(4).zip(through).enumerate() {
         pixel[0] = light[0][k];
         pixel[1] = light[1][k];
@@ -394,33 +448,49 @@ fn many_colours<P: Normal>(pixels: &mut [P], through: &[P; TILE], light: [&[P; T
     }
 }
 
-/// Tiles of a run that one task draws, one after the other, and its part of the picture.
-type Run<'a, P> = (Vec<[usize; 2]>, ArrayViewMut2<'a, P>);
+/// A tile as far as a part of the frame has it.
+struct Cut {
+    /// Its corner (x, y) in the frame, px.
+    origin: [usize; 2],
+    /// Its rows and columns before the part.
+    skipped: (usize, usize),
+    /// Columns of the run's pixels that it fills.
+    columns: Range<usize>,
+}
 
-/// The picture cut into runs of up to four tiles side by side; `channels` numbers to a pixel.
+/// Tiles of a run that one task draws, one after the other, and its part of the picture.
+type Run<'a, P> = (Vec<Cut>, ArrayViewMut2<'a, P>);
+
+/// A part of the frame cut into runs of up to four tiles side by side; `channels` numbers to a pixel.
 fn runs_of<P>(
     out: ArrayViewMut2<'_, P>,
-    width: usize,
+    [mut top, bottom, first, right]: Part,
     channels: usize,
 ) -> Result<Vec<Run<'_, P>>, Error> {
     const TOGETHER: usize = 4;
     let mut runs = Vec::new();
     let mut rest = out;
-    let mut top = 0;
-    while rest.nrows() > 0 {
-        let height = TILE.min(rest.nrows());
-        let (mut band, below) = rest.split_at(Axis(0), height);
-        let mut left = 0;
-        while left < width {
-            let end = (left + TOGETHER * TILE).min(width);
-            let (run, right) = band.split_at(Axis(1), (end - left) * channels);
-            let tiles = collected((left..end).step_by(TILE).map(|x| [x, top]))?;
+    while top < bottom {
+        let below = ((top / TILE + 1) * TILE).min(bottom);
+        let (mut band, later) = rest.split_at(Axis(0), below - top);
+        let mut left = first;
+        while left < right {
+            let end = ((left / TILE + TOGETHER) * TILE).min(right);
+            let (run, aside) = band.split_at(Axis(1), (end - left) * channels);
+            let tiles = collected((left / TILE..end.div_ceil(TILE)).map(|tile| {
+                let from = left.max(tile * TILE);
+                Cut {
+                    origin: [tile * TILE, top / TILE * TILE],
+                    skipped: (top % TILE, from % TILE),
+                    columns: from - left..((tile + 1) * TILE).min(end) - left,
+                }
+            }))?;
             pushed(&mut runs, (tiles, run))?;
-            band = right;
+            band = aside;
             left = end;
         }
-        rest = below;
-        top += height;
+        rest = later;
+        top = below;
     }
     Ok(runs)
 }

@@ -8,6 +8,7 @@
 //! | [`profile`] | the Gaussian with an end, and its motion blur |
 //! | [`bins`] | which flakes touch which tile of the picture |
 //! | [`draw`] | flakes drawn into one tile |
+//! | [`sorted`] | flakes projected and sorted once, for pictures of any part of a frame |
 //! | [`splat`] | the image of many flakes |
 //! | [`ids`] | which flake a pixel shows |
 //! | [`crossing`] | flakes that cross the picture of a camera at rest |
@@ -21,6 +22,7 @@ pub mod flurry;
 pub mod ids;
 pub mod profile;
 mod project;
+pub mod sorted;
 mod spare;
 pub mod splat;
 pub mod sprite;

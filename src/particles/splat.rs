@@ -1,31 +1,13 @@
 //! The image of many flakes of one colour: alpha = 1 - prod(1 - alpha_i), whatever their order.
 
-use std::cell::Cell;
-use std::ops::Range;
+use ndarray::{ArrayView1, ArrayView2, ArrayViewMut2};
 
-use ndarray::{ArrayView1, ArrayView2, ArrayViewMut2, Axis};
-
-use super::bins::{Bins, Grid, Scratch, TILE};
-use super::draw::{PIXELS, draw};
 use super::profile::Profile;
-use super::spare;
+use super::sorted::Sorted;
 use super::sprite::{Flake, Lens, Sprite};
-use crate::error::{Cancel, Error, finite, pushed};
-use crate::pool;
+use crate::error::{Cancel, Error, finite};
 use crate::real::Real;
 use crate::scan;
-use crate::simd::dispatch;
-
-/// Flakes per run of the binning, at least: projected, they fit the L2 cache.
-const RUN: usize = 8192;
-
-/// Indices within a run are 32 bits wide, and a flake has at most 16 entries.
-const LONGEST_RUN: usize = 1 << 27;
-
-thread_local! {
-    /// What one run leaves to the next, on this thread.
-    static SCRATCH: Cell<Scratch> = Cell::default();
-}
 
 /// Flakes as arrays: points (n, 3) in camera axes; the others have n rows, or one for all.
 #[derive(Debug, Clone, Copy)]
@@ -148,11 +130,7 @@ pub(super) fn check_lens(lens: &Lens) -> Result<(), Error> {
     Ok(())
 }
 
-/// Draws the flakes' alpha into `out`, (H, W), in [0, 1].
-///
-/// `depth`, (H, W), is the depth of what stands in the picture; where it is nearer than a flake's
-/// depth (both rounded to the pixels' type), the flake is hidden; NaN hides nothing. Bits do not depend on the thread count: tiles have one owner, and
-/// the order in which flakes are multiplied follows from their indices.
+/// Draws the flakes' alpha into `out`, (H, W), in [0, 1]; see [`Sorted::draw`].
 pub fn splat<P: Profile, M: Real>(
     out: ArrayViewMut2<P>,
     flakes: &impl Source,
@@ -160,120 +138,9 @@ pub fn splat<P: Profile, M: Real>(
     depth: Option<ArrayView2<M>>,
     cancel: &Cancel,
 ) -> Result<(), Error> {
-    flakes.check()?;
-    check_lens(lens)?;
-    if let Some(depth) = &depth
-        && depth.dim() != out.dim()
-    {
-        return Err(Error::invalid("depth", format!("must have shape {:?}", out.dim())));
-    }
-    let grid = Grid::over(out.dim());
-    let runs = binned(flakes, lens, &grid, cancel)?;
-    let drawn = pool::for_each(tiles(out)?, |(tile, pixels)| {
-        cancel.check()?;
-        let map: Option<[P; PIXELS]> = depth.as_ref().map(|map| map_of_tile(map, &grid, tile));
-        let mut transmittance = [1.0; PIXELS];
-        draw(&mut transmittance, map.as_ref(), &runs, &grid, tile, cancel)?;
-        store(pixels, &transmittance);
-        Ok(())
-    });
-    spare::keep(runs);
-    drawn
-}
-
-fn binned(
-    flakes: &impl Source,
-    lens: &Lens,
-    grid: &Grid,
-    cancel: &Cancel,
-) -> Result<Vec<Bins>, Error> {
-    let count = flakes.len();
-    // A run of this length keeps the tables of tiles (one per run) small beside the flakes.
-    let length = RUN.max(grid.len()).min(LONGEST_RUN);
-    let mut runs = spare::take(count.div_ceil(length));
-    // Several runs to an item, which share their scratch buffers.
-    let together = runs.len().div_ceil(4 * pool::threads()).max(1);
-    pool::for_each(runs.chunks_mut(together).enumerate(), |(item, runs)| {
-        let mut scratch = SCRATCH.take();
-        for (i, bins) in runs.iter_mut().enumerate() {
-            cancel.check()?;
-            let start = (item * together + i) * length;
-            let range = start..(start + length).min(count);
-            fill(bins, flakes, range, lens, grid, &mut scratch)?;
-        }
-        SCRATCH.set(scratch);
-        Ok(())
-    })?;
-    Ok(runs)
-}
-
-dispatch! {
-    /// One run of flakes, placed, projected and sorted: all of it compiled for the best instructions.
-    fn fill<S: Source>(
-        bins: &mut Bins,
-        flakes: &S,
-        range: Range<usize>,
-        lens: &Lens,
-        grid: &Grid,
-        scratch: &mut Scratch,
-    ) -> Result<(), Error> = fill_with
-}
-
-#[inline(always)]
-fn fill_with<S: Source, const LEVEL: u8>(
-    bins: &mut Bins,
-    flakes: &S,
-    range: Range<usize>,
-    lens: &Lens,
-    grid: &Grid,
-    scratch: &mut Scratch,
-) -> Result<(), Error> {
-    bins.fill::<LEVEL>(range.map(|index| flakes.get(index)), lens, grid, scratch)
-}
-
-/// The picture cut into tiles, each with its number; those at the border are smaller.
-fn tiles<P: Profile>(out: ArrayViewMut2<P>) -> Result<Vec<(usize, ArrayViewMut2<P>)>, Error> {
-    let mut tiles = Vec::new();
-    let mut rest = out;
-    while rest.nrows() > 0 {
-        let (mut band, below) = {
-            let height = TILE.min(rest.nrows());
-            rest.split_at(Axis(0), height)
-        };
-        while band.ncols() > 0 {
-            let (tile, right) = {
-                let width = TILE.min(band.ncols());
-                band.split_at(Axis(1), width)
-            };
-            let number = tiles.len();
-            pushed(&mut tiles, (number, tile))?;
-            band = right;
-        }
-        rest = below;
-    }
-    Ok(tiles)
-}
-
-/// A tile of the depth map; beyond the picture nothing stands.
-fn map_of_tile<P: Profile, M: Real>(map: &ArrayView2<M>, grid: &Grid, tile: usize) -> [P; PIXELS] {
-    let (top, left) = (tile / grid.columns * TILE, tile % grid.columns * TILE);
-    let mut values = [P::infinity(); PIXELS];
-    for (row, values) in values.chunks_exact_mut(TILE).enumerate().take(grid.shape.0 - top) {
-        for (column, value) in values.iter_mut().enumerate().take(grid.shape.1 - left) {
-            *value = P::of(map[[top + row, left + column]].wide());
-        }
-    }
-    values
-}
-
-fn store<P: Profile>(mut pixels: ArrayViewMut2<P>, transmittance: &[f64; PIXELS]) {
-    for (mut row, transmittance) in
-        pixels.rows_mut().into_iter().zip(transmittance.chunks_exact(TILE))
-    {
-        for (pixel, transmittance) in row.iter_mut().zip(transmittance) {
-            *pixel = P::of(1.0 - transmittance);
-        }
-    }
+    let shape = out.dim();
+    let whole = [0, shape.0, 0, shape.1];
+    Sorted::of(flakes, lens, shape, cancel)?.draw(out, whole, depth, cancel)
 }
 
 /// A rough estimate of the work in nanoseconds, from a sample of the flakes.

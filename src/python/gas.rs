@@ -1,14 +1,17 @@
 //! Gas: the image of its particles, and the light that reaches them.
 
 use numpy::ndarray::{ArrayView2, ArrayViewMut2};
-use numpy::{PyReadonlyArray1, PyReadonlyArray2, PyReadwriteArray1, PyReadwriteArray3};
+use numpy::{
+    PyReadonlyArray1, PyReadonlyArray2, PyReadwriteArray1, PyReadwriteArray2, PyReadwriteArray3,
+};
 use pyo3::prelude::*;
 
 use super::gate::{self, Plane, PlaneMut};
 use crate::error::Error;
+use crate::gas::draw::Drawing;
 use crate::gas::footprint::Edge;
-use crate::gas::splat::{self, Cloud};
-use crate::gas::sprite::{Eye, Footprint, Look, NearMode};
+use crate::gas::splat::{self, Cloud, Touched};
+use crate::gas::sprite::{Eye, Footprint, Look, NearMode, Sprite};
 use crate::gas::{light, pair};
 use crate::normal::Normal;
 use crate::real::Real;
@@ -161,6 +164,88 @@ pub fn gas_alpha(
             }
         }
     })
+}
+
+/// A gas as one eye sees it: its particles projected and sorted once, to be drawn in any part.
+#[pyclass(frozen, module = "flurries._core")]
+pub struct SortedGas {
+    shape: (usize, usize),
+    sprites: Vec<Sprite>,
+    touched: Touched,
+    colours: Vec<[f64; 3]>,
+    eye: Eye,
+    look: Look,
+    /// A rough estimate of the whole frame.
+    nanoseconds: f64,
+}
+
+/// Sorts a gas for frames of `shape` (H, W).
+#[pyfunction]
+#[expect(clippy::too_many_arguments, reason = "the Python layer passes plain values")]
+pub fn gas_sort(
+    py: Python<'_>,
+    shape: (usize, usize),
+    centers: PyReadonlyArray2<'_, f64>,
+    radius: PyReadonlyArray1<'_, f64>,
+    density: PyReadonlyArray1<'_, f64>,
+    colours: PyReadonlyArray2<'_, f64>,
+    lens: Lens,
+    manner: Manner,
+) -> PyResult<SortedGas> {
+    let colours = colours_of(&colours)?;
+    let (eye, look) = (eye_of(lens), look_of(manner)?);
+    let (centers, radius, density) = (centers.as_array(), radius.as_array(), density.as_array());
+    let cloud = Cloud { centers, radius, density, colours: &colours };
+    splat::check_all::<f32>(shape, &cloud, &eye, &look, None)?;
+    let nanoseconds = splat::estimate(shape, &cloud, &eye, &look);
+    let (sprites, touched) = gate::run(py, nanoseconds, |cancel| {
+        let sprites = splat::sprites(&cloud, &eye, &look, shape, cancel)?;
+        let touched = Touched::of(&sprites, &colours, shape.0)?;
+        Ok((sprites, touched))
+    })?;
+    Ok(SortedGas { shape, sprites, touched, colours, eye, look, nanoseconds })
+}
+
+/// An alpha, or RGBA, to be written.
+#[derive(FromPyObject)]
+pub enum GasMut<'py> {
+    /// Alpha (h, w).
+    Alpha(PyReadwriteArray2<'py, f32>),
+    /// Premultiplied linear RGBA (h, w, 4).
+    Light(PyReadwriteArray3<'py, f32>),
+}
+
+/// Draws the part `window` (top, bottom, left, right) of a gas into `out`, (h, w) or (h, w, 4); `depth`
+/// is the whole frame's.
+#[pyfunction]
+#[pyo3(signature = (out, gas, window, depth=None))]
+pub fn gas_draw(
+    py: Python<'_>,
+    out: GasMut<'_>,
+    gas: &SortedGas,
+    window: [usize; 4],
+    depth: Option<PyReadonlyArray2<'_, f32>>,
+) -> PyResult<()> {
+    let SortedGas { shape, sprites, touched, colours, eye, look, .. } = gas;
+    let depth = depth.as_ref().map(|map| map.as_array());
+    if depth.is_some_and(|map| map.dim() != *shape) {
+        return Err(Error::invalid("depth", format!("must have shape {shape:?}")).into());
+    }
+    let drawing = Drawing { sprites, colours, look };
+    let picture = touched.picture::<f32, f32>(*shape, eye, drawing, depth);
+    let pixels = |count: usize| count as f64 / (shape.0 as f64 * shape.1 as f64).max(1.0);
+    match out {
+        GasMut::Alpha(mut out) => {
+            let out = out.as_array_mut();
+            let work = gas.nanoseconds * pixels(out.len());
+            gate::run(py, work, |cancel| picture.alpha(out, window, cancel))
+        }
+        GasMut::Light(mut out) => {
+            let out = out.as_array_mut();
+            let work = gas.nanoseconds * pixels(out.len() / 4);
+            gate::run(py, work, |cancel| picture.light(out, window, cancel))
+        }
+    }
 }
 
 /// Draws the alphas that two eyes see; returns how many slabs were shifted, and particles in them.

@@ -34,13 +34,14 @@ mod core {
     #[pymodule_export]
     use super::frame::{join, over, snow};
     #[pymodule_export]
-    use super::gas::{gas_alpha, gas_light, gas_pair, gas_splat};
+    use super::gas::{SortedGas, gas_alpha, gas_draw, gas_light, gas_pair, gas_sort, gas_splat};
     #[pymodule_export]
     use super::gate::InternalError;
     #[pymodule_export]
     use super::particles::{
-        particle_edge_fade, particle_flurry, particle_flurry_pair, particle_ids,
-        particle_positions, particle_splat, particle_sway_offsets,
+        SortedFlakes, particle_draw, particle_edge_fade, particle_ids, particle_positions,
+        particle_sort, particle_sort_listed, particle_sort_pair, particle_splat,
+        particle_sway_offsets,
     };
     #[pymodule_export]
     use super::random::uniform;
@@ -50,8 +51,8 @@ mod core {
     use super::snowfall::snowfall;
     #[pymodule_export]
     use super::spectral::{
-        advance_phase, band_amplitude, blend_tiles, field, inverse_transform, opacity,
-        random_phase, temporal_filter, tent_rate, tile_count,
+        FieldBands, advance_phase, band_amplitude, blend_tiles, field, field_bands, field_take,
+        inverse_transform, opacity, random_phase, temporal_filter, tent_rate, tile_count,
     };
     #[pymodule_export]
     use super::threads::{panic_for_test, reproducible, set_reproducible, set_threads, threads};

@@ -9,6 +9,7 @@ use crate::error::Error;
 use crate::particles::flurry::{Flurry, Looks, Placed};
 use crate::particles::ids;
 use crate::particles::profile::Profile;
+use crate::particles::sorted::Sorted;
 use crate::particles::splat::{self, Flakes, Source};
 use crate::particles::sprite::Lens;
 use crate::particles::torus::{self, Carried, Sway, Torus};
@@ -210,51 +211,97 @@ fn lens_of((focal, x, y, offset, near): (f64, f64, f64, [f64; 3], f64)) -> Lens 
     Lens { focal, center: [x, y], offset, near }
 }
 
-/// Draws the alpha of a box of flakes into `out` (H, W), each flake placed as it is drawn.
-#[pyfunction]
-#[pyo3(signature = (out, request, depth=None))]
-pub fn particle_flurry(
-    py: Python<'_>,
-    out: PlaneMut<'_>,
-    request: FlurryRequest,
-    depth: Option<Plane<'_>>,
-) -> PyResult<()> {
-    let lens = request.lens();
-    gate::each_precision!(out, view => {
-        let flurry = request.flurry()?;
-        match &depth {
-            None => drawn(py, view, &flurry, &lens, None::<ArrayView2<f32>>),
-            Some(Plane::Single(map)) => drawn(py, view, &flurry, &lens, Some(map.as_array())),
-            Some(Plane::Double(map)) => drawn(py, view, &flurry, &lens, Some(map.as_array())),
-        }
-    })
+/// The flakes of a frame, projected and sorted: to be drawn in any part of it, any number of times.
+#[pyclass(frozen, module = "flurries._core")]
+pub struct SortedFlakes {
+    sorted: Sorted,
+    /// A rough estimate of drawing all of them.
+    pub(super) nanoseconds: f64,
 }
 
-/// Draws the alphas (H, W) of a box of flakes that two eyes see, each flake placed once.
-///
-/// `lens` is the second eye's.
+impl SortedFlakes {
+    /// The flakes themselves.
+    pub(super) fn sorted(&self) -> &Sorted {
+        &self.sorted
+    }
+
+    fn of(
+        py: Python<'_>,
+        shape: (usize, usize),
+        flakes: &impl Source,
+        lens: &Lens,
+    ) -> PyResult<Self> {
+        let nanoseconds = splat::estimate(shape, flakes, lens);
+        let sorted = gate::run(py, nanoseconds, |cancel| Sorted::of(flakes, lens, shape, cancel))?;
+        Ok(Self { sorted, nanoseconds })
+    }
+}
+
+/// Sorts a box of flakes, each placed as it is needed, for frames of `shape` (H, W).
 #[pyfunction]
-#[pyo3(signature = (first, second, request, lens, depth=None))]
-pub fn particle_flurry_pair(
+pub fn particle_sort(
     py: Python<'_>,
-    mut first: PyReadwriteArray2<'_, f32>,
-    mut second: PyReadwriteArray2<'_, f32>,
+    shape: (usize, usize),
+    request: FlurryRequest,
+) -> PyResult<SortedFlakes> {
+    SortedFlakes::of(py, shape, &request.flurry()?, &request.lens())
+}
+
+/// Sorts a box of flakes that two eyes see, each flake placed once. `lens` is the second eye's.
+#[pyfunction]
+pub fn particle_sort_pair(
+    py: Python<'_>,
+    shape: (usize, usize),
     request: FlurryRequest,
     lens: (f64, f64, f64, [f64; 3], f64),
+) -> PyResult<(SortedFlakes, SortedFlakes)> {
+    let lenses = [request.lens(), lens_of(lens)];
+    let both = request.flurry()?.seen_from(&lenses[1], request.window)?;
+    let nanoseconds = splat::estimate(shape, &both, &lenses[0]);
+    let placed = gate::run(py, nanoseconds, |cancel| Placed::of(&both, cancel))?;
+    let [first, second] = lenses.map(|lens| SortedFlakes::of(py, shape, &placed, &lens));
+    Ok((first?, second?))
+}
+
+/// Sorts flakes of which arrays are given, see `particle_splat`, for frames of `shape` (H, W).
+#[pyfunction]
+#[expect(clippy::too_many_arguments, reason = "the Python layer passes plain values")]
+pub fn particle_sort_listed(
+    py: Python<'_>,
+    shape: (usize, usize),
+    points: PyReadonlyArray2<'_, f64>,
+    radius: PyReadonlyArray1<'_, f64>,
+    opacity: PyReadonlyArray1<'_, f64>,
+    velocity: PyReadonlyArray2<'_, f64>,
+    shutter: f64,
+    lens: (f64, f64, f64, [f64; 3], f64),
+) -> PyResult<SortedFlakes> {
+    let flakes = Flakes {
+        points: points.as_array(),
+        radius: radius.as_array(),
+        opacity: opacity.as_array(),
+        velocity: velocity.as_array(),
+        shutter,
+    };
+    SortedFlakes::of(py, shape, &flakes, &lens_of(lens))
+}
+
+/// Draws the alpha of flakes into `out` (h, w), the part `window` (top, bottom, left, right) of their
+/// frame; `depth` is the whole frame's.
+#[pyfunction]
+#[pyo3(signature = (out, flakes, window, depth=None))]
+pub fn particle_draw(
+    py: Python<'_>,
+    mut out: PyReadwriteArray2<'_, f32>,
+    flakes: &SortedFlakes,
+    window: [usize; 4],
     depth: Option<PyReadonlyArray2<'_, f32>>,
 ) -> PyResult<()> {
-    let lenses = [request.lens(), lens_of(lens)];
-    let (first, second) = (first.as_array_mut(), second.as_array_mut());
-    let shape = first.dim();
-    if second.dim() != shape {
-        return Err(Error::invalid("second", "must have the shape of the first").into());
-    }
-    let both = request.flurry()?.seen_from(&lenses[1], request.window)?;
-    let map = depth.as_ref().map(|map| map.as_array());
-    let nanoseconds = 2.0 * splat::estimate(shape, &both, &lenses[0]);
-    gate::run(py, nanoseconds, |cancel| {
-        let placed = Placed::of(&both, cancel)?;
-        splat::splat(first, &placed, &lenses[0], map, cancel)?;
-        splat::splat(second, &placed, &lenses[1], map, cancel)
+    let out = out.as_array_mut();
+    let depth = depth.as_ref().map(|map| map.as_array());
+    let (height, width) = flakes.sorted.shape();
+    let share = out.len() as f64 / (height as f64 * width as f64).max(1.0);
+    gate::run(py, flakes.nanoseconds * share, |cancel| {
+        flakes.sorted.draw(out, window, depth, cancel)
     })
 }

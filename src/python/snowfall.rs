@@ -5,10 +5,11 @@ use pyo3::prelude::*;
 
 use super::frame::{Picture, PictureMut};
 use super::gate;
+use super::particles::SortedFlakes;
 use super::spectral::{Request, estimate, opacity_map};
 use crate::error::Error;
 use crate::frame::sample::Sample;
-use crate::snowfall::Snowfall;
+use crate::snowfall::{Drawn, Snowfall};
 
 /// What lies over the picture, as [`Snowfall`] has it.
 struct Asked<'py> {
@@ -17,11 +18,20 @@ struct Asked<'py> {
     preserve_mean: bool,
     haze: f64,
     intensity: Vec<f64>,
-    flakes: Option<PyReadonlyArray2<'py, f32>>,
+    flakes: Option<Flakes<'py>>,
+}
+
+/// Flakes, drawn or to be drawn.
+#[derive(FromPyObject)]
+pub enum Flakes<'py> {
+    /// Of the frame.
+    Sorted(Py<SortedFlakes>),
+    /// Opacities over the window.
+    Plane(PyReadonlyArray2<'py, f32>),
 }
 
 /// Snow of one colour over a picture, from the request of its texture, its map (mean, spread, power,
-/// amount), the opacity of drawn flakes and a veil; returns how many tiles were transformed.
+/// amount), flakes or the opacity of drawn ones, and a veil; returns how many tiles were transformed.
 #[pyfunction]
 #[expect(clippy::too_many_arguments, reason = "one flat call from the effect")]
 #[pyo3(signature = (out, background, request, map, preserve_mean, haze, intensity, flakes=None))]
@@ -34,7 +44,7 @@ pub fn snowfall(
     preserve_mean: bool,
     haze: f64,
     intensity: Vec<f64>,
-    flakes: Option<PyReadonlyArray2<'_, f32>>,
+    flakes: Option<Flakes<'_>>,
 ) -> PyResult<usize> {
     let asked = Asked { request, map, preserve_mean, haze, intensity, flakes };
     match (out, background) {
@@ -54,11 +64,18 @@ fn run<S: Sample + numpy::Element>(
 ) -> PyResult<usize> {
     let (out, background) = (out.as_array_mut(), background.as_array());
     let map = opacity_map(asked.map).checked("power")?;
-    let flakes = asked.flakes.as_ref().map(|flakes| flakes.as_array());
+    let (flakes, more) = match &asked.flakes {
+        None => (Drawn::Nothing, 0.0),
+        Some(Flakes::Plane(plane)) => (Drawn::Plane(plane.as_array()), 0.0),
+        Some(Flakes::Sorted(sorted)) => {
+            let sorted = sorted.get();
+            (Drawn::Sorted(sorted.sorted()), sorted.nanoseconds)
+        }
+    };
     let (preserve_mean, haze) = (asked.preserve_mean, asked.haze);
     let intensity = &asked.intensity[..];
     asked.request.with_field(|field, window| {
-        gate::run(py, estimate(field, window), move |cancel| {
+        gate::run(py, estimate(field, window) + more, move |cancel| {
             let texture = &field.ready::<f32>()?;
             let snowfall =
                 Snowfall { texture, window, map, preserve_mean, flakes, haze, intensity };

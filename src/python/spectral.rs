@@ -8,6 +8,7 @@ use crate::error::Error;
 use crate::pool;
 use crate::real::Real;
 use crate::spectral::band::{Band, band_amplitude as band_kernel};
+use crate::spectral::bands::Bands;
 use crate::spectral::field::{Field, Window};
 use crate::spectral::filter::{Alias, TemporalFilter, temporal_filter as filter_kernel};
 use crate::spectral::opacity::Opacity;
@@ -300,4 +301,48 @@ fn render<T: Real>(
         ready.render(window, out, map.map(|map| Mapped { map, preserve_mean }), cancel)?;
         Ok(ready.transformed())
     })
+}
+
+/// The rows of a request's window from the top down, to be taken band by band.
+#[pyclass(module = "flurries._core")]
+pub struct FieldBands {
+    bands: Bands<f32>,
+    /// A rough estimate of a row.
+    nanoseconds: f64,
+    /// Rows that a row of tiles finishes.
+    rows_of_tile: f64,
+}
+
+/// Begins a frame of the field, or of its opacity, that is taken band by band; see `field`.
+#[pyfunction]
+#[pyo3(signature = (request, map=None, preserve_mean=false))]
+pub fn field_bands(
+    py: Python<'_>,
+    request: Request<'_>,
+    map: Option<(f64, f64, f64, f64)>,
+    preserve_mean: bool,
+) -> PyResult<FieldBands> {
+    let map = map.map(|map| opacity_map(map).checked("power")).transpose()?;
+    let mapped = map.map(|map| Mapped { map, preserve_mean });
+    request.with_field(|field, window| {
+        let nanoseconds = estimate(field, window) / window.rows.len().max(1) as f64;
+        let bands = gate::run(py, 0.0, |_| Bands::new(field, window, mapped))?;
+        let rows_of_tile = (field.tile.0 - field.overlap) as f64;
+        Ok(FieldBands { bands, nanoseconds, rows_of_tile })
+    })
+}
+
+/// Writes rows from `first` on into `out` (h, w), those before it are skipped; returns how many tiles were transformed.
+#[pyfunction]
+pub fn field_take(
+    py: Python<'_>,
+    bands: &mut FieldBands,
+    mut out: PyReadwriteArray2<'_, f32>,
+    first: usize,
+) -> PyResult<usize> {
+    let out = out.as_array_mut();
+    // A band of one row can be the first of a row of tiles.
+    let rows = (out.nrows() as f64).max(bands.rows_of_tile);
+    let FieldBands { bands, nanoseconds, .. } = bands;
+    gate::run(py, rows * *nanoseconds, |cancel| bands.take(first, out, cancel))
 }

@@ -7,6 +7,7 @@
 //! [`field`] makes a whole frame; the other modules are its steps, for experiments and as judges.
 
 pub mod band;
+pub mod bands;
 mod carry;
 pub mod dense;
 pub mod field;

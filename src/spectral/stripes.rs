@@ -12,7 +12,7 @@ use super::lift::{Lift, Lifted};
 use super::opacity::{Block, Opacity};
 use super::phases::{Power, TileMotion};
 use super::tent::Motion;
-use super::tiles::Blend;
+use super::tiles::{Blend, Row};
 use super::waves::Draw;
 use crate::aligned::Aligned;
 use crate::error::{Cancel, Error, collected};
@@ -28,8 +28,33 @@ pub struct Mapped {
     pub preserve_mean: bool,
 }
 
+/// Bytes of the rows that wait to be finished, beyond which workers share out columns.
+const MOST_STRIPS: usize = 8 << 20;
+
+fn touching(tiles: &Row, pixels: &Range<usize>) -> Range<usize> {
+    tiles.touching(pixels.start, pixels.end)
+}
+
+/// A run of pixels cut at starts of tiles, for each worker one.
+pub(super) fn runs(tiles: &Row, pixels: &Range<usize>) -> Vec<Range<usize>> {
+    let touched = touching(tiles, pixels);
+    let mut runs = Vec::new();
+    for run in pool::split(touched.len(), pool::threads()) {
+        let (first, last) = (touched.start + run.start, touched.start + run.end);
+        let from = if run.start == 0 { pixels.start } else { tiles.start(first) };
+        let to = if last == touched.end { pixels.end } else { tiles.start(last) };
+        // Many overlapping tiles in a small window: their starts can lie before or behind it.
+        let inside = |x: usize| x.clamp(pixels.start, pixels.end);
+        let part = inside(from)..inside(to);
+        if !part.is_empty() {
+            runs.push(part);
+        }
+    }
+    runs
+}
+
 /// Where finished rows go.
-trait Target<T> {
+pub(super) trait Target<T> {
     /// Room for these rows of the window, one behind the other.
     fn room(&mut self, rows: &Range<usize>) -> &mut [T];
 
@@ -55,16 +80,55 @@ impl<T> Target<T> for Direct<'_, T> {
     }
 }
 
+/// To the result's own rows, behind those that are handed on before them: nothing else is held.
+struct InPlace<'o, T, O, F> {
+    row: Aligned<T>,
+    out: &'o mut [O],
+    /// Of the window's row, and of the result's.
+    widths: (usize, usize),
+    first: usize,
+    floats: Floats<T, O>,
+    finish: F,
+}
+
+/// Pixels as values of the field, where they are such.
+pub type Floats<T, O> = fn(&mut [O]) -> Option<&mut [T]>;
+
+impl<T: Copy, O, F: FnMut(usize, &[T], &mut [O]) -> Result<(), Error>> Target<T>
+    for InPlace<'_, T, O, F>
+{
+    fn room(&mut self, rows: &Range<usize>) -> &mut [T] {
+        let (width, line) = self.widths;
+        let pixels = &mut self.out[(rows.start - self.first) * line..][..rows.len() * line];
+        // At its end: row i of n is written to w i .. w (i + 1), where w is the line in widths, and the
+        // values of later rows stand from (w - 1) n + i + 1 on, which is not before.
+        let from = pixels.len() - rows.len() * width;
+        (self.floats)(pixels).map_or(&mut [], |values| &mut values[from..])
+    }
+
+    fn done(&mut self, rows: Range<usize>) -> Result<(), Error> {
+        let Self { row, out, widths: (width, line), first, floats, finish } = self;
+        let pixels = &mut out[(rows.start - *first) * *line..][..rows.len() * *line];
+        let from = pixels.len() - rows.len() * *width;
+        for (i, y) in rows.enumerate() {
+            let values = floats(pixels).ok_or_else(layout)?;
+            row.copy_from_slice(&values[from + i * *width..][..*width]);
+            finish(y, row, &mut pixels[i * *line..][..*line])?;
+        }
+        Ok(())
+    }
+}
+
 /// To a strip, from which they are handed on.
 struct ByRows<'o, T, O, F> {
     strip: Aligned<T>,
     width: usize,
     out: ArrayViewMut2<'o, O>,
     first: usize,
-    finish: &'o F,
+    finish: F,
 }
 
-impl<T, O, F: Fn(usize, &[T], &mut [O])> Target<T> for ByRows<'_, T, O, F> {
+impl<T, O, F: FnMut(usize, &[T], &mut [O]) -> Result<(), Error>> Target<T> for ByRows<'_, T, O, F> {
     fn room(&mut self, rows: &Range<usize>) -> &mut [T] {
         &mut self.strip[..rows.len() * self.width]
     }
@@ -72,7 +136,7 @@ impl<T, O, F: Fn(usize, &[T], &mut [O])> Target<T> for ByRows<'_, T, O, F> {
     fn done(&mut self, rows: Range<usize>) -> Result<(), Error> {
         for (y, values) in rows.zip(self.strip.chunks_exact(self.width)) {
             let mut line = self.out.row_mut(y - self.first);
-            (self.finish)(y, values, line.as_slice_mut().ok_or_else(layout)?);
+            (self.finish)(y, values, line.as_slice_mut().ok_or_else(layout)?)?;
         }
         Ok(())
     }
@@ -99,20 +163,63 @@ impl<T: Real> Ready<'_, '_, T> {
     }
 
     /// The same by rows: `finish(y, values, out row)` for every image row y of the window, where `out`
-    /// has one row per row of it, of any width that `finish` understands.
-    pub fn render_rows<O: Send>(
+    /// has one row per row of it, of any width to a pixel that `finish` understands. `begin` makes one
+    /// for each part of the columns and rows; it meets these from the top down. If `floats` says that
+    /// the result's pixels can hold the values, these wait there.
+    pub fn render_rows<O: Send, F>(
         &self,
         window: &Window,
         out: ArrayViewMut2<'_, O>,
         mapped: Option<Mapped>,
         cancel: &Cancel,
-        finish: impl Fn(usize, &[T], &mut [O]) + Sync + Send,
-    ) -> Result<(), Error> {
-        self.split(window, out, |rows, out| {
-            let width = window.cols.len();
-            let strip = Aligned::zeroed(self.field.tile.0 * width)?;
-            let target = ByRows { strip, width, out, first: rows.start, finish: &finish };
-            self.tiles(rows, &window.cols, target, mapped, cancel)
+        floats: Floats<T, O>,
+        begin: impl Fn(&Range<usize>) -> Result<F, Error> + Sync + Send,
+    ) -> Result<(), Error>
+    where
+        F: FnMut(usize, &[T], &mut [O]) -> Result<(), Error>,
+    {
+        let each = out.ncols() / window.cols.len().max(1);
+        if floats(&mut []).is_some() && out.is_standard_layout() {
+            return self.split(window, out, |rows, part| {
+                let width = window.cols.len();
+                let out = part.into_slice().ok_or_else(layout)?;
+                let target = InPlace {
+                    row: Aligned::zeroed(width)?,
+                    out,
+                    widths: (width, each * width),
+                    first: rows.start,
+                    floats,
+                    finish: begin(&window.cols)?,
+                };
+                self.tiles(rows, &window.cols, target, mapped, cancel)
+            });
+        }
+        let strips = self.field.tile.0 * window.cols.len() * size_of::<T>() * pool::threads();
+        let across = strips > MOST_STRIPS
+            && touching(&self.across, &window.cols).len()
+                >= touching(&self.down, &window.rows).len();
+        // Strips of columns are no wider together than one of all; strips of rows are one for each.
+        let (rows, cols) = if across {
+            (vec![window.rows.clone()], runs(&self.across, &window.cols))
+        } else {
+            (runs(&self.down, &window.rows), vec![window.cols.clone()])
+        };
+        let (mut tasks, mut below) = (Vec::new(), out);
+        for rows in rows {
+            let (mut part, rest) = below.split_at(Axis(0), rows.len());
+            below = rest;
+            for cols in &cols {
+                let (out, right) = part.split_at(Axis(1), cols.len() * each);
+                part = right;
+                tasks.push((rows.clone(), cols.clone(), out));
+            }
+        }
+        pool::for_each(tasks, |(rows, cols, out)| {
+            let width = cols.len();
+            let strip = Aligned::zeroed(self.field.tile.0.min(rows.len()) * width)?;
+            let finish = begin(&cols)?;
+            let target = ByRows { strip, width, out, first: rows.start, finish };
+            self.tiles(rows, &cols, target, mapped, cancel)
         })
     }
 
@@ -127,21 +234,11 @@ impl<T: Real> Ready<'_, '_, T> {
         mut out: ArrayViewMut2<'o, O>,
         work: impl Fn(Range<usize>, ArrayViewMut2<'o, O>) -> Result<(), Error> + Sync + Send,
     ) -> Result<(), Error> {
-        let touched = self.down.touching(window.rows.start, window.rows.end);
         let mut tasks = Vec::new();
-        for run in pool::split(touched.len(), pool::threads()) {
-            let first = touched.start + run.start;
-            let last = touched.start + run.end;
-            let from = if run.start == 0 { window.rows.start } else { self.down.start(first) };
-            let to = if last == touched.end { window.rows.end } else { self.down.start(last) };
-            // Many overlapping tiles in a small window: their starts can lie before or behind it.
-            let rows = from.clamp(window.rows.start, window.rows.end)
-                ..to.clamp(window.rows.start, window.rows.end);
+        for rows in runs(&self.down, &window.rows) {
             let (part, rest) = out.split_at(Axis(0), rows.len());
             out = rest;
-            if !rows.is_empty() {
-                tasks.push((rows, part));
-            }
+            tasks.push((rows, part));
         }
         pool::for_each(tasks, |(rows, part)| work(rows, part))
     }
@@ -154,69 +251,10 @@ impl<T: Real> Ready<'_, '_, T> {
         mapped: Option<Mapped>,
         cancel: &Cancel,
     ) -> Result<(), Error> {
-        let (height, width) = self.field.tile;
-        let step = (self.down.step(), self.across.step());
-        let squared = self.field.blend == Blend::Power;
-        let touching =
-            (self.down.touching(rows.start, rows.end), self.across.touching(cols.start, cols.end));
-        let starts = (self.across.start(touching.1.start), self.across.start(touching.1.end - 1));
-        let mut work = TileWork::new(self)?;
-        let mut carry = Carry::new((height, width), step, starts.0, starts.1)?;
-        let lifted = mapped.filter(|mapped| mapped.preserve_mean).map(|mapped| {
-            let (alike, span) = (self.field.tiles_alike(), starts.0..starts.1 + width);
-            Lift::new(mapped.map, alike, height.div_ceil(step.0), span, height * width)
-        });
-        let mut lift = lifted.transpose()?;
-        let (mut next, mut made) = (rows.start, 0);
-        for row in touching.0.clone() {
-            let start = self.down.start(row);
-            // Rows before the next tile's start are finished.
-            let last = row + 1 == touching.0.end;
-            let end = if last { rows.end } else { (start + step.0).min(rows.end) };
-            let done = next..end.max(next);
-            let weights = &self.parts.weights.0[row * height..(row + 1) * height];
-            carry.begin_row();
-            if let Some(lift) = &mut lift {
-                lift.begin_row(row);
-            }
-            for col in touching.1.clone() {
-                cancel.check()?;
-                let power = work.render(self, (row, col))?;
-                made += usize::from(power.kept > 0.0);
-                let left = self.across.start(col);
-                let across = &self.parts.weights.1[col * width..(col + 1) * width];
-                let pixels = work.pixels();
-                carry.add(left, pixels, (weights, across));
-                if let Some(lift) = &mut lift {
-                    lift.add(power, row, left, across, squared);
-                }
-                let last = col + 1 == touching.1.end;
-                let right = if last { cols.end } else { (left + step.1).min(cols.end) };
-                let ready = left.max(cols.start)..right;
-                if !ready.is_empty() && !done.is_empty() {
-                    let room = target.room(&done);
-                    let from = (done.start - start) * width + ready.start - left;
-                    let block = Block {
-                        rows: done.len(),
-                        cols: ready.len(),
-                        field: (&pixels[from..], width),
-                        out: (&mut room[ready.start - cols.start..], cols.len()),
-                    };
-                    let lifted = lift.as_mut().map_or(Lifted::None, |lift| {
-                        let shares = done.clone().map(|y| self.shares(y, touching.0.start, row));
-                        lift.of(ready, shares)
-                    });
-                    match &mapped {
-                        Some(mapped) => mapped.map.map_block(block, lifted),
-                        None => block.copy(),
-                    }
-                }
-                carry.keep(left, pixels, last);
-            }
-            next = done.end;
-            target.done(done)?;
+        let mut strip = Strip::new(self, rows, cols.clone(), mapped)?;
+        while !strip.ended() {
+            strip.row_of_tiles(self, &mut target, cancel)?;
         }
-        self.transformed.fetch_add(made, Ordering::Relaxed);
         Ok(())
     }
 
@@ -228,6 +266,120 @@ impl<T: Real> Ready<'_, '_, T> {
             // Means mix with weights that sum to 1: the squares, in the power law.
             (row, if self.field.blend == Blend::Linear { weight } else { weight * weight })
         })
+    }
+}
+
+/// A window's rows of tiles, one after the other, with what each leaves to the next.
+pub(super) struct Strip<T: Real> {
+    rows: Range<usize>,
+    cols: Range<usize>,
+    /// The rows and columns of tiles that touch it.
+    touching: (Range<usize>, Range<usize>),
+    mapped: Option<Mapped>,
+    work: TileWork<T>,
+    carry: Carry<T>,
+    lift: Option<Lift<T>>,
+    /// The row of tiles that comes, and the first row that is not finished.
+    row: usize,
+    next: usize,
+}
+
+impl<T: Real> Strip<T> {
+    pub(super) fn new(
+        ready: &Ready<'_, '_, T>,
+        rows: Range<usize>,
+        cols: Range<usize>,
+        mapped: Option<Mapped>,
+    ) -> Result<Self, Error> {
+        let (height, width) = ready.field.tile;
+        let step = (ready.down.step(), ready.across.step());
+        let touching = (
+            ready.down.touching(rows.start, rows.end),
+            ready.across.touching(cols.start, cols.end),
+        );
+        let starts = (ready.across.start(touching.1.start), ready.across.start(touching.1.end - 1));
+        let lifted = mapped.filter(|mapped| mapped.preserve_mean).map(|mapped| {
+            let (alike, span) = (ready.field.tiles_alike(), starts.0..starts.1 + width);
+            Lift::new(mapped.map, alike, height.div_ceil(step.0), span, height * width)
+        });
+        Ok(Self {
+            work: TileWork::new(ready)?,
+            carry: Carry::new((height, width), step, starts.0, starts.1)?,
+            lift: lifted.transpose()?,
+            row: touching.0.start,
+            next: rows.start,
+            rows,
+            cols,
+            touching,
+            mapped,
+        })
+    }
+
+    /// Whether all rows are finished.
+    pub(super) fn ended(&self) -> bool {
+        self.row == self.touching.0.end
+    }
+
+    /// Makes one row of tiles and finishes what no later one touches.
+    pub(super) fn row_of_tiles(
+        &mut self,
+        ready: &Ready<'_, '_, T>,
+        target: &mut impl Target<T>,
+        cancel: &Cancel,
+    ) -> Result<(), Error> {
+        let Self { rows, cols, touching, mapped, work, carry, lift, .. } = self;
+        let (height, width) = ready.field.tile;
+        let step = (ready.down.step(), ready.across.step());
+        let squared = ready.field.blend == Blend::Power;
+        let (row, mut made) = (self.row, 0);
+        let start = ready.down.start(row);
+        // Rows before the next tile's start are finished.
+        let last = row + 1 == touching.0.end;
+        let end = if last { rows.end } else { (start + step.0).min(rows.end) };
+        let done = self.next..end.max(self.next);
+        let weights = &ready.parts.weights.0[row * height..(row + 1) * height];
+        carry.begin_row();
+        if let Some(lift) = lift {
+            lift.begin_row(row);
+        }
+        for col in touching.1.clone() {
+            cancel.check()?;
+            let power = work.render(ready, (row, col))?;
+            made += usize::from(power.kept > 0.0);
+            let left = ready.across.start(col);
+            let across = &ready.parts.weights.1[col * width..(col + 1) * width];
+            let pixels = work.pixels();
+            carry.add(left, pixels, (weights, across));
+            if let Some(lift) = lift {
+                lift.add(power, row, left, across, squared);
+            }
+            let last = col + 1 == touching.1.end;
+            let right = if last { cols.end } else { (left + step.1).min(cols.end) };
+            let inside = left.max(cols.start)..right;
+            if !inside.is_empty() && !done.is_empty() {
+                let room = target.room(&done);
+                let from = (done.start - start) * width + inside.start - left;
+                let block = Block {
+                    rows: done.len(),
+                    cols: inside.len(),
+                    field: (&pixels[from..], width),
+                    out: (&mut room[inside.start - cols.start..], cols.len()),
+                };
+                let lifted = lift.as_mut().map_or(Lifted::None, |lift| {
+                    let shares = done.clone().map(|y| ready.shares(y, touching.0.start, row));
+                    lift.of(inside, shares)
+                });
+                match &mapped {
+                    Some(mapped) => mapped.map.map_block(block, lifted),
+                    None => block.copy(),
+                }
+            }
+            carry.keep(left, pixels, last);
+        }
+        self.next = done.end;
+        self.row += 1;
+        ready.transformed.fetch_add(made, Ordering::Relaxed);
+        target.done(done)
     }
 }
 

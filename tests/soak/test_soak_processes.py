@@ -162,25 +162,47 @@ PEAK = """
 import resource, sys
 import numpy as np
 import flurries as fl
-size = int(sys.argv[1])
-plate = np.full((size, size, 3), 0.2, np.float16)
-scene = fl.Scene(None, plate, effects=[fl.Snow(flakes=500)])
+from flurries import bands
+kind, size = sys.argv[1], int(sys.argv[2])
+if "without bands" in sys.argv:
+    bands._WHOLE = 1 << 40
+light = kind != "bytes in linear light"
+plate = np.full((size, size, 3), 0.2 if light else 60, np.float16 if light else np.uint8)
+snow = fl.Snow(flakes=500) if kind == "light snow" else fl.Snow.preset("heavy")
+effects = [snow, fl.Snow.preset("light", seed=2)] if kind == "two" else [snow]
+scene = fl.Scene(None, plate, effects=effects, space="linear")
 before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-scene.write(sys.argv[2], "1")
-print((resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before) // 1024)
+scene.write(sys.argv[3], "1")
+more = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before
+print(more // 1024 - size * size * (12 if light else 3) // 2**20)
 """
 
 
-@pytest.mark.parametrize("size", [4096, 8192])
-def test_peak_memory_of_a_large_frame(size: int, tmp_path: Any, record_property: Record):
-    """Not met; the bound here only keeps it from growing."""
+def beyond_the_frame(kind: str, size: int, path: Any, *options: str) -> int:
+    """Return the MiB that making and writing a frame takes beyond the frame itself."""
     done = subprocess.run(
-        [sys.executable, "-c", PEAK, str(size), str(tmp_path / "a.exr")],
+        [sys.executable, "-c", PEAK, kind, str(size), str(path), *options],
         text=True, capture_output=True, timeout=600,
+        # Each thread has tiles of its own, some 8 MiB at 8192 px.
+        env={**os.environ, "FLURRIES_NUM_THREADS": "2"},
     )  # fmt: skip
     assert done.returncode == 0, done.stderr
-    output = size * size * 12 // 2**20
-    more = int(done.stdout) - output
-    record_property("figure", f"{size} px: output {output} MiB, {more} MiB more")
-    record_property("met", more <= 64)
-    assert more <= 3 * output
+    return int(done.stdout)
+
+
+@pytest.mark.parametrize("size", [4096, 8192])
+@pytest.mark.parametrize("kind", ["light snow", "heavy snow", "two", "bytes in linear light"])
+def test_peak_memory_of_a_large_frame(kind: str, size: int, tmp_path: Any, record_property: Record):
+    name = "a.png" if kind == "bytes in linear light" else "a.exr"
+    more = beyond_the_frame(kind, size, tmp_path / name)
+    # A second texture's rows wait until a band asks for them, as high as a tile.
+    most = 80 if kind == "two" else 64
+    record_property("figure", f"{kind}, {size} px: {more} MiB more")
+    record_property("met", more <= most)
+    assert more <= most
+
+
+def test_without_bands_a_large_frame_takes_more(tmp_path: Any, record_property: Record):
+    more = beyond_the_frame("bytes in linear light", 8192, tmp_path / "a.png", "without bands")
+    record_property("figure", f"bytes in linear light, 8192 px, in one piece: {more} MiB more")
+    assert more > 64

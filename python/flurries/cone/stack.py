@@ -270,6 +270,7 @@ def layers(
     conserve: bool = True,
     radius: float = math.inf,
     mapping: Mapping | None = None,
+    rows: tuple[int, int] | None = None,
     dtype: npt.DTypeLike = np.float32,
     out: Array | None = None,
 ) -> Array:
@@ -293,11 +294,13 @@ def layers(
     mapping : Mapping, optional
         Of this shape, axis and the like, to be used again while they stand still. What it was made
         with counts, and `rows` and `depth` are its own.
+    rows : (start, stop), optional
+        Only these rows of the picture, or of the mapping, with the bits of the whole.
 
     Returns
     -------
     (H, W) array
-        ``1 - prod(1 - alpha_i)``, 0 to 1; of the mapping's rows only, if it has some.
+        ``1 - prod(1 - alpha_i)``, 0 to 1; of the wanted rows only.
 
     Raises
     ------
@@ -343,6 +346,7 @@ def layers(
     length = real("stretch", stretch, low=1e-6, high=1e6)
     shared = flag("conserve", conserve)
     moved = wrapped(real("phase", phase))
+    start, stop = _wanted(rows, (0, size[0]) if mapping is None else mapping.rows)
     if kind == np.float64:
         exact = tile.tile if isinstance(tile, Texture) else tile
         rest = np.ones(size)
@@ -352,14 +356,15 @@ def layers(
                 repeats=repeats * factor, offset=tuple(place), gain=float(strength),
                 conserve=shared, radius=radius * factor, dtype=kind,
             )  # fmt: skip
-        start, stop = (0, size[0]) if mapping is None else mapping.rows
         rest = rest[start:stop]
         result = output(out, rest.shape, kind)
         np.subtract(1.0, rest, out=result)
         return result
     texture = tile if isinstance(tile, Texture) else Texture(tile)
-    start, stop = (0, size[0]) if mapping is None else mapping.rows
     result = output(out, (stop - start, size[1]), kind)
+    # Blocks lie where they lie in the whole picture.
+    top = start - start % BLOCK
+    whole = result if top == start else np.empty((stop - top, size[1]), np.float32)
     texels = math.log2(len(texture.tile))
     sheets = [
         (
@@ -373,18 +378,30 @@ def layers(
     ]
     given = pose(size, camera, axis, slope, radius)
     if mapping is None and given[-1] == (0.0, 0.0, 0.0):
-        course = (integer("repeats", repeats, low=1, high=MOST_REPEATS), length, 0)
-        steps = _footprints(size, given, course)
+        course = (integer("repeats", repeats, low=1, high=MOST_REPEATS), length, top)
+        steps = _footprints(whole.shape, given, course)
         tables = _tables(texture, steps, sheets)
-        _core.cone_moving(result, steps, given, course, sheets, texture._levels, tables)
-        return result
-    if mapping is None:
-        mapping = Mapping(
-            size, camera, axis=axis, stretch=length, slope=slope, repeats=repeats, radius=radius,
-            multiples=factors,
-        )  # fmt: skip
-    _stacked(result, mapping, sheets, texture)
+        _core.cone_moving(whole, steps, given, course, sheets, texture._levels, tables)
+    else:
+        if mapping is None:
+            mapping = Mapping(
+                size, camera, axis=axis, stretch=length, slope=slope, repeats=repeats,
+                radius=radius, multiples=factors, rows=(start, stop),
+            )  # fmt: skip
+        _stacked(whole, top, mapping, sheets, texture)
+    if whole is not result:
+        # The rows above, of a block that was begun, are of no use to anybody.
+        result[...] = whole[start - top :]
     return result
+
+
+def _wanted(rows: object, there: tuple[int, int]) -> tuple[int, int]:
+    """Return the rows that are asked for, of those that are there."""
+    if rows is None:
+        return there
+    first, last = _two("rows", rows)
+    start = integer("rows[0]", first, low=there[0], high=there[1] - 1)
+    return start, integer("rows[1]", last, low=start + 1, high=there[1])
 
 
 def _offsets(count: int) -> list[tuple[float, float]]:
@@ -411,27 +428,36 @@ def _tables(
 
 
 def _stacked(
-    result: Array,
+    whole: Array,
+    top: int,
     mapping: Mapping,
     sheets: list[Sheet],
     texture: Texture,
 ) -> None:
-    above = mapping.rows[0] - mapping._top
-    # The rows above, of a block that was begun, are of no use to anybody.
-    whole = result if above == 0 else np.empty((len(result) + above, result.shape[1]), np.float32)
+    """Draw rows of a mapping, from the first of a block on."""
+    above = top - mapping._top
+    lines = slice(above, above + len(whole))
+    blocks = slice(above // BLOCK, -(-lines.stop // BLOCK))
     parts = [(mapping._charts[0], sheets)]
     if not mapping._together:
         parts = [(chart, [sheet]) for chart, sheet in zip(mapping._charts, sheets, strict=True)]
     clear: Array | None = None
-    for index, (chart, drawn) in enumerate(parts):
-        tables = _tables(texture, chart[4], drawn)
-        shown = mapping._shown
+    for index, (planes, drawn) in enumerate(parts):
+        across, along, fade, state = (plane[lines] for plane in planes[:4])
+        steps, squares = planes[4][blocks], planes[5]
+        if squares is not None:
+            # Of a row of blocks after the other.
+            each = 2 * BLOCK * across.shape[1]
+            squares = squares[each * blocks.start : each * blocks.stop]
+        tables = _tables(texture, steps, drawn)
+        shown = None if mapping._shown is None else mapping._shown[lines]
         if shown is not None and not mapping._together:
             shown = (shown > index).astype(np.uint8)
-        _core.cone_stack(whole, *chart, drawn, texture._levels, tables, shown)
+        _core.cone_stack(
+            whole, across, along, fade, state, steps, squares, drawn, texture._levels, tables,
+            shown,
+        )  # fmt: skip
         if not mapping._together:
             clear = 1.0 - whole if clear is None else clear * (1.0 - whole)
     if clear is not None:
         np.subtract(1.0, clear, out=whole)
-    if above:
-        result[...] = whole[above:]

@@ -127,7 +127,8 @@ class Coned(Moving, ABC):
         planes = max(len(steps), 1)
         steps.append(Step("join", lambda: Cost({"joined pixel": planes * part}, "", 4 * part)))
         reads = PARTS if self.colour == AMBIENT else PARTS - {"ambient"}
-        return Needs(tuple(steps), tuple(left_out), reads, most=1.0 if len(steps) > 1 else haze)
+        most = 1.0 if len(steps) > 1 else haze
+        return Needs(tuple(steps), tuple(left_out), reads, most=most, by_rows=True)
 
     def _near_steps(self, frame: Frame, amount: float) -> list[Step]:
         """Return the steps of what is drawn one by one in front."""
@@ -162,7 +163,7 @@ class Coned(Moving, ABC):
         texture = self.texture(frame.seed)
         gains = [amount * self.gain * layer for layer in self._GAINS]
         look = {"gains": gains, "conserve": self.conserve}
-        return frame.crop(drawn(frame, pose, texture, state.phase, **look))
+        return drawn(self, frame, pose, texture, state.phase, **look)
 
     def _near(self, frame: Frame, amount: float) -> Array:
         """Return what is drawn one by one in front: nothing, as `_near_steps` says."""
@@ -391,7 +392,9 @@ class ConeSnow(Coned):
         return [step for step in self.near_snow().needs(frame).steps if step.name == "flakes"]
 
     def _near(self, frame: Frame, amount: float) -> Array:
-        return frame.crop(self.near_snow().particles(frame, amount))
+        # One that both eyes and all bands ask, since what they share goes by its owner.
+        snow = frame.once(self, "snow", self.near_snow)
+        return snow.particles(frame, amount)
 
 
 @lru_cache(maxsize=8)

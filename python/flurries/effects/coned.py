@@ -141,7 +141,7 @@ def chart(pose: Pose) -> cone.Mapping | None:
     return made
 
 
-def _chart(pose: Pose, depth: Array | None) -> cone.Mapping:
+def _chart(pose: Pose, depth: Array | None, rows: tuple[int, int] | None = None) -> cone.Mapping:
     return cone.Mapping(
         pose.shape,
         pose.camera,
@@ -150,14 +150,23 @@ def _chart(pose: Pose, depth: Array | None) -> cone.Mapping:
         slope=pose.slope,
         repeats=pose.repeats,
         radius=pose.radius,
+        rows=rows,
         depth=depth,
     )
 
 
-def drawn(frame: Frame, pose: Pose, texture: cone.Texture, phase: float, **look: Any) -> Array:
-    """Return the joint alpha of the layers over the whole frame, (H, W) float32."""
-    mapping = chart(pose) if frame.depth is None else _chart(pose, frame.depth)
-    return cone.layers(
+def drawn(
+    owner: object, frame: Frame, pose: Pose, texture: cone.Texture, phase: float, **look: Any
+) -> Array:
+    """Return the joint alpha of the layers over the window, (h, w) float32."""
+    top, bottom, left, right = frame.window
+    rows = top, bottom
+    if frame.depth is None:
+        # Asked for once for all bands of a frame, which are not frames of one pose.
+        mapping = frame.once_each(owner, "chart", lambda: chart(pose))
+    else:
+        mapping = _chart(pose, frame.depth, rows)
+    alpha = cone.layers(
         pose.shape,
         pose.camera,
         texture,
@@ -168,5 +177,7 @@ def drawn(frame: Frame, pose: Pose, texture: cone.Texture, phase: float, **look:
         repeats=pose.repeats,
         radius=pose.radius,
         mapping=mapping,
+        rows=rows,
         **look,
     )
+    return alpha[:, left:right]

@@ -11,6 +11,7 @@ import numpy as np
 from flurries.effects.needs import PARTS, Cost, LeftOut, Needs, Step, skipped
 from flurries.effects.peopled import FADE_IN
 from flurries.effects.tiling import count, texture_cost
+from flurries.spectral.contrast import TABLE_BYTES
 from flurries.timeline import Keys, value_at
 from flurries.wind import Wind
 
@@ -70,6 +71,7 @@ def needs_of_falling(effect: Falling, frame: Frame) -> Needs:
         reads,
         most=1.0 - clear,
         in_one_pass=one_pass,
+        by_rows=True,
         savings=savings,
     )
 
@@ -135,7 +137,8 @@ def _texture(effect: Falling, frame: Frame) -> Cost:
         return cost
     pixels = _pixels(frame)
     work: dict[str, Any] = {**cost.work, "limited pixel": passes * pixels}
-    return replace(cost, work=work, scratch=cost.scratch + (24 if passes > 1 else 4) * pixels)
+    scratch = cost.scratch + (24 if passes > 1 else 4) * pixels
+    return replace(cost, work=work, scratch=max(scratch, TABLE_BYTES))
 
 
 def _flakes(effect: Falling, frame: Frame, amount: float) -> Cost:
@@ -157,18 +160,18 @@ def _flakes(effect: Falling, frame: Frame, amount: float) -> Cost:
     unseen = LeftOut(
         f"{kind.name} out of view", f"some {placed - round(drawn * part * share)} of {placed}"
     )
-    whole = 4 * height * width
+    plane = 4 * _pixels(frame)
     if effect.alike(frame):
-        return Cost(work, size, whole, 0, (unseen,))
+        return Cost(work, size, plane, 0, (unseen,))
     # First, of each placed: place, fade, its columns, how far it reaches, and one more; for a
-    # camera that turns its velocity as well, and that across. Then the plane itself, and what is
-    # left of those in the view, with sizes still of all.
+    # camera that turns its velocity as well, and that across. Then what is left of those in the
+    # view, with sizes still of all. The plane comes when these have gone.
     first, then = (
         (129 if frame.path.turns else 73) * placed,
-        whole + 8 * placed + 90 * round(drawn * part),
+        8 * placed + 90 * round(drawn * part),
     )
     work["flake listed"] = float(placed)
-    return Cost(work, size, whole, max(first, then) - whole, (unseen,))
+    return Cost(work, size, plane, max(first, then, plane) - plane, (unseen,))
 
 
 def footprints(effect: Falling, frame: Frame) -> tuple[float, float]:

@@ -126,11 +126,6 @@ class Falling(Peopled, Knobs, ABC):
             raise TypeError(f"{cls.__name__} has no field {sorted(unknown)[0]!r}")
         return cls(**{**values, **changes})
 
-    @property
-    def preserves_mean(self) -> bool:
-        """Whether what blur takes of the texture's mean opacity is added again."""
-        return True
-
     def mapped(self, frame: Frame, amount: float) -> tuple[float, float, float, float]:
         """Return mean, spread, power and amount of the texture's map to opacity."""
         t = frame.t
@@ -151,11 +146,11 @@ class Falling(Peopled, Knobs, ABC):
         depth = frame.depth
         planes = [
             run("texture", lambda: deepened(self, frame, self.mapped(frame, amount))),
-            run("flakes", lambda: frame.crop(self.particles(frame, amount))),
+            run("flakes", lambda: self.particles(frame, amount)),
         ]
         if depth is not None:
             near, far = frame.crop(depth), self.far_depth(frame.shape)
-            once = lambda: frame.once(self, "veil", lambda: veil(haze, near, far))  # noqa: E731
+            once = lambda: frame.here(self, "veil", lambda: veil(haze, near, far))  # noqa: E731
             planes.append(run("veil", once))
             haze = 0.0
         parts = [plane for plane in planes if plane is not None]
@@ -178,7 +173,7 @@ class Falling(Peopled, Knobs, ABC):
         # A texture that never moves is kept as a plane.
         if frame.depth is not None or "texture" not in run.steps or run.keeps("texture"):
             return None
-        flakes = run("flakes", lambda: frame.crop(self.particles(frame, amount)))
+        flakes = run("flakes", lambda: self.sorted(frame, amount))
         result = np.empty_like(behind)
         with stage("texture"):
             made = snowfall(

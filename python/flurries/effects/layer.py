@@ -18,6 +18,7 @@ from flurries.timeline import Number, Vector, value_at
 from flurries.turning import rotation_vector
 
 _Made = TypeVar("_Made")
+_Key = tuple[int, int, str]
 
 
 @dataclass(frozen=True)
@@ -57,7 +58,8 @@ class Frame:
     whole : bool
         Whether layers are asked for with all that they can say of their pixels.
     shared : Shared or None
-        Where both eyes are asked for: what need not be found for each.
+        Where both eyes are asked for, or the bands of a large frame one after the other: what need
+        not be found for each.
     """
 
     shape: tuple[int, int]
@@ -84,14 +86,39 @@ class Frame:
     shared: Shared | None = field(default=None, compare=False, repr=False)
 
     def once(self, owner: object, name: str, make: Callable[[], _Made]) -> _Made:
-        """Return what `make` returns; for the second of two eyes what it returned for the first.
+        """Return what `make` returns; for a second eye or band what it returned for the first.
 
-        Only for what does not depend on the eye's place and principal point, and for nothing that
-        is written to afterwards.
+        Only for what depends neither on the eye's place and principal point nor on the window, and
+        for nothing that is written to afterwards.
         """
         if self.shared is None:
             return make()
-        return self.shared.once(owner, self.seed, name, make)
+        return self.shared.once((id(owner), self.seed, name), owner, make)
+
+    def once_each(self, owner: object, name: str, make: Callable[[], _Made]) -> _Made:
+        """Return the same for what depends on the eye, but not on the window."""
+        return self.once(owner, f"{name}, eye {self.eye}", make)
+
+    def here(self, owner: object, name: str, make: Callable[[], _Made]) -> _Made:
+        """Return the same for what depends on the window, but not on the eye."""
+        if self.shared is None:
+            return make()
+        return self.shared.here((id(owner), self.seed, name), owner, self.window, make)
+
+    @property
+    def eye(self) -> int:
+        """Which of two eyes sees it, 0 or 1."""
+        return int(self.shared is not None and self.camera != self.shared.cameras[0])
+
+    @property
+    def banded(self) -> bool:
+        """Whether the window is one of several bands of rows, which come from the top down."""
+        return self.shared is not None and self.shared.bands > 1
+
+    @property
+    def around(self) -> Frame:
+        """The frame with the window that all bands make together."""
+        return replace(self, window=self.shared.window) if self.shared is not None else self
 
     @property
     def width_scale(self) -> float:
@@ -156,24 +183,49 @@ class Frame:
 
 
 class Shared:
-    """What two eyes have in common while both are asked for one frame.
+    """What the eyes and the bands of rows of one frame have in common while they are made.
 
     Attributes
     ----------
-    cameras : (left, right)
+    cameras : (eye,) or (left, right)
         The eyes as they are at the frame's time.
+    window : (top, bottom, left, right)
+        Of all bands together, pixels.
+    bands : int
+        How many there are.
     """
 
-    def __init__(self, cameras: tuple[Camera, Camera]) -> None:
-        self.cameras = cameras
-        self._known: dict[tuple[int, int, str], Any] = {}
+    def __init__(
+        self, cameras: tuple[Camera, ...], window: tuple[int, int, int, int], bands: int = 1
+    ) -> None:
+        self.cameras, self.window, self.bands = cameras, window, bands
+        # With the owner, which must not go while its id is known.
+        self._known: dict[_Key, tuple[object, Any]] = {}
+        self._here: dict[_Key, tuple[object, Any]] = {}
+        self._at = window
 
-    def once(self, owner: object, seed: int, name: str, make: Callable[[], _Made]) -> _Made:
+    def once(self, key: _Key, owner: object, make: Callable[[], _Made]) -> _Made:
         """Return what `make` returned for this effect, seed and name, or make it."""
-        key = (id(owner), seed, name)
         if key not in self._known:
-            self._known[key] = make()
-        made: _Made = self._known[key]
+            self._known[key] = owner, make()
+        made: _Made = self._known[key][1]
+        return made
+
+    def here(
+        self,
+        key: _Key,
+        owner: object,
+        window: tuple[int, int, int, int],
+        make: Callable[[], _Made],
+    ) -> _Made:
+        """Return the same for a window; it is kept for the other eye, until the next window."""
+        if len(self.cameras) == 1:
+            return make()
+        if window != self._at:
+            self._here, self._at = {}, window
+        if key not in self._here:
+            self._here[key] = owner, make()
+        made: _Made = self._here[key][1]
         return made
 
 

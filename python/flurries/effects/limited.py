@@ -16,7 +16,6 @@ from flurries._contract import Array, Float64
 from flurries.effects.layer import Frame
 from flurries.spectral import opacity
 from flurries.spectral.contrast import kept_power, mean_opacity
-from flurries.spectral.frame import alpha_of, field_of
 from flurries.spectral.tiles import tile_starts
 from flurries.timeline import value_at
 
@@ -28,13 +27,12 @@ Map = tuple[float, float, float, float]
 
 def deepened(effect: Falling, frame: Frame, mapped: Map) -> Array:
     """Return the texture's opacity over the window, as far as the scene's depth leaves it."""
-    preserve_mean = effect.preserves_mean
-    far = effect.far_depth(frame.shape)
-    if frame.depth is None or float(frame.depth.min()) >= far:
-        return alpha_of(effect.texture_request(frame), mapped, preserve_mean=preserve_mean)
+    far, depth = effect.far_depth(frame.shape), frame.depth
+    if depth is None or frame.once(effect, "nearest", lambda: float(depth.min())) >= far:
+        return effect.drawn(frame, mapped)
     if effect.depth_mode == "tile":
-        return _by_tile(effect, frame, mapped, preserve_mean)
-    return _by_pixel(effect, frame, mapped, preserve_mean)
+        return _by_tile(effect, frame, mapped)
+    return _by_pixel(effect, frame, mapped)
 
 
 def share_of(depth: Array, near: float, far: float) -> Float64:
@@ -44,7 +42,7 @@ def share_of(depth: Array, near: float, far: float) -> Float64:
     return np.asarray(np.clip(share, 0.0, 1.0))
 
 
-def _faded(share: Float64, mapped: Map) -> Float64:
+def _faded(share: Float64, mapped: Map, most: float | None = None) -> Float64:
     """Return the factor that brings the mean opacity down to the share that is left.
 
     Less variance alone would leave the even veil that the map's mean makes, even before a wall that
@@ -52,7 +50,7 @@ def _faded(share: Float64, mapped: Map) -> Float64:
     """
     mean, spread, power, _ = mapped
     whole = mean_opacity(np.ones(1), mean, spread, power)[0]
-    left = mean_opacity(share.ravel(), mean, spread, power).reshape(share.shape)
+    left = mean_opacity(share.ravel(), mean, spread, power, most=most).reshape(share.shape)
     factor = np.divide(share * whole, left, out=np.zeros_like(share), where=left > 0.0)
     return np.asarray(np.minimum(factor, 1.0))
 
@@ -68,18 +66,33 @@ def farthest(effect: Falling, frame: Frame) -> Array:
     return np.stack([bands[y : y + tile].max(axis=0) for y in rows])
 
 
-def _by_tile(effect: Falling, frame: Frame, mapped: Map, preserve_mean: bool) -> Array:
+def _by_tile(effect: Falling, frame: Frame, mapped: Map) -> Array:
     """Limit the band of each tile by its farthest depth."""
-    shortest, faded = frame.once(effect, "limits", lambda: _limits(effect, frame, mapped))
-    alpha = alpha_of(
-        effect.texture_request(frame, shortest=shortest), mapped, preserve_mean=preserve_mean
-    )
-    alpha *= faded
+    shortest, down, across = frame.once(effect, "limits", lambda: _limits(effect, frame, mapped))
+    top, bottom, left, right = frame.window
+    factor = frame.here(effect, "factor", lambda: _product(down[top:bottom], across[left:right]))
+    alpha = effect.drawn(frame, mapped, shortest=shortest)
+    alpha *= factor
     return alpha
 
 
-def _limits(effect: Falling, frame: Frame, mapped: Map) -> tuple[Float64, Array]:
-    """Return each tile's shortest wave, px, and each pixel's factor over the window."""
+# Numbers of a product that are held in float64.
+_HELD = 1 << 16
+
+
+def _product(down: Float64, across: Float64) -> Array:
+    """Return ``down @ across.T`` as float32, (h, w), few rows of float64 at a time."""
+    result = np.empty((len(down), len(across)), np.float32)
+    rows = max(_HELD // len(across), 1)
+    wide = np.empty((rows, len(across)))
+    for first in range(0, len(down), rows):
+        part = down[first : first + rows]
+        result[first : first + rows] = np.matmul(part, across.T, out=wide[: len(part)])
+    return result
+
+
+def _limits(effect: Falling, frame: Frame, mapped: Map) -> tuple[Float64, Float64, Float64]:
+    """Return each tile's shortest wave, px, and two whose product is each pixel's factor."""
     (height, width), ((tile, _), overlap) = frame.shape, effect.layout(frame)[0]
     near, far = effect.near_depth, effect.far_depth(frame.shape)
     rows = tile_starts(height, tile=tile, overlap=overlap)
@@ -88,10 +101,9 @@ def _limits(effect: Falling, frame: Frame, mapped: Map) -> tuple[Float64, Array]
     longest = effect.band(frame.shape)[1]
     shortest = near * longest / ends.astype(np.float64)
     faded = _faded(share_of(ends, near, far), mapped)
-    top, bottom, left, right = frame.window
-    down = weights(rows, height, tile, overlap)[top:bottom]
-    across = weights(cols, width, tile, overlap)[left:right]
-    return shortest, (down @ faded @ across.T).astype(np.float32)
+    down = weights(rows, height, tile, overlap)
+    across = weights(cols, width, tile, overlap)
+    return shortest, down @ faded, across
 
 
 def weights(starts: Array, length: int, tile: int, overlap: int) -> Float64:
@@ -104,7 +116,7 @@ def weights(starts: Array, length: int, tile: int, overlap: int) -> Float64:
     return np.asarray(share / share.sum(axis=1, keepdims=True))
 
 
-def _by_pixel(effect: Falling, frame: Frame, mapped: Map, preserve_mean: bool) -> Array:
+def _by_pixel(effect: Falling, frame: Frame, mapped: Map) -> Array:
     """Weigh octaves of the texture by how much of their air is before the pixel."""
     assert frame.depth is not None
     near, far = effect.near_depth, effect.far_depth(frame.shape)
@@ -120,7 +132,7 @@ def _by_pixel(effect: Falling, frame: Frame, mapped: Map, preserve_mean: bool) -
     def octave(number: int) -> Array:
         # The root of the share of an octave's power; the same for both eyes.
         limits = edges[number], edges[number + 1]
-        return frame.once(
+        return frame.here(
             effect,
             f"octave {number}",
             lambda: np.sqrt(share_of(depth, *limits)).astype(np.float32),
@@ -129,23 +141,28 @@ def _by_pixel(effect: Falling, frame: Frame, mapped: Map, preserve_mean: bool) -
     for number in range(octaves):
         # All waves that stand for depths up to the far edge of this octave.
         limit = 0.0 if number + 1 == octaves else near * longest / edges[number + 1]
-        asked = effect.texture_request(frame, shortest=np.full(grid, limit))
-        nearer = field_of(asked)
+        name, shortest = f"texture {number}", np.full(grid, limit)
+        nearer = effect.drawn(frame, None, name=name, shortest=shortest)
         part = octave(number)
         total += part * (nearer if before is None else nearer - before)
         before = nearer
     share = share_of(depth, near, far)
+    # Of the whole frame, so that a window has its bits.
+    whole = frame.depth
+    most = float(
+        frame.once(effect, "most", lambda: share_of(whole.max(keepdims=True), near, far)).item()
+    )
     mean, spread, power, amount = mapped
     alpha = opacity(total, mean=mean, spread=spread, exponent=power)
-    if preserve_mean:
+    if effect.preserves_mean:
         kept = kept_power(
             effect.cycles(frame), effect.alias, shutter=value_at(effect.shutter, frame.t)
         )
-        lost = mean_opacity(share.ravel(), mean, spread, power) - mean_opacity(
-            kept * share.ravel(), mean, spread, power
+        lost = mean_opacity(share.ravel(), mean, spread, power, most=most) - mean_opacity(
+            kept * share.ravel(), mean, spread, power, most=kept * most
         )
         alpha += lost.reshape(share.shape).astype(np.float32)
-    alpha *= (amount * _faded(share, mapped)).astype(np.float32)
+    alpha *= (amount * _faded(share, mapped, most)).astype(np.float32)
     return np.clip(alpha, 0.0, 1.0, out=alpha)
 
 

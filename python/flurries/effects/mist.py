@@ -10,7 +10,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from flurries import gas, particles
+from flurries import _core, gas, particles
 from flurries._contract import Array, Float64, choice, flag, integer, real, seed_of, vector
 from flurries.costs import nanoseconds
 from flurries.effects.falling import AMBIENT, settled_colour
@@ -19,7 +19,7 @@ from flurries.effects.layer import Frame, Layer
 from flurries.effects.looks import look_of, mist_density, severity_of
 from flurries.effects.needs import PARTS, Cost, LeftOut, Needs, Saving, Step, keyed
 from flurries.effects.presets import MIST
-from flurries.gas.splatting import FINISHED, FOOTPRINTS
+from flurries.gas.splatting import FINISHED, FOOTPRINTS, sorted_gas
 from flurries.gas.visibility import count_for_visibility
 from flurries.timeline import Keys, Number, Vector, as_number, as_vector, value_at
 
@@ -308,7 +308,9 @@ class Mist(Knobs):
         most = min(most * self._filled(frame)[1], 1.0)
         reads = PARTS if ambient else PARTS - {"ambient"}
         bright = self._brightest() if lit else 1.0
-        return Needs((step,), out, reads, most=most, savings=(stop,), brightest=bright)
+        return Needs(
+            (step,), out, reads, most=most, by_rows=True, savings=(stop,), brightest=bright
+        )
 
     def _brightest(self) -> float:
         """Return the most that the phase function brightens white gas by."""
@@ -357,21 +359,31 @@ class Mist(Knobs):
 
     def _layer(self, frame: Frame) -> Layer:
         assert self.radius is not None
+        lit = self.lit and frame.sun is not None
+        sort = lambda: self._sorted(frame, lit=lit)  # noqa: E731
+        found, coloured = frame.once_each(self, "gas", sort)
+        top, bottom, left, right = frame.window
+        shape = (bottom - top, right - left)
+        if not coloured:
+            alpha = np.empty(shape, np.float32)
+            _core.gas_draw(alpha, found, frame.window, frame.depth)
+            return Layer(self.NAME, alpha, self._display(frame))
+        layer = np.empty((*shape, 4), np.float32)
+        _core.gas_draw(layer, found, frame.window, frame.depth)
+        return Layer(self.NAME, layer[..., 3], rgb=layer[..., :3])
+
+    def _sorted(self, frame: Frame, *, lit: bool) -> tuple[_core.SortedGas, bool]:
+        """Return the gas, to be drawn in any band of the frame, and whether it has colours."""
+        assert self.radius is not None
         points, shown = frame.once(self, "particles", lambda: self.particles(frame))
-        camera = frame.camera
-        options: dict[str, Any] = {
-            "footprint": self.footprint,
-            "near": self.near,
-            "near_mode": "exact",
-            "depth": frame.depth,
-            "error": self._error(frame),
-        }
-        if frame.sun is None or not self.lit or not len(points):
-            alpha = gas.alpha(frame.shape, points, self.radius, shown, camera, **options)
-            return Layer(self.NAME, frame.crop(alpha), self._display(frame))
-        colours = self._shaded(frame, points, shown)
-        layer = gas.splat(frame.shape, points, self.radius, shown, colours, camera, **options)
-        return Layer(self.NAME, frame.crop(layer[..., 3]), rgb=frame.crop(layer[..., :3]))
+        lit = lit and len(points) > 0
+        colours = self._shaded(frame, points, shown) if lit else 0.0
+        given = sorted_gas(
+            frame.shape, points, self.radius, shown, colours, frame.camera,
+            footprint=self.footprint, near=self.near, near_mode="exact", depth=frame.depth,
+            error=self._error(frame),
+        )  # fmt: skip
+        return given, lit
 
     def _error(self, frame: Frame) -> float:
         """Return what is let through where nothing more is drawn."""

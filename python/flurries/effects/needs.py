@@ -144,6 +144,9 @@ class Needs:
         The largest of its colours' values, at least 1.
     in_one_pass : bool
         Whether its method ``over`` lays it straight over a picture, without the step "join".
+    by_rows : bool
+        Whether it draws any window by itself, at its share of the whole's cost: a large frame is
+        then made in bands of rows. Else the whole is drawn once, and held.
     varies : bool
         Whether it is other at other times although nothing of the effect is keyed, such as for a
         cloud that the camera passes.
@@ -156,6 +159,7 @@ class Needs:
     reads: frozenset[str] = frozenset()
     most: float = 1.0
     in_one_pass: bool = False
+    by_rows: bool = False
     varies: bool = False
     savings: tuple[Saving, ...] = ()
     brightest: float = 1.0
@@ -201,12 +205,19 @@ def keyed(value: Any, depth: int = 3) -> bool:
 
 
 class Kept:
-    """Results that are the same in every frame; the last few are kept."""
+    """Results that are the same in every frame; the last few are kept.
+
+    Parameters
+    ----------
+    bands : int
+        Parts that a frame's results come in.
+    """
 
     MOST = 4
 
-    def __init__(self) -> None:
+    def __init__(self, bands: int = 1) -> None:
         self._made: dict[Any, Any] = {}
+        self._most = self.MOST * bands
 
     def get(self, key: Any) -> Any:
         """Return what was made for a key, or None."""
@@ -218,7 +229,7 @@ class Kept:
             if isinstance(part, np.ndarray):
                 part.flags.writeable = False
         # A new dictionary each time: other threads may be reading the old one.
-        rest = list(self._made.items())[-(self.MOST - 1) :]
+        rest = list(self._made.items())[-(self._most - 1) :]
         self._made = {**dict(rest), key: made}
 
 

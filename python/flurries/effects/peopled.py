@@ -12,7 +12,14 @@ import numpy.typing as npt
 
 from flurries import particles, trace
 from flurries._contract import Array, Float64
-from flurries._core import particle_flurry, particle_flurry_pair, uniform
+from flurries._core import (
+    SortedFlakes,
+    particle_draw,
+    particle_sort,
+    particle_sort_listed,
+    particle_sort_pair,
+    uniform,
+)
 from flurries.camera import Camera
 from flurries.effects.layer import Frame
 from flurries.effects.moving import profile_of_flakes, waves_of_flakes
@@ -284,8 +291,24 @@ class Peopled(Textured, ABC):
         return np.flatnonzero(inside)
 
     def particles(self, frame: Frame, amount: float) -> Array:
-        """Return the alpha of the flakes over the whole frame, (H, W) float32."""
-        return (self._flurry if self.alike(frame) else self._listed)(frame, amount)
+        """Return the alpha of the flakes over the window, (h, w) float32."""
+        return self._drawn(frame, self.sorted(frame, amount))
+
+    @staticmethod
+    def _drawn(frame: Frame, flakes: SortedFlakes) -> Array:
+        top, bottom, left, right = frame.window
+        result = np.empty((bottom - top, right - left), np.float32)
+        particle_draw(result, flakes, frame.window, frame.depth)
+        return result
+
+    def sorted(self, frame: Frame, amount: float) -> SortedFlakes:
+        """Return the flakes, to be drawn in any band of the frame."""
+        frame, alike = frame.around, self.alike(frame)
+        if frame.shared is not None and alike and len(frame.shared.cameras) == 2:
+            both = frame.once(self, "flakes", lambda: self._flurry_pair(frame, amount))
+            return both[frame.eye]
+        sort = self._flurry if alike else self._listed
+        return frame.once_each(self, "flakes", lambda: sort(frame, amount))
 
     def alike(self, frame: Frame) -> bool:
         """Whether all flakes move alike."""
@@ -293,9 +316,11 @@ class Peopled(Textured, ABC):
         alike = wind is None or wind.uniform
         return alike and not (frame.path.turns or frame.path.zooms)
 
-    def _listed(self, frame: Frame, amount: float) -> Array:
-        """Return the alpha of flakes from arrays of their places: any wind, any camera."""
-        return particles.splat(**self._to_draw(frame, amount)[0])
+    def _listed(self, frame: Frame, amount: float) -> SortedFlakes:
+        """Return the flakes from arrays of their places: any wind, any camera."""
+        flakes, _ = self._to_draw(frame, amount)
+        given, _ = particles.settled(near=NEAR, **{**flakes, "depth": None})
+        return particle_sort_listed(frame.shape, *given[:-1])
 
     def ids(self, frame: Frame, amount: float) -> npt.NDArray[np.int32]:
         """Return which flake each pixel of the whole frame shows, (H, W); -1 for none.
@@ -352,24 +377,16 @@ class Peopled(Textured, ABC):
         }
         return flakes, inside[seen]
 
-    def _flurry(self, frame: Frame, amount: float) -> Array:
+    def _flurry(self, frame: Frame, amount: float) -> SortedFlakes:
         """Return the same where all flakes move alike, without arrays of them."""
-        if frame.shared is None:
-            result = np.empty(frame.shape, np.float32)
-            particle_flurry(result, self._request(frame, amount), frame.depth)
-            return result
-        left, right = frame.shared.cameras
-        both = frame.once(self, "flakes", lambda: self._flurry_pair(frame, amount, left, right))
-        return both[frame.camera != left]
+        return particle_sort(frame.shape, self._request(frame, amount))
 
-    def _flurry_pair(
-        self, frame: Frame, amount: float, left: Camera, right: Camera
-    ) -> tuple[Array, Array]:
+    def _flurry_pair(self, frame: Frame, amount: float) -> tuple[SortedFlakes, SortedFlakes]:
         """Return what two eyes see, each flake placed once."""
-        first, second = (np.empty(frame.shape, np.float32) for _ in range(2))
+        assert frame.shared is not None
+        left, right = frame.shared.cameras
         asked = self._request(replace(frame, camera=left), amount)
-        particle_flurry_pair(first, second, asked, self._lens(frame, right), frame.depth)
-        return first, second
+        return particle_sort_pair(frame.shape, asked, self._lens(frame, right))
 
     def _lens(self, frame: Frame, camera: Camera) -> tuple[float, float, float, Triple, float]:
         """Return a camera as the kernel takes it."""

@@ -9,7 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from flurries._contract import Float64
+from flurries import _core
+from flurries._contract import Array, Float64
 from flurries.camera import tile_drift, tile_shift, tile_zoom
 from flurries.effects.layer import Frame
 from flurries.effects.moving import Moving, of_rings
@@ -18,7 +19,10 @@ from flurries.effects.tiling import Tiling, torus_for
 from flurries.spectral.frame import Request, request
 from flurries.spectral.tiles import tile_starts
 from flurries.timeline import Number, value_at
+from flurries.trace import count
 from flurries.wind import Wind
+
+Mapped = tuple[float, float, float, float]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -173,6 +177,41 @@ class Textured(Moving):
             window=frame.window,
             **more,
         )
+
+    def drawn(
+        self, frame: Frame, mapped: Mapped | None, *, name: str = "texture", **more: Any
+    ) -> Array:
+        """Return the texture's opacity over the window, (h, w) float32, or its field.
+
+        Parameters
+        ----------
+        mapped : (mean, spread, power, amount), optional
+            The map to opacity; if not given, the field.
+        name : str
+            Of this one among the effect's textures.
+        **more
+            Goes to the request.
+        """
+        top, bottom, left, right = frame.window
+        result = np.empty((bottom - top, right - left), np.float32)
+        keep = mapped is not None and self.preserves_mean
+        if not frame.banded:
+            count("tiles", _core.field(result, self.texture_request(frame, **more), mapped, keep))
+            return result
+        # Bands are lower than tiles: each is made once, and what it leaves to the next is kept.
+        whole = frame.around
+        bands = frame.once_each(
+            self,
+            name,
+            lambda: _core.field_bands(self.texture_request(whole, **more), mapped, keep),
+        )
+        count("tiles", _core.field_take(bands, result, top))
+        return result
+
+    @property
+    def preserves_mean(self) -> bool:
+        """Whether what blur takes of the texture's mean opacity is added again."""
+        return True
 
     def _limits(
         self, frame: Frame, tile: tuple[int, int], overlap: int, shortest: Float64 | None

@@ -217,6 +217,34 @@ error, dtype
     return result
 
 
+def sorted_gas(
+    shape: tuple[int, int],
+    centers: npt.ArrayLike,
+    radius: npt.ArrayLike,
+    density: npt.ArrayLike,
+    color: npt.ArrayLike,
+    camera: Camera,
+    *,
+    footprint: str,
+    near: float,
+    near_mode: str,
+    depth: npt.ArrayLike | None,
+    error: float,
+) -> _core.SortedGas:
+    """Return a gas whose parts `gas_draw` draws with the bits of :func:`splat` and :func:`alpha`.
+
+    The arguments are theirs; the depth is only looked at.
+    """
+    size = shape_of("shape", shape)
+    gas = gas_of(centers, radius, density)
+    colours = colours_of(color, len(gas.centers))
+    kind = np.dtype(np.float32)
+    manner = manner_of(footprint, "taper", near, near_mode, "soft", error, kind)
+    ground_of(depth, size)
+    lens = lens_of(camera, size)
+    return _core.gas_sort(size, gas.centers, gas.radius, gas.density, colours, lens, manner)
+
+
 def gas_of(centers: npt.ArrayLike, radius: npt.ArrayLike, density: npt.ArrayLike) -> Gas:
     """Return particles as the kernels take them, or refuse them."""
     places = moderate("centers", table("centers", centers))

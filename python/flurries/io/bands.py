@@ -19,8 +19,10 @@ from flurries.io.atomic import replacing
 from flurries.io.color import Array
 from flurries.io.library import last_error, openimageio
 
-# A whole number of the strips and blocks in which EXR and TIFF compress.
+# A whole number of the strips and blocks in which EXR and TIFF compress; of wide pictures, whose
+# rows take much memory, fewer.
 _ROWS = 64
+_FEWER, _WIDE = 32, 4096
 
 Band: TypeAlias = Callable[[int, int], Array]
 Checksums: TypeAlias = list[tuple[np.dtype[Any], int]]
@@ -80,7 +82,7 @@ def write_whole(path: str | os.PathLike[str], specification: Any, data: bytes) -
     OSError
         If it cannot be written, or does not read back.
     """
-    unknown = [(np.dtype(np.uint8), 0)] * -(-specification.height // _ROWS)
+    unknown = [(np.dtype(np.uint8), 0)] * -(-specification.height // _rows(specification))
     with replacing(path) as temporary:
         temporary.write_bytes(data)
         _verify(os.fspath(path), temporary, specification, unknown, lossless=False)
@@ -129,11 +131,17 @@ def _output(target: str, temporary: Path) -> Iterator[Any]:
             last_error(output)
 
 
+def _rows(specification: Any) -> int:
+    """Return how many rows of a picture are written together."""
+    return _ROWS if specification.width <= _WIDE else _FEWER
+
+
 def _write_rows(target: str, output: Any, specification: Any, band: Band) -> Checksums:
     """Write the bands of one part; return the type and the checksum of each."""
     checksums = []
-    for first in range(0, specification.height, _ROWS):
-        last = min(first + _ROWS, specification.height)
+    step = _rows(specification)
+    for first in range(0, specification.height, step):
+        last = min(first + step, specification.height)
         rows = np.ascontiguousarray(band(first, last))
         checksums.append((rows.dtype, zlib.crc32(rows.data)))
         if not output.write_scanlines(first, last, 0, rows):
@@ -151,6 +159,7 @@ def _verify(
     part: int = 0,
 ) -> None:
     """Read the picture back; a full disk or a faulty writer shows here and not next week."""
+    step = _rows(specification)
     library = openimageio()
     wishes = library.ImageSpec()
     wishes.attribute("oiio:UnassociatedAlpha", 1)
@@ -166,8 +175,8 @@ def _verify(
         order = [stored.channelindex(name) for name in specification.channelnames]
         sorts = sorted(order) == list(range(stored.nchannels)) and order != sorted(order)
         for number, (dtype, checksum) in enumerate(checksums):
-            first = number * _ROWS
-            last = min(first + _ROWS, stored.height)
+            first = number * step
+            last = min(first + step, stored.height)
             kind = {"float16": "half", "float32": "float"}.get(dtype.name, dtype.name)
             rows = reader.read_scanlines(part, 0, first, last, 0, 0, stored.nchannels, kind)
             if rows is None or reader.has_error:

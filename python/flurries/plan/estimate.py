@@ -10,8 +10,10 @@ import numpy as np
 
 from flurries._contract import real
 from flurries._threads import threads
+from flurries.bands import Ask, bands_in, common, shape_of
 from flurries.costs import nanoseconds
 from flurries.effects.needs import Cost, LeftOut, Needs, Spent, Step, needs_of
+from flurries.mixing import CHUNK, Mix
 from flurries.plan.calibration import scales
 from flurries.plan.report import Plan, PlannedStep
 from flurries.timeline import Keys
@@ -156,8 +158,11 @@ def _frame(
     if "ambient" in reads:
         costs["ambient"] = (Cost({"encoded pixel": 1.5 * pixels}), False)
     names, fused = _names(asked), 0
-    held = _Held(scene, dtype, window)
-    for name, (effect, frame, _) in zip(names, asked, strict=True):
+    bands = _bands(scene, asked, window)
+    # The one that has most of the weather.
+    band = max(bands, key=lambda band: _area(common(band, window or band)))
+    held = _Held(scene, dtype, window, band, banded=len(bands) > 1)
+    for number, (name, (effect, frame, _)) in enumerate(zip(names, asked, strict=True)):
         # Asked again: what was said for the whole film knows neither this time nor this window.
         needs = needs_of(effect, frame)
         assert frame.run is not None
@@ -167,10 +172,13 @@ def _frame(
             left_out += [
                 LeftOut(f"{name}: {step}", "within the tolerance") for step in sorted(gone)
             ]
-        if scene._foreground is None and needs.in_one_pass:
+        if scene._foreground is None and needs.in_one_pass and len(bands) == 1:
             needs = _in_one_pass(needs)
             fused += 1
-        held.add(*_effect(name, frame, needs, costs, left_out))
+        elif len(bands) > 1 and needs.by_rows:
+            needs = _of_band(needs, effect, frame, band)
+        last = number + 1 == len(asked)
+        held.add(*_effect(name, frame, needs, costs, left_out), last=last)
     cost = _composite(scene, dtype, asked, window, fused)
     if choice.table:
         work = {**cost.work, "encoded pixel": 0.0, "array pixel": cost.work.get("array pixel", 0.0)}
@@ -181,41 +189,72 @@ def _frame(
     return costs, left_out, held.most()
 
 
-class _Held:
-    """The bytes that are held while effects are made and laid over a picture, one after another."""
+# Bytes that a value takes on the way to another encoding, in arrays of float32 that come and go.
+_TURNED = 20
 
-    def __init__(self, scene: Scene, dtype: np.dtype[Any], window: Window | None) -> None:
-        same = scene.linear == (scene._backdrop.encoding == "linear")
-        item = dtype.itemsize if same else 4
-        self._pixels = scene.shape[0] * scene.shape[1]
-        self._inner = 0 if window is None else (window[1] - window[0]) * (window[3] - window[2])
-        self._whole, self._part = 3 * item * self._pixels, 3 * item * self._inner
-        self._cut = 0 < self._inner < self._pixels
+
+class _Held:
+    """The bytes that are held while effects are made and laid over a picture, one after another.
+
+    Of a frame that is made in bands it is those of a band, and the frame itself.
+    """
+
+    def __init__(
+        self,
+        scene: Scene,
+        dtype: np.dtype[Any],
+        window: Window | None,
+        band: Window,
+        *,
+        banded: bool,
+    ) -> None:
+        self._same = scene.linear == (scene._backdrop.encoding == "linear")
+        self._banded = banded
+        part = None if window is None else common(band, window)
+        item = dtype.itemsize if self._same else 4
+        pixels, self._inner = _area(band), _area(part)
+        self._whole, self._part = 3 * item * pixels, 3 * item * self._inner
+        self._cut = 0 < self._inner < pixels
         self._matte = scene._foreground is not None
         # What lies behind the next effect, beyond the scene's own picture.
-        self._base = 0 if same else self._whole
+        self._base = 0 if self._same else self._whole
         # Whole rows of it need no copy.
-        aside = window is not None and window[3] - window[2] < scene.shape[1]
+        aside = part is not None and part[3] - part[2] < scene.shape[1]
         self._behind = self._part if aside else 0
-        # There and back through the curve; arrays of float32 come and go.
-        self._turned = 0 if same else (60 if dtype.kind == "u" else 51) * self._pixels
-        self._peak = self._whole
+        result = 3 * dtype.itemsize * scene.shape[0] * scene.shape[1]
+        self._frame = result if self._banded else 0
+        self._turning = 0 if self._same else _TURNED * min(CHUNK, 3 * pixels)
+        # In its own encoding: the working picture is it, or becomes it.
+        self._made = 0 if self._same or self._banded else result
+        self._peak = self._base + self._turning
 
-    def add(self, layer: int, most: int) -> None:
+    def add(self, layer: int, most: int, *, last: bool) -> None:
         """Add an effect that takes `most` bytes while it is made, and leaves `layer`."""
         back = self._base + self._behind
         # A matte makes two planes: of what it leaves, which goes, and of the layer behind it.
         plane = 4 * self._inner if self._matte else 0
-        mixed = max(2 * plane, plane + self._part)
+        # The last layer of a band lies over the rest in the frame itself.
+        straight = last and self._banded and self._same and not self._matte
+        over = 0 if straight else self._part
+        mixed = max(2 * plane, plane + over)
         self._peak = max(self._peak, back + most, back + layer + mixed)
-        self._behind = self._part
+        self._behind = over
         if not self._matte:
             self._base = 0
 
     def most(self) -> int:
         """Return the most bytes, with those of mixing."""
-        end = self._base + self._behind + (self._whole if self._cut else 0)
-        return max(self._peak, end, self._turned)
+        end = self._base + self._behind + (self._whole if self._cut and self._same else 0)
+        if self._same and not self._banded:
+            end = max(end, self._whole)
+        return self._frame + max(self._peak, end + self._made + self._turning)
+
+
+def _area(window: Window | None) -> int:
+    if window is None:
+        return 0
+    height, width = shape_of(window)
+    return height * width
 
 
 def _silent(program: Any, part: Any, t: float, window: tuple[int, int, int, int]) -> list[LeftOut]:
@@ -267,14 +306,39 @@ def _effect(
 
 
 def _in_one_pass(needs: Needs) -> Needs:
-    """Return the needs without the plane of the texture and that of the layer."""
+    """Return the needs without planes of the texture, of the flakes and of the layer."""
 
     def thin(step: Step) -> Step:
         cost = step.cost()
-        return replace(step, cost=lambda: replace(cost, kept=0))
+        # What lists of flakes take is told beyond a plane that comes after them: here none comes.
+        more = cost.kept if step.name == "flakes" and cost.scratch else 0
+        scratch = cost.scratch + more
+        return replace(step, cost=lambda: replace(cost, kept=0, scratch=scratch))
 
-    steps = [thin(s) if s.name == "texture" else s for s in needs.steps if s.name != "join"]
-    return replace(needs, steps=tuple(steps))
+    return replace(needs, steps=tuple(thin(s) for s in needs.steps if s.name != "join"))
+
+
+def _bands(scene: Scene, asked: list[Asked], window: Window | None) -> list[Window]:
+    """Return the bands that a frame is made in."""
+    assert scene.size is not None
+    height, width = scene.shape
+    mix = Mix(scene.linear, scene._backdrop.encoding)
+    asks = [Ask(effect, frame, needs.by_rows, needs.in_one_pass) for effect, frame, needs in asked]
+    return bands_in((0, height, 0, width), asks, mix, scene._foreground)
+
+
+def _of_band(needs: Needs, effect: Any, frame: Frame, band: Window) -> Needs:
+    """Return the needs with the bytes of a band in place of those of the whole."""
+    part = common(band, frame.window)
+    if part is None:
+        return needs
+    lower = {step.name: step for step in needs_of(effect, replace(frame, window=part)).steps}
+
+    def thin(step: Step) -> Step:
+        whole, own = step.cost(), lower[step.name].cost()
+        return replace(step, cost=lambda: replace(whole, kept=own.kept, scratch=own.scratch))
+
+    return replace(needs, steps=tuple(thin(step) for step in needs.steps))
 
 
 def _composite(

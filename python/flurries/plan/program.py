@@ -15,6 +15,7 @@ import numpy as np
 from flurries import _core
 from flurries._contract import Array
 from flurries.background import ambient_light
+from flurries.bands import most_bands
 from flurries.camera import Camera
 from flurries.costs import nanoseconds
 from flurries.effects.layer import Frame
@@ -88,7 +89,7 @@ class Program:
         self.scene = scene
         self.parts: list[Part] = []
         self.left_out: list[LeftOut] = []
-        self._kept = Kept()
+        self._kept = Kept(most_bands(scene.shape))
         self._visible: dict[float, Visible | None] = {}
         self._light: Light | None = None
         self._choices: dict[Any, Choice] = {}

@@ -10,6 +10,10 @@ from flurries._contract import Float64
 
 _ANGLES = 4096
 
+# Deviations and values of a table of mean opacities.
+_TABLE = (129, 1801)
+TABLE_BYTES = 8 * _TABLE[0] * _TABLE[1]
+
 
 def kept_power(cycles: float, alias: str, *, soft_from: float = 0.4, shutter: float = 0.0) -> float:
     """Return the share of the power of a large tile that aliasing and the shutter leave.
@@ -33,13 +37,23 @@ def kept_power(cycles: float, alias: str, *, soft_from: float = 0.4, shutter: fl
     return float(kept.mean() * math.asin(most) / (0.5 * np.pi))
 
 
-def mean_opacity(variance: Float64, mean: float, spread: float, power: float) -> Float64:
-    """Return the mean of clip(mean + z / (2 spread), 0, 1)^power for fields of variances (n,)."""
+def mean_opacity(
+    variance: Float64, mean: float, spread: float, power: float, *, most: float | None = None
+) -> Float64:
+    """Return the mean of clip(mean + z / (2 spread), 0, 1)^power for fields of variances (n,).
+
+    `most` is the largest variance of all that are asked for in parts, which decides about the bits.
+    """
     deviation = np.sqrt(np.maximum(variance, 0.0)) / (2.0 * spread)
+    largest = deviation.max() if most is None else math.sqrt(max(most, 0.0)) / (2.0 * spread)
     # On a table: frames have a variance for every pixel.
-    table = np.linspace(0.0, max(float(deviation.max()), 1e-12), 129)
-    z = np.linspace(-9.0, 9.0, 1801)
+    table = np.linspace(0.0, max(float(largest), 1e-12), _TABLE[0])
+    z = np.linspace(-9.0, 9.0, _TABLE[1])
     weight = np.exp(-0.5 * z * z)
     weight /= weight.sum()
-    base = np.clip(mean + table[:, None] * z, 0.0, 1.0) ** power
+    base = table[:, None] * z
+    # In place: it is larger than many a window.
+    base += mean
+    np.clip(base, 0.0, 1.0, out=base)
+    base **= power
     return np.asarray(np.interp(deviation, table, base @ weight))

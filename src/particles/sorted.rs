@@ -1,0 +1,290 @@
+//! Flakes that are placed, projected and sorted once, for pictures of any part of a frame.
+//!
+//! A frame made in bands of rows asks for its flakes once and draws each band from them.
+
+use std::cell::Cell;
+use std::ops::Range;
+
+use ndarray::{ArrayView2, ArrayViewMut2, Axis, s};
+
+use super::bins::{Bins, Grid, Scratch, TILE};
+use super::draw::{PIXELS, draw};
+use super::profile::Profile;
+use super::spare;
+use super::splat::{Source, check_lens};
+use super::sprite::Lens;
+use crate::error::{Cancel, Error, pushed};
+use crate::pool;
+use crate::real::Real;
+use crate::simd::dispatch;
+
+/// Flakes per run of the binning, at least: projected, they fit the L2 cache.
+const RUN: usize = 8192;
+
+/// Indices within a run are 32 bits wide, and a flake has at most 16 entries.
+const LONGEST_RUN: usize = 1 << 27;
+
+thread_local! {
+    /// What one run leaves to the next, on this thread.
+    static SCRATCH: Cell<Scratch> = Cell::default();
+}
+
+/// A part of a frame, pixels: top, bottom, left, right.
+pub type Part = [usize; 4];
+
+/// The flakes of a frame by the tiles that they touch.
+pub struct Sorted {
+    runs: Vec<Bins>,
+    grid: Grid,
+}
+
+impl Drop for Sorted {
+    fn drop(&mut self) {
+        spare::keep(std::mem::take(&mut self.runs));
+    }
+}
+
+impl Sorted {
+    /// Projects and sorts the flakes of a frame of `shape`.
+    pub fn of(
+        flakes: &impl Source,
+        lens: &Lens,
+        shape: (usize, usize),
+        cancel: &Cancel,
+    ) -> Result<Self, Error> {
+        flakes.check()?;
+        check_lens(lens)?;
+        let grid = Grid::over(shape);
+        Ok(Self { runs: binned(flakes, lens, &grid, cancel)?, grid })
+    }
+
+    /// Size of the frame, px.
+    pub fn shape(&self) -> (usize, usize) {
+        self.grid.shape
+    }
+
+    /// Draws the flakes' alpha in a part of the frame into `out`, of the part's shape, in [0, 1].
+    ///
+    /// `depth`, of the frame's shape, is the depth of what stands in it; where it is nearer than a flake's
+    /// depth (both rounded to the pixels' type), the flake is hidden; NaN hides nothing. Bits depend neither
+    /// on the thread count nor on the part: tiles have one owner, and the order in which flakes are
+    /// multiplied follows from their indices.
+    pub fn draw<P: Profile, M: Real>(
+        &self,
+        out: ArrayViewMut2<'_, P>,
+        part: Part,
+        depth: Option<ArrayView2<'_, M>>,
+        cancel: &Cancel,
+    ) -> Result<(), Error> {
+        let shape = self.grid.shape;
+        let [top, bottom, left, right] = part;
+        if !(top <= bottom && bottom <= shape.0 && left <= right && right <= shape.1)
+            || out.dim() != (bottom - top, right - left)
+        {
+            return Err(Error::Internal("the part is not one of the frame, or not out's".into()));
+        }
+        if depth.as_ref().is_some_and(|depth| depth.dim() != shape) {
+            return Err(Error::invalid("depth", format!("must have shape {shape:?}")));
+        }
+        let tiles = tiles(out, (top, left), self.grid.columns)?;
+        pool::for_each(tiles, |(tile, (row, column), pixels)| {
+            cancel.check()?;
+            let map: Option<[P; PIXELS]> =
+                depth.as_ref().map(|map| map_of_tile(map, &self.grid, tile));
+            let mut transmittance = [1.0; PIXELS];
+            draw(&mut transmittance, map.as_ref(), &self.runs, &self.grid, tile, cancel)?;
+            store(pixels, &transmittance, row, column);
+            Ok(())
+        })
+    }
+
+    /// The same for columns of one row of tiles, in the calling thread; `out` has a line of that many
+    /// columns for each of its rows.
+    pub fn row_of_tiles<P: Profile>(
+        &self,
+        row: usize,
+        columns: Range<usize>,
+        out: &mut [P],
+        cancel: &Cancel,
+    ) -> Result<(), Error> {
+        let height = TILE.min(self.grid.shape.0 - row * TILE);
+        let wide = columns.len();
+        let mut out = ArrayViewMut2::from_shape((height, wide), &mut out[..height * wide])
+            .map_err(|_| Error::Internal("a strip of flakes has the wrong shape".into()))?;
+        let mut at = columns.start;
+        while at < columns.end {
+            let end = ((at / TILE + 1) * TILE).min(columns.end);
+            let tile = row * self.grid.columns + at / TILE;
+            let mut transmittance = [1.0; PIXELS];
+            draw::<P>(&mut transmittance, None, &self.runs, &self.grid, tile, cancel)?;
+            let pixels = out.slice_mut(s![.., at - columns.start..end - columns.start]);
+            store(pixels, &transmittance, 0, at % TILE);
+            at = end;
+        }
+        Ok(())
+    }
+}
+
+fn binned(
+    flakes: &impl Source,
+    lens: &Lens,
+    grid: &Grid,
+    cancel: &Cancel,
+) -> Result<Vec<Bins>, Error> {
+    let count = flakes.len();
+    // A run of this length keeps the tables of tiles (one per run) small beside the flakes.
+    let length = RUN.max(grid.len()).min(LONGEST_RUN);
+    let mut runs = spare::take(count.div_ceil(length));
+    // Several runs to an item, which share their scratch buffers.
+    let together = runs.len().div_ceil(4 * pool::threads()).max(1);
+    pool::for_each(runs.chunks_mut(together).enumerate(), |(item, runs)| {
+        let mut scratch = SCRATCH.take();
+        for (i, bins) in runs.iter_mut().enumerate() {
+            cancel.check()?;
+            let start = (item * together + i) * length;
+            let range = start..(start + length).min(count);
+            fill(bins, flakes, range, lens, grid, &mut scratch)?;
+        }
+        SCRATCH.set(scratch);
+        Ok(())
+    })?;
+    Ok(runs)
+}
+
+dispatch! {
+    /// One run of flakes, placed, projected and sorted: all of it compiled for the best instructions.
+    fn fill<S: Source>(
+        bins: &mut Bins,
+        flakes: &S,
+        range: Range<usize>,
+        lens: &Lens,
+        grid: &Grid,
+        scratch: &mut Scratch,
+    ) -> Result<(), Error> = fill_with
+}
+
+#[inline(always)]
+fn fill_with<S: Source, const LEVEL: u8>(
+    bins: &mut Bins,
+    flakes: &S,
+    range: Range<usize>,
+    lens: &Lens,
+    grid: &Grid,
+    scratch: &mut Scratch,
+) -> Result<(), Error> {
+    bins.fill::<LEVEL>(range.map(|index| flakes.get(index)), lens, grid, scratch)
+}
+
+/// A tile's number, where in it the part begins, and its pixels.
+type Tile<'o, P> = (usize, (usize, usize), ArrayViewMut2<'o, P>);
+
+/// The part of a picture from `first` (row, column) on cut into its tiles; those at its border are
+/// smaller.
+fn tiles<P: Profile>(
+    out: ArrayViewMut2<'_, P>,
+    first: (usize, usize),
+    columns: usize,
+) -> Result<Vec<Tile<'_, P>>, Error> {
+    let mut tiles = Vec::new();
+    let mut rest = out;
+    let mut y = first.0;
+    while rest.nrows() > 0 {
+        let height = (TILE - y % TILE).min(rest.nrows());
+        let (mut band, below) = rest.split_at(Axis(0), height);
+        let mut x = first.1;
+        while band.ncols() > 0 {
+            let width = (TILE - x % TILE).min(band.ncols());
+            let (tile, right) = band.split_at(Axis(1), width);
+            let number = y / TILE * columns + x / TILE;
+            pushed(&mut tiles, (number, (y % TILE, x % TILE), tile))?;
+            band = right;
+            x += width;
+        }
+        rest = below;
+        y += height;
+    }
+    Ok(tiles)
+}
+
+/// A tile of the depth map; beyond the picture nothing stands.
+fn map_of_tile<P: Profile, M: Real>(map: &ArrayView2<M>, grid: &Grid, tile: usize) -> [P; PIXELS] {
+    let (top, left) = (tile / grid.columns * TILE, tile % grid.columns * TILE);
+    let mut values = [P::infinity(); PIXELS];
+    for (row, values) in values.chunks_exact_mut(TILE).enumerate().take(grid.shape.0 - top) {
+        for (column, value) in values.iter_mut().enumerate().take(grid.shape.1 - left) {
+            *value = P::of(map[[top + row, left + column]].wide());
+        }
+    }
+    values
+}
+
+/// Writes the tile's pixels from (row, column) on.
+fn store<P: Profile>(
+    mut pixels: ArrayViewMut2<P>,
+    transmittance: &[f64; PIXELS],
+    row: usize,
+    column: usize,
+) {
+    let lines = transmittance.chunks_exact(TILE).skip(row);
+    for (mut line, transmittance) in pixels.rows_mut().into_iter().zip(lines) {
+        for (pixel, transmittance) in line.iter_mut().zip(&transmittance[column..]) {
+            *pixel = P::of(1.0 - transmittance);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::particles::splat::Flakes;
+    use crate::random::Hash;
+    use ndarray::{Array1, Array2, array};
+
+    #[test]
+    fn a_part_has_the_bits_of_the_whole() {
+        let unit = |i: usize, word: i64| Hash::seeded(3).word(i as i64).word(word).unit();
+        let points = Array2::from_shape_fn((400, 3), |(i, axis)| {
+            [2.0 * unit(i, 0) - 1.0, 1.5 * unit(i, 1) - 0.7, 0.5 + 2.0 * unit(i, 2)][axis]
+        });
+        let radius = Array1::from_shape_fn(400, |i| 0.02 + 0.4 * unit(i, 3).powi(8));
+        let (opacity, velocity) = (array![0.8], array![[0.2, -0.5, 0.1]]);
+        let flakes = Flakes {
+            points: points.view(),
+            radius: radius.view(),
+            opacity: opacity.view(),
+            velocity: velocity.view(),
+            shutter: 0.3,
+        };
+        let lens = Lens { focal: 100.0, center: [70.0, 75.0], offset: [0.0; 3], near: 0.1 };
+        let shape = (150, 200);
+        let cancel = Cancel::new();
+        let sorted = Sorted::of(&flakes, &lens, shape, &cancel).unwrap();
+        let map =
+            Array2::from_shape_fn(shape, |(y, x)| if y > x { 1.5_f32 } else { f32::INFINITY });
+        let drawn = |part: Part, depth: Option<ArrayView2<'_, f32>>| {
+            let mut out = Array2::from_elem((part[1] - part[0], part[3] - part[2]), f32::NAN);
+            sorted.draw(out.view_mut(), part, depth, &cancel).unwrap();
+            out
+        };
+        for depth in [None, Some(map.view())] {
+            let whole = drawn([0, 150, 0, 200], depth);
+            assert!(whole.iter().any(|&alpha| alpha > 0.1));
+            for part in [[0, 64, 0, 200], [64, 150, 0, 200], [7, 71, 60, 131], [149, 150, 199, 200]]
+            {
+                let [top, bottom, left, right] = part;
+                assert_eq!(drawn(part, depth), whole.slice(s![top..bottom, left..right]));
+            }
+        }
+        let whole = drawn([0, 150, 0, 200], None);
+        for row in 0..3 {
+            let mut strip = vec![f32::NAN; TILE * 131];
+            sorted.row_of_tiles(row, 60..191, &mut strip, &cancel).unwrap();
+            let wanted = whole.slice(s![row * TILE..(row * TILE + TILE).min(150), 60..191]);
+            assert!(wanted.iter().zip(&strip).all(|(a, b)| a == b));
+        }
+        let mut small = Array2::<f32>::zeros((3, 3));
+        assert!(
+            sorted.draw(small.view_mut(), [0, 4, 0, 3], None::<ArrayView2<f32>>, &cancel).is_err()
+        );
+    }
+}

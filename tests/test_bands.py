@@ -1,0 +1,311 @@
+"""Large frames in bands of rows: the bits of the whole, at its cost, with a band's memory."""
+
+from __future__ import annotations
+
+import tracemalloc
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import pytest
+
+import flurries as fl
+import test_gate
+from flurries import _core, bands
+from flurries.effects import peopled
+
+H, W = 300, 260
+RANDOM = np.random.default_rng(1)
+BYTES = RANDOM.integers(0, 255, (H, W, 3), dtype=np.uint8)
+LIGHT = (2.0 * RANDOM.random((H, W, 3))).astype(np.float32)
+ROUGH = np.where(RANDOM.random((H, W)) < 0.2, np.inf, 2.0 + 30.0 * RANDOM.random((H, W)))
+SLOPE = np.add.outer(np.linspace(3.0, 40.0, H), np.linspace(0.0, 9.0, W))
+MASK = np.zeros((H, W))
+MASK[:70], MASK[100:220, 50:], MASK[220:260] = 1.0, 1.0, 0.5
+FRONT = np.dstack([BYTES, RANDOM.integers(0, 255, (H, W), dtype=np.uint8)])
+STILL: dict[str, Any] = {"fall": 0.0, "wind": (0.0, 0.0, 0.0), "sway": (0.0, 0.0)}
+
+EFFECTS: dict[str, Any] = {
+    "snow": fl.Snow(flakes=400),
+    "heavy": fl.Snow.preset("heavy"),
+    "rain": fl.Rain.preset("rain"),
+    "gusts": fl.Snow(flakes=300, wind=fl.Wind((1.0, 0.0, 0.0), gusts=0.5)),
+    "texture alone": fl.Snow(flakes=0),
+    "flakes alone": fl.Snow(texture=0.0),
+    "still": fl.Snow(flakes=200, **STILL),
+    "by pixel": fl.Snow(flakes=200, depth_mode="pixel"),
+    "mist": fl.Mist(count=300),
+    "moving mist": fl.Mist(count=300, wind=(1.0, 0.0, 0.0)),
+    "cone rain": fl.ConeRain(),
+    "cone snow": fl.ConeSnow(),
+    "matched": fl.MatchedSnow(density=30, radius=(0.006, 0.014), depth=(1.5, 24)),
+}
+FORWARD = fl.CameraPath(fl.Camera(300.0), velocity=(0.5, 0.0, 2.0))
+TURNING = fl.CameraPath(
+    fl.Camera(300.0), orientation=fl.Keys([(0, (0.0, 0.0, 0.0)), (40, (0.0, 0.5, 0.2))])
+)
+SUN = fl.Sun((0.2, 1.0, 0.3))
+SCENES: dict[str, dict[str, Any]] = {
+    "bytes": {"background": BYTES},
+    "light": {"background": LIGHT, "sun": SUN},
+    "bytes in linear light": {"background": BYTES, "space": "linear", "sun": SUN},
+    "light in display values": {"background": LIGHT, "space": "display"},
+    "depth": {"background": BYTES, "depth": ROUGH},
+    "smooth depth": {"background": LIGHT, "depth": SLOPE},
+    "mask": {"background": LIGHT, "foreground": MASK},
+    "mask, depth, linear": {
+        "background": BYTES, "foreground": MASK, "depth": SLOPE, "space": "linear"
+    },
+    "picture in front": {"background": BYTES, "foreground": FRONT, "depth": SLOPE},
+    "forward": {"background": LIGHT, "camera": FORWARD},
+    "forward, depth": {"background": BYTES, "camera": FORWARD, "depth": SLOPE},
+    "turning": {"background": LIGHT, "camera": TURNING},
+}  # fmt: skip
+
+
+@pytest.fixture
+def low(monkeypatch: pytest.MonkeyPatch) -> Callable[[], None]:
+    """Make bands of a tile's rows from here on."""
+
+    def lower() -> None:
+        monkeypatch.setattr(bands, "_WHOLE", 100 * W)
+        monkeypatch.setattr(bands, "_BAND", 64 * W)
+
+    return lower
+
+
+@pytest.fixture(autouse=True)
+def threads() -> Iterator[None]:
+    before = fl.threads()
+    yield
+    fl.set_threads(before)
+
+
+def same(first: Any, second: Any) -> bool:
+    return all(np.array_equal(a, b, equal_nan=True) for a, b in zip(first, second, strict=True))
+
+
+@pytest.mark.filterwarnings("ignore:.*ambiguous")
+@pytest.mark.parametrize(
+    # Matched snow refuses a camera that turns.
+    ("name", "kind"),
+    [(n, k) for n in EFFECTS for k in SCENES if (n, k) != ("matched", "turning")],
+)
+def test_bands_have_the_bits_of_the_whole(name: str, kind: str, low: Callable[[], None]):
+    effect = EFFECTS[name]
+    scene = fl.Scene(effects=[effect], **SCENES[kind])
+    several = fl.Scene(effects=[fl.Rain(drops=100), effect], **SCENES[kind])
+    part = np.s_[13:290, 20:250]
+
+    def frames() -> list[Any]:
+        # The second time what stands still is known.
+        return [
+            scene.render(7.5), scene.render(7.5), several.render(3.0),
+            scene.render(3, region=part), scene.render(3, tolerance=0.02),
+            *several.stereo(3.0, distance=0.065),
+        ]  # fmt: skip
+
+    whole = frames()
+    low()
+    scene, several = (fl.Scene(effects=s.effects, **SCENES[kind]) for s in (scene, several))
+    for count in (1, 3):
+        fl.set_threads(count)
+        assert same(frames(), whole), count
+
+
+@dataclass(frozen=True)
+class Own:
+    """An effect of somebody else's, that may draw rows or not."""
+
+    by_rows: bool
+    honest: bool = True
+    calls: Any = None
+
+    def needs(self, frame: fl.Frame) -> Any:
+        from flurries.effects.needs import Needs, Step
+
+        return Needs((Step("own"),), by_rows=self.by_rows)
+
+    def render(self, frame: fl.Frame) -> fl.Layer:
+        if self.calls is not None:
+            self.calls.append(frame.window)
+        top, bottom, left, right = frame.window
+        rows = np.linspace(0.0, 1.0, frame.shape[0], dtype=np.float32)[top:bottom]
+        if not self.honest:
+            # Of its window, not of the frame.
+            rows = rows / rows.max()
+        return fl.Layer("own", np.repeat(rows[:, None], right - left, axis=1))
+
+
+def test_a_window_that_is_not_the_wholes_part_would_be_seen(low: Callable[[], None]):
+    for honest in (True, False):
+        scene = fl.Scene(None, LIGHT, effects=[Own(by_rows=True, honest=honest)], space="display")
+        whole = scene.render(1)
+        with pytest.MonkeyPatch.context() as patched:
+            patched.setattr(bands, "_WHOLE", 100 * W)
+            patched.setattr(bands, "_BAND", 64 * W)
+            assert same([scene.render(1)], [whole]) is honest
+
+
+def test_what_may_draw_the_whole_draws_it_once(low: Callable[[], None]):
+    calls: dict[bool, list[Any]] = {True: [], False: []}
+    whole = [fl.Scene(None, BYTES, effects=[Own(by_rows=False)]).render(1)]
+    low()
+    for by_rows, windows in calls.items():
+        scene = fl.Scene(None, BYTES, effects=[Own(by_rows=by_rows, calls=windows)])
+        assert same([scene.render(1)], whole)
+    assert calls[False] == [(0, H, 0, W)]
+    assert calls[True] == [(y, min(y + 64, H), 0, W) for y in range(0, H, 64)]
+
+
+class Plain:
+    """One that says nothing of what it needs."""
+
+    def __init__(self) -> None:
+        self.calls = 0
+
+    def render(self, frame: fl.Frame) -> fl.Layer:
+        self.calls += 1
+        top, bottom, left, right = frame.window
+        alpha = np.zeros((bottom - top, right - left), np.float32)
+        return fl.Layer("plain", alpha, rgb=np.ones((*alpha.shape, 3), np.float32))
+
+
+def test_one_that_does_not_say_is_asked_once(low: Callable[[], None]):
+    plain = Plain()
+    scene = fl.Scene(None, LIGHT, effects=[fl.Snow(), plain])
+    whole = scene.render(1)
+    low()
+    assert same([scene.render(1)], [whole]) and plain.calls == 2
+
+
+@pytest.mark.parametrize("camera", [None, TURNING])
+def test_nothing_is_made_once_for_each_band(
+    camera: Any, low: Callable[[], None], monkeypatch: pytest.MonkeyPatch
+):
+    sorts: list[str] = []
+    for name in ("particle_sort", "particle_sort_listed"):
+        kernel = getattr(peopled, name)
+
+        def counted(*args: Any, kernel: Any = kernel, name: str = name) -> Any:
+            sorts.append(name)
+            return kernel(*args)
+
+        monkeypatch.setattr(peopled, name, counted)
+    gas = _core.gas_sort
+    monkeypatch.setattr(_core, "gas_sort", lambda *args: sorts.append("gas") or gas(*args))
+    fl.set_threads(1)
+    effects = [fl.Snow(flakes=300), fl.Mist(count=100, wind=(1.0, 0.0, 0.0))]
+    scene = fl.Scene(None, BYTES, camera=camera, effects=effects, space="linear", depth=SLOPE)
+    counts, made = [], []
+    for lower in (lambda: None, low):
+        lower()
+        with fl.trace.tracing() as trace:
+            scene.render(3)
+        counts.append(trace.counts["tiles"])
+        made.append(list(sorts))
+        sorts.clear()
+    assert counts[0] == counts[1] and made[0] == made[1] and len(made[0]) == 2
+
+
+@pytest.mark.filterwarnings("ignore:.*ambiguous")
+def test_both_eyes_place_flakes_once(low: Callable[[], None], monkeypatch: pytest.MonkeyPatch):
+    sorts: list[Any] = []
+    kernel = peopled.particle_sort_pair
+    monkeypatch.setattr(
+        peopled, "particle_sort_pair", lambda *args: sorts.append(args) or kernel(*args)
+    )
+    scene = fl.Scene(None, BYTES, effects=[fl.Snow(), fl.ConeSnow()], space="linear")
+    low()
+    scene.stereo(3.0, distance=0.065)
+    # Of the snow, and of the flakes before the cone.
+    assert len(sorts) == 2
+
+
+def test_a_film_of_bands_is_a_film_of_frames(low: Callable[[], None]):
+    # What stands still is kept, and bands that are known are not asked of the stream again.
+    effects = [fl.Snow(flakes=50, **STILL) for _ in range(6)]
+    scene = fl.Scene(None, LIGHT, effects=effects)
+    whole = [scene.render(t) for t in range(3)]
+    low()
+    scene = fl.Scene(None, LIGHT, effects=effects)
+    assert same([scene.render(t) for t in range(3)], whole)
+
+
+def test_threads_share_out_columns_where_rows_are_long():
+    # One pass over a wide picture: floats wait in the frame itself, integers in strips of columns.
+    light = np.random.default_rng(0).random((300, 4096, 3), dtype=np.float32)
+    for picture in (light, (255.0 * light).astype(np.uint8)):
+        scene = fl.Scene(None, picture, effects=[fl.Snow.preset("heavy")])
+        fl.set_threads(1)
+        steps = scene.render(3, layers=True).image
+        for count in (1, 3, 8):
+            fl.set_threads(count)
+            assert np.array_equal(scene.render(3), steps)
+
+
+def test_bands_cover_a_window_once():
+    rng = np.random.default_rng(2)
+    for _ in range(200):
+        top, left = (int(v) for v in rng.integers(0, 3000, 2))
+        window = (top, top + int(rng.integers(1, 5000)), left, left + int(rng.integers(1, 9000)))
+        parts = bands.bands_of(window)
+        assert [p[0] for p in parts] == [window[0], *(p[1] for p in parts[:-1])]
+        assert parts[-1][1] == window[1] and {p[2:] for p in parts} == {window[2:]}
+        assert all(p[0] % 64 == 0 for p in parts[1:])
+        most = max(64 * (window[3] - left), bands._BAND)
+        assert len(parts) == 1 or max((p[1] - p[0]) * (p[3] - p[2]) for p in parts) <= most
+
+
+@pytest.mark.parametrize(
+    "more",
+    [
+        {"effects": [fl.Snow()], "space": "linear"},
+        {"effects": [fl.Snow(), fl.Rain()]},
+        {"effects": [fl.Snow(), fl.Snow(flakes=0)], "depth": 40.0},
+        {"effects": [fl.Snow()], "foreground": np.tile(MASK, (3, 3))},
+        {"effects": [fl.Snow(), Own(by_rows=True)], "camera": TURNING},
+    ],
+)
+def test_bytes_of_bands_are_foreseen(more: Any, low: Callable[[], None]):
+    low()
+    # 780 x 900 px, in bands of 64 rows.
+    bands._BAND = 3 * 64 * W
+    scene = fl.Scene(None, np.tile(BYTES, (3, 3, 1)), **more)
+    scene.render(2)
+    plan = scene.plan(3)
+    tracemalloc.start()
+    scene.render(3)
+    most = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert plan.bytes == pytest.approx(most, rel=0.15), str(plan)
+
+
+CTRL_C = """
+import os, signal, threading, time
+import numpy as np
+import flurries as fl
+plate = np.full((6000, 6000, 3), 60, np.uint8)
+scene = fl.Scene(None, plate, effects=[fl.Snow.preset("heavy")], space="linear")
+sent = 0.0
+def interrupt():
+    global sent
+    time.sleep(0.7)
+    sent = time.perf_counter()
+    os.kill(os.getpid(), signal.SIGINT)
+signal.signal(signal.SIGINT, signal.default_int_handler)
+threading.Thread(target=interrupt).start()
+try:
+    for _ in range(20):
+        scene.render(1)
+    print("finished")
+except KeyboardInterrupt:
+    print(time.perf_counter() - sent)
+print(scene.render(1, region=np.s_[:9, :9]).shape)
+"""
+
+
+def test_ctrl_c_is_heard_between_bands():
+    words = test_gate.python(CTRL_C)
+    assert float(words[0]) <= 0.5 and len(words) == 4
