@@ -58,6 +58,28 @@ def test_a_panic_is_an_error_of_ours(count: int, threads: Callable[[int], None])
         assert np.array_equal(scene.render(3), want)
 
 
+FIRST_CALL = """
+import builtins
+import numpy as np
+from flurries import _core
+found = builtins.__import__
+def interrupted(name, *rest, **more):
+    if name.startswith("numpy"):
+        raise KeyboardInterrupt
+    return found(name, *rest, **more)
+builtins.__import__ = interrupted
+single, double = np.zeros((2, 3), np.float32), np.zeros(4)
+_core.uniform(double, 1, 2)
+_core.join(single, [single.copy()], 0.25, None)
+print(double.min() > 0.0, single.max())
+"""
+
+
+def test_ctrl_c_in_the_first_call_is_no_panic():
+    # The binding used to import NumPy's functions then; Ctrl-C in an import became a panic.
+    assert python(FIRST_CALL) == ["True", "0.25"]
+
+
 def test_a_panic_in_another_thread(capfd: pytest.CaptureFixture[str]):
     with ThreadPoolExecutor(4) as pool:
         errors = [pool.submit(_core.panic_for_test).exception(60) for _ in range(8)]

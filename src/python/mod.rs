@@ -11,6 +11,7 @@ mod crossing;
 mod frame;
 mod gas;
 mod gate;
+mod lookup;
 mod particles;
 mod random;
 mod scan;
@@ -22,6 +23,8 @@ mod volume;
 #[pymodule]
 #[pyo3(name = "_core")]
 mod core {
+    use pyo3::prelude::*;
+
     #[pymodule_export]
     use super::air::wind_waves;
     #[pymodule_export]
@@ -58,4 +61,9 @@ mod core {
     use super::threads::{panic_for_test, reproducible, set_reproducible, set_threads, threads};
     #[pymodule_export]
     use super::volume::volume;
+
+    #[pymodule_init]
+    fn init(module: &Bound<'_, PyModule>) -> PyResult<()> {
+        super::lookup::look_up(module.py())
+    }
 }
