@@ -14,6 +14,8 @@ from typing import Any, TypeAlias
 import numpy as np
 import numpy.typing as npt
 
+from flurries import _core
+
 Array: TypeAlias = npt.NDArray[Any]
 Float64: TypeAlias = npt.NDArray[np.float64]
 
@@ -185,7 +187,7 @@ def table(name: str, value: object, *, ndim: int | None = 2, finite: bool = True
         array = array.copy()
     if ndim is not None and array.ndim != ndim:
         raise ValueError(f"{name} must have {ndim} dimensions, got {_came(value)}")
-    if finite and not np.isfinite(array).all():
+    if finite and not _core.all_finite(array.ravel()):
         raise ValueError(f"{name} must be finite, got NaN or infinity in {_came(array)}")
     return array
 
@@ -201,8 +203,7 @@ def moderate(name: str, array: Float64) -> Float64:
 def bounded(name: str, value: object) -> Float64:
     """Return what `moderate` of `table` does, of any shape, by one look at the numbers."""
     array = table(name, value, ndim=None, finite=False)
-    # False for NaN, too.
-    if array.size and not np.abs(array).max() <= LARGEST:
+    if not _core.all_within(array.ravel(), -LARGEST, LARGEST):
         return moderate(name, table(name, array, ndim=None))
     return array
 

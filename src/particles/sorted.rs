@@ -93,7 +93,7 @@ impl Sorted {
                 depth.as_ref().map(|map| map_of_tile(map, &self.grid, tile));
             let mut transmittance = [1.0; PIXELS];
             draw(&mut transmittance, map.as_ref(), &self.runs, &self.grid, tile, cancel)?;
-            store(pixels, &transmittance, row, column);
+            store(pixels, &transmittance, row, column).ok_or_else(layout)?;
             Ok(())
         })
     }
@@ -118,7 +118,7 @@ impl Sorted {
             let mut transmittance = [1.0; PIXELS];
             draw::<P>(&mut transmittance, None, &self.runs, &self.grid, tile, cancel)?;
             let pixels = out.slice_mut(s![.., at - columns.start..end - columns.start]);
-            store(pixels, &transmittance, 0, at % TILE);
+            store(pixels, &transmittance, 0, at % TILE).ok_or_else(layout)?;
             at = end;
         }
         Ok(())
@@ -218,19 +218,35 @@ fn map_of_tile<P: Profile, M: Real>(map: &ArrayView2<M>, grid: &Grid, tile: usiz
     values
 }
 
-/// Writes the tile's pixels from (row, column) on.
-fn store<P: Profile>(
-    mut pixels: ArrayViewMut2<P>,
+fn layout() -> Error {
+    Error::Internal("rows are not contiguous".into())
+}
+
+dispatch! {
+    /// Writes the tile's pixels from (row, column) on.
+    fn store<P: Profile>(
+        pixels: ArrayViewMut2<'_, P>,
+        transmittance: &[f64; PIXELS],
+        row: usize,
+        column: usize,
+    ) -> Option<()> = store_with
+}
+
+#[inline(always)]
+fn store_with<P: Profile, const LEVEL: u8>(
+    mut pixels: ArrayViewMut2<'_, P>,
     transmittance: &[f64; PIXELS],
     row: usize,
     column: usize,
-) {
+) -> Option<()> {
     let lines = transmittance.chunks_exact(TILE).skip(row);
     for (mut line, transmittance) in pixels.rows_mut().into_iter().zip(lines) {
+        let line = line.as_slice_mut()?;
         for (pixel, transmittance) in line.iter_mut().zip(&transmittance[column..]) {
             *pixel = P::of(1.0 - transmittance);
         }
     }
+    Some(())
 }
 
 #[cfg(test)]
