@@ -23,13 +23,13 @@ NANOSECONDS: dict[str, tuple[str, float]] = {
     "jittered bin": ("kernel", 23),
     "planned bin": ("kernel", 39.6),
     # Texture, for each pixel of the window.
-    "texture pixel": ("kernel", 0.475),
+    "texture pixel": ("kernel", 0.25),
     # ... before a depth: its farthest in each tile, and the tiles' fades.
     "limited pixel": ("array", 4.83),
     # Flakes: those of the box, those that touch the window, and runs of pixels in their rows, of
     # resting ones and of those that the shutter makes streaks of.
     "flake listed": ("array", 45),
-    "flake placed": ("kernel", 72),
+    "flake placed": ("kernel", 60),
     "disc": ("kernel", 5),
     "disc run": ("kernel", 3.0),
     "streak": ("kernel", 220),
@@ -39,19 +39,19 @@ NANOSECONDS: dict[str, tuple[str, float]] = {
     "gas pixel": ("kernel", 6.05),
     "lit gas pixel": ("kernel", 6.3),
     # The four layers of a double cone, for each pixel.
-    "cone pixel": ("kernel", 7.5),
+    "cone pixel": ("kernel", 4.5),
     # Planes and pictures, for each pixel.
     "mask pixel": ("kernel", 0.535),
-    "joined pixel": ("kernel", 0.333),
+    "joined pixel": ("kernel", 0.2),
     # A square root, by which machines are compared.
     "array number": ("array", 1.05),
     "copied byte": ("array", 0.062),
     "array pixel": ("array", 0.135),
     "veil pixel": ("array", 2.26),
-    "byte pixel": ("kernel", 1.0),
-    "fused pixel": ("kernel", 0.02),
-    "word pixel": ("kernel", 1.05),
-    "float pixel": ("kernel", 1.2),
+    "byte pixel": ("kernel", 0.35),
+    "fused pixel": ("kernel", 0.17),
+    "word pixel": ("kernel", 0.45),
+    "float pixel": ("kernel", 0.85),
     "decoded pixel": ("array", 8.0),
     "encoded pixel": ("array", 10.1),
     # Integers of display values to linear light, and back by the formula, or by a table.

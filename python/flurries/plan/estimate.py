@@ -192,6 +192,9 @@ def _frame(
 # Bytes that a value takes on the way to another encoding, in arrays of float32 that come and go.
 _TURNED = 20
 
+# Bytes of the tables and objects that a frame is described by.
+_TABLES = 20 << 10
+
 
 class _Held:
     """The bytes that are held while effects are made and laid over a picture, one after another.
@@ -247,7 +250,7 @@ class _Held:
         end = self._base + self._behind + (self._whole if self._cut and self._same else 0)
         if self._same and not self._banded:
             end = max(end, self._whole)
-        return self._frame + max(self._peak, end + self._made + self._turning)
+        return self._frame + max(self._peak, end + self._made + self._turning) + _TABLES
 
 
 def _area(window: Window | None) -> int:
