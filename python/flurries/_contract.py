@@ -27,6 +27,10 @@ MOST_ELEMENTS = 2**33
 LARGEST = 1e100
 SMALLEST = 1e-100
 
+# From so many numbers on a kernel looks at them sooner than NumPy does.
+_MANY = 4096
+_DOUBLE = float(np.finfo(np.float64).max)
+
 
 def _came(value: object) -> str:
     """Say what came, in a few words."""
@@ -38,6 +42,9 @@ def _came(value: object) -> str:
 
 def integer(name: str, value: object, *, low: int, high: int) -> int:
     """Return `value` as an int within [low, high]; floats are refused, NumPy integers are not."""
+    # What most callers give comes through at once, here and below: a frame asks for dozens.
+    if type(value) is int and low <= value <= high:
+        return value
     if isinstance(value, (bool, np.bool_)):
         raise TypeError(f"{name} must be an integer, got {value!r}")
     try:
@@ -111,6 +118,10 @@ def choice(name: str, value: object, options: Sequence[str]) -> str:
 
 def shape_of(name: str, value: object) -> tuple[int, int]:
     """Return (H, W) of a frame, both at least 1 and their product within reason."""
+    if type(value) is tuple and len(value) == 2:
+        tall, wide = value
+        if type(tall) is int and type(wide) is int and 1 <= tall <= 2**16 and 1 <= wide <= 2**16:
+            return tall, wide
     rows = isinstance(value, Sequence) or (isinstance(value, np.ndarray) and value.ndim > 0)
     if isinstance(value, (str, bytes)) or not rows:
         raise TypeError(f"{name} must be (H, W), got {_came(value)}")
@@ -126,6 +137,8 @@ def shape_of(name: str, value: object) -> tuple[int, int]:
 
 def tile_of(tile: object, overlap: object) -> tuple[tuple[int, int], int]:
     """Return the tile as (rows, cols) and the overlap, 0 <= overlap < tile."""
+    if type(tile) is int and type(overlap) is int and 0 <= overlap < tile <= 2**15:
+        return (tile, tile), overlap
     if isinstance(tile, (tuple, list)):
         size = shape_of("tile", tile)
     else:
@@ -187,7 +200,7 @@ def table(name: str, value: object, *, ndim: int | None = 2, finite: bool = True
         array = array.copy()
     if ndim is not None and array.ndim != ndim:
         raise ValueError(f"{name} must have {ndim} dimensions, got {_came(value)}")
-    if finite and not _core.all_finite(array.ravel()):
+    if finite and not _within(array, math.inf):
         raise ValueError(f"{name} must be finite, got NaN or infinity in {_came(array)}")
     return array
 
@@ -203,9 +216,17 @@ def moderate(name: str, array: Float64) -> Float64:
 def bounded(name: str, value: object) -> Float64:
     """Return what `moderate` of `table` does, of any shape, by one look at the numbers."""
     array = table(name, value, ndim=None, finite=False)
-    if not _core.all_within(array.ravel(), -LARGEST, LARGEST):
+    if not _within(array, LARGEST):
         return moderate(name, table(name, array, ndim=None))
     return array
+
+
+def _within(array: Float64, most: float) -> bool:
+    """Say whether all numbers are finite and none is larger than `most`; NaN is, in its way."""
+    if array.size < _MANY:
+        size = np.abs(array).max(initial=0.0)
+        return bool(size <= most and size < math.inf)
+    return _core.all_within(array.ravel(), -min(most, _DOUBLE), min(most, _DOUBLE))
 
 
 def vector(name: str, value: object, length: int) -> Float64:
