@@ -374,3 +374,32 @@ def test_sound_that_would_not_fit_is_left_out(tmp_path: Path):
     with pytest.raises(ValueError, match="no sound"):
         VideoWriter(tmp_path / "c.mp4", (64, 48), 20, sound=gone).__enter__()
     assert not list(tmp_path.glob("*c.mp4")) and not list(tmp_path.glob(".*"))
+
+
+INTERRUPTED = """
+import fcntl, os, sys
+from pathlib import Path
+from flurries.io import claims
+place, step = sys.argv[1:]
+module = fcntl if step == "flock" else os
+real = getattr(module, step)
+def interrupted(*a, **k):
+    setattr(module, step, real)
+    # What it returns is lost, as where Ctrl-C comes right behind it.
+    real(*a, **k)
+    raise KeyboardInterrupt
+setattr(module, step, interrupted)
+claims.claimed(Path(place) / "0001.png").release()
+"""
+
+
+@pytest.mark.parametrize("step", ["open", "flock", "fstat", "unlink", "close"])
+def test_ctrl_c_at_any_step_of_a_claim_leaves_nothing(step: str, tmp_path: Path):
+    command = [sys.executable, "-c", INTERRUPTED, str(tmp_path), step]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=100)
+    assert "KeyboardInterrupt" in done.stderr and done.stderr.count("Traceback") == 1
+    assert not list(tmp_path.iterdir())
+    # The lock is gone too.
+    claim = claimed(tmp_path / "0001.png")
+    assert claim is not None
+    claim.release()

@@ -137,7 +137,7 @@ def remove_leftovers(folder: str | os.PathLike[str]) -> list[Path]:
     """
     removed = []
     for found in sorted(Path(folder).glob(f"{PREFIX}{'?' * TOKEN_LENGTH}*")):
-        if _removed_abandoned(found):
+        if remove_abandoned(found):
             removed.append(found)
     return removed
 
@@ -173,8 +173,8 @@ def _reserve(target: Path) -> tuple[Path, int | None]:
         del _unfinished[temporary]
 
 
-def _removed_abandoned(temporary: Path) -> bool:
-    """Remove a temporary file that nobody holds; return whether it was one."""
+def remove_abandoned(temporary: Path) -> bool:
+    """Remove a hidden file of ours that nobody holds; return whether it was one."""
     if sys.platform == "win32":
         with contextlib.suppress(OSError):
             temporary.unlink()

@@ -7,6 +7,7 @@ system has no locks two processes may make the same frame; each is renamed whole
 
 from __future__ import annotations
 
+import atexit
 import contextlib
 import hashlib
 import os
@@ -14,7 +15,7 @@ import sys
 import time
 from pathlib import Path
 
-from flurries.io.atomic import PREFIX, TOKEN_LENGTH
+from flurries.io.atomic import PREFIX, TOKEN_LENGTH, remove_abandoned
 
 if sys.platform != "win32":
     import fcntl
@@ -26,18 +27,63 @@ _PAUSE = 0.05
 class Claim:
     """The right to make a file; given back by `release`, or when the process ends."""
 
-    def __init__(self, file: Path, descriptor: int | None) -> None:
+    def __init__(self, file: Path) -> None:
         self._file = file
-        self._descriptor = descriptor
+        self._process = os.getpid()
+        self._descriptor: int | None = None
+
+    def take(self) -> bool | None:
+        """Make the file and lock it: whether that worked, or None where there are no locks."""
+        # Known before it is there: Ctrl-C can fall between any two of these steps.
+        _claims.add(self)
+        flags = os.O_RDWR | os.O_CREAT | os.O_CLOEXEC | os.O_NOFOLLOW
+        try:
+            self._descriptor = os.open(self._file, flags, 0o666)
+            fcntl.flock(self._descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            self._let_go()
+            return False
+        except OSError:
+            if self._descriptor is None:
+                _claims.discard(self)
+                raise
+            self.release()
+            return None
+        # Whoever had it may have removed it between the opening and the locking.
+        if os.fstat(self._descriptor).st_nlink:
+            return True
+        self._let_go()
+        return False
 
     def release(self) -> None:
         """Let others have it."""
-        descriptor, self._descriptor = self._descriptor, None
-        if descriptor is not None:
+        if self._descriptor is not None:
             # Before the lock is gone: whoever gets it next must find the name free.
             with contextlib.suppress(OSError):
                 self._file.unlink()
+        self._let_go()
+
+    def _let_go(self) -> None:
+        _claims.discard(self)
+        descriptor, self._descriptor = self._descriptor, None
+        if descriptor is not None:
             os.close(descriptor)
+
+    def give_up(self) -> None:
+        """Remove the file at the end of the process that made it, unless it is another's by now."""
+        if self._process == os.getpid():
+            self._let_go()
+            remove_abandoned(self._file)
+
+
+# Those that this process has, or was about to have.
+_claims: set[Claim] = set()
+
+
+@atexit.register
+def _give_up_all() -> None:
+    for claim in list(_claims):
+        claim.give_up()
 
 
 def claimed(target: Path) -> Claim | None:
@@ -50,26 +96,15 @@ def claimed(target: Path) -> Claim | None:
     """
     token = hashlib.sha256(os.fsencode(target.name)).hexdigest()[:TOKEN_LENGTH]
     file = target.with_name(f"{PREFIX}{token}-claim")
+    claim = Claim(file)
     if sys.platform == "win32":
-        return Claim(file, None)
-    while True:
-        flags = os.O_RDWR | os.O_CREAT | os.O_CLOEXEC | os.O_NOFOLLOW
-        descriptor = os.open(file, flags, 0o666)
-        try:
-            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            os.close(descriptor)
+        return claim
+    while not (taken := claim.take()):
+        if taken is None:
+            return claim
+        if file.exists():
             return None
-        except OSError:
-            # No locks here.
-            os.close(descriptor)
-            with contextlib.suppress(OSError):
-                file.unlink()
-            return Claim(file, None)
-        # Whoever had it may have removed it between the opening and the locking.
-        if os.fstat(descriptor).st_nlink:
-            return Claim(file, descriptor)
-        os.close(descriptor)
+    return claim
 
 
 def awaited(target: Path) -> Claim:
