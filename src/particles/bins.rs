@@ -152,7 +152,7 @@ impl Bins {
         reserve(starts, grid.len() + 1)?;
         starts.resize(grid.len() + 1, 0);
         let mut sorter = Sorter { grid, large, starts, pairs, projected };
-        let mut group = Group::new();
+        let mut group = Group::default();
         for flake in flakes.flatten() {
             if group.push(&flake) {
                 group.project::<LEVEL>(lens, &mut sorter)?;

@@ -19,6 +19,7 @@ const MOST: usize = 8;
 type Numbers = [f64; MOST];
 
 /// Flakes that wait to be projected together.
+#[derive(Default)]
 pub struct Group {
     count: usize,
     point: [Numbers; 3],
@@ -30,6 +31,7 @@ pub struct Group {
 
 /// What has become of them: a sprite's parts, and of resting ones the first and the last tile that they
 /// reach along each axis, and how many pixels they cover.
+#[derive(Default)]
 struct Images {
     start: [Numbers; 2],
     along: [Numbers; 2],
@@ -45,18 +47,6 @@ struct Images {
 }
 
 impl Group {
-    /// None yet.
-    pub const fn new() -> Self {
-        Self {
-            count: 0,
-            point: [[0.0; MOST]; 3],
-            travel: [[0.0; MOST]; 3],
-            radius: [0.0; MOST],
-            opacity: [0.0; MOST],
-            moving: false,
-        }
-    }
-
     /// Adds a flake, and says whether there is room for no other one.
     #[inline(always)]
     pub fn push(&mut self, flake: &Flake) -> bool {
@@ -112,19 +102,7 @@ impl Group {
     /// [`Sprite::of`] step by step, for a whole exposure in front of the near plane.
     #[inline(always)]
     fn images<V: Lanes<f64>>(&self, lens: &Lens, grid: &Grid) -> Images {
-        let zero = [0.0; MOST];
-        let mut images = Images {
-            start: [zero; 2],
-            along: [zero; 2],
-            length: zero,
-            sigma: zero,
-            amplitude: zero,
-            depth: zero,
-            ends: [zero; 2],
-            first: [zero; 2],
-            last: [zero; 2],
-            covered: [zero; 2],
-        };
+        let mut images = Images::default();
         let limits = [grid.shape.1, grid.shape.0].map(|limit| limit as i64 as f64);
         for at in (0..MOST).step_by(V::N) {
             // SAFETY: `at` and the N behind it lie before MOST, a multiple of N; the caller is compiled

@@ -70,6 +70,22 @@ pub fn particle_edge_fade(
     })
 }
 
+fn flakes_of<'a>(
+    points: &'a PyReadonlyArray2<'_, f64>,
+    radius: &'a PyReadonlyArray1<'_, f64>,
+    opacity: &'a PyReadonlyArray1<'_, f64>,
+    velocity: &'a PyReadonlyArray2<'_, f64>,
+    shutter: f64,
+) -> Flakes<'a> {
+    Flakes {
+        points: points.as_array(),
+        radius: radius.as_array(),
+        opacity: opacity.as_array(),
+        velocity: velocity.as_array(),
+        shutter,
+    }
+}
+
 /// Draws the alpha of the flakes into `out` (H, W). `lens` is (focal, cx, cy, offset, near).
 #[pyfunction]
 #[expect(clippy::too_many_arguments, reason = "the Python layer passes plain values")]
@@ -85,13 +101,7 @@ pub fn particle_splat(
     depth: Option<Plane<'_>>,
 ) -> PyResult<()> {
     let lens = lens_of(lens);
-    let flakes = Flakes {
-        points: points.as_array(),
-        radius: radius.as_array(),
-        opacity: opacity.as_array(),
-        velocity: velocity.as_array(),
-        shutter,
-    };
+    let flakes = flakes_of(&points, &radius, &opacity, &velocity, shutter);
     gate::each_precision!(out, view => match &depth {
         None => drawn(py, view, &flakes, &lens, None::<ArrayView2<f32>>),
         Some(Plane::Single(map)) => drawn(py, view, &flakes, &lens, Some(map.as_array())),
@@ -125,13 +135,7 @@ pub fn particle_ids(
     depth: Option<Plane<'_>>,
 ) -> PyResult<()> {
     let lens = lens_of(lens);
-    let flakes = Flakes {
-        points: points.as_array(),
-        radius: radius.as_array(),
-        opacity: opacity.as_array(),
-        velocity: velocity.as_array(),
-        shutter,
-    };
+    let flakes = flakes_of(&points, &radius, &opacity, &velocity, shutter);
     let out = out.as_array_mut();
     match &depth {
         None => shown(py, out, &flakes, &lens, None::<ArrayView2<f32>>),
@@ -276,13 +280,7 @@ pub fn particle_sort_listed(
     shutter: f64,
     lens: (f64, f64, f64, [f64; 3], f64),
 ) -> PyResult<SortedFlakes> {
-    let flakes = Flakes {
-        points: points.as_array(),
-        radius: radius.as_array(),
-        opacity: opacity.as_array(),
-        velocity: velocity.as_array(),
-        shutter,
-    };
+    let flakes = flakes_of(&points, &radius, &opacity, &velocity, shutter);
     SortedFlakes::of(py, shape, &flakes, &lens_of(lens))
 }
 
