@@ -282,7 +282,7 @@ MISTAKES: dict[str, tuple[str, int, str]] = {
     "backwards": ("[depth]\nsource = 'grey.png'\nnear = 3\nfar = 2\n", 4, "far"),
     "white": ("[depth]\nsource = 'g.png'\nnear = 1\nfar = 2\nwhite = 'x'\n", 5, "white"),
     "sun a number": ("sun = 3\n", 1, "sun must be a table"),
-    "sun unknown": ("[sun]\ncolor = 1.0\n", 2, "color.*sun.*'color'"),
+    "sun unknown": ("[sun]\ncolour = 1.0\n", 2, "colour.*sun.*'color'"),
     "sun nowhere": ("[sun]\ndirection = [0, 0, 0]\n", 2, "direction"),
     "sun bright": ("[sun]\ndirection = [0, 1, 0]\ncolor = 2\n", 3, "color"),
 }

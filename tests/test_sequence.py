@@ -379,7 +379,7 @@ def test_sound_that_would_not_fit_is_left_out(tmp_path: Path):
 INTERRUPTED = """
 import fcntl, os, sys
 from pathlib import Path
-from flurries.io import claims
+from flurries.output import claims
 place, step = sys.argv[1:]
 module = fcntl if step == "flock" else os
 real = getattr(module, step)
