@@ -1,0 +1,208 @@
+"""A population of flakes or drops: how many, how large, how fast, and how they are shared out.
+
+One population fills the air. What is near is drawn flake by flake, what is far is synthesized, and
+both take their numbers from here: classes of size, each with its fall speed and the depth from
+which it is synthesized, and layers, each a slab of depth with the images of its flakes.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from flurries._contract import Float64
+from flurries.particles.sizes import Sizes
+
+# Sigma of a flake's image from which it is drawn, px: a texture of waves resolves less.
+HANDOVER_SIGMA = 1.1
+
+# A flake's image of diameter d is a Gaussian of d / sqrt(8): its integral is opacity pi d^2 / 4.
+SIGMA_OF_DIAMETER = 1.0 / math.sqrt(8.0)
+
+# Fewer flakes of a layer than this in a tile are drawn: a texture of so few shows its tiles.
+LEAST_IN_TILE = 8.0
+
+# The far end of a slab of depth over its near end, at most.
+SLAB_RATIO = 1.41
+
+# Over this part of its depth the hand-over goes from all drawn to all synthesized.
+FADE = 0.15
+
+
+@dataclass(frozen=True)
+class SizeClass:
+    """Flakes of an interval of sizes, which fall alike.
+
+    Attributes
+    ----------
+    density : float
+        Per cubic metre.
+    smallest, largest : float
+        Diameters, metres.
+    square : float
+        Mean of the squared diameter, m2.
+    fall : float
+        Metres per second in still air: the mean speed, each flake weighed by its area.
+    """
+
+    density: float
+    smallest: float
+    largest: float
+    square: float
+    fall: float
+
+
+@dataclass(frozen=True)
+class Population:
+    """Flakes or drops that fill the air.
+
+    Attributes
+    ----------
+    density : float
+        Per cubic metre.
+    sizes : Sizes
+        Of their diameters, metres.
+    opacity : float
+        Of a resting flake's middle, 0 to 1.
+    speed : callable
+        Fall speed in m/s of diameters in metres.
+    """
+
+    density: float
+    sizes: Sizes
+    opacity: float
+    speed: Callable[[Float64], Float64]
+
+    @property
+    def extinction(self) -> float:
+        """What a ray loses for each metre: density times the mean area that a flake covers."""
+        return self.density * self.opacity * 0.25 * math.pi * self.sizes.moment(2.0)
+
+    def classes(self, count: int) -> list[SizeClass]:
+        """Return classes of size that cover the same area each, small ones first."""
+        sizes = self.sizes
+        if sizes.largest == sizes.smallest:
+            edges = np.array([sizes.smallest, sizes.largest])
+        else:
+            at = sizes.quantile(np.linspace(0.0, 1.0, 4097))
+            area = np.concatenate([[0.0], np.cumsum(0.5 * (at[1:] ** 2 + at[:-1] ** 2))])
+            edges = np.interp(np.linspace(0.0, area[-1], count + 1), area, at)
+        found = []
+        for low, high in zip(edges[:-1].tolist(), edges[1:].tolist(), strict=True):
+            at, share = sizes.nodes(low, high)
+            number = float(share.sum())
+            square = float(share @ at**2)
+            fall = float((share * at**2) @ self.speed(at)) / square
+            found.append(SizeClass(self.density * number, low, high, square / number, fall))
+        return found
+
+
+def reach_of(each: SizeClass, focal: float, tile: int, *, fastest: float, far: float) -> float:
+    """Return the depth up to which a class is drawn, metres, at most `far`.
+
+    Three things ask for drawing: an image too large for the texture, too few flakes in a tile, and
+    a layer that moves by more than half a tile in a frame, which would seem to move backwards.
+
+    Parameters
+    ----------
+    focal : float
+        Pixels.
+    tile : int
+        Pixels.
+    fastest : float
+        Of the flakes past the camera, metres per frame.
+    """
+    large = focal * each.largest * SIGMA_OF_DIAMETER / HANDOVER_SIGMA
+    cube = (SLAB_RATIO**3 - 1.0) / 3.0 * each.density * (tile / focal) ** 2
+    sparse = (LEAST_IN_TILE / cube) ** (1.0 / 3.0)
+    fast = 2.0 * focal * fastest / tile
+    return min(max(large, sparse, fast), far)
+
+
+def drawn_share(depth: Float64, reach: float, far: float) -> Float64:
+    """Return which part of the flakes at depths is drawn, 1 near to 0 far; all up to `far`."""
+    if reach >= far:
+        return np.where(np.asarray(depth) <= far, 1.0, 0.0)
+    part = np.clip((np.asarray(depth, np.float64) / reach - 1.0) / FADE, 0.0, 1.0)
+    return np.asarray(1.0 - part * part * (3.0 - 2.0 * part))
+
+
+@dataclass(frozen=True)
+class Slab:
+    """A layer of the texture: flakes of one class between two depths.
+
+    Attributes
+    ----------
+    near, far : float
+        Metres.
+    depth : float
+        That it moves as: the mean of the depths of what it covers, metres.
+    count : float
+        Mean number of flakes in a tile.
+    diameters : (n,)
+        Quantiles of their images' diameters at even shares, px.
+    coverage : float
+        Mean of what they cover of a tile, px2.
+    """
+
+    near: float
+    far: float
+    depth: float
+    count: float
+    diameters: Float64
+    coverage: float
+
+
+# Depths and sizes by which a slab's images are counted, and the quantiles that are kept of them.
+_DEPTHS, _SIZES, _QUANTILES = 32, 64, 33
+
+
+def slabs_of(
+    population: Population, each: SizeClass, focal: float, tile: int, *, reach: float, far: float
+) -> list[Slab]:
+    """Return the layers of a class from where it is no longer drawn, near ones first.
+
+    Parameters
+    ----------
+    focal : float
+        Pixels.
+    tile : int
+        Pixels.
+    reach, far : float
+        Depths at which the texture begins and ends, metres.
+    """
+    if reach >= far or each.density == 0.0:
+        return []
+    number = max(math.ceil(math.log(far / reach) / math.log(SLAB_RATIO)), 1)
+    edges = reach * (far / reach) ** (np.arange(number + 1) / number)
+    diameters, share = population.sizes.nodes(each.smallest, each.largest)
+    share = share / share.sum()
+    found = []
+    for near, end in zip(edges[:-1].tolist(), edges[1:].tolist(), strict=True):
+        nodes, weights = np.polynomial.legendre.leggauss(_DEPTHS)
+        depths = 0.5 * (near + end) + 0.5 * (end - near) * nodes
+        left = 1.0 - drawn_share(depths, reach, far)
+        volume = 0.5 * (end - near) * weights * depths**2 * left * (tile / focal) ** 2
+        count = each.density * float(volume.sum())
+        images = (focal * diameters[None, :] / depths[:, None]).ravel()
+        weight = (volume[:, None] * share[None, :]).ravel()
+        order = np.argsort(images, kind="stable")
+        below = np.cumsum(weight[order])
+        below = (below - 0.5 * weight[order]) / below[-1]
+        table = np.interp(np.linspace(0.0, 1.0, _QUANTILES), below, images[order])
+        area = float(weight @ images**2) / float(weight.sum())
+        seen = volume / depths**2
+        found.append(
+            Slab(
+                near,
+                end,
+                float((seen @ depths) / seen.sum()),
+                count,
+                table,
+                count * population.opacity * 0.25 * math.pi * area,
+            )
+        )
+    return found
