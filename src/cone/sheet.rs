@@ -1,7 +1,7 @@
 //! A layer of a stack, and the filtered textures that layers look into.
 
 use super::window::PAD;
-use crate::error::Error;
+use crate::base::error::Error;
 
 /// One filtered texture.
 #[derive(Debug, Clone, Copy)]

@@ -13,9 +13,9 @@ use super::sheet::{Sheet, Table, Tables, level};
 use super::square::{self, Square};
 use super::view::View;
 use super::window::{self, Windows};
-use crate::error::{Cancel, Error, zeroed};
-use crate::pool;
-use crate::simd::{dispatch, multiply_add};
+use crate::base::error::{Cancel, Error, zeroed};
+use crate::base::pool;
+use crate::base::simd::{dispatch, multiply_add};
 
 /// The planes that a stack is read from; see [`super::chart::Chart`].
 #[derive(Debug, Clone, Copy)]
@@ -394,8 +394,8 @@ pub fn moving(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::base::random::Hash;
     use crate::cone::window::PAD;
-    use crate::random::Hash;
 
     /// Random bytes of 2^rows x 2^columns entries: words of neighbours, and padded bytes.
     fn entries(rows: u32, columns: u32, seed: i64) -> (Vec<u32>, Vec<u8>) {

@@ -21,7 +21,7 @@ impl Windows {
     /// Asks the processor.
     #[cfg(target_arch = "x86_64")]
     pub fn found() -> Option<Self> {
-        let level = crate::simd::level() == crate::simd::Level::Avx512;
+        let level = crate::base::simd::level() == crate::base::simd::Level::Avx512;
         (level && is_x86_feature_detected!("avx512vbmi")).then_some(Self(()))
     }
 

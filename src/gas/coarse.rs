@@ -7,11 +7,11 @@ use ndarray::{Array2, ArrayView2, ArrayViewMut2, Axis};
 
 use super::splat::alpha_of;
 use super::sprite::{Eye, Look, Sprite};
-use crate::cover::pixels;
-use crate::error::{Cancel, Error, collected, zeroed};
-use crate::normal::{Normal, least, most};
-use crate::pool;
-use crate::simd::{dispatch, multiply_add};
+use crate::base::cover::pixels;
+use crate::base::error::{Cancel, Error, collected, zeroed};
+use crate::base::normal::{Normal, least, most};
+use crate::base::pool;
+use crate::base::simd::{dispatch, multiply_add};
 
 /// From this radius on (px) particles may be drawn so. Sigma is 2.7 px of the coarse grid, whose cubics
 /// err by 3/128 (1/2.7)^4 of a Gaussian's height at most: a thousandth of a particle's density.

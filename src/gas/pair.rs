@@ -20,11 +20,11 @@ use super::coarse;
 use super::draw::{Drawing, TILE};
 use super::splat::{Cloud, Picture, alpha, alpha_of, check_all, sprites};
 use super::sprite::{Eye, Form, Look, Sprite};
-use crate::error::{Cancel, Error, collected, pushed, zeroed};
-use crate::normal::{Normal, least, most};
-use crate::pool;
-use crate::real::Real;
-use crate::simd::dispatch;
+use crate::base::error::{Cancel, Error, collected, pushed, zeroed};
+use crate::base::normal::{Normal, least, most};
+use crate::base::pool;
+use crate::base::real::Real;
+use crate::base::simd::dispatch;
 
 /// A footprint of a smaller radius (px) is not shifted: between pixels its shape would suffer.
 const LEAST_RADIUS: f64 = 8.0;

@@ -12,11 +12,11 @@ use super::bins::Bands;
 use super::draw::{Drawing, PIXELS, Plane, TILE, Tile, draw};
 use super::ray::{Ground, Rays};
 use super::sprite::{Eye, Form, Look, Particle, Sprite};
-use crate::error::{Cancel, Error, collected, finite, pushed};
-use crate::normal::Normal;
-use crate::pool;
-use crate::real::Real;
-use crate::simd::dispatch;
+use crate::base::error::{Cancel, Error, collected, finite, pushed};
+use crate::base::normal::Normal;
+use crate::base::pool;
+use crate::base::real::Real;
+use crate::base::simd::dispatch;
 
 /// Particles that are projected together.
 const RUN: usize = 1024;

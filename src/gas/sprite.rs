@@ -4,7 +4,7 @@ use std::f64::consts::FRAC_PI_2;
 use std::ops::Range;
 
 use super::footprint::{Edge, POINT_FROM, patch};
-use crate::cover::pixels;
+use crate::base::cover::pixels;
 
 /// Slopes beyond this many times the picture's are held when a footprint is widened off the axis.
 const SLOPES: f64 = 1.3;
@@ -290,7 +290,7 @@ fn slopes(x: f64, depth: f64, reach: f64) -> Option<(f64, f64)> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::random::Hash;
+    use crate::base::random::Hash;
 
     #[test]
     fn slopes_hold_every_ray_that_meets_the_circle() {

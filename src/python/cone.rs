@@ -8,6 +8,9 @@ use numpy::{
 use pyo3::prelude::*;
 
 use super::gate::{self, PlaneMut, each_precision};
+use crate::base::error::Error;
+use crate::base::pool;
+use crate::base::real::Real;
 use crate::cone::area::Area;
 use crate::cone::basis::Basis;
 use crate::cone::chart::{self, Chart, Course};
@@ -17,9 +20,6 @@ use crate::cone::stack::{self, Charted};
 use crate::cone::view::View;
 use crate::cone::window::Windows;
 use crate::cone::{square, table, tile};
-use crate::error::Error;
-use crate::pool;
-use crate::real::Real;
 
 /// Rough nanoseconds, which only decide who watches for Ctrl-C.
 const RAY: f64 = 60.0;

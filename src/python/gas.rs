@@ -7,14 +7,14 @@ use numpy::{
 use pyo3::prelude::*;
 
 use super::gate::{self, Plane, PlaneMut};
-use crate::error::Error;
+use crate::base::error::Error;
+use crate::base::normal::Normal;
+use crate::base::real::Real;
 use crate::gas::draw::Drawing;
 use crate::gas::footprint::Edge;
 use crate::gas::splat::{self, Cloud, Touched};
 use crate::gas::sprite::{Eye, Footprint, Look, NearMode, Sprite};
 use crate::gas::{light, pair};
-use crate::normal::Normal;
-use crate::real::Real;
 
 /// RGBA of either precision, to be written.
 #[derive(FromPyObject)]

@@ -8,7 +8,7 @@ use numpy::{PyReadonlyArray2, PyReadwriteArray2};
 use pyo3::exceptions::{PyKeyboardInterrupt, PyMemoryError, PyRuntimeError, PyValueError};
 use pyo3::prelude::*;
 
-use crate::error::{Cancel, Error};
+use crate::base::error::{Cancel, Error};
 
 pyo3::create_exception!(
     flurries,

@@ -3,7 +3,7 @@
 use pyo3::prelude::*;
 
 use super::gate;
-use crate::{pool, simd};
+use crate::base::{pool, simd};
 
 /// Sets how many threads the kernels use.
 #[pyfunction]

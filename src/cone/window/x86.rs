@@ -5,8 +5,8 @@ use std::arch::x86_64::*;
 use super::{
     BLOCK, Clear, HIGH, NONE, PAD, Plan, SMALL, SQUARE, Sheet, Square, Table, WIDE, most, place_of,
 };
+use crate::base::simd::AVX512;
 use crate::cone::stack::{MIDDLE, UNIT};
-use crate::simd::AVX512;
 
 /// Multiplies into `clear` what one layer lets through. Sixteen numbers are eight pixels of a row and
 /// the eight below them; two such pieces side by side follow each other.

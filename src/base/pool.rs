@@ -10,7 +10,7 @@ use std::sync::atomic::{AtomicPtr, AtomicUsize, Ordering};
 
 use rayon::prelude::*;
 
-use crate::error::{Error, collected};
+use crate::base::error::{Error, collected};
 
 /// The most threads that may be asked for.
 pub const MOST_THREADS: usize = 256;
