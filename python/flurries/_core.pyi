@@ -26,11 +26,9 @@ __all__ = [
     "cone_needed",
     "cone_rays",
     "cone_shown",
-    "cone_squares",
     "cone_stack",
     "cone_table",
     "cone_tile",
-    "cone_windows",
     "field",
     "field_bands",
     "field_take",
@@ -236,14 +234,13 @@ def cone_moving(
     course: tuple[int, float, int],
     sheets: list[_Sheet],
     levels: int,
-    tables: list[tuple[int, int, _Array, _Array | None]],
+    tables: list[tuple[int, int, _Array]],
 ) -> None: ...
 def cone_shown(out: _Array, depth: _Array, pose: Pose, radii: list[float], top: int) -> None: ...
 def cone_table(
     out: _Array, texture: _Float64, width: float, height: float, peak: float
 ) -> None: ...
 def cone_needed(out: _Array, footprint: _Array, sheets: list[_Sheet]) -> None: ...
-def cone_squares(out: _Array, across: _Array, along: _Array) -> None: ...
 def cone_stack(
     out: _Array,
     across: _Array,
@@ -251,14 +248,12 @@ def cone_stack(
     fade: _Array,
     state: _Array,
     footprint: _Array,
-    squares: _Array | None,
     sheets: list[_Sheet],
     levels: int,
-    tables: list[tuple[int, int, _Array, _Array | None]],
+    tables: list[tuple[int, int, _Array]],
     shown: _Array | None = None,
 ) -> None: ...
 def cone_tile(out: _Array, drops: _Float64) -> None: ...
-def cone_windows() -> bool: ...
 def gas_splat(
     out: _Array,
     centers: _Float64,

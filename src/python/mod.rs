@@ -30,7 +30,7 @@ mod core {
     #[pymodule_export]
     use super::cone::{
         cone_basis, cone_chart, cone_footprints, cone_layer, cone_moving, cone_needed, cone_rays,
-        cone_shown, cone_squares, cone_stack, cone_table, cone_tile, cone_windows,
+        cone_shown, cone_stack, cone_table, cone_tile,
     };
     #[pymodule_export]
     use super::crossing::particle_crossing;
