@@ -15,7 +15,7 @@ use ndarray::{Array1, Array2, Array3, ArrayView2};
 
 const SIDE: usize = 1024;
 const FOCAL: f64 = 1000.0;
-const EYE: Eye = Eye { focal: FOCAL, center: [512.0; 2], offset: [0.0; 3], margin: 0 };
+const EYE: Eye = Eye { focal: FOCAL, center: [512.0; 2], offset: [0.0; 3] };
 
 struct Gas {
     centers: Array2<f64>,

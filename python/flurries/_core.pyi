@@ -35,14 +35,12 @@ __all__ = [
     "gas_alpha",
     "gas_draw",
     "gas_light",
-    "gas_pair",
     "gas_sort",
     "gas_splat",
     "inverse_transform",
     "join",
     "opacity",
     "over",
-    "panic_for_test",
     "particle_crossing",
     "particle_draw",
     "particle_edge_fade",
@@ -79,7 +77,6 @@ def set_threads(n: int) -> None: ...
 def set_reproducible(on: bool) -> None: ...
 def reproducible() -> bool: ...
 def threads() -> int: ...
-def panic_for_test() -> None: ...
 def tent_rate(out: _Float64, drift: list[float], repeat: float | None = None) -> None: ...
 def band_amplitude(out: _Float64, wavelengths: tuple[float, float], exponent: float) -> None: ...
 def random_phase(out: _Float64, seed: int, tile: tuple[int, int]) -> None: ...
@@ -301,17 +298,3 @@ def gas_light(
     direction: tuple[float, float, float],
     forward: float,
 ) -> None: ...
-def gas_pair(
-    left: _Array,
-    right: _Array,
-    centers: _Float64,
-    radius: _Float64,
-    density: _Float64,
-    lenses: tuple[
-        tuple[float, float, float, tuple[float, float, float]],
-        tuple[float, float, float, tuple[float, float, float]],
-    ],
-    manner: tuple[str, str, float, str, bool, float],
-    depths: tuple[_Float64, _Float64] | None,
-    slab: float,
-) -> tuple[int, int]: ...

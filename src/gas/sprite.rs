@@ -47,8 +47,6 @@ pub struct Eye {
     pub center: [f64; 2],
     /// Its place in camera axes.
     pub offset: [f64; 3],
-    /// Columns on either side of the picture that only another eye sees.
-    pub margin: usize,
 }
 
 /// What becomes of particles at the near plane.
@@ -261,8 +259,7 @@ fn projected(
         return (size, middle);
     }
     let held = |axis: usize, length: usize| {
-        let margin = if axis == 0 { eye.margin } else { 0 };
-        let (center, length) = (eye.center[axis] - margin as f64, length - 2 * margin);
+        let center = eye.center[axis];
         let limit = SLOPES * center.abs().max((length as f64 - center).abs()) / eye.focal;
         slopes[axis].clamp(-limit, limit)
     };
