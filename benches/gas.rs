@@ -5,17 +5,17 @@
 
 use std::time::Instant;
 
-use _core::error::Cancel;
+use _core::base::error::Cancel;
+use _core::base::pool;
+use _core::base::random::Hash;
 use _core::gas::footprint::{Edge, TABLE};
 use _core::gas::splat::{self, Cloud};
 use _core::gas::sprite::{Eye, Footprint, Look, NearMode};
-use _core::pool;
-use _core::random::Hash;
 use ndarray::{Array1, Array2, Array3, ArrayView2};
 
 const SIDE: usize = 1024;
 const FOCAL: f64 = 1000.0;
-const EYE: Eye = Eye { focal: FOCAL, center: [512.0; 2], offset: [0.0; 3], margin: 0 };
+const EYE: Eye = Eye { focal: FOCAL, center: [512.0; 2], offset: [0.0; 3] };
 
 struct Gas {
     centers: Array2<f64>,

@@ -2,13 +2,13 @@
 //!
 //! Throughput is pixels or flakes. FLURRIES_SIMD=avx2 or portable takes lower instruction sets.
 
-use _core::error::Cancel;
+use _core::base::error::Cancel;
+use _core::base::pool;
+use _core::base::random::Hash;
+use _core::base::real::Real;
 use _core::frame::composite::snow;
 use _core::particles::splat::{Flakes, splat};
 use _core::particles::sprite::Lens;
-use _core::pool;
-use _core::random::Hash;
-use _core::real::Real;
 use _core::spectral::band::Band;
 use _core::spectral::field::{Field, Window};
 use _core::spectral::filter::{Alias, TemporalFilter};

@@ -5,7 +5,7 @@
 
 use std::time::Instant;
 
-use _core::real::Real;
+use _core::base::real::Real;
 use _core::spectral::band::Band;
 use _core::spectral::dense::operations;
 use _core::spectral::filter::{Alias, TemporalFilter};

@@ -277,10 +277,6 @@ def calls(folder: Path) -> dict[str, Call]:
             numbers=("centers", "radius", "density", "color", "depth")),
         "gas.alpha": Call(
             gas.alpha, clouds, numbers=("centers", "radius", "density", "depth")),
-        "gas.alpha_pair": Call(
-            gas.alpha_pair, {**{k: v for k, v in clouds.items() if k not in ("camera", "depth")},
-                             "cameras": stereo.eyes(CAMERA, distance=0.1)},
-            numbers=("centers", "radius", "density")),
         "gas.light": Call(
             gas.light, {"centers": POINTS, "radius": RADII, "density": np.ones(6),
                         "direction": direction},
@@ -455,9 +451,6 @@ def methods() -> dict[str, Call]:
         "cone.Texture": Call(
             _texture, {"tile": rng().integers(0, 2, (32, 32)).astype(float)}, numbers=("tile",)),
     }  # fmt: skip
-    found["gas.alpha_pair()"] = Call(
-        _left, {"centers": POINTS, "radius": RADII, "density": np.ones(6)},
-        numbers=("centers", "radius", "density"))  # fmt: skip
     for name, weather in weathers.items():
         found[f"augment.{name}()"] = Call(
             weather.__call__, {"image": PICTURE, "index": 3, "depth": WALL, "return_layer": True},
@@ -480,12 +473,6 @@ def methods() -> dict[str, Call]:
                            "distance": 0.1}, pictures=("left", "right"))  # fmt: skip
         found[f"augment.{name}.record"] = Call(weather.record, {"image": PICTURE})
     return found
-
-
-def _left(centers: Any, radius: Any, density: Any, out: Any = None) -> Any:
-    pair = None if out is None else (out, np.empty_like(out))
-    eyes = stereo.eyes(CAMERA, distance=0.1)
-    return gas.alpha_pair(SHAPE, centers, radius, density, eyes, out=pair)[0]
 
 
 def _scene(background: Any, depth: Any, foreground: Any) -> Any:

@@ -133,10 +133,6 @@ CALLS: dict[str, Call] = {
     ),
     "gas.alpha": Call(fl.gas.alpha, GAS, SIGHT),
     "gas.splat": Call(fl.gas.splat, {**GAS, "color": RNG.random((COUNT, 3))}, SIGHT),
-    "gas.alpha_pair": Call(
-        fl.gas.alpha_pair, {name: GAS[name] for name in ("centers", "radius", "density")},
-        {"shape": SHAPE, "cameras": fl.stereo.eyes(LENS, distance=0.1)},
-    ),
     "gas.light": Call(
         fl.gas.light,
         {"centers": POINTS, "radius": RADIUS, "density": RNG.random(COUNT),

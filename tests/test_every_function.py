@@ -424,8 +424,8 @@ def test_an_abort_is_noticed(tmp_path: Path):
 # Output ------------------------------------------------------------------------------------------
 
 
-# A folder; and a pair of arrays, which "gas.alpha_pair()" is for.
-NOT_ONE_ARRAY = ("augment.corrupt.corrupt", "gas.alpha_pair")
+# A folder.
+NOT_ONE_ARRAY = ("augment.corrupt.corrupt",)
 
 
 def outputs(table: dict[str, Call]) -> list[str]:

@@ -26,25 +26,21 @@ __all__ = [
     "cone_needed",
     "cone_rays",
     "cone_shown",
-    "cone_squares",
     "cone_stack",
     "cone_table",
     "cone_tile",
-    "cone_windows",
     "field",
     "field_bands",
     "field_take",
     "gas_alpha",
     "gas_draw",
     "gas_light",
-    "gas_pair",
     "gas_sort",
     "gas_splat",
     "inverse_transform",
     "join",
     "opacity",
     "over",
-    "panic_for_test",
     "particle_crossing",
     "particle_draw",
     "particle_edge_fade",
@@ -81,7 +77,6 @@ def set_threads(n: int) -> None: ...
 def set_reproducible(on: bool) -> None: ...
 def reproducible() -> bool: ...
 def threads() -> int: ...
-def panic_for_test() -> None: ...
 def tent_rate(out: _Float64, drift: list[float], repeat: float | None = None) -> None: ...
 def band_amplitude(out: _Float64, wavelengths: tuple[float, float], exponent: float) -> None: ...
 def random_phase(out: _Float64, seed: int, tile: tuple[int, int]) -> None: ...
@@ -236,14 +231,13 @@ def cone_moving(
     course: tuple[int, float, int],
     sheets: list[_Sheet],
     levels: int,
-    tables: list[tuple[int, int, _Array, _Array | None]],
+    tables: list[tuple[int, int, _Array]],
 ) -> None: ...
 def cone_shown(out: _Array, depth: _Array, pose: Pose, radii: list[float], top: int) -> None: ...
 def cone_table(
     out: _Array, texture: _Float64, width: float, height: float, peak: float
 ) -> None: ...
 def cone_needed(out: _Array, footprint: _Array, sheets: list[_Sheet]) -> None: ...
-def cone_squares(out: _Array, across: _Array, along: _Array) -> None: ...
 def cone_stack(
     out: _Array,
     across: _Array,
@@ -251,14 +245,12 @@ def cone_stack(
     fade: _Array,
     state: _Array,
     footprint: _Array,
-    squares: _Array | None,
     sheets: list[_Sheet],
     levels: int,
-    tables: list[tuple[int, int, _Array, _Array | None]],
+    tables: list[tuple[int, int, _Array]],
     shown: _Array | None = None,
 ) -> None: ...
 def cone_tile(out: _Array, drops: _Float64) -> None: ...
-def cone_windows() -> bool: ...
 def gas_splat(
     out: _Array,
     centers: _Float64,
@@ -306,17 +298,3 @@ def gas_light(
     direction: tuple[float, float, float],
     forward: float,
 ) -> None: ...
-def gas_pair(
-    left: _Array,
-    right: _Array,
-    centers: _Float64,
-    radius: _Float64,
-    density: _Float64,
-    lenses: tuple[
-        tuple[float, float, float, tuple[float, float, float]],
-        tuple[float, float, float, tuple[float, float, float]],
-    ],
-    manner: tuple[str, str, float, str, bool, float],
-    depths: tuple[_Float64, _Float64] | None,
-    slab: float,
-) -> tuple[int, int]: ...

@@ -11,9 +11,9 @@ use ndarray::{ArrayViewMut2, ArrayViewMut3};
 
 use super::basis::{Vector, dot};
 use super::view::{FADE, FADE_SLOPE, View};
-use crate::error::{Cancel, Error};
-use crate::pool;
-use crate::simd::{dispatch, multiply_add};
+use crate::base::error::{Cancel, Error};
+use crate::base::pool;
+use crate::base::simd::{dispatch, multiply_add};
 
 /// Pixels to a side of a block, and lanes that are computed together.
 pub const BLOCK: usize = 16;

@@ -6,9 +6,9 @@ use num_traits::{Float, One, Zero};
 
 use super::mix::{OneColour, dim, invert, joint};
 use super::sample::Sample;
-use crate::error::{Cancel, Error, collected};
-use crate::pool;
-use crate::real::Real;
+use crate::base::error::{Cancel, Error, collected};
+use crate::base::pool;
+use crate::base::real::Real;
 
 /// Rows of an output with the matching rows of inputs, each a task of its own for the pool.
 fn each_row<'o, S: Sample, A: Sync + Send>(

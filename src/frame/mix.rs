@@ -3,9 +3,9 @@
 use num_traits::{One, Zero};
 
 use super::sample::{Sample, Samples};
-use crate::error::{Error, collected};
-use crate::real::Real;
-use crate::simd::{AVX2, AVX512, dispatch};
+use crate::base::error::{Error, collected};
+use crate::base::real::Real;
+use crate::base::simd::{AVX2, AVX512, dispatch};
 
 /// `colour * alpha + (1 - alpha) * background`, exact at both ends: alpha 0 is the background's bits
 /// and alpha 1 the colour's. A NaN of the background stays, whatever covers it.
@@ -243,7 +243,7 @@ mod tests {
     }
 
     fn check_all<S: Sample + std::fmt::Debug>(of: fn(usize) -> S) {
-        use crate::simd::{Level, level};
+        use crate::base::simd::{Level, level};
         check::<S, S::Portable, 1>(of);
         check::<S, S::Portable, 3>(of);
         if matches!(level(), Level::Avx2 | Level::Avx512) {

@@ -13,9 +13,9 @@
 use super::draw::{PART, Row, TILE, Tile, vectors};
 use super::footprint::Scale;
 use super::sprite::{Look, Sprite};
-use crate::lanes::Lanes;
-use crate::normal::Normal;
-use crate::simd::{AVX2, AVX512};
+use crate::base::lanes::Lanes;
+use crate::base::normal::Normal;
+use crate::base::simd::{AVX2, AVX512};
 
 /// Particles in a batch.
 const MOST: usize = 8;

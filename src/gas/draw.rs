@@ -17,9 +17,9 @@ use super::bins::Entry;
 use super::footprint::{self, Edge, Scale};
 use super::ray::{self, Cut, Forms, Ground, Rays};
 use super::sprite::{Form, Look, Sprite};
-use crate::error::{Cancel, Error};
-use crate::normal::{Normal, most};
-use crate::simd::{dispatch, multiply_add};
+use crate::base::error::{Cancel, Error};
+use crate::base::normal::{Normal, most};
+use crate::base::simd::{dispatch, multiply_add};
 
 /// Side of a tile, px.
 pub const TILE: usize = 64;

@@ -8,7 +8,7 @@ use ndarray::ArrayViewMut1;
 
 use super::ray::tapered;
 use super::splat::Cloud;
-use crate::error::{Cancel, Error, collected, zeroed};
+use crate::base::error::{Cancel, Error, collected, zeroed};
 
 /// Particles between two looks at the cancel flag.
 const LOOK: usize = 64;

@@ -8,8 +8,8 @@
 use super::draw::{PIXELS, TILE};
 use super::footprint::{RIM, Scale, lane};
 use super::sprite::{Eye, Footprint, Look, Sprite};
-use crate::normal::{Normal, most};
-use crate::simd::multiply_add;
+use crate::base::normal::{Normal, most};
+use crate::base::simd::multiply_add;
 
 /// The rays of a tile's pixels, (sx, sy, 1).
 pub struct Rays {

@@ -12,11 +12,11 @@ use super::bins::Bands;
 use super::draw::{Drawing, PIXELS, Plane, TILE, Tile, draw};
 use super::ray::{Ground, Rays};
 use super::sprite::{Eye, Form, Look, Particle, Sprite};
-use crate::error::{Cancel, Error, collected, finite, pushed};
-use crate::normal::Normal;
-use crate::pool;
-use crate::real::Real;
-use crate::simd::dispatch;
+use crate::base::error::{Cancel, Error, collected, finite, pushed};
+use crate::base::normal::Normal;
+use crate::base::pool;
+use crate::base::real::Real;
+use crate::base::simd::dispatch;
 
 /// Particles that are projected together.
 const RUN: usize = 1024;
@@ -307,23 +307,9 @@ pub fn alpha<P: Normal, M: Real>(
     let cloud = Cloud { colours: &[[0.0; 3]], ..*cloud };
     check_all(shape, &cloud, eye, look, depth.as_ref())?;
     let sprites = sprites(&cloud, eye, look, shape, cancel)?;
-    alpha_of(out, &sprites, eye, look, depth, cancel)
-}
-
-/// Draws the alpha of sprites of one colour, those that a picture like `out` (H, W) shows.
-pub(super) fn alpha_of<P: Normal, M: Real>(
-    out: ArrayViewMut2<P>,
-    sprites: &[Sprite],
-    eye: &Eye,
-    look: &Look,
-    depth: Option<ArrayView2<M>>,
-    cancel: &Cancel,
-) -> Result<(), Error> {
-    let shape = out.dim();
-    let colours = &[[0.0; 3]];
-    let touched = Touched::of(sprites, colours, shape.0)?;
-    let picture = touched.picture::<P, M>(shape, eye, Drawing { sprites, colours, look }, depth);
-    picture.alpha(out, [0, shape.0, 0, shape.1], cancel)
+    let touched = Touched::of(&sprites, cloud.colours, shape.0)?;
+    let drawing = Drawing { sprites: &sprites, colours: cloud.colours, look };
+    touched.picture::<P, M>(shape, eye, drawing, depth).alpha(out, [0, shape.0, 0, shape.1], cancel)
 }
 
 /// A part of a frame, pixels: top, bottom, left, right.

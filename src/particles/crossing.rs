@@ -6,8 +6,8 @@
 
 use ndarray::{ArrayViewMut2, Axis};
 
-use crate::error::{Cancel, Error, collected};
-use crate::random::Hash;
+use crate::base::error::{Cancel, Error, collected};
+use crate::base::random::Hash;
 
 /// What flakes are like, and what sees them.
 #[derive(Debug, Clone, Copy)]

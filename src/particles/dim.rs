@@ -7,7 +7,7 @@
 use std::arch::x86_64::*;
 
 #[cfg(target_arch = "x86_64")]
-use crate::simd::{AVX2, AVX512};
+use crate::base::simd::{AVX2, AVX512};
 
 /// Pixels at a time.
 pub const LANES: usize = 8;

@@ -20,9 +20,9 @@ use super::bins::{Bins, Grid, TILE, touches};
 use super::dim::LANES;
 use super::profile::{self, Profile, TERMS};
 use super::sprite::{REACH, Sprite};
-use crate::cover::pixels;
-use crate::error::{Cancel, Error};
-use crate::simd::dispatch;
+use crate::base::cover::pixels;
+use crate::base::error::{Cancel, Error};
+use crate::base::simd::dispatch;
 
 /// Pixels of a tile.
 pub const PIXELS: usize = TILE * TILE;

@@ -6,9 +6,9 @@
 use super::splat::Source;
 use super::sprite::{Flake, Lens};
 use super::torus::Carried;
-use crate::error::{Cancel, Error, collected};
-use crate::pool;
-use crate::random::Hash;
+use crate::base::error::{Cancel, Error, collected};
+use crate::base::pool;
+use crate::base::random::Hash;
 
 /// How flakes look.
 #[derive(Debug, Clone, Copy)]
@@ -215,7 +215,7 @@ impl View {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::error::Cancel;
+    use crate::base::error::Cancel;
     use crate::particles::splat::{Flakes, splat};
     use crate::particles::torus::{Sway, Torus, edge_fade, positions};
     use ndarray::{Array1, Array2, ArrayView2, array, s};
@@ -244,7 +244,7 @@ mod tests {
         let mut shown = Array1::zeros(count);
         edge_fade(shown.view_mut(), points.view(), torus, &cancel).unwrap();
         let mut sizes = vec![0.0; count];
-        crate::random::uniform(&mut sizes, 5, LOOKS.sizes);
+        crate::base::random::uniform(&mut sizes, 5, LOOKS.sizes);
         let radius: Array1<f64> =
             sizes.iter().map(|u| LOOKS.radius.0 + u * (LOOKS.radius.1 - LOOKS.radius.0)).collect();
         let opacity = Array1::from_shape_fn(count, |i| {

@@ -8,10 +8,10 @@ use std::ops::Range;
 
 use super::bins::{Grid, Sorter, TILE};
 use super::sprite::{Flake, LEAST_VARIANCE, Lens, PIXEL_VARIANCE, REACH, RIM_SHARE, Sprite};
-use crate::error::Error;
-use crate::lanes::Lanes;
-use crate::real::Real;
-use crate::simd::{AVX2, AVX512};
+use crate::base::error::Error;
+use crate::base::lanes::Lanes;
+use crate::base::real::Real;
+use crate::base::simd::{AVX2, AVX512};
 
 /// How many: a multiple of all vectors.
 const MOST: usize = 8;

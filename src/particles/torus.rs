@@ -5,9 +5,9 @@
 
 use ndarray::{ArrayView1, ArrayView2, ArrayViewMut1, ArrayViewMut2, Axis};
 
-use crate::error::{Cancel, Error, finite};
-use crate::pool;
-use crate::random::Hash;
+use crate::base::error::{Cancel, Error, finite};
+use crate::base::pool;
+use crate::base::random::Hash;
 
 /// Separates the flakes' numbers from every other use of the seed.
 const STREAM: i64 = i64::from_be_bytes(*b"flakebox");

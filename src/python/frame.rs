@@ -4,9 +4,9 @@ use numpy::{PyReadonlyArray2, PyReadonlyArray3, PyReadwriteArray3};
 use pyo3::prelude::*;
 
 use super::gate::{self, Plane, PlaneMut};
-use crate::error::Error;
+use crate::base::error::Error;
+use crate::base::real::Real;
 use crate::frame::{composite, sample::Sample};
-use crate::real::Real;
 
 /// A background of any supported dtype.
 #[derive(FromPyObject)]

@@ -1,20 +1,20 @@
 //! Gas: the image of its particles, and the light that reaches them.
 
-use numpy::ndarray::{ArrayView2, ArrayViewMut2};
+use numpy::ndarray::ArrayView2;
 use numpy::{
     PyReadonlyArray1, PyReadonlyArray2, PyReadwriteArray1, PyReadwriteArray2, PyReadwriteArray3,
 };
 use pyo3::prelude::*;
 
 use super::gate::{self, Plane, PlaneMut};
-use crate::error::Error;
+use crate::base::error::Error;
+use crate::base::normal::Normal;
+use crate::base::real::Real;
 use crate::gas::draw::Drawing;
 use crate::gas::footprint::Edge;
+use crate::gas::light;
 use crate::gas::splat::{self, Cloud, Touched};
 use crate::gas::sprite::{Eye, Footprint, Look, NearMode, Sprite};
-use crate::gas::{light, pair};
-use crate::normal::Normal;
-use crate::real::Real;
 
 /// RGBA of either precision, to be written.
 #[derive(FromPyObject)]
@@ -32,7 +32,7 @@ type Lens = (f64, f64, f64, [f64; 3]);
 type Manner = (String, String, f64, String, bool, f64);
 
 fn eye_of((focal, x, y, offset): Lens) -> Eye {
-    Eye { focal, center: [x, y], offset, margin: 0 }
+    Eye { focal, center: [x, y], offset }
 }
 
 fn look_of((footprint, edge, near, near_mode, hard, error): Manner) -> PyResult<Look> {
@@ -246,62 +246,6 @@ pub fn gas_draw(
             gate::run(py, work, |cancel| picture.light(out, window, cancel))
         }
     }
-}
-
-/// Draws the alphas that two eyes see; returns how many slabs were shifted, and particles in them.
-#[pyfunction]
-#[expect(clippy::too_many_arguments, reason = "the Python layer passes plain values")]
-pub fn gas_pair(
-    py: Python<'_>,
-    left: PlaneMut<'_>,
-    right: PlaneMut<'_>,
-    centers: PyReadonlyArray2<'_, f64>,
-    radius: PyReadonlyArray1<'_, f64>,
-    density: PyReadonlyArray1<'_, f64>,
-    lenses: (Lens, Lens),
-    manner: Manner,
-    depths: Option<(PyReadonlyArray2<'_, f64>, PyReadonlyArray2<'_, f64>)>,
-    slab: f64,
-) -> PyResult<(usize, usize)> {
-    let cloud = Cloud {
-        centers: centers.as_array(),
-        radius: radius.as_array(),
-        density: density.as_array(),
-        colours: &[[0.0; 3]],
-    };
-    cloud.check()?;
-    let (first, second, look) = (eye_of(lenses.0), eye_of(lenses.1), look_of(manner)?);
-    let maps = match &depths {
-        Some((a, b)) => [Some(a.as_array()), Some(b.as_array())],
-        None => [None, None],
-    };
-    match (left, right) {
-        (PlaneMut::Single(mut a), PlaneMut::Single(mut b)) => {
-            let outs = [a.as_array_mut(), b.as_array_mut()];
-            both(py, outs, &cloud, [&first, &second], &look, maps, slab)
-        }
-        (PlaneMut::Double(mut a), PlaneMut::Double(mut b)) => {
-            let outs = [a.as_array_mut(), b.as_array_mut()];
-            both(py, outs, &cloud, [&first, &second], &look, maps, slab)
-        }
-        _ => Err(Error::invalid("out", "must have one dtype for both eyes").into()),
-    }
-}
-
-fn both<P: Normal>(
-    py: Python<'_>,
-    outs: [ArrayViewMut2<'_, P>; 2],
-    cloud: &Cloud<'_>,
-    eyes: [&Eye; 2],
-    look: &Look,
-    maps: [Option<ArrayView2<'_, f64>>; 2],
-    slab: f64,
-) -> PyResult<(usize, usize)> {
-    let nanoseconds = 2.0 * splat::estimate(outs[0].dim(), cloud, eyes[0], look);
-    let done = gate::run(py, nanoseconds, |cancel| {
-        pair::pair(outs, cloud, eyes, look, maps, slab, cancel)
-    })?;
-    Ok((done.slabs, done.shifted))
 }
 
 /// Fills `out` (n,) with the light of a direction that reaches each particle.

@@ -1,14 +1,13 @@
 //! The one gate between Python and the kernels: interpreter released, panics and errors turned into
 //! exceptions, Ctrl-C heard during long work.
 
-use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::time::Duration;
 
 use numpy::{PyReadonlyArray2, PyReadwriteArray2};
 use pyo3::exceptions::{PyKeyboardInterrupt, PyMemoryError, PyRuntimeError, PyValueError};
 use pyo3::prelude::*;
 
-use crate::error::{Cancel, Error};
+use crate::base::error::{Cancel, Error, guarded};
 
 pyo3::create_exception!(
     flurries,
@@ -44,19 +43,16 @@ pub fn run<R: Send>(
     kernel: impl FnOnce(&Cancel) -> Result<R, Error> + Send,
 ) -> PyResult<R> {
     let cancel = Cancel::new();
-    let guarded = || catch_unwind(AssertUnwindSafe(|| kernel(&cancel)));
+    let kernel = || guarded(|| kernel(&cancel));
     let (outcome, signal) = if nanoseconds < SHORT {
-        (py.detach(guarded), None)
+        (py.detach(kernel), None)
     } else {
-        py.detach(|| watched(guarded, &cancel))?
+        py.detach(|| watched(kernel, &cancel))?
     };
     if let Some(signal) = signal {
         return Err(signal);
     }
-    match outcome {
-        Ok(result) => Ok(result?),
-        Err(panic) => Err(InternalError::new_err(format!("a kernel panicked: {}", words(&*panic)))),
-    }
+    Ok(outcome?)
 }
 
 /// Of the thread of a long kernel, bytes; what the standard library takes by itself.
@@ -90,14 +86,6 @@ fn watched<R: Send>(
             Err(panic) => std::panic::resume_unwind(panic),
         }
     })
-}
-
-fn words(panic: &(dyn std::any::Any + Send)) -> &str {
-    panic
-        .downcast_ref::<&str>()
-        .copied()
-        .or_else(|| panic.downcast_ref::<String>().map(String::as_str))
-        .unwrap_or("no message")
 }
 
 /// A frame-sized output of either precision, allocated through NumPy by the Python layer.

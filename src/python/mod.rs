@@ -30,14 +30,14 @@ mod core {
     #[pymodule_export]
     use super::cone::{
         cone_basis, cone_chart, cone_footprints, cone_layer, cone_moving, cone_needed, cone_rays,
-        cone_shown, cone_squares, cone_stack, cone_table, cone_tile, cone_windows,
+        cone_shown, cone_stack, cone_table, cone_tile,
     };
     #[pymodule_export]
     use super::crossing::particle_crossing;
     #[pymodule_export]
     use super::frame::{join, over, snow};
     #[pymodule_export]
-    use super::gas::{SortedGas, gas_alpha, gas_draw, gas_light, gas_pair, gas_sort, gas_splat};
+    use super::gas::{SortedGas, gas_alpha, gas_draw, gas_light, gas_sort, gas_splat};
     #[pymodule_export]
     use super::gate::InternalError;
     #[pymodule_export]
@@ -58,7 +58,7 @@ mod core {
         inverse_transform, opacity, random_phase, temporal_filter, tent_rate, tile_count,
     };
     #[pymodule_export]
-    use super::threads::{panic_for_test, reproducible, set_reproducible, set_threads, threads};
+    use super::threads::{reproducible, set_reproducible, set_threads, threads};
     #[pymodule_export]
     use super::volume::volume;
 

@@ -5,7 +5,8 @@ use numpy::{PyReadonlyArray1, PyReadonlyArray2, PyReadwriteArray1, PyReadwriteAr
 use pyo3::prelude::*;
 
 use super::gate::{self, Plane, PlaneMut};
-use crate::error::Error;
+use crate::base::error::Error;
+use crate::base::real::Real;
 use crate::particles::flurry::{Flurry, Looks, Placed};
 use crate::particles::ids;
 use crate::particles::profile::Profile;
@@ -13,7 +14,6 @@ use crate::particles::sorted::Sorted;
 use crate::particles::splat::{self, Flakes, Source};
 use crate::particles::sprite::Lens;
 use crate::particles::torus::{self, Carried, Sway, Torus};
-use crate::real::Real;
 
 fn swaying(sway: Option<(f64, f64)>) -> Option<Sway> {
     sway.map(|(amplitude, angular_frequency)| Sway { amplitude, angular_frequency })

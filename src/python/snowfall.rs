@@ -7,9 +7,9 @@ use super::frame::{Picture, PictureMut};
 use super::gate;
 use super::particles::SortedFlakes;
 use super::spectral::{Request, estimate, opacity_map};
-use crate::error::Error;
+use crate::base::error::Error;
+use crate::frame::onepass::{Drawn, Snowfall};
 use crate::frame::sample::Sample;
-use crate::snowfall::{Drawn, Snowfall};
 
 /// What lies over the picture, as [`Snowfall`] has it.
 struct Asked<'py> {

@@ -4,9 +4,9 @@ use numpy::{PyReadonlyArray1, PyReadonlyArray2, PyReadonlyArray4, PyReadwriteArr
 use pyo3::prelude::*;
 
 use super::gate::{self, Plane, PlaneMut, each_precision};
-use crate::error::Error;
-use crate::pool;
-use crate::real::Real;
+use crate::base::error::Error;
+use crate::base::pool;
+use crate::base::real::Real;
 use crate::spectral::band::{Band, band_amplitude as band_kernel};
 use crate::spectral::bands::Bands;
 use crate::spectral::field::{Field, Window};

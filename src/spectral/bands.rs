@@ -16,9 +16,9 @@ use super::filter::TemporalFilter;
 use super::parts::Parts;
 use super::stripes::{Mapped, Strip, Target, runs};
 use super::tiles::{Blend, Row};
-use crate::error::{Cancel, Error};
-use crate::pool;
-use crate::real::Real;
+use crate::base::error::{Cancel, Error};
+use crate::base::pool;
+use crate::base::real::Real;
 
 /// A field with arrays of its own.
 struct Stored {
@@ -111,7 +111,8 @@ impl<T: Real> Columns<T> {
     ) -> Result<Self, Error> {
         let (start, width) = (window.rows.start, cols.len());
         let most = ready.field.tile.0.min(window.rows.len()) * width;
-        let waiting = Waiting { width, values: crate::error::zeroed(most)?, rows: start..start };
+        let waiting =
+            Waiting { width, values: crate::base::error::zeroed(most)?, rows: start..start };
         let strip = Strip::new(ready, window.rows.clone(), cols, mapped)?;
         Ok(Self { width, strip, waiting })
     }

@@ -13,11 +13,11 @@ use std::f64::consts::TAU;
 
 use super::phases::columns_padded;
 use super::waves::Waves;
-use crate::aligned::Aligned;
-use crate::error::Error;
-use crate::lanes::Lanes;
-use crate::real::Real;
-use crate::simd::{AVX2, AVX512, dispatch};
+use crate::base::aligned::Aligned;
+use crate::base::error::Error;
+use crate::base::lanes::Lanes;
+use crate::base::real::Real;
+use crate::base::simd::{AVX2, AVX512, dispatch};
 
 /// Sums that stand together in a table: one AVX-512 register of float32, or two of float64.
 const LANES: usize = 16;

@@ -4,7 +4,7 @@ use ndarray::{ArrayView2, ArrayViewMut2, Zip};
 
 use super::band::Sum;
 use super::tent::Motion;
-use crate::error::{Error, finite};
+use crate::base::error::{Error, finite};
 
 /// A rate of half a cycle per frame has no direction, so it counts as aliased; the margin keeps
 /// rounding from deciding for waves that lie exactly on it.

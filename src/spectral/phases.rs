@@ -6,11 +6,11 @@
 use super::filter::{Alias, TemporalFilter};
 use super::tent::Motion;
 use super::waves::{Draw, Waves};
-use crate::aligned::Aligned;
-use crate::error::{Error, collected, zeroed};
-use crate::random::mix64;
-use crate::real::Real;
-use crate::simd::dispatch;
+use crate::base::aligned::Aligned;
+use crate::base::error::{Error, collected, zeroed};
+use crate::base::random::mix64;
+use crate::base::real::Real;
+use crate::base::simd::dispatch;
 
 /// Places that a loop advances by: one AVX-512 register of float64.
 const LANES: usize = 8;

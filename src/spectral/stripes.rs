@@ -14,10 +14,10 @@ use super::phases::{Power, TileMotion};
 use super::tent::Motion;
 use super::tiles::{Blend, Row};
 use super::waves::Draw;
-use crate::aligned::Aligned;
-use crate::error::{Cancel, Error, collected};
-use crate::pool;
-use crate::real::Real;
+use crate::base::aligned::Aligned;
+use crate::base::error::{Cancel, Error, collected};
+use crate::base::pool;
+use crate::base::real::Real;
 
 /// How the field becomes an opacity.
 #[derive(Debug, Clone, Copy)]

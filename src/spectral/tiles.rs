@@ -2,8 +2,8 @@
 
 use ndarray::{ArrayView4, ArrayViewMut2};
 
-use crate::error::{Error, zeroed};
-use crate::real::Real;
+use crate::base::error::{Error, zeroed};
+use crate::base::real::Real;
 
 /// How overlapping tiles are mixed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -4,9 +4,9 @@
 //! [`Real::Avx2`] or [`Real::Portable`]. Functions here must be inlined into one that is compiled for
 //! the level (`simd::dispatch`); anywhere else they would be calls.
 //!
-//! [`Real::Avx512`]: crate::real::Real::Avx512
-//! [`Real::Avx2`]: crate::real::Real::Avx2
-//! [`Real::Portable`]: crate::real::Real::Portable
+//! [`Real::Avx512`]: crate::base::real::Real::Avx512
+//! [`Real::Avx2`]: crate::base::real::Real::Avx2
+//! [`Real::Portable`]: crate::base::real::Real::Portable
 
 use num_traits::Float;
 
@@ -394,8 +394,8 @@ mod x86 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::real::Real;
-    use crate::simd::{Level, level};
+    use crate::base::real::Real;
+    use crate::base::simd::{Level, level};
 
     /// All operations on one kind of vectors, against plain numbers.
     fn check<T: Real + std::fmt::Debug, V: Lanes<T>>() {

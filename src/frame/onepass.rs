@@ -9,7 +9,7 @@ use std::ops::Range;
 
 use ndarray::{ArrayView2, ArrayView3, ArrayViewMut3};
 
-use crate::error::{Cancel, Error, zeroed};
+use crate::base::error::{Cancel, Error, zeroed};
 use crate::frame::mix::{OneColour, joint};
 use crate::frame::sample::Sample;
 use crate::particles::bins::TILE;
