@@ -23,3 +23,4 @@ pub mod random;
 pub mod real;
 pub mod scan;
 pub mod simd;
+pub mod smooth;

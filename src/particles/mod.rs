@@ -12,12 +12,17 @@
 //! | [`splat`] | the image of many flakes |
 //! | [`ids`] | which flake a pixel shows |
 //! | [`crossing`] | flakes that cross the picture of a camera at rest |
+//! | [`view`] | what an eye sees |
+//! | [`crowd`] | the flakes of a population, by classes of size |
+//! | [`exact`] | flakes drawn one by one with their exact images, as a judge |
 //! | [`flurry`] | the flakes of a box, each placed and looked at as it is drawn |
 
 pub mod bins;
 pub mod crossing;
+pub mod crowd;
 mod dim;
 mod draw;
+pub mod exact;
 pub mod flurry;
 pub mod ids;
 pub mod profile;
@@ -27,3 +32,4 @@ mod spare;
 pub mod splat;
 pub mod sprite;
 pub mod torus;
+pub mod view;

@@ -8,6 +8,7 @@ use pyo3::prelude::*;
 mod air;
 mod cone;
 mod crossing;
+mod crowd;
 mod frame;
 mod gas;
 mod gate;
@@ -34,6 +35,8 @@ mod core {
     };
     #[pymodule_export]
     use super::crossing::particle_crossing;
+    #[pymodule_export]
+    use super::crowd::{crowd_exact, crowd_list, crowd_sort, crowd_sort_pair, particle_exact};
     #[pymodule_export]
     use super::frame::{join, over, snow};
     #[pymodule_export]

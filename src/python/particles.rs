@@ -15,7 +15,7 @@ use crate::particles::splat::{self, Flakes, Source};
 use crate::particles::sprite::Lens;
 use crate::particles::torus::{self, Carried, Sway, Torus};
 
-fn swaying(sway: Option<(f64, f64)>) -> Option<Sway> {
+pub(super) fn swaying(sway: Option<(f64, f64)>) -> Option<Sway> {
     sway.map(|(amplitude, angular_frequency)| Sway { amplitude, angular_frequency })
 }
 
@@ -70,7 +70,7 @@ pub fn particle_edge_fade(
     })
 }
 
-fn flakes_of<'a>(
+pub(super) fn flakes_of<'a>(
     points: &'a PyReadonlyArray2<'_, f64>,
     radius: &'a PyReadonlyArray1<'_, f64>,
     opacity: &'a PyReadonlyArray1<'_, f64>,
@@ -211,7 +211,7 @@ impl FlurryRequest {
     }
 }
 
-fn lens_of((focal, x, y, offset, near): (f64, f64, f64, [f64; 3], f64)) -> Lens {
+pub(super) fn lens_of((focal, x, y, offset, near): (f64, f64, f64, [f64; 3], f64)) -> Lens {
     Lens { focal, center: [x, y], offset, near }
 }
 
@@ -229,7 +229,7 @@ impl SortedFlakes {
         &self.sorted
     }
 
-    fn of(
+    pub(super) fn of(
         py: Python<'_>,
         shape: (usize, usize),
         flakes: &impl Source,

@@ -1,0 +1,84 @@
+"""A population's flakes before a lens, as the kernel reads them."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+Triple = tuple[float, float, float]
+Matrix = tuple[Triple, Triple, Triple]
+Lens = tuple[float, float, float, Triple, float]
+
+
+class Box(NamedTuple):
+    """The flakes of one class of size, in a box that wraps.
+
+    Attributes
+    ----------
+    count : int
+        How many the box holds.
+    sides, center : (3,)
+        Of the box in its own axes, metres, from the camera.
+    seed : int
+        Of places, sway and sizes.
+    way : (3,)
+        Flake minus camera since frame 0, in the box's axes, metres.
+    sway : (amplitude, angle)
+        Metres, radians.
+    travel : (3,)
+        Flake minus camera during the exposure, in the eye's axes, metres.
+    sizes : (smallest, largest)
+        Diameters, metres.
+    slope : float
+        Of the exponential law of diameters between the two, 1/m.
+    shown : (4,)
+        Depths between which flakes fade in, and between which they fade out again, metres.
+    amounts : list of float
+        The shares of them that are there: one for all, or values at even steps of height.
+    """
+
+    count: int
+    sides: Triple
+    center: Triple
+    seed: int
+    way: Triple
+    sway: tuple[float, float]
+    travel: Triple
+    sizes: tuple[float, float]
+    slope: float
+    shown: tuple[float, float, float, float]
+    amounts: list[float]
+
+
+class Crowd(NamedTuple):
+    """The classes of a population before one lens.
+
+    Attributes
+    ----------
+    boxes : list of Box
+    opacity : float
+        Of a resting flake's middle.
+    turn : (3, 3)
+        From the boxes' axes to the eye's.
+    spread : (3, 3)
+        What a flake's place adds to its way during the exposure: the camera turns and zooms.
+    down : (3,)
+        The direction of the fall in the boxes' axes.
+    heights : (low, high)
+        Metres below the eye, from the first amount to the last.
+    room : float
+        Metres that flakes may lie beside the view and still touch it, beyond their size and sway.
+    lens : (focal, cx, cy, offset, near)
+        See :class:`flurries.Camera`.
+    window : (top, bottom, left, right)
+        Pixels; the rest of the frame may lack flakes.
+    """
+
+    boxes: list[Box]
+    opacity: float
+    turn: Matrix
+    spread: Matrix
+    down: Triple
+    heights: tuple[float, float]
+    room: float
+    lens: Lens
+    window: tuple[int, int, int, int]

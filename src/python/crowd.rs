@@ -1,0 +1,214 @@
+//! Populations of flakes: placed, sorted for drawing, listed, drawn exactly.
+
+use numpy::ndarray::{ArrayView2, ArrayViewMut2};
+use numpy::{PyArray1, PyReadonlyArray1, PyReadonlyArray2};
+use pyo3::prelude::*;
+
+use super::gate::{self, Plane, PlaneMut};
+use super::particles::{SortedFlakes, flakes_of, lens_of, swaying};
+use crate::base::error::{Error, pushed};
+use crate::base::real::Real;
+use crate::particles::crowd::{Class, Crowd, Heights, Law};
+use crate::particles::exact;
+use crate::particles::flurry::Placed;
+use crate::particles::splat::{self, Flakes, Source};
+use crate::particles::sprite::Lens;
+use crate::particles::torus::{Carried, Torus};
+use crate::particles::view::View;
+
+/// One class of size: the attributes of `flurries.particles.crowd.Box`.
+#[derive(FromPyObject)]
+struct BoxRequest {
+    #[pyo3(attribute)]
+    count: usize,
+    #[pyo3(attribute)]
+    sides: [f64; 3],
+    #[pyo3(attribute)]
+    center: [f64; 3],
+    #[pyo3(attribute)]
+    seed: i64,
+    #[pyo3(attribute)]
+    way: [f64; 3],
+    #[pyo3(attribute)]
+    sway: (f64, f64),
+    #[pyo3(attribute)]
+    travel: [f64; 3],
+    #[pyo3(attribute)]
+    sizes: (f64, f64),
+    #[pyo3(attribute)]
+    slope: f64,
+    #[pyo3(attribute)]
+    shown: [f64; 4],
+    #[pyo3(attribute)]
+    amounts: Vec<f64>,
+}
+
+/// All classes before one lens: the attributes of `flurries.particles.crowd.Crowd`.
+#[derive(FromPyObject)]
+pub struct CrowdRequest {
+    #[pyo3(attribute)]
+    boxes: Vec<BoxRequest>,
+    #[pyo3(attribute)]
+    opacity: f64,
+    #[pyo3(attribute)]
+    turn: [[f64; 3]; 3],
+    #[pyo3(attribute)]
+    spread: [[f64; 3]; 3],
+    #[pyo3(attribute)]
+    down: [f64; 3],
+    #[pyo3(attribute)]
+    heights: (f64, f64),
+    #[pyo3(attribute)]
+    room: f64,
+    #[pyo3(attribute)]
+    lens: (f64, f64, f64, [f64; 3], f64),
+    #[pyo3(attribute)]
+    window: [usize; 4],
+}
+
+impl CrowdRequest {
+    fn lens(&self) -> Lens {
+        lens_of(self.lens)
+    }
+
+    fn crowd(&self, aside: Option<&Lens>) -> Result<Crowd, Error> {
+        let classes: Result<Vec<Class>, Error> = self.boxes.iter().map(BoxRequest::class).collect();
+        let classes = classes?;
+        let room = Crowd::room(&classes, self.room);
+        Crowd {
+            view: View::new(&self.lens(), self.window, room),
+            aside: aside.map(|lens| View::new(lens, self.window, room)),
+            classes,
+            opacity: self.opacity,
+            turn: self.turn,
+            spread: self.spread,
+            amounts: Amounts { down: self.down, range: self.heights, values: self.amounts.clone() },
+        }
+        .checked()
+    }
+}
+
+impl BoxRequest {
+    fn class(&self) -> Result<Class, Error> {
+        let torus = Torus::new(self.sides, self.center)?;
+        Ok(Class {
+            count: self.count,
+            carried: Carried::new(torus, self.seed, self.way, 1.0, swaying(Some(self.sway)))?,
+            seed: self.seed,
+            law: Law { range: self.sizes, slope: self.slope },
+            travel: self.travel,
+            shown: self.shown,
+            amounts: self.amounts.clone(),
+        })
+    }
+}
+
+/// Sorts the flakes of a population, each placed as it is needed, for frames of `shape` (H, W).
+#[pyfunction]
+pub fn crowd_sort(
+    py: Python<'_>,
+    shape: (usize, usize),
+    request: CrowdRequest,
+) -> PyResult<SortedFlakes> {
+    SortedFlakes::of(py, shape, &request.crowd(None)?, &request.lens())
+}
+
+/// Sorts the flakes that two eyes see, each flake placed once. `lens` is the second eye's.
+#[pyfunction]
+pub fn crowd_sort_pair(
+    py: Python<'_>,
+    shape: (usize, usize),
+    request: CrowdRequest,
+    lens: (f64, f64, f64, [f64; 3], f64),
+) -> PyResult<(SortedFlakes, SortedFlakes)> {
+    let lenses = [request.lens(), lens_of(lens)];
+    let both = request.crowd(Some(&lenses[1]))?;
+    let nanoseconds = splat::estimate(shape, &both, &lenses[0]);
+    let placed = gate::run(py, nanoseconds, |cancel| Placed::of(&both, cancel))?;
+    let [first, second] = lenses.map(|lens| SortedFlakes::of(py, shape, &placed, &lens));
+    Ok((first?, second?))
+}
+
+/// Lists the flakes that may be seen, nine numbers each: place, radius, opacity, way during the
+/// exposure, number.
+#[pyfunction]
+pub fn crowd_list<'py>(
+    py: Python<'py>,
+    request: CrowdRequest,
+) -> PyResult<Bound<'py, PyArray1<f64>>> {
+    let crowd = request.crowd(None)?;
+    let rows = gate::run(py, 100.0 * crowd.len() as f64, |cancel| {
+        let mut rows: Vec<f64> = Vec::new();
+        for index in 0..crowd.len() {
+            if index % 65_536 == 0 {
+                cancel.check()?;
+            }
+            let Some(flake) = crowd.get(index) else { continue };
+            let [x, y, z] = flake.point;
+            let [a, b, c] = flake.travel;
+            for value in [x, y, z, flake.radius, flake.opacity, a, b, c, index as f64] {
+                pushed(&mut rows, value)?;
+            }
+        }
+        Ok(rows)
+    })?;
+    Ok(PyArray1::from_vec(py, rows))
+}
+
+/// Draws the alpha of a population's flakes into `out` (H, W), each with its exact image.
+#[pyfunction]
+#[pyo3(signature = (out, request, depth=None))]
+pub fn crowd_exact(
+    py: Python<'_>,
+    out: PlaneMut<'_>,
+    request: CrowdRequest,
+    depth: Option<Plane<'_>>,
+) -> PyResult<()> {
+    let (crowd, lens) = (request.crowd(None)?, request.lens());
+    gate::each_precision!(out, view => exactly(py, view, &crowd, &lens, &depth))
+}
+
+/// Draws the alpha of listed flakes into `out` (H, W), each with its exact image.
+#[pyfunction]
+#[expect(clippy::too_many_arguments, reason = "the Python layer passes plain values")]
+pub fn particle_exact(
+    py: Python<'_>,
+    out: PlaneMut<'_>,
+    points: PyReadonlyArray2<'_, f64>,
+    radius: PyReadonlyArray1<'_, f64>,
+    opacity: PyReadonlyArray1<'_, f64>,
+    velocity: PyReadonlyArray2<'_, f64>,
+    shutter: f64,
+    lens: (f64, f64, f64, [f64; 3], f64),
+    depth: Option<Plane<'_>>,
+) -> PyResult<()> {
+    let lens = lens_of(lens);
+    let flakes: Flakes<'_> = flakes_of(&points, &radius, &opacity, &velocity, shutter);
+    gate::each_precision!(out, view => exactly(py, view, &flakes, &lens, &depth))
+}
+
+fn exactly<P: Real>(
+    py: Python<'_>,
+    out: ArrayViewMut2<P>,
+    flakes: &impl Source,
+    lens: &Lens,
+    depth: &Option<Plane<'_>>,
+) -> PyResult<()> {
+    match depth {
+        None => before(py, out, flakes, lens, None::<ArrayView2<f32>>),
+        Some(Plane::Single(map)) => before(py, out, flakes, lens, Some(map.as_array())),
+        Some(Plane::Double(map)) => before(py, out, flakes, lens, Some(map.as_array())),
+    }
+}
+
+fn before<P: Real, M: Real>(
+    py: Python<'_>,
+    out: ArrayViewMut2<P>,
+    flakes: &impl Source,
+    lens: &Lens,
+    depth: Option<ArrayView2<M>>,
+) -> PyResult<()> {
+    // Error functions at each pixel's edges, along each row and column of an image.
+    let nanoseconds = 10.0 * splat::estimate(out.dim(), flakes, lens);
+    gate::run(py, nanoseconds, |cancel| exact::draw(out, flakes, lens, depth, cancel))
+}
