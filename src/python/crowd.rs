@@ -82,7 +82,7 @@ impl CrowdRequest {
             opacity: self.opacity,
             turn: self.turn,
             spread: self.spread,
-            amounts: Amounts { down: self.down, range: self.heights, values: self.amounts.clone() },
+            heights: Heights { down: self.down, range: self.heights },
         }
         .checked()
     }
