@@ -26,7 +26,7 @@ from flurries._contract import (
     tile_of,
     vector,
 )
-from flurries.spectral.tiles import tile_starts
+from flurries.spectral.tiles import starts
 
 __all__ = ["Camera", "image_velocity", "project", "tile_drift", "tile_shift", "tile_zoom"]
 
@@ -255,14 +255,29 @@ def tile_drift(
     size = shape_of("shape", shape)
     view = expect_camera(camera, stretched=True)
     near = real("near_depth", near_depth, low=SMALLEST)
-    (tile_height, tile_width), shared = tile_of(tile, overlap)
-    p = vector("displacement", displacement, 3) + np.array(view.offset)
-    cx, cy = view.principal(size)
-    y = tile_starts(size[0], tile=tile_height, overlap=shared) + tile_height / 2 - cy
-    x = tile_starts(size[1], tile=tile_width, overlap=shared) + tile_width / 2 - cx
+    moved = vector("displacement", displacement, 3)
+    x, y = tile_middles(size, view, *tile_of(tile, overlap))
     result = output(out, (len(y), len(x), 2), np.dtype(np.float64))
-    result[..., 0] = (p[2] * x - view.focal * p[0])[None, :] / near
-    result[..., 1] = (p[2] * y - view.focals[1] * p[1])[:, None] / near
+    return drift_at(x, y, moved, view, near, result)
+
+
+def tile_middles(
+    shape: tuple[int, int], camera: Camera, tile: tuple[int, int], overlap: int
+) -> tuple[Float64, Float64]:
+    """Return where the middles of tiles are, px from the principal point: across, and down."""
+    cx, cy = camera.principal(shape)
+    x = starts(shape[1], tile[1], overlap) + tile[1] / 2 - cx
+    return x, starts(shape[0], tile[0], overlap) + tile[0] / 2 - cy
+
+
+def drift_at(
+    x: Float64, y: Float64, displacement: Float64, camera: Camera, near: float, result: Float64
+) -> Float64:
+    """Fill `result` (y, x, 2) with the drift of `tile_drift` at places from the principal point."""
+    p = displacement + np.array(camera.offset)
+    fx, fy = camera.focals
+    result[..., 0] = (p[2] * x - fx * p[0])[None, :] / near
+    result[..., 1] = (p[2] * y - fy * p[1])[:, None] / near
     return result
 
 
@@ -301,13 +316,18 @@ def tile_shift(
     """
     size = shape_of("shape", shape)
     view = expect_camera(camera, stretched=True)
-    (tile_height, tile_width), shared = tile_of(tile, overlap)
     omega = vector("rotation", rotation, 3)
-    cx, cy = view.principal(size)
-    y = tile_starts(size[0], tile=tile_height, overlap=shared) + tile_height / 2 - cy
-    x = tile_starts(size[1], tile=tile_width, overlap=shared) + tile_width / 2 - cx
+    x, y = tile_middles(size, view, *tile_of(tile, overlap))
     result = output(out, (len(y), len(x), 2), np.dtype(np.float64))
-    result[..., 0], result[..., 1] = _rotational(x[None, :], y[:, None], view.focals, omega)
+    return shift_at(x, y, omega, view, result)
+
+
+def shift_at(
+    x: Float64, y: Float64, rotation: Float64, camera: Camera, result: Float64
+) -> Float64:
+    """Fill `result` (y, x, 2) with the shift of `tile_shift` at places from the principal point."""
+    flow = _rotational(x[None, :], y[:, None], camera.focals, rotation)
+    result[..., 0], result[..., 1] = flow
     return result
 
 
@@ -344,11 +364,8 @@ def tile_zoom(
     """
     size = shape_of("shape", shape)
     view = expect_camera(camera, stretched=True)
-    (tile_height, tile_width), shared = tile_of(tile, overlap)
     part = real("growth", growth)
-    cx, cy = view.principal(size)
-    y = tile_starts(size[0], tile=tile_height, overlap=shared) + tile_height / 2 - cy
-    x = tile_starts(size[1], tile=tile_width, overlap=shared) + tile_width / 2 - cx
+    x, y = tile_middles(size, view, *tile_of(tile, overlap))
     result = output(out, (len(y), len(x), 2), np.dtype(np.float64))
     result[..., 0], result[..., 1] = part * x[None, :], part * y[:, None]
     return result

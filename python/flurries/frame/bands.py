@@ -14,8 +14,10 @@ import numpy as np
 
 from flurries._contract import Array
 from flurries.camera.lens import Camera
-from flurries.frame.layer import Frame, Layer, Shared, layers_of
+from flurries.frame.layer import Layer, layers_of
 from flurries.frame.mixing import Mix, behind
+from flurries.frame.shared import Shared
+from flurries.frame.view import Frame
 from flurries.frame.visible import Window
 from flurries.scene.foreground import Foreground
 from flurries.trace import stage

@@ -18,7 +18,6 @@ import numpy as np
 
 from flurries._threads import threads
 from flurries.frame.costs import nanoseconds
-from flurries.spectral.frame import alpha_of
 
 # A file of another form is measured again.
 FORM = 1
@@ -93,16 +92,16 @@ def samples() -> dict[str, tuple[Callable[[], object], float]]:
     flakes = Snow(texture=0.0, haze=0.0, flakes=1000)
     scene = Scene((512, 512), effects=[texture, flakes])
     (_, first), (_, second) = scene._asks(3.0, None, window, None)
-    asked, mapped = texture.texture_request(first), texture.mapped(first, 1.0)
+    waves, points = texture.parts.texture, flakes.parts.flakes
     values = np.linspace(0.5, 1.5, 1 << 16)
     roots = np.empty_like(values)
     return {
         "texture": (
-            lambda: alpha_of(asked, mapped, preserve_mean=True),
+            lambda: waves.alpha(first, 1.0, waves.field.motion.way(first)),
             nanoseconds(texture.needs(first).steps[0].cost().work),
         ),
         "flakes": (
-            lambda: flakes.particles(second, 1.0),
+            lambda: points.alpha(second, 1.0, points.motion.way(second)),
             nanoseconds(flakes.needs(second).steps[0].cost().work),
         ),
         "array": (

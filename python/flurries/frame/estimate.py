@@ -19,7 +19,7 @@ from flurries.frame.report import Plan, PlannedStep
 from flurries.motion.keys import Keys
 
 if TYPE_CHECKING:
-    from flurries.frame.layer import Frame
+    from flurries.frame.view import Frame
     from flurries.frame.program import Asked
     from flurries.frame.tolerance import Choice
     from flurries.frame.visible import Window

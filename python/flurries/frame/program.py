@@ -17,7 +17,7 @@ from flurries._contract import Array
 from flurries.camera.lens import Camera
 from flurries.frame.bands import most_bands
 from flurries.frame.costs import nanoseconds
-from flurries.frame.layer import Frame
+from flurries.frame.view import Frame
 from flurries.frame.needs import Kept, LeftOut, Needs, Run, Saving, keyed, needs_of
 from flurries.frame.tolerance import EXACT, STEEPEST, Asking, Choice, Light, choose, light_of
 from flurries.frame.visible import Visible, Window

@@ -13,13 +13,14 @@ import numpy as np
 from flurries._contract import Array, choice, integer, real, seed_of
 from flurries.camera.lens import Camera
 from flurries.camera.path import as_path
-from flurries.effects import Frame, Layer
 from flurries.frame.bands import Ask, Picture, cropped, laid, layers_made
-from flurries.frame.layer import Shared
+from flurries.frame.layer import Layer
 from flurries.frame.mixing import Mix, behind
 from flurries.frame.program import Program
+from flurries.frame.shared import Shared
 from flurries.frame.tolerance import EXACT
 from flurries.frame.truth import Rendered, rendered
+from flurries.frame.view import Frame
 from flurries.frame.visible import Window
 from flurries.light.sun import Sun
 from flurries.scene.background import Backdrop, backdrop
