@@ -149,6 +149,11 @@ class CameraPath:
             return self.camera
         return replace(self.camera, focal=self._zoom.widest)
 
+    @property
+    def longest_focal(self) -> float:
+        """The longest focal length of the film, pixels."""
+        return self.camera.focal if self._zoom is None else self._zoom.longest
+
     def zoom(self, t: float) -> tuple[float, float]:
         """Return the logarithm of the focal length over that of frame 0, and its change."""
         return (0.0, 0.0) if self._zoom is None else (self._zoom.grown(t), self._zoom.rate(t))

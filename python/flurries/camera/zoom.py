@@ -43,6 +43,11 @@ class Zoom:
         """The shortest focal length of all."""
         return min(float(value) for _, value in self.keys.keys)
 
+    @property
+    def longest(self) -> float:
+        """The longest focal length of all."""
+        return max(float(value) for _, value in self.keys.keys)
+
     def at(self, t: float) -> float:
         """Return the focal length at `t`, pixels."""
         return float(self.keys.at(t))

@@ -203,8 +203,8 @@ class Flakes:
         """Return motion (n, 2) and depth (n,) of flakes by their numbers in the box."""
         points, velocity, _ = self._places(frame, ways[0]).of(numbers)
         after, _, known = self._places(later, ways[1]).of(numbers)
-        start, depth = _project(points, frame.camera, frame.shape)
-        end, ahead = _project(after, later.camera, later.shape)
+        start, depth = project(points, frame.camera, frame.shape)
+        end, ahead = project(after, later.camera, later.shape)
         way = end - start
         # One that flies past the eye before the next frame, or comes back at the other side of the
         # box: as fast as now.
@@ -400,7 +400,7 @@ def _triple(values: Float64) -> Triple:
     return x, y, z
 
 
-def _project(points: Float64, camera: Camera, shape: tuple[int, int]) -> tuple[Float64, Float64]:
+def project(points: Float64, camera: Camera, shape: tuple[int, int]) -> tuple[Float64, Float64]:
     """Return where points in the eye's axes are seen, (n, 2) px, and their depth."""
     local = points - np.array(camera.offset)
     with np.errstate(divide="ignore", invalid="ignore"):

@@ -1,0 +1,327 @@
+"""The near flakes of a population, drawn one by one; or all of them, where the method says so."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from typing import Any, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from flurries import _core
+from flurries._contract import Array, Float64
+from flurries._core import SortedFlakes
+from flurries.camera.path import CameraPath
+from flurries.effects.flakes import lens_of, project
+from flurries.effects.gusts import flakes_in_waves
+from flurries.effects.motion import Way
+from flurries.effects.weather import FAR_FADE, HEIGHTS, Film, Share, Weather
+from flurries.frame.needs import Cost, LeftOut, Needs, Step, keyed, skipped
+from flurries.frame.view import Frame
+from flurries.motion.keys import value_at
+from flurries.particles.crowd import Box, Crowd
+
+# Depth in units of the near one over which flakes fade in before the lens.
+NEAR_FADE = 1.25
+
+# What a class adds to the seed: boxes of one population must not be copies of each other.
+_CLASS = 0x632BE59BD9B4E019
+_BEYOND = 0x2545F4914F6CDD1D
+
+# The widest angle between the axis and what a lens that turns may see of a box is in its ball.
+_MARGIN = 0.3
+
+# Larger boxes would take all memory that there is for their numbers.
+MOST_IN_BOX = 420_000_000
+
+
+class Room(NamedTuple):
+    """The box that holds what a film sees up to a depth.
+
+    Attributes
+    ----------
+    sides : (3,)
+        Metres; of a camera that turns a cube.
+    middle : float
+        Distance of its centre ahead, metres.
+    """
+
+    sides: tuple[float, float, float]
+    middle: float
+
+
+@dataclass(frozen=True, eq=False)
+class DrawnFlakes:
+    """The flakes that are drawn.
+
+    Attributes
+    ----------
+    weather : Weather
+    """
+
+    weather: Weather
+
+    name = "flakes"
+
+    def needs(self, frame: Frame, amount: float) -> Needs:
+        """Return their one step, or why there is none."""
+        weather = self.weather
+        if weather.population.density == 0.0 or weather.population.opacity == 0.0:
+            return Needs((), (LeftOut("flakes", "there are none"),), most=0.0)
+        still = frame.settled and weather.motion.still and 0.0 in weather.sway
+        still = still and not keyed(weather.emission)
+        step = Step("flakes", lambda: self._cost(frame, amount), once=still)
+        most = min(1.0, amount * self.number_in_view(frame) * weather.population.opacity)
+        return Needs((step,), most=most, savings=(skipped(step, most),))
+
+    def number_in_view(self, frame: Frame) -> float:
+        """Return how many flakes are drawn in view, on average."""
+        height, width = frame.shape
+        focal = frame.camera.focal
+        film = self.weather.film(frame)
+        view = width * height / focal**2 / (3.0 * frame.camera.aspect)
+        return view * sum(one.size.density * one.reach**3 for one in film.shares)
+
+    def alpha(self, frame: Frame, amount: float, way: Way) -> Array:
+        """Return the opacity of the flakes over the window, (h, w) float32."""
+        top, bottom, left, right = frame.window
+        near = np.empty((bottom - top, right - left), np.float32)
+        _core.particle_draw(near, self.sort(frame, amount, way), frame.window, frame.depth)
+        if not self.weather.simulated:
+            return near
+        far = frame.once_each(self, "far", lambda: self._exact(frame.around, amount))
+        both = np.empty_like(near)
+        _core.join(both, [near, np.ascontiguousarray(frame.crop(far))], 0.0)
+        return both
+
+    def sort(self, frame: Frame, amount: float, way: Way) -> SortedFlakes:
+        """Return the near flakes, to be drawn in any band of the frame."""
+        if frame.shared is None:
+            return self._sort(frame, amount)
+        frame = frame.around
+        assert frame.shared is not None
+        if len(frame.shared.cameras) == 2 and self._alike:
+            both = frame.once(self, "flakes", lambda: self._sort_pair(frame, amount))
+            return both[frame.eye]
+        return frame.once_each(self, "flakes", lambda: self._sort(frame, amount))
+
+    @property
+    def _alike(self) -> bool:
+        return self.weather.motion.varied is None
+
+    def _sort(self, frame: Frame, amount: float) -> SortedFlakes:
+        crowd = self.crowd(frame, amount)
+        if self._alike:
+            return _core.crowd_sort(frame.shape, crowd)
+        rows = self._rows(frame, amount)
+        return _core.particle_sort_listed(
+            frame.shape, *(np.ascontiguousarray(part) for part in rows[:4]), 1.0, crowd.lens
+        )
+
+    def _sort_pair(self, frame: Frame, amount: float) -> tuple[SortedFlakes, SortedFlakes]:
+        assert frame.shared is not None
+        left, right = frame.shared.cameras
+        crowd = self.crowd(replace(frame, camera=left), amount)
+        return _core.crowd_sort_pair(frame.shape, crowd, lens_of(right, frame.shape))
+
+    def _exact(self, frame: Frame, amount: float) -> Array:
+        """Return the opacity of what the texture would stand for, flake by flake, (H, W)."""
+        whole = replace(frame, window=(0, frame.shape[0], 0, frame.shape[1]))
+        result = np.empty(frame.shape, np.float32)
+        _core.crowd_exact(result, self.crowd(whole, amount, beyond=True), frame.depth)
+        return result
+
+    def crowd(self, frame: Frame, amount: float, *, beyond: bool = False) -> Crowd:
+        """Return the flakes before the frame's camera; `beyond` those behind the near ones."""
+        weather, path, camera = self.weather, frame.path, frame.camera
+        film = weather.film(frame)
+        exposure = value_at(weather.motion.shutter, frame.t)
+        stretch = np.diag([1.0, camera.aspect, 1.0])
+        axes = camera.matrix()
+        turn = stretch @ (axes.T if path.turns else np.eye(3))
+        spin, zoom = frame.spin(), path.zoom(frame.t)[1]
+        spread = -np.array(
+            [[0.0, -spin[2], spin[1]], [spin[2], 0.0, -spin[0]], [-spin[1], spin[0], 0.0]]
+        ) + zoom * np.diag([1.0, 1.0, 0.0])
+        spread = exposure * stretch @ spread @ np.linalg.inv(stretch)
+        deepest = weather.far * (1.0 + FAR_FADE) if beyond else max(s.end for s in film.shares)
+        down = np.array([0.0, 1.0, 0.0])
+        boxes = []
+        most = 0.0
+        for index, share in enumerate(film.shares):
+            box, travel = self._box(frame, film, share, index, amount, exposure, stretch, beyond)
+            if box is not None:
+                boxes.append(box)
+                most = max(most, travel)
+        most += float(np.abs(spread).sum()) * deepest
+        waves = None if weather.motion.varied is None else weather.motion.varied.waves
+        room = most if waves is None else most + 3.0 * waves.spread()
+        return Crowd(
+            boxes=boxes,
+            opacity=weather.population.opacity,
+            turn=_rows3(turn),
+            spread=_rows3(spread),
+            down=_triple(down if path.turns else down @ axes),
+            heights=(-deepest, deepest),
+            room=room,
+            lens=lens_of(camera, frame.shape),
+            window=frame.window,
+        )
+
+    def _box(
+        self,
+        frame: Frame,
+        film: Film,
+        share: Share,
+        index: int,
+        amount: float,
+        exposure: float,
+        stretch: Float64,
+        beyond: bool,
+    ) -> tuple[Box | None, float]:
+        weather, path = self.weather, frame.path
+        all_drawn = share.reach >= weather.far
+        last = (weather.far * (1.0 - FAR_FADE), weather.far * (1.0 + FAR_FADE))
+        near = (weather.near, weather.near * NEAR_FADE)
+        if beyond:
+            if all_drawn:
+                return None, 0.0
+            shown = (share.end, share.end, *last)
+        elif all_drawn:
+            shown = (*near, *last)
+        elif weather.simulated:
+            shown = (*near, share.end, share.end)
+        else:
+            shown = (*near, share.reach, share.end)
+        room = _room(self, frame.shape, path, shown[3])
+        volume = math.prod(room.sides)
+        wanted = share.size.density * volume
+        count = max(math.ceil(wanted), 1)
+        if count > MOST_IN_BOX:
+            raise ValueError(
+                f"density: {weather.population.density:g} per m3 are {count} in the box that holds "
+                f"the view up to {shown[3]:.3g} m; at most {MOST_IN_BOX} are drawn"
+            )
+        moved, rate = path.relative(
+            frame.t, fps=frame.fps, fall=share.motion.fall, wind=share.motion.mean_wind
+        )
+        axes = frame.camera.matrix()
+        center = np.array([0.0, 0.0, room.middle])
+        travel = -exposure * stretch @ (rate @ axes)
+        heights = np.linspace(-shown[3], shown[3], HEIGHTS)
+        if weather.steady:
+            heights = heights[:1]
+        amounts = weather.amounts(frame, share, amount, heights) * (wanted / count)
+        seed = frame.seed ^ (_CLASS * (index + 1) & (2**63 - 1)) ^ (_BEYOND if beyond else 0)
+        box = Box(
+            count=count,
+            sides=room.sides,
+            center=_triple(axes @ center if path.turns else center),
+            seed=seed,
+            way=_triple(-moved if path.turns else -moved @ axes),
+            sway=(weather.sway[0], weather.sway[1] * frame.t / frame.fps),
+            travel=_triple(travel),
+            sizes=(share.size.smallest, share.size.largest),
+            slope=weather.population.sizes.slope,
+            shown=shown,
+            amounts=amounts.tolist(),
+        )
+        return box, float(np.linalg.norm(travel))
+
+    def _rows(
+        self, frame: Frame, amount: float
+    ) -> tuple[Float64, Float64, Float64, Float64, npt.NDArray[np.int64]]:
+        """Return places, radii, opacities, ways during the exposure and numbers of flakes."""
+        crowd = self.crowd(frame, amount)
+        rows = _core.crowd_list(crowd).reshape(-1, 9)
+        points, way = rows[:, :3], rows[:, 5:8]
+        motion = self.weather.motion
+        if motion.varied is not None and motion.varied.waves is not None and len(rows):
+            stretch = np.array([1.0, frame.camera.aspect, 1.0])
+            moved, rate = flakes_in_waves(motion, frame, np.ascontiguousarray(points / stretch))
+            points = points + moved * stretch
+            way = way + value_at(motion.shutter, frame.t) * rate * stretch
+        return points, rows[:, 3], rows[:, 4], way, rows[:, 8].astype(np.int64)
+
+    def ids(self, frame: Frame, amount: float, way: Way) -> npt.NDArray[np.int32]:
+        """Return which flake each pixel of the whole frame shows, (H, W); -1 for none.
+
+        Its number is the same in every frame.
+        """
+        whole = replace(frame, window=(0, frame.shape[0], 0, frame.shape[1]))
+        points, radius, opacity, travel, numbers = self._rows(whole, amount)
+        shown = np.empty(frame.shape, np.int32)
+        given = [np.ascontiguousarray(part) for part in (points, radius, opacity, travel)]
+        lens = lens_of(frame.camera, frame.shape)
+        _core.particle_ids(shown, *given, 1.0, lens, frame.depth)
+        return np.append(numbers, -1).astype(np.int32)[shown]
+
+    def passes(
+        self, frame: Frame, later: Frame, ways: tuple[Way, Way], numbers: npt.NDArray[Any]
+    ) -> tuple[Array, Array]:
+        """Return motion (n, 2) and depth (n,) of flakes by their numbers."""
+        whole = replace(frame, window=(0, frame.shape[0], 0, frame.shape[1]))
+        points, _, _, travel, known = self._rows(whole, 1.0)
+        stretch = np.array([1.0, frame.camera.aspect, 1.0])
+        at = np.minimum(np.searchsorted(known, numbers), max(len(known) - 1, 0))
+        points, travel = points[at] / stretch, travel[at] / stretch
+        exposure = value_at(self.weather.motion.shutter, frame.t)
+        start, depth = project(points, frame.camera, frame.shape)
+        if exposure > 0.0:
+            speed = travel / exposure
+        else:
+            speed = np.broadcast_to(-ways[0].rate, points.shape)
+        end, _ = project(points + speed, later.camera, later.shape)
+        return (end - start).astype(np.float32), depth.astype(np.float32)
+
+    def _cost(self, frame: Frame, amount: float) -> Cost:
+        placed = 0.0
+        for share in self.weather.film(frame).shares:
+            room = _room(self, frame.shape, frame.path, share.end)
+            placed += share.size.density * math.prod(room.sides)
+        drawn = amount * self.number_in_view(frame)
+        name = "streak" if value_at(self.weather.motion.shutter, frame.t) > 0.0 else "disc"
+        top, bottom, left, right = frame.window
+        plane = (bottom - top) * (right - left)
+        work = {
+            "flake placed": placed * amount,
+            name: drawn,
+            f"{name} run": 12.0 * drawn,
+            "mask pixel": float(frame.shape[0] * frame.shape[1]),
+        }
+        out = (LeftOut(f"{name} out of view", f"some {placed - drawn:.0f} of {placed:.0f}"),)
+        return Cost(work, f"{drawn:.0f} {name}", 4 * plane, 0, out)
+
+
+@lru_cache(maxsize=256)
+def _room(
+    drawn: DrawnFlakes, shape: tuple[int, int], path: CameraPath, depth: float
+) -> Room:
+    """Return the box of what a film sees up to a depth: nothing of its walls is ever seen."""
+    height, width = shape
+    lens = path.widest
+    cx, cy = lens.principal(shape)
+    fx, fy = (depth / focal for focal in lens.focals)
+    # The path's camera counts, so that both eyes see the same flakes, with room for their distance;
+    # and the farther side of a lens that is off the middle, since the box is centred on the axis.
+    across, down = 2.0 * max(cx, width - cx) * fx, 2.0 * max(cy, height - cy) * fy
+    wind = drawn.weather.motion.varied
+    room = 0.0 if wind is None or wind.waves is None else 1.5 * wind.waves.spread()
+    room += _MARGIN + drawn.weather.sway[0] + drawn.weather.population.sizes.largest
+    if path.turns:
+        corner = 0.25 * (across**2 + down**2)
+        ball = max(0.5 * (depth + corner / depth), math.sqrt(corner))
+        side = 2.0 * (ball + room)
+        return Room((side, side, side), min(ball, depth))
+    return Room((across + 2.0 * room, down + 2.0 * room, depth), 0.5 * depth)
+
+
+def _triple(values: Float64) -> tuple[float, float, float]:
+    x, y, z = (float(value) for value in values)
+    return x, y, z
+
+
+def _rows3(matrix: Float64) -> Any:
+    return tuple(_triple(row) for row in matrix)

@@ -1,0 +1,201 @@
+"""A population in the air of a film: which flakes are drawn, and which the texture stands for.
+
+What is near is drawn flake by flake up to the depth that `reach_of` says for each class of size;
+beyond it the class is synthesized in slabs of depth. Both take density, sizes, opacity, fall and
+wind from here, so that nothing changes where one takes over from the other.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import NamedTuple
+
+import numpy as np
+
+from flurries._contract import Float64
+from flurries.camera.lens import rotation_matrix as matrix_of
+from flurries.camera.path import CameraPath
+from flurries.effects.motion import Motion
+from flurries.frame.view import Frame
+from flurries.motion.keys import Keys, Number, value_at
+from flurries.particles.population import (
+    FADE,
+    LEAST_IN_TILE,
+    Population,
+    SizeClass,
+    Slab,
+    reach_of,
+    slabs_of,
+)
+
+# Tiles of the texture, px: the least one whose layers move by less than half of it in a frame.
+TILES = (64, 128, 256)
+
+# Flakes of all classes in a tile, below which the texture would show its seams: then all are drawn.
+# Power blending lifts the mean there by 5 % at some 50 flakes, and not at all at 500.
+LEAST_IN_ALL = 200.0
+
+# More than this are not drawn one by one, but where the method is to draw all.
+MOST_DRAWN = 3_000_000
+
+# By so much of the far end, on either side, the last flakes fade, so that none pops.
+FAR_FADE = 0.07
+
+# Heights at which the amount of flakes is looked up while they begin or cease to fall.
+HEIGHTS = 65
+
+
+class Share(NamedTuple):
+    """A class of size, and how it is shared out.
+
+    Attributes
+    ----------
+    size : SizeClass
+    motion : Motion
+        With the fall speed of the class.
+    reach : float
+        Depth up to which its flakes are drawn, metres.
+    slabs : list of Slab
+        What the texture stands for beyond; none where all are drawn.
+    """
+
+    size: SizeClass
+    motion: Motion
+    reach: float
+    slabs: tuple[Slab, ...]
+
+    @property
+    def end(self) -> float:
+        """The depth at which the last of its drawn flakes are gone, metres."""
+        return self.reach * (1.0 + FADE)
+
+
+class Film(NamedTuple):
+    """The shares of all classes in one film.
+
+    Attributes
+    ----------
+    shares : tuple of Share
+    tile, overlap : int
+        Of the texture, px.
+    across : bool
+        Whether the film moves more along the rows than along the columns.
+    comes : bool
+        Whether the air ever comes nearer the camera or recedes.
+    """
+
+    shares: tuple[Share, ...]
+    tile: int
+    overlap: int
+    across: bool
+    comes: bool
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Weather:
+    """A population that falls.
+
+    Attributes
+    ----------
+    population : Population
+    motion : Motion
+        Of a flake of the mean size.
+    emission : Number
+        Share of the flakes that begin to fall, 0 to 1.
+    cloud : float
+        Height above the camera at which they begin, metres.
+    sway : (amplitude, rate)
+        Metres, and radians per second.
+    near, far : float
+        Depths between which there are flakes, metres.
+    simulated : bool
+        Whether every flake is drawn.
+    """
+
+    population: Population
+    motion: Motion
+    emission: Number
+    cloud: float
+    sway: tuple[float, float]
+    near: float
+    far: float
+    simulated: bool
+
+    def film(self, frame: Frame) -> Film:
+        """Return the shares of the film that a frame belongs to."""
+        path = frame.path
+        rotation = (0.0, 0.0, 0.0) if path.turns else frame.camera.rotation
+        focal = frame.camera.focal if not path.zooms else path.longest_focal
+        return _film(self, frame.shape, path, rotation, focal, frame.fps)
+
+    def amounts(self, frame: Frame, share: Share, amount: float, heights: Float64) -> Float64:
+        """Return which part of a class's flakes is there at heights below the eye, metres.
+
+        A flake at height h left the cloud (cloud + h) / fall seconds ago, and is there if it began
+        to fall.
+        """
+        if not isinstance(self.emission, Keys):
+            return np.full(len(heights), amount * self.emission)
+        fall = max(float(value_at(share.motion.fall, frame.t)), 1e-3)
+        left = frame.t - frame.fps * np.maximum(self.cloud + heights, 0.0) / fall
+        return amount * np.array([self.emission.at(float(time)) for time in left])
+
+    @property
+    def steady(self) -> bool:
+        """Whether as many flakes are there at all heights."""
+        return not isinstance(self.emission, Keys)
+
+
+def times(number: Number, factor: float) -> Number:
+    """Return a number, plain or keyed, times a factor."""
+    if isinstance(number, Keys):
+        return Keys([(frame, factor * value) for frame, value in number.keys])
+    return factor * number
+
+
+@lru_cache(maxsize=64)
+def _film(
+    weather: Weather,
+    shape: tuple[int, int],
+    path: CameraPath,
+    rotation: tuple[float, float, float],
+    focal: float,
+    fps: float,
+) -> Film:
+    population, motion = weather.population, weather.motion
+    mean = float(population.speed(np.array([population.sizes.mean]))[0])
+    classes = [
+        (one, Motion(times(motion.fall, one.fall / mean), motion.wind, motion.shutter))
+        for one in population.classes(2 if population.sizes.largest > population.sizes.smallest else 1)
+    ]
+    fastest = [each.fastest(path, fps) for _, each in classes]
+    for tile in TILES:
+        if max(fastest) * 2.0 * focal / tile <= _sparse(classes, focal, tile) or tile >= min(shape):
+            break
+    reaches = [
+        reach_of(one, focal, tile, fastest=speed, far=weather.far)
+        for (one, _), speed in zip(classes, fastest, strict=True)
+    ]
+    shares = []
+    for (one, own), reach in zip(classes, reaches, strict=True):
+        slabs = () if weather.simulated else tuple(
+            slabs_of(population, one, focal, tile, reach=reach, far=weather.far)
+        )
+        shares.append(Share(one, own, reach, slabs))
+    in_tile = sum(slab.count for share in shares for slab in share.slabs)
+    height, width = shape
+    view = width * height / focal**2 * weather.far**3 / 3.0
+    if in_tile < LEAST_IN_ALL and population.density * view < MOST_DRAWN:
+        shares = [Share(one.size, one.motion, weather.far, ()) for one in shares]
+    _, rate = path.relative(0.0, fps=fps, fall=motion.fall, wind=motion.mean_wind)
+    rate = np.abs(rate @ matrix_of(rotation))
+    spreads = motion.spreads(path, rotation)
+    return Film(tuple(shares), tile, tile // 6, bool(rate[0] > rate[1]), spreads)
+
+
+def _sparse(classes: list[tuple[SizeClass, Motion]], focal: float, tile: int) -> float:
+    """Return the least depth at which the largest class fills a tile, metres."""
+    most = max(one.density for one, _ in classes)
+    return float((LEAST_IN_TILE / (0.6 * most * (tile / focal) ** 2)) ** (1.0 / 3.0))
