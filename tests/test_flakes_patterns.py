@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -124,15 +125,12 @@ def test_precisions_agree():
     assert np.array_equal(MAKE(33, **law), wide.astype(np.complex64))
 
 
-def test_threads_do_not_change_bits():
+def test_threads_do_not_change_bits(threads: Callable[[int], None]):
     law = {"counts": [50, 9], "diameters": [[0.5, 2], [1, 3]], "shear": 0.382, "seed": 1}
-    try:
-        fl.set_threads(1)
-        one = MAKE(33, **law)
-        fl.set_threads(3)
-        assert np.array_equal(one, MAKE(33, **law))
-    finally:
-        fl.set_threads(2)
+    threads(1)
+    one = MAKE(33, **law)
+    threads(3)
+    assert np.array_equal(one, MAKE(33, **law))
 
 
 def test_fewer_flakes_are_among_more():

@@ -9,27 +9,26 @@ import numpy as np
 import twin
 
 
-def sprite(shape: tuple[int, int], x: float, y: float, diameter: float, opacity: float):
-    """A flake on a plane: its Gaussian, averaged over the square of each pixel (centre i, j)."""
+def share(length: int, center: float, sigma: float) -> np.ndarray:
+    """Of a Gaussian in each pixel of an axis; pixel i reaches from i - 1/2 to i + 1/2."""
+    edges = (np.arange(length + 1) - 0.5 - center) / (sigma * math.sqrt(2.0))
+    return np.diff([math.erf(edge) for edge in edges]) / 2.0
+
+
+def on_torus(
+    tile: int, x: float, y: float, diameter: float, opacity: float, shear: float
+) -> np.ndarray:
+    """A flake on the lattice (M, 0), (shear M, M), averaged over the square of each pixel."""
     sigma = max(diameter / math.sqrt(8.0), 0.3)
-    erf = np.vectorize(math.erf)
-
-    def share(length: int, center: float) -> np.ndarray:
-        edges = erf((np.arange(length + 1) - 0.5 - center) / (sigma * math.sqrt(2.0)))
-        return np.diff(edges) / 2.0
-
-    return opacity * math.pi * diameter**2 / 4.0 * np.outer(share(shape[0], y), share(shape[1], x))
-
-
-def on_torus(tile: int, x: float, y: float, diameter: float, opacity: float, shear: float):
-    """The same on the lattice (M, 0), (shear M, M)."""
     found = np.zeros((tile, tile))
-    reach = math.ceil(9.0 * max(diameter / math.sqrt(8.0), 0.3) / tile) + 1
+    reach = math.ceil(9.0 * sigma / tile) + 1
     for n in range(-reach, reach + 1):
-        for m in range(-reach - 1, reach + 2):
-            at = (x + m * tile + n * shear * tile, y + n * tile)
-            found += sprite((tile, tile), *at, diameter, opacity)
-    return found
+        across = sum(
+            share(tile, x + (m + n * shear) * tile, sigma)
+            for m in range(-2 * reach - 1, 2 * reach + 2)
+        )
+        found += np.outer(share(tile, y + n * tile, sigma), across)
+    return opacity * math.pi * diameter**2 / 4.0 * found
 
 
 def spectrum(pixels: np.ndarray, shear: float) -> np.ndarray:

@@ -11,6 +11,7 @@ from flurries.spectral.volume import Film
 
 __all__ = [
     "FieldBands",
+    "FlakeBands",
     "InternalError",
     "PreparedFlakes",
     "SortedFlakes",
@@ -36,11 +37,13 @@ __all__ = [
     "field",
     "field_bands",
     "field_take",
+    "flake_bands",
     "flake_choices",
     "flake_frame",
     "flake_mix",
     "flake_patterns",
     "flake_prepare",
+    "flake_take",
     "gas_alpha",
     "gas_draw",
     "gas_light",
@@ -149,8 +152,20 @@ def flake_choices(
     generation: npt.NDArray[np.int64] | None = None,
 ) -> None: ...
 def flake_frame(
-    out: _Array, patterns: PreparedFlakes, request: FlakeRequest, opacity: bool
+    out: _Array,
+    patterns: PreparedFlakes,
+    request: FlakeRequest,
+    opacity: bool,
+    add: bool = False,
+    mask: _Array | None = None,
 ) -> None: ...
+
+@final
+class FlakeBands:
+    """The rows of a window of the texture of flakes, to be taken from the top down."""
+
+def flake_bands(patterns: PreparedFlakes, request: FlakeRequest, opacity: bool) -> FlakeBands: ...
+def flake_take(bands: FlakeBands, out: _Array, first: int) -> None: ...
 def snowfall(
     out: _Array,
     background: _Array,

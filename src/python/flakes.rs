@@ -1,6 +1,8 @@
 //! The texture of flakes: patterns, the choices of tiles, frames.
 
-use ndarray::ArrayViewMut2;
+use std::sync::Arc;
+
+use ndarray::{ArrayView2, ArrayViewMut2};
 use num_complex::Complex;
 use numpy::{
     PyReadonlyArray1, PyReadonlyArray2, PyReadonlyArray3, PyReadonlyArray4, PyReadwriteArray2,
@@ -8,10 +10,11 @@ use numpy::{
 };
 use pyo3::prelude::*;
 
-use super::gate::{self, PlaneMut};
+use super::gate::{self, Plane, PlaneMut};
 use crate::error::{Cancel, Error};
 use crate::normal::Normal;
 use crate::spectral::field::Window;
+use crate::spectral::flakes::bands::Bands;
 use crate::spectral::flakes::choice::{choice, mirrored};
 use crate::spectral::flakes::frame::{Finish, Frame, Terms};
 use crate::spectral::flakes::pattern::{Law, patterns};
@@ -75,8 +78,8 @@ pub struct PreparedFlakes {
 }
 
 enum Either {
-    Single(Prepared<f32>),
-    Double(Prepared<f64>),
+    Single(Arc<Prepared<f32>>),
+    Double(Arc<Prepared<f64>>),
 }
 
 #[pymethods]
@@ -92,7 +95,7 @@ impl PreparedFlakes {
 
     /// Size of a tile, pixels.
     #[getter]
-    const fn tile(&self) -> usize {
+    fn tile(&self) -> usize {
         match &self.patterns {
             Either::Single(patterns) => patterns.tile,
             Either::Double(patterns) => patterns.tile,
@@ -111,19 +114,19 @@ pub fn flake_prepare(
     let patterns = match (&spectra, double) {
         (Spectra::Single(spectra), false) => {
             let spectra = spectra.as_array();
-            Either::Single(gate::run(py, 0.0, move |_| Prepared::new(spectra, shear))?)
+            Either::Single(Arc::new(gate::run(py, 0.0, move |_| Prepared::new(spectra, shear))?))
         }
         (Spectra::Single(spectra), true) => {
             let spectra = spectra.as_array();
-            Either::Double(gate::run(py, 0.0, move |_| Prepared::new(spectra, shear))?)
+            Either::Double(Arc::new(gate::run(py, 0.0, move |_| Prepared::new(spectra, shear))?))
         }
         (Spectra::Double(spectra), false) => {
             let spectra = spectra.as_array();
-            Either::Single(gate::run(py, 0.0, move |_| Prepared::new(spectra, shear))?)
+            Either::Single(Arc::new(gate::run(py, 0.0, move |_| Prepared::new(spectra, shear))?))
         }
         (Spectra::Double(spectra), true) => {
             let spectra = spectra.as_array();
-            Either::Double(gate::run(py, 0.0, move |_| Prepared::new(spectra, shear))?)
+            Either::Double(Arc::new(gate::run(py, 0.0, move |_| Prepared::new(spectra, shear))?))
         }
     };
     Ok(PreparedFlakes { patterns })
@@ -139,10 +142,10 @@ pub fn flake_mix(
 ) -> PyResult<PreparedFlakes> {
     let patterns = match (&first.patterns, &second.patterns) {
         (Either::Single(a), Either::Single(b)) => {
-            Either::Single(gate::run(py, 0.0, move |_| a.mixed(b, weight))?)
+            Either::Single(Arc::new(gate::run(py, 0.0, move |_| a.mixed(b, weight))?))
         }
         (Either::Double(a), Either::Double(b)) => {
-            Either::Double(gate::run(py, 0.0, move |_| a.mixed(b, weight))?)
+            Either::Double(Arc::new(gate::run(py, 0.0, move |_| a.mixed(b, weight))?))
         }
         _ => return Err(Error::invalid("second", "must have the dtype of the first").into()),
     };
@@ -206,22 +209,64 @@ pub struct FlakeRequest<'py> {
     window: (usize, usize, usize, usize),
 }
 
-/// The request's window of optical depth, or of opacity.
+impl FlakeRequest<'_> {
+    fn terms(&self) -> Terms<'_> {
+        Terms {
+            pattern: self.pattern.as_array(),
+            gain: self.gain.as_array(),
+            shift: self.shift.as_array(),
+            streak: self.streak.as_ref().map(|streak| streak.as_array()),
+            mirror: self.mirror.as_array(),
+            mean: self.mean.as_array(),
+        }
+    }
+
+    fn window(&self) -> Window {
+        let (top, bottom, left, right) = self.window;
+        Window { rows: top..bottom, cols: left..right }
+    }
+
+    /// Rough nanoseconds for so many pixels: overlapping tiles are many times the picture.
+    fn estimate(&self, tile: usize, (height, width): (usize, usize)) -> f64 {
+        let step = tile.saturating_sub(self.overlap).max(1) as f64;
+        let tiles = |length: usize| 1.0 + length as f64 / step;
+        let terms = self.pattern.as_array().dim().2 as f64;
+        let each = (tile * tile) as f64 * (tile as f64 + terms) / 16.0 * PIXEL;
+        tiles(height) * tiles(width) * each
+    }
+}
+
+/// The request's window of optical depth, or of opacity. The depth is multiplied by `mask` and added to
+/// what `out` holds, if these are asked for.
 #[pyfunction]
+#[pyo3(signature = (out, patterns, request, opacity, add=false, mask=None))]
 pub fn flake_frame(
     py: Python<'_>,
     out: PlaneMut<'_>,
     patterns: &PreparedFlakes,
     request: FlakeRequest<'_>,
     opacity: bool,
+    add: bool,
+    mask: Option<Plane<'_>>,
 ) -> PyResult<()> {
-    let finish = if opacity { Finish::Opacity } else { Finish::Depth };
+    let finish = Finish { opacity, add };
+    let other = || Error::invalid("mask", "must have the dtype of `out`");
     match (out, &patterns.patterns) {
         (PlaneMut::Single(mut out), Either::Single(patterns)) => {
-            render(py, out.as_array_mut(), patterns, &request, finish)
+            let mask = match &mask {
+                Some(Plane::Single(mask)) => Some(mask.as_array()),
+                Some(Plane::Double(_)) => return Err(other().into()),
+                None => None,
+            };
+            render(py, out.as_array_mut(), mask, patterns, &request, finish)
         }
         (PlaneMut::Double(mut out), Either::Double(patterns)) => {
-            render(py, out.as_array_mut(), patterns, &request, finish)
+            let mask = match &mask {
+                Some(Plane::Double(mask)) => Some(mask.as_array()),
+                Some(Plane::Single(_)) => return Err(other().into()),
+                None => None,
+            };
+            render(py, out.as_array_mut(), mask, patterns, &request, finish)
         }
         _ => Err(Error::invalid("out", "must have the dtype that the patterns are for").into()),
     }
@@ -230,28 +275,78 @@ pub fn flake_frame(
 fn render<T: Normal>(
     py: Python<'_>,
     out: ArrayViewMut2<'_, T>,
+    mask: Option<ArrayView2<'_, T>>,
     patterns: &Prepared<T>,
     request: &FlakeRequest<'_>,
     finish: Finish,
 ) -> PyResult<()> {
-    let terms = Terms {
-        pattern: request.pattern.as_array(),
-        gain: request.gain.as_array(),
-        shift: request.shift.as_array(),
-        streak: request.streak.as_ref().map(|streak| streak.as_array()),
-        mirror: request.mirror.as_array(),
-        mean: request.mean.as_array(),
-    };
-    let terms = &terms;
-    let (top, bottom, left, right) = request.window;
-    let window = Window { rows: top..bottom, cols: left..right };
+    let (terms, window) = (&request.terms(), request.window());
     let (shape, overlap) = (request.shape, request.overlap);
-    // Overlapping tiles are many times the picture.
-    let (tile, step) = (patterns.tile as f64, patterns.tile.saturating_sub(overlap).max(1) as f64);
-    let tiles = |length: usize| 1.0 + length as f64 / step;
-    let count = tiles(window.rows.len()) * tiles(window.cols.len());
-    let work = count * tile * tile * (tile + terms.pattern.dim().2 as f64) / 16.0 * PIXEL;
+    let work = request.estimate(patterns.tile, (window.rows.len(), window.cols.len()));
     gate::run(py, work, move |cancel| {
-        Frame::new(shape, overlap, patterns, terms, finish)?.render(&window, out, cancel)
+        Frame::new(shape, overlap, patterns, terms, finish)?.render(&window, out, mask, cancel)
     })
+}
+
+/// The rows of a request's window from the top down, to be taken band by band.
+#[pyclass(module = "flurries._core")]
+pub struct FlakeBands {
+    bands: EitherBands,
+    /// A rough estimate of a row, and of how many rows a row of tiles finishes.
+    nanoseconds: f64,
+    least: f64,
+}
+
+enum EitherBands {
+    Single(Bands<f32>),
+    Double(Bands<f64>),
+}
+
+/// Begins a request's window of optical depth or opacity that is taken band by band.
+#[pyfunction]
+pub fn flake_bands(
+    py: Python<'_>,
+    patterns: &PreparedFlakes,
+    request: FlakeRequest<'_>,
+    opacity: bool,
+) -> PyResult<FlakeBands> {
+    let (terms, window) = (&request.terms(), &request.window());
+    let (shape, overlap) = (request.shape, request.overlap);
+    let (bands, tile) = match &patterns.patterns {
+        Either::Single(patterns) => {
+            let (all, tile) = (Arc::clone(patterns), patterns.tile);
+            let new = move |_: &Cancel| Bands::new(shape, overlap, all, terms, opacity, window);
+            (EitherBands::Single(gate::run(py, 0.0, new)?), tile)
+        }
+        Either::Double(patterns) => {
+            let (all, tile) = (Arc::clone(patterns), patterns.tile);
+            let new = move |_: &Cancel| Bands::new(shape, overlap, all, terms, opacity, window);
+            (EitherBands::Double(gate::run(py, 0.0, new)?), tile)
+        }
+    };
+    let nanoseconds = request.estimate(tile, (tile, window.cols.len())) / tile as f64;
+    Ok(FlakeBands { bands, nanoseconds, least: tile as f64 })
+}
+
+/// Writes rows from `first` on into `out` (h, w), those before it are skipped.
+#[pyfunction]
+pub fn flake_take(
+    py: Python<'_>,
+    bands: &mut FlakeBands,
+    out: PlaneMut<'_>,
+    first: usize,
+) -> PyResult<()> {
+    let FlakeBands { bands, nanoseconds, least } = bands;
+    let work = |rows: usize| (rows as f64).max(*least) * *nanoseconds;
+    match (out, bands) {
+        (PlaneMut::Single(mut out), EitherBands::Single(bands)) => {
+            let out = out.as_array_mut();
+            gate::run(py, work(out.nrows()), |cancel| bands.take(first, out, cancel))
+        }
+        (PlaneMut::Double(mut out), EitherBands::Double(bands)) => {
+            let out = out.as_array_mut();
+            gate::run(py, work(out.nrows()), |cancel| bands.take(first, out, cancel))
+        }
+        _ => Err(Error::invalid("out", "must have the dtype of the patterns' frames").into()),
+    }
 }

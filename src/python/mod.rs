@@ -37,7 +37,8 @@ mod core {
     use super::crossing::particle_crossing;
     #[pymodule_export]
     use super::flakes::{
-        PreparedFlakes, flake_choices, flake_frame, flake_mix, flake_patterns, flake_prepare,
+        FlakeBands, PreparedFlakes, flake_bands, flake_choices, flake_frame, flake_mix,
+        flake_patterns, flake_prepare, flake_take,
     };
     #[pymodule_export]
     use super::frame::{join, over, snow};

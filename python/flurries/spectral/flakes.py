@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from typing import NamedTuple
 
 import numpy as np
@@ -13,6 +14,7 @@ from flurries._contract import (
     MOST_ELEMENTS,
     Array,
     Float64,
+    _came,
     bounded,
     float_dtype,
     integer,
@@ -31,8 +33,11 @@ _LARGEST_FLAKE = 1000.0
 # A torus that is sheared by a whole tile is the straight one.
 _MOST_SHEAR = 1.0
 
-# Below 0 in no single precision: products of gains and patterns stay finite.
+# Products of gains and patterns stay finite in float32.
 _MOST_GAIN = 1e30
+
+# Some gigabytes of what tiles choose.
+_MOST_TERMS = 2**26
 
 
 class Request(NamedTuple):
@@ -84,11 +89,12 @@ class Choices(NamedTuple):
 
 
 def complex_dtype(dtype: npt.DTypeLike) -> np.dtype[np.complexfloating]:
-    """Return complex64 or complex128."""
-    for known in (np.complex64, np.complex128):
-        if dtype is not None and np.dtype(dtype) == known:
-            return np.dtype(known)
-    raise TypeError(f"dtype must be complex64 or complex128, got {dtype!r}")
+    """Return complex64 or complex128, what spectra are made of."""
+    with contextlib.suppress(TypeError):
+        for known in (np.dtype(np.complex64), np.dtype(np.complex128)):
+            if dtype is not None and np.dtype(dtype) == known:
+                return known
+    raise TypeError(f"dtype must be complex64 or complex128, got {_came(dtype)}")
 
 
 def flake_patterns(
@@ -176,7 +182,7 @@ def patterns_of(
     (size, _), _ = tile_of(integer("tile", tile, low=1, high=2**15), 0)
     numbers = table("counts", counts, ndim=1)
     if not numbers.size or not ((numbers >= 0.0) & (numbers <= 1e9)).all():
-        raise ValueError(f"counts must be at least one number from 0 to 1e9, got {counts!r}")
+        raise ValueError(f"counts must be at least one number from 0 to 1e9, got {_came(counts)}")
     sizes = table("diameters", diameters, ndim=2)
     if sizes.shape != (numbers.size, 2):
         raise ValueError(
@@ -185,7 +191,7 @@ def patterns_of(
     if not ((sizes > 0.0) & (sizes <= _LARGEST_FLAKE)).all() or (sizes[:, 0] > sizes[:, 1]).any():
         raise ValueError(
             f"diameters must be above 0, at most {_LARGEST_FLAKE:g} px and the smaller one first, "
-            f"got {sizes.tolist()}"
+            f"got {_came(diameters)}"
         )
     middle = real("opacity", opacity, low=0.0, high=1.0)
     number = integer("patterns", patterns, low=1, high=2**16)
@@ -260,18 +266,53 @@ def frame_of(
     request: Request,
     *,
     opacity: bool,
+    mask: Array | None = None,
     dtype: npt.DTypeLike = np.float32,
     out: Array | None = None,
+    add: bool = False,
 ) -> Array:
     """Return a request's window: optical depth, or the opacity ``1 - exp(-depth)``.
 
     Any window has the bits of the whole frame, for any number of threads. Where ``mean`` differs
     from tile to tile it is blended by weights that sum to 1.
+
+    Parameters
+    ----------
+    patterns : PreparedFlakes
+        Of :func:`prepare`, for `dtype`.
+    request : Request
+    opacity : bool
+    mask : (h, w), dtype of the result, optional
+        Share of the depth that is seen in each pixel of the window: a group of layers before a
+        wall, or by its rows what has not yet begun to fall.
+    dtype : float32 or float64
+    out : (h, w), optional
+        Array to write into and return.
+    add : bool
+        Add the depth to what `out` holds, the depth of other groups of layers; the last group's
+        call asks for the opacity of all.
+
+    Returns
+    -------
+    (h, w)
     """
     top, bottom, left, right = request.window
-    result = output(out, (bottom - top, right - left), float_dtype(dtype))
-    _core.flake_frame(result, patterns, request, opacity)
+    given = [] if mask is None else [mask]
+    result = output(out, (bottom - top, right - left), float_dtype(dtype), *given)
+    _core.flake_frame(result, patterns, request, opacity, add, mask)
     return result
+
+
+def bands_of(
+    patterns: _core.PreparedFlakes, request: Request, *, opacity: bool
+) -> _core.FlakeBands:
+    """Begin a window that is taken band by band, each tile made once.
+
+    ``_core.flake_take(bands, out, first)`` writes the rows of the frame from `first` on, as many as
+    `out` (h, w) has, from the top down; rows before `first` are skipped. They have the bits of
+    :func:`frame_of`.
+    """
+    return _core.flake_bands(patterns, request, opacity)
 
 
 def _spectra(value: object) -> Array:
@@ -372,6 +413,11 @@ def optical_depth(
     layers, number, tile, _ = spectra.shape
     _, shared = tile_of(tile, overlap)
     rows, cols = (_core.tile_count(length, tile, shared) for length in size)
+    if rows * cols * layers > _MOST_TERMS:
+        raise ValueError(
+            f"shape must take at most {_MOST_TERMS} tiles times layers, got {rows} x {cols} tiles "
+            f"of {layers} layers"
+        )
     drifts = _vectors("drift", drift, layers, (rows, cols))
     exposure = real("shutter", shutter, low=0.0, high=LARGEST)
     if velocity is None and exposure > 0.0:
@@ -380,10 +426,11 @@ def optical_depth(
     streak = None if speeds is None or exposure == 0.0 else speeds * exposure
     gains = np.ones(layers) if gain is None else table("gain", gain, ndim=1)
     if gains.shape != (layers,) or np.abs(gains).max() > _MOST_GAIN:
-        raise ValueError(f"gain must be {layers} numbers up to {_MOST_GAIN:g}, got {gain!r}")
+        raise ValueError(f"gain must be {layers} numbers up to {_MOST_GAIN:g}, got {_came(gain)}")
     slant = real("shear", shear, low=-_MOST_SHEAR, high=_MOST_SHEAR)
     precision = float_dtype(dtype)
-    result = output(out, size, precision, spectra, drifts, *([] if speeds is None else [speeds]))
+    given = [spectra, drifts, gains, *([] if speeds is None else [speeds])]
+    result = output(out, size, precision, *given)
     prepared = _core.flake_prepare(
         spectra.reshape(-1, *spectra.shape[2:]), slant, precision == np.float64
     )

@@ -14,6 +14,7 @@ use crate::aligned::Aligned;
 use crate::error::{Cancel, Error, pushed};
 use crate::normal::{Normal, least, most};
 use crate::pool;
+use crate::real::Real;
 use crate::simd::dispatch;
 use crate::spectral::carry::Carry;
 use crate::spectral::field::Window;
@@ -26,11 +27,11 @@ const OPAQUE: f64 = 80.0;
 
 /// What pixels become.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Finish {
-    /// Optical depth.
-    Depth,
-    /// 1 - exp(-depth).
-    Opacity,
+pub struct Finish {
+    /// 1 - exp(-depth), in place of the depth itself.
+    pub opacity: bool,
+    /// The depth is added to what the result holds: that of other layers.
+    pub add: bool,
 }
 
 /// Which patterns stand in which tile. Arrays are (rows, cols, ..), or (1, 1, ..) where all tiles are
@@ -131,22 +132,26 @@ impl Terms<'_> {
 }
 
 /// A frame whose tiles are known.
-pub struct Frame<'a, T> {
+pub struct Frame<'a, 't, T> {
     patterns: &'a Prepared<T>,
-    terms: &'a Terms<'a>,
+    terms: &'a Terms<'t>,
     down: Row,
     across: Row,
     weights: (Vec<T>, Vec<T>),
     finish: Finish,
 }
 
-impl<'a, T: Normal> Frame<'a, T> {
+fn layout() -> Error {
+    Error::Internal("rows are not contiguous".into())
+}
+
+impl<'a, 't, T: Normal> Frame<'a, 't, T> {
     /// A frame of the given shape in tiles that share `overlap` pixels.
     pub fn new(
         shape: (usize, usize),
         overlap: usize,
         patterns: &'a Prepared<T>,
-        terms: &'a Terms<'a>,
+        terms: &'a Terms<'t>,
         finish: Finish,
     ) -> Result<Self, Error> {
         let down = Row { length: shape.0, tile: patterns.tile, overlap }.checked()?;
@@ -156,85 +161,54 @@ impl<'a, T: Normal> Frame<'a, T> {
         Ok(Self { patterns, terms, down, across, weights, finish })
     }
 
+    /// Refuses a window that does not lie in the frame.
+    pub fn fits(&self, window: &Window) -> Result<(), Error> {
+        let (rows, cols) = (&window.rows, &window.cols);
+        let inside = rows.end <= self.down.length && cols.end <= self.across.length;
+        if inside && !rows.is_empty() && !cols.is_empty() {
+            return Ok(());
+        }
+        Err(Error::invalid("window", format!("must lie in the frame, got {rows:?}, {cols:?}")))
+    }
+
     /// Makes a window of it, the same bits as in the whole.
     pub fn render(
         &self,
         window: &Window,
         mut out: ArrayViewMut2<'_, T>,
+        mask: Option<ArrayView2<'_, T>>,
         cancel: &Cancel,
     ) -> Result<(), Error> {
+        self.fits(window)?;
         let (rows, cols) = (&window.rows, &window.cols);
-        let inside = rows.end <= self.down.length && cols.end <= self.across.length;
-        if !inside || rows.is_empty() || cols.is_empty() || out.dim() != (rows.len(), cols.len()) {
-            return Err(Error::invalid("window", "must lie in the frame and fit `out`"));
+        let size = (rows.len(), cols.len());
+        if out.dim() != size || mask.as_ref().is_some_and(|mask| mask.dim() != size) {
+            return Err(Error::invalid("out", "and a mask must have the size of the window"));
         }
+        let mask = match &mask {
+            Some(mask) => Some(mask.to_slice().ok_or_else(layout)?),
+            None => None,
+        };
         let mut tasks = Vec::new();
-        for rows in runs(&self.down, rows) {
-            let (part, rest) = out.split_at(Axis(0), rows.len());
+        for part in runs(&self.down, rows) {
+            let (top, rest) = out.split_at(Axis(0), part.len());
             out = rest;
-            tasks.push((rows, part));
+            let from = (part.start - rows.start) * cols.len();
+            let mask = mask.map(|mask| &mask[from..from + part.len() * cols.len()]);
+            tasks.push((part, top, mask));
         }
-        pool::for_each(tasks, |(rows, part)| {
-            let part = part.into_slice();
-            let part = part.ok_or_else(|| Error::Internal("rows are not contiguous".into()))?;
-            self.strip(rows, cols, part, cancel)
-        })
-    }
-
-    /// A worker's rows: tiles in row-major order, each pixel finished when no later tile touches it.
-    fn strip(
-        &self,
-        rows: Range<usize>,
-        cols: &Range<usize>,
-        out: &mut [T],
-        cancel: &Cancel,
-    ) -> Result<(), Error> {
-        let (tile, step, width) = (self.patterns.tile, self.down.step(), cols.len());
-        let (down, across) =
-            (self.down.touching(rows.start, rows.end), self.across.touching(cols.start, cols.end));
-        let starts = (self.across.start(across.start), self.across.start(across.end - 1));
-        let mut carry = Carry::new((tile, tile), (step, step), starts.0, starts.1)?;
-        let mut pixels = Aligned::zeroed(tile * tile + Carry::<T>::MARGIN)?;
-        let mut terms = Vec::new();
-        let mut scratch = Scratch::new(self.patterns, self.terms.count(), self.terms.blurred())?;
-        let mean = T::of(self.terms.common_mean().unwrap_or(0.0));
-        let mut next = rows.start;
-        for row in down.clone() {
-            let top = self.down.start(row);
-            let end = if row + 1 == down.end { rows.end } else { (top + step).min(rows.end) };
-            let done = next..end.max(next);
-            carry.begin_row();
-            for col in across.clone() {
-                cancel.check()?;
-                let left = self.across.start(col);
-                let weights = (
-                    &self.weights.0[row * tile..(row + 1) * tile],
-                    &self.weights.1[col * tile..(col + 1) * tile],
-                );
-                self.tile((row, col), weights, &mut terms, &mut scratch, &mut pixels)?;
-                carry.add(left, &mut pixels, weights);
-                let last = col + 1 == across.end;
-                let right = if last { cols.end } else { (left + step).min(cols.end) };
-                let inside = left.max(cols.start)..right;
-                if !inside.is_empty() && !done.is_empty() {
-                    let from = (done.start - top) * tile + inside.start - left;
-                    let to = (done.start - rows.start) * width + inside.start - cols.start;
-                    let block = Block {
-                        rows: done.len(),
-                        cols: inside.len(),
-                        field: (&pixels[from..], tile),
-                        out: (&mut out[to..], width),
-                    };
-                    match self.finish {
-                        Finish::Depth => finish_depth(block, mean),
-                        Finish::Opacity => finish_opacity(block, mean),
-                    }
-                }
-                carry.keep(left, &pixels, last);
+        pool::for_each(tasks, |(rows, part, mask)| {
+            let out = part.into_slice().ok_or_else(layout)?;
+            let mut strip = Strip::new(self, rows.clone(), cols.clone())?;
+            while !strip.ended() {
+                let done = strip.next_rows();
+                let from = (done.start - rows.start) * cols.len();
+                let to = from + done.len() * cols.len();
+                let mask = mask.map(|mask| &mask[from..to]);
+                strip.row_of_tiles(self, &mut out[from..to], mask, cancel)?;
             }
-            next = done.end;
-        }
-        Ok(())
+            Ok(())
+        })
     }
 
     /// The pixels of a tile, before their weights.
@@ -261,6 +235,109 @@ impl<'a, T: Normal> Frame<'a, T> {
     }
 }
 
+/// A worker's rows and columns: tiles in row-major order, each pixel finished when no later tile
+/// touches it.
+pub struct Strip<T: Real> {
+    rows: Range<usize>,
+    cols: Range<usize>,
+    /// The rows and columns of tiles that touch it.
+    tiles: (Range<usize>, Range<usize>),
+    carry: Carry<T>,
+    pixels: Aligned<T>,
+    terms: Vec<Term>,
+    scratch: Scratch<T>,
+    /// The first row that is not finished, and how tiles follow each other down.
+    next: usize,
+    down: Row,
+}
+
+impl<T: Normal> Strip<T> {
+    /// The whole strip is still to be made.
+    pub fn new(
+        frame: &Frame<'_, '_, T>,
+        rows: Range<usize>,
+        cols: Range<usize>,
+    ) -> Result<Self, Error> {
+        let (tile, step) = (frame.patterns.tile, frame.down.step());
+        let tiles = (
+            frame.down.touching(rows.start, rows.end),
+            frame.across.touching(cols.start, cols.end),
+        );
+        let starts = (frame.across.start(tiles.1.start), frame.across.start(tiles.1.end - 1));
+        Ok(Self {
+            carry: Carry::new((tile, tile), (step, step), starts.0, starts.1)?,
+            pixels: Aligned::zeroed(tile * tile + Carry::<T>::MARGIN)?,
+            terms: Vec::new(),
+            scratch: Scratch::new(frame.patterns, frame.terms.count(), frame.terms.blurred())?,
+            next: rows.start,
+            down: frame.down,
+            rows,
+            cols,
+            tiles,
+        })
+    }
+
+    /// Whether all tiles have been made.
+    pub fn ended(&self) -> bool {
+        self.tiles.0.is_empty()
+    }
+
+    /// The rows that the next row of tiles finishes; none where tiles overlap beyond the strip's top.
+    pub fn next_rows(&self) -> Range<usize> {
+        let row = self.tiles.0.start;
+        let last = row + 1 >= self.tiles.0.end;
+        let below = self.down.start(row + 1);
+        let end = if last { self.rows.end } else { below.min(self.rows.end) };
+        self.next..end.max(self.next)
+    }
+
+    /// Makes a row of tiles and what it finishes, [`Self::next_rows`]: `out` and `mask` have these.
+    pub fn row_of_tiles(
+        &mut self,
+        frame: &Frame<'_, '_, T>,
+        out: &mut [T],
+        mask: Option<&[T]>,
+        cancel: &Cancel,
+    ) -> Result<(), Error> {
+        let done = self.next_rows();
+        let (tile, step, width) = (frame.patterns.tile, frame.across.step(), self.cols.len());
+        let row = self.tiles.0.start;
+        let top = frame.down.start(row);
+        let mean = T::of(frame.terms.common_mean().unwrap_or(0.0));
+        self.carry.begin_row();
+        for col in self.tiles.1.clone() {
+            cancel.check()?;
+            let left = frame.across.start(col);
+            let weights = (
+                &frame.weights.0[row * tile..(row + 1) * tile],
+                &frame.weights.1[col * tile..(col + 1) * tile],
+            );
+            let Self { carry, pixels, terms, scratch, cols, tiles, .. } = self;
+            frame.tile((row, col), weights, terms, scratch, pixels)?;
+            carry.add(left, pixels, weights);
+            let last = col + 1 == tiles.1.end;
+            let right = if last { cols.end } else { (left + step).min(cols.end) };
+            let inside = left.max(cols.start)..right;
+            if !inside.is_empty() && !done.is_empty() {
+                let from = (done.start - top) * tile + inside.start - left;
+                let to = inside.start - cols.start;
+                let block = Block {
+                    rows: done.len(),
+                    cols: inside.len(),
+                    field: (&pixels[from..], tile),
+                    out: (&mut out[to..], width),
+                };
+                let mask = mask.map(|mask| &mask[to..]);
+                finished(Piece { block, mask, mean }, frame.finish);
+            }
+            carry.keep(left, pixels, last);
+        }
+        self.next = done.end;
+        self.tiles.0.start += 1;
+        Ok(())
+    }
+}
+
 /// Adds the mean times the weight, which comes once more: squares of weights sum to 1.
 #[inline(always)]
 fn lift_with<T: Normal, const LEVEL: u8>(pixels: &mut [T], (wy, wx): (&[T], &[T]), mean: T) {
@@ -276,31 +353,47 @@ dispatch! {
     fn lift<T: Normal>(pixels: &mut [T], weights: (&[T], &[T]), mean: T) = lift_with
 }
 
-/// Calls `of` with every pixel's depth.
+/// A rectangle of pixels to be finished.
+struct Piece<'p, T> {
+    block: Block<'p, 'p, T>,
+    /// Shares of the depth that are seen, with the result's stride.
+    mask: Option<&'p [T]>,
+    mean: T,
+}
+
+/// Makes each pixel what `of` says of its depth and of what the result holds.
 #[inline(always)]
-fn each<T: Normal>(block: Block<'_, '_, T>, mean: T, of: impl Fn(T) -> T) {
-    let (field, out) = (block.field.0.chunks(block.field.1), block.out.0.chunks_mut(block.out.1));
-    for (field, out) in field.zip(out).take(block.rows) {
-        for (out, &value) in out[..block.cols].iter_mut().zip(&field[..block.cols]) {
-            *out = of(most(value + mean, T::zero()));
+fn each<T: Normal>(piece: Piece<'_, T>, of: impl Fn(T, T) -> T) {
+    let Piece { block, mask, mean } = piece;
+    let (field, stride) = (block.field.0.chunks(block.field.1), block.out.1);
+    let lines = field.zip(block.out.0.chunks_mut(stride)).take(block.rows);
+    for (y, (field, out)) in lines.enumerate() {
+        let (field, out) = (&field[..block.cols], &mut out[..block.cols]);
+        if let Some(mask) = mask {
+            let mask = &mask[y * stride..][..block.cols];
+            for i in 0..out.len() {
+                out[i] = of(mask[i] * most(field[i] + mean, T::zero()), out[i]);
+            }
+        } else {
+            for i in 0..out.len() {
+                out[i] = of(most(field[i] + mean, T::zero()), out[i]);
+            }
         }
     }
 }
 
 #[inline(always)]
-fn finish_depth_with<T: Normal, const LEVEL: u8>(block: Block<'_, '_, T>, mean: T) {
-    each(block, mean, |depth| depth);
-}
-
-#[inline(always)]
-fn finish_opacity_with<T: Normal, const LEVEL: u8>(block: Block<'_, '_, T>, mean: T) {
+fn finish_with<T: Normal, const LEVEL: u8>(piece: Piece<'_, T>, finish: Finish) {
     let opaque = T::of(OPAQUE);
-    each(block, mean, |depth| T::one() - T::exp_at::<LEVEL>(-least(depth, opaque)));
+    let opacity = |depth: T| T::one() - T::exp_at::<LEVEL>(-least(depth, opaque));
+    match (finish.opacity, finish.add) {
+        (false, false) => each(piece, |depth, _| depth),
+        (false, true) => each(piece, |depth, before| before + depth),
+        (true, false) => each(piece, |depth, _| opacity(depth)),
+        (true, true) => each(piece, |depth, before| opacity(before + depth)),
+    }
 }
 
 dispatch! {
-    fn finish_depth<T: Normal>(block: Block<'_, '_, T>, mean: T) = finish_depth_with
-}
-dispatch! {
-    fn finish_opacity<T: Normal>(block: Block<'_, '_, T>, mean: T) = finish_opacity_with
+    fn finished<T: Normal>(piece: Piece<'_, T>, finish: Finish) = finish_with
 }

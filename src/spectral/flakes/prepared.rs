@@ -169,3 +169,36 @@ fn fold<T: Real, S: Real>(
         Err(Error::invalid("patterns", "must be finite, got NaN or infinity"))
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::spectral::flakes::twin;
+
+    #[test]
+    fn half_way_is_the_mean_of_both() {
+        let (first, second) = (twin::spectra(2, 9), twin::spectra(2, 9).mapv(|z| z * 3.0));
+        let ready = |spectra: &ndarray::Array3<Complex<f64>>, shear: f64| {
+            Prepared::<f64>::new(spectra.view(), shear).unwrap()
+        };
+        let mixed = ready(&first, 0.2).mixed(&ready(&second, 0.2), 0.25).unwrap();
+        let want = ready(&first.mapv(|z| z * 1.5), 0.2);
+        for (got, want) in mixed.values.iter().zip(want.values.iter()) {
+            assert!((got - want).abs() < 1e-15);
+        }
+        assert!((mixed.means()[1] - want.means()[1]).abs() < 1e-15);
+        assert!(ready(&first, 0.2).mixed(&ready(&second, 0.3), 0.5).is_err());
+    }
+
+    #[test]
+    fn what_is_not_finite_is_refused() {
+        for bad in [f64::NAN, f64::INFINITY] {
+            let mut spectra = twin::spectra(2, 8);
+            spectra[(1, 3, 2)].im = bad;
+            assert!(Prepared::<f64>::new(spectra.view(), 0.0).is_err());
+            assert!(Prepared::<f32>::new(spectra.view(), 0.0).is_err());
+        }
+        let odd = ndarray::Array3::<Complex<f64>>::zeros((1, 8, 4));
+        assert!(Prepared::<f64>::new(odd.view(), 0.0).is_err());
+    }
+}

@@ -43,6 +43,7 @@ impl<T: Real> Scratch<T> {
     /// For tiles of at most so many terms.
     pub fn new(patterns: &Prepared<T>, terms: usize, blurred: bool) -> Result<Self, Error> {
         let (stride, half) = (patterns.dense.stride(), patterns.half);
+        let terms = terms.max(1);
         let blur = if blurred { 2 * stride * half * terms } else { 0 };
         Ok(Self {
             across: Aligned::zeroed(2 * stride * terms)?,
@@ -259,4 +260,64 @@ dispatch! {
         scratch: &mut Scratch<T>,
         pixels: &mut [T],
     ) = render_with
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::spectral::flakes::twin;
+
+    fn terms(streak: f64) -> Vec<Term> {
+        let term = |pattern: usize| Term {
+            pattern,
+            gain: 0.5 + pattern as f64,
+            shift: [37.25 - 1e3 * pattern as f64, 12.9 * pattern as f64 - 3.3],
+            streak: [streak * (1.0 + pattern as f64), streak * 3.1],
+        };
+        vec![term(0), term(2), term(1)]
+    }
+
+    #[test]
+    fn a_tile_is_the_direct_sum() {
+        for tile in [1, 2, 3, 4, 7, 12, 16, 33, 64] {
+            let spectra = twin::spectra(3, tile);
+            for (shear, mirrored, streak) in
+                [(0.0, false, 0.0), (0.382, false, 0.7), (-0.6, true, 0.0), (0.3, true, -2.5)]
+            {
+                let ready = Prepared::<f64>::new(spectra.view(), shear).unwrap();
+                // Buffers that other tiles have used.
+                let mut scratch = Scratch::new(&ready, 3, true).unwrap();
+                let mut pixels = vec![f64::NAN; tile * tile];
+                render(&ready, &terms(9.0), !mirrored, &mut scratch, &mut pixels);
+                render(&ready, &terms(streak), mirrored, &mut scratch, &mut pixels);
+                let want = twin::tile(&spectra, &terms(streak), shear, mirrored);
+                let scale = want.iter().fold(1.0_f64, |m, x| m.max(x.abs()));
+                for (got, want) in pixels.iter().zip(&want) {
+                    assert!((got - want).abs() < 1e-11 * scale, "{tile} {shear} {got} {want}");
+                }
+                let ready = Prepared::<f32>::new(spectra.view(), shear).unwrap();
+                let mut scratch = Scratch::new(&ready, 3, true).unwrap();
+                let mut pixels = vec![f32::NAN; tile * tile];
+                render(&ready, &terms(streak), mirrored, &mut scratch, &mut pixels);
+                for (got, want) in pixels.iter().zip(&want) {
+                    assert!((f64::from(*got) - want).abs() < 3e-6 * scale, "{tile} {shear}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn sinc_is_right_for_any_argument() {
+        for u in [0.0, 1e-300, 1e-9, 0.25, 0.5, 1.0, 1.5, 2.0, 2.75, 17.3, 1e4 + 0.5, 1e8 + 0.25] {
+            let angle = std::f64::consts::PI * (u - 2.0 * (0.5 * u).round());
+            let want: f64 = if u < 1e-12 { 1.0 } else { angle.sin() / (std::f64::consts::PI * u) };
+            for u in [u, -u] {
+                let wide = sinc::<f64, { crate::simd::PORTABLE }>(u);
+                assert!((wide - want).abs() < 1e-15, "{u}: {wide} {want}");
+                let narrow = f64::from(sinc::<f32, { crate::simd::PORTABLE }>(u as f32));
+                assert!((narrow - want).abs() < 3e-7, "{u}: {narrow} {want}");
+            }
+        }
+        assert_eq!(sinc::<f32, { crate::simd::PORTABLE }>(0.0), 1.0);
+    }
 }
