@@ -5,12 +5,16 @@ import numpy.typing as npt
 
 from flurries.cone.rays import Pose
 from flurries.effects.flakes import Flurry
+from flurries.particles.crowd import Crowd
+from flurries.spectral.flakes import Request as FlakeRequest
 from flurries.spectral.frame import Request
 from flurries.spectral.volume import Film
 
 __all__ = [
     "FieldBands",
+    "FlakeBands",
     "InternalError",
+    "PreparedFlakes",
     "SortedFlakes",
     "SortedGas",
     "advance_phase",
@@ -29,9 +33,20 @@ __all__ = [
     "cone_stack",
     "cone_table",
     "cone_tile",
+    "crowd_exact",
+    "crowd_list",
+    "crowd_sort",
+    "crowd_sort_pair",
     "field",
     "field_bands",
     "field_take",
+    "flake_bands",
+    "flake_choices",
+    "flake_frame",
+    "flake_mix",
+    "flake_patterns",
+    "flake_prepare",
+    "flake_take",
     "gas_alpha",
     "gas_draw",
     "gas_light",
@@ -44,6 +59,7 @@ __all__ = [
     "particle_crossing",
     "particle_draw",
     "particle_edge_fade",
+    "particle_exact",
     "particle_ids",
     "particle_positions",
     "particle_sort",
@@ -109,6 +125,48 @@ def field_bands(
     request: Request, map: _Map | None = None, preserve_mean: bool = False
 ) -> FieldBands: ...
 def field_take(bands: FieldBands, out: _Array, first: int) -> int: ...
+
+@final
+class PreparedFlakes:
+    """Patterns of flakes as frames of one precision read them."""
+
+    @property
+    def means(self) -> list[float]: ...
+    @property
+    def tile(self) -> int: ...
+
+def flake_patterns(
+    out: _Array,
+    counts: _Float64,
+    diameters: _Float64,
+    law: tuple[float, float, float, int],
+) -> None: ...
+def flake_prepare(spectra: _Array, shear: float, double: bool) -> PreparedFlakes: ...
+def flake_mix(first: PreparedFlakes, second: PreparedFlakes, weight: float) -> PreparedFlakes: ...
+def flake_choices(
+    pattern: npt.NDArray[np.int32],
+    shift: _Float64,
+    mirror: npt.NDArray[np.bool_],
+    seed: int,
+    patterns: int,
+    tile: int,
+    generation: npt.NDArray[np.int64] | None = None,
+) -> None: ...
+def flake_frame(
+    out: _Array,
+    patterns: PreparedFlakes,
+    request: FlakeRequest,
+    opacity: bool,
+    add: bool = False,
+    mask: _Array | None = None,
+) -> None: ...
+
+@final
+class FlakeBands:
+    """The rows of a window of the texture of flakes, to be taken from the top down."""
+
+def flake_bands(patterns: PreparedFlakes, request: FlakeRequest, opacity: bool) -> FlakeBands: ...
+def flake_take(bands: FlakeBands, out: _Array, first: int) -> None: ...
 def snowfall(
     out: _Array,
     background: _Array,
@@ -156,6 +214,24 @@ def particle_sort_listed(
     shutter: float,
     lens: tuple[float, float, float, tuple[float, float, float], float],
 ) -> SortedFlakes: ...
+def crowd_sort(shape: tuple[int, int], request: Crowd) -> SortedFlakes: ...
+def crowd_sort_pair(
+    shape: tuple[int, int],
+    request: Crowd,
+    lens: tuple[float, float, float, tuple[float, float, float], float],
+) -> tuple[SortedFlakes, SortedFlakes]: ...
+def crowd_list(request: Crowd) -> _Float64: ...
+def crowd_exact(out: _Array, request: Crowd, depth: _Array | None = None) -> None: ...
+def particle_exact(
+    out: npt.NDArray[Any],
+    points: _Float64,
+    radius: _Float64,
+    opacity: _Float64,
+    velocity: _Float64,
+    shutter: float,
+    lens: tuple[float, float, float, tuple[float, float, float], float],
+    depth: npt.NDArray[Any] | None,
+) -> None: ...
 def particle_draw(
     out: _Array,
     flakes: SortedFlakes,

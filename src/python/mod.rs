@@ -9,6 +9,7 @@ mod air;
 mod cone;
 mod crossing;
 mod crowd;
+mod flakes;
 mod frame;
 mod gas;
 mod gate;
@@ -37,6 +38,11 @@ mod core {
     use super::crossing::particle_crossing;
     #[pymodule_export]
     use super::crowd::{crowd_exact, crowd_list, crowd_sort, crowd_sort_pair, particle_exact};
+    #[pymodule_export]
+    use super::flakes::{
+        FlakeBands, PreparedFlakes, flake_bands, flake_choices, flake_frame, flake_mix,
+        flake_patterns, flake_prepare, flake_take,
+    };
     #[pymodule_export]
     use super::frame::{join, over, snow};
     #[pymodule_export]

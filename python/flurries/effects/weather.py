@@ -7,10 +7,8 @@ wind from here, so that nothing changes where one takes over from the other.
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import NamedTuple
 
 import numpy as np
 
@@ -47,7 +45,8 @@ FAR_FADE = 0.07
 HEIGHTS = 65
 
 
-class Share(NamedTuple):
+@dataclass(frozen=True, eq=False)
+class Share:
     """A class of size, and how it is shared out.
 
     Attributes
@@ -72,7 +71,8 @@ class Share(NamedTuple):
         return self.reach * (1.0 + FADE)
 
 
-class Film(NamedTuple):
+@dataclass(frozen=True, eq=False)
+class Film:
     """The shares of all classes in one film.
 
     Attributes

@@ -130,7 +130,7 @@ def drawn_share(depth: Float64, reach: float, far: float) -> Float64:
     return np.asarray(1.0 - part * part * (3.0 - 2.0 * part))
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Slab:
     """A layer of the texture: flakes of one class between two depths.
 
@@ -146,6 +146,8 @@ class Slab:
         Quantiles of their images' diameters at even shares, px.
     coverage : float
         Mean of what they cover of a tile, px2.
+    nearer : (n,)
+        Which part of the coverage lies before depths at even steps from `near` to `far`.
     """
 
     near: float
@@ -154,6 +156,12 @@ class Slab:
     count: float
     diameters: Float64
     coverage: float
+    nearer: Float64
+
+    def before(self, depth: Float64) -> Float64:
+        """Return which part of the coverage lies before depths, 0 to 1."""
+        at = np.linspace(self.near, self.far, len(self.nearer))
+        return np.interp(depth, at, self.nearer)
 
 
 # Depths and sizes by which a slab's images are counted, and the quantiles that are kept of them.
@@ -195,6 +203,11 @@ def slabs_of(
         table = np.interp(np.linspace(0.0, 1.0, _QUANTILES), below, images[order])
         area = float(weight @ images**2) / float(weight.sum())
         seen = volume / depths**2
+        steps = np.linspace(near, end, _QUANTILES)
+        # A flake covers the less the farther it is, and there are as many more: all depths cover
+        # alike, but for what is drawn.
+        middles = 1.0 - drawn_share(0.5 * (steps[1:] + steps[:-1]), reach, far)
+        nearer = np.concatenate([[0.0], np.cumsum(middles)]) / max(float(middles.sum()), 1e-300)
         found.append(
             Slab(
                 near,
@@ -203,6 +216,7 @@ def slabs_of(
                 count,
                 table,
                 count * population.opacity * 0.25 * math.pi * area,
+                nearer,
             )
         )
     return found
