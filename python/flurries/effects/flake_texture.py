@@ -92,6 +92,8 @@ class FlakeTexture:
 
     def layers(self, film: Film) -> list[Layer]:
         """Return the layers of a film, near ones first."""
+        if self.weather.simulated:
+            return []
         found = [Layer(share, slab) for share in film.shares for slab in share.slabs]
         return sorted(found, key=lambda layer: layer.slab.depth)
 
@@ -100,7 +102,7 @@ class FlakeTexture:
         film = self.weather.film(frame)
         layers = self.layers(film)
         if not layers:
-            why = "so few flakes are drawn one by one"
+            why = "all flakes are drawn one by one"
             return Needs((), (LeftOut("texture", why),), most=0.0)
         still = frame.settled and self.weather.motion.still and not keyed(self.weather.emission)
         step = Step("texture", lambda: self._cost(frame, film, len(layers)), once=still)

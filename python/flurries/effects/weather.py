@@ -180,10 +180,8 @@ def _film(
     ]
     shares = []
     for (one, own), reach in zip(classes, reaches, strict=True):
-        slabs = () if weather.simulated else tuple(
-            slabs_of(population, one, focal, tile, reach=reach, far=weather.far)
-        )
-        shares.append(Share(one, own, reach, slabs))
+        slabs = slabs_of(population, one, focal, tile, reach=reach, far=weather.far)
+        shares.append(Share(one, own, reach, tuple(slabs)))
     in_tile = sum(slab.count for share in shares for slab in share.slabs)
     height, width = shape
     view = width * height / focal**2 * weather.far**3 / 3.0

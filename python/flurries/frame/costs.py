@@ -59,6 +59,9 @@ NANOSECONDS: dict[str, tuple[str, float]] = {
     "encoded value": ("array", 5.5),
     "looked up value": ("array", 2.13),
     # What Python takes for a frame, an effect and a call of a kernel.
+    # The texture of flakes: products of waves and phases, and pixels of tiles.
+    "flake term": ("kernel", 0.25),
+    "flake tile": ("kernel", 0.6),
     "frame": ("array", 6400),
     "layer": ("array", 26000),
 }

@@ -8,11 +8,11 @@
 //! and the difference of a pattern, the tile's are the turn of a times c E + s O and c O - s E.
 
 use super::prepared::{PARTS, Prepared};
-use crate::aligned::Aligned;
-use crate::error::Error;
-use crate::lanes::Lanes;
-use crate::real::Real;
-use crate::simd::{AVX2, AVX512, dispatch};
+use crate::base::aligned::Aligned;
+use crate::base::error::Error;
+use crate::base::lanes::Lanes;
+use crate::base::real::Real;
+use crate::base::simd::{AVX2, AVX512, dispatch};
 use crate::spectral::dense::{Turns, Work, passes_on};
 
 /// One pattern in a tile.
@@ -312,12 +312,12 @@ mod tests {
             let angle = std::f64::consts::PI * (u - 2.0 * (0.5 * u).round());
             let want: f64 = if u < 1e-12 { 1.0 } else { angle.sin() / (std::f64::consts::PI * u) };
             for u in [u, -u] {
-                let wide = sinc::<f64, { crate::simd::PORTABLE }>(u);
+                let wide = sinc::<f64, { crate::base::simd::PORTABLE }>(u);
                 assert!((wide - want).abs() < 1e-15, "{u}: {wide} {want}");
-                let narrow = f64::from(sinc::<f32, { crate::simd::PORTABLE }>(u as f32));
+                let narrow = f64::from(sinc::<f32, { crate::base::simd::PORTABLE }>(u as f32));
                 assert!((narrow - want).abs() < 3e-7, "{u}: {narrow} {want}");
             }
         }
-        assert_eq!(sinc::<f32, { crate::simd::PORTABLE }>(0.0), 1.0);
+        assert_eq!(sinc::<f32, { crate::base::simd::PORTABLE }>(0.0), 1.0);
     }
 }

@@ -1,0 +1,59 @@
+"""The veil of a population: an even haze, and the air beyond the last flakes that are shown."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from flurries._contract import Array
+from flurries.effects.weather import Weather
+from flurries.frame.needs import Cost, LeftOut, Needs, Step, skipped
+from flurries.frame.view import Frame
+from flurries.motion.keys import Number, value_at
+
+
+@dataclass(frozen=True, eq=False)
+class Haze:
+    """A veil whose optical depth grows with the way through it.
+
+    Attributes
+    ----------
+    weather : Weather
+        Beyond its last flakes the veil has the extinction of those that would be there.
+    haze : Number
+        Opacity of what is besides between the camera and the farthest flakes, 0 to 1.
+    """
+
+    weather: Weather
+    haze: Number
+
+    def needs(self, frame: Frame, amount: float) -> Needs:
+        """Return its step before a scene with a depth; without one it takes nothing."""
+        haze = amount * float(value_at(self.haze, frame.t))
+        deep = frame.deep or frame.depth is not None
+        if haze == 0.0 and not deep:
+            return Needs((), (LeftOut("veil", "its opacity is 0"),), most=0.0)
+        if not deep:
+            return Needs((), most=haze)
+        top, bottom, left, right = frame.window
+        pixels = (bottom - top) * (right - left)
+        step = Step("veil", lambda: Cost({"veil pixel": pixels}, "", 4 * pixels, 8 * pixels))
+        return Needs((step,), most=1.0 - 1e-6, savings=(skipped(step, 1.0 - 1e-6),))
+
+    def alpha(self, frame: Frame, amount: float) -> Array:
+        """Return the opacity before the scene's depth over the window, (h, w) float32."""
+        assert frame.depth is not None
+        return frame.here(self, "veil", lambda: self._before(frame, amount))
+
+    def _before(self, frame: Frame, amount: float) -> Array:
+        assert frame.depth is not None
+        depth, far = frame.crop(frame.depth), self.weather.far
+        # Where nothing stands the weather ends with its flakes.
+        reach = np.where(np.isfinite(depth), depth, np.float32(far))
+        haze = amount * float(value_at(self.haze, frame.t))
+        thickness = -np.log1p(-min(haze, 1.0 - 1e-9)) * np.minimum(reach / far, 1.0)
+        emission = float(value_at(self.weather.emission, frame.t))
+        beyond = amount * emission * self.weather.population.extinction
+        thickness = thickness + beyond * np.maximum(reach - far, 0.0)
+        return np.asarray(-np.expm1(-thickness), np.float32)

@@ -1,0 +1,255 @@
+"""Snow and rain made of flakes and drops: one population, drawn near and synthesized far."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import InitVar, dataclass
+from functools import cached_property, partial
+from typing import Any, ClassVar
+
+import numpy as np
+
+from flurries._contract import Float64, real, vector
+from flurries._contract import seed_of
+from flurries.effects.checks import length, one_of, optional, pair, part, settle, share, wind
+from flurries.effects.color import as_color
+from flurries.effects.crowd import DrawnFlakes
+from flurries.effects.falls import SNOW, rate_of, severity_of, snow_of_rate, snow_of_severity
+from flurries.effects.flake_texture import FlakeTexture
+from flurries.effects.haze import Haze
+from flurries.effects.knobs import knobs, preset
+from flurries.effects.motion import Motion
+from flurries.effects.precipitation import Precipitation
+from flurries.effects.weather import Weather
+from flurries.frame.layer import Layer
+from flurries.frame.needs import Needs
+from flurries.frame.view import Frame
+from flurries.motion.keys import Keys, Number, Vector, as_number
+from flurries.motion.wind import Wind
+from flurries.particles.population import Population
+from flurries.particles.precipitation import snow_speed
+from flurries.particles.sizes import Sizes
+
+
+def size_law(name: str, value: object) -> tuple[float, float, float]:
+    """Return (smallest, mean, largest) diameters in metres, or refuse them."""
+    low, mean, high = vector(name, value, 3).tolist()
+    try:
+        Sizes.with_mean(low, mean, high)
+    except ValueError:
+        raise ValueError(
+            f"{name} must be 0 < smallest < mean < largest in metres, or three times the same, "
+            f"got {(low, mean, high)}"
+        ) from None
+    return low, mean, high
+
+
+METHODS = ("hybrid", "simulated")
+LOOKS = ("v2",)
+
+# What the fields of a population may be.
+POPULATION: dict[str, Any] = {
+    "density": partial(real, low=0.0, high=1e6),
+    "opacity": part,
+    "amount": share,
+    "emission": share,
+    "fall": optional(as_number),
+    "wind": wind,
+    "color": lambda _, value: as_color(value),
+    "haze": share,
+    "shutter": partial(as_number, low=0.0),
+    "sway": pair,
+    "near": length,
+    "far": length,
+    "cloud": length,
+    "method": one_of(METHODS),
+    "depth_mode": one_of(("pixel", "tile")),
+    "look": one_of(LOOKS),
+    "seed": optional(lambda _, value: seed_of(value)),
+}
+
+
+def parts_of(
+    name: str,
+    *,
+    sizes: Sizes,
+    density: float,
+    opacity: float,
+    speed: Callable[[Float64], Float64],
+    fall: Number | None,
+    wind: Vector | Wind,
+    shutter: Number,
+    sway: tuple[float, float],
+    amount: Number,
+    emission: Number,
+    cloud: float,
+    near: float,
+    far: float,
+    haze: Number,
+    color: Any,
+    method: str,
+    depth_mode: str,
+) -> Precipitation:
+    """Return what an effect of a population is made of."""
+    mean = float(speed(np.array([sizes.mean]))[0])
+    motion = Motion(mean if fall is None else fall, wind, shutter)
+    weather = Weather(
+        population=Population(density, sizes, opacity, speed),
+        motion=motion,
+        emission=emission,
+        cloud=cloud,
+        sway=sway,
+        near=near,
+        far=far,
+        simulated=method == "simulated",
+    )
+    texture = FlakeTexture(weather, depth_mode, isinstance(amount, Keys))
+    return Precipitation(
+        name=name,
+        amount=amount,
+        color=color,
+        motion=motion,
+        texture=texture,
+        flakes=DrawnFlakes(weather),
+        veil=Haze(weather, haze),
+    )
+
+
+
+
+@knobs(
+    severity=lambda value, _: snow_of_severity(severity_of(value)),
+    rate_mm_h=lambda value, given: snow_of_rate(rate_of(value, "snow"), given),
+)
+@dataclass(frozen=True, kw_only=True)
+class Snow:
+    """Falling snow, made of flakes.
+
+    One population fills the air: near flakes are drawn, far ones are a texture with the phases of
+    flakes, and both have the same number, sizes, opacity and motion. Numbers marked "keyed" may
+    vary over time: give :class:`flurries.Keys`. Lengths are metres.
+
+    Parameters
+    ----------
+    density : float
+        Flakes per cubic metre.
+    flake_size : (smallest, mean, largest)
+        Diameters in metres, exponentially distributed: many small ones, few large ones.
+    opacity : float
+        Of a flake's middle, 0 to 1.
+    amount : float
+        Share of the flakes that are there, 0 to 1: less of it makes them fewer, not fainter. Keyed.
+    emission : float
+        Share of the flakes that begin to fall, 0 to 1. Keyed to 0 it makes snow stop falling: what
+        is in the air falls on. Keyed.
+    fall : float, optional
+        Fall speed of a flake of the mean size in still air, metres per second; larger ones fall
+        faster. If not given, that of aggregates of the size. Keyed.
+    wind : (x, y, z) or Wind
+        Air velocity, metres per second, x right, y down, z away from the camera. Keyed; or
+        :class:`flurries.Wind`, with gusts and swirls.
+    color : float, (r, g, b) or "ambient"
+        Display values, 0 to 1. Keyed. "ambient": as bright as white is in the light of the
+        background.
+    haze : float
+        Opacity of an even veil besides the flakes, 0 to 1. Keyed.
+    shutter : float
+        Exposure in frames, 0 to 1 for a usual camera, centred on the frame. Keyed.
+    sway : (amplitude, rate)
+        Metres, and radians per second: each near flake swings on its own.
+    near, far : float
+        Depths in metres between which flakes are shown. Before a scene that stands farther away a
+        veil has the extinction of the flakes beyond `far`.
+    cloud : float
+        Height above the camera in metres at which flakes begin to fall, for `emission`.
+    method : {"hybrid", "simulated"}
+        "simulated" draws every flake one by one, which takes its time.
+    depth_mode : {"pixel", "tile"}
+        How exactly the texture follows the scene's depth; by tiles it is faster, and leaks over the
+        border of near things by up to a tile.
+    look : {"v2"}
+        Version of the looks: what presets and knobs mean.
+    seed : int, optional
+        Of this effect; the scene's if not given.
+    severity : int, optional
+        One knob, 1 to 5. No field: what it makes is written out.
+    rate_mm_h : float, optional
+        One knob: the liquid-equivalent rate of snowfall in mm/h. Sets `density` and `flake_size`,
+        so that the flakes carry just this rate.
+
+    Raises
+    ------
+    ValueError, TypeError
+        For an argument outside its range; the message names it.
+
+    Examples
+    --------
+    >>> import flurries as fl
+    >>> snow = fl.Snow.preset("heavy", wind=(1.0, 0.0, 0.0))
+    >>> snow.density > fl.Snow.preset("light").density
+    True
+    """
+
+    density: float = 30.0
+    flake_size: tuple[float, float, float] = (0.003, 0.007, 0.022)
+    opacity: float = 0.9
+    amount: Number = 1.0
+    emission: Number = 1.0
+    fall: Number | None = None
+    wind: Vector | Wind = (0.3, 0.0, 0.0)
+    color: Any = 0.98
+    haze: Number = 0.0
+    shutter: Number = 0.5
+    sway: tuple[float, float] = (0.02, 4.0)
+    near: float = 0.4
+    far: float = 60.0
+    cloud: float = 10.0
+    method: str = "hybrid"
+    depth_mode: str = "pixel"
+    look: str = "v2"
+    seed: int | None = None
+    severity: InitVar[int | None] = None
+    rate_mm_h: InitVar[float | None] = None
+
+    NAME: ClassVar[str] = "snow"
+    PRESETS: ClassVar[dict[str, dict[str, Any]]] = SNOW
+
+    def __post_init__(self, *_: Any) -> None:
+        settle(self, {**POPULATION, "flake_size": size_law})
+
+    @classmethod
+    def preset(cls, name: str, **changes: Any) -> Snow:
+        """Return a look by name; further arguments replace single values of it."""
+        return preset(cls, cls.PRESETS, name, changes)
+
+    @cached_property
+    def parts(self) -> Precipitation:
+        """What it is made of."""
+        return parts_of(
+            self.NAME,
+            sizes=Sizes.with_mean(*self.flake_size),
+            density=self.density,
+            opacity=self.opacity,
+            speed=snow_speed,
+            fall=self.fall,
+            wind=self.wind,
+            shutter=self.shutter,
+            sway=self.sway,
+            amount=self.amount,
+            emission=self.emission,
+            cloud=self.cloud,
+            near=self.near,
+            far=self.far,
+            haze=self.haze,
+            color=self.color,
+            method=self.method,
+            depth_mode=self.depth_mode,
+        )
+
+    def needs(self, frame: Frame) -> Needs:
+        """Return what a frame takes: its steps, and what is left out."""
+        return self.parts.needs(frame)
+
+    def render(self, frame: Frame) -> Layer:
+        """Return the layer of a frame."""
+        return self.parts.render(frame)
