@@ -34,6 +34,12 @@ SNOW: dict[str, dict[str, Any]] = {
     },
 }
 
+RAIN: dict[str, dict[str, Any]] = {
+    "drizzle": {"density": 500.0, "drop_size": (0.0004, 0.0006, 0.003), "wind": (0.3, 0.0, 0.0)},
+    "rain": {},
+    "downpour": {"density": 1500.0, "drop_size": (0.0005, 0.0012, 0.006)},
+}
+
 SNOW_SEVERITY = (0.5, 1.2, 2.5, 5.0, 10.0)
 
 
@@ -68,3 +74,11 @@ def rain_of_rate(rate: float) -> dict[str, Any]:
         "density": rate / carried(1.0, sizes, drop_mass, drop_speed),
         "drop_size": (sizes.smallest, sizes.mean, sizes.largest),
     }
+
+
+RAIN_SEVERITY = (2.0, 6.0, 15.0, 30.0, 60.0)
+
+
+def rain_of_severity(severity: int) -> dict[str, Any]:
+    """Return the fields of rain of a severity, 1 to 5."""
+    return rain_of_rate(RAIN_SEVERITY[severity - 1])

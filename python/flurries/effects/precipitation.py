@@ -48,6 +48,8 @@ class Precipitation:
         0 to 1; scales all parts.
     color : color
         Of them all, display values.
+    gain : Number
+        Of the color's light.
     motion : Motion
         What moves them.
     texture : Backdrop, optional
@@ -65,6 +67,7 @@ class Precipitation:
     texture: Backdrop | None = None
     flakes: Flakes | None = None
     veil: Veil
+    gain: Number = 1.0
 
     def needs(self, frame: Frame) -> Needs:
         """Return what a frame takes: the parts' steps, and "join", which makes them one plane."""

@@ -87,6 +87,7 @@ def parts_of(
     far: float,
     haze: Number,
     color: Any,
+    gain: Number = 1.0,
     method: str,
     depth_mode: str,
 ) -> Precipitation:
@@ -108,6 +109,7 @@ def parts_of(
         name=name,
         amount=amount,
         color=color,
+        gain=gain,
         motion=motion,
         texture=texture,
         flakes=DrawnFlakes(weather),

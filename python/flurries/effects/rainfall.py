@@ -1,0 +1,150 @@
+"""Rain made of drops: one population, near drops drawn as streaks, far ones synthesized."""
+
+from __future__ import annotations
+
+from dataclasses import InitVar, dataclass
+from functools import cached_property, partial
+from typing import Any, ClassVar
+
+from flurries.effects.checks import settle
+from flurries.effects.falls import RAIN, rain_of_rate, rain_of_severity, rate_of, severity_of
+from flurries.effects.knobs import knobs, preset
+from flurries.effects.precipitation import Precipitation
+from flurries.effects.snowfall import POPULATION, parts_of, size_law
+from flurries.frame.layer import Layer
+from flurries.frame.needs import Needs
+from flurries.frame.view import Frame
+from flurries.motion.keys import Number, Vector, as_number
+from flurries.motion.wind import Wind
+from flurries.particles.precipitation import drop_speed
+from flurries.particles.sizes import Sizes
+
+
+@knobs(
+    severity=lambda value, _: rain_of_severity(severity_of(value)),
+    rate_mm_h=lambda value, _: rain_of_rate(rate_of(value, "rain")),
+)
+@dataclass(frozen=True, kw_only=True)
+class Rain:
+    """Rain, made of drops.
+
+    One population fills the air: near drops are drawn as streaks, far ones are a texture of drops.
+    Numbers marked "keyed" may vary over time: give :class:`flurries.Keys`. Lengths are metres.
+
+    Parameters
+    ----------
+    density : float
+        Drops per cubic metre.
+    drop_size : (smallest, mean, largest)
+        Diameters in metres, exponentially distributed.
+    opacity : float
+        Of a resting drop's middle, 0 to 1.
+    gain : float
+        How much more light a drop sends than `color`: it gathers that of the whole sky ahead, which
+        is brighter than most of what is behind it. Keyed.
+    amount : float
+        Share of the drops that are there, 0 to 1. Keyed.
+    emission : float
+        Share of the drops that begin to fall, 0 to 1. Keyed.
+    fall : float, optional
+        Fall speed of a drop of the mean size, metres per second; the others follow. If not given,
+        that of drops of the size. Keyed.
+    wind : (x, y, z) or Wind
+        Air velocity, metres per second, x right, y down, z away from the camera. Keyed.
+    color : float, (r, g, b) or "ambient"
+        Display values, 0 to 1. Keyed.
+    haze : float
+        Opacity of an even veil besides the drops, 0 to 1. Keyed.
+    shutter : float
+        Exposure in frames, centred on the frame: how long the streaks are. Keyed.
+    near, far : float
+        Depths in metres between which drops are shown.
+    cloud : float
+        Height above the camera in metres at which drops begin to fall, for `emission`.
+    method, depth_mode, look, seed
+        As in :class:`Snow`.
+    severity : int, optional
+        One knob, 1 to 5. No field: what it makes is written out.
+    rate_mm_h : float, optional
+        One knob: the rate in mm/h. Sets `density` and `drop_size`, so that the drops carry just
+        this rate.
+
+    Raises
+    ------
+    ValueError, TypeError
+        For an argument outside its range; the message names it.
+
+    Examples
+    --------
+    >>> import flurries as fl
+    >>> fl.Rain(rate_mm_h=10.0).density > fl.Rain(rate_mm_h=1.0).density
+    True
+    """
+
+    density: float = 700.0
+    drop_size: tuple[float, float, float] = (0.0005, 0.0009, 0.006)
+    opacity: float = 0.9
+    gain: Number = 6.0
+    amount: Number = 1.0
+    emission: Number = 1.0
+    fall: Number | None = None
+    wind: Vector | Wind = (0.6, 0.0, 0.0)
+    color: Any = 0.9
+    haze: Number = 0.0
+    shutter: Number = 0.5
+    near: float = 0.4
+    far: float = 40.0
+    cloud: float = 10.0
+    method: str = "hybrid"
+    depth_mode: str = "pixel"
+    look: str = "v2"
+    seed: int | None = None
+    severity: InitVar[int | None] = None
+    rate_mm_h: InitVar[float | None] = None
+
+    NAME: ClassVar[str] = "rain"
+    PRESETS: ClassVar[dict[str, dict[str, Any]]] = RAIN
+
+    def __post_init__(self, *_: Any) -> None:
+        checks = {name: check for name, check in POPULATION.items() if name != "sway"}
+        settle(
+            self, {**checks, "drop_size": size_law, "gain": partial(as_number, low=0.0, high=100.0)}
+        )
+
+    @classmethod
+    def preset(cls, name: str, **changes: Any) -> Rain:
+        """Return a look by name; further arguments replace single values of it."""
+        return preset(cls, cls.PRESETS, name, changes)
+
+    @cached_property
+    def parts(self) -> Precipitation:
+        """What it is made of."""
+        return parts_of(
+            self.NAME,
+            sizes=Sizes.with_mean(*self.drop_size),
+            density=self.density,
+            opacity=self.opacity,
+            speed=drop_speed,
+            fall=self.fall,
+            wind=self.wind,
+            shutter=self.shutter,
+            sway=(0.0, 0.0),
+            amount=self.amount,
+            emission=self.emission,
+            cloud=self.cloud,
+            near=self.near,
+            far=self.far,
+            haze=self.haze,
+            color=self.color,
+            gain=self.gain,
+            method=self.method,
+            depth_mode=self.depth_mode,
+        )
+
+    def needs(self, frame: Frame) -> Needs:
+        """Return what a frame takes: its steps, and what is left out."""
+        return self.parts.needs(frame)
+
+    def render(self, frame: Frame) -> Layer:
+        """Return the layer of a frame."""
+        return self.parts.render(frame)
