@@ -10,7 +10,7 @@ import numpy as np
 from flurries import gas as splatting
 from flurries._contract import Array
 from flurries.accuracy.ways import Way, largest
-from flurries.camera import Camera
+from flurries.camera.lens import Camera
 from flurries.stereo import eyes
 
 SHAPE = (240, 320)

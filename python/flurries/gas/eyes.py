@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from flurries import _core
 from flurries._contract import LARGEST, SMALLEST, Array, float_dtype, output, real, shape_of
-from flurries.camera import Camera
+from flurries.camera.lens import Camera
 from flurries.gas.splatting import gas_of, ground_of, lens_of, manner_of
 
 __all__ = ["Pair", "alpha_pair"]
