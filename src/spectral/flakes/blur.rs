@@ -111,7 +111,7 @@ fn both<T: Real, const LEVEL: u8>((u, sin_u): (T, T), (v, sin_v): (T, T)) -> (T,
     )
 }
 
-/// sinc of a number up to NEAR: five terms are right to 4e-17 there, three to 1e-8.
+/// sinc of a number up to NEAR: five terms are right to 2e-15 there, three to 1e-8.
 #[inline(always)]
 fn series<T: Real, const LEVEL: u8>(u: T) -> T {
     let x = T::of(-std::f64::consts::PI * std::f64::consts::PI) * u * u;
@@ -165,7 +165,8 @@ mod tests {
             [500.3, -498.7],
         ] {
             let (wide, narrow) = (worst::<f64>(steps), worst::<f32>(steps));
-            assert!(wide < 3e-14 && narrow < 2e-6, "{steps:?}: {wide:e} {narrow:e}");
+            // Two sines that are right to 4e-7, over pi NEAR.
+            assert!(wide < 3e-14 && narrow < 4.1e-6, "{steps:?}: {wide:e} {narrow:e}");
         }
         // Beyond all reason nothing is left but the mean, and nothing is NaN.
         for far in [1e9, 1e100] {
