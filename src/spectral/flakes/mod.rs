@@ -8,6 +8,7 @@
 //! Its waves are k = (a, b - shear a) / M cycles per pixel, shear = h / M, y down.
 
 pub mod bands;
+pub mod blur;
 pub mod choice;
 pub mod frame;
 pub mod pattern;

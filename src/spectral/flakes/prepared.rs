@@ -4,17 +4,24 @@
 //! S(b) and S(-b) of a column make S(b) + S(-b) and i (S(b) - S(-b)), both conjugate. Waves of mean 0
 //! stand there; the mean is kept apart, since it is not blended.
 
-use std::f64::consts::TAU;
 use std::sync::Arc;
 
-use ndarray::{ArrayView2, ArrayView3, Axis};
+use ndarray::{ArrayView3, Axis};
 use num_complex::Complex;
 
+<<<<<<< HEAD
 use crate::base::aligned::Aligned;
 use crate::base::error::{Error, zeroed};
 use crate::base::pool;
 use crate::base::real::Real;
 use crate::base::simd::dispatch;
+=======
+use crate::base::aligned::Aligned;
+use crate::base::error::{Error, collected, zeroed};
+use crate::base::pool;
+use crate::base::real::Real;
+use crate::base::simd::dispatch;
+>>>>>>> flakes-kernels
 use crate::spectral::dense::Dense;
 
 /// Numbers of a wave: two complex sums.
@@ -52,21 +59,27 @@ impl<T: Real> Prepared<T> {
         let dense = Arc::new(Dense::square(tile, half)?);
         let stride = dense.stride();
         let mut turns = Aligned::zeroed(2 * tile * stride)?;
-        for (y, row) in turns.chunks_exact_mut(2 * stride).enumerate() {
-            let (cosines, sines) = row.split_at_mut(stride);
-            for (a, (cos, sin)) in cosines.iter_mut().zip(sines).enumerate() {
-                let cycles = shear * (a * y) as f64 / tile as f64;
-                let found = libm::sincos(TAU * (cycles - cycles.round()));
-                (*sin, *cos) = (T::of(found.0), T::of(found.1));
-            }
-        }
+        shear_turns(&mut turns, shear, tile);
         let size = PARTS * stride * half;
         let mut values = Aligned::zeroed(number * size)?;
         let mut means = zeroed(number)?;
         let tasks = values.chunks_exact_mut(size).zip(spectra.axis_iter(Axis(0))).zip(&mut means);
         pool::for_each(tasks, |((values, spectrum), mean)| {
-            *mean = spectrum[(0, 0)].re.wide();
-            fold(values, spectrum, half, stride)
+            let spectrum = spectrum.to_slice();
+            let spectrum = spectrum.ok_or_else(|| Error::Internal("patterns have gaps".into()))?;
+            *mean = spectrum[0].re.wide();
+            let numbers = parts(spectrum);
+            let trace = match T::own(numbers) {
+                Some(numbers) => fold(values, numbers, (tile, half, stride)),
+                None => {
+                    let other = collected(numbers.iter().map(|value| T::of(value.wide())))?;
+                    fold(values, &other, (tile, half, stride))
+                }
+            };
+            if trace == T::zero() {
+                return Ok(());
+            }
+            Err(Error::invalid("patterns", "must be finite, got NaN or infinity"))
         })?;
         Ok(Self { tile, shear, half, dense, turns: Arc::new(turns), values, means })
     }
@@ -127,47 +140,86 @@ dispatch! {
     fn mix<T: Real>(out: &mut [T], first: &[T], second: &[T], weight: T) = mix_with
 }
 
-/// Folds one spectrum into `values`.
-fn fold<T: Real, S: Real>(
-    values: &mut [T],
-    spectrum: ArrayView2<'_, Complex<S>>,
-    half: usize,
-    stride: usize,
-) -> Result<(), Error> {
-    let tile = spectrum.nrows();
-    let row = |b: usize| {
-        let line = spectrum.row(b).to_slice();
-        line.ok_or_else(|| Error::Internal("patterns are not contiguous".into()))
-    };
-    // Infinity and NaN times 0 are no 0.
-    let mut trace = T::zero();
-    let own = |z: Complex<S>| Complex::new(T::of(z.re.wide()), T::of(z.im.wide()));
-    for (b, values) in values.chunks_exact_mut(PARTS * stride).enumerate() {
-        let (up, down) = (&row(b)?[..half], &row((tile - b) % tile)?[..half]);
-        let (sum_re, rest) = values.split_at_mut(stride);
-        let (sum_im, rest) = rest.split_at_mut(stride);
-        let (difference_re, difference_im) = rest.split_at_mut(stride);
-        for a in 0..half {
-            let (up, down) = (own(up[a]), own(down[a]));
-            trace += (up.re + up.im + down.re + down.im) * T::zero();
-            // b = 0 is its own opposite.
-            let down = if b == 0 { Complex::new(T::zero(), T::zero()) } else { down };
-            let (sum, difference) = (up + down, up - down);
-            sum_re[a] = sum.re;
-            sum_im[a] = -sum.im;
-            difference_re[a] = -difference.im;
-            difference_im[a] = -difference.re;
+/// Real and imaginary parts in turn.
+const fn parts<S>(spectrum: &[Complex<S>]) -> &[S] {
+    // SAFETY: `Complex` is two numbers, one behind the other, with the alignment of one.
+    unsafe { std::slice::from_raw_parts(spectrum.as_ptr().cast(), 2 * spectrum.len()) }
+}
+
+/// For each row y of pixels cosines and sines of 2 pi shear a y / M.
+#[inline(always)]
+fn shear_turns_with<T: Real, const LEVEL: u8>(turns: &mut [T], shear: f64, tile: usize) {
+    let stride = turns.len() / (2 * tile);
+    for (y, row) in turns.chunks_exact_mut(2 * stride).enumerate() {
+        let (cosines, sines) = row.split_at_mut(stride);
+        let cycles = shear * y as f64 / tile as f64;
+        let cycles = cycles - cycles.round_ties_even();
+        for (a, (cos, sin)) in cosines.iter_mut().zip(sines).enumerate() {
+            let phase = a as f64 * cycles;
+            let turn = f64::turn::<LEVEL>(phase - phase.round_ties_even());
+            (*cos, *sin) = (T::of(turn.re), T::of(turn.im));
         }
     }
-    // The mean, and what the sines of 0 are multiplied by.
-    values[0] = T::zero();
-    values[stride] = T::zero();
-    values[2 * stride..4 * stride].fill(T::zero());
-    if trace == T::zero() {
-        Ok(())
-    } else {
-        Err(Error::invalid("patterns", "must be finite, got NaN or infinity"))
+}
+
+dispatch! {
+    fn shear_turns<T: Real>(turns: &mut [T], shear: f64, tile: usize) = shear_turns_with
+}
+
+/// Folds one spectrum, real and imaginary parts in turn, into `values`. The result is 0 if all numbers
+/// are finite: infinity and NaN times 0 are not.
+#[inline(always)]
+fn fold_with<T: Real, const LEVEL: u8>(
+    values: &mut [T],
+    spectrum: &[T],
+    (tile, half, stride): (usize, usize, usize),
+) -> T {
+    let columns = 2 * (tile / 2 + 1);
+    let row = |b: usize| &spectrum[b * columns..][..2 * half];
+    // One for each lane: a single sum would be a chain.
+    let mut traces = [T::zero(); 16];
+    for (b, values) in values.chunks_exact_mut(PARTS * stride).enumerate() {
+        let (up, down) = (row(b), row((tile - b) % tile));
+        let (sums, differences) = values.split_at_mut(2 * stride);
+        let (sum_re, sum_im) = sums.split_at_mut(stride);
+        let (difference_re, difference_im) = differences.split_at_mut(stride);
+        let (sum_re, sum_im) = (&mut sum_re[..half], &mut sum_im[..half]);
+        let (difference_re, difference_im) =
+            (&mut difference_re[..half], &mut difference_im[..half]);
+        for a in 0..half {
+            let (re, im) = ((up[2 * a], down[2 * a]), (up[2 * a + 1], down[2 * a + 1]));
+            sum_re[a] = re.0 + re.1;
+            sum_im[a] = -(im.0 + im.1);
+            difference_re[a] = im.1 - im.0;
+            difference_im[a] = re.1 - re.0;
+        }
+        for row in [&*sum_re, &*sum_im] {
+            for part in row.chunks(16) {
+                for (trace, value) in traces.iter_mut().zip(part) {
+                    *trace += *value * T::zero();
+                }
+            }
+        }
     }
+    // b = 0 is its own opposite, and its sines are 0.
+    let (first, rest) = values[..PARTS * stride].split_at_mut(2 * stride);
+    for (a, wave) in row(0).chunks_exact(2).enumerate() {
+        first[a] = wave[0];
+        first[stride + a] = -wave[1];
+    }
+    rest.fill(T::zero());
+    // The mean.
+    first[0] = T::zero();
+    first[stride] = T::zero();
+    traces.iter().fold(T::zero(), |sum, &trace| sum + trace)
+}
+
+dispatch! {
+    fn fold<T: Real>(
+        values: &mut [T],
+        spectrum: &[T],
+        sizes: (usize, usize, usize),
+    ) -> T = fold_with
 }
 
 #[cfg(test)]

@@ -7,6 +7,7 @@
 //! All is conjugate and folded, as [`Prepared`] has it: with c + i s the turn of b, and E and O the sum
 //! and the difference of a pattern, the tile's are the turn of a times c E + s O and c O - s E.
 
+use super::blur::Blur;
 use super::prepared::{PARTS, Prepared};
 use crate::base::aligned::Aligned;
 use crate::base::error::Error;
@@ -34,8 +35,7 @@ pub struct Scratch<T> {
     across: Aligned<T>,
     /// Of each term: the cosine and sine of b.
     down: Aligned<T>,
-    /// Of each term for each b: what blur leaves of the sum, and what it mixes.
-    blur: Aligned<T>,
+    blur: Blur<T>,
     work: Work<T>,
 }
 
@@ -43,12 +43,10 @@ impl<T: Real> Scratch<T> {
     /// For tiles of at most so many terms.
     pub fn new(patterns: &Prepared<T>, terms: usize, blurred: bool) -> Result<Self, Error> {
         let (stride, half) = (patterns.dense.stride(), patterns.half);
-        let terms = terms.max(1);
-        let blur = if blurred { 2 * stride * half * terms } else { 0 };
         Ok(Self {
             across: Aligned::zeroed(2 * stride * terms)?,
             down: Aligned::zeroed(2 * half * terms)?,
-            blur: Aligned::zeroed(blur)?,
+            blur: Blur::new(stride, half, if blurred { terms } else { 0 })?,
             work: patterns.dense.work()?,
         })
     }
@@ -62,50 +60,12 @@ fn reduced(cycles: f64) -> f64 {
 
 /// Writes exp(2 pi i k cycles) * gain for k = 0, 1, ..
 #[inline(always)]
-fn turns<T: Real, const LEVEL: u8>(cos: &mut [T], sin: &mut [T], cycles: f64, gain: T) {
+pub(super) fn turns<T: Real, const LEVEL: u8>(cos: &mut [T], sin: &mut [T], cycles: f64, gain: T) {
     let cycles = reduced(cycles);
     for (k, (cos, sin)) in cos.iter_mut().zip(sin).enumerate() {
         let turn = T::turn::<LEVEL>(T::of(reduced(k as f64 * cycles)));
         *cos = gain * turn.re;
         *sin = gain * turn.im;
-    }
-}
-
-/// sin(pi u) / (pi u).
-#[inline(always)]
-fn sinc<T: Real, const LEVEL: u8>(u: T) -> T {
-    // Below the first the quotient is 1 to all digits; beyond the second `half_even` fails, and the
-    // quotient is 0 to them.
-    let u = u.abs().max(T::of(1e-12)).min(T::of(0.25) / T::epsilon());
-    let whole = half_even(u);
-    // sin(pi u) = (-1)^whole sin(pi (u - whole)).
-    let odd = whole - (T::of(2.0)) * half_even(T::of(0.5) * whole);
-    let sign = T::one() - (odd + odd) * odd;
-    let sin = T::turn::<LEVEL>(T::of(0.5) * (u - whole)).im;
-    sign * sin / (T::of(std::f64::consts::PI) * u)
-}
-
-/// The nearest whole number of one up to 2^22.
-#[inline(always)]
-fn half_even<T: Real>(u: T) -> T {
-    // 1.5 times 2 to the power of the digits: what is added to it is rounded.
-    let large = T::of(1.5) / T::epsilon();
-    (u + large) - large
-}
-
-/// What blur leaves of the waves: half the sum and half the difference of those of b and -b.
-#[inline(always)]
-fn blurs<T: Real, const LEVEL: u8>(blur: &mut [T], stride: usize, along: [f64; 2]) {
-    for (b, row) in blur.chunks_exact_mut(2 * stride).enumerate() {
-        let (sums, differences) = row.split_at_mut(stride);
-        let down = b as f64 * along[1];
-        for a in 0..stride {
-            let across = a as f64 * along[0];
-            let up = sinc::<T, LEVEL>(T::of(across + down));
-            let back = sinc::<T, LEVEL>(T::of(across - down));
-            sums[a] = T::of(0.5) * (up + back);
-            differences[a] = T::of(0.5) * (up - back);
-        }
     }
 }
 
@@ -124,7 +84,7 @@ fn render_with<T: Real, const LEVEL: u8>(
     let slant = |[x, y]: [f64; 2]| [(x - patterns.shear * flip * y) / tile, flip * y / tile];
     // The transform samples half a pixel off.
     let half_pixel = 0.5 / tile;
-    let mut blurred = false;
+    let blurred = terms.iter().any(|term| term.streak != [0.0; 2]);
     for (i, term) in terms.iter().enumerate() {
         let [u, v] = slant(term.shift);
         let gain = T::of(term.gain / (tile * tile));
@@ -132,18 +92,14 @@ fn render_with<T: Real, const LEVEL: u8>(
         turns::<T, LEVEL>(cos, sin, u + half_pixel, gain);
         let (cos, sin) = scratch.down[2 * half * i..][..2 * half].split_at_mut(half);
         turns::<T, LEVEL>(cos, sin, -(v + half_pixel), T::one());
-        blurred |= term.streak != [0.0; 2];
-    }
-    if blurred {
-        for (i, term) in terms.iter().enumerate() {
-            let blur = &mut scratch.blur[2 * stride * half * i..][..2 * stride * half];
-            blurs::<T, LEVEL>(blur, stride, slant(term.streak));
+        if blurred {
+            scratch.blur.begin::<LEVEL>(i, slant(term.streak), (stride, half));
         }
     }
     match LEVEL {
-        AVX512 => sum::<T, T::Avx512>(patterns, terms, blurred, mirrored, scratch),
-        AVX2 => sum::<T, T::Avx2>(patterns, terms, blurred, mirrored, scratch),
-        _ => sum::<T, T::Portable>(patterns, terms, blurred, mirrored, scratch),
+        AVX512 => sum::<T, T::Avx512, LEVEL>(patterns, terms, blurred, mirrored, scratch),
+        AVX2 => sum::<T, T::Avx2, LEVEL>(patterns, terms, blurred, mirrored, scratch),
+        _ => sum::<T, T::Portable, LEVEL>(patterns, terms, blurred, mirrored, scratch),
     }
     let turns = Turns { values: &patterns.turns, upward: mirrored };
     let turns = (patterns.shear != 0.0).then_some(turns);
@@ -159,7 +115,7 @@ struct Pair<V> {
 
 /// The folded spectrum of a tile.
 #[inline(always)]
-fn sum<T: Real, V: Lanes<T>>(
+fn sum<T: Real, V: Lanes<T>, const LEVEL: u8>(
     patterns: &Prepared<T>,
     terms: &[Term],
     blurred: bool,
@@ -171,10 +127,13 @@ fn sum<T: Real, V: Lanes<T>>(
     // What the reads and writes below rely on.
     assert!(stride.is_multiple_of(V::N) && terms.iter().all(|term| term.pattern < patterns.len()));
     assert!(across.len() >= 2 * stride * terms.len() && down.len() >= 2 * half * terms.len());
-    assert!(!blurred || blur.len() >= 2 * stride * half * terms.len());
+    assert!(!blurred || blur.rows.len() >= 2 * stride * terms.len());
     assert!(work.cos.len() >= 2 * stride * half && work.sin.len() >= 2 * stride * half);
     let sign = T::of(if mirrored { -1.0 } else { 1.0 });
     for b in 0..half {
+        if blurred {
+            blur.row::<LEVEL>(b, terms.len(), (stride, half));
+        }
         for at in (0..stride).step_by(V::N) {
             // SAFETY: b is below `half`, `at` + N at most `stride`, and the lengths are those above.
             unsafe {
@@ -195,7 +154,7 @@ fn sum<T: Real, V: Lanes<T>>(
                         ],
                     };
                     if blurred {
-                        let blur = blur.as_ptr().add(2 * stride * (half * i + b) + at);
+                        let blur = blur.rows.as_ptr().add(2 * stride * i + at);
                         moved = moved.blurred(V::load(blur), V::load(blur.add(stride)));
                     }
                     let across = across.as_ptr().add(2 * stride * i + at);
@@ -304,20 +263,5 @@ mod tests {
                 }
             }
         }
-    }
-
-    #[test]
-    fn sinc_is_right_for_any_argument() {
-        for u in [0.0, 1e-300, 1e-9, 0.25, 0.5, 1.0, 1.5, 2.0, 2.75, 17.3, 1e4 + 0.5, 1e8 + 0.25] {
-            let angle = std::f64::consts::PI * (u - 2.0 * (0.5 * u).round());
-            let want: f64 = if u < 1e-12 { 1.0 } else { angle.sin() / (std::f64::consts::PI * u) };
-            for u in [u, -u] {
-                let wide = sinc::<f64, { crate::base::simd::PORTABLE }>(u);
-                assert!((wide - want).abs() < 1e-15, "{u}: {wide} {want}");
-                let narrow = f64::from(sinc::<f32, { crate::base::simd::PORTABLE }>(u as f32));
-                assert!((narrow - want).abs() < 3e-7, "{u}: {narrow} {want}");
-            }
-        }
-        assert_eq!(sinc::<f32, { crate::base::simd::PORTABLE }>(0.0), 1.0);
     }
 }
