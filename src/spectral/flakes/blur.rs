@@ -53,7 +53,9 @@ impl<T: Real> Blur<T> {
         steps: [f64; 2],
         (stride, half): (usize, usize),
     ) {
-        let steps = steps.map(|step| step.clamp(-MOST, MOST));
+        // Shorter along the same way.
+        let longest = steps[0].abs().max(steps[1].abs());
+        let steps = steps.map(|step| step * (MOST / longest).min(1.0));
         self.steps[i] = steps;
         let (cos, sin) = self.across[2 * stride * i..][..2 * stride].split_at_mut(stride);
         turns::<T, LEVEL>(cos, sin, 0.5 * steps[0], T::one());
