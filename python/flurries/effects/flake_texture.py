@@ -28,7 +28,7 @@ from flurries.spectral.flakes import Request, bands_of, choices, frame_of, patte
 from flurries.trace import count
 
 # Patterns of each layer, and how much their torus is sheared.
-PATTERNS, SHEAR = 8, 0.382
+PATTERNS, SHEAR = 8, 5 / 13
 
 # Parts of equal number of a layer's diameters; within a part they lie evenly.
 PARTS = 8
