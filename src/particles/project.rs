@@ -7,10 +7,11 @@
 use std::ops::Range;
 
 use super::bins::{Grid, Sorter, TILE};
-use super::sprite::{Flake, LEAST_VARIANCE, Lens, PIXEL_VARIANCE, REACH, RIM_SHARE, Sprite};
+use super::sprite::{Flake, Lens, REACH, RIM_SHARE, Sprite};
 use crate::base::error::Error;
 use crate::base::lanes::Lanes;
 use crate::base::real::Real;
+use crate::base::sampling::{LEAST_VARIANCE, PIXEL_VARIANCE};
 use crate::base::simd::{AVX2, AVX512};
 
 /// How many: a multiple of all vectors.

@@ -7,12 +7,13 @@ use pyo3::prelude::*;
 use super::gate::{self, Plane, PlaneMut};
 use crate::base::error::Error;
 use crate::base::real::Real;
-use crate::particles::flurry::{Flurry, Looks, Placed};
+use crate::particles::flurry::{Flurry, Placed};
 use crate::particles::ids;
+use crate::particles::looks::{self, Looks};
 use crate::particles::profile::Profile;
 use crate::particles::sorted::Sorted;
 use crate::particles::splat::{self, Flakes, Source};
-use crate::particles::sprite::Lens;
+use crate::particles::sprite::{Lens, image_of};
 use crate::particles::torus::{self, Carried, Sway, Torus};
 
 fn swaying(sway: Option<(f64, f64)>) -> Option<Sway> {
@@ -302,4 +303,39 @@ pub fn particle_draw(
     gate::run(py, flakes.nanoseconds * share, |cancel| {
         flakes.sorted.draw(out, window, depth, cancel)
     })
+}
+
+/// Fills `variance` with sigma_e^2 of the images of flakes of these sigmas, px, and `share` with their
+/// middles' opacities over the flakes' own; (n,) each.
+#[pyfunction]
+pub fn particle_image(
+    mut variance: PyReadwriteArray1<'_, f64>,
+    mut share: PyReadwriteArray1<'_, f64>,
+    sigma: PyReadonlyArray1<'_, f64>,
+) -> PyResult<()> {
+    gate::each(&mut variance, &sigma, |sigma| image_of(sigma * sigma).0)?;
+    gate::each(&mut share, &sigma, |sigma| image_of(sigma * sigma).1)
+}
+
+/// Fills `out` (n,) with how much of the flakes of these indices, of `count`, is there.
+#[pyfunction]
+pub fn particle_presence(
+    mut out: PyReadwriteArray1<'_, f64>,
+    index: PyReadonlyArray1<'_, i64>,
+    count: usize,
+    amount: f64,
+    fade_in: f64,
+) -> PyResult<()> {
+    gate::each(&mut out, &index, |index| looks::presence(index as usize, count, amount, fade_in))
+}
+
+/// Fills `out` (n,) with how much is shown of flakes of these sigmas, px: all up to the first limit,
+/// nothing from the second on.
+#[pyfunction]
+pub fn particle_size_fade(
+    mut out: PyReadwriteArray1<'_, f64>,
+    sigma: PyReadonlyArray1<'_, f64>,
+    limits: (f64, f64),
+) -> PyResult<()> {
+    gate::each(&mut out, &sigma, |sigma| looks::size_fade(sigma, limits))
 }

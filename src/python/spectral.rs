@@ -1,6 +1,8 @@
 //! `flurries.spectral`: tables, steps and whole frames.
 
-use numpy::{PyReadonlyArray1, PyReadonlyArray2, PyReadonlyArray4, PyReadwriteArray2};
+use numpy::{
+    PyReadonlyArray1, PyReadonlyArray2, PyReadonlyArray4, PyReadwriteArray1, PyReadwriteArray2,
+};
 use pyo3::prelude::*;
 
 use super::gate::{self, Plane, PlaneMut, each_precision};
@@ -74,6 +76,32 @@ pub fn temporal_filter(
     Ok(filter_kernel(out.as_array_mut(), amplitude.as_array(), motion, filter, renormalise)?)
 }
 
+/// Fills `out` (n,) with what the alias law and the shutter leave of waves of these rates, cycles per
+/// frame: factors of their amplitudes.
+#[pyfunction]
+pub fn temporal_gain(
+    mut out: PyReadwriteArray1<'_, f64>,
+    rate: PyReadonlyArray1<'_, f64>,
+    alias: &str,
+    soft_from: f64,
+    shutter: f64,
+) -> PyResult<()> {
+    let filter = TemporalFilter { alias: Alias::named(alias)?, soft_from, shutter }.checked()?;
+    gate::each(&mut out, &rate, |rate| filter.gain(rate))
+}
+
+/// Fills `out` (n,) with the depths that these wavelengths stand for, or the wavelengths that stand for
+/// these depths, where the longest wave stands for `near`.
+#[pyfunction]
+pub fn wave_depth(
+    mut out: PyReadwriteArray1<'_, f64>,
+    wavelength: PyReadonlyArray1<'_, f64>,
+    near: f64,
+    longest: f64,
+) -> PyResult<()> {
+    gate::each(&mut out, &wavelength, |wavelength| tent::depth_of(wavelength, near, longest))
+}
+
 /// The field of two tables.
 #[pyfunction]
 pub fn inverse_transform(
@@ -93,6 +121,20 @@ pub fn inverse_transform(
 #[pyfunction]
 pub fn tile_count(length: usize, tile: usize, overlap: usize) -> PyResult<usize> {
     Ok(Row { length, tile, overlap }.checked()?.count())
+}
+
+/// Fills `out` (length, tiles) with each tile's share of each pixel along one axis. A row sums to 1; a
+/// tile's field is added with its share (linear) or with the share's root (power).
+#[pyfunction]
+pub fn tile_shares(
+    mut out: PyReadwriteArray2<'_, f64>,
+    tile: usize,
+    overlap: usize,
+    blend: &str,
+) -> PyResult<()> {
+    let out = out.as_array_mut();
+    let row = Row { length: out.nrows(), tile, overlap }.checked()?;
+    Ok(row.fill_shares(out, Blend::named(blend)?)?)
 }
 
 /// Tiles of either precision.
