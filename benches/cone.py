@@ -187,12 +187,12 @@ def plot(curves: dict[str, list[float]], file: str) -> None:
         draw.line([(x, 30), (x, height - bottom)], fill="#eeeeee")
         draw.text((x - 16, height - bottom + 8), f"{count}", fill="black")
     draw.text((width // 2 - 60, height - 22), "flakes in view", fill="black")
-    for (name, curve), colour in zip(curves.items(), ("#0060c0", "#c04000"), strict=True):
+    for (name, curve), color in zip(curves.items(), ("#0060c0", "#c04000"), strict=True):
         points = [place(count, value) for count, value in zip(COUNTS, curve, strict=True)]
-        draw.line(points, fill=colour, width=3)
+        draw.line(points, fill=color, width=3)
         for x, y in points:
-            draw.ellipse([x - 4, y - 4, x + 4, y + 4], fill=colour)
-        draw.text((points[-1][0] + 10, points[-1][1] - 6), name, fill=colour)
+            draw.ellipse([x - 4, y - 4, x + 4, y + 4], fill=color)
+        draw.text((points[-1][0] + 10, points[-1][1] - 6), name, fill=color)
     picture.save(file)
 
 

@@ -33,7 +33,7 @@ def cloud(count: int, low: float, high: float) -> tuple[np.ndarray, np.ndarray, 
     return np.column_stack([place, depth]), extent / 2 * depth / FOCAL, extent
 
 
-def slices(centers: np.ndarray, extent: np.ndarray, density: float, colour: np.ndarray) -> object:
+def slices(centers: np.ndarray, extent: np.ndarray, density: float, color: np.ndarray) -> object:
     """Blend each particle into its slice of an RGB picture, as a reader of the paper would."""
     picture = np.zeros((SIZE, SIZE, 3), np.float32)
     order = np.argsort(-centers[:, 2])
@@ -47,7 +47,7 @@ def slices(centers: np.ndarray, extent: np.ndarray, density: float, colour: np.n
         alpha = (density * np.exp(-0.5 * q2))[..., None].astype(np.float32)
         part = picture[top:bottom, left:right]
         part *= 1 - alpha
-        part += alpha * colour[i]
+        part += alpha * color[i]
     return picture
 
 
@@ -75,7 +75,7 @@ def one_eye(count: int, runs: int) -> None:
     """Print every way to draw against NumPy's slices."""
     camera = fl.Camera(FOCAL)
     centers, radius, extent = cloud(count, 2, 10)
-    colours = np.random.default_rng(4).random((count, 3)).astype(np.float32)
+    colors = np.random.default_rng(4).random((count, 3)).astype(np.float32)
     grey = np.full((count, 3), 0.7, np.float32)
     plane = np.empty(SHAPE, np.float32)
     layer = np.empty((*SHAPE, 4), np.float32)
@@ -85,26 +85,26 @@ def one_eye(count: int, runs: int) -> None:
         gas = (SHAPE, centers, radius, 0.02, camera)
         return fl.gas.alpha(*gas, footprint=footprint, out=plane)
 
-    def splat(threads: int, colour: object) -> object:
+    def splat(threads: int, color: object) -> object:
         fl.set_threads(threads)
-        return fl.gas.splat(SHAPE, centers, radius, 0.02, colour, camera, out=layer)
+        return fl.gas.splat(SHAPE, centers, radius, 0.02, color, camera, out=layer)
 
     calls: dict[str, Callable[[], object]] = {
         "NumPy slices, RGB": lambda: slices(centers, extent, 0.02, grey),
         "alpha": lambda: alpha(1),
-        "RGBA, one colour": lambda: splat(1, 0.7),
-        "RGBA, a colour each": lambda: splat(1, colours),
+        "RGBA, one color": lambda: splat(1, 0.7),
+        "RGBA, a color each": lambda: splat(1, colors),
         "alpha, viewpoint": lambda: alpha(1, "viewpoint"),
         "alpha, volume": lambda: alpha(1, "volume"),
         "alpha, 2 threads": lambda: alpha(2),
-        "RGBA, a colour each, 2 threads": lambda: splat(2, colours),
+        "RGBA, a color each, 2 threads": lambda: splat(2, colors),
     }
     found = timed(calls, runs, ("NumPy slices, RGB",))
     base = found["NumPy slices, RGB"][0]
     print(f"{count} particles of 50-300 px, {SIZE} x {SIZE}, float32")
     for name, (least, middle) in found.items():
         print(f"  {name:34}{least:9.2f} ms {middle:9.2f} ms median {base / least:8.0f} x")
-    for one in ("alpha", "RGBA, a colour each"):
+    for one in ("alpha", "RGBA, a color each"):
         print(f"  two threads, {one}: {found[one][0] / found[one + ', 2 threads'][0]:.2f} x")
 
 

@@ -3,8 +3,8 @@
 ``--savings`` prints what each thing left out saves, as a ratio of least times, runs interleaved;
 ``--estimates`` the estimate against the time and the bytes of 23 scenes of different kinds;
 ``--tolerance`` what a tolerance saves, and whether more of it ever takes more time;
-``--constants`` measures the cost model of `flurries.costs` again. Without an option: the first
-three.
+``--constants`` measures the cost model of `flurries.frame.costs` again. Without an option: the
+first three.
 """
 
 from __future__ import annotations
@@ -23,12 +23,11 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 import numpy as np
 
 import flurries as fl
-from flurries import costs
 from flurries.camera import Camera
 from flurries.effects.demand import footprints
-from flurries.effects.needs import Needs, Step
 from flurries.effects.tiling import Tiling, operations
-from flurries.plan import calibration
+from flurries.frame import calibration, costs
+from flurries.frame.needs import Needs, Step
 from flurries.spectral.operations import tile_work
 
 SIZE = 1024
@@ -111,7 +110,7 @@ def savings() -> dict[str, tuple[fl.Scene, fl.Scene]]:
             fl.Snow(flakes=0, fall=4e5, wind=(1.3e5, 0.0, 0.0), alias="cut", tile=63, overlap=9)
         ),
         "gas that stands still": pair(fl.Mist(count=300)),
-        "gas of one colour": (
+        "gas of one color": (
             fl.Scene(background=PICTURE, effects=[fl.Mist(wind=(0.3, 0.0, 0.0), count=300)]),
             fl.Scene(
                 background=PICTURE,
@@ -502,7 +501,7 @@ def mixing(runs: int) -> dict[str, float]:
     """Return nanoseconds of what is done for each pixel of a plane or a picture."""
     from flurries import _core
     from flurries.effects.limited import deepened, veil
-    from flurries.mixing import Mix
+    from flurries.frame.mixing import Mix
 
     planes = [RNG.random((SIZE, SIZE), np.float32) for _ in range(2)]
     depth = planes[0] * 50

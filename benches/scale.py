@@ -20,7 +20,7 @@ import distributed
 import numpy as np
 
 import flurries as fl
-from flurries import cluster
+from flurries.output import cluster
 
 # Pictures that data sets and films are made of.
 KINDS = {

@@ -11,7 +11,8 @@ from pathlib import Path
 import numpy as np
 
 import flurries as fl
-from flurries import demo, io
+from flurries import io
+from flurries.cli import demo
 
 IMAGES = Path(__file__).parent / "images"
 SIZE = 768

@@ -12,7 +12,8 @@ import numpy as np
 from skimage import data
 
 import flurries as fl
-from flurries import demo, io
+from flurries import io
+from flurries.cli import demo
 
 IMAGES = Path(__file__).parent / "images"
 PRESETS = ("light", "moderate", "heavy", "blizzard")

@@ -47,7 +47,7 @@ FIELDS: dict[str, tuple[twin.Shape, dict[str, Any]]] = {
 ALPHAS: dict[str, tuple[str, dict[str, Any]]] = {
     "alpha_default": ("falling", {}),
     "alpha_flakes": (
-        "forward_flight", {"mean": 0.3, "spread": 2.0, "exponent": 3.0, "amount": 0.8}
+        "forward_flight", {"mean": 0.3, "spread": 2.0, "power": 3.0, "amount": 0.8}
     ),
 }  # fmt: skip
 

@@ -26,7 +26,7 @@ Times = Sequence[tuple[float, float]]
 
 SIZE, NEAR, LONGEST = 512, 12.0, 32.0
 FOCAL = 1.2 * SIZE
-BOTH = {"haze": 0.0, "shutter": 0.0, "colour": 1.0, "near_depth": NEAR}
+BOTH = {"haze": 0.0, "shutter": 0.0, "color": 1.0, "near_depth": NEAR}
 # A map that only clips beyond 3 sigma, and flakes that are all small enough to be shown in full.
 TEXTURE = {**BOTH, "flakes": 0, "texture": 1.0, "mean": 0.5, "spread": 3.0, "power": 1.0,
            "wavelengths": (4.0, LONGEST)}  # fmt: skip

@@ -20,22 +20,23 @@ import flurries as fl
 from flurries import (
     accuracy,
     augment,
-    cameras,
     cli,
-    cluster,
     composite,
     cone,
     gas,
     hybrid,
     io,
-    manifest,
     particles,
     spectral,
     stereo,
     trace,
 )
 from flurries.augment.corrupt import corrupt
-from flurries.plan import plan_of
+from flurries.camera import importers as cameras
+from flurries.frame.estimate import plan_of
+from flurries.output import cluster, manifest
+from flurries.output.write import write
+from flurries.scene import toml as scenefile
 
 # Modules of other libraries' transforms, which need those, and the one that runs when imported.
 ELSEWHERE = ("albumentations", "kornia", "torchvision", "__main__")
@@ -43,7 +44,7 @@ ELSEWHERE = ("albumentations", "kornia", "torchvision", "__main__")
 # Functions of libraries that need not be here.
 MISSING = {
     name for name, library in (
-        ("view", "anywidget"), ("viewer.view", "anywidget"), ("cluster.to_dask", "dask"),
+        ("view", "anywidget"), ("viewer.view", "anywidget"), ("output.cluster.to_dask", "dask"),
     )
     if importlib.util.find_spec(library) is None
 }  # fmt: skip
@@ -51,7 +52,7 @@ if "view" in MISSING:
     ELSEWHERE += ("widget",)
 
 # Parts of `CameraPath`, effects, weather and the command: they get what those have checked.
-INNER = ("turning", "timeline", "demo", "calibration")
+INNER = ("turning", "keys", "demo", "calibration")
 
 
 @dataclass(frozen=True)
@@ -166,7 +167,7 @@ def calls(folder: Path) -> dict[str, Call]:
     scene.write(folder / "frames" / "%04d.png", "1-2")
     colmap = folder / "colmap"
     colmap.mkdir(exist_ok=True)
-    (colmap / "cameras.txt").write_text("1 PINHOLE 32 24 40 40 16 12\n")
+    (colmap / "camera.importers.txt").write_text("1 PINHOLE 32 24 40 40 16 12\n")
     (colmap / "images.txt").write_text("1 1 0 0 0 0 0 0 1 a.png\n\n2 1 0 0 0 0 0 -1 1 b.png\n\n")
     record = augment.Snowfall(severity=2).record(index=1)
     direction = np.array([0.0, 1.0, 0.0])
@@ -176,8 +177,8 @@ def calls(folder: Path) -> dict[str, Call]:
     clouds = {"shape": SHAPE, "centers": POINTS, "radius": RADII, "density": np.ones(6),
               "camera": CAMERA, "depth": WALL}  # fmt: skip
     given = {"scene": scene, "frames": "1-9", "group": 2}
-    guests = {} if "cluster.to_dask" in MISSING else {
-        "cluster.to_dask": Call(cluster.to_dask, given)
+    guests = {} if "output.cluster.to_dask" in MISSING else {
+        "output.cluster.to_dask": Call(cluster.to_dask, given)
     }  # fmt: skip
     if "view" not in MISSING:
         guests["view"] = Call(fl.view, {"scene": scene})
@@ -350,16 +351,16 @@ def calls(folder: Path) -> dict[str, Call]:
             pictures=("left", "right"), both={"left": "right", "right": "left"},
             light=("left", "right")),
         # cameras, files
-        "cameras.from_matrices": Call(
+        "camera.importers.from_matrices": Call(
             cameras.from_matrices, {"matrices": MATRICES, "camera": CAMERA},
             numbers=("matrices",)),
-        "cameras.load": Call(
+        "camera.importers.load": Call(
             cameras.load, {"path": folder / "way.csv", "shape": SHAPE, "camera": CAMERA}),
-        "cameras.read_chan": Call(
+        "camera.importers.read_chan": Call(
             cameras.read_chan, {"path": folder / "way.chan", "shape": SHAPE, "camera": CAMERA}),
-        "cameras.read_kitti": Call(
+        "camera.importers.read_kitti": Call(
             cameras.read_kitti, {"path": folder / "poses.txt", "camera": CAMERA}),
-        "cameras.read_colmap": Call(
+        "camera.importers.read_colmap": Call(
             cameras.read_colmap, {"folder": colmap, "shape": SHAPE}),
         "io.fit": Call(io.fit, {"pixels": PICTURE, "size": (20, 20), "encoding": "display"},
                        pictures=("pixels",)),
@@ -391,18 +392,18 @@ def calls(folder: Path) -> dict[str, Call]:
         "io.write_layer_views": Call(
             io.write_layer_views, {"path": folder / "out4.exr", "views": {
                 "left": {"rgba": LAYER}, "right": {"rgba": LAYER}}}),
-        "manifest.check": Call(manifest.check, {"folder": folder / "frames"}),
-        "manifest.read": Call(manifest.read, {"folder": folder / "frames"}),
+        "output.manifest.check": Call(manifest.check, {"folder": folder / "frames"}),
+        "output.manifest.read": Call(manifest.read, {"folder": folder / "frames"}),
         # scenes
-        "render.write": Call(
-            fl.render.write, {"scene": scene, "pattern": folder / "one" / "%04d.png",
+        "output.write.write": Call(
+            write, {"scene": scene, "pattern": folder / "one" / "%04d.png",
                               "frames": "1", "overwrite": True}),
-        "scenefile.load": Call(
-            fl.scenefile.load, {"path": folder / "scene.toml"}),
-        "scenefile.save": Call(
-            fl.scenefile.save, {"scene": scene, "path": folder / "saved.toml"}),
-        "scenefile.fingerprint": Call(fl.scenefile.fingerprint, {"scene": scene}),
-        "plan.plan_of": Call(plan_of, {"scene": scene}),
+        "scene.toml.load": Call(
+            scenefile.load, {"path": folder / "scene.toml"}),
+        "scene.toml.save": Call(
+            scenefile.save, {"scene": scene, "path": folder / "saved.toml"}),
+        "scene.toml.fingerprint": Call(scenefile.fingerprint, {"scene": scene}),
+        "frame.estimate.plan_of": Call(plan_of, {"scene": scene}),
         "trace.count": Call(trace.count, {"name": "flakes", "number": 3}),
         "trace.stage": Call(trace.stage, {"name": "texture"}),
         "trace.tracing": Call(trace.tracing, {}),
@@ -424,7 +425,7 @@ def calls(folder: Path) -> dict[str, Call]:
         "accuracy.write": Call(
             accuracy.write, {"studies": [STUDY], "folder": folder / "study",
                              "page": folder / "study.md"}),
-        "cluster.grouped": Call(cluster.grouped, {"scene": scene, "frames": "1-9"}),
+        "output.cluster.grouped": Call(cluster.grouped, {"scene": scene, "frames": "1-9"}),
         # the command line
         "cli.main": Call(cli.main, {"arguments": ["--help-of-nothing"]}),
     }  # fmt: skip

@@ -29,9 +29,9 @@ def points(count: int) -> np.ndarray:
 
 def gas(dtype: Any, **options: Any) -> np.ndarray:
     radius = 0.05 + 0.4 * RNG(2).random(60)
-    colour = RNG(3).random((60, 3))
+    color = RNG(3).random((60, 3))
     return fl.gas.splat(
-        (40, 52), points(60), radius, 0.5 + radius, colour, LENS, dtype=dtype, **options
+        (40, 52), points(60), radius, 0.5 + radius, color, LENS, dtype=dtype, **options
     )
 
 
@@ -66,7 +66,7 @@ def _kernels(dtype: Any) -> dict[str, Callable[[], Any]]:
         "inverse_transform": lambda: fl.spectral.inverse_transform(
             RNG(6).random((45, 62)), RNG(7).random((45, 62)) - 0.5, dtype=dtype
         ),
-        "opacity": lambda: fl.spectral.opacity(cover - 0.5, exponent=1.3, spread=0.2),
+        "opacity": lambda: fl.spectral.opacity(cover - 0.5, power=1.3, spread=0.2),
         "blend_tiles": lambda: fl.spectral.blend_tiles(
             RNG(8).random((2, 2, 32, 32)).astype(dtype), (54, 54), overlap=10
         ),

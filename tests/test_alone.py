@@ -12,7 +12,7 @@ from flurries.cli import main
 from flurries.io import read_picture
 
 LIGHT = np.random.default_rng(5).random((48, 64, 3), np.float32)
-SNOW = fl.Snow.preset("heavy", colour=(0.9, 0.8, 1.0), flakes=300)
+SNOW = fl.Snow.preset("heavy", color=(0.9, 0.8, 1.0), flakes=300)
 
 
 def test_over_its_background_it_is_the_composite(tmp_path: Path):
@@ -31,8 +31,8 @@ def test_a_png_holds_straight_display_values(tmp_path: Path):
     layer = read_picture(tmp_path / "snow.png")
     assert layer.alpha is not None and not layer.premultiplied
     seen = layer.alpha > 0.15
-    colour = layer.pixels[seen].mean(axis=0) / 255.0
-    assert np.abs(colour - (0.9, 0.8, 1.0)).max() < 0.01
+    color = layer.pixels[seen].mean(axis=0) / 255.0
+    assert np.abs(color - (0.9, 0.8, 1.0)).max() < 0.01
     assert np.abs(layer.alpha - scene.render(7, layers=True).alpha).max() <= 0.5 / 255 + 1e-6
 
 
@@ -50,7 +50,7 @@ def test_what_has_no_alpha_is_refused(name: str, tmp_path: Path):
     assert not list(tmp_path.iterdir())
 
 
-def test_a_colour_and_the_snow_alone_from_the_command_line(
+def test_a_color_and_the_snow_alone_from_the_command_line(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):
     monkeypatch.chdir(tmp_path)

@@ -247,7 +247,7 @@ def test_a_record_makes_it_again(kind: str):
         assert type(again) is type(weather)
         for index in (None, 5):
             assert np.array_equal(again(PICTURE, index=index), seen.image)
-        assert again.record(index=9) == json.loads(text) | {"colour": again.colour}
+        assert again.record(index=9) == json.loads(text) | {"color": again.color}
 
 
 @pytest.mark.parametrize("change", [
@@ -261,8 +261,8 @@ def test_a_record_that_is_none_is_refused(change: dict[str, Any]):
     for wrong in (None, [], "snow", 3):
         with pytest.raises(TypeError, match="record"):
             fl.augment.replay(wrong)  # type: ignore[arg-type]
-    record.pop("colour")
-    with pytest.raises(ValueError, match="colour"):
+    record.pop("color")
+    with pytest.raises(ValueError, match="color"):
         fl.augment.replay(record)
 
 
@@ -294,7 +294,7 @@ BAD = {
     "amount": [-0.1, 1.1, math.nan, "x", None.__class__, (0.5, 0.2), (0.1, 0.2, 0.3), [[0, 1]]],
     "severity": [0, 6, 1.5, (3, 2), math.inf, "3", (1, 2, 3)],
     "wind": [math.nan, 1e9, (1, -1), "w"],
-    "colour": [-1.0, 2.0, (0.1, 0.2, 3.0), "white", (1, 2)],
+    "color": [-1.0, 2.0, (0.1, 0.2, 3.0), "white", (1, 2)],
     "ground": [3, "flat", Ground],
     "focal": [0.0, -1.0, math.inf, "f"],
     "white": [0.0, math.nan],
@@ -423,7 +423,7 @@ def test_fog_is_koschmieder():
     depth = np.random.default_rng(3).uniform(1.0, 300.0, (40, 50))
     depth[:5] = np.inf
     picture = np.random.default_rng(4).random((40, 50, 3))
-    fog = Fog(visibility=80.0, patches=0.0, colour=(0.7, 0.8, 0.9))
+    fog = Fog(visibility=80.0, patches=0.0, color=(0.7, 0.8, 0.9))
     clear = np.exp(-depth * math.log(20.0) / 80.0)[..., None]
     clear[:5] = np.exp(-max(25.0, 2.0 * depth[5:].max()) * math.log(20.0) / 80.0)
     want = picture * clear + np.array([0.7, 0.8, 0.9]) * (1.0 - clear)

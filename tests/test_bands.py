@@ -12,8 +12,9 @@ import pytest
 
 import flurries as fl
 import test_gate
-from flurries import _core, bands
+from flurries import _core
 from flurries.effects import peopled
+from flurries.frame import bands
 
 H, W = 300, 260
 RANDOM = np.random.default_rng(1)
@@ -123,7 +124,7 @@ class Own:
     calls: Any = None
 
     def needs(self, frame: fl.Frame) -> Any:
-        from flurries.effects.needs import Needs, Step
+        from flurries.frame.needs import Needs, Step
 
         return Needs((Step("own"),), by_rows=self.by_rows)
 

@@ -17,8 +17,8 @@ from scipy.integrate import quad
 from scipy.spatial.transform import Rotation
 
 import flurries as fl
-from flurries import cameras
 from flurries.camera import image_velocity, project, tile_zoom
+from flurries.camera import importers as cameras
 from flurries.cli import main
 from flurries.io import read_picture
 
@@ -192,8 +192,8 @@ def test_files_that_are_no_cameras(name: str, tmp_path: Path):
 
 def test_it_costs_nothing_until_asked_for():
     code = (
-        "import sys, flurries as fl; a = 'flurries.cameras' in sys.modules; "
-        "fl.cameras.load; print(a, 'flurries.cameras' in sys.modules)"
+        "import sys, flurries as fl; a = 'flurries.camera.importers' in sys.modules; "
+        "import flurries.camera.importers; print(a, 'flurries.camera.importers' in sys.modules)"
     )
     out = subprocess.run([sys.executable, "-c", code], text=True, capture_output=True, check=True)
     assert out.stdout.split() == ["False", "True"]

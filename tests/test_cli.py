@@ -163,8 +163,8 @@ def test_an_exr(layers: list[str], depth: str, run: Run, here: Path):
     assert run(*command)[0] == 0
     reader = oiio.ImageInput.open("a.exr")
     spec = reader.spec()
-    colours = [i for i, n in enumerate(spec.channelnames) if n[-1] in "RGBA"]
-    assert {str(spec.channelformat(i)) for i in colours} == {depth}
+    colors = [i for i, n in enumerate(spec.channelnames) if n[-1] in "RGBA"]
+    assert {str(spec.channelformat(i)) for i in colors} == {depth}
     values = reader.read_image(0, 0, 0, spec.nchannels, "float").reshape(H, W, spec.nchannels)
     found = {name: values[..., i] for i, name in enumerate(spec.channelnames)}
     reader.close()

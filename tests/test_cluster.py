@@ -19,9 +19,9 @@ import numpy as np
 import pytest
 
 import flurries as fl
-from flurries import cluster, manifest
 from flurries.cli import main
 from flurries.io import open_background, write_picture
+from flurries.output import cluster, manifest
 
 SCENE = fl.Scene((96, 64), "#304050", effects=fl.Snow.preset("heavy", flakes=100))
 

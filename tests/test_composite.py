@@ -52,7 +52,7 @@ def slack(dtype: Any) -> float:
 @pytest.mark.parametrize("dtype", DTYPES)
 def test_equation_7(dtype: str, shape: tuple[int, ...], intensity: Any):
     if np.ndim(intensity) and shape[2:] != (3,):
-        intensity = 0.25  # a gray picture has one colour
+        intensity = 0.25  # a gray picture has one color
     background, alpha = picture(dtype, shape), opacity(shape)
     got = C.snow(background, alpha, intensity=intensity)
     assert got.shape == background.shape
@@ -87,10 +87,10 @@ def test_ends_are_exact_to_the_bit(dtype: str, alpha_dtype: type):
     assert clear.tobytes() == background.tobytes()
     # -0.0 over clear must stay, though -0.0 == 0.0.
     covered = C.snow(background, np.ones((8, 9), alpha_dtype), intensity=(0.25, 0.5, 1.0))
-    colour = np.array([0.25, 0.5, 1.0]) * full_scale(dtype)
+    color = np.array([0.25, 0.5, 1.0]) * full_scale(dtype)
     if np.dtype(dtype).kind == "u":
-        colour = np.floor(colour + 0.5)
-    assert np.array_equal(covered, np.broadcast_to(colour.astype(dtype), covered.shape))
+        color = np.floor(color + 0.5)
+    assert np.array_equal(covered, np.broadcast_to(color.astype(dtype), covered.shape))
 
 
 @pytest.mark.parametrize("function", ["snow", "over"])
@@ -119,7 +119,7 @@ def test_infinity_never_becomes_nan(function: str, dtype: str):
     else:
         got = C.over(background, np.dstack([alpha * 0.5] * 3 + [alpha]))
     assert np.isinf(got[0, :2]).all()
-    assert np.array_equal(got[0, 2], np.full(3, 0.5, dtype)), "opaque is the layer's colour"
+    assert np.array_equal(got[0, 2], np.full(3, 0.5, dtype)), "opaque is the layer's color"
 
 
 @settings(max_examples=300, deadline=None, derandomize=True, database=None)
@@ -132,7 +132,7 @@ def test_infinity_never_becomes_nan(function: str, dtype: str):
     st.floats(0.0, 50.0, width=32),
     st.sampled_from([np.float32, np.float64]),
 )
-def test_inside_the_two_colours(pairs: list[tuple[float, float]], white: float, dtype: type):
+def test_inside_the_two_colors(pairs: list[tuple[float, float]], white: float, dtype: type):
     values = np.array([b for b, _ in pairs], dtype)[None]
     alpha = np.array([a for _, a in pairs], dtype)[None]
     got = C.snow(values, alpha, intensity=white)

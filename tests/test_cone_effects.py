@@ -12,7 +12,7 @@ import pytest
 import flurries as fl
 from flurries import cone
 from flurries.effects import coned
-from flurries.effects.layer import Frame
+from flurries.frame.layer import Frame
 
 SIZE = (120, 90)
 FLYING = fl.CameraPath(
@@ -227,7 +227,7 @@ def test_the_scenes_depth_hides_what_is_behind():
     assert free[:, 60:].max() > 0.02 and behind[:, 60:].max() == 0.0
 
 
-def test_amounts_and_colours():
+def test_amounts_and_colors():
     rain = fl.ConeRain(tile=64, haze=0.0)
     none = scene(fl.ConeRain(tile=64, amount=0.0)).render(3)
     np.testing.assert_array_equal(none, scene(fl.ConeRain(tile=64, gain=0.0, haze=0.0)).render(3))
@@ -240,7 +240,7 @@ def test_amounts_and_colours():
     np.testing.assert_array_equal(
         half, scene(fl.ConeRain(tile=64, haze=0.0, amount=0.5)).render(3, layers=True).alpha
     )
-    red = fl.Scene(SIZE, "#000000", effects=[fl.ConeRain(colour=(1.0, 0.0, 0.0))]).render(3)
+    red = fl.Scene(SIZE, "#000000", effects=[fl.ConeRain(color=(1.0, 0.0, 0.0))]).render(3)
     assert red[..., 0].max() > 20 and red[..., 1:].max() == 0
     assert scene(rain, seed=1).render(3).tobytes() != scene(rain, seed=2).render(3).tobytes()
 

@@ -9,7 +9,7 @@ import pytest
 from scipy.ndimage import gaussian_filter
 
 import flurries as fl
-from flurries import demo
+from flurries.cli import demo
 from flurries.effects import Frame
 from flurries.io import open_background, read_layers, read_picture
 

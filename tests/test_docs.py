@@ -54,7 +54,14 @@ def test_docstring_examples(name: str):
 
 def test_there_are_examples_to_run():
     tried = {name: run_examples(importlib.import_module(name)).attempted for name in modules()}
-    for name in ("scene", "timeline", "path", "composite", "effects.snow", "spectral.frame"):
+    for name in (
+        "scene.scene",
+        "motion.keys",
+        "camera.path",
+        "composite",
+        "effects.snow",
+        "spectral.frame",
+    ):
         assert tried[f"flurries.{name}"] > 0, name
 
 

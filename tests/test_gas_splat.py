@@ -89,7 +89,7 @@ def test_tiles_at_the_border(shape, footprint):
 
 
 @pytest.mark.parametrize("footprint", MODELS)
-def test_colours_come_in_order(footprint):
+def test_colors_come_in_order(footprint):
     arguments = cloud(150)
     color = np.random.default_rng(5).uniform(0, 4, (150, 3))
     options = {"footprint": footprint, "depth": ground()}
@@ -97,7 +97,7 @@ def test_colours_come_in_order(footprint):
     for dtype, limit in (("float32", 3e-5), ("float64", 4e-12)):
         got = fl.gas.splat(SHAPE, *arguments, color, fl.Camera(FOCAL), dtype=dtype, **options)
         np.testing.assert_allclose(got, want, rtol=0, atol=limit)
-        # Colours up to 4, and the rest within T's own limit.
+        # Colors up to 4, and the rest within T's own limit.
         np.testing.assert_allclose(got[..., 3], want[..., 3], rtol=0, atol=LIMITS[dtype])
 
 
@@ -110,18 +110,18 @@ def test_equal_depths_keep_the_order_of_indices():
     assert got[20, 20, 0] > 2 * got[20, 20, 1]
 
 
-def test_one_colour_needs_no_order():
+def test_one_color_needs_no_order():
     arguments = cloud(200)
     turned = [a[::-1] for a in arguments]
     camera = fl.Camera(FOCAL)
     a, b = (fl.gas.splat(SHAPE, *given, (0.2, 0.5, 0.9), camera) for given in (arguments, turned))
     np.testing.assert_allclose(a, b, rtol=0, atol=1e-6)
-    # The two ways, with a colour that differs by nothing that shows.
+    # The two ways, with a color that differs by nothing that shows.
     color = np.tile((0.2, 0.5, 0.9), (200, 1))
     color[0] += 1e-12
     sorted_ = fl.gas.splat(SHAPE, *arguments, color, camera)
     np.testing.assert_allclose(sorted_, a, rtol=0, atol=2e-6)
-    # A random order of different colours is wrong: the guard's negative control.
+    # A random order of different colors is wrong: the guard's negative control.
     color = np.random.default_rng(2).random((200, 3))
     wrong = twin.layer(SHAPE, arguments[0] * [1, 1, 1], *arguments[1:], color, FOCAL)
     shuffled = np.random.default_rng(3).permutation(200)
@@ -129,7 +129,7 @@ def test_one_colour_needs_no_order():
     assert np.abs(right - wrong).max() > 0.05
 
 
-def test_grey_and_colours_are_told_apart():
+def test_grey_and_colors_are_told_apart():
     arguments = cloud(4)
     camera = fl.Camera(FOCAL)
     for color in (0.3, (0.3, 0.3, 0.3), [0.3] * 4, np.full((4, 3), 0.3), np.float32(0.3)):

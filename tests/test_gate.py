@@ -215,7 +215,7 @@ print(set(results), nested, same(), child(1, lock.acquire) == signal.SIGALRM)
 """
 
 
-@pytest.mark.parametrize("background", ["colour", "video"])
+@pytest.mark.parametrize("background", ["color", "video"])
 def test_forks_after_use(background: str, tmp_path: Any):
     scene = "scene = fl.Scene((200, 150), effects=[fl.Snow(flakes=200)])"
     if background == "video":

@@ -189,7 +189,7 @@ CLIPS = {
 @pytest.mark.parametrize("times", CLIPS.values(), ids=CLIPS)
 @pytest.mark.parametrize("preset", ["moderate", "heavy"])
 def test_no_part_of_the_texture_stands_still(preset: str, times: np.ndarray):
-    snow = fl.Snow.preset(preset, flakes=0, haze=0.0, colour=1.0)
+    snow = fl.Snow.preset(preset, flakes=0, haze=0.0, color=1.0)
     assert measure.stood(snow, times) < 1.1 * measure.kept(snow, times)
 
 
@@ -197,13 +197,13 @@ def test_no_part_of_the_texture_stands_still(preset: str, times: np.ndarray):
 @pytest.mark.parametrize("preset", ["moderate", "heavy"])
 def test_snow_that_falls_straight_down_would_be_caught(preset: str, times: np.ndarray):
     # The waves across the fall, columns of every tile, never move.
-    snow = fl.Snow.preset(preset, flakes=0, haze=0.0, colour=1.0, wind=(0.0, 0.0, 0.0))
+    snow = fl.Snow.preset(preset, flakes=0, haze=0.0, color=1.0, wind=(0.0, 0.0, 0.0))
     assert measure.stood(snow, times) > 1.15 * measure.kept(snow, times)
 
 
 # What pops -------------------------------------------------------------------------------------
 
-CROWD = {"texture": 0.0, "haze": 0.0, "colour": 1.0, "flakes": 2000, "flake_size": (0.03, 0.05),
+CROWD = {"texture": 0.0, "haze": 0.0, "color": 1.0, "flakes": 2000, "flake_size": (0.03, 0.05),
          "near_depth": 4.0}  # fmt: skip
 SOMETIMES = np.random.default_rng(2).uniform(0.0, 500.0, 25)
 

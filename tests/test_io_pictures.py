@@ -45,7 +45,7 @@ def levels(shape, dtype, seed=0):
 
 
 def as_read(pixels):
-    """What a reader gives for an array that was written: colours in three channels, alpha."""
+    """What a reader gives for an array that was written: colors in three channels, alpha."""
     array = pixels[..., np.newaxis] if pixels.ndim == 2 else pixels
     color = array[..., :3] if array.shape[2] >= 3 else np.repeat(array, 3, axis=2)
     return color, array[..., 3] if array.shape[2] == 4 else None
@@ -268,12 +268,12 @@ def test_alpha_is_multiplied_in_exr_and_not_in_png(tmp_path):
     back = read_picture(tmp_path / "a.png")
     np.testing.assert_array_equal(back.pixels, display[..., :3])
     np.testing.assert_array_equal(np.rint(back.alpha * 255), display[..., 3])
-    # The control: colours taken for straight are too dark where it is thin.
+    # The control: colors taken for straight are too dark where it is thin.
     write_picture(tmp_path / "b.png", stored.pixels, alpha=stored.alpha, premultiplied=False)
     assert read_picture(tmp_path / "b.png").pixels.mean() < back.pixels.mean() - 20
 
 
-def test_colour_without_opacity_stays(tmp_path):
+def test_color_without_opacity_stays(tmp_path):
     glow = np.array([[[0.5, 0.25, 1.0, 0.0], [0.0, 0.0, 0.0, 0.0]]], np.float32)
     write_picture(tmp_path / "a.exr", glow)
     assert_reads_as(tmp_path / "a.exr", glow[..., :3], glow[..., 3], "linear")
@@ -493,7 +493,7 @@ def test_the_right_channels_are_found(tmp_path):
             np.testing.assert_array_equal(picture.alpha, pixels[..., alpha])
 
 
-def test_the_part_with_colours_is_found(tmp_path):
+def test_the_part_with_colors_is_found(tmp_path):
     path = str(tmp_path / "parts.exr")
     depth, color = noise((5, 6, 1)), noise((5, 6, 3))
     specs = [oiio.ImageSpec(6, 5, 1, "float"), oiio.ImageSpec(6, 5, 3, "float")]
@@ -887,7 +887,7 @@ def test_fit_does_not_ring_and_keeps_light():
         assert abs(fit(lamp, size).mean() / lamp.mean() - 1) < 0.002
 
 
-def test_fit_mixes_no_colour_from_where_there_is_nothing():
+def test_fit_mixes_no_color_from_where_there_is_nothing():
     picture = np.zeros((40, 40, 4), np.uint8)
     picture[..., 1] = 255  # invisible green
     picture[10:30, 10:30] = [255, 0, 0, 255]

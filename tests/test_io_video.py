@@ -24,7 +24,7 @@ EXTENSIONS = ["mp4", "mov", "webm", "mkv"]
 
 
 def film(count, width=96, height=64):
-    """Moving waves whose colours stay within what any video can show."""
+    """Moving waves whose colors stay within what any video can show."""
     y, x = np.mgrid[:height, :width]
     for n in range(count):
         waves = [np.sin((x + 3 * n) / 17), np.cos((y + 2 * n) / 13), np.sin((x + y - n) / 23)]
@@ -103,7 +103,7 @@ def test_worse_quality_is_smaller(tmp_path, extension):
 
 
 @pytest.mark.parametrize("extension", EXTENSIONS)
-def test_colours_are_right(tmp_path, extension):
+def test_colors_are_right(tmp_path, extension):
     patches = [[255, 0, 0], [0, 255, 0], [0, 0, 255], [255] * 3, [0] * 3, [18] * 3, [200, 120, 40]]
     frame = np.repeat(np.array(patches, np.uint8)[None], 32, axis=1).repeat(32, axis=0)
     path = write(tmp_path / f"a.{extension}", [frame] * 3)

@@ -12,7 +12,7 @@ import flurries as fl
 
 SIZE = (384, 256)  # width, height
 FOCAL = 460.0
-SNOW = fl.MatchedSnow(density=300.0, radius=(0.004, 0.01), depth=(1.0, 12.0), colour=1.0)
+SNOW = fl.MatchedSnow(density=300.0, radius=(0.004, 0.01), depth=(1.0, 12.0), color=1.0)
 BLACK = np.zeros((256, 384, 3), np.float32)
 
 
@@ -99,7 +99,7 @@ def test_it_goes_through_a_scene_file(tmp_path: Path):
     ("name", "bad"),
     [
         ("density", 0.0), ("radius", (0.2, 0.1)), ("opacity", 2.0), ("depth", (5.0, 1.0)),
-        ("fall", np.nan), ("wind", (1.0, 2.0)), ("colour", "red"), ("shutter", -1.0),
+        ("fall", np.nan), ("wind", (1.0, 2.0)), ("color", "red"), ("shutter", -1.0),
         ("method", "all"), ("handover", (2.0, 1.0)), ("tile", 2), ("overlap", -1),
         ("alias", "no"), ("jitter", 1), ("seed", 1.5),
     ],

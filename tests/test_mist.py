@@ -31,7 +31,7 @@ def test_presets_have_the_papers_numbers(name):
     effect = fl.Mist.preset(name)
     want = {"clouds": (1500, 0.37, 0.4, 0.86), "mist": (1000, 0.45, 0.15, 0.6),
             "fog": (1200, 0.45, 0.4, 0.7)}[name]  # fmt: skip
-    assert (effect.count, effect.radius, effect.density, effect.colour) == want
+    assert (effect.count, effect.radius, effect.density, effect.color) == want
     assert effect.box == (5.0, 5.0, 5.0)
     beta = {"clouds": 0.4356, "mist": 0.1611, "fog": 0.5154}[name]
     assert abs(effect.extinction() - beta) < 6e-5
@@ -138,7 +138,7 @@ def test_depths_put_gas_behind_and_in_front():
     assert np.abs(together - whole).max() < 0.03
     assert back.mean() > 0.1 and front.mean() > 0.1
     # A red wall of flakes between them.
-    snow = fl.Snow(flakes=0, texture=0.0, haze=1.0, colour=(1.0, 0.0, 0.0), fall=0.0)
+    snow = fl.Snow(flakes=0, texture=0.0, haze=1.0, color=(1.0, 0.0, 0.0), fall=0.0)
     picture = scene(parts[0], snow, parts[1]).render(0)
     grey = fl.io.srgb_to_linear(np.array(0.7))
     np.testing.assert_allclose(picture[..., 1], front * grey, atol=2e-6)
@@ -164,7 +164,7 @@ def test_the_sun_shades_the_gas():
     rows = np.flatnonzero(np.isfinite(light).any(axis=1))
     top, bottom = (np.nanmean(light[r]) for r in (rows[:6], rows[-6:]))
     assert top > 2 * bottom and np.nanmax(light) <= own * 1.000001
-    # Ambient light alone is the plain colour; so is no sun, and a gas that is not lit.
+    # Ambient light alone is the plain color; so is no sun, and a gas that is not lit.
     flat = scene(effect, sun=fl.Sun((0, 1, 0), 1.0, ambient=1.0)).render(0)
     none = scene(effect).render(0)
     unlit = scene(fl.Mist(**{**vars(effect), "lit": False}), sun=fl.Sun()).render(0)
@@ -230,8 +230,8 @@ def test_amount_fades_and_nothing_is_nothing():
         ("visibility", 0.0, ValueError),
         ("radius", 0.0, ValueError),
         ("density", 2.0, ValueError),
-        ("colour", 2.0, ValueError),
-        ("colour", "blue", ValueError),
+        ("color", 2.0, ValueError),
+        ("color", "blue", ValueError),
         ("wind", (1.0, 2.0), ValueError),
         ("box", 0.0, ValueError),
         ("box", (1.0, 2.0), ValueError),
@@ -262,7 +262,7 @@ def test_presets_refuse_what_they_do_not_know():
 def test_scene_files(tmp_path):
     shown = fl.Scene(SIZE, "#203040", camera=fl.Camera(FOCAL), effects=[
         fl.Mist.preset("fog", wind=fl.Keys([(0, (0, 0, 0)), (9, (1, 0, 0))]), depths=(2, math.inf)),
-        fl.Mist(visibility=30.0, colour=(0.5, 0.6, 0.7), center=(0, 0, 9), box=(4, 5, 6)),
+        fl.Mist(visibility=30.0, color=(0.5, 0.6, 0.7), center=(0, 0, 9), box=(4, 5, 6)),
     ])  # fmt: skip
     shown.save(tmp_path / "a.toml")
     again = fl.Scene.load(tmp_path / "a.toml")

@@ -16,9 +16,9 @@ import pytest
 import flurries as fl
 from flurries.camera import Camera
 from flurries.effects import peopled
-from flurries.effects.needs import Cost, LeftOut, Needs, Step
 from flurries.effects.tiling import Tiling, torus_for
-from flurries.plan import calibration
+from flurries.frame import calibration
+from flurries.frame.needs import Cost, LeftOut, Needs, Step
 
 W, H = 200, 150
 RNG = np.random.default_rng(41)
@@ -102,7 +102,7 @@ def test_less_than_half_a_step_is_left_out_and_more_is_not(space: str, dtype: An
     step = 1.0 / np.iinfo(dtype).max
     for veil in np.array([0.01, 0.03, 0.3, 0.49, 0.7, 3.0]) * step:
         # White over all values there are, several layers of it.
-        effect = fl.Snow(texture=0.0, flakes=0, haze=veil, colour=1.0)
+        effect = fl.Snow(texture=0.0, flakes=0, haze=veil, color=1.0)
         scene = fl.Scene(None, picture, effects=[effect] * 3, space=space)
         image, trace = traced(scene)
         if "join" not in trace.calls:
@@ -115,7 +115,7 @@ def test_less_than_half_a_step_is_left_out_and_more_is_not(space: str, dtype: An
 
 
 def test_floats_and_layers_show_everything():
-    effect = fl.Snow(texture=0.0, flakes=0, haze=1e-6, colour=1.0)
+    effect = fl.Snow(texture=0.0, flakes=0, haze=1e-6, color=1.0)
     bright = fl.Scene(None, LIGHT, effects=[effect])
     assert "join" in traced(bright)[1].calls
     layers = fl.Scene(None, BYTES, effects=[effect]).render(0, layers=True)
@@ -258,7 +258,7 @@ def test_what_never_moves_is_made_once(layers: bool):
         "snow: texture",
         "snow: flakes",
     }
-    # Another eye or another window is another frame; the colour may change.
+    # Another eye or another window is another frame; the color may change.
     eye = Camera(100.0)
     assert np.array_equal(planned.render(3, eye=eye), whole.render(3, eye=eye))
     part = np.s_[3:50, 7:90]
@@ -329,14 +329,14 @@ def test_amounts_that_are_keyed_count_frame_by_frame():
     assert "% of frames" in left_out(scene, "0-20")["snow"]
 
 
-def test_gas_of_one_colour_is_not_sorted():
+def test_gas_of_one_color_is_not_sorted():
     gas = fl.Mist.preset("mist", wind=(0.3, 0.0, 0.0))
     sun = fl.Sun((0.0, 1.0, 0.0), 1.0, ambient=1.0)
     plain = fl.Scene(None, BYTES, effects=[gas])
     image, trace = traced(plain)
     assert "gas" in trace.calls and "lit gas" not in trace.calls
-    assert left_out(plain)["mist: sort"] == "its particles have one colour"
-    # All light is even: with colours and a sort it is the same, within a step of rounding.
+    assert left_out(plain)["mist: sort"] == "its particles have one color"
+    # All light is even: with colors and a sort it is the same, within a step of rounding.
     want, full = traced(plain.replace(sun=sun))
     assert "lit gas" in full.calls
     assert np.abs(image.astype(int) - want).max() <= 1
@@ -361,7 +361,7 @@ def test_gas_that_stands_still_is_made_once():
         assert trace.calls[name] == 1
         for image, t in zip(images, (0, 4, 9), strict=True):
             assert np.array_equal(image, scene.replace(fps=30.0).render(t))
-        for change in ({"wind": (0.1, 0.0, 0.0)}, {"colour": "ambient"},
+        for change in ({"wind": (0.1, 0.0, 0.0)}, {"color": "ambient"},
                        {"amount": fl.Keys([(0, 0.5), (9, 1.0)])}):  # fmt: skip
             moving = scene.replace(effects=[replace(cloud, **change)])
             with fl.trace.tracing() as trace:
@@ -624,6 +624,6 @@ scene.render(1)
 new = {name for name in set(sys.modules) - before if name.startswith(("flurries", "Open", "av"))}
 assert not {n for n in new if n.split(".")[1:2] in (["gas"], ["cone"])}, new
 assert not {"OpenImageIO", "av", "skimage", "scipy", "tqdm"} & set(sys.modules)
-assert "flurries.plan.calibration" not in new
+assert "flurries.frame.calibration" not in new
 """
     subprocess.run([sys.executable, "-c", code], check=True, timeout=60)

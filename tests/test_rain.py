@@ -16,14 +16,14 @@ import flurries as fl
 import measure
 from flurries.cli import main
 from flurries.io import read_picture
-from flurries.scenefile import fingerprint
+from flurries.scene.toml import fingerprint
 from flurries.spectral.contrast import kept_power, mean_opacity
 
 Rain, Scene, Camera = fl.Rain, fl.Scene, fl.camera.Camera
 PRESETS = ("drizzle", "rain", "downpour")
 # The texture alone, of a map that keeps the field's shape.
 BARE = {"drops": 0, "haze": 0.0, "mean": 0.5, "spread": 4.0, "power": 1.0, "texture": 1.0,
-        "colour": 1.0}  # fmt: skip
+        "color": 1.0}  # fmt: skip
 
 
 def black(effect: Any, size: tuple[int, int] = (512, 512), **about: Any) -> fl.Scene:
@@ -194,7 +194,7 @@ def test_texture_and_drops_fall_alike():
     )
     pair = tuple(texture.render(t)[..., 0].astype(float) for t in (7.0, 8.0))
     drops = {"drops": 60, "drop_size": (0.03, 0.03), "gain": 1.0, "texture": 0.0, "haze": 0.0,
-             "colour": 1.0, "drop_depth": measure.NEAR}  # fmt: skip
+             "color": 1.0, "drop_depth": measure.NEAR}  # fmt: skip
     found = []
     for seed in range(4):
         scene = black(Rain(**{**slow, **drops}), camera=Camera(measure.FOCAL), seed=seed)
@@ -214,7 +214,7 @@ def test_texture_and_drops_fall_alike():
 
 @pytest.mark.parametrize("shutter", [0.5, 1.0])
 def test_drops_are_streaks_as_long_as_the_shutter(shutter: float):
-    rain = Rain(texture=0.0, haze=0.0, drops=400, shutter=shutter, wind=(0.0, 0.0, 0.0), colour=1.0)
+    rain = Rain(texture=0.0, haze=0.0, drops=400, shutter=shutter, wind=(0.0, 0.0, 0.0), color=1.0)
     scene = black(rain, (640, 640), camera=Camera(700.0))
     points, _, shown = rain.places(one(scene, 3.0))
     inside = (shown > 0.5) & (np.abs(points[:, 2] - 6.0) < 1.5)
@@ -252,7 +252,7 @@ ODD: dict[str, list[Any]] = {
     "drops": [-1, 1.5, True, 100_000_001], "drop_size": [(0.0, 1.0), (2.0, 1.0), 1.0],
     "drop_depth": [0.0, np.inf, "x"], "gain": [-1.0, np.nan, 1e5], "renormalise": [1, None],
     "fall": ["x", None], "alias": ["hard"], "tile": [2], "overlap": [-1], "seed": [2**63],
-    "depth_mode": ["row"], "colour": ["white", 2.0], "wind": [(1.0, 2.0), "x"],
+    "depth_mode": ["row"], "color": ["white", 2.0], "wind": [(1.0, 2.0), "x"],
 }  # fmt: skip
 
 

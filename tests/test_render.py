@@ -21,7 +21,7 @@ from flurries.io import (
     srgb_to_linear,
     write_picture,
 )
-from flurries.render import display_bytes
+from flurries.output.write import display_bytes
 
 Scene, Snow = fl.Scene, fl.Snow
 W, H = 66, 50
@@ -38,7 +38,7 @@ def scene() -> fl.Scene:
 
 @pytest.fixture
 def bright() -> fl.Scene:
-    return Scene(None, LIGHT, effects=[SNOW, Snow(colour=(0.9, 0.4, 0.1), flakes=100)])
+    return Scene(None, LIGHT, effects=[SNOW, Snow(color=(0.9, 0.4, 0.1), flakes=100)])
 
 
 def contents(folder: Path) -> dict[str, bytes]:
@@ -142,7 +142,7 @@ def test_a_video_holds_the_frames(ending: str, tmp_path: Path):
         want = scene.render(number)
         assert got.shape == want.shape
         away = np.abs(got.astype(int) - want).mean()
-        assert away == 0 if ending == "mkv" else away < 4  # colours at half resolution
+        assert away == 0 if ending == "mkv" else away < 4  # colors at half resolution
         other = np.abs(got.astype(int) - scene.render(number + 40)).mean()
         assert away < 0.3 * other, "and of no other frame"
 

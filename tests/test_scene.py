@@ -39,7 +39,7 @@ SCENES: dict[str, fl.Scene] = {
     ),
     "float": Scene(
         None, FLOATS, fly(position=RNG.normal(size=(5, 3)).cumsum(axis=0)),
-        [Snow.preset("blizzard", **FEW), Snow(seed=9, jitter=True, colour=(0.5, 0.7, 0.9), **FEW)],
+        [Snow.preset("blizzard", **FEW), Snow(seed=9, jitter=True, color=(0.5, 0.7, 0.9), **FEW)],
     ),
     "matte": Scene(
         None, BYTES, effects=[Snow.preset("heavy", **FEW)], foreground=MASK, space="linear"
@@ -218,8 +218,8 @@ def test_a_picture_stands_in_front(background: str):
         front = np.zeros((H, W, 4), np.uint8)
         front[...] = (10, 130, 250, 255)  # straight
         front[:, :40, 3], front[:, 40:50, 3] = 0, 51
-        colour, cover = front[..., :3].astype(float), front[..., 3:] / 255.0
-        wanted = colour * cover + (1 - cover) * plain.render(3)
+        color, cover = front[..., :3].astype(float), front[..., 3:] / 255.0
+        wanted = color * cover + (1 - cover) * plain.render(3)
     else:
         front = np.zeros((H, W, 4), np.float32)  # premultiplied
         front[:, 40:] = (0.1, 2.0, 0.5, 1.0)
@@ -237,7 +237,7 @@ def test_a_picture_stands_in_front(background: str):
 @pytest.mark.parametrize("dtype", [np.uint8, np.uint16, np.float32])
 def test_the_layers_make_the_composite(dtype: type, space: str):
     picture = {np.uint8: BYTES, np.uint16: BYTES.astype(np.uint16) * 257, np.float32: FLOATS}[dtype]
-    two = [Snow.preset("heavy", **FEW), Snow(colour=(0.9, 0.4, 0.1), **FEW)]
+    two = [Snow.preset("heavy", **FEW), Snow(color=(0.9, 0.4, 0.1), **FEW)]
     scene = Scene(None, picture, effects=two, space=space)
     got = scene.render(4, layers=True)
     assert np.array_equal(got.image, scene.render(4))
@@ -268,7 +268,7 @@ def twin_encode(light: np.ndarray) -> np.ndarray:
 
 
 def test_linear_light_keeps_the_energy():
-    snow = [Snow.preset("heavy", colour=1.0, **FEW)]
+    snow = [Snow.preset("heavy", color=1.0, **FEW)]
     flat = np.full((H, W, 3), 60, np.uint8)
     display, linear = (Scene(None, flat, effects=snow, space=s) for s in ("display", "linear"))
     alpha = linear.render(2, layers=True).alpha.astype(np.float64).mean()
@@ -350,7 +350,7 @@ def test_regions_that_are_none_are_refused(region: Any):
 # Each field of Snow: good values besides the default, and what is out of its range.
 FIELDS: dict[str, tuple[Any, list[Any]]] = {
     "amount": (0.5, [-0.1, 1.1]), "fall": (2.0, []), "wind": ((1.0, 2.0, 3.0), [(1.0, 2.0), 1.0]),
-    "colour": ((0.1, 0.2, 0.3), [-0.1, 1.1, (0.5, 0.5), (0.0, 0.0, 2.0), [[1.0], [1.0, 2.0]]]),
+    "color": ((0.1, 0.2, 0.3), [-0.1, 1.1, (0.5, 0.5), (0.0, 0.0, 2.0), [[1.0], [1.0, 2.0]]]),
     "haze": (0.5, [-0.1, 1.1]), "shutter": (0.0, [-0.1]), "texture": (0.0, [-0.1, 1.1]),
     "mean": (-0.5, []), "spread": (1.0, [0.0, -1.0]), "power": (1.0, [0.0, -1.0]),
     "exponent": (1.0, []), "near_depth": (5.0, [0.0, -1.0]),
@@ -364,7 +364,7 @@ FIELDS: dict[str, tuple[Any, list[Any]]] = {
     "sway": ((0.1, 1.0), [(1.0,), 1.0]), "seed": (3, [2**63, -(2**63) - 1, 1.0]),
 }  # fmt: skip
 MAY_BE_NONE = {"wavelengths", "tile", "overlap", "seed", "flake_density"}
-KEYED = {"amount", "fall", "wind", "colour", "haze", "shutter", "texture", "mean", "spread",
+KEYED = {"amount", "fall", "wind", "color", "haze", "shutter", "texture", "mean", "spread",
          "power", "flake_opacity"}  # fmt: skip
 
 
@@ -383,7 +383,7 @@ def wrong_values(name: str) -> list[Any]:
         bad.append((*good[:-1], number) if isinstance(good, tuple) else number)
     if name not in KEYED:
         bad.append(Keys([(0, 1.0), (1, 2.0)]))
-    elif name not in ("wind", "colour"):
+    elif name not in ("wind", "color"):
         bad += [Keys([(0, 0.5), (1, value)]) for value in outside]
         bad.append(True)
     return bad

@@ -11,7 +11,7 @@ import pytest
 
 import flurries as fl
 from flurries.io import fit, fit_nearest, read_depth, write_layers, write_picture
-from flurries.scenefile import fingerprint
+from flurries.scene.toml import fingerprint
 
 W, H = 60, 40
 RNG = np.random.default_rng(31)
@@ -88,11 +88,11 @@ def test_a_sequence_goes_with_the_frames_and_holds_its_ends(folder: Path):
 
 @pytest.mark.parametrize("white", ["near", "far"])
 @pytest.mark.parametrize("law", ["linear", "inverse"])
-@pytest.mark.parametrize("kind", ["uint8", "uint16", "float", "file", "colour file"])
+@pytest.mark.parametrize("kind", ["uint8", "uint16", "float", "file", "color file"])
 def test_greys_become_depths(white: str, law: str, kind: str, folder: Path):
     given: dict[str, Any] = {
         "uint8": GREY, "uint16": GREY.astype(np.uint16) * 257, "float": GREY / 255.0,
-        "file": "grey.png", "colour file": "plate.png",
+        "file": "grey.png", "color file": "plate.png",
     }  # fmt: skip
     got = depth(fl.DepthMap(given[kind], white=white, law=law, **MAP))
     g = GREY / 255.0
@@ -212,8 +212,8 @@ def test_the_sun():
 
 SUNS: dict[str, tuple[tuple[Any, ...], str]] = {
     "nowhere": (((0.0, 0.0, 0.0),), "direction"), "two": (((1.0, 0.0),), "direction"),
-    "NaN": (((1.0, np.nan, 0.0),), "direction"), "bright": (((0, 1, 0), 1.5), "colour"),
-    "dark": (((0, 1, 0), (0.5, -0.1, 0.5)), "colour"), "text": (((0, 1, 0), "white"), "colour"),
+    "NaN": (((1.0, np.nan, 0.0),), "direction"), "bright": (((0, 1, 0), 1.5), "color"),
+    "dark": (((0, 1, 0), (0.5, -0.1, 0.5)), "color"), "text": (((0, 1, 0), "white"), "color"),
     "ambient": (((0, 1, 0), 1.0, 1.5), "ambient"),
     "ambient none": (((0, 1, 0), 1.0, None), "ambient"),
 }  # fmt: skip
@@ -256,7 +256,7 @@ def test_a_fingerprint_sees_depth_and_sun(folder: Path):
     prints = [fingerprint(fl.Scene((W, H), depth=kind)) for kind in kinds]
     prints += [
         fingerprint(fl.Scene((W, H), sun=sun))
-        for sun in (fl.Sun(), fl.Sun((0, 1, 0)), fl.Sun(ambient=0.5), fl.Sun(colour=0.5))
+        for sun in (fl.Sun(), fl.Sun((0, 1, 0)), fl.Sun(ambient=0.5), fl.Sun(color=0.5))
     ]
     assert len(set(prints)) == len(prints)
     assert prints[0] == fingerprint(fl.Scene((W, H)))
@@ -282,9 +282,9 @@ MISTAKES: dict[str, tuple[str, int, str]] = {
     "backwards": ("[depth]\nsource = 'grey.png'\nnear = 3\nfar = 2\n", 4, "far"),
     "white": ("[depth]\nsource = 'g.png'\nnear = 1\nfar = 2\nwhite = 'x'\n", 5, "white"),
     "sun a number": ("sun = 3\n", 1, "sun must be a table"),
-    "sun unknown": ("[sun]\ncolor = 1.0\n", 2, "color.*sun.*'colour'"),
+    "sun unknown": ("[sun]\ncolour = 1.0\n", 2, "colour.*sun.*'color'"),
     "sun nowhere": ("[sun]\ndirection = [0, 0, 0]\n", 2, "direction"),
-    "sun bright": ("[sun]\ndirection = [0, 1, 0]\ncolour = 2\n", 3, "colour"),
+    "sun bright": ("[sun]\ndirection = [0, 1, 0]\ncolor = 2\n", 3, "color"),
 }
 
 

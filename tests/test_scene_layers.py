@@ -1,4 +1,4 @@
-"""What effects may answer: layers of one colour or of many, one or several, with depths."""
+"""What effects may answer: layers of one color or of many, one or several, with depths."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 import flurries as fl
-from flurries.contents import weather
 from flurries.io import read_layers, srgb_to_linear
+from flurries.output.contents import weather
 
 W, H = 40, 30
 RNG = np.random.default_rng(21)
@@ -35,7 +35,7 @@ class Given:
         def cut(layer: fl.Layer) -> fl.Layer:
             rgb = None if layer.rgb is None else frame.crop(layer.rgb)
             depth = None if layer.depth is None else frame.crop(layer.depth)
-            return fl.Layer(layer.name, frame.crop(layer.alpha), layer.colour, rgb, depth)
+            return fl.Layer(layer.name, frame.crop(layer.alpha), layer.color, rgb, depth)
 
         if isinstance(self.answer, tuple):
             return tuple(map(cut, self.answer))
@@ -62,17 +62,17 @@ def over(behind: np.ndarray, straight: np.ndarray, alpha: np.ndarray) -> np.ndar
 @pytest.mark.parametrize("space", ["display", "linear"])
 @pytest.mark.parametrize("kind", ["bytes", "light"])
 @pytest.mark.parametrize("matte", [None, MATTE], ids=["open", "matte"])
-def test_colour_by_pixel_is_mixed_in_either_light(space: str, kind: str, matte: Any):
+def test_color_by_pixel_is_mixed_in_either_light(space: str, kind: str, matte: Any):
     picture = BYTES if kind == "bytes" else LIGHT
     scene = fl.Scene(None, picture, effects=[Given((ONE, MANY))], space=space, foreground=matte)
     got = scene.render(0)
     alpha = ALPHA.astype(np.float64) * (1.0 if matte is None else 1.0 - matte)
     if space == "linear":
         behind = decode(BYTES / 255.0) if kind == "bytes" else LIGHT.astype(np.float64)
-        first, second = decode(np.array(ONE.colour)), STRAIGHT.astype(np.float64)
+        first, second = decode(np.array(ONE.color)), STRAIGHT.astype(np.float64)
     else:
         behind = BYTES / 255.0 if kind == "bytes" else encode(LIGHT.astype(np.float64))
-        first, second = np.array(ONE.colour), encode(STRAIGHT.astype(np.float64))
+        first, second = np.array(ONE.color), encode(STRAIGHT.astype(np.float64))
     want = over(over(behind, first, alpha), second, alpha)
     if kind == "bytes":
         want = 255.0 * np.clip(want if space == "display" else encode(want), 0.0, 1.0)
@@ -82,9 +82,9 @@ def test_colour_by_pixel_is_mixed_in_either_light(space: str, kind: str, matte: 
         assert np.abs(got / want - 1.0).max() <= 1e-5
 
 
-def test_one_colour_by_pixel_is_the_plain_layer():
+def test_one_color_by_pixel_is_the_plain_layer():
     # The same light given in both ways; a layer mistaken for straight or for display would differ.
-    light = decode(np.array(ONE.colour))
+    light = decode(np.array(ONE.color))
     same = fl.Layer("fog", ALPHA, rgb=(light * ALPHA[..., None]).astype(np.float32))
     for picture, space in ((BYTES, "display"), (BYTES, "linear"), (LIGHT, "linear")):
         plain, by_pixel = (
@@ -129,7 +129,7 @@ def test_a_region_has_the_bits_of_the_whole():
     assert np.array_equal(got.depths["cloud"], FAR[part])
 
 
-def test_an_exr_keeps_colours_and_depths(tmp_path: Path):
+def test_an_exr_keeps_colors_and_depths(tmp_path: Path):
     scene = fl.Scene(None, LIGHT, effects=[Given((ONE, MANY))], depth=2.0 * FAR)
     scene.write(tmp_path / "%d.exr", 3, layers=True, half=False)
     found = read_layers(tmp_path / "3.exr")

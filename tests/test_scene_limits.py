@@ -151,7 +151,7 @@ def test_ambient_snow_has_the_background_s_light():
         light = np.full((H, W, 3), level, np.float32) * np.array([1.0, 0.8, 0.5], np.float32)
         light[:20] *= 2.0
         light[20:40] *= 0.0
-        snow = Snow(colour="ambient", flakes=0, haze=1.0, texture=0.0)
+        snow = Snow(color="ambient", flakes=0, haze=1.0, texture=0.0)
         got = Scene(None, light, effects=[snow]).render(0)[50, 50]
         white = light.reshape(-1, 3).mean(axis=0, dtype=float) * (0.9 / 0.18)
         white /= max(1.0, white.max())
@@ -167,21 +167,21 @@ def test_ambient_snow_has_the_background_s_light():
 def test_ambient_of_a_region_is_that_of_the_whole():
     picture = np.random.default_rng(6).integers(0, 90, (H, W, 3)).astype(np.uint8)
     picture[:, 100:] //= 4
-    scene = Scene(None, picture, effects=[Snow(colour="ambient", flakes=200)])
+    scene = Scene(None, picture, effects=[Snow(color="ambient", flakes=200)])
     part = np.s_[20:60, 120:200]
     assert np.array_equal(scene.render(2, region=part), scene.render(2)[part])
     odd = picture.astype(np.float32)
     odd[0, 0], odd[1, 1] = np.nan, np.inf
-    got = Scene(None, odd, effects=[Snow(colour="ambient", flakes=200)]).render(2)
+    got = Scene(None, odd, effects=[Snow(color="ambient", flakes=200)]).render(2)
     assert np.isfinite(got[5:]).all()
 
 
 def test_ambient_is_saved_and_other_words_are_refused(tmp_path: Any):
     scene = Scene(
-        (W, H), "#405060", effects=[Snow(colour="ambient", depth_mode="pixel")], depth=20.0
+        (W, H), "#405060", effects=[Snow(color="ambient", depth_mode="pixel")], depth=20.0
     )
     scene.save(tmp_path / "scene.toml")
     again = Scene.load(tmp_path / "scene.toml")
     assert again.effects == scene.effects and np.array_equal(again.render(1), scene.render(1))
-    with pytest.raises(ValueError, match="colour must be one of 'ambient'"):
-        Snow(colour="white")
+    with pytest.raises(ValueError, match="color must be one of 'ambient'"):
+        Snow(color="white")

@@ -11,14 +11,14 @@ import pytest
 
 import flurries as fl
 from flurries.io import write_picture
-from flurries.scenefile import fingerprint
+from flurries.scene.toml import fingerprint
 
 Keys, Scene, Snow = fl.Keys, fl.Scene, fl.Snow
 RNG = np.random.default_rng(8)
 PLATE = RNG.integers(0, 255, (40, 60, 3)).astype(np.uint8)
 FULL = Snow(
     amount=Keys([(0, 0.5), (9.5, 1.0)]), fall=2.0, wind=Keys([(0, (1, 0, 0)), (5, (0, 0, 1))]),
-    colour=(0.9, 0.8, 0.7), haze=0.1, shutter=0.25, texture=0.6, mean=0.1, spread=2.2, power=1.5,
+    color=(0.9, 0.8, 0.7), haze=0.1, shutter=0.25, texture=0.6, mean=0.1, spread=2.2, power=1.5,
     exponent=0.9, wavelengths=(2.5, 8.0), near_depth=7.0, tile=24, overlap=5, blend="linear",
     alias="cut", jitter=True, flakes=200, flake_size=(0.01, 0.02), flake_opacity=0.8,
     sway=(0.01, 3.0), seed=99,
@@ -42,8 +42,8 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 SCENES: dict[str, dict[str, Any]] = {
     "default": {},
-    "colour": {"size": (50, 40), "background": "#405060", "effects": [Snow.preset("heavy")]},
-    "light colour": {"size": (50, 40), "background": (0.1, 0.2, 4.0), "effects": [FULL]},
+    "color": {"size": (50, 40), "background": "#405060", "effects": [Snow.preset("heavy")]},
+    "light color": {"size": (50, 40), "background": (0.1, 0.2, 4.0), "effects": [FULL]},
     "picture": {"background": "sub/plate.png", "foreground": "sub/mask.png", "effects": [FULL],
                 "seed": -(2**63), "fps": 23.976, "space": "linear"},
     "path": {"background": Path("sub/light.exr"), "effects": [Snow.preset("paper")]},
@@ -200,7 +200,7 @@ MISTAKES: dict[str, tuple[str | bytes, int | None, str]] = {
     "two ways": ("[camera]\nvelocity = [0, 0, 0]\nposition = [[0, 0, 0]]\n", 3, "position"),
     "size 0": ("size = [0, 5]\n", 1, "size"), "seed": (f"seed = {2**63}\n", 1, "seed"),
     "a date": ("fps = 1979-05-27\n", 1, "fps"), "space": ("space = 'srgb'\n", 1, "space"),
-    "colour": ("background = '#12'\n", 1, "background"),
+    "color": ("background = '#12'\n", 1, "background"),
     "missing picture": ("background = 'nope.png'\n", None, "nope.png"),
     "bad TOML": ("size = [6, 4\n", None, "TOML"),
     "twice": ("seed = 1\nseed = 2\n", 2, "TOML.*line 2"),

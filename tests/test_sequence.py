@@ -18,12 +18,12 @@ import numpy as np
 import pytest
 
 import flurries as fl
-from flurries import manifest
 from flurries.cli import main
 from flurries.io import VideoWriter, read_picture, read_video, write_picture
-from flurries.io.claims import awaited, claimed
 from flurries.io.sound import Sound, has_sound
-from flurries.sequence import Sequence
+from flurries.output import manifest
+from flurries.output.claims import awaited, claimed
+from flurries.output.sequence import Sequence
 
 W, H = 66, 50
 PLATE = np.random.default_rng(3).integers(0, 220, (H, W, 3)).astype(np.uint8)
@@ -94,7 +94,7 @@ def test_a_process_that_stands_still_is_waited_for_and_one_that_dies_is_not(
     # The system frees what a killed process held.
     holder = subprocess.Popen(
         [sys.executable, "-c", "import sys, time; from pathlib import Path\n"
-         "from flurries.io.claims import claimed\n"
+         "from flurries.output.claims import claimed\n"
          "held = claimed(Path('out/0004.png')); print(held, flush=True); time.sleep(60)"],
         cwd=tmp_path, stdout=subprocess.PIPE, text=True,
     )  # fmt: skip
@@ -379,7 +379,7 @@ def test_sound_that_would_not_fit_is_left_out(tmp_path: Path):
 INTERRUPTED = """
 import fcntl, os, sys
 from pathlib import Path
-from flurries.io import claims
+from flurries.output import claims
 place, step = sys.argv[1:]
 module = fcntl if step == "flock" else os
 real = getattr(module, step)

@@ -76,7 +76,7 @@ GOOD: dict[str, tuple[Callable[..., Any], int, dict[str, Any]]] = {
          "shutter": 0.5, "jitter": True},
     ),
     "opacity": (
-        S.opacity, 1, {"field": ONES, "mean": 0.5, "spread": 3.0, "exponent": 2.0, "amount": 1.0}
+        S.opacity, 1, {"field": ONES, "mean": 0.5, "spread": 3.0, "power": 2.0, "amount": 1.0}
     ),
     "alpha": (
         S.alpha, 1,

@@ -38,8 +38,7 @@ def field(name: str, dtype: type, **changes: Any) -> np.ndarray:
 def alpha(name: str, dtype: type) -> np.ndarray:
     source, given = make_frames.ALPHAS[name]
     shape, arguments = make_frames.FIELDS[source]
-    mapped = {"power" if key == "exponent" else key: value for key, value in given.items()}
-    return fl.spectral.alpha(shape, **arguments, **mapped, dtype=dtype)
+    return fl.spectral.alpha(shape, **arguments, **given, dtype=dtype)
 
 
 @pytest.mark.parametrize("dtype", DTYPES)

@@ -12,9 +12,9 @@ MAPS = [
     {},
     {"mean": 0.3},
     {"spread": 2.0},
-    {"exponent": 1.0},
-    {"exponent": 0.5, "amount": 0.8},
-    {"mean": 0.1, "spread": 5.0, "exponent": 3.5, "amount": 0.25},
+    {"power": 1.0},
+    {"power": 0.5, "amount": 0.8},
+    {"mean": 0.1, "spread": 5.0, "power": 3.5, "amount": 0.25},
     {"amount": 0.0},
 ]
 
@@ -46,7 +46,7 @@ def test_the_scale_is_never_taken_from_the_frame():
 
 def test_defaults_of_opacity():
     z = np.random.default_rng(1).normal(size=(20, 20))
-    spelled = fl.spectral.opacity(z, mean=0.5, spread=3.0, exponent=2.0, amount=1.0)
+    spelled = fl.spectral.opacity(z, mean=0.5, spread=3.0, power=2.0, amount=1.0)
     assert np.array_equal(fl.spectral.opacity(z), spelled)
 
 
@@ -100,9 +100,9 @@ def test_alpha_is_opacity_of_field(dtype: type, limit: float, power: float):
     got = fl.spectral.alpha((70, 45), **FIELD, **MAPPED, power=power, dtype=dtype)
     steps = fl.spectral.field((70, 45), **FIELD, dtype=dtype)
     assert got.dtype == dtype and got.shape == (70, 45)
-    want = fl.spectral.opacity(steps, **MAPPED, exponent=power)
+    want = fl.spectral.opacity(steps, **MAPPED, power=power)
     assert np.abs(got - want).max() <= limit
-    slow = twin.opacity(twin.field((70, 45), **FIELD), **MAPPED, exponent=power)
+    slow = twin.opacity(twin.field((70, 45), **FIELD), **MAPPED, power=power)
     assert np.abs(got - slow).max() <= limit
 
 

@@ -150,7 +150,7 @@ def test_the_opacity_of_a_tile_keeps_to_the_tent():
         alpha = fl.spectral.opacity(pictures)
         assert share(alpha, 63.0) > 0.94
         assert share(alpha, 63.0 + 180.0) < 0.5
-        assert share(fl.spectral.opacity(pictures, exponent=1.0), 63.0) > 0.99
+        assert share(fl.spectral.opacity(pictures, power=1.0), 63.0) > 0.99
 
 
 # All cells that the tent passes through: an experiment (erratum 14) ------------------------------

@@ -174,7 +174,7 @@ SHARED: list[tuple[str, list[Any]]] = [
     ("rain", [fl.Rain(drops=400, near_depth=6.0)]),
     ("gusts", [Snow(flakes=200, wind=fl.Wind((0.5, 0.0, 0.0), gusts=0.5, swirl=0.2))]),
     ("gas", [fl.Mist.preset("fog", wind=(0.3, 0.0, 0.1)), Snow(flakes=200)]),
-    ("light of the background", [Snow(flakes=200, colour="ambient")]),
+    ("light of the background", [Snow(flakes=200, color="ambient")]),
 ]
 
 

@@ -14,7 +14,7 @@ import pytest
 from scipy.integrate import quad
 
 import flurries as fl
-from flurries.timeline import as_number, as_vector, integral_to, value_at
+from flurries.motion.keys import as_number, as_vector, integral_to, value_at
 
 Keys = fl.Keys
 RAMP = Keys([(-3, 2.0), (4, -1.0), (4.5, 5.0), (90, 5.0), (100, 0.25)])

@@ -12,10 +12,11 @@ import pytest
 
 import flurries as fl
 from flurries.cli import main
-from flurries.effects.needs import Needs, Saving, Step
+from flurries.frame import calibration
+from flurries.frame import tolerance as spending
+from flurries.frame.needs import Needs, Saving, Step
+from flurries.frame.tolerance import TABLE, Asking, Error, Light, choose
 from flurries.io.color import linear_to_srgb, looked_up, to_integer
-from flurries.plan import calibration, spending
-from flurries.plan.spending import TABLE, Asking, Error, Light, choose
 
 TOLERANCES = (1 / 255, 1e-3, 1e-5)
 W, H = 96, 72
@@ -44,13 +45,13 @@ def random_scene(number: int) -> fl.Scene:
     def amount() -> float:
         return 1.0 if rng.random() < 0.3 else float(10.0 ** rng.uniform(-6.0, 0.0))
 
-    def colour() -> Any:
+    def color() -> Any:
         return rng.random(3).tolist() if rng.random() < 0.7 else "ambient"
 
     made: list[Any] = []
     for _ in range(rng.integers(1, 4)):
         what = rng.choice(["snow", "rain", "mist", "thick", "cone"])
-        common = {"amount": amount(), "colour": colour(), "seed": int(rng.integers(1000))}
+        common = {"amount": amount(), "color": color(), "seed": int(rng.integers(1000))}
         if what == "snow":
             haze = float(10.0 ** rng.uniform(-6.0, -1.0))
             made.append(fl.Snow(**common, haze=haze, flakes=500, texture=amount()))
@@ -246,7 +247,7 @@ def test_integers_count_steps():
         value = near = float(rng.integers(0, 256))
         errors = []
         for _ in range(3):
-            alpha, colour = rng.random(), rng.integers(0, 256)
+            alpha, color = rng.random(), rng.integers(0, 256)
             error = float(rng.choice([0.0, 0.3, 1.0, 2.5])) / 255.0
             gone = rng.random() < 0.5
             if gone:
@@ -254,10 +255,10 @@ def test_integers_count_steps():
                 errors.append(Error(gone=error))
             else:
                 errors.append(Error(layer=error))
-            value = np.rint(value + alpha * (colour - value))
+            value = np.rint(value + alpha * (color - value))
             if not gone:
                 close = np.clip(alpha + rng.uniform(-error, error), 0.0, 1.0)
-                near = np.rint(near + close * (colour - near))
+                near = np.rint(near + close * (color - near))
         assert abs(value - near) / 255.0 <= byte.total(errors) + 1e-12
 
 

@@ -18,7 +18,7 @@ import pytest
 
 import flurries as fl
 import twin
-from flurries.scenefile import EFFECTS
+from flurries.scene.toml import EFFECTS
 from flurries.viewer.charts import chart
 from flurries.viewer.controls import applied, controls_of
 from flurries.viewer.preview import Preview

@@ -264,12 +264,12 @@ def opacity(
     *,
     mean: float = 0.5,
     spread: float = 3.0,
-    exponent: float = 2.0,
+    power: float = 2.0,
     amount: float = 1.0,
 ) -> Floats:
-    """amount * clip(mean + z/(2 spread), 0, 1)^exponent."""
+    """amount * clip(mean + z/(2 spread), 0, 1)^power."""
     z = np.asarray(field, dtype=np.float64)
-    return amount * np.clip(mean + z / (2.0 * spread), 0.0, 1.0) ** exponent
+    return amount * np.clip(mean + z / (2.0 * spread), 0.0, 1.0) ** power
 
 
 def opacity_mean(mean: float = 0.5, spread: float = 3.0) -> float:

@@ -6,23 +6,37 @@ Pictures and film: :class:`Scene` and its effects.
 """
 
 from importlib import import_module
-from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any
 
 from flurries._core import InternalError
 from flurries._threads import reproducible, set_reproducible, set_threads, threads
 
 if TYPE_CHECKING:
-    from flurries import camera, composite, cone, gas, hybrid, particles, spectral, stereo, trace
+    from flurries import (
+        accuracy,
+        augment,
+        camera,
+        composite,
+        cone,
+        gas,
+        hybrid,
+        io,
+        particles,
+        spectral,
+        stereo,
+        trace,
+    )
     from flurries.camera import Camera
-    from flurries.depth import DepthMap
-    from flurries.effects import ConeRain, ConeSnow, Frame, Layer, MatchedSnow, Mist, Rain, Snow
-    from flurries.path import CameraPath
-    from flurries.scene import Rendered, Scene
-    from flurries.sun import Sun
-    from flurries.timeline import Keys
+    from flurries.camera.path import CameraPath
+    from flurries.effects import ConeRain, ConeSnow, MatchedSnow, Mist, Rain, Snow
+    from flurries.frame.layer import Frame, Layer
+    from flurries.frame.truth import Rendered
+    from flurries.light.sun import Sun
+    from flurries.motion.keys import Keys
+    from flurries.motion.wind import Wind
+    from flurries.scene import Scene
+    from flurries.scene.depth import DepthMap
     from flurries.viewer import view
-    from flurries.wind import Wind
 
 __version__ = "0.1.0"
 
@@ -44,11 +58,14 @@ __all__ = [
     "Snow",
     "Sun",
     "Wind",
+    "accuracy",
+    "augment",
     "camera",
     "composite",
     "cone",
     "gas",
     "hybrid",
+    "io",
     "particles",
     "reproducible",
     "set_reproducible",
@@ -65,30 +82,30 @@ __all__ = [
 # scenes, and `import flurries` takes little more than NumPy.
 _FROM = {
     "Camera": "camera",
-    "CameraPath": "path",
-    "DepthMap": "depth",
-    "Keys": "timeline",
-    "Rendered": "scene",
+    "CameraPath": "camera.path",
+    "DepthMap": "scene.depth",
+    "Frame": "frame.layer",
+    "Keys": "motion.keys",
+    "Layer": "frame.layer",
+    "Rendered": "frame.truth",
     "Scene": "scene",
-    "Sun": "sun",
-    "Wind": "wind",
+    "Sun": "light.sun",
+    "Wind": "motion.wind",
     "view": "viewer",
-    **dict.fromkeys(
-        ("ConeRain", "ConeSnow", "Frame", "Layer", "MatchedSnow", "Mist", "Rain", "Snow"), "effects"
-    ),
+    **dict.fromkeys(("ConeRain", "ConeSnow", "MatchedSnow", "Mist", "Rain", "Snow"), "effects"),
 }
-_LATER = ("accuracy", "augment", "cameras", "cluster", "manifest")
 
 
 def __getattr__(name: str) -> Any:
     if name in _FROM:
         found = getattr(import_module(f"flurries.{_FROM[name]}"), name)
-        globals()[name] = found
-        return found
-    if not name.startswith("_") and find_spec(f"flurries.{name}") is not None:
-        return import_module(f"flurries.{name}")
-    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    elif name in __all__:
+        found = import_module(f"flurries.{name}")
+    else:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    globals()[name] = found
+    return found
 
 
 def __dir__() -> list[str]:
-    return sorted({*globals(), *__all__, *_LATER})
+    return sorted([*__all__, "__version__"])

@@ -2,6 +2,6 @@
 
 import sys
 
-from flurries.cli import main
+from flurries.cli.main import main
 
 sys.exit(main())

@@ -62,7 +62,7 @@ def snow(
     intensity: float | Sequence[float] = PAPER_WHITE,
     out: Array | None = None,
 ) -> Array:
-    """Snow of one colour over a picture, Eq. 7 in the picture's own values.
+    """Snow of one color over a picture, Eq. 7 in the picture's own values.
 
     Parameters
     ----------
@@ -71,7 +71,7 @@ def snow(
     alpha : (H, W)
         Opacity, 0 to 1, float.
     intensity : float or RGB
-        Colour of the snow as a fraction of full scale; above 1 for bright snow in linear light. The
+        Color of the snow as a fraction of full scale; above 1 for bright snow in linear light. The
         default is the paper's 250 of 255.
     out : like `background`, optional
         Array to write into and return; not the background itself.
@@ -100,9 +100,9 @@ def snow(
     if cover.shape != planes.shape[:2]:
         raise ValueError(f"alpha must have shape {planes.shape[:2]}, got {cover.shape}")
     _require_cover("alpha", cover)
-    colour = _intensity(intensity, planes.shape[2])
+    color = _intensity(intensity, planes.shape[2])
     result, wide = _result(given, planes, out, cover)
-    _core.snow(wide.reshape(planes.shape), planes, cover, colour)
+    _core.snow(wide.reshape(planes.shape), planes, cover, color)
     if wide is not result:
         result[...] = wide
     return result
@@ -117,10 +117,10 @@ def _require_cover(name: str, cover: Array) -> None:
 def _intensity(intensity: Any, channels: int) -> list[float]:
     if isinstance(intensity, (float, int, complex, np.number, str)) or intensity is None:
         return [real("intensity", intensity, low=0.0)] * channels
-    colour: list[float] = vector("intensity", intensity, channels).tolist()
-    if min(colour) < 0.0:
-        raise ValueError(f"intensity must not be negative, got {colour}")
-    return colour
+    color: list[float] = vector("intensity", intensity, channels).tolist()
+    if min(color) < 0.0:
+        raise ValueError(f"intensity must not be negative, got {color}")
+    return color
 
 
 def over(background: npt.ArrayLike, layer: npt.ArrayLike, *, out: Array | None = None) -> Array:
@@ -162,7 +162,7 @@ def join(
     matte: npt.ArrayLike | None = None,
     out: Array | None = None,
 ) -> Array:
-    """Opacity of layers of one colour together, behind a matte.
+    """Opacity of layers of one color together, behind a matte.
 
     Parameters
     ----------

@@ -25,7 +25,7 @@ from flurries._contract import (
     rectangular,
 )
 from flurries._threads import reproducible
-from flurries.camera import Camera, expect_camera
+from flurries.camera.lens import Camera, expect_camera
 
 __all__ = ["anaglyph", "eyes", "over_under", "side_by_side"]
 

@@ -93,7 +93,7 @@ def light(radius_px: float) -> Any:
 
 
 def order(dtype: Any) -> float:
-    """How far opacities are apart when equal colours come in another order."""
+    """How far opacities are apart when equal colors come in another order."""
     rng = np.random.default_rng(1)
     centers = rng.uniform(-1.0, 1.0, (200, 3)) + np.array([0.0, 0.0, 4.0])
     one, other = (G.alpha((60, 80), part, 0.4, 0.5, EYE, dtype=dtype)
@@ -188,8 +188,8 @@ CASES = [
     Case("a wall before the near plane hides all, line integral",
          drawn(0.5, near=0.2, wall=0.1, footprint="volume"), 0.0, 1e-12, "Phi of equal ends",
          "an empty interval is empty"),
-    Case("equal colours in another order", order, 0.0, (1e-6, 1e-14),
-         "200 factors, an eps each, in their worst order", "over commutes for one colour"),
+    Case("equal colors in another order", order, 0.0, (1e-6, 1e-14),
+         "200 factors, an eps each, in their worst order", "over commutes for one color"),
     Case("values that differ between 1, 2 and 3 threads", threads_differ, 0.0, 0.0, "exact",
          "each pixel has one owner"),
     Case("at equal depths the first comes first", equal_depths, 1.0, (1e-6, 1e-9),

@@ -399,7 +399,7 @@ CASES = [
          "clip below, before the power"),
     Case("opacity 1e-3 sigma above the lower clip", opacity_of(-2.999), (1e-3 / 6.0) ** 2,
          (1e-11, 1e-18), "x is off by eps/2, the square by 2 x eps/2", "clip before the power"),
-    Case("opacity with exponent 1/2 at the lower clip", opacity_of(-3.0, exponent=0.5), 0.0, 0.0,
+    Case("opacity with exponent 1/2 at the lower clip", opacity_of(-3.0, power=0.5), 0.0, 0.0,
          "exact", "no power of a negative number"),
     *[
         Case(f"linear weights sum to 1, overlap {v} of 24 px", weights_sum(v), 0.0,

@@ -79,7 +79,7 @@ def test_albumentations_takes_a_depth():
     near = np.full(PHOTOGRAPH.shape[:2], 1.0)
     far = np.full(PHOTOGRAPH.shape[:2], 500.0)
     pipeline = A.Compose(
-        [fla.Fog(visibility=100.0, patches=0.0, colour=1.0, depth_key="depth", p=1.0)], seed=1
+        [fla.Fog(visibility=100.0, patches=0.0, color=1.0, depth_key="depth", p=1.0)], seed=1
     )
     thin, thick = (pipeline(image=PHOTOGRAPH, depth=d)["image"].mean() for d in (near, far))
     assert thin < PHOTOGRAPH.mean() + 10.0 and thick > 250.0

@@ -20,7 +20,7 @@ import pytest
 from length import times
 
 import flurries as fl
-from flurries import cluster, manifest
+from flurries.output import cluster, manifest
 
 Record = Callable[[str, object], None]
 FRAMES = "1-24"

@@ -162,7 +162,7 @@ PEAK = """
 import resource, sys
 import numpy as np
 import flurries as fl
-from flurries import bands
+from flurries.frame import bands
 kind, size = sys.argv[1], int(sys.argv[2])
 if "without bands" in sys.argv:
     bands._WHOLE = 1 << 40

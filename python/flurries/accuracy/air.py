@@ -13,7 +13,7 @@ from flurries import hybrid as matching
 from flurries import particles
 from flurries._contract import Array
 from flurries.accuracy.ways import Way, rms
-from flurries.camera import Camera
+from flurries.camera.lens import Camera
 
 SHAPE = (512, 512)
 EYE = Camera(600.0)

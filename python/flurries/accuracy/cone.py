@@ -9,7 +9,7 @@ import numpy as np
 from flurries import cone as drum
 from flurries._contract import Array
 from flurries.accuracy.ways import Way, rms
-from flurries.camera import Camera
+from flurries.camera.lens import Camera
 
 SHAPE = (180, 240)
 EYE = Camera(200.0)

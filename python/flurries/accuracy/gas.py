@@ -10,7 +10,7 @@ import numpy as np
 from flurries import gas as splatting
 from flurries._contract import Array
 from flurries.accuracy.ways import Way, largest
-from flurries.camera import Camera
+from flurries.camera.lens import Camera
 
 SHAPE = (240, 320)
 EYE = Camera(280.0)

@@ -119,7 +119,7 @@ def _contrast(overlap: int, law: str) -> float:
 def depth() -> list[Way]:
     """A floor that goes away, and the texture that it hides."""
     from flurries.effects import Snow
-    from flurries.scene import Scene
+    from flurries.scene.scene import Scene
 
     size = (320, 240)
     floor = np.broadcast_to(np.geomspace(120.0, 8.0, 240, dtype=np.float32)[:, None], (240, 320))

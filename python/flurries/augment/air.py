@@ -13,7 +13,7 @@ from flurries.augment.distance import Distances
 from flurries.augment.flakes import NEAREST, Cloud, Flakes, flakes_at
 from flurries.augment.patches import Patches
 from flurries.augment.texture import Texture, longest_wave
-from flurries.camera import Camera
+from flurries.camera.lens import Camera
 
 FPS = 30.0
 

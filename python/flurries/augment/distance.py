@@ -9,7 +9,7 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from flurries._contract import Array, Float64, depths, real, rectangular
-from flurries.depth import DepthMap
+from flurries.scene.depth import DepthMap
 
 Depth: TypeAlias = Any
 

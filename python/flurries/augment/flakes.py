@@ -14,7 +14,7 @@ import numpy as np
 
 from flurries import _core
 from flurries._contract import Array, Float64
-from flurries.camera import Camera
+from flurries.camera.lens import Camera
 
 # Nearer ones would fill the picture, and fade as out-of-focus puffs do.
 NEAREST = 0.4

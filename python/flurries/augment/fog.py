@@ -37,7 +37,7 @@ class Fog(Weather):
         How uneven it is: standard deviation of the extinction against its mean, 0 to 1.
     wind : number or range
         How fast the largest patches drift to the right, picture lengths per second.
-    colour : number, range or (r, g, b)
+    color : number, range or (r, g, b)
         The light that fog scatters towards the camera, display values, 0 to 1.
 
     Raises
@@ -47,7 +47,7 @@ class Fog(Weather):
 
     Notes
     -----
-    Koschmieder: ``seen = clear exp(-b d) + colour (1 - exp(-b d))`` at depth d, b the extinction,
+    Koschmieder: ``seen = clear exp(-b d) + color (1 - exp(-b d))`` at depth d, b the extinction,
     3 / visibility. `patches` multiplies b by 1 + patches z, no less than 0, with z a spectral field
     of variance 1.
 
@@ -55,13 +55,13 @@ class Fog(Weather):
     --------
     >>> import numpy as np, flurries as fl
     >>> picture = np.zeros((96, 128, 3), np.float32)
-    >>> fog = fl.augment.Fog(visibility=60.0, patches=0.0, colour=1.0)
+    >>> fog = fl.augment.Fog(visibility=60.0, patches=0.0, color=1.0)
     >>> seen = fog(picture, depth=60.0)
     >>> round(float(seen[0, 0, 0]), 3)
     0.95
     """
 
-    colour: Range | tuple[float, float, float] = (0.75, 0.92)
+    color: Range | tuple[float, float, float] = (0.75, 0.92)
     visibility: Range | None = None
     patches: Range = (0.0, 0.3)
     wind: Range = (-0.1, 0.1)

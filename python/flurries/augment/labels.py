@@ -24,7 +24,7 @@ class Weathered:
         Of the shape and dtype of the picture that came.
     alpha : (H, W) float32
         Opacity of the weather, 0 to 1.
-    colour : (r, g, b)
+    color : (r, g, b)
         Its display values, 0 to 1.
     record : dict
         What :func:`flurries.augment.replay` makes the same weather of; plain numbers and words.
@@ -44,7 +44,7 @@ class Weathered:
 
     image: Array
     alpha: Array
-    colour: tuple[float, float, float]
+    color: tuple[float, float, float]
     record: dict[str, Any] = field(default_factory=dict)
     boxes: Any = None
     masks: Any = None
@@ -56,13 +56,13 @@ class Weathered:
     @property
     def layer(self) -> Array:
         """(H, W, 4) float32: the weather alone, display values premultiplied with its opacity."""
-        return layer_of(self.alpha, self.colour)
+        return layer_of(self.alpha, self.color)
 
 
-def layer_of(alpha: Array, colour: tuple[float, ...]) -> Array:
-    """Return (..., 4) float32: a colour, premultiplied with an opacity."""
+def layer_of(alpha: Array, color: tuple[float, ...]) -> Array:
+    """Return (..., 4) float32: a color, premultiplied with an opacity."""
     layer = np.empty((*alpha.shape, 4), np.float32)
-    np.multiply(alpha[..., None], np.asarray(colour, np.float32), out=layer[..., :3])
+    np.multiply(alpha[..., None], np.asarray(color, np.float32), out=layer[..., :3])
     layer[..., 3] = alpha
     return layer
 

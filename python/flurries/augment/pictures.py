@@ -64,8 +64,8 @@ def planes_of(given: Array) -> Array:
     return aligned(planes, np.float32 if native == np.float16 else native)
 
 
-def mixed(given: Array, alpha: Array, colour: tuple[float, ...], white: float) -> Array:
-    """Return a picture under a layer of one colour, in its own dtype; never written to.
+def mixed(given: Array, alpha: Array, color: tuple[float, ...], white: float) -> Array:
+    """Return a picture under a layer of one color, in its own dtype; never written to.
 
     Parameters
     ----------
@@ -73,7 +73,7 @@ def mixed(given: Array, alpha: Array, colour: tuple[float, ...], white: float) -
         As `picture_of` returns it.
     alpha : (H, W) float32
         From 0 to 1.
-    colour : (r, g, b)
+    color : (r, g, b)
         Display values, 0 to 1.
     white : float
         What float pictures call white.
@@ -82,7 +82,7 @@ def mixed(given: Array, alpha: Array, colour: tuple[float, ...], white: float) -
     floats = planes.dtype.kind == "f"
     if floats and white == 1.0:
         _warn_of_bytes(planes)
-    light = [c * (white if floats else 1.0) for c in channels_of(colour, planes.shape[2])]
+    light = [c * (white if floats else 1.0) for c in channels_of(color, planes.shape[2])]
     result: Array = np.empty(planes.shape, planes.dtype)
     kind = np.float64 if planes.dtype == np.float64 else np.float32
     _core.snow(result, planes, aligned(alpha, kind), light)
@@ -93,11 +93,11 @@ def mixed(given: Array, alpha: Array, colour: tuple[float, ...], white: float) -
     return result.reshape(given.shape)
 
 
-def channels_of(colour: tuple[float, ...], count: int) -> list[float]:
-    """Return a colour for pictures of so many channels: of one, its luminance."""
+def channels_of(color: tuple[float, ...], count: int) -> list[float]:
+    """Return a color for pictures of so many channels: of one, its luminance."""
     if count == 3:
-        return list(colour)
-    return [0.2126 * colour[0] + 0.7152 * colour[1] + 0.0722 * colour[2]]
+        return list(color)
+    return [0.2126 * color[0] + 0.7152 * color[1] + 0.0722 * color[2]]
 
 
 def _warn_of_bytes(planes: Array) -> None:

@@ -33,7 +33,7 @@ class Rainfall(Weather):
         Fall speed, metres per second: 4 for drizzle, 9 for the largest drops.
     exposure : number or range
         Seconds that the shutter is open: how long the streaks are.
-    colour : number, range or (r, g, b)
+    color : number, range or (r, g, b)
         Display values, 0 to 1.
 
     Raises
@@ -56,7 +56,7 @@ class Rainfall(Weather):
     'uint16'
     """
 
-    colour: Range | tuple[float, float, float] = (0.78, 0.95)
+    color: Range | tuple[float, float, float] = (0.78, 0.95)
     wind: Range = (-2.0, 2.0)
     fall: Range = (6.0, 9.0)
     exposure: Range = (0.008, 0.02)

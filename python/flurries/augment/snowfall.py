@@ -43,8 +43,8 @@ class Snowfall(Weather):
         Fall speed, metres per second.
     exposure : number or range
         Seconds that the shutter is open.
-    colour : number, range or (r, g, b)
-        Display values, 0 to 1: a grey, or a colour as it is.
+    color : number, range or (r, g, b)
+        Display values, 0 to 1: a grey, or a color as it is.
     ground : Ground or None
         The depth of pictures of which none is given: a plane with a horizon. None: as far as the
         sky everywhere.

@@ -13,7 +13,7 @@ import numpy as np
 
 from flurries._contract import Array, Float64
 from flurries.augment.calibration import mean_square
-from flurries.camera import Camera
+from flurries.camera.lens import Camera
 from flurries.spectral.frame import alpha_of, request
 
 # Of a picture 1024 px long.

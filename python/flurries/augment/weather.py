@@ -18,7 +18,7 @@ from flurries.augment.distance import DEFAULT_GROUND, Depth, Distances, Ground, 
 from flurries.augment.draws import Range, between, index_of, own_index, range_of, uniforms
 from flurries.augment.labels import SEEN, Weathered, boxes_of, flow_of, layer_of, occlusion
 from flurries.augment.pictures import mixed, picture_of, stack_of
-from flurries.camera import Camera
+from flurries.camera.lens import Camera
 
 VERSION = 1
 SEVERITY = (1, 5)
@@ -33,7 +33,7 @@ class Weather(ABC):
 
     amount: Range | None = None
     severity: int | tuple[int, int] | None = None
-    colour: Range | tuple[float, float, float] = (0.9, 1.0)
+    color: Range | tuple[float, float, float] = (0.9, 1.0)
     ground: Ground | None = DEFAULT_GROUND
     focal: float = 1.2
     white: float = 1.0
@@ -56,11 +56,11 @@ class Weather(ABC):
             settle(self, "severity", (int(low), int(high)))
         if self.amount is not None:
             settle(self, "amount", range_of("amount", self.amount, low=0.0, high=1.0))
-        if isinstance(self.colour, (tuple, list, np.ndarray)) and len(self.colour) == 3:
-            rgb = tuple(real("colour", c, low=0.0, high=1.0) for c in self.colour)
-            settle(self, "colour", rgb)
+        if isinstance(self.color, (tuple, list, np.ndarray)) and len(self.color) == 3:
+            rgb = tuple(real("color", c, low=0.0, high=1.0) for c in self.color)
+            settle(self, "color", rgb)
         else:
-            settle(self, "colour", range_of("colour", self.colour, low=0.0, high=1.0))
+            settle(self, "color", range_of("color", self.color, low=0.0, high=1.0))
         if self.ground is not None and not isinstance(self.ground, Ground):
             raise TypeError(f"ground must be a Ground or None, got {self.ground!r}")
         settle(self, "focal", real("focal", self.focal, low=0.05, high=1e3))
@@ -119,8 +119,8 @@ class Weather(ABC):
         view = self._view(given.shape[:2])
         distances = self._distances(depth, view)
         alpha = self._air(record).alpha(view, distances, time=_seconds(time))
-        seen = _into(out, mixed(given, alpha, record["colour"], self.white), given)
-        return (seen, layer_of(alpha, record["colour"])) if layer else seen
+        seen = _into(out, mixed(given, alpha, record["color"], self.white), given)
+        return (seen, layer_of(alpha, record["color"])) if layer else seen
 
     def apply(
         self,
@@ -178,9 +178,9 @@ class Weather(ABC):
                 behind = distances.whole(view.shape)
                 far = np.where(seen, np.minimum(where, behind), behind).astype(np.float32)
         return Weathered(
-            image=mixed(given, alpha, record["colour"], self.white),
+            image=mixed(given, alpha, record["color"], self.white),
             alpha=alpha,
-            colour=record["colour"],
+            color=record["color"],
             record=record,
             boxes=boxes,
             masks=masks,
@@ -341,9 +341,9 @@ class Weather(ABC):
                 # One air for both eyes, by what the left one sees.
                 veil = air.extinction(view, distances, moment)
             alpha = air.alpha(view, distances, time=moment, veil=veil)
-            results.append(mixed(picture, alpha, record["colour"], self.white))
+            results.append(mixed(picture, alpha, record["color"], self.white))
             if layer:
-                layers.append(layer_of(alpha, record["colour"]))
+                layers.append(layer_of(alpha, record["color"]))
         return (*results, *layers)
 
     # What was drawn ------------------------------------------------------------------------------
@@ -399,7 +399,7 @@ class Weather(ABC):
             raise ValueError(f"record must hold {sorted(known)}, differs in {odd}")
         if ground is not None and not isinstance(ground, Mapping):
             raise TypeError(f"record: ground must be a dict or None, got {ground!r}")
-        values["colour"] = tuple(values["colour"])
+        values["color"] = tuple(values["color"])
         return cls(ground=None if ground is None else Ground(**ground), **values)
 
     # Inside --------------------------------------------------------------------------------------
@@ -419,16 +419,16 @@ class Weather(ABC):
             amount = (low + int(u[1] * (high - low + 1))) / SEVERITY[1]
         else:
             amount = between(self.amount or DEFAULT_AMOUNT, u[1])
-        if len(self.colour) == 3:  # type: ignore[arg-type]
-            colour: Any = self.colour
+        if len(self.color) == 3:  # type: ignore[arg-type]
+            color: Any = self.color
         else:
-            colour = (between(self.colour, u[2]),) * 3
+            color = (between(self.color, u[2]),) * 3
         own = self.weather_seed
         record: dict[str, Any] = {
             "transform": type(self).__name__,
             "version": VERSION,
             "amount": amount,
-            "colour": colour,
+            "color": color,
             "ground": None if self.ground is None else asdict(self.ground),
             "focal": self.focal,
             "white": self.white,
@@ -456,9 +456,9 @@ class Weather(ABC):
         result = np.empty(given.shape, given.dtype.newbyteorder("="))
         planes = np.empty((*given.shape[:3], 4), np.float32) if whole else None
         for number, (alpha, record) in enumerate(zip(alphas, records, strict=True)):
-            result[number] = mixed(given[number], alpha, record["colour"], self.white)
+            result[number] = mixed(given[number], alpha, record["color"], self.white)
             if planes is not None:
-                planes[number] = layer_of(alpha, record["colour"])
+                planes[number] = layer_of(alpha, record["color"])
         return result if planes is None else (result, planes)
 
 

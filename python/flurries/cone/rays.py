@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from flurries import _core
 from flurries._contract import Float64, real, shape_of, table, vector
-from flurries.camera import Camera, expect_camera
+from flurries.camera.lens import Camera, expect_camera
 
 __all__ = ["Rays", "frame", "rays"]
 

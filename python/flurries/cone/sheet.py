@@ -21,7 +21,7 @@ from flurries._contract import (
     vector,
 )
 from flurries._contract import pixels as pixels_of
-from flurries.camera import Camera
+from flurries.camera.lens import Camera
 from flurries.cone.rays import pose
 
 __all__ = ["layer"]

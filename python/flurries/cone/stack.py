@@ -25,7 +25,7 @@ from flurries._contract import (
     table,
 )
 from flurries._contract import pixels as pixels_of
-from flurries.camera import Camera
+from flurries.camera.lens import Camera
 from flurries.cone.rays import Pose, pose, reach_of
 from flurries.cone.sheet import MOST_REPEATS, layer, texture_of, wrapped
 

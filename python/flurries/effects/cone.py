@@ -18,17 +18,17 @@ from flurries import cone
 from flurries._contract import Array, choice, flag, integer, real, seed_of, vector
 from flurries.composite import join
 from flurries.effects.coned import Drops, Pose, drawn, way
-from flurries.effects.falling import AMBIENT, settled_colour
-from flurries.effects.layer import Frame, Layer
+from flurries.effects.falling import AMBIENT, settled_color
 from flurries.effects.limited import veil
 from flurries.effects.looks import look_of
 from flurries.effects.moving import Moving
-from flurries.effects.needs import PARTS, Cost, LeftOut, Needs, Step
 from flurries.effects.presets import CONE_RAIN, CONE_SNOW
 from flurries.effects.snow import Snow
-from flurries.timeline import Number, Vector, as_number, as_vector, value_at
+from flurries.frame.layer import Frame, Layer
+from flurries.frame.needs import PARTS, Cost, LeftOut, Needs, Step
+from flurries.motion.keys import Number, Vector, as_number, as_vector, value_at
+from flurries.motion.wind import Wind
 from flurries.trace import stage
-from flurries.wind import Wind
 
 _Kind = TypeVar("_Kind", bound="Coned")
 
@@ -41,7 +41,7 @@ class Coned(Moving, ABC):
     """What `ConeRain` and `ConeSnow` have in common; the fields are described there."""
 
     amount: Number = 1.0
-    colour: Any = 0.98
+    color: Any = 0.98
     haze: Number = 0.04
     shutter: Number = 0.5
     gain: float = 1.0
@@ -69,7 +69,7 @@ class Coned(Moving, ABC):
         settle("fall", as_number("fall", self.fall))
         if not isinstance(self.wind, Wind):
             settle("wind", as_vector("wind", self.wind, 3))
-        settle("colour", settled_colour(self.colour))
+        settle("color", settled_color(self.color))
         settle("shutter", as_number("shutter", self.shutter, low=0.0))
         settle("gain", real("gain", self.gain, low=0.0, high=1e4))
         flag("conserve", self.conserve)
@@ -126,7 +126,7 @@ class Coned(Moving, ABC):
             return Needs((), (LeftOut(self.NAME, "nothing of it has any opacity"),), most=0.0)
         planes = max(len(steps), 1)
         steps.append(Step("join", lambda: Cost({"joined pixel": planes * part}, "", 4 * part)))
-        reads = PARTS if self.colour == AMBIENT else PARTS - {"ambient"}
+        reads = PARTS if self.color == AMBIENT else PARTS - {"ambient"}
         most = 1.0 if len(steps) > 1 else haze
         return Needs(tuple(steps), tuple(left_out), reads, most=most, by_rows=True)
 
@@ -152,7 +152,7 @@ class Coned(Moving, ABC):
         planes = [np.ascontiguousarray(plane) for plane in planes]
         with stage("join"):
             alpha = join(planes, haze=haze)
-        return Layer(self.NAME, alpha, self._colour_at(frame))
+        return Layer(self.NAME, alpha, self._color_at(frame))
 
     def _cone(self, frame: Frame, amount: float) -> Array:
         state = self.state(frame)
@@ -170,11 +170,11 @@ class Coned(Moving, ABC):
         top, bottom, left, right = frame.window
         return np.zeros((bottom - top, right - left), np.float32)
 
-    def _colour_at(self, frame: Frame) -> tuple[float, float, float]:
-        if self.colour == AMBIENT:
+    def _color_at(self, frame: Frame) -> tuple[float, float, float]:
+        if self.color == AMBIENT:
             return frame.ambient or (1.0, 1.0, 1.0)
-        colour = value_at(self.colour, frame.t)
-        return (colour,) * 3 if isinstance(colour, float) else colour
+        color = value_at(self.color, frame.t)
+        return (color,) * 3 if isinstance(color, float) else color
 
     @property
     def _tile_metres(self) -> float:
@@ -197,7 +197,7 @@ class ConeRain(Coned):
     wind : (x, y, z) or Wind
         Air velocity, metres per second, x right, y down, z away from the camera. Keyed. Of a
         :class:`flurries.Wind` its mean: a cone has one axis.
-    colour : float, (r, g, b) or "ambient"
+    color : float, (r, g, b) or "ambient"
         Display values, 0 to 1. Keyed. "ambient" as in :class:`Snow`.
     haze : float
         Opacity of an even veil, 0 to 1; before a scene with a depth, of the veil before the
@@ -250,7 +250,7 @@ class ConeRain(Coned):
 
     fall: Number = 8.0
     wind: Vector | Wind = (0.56, 0.0, 0.0)
-    colour: Any = (0.86, 0.88, 0.92)
+    color: Any = (0.86, 0.88, 0.92)
     haze: Number = 0.08
     gain: float = 3.0
     drops: int = 700
@@ -300,7 +300,7 @@ class ConeSnow(Coned):
 
     Parameters
     ----------
-    amount, wind, colour, haze, gain, conserve, damping, radius, repeats, slope, tile, seed
+    amount, wind, color, haze, gain, conserve, damping, radius, repeats, slope, tile, seed
         As in :class:`ConeRain`.
     fall : float
         Fall speed in still air, metres per second. Keyed.

@@ -14,11 +14,11 @@ import numpy as np
 from flurries import cone
 from flurries._contract import Array, Float64
 from flurries._threads import reproducible
-from flurries.camera import Camera
-from flurries.effects.layer import Frame
+from flurries.camera.lens import Camera
+from flurries.camera.path import CameraPath
 from flurries.effects.moving import _air, _camera
-from flurries.path import CameraPath
-from flurries.timeline import Course, Keys, Number, Vector
+from flurries.frame.layer import Frame
+from flurries.motion.keys import Course, Keys, Number, Vector
 
 # Below this speed, m/s, the air hardly moves relative to the camera; a cone that turned over there
 # would be seen to.

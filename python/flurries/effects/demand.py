@@ -8,23 +8,23 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from flurries.effects.needs import PARTS, Cost, LeftOut, Needs, Step, skipped
 from flurries.effects.peopled import FADE_IN
 from flurries.effects.tiling import count, texture_cost
+from flurries.frame.needs import PARTS, Cost, LeftOut, Needs, Step, skipped
+from flurries.motion.keys import Keys, value_at
+from flurries.motion.wind import Wind
 from flurries.spectral.contrast import TABLE_BYTES
-from flurries.timeline import Keys, value_at
-from flurries.wind import Wind
 
 if TYPE_CHECKING:
     from flurries.effects.falling import Falling
-    from flurries.effects.layer import Frame
+    from flurries.frame.layer import Frame
 
 # Fields that only the flakes, or only the mixing, depend on.
-_NOT_TEXTURE = frozenset({"colour", "haze", "flakes", "flake_size", "flake_opacity", "sway"})
+_NOT_TEXTURE = frozenset({"color", "haze", "flakes", "flake_size", "flake_opacity", "sway"})
 # Pixels that are drawn together.
 RUN = 32
 
-_NOT_FLAKES = frozenset({"colour", "haze", "texture", "mean", "spread", "power"})
+_NOT_FLAKES = frozenset({"color", "haze", "texture", "mean", "spread", "power"})
 
 
 def needs_of_falling(effect: Falling, frame: Frame) -> Needs:
@@ -63,7 +63,7 @@ def needs_of_falling(effect: Falling, frame: Frame) -> Needs:
         return Needs((), (LeftOut(name, "nothing of it has any opacity"),), most=0.0)
     planes = max(len(steps), 1)
     steps.append(Step("join", lambda: _joined(frame, planes)))
-    reads = PARTS if effect.colour == "ambient" else PARTS - {"ambient"}
+    reads = PARTS if effect.color == "ambient" else PARTS - {"ambient"}
     one_pass = steps[0].name == "texture" and not (steps[0].once or deep)
     return Needs(
         tuple(steps),

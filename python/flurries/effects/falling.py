@@ -1,4 +1,4 @@
-"""What snow and rain have in common: a texture, particles and a veil, of one colour."""
+"""What snow and rain have in common: a texture, particles and a veil, of one color."""
 
 from __future__ import annotations
 
@@ -13,22 +13,22 @@ from flurries._core import snowfall
 from flurries.composite import join
 from flurries.effects.demand import needs_of_falling
 from flurries.effects.knobs import Knobs
-from flurries.effects.layer import Frame, Layer, Light
 from flurries.effects.limited import deepened, veil
 from flurries.effects.looks import look_of
-from flurries.effects.needs import Needs
 from flurries.effects.peopled import Peopled
 from flurries.effects.resolution import map_at
 from flurries.effects.seen import seen
+from flurries.frame.layer import Frame, Layer, Light
+from flurries.frame.needs import Needs
+from flurries.motion.keys import Keys, Number, as_number, as_vector, value_at
+from flurries.motion.wind import Wind
 from flurries.spectral.tables import ALIAS, band_of
 from flurries.spectral.tiles import BLEND
-from flurries.timeline import Keys, Number, as_number, as_vector, value_at
 from flurries.trace import count, stage
-from flurries.wind import Wind
 
 DEPTH_MODES = ("tile", "pixel")
 
-# What `colour` says instead of a colour: the background's own light.
+# What `color` says instead of a color: the background's own light.
 AMBIENT = "ambient"
 
 _Kind = TypeVar("_Kind", bound="Falling")
@@ -39,7 +39,7 @@ class Falling(Peopled, Knobs, ABC):
     """Snow and rain. The fields are described in `Snow` and `Rain`."""
 
     amount: Number = 1.0
-    colour: Any = 0.98
+    color: Any = 0.98
     haze: Number = 0.04
     texture: Number = 0.8
     mean: Number = 0.05
@@ -71,7 +71,7 @@ class Falling(Peopled, Knobs, ABC):
         settle("shutter", as_number("shutter", self.shutter, low=0.0))
         if not isinstance(self.wind, Wind):
             settle("wind", as_vector("wind", self.wind, 3))
-        settle("colour", settled_colour(self.colour))
+        settle("color", settled_color(self.color))
         settle("exponent", real("exponent", self.exponent))
         settle("near_depth", real("near_depth", self.near_depth, above=0.0))
         if self.wavelengths is not None:
@@ -159,7 +159,7 @@ class Falling(Peopled, Knobs, ABC):
             parts.append(np.zeros((bottom - top, right - left), np.float32))
         with stage("join"):
             alpha = join(parts, haze=haze)
-        layer = Layer(self.NAME, alpha, self._colour_of(frame))
+        layer = Layer(self.NAME, alpha, self._color_of(frame))
         if not frame.whole:
             return layer
         return replace(layer, **seen(self, frame, amount, planes[0], planes[1])._asdict())
@@ -183,30 +183,30 @@ class Falling(Peopled, Knobs, ABC):
                 self.mapped(frame, amount),
                 self.preserves_mean,
                 amount * value_at(self.haze, frame.t),
-                light(self._colour_of(frame)),
+                light(self._color_of(frame)),
                 flakes,
             )
             count("tiles", made)
         return result
 
-    def _colour_of(self, frame: Frame) -> tuple[float, float, float]:
-        if self.colour == AMBIENT:
+    def _color_of(self, frame: Frame) -> tuple[float, float, float]:
+        if self.color == AMBIENT:
             return frame.ambient or (1.0, 1.0, 1.0)
-        colour = value_at(self.colour, frame.t)
-        return (colour,) * 3 if isinstance(colour, float) else colour
+        color = value_at(self.color, frame.t)
+        return (color,) * 3 if isinstance(color, float) else color
 
 
-def settled_colour(value: object) -> Any:
+def settled_color(value: object) -> Any:
     """Return one grey or (r, g, b), plain or keyed, in 0 to 1, or the word for ambient light."""
     if isinstance(value, Keys):
         if value.width not in (None, 3):
-            raise ValueError(f"colour must be keyed with numbers or (r, g, b), got {value!r}")
+            raise ValueError(f"color must be keyed with numbers or (r, g, b), got {value!r}")
         for _, v in value.keys:
-            settled_colour(v)
+            settled_color(v)
         return value
     if isinstance(value, str):
-        return choice("colour", value, (AMBIENT,))
+        return choice("color", value, (AMBIENT,))
     if isinstance(value, (float, int, np.number, bytes)) or value is None:
-        return real("colour", value, low=0.0, high=1.0)
-    parts = vector("colour", value, 3).tolist()
-    return tuple(real("colour", part, low=0.0, high=1.0) for part in parts)
+        return real("color", value, low=0.0, high=1.0)
+    parts = vector("color", value, 3).tolist()
+    return tuple(real("color", part, low=0.0, high=1.0) for part in parts)

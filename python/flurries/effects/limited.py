@@ -13,11 +13,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from flurries._contract import Array, Float64
-from flurries.effects.layer import Frame
+from flurries.frame.layer import Frame
+from flurries.motion.keys import value_at
 from flurries.spectral import opacity
 from flurries.spectral.contrast import kept_power, mean_opacity
 from flurries.spectral.tiles import tile_starts
-from flurries.timeline import value_at
 
 if TYPE_CHECKING:
     from flurries.effects.falling import Falling
@@ -153,7 +153,7 @@ def _by_pixel(effect: Falling, frame: Frame, mapped: Map) -> Array:
         frame.once(effect, "most", lambda: share_of(whole.max(keepdims=True), near, far)).item()
     )
     mean, spread, power, amount = mapped
-    alpha = opacity(total, mean=mean, spread=spread, exponent=power)
+    alpha = opacity(total, mean=mean, spread=spread, power=power)
     if effect.preserves_mean:
         kept = kept_power(
             effect.cycles(frame), effect.alias, shutter=value_at(effect.shutter, frame.t)

@@ -10,12 +10,12 @@ import numpy as np
 
 from flurries import hybrid
 from flurries._contract import choice, flag, integer, seed_of
-from flurries.effects.falling import AMBIENT, settled_colour
-from flurries.effects.layer import Frame, Layer
+from flurries.effects.falling import AMBIENT, settled_color
 from flurries.effects.moving import comes_nearer
+from flurries.frame.layer import Frame, Layer
 from flurries.hybrid.matching import handover_of
+from flurries.motion.keys import Number, Vector, as_number, as_vector, value_at
 from flurries.spectral.tables import ALIAS
-from flurries.timeline import Number, Vector, as_number, as_vector, value_at
 from flurries.trace import stage
 
 METHODS = ("hybrid", "simulated")
@@ -44,7 +44,7 @@ class MatchedSnow:
         Fall speed in still air, metres per second. Keyed.
     wind : (x, y, z)
         Air velocity, metres per second. Keyed.
-    colour : float, (r, g, b) or "ambient"
+    color : float, (r, g, b) or "ambient"
         Display values, 0 to 1. Keyed.
     shutter : float
         Exposure in frames. Keyed.
@@ -81,7 +81,7 @@ class MatchedSnow:
     depth: tuple[float, float]
     fall: Number = 1.4
     wind: Vector = (0.36, 0.0, 0.0)
-    colour: Any = 0.98
+    color: Any = 0.98
     shutter: Number = 0.5
     method: str = "hybrid"
     handover: tuple[float, float] = (0.8, 1.2)
@@ -104,7 +104,7 @@ class MatchedSnow:
             settle(name, getattr(checked, name))
         settle("fall", as_number("fall", self.fall))
         settle("wind", as_vector("wind", self.wind, 3))
-        settle("colour", settled_colour(self.colour))
+        settle("color", settled_color(self.color))
         settle("shutter", as_number("shutter", self.shutter, low=0.0))
         choice("method", self.method, METHODS)
         settle("handover", handover_of(self.handover))
@@ -148,7 +148,7 @@ class MatchedSnow:
                     frame.shape, made, camera, tile=tile, overlap=overlap, alias=self.alias,
                     jitter=self.jitter, **options,
                 )  # fmt: skip
-        return Layer(self.NAME, np.ascontiguousarray(frame.crop(alpha)), self._colour_of(frame))
+        return Layer(self.NAME, np.ascontiguousarray(frame.crop(alpha)), self._color_of(frame))
 
     def _tiles(self, frame: Frame, made: hybrid.Match) -> tuple[int, int]:
         """Return tile and overlap: smaller, and more of them mixed, where the air comes nearer."""
@@ -159,8 +159,8 @@ class MatchedSnow:
         overlap = self.overlap if self.overlap is not None else tile // (2 if forward else 8)
         return tile, min(overlap, tile - 1)
 
-    def _colour_of(self, frame: Frame) -> tuple[float, float, float]:
-        if self.colour == AMBIENT:
+    def _color_of(self, frame: Frame) -> tuple[float, float, float]:
+        if self.color == AMBIENT:
             return frame.ambient or (1.0, 1.0, 1.0)
-        colour = value_at(self.colour, frame.t)
-        return (colour,) * 3 if isinstance(colour, float) else colour
+        color = value_at(self.color, frame.t)
+        return (color,) * 3 if isinstance(color, float) else color

@@ -12,16 +12,16 @@ import numpy as np
 
 from flurries import _core, gas, particles
 from flurries._contract import Array, Float64, choice, flag, integer, real, seed_of, vector
-from flurries.costs import nanoseconds
-from flurries.effects.falling import AMBIENT, settled_colour
+from flurries.effects.falling import AMBIENT, settled_color
 from flurries.effects.knobs import Knobs
-from flurries.effects.layer import Frame, Layer
 from flurries.effects.looks import look_of, mist_density, severity_of
-from flurries.effects.needs import PARTS, Cost, LeftOut, Needs, Saving, Step, keyed
 from flurries.effects.presets import MIST
+from flurries.frame.costs import nanoseconds
+from flurries.frame.layer import Frame, Layer
+from flurries.frame.needs import PARTS, Cost, LeftOut, Needs, Saving, Step, keyed
 from flurries.gas.splatting import FINISHED, FOOTPRINTS, sorted_gas
 from flurries.gas.visibility import count_for_visibility
-from flurries.timeline import Keys, Number, Vector, as_number, as_vector, value_at
+from flurries.motion.keys import Keys, Number, Vector, as_number, as_vector, value_at
 
 SCATTER = ("even", "rayleigh", "henyey")
 
@@ -61,7 +61,7 @@ class Mist(Knobs):
         Three sigma of a particle, metres; 0.09 of the box if not given.
     density : float
         Opacity of a particle's middle, 0 to 1. Keyed.
-    colour : float, (r, g, b) or "ambient"
+    color : float, (r, g, b) or "ambient"
         Display values, 0 to 1. Keyed. "ambient" is the background's own light.
     wind : (x, y, z)
         Air velocity, metres per second, x right, y down, z away from the camera. Keyed.
@@ -122,7 +122,7 @@ class Mist(Knobs):
     visibility: Number | None = None
     radius: float | None = None
     density: Number = 0.4
-    colour: Any = 0.7
+    color: Any = 0.7
     wind: Vector = (0.0, 0.0, 0.0)
     box: float | Sequence[float] | None = None
     center: Sequence[float] | None = None
@@ -156,7 +156,7 @@ class Mist(Knobs):
             raise TypeError("severity and visibility say the same: give one of them")
         settle("amount", as_number("amount", self.amount, low=0.0, high=1.0))
         settle("density", as_number("density", self.density, low=0.0, high=1.0))
-        settle("colour", settled_colour(self.colour))
+        settle("color", settled_color(self.color))
         settle("wind", as_vector("wind", self.wind, 3))
         if self.count is None and self.visibility is None:
             settle("count", 1200)
@@ -280,17 +280,17 @@ class Mist(Knobs):
         return gas.extinction(self.particles_in_box(), volume, self.radius, density)
 
     def needs(self, frame: Frame) -> Needs:
-        """Return what a frame takes: one step, "gas", or "lit gas" with its colours and a sort."""
+        """Return what a frame takes: one step, "gas", or "lit gas" with its colors and a sort."""
         name, density = self.NAME, self.particle_density(frame.t)
         most = value_at(self.amount, frame.t) * density
         if most == 0.0 or self.particles_in_box() == 0:
             return Needs((), (LeftOut(name, "it has no density"),), most=0.0)
-        ambient = self.colour == AMBIENT
+        ambient = self.color == AMBIENT
         # The background's light may change from frame to frame.
         still = not (ambient or keyed(self) or np.any(value_at(self.wind, 0.0)))
         lit = self.lit and frame.sun is not None
         step = Step("lit gas" if lit else "gas", lambda: self._cost(frame, lit), once=still)
-        out = () if lit else (LeftOut(f"{name}: sort", "its particles have one colour"),)
+        out = () if lit else (LeftOut(f"{name}: sort", "its particles have one color"),)
 
         def saved(error: float) -> float:
             return nanoseconds(self._cost(frame, lit).work) - nanoseconds(
@@ -300,7 +300,7 @@ class Mist(Knobs):
         stop = Saving(
             "error",
             "particles behind what is opaque but for the error",
-            # Colours of lit gas are encoded straight: they err as much as opacity does at black.
+            # Colors of lit gas are encoded straight: they err as much as opacity does at black.
             1.0 + STEEPEST if lit else 1.0,
             saved,
             setting=True,
@@ -343,7 +343,7 @@ class Mist(Knobs):
         }
         size = f"{count} particles"
         if lit:
-            # Its colours go through the curve to display values; arrays of float32 come and go.
+            # Its colors go through the curve to display values; arrays of float32 come and go.
             return Cost(work, size, 20 * pixels, 66 * pixels)
         return Cost(work, size, 4 * pixels, 80 * count)
 
@@ -361,10 +361,10 @@ class Mist(Knobs):
         assert self.radius is not None
         lit = self.lit and frame.sun is not None
         sort = lambda: self._sorted(frame, lit=lit)  # noqa: E731
-        found, coloured = frame.once_each(self, "gas", sort)
+        found, colored = frame.once_each(self, "gas", sort)
         top, bottom, left, right = frame.window
         shape = (bottom - top, right - left)
-        if not coloured:
+        if not colored:
             alpha = np.empty(shape, np.float32)
             _core.gas_draw(alpha, found, frame.window, frame.depth)
             return Layer(self.NAME, alpha, self._display(frame))
@@ -373,13 +373,13 @@ class Mist(Knobs):
         return Layer(self.NAME, layer[..., 3], rgb=layer[..., :3])
 
     def _sorted(self, frame: Frame, *, lit: bool) -> tuple[_core.SortedGas, bool]:
-        """Return the gas, to be drawn in any band of the frame, and whether it has colours."""
+        """Return the gas, to be drawn in any band of the frame, and whether it has colors."""
         assert self.radius is not None
         points, shown = frame.once(self, "particles", lambda: self.particles(frame))
         lit = lit and len(points) > 0
-        colours = self._shaded(frame, points, shown) if lit else 0.0
+        colors = self._shaded(frame, points, shown) if lit else 0.0
         given = sorted_gas(
-            frame.shape, points, self.radius, shown, colours, frame.camera,
+            frame.shape, points, self.radius, shown, colors, frame.camera,
             footprint=self.footprint, near=self.near, near_mode="exact", depth=frame.depth,
             error=self._error(frame),
         )  # fmt: skip
@@ -443,10 +443,10 @@ class Mist(Knobs):
         return np.asarray(high - low)
 
     def _display(self, frame: Frame) -> tuple[float, float, float]:
-        if self.colour == AMBIENT:
+        if self.color == AMBIENT:
             return frame.ambient or (1.0, 1.0, 1.0)
-        colour = value_at(self.colour, frame.t)
-        return (colour,) * 3 if isinstance(colour, float) else colour
+        color = value_at(self.color, frame.t)
+        return (color,) * 3 if isinstance(color, float) else color
 
     def _lit(self, frame: Frame, points: Float64, shown: Float64) -> Float64:
         """Return the sun's light that reaches each particle, (n,)."""
@@ -457,7 +457,7 @@ class Mist(Knobs):
         return light_of(np.round(world, 9), self.radius, shown, frame.sun, self.forward)
 
     def _shaded(self, frame: Frame, points: Float64, shown: Float64) -> Array:
-        """Return the linear colour of each particle, (n, 3)."""
+        """Return the linear color of each particle, (n, 3)."""
         from flurries.io import srgb_to_linear
 
         assert frame.sun is not None and self.radius is not None
@@ -472,11 +472,11 @@ class Mist(Knobs):
             scattered = lit * gas.phase(
                 np.clip(cosine, -1.0, 1.0), kind=self.scatter, asymmetry=self.asymmetry
             )
-        own, colour = (
+        own, color = (
             srgb_to_linear(np.asarray(given, np.float64))
-            for given in (self._display(frame), sun.colour)
+            for given in (self._display(frame), sun.color)
         )
-        brightness = sun.ambient + (1.0 - sun.ambient) * scattered[:, None] * colour
+        brightness = sun.ambient + (1.0 - sun.ambient) * scattered[:, None] * color
         return np.ascontiguousarray(own * brightness)
 
 

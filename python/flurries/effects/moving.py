@@ -15,9 +15,9 @@ import numpy as np
 import numpy.typing as npt
 
 from flurries._contract import Float64
-from flurries.effects.layer import Frame
-from flurries.path import CameraPath, fall_course
-from flurries.timeline import (
+from flurries.camera.path import CameraPath, fall_course
+from flurries.frame.layer import Frame
+from flurries.motion.keys import (
     Course,
     Keys,
     Number,
@@ -28,7 +28,7 @@ from flurries.timeline import (
     summed,
     value_at,
 )
-from flurries.wind import Waves, Wind, carried
+from flurries.motion.wind import Waves, Wind, carried
 
 # Frames whose sum is kept where nothing closed is known: a film asks for the same ones again.
 BLOCK = 64

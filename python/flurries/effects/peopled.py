@@ -20,12 +20,13 @@ from flurries._core import (
     particle_sort_pair,
     uniform,
 )
-from flurries.camera import Camera
-from flurries.effects.layer import Frame
+from flurries.camera.lens import Camera
 from flurries.effects.moving import profile_of_flakes, waves_of_flakes
 from flurries.effects.textured import Textured
-from flurries.timeline import value_at
-from flurries.wind import Wind
+from flurries.frame.layer import Frame
+from flurries.motion.keys import value_at
+from flurries.motion.wind import Wind
+from flurries.particles.splatting import settled
 
 # Streams of counter-based numbers; the flakes' places and sway have their own in the kernel.
 SIZES = 101
@@ -319,7 +320,7 @@ class Peopled(Textured, ABC):
     def _listed(self, frame: Frame, amount: float) -> SortedFlakes:
         """Return the flakes from arrays of their places: any wind, any camera."""
         flakes, _ = self._to_draw(frame, amount)
-        given, _ = particles.settled(near=NEAR, **{**flakes, "depth": None})
+        given, _ = settled(near=NEAR, **{**flakes, "depth": None})
         return particle_sort_listed(frame.shape, *given[:-1])
 
     def ids(self, frame: Frame, amount: float) -> npt.NDArray[np.int32]:

@@ -50,7 +50,7 @@ SNOW: dict[str, dict[str, Any]] = {
         "overlap": 10,
         "blend": "linear",
         "alias": "cut",
-        "colour": 250 / 255,
+        "color": 250 / 255,
         "haze": 0.0,
         "shutter": 0.0,
         "flakes": 2000,
@@ -125,7 +125,7 @@ CONE_SNOW: dict[str, dict[str, Any]] = {
 
 # Johnson 2005, figures 14 to 16, in a box of 5 x 5 x 5.
 MIST: dict[str, dict[str, Any]] = {
-    "clouds": {"count": 1500, "radius": 0.37, "density": 0.4, "colour": 0.86},
-    "mist": {"count": 1000, "radius": 0.45, "density": 0.15, "colour": 0.6},
-    "fog": {"count": 1200, "radius": 0.45, "density": 0.4, "colour": 0.7},
+    "clouds": {"count": 1500, "radius": 0.37, "density": 0.4, "color": 0.86},
+    "mist": {"count": 1000, "radius": 0.45, "density": 0.15, "color": 0.6},
+    "fog": {"count": 1200, "radius": 0.45, "density": 0.4, "color": 0.7},
 }

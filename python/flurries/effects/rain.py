@@ -14,13 +14,13 @@ from typing import Any, ClassVar
 
 from flurries._contract import flag, real
 from flurries.effects.falling import Falling
-from flurries.effects.layer import Frame
 from flurries.effects.looks import rain_of_rate, rain_of_severity, rate_of, severity_of
 from flurries.effects.peopled import Population
 from flurries.effects.presets import RAIN
+from flurries.frame.layer import Frame
+from flurries.motion.keys import Number, Vector
+from flurries.motion.wind import Wind
 from flurries.spectral.contrast import kept_power
-from flurries.timeline import Number, Vector
-from flurries.wind import Wind
 
 # The share of what is left of the texture that stands still is 13.5 c / M for wavelengths of 4 to
 # 32 px, c the cycles of the longest wave in a frame: M = 144 c is a tenth, with a little to spare.
@@ -45,7 +45,7 @@ class Rain(Falling):
     wind : (x, y, z) or Wind
         Air velocity, metres per second, x right, y down, z away from the camera. Keyed; or
         :class:`flurries.Wind`.
-    colour : float, (r, g, b) or "ambient"
+    color : float, (r, g, b) or "ambient"
         Display values, 0 to 1. Keyed. "ambient" as in :class:`Snow`.
     haze : float
         Opacity of an even veil, 0 to 1; before a scene with a depth, of the veil before the
@@ -127,7 +127,7 @@ class Rain(Falling):
 
     fall: Number = 8.0
     wind: Vector | Wind = (0.56, 0.0, 0.0)
-    colour: Any = (0.86, 0.88, 0.92)
+    color: Any = (0.86, 0.88, 0.92)
     haze: Number = 0.08
     texture: Number = 0.35
     mean: Number = 0.15

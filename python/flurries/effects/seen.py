@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from flurries._contract import Array, Float64
-from flurries.camera import Camera
-from flurries.effects.layer import Frame
+from flurries.camera.lens import Camera
 from flurries.effects.limited import farthest, weights
+from flurries.frame.layer import Frame
 from flurries.spectral.motion import tile_motion
 from flurries.spectral.tiles import tile_starts
 from flurries.trace import stage
@@ -23,7 +23,7 @@ NEAR = 0.1
 
 
 class Seen(NamedTuple):
-    """What a layer says of its pixels besides their colour; see `Layer`."""
+    """What a layer says of its pixels besides their color; see `Layer`."""
 
     motion: Array
     depth: Array

@@ -15,7 +15,7 @@ from flurries.effects.falling import Falling
 from flurries.effects.looks import rate_of, severity_of, snow_of_rate, snow_of_severity
 from flurries.effects.peopled import Population
 from flurries.effects.presets import SNOW
-from flurries.timeline import Number, as_number, value_at
+from flurries.motion.keys import Number, as_number, value_at
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -36,9 +36,9 @@ class Snow(Falling):
         :class:`flurries.Wind`, with gusts, swirls and differences over depth. Waves exactly across
         the motion stand still, which shows when the wind is 0 or in a simple ratio to the fall
         (1:3, 1:4): take a ratio beside it, or `jitter`.
-    colour : float, (r, g, b) or "ambient"
+    color : float, (r, g, b) or "ambient"
         Display values, 0 to 1. Keyed. "ambient": as bright as white is in the light of the
-        background, see :func:`flurries.background.ambient_light`.
+        background, see :func:`flurries.scene.background.ambient_light`.
     haze : float
         Opacity of an even veil, 0 to 1; before a scene with a depth, of the veil before the
         farthest snow. Keyed.

@@ -11,16 +11,16 @@ import numpy as np
 
 from flurries import _core
 from flurries._contract import Array, Float64
-from flurries.camera import tile_drift, tile_shift, tile_zoom
-from flurries.effects.layer import Frame
+from flurries.camera.lens import tile_drift, tile_shift, tile_zoom
 from flurries.effects.moving import Moving, of_rings
 from flurries.effects.resolution import TUNED, power_share
 from flurries.effects.tiling import Tiling, torus_for
+from flurries.frame.layer import Frame
+from flurries.motion.keys import Number, value_at
+from flurries.motion.wind import Wind
 from flurries.spectral.frame import Request, request
 from flurries.spectral.tiles import tile_starts
-from flurries.timeline import Number, value_at
 from flurries.trace import count
-from flurries.wind import Wind
 
 Mapped = tuple[float, float, float, float]
 

@@ -6,8 +6,8 @@ import math
 from functools import lru_cache
 from typing import NamedTuple
 
-from flurries.costs import nanoseconds
-from flurries.effects.needs import Cost
+from flurries.frame.costs import nanoseconds
+from flurries.frame.needs import Cost
 from flurries.spectral.operations import smooth, tile_work, tiles_touching
 
 # A torus must be cheaper by this much: both sides are estimates, and its statistics are equal, but

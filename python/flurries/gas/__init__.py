@@ -1,7 +1,7 @@
 """Mist, fog and clouds as splatted Gaussian particles (Johnson 2005).
 
 A gas is particles: middles, radii of three sigma, densities (the opacity of a particle's middle)
-and colours in linear light. :func:`splat` draws them for a camera; :func:`alpha` their opacity
+and colors in linear light. :func:`splat` draws them for a camera; :func:`alpha` their opacity
 alone. :func:`particles_of` makes them from a gridded density, :func:`extinction` and
 :func:`visibility` say how far one sees in them, :func:`light` shades them. :func:`projection_error`
 and :func:`parallax_error` are the paper's analysis of its billboards, corrected.

@@ -23,7 +23,7 @@ from flurries._contract import (
     shape_of,
     table,
 )
-from flurries.camera import Camera, expect_camera
+from flurries.camera.lens import Camera, expect_camera
 
 __all__ = ["alpha", "splat"]
 
@@ -84,8 +84,8 @@ def splat(
     density : float or (n,)
         Opacity of a particle's middle, 0 to 1.
     color : float, (3,), (n,) or (n, 3)
-        Linear light; one grey number, one colour, a grey or a colour for each particle (three
-        numbers are one colour). If all particles have one colour, they need no order and cost
+        Linear light; one grey number, one color, a grey or a color for each particle (three
+        numbers are one color). If all particles have one color, they need no order and cost
         half.
     camera : Camera
         Its focal length, principal point and offset are used.
@@ -143,7 +143,7 @@ def splat(
     -----
     Johnson 2005, Eqs 1-4 and sections 2-3; what we do otherwise is in ``docs/deviations.md``. The
     mean transmittance of a uniform gas over a length L is exp(-:func:`extinction` L). Bits do not
-    depend on the thread count. Particles that differ in colour are sorted once, by depth
+    depend on the thread count. Particles that differ in color are sorted once, by depth
     ("viewpoint" and "volume": by distance), ties by index. float32 differs from float64 by less
     than 5e-6.
 
@@ -159,13 +159,13 @@ def splat(
     size = shape_of("shape", shape)
     kind = float_dtype(dtype)
     gas = gas_of(centers, radius, density)
-    colours = colours_of(color, len(gas.centers))
+    colors = colors_of(color, len(gas.centers))
     lens = lens_of(camera, size)
     manner = manner_of(footprint, edge, near, near_mode, occlusion, error, kind)
     ground = ground_of(depth, size)
-    inputs = [gas.centers, gas.radius, gas.density, colours]
+    inputs = [gas.centers, gas.radius, gas.density, colors]
     result = output(out, (*size, 4), kind, *inputs, *([] if ground is None else [ground]))
-    _core.gas_splat(result, gas.centers, gas.radius, gas.density, colours, lens, manner, ground)
+    _core.gas_splat(result, gas.centers, gas.radius, gas.density, colors, lens, manner, ground)
     return result
 
 
@@ -186,7 +186,7 @@ def alpha(
     dtype: npt.DTypeLike = np.float32,
     out: Array | None = None,
 ) -> Array:
-    """Return the opacity of a gas: the alpha that :func:`splat` gives for one colour.
+    """Return the opacity of a gas: the alpha that :func:`splat` gives for one color.
 
     Parameters
     ----------
@@ -238,12 +238,12 @@ def sorted_gas(
     """
     size = shape_of("shape", shape)
     gas = gas_of(centers, radius, density)
-    colours = colours_of(color, len(gas.centers))
+    colors = colors_of(color, len(gas.centers))
     kind = np.dtype(np.float32)
     manner = manner_of(footprint, "taper", near, near_mode, "soft", error, kind)
     ground_of(depth, size)
     lens = lens_of(camera, size)
-    return _core.gas_sort(size, gas.centers, gas.radius, gas.density, colours, lens, manner)
+    return _core.gas_sort(size, gas.centers, gas.radius, gas.density, colors, lens, manner)
 
 
 def gas_of(centers: npt.ArrayLike, radius: npt.ArrayLike, density: npt.ArrayLike) -> Gas:
@@ -274,7 +274,7 @@ def _each(name: str, value: npt.ArrayLike, count: int) -> Float64:
     return values
 
 
-def colours_of(color: npt.ArrayLike, count: int) -> Float64:
+def colors_of(color: npt.ArrayLike, count: int) -> Float64:
     """Return (1, 3) or (count, 3) numbers."""
     if getattr(color, "ndim", 0) == 0 and not isinstance(color, (list, tuple)):
         return np.full((1, 3), real("color", color))

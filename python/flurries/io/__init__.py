@@ -1,4 +1,4 @@
-"""Pictures, sequences and video: the only place that touches files and colour encodings.
+"""Pictures, sequences and video: the only place that touches files and color encodings.
 
 Importing it costs NumPy; OpenImageIO and PyAV are imported by the first call that needs them.
 """

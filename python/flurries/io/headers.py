@@ -1,4 +1,4 @@
-"""Opening a picture: what it holds and where its colours are, before any pixel is decoded."""
+"""Opening a picture: what it holds and where its colors are, before any pixel is decoded."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ class Header:
 
 @dataclass(frozen=True)
 class Opened:
-    """A picture that is open, and where in it the colours are."""
+    """A picture that is open, and where in it the colors are."""
 
     path: Path
     reader: Any
@@ -57,7 +57,7 @@ class Opened:
 
     @property
     def stored_type(self) -> str:
-        """The type of the colour channels in the file, as OpenImageIO calls it."""
+        """The type of the color channels in the file, as OpenImageIO calls it."""
         return str(self.specification.channelformat(self.color[0]))
 
     @property
@@ -67,7 +67,7 @@ class Opened:
 
     @property
     def premultiplied(self) -> bool:
-        """Whether the colours are multiplied by alpha: in EXR always, in TIFF if it says so."""
+        """Whether the colors are multiplied by alpha: in EXR always, in TIFF if it says so."""
         kind = self.reader.format_name()
         straight = self.specification.get_int_attribute("oiio:UnassociatedAlpha") != 0
         return kind == "openexr" or (kind == "tiff" and not straight)
@@ -146,12 +146,12 @@ def plain_file(path: str | os.PathLike[str]) -> Path:
 
 
 def open_picture(path: str | os.PathLike[str]) -> Opened:
-    """Open a picture, check that it is whole as far as its structure tells, find its colours."""
+    """Open a picture, check that it is whole as far as its structure tells, find its colors."""
     found = plain_file(path)
     check_structure(found)
     library = openimageio()
     wishes = library.ImageSpec()
-    # As stored: without this, colours of PNG come multiplied by alpha and rounded to integers.
+    # As stored: without this, colors of PNG come multiplied by alpha and rounded to integers.
     wishes.attribute("oiio:UnassociatedAlpha", 1)
     reader = library.ImageInput.open(str(found), wishes)
     if reader is None:
@@ -183,7 +183,7 @@ def open_picture(path: str | os.PathLike[str]) -> Opened:
 def find_channels(
     names: Sequence[str], count: int, stated_alpha: int = -1
 ) -> tuple[tuple[int, ...], int | None]:
-    """Return where the colours (one or three channels) and the alpha are.
+    """Return where the colors (one or three channels) and the alpha are.
 
     Named channels count first: R, G, B and A, then Y and A, then the same names of the first layer
     that has them. OpenImageIO's own note about alpha may point at a layer's, or past the end.

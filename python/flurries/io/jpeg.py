@@ -18,7 +18,7 @@ _LONGEST_TEXT = 60_000
 
 
 def encode_jpeg(pixels: Array, quality: int, strings: Mapping[str, str]) -> bytes:
-    """Return a baseline JPEG of (H, W, 1) or (H, W, 3) uint8, colours not subsampled.
+    """Return a baseline JPEG of (H, W, 1) or (H, W, 3) uint8, colors not subsampled.
 
     Raises
     ------

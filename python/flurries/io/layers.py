@@ -45,13 +45,13 @@ def write_layers(
     path : str or path
         Ends in .exr.
     layers : mapping of str to array
-        Float arrays of one size, linear light, colours multiplied by alpha. The layer ``"rgba"``
+        Float arrays of one size, linear light, colors multiplied by alpha. The layer ``"rgba"``
         becomes the channels R, G, B, A; others get their name in front, ``snow.R``. An array
-        (H, W, 3) or (H, W, 4) is a colour, (H, W, 2) a vector with the channels X and Y, or u and v
+        (H, W, 3) or (H, W, 4) is a color, (H, W, 2) a vector with the channels X and Y, or u and v
         where the name ends in "forward" or "backward", and (H, W) a number: ``depth.Z``,
         ``alpha.A``, ``mask.A``, ``coverage.A``, else ``name.Y``.
     half : bool, default True
-        Store colours and masks as half. Depths, vectors and ids always have 32 bits: as half, a
+        Store colors and masks as half. Depths, vectors and ids always have 32 bits: as half, a
         depth of 3 km is known to 2 m.
     metadata : mapping, optional
         As `write_picture`.

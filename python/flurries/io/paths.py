@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from flurries.io.headers import plain_file
-from flurries.timeline import Keys
+from flurries.motion.keys import Keys
 
 _PLACE = ("x", "y", "z")
 _VECTOR = ("rx", "ry", "rz")

@@ -1,4 +1,4 @@
-"""Reading pictures: any format that OpenImageIO knows, as colours, alpha and an encoding."""
+"""Reading pictures: any format that OpenImageIO knows, as colors, alpha and an encoding."""
 
 from __future__ import annotations
 
@@ -118,7 +118,7 @@ def luminance(picture: Picture) -> Array:
 
 
 def _decode(opened: Opened) -> tuple[Array, Array | None]:
-    """Return the colours (H, W, 3) and the alpha, window and orientation applied."""
+    """Return the colors (H, W, 3) and the alpha, window and orientation applied."""
     wanted = [*opened.color, *([] if opened.alpha is None else [opened.alpha])]
     first, last = min(wanted), max(wanted) + 1
     stored_type = opened.stored_type

@@ -36,7 +36,7 @@ def fit(
     ----------
     pixels : array_like
         (H, W), (H, W, 1), (H, W, 3) or (H, W, 4); uint8, uint16 or float. A fourth channel is
-        alpha: the colours of floats are multiplied by it, those of integers are not.
+        alpha: the colors of floats are multiplied by it, those of integers are not.
     size : (int, int)
         (width, height) in px.
     how : {"cover", "contain", "stretch"}

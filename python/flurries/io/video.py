@@ -25,7 +25,7 @@ from flurries.io.sound import Sound, SoundTrack
 class VideoWriter:
     """Writes a video frame by frame; a context manager.
 
-    The extension decides: .mp4 and .mov hold H.264, .webm holds VP9, both with colours at half
+    The extension decides: .mp4 and .mov hold H.264, .webm holds VP9, both with colors at half
     resolution (yuv420p, BT.709), and .mkv holds FFV1, which loses nothing. The file appears under
     its name when the block is left without an exception, and not before; with one, the old file
     stays and nothing else is left. The same frames make the same bytes.

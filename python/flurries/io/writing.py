@@ -1,4 +1,4 @@
-"""Writing pictures: one call for every format, the colours encoded as the format wants them."""
+"""Writing pictures: one call for every format, the colors encoded as the format wants them."""
 
 from __future__ import annotations
 
@@ -78,7 +78,7 @@ def write_picture(
     lossless formats, the same bits. The same arguments make the same bytes.
 
     EXR and HDR hold linear light, PNG and JPEG display values, TIFF either: pixels are converted
-    if need be. EXR colours are multiplied by alpha, those of PNG and of integer TIFF are not.
+    if need be. EXR colors are multiplied by alpha, those of PNG and of integer TIFF are not.
     Values above 1 are kept in EXR, HDR and float TIFF and clipped in the others; NaN becomes 0 in
     integers and stays NaN in floats. A half holds at most 65504, and what is above becomes that.
 
@@ -95,7 +95,7 @@ def write_picture(
         What `pixels` are; by default integers are display values and floats linear light. A mask
         of floats that shall reach a PNG as it is wants ``"display"``.
     premultiplied : bool, optional
-        Whether the colours are multiplied by alpha; by default floats are, integers are not.
+        Whether the colors are multiplied by alpha; by default floats are, integers are not.
     half : bool, default True
         Store EXR as half, 16 bits; False stores 32.
     bits : {8, 16}, optional
@@ -104,7 +104,7 @@ def write_picture(
     compression : {"zip", "zips", "piz", "rle", "none", "dwaa", "dwab"}
         How EXR packs pixels; the last two are lossy.
     quality : int, default 95
-        Of JPEG, 1 to 100; colours are not subsampled.
+        Of JPEG, 1 to 100; colors are not subsampled.
     metadata : mapping of str to str, int or float, optional
         Goes into the header under ``flurries:``; HDR holds none. ``DateTime``, as
         ``2000:01:01 00:00:00``, replaces that fixed moment.
@@ -176,7 +176,7 @@ def format_of(path: str | os.PathLike[str]) -> _Format:
 def _checked_pixels(
     pixels: npt.ArrayLike, alpha: npt.ArrayLike | None
 ) -> tuple[Array, Array | None]:
-    """Return colours (H, W, 1 or 3) and alpha (H, W) or None."""
+    """Return colors (H, W, 1 or 3) and alpha (H, W) or None."""
     array = _numbers("pixels", pixels)
     if array.ndim == 2:
         array = array[..., np.newaxis]
@@ -223,7 +223,7 @@ def _converted(
     if encoding != wanted or (alpha is not None and premultiplied != floats):
         opacity = None if alpha is None else to_unit(alpha)[..., np.newaxis]
         if opacity is not None and premultiplied:
-            # Light without opacity, a glow, has no straight colour and is left as it is.
+            # Light without opacity, a glow, has no straight color and is left as it is.
             color = to_unit(color)
             color = np.divide(color, opacity, out=color.copy(), where=opacity > 0)
         color = (to_linear if floats else to_display)(color, encoding)

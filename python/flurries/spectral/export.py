@@ -93,7 +93,7 @@ def export_loop(
         frames, shape, velocity, seed=seed, wavelengths=wavelengths, exponent=exponent,
         alias=alias, soft_from=soft_from, shutter=shutter, jitter=jitter,
     )  # fmt: skip
-    mapped = opacity_map(mean, spread, power, amount, name="power")
+    mapped = opacity_map(mean, spread, power, amount)
     target = Pattern(os.fspath(pattern))
     stored = _stored(target, bits, narrow)
     files = [target.path(t) for t in range(asked.frames)]
@@ -111,7 +111,7 @@ def export_loop(
         times = np.arange(first, min(first + TOGETHER, asked.frames), dtype=np.float64)
         fields = rendered(asked, times, np.float32, None)
         alphas = opacity(
-            fields, mean=mapped[0], spread=mapped[1], exponent=mapped[2], amount=mapped[3]
+            fields, mean=mapped[0], spread=mapped[1], power=mapped[2], amount=mapped[3]
         )
         values = _as_stored(alphas, stored)
         for t, picture in zip(range(first, first + len(times)), values, strict=True):

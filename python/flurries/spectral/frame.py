@@ -303,7 +303,7 @@ def alpha(
     mean, spread, amount
         See :func:`opacity`.
     power : float
-        The exponent of :func:`opacity`; `exponent` is the field's.
+        Of :func:`opacity`; `exponent` is the slope of the spectrum.
     preserve_mean : bool
         Add back the mean opacity that `alias` and `shutter` take from each tile: blurring a field
         and squaring it is not blurring its square.
@@ -321,7 +321,7 @@ def alpha(
         alias=alias, soft_from=soft_from, shutter=shutter, jitter=jitter, shortest=shortest,
         ring_edges=ring_edges, ring_gains=ring_gains, blend=blend,
     )  # fmt: skip
-    mapped = opacity_map(mean, spread, power, amount, name="power")
+    mapped = opacity_map(mean, spread, power, amount)
     keep = flag("preserve_mean", preserve_mean)
     result = output(out, asked.shape, float_dtype(dtype), *asked.arrays())
     _core.field(result, asked, mapped, keep)

@@ -190,11 +190,11 @@ def opacity(
     *,
     mean: float = 0.5,
     spread: float = 3.0,
-    exponent: float = 2.0,
+    power: float = 2.0,
     amount: float = 1.0,
     out: Array | None = None,
 ) -> Array:
-    """Opacity of a field: ``amount * clip(mean + field / (2 spread), 0, 1) ** exponent``.
+    """Opacity of a field: ``amount * clip(mean + field / (2 spread), 0, 1) ** power``.
 
     Parameters
     ----------
@@ -205,7 +205,7 @@ def opacity(
     spread : float
         Standard deviations of the field that reach from 1/2 to 0 or 1; the paper gives no number,
         3 puts 99.7 % inside.
-    exponent : float
+    power : float
         Above 0; the paper squares.
     amount : float
         0 to 1.
@@ -225,7 +225,7 @@ def opacity(
     frames = rectangular("field", field)
     given, kept = pixels("field", frames, ndim=3 if frames.ndim == 3 else 2)
     _require_finite("field", given)
-    mapped = opacity_map(mean, spread, exponent, amount, name="exponent")
+    mapped = opacity_map(mean, spread, power, amount)
     result = output(out, given.shape, kept, given)
     width = given.shape[-1]
 
@@ -236,11 +236,11 @@ def opacity(
 
 
 def opacity_map(
-    mean: object, spread: object, power: object, amount: object, *, name: str
+    mean: object, spread: object, power: object, amount: object
 ) -> tuple[float, float, float, float]:
     return (
         real("mean", mean),
         real("spread", spread, above=0.0),
-        real(name, power, above=0.0),
+        real("power", power, above=0.0),
         real("amount", amount, low=0.0, high=1.0),
     )

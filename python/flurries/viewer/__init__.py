@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from flurries.scene import Scene
+from flurries.scene.scene import Scene
 
 if TYPE_CHECKING:
     from flurries.viewer.widget import Viewer

@@ -10,7 +10,7 @@ import numpy as np
 
 from flurries import spectral
 from flurries._contract import Array
-from flurries.scene import Scene
+from flurries.scene.scene import Scene
 
 # Bins a side: enough for a smooth surface, few enough to draw while a slider is dragged.
 _FEWEST, _MOST = 32, 56

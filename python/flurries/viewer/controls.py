@@ -13,10 +13,10 @@ from typing import Any
 
 import numpy as np
 
-from flurries.path import CameraPath
-from flurries.scene import Scene
-from flurries.timeline import Keys, value_at
-from flurries.wind import FIELDS, Wind
+from flurries.camera.path import CameraPath
+from flurries.motion.keys import Keys, value_at
+from flurries.motion.wind import FIELDS, Wind
+from flurries.scene.scene import Scene
 
 DIRECTION, SPEED = "direction", "speed"
 OCTAVES, LONGEST = "octaves", "longest"

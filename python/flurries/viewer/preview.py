@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 
 from flurries._contract import Array, integer
-from flurries.depth import DepthMap
-from flurries.path import CameraPath
-from flurries.scene import Scene
+from flurries.camera.path import CameraPath
+from flurries.scene.depth import DepthMap
+from flurries.scene.scene import Scene
 
 # Of an effect, what is counted in pixels of the picture, with the least that makes sense.
 _SCALED = {"tile": 8, "overlap": 0}

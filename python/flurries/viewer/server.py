@@ -14,7 +14,7 @@ import sys
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from typing import Any
 
-from flurries.scene import Scene
+from flurries.scene.scene import Scene
 from flurries.viewer.session import Session, packed
 from flurries.viewer.web import PAGES
 

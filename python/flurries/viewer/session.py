@@ -21,10 +21,10 @@ import numpy as np
 
 from flurries import stereo
 from flurries._contract import Array
+from flurries.camera.path import CameraPath
 from flurries.effects import Frame
-from flurries.path import CameraPath
-from flurries.scene import Scene
-from flurries.timeline import Keys
+from flurries.motion.keys import Keys
+from flurries.scene.scene import Scene
 from flurries.viewer.charts import chart
 from flurries.viewer.controls import EYES, applied, controls_of, moves, names, settings
 from flurries.viewer.preview import Preview
@@ -176,7 +176,7 @@ def shown(scene: Scene, picture: Array) -> Array:
 
 
 def jpeg(picture: Array) -> bytes:
-    """Return a picture as JPEG; colours at full resolution, since flakes are a pixel or two."""
+    """Return a picture as JPEG; colors at full resolution, since flakes are a pixel or two."""
     from PIL import Image
 
     target = io.BytesIO()

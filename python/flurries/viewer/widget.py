@@ -7,7 +7,7 @@ from typing import Any
 import anywidget
 import traitlets
 
-from flurries.scene import Scene
+from flurries.scene.scene import Scene
 from flurries.viewer.session import Session
 from flurries.viewer.web import script, style
 

@@ -92,17 +92,17 @@ function drawTent(canvas, chart, width, height, turn, tilt) {
     const x = cos * fx - sin * fy, y = sin * fx + cos * fy;
     return [width / 2 + scale * x, 0.54 * height + scale * y * Math.sin(tilt) - lift * w, y];
   };
-  const line = (points, colour) => {
-    pen.strokeStyle = colour;
+  const line = (points, color) => {
+    pen.strokeStyle = color;
     pen.beginPath();
     points.forEach((p, i) => (i ? pen.lineTo(p[0], p[1]) : pen.moveTo(p[0], p[1])));
     pen.stroke();
   };
   const radius = 1 / Math.max(chart.band[0], 2);
-  const ring = (w, colour, from, to) => line(Array.from({ length: 49 }, (_, i) => {
+  const ring = (w, color, from, to) => line(Array.from({ length: 49 }, (_, i) => {
     const angle = from + (to - from) * i / 48 - turn;
     return put(radius * Math.cos(angle), radius * Math.sin(angle), w);
-  }), colour);
+  }), color);
   const fence = top >= 0.5 ? [-0.5, 0.5] : [];
   // Far halves first, near ones over the surface.
   for (const w of [0, ...fence]) ring(w, w ? "rgba(235, 110, 82, 0.6)" : FAINT, Math.PI, 2 * Math.PI);
@@ -113,11 +113,11 @@ function drawTent(canvas, chart, width, height, turn, tilt) {
     const corners = at.map((i, n) => put((col + (n === 1 || n === 2) - half) / side, (row + (n > 1) - half) / side, rate[i]));
     const mean = at.reduce((sum, i) => sum + power[i], 0) / 4;
     const fast = at.some((i) => Math.abs(rate[i]) >= 0.5);
-    quads.push({ corners, far: corners.reduce((sum, p) => sum + p[2], 0), colour: fast ? FAST : shade(mean) });
+    quads.push({ corners, far: corners.reduce((sum, p) => sum + p[2], 0), color: fast ? FAST : shade(mean) });
   }
   quads.sort((a, b) => a.far - b.far);
-  for (const { corners, colour } of quads) {
-    pen.fillStyle = `rgb(${colour})`;
+  for (const { corners, color } of quads) {
+    pen.fillStyle = `rgb(${color})`;
     pen.strokeStyle = `rgba(8, 14, 22, 0.55)`;
     pen.beginPath();
     corners.forEach((p, i) => (i ? pen.lineTo(p[0], p[1]) : pen.moveTo(p[0], p[1])));

@@ -1,0 +1,336 @@
+"""The camera's way through the air: one path drives the texture, the flakes and both eyes."""
+
+from __future__ import annotations
+
+import bisect
+import math
+import os
+from dataclasses import dataclass, field, replace
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+
+from flurries._contract import Float64, table
+from flurries.camera.lens import Camera
+from flurries.camera.turning import Turning, rotation_vector, turning_of
+from flurries.camera.zoom import Zoom, running, zoom_of
+from flurries.motion.keys import (
+    Course,
+    Keys,
+    Number,
+    Running,
+    Vector,
+    as_vector,
+    course_of,
+    integral_to,
+    summed,
+    value_at,
+)
+
+__all__ = ["CameraPath"]
+
+
+@dataclass(frozen=True, eq=False)
+class CameraPath:
+    """A camera that moves and turns.
+
+    Give one of `position` and `velocity`, or neither for a camera that stands still.
+
+    Parameters
+    ----------
+    camera : Camera
+        Lens and orientation.
+    position : (n, 3) array or Keys, optional
+        Places in world units, x right, y down, z forward: one for each frame from 0 on, or keyed.
+        Linear between them; outside they go on with the first and the last rate.
+    velocity : (3,) or Keys, optional
+        World units per second, house axes; integrated in closed form from frame 0.
+    orientation : (n, 3), (n, 4) or (n, 3, 3) array, or Keys, optional
+        Rotation vectors (axis times angle in radians, as `Camera.rotation`), unit quaternions
+        (w, x, y, z), or matrices from the camera's axes to the house's: one for each frame from 0
+        on, or keyed (vectors and quaternions). Between them the camera turns at one rate about one
+        axis; outside it goes on with the first and the last rate. It turns the shorter way, less
+        than half a turn from one to the next; rotation vectors may mean more: (0, 0, 0) to
+        (0, 7, 0) is 7 radians. `camera.rotation` is how the camera sits on what turns.
+    focal : (n,) array or Keys, optional
+        Focal length in pixels, in place of the camera's, for a lens that zooms: one for each frame
+        from 0 on, or keyed; linear between them, held outside.
+
+    Raises
+    ------
+    ValueError, TypeError
+        For wrong shapes, numbers that are not finite, matrices that are no rotations, or both ways
+        at once.
+
+    Notes
+    -----
+    Langer 2004, section 7, where the camera never turns; ``docs/deviations.md``, 17.
+
+    Examples
+    --------
+    >>> import flurries as fl
+    >>> path = fl.CameraPath(fl.camera.Camera(1200.0), velocity=(0.0, -0.5, 3.0))
+    >>> path.place(60.0, fps=30.0).tolist()
+    [0.0, -1.0, 6.0]
+    """
+
+    camera: Camera
+    position: Any = None
+    velocity: Any = None
+    orientation: Any = None
+    focal: Any = None
+    _turning: Turning | None = field(init=False, repr=False)
+    _zoom: Zoom | None = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        settle = object.__setattr__
+        if not isinstance(self.camera, Camera):
+            raise TypeError(f"camera must be a Camera, got {type(self.camera).__name__}")
+        if self.position is not None and self.velocity is not None:
+            raise ValueError("position and velocity must not both be given")
+        if self.velocity is not None:
+            settle(self, "velocity", as_vector("velocity", self.velocity, 3))
+        if isinstance(self.position, Keys):
+            as_vector("position", self.position, 3)
+        elif self.position is not None:
+            places = table("position", self.position)
+            if places.shape[1] != 3 or len(places) == 0:
+                raise ValueError(f"position must have shape (n, 3), got {places.shape}")
+            places = places.copy()
+            places.flags.writeable = False
+            settle(self, "position", places)
+        turning = None if self.orientation is None else turning_of(self.orientation)
+        settle(self, "_turning", turning)
+        if turning is not None and not isinstance(self.orientation, Keys):
+            given = table("orientation", self.orientation, ndim=None).copy()
+            given.flags.writeable = False
+            settle(self, "orientation", given)
+        zoom = None if self.focal is None else zoom_of(self.focal)
+        settle(self, "_zoom", zoom)
+        if zoom is not None:
+            settle(self, "camera", replace(self.camera, focal=zoom.at(0.0)))
+            if not isinstance(self.focal, Keys):
+                lengths = table("focal", self.focal, ndim=1).copy()
+                lengths.flags.writeable = False
+                settle(self, "focal", lengths)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        given = (self.camera, self.position, self.velocity, self.orientation, self.focal)
+        return CameraPath, given
+
+    @staticmethod
+    def load(path: str | os.PathLike[str], camera: Camera) -> CameraPath:
+        """Return the path of a CSV file; see :func:`flurries.io.read_path`."""
+        from flurries.io.paths import read_path
+
+        return CameraPath(camera, **read_path(path))
+
+    @property
+    def still(self) -> bool:
+        """Whether the camera never moves, turns nor zooms."""
+        moves = self.position is not None or self.velocity is not None
+        return not (moves or self.turns or self.zooms)
+
+    @property
+    def turns(self) -> bool:
+        """Whether the camera ever turns."""
+        return self._turning is not None and self._turning.moves
+
+    @property
+    def zooms(self) -> bool:
+        """Whether the focal length ever changes."""
+        return self._zoom is not None and self._zoom.moves
+
+    @property
+    def widest(self) -> Camera:
+        """The camera with the shortest focal length of the film."""
+        if self._zoom is None:
+            return self.camera
+        return replace(self.camera, focal=self._zoom.widest)
+
+    def zoom(self, t: float) -> tuple[float, float]:
+        """Return the logarithm of the focal length over that of frame 0, and its change."""
+        return (0.0, 0.0) if self._zoom is None else (self._zoom.grown(t), self._zoom.rate(t))
+
+    def turn(self, t: float) -> Float64:
+        """Return the matrix (3, 3) at frame `t` from the camera's axes to the house's."""
+        return np.asarray(self.rig(t) @ self.camera.matrix())
+
+    def rig(self, t: float) -> Float64:
+        """Return the matrix (3, 3) at frame `t` of what the camera sits on, without its own."""
+        return np.eye(3) if self._turning is None else self._turning.at(t)
+
+    def spin(self, t: float) -> Float64:
+        """Return how fast it turns at `t`, (3,) radians per frame, house axes, right-handed."""
+        if self._turning is None:
+            return np.zeros(3)
+        return np.asarray(self._turning.at(t) @ self._turning.rate(t))
+
+    def seen(self, camera: Camera, t: float) -> Camera:
+        """Return a camera that sits on the path as it looks at `t`: its rotation is the whole."""
+        if self._zoom is not None:
+            ratio = math.exp(self._zoom.grown(t))
+            shift = (ratio * camera.center_shift[0], ratio * camera.center_shift[1])
+            camera = replace(camera, focal=ratio * camera.focal, center_shift=shift)
+        if self._turning is None:
+            return camera
+        whole = rotation_vector(self._turning.at(t) @ camera.matrix())
+        return replace(camera, rotation=tuple(whole.tolist()))
+
+    def travel(self, t: float, *, fps: float, fall: Number, wind: Vector) -> Float64:
+        """Return P, the camera's way through air that falls and blows, as the camera felt it.
+
+        The integral from frame 0 of R^T v, v = camera minus air, in the camera's own axes; given in
+        house axes as the camera stands at `t`, (3,) world units. Where the camera does not turn it
+        is the difference of the places. While it zooms the way across the view is weighed by the
+        focal length of its time over that at `t`, so that f P is how far the picture has moved.
+        """
+        if not self.turns:
+            way = self.place(t, fps=fps) - air_moved(t, fps=fps, fall=fall, wind=wind)
+        else:
+            way = self.rig(t) @ _relative_way(self, fps, fall, wind).to(t)
+        if self._zoom is None or not self.zooms:
+            return np.asarray(way)
+        weighted = self.rig(t) @ _weighted_way(self, fps, fall, wind).to(t) / self._zoom.at(t)
+        axis = self.turn(t)[:, 2]
+        return np.asarray(weighted + axis * (axis @ (way - weighted)))
+
+    def turned(self, t: float) -> Float64:
+        """Return the integral of the rate of turning in the camera's own axes since frame 0.
+
+        Given in house axes as the camera stands at `t`, (3,) radians. A zoom weighs what is not
+        about the view's axis as it does the way in `travel`.
+        """
+        if self._turning is None:
+            return np.zeros(3)
+        angle = self._turning.at(t) @ self._turning.angle(t)
+        if self._zoom is None or not (self.zooms and self.turns):
+            return np.asarray(angle)
+        weighted = self._turning.at(t) @ _weighted_turn(self).to(t) / self._zoom.at(t)
+        axis = self.turn(t)[:, 2]
+        return np.asarray(weighted + axis * (axis @ (angle - weighted)))
+
+    def scaled(self, scale: float) -> CameraPath:
+        """Return the same view on a picture that is `scale` times as wide and high."""
+        lens = self.camera
+        center = None if lens.center is None else (scale * lens.center[0], scale * lens.center[1])
+        shift = (scale * lens.center_shift[0], scale * lens.center_shift[1])
+        changed = replace(lens, focal=lens.focal * scale, center=center, center_shift=shift)
+        focal = self.focal
+        if isinstance(focal, Keys):
+            focal = Keys([(frame, scale * value) for frame, value in focal.keys])
+        elif focal is not None:
+            focal = scale * focal
+        return replace(self, camera=changed, focal=focal)
+
+    def course(self, fps: float) -> Course:
+        """Return the velocity over time, house axes, world units per frame."""
+        if self.velocity is not None:
+            return course_of(self.velocity, 1.0 / fps)
+        if isinstance(self.position, Keys):
+            frames = np.array([frame for frame, _ in self.position.keys])
+            places = np.array([place for _, place in self.position.keys])
+        elif self.position is not None:
+            frames, places = np.arange(len(self.position), dtype=np.float64), self.position
+        else:
+            frames, places = np.zeros(1), np.zeros((1, 3))
+        if len(frames) == 1:
+            return Course(np.empty(0), np.zeros((1, 3)))
+        return Course(frames[1:-1], np.diff(places, axis=0) / np.diff(frames)[:, None])
+
+    def goes_along(self, axis: Float64) -> bool:
+        """Whether the camera ever moves along a direction of the house axes, (3,)."""
+        if self.velocity is not None:
+            keys = self.velocity.keys if isinstance(self.velocity, Keys) else [(0, self.velocity)]
+            return any(np.dot(axis, value) != 0.0 for _, value in keys)
+        if self.position is None:
+            return False
+        places = self.position
+        if isinstance(places, Keys):
+            places = np.array([value for _, value in places.keys])
+        return bool((np.diff(places, axis=0) @ axis != 0.0).any())
+
+    def place(self, t: float, *, fps: float) -> Float64:
+        """Return the place at frame `t`, (3,) world units."""
+        if self.velocity is not None:
+            return np.asarray(integral_to(self.velocity, t) / fps, dtype=np.float64)
+        if self.position is None:
+            return np.zeros(3)
+        if isinstance(self.position, Keys):
+            return np.asarray(self.position.at(t, extend=True))
+        if len(self.position) == 1:
+            return np.array(self.position[0])
+        i = self._piece(t)
+        before, after = self.position[i], self.position[i + 1]
+        return np.asarray(before + (t - i) * (after - before))
+
+    def rate(self, t: float, *, fps: float) -> Float64:
+        """Return the change of place per frame at `t`, (3,) world units."""
+        if self.velocity is not None:
+            return np.asarray(value_at(self.velocity, t)) / fps
+        if self.position is None or len(getattr(self.position, "keys", self.position)) == 1:
+            return np.zeros(3)
+        if isinstance(self.position, Keys):
+            return np.asarray(self.position.slope(t, extend=True))
+        i = self._piece(t)
+        return np.asarray(self.position[i + 1] - self.position[i])
+
+    def _piece(self, t: float) -> int:
+        last = len(self.position) - 2
+        return min(max(bisect.bisect_right(range(last + 1), t) - 1, 0), last)
+
+
+def air_moved(t: float, *, fps: float, fall: Number, wind: Vector) -> Float64:
+    """Return how far what falls in the wind has come since frame 0, house axes, (3,)."""
+    moved = integral_to(wind, t) / fps
+    moved[1] += float(integral_to(fall, t)) / fps
+    return np.asarray(moved)
+
+
+@lru_cache(maxsize=32)
+def _relative_way(path: CameraPath, fps: float, fall: Number, wind: Vector) -> Running:
+    """Return P of a camera that turns; its sums are made once for a film."""
+    assert path._turning is not None
+    air = course_of(wind, -1.0 / fps), fall_course(fall, -1.0 / fps)
+    return path._turning.integral(summed([path.course(fps), *air]))
+
+
+@lru_cache(maxsize=32)
+def _weighted_way(path: CameraPath, fps: float, fall: Number, wind: Vector) -> Running:
+    """Return the integral of f R^T v, in the rig's axes."""
+    assert path._zoom is not None
+    air = course_of(wind, -1.0 / fps), fall_course(fall, -1.0 / fps)
+    course = path._zoom.weighted(summed([path.course(fps), *air]))
+    if path._turning is not None and path.turns:
+        return path._turning.integral(course)
+    # The rig stands still: house axes, turned back into its own.
+    rig = path.rig(0.0)
+    slopes = None if course.slopes is None else course.slopes @ rig
+    return running(Course(course.knots, course.values @ rig, slopes, course.times))
+
+
+@lru_cache(maxsize=32)
+def _weighted_turn(path: CameraPath) -> Running:
+    """Return the integral of f w, in the rig's axes."""
+    assert path._turning is not None and path._zoom is not None
+    turning = path._turning
+    return running(path._zoom.weighted(Course(turning.frames[1:-1], turning.rates)))
+
+
+def fall_course(fall: Number, scale: float) -> Course:
+    """Return a plain or keyed fall speed as a course of vectors, down."""
+    if not isinstance(fall, Keys):
+        return course_of((0.0, fall, 0.0), scale)
+    return course_of(Keys([(frame, (0.0, value, 0.0)) for frame, value in fall.keys]), scale)
+
+
+def as_path(camera: object, default_focal: float) -> CameraPath:
+    """Return a path from what a scene was given: nothing, a camera, or a path."""
+    if camera is None:
+        return CameraPath(Camera(default_focal))
+    if isinstance(camera, Camera):
+        return CameraPath(camera)
+    if isinstance(camera, CameraPath):
+        return camera
+    raise TypeError(f"camera must be a Camera or a CameraPath, got {type(camera).__name__}")

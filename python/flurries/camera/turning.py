@@ -1,0 +1,254 @@
+"""Orientation over time, and integrals in axes that turn.
+
+Between keys a camera turns about one axis at one rate: R(t) = R_i exp([w] (t - t_i)), with w in the
+camera's own axes. Integrals of R^T u for a velocity u that is linear in time are then sums of
+elementary terms: any time can be asked for without the ones before it.
+"""
+
+from __future__ import annotations
+
+import bisect
+from dataclasses import dataclass, field
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from flurries._contract import Float64, moderate, table
+from flurries.camera.lens import rotation_matrix
+from flurries.motion.keys import Course, Keys, Running
+
+__all__ = ["Turning", "rotation_vector", "turning_of"]
+
+# Below this angle the terms are summed as series: there the closed forms cancel.
+_SMALL = 0.5
+_TERMS = 9
+
+
+@dataclass(frozen=True, eq=False)
+class Turning:
+    """An orientation for every time.
+
+    Attributes
+    ----------
+    frames : (n,) float64
+        Times of the keys, increasing.
+    matrices : (n, 3, 3) float64
+        Rig to house axes at the keys.
+    rates : (max(n - 1, 1), 3) float64
+        Radians per frame between them, in the rig's own axes; the ends go on.
+    """
+
+    frames: Float64
+    matrices: Float64
+    rates: Float64
+    _angle: Running = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        def angles(start: Float64, end: Float64, inside: Float64) -> Float64:
+            return np.asarray(self.rates[self.pieces(inside)] * (end - start)[:, None])
+
+        object.__setattr__(self, "_angle", Running.of(angles, self.frames[1:-1]))
+
+    @property
+    def moves(self) -> bool:
+        """Whether it ever turns."""
+        return bool((self.rates != 0.0).any())
+
+    def at(self, t: float) -> Float64:
+        """Return the matrix (3, 3) at `t`, rig to house axes."""
+        i = self._piece(t)
+        matrix: Float64 = self.matrices[i] @ rotation_matrix(self.rates[i] * (t - self.frames[i]))
+        return matrix
+
+    def rate(self, t: float) -> Float64:
+        """Return radians per frame at `t`, (3,), in the rig's own axes."""
+        rate: Float64 = self.rates[self._piece(t)]
+        return rate
+
+    def angle(self, t: float) -> Float64:
+        """Return the integral of the rate from frame 0 to `t`, (3,), in the rig's own axes."""
+        return self._angle.to(t)
+
+    def integral(self, course: Course) -> Running:
+        """Return the integral of R^T u: the way of a velocity u in the rig's own axes."""
+        knots = np.concatenate([self.frames[1:-1], course.knots])
+        return Running.of(partial(_areas, self, course), knots)
+
+    def pieces(self, inside: Float64) -> Any:
+        """Return which pieces times (m,) lie in."""
+        found = np.searchsorted(self.frames, inside, side="right") - 1
+        return np.clip(found, 0, len(self.rates) - 1)
+
+    def _piece(self, t: float) -> int:
+        return min(max(bisect.bisect_right(self.frames, t) - 1, 0), len(self.rates) - 1)
+
+
+def _areas(
+    turning: Turning, course: Course, start: Float64, end: Float64, inside: Float64
+) -> Float64:
+    """Return the integrals of R^T u over intervals (n,) without a knot, (n, 3)."""
+    which = turning.pieces(inside)
+    rate = turning.rates[which]
+    first = np.empty((len(which), 3, 3))
+    for row, (i, a) in enumerate(zip(which, start, strict=True)):
+        step = rotation_matrix(turning.rates[i] * (a - turning.frames[i]))
+        first[row] = turning.matrices[i] @ step
+    length = (end - start)[:, None]
+    u, slope = course.line(start, inside)
+    # Velocity and its slope in the axes at the start of the interval.
+    w0 = np.einsum("nji,nj->ni", first, u)
+    w1 = np.einsum("nji,nj->ni", first, slope)
+    angle = rate * length
+    c1, c2, c3, c4 = _terms(np.linalg.norm(angle, axis=1))[..., None]
+
+    def cross(v: Float64) -> Float64:
+        return np.cross(angle, v)
+
+    plain = w0 - c1 * cross(w0) + c2 * cross(cross(w0))
+    sloped = 0.5 * w1 - c3 * cross(w1) + c4 * cross(cross(w1))
+    areas: Float64 = length * (plain + length * sloped)
+    return areas
+
+
+def _terms(x: Float64) -> Float64:
+    """Return the four coefficients of [w] and [w]^2 in the integrals of exp and h exp, (4, n).
+
+    (1 - cos x)/x^2, (x - sin x)/x^3, (sin x - x cos x)/x^3, (x^2/2 - x sin x - cos x + 1)/x^4.
+    """
+    result = np.empty((4, len(x)))
+    small = np.abs(x) < _SMALL
+    y = x[~small]
+    s, c = np.sin(y), np.cos(y)
+    result[:, ~small] = (
+        (1.0 - c) / y**2,
+        (y - s) / y**3,
+        (s - y * c) / y**3,
+        (0.5 * y**2 - y * s - c + 1.0) / y**4,
+    )
+    squares = -(x[small] ** 2)
+    sums = np.zeros((4, len(squares)))
+    power = np.ones_like(squares)
+    factorial = 1.0  # (2 n)!
+    for n in range(_TERMS):
+        after = factorial * (2 * n + 1)
+        # Term n of sin x / x is power / (2n+1)!, that of cos x is power / (2n)!; shifted by one or
+        # two they give these four.
+        sums[0] += power / (factorial * (2 * n + 1) * (2 * n + 2))
+        sums[1] += power / (after * (2 * n + 2) * (2 * n + 3))
+        sums[2] += power * (2 * n + 2) / (after * (2 * n + 2) * (2 * n + 3))
+        sums[3] += power * (2 * n + 3) / (after * (2 * n + 2) * (2 * n + 3) * (2 * n + 4))
+        power = power * squares
+        factorial = after * (2 * n + 2)
+    result[:, small] = sums
+    return result
+
+
+# Rotations in their forms ------------------------------------------------------------------------
+
+
+def rotation_vector(matrix: Float64) -> Float64:
+    """Return axis times angle, (3,), of a rotation matrix; the angle is from 0 to pi."""
+    w, *xyz = _quaternions(matrix[None])[0]
+    return _vector(w, np.array(xyz))
+
+
+def _vector(w: float, xyz: Float64) -> Float64:
+    if w < 0.0:
+        w, xyz = -w, -xyz
+    length = float(np.linalg.norm(xyz))
+    # The limit of 2 atan2(s, c) / s.
+    factor = 2.0 / w if length < 1e-150 else 2.0 * float(np.arctan2(length, w)) / length
+    return np.asarray(factor * xyz)
+
+
+def _quaternions(matrices: Float64) -> Float64:
+    """Return (n, 4), (w, x, y, z), of rotation matrices; each from its largest part."""
+    m = matrices
+    trace = np.trace(m, axis1=1, axis2=2)
+    squares = 1.0 + np.stack([trace, *(2.0 * m[:, i, i] - trace for i in range(3))], axis=1)
+    result = np.empty((len(m), 4))
+    for k, largest in enumerate(squares.argmax(axis=1)):
+        a = m[k]
+        root = 2.0 * np.sqrt(squares[k, largest])
+        if largest == 0:
+            parts = [root * root / 4.0, a[2, 1] - a[1, 2], a[0, 2] - a[2, 0], a[1, 0] - a[0, 1]]
+        elif largest == 1:
+            parts = [a[2, 1] - a[1, 2], root * root / 4.0, a[0, 1] + a[1, 0], a[0, 2] + a[2, 0]]
+        elif largest == 2:
+            parts = [a[0, 2] - a[2, 0], a[0, 1] + a[1, 0], root * root / 4.0, a[1, 2] + a[2, 1]]
+        else:
+            parts = [a[1, 0] - a[0, 1], a[0, 2] + a[2, 0], a[1, 2] + a[2, 1], root * root / 4.0]
+        result[k] = np.array(parts) / root
+    return np.asarray(result / np.linalg.norm(result, axis=1, keepdims=True))
+
+
+def _of_quaternions(q: Float64) -> Float64:
+    """Return (n, 3, 3) of unit quaternions (w, x, y, z)."""
+    w, x, y, z = q.T
+    rows = [
+        [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+        [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+        [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+    ]
+    return np.ascontiguousarray(np.moveaxis(np.array(rows), 2, 0))
+
+
+def turning_of(orientation: Any) -> Turning:
+    """Return the turning of an `orientation` argument: keys or arrays of any form."""
+    if isinstance(orientation, Keys):
+        frames = np.array([frame for frame, _ in orientation.keys])
+        values = np.array([value for _, value in orientation.keys])
+        if orientation.width not in (3, 4):
+            raise ValueError(
+                "orientation must be keyed with rotation vectors (3 numbers) or quaternions (4), "
+                f"got {orientation.keys[0][1]!r}"
+            )
+    else:
+        values = moderate("orientation", table("orientation", orientation, ndim=None))
+        frames = np.arange(len(values), dtype=np.float64) if values.ndim else np.empty(0)
+    vectors = values if values.shape[1:] == (3,) else None
+    if len(values) == 0 or values.shape[1:] not in ((3,), (4,), (3, 3)):
+        raise ValueError(
+            f"orientation must have shape (n, 3), (n, 4) or (n, 3, 3), got {values.shape}"
+        )
+    matrices = _matrices(values)
+    return Turning(frames, matrices, _rates(frames, matrices, vectors))
+
+
+def _matrices(values: Float64) -> Float64:
+    if values.shape[1:] == (3,):
+        return np.stack([rotation_matrix(value) for value in values])
+    if values.shape[1:] == (4,):
+        lengths = np.linalg.norm(values, axis=1, keepdims=True)
+        if not (np.abs(lengths - 1.0) < 1e-3).all():
+            raise ValueError(
+                "orientation: quaternions (w, x, y, z) must have length 1, "
+                f"got {lengths.flat[np.abs(lengths - 1.0).argmax()]:g}"
+            )
+        return _of_quaternions(values / lengths)
+    off = np.abs(np.einsum("nij,nik->njk", values, values) - np.eye(3)).max()
+    if not (off < 1e-3 and (np.linalg.det(values) > 0.0).all()):
+        raise ValueError(
+            "orientation: matrices must be rotations (orthonormal, determinant 1), "
+            f"got one that is off by {off:.3g} or mirrored"
+        )
+    return _of_quaternions(_quaternions(values))
+
+
+def _rates(frames: Float64, matrices: Float64, vectors: Float64 | None) -> Float64:
+    """Return radians per frame between keys, the shortest way or the one that vectors mean."""
+    if len(frames) == 1:
+        return np.zeros((1, 3))
+    rates = np.empty((len(frames) - 1, 3))
+    for i in range(len(rates)):
+        turn = rotation_vector(matrices[i].T @ matrices[i + 1])
+        angle = float(np.linalg.norm(turn))
+        if vectors is not None and angle > 0.0:
+            # (0, 0, 0) to (0, 7, 0) is more than a whole turn: whole turns are added while the way
+            # comes nearer to the difference of the vectors.
+            axis = turn / angle
+            meant = float(axis @ (vectors[i + 1] - vectors[i]))
+            turn = axis * (angle + 2.0 * np.pi * round((meant - angle) / (2.0 * np.pi)))
+        rates[i] = turn / (frames[i + 1] - frames[i])
+    return rates

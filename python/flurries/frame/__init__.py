@@ -1,0 +1,1 @@
+"""One frame: what is asked of effects, what they answer, what runs, and what it costs."""

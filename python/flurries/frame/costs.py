@@ -1,0 +1,76 @@
+"""The fixed cost model: nanoseconds of each operation on one thread of one machine.
+
+Choices between methods follow these numbers and the scene, never a clock, so that all machines
+choose alike. ``python benches/plan.py --constants`` measures every number again, by least squares
+over runs of the kernels, and prints this table. Displayed times are these, scaled by a calibration
+of the machine at hand (`flurries.frame.calibration`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+# Nanoseconds for each operation, and what kind of work it is: "kernel" runs on all threads, "array"
+# is NumPy's on one.
+NANOSECONDS: dict[str, tuple[str, float]] = {
+    # Texture, for each tile made: see flurries.spectral.operations.TileWork.
+    "tile bin": ("kernel", 1.45),
+    "tile multiply-add": ("kernel", 0.01),
+    "tile fft": ("kernel", 0.0615),
+    "large tile multiply-add": ("kernel", 0.073),
+    "large tile fft": ("kernel", 0.16),
+    "tile pixel": ("kernel", 0.1),
+    "jittered bin": ("kernel", 23),
+    "planned bin": ("kernel", 39.6),
+    # Texture, for each pixel of the window.
+    "texture pixel": ("kernel", 0.25),
+    # ... before a depth: its farthest in each tile, and the tiles' fades.
+    "limited pixel": ("array", 4.83),
+    # Flakes: those of the box, those that touch the window, and runs of pixels in their rows, of
+    # resting ones and of those that the shutter makes streaks of.
+    "flake listed": ("array", 45),
+    "flake placed": ("kernel", 60),
+    "disc": ("kernel", 5),
+    "disc run": ("kernel", 3.0),
+    "streak": ("kernel", 220),
+    "streak run": ("kernel", 33),
+    # Gas: particles of the box, and pixels that they cover, of one color or of many.
+    "gas placed": ("kernel", 100.0),
+    "gas pixel": ("kernel", 6.05),
+    "lit gas pixel": ("kernel", 6.3),
+    # The four layers of a double cone, for each pixel.
+    "cone pixel": ("kernel", 4.5),
+    # Planes and pictures, for each pixel.
+    "mask pixel": ("kernel", 0.535),
+    "joined pixel": ("kernel", 0.2),
+    # A square root, by which machines are compared.
+    "array number": ("array", 1.05),
+    "copied byte": ("array", 0.062),
+    "array pixel": ("array", 0.135),
+    "veil pixel": ("array", 2.26),
+    "byte pixel": ("kernel", 0.35),
+    "fused pixel": ("kernel", 0.17),
+    "word pixel": ("kernel", 0.45),
+    "float pixel": ("kernel", 0.85),
+    "decoded pixel": ("array", 8.0),
+    "encoded pixel": ("array", 10.1),
+    # Integers of display values to linear light, and back by the formula, or by a table.
+    "decoded value": ("array", 1.2),
+    "encoded value": ("array", 5.5),
+    "looked up value": ("array", 2.13),
+    # What Python takes for a frame, an effect and a call of a kernel.
+    "frame": ("array", 6400),
+    "layer": ("array", 26000),
+}
+
+
+def nanoseconds(work: Mapping[str, float], scales: Mapping[str, float] | None = None) -> float:
+    """Return the time of some operations; `scales` are factors by kind of work.
+
+    An operation that the table does not have counts as 0.
+    """
+    total = 0.0
+    for name, number in work.items():
+        kind, each = NANOSECONDS.get(name, ("array", 0.0))
+        total += number * each * (1.0 if scales is None else scales.get(kind, 1.0))
+    return total

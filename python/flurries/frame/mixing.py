@@ -1,0 +1,144 @@
+"""How layers become a picture: in which light they are mixed, and in what form it goes back."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Container
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from flurries import _core
+from flurries._contract import Array
+from flurries.frame.layer import Layer
+
+# Values that are encoded at a time: in float32 they and what is made on the way fit a cache.
+CHUNK = 1 << 16
+
+# What files with layers call their own planes.
+_TAKEN = ("rgba", "alpha", "background", "depth", "foreground", "forward", "weather")
+
+
+@dataclass(frozen=True)
+class Mix:
+    """The light that layers are mixed in, over a background of an encoding.
+
+    Attributes
+    ----------
+    linear : bool
+        Whether that is linear light, or display values.
+    encoding : "display" or "linear"
+        The background's own.
+    table : bool
+        Whether display values of integer pictures are looked up.
+    """
+
+    linear: bool
+    encoding: str
+    table: bool = False
+
+    @property
+    def same(self) -> bool:
+        """Whether that is the light that the background holds."""
+        return self.linear == (self.encoding == "linear")
+
+    def working(self, picture: Array) -> Array:
+        """Return the background in the light that layers are mixed in."""
+        from flurries.io.color import to_display, to_linear
+
+        if self.same:
+            return np.ascontiguousarray(picture)
+
+        def turned(part: Array) -> Array:
+            return to_linear(part, self.encoding) if self.linear else to_display(part, "linear")
+
+        return _by_parts(turned, picture, np.empty(picture.shape, np.float32))
+
+    def plate(self, picture: Array) -> Array:
+        """Return the background in the light that layers are mixed in, (H, W, 3) float32."""
+        from flurries.io.color import to_single, to_unit
+
+        return to_single(to_unit(self.working(picture)))
+
+    def finished(self, working: Array, picture: Array, into: Array | None = None) -> Array:
+        """Return the composite in the background's own encoding and dtype, in `into` if given."""
+        if self.same and into is None:
+            # The background's own pixels where nothing lay over them: the caller gets a copy.
+            return working if working.flags.writeable else working.copy()
+        result = np.empty(picture.shape, picture.dtype) if into is None else into
+        if self.same:
+            if result is not working:
+                result[...] = working
+            return result
+        return _by_parts(lambda part: self._encoded(part, picture.dtype), working, result)
+
+    def _encoded(self, working: Array, dtype: np.dtype[Any]) -> Array:
+        from flurries.io.color import looked_up, to_display, to_integer, to_linear
+
+        if not self.linear:
+            return to_linear(working, "display")
+        if self.table:
+            return looked_up(working, 8 * dtype.itemsize)
+        return to_integer(to_display(working, "linear"), 8 * dtype.itemsize)
+
+    def over(self, working: Array, layer: Layer, into: Array | None = None) -> Array:
+        """Return a layer over what lies behind it, in `into` if given: another array."""
+        result = np.empty_like(working) if into is None else into
+        if layer.rgb is None:
+            _core.snow(result, working, layer.alpha, self.light(layer.color))
+        else:
+            _core.over(result, working, self.rgba(layer))
+        return result
+
+    def rgba(self, layer: Layer) -> Array:
+        """Return a layer as (h, w, 4) float32, premultiplied, in the light of the mix."""
+        if layer.rgb is None:
+            return layer.rgba(self.light(layer.color))
+        result = np.empty((*layer.alpha.shape, 4), np.float32)
+        result[..., 3] = layer.alpha
+        if self.linear:
+            result[..., :3] = layer.rgb
+            return result
+        from flurries.io import linear_to_srgb
+
+        # Encoding bends: it wants straight colors.
+        cover = layer.alpha[..., None]
+        straight = np.divide(layer.rgb, cover, out=np.zeros_like(layer.rgb), where=cover > 0.0)
+        np.multiply(linear_to_srgb(straight), cover, out=result[..., :3])
+        return result
+
+    def light(self, color: Any) -> list[float]:
+        """Return a display color in the light that layers are mixed in."""
+        if not self.linear:
+            return list(color)
+        from flurries.io import srgb_to_linear
+
+        light: list[float] = srgb_to_linear(np.asarray(color, np.float64)).tolist()
+        return light
+
+
+def _by_parts(turn: Callable[[Array], Array], values: Array, result: Array) -> Array:
+    """Fill `result`, few rows at a time: turning values makes many arrays on the way."""
+    rows = max(CHUNK // values[0].size, 1)
+    for first in range(0, len(values), rows):
+        part = slice(first, first + rows)
+        result[part] = turn(values[part])
+    return result
+
+
+def behind(layer: Layer, cover: Array) -> Layer:
+    """Return a layer as far as a matte in front of it leaves it."""
+    left = 1.0 - cover
+    alpha = np.ascontiguousarray(layer.alpha * left)
+    rgb = None if layer.rgb is None else layer.rgb * left[..., None]
+    coverage = None if layer.coverage is None else layer.coverage * left
+    return replace(layer, alpha=alpha, rgb=rgb, coverage=coverage)
+
+
+def free_name(name: str, taken: Container[str]) -> str:
+    """Return the name, or the name with the first number from 2 on that makes it a new one."""
+    number, free = 1, name
+    while free in taken or free in _TAKEN:
+        number += 1
+        free = f"{name}{number}"
+    return free

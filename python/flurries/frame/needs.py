@@ -1,0 +1,275 @@
+"""What an effect says about a frame before it is made, and what the plan then lets it do.
+
+An effect has one method for it, ``needs(frame) -> Needs``: its steps with what they cost, what it
+leaves out by itself and why, and which parts of the scene it reads. An effect without the method is
+rendered whenever it is in the scene, and given everything.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, fields, is_dataclass, replace
+from typing import TYPE_CHECKING, Any, TypeVar
+
+import numpy as np
+
+from flurries.frame.costs import nanoseconds
+from flurries.frame.visible import Visible
+from flurries.motion.keys import Keys
+from flurries.trace import stage
+
+if TYPE_CHECKING:
+    from flurries.frame.layer import Frame
+
+_Made = TypeVar("_Made")
+
+# What an effect can read of a scene beside its own arguments; each costs something to make.
+PARTS = frozenset({"depth", "ambient"})
+
+
+@dataclass(frozen=True)
+class LeftOut:
+    """Something that is not done, and why."""
+
+    what: str
+    why: str
+
+
+@dataclass(frozen=True)
+class Cost:
+    """What a step takes.
+
+    Attributes
+    ----------
+    work : dict of str to float
+        How many of which operations; their times are in :mod:`flurries.frame.costs`.
+    size : str
+        For people: "361 tiles of 64 px".
+    kept : int
+        Bytes that it leaves for later steps.
+    scratch : int
+        Bytes that it takes beyond these while it runs.
+    left_out : tuple of LeftOut
+        What it does without.
+    """
+
+    work: Mapping[str, float] = field(default_factory=dict)
+    size: str = ""
+    kept: int = 0
+    scratch: int = 0
+    left_out: tuple[LeftOut, ...] = ()
+
+
+@dataclass(frozen=True)
+class Step:
+    """A part of an effect's work that can be left out or kept.
+
+    Attributes
+    ----------
+    name : str
+        What the trace calls it.
+    cost : callable
+        Gives its :class:`Cost`; asked for by plans that somebody reads, never by rendering.
+    once : bool
+        Whether it gives the same in every frame, for a camera and a depth that do not change.
+    """
+
+    name: str
+    cost: Callable[[], Cost] = Cost
+    once: bool = False
+
+
+@dataclass(frozen=True)
+class Saving:
+    """Something that an effect can do without, or less exactly, and the error that it makes.
+
+    Attributes
+    ----------
+    name : str
+        Of the step that is left out, or of the setting.
+    what : str
+        For people.
+    error : float
+        The most that an opacity errs by without the step; of a setting, for each unit of it.
+    saved : callable
+        Gives the nanoseconds that an error saves by the cost model.
+    setting : bool
+        Whether it is a setting, to be found in ``Run.settings``.
+    all : bool
+        Whether it is the effect itself that is left out.
+    """
+
+    name: str
+    what: str
+    error: float
+    saved: Callable[[float], float]
+    setting: bool = False
+    all: bool = False
+
+
+@dataclass(frozen=True)
+class Spent:
+    """What a tolerance is spent on.
+
+    Attributes
+    ----------
+    what : str
+        What is not done, or done less exactly.
+    error : float
+        That it makes of an opacity, at most.
+    milliseconds : float
+        That it saves, by the cost model.
+    """
+
+    what: str
+    error: float
+    milliseconds: float
+
+
+@dataclass(frozen=True)
+class Needs:
+    """What an effect needs for a frame.
+
+    Attributes
+    ----------
+    steps : tuple of Step
+        In their order. None: the effect shows nothing, and is not rendered.
+    left_out : tuple of LeftOut
+        What is not among them.
+    reads : set of str
+        Of the scene's "depth" and "ambient" light.
+    most : float
+        Its largest opacity.
+    brightest : float
+        The largest of its colors' values, at least 1.
+    in_one_pass : bool
+        Whether its method ``over`` lays it straight over a picture, without the step "join".
+    by_rows : bool
+        Whether it draws any window by itself, at its share of the whole's cost: a large frame is
+        then made in bands of rows. Else the whole is drawn once, and held.
+    varies : bool
+        Whether it is other at other times although nothing of the effect is keyed, such as for a
+        cloud that the camera passes.
+    savings : tuple of Saving
+        What a tolerance may be spent on, beside the effect as a whole.
+    """
+
+    steps: tuple[Step, ...]
+    left_out: tuple[LeftOut, ...] = ()
+    reads: frozenset[str] = frozenset()
+    most: float = 1.0
+    in_one_pass: bool = False
+    by_rows: bool = False
+    varies: bool = False
+    savings: tuple[Saving, ...] = ()
+    brightest: float = 1.0
+
+    def without(self, names: frozenset[str]) -> Needs:
+        """Return the needs less some steps."""
+        left = tuple(step for step in self.steps if step.name not in names)
+        one_pass = self.in_one_pass and bool(left) and left[0].name == "texture"
+        return replace(self, steps=left, in_one_pass=one_pass)
+
+
+def skipped(step: Step, error: float) -> Saving:
+    """Return the saving of leaving out a step."""
+    return Saving(step.name, f"no {step.name}", error, lambda _: nanoseconds(step.cost().work))
+
+
+def needs_of(effect: Any, frame: Frame) -> Needs:
+    """Return what an effect says that it needs, or all there is if it does not say."""
+    own = getattr(effect, "needs", None)
+    if own is None:
+        ambient = getattr(effect, "color", None) == "ambient"
+        return Needs(
+            (Step(type(effect).__name__.lower()),), reads=PARTS if ambient else PARTS - {"ambient"}
+        )
+    said = own(frame)
+    if not isinstance(said, Needs):
+        kind = type(effect).__name__
+        raise TypeError(f"effects: {kind}.needs must return Needs, got {type(said).__name__}")
+    return said
+
+
+def keyed(value: Any, depth: int = 3) -> bool:
+    """Whether something varies over time: holds keys, or cannot be looked into."""
+    if isinstance(value, Keys):
+        return True
+    if depth == 0:
+        return False
+    if is_dataclass(value):
+        return any(keyed(getattr(value, f.name, None), depth - 1) for f in fields(value))
+    if isinstance(value, (tuple, list)) and len(value) <= 16:
+        return any(keyed(one, depth - 1) for one in value)
+    return False
+
+
+class Kept:
+    """Results that are the same in every frame; the last few are kept.
+
+    Parameters
+    ----------
+    bands : int
+        Parts that a frame's results come in.
+    """
+
+    MOST = 4
+
+    def __init__(self, bands: int = 1) -> None:
+        self._made: dict[Any, Any] = {}
+        self._most = self.MOST * bands
+
+    def get(self, key: Any) -> Any:
+        """Return what was made for a key, or None."""
+        return self._made.get(key)
+
+    def put(self, key: Any, made: Any) -> None:
+        """Keep a result; what is shared is read-only."""
+        for part in (made, getattr(made, "alpha", None), getattr(made, "rgb", None)):
+            if isinstance(part, np.ndarray):
+                part.flags.writeable = False
+        # A new dictionary each time: other threads may be reading the old one.
+        rest = list(self._made.items())[-(self._most - 1) :]
+        self._made = {**dict(rest), key: made}
+
+
+@dataclass(frozen=True)
+class Run:
+    """The plan's hand in a frame: calling it runs a step, if the step is planned.
+
+    Attributes
+    ----------
+    steps : dict of str to Step
+        What is planned.
+    kept, key : Kept and object, optional
+        Where results that are the same in every frame are found, and under what.
+    visible : Visible, optional
+        Where anything of the effect can be seen, if that is not everywhere.
+    settings : dict of str to float
+        What a tolerance allows.
+    """
+
+    steps: Mapping[str, Step]
+    kept: Kept | None = None
+    key: Any = None
+    visible: Visible | None = None
+    settings: Mapping[str, float] = field(default_factory=dict)
+
+    def keeps(self, name: str) -> bool:
+        """Whether the step is made once for all frames."""
+        step = self.steps.get(name)
+        return step is not None and step.once and self.kept is not None
+
+    def __call__(self, name: str, make: Callable[[], _Made]) -> _Made | None:
+        """Return what the step makes, or None where it is left out."""
+        step = self.steps.get(name)
+        if step is None:
+            return None
+        kept = self.kept if self.keeps(name) else None
+        if kept is not None and (found := kept.get((self.key, name))) is not None:
+            return found  # type: ignore[no-any-return]
+        with stage(name):
+            made = make()
+        if kept is not None:
+            kept.put((self.key, name), made)
+        return made

@@ -1,0 +1,126 @@
+"""A frame with what it is made of: layers, and what their pixels show."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from flurries._contract import Array
+from flurries.frame.layer import Layer
+from flurries.frame.mixing import Mix, free_name
+
+
+@dataclass(frozen=True, eq=False)
+class Rendered:
+    """A frame with what it is made of.
+
+    Layers are in front of the background and behind the foreground, back to front, premultiplied,
+    in the light of the composite: in float32 ``foreground over (layers over background)`` is the
+    image, before it is rounded to integers. Of layers that have one name the second is called
+    "name2", and so on. What a layer does not know it leaves out.
+
+    Attributes
+    ----------
+    image : (h, w, 3)
+        The composite, as `Scene.render` returns it.
+    alpha : (h, w) float32
+        Opacity of all layers together.
+    layers : dict of str to (h, w, 4) float32
+        Each effect's premultiplied RGBA.
+    depth : (h, w) float32 or None
+        The background's planar depth, where the scene has one, world units.
+    depths : dict of str to (h, w) float32
+        Planar depth of what each layer shows, world units: at every pixel that of the flake or of
+        the texture, whichever has more opacity there (a flake hides the texture behind it). The
+        texture's is the depth that its wavelength of `motions` stands for. Infinity where nothing
+        is. A veil (haze) has none.
+    motions : dict of str to (h, w, 2) float32
+        How what each layer shows moves from this frame, t, to t + 1: pixels, (x, y), x right, y
+        down, so that what is at p now will be at ``p + motion``. Of a flake, its place in the
+        picture at t + 1 minus that at t; of the texture, the one vector for each tile that predicts
+        the next frame best (the drift of the wavelength where it has its gradients, see
+        `flurries.spectral.motion.tile_motion`), interpolated between tiles as they are blended.
+        Flake or texture as in `depths`; 0 where nothing is.
+    coverages : dict of str to (h, w) float32
+        Opacity of what is drawn one by one, flakes and drops, without texture and veil.
+    ids : dict of str to (h, w) int32
+        The number of the flake or drop with the greatest opacity of its own at the pixel, -1 for
+        none. A flake keeps its number from frame to frame, and from eye to eye.
+    motion : (h, w, 2) float32 or None
+        Of the layers together: at every pixel that of the layer that shows most.
+    weather_depth : (h, w) float32 or None
+        In the same way of their depths.
+    background : (h, w, 3) float32
+        In the light of the composite.
+    foreground : (h, w, 4) float32 or None
+        The foreground's picture, premultiplied; None without one. A mask is in the layers already.
+    linear : bool
+        Whether the light of the composite is linear; display values otherwise.
+    """
+
+    image: Array
+    alpha: Array
+    layers: dict[str, Array]
+    depth: Array | None = None
+    depths: dict[str, Array] = field(default_factory=dict)
+    motions: dict[str, Array] = field(default_factory=dict)
+    coverages: dict[str, Array] = field(default_factory=dict)
+    ids: dict[str, Array] = field(default_factory=dict)
+    motion: Array | None = None
+    weather_depth: Array | None = None
+    background: Array | None = None
+    foreground: Array | None = None
+    linear: bool = True
+
+
+def rendered(
+    image: Array,
+    parts: Sequence[Layer],
+    mix: Mix,
+    background: Array,
+    foreground: Array | None,
+    depth: Array | None,
+) -> Rendered:
+    """Return a composite with the layers that it was made of, back to front."""
+    names: dict[str, Layer] = {}
+    for part in parts:
+        names[free_name(part.name, names)] = part
+    shape = background.shape[:2]
+    cover: Array = np.zeros(shape, np.float32)
+    for number, part in enumerate(parts):
+        cover = part.alpha if number == 0 else 1.0 - (1.0 - cover) * (1.0 - part.alpha)
+    return Rendered(
+        image=image,
+        alpha=cover,
+        layers={name: mix.rgba(part) for name, part in names.items()},
+        depth=depth,
+        depths={name: part.depth for name, part in names.items() if part.depth is not None},
+        motions={name: part.motion for name, part in names.items() if part.motion is not None},
+        coverages={n: part.coverage for n, part in names.items() if part.coverage is not None},
+        ids={name: part.ids for name, part in names.items() if part.ids is not None},
+        motion=_most([(part.motion, part.alpha) for part in parts]),
+        weather_depth=_most([(part.depth, part.alpha) for part in parts]),
+        background=background,
+        foreground=foreground,
+        linear=mix.linear,
+    )
+
+
+def _most(planes: Sequence[tuple[Array | None, Array]]) -> Array | None:
+    """Return of planes, back to front, at every pixel the one that shows most; None of none."""
+    found: Array | None = None
+    strongest = None
+    through: Array | float = 1.0
+    for plane, alpha in reversed(planes):
+        if plane is not None:
+            shows = alpha * through
+            if found is None or strongest is None:
+                found, strongest = plane.copy(), shows
+            else:
+                more = shows > strongest
+                found[more] = plane[more]
+                strongest = np.maximum(strongest, shows)
+        through = through * (1.0 - alpha)
+    return found

@@ -1,0 +1,1 @@
+"""What changes over time: keyed numbers and the air, with their integrals in closed form."""

@@ -1,0 +1,1 @@
+"""Frames to files: sequences that several processes make, films, clusters."""

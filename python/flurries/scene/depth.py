@@ -1,0 +1,201 @@
+"""How far away what stands in the picture is: a wall, an array, files, or a map painted by hand."""
+
+from __future__ import annotations
+
+import math
+import os
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from flurries._contract import Array, choice, depths, real, rectangular
+
+__all__ = ["DepthMap"]
+
+_WHITE = ("near", "far")
+_LAWS = ("linear", "inverse")
+
+
+@dataclass(frozen=True, eq=False)
+class DepthMap:
+    """A grey picture that stands for depth, such as one painted by hand.
+
+    With g the grey from 0 to 1, and w = 1 - g where white is near, or g where it is far:
+    "linear" gives near + w (far - near); "inverse" gives 1 / (1/near + w (1/far - 1/near)), which
+    spends more greys on what is near, as disparity maps do.
+
+    Parameters
+    ----------
+    source : path or array
+        A picture, an image sequence (``depth.%04d.png``) or a film; or an array (H, W) of uint8,
+        uint16 or float from 0 to 1. Of colors the luminance counts, as stored.
+    near, far : float
+        Depths at the two ends of the grey scale, world units, 0 < near < far. `far` may be infinity
+        with the law "inverse": the sky.
+    white : {"near", "far"}
+        Which end is white.
+    law : {"linear", "inverse"}
+        What is in proportion to the grey: depth, or its inverse.
+
+    Raises
+    ------
+    ValueError, TypeError
+        For an argument that is not as described; the message names it.
+
+    Examples
+    --------
+    >>> import numpy as np, flurries as fl
+    >>> painted = np.array([[255, 0]], np.uint8)
+    >>> scene = fl.Scene((2, 1), depth=fl.DepthMap(painted, near=2.0, far=50.0))
+    >>> scene.depth_at(0).tolist()
+    [[2.0, 50.0]]
+    """
+
+    source: Any
+    near: float
+    far: float
+    white: str = "near"
+    law: str = "linear"
+
+    def __init__(
+        self, source: Any, *, near: float, far: float, white: str = "near", law: str = "linear"
+    ) -> None:
+        settle = object.__setattr__
+        settle(self, "near", real("near", near, above=0.0))
+        settle(self, "white", choice("white", white, _WHITE))
+        settle(self, "law", choice("law", law, _LAWS))
+        endless = law == "inverse" and isinstance(far, float) and far == math.inf
+        settle(self, "far", far if endless else real("far", far, above=self.near))
+        if not isinstance(source, (str, os.PathLike)):
+            source = _greys(source)
+        settle(self, "source", source)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return _rebuilt, (self.source, self.near, self.far, self.white, self.law)
+
+    def depth_of(self, grey: Array) -> Array:
+        """Return the depths of greys from 0 to 1, float32 of the same shape."""
+        w = grey.astype(np.float64)
+        w = 1.0 - w if self.white == "near" else w
+        if self.law == "linear":
+            depth = self.near + w * (self.far - self.near)
+        else:
+            with np.errstate(divide="ignore"):
+                depth = 1.0 / (1.0 / self.near + w * (1.0 / self.far - 1.0 / self.near))
+        return np.asarray(depth, np.float32)
+
+
+def _rebuilt(source: Any, near: float, far: float, white: str, law: str) -> DepthMap:
+    return DepthMap(source, near=near, far=far, white=white, law=law)
+
+
+def _greys(source: Any) -> Array:
+    """Return a read-only copy of an array of greys."""
+    given = rectangular("source", source)
+    given = given.astype(given.dtype.newbyteorder("="), copy=False)
+    if given.dtype not in (np.uint8, np.uint16, np.float16, np.float32, np.float64):
+        raise TypeError(
+            "source must be a path or an array of uint8, uint16 or float, "
+            f"got {type(source).__name__} of dtype {given.dtype}"
+        )
+    if given.ndim != 2 or 0 in given.shape:
+        raise ValueError(f"source must have shape (H, W), got {given.shape}")
+    if given.dtype.kind == "f" and not ((given >= 0.0) & (given <= 1.0)).all():
+        raise ValueError("source must be from 0 to 1 everywhere")
+    copy = np.array(given, order="C")
+    copy.flags.writeable = False
+    return copy
+
+
+@dataclass(frozen=True, eq=False)
+class Distance:
+    """The depth of a scene's background, of the frame's size, for every frame.
+
+    Attributes
+    ----------
+    source : (H, W) float32 array, or files
+        Where it comes from.
+    """
+
+    source: Any
+
+    @property
+    def still(self) -> bool:
+        """Whether every frame has the same depth."""
+        if isinstance(self.source, np.ndarray):
+            return True
+        return self.source.files.count is None
+
+    def frame(self, t: float) -> Array:
+        """Return (H, W) float32 of frame floor(t), read-only; the ends of a sequence hold."""
+        return self.source if isinstance(self.source, np.ndarray) else self.source.frame(t)
+
+
+@dataclass
+class _Fitted:
+    """Depths from files, fitted to the frame; the last one is kept."""
+
+    files: Any
+    law: DepthMap | None
+    shape: tuple[int, int]
+    _last: tuple[Any, Array] | None = None
+
+    def frame(self, t: float) -> Array:
+        from flurries.io import fit_nearest
+        from flurries.io.pictures import luminance
+
+        picture = self.files.frame(math.floor(t))
+        last = self._last
+        # The files give the very same picture again while they keep it.
+        if last is not None and last[0] is picture:
+            return last[1]
+        depth = picture.pixels if self.law is None else self.law.depth_of(luminance(picture))
+        fitted = _read_only(fit_nearest(depth, self.shape[::-1]))
+        self._last = (picture, fitted)
+        return fitted
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {**self.__dict__, "_last": None}
+
+
+def distance_of(value: Any, shape: tuple[int, int]) -> Distance:
+    """Return the depth of a scene's `depth` argument."""
+    if isinstance(value, DepthMap):
+        return _of_map(value, shape)
+    if isinstance(value, (str, os.PathLike)):
+        from flurries.io import open_depth
+
+        return Distance(_Fitted(open_depth(value), None, shape))
+    if not isinstance(value, (dict, set, list, tuple)) and np.ndim(value) == 0:
+        wall = real("depth", value, above=0.0)
+        return Distance(_read_only(np.full(shape, wall, np.float32)))
+    given = rectangular("depth", value)
+    if given.dtype.kind != "f":
+        raise TypeError(
+            f"depth must be a number, a path, a DepthMap or an array of float, got {given.dtype}; "
+            "greys become depths through DepthMap"
+        )
+    _require_shape("depth", given.shape, shape)
+    return Distance(_read_only(depths("depth", np.array(given, np.float32, order="C"))))
+
+
+def _of_map(value: DepthMap, shape: tuple[int, int]) -> Distance:
+    if isinstance(value.source, np.ndarray):
+        from flurries.io.color import to_unit
+
+        _require_shape("depth: source", value.source.shape, shape)
+        return Distance(_read_only(value.depth_of(to_unit(value.source))))
+    from flurries.io import open_background
+
+    return Distance(_Fitted(open_background(value.source), value, shape))
+
+
+def _require_shape(name: str, got: tuple[int, ...], wanted: tuple[int, int]) -> None:
+    if got != wanted:
+        raise ValueError(f"{name} must have shape {wanted}, got {got}")
+
+
+def _read_only(plane: Array) -> Array:
+    plane.flags.writeable = False
+    return plane

@@ -1,0 +1,490 @@
+"""The scene: a frame is a pure function of it and the frame number."""
+
+from __future__ import annotations
+
+import operator
+from collections.abc import Sequence
+from dataclasses import dataclass, field, fields, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from flurries._contract import Array, choice, integer, real, seed_of
+from flurries.camera.lens import Camera
+from flurries.camera.path import as_path
+from flurries.effects import Frame, Layer
+from flurries.frame.bands import Ask, Picture, cropped, laid, layers_made
+from flurries.frame.layer import Shared
+from flurries.frame.mixing import Mix, behind
+from flurries.frame.program import Program
+from flurries.frame.tolerance import EXACT
+from flurries.frame.truth import Rendered, rendered
+from flurries.frame.visible import Window
+from flurries.light.sun import Sun
+from flurries.scene.background import Backdrop, backdrop
+from flurries.scene.depth import Distance, distance_of
+from flurries.scene.foreground import Foreground, foreground_of
+from flurries.stereo import eyes
+from flurries.trace import stage
+
+if TYPE_CHECKING:
+    from flurries.frame.report import Plan
+
+__all__ = ["Rendered", "Scene"]
+
+SPACES = ("auto", "display", "linear")
+
+# A focal length in picture widths, where none is given: 45 degrees across.
+DEFAULT_FOCAL = 1.2
+
+
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """What a film is made of: a background, a camera's way, and the weather.
+
+    Parameters
+    ----------
+    size : (width, height), optional
+        Of the frame in pixels; the background's own if not given. Files and colors are fitted to
+        it (scaled to cover, cut at the sides); an array must have it.
+    background : path, "#rrggbb", (r, g, b) floats, array, or source
+        A picture, an image sequence (``plate.%04d.png``), or a video file; a color; an array
+        (H, W, 3) of uint8, uint16 or float. Integers hold display values, floats linear light.
+    camera : Camera or CameraPath, optional
+        A still camera of 1.2 picture widths if not given.
+    effects : sequence
+        The weather, back to front.
+    fps : float
+        Frames per second; where seconds become frames.
+    seed : int
+        Of all random numbers; each effect draws its own from it.
+    foreground : path or array, optional
+        What stands in front of the weather: a mask (H, W) of the background's own pixels, 1 in
+        front; or a picture with alpha (H, W, 4), straight for integers, premultiplied for floats.
+    space : {"auto", "display", "linear"}
+        Where layers are mixed. "auto": integers in display values as the paper does, floats in
+        linear light.
+    depth : float, array, path or DepthMap, optional
+        How far away what stands in the background is, planar depth in world units: a wall at one
+        depth; an array (H, W) of float with infinity where nothing stands; an EXR or float TIFF, or
+        a sequence of them, with a channel "Z" or "depth"; or a grey picture, see :class:`DepthMap`.
+        Files are fitted to the frame as the background is, each pixel with the depth of one.
+    sun : Sun, optional
+        What shines on the weather.
+    tolerance : float
+        How far values of a frame may be off, of full scale, if it saves time; see `render`.
+
+    Raises
+    ------
+    ValueError, TypeError, OSError
+        For an argument that is not as described, or a file that cannot be read.
+
+    Examples
+    --------
+    >>> import flurries as fl
+    >>> scene = fl.Scene((320, 240), "#203040", effects=[fl.Snow.preset("heavy")])
+    >>> frame = scene.render(17)
+    >>> frame.shape, frame.dtype.name
+    ((240, 320, 3), 'uint8')
+    """
+
+    size: tuple[int, int] | None = None
+    background: Any = "#000000"
+    camera: Any = None
+    effects: Sequence[Any] = ()
+    fps: float = 30.0
+    seed: int = 0
+    foreground: Any = None
+    space: str = "auto"
+    depth: Any = None
+    sun: Sun | None = None
+    tolerance: float = 0.0
+    _backdrop: Backdrop = field(init=False, repr=False)
+    _foreground: Foreground | None = field(init=False, repr=False)
+    _distance: Distance | None = field(init=False, repr=False)
+    _program: Program | None = field(init=False, repr=False, default=None)
+
+    def __post_init__(self) -> None:
+        def settle(name: str, value: Any) -> None:
+            object.__setattr__(self, name, value)
+
+        if self.size is not None:
+            settle("size", parse_size(self.size))
+        settle("fps", real("fps", self.fps, above=0.0))
+        settle("seed", seed_of(self.seed))
+        choice("space", self.space, SPACES)
+        settle("tolerance", tolerance_of(self.tolerance))
+        settle("_backdrop", backdrop(self.background, self.size))
+        settle("size", self._backdrop.size)
+        settle("camera", as_path(self.camera, DEFAULT_FOCAL * self.shape[1]))
+        if callable(getattr(self.effects, "render", None)):
+            settle("effects", (self.effects,))
+        if not isinstance(self.effects, (list, tuple)):
+            raise TypeError(f"effects must be a sequence of effects, got {self.effects!r}")
+        effects = tuple(self.effects)
+        for index, effect in enumerate(effects):
+            if isinstance(effect, type) or not callable(getattr(effect, "render", None)):
+                raise TypeError(f"effects[{index}] must be an effect, got {effect!r}")
+        settle("effects", effects)
+        front = None if self.foreground is None else foreground_of(self.foreground, self.shape)
+        settle("_foreground", front)
+        if self.sun is not None and not isinstance(self.sun, Sun):
+            raise TypeError(f"sun must be a flurries.Sun, got {self.sun!r}")
+        distance = None if self.depth is None else distance_of(self.depth, self.shape)
+        settle("_distance", distance)
+        if distance is not None and np.ndim(self.depth) == 2:
+            # The copy that it was made into: the caller's array may change.
+            settle("depth", distance.source)
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """(H, W) of a frame."""
+        width, height = self.size or (0, 0)
+        return height, width
+
+    @property
+    def frames(self) -> int | None:
+        """How many frames the background has; None for a still."""
+        return self._backdrop.count
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        # What it was made from, not what was made of it: a color is not a picture of it.
+        values = {f.name: getattr(self, f.name) for f in fields(self) if f.init}
+        return _rebuilt, (values,)
+
+    def replace(self, **changes: Any) -> Scene:
+        """Return the scene with some arguments changed."""
+        return replace(self, **changes)
+
+    def render(
+        self,
+        t: float,
+        *,
+        eye: Camera | None = None,
+        layers: bool = False,
+        region: tuple[slice, slice] | None = None,
+        tolerance: float | None = None,
+    ) -> Any:
+        """Return the frame at `t`.
+
+        Parameters
+        ----------
+        t : float
+            Frame number, any float; frame 0 is the first. A background film shows its frame
+            floor(t), the last one beyond its end.
+        eye : Camera, optional
+            Another eye, in place of the path's camera, that moves and turns with the path; the
+            background stays.
+        layers : bool
+            Return a :class:`Rendered` with the layers apart.
+        region : (rows, cols), optional
+            Two slices, as from ``np.s_[100:200, 50:80]``: only that part, with the whole's bits.
+        tolerance : float, optional
+            How far any value may be off, of full scale, from the frame without a tolerance; the
+            scene's own if not given. Spent where it saves most time by a fixed cost model, so that
+            frames have the same bits on all machines; `plan` says on what. Layers are exact.
+
+        Returns
+        -------
+        (H, W, 3), or the region's
+            uint8 or uint16 where the background is, else float32. The same bits whatever else was
+            rendered before, in any process and with any number of threads.
+        """
+        time, window = real("t", t), self._window(region)
+        if eye is not None and not isinstance(eye, Camera):
+            raise TypeError(f"eye must be a Camera, got {eye!r}")
+        if layers:
+            if tolerance is not None:
+                tolerance_of(tolerance)
+            return self._layered(time, eye, window)
+        camera = self.camera.seen(self.camera.camera if eye is None else eye, time)
+        return laid([self._seen(time, eye, window, tolerance=tolerance)], (camera,))[0]
+
+    def _seen(
+        self,
+        time: float,
+        eye: Camera | None,
+        window: Window,
+        *,
+        tolerance: float | None,
+    ) -> Picture:
+        """Return what an eye sees, to be put together."""
+        with stage("background"):
+            plate = cropped(self._backdrop.frame(time), window)
+        limit = self.tolerance if tolerance is None else tolerance_of(tolerance)
+        chosen = EXACT if limit == 0.0 else self.program.choice(time, plate.dtype, limit)
+        # Where none of the weather can be seen, none is made.
+        inner = self.program.seen(window, chosen.hidden)
+        asks: list[Ask] = []
+        if inner is not None:
+            frames = self.program.frames(time, eye, inner, dtype=plate.dtype, choice=chosen)
+            asked = list(frames)
+            given = self.program.given(time, asked)
+            asks = [
+                Ask(effect, frame, needs.by_rows, needs.in_one_pass)
+                for (effect, frame), (_, _, needs) in zip(given, asked, strict=True)
+            ]
+        matte = None if self._foreground is None else self._foreground.window(window)
+        mix = Mix(self.linear, self._backdrop.encoding, chosen.table)
+        return Picture(asks, mix, plate, matte, window, inner)
+
+    def _layered(
+        self, time: float, eye: Camera | None, window: Window, shared: Shared | None = None
+    ) -> Rendered:
+        """Return what an eye sees with the layers apart, whole and exact."""
+        with stage("background"):
+            plate = cropped(self._backdrop.frame(time), window)
+        asked = self.program.given(time, list(self.program.frames(time, eye, window, dtype=None)))
+        matte = None if self._foreground is None else self._foreground.window(window)
+        mix = Mix(self.linear, self._backdrop.encoding)
+        parts = [
+            layer
+            for effect, frame in asked
+            for layer in layers_made(effect, replace(frame, shared=shared), plate.shape[:2])
+        ]
+        # A mask keeps the weather from the background's own pixels in front.
+        parts = parts if matte is None else [behind(part, matte.cover) for part in parts]
+        with stage("composite"):
+            image = self._mixed(parts, mix, plate, matte)
+        front = None if matte is None or matte.light is None else matte.rgba(linear=self.linear)
+        depth = self.depth_at(time)
+        around = None if depth is None else cropped(depth, window)
+        return rendered(image, parts, mix, mix.plate(plate), front, around)
+
+    def look(self, t: float) -> None:
+        """Read background and depth of a frame, as `render` will.
+
+        Raises
+        ------
+        OSError, ValueError
+            If one of them is missing or damaged.
+        """
+        time = real("t", t)
+        self._backdrop.frame(time)
+        if self._distance is not None:
+            self._distance.frame(time)
+
+    @property
+    def film(self) -> Any:
+        """The source of a background that is a video; None for others."""
+        from flurries.io.sources import VideoSource
+
+        source = self._opened
+        return source if isinstance(source, VideoSource) else None
+
+    @property
+    def held(self) -> set[int]:
+        """Frames rendered so far whose background is that of an earlier one."""
+        return getattr(self._opened, "held", set())
+
+    def holding(self) -> Scene:
+        """Return the scene with a background that holds its last good frame where one is bad."""
+        from flurries.io import open_background
+        from flurries.io.sources import Source
+
+        source = self._opened
+        if not isinstance(source, Source) or source.damaged == "hold":
+            return self
+        return self.replace(background=open_background(source.spec, damaged="hold"))
+
+    @property
+    def _opened(self) -> Any:
+        return getattr(self._backdrop.source, "source", None)
+
+    def plan(self, frames: Any = None, *, tolerance: float | None = None) -> Plan:
+        """Return what rendering costs: its steps, their sizes and times, and what is left out.
+
+        Parameters
+        ----------
+        frames : str, int or iterable of int, optional
+            As for :meth:`write`; of a long film a few frames stand for all.
+        tolerance : float, optional
+            As for :meth:`render`: the plan says what it is spent on, and the error to expect.
+
+        Returns
+        -------
+        Plan
+            To print, to show in a notebook, or as JSON.
+        """
+        from flurries.frame.estimate import plan_of
+
+        limit = self.tolerance if tolerance is None else tolerance_of(tolerance)
+        return plan_of(self, frames, limit)
+
+    @property
+    def program(self) -> Program:
+        """What runs for each frame, resolved when it is first asked for."""
+        found = self._program
+        # One that was copied with a scene's other attributes belongs to that scene.
+        if found is None or found.scene is not self:
+            found = Program(self)
+            object.__setattr__(self, "_program", found)
+        return found
+
+    def stereo(
+        self,
+        t: float,
+        *,
+        distance: float,
+        convergence: float | None = None,
+        layers: bool = False,
+        region: tuple[slice, slice] | None = None,
+        tolerance: float | None = None,
+    ) -> tuple[Any, Any]:
+        """Return the frame at `t` as the left and the right eye see it.
+
+        The weather lies in depth; the background and what stands in front of the weather are flat
+        pictures at the depth of convergence, the same for both.
+
+        Parameters
+        ----------
+        t, layers, region, tolerance
+            See :meth:`render`.
+        distance, convergence : float
+            See :func:`flurries.stereo.eyes`.
+
+        Returns
+        -------
+        left, right
+            Each with the bits that :meth:`render` returns for that eye; what does not depend on the
+            eye is found once for both. One and the same at distance 0.
+
+        Warns
+        -----
+        UserWarning
+            If an effect's texture begins so near that its disparity is half a wavelength or more:
+            it is then ambiguous, and only flakes tell the depth.
+        """
+        pair = eyes(self.camera.camera, distance=distance, convergence=convergence)
+        for index, effect in enumerate(self.effects):
+            warned = getattr(effect, "warn_ambiguous", None)
+            if warned is not None:
+                warned(self.shape, self.camera.camera.focal, distance, index)
+        time, window = real("t", t), self._window(region)
+        if pair[0] == pair[1]:
+            left = self.render(time, eye=pair[0], layers=layers, region=region, tolerance=tolerance)
+            return left, left
+        cameras = self.camera.seen(pair[0], time), self.camera.seen(pair[1], time)
+        if layers:
+            shared = Shared(cameras, window)
+            first, second = (self._layered(time, eye, window, shared) for eye in pair)
+            return first, second
+        seen = [self._seen(time, eye, window, tolerance=tolerance) for eye in pair]
+        one, other = laid(seen, cameras)
+        return one, other
+
+    def depth_at(self, t: float) -> Array | None:
+        """Return the background's planar depth at `t`, (H, W) float32, or None.
+
+        World units, infinity where nothing stands. A sequence of depths goes by frames as the
+        background does.
+        """
+        time = real("t", t)
+        if self._distance is None:
+            return None
+        with stage("depth"):
+            return self._distance.frame(time)
+
+    def _mixed(
+        self, parts: list[Layer], mix: Mix, picture: Array, matte: Foreground | None
+    ) -> Array:
+        """Return the composite of the layers."""
+        working = mix.working(picture)
+        for part in parts:
+            working = mix.over(working, part)
+        if matte is not None and matte.light is not None:
+            working = matte.over(working, linear=self.linear)
+        return mix.finished(working, picture)
+
+    def write(self, pattern: str | Path, frames: Any = None, **options: Any) -> Any:
+        """Render frames to files; see :func:`flurries.output.write.write`."""
+        from flurries.output.write import write
+
+        return write(self, pattern, frames, **options)
+
+    def to_dask(self, frames: Any = None, *, group: int | None = None) -> Any:
+        """Return frames as a lazy Dask array; see :func:`flurries.output.cluster.to_dask`."""
+        from flurries.output.cluster import to_dask
+
+        return to_dask(self, frames, group=group)
+
+    @staticmethod
+    def load(path: str | Path) -> Scene:
+        """Return the scene of a TOML file; see :mod:`flurries.scene.toml`."""
+        from flurries.scene.toml import load
+
+        return load(path)
+
+    def save(self, path: str | Path) -> None:
+        """Write the scene to a TOML file; backgrounds must be files or colors."""
+        from flurries.scene.toml import save
+
+        save(self, path)
+
+    @property
+    def linear(self) -> bool:
+        """Whether layers are mixed in linear light."""
+        if self.space == "auto":
+            return self._backdrop.encoding == "linear"
+        return self.space == "linear"
+
+    def _window(self, region: Any) -> tuple[int, int, int, int]:
+        if region is None:
+            return (0, self.shape[0], 0, self.shape[1])
+        wanted = "region must be two slices, as from np.s_[100:200, 50:80]"
+        if not isinstance(region, tuple) or len(region) != 2:
+            raise TypeError(f"{wanted}, got {region!r}")
+        window: list[int] = []
+        for part, length in zip(region, self.shape, strict=True):
+            if not isinstance(part, slice):
+                raise TypeError(f"{wanted}, got {region!r}")
+            try:
+                start, stop, step = part.indices(length)
+            except (TypeError, ValueError):
+                raise TypeError(f"{wanted}, got {region!r}") from None
+            if step != 1 or stop <= start:
+                raise ValueError(f"{wanted}, inside {self.shape} and not empty, got {region!r}")
+            window += [start, stop]
+        return window[0], window[1], window[2], window[3]
+
+    def _asks(
+        self,
+        t: float,
+        eye: Camera | None,
+        window: Window,
+        depth: Array | None,
+        whole: bool = False,
+    ) -> list[tuple[Any, Frame]]:
+        """Return each effect with its view of a frame, given a depth."""
+        asked = self.program.frames(t, eye, window, dtype=None)
+        return [(effect, replace(frame, depth=depth, whole=whole)) for effect, frame, _ in asked]
+
+
+def expect_scene(scene: object) -> Scene:
+    """Return a scene, or refuse what is none."""
+    if not isinstance(scene, Scene):
+        raise TypeError(f"scene must be a flurries.Scene, got {type(scene).__name__}")
+    return scene
+
+
+def _rebuilt(values: dict[str, Any]) -> Scene:
+    return Scene(**values)
+
+
+def tolerance_of(value: object) -> float:
+    """Return a tolerance, or refuse it."""
+    return real("tolerance", value, low=0.0, high=1.0)
+
+
+def parse_size(size: object) -> tuple[int, int]:
+    """Return (width, height) from a pair or "WIDTHxHEIGHT"."""
+    if isinstance(size, str):
+        parts = size.lower().split("x")
+        if len(parts) != 2 or not all(part.strip().isdigit() for part in parts):
+            raise ValueError(f"size must be (width, height) or 'WIDTHxHEIGHT', got {size!r}")
+        size = tuple(map(int, parts))
+    if not isinstance(size, (tuple, list, np.ndarray)) or len(size) != 2:
+        raise TypeError(f"size must be (width, height), got {size!r}")
+    width, height = (operator.index(integer("size", v, low=1, high=2**17)) for v in size)
+    return width, height
