@@ -8,8 +8,9 @@ use std::time::Instant;
 use _core::base::error::Cancel;
 use _core::base::pool;
 use _core::base::random::Hash;
+use _core::gas::cloud::Cloud;
 use _core::gas::footprint::{Edge, TABLE};
-use _core::gas::splat::{self, Cloud};
+use _core::gas::splat;
 use _core::gas::sprite::{Eye, Footprint, Look, NearMode};
 use ndarray::{Array1, Array2, Array3, ArrayView2};
 

@@ -70,7 +70,7 @@ RUST = [
     Mutation("phases in float64", "spectral/tent.rs",
              "reduce(phase + motion.step_at(row, col, shape))",
              "reduce(phase + f64::from(motion.step_at(row, col, shape) as f32))"),
-    Mutation("phases of the texture in float64", "spectral/phases.rs",
+    Mutation("phases of the texture in float64", "spectral/spectrum.rs",
              "*out = motion.step((ty, tx), (0.0, 0.0));",
              "*out = f64::from(motion.step((ty, tx), (0.0, 0.0)) as f32);"),
     Mutation("places below the box are folded", "particles/torus.rs",

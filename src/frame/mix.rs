@@ -1,5 +1,7 @@
 //! One colour laid over pixels (Langer 2004, Eq. 7), and the joint opacity of what lies over them.
 
+#![expect(unsafe_code, reason = "rows of pixels by `Lanes`")]
+
 use num_traits::{One, Zero};
 
 use super::sample::{Sample, Samples};

@@ -5,6 +5,7 @@
 //! Here a block of pixels stays in registers while all particles of the batch that touch it go over
 //! it, front to back: the operations of each pixel and their order are those of one after the other.
 
+#![expect(unsafe_code, reason = "blocks of pixels that stay in registers, by `Lanes`")]
 #![expect(
     clippy::needless_range_loop,
     reason = "an index over rows of a fixed count is what stays in registers"

@@ -6,8 +6,8 @@
 
 use ndarray::ArrayViewMut1;
 
+use super::cloud::Cloud;
 use super::ray::tapered;
-use super::splat::Cloud;
 use crate::base::error::{Cancel, Error, collected, zeroed};
 
 /// Particles between two looks at the cancel flag.

@@ -28,4 +28,5 @@ pub mod sorted;
 mod spare;
 pub mod splat;
 pub mod sprite;
+mod streak;
 pub mod torus;

@@ -4,6 +4,8 @@
 //! move in front of the near plane all the way, are done by vectors; one that crosses the plane goes
 //! the slow way.
 
+#![expect(unsafe_code, reason = "vectors of flakes by `Lanes`")]
+
 use std::ops::Range;
 
 use super::bins::{Grid, Sorter, TILE};

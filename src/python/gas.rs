@@ -10,10 +10,12 @@ use super::gate::{self, Plane, PlaneMut};
 use crate::base::error::Error;
 use crate::base::normal::Normal;
 use crate::base::real::Real;
+use crate::gas::cloud::Cloud;
 use crate::gas::draw::Drawing;
 use crate::gas::footprint::Edge;
 use crate::gas::light;
-use crate::gas::splat::{self, Cloud, Touched};
+use crate::gas::picture::Touched;
+use crate::gas::splat;
 use crate::gas::sprite::{Eye, Footprint, Look, NearMode, Sprite};
 
 /// RGBA of either precision, to be written.

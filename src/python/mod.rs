@@ -12,10 +12,10 @@ mod frame;
 mod gas;
 mod gate;
 mod lookup;
+mod onepass;
 mod particles;
 mod random;
 mod scan;
-mod snowfall;
 mod spectral;
 mod threads;
 mod volume;
@@ -41,6 +41,8 @@ mod core {
     #[pymodule_export]
     use super::gate::InternalError;
     #[pymodule_export]
+    use super::onepass::snowfall;
+    #[pymodule_export]
     use super::particles::{
         SortedFlakes, particle_draw, particle_edge_fade, particle_ids, particle_image,
         particle_positions, particle_presence, particle_size_fade, particle_sort,
@@ -50,8 +52,6 @@ mod core {
     use super::random::uniform;
     #[pymodule_export]
     use super::scan::{all_finite, all_within};
-    #[pymodule_export]
-    use super::snowfall::snowfall;
     #[pymodule_export]
     use super::spectral::{
         FieldBands, advance_phase, band_amplitude, blend_tiles, field, field_bands, field_take,

@@ -10,7 +10,6 @@ use crate::base::error::Error;
 use crate::base::pool;
 use crate::base::real::Real;
 use crate::spectral::band::{Band, band_amplitude as band_kernel};
-use crate::spectral::bands::Bands;
 use crate::spectral::field::{Field, Window};
 use crate::spectral::filter::{Alias, TemporalFilter, temporal_filter as filter_kernel};
 use crate::spectral::opacity::Opacity;
@@ -18,6 +17,7 @@ use crate::spectral::phase::random_phase as random_kernel;
 use crate::spectral::stripes::Mapped;
 use crate::spectral::tent::{self, Motion};
 use crate::spectral::tiles::{Blend, Row, blend_tiles as blend_kernel};
+use crate::spectral::topdown::TopDown;
 use crate::spectral::transform::inverse_transform as transform_kernel;
 
 /// Rough nanoseconds for a pixel of a tiled frame on one thread; only decides who watches Ctrl-C.
@@ -348,7 +348,7 @@ fn render<T: Real>(
 /// The rows of a request's window from the top down, to be taken band by band.
 #[pyclass(module = "flurries._core")]
 pub struct FieldBands {
-    bands: Bands<f32>,
+    bands: TopDown<f32>,
     /// A rough estimate of a row.
     nanoseconds: f64,
     /// Rows that a row of tiles finishes.
@@ -368,7 +368,7 @@ pub fn field_bands(
     let mapped = map.map(|map| Mapped { map, preserve_mean });
     request.with_field(|field, window| {
         let nanoseconds = estimate(field, window) / window.rows.len().max(1) as f64;
-        let bands = gate::run(py, 0.0, |_| Bands::new(field, window, mapped))?;
+        let bands = gate::run(py, 0.0, |_| TopDown::new(field, window, mapped))?;
         let rows_of_tile = (field.tile.0 - field.overlap) as f64;
         Ok(FieldBands { bands, nanoseconds, rows_of_tile })
     })

@@ -1,4 +1,4 @@
-"""How flakes look: how wide and how faint they are drawn, how many are there, which are too large."""
+"""How flakes look: how wide and how faint they are, how many are there, which are too large."""
 
 from __future__ import annotations
 
