@@ -16,120 +16,61 @@
 use num_traits::Float;
 
 /// N numbers that are worked on at once.
+///
+/// # Safety
+///
+/// Of all functions: the processor has the level's instructions; and what `load` and `store` say.
+#[expect(clippy::missing_safety_doc, reason = "one for all, above")]
 pub trait Lanes<T>: Copy {
     /// How many.
     const N: usize;
 
     /// The same number everywhere.
-    ///
-    /// # Safety
-    ///
-    /// This and all other functions: the processor has the level's instructions.
     unsafe fn splat(value: T) -> Self;
 
-    /// N numbers from `from` on.
-    ///
-    /// # Safety
-    ///
-    /// They are there to be read.
+    /// N numbers from `from` on, which are there to be read.
     unsafe fn load(from: *const T) -> Self;
 
-    /// Writes them from `to` on.
-    ///
-    /// # Safety
-    ///
-    /// There is room for N numbers.
+    /// Writes them from `to` on, where there is room for N numbers.
     unsafe fn store(self, to: *mut T);
 
     /// `self * b + c`, rounded once on the vector levels and twice on the portable one.
-    ///
-    /// # Safety
-    ///
-    /// As for all.
     unsafe fn multiply_add(self, b: Self, c: Self) -> Self;
 
     /// `c - self * b`, rounded as `multiply_add`.
-    ///
-    /// # Safety
-    ///
-    /// As for all.
     unsafe fn product_from(self, b: Self, c: Self) -> Self;
 
     /// `self + b`.
-    ///
-    /// # Safety
-    ///
-    /// As for all.
     unsafe fn add(self, b: Self) -> Self;
 
     /// `self - b`.
-    ///
-    /// # Safety
-    ///
-    /// As for all.
     unsafe fn sub(self, b: Self) -> Self;
 
     /// `self * b`.
-    ///
-    /// # Safety
-    ///
-    /// As for all.
     unsafe fn mul(self, b: Self) -> Self;
 
     /// `self / b`.
-    ///
-    /// # Safety
-    ///
-    /// As for all.
     unsafe fn div(self, b: Self) -> Self;
 
     /// The square root.
-    ///
-    /// # Safety
-    ///
-    /// As for all.
     unsafe fn sqrt(self) -> Self;
 
     /// The whole number that is not above.
-    ///
-    /// # Safety
-    ///
-    /// As for all.
     unsafe fn floor(self) -> Self;
 
     /// The smaller and the larger of two; `b` where `self` is NaN.
-    ///
-    /// # Safety
-    ///
-    /// As for all.
     unsafe fn min(self, b: Self) -> Self;
 
     /// See `min`.
-    ///
-    /// # Safety
-    ///
-    /// As for all.
     unsafe fn max(self, b: Self) -> Self;
 
     /// The last one first.
-    ///
-    /// # Safety
-    ///
-    /// As for all.
     unsafe fn reversed(self) -> Self;
 
     /// Each of them three times: what pixels have, for the channels of their pixels.
-    ///
-    /// # Safety
-    ///
-    /// As for all.
     unsafe fn thrice(self) -> [Self; 3];
 
     /// `by` where `at` equals `like`, as no NaN does, and `self` elsewhere.
-    ///
-    /// # Safety
-    ///
-    /// As for all.
     unsafe fn replaced(self, at: Self, like: Self, by: Self) -> Self;
 }
 

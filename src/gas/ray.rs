@@ -125,13 +125,23 @@ impl Forms {
         approach
     }
 
-    /// Not more than the least of them in the tile, and not less than the greatest.
-    fn approach_range(&self, rays: &Rays) -> [f64; 2] {
+    /// How far the nearest and the farthest depth of a tile lie behind and before the closest approach, at
+    /// least, world units.
+    fn clearance(&self, rays: &Rays, [near, far]: [f64; 2]) -> [f64; 2] {
         let [x, y, z] = self.place;
-        let last = (TILE - 1) as f64 * self.step;
-        let least = self.along + (x * last).min(0.0) + (y * last).min(0.0);
-        let length = rays.range[if least > 0.0 { 1 } else { 0 }];
-        [least / length, libm::hypot(libm::hypot(x, y), z)]
+        let last = TILE - 1;
+        let (mut most, mut behind) = (f64::NEG_INFINITY, f64::INFINITY);
+        for at in [0, last, last * TILE, last * TILE + last] {
+            let [down, right] = [at / TILE, at % TILE].map(|steps| steps as f64 * self.step);
+            let (along, length) = (self.along + y * down + x * right, rays.length[at]);
+            most = most.max(along);
+            // Where this is positive at the corners it is not less between them: C . d >= c |d| + D |d|^2
+            // holds for a convex set of rays.
+            behind = behind.min(along / length - far * length);
+        }
+        let away = libm::hypot(libm::hypot(x, y), z);
+        let approach = away.min(most / rays.range[if most > 0.0 { 0 } else { 1 }]);
+        [near * rays.range[0] - approach, behind]
     }
 }
 
@@ -191,8 +201,7 @@ pub fn cut<P: Normal>(
     let saturated = P::SATURATED * sigma;
     let far = ground.map_or([f64::INFINITY; 2], |ground| ground.range);
     if let (Footprint::Viewpoint, Some(rays)) = (model, rays) {
-        let [least, most] = Forms::of(sprite, rays).approach_range(rays);
-        let (before, behind) = (far[0] * rays.range[0] - most, least - far[1] * rays.range[1]);
+        let [before, behind] = Forms::of(sprite, rays).clearance(rays, far);
         return match hard {
             _ if before > if hard { 0.0 } else { saturated } => Cut::Clear,
             true if behind >= 0.0 => Cut::Hidden,
