@@ -272,7 +272,7 @@ def gas_splat(
     centers: _Float64,
     radius: _Float64,
     density: _Float64,
-    colours: _Float64,
+    colors: _Float64,
     lens: tuple[float, float, float, tuple[float, float, float]],
     manner: tuple[str, str, float, str, bool, float],
     depth: _Array | None,
@@ -296,7 +296,7 @@ def gas_sort(
     centers: _Float64,
     radius: _Float64,
     density: _Float64,
-    colours: _Float64,
+    colors: _Float64,
     lens: tuple[float, float, float, tuple[float, float, float]],
     manner: tuple[str, str, float, str, bool, float],
 ) -> SortedGas: ...

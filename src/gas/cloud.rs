@@ -15,7 +15,7 @@ pub struct Cloud<'a> {
     /// Opacity of the middle, 0 to 1.
     pub density: ArrayView1<'a, f64>,
     /// Linear RGB, (1 or n, 3).
-    pub colours: &'a [[f64; 3]],
+    pub colors: &'a [[f64; 3]],
 }
 
 impl Cloud<'_> {
@@ -35,8 +35,8 @@ impl Cloud<'_> {
         if !rows(self.density.len()) {
             return Err(Error::invalid("density", "must be one number, or one for each particle"));
         }
-        if self.colours.is_empty() || !rows(self.colours.len()) {
-            return Err(Error::invalid("color", "must be one colour, or one for each particle"));
+        if self.colors.is_empty() || !rows(self.colors.len()) {
+            return Err(Error::invalid("color", "must be one color, or one for each particle"));
         }
         if !self.centers.iter().all(|value| value.is_finite()) {
             return Err(Error::invalid("centers", "must be finite"));
@@ -47,7 +47,7 @@ impl Cloud<'_> {
         if let Some(bad) = self.density.iter().find(|&&d| !(0.0..=1.0).contains(&d)) {
             return Err(Error::invalid("density", format!("must be from 0 to 1, got {bad}")));
         }
-        if !self.colours.iter().flatten().all(|value| value.is_finite()) {
+        if !self.colors.iter().flatten().all(|value| value.is_finite()) {
             return Err(Error::invalid("color", "must be finite"));
         }
         Ok(())

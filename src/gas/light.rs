@@ -78,7 +78,7 @@ mod tests {
             centers: centers.view(),
             radius: radius.view(),
             density: density.view(),
-            colours: &[[1.0; 3]],
+            colors: &[[1.0; 3]],
         };
         let lit = |forward: f64| {
             let mut out = Array1::zeros(3);

@@ -29,7 +29,7 @@ fn order(sprites: &[Sprite], sorted: bool) -> Result<Vec<u32>, Error> {
 pub struct Finished<'a, P> {
     /// What the tile lets through.
     pub through: &'a Plane<P>,
-    /// Premultiplied light, if particles differ in colour.
+    /// Premultiplied light, if particles differ in color.
     pub light: Option<&'a [Plane<P>; 3]>,
 }
 
@@ -43,8 +43,8 @@ pub struct Picture<'a, P, M> {
     pub drawing: Drawing<'a>,
     /// Which bands it touches.
     pub bands: &'a Bands,
-    /// Whether particles differ in colour.
-    pub coloured: bool,
+    /// Whether particles differ in color.
+    pub colored: bool,
     /// Whether a particle needs the pixels' rays.
     pub by_ray: bool,
     /// Depth of what stands in the picture.
@@ -78,7 +78,7 @@ fn boxed<T: Clone, const N: usize>(value: T) -> Result<Box<[T; N]>, Error> {
 impl<P: Normal, M: Real> Picture<'_, P, M> {
     /// Buffers for its tiles.
     pub fn scratch(&self) -> Result<Scratch<P>, Error> {
-        let light = if self.coloured { Some(boxed(nothing())?) } else { None };
+        let light = if self.colored { Some(boxed(nothing())?) } else { None };
         let depth = if self.depth.is_some() { Some(boxed(P::zero())?) } else { None };
         Ok(Scratch { through: boxed::<_, 1>(nothing())?, light, depth, lengths: Vec::new() })
     }
@@ -145,16 +145,16 @@ fn standing<'a, P: Normal, M: Real>(
 pub struct Touched {
     bands: Bands,
     by_ray: bool,
-    coloured: bool,
+    colored: bool,
 }
 
 impl Touched {
-    /// Lists the sprites of a frame of so many rows; they are drawn in order if they differ in colour.
-    pub fn of(sprites: &[Sprite], colours: &[[f64; 3]], height: usize) -> Result<Self, Error> {
-        let coloured = colours.iter().any(|colour| *colour != colours[0]);
-        let order = order(sprites, coloured)?;
+    /// Lists the sprites of a frame of so many rows; they are drawn in order if they differ in color.
+    pub fn of(sprites: &[Sprite], colors: &[[f64; 3]], height: usize) -> Result<Self, Error> {
+        let colored = colors.iter().any(|color| *color != colors[0]);
+        let order = order(sprites, colored)?;
         let by_ray = order.iter().any(|&place| sprites[place as usize].model.by_ray());
-        Ok(Self { bands: Bands::of(sprites, &order, height)?, by_ray, coloured })
+        Ok(Self { bands: Bands::of(sprites, &order, height)?, by_ray, colored })
     }
 
     /// The frame of `shape` as an eye sees it.
@@ -165,9 +165,9 @@ impl Touched {
         drawing: Drawing<'a>,
         depth: Option<ArrayView2<'a, M>>,
     ) -> Picture<'a, P, M> {
-        let Self { bands, by_ray, coloured } = self;
+        let Self { bands, by_ray, colored } = self;
         let pixel = std::marker::PhantomData;
-        Picture { shape, eye, drawing, bands, coloured: *coloured, by_ray: *by_ray, depth, pixel }
+        Picture { shape, eye, drawing, bands, colored: *colored, by_ray: *by_ray, depth, pixel }
     }
 }
 
@@ -220,7 +220,7 @@ impl<P: Normal, M: Real> Picture<'_, P, M> {
             .ok()
             .filter(|_| channels == 4)
             .ok_or_else(|| Error::Internal("an output that is not contiguous RGBA".into()))?;
-        let colour = self.drawing.colours[0].map(P::of);
+        let color = self.drawing.colors[0].map(P::of);
         pool::for_each(runs_of(flat, part, 4)?, |(tiles, mut pixels)| {
             let mut scratch = self.scratch()?;
             for Cut { origin, skipped: (down, across), columns } in tiles {
@@ -231,10 +231,10 @@ impl<P: Normal, M: Real> Picture<'_, P, M> {
                     let pixels = &mut pixels[4 * columns.start..4 * columns.end];
                     let through = &done.through.0[down + row][across..];
                     match done.light {
-                        None => one_colour(pixels, through, colour),
+                        None => one_color(pixels, through, color),
                         Some(light) => {
                             let light = [0, 1, 2].map(|c| &light[c].0[down + row][across..]);
-                            many_colours(pixels, through, light);
+                            many_colors(pixels, through, light);
                         }
                     }
                 }
@@ -256,17 +256,17 @@ fn opacity_with<P: Normal, const LEVEL: u8>(pixels: &mut [P], through: &[P]) {
     }
 }
 
-fn one_colour<P: Normal>(pixels: &mut [P], through: &[P], colour: [P; 3]) {
+fn one_color<P: Normal>(pixels: &mut [P], through: &[P], color: [P; 3]) {
     for (pixel, through) in pixels.chunks_exact_mut(4).zip(through) {
         let alpha = P::one() - *through;
-        pixel[0] = colour[0] * alpha;
-        pixel[1] = colour[1] * alpha;
-        pixel[2] = colour[2] * alpha;
+        pixel[0] = color[0] * alpha;
+        pixel[1] = color[1] * alpha;
+        pixel[2] = color[2] * alpha;
         pixel[3] = alpha;
     }
 }
 
-fn many_colours<P: Normal>(pixels: &mut [P], through: &[P], light: [&[P]; 3]) {
+fn many_colors<P: Normal>(pixels: &mut [P], through: &[P], light: [&[P]; 3]) {
     for (k, (pixel, through)) in pixels.chunks_exact_mut(4).zip(through).enumerate() {
         pixel[0] = light[0][k];
         pixel[1] = light[1][k];

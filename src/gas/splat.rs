@@ -1,6 +1,6 @@
 //! The image of many particles: projection, bands, tiles.
 //!
-//! If all have one colour, `over` commutes: what is let through is a product, and no order matters.
+//! If all have one color, `over` commutes: what is let through is a product, and no order matters.
 //! Else they are sorted once, front to back. Every pixel has one owner and its particles come in an
 //! order that follows from the arguments alone, so bits do not depend on the thread count.
 
@@ -75,7 +75,7 @@ pub fn check_all<M>(
     }
 }
 
-/// Draws the alpha of particles of one colour, or of any, into `out` (H, W).
+/// Draws the alpha of particles of one color, or of any, into `out` (H, W).
 pub fn alpha<P: Normal, M: Real>(
     out: ArrayViewMut2<P>,
     cloud: &Cloud<'_>,
@@ -85,11 +85,11 @@ pub fn alpha<P: Normal, M: Real>(
     cancel: &Cancel,
 ) -> Result<(), Error> {
     let shape = out.dim();
-    let cloud = Cloud { colours: &[[0.0; 3]], ..*cloud };
+    let cloud = Cloud { colors: &[[0.0; 3]], ..*cloud };
     check_all(shape, &cloud, eye, look, depth.as_ref())?;
     let sprites = sprites(&cloud, eye, look, shape, cancel)?;
-    let touched = Touched::of(&sprites, cloud.colours, shape.0)?;
-    let drawing = Drawing { sprites: &sprites, colours: cloud.colours, look };
+    let touched = Touched::of(&sprites, cloud.colors, shape.0)?;
+    let drawing = Drawing { sprites: &sprites, colors: cloud.colors, look };
     touched.picture::<P, M>(shape, eye, drawing, depth).alpha(out, [0, shape.0, 0, shape.1], cancel)
 }
 
@@ -105,9 +105,9 @@ pub fn splat<P: Normal, M: Real>(
     let shape = (out.dim().0, out.dim().1);
     check_all(shape, cloud, eye, look, depth.as_ref())?;
     let sprites = sprites(cloud, eye, look, shape, cancel)?;
-    let colours = cloud.colours;
-    let touched = Touched::of(&sprites, colours, shape.0)?;
-    let drawing = Drawing { sprites: &sprites, colours, look };
+    let colors = cloud.colors;
+    let touched = Touched::of(&sprites, colors, shape.0)?;
+    let drawing = Drawing { sprites: &sprites, colors, look };
     touched.picture::<P, M>(shape, eye, drawing, depth).light(out, [0, shape.0, 0, shape.1], cancel)
 }
 

@@ -136,3 +136,24 @@ macro_rules! each_precision {
     };
 }
 pub(crate) use each_precision;
+
+/// Runs `$body` with `$map`, the view of a depth map of either precision that may be missing.
+macro_rules! each_map {
+    ($depth:expr, $map:ident => $body:expr) => {
+        match $depth {
+            None => {
+                let $map = None::<numpy::ndarray::ArrayView2<'_, f32>>;
+                $body
+            }
+            Some($crate::python::gate::Plane::Single(map)) => {
+                let $map = Some(map.as_array());
+                $body
+            }
+            Some($crate::python::gate::Plane::Double(map)) => {
+                let $map = Some(map.as_array());
+                $body
+            }
+        }
+    };
+}
+pub(crate) use each_map;

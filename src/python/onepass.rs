@@ -30,7 +30,7 @@ pub enum Flakes<'py> {
     Plane(PyReadonlyArray2<'py, f32>),
 }
 
-/// Snow of one colour over a picture, from the request of its texture, its map (mean, spread, power,
+/// Snow of one color over a picture, from the request of its texture, its map (mean, spread, power,
 /// amount), flakes or the opacity of drawn ones, and a veil; returns how many tiles were transformed.
 #[pyfunction]
 #[expect(clippy::too_many_arguments, reason = "one flat call from the effect")]

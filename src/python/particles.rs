@@ -4,7 +4,7 @@ use numpy::ndarray::{ArrayView2, ArrayViewMut2};
 use numpy::{PyReadonlyArray1, PyReadonlyArray2, PyReadwriteArray1, PyReadwriteArray2};
 use pyo3::prelude::*;
 
-use super::gate::{self, Plane, PlaneMut};
+use super::gate::{self, Plane, PlaneMut, each_map};
 use crate::base::error::Error;
 use crate::base::real::Real;
 use crate::particles::flurry::{Flurry, Placed};
@@ -103,10 +103,8 @@ pub fn particle_splat(
 ) -> PyResult<()> {
     let lens = lens_of(lens);
     let flakes = flakes_of(&points, &radius, &opacity, &velocity, shutter);
-    gate::each_precision!(out, view => match &depth {
-        None => drawn(py, view, &flakes, &lens, None::<ArrayView2<f32>>),
-        Some(Plane::Single(map)) => drawn(py, view, &flakes, &lens, Some(map.as_array())),
-        Some(Plane::Double(map)) => drawn(py, view, &flakes, &lens, Some(map.as_array())),
+    gate::each_precision!(out, view => {
+        each_map!(&depth, map => drawn(py, view, &flakes, &lens, map))
     })
 }
 
@@ -138,11 +136,7 @@ pub fn particle_ids(
     let lens = lens_of(lens);
     let flakes = flakes_of(&points, &radius, &opacity, &velocity, shutter);
     let out = out.as_array_mut();
-    match &depth {
-        None => shown(py, out, &flakes, &lens, None::<ArrayView2<f32>>),
-        Some(Plane::Single(map)) => shown(py, out, &flakes, &lens, Some(map.as_array())),
-        Some(Plane::Double(map)) => shown(py, out, &flakes, &lens, Some(map.as_array())),
-    }
+    each_map!(&depth, map => shown(py, out, &flakes, &lens, map))
 }
 
 fn shown<M: Real>(
