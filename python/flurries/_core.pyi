@@ -5,12 +5,15 @@ import numpy.typing as npt
 
 from flurries.cone.rays import Pose
 from flurries.effects.peopled import Flurry
+from flurries.spectral.flakes import Request as FlakeRequest
 from flurries.spectral.frame import Request
 from flurries.spectral.volume import Film
 
 __all__ = [
     "FieldBands",
+    "FlakeBands",
     "InternalError",
+    "PreparedFlakes",
     "SortedFlakes",
     "SortedGas",
     "advance_phase",
@@ -32,6 +35,13 @@ __all__ = [
     "field",
     "field_bands",
     "field_take",
+    "flake_bands",
+    "flake_choices",
+    "flake_frame",
+    "flake_mix",
+    "flake_patterns",
+    "flake_prepare",
+    "flake_take",
     "gas_alpha",
     "gas_draw",
     "gas_light",
@@ -120,6 +130,48 @@ def field_bands(
     request: Request, map: _Map | None = None, preserve_mean: bool = False
 ) -> FieldBands: ...
 def field_take(bands: FieldBands, out: _Array, first: int) -> int: ...
+
+@final
+class PreparedFlakes:
+    """Patterns of flakes as frames of one precision read them."""
+
+    @property
+    def means(self) -> list[float]: ...
+    @property
+    def tile(self) -> int: ...
+
+def flake_patterns(
+    out: _Array,
+    counts: _Float64,
+    diameters: _Float64,
+    law: tuple[float, float, float, int],
+) -> None: ...
+def flake_prepare(spectra: _Array, shear: float, double: bool) -> PreparedFlakes: ...
+def flake_mix(first: PreparedFlakes, second: PreparedFlakes, weight: float) -> PreparedFlakes: ...
+def flake_choices(
+    pattern: npt.NDArray[np.int32],
+    shift: _Float64,
+    mirror: npt.NDArray[np.bool_],
+    seed: int,
+    patterns: int,
+    tile: int,
+    generation: npt.NDArray[np.int64] | None = None,
+) -> None: ...
+def flake_frame(
+    out: _Array,
+    patterns: PreparedFlakes,
+    request: FlakeRequest,
+    opacity: bool,
+    add: bool = False,
+    mask: _Array | None = None,
+) -> None: ...
+
+@final
+class FlakeBands:
+    """The rows of a window of the texture of flakes, to be taken from the top down."""
+
+def flake_bands(patterns: PreparedFlakes, request: FlakeRequest, opacity: bool) -> FlakeBands: ...
+def flake_take(bands: FlakeBands, out: _Array, first: int) -> None: ...
 def snowfall(
     out: _Array,
     background: _Array,

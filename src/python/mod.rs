@@ -8,6 +8,7 @@ use pyo3::prelude::*;
 mod air;
 mod cone;
 mod crossing;
+mod flakes;
 mod frame;
 mod gas;
 mod gate;
@@ -34,6 +35,11 @@ mod core {
     };
     #[pymodule_export]
     use super::crossing::particle_crossing;
+    #[pymodule_export]
+    use super::flakes::{
+        FlakeBands, PreparedFlakes, flake_bands, flake_choices, flake_frame, flake_mix,
+        flake_patterns, flake_prepare, flake_take,
+    };
     #[pymodule_export]
     use super::frame::{join, over, snow};
     #[pymodule_export]

@@ -11,6 +11,7 @@ mod carry;
 pub mod dense;
 pub mod field;
 pub mod filter;
+pub mod flakes;
 pub mod grid;
 mod lift;
 pub mod opacity;
