@@ -212,7 +212,7 @@ def test_a_closed_path_returns_the_frame():
 
 
 def one(shown: fl.Scene, t: float) -> fl.Frame:
-    return shown._asks(t, None, (0, *shown.shape[:1], 0, shown.shape[1]), None)[0][1]
+    return shown.program.views(t)[0][1]
 
 
 def test_an_orientation_that_stays_is_the_camera_s_own():
