@@ -15,7 +15,7 @@ from skimage.registration import optical_flow_ilk
 
 import flurries as fl
 import measure
-from flurries.camera.turning import rotation_vector
+from flurries.camera.rotation import rotation_vector
 from measure import FLAKES, FOCAL, LONGEST, NEAR, SIZE, TEXTURE, picture, scene
 
 Camera, Keys, Path_ = fl.camera.Camera, fl.Keys, fl.CameraPath

@@ -18,6 +18,7 @@ from typing import Any
 
 import numpy as np
 
+from flurries.camera.csv import read_path
 from flurries.camera.lens import Camera
 from flurries.camera.path import CameraPath
 from flurries.effects import ConeRain, ConeSnow, MatchedSnow, Mist, Rain, Snow
@@ -237,8 +238,6 @@ def _camera(file: _File, table: Any, scene: Scene) -> CameraPath:
     if zoom is not None:
         values["focal"] = 1.0
     if "path" in values:
-        from flurries.io import read_path
-
         name = values.pop("path")
         if not isinstance(name, str) or way:
             raise ValueError(
