@@ -28,7 +28,8 @@ from flurries.motion.keys import (
     summed,
     value_at,
 )
-from flurries.motion.wind import Waves, Wind, carried
+from flurries.motion.waves import Waves, carried
+from flurries.motion.wind import Wind
 
 # Frames whose sum is kept where nothing closed is known: a film asks for the same ones again.
 BLOCK = 64
