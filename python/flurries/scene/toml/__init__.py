@@ -3,9 +3,8 @@
 Paths are relative to the file's folder. Keyed numbers are ``{keys = [[frame, value], ...]}``.
 """
 
-from flurries.scene.toml.fingerprint import fingerprint
 from flurries.scene.toml.reader import load
 from flurries.scene.toml.tables import EFFECTS
 from flurries.scene.toml.writer import save
 
-__all__ = ["EFFECTS", "fingerprint", "load", "save"]
+__all__ = ["EFFECTS", "load", "save"]

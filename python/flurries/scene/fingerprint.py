@@ -15,6 +15,8 @@ from flurries.scene.scene import Scene, expect_scene
 from flurries.scene.toml.tables import EFFECTS
 from flurries.scene.toml.writer import describe
 
+__all__ = ["fingerprint"]
+
 # How much of a large file each end gives to its hash.
 ENDS = 1 << 20
 
