@@ -267,7 +267,8 @@ def tile_middles(
     """Return where the middles of tiles are, px from the principal point: across, and down."""
     cx, cy = camera.principal(shape)
     x = starts(shape[1], tile[1], overlap) + tile[1] / 2 - cx
-    return x, starts(shape[0], tile[0], overlap) + tile[0] / 2 - cy
+    y = starts(shape[0], tile[0], overlap) + tile[0] / 2 - cy
+    return np.asarray(x, np.float64), np.asarray(y, np.float64)
 
 
 def drift_at(
@@ -322,9 +323,7 @@ def tile_shift(
     return shift_at(x, y, omega, view, result)
 
 
-def shift_at(
-    x: Float64, y: Float64, rotation: Float64, camera: Camera, result: Float64
-) -> Float64:
+def shift_at(x: Float64, y: Float64, rotation: Float64, camera: Camera, result: Float64) -> Float64:
     """Fill `result` (y, x, 2) with the shift of `tile_shift` at places from the principal point."""
     flow = _rotational(x[None, :], y[:, None], camera.focals, rotation)
     result[..., 0], result[..., 1] = flow

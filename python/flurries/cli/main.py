@@ -507,8 +507,7 @@ def _scene(options: argparse.Namespace) -> Any:
             changes["effects"] = effects
         elif weather:
             changes["effects"] = [
-                replace(e, **weather) if set(weather) <= set(vars(e)) else e
-                for e in scene.effects
+                replace(e, **weather) if set(weather) <= set(vars(e)) else e for e in scene.effects
             ]
         if "size" in changes:
             # The focal length belongs to the picture's width: keep the angle of view.

@@ -12,7 +12,7 @@ from typing import Any, ClassVar
 
 from flurries import cone
 from flurries._contract import flag, integer, real
-from flurries.effects.checks import FALL, gain, length, pair, part, population, settle, sizes
+from flurries.effects.checks import FALL, Check, gain, length, pair, part, population, settle, sizes
 from flurries.effects.double_cone import FARTHEST, DoubleCone, tile_metres
 from flurries.effects.flakes import Flakes
 from flurries.effects.knobs import preset
@@ -26,7 +26,7 @@ from flurries.frame.view import Frame
 from flurries.motion.keys import Number, Vector
 from flurries.motion.wind import Wind
 
-_CONE = {
+_CONE: dict[str, Check] = {
     **FALL,
     "gain": gain,
     "conserve": flag,
@@ -36,14 +36,14 @@ _CONE = {
     "slope": partial(real, low=0.0, high=10.0),
     "tile": partial(integer, low=16, high=2048),
 }
-_RAIN = {
+_RAIN: dict[str, Check] = {
     **_CONE,
     "drops": partial(integer, low=0, high=100_000),
     "drop_size": length,
     "drop_length": length,
     "spread": part,
 }
-_SNOW = {
+_SNOW: dict[str, Check] = {
     **_CONE,
     "texture_flakes": partial(integer, low=0, high=100_000),
     "flakes": population,
@@ -156,7 +156,7 @@ class ConeRain:
         return preset(cls, cls.PRESETS, name, changes)
 
     @cached_property
-    def parts(self) -> Precipitation:
+    def parts(self) -> Precipitation[DoubleCone]:
         """What it is made of."""
         motion = Motion(self.fall, self.wind, self.shutter)
         metres = tile_metres(self.radius, self.repeats)
@@ -271,7 +271,7 @@ class ConeSnow:
         return preset(cls, cls.PRESETS, name, changes)
 
     @cached_property
-    def parts(self) -> Precipitation:
+    def parts(self) -> Precipitation[DoubleCone]:
         """What it is made of."""
         motion = Motion(self.fall, self.wind, self.shutter)
         small, large = self.flake_size

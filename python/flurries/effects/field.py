@@ -79,10 +79,10 @@ class Field:
 
     def layout(self, frame: Frame) -> Layout:
         """Return the tiles of the film that a frame belongs to."""
-        path, camera = frame.path, frame.camera
-        rotation = None if path.turns else camera.rotation
-        deep = frame.deep or frame.depth is not None
-        return _layout(self, frame.shape, path, rotation, camera.focal, frame.fps, deep)
+        camera, deep = frame.camera, frame.deep or frame.depth is not None
+        return _layout(
+            self, frame.shape, frame.path, camera.rotation, camera.focal, frame.fps, deep
+        )
 
     def pixels(
         self,
@@ -129,12 +129,12 @@ class Field:
         (tile, overlap), band = layout.tiling, layout.band
         x, y = tile_middles(shape, camera, tile, overlap)
         grid = (len(y), len(x), 2)
-        moved = self.motion.travel(frame) if path.turns or path.zooms else way.moved
+        moved = self.motion.travel(frame) if layout.turns or layout.zooms else way.moved
         # A velocity has no eye: take away what drift_at adds for one.
         rate = way.rate - camera.offset
         shift: Any = np.array(camera.center_shift).reshape(1, 1, 1, 2)
         shift_rate = _STILL
-        if path.turns:
+        if layout.turns:
             # An eye beside the axis is carried round it; its place in the air stays that of the
             # camera plus the offset, so that two eyes keep their disparities.
             rate = rate + np.cross(frame.spin(), camera.offset)
@@ -143,17 +143,15 @@ class Field:
                 for angle in (frame.rotation(), frame.spin())
             )
             shift = shift + camera.center_shift
-        if path.zooms:
+        if layout.zooms:
             grown, grows = (
                 part * np.stack(np.meshgrid(x, y), axis=-1)[:, :, None]
                 for part in path.zoom(frame.t)
             )
             shift = shift + grown
             shift_rate = grows if shift_rate is _STILL else shift_rate + grows
-        drift, velocity = (
-            drift_at(x, y, vector, camera, self.near_depth, np.empty(grid))[:, :, None]
-            for vector in (moved, rate)
-        )
+        drift = drift_at(x, y, moved, camera, self.near_depth, np.empty(grid))[:, :, None]
+        velocity = drift_at(x, y, rate, camera, self.near_depth, np.empty(grid))[:, :, None]
         edges = _NONE if layout.edges is None else layout.edges
         if layout.edges is not None:
             extra = self._ring_drift(frame, x, y, layout.edges)
@@ -245,7 +243,7 @@ def _layout(
     field: Field,
     shape: tuple[int, int],
     path: CameraPath,
-    rotation: tuple[float, float, float] | None,
+    rotation: tuple[float, float, float],
     focal: float,
     fps: float,
     deep: bool,
@@ -255,7 +253,7 @@ def _layout(
     The decision is one for all frames: it must not depend on the time or on the window.
     """
     motion, band = field.motion, field.band(shape)
-    spreads = rotation is None or motion.spreads(path, rotation)
+    spreads = motion.spreads(path, rotation)
     needed = 0.0
     if field.streaks and not (field.alias == "keep" or field.jitter):
         cycles = focal * motion.fastest(path, fps) / field.near_depth / band[1]
@@ -288,4 +286,6 @@ def _layout(
         rings = max(round(finer * math.log2(band[1] / band[0])), 1)
         edges = np.asarray(band[0] * (band[1] / band[0]) ** (np.arange(rings + 1) / rings))
     small = field.tile is not None and field.tile < needed
-    return Layout(torus or tiling, why, shape, band, edges, needed if small else 0.0)
+    return Layout(
+        torus or tiling, why, shape, band, edges, needed if small else 0.0, path.turns, path.zooms
+    )

@@ -23,6 +23,7 @@ from flurries.camera.lens import Camera
 from flurries.camera.path import CameraPath
 from flurries.effects.motion import Motion, Way
 from flurries.effects.places import SHOWN, SIZES, Listed, Places, list_flakes, place_flakes
+from flurries.effects.resolution import TUNED
 from flurries.frame.needs import Cost, LeftOut, Needs, Step, keyed, skipped
 from flurries.frame.view import Frame
 from flurries.motion.keys import Number, value_at
@@ -101,11 +102,17 @@ class Box(NamedTuple):
         is wider than deep.
     view : float
         Volume that the view fills up to the far end, cubic metres.
+    alike : bool
+        Whether all flakes move alike.
+    largest : (low, high)
+        Sigma in pixels from which flakes fade, and at which they are gone.
     """
 
     sides: Float64
     ball: float
     view: float
+    alike: bool
+    largest: tuple[float, float]
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -162,10 +169,6 @@ class Flakes:
         """Return how many flakes are in view."""
         return self.number if self.density is None else self.density * self.box(frame).view
 
-    def alike(self, frame: Frame) -> bool:
-        """Whether all flakes move alike."""
-        return self.motion.varied is None and not (frame.path.turns or frame.path.zooms)
-
     def places(self, frame: Frame) -> Places:
         """Return where the flakes of a frame are, how fast they go, and how much they show."""
         return self._places(frame, self.motion.way(frame))
@@ -183,7 +186,7 @@ class Flakes:
             return self._sort(frame, amount, way)
         frame = frame.around
         assert frame.shared is not None
-        if self.alike(frame) and len(frame.shared.cameras) == 2:
+        if self.box(frame).alike and len(frame.shared.cameras) == 2:
             both = frame.once(self, "flakes", lambda: self._sort_pair(frame, amount, way))
             return both[frame.eye]
         return frame.once_each(self, "flakes", lambda: self._sort(frame, amount, way))
@@ -242,7 +245,7 @@ class Flakes:
         radius = 0.5 * np.linspace(*self.sizes, 8)[:, None]
         focal = frame.camera.focal
         sigma = focal * radius / (3.0 * depth)
-        drawn = (sigma < self.largest[1] * frame.width_scale) & (depth > NEAR)
+        drawn = (sigma < self.box(frame).largest[1]) & (depth > NEAR)
         wide = 8.0 * np.sqrt(sprite_variance(sigma))
         blur = focal * way.shutter / depth
         across, down = (blur * abs(rate) for rate in way.rate[:2])
@@ -269,7 +272,7 @@ class Flakes:
             "mask pixel": float(height * width),
         }
         out = (LeftOut(f"{self.name} out of view", f"some {placed - shown} of {placed}"),)
-        if self.alike(frame):
+        if self.box(frame).alike:
             return Cost(work, f"{shown} {self.name}", 4 * plane, 0, out)
         # First, of each placed: place, fade, its columns, how far it reaches, and one more; for a
         # camera that turns its velocity as well, and that across. Then what is left of those in the
@@ -280,7 +283,7 @@ class Flakes:
         return Cost(work, f"{shown} {self.name}", 4 * plane, scratch, out)
 
     def _sort(self, frame: Frame, amount: float, way: Way) -> SortedFlakes:
-        if self.alike(frame):
+        if self.box(frame).alike:
             return particle_sort(frame.shape, self._flurry(frame, amount, way))
         return particle_sort_listed(
             frame.shape, *self._given(frame, self._list(frame, amount, way), way)
@@ -299,10 +302,10 @@ class Flakes:
         """Return the box of flakes before the frame's camera."""
         # Everything is as much higher as pixels are.
         stretch = np.array([1.0, frame.camera.aspect, 1.0])
-        low, high = self.largest
+        box = self.box(frame)
         return Flurry(
             number=self.count(frame),
-            sides=_triple(stretch * self.box(frame).sides),
+            sides=_triple(stretch * box.sides),
             center=(0.0, 0.0, 0.5 * self.reach),
             seed=frame.seed,
             way=_triple(-stretch * way.moved),
@@ -312,7 +315,7 @@ class Flakes:
             opacity=value_at(self.opacity, frame.t),
             amount=amount,
             fade_in=FADE_IN,
-            largest=(low * frame.width_scale, high * frame.width_scale),
+            largest=box.largest,
             sizes=SIZES,
             lens=lens_of(frame.camera, frame.shape),
             window=frame.window,
@@ -328,18 +331,19 @@ class Flakes:
 
     def _list(self, frame: Frame, amount: float, way: Way) -> Listed:
         """Return the flakes to draw one by one: any wind, any camera."""
-        low, high = self.largest
         return list_flakes(
             frame,
             self._places(frame, way),
             way.shutter,
             self.sizes,
             amount,
-            (low * frame.width_scale, high * frame.width_scale),
+            self.box(frame).largest,
             self.count(frame),
         )
 
-    def _given(self, frame: Frame, rows: Listed, way: Way) -> tuple[Any, ...]:
+    def _given(
+        self, frame: Frame, rows: Listed, way: Way
+    ) -> tuple[Float64, Float64, Float64, Float64, float, Lens]:
         """Return a list of flakes as the kernels read it."""
         stretch, lens = frame.camera.aspect, lens_of(frame.camera, frame.shape)
         points, velocity = rows.points, rows.velocity
@@ -377,7 +381,10 @@ def _box(flakes: Flakes, shape: tuple[int, int], path: CameraPath) -> Box:
     if path.turns:
         sides = np.full(3, 2.0 * ball / SHOWN + 2.0 * room)
     # The view is a pyramid: a third of the prism around it.
-    return Box(sides, ball, width * fx * height * fy * reach / 3.0)
+    view = width * fx * height * fy * reach / 3.0
+    alike = wind is None and not (path.turns or path.zooms)
+    low, high = (limit * (width / TUNED) for limit in flakes.largest)
+    return Box(sides, ball, view, alike, (low, high))
 
 
 @lru_cache(maxsize=64)

@@ -69,10 +69,8 @@ class Motion:
 
     def way(self, frame: Frame) -> Way:
         """Return the camera's way through the mean wind at a frame."""
-        shutter = value_at(self.shutter, frame.t)
-        moved, rate = frame.path.relative(
-            frame.t, fps=frame.fps, fall=self.fall, wind=self.mean_wind
-        )
+        wind, shutter = self.mean_wind, value_at(self.shutter, frame.t)
+        moved, rate = frame.path.relative(frame.t, fps=frame.fps, fall=self.fall, wind=wind)
         axes = frame.camera.matrix()
         return Way(moved @ axes, rate @ axes, shutter)
 

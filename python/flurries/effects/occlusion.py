@@ -9,6 +9,7 @@ before a wall that no snow is in front of.
 from __future__ import annotations
 
 import math
+from functools import partial
 
 import numpy as np
 
@@ -25,9 +26,7 @@ from flurries.spectral.tiles import tile_shares
 _HELD = 1 << 16
 
 
-def before_scene(
-    field: Field, frame: Frame, way: Way, mapped: Map, keep: bool, mode: str
-) -> Array:
+def before_scene(field: Field, frame: Frame, way: Way, mapped: Map, keep: bool, mode: str) -> Array:
     """Return the opacity of a field over the window, as far as the scene's depth leaves it.
 
     Parameters
@@ -104,9 +103,7 @@ def _tile_factor(field: Field, frame: Frame, mapped: Map, ends: Float64) -> Arra
     return _fade(mixed, mapped, power=power).astype(np.float32)
 
 
-def _axes(
-    field: Field, frame: Frame
-) -> tuple[tuple[Float64, Float64], tuple[Float64, Float64]]:
+def _axes(field: Field, frame: Frame) -> tuple[tuple[Float64, Float64], tuple[Float64, Float64]]:
     """Return shares of the tiles and the field's power along the frame's rows and columns."""
     (tall, wide), overlap = field.layout(frame).tiling
     height, width = frame.shape
@@ -137,13 +134,9 @@ def _by_pixel(field: Field, frame: Frame, way: Way, mapped: Map, keep: bool) -> 
     total, before = np.zeros(depth.shape, np.float32), None
     for number in range(octaves):
         nearer = _waves_before(field, frame, way, number, octaves, edges[number + 1])
-        limits = edges[number], edges[number + 1]
         # The root of the share of an octave's power; the same for both eyes.
-        part = frame.here(
-            field,
-            f"octave {number}",
-            lambda e=limits: np.sqrt(share_before(depth, *e)).astype(np.float32),
-        )
+        root = partial(_root_share, depth, edges[number], edges[number + 1])
+        part = frame.here(field, f"octave {number}", root)
         total += part * (nearer if before is None else nearer - before)
         before = nearer
     share = share_before(depth, near, far)
@@ -162,6 +155,10 @@ def _by_pixel(field: Field, frame: Frame, way: Way, mapped: Map, keep: bool) -> 
         alpha += _lost_mean(field, frame, way, share, mapped, power, most)
     alpha *= (mapped[3] * _fade(share, mapped, power=power, most=most)).astype(np.float32)
     return np.clip(alpha, 0.0, 1.0, out=alpha)
+
+
+def _root_share(depth: Array, near: float, far: float) -> Array:
+    return np.sqrt(share_before(depth, near, far)).astype(np.float32)
 
 
 def _waves_before(

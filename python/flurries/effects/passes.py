@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -14,6 +14,15 @@ from flurries.frame.view import Frame
 from flurries.trace import stage
 
 
+class Passes(NamedTuple):
+    """What a layer says of its pixels besides their color; see `Layer`."""
+
+    motion: Array
+    depth: Array
+    coverage: Array
+    ids: Array
+
+
 def passes_of(
     texture: Texture,
     flakes: Flakes,
@@ -21,7 +30,7 @@ def passes_of(
     amount: float,
     way: Way,
     planes: tuple[Array | None, Array | None],
-) -> dict[str, Array]:
+) -> Passes:
     """Return motion, depth, coverage and ids of the window; see `Layer`.
 
     Parameters
@@ -48,4 +57,4 @@ def passes_of(
             numbers, which = np.unique(ids[shown], return_inverse=True)
             steps, far = flakes.passes(frame, later, ways, numbers)
             motion[shown], depth[shown] = steps[which], far[which]
-    return {"motion": motion, "depth": depth, "coverage": coverage, "ids": ids}
+    return Passes(motion, depth, coverage, ids)

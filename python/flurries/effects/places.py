@@ -42,9 +42,7 @@ class Places(NamedTuple):
     shown: Float64
     which: npt.NDArray[np.intp] | None
 
-    def of(
-        self, numbers: npt.NDArray[Any]
-    ) -> tuple[Float64, Float64, npt.NDArray[np.bool_]]:
+    def of(self, numbers: npt.NDArray[Any]) -> tuple[Float64, Float64, npt.NDArray[np.bool_]]:
         """Return points and velocities of flakes by number, and whether they may be in view."""
         if len(self.points) == 0:
             return np.zeros((len(numbers), 3)), np.zeros((len(numbers), 3)), numbers < 0

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any, Protocol
+from typing import Any, Generic, Protocol, TypeVar
 
 import numpy as np
 
@@ -36,8 +36,11 @@ class Backdrop(Protocol):
         """Return its opacity over the window, (h, w) float32."""
 
 
+_Back = TypeVar("_Back", bound=Backdrop)
+
+
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Precipitation:
+class Precipitation(Generic[_Back]):
     """The parts of an effect, and the layer that they make.
 
     Attributes
@@ -50,7 +53,7 @@ class Precipitation:
         Of them all, display values.
     motion : Motion
         What moves them.
-    texture : Backdrop, optional
+    texture : Backdrop
         Behind the flakes.
     flakes : Flakes, optional
         In front.
@@ -62,7 +65,7 @@ class Precipitation:
     amount: Number
     color: Any
     motion: Motion
-    texture: Backdrop | None = None
+    texture: _Back
     flakes: Flakes | None = None
     veil: Veil
 
@@ -84,7 +87,9 @@ class Precipitation:
         top, bottom, left, right = frame.window
         pixels, planes = (bottom - top) * (right - left), max(len(steps), 1)
         size = f"{planes} planes"
-        steps.append(Step("join", lambda: Cost({"joined pixel": planes * pixels}, size, 4 * pixels)))
+        steps.append(
+            Step("join", lambda: Cost({"joined pixel": planes * pixels}, size, 4 * pixels))
+        )
         return Needs(
             tuple(steps),
             tuple(
@@ -104,9 +109,8 @@ class Precipitation:
         amount, haze, run = self._now(frame)
         way = self.motion.way(frame)
         texture, flakes, veil = self.texture, self.flakes, self.veil
-        behind = front = None
-        if texture is not None:
-            behind = run(texture.name, lambda: texture.alpha(frame, amount, way))
+        front = None
+        behind = run(texture.name, lambda: texture.alpha(frame, amount, way))
         if flakes is not None:
             front = run("flakes", lambda: flakes.alpha(frame, amount, way))
         planes = [np.ascontiguousarray(one) for one in (behind, front) if one is not None]
@@ -121,7 +125,14 @@ class Precipitation:
         layer = Layer(self.name, alpha, color_at(self.color, frame))
         if not (frame.whole and isinstance(texture, Texture) and flakes is not None):
             return layer
-        return replace(layer, **passes_of(texture, flakes, frame, amount, way, (behind, front)))
+        passes = passes_of(texture, flakes, frame, amount, way, (behind, front))
+        return replace(
+            layer,
+            motion=passes.motion,
+            depth=passes.depth,
+            coverage=passes.coverage,
+            ids=passes.ids,
+        )
 
     def over(self, frame: Frame, behind: Array, light: Light) -> Array | None:
         """Return the layer over a picture, with the bits of `render`, in one pass.
@@ -146,7 +157,7 @@ class Precipitation:
                 behind,
                 texture.field.request(frame, way),
                 texture.map(frame, amount, way),
-                texture.preserves_mean,
+                not texture.renormalise,
                 haze,
                 light(color_at(self.color, frame)),
                 front,

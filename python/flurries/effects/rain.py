@@ -181,7 +181,7 @@ class Rain:
         return preset(cls, cls.PRESETS, name, changes)
 
     @cached_property
-    def parts(self) -> Precipitation:
+    def parts(self) -> Precipitation[Texture]:
         """What it is made of."""
         motion = Motion(self.fall, self.wind, self.shutter)
         field = Field(
@@ -245,6 +245,4 @@ class Rain:
         self, shape: tuple[int, int], focal: float, distance: float, index: int
     ) -> None:
         """Warn if two eyes see the texture half a wavelength apart or more."""
-        texture = self.parts.texture
-        assert isinstance(texture, Texture)
-        texture.warn_ambiguous(shape, focal, distance, index)
+        self.parts.texture.warn_ambiguous(shape, focal, distance, index)

@@ -173,7 +173,7 @@ class Snow:
         return preset(cls, cls.PRESETS, name, changes)
 
     @cached_property
-    def parts(self) -> Precipitation:
+    def parts(self) -> Precipitation[Texture]:
         """What it is made of."""
         motion = Motion(self.fall, self.wind, self.shutter)
         field = Field(
@@ -231,6 +231,4 @@ class Snow:
         self, shape: tuple[int, int], focal: float, distance: float, index: int
     ) -> None:
         """Warn if two eyes see the texture half a wavelength apart or more."""
-        texture = self.parts.texture
-        assert isinstance(texture, Texture)
-        texture.warn_ambiguous(shape, focal, distance, index)
+        self.parts.texture.warn_ambiguous(shape, focal, distance, index)

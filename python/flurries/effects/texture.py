@@ -43,11 +43,6 @@ class Texture:
 
     name = "texture"
 
-    @property
-    def preserves_mean(self) -> bool:
-        """Whether what blur takes of the mean opacity is added again; renormalised, it is there."""
-        return not self.renormalise
-
     def needs(self, frame: Frame, amount: float) -> Needs:
         """Return its one step, or why there is none."""
         opacity = amount * value_at(self.opacity, frame.t)
@@ -78,7 +73,8 @@ class Texture:
 
     def alpha(self, frame: Frame, amount: float, way: Way) -> Array:
         """Return its opacity over the window, (h, w) float32, as far as a depth leaves it."""
-        mapped, keep = self.map(frame, amount, way), self.preserves_mean
+        # What blur takes of the mean is added again; renormalised, it has lost nothing.
+        mapped, keep = self.map(frame, amount, way), not self.renormalise
         if frame.depth is None:
             return self.field.pixels(frame, way, mapped, keep)
         return before_scene(self.field, frame, way, mapped, keep, self.depth_mode)

@@ -45,13 +45,12 @@ class Veil:
 
     def alpha(self, frame: Frame, amount: float) -> Array:
         """Return the opacity before the scene's depth over the window, (h, w) float32."""
-        assert frame.depth is not None
-        return frame.here(
-            self, "veil", lambda: haze_before(frame.crop(frame.depth), self.opacity(frame, amount), self.far)
-        )
+        depth, haze = frame.depth, self.opacity(frame, amount)
+        assert depth is not None
+        return frame.here(self, "veil", lambda: haze_before(frame.crop(depth), haze, self.far))
 
 
 def haze_before(depth: Array, haze: float, far: float) -> Array:
-    """Return the opacity of a veil before depths: its optical depth grows with the way, to `far`."""
+    """Return the opacity of a veil: its optical depth grows with the way, up to `far`."""
     way = np.minimum(depth / np.float32(far), np.float32(1.0))
     return np.asarray(1.0 - (1.0 - haze) ** way, np.float32)

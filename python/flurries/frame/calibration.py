@@ -93,6 +93,7 @@ def samples() -> dict[str, tuple[Callable[[], object], float]]:
     scene = Scene((512, 512), effects=[texture, flakes])
     (_, first), (_, second) = scene._asks(3.0, None, window, None)
     waves, points = texture.parts.texture, flakes.parts.flakes
+    assert points is not None
     values = np.linspace(0.5, 1.5, 1 << 16)
     roots = np.empty_like(values)
     return {

@@ -19,9 +19,9 @@ from flurries.frame.report import Plan, PlannedStep
 from flurries.motion.keys import Keys
 
 if TYPE_CHECKING:
-    from flurries.frame.view import Frame
     from flurries.frame.program import Asked
     from flurries.frame.tolerance import Choice
+    from flurries.frame.view import Frame
     from flurries.frame.visible import Window
     from flurries.scene.scene import Scene
 

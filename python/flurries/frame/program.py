@@ -17,9 +17,9 @@ from flurries._contract import Array
 from flurries.camera.lens import Camera
 from flurries.frame.bands import most_bands
 from flurries.frame.costs import nanoseconds
-from flurries.frame.view import Frame
 from flurries.frame.needs import Kept, LeftOut, Needs, Run, Saving, keyed, needs_of
 from flurries.frame.tolerance import EXACT, STEEPEST, Asking, Choice, Light, choose, light_of
+from flurries.frame.view import Frame
 from flurries.frame.visible import Visible, Window
 from flurries.scene.background import ambient_light
 from flurries.trace import stage

@@ -119,11 +119,6 @@ class Frame:
         """The frame with the window that all bands make together."""
         return replace(self, window=self.shared.window) if self.shared is not None else self
 
-    @property
-    def width_scale(self) -> float:
-        """Size of the picture against one of 1024 px, so that looks do not change with it."""
-        return self.shape[1] / 1024.0
-
     def crop(self, plane: Array) -> Array:
         """Return the window of a plane of the whole frame."""
         top, bottom, left, right = self.window

@@ -125,9 +125,7 @@ def tile_weights(length: int, *, tile: int, overlap: int, blend: str) -> Float64
     return np.asarray(np.sqrt(share / share.sum(axis=1, keepdims=True)))
 
 
-def tile_shares(
-    length: int, *, tile: int, overlap: int, blend: str
-) -> tuple[Float64, Float64]:
+def tile_shares(length: int, *, tile: int, overlap: int, blend: str) -> tuple[Float64, Float64]:
     """Return each tile's share of the field's power at each pixel of an axis, and that power.
 
     Shares (length, tiles) sum to 1 at each pixel. The power (length,), against that in the middle
