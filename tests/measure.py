@@ -19,7 +19,7 @@ from scipy.special import j0
 
 import flurries as fl
 from flurries.camera import Camera
-from flurries.effects import Frame
+from flurries.frame.view import Frame
 
 Floats = NDArray[np.float64]
 Times = Sequence[tuple[float, float]]

@@ -12,7 +12,7 @@ import pytest
 import flurries as fl
 from flurries import cone
 from flurries.effects import coned
-from flurries.frame.layer import Frame
+from flurries.frame.view import Frame
 
 SIZE = (120, 90)
 FLYING = fl.CameraPath(

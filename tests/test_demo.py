@@ -10,7 +10,7 @@ from scipy.ndimage import gaussian_filter
 
 import flurries as fl
 from flurries.cli import demo
-from flurries.effects import Frame
+from flurries.frame.view import Frame
 from flurries.io import open_background, read_layers, read_picture
 
 SIZE = 128

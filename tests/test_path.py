@@ -13,7 +13,7 @@ import pytest
 from scipy.integrate import quad
 
 import flurries as fl
-from flurries.effects import Frame
+from flurries.frame.view import Frame
 
 Camera, Keys, Scene, Snow = fl.camera.Camera, fl.Keys, fl.Scene, fl.Snow
 LENS = Camera(300.0)

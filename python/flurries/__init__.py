@@ -29,8 +29,9 @@ if TYPE_CHECKING:
     from flurries.camera import Camera
     from flurries.camera.path import CameraPath
     from flurries.effects import ConeRain, ConeSnow, MatchedSnow, Mist, Rain, Snow
-    from flurries.frame.layer import Frame, Layer
+    from flurries.frame.layer import Layer
     from flurries.frame.truth import Rendered
+    from flurries.frame.view import Frame
     from flurries.light.sun import Sun
     from flurries.motion.keys import Keys
     from flurries.motion.wind import Wind
@@ -84,7 +85,7 @@ _FROM = {
     "Camera": "camera",
     "CameraPath": "camera.path",
     "DepthMap": "scene.depth",
-    "Frame": "frame.layer",
+    "Frame": "frame.view",
     "Keys": "motion.keys",
     "Layer": "frame.layer",
     "Rendered": "frame.truth",

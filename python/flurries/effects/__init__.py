@@ -5,6 +5,5 @@ from flurries.effects.matched import MatchedSnow
 from flurries.effects.mist import Mist
 from flurries.effects.rain import Rain
 from flurries.effects.snow import Snow
-from flurries.frame.layer import Frame, Layer
 
-__all__ = ["ConeRain", "ConeSnow", "Frame", "Layer", "MatchedSnow", "Mist", "Rain", "Snow"]
+__all__ = ["ConeRain", "ConeSnow", "MatchedSnow", "Mist", "Rain", "Snow"]

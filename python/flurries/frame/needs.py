@@ -19,7 +19,7 @@ from flurries.motion.keys import Keys
 from flurries.trace import stage
 
 if TYPE_CHECKING:
-    from flurries.frame.layer import Frame
+    from flurries.frame.view import Frame
 
 _Made = TypeVar("_Made")
 

@@ -17,11 +17,11 @@ from flurries._contract import Array
 from flurries.camera.lens import Camera
 from flurries.camera.path import CameraPath
 from flurries.frame.bands import most_bands, whole
-from flurries.frame.layer import Frame
 from flurries.frame.matte import Matte
 from flurries.frame.mixing import Mix
 from flurries.frame.needs import Kept, LeftOut, Needs, Run, keyed, needs_of
 from flurries.frame.tolerance import EXACT, LEVELS, STEEPEST, Choice, Light, choose
+from flurries.frame.view import Frame
 from flurries.frame.visible import Visible, Window
 from flurries.light.ambient import ambient_light
 from flurries.light.sun import Sun
