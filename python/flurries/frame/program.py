@@ -77,22 +77,10 @@ class Ask(NamedTuple):
 
 @dataclass(eq=False, kw_only=True)
 class Program:
-    """What runs for each frame of a scene.
+    """What runs for each frame of a scene. What is not told here is as in the scene.
 
     Attributes
     ----------
-    effects : sequence of effects
-        Back to front.
-    shape : (H, W)
-        Of a frame, pixels.
-    fps : float
-        Frames per second.
-    path : CameraPath
-        The camera's way.
-    seed : int
-        Of all random numbers.
-    sun : Sun or None
-        What shines.
     backdrop : background
         Has ``frame(t)``, ``encoding`` ("display" or "linear") and ``count`` (None for a still).
     distance : depth or None
