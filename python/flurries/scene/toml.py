@@ -12,7 +12,7 @@ import pickle
 import re
 import sys
 from collections.abc import Iterable
-from dataclasses import MISSING, fields
+from dataclasses import MISSING, fields, is_dataclass
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +20,7 @@ import numpy as np
 
 from flurries.camera.lens import Camera
 from flurries.camera.path import CameraPath
-from flurries.effects import ConeRain, ConeSnow, MatchedSnow, Mist, Rain, Snow
+from flurries.effects.kinds import class_of, kind_of
 from flurries.light.sun import Sun
 from flurries.motion.keys import Keys
 from flurries.motion.wind import FIELDS, Wind
@@ -33,15 +33,6 @@ MOST_BYTES = 1 << 20
 
 # How much of a large background each end gives to its hash.
 ENDS = 1 << 20
-
-EFFECTS: dict[str, type[Any]] = {
-    "snow": Snow,
-    "rain": Rain,
-    "mist": Mist,
-    "matched_snow": MatchedSnow,
-    "cone_snow": ConeSnow,
-    "cone_rain": ConeRain,
-}
 
 _SCENE = (
     "size", "background", "camera", "effects", "fps", "seed", "foreground", "space", "depth", "sun",
@@ -173,14 +164,15 @@ def _effect(file: _File, table: Any, index: int) -> Any:
     if not isinstance(table, dict):
         raise TypeError(f"{file.where(*at)}: effects must be [[effects]] tables")
     kind = table.get("kind")
-    if not isinstance(kind, str) or kind not in EFFECTS:
-        known = ", ".join(map(repr, EFFECTS))
-        raise ValueError(f"{file.where(*at, 'kind')}: kind must be one of {known}, got {kind!r}")
-    known_keys = tuple(f.name for f in fields(EFFECTS[kind]))
-    known_keys += getattr(EFFECTS[kind], "KNOBS", ())
+    try:
+        effect = class_of(kind)
+    except ValueError as error:
+        raise ValueError(f"{file.where(*at, 'kind')}: {error}") from None
+    known_keys = ["kind", *(f.name for f in fields(effect)), *getattr(effect, "KNOBS", ())]
+    known_keys += ["preset"] if hasattr(effect, "preset") else []
     for key in table:
-        if key not in ("kind", "preset", *known_keys):
-            raise file.refuse(("kind", "preset", *known_keys), f"effect {kind!r}", *at, key)
+        if key not in known_keys:
+            raise file.refuse(tuple(known_keys), f"effect {kind!r}", *at, key)
     values = {
         key: _value(file, value, *at, key)
         for key, value in table.items()
@@ -188,8 +180,8 @@ def _effect(file: _File, table: Any, index: int) -> Any:
     }
     try:
         if "preset" in table:
-            return EFFECTS[kind].preset(table["preset"], **values)
-        return EFFECTS[kind](**values)
+            return effect.preset(table["preset"], **values)
+        return effect(**values)
     except (ValueError, TypeError) as error:
         raise file.placed(error, table, *at) from None
 
@@ -317,13 +309,16 @@ def describe(
         if value is not None:
             table["camera"][name] = _toml(value)
     table["effects"] = []
-    kinds = {cls: kind for kind, cls in EFFECTS.items()}
     for effect in scene.effects:
-        if type(effect) not in kinds and "effects" in leave_out:
+        kind = kind_of(effect)
+        if kind is None and "effects" in leave_out:
             continue
-        if type(effect) not in kinds:
-            raise ValueError(f"effects: a {type(effect).__name__} cannot be written to a file")
-        entry: dict[str, Any] = {"kind": kinds[type(effect)]}
+        if kind is None:
+            raise ValueError(
+                f"effects: a {type(effect).__name__} cannot be written to a file; "
+                "flurries.register gives it a kind"
+            )
+        entry: dict[str, Any] = {"kind": kind}
         for f in fields(effect):
             value = getattr(effect, f.name)
             # A look's version always: a later one has another default.
@@ -412,11 +407,13 @@ def fingerprint(scene: Scene) -> str:
         else:
             continue
         hashed.append(name)
-    known = set(EFFECTS.values())
     for place, effect in enumerate(scene.effects):
-        if type(effect) not in known:
-            # Somebody's own, which no scene file can hold but frames can be made of.
-            digest.update(f"effect {place}".encode() + pickle.dumps(effect, 5))
+        if kind_of(effect) is None:
+            # Somebody's own, which no scene file can hold but frames can be made of. Its fields: an
+            # effect may keep what it made of them.
+            whole = not is_dataclass(effect)
+            own = effect if whole else [getattr(effect, f.name) for f in fields(effect)]
+            digest.update(f"effect {place}".encode() + pickle.dumps((type(effect), own), 5))
     table = describe(scene, leave_out=(*hashed, "effects"))
     digest.update(repr(sorted(table.items())).encode())
     return digest.hexdigest()[:16]
