@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     )
     from flurries.camera import Camera
     from flurries.camera.path import CameraPath
-    from flurries.effects import ConeRain, ConeSnow, MatchedSnow, Mist, Rain, Snow
+    from flurries.effects import ConeRain, ConeSnow, MatchedSnow, Mist, Rain, Snow, register
     from flurries.frame.layer import Layer
     from flurries.frame.truth import Rendered
     from flurries.frame.view import Frame
@@ -68,6 +68,7 @@ __all__ = [
     "hybrid",
     "io",
     "particles",
+    "register",
     "reproducible",
     "set_reproducible",
     "set_threads",
@@ -93,6 +94,7 @@ _FROM = {
     "Sun": "light.sun",
     "Wind": "motion.wind",
     "view": "viewer",
+    "register": "effects",
     **dict.fromkeys(("ConeRain", "ConeSnow", "MatchedSnow", "Mist", "Rain", "Snow"), "effects"),
 }
 

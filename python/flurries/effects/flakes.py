@@ -10,15 +10,9 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from flurries import _core
 from flurries._contract import Array, Float64
-from flurries._core import (
-    SortedFlakes,
-    particle_draw,
-    particle_ids,
-    particle_sort,
-    particle_sort_listed,
-    particle_sort_pair,
-)
+from flurries._core import SortedFlakes
 from flurries.camera.lens import Camera
 from flurries.camera.path import CameraPath
 from flurries.effects.motion import Motion, Way
@@ -177,7 +171,7 @@ class Flakes:
         """Return the opacity of the flakes over the window, (h, w) float32."""
         top, bottom, left, right = frame.window
         result = np.empty((bottom - top, right - left), np.float32)
-        particle_draw(result, self.sort(frame, amount, way), frame.window, frame.depth)
+        _core.particle_draw(result, self.sort(frame, amount, way), frame.window, frame.depth)
         return result
 
     def sort(self, frame: Frame, amount: float, way: Way) -> SortedFlakes:
@@ -197,7 +191,7 @@ class Flakes:
         Its number in the box is the same in every frame.
         """
         rows, shown = self._list(frame, amount, way), np.empty(frame.shape, np.int32)
-        particle_ids(shown, *self._given(frame, rows, way), frame.depth)
+        _core.particle_ids(shown, *self._given(frame, rows, way), frame.depth)
         return np.append(rows.numbers, -1).astype(np.int32)[shown]
 
     def passes(
@@ -284,8 +278,8 @@ class Flakes:
 
     def _sort(self, frame: Frame, amount: float, way: Way) -> SortedFlakes:
         if self.box(frame).alike:
-            return particle_sort(frame.shape, self._flurry(frame, amount, way))
-        return particle_sort_listed(
+            return _core.particle_sort(frame.shape, self._flurry(frame, amount, way))
+        return _core.particle_sort_listed(
             frame.shape, *self._given(frame, self._list(frame, amount, way), way)
         )
 
@@ -296,7 +290,7 @@ class Flakes:
         assert frame.shared is not None
         left, right = frame.shared.cameras
         asked = self._flurry(replace(frame, camera=left), amount, way)
-        return particle_sort_pair(frame.shape, asked, lens_of(right, frame.shape))
+        return _core.particle_sort_pair(frame.shape, asked, lens_of(right, frame.shape))
 
     def _flurry(self, frame: Frame, amount: float, way: Way) -> Flurry:
         """Return the box of flakes before the frame's camera."""

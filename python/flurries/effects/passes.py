@@ -24,7 +24,7 @@ class Passes(NamedTuple):
 
 
 def passes_of(
-    texture: Texture,
+    texture: Texture | None,
     flakes: Flakes,
     frame: Frame,
     amount: float,
@@ -48,7 +48,7 @@ def passes_of(
     with stage("passes"):
         later = frame.later()
         ways = way, flakes.motion.way(later)
-        if behind is not None:
+        if texture is not None and behind is not None:
             motion, depth = texture.passes(frame, later, *ways)
         if front is not None:
             ids = frame.crop(flakes.ids(frame, amount, way))

@@ -36,7 +36,7 @@ class Backdrop(Protocol):
         """Return its opacity over the window, (h, w) float32."""
 
 
-_Back = TypeVar("_Back", bound=Backdrop)
+_Back = TypeVar("_Back", bound=Backdrop | None)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -53,7 +53,7 @@ class Precipitation(Generic[_Back]):
         Of them all, display values.
     motion : Motion
         What moves them.
-    texture : Backdrop
+    texture : Backdrop or None
         Behind the flakes.
     flakes : Flakes, optional
         In front.
@@ -109,8 +109,9 @@ class Precipitation(Generic[_Back]):
         amount, haze, run = self._now(frame)
         way = self.motion.way(frame)
         texture, flakes, veil = self.texture, self.flakes, self.veil
-        front = None
-        behind = run(texture.name, lambda: texture.alpha(frame, amount, way))
+        behind = front = None
+        if texture is not None:
+            behind = run(texture.name, lambda: texture.alpha(frame, amount, way))
         if flakes is not None:
             front = run("flakes", lambda: flakes.alpha(frame, amount, way))
         planes = [np.ascontiguousarray(one) for one in (behind, front) if one is not None]
@@ -123,9 +124,10 @@ class Precipitation(Generic[_Back]):
         with stage("join"):
             _core.join(alpha, planes or [np.zeros_like(alpha)], haze)
         layer = Layer(self.name, alpha, color_at(self.color, frame))
-        if not (frame.whole and isinstance(texture, Texture) and flakes is not None):
+        back: Any = texture
+        if not frame.whole or flakes is None or not isinstance(back, Texture | None):
             return layer
-        passes = passes_of(texture, flakes, frame, amount, way, (behind, front))
+        passes = passes_of(back, flakes, frame, amount, way, (behind, front))
         return replace(
             layer,
             motion=passes.motion,

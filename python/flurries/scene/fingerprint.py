@@ -5,14 +5,15 @@ from __future__ import annotations
 import hashlib
 import os
 import pickle
+from dataclasses import fields, is_dataclass
 from pathlib import Path
 
 import numpy as np
 
+from flurries.effects.kinds import kind_of
 from flurries.io import Pattern
 from flurries.scene.depth import DepthMap
 from flurries.scene.scene import Scene, expect_scene
-from flurries.scene.toml.tables import EFFECTS
 from flurries.scene.toml.writer import describe
 
 __all__ = ["fingerprint"]
@@ -42,11 +43,13 @@ def fingerprint(scene: Scene) -> str:
         else:
             continue
         hashed.append(name)
-    known = set(EFFECTS.values())
     for place, effect in enumerate(scene.effects):
-        if type(effect) not in known:
-            # Somebody's own, which no scene file can hold but frames can be made of.
-            digest.update(f"effect {place}".encode() + pickle.dumps(effect, 5))
+        if kind_of(effect) is None:
+            # Somebody's own, which no scene file can hold but frames can be made of. Its fields: an
+            # effect may keep what it made of them.
+            whole = not is_dataclass(effect)
+            own = effect if whole else [getattr(effect, f.name) for f in fields(effect)]
+            digest.update(f"effect {place}".encode() + pickle.dumps((type(effect), own), 5))
     table = describe(scene, leave_out=(*hashed, "effects"))
     digest.update(repr(sorted(table.items())).encode())
     return digest.hexdigest()[:16]

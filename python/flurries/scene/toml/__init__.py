@@ -4,7 +4,6 @@ Paths are relative to the file's folder. Keyed numbers are ``{keys = [[frame, va
 """
 
 from flurries.scene.toml.reader import load
-from flurries.scene.toml.tables import EFFECTS
 from flurries.scene.toml.writer import save
 
-__all__ = ["EFFECTS", "load", "save"]
+__all__ = ["load", "save"]

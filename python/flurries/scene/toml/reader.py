@@ -12,13 +12,14 @@ from flurries.camera.csv import read_path
 from flurries.camera.importers import load as load_camera
 from flurries.camera.lens import Camera
 from flurries.camera.path import CameraPath
+from flurries.effects.kinds import class_of
 from flurries.light.sun import Sun
 from flurries.motion.keys import Keys
 from flurries.motion.wind import Wind
 from flurries.scene.depth import DepthMap
 from flurries.scene.scene import DEFAULT_FOCAL, Scene
 from flurries.scene.toml.place import SceneText
-from flurries.scene.toml.tables import DEPTH, EFFECTS, LENS, SCENE, SUN, WAY, WIND
+from flurries.scene.toml.tables import DEPTH, LENS, SCENE, SUN, WAY, WIND
 
 if sys.version_info >= (3, 11):
     import tomllib
@@ -83,17 +84,16 @@ def _effect(text: SceneText, table: Any, index: int) -> Any:
     if not isinstance(table, dict):
         raise TypeError(f"{text.where(*at)}: effects must be [[effects]] tables")
     kind = table.get("kind")
-    if not isinstance(kind, str) or kind not in EFFECTS:
-        known = ", ".join(map(repr, EFFECTS))
-        raise ValueError(f"{text.where(*at, 'kind')}: kind must be one of {known}, got {kind!r}")
-    made = EFFECTS[kind]
-    keys = (*(f.name for f in fields(made)), *getattr(made, "KNOBS", ()))
-    given = text.table(table, ("kind", "preset", *keys), f"effect {kind!r}", *at)
+    with text.errors(("kind",), *at):
+        effect = class_of(kind)
+    keys = ["kind", *(f.name for f in fields(effect)), *getattr(effect, "KNOBS", ())]
+    keys += ["preset"] if hasattr(effect, "preset") else []
+    given = text.table(table, tuple(keys), f"effect {kind!r}", *at)
     del given["kind"]
     preset = [given.pop("preset")] if "preset" in given else []
     values = {key: _value(text, value, *at, key) for key, value in given.items()}
     with text.errors(table, *at):
-        return made.preset(*preset, **values) if preset else made(**values)
+        return effect.preset(*preset, **values) if preset else effect(**values)
 
 
 def _depth_map(text: SceneText, table: dict[str, Any]) -> DepthMap:

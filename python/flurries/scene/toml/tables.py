@@ -3,22 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import fields
-from typing import Any
 
 from flurries.camera.lens import Camera
-from flurries.effects import ConeRain, ConeSnow, MatchedSnow, Mist, Rain, Snow
 from flurries.light.sun import Sun
 from flurries.motion.wind import FIELDS
 from flurries.scene.scene import Scene
-
-EFFECTS: dict[str, type[Any]] = {
-    "snow": Snow,
-    "rain": Rain,
-    "mist": Mist,
-    "matched_snow": MatchedSnow,
-    "cone_snow": ConeSnow,
-    "cone_rain": ConeRain,
-}
 
 SCENE = tuple(f.name for f in fields(Scene) if f.init)
 SUN = tuple(f.name for f in fields(Sun))

@@ -10,12 +10,13 @@ from typing import Any
 import numpy as np
 
 from flurries.camera.path import CameraPath
+from flurries.effects.kinds import kind_of
 from flurries.io import replacing
 from flurries.motion.keys import Keys
 from flurries.motion.wind import FIELDS, Wind
 from flurries.scene.depth import DepthMap
 from flurries.scene.scene import Scene, expect_scene
-from flurries.scene.toml.tables import DEPTH, EFFECTS, LENS, SUN, WAY
+from flurries.scene.toml.tables import DEPTH, LENS, SUN, WAY
 
 
 def describe(
@@ -46,13 +47,16 @@ def describe(
         if value is not None:
             table["camera"][name] = _toml(value)
     table["effects"] = []
-    kinds = {cls: kind for kind, cls in EFFECTS.items()}
     for effect in scene.effects:
-        if type(effect) not in kinds and "effects" in leave_out:
+        kind = kind_of(effect)
+        if kind is None and "effects" in leave_out:
             continue
-        if type(effect) not in kinds:
-            raise ValueError(f"effects: a {type(effect).__name__} cannot be written to a file")
-        entry: dict[str, Any] = {"kind": kinds[type(effect)]}
+        if kind is None:
+            raise ValueError(
+                f"effects: a {type(effect).__name__} cannot be written to a file; "
+                "flurries.register gives it a kind"
+            )
+        entry: dict[str, Any] = {"kind": kind}
         for f in fields(effect):
             value = getattr(effect, f.name)
             # A look's version always: a later one has another default.
