@@ -32,7 +32,7 @@ def images(
         plate = crop(program.backdrop.frame(t), window)
     choice = program.choice(t, tolerance)
     # Where none of the weather can be seen, none is made.
-    inner = program.seen(window, choice.hidden)
+    inner = program.open_part(window, choice.hidden)
     mix, matte = program.mix(table=choice.table), program.matte
     front = None if matte is None else matte.window(window)
     cameras = tuple(program.camera(eye, t) for eye in eyes)
