@@ -18,6 +18,7 @@ from typing import Any
 
 import numpy as np
 
+from flurries._contract import suggestion
 from flurries.camera.lens import Camera
 from flurries.camera.path import CameraPath
 from flurries.effects import ConeRain, ConeSnow, MatchedSnow, Mist, Rain, Snow
@@ -174,8 +175,10 @@ def _effect(file: _File, table: Any, index: int) -> Any:
         raise TypeError(f"{file.where(*at)}: effects must be [[effects]] tables")
     kind = table.get("kind")
     if not isinstance(kind, str) or kind not in EFFECTS:
-        known = ", ".join(map(repr, EFFECTS))
-        raise ValueError(f"{file.where(*at, 'kind')}: kind must be one of {known}, got {kind!r}")
+        known, near = ", ".join(map(repr, EFFECTS)), suggestion(str(kind), EFFECTS)
+        raise ValueError(
+            f"{file.where(*at, 'kind')}: kind must be one of {known}, got {kind!r}{near}"
+        )
     known_keys = tuple(f.name for f in fields(EFFECTS[kind]))
     known_keys += getattr(EFFECTS[kind], "KNOBS", ())
     for key in table:
