@@ -6,7 +6,7 @@ import click
 
 from flurries._contract import choice
 from flurries.accuracy import AXES, study, write
-from flurries.cli.options import FILE, THREADS, command, option, voice
+from flurries.cli.options import FILE, THREADS, command, offer, option, voice
 from flurries.cli.words import Words
 
 
@@ -15,7 +15,7 @@ from flurries.cli.words import Words
     "flurries accuracy blend shutter --runs 40 -o measured",
     "flurries accuracy -o docs/images/accuracy --page docs/accuracy.md",
 )
-@click.argument("axes", nargs=-1, metavar="[AXIS]...")
+@click.argument("axes", nargs=-1, metavar="[AXIS]...", shell_complete=offer(AXES))
 @option("--list", "only_list", is_flag=True, help="say what can be measured, and measure nothing")
 @option("-o", "--output", default="accuracy", metavar="FOLDER", type=FILE, example="measured",
         help="where accuracy.json and the plots go")  # fmt: skip

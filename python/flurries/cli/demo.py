@@ -114,5 +114,5 @@ def _film(film: Path, scenes: list[Scene], frames: int, words: Words) -> list[Pa
                 total.add(name, seconds)
             if number == (frames + 1) // 2:
                 write_picture(still, image)
-    words.say(f"{film.name}: {stages(total)}")
+    words.say(f"{film.name}: {stages(total, frames)}")
     return [film, still]

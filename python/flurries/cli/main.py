@@ -52,7 +52,7 @@ class Commands(click.Group):
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
         """Ask for a command where there is none."""
-        if not args:
+        if not args and not ctx.resilient_parsing:
             raise click.UsageError(f"COMMAND is missing: {', '.join(COMMANDS)}", ctx)
         return super().parse_args(ctx, args)
 
@@ -104,8 +104,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """
     given = list(sys.argv[1:] if arguments is None else arguments)
     try:
-        if arguments is None and (asked := os.environ.get(COMPLETE)):
-            return shell_complete(commands, {}, "flurries", COMPLETE, asked)
+        if arguments is None and COMPLETE in os.environ:
+            return shell_complete(commands, {}, "flurries", COMPLETE, os.environ[COMPLETE])
         with plain_warnings(), commands.make_context("flurries", given) as context:
             code: int = commands.invoke(context) or 0
         # What cannot be written is to fail here, and not when Python ends.

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import Any, TypeVar
 
 import click
@@ -29,7 +29,7 @@ class Command(click.Command):
         }
         joined = [
             f"{word}=" if word in bare and not bare[word].fullmatch(after) else word
-            for word, after in zip(args, [*args[1:], ""], strict=True)
+            for word, after in zip(args, [*args, ""][1:], strict=True)
         ]
         return super().parse_args(ctx, joined)
 
@@ -72,16 +72,18 @@ def option(
     return click.option(*names, help=f"{help} [{'; '.join(notes)}]" if notes else help, **more)
 
 
+def offer(words: Iterable[str]) -> Callable[[Any, Any, str], list[str]]:
+    """Return what completes the start of one of some words in a shell."""
+    return lambda context, option, start: [word for word in words if word.startswith(start)]
+
+
 class Bare(click.Option):
     """An option that may stand without its value; a word that is not like one belongs to others."""
 
     def __init__(
         self, *args: Any, pattern: str, words: Sequence[str] = (), metavar: str, **more: Any
     ) -> None:
-        def offer(ctx: click.Context, param: click.Parameter, start: str) -> list[str]:
-            return [word for word in words if word.startswith(start)]
-
-        super().__init__(*args, metavar=f"[{metavar}]", shell_complete=offer, **more)
+        super().__init__(*args, metavar=f"[{metavar}]", shell_complete=offer(words), **more)
         self.pattern = re.compile(pattern)
 
 

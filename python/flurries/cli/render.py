@@ -75,8 +75,8 @@ def render(
         )  # fmt: skip
     # Frames that are not as they should be are said in any case.
     (say if summary.skipped or summary.held else words.say)(describe(summary))
-    if words.verbose and trace.seconds:
-        words.say(stages(trace))
+    if words.verbose and summary.written:
+        words.say(stages(trace, len(summary.written)))
     for file in summary.files:
         print(file)
     return SKIPPED if summary.skipped else 0

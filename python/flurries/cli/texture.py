@@ -6,7 +6,7 @@ from typing import Any
 
 import click
 
-from flurries.cli.options import FILE, OVERWRITE, THREADS, command, numbers, option, voice
+from flurries.cli.options import FILE, OVERWRITE, THREADS, command, numbers, offer, option, voice
 from flurries.cli.words import Words
 from flurries.effects import Snow
 from flurries.scene.scene import parse_size
@@ -26,7 +26,7 @@ from flurries.spectral import BANDS, export_loop
 @option("--band", default="paper", metavar="NAME|SHORT,LONG", example="4,32",
         help=f"wavelengths in pixels: {', '.join(BANDS)}, or two numbers")  # fmt: skip
 @option("--look", default="paper", metavar="PRESET", help=f"opacity: {', '.join(Snow.PRESETS)}",
-        example="heavy")  # fmt: skip
+        shell_complete=offer(Snow.PRESETS), example="heavy")  # fmt: skip
 @option("--shutter", type=float, default=0.0, metavar="S", help="exposure in frames", example="0.5")
 @option("--seed", type=int, default=1, metavar="N", help="which of all loops", example="7")
 @option("--bits", type=click.Choice(("8", "16")), unset="8; a .tif of floats", example="16",

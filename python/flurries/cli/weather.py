@@ -139,7 +139,8 @@ def _effects(options: dict[str, Any]) -> list[Any]:
             effects.append(_effect(kind, look, {**own, **common, **far}))
     for name, knob in KNOBS.items():
         if knob in knobs and knob not in used:
-            raise click.UsageError(f"--{name} is one of snow or rain: add --snow or --rain")
+            takers = [f"--{one}" for one in KINDS if knob in getattr(KINDS[one], "KNOBS", ())]
+            raise click.UsageError(f"--{name} needs one of {', '.join(takers)}")
     if options["visibility"] is not None and options["mist"] is None:
         raise click.UsageError("--visibility is one of mist: add --mist PRESET, such as --mist fog")
     return effects

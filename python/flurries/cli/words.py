@@ -87,8 +87,8 @@ def lines(items: Any, noun: str, *, every: float = EVERY) -> Iterator[Any]:
         yield item
 
 
-def stages(trace: Trace) -> str:
-    """Return the mean time of each stage in words."""
-    whole = sum(map(trace.milliseconds, trace.seconds))
-    parts = ", ".join(f"{name} {trace.milliseconds(name):.1f}" for name in trace.seconds)
-    return f"{whole:.1f} ms a frame: {parts}"
+def stages(trace: Trace, frames: int) -> str:
+    """Return the time of each stage in words."""
+    spent = {name: 1e3 * seconds / frames for name, seconds in trace.seconds.items()}
+    parts = ", ".join(f"{name} {time:.1f}" for name, time in spent.items())
+    return f"{sum(spent.values()):.1f} ms a frame: {parts}"
