@@ -419,17 +419,6 @@ def test_a_defect_is_a_sentence_too(run: Run, monkeypatch: pytest.MonkeyPatch):
     assert "KeyError: 'lost'" in err and "defect" in err
 
 
-def test_a_file_in_the_way_names_the_option(run: Run, monkeypatch: pytest.MonkeyPatch):
-    def there(*_: Any, **__: Any) -> None:
-        raise FileExistsError(17, "is there already", "film.mp4")
-
-    monkeypatch.setattr(Scene, "write", there)
-    code, _, err = run(*RENDER[:-1], "film.mp4")
-    assert (code, err) == (
-        2, "flurries: film.mp4: is there already; --overwrite replaces it\n",
-    )  # fmt: skip
-
-
 # How it says no ----------------------------------------------------------------------------------
 
 

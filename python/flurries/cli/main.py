@@ -132,9 +132,7 @@ def explain(error: Exception) -> tuple[str, int]:
         context = error.ctx.command_path if error.ctx else "flurries"
         return f"{error.format_message().rstrip('.')} (see {context} --help)", MISTAKE
     if isinstance(error, OSError) and error.filename is not None and error.strerror:
-        # The one rule about files that are there names its option here.
-        way = "; --overwrite replaces it" if isinstance(error, FileExistsError) else ""
-        return f"{error.filename}: {error.strerror}{way}", MISTAKE
+        return f"{error.filename}: {error.strerror}", MISTAKE
     if isinstance(error, (ValueError, TypeError, OSError, MemoryError, ImportError)):
         # The library's own refusals are sentences that name the argument or the file.
         return str(error) or type(error).__name__, MISTAKE
