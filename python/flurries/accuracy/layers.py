@@ -15,8 +15,7 @@ from flurries import cone as drum
 from flurries import gas, particles, spectral
 from flurries import hybrid as matching
 from flurries._contract import Array
-from flurries.accuracy.texture import KINDS
-from flurries.accuracy.ways import Way, largest, rms
+from flurries.accuracy.ways import Way, both, largest, rms
 from flurries.camera.lens import Camera
 from flurries.effects import Snow
 from flurries.scene.scene import Scene
@@ -44,9 +43,8 @@ def flakes() -> Iterator[Way]:
         return 1.0 - through
 
     off = rms(drawn(_integrated, 8.0))
-    for kind in KINDS:
-        splat = partial(particles.splat, shape, points, radius, eye, opacity=0.5, dtype=kind)
-        yield Way(f"splat, {kind.__name__}", splat, off)
+    splat = partial(particles.splat, shape, points, radius, eye, opacity=0.5)
+    yield from both("splat", splat, off)
     for cut in (2.0, 3.0, 4.0):
         samples = partial(drawn, partial(_sampled, cut), cut)
         yield Way(f"NumPy, samples to {cut:g} sigma", samples, off)

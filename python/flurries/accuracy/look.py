@@ -12,8 +12,8 @@ import numpy as np
 from flurries import spectral
 from flurries._contract import Array
 from flurries.accuracy import reference
-from flurries.accuracy.texture import DRIFT, KINDS
-from flurries.accuracy.ways import Way, rms
+from flurries.accuracy.texture import DRIFT
+from flurries.accuracy.ways import Way, both, rms
 
 SHAPE = (512, 512)
 LAGS = np.arange(1, 33)
@@ -112,8 +112,6 @@ def shutter() -> Iterator[Way]:
             total += frame(drift=DRIFT + velocity * at)
         return np.asarray(total / np.float32(count))
 
-    for kind in KINDS:
-        open_ = partial(frame, drift=DRIFT, velocity=velocity, shutter=1.0, dtype=kind)
-        yield Way(f"sinc, {kind.__name__}", open_, off)
+    yield from both("sinc", partial(frame, drift=DRIFT, velocity=velocity, shutter=1.0), off)
     for count in (1, 2, 4, 8, 16, 64):
         yield Way(f"{count} sub-frames", partial(parts, count), off)

@@ -12,23 +12,19 @@ from flurries import spectral
 from flurries._contract import Array
 from flurries._threads import reproducible, set_reproducible
 from flurries.accuracy import reference
-from flurries.accuracy.ways import Way, largest, rms
+from flurries.accuracy.ways import KINDS, Way, both, largest, rms
 
 BAND = (4.0, 32.0)
 DRIFT = np.array([37.25, 411.5])
-KINDS: tuple[Any, ...] = (np.float32, np.float64)
 
 
 def precision() -> Iterator[Way]:
     """Yield whole frames, frames step by step, and what a reader of the paper writes in NumPy."""
     shape = (512, 512)
     off = largest(reference.field(shape, drift=DRIFT, seed=7))
-    for kind in KINDS:
-        out = np.empty(shape, kind)
-        whole = partial(spectral.field, shape, drift=DRIFT, seed=7, dtype=kind, out=out)
-        yield Way(f"field, {kind.__name__}", whole, off)
-        yield Way(f"step by step, {kind.__name__}", partial(_steps, shape, kind), off)
-        yield Way(f"plain NumPy, {kind.__name__}", partial(_plain, shape, kind), off)
+    yield from both("field", partial(spectral.field, shape, drift=DRIFT, seed=7), off)
+    yield from both("step by step", partial(_steps, shape), off)
+    yield from both("plain NumPy", partial(_plain, shape), off)
 
 
 def _starts(shape: tuple[int, int]) -> Array:
@@ -38,27 +34,27 @@ def _starts(shape: tuple[int, int]) -> Array:
     return np.array([[start(tile=(row, col)) for col in cols] for row in rows])
 
 
-def _steps(shape: tuple[int, int], kind: Any) -> Array:
+def _steps(shape: tuple[int, int], dtype: Any) -> Array:
     starts, amplitude = _starts(shape), spectral.band_amplitude((64, 64))
-    tiles = np.empty(starts.shape, kind)
+    tiles = np.empty(starts.shape, dtype)
     for place in np.ndindex(*starts.shape[:2]):
         phase = spectral.advance_phase(starts[place], DRIFT)
-        spectral.inverse_transform(amplitude, phase, dtype=kind, out=tiles[place])
+        spectral.inverse_transform(amplitude, phase, dtype=dtype, out=tiles[place])
     return spectral.blend_tiles(tiles, shape)
 
 
-def _plain(shape: tuple[int, int], kind: Any) -> Array:
+def _plain(shape: tuple[int, int], dtype: Any) -> Array:
     """Return a frame all in one precision, the phase too."""
-    ky = np.fft.fftfreq(64).astype(kind)[:, None]
-    kx = np.fft.rfftfreq(64).astype(kind)[None, :]
+    ky = np.fft.fftfreq(64).astype(dtype)[:, None]
+    kx = np.fft.rfftfreq(64).astype(dtype)[None, :]
     length = np.hypot(ky, kx)
     length[0, 0] = 1
-    moved = (DRIFT[0].astype(kind) * kx + DRIFT[1].astype(kind) * ky) / (length * kind(32))
-    amplitude = spectral.band_amplitude((64, 64))[:, :33].astype(kind)
-    turns = (2 * np.pi * (_starts(shape)[..., :33].astype(kind) - moved)).astype(kind)
+    moved = (DRIFT[0].astype(dtype) * kx + DRIFT[1].astype(dtype) * ky) / (length * dtype(32))
+    amplitude = spectral.band_amplitude((64, 64))[:, :33].astype(dtype)
+    turns = (2 * np.pi * (_starts(shape)[..., :33].astype(dtype) - moved)).astype(dtype)
     spectrum = amplitude * (np.cos(turns) + 1j * np.sin(turns))
-    whole = spectrum.astype(np.result_type(kind, np.complex64))
-    tiles = np.fft.irfft2(whole, s=(64, 64), norm="forward").astype(kind)
+    whole = spectrum.astype(np.result_type(dtype, np.complex64))
+    tiles = np.fft.irfft2(whole, s=(64, 64), norm="forward").astype(dtype)
     return spectral.blend_tiles(tiles, shape)
 
 
@@ -71,9 +67,8 @@ def transform() -> Iterator[Way]:
         phase = spectral.advance_phase(spectral.random_phase(shape, seed=3), DRIFT)
         whole = partial(spectral.field, shape, drift=DRIFT, seed=3, tile=size, overlap=0)
         tables = partial(spectral.inverse_transform, amplitude, phase)
-        for kind in KINDS:
-            yield Way(f"{size} px fused, {kind.__name__}", partial(whole, dtype=kind), off)
-            yield Way(f"{size} px from tables, {kind.__name__}", partial(tables, dtype=kind), off)
+        yield from both(f"{size} px fused", whole, off)
+        yield from both(f"{size} px from tables", tables, off)
         yield Way(f"{size} px numpy.fft.irfft2, float64", partial(_numpy, amplitude, phase), off)
 
 
@@ -87,22 +82,19 @@ def modes() -> Iterator[Way]:
     """Yield both modes where few waves are summed, and where many are transformed."""
     shape = (512, 512)
     for tile, overlap, band in ((64, 10, BAND), (256, 20, (2.0, 64.0))):
-        exact = reference.field(shape, drift=DRIFT, seed=7, tile=tile, overlap=overlap, band=band)
-        for kind in KINDS:
-            frame = partial(
-                spectral.field, shape, drift=DRIFT, seed=7, tile=tile, overlap=overlap,
-                wavelengths=band, dtype=kind, out=np.empty(shape, kind),
-            )  # fmt: skip
-            name = f"{band[0]:g} to {band[1]:g} px, {kind.__name__}"
-            yield Way(name, partial(_in_mode, False, frame), largest(exact))
-            yield Way(f"{name}, reproducible", partial(_in_mode, True, frame), largest(exact))
+        about: dict[str, Any] = {"drift": DRIFT, "seed": 7, "tile": tile, "overlap": overlap}
+        off = largest(reference.field(shape, band=band, **about))
+        frame = partial(spectral.field, shape, wavelengths=band, **about)
+        for on, mark in ((False, ""), (True, ", reproducible")):
+            for way in both(f"{band[0]:g} to {band[1]:g} px", partial(_in_mode, on, frame), off):
+                yield way._replace(setting=way.setting + mark)
 
 
-def _in_mode(on: bool, make: Any) -> Any:
+def _in_mode(on: bool, make: Any, dtype: Any) -> Any:
     before = reproducible()
     set_reproducible(on)
     try:
-        return make()
+        return make(dtype=dtype)
     finally:
         set_reproducible(before)
 
@@ -120,14 +112,14 @@ def phase(frames: int = 100_000) -> Iterator[Way]:
     for kind, turn in zip(KINDS, (np.complex64, np.complex128), strict=True):
         own = rate.astype(kind)
         step = np.exp(2j * np.pi * rate.astype(np.float64)).astype(turn)
-        yield Way(f"closed form, {kind.__name__}", partial(_closed, own, kind(frames)), off)
+        yield Way(f"closed form, {kind.__name__}", partial(_reduced, own, frames), off)
         yield Way(f"running sum, {kind.__name__}", partial(_summed, own, frames), off, frames)
         yield Way(f"rotor, {turn.__name__}", partial(_turned, step, frames), off, frames)
 
 
-def _closed(rate: Array, frames: Any) -> Array:
-    turns = rate * frames
-    return np.asarray(turns - np.floor(turns + rate.dtype.type(0.5)))
+def _reduced(rate: Array, frames: int) -> Array:
+    turns = rate * rate.dtype.type(frames)
+    return np.asarray(turns - np.rint(turns))
 
 
 def _summed(rate: Array, frames: int) -> Array:
@@ -150,12 +142,11 @@ def film() -> Iterator[Way]:
     velocity, count = np.array([0.5, 2.0]), 32
     off = rms(np.stack([reference.torus(64, 5, velocity * t, BAND) for t in range(count)]))
 
-    def flat(kind: Any) -> Array:
-        frame = partial(spectral.field, (64, 64), seed=5, overlap=0, dtype=kind)
+    def flat(dtype: Any) -> Array:
+        frame = partial(spectral.field, (64, 64), seed=5, overlap=0, dtype=dtype)
         return np.stack([frame(drift=velocity * t) for t in range(count)])
 
-    for kind in KINDS:
-        yield Way(f"2-D, {kind.__name__}", partial(flat, kind), off, count)
+    yield from (way._replace(per=count) for way in both("2-D", flat, off))
     for length in (32, 64, 128, 256):
         solid = partial(spectral.volume, length, 64, velocity, seed=5)
         yield Way(f"3-D, {length} frames", solid, lambda made: off(made[:count]), length)

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from flurries._contract import Array
+
+KINDS: tuple[Any, ...] = (np.float32, np.float64)
 
 
 class Way(NamedTuple):
@@ -29,3 +32,9 @@ def rms(reference: Array) -> Callable[[Any], float]:
     return lambda made: float(
         np.sqrt(np.mean((np.asarray(made, reference.dtype) - reference) ** 2))
     )
+
+
+def both(setting: str, make: Callable[..., Any], error: Callable[[Any], float]) -> Iterator[Way]:
+    """Yield a way in float32 and in float64."""
+    for kind in KINDS:
+        yield Way(f"{setting}, {kind.__name__}", partial(make, dtype=kind), error)
