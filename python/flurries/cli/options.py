@@ -135,7 +135,7 @@ def join(*options: Callable[[Any], Any]) -> Callable[[Function], Function]:
 
 FRAMES = option(
     "--frames", metavar="RANGE", example="1-100x2",
-    help="frames to make, numbered as a film's or a sequence's own, which begin at 0",
+    help="numbers of the frames to make",
     unset="all of a film or sequence; else 3 s, which is 1-90 at 30 a second; of a still the first",
 )  # fmt: skip
 

@@ -66,7 +66,9 @@ def render(
     """
     scene = scene_of(**given)
     if words.verbose:
-        words.say(f"{scene.size} px, {', '.join(type(e).__name__ for e in scene.effects)}")
+        height, width = scene.shape
+        weather = ", ".join(type(effect).__name__ for effect in scene.effects)
+        words.say(f"{width} x {height} px, {scene.fps:g} frames a second: {weather}")
     with tracing() as trace:
         summary = scene.write(
             output, frames, half=not full, layers=layers, alone=alone, overwrite=overwrite,
