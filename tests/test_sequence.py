@@ -20,7 +20,7 @@ import pytest
 import flurries as fl
 from flurries.cli import main
 from flurries.io import VideoWriter, read_picture, read_video, write_picture
-from flurries.io.sound import Sound, has_sound
+from flurries.io.films.sound import Sound, has_sound
 from flurries.output import manifest
 from flurries.output.claims import awaited, claimed
 from flurries.output.sequence import Sequence

@@ -19,16 +19,16 @@ import numpy as np
 import numpy.typing as npt
 
 from flurries._contract import Float64, choice, moderate, real, shape_of, table, vector
+from flurries.camera.csv import read_path
 from flurries.camera.lens import Camera, expect_camera
 from flurries.camera.path import CameraPath
 from flurries.camera.turning import rotation_vector
-from flurries.io.headers import plain_file
-from flurries.io.paths import read_path
+from flurries.io.files import plain_file, read_text
 from flurries.motion.keys import Keys
 
 __all__ = ["from_matrices", "load", "read_chan", "read_colmap", "read_kitti"]
 
-_MOST_BYTES = 1 << 28
+_MOST_BYTES = 1 << 25
 
 # y up and looking along -z, as OpenGL, Nuke, Maya and Blender's cameras: half a turn about x.
 _FLIP = np.diag([1.0, -1.0, -1.0])
@@ -414,12 +414,7 @@ def _numbers(path: str | os.PathLike[str], widths: tuple[int, ...]) -> tuple[Pat
 
 
 def _lines(file: Path) -> list[tuple[int, str]]:
-    if file.stat().st_size > _MOST_BYTES:
-        raise ValueError(f"{file}: a camera file has at most {_MOST_BYTES} bytes")
-    try:
-        return list(enumerate(file.read_text(encoding="utf-8-sig").splitlines(), 1))
-    except UnicodeDecodeError as error:
-        raise ValueError(f"{file}: not a text file: {error}") from None
+    return list(enumerate(read_text(file, _MOST_BYTES, "camera file").splitlines(), 1))
 
 
 def _floats(file: Path, number: int, parts: Sequence[str]) -> list[float]:

@@ -122,7 +122,7 @@ class CameraPath:
     @staticmethod
     def load(path: str | os.PathLike[str], camera: Camera) -> CameraPath:
         """Return the path of a CSV file; see :func:`flurries.io.read_path`."""
-        from flurries.io.paths import read_path
+        from flurries.camera.csv import read_path
 
         return CameraPath(camera, **read_path(path))
 

@@ -13,7 +13,7 @@ from flurries.output.sequence import Progress
 from flurries.trace import stage
 
 if TYPE_CHECKING:
-    from flurries.io.sound import Sound
+    from flurries.io.films.sound import Sound
     from flurries.scene.scene import Scene
 
 
@@ -86,8 +86,8 @@ def _rendered(
 
 def _sound(scene: Scene, frames: list[int], skip: bool) -> tuple[str, Sound | None]:
     """Return what becomes of the background's sound, and the part of it that belongs to frames."""
-    from flurries.io.encoders import frame_rate
-    from flurries.io.sound import Sound, has_sound
+    from flurries.io.films.codecs import frame_rate
+    from flurries.io.films.sound import Sound, has_sound
 
     film = scene.film
     if film is None or not has_sound(film.spec):

@@ -143,7 +143,7 @@ class _Fitted:
 
     def frame(self, t: float) -> Array:
         from flurries.io import fit_nearest
-        from flurries.io.pictures import luminance
+        from flurries.io.pictures.reader import luminance
 
         picture = self.files.frame(math.floor(t))
         last = self._last
