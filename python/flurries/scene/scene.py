@@ -35,8 +35,17 @@ __all__ = ["Rendered", "Scene"]
 
 SPACES = ("auto", "display", "linear")
 
+# A file of a few kilobytes could ask for more than anybody would wait for.
+MOST_EFFECTS = 1000
+
 # A focal length in picture widths, where none is given: 45 degrees across.
 DEFAULT_FOCAL = 1.2
+
+
+def require_few(effects: Sequence[Any]) -> None:
+    """Refuse more effects than a scene may have."""
+    if len(effects) > MOST_EFFECTS:
+        raise ValueError(f"effects must be at most {MOST_EFFECTS}, got {len(effects)}")
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,7 +63,7 @@ class Scene:
     camera : Camera or CameraPath, optional
         A still camera of 1.2 picture widths if not given.
     effects : sequence
-        The weather, back to front.
+        The weather, back to front; 1,000 at most.
     fps : float
         Frames per second; where seconds become frames.
     seed : int
@@ -122,6 +131,7 @@ class Scene:
             settle("effects", (self.effects,))
         if not isinstance(self.effects, (list, tuple)):
             raise TypeError(f"effects must be a sequence of effects, got {self.effects!r}")
+        require_few(self.effects)
         effects = tuple(self.effects)
         for index, effect in enumerate(effects):
             if isinstance(effect, type) or not callable(getattr(effect, "render", None)):

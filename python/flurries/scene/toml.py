@@ -18,18 +18,24 @@ from typing import Any
 
 import numpy as np
 
+from flurries.camera.csv import read_path
 from flurries.camera.lens import Camera
 from flurries.camera.path import CameraPath
 from flurries.effects import ConeRain, ConeSnow, MatchedSnow, Mist, Rain, Snow
+from flurries.io import Pattern, replacing
+from flurries.io.files import read_text
 from flurries.light.sun import Sun
 from flurries.motion.keys import Keys
 from flurries.motion.wind import FIELDS, Wind
 from flurries.scene.depth import DepthMap
-from flurries.scene.scene import DEFAULT_FOCAL, Scene, expect_scene
+from flurries.scene.scene import DEFAULT_FOCAL, Scene, expect_scene, require_few
 
 __all__ = ["fingerprint", "load", "save"]
 
 MOST_BYTES = 1 << 20
+
+# The parser's time and memory grow with the square of a key's parts.
+MOST_DOTS = 32
 
 # How much of a large background each end gives to its hash.
 ENDS = 1 << 20
@@ -70,7 +76,7 @@ class _File:
 
     def refuse(self, known: tuple[str, ...], place: str, *keys: str | int) -> ValueError:
         """Return the error for a key that nobody knows."""
-        key = str(keys[-1])
+        key = str(keys[-1])[:60]
         near = difflib.get_close_matches(key, known, n=1, cutoff=0.5)
         hint = f"; did you mean {near[0]!r}?" if near else f"; known are {', '.join(known)}"
         return ValueError(f"{self.where(*keys)}: unknown key {key!r} in {place}{hint}")
@@ -87,7 +93,7 @@ class _File:
         return type(error)(f"{place}: {text}") if type(error) in (ValueError, TypeError) else error
 
 
-_HEADER = re.compile(r"\s*\[(\[)?\s*([^\]]+?)\s*\]")
+_HEADER = re.compile(r"\s*\[(\[)?([^\]]+)\]")
 _KEY = re.compile(r"\s*(?:\"([^\"]*)\"|'([^']*)'|([A-Za-z0-9_-]+))\s*(?=[=.])")
 
 
@@ -98,7 +104,7 @@ def _key_lines(text: str) -> dict[tuple[str | int, ...], int]:
     counts: dict[str, int] = {}
     for number, line in enumerate(text.splitlines(), 1):
         if header := _HEADER.match(line):
-            name = header[2].strip("\"'")
+            name = header[2].strip().strip("\"'")
             table = (name,)
             if header[1]:
                 counts[name] = counts.get(name, -1) + 1
@@ -110,13 +116,37 @@ def _key_lines(text: str) -> dict[tuple[str | int, ...], int]:
     return lines
 
 
+# A string to its end, or to that of its line or the file; a comment; the rest of a key; a dot.
+_TOKEN = re.compile(
+    r'"""(?:[^"\\]|\\.|"(?!""))*(?:""")?|\'\'\'(?:[^\']|\'(?!\'\'))*(?:\'\'\')?'
+    r'|"(?:[^"\\\n]|\\.)*"?|\'[^\'\n]*\'?|(#[^\n]*)|[A-Za-z0-9_+ \t-]+|(\.)|([^.])',
+    re.DOTALL,
+)
+
+
+def _require_short_keys(file: Path, text: str) -> None:
+    """Refuse keys of very many parts before they are parsed."""
+    dots = 0
+    for token in _TOKEN.finditer(text):
+        comment, dot, other = token.groups()
+        if dot:
+            dots += 1
+        elif comment or other:
+            dots = 0
+        if dots > MOST_DOTS:
+            line = text.count("\n", 0, token.start()) + 1
+            raise ValueError(
+                f"{file}, line {line}: a key has at most {MOST_DOTS} dots, got {dots} or more"
+            )
+
+
 def load(path: str | os.PathLike[str]) -> Scene:
     """Return the scene of a TOML file.
 
     Parameters
     ----------
     path : path
-        At most 1 MiB.
+        A plain file of at most 1 MiB.
 
     Raises
     ------
@@ -127,17 +157,16 @@ def load(path: str | os.PathLike[str]) -> Scene:
         value that the scene refuses.
     """
     file = Path(path)
-    if file.stat().st_size > MOST_BYTES:
-        raise ValueError(f"{file}: a scene file has at most {MOST_BYTES} bytes")
+    text = read_text(file, MOST_BYTES, "TOML scene file")
+    _require_short_keys(file, text)
     if sys.version_info >= (3, 11):
         import tomllib
     else:
         import tomli as tomllib
     try:
-        text = file.read_text(encoding="utf-8")
         values = tomllib.loads(text)
     except (ValueError, RecursionError) as error:
-        # Also what is not UTF-8, numbers of thousands of digits, and brackets nested as deep.
+        # Also numbers of thousands of digits, and brackets nested as deep.
         raise ValueError(f"{file}: not a TOML file: {error}") from None
     return _scene(_File(file, text), values)
 
@@ -160,6 +189,10 @@ def _scene(file: _File, values: dict[str, Any]) -> Scene:
     listed = arguments.pop("effects", [])
     if not isinstance(listed, list):
         raise TypeError(f"{file.where('effects')}: effects must be [[effects]] tables")
+    try:
+        require_few(listed)
+    except ValueError as error:
+        raise ValueError(f"{file.where('effects')}: {error}") from None
     effects = [_effect(file, table, index) for index, table in enumerate(listed)]
     try:
         scene = Scene(**arguments, effects=effects)
@@ -237,8 +270,6 @@ def _camera(file: _File, table: Any, scene: Scene) -> CameraPath:
     if zoom is not None:
         values["focal"] = 1.0
     if "path" in values:
-        from flurries.io import read_path
-
         name = values.pop("path")
         if not isinstance(name, str) or way:
             raise ValueError(
@@ -383,8 +414,6 @@ def save(scene: Scene, path: str | os.PathLike[str]) -> None:
     expect_scene(scene)
     import tomli_w
 
-    from flurries.io import replacing
-
     target = Path(path)
     text = tomli_w.dumps(describe(scene, target.resolve().parent))
     with replacing(target) as temporary:
@@ -426,8 +455,6 @@ def _files(spec: str) -> list[Path]:
     """Return the files of a picture, a film or a sequence's pattern."""
     if Path(spec).is_file():
         return [Path(spec)]
-    from flurries.io import Pattern
-
     pattern = Pattern(spec)
     return [pattern.path(number) for number in pattern.existing()]
 

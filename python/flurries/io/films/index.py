@@ -122,7 +122,9 @@ def open_video(path: Path, budget: Budget | None = None) -> tuple[Any, Any]:
     # One thread: threads of a decoder do not survive a fork, and a child that frees it hangs.
     stream.codec_context.thread_count = 1
     limits = Budget() if budget is None else budget
-    stream.codec_context.options = {"max_pixels": str(limits.pixels)}
+    # Codecs have whole blocks of pixels.
+    room = limits.pixels + limits.pixels // 8 + 2**16
+    stream.codec_context.options = {"max_pixels": str(room)}
     try:
         if stream.codec_context.width and stream.codec_context.height:
             limits.admit(path, (stream.codec_context.width, stream.codec_context.height), 3)

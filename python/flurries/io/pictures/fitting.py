@@ -161,16 +161,20 @@ class _Light:
         library = openimageio()
         self.shape = rows, columns, channels = planes.shape
         self.buffer = library.ImageBuf(library.ImageSpec(columns, rows, channels, "float"))
-        extremes = []
+        low = np.full(columns * channels, np.nan, np.float32)
+        high = low.copy()
         step = max(_CHUNK // columns, 1)
         for top in range(0, rows, step):
             light = _to_light(planes[top : top + step], encoding, straight=straight)
+            light = np.ascontiguousarray(light, np.float32)
             region = library.ROI(0, columns, top, top + len(light), 0, 1, 0, channels)
-            self.buffer.set_pixels(region, np.ascontiguousarray(light, np.float32))
-            flat = light.reshape(-1, channels).astype(np.float32, copy=False)
-            extremes.append((np.fmin.reduce(flat), np.fmax.reduce(flat)))
-        self.low = np.fmin.reduce([low for low, _ in extremes])
-        self.high = np.fmax.reduce([high for _, high in extremes])
+            self.buffer.set_pixels(region, light)
+            # Of whole rows first: three numbers at a time would take as long as the rest.
+            flat = light.reshape(len(light), -1)
+            np.fmin(low, np.fmin.reduce(flat), out=low)
+            np.fmax(high, np.fmax.reduce(flat), out=high)
+        self.low = np.fmin.reduce(low.reshape(columns, channels))
+        self.high = np.fmax.reduce(high.reshape(columns, channels))
 
 
 def _to_light(planes: Array, encoding: str, *, straight: bool) -> Array:
