@@ -429,7 +429,7 @@ def _axes(axes: Iterable[Any]) -> Iterable[Any]:
 
 
 def _view(options: argparse.Namespace) -> int:
-    from flurries.viewer.server import Server, serve
+    from flurries.viewer.server import Server, open_page, serve
 
     if not 0 <= options.port < 65536:
         raise _Mistake(f"--port must be 0 to 65535, got {options.port}")
@@ -439,9 +439,7 @@ def _view(options: argparse.Namespace) -> int:
     print(server.url, flush=True)
     print("flurries: Ctrl-C ends the viewer", file=sys.stderr)
     if not options.no_browser:
-        import webbrowser
-
-        webbrowser.open(server.url)
+        open_page(server)
     serve(server)
     return 0
 
