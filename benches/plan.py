@@ -154,7 +154,7 @@ def print_savings(runs: int) -> None:
         runs,
     )
     flakes_alone = fl.Scene(background=PICTURE, effects=[fl.Snow(texture=0.0, haze=0.0)])
-    effect, frame = flakes_alone._asks(3.0, None, (0, SIZE, 0, SIZE), None)[0]
+    effect, frame = flakes_alone.program.views(3.0)[0]
     print_ratio(
         "flakes out of view, camera turns",
         lambda: effect._drawn(frame, effect._listed(frame, 1.0)),
@@ -316,7 +316,8 @@ def print_estimates(runs: int) -> None:
     calls.update({name: (lambda s=scene: s.render(3)) for name, scene in every.items()})
     found = least(calls, runs)
     factors = calibration.factors({n: 1e6 * found[n] for n in calibration.samples()})
-    calibration._known[1] = factors
+    calibration.measure = lambda: factors
+    calibration.scales(again=True)
     print("this machine against the model:", {k: round(v, 2) for k, v in factors.items()})
     print(f"\n{'scene':<34}{'ms':>9}{'planned':>9}{'ratio':>7}{'MiB':>9}{'planned':>9}{'ratio':>7}")
     worst_time = worst_bytes = 1.0
@@ -443,7 +444,7 @@ def flakes(runs: int) -> dict[str, float]:
             effect = fl.Snow(texture=0.0, haze=0.0, flakes=number, flake_size=(size, size),
                              shutter=shutter, fall=fall)  # fmt: skip
             scene = fl.Scene((SIZE, SIZE), effects=[effect])
-            frame = scene._asks(3.0, None, (0, SIZE, 0, SIZE), None)[0][1]
+            frame = scene.program.views(3.0)[0][1]
             drawn, pieces = footprints(effect, frame)
             rows.append([effect.count(frame), drawn, pieces])
             calls[f"{number} {size} {fall}"] = lambda e=effect, f=frame: e.particles(f, 1.0)
@@ -463,9 +464,7 @@ def flakes(runs: int) -> dict[str, float]:
         result.update(zip((name.split()[0], name), solved, strict=True))
     # From arrays of places, as for a camera that turns.
     effect = fl.Snow(texture=0.0, haze=0.0)
-    frame = fl.Scene((SIZE, SIZE), effects=[effect])._asks(3.0, None, (0, SIZE, 0, SIZE), None)[0][
-        1
-    ]
+    frame = fl.Scene((SIZE, SIZE), effects=[effect]).program.views(3.0)[0][1]
     found = least(
         {
             "listed": lambda: effect._drawn(frame, effect._listed(frame, 1.0)),
@@ -488,7 +487,7 @@ def others(runs: int) -> dict[str, float]:
         ("cone pixel", fl.ConeRain(), None),
     ):
         scene = fl.Scene((SIZE, SIZE), effects=[effect], sun=sun)
-        asks[name] = scene._asks(3.0, None, (0, SIZE, 0, SIZE), None)[0]
+        asks[name] = scene.program.views(3.0)[0]
     calls = {name: (lambda e=e, f=f: e.render(f)) for name, (e, f) in asks.items()}
     found = least(calls, max(runs // 3, 3))
     return {
@@ -512,11 +511,11 @@ def mixing(runs: int) -> dict[str, float]:
     snow = fl.Snow(flakes=0)
     wall = fl.Scene((SIZE, SIZE), depth=30.0, effects=[snow])
     air = fl.Scene((SIZE, SIZE), effects=[snow])
-    open_air = air._asks(3.0, None, (0, SIZE, 0, SIZE), None)[0][1]
-    before = wall._asks(3.0, None, (0, SIZE, 0, SIZE), wall.depth_at(0))[0][1]
+    open_air = air.program.views(3.0)[0][1]
+    before = wall.program.views(3.0)[0][1]
     none = np.empty((0, 3))
     there = Mix(True, "display")
-    bright = there.working(PICTURE)
+    bright = there.decode(PICTURE)
 
     def empty_splat() -> None:
         fl.particles.splat((SIZE, SIZE), none, 1.0, Camera(1.0), opacity=1.0)
@@ -536,9 +535,9 @@ def mixing(runs: int) -> dict[str, float]:
         "byte pixel": lambda: Mix(False, "display").over(PICTURE, layer),
         "word pixel": lambda: Mix(False, "display").over(word, layer),
         "float pixel": lambda: Mix(True, "linear").over(LIGHT, layer),
-        "to": lambda: there.working(PICTURE),
-        "from": lambda: there.finished(bright, PICTURE),
-        "table": lambda: replace(there, table=True).finished(bright, PICTURE),
+        "to": lambda: there.decode(PICTURE),
+        "from": lambda: there.encode(bright, PICTURE),
+        "table": lambda: replace(there, table=True).encode(bright, PICTURE),
     }
     times = {name: 1e6 * value for name, value in least(calls, runs).items()}
     pixels = float(SIZE * SIZE)

@@ -104,7 +104,7 @@ def test_wind_moves_the_gas_and_its_box_wraps():
         np.testing.assert_allclose(cover(blown, t), cover(flown, t), atol=2e-5)
     # After one box's length the gas is where it was.
     round_ = scene(fl.Mist.preset("fog", wind=(0.0, 1.5, 0.0)), fps=30.0)
-    sides, _ = fl.Mist.preset("fog")._filled(round_._asks(0, None, (0, 72, 0, 96), None)[0][1])
+    sides, _ = fl.Mist.preset("fog")._filled(round_.program.views(0)[0][1])
     np.testing.assert_allclose(cover(round_, 0), cover(round_, sides[1] * 20), atol=2e-5)
     assert np.abs(cover(round_, 0) - cover(round_, sides[1] * 10)).max() > 0.05
     # Frame by frame: nothing pops at the walls.

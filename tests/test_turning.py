@@ -15,7 +15,7 @@ from skimage.registration import optical_flow_ilk
 
 import flurries as fl
 import measure
-from flurries.camera.turning import rotation_vector
+from flurries.camera.rotation import rotation_vector
 from measure import FLAKES, FOCAL, LONGEST, NEAR, SIZE, TEXTURE, picture, scene
 
 Camera, Keys, Path_ = fl.camera.Camera, fl.Keys, fl.CameraPath
@@ -212,7 +212,7 @@ def test_a_closed_path_returns_the_frame():
 
 
 def one(shown: fl.Scene, t: float) -> fl.Frame:
-    return shown._asks(t, None, (0, *shown.shape[:1], 0, shown.shape[1]), None)[0][1]
+    return shown.program.views(t)[0][1]
 
 
 def test_an_orientation_that_stays_is_the_camera_s_own():

@@ -30,7 +30,7 @@ LENS = Camera(FOCAL)
 
 
 def one(shown: fl.Scene, t: float, effect: int = 0) -> fl.Frame:
-    return shown._asks(t, None, (0, shown.shape[0], 0, shown.shape[1]), None)[effect][1]
+    return shown.program.views(t)[effect][1]
 
 
 # The field ---------------------------------------------------------------------------------------

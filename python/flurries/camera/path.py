@@ -12,8 +12,10 @@ from typing import Any
 import numpy as np
 
 from flurries._contract import Float64, table
+from flurries.camera.csv import read_path
 from flurries.camera.lens import Camera
-from flurries.camera.turning import Turning, rotation_vector, turning_of
+from flurries.camera.rotation import rotation_vector
+from flurries.camera.turning import Turning, turning_of
 from flurries.camera.zoom import Zoom, running, zoom_of
 from flurries.motion.keys import (
     Course,
@@ -121,9 +123,7 @@ class CameraPath:
 
     @staticmethod
     def load(path: str | os.PathLike[str], camera: Camera) -> CameraPath:
-        """Return the path of a CSV file; see :func:`flurries.io.read_path`."""
-        from flurries.camera.csv import read_path
-
+        """Return the path of a CSV file; see :func:`flurries.camera.csv.read_path`."""
         return CameraPath(camera, **read_path(path))
 
     @property
@@ -147,7 +147,7 @@ class CameraPath:
         """The camera with the shortest focal length of the film."""
         if self._zoom is None:
             return self.camera
-        return replace(self.camera, focal=self._zoom.widest)
+        return self.camera.derive(focal=self._zoom.widest)
 
     def zoom(self, t: float) -> tuple[float, float]:
         """Return the logarithm of the focal length over that of frame 0, and its change."""
@@ -172,11 +172,11 @@ class CameraPath:
         if self._zoom is not None:
             ratio = math.exp(self._zoom.grown(t))
             shift = (ratio * camera.center_shift[0], ratio * camera.center_shift[1])
-            camera = replace(camera, focal=ratio * camera.focal, center_shift=shift)
+            camera = camera.derive(focal=ratio * camera.focal, center_shift=shift)
         if self._turning is None:
             return camera
         whole = rotation_vector(self._turning.at(t) @ camera.matrix())
-        return replace(camera, rotation=tuple(whole.tolist()))
+        return camera.derive(rotation=tuple(whole.tolist()))
 
     def travel(self, t: float, *, fps: float, fall: Number, wind: Vector) -> Float64:
         """Return P, the camera's way through air that falls and blows, as the camera felt it.

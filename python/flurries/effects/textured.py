@@ -11,7 +11,7 @@ import numpy as np
 
 from flurries import _core
 from flurries._contract import Array, Float64
-from flurries.camera.lens import tile_drift, tile_shift, tile_zoom
+from flurries.camera.tiles import tile_drift, tile_shift, tile_zoom
 from flurries.effects.moving import Moving, of_rings
 from flurries.effects.resolution import TUNED, power_share
 from flurries.effects.tiling import Tiling, torus_for

@@ -108,25 +108,6 @@ class Saving:
 
 
 @dataclass(frozen=True)
-class Spent:
-    """What a tolerance is spent on.
-
-    Attributes
-    ----------
-    what : str
-        What is not done, or done less exactly.
-    error : float
-        That it makes of an opacity, at most.
-    milliseconds : float
-        That it saves, by the cost model.
-    """
-
-    what: str
-    error: float
-    milliseconds: float
-
-
-@dataclass(frozen=True)
 class Needs:
     """What an effect needs for a frame.
 
@@ -166,6 +147,8 @@ class Needs:
 
     def without(self, names: frozenset[str]) -> Needs:
         """Return the needs less some steps."""
+        if not names:
+            return self
         left = tuple(step for step in self.steps if step.name not in names)
         one_pass = self.in_one_pass and bool(left) and left[0].name == "texture"
         return replace(self, steps=left, in_one_pass=one_pass)

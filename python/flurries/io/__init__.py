@@ -40,7 +40,6 @@ __all__ = [
     "read_header",
     "read_layers",
     "read_mask",
-    "read_path",
     "read_picture",
     "read_video",
     "read_views",

@@ -66,13 +66,13 @@ def chart(scene: Scene, t: float, index: int, at: tuple[float, float]) -> Chart 
     """
     if not 0 <= index < len(scene.effects):
         return None
-    window = (0, scene.shape[0], 0, scene.shape[1])
-    effect, frame = scene._asks(t, None, window, None, False)[index]
-    if not hasattr(effect, "texture_request"):
+    effect = scene.effects[index]
+    frames = [frame for one, frame in scene.program.views(t) if one is effect]
+    if not frames or not hasattr(effect, "texture_request"):
         return None
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", UserWarning)
-        asked = effect.texture_request(frame)
+        asked = effect.texture_request(frames[0])
     row, top = _nearest(asked.shape[0], asked.tile[0], asked.overlap, at[1])
     col, left = _nearest(asked.shape[1], asked.tile[1], asked.overlap, at[0])
     rates = asked.velocity
