@@ -38,6 +38,7 @@ def write_film(
         What became of the sound, see `Summary`.
     """
     from flurries.io import VideoWriter
+    from flurries.output.contents import without_alpha
     from flurries.output.write import display_bytes
 
     assert scene.size is not None
@@ -53,7 +54,7 @@ def write_film(
                 skipped.append(number)
                 continue
             with stage("encode"):
-                video.write(display_bytes(image))
+                video.write(display_bytes(without_alpha(image, path)))
             written.append(number)
     return written, skipped, heard
 

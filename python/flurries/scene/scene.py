@@ -57,7 +57,9 @@ class Scene:
         it (scaled to cover, cut at the sides); an array must have it.
     background : path, "#rrggbb", (r, g, b) floats, array, or source
         A picture, an image sequence (``plate.%04d.png``), or a video file; a color; an array
-        (H, W, 3) of uint8, uint16 or float. Integers hold display values, floats linear light.
+        (H, W, 3) of uint8, uint16 or float. Integers hold display values, floats linear light. With
+        alpha, (H, W, 4), frames have it too: the weather over the picture, premultiplied for
+        floats and straight for integers.
     camera : Camera or CameraPath, optional
         A still camera of 1.2 picture widths if not given.
     effects : sequence
@@ -194,7 +196,7 @@ class Scene:
 
         Returns
         -------
-        (H, W, 3), or the region's
+        (H, W, 3), or the region's; (H, W, 4) where the background has alpha
             uint8 or uint16 where the background is, else float32. The same bits whatever else was
             rendered before, in any process and with any number of threads.
         """

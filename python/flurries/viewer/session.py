@@ -22,6 +22,7 @@ from flurries import stereo
 from flurries._contract import Array, integer, real
 from flurries.camera.path import CameraPath
 from flurries.effects import Frame
+from flurries.io.color import linear_to_srgb, to_linear, to_unit
 from flurries.motion.keys import Keys
 from flurries.scene.scene import Scene
 from flurries.viewer.charts import chart
@@ -165,13 +166,14 @@ class Session:
 
 
 def shown(scene: Scene, picture: Array) -> Array:
-    """Return a frame as uint8 display values."""
+    """Return a frame as uint8 display values, (H, W, 3); what is transparent is black."""
+    if picture.shape[2] == 4:
+        colors, cover = picture[..., :3], to_unit(picture[..., 3:])
+        picture = to_linear(colors, "display") * cover if picture.dtype.kind == "u" else colors
     if picture.dtype == np.uint8:
         return picture
     if picture.dtype == np.uint16:
         return np.asarray((picture.astype(np.uint32) + 128) // 257, np.uint8)
-    from flurries.io import linear_to_srgb
-
     display = linear_to_srgb(np.nan_to_num(picture))
     return np.asarray(np.clip(display, 0.0, 1.0) * 255.0 + 0.5, np.uint8)
 

@@ -45,6 +45,24 @@ class Picture:
         """(width, height) in px."""
         return self.pixels.shape[1], self.pixels.shape[0]
 
+    def rgba(self) -> Array:
+        """Return (H, W, 4) in the pixels' dtype: floats multiplied by alpha, integers not.
+
+        A picture without alpha is opaque.
+        """
+        result = np.empty((*self.pixels.shape[:2], 4), self.pixels.dtype)
+        result[..., :3] = self.pixels
+        opaque = np.iinfo(result.dtype).max if result.dtype.kind == "u" else 1
+        if self.alpha is None:
+            result[..., 3] = opaque
+        elif result.dtype.kind == "u":
+            np.rint(self.alpha * np.float32(opaque), out=result[..., 3], casting="unsafe")
+        else:
+            result[..., 3] = self.alpha
+            if not self.premultiplied:
+                result[..., :3] *= result[..., 3:]
+        return result
+
 
 def read_picture(path: str | os.PathLike[str], *, budget: Budget | None = None) -> Picture:
     """Read a picture.
