@@ -527,8 +527,6 @@ def _scene(options: argparse.Namespace) -> Any:
             from flurries.io import open_background
 
             source = open_background(options.input)
-            if source.fps is not None:
-                changes.setdefault("fps", float(source.fps))
         size = changes.pop("size", None)
         scene = Scene(size, source, effects=effects, **changes)
     if options.fly is not None:

@@ -31,12 +31,15 @@ class Backdrop:
         How many frames it has; None for a still.
     source : array or a source of `flurries.io`
         Where they come from.
+    fps : float or None
+        Frames per second of a film.
     """
 
     size: tuple[int, int]
     encoding: str
     count: int | None
     source: Any
+    fps: float | None = None
 
     def frame(self, t: float) -> Array:
         """Return (H, W, 3), or (H, W, 4) with alpha, of frame floor(t); ends hold outside.
@@ -108,7 +111,8 @@ def _plain(color: Any, dtype: np.dtype[Any], size: tuple[int, int] | None) -> Ba
 
 def _of_source(source: Any, size: tuple[int, int] | None) -> Backdrop:
     wanted = size or tuple(source.size)
-    return Backdrop(wanted, source.encoding, source.count, _Fitted(source, wanted))
+    rate = getattr(source, "fps", None)
+    return Backdrop(wanted, source.encoding, source.count, _Fitted(source, wanted), rate)
 
 
 def _of_array(background: Any, size: tuple[int, int] | None) -> Backdrop:

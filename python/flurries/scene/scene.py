@@ -36,6 +36,9 @@ SPACES = ("auto", "display", "linear")
 # A file of a few kilobytes could ask for more than anybody would wait for.
 MOST_EFFECTS = 1000
 
+# Frames per second, where neither the caller nor a film says it.
+DEFAULT_FPS = 30.0
+
 # A focal length in picture widths, where none is given: 45 degrees across.
 DEFAULT_FOCAL = 1.2
 
@@ -64,8 +67,9 @@ class Scene:
         A still camera of 1.2 picture widths if not given.
     effects : sequence
         The weather, back to front; 1,000 at most.
-    fps : float
-        Frames per second; where seconds become frames.
+    fps : float, optional
+        Frames per second; where seconds become frames. A background film's own if not given, else
+        30.
     seed : int
         Of all random numbers; each effect draws its own from it.
     foreground : path or array, optional
@@ -102,7 +106,7 @@ class Scene:
     background: Any = "#000000"
     camera: Any = None
     effects: Sequence[Any] = ()
-    fps: float = 30.0
+    fps: Any = None
     seed: int = 0
     foreground: Any = None
     space: str = "auto"
@@ -119,12 +123,15 @@ class Scene:
 
         if self.size is not None:
             settle("size", parse_size(self.size))
-        settle("fps", real("fps", self.fps, above=0.0))
+        if self.fps is not None:
+            settle("fps", real("fps", self.fps, above=0.0))
         settle("seed", seed_of(self.seed))
         choice("space", self.space, SPACES)
         settle("tolerance", parse_tolerance(self.tolerance))
         settle("_backdrop", backdrop(self.background, self.size))
         settle("size", self._backdrop.size)
+        if self.fps is None:
+            settle("fps", real("fps", self._backdrop.fps or DEFAULT_FPS, above=0.0))
         settle("camera", as_path(self.camera, DEFAULT_FOCAL * self.shape[1]))
         if callable(getattr(self.effects, "render", None)):
             settle("effects", (self.effects,))
