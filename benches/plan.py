@@ -21,11 +21,11 @@ from typing import Any
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import numpy as np
+from flurries.effects.demand import footprints
+from flurries.effects.tiling import Tiling, operations
 
 import flurries as fl
 from flurries.camera import Camera
-from flurries.effects.demand import footprints
-from flurries.effects.tiling import Tiling, operations
 from flurries.frame import calibration, costs
 from flurries.frame.needs import Needs, Step
 from flurries.spectral.operations import tile_work
@@ -498,8 +498,9 @@ def others(runs: int) -> dict[str, float]:
 
 def mixing(runs: int) -> dict[str, float]:
     """Return nanoseconds of what is done for each pixel of a plane or a picture."""
-    from flurries import _core
     from flurries.effects.limited import deepened, veil
+
+    from flurries import _core
     from flurries.frame.mixing import Mix
 
     planes = [RNG.random((SIZE, SIZE), np.float32) for _ in range(2)]

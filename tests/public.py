@@ -36,6 +36,7 @@ from flurries.camera import importers as cameras
 from flurries.output import cluster, manifest
 from flurries.output.write import write
 from flurries.scene import toml as scenefile
+from flurries.scene.fingerprint import fingerprint
 
 # Modules of other libraries' transforms, which need those, and the one that runs when imported.
 ELSEWHERE = ("albumentations", "kornia", "torchvision", "__main__")
@@ -404,7 +405,7 @@ def calls(folder: Path) -> dict[str, Call]:
             scenefile.load, {"path": folder / "scene.toml"}),
         "scene.toml.save": Call(
             scenefile.save, {"scene": scene, "path": folder / "saved.toml"}),
-        "scene.toml.fingerprint": Call(scenefile.fingerprint, {"scene": scene}),
+        "scene.fingerprint.fingerprint": Call(fingerprint, {"scene": scene}),
         "trace.count": Call(trace.count, {"name": "flakes", "number": 3}),
         "trace.stage": Call(trace.stage, {"name": "texture"}),
         "trace.tracing": Call(trace.tracing, {}),

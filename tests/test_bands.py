@@ -13,7 +13,6 @@ import pytest
 import flurries as fl
 import test_gate
 from flurries import _core
-from flurries.effects import peopled
 from flurries.frame import bands
 
 H, W = 300, 260
@@ -187,13 +186,13 @@ def test_nothing_is_made_once_for_each_band(
 ):
     sorts: list[str] = []
     for name in ("particle_sort", "particle_sort_listed"):
-        kernel = getattr(peopled, name)
+        kernel = getattr(_core, name)
 
         def counted(*args: Any, kernel: Any = kernel, name: str = name) -> Any:
             sorts.append(name)
             return kernel(*args)
 
-        monkeypatch.setattr(peopled, name, counted)
+        monkeypatch.setattr(_core, name, counted)
     gas = _core.gas_sort
     monkeypatch.setattr(_core, "gas_sort", lambda *args: sorts.append("gas") or gas(*args))
     fl.set_threads(1)
@@ -213,9 +212,9 @@ def test_nothing_is_made_once_for_each_band(
 @pytest.mark.filterwarnings("ignore:.*ambiguous")
 def test_both_eyes_place_flakes_once(low: Callable[[], None], monkeypatch: pytest.MonkeyPatch):
     sorts: list[Any] = []
-    kernel = peopled.particle_sort_pair
+    kernel = _core.particle_sort_pair
     monkeypatch.setattr(
-        peopled, "particle_sort_pair", lambda *args: sorts.append(args) or kernel(*args)
+        _core, "particle_sort_pair", lambda *args: sorts.append(args) or kernel(*args)
     )
     scene = fl.Scene(None, BYTES, effects=[fl.Snow(), fl.ConeSnow()], space="linear")
     low()

@@ -298,7 +298,7 @@ def flake_rows(shown: fl.Scene, t: float, step: float) -> np.ndarray:
     frames = picture(shown, t), picture(shown, t + step)
     frame = one(shown, t)
     snow = shown.effects[0]
-    points, _, fade = snow.places(frame)
+    points, _, fade, _ = snow.parts.flakes.places(frame)
     start = points[(points[:, 2] > 0.1) & (fade > 0.0)]
     px = start[:, :2] * FOCAL / start[:, 2:] + SIZE / 2.0
     inside = (np.abs(px - SIZE / 2.0) < SIZE).all(axis=1)

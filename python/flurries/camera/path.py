@@ -276,6 +276,15 @@ class CameraPath:
         i = self._piece(t)
         return np.asarray(self.position[i + 1] - self.position[i])
 
+    def relative(
+        self, t: float, *, fps: float, fall: Number, wind: Vector
+    ) -> tuple[Float64, Float64]:
+        """Return camera minus what falls in the wind: since frame 0 and per frame, house axes."""
+        gone = air_moved(t, fps=fps, fall=fall, wind=wind)
+        air = np.array(value_at(wind, t))
+        air[1] += value_at(fall, t)
+        return self.place(t, fps=fps) - gone, self.rate(t, fps=fps) - air / fps
+
     def _piece(self, t: float) -> int:
         last = len(self.position) - 2
         return min(max(bisect.bisect_right(range(last + 1), t) - 1, 0), last)

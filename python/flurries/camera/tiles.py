@@ -7,7 +7,7 @@ import numpy.typing as npt
 
 from flurries._contract import SMALLEST, Float64, output, real, shape_of, tile_of, vector
 from flurries.camera.lens import Camera, expect_camera, rotational
-from flurries.spectral.tiles import tile_starts
+from flurries.spectral.tiles import starts
 
 __all__ = ["tile_drift", "tile_shift", "tile_zoom"]
 
@@ -48,12 +48,10 @@ def tile_drift(
     size = shape_of("shape", shape)
     view = expect_camera(camera, stretched=True)
     near = real("near_depth", near_depth, low=SMALLEST)
-    p = vector("displacement", displacement, 3) + np.array(view.offset)
-    x, y = _centers(size, view, tile, overlap)
+    moved = vector("displacement", displacement, 3)
+    x, y = tile_middles(size, view, *tile_of(tile, overlap))
     result = output(out, (len(y), len(x), 2), np.dtype(np.float64))
-    result[..., 0] = (p[2] * x - view.focal * p[0])[None, :] / near
-    result[..., 1] = (p[2] * y - view.focals[1] * p[1])[:, None] / near
-    return result
+    return drift_at(x, y, moved, view, near, result)
 
 
 def tile_shift(
@@ -92,10 +90,9 @@ def tile_shift(
     size = shape_of("shape", shape)
     view = expect_camera(camera, stretched=True)
     omega = vector("rotation", rotation, 3)
-    x, y = _centers(size, view, tile, overlap)
+    x, y = tile_middles(size, view, *tile_of(tile, overlap))
     result = output(out, (len(y), len(x), 2), np.dtype(np.float64))
-    result[..., 0], result[..., 1] = rotational(x[None, :], y[:, None], view.focals, omega)
-    return result
+    return shift_at(x, y, omega, view, result)
 
 
 def tile_zoom(
@@ -132,18 +129,38 @@ def tile_zoom(
     size = shape_of("shape", shape)
     view = expect_camera(camera, stretched=True)
     part = real("growth", growth)
-    x, y = _centers(size, view, tile, overlap)
+    x, y = tile_middles(size, view, *tile_of(tile, overlap))
     result = output(out, (len(y), len(x), 2), np.dtype(np.float64))
     result[..., 0], result[..., 1] = part * x[None, :], part * y[:, None]
     return result
 
 
-def _centers(
-    shape: tuple[int, int], camera: Camera, tile: int | tuple[int, int], overlap: int
+# The same for numbers that are checked.
+
+
+def tile_middles(
+    shape: tuple[int, int], camera: Camera, tile: tuple[int, int], overlap: int
 ) -> tuple[Float64, Float64]:
-    """Return the tiles' centers, x (cols,) and y (rows,), from the principal point."""
-    (height, width), shared = tile_of(tile, overlap)
+    """Return where the middles of tiles are, px from the principal point: across, and down."""
     cx, cy = camera.principal(shape)
-    y = tile_starts(shape[0], tile=height, overlap=shared) + height / 2 - cy
-    x = tile_starts(shape[1], tile=width, overlap=shared) + width / 2 - cx
-    return np.asarray(x), np.asarray(y)
+    x = starts(shape[1], tile[1], overlap) + tile[1] / 2 - cx
+    y = starts(shape[0], tile[0], overlap) + tile[0] / 2 - cy
+    return np.asarray(x, np.float64), np.asarray(y, np.float64)
+
+
+def drift_at(
+    x: Float64, y: Float64, displacement: Float64, camera: Camera, near: float, result: Float64
+) -> Float64:
+    """Fill `result` (y, x, 2) with the drift of `tile_drift` at places from the principal point."""
+    p = displacement + np.array(camera.offset)
+    fx, fy = camera.focals
+    result[..., 0] = (p[2] * x - fx * p[0])[None, :] / near
+    result[..., 1] = (p[2] * y - fy * p[1])[:, None] / near
+    return result
+
+
+def shift_at(x: Float64, y: Float64, rotation: Float64, camera: Camera, result: Float64) -> Float64:
+    """Fill `result` (y, x, 2) with the shift of `tile_shift` at places from the principal point."""
+    flow = rotational(x[None, :], y[:, None], camera.focals, rotation)
+    result[..., 0], result[..., 1] = flow
+    return result

@@ -482,9 +482,6 @@ def _scene(options: argparse.Namespace) -> Any:
     from dataclasses import replace
 
     from flurries.camera.path import CameraPath
-    from flurries.effects import Mist
-    from flurries.effects.cone import Coned
-    from flurries.effects.falling import Falling
     from flurries.scene.scene import Scene
 
     given = Path(options.input)
@@ -508,8 +505,7 @@ def _scene(options: argparse.Namespace) -> Any:
             changes["effects"] = effects
         elif weather:
             changes["effects"] = [
-                replace(e, **weather) if isinstance(e, (Coned, Falling, Mist)) else e
-                for e in scene.effects
+                replace(e, **weather) if set(weather) <= set(vars(e)) else e for e in scene.effects
             ]
         if "size" in changes:
             # The focal length belongs to the picture's width: keep the angle of view.

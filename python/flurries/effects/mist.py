@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import InitVar, dataclass, fields
 from functools import lru_cache
 from typing import Any, ClassVar
@@ -12,13 +12,14 @@ import numpy as np
 
 from flurries import _core, gas, particles
 from flurries._contract import Array, Float64, choice, flag, integer, real, seed_of, vector
-from flurries.effects.falling import AMBIENT, settled_color
-from flurries.effects.knobs import Knobs
-from flurries.effects.looks import look_of, mist_density, severity_of
+from flurries.effects.color import AMBIENT, as_color, color_at
+from flurries.effects.knobs import knobs
+from flurries.effects.looks import LOOKS, mist_density, severity_of
 from flurries.effects.presets import MIST
 from flurries.frame.costs import nanoseconds
-from flurries.frame.layer import Frame, Layer
+from flurries.frame.layer import Layer
 from flurries.frame.needs import PARTS, Cost, LeftOut, Needs, Saving, Step, keyed
+from flurries.frame.view import Frame
 from flurries.gas.splatting import FINISHED, FOOTPRINTS, sorted_gas
 from flurries.gas.visibility import count_for_visibility
 from flurries.motion.keys import Keys, Number, Vector, as_number, as_vector, value_at
@@ -40,8 +41,26 @@ RIM = 0.075
 MOST = 2_000_000
 
 
+def _of_severity(value: object, given: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the density so that the gas takes a severity's share of what lies behind the box."""
+    severity = severity_of(value)
+    if given.get("visibility") is not None:
+        raise TypeError("severity and visibility say the same: give one of them")
+    if "density" in given:
+        raise TypeError("severity and density say the same: give one of them")
+    box = Mist(**{name: part for name, part in given.items() if name != "density"})
+    return {"density": mist_density(severity, box.thickness(1.0))}
+
+
+def _of_visibility(value: object, given: Mapping[str, Any]) -> dict[str, Any]:
+    if "visibility" in given:
+        raise TypeError("visibility_m and visibility say the same: give one of them")
+    return {"visibility": real("visibility_m", value, above=0.0)}
+
+
+@knobs(severity=_of_severity, visibility_m=_of_visibility)
 @dataclass(frozen=True, kw_only=True)
-class Mist(Knobs):
+class Mist:
     """Gas that one sees into: mist, fog, clouds.
 
     Numbers marked "keyed" may vary over time: give :class:`flurries.Keys`. Lengths are metres when
@@ -139,24 +158,16 @@ class Mist(Knobs):
     visibility_m: InitVar[float | None] = None
 
     NAME: ClassVar[str] = "mist"
-    KNOBS: ClassVar[tuple[str, ...]] = ("severity", "visibility_m")
+    PRESETS: ClassVar[dict[str, dict[str, Any]]] = MIST
 
-    def __post_init__(self, severity: int | None, visibility_m: float | None) -> None:
+    def __post_init__(self, *_: Any) -> None:
         def settle(name: str, value: Any) -> None:
             object.__setattr__(self, name, value)
 
-        look_of(self.look)
-        knob = self._turned(severity=severity, visibility_m=visibility_m)
-        if visibility_m is not None:
-            far = real("visibility_m", visibility_m, above=0.0)
-            self._set(knob, {"visibility": far}, "visibility")
-        elif severity is None:
-            self._set(None, {})
-        elif self.visibility is not None:
-            raise TypeError("severity and visibility say the same: give one of them")
+        choice("look", self.look, LOOKS)
         settle("amount", as_number("amount", self.amount, low=0.0, high=1.0))
         settle("density", as_number("density", self.density, low=0.0, high=1.0))
-        settle("color", settled_color(self.color))
+        settle("color", as_color(self.color))
         settle("wind", as_vector("wind", self.wind, 3))
         if self.count is None and self.visibility is None:
             settle("count", 1200)
@@ -180,17 +191,17 @@ class Mist(Knobs):
         settle("asymmetry", real("asymmetry", self.asymmetry, low=-0.99, high=0.99))
         if self.seed is not None:
             settle("seed", seed_of(self.seed))
-        if severity is not None:
-            # Of a density of 1, which all else is settled for.
-            assert self.radius is not None
-            thickness = gas.extinction(self.count or 0, self._volume(), self.radius, 1.0)
-            thickness *= self._through()
-            values = {"density": mist_density(severity_of(severity), thickness)}
-            self._set(knob, values, "density")
         for t in _times(self.density, self.visibility):
             self.particle_density(t)
         self.particles_in_box()
 
+    def thickness(self, density: float) -> float:
+        """Return the optical depth of the box for particles of a density."""
+        assert self.radius is not None
+        beta = gas.extinction(self.particles_in_box(), self._volume, self.radius, density)
+        return beta * self._through()
+
+    @property
     def _volume(self) -> float:
         return float(np.prod(self.box))  # type: ignore[arg-type]
 
@@ -244,11 +255,10 @@ class Mist(Knobs):
             return self.count
         # Of keyed values the pair that needs the most.
         assert self.visibility is not None and self.radius is not None
-        volume = float(np.prod(self.box))  # type: ignore[arg-type]
         least, most = min(_values(self.visibility)), max(_values(self.density))
         if most == 0.0:
             return 0
-        count = count_for_visibility(least, volume, self.radius, most)
+        count = count_for_visibility(least, self._volume, self.radius, most)
         if count > MOST:
             raise ValueError(
                 f"visibility: {least:g} m wants {count} particles of radius {self.radius:g} in the "
@@ -265,9 +275,8 @@ class Mist(Knobs):
         if self.count is None:
             return density * min(_values(self.visibility)) / far
         assert self.radius is not None
-        volume = float(np.prod(self.box))  # type: ignore[arg-type]
         try:
-            return gas.density_for_visibility(far, max(self.count, 1), volume, self.radius)
+            return gas.density_for_visibility(far, max(self.count, 1), self._volume, self.radius)
         except ValueError as error:
             text = str(error).replace("distance", "visibility", 1)
             raise ValueError(text) from None
@@ -275,9 +284,8 @@ class Mist(Knobs):
     def extinction(self, t: float = 0.0) -> float:
         """Return beta at `t`, per metre; see :func:`flurries.gas.extinction`."""
         assert self.radius is not None
-        volume = float(np.prod(self.box))  # type: ignore[arg-type]
         density = float(value_at(self.amount, t)) * self.particle_density(t)
-        return gas.extinction(self.particles_in_box(), volume, self.radius, density)
+        return gas.extinction(self.particles_in_box(), self._volume, self.radius, density)
 
     def needs(self, frame: Frame) -> Needs:
         """Return what a frame takes: one step, "gas", or "lit gas" with its colors and a sort."""
@@ -349,7 +357,7 @@ class Mist(Knobs):
 
     def render(self, frame: Frame) -> Layer:
         """Return this effect's layer of a frame."""
-        run = frame.running(self)
+        run = frame.run or frame.steps_of(self)
         for name in ("gas", "lit gas"):
             layer = run(name, lambda: self._layer(frame))
             if layer is not None:
@@ -367,7 +375,7 @@ class Mist(Knobs):
         if not colored:
             alpha = np.empty(shape, np.float32)
             _core.gas_draw(alpha, found, frame.window, frame.depth)
-            return Layer(self.NAME, alpha, self._display(frame))
+            return Layer(self.NAME, alpha, color_at(self.color, frame))
         layer = np.empty((*shape, 4), np.float32)
         _core.gas_draw(layer, found, frame.window, frame.depth)
         return Layer(self.NAME, layer[..., 3], rgb=layer[..., :3])
@@ -442,12 +450,6 @@ class Mist(Knobs):
         low, high = (_normal((limit - depth) * 3.0 / self.radius) for limit in self.depths)
         return np.asarray(high - low)
 
-    def _display(self, frame: Frame) -> tuple[float, float, float]:
-        if self.color == AMBIENT:
-            return frame.ambient or (1.0, 1.0, 1.0)
-        color = value_at(self.color, frame.t)
-        return (color,) * 3 if isinstance(color, float) else color
-
     def _lit(self, frame: Frame, points: Float64, shown: Float64) -> Float64:
         """Return the sun's light that reaches each particle, (n,)."""
         assert frame.sun is not None and self.radius is not None
@@ -474,7 +476,7 @@ class Mist(Knobs):
             )
         own, color = (
             srgb_to_linear(np.asarray(given, np.float64))
-            for given in (self._display(frame), sun.color)
+            for given in (color_at(self.color, frame), sun.color)
         )
         brightness = sun.ambient + (1.0 - sun.ambient) * scattered[:, None] * color
         return np.ascontiguousarray(own * brightness)

@@ -176,7 +176,7 @@ class _Frame:
             if part.place in shown:
                 continue
             needs = part.needs or needs_of(part.effect, program.frame(t, camera, self.window))
-            if part.place in choice.without:
+            if choice.without.get(part.place):
                 self.left_out.append(LeftOut(part.name, "within the tolerance"))
             elif needs.steps:
                 why = f"it changes a value by {needs.most:.2g} at most: no step"

@@ -19,7 +19,7 @@ from flurries.motion.keys import Keys
 from flurries.trace import stage
 
 if TYPE_CHECKING:
-    from flurries.frame.layer import Frame
+    from flurries.frame.view import Frame
 
 _Made = TypeVar("_Made")
 
@@ -95,8 +95,6 @@ class Saving:
         Gives the nanoseconds that an error saves by the cost model.
     setting : bool
         Whether it is a setting, to be found in ``Run.settings``.
-    all : bool
-        Whether it is the effect itself that is left out.
     """
 
     name: str
@@ -104,7 +102,6 @@ class Saving:
     error: float
     saved: Callable[[float], float]
     setting: bool = False
-    all: bool = False
 
 
 @dataclass(frozen=True)

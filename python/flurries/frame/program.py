@@ -17,11 +17,11 @@ from flurries._contract import Array
 from flurries.camera.lens import Camera
 from flurries.camera.path import CameraPath
 from flurries.frame.bands import most_bands, whole
-from flurries.frame.layer import Frame
 from flurries.frame.matte import Matte
 from flurries.frame.mixing import Mix
 from flurries.frame.needs import Kept, LeftOut, Needs, Run, keyed, needs_of
 from flurries.frame.tolerance import EXACT, LEVELS, STEEPEST, Choice, Light, choose
+from flurries.frame.view import Frame
 from flurries.frame.visible import Visible, Window
 from flurries.light.ambient import ambient_light
 from flurries.light.sun import Sun
@@ -77,22 +77,10 @@ class Ask(NamedTuple):
 
 @dataclass(eq=False, kw_only=True)
 class Program:
-    """What runs for each frame of a scene.
+    """What runs for each frame of a scene. What is not told here is as in the scene.
 
     Attributes
     ----------
-    effects : sequence of effects
-        Back to front.
-    shape : (H, W)
-        Of a frame, pixels.
-    fps : float
-        Frames per second.
-    path : CameraPath
-        The camera's way.
-    seed : int
-        Of all random numbers.
-    sun : Sun or None
-        What shines.
     backdrop : background
         Has ``frame(t)``, ``encoding`` ("display" or "linear") and ``count`` (None for a still).
     distance : depth or None

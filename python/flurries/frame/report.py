@@ -83,19 +83,11 @@ class Plan:
 
     def to_dict(self) -> dict[str, Any]:
         """Return the plan as plain values."""
-        first, last, count = self.frames
-        return {
-            "size": list(self.size),
-            "frames": {"first": first, "last": last, "count": count},
-            "threads": self.threads,
-            "milliseconds": self.milliseconds,
-            "bytes": self.bytes,
-            "steps": [asdict(step) for step in self.steps],
-            "left_out": [asdict(one) for one in self.left_out],
-            "tolerance": self.tolerance,
-            "error": self.error,
-            "spent": [asdict(one) for one in self.spent],
+        values = {
+            name: list(value) if isinstance(value, tuple) else value
+            for name, value in asdict(self).items()
         }
+        return values | {"frames": dict(zip(("first", "last", "count"), self.frames, strict=True))}
 
     def to_json(self) -> str:
         """Return the plan as JSON."""

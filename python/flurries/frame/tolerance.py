@@ -21,7 +21,7 @@ import numpy as np
 
 from flurries._contract import Array
 from flurries.frame.costs import nanoseconds
-from flurries.frame.needs import Needs, Saving
+from flurries.frame.needs import Needs
 from flurries.io.color import linear_to_srgb
 
 # The steepest place of the sRGB encoding, at black: display values per linear light.
@@ -154,25 +154,26 @@ class Light(NamedTuple):
 
 
 class _Taken(NamedTuple):
-    """A saving of the effect at a place of the scene, the error allowed it, and its nanoseconds."""
+    """What is spent on the effect at a place of the scene: on steps left out, or on settings."""
 
     place: int
-    saving: Saving
-    value: float
-    saved: float
+    spent: Spent
+    steps: frozenset[str] = frozenset()
+    settings: tuple[tuple[str, float], ...] = ()
 
 
 class _Bundle(NamedTuple):
-    """Savings together: what they cost of a limit, and the nanoseconds that they save."""
+    """Savings together: their error or price, and the nanoseconds that they save."""
 
     price: float
     saved: float
     taken: tuple[_Taken, ...] = ()
 
 
-# The table belongs to no effect.
-_SCENE = -1
 _NOTHING = _Bundle(0.0, 0.0)
+
+# The place of the table, which belongs to no effect.
+_SCENE = -1
 
 
 def choose(
@@ -183,11 +184,11 @@ def choose(
     values: int,
     shares: Iterable[tuple[float, float]] = (),
 ) -> Choice:
-    """Return the choice that saves most.
+    """Return the choice that saves most of a frame of so many values.
 
     Parameters
     ----------
-    asked : sequence of (index, name, Needs)
+    asked : sequence of (place, name, Needs)
         The effects that run.
     light : Light
         How their errors count.
@@ -204,79 +205,68 @@ def choose(
     limit = tolerance * (1.0 + 1e-9)
     table = [_NOTHING]
     if light.step > 0.0 and not light.same:
-        table.append(_one(_SCENE, _table(values), TABLE))
+        saved = nanoseconds({"encoded value": values}) - nanoseconds({"looked up value": values})
+        table.append(_one(_SCENE, "display values from a table of 16 bits", TABLE, saved))
     work = [sum(nanoseconds(step.cost().work) for step in n.steps) for _, _, n in asked]
-    parts = [_partly(index, needs, light, limit) for index, _, needs in asked]
-    wholes = [_whole(index, needs, ns) for (index, _, needs), ns in zip(asked, work, strict=True)]
-    best, hidden = _NOTHING, 0.0
+    parts = [_partly(*one, light, limit) for one in asked]
+    best, hidden, share_of = _NOTHING, 0.0, 0.0
     for level, share in [(0.0, 0.0), *shares]:
         groups = [table]
-        for bundles, whole, ns in zip(parts, wholes, work, strict=True):
+        for (place, name, needs), bundles, ns in zip(asked, parts, work, strict=True):
+            # Laid over the picture with errors, made only where the level lets it be seen...
             group = [
                 _Bundle(light.price(error, level), saved + share * max(ns - saved, 0.0), taken)
                 for error, saved, taken in bundles
             ]
-            groups.append([*group, whole._replace(price=light.price(0.0, whole.price))])
+            # ... or not laid over it at all.
+            steps = frozenset(step.name for step in needs.steps)
+            all_of_it = ns + nanoseconds({"layer": 1.0})
+            whole = _one(place, name, needs.most, all_of_it, steps)
+            groups.append([*group, whole._replace(price=light.price(0.0, needs.most))])
         found = [b for b in _frontier(groups, limit) if light.error(b.price) <= limit]
         if found and found[-1].saved > best.saved:
-            best, hidden = found[-1], level
-    return _choice(asked, best, hidden, light)
-
-
-def _choice(
-    asked: Sequence[tuple[int, str, Needs]], best: _Bundle, hidden: float, light: Light
-) -> Choice:
-    """Return a bundle as what frames do without, and what people read."""
-    found = {index: (name, needs) for index, name, needs in asked}
+            best, hidden, share_of = found[-1], level, share
     without: dict[int, frozenset[str]] = {}
     settings: dict[int, dict[str, float]] = {}
-    spent = []
-    for index, saving, value, saved in best.taken:
-        what = saving.what
-        if index != _SCENE:
-            name, needs = found[index]
-            what = name if saving.all else f"{name}: {what}"
-            if saving.setting:
-                settings.setdefault(index, {})[saving.name] = value
-            else:
-                gone = {step.name for step in needs.steps} if saving.all else {saving.name}
-                without[index] = without.get(index, frozenset()) | gone
-        error = saving.error * value if saving.setting else saving.error
-        spent.append(Spent(what, error, 1e-6 * saved))
-    if hidden > 0.0:
-        rest = best.saved - sum(one.saved for one in best.taken)
-        spent.append(Spent("what hardly shows past what stands in front", hidden, 1e-6 * rest))
-    table = any(one.place == _SCENE for one in best.taken)
-    return Choice(without, settings, hidden, table, tuple(spent), light.error(best.price))
+    for place, _, steps, values_set in best.taken:
+        without[place] = without.get(place, frozenset()) | steps
+        settings[place] = {**settings.get(place, {}), **dict(values_set)}
+    spent = [one.spent for one in best.taken]
+    if share_of > 0.0:
+        rest = 1e-6 * best.saved - sum(one.milliseconds for one in spent)
+        spent.append(Spent("what hardly shows past what stands in front", hidden, rest))
+    return Choice(
+        without, settings, hidden, _SCENE in without, tuple(spent), light.error(best.price)
+    )
 
 
-def _one(index: int, saving: Saving, value: float) -> _Bundle:
+def _one(
+    place: int,
+    what: str,
+    error: float,
+    saved: float,
+    steps: frozenset[str] = frozenset(),
+    settings: tuple[tuple[str, float], ...] = (),
+) -> _Bundle:
     """Return the bundle of a single saving; its price is the error of an opacity."""
-    saved = saving.saved(value)
-    error = saving.error * value if saving.setting else saving.error
-    return _Bundle(error, saved, (_Taken(index, saving, value, saved),))
+    spent = Spent(what, error, 1e-6 * saved)
+    return _Bundle(error, saved, (_Taken(place, spent, steps, settings),))
 
 
-def _table(values: int) -> Saving:
-    """Return the saving of a table in place of the formula that encodes display values."""
-    saved = nanoseconds({"encoded value": values}) - nanoseconds({"looked up value": values})
-    return Saving("table", "display values from a table of 16 bits", TABLE, lambda _: saved)
-
-
-def _whole(index: int, needs: Needs, work: float) -> _Bundle:
-    """Return the bundle of leaving an effect out."""
-    saved = nanoseconds({"layer": 1.0}) + work
-    return _one(index, Saving("", "", needs.most, lambda _: saved, all=True), needs.most)
-
-
-def _partly(index: int, needs: Needs, light: Light, limit: float) -> list[_Bundle]:
+def _partly(place: int, name: str, needs: Needs, light: Light, limit: float) -> list[_Bundle]:
     """Return the best bundles of an effect that is laid over the picture, by their error."""
     groups = []
     for saving in needs.savings:
-        levels = [level for level in LEVELS if level <= 0.5] if saving.setting else [saving.error]
-        each = saving.error if saving.setting else 1.0
-        fit = [level for level in levels if light.price(each * level) <= limit]
-        groups.append([_NOTHING, *(_one(index, saving, level) for level in fit)])
+        group, what = [_NOTHING], f"{name}: {saving.what}"
+        if not saving.setting:
+            saved, steps = saving.saved(saving.error), frozenset({saving.name})
+            group.append(_one(place, what, saving.error, saved, steps))
+        for level in LEVELS if saving.setting else ():
+            if level <= 0.5 and light.price(saving.error * level) <= limit:
+                setting = ((saving.name, level),)
+                error, saved = saving.error * level, saving.saved(level)
+                group.append(_one(place, what, error, saved, settings=setting))
+        groups.append(group)
     return _frontier(groups, math.inf)
 
 

@@ -10,10 +10,11 @@ import numpy as np
 from flurries._contract import Array
 from flurries.camera.lens import Camera
 from flurries.frame.bands import crop
-from flurries.frame.layer import Layer, Shared
+from flurries.frame.layer import Layer
 from flurries.frame.mixing import behind, free_name
 from flurries.frame.picture import draw
 from flurries.frame.program import Program
+from flurries.frame.shared import Shared
 from flurries.frame.visible import Window
 from flurries.trace import stage
 

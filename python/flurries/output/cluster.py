@@ -21,6 +21,7 @@ import numpy as np
 from flurries._contract import Array, integer
 from flurries._threads import reproducible, set_reproducible, set_threads
 from flurries.frame import estimate
+from flurries.scene.numbers import frames_of
 
 if TYPE_CHECKING:
     from flurries.output.sequence import Progress, Sequence
@@ -63,7 +64,7 @@ def grouped(scene: Scene, frames: Any) -> list[list[int]]:
     from flurries.scene.scene import expect_scene
 
     expect_scene(scene)
-    wanted = scene.numbers(frames)
+    wanted = frames_of(scene, frames)
     files = _FILE * scene.shape[0] * scene.shape[1]
     cost = estimate.seconds(scene.program, wanted, scene.tolerance) + files
     size = max(math.ceil(SECONDS_OF_A_TASK / cost), 1)
@@ -102,11 +103,11 @@ def to_dask(scene: Scene, frames: Any = None, *, group: int | None = None) -> An
     """
     dask = _required("dask")
     array = _required("dask.array")
+    from flurries.scene.fingerprint import fingerprint
     from flurries.scene.scene import expect_scene
-    from flurries.scene.toml import fingerprint
 
     expect_scene(scene)
-    wanted = scene.numbers(frames)
+    wanted = frames_of(scene, frames)
     height, width = scene.shape
     # The background decides.
     dtype = scene.replace(effects=()).render(wanted[0], region=np.s_[:1, :1]).dtype

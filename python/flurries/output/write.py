@@ -15,6 +15,7 @@ from flurries._contract import Array, choice, flag
 from flurries.camera.lens import Camera
 from flurries.output.contents import Content
 from flurries.output.sequence import Progress
+from flurries.scene.numbers import frames_of
 
 if TYPE_CHECKING:
     from flurries.scene.scene import Scene
@@ -147,7 +148,7 @@ def write(
         raise ValueError("alone and layers must not both be given")
     from flurries.io import Pattern
 
-    wanted = scene.numbers(frames)
+    wanted = frames_of(scene, frames)
     text = os.fspath(pattern)
     still = Path(text).suffix.lower() not in _video_suffixes() and "%" not in Path(text).name
     if still:

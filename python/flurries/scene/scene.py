@@ -20,10 +20,11 @@ from flurries.frame.truth import Rendered, truth
 from flurries.io import open_background
 from flurries.io.sources import Source, VideoSource
 from flurries.light.sun import Sun
-from flurries.scene.arguments import parse_frames, parse_region, parse_size, parse_tolerance
+from flurries.scene.arguments import parse_region, parse_size, parse_tolerance
 from flurries.scene.background import Backdrop, backdrop
 from flurries.scene.depth import Distance, distance_of
 from flurries.scene.foreground import foreground_of
+from flurries.scene.numbers import frames_of
 from flurries.stereo import eyes
 
 if TYPE_CHECKING:
@@ -279,11 +280,7 @@ class Scene:
         from flurries.frame.estimate import plan_of
 
         limit = self.tolerance if tolerance is None else parse_tolerance(tolerance)
-        return plan_of(self.program, self.numbers(frames), limit)
-
-    def numbers(self, frames: Any = None) -> list[int]:
-        """Return the numbers of frames as :meth:`write` takes them, each once, in their order."""
-        return parse_frames(frames, self.frames, self.fps)
+        return plan_of(self.program, frames_of(self, frames), limit)
 
     @cached_property
     def program(self) -> Program:
