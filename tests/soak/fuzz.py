@@ -180,7 +180,7 @@ def main(what: str, folder: str, count: str, *names: str) -> None:
         except (OSError, ValueError, TypeError) as error:
             errors += 1
             if len(str(error)) > 2000:
-                complaints.append(f"{len(str(error))} letters")
+                complaints.append(f"{len(str(error))} letters: {str(error)[:200]}")
         except BaseException as error:
             complaints.append(f"{type(error).__name__}: {error}"[:300])
         slowest = max(slowest, time.process_time() - started)

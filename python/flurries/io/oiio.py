@@ -23,7 +23,7 @@ def openimageio() -> Any:
     return library
 
 
-_LIMIT = "limits:imagesize_MB"
+_LIMIT, _LONGEST = "limits:imagesize_MB", 500
 
 
 def let_open(size: int) -> None:
@@ -50,4 +50,6 @@ def last_error(*holders: Any) -> str:
         except UnicodeDecodeError:
             # It quotes a damaged file.
             messages.append("no reason that could be put into words")
-    return "; ".join(" ".join(message.split()) for message in messages if message)
+    words = "; ".join(" ".join(message.split()) for message in messages if message)
+    # A damaged file may be complained of row by row.
+    return words if len(words) <= _LONGEST else f"{words[:_LONGEST]}..."
