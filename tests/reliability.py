@@ -137,7 +137,7 @@ SECTIONS: dict[str, list[Row]] = {
              "test_scene_alpha.py::test_16_7_files_with_alpha_go_in_and_come_out",
              "test_scene_alpha.py::test_16_7_a_float_picture_of_levels_is_warned_of"),
             ("test_scene_alpha.py::test_16_7_bright_light_is_not",)),
-        Row("The viewer's server", "400, 503 or 404, never a traceback; the token in no process list",
+        Row("The viewer's server", "400, 503, 404, never a traceback; the token in no process list",
             ("test_viewer_server.py::test_16_13_numbers_out_of_all_bounds_answer_400",
              "test_viewer_server.py::test_16_13_an_odd_content_length_answers_400",
              "test_viewer_server.py::test_16_13_connections_are_capped",
