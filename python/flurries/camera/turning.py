@@ -21,7 +21,7 @@ from flurries.camera.rotation import (
     rotation_matrix,
     rotation_vector,
 )
-from flurries.motion.keys import Course, Keys, Running
+from flurries.motion.keys import Course, Integral, Keys
 
 __all__ = ["Turning", "turning_of"]
 
@@ -47,13 +47,13 @@ class Turning:
     frames: Float64
     matrices: Float64
     rates: Float64
-    _angle: Running = field(init=False, repr=False)
+    _angle: Integral = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         def angles(start: Float64, end: Float64, inside: Float64) -> Float64:
             return np.asarray(self.rates[self.pieces(inside)] * (end - start)[:, None])
 
-        object.__setattr__(self, "_angle", Running.of(angles, self.frames[1:-1]))
+        object.__setattr__(self, "_angle", Integral.of(angles, self.frames[1:-1]))
 
     @property
     def moves(self) -> bool:
@@ -75,10 +75,10 @@ class Turning:
         """Return the integral of the rate from frame 0 to `t`, (3,), in the rig's own axes."""
         return self._angle.to(t)
 
-    def integral(self, course: Course) -> Running:
+    def integral(self, course: Course) -> Integral:
         """Return the integral of R^T u: the way of a velocity u in the rig's own axes."""
         knots = np.concatenate([self.frames[1:-1], course.knots])
-        return Running.of(partial(_areas, self, course), knots)
+        return Integral.of(partial(_areas, self, course), knots)
 
     def pieces(self, inside: Float64) -> Any:
         """Return which pieces times (m,) lie in."""

@@ -585,7 +585,7 @@ def _resized(scene: Any, changes: dict[str, Any]) -> tuple[Any, dict[str, Any]]:
 
     changes = dict(changes)
     size = parse_size(changes.pop("size"))
-    return scene, {**changes, "size": size, "camera": scene.camera.scaled(size[0] / scene.size[0])}
+    return scene, {**changes, "size": size, "camera": scene.camera.resize(size[0] / scene.size[0])}
 
 
 if __name__ == "__main__":

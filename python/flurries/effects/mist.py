@@ -18,7 +18,7 @@ from flurries.effects.looks import LOOKS, mist_density, severity_of
 from flurries.effects.presets import MIST
 from flurries.frame.costs import nanoseconds
 from flurries.frame.layer import Layer
-from flurries.frame.needs import PARTS, Cost, LeftOut, Needs, Saving, Step, keyed
+from flurries.frame.needs import PARTS, Cost, LeftOut, Needs, Saving, Step, has_keys
 from flurries.frame.view import Frame
 from flurries.gas.splatting import FINISHED, FOOTPRINTS, sorted_gas
 from flurries.gas.visibility import count_for_visibility
@@ -295,7 +295,7 @@ class Mist:
             return Needs((), (LeftOut(name, "it has no density"),), most=0.0)
         ambient = self.color == AMBIENT
         # The background's light may change from frame to frame.
-        still = not (ambient or keyed(self) or np.any(value_at(self.wind, 0.0)))
+        still = not (ambient or has_keys(self) or np.any(value_at(self.wind, 0.0)))
         lit = self.lit and frame.sun is not None
         step = Step("lit gas" if lit else "gas", lambda: self._cost(frame, lit), once=still)
         out = () if lit else (LeftOut(f"{name}: sort", "its particles have one color"),)

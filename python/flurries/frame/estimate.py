@@ -34,7 +34,7 @@ _TABLES = 20 << 10
 
 @dataclass
 class _Row:
-    """A step over the frames that were looked at."""
+    """A step over the frames of the sample."""
 
     size: str
     once: bool
@@ -44,18 +44,18 @@ class _Row:
 
 def seconds(program: Program, numbers: Sequence[int], tolerance: float = 0.0) -> float:
     """Return what a frame takes by the fixed model, on one thread: the same on all machines."""
-    looked = _looked_at(program, numbers)
-    rows = [row for t in looked for row in _Frame(program, t, program.choice(t, tolerance)).rows]
-    return 1e-9 * sum(nanoseconds(c.work) for _, c, once in rows if not once) / len(looked)
+    sample = _sample(program, numbers)
+    rows = [row for t in sample for row in _Frame(program, t, program.choice(t, tolerance)).rows]
+    return 1e-9 * sum(nanoseconds(c.work) for _, c, once in rows if not once) / len(sample)
 
 
 def plan_of(program: Program, numbers: Sequence[int], tolerance: float = 0.0) -> Plan:
     """Return the plan of a scene's frames; see :meth:`flurries.Scene.plan`."""
-    looked, factors = _looked_at(program, numbers), scales()
+    sample, factors = _sample(program, numbers), scales()
     rows: dict[str, _Row] = {}
     gone: dict[str, list[LeftOut]] = {}
     spent, errors, totals, peak = {}, [0.0], [], 0
-    for t in looked:
+    for t in sample:
         choice = program.choice(t, tolerance)
         errors.append(choice.error)
         spent.update({one.what: one for one in choice.spent})
@@ -71,7 +71,7 @@ def plan_of(program: Program, numbers: Sequence[int], tolerance: float = 0.0) ->
             gone.setdefault(one.what, []).append(one)
     # Effects that come in later stand before it all the same.
     rows["composite"] = rows.pop("composite")
-    count = len(looked)
+    count = len(sample)
     left_out = list(program.left_out)
     for what, same in gone.items():
         rare = f", in {100.0 * len(same) / count:.0f} % of frames" if len(same) < count else ""
@@ -100,7 +100,7 @@ def plan_of(program: Program, numbers: Sequence[int], tolerance: float = 0.0) ->
     )
 
 
-def _looked_at(program: Program, numbers: Sequence[int]) -> list[float]:
+def _sample(program: Program, numbers: Sequence[int]) -> list[float]:
     """Return the frames that stand for a film: evenly spread, and around every key."""
     spread = {numbers[i] for i in np.linspace(0, len(numbers) - 1, LOOKED_AT).astype(int)}
     keyed = {
@@ -133,7 +133,7 @@ class _Frame:
         height, width = program.shape
         pixels = float(height * width)
         self.dtype = program.backdrop.frame(t).dtype
-        self.window = program.seen(whole(program.shape), choice.hidden)
+        self.window = program.open_part(whole(program.shape), choice.hidden)
         asks = self._asks(t)
         reads = frozenset[str]().union(*(ask.needs.reads for ask in asks))
         film = {} if program.backdrop.count is None else {"decoded pixel": pixels}
@@ -159,7 +159,7 @@ class _Frame:
             made.append(self._effect(names[-1], ask))
         fused = 0 if self.banded or program.matte else sum(a.needs.in_one_pass for a in asks)
         self.rows.append(("composite", self._composite(len(asks), fused), False))
-        self.bytes = self._held(made)
+        self.bytes = self._peak(made)
 
     def _asks(self, t: float) -> list[Ask]:
         """Return the effects that run, and note why others do not."""
@@ -244,7 +244,7 @@ class _Frame:
             work["encoded pixel"] = 2.0 * pixels
         return Cost(work, f"{layers} layer{'s' * (layers != 1)}", 3 * item * pixels)
 
-    def _held(self, made: list[tuple[int, int]]) -> int:
+    def _peak(self, made: list[tuple[int, int]]) -> int:
         """Return the most bytes that are held at one time, of effects' layers and planes.
 
         Of a frame that is made in bands it is those of a band, and the frame itself.

@@ -151,7 +151,7 @@ class Needs:
         return replace(self, steps=left, in_one_pass=one_pass)
 
 
-def skipped(step: Step, error: float) -> Saving:
+def omission(step: Step, error: float) -> Saving:
     """Return the saving of leaving out a step."""
     return Saving(step.name, f"no {step.name}", error, lambda _: nanoseconds(step.cost().work))
 
@@ -171,16 +171,16 @@ def needs_of(effect: Any, frame: Frame) -> Needs:
     return said
 
 
-def keyed(value: Any, depth: int = 3) -> bool:
+def has_keys(value: Any, depth: int = 3) -> bool:
     """Whether something varies over time: holds keys, or cannot be looked into."""
     if isinstance(value, Keys):
         return True
     if depth == 0:
         return False
     if is_dataclass(value):
-        return any(keyed(getattr(value, f.name, None), depth - 1) for f in fields(value))
+        return any(has_keys(getattr(value, f.name, None), depth - 1) for f in fields(value))
     if isinstance(value, (tuple, list)) and len(value) <= 16:
-        return any(keyed(one, depth - 1) for one in value)
+        return any(has_keys(one, depth - 1) for one in value)
     return False
 
 

@@ -32,7 +32,7 @@ def images(
         plate = crop(program.backdrop.frame(t), window)
     choice = program.choice(t, tolerance)
     # Where none of the weather can be seen, none is made.
-    inner = program.seen(window, choice.hidden)
+    inner = program.open_part(window, choice.hidden)
     mix, matte = program.mix(plate, table=choice.table), program.matte
     # With alpha, integers show what is less than half a step: in the colors of what is faint.
     dtype = plate.dtype if plate.shape[2] == 3 else np.dtype(np.float32)

@@ -19,7 +19,7 @@ from flurries.camera.path import CameraPath
 from flurries.frame.bands import most_bands, whole
 from flurries.frame.matte import Matte
 from flurries.frame.mixing import Mix
-from flurries.frame.needs import Kept, LeftOut, Needs, Run, keyed, needs_of
+from flurries.frame.needs import Kept, LeftOut, Needs, Run, has_keys, needs_of
 from flurries.frame.tolerance import EXACT, LEVELS, STEEPEST, Choice, Light, choose
 from flurries.frame.view import Frame
 from flurries.frame.visible import Visible, Window
@@ -122,7 +122,7 @@ class Program:
 
     def _add(self, index: int, effect: Any) -> None:
         needs = None
-        if not keyed(effect):
+        if not has_keys(effect):
             needs = needs_of(effect, self.frame(0.0))
             if not needs.steps:
                 self.left_out += needs.left_out
@@ -139,7 +139,7 @@ class Program:
 
     def camera(self, eye: Camera | None, t: float) -> Camera:
         """Return an eye, or the path's own camera, as it is at `t`."""
-        return self.path.seen(self.path.camera if eye is None else eye, t)
+        return self.path.pose(self.path.camera if eye is None else eye, t)
 
     def frame(self, t: float, camera: Camera | None = None, window: Window | None = None) -> Frame:
         """Return the view of an effect that draws no random numbers, without depth and light."""
@@ -175,7 +175,7 @@ class Program:
         """
         base = self.frame(t, camera, window)
         runs = []
-        for part, needs in self._running(base, dtype):
+        for part, needs in self._parts_in(base, dtype):
             rest = needs.without(choice.without.get(part.place, frozenset()))
             if rest.steps:
                 runs.append((part, rest))
@@ -205,7 +205,7 @@ class Program:
         asks = self.asks(t, self.camera(None, t), whole(self.shape), None)
         return [(ask.part.effect, ask.frame) for ask in asks]
 
-    def _running(self, frame: Frame, dtype: np.dtype[Any] | None) -> list[tuple[Part, Needs]]:
+    def _parts_in(self, frame: Frame, dtype: np.dtype[Any] | None) -> list[tuple[Part, Needs]]:
         """Return the parts that show anything in a frame, with their needs."""
         runs = []
         for part in self.parts:
@@ -232,7 +232,7 @@ class Program:
             picture, encoding = self.backdrop.frame(t), self.backdrop.encoding
             self._light = Light.of(picture, self.linear, encoding)
         light, dtype = self._light, self.backdrop.frame(t).dtype
-        runs = self._running(self.frame(t), dtype)
+        runs = self._parts_in(self.frame(t), dtype)
         # Nothing that counts changes: asked once.
         fixed = all(part.needs is not None for part, _ in runs)
         key = (tolerance, light, tuple(part.place for part, _ in runs)) if fixed else None
@@ -260,7 +260,7 @@ class Program:
             self._shares = [(level, share) for share, level in found.items() if share > 0.0]
         return self._shares
 
-    def seen(self, window: Window, hidden: float = 0.0) -> Window | None:
+    def open_part(self, window: Window, hidden: float = 0.0) -> Window | None:
         """Return the part of a window in which the weather can be seen at all."""
         if not self.parts:
             return None

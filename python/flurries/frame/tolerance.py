@@ -153,7 +153,7 @@ class Light(NamedTuple):
         return self.step * math.ceil((price + ROUNDING) / self.step)
 
 
-class _Taken(NamedTuple):
+class _Entry(NamedTuple):
     """What is spent on the effect at a place of the scene: on steps left out, or on settings."""
 
     place: int
@@ -167,7 +167,7 @@ class _Bundle(NamedTuple):
 
     price: float
     saved: float
-    taken: tuple[_Taken, ...] = ()
+    taken: tuple[_Entry, ...] = ()
 
 
 _NOTHING = _Bundle(0.0, 0.0)
@@ -250,7 +250,7 @@ def _one(
 ) -> _Bundle:
     """Return the bundle of a single saving; its price is the error of an opacity."""
     spent = Spent(what, error, 1e-6 * saved)
-    return _Bundle(error, saved, (_Taken(place, spent, steps, settings),))
+    return _Bundle(error, saved, (_Entry(place, spent, steps, settings),))
 
 
 def _partly(place: int, name: str, needs: Needs, light: Light, limit: float) -> list[_Bundle]:

@@ -162,7 +162,7 @@ class Frame:
 
     def rotation(self) -> Float64:
         """Return the integral of `spin` since frame 0, (3,) radians."""
-        return self.to_camera(self.path.turned(self.t))
+        return self.to_camera(self.path.rotation(self.t))
 
     def spin(self) -> Float64:
         """Return how fast the eye turns, (3,) radians per frame in its own axes, right-handed."""

@@ -18,7 +18,7 @@ import numpy.typing as npt
 
 from flurries import _core
 from flurries._contract import Float64
-from flurries.motion.keys import Course, Running
+from flurries.motion.keys import Course, Integral
 
 # Waves of the gusts and of the swirls, each.
 WAVES = 24
@@ -121,7 +121,7 @@ def _mirror(count: tuple[int, ...]) -> npt.NDArray[np.intp]:
 
 
 @lru_cache(maxsize=32)
-def carried(waves: Waves, course: Course, fps: float) -> tuple[Running, Running]:
+def carry(waves: Waves, course: Course, fps: float) -> tuple[Integral, Integral]:
     """Return the way q of a course, and the integral of exp(i (k . q - w t)) as (real, imaginary).
 
     The course is a velocity in metres per frame; integrals count frames.
@@ -131,7 +131,7 @@ def carried(waves: Waves, course: Course, fps: float) -> tuple[Running, Running]
         values, _ = course.line(0.5 * (start + end), inside)
         return np.asarray(values * (end - start)[:, None])
 
-    way = Running.of(ways, course.knots)
+    way = Integral.of(ways, course.knots)
     rate = waves.omega / fps
 
     def turns(start: Float64, end: Float64, inside: Float64) -> Float64:
@@ -143,7 +143,7 @@ def carried(waves: Waves, course: Course, fps: float) -> tuple[Running, Running]
             result[row, : len(rate)], result[row, len(rate) :] = found.real, found.imag
         return result
 
-    sums = Running.of(turns, course.knots)
+    sums = Integral.of(turns, course.knots)
     return way, replace(sums, sums=sums.sums + _start(waves, course, rate))
 
 

@@ -77,7 +77,7 @@ def read_colmap(
     if not rows:
         raise ValueError(f"{file}: no image is there")
     rows.sort(key=lambda row: row[0])
-    frames = _numbered([name for name, _, _ in rows])
+    frames = _frame_numbers([name for name, _, _ in rows])
     ordered = np.argsort(frames, kind="stable")
     frames, rows = frames[ordered], [rows[i] for i in ordered]
     turns = matrices_of(np.array([_unit(file, row[1][:4]) for row in rows])).transpose(0, 2, 1)
@@ -131,7 +131,7 @@ def _unit(file: Path, values: list[float]) -> list[float]:
     return [value / length for value in values]
 
 
-def _numbered(names: list[str]) -> Float64:
+def _frame_numbers(names: list[str]) -> Float64:
     """Return frames of sorted names: the numbers that they end in, or their order."""
     found = [re.search(r"(\d{1,15})\D*$", Path(name).stem) for name in names]
     numbers = [int(match[1]) for match in found if match is not None]

@@ -88,12 +88,12 @@ def path_of(
     # Keys cannot be matrices, and are not checked as these are.
     CameraPath(lens, orientation=turns)
 
-    def keyed(values: Sequence[Any]) -> Keys:
+    def keys_of(values: Sequence[Any]) -> Keys:
         return Keys(list(zip(frames.tolist(), values, strict=True)))
 
     return CameraPath(
         lens,
-        position=keyed(places.tolist()),
-        orientation=keyed(quaternions_of(turns).tolist()),
-        focal=None if focal is None else keyed(focal.tolist()),
+        position=keys_of(places.tolist()),
+        orientation=keys_of(quaternions_of(turns).tolist()),
+        focal=None if focal is None else keys_of(focal.tolist()),
     )
