@@ -12,6 +12,8 @@ import stat
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from flurries._contract import _came, integer
+
 _BLOCK = 1 << 20
 
 _PIXELS_VARIABLE, _BYTES_VARIABLE = "FLURRIES_MAX_PIXELS", "FLURRIES_MAX_BYTES"
@@ -44,12 +46,25 @@ class Budget:
 
     Raises
     ------
-    ValueError
-        If a variable is not a whole number above 0.
+    ValueError, TypeError
+        If one of them, or a variable, is not a whole number above 0.
     """
 
     pixels: int = field(default_factory=lambda: _limit(_PIXELS_VARIABLE, _PIXELS))
     bytes: int = field(default_factory=lambda: _limit(_BYTES_VARIABLE, _BYTES))
+
+    def __post_init__(self) -> None:
+        integer("pixels", self.pixels, low=1, high=2**62)
+        integer("bytes", self.bytes, low=1, high=2**62)
+
+    @staticmethod
+    def of(budget: object) -> Budget:
+        """Return the budget that a reader is given, or the usual one."""
+        if budget is None:
+            return Budget()
+        if not isinstance(budget, Budget):
+            raise TypeError(f"budget must be a flurries.io.Budget, got {_came(budget)}")
+        return budget
 
     def admit(self, path: Path, size: tuple[int, int], pixel_bytes: int) -> None:
         """Raise OSError if a picture of (width, height) with so many bytes a pixel is too large."""

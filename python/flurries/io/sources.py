@@ -257,6 +257,8 @@ def open_background(
     """
     if damaged not in ("stop", "hold"):
         raise ValueError(f"damaged must be 'stop' or 'hold', got {damaged!r}")
+    if budget is not None:
+        Budget.of(budget)
     path = _place("background", spec)
     if path.suffix.lower() in READABLE and not _is_pattern(path):
         return VideoSource(str(path), damaged, budget)

@@ -121,7 +121,7 @@ def open_video(path: Path, budget: Budget | None = None) -> tuple[Any, Any]:
         raise OSError(f"{path}: the video is damaged, or of a codec that is not known")
     # One thread: threads of a decoder do not survive a fork, and a child that frees it hangs.
     stream.codec_context.thread_count = 1
-    limits = Budget() if budget is None else budget
+    limits = Budget.of(budget)
     # Codecs have whole blocks of pixels.
     room = limits.pixels + limits.pixels // 8 + 2**16
     stream.codec_context.options = {"max_pixels": str(room)}

@@ -43,13 +43,13 @@ class VideoReader:
     """
 
     def __init__(self, path: str | os.PathLike[str], *, budget: Budget | None = None) -> None:
-        self.path, self._budget = plain_file(path), budget
+        self.path, self._budget = plain_file(path), Budget.of(budget)
         check_structure(self.path)
         never_free_in_children(self)
         self._container, self._stream = open_video(self.path, self._budget)
         rate = self._stream.average_rate or self._stream.guessed_rate
         self.fps = float(rate) if rate else None
-        self._index = index_frames(self.path, budget)
+        self._index = index_frames(self.path, self._budget)
         self._frames = self._decode()
         # The frame that the decoder will yield next, and those that it yielded ahead of need.
         self._next = 0

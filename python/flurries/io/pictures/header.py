@@ -227,7 +227,7 @@ def opened_picture(path: str | os.PathLike[str], budget: Budget | None = None) -
         If it is no plain file, damaged, no picture, or claims more than the budget allows.
     """
     found = plain_file(path)
-    limits = Budget() if budget is None else budget
+    limits = Budget.of(budget)
     check_structure(found)
     reader = _reader_of(found, limits)
     try:
