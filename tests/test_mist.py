@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import pickle
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -166,7 +167,7 @@ def test_the_sun_shades_the_gas():
     # Ambient light alone is the plain color; so is no sun, and a gas that is not lit.
     flat = scene(effect, sun=fl.Sun((0, 1, 0), 1.0, ambient=1.0)).render(0)
     none = scene(effect).render(0)
-    unlit = scene(fl.Mist(**{**vars(effect), "lit": False}), sun=fl.Sun()).render(0)
+    unlit = scene(replace(effect, lit=False), sun=fl.Sun()).render(0)
     np.testing.assert_allclose(flat, none, atol=3e-6)
     np.testing.assert_array_equal(unlit, none)
     # Into the sun a cloud of droplets is brighter than away from it.

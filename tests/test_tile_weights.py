@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import flurries as fl
-from flurries.spectral.tiles import tile_shares, tile_weights
+from flurries.spectral.tiles import power_shares, tile_weights
 
 CASES = ((100, 32, 8), (70, 16, 0), (95, 24, 12), (20, 32, 5), (90, 20, 19), (61, 60, 59))
 
@@ -29,7 +29,7 @@ def test_weights_are_those_of_the_kernel(length: int, tile: int, overlap: int, b
 @pytest.mark.parametrize("blend", ["power", "linear"])
 @pytest.mark.parametrize(("length", "tile", "overlap"), CASES)
 def test_shares_are_of_the_power_of_independent_tiles(length, tile, overlap, blend):
-    shares, power = tile_shares(length, tile=tile, overlap=overlap, blend=blend)
+    shares, power = power_shares(length, tile=tile, overlap=overlap, blend=blend)
     assert shares.sum(axis=1) == pytest.approx(1.0, abs=1e-14)
     if blend == "power" or overlap == 0 or shares.shape[1] == 1:
         assert power == pytest.approx(1.0, abs=1e-14)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import pickle
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -204,9 +205,11 @@ def test_a_closed_path_returns_the_frame():
         assert not path.turns
         shown = fl.Scene((90, 70), camera=path, effects=[still])
         # But for the waves' temporal filter, which goes by the rate of the frame.
-        first, last = (shown.effects[0].texture_request(one(shown, t)) for t in (0.0, 4.0))
+        field = still.parts.texture.field
+        frames = [one(shown, t) for t in (0.0, 4.0)]
+        first, last = (field.request(frame, field.motion.way(frame)) for frame in frames)
         assert np.array_equal(first.drift, last.drift) and np.array_equal(first.shift, last.shift)
-        kept = shown.replace(effects=[fl.Snow(**{**vars(still), "alias": "keep"})])
+        kept = shown.replace(effects=[replace(still, alias="keep")])
         assert np.array_equal(kept.render(0), kept.render(4))
         assert not np.array_equal(kept.render(0), kept.render(2))
 

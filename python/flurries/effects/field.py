@@ -22,7 +22,7 @@ from flurries.motion.wind import Wind
 from flurries.spectral.frame import Request
 from flurries.spectral.motion import depth_of_wave, tile_motion
 from flurries.spectral.tables import FAR, warn_far, warn_long
-from flurries.spectral.tiles import tile_shares
+from flurries.spectral.tiles import power_shares
 from flurries.trace import count
 
 # Mean, spread, power and amount of the map from field to opacity.
@@ -229,8 +229,8 @@ class Field:
         depth = depth_of_wave(length, self.near_depth, longest)
         top, bottom, left, right = frame.window
         height, width = frame.shape
-        down, _ = tile_shares(height, tile=tall, overlap=overlap, blend=self.blend)
-        across, _ = tile_shares(width, tile=wide, overlap=overlap, blend=self.blend)
+        down, _ = power_shares(height, tile=tall, overlap=overlap, blend=self.blend)
+        across, _ = power_shares(width, tile=wide, overlap=overlap, blend=self.blend)
         x, y, z = (
             (down[top:bottom] @ plane @ across[left:right].T).astype(np.float32)
             for plane in (motion[..., 0], motion[..., 1], depth)

@@ -20,7 +20,7 @@ from flurries.effects.motion import Way
 from flurries.frame.view import Frame
 from flurries.spectral.contrast import kept_power, mean_opacity
 from flurries.spectral.motion import depth_of_wave
-from flurries.spectral.tiles import tile_shares
+from flurries.spectral.tiles import power_shares
 
 # Numbers of a product that are held in float64.
 _HELD = 1 << 16
@@ -108,8 +108,8 @@ def _axes(field: Field, frame: Frame) -> tuple[tuple[Float64, Float64], tuple[Fl
     (tall, wide), overlap = field.layout(frame).tiling
     height, width = frame.shape
     return (
-        tile_shares(height, tile=tall, overlap=overlap, blend=field.blend),
-        tile_shares(width, tile=wide, overlap=overlap, blend=field.blend),
+        power_shares(height, tile=tall, overlap=overlap, blend=field.blend),
+        power_shares(width, tile=wide, overlap=overlap, blend=field.blend),
     )
 
 

@@ -110,7 +110,12 @@ def samples() -> dict[str, tuple[Callable[[], object], float]]:
         "texture pixel": 512.0 * 512.0,
     }
     # A radius of 0.03 is a standard deviation of 1 px there: 8 rows of one run each.
-    flakes = {"disc": count, "disc run": 8.3 * count, "mask pixel": 512.0 * 512.0}
+    flakes = {
+        "flake listed": count,
+        "disc": count,
+        "disc run": 8.3 * count,
+        "mask pixel": 512.0 * 512.0,
+    }
     return {
         "texture": (
             lambda: alpha(
