@@ -7,9 +7,9 @@ use super::frame::{Picture, PictureMut};
 use super::gate;
 use super::particles::SortedFlakes;
 use super::spectral::{Request, estimate, opacity_map};
-use crate::error::Error;
+use crate::base::error::Error;
+use crate::frame::onepass::{Drawn, Snowfall};
 use crate::frame::sample::Sample;
-use crate::snowfall::{Drawn, Snowfall};
 
 /// What lies over the picture, as [`Snowfall`] has it.
 struct Asked<'py> {
@@ -30,7 +30,7 @@ pub enum Flakes<'py> {
     Plane(PyReadonlyArray2<'py, f32>),
 }
 
-/// Snow of one colour over a picture, from the request of its texture, its map (mean, spread, power,
+/// Snow of one color over a picture, from the request of its texture, its map (mean, spread, power,
 /// amount), flakes or the opacity of drawn ones, and a veil; returns how many tiles were transformed.
 #[pyfunction]
 #[expect(clippy::too_many_arguments, reason = "one flat call from the effect")]

@@ -1,6 +1,7 @@
 //! What a caller can do wrong, and the few things that can go wrong without him.
 
 use std::fmt;
+use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::atomic::{AtomicBool, Ordering};
 
 /// The one error type of the kernels. The Python gate turns each variant into its exception.
@@ -43,6 +44,19 @@ impl fmt::Display for Error {
 }
 
 impl std::error::Error for Error {}
+
+/// Runs a kernel; a panic in it, on whatever thread of the pool, is a defect of ours and not the end of
+/// the caller.
+pub fn guarded<R>(kernel: impl FnOnce() -> Result<R, Error>) -> Result<R, Error> {
+    catch_unwind(AssertUnwindSafe(kernel)).unwrap_or_else(|panic| {
+        let words = panic
+            .downcast_ref::<&str>()
+            .copied()
+            .or_else(|| panic.downcast_ref::<String>().map(String::as_str))
+            .unwrap_or("no message");
+        Err(Error::Internal(format!("a kernel panicked: {words}")))
+    })
+}
 
 /// Refuses a number that is not finite.
 pub fn finite(argument: &'static str, value: f64) -> Result<f64, Error> {

@@ -6,11 +6,16 @@
 //! dropped: dropping would wait for threads that do not exist. The slots are plain atomics, since a
 //! lock could be held by another thread at the moment of the fork and would stay held forever.
 
+#![expect(
+    unsafe_code,
+    reason = "reads pools that are leaked through atomic pointers, since a lock could be held at a fork"
+)]
+
 use std::sync::atomic::{AtomicPtr, AtomicUsize, Ordering};
 
 use rayon::prelude::*;
 
-use crate::error::{Error, collected};
+use crate::base::error::{Error, collected};
 
 /// The most threads that may be asked for.
 pub const MOST_THREADS: usize = 256;
@@ -114,6 +119,7 @@ pub fn split(length: usize, parts: usize) -> Vec<std::ops::Range<usize>> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::base::error::guarded;
 
     #[test]
     fn the_environment_is_read_kindly() {
@@ -143,6 +149,27 @@ mod tests {
         })
         .unwrap();
         assert!(values.iter().enumerate().all(|(i, &value)| value == i as u32));
+    }
+
+    #[test]
+    fn a_panic_of_a_worker_is_an_error_and_the_pool_works_on() {
+        let attempt = |bad: usize| {
+            guarded(|| {
+                for_each(0..4, |i| {
+                    assert!(i != bad, "item {bad}");
+                    Ok(())
+                })
+            })
+        };
+        std::thread::scope(|scope| {
+            for _ in 0..8 {
+                scope.spawn(|| {
+                    let wanted = Error::Internal("a kernel panicked: item 2".into());
+                    assert_eq!(attempt(2), Err(wanted));
+                    assert_eq!(attempt(4), Ok(()));
+                });
+            }
+        });
     }
 
     #[test]

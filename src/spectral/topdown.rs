@@ -14,11 +14,12 @@ use super::band::Band;
 use super::field::{Field, Ready, Window};
 use super::filter::TemporalFilter;
 use super::parts::Parts;
-use super::stripes::{Mapped, Strip, Target, runs};
+use super::stripes::{Mapped, Strip, runs};
+use super::target::Target;
 use super::tiles::{Blend, Row};
-use crate::error::{Cancel, Error};
-use crate::pool;
-use crate::real::Real;
+use crate::base::error::{Cancel, Error};
+use crate::base::pool;
+use crate::base::real::Real;
 
 /// A field with arrays of its own.
 struct Stored {
@@ -111,7 +112,8 @@ impl<T: Real> Columns<T> {
     ) -> Result<Self, Error> {
         let (start, width) = (window.rows.start, cols.len());
         let most = ready.field.tile.0.min(window.rows.len()) * width;
-        let waiting = Waiting { width, values: crate::error::zeroed(most)?, rows: start..start };
+        let waiting =
+            Waiting { width, values: crate::base::error::zeroed(most)?, rows: start..start };
         let strip = Strip::new(ready, window.rows.clone(), cols, mapped)?;
         Ok(Self { width, strip, waiting })
     }
@@ -143,7 +145,7 @@ impl<T: Real> Columns<T> {
 }
 
 /// The rows of a window that have not been taken yet.
-pub struct Bands<T: Real> {
+pub struct TopDown<T: Real> {
     stored: Stored,
     parts: Arc<Parts<T>>,
     lines: (Row, Row),
@@ -152,7 +154,7 @@ pub struct Bands<T: Real> {
     columns: Vec<Columns<T>>,
 }
 
-impl<T: Real> Bands<T> {
+impl<T: Real> TopDown<T> {
     /// The rows of a window of a field, or of its opacity.
     pub fn new(field: &Field<'_>, window: &Window, mapped: Option<Mapped>) -> Result<Self, Error> {
         let ready = field.ready::<T>()?;
@@ -255,7 +257,7 @@ mod tests {
                     let cancel = Cancel::new();
                     ready.render(&window, whole.view_mut(), map, &cancel).unwrap();
                     for step in [1, 7, 40, 100] {
-                        let mut bands = Bands::new(&field, &window, map).unwrap();
+                        let mut bands = TopDown::new(&field, &window, map).unwrap();
                         let mut made = 0;
                         for top in (0..height).step_by(step) {
                             let bottom = (top + step).min(height);

@@ -6,8 +6,8 @@ use flurries_fft::Transform;
 use num_complex::Complex;
 use num_traits::Float;
 
-use crate::lanes::{Lanes, Plain};
-use crate::simd::multiply_add;
+use crate::base::lanes::{Lanes, Plain};
+use crate::base::simd::multiply_add;
 
 /// float32 or float64 pixels.
 pub trait Real: Transform + Float + std::ops::AddAssign + std::ops::MulAssign {
@@ -36,9 +36,9 @@ pub trait Real: Transform + Float + std::ops::AddAssign + std::ops::MulAssign {
 
 impl Real for f64 {
     #[cfg(target_arch = "x86_64")]
-    type Avx512 = crate::lanes::F64x8;
+    type Avx512 = crate::base::lanes::F64x8;
     #[cfg(target_arch = "x86_64")]
-    type Avx2 = crate::lanes::F64x4;
+    type Avx2 = crate::base::lanes::F64x4;
     #[cfg(not(target_arch = "x86_64"))]
     type Avx512 = Self::Portable;
     #[cfg(not(target_arch = "x86_64"))]
@@ -99,9 +99,9 @@ fn series<const TERMS: usize, const LEVEL: u8>(square: f64, offset: f64) -> f64 
 
 impl Real for f32 {
     #[cfg(target_arch = "x86_64")]
-    type Avx512 = crate::lanes::F32x16;
+    type Avx512 = crate::base::lanes::F32x16;
     #[cfg(target_arch = "x86_64")]
-    type Avx2 = crate::lanes::F32x8;
+    type Avx2 = crate::base::lanes::F32x8;
     #[cfg(not(target_arch = "x86_64"))]
     type Avx512 = Self::Portable;
     #[cfg(not(target_arch = "x86_64"))]
@@ -169,7 +169,7 @@ fn polynomial<const TERMS: usize, const LEVEL: u8>(c: &[f32; TERMS], x: f32) -> 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::simd::PORTABLE;
+    use crate::base::simd::PORTABLE;
 
     #[test]
     fn the_series_are_right_to_float64() {

@@ -11,7 +11,7 @@
 use std::sync::OnceLock;
 use std::sync::atomic::{AtomicU8, Ordering};
 
-use crate::real::Real;
+use crate::base::real::Real;
 
 /// What the loops may use.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -100,43 +100,44 @@ macro_rules! dispatch {
     ) => {
         $(#[$meta])*
         #[allow(clippy::too_many_arguments, reason = "some kernels take many slices, one by one")]
+        #[allow(unsafe_code, reason = "what is compiled for a level may run where the level is there")]
         $visibility fn $name $(<$real: $bound>)? ($($argument: $type),*) $(-> $result)? {
             #[cfg(target_arch = "x86_64")]
             {
                 #[target_feature(enable = "avx2")]
                 unsafe fn avx2_plain $(<$real: $bound>)? ($($argument: $type),*) $(-> $result)? {
-                    $kernel::<$($real,)? { $crate::simd::PORTABLE }>($($argument),*)
+                    $kernel::<$($real,)? { $crate::base::simd::PORTABLE }>($($argument),*)
                 }
                 #[target_feature(enable = "avx512f,avx512vl,avx512dq,avx512bw,avx2")]
                 unsafe fn avx512_plain $(<$real: $bound>)? ($($argument: $type),*) $(-> $result)? {
-                    $kernel::<$($real,)? { $crate::simd::PORTABLE }>($($argument),*)
+                    $kernel::<$($real,)? { $crate::base::simd::PORTABLE }>($($argument),*)
                 }
                 #[target_feature(enable = "avx2,fma")]
                 unsafe fn avx2 $(<$real: $bound>)? ($($argument: $type),*) $(-> $result)? {
-                    $kernel::<$($real,)? { $crate::simd::AVX2 }>($($argument),*)
+                    $kernel::<$($real,)? { $crate::base::simd::AVX2 }>($($argument),*)
                 }
                 #[target_feature(enable = "avx512f,avx512vl,avx512dq,avx512bw,avx2,fma")]
                 unsafe fn avx512 $(<$real: $bound>)? ($($argument: $type),*) $(-> $result)? {
-                    $kernel::<$($real,)? { $crate::simd::AVX512 }>($($argument),*)
+                    $kernel::<$($real,)? { $crate::base::simd::AVX512 }>($($argument),*)
                 }
-                let plain = $crate::simd::reproducible();
-                match $crate::simd::level() {
-                    $crate::simd::Level::Avx512 if plain => {
+                let plain = $crate::base::simd::reproducible();
+                match $crate::base::simd::level() {
+                    $crate::base::simd::Level::Avx512 if plain => {
                         // SAFETY: `level` has asked the processor for these instructions.
                         return unsafe { avx512_plain $(::<$real>)? ($($argument),*) };
                     }
-                    $crate::simd::Level::Avx2 if plain => {
+                    $crate::base::simd::Level::Avx2 if plain => {
                         // SAFETY: as above.
                         return unsafe { avx2_plain $(::<$real>)? ($($argument),*) };
                     }
                     // SAFETY: `level` has asked the processor for these instructions.
-                    $crate::simd::Level::Avx512 => return unsafe { avx512 $(::<$real>)? ($($argument),*) },
+                    $crate::base::simd::Level::Avx512 => return unsafe { avx512 $(::<$real>)? ($($argument),*) },
                     // SAFETY: as above.
-                    $crate::simd::Level::Avx2 => return unsafe { avx2 $(::<$real>)? ($($argument),*) },
-                    $crate::simd::Level::Portable => {}
+                    $crate::base::simd::Level::Avx2 => return unsafe { avx2 $(::<$real>)? ($($argument),*) },
+                    $crate::base::simd::Level::Portable => {}
                 }
             }
-            $kernel::<$($real,)? { $crate::simd::PORTABLE }>($($argument),*)
+            $kernel::<$($real,)? { $crate::base::simd::PORTABLE }>($($argument),*)
         }
     };
 }

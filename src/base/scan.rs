@@ -2,10 +2,10 @@
 
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use crate::error::Error;
-use crate::pool;
-use crate::real::Real;
-use crate::simd::dispatch;
+use crate::base::error::Error;
+use crate::base::pool;
+use crate::base::real::Real;
+use crate::base::simd::dispatch;
 
 /// Numbers between two looks at whether the answer is known.
 const RUN: usize = 1 << 12;

@@ -5,15 +5,15 @@
 
 use num_traits::Float;
 
-use crate::real::Real;
-use crate::simd::{PORTABLE, multiply_add};
+use crate::base::real::Real;
+use crate::base::simd::{PORTABLE, multiply_add};
 
 /// What Gaussians need of a pixel's precision beyond [`Real`].
 pub trait Normal: Real {
     /// erfc(u / sqrt 2) is taken as constant (and zero to rounding) beyond this u.
     const SATURATED: f64;
 
-    /// exp(x) for x from -80 to 0, with the products of a level of [`crate::simd`].
+    /// exp(x) for x from -80 to 0, with the products of a level of [`crate::base::simd`].
     fn exp_at<const LEVEL: u8>(x: Self) -> Self;
 
     /// exp(x) for x from -80 to 0, the same bits at every level.

@@ -4,7 +4,7 @@ use std::ops::{Deref, DerefMut};
 
 use num_traits::Zero;
 
-use crate::error::{Error, zeroed};
+use crate::base::error::{Error, zeroed};
 
 /// Bytes of a cache line, and of the longest vector.
 const LINE: usize = 64;

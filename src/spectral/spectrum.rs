@@ -3,14 +3,14 @@
 //! Waves stand in rows of one ky, so that loops without branches do them all on vector lanes; places
 //! of the rows that the band leaves out have amplitude 0.
 
-use super::filter::{Alias, TemporalFilter};
+use super::filter::{TemporalFilter, fill_gains};
 use super::tent::Motion;
 use super::waves::{Draw, Waves};
-use crate::aligned::Aligned;
-use crate::error::{Error, collected, zeroed};
-use crate::random::mix64;
-use crate::real::Real;
-use crate::simd::dispatch;
+use crate::base::aligned::Aligned;
+use crate::base::error::{Error, collected, zeroed};
+use crate::base::random::mix64;
+use crate::base::real::Real;
+use crate::base::simd::dispatch;
 
 /// Places that a loop advances by: one AVX-512 register of float64.
 const LANES: usize = 8;
@@ -310,7 +310,7 @@ fn gain_lanes_with<const LEVEL: u8>(
     wavelength: &[f64],
     values: &mut [f64],
 ) -> Power {
-    filtered(filter, values);
+    fill_gains(filter, values);
     let (mut present, mut kept) = ([0.0; LANES], [0.0; LANES]);
     let places = amplitude.chunks_exact(LANES).zip(wavelength.chunks_exact(LANES));
     for (values, (amplitude, wavelength)) in values.chunks_exact_mut(LANES).zip(places) {
@@ -322,58 +322,6 @@ fn gain_lanes_with<const LEVEL: u8>(
         }
     }
     Power { present: 2.0 * present.iter().sum::<f64>(), kept: 2.0 * kept.iter().sum::<f64>() }
-}
-
-/// Rates to the factors of the filter.
-#[inline(always)]
-fn filtered(filter: TemporalFilter, values: &mut [f64]) {
-    // Polynomials cover what a usual shutter sees; beyond that each wave takes the exact way.
-    let reach = values.iter().fold(0.0_f64, |most, r| most.max(r.abs()));
-    if filter.shutter * if filter.alias == Alias::Keep { reach } else { 0.5 } > 0.5 {
-        values.iter_mut().for_each(|value| *value = filter.gain(*value));
-        return;
-    }
-    let fades = match filter.alias {
-        Alias::Soft => reach > filter.soft_from,
-        Alias::Cut => true,
-        Alias::Keep => false,
-    };
-    if filter.shutter == 0.0 && !fades {
-        values.fill(1.0);
-    } else if !fades {
-        for value in values {
-            *value = short_sinc(*value * filter.shutter);
-        }
-    } else {
-        for value in values {
-            let kept = filter.alias_gain(*value);
-            // An aliased rate has gain 0 already, but its polynomial must not be infinite.
-            *value = kept * short_sinc((*value * filter.shutter).abs().min(0.5));
-        }
-    }
-}
-
-/// sin(pi x) / (pi x) for |x| <= 1/2, to 1e-15.
-#[inline(always)]
-fn short_sinc(x: f64) -> f64 {
-    let square = (std::f64::consts::PI * x) * (std::f64::consts::PI * x);
-    // 1 - s/6 + s^2/120 - ...: each coefficient is the last one over -(2n)(2n + 1).
-    const C: [f64; 10] = {
-        let mut c = [1.0; 10];
-        let mut n = 1;
-        while n < 10 {
-            c[n] = -c[n - 1] / ((2 * n) * (2 * n + 1)) as f64;
-            n += 1;
-        }
-        c
-    };
-    let mut sum = C[9];
-    let mut n = 9;
-    while n > 0 {
-        n -= 1;
-        sum = sum * square + C[n];
-    }
-    sum
 }
 
 /// Bins from phases: hash, add, reduce in float64; then turn and scale in the pixels' precision, on
@@ -421,19 +369,4 @@ dispatch! {
 
 dispatch! {
     fn bins<T: Real>(kx: &[i64], values: &mut Values<T>) = bins_with
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn the_short_sinc_is_the_sinc() {
-        for i in 1..=500 {
-            let x = f64::from(i) / 1000.0;
-            let angle = std::f64::consts::PI * x;
-            assert!((short_sinc(x) - angle.sin() / angle).abs() < 1e-15, "{x}");
-        }
-        assert_eq!(short_sinc(0.0), 1.0);
-    }
 }
