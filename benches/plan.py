@@ -299,7 +299,8 @@ def print_estimates(runs: int) -> None:
     calls.update({name: (lambda s=scene: s.render(3)) for name, scene in every.items()})
     found = least(calls, runs)
     factors = calibration.factors({n: 1e6 * found[n] for n in calibration.samples()})
-    calibration._known[1] = factors
+    calibration.measure = lambda: factors
+    calibration.scales(again=True)
     print("this machine against the model:", {k: round(v, 2) for k, v in factors.items()})
     print(f"\n{'scene':<34}{'ms':>9}{'planned':>9}{'ratio':>7}{'MiB':>9}{'planned':>9}{'ratio':>7}")
     worst_time = worst_bytes = 1.0
@@ -426,7 +427,7 @@ def flakes(runs: int) -> dict[str, float]:
             effect = fl.Snow(texture=0.0, haze=0.0, flakes=number, flake_size=(size, size),
                              shutter=shutter, fall=fall)  # fmt: skip
             scene = fl.Scene((SIZE, SIZE), effects=[effect])
-            frame = scene._asks(3.0, None, (0, SIZE, 0, SIZE), None)[0][1]
+            frame = scene.program.views(3.0)[0][1]
             drawn, pieces = effect.parts.flakes.footprints(frame)
             rows.append([effect.parts.flakes.count(frame), drawn, pieces])
             calls[f"{number} {size} {fall}"] = lambda e=effect, f=frame: plane(e.parts.flakes, f)
@@ -447,9 +448,7 @@ def flakes(runs: int) -> dict[str, float]:
     # From arrays of places, as for a wind over depth.
     effect = fl.Snow(texture=0.0, haze=0.0)
     listed = replace(effect, wind=fl.Wind(effect.wind, profile=[(0.0, 1.0)]))
-    frame = fl.Scene((SIZE, SIZE), effects=[effect])._asks(3.0, None, (0, SIZE, 0, SIZE), None)[0][
-        1
-    ]
+    frame = fl.Scene((SIZE, SIZE), effects=[effect]).program.views(3.0)[0][1]
     found = least(
         {
             "listed": lambda: plane(listed.parts.flakes, frame),
@@ -472,7 +471,7 @@ def others(runs: int) -> dict[str, float]:
         ("cone pixel", fl.ConeRain(), None),
     ):
         scene = fl.Scene((SIZE, SIZE), effects=[effect], sun=sun)
-        asks[name] = scene._asks(3.0, None, (0, SIZE, 0, SIZE), None)[0]
+        asks[name] = scene.program.views(3.0)[0]
     calls = {name: (lambda e=e, f=f: e.render(f)) for name, (e, f) in asks.items()}
     found = least(calls, max(runs // 3, 3))
     return {
@@ -496,11 +495,11 @@ def mixing(runs: int) -> dict[str, float]:
     snow = fl.Snow(flakes=0)
     wall = fl.Scene((SIZE, SIZE), depth=30.0, effects=[snow])
     air = fl.Scene((SIZE, SIZE), effects=[snow])
-    open_air = air._asks(3.0, None, (0, SIZE, 0, SIZE), None)[0][1]
-    before = wall._asks(3.0, None, (0, SIZE, 0, SIZE), wall.depth_at(0))[0][1]
+    open_air = air.program.views(3.0)[0][1]
+    before = wall.program.views(3.0)[0][1]
     none = np.empty((0, 3))
     there = Mix(True, "display")
-    bright = there.working(PICTURE)
+    bright = there.decode(PICTURE)
 
     def empty_splat() -> None:
         fl.particles.splat((SIZE, SIZE), none, 1.0, Camera(1.0), opacity=1.0)
@@ -520,9 +519,9 @@ def mixing(runs: int) -> dict[str, float]:
         "byte pixel": lambda: Mix(False, "display").over(PICTURE, layer),
         "word pixel": lambda: Mix(False, "display").over(word, layer),
         "float pixel": lambda: Mix(True, "linear").over(LIGHT, layer),
-        "to": lambda: there.working(PICTURE),
-        "from": lambda: there.finished(bright, PICTURE),
-        "table": lambda: replace(there, table=True).finished(bright, PICTURE),
+        "to": lambda: there.decode(PICTURE),
+        "from": lambda: there.encode(bright, PICTURE),
+        "table": lambda: replace(there, table=True).encode(bright, PICTURE),
     }
     times = {name: 1e6 * value for name, value in least(calls, runs).items()}
     pixels = float(SIZE * SIZE)

@@ -69,8 +69,8 @@ def low(monkeypatch: pytest.MonkeyPatch) -> Callable[[], None]:
     """Make bands of a tile's rows from here on."""
 
     def lower() -> None:
-        monkeypatch.setattr(bands, "_WHOLE", 100 * W)
-        monkeypatch.setattr(bands, "_BAND", 64 * W)
+        monkeypatch.setattr(bands, "WHOLE", 100 * W)
+        monkeypatch.setattr(bands, "BAND", 64 * W)
 
     return lower
 
@@ -143,8 +143,8 @@ def test_a_window_that_is_not_the_wholes_part_would_be_seen(low: Callable[[], No
         scene = fl.Scene(None, LIGHT, effects=[Own(by_rows=True, honest=honest)], space="display")
         whole = scene.render(1)
         with pytest.MonkeyPatch.context() as patched:
-            patched.setattr(bands, "_WHOLE", 100 * W)
-            patched.setattr(bands, "_BAND", 64 * W)
+            patched.setattr(bands, "WHOLE", 100 * W)
+            patched.setattr(bands, "BAND", 64 * W)
             assert same([scene.render(1)], [whole]) is honest
 
 
@@ -254,7 +254,7 @@ def test_bands_cover_a_window_once():
         assert [p[0] for p in parts] == [window[0], *(p[1] for p in parts[:-1])]
         assert parts[-1][1] == window[1] and {p[2:] for p in parts} == {window[2:]}
         assert all(p[0] % 64 == 0 for p in parts[1:])
-        most = max(64 * (window[3] - left), bands._BAND)
+        most = max(64 * (window[3] - left), bands.BAND)
         assert len(parts) == 1 or max((p[1] - p[0]) * (p[3] - p[2]) for p in parts) <= most
 
 
@@ -271,7 +271,7 @@ def test_bands_cover_a_window_once():
 def test_bytes_of_bands_are_foreseen(more: Any, low: Callable[[], None]):
     low()
     # 780 x 900 px, in bands of 64 rows.
-    bands._BAND = 3 * 64 * W
+    bands.BAND = 3 * 64 * W
     scene = fl.Scene(None, np.tile(BYTES, (3, 3, 1)), **more)
     scene.render(2)
     plan = scene.plan(3)

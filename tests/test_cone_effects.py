@@ -36,7 +36,7 @@ def frame_of(shown, t):
     height, width = shown.shape
     path = shown.camera
     return Frame(shape=shown.shape, window=(0, height, 0, width), t=t, fps=shown.fps,
-                 camera=path.seen(path.camera, t), path=path, seed=shown.seed)  # fmt: skip
+                 camera=path.pose(path.camera, t), path=path, seed=shown.seed)  # fmt: skip
 
 
 @pytest.mark.parametrize("effect", EFFECTS, ids=["rain", "snow"])

@@ -87,7 +87,7 @@ def test_a_density_is_the_same_behind_any_lens():
     # Flakes behind a pixel are as many whatever the lens; the nearest and largest ones fade.
     assert np.ptp(covers) < 0.15 * np.mean(covers)
     wide = fl.Scene((256, 192), effects=[snow], camera=fl.Camera(100.0))
-    frame = wide.program._frame(0.0, None, (0, 192, 0, 256), seed=0)
+    frame = wide.program.frame(0.0)
     view = 2.56 * 1.92 * 12.0**3 / 3.0
     assert snow.parts.flakes.number_in_view(frame) == pytest.approx(20.0 * view)
 

@@ -13,7 +13,7 @@ import pytest
 
 import flurries as fl
 from flurries.effects import kinds
-from flurries.scene.toml import fingerprint
+from flurries.scene.fingerprint import fingerprint
 
 PAGE = Path(__file__).parents[1] / "docs" / "your-own-effect.md"
 

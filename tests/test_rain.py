@@ -17,7 +17,7 @@ import measure
 from flurries.cli import main
 from flurries.effects.layout import streaks_tile
 from flurries.io import read_picture
-from flurries.scene.toml import fingerprint
+from flurries.scene.fingerprint import fingerprint
 from flurries.spectral.contrast import kept_power, mean_opacity
 
 Rain, Scene, Camera = fl.Rain, fl.Scene, fl.camera.Camera
@@ -32,7 +32,7 @@ def black(effect: Any, size: tuple[int, int] = (512, 512), **about: Any) -> fl.S
 
 
 def one(scene: fl.Scene, t: float = 0.0) -> fl.Frame:
-    return scene._asks(t, None, (0, scene.shape[0], 0, scene.shape[1]), None)[0][1]
+    return scene.program.views(t)[0][1]
 
 
 def test_presets_are_named_and_grow():

@@ -16,7 +16,7 @@ from skimage.registration import optical_flow_ilk
 
 import flurries as fl
 import measure
-from flurries.camera.turning import rotation_vector
+from flurries.camera.rotation import rotation_vector
 from measure import FLAKES, FOCAL, LONGEST, NEAR, SIZE, TEXTURE, picture, scene
 
 Camera, Keys, Path_ = fl.camera.Camera, fl.Keys, fl.CameraPath
@@ -70,7 +70,7 @@ def test_a_mounted_camera_turns_with_the_rig():
     path = Path_(Camera(300.0, rotation=mount), orientation=TURNS.as_rotvec())
     want = twin_turn(2.4) @ Rotation.from_rotvec(mount).as_matrix()
     assert np.abs(path.turn(2.4) - want).max() < 1e-14
-    assert np.abs(path.seen(path.camera, 2.4).matrix() - want).max() < 1e-14
+    assert np.abs(path.pose(path.camera, 2.4).matrix() - want).max() < 1e-14
     assert np.abs(path.rig(2.4) - twin_turn(2.4)).max() < 1e-14
 
 
@@ -133,7 +133,7 @@ def test_p_is_the_integral_in_turning_axes(way: str, air: str):
             lambda u: twin_turn(u).T @ path.spin(u), 0.0, t, epsabs=1e-12, epsrel=1e-13,
             points=points or None,
         )  # fmt: skip
-        assert np.abs(path.rig(t).T @ path.turned(t) - angle).max() < 2e-11 * max(1.0, abs(t))
+        assert np.abs(path.rig(t).T @ path.rotation(t) - angle).max() < 2e-11 * max(1.0, abs(t))
 
 
 def test_p_is_not_the_place_seen_from_now():
@@ -215,7 +215,7 @@ def test_a_closed_path_returns_the_frame():
 
 
 def one(shown: fl.Scene, t: float) -> fl.Frame:
-    return shown._asks(t, None, (0, *shown.shape[:1], 0, shown.shape[1]), None)[0][1]
+    return shown.program.views(t)[0][1]
 
 
 def test_an_orientation_that_stays_is_the_camera_s_own():

@@ -15,7 +15,7 @@ from scipy.integrate import solve_ivp
 import flurries as fl
 import measure
 from flurries.effects.gusts import flakes_in_waves, wind_at
-from flurries.scene.toml import fingerprint
+from flurries.scene.fingerprint import fingerprint
 from measure import FLAKES, FOCAL, LONGEST, NEAR, SIZE, TEXTURE, TORUS, WAVES, picture, scene
 
 Wind, Keys, Snow, Camera = fl.Wind, fl.Keys, fl.Snow, fl.camera.Camera
@@ -30,7 +30,7 @@ LENS = Camera(FOCAL)
 
 
 def one(shown: fl.Scene, t: float, effect: int = 0) -> fl.Frame:
-    return shown._asks(t, None, (0, shown.shape[0], 0, shown.shape[1]), None)[effect][1]
+    return shown.program.views(t)[effect][1]
 
 
 # The field ---------------------------------------------------------------------------------------

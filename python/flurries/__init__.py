@@ -39,7 +39,7 @@ if TYPE_CHECKING:
     from flurries.scene.depth import DepthMap
     from flurries.viewer import view
 
-__version__ = "0.1.0"
+    __version__: str
 
 __all__ = [
     "Camera",
@@ -100,7 +100,12 @@ _FROM = {
 
 
 def __getattr__(name: str) -> Any:
-    if name in _FROM:
+    if name == "__version__":
+        # It stands in Cargo.toml alone. Asking the installed package takes tens of milliseconds.
+        from importlib.metadata import version
+
+        found: Any = version("flurries")
+    elif name in _FROM:
         found = getattr(import_module(f"flurries.{_FROM[name]}"), name)
     elif name in __all__:
         found = import_module(f"flurries.{name}")

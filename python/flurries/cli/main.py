@@ -304,7 +304,7 @@ def _demo(options: argparse.Namespace) -> int:
 
 def _texture(options: argparse.Namespace) -> int:
     from flurries.effects import Snow
-    from flurries.scene.scene import parse_size
+    from flurries.scene.arguments import parse_size
     from flurries.spectral import BANDS, export_loop
 
     width, height = parse_size(options.size)
@@ -585,11 +585,11 @@ def _depth(text: str) -> float | str:
 
 
 def _resized(scene: Any, changes: dict[str, Any]) -> tuple[Any, dict[str, Any]]:
-    from flurries.scene.scene import parse_size
+    from flurries.scene.arguments import parse_size
 
     changes = dict(changes)
     size = parse_size(changes.pop("size"))
-    return scene, {**changes, "size": size, "camera": scene.camera.scaled(size[0] / scene.size[0])}
+    return scene, {**changes, "size": size, "camera": scene.camera.resize(size[0] / scene.size[0])}
 
 
 if __name__ == "__main__":

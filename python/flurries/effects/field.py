@@ -11,8 +11,8 @@ import numpy as np
 
 from flurries import _core
 from flurries._contract import Array, Float64
-from flurries.camera.lens import drift_at, shift_at, tile_middles
 from flurries.camera.path import CameraPath
+from flurries.camera.tiles import drift_at, shift_at, tile_middles
 from flurries.effects.gusts import wind_at
 from flurries.effects.layout import LARGEST_TILE, Layout, Tiling, streaks_tile, torus_for
 from flurries.effects.motion import Motion, Way

@@ -18,7 +18,7 @@ from flurries.camera.path import CameraPath
 from flurries.effects.motion import Motion, Way
 from flurries.effects.places import FADE_IN, SHOWN, SIZES, Listed, Places, list_flakes, place_flakes
 from flurries.effects.resolution import TUNED
-from flurries.frame.needs import Cost, LeftOut, Needs, Step, keyed, skipped
+from flurries.frame.needs import Cost, LeftOut, Needs, Step, has_keys, omission
 from flurries.frame.view import Frame
 from flurries.motion.keys import Number, value_at
 from flurries.particles.looks import image_of
@@ -219,7 +219,7 @@ class Flakes:
         if opacity == 0.0:
             why = "there are none" if self.empty else "their opacity is 0"
             return Needs((), (LeftOut(self.name, why),), most=0.0)
-        still = frame.settled and self.motion.still and 0.0 in self.sway and not keyed(self)
+        still = frame.settled and self.motion.still and 0.0 in self.sway and not has_keys(self)
         step = Step("flakes", lambda: self._cost(frame, amount), once=still)
         most = 1.0
         if amount < FADE_IN:
@@ -229,7 +229,7 @@ class Flakes:
                 2.0 * FADE_IN * (1.0 - FADE_IN)
             )
             most = min(shown * opacity, 1.0)
-        return Needs((step,), most=most, savings=(skipped(step, most),))
+        return Needs((step,), most=most, savings=(omission(step, most),))
 
     def footprints(self, frame: Frame) -> tuple[float, float]:
         """Return how many flakes are drawn, and runs of pixels in their rows, on average."""

@@ -20,7 +20,7 @@ from flurries.effects.presets import MIST
 from flurries.effects.sunlight import SCATTER, Scatter
 from flurries.frame.costs import nanoseconds
 from flurries.frame.layer import Layer
-from flurries.frame.needs import PARTS, Cost, LeftOut, Needs, Saving, Step, keyed
+from flurries.frame.needs import PARTS, Cost, LeftOut, Needs, Saving, Step, has_keys
 from flurries.frame.view import Frame
 from flurries.gas.splatting import FOOTPRINTS
 from flurries.gas.visibility import count_for_visibility
@@ -291,7 +291,7 @@ class Mist:
             return Needs((), (LeftOut(self.NAME, "it has no density"),), most=0.0)
         ambient, lit = self.color == AMBIENT, self._is_lit(frame)
         # The background's light may change from frame to frame.
-        still = not (ambient or keyed(self) or np.any(value_at(self.wind, 0.0)))
+        still = not (ambient or has_keys(self) or np.any(value_at(self.wind, 0.0)))
 
         def cost(error: float | None = None) -> Cost:
             thickness = self.extinction(frame.t) * cloud.through

@@ -62,7 +62,7 @@ class Snow:
         (1:3, 1:4): take a ratio beside it, or `jitter`.
     color : float, (r, g, b) or "ambient"
         Display values, 0 to 1. Keyed. "ambient": as bright as white is in the light of the
-        background, see :func:`flurries.scene.background.ambient_light`.
+        background, see :func:`flurries.light.ambient.ambient_light`.
     haze : float
         Opacity of an even veil, 0 to 1; before a scene with a depth, of the veil before the
         farthest snow. Keyed.

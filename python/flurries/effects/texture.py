@@ -13,7 +13,7 @@ from flurries.effects.layout import tiles_cost, tiles_touched
 from flurries.effects.motion import Way
 from flurries.effects.occlusion import before_scene
 from flurries.effects.resolution import map_at, power_share
-from flurries.frame.needs import Cost, LeftOut, Needs, Step, keyed, skipped
+from flurries.frame.needs import Cost, LeftOut, Needs, Step, has_keys, omission
 from flurries.frame.view import Frame
 from flurries.motion.keys import Number, value_at
 from flurries.spectral.contrast import TABLE_BYTES, kept_power
@@ -48,13 +48,13 @@ class Texture:
         opacity = amount * value_at(self.opacity, frame.t)
         if opacity == 0.0:
             return Needs((), (LeftOut("texture", "its opacity is 0"),), most=0.0)
-        still = frame.settled and self.field.motion.still and not keyed(self)
+        still = frame.settled and self.field.motion.still and not has_keys(self)
         step = Step("texture", lambda: self._cost(frame), once=still)
         deep = frame.deep or frame.depth is not None
         return Needs(
             (step,),
             most=opacity,
-            savings=(skipped(step, opacity),),
+            savings=(omission(step, opacity),),
             in_one_pass=not (still or deep),
         )
 

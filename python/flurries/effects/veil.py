@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from flurries._contract import Array
-from flurries.frame.needs import Cost, LeftOut, Needs, Step, skipped
+from flurries.frame.needs import Cost, LeftOut, Needs, Step, omission
 from flurries.frame.view import Frame
 from flurries.motion.keys import Number, value_at
 
@@ -41,7 +41,7 @@ class Veil:
         top, bottom, left, right = frame.window
         pixels = (bottom - top) * (right - left)
         step = Step("veil", lambda: Cost({"veil pixel": pixels}, "", 4 * pixels, 8 * pixels))
-        return Needs((step,), most=haze, savings=(skipped(step, haze),))
+        return Needs((step,), most=haze, savings=(omission(step, haze),))
 
     def alpha(self, frame: Frame, amount: float) -> Array:
         """Return the opacity before the scene's depth over the window, (h, w) float32."""
