@@ -14,6 +14,8 @@
 //! | [`frame`] | compositing; texture, flakes and veil over a picture in one pass | Langer 2004, Eq. 7 |
 //! | `python` | the binding, behind the feature of that name | |
 
+#![deny(unsafe_code)]
+
 pub mod air;
 pub mod base;
 pub mod cone;

@@ -101,9 +101,10 @@ def places(shown: fl.Scene, t: float) -> Floats:
     snow, camera = shown.effects[0], shown.camera.camera
     frame = Frame(shape=shown.shape, window=(0, height, 0, width), t=t, fps=shown.fps,
                   camera=camera, path=shown.camera, seed=shown.seed)  # fmt: skip
+    flakes = snow.parts.flakes
     return fl.particles.positions(
-        snow.count(frame), snow.box(frame), seed=shown.seed, time=1.0,
-        velocity=-frame.to_camera(snow.displacement(frame)), center=(0.0, 0.0, snow.near_depth / 2),
+        flakes.count(frame), flakes.box(frame).sides, seed=shown.seed, time=1.0,
+        velocity=-snow.parts.motion.way(frame).moved, center=(0.0, 0.0, snow.near_depth / 2),
     )  # fmt: skip
 
 
@@ -201,7 +202,8 @@ def tiles(
     options = {**TEXTURE, "tile": 64, **options}
     shown = [scene(options, camera=path, seed=seed) for seed in range(16)]
     pairs = [(picture(one, t), picture(one, t + step)) for one in shown]
-    _, overlap = fl.Snow(**options).tiling((SIZE, SIZE), forward=True)
+    # A camera that goes forward mixes tiles by a half.
+    overlap = options.get("overlap", 32)
     starts = [s for s in fl.spectral.tile_starts(SIZE, tile=64, overlap=overlap) if s <= SIZE - 64]
     # Of tiles that share a half with the next, every second one is enough.
     starts = starts[:: 2 if overlap > 20 else 1]
@@ -223,7 +225,7 @@ def kept(snow: fl.Snow, times: Floats) -> float:
     s frames is J0(2 pi c s); that of its opacity follows from the map's Hermite series.
     """
     speed = np.hypot(snow.wind[0], snow.wind[1] + snow.fall) / 30.0 * FOCAL / snow.near_depth
-    cycles = speed / snow.band((SIZE, SIZE))[1]
+    cycles = speed / snow.parts.texture.field.band((SIZE, SIZE))[1]
     likeness = j0(2.0 * np.pi * cycles * (times[:, None] - times))
     z, weight = hermegauss(200)
     mapped = weight / weight.sum() * np.clip(snow.mean + z / (2.0 * snow.spread), 0, 1) ** 2

@@ -61,7 +61,10 @@ __all__ = [
     "particle_edge_fade",
     "particle_exact",
     "particle_ids",
+    "particle_image",
     "particle_positions",
+    "particle_presence",
+    "particle_size_fade",
     "particle_sort",
     "particle_sort_listed",
     "particle_sort_pair",
@@ -74,11 +77,14 @@ __all__ = [
     "snow",
     "snowfall",
     "temporal_filter",
+    "temporal_gain",
     "tent_rate",
     "threads",
     "tile_count",
+    "tile_shares",
     "uniform",
     "volume",
+    "wave_depth",
     "wind_waves",
 ]
 
@@ -110,7 +116,12 @@ def temporal_filter(
     renormalise: bool,
 ) -> None: ...
 def inverse_transform(out: _Array, amplitude: _Float64, phase: _Float64) -> None: ...
+def temporal_gain(
+    out: _Float64, rate: _Float64, alias: str, soft_from: float, shutter: float
+) -> None: ...
+def wave_depth(out: _Float64, wavelength: _Float64, near: float, longest: float) -> None: ...
 def tile_count(length: int, tile: int, overlap: int) -> int: ...
+def tile_shares(out: _Float64, tile: int, overlap: int, blend: str) -> None: ...
 def blend_tiles(out: _Array, tiles: _Array, overlap: int, blend: str) -> None: ...
 def opacity(out: _Array, field: _Array, map: _Map) -> None: ...
 def field(
@@ -241,6 +252,11 @@ def particle_draw(
 def particle_sway_offsets(
     out: _Float64, seed: int, time: float, sway: tuple[float, float]
 ) -> None: ...
+def particle_image(variance: _Float64, share: _Float64, sigma: _Float64) -> None: ...
+def particle_presence(
+    out: _Float64, index: npt.NDArray[np.int64], count: int, amount: float, fade_in: float
+) -> None: ...
+def particle_size_fade(out: _Float64, sigma: _Float64, limits: tuple[float, float]) -> None: ...
 def particle_edge_fade(
     out: _Float64,
     points: _Float64,
@@ -332,7 +348,7 @@ def gas_splat(
     centers: _Float64,
     radius: _Float64,
     density: _Float64,
-    colours: _Float64,
+    colors: _Float64,
     lens: tuple[float, float, float, tuple[float, float, float]],
     manner: tuple[str, str, float, str, bool, float],
     depth: _Array | None,
@@ -356,7 +372,7 @@ def gas_sort(
     centers: _Float64,
     radius: _Float64,
     density: _Float64,
-    colours: _Float64,
+    colors: _Float64,
     lens: tuple[float, float, float, tuple[float, float, float]],
     manner: tuple[str, str, float, str, bool, float],
 ) -> SortedGas: ...

@@ -7,6 +7,8 @@
 //! | [`pool`] | the thread pool, safe across fork |
 //! | [`aligned`] | buffers that start at a cache line |
 //! | [`cover`] | which pixels an interval covers |
+//! | [`smooth`] | the cubic by which things fade |
+//! | [`sampling`] | Gaussians sampled at pixel centres |
 //! | [`scan`] | whether an array's numbers are in their range |
 //! | [`real`] | float32 and float64 pixels |
 //! | [`normal`] | the normal law on lanes |
@@ -21,6 +23,7 @@ pub mod normal;
 pub mod pool;
 pub mod random;
 pub mod real;
+pub mod sampling;
 pub mod scan;
 pub mod simd;
 pub mod smooth;

@@ -6,6 +6,11 @@
 //! dropped: dropping would wait for threads that do not exist. The slots are plain atomics, since a
 //! lock could be held by another thread at the moment of the fork and would stay held forever.
 
+#![expect(
+    unsafe_code,
+    reason = "reads pools that are leaked through atomic pointers, since a lock could be held at a fork"
+)]
+
 use std::sync::atomic::{AtomicPtr, AtomicUsize, Ordering};
 
 use rayon::prelude::*;

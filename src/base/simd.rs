@@ -100,6 +100,7 @@ macro_rules! dispatch {
     ) => {
         $(#[$meta])*
         #[allow(clippy::too_many_arguments, reason = "some kernels take many slices, one by one")]
+        #[allow(unsafe_code, reason = "what is compiled for a level may run where the level is there")]
         $visibility fn $name $(<$real: $bound>)? ($($argument: $type),*) $(-> $result)? {
             #[cfg(target_arch = "x86_64")]
             {

@@ -4,6 +4,8 @@
 //! chart's, multiplied: the overflow is the whole tiles, which do not matter. One word of a filtered
 //! table is loaded for each layer and pixel.
 
+#![expect(unsafe_code, reason = "a table's word without a check, or the loop is no vector loop")]
+
 use std::ops::Range;
 
 use ndarray::{ArrayView2, ArrayView3, ArrayViewMut2, Axis};

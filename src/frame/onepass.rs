@@ -1,4 +1,4 @@
-//! A texture, drawn flakes and a veil of one colour over a picture, in one pass.
+//! A texture, drawn flakes and a veil of one color over a picture, in one pass.
 //!
 //! Field, opacity, joint opacity and composite go block by block through the first cache, so that a
 //! frame costs little more than reading the picture and writing it. The arithmetic is that of
@@ -10,7 +10,7 @@ use std::ops::Range;
 use ndarray::{ArrayView2, ArrayView3, ArrayViewMut3};
 
 use crate::base::error::{Cancel, Error, zeroed};
-use crate::frame::mix::{OneColour, joint};
+use crate::frame::mix::{OneColor, joint};
 use crate::frame::sample::Sample;
 use crate::particles::bins::TILE;
 use crate::particles::sorted::Sorted;
@@ -29,7 +29,7 @@ pub enum Drawn<'a> {
     Sorted(&'a Sorted),
 }
 
-/// What lies over the picture, all of one colour.
+/// What lies over the picture, all of one color.
 pub struct Snowfall<'a, 'f, 'b, 'd> {
     /// The texture's field, made ready for the window.
     pub texture: &'a Ready<'f, 'b, f32>,
@@ -43,7 +43,7 @@ pub struct Snowfall<'a, 'f, 'b, 'd> {
     pub flakes: Drawn<'d>,
     /// Opacity of an even veil.
     pub haze: f64,
-    /// The colour, one entry per channel, as a fraction of full scale.
+    /// The color, one entry per channel, as a fraction of full scale.
     pub intensity: &'a [f64],
 }
 
@@ -78,14 +78,14 @@ impl Snowfall<'_, '_, '_, '_> {
         if !(0.0..=1.0).contains(&self.haze) {
             return Err(Error::invalid("haze", format!("must be from 0 to 1, got {}", self.haze)));
         }
-        let colour = OneColour::<S>::new(self.intensity, channels)?;
+        let color = OneColor::<S>::new(self.intensity, channels)?;
         let background = background.to_slice().ok_or_else(layout)?;
         let lines = out.into_shape_with_order((height, width * channels)).map_err(|_| layout())?;
         let clear = (1.0 - self.haze) as f32;
         let mapped = Some(Mapped { map: self.map, preserve_mean: self.preserve_mean });
         let rows = &self.window.rows;
         let all = &self.window.cols;
-        let (colour, background) = (&colour, &background);
+        let (color, background) = (&color, &background);
         let begin = |cols: &Range<usize>| {
             let (cols, wide) = (cols.clone(), cols.len());
             let inside = cols.start - all.start..cols.end - all.start;
@@ -119,7 +119,7 @@ impl Snowfall<'_, '_, '_, '_> {
                     let flakes = flakes.map(|flakes| &flakes[run.clone()]);
                     joint(cover, clear, &alpha[run.clone()], flakes);
                     let run = run.start * channels..run.end * channels;
-                    colour.over(&mut line[run.clone()], &back[run], cover);
+                    color.over(&mut line[run.clone()], &back[run], cover);
                 }
                 Ok(())
             })

@@ -1,5 +1,7 @@
 //! What a background's pixel can be: 8 and 16 bit integers of full scale 1, and floats as they are.
 
+#![expect(unsafe_code, reason = "pixels to vectors and back, by intrinsics")]
+
 use crate::base::lanes::{Lanes, Plain};
 use crate::base::real::Real;
 

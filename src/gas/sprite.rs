@@ -5,6 +5,7 @@ use std::ops::Range;
 
 use super::footprint::{Edge, POINT_FROM, patch};
 use crate::base::cover::pixels;
+use crate::base::smooth::smoothstep;
 
 /// Slopes beyond this many times the picture's are held when a footprint is widened off the axis.
 const SLOPES: f64 = 1.3;
@@ -231,8 +232,8 @@ impl Sprite {
             NearMode::Exact if depth - look.near >= radius => return Some(1.0),
             NearMode::Exact | NearMode::Fade => {}
         }
-        let t = ((depth - look.near) / (radius / 3.0)).min(1.0);
-        (t > 0.0).then_some(t * t * (3.0 - 2.0 * t))
+        let t = (depth - look.near) / (radius / 3.0);
+        (t > 0.0).then(|| smoothstep(t))
     }
 
     /// How far the near end of the particle lies from the eye, at least.

@@ -15,6 +15,7 @@
 //! | [`view`] | what an eye sees |
 //! | [`crowd`] | the flakes of a population, by classes of size |
 //! | [`exact`] | flakes drawn one by one with their exact images, as a judge |
+//! | [`looks`] | how many flakes are there, how large they are, which are too large |
 //! | [`flurry`] | the flakes of a box, each placed and looked at as it is drawn |
 
 pub mod bins;
@@ -25,11 +26,13 @@ mod draw;
 pub mod exact;
 pub mod flurry;
 pub mod ids;
+pub mod looks;
 pub mod profile;
 mod project;
 pub mod sorted;
 mod spare;
 pub mod splat;
 pub mod sprite;
+mod streak;
 pub mod torus;
 pub mod view;

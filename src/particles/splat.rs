@@ -1,4 +1,4 @@
-//! The image of many flakes of one colour: alpha = 1 - prod(1 - alpha_i), whatever their order.
+//! The image of many flakes of one color: alpha = 1 - prod(1 - alpha_i), whatever their order.
 
 use ndarray::{ArrayView1, ArrayView2, ArrayViewMut2};
 

@@ -47,7 +47,7 @@ fn mismatch() -> PyErr {
     Error::invalid("out", "must have the dtype of the background").into()
 }
 
-/// Snow of one colour over a background.
+/// Snow of one color over a background.
 #[pyfunction]
 pub fn snow(
     py: Python<'_>,
@@ -125,7 +125,7 @@ pub fn over(
     }
 }
 
-/// Joint opacity of layers of one colour.
+/// Joint opacity of layers of one color.
 #[pyfunction]
 #[pyo3(signature = (out, layers, haze, matte=None))]
 pub fn join(

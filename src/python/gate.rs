@@ -3,7 +3,7 @@
 
 use std::time::Duration;
 
-use numpy::{PyReadonlyArray2, PyReadwriteArray2};
+use numpy::{Element, PyReadonlyArray1, PyReadonlyArray2, PyReadwriteArray1, PyReadwriteArray2};
 use pyo3::exceptions::{PyKeyboardInterrupt, PyMemoryError, PyRuntimeError, PyValueError};
 use pyo3::prelude::*;
 
@@ -88,6 +88,20 @@ fn watched<R: Send>(
     })
 }
 
+/// Fills `out` with a law of each of `values`.
+pub fn each<T: Element + Copy>(
+    out: &mut PyReadwriteArray1<'_, f64>,
+    values: &PyReadonlyArray1<'_, T>,
+    law: impl Fn(T) -> f64,
+) -> PyResult<()> {
+    let (mut out, values) = (out.as_array_mut(), values.as_array());
+    if out.len() != values.len() {
+        return Err(Error::Internal("arrays of different lengths".into()).into());
+    }
+    out.iter_mut().zip(values).for_each(|(out, &value)| *out = law(value));
+    Ok(())
+}
+
 /// A frame-sized output of either precision, allocated through NumPy by the Python layer.
 #[derive(FromPyObject)]
 pub enum PlaneMut<'py> {
@@ -122,3 +136,24 @@ macro_rules! each_precision {
     };
 }
 pub(crate) use each_precision;
+
+/// Runs `$body` with `$map`, the view of a depth map of either precision that may be missing.
+macro_rules! each_map {
+    ($depth:expr, $map:ident => $body:expr) => {
+        match $depth {
+            None => {
+                let $map = None::<numpy::ndarray::ArrayView2<'_, f32>>;
+                $body
+            }
+            Some($crate::python::gate::Plane::Single(map)) => {
+                let $map = Some(map.as_array());
+                $body
+            }
+            Some($crate::python::gate::Plane::Double(map)) => {
+                let $map = Some(map.as_array());
+                $body
+            }
+        }
+    };
+}
+pub(crate) use each_map;

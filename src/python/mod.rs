@@ -14,10 +14,10 @@ mod frame;
 mod gas;
 mod gate;
 mod lookup;
+mod onepass;
 mod particles;
 mod random;
 mod scan;
-mod snowfall;
 mod spectral;
 mod threads;
 mod volume;
@@ -50,21 +50,22 @@ mod core {
     #[pymodule_export]
     use super::gate::InternalError;
     #[pymodule_export]
+    use super::onepass::snowfall;
+    #[pymodule_export]
     use super::particles::{
-        SortedFlakes, particle_draw, particle_edge_fade, particle_ids, particle_positions,
-        particle_sort, particle_sort_listed, particle_sort_pair, particle_splat,
-        particle_sway_offsets,
+        SortedFlakes, particle_draw, particle_edge_fade, particle_ids, particle_image,
+        particle_positions, particle_presence, particle_size_fade, particle_sort,
+        particle_sort_listed, particle_sort_pair, particle_splat, particle_sway_offsets,
     };
     #[pymodule_export]
     use super::random::uniform;
     #[pymodule_export]
     use super::scan::{all_finite, all_within};
     #[pymodule_export]
-    use super::snowfall::snowfall;
-    #[pymodule_export]
     use super::spectral::{
         FieldBands, advance_phase, band_amplitude, blend_tiles, field, field_bands, field_take,
-        inverse_transform, opacity, random_phase, temporal_filter, tent_rate, tile_count,
+        inverse_transform, opacity, random_phase, temporal_filter, temporal_gain, tent_rate,
+        tile_count, tile_shares, wave_depth,
     };
     #[pymodule_export]
     use super::threads::{reproducible, set_reproducible, set_threads, threads};

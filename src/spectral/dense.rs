@@ -9,9 +9,11 @@
 //! four, pixel n/2-1-i shares them too, but for the sign of the odd k's cosines and of the even k's
 //! sines: with sums over even and odd k apart, n/4 sums make n pixels.
 
+#![expect(unsafe_code, reason = "sums that stay in registers, by `Lanes`")]
+
 use std::f64::consts::TAU;
 
-use super::phases::columns_padded;
+use super::spectrum::columns_padded;
 use super::waves::Waves;
 use crate::base::aligned::Aligned;
 use crate::base::error::Error;
@@ -508,7 +510,7 @@ dispatch! {
 mod tests {
     use super::*;
     use crate::spectral::band::Band;
-    use crate::spectral::phases::Columns;
+    use crate::spectral::spectrum::Columns;
 
     #[test]
     fn the_passes_are_the_sum_of_cosines() {

@@ -4,7 +4,7 @@
 use std::ops::Range;
 
 use super::opacity::Opacity;
-use super::phases::Power;
+use super::spectrum::Power;
 use crate::base::error::{Error, collected, zeroed};
 use crate::base::real::Real;
 

@@ -7,7 +7,6 @@
 //! [`field`] makes a whole frame; the other modules are its steps, for experiments and as judges.
 
 pub mod band;
-pub mod bands;
 mod carry;
 pub mod dense;
 pub mod field;
@@ -18,11 +17,13 @@ mod lift;
 pub mod opacity;
 mod parts;
 pub mod phase;
-pub mod phases;
+pub mod spectrum;
 pub mod stripes;
+pub mod target;
 pub mod tent;
 pub mod tile;
 pub mod tiles;
+pub mod topdown;
 pub mod transform;
 pub mod volume;
 pub mod waves;

@@ -1,5 +1,7 @@
 //! The field as an opacity (Langer 2004, section 5.6).
 
+#![expect(unsafe_code, reason = "rows of the field by `Lanes`")]
+
 use super::lift::Lifted;
 use crate::base::error::{Error, finite};
 use crate::base::lanes::Lanes;

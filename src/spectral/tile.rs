@@ -7,7 +7,7 @@ use num_complex::Complex;
 
 use super::carry::Carry;
 use super::dense::{Dense, Work, operations, transform};
-use super::phases::{Columns, Power, TileMotion, Values};
+use super::spectrum::{Columns, Power, TileMotion, Values};
 use super::transform::room_for_plans;
 use super::waves::{Draw, Waves};
 use crate::base::aligned::Aligned;

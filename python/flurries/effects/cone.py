@@ -12,7 +12,18 @@ from typing import Any, ClassVar
 
 from flurries import cone
 from flurries._contract import flag, integer, real
-from flurries.effects.checks import FALL, gain, length, pair, part, population, settle, sizes
+from flurries.effects.checks import (
+    FALL,
+    Check,
+    gain,
+    length,
+    pair,
+    part,
+    part_of,
+    population,
+    settle,
+    sizes,
+)
 from flurries.effects.double_cone import FARTHEST, DoubleCone, tile_metres
 from flurries.effects.flakes import Flakes
 from flurries.effects.knobs import preset
@@ -26,7 +37,7 @@ from flurries.frame.view import Frame
 from flurries.motion.keys import Number, Vector
 from flurries.motion.wind import Wind
 
-_CONE = {
+_CONE: dict[str, Check] = {
     **FALL,
     "gain": gain,
     "conserve": flag,
@@ -36,14 +47,14 @@ _CONE = {
     "slope": partial(real, low=0.0, high=10.0),
     "tile": partial(integer, low=16, high=2048),
 }
-_RAIN = {
+_RAIN: dict[str, Check] = {
     **_CONE,
     "drops": partial(integer, low=0, high=100_000),
     "drop_size": length,
     "drop_length": length,
     "spread": part,
 }
-_SNOW = {
+_SNOW: dict[str, Check] = {
     **_CONE,
     "texture_flakes": partial(integer, low=0, high=100_000),
     "flakes": population,
@@ -156,11 +167,13 @@ class ConeRain:
         return preset(cls, cls.PRESETS, name, changes)
 
     @cached_property
-    def parts(self) -> Precipitation:
+    def parts(self) -> Precipitation[DoubleCone]:
         """What it is made of."""
         motion = Motion(self.fall, self.wind, self.shutter)
         metres = tile_metres(self.radius, self.repeats)
-        sheet = DoubleCone(
+        sheet = part_of(
+            DoubleCone,
+            self,
             motion=motion,
             make=partial(
                 _rain, self.tile, drops=self.drops, width=self.drop_size / metres,
@@ -168,19 +181,14 @@ class ConeRain:
             ),
             length=self.drop_length,
             gains=(0.3, 0.55, 0.8, 1.0),
-            gain=self.gain,
-            conserve=self.conserve,
-            damping=self.damping,
-            radius=self.radius,
-            repeats=self.repeats,
-            slope=self.slope,
         )  # fmt: skip
-        return Precipitation(
+        return part_of(
+            Precipitation,
+            self,
             name=self.NAME,
-            amount=self.amount,
-            color=self.color,
             motion=motion,
             texture=sheet,
+            flakes=None,
             veil=Veil(self.haze, FARTHEST * self.radius),
         )
 
@@ -271,7 +279,7 @@ class ConeSnow:
         return preset(cls, cls.PRESETS, name, changes)
 
     @cached_property
-    def parts(self) -> Precipitation:
+    def parts(self) -> Precipitation[DoubleCone]:
         """What it is made of."""
         motion = Motion(self.fall, self.wind, self.shutter)
         small, large = self.flake_size
@@ -279,7 +287,9 @@ class ConeSnow:
         # A flake's radius is three sigma; the width of a tile's flake is two.
         width = mean / 3.0 / tile_metres(self.radius, self.repeats)
         spread = min(2.0 * (large - small) / (large + small), 1.0)
-        sheet = DoubleCone(
+        sheet = part_of(
+            DoubleCone,
+            self,
             motion=motion,
             make=partial(
                 _snow, self.tile, flakes=self.texture_flakes, width=width, spread=spread,
@@ -287,12 +297,6 @@ class ConeSnow:
             ) if self.texture_flakes else None,
             length=mean,
             gains=(0.8, 1.0, 1.0, 1.0),
-            gain=self.gain,
-            conserve=self.conserve,
-            damping=self.damping,
-            radius=self.radius,
-            repeats=self.repeats,
-            slope=self.slope,
         )  # fmt: skip
         flakes = Flakes(
             motion=motion,
@@ -302,10 +306,10 @@ class ConeSnow:
             opacity=self.flake_opacity,
             sway=self.sway,
         )
-        return Precipitation(
+        return part_of(
+            Precipitation,
+            self,
             name=self.NAME,
-            amount=self.amount,
-            color=self.color,
             motion=motion,
             texture=sheet,
             flakes=flakes,

@@ -11,8 +11,8 @@ import numpy as np
 
 from flurries import _core
 from flurries._contract import Array, Float64
-from flurries.camera.lens import drift_at, shift_at, tile_middles
 from flurries.camera.path import CameraPath
+from flurries.camera.tiles import drift_at, shift_at, tile_middles
 from flurries.effects.gusts import wind_at
 from flurries.effects.layout import LARGEST_TILE, Layout, Tiling, streaks_tile, torus_for
 from flurries.effects.motion import Motion, Way
@@ -20,9 +20,9 @@ from flurries.effects.resolution import TUNED
 from flurries.frame.view import Frame
 from flurries.motion.wind import Wind
 from flurries.spectral.frame import Request
-from flurries.spectral.motion import depth_of_wave, tile_motion
-from flurries.spectral.tables import FAR, warn_far, warn_long
-from flurries.spectral.tiles import tile_shares
+from flurries.spectral.motion import tile_motion
+from flurries.spectral.tables import FAR, warn_far, warn_long, wave_depth
+from flurries.spectral.tiles import power_shares
 from flurries.trace import count
 
 # Mean, spread, power and amount of the map from field to opacity.
@@ -69,7 +69,7 @@ class Field:
     def far_depth(self) -> float:
         """The depth that the shortest wave stands for, metres, shown or not."""
         shortest, longest = self.tuned if self.wavelengths is None else self.wavelengths
-        return float(depth_of_wave(shortest, self.near_depth, longest))
+        return float(wave_depth([shortest], near_depth=self.near_depth, longest=longest)[0])
 
     def cycles(self, frame: Frame, way: Way) -> float:
         """Return how fast the middle of the longest wave's tent turns, cycles per frame."""
@@ -79,10 +79,10 @@ class Field:
 
     def layout(self, frame: Frame) -> Layout:
         """Return the tiles of the film that a frame belongs to."""
-        path, camera = frame.path, frame.camera
-        rotation = None if path.turns else camera.rotation
-        deep = frame.deep or frame.depth is not None
-        return _layout(self, frame.shape, path, rotation, camera.focal, frame.fps, deep)
+        camera, deep = frame.camera, frame.deep or frame.depth is not None
+        return _layout(
+            self, frame.shape, frame.path, camera.rotation, camera.focal, frame.fps, deep
+        )
 
     def pixels(
         self,
@@ -129,12 +129,12 @@ class Field:
         (tile, overlap), band = layout.tiling, layout.band
         x, y = tile_middles(shape, camera, tile, overlap)
         grid = (len(y), len(x), 2)
-        moved = self.motion.travel(frame) if path.turns or path.zooms else way.moved
+        moved = self.motion.travel(frame) if layout.turns or layout.zooms else way.moved
         # A velocity has no eye: take away what drift_at adds for one.
         rate = way.rate - camera.offset
         shift: Any = np.array(camera.center_shift).reshape(1, 1, 1, 2)
         shift_rate = _STILL
-        if path.turns:
+        if layout.turns:
             # An eye beside the axis is carried round it; its place in the air stays that of the
             # camera plus the offset, so that two eyes keep their disparities.
             rate = rate + np.cross(frame.spin(), camera.offset)
@@ -143,17 +143,15 @@ class Field:
                 for angle in (frame.rotation(), frame.spin())
             )
             shift = shift + camera.center_shift
-        if path.zooms:
+        if layout.zooms:
             grown, grows = (
                 part * np.stack(np.meshgrid(x, y), axis=-1)[:, :, None]
                 for part in path.zoom(frame.t)
             )
             shift = shift + grown
             shift_rate = grows if shift_rate is _STILL else shift_rate + grows
-        drift, velocity = (
-            drift_at(x, y, vector, camera, self.near_depth, np.empty(grid))[:, :, None]
-            for vector in (moved, rate)
-        )
+        drift = drift_at(x, y, moved, camera, self.near_depth, np.empty(grid))[:, :, None]
+        velocity = drift_at(x, y, rate, camera, self.near_depth, np.empty(grid))[:, :, None]
         edges = _NONE if layout.edges is None else layout.edges
         if layout.edges is not None:
             extra = self._ring_drift(frame, x, y, layout.edges)
@@ -201,7 +199,9 @@ class Field:
     ) -> tuple[Float64, Float64]:
         """Return drift and velocity (rows, cols, rings, 2) px beyond those of the mean wind."""
         camera, longest = frame.camera, self.band(frame.shape)[1]
-        depth = depth_of_wave(np.sqrt(edges[1:] * edges[:-1]), self.near_depth, longest)
+        depth = wave_depth(
+            np.sqrt(edges[1:] * edges[:-1]), near_depth=self.near_depth, longest=longest
+        )
         rows, cols, z = np.meshgrid(y, x, depth, indexing="ij")
         fx, fy = camera.focals
         ahead = np.stack([cols * z / fx, rows * z / fy, z], axis=-1)
@@ -224,15 +224,15 @@ class Field:
         if frame.depth is not None:
             with np.errstate(divide="ignore"):
                 ends = layout.farthest(frame.depth).astype(np.float64)
-                shortest = depth_of_wave(ends, self.near_depth, longest)
+                shortest = wave_depth(ends, near_depth=self.near_depth, longest=longest)
         motion, length = tile_motion(
             self.request(frame, way, shortest), self.request(later, next_way)
         )
-        depth = depth_of_wave(length, self.near_depth, longest)
+        depth = wave_depth(length, near_depth=self.near_depth, longest=longest)
         top, bottom, left, right = frame.window
         height, width = frame.shape
-        down, _ = tile_shares(height, tile=tall, overlap=overlap, blend=self.blend)
-        across, _ = tile_shares(width, tile=wide, overlap=overlap, blend=self.blend)
+        down, _ = power_shares(height, tile=tall, overlap=overlap, blend=self.blend)
+        across, _ = power_shares(width, tile=wide, overlap=overlap, blend=self.blend)
         x, y, z = (
             (down[top:bottom] @ plane @ across[left:right].T).astype(np.float32)
             for plane in (motion[..., 0], motion[..., 1], depth)
@@ -245,7 +245,7 @@ def _layout(
     field: Field,
     shape: tuple[int, int],
     path: CameraPath,
-    rotation: tuple[float, float, float] | None,
+    rotation: tuple[float, float, float],
     focal: float,
     fps: float,
     deep: bool,
@@ -255,7 +255,7 @@ def _layout(
     The decision is one for all frames: it must not depend on the time or on the window.
     """
     motion, band = field.motion, field.band(shape)
-    spreads = rotation is None or motion.spreads(path, rotation)
+    spreads = motion.spreads(path, rotation)
     needed = 0.0
     if field.streaks and not (field.alias == "keep" or field.jitter):
         cycles = focal * motion.fastest(path, fps) / field.near_depth / band[1]
@@ -288,4 +288,6 @@ def _layout(
         rings = max(round(finer * math.log2(band[1] / band[0])), 1)
         edges = np.asarray(band[0] * (band[1] / band[0]) ** (np.arange(rings + 1) / rings))
     small = field.tile is not None and field.tile < needed
-    return Layout(torus or tiling, why, shape, band, edges, needed if small else 0.0)
+    return Layout(
+        torus or tiling, why, shape, band, edges, needed if small else 0.0, path.turns, path.zooms
+    )

@@ -10,23 +10,18 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from flurries import _core
 from flurries._contract import Array, Float64
-from flurries._core import (
-    SortedFlakes,
-    particle_draw,
-    particle_ids,
-    particle_sort,
-    particle_sort_listed,
-    particle_sort_pair,
-)
+from flurries._core import SortedFlakes
 from flurries.camera.lens import Camera
 from flurries.camera.path import CameraPath
 from flurries.effects.motion import Motion, Way
-from flurries.effects.places import SHOWN, SIZES, Listed, Places, list_flakes, place_flakes
-from flurries.frame.needs import Cost, LeftOut, Needs, Step, keyed, skipped
+from flurries.effects.places import FADE_IN, SHOWN, SIZES, Listed, Places, list_flakes, place_flakes
+from flurries.effects.resolution import TUNED
+from flurries.frame.needs import Cost, LeftOut, Needs, Step, has_keys, omission
 from flurries.frame.view import Frame
 from flurries.motion.keys import Number, value_at
-from flurries.particles.sprite import FADE_IN, sprite_variance
+from flurries.particles.looks import image_of
 
 # Nothing nearer than this is drawn, metres; what `particles.splat` has for a default.
 NEAR = 0.1
@@ -101,11 +96,17 @@ class Box(NamedTuple):
         is wider than deep.
     view : float
         Volume that the view fills up to the far end, cubic metres.
+    alike : bool
+        Whether all flakes move alike.
+    largest : (low, high)
+        Sigma in pixels from which flakes fade, and at which they are gone.
     """
 
     sides: Float64
     ball: float
     view: float
+    alike: bool
+    largest: tuple[float, float]
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -162,10 +163,6 @@ class Flakes:
         """Return how many flakes are in view."""
         return self.number if self.density is None else self.density * self.box(frame).view
 
-    def alike(self, frame: Frame) -> bool:
-        """Whether all flakes move alike."""
-        return self.motion.varied is None and not (frame.path.turns or frame.path.zooms)
-
     def places(self, frame: Frame) -> Places:
         """Return where the flakes of a frame are, how fast they go, and how much they show."""
         return self._places(frame, self.motion.way(frame))
@@ -174,7 +171,7 @@ class Flakes:
         """Return the opacity of the flakes over the window, (h, w) float32."""
         top, bottom, left, right = frame.window
         result = np.empty((bottom - top, right - left), np.float32)
-        particle_draw(result, self.sort(frame, amount, way), frame.window, frame.depth)
+        _core.particle_draw(result, self.sort(frame, amount, way), frame.window, frame.depth)
         return result
 
     def sort(self, frame: Frame, amount: float, way: Way) -> SortedFlakes:
@@ -183,7 +180,7 @@ class Flakes:
             return self._sort(frame, amount, way)
         frame = frame.around
         assert frame.shared is not None
-        if self.alike(frame) and len(frame.shared.cameras) == 2:
+        if self.box(frame).alike and len(frame.shared.cameras) == 2:
             both = frame.once(self, "flakes", lambda: self._sort_pair(frame, amount, way))
             return both[frame.eye]
         return frame.once_each(self, "flakes", lambda: self._sort(frame, amount, way))
@@ -194,7 +191,7 @@ class Flakes:
         Its number in the box is the same in every frame.
         """
         rows, shown = self._list(frame, amount, way), np.empty(frame.shape, np.int32)
-        particle_ids(shown, *self._given(frame, rows, way), frame.depth)
+        _core.particle_ids(shown, *self._given(frame, rows, way), frame.depth)
         return np.append(rows.numbers, -1).astype(np.int32)[shown]
 
     def passes(
@@ -222,7 +219,7 @@ class Flakes:
         if opacity == 0.0:
             why = "there are none" if self.empty else "their opacity is 0"
             return Needs((), (LeftOut(self.name, why),), most=0.0)
-        still = frame.settled and self.motion.still and 0.0 in self.sway and not keyed(self)
+        still = frame.settled and self.motion.still and 0.0 in self.sway and not has_keys(self)
         step = Step("flakes", lambda: self._cost(frame, amount), once=still)
         most = 1.0
         if amount < FADE_IN:
@@ -232,7 +229,7 @@ class Flakes:
                 2.0 * FADE_IN * (1.0 - FADE_IN)
             )
             most = min(shown * opacity, 1.0)
-        return Needs((step,), most=most, savings=(skipped(step, most),))
+        return Needs((step,), most=most, savings=(omission(step, most),))
 
     def footprints(self, frame: Frame) -> tuple[float, float]:
         """Return how many flakes are drawn, and runs of pixels in their rows, on average."""
@@ -242,8 +239,8 @@ class Flakes:
         radius = 0.5 * np.linspace(*self.sizes, 8)[:, None]
         focal = frame.camera.focal
         sigma = focal * radius / (3.0 * depth)
-        drawn = (sigma < self.largest[1] * frame.width_scale) & (depth > NEAR)
-        wide = 8.0 * np.sqrt(sprite_variance(sigma))
+        drawn = (sigma < self.box(frame).largest[1]) & (depth > NEAR)
+        wide = 8.0 * np.sqrt(image_of(sigma)[0])
         blur = focal * way.shutter / depth
         across, down = (blur * abs(rate) for rate in way.rate[:2])
         rows = np.minimum(wide + down, frame.shape[0])
@@ -269,7 +266,7 @@ class Flakes:
             "mask pixel": float(height * width),
         }
         out = (LeftOut(f"{self.name} out of view", f"some {placed - shown} of {placed}"),)
-        if self.alike(frame):
+        if self.box(frame).alike:
             return Cost(work, f"{shown} {self.name}", 4 * plane, 0, out)
         # First, of each placed: place, fade, its columns, how far it reaches, and one more; for a
         # camera that turns its velocity as well, and that across. Then what is left of those in the
@@ -280,9 +277,9 @@ class Flakes:
         return Cost(work, f"{shown} {self.name}", 4 * plane, scratch, out)
 
     def _sort(self, frame: Frame, amount: float, way: Way) -> SortedFlakes:
-        if self.alike(frame):
-            return particle_sort(frame.shape, self._flurry(frame, amount, way))
-        return particle_sort_listed(
+        if self.box(frame).alike:
+            return _core.particle_sort(frame.shape, self._flurry(frame, amount, way))
+        return _core.particle_sort_listed(
             frame.shape, *self._given(frame, self._list(frame, amount, way), way)
         )
 
@@ -293,16 +290,16 @@ class Flakes:
         assert frame.shared is not None
         left, right = frame.shared.cameras
         asked = self._flurry(replace(frame, camera=left), amount, way)
-        return particle_sort_pair(frame.shape, asked, lens_of(right, frame.shape))
+        return _core.particle_sort_pair(frame.shape, asked, lens_of(right, frame.shape))
 
     def _flurry(self, frame: Frame, amount: float, way: Way) -> Flurry:
         """Return the box of flakes before the frame's camera."""
         # Everything is as much higher as pixels are.
         stretch = np.array([1.0, frame.camera.aspect, 1.0])
-        low, high = self.largest
+        box = self.box(frame)
         return Flurry(
             number=self.count(frame),
-            sides=_triple(stretch * self.box(frame).sides),
+            sides=_triple(stretch * box.sides),
             center=(0.0, 0.0, 0.5 * self.reach),
             seed=frame.seed,
             way=_triple(-stretch * way.moved),
@@ -312,7 +309,7 @@ class Flakes:
             opacity=value_at(self.opacity, frame.t),
             amount=amount,
             fade_in=FADE_IN,
-            largest=(low * frame.width_scale, high * frame.width_scale),
+            largest=box.largest,
             sizes=SIZES,
             lens=lens_of(frame.camera, frame.shape),
             window=frame.window,
@@ -328,18 +325,19 @@ class Flakes:
 
     def _list(self, frame: Frame, amount: float, way: Way) -> Listed:
         """Return the flakes to draw one by one: any wind, any camera."""
-        low, high = self.largest
         return list_flakes(
             frame,
             self._places(frame, way),
             way.shutter,
             self.sizes,
             amount,
-            (low * frame.width_scale, high * frame.width_scale),
+            self.box(frame).largest,
             self.count(frame),
         )
 
-    def _given(self, frame: Frame, rows: Listed, way: Way) -> tuple[Any, ...]:
+    def _given(
+        self, frame: Frame, rows: Listed, way: Way
+    ) -> tuple[Float64, Float64, Float64, Float64, float, Lens]:
         """Return a list of flakes as the kernels read it."""
         stretch, lens = frame.camera.aspect, lens_of(frame.camera, frame.shape)
         points, velocity = rows.points, rows.velocity
@@ -377,7 +375,10 @@ def _box(flakes: Flakes, shape: tuple[int, int], path: CameraPath) -> Box:
     if path.turns:
         sides = np.full(3, 2.0 * ball / SHOWN + 2.0 * room)
     # The view is a pyramid: a third of the prism around it.
-    return Box(sides, ball, width * fx * height * fy * reach / 3.0)
+    view = width * fx * height * fy * reach / 3.0
+    alike = wind is None and not (path.turns or path.zooms)
+    low, high = (limit * (width / TUNED) for limit in flakes.largest)
+    return Box(sides, ball, view, alike, (low, high))
 
 
 @lru_cache(maxsize=64)

@@ -24,8 +24,9 @@ from flurries.effects.motion import (
     relative_course,
 )
 from flurries.frame.view import Frame
-from flurries.motion.keys import Course, Running, integral_to, value_at
-from flurries.motion.wind import Waves, Wind, carried
+from flurries.motion.keys import Course, Integral, integral_to, value_at
+from flurries.motion.waves import Waves, carry
+from flurries.motion.wind import Wind
 
 _Complex = npt.NDArray[np.complex128]
 
@@ -59,7 +60,7 @@ def wind_at(motion: Motion, frame: Frame, ahead: Float64) -> tuple[Float64, Floa
             depths, which = np.unique(points[:, 2], return_inverse=True)
             moved = moved + _ahead_while_turning(wind.waves, frame, depths)[which]
         else:
-            parts = carried(wind.waves, camera_course(frame.path, frame.fps), frame.fps)
+            parts = carry(wind.waves, camera_course(frame.path, frame.fps), frame.fps)
             both = wind.waves.at(world, _way_phasor(wind.waves, frame, *parts), now)
             moved = moved + frame.to_camera(both[:, :3])
             rate = rate + frame.to_camera(both[:, 3:])
@@ -98,7 +99,7 @@ def flakes_in_waves(motion: Motion, frame: Frame, points: Float64) -> tuple[Floa
     waves = _varied(motion).waves
     assert waves is not None
     world = frame.path.place(frame.t, fps=frame.fps) + points @ frame.camera.matrix().T
-    parts = carried(waves, air_course(frame.fps, motion.fall, motion.mean_wind), frame.fps)
+    parts = carry(waves, air_course(frame.fps, motion.fall, motion.mean_wind), frame.fps)
     both = waves.at(world, _way_phasor(waves, frame, *parts), _phasor(waves, frame, frame.t))
     return frame.to_camera(both[:, :3]), frame.to_camera(both[:, 3:])
 
@@ -114,7 +115,7 @@ def _phasor(waves: Waves, frame: Frame, time: float) -> _Complex:
     return np.asarray(turned, np.complex128)
 
 
-def _way_phasor(waves: Waves, frame: Frame, way: Running, sums: Running) -> _Complex:
+def _way_phasor(waves: Waves, frame: Frame, way: Integral, sums: Integral) -> _Complex:
     """Return what the amplitudes are multiplied by for the way of what is at a place now."""
     parts = sums.to(frame.t)
     half = len(parts) // 2
@@ -198,9 +199,9 @@ def _middles(t: float) -> tuple[Float64, Float64]:
 
 
 @lru_cache(maxsize=32)
-def _way_of(course: Course) -> Running:
+def _way_of(course: Course) -> Integral:
     def ways(start: Float64, end: Float64, inside: Float64) -> Float64:
         values, _ = course.line(0.5 * (start + end), inside)
         return np.asarray(values * (end - start)[:, None])
 
-    return Running.of(ways, course.knots)
+    return Integral.of(ways, course.knots)

@@ -149,7 +149,9 @@ class MatchedSnow:
                     frame.shape, made, camera, tile=tile, overlap=overlap, alias=self.alias,
                     jitter=self.jitter, **options,
                 )  # fmt: skip
-        return Layer(self.NAME, np.ascontiguousarray(frame.crop(alpha)), color_at(self.color, frame))
+        return Layer(
+            self.NAME, np.ascontiguousarray(frame.crop(alpha)), color_at(self.color, frame)
+        )
 
     def _tiles(self, frame: Frame, made: hybrid.Match) -> tuple[int, int]:
         """Return tile and overlap: smaller, and more of them mixed, where the air comes nearer."""

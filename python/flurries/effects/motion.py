@@ -9,10 +9,10 @@ from typing import NamedTuple
 import numpy as np
 
 from flurries._contract import Float64
-from flurries.camera.lens import rotation_matrix as matrix_of
 from flurries.camera.path import CameraPath, fall_course
+from flurries.camera.rotation import rotation_matrix as matrix_of
 from flurries.frame.view import Frame
-from flurries.motion.keys import Course, Keys, Number, Vector, course_of, summed, value_at
+from flurries.motion.keys import Course, Keys, Number, Vector, course_of, sum_of, value_at
 from flurries.motion.wind import Wind
 
 
@@ -69,10 +69,8 @@ class Motion:
 
     def way(self, frame: Frame) -> Way:
         """Return the camera's way through the mean wind at a frame."""
-        shutter = value_at(self.shutter, frame.t)
-        moved, rate = frame.path.relative(
-            frame.t, fps=frame.fps, fall=self.fall, wind=self.mean_wind
-        )
+        wind, shutter = self.mean_wind, value_at(self.shutter, frame.t)
+        moved, rate = frame.path.relative(frame.t, fps=frame.fps, fall=self.fall, wind=wind)
         axes = frame.camera.matrix()
         return Way(moved @ axes, rate @ axes, shutter)
 
@@ -116,13 +114,13 @@ def comes_nearer(path: CameraPath, axis: Float64, fall: Number, wind: Vector) ->
 @lru_cache(maxsize=32)
 def relative_course(path: CameraPath, fps: float, fall: Number, wind: Vector) -> Course:
     """Return camera minus what falls."""
-    return summed([path.course(fps), course_of(wind, -1.0 / fps), fall_course(fall, -1.0 / fps)])
+    return sum_of([path.course(fps), course_of(wind, -1.0 / fps), fall_course(fall, -1.0 / fps)])
 
 
 @lru_cache(maxsize=32)
 def air_course(fps: float, fall: Number, wind: Vector) -> Course:
     """Return what falls in the wind."""
-    return summed([course_of(wind, 1.0 / fps), fall_course(fall, 1.0 / fps)])
+    return sum_of([course_of(wind, 1.0 / fps), fall_course(fall, 1.0 / fps)])
 
 
 @lru_cache(maxsize=32)

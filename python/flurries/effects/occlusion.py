@@ -9,6 +9,7 @@ before a wall that no snow is in front of.
 from __future__ import annotations
 
 import math
+from functools import partial
 
 import numpy as np
 
@@ -18,16 +19,14 @@ from flurries.effects.field import Field, Map
 from flurries.effects.motion import Way
 from flurries.frame.view import Frame
 from flurries.spectral.contrast import kept_power, mean_opacity
-from flurries.spectral.motion import depth_of_wave
-from flurries.spectral.tiles import tile_shares
+from flurries.spectral.tables import wave_depth
+from flurries.spectral.tiles import power_shares
 
 # Numbers of a product that are held in float64.
 _HELD = 1 << 16
 
 
-def before_scene(
-    field: Field, frame: Frame, way: Way, mapped: Map, keep: bool, mode: str
-) -> Array:
+def before_scene(field: Field, frame: Frame, way: Way, mapped: Map, keep: bool, mode: str) -> Array:
     """Return the opacity of a field over the window, as far as the scene's depth leaves it.
 
     Parameters
@@ -86,7 +85,7 @@ def _by_tile(field: Field, frame: Frame, way: Way, mapped: Map, keep: bool) -> A
     assert frame.depth is not None
     layout, whole = field.layout(frame), frame.depth
     ends = frame.once(field, "ends", lambda: layout.farthest(whole).astype(np.float64))
-    shortest = depth_of_wave(ends, field.near_depth, layout.band[1])
+    shortest = wave_depth(ends, near_depth=field.near_depth, longest=layout.band[1])
     alpha = field.pixels(frame, way, mapped, keep, shortest=shortest)
     alpha *= frame.here(field, "factor", lambda: _tile_factor(field, frame, mapped, ends))
     return alpha
@@ -104,15 +103,13 @@ def _tile_factor(field: Field, frame: Frame, mapped: Map, ends: Float64) -> Arra
     return _fade(mixed, mapped, power=power).astype(np.float32)
 
 
-def _axes(
-    field: Field, frame: Frame
-) -> tuple[tuple[Float64, Float64], tuple[Float64, Float64]]:
+def _axes(field: Field, frame: Frame) -> tuple[tuple[Float64, Float64], tuple[Float64, Float64]]:
     """Return shares of the tiles and the field's power along the frame's rows and columns."""
     (tall, wide), overlap = field.layout(frame).tiling
     height, width = frame.shape
     return (
-        tile_shares(height, tile=tall, overlap=overlap, blend=field.blend),
-        tile_shares(width, tile=wide, overlap=overlap, blend=field.blend),
+        power_shares(height, tile=tall, overlap=overlap, blend=field.blend),
+        power_shares(width, tile=wide, overlap=overlap, blend=field.blend),
     )
 
 
@@ -137,13 +134,9 @@ def _by_pixel(field: Field, frame: Frame, way: Way, mapped: Map, keep: bool) -> 
     total, before = np.zeros(depth.shape, np.float32), None
     for number in range(octaves):
         nearer = _waves_before(field, frame, way, number, octaves, edges[number + 1])
-        limits = edges[number], edges[number + 1]
         # The root of the share of an octave's power; the same for both eyes.
-        part = frame.here(
-            field,
-            f"octave {number}",
-            lambda e=limits: np.sqrt(share_before(depth, *e)).astype(np.float32),
-        )
+        root = partial(_root_share, depth, edges[number], edges[number + 1])
+        part = frame.here(field, f"octave {number}", root)
         total += part * (nearer if before is None else nearer - before)
         before = nearer
     share = share_before(depth, near, far)
@@ -164,13 +157,18 @@ def _by_pixel(field: Field, frame: Frame, way: Way, mapped: Map, keep: bool) -> 
     return np.clip(alpha, 0.0, 1.0, out=alpha)
 
 
+def _root_share(depth: Array, near: float, far: float) -> Array:
+    return np.sqrt(share_before(depth, near, far)).astype(np.float32)
+
+
 def _waves_before(
     field: Field, frame: Frame, way: Way, number: int, octaves: int, edge: float
 ) -> Array:
     """Return the field of all waves that stand for depths up to the far edge of an octave."""
     layout = field.layout(frame)
-    limit = 0.0 if number + 1 == octaves else depth_of_wave(edge, field.near_depth, layout.band[1])
-    shortest = np.full(layout.grid, limit)
+    shortest = np.zeros(layout.grid)
+    if number + 1 < octaves:
+        shortest[:] = wave_depth([edge], near_depth=field.near_depth, longest=layout.band[1])
     return field.pixels(frame, way, None, name=f"texture {number}", shortest=shortest)
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -14,14 +14,23 @@ from flurries.frame.view import Frame
 from flurries.trace import stage
 
 
+class Passes(NamedTuple):
+    """What a layer says of its pixels besides their color; see `Layer`."""
+
+    motion: Array
+    depth: Array
+    coverage: Array
+    ids: Array
+
+
 def passes_of(
-    texture: Texture,
+    texture: Texture | None,
     flakes: Flakes,
     frame: Frame,
     amount: float,
     way: Way,
     planes: tuple[Array | None, Array | None],
-) -> dict[str, Array]:
+) -> Passes:
     """Return motion, depth, coverage and ids of the window; see `Layer`.
 
     Parameters
@@ -39,7 +48,7 @@ def passes_of(
     with stage("passes"):
         later = frame.later()
         ways = way, flakes.motion.way(later)
-        if behind is not None:
+        if texture is not None and behind is not None:
             motion, depth = texture.passes(frame, later, *ways)
         if front is not None:
             ids = frame.crop(flakes.ids(frame, amount, way))
@@ -48,4 +57,4 @@ def passes_of(
             numbers, which = np.unique(ids[shown], return_inverse=True)
             steps, far = flakes.passes(frame, later, ways, numbers)
             motion[shown], depth[shown] = steps[which], far[which]
-    return {"motion": motion, "depth": depth, "coverage": coverage, "ids": ids}
+    return Passes(motion, depth, coverage, ids)

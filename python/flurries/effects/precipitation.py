@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any, Protocol
+from typing import Any, Generic, Protocol, TypeVar
 
 import numpy as np
 
@@ -36,8 +36,11 @@ class Backdrop(Protocol):
         """Return its opacity over the window, (h, w) float32."""
 
 
+_Back = TypeVar("_Back", bound=Backdrop | None)
+
+
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Precipitation:
+class Precipitation(Generic[_Back]):
     """The parts of an effect, and the layer that they make.
 
     Attributes
@@ -52,7 +55,7 @@ class Precipitation:
         Of the color's light.
     motion : Motion
         What moves them.
-    texture : Backdrop, optional
+    texture : Backdrop or None
         Behind the flakes.
     flakes : Flakes, optional
         In front.
@@ -64,7 +67,7 @@ class Precipitation:
     amount: Number
     color: Any
     motion: Motion
-    texture: Backdrop | None = None
+    texture: _Back
     flakes: Flakes | None = None
     veil: Veil
     gain: Number = 1.0
@@ -87,7 +90,9 @@ class Precipitation:
         top, bottom, left, right = frame.window
         pixels, planes = (bottom - top) * (right - left), max(len(steps), 1)
         size = f"{planes} planes"
-        steps.append(Step("join", lambda: Cost({"joined pixel": planes * pixels}, size, 4 * pixels)))
+        steps.append(
+            Step("join", lambda: Cost({"joined pixel": planes * pixels}, size, 4 * pixels))
+        )
         return Needs(
             tuple(steps),
             tuple(
@@ -122,9 +127,17 @@ class Precipitation:
         with stage("join"):
             _core.join(alpha, planes or [np.zeros_like(alpha)], haze)
         layer = Layer(self.name, alpha, color_at(self.color, frame))
-        if not (frame.whole and isinstance(texture, Texture) and flakes is not None):
+        back: Any = texture
+        if not frame.whole or flakes is None or not isinstance(back, Texture | None):
             return layer
-        return replace(layer, **passes_of(texture, flakes, frame, amount, way, (behind, front)))
+        passes = passes_of(back, flakes, frame, amount, way, (behind, front))
+        return replace(
+            layer,
+            motion=passes.motion,
+            depth=passes.depth,
+            coverage=passes.coverage,
+            ids=passes.ids,
+        )
 
     def over(self, frame: Frame, behind: Array, light: Light) -> Array | None:
         """Return the layer over a picture, with the bits of `render`, in one pass.
@@ -149,7 +162,7 @@ class Precipitation:
                 behind,
                 texture.field.request(frame, way),
                 texture.map(frame, amount, way),
-                texture.preserves_mean,
+                not texture.renormalise,
                 haze,
                 light(color_at(self.color, frame)),
                 front,

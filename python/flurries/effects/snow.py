@@ -12,7 +12,7 @@ from functools import cached_property
 from typing import Any, ClassVar
 
 from flurries._contract import Array, real
-from flurries.effects.checks import TENT, optional, pair, population, settle, share, sizes
+from flurries.effects.checks import TENT, optional, pair, part_of, population, settle, share, sizes
 from flurries.effects.field import Field
 from flurries.effects.flakes import Flakes
 from flurries.effects.knobs import knobs, preset
@@ -62,7 +62,7 @@ class Snow:
         (1:3, 1:4): take a ratio beside it, or `jitter`.
     color : float, (r, g, b) or "ambient"
         Display values, 0 to 1. Keyed. "ambient": as bright as white is in the light of the
-        background, see :func:`flurries.scene.background.ambient_light`.
+        background, see :func:`flurries.light.ambient.ambient_light`.
     haze : float
         Opacity of an even veil, 0 to 1; before a scene with a depth, of the veil before the
         farthest snow. Keyed.
@@ -173,29 +173,11 @@ class Snow:
         return preset(cls, cls.PRESETS, name, changes)
 
     @cached_property
-    def parts(self) -> Precipitation:
+    def parts(self) -> Precipitation[Texture]:
         """What it is made of."""
         motion = Motion(self.fall, self.wind, self.shutter)
-        field = Field(
-            motion=motion,
-            exponent=self.exponent,
-            wavelengths=self.wavelengths,
-            tuned=(3.0, 24.0),
-            near_depth=self.near_depth,
-            tile=self.tile,
-            overlap=self.overlap,
-            blend=self.blend,
-            alias=self.alias,
-            jitter=self.jitter,
-        )
-        texture = Texture(
-            field=field,
-            opacity=self.texture,
-            mean=self.mean,
-            spread=self.spread,
-            power=self.power,
-            depth_mode=self.depth_mode,
-        )
+        field = part_of(Field, self, motion=motion, tuned=(3.0, 24.0))
+        texture = part_of(Texture, self, field=field, opacity=self.texture)
         flakes = Flakes(
             motion=motion,
             number=self.flakes,
@@ -205,10 +187,10 @@ class Snow:
             opacity=self.flake_opacity,
             sway=self.sway,
         )
-        return Precipitation(
+        return part_of(
+            Precipitation,
+            self,
             name=self.NAME,
-            amount=self.amount,
-            color=self.color,
             motion=motion,
             texture=texture,
             flakes=flakes,
@@ -231,6 +213,4 @@ class Snow:
         self, shape: tuple[int, int], focal: float, distance: float, index: int
     ) -> None:
         """Warn if two eyes see the texture half a wavelength apart or more."""
-        texture = self.parts.texture
-        assert isinstance(texture, Texture)
-        texture.warn_ambiguous(shape, focal, distance, index)
+        self.parts.texture.warn_ambiguous(shape, focal, distance, index)

@@ -13,7 +13,7 @@ from flurries.effects.layout import tiles_cost, tiles_touched
 from flurries.effects.motion import Way
 from flurries.effects.occlusion import before_scene
 from flurries.effects.resolution import map_at, power_share
-from flurries.frame.needs import Cost, LeftOut, Needs, Step, keyed, skipped
+from flurries.frame.needs import Cost, LeftOut, Needs, Step, has_keys, omission
 from flurries.frame.view import Frame
 from flurries.motion.keys import Number, value_at
 from flurries.spectral.contrast import TABLE_BYTES, kept_power
@@ -43,23 +43,18 @@ class Texture:
 
     name = "texture"
 
-    @property
-    def preserves_mean(self) -> bool:
-        """Whether what blur takes of the mean opacity is added again; renormalised, it is there."""
-        return not self.renormalise
-
     def needs(self, frame: Frame, amount: float) -> Needs:
         """Return its one step, or why there is none."""
         opacity = amount * value_at(self.opacity, frame.t)
         if opacity == 0.0:
             return Needs((), (LeftOut("texture", "its opacity is 0"),), most=0.0)
-        still = frame.settled and self.field.motion.still and not keyed(self)
+        still = frame.settled and self.field.motion.still and not has_keys(self)
         step = Step("texture", lambda: self._cost(frame), once=still)
         deep = frame.deep or frame.depth is not None
         return Needs(
             (step,),
             most=opacity,
-            savings=(skipped(step, opacity),),
+            savings=(omission(step, opacity),),
             in_one_pass=not (still or deep),
         )
 
@@ -78,7 +73,8 @@ class Texture:
 
     def alpha(self, frame: Frame, amount: float, way: Way) -> Array:
         """Return its opacity over the window, (h, w) float32, as far as a depth leaves it."""
-        mapped, keep = self.map(frame, amount, way), self.preserves_mean
+        # What blur takes of the mean is added again; renormalised, it has lost nothing.
+        mapped, keep = self.map(frame, amount, way), not self.renormalise
         if frame.depth is None:
             return self.field.pixels(frame, way, mapped, keep)
         return before_scene(self.field, frame, way, mapped, keep, self.depth_mode)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from flurries._contract import Array
-from flurries.frame.needs import Cost, LeftOut, Needs, Step, skipped
+from flurries.frame.needs import Cost, LeftOut, Needs, Step, omission
 from flurries.frame.view import Frame
 from flurries.motion.keys import Number, value_at
 
@@ -41,17 +41,16 @@ class Veil:
         top, bottom, left, right = frame.window
         pixels = (bottom - top) * (right - left)
         step = Step("veil", lambda: Cost({"veil pixel": pixels}, "", 4 * pixels, 8 * pixels))
-        return Needs((step,), most=haze, savings=(skipped(step, haze),))
+        return Needs((step,), most=haze, savings=(omission(step, haze),))
 
     def alpha(self, frame: Frame, amount: float) -> Array:
         """Return the opacity before the scene's depth over the window, (h, w) float32."""
-        assert frame.depth is not None
-        return frame.here(
-            self, "veil", lambda: haze_before(frame.crop(frame.depth), self.opacity(frame, amount), self.far)
-        )
+        depth, haze = frame.depth, self.opacity(frame, amount)
+        assert depth is not None
+        return frame.here(self, "veil", lambda: haze_before(frame.crop(depth), haze, self.far))
 
 
 def haze_before(depth: Array, haze: float, far: float) -> Array:
-    """Return the opacity of a veil before depths: its optical depth grows with the way, to `far`."""
+    """Return the opacity of a veil: its optical depth grows with the way, up to `far`."""
     way = np.minimum(depth / np.float32(far), np.float32(1.0))
     return np.asarray(1.0 - (1.0 - haze) ** way, np.float32)

@@ -12,7 +12,7 @@ import numpy as np
 from flurries._contract import Array, Float64
 from flurries.camera.lens import Camera
 from flurries.camera.path import CameraPath
-from flurries.camera.turning import rotation_vector
+from flurries.camera.rotation import rotation_vector
 from flurries.frame.needs import Run, needs_of
 from flurries.frame.shared import Shared
 from flurries.light.sun import Sun
@@ -119,11 +119,6 @@ class Frame:
         """The frame with the window that all bands make together."""
         return replace(self, window=self.shared.window) if self.shared is not None else self
 
-    @property
-    def width_scale(self) -> float:
-        """Size of the picture against one of 1024 px, so that looks do not change with it."""
-        return self.shape[1] / 1024.0
-
     def crop(self, plane: Array) -> Array:
         """Return the window of a plane of the whole frame."""
         top, bottom, left, right = self.window
@@ -134,11 +129,11 @@ class Frame:
         after, camera = self.t + step, self.camera
         if self.path.turns:
             turn = self.path.rig(after) @ self.path.rig(self.t).T @ camera.matrix()
-            camera = replace(camera, rotation=tuple(rotation_vector(turn).tolist()))
+            camera = camera.derive(rotation=tuple(rotation_vector(turn).tolist()))
         if self.path.zooms:
             ratio = math.exp(self.path.zoom(after)[0] - self.path.zoom(self.t)[0])
             shift = (ratio * camera.center_shift[0], ratio * camera.center_shift[1])
-            camera = replace(camera, focal=ratio * camera.focal, center_shift=shift)
+            camera = camera.derive(focal=ratio * camera.focal, center_shift=shift)
         return replace(self, t=after, camera=camera, depth=None, ambient=None, shared=None)
 
     def displacement(self, *, fall: Number = 0.0, wind: Vector = (0.0, 0.0, 0.0)) -> Float64:
@@ -167,7 +162,7 @@ class Frame:
 
     def rotation(self) -> Float64:
         """Return the integral of `spin` since frame 0, (3,) radians."""
-        return self.to_camera(self.path.turned(self.t))
+        return self.to_camera(self.path.rotation(self.t))
 
     def spin(self) -> Float64:
         """Return how fast the eye turns, (3,) radians per frame in its own axes, right-handed."""

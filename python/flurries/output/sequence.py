@@ -64,7 +64,7 @@ class Sequence:
     entries: dict[str, dict[str, Any]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        from flurries.scene.toml import fingerprint
+        from flurries.scene.fingerprint import fingerprint
 
         if not self.mark:
             mode = "-reproducible" if self.plain else ""
@@ -80,7 +80,7 @@ class Sequence:
     def make(self, frames: list[int], progress: Progress) -> None:
         """Make the frames that are missing."""
         from flurries.io.atomic import checked_target, remove_leftovers
-        from flurries.io.writing import format_of
+        from flurries.io.pictures.writer import format_of
 
         first = self.path_of(frames[0])
         # Before anything is rendered: a format that can be written, in a place that can be.

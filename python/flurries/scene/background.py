@@ -10,9 +10,10 @@ from typing import Any
 
 import numpy as np
 
-from flurries._contract import Array, rectangular, table
+from flurries._contract import Array, rectangular, table, warn_of_levels
+from flurries.io import fit, open_background
 
-_COLOUR = re.compile(r"#([0-9a-fA-F]{2})([0-9a-fA-F]{2})([0-9a-fA-F]{2})")
+_COLOR = re.compile(r"#([0-9a-fA-F]{2})([0-9a-fA-F]{2})([0-9a-fA-F]{2})")
 _DEFAULT_SIZE = (1024, 768)
 
 
@@ -30,15 +31,21 @@ class Backdrop:
         How many frames it has; None for a still.
     source : array or a source of `flurries.io`
         Where they come from.
+    fps : float or None
+        Frames per second of a film.
     """
 
     size: tuple[int, int]
     encoding: str
     count: int | None
     source: Any
+    fps: float | None = None
 
     def frame(self, t: float) -> Array:
-        """Return (H, W, 3) of frame floor(t); first and last frame hold outside."""
+        """Return (H, W, 3), or (H, W, 4) with alpha, of frame floor(t); ends hold outside.
+
+        The colors of integers are straight, those of floats are multiplied by alpha.
+        """
         if isinstance(self.source, np.ndarray):
             return self.source
         # The source keeps what it decoded last, so a still is read and fitted once.
@@ -55,13 +62,16 @@ class _Fitted:
     _last: tuple[int, Array] | None = None
 
     def frame(self, index: int) -> Array:
-        from flurries.io import fit
-
         index = 0 if self.source.count is None else min(max(index, 0), self.source.count - 1)
         last = self._last
         if last is not None and last[0] == index:
             return last[1]
-        pixels: Array = self.source.frame(index).pixels
+        picture = self.source.frame(index)
+        # A source of somebody's own need not know of alpha.
+        bare = getattr(picture, "alpha", None) is None
+        pixels: Array = picture.pixels if bare else picture.rgba()
+        if last is None:
+            warn_of_levels("background", pixels, "divide them by 255")
         if (pixels.shape[1], pixels.shape[0]) != self.size:
             pixels = fit(pixels, self.size)
         self._last = (index, pixels)
@@ -74,13 +84,11 @@ class _Fitted:
 def backdrop(background: Any, size: tuple[int, int] | None) -> Backdrop:
     """Return the backdrop of a scene's `background` argument."""
     if isinstance(background, str) and background.startswith("#"):
-        match = _COLOUR.fullmatch(background)
+        match = _COLOR.fullmatch(background)
         if match is None:
             raise ValueError(f"background must be '#rrggbb' for a color, got {background!r}")
         return _plain([int(part, 16) for part in match.groups()], np.dtype(np.uint8), size)
     if isinstance(background, (str, os.PathLike)):
-        from flurries.io import open_background
-
         return _of_source(open_background(background), size)
     if isinstance(background, (tuple, list)) and len(background) == 3 and np.ndim(background) == 1:
         return _plain(table("background", background, ndim=1), np.dtype(np.float32), size)
@@ -103,7 +111,8 @@ def _plain(color: Any, dtype: np.dtype[Any], size: tuple[int, int] | None) -> Ba
 
 def _of_source(source: Any, size: tuple[int, int] | None) -> Backdrop:
     wanted = size or tuple(source.size)
-    return Backdrop(wanted, source.encoding, source.count, _Fitted(source, wanted))
+    rate = getattr(source, "fps", None)
+    return Backdrop(wanted, source.encoding, source.count, _Fitted(source, wanted), rate)
 
 
 def _of_array(background: Any, size: tuple[int, int] | None) -> Backdrop:
@@ -116,53 +125,23 @@ def _of_array(background: Any, size: tuple[int, int] | None) -> Backdrop:
         )
     if given.ndim == 2:
         given = np.repeat(given[..., None], 3, axis=2)
-    if given.ndim != 3 or given.shape[2] != 3 or 0 in given.shape:
-        raise ValueError(f"background must have shape (H, W, 3), got {np.shape(background)}")
+    if given.ndim != 3 or given.shape[2] not in (3, 4) or 0 in given.shape:
+        raise ValueError(
+            f"background must have shape (H, W, 3) or (H, W, 4), got {np.shape(background)}"
+        )
+    kind = given.dtype.kind
+    if kind == "f" and given.shape[2] == 4:
+        cover = given[..., 3]
+        if not bool(((cover >= 0.0) & (cover <= 1.0)).all()):
+            raise ValueError("background: alpha must be from 0 to 1 everywhere")
+    warn_of_levels("background", given, "divide them by 255")
     own = (given.shape[1], given.shape[0])
     if size is not None and size != own:
         hint = "; size is (width, height)" if size == own[::-1] else ""
         raise ValueError(f"background must have size {size}, got {own}{hint}")
-    kind = given.dtype.kind
     # A copy: a frame must not change because the caller's array did.
     pixels = np.array(
         given, dtype=np.float32 if kind == "f" else given.dtype.newbyteorder("="), order="C"
     )
     pixels.flags.writeable = False
     return Backdrop(own, "linear" if kind == "f" else "display", None, pixels)
-
-
-# What pictures reflect on average, the grey of exposure meters; and fresh snow.
-_GREY, _SNOW = 0.18, 0.9
-
-
-def ambient_light(picture: Array, encoding: str) -> tuple[float, float, float]:
-    """Return how bright white snow is in the light that a picture was taken in.
-
-    Parameters
-    ----------
-    picture : (H, W, 3)
-        Of a background's dtype.
-    encoding : {"display", "linear"}
-        What its numbers mean.
-
-    Returns
-    -------
-    (r, g, b)
-        Display values, 0 to 1: the mean of the linear light over 0.18, which is what pictures
-        reflect on average, times 0.9, what snow does; lowered in one proportion to 1 at most. What
-        is not finite does not count.
-
-    Notes
-    -----
-    The ambient color of Langer 2003's slides, which do not say where it comes from.
-    """
-    from flurries.io import linear_to_srgb
-    from flurries.io.color import to_linear
-
-    light = to_linear(picture, encoding).reshape(-1, 3)
-    light = light[np.isfinite(light).all(axis=1)]
-    if len(light) == 0:
-        return 1.0, 1.0, 1.0
-    white = np.maximum(light.mean(axis=0, dtype=np.float64), 0.0) * (_SNOW / _GREY)
-    red, green, blue = linear_to_srgb(white / max(float(white.max()), 1.0)).tolist()
-    return red, green, blue

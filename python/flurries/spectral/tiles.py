@@ -107,33 +107,39 @@ def starts(length: int, tile: int, overlap: int) -> npt.NDArray[np.intp]:
     return np.arange(count, dtype=np.intp) * (tile - overlap)
 
 
-def tile_weights(length: int, *, tile: int, overlap: int, blend: str) -> Float64:
-    """Return what each tile's field is multiplied by at each pixel of an axis, (length, tiles).
-
-    With r the place in a tile's ramp, min(1, (i + 1/2) / overlap, (tile - i - 1/2) / overlap):
-    "linear" is r over the sum of all tiles' r at the pixel; "power" is the root of w over the sum
-    of all w, w = sin^2(pi r / 2). Tiles count whole where they stick out. The weight of a tile in
-    the picture is the product of both axes'.
-    """
-    place = np.arange(length)[:, None] - starts(length, tile, overlap)[None, :] + 0.5
-    inside = (place > 0.0) & (place < tile)
-    ramp = np.where(inside, np.minimum(place, tile - place) / max(overlap, 1), 0.0)
-    ramp = inside * 1.0 if overlap == 0 else np.minimum(ramp, 1.0)
-    if blend == "linear":
-        return np.asarray(ramp / ramp.sum(axis=1, keepdims=True))
-    share = np.sin(0.5 * np.pi * ramp) ** 2
-    return np.asarray(np.sqrt(share / share.sum(axis=1, keepdims=True)))
-
-
 def tile_shares(
-    length: int, *, tile: int, overlap: int, blend: str
-) -> tuple[Float64, Float64]:
+    length: int, *, tile: int, overlap: int, blend: str = "power"
+) -> npt.NDArray[np.float64]:
+    """Each tile's share of each pixel along one axis, as :func:`blend_tiles` has it.
+
+    Parameters
+    ----------
+    length, tile, overlap
+        See :func:`tile_starts`.
+    blend : {"power", "linear"}
+        Shares of the power, whose roots are the weights of the fields; or the weights themselves.
+
+    Returns
+    -------
+    (length, tiles) float64
+        0 to 1; a row sums to 1.
+    """
+    count = len(tile_starts(length, tile=tile, overlap=overlap))
+    shares = np.empty((length, count))
+    _core.tile_shares(shares, tile, overlap, choice("blend", blend, BLEND))
+    return shares
+
+
+def power_shares(length: int, *, tile: int, overlap: int, blend: str) -> tuple[Float64, Float64]:
     """Return each tile's share of the field's power at each pixel of an axis, and that power.
 
     Shares (length, tiles) sum to 1 at each pixel. The power (length,), against that in the middle
     of a tile, is 1 for "power", and falls where tiles overlap for "linear".
     """
-    squares = tile_weights(length, tile=tile, overlap=overlap, blend=blend) ** 2
+    weights = tile_shares(length, tile=tile, overlap=overlap, blend=blend)
+    if blend == "power":
+        return weights, np.ones(length)
+    squares = weights**2
     power = squares.sum(axis=1)
     return squares / power[:, None], power
 

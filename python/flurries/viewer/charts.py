@@ -72,11 +72,12 @@ def chart(scene: Scene, t: float, index: int, at: tuple[float, float]) -> Chart 
     """
     if not 0 <= index < len(scene.effects):
         return None
-    window = (0, scene.shape[0], 0, scene.shape[1])
-    effect, frame = scene._asks(t, None, window, None, False)[index]
+    effect = scene.effects[index]
+    frames = [frame for one, frame in scene.program.views(t) if one is effect]
     field = field_of(effect)
-    if field is None:
+    if field is None or not frames:
         return None
+    frame = frames[0]
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", UserWarning)
         asked = field.request(frame, field.motion.way(frame))

@@ -4,16 +4,18 @@
 //! S(b) and S(-b) of a column make S(b) + S(-b) and i (S(b) - S(-b)), both conjugate. Waves of mean 0
 //! stand there; the mean is kept apart, since it is not blended.
 
+#![expect(unsafe_code, reason = "complex numbers as the pairs that they are")]
+
 use std::sync::Arc;
 
 use ndarray::{ArrayView3, Axis};
 use num_complex::Complex;
 
-use crate::aligned::Aligned;
-use crate::error::{Error, collected, zeroed};
-use crate::pool;
-use crate::real::Real;
-use crate::simd::dispatch;
+use crate::base::aligned::Aligned;
+use crate::base::error::{Error, collected, zeroed};
+use crate::base::pool;
+use crate::base::real::Real;
+use crate::base::simd::dispatch;
 use crate::spectral::dense::Dense;
 
 /// Numbers of a wave: two complex sums.

@@ -7,13 +7,15 @@
 //! All is conjugate and folded, as [`Prepared`] has it: with c + i s the turn of b, and E and O the sum
 //! and the difference of a pattern, the tile's are the turn of a times c E + s O and c O - s E.
 
+#![expect(unsafe_code, reason = "products of waves by `Lanes`")]
+
 use super::blur::Blur;
 use super::prepared::{PARTS, Prepared};
-use crate::aligned::Aligned;
-use crate::error::Error;
-use crate::lanes::Lanes;
-use crate::real::Real;
-use crate::simd::{AVX2, AVX512, dispatch};
+use crate::base::aligned::Aligned;
+use crate::base::error::Error;
+use crate::base::lanes::Lanes;
+use crate::base::real::Real;
+use crate::base::simd::{AVX2, AVX512, dispatch};
 use crate::spectral::dense::{Turns, Work, passes_on};
 
 /// One pattern in a tile.

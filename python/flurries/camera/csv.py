@@ -1,0 +1,102 @@
+"""Camera paths from CSV files, as trackers and modelling programs export them."""
+
+from __future__ import annotations
+
+import csv
+import math
+import os
+from typing import Any
+
+import numpy as np
+
+from flurries.io.files import read_text
+from flurries.motion.keys import Keys
+
+_PLACE = ("x", "y", "z")
+_VECTOR = ("rx", "ry", "rz")
+_QUATERNION = ("qw", "qx", "qy", "qz")
+_KNOWN = ("frame", *_PLACE, *_VECTOR, *_QUATERNION, "focal")
+_MOST_BYTES = 1 << 25
+
+
+def read_path(path: str | os.PathLike[str]) -> dict[str, Any]:
+    """Read the places and orientations of a camera.
+
+    Parameters
+    ----------
+    path : str or path
+        A CSV file with a header. Columns, in any order: ``x, y, z``, world units, x right, y down,
+        z forward; ``rx, ry, rz``, a rotation vector in radians, or ``qw, qx, qy, qz``, a unit
+        quaternion; ``focal``, pixels, of a lens that zooms; and ``frame``. Without ``frame`` the
+        rows are the frames 0, 1, 2 and so on; with it they are keys, and frames increase.
+
+    Returns
+    -------
+    dict
+        ``position``, ``orientation`` and ``focal`` as :class:`flurries.CameraPath` takes them,
+        those that the file has.
+
+    Raises
+    ------
+    FileNotFoundError, OSError
+        If the file cannot be read.
+    ValueError
+        If a column is missing or unknown, or an entry is not a finite number; the message names the
+        line.
+    """
+    file, text = os.fspath(path), read_text(path, _MOST_BYTES, "camera path")
+    try:
+        rows = [row for row in csv.reader(text.splitlines()) if any(map(str.strip, row))]
+    except csv.Error as error:
+        raise ValueError(f"{file}: not a CSV file: {error}") from None
+    if len(rows) < 2:
+        raise ValueError(f"{file}: a camera path needs a header and at least one row")
+    names = [name.strip().lower() for name in rows[0]]
+    for name in names:
+        if name not in _KNOWN or names.count(name) > 1:
+            known = ", ".join(_KNOWN)
+            raise ValueError(f"{file}, line 1: columns are {known}, each once; got {name!r}")
+    table = np.array(
+        [[_number(file, line, text) for text in _row(file, line, row, len(names))]
+         for line, row in enumerate(rows[1:], 2)]
+    )  # fmt: skip
+    columns = dict(zip(names, table.T, strict=True))
+    found: dict[str, Any] = {}
+    for key, groups in (("position", (_PLACE,)), ("orientation", (_VECTOR, _QUATERNION))):
+        given = [group for group in groups if any(name in columns for name in group)]
+        if len(given) > 1:
+            raise ValueError(f"{file}, line 1: give rx, ry, rz or qw, qx, qy, qz, not both")
+        for group in given:
+            missing = [name for name in group if name not in columns]
+            if missing:
+                raise ValueError(f"{file}, line 1: column {missing[0]!r} is missing")
+            found[key] = np.stack([columns[name] for name in group], axis=1)
+    if "focal" in columns:
+        found["focal"] = columns["focal"]
+    if not found:
+        raise ValueError(f"{file}, line 1: neither x, y, z nor an orientation")
+    if "frame" in columns:
+        try:
+            found = {
+                key: Keys(list(zip(columns["frame"].tolist(), values.tolist(), strict=True)))
+                for key, values in found.items()
+            }
+        except ValueError as error:
+            raise ValueError(f"{file}: {error}") from None
+    return found
+
+
+def _row(file: Any, line: int, row: list[str], count: int) -> list[str]:
+    if len(row) != count:
+        raise ValueError(f"{file}, line {line}: {count} entries are wanted, got {len(row)}")
+    return row
+
+
+def _number(file: Any, line: int, text: str) -> float:
+    try:
+        number = float(text)
+    except ValueError:
+        number = math.nan
+    if not math.isfinite(number):
+        raise ValueError(f"{file}, line {line}: not a finite number: {text.strip()!r}")
+    return number

@@ -1,0 +1,182 @@
+"""Reading video: any frame by its number, the same pixels in whatever order frames are asked for.
+
+Compressed frames build on earlier ones, so a frame is decoded from the last key frame before it.
+Reading on from where the decoder stands never seeks.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from contextlib import closing
+from typing import Any
+
+import numpy as np
+
+from flurries.io.color import Array
+from flurries.io.files import Budget, plain_file
+from flurries.io.films.index import SCALING, index_frames, open_video
+from flurries.io.forks import never_free_in_children
+from flurries.io.structure import check_structure
+
+_UNSPECIFIED = 2  # AVCOL_SPC_UNSPECIFIED
+
+
+class VideoReader:
+    """Decodes a video's frames as uint8 RGB; for one thread at a time.
+
+    Parameters
+    ----------
+    path : str or path
+        The video.
+    budget : Budget, optional
+        How large a frame may be; ``Budget()`` if not given.
+
+    Raises
+    ------
+    FileNotFoundError
+        If there is no such file.
+    OSError
+        If it is empty, cut short or damaged.
+    ValueError
+        If it is not a video of a known format.
+    """
+
+    def __init__(self, path: str | os.PathLike[str], *, budget: Budget | None = None) -> None:
+        self.path, self._budget = plain_file(path), Budget.of(budget)
+        check_structure(self.path)
+        never_free_in_children(self)
+        self._container, self._stream = open_video(self.path, self._budget)
+        rate = self._stream.average_rate or self._stream.guessed_rate
+        self.fps = float(rate) if rate else None
+        self._index = index_frames(self.path, self._budget)
+        self._frames = self._decode()
+        # The frame that the decoder will yield next, and those that it yielded ahead of need.
+        self._next = 0
+        self._ready: dict[int, Any] = {}
+        self._broken: set[int] = set()
+        self._seeks = self._index.seekable
+        self.size: tuple[int, int] | None = None
+        first = self.frame(0)
+        self.size = (first.shape[1], first.shape[0])
+
+    @property
+    def count(self) -> int:
+        """How many frames there are."""
+        return len(self._index.times)
+
+    def close(self) -> None:
+        """Close the file."""
+        self._ready.clear()
+        self._container.close()
+
+    def frame(self, number: int) -> Array:
+        """Return frame `number`, from 0, as (H, W, 3) uint8, turned upright.
+
+        Raises
+        ------
+        OSError
+            If it, or a frame that it builds on, is damaged as far as the decoder can tell.
+        """
+        if not 0 <= number < self.count:
+            raise IndexError(f"{self.path}: there is no frame {number} among {self.count}")
+        key = self._index.key_of(number)
+        if number not in self._ready and not key <= self._next <= number:
+            self._go_to(key)
+        # Damage shows when a frame is yielded. So all frames decoded before this one are awaited,
+        # also those that are shown later, and frames do not depend on what was asked for before.
+        overshot = self._read_to(self._index.reach_of(number), key)
+        if overshot and self._seeks and key:
+            # Some files seek to a later key frame than they were asked for: never seek in them.
+            self._seeks = False
+            self._go_to(key)
+            self._read_to(self._index.reach_of(number), key)
+        for past in [place for place in self._ready if place < number]:
+            del self._ready[past]
+        found = self._ready.get(number)
+        if found is None or any(self._index.builds_on(number, place) for place in self._broken):
+            raise OSError(f"{self.path}: frame {number} of the video is damaged")
+        pixels = _to_rgb(found)
+        if self.size is not None and self.size != (pixels.shape[1], pixels.shape[0]):
+            raise OSError(f"{self.path}: frame {number} of the video has another size")
+        return pixels
+
+    def _go_to(self, key: int) -> None:
+        """Make `key` or an earlier frame the next one to be decoded."""
+        self._ready.clear()
+        if self._seeks and key:
+            self._container.seek(self._index.times[key], stream=self._stream)
+            self._next = key
+        else:
+            self._container.close()
+            self._container, self._stream = open_video(self.path, self._budget)
+            self._next = 0
+        self._frames = self._decode()
+
+    def _read_to(self, last: int, key: int) -> bool:
+        """Decode up to frame `last`; return whether the decoder began after the frame `key`."""
+        fresh = self._next == key
+        while self._next <= last:
+            frame = next(self._frames, None)
+            if frame is None:
+                self._next = self.count
+                return False
+            place = self._next if self._index.counted else self._index.number_at(frame.pts)
+            if place is None:
+                continue
+            if fresh and place > key:
+                return True
+            fresh = False
+            self._next = place + 1
+            self._ready[place] = frame
+            if frame.is_corrupt:
+                self._broken.add(place)
+        return False
+
+    def _decode(self) -> Iterator[Any]:
+        """Yield decoded frames from where the file stands; note what cannot be decoded."""
+        import av
+
+        try:
+            for packet in self._container.demux(self._stream):
+                try:
+                    yield from packet.decode()
+                except av.FFmpegError:
+                    place = self._index.number_at(packet.pts)
+                    # Without a time, the frame that comes next is as near as can be told.
+                    self._broken.add(min(self._next, self.count - 1) if place is None else place)
+        except av.FFmpegError:
+            return
+
+
+def read_video(path: str | os.PathLike[str], *, budget: Budget | None = None) -> Iterator[Array]:
+    """Yield the frames of a video in order, each (H, W, 3) uint8.
+
+    Parameters
+    ----------
+    path : str or path
+    budget : Budget, optional
+        As `read_picture`; for each frame.
+
+    Raises
+    ------
+    FileNotFoundError, OSError, ValueError
+        As `VideoReader`, when the first frame is asked for or where the damage is.
+    """
+    reader = VideoReader(path, budget=budget)
+    with closing(reader):
+        for number in range(reader.count):
+            yield reader.frame(number)
+
+
+def _to_rgb(frame: Any) -> Array:
+    """Return a decoded frame as RGB, upright."""
+    from av.video.reformatter import Colorspace
+
+    wishes = dict(SCALING)
+    if frame.colorspace == _UNSPECIFIED and not frame.format.is_rgb:
+        # Unmarked video follows the convention of its size.
+        wishes["src_colorspace"] = Colorspace.ITU709 if frame.height >= 720 else Colorspace.ITU601
+    pixels = frame.to_ndarray(format="rgb24", **wishes)
+    # The display matrix turns counterclockwise, as rot90 does.
+    return np.ascontiguousarray(np.rot90(pixels, round(frame.rotation / 90)))

@@ -1,0 +1,264 @@
+"""Writing video: H.264 for everyone, VP9 for the web, FFV1 where no bit may be lost."""
+
+from __future__ import annotations
+
+import os
+import sys
+from contextlib import AbstractContextManager, suppress
+from fractions import Fraction
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from flurries.io.atomic import replacing
+from flurries.io.films.codecs import QUALITIES, THREADS, encoder_for, frame_rate
+from flurries.io.films.index import SCALING
+from flurries.io.films.sound import Sound, SoundTrack
+from flurries.io.forks import never_free_in_children
+from flurries.io.sequences import VIDEO_EXTENSIONS
+from flurries.io.structure import check_structure
+
+
+class VideoWriter:
+    """Writes a video frame by frame; a context manager.
+
+    The extension decides: .mp4 and .mov hold H.264, .webm holds VP9, both with colors at half
+    resolution (yuv420p, BT.709), and .mkv holds FFV1, which loses nothing. The file appears under
+    its name when the block is left without an exception, and not before; with one, the old file
+    stays and nothing else is left. The same frames make the same bytes.
+
+    H.264 and VP9 as every player understands them have even sides. A picture of odd width or
+    height is not resized: its last column or row is repeated once, so the video is one pixel
+    larger. FFV1 keeps the size.
+
+    Parameters
+    ----------
+    path : str or path
+        Ends in .mp4, .mov, .webm or .mkv.
+    size : (int, int)
+        (width, height) of every frame.
+    fps : float or Fraction
+        Frames per second, above 0 and at most 1000. 23.976, 29.97 and 59.94 mean 24000/1001 and
+        so on.
+    quality : {"high", "medium", "draft"}
+        What the codec may throw away; FFV1 throws nothing away.
+    sound : flurries.io.films.sound.Sound, optional
+        A part of another film's sound to go with the pictures; copied where the new file can hold
+        it as it is, else encoded as AAC, Opus (WebM) or FLAC (Matroska).
+
+    Raises
+    ------
+    ValueError
+        If an argument is not as above, a frame has another size, or no frame was written.
+    TypeError
+        If a frame is not uint8.
+    OSError
+        If the file cannot be written.
+    RuntimeError
+        If a frame is written outside the ``with`` block.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from flurries.io import VideoWriter
+    >>> with VideoWriter("snow.mp4", (64, 48), 24) as video:  # doctest: +SKIP
+    ...     video.write(np.zeros((48, 64, 3), np.uint8))
+    """
+
+    def __init__(
+        self,
+        path: str | os.PathLike[str],
+        size: tuple[int, int],
+        fps: float | Fraction,
+        *,
+        quality: str = "high",
+        sound: Sound | None = None,
+    ) -> None:
+        self.path = Path(path)
+        suffix = self.path.suffix.lower()
+        if suffix not in VIDEO_EXTENSIONS:
+            raise ValueError(
+                f"{self.path}: videos are written as {', '.join(VIDEO_EXTENSIONS)}, not {suffix!r}"
+            )
+        if quality not in QUALITIES:
+            raise ValueError(f"quality must be one of {', '.join(QUALITIES)}, got {quality!r}")
+        self.size = _checked_size(size)
+        self.fps = frame_rate(fps)
+        self.count = 0
+        self._codec = encoder_for(suffix, quality, self.size)
+        self._replacing: AbstractContextManager[Path] | None = None
+        self._temporary: Path | None = None
+        self._container: Any = None
+        self._stream: Any = None
+        self._sound = sound
+        self._track: SoundTrack | None = None
+
+    def __enter__(self) -> VideoWriter:
+        if self._replacing is not None:
+            raise RuntimeError(f"{self.path}: a VideoWriter writes one video only")
+        never_free_in_children(self)
+        self._owner = os.getpid()
+        self._replacing = replacing(self.path)
+        self._temporary = self._replacing.__enter__()
+        try:
+            self._open(self._temporary)
+        except BaseException as error:
+            self._leave(error)
+            raise
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        if os.getpid() != self._owner:
+            return  # A forked child leaves the block: the file is its parent's.
+        if error is not None:
+            self._leave(error)
+            return
+        try:
+            self._finish()
+        except BaseException as failure:
+            self._leave(failure)
+            raise
+        self._leave(None)
+
+    def write(self, frame: npt.ArrayLike) -> None:
+        """Append a frame, (H, W, 3) uint8, sRGB."""
+        if self._container is None:
+            raise RuntimeError(f"{self.path}: frames are written inside a 'with' block")
+        array = np.asarray(frame)
+        if array.dtype != np.uint8:
+            raise TypeError(f"frame must be uint8, got {array.dtype}")
+        width, height = self.size
+        if array.shape != (height, width, 3):
+            raise ValueError(f"frame must be ({height}, {width}, 3), got {array.shape}")
+        with self._told():
+            for packet in self._stream.encode(self._converted(array)):
+                self._container.mux(packet)
+            if self._track is not None:
+                self._track.write_up_to((self.count + 1) / self.fps)
+        self.count += 1
+
+    def _open(self, temporary: Path) -> None:
+        import av
+        from av.video.reformatter import VideoReformatter
+
+        width, height = self.size
+        even = self._codec.pixels == "yuv420p"
+        with self._told():
+            self._container = av.open(
+                str(temporary.absolute()), "w", container_options=self._codec.container
+            )
+            stream = self._container.add_stream(
+                self._codec.name, rate=self.fps, options=self._codec.options
+            )
+            stream.width = width + (width % 2 if even else 0)
+            stream.height = height + (height % 2 if even else 0)
+            stream.pix_fmt = self._codec.pixels
+            context = stream.codec_context
+            context.thread_count = THREADS
+            context.color_primaries = 1  # BT.709
+            context.color_trc = 1 if even else 13  # BT.709, or sRGB where RGB is stored
+            context.colorspace = 1 if even else 0
+            context.color_range = 1 if even else 2  # 16 to 235, or 0 to 255
+            if self._sound is not None:
+                self._track = SoundTrack(self._sound, self._container, self.path.suffix.lower())
+        self._stream = stream
+        self._reformatter = VideoReformatter()
+
+    def _converted(self, array: npt.NDArray[np.uint8]) -> Any:
+        from av import VideoFrame
+        from av.video.reformatter import ColorRange, Colorspace
+
+        pad_down = self._stream.height - array.shape[0]
+        pad_right = self._stream.width - array.shape[1]
+        if pad_down or pad_right:
+            array = np.pad(array, ((0, pad_down), (0, pad_right), (0, 0)), mode="edge")
+        image = VideoFrame.from_ndarray(np.ascontiguousarray(array), format="rgb24")
+        wishes = dict(SCALING)
+        if self._codec.pixels == "yuv420p":
+            wishes["dst_colorspace"] = Colorspace.ITU709
+            wishes["dst_color_range"] = ColorRange.MPEG
+        converted = self._reformatter.reformat(image, format=self._codec.pixels, **wishes)
+        converted.pts = self.count
+        converted.time_base = 1 / self.fps
+        return converted
+
+    def _finish(self) -> None:
+        """Write what the encoder still holds, close the file and count what is in it."""
+        if self.count == 0:
+            raise ValueError(f"{self.path}: a video needs at least one frame")
+        with self._told():
+            for packet in self._stream.encode():
+                self._container.mux(packet)
+            if self._track is not None:
+                self._track.finish()
+            self._container.close()
+        self._container = None
+        self._check()
+
+    def _check(self) -> None:
+        import av
+
+        assert self._temporary is not None  # _finish is called from __exit__ only.
+        with self._told():
+            try:
+                check_structure(self._temporary)
+            except OSError as error:
+                raise OSError(f"{self.path}: does not read back as a whole video") from error
+            with av.open(str(self._temporary.absolute())) as container:
+                stream = container.streams.video[0]
+                found = sum(1 for packet in container.demux(stream) if packet.size)
+        if found != self.count:
+            raise OSError(f"{self.path}: reads back with {found} frames instead of {self.count}")
+
+    def _leave(self, error: BaseException | None) -> None:
+        """Close what is open and let `replacing` rename or remove the file."""
+        container, self._container = self._container, None
+        if container is not None:
+            with suppress(Exception):
+                container.close()
+        if self._track is not None:
+            self._track.close()
+        assert self._replacing is not None  # Set on entry.
+        if error is None:
+            self._replacing.__exit__(None, None, None)
+        else:
+            with suppress(type(error)):
+                self._replacing.__exit__(type(error), error, error.__traceback__)
+
+    def _told(self) -> _Told:
+        return _Told(self.path)
+
+
+class _Told(AbstractContextManager[None]):
+    """Turns the video library's errors into OSErrors that name the file."""
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        av = sys.modules.get("av")
+        if av is not None and isinstance(error, av.FFmpegError):
+            reason = error.strerror or "no reason given"
+            raise OSError(f"{self._path}: the video cannot be written: {reason}") from error
+
+
+def _checked_size(size: tuple[int, int]) -> tuple[int, int]:
+    if len(size) != 2 or not all(isinstance(side, (int, np.integer)) for side in size):
+        raise ValueError(f"size must be (width, height) in whole px, got {size!r}")
+    width, height = int(size[0]), int(size[1])
+    if not (1 <= width <= 16384 and 1 <= height <= 16384):
+        raise ValueError(f"size must be from 1 to 16384 px each way, got {width} x {height}")
+    return width, height

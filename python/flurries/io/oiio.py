@@ -1,0 +1,55 @@
+"""The one gate to OpenImageIO: imported when first needed, its threads, limits and errors tamed."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from typing import Any
+
+
+@lru_cache(maxsize=1)
+def openimageio() -> Any:
+    """Import OpenImageIO and return the module, without its threads.
+
+    Its pools of threads are global, and a forked child inherits them without the threads: writing
+    an EXR then waits for ever, and so does the end of the process. Workers of data loaders are such
+    children. So everything happens in the calling thread, which lets go of the GIL: several frames
+    in several threads still use all cores.
+    """
+    import OpenImageIO as library
+
+    library.attribute("threads", 1)
+    library.attribute("exr_threads", -1)
+    library.attribute(_LIMIT, 1)
+    return library
+
+
+_LIMIT, _LONGEST = "limits:imagesize_MB", 500
+
+
+def let_open(size: int) -> None:
+    """Let OpenImageIO open pictures of so many bytes.
+
+    Some formats are decoded when they are opened, so its own limit must hold them back. The limit
+    is one for the whole process and only grows: a thread may be opening a larger picture.
+    """
+    library, wanted = openimageio(), -(-size // 2**20)
+    if wanted > library.get_int_attribute(_LIMIT):
+        library.attribute(_LIMIT, min(wanted, 2**31 - 1))
+
+
+def last_error(*holders: Any) -> str:
+    """Return what OpenImageIO has to say about the last failure, on one line, and clear it.
+
+    Messages pile up in the object that failed and in a global list, and an unread one would be
+    taken for the next file's.
+    """
+    messages = []
+    for holder in (*holders, openimageio()):
+        try:
+            messages.append(holder.geterror())
+        except UnicodeDecodeError:
+            # It quotes a damaged file.
+            messages.append("no reason that could be put into words")
+    words = "; ".join(" ".join(message.split()) for message in messages if message)
+    # A damaged file may be complained of row by row.
+    return words if len(words) <= _LONGEST else f"{words[:_LONGEST]}..."

@@ -1,0 +1,249 @@
+"""Fitting a picture into a frame of another size."""
+
+from __future__ import annotations
+
+import math
+import operator
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from flurries._contract import rectangular
+from flurries.io.color import Array, linear_to_srgb, to_integer, to_linear, to_unit
+from flurries.io.oiio import last_error, openimageio
+
+_FILTER = "lanczos3"
+
+# Pixels that are turned into light at a time.
+_CHUNK = 1 << 20
+_MODES = ("cover", "contain", "stretch")
+
+
+def fit(
+    pixels: npt.ArrayLike,
+    size: Sequence[int],
+    how: str = "cover",
+    *,
+    encoding: str | None = None,
+) -> Array:
+    """Resize a picture to `size`, through a Lanczos filter of three lobes.
+
+    Filtering happens in linear light: a bright star between dark pixels keeps its light when the
+    picture shrinks. The filter's ringing is cut at the smallest and the largest value of each
+    channel, so black stays black around lamps; a lamp of a single pixel gains light by that, up to
+    a third.
+
+    Parameters
+    ----------
+    pixels : array_like
+        (H, W), (H, W, 1), (H, W, 3) or (H, W, 4); uint8, uint16 or float. A fourth channel is
+        alpha: the colors of floats are multiplied by it, those of integers are not.
+    size : (int, int)
+        (width, height) in px.
+    how : {"cover", "contain", "stretch"}
+        Keep the aspect and fill the frame, cutting off equal parts left and right or above and
+        below; keep the aspect and show all, with black bars (transparent with alpha); or let
+        both directions go their own way. Kept aspects are exact to one pixel in the whole length.
+    encoding : {"display", "linear"}, optional
+        What the numbers are; by default integers are display values and floats linear light.
+
+    Returns
+    -------
+    ndarray
+        (height, width) and the channels and the dtype of `pixels`, computed in float32. A picture
+        that has the size already comes back as an unchanged copy.
+
+    Raises
+    ------
+    TypeError
+        If `pixels` are of another type or `size` holds no integers.
+    ValueError
+        If shapes, `how` or `encoding` are not as above.
+    """
+    array = rectangular("pixels", pixels)
+    if array.dtype.name not in ("uint8", "uint16", "float16", "float32", "float64"):
+        raise TypeError(f"pixels must be uint8, uint16 or float, got {array.dtype}")
+    if (
+        array.ndim not in (2, 3)
+        or 0 in array.shape
+        or array.shape[2:] not in ((), (1,), (3,), (4,))
+    ):
+        raise ValueError(f"pixels must be (H, W) or (H, W, 1, 3 or 4), got {array.shape}")
+    width, height = _checked_size(size)
+    if how not in _MODES:
+        raise ValueError(f"how must be one of {', '.join(_MODES)}, got {how!r}")
+    integers = array.dtype.kind == "u"
+    if encoding is None:
+        encoding = "display" if integers else "linear"
+    if encoding not in ("display", "linear"):
+        raise ValueError(f"encoding must be 'display' or 'linear', got {encoding!r}")
+    if array.shape[:2] == (height, width):
+        return array.astype(array.dtype.newbyteorder("="))
+    planes = array[..., np.newaxis] if array.ndim == 2 else array
+    resized = _resize(_Light(planes, encoding, straight=integers), width, height, how)
+    values = _from_light(resized, encoding, straight=integers)
+    if integers:
+        result = to_integer(values, 8 * array.dtype.itemsize)
+    else:
+        result = values.astype(array.dtype.newbyteorder("="))
+    return result[..., 0] if array.ndim == 2 else result
+
+
+def fit_nearest(plane: npt.ArrayLike, size: Sequence[int]) -> Array:
+    """Scale data to cover a frame as `fit` does a picture, without making values in between.
+
+    Parameters
+    ----------
+    plane : (h, w) array
+        Numbers of which no mean may be taken, such as depths: between a wall and the sky behind it
+        there is nothing.
+    size : (int, int)
+        (width, height) in px.
+
+    Returns
+    -------
+    (height, width) array
+        Each pixel has the value of the pixel of `plane` that its centre falls into.
+
+    Raises
+    ------
+    TypeError, ValueError
+        For an argument that is not as described.
+    """
+    width, height = _checked_size(size)
+    array = rectangular("plane", plane)
+    if array.dtype.kind not in "biuf":
+        raise TypeError(f"plane must hold numbers, got {array.dtype}")
+    if array.ndim != 2 or 0 in array.shape:
+        raise ValueError(f"plane must have shape (h, w) and not be empty, got {array.shape}")
+    array = array.astype(array.dtype.newbyteorder("="), copy=False)
+    rows, columns = array.shape
+    scale = max(width / columns, height / rows)
+    places = []
+    for length, stored in ((height, rows), (width, columns)):
+        scaled = _scaled(stored * scale, length)
+        first = (scaled - length) // 2
+        at = (np.arange(length) + first + 0.5) * (stored / scaled)
+        places.append(np.clip(at.astype(np.int64), 0, stored - 1))
+    return np.ascontiguousarray(array[np.ix_(*places)])
+
+
+def _checked_size(size: Sequence[int]) -> tuple[int, int]:
+    if not isinstance(size, (Sequence, np.ndarray)) or isinstance(size, (str, bytes)):
+        raise TypeError(f"size must be (width, height), got {size!r:.60}")
+    if len(size) != 2:
+        raise ValueError(f"size must be (width, height), got {size!r}")
+    try:
+        width, height = operator.index(size[0]), operator.index(size[1])
+    except TypeError:
+        raise TypeError(f"size must be two integers, got {size!r}") from None
+    if not (1 <= width <= 2**16 and 1 <= height <= 2**16):
+        raise ValueError(f"size must be from 1 to {2**16} px each way, got {width} x {height}")
+    return width, height
+
+
+class _Light:
+    """A picture in linear light multiplied by alpha, the only form that may be averaged.
+
+    Only what OpenImageIO holds of it is whole: the light is made some rows at a time.
+
+    Attributes
+    ----------
+    buffer : ImageBuf
+        The light.
+    low, high : (channels,)
+        Its smallest and largest values that are numbers.
+    """
+
+    def __init__(self, planes: Array, encoding: str, *, straight: bool) -> None:
+        library = openimageio()
+        self.shape = rows, columns, channels = planes.shape
+        self.buffer = library.ImageBuf(library.ImageSpec(columns, rows, channels, "float"))
+        low = np.full(columns * channels, np.nan, np.float32)
+        high = low.copy()
+        step = max(_CHUNK // columns, 1)
+        for top in range(0, rows, step):
+            light = _to_light(planes[top : top + step], encoding, straight=straight)
+            light = np.ascontiguousarray(light, np.float32)
+            region = library.ROI(0, columns, top, top + len(light), 0, 1, 0, channels)
+            self.buffer.set_pixels(region, light)
+            # Of whole rows first: three numbers at a time would take as long as the rest.
+            flat = light.reshape(len(light), -1)
+            np.fmin(low, np.fmin.reduce(flat), out=low)
+            np.fmax(high, np.fmax.reduce(flat), out=high)
+        self.low = np.fmin.reduce(low.reshape(columns, channels))
+        self.high = np.fmax.reduce(high.reshape(columns, channels))
+
+
+def _to_light(planes: Array, encoding: str, *, straight: bool) -> Array:
+    """Return rows of a picture as linear light multiplied by alpha."""
+    light = to_linear(planes[..., :3], encoding)
+    if planes.shape[2] < 4:
+        return light
+    alpha = to_unit(planes[..., 3:])
+    return np.concatenate([light * alpha if straight else light, alpha], axis=-1)
+
+
+def _from_light(light: Array, encoding: str, *, straight: bool) -> Array:
+    """Return display values, straight where they came straight."""
+    color, alpha = light[..., :3], light[..., 3:]
+    if alpha.shape[2] and straight:
+        color = np.divide(color, alpha, out=color.copy(), where=alpha > 0)
+    if encoding == "display":
+        color = linear_to_srgb(color)
+    return np.concatenate([color, alpha], axis=-1)
+
+
+def _resize(light: _Light, width: int, height: int, how: str) -> Array:
+    """Scale the picture and take the central part, or put it in the middle of a black frame."""
+    rows, columns, channels = light.shape
+    across, down = width / columns, height / rows
+    if how != "stretch":
+        across = down = max(across, down) if how == "cover" else min(across, down)
+    scaled_width = _scaled(columns * across, width)
+    scaled_height = _scaled(rows * down, height)
+    left, top = (scaled_width - width) // 2, (scaled_height - height) // 2
+    window = (max(left, 0), max(top, 0), min(scaled_width, width), min(scaled_height, height))
+    resized = _filtered(light, (scaled_width, scaled_height), window)
+    resized = np.clip(resized, light.low, light.high)
+    if resized.shape[:2] == (height, width):
+        return resized
+    framed = np.zeros((height, width, channels), np.float32)
+    framed[-top if top < 0 else 0 :, -left if left < 0 else 0 :][
+        : resized.shape[0], : resized.shape[1]
+    ] = resized
+    return framed
+
+
+def _scaled(exact: float, wanted: int) -> int:
+    """Return the scaled length that is nearest to the exact one and has the parity of `wanted`.
+
+    The parity keeps the middle of the picture in the middle of the frame to the last bit; half a
+    pixel of drift would show between a still and a film.
+    """
+    if math.isclose(exact, wanted, rel_tol=1e-9):
+        return wanted
+    scaled = wanted + 2 * round((exact - wanted) / 2)
+    return scaled if scaled > 0 else 1 + (wanted + 1) % 2
+
+
+def _filtered(light: _Light, scaled: tuple[int, int], window: tuple[int, int, int, int]) -> Array:
+    """Scale `light` to the size `scaled` and return the part in `window` (x, y, width, height)."""
+    library = openimageio()
+    channels = light.shape[2]
+    left, top, width, height = window
+    specification = library.ImageSpec(width, height, channels, "float")
+    specification.x, specification.y = left, top
+    specification.full_x, specification.full_y = 0, 0
+    specification.full_width, specification.full_height = scaled
+    target = library.ImageBuf(specification)
+    region = library.ROI(left, left + width, top, top + height, 0, 1, 0, channels)
+    if not library.ImageBufAlgo.resize(target, light.buffer, _FILTER, 0.0, region):
+        words = last_error(target, light.buffer)
+        if "allocate" in words:
+            raise MemoryError(f"size {width} x {height}: {words}")
+        raise RuntimeError(f"the picture could not be resized: {words}")
+    resized: Any = target.get_pixels("float")
+    return np.asarray(resized, np.float32).reshape(height, width, channels)

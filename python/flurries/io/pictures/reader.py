@@ -1,0 +1,161 @@
+"""Reading pictures: any format that OpenImageIO knows, as colors, alpha and an encoding."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass
+
+import numpy as np
+
+from flurries.io.color import Array, Encoding, to_unit
+from flurries.io.files import Budget
+from flurries.io.pictures.header import Opened, opened_picture
+
+# What luminance is made of, Rec. 709.
+_GREEN, _BLUE = 0.7152, 0.0722
+
+
+@dataclass(frozen=True, eq=False)
+class Picture:
+    """A picture as it was read.
+
+    Attributes
+    ----------
+    pixels : ndarray
+        (H, W, 3), uint8, uint16 or float32. Grey pictures have three equal channels.
+    alpha : ndarray or None
+        (H, W) float32 from 0 to 1, or None if the picture has none.
+    encoding : str
+        ``"display"``: the numbers are what a screen is sent (sRGB). ``"linear"``: they are
+        proportional to light.
+    path : str
+        The file that it came from.
+    premultiplied : bool
+        Whether `pixels` are multiplied by `alpha` already, as in EXR; PNG's are not.
+    """
+
+    pixels: Array
+    alpha: Array | None
+    encoding: Encoding
+    path: str
+    premultiplied: bool = False
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """(width, height) in px."""
+        return self.pixels.shape[1], self.pixels.shape[0]
+
+    def rgba(self) -> Array:
+        """Return (H, W, 4) in the pixels' dtype: floats multiplied by alpha, integers not.
+
+        A picture without alpha is opaque.
+        """
+        result = np.empty((*self.pixels.shape[:2], 4), self.pixels.dtype)
+        result[..., :3] = self.pixels
+        opaque = np.iinfo(result.dtype).max if result.dtype.kind == "u" else 1
+        if self.alpha is None:
+            result[..., 3] = opaque
+        elif result.dtype.kind == "u":
+            np.rint(self.alpha * np.float32(opaque), out=result[..., 3], casting="unsafe")
+        else:
+            result[..., 3] = self.alpha
+            if not self.premultiplied:
+                result[..., :3] *= result[..., 3:]
+        return result
+
+
+def read_picture(path: str | os.PathLike[str], *, budget: Budget | None = None) -> Picture:
+    """Read a picture.
+
+    The display window of an EXR is what comes: stored pixels outside it are cut off, pixels of it
+    that are not stored are black and transparent. Orientation marks, which telephones set, are
+    honoured. Floats (EXR, HDR, float TIFF) are linear light, half becomes float32, and integers
+    are display values: 8 and 16 bits stay as they are, other widths become float32 from 0 to 1. Of
+    an EXR with layers the channels R, G, B and A come, or else those of its first layer.
+
+    Parameters
+    ----------
+    path : str or path
+        PNG, JPEG, EXR, TIFF, HDR, WebP, or what else OpenImageIO reads.
+    budget : Budget, optional
+        How large it may be; ``Budget()`` if not given.
+
+    Returns
+    -------
+    Picture
+        All of it. A file that broke off is an error, never a half-grey picture.
+
+    Raises
+    ------
+    FileNotFoundError
+        If there is no such file.
+    OSError
+        If the file is empty, cut short, damaged, or larger than the budget. The message names it.
+    ValueError
+        If it is not a picture of a known format, or of a kind that is not supported (deep pixels,
+        chroma subsampled EXR).
+    """
+    with opened_picture(path, budget) as opened:
+        pixels, alpha = _decode(opened)
+        return Picture(
+            pixels=pixels,
+            alpha=alpha,
+            encoding=opened.encoding,
+            path=str(opened.path),
+            premultiplied=alpha is not None and opened.premultiplied,
+        )
+
+
+def read_mask(path: str | os.PathLike[str], *, budget: Budget | None = None) -> Array:
+    """Read a mask: the alpha channel if the picture has one, else its luminance as stored.
+
+    A mask is data, so display values are not decoded: the grey level 128 of 255 is 0.502.
+
+    Returns
+    -------
+    ndarray
+        (H, W) float32 from 0 to 1; values outside are clipped and NaN counts as 0.
+
+    Raises
+    ------
+    FileNotFoundError, OSError, ValueError
+        As `read_picture`.
+    """
+    picture = read_picture(path, budget=budget)
+    if picture.alpha is None:
+        return luminance(picture)
+    mask: Array = np.clip(np.nan_to_num(picture.alpha, nan=0.0), 0.0, 1.0)
+    return mask
+
+
+def luminance(picture: Picture) -> Array:
+    """Return (H, W) float32 from 0 to 1: the luminance of the numbers as stored."""
+    values = np.clip(np.nan_to_num(to_unit(picture.pixels), nan=0.0), 0.0, 1.0)
+    red, green, blue = np.moveaxis(values, -1, 0)
+    # Written as differences, so that grey pictures give their grey level exactly.
+    grey: Array = red + np.float32(_GREEN) * (green - red) + np.float32(_BLUE) * (blue - red)
+    return grey
+
+
+def _decode(opened: Opened) -> tuple[Array, Array | None]:
+    """Return the colors (H, W, 3) and the alpha, window and orientation applied."""
+    stored_type = opened.stored_type
+    kind = stored_type if stored_type in ("uint8", "uint16") else "float"
+    dtype = np.dtype("float32" if kind == "float" else kind)
+    colors = len(opened.color)
+    channels = [*opened.color, *([] if opened.alpha is None else [opened.alpha])]
+    shape = (opened.specification.height, opened.specification.width)
+    pixels: Array | None = None
+    alpha: Array | None = None
+    pixel_bytes = 3 * dtype.itemsize + (0 if opened.alpha is None else 4)
+    for rows, band in opened.bands(channels, kind, pixel_bytes=pixel_bytes):
+        if pixels is None:
+            pixels = np.empty((*shape, 3), dtype)
+            alpha = None if opened.alpha is None else np.empty((*shape, 1), np.float32)
+        # A grey picture gets its one channel three times.
+        pixels[rows] = band[..., :colors]
+        if alpha is not None:
+            alpha[rows] = to_unit(band[..., colors:])
+    assert pixels is not None  # A picture without rows is refused when it is opened.
+    seen = np.ascontiguousarray(opened.shown(pixels))
+    return seen, None if alpha is None else np.ascontiguousarray(opened.shown(alpha)[..., 0])

@@ -1,0 +1,181 @@
+"""Writing a picture in bands of rows, and reading it back before it takes its final name.
+
+Bands keep memory at the size of the picture given: no second copy of 16384 x 16384 px in another
+type is ever made.
+"""
+
+from __future__ import annotations
+
+import os
+import zlib
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, TypeAlias
+
+import numpy as np
+
+from flurries.io.atomic import replacing
+from flurries.io.color import Array
+from flurries.io.oiio import last_error, let_open, openimageio
+
+# A whole number of the strips and blocks in which EXR and TIFF compress; of wide pictures, whose
+# rows take much memory, fewer.
+_ROWS = 64
+_FEWER, _WIDE = 32, 4096
+
+Band: TypeAlias = Callable[[int, int], Array]
+Checksums: TypeAlias = list[tuple[np.dtype[Any], int]]
+
+
+def write_bands(
+    path: str | os.PathLike[str],
+    specification: Any,
+    band: Band,
+    *,
+    lossless: bool,
+) -> None:
+    """Write a picture whose rows `band(first, last)` makes, atomically, and verify it.
+
+    Parameters
+    ----------
+    path : str or path
+        The picture to make or replace.
+    specification : ImageSpec
+        Its size, channels, types and header.
+    band : callable
+        Returns rows [first, last) as an array (rows, W, channels) in one type.
+    lossless : bool
+        Whether what is read back must be the same bits.
+
+    Raises
+    ------
+    OSError
+        If it cannot be written, or does not read back as what was written.
+    """
+    write_parts(path, [(specification, band)], lossless=lossless)
+
+
+def write_parts(
+    path: str | os.PathLike[str], parts: Sequence[tuple[Any, Band]], *, lossless: bool = True
+) -> None:
+    """Write a picture of several parts, each as `write_bands` takes it.
+
+    Raises
+    ------
+    OSError
+        If it cannot be written, or does not read back as what was written.
+    """
+    target = os.fspath(path)
+    with replacing(path) as temporary:
+        checksums = _write(target, temporary, parts)
+        for number, ((specification, _), sums) in enumerate(zip(parts, checksums, strict=True)):
+            _verify(target, temporary, specification, sums, lossless=lossless, part=number)
+
+
+def write_whole(path: str | os.PathLike[str], specification: Any, data: bytes) -> None:
+    """Write a picture that is encoded already, atomically, and verify its size and channels.
+
+    Raises
+    ------
+    OSError
+        If it cannot be written, or does not read back.
+    """
+    unknown = [(np.dtype(np.uint8), 0)] * -(-specification.height // _rows(specification))
+    with replacing(path) as temporary:
+        temporary.write_bytes(data)
+        _verify(os.fspath(path), temporary, specification, unknown, lossless=False)
+
+
+def _write(target: str, temporary: Path, parts: Sequence[tuple[Any, Band]]) -> list[Checksums]:
+    """Write all bands of all parts; return the type and the checksum of each."""
+    checksums = []
+    first, *_ = specifications = tuple(specification for specification, _ in parts)
+    with _output(target, temporary) as output:
+        for number, (specification, band) in enumerate(parts):
+            if number:
+                opened = output.open(str(temporary), specification, "AppendSubimage")
+            else:
+                opened = output.open(str(temporary), specifications if parts[1:] else first)
+            if not opened:
+                raise OSError(f"{target}: cannot be written: {last_error(output)}")
+            checksums.append(_write_rows(target, output, specification, band))
+    return checksums
+
+
+@contextmanager
+def _output(target: str, temporary: Path) -> Iterator[Any]:
+    """Yield a writer, and close it whatever happens."""
+    output = openimageio().ImageOutput.create(str(temporary))
+    if output is None:
+        raise ValueError(f"{target}: cannot be written: {last_error()}")
+    closed = False
+    try:
+        yield output
+        closed = True
+        if not output.close():
+            raise OSError(f"{target}: cannot be written: {last_error(output)}")
+    finally:
+        if not closed:
+            output.close()
+            last_error(output)
+
+
+def _rows(specification: Any) -> int:
+    """Return how many rows of a picture are written together."""
+    return _ROWS if specification.width <= _WIDE else _FEWER
+
+
+def _write_rows(target: str, output: Any, specification: Any, band: Band) -> Checksums:
+    """Write the bands of one part; return the type and the checksum of each."""
+    checksums = []
+    step = _rows(specification)
+    for first in range(0, specification.height, step):
+        last = min(first + step, specification.height)
+        rows = np.ascontiguousarray(band(first, last))
+        checksums.append((rows.dtype, zlib.crc32(rows.data)))
+        if not output.write_scanlines(first, last, 0, rows):
+            raise OSError(f"{target}: cannot be written: {last_error(output)}")
+    return checksums
+
+
+def _verify(
+    target: str,
+    temporary: Path,
+    specification: Any,
+    checksums: Sequence[tuple[np.dtype[Any], int]],
+    *,
+    lossless: bool,
+    part: int = 0,
+) -> None:
+    """Read the picture back; a full disk or a faulty writer shows here and not next week."""
+    step = _rows(specification)
+    library = openimageio()
+    let_open(4 * specification.width * specification.height * specification.nchannels)
+    wishes = library.ImageSpec()
+    wishes.attribute("oiio:UnassociatedAlpha", 1)
+    reader = library.ImageInput.open(str(temporary), wishes)
+    if reader is None:
+        raise OSError(f"{target}: cannot be read back: {last_error()}")
+    try:
+        stored = reader.spec(part)
+        wanted = (specification.width, specification.height, specification.nchannels)
+        if (stored.width, stored.height, stored.nchannels) != wanted:
+            raise OSError(f"{target}: reads back with another size or other channels")
+        # EXR keeps channels in alphabetical order, whatever order they were given in.
+        order = [stored.channelindex(name) for name in specification.channelnames]
+        sorts = sorted(order) == list(range(stored.nchannels)) and order != sorted(order)
+        for number, (dtype, checksum) in enumerate(checksums):
+            first = number * step
+            last = min(first + step, stored.height)
+            kind = {"float16": "half", "float32": "float"}.get(dtype.name, dtype.name)
+            rows = reader.read_scanlines(part, 0, first, last, 0, 0, stored.nchannels, kind)
+            if rows is None or reader.has_error:
+                raise OSError(f"{target}: cannot be read back: {last_error(reader)}")
+            if lossless:
+                rows = np.ascontiguousarray(rows[..., order] if sorts else rows)
+                if zlib.crc32(rows.data) != checksum:
+                    raise OSError(f"{target}: does not read back as what was written")
+    finally:
+        reader.close()
+        last_error(reader)

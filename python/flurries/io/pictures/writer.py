@@ -1,0 +1,255 @@
+"""Writing pictures: one call for every format, the colors encoded as the format wants them."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from flurries.io.color import (
+    Array,
+    to_display,
+    to_half,
+    to_integer,
+    to_linear,
+    to_single,
+    to_unit,
+)
+from flurries.io.oiio import openimageio
+from flurries.io.pictures import metadata as header
+from flurries.io.pictures.jpeg import encode_jpeg
+from flurries.io.pictures.rows import write_bands, write_whole
+
+
+@dataclass(frozen=True)
+class _Format:
+    """What a file format can hold."""
+
+    name: str
+    bits: tuple[int, ...] = ()
+    floats: bool = False
+    alpha: bool = True
+    lossless: bool = True
+
+
+_FORMATS = {
+    ".exr": _Format("openexr", floats=True),
+    ".hdr": _Format("hdr", floats=True, alpha=False, lossless=False),
+    ".jpeg": _Format("jpeg", bits=(8,), alpha=False, lossless=False),
+    ".jpg": _Format("jpeg", bits=(8,), alpha=False, lossless=False),
+    ".png": _Format("png", bits=(8, 16)),
+    ".tif": _Format("tiff", bits=(8, 16), floats=True),
+    ".tiff": _Format("tiff", bits=(8, 16), floats=True),
+}
+
+# How EXR packs pixels, and whether all bits survive it.
+_COMPRESSIONS = {
+    "none": True,
+    "rle": True,
+    "zips": True,
+    "zip": True,
+    "piz": True,
+    "dwaa": False,
+    "dwab": False,
+}
+
+
+def write_picture(
+    path: str | os.PathLike[str],
+    pixels: npt.ArrayLike,
+    *,
+    alpha: npt.ArrayLike | None = None,
+    encoding: str | None = None,
+    premultiplied: bool | None = None,
+    half: bool = True,
+    bits: int | None = None,
+    compression: str = "zip",
+    quality: int = 95,
+    metadata: Mapping[str, object] | None = None,
+) -> None:
+    """Write a picture; the extension decides about the format.
+
+    The file appears whole or not at all, after it was read back: same size, same channels and, in
+    lossless formats, the same bits. The same arguments make the same bytes.
+
+    EXR and HDR hold linear light, PNG and JPEG display values, TIFF either: pixels are converted
+    if need be. EXR colors are multiplied by alpha, those of PNG and of integer TIFF are not.
+    Values above 1 are kept in EXR, HDR and float TIFF and clipped in the others; NaN becomes 0 in
+    integers and stays NaN in floats. A half holds at most 65504, and what is above becomes that.
+
+    Parameters
+    ----------
+    path : str or path
+        Ends in .exr, .hdr, .jpg, .jpeg, .png, .tif or .tiff.
+    pixels : array_like
+        (H, W), (H, W, 1), (H, W, 3) or (H, W, 4) with alpha; uint8, uint16 or float. Grey pictures
+        stay single-channel (HDR has three).
+    alpha : array_like, optional
+        (H, W) opacity; integers over their maximum, floats from 0 to 1.
+    encoding : {"display", "linear"}, optional
+        What `pixels` are; by default integers are display values and floats linear light. A mask
+        of floats that shall reach a PNG as it is wants ``"display"``.
+    premultiplied : bool, optional
+        Whether the colors are multiplied by alpha; by default floats are, integers are not.
+    half : bool, default True
+        Store EXR as half, 16 bits; False stores 32.
+    bits : {8, 16}, optional
+        Bits of an integer format; by default 16 for uint16 and 8 else. Given for TIFF it turns
+        floats into integers.
+    compression : {"zip", "zips", "piz", "rle", "none", "dwaa", "dwab"}
+        How EXR packs pixels; the last two are lossy.
+    quality : int, default 95
+        Of JPEG, 1 to 100; colors are not subsampled.
+    metadata : mapping of str to str, int or float, optional
+        Goes into the header under ``flurries:``; HDR holds none. ``DateTime``, as
+        ``2000:01:01 00:00:00``, replaces that fixed moment.
+
+    Raises
+    ------
+    ValueError
+        If the extension is unknown, shapes do not fit, the format has no room for alpha, or an
+        option is not one of those above.
+    TypeError
+        If pixels are of another type, or metadata hold more than strings and numbers.
+    OSError
+        If the file cannot be written or does not read back; the old file stays as it was.
+    """
+    form = format_of(path)
+    strings = header.checked(metadata)
+    color, opacity = _checked_pixels(pixels, alpha)
+    if encoding is None:
+        encoding = "linear" if color.dtype.kind == "f" else "display"
+    if encoding not in ("display", "linear"):
+        raise ValueError(f"encoding must be 'display' or 'linear', got {encoding!r}")
+    if premultiplied is None:
+        premultiplied = color.dtype.kind == "f"
+    if bits not in (None, 8, 16):
+        raise ValueError(f"bits must be 8 or 16, got {bits!r}")
+    if compression not in _COMPRESSIONS:
+        raise ValueError(
+            f"compression must be one of {', '.join(_COMPRESSIONS)}, got {compression!r}"
+        )
+    if not isinstance(quality, (int, np.integer)) or not 1 <= quality <= 100:
+        raise ValueError(f"quality must be an integer from 1 to 100, got {quality!r}")
+    if opacity is not None and not form.alpha:
+        raise ValueError(f"{os.fspath(path)}: {form.name} holds no alpha; leave it out or use PNG")
+    stored = _stored_type(form, color.dtype, half=half, bits=bits)
+    if form.name == "hdr" and color.shape[2] == 1:
+        color = np.broadcast_to(color, (*color.shape[:2], 3))
+
+    def band(first: int, last: int) -> Array:
+        rows = None if opacity is None else opacity[first:last]
+        return _converted(color[first:last], rows, encoding, premultiplied, stored)
+
+    specification = _specification(color.shape, stored, alpha=opacity is not None)
+    if form.name == "jpeg":
+        try:
+            data = encode_jpeg(band(0, color.shape[0]), int(quality), strings)
+        except OSError as error:
+            raise OSError(f"{os.fspath(path)}: cannot be encoded: {error}") from error
+        write_whole(path, specification, data)
+        return
+    header.put(specification, strings, form.name)
+    if form.name == "openexr":
+        specification.attribute("compression", compression)
+    elif form.name in ("png", "tiff") and stored in ("uint8", "uint16"):
+        specification.attribute("oiio:UnassociatedAlpha", 1)
+    lossless = form.lossless and (form.name != "openexr" or _COMPRESSIONS[compression])
+    write_bands(path, specification, band, lossless=lossless)
+
+
+def format_of(path: str | os.PathLike[str]) -> _Format:
+    """Return the format that a file's extension names."""
+    suffix = Path(path).suffix.lower()
+    if suffix not in _FORMATS:
+        raise ValueError(
+            f"{os.fspath(path)}: pictures are written as {', '.join(_FORMATS)}, not as {suffix!r}"
+        )
+    return _FORMATS[suffix]
+
+
+def _checked_pixels(
+    pixels: npt.ArrayLike, alpha: npt.ArrayLike | None
+) -> tuple[Array, Array | None]:
+    """Return colors (H, W, 1 or 3) and alpha (H, W) or None."""
+    array = _numbers("pixels", pixels)
+    if array.ndim == 2:
+        array = array[..., np.newaxis]
+    if array.ndim != 3 or array.shape[2] not in (1, 3, 4) or 0 in array.shape:
+        raise ValueError(
+            f"pixels must be (H, W), (H, W, 1), (H, W, 3) or (H, W, 4), got {np.shape(pixels)}"
+        )
+    if array.shape[2] == 4:
+        if alpha is not None:
+            raise ValueError("alpha must be left out where pixels are (H, W, 4)")
+        return array[..., :3], array[..., 3]
+    if alpha is None:
+        return array, None
+    opacity = _numbers("alpha", alpha)
+    if opacity.shape != array.shape[:2]:
+        raise ValueError(f"alpha must be {array.shape[:2]} like pixels, got {opacity.shape}")
+    return array, opacity
+
+
+def _numbers(name: str, values: npt.ArrayLike) -> Array:
+    array = np.asarray(values)
+    if array.dtype.name not in ("uint8", "uint16", "float16", "float32", "float64"):
+        raise TypeError(f"{name} must be uint8, uint16 or float, got {array.dtype}")
+    return array.astype(array.dtype.newbyteorder("="), copy=False)
+
+
+def _stored_type(form: _Format, dtype: np.dtype[Any], *, half: bool, bits: int | None) -> str:
+    """Return the type in the file, as OpenImageIO calls it."""
+    if not form.bits or (form.floats and dtype.kind == "f" and bits is None):
+        return "half" if form.name == "openexr" and half else "float"
+    if bits is None:
+        bits = 16 if dtype == np.uint16 and 16 in form.bits else 8
+    if bits not in form.bits:
+        raise ValueError(f"bits must be 8 for {form.name}, got {bits}")
+    return f"uint{bits}"
+
+
+def _converted(
+    color: Array, alpha: Array | None, encoding: str, premultiplied: bool, stored: str
+) -> Array:
+    """Return rows of a picture as the file holds them, alpha as the last channel."""
+    floats = stored in ("half", "float")
+    wanted = "linear" if floats else "display"
+    if encoding != wanted or (alpha is not None and premultiplied != floats):
+        opacity = None if alpha is None else to_unit(alpha)[..., np.newaxis]
+        if opacity is not None and premultiplied:
+            # Light without opacity, a glow, has no straight color and is left as it is.
+            color = to_unit(color)
+            color = np.divide(color, opacity, out=color.copy(), where=opacity > 0)
+        color = (to_linear if floats else to_display)(color, encoding)
+        if opacity is not None and floats:
+            color = color * opacity
+    planes = [color] if alpha is None else [color, alpha[..., np.newaxis]]
+    return np.concatenate([_stored(plane, stored) for plane in planes], axis=-1)
+
+
+def _stored(values: Array, stored: str) -> Array:
+    """Return values in the type of the file."""
+    if values.dtype.name == stored:
+        return values
+    unit = to_unit(values)
+    if stored == "half":
+        return to_half(unit)
+    if stored == "float":
+        return to_single(unit)
+    return to_integer(unit, 8 if stored == "uint8" else 16)
+
+
+def _specification(shape: tuple[int, ...], stored: str, *, alpha: bool) -> Any:
+    height, width, colors = shape
+    specification = openimageio().ImageSpec(width, height, colors + alpha, stored)
+    specification.channelnames = ("R", "G", "B")[:colors] if colors == 3 else ("Y",)
+    if alpha:
+        specification.channelnames = (*specification.channelnames, "A")
+        specification.alpha_channel = colors
+    return specification
