@@ -7,7 +7,7 @@ from dataclasses import is_dataclass
 from importlib.metadata import EntryPoint, entry_points
 from typing import Any
 
-from flurries._contract import _came
+from flurries._contract import _came, suggestion
 from flurries.effects.cone import ConeRain, ConeSnow
 from flurries.effects.matched import MatchedSnow
 from flurries.effects.mist import Mist
@@ -74,7 +74,8 @@ def class_of(kind: object) -> type[Any]:
         register(kind, found)
         return found
     names = ", ".join(map(repr, sorted({*known, *others}, key=[*known, *others].index)))
-    raise ValueError(f"kind must be one of {names}, got {_came(kind)}")
+    near = suggestion(kind, (*known, *others)) if isinstance(kind, str) else ""
+    raise ValueError(f"kind must be one of {names}, got {_came(kind)}{near}")
 
 
 def kind_of(effect: object) -> str | None:
