@@ -53,7 +53,7 @@ HEAVY = {
 REMAINING = {
     "accuracy.look", "accuracy.page", "augment.corrupt", "cli.demo", "cli.main",
     "output.cluster", "output.contents", "output.film", "output.manifest", "output.sequence",
-    "output.write", "spectral.export", "viewer.preview",
+    "output.write", "spectral.export",
 }  # fmt: skip
 CIRCLE = ["output.film", "output.write"]
 

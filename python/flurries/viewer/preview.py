@@ -9,6 +9,7 @@ import numpy as np
 
 from flurries._contract import Array, integer
 from flurries.camera.path import CameraPath
+from flurries.io import fit
 from flurries.scene.depth import DepthMap
 from flurries.scene.scene import Scene
 
@@ -46,10 +47,18 @@ class Preview:
         if self.scale < 1.0:
             path = path.resize(self.scale)
             effects = [scaled(effect, self.scale) for effect in effects]
-        # Not `replace`, which would open and fit the background's file for every picture.
-        scene = object.__new__(Scene)
-        vars(scene).update(vars(self.scene), effects=tuple(effects), camera=path)
-        return scene
+        return altered(self.scene, effects=tuple(effects), camera=path)
+
+
+def altered(scene: Scene, **changes: Any) -> Scene:
+    """Return a scene with other weather or another camera, which are settled already.
+
+    Unlike `Scene.replace` it opens and fits no file: that would take long for every picture.
+    """
+    given = {name: value for name, value in vars(scene).items() if name != "program"}
+    found = object.__new__(Scene)
+    vars(found).update(given, **changes)
+    return found
 
 
 def scaled(effect: Any, scale: float) -> Any:
@@ -71,8 +80,6 @@ def _picture(value: Any, size: tuple[int, int]) -> Any:
         return value
     if value.ndim == 2:
         return _sampled(value, size)
-    from flurries.io import fit
-
     return fit(value, size, "stretch")
 
 
