@@ -8,6 +8,7 @@ import numpy as np
 
 from flurries._contract import choice, real, vector
 from flurries.frame.view import Frame
+from flurries.io.color import linear_to_srgb, srgb_to_linear
 from flurries.motion.keys import Keys, value_at
 
 # What `color` says instead of a color: the background's own light.
@@ -36,3 +37,11 @@ def color_at(color: Any, frame: Frame) -> tuple[float, float, float]:
         return frame.ambient or (1.0, 1.0, 1.0)
     now = value_at(color, frame.t)
     return (now,) * 3 if isinstance(now, float) else now
+
+
+def bright(color: tuple[float, float, float], gain: float) -> tuple[float, float, float]:
+    """Return the display values of a color's light times a gain; they may exceed 1."""
+    if gain == 1.0:
+        return color
+    red, green, blue = linear_to_srgb(gain * srgb_to_linear(np.array(color))).tolist()
+    return red, green, blue

@@ -18,7 +18,7 @@ from flurries.effects.flakes import lens_of, project
 from flurries.effects.gusts import flakes_in_waves
 from flurries.effects.motion import Way
 from flurries.effects.weather import FAR_FADE, HEIGHTS, Film, Share, Weather
-from flurries.frame.needs import Cost, LeftOut, Needs, Step, keyed, skipped
+from flurries.frame.needs import Cost, LeftOut, Needs, Step, has_keys, omission
 from flurries.frame.view import Frame
 from flurries.motion.keys import value_at
 from flurries.particles.crowd import Box, Crowd
@@ -71,10 +71,10 @@ class DrawnFlakes:
         if weather.population.density == 0.0 or weather.population.opacity == 0.0:
             return Needs((), (LeftOut("flakes", "there are none"),), most=0.0)
         still = frame.settled and weather.motion.still and 0.0 in weather.sway
-        still = still and not keyed(weather.emission)
+        still = still and not has_keys(weather.emission)
         step = Step("flakes", lambda: self._cost(frame, amount), once=still)
         most = min(1.0, amount * self.number_in_view(frame) * weather.population.opacity)
-        return Needs((step,), most=most, savings=(skipped(step, most),))
+        return Needs((step,), most=most, savings=(omission(step, most),))
 
     def number_in_view(self, frame: Frame) -> float:
         """Return how many flakes are drawn in view, on average."""

@@ -20,7 +20,7 @@ from flurries.effects.gain import gain_of
 from flurries.effects.gusts import wind_at
 from flurries.effects.motion import Way
 from flurries.effects.weather import Film, Share, Weather
-from flurries.frame.needs import Cost, LeftOut, Needs, Step, keyed, skipped
+from flurries.frame.needs import Cost, LeftOut, Needs, Step, has_keys, omission
 from flurries.frame.view import Frame
 from flurries.motion.keys import value_at
 from flurries.particles.population import Slab
@@ -104,10 +104,10 @@ class FlakeTexture:
         if not layers:
             why = "all flakes are drawn one by one"
             return Needs((), (LeftOut("texture", why),), most=0.0)
-        still = frame.settled and self.weather.motion.still and not keyed(self.weather.emission)
+        still = frame.settled and self.weather.motion.still and not has_keys(self.weather.emission)
         step = Step("texture", lambda: self._cost(frame, film, len(layers)), once=still)
         most = 1.0 - 1e-6
-        return Needs((step,), most=most, savings=(skipped(step, most),))
+        return Needs((step,), most=most, savings=(omission(step, most),))
 
     def alpha(self, frame: Frame, amount: float, way: Way) -> Array:
         """Return its opacity over the window, (h, w) float32."""

@@ -8,7 +8,7 @@ import numpy as np
 
 from flurries._contract import Array
 from flurries.effects.weather import Weather
-from flurries.frame.needs import Cost, LeftOut, Needs, Step, skipped
+from flurries.frame.needs import Cost, LeftOut, Needs, Step, omission
 from flurries.frame.view import Frame
 from flurries.motion.keys import Number, value_at
 
@@ -39,7 +39,7 @@ class Haze:
         top, bottom, left, right = frame.window
         pixels = (bottom - top) * (right - left)
         step = Step("veil", lambda: Cost({"veil pixel": pixels}, "", 4 * pixels, 8 * pixels))
-        return Needs((step,), most=1.0 - 1e-6, savings=(skipped(step, 1.0 - 1e-6),))
+        return Needs((step,), most=1.0 - 1e-6, savings=(omission(step, 1.0 - 1e-6),))
 
     def alpha(self, frame: Frame, amount: float) -> Array:
         """Return the opacity before the scene's depth over the window, (h, w) float32."""

@@ -7,9 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from flurries._contract import Array
-from flurries.effects.flakes import Flakes
 from flurries.effects.motion import Way
-from flurries.effects.texture import Texture
 from flurries.frame.view import Frame
 from flurries.trace import stage
 
@@ -24,8 +22,8 @@ class Passes(NamedTuple):
 
 
 def passes_of(
-    texture: Texture | None,
-    flakes: Flakes,
+    texture: Any,
+    flakes: Any,
     frame: Frame,
     amount: float,
     way: Way,
@@ -47,7 +45,7 @@ def passes_of(
     ids: Array = np.full(shape, -1, np.int32)
     with stage("passes"):
         later = frame.later()
-        ways = way, flakes.motion.way(later)
+        ways = way, motion.way(later)
         if texture is not None and behind is not None:
             motion, depth = texture.passes(frame, later, *ways)
         if front is not None:

@@ -9,12 +9,11 @@ import numpy as np
 
 from flurries import _core
 from flurries._contract import Array
-from flurries.effects.color import AMBIENT, color_at
-from flurries.effects.flakes import Flakes
+from flurries._core import SortedFlakes
+from flurries.effects.color import AMBIENT, bright, color_at
 from flurries.effects.motion import Motion, Way
 from flurries.effects.passes import passes_of
 from flurries.effects.texture import Texture
-from flurries.effects.veil import Veil
 from flurries.frame.layer import Layer, Light
 from flurries.frame.needs import PARTS, Cost, LeftOut, Needs, Step
 from flurries.frame.view import Frame
@@ -34,6 +33,33 @@ class Backdrop(Protocol):
 
     def alpha(self, frame: Frame, amount: float, way: Way) -> Array:
         """Return its opacity over the window, (h, w) float32."""
+
+
+class Front(Protocol):
+    """What is drawn in front: :class:`Flakes`, or the near flakes of a population."""
+
+    def needs(self, frame: Frame, amount: float) -> Needs:
+        """Return its step with the cost, or why there is none, and the largest opacity."""
+
+    def alpha(self, frame: Frame, amount: float, way: Way) -> Array:
+        """Return the opacity of the flakes over the window, (h, w) float32."""
+
+    def sort(self, frame: Frame, amount: float, way: Way) -> SortedFlakes:
+        """Return the flakes, to be drawn in any band of the frame."""
+
+
+class Cover(Protocol):
+    """What lies over all: a :class:`Veil`, or that of a population."""
+
+    @property
+    def haze(self) -> Number:
+        """Its opacity before the sky."""
+
+    def needs(self, frame: Frame, amount: float) -> Needs:
+        """Return its step before a scene with a depth; without one it takes nothing."""
+
+    def alpha(self, frame: Frame, amount: float) -> Array:
+        """Return the opacity before the scene's depth over the window, (h, w) float32."""
 
 
 _Back = TypeVar("_Back", bound=Backdrop | None)
@@ -57,9 +83,8 @@ class Precipitation(Generic[_Back]):
         What moves them.
     texture : Backdrop or None
         Behind the flakes.
-    flakes : Flakes, optional
-        In front.
-    veil : Veil
+    flakes : Front, optional
+    veil : Cover
         Over all.
     """
 
@@ -68,8 +93,8 @@ class Precipitation(Generic[_Back]):
     color: Any
     motion: Motion
     texture: _Back
-    flakes: Flakes | None = None
-    veil: Veil
+    flakes: Front | None = None
+    veil: Cover
     gain: Number = 1.0
 
     def needs(self, frame: Frame) -> Needs:
@@ -126,9 +151,10 @@ class Precipitation(Generic[_Back]):
         alpha = np.zeros((bottom - top, right - left), np.float32)
         with stage("join"):
             _core.join(alpha, planes or [np.zeros_like(alpha)], haze)
-        layer = Layer(self.name, alpha, color_at(self.color, frame))
+        layer = Layer(self.name, alpha, bright(color_at(self.color, frame), self._gain(frame)))
         back: Any = texture
-        if not frame.whole or flakes is None or not isinstance(back, Texture | None):
+        known = back is None or hasattr(back, "passes")
+        if not frame.whole or flakes is None or not known:
             return layer
         passes = passes_of(back, flakes, frame, amount, way, (behind, front))
         return replace(
@@ -169,6 +195,9 @@ class Precipitation(Generic[_Back]):
             )
             count("tiles", made)
         return result
+
+    def _gain(self, frame: Frame) -> float:
+        return float(value_at(self.gain, frame.t))
 
     def _now(self, frame: Frame) -> tuple[float, float, Any]:
         """Return amount, haze and what runs the steps of a frame."""
