@@ -47,9 +47,7 @@ class Preview:
             path = path.resize(self.scale)
             effects = [scaled(effect, self.scale) for effect in effects]
         # Not `replace`, which would open and fit the background's file for every picture.
-        scene = object.__new__(Scene)
-        vars(scene).update(vars(self.scene), effects=tuple(effects), camera=path)
-        return scene
+        return self.scene.derive(effects=tuple(effects), camera=path)
 
 
 def scaled(effect: Any, scale: float) -> Any:
