@@ -52,7 +52,7 @@ HEAVY = {
 # here, and none may come.
 REMAINING = {
     "augment.corrupt", "output.cluster", "output.contents", "output.film", "output.manifest",
-    "output.sequence", "output.write", "spectral.export", "viewer.preview", "viewer.session",
+    "output.sequence", "output.write", "spectral.export", "viewer.preview",
 }  # fmt: skip
 CIRCLE = ["output.film", "output.write"]
 
