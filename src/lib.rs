@@ -8,6 +8,7 @@
 //! | [`cover`] | which pixels an interval covers | |
 //! | [`random`] | counter-based numbers | |
 //! | [`pool`] | the thread pool, safe across fork | |
+//! | [`scope`] | what one call asks for: threads, a mode | |
 //! | [`scan`] | whether an array's numbers are in their range | |
 //! | [`real`] | float32 and float64 pixels | |
 //! | [`normal`] | the normal law on lanes | |
@@ -39,6 +40,7 @@ mod python;
 pub mod random;
 pub mod real;
 pub mod scan;
+pub mod scope;
 pub mod simd;
 pub mod snowfall;
 pub mod spectral;

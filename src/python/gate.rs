@@ -2,6 +2,7 @@
 //! exceptions, Ctrl-C heard during long work.
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::sync::OnceLock;
 use std::time::Duration;
 
 use numpy::{PyReadonlyArray2, PyReadwriteArray2};
@@ -9,6 +10,8 @@ use pyo3::exceptions::{PyKeyboardInterrupt, PyMemoryError, PyRuntimeError, PyVal
 use pyo3::prelude::*;
 
 use crate::error::{Cancel, Error};
+use crate::scope::Scope;
+use crate::{pool, simd};
 
 pyo3::create_exception!(
     flurries,
@@ -43,6 +46,7 @@ pub fn run<R: Send>(
     nanoseconds: f64,
     kernel: impl FnOnce(&Cancel) -> Result<R, Error> + Send,
 ) -> PyResult<R> {
+    environment()?;
     let cancel = Cancel::new();
     let guarded = || catch_unwind(AssertUnwindSafe(|| kernel(&cancel)));
     let (outcome, signal) = if nanoseconds < SHORT {
@@ -59,6 +63,13 @@ pub fn run<R: Send>(
     }
 }
 
+/// Refuses settings of the environment that cannot be followed, by their names.
+pub fn environment() -> Result<(), Error> {
+    static CHECKED: OnceLock<Result<(), Error>> = OnceLock::new();
+    let check = || pool::environment().and(simd::environment().map(|_| ()));
+    CHECKED.get_or_init(check).clone()
+}
+
 /// Of the thread of a long kernel, bytes; what the standard library takes by itself.
 const STACK: usize = 2 << 20;
 
@@ -67,8 +78,9 @@ fn watched<R: Send>(
     cancel: &Cancel,
 ) -> Result<(R, Option<PyErr>), Error> {
     std::thread::scope(|scope| {
-        let waiter = std::thread::current();
+        let (waiter, asked) = (std::thread::current(), Scope::now());
         let worker = std::thread::Builder::new().stack_size(STACK).spawn_scoped(scope, move || {
+            let _entered = asked.enter();
             let result = kernel();
             waiter.unpark();
             result

@@ -58,7 +58,9 @@ mod core {
         inverse_transform, opacity, random_phase, temporal_filter, tent_rate, tile_count,
     };
     #[pymodule_export]
-    use super::threads::{panic_for_test, reproducible, set_reproducible, set_threads, threads};
+    use super::threads::{
+        panic_for_test, reproducible, set_reproducible, set_scope, set_threads, threads,
+    };
     #[pymodule_export]
     use super::volume::volume;
 
