@@ -34,8 +34,9 @@ from flurries import (
 from flurries.augment.corrupt import corrupt
 from flurries.camera import importers as cameras
 from flurries.frame.estimate import plan_of
-from flurries.output import cluster, manifest
+from flurries.output import groups, manifest
 from flurries.output.write import write
+from flurries.scene import fingerprint
 from flurries.scene import toml as scenefile
 
 # Modules of other libraries' transforms, which need those, and the one that runs when imported.
@@ -44,7 +45,7 @@ ELSEWHERE = ("albumentations", "kornia", "torchvision", "__main__")
 # Functions of libraries that need not be here.
 MISSING = {
     name for name, library in (
-        ("view", "anywidget"), ("viewer.view", "anywidget"), ("output.cluster.to_dask", "dask"),
+        ("view", "anywidget"), ("viewer.view", "anywidget"), ("output.groups.to_dask", "dask"),
     )
     if importlib.util.find_spec(library) is None
 }  # fmt: skip
@@ -177,8 +178,8 @@ def calls(folder: Path) -> dict[str, Call]:
     clouds = {"shape": SHAPE, "centers": POINTS, "radius": RADII, "density": np.ones(6),
               "camera": CAMERA, "depth": WALL}  # fmt: skip
     given = {"scene": scene, "frames": "1-9", "group": 2}
-    guests = {} if "output.cluster.to_dask" in MISSING else {
-        "output.cluster.to_dask": Call(cluster.to_dask, given)
+    guests = {} if "output.groups.to_dask" in MISSING else {
+        "output.groups.to_dask": Call(groups.to_dask, given)
     }  # fmt: skip
     if "view" not in MISSING:
         guests["view"] = Call(fl.view, {"scene": scene})
@@ -406,7 +407,7 @@ def calls(folder: Path) -> dict[str, Call]:
             scenefile.load, {"path": folder / "scene.toml"}),
         "scene.toml.save": Call(
             scenefile.save, {"scene": scene, "path": folder / "saved.toml"}),
-        "scene.toml.fingerprint": Call(scenefile.fingerprint, {"scene": scene}),
+        "scene.fingerprint.fingerprint": Call(fingerprint.fingerprint, {"scene": scene}),
         "frame.estimate.plan_of": Call(plan_of, {"scene": scene}),
         "trace.count": Call(trace.count, {"name": "flakes", "number": 3}),
         "trace.stage": Call(trace.stage, {"name": "texture"}),
@@ -429,7 +430,7 @@ def calls(folder: Path) -> dict[str, Call]:
         "accuracy.write": Call(
             accuracy.write, {"studies": [STUDY], "folder": folder / "study",
                              "page": folder / "study.md"}),
-        "output.cluster.grouped": Call(cluster.grouped, {"scene": scene, "frames": "1-9"}),
+        "output.groups.grouped": Call(groups.grouped, {"scene": scene, "frames": "1-9"}),
         # the command line
         "cli.main": Call(cli.main, {"arguments": ["--help-of-nothing"]}),
     }  # fmt: skip

@@ -16,7 +16,7 @@ import flurries as fl
 import measure
 from flurries.cli import main
 from flurries.io import read_picture
-from flurries.scene.toml import fingerprint
+from flurries.scene.fingerprint import fingerprint
 from flurries.spectral.contrast import kept_power, mean_opacity
 
 Rain, Scene, Camera = fl.Rain, fl.Scene, fl.camera.Camera

@@ -15,7 +15,7 @@ from scipy.integrate import solve_ivp
 import flurries as fl
 import measure
 from flurries.effects.moving import of_rings
-from flurries.scene.toml import fingerprint
+from flurries.scene.fingerprint import fingerprint
 from measure import FLAKES, FOCAL, LONGEST, NEAR, SIZE, TEXTURE, TORUS, WAVES, picture, scene
 
 Wind, Keys, Snow, Camera = fl.Wind, fl.Keys, fl.Snow, fl.camera.Camera

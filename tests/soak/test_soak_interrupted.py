@@ -20,7 +20,7 @@ import pytest
 from length import times
 
 import flurries as fl
-from flurries.output import cluster, manifest
+from flurries.output import manifest, write
 
 Record = Callable[[str, object], None]
 FRAMES = "1-24"
@@ -199,7 +199,7 @@ def test_dask_workers_killed(
     from test_cluster import SLOW  # its effect takes a while, so that kills come in between
 
     count, random = times(50), np.random.default_rng(2)
-    monkeypatch.setattr(cluster, "grouped", lambda scene, frames: [
+    monkeypatch.setattr(write, "grouped", lambda scene, frames: [
         frames[i : i + 4] for i in range(0, len(frames), 4)
     ])  # fmt: skip
     SLOW.write(tmp_path / "whole" / "%04d.png", "1-32")

@@ -46,7 +46,7 @@ def plan_of(
     scene: Scene, frames: str | int | Iterable[int] | None = None, tolerance: float = 0.0
 ) -> Plan:
     """Return the plan of a scene's frames; see :meth:`flurries.Scene.plan`."""
-    from flurries.output.write import frames_of
+    from flurries.scene.numbers import frames_of
     from flurries.scene.scene import expect_scene
 
     expect_scene(scene)

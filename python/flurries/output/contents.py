@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -46,8 +47,6 @@ class Content:
         """What tells files of one scene but other content apart."""
         words = ["half" if self.half else "float", self.kind]
         if self.eyes is not None:
-            import hashlib
-
             told = repr(list(self.eyes.items())).encode()
             words.append(f"eyes{hashlib.sha256(told).hexdigest()[:8]}")
         return "-".join(words)
@@ -133,3 +132,12 @@ def _light(image: Array) -> Array:
 
     light = to_linear(image, "display" if image.dtype.kind == "u" else "linear")
     return np.concatenate([light, np.ones_like(light[..., :1])], axis=2)
+
+
+def display_bytes(image: Array) -> Array:
+    """Return (H, W, 3) uint8 display values of a rendered image."""
+    if image.dtype == np.uint8:
+        return image
+    from flurries.io.color import to_display, to_integer
+
+    return to_integer(to_display(image, "display" if image.dtype.kind == "u" else "linear"), 8)

@@ -6,9 +6,7 @@ Paths are relative to the file's folder. Keyed numbers are ``{keys = [[frame, va
 from __future__ import annotations
 
 import difflib
-import hashlib
 import os
-import pickle
 import re
 import sys
 from collections.abc import Iterable
@@ -27,12 +25,9 @@ from flurries.motion.wind import FIELDS, Wind
 from flurries.scene.depth import DepthMap
 from flurries.scene.scene import DEFAULT_FOCAL, Scene, expect_scene
 
-__all__ = ["fingerprint", "load", "save"]
+__all__ = ["load", "save"]
 
 MOST_BYTES = 1 << 20
-
-# How much of a large background each end gives to its hash.
-ENDS = 1 << 20
 
 EFFECTS: dict[str, type[Any]] = {
     "snow": Snow,
@@ -389,56 +384,3 @@ def save(scene: Scene, path: str | os.PathLike[str]) -> None:
     text = tomli_w.dumps(describe(scene, target.resolve().parent))
     with replacing(target) as temporary:
         Path(temporary).write_text(text, encoding="utf-8")
-
-
-def fingerprint(scene: Scene) -> str:
-    """Return a hash of all that a scene's frames depend on, files' contents included.
-
-    Of a file larger than 2 MiB the size and both ends count: plates of film need not be read.
-    """
-    expect_scene(scene)
-    digest = hashlib.sha256()
-    hashed: list[str] = []
-    for name in ("background", "foreground", "depth"):
-        value = getattr(scene, name)
-        value = getattr(value, "source" if isinstance(value, DepthMap) else "spec", value)
-        if isinstance(value, np.ndarray):
-            digest.update(f"{name} {value.shape} {value.dtype}".encode())
-            digest.update(np.ascontiguousarray(value).tobytes())
-        elif isinstance(value, (str, os.PathLike)) and not str(value).startswith("#"):
-            digest.update(name.encode())
-            for file in _files(os.fspath(value)):
-                digest.update(_content(file))
-        else:
-            continue
-        hashed.append(name)
-    known = set(EFFECTS.values())
-    for place, effect in enumerate(scene.effects):
-        if type(effect) not in known:
-            # Somebody's own, which no scene file can hold but frames can be made of.
-            digest.update(f"effect {place}".encode() + pickle.dumps(effect, 5))
-    table = describe(scene, leave_out=(*hashed, "effects"))
-    digest.update(repr(sorted(table.items())).encode())
-    return digest.hexdigest()[:16]
-
-
-def _files(spec: str) -> list[Path]:
-    """Return the files of a picture, a film or a sequence's pattern."""
-    if Path(spec).is_file():
-        return [Path(spec)]
-    from flurries.io import Pattern
-
-    pattern = Pattern(spec)
-    return [pattern.path(number) for number in pattern.existing()]
-
-
-def _content(path: Path) -> bytes:
-    """Return a hash of a file: all of it, or its size and both ends."""
-    size = path.stat().st_size
-    digest = hashlib.sha256(str(size).encode())
-    with path.open("rb") as file:
-        digest.update(file.read(ENDS))
-        if size > ENDS:
-            file.seek(max(size - ENDS, ENDS))
-            digest.update(file.read(ENDS))
-    return digest.digest()
