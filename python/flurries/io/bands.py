@@ -16,6 +16,7 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from flurries.io.atomic import replacing
+from flurries.io.carried import carried
 from flurries.io.color import Array
 from flurries.io.library import last_error, openimageio
 
@@ -90,10 +91,16 @@ def write_whole(path: str | os.PathLike[str], specification: Any, data: bytes) -
 
 def _write(target: str, temporary: Path, specification: Any, band: Band) -> Checksums:
     """Write all bands; return the type and the checksum of each."""
-    with _output(target, temporary) as output:
-        if not output.open(str(temporary), specification):
+    through = carried if temporary.suffix.lower() == ".png" else _itself
+    with through(temporary) as name, _output(target, temporary) as output:
+        if not output.open(name, specification):
             raise OSError(f"{target}: cannot be written: {last_error(output)}")
         return _write_rows(target, output, specification, band)
+
+
+@contextmanager
+def _itself(file: Path) -> Iterator[str]:
+    yield str(file)
 
 
 def _write_parts(

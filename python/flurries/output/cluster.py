@@ -7,13 +7,20 @@ with it when it dies is made again.
 
 from __future__ import annotations
 
+import asyncio
+import logging
 import multiprocessing
 import os
 import queue
 import time
 import warnings
 from collections.abc import Callable, Iterator
-from concurrent.futures import BrokenExecutor, CancelledError, ProcessPoolExecutor
+from concurrent.futures import (
+    BrokenExecutor,
+    CancelledError,
+    ProcessPoolExecutor,
+    ThreadPoolExecutor,
+)
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from typing import Any
@@ -30,6 +37,9 @@ _AHEAD = 4
 # How long a file that a worker has written may take to be seen here, seconds: folders on a network
 # are not the same everywhere at once.
 _LATE = 5.0
+
+# How long a scheduler may take to answer, seconds.
+_GREETING = 10.0
 
 # After how long without workers it is said what is waited for, seconds.
 _QUIET = 2.0
@@ -301,22 +311,39 @@ def _client(where: Any, count: int | None) -> Iterator[Any]:
         return
     if isinstance(where, str) and where:
         try:
+            # In a thread: the caller may have a loop of its own. A client that finds nobody is long
+            # in giving up.
+            with ThreadPoolExecutor(1) as aside:
+                aside.submit(asyncio.run, _greet(where)).result()
             client = distributed.Client(where, timeout="10s", set_as_default=False)
         except (OSError, ValueError, TypeError) as error:
             raise OSError(f"dask: no scheduler answers at {where}") from error
-        with client:
-            yield client
+        log = logging.getLogger("distributed.client")
+        level = log.level
+        # What it has to say of a scheduler that is gone is said by an error.
+        log.setLevel(logging.CRITICAL)
+        try:
+            with client:
+                yield client
+        finally:
+            log.setLevel(level)
         return
     if where is not True and where != "":
         raise TypeError(f"dask must be True, an address or a Client, got {where!r}")
-    import logging
-
     # Any free port: two runs at once, on one machine, must not want the same.
     with distributed.LocalCluster(
         n_workers=count or _cores(), threads_per_worker=1, dashboard_address=":0",
         silence_logs=logging.CRITICAL,
     ) as own, distributed.Client(own, set_as_default=False) as client:  # fmt: skip
         yield client
+
+
+async def _greet(address: str) -> None:
+    """Raise an error if nobody is there."""
+    distributed = required("distributed")
+    arguments = distributed.Security().get_connection_args("client")
+    comm = await distributed.comm.connect(address, timeout=_GREETING, **arguments)
+    await comm.close()
 
 
 def _cores() -> int:

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from flurries._threads import reproducible
-from flurries.io.sequences import Pattern
+from flurries.io import Pattern
 from flurries.output.contents import Content
 from flurries.output.mark import Mark
 from flurries.scene.fingerprint import Inputs, settings

@@ -9,9 +9,8 @@ from pathlib import Path
 from typing import Any
 
 from flurries import __version__
-from flurries.io.atomic import replacing
-from flurries.io.headers import plain_file, read_header
-from flurries.io.pictures import read_picture
+from flurries.io import read_header, read_picture, replacing
+from flurries.io.headers import plain_file
 from flurries.output.claims import awaited
 from flurries.scene.fingerprint import hash_of
 
@@ -107,7 +106,9 @@ def update(folder: Path, entries: dict[str, dict[str, Any]]) -> None:
     claim = awaited(target)
     try:
         files = {**read(folder), **entries}
-        text = json.dumps({"flurries": __version__, "files": dict(sorted(files.items()))}, indent=1)
+        # The same text whatever order they came in.
+        ordered = {name: dict(sorted(said.items())) for name, said in sorted(files.items())}
+        text = json.dumps({"flurries": __version__, "files": ordered}, indent=1)
         with replacing(target) as temporary:
             temporary.write_text(text + "\n", encoding="utf-8")
     finally:

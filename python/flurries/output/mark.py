@@ -7,8 +7,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from flurries.io.headers import read_header
-from flurries.io.pictures import read_picture
+from flurries.io import read_header, read_picture
 from flurries.output import manifest
 from flurries.scene.fingerprint import BITS, hash_of
 
@@ -77,8 +76,12 @@ class Mark:
         if not path.exists():
             return None
         listed = said is not None and self.is_of(said)
-        if listed and said is not None and hash_of(path) == said.get("sha256"):
-            return dict(said)
+        if listed and said is not None:
+            if hash_of(path) == said.get("sha256"):
+                return dict(said)
+            if path.stat().st_size == said.get("bytes"):
+                # Not one byte longer or shorter than what was written: damaged, not replaced.
+                return None
         found = _header(path)
         if found is None:
             # What has no header any more is ours if the list or its own bytes say so.
@@ -86,9 +89,6 @@ class Mark:
                 return None
             raise Refused(path, "cannot be read as a picture")
         if (found.get("scene"), found.get("frame")) != (self.scene, str(self.frame)):
-            if listed and said is not None and path.stat().st_size == said.get("bytes"):
-                # Not one byte longer or shorter than what was written: damaged, not replaced.
-                return None
             raise Refused(path, "is something else")
         if found.get("bits") != str(self.bits):
             version = found.get("version", "an unknown version")

@@ -11,7 +11,8 @@ from typing import Any, Protocol, TypeAlias
 
 from flurries import __version__, _core
 from flurries._threads import reproducible, threads
-from flurries.io.atomic import checked_target, remove_leftovers
+from flurries.io import remove_leftovers
+from flurries.io.atomic import checked_target
 from flurries.io.writing import format_of
 from flurries.output import manifest
 from flurries.output.claims import Claim, awaited, claimed

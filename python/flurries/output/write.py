@@ -12,7 +12,8 @@ from typing import Any
 
 from flurries._contract import choice, flag
 from flurries.camera.lens import Camera
-from flurries.io.sequences import VIDEO_EXTENSIONS, Pattern
+from flurries.io import Pattern
+from flurries.io.sequences import VIDEO_EXTENSIONS
 from flurries.output.cluster import cluster, make
 from flurries.output.contents import Content
 from flurries.output.film import write_film
