@@ -101,10 +101,9 @@ def test_16_1_of_a_sequence_the_frames_of_the_changed_plate_alone(tmp_path: Path
     write_picture(tmp_path / "plate.2.png", np.full((20, 30, 3), 77, np.uint8))
     assert scene.write(tmp_path / "out" / "%d.png").written == [2]
     # Another film's plates are not this one's retouched.
-    (tmp_path / "other").mkdir()
     for number in range(4):
-        write_picture(tmp_path / "other" / f"plate.{number}.png", np.full((20, 30, 3), 9, np.uint8))
-    other = scene.replace(background=tmp_path / "other" / "plate.%d.png")
+        write_picture(tmp_path / f"other.{number}.png", np.full((20, 30, 3), 9, np.uint8))
+    other = scene.replace(background=tmp_path / "other.%d.png")
     with pytest.raises(ValueError, match="another background; overwrite"):
         other.write(tmp_path / "out" / "%d.png")
 
@@ -347,11 +346,11 @@ scene.write("out/%04d.png", "1-40")
 """
 
 
-@pytest.mark.parametrize("locks", ["locks", "lockless"])
-def test_16_10_processes_do_not_end_each_other(locks: str, tmp_path: Path):
+def killed(locks: str, rounds: int, tmp_path: Path) -> None:
+    """Let four processes share a folder, kill one, and go on."""
     SMALL.write(tmp_path / "whole" / "%04d.png", "1-40")
     want, random = contents(tmp_path / "whole"), np.random.default_rng(10)
-    for number in range(4):
+    for number in range(rounds):
         place = tmp_path / str(number)
         (place / "out").mkdir(parents=True)
         command = [sys.executable, "-c", FOUR, locks]
@@ -370,6 +369,11 @@ def test_16_10_processes_do_not_end_each_other(locks: str, tmp_path: Path):
             assert process.returncode == 0, err
         subprocess.run(command, cwd=place, check=True, env=environment, timeout=100)
         assert contents(place / "out") == want
+
+
+@pytest.mark.parametrize("locks", ["locks", "lockless"])
+def test_16_10_processes_do_not_end_each_other(locks: str, tmp_path: Path):
+    killed(locks, 2, tmp_path)
 
 
 def test_16_10_leftovers_of_other_machines_stay_for_an_hour(tmp_path: Path):

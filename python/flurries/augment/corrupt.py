@@ -19,7 +19,9 @@ from typing import Any
 from flurries import augment
 from flurries._contract import choice, flag, integer, seed_of
 from flurries.augment.weather import replay
-from flurries.output.cluster import cluster, make, processes
+from flurries.io import linear_to_srgb, read_picture, srgb_to_linear, write_picture
+from flurries.output.cluster import cluster
+from flurries.output.crew import make, processes
 from flurries.output.manifest import NAME
 from flurries.output.mark import Mark
 from flurries.output.sequence import run
@@ -203,8 +205,6 @@ class _Pictures:
 
     def make(self, index: int) -> Any:
         """Return a picture in its weather."""
-        from flurries.io import linear_to_srgb, srgb_to_linear
-
         picture, drawn = self._read(self.parts[index][0]), replay(self._record(index))
         if picture.encoding == "linear":
             # Weather is mixed in display values; what is brighter than white stays so.
@@ -212,8 +212,6 @@ class _Pictures:
         return picture, drawn(picture.pixels)
 
     def _read(self, name: str) -> Any:
-        from flurries.io import read_picture
-
         content = self._hashes[self.source / name]
         if self._last[:2] != (name, content):
             self._last = name, content, read_picture(self.source / name)
@@ -221,8 +219,6 @@ class _Pictures:
 
     def save(self, path: Path, made: Any, header: dict[str, Any]) -> None:
         """Write a picture as its source is."""
-        from flurries.io import write_picture
-
         picture, pixels = made
         write_picture(
             path, pixels, alpha=picture.alpha, encoding=picture.encoding, metadata=header,

@@ -149,7 +149,7 @@ def remove_leftovers(folder: str | os.PathLike[str]) -> list[Path]:
         What was removed.
     """
     removed = []
-    for found in sorted(Path(folder).glob(f"{PREFIX}{'?' * TOKEN_LENGTH}*")):
+    for found in sorted(Path(folder).glob(f"{PREFIX}{'?' * _OWNER}*")):
         if _is_left(found) and remove_abandoned(found):
             removed.append(found)
     return removed

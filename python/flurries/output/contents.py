@@ -6,16 +6,16 @@ import hashlib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from flurries._contract import Array
 from flurries.camera.lens import Camera
-
-if TYPE_CHECKING:
-    from flurries.frame.truth import Rendered
-    from flurries.scene.scene import Scene
+from flurries.frame.truth import Rendered
+from flurries.io import write_layer_views, write_layers, write_picture
+from flurries.io.color import to_display, to_integer, to_linear
+from flurries.scene.scene import Scene
 
 # What the numbers of `forward` in a file mean.
 MOTION = "px per frame, x right, y down"
@@ -62,8 +62,6 @@ class Content:
 
     def save(self, scene: Scene, path: Path, frame: Any, metadata: dict[str, Any]) -> None:
         """Write a rendered frame."""
-        from flurries.io import write_layer_views, write_layers, write_picture
-
         if self.kind == "layers":
             metadata = {
                 **metadata,
@@ -128,8 +126,6 @@ def weather(rendered: Rendered) -> Array:
 
 def _light(image: Array) -> Array:
     """Return an image as linear light with alpha 1."""
-    from flurries.io.color import to_linear
-
     light = to_linear(image, "display" if image.dtype.kind == "u" else "linear")
     return np.concatenate([light, np.ones_like(light[..., :1])], axis=2)
 
@@ -138,6 +134,4 @@ def display_bytes(image: Array) -> Array:
     """Return (H, W, 3) uint8 display values of a rendered image."""
     if image.dtype == np.uint8:
         return image
-    from flurries.io.color import to_display, to_integer
-
     return to_integer(to_display(image, "display" if image.dtype.kind == "u" else "linear"), 8)

@@ -7,19 +7,20 @@ from collections.abc import Iterator
 from dataclasses import replace
 from fractions import Fraction
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from flurries._contract import Array
+from flurries.io import VideoWriter
+from flurries.io.encoders import frame_rate
+from flurries.io.sound import Sound, has_sound
+from flurries.io.video import comment_of
 from flurries.output.contents import display_bytes
 from flurries.output.frames import Frames, is_readable
 from flurries.output.groups import images
 from flurries.output.mark import Refused
 from flurries.output.sequence import Done, Progress
+from flurries.scene.scene import Scene
 from flurries.trace import stage
-
-if TYPE_CHECKING:
-    from flurries.io.sound import Sound
-    from flurries.scene.scene import Scene
 
 
 def write_film(
@@ -41,8 +42,6 @@ def write_film(
     heard : str
         What became of the sound, see `Summary`.
     """
-    from flurries.io import VideoWriter
-
     scene, path, done = job.scene, Path(job.pattern), Done()
     assert scene.size is not None
     _require_other_file(scene, path)
@@ -86,8 +85,6 @@ def _hash(text: str) -> str:
 
 def _is_there(path: Path, mark: tuple[str, str], count: int) -> bool:
     """Whether the very same film is there and whole; refuses another one."""
-    from flurries.io.video import comment_of
-
     found, frames = comment_of(path)
     words = found.split()
     if words[:1] != ["flurries"]:
@@ -114,9 +111,6 @@ def _rendered(
 
 def _sound(scene: Scene, frames: list[int], skip: bool) -> tuple[str, Sound | None]:
     """Return what becomes of the background's sound, and the part of it that belongs to frames."""
-    from flurries.io.encoders import frame_rate
-    from flurries.io.sound import Sound, has_sound
-
     film = scene.film
     if film is None or not has_sound(film.spec):
         return "none", None

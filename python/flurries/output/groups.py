@@ -5,18 +5,16 @@ from __future__ import annotations
 import math
 import uuid
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from flurries._contract import Array, integer
 from flurries._threads import reproducible, scope
-from flurries.output.cluster import cluster, on_one_core, required, results
+from flurries.output.cluster import cluster, required
+from flurries.output.crew import on_one_core, results
 from flurries.scene.numbers import frames_of
-from flurries.scene.scene import expect_scene
-
-if TYPE_CHECKING:
-    from flurries.scene.scene import Scene
+from flurries.scene.scene import Scene, expect_scene
 
 __all__ = ["grouped", "to_dask"]
 

@@ -14,8 +14,9 @@ from flurries._contract import choice, flag
 from flurries.camera.lens import Camera
 from flurries.io import Pattern
 from flurries.io.sequences import VIDEO_EXTENSIONS
-from flurries.output.cluster import cluster, make
+from flurries.output.cluster import cluster
 from flurries.output.contents import Content
+from flurries.output.crew import make
 from flurries.output.film import write_film
 from flurries.output.frames import Frames
 from flurries.output.groups import grouped

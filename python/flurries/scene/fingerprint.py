@@ -8,16 +8,14 @@ import pickle
 import time
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
+from flurries.io import Pattern
 from flurries.scene.depth import DepthMap
-from flurries.scene.scene import expect_scene
+from flurries.scene.scene import Scene, expect_scene
 from flurries.scene.toml import EFFECTS, describe
-
-if TYPE_CHECKING:
-    from flurries.scene.scene import Scene
 
 __all__ = ["BITS", "fingerprint"]
 
@@ -115,8 +113,8 @@ class Inputs:
                 self._stills.update((file, self._told(file)) for file in _files(spec))
             else:
                 self._sequences.append(source)
-        # Two folders may hold films of the same name, but then hardly of the same folder's name.
-        names = "\n".join("/".join(Path(spec).parts[-2:]) for spec in specs.values())
+        # Not their folders, which would tell of the machine and change when a project is moved.
+        names = "\n".join(Path(spec).name for spec in specs.values())
         self.names = hashlib.sha256(names.encode()).hexdigest()[:8]
 
     def of(self, number: int) -> str:
@@ -153,7 +151,5 @@ def _files(spec: str) -> list[Path]:
     """Return the files of a picture, a film or a sequence's pattern."""
     if Path(spec).is_file():
         return [Path(spec)]
-    from flurries.io import Pattern
-
     pattern = Pattern(spec)
     return [pattern.path(number) for number in pattern.existing()]

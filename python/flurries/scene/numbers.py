@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from flurries._contract import integer
+from flurries.io import frame_range
 
 if TYPE_CHECKING:
     from flurries.scene.scene import Scene
@@ -19,8 +20,6 @@ DEFAULT_SECONDS = 3.0
 
 def frames_of(scene: Scene, frames: str | int | Iterable[int] | None) -> list[int]:
     """Return frame numbers, each once, in the order asked for."""
-    from flurries.io import frame_range
-
     if frames is None:
         if scene.frames is not None:
             return list(range(scene.frames))
