@@ -71,6 +71,8 @@ class Call:
         Those that are pictures: integers mean their full scale, floats themselves.
     light : tuple of str
         Pictures whose integers mean display values and whose floats mean light.
+    spectra : tuple of str
+        Those that are complex; `test_flakes_depth.py` tries their layouts and dtypes.
     empty : tuple of str
         Those that may be empty.
     shapeless : bool
@@ -91,6 +93,7 @@ class Call:
     shapeless: bool = False
     within: float = 1e-5
     light: tuple[str, ...] = ()
+    spectra: tuple[str, ...] = ()
     heavy: tuple[str, ...] = ()
     both: dict[str, str] = field(default_factory=dict)
 
@@ -134,6 +137,9 @@ LAYER = np.dstack([0.5 * PICTURE, np.full(SHAPE, 0.5)])
 WALL = rng().integers(2, 9, SHAPE).astype(np.float64)
 TABLE = spectral.band_amplitude((16, 16), wavelengths=(3.0, 16.0))
 PHASE = spectral.random_phase((16, 16), seed=1)
+FLAKES = spectral.flake_patterns(
+    16, counts=[4, 9], diameters=[[1, 2], [1, 3]], patterns=2, shear=0.382, seed=1
+)
 FRAME = {"drift": np.array([3.0, 9.0]), "seed": 3, "tile": 16, "overlap": 5,
          "wavelengths": (2.5, 16.0), "shift": np.array([1.0, 0.0]),
          "velocity": np.array([1.0, 2.0]), "shutter": 0.5, "alias": "soft"}  # fmt: skip
@@ -213,6 +219,16 @@ def calls(folder: Path) -> dict[str, Call]:
             spectral.field, {"shape": SHAPE, **FRAME}, numbers=("drift", "shift", "velocity")),
         "spectral.alpha": Call(
             spectral.alpha, {"shape": SHAPE, **FRAME}, numbers=("drift", "shift", "velocity")),
+        "spectral.flake_patterns": Call(
+            spectral.flake_patterns,
+            {"tile": 16, "counts": np.array([4.0, 9.0]), "diameters": np.ones((2, 2)),
+             "shear": 0.382, "seed": 1}, numbers=("counts", "diameters")),
+        "spectral.optical_depth": Call(
+            spectral.optical_depth,
+            {"shape": SHAPE, "patterns": FLAKES, "drift": np.array([[3.0, 9.0], [1.0, 5.0]]),
+             "velocity": np.array([[1.0, 2.0], [0.0, 1.0]]), "shutter": 0.5,
+             "gain": np.array([1.0, 2.0]), "shear": 0.382, "seed": 3, "overlap": 5},
+            numbers=("drift", "velocity", "gain"), spectra=("patterns",)),
         "spectral.opacity": Call(spectral.opacity, {"field": PLANE}, numbers=("field",)),
         "spectral.volume": Call(
             spectral.volume, {"frames": 4, "size": 16, "velocity": np.array([1.0, 2.0]), "seed": 1,
@@ -278,10 +294,6 @@ def calls(folder: Path) -> dict[str, Call]:
             numbers=("centers", "radius", "density", "color", "depth")),
         "gas.alpha": Call(
             gas.alpha, clouds, numbers=("centers", "radius", "density", "depth")),
-        "gas.alpha_pair": Call(
-            gas.alpha_pair, {**{k: v for k, v in clouds.items() if k not in ("camera", "depth")},
-                             "cameras": stereo.eyes(CAMERA, distance=0.1)},
-            numbers=("centers", "radius", "density")),
         "gas.light": Call(
             gas.light, {"centers": POINTS, "radius": RADII, "density": np.ones(6),
                         "direction": direction},
@@ -456,9 +468,6 @@ def methods() -> dict[str, Call]:
         "cone.Texture": Call(
             _texture, {"tile": rng().integers(0, 2, (32, 32)).astype(float)}, numbers=("tile",)),
     }  # fmt: skip
-    found["gas.alpha_pair()"] = Call(
-        _left, {"centers": POINTS, "radius": RADII, "density": np.ones(6)},
-        numbers=("centers", "radius", "density"))  # fmt: skip
     for name, weather in weathers.items():
         found[f"augment.{name}()"] = Call(
             weather.__call__, {"image": PICTURE, "index": 3, "depth": WALL, "return_layer": True},
@@ -481,12 +490,6 @@ def methods() -> dict[str, Call]:
                            "distance": 0.1}, pictures=("left", "right"))  # fmt: skip
         found[f"augment.{name}.record"] = Call(weather.record, {"image": PICTURE})
     return found
-
-
-def _left(centers: Any, radius: Any, density: Any, out: Any = None) -> Any:
-    pair = None if out is None else (out, np.empty_like(out))
-    eyes = stereo.eyes(CAMERA, distance=0.1)
-    return gas.alpha_pair(SHAPE, centers, radius, density, eyes, out=pair)[0]
 
 
 def _scene(background: Any, depth: Any, foreground: Any) -> Any:

@@ -73,6 +73,9 @@ MOVING: dict[str, np.ndarray] = {
     "shift_rate": _vector(0.0, 1.0), "shortest": np.full((1, 1), 4.0),
     "ring_edges": _vector(4.0, 8.0, 16.0), "ring_gains": _vector(1.0, 0.5),
 }  # fmt: skip
+PATTERNS = fl.spectral.flake_patterns(
+    16, counts=[4, 9], diameters=[[1, 2], [1, 3]], patterns=2, shear=0.382, seed=1
+)
 FLAKES: dict[str, np.ndarray] = {
     "points": POINTS, "radius": RADIUS, "opacity": RNG.random(COUNT),
     "velocity": RNG.random((COUNT, 3)), "depth": DEPTH,
@@ -105,6 +108,17 @@ CALLS: dict[str, Call] = {
         fl.spectral.loop, {"velocity": _vector(1.0, 4.0), "time": _vector(0.0, 1.5, 7.0)},
         {"frames": 16, "shape": SHAPE, "seed": 1, "wavelengths": (4.0, 12.0)},
     ),
+    "spectral.flake_patterns": Call(
+        fl.spectral.flake_patterns,
+        {"counts": np.array([4.0, 9.0]), "diameters": np.array([[1.0, 2.0], [1.0, 3.0]])},
+        {"tile": 16, "seed": 1, "patterns": 2, "shear": 0.382},
+    ),
+    "spectral.optical_depth": Call(
+        fl.spectral.optical_depth,
+        {"drift": np.ones((2, 2)), "velocity": np.ones((2, 2)), "gain": np.ones(2)},
+        {"patterns": PATTERNS, "shape": (30, 29), "shutter": 0.5, "seed": 1, "overlap": 5,
+         "shear": 0.382},
+    ),
     "spectral.opacity": Call(fl.spectral.opacity, {"field": 4.0 * COVER - 2.0}),
     "spectral.temporal_filter": Call(
         fl.spectral.temporal_filter,
@@ -133,10 +147,6 @@ CALLS: dict[str, Call] = {
     ),
     "gas.alpha": Call(fl.gas.alpha, GAS, SIGHT),
     "gas.splat": Call(fl.gas.splat, {**GAS, "color": RNG.random((COUNT, 3))}, SIGHT),
-    "gas.alpha_pair": Call(
-        fl.gas.alpha_pair, {name: GAS[name] for name in ("centers", "radius", "density")},
-        {"shape": SHAPE, "cameras": fl.stereo.eyes(LENS, distance=0.1)},
-    ),
     "gas.light": Call(
         fl.gas.light,
         {"centers": POINTS, "radius": RADIUS, "density": RNG.random(COUNT),

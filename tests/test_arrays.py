@@ -79,7 +79,9 @@ def outcome(call: Call, **changed: Any) -> list[np.ndarray] | Exception:
 def alike(got: list[np.ndarray], want: list[np.ndarray], coarse: float) -> bool:
     return len(got) == len(want) and all(
         a.shape == b.shape
-        and np.allclose(a.astype(np.float64), b.astype(np.float64), coarse, coarse, equal_nan=True)
+        and np.allclose(
+            a.astype(np.complex128), b.astype(np.complex128), coarse, coarse, equal_nan=True
+        )
         for a, b in zip(got, want, strict=True)
     )
 

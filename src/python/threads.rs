@@ -1,10 +1,10 @@
-//! Thread count, the reproducible mode, and the forced panic that the tests send through the gate.
+//! Thread count and the reproducible mode.
 
 use pyo3::prelude::*;
 
 use super::gate;
-use crate::scope::Scope;
-use crate::{pool, simd};
+use crate::base::scope::Scope;
+use crate::base::{pool, simd};
 
 /// Sets how many threads the kernels use.
 #[pyfunction]
@@ -41,15 +41,4 @@ pub fn set_scope(
 ) -> (Option<usize>, Option<bool>) {
     let old = Scope { threads, reproducible }.swap();
     (old.threads, old.reproducible)
-}
-
-/// Panics inside a kernel, on a worker of the pool, so that the tests can see what Python gets.
-#[pyfunction]
-pub fn panic_for_test(py: Python<'_>) -> PyResult<()> {
-    gate::run(py, 0.0, |_| {
-        pool::for_each(vec![0, 1], |i| {
-            assert!(i == 0, "forced by a test");
-            Ok(())
-        })
-    })
 }

@@ -100,6 +100,29 @@ def tile_starts(length: int, *, tile: int = 64, overlap: int = 10) -> npt.NDArra
     return np.arange(count, dtype=np.intp) * (rows - shared)
 
 
+def tile_shares(
+    length: int, *, tile: int, overlap: int, blend: str = "power"
+) -> npt.NDArray[np.float64]:
+    """Each tile's share of each pixel along one axis, as :func:`blend_tiles` has it.
+
+    Parameters
+    ----------
+    length, tile, overlap
+        See :func:`tile_starts`.
+    blend : {"power", "linear"}
+        Shares of the power, whose roots are the weights of the fields; or the weights themselves.
+
+    Returns
+    -------
+    (length, tiles) float64
+        0 to 1; a row sums to 1.
+    """
+    count = len(tile_starts(length, tile=tile, overlap=overlap))
+    shares = np.empty((length, count))
+    _core.tile_shares(shares, tile, overlap, choice("blend", blend, BLEND))
+    return shares
+
+
 def blend_tiles(
     tiles: npt.ArrayLike,
     shape: tuple[int, int],
