@@ -11,8 +11,8 @@ use numpy::{
 use pyo3::prelude::*;
 
 use super::gate::{self, Plane, PlaneMut};
-use crate::error::{Cancel, Error};
-use crate::normal::Normal;
+use crate::base::error::{Cancel, Error};
+use crate::base::normal::Normal;
 use crate::spectral::field::Window;
 use crate::spectral::flakes::bands::Bands;
 use crate::spectral::flakes::choice::{choice, mirrored};

@@ -10,10 +10,10 @@ use ndarray::{Array2, Array3, Array4, ArrayViewMut2, Axis};
 
 use super::frame::{Finish, Frame, Strip, Terms};
 use super::prepared::Prepared;
-use crate::error::{Cancel, Error, zeroed};
-use crate::normal::Normal;
-use crate::pool;
-use crate::real::Real;
+use crate::base::error::{Cancel, Error, zeroed};
+use crate::base::normal::Normal;
+use crate::base::pool;
+use crate::base::real::Real;
 use crate::spectral::field::Window;
 use crate::spectral::stripes::runs;
 use crate::spectral::tiles::Row;

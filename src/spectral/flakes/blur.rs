@@ -4,10 +4,10 @@
 //! tables of these only. The waves b and -b share a division.
 
 use super::product::turns;
-use crate::aligned::Aligned;
-use crate::error::Error;
-use crate::real::Real;
-use crate::simd::multiply_add;
+use crate::base::aligned::Aligned;
+use crate::base::error::Error;
+use crate::base::real::Real;
+use crate::base::simd::multiply_add;
 
 /// Cycles up to which a series is taken: the quotient of small numbers would lose digits.
 const NEAR: f64 = 0.0625;
@@ -127,7 +127,7 @@ fn series<T: Real, const LEVEL: u8>(u: T) -> T {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::simd::PORTABLE;
+    use crate::base::simd::PORTABLE;
     use std::f64::consts::PI;
 
     fn worst<T: Real>(steps: [f64; 2]) -> f64 {

@@ -1,6 +1,6 @@
 //! Which pattern a tile takes, where, and whether in a mirror: hashes of what the tile is.
 
-use crate::random::Hash;
+use crate::base::random::Hash;
 
 /// What the numbers are for, so that they differ from those of other uses of a seed.
 const PATTERN: i64 = 0x666c_616b_6531;

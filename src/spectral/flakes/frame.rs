@@ -10,12 +10,12 @@ use ndarray::{ArrayView2, ArrayView3, ArrayView4, ArrayViewMut2, Axis};
 
 use super::prepared::Prepared;
 use super::product::{Scratch, Term, render};
-use crate::aligned::Aligned;
-use crate::error::{Cancel, Error, pushed};
-use crate::normal::{Normal, least, most};
-use crate::pool;
-use crate::real::Real;
-use crate::simd::dispatch;
+use crate::base::aligned::Aligned;
+use crate::base::error::{Cancel, Error, pushed};
+use crate::base::normal::{Normal, least, most};
+use crate::base::pool;
+use crate::base::real::Real;
+use crate::base::simd::dispatch;
 use crate::spectral::carry::Carry;
 use crate::spectral::field::Window;
 use crate::spectral::opacity::Block;

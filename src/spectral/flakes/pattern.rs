@@ -11,11 +11,11 @@ use flurries_fft::Fft;
 use ndarray::{ArrayView2, ArrayViewMut2, ArrayViewMut4, Axis};
 use num_complex::Complex;
 
-use crate::error::{Cancel, Error, collected, spare, zeroed};
-use crate::pool;
-use crate::random::Hash;
-use crate::real::Real;
-use crate::simd::reproducible;
+use crate::base::error::{Cancel, Error, collected, spare, zeroed};
+use crate::base::pool;
+use crate::base::random::Hash;
+use crate::base::real::Real;
+use crate::base::simd::reproducible;
 
 /// What the numbers of a seed are for.
 const PLACES: i64 = 0x666c_616b_6530;

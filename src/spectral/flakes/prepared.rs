@@ -9,11 +9,11 @@ use std::sync::Arc;
 use ndarray::{ArrayView3, Axis};
 use num_complex::Complex;
 
-use crate::aligned::Aligned;
-use crate::error::{Error, collected, zeroed};
-use crate::pool;
-use crate::real::Real;
-use crate::simd::dispatch;
+use crate::base::aligned::Aligned;
+use crate::base::error::{Error, collected, zeroed};
+use crate::base::pool;
+use crate::base::real::Real;
+use crate::base::simd::dispatch;
 use crate::spectral::dense::Dense;
 
 /// Numbers of a wave: two complex sums.

@@ -9,11 +9,11 @@
 
 use super::blur::Blur;
 use super::prepared::{PARTS, Prepared};
-use crate::aligned::Aligned;
-use crate::error::Error;
-use crate::lanes::Lanes;
-use crate::real::Real;
-use crate::simd::{AVX2, AVX512, dispatch};
+use crate::base::aligned::Aligned;
+use crate::base::error::Error;
+use crate::base::lanes::Lanes;
+use crate::base::real::Real;
+use crate::base::simd::{AVX2, AVX512, dispatch};
 use crate::spectral::dense::{Turns, Work, passes_on};
 
 /// One pattern in a tile.

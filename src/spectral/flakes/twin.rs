@@ -10,7 +10,8 @@ use super::product::Term;
 /// Spectra (n, M, M/2 + 1) of nothing in particular, but finite.
 pub fn spectra(number: usize, tile: usize) -> Array3<Complex<f64>> {
     Array3::from_shape_fn((number, tile, tile / 2 + 1), |(n, b, a)| {
-        let hash = crate::random::Hash::seeded(5).word(n as i64).word(b as i64).word(a as i64);
+        let hash =
+            crate::base::random::Hash::seeded(5).word(n as i64).word(b as i64).word(a as i64);
         Complex::new(hash.word(0).unit() - 0.5, hash.word(1).unit() - 0.5)
     })
 }
