@@ -25,6 +25,7 @@ from flurries.cli import main
 from flurries.io import read_picture, read_video, remove_leftovers, write_picture
 from flurries.io.atomic import owner_of_new_files
 from flurries.output import groups, manifest, write
+from flurries.scene.fingerprint import BITS
 
 W, H = 1024, 800
 SNOW = fl.Snow(flakes=50)
@@ -133,7 +134,7 @@ def test_16_2_frames_of_another_version_are_kept_only_with_its_bits(tmp_path: Pa
         SMALL.write(tmp_path / "%d.png", "1-3")
     assert SMALL.write(tmp_path / "%d.png", "1-2", overwrite=True).written == [1, 2]
     assert python(VERSION, "9.9", 0, tmp_path).stdout.split() == ["1", "2"]
-    assert json.loads((tmp_path / manifest.NAME).read_text())["files"]["1.png"]["bits"] == 1
+    assert json.loads((tmp_path / manifest.NAME).read_text())["files"]["1.png"]["bits"] == BITS
 
 
 # 3: the mode is the call's ------------------------------------------------------------------------

@@ -128,7 +128,7 @@ def _parser() -> argparse.ArgumentParser:
     render.add_argument("--layers", action="store_true", help="EXR with the snow as a layer")
     render.add_argument("--alone", action="store_true", help="only the snow, as RGBA")
     render.add_argument("--quality", choices=("high", "medium", "draft"), default="high")
-    render.add_argument("--overwrite", action="store_true", help="render again what is there")
+    render.add_argument("--overwrite", action="store_true", help="replace what is there")
     render.add_argument(
         "--damaged",
         choices=("stop", "skip", "hold"),
@@ -143,6 +143,13 @@ def _parser() -> argparse.ArgumentParser:
         const="",
         metavar="ADDRESS",
         help="on a Dask cluster: tcp://host:8786, or one made on this machine",
+    )
+    render.add_argument(
+        "--dask-patience",
+        type=float,
+        default=60.0,
+        metavar="SECONDS",
+        help="how long to wait while the cluster has no worker; default: 60",
     )
     render.add_argument("--no-manifest", action="store_true", help="no flurries.json")
     render.add_argument(
@@ -356,6 +363,7 @@ def _render(options: argparse.Namespace) -> int:
         manifest=not options.no_manifest,
         quality=options.quality,
         dask=None if options.dask is None else options.dask or True,
+        dask_patience=options.dask_patience,
         progress=_silent if options.quiet else _bar,
     )
     print(f"flurries: {told(summary)}", file=sys.stderr)
