@@ -33,11 +33,10 @@ from flurries import (
 )
 from flurries.augment.corrupt import corrupt
 from flurries.camera import importers as cameras
-from flurries.frame.estimate import plan_of
 from flurries.output import groups, manifest
 from flurries.output.write import write
-from flurries.scene import fingerprint
 from flurries.scene import toml as scenefile
+from flurries.scene.fingerprint import fingerprint
 
 # Modules of other libraries' transforms, which need those, and the one that runs when imported.
 ELSEWHERE = ("albumentations", "kornia", "torchvision", "__main__")
@@ -174,7 +173,7 @@ def calls(folder: Path) -> dict[str, Call]:
     scene.write(folder / "frames" / "%04d.png", "1-2")
     colmap = folder / "colmap"
     colmap.mkdir(exist_ok=True)
-    (colmap / "camera.importers.txt").write_text("1 PINHOLE 32 24 40 40 16 12\n")
+    (colmap / "cameras.txt").write_text("1 PINHOLE 32 24 40 40 16 12\n")
     (colmap / "images.txt").write_text("1 1 0 0 0 0 0 0 1 a.png\n\n2 1 0 0 0 0 0 -1 1 b.png\n\n")
     record = augment.Snowfall(severity=2).record(index=1)
     direction = np.array([0.0, 1.0, 0.0])
@@ -394,7 +393,6 @@ def calls(folder: Path) -> dict[str, Call]:
         "io.read_header": Call(io.read_header, {"path": png}),
         "io.read_layers": Call(io.read_layers, {"path": exr}),
         "io.read_mask": Call(io.read_mask, {"path": png}),
-        "io.read_path": Call(io.read_path, {"path": folder / "way.csv"}),
         "io.read_picture": Call(io.read_picture, {"path": png}),
         "io.read_video": Call(io.read_video, {"path": film}),
         "io.read_views": Call(io.read_views, {"path": views}),
@@ -419,8 +417,7 @@ def calls(folder: Path) -> dict[str, Call]:
             scenefile.load, {"path": folder / "scene.toml"}),
         "scene.toml.save": Call(
             scenefile.save, {"scene": scene, "path": folder / "saved.toml"}),
-        "scene.fingerprint.fingerprint": Call(fingerprint.fingerprint, {"scene": scene}),
-        "frame.estimate.plan_of": Call(plan_of, {"scene": scene}),
+        "scene.fingerprint.fingerprint": Call(fingerprint, {"scene": scene}),
         "trace.count": Call(trace.count, {"name": "flakes", "number": 3}),
         "trace.stage": Call(trace.stage, {"name": "texture"}),
         "trace.tracing": Call(trace.tracing, {}),

@@ -4,7 +4,7 @@ import numpy as np
 import numpy.typing as npt
 
 from flurries.cone.rays import Pose
-from flurries.effects.peopled import Flurry
+from flurries.effects.flakes import Flurry
 from flurries.spectral.flakes import Request as FlakeRequest
 from flurries.spectral.frame import Request
 from flurries.spectral.volume import Film

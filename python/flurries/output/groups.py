@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 
 from flurries._contract import Array, integer
-from flurries._threads import reproducible, scope
+from flurries._threads import reproducible
+from flurries.frame import estimate
 from flurries.output.cluster import cluster, required
 from flurries.output.crew import on_one_core, results
 from flurries.scene.numbers import frames_of
@@ -21,12 +22,15 @@ __all__ = ["grouped", "to_dask"]
 # A scheduler takes 2 to 10 ms for a task; with this much work in one that is below 2 %.
 SECONDS_OF_A_TASK = 0.5
 
+# Seconds for each pixel that is read and written, beside what rendering takes.
+_FILE = 15e-9
+
 # Frames that a task may give back as arrays, in bytes.
 _MOST_BYTES = 1 << 28
 
 
 def grouped(scene: Scene, frames: Any) -> list[list[int]]:
-    """Return frames in groups of half a second's work or more each, by the plan.
+    """Return frames in groups of half a second's work or more each, by a fixed cost.
 
     Parameters
     ----------
@@ -45,16 +49,12 @@ def grouped(scene: Scene, frames: Any) -> list[list[int]]:
         For what is no scene, or names no frames.
     """
     wanted = frames_of(expect_scene(scene), frames)
-    size = max(math.ceil(SECONDS_OF_A_TASK / seconds_of(scene, wanted)), 1)
-    return [wanted[first : first + size] for first in range(0, len(wanted), size)]
-
-
-def seconds_of(scene: Scene, frames: list[int]) -> float:
-    """Return how long a frame takes on one thread, as the plan says."""
     # A plate may be damaged, and is a small part of the cost.
     plain = scene.replace(background="#808080", foreground=None)
-    with scope(threads=1, reproducible=reproducible()):
-        return 1e-3 * max(plain.plan(frames).milliseconds, 1e-3)
+    files = _FILE * scene.shape[0] * scene.shape[1]
+    cost = estimate.seconds(plain.program, wanted, scene.tolerance) + files
+    size = max(math.ceil(SECONDS_OF_A_TASK / cost), 1)
+    return [wanted[first : first + size] for first in range(0, len(wanted), size)]
 
 
 def to_dask(scene: Scene, frames: Any = None, *, group: int | None = None) -> Any:

@@ -6,16 +6,17 @@ import hashlib
 import os
 import pickle
 import time
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields, is_dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from flurries.effects.kinds import kind_of
 from flurries.io import Pattern
 from flurries.scene.depth import DepthMap
 from flurries.scene.scene import Scene, expect_scene
-from flurries.scene.toml import EFFECTS, describe
+from flurries.scene.toml.writer import describe
 
 __all__ = ["BITS", "fingerprint"]
 
@@ -53,9 +54,12 @@ def settings(scene: Scene) -> str:
             digest.update(np.ascontiguousarray(value).tobytes())
             given.append(name)
     for place, effect in enumerate(scene.effects):
-        if type(effect) not in EFFECTS.values():
-            # Somebody's own, which no scene file can hold but frames can be made of.
-            digest.update(f"effect {place}".encode() + pickle.dumps(effect, 5))
+        if kind_of(effect) is None:
+            # Somebody's own, which no scene file can hold but frames can be made of. Its fields: an
+            # effect may keep what it made of them.
+            whole = not is_dataclass(effect)
+            own = effect if whole else [getattr(effect, f.name) for f in fields(effect)]
+            digest.update(f"effect {place}".encode() + pickle.dumps((type(effect), own), 5))
     table = describe(scene, leave_out=(*given, "effects"))
     digest.update(repr((sorted(given), sorted(table.items()))).encode())
     return digest.hexdigest()[:16]

@@ -4,6 +4,8 @@
 //! S(b) and S(-b) of a column make S(b) + S(-b) and i (S(b) - S(-b)), both conjugate. Waves of mean 0
 //! stand there; the mean is kept apart, since it is not blended.
 
+#![expect(unsafe_code, reason = "complex numbers as the pairs that they are")]
+
 use std::sync::Arc;
 
 use ndarray::{ArrayView3, Axis};

@@ -7,6 +7,8 @@
 //! All is conjugate and folded, as [`Prepared`] has it: with c + i s the turn of b, and E and O the sum
 //! and the difference of a pattern, the tile's are the turn of a times c E + s O and c O - s E.
 
+#![expect(unsafe_code, reason = "products of waves by `Lanes`")]
+
 use super::blur::Blur;
 use super::prepared::{PARTS, Prepared};
 use crate::base::aligned::Aligned;

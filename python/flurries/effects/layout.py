@@ -3,12 +3,17 @@
 from __future__ import annotations
 
 import math
+import warnings
 from functools import lru_cache
 from typing import NamedTuple
 
+import numpy as np
+
+from flurries._contract import Array, Float64
 from flurries.frame.costs import nanoseconds
 from flurries.frame.needs import Cost
 from flurries.spectral.operations import smooth, tile_work, tiles_touching
+from flurries.spectral.tiles import starts
 
 # A torus must be cheaper by this much: both sides are estimates, and its statistics are equal, but
 # its bits are not.
@@ -16,6 +21,13 @@ WORTH = 1.25
 
 # Pixels of a tile that stays in a cache with its spectrum.
 CACHED = 1 << 17
+
+# The share of what is left of rain's texture that stands still is 13.5 c / M for wavelengths of 4
+# to 32 px, c the cycles of the longest wave in a frame: M = 144 c is a tenth, with some to spare.
+PIXELS_PER_CYCLE = 144.0 / (28.0 / math.log(8.0))
+
+# A larger tile costs memory that a picture does not; from here on `jitter` would do.
+LARGEST_TILE = 2048
 
 
 class Tiling(NamedTuple):
@@ -25,7 +37,73 @@ class Tiling(NamedTuple):
     overlap: int
 
 
-def count(
+class Layout(NamedTuple):
+    """The tiles of a film's texture.
+
+    Attributes
+    ----------
+    tiling : Tiling
+        Themselves.
+    why : str
+        Why it is them and not one torus, or the other way round.
+    shape : (H, W)
+        Of the picture.
+    band : (shortest, longest)
+        Wavelengths in pixels.
+    edges : (rings + 1,), optional
+        Wavelengths between rings, for a wind that differs from place to place.
+    needed : float
+        The tile that the motion needs, where a smaller one was asked for; else 0.
+    turns, zooms : bool
+        Whether the camera of the film ever does.
+    """
+
+    tiling: Tiling
+    why: str
+    shape: tuple[int, int]
+    band: tuple[float, float]
+    edges: Float64 | None
+    needed: float
+    turns: bool
+    zooms: bool
+
+    @property
+    def grid(self) -> tuple[int, int]:
+        """How many tiles there are, down and across."""
+        (height, width), ((tall, wide), overlap) = self.shape, self.tiling
+        return len(starts(height, tall, overlap)), len(starts(width, wide, overlap))
+
+    def farthest(self, depth: Array) -> Array:
+        """Return the farthest depth of each tile, (rows, cols)."""
+        (height, width), ((tall, wide), overlap) = self.shape, self.tiling
+        # The farthest of each run of columns first: a pixel is not read for every tile.
+        cols, rows = starts(width, wide, overlap), starts(height, tall, overlap)
+        bands = np.stack([depth[:, x : x + wide].max(axis=1) for x in cols], axis=1)
+        return np.stack([bands[y : y + tall].max(axis=0) for y in rows])
+
+    def warn_small(self) -> None:
+        """Warn that tiles are too small for streaks to move."""
+        warnings.warn(
+            f"rain: with tiles of {self.tiling.tile[0]} px a tenth of the streaks or more stands "
+            f"still; take tile={math.ceil(self.needed)}, or leave it out, or jitter=True",
+            UserWarning,
+            stacklevel=7,
+        )
+
+
+def streaks_tile(cycles: float, band: tuple[float, float]) -> float:
+    """Return the tile in pixels from which on less than a tenth of the streaks stands still.
+
+    `cycles` are those of the longest wave in a frame, at the film's fastest; 0 where no wave is too
+    fast for the frame rate.
+    """
+    shortest, longest = band
+    if cycles <= 0.5:
+        return 0.0
+    return PIXELS_PER_CYCLE * cycles * (longest - shortest) / math.log(longest / shortest)
+
+
+def tiles_touched(
     shape: tuple[int, int], window: tuple[int, int, int, int], tiling: Tiling
 ) -> tuple[int, int]:
     """Return how many tiles touch a window, down and across."""
@@ -47,7 +125,7 @@ def operations(
 ) -> dict[str, float]:
     """Return the operations of a texture's window; `waves_shown` is the share of tiles with any."""
     each = tile_work(tiling.tile, wavelengths)
-    down, across = count(shape, window, tiling)
+    down, across = tiles_touched(shape, window, tiling)
     made = down * across * waves_shown
     top, bottom, left, right = window
     # Tiles that leave the second cache wait for memory.
@@ -84,7 +162,7 @@ def torus_for(
     return torus, said
 
 
-def texture_cost(
+def tiles_cost(
     shape: tuple[int, int],
     window: tuple[int, int, int, int],
     tiling: Tiling,
@@ -95,7 +173,7 @@ def texture_cost(
     jitter: bool = False,
 ) -> Cost:
     """Return what a texture costs; `hidden` tiles are not made."""
-    down, across = count(shape, window, tiling)
+    down, across = tiles_touched(shape, window, tiling)
     total = max(down * across, 1)
     work = operations(
         shape, window, tiling, wavelengths, waves_shown=1.0 - min(hidden, total) / total
@@ -111,7 +189,7 @@ def texture_cost(
     else:
         size = f"{total - hidden} tiles of {width} x {height} px"
     # The drift, the velocity and the like of every tile; the stripes' sums are the kernel's own.
-    grid = math.prod(count(shape, (0, shape[0], 0, shape[1]), tiling))
+    grid = math.prod(tiles_touched(shape, (0, shape[0], 0, shape[1]), tiling))
     return Cost(
         work={name: passes * number for name, number in work.items()},
         size=size,
