@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 import operator
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -112,8 +112,17 @@ def choice(name: str, value: object, options: Sequence[str]) -> str:
     if value not in options:
         raise ValueError(
             f"{name} must be one of {', '.join(map(repr, options))}, got {_came(value)}"
+            f"{suggestion(value, options)}"
         )
     return value
+
+
+def suggestion(word: str, known: Iterable[str]) -> str:
+    """Return "; did you mean 'heavy'?" for "hevy", or nothing where no known word is like it."""
+    from difflib import get_close_matches
+
+    near = get_close_matches(word, list(known), 1)
+    return f"; did you mean {near[0]!r}?" if near else ""
 
 
 def shape_of(name: str, value: object) -> tuple[int, int]:

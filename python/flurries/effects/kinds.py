@@ -7,6 +7,7 @@ from dataclasses import is_dataclass
 from importlib.metadata import EntryPoint, entry_points
 from typing import Any
 
+from flurries._contract import suggestion
 from flurries.effects.cone import ConeRain, ConeSnow
 from flurries.effects.matched import MatchedSnow
 from flurries.effects.mist import Mist
@@ -71,7 +72,8 @@ def class_of(kind: object) -> type[Any]:
         register(kind, found)
         return found
     names = ", ".join(map(repr, sorted({*known, *others}, key=[*known, *others].index)))
-    raise ValueError(f"kind must be one of {names}, got {kind!r}")
+    near = suggestion(kind, (*known, *others)) if isinstance(kind, str) else ""
+    raise ValueError(f"kind must be one of {names}, got {kind!r}{near}")
 
 
 def kind_of(effect: object) -> str | None:
