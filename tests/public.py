@@ -378,6 +378,7 @@ def calls(folder: Path) -> dict[str, Call]:
             cameras.read_kitti, {"path": folder / "poses.txt", "camera": CAMERA}),
         "camera.importers.read_colmap": Call(
             cameras.read_colmap, {"folder": colmap, "shape": SHAPE}),
+        "io.Budget": Call(io.Budget, {"pixels": 1000, "bytes": 9000}),
         "io.fit": Call(io.fit, {"pixels": PICTURE, "size": (20, 20), "encoding": "display"},
                        pictures=("pixels",)),
         "io.fit_nearest": Call(

@@ -15,7 +15,6 @@ import contextlib
 import errno
 import hashlib
 import os
-import secrets
 import socket
 import stat
 import sys
@@ -212,7 +211,7 @@ def _reserve(target: Path) -> Path:
     # The name does not grow with the target's, so a name at the length limit still has room.
     suffix = target.suffix if len(target.suffix) <= 16 else ""
     while True:
-        token = owner_of_new_files() + secrets.token_hex((TOKEN_LENGTH - _OWNER) // 2)
+        token = owner_of_new_files() + os.urandom((TOKEN_LENGTH - _OWNER) // 2).hex()
         temporary = target.with_name(f"{PREFIX}{token}{suffix}")
         _unfinished[temporary] = os.getpid()
         flags = os.O_RDWR | os.O_CREAT | os.O_EXCL | getattr(os, "O_CLOEXEC", 0)

@@ -11,10 +11,10 @@ from typing import Any
 
 from flurries._contract import Array
 from flurries.io import VideoWriter
-from flurries.io.encoders import frame_rate
-from flurries.io.sound import Sound, has_sound
-from flurries.io.video import comment_of
-from flurries.output.contents import display_bytes
+from flurries.io.films.codecs import frame_rate
+from flurries.io.films.sound import Sound, has_sound
+from flurries.io.films.writer import comment_of
+from flurries.output.contents import display_bytes, without_alpha
 from flurries.output.frames import Frames, is_readable
 from flurries.output.groups import images
 from flurries.output.mark import Refused
@@ -62,7 +62,7 @@ def write_film(
                 done.skipped.append(number)
                 continue
             with stage("encode"):
-                video.write(display_bytes(image))
+                video.write(display_bytes(without_alpha(image, path)))
             done.written.append(number)
         if _mark(job, frames, quality, part) != mark:
             raise OSError(f"{path}: what it is made of changed meanwhile; run again")

@@ -10,7 +10,7 @@ from typing import Any
 
 from flurries import __version__
 from flurries.io import read_header, read_picture, replacing
-from flurries.io.headers import plain_file
+from flurries.io.files import read_text
 from flurries.output.claims import awaited
 from flurries.scene.fingerprint import hash_of
 
@@ -18,7 +18,7 @@ __all__ = ["NAME", "check", "read"]
 
 NAME = "flurries.json"
 
-_MOST_BYTES = 1 << 30
+_MOST_BYTES = 1 << 28
 
 # How every one of ours begins, by which one that is cut short is known.
 _HEAD = '{\n "flurries": "'
@@ -48,14 +48,9 @@ def read(folder: str | os.PathLike[str]) -> dict[str, dict[str, Any]]:
     """
     path = Path(folder) / NAME
     try:
-        plain_file(path)
-        if path.stat().st_size > _MOST_BYTES:
-            raise ValueError(f"{path}: a manifest has at most {_MOST_BYTES} bytes")
-        text = path.read_text(encoding="utf-8")
+        text = read_text(path, _MOST_BYTES, "manifest")
     except FileNotFoundError:
         return {}
-    except UnicodeDecodeError:
-        raise _Foreign(path) from None
     try:
         found = json.loads(text)
     except (ValueError, RecursionError):

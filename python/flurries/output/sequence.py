@@ -13,7 +13,7 @@ from flurries import __version__, _core
 from flurries._threads import reproducible, threads
 from flurries.io import remove_leftovers
 from flurries.io.atomic import checked_target
-from flurries.io.writing import format_of
+from flurries.io.pictures.writer import format_of
 from flurries.output import manifest
 from flurries.output.claims import Claim, awaited, claimed
 from flurries.output.mark import Mark, Refused
