@@ -33,7 +33,7 @@ from flurries import (
 )
 from flurries.augment.corrupt import corrupt
 from flurries.camera import importers as cameras
-from flurries.output import cluster, manifest
+from flurries.output import groups, manifest
 from flurries.output.write import write
 from flurries.scene import toml as scenefile
 from flurries.scene.fingerprint import fingerprint
@@ -44,7 +44,7 @@ ELSEWHERE = ("albumentations", "kornia", "torchvision", "__main__")
 # Functions of libraries that need not be here.
 MISSING = {
     name for name, library in (
-        ("view", "anywidget"), ("viewer.view", "anywidget"), ("output.cluster.to_dask", "dask"),
+        ("view", "anywidget"), ("viewer.view", "anywidget"), ("output.groups.to_dask", "dask"),
     )
     if importlib.util.find_spec(library) is None
 }  # fmt: skip
@@ -183,8 +183,8 @@ def calls(folder: Path) -> dict[str, Call]:
     clouds = {"shape": SHAPE, "centers": POINTS, "radius": RADII, "density": np.ones(6),
               "camera": CAMERA, "depth": WALL}  # fmt: skip
     given = {"scene": scene, "frames": "1-9", "group": 2}
-    guests = {} if "output.cluster.to_dask" in MISSING else {
-        "output.cluster.to_dask": Call(cluster.to_dask, given)
+    guests = {} if "output.groups.to_dask" in MISSING else {
+        "output.groups.to_dask": Call(groups.to_dask, given)
     }  # fmt: skip
     if "view" not in MISSING:
         guests["view"] = Call(fl.view, {"scene": scene})
@@ -440,7 +440,7 @@ def calls(folder: Path) -> dict[str, Call]:
         "accuracy.write": Call(
             accuracy.write, {"studies": [STUDY], "folder": folder / "study",
                              "page": folder / "study.md"}),
-        "output.cluster.grouped": Call(cluster.grouped, {"scene": scene, "frames": "1-9"}),
+        "output.groups.grouped": Call(groups.grouped, {"scene": scene, "frames": "1-9"}),
         # the command line
         "cli.main": Call(cli.main, {"arguments": ["--help-of-nothing"]}),
     }  # fmt: skip
