@@ -18,7 +18,17 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from flurries._contract import Float64, choice, moderate, real, shape_of, table, vector
+from flurries._contract import (
+    Float64,
+    choice,
+    flag,
+    integer,
+    moderate,
+    real,
+    shape_of,
+    table,
+    vector,
+)
 from flurries.camera.lens import Camera, expect_camera
 from flurries.camera.path import CameraPath
 from flurries.camera.turning import rotation_vector
@@ -189,7 +199,7 @@ def from_matrices(
         raise ValueError(f"matrices must be (n, 3, 4) or (n, 4, 4), got {poses.shape}")
     choice("axes", axes, _AXES)
     turns, places = poses[:, :3, :3], poses[:, :3, 3]
-    if inverse:
+    if flag("inverse", inverse):
         turns = turns.transpose(0, 2, 1)
         places = -np.einsum("nij,nj->ni", turns, places)
     if axes == _AXES[1]:
@@ -330,7 +340,9 @@ def _path(
 def _frames(file: Path, given: Float64, start: int | None) -> Float64:
     if not (np.diff(given) > 0.0).all():
         raise ValueError(f"{file}: frames must increase")
-    return given - (given[0] if start is None else float(start))
+    return given - (
+        given[0] if start is None else integer("start", start, low=-(2**31), high=2**31)
+    )
 
 
 def _numbered(names: list[str]) -> Float64:
