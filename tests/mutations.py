@@ -55,7 +55,8 @@ PYTHON = [
              "(axis, pace) if axis @ last >= 0.0 else (-axis, -pace)", "(axis, pace)"),
 ]  # fmt: skip
 
-# Without `_contract.py` the rest of the package would take anything.
+# Without `_contract.py` the rest of the package would take anything. Two of its lines are not here,
+# since NumPy and a kernel refuse the same: arrays as numbers, and overlaps as large as the tile.
 CONTRACT = [
     Mutation(guard, "_contract.py", old, new) for guard, old, new in (
         ("a bool is no integer",
@@ -68,8 +69,6 @@ CONTRACT = [
         ("a word is no number",
          "(str, bytes, bool, np.bool_, complex, np.complexfloating)", "(bool, np.bool_, complex)"),
         ("a bool is no number", "(str, bytes, bool, np.bool_, complex", "(str, bytes, complex"),
-        ("an array is no number", "if isinstance(value, np.ndarray) and value.ndim != 0:",
-         "if False:"),
         ("too large an integer is no number", "except OverflowError:", "except RecursionError:"),
         ("what is no number is named", "except (TypeError, ValueError):\n        raise TypeError(f",
          "except RecursionError:\n        raise TypeError(f"),
@@ -87,8 +86,7 @@ CONTRACT = [
         ("a height is at least 1", "value[0], low=1", "value[0], low=-9"),
         ("a width is at least 1", "value[1], low=1", "value[1], low=-9"),
         ("a picture fits somewhere", "if height * width > MOST_ELEMENTS:", "if False:"),
-        ("an overlap is less than the tile", "if pixels >= min(size):", "if False:"),
-        ("an overlap is less than the tile, the short way", "0 <= overlap < tile <= 2**15",
+        ("an overlap is less than the tile", "0 <= overlap < tile <= 2**15",
          "tile <= 2**15"),
         ("a seed fits 64 bits", "low=-(2**63), high=2**63 - 1", "low=-(2**90), high=2**90"),
         ("a dtype is of floats", "if dtype is None or wanted not in", "if False and wanted not in"),
@@ -191,7 +189,7 @@ def failures(package: Path, *tests: str) -> list[str]:
     words += ["--rootdir", str(ROOT)]
     words += ["-x", *tests] if tests else [str(ROOT / "tests" / "test_hard_cases.py")]
     said = subprocess.run(words, capture_output=True, text=True, env=environment, cwd=package)
-    pattern = r"^(?:FAILED|ERROR) \S+?::(?:test_hard_case\[)?(.*?)(?:-float(?:32|64)\]| - .*)?$"
+    pattern = r"^(?:FAILED|ERROR) \S+?::(?:test_hard_case\[)?(.*?)\]?(?: - .*)?$"
     found = re.findall(pattern, said.stdout, re.MULTILINE)
     if said.returncode not in (0, 1):
         # Not even importable: every case fails.

@@ -12,6 +12,7 @@ from scipy.spatial.transform import Rotation
 
 import flurries as fl
 import twin
+from every import every
 
 SHAPE = (480, 640)
 CAMERAS: dict[str, dict[str, Any]] = {
@@ -36,7 +37,7 @@ def points(count: int = 50) -> np.ndarray:
     return np.random.default_rng(2).uniform(-5.0, 5.0, (count, 3))
 
 
-@pytest.mark.parametrize("name", CAMERAS)
+@every("name", CAMERAS)
 def test_project_is_the_twins(name: str):
     camera, slow = both(name)
     px, depth = fl.camera.project(points(), camera, SHAPE)
@@ -74,7 +75,7 @@ def test_second_eye_and_convergence():
     assert px[0] == pytest.approx((320.0 - 600.0 * 0.065 / 3.0 + 4.0, 240.0), abs=1e-12)
 
 
-@pytest.mark.parametrize("turn", [1e-12, 1e-9, 1e-6, np.pi, 7.0])
+@every("turn", [1e-12, 1e-9, 1e-6, np.pi, 7.0])
 def test_small_and_large_turns(turn: float):
     # The rotation matrix at angles where a careless formula divides 0 by 0.
     camera = fl.camera.Camera(100.0, rotation=(0.6 * turn, 0.0, 0.8 * turn))
@@ -88,8 +89,8 @@ def test_small_and_large_turns(turn: float):
         assert np.all(np.isnan(seen))
 
 
-@pytest.mark.parametrize("omega", [(0.0, 0.0, 0.0), (0.01, -0.02, 0.005)])
-@pytest.mark.parametrize("name", CAMERAS)
+@every("omega", [(0.0, 0.0, 0.0), (0.01, -0.02, 0.005)])
+@every("name", CAMERAS)
 def test_image_velocity_is_the_twins(name: str, omega):
     camera, slow = both(name)
     random = np.random.default_rng(3)
@@ -100,9 +101,9 @@ def test_image_velocity_is_the_twins(name: str, omega):
     assert np.abs(got - twin.image_velocity(*arguments, slow, SHAPE, rotation=omega)).max() < 1e-11
 
 
-@pytest.mark.parametrize("omega", [(0.0, 0.0, 0.0), (0.02, 0.0, 0.0), (0.01, -0.02, 0.03)])
-@pytest.mark.parametrize("velocity", [(0.3, 0.0, 0.0), (0.0, -0.2, 0.5), (0.1, 0.2, -0.4)])
-@pytest.mark.parametrize("name", CAMERAS)
+@every("omega", [(0.0, 0.0, 0.0), (0.02, 0.0, 0.0), (0.01, -0.02, 0.03)])
+@every("velocity", [(0.3, 0.0, 0.0), (0.0, -0.2, 0.5), (0.1, 0.2, -0.4)])
+@every("name", CAMERAS)
 def test_image_velocity_is_the_derivative_of_project(name: str, velocity, omega):
     # Camera minus flake: the points go the other way while the camera turns about its own axes.
     # Central differences with h = 1e-4 err by h^2 times a third derivative of order 10 px.
@@ -141,8 +142,8 @@ def test_speed_is_inversely_proportional_to_depth():
     assert slope == pytest.approx(-1.0, abs=1e-12)
 
 
-@pytest.mark.parametrize(("tile", "overlap"), [(64, 10), (64, 0), (48, 47), (31, 10), (512, 10)])
-@pytest.mark.parametrize("name", CAMERAS)
+@every(("tile", "overlap"), [(64, 10), (64, 0), (48, 47), (31, 10), (512, 10)])
+@every("name", CAMERAS)
 def test_tile_drift_is_the_twins(name: str, tile: int, overlap: int):
     camera, slow = both(name)
     options = {"near_depth": 3.0, "tile": tile, "overlap": overlap}
@@ -187,7 +188,7 @@ PATHS = {
 }
 
 
-@pytest.mark.parametrize("path", PATHS)
+@every("path", PATHS)
 def test_tile_directions(path: str):
     # Each tile within 1e-12 rad of Eq. 8 taken at its centre, wherever the focus of expansion is.
     tx, ty, tz = (np.longdouble(v) for v in PATHS[path])
@@ -268,8 +269,8 @@ NAN, INF = float("nan"), float("inf")
 PX, AT = [(1.0, 2.0)], [3.0]
 
 
-@pytest.mark.parametrize("bad", [NAN, INF, -INF])
-@pytest.mark.parametrize(
+@every("bad", [NAN, INF, -INF])
+@every(
     ("argument", "size"), [("focal", 0), ("center", 2), ("offset", 3), ("center_shift", 2),
                            ("rotation", 3)]
 )  # fmt: skip
@@ -279,7 +280,7 @@ def test_camera_refuses_what_is_not_finite(argument: str, size: int, bad: float)
         fl.camera.Camera(**{"focal": 600.0, argument: value})
 
 
-@pytest.mark.parametrize(
+@every(
     ("argument", "value"),
     [("focal", 0.0), ("focal", -1.0), ("focal", "600"), ("focal", None), ("center", (1.0,)),
      ("center", 3.0), ("offset", (1.0, 2.0)), ("offset", None), ("center_shift", (1, 2, 3)),
@@ -301,7 +302,7 @@ def drift_of(camera: Any, **options: Any) -> np.ndarray:
     return fl.camera.tile_drift(SHAPE, (0, 0, 1), camera, **options)
 
 
-@pytest.mark.parametrize(
+@every(
     ("argument", "call"),
     [
         *[("points", lambda b=b: fl.camera.project(b, C, SHAPE))

@@ -11,6 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import flurries as fl
+from every import every
 
 C = fl.composite
 DTYPES = ["uint8", "uint16", "float16", "float32", "float64"]
@@ -75,8 +76,8 @@ def test_integers_are_rounded_to_the_nearest(dtype: str):
         assert np.array_equal(got, n + up)
 
 
-@pytest.mark.parametrize("alpha_dtype", [np.float16, np.float32, np.float64])
-@pytest.mark.parametrize("dtype", DTYPES)
+@every("alpha_dtype", [np.float16, np.float32, np.float64])
+@every("dtype", DTYPES)
 def test_ends_are_exact_to_the_bit(dtype: str, alpha_dtype: type):
     background = picture(dtype, (8, 9, 3))
     if np.dtype(dtype).kind == "f":
@@ -93,8 +94,8 @@ def test_ends_are_exact_to_the_bit(dtype: str, alpha_dtype: type):
     assert np.array_equal(covered, np.broadcast_to(color.astype(dtype), covered.shape))
 
 
-@pytest.mark.parametrize("function", ["snow", "over"])
-@pytest.mark.parametrize("dtype", ["float16", "float32", "float64"])
+@every("function", ["snow", "over"])
+@every("dtype", ["float16", "float32", "float64"])
 def test_bad_pixels_stay_where_they_were(function: str, dtype: str):
     rng = np.random.default_rng(5)
     for _ in range(100):
@@ -109,8 +110,8 @@ def test_bad_pixels_stay_where_they_were(function: str, dtype: str):
         assert np.array_equal(np.isnan(got), bad)
 
 
-@pytest.mark.parametrize("function", ["snow", "over"])
-@pytest.mark.parametrize("dtype", ["float16", "float32", "float64"])
+@every("function", ["snow", "over"])
+@every("dtype", ["float16", "float32", "float64"])
 def test_infinity_never_becomes_nan(function: str, dtype: str):
     background = np.full((1, 3, 3), np.inf, dtype)
     alpha = np.array([[0.0, 0.5, 1.0]], np.float32)
@@ -175,8 +176,8 @@ CALLS: dict[str, tuple[Callable[..., Any], Callable[[Any], np.ndarray]]] = {
 }
 
 
-@pytest.mark.parametrize("name", CALLS)
-@pytest.mark.parametrize("dtype", DTYPES)
+@every("name", CALLS)
+@every("dtype", DTYPES)
 def test_memory_layout_does_not_matter(dtype: str, name: str):
     call, make = CALLS[name]
     background, front = picture(dtype, (12, 10, 3)), make(dtype)
@@ -188,8 +189,8 @@ def test_memory_layout_does_not_matter(dtype: str, name: str):
     assert background.tobytes() == before.tobytes(), "the background was written to"
 
 
-@pytest.mark.parametrize("name", CALLS)
-@pytest.mark.parametrize("dtype", DTYPES)
+@every("name", CALLS)
+@every("dtype", DTYPES)
 def test_out_is_filled_and_returned(dtype: str, name: str):
     call, make = CALLS[name]
     background, front = picture(dtype, (12, 10, 3)), make(dtype)
@@ -201,8 +202,8 @@ def test_out_is_filled_and_returned(dtype: str, name: str):
             call(background, front, out=wrong)
 
 
-@pytest.mark.parametrize("dtype", [*DTYPES])
-@pytest.mark.parametrize("channels", [3, 4])
+@every("dtype", [*DTYPES])
+@every("channels", [3, 4])
 def test_over_is_premultiplied(dtype: str, channels: int):
     background = picture(dtype, (16, 17, channels))
     layer = np.random.default_rng(2).uniform(0, 0.5, (16, 17, 4)).astype(np.float32)
@@ -260,9 +261,7 @@ REFUSED: dict[str, tuple[Callable[[Any], Any], dict[str, Any]]] = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize(
-    ("name", "what"), [(name, what) for name, (_, values) in REFUSED.items() for what in values]
-)
+@every(("name", "what"), [(name, what) for name, (_, values) in REFUSED.items() for what in values])
 def test_refusals_name_the_argument(name: str, what: str):
     call, values = REFUSED[name]
     with pytest.raises((TypeError, ValueError), match=name):

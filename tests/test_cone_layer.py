@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import twin_cone as twin
+from every import every
 from flurries import cone
 from flurries.camera import Camera
 
@@ -41,8 +42,8 @@ def test_a_layer_is_the_twins(given, size):
     np.testing.assert_allclose(single, got, atol=6e-8)
 
 
-@pytest.mark.parametrize("axis", [(0.3, 1, 0.2), (0.1, 0.4, 1.0)])
-@pytest.mark.parametrize("repeats", [8, 16, 24])
+@every("axis", [(0.3, 1, 0.2), (0.1, 0.4, 1.0)])
+@every("repeats", [8, 16, 24])
 def test_against_ten_by_ten_samples(axis, repeats):
     # Strong reduction of a dense tile: 256 texels to a tile that is some pixels wide.
     shape, camera = (90, 120), Camera(75.0)
@@ -174,7 +175,7 @@ def test_bits_do_not_depend_on_the_threads_and_out_is_written_whole(threads, dty
     assert len(hashes) == 1
 
 
-@pytest.mark.parametrize(
+@every(
     "change, error, message",
     [
         ({"axis": (0, 0, 0)}, ValueError, "axis must not be zero"),
@@ -208,7 +209,7 @@ def test_refusals_name_the_argument(change, error, message):
         cone.layers((8, 8), camera, tile, **given)
 
 
-@pytest.mark.parametrize(
+@every(
     "layout",
     [
         np.asfortranarray,

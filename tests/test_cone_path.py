@@ -10,6 +10,7 @@ import mpmath
 import numpy as np
 import pytest
 
+from every import every
 from flurries import cone
 from flurries.camera import Camera, image_velocity
 
@@ -345,7 +346,7 @@ def test_as_printed_the_streaks_depend_on_the_frame_rate():
     np.testing.assert_array_equal(ours, ours[0])
 
 
-@pytest.mark.parametrize(
+@every(
     "change, message",
     [
         ({"times": []}, "times must not be empty"),

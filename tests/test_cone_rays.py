@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 
 import flurries as fl
 import twin_cone as twin
+from every import every
 from flurries import cone
 from flurries.camera import Camera, image_velocity
 
@@ -19,8 +20,8 @@ CAMERA = Camera(100.0, rotation=(0.2, -0.4, 0.1))
 AXES = [(0, 1, 0), (0, -1, 0), (1, 0, 0), (0, 0, 1), (0.3, 0.9, -0.4), (-0.5, 0.2, 0.8)]
 
 
-@pytest.mark.parametrize("axis", AXES)
-@pytest.mark.parametrize("slope", [0.0, 0.2])
+@every("axis", AXES)
+@every("slope", [0.0, 0.2])
 def test_rays_are_the_twins(axis, slope):
     seen = cone.rays(SHAPE, CAMERA, axis=axis, slope=slope)
     points = twin.centres(SHAPE)
@@ -187,7 +188,7 @@ def test_two_eyes_see_the_cone_at_its_distance():
     np.testing.assert_array_equal(*far)
 
 
-@pytest.mark.parametrize(
+@every(
     "change, message",
     [
         ({"axis": (0, 0, 0)}, "axis must not be zero"),

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 import twin_cone as twin
+from every import every
 from flurries import cone
 from flurries.camera import Camera
 
@@ -28,7 +29,7 @@ def composed(shape, camera, tile, **given):
     return 1 - clear
 
 
-@pytest.mark.parametrize("axis", AXES)
+@every("axis", AXES)
 def test_float64_is_the_composition_of_the_twins_layers(axis):
     shape, camera = (24, 32), Camera(25.0, rotation=(0.1, 0.2, 0.0))
     given = {"axis": axis, "phase": 0.7, "stretch": 1.5, "slope": 0.1}
@@ -77,7 +78,7 @@ def test_float32_against_ten_by_ten_samples():
             assert abs(got - total).mean() <= 0.014
 
 
-@pytest.mark.parametrize("axis", AXES)
+@every("axis", AXES)
 def test_a_mapping_changes_no_bit(axis):
     shape, camera = (70, 101), Camera(80.0)
     texture = cone.Texture(TILE)
@@ -89,8 +90,8 @@ def test_a_mapping_changes_no_bit(axis):
         assert alone.tobytes() == again.tobytes()
 
 
-@pytest.mark.parametrize("rows", [(0, 16), (5, 37), (33, 34), (64, 70)])
-@pytest.mark.parametrize("offset", [(0, 0, 0), (0.03, 0, 0)])
+@every("rows", [(0, 16), (5, 37), (33, 34), (64, 70)])
+@every("offset", [(0, 0, 0), (0.03, 0, 0)])
 def test_a_part_has_the_bits_of_the_whole(rows, offset):
     shape, camera = (70, 101), Camera(80.0, offset=offset)
     texture, given = cone.Texture(TILE), {"axis": (0.2, 1, 0.4), "radius": 2.0}
@@ -165,7 +166,7 @@ def test_an_empty_texture_and_one_texel():
         np.testing.assert_allclose(alpha, wanted, atol=1e-6)
 
 
-@pytest.mark.parametrize(
+@every(
     "change, message",
     [
         ({"multiples": (1, 1)}, "multiples must increase"),

@@ -9,6 +9,7 @@ import pytest
 from skimage import data
 
 import twin_cone as twin
+from every import every
 from flurries import cone
 
 MAKERS = [cone.rain_tile, cone.snow_tile, cone.sleet_tile]
@@ -37,8 +38,8 @@ def test_snow_is_the_twins():
     np.testing.assert_allclose(got, twin.drops(40, rows), atol=7 * 8e-7)
 
 
-@pytest.mark.parametrize("make", MAKERS)
-@pytest.mark.parametrize("size", [16, 33, 128])
+@every("make", MAKERS)
+@every("size", [16, 33, 128])
 def test_a_tile_has_no_edge(make, size):
     tile = make(size, seed=2, dtype=np.float64)
     assert tile.shape == (size, size) and tile.min() >= 0.0 and tile.max() <= 1.0
@@ -120,7 +121,7 @@ def test_transparency_counts():
     np.testing.assert_allclose(cone.tile_of(picture, size=8), 0.25)
 
 
-@pytest.mark.parametrize(
+@every(
     "call, error, message",
     [
         (lambda: cone.rain_tile(3, seed=1), ValueError, "size must be from 4"),

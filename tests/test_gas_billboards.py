@@ -10,6 +10,7 @@ import pytest
 import sympy
 
 import flurries as fl
+from every import every
 
 DIGITS = 700
 EPS = np.finfo(float).eps
@@ -296,7 +297,7 @@ def test_printed_forms_are_the_papers():
     np.testing.assert_array_equal(parallax, right - left)
 
 
-@pytest.mark.parametrize(
+@every(
     ("name", "value", "kind"),
     [
         ("centers", [(1.0, 2.0)], ValueError),

@@ -10,6 +10,7 @@ import pytest
 
 import flurries as fl
 import twin_gas as twin
+from every import every
 
 # Pixels of one row whose rays lean by 0, 15, 30 and 45 degrees: slopes j / 40 from the first pixel.
 LENS = fl.Camera(40.0, center=(0.5, 0.5))
@@ -107,7 +108,7 @@ def test_extinction_and_visibility():
 # The table --------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("size", [1, 2, 16, 33, 64, 65, 129])
+@every("size", [1, 2, 16, 33, 64, 65, 129])
 def test_the_table_is_the_closed_form_whatever_the_quadrature(size):
     want = np.exp(-0.5 * np.add.outer(*[np.linspace(-3, 3, size) ** 2 if size > 1 else [0.0]] * 2))
     for intervals in (1, 7, 100):

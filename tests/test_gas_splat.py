@@ -10,6 +10,7 @@ import pytest
 
 import flurries as fl
 import twin_gas as twin
+from every import every
 
 FOCAL = 130.0
 SHAPE = (90, 120)
@@ -69,9 +70,9 @@ def test_every_model_is_its_twin(footprint, inside, dtype):
         assert through.min() < 0.5 < through.max()
 
 
-@pytest.mark.parametrize("dtype", ["float32", "float64"])
-@pytest.mark.parametrize("occlusion", ["soft", "hard"])
-@pytest.mark.parametrize("footprint", MODELS)
+@every("dtype", ["float32", "float64"])
+@every("occlusion", ["soft", "hard"])
+@every("footprint", MODELS)
 def test_occlusion_is_the_twins(footprint, occlusion, dtype):
     for inside in (False, True):
         depth = ground().astype(dtype)
@@ -81,14 +82,14 @@ def test_occlusion_is_the_twins(footprint, occlusion, dtype):
         assert np.abs(through - free).max() > 0.2
 
 
-@pytest.mark.parametrize("shape", [(1, 1), (64, 64), (65, 63), (3, 200)])
-@pytest.mark.parametrize("footprint", MODELS)
+@every("shape", [(1, 1), (64, 64), (65, 63), (3, 200)])
+@every("footprint", MODELS)
 def test_tiles_at_the_border(shape, footprint):
     check("float64", cloud(60), {"footprint": footprint}, shape=shape)
     check("float64", cloud(60, inside=True), {"footprint": footprint}, shape=shape)
 
 
-@pytest.mark.parametrize("footprint", MODELS)
+@every("footprint", MODELS)
 def test_colors_come_in_order(footprint):
     arguments = cloud(150)
     color = np.random.default_rng(5).uniform(0, 4, (150, 3))
@@ -140,8 +141,8 @@ def test_grey_and_colors_are_told_apart():
         np.testing.assert_allclose(layer[..., :3], want, rtol=1e-7)
 
 
-@pytest.mark.parametrize("dtype", ["float32", "float64"])
-@pytest.mark.parametrize("footprint", MODELS)
+@every("dtype", ["float32", "float64"])
+@every("footprint", MODELS)
 def test_opaque_particles_are_opaque(footprint, dtype):
     # Its middle lies on the middle of pixel (20, 20).
     camera = fl.Camera(40.0, center=(20.5, 20.5))
@@ -155,8 +156,8 @@ def test_opaque_particles_are_opaque(footprint, dtype):
     assert many.max() == 1.0 and np.isfinite(many).all()
 
 
-@pytest.mark.parametrize("count", [1, 2, 3])
-@pytest.mark.parametrize("footprint", MODELS)
+@every("count", [1, 2, 3])
+@every("footprint", MODELS)
 def test_bits_do_not_depend_on_the_thread_count(footprint, count, threads):
     def bits():
         arguments = cloud(300)
@@ -195,7 +196,7 @@ def test_the_near_plane_to_the_last_bit():
         assert faded.max() < 1e-15
 
 
-@pytest.mark.parametrize("footprint", MODELS)
+@every("footprint", MODELS)
 def test_behind_the_eye(footprint):
     for depth in (0.0, -0.0, -1e-300, -0.2, -50.0):
         for near_mode in ("fade", "cull", "exact"):
@@ -231,7 +232,7 @@ def test_what_stands_exactly_at_the_particle_hides_it():
     assert one((0, 0, 3.0), depth=depth).max() == pytest.approx(0.2, abs=1e-12)
 
 
-@pytest.mark.parametrize("footprint", MODELS)
+@every("footprint", MODELS)
 def test_what_stands_before_the_near_plane_hides_all(footprint):
     depth = np.full((41, 41), 0.02)
     for occlusion in ("soft", "hard"):
@@ -239,8 +240,8 @@ def test_what_stands_before_the_near_plane_hides_all(footprint):
         assert alpha.max() == 0
 
 
-@pytest.mark.parametrize("edge", ["taper", "square"])
-@pytest.mark.parametrize("footprint", ["viewplane", "viewplane_c", "viewpoint", "volume"])
+@every("edge", ["taper", "square"])
+@every("footprint", ["viewplane", "viewplane_c", "viewpoint", "volume"])
 def test_energy_is_continuous_from_box_to_point(footprint, edge):
     # The sum of alpha over the picture, from a quarter of a pixel to twelve.
     area = twin.TAPER if edge == "taper" else twin.SQUARE
@@ -330,7 +331,7 @@ GOOD = {"shape": (8, 9), "centers": [(0.0, 0.0, 2.0), (0.1, 0.0, 3.0)], "radius"
         "density": 0.4, "color": 0.7, "camera": fl.Camera(9.0)}  # fmt: skip
 
 
-@pytest.mark.parametrize(
+@every(
     ("name", "value", "kind"),
     [
         ("shape", (0, 5), ValueError),
@@ -377,7 +378,7 @@ def test_refusals_name_the_argument(name, value, kind):
             fl.gas.alpha(**{k: v for k, v in {**GOOD, name: value}.items() if k != "color"})
 
 
-@pytest.mark.parametrize(
+@every(
     "layout",
     [
         np.asfortranarray,

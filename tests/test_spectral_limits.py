@@ -14,14 +14,15 @@ import pytest
 
 import flurries as fl
 import twin
+from every import every
 
 S = fl.spectral
 ONES = np.ones((16, 16))
 FRAME: dict[str, Any] = {"drift": (1.0, 1.0), "seed": 1, "tile": 32}
 
 
-@pytest.mark.parametrize("size", [1, 2, 3, 4])
-@pytest.mark.parametrize("name", ["band_amplitude", "field", "alpha"])
+@every("size", [1, 2, 3, 4])
+@every("name", ["band_amplitude", "field", "alpha"])
 def test_a_band_without_waves_is_refused(name: str, size: int):
     """The message names the size of the tile and the argument to change."""
     with warnings.catch_warnings(), pytest.raises(ValueError, match="wavelengths") as refusal:
@@ -86,7 +87,7 @@ EXTREME: dict[str, Callable[[], Any]] = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("name", EXTREME)
+@every("name", EXTREME)
 def test_extreme_but_finite_numbers_never_give_nan(name: str):
     # Where a phase has lost all its digits the picture is another one; where a product leaves the
     # range of the numbers a refusal is as good. NaN in the picture is not.
@@ -115,7 +116,7 @@ def test_a_vanishing_spread_is_a_threshold():
     assert np.array_equal(got, [[0.0, 0.25, 1.0]])
 
 
-@pytest.mark.parametrize(
+@every(
     "options",
     [
         {"shape": (300, 257)},

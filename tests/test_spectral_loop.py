@@ -8,6 +8,7 @@ import pytest
 import flurries as fl
 import twin
 import twin_volume
+from every import every
 
 VELOCITY = (1.8, 3.6)
 FRAMES = 60
@@ -113,7 +114,7 @@ def test_out_and_shapes_of_time():
     assert fl.spectral.loop(60, SHAPE, VELOCITY, seed=3).dtype == np.float32
 
 
-@pytest.mark.parametrize(
+@every(
     ("change", "named"),
     [
         ({"time": [[1.0]]}, "time"),

@@ -8,6 +8,7 @@ import pytest
 import flurries as fl
 import twin
 import twin_volume
+from every import every
 
 C = 0.2  # cycles per frame
 FRAMES = 64
@@ -29,8 +30,8 @@ def volume(frames: int = FRAMES, size: int = 64, c: float = C, **options) -> np.
 SIZES = [(16, 16, (2.0, 8.0)), (15, 15, (2.0, 8.0)), (9, 14, (3.0, 9.0)), (24, 13, (4.0, 13.0))]
 
 
-@pytest.mark.parametrize("cells", ["one", "overlap"])
-@pytest.mark.parametrize(("frames", "size", "band"), SIZES)
+@every("cells", ["one", "overlap"])
+@every(("frames", "size", "band"), SIZES)
 def test_the_film_is_numpys_inverse_transform(frames: int, size: int, band, cells: str):
     cube = twin_volume.spectrum(
         frames, (size, size), drift(C, longest=band[1]), seed=4, wavelengths=band, cells=cells
@@ -254,7 +255,7 @@ def test_bits_do_not_depend_on_the_threads(threads):
     assert len(set(films)) == 1
 
 
-@pytest.mark.parametrize(
+@every(
     ("change", "error", "named"),
     [
         ({"frames": 0}, ValueError, "frames"),

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import flurries as fl
+from every import every
 from flurries import io, stereo
 
 SHAPE = (120, 200)
@@ -101,8 +102,8 @@ CASES = {
 }
 
 
-@pytest.mark.parametrize("dtype", [np.float32, np.float64])
-@pytest.mark.parametrize("case", CASES)
+@every("dtype", [np.float32, np.float64])
+@every("case", CASES)
 def test_anaglyph_cases(case, dtype):
     left, right, want = (np.array(c, dtype).reshape(1, 1, 3) for c in CASES[case])
     got = stereo.anaglyph(left, right)
@@ -187,8 +188,8 @@ def test_anaglyph_of_layouts_and_out():
 # Packings and files -----------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("dtype", [np.uint8, np.uint16, np.float32])
-@pytest.mark.parametrize("shape", [(4, 6, 3), (4, 6, 4), (4, 6)])
+@every("dtype", [np.uint8, np.uint16, np.float32])
+@every("shape", [(4, 6, 3), (4, 6, 4), (4, 6)])
 def test_packings(shape, dtype):
     left, right = np.random.default_rng(3).integers(0, 200, (2, *shape)).astype(dtype)
     wide = stereo.side_by_side(left, right)

@@ -15,6 +15,7 @@ from skimage.registration import optical_flow_ilk
 
 import flurries as fl
 import measure
+from every import every
 from flurries.camera.turning import rotation_vector
 from measure import FLAKES, FOCAL, LONGEST, NEAR, SIZE, TEXTURE, picture, scene
 
@@ -49,7 +50,7 @@ def twin_turn(t: float) -> np.ndarray:
     return (TURNS[i] * Rotation.from_rotvec((t - i) * step)).as_matrix()
 
 
-@pytest.mark.parametrize("form", FORMS)
+@every("form", FORMS)
 def test_all_forms_are_one_turn(form: str):
     path = Path_(LENS, orientation=FORMS[form])
     slerp = Slerp(np.arange(9), TURNS)
@@ -115,8 +116,8 @@ def twin_velocity(path: fl.CameraPath, air: dict[str, Any], t: float) -> np.ndar
     return path.rate(t, fps=FPS) - (np.array(value(air["wind"], t)) + down) / FPS
 
 
-@pytest.mark.parametrize("way", WAYS)
-@pytest.mark.parametrize("air", AIR)
+@every("way", WAYS)
+@every("air", AIR)
 def test_p_is_the_integral_in_turning_axes(way: str, air: str):
     path = Path_(LENS, orientation=TURNS.as_rotvec(), **WAYS[way])
     corners = np.array([*range(-1, 12), 4.5, -3, 12, 7, 2, 5, 11], dtype=float)
@@ -441,7 +442,7 @@ ODD: dict[str, Any] = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("name", ODD)
+@every("name", ODD)
 def test_orientations_that_are_none_are_refused(name: str):
     with pytest.raises((TypeError, ValueError), match="orientation"):
         Path_(LENS, orientation=ODD[name])

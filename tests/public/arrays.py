@@ -51,13 +51,14 @@ PAIR: dict[str, Any] = {
 }  # fmt: skip
 # Neither two for all tiles, nor two a tile, nor two a ring.
 NOT_MOTIONS = tuple(
-    np.ones(s) for s in ((3,), (1, 2, 2), (2, 2, 3), (2, 1), (3, 1, 2), (2, 2, 1, 2), (3, 2))
+    np.ones(s) for s in ((3,), (3, 2, 2), (2, 2, 3), (2, 1), (3, 1, 2), (2, 2, 1, 2), (3, 2))
 )
 MOTIONS: dict[str, tuple[Any, ...]] = {
     "drift": NOT_MOTIONS, "shift": NOT_MOTIONS, "velocity": (*NOT_MOTIONS, None),
-    "shift_rate": NOT_MOTIONS, "shortest": (np.full((2, 3), 5.0), 5.0, np.zeros((2, 2))),
+    "shift_rate": NOT_MOTIONS, "shortest": (np.full((2, 3), 5.0), 5.0),
     "ring_edges": ((4.0, 8.0), (4.0, 4.0, 32.0), (8.0, 4.0, 32.0), (4.0,), None),
-    "ring_gains": ((1.0, 1.0, 1.0), (0.0, 0.0), (1.0, -1.0)), "overlap": (-1, 1.5, 20, 21),
+    "ring_gains": ((1.0, 1.0, 1.0), (0.0, 0.0), (1.0, -1.0)),
+    "overlap": (-1, 1.5, 20, 21, np.int64(20)),
 }  # fmt: skip
 COSINE = {"cosine": 2.0 * RNG.random(5) - 1.0}
 SPEED = {"speed": np.array([1.0, 4.0])}
@@ -100,8 +101,8 @@ CALLS: dict[str, Call] = {
     # A drift for each ring of each tile.
     "spectral.alpha": Call({**FRAME, "drift": 9.0 * RNG.random((2, 2, 2, 2))}, refused=MOTIONS),
     "spectral.opacity": Call(
-        {"field": 4.0 * COVER - 2.0}, refused={"field": FLAT}, keeps="field",
-        takes={"field": ("NaN",)}
+        {"field": 4.0 * COVER - 2.0}, keeps="field",
+        refused={"field": (np.ones(16), np.ones((0, 4)))}, takes={"field": ("NaN",)}
     ),
     "spectral.volume": Call(
         {"frames": 16, "size": 16, "velocity": np.array([1.0, 2.0]), "seed": 1,
@@ -112,12 +113,17 @@ CALLS: dict[str, Call] = {
          "time": np.array([0.0, 1.5, 7.0]), "wavelengths": (4.0, 12.0)}
     ),
     "Camera": Call({"focal": 40.0, "center": (3.0, 4.0), "offset": (0.0, 0.0, 1.0)}),
-    "camera.project": Call({**SIGHT, "points": POINTS}, takes={"points": ("empty",)}),
+    "camera.project": Call(
+        {**SIGHT, "points": POINTS}, takes={"points": ("empty",)},
+    ),
     "camera.image_velocity": Call(
         {**SIGHT, "points_px": 20.0 * RNG.random((5, 2)), "depth": 1.0 + RNG.random(5),
          "velocity": ASIDE, "rotation": DOWN}
     ),
-    "camera.tile_drift": Call({**SIGHT, "displacement": ASIDE, "near_depth": 5.0, "tile": 16}),
+    "camera.tile_drift": Call(
+        {**SIGHT, "displacement": ASIDE, "near_depth": 5.0, "tile": 16},
+        refused={"displacement": (1e300 * DOWN, (0.0, 1.0))},
+    ),
     "camera.tile_shift": Call({**SIGHT, "rotation": DOWN, "tile": 16}),
     "camera.tile_zoom": Call({**SIGHT, "growth": 0.1, "tile": 16}),
     "particles.positions": Call(

@@ -129,8 +129,8 @@ def of_layouts(call: Call) -> Iterator[str]:
                 within = max(call.within, 4e-3) if dtype == "f2" else call.within
                 if not near(want, exact, within, full):
                     yield f"{what}: not the answer of float64"
-                keeps = call.keeps == argument and plain.dtype.kind == "f"
-                if keeps and want[0].dtype != plain.dtype:
+                kept = plain.dtype if plain.dtype.kind == "f" or picture else np.dtype(float)
+                if call.keeps == argument and want[0].dtype != kept:
                     yield f"{what}: comes back as {want[0].dtype}"
             for layout, made in LAYOUTS.items():
                 array = made(plain)
@@ -303,9 +303,10 @@ def of_arguments(call: Call, values: Values = values_for) -> Iterator[str]:
     every = tuple(call.parameters)
     call()
     for argument in every:
-        if argument in call.arrays or argument == "out":
+        if argument == "out":
             continue
-        for value, must in values(call, argument):
+        of_array = ((value, True) for value in call.refused.get(argument, ()))
+        for value, must in of_array if argument in call.arrays else values(call, argument):
             with little_memory():
                 found = _of_value(call, argument, value, must)
             if found:

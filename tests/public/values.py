@@ -81,9 +81,9 @@ HOSTILE: tuple[Any, ...] = (
     math.nan, math.inf, -math.inf, 0, -1, 0.5, 1.0, 2**31 - 1, 2**31 + 1, 2**63, -(2**63) - 1,
     2**80, 10**400, 1e308, -1e308, 5e-324, "", "x" * 100_000, "\0", "nan", "none", b"1", None, True,
     [], {}, (), 1j, object(), type, np.float64("nan"), np.float16(7.5), np.array(3), np.int8(-7),
-    np.array([]), np.array([1.0, 2.0]), (math.nan, math.nan), (math.inf, 1.0), (1e308, -1e308),
-    (0, 0), (0, 8), (8, 0), (2**40, 2**40), (2**63, 1), (-1, 5), (8.0, 8.0), (8,), (1,) * 7,
-    ("a", "b"), ["a", None], [1.0] * 1000, range(3), {"a": 1},
+    np.array([]), np.array([3.0]), np.array([1.0, 2.0]), (math.nan, math.nan), (math.inf, 1.0),
+    (1e308, -1e308), (0, 0), (0, 8), (8, 0), (2**40, 2**40), (2**63, 1), (-1, 5), (8.0, 8.0),
+    (8,), (1,) * 7, ("a", "b"), ["a", None], [1.0] * 1000, range(3), {"a": 1},
 )  # fmt: skip
 
 # Sizes below and beyond what fits: for one number, and for the two of a shape.
@@ -95,7 +95,8 @@ SHAPES = (
 
 # Out of range wherever an argument has this name.
 OUT_OF_RANGE: dict[str, tuple[Any, ...]] = {
-    "shape": ((0, 8), (8, 0), (-1, 8), (8,), (8, 8, 8), (2**40, 2**40), (8.0, 8.0), 8),
+    "shape": ((0, 8), (8, 0), (-1, 8), (8,), (8, 8, 8), (2**40, 2**40), (2**31 - 1,) * 2,
+              (8.0, 8.0), 8),
     "seed": (2**63, -(2**63) - 1, 1.0, 1.5, "1", [1]),
     "wavelength_max": (0.0, -32.0),
     "wavelengths": ((1.9, 32.0), (0.0, 32.0), (-4.0, 32.0), (8.0, 8.0), (9.0, 8.0), (4.0,), 4.0,
