@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import warnings
 from typing import Any
 
 import numpy as np
@@ -269,71 +268,7 @@ NAN, INF = float("nan"), float("inf")
 PX, AT = [(1.0, 2.0)], [3.0]
 
 
-@every("bad", [NAN, INF, -INF])
-@every(
-    ("argument", "size"), [("focal", 0), ("center", 2), ("offset", 3), ("center_shift", 2),
-                           ("rotation", 3)]
-)  # fmt: skip
-def test_camera_refuses_what_is_not_finite(argument: str, size: int, bad: float):
-    value = (0.0,) * (size - 1) + (bad,) if size else bad
-    with pytest.raises(ValueError, match=argument):
-        fl.camera.Camera(**{"focal": 600.0, argument: value})
-
-
-@every(
-    ("argument", "value"),
-    [("focal", 0.0), ("focal", -1.0), ("focal", "600"), ("focal", None), ("center", (1.0,)),
-     ("center", 3.0), ("offset", (1.0, 2.0)), ("offset", None), ("center_shift", (1, 2, 3)),
-     ("rotation", 0.1), ("rotation", np.eye(3))],
-)  # fmt: skip
-def test_camera_refuses_what_is_wrong(argument: str, value: Any):
-    with pytest.raises((TypeError, ValueError), match=argument):
-        fl.camera.Camera(**{"focal": 600.0, argument: value})
-
-
 C = fl.camera.Camera(600.0)
-
-
-def velocity_at(camera: Any, **options: Any) -> np.ndarray:
-    return fl.camera.image_velocity(PX, AT, (0, 0, 1), camera, SHAPE, **options)
-
-
-def drift_of(camera: Any, **options: Any) -> np.ndarray:
-    return fl.camera.tile_drift(SHAPE, (0, 0, 1), camera, **options)
-
-
-@every(
-    ("argument", "call"),
-    [
-        *[("points", lambda b=b: fl.camera.project(b, C, SHAPE))
-          for b in ([(1.0, 2.0)], [1.0, 2.0, 3.0], [(1, 2, NAN)], [(INF, 2, 3)], "x", None)],
-        *[("camera", lambda b=b: fl.camera.project([(1, 2, 3)], b, SHAPE)) for b in (600.0, None)],
-        *[("camera", lambda b=b: velocity_at(b)) for b in (600.0, None)],
-        *[("camera", lambda b=b: drift_of(b, near_depth=3.0)) for b in (600.0, None)],
-        *[("shape", lambda b=b: fl.camera.project([(1, 2, 3)], C, b)) for b in ((0, 3), 7, (1,))],
-        *[("points_px", lambda b=b: fl.camera.image_velocity(b, AT, (0, 0, 1), C, SHAPE))
-          for b in ([(1, 2, 3)], [(NAN, 1)], [1, 2])],
-        *[("depth", lambda b=b: fl.camera.image_velocity(PX, b, (0, 0, 1), C, SHAPE))
-          for b in ([NAN], [INF], [0.0], [-1.0], [1.0, 2.0], "x")],
-        *[("velocity", lambda b=b: fl.camera.image_velocity(PX, AT, b, C, SHAPE))
-          for b in ((0, 0), (0, 0, NAN), 1.0, [[0, 0, 1], [0, 0, 1]])],
-        *[("rotation", lambda b=b: velocity_at(C, rotation=b))
-          for b in ((0, 0), (INF, 0, 0), None)],
-        *[("displacement", lambda b=b: fl.camera.tile_drift(SHAPE, b, C, near_depth=3.0))
-          for b in ((0, 0), (NAN, 0, 0), (0, 0, INF), None)],
-        *[("near_depth", lambda b=b: drift_of(C, near_depth=b))
-          for b in (0.0, -1.0, NAN, INF, None)],
-        *[("tile", lambda b=b: drift_of(C, near_depth=3.0, tile=b))
-          for b in (0, -3, 64.0, NAN)],
-        *[("overlap", lambda b=b: drift_of(C, near_depth=3.0, overlap=b))
-          for b in (-1, 64, 0.5)],
-    ],
-)  # fmt: skip
-def test_bad_arguments_are_refused_by_name(argument: str, call):
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        with pytest.raises((TypeError, ValueError), match=argument):
-            call()
 
 
 def test_one_depth_serves_all_points():

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import os
 import pickle
 import subprocess
@@ -103,20 +102,6 @@ def test_a_part_has_the_bits_of_the_whole(rows, offset):
     assert out.tobytes() == whole[rows[0] : rows[1]].tobytes()
 
 
-def test_bits_do_not_depend_on_the_threads(threads):
-    texture, hashes = cone.Texture(TILE), set()
-    kept = cone.Mapping((133, 90), Camera(80.0), axis=(0.2, 1, 0.4))
-    for count in (1, 2, 3):
-        threads(count)
-        for mapping in (None, kept):
-            alpha = cone.layers(
-                (133, 90), Camera(80.0), texture, axis=(0.2, 1, 0.4), phase=0.2, mapping=mapping
-            )
-            hashes.add(hashlib.sha256(alpha.tobytes()).hexdigest())
-        hashes.add(hashes.pop())
-    assert len(hashes) == 1
-
-
 def test_two_eyes_are_layers_seen_from_beside():
     shape, axis = (48, 64), (0.1, 1, 0.2)
     eye = Camera(60.0, offset=(0.032, 0.0, 0.0))
@@ -164,36 +149,6 @@ def test_an_empty_texture_and_one_texel():
         alpha = cone.layers((20, 20), Camera(20.0), tile, axis=(0, 1, 0), phase=0.1, gains=0.5)
         wanted = 0.0 if tile.max() == 0 else 1 - 0.5**4
         np.testing.assert_allclose(alpha, wanted, atol=1e-6)
-
-
-@every(
-    "change, message",
-    [
-        ({"multiples": (1, 1)}, "multiples must increase"),
-        ({"multiples": ()}, "multiples must be 1 to 16"),
-        ({"offsets": (0.0, 1.0)}, "offsets must have 2 dimensions"),
-        ({"offsets": np.zeros((3, 2))}, "offsets must have shape"),
-        ({"gains": (1.0, 2.0)}, "gains must be one number or 4"),
-        ({"gains": -1.0}, "gains must be one number or 4, none negative"),
-        (
-            {"mapping": cone.Mapping((9, 9), Camera(9.0), axis=(0, 1, 0))},
-            "mapping must be of shape",
-        ),
-        ({"out": np.zeros((20, 20))}, "out must have dtype"),
-    ],
-)
-def test_refusals(change, message):
-    with pytest.raises((ValueError, TypeError), match=message):
-        cone.layers((20, 20), Camera(20.0), TILE, axis=(0, 1, 0), phase=0.1, **change)
-
-
-def test_refusals_of_a_mapping():
-    with pytest.raises(ValueError, match="depth must have shape"):
-        cone.Mapping((9, 9), Camera(9.0), axis=(0, 1, 0), radius=2.0, depth=np.ones((3, 3)))
-    with pytest.raises(ValueError, match="radius must be finite"):
-        cone.Mapping((9, 9), Camera(9.0), axis=(0, 1, 0), depth=np.ones((9, 9)))
-    with pytest.raises(ValueError, match=r"rows\[1\] must be from"):
-        cone.Mapping((9, 9), Camera(9.0), axis=(0, 1, 0), rows=(3, 10))
 
 
 PROGRAM = """

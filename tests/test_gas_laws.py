@@ -153,16 +153,6 @@ def test_lookup_errors_of_the_table(size):
     assert floor > 1.8 * nearest  # integer division, as printed
 
 
-def test_table_refusals():
-    for bad, kind in ((0, ValueError), (1.5, TypeError), (10**9, ValueError)):
-        with pytest.raises(kind, match="size"):
-            fl.gas.footprint_table(bad)
-    with pytest.raises(ValueError, match="intervals"):
-        fl.gas.footprint_table(5, intervals=0)
-    out = np.empty((5, 5))
-    assert fl.gas.footprint_table(5, out=out) is out
-
-
 def test_whole_pixel_patches_move_the_middle():
     """What Eq. 2 costs: the reference mode's middles are off, at every size."""
 
@@ -223,14 +213,6 @@ def test_phase_functions_keep_the_light():
     for values in (fl.gas.phase(c), fl.gas.phase(c, kind="henyey", asymmetry=0.7)):
         assert abs(values[:-1].mean() + values[1:].mean() - 2.0) < 1e-4
     assert fl.gas.phase(1.0, kind="henyey") > fl.gas.phase(-1.0, kind="henyey")
-
-
-def test_light_refusals():
-    good = {"centers": [(0.0, 0.0, 1.0)], "radius": 0.4, "density": 0.5, "direction": (0, 1, 0)}
-    for name, value in (("direction", (0, 0, 0)), ("direction", (1, 2)), ("radius", -1.0),
-                        ("density", 2.0), ("forward", 1.5), ("out", np.zeros(2))):  # fmt: skip
-        with pytest.raises(ValueError, match=name):
-            fl.gas.light(**{**good, name: value})
 
 
 # A gridded volume -------------------------------------------------------------------------------

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import itertools
 
 import numpy as np
@@ -156,26 +155,6 @@ def test_opaque_particles_are_opaque(footprint, dtype):
     assert many.max() == 1.0 and np.isfinite(many).all()
 
 
-@every("count", [1, 2, 3])
-@every("footprint", MODELS)
-def test_bits_do_not_depend_on_the_thread_count(footprint, count, threads):
-    def bits():
-        arguments = cloud(300)
-        color = np.random.default_rng(5).random((300, 3))
-        options = {"footprint": footprint, "depth": np.tile(ground(), (3, 3))}
-        shape = (270, 360)
-        parts = [
-            fl.gas.alpha(shape, *arguments, fl.Camera(390.0), **options),
-            fl.gas.splat(shape, *arguments, color, fl.Camera(390.0), **options),
-        ]
-        return hashlib.sha256(b"".join(part.tobytes() for part in parts)).hexdigest()
-
-    threads(1)
-    want = bits()
-    threads(count)
-    assert bits() == want
-
-
 # Hard cases -------------------------------------------------------------------------------------
 
 
@@ -312,86 +291,3 @@ def test_no_particles_and_none_in_sight():
             )
             assert not layer.any()
     assert fl.gas.splat((9, 9), empty, [], [], np.zeros((0, 3)), fl.Camera(9.0)).max() == 0
-
-
-def test_out_is_written_whole_and_returned():
-    arguments = cloud(50)
-    for dtype in (np.float32, np.float64):
-        out = np.full((*SHAPE, 4), np.nan, dtype)
-        got = fl.gas.splat(SHAPE, *arguments, 0.5, fl.Camera(FOCAL), dtype=dtype, out=out)
-        assert got is out
-        fresh = fl.gas.splat(SHAPE, *arguments, 0.5, fl.Camera(FOCAL), dtype=dtype)
-        np.testing.assert_array_equal(out, fresh)
-        plane = np.full(SHAPE, np.nan, dtype)
-        assert fl.gas.alpha(SHAPE, *arguments, fl.Camera(FOCAL), dtype=dtype, out=plane) is plane
-        np.testing.assert_array_equal(plane, fresh[..., 3])
-
-
-GOOD = {"shape": (8, 9), "centers": [(0.0, 0.0, 2.0), (0.1, 0.0, 3.0)], "radius": 0.5,
-        "density": 0.4, "color": 0.7, "camera": fl.Camera(9.0)}  # fmt: skip
-
-
-@every(
-    ("name", "value", "kind"),
-    [
-        ("shape", (0, 5), ValueError),
-        ("shape", 5, TypeError),
-        ("centers", [(0.0, 0.0)], ValueError),
-        ("centers", [(0.0, np.nan, 1.0)], ValueError),
-        ("centers", [(0.0, np.inf, 1.0)], ValueError),
-        ("centers", [(0.0, 1e101, 1.0)], ValueError),
-        ("centers", [("a", "b", "c")], TypeError),
-        ("radius", 0.0, ValueError),
-        ("radius", -1.0, ValueError),
-        ("radius", [0.1, np.nan], ValueError),
-        ("radius", [0.1], ValueError),
-        ("radius", "big", TypeError),
-        ("density", 1.01, ValueError),
-        ("density", [-0.1, 0.5], ValueError),
-        ("density", np.nan, ValueError),
-        ("color", (0.1, 0.2, 0.3, 0.4), ValueError),
-        ("color", np.inf, ValueError),
-        ("color", None, TypeError),
-        ("camera", 9.0, TypeError),
-        ("footprint", "sphere", ValueError),
-        ("footprint", 3, TypeError),
-        ("edge", "round", ValueError),
-        ("near", 0.0, ValueError),
-        ("near", np.nan, ValueError),
-        ("near_mode", "pop", ValueError),
-        ("depth", np.ones((9, 8)), ValueError),
-        ("depth", np.full((8, 9), np.nan), ValueError),
-        ("occlusion", "none", ValueError),
-        ("error", -1e-3, ValueError),
-        ("error", 1.0, ValueError),
-        ("dtype", np.int32, TypeError),
-        ("out", np.zeros((8, 9, 3), np.float32), ValueError),
-        ("out", np.zeros((8, 9, 4)), TypeError),
-        ("out", np.zeros((8, 9, 4), np.float32, order="F"), ValueError),
-    ],
-)
-def test_refusals_name_the_argument(name, value, kind):
-    with pytest.raises(kind, match=name):
-        fl.gas.splat(**{**GOOD, name: value})
-    if name not in ("color", "out"):
-        with pytest.raises(kind, match=name):
-            fl.gas.alpha(**{k: v for k, v in {**GOOD, name: value}.items() if k != "color"})
-
-
-@every(
-    "layout",
-    [
-        np.asfortranarray,
-        lambda a: a[::-1].copy()[::-1],
-        lambda a: np.repeat(a, 2, axis=0)[::2],
-        lambda a: a.astype(">f8"),
-        lambda a: a.tolist(),
-    ],
-)
-def test_layouts_of_inputs_do_not_matter(layout):
-    arguments = cloud(40)
-    color = np.random.default_rng(5).random((40, 3))
-    want = fl.gas.splat(SHAPE, *arguments, color, fl.Camera(FOCAL), depth=ground())
-    laid = [layout(np.asarray(a)) for a in (*arguments, color)]
-    got = fl.gas.splat(SHAPE, *laid, fl.Camera(FOCAL), depth=layout(ground()))
-    np.testing.assert_array_equal(got, want)

@@ -323,30 +323,3 @@ def test_nothing_in_the_air():
     points = [(0, 0, 1.0)]
     assert (particles.splat((5, 70), points, 0.0, Camera(FOCAL), opacity=1) == 0).all()
     assert (particles.splat((5, 70), points, 1.0, Camera(FOCAL), opacity=0) == 0).all()
-
-
-def many(count=30_000):
-    """Return a sky full, over several runs of the binning, some of it huge."""
-    arguments = {"seed": 1, "velocity": (0.1, 0.2, 0.3), "time": 3.0, "sway": (0.1, 0.2)}
-    points = particles.positions(count, (4.0, 3.0, 3.9), center=(0, 0, 2.0), **arguments)
-    radius = 0.004 + 0.4 * (np.arange(count) % 997 == 0)
-    fade = particles.edge_fade(points, (4.0, 3.0, 3.9), center=(0, 0, 2.0))
-    return points, radius, fade
-
-
-@pytest.mark.parametrize("velocity", [None, (0.03, 0.05, -0.02)])
-def test_bits_do_not_depend_on_the_thread_count(threads, velocity):
-    hashes = set()
-    for count in (1, 2, 3):
-        threads(count)
-        points, radius, fade = many()
-        made = [points, fade]
-        for dtype in (np.float32, np.float64):
-            alpha = particles.splat(
-                (270, 333), points, radius, Camera(200.0), opacity=0.4 * fade, velocity=velocity,
-                shutter=0.5, dtype=dtype,
-            )  # fmt: skip
-            assert 0.03 < alpha.mean() < 1
-            made.append(alpha)
-        hashes.add(b"".join(array.tobytes() for array in made))
-    assert len(hashes) == 1

@@ -13,7 +13,6 @@ import numpy as np
 import pytest
 
 import flurries as fl
-import twin
 from every import every
 
 S = fl.spectral
@@ -114,52 +113,6 @@ def test_a_vanishing_spread_is_a_threshold():
     # z/(2 spread) at z = 0 is 0 for any spread above 0, so the opacity there stays mean^2.
     got = fl.spectral.opacity(np.array([[-1.0, 0.0, 1.0]]), spread=5e-324)
     assert np.array_equal(got, [[0.0, 0.25, 1.0]])
-
-
-@every(
-    "options",
-    [
-        {"shape": (300, 257)},
-        {"shape": (300, 257), "tile": 31, "overlap": 16, "wavelengths": (3.0, 31.0)},
-        {"shape": (512, 512), "tile": 512, "overlap": 0},
-        {"shape": (300, 257), "velocity": (9.0, 14.0), "alias": "cut", "shutter": 1.0,
-         "jitter": True},
-        {"shape": (64, 64)},
-    ],
-)  # fmt: skip
-def test_bits_do_not_depend_on_threads(options: dict, threads):
-    frames = set()
-    for count in (1, 2, 3, 8):
-        threads(count)
-        frames.add(
-            b"".join(
-                make(**options, drift=(1.0, 7.0), seed=2, dtype=dtype).tobytes()
-                for make in (S.field, S.alpha)
-                for dtype in (np.float32, np.float64)
-            )
-        )
-    assert len(frames) == 1
-
-
-def test_steps_do_not_depend_on_threads(threads):
-    table = twin.band_amplitude((300, 257))
-    phase = twin.random_phase((300, 257), seed=1)
-    tiles = np.random.default_rng(0).standard_normal((7, 5, 64, 64))
-    results = []
-    for count in (1, 2, 3):
-        threads(count)
-        results.append(
-            [
-                fl.spectral.inverse_transform(table, phase).tobytes(),
-                fl.spectral.advance_phase(phase, (1.0, 2.0)).tobytes(),
-                fl.spectral.temporal_filter(table, (9.0, 20.0), renormalise=True).tobytes(),
-                fl.spectral.blend_tiles(tiles, (388, 280)).tobytes(),
-                fl.spectral.opacity(phase).tobytes(),
-                fl.spectral.random_phase((300, 257), seed=1).tobytes(),
-                fl.spectral.band_amplitude((300, 257)).tobytes(),
-            ]
-        )
-    assert results[0] == results[1] == results[2]
 
 
 def test_frames_in_any_order_are_the_same():

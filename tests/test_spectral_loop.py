@@ -8,7 +8,6 @@ import pytest
 import flurries as fl
 import twin
 import twin_volume
-from every import every
 
 VELOCITY = (1.8, 3.6)
 FRAMES = 60
@@ -112,27 +111,6 @@ def test_out_and_shapes_of_time():
     assert loop(time=2, out=out) is out
     assert np.array_equal(out, loop()[2])
     assert fl.spectral.loop(60, SHAPE, VELOCITY, seed=3).dtype == np.float32
-
-
-@every(
-    ("change", "named"),
-    [
-        ({"time": [[1.0]]}, "time"),
-        ({"time": []}, "time"),
-        ({"time": np.nan}, "time"),
-        ({"time": np.inf}, "time"),
-        ({"time": "3"}, "time"),
-        ({"exponent": np.nan}, "exponent"),
-        ({"alias": "none"}, "alias"),
-        ({"soft_from": 0.5, "alias": "soft"}, "soft_from"),
-        ({"shutter": -1.0}, "shutter"),
-        ({"jitter": 1}, "jitter"),
-        ({"out": np.zeros((2, 2))}, "out"),
-    ],
-)
-def test_refusals_name_the_argument(change: dict, named: str):
-    with pytest.raises((TypeError, ValueError), match=rf"\b{named}\b"):
-        loop(**change)
 
 
 def test_a_loop_too_short_for_its_motion_is_warned_of():

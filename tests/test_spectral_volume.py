@@ -239,50 +239,6 @@ def test_the_named_bands():
     assert power[~twin.band((64, 64), (2.0, 16.0))].sum() < 1e-20 * power.sum()
 
 
-def test_dtype_and_out():
-    film = volume(6, 16, wavelengths=(2.0, 8.0))
-    out = np.full((6, 16, 16), np.nan)
-    assert volume(6, 16, wavelengths=(2.0, 8.0), out=out) is out
-    assert np.array_equal(out, film)
-    assert fl.spectral.volume(2, 64, (3.0, 9.0), seed=1).dtype == np.float32
-
-
-def test_bits_do_not_depend_on_the_threads(threads):
-    films = []
-    for count in (1, 2, 3):
-        threads(count)
-        films.append(volume(10).tobytes())
-    assert len(set(films)) == 1
-
-
-@every(
-    ("change", "error", "named"),
-    [
-        ({"frames": 0}, ValueError, "frames"),
-        ({"frames": 2.5}, TypeError, "frames"),
-        ({"frames": 2**30, "size": 2**14}, ValueError, "frames"),
-        ({"size": 3}, ValueError, "wavelengths"),
-        ({"size": (64, 64)}, TypeError, "size"),
-        ({"velocity": (np.nan, 0.0)}, ValueError, "velocity"),
-        ({"velocity": 3.0}, ValueError, "velocity"),
-        ({"velocity": (40.0, 0.0), "cells": "overlap"}, ValueError, "velocity"),
-        ({"seed": None}, TypeError, "seed"),
-        ({"wavelengths": (1.0, 8.0)}, ValueError, "wavelengths"),
-        ({"wavelengths": (8.0, 8.0)}, ValueError, "wavelengths"),
-        ({"cells": "all"}, ValueError, "cells"),
-        ({"dtype": np.float16}, TypeError, "dtype"),
-        ({"out": np.zeros((8, 64, 63))}, TypeError, "out"),
-        ({"out": np.zeros((8, 64, 63), np.float32)}, ValueError, "out"),
-    ],
-)
-@pytest.mark.filterwarnings("ignore::UserWarning")
-def test_refusals_name_the_argument(change: dict, error: type, named: str):
-    options = {"frames": 8, "size": 64, "velocity": (8.0, 8.0), "seed": 1, **change}
-    first = [options.pop(name) for name in ("frames", "size", "velocity")]
-    with pytest.raises(error, match=rf"\b{named}\b"):
-        fl.spectral.volume(*first, **options)
-
-
 def test_warnings_say_what_would_disappoint():
     with pytest.warns(UserWarning, match="backwards"):
         volume(16, c=0.6)

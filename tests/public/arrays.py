@@ -26,6 +26,8 @@ TILE = fl.cone.snow_tile(16, seed=1, dtype=np.float64)
 EYES = fl.stereo.eyes(LENS, distance=0.1)
 AIR = fl.hybrid.Population(density=0.02, radius=(0.01, 0.02), depth=(1.0, 12.0))
 SNOW = fl.hybrid.Population(density=110, radius=(0.006, 0.014), depth=(1.5, 24.0))
+NO_COVER = (COVER + 1.0, COVER - 1.0, COVER[:1])
+NO_PICTURES = (np.zeros((*SHAPE, 2)), np.zeros(SHAPE, np.int64))
 MATRICES = np.stack([np.eye(4)] * 3)
 MATRICES[:, 0, 3] = (0.0, 1.0, 2.0)
 
@@ -60,11 +62,19 @@ MOTIONS: dict[str, tuple[Any, ...]] = {
     "ring_gains": ((1.0, 1.0, 1.0), (0.0, 0.0), (1.0, -1.0)),
     "overlap": (-1, 1.5, 20, 21, np.int64(20)),
 }  # fmt: skip
+NO_AXIS: dict[str, tuple[Any, ...]] = {"axis": ((0, 0, 0), (0, 1)), "slope": (-1.0,)}
+NO_TILE: dict[str, tuple[Any, ...]] = {
+    "tile": (np.zeros((4, 5)), np.full((4, 4), 2.0), np.zeros(4)),
+}  # fmt: skip
 COSINE = {"cosine": 2.0 * RNG.random(5) - 1.0}
 SPEED = {"speed": np.array([1.0, 4.0])}
 ROUND: dict[str, Any] = {
     "times": np.array([0.0, 1.0, 3.0]), "drop": np.array([[0.0, 8.0, 0.0]] * 3),
     "camera": np.array([[0.0, 0.0, 1.0], [0.0, 0.0, 2.0], [1.0, 0.0, 2.0]]),
+}  # fmt: skip
+NO_GAS: dict[str, tuple[Any, ...]] = {
+    "centers": ([(0.0, 0.0)], np.full((COUNT, 3), 1e101)), "radius": (0.0, -1.0, [0.1]),
+    "density": (1.01, [-0.1] * COUNT),
 }  # fmt: skip
 FLAT = (np.ones(16), np.ones((2, 2, 2)), np.ones((0, 4)))
 
@@ -106,23 +116,36 @@ CALLS: dict[str, Call] = {
     ),
     "spectral.volume": Call(
         {"frames": 16, "size": 16, "velocity": np.array([1.0, 2.0]), "seed": 1,
-         "wavelengths": (4.0, 8.0)}
+         "wavelengths": (4.0, 8.0)},
+        refused={"frames": (0, 2**31 - 1), "size": ((64, 64),), "velocity": (3.0,),
+                 "cells": ("all",)},
     ),
     "spectral.loop": Call(
         {"frames": 16, "shape": SHAPE, "velocity": np.array([1.0, 4.0]), "seed": 1,
-         "time": np.array([0.0, 1.5, 7.0]), "wavelengths": (4.0, 12.0)}
+         "time": np.array([0.0, 1.5, 7.0]), "wavelengths": (4.0, 12.0)},
+        refused={"time": ([[1.0]], []), "soft_from": (0.5, -0.1)},
     ),
-    "Camera": Call({"focal": 40.0, "center": (3.0, 4.0), "offset": (0.0, 0.0, 1.0)}),
+    "Camera": Call(
+        {"focal": 40.0, "center": (3.0, 4.0), "offset": (0.0, 0.0, 1.0)},
+        refused={
+            "focal": (0.0, -1.0), "center": ((1.0,), (0.0, np.nan)), "rotation": (np.eye(3), 0.1),
+            "offset": ((1.0, 2.0), (0.0, 0.0, np.inf)),
+            "center_shift": ((1, 2, 3), (0.0, -np.inf)),
+        },
+    ),
     "camera.project": Call(
         {**SIGHT, "points": POINTS}, takes={"points": ("empty",)},
     ),
     "camera.image_velocity": Call(
         {**SIGHT, "points_px": 20.0 * RNG.random((5, 2)), "depth": 1.0 + RNG.random(5),
-         "velocity": ASIDE, "rotation": DOWN}
+         "velocity": ASIDE, "rotation": DOWN},
+        refused={"points_px": ([(1, 2, 3)], [1, 2]), "velocity": ((0, 0), [[0, 0, 1]] * 2),
+                 "depth": (np.zeros(5), np.full(5, -1.0), np.full(5, np.inf), np.ones(4))},
     ),
     "camera.tile_drift": Call(
         {**SIGHT, "displacement": ASIDE, "near_depth": 5.0, "tile": 16},
-        refused={"displacement": (1e300 * DOWN, (0.0, 1.0))},
+        refused={"displacement": (1e300 * DOWN, (0.0, 1.0)), "near_depth": (0.0, -1.0),
+                 "overlap": (-1, 0.5, 16)},
     ),
     "camera.tile_shift": Call({**SIGHT, "rotation": DOWN, "tile": 16}),
     "camera.tile_zoom": Call({**SIGHT, "growth": 0.1, "tile": 16}),
@@ -153,10 +176,17 @@ CALLS: dict[str, Call] = {
         {**SIGHT, "population": AIR, "seed": 1, "displacement": ASIDE, "velocity": DOWN,
          "depth": DEPTH}, **HIDES,
     ),
-    "gas.splat": Call({**SIGHT, **GAS, "color": RNG.random((COUNT, 3)), "depth": DEPTH}),
-    "gas.alpha": Call({**SIGHT, **GAS, "depth": DEPTH}),
+    "gas.splat": Call(
+        {**SIGHT, **GAS, "color": RNG.random((COUNT, 3)), "depth": DEPTH},
+        refused={**NO_GAS, "color": (np.ones(4), np.inf), "depth": (DEPTH.T,),
+                 "error": (-1e-3, 1.0)},
+    ),
+    "gas.alpha": Call({**SIGHT, **GAS, "depth": DEPTH}, refused=NO_GAS),
     "gas.alpha_pair": Call({"shape": SHAPE, **GAS, "cameras": EYES}),
-    "gas.light": Call({**GAS, "direction": ASIDE}),
+    "gas.light": Call(
+        {**GAS, "direction": ASIDE},
+        refused={**NO_GAS, "direction": ((0, 0, 0), (1, 2)), "forward": (1.5,)},
+    ),
     "gas.phase": Call(
         COSINE, unused=("asymmetry",), takes={"cosine": ("empty", "too deep")}
     ),
@@ -166,13 +196,16 @@ CALLS: dict[str, Call] = {
     "gas.particles_of": Call(
         {"volume": RNG.random((3, 4, 5)), "spacing": 0.5, "center": 3.0 * DOWN}
     ),
-    "gas.footprint_table": Call({"size": 9, "intervals": 20}),
+    "gas.footprint_table": Call(
+        {"size": 9, "intervals": 20}, refused={"size": (0, 10**9), "intervals": (0,)}
+    ),
     "gas.projection_error": Call(
-        {"centers": FAR, "radius": 0.1 + 0.1 * FEW}, within=1e-3
+        {"centers": FAR, "radius": 0.1 + 0.1 * FEW}, within=1e-3,
+        refused={"centers": ([(1.0, 2.0)],), "radius": (0.0, [1.0, 2.0])},
     ),
     "gas.parallax_error": Call(
         {"centers": FAR, "radius": 0.1 + 0.1 * FEW, "eye_distance": 0.1},
-        within=1e-3,
+        within=1e-3, refused={"eye_distance": (0.0,), "radius": (0.0, [1.0, 2.0])},
     ),
     "gas.extinction": Call({"count": 300.0, "volume": 300.0, "radius": 0.5, "density": 0.3}),
     "gas.visibility": Call({"beta": 0.3}),
@@ -182,15 +215,28 @@ CALLS: dict[str, Call] = {
     "gas.density_for_visibility": Call(
         {"distance": 30.0, "count": 300.0, "volume": 300.0, "radius": 0.5}
     ),
-    "cone.rain_tile": Call({"size": 16, "seed": 1}, refused={"spread": (-1.0,)}, heavy=("drops",)),
-    "cone.sleet_tile": Call(
-        {"size": 16, "seed": 1}, refused={"spread": (-1.0,)}, heavy=("drops", "flakes")
+    "cone.rain_tile": Call(
+        {"size": 16, "seed": 1},
+        refused={"spread": (-1.0,), "size": (3,), "drops": (-1,), "length": (0.6,)},
+        heavy=("drops",),
     ),
-    "cone.snow_tile": Call({"size": 16, "seed": 1}, refused={"spread": (-1.0,)}, heavy=("flakes",)),
-    "cone.tile_of": Call({"picture": RNG.random((16, 16)), "size": 16}, pictures=("picture",)),
-    "cone.Texture": Call({"tile": TILE}, then=lambda made: made.tile),
+    "cone.sleet_tile": Call(
+        {"size": 16, "seed": 1}, refused={"spread": (-1.0,), "flake_width": (2.0,)},
+        heavy=("drops", "flakes"),
+    ),
+    "cone.snow_tile": Call(
+        {"size": 16, "seed": 1},
+        refused={"spread": (-1.0,), "width": (0.0,), "opacity": (1.1,)},
+        heavy=("flakes",),
+    ),
+    "cone.tile_of": Call({"picture": RNG.random((16, 16)), "size": 16}, pictures=("picture",),
+        refused={"picture": (np.zeros(3), np.zeros((9, 9, 2)), np.full((9, 9), 2.0)),
+                 "border": (0.7,)},
+    ),
+    "cone.Texture": Call({"tile": TILE}, refused=NO_TILE, then=lambda made: made.tile),
     "cone.Mapping": Call(
         {**SIGHT, "axis": DOWN, "depth": DEPTH, "radius": 3.0},
+        refused={"depth": (np.ones((3, 3)),), "radius": (0.0, np.inf), "rows": ((3, 99),)},
         then=lambda made: fl.cone.layers(SHAPE, LENS, TILE, axis=DOWN, phase=0.0, mapping=made),
         **HIDES,
     ),
@@ -205,13 +251,27 @@ CALLS: dict[str, Call] = {
     "cone.rays": Call(
         {**SIGHT, "axis": ASIDE, "points_px": 20.0 * RNG.random((5, 2))},
         takes={"points_px": ("empty",)},
+        refused={**NO_AXIS, "radius": (0.0,), "points_px": ([1.0, 2.0], [[1.0, 2.0, 3.0]])},
     ),
-    "cone.layer": Call({**SIGHT, "tile": TILE, "axis": ASIDE, "phase": 0.3}),
+    "cone.layer": Call(
+        {**SIGHT, "tile": TILE, "axis": ASIDE, "phase": 0.3},
+        refused={**NO_AXIS, **NO_TILE, "stretch": (0.0,), "repeats": (0,), "gain": (-1.0,),
+                 "offset": ((0, 0, 0),)},
+    ),
     "cone.layers": Call(
         {**SIGHT, "tile": TILE, "axis": ASIDE, "offsets": RNG.random((4, 2)), "gains": FEW[:4],
-         "phase": 0.3}
+         "phase": 0.3},
+        refused={**NO_AXIS, **NO_TILE, "stretch": (0.0,), "repeats": (0,),
+                 "multiples": ((1, 1), ()), "gains": ((1.0, 2.0), -1.0),
+                 "offsets": ((0.0, 1.0), np.zeros((3, 2))),
+                 "mapping": (fl.cone.Mapping((9, 9), LENS, axis=DOWN),)},
     ),
-    "cone.path": Call({**ROUND, "exposure": np.array([0.01, 0.02, 0.03])}, unused=("pixel",)),
+    "cone.path": Call(
+        {**ROUND, "exposure": np.array([0.01, 0.02, 0.03])}, unused=("pixel",),
+        refused={"times": ([], [0.0, -1.0, 2.0]), "drop": ((1, 2),), "camera": (np.zeros((2, 3)),),
+                 "damping": (1.5,), "exposure": (-1.0, (0.1, -1.0, 0.1), (0.1, 0.1)),
+                 "length": (0.0,), "radius": (0.0,), "repeats": (0,)},
+    ),
     "cone.path(published)": Call(
         {**ROUND, "published": True}, of=fl.cone.path, unused=("exposure", "still")
     ),
@@ -228,20 +288,31 @@ CALLS: dict[str, Call] = {
          "published": True}
     ),
     "composite.snow": Call(
-        {"background": PICTURE, "alpha": COVER}, pictures=("background",), keeps="background"
+        {"background": PICTURE, "alpha": COVER}, pictures=("background",), keeps="background",
+        refused={"alpha": NO_COVER, "intensity": (-0.1, np.ones(4)), "background": NO_PICTURES},
     ),
     "composite.over": Call(
         {"background": PICTURE, "layer": np.dstack([0.5 * PICTURE, COVER])},
         pictures=("background",), keeps="background", light=True,
+        refused={"layer": (PICTURE, np.full((*SHAPE, 4), 2.0), np.full((*SHAPE, 4), -1.0)),
+                 "background": NO_PICTURES},
     ),
-    "composite.join": Call({"layers": [COVER], "haze": 0.25, "matte": COVER}),
+    "composite.join": Call(
+        {"layers": [COVER], "haze": 0.25, "matte": COVER},
+        refused={"layers": ([], [COVER, COVER[:1]], [COVER, COVER.astype(np.float32)],
+                            [COVER + 1.0]),
+                 "haze": (-0.1, 1.1), "matte": NO_COVER},
+    ),
     "composite.join(layers)": Call(
         {"layers": RNG.random((2, *SHAPE))}, keeps="layers",
         of=lambda layers, out=None: fl.composite.join(
             list(layers) if isinstance(layers, np.ndarray) and layers.ndim else layers,
             haze=0.1, out=out),
     ),
-    "stereo.eyes": Call({"camera": LENS, "distance": 0.1, "convergence": 2.0}),
+    "stereo.eyes": Call(
+        {"camera": LENS, "distance": 0.1, "convergence": 2.0},
+        refused={"distance": (-0.1,), "convergence": (0.0, -2.0)},
+    ),
     "stereo.anaglyph": Call({"left": PICTURE, "right": OTHER}, **PAIR),
     "stereo.side_by_side": Call({"left": PICTURE, "right": OTHER}, **PAIR),
     "stereo.over_under": Call({"left": PICTURE, "right": OTHER}, **PAIR),
