@@ -63,7 +63,7 @@ def asked(seed: int) -> tuple[twin.Shape, dict[str, Any]]:
     return shape, options
 
 
-@every("seed", range(150))
+@every("seed", range(100))
 def test_a_random_frame_is_the_twins(seed: int):
     shape, options = asked(seed)
     want = twin.field(shape, **options)
