@@ -51,22 +51,17 @@ def slices(centers: np.ndarray, extent: np.ndarray, density: float, color: np.nd
     return picture
 
 
-def timed(
-    calls: dict[str, Callable[[], object]],
-    runs: int,
-    rare: tuple[str, ...] = (),
-    clock: Callable[[], float] = time.perf_counter,
-) -> dict:
+def timed(calls: dict[str, Callable[[], object]], runs: int, rare: tuple[str, ...] = ()) -> dict:
     """Return the least and the median milliseconds of each, taking turns."""
     times: dict[str, list[float]] = {name: [] for name in calls}
     for turn in range(runs + 1):
         for name, call in calls.items():
             if name in rare and turn > 2:
                 continue
-            start = clock()
+            start = time.perf_counter()
             call()
             if turn:
-                times[name].append(1e3 * (clock() - start))
+                times[name].append(1e3 * (time.perf_counter() - start))
     return {name: (min(values), statistics.median(values)) for name, values in times.items()}
 
 
@@ -74,8 +69,6 @@ def kernels(runs: int) -> None:
     """Print the rows of the specification."""
     for count in (1000, 2000):
         one_eye(count, runs)
-    for low, high in ((2, 10), (8, 12), (15, 20)):
-        second_eye(low, high, runs)
 
 
 def one_eye(count: int, runs: int) -> None:
@@ -113,26 +106,6 @@ def one_eye(count: int, runs: int) -> None:
         print(f"  {name:34}{least:9.2f} ms {middle:9.2f} ms median {base / least:8.0f} x")
     for one in ("alpha", "RGBA, a color each"):
         print(f"  two threads, {one}: {found[one][0] / found[one + ', 2 threads'][0]:.2f} x")
-
-
-def second_eye(low: float, high: float, runs: int) -> None:
-    """Print what the second eye adds to gas between two depths: processor time, one thread."""
-    centers, radius, _ = cloud(2000, low, high)
-    both = fl.stereo.eyes(fl.Camera(FOCAL), distance=0.065)
-    fl.set_threads(1)
-    gas = (SHAPE, centers, radius, 0.02)
-    pair = fl.gas.alpha_pair(*gas, both)
-    outs = (pair.left, pair.right)
-    calls: dict[str, Callable[[], object]] = {
-        "one": lambda: fl.gas.alpha(*gas, both[0], out=outs[0]),
-        "two": lambda: fl.gas.alpha_pair(*gas, both, out=outs),
-    }
-    found = timed(calls, 2 * runs, clock=time.process_time)
-    more = found["two"][0] / found["one"][0] - 1
-    print(
-        f"2000 particles at {low}-{high} units: the second eye adds {100 * more:.0f} %, "
-        f"{pair.slabs} slabs"
-    )
 
 
 def scenes() -> None:

@@ -1,21 +1,22 @@
 //! Gas against a plain loop over pixels and table entries: `cargo bench --bench gas`.
 //!
-//! 1024 x 1024 px, particles of 50 to 300 px, one colour unless said otherwise, float32, one thread
+//! 1024 x 1024 px, particles of 50 to 300 px, one color unless said otherwise, float32, one thread
 //! and two. Variants take turns; the least milliseconds of each and the plain loop's over it.
 
 use std::time::Instant;
 
-use _core::error::Cancel;
+use _core::base::error::Cancel;
+use _core::base::pool;
+use _core::base::random::Hash;
+use _core::gas::cloud::Cloud;
 use _core::gas::footprint::{Edge, TABLE};
-use _core::gas::splat::{self, Cloud};
+use _core::gas::splat;
 use _core::gas::sprite::{Eye, Footprint, Look, NearMode};
-use _core::pool;
-use _core::random::Hash;
 use ndarray::{Array1, Array2, Array3, ArrayView2};
 
 const SIDE: usize = 1024;
 const FOCAL: f64 = 1000.0;
-const EYE: Eye = Eye { focal: FOCAL, center: [512.0; 2], offset: [0.0; 3], margin: 0 };
+const EYE: Eye = Eye { focal: FOCAL, center: [512.0; 2], offset: [0.0; 3] };
 
 struct Gas {
     centers: Array2<f64>,
@@ -84,11 +85,11 @@ fn main() {
         let many: Vec<[f64; 3]> = (0..count)
             .map(|i| [0, 1, 2].map(|c| Hash::seeded(9).word(i as i64).word(c).unit()))
             .collect();
-        let cloud = |colours| Cloud {
+        let cloud = |colors| Cloud {
             centers: gas.centers.view(),
             radius: gas.radius.view(),
             density: gas.density.view(),
-            colours,
+            colors,
         };
         let look = |footprint| Look {
             footprint,
@@ -102,12 +103,12 @@ fn main() {
         let names = [
             "plain loop over the table",
             "viewplane_c, alpha",
-            "viewplane_c, RGBA, one colour",
-            "viewplane_c, RGBA, many colours",
+            "viewplane_c, RGBA, one color",
+            "viewplane_c, RGBA, many colors",
             "viewpoint, alpha",
             "volume, alpha",
             "viewplane_c, alpha, 2 threads",
-            "viewplane_c, many colours, 2 threads",
+            "viewplane_c, many colors, 2 threads",
         ];
         let mut least = [f64::INFINITY; 8];
         for turn in 0..12 {

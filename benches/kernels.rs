@@ -2,13 +2,13 @@
 //!
 //! Throughput is pixels or flakes. FLURRIES_SIMD=avx2 or portable takes lower instruction sets.
 
-use _core::error::Cancel;
+use _core::base::error::Cancel;
+use _core::base::pool;
+use _core::base::random::Hash;
+use _core::base::real::Real;
 use _core::frame::composite::snow;
 use _core::particles::splat::{Flakes, splat};
 use _core::particles::sprite::Lens;
-use _core::pool;
-use _core::random::Hash;
-use _core::real::Real;
 use _core::spectral::band::Band;
 use _core::spectral::field::{Field, Window};
 use _core::spectral::filter::{Alias, TemporalFilter};
@@ -86,14 +86,14 @@ fn discs(bencher: Bencher<'_, '_>, count: usize) {
     });
 }
 
-/// One colour over a picture.
+/// One color over a picture.
 #[divan::bench]
 fn composite(bencher: Bencher<'_, '_>) {
     let back = Array3::from_shape_fn((SIDE, SIDE, 3), |(y, x, c)| (y + 3 * x + c) as u8);
     let alpha = Array2::from_shape_fn((SIDE, SIDE), |(y, x)| ((y * 7 + x) % 11) as f32 / 11.0);
     let mut out = Array3::<u8>::zeros(back.dim());
     bencher.counter(ItemsCount::new(SIDE * SIDE)).bench_local(|| {
-        let colour = [0.98; 3];
-        snow(out.view_mut(), back.view(), alpha.view(), &colour, &Cancel::new()).expect("snow");
+        let color = [0.98; 3];
+        snow(out.view_mut(), back.view(), alpha.view(), &color, &Cancel::new()).expect("snow");
     });
 }

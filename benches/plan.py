@@ -24,8 +24,7 @@ import numpy as np
 
 import flurries as fl
 from flurries.camera import Camera
-from flurries.effects.demand import footprints
-from flurries.effects.tiling import Tiling, operations
+from flurries.effects.layout import Tiling, operations, torus_for
 from flurries.frame import calibration, costs
 from flurries.frame.needs import Needs, Step
 from flurries.spectral.operations import tile_work
@@ -153,14 +152,6 @@ def print_savings(runs: int) -> None:
         lambda: snow.render(3)[region],
         runs,
     )
-    flakes_alone = fl.Scene(background=PICTURE, effects=[fl.Snow(texture=0.0, haze=0.0)])
-    effect, frame = flakes_alone._asks(3.0, None, (0, SIZE, 0, SIZE), None)[0]
-    print_ratio(
-        "flakes out of view, camera turns",
-        lambda: effect._drawn(frame, effect._listed(frame, 1.0)),
-        lambda: uncut(effect, frame),
-        runs,
-    )
     none = fl.Scene(background=PICTURE)
     gone = [fl.Snow(amount=0.0)] * 3 + [fl.Rain(amount=0.0)] * 3
     six = fl.Scene(background=PICTURE, effects=gone)
@@ -169,16 +160,10 @@ def print_savings(runs: int) -> None:
     print_torus(runs)
 
 
-def uncut(effect: Any, frame: fl.Frame) -> Any:
-    """Return the flakes with none left out beforehand."""
-    from flurries.effects import peopled
-
-    kept = peopled.in_view
-    try:
-        peopled.in_view = lambda _frame, points, *_: np.ones(len(points), np.bool_)
-        return effect._drawn(frame, effect._listed(frame, 1.0))
-    finally:
-        peopled.in_view = kept
+def plane(part: Any, frame: fl.Frame) -> Any:
+    """Return the opacity of flakes or of a texture."""
+    motion = getattr(part, "field", part).motion
+    return part.alpha(frame, 1.0, motion.way(frame))
 
 
 def print_torus(runs: int) -> None:
@@ -202,8 +187,6 @@ def print_torus(runs: int) -> None:
             },
             max(runs // 3, 3),
         )
-        from flurries.effects.tiling import torus_for
-
         torus, _ = torus_for(shape, Tiling((tile, tile), overlap), band, 0.0)
         name = f"{shape[1]} x {shape[0]}, tiles {tile} - {overlap}, band {band[0]:g}-{band[1]:g}"
         ratio = found["tiles"] / found["torus"]
@@ -316,7 +299,8 @@ def print_estimates(runs: int) -> None:
     calls.update({name: (lambda s=scene: s.render(3)) for name, scene in every.items()})
     found = least(calls, runs)
     factors = calibration.factors({n: 1e6 * found[n] for n in calibration.samples()})
-    calibration._known[1] = factors
+    calibration.measure = lambda: factors
+    calibration.scales(again=True)
     print("this machine against the model:", {k: round(v, 2) for k, v in factors.items()})
     print(f"\n{'scene':<34}{'ms':>9}{'planned':>9}{'ratio':>7}{'MiB':>9}{'planned':>9}{'ratio':>7}")
     worst_time = worst_bytes = 1.0
@@ -443,13 +427,13 @@ def flakes(runs: int) -> dict[str, float]:
             effect = fl.Snow(texture=0.0, haze=0.0, flakes=number, flake_size=(size, size),
                              shutter=shutter, fall=fall)  # fmt: skip
             scene = fl.Scene((SIZE, SIZE), effects=[effect])
-            frame = scene._asks(3.0, None, (0, SIZE, 0, SIZE), None)[0][1]
-            drawn, pieces = footprints(effect, frame)
-            rows.append([effect.count(frame), drawn, pieces])
-            calls[f"{number} {size} {fall}"] = lambda e=effect, f=frame: e.particles(f, 1.0)
+            frame = scene.program.views(3.0)[0][1]
+            drawn, pieces = effect.parts.flakes.footprints(frame)
+            rows.append([effect.parts.flakes.count(frame), drawn, pieces])
+            calls[f"{number} {size} {fall}"] = lambda e=effect, f=frame: plane(e.parts.flakes, f)
             # Placed and drawn are in proportion: one is timed where all are too large to be shown.
             none = replace(effect, flake_size=(90.0, 90.0))
-            calls["places"] = lambda e=none, f=frame: e.particles(f, 1.0)
+            calls["places"] = lambda e=none, f=frame: plane(e.parts.flakes, f)
         found = least(calls, runs)
         masked = SIZE * SIZE * costs.NANOSECONDS["mask pixel"][1]
         each = max(1e6 * found.pop("places") - masked, 0.0) / rows[-1][0]
@@ -461,20 +445,19 @@ def flakes(runs: int) -> dict[str, float]:
         print(f"{name} fit, planned / measured:", np.round(fit, 2).tolist())
         result["flake placed"] = each
         result.update(zip((name.split()[0], name), solved, strict=True))
-    # From arrays of places, as for a camera that turns.
+    # From arrays of places, as for a wind over depth.
     effect = fl.Snow(texture=0.0, haze=0.0)
-    frame = fl.Scene((SIZE, SIZE), effects=[effect])._asks(3.0, None, (0, SIZE, 0, SIZE), None)[0][
-        1
-    ]
+    listed = replace(effect, wind=fl.Wind(effect.wind, profile=[(0.0, 1.0)]))
+    frame = fl.Scene((SIZE, SIZE), effects=[effect]).program.views(3.0)[0][1]
     found = least(
         {
-            "listed": lambda: effect._drawn(frame, effect._listed(frame, 1.0)),
-            "alike": lambda: effect.particles(frame, 1.0),
+            "listed": lambda: plane(listed.parts.flakes, frame),
+            "alike": lambda: plane(effect.parts.flakes, frame),
         },
         runs,
     )
     more = 1e6 * (found["listed"] - found["alike"])
-    result["flake listed"] = max(more, 0.0) / effect.count(frame)
+    result["flake listed"] = max(more, 0.0) / effect.parts.flakes.count(frame)
     return result
 
 
@@ -488,7 +471,7 @@ def others(runs: int) -> dict[str, float]:
         ("cone pixel", fl.ConeRain(), None),
     ):
         scene = fl.Scene((SIZE, SIZE), effects=[effect], sun=sun)
-        asks[name] = scene._asks(3.0, None, (0, SIZE, 0, SIZE), None)[0]
+        asks[name] = scene.program.views(3.0)[0]
     calls = {name: (lambda e=e, f=f: e.render(f)) for name, (e, f) in asks.items()}
     found = least(calls, max(runs // 3, 3))
     return {
@@ -500,7 +483,7 @@ def others(runs: int) -> dict[str, float]:
 def mixing(runs: int) -> dict[str, float]:
     """Return nanoseconds of what is done for each pixel of a plane or a picture."""
     from flurries import _core
-    from flurries.effects.limited import deepened, veil
+    from flurries.effects.veil import haze_before
     from flurries.frame.mixing import Mix
 
     planes = [RNG.random((SIZE, SIZE), np.float32) for _ in range(2)]
@@ -512,11 +495,11 @@ def mixing(runs: int) -> dict[str, float]:
     snow = fl.Snow(flakes=0)
     wall = fl.Scene((SIZE, SIZE), depth=30.0, effects=[snow])
     air = fl.Scene((SIZE, SIZE), effects=[snow])
-    open_air = air._asks(3.0, None, (0, SIZE, 0, SIZE), None)[0][1]
-    before = wall._asks(3.0, None, (0, SIZE, 0, SIZE), wall.depth_at(0))[0][1]
+    open_air = air.program.views(3.0)[0][1]
+    before = wall.program.views(3.0)[0][1]
     none = np.empty((0, 3))
     there = Mix(True, "display")
-    bright = there.working(PICTURE)
+    bright = there.decode(PICTURE)
 
     def empty_splat() -> None:
         fl.particles.splat((SIZE, SIZE), none, 1.0, Camera(1.0), opacity=1.0)
@@ -529,16 +512,16 @@ def mixing(runs: int) -> dict[str, float]:
         "array number": lambda: np.sqrt(values, out=roots),
         "plane": lambda: snow.render(open_air),
         "one pass": lambda: snow.over(open_air, PICTURE, list),
-        "deep": lambda: deepened(snow, before, snow.mapped(before, 1.0)),
-        "flat": lambda: deepened(snow, open_air, snow.mapped(open_air, 1.0)),
+        "deep": lambda: plane(snow.parts.texture, before),
+        "flat": lambda: plane(snow.parts.texture, open_air),
         "copied byte": PICTURE.copy,
-        "veil pixel": lambda: veil(0.1, depth, 100.0),
+        "veil pixel": lambda: haze_before(depth, 0.1, 100.0),
         "byte pixel": lambda: Mix(False, "display").over(PICTURE, layer),
         "word pixel": lambda: Mix(False, "display").over(word, layer),
         "float pixel": lambda: Mix(True, "linear").over(LIGHT, layer),
-        "to": lambda: there.working(PICTURE),
-        "from": lambda: there.finished(bright, PICTURE),
-        "table": lambda: replace(there, table=True).finished(bright, PICTURE),
+        "to": lambda: there.decode(PICTURE),
+        "from": lambda: there.encode(bright, PICTURE),
+        "table": lambda: replace(there, table=True).encode(bright, PICTURE),
     }
     times = {name: 1e6 * value for name, value in least(calls, runs).items()}
     pixels = float(SIZE * SIZE)

@@ -6,12 +6,12 @@ Mean and standard deviation of the opacity of pictures 512 and 256 px wide, agai
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 import flurries as fl
-from flurries.effects import falling
 
 EFFECTS = {
     "texture of moderate snow": fl.Snow(flakes=0, haze=0.0),
@@ -51,12 +51,10 @@ def main() -> None:
             ratios(opacities(effect, width, count), smaller(large, 2048 // width))
             for width, count in ((512, 10), (256, 40))
         ]
-        kept = falling.map_at
-        try:
-            falling.map_at = lambda mean, spread, power, share: (mean, spread)  # type: ignore[assignment]
-            row.append(ratios(opacities(effect, 256, 40), smaller(large, 8)))
-        finally:
-            falling.map_at = kept
+        # A band in pixels is taken as it stands.
+        band = effect.parts.texture.field.band((192, 256))
+        alone = replace(effect, wavelengths=band)
+        row.append(ratios(opacities(alone, 256, 40), smaller(large, 8)))
         print(f"| {name} | " + " | ".join(row) + " |")
 
 

@@ -5,11 +5,11 @@
 
 use std::time::Instant;
 
-use _core::real::Real;
+use _core::base::real::Real;
 use _core::spectral::band::Band;
 use _core::spectral::dense::operations;
 use _core::spectral::filter::{Alias, TemporalFilter};
-use _core::spectral::phases::TileMotion;
+use _core::spectral::spectrum::TileMotion;
 use _core::spectral::tent::Motion;
 use _core::spectral::tile::{Choice, Plan, fft_operations};
 use _core::spectral::waves::{Draw, Waves};

@@ -19,7 +19,7 @@ from scipy.special import j0
 
 import flurries as fl
 from flurries.camera import Camera
-from flurries.effects import Frame
+from flurries.frame.view import Frame
 
 Floats = NDArray[np.float64]
 Times = Sequence[tuple[float, float]]
@@ -101,9 +101,10 @@ def places(shown: fl.Scene, t: float) -> Floats:
     snow, camera = shown.effects[0], shown.camera.camera
     frame = Frame(shape=shown.shape, window=(0, height, 0, width), t=t, fps=shown.fps,
                   camera=camera, path=shown.camera, seed=shown.seed)  # fmt: skip
+    flakes = snow.parts.flakes
     return fl.particles.positions(
-        snow.count(frame), snow.box(frame), seed=shown.seed, time=1.0,
-        velocity=-frame.to_camera(snow.displacement(frame)), center=(0.0, 0.0, snow.near_depth / 2),
+        flakes.count(frame), flakes.box(frame).sides, seed=shown.seed, time=1.0,
+        velocity=-snow.parts.motion.way(frame).moved, center=(0.0, 0.0, snow.near_depth / 2),
     )  # fmt: skip
 
 
@@ -223,7 +224,7 @@ def kept(snow: fl.Snow, times: Floats) -> float:
     s frames is J0(2 pi c s); that of its opacity follows from the map's Hermite series.
     """
     speed = np.hypot(snow.wind[0], snow.wind[1] + snow.fall) / 30.0 * FOCAL / snow.near_depth
-    cycles = speed / snow.band((SIZE, SIZE))[1]
+    cycles = speed / snow.parts.texture.field.band((SIZE, SIZE))[1]
     likeness = j0(2.0 * np.pi * cycles * (times[:, None] - times))
     z, weight = hermegauss(200)
     mapped = weight / weight.sum() * np.clip(snow.mean + z / (2.0 * snow.spread), 0, 1) ** 2

@@ -22,6 +22,10 @@ MOVING: dict[str, Any] = {
     "drift": (3.0, -9.0), "velocity": (1.0, 4.0), "shutter": 0.5, "alias": "soft", "seed": 5,
 }  # fmt: skip
 
+FLAKES: dict[str, Any] = {
+    "counts": [30, 80], "diameters": [[1.5, 3.0], [0.6, 1.5]], "shear": 0.382, "seed": 1,
+}  # fmt: skip
+
 
 def points(count: int) -> np.ndarray:
     return RNG(1).random((count, 3)) * (4.0, 3.0, 6.0) + (-2.0, -1.5, 0.5)
@@ -69,6 +73,13 @@ def _kernels(dtype: Any) -> dict[str, Callable[[], Any]]:
         "opacity": lambda: fl.spectral.opacity(cover - 0.5, power=1.3, spread=0.2),
         "blend_tiles": lambda: fl.spectral.blend_tiles(
             RNG(8).random((2, 2, 32, 32)).astype(dtype), (54, 54), overlap=10
+        ),
+        "flake_patterns": lambda: fl.spectral.flake_patterns(
+            33, **FLAKES, dtype=np.result_type(dtype, np.complex64)
+        ),
+        "optical_depth": lambda: fl.spectral.optical_depth(
+            (90, 70), fl.spectral.flake_patterns(33, **FLAKES), drift=[(3.0, 9.0), (1.0, 4.0)],
+            velocity=[(1.0, 4.0), (0.5, 2.0)], shutter=0.5, shear=0.382, seed=2, dtype=dtype,
         ),
         "particles.splat": lambda: fl.particles.splat(
             (40, 52), points(300), 0.01 + 0.1 * RNG(2).random(300), LENS, opacity=0.7,

@@ -13,7 +13,6 @@ import pytest
 import flurries as fl
 import test_gate
 from flurries import _core
-from flurries.effects import peopled
 from flurries.frame import bands
 
 H, W = 300, 260
@@ -70,8 +69,8 @@ def low(monkeypatch: pytest.MonkeyPatch) -> Callable[[], None]:
     """Make bands of a tile's rows from here on."""
 
     def lower() -> None:
-        monkeypatch.setattr(bands, "_WHOLE", 100 * W)
-        monkeypatch.setattr(bands, "_BAND", 64 * W)
+        monkeypatch.setattr(bands, "WHOLE", 100 * W)
+        monkeypatch.setattr(bands, "BAND", 64 * W)
 
     return lower
 
@@ -144,8 +143,8 @@ def test_a_window_that_is_not_the_wholes_part_would_be_seen(low: Callable[[], No
         scene = fl.Scene(None, LIGHT, effects=[Own(by_rows=True, honest=honest)], space="display")
         whole = scene.render(1)
         with pytest.MonkeyPatch.context() as patched:
-            patched.setattr(bands, "_WHOLE", 100 * W)
-            patched.setattr(bands, "_BAND", 64 * W)
+            patched.setattr(bands, "WHOLE", 100 * W)
+            patched.setattr(bands, "BAND", 64 * W)
             assert same([scene.render(1)], [whole]) is honest
 
 
@@ -187,13 +186,13 @@ def test_nothing_is_made_once_for_each_band(
 ):
     sorts: list[str] = []
     for name in ("particle_sort", "particle_sort_listed"):
-        kernel = getattr(peopled, name)
+        kernel = getattr(_core, name)
 
         def counted(*args: Any, kernel: Any = kernel, name: str = name) -> Any:
             sorts.append(name)
             return kernel(*args)
 
-        monkeypatch.setattr(peopled, name, counted)
+        monkeypatch.setattr(_core, name, counted)
     gas = _core.gas_sort
     monkeypatch.setattr(_core, "gas_sort", lambda *args: sorts.append("gas") or gas(*args))
     fl.set_threads(1)
@@ -213,9 +212,9 @@ def test_nothing_is_made_once_for_each_band(
 @pytest.mark.filterwarnings("ignore:.*ambiguous")
 def test_both_eyes_place_flakes_once(low: Callable[[], None], monkeypatch: pytest.MonkeyPatch):
     sorts: list[Any] = []
-    kernel = peopled.particle_sort_pair
+    kernel = _core.particle_sort_pair
     monkeypatch.setattr(
-        peopled, "particle_sort_pair", lambda *args: sorts.append(args) or kernel(*args)
+        _core, "particle_sort_pair", lambda *args: sorts.append(args) or kernel(*args)
     )
     scene = fl.Scene(None, BYTES, effects=[fl.Snow(), fl.ConeSnow()], space="linear")
     low()
@@ -255,7 +254,7 @@ def test_bands_cover_a_window_once():
         assert [p[0] for p in parts] == [window[0], *(p[1] for p in parts[:-1])]
         assert parts[-1][1] == window[1] and {p[2:] for p in parts} == {window[2:]}
         assert all(p[0] % 64 == 0 for p in parts[1:])
-        most = max(64 * (window[3] - left), bands._BAND)
+        most = max(64 * (window[3] - left), bands.BAND)
         assert len(parts) == 1 or max((p[1] - p[0]) * (p[3] - p[2]) for p in parts) <= most
 
 
@@ -272,7 +271,7 @@ def test_bands_cover_a_window_once():
 def test_bytes_of_bands_are_foreseen(more: Any, low: Callable[[], None]):
     low()
     # 780 x 900 px, in bands of 64 rows.
-    bands._BAND = 3 * 64 * W
+    bands.BAND = 3 * 64 * W
     scene = fl.Scene(None, np.tile(BYTES, (3, 3, 1)), **more)
     scene.render(2)
     plan = scene.plan(3)

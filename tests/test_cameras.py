@@ -32,7 +32,7 @@ FLIP = np.array([1.0, -1.0, -1.0])
 
 def seen(path: fl.CameraPath, t: float, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Where house points are seen by the path's camera at a frame."""
-    return project(points - path.place(t, fps=24.0), path.seen(path.camera, t), (H, W))
+    return project(points - path.place(t, fps=24.0), path.pose(path.camera, t), (H, W))
 
 
 def cloud(turn: np.ndarray, place: np.ndarray, forward: float) -> np.ndarray:
@@ -331,7 +331,7 @@ def test_a_zoom_that_never_changes_is_none():
     plain = fl.Scene((W, H), camera=fl.Camera(180.0), effects=effect)
     same = plain.replace(camera=fl.CameraPath(fl.Camera(9.0), focal=[180.0, 180.0, 180.0]))
     assert np.array_equal(plain.render(12), same.render(12))
-    assert same.camera.scaled(2.0).camera.focal == 360.0
+    assert same.camera.resize(2.0).camera.focal == 360.0
     for bad in ([], [0.0], [1.0, np.nan], "x", fl.Keys([(0, (1.0, 2.0))])):
         with pytest.raises((TypeError, ValueError), match="focal"):
             fl.CameraPath(fl.Camera(9.0), focal=bad)

@@ -10,7 +10,7 @@ from scipy.ndimage import gaussian_filter
 
 import flurries as fl
 from flurries.cli import demo
-from flurries.effects import Frame
+from flurries.frame.view import Frame
 from flurries.io import open_background, read_layers, read_picture
 
 SIZE = 128
@@ -78,7 +78,8 @@ def test_the_request_spreads_from_the_focus():
     snow = scene.effects[0]
     frame = Frame(shape=(256, 256), window=(0, 256, 0, 256), t=1.0, fps=scene.fps,
                   camera=scene.camera.camera, path=scene.camera, seed=1)  # fmt: skip
-    asked = snow.texture_request(frame)
+    field = snow.parts.texture.field
+    asked = field.request(frame, field.motion.way(frame))
     step = asked.tile[0] - asked.overlap
     rows, cols = asked.drift.shape[:2]
     y, x = (np.arange(n) * step + asked.tile[0] / 2 for n in (rows, cols))

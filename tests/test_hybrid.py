@@ -7,6 +7,7 @@ waves, the flakes' by their centroids. A wave of wavelength L stands for the dep
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -14,7 +15,6 @@ import pytest
 
 import flurries as fl
 import measure
-from flurries.effects.peopled import Peopled
 from measure import FLAKES, FOCAL, LONGEST, NEAR, SIZE, STEPS, TEXTURE, TORUS, WAVES, picture, scene
 
 LENS = fl.camera.Camera(FOCAL)
@@ -216,36 +216,40 @@ def changes(options: dict, times: np.ndarray = SOMETIMES, **about) -> np.ndarray
 
 @pytest.mark.parametrize("preset", ["light", "heavy", "blizzard"])
 @pytest.mark.parametrize("z", [3.0, 0.0, -3.0])
-def test_flakes_in_view_are_all_flakes(preset: str, z: float, monkeypatch: pytest.MonkeyPatch):
-    # The kernel that drops flakes out of view, against arrays of all of them.
+def test_flakes_in_view_are_all_flakes(preset: str, z: float):
+    # The kernel that drops flakes out of view, against arrays of all of them, which a wind over
+    # depth takes, though it is the same at every depth.
     path = fl.CameraPath(fl.camera.Camera(300.0, center=(90.0, 150.0)), velocity=(1.0, -0.3, z))
     falling = [fl.Snow.preset(preset, texture=0.0, haze=0.0), fl.Rain.preset("rain", texture=0.0)]
     for effect in falling:
         shown = fl.Scene((256, 200), (0.0, 0.0, 0.0), camera=path, effects=[effect], seed=3)
         few = [shown.render(t, layers=True).alpha for t in (0.0, 77.5, -3e5)]
-        with monkeypatch.context() as patched:
-            patched.setattr(Peopled, "_flurry", Peopled._listed)
-            all_of_them = [shown.render(t, layers=True).alpha for t in (0.0, 77.5, -3e5)]
+        same = fl.Wind(effect.wind, profile=[(0.0, 1.0)])
+        shown = shown.replace(effects=[replace(effect, wind=same)])
+        all_of_them = [shown.render(t, layers=True).alpha for t in (0.0, 77.5, -3e5)]
         assert max(alpha.max() for alpha in few) > 0.05
         np.testing.assert_allclose(few, all_of_them, rtol=0.0, atol=4e-6)
 
 
 @pytest.mark.parametrize("z", [5.0, 0.0, -5.0])
-def test_no_flake_pops(z: float, monkeypatch: pytest.MonkeyPatch):
+def test_no_flake_pops(z: float):
     path = fl.CameraPath(fl.camera.Camera(300.0), velocity=(1.0, -0.3, z))
     # Flakes come back on the other side of the box even within the smallest steps.
     shown = scene(CROWD, 256, camera=path)
     ends = [[measure.places(shown, t + step) for t in SOMETIMES] for step in (0.0, STEPS[-1])]
     assert np.sum(abs(np.subtract(*ends)) > 1.0) >= 10
     assert measure.smooth(changes({}, camera=path))
-    # Without the fade they pop; those at the sides of the box do so outside the picture. The flakes
-    # of arrays have one that can be taken away.
-    monkeypatch.setattr(Peopled, "_flurry", Peopled._listed)
-    monkeypatch.setattr(fl.particles, "edge_fade", lambda points, *_, **__: np.ones(len(points)))
-    assert measure.smooth(changes({}, camera=path)) == (z == 0.0)
+
+    # Without the fade they pop; those at the sides of the box do so outside the picture.
+    def unfaded(t: float) -> np.ndarray:
+        points = measure.places(shown, t)
+        ahead = points[points[:, 2] > 0.5]
+        return fl.particles.splat((256, 256), ahead, 0.02, path.camera, opacity=0.9)
+
+    assert measure.smooth(measure.largest_changes(unfaded, SOMETIMES)) == (z == 0.0)
 
 
-def test_no_flake_pops_while_the_amount_rises(monkeypatch: pytest.MonkeyPatch):
+def test_no_flake_pops_while_the_amount_rises():
     amount = fl.Keys([(0.0, 0.0), (30.0, 1.0)])
     times = np.append(np.random.default_rng(3).uniform(-0.02, 30.0, 25), [0.0, 29.99])
     # In still air only the amount changes a pixel.
@@ -255,5 +259,10 @@ def test_no_flake_pops_while_the_amount_rises(monkeypatch: pytest.MonkeyPatch):
     none, all_ = (picture(scene({**CROWD, **still}, 256), t) for t in (0.0, 30.0))
     assert none.max() == 0.0
     assert np.array_equal(all_, picture(scene({**CROWD, **still, "amount": 1.0}, 256), 30.0))
-    monkeypatch.setattr("flurries.effects.peopled.FADE_IN", 1e-6)
-    assert not measure.smooth(changes(still, times))
+
+    # The control: as many flakes, each there or not.
+    def hard(t: float) -> np.ndarray:
+        few = {**CROWD, **still, "amount": 1.0, "flakes": round(2000 * amount.at(t))}
+        return picture(scene(few, 256), t)
+
+    assert not measure.smooth(measure.largest_changes(hard, times))

@@ -15,7 +15,6 @@ from scipy import integrate
 
 import flurries as fl
 from flurries.cli import main
-from flurries.effects import falling
 from flurries.effects.resolution import map_at, power_share
 
 LOSS = {1: 0.06, 2: 0.14, 3: 0.25, 4: 0.38, 5: 0.55}
@@ -88,9 +87,9 @@ def test_a_density_is_the_same_behind_any_lens():
     # Flakes behind a pixel are as many whatever the lens; the nearest and largest ones fade.
     assert np.ptp(covers) < 0.15 * np.mean(covers)
     wide = fl.Scene((256, 192), effects=[snow], camera=fl.Camera(100.0))
-    frame = wide.program._frame(0.0, None, (0, 192, 0, 256), seed=0)
+    frame = wide.program.frame(0.0)
     view = 2.56 * 1.92 * 12.0**3 / 3.0
-    assert snow.number_in_view(frame) == pytest.approx(20.0 * view)
+    assert snow.parts.flakes.number_in_view(frame) == pytest.approx(20.0 * view)
 
 
 def test_visibility_in_metres_is_visibility():
@@ -194,11 +193,15 @@ def test_a_small_picture_is_the_large_one_made_smaller(name: str, width: int):
     assert small.std() == pytest.approx(large.std(), rel=deviation)
 
 
-def test_without_it_small_pictures_have_too_much_contrast(monkeypatch: pytest.MonkeyPatch):
+def test_without_it_small_pictures_have_too_much_contrast():
     effect, _, deviation = SIZES["texture"]
     large = boxed(opacities(effect, 2048, 1)[0], 8)
-    monkeypatch.setattr(falling, "map_at", lambda mean, spread, power, share: (mean, spread))
-    assert opacities(effect, 256, 8).std() > (1.0 + 3.0 * deviation) * large.std()
+    # A band in pixels is taken as it stands.
+    band = effect.parts.texture.field.band((256, 256))
+    assert (
+        opacities(replace(effect, wavelengths=band), 256, 8).std()
+        > (1.0 + 3.0 * deviation) * large.std()
+    )
 
 
 def test_the_tuned_size_is_left_alone_and_maps_keep_their_moments():

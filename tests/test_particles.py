@@ -12,9 +12,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.stats import chi2
 
+import flurries as fl
 import twin_particles as twin
 from every import every
 from flurries import particles
+from flurries.particles import looks
 
 STILL = {"velocity": (0.0, 0.0, 0.0), "time": 0.0}
 
@@ -173,3 +175,24 @@ def test_nothing_pops_at_the_wrap():
             assert last[1][jumped].max(initial=0) < 0.16
         last = points, fade
     assert jumps > 100
+
+
+def test_the_image_of_a_flake_is_the_twins():
+    sigma = np.array([[0.01, 0.3, 0.5], [0.6, 1.0, 40.0]])
+    variance, share = looks.image_of(sigma)
+    want = np.maximum(sigma**2 + 1 / 12, 0.38)
+    np.testing.assert_array_equal(variance, want)
+    np.testing.assert_allclose(share, twin.share(sigma**2, want), rtol=1e-15)
+    # It is what splat draws: a flake of sigma 1 px, centred on a pixel.
+    drawn = particles.splat((1, 1), [[0.0, 0.0, 1.0]], 0.03, fl.Camera(100.0), opacity=0.5,
+                            dtype=np.float64)  # fmt: skip
+    np.testing.assert_allclose(drawn[0, 0], 0.5 * share[1, 1], rtol=1e-12)
+
+
+def test_the_first_flakes_are_there_and_too_large_ones_are_not():
+    there = looks.presence(np.arange(1000), count=1000, amount=0.4, fade_in=0.1)
+    rank = (np.arange(1000) + 0.5) / 1000
+    np.testing.assert_allclose(there, np.clip((0.4 - 0.9 * rank) / 0.1, 0, 1), atol=1e-14)
+    t = np.clip((np.array([[1.0, 3.5], [4.0, 7.0]]) - 3.5) / 2.5, 0, 1)
+    shown = looks.size_fade([[1.0, 3.5], [4.0, 7.0]], (3.5, 6.0))
+    np.testing.assert_allclose(shown, 1 - 3 * t**2 + 2 * t**3, atol=1e-15)

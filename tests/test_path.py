@@ -14,7 +14,7 @@ from scipy.integrate import quad
 
 import flurries as fl
 from every import every
-from flurries.effects import Frame
+from flurries.frame.view import Frame
 
 Camera, Keys, Scene, Snow = fl.camera.Camera, fl.Keys, fl.Scene, fl.Snow
 LENS = Camera(300.0)
@@ -165,22 +165,28 @@ def frame_of(scene: fl.Scene, t: float) -> Frame:
                  fps=scene.fps, camera=scene.camera.camera, path=scene.camera, seed=1)  # fmt: skip
 
 
+def asked(snow: fl.Snow, frame: Frame) -> Any:
+    """What the kernel is asked for the texture."""
+    field = snow.parts.texture.field
+    return field.request(frame, field.motion.way(frame))
+
+
 @pytest.mark.parametrize(("wind", "fall"), [((0.7, 0.0, 0.0), 1.4), ((-3.0, 0.5, 0.0), 0.1)])
 def test_the_longest_wave_moves_as_a_flake_at_its_depth(wind: Any, fall: float):
     snow = Snow(wind=wind, fall=fall, near_depth=9.0)
     scene = Scene((W, H), camera=Camera(123.0), effects=[snow], fps=25.0)
-    requests = [snow.texture_request(frame_of(scene, t)) for t in (4.0, 5.0)]
+    requests = [asked(snow, frame_of(scene, t)) for t in (4.0, 5.0)]
     speed = 123.0 * np.array([wind[0], wind[1] + fall]) / (25.0 * 9.0)
     assert np.abs(requests[1].drift - requests[0].drift - speed).max() < 1e-12
     assert np.abs(requests[0].velocity - speed).max() < 1e-12
-    assert requests[0].wavelengths == snow.band((H, W))
+    assert requests[0].wavelengths == snow.parts.texture.field.band((H, W))
 
 
 def test_a_million_frames_are_exact():
     snow = Snow(wind=(0.35, 0.0, 0.0), fall=1.4, near_depth=12.0)
     scene = Scene((256, 256), camera=Camera(307.2), effects=[snow], fps=30.0)
-    drift = snow.texture_request(frame_of(scene, 1_000_000.0)).drift[0, 0, 0]
-    longest = Fraction(snow.band((256, 256))[1])
+    drift = asked(snow, frame_of(scene, 1_000_000.0)).drift[0, 0, 0]
+    longest = Fraction(snow.parts.texture.field.band((256, 256))[1])
     for got, speed in zip(drift, (0.35, 1.4), strict=True):
         cycles = Fraction(307.2) * Fraction(speed) * 1_000_000 / 30 / 12 / longest
         assert abs(Fraction(float(got)) / longest - cycles) <= 1e-9
@@ -195,10 +201,10 @@ def test_keyed_air_has_come_as_far_as_its_integral():
     scene = Scene((W, H), camera=path, effects=[snow], fps=20.0)
     for t in (-7.5, 0.0, 4.25, 30.0):
         air = (np.array(wind.integral(t)) + np.array([0.0, fall.integral(t), 0.0])) / 20.0
-        moved = snow.displacement(frame_of(scene, t))
+        moved = snow.parts.motion.way(frame_of(scene, t)).moved
         assert np.abs(moved - (path.place(t, fps=20.0) - air)).max() < 1e-13
-        ahead, behind = (snow.displacement(frame_of(scene, t + s)) for s in (1e-3, -1e-3))
-        rate = snow.velocity(frame_of(scene, t))
+        ahead, behind = (snow.parts.motion.way(frame_of(scene, t + s)).moved for s in (1e-3, -1e-3))
+        rate = snow.parts.motion.way(frame_of(scene, t)).rate
         assert np.abs((ahead - behind) / 2e-3 - rate).max() < 1e-3  # a key may lie between
 
 
@@ -229,7 +235,7 @@ def test_a_camera_that_looks_along_the_wind_sees_it_go_away():
     snow = Snow(wind=(1.0, 0.0, 0.0), fall=0.0, tile=16, overlap=0, wavelengths=(2.0, 8.0))
     lens = Camera(100.0, rotation=(0.0, np.pi / 2, 0.0))  # to the right
     scene = Scene((96, 64), camera=lens, effects=[snow])
-    drift = snow.texture_request(frame_of(scene, 30.0)).drift[:, :, 0]
+    drift = asked(snow, frame_of(scene, 30.0)).drift[:, :, 0]
     x = np.arange(8, 96, 16) - 48.0
     assert np.allclose(drift[..., 0], -x / 12.0, atol=1e-12), "towards the middle, 1 m in 12"
 
@@ -254,8 +260,8 @@ def test_a_lens_far_off_the_middle_is_no_endless_work(center: tuple[float, float
     middle = frame_of(Scene((W, H), camera=Camera(100.0), effects=[most]), 0.0)
     try:
         scene = Scene((W, H), camera=Camera(100.0, center=center), effects=[snow])
-        count = snow.count(frame_of(scene, 0.0))
+        count = snow.parts.flakes.count(frame_of(scene, 0.0))
     except ValueError as error:
         assert "center" in str(error) or "flakes" in str(error)
     else:
-        assert count <= most.count(middle)
+        assert count <= most.parts.flakes.count(middle)

@@ -15,8 +15,9 @@ from scipy.integrate import quad
 import flurries as fl
 import measure
 from flurries.cli import main
+from flurries.effects.layout import streaks_tile
 from flurries.io import read_picture
-from flurries.scene.toml import fingerprint
+from flurries.scene.fingerprint import fingerprint
 from flurries.spectral.contrast import kept_power, mean_opacity
 
 Rain, Scene, Camera = fl.Rain, fl.Scene, fl.camera.Camera
@@ -31,7 +32,7 @@ def black(effect: Any, size: tuple[int, int] = (512, 512), **about: Any) -> fl.S
 
 
 def one(scene: fl.Scene, t: float = 0.0) -> fl.Frame:
-    return scene._asks(t, None, (0, scene.shape[0], 0, scene.shape[1]), None)[0][1]
+    return scene.program.views(t)[0][1]
 
 
 def test_presets_are_named_and_grow():
@@ -148,11 +149,13 @@ def test_streaks_move_where_the_tile_follows_the_rule(wavelengths: Any, near: fl
     down = {**BARE, "wind": (0.0, 0.0, 0.0), "wavelengths": wavelengths, "near_depth": near}
     scene = black(Rain(**down), camera=Camera(600.0))
     rain, frame = scene.effects[0], one(scene)
-    tile, _ = rain.tiles(frame)
-    cycles = rain.cycles(frame)
-    assert tile >= rain.needed_tile(frame) and tile % 8 == 0
+    field = rain.parts.texture.field
+    (tile, _), _ = field.layout(frame).tiling
+    cycles = field.cycles(frame, field.motion.way(frame))
+    needed = streaks_tile(cycles, wavelengths)
+    assert tile >= needed and tile % 8 == 0
     if wavelengths == (4.0, 32.0):
-        assert rain.needed_tile(frame) == pytest.approx(144.0 * cycles, rel=1e-12)
+        assert needed == pytest.approx(144.0 * cycles, rel=1e-12)
     assert share_still(rain) < 0.11
     # The negative control: a quarter of the tile.
     with warnings.catch_warnings():
@@ -177,12 +180,14 @@ def test_the_tile_is_one_for_the_film():
         fall=fl.Keys([(0, 2.0), (50, 9.0)]), wind=fl.Keys([(0, (0, 0, 0)), (9, (3, 0, 0))])
     )
     scene = Scene((512, 300), effects=[keyed])
-    tiles = {keyed.tiles(one(scene, t)) for t in (-5, 0, 9, 30, 50, 500)}
+    parts = keyed.parts
+    layouts = [parts.texture.field.layout(one(scene, t)) for t in (-5, 0, 9, 30, 50, 500)]
+    tiles = {layout.tiling for layout in layouts}
     assert len(tiles) == 1
-    fastest = keyed.fastest(one(scene))
+    fastest = parts.motion.fastest(scene.camera, 30.0)
     assert fastest * 30.0 == pytest.approx(math.hypot(3.0, 9.0), rel=1e-12)
     flying = scene.replace(camera=fl.CameraPath(Camera(600.0), velocity=(0.0, 0.0, 20.0)))
-    assert keyed.fastest(one(flying)) * 30.0 > 20.0
+    assert parts.motion.fastest(flying.camera, 30.0) * 30.0 > 20.0
 
 
 def test_texture_and_drops_fall_alike():
@@ -199,7 +204,7 @@ def test_texture_and_drops_fall_alike():
     for seed in range(4):
         scene = black(Rain(**{**slow, **drops}), camera=Camera(measure.FOCAL), seed=seed)
         frames = [scene.render(t)[..., 0].astype(float) for t in (7.0, 8.0)]
-        points, _, shown = scene.effects[0].places(one(scene, 7.0))
+        points, _, shown, _ = scene.effects[0].parts.flakes.places(one(scene, 7.0))
         points = points[(shown > 0.0) & (points[:, 2] > 2.0)]
         px = points[:, :2] * measure.FOCAL / points[:, 2:] + 256.0
         for i in np.flatnonzero(measure.lone(px)):
@@ -216,7 +221,7 @@ def test_texture_and_drops_fall_alike():
 def test_drops_are_streaks_as_long_as_the_shutter(shutter: float):
     rain = Rain(texture=0.0, haze=0.0, drops=400, shutter=shutter, wind=(0.0, 0.0, 0.0), color=1.0)
     scene = black(rain, (640, 640), camera=Camera(700.0))
-    points, _, shown = rain.places(one(scene, 3.0))
+    points, _, shown, _ = rain.parts.flakes.places(one(scene, 3.0))
     inside = (shown > 0.5) & (np.abs(points[:, 2] - 6.0) < 1.5)
     alpha = scene.render(3.0)[..., 0].astype(float)
     px = points[:, :2] * 700.0 / points[:, 2:] + 320.0

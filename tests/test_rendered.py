@@ -85,8 +85,9 @@ def test_the_texture_moves_as_the_mean_of_its_gradients():
     effect = fl.Snow(fall=0.6, wind=(0.2, 0, 0), flakes=0, alias="keep", shutter=0.0)
     scene = fl.Scene((W, H), camera=fl.Camera(300.0), effects=effect)
     got = scene.render(10, layers=True)
-    low, high = effect.band((H, W))
-    tile = effect.tiling((H, W), False)[0]
+    low, high = effect.parts.texture.field.band((H, W))
+    # 8/3 of the longest wave, in whole steps of 8 px; 16 px at least.
+    tile = max(8 * int(np.ceil(high / 3.0)), 16)
     k = np.hypot(np.fft.fftfreq(tile)[:, None], np.fft.fftfreq(tile)[None])
     inside = (k > 0) & (1 / np.maximum(k, 1e-9) > low) & (1 / np.maximum(k, 1e-9) <= high)
     power = np.where(inside, np.maximum(k, 1e-9) ** (-2 * effect.exponent), 0.0)

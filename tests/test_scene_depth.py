@@ -11,7 +11,7 @@ import pytest
 
 import flurries as fl
 from flurries.io import fit, fit_nearest, read_depth, write_layers, write_picture
-from flurries.scene.toml import fingerprint
+from flurries.scene.fingerprint import fingerprint
 
 W, H = 60, 40
 RNG = np.random.default_rng(31)

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import flurries as fl
-from flurries.effects.limited import share_of, weights
+from flurries.effects.occlusion import share_before
 from flurries.io import linear_to_srgb, srgb_to_linear
 
 Snow, Scene = fl.Snow, fl.Scene
@@ -35,7 +35,7 @@ def test_what_is_beyond_all_snow_changes_nothing(mode: str):
         fl.Rain(depth_mode=mode, drops=500, overlap=16),
     ):
         want = alpha(snow, None)
-        far = max(snow.far_depth((H, W)), snow.population(0.0).reach)
+        far = max(snow.parts.texture.field.far_depth, snow.parts.flakes.reach)
         for depth in (np.full((H, W), np.inf), 1.001 * far):
             got = alpha(snow, depth)
             assert np.array_equal(got, want) or np.abs(got - want).max() < 1e-7
@@ -99,21 +99,57 @@ def test_blur_keeps_the_mean_before_a_wall_too(mode: str):
     assert blurred == pytest.approx(sharp, rel=0.06)
 
 
-def test_weights_of_tiles_are_those_of_the_kernel():
-    # Tiles of one value each: the law of means under `power`, w and not its root.
-    for length, tile, overlap in ((100, 32, 8), (70, 16, 0), (95, 24, 12), (20, 32, 5)):
-        starts = fl.spectral.tile_starts(length, tile=tile, overlap=overlap)
-        got = weights(starts, length, tile, overlap)
-        assert np.abs(got.sum(axis=1) - 1.0).max() < 1e-14
-        for number in range(len(starts)):
-            tiles = np.zeros((len(starts), 1, tile, tile))
-            tiles[number] = 1.0
-            blended = fl.spectral.blend_tiles(tiles, (length, min(tile, 5)), overlap=overlap)
-            assert np.abs(blended[:, 0] ** 2 - got[:, number]).max() < 1e-14
+# Linear blending -----------------------------------------------------------------------------
+
+LINEAR = {**PLAIN, "blend": "linear", "overlap": 24, "power": 2.0, "spread": 3.0}
+
+
+@pytest.mark.parametrize("mode", MODES)
+def test_before_a_wall_seams_show_the_share_of_what_they_show_before_the_sky(mode: str):
+    # Blended linearly the field has less variance at seams, and its opacity another mean: what a
+    # wall leaves is a share of that. One factor for all pixels would leave 3 % too much there.
+    sky, wall = (
+        np.mean([alpha(Snow(**LINEAR, depth_mode=mode), d, t=t) for t in range(0, 900, 6)], axis=0)
+        for d in (None, 24.0)
+    )
+    row = np.arange(W) % 40
+    seam = (row >= 8) & (row < 16) & (np.arange(W) >= 40)
+    ratio = wall[:, seam].mean() / sky[:, seam].mean()
+    middle = ~seam & (row > 28) & (row < 36)
+    assert sky[:, seam].mean() < 0.975 * sky[:, middle].mean()
+    assert ratio == pytest.approx(1 / 3, rel=0.012)
+    assert wall[:, middle].mean() / sky[:, middle].mean() == pytest.approx(1 / 3, rel=0.012)
+
+
+@pytest.mark.parametrize("blend", ["linear", "power"])
+def test_depth_and_motion_of_a_seam_are_weighed_by_power(blend: str):
+    # Left a wall, right the sky: tiles of two depths, and between them a mix by their squares.
+    half = np.full((H, W), np.inf, np.float32)
+    half[:, :80] = 26.0
+    snow = Snow(**{**LINEAR, "blend": blend, "fall": 0.4, "wind": (0.2, 0.0, 0.0)})
+    got = Scene((W, H), effects=[snow], depth=half).render(5, layers=True)
+    depth, motion = got.depths["snow"][100], got.motions["snow"][100]
+    # Tiles of 64 px begin every 40 px; the first ends before the wall's edge, the second does not.
+    seam = slice(40, 64)
+    place = (np.arange(40, 64) - 40 + 0.5) / 24.0
+    other = np.sin(0.5 * np.pi * place) ** 2 if blend == "power" else place
+    if blend == "linear":
+        other = other**2 / (other**2 + (1.0 - other) ** 2)
+    for plane in (depth, motion[:, 1]):
+        first, second = plane[20], plane[70]
+        assert first != second
+        assert plane[seam] == pytest.approx(first + other * (second - first), rel=1e-5)
+    # What is drawn one by one knows nothing of the texture's blend.
+    crowd = {**LINEAR, "blend": blend, "flakes": 300, "sway": (0.0, 1.0)}
+    covers = [
+        Scene((W, H), effects=[Snow(**{**crowd, **more})], depth=20.0).render(5, layers=True)
+        .coverages["snow"] for more in ({}, {"texture": 0.0})
+    ]  # fmt: skip
+    assert covers[0].max() > 0.1 and np.array_equal(*covers)
 
 
 def test_share_is_even_over_octaves():
-    got = share_of(np.array([3.0, 12.0, 24.0, 48.0, 96.0, 500.0, np.inf]), NEAR, FAR)
+    got = share_before(np.array([3.0, 12.0, 24.0, 48.0, 96.0, 500.0, np.inf]), NEAR, FAR)
     assert got == pytest.approx([0.0, 0.0, 1 / 3, 2 / 3, 1.0, 1.0, 1.0], abs=1e-12)
 
 
@@ -135,7 +171,7 @@ def test_flakes_behind_the_scene_are_hidden():
 
 def test_the_veil_thickens_with_the_way_through_it():
     veil = Snow(texture=0.0, flakes=0, haze=0.4)
-    far = veil.far_depth((H, W))
+    far = veil.parts.veil.far
     sky = alpha(veil, None)
     assert sky == pytest.approx(0.4, abs=1e-6)
     for part in (0.01, 0.25, 0.5, 1.0, 7.0):

@@ -11,7 +11,7 @@ import pytest
 
 import flurries as fl
 from flurries.io import write_picture
-from flurries.scene.toml import fingerprint
+from flurries.scene.fingerprint import fingerprint
 
 Keys, Scene, Snow = fl.Keys, fl.Scene, fl.Snow
 RNG = np.random.default_rng(8)

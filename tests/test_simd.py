@@ -20,6 +20,10 @@ common["dtype"] = dtype
 parts = [
     fl.spectral.alpha((200, 150), tile=64, preserve_mean=True, **common),
     fl.spectral.field((90, 70), tile=33, overlap=7, jitter=True, **common),
+    fl.spectral.optical_depth(
+        (90, 70), fl.spectral.flake_patterns(32, counts=[9], diameters=[[1, 2]], shear=0.3, seed=1),
+        drift=[(3.0, -9.0)], velocity=[(1.0, 4.0)], shutter=0.5, shear=0.3, seed=5, dtype=dtype,
+    ),
     fl.composite.snow(np.full((9, 8, 3), 0.3, dtype), np.linspace(0, 1, 72).reshape(9, 8)).ravel(),
 ]
 np.save(sys.argv[1], np.concatenate([part.ravel() for part in parts]))

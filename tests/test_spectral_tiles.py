@@ -8,6 +8,7 @@ import pytest
 import flurries as fl
 import twin
 from every import every
+from flurries.spectral.tiles import tile_shares
 
 LENGTHS = [1, 2, 63, 64, 65, 117, 118, 119, 130, 200]
 OVERLAPS = [0, 1, 10, 32, 48, 63]
@@ -140,3 +141,18 @@ def test_neighbouring_tiles_are_independent():
     neighbours = np.mean(tiles[1:] * tiles[:-1], axis=1)
     assert np.abs(np.mean(neighbours)) < 0.02
     assert np.abs(neighbours).max() < 0.35
+
+
+@pytest.mark.parametrize("blend", ["power", "linear"])
+@pytest.mark.parametrize("overlap", OVERLAPS)
+@pytest.mark.parametrize("length", LENGTHS)
+def test_shares_are_the_twins_and_sum_to_one(length: int, overlap: int, blend: str):
+    got = tile_shares(length, tile=64, overlap=overlap, blend=blend)
+    weights = twin.axis_weights(length, 64, overlap, blend)
+    want = np.zeros_like(got)
+    starts = twin.tile_starts(length, tile=64, overlap=overlap)
+    for tile, (start, of_tile) in enumerate(zip(starts, weights, strict=True)):
+        part = want[start : start + 64, tile]
+        part[:] = of_tile[: len(part)] ** (2 if blend == "power" else 1)
+    np.testing.assert_allclose(got, want, atol=1e-14)
+    np.testing.assert_allclose(got.sum(axis=1), 1.0, atol=1e-14)

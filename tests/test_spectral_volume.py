@@ -253,3 +253,16 @@ def test_velocities_beyond_sense_are_no_panic():
     with pytest.warns(UserWarning, match="backwards"):
         film = fl.spectral.volume(4, 16, (1e100, -1e99), seed=1, wavelengths=(2.0, 8.0))
     assert np.isfinite(film).all()
+
+
+def test_cells_on_the_tent_turn_less_than_a_cycle_a_frame():
+    with pytest.raises(ValueError, match="velocity"):
+        fl.spectral.volume(8, 64, (40.0, 0.0), seed=1, cells="overlap")
+
+
+@pytest.mark.filterwarnings("ignore::UserWarning")
+def test_a_tile_too_small_for_its_waves_and_a_film_too_large_are_refused():
+    with pytest.raises(ValueError, match="wavelengths"):
+        fl.spectral.volume(8, 3, (8.0, 8.0), seed=1)
+    with pytest.raises(ValueError, match="frames"):
+        fl.spectral.volume(2**30, 2**14, (8.0, 8.0), seed=1)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
+from itertools import combinations, pairwise
 from pathlib import Path
 from typing import Any
 
@@ -14,8 +15,9 @@ import flurries as fl
 from flurries.cli import main
 from flurries.frame import calibration
 from flurries.frame import tolerance as spending
-from flurries.frame.needs import Needs, Saving, Step
-from flurries.frame.tolerance import TABLE, Asking, Error, Light, choose
+from flurries.frame.costs import NANOSECONDS
+from flurries.frame.needs import Cost, Needs, Saving, Step
+from flurries.frame.tolerance import TABLE, Light, choose
 from flurries.io.color import linear_to_srgb, looked_up, to_integer
 
 TOLERANCES = (1 / 255, 1e-3, 1e-5)
@@ -24,10 +26,10 @@ SCENES = 100
 
 
 @pytest.fixture(autouse=True)
-def cache(monkeypatch: pytest.MonkeyPatch) -> None:
+def cache(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     """Times are not looked at: none are measured."""
-    monkeypatch.setattr(calibration, "_known", {n: {"kernel": 1.0, "array": 1.0} for n in range(9)})
-    monkeypatch.setattr(calibration, "scales", lambda: {"kernel": 1.0, "array": 1.0})
+    monkeypatch.setenv("FLURRIES_CACHE", str(tmp_path))
+    monkeypatch.setattr(calibration, "measure", lambda: {"kernel": 1.0, "array": 1.0})
 
 
 def random_scene(number: int) -> fl.Scene:
@@ -95,7 +97,7 @@ def test_the_error_stays_within_the_tolerance(number: int):
     scene = random_scene(number)
     for tolerance in TOLERANCES:
         exact = scene.render(5)
-        choice = scene.program.choice(5.0, exact.dtype, tolerance)
+        choice = scene.program.choice(5.0, tolerance)
         assert choice.error <= tolerance
         found = off(scene, tolerance)
         if choice.error == 0.0:
@@ -107,12 +109,24 @@ def test_the_error_stays_within_the_tolerance(number: int):
             assert found <= choice.error + 4.0 * 2.0**-24 * max(float(np.abs(exact).max()), 1.0)
 
 
+def test_more_tolerance_never_saves_less():
+    steps = [0.0, 1e-6, 1e-5, 1e-4, 1e-3, 3e-3, 1 / 255, 5e-3, 1e-2, 3e-2, 0.1]
+    rises = 0
+    for number in range(SCENES):
+        program = random_scene(number).program
+        spent = [program.choice(5.0, tolerance).spent for tolerance in steps]
+        saved = [sum(one.milliseconds for one in choice) for choice in spent]
+        assert all(after >= before - 1e-9 for before, after in pairwise(saved))
+        rises += saved[-1] > saved[0]
+    assert rises > SCENES // 2
+
+
 def test_the_scenes_spend_something():
     kinds: set[str] = set()
     errors = []
     for number in range(SCENES):
         scene = random_scene(number)
-        choice = scene.program.choice(5.0, scene.render(0).dtype, 1 / 255)
+        choice = scene.program.choice(5.0, 1 / 255)
         kinds |= {one.what.split(": ")[-1] for one in choice.spent}
         if choice.spent:
             errors.append(off(scene, 1 / 255))
@@ -234,65 +248,70 @@ def test_the_table_errs_as_little_as_it_says(bits: int):
 
 
 def test_integers_count_steps():
-    byte = Light(linear=False, same=True, step=1 / 255, reach=1.0, slope=1.0)
+    byte = Light(same=True, step=1 / 255, reach=1.0, slope=1.0)
     # An altered layer errs by a whole step however little; one that is left out by the nearest.
-    assert byte.total([Error(layer=1e-4)]) == pytest.approx(1 / 255)
-    assert byte.total([Error(gone=1e-4)]) == 0.0
-    assert byte.total([Error(gone=1.4 / 255)]) == pytest.approx(1 / 255)
-    assert byte.total([Error(gone=1.6 / 255)] * 2) == pytest.approx(4 / 255)
-    assert byte.total([]) == byte.total([Error()]) == 0.0
+    assert byte.price(layer=1e-4) == pytest.approx(1 / 255)
+    assert byte.price(gone=1e-4) == byte.price() == 0.0
+    assert byte.price(gone=1.4 / 255) == pytest.approx(1 / 255)
+    assert byte.price(gone=1.6 / 255) == pytest.approx(2 / 255)
     # Laid one over another, in the worst order, by exact integers.
     rng = np.random.default_rng(5)
     for _ in range(2000):
         value = near = float(rng.integers(0, 256))
-        errors = []
+        price = 0.0
         for _ in range(3):
             alpha, color = rng.random(), rng.integers(0, 256)
             error = float(rng.choice([0.0, 0.3, 1.0, 2.5])) / 255.0
             gone = rng.random() < 0.5
             if gone:
                 alpha = min(alpha, error)
-                errors.append(Error(gone=error))
+                price += byte.price(gone=error)
             else:
-                errors.append(Error(layer=error))
+                price += byte.price(layer=error)
             value = np.rint(value + alpha * (color - value))
             if not gone:
                 close = np.clip(alpha + rng.uniform(-error, error), 0.0, 1.0)
                 near = np.rint(near + close * (color - near))
-        assert abs(value - near) / 255.0 <= byte.total(errors) + 1e-12
+        assert abs(value - near) / 255.0 <= byte.error(price) + 1e-12
 
 
-def asking(index: int, *savings: tuple[str, float, float], whole: float = 1.0) -> Asking:
-    """An effect whose steps cost and err as given: (name, error, nanoseconds)."""
-    each = tuple(Saving(n, f"no {n}", e, lambda _, ns=ns: ns) for n, e, ns in savings)
-    total = sum(ns for _, _, ns in savings)
-    everything = Saving("all", "all", whole, lambda _: total, all=True)
-    steps = tuple(Step(name) for name, _, _ in savings)
-    return Asking(index, f"effect{index}", Needs(steps, savings=(*each, everything)))
+def asking(*savings: tuple[str, float, float], whole: float = 1.0) -> Needs:
+    """The needs of steps that cost and err as given: (name, error, milliseconds)."""
+
+    def cost(milliseconds: float) -> Cost:
+        return Cost({"array number": 1e6 * milliseconds / NANOSECONDS["array number"][1]})
+
+    each = tuple(Saving(n, f"no {n}", e, lambda _, ms=ms: 1e6 * ms) for n, e, ms in savings)
+    steps = tuple(Step(name, lambda ms=ms: cost(ms)) for name, _, ms in savings)
+    return Needs(steps, savings=each, most=whole)
 
 
 def test_the_budget_goes_where_most_time_is_saved():
-    light = Light(linear=True, same=True, step=0.0, reach=1.0, slope=1.0)
+    light = Light(same=True, step=0.0, reach=1.0, slope=1.0)
 
-    def hides(_: float) -> float:
-        return 0.0
-
-    def taken(tolerance: float, *asked: Asking) -> set[tuple[int, str]]:
-        found = choose(asked, light, tolerance, values=1, hides=hides)
+    def taken(tolerance: float, *needs: Needs) -> set[tuple[int, str]]:
+        asked = [(place, f"effect{place}", one) for place, one in enumerate(needs)]
+        found = choose(asked, light, tolerance, values=1)
         assert found.error <= tolerance
         return {(i, name) for i, names in found.without.items() for name in names}
 
-    a = asking(0, ("x", 0.5, 10.0), ("y", 0.3, 7.0), whole=0.65)
-    b = asking(1, ("z", 0.3, 6.0))
+    a = asking(("x", 0.5, 10.0), ("y", 0.3, 7.0), whole=0.65)
+    b = asking(("z", 0.3, 6.0))
     assert taken(0.2, a, b) == set()
     assert taken(0.3, a, b) == {(0, "y")}
     assert taken(0.6, a, b) == {(0, "y"), (1, "z")}
     # The whole effect errs by less than its parts one by one.
     assert taken(0.66, a, b) == {(0, "x"), (0, "y")}
     assert taken(0.99, a, b) == {(0, "x"), (0, "y"), (1, "z")}
-    assert taken(0.79, replace(a, needs=replace(a.needs, savings=a.needs.savings[:2])), b) == {
-        (0, "y"), (1, "z"),
-    }  # fmt: skip
-    # Many: one by one, within the tolerance too.
-    many = [asking(i, ("x", 0.01 * (i + 1), 5.0), ("y", 0.02, 1.0)) for i in range(8)]
-    assert len(taken(0.1, *many)) >= 3
+    assert taken(0.79, replace(a, most=1.0), b) == {(0, "y"), (1, "z")}
+    # The best of many, against all combinations tried one by one.
+    many = [asking(("x", 0.01 * (i + 1), 5.0), ("y", 0.02, 1.0 + i)) for i in range(6)]
+    items = [(s.error, s.saved(0.0)) for one in many for s in one.savings]
+    best = max(
+        sum(ns for _, ns in some)
+        for count in range(len(items) + 1)
+        for some in combinations(items, count)
+        if sum(error for error, _ in some) <= 0.1 + 1e-12
+    )
+    saved = {(i, s.name): s.saved(0.0) for i, one in enumerate(many) for s in one.savings}
+    assert sum(saved[one] for one in taken(0.1, *many)) == pytest.approx(best)

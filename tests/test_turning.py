@@ -5,6 +5,7 @@ from __future__ import annotations
 import copy
 import pickle
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +18,7 @@ from skimage.registration import optical_flow_ilk
 import flurries as fl
 import measure
 from every import every
-from flurries.camera.turning import rotation_vector
+from flurries.camera.rotation import rotation_vector
 from measure import FLAKES, FOCAL, LONGEST, NEAR, SIZE, TEXTURE, picture, scene
 
 Camera, Keys, Path_ = fl.camera.Camera, fl.Keys, fl.CameraPath
@@ -71,7 +72,7 @@ def test_a_mounted_camera_turns_with_the_rig():
     path = Path_(Camera(300.0, rotation=mount), orientation=TURNS.as_rotvec())
     want = twin_turn(2.4) @ Rotation.from_rotvec(mount).as_matrix()
     assert np.abs(path.turn(2.4) - want).max() < 1e-14
-    assert np.abs(path.seen(path.camera, 2.4).matrix() - want).max() < 1e-14
+    assert np.abs(path.pose(path.camera, 2.4).matrix() - want).max() < 1e-14
     assert np.abs(path.rig(2.4) - twin_turn(2.4)).max() < 1e-14
 
 
@@ -138,7 +139,7 @@ def test_the_sum_of_the_turning_is_its_integral():
     path = Path_(LENS, orientation=TURNS.as_rotvec())
     for t in TIMES:
         angle = integral(lambda u: twin_turn(u).T @ path.spin(u), t)
-        assert np.abs(path.rig(t).T @ path.turned(t) - angle).max() < 2e-11 * max(1.0, abs(t))
+        assert np.abs(path.rig(t).T @ path.rotation(t) - angle).max() < 2e-11 * max(1.0, abs(t))
 
 
 def test_p_is_not_the_place_seen_from_now():
@@ -210,15 +211,17 @@ def test_a_closed_path_returns_the_frame():
         assert not path.turns
         shown = fl.Scene((90, 70), camera=path, effects=[still])
         # But for the waves' temporal filter, which goes by the rate of the frame.
-        first, last = (shown.effects[0].texture_request(one(shown, t)) for t in (0.0, 4.0))
+        field = still.parts.texture.field
+        frames = [one(shown, t) for t in (0.0, 4.0)]
+        first, last = (field.request(frame, field.motion.way(frame)) for frame in frames)
         assert np.array_equal(first.drift, last.drift) and np.array_equal(first.shift, last.shift)
-        kept = shown.replace(effects=[fl.Snow(**{**vars(still), "alias": "keep"})])
+        kept = shown.replace(effects=[replace(still, alias="keep")])
         assert np.array_equal(kept.render(0), kept.render(4))
         assert not np.array_equal(kept.render(0), kept.render(2))
 
 
 def one(shown: fl.Scene, t: float) -> fl.Frame:
-    return shown._asks(t, None, (0, *shown.shape[:1], 0, shown.shape[1]), None)[0][1]
+    return shown.program.views(t)[0][1]
 
 
 def test_an_orientation_that_stays_is_the_camera_s_own():
@@ -304,7 +307,7 @@ def flake_rows(shown: fl.Scene, t: float, step: float) -> np.ndarray:
     frames = picture(shown, t), picture(shown, t + step)
     frame = one(shown, t)
     snow = shown.effects[0]
-    points, _, fade = snow.places(frame)
+    points, _, fade, _ = snow.parts.flakes.places(frame)
     start = points[(points[:, 2] > 0.1) & (fade > 0.0)]
     px = start[:, :2] * FOCAL / start[:, 2:] + SIZE / 2.0
     inside = (np.abs(px - SIZE / 2.0) < SIZE).all(axis=1)

@@ -18,7 +18,7 @@ import pytest
 
 import flurries as fl
 import twin
-from flurries.scene.toml import EFFECTS
+from flurries.effects.kinds import OURS
 from flurries.viewer.charts import chart
 from flurries.viewer.controls import applied, controls_of
 from flurries.viewer.preview import Preview
@@ -186,10 +186,10 @@ def test_pages_do_not_move_each_others_air_and_old_ones_are_forgotten():
     assert len(session._air) <= 16 and "p" not in session._air
 
 
-@pytest.mark.parametrize("kind", sorted(EFFECTS))
+@pytest.mark.parametrize("kind", sorted(OURS))
 def test_every_effect_of_scene_files_can_be_tuned(kind: str):
     needs = {"matched_snow": {"density": 20.0, "radius": (0.006, 0.014), "depth": (3.0, 12.0)}}
-    scene = fl.Scene((64, 48), effects=[EFFECTS[kind](**needs.get(kind, {}))])
+    scene = fl.Scene((64, 48), effects=[OURS[kind](**needs.get(kind, {}))])
     session = Session(scene)
     about = session.describe()
     for control in about["controls"]:

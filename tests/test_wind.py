@@ -15,8 +15,8 @@ from scipy.integrate import solve_ivp
 import flurries as fl
 import measure
 from every import every
-from flurries.effects.moving import of_rings
-from flurries.scene.toml import fingerprint
+from flurries.effects.gusts import flakes_in_waves, wind_at
+from flurries.scene.fingerprint import fingerprint
 from measure import FLAKES, FOCAL, LONGEST, NEAR, SIZE, TEXTURE, TORUS, WAVES, picture, scene
 
 Wind, Keys, Snow, Camera = fl.Wind, fl.Keys, fl.Snow, fl.camera.Camera
@@ -31,7 +31,7 @@ LENS = Camera(FOCAL)
 
 
 def one(shown: fl.Scene, t: float, effect: int = 0) -> fl.Frame:
-    return shown._asks(t, None, (0, shown.shape[0], 0, shown.shape[1]), None)[effect][1]
+    return shown.program.views(t)[effect][1]
 
 
 # The field ---------------------------------------------------------------------------------------
@@ -127,32 +127,30 @@ def test_flakes_are_displaced_by_the_integral_along_their_way(t: float):
     snow = Snow(wind=wind, sway=(0.0, 1.0), flakes=40)
     calm = Snow(wind=wind.mean, sway=(0.0, 1.0), flakes=40)
     shown, plain = scene(snow), scene(calm)
-    from flurries.effects.moving import waves_of_flakes
 
     points = RNG.uniform((-4, -4, 2), (4, 4, 12), (30, 3))
-    moved, rate = waves_of_flakes(snow, one(shown, t), points)
+    moved, rate = flakes_in_waves(snow.parts.motion, one(shown, t), points)
     start = points - (np.array(wind.mean) + np.array([0.0, snow.fall, 0.0])) * t / 30.0
     # Since frame 0; where the swings begin is free.
-    first, _ = waves_of_flakes(snow, one(shown, 0.0), start)
+    first, _ = flakes_in_waves(snow.parts.motion, one(shown, 0.0), start)
     want = carried_by(wind, start, snow.fall, t / 30.0)
     assert np.abs(moved - first - want).max() < 1e-9
     assert np.abs(rate * 30.0 - (wind.velocity(points, t / 30.0) - wind.mean)).max() < 1e-12
     # What is drawn is that: the same flakes as without gusts, each displaced.
     assert one(plain, t).seed == one(shown, t).seed
-    box = snow.box(one(shown, t))
-    assert (box > calm.box(one(plain, t)) + np.array([0.5, 0.5, -1e-9])).all()
+    box = snow.parts.flakes.box(one(shown, t)).sides
+    assert (box > calm.parts.flakes.box(one(plain, t)).sides + np.array([0.5, 0.5, -1e-9])).all()
 
 
 def test_a_keyed_wind_is_integrated_too():
     wind = Wind(Keys([(0, (1.0, 0.0, 0.0)), (40, (-2.0, 0.5, 1.0))]), gusts=0.8, seed=2)
     fall = Keys([(10, 1.0), (30, 2.0)])
     snow = Snow(wind=wind, fall=fall)
-    from flurries.effects.moving import waves_of_flakes
 
     points = RNG.uniform((-4, -4, 2), (4, 4, 12), (10, 3))
     for t in (25.0, 60.0):
         frame = one(scene(snow), t)
-        moved, _ = waves_of_flakes(snow, frame, points)
+        moved, _ = flakes_in_waves(snow.parts.motion, frame, points)
 
         def way(s: float) -> np.ndarray:
             down = np.array([0.0, fall.integral(s), 0.0])
@@ -164,19 +162,18 @@ def test_a_keyed_wind_is_integrated_too():
             return waves.at(base, np.exp(-1j * waves.omega * s / 30.0)).ravel() / 30.0
 
         got = solve_ivp(rate, (0.0, t), np.zeros(30), rtol=1e-11, atol=1e-12)
-        first, _ = waves_of_flakes(snow, one(scene(snow), 0.0), points - way(t))
+        first, _ = flakes_in_waves(snow.parts.motion, one(scene(snow), 0.0), points - way(t))
         assert np.abs((moved - first).ravel() - got.y[:, -1]).max() < 1e-8
 
 
 def test_gusts_stay_bounded_for_ever():
     wind = Wind((1.5, 0.0, 0.0), gusts=1.2, swirl=0.6, seed=5)
     snow = Snow(wind=wind)
-    from flurries.effects.moving import waves_of_flakes
 
     points = RNG.uniform((-9, -9, 1), (9, 9, 12), (400, 3))
     sizes = []
     for t in (1e2, 1e3, 1e4, 1e5, 1e6, -1e6):
-        moved, _ = waves_of_flakes(snow, one(scene(snow), t), points)
+        moved, _ = flakes_in_waves(snow.parts.motion, one(scene(snow), t), points)
         sizes.append(np.sqrt((moved**2).sum(axis=1).mean()))
     assert max(sizes) < 2.0 * wind.waves.spread()
     assert max(sizes) > 0.1 * wind.waves.spread()
@@ -188,21 +185,20 @@ def test_rings_and_flakes_of_one_depth_move_alike(name: str):
     wind = WINDS[name]
     snow = Snow(wind=wind, wavelengths=(4.0, LONGEST))
     frame = one(scene(snow), 33.0)
-    from flurries.effects.moving import waves_of_flakes
 
     ahead = RNG.uniform((-6, -6, 3), (6, 6, 60), (40, 3))
-    _, of_air = of_rings(snow, frame, ahead)
-    _, of_flakes = waves_of_flakes(snow, frame, ahead)
+    _, of_air = wind_at(snow.parts.motion, frame, ahead)
+    _, of_flakes = flakes_in_waves(snow.parts.motion, frame, ahead)
     assert np.abs(of_air - of_flakes).max() < 1e-14
     # The displacement is the integral of the rate at the place.
     step = 1e-4
     frames = [one(scene(snow), 33.0 + s) for s in (-step, step)]
-    before, after = (of_rings(snow, f, ahead)[0] for f in frames)
+    before, after = (wind_at(snow.parts.motion, f, ahead)[0] for f in frames)
     assert np.abs((after - before) / (2 * step) - of_air).max() < 1e-8
     # And of a camera that flies, with the place.
     path = fl.CameraPath(LENS, velocity=(0.5, -0.2, 3.0))
     frames = [one(scene(snow, camera=path), 33.0 + s) for s in (-step, 0.0, step)]
-    before, now, after = (of_rings(snow, f, ahead) for f in frames)
+    before, now, after = (wind_at(snow.parts.motion, f, ahead) for f in frames)
     assert np.abs((after[0] - before[0]) / (2 * step) - now[1]).max() < 1e-8
 
 
@@ -231,7 +227,7 @@ def flake_motion(shown: fl.Scene, t: float, step: float) -> tuple[np.ndarray, np
     """Places (n, 3) of lone flakes and their motion measured on two frames, px per frame."""
     frames = picture(shown, t), picture(shown, t + step)
     frame = one(shown, t)
-    points, _, fade = shown.effects[0].places(frame)
+    points, _, fade, _ = shown.effects[0].parts.flakes.places(frame)
     points = points[(fade > 0.0) & (points[:, 2] > 2.0)]
     px = points[:, :2] * FOCAL / points[:, 2:] + SIZE / 2.0
     rows = []
@@ -244,11 +240,10 @@ def flake_motion(shown: fl.Scene, t: float, step: float) -> tuple[np.ndarray, np
 
 def undisturbed(shown: fl.Scene, points: np.ndarray, t: float) -> np.ndarray:
     """Where flakes would be without gusts: the inverse of their displacement."""
-    from flurries.effects.moving import waves_of_flakes
 
     base = points.copy()
     for _ in range(80):
-        base = points - waves_of_flakes(shown.effects[0], one(shown, t), base)[0]
+        base = points - flakes_in_waves(shown.effects[0].parts.motion, one(shown, t), base)[0]
     return base
 
 
@@ -299,7 +294,7 @@ def test_a_profile_of_factors_scales_the_mean():
     )
     snow = Snow(wind=wind)
     ahead = np.array([(0.0, 0.0, 1.0), (0.0, 0.0, 12.5), (0.0, 0.0, 90.0)])
-    moved, rate = of_rings(snow, one(scene(snow), 20.0), ahead)
+    moved, rate = wind_at(snow.parts.motion, one(scene(snow), 20.0), ahead)
     assert np.allclose(rate[:, 0] * 30.0, 4.0 * (np.array([0.5, 1.75, 3.0]) - 1.0))
     assert np.allclose(moved[:, 0] * 30.0, 60.0 * (np.array([0.5, 1.75, 3.0]) - 1.0))
 
@@ -321,7 +316,7 @@ def test_gusts_in_the_view_of_a_turning_camera():
     ahead = np.array([(0.0, 0.0, 15.0), (0.0, 0.0, 40.0)])
 
     def displaced(t: float) -> np.ndarray:
-        return of_rings(snow, one(scene(snow, camera=path), t), ahead)[0]
+        return wind_at(snow.parts.motion, one(scene(snow, camera=path), t), ahead)[0]
 
     waves = snow.wind.waves
 
@@ -399,7 +394,7 @@ def test_equal_winds_are_equal():
     wind = Wind(gusts=1.0)
     at = RNG.uniform(-5, 5, (5, 3))
     effects = [Snow(wind=wind, seed=1), fl.Rain(wind=wind, seed=2)]
-    rates = [of_rings(e, one(fl.Scene((64, 48), effects=effects), 9.0, i), at)[1]
+    rates = [wind_at(e.parts.motion, one(fl.Scene((64, 48), effects=effects), 9.0, i), at)[1]
              for i, e in enumerate(effects)]  # fmt: skip
     assert np.array_equal(*rates)
 

@@ -102,7 +102,11 @@ def opacity(shape, place, radius, density, focal, center, *, footprint, edge, ne
         share = np.where(a > 0, ndtr(-a) - ndtr(-b), ndtr(b) - ndtr(a))
         alpha = alpha * np.clip(share, 0, 1)
     if depth is not None:
-        if occlusion == "hard":
+        if footprint == "viewpoint":
+            # At the ray's closest approach: Phi((depth |d| - C . d / |d|) / sigma), hard its sign.
+            clear = depth * np.sqrt(d2) - (x * sx + y * sy + z) / np.sqrt(d2)
+            alpha = alpha * (clear > 0 if occlusion == "hard" else ndtr(clear / sigma))
+        elif occlusion == "hard":
             alpha = np.where(z < depth, alpha, 0)
         elif footprint != "volume":
             alpha = alpha * ndtr((depth - z) / sigma)

@@ -28,9 +28,10 @@ if TYPE_CHECKING:
     )
     from flurries.camera import Camera
     from flurries.camera.path import CameraPath
-    from flurries.effects import ConeRain, ConeSnow, MatchedSnow, Mist, Rain, Snow
-    from flurries.frame.layer import Frame, Layer
+    from flurries.effects import ConeRain, ConeSnow, MatchedSnow, Mist, Rain, Snow, register
+    from flurries.frame.layer import Layer
     from flurries.frame.truth import Rendered
+    from flurries.frame.view import Frame
     from flurries.light.sun import Sun
     from flurries.motion.keys import Keys
     from flurries.motion.wind import Wind
@@ -38,7 +39,7 @@ if TYPE_CHECKING:
     from flurries.scene.depth import DepthMap
     from flurries.viewer import view
 
-__version__ = "0.1.0"
+    __version__: str
 
 __all__ = [
     "Camera",
@@ -67,6 +68,7 @@ __all__ = [
     "hybrid",
     "io",
     "particles",
+    "register",
     "reproducible",
     "set_reproducible",
     "set_threads",
@@ -84,7 +86,7 @@ _FROM = {
     "Camera": "camera",
     "CameraPath": "camera.path",
     "DepthMap": "scene.depth",
-    "Frame": "frame.layer",
+    "Frame": "frame.view",
     "Keys": "motion.keys",
     "Layer": "frame.layer",
     "Rendered": "frame.truth",
@@ -92,12 +94,18 @@ _FROM = {
     "Sun": "light.sun",
     "Wind": "motion.wind",
     "view": "viewer",
+    "register": "effects",
     **dict.fromkeys(("ConeRain", "ConeSnow", "MatchedSnow", "Mist", "Rain", "Snow"), "effects"),
 }
 
 
 def __getattr__(name: str) -> Any:
-    if name in _FROM:
+    if name == "__version__":
+        # It stands in Cargo.toml alone. Asking the installed package takes tens of milliseconds.
+        from importlib.metadata import version
+
+        found: Any = version("flurries")
+    elif name in _FROM:
         found = getattr(import_module(f"flurries.{_FROM[name]}"), name)
     elif name in __all__:
         found = import_module(f"flurries.{name}")

@@ -4,13 +4,16 @@ import numpy as np
 import numpy.typing as npt
 
 from flurries.cone.rays import Pose
-from flurries.effects.peopled import Flurry
+from flurries.effects.flakes import Flurry
+from flurries.spectral.flakes import Request as FlakeRequest
 from flurries.spectral.frame import Request
 from flurries.spectral.volume import Film
 
 __all__ = [
     "FieldBands",
+    "FlakeBands",
     "InternalError",
+    "PreparedFlakes",
     "SortedFlakes",
     "SortedGas",
     "advance_phase",
@@ -26,30 +29,36 @@ __all__ = [
     "cone_needed",
     "cone_rays",
     "cone_shown",
-    "cone_squares",
     "cone_stack",
     "cone_table",
     "cone_tile",
-    "cone_windows",
     "field",
     "field_bands",
     "field_take",
+    "flake_bands",
+    "flake_choices",
+    "flake_frame",
+    "flake_mix",
+    "flake_patterns",
+    "flake_prepare",
+    "flake_take",
     "gas_alpha",
     "gas_draw",
     "gas_light",
-    "gas_pair",
     "gas_sort",
     "gas_splat",
     "inverse_transform",
     "join",
     "opacity",
     "over",
-    "panic_for_test",
     "particle_crossing",
     "particle_draw",
     "particle_edge_fade",
     "particle_ids",
+    "particle_image",
     "particle_positions",
+    "particle_presence",
+    "particle_size_fade",
     "particle_sort",
     "particle_sort_listed",
     "particle_sort_pair",
@@ -62,11 +71,14 @@ __all__ = [
     "snow",
     "snowfall",
     "temporal_filter",
+    "temporal_gain",
     "tent_rate",
     "threads",
     "tile_count",
+    "tile_shares",
     "uniform",
     "volume",
+    "wave_depth",
     "wind_waves",
 ]
 
@@ -81,7 +93,6 @@ def set_threads(n: int) -> None: ...
 def set_reproducible(on: bool) -> None: ...
 def reproducible() -> bool: ...
 def threads() -> int: ...
-def panic_for_test() -> None: ...
 def tent_rate(out: _Float64, drift: list[float], repeat: float | None = None) -> None: ...
 def band_amplitude(out: _Float64, wavelengths: tuple[float, float], exponent: float) -> None: ...
 def random_phase(out: _Float64, seed: int, tile: tuple[int, int]) -> None: ...
@@ -99,7 +110,12 @@ def temporal_filter(
     renormalise: bool,
 ) -> None: ...
 def inverse_transform(out: _Array, amplitude: _Float64, phase: _Float64) -> None: ...
+def temporal_gain(
+    out: _Float64, rate: _Float64, alias: str, soft_from: float, shutter: float
+) -> None: ...
+def wave_depth(out: _Float64, wavelength: _Float64, near: float, longest: float) -> None: ...
 def tile_count(length: int, tile: int, overlap: int) -> int: ...
+def tile_shares(out: _Float64, tile: int, overlap: int, blend: str) -> None: ...
 def blend_tiles(out: _Array, tiles: _Array, overlap: int, blend: str) -> None: ...
 def opacity(out: _Array, field: _Array, map: _Map) -> None: ...
 def field(
@@ -114,6 +130,48 @@ def field_bands(
     request: Request, map: _Map | None = None, preserve_mean: bool = False
 ) -> FieldBands: ...
 def field_take(bands: FieldBands, out: _Array, first: int) -> int: ...
+
+@final
+class PreparedFlakes:
+    """Patterns of flakes as frames of one precision read them."""
+
+    @property
+    def means(self) -> list[float]: ...
+    @property
+    def tile(self) -> int: ...
+
+def flake_patterns(
+    out: _Array,
+    counts: _Float64,
+    diameters: _Float64,
+    law: tuple[float, float, float, int],
+) -> None: ...
+def flake_prepare(spectra: _Array, shear: float, double: bool) -> PreparedFlakes: ...
+def flake_mix(first: PreparedFlakes, second: PreparedFlakes, weight: float) -> PreparedFlakes: ...
+def flake_choices(
+    pattern: npt.NDArray[np.int32],
+    shift: _Float64,
+    mirror: npt.NDArray[np.bool_],
+    seed: int,
+    patterns: int,
+    tile: int,
+    generation: npt.NDArray[np.int64] | None = None,
+) -> None: ...
+def flake_frame(
+    out: _Array,
+    patterns: PreparedFlakes,
+    request: FlakeRequest,
+    opacity: bool,
+    add: bool = False,
+    mask: _Array | None = None,
+) -> None: ...
+
+@final
+class FlakeBands:
+    """The rows of a window of the texture of flakes, to be taken from the top down."""
+
+def flake_bands(patterns: PreparedFlakes, request: FlakeRequest, opacity: bool) -> FlakeBands: ...
+def flake_take(bands: FlakeBands, out: _Array, first: int) -> None: ...
 def snowfall(
     out: _Array,
     background: _Array,
@@ -170,6 +228,11 @@ def particle_draw(
 def particle_sway_offsets(
     out: _Float64, seed: int, time: float, sway: tuple[float, float]
 ) -> None: ...
+def particle_image(variance: _Float64, share: _Float64, sigma: _Float64) -> None: ...
+def particle_presence(
+    out: _Float64, index: npt.NDArray[np.int64], count: int, amount: float, fade_in: float
+) -> None: ...
+def particle_size_fade(out: _Float64, sigma: _Float64, limits: tuple[float, float]) -> None: ...
 def particle_edge_fade(
     out: _Float64,
     points: _Float64,
@@ -236,14 +299,13 @@ def cone_moving(
     course: tuple[int, float, int],
     sheets: list[_Sheet],
     levels: int,
-    tables: list[tuple[int, int, _Array, _Array | None]],
+    tables: list[tuple[int, int, _Array]],
 ) -> None: ...
 def cone_shown(out: _Array, depth: _Array, pose: Pose, radii: list[float], top: int) -> None: ...
 def cone_table(
     out: _Array, texture: _Float64, width: float, height: float, peak: float
 ) -> None: ...
 def cone_needed(out: _Array, footprint: _Array, sheets: list[_Sheet]) -> None: ...
-def cone_squares(out: _Array, across: _Array, along: _Array) -> None: ...
 def cone_stack(
     out: _Array,
     across: _Array,
@@ -251,20 +313,18 @@ def cone_stack(
     fade: _Array,
     state: _Array,
     footprint: _Array,
-    squares: _Array | None,
     sheets: list[_Sheet],
     levels: int,
-    tables: list[tuple[int, int, _Array, _Array | None]],
+    tables: list[tuple[int, int, _Array]],
     shown: _Array | None = None,
 ) -> None: ...
 def cone_tile(out: _Array, drops: _Float64) -> None: ...
-def cone_windows() -> bool: ...
 def gas_splat(
     out: _Array,
     centers: _Float64,
     radius: _Float64,
     density: _Float64,
-    colours: _Float64,
+    colors: _Float64,
     lens: tuple[float, float, float, tuple[float, float, float]],
     manner: tuple[str, str, float, str, bool, float],
     depth: _Array | None,
@@ -288,7 +348,7 @@ def gas_sort(
     centers: _Float64,
     radius: _Float64,
     density: _Float64,
-    colours: _Float64,
+    colors: _Float64,
     lens: tuple[float, float, float, tuple[float, float, float]],
     manner: tuple[str, str, float, str, bool, float],
 ) -> SortedGas: ...
@@ -306,17 +366,3 @@ def gas_light(
     direction: tuple[float, float, float],
     forward: float,
 ) -> None: ...
-def gas_pair(
-    left: _Array,
-    right: _Array,
-    centers: _Float64,
-    radius: _Float64,
-    density: _Float64,
-    lenses: tuple[
-        tuple[float, float, float, tuple[float, float, float]],
-        tuple[float, float, float, tuple[float, float, float]],
-    ],
-    manner: tuple[str, str, float, str, bool, float],
-    depths: tuple[_Float64, _Float64] | None,
-    slab: float,
-) -> tuple[int, int]: ...

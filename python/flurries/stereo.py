@@ -26,6 +26,7 @@ from flurries._contract import (
 )
 from flurries._threads import reproducible
 from flurries.camera.lens import Camera, expect_camera
+from flurries.io.color import linear_to_srgb, srgb_to_linear, to_integer, to_linear
 
 __all__ = ["anaglyph", "eyes", "over_under", "side_by_side"]
 
@@ -271,8 +272,6 @@ def _pair(
 
 
 def _light(pixels: Array, working: Any) -> Array:
-    from flurries.io.color import to_linear
-
     light = to_linear(pixels, "display" if pixels.dtype.kind == "u" else "linear")
     return light.astype(working, copy=False)
 
@@ -289,8 +288,6 @@ def _shown(light: Array, dtype: np.dtype[Any]) -> Array:
     """Return linear light of 0 to 1 in the dtype and the light of a picture."""
     if dtype.kind == "f":
         return light
-    from flurries.io.color import linear_to_srgb, to_integer
-
     if dtype == np.uint16:
         return to_integer(linear_to_srgb(light), 16)
     levels, bounds = _encoding_table()
@@ -304,8 +301,6 @@ def _shown(light: Array, dtype: np.dtype[Any]) -> Array:
 @lru_cache(maxsize=1)
 def _encoding_table() -> tuple[Array, Array]:
     """Return the 8-bit level of 4096 lights, and the light from which each level is nearest."""
-    from flurries.io.color import linear_to_srgb, srgb_to_linear
-
     steps = np.arange(4097) / 4096
     levels = np.rint(255.0 * linear_to_srgb(steps)).astype(np.int32)
     bounds = srgb_to_linear((np.arange(257) - 0.5) / 255.0)

@@ -2,10 +2,10 @@
 
 use ndarray::{ArrayView2, ArrayViewMut2, Axis};
 
-use crate::error::{Cancel, Error};
-use crate::pool;
-use crate::real::Real;
-use crate::simd::{dispatch, multiply_add};
+use crate::base::error::{Cancel, Error};
+use crate::base::pool;
+use crate::base::real::Real;
+use crate::base::simd::{dispatch, multiply_add};
 
 /// Points that go through all waves together; their sums stay in the first cache.
 const LANES: usize = 64;

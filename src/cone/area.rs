@@ -6,8 +6,8 @@
 
 use ndarray::ArrayView2;
 
-use crate::error::{Error, zeroed};
-use crate::real::Real;
+use crate::base::error::{Error, zeroed};
+use crate::base::real::Real;
 
 /// Integrals of a square texture from the origin, and the texture itself.
 pub struct Area {
@@ -117,7 +117,7 @@ impl Area {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::random::Hash;
+    use crate::base::random::Hash;
     use ndarray::Array2;
 
     fn texture(size: usize) -> Array2<f64> {

@@ -3,7 +3,7 @@
 //!
 //! A look-at frame with `up` would be singular for the default axis itself, which is the usual one.
 
-use crate::error::Error;
+use crate::base::error::Error;
 
 /// A vector in axes x right, y down, z forward.
 pub type Vector = [f64; 3];

@@ -11,9 +11,10 @@ use ndarray::{ArrayViewMut2, ArrayViewMut3};
 
 use super::basis::{Vector, dot};
 use super::view::{FADE, FADE_SLOPE, View};
-use crate::error::{Cancel, Error};
-use crate::pool;
-use crate::simd::{dispatch, multiply_add};
+use crate::base::error::{Cancel, Error};
+use crate::base::pool;
+use crate::base::simd::{dispatch, multiply_add};
+use crate::base::smooth::smoothstep;
 
 /// Pixels to a side of a block, and lanes that are computed together.
 pub const BLOCK: usize = 16;
@@ -162,8 +163,7 @@ fn row_with<const LEVEL: u8>(
         for k in 0..count {
             let bent = FADE_SLOPE as f32 * s[k].abs();
             let t = bent / (c[k] + bent).max(f32::MIN_POSITIVE) - FADE[0] as f32;
-            let t = (t * (1.0 / (FADE[1] - FADE[0])) as f32).clamp(0.0, 1.0);
-            fade[k] = 1.0 - t * t * (3.0 - 2.0 * t);
+            fade[k] = 1.0 - smoothstep(t * (1.0 / (FADE[1] - FADE[0])) as f32);
         }
         for (fade, state) in fade.chunks(BLOCK).zip(state) {
             let ends = fade

@@ -6,9 +6,9 @@ use ndarray::{ArrayView1, ArrayView2, ArrayViewMut1, ArrayViewMut2, Axis};
 
 use super::area::Area;
 use super::view::{Point, View};
-use crate::error::{Cancel, Error};
-use crate::pool;
-use crate::real::Real;
+use crate::base::error::{Cancel, Error};
+use crate::base::pool;
+use crate::base::real::Real;
 
 /// How a texture lies on the cone.
 #[derive(Debug, Clone, Copy)]

@@ -10,8 +10,6 @@
 //! | [`sheet`] | one layer of several, and filtered textures by level |
 //! | [`table`] | a texture, filtered for one size of footprint |
 //! | [`stack`] | several layers from one chart |
-//! | [`square`] | a chart by squares of pixels |
-//! | [`window`] | look-ups for a square without gathers |
 //! | [`tile`] | toroidal textures of drops and flakes |
 
 pub mod area;
@@ -19,13 +17,7 @@ pub mod basis;
 pub mod chart;
 pub mod layer;
 pub mod sheet;
-pub mod square;
 pub mod stack;
 pub mod table;
 pub mod tile;
 pub mod view;
-#[cfg_attr(
-    not(target_arch = "x86_64"),
-    allow(unused, reason = "of use with the instructions of one kind of processor")
-)]
-pub mod window;

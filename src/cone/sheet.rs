@@ -1,16 +1,12 @@
 //! A layer of a stack, and the filtered textures that layers look into.
 
-use super::window::PAD;
-use crate::error::Error;
+use crate::base::error::Error;
 
 /// One filtered texture.
 #[derive(Debug, Clone, Copy)]
 pub struct Table<'a> {
     /// Row after row; see [`super::table`].
     pub entries: &'a [u32],
-    /// The first byte of each entry, less 128, with PAD more rows and columns that begin again; none where
-    /// the processor has no use for them. See [`super::window`].
-    pub bytes: &'a [u8],
     /// log2 of the columns.
     pub columns: u32,
     /// log2 of the rows.
@@ -48,10 +44,6 @@ impl Tables<'_> {
             let bits = table.columns + table.rows;
             if !sized || bits > 31 || table.entries.len() != 1 << bits {
                 return Err(Error::Internal("a table must be as long as it says".into()));
-            }
-            let padded = ((1 << table.rows) + PAD) * ((1 << table.columns) + PAD);
-            if !table.bytes.is_empty() && table.bytes.len() != padded {
-                return Err(Error::Internal("a table's bytes must fit its entries".into()));
             }
         }
         if !(1..=255).contains(&self.levels) || self.grid.len() != self.levels * self.levels {

@@ -4,18 +4,18 @@
 //! chart's, multiplied: the overflow is the whole tiles, which do not matter. One word of a filtered
 //! table is loaded for each layer and pixel.
 
+#![expect(unsafe_code, reason = "a table's word without a check, or the loop is no vector loop")]
+
 use std::ops::Range;
 
 use ndarray::{ArrayView2, ArrayView3, ArrayViewMut2, Axis};
 
-use super::chart::{self, BLOCK, Band, Course, FADED, HIDDEN, SHOWN};
+use super::chart::{self, BLOCK, Band, Course, FADED, HIDDEN};
 use super::sheet::{Sheet, Table, Tables, level};
-use super::square::{self, Square};
 use super::view::View;
-use super::window::{self, Windows};
-use crate::error::{Cancel, Error, zeroed};
-use crate::pool;
-use crate::simd::{dispatch, multiply_add};
+use crate::base::error::{Cancel, Error, zeroed};
+use crate::base::pool;
+use crate::base::simd::{dispatch, multiply_add};
 
 /// The planes that a stack is read from; see [`super::chart::Chart`].
 #[derive(Debug, Clone, Copy)]
@@ -65,14 +65,14 @@ pub fn needed(
 }
 
 /// Most pixels that are handled together: their work space stays in the first cache.
-pub const RUN: usize = 4 * BLOCK;
+const RUN: usize = 4 * BLOCK;
 
-/// What is taken off before a number of 31 bits becomes a float, and added again: vector instructions
-/// multiply signed bytes. A float has all of its digits.
-pub const MIDDLE: i32 = 128 * 256 * 32767;
+/// What is taken off before a number of 31 bits becomes a float, and added again: the conversion of a
+/// signed number is one vector instruction. A float has all of its digits.
+const MIDDLE: i32 = 128 * 256 * 32767;
 
 /// A value over its largest: 255 of a byte, 256 between columns, 32767 between rows.
-pub const UNIT: f32 = 1.0 / (255.0 * 256.0 * 32767.0);
+const UNIT: f32 = 1.0 / (255.0 * 256.0 * 32767.0);
 
 /// Looks up one layer for a run of pixels, and multiplies in what it lets through.
 #[inline(always)]
@@ -124,32 +124,6 @@ struct Rows<'a> {
     places: &'a [u16],
     /// Blocks across.
     blocks: usize,
-    windows: Option<Windows>,
-    /// The chart by squares, where it is kept.
-    squares: Option<&'a [Square]>,
-}
-
-impl Rows<'_> {
-    /// Whether some blocks are shown in full, with all layers.
-    #[inline(always)]
-    fn in_full(&self, blocks: Range<usize>) -> bool {
-        let mut rows = self.state.chunks(self.blocks);
-        self.shown.is_none() && rows.all(|row| row[blocks.clone()].iter().all(|&s| s == SHOWN))
-    }
-}
-
-/// The layers with their tables, if all of them have bytes.
-#[inline(always)]
-fn found<'a>(
-    sheets: &'a [Sheet],
-    places: &'a [u16],
-    tables: &'a Tables<'a>,
-) -> Option<impl Iterator<Item = (&'a Sheet, &'a Table<'a>)>> {
-    let table = |&place: &u16| {
-        tables.grid[usize::from(place)].as_ref().filter(|table| !table.bytes.is_empty())
-    };
-    let all = places.iter().all(|place| table(place).is_some());
-    all.then(|| sheets.iter().zip(places.iter().filter_map(table)))
 }
 
 /// One layer's factors over a run of a row.
@@ -183,7 +157,6 @@ fn stack_band_with<const LEVEL: u8>(
     let places = |block: usize| &band.places[block * count..][..count];
     let mut whole = true;
     let mut block = 0;
-    let mut copied = [Square::EMPTY; RUN / BLOCK];
     while block < blocks {
         let mut end = block + 1;
         while end < blocks && (end - block) * BLOCK < RUN && places(end) == places(block) {
@@ -191,28 +164,6 @@ fn stack_band_with<const LEVEL: u8>(
         }
         // The chart's rows are whole blocks, the picture's may end before.
         let (first, last) = (block * BLOCK, (end * BLOCK).min(width));
-        if let Some(windows) = band.windows
-            && out.len() == BLOCK * width
-            && band.in_full(block..end)
-            && let Some(layers) = found(sheets, places(block), tables)
-        {
-            let squares = match band.squares {
-                Some(all) => {
-                    window::fetch(&all[end..blocks.min(end + RUN / BLOCK)]);
-                    &all[block..end]
-                }
-                None => {
-                    for (block, square) in (block..end).zip(&mut copied) {
-                        let at = block * BLOCK;
-                        square.fill(&band.across[at..], &band.along[at..], blocks * BLOCK);
-                    }
-                    &copied[..end - block]
-                }
-            };
-            windows.draw::<LEVEL>(out, width, block, squares, layers);
-            block = end;
-            continue;
-        }
         for (row, line) in out.chunks_mut(width).enumerate() {
             let states = &band.state[row * blocks + block..row * blocks + end];
             // Fades differ from block to block only near the cone's ends.
@@ -300,15 +251,13 @@ fn missing() -> Error {
 }
 
 /// Fills `out` (H, W) with the joint alpha of the layers. `shown` (H, blocks * BLOCK), where given, is
-/// how many of the layers, nearest first, stand before what is in the picture. `squares` are the chart's
-/// places by squares.
+/// how many of the layers, nearest first, stand before what is in the picture.
 pub fn stack(
     out: ArrayViewMut2<'_, f32>,
     charted: &Charted<'_>,
     sheets: &[Sheet],
     tables: &Tables<'_>,
     shown: Option<ArrayView2<'_, u8>>,
-    squares: Option<&[u32]>,
     cancel: &Cancel,
 ) -> Result<(), Error> {
     let (height, width) = out.dim();
@@ -327,10 +276,6 @@ pub fn stack(
         None => None,
         Some(shown) => Some(shown.to_slice().ok_or_else(layout)?),
     };
-    let squares = squares.and_then(square::squares);
-    if squares.is_some_and(|all| all.len() != height.div_ceil(BLOCK) * blocks) {
-        return Err(Error::Internal("squares: wrong shape".into()));
-    }
     pool::for_each(bands(out)?, |(index, out)| {
         cancel.check()?;
         let rows = index * BLOCK..index * BLOCK + out.len() / width;
@@ -344,8 +289,6 @@ pub fn stack(
             shown: shown.map(|shown| &shown[pixels]),
             places: &places_of(footprint, sheets, tables.levels)?,
             blocks,
-            windows: Windows::found(),
-            squares: squares.map(|all| &all[index * blocks..][..blocks]),
         };
         if stack_band(out, width, &band, sheets, tables) { Ok(()) } else { Err(missing()) }
     })
@@ -384,8 +327,6 @@ pub fn moving(
             shown: None,
             places: &places_of(footprint.index_axis(Axis(0), index), sheets, tables.levels)?,
             blocks,
-            windows: Windows::found(),
-            squares: None,
         };
         if stack_band(out, width, &band, sheets, tables) { Ok(()) } else { Err(missing()) }
     })
@@ -394,91 +335,14 @@ pub fn moving(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::cone::window::PAD;
-    use crate::random::Hash;
-
-    /// Random bytes of 2^rows x 2^columns entries: words of neighbours, and padded bytes.
-    fn entries(rows: u32, columns: u32, seed: i64) -> (Vec<u32>, Vec<u8>) {
-        let (high, wide) = (1 << rows, 1 << columns);
-        let own = |r: usize, c: usize| {
-            let at = (r % high * wide + c % wide) as i64;
-            (Hash::seeded(seed).word(at).unit() * 256.0) as u32
-        };
-        let word =
-            |r, c| own(r, c) | own(r, c + 1) << 8 | own(r + 1, c) << 16 | own(r + 1, c + 1) << 24;
-        let words = (0..high * wide).map(|at| word(at / wide, at % wide)).collect();
-        let padded = wide + PAD;
-        let byte = |at: usize| own(at / padded, at % padded) as u8 ^ 128;
-        (words, (0..(high + PAD) * padded).map(byte).collect())
-    }
-
-    #[test]
-    fn squares_are_drawn_as_rows_are() {
-        let Some(windows) = Windows::found() else { return };
-        // Two blocks, the second one beyond the picture's edge in part.
-        let (blocks, width) = (2, 27);
-        let unit = |i: i64, word: i64| Hash::seeded(5).word(i).word(word).unit();
-        let mut used = [false; window::CHOICES.len() + 1];
-        for i in 0..600 {
-            let shift = if i % 3 == 0 { 2 } else { 6 };
-            let (rows, columns) = (shift + (i % 4) as u32, shift + (i / 4 % 4) as u32);
-            let (words, bytes) = entries(rows, columns, i);
-            let table = Table { entries: &words, bytes: &bytes, columns, rows };
-            let tables = Tables { levels: 1, grid: vec![Some(table)] };
-            assert!(tables.check().is_ok());
-            // Entries per pixel along a row and from row to row; now and then places all over.
-            let slopes = |word: i64, bits: u32| {
-                let size = 2_f64.powf(5.0 * unit(i, word) - 3.5) * 4_294_967_296.0;
-                let turn = std::f64::consts::TAU * unit(i, word + 1);
-                let entry = size / f64::from(1_u32 << bits);
-                [turn.cos() * entry, turn.sin() * entry, unit(i, word + 2) * 4e9]
-            };
-            let (u, v) = (slopes(0, columns), slopes(10, rows));
-            let place = |[x, y, first]: [f64; 3], at: usize| {
-                let pixel = [at % 32, at / 32].map(|p| p as f64);
-                let noise = if i % 10 == 9 { unit(i, 100 + at as i64) * 4e8 } else { 0.0 };
-                (first + x * pixel[0] + y * pixel[1] + noise) as i64 as u32
-            };
-            let across: Vec<u32> = (0..512).map(|at| place(u, at)).collect();
-            let along: Vec<u32> = (0..512).map(|at| place(v, at)).collect();
-            let multiple = 1 + (i % 5) as u32 % 3;
-            let offset = [unit(i, 20), unit(i, 21)].map(|part| (part * 4e9) as u32);
-            let sheet = Sheet { multiple, offset, gain: 0.9, texels: 0.0 };
-            let mut square = Square::EMPTY;
-            square.fill(&across, &along, 32);
-            used[window::Plan::of(&square, &sheet, &table).choice] = true;
-            let drawn = |windows| {
-                let band = Rows {
-                    across: &across,
-                    along: &along,
-                    fade: &[1.0; 512],
-                    state: &[SHOWN; 32],
-                    shown: None,
-                    places: &[0; 4],
-                    blocks,
-                    windows,
-                    squares: None,
-                };
-                let mut out = vec![-1.0; BLOCK * width];
-                assert!(stack_band(&mut out, width, &band, &[sheet, sheet], &tables));
-                out
-            };
-            let (fast, plain) = (drawn(Some(windows)), drawn(None));
-            assert_eq!(fast, plain, "{i}: {rows} {columns}");
-            assert!(plain.iter().any(|&alpha| alpha > 0.0));
-        }
-        assert_eq!(used, [true; window::CHOICES.len() + 1]);
-    }
-
     #[test]
     fn tables_are_as_large_as_they_say() {
-        let (words, bytes) = entries(3, 4, 1);
-        let check = |entries, bytes, columns| {
-            let table = Table { entries, bytes, columns, rows: 3 };
+        let words = [0; 128];
+        let check = |entries, columns| {
+            let table = Table { entries, columns, rows: 3 };
             Tables { levels: 1, grid: vec![Some(table)] }.check().is_ok()
         };
-        assert!(check(&words, &bytes, 4) && check(&words, &[], 4));
-        assert!(!check(&words, &bytes[1..], 4) && !check(&words[1..], &bytes, 4));
-        assert!(!check(&words, &bytes, 5) && !check(&words, &bytes, 17));
+        assert!(check(&words, 4));
+        assert!(!check(&words[1..], 4) && !check(&words, 5) && !check(&words, 17));
     }
 }

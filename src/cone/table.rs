@@ -8,8 +8,8 @@
 use ndarray::{ArrayViewMut2, Axis};
 
 use super::area::Area;
-use crate::error::{Cancel, Error, collected};
-use crate::pool;
+use crate::base::error::{Cancel, Error, collected};
+use crate::base::pool;
 
 /// Fills `out` (rows, columns), both powers of two. Entry (r, c) holds, from the lowest byte up, the means
 /// of the boxes around the places (r, c), (r, c + 1), (r + 1, c) and (r + 1, c + 1), the first and the

@@ -5,15 +5,13 @@ use std::f64::consts::{PI, TAU};
 
 use ndarray::{ArrayView1, ArrayView2, ArrayViewMut2, Axis};
 
-use crate::error::{Cancel, Error, collected, zeroed};
-use crate::pool;
-use crate::real::Real;
+use crate::base::error::{Cancel, Error, collected, zeroed};
+use crate::base::pool;
+use crate::base::real::Real;
+use crate::base::sampling::sampled;
 
 /// A Gaussian ends here, where it is 8e-7.
 const REACH: f64 = 5.3;
-
-/// Below this variance a sprite has no longer the same energy at every place between texels.
-const LEAST: f64 = 0.38;
 
 /// One drop: a segment along v with a Gaussian around it.
 struct Drop {
@@ -37,8 +35,8 @@ fn area(sigma2: f64, half: f64) -> f64 {
 impl Drop {
     fn of(row: &[f64]) -> Self {
         let (sigma2, half) = (row[2] * row[2], row[3]);
-        // Smaller than a texel: wider and fainter, by particles.md section 9.
-        let wide = (sigma2 + 1.0 / 12.0).max(LEAST);
+        // Smaller than a texel: wider and fainter, as flakes are.
+        let wide = sampled(sigma2);
         let opacity = row[4] * area(sigma2, half) / area(wide, half);
         Self { center: [row[0], row[1]], sigma: wide.sqrt(), half, opacity }
     }

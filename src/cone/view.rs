@@ -8,6 +8,7 @@
 use std::f64::consts::TAU;
 
 use super::basis::{Basis, Vector, dot};
+use crate::base::smooth::smoothstep;
 
 /// Denominators are at least this share of the ray's length: a ray along the axis stays finite.
 const FLOOR: f64 = 1e-6;
@@ -120,8 +121,7 @@ impl View {
 pub fn fade(across: f64, along: f64) -> f64 {
     let bent = FADE_SLOPE * along.abs();
     let t = (bent / (across + bent).max(f64::MIN_POSITIVE) - FADE[0]) / (FADE[1] - FADE[0]);
-    let t = t.clamp(0.0, 1.0);
-    1.0 - t * t * (3.0 - 2.0 * t)
+    1.0 - smoothstep(t)
 }
 
 #[cfg(test)]

@@ -1,14 +1,14 @@
 //! Snow over a background (Langer 2004, Eq. 7), a premultiplied layer over a background, and the
-//! joint opacity of layers of one colour.
+//! joint opacity of layers of one color.
 
 use ndarray::{ArrayView2, ArrayView3, ArrayViewMut2, ArrayViewMut3, Axis};
 use num_traits::{Float, One, Zero};
 
-use super::mix::{OneColour, dim, invert, joint};
+use super::mix::{OneColor, dim, invert, joint};
 use super::sample::Sample;
-use crate::error::{Cancel, Error, collected};
-use crate::pool;
-use crate::real::Real;
+use crate::base::error::{Cancel, Error, collected};
+use crate::base::pool;
+use crate::base::real::Real;
 
 /// Rows of an output with the matching rows of inputs, each a task of its own for the pool.
 fn each_row<'o, S: Sample, A: Sync + Send>(
@@ -51,10 +51,8 @@ pub fn snow<S: Sample, A: Real>(
 ) -> Result<(), Error> {
     let (_, width, channels) = out.dim();
     let alpha = alpha.to_slice().ok_or_else(|| Error::Internal("layout".into()))?;
-    let colour = OneColour::new(intensity, channels)?;
-    each_row(out, background, alpha, width, cancel, |out, back, alpha| {
-        colour.over(out, back, alpha)
-    })
+    let color = OneColor::new(intensity, channels)?;
+    each_row(out, background, alpha, width, cancel, |out, back, alpha| color.over(out, back, alpha))
 }
 
 /// A premultiplied RGBA layer (4 floats a pixel, full scale 1) over a background of 3 or 4 channels.
@@ -87,7 +85,7 @@ pub fn over<S: Sample, A: Real>(
     })
 }
 
-/// Opacity of several layers of one colour together, behind a matte:
+/// Opacity of several layers of one color together, behind a matte:
 /// `(1 - (1 - haze) prod (1 - alpha_i)) (1 - matte)`. The order does not matter.
 pub fn join<'p, T: Real>(
     mut out: ArrayViewMut2<'_, T>,

@@ -1,29 +1,31 @@
-//! One colour laid over pixels (Langer 2004, Eq. 7), and the joint opacity of what lies over them.
+//! One color laid over pixels (Langer 2004, Eq. 7), and the joint opacity of what lies over them.
+
+#![expect(unsafe_code, reason = "rows of pixels by `Lanes`")]
 
 use num_traits::{One, Zero};
 
 use super::sample::{Sample, Samples};
-use crate::error::{Error, collected};
-use crate::real::Real;
-use crate::simd::{AVX2, AVX512, dispatch};
+use crate::base::error::{Error, collected};
+use crate::base::real::Real;
+use crate::base::simd::{AVX2, AVX512, dispatch};
 
-/// `colour * alpha + (1 - alpha) * background`, exact at both ends: alpha 0 is the background's bits
-/// and alpha 1 the colour's. A NaN of the background stays, whatever covers it.
+/// `color * alpha + (1 - alpha) * background`, exact at both ends: alpha 0 is the background's bits
+/// and alpha 1 the color's. A NaN of the background stays, whatever covers it.
 #[inline(always)]
-fn mix<T: Real>(background: T, colour: T, alpha: T) -> T {
-    let mixed = colour * alpha + (T::one() - alpha) * background;
+fn mix<T: Real>(background: T, color: T, alpha: T) -> T {
+    let mixed = color * alpha + (T::one() - alpha) * background;
     if alpha == T::zero() {
         background
     } else if alpha == T::one() && !background.is_nan() {
-        colour
+        color
     } else {
         mixed
     }
 }
 
-/// One colour laid over pixels of one channel or three.
-pub struct OneColour<S: Sample> {
-    // The colour of a block of pixels, channel by channel: with one loop over channels alike a vector
+/// One color laid over pixels of one channel or three.
+pub struct OneColor<S: Sample> {
+    // The color of a block of pixels, channel by channel: with one loop over channels alike a vector
     // holds whatever channels come next.
     values: Vec<S::Working>,
     channels: usize,
@@ -32,12 +34,12 @@ pub struct OneColour<S: Sample> {
 /// Pixels that are mixed at once, a multiple of all vectors; their work space stays in the first cache.
 const BLOCK: usize = 256;
 
-impl<S: Sample> OneColour<S> {
-    /// The colour with one entry of `intensity` per channel, as a fraction of full scale.
+impl<S: Sample> OneColor<S> {
+    /// The color with one entry of `intensity` per channel, as a fraction of full scale.
     pub fn new(intensity: &[f64], channels: usize) -> Result<Self, Error> {
         if (channels != 1 && channels != 3) || intensity.len() != channels {
             let message = format!(
-                "must have one channel or three, as the colour has, got {channels} and {}",
+                "must have one channel or three, as the color has, got {channels} and {}",
                 intensity.len()
             );
             return Err(Error::invalid("background", message));
@@ -46,7 +48,7 @@ impl<S: Sample> OneColour<S> {
         Ok(Self { values: collected((0..BLOCK * channels).map(value))?, channels })
     }
 
-    /// Writes `colour * alpha + (1 - alpha) * background`, with one alpha per pixel.
+    /// Writes `color * alpha + (1 - alpha) * background`, with one alpha per pixel.
     pub fn over<A: Real>(&self, out: &mut [S], background: &[S], alpha: &[A]) {
         let size = BLOCK * self.channels;
         let blocks = out.chunks_mut(size).zip(background.chunks(size));
@@ -78,13 +80,13 @@ impl<S: Sample> OneColour<S> {
 fn mix_three_with<S: Sample, const LEVEL: u8>(
     out: &mut [S],
     background: &[S],
-    colour: &[S::Working],
+    color: &[S::Working],
     alpha: &[S::Working],
 ) {
     match LEVEL {
-        AVX512 => pixels::<S, S::Avx512, 3>(out, background, colour, alpha),
-        AVX2 => pixels::<S, S::Avx2, 3>(out, background, colour, alpha),
-        _ => pixels::<S, S::Portable, 3>(out, background, colour, alpha),
+        AVX512 => pixels::<S, S::Avx512, 3>(out, background, color, alpha),
+        AVX2 => pixels::<S, S::Avx2, 3>(out, background, color, alpha),
+        _ => pixels::<S, S::Portable, 3>(out, background, color, alpha),
     }
 }
 
@@ -93,13 +95,13 @@ fn mix_three_with<S: Sample, const LEVEL: u8>(
 fn mix_one_with<S: Sample, const LEVEL: u8>(
     out: &mut [S],
     background: &[S],
-    colour: &[S::Working],
+    color: &[S::Working],
     alpha: &[S::Working],
 ) {
     match LEVEL {
-        AVX512 => pixels::<S, S::Avx512, 1>(out, background, colour, alpha),
-        AVX2 => pixels::<S, S::Avx2, 1>(out, background, colour, alpha),
-        _ => pixels::<S, S::Portable, 1>(out, background, colour, alpha),
+        AVX512 => pixels::<S, S::Avx512, 1>(out, background, color, alpha),
+        AVX2 => pixels::<S, S::Avx2, 1>(out, background, color, alpha),
+        _ => pixels::<S, S::Portable, 1>(out, background, color, alpha),
     }
 }
 
@@ -107,7 +109,7 @@ dispatch! {
     fn mix_three<S: Sample>(
         out: &mut [S],
         background: &[S],
-        colour: &[S::Working],
+        color: &[S::Working],
         alpha: &[S::Working],
     ) = mix_three_with
 }
@@ -116,7 +118,7 @@ dispatch! {
     fn mix_one<S: Sample>(
         out: &mut [S],
         background: &[S],
-        colour: &[S::Working],
+        color: &[S::Working],
         alpha: &[S::Working],
     ) = mix_one_with
 }
@@ -125,12 +127,12 @@ dispatch! {
 fn pixels<S: Sample, V: Samples<S>, const CHANNELS: usize>(
     out: &mut [S],
     background: &[S],
-    colour: &[S::Working],
+    color: &[S::Working],
     alpha: &[S::Working],
 ) {
     let count = alpha.len();
     let (out, background) = (&mut out[..CHANNELS * count], &background[..CHANNELS * count]);
-    let colour = &colour[..CHANNELS * count];
+    let color = &color[..CHANNELS * count];
     let whole = count / V::N * V::N;
     for pixel in (0..whole).step_by(V::N) {
         // SAFETY: `pixel` and the N behind it are before `count`, and all else is CHANNELS times as
@@ -141,12 +143,12 @@ fn pixels<S: Sample, V: Samples<S>, const CHANNELS: usize>(
             for (part, &alpha) in alpha.iter().enumerate().take(CHANNELS) {
                 let at = CHANNELS * pixel + part * V::N;
                 let behind = V::read(background.as_ptr().add(at));
-                let colour = V::load(colour.as_ptr().add(at));
+                let color = V::load(color.as_ptr().add(at));
                 let (zero, one) = (V::splat(S::Working::zero()), V::splat(S::Working::one()));
-                let mut mixed = colour.mul(alpha).add(one.sub(alpha).mul(behind));
+                let mut mixed = color.mul(alpha).add(one.sub(alpha).mul(behind));
                 // Whole numbers are exact at both ends without more care.
                 if !S::INTEGER {
-                    let opaque = behind.replaced(behind, behind, colour);
+                    let opaque = behind.replaced(behind, behind, color);
                     mixed = mixed.replaced(alpha, one, opaque).replaced(alpha, zero, behind);
                 }
                 mixed.write(out.as_mut_ptr().add(at));
@@ -154,7 +156,7 @@ fn pixels<S: Sample, V: Samples<S>, const CHANNELS: usize>(
         }
     }
     for i in CHANNELS * whole..CHANNELS * count {
-        out[i] = S::store(mix(background[i].load(), colour[i], alpha[i / CHANNELS]));
+        out[i] = S::store(mix(background[i].load(), color[i], alpha[i / CHANNELS]));
     }
 }
 
@@ -229,13 +231,13 @@ mod tests {
             let mut alpha: Vec<_> = (0..count).map(value).collect();
             alpha[count / 2] = S::Working::of(f64::NAN);
             alpha[0] = S::Working::zero();
-            let colour: Vec<_> =
+            let color: Vec<_> =
                 (0..n).map(|i| value(i) * <S::Working as Real>::of(S::SCALE * 3.0)).collect();
             let background: Vec<_> = (0..n).map(of).collect();
             let mut out = background.clone();
-            pixels::<S, V, CHANNELS>(&mut out, &background, &colour, &alpha);
+            pixels::<S, V, CHANNELS>(&mut out, &background, &color, &alpha);
             for i in 0..n {
-                let wanted = S::store(mix(background[i].load(), colour[i], alpha[i / CHANNELS]));
+                let wanted = S::store(mix(background[i].load(), color[i], alpha[i / CHANNELS]));
                 // As printed: a NaN is a NaN.
                 assert_eq!(format!("{:?}", out[i]), format!("{wanted:?}"), "{i} of {n}");
             }
@@ -243,7 +245,7 @@ mod tests {
     }
 
     fn check_all<S: Sample + std::fmt::Debug>(of: fn(usize) -> S) {
-        use crate::simd::{Level, level};
+        use crate::base::simd::{Level, level};
         check::<S, S::Portable, 1>(of);
         check::<S, S::Portable, 3>(of);
         if matches!(level(), Level::Avx2 | Level::Avx512) {

@@ -2,4 +2,5 @@
 
 pub mod composite;
 pub mod mix;
+pub mod onepass;
 pub mod sample;

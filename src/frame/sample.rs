@@ -1,7 +1,9 @@
 //! What a background's pixel can be: 8 and 16 bit integers of full scale 1, and floats as they are.
 
-use crate::lanes::{Lanes, Plain};
-use crate::real::Real;
+#![expect(unsafe_code, reason = "pixels to vectors and back, by intrinsics")]
+
+use crate::base::lanes::{Lanes, Plain};
+use crate::base::real::Real;
 
 /// One channel of a background's pixel.
 pub trait Sample: Copy + PartialEq + Send + Sync {
@@ -120,7 +122,7 @@ impl<S: Sample, const N: usize> Samples<S> for Plain<S::Working, N> {
 #[cfg(target_arch = "x86_64")]
 mod x86 {
     use super::Samples;
-    use crate::lanes::{F32x8, F32x16, F64x4, F64x8, Lanes};
+    use crate::base::lanes::{F32x8, F32x16, F64x4, F64x8, Lanes};
     use std::arch::x86_64::*;
 
     macro_rules! floats {

@@ -5,6 +5,7 @@
 //! Here a block of pixels stays in registers while all particles of the batch that touch it go over
 //! it, front to back: the operations of each pixel and their order are those of one after the other.
 
+#![expect(unsafe_code, reason = "blocks of pixels that stay in registers, by `Lanes`")]
 #![expect(
     clippy::needless_range_loop,
     reason = "an index over rows of a fixed count is what stays in registers"
@@ -13,9 +14,9 @@
 use super::draw::{PART, Row, TILE, Tile, vectors};
 use super::footprint::Scale;
 use super::sprite::{Look, Sprite};
-use crate::lanes::Lanes;
-use crate::normal::Normal;
-use crate::simd::{AVX2, AVX512};
+use crate::base::lanes::Lanes;
+use crate::base::normal::Normal;
+use crate::base::simd::{AVX2, AVX512};
 
 /// Particles in a batch.
 const MOST: usize = 8;
@@ -31,7 +32,7 @@ pub struct Batch<P> {
     /// Times the gain.
     down: [Row<P>; MOST],
     floor: [P; MOST],
-    colour: [[P; 3]; MOST],
+    color: [[P; 3]; MOST],
     /// Which particles touch a column of blocks, and which a row of them: a bit for each.
     columns: [u8; TILE / ACROSS],
     rows: [u8; TILE / DOWN],
@@ -47,7 +48,7 @@ impl<P: Normal> Batch<P> {
             across: [row; MOST],
             down: [row; MOST],
             floor: [P::zero(); MOST],
-            colour: [[P::zero(); 3]; MOST],
+            color: [[P::zero(); 3]; MOST],
             columns: [0; TILE / ACROSS],
             rows: [0; TILE / DOWN],
         }
@@ -61,7 +62,7 @@ impl<P: Normal> Batch<P> {
         sprite: &Sprite,
         look: &Look,
         [columns, rows]: [[usize; 2]; 2],
-        colour: [P; 3],
+        color: [P; 3],
     ) {
         let place = self.count;
         let (across, mut down, scale) = vectors::<P, LEVEL>(tile, sprite, look, [columns, rows]);
@@ -72,7 +73,7 @@ impl<P: Normal> Batch<P> {
         self.across[place] = across;
         self.down[place] = down;
         self.floor[place] = floor;
-        self.colour[place] = colour;
+        self.color[place] = color;
         for block in columns[0] / ACROSS..columns[1].div_ceil(ACROSS) {
             self.columns[block] |= 1 << place;
         }
@@ -174,7 +175,7 @@ impl<P: Normal> Batch<P> {
         }
     }
 
-    /// The same, and light += T alpha colour.
+    /// The same, and light += T alpha color.
     #[inline(always)]
     unsafe fn lit<V: Lanes<P>, const ROWS: usize>(
         &self,
@@ -195,15 +196,15 @@ impl<P: Normal> Batch<P> {
                 let place = left_over.trailing_zeros() as usize;
                 left_over &= left_over - 1;
                 let across = V::load(self.across.get_unchecked(place).0.as_ptr().add(left));
-                let colour = self.colour.get_unchecked(place);
-                let colour = [V::splat(colour[0]), V::splat(colour[1]), V::splat(colour[2])];
+                let color = self.color.get_unchecked(place);
+                let color = [V::splat(color[0]), V::splat(color[1]), V::splat(color[2])];
                 for row in 0..ROWS {
                     let alpha = self.alpha(place, top + row, across);
                     let share = t[row].mul(alpha);
                     t[row] = t[row].sub(share);
                     for channel in 0..3 {
                         light_of[row][channel] =
-                            share.multiply_add(colour[channel], light_of[row][channel]);
+                            share.multiply_add(color[channel], light_of[row][channel]);
                     }
                 }
             }

@@ -4,7 +4,7 @@
 
 use super::draw::TILE;
 use super::sprite::Sprite;
-use crate::error::{Error, collected, zeroed};
+use crate::base::error::{Error, collected, zeroed};
 
 /// A particle in a band: its place among the sprites, and the columns it can touch.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]

@@ -1,4 +1,4 @@
-//! Particles drawn into one tile: T -= T alpha, and light += T alpha colour, front to back.
+//! Particles drawn into one tile: T -= T alpha, and light += T alpha color, front to back.
 //!
 //! Footprints that are products of two short vectors are drawn a few at a time (see [`Batch`]), others
 //! row by row. The tile's transmittance stays in the L1 cache. Subtracting T alpha and not multiplying
@@ -17,9 +17,9 @@ use super::bins::Entry;
 use super::footprint::{self, Edge, Scale};
 use super::ray::{self, Cut, Forms, Ground, Rays};
 use super::sprite::{Form, Look, Sprite};
-use crate::error::{Cancel, Error};
-use crate::normal::{Normal, most};
-use crate::simd::{dispatch, multiply_add};
+use crate::base::error::{Cancel, Error};
+use crate::base::normal::{Normal, most};
+use crate::base::simd::{dispatch, multiply_add};
 
 /// Side of a tile, px.
 pub const TILE: usize = 64;
@@ -45,12 +45,12 @@ pub(super) struct Row<P>(pub(super) [P; TILE]);
 /// Particles between two looks at what is still let through, and at the cancel flag.
 const LOOK: usize = 16;
 
-/// All that is drawn: sprites in no order, the colours of the particles, and how.
+/// All that is drawn: sprites in no order, the colors of the particles, and how.
 pub struct Drawing<'a> {
     /// The images.
     pub sprites: &'a [Sprite],
     /// Linear RGB of each particle, by its index; one for all if there is one.
-    pub colours: &'a [[f64; 3]],
+    pub colors: &'a [[f64; 3]],
     /// How.
     pub look: &'a Look,
 }
@@ -61,7 +61,7 @@ pub struct Tile<'a, P> {
     pub origin: [usize; 2],
     /// What it lets through, 1 at first; 0 beyond the picture's border.
     pub through: &'a mut Plane<P>,
-    /// Premultiplied light, three planes; None if all particles have one colour.
+    /// Premultiplied light, three planes; None if all particles have one color.
     pub light: Option<&'a mut [Plane<P>; 3]>,
     /// The pixels' rays, where a particle needs them.
     pub rays: Option<&'a Rays>,
@@ -112,14 +112,14 @@ fn draw_with<P: Normal, const LEVEL: u8>(
             [low.max(start) - start, (high - start).min(TILE)]
         };
         let rows = within(sprite.rows, top);
-        let colour = drawing.colours[(sprite.index as usize).min(drawing.colours.len() - 1)];
-        let colour = colour.map(P::of);
+        let color = drawing.colors[(sprite.index as usize).min(drawing.colors.len() - 1)];
+        let color = color.map(P::of);
         if sprite.form != Form::Ray && cut == Cut::Clear {
             let columns = within([entry.left, entry.right], left);
-            batch.add::<LEVEL>(tile, sprite, look, [columns, rows], colour);
+            batch.add::<LEVEL>(tile, sprite, look, [columns, rows], color);
         } else {
             batch.draw::<LEVEL>(tile);
-            by_rows::<P, LEVEL>(tile, sprite, look, rows, cut, colour);
+            by_rows::<P, LEVEL>(tile, sprite, look, rows, cut, color);
         }
     }
     batch.draw::<LEVEL>(tile);
@@ -190,7 +190,7 @@ fn dim<P: Normal, const LEVEL: u8>(through: &mut [P; TILE], across: &[P; TILE], 
     }
 }
 
-/// The same, and light += T alpha colour.
+/// The same, and light += T alpha color.
 #[inline(always)]
 fn lit<P: Normal, const LEVEL: u8>(
     through: &mut [P; TILE],
@@ -198,15 +198,15 @@ fn lit<P: Normal, const LEVEL: u8>(
     across: &[P; TILE],
     gain: P,
     floor: P,
-    colour: [P; 3],
+    color: [P; 3],
 ) {
     for k in 0..TILE {
         let alpha = most(multiply_add::<P, LEVEL>(gain, across[k], -floor), P::zero());
         let share = through[k] * alpha;
         through[k] = through[k] - share;
-        red[k] = multiply_add::<P, LEVEL>(share, colour[0], red[k]);
-        green[k] = multiply_add::<P, LEVEL>(share, colour[1], green[k]);
-        blue[k] = multiply_add::<P, LEVEL>(share, colour[2], blue[k]);
+        red[k] = multiply_add::<P, LEVEL>(share, color[0], red[k]);
+        green[k] = multiply_add::<P, LEVEL>(share, color[1], green[k]);
+        blue[k] = multiply_add::<P, LEVEL>(share, color[2], blue[k]);
     }
 }
 
@@ -218,7 +218,7 @@ fn by_rows<P: Normal, const LEVEL: u8>(
     look: &Look,
     [top, bottom]: [usize; 2],
     cut: Cut,
-    colour: [P; 3],
+    color: [P; 3],
 ) {
     let square = look.edge == Edge::Square;
     let by_ray = sprite.form == Form::Ray;
@@ -251,7 +251,7 @@ fn by_rows<P: Normal, const LEVEL: u8>(
             Some(light) => {
                 let [red, green, blue] = &mut **light;
                 let planes = [&mut red.0[row], &mut green.0[row], &mut blue.0[row]];
-                lit::<P, LEVEL>(through, planes, alpha, P::one(), P::zero(), colour);
+                lit::<P, LEVEL>(through, planes, alpha, P::one(), P::zero(), color);
             }
         }
     }

@@ -13,7 +13,7 @@ use std::sync::LazyLock;
 
 use libm::erf;
 
-use crate::normal::{Normal, most};
+use crate::base::normal::{Normal, most};
 
 /// exp(-9/2): the footprint at three sigma.
 pub const RIM: f64 = 0.011_108_996_538_242_306;

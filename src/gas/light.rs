@@ -6,9 +6,9 @@
 
 use ndarray::ArrayViewMut1;
 
+use super::cloud::Cloud;
 use super::ray::tapered;
-use super::splat::Cloud;
-use crate::error::{Cancel, Error, collected, zeroed};
+use crate::base::error::{Cancel, Error, collected, zeroed};
 
 /// Particles between two looks at the cancel flag.
 const LOOK: usize = 64;
@@ -78,7 +78,7 @@ mod tests {
             centers: centers.view(),
             radius: radius.view(),
             density: density.view(),
-            colours: &[[1.0; 3]],
+            colors: &[[1.0; 3]],
         };
         let lit = |forward: f64| {
             let mut out = Array1::zeros(3);

@@ -8,18 +8,18 @@
 //! | [`bins`] | which particles touch which band of the picture |
 //! | [`draw`] | particles drawn into one tile |
 //! | `batch` | the same for a few at a time, products of two vectors |
+//! | [`cloud`] | particles as arrays, and what is refused of them |
+//! | [`picture`] | the tiles of a picture, their buffers and pixels |
 //! | [`splat`] | the image of many particles |
-//! | [`pair`] | both eyes at once: slabs of equal disparity, or the second eye coarser |
-//! | [`coarse`] | large particles at half the resolution |
 //! | [`light`] | how much light of a direction reaches each particle |
 
 mod batch;
 pub mod bins;
-pub mod coarse;
+pub mod cloud;
 pub mod draw;
 pub mod footprint;
 pub mod light;
-pub mod pair;
+pub mod picture;
 pub mod ray;
 pub mod splat;
 pub mod sprite;

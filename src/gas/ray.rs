@@ -8,8 +8,8 @@
 use super::draw::{PIXELS, TILE};
 use super::footprint::{RIM, Scale, lane};
 use super::sprite::{Eye, Footprint, Look, Sprite};
-use crate::normal::{Normal, most};
-use crate::simd::multiply_add;
+use crate::base::normal::{Normal, most};
+use crate::base::simd::multiply_add;
 
 /// The rays of a tile's pixels, (sx, sy, 1).
 pub struct Rays {
@@ -113,11 +113,35 @@ impl Forms {
         }
     }
 
-    /// C . d at a row's first pixel and its step, world units.
+    /// How far along each ray of a row it comes closest to the middle: C . d / |d|, world units.
     #[inline(always)]
-    fn along(&self, row: usize) -> (f64, f64) {
+    fn approach(&self, lengths: &[f64], row: usize) -> [f64; TILE] {
         let [x, y, _] = self.place;
-        (self.along + y * row as f64 * self.step, x * self.step)
+        let (along, step) = (self.along + y * row as f64 * self.step, x * self.step);
+        let mut approach = [0.0; TILE];
+        for (k, (approach, length)) in approach.iter_mut().zip(lengths).enumerate() {
+            *approach = (along + f64::from(k as i32) * step) / length;
+        }
+        approach
+    }
+
+    /// How far the nearest and the farthest depth of a tile lie behind and before the closest approach, at
+    /// least, world units.
+    fn clearance(&self, rays: &Rays, [near, far]: [f64; 2]) -> [f64; 2] {
+        let [x, y, z] = self.place;
+        let last = TILE - 1;
+        let (mut most, mut behind) = (f64::NEG_INFINITY, f64::INFINITY);
+        for at in [0, last, last * TILE, last * TILE + last] {
+            let [down, right] = [at / TILE, at % TILE].map(|steps| steps as f64 * self.step);
+            let (along, length) = (self.along + y * down + x * right, rays.length[at]);
+            most = most.max(along);
+            // Where this is positive at the corners it is not less between them: C . d >= c |d| + D |d|^2
+            // holds for a convex set of rays.
+            behind = behind.min(along / length - far * length);
+        }
+        let away = libm::hypot(libm::hypot(x, y), z);
+        let approach = away.min(most / rays.range[if most > 0.0 { 0 } else { 1 }]);
+        [near * rays.range[0] - approach, behind]
     }
 }
 
@@ -151,9 +175,10 @@ pub enum Cut {
     Clear,
     /// All of it is hidden.
     Hidden,
-    /// What stands in the picture hides it whole, pixel by pixel.
+    /// What stands in the picture hides it whole, pixel by pixel: at its planar depth, or for
+    /// [`Footprint::Viewpoint`] where the ray comes closest to its middle.
     Hard,
-    /// What stands in the picture cuts into it, at its planar depth.
+    /// What stands in the picture cuts into it, at the same place.
     Soft,
     /// The near plane and what stands in the picture end the line integral.
     Line,
@@ -175,6 +200,16 @@ pub fn cut<P: Normal>(
     // Beyond this many sigma the normal law has reached 0 or 1.
     let saturated = P::SATURATED * sigma;
     let far = ground.map_or([f64::INFINITY; 2], |ground| ground.range);
+    if let (Footprint::Viewpoint, Some(rays)) = (model, rays) {
+        let [before, behind] = Forms::of(sprite, rays).clearance(rays, far);
+        return match hard {
+            _ if before > if hard { 0.0 } else { saturated } => Cut::Clear,
+            true if behind >= 0.0 => Cut::Hidden,
+            true => Cut::Hard,
+            false if behind > saturated => Cut::Hidden,
+            false => Cut::Soft,
+        };
+    }
     if hard && ground.is_some() {
         let level = P::of(depth).wide();
         if far[1] <= level {
@@ -215,6 +250,26 @@ pub fn cut_row<P: Normal>(
     let part = row * TILE..(row + 1) * TILE;
     let depth = sprite.place[2];
     let map = ground.map(|ground| &ground.depth[part.clone()]);
+    let inverse = 1.0 / sprite.sigma;
+    let lengths = rays.map(|rays| &rays.length[part]);
+    let approach = rays.zip(lengths).filter(|_| sprite.model.by_ray());
+    let approach = approach.map(|(rays, all)| (Forms::of(sprite, rays).approach(all, row), all));
+    if let (Footprint::Viewpoint, Some((approach, lengths)), Some(map)) =
+        (sprite.model, &approach, map)
+    {
+        for k in 0..TILE {
+            let clear = map[k].wide() * lengths[k] - approach[k];
+            let shown = if cut == Cut::Soft {
+                below(P::of(clear * inverse))
+            } else if clear > 0.0 {
+                P::one()
+            } else {
+                P::zero()
+            };
+            alpha[k] *= shown;
+        }
+        return;
+    }
     if (cut == Cut::Hard || (cut == Cut::Line && hard))
         && let Some(map) = map
     {
@@ -223,17 +278,14 @@ pub fn cut_row<P: Normal>(
             *alpha = if level < *ground { *alpha } else { P::zero() };
         }
     }
-    let inverse = 1.0 / sprite.sigma;
-    match (cut, map, rays) {
+    match (cut, map, approach) {
         (Cut::Soft, Some(map), _) => {
             for (alpha, ground) in alpha.iter_mut().zip(map) {
                 let u = P::of((ground.wide() - depth) * inverse);
                 *alpha *= below(u);
             }
         }
-        (Cut::Line, map, Some(rays)) => {
-            let (along, step) = Forms::of(sprite, rays).along(row);
-            let lengths = &rays.length[part];
+        (Cut::Line, map, Some((approach, lengths))) => {
             let mut end = [f64::INFINITY; TILE];
             if let (Some(map), false) = (map, hard) {
                 for (end, ground) in end.iter_mut().zip(map) {
@@ -241,9 +293,8 @@ pub fn cut_row<P: Normal>(
                 }
             }
             for (k, (alpha, length)) in alpha.iter_mut().zip(lengths).enumerate() {
-                let middle = (along + f64::from(k as i32) * step) / length;
-                let from = P::of((near * length - middle) * inverse);
-                let to = P::of((end[k] * length - middle) * inverse);
+                let from = P::of((near * length - approach[k]) * inverse);
+                let to = P::of((end[k] * length - approach[k]) * inverse);
                 *alpha *= between(from, to);
             }
         }

@@ -4,7 +4,8 @@ use std::f64::consts::FRAC_PI_2;
 use std::ops::Range;
 
 use super::footprint::{Edge, POINT_FROM, patch};
-use crate::cover::pixels;
+use crate::base::cover::pixels;
+use crate::base::smooth::smoothstep;
 
 /// Slopes beyond this many times the picture's are held when a footprint is widened off the axis.
 const SLOPES: f64 = 1.3;
@@ -47,8 +48,6 @@ pub struct Eye {
     pub center: [f64; 2],
     /// Its place in camera axes.
     pub offset: [f64; 3],
-    /// Columns on either side of the picture that only another eye sees.
-    pub margin: usize,
 }
 
 /// What becomes of particles at the near plane.
@@ -233,8 +232,8 @@ impl Sprite {
             NearMode::Exact if depth - look.near >= radius => return Some(1.0),
             NearMode::Exact | NearMode::Fade => {}
         }
-        let t = ((depth - look.near) / (radius / 3.0)).min(1.0);
-        (t > 0.0).then_some(t * t * (3.0 - 2.0 * t))
+        let t = (depth - look.near) / (radius / 3.0);
+        (t > 0.0).then(|| smoothstep(t))
     }
 
     /// How far the near end of the particle lies from the eye, at least.
@@ -261,8 +260,7 @@ fn projected(
         return (size, middle);
     }
     let held = |axis: usize, length: usize| {
-        let margin = if axis == 0 { eye.margin } else { 0 };
-        let (center, length) = (eye.center[axis] - margin as f64, length - 2 * margin);
+        let center = eye.center[axis];
         let limit = SLOPES * center.abs().max((length as f64 - center).abs()) / eye.focal;
         slopes[axis].clamp(-limit, limit)
     };
@@ -290,7 +288,7 @@ fn slopes(x: f64, depth: f64, reach: f64) -> Option<(f64, f64)> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::random::Hash;
+    use crate::base::random::Hash;
 
     #[test]
     fn slopes_hold_every_ray_that_meets_the_circle() {

@@ -9,8 +9,8 @@ use std::ops::Range;
 
 use super::project::Group;
 use super::sprite::{Flake, Lens, Sprite};
-use crate::cover::pixels;
-use crate::error::Error;
+use crate::base::cover::pixels;
+use crate::base::error::Error;
 
 /// Side of a tile, px. Its transmittance in float64 is 32 KiB: the L1 cache.
 pub const TILE: usize = 64;
@@ -216,8 +216,8 @@ fn reserve<T>(buffer: &mut Vec<T>, more: usize) -> Result<(), Error> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::random::Hash;
-    use crate::simd::{AVX2, AVX512, Level, PORTABLE};
+    use crate::base::random::Hash;
+    use crate::base::simd::{AVX2, AVX512, Level, PORTABLE};
 
     const LENS: Lens = Lens { focal: 100.0, center: [0.0; 2], offset: [0.0; 3], near: 0.1 };
 
@@ -252,7 +252,7 @@ mod tests {
         let grid = Grid::over((200, 300));
         assert_eq!((grid.rows, grid.columns), (4, 5));
         for (level, parts) in [(PORTABLE, 1), (PORTABLE, 7), (AVX2, 2), (AVX512, 7)] {
-            let known = match crate::simd::level() {
+            let known = match crate::base::simd::level() {
                 Level::Avx512 => AVX512,
                 Level::Avx2 => AVX2,
                 Level::Portable => PORTABLE,
@@ -261,7 +261,7 @@ mod tests {
                 continue;
             }
             let mut scratch = Scratch::default();
-            let bins: Vec<Bins> = crate::pool::split(flakes.len(), parts)
+            let bins: Vec<Bins> = crate::base::pool::split(flakes.len(), parts)
                 .into_iter()
                 .map(|run| {
                     let mut bins = Bins::default();

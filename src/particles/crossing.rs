@@ -6,8 +6,9 @@
 
 use ndarray::{ArrayViewMut2, Axis};
 
-use crate::error::{Cancel, Error, collected};
-use crate::random::Hash;
+use crate::base::error::{Cancel, Error, collected};
+use crate::base::random::Hash;
+use crate::particles::looks::size_fade;
 
 /// What flakes are like, and what sees them.
 #[derive(Debug, Clone, Copy)]
@@ -64,7 +65,6 @@ pub fn cross(
     }
     let inverse = Inverse::new(law.depths, law.sums)?;
     let hash = Hash::seeded(seed).word(stream);
-    let (low, high) = law.fade;
     let mut kept = 0;
     for index in 0..count {
         if index % LOOK == 0 {
@@ -75,8 +75,7 @@ pub fn cross(
         let pixels = law.focal / z;
         let radius = 0.5 * (law.sizes.0 + number(3) * (law.sizes.1 - law.sizes.0));
         let sigma = pixels * radius / 3.0;
-        let part = ((sigma - low) / (high - low)).clamp(0.0, 1.0);
-        let opacity = law.opacity * (1.0 - part * part * (3.0 - 2.0 * part));
+        let opacity = law.opacity * size_fade(sigma, law.fade);
         if opacity <= 0.0 {
             continue;
         }

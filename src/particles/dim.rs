@@ -3,11 +3,13 @@
 //! Left to itself the compiler makes vectors of eight rows here, and gathers and scatters their pixels
 //! one by one. No fused multiply-add, so that all levels give the same bits.
 
+#![expect(unsafe_code, reason = "intrinsics: the compiler makes vectors of rows here, and gathers")]
+
 #[cfg(target_arch = "x86_64")]
 use std::arch::x86_64::*;
 
 #[cfg(target_arch = "x86_64")]
-use crate::simd::{AVX2, AVX512};
+use crate::base::simd::{AVX2, AVX512};
 
 /// Pixels at a time.
 pub const LANES: usize = 8;
@@ -98,5 +100,19 @@ impl Dim for f64 {
                 }
             }
         }
+    }
+}
+
+/// T *= 1 - weight * profile for whole lanes; in functions that are compiled for the level.
+#[inline(always)]
+pub fn rows<P: Dim, const LEVEL: u8>(through: &mut [f64], weight: P, profile: &[P]) {
+    let lanes = through.chunks_exact_mut(LANES).zip(profile.chunks_exact(LANES));
+    for (through, profile) in lanes {
+        let (Some(through), Some(profile)) = (through.first_chunk_mut(), profile.first_chunk())
+        else {
+            return;
+        };
+        // SAFETY: `dispatch` asks the processor before it takes a level.
+        unsafe { P::dim::<LEVEL>(through, weight, profile) };
     }
 }

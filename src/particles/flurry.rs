@@ -3,29 +3,13 @@
 //! The box holds several times as many flakes as the picture shows. Doing step after step for all of
 //! them, through arrays, costs more than drawing those that are seen.
 
+use super::looks::{Looks, presence, sigma, size_fade};
 use super::splat::Source;
 use super::sprite::{Flake, Lens};
 use super::torus::Carried;
-use crate::error::{Cancel, Error, collected};
-use crate::pool;
-use crate::random::Hash;
-
-/// How flakes look.
-#[derive(Debug, Clone, Copy)]
-pub struct Looks {
-    /// Smallest and largest radius, world units.
-    pub radius: (f64, f64),
-    /// Of a flake's middle, 0 to 1.
-    pub opacity: f64,
-    /// The share of the flakes that is there, 0 to 1: those of the lowest indices.
-    pub amount: f64,
-    /// Over this share of them the last ones fade in.
-    pub fade_in: f64,
-    /// Sigma in px (without blur) from which flakes fade, and at which they are gone.
-    pub largest: (f64, f64),
-    /// Stream of the numbers that their sizes are.
-    pub sizes: i64,
-}
+use crate::base::error::{Cancel, Error, collected};
+use crate::base::pool;
+use crate::base::random::Hash;
 
 /// Flakes of a box, as [`super::splat::splat`] draws them.
 pub struct Flurry {
@@ -53,21 +37,11 @@ impl Flurry {
         window: [usize; 4],
         travel: [f64; 3],
     ) -> Result<Self, Error> {
-        let Looks { radius, opacity, amount, fade_in, .. } = looks;
-        let sound = 0.0 <= radius.0
-            && radius.0 <= radius.1
-            && radius.1.is_finite()
-            && (0.0..=1.0).contains(&opacity)
-            && (0.0..=1.0).contains(&amount)
-            && 0.0 < fade_in
-            && fade_in <= 1.0
-            && looks.largest.0 < looks.largest.1
-            && travel.iter().all(|v| v.is_finite());
-        if !sound {
+        if !looks.sound() || !travel.iter().all(|v| v.is_finite()) {
             return Err(Error::Internal(format!("no flakes look like {looks:?}, {travel:?}")));
         }
         let length = travel.iter().map(|v| v * v).sum::<f64>().sqrt();
-        let room = carried.reach() + length + 2.0 * radius.1;
+        let room = carried.reach() + length + 2.0 * looks.radius.1;
         Ok(Self {
             count,
             carried,
@@ -142,8 +116,7 @@ impl Source for Flurry {
     #[inline(always)]
     fn get(&self, index: usize) -> Option<Flake> {
         let Looks { radius, opacity, amount, fade_in, largest, .. } = self.looks;
-        let rank = (index as f64 + 0.5) / self.count as f64;
-        let there = ((amount - rank * (1.0 - fade_in)) / fade_in).clamp(0.0, 1.0);
+        let there = presence(index, self.count, amount, fade_in);
         if there == 0.0 {
             return None;
         }
@@ -161,9 +134,7 @@ impl Source for Flurry {
         let point = [x + aside, y, z + ahead];
         let size = self.sizes.word(index as i64).unit();
         let radius = radius.0 + size * (radius.1 - radius.0);
-        let sigma = self.focal * radius / (3.0 * point[2].max(1e-6));
-        let part = ((sigma - largest.0) / (largest.1 - largest.0)).clamp(0.0, 1.0);
-        let sharp = 1.0 - part * part * (3.0 - 2.0 * part);
+        let sharp = size_fade(sigma(self.focal, radius, point[2]), largest);
         let weight = there * self.carried.shown(point) * sharp;
         (weight > 0.0).then_some(Flake {
             point,
@@ -215,7 +186,7 @@ impl View {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::error::Cancel;
+    use crate::base::error::Cancel;
     use crate::particles::splat::{Flakes, splat};
     use crate::particles::torus::{Sway, Torus, edge_fade, positions};
     use ndarray::{Array1, Array2, ArrayView2, array, s};
@@ -244,7 +215,7 @@ mod tests {
         let mut shown = Array1::zeros(count);
         edge_fade(shown.view_mut(), points.view(), torus, &cancel).unwrap();
         let mut sizes = vec![0.0; count];
-        crate::random::uniform(&mut sizes, 5, LOOKS.sizes);
+        crate::base::random::uniform(&mut sizes, 5, LOOKS.sizes);
         let radius: Array1<f64> =
             sizes.iter().map(|u| LOOKS.radius.0 + u * (LOOKS.radius.1 - LOOKS.radius.0)).collect();
         let opacity = Array1::from_shape_fn(count, |i| {

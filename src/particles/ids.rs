@@ -5,10 +5,10 @@ use ndarray::{ArrayView2, ArrayViewMut2, Axis};
 use super::profile::{self, bare};
 use super::splat::{Flakes, Source, check_lens};
 use super::sprite::{Lens, Sprite};
-use crate::cover::pixels;
-use crate::error::{Cancel, Error};
-use crate::pool;
-use crate::real::Real;
+use crate::base::cover::pixels;
+use crate::base::error::{Cancel, Error};
+use crate::base::pool;
+use crate::base::real::Real;
 
 /// Rows of one item of work.
 const BAND: usize = 16;

@@ -12,6 +12,7 @@
 //! | [`splat`] | the image of many flakes |
 //! | [`ids`] | which flake a pixel shows |
 //! | [`crossing`] | flakes that cross the picture of a camera at rest |
+//! | [`looks`] | how many flakes are there, how large they are, which are too large |
 //! | [`flurry`] | the flakes of a box, each placed and looked at as it is drawn |
 
 pub mod bins;
@@ -20,10 +21,12 @@ mod dim;
 mod draw;
 pub mod flurry;
 pub mod ids;
+pub mod looks;
 pub mod profile;
 mod project;
 pub mod sorted;
 mod spare;
 pub mod splat;
 pub mod sprite;
+mod streak;
 pub mod torus;

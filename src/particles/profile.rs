@@ -14,7 +14,7 @@
 //! G = exp(-x^2/2) sum_n (L/2)^2n / (2n+1)! He_2n(x), x from the middle, is used instead.
 
 use super::dim::Dim;
-use crate::normal::{Normal, least, most, polynomial};
+use crate::base::normal::{Normal, least, most, polynomial};
 
 /// Where the end of the footprint begins, in sigma.
 const RIM: f64 = 3.0;

@@ -4,14 +4,17 @@
 //! move in front of the near plane all the way, are done by vectors; one that crosses the plane goes
 //! the slow way.
 
+#![expect(unsafe_code, reason = "vectors of flakes by `Lanes`")]
+
 use std::ops::Range;
 
 use super::bins::{Grid, Sorter, TILE};
-use super::sprite::{Flake, LEAST_VARIANCE, Lens, PIXEL_VARIANCE, REACH, RIM_SHARE, Sprite};
-use crate::error::Error;
-use crate::lanes::Lanes;
-use crate::real::Real;
-use crate::simd::{AVX2, AVX512};
+use super::sprite::{Flake, Lens, REACH, RIM_SHARE, Sprite};
+use crate::base::error::Error;
+use crate::base::lanes::Lanes;
+use crate::base::real::Real;
+use crate::base::sampling::{LEAST_VARIANCE, PIXEL_VARIANCE};
+use crate::base::simd::{AVX2, AVX512};
 
 /// How many: a multiple of all vectors.
 const MOST: usize = 8;

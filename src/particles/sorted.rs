@@ -13,10 +13,10 @@ use super::profile::Profile;
 use super::spare;
 use super::splat::{Source, check_lens};
 use super::sprite::Lens;
-use crate::error::{Cancel, Error, pushed};
-use crate::pool;
-use crate::real::Real;
-use crate::simd::dispatch;
+use crate::base::error::{Cancel, Error, pushed};
+use crate::base::pool;
+use crate::base::real::Real;
+use crate::base::simd::dispatch;
 
 /// Flakes per run of the binning, at least: projected, they fit the L2 cache.
 const RUN: usize = 8192;
@@ -252,8 +252,8 @@ fn store_with<P: Profile, const LEVEL: u8>(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::base::random::Hash;
     use crate::particles::splat::Flakes;
-    use crate::random::Hash;
     use ndarray::{Array1, Array2, array};
 
     #[test]

@@ -1,13 +1,13 @@
-//! The image of many flakes of one colour: alpha = 1 - prod(1 - alpha_i), whatever their order.
+//! The image of many flakes of one color: alpha = 1 - prod(1 - alpha_i), whatever their order.
 
 use ndarray::{ArrayView1, ArrayView2, ArrayViewMut2};
 
 use super::profile::Profile;
 use super::sorted::Sorted;
 use super::sprite::{Flake, Lens, Sprite};
-use crate::error::{Cancel, Error, finite};
-use crate::real::Real;
-use crate::scan;
+use crate::base::error::{Cancel, Error, finite};
+use crate::base::real::Real;
+use crate::base::scan;
 
 /// Flakes as arrays: points (n, 3) in camera axes; the others have n rows, or one for all.
 #[derive(Debug, Clone, Copy)]
@@ -168,7 +168,7 @@ pub fn estimate(shape: (usize, usize), flakes: &impl Source, lens: &Lens) -> f64
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::random::Hash;
+    use crate::base::random::Hash;
     use ndarray::{Array1, Array2, array};
 
     const LENS: Lens = Lens { focal: 100.0, center: [70.0, 45.0], offset: [0.0; 3], near: 0.1 };

@@ -1,24 +1,26 @@
 //! One flake's image: where it falls, how large, how opaque (Langer 2004, section 6).
 //!
 //! A flake of radius r at depth D is a Gaussian with sigma = f r / (3 D) px: size goes as 1/D, like
-//! the speed. Sampled at pixel centres, a narrow Gaussian loses or gains energy with its sub-pixel
-//! position, so it is drawn with sigma_e^2 = max(sigma^2 + 1/12, 0.38) and its amplitude is lowered
-//! by sigma^2 / sigma_e^2: the sum over pixels stays 2 pi sigma^2, and a far flake fades where it
-//! would otherwise flicker.
+//! the speed. It is drawn wider, with the sigma_e of [`crate::base::sampling`], and its amplitude is
+//! lowered by sigma^2 / sigma_e^2: the sum over pixels stays 2 pi sigma^2, and a far flake fades where
+//! it would otherwise flicker.
 //!
 //! The footprint ends at 4 sigma, which costs up to 0.29 % of a small flake's energy, more than the
 //! 0.22 % that sampling alone costs. A factor 1 + 4.8e-4 / sigma_e^2 on the amplitude (0.13 % for the
 //! smallest flakes, nothing for large ones, never above the opacity) keeps it within 0.18 % for every
 //! size and position.
 
-/// The variance of one pixel's box, by which sampling widens a flake.
-pub(super) const PIXEL_VARIANCE: f64 = 1.0 / 12.0;
-
-/// Below this variance (px^2) samples alias: exp(-2 pi^2 0.38) = 5.5e-4 of the energy per axis.
-pub(super) const LEAST_VARIANCE: f64 = 0.38;
+use crate::base::sampling::sampled;
 
 /// Gives back what the end of the footprint takes from small flakes, px^2.
 pub(super) const RIM_SHARE: f64 = 4.8e-4;
+
+/// Of a flake of this sigma^2, px^2: sigma_e^2, and its middle's opacity over the flake's own.
+#[inline(always)]
+pub fn image_of(variance: f64) -> (f64, f64) {
+    let wide = sampled(variance);
+    (wide, variance / wide * (1.0 + RIM_SHARE / wide))
+}
 
 /// The footprint ends here, in sigma_e, on each side.
 pub const REACH: f64 = 4.0;
@@ -95,8 +97,7 @@ impl Sprite {
         let shift = 0.5 * (from + to);
         let depth = (middle[2] + shift * flake.travel[2]).max(lens.near);
         let raw = lens.focal * flake.radius / (3.0 * depth);
-        let variance = (raw * raw + PIXEL_VARIANCE).max(LEAST_VARIANCE);
-        let share = raw * raw / variance * (1.0 + RIM_SHARE / variance);
+        let (variance, share) = image_of(raw * raw);
         let amplitude = flake.opacity * (to - from) * share;
         let place = |share: f64| {
             let at: [f64; 3] =
@@ -199,6 +200,7 @@ fn kept(depth: f64, travel: f64, near: f64) -> Option<(f64, f64)> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::base::sampling::{LEAST_VARIANCE, PIXEL_VARIANCE};
 
     const LENS: Lens = Lens { focal: 300.0, center: [50.0, 40.0], offset: [0.0; 3], near: 0.1 };
 

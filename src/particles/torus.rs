@@ -5,9 +5,10 @@
 
 use ndarray::{ArrayView1, ArrayView2, ArrayViewMut1, ArrayViewMut2, Axis};
 
-use crate::error::{Cancel, Error, finite};
-use crate::pool;
-use crate::random::Hash;
+use crate::base::error::{Cancel, Error, finite};
+use crate::base::pool;
+use crate::base::random::Hash;
+use crate::base::smooth::smoothstep;
 
 /// Separates the flakes' numbers from every other use of the seed.
 const STREAM: i64 = i64::from_be_bytes(*b"flakebox");
@@ -277,8 +278,7 @@ fn fade(torus: &Torus, point: [f64; 3]) -> f64 {
     (0..3)
         .map(|axis| {
             let reach = 2.0 * (point[axis] - torus.center[axis]).abs() / torus.sides[axis];
-            let t = ((reach - FADE_FROM) / (1.0 - FADE_FROM)).clamp(0.0, 1.0);
-            1.0 - t * t * (3.0 - 2.0 * t)
+            1.0 - smoothstep((reach - FADE_FROM) / (1.0 - FADE_FROM))
         })
         .product()
 }

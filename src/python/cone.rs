@@ -2,12 +2,14 @@
 
 use numpy::ndarray::{ArrayView2, ArrayViewMut2};
 use numpy::{
-    PyReadonlyArray1, PyReadonlyArray2, PyReadonlyArray3, PyReadwriteArray1, PyReadwriteArray2,
-    PyReadwriteArray3, PyUntypedArrayMethods,
+    PyReadonlyArray2, PyReadonlyArray3, PyReadwriteArray2, PyReadwriteArray3, PyUntypedArrayMethods,
 };
 use pyo3::prelude::*;
 
 use super::gate::{self, PlaneMut, each_precision};
+use crate::base::error::Error;
+use crate::base::pool;
+use crate::base::real::Real;
 use crate::cone::area::Area;
 use crate::cone::basis::Basis;
 use crate::cone::chart::{self, Chart, Course};
@@ -15,11 +17,7 @@ use crate::cone::layer::{self, Layer};
 use crate::cone::sheet::{Sheet, Table, Tables};
 use crate::cone::stack::{self, Charted};
 use crate::cone::view::View;
-use crate::cone::window::Windows;
-use crate::cone::{square, table, tile};
-use crate::error::Error;
-use crate::pool;
-use crate::real::Real;
+use crate::cone::{table, tile};
 
 /// Rough nanoseconds, which only decide who watches for Ctrl-C.
 const RAY: f64 = 60.0;
@@ -119,27 +117,6 @@ pub fn cone_chart(
     gate::run(py, work, |cancel| chart::chart(planes, &view, &course, cancel))
 }
 
-/// Whether the processor looks up squares of pixels at once, and so keeps charts of them.
-#[pyfunction]
-pub fn cone_windows() -> bool {
-    Windows::found().is_some()
-}
-
-/// Fills the squares of a chart, in words that begin at a cache line; see `cone::square`.
-#[pyfunction]
-pub fn cone_squares(
-    mut out: PyReadwriteArray1<'_, u32>,
-    across: PyReadonlyArray2<'_, u32>,
-    along: PyReadonlyArray2<'_, u32>,
-) -> PyResult<()> {
-    let wrong = || Error::Internal("squares do not fit".into());
-    let stride = across.shape()[1];
-    let words = out.as_slice_mut().map_err(|_| wrong())?;
-    let (across, along) =
-        (across.as_slice().map_err(|_| wrong())?, along.as_slice().map_err(|_| wrong())?);
-    if square::keep(words, across, along, stride) { Ok(()) } else { Err(wrong().into()) }
-}
-
 /// (tiles around, stretch, first row)
 fn course_of((tiles, stretch, top): (u32, f64, usize)) -> Course {
     Course { tiles, stretch, top }
@@ -209,21 +186,16 @@ fn sheets_of(sheets: &[SheetValues]) -> Vec<Sheet> {
         .collect()
 }
 
-type TableValues<'py> =
-    (usize, usize, PyReadonlyArray2<'py, u32>, Option<PyReadonlyArray2<'py, u8>>);
+type TableValues<'py> = (usize, usize, PyReadonlyArray2<'py, u32>);
 
 fn tables_of<'a>(levels: usize, values: &'a [TableValues<'_>]) -> Result<Tables<'a>, Error> {
     let wrong = || Error::Internal("a table does not fit".into());
     let mut grid = vec![None; levels.checked_mul(levels).ok_or_else(wrong)?];
-    for (across, along, entries, bytes) in values {
+    for (across, along, entries) in values {
         let [rows, columns] = [0, 1].map(|axis| entries.shape()[axis]);
         let place = grid.get_mut(across * levels + along).ok_or_else(wrong)?;
         *place = Some(Table {
             entries: entries.as_slice().map_err(|_| wrong())?,
-            bytes: match bytes {
-                Some(bytes) => bytes.as_slice().map_err(|_| wrong())?,
-                None => &[],
-            },
             columns: columns.trailing_zeros(),
             rows: rows.trailing_zeros(),
         });
@@ -244,7 +216,7 @@ pub fn cone_needed(
 /// The joint alpha of layers. `tables` are (level across, level along, entries).
 #[pyfunction]
 #[expect(clippy::too_many_arguments, reason = "the planes of a chart, one by one")]
-#[pyo3(signature = (out, across, along, fade, state, footprint, squares, sheets, levels, tables, shown=None))]
+#[pyo3(signature = (out, across, along, fade, state, footprint, sheets, levels, tables, shown=None))]
 pub fn cone_stack(
     py: Python<'_>,
     mut out: PyReadwriteArray2<'_, f32>,
@@ -253,7 +225,6 @@ pub fn cone_stack(
     fade: PyReadonlyArray2<'_, f32>,
     state: PyReadonlyArray2<'_, u8>,
     footprint: PyReadonlyArray3<'_, f32>,
-    squares: Option<PyReadonlyArray1<'_, u32>>,
     sheets: Vec<SheetValues>,
     levels: usize,
     tables: Vec<TableValues<'_>>,
@@ -270,13 +241,7 @@ pub fn cone_stack(
     let (out, sheets) = (out.as_array_mut(), sheets_of(&sheets));
     let work = LOOK_UP * out.len() as f64;
     let shown = shown.as_ref().map(|shown| shown.as_array());
-    let squares = match &squares {
-        Some(words) => Some(words.as_slice().map_err(|_| Error::Internal("layout".into()))?),
-        None => None,
-    };
-    gate::run(py, work, move |cancel| {
-        stack::stack(out, &charted, &sheets, &tables, shown, squares, cancel)
-    })
+    gate::run(py, work, move |cancel| stack::stack(out, &charted, &sheets, &tables, shown, cancel))
 }
 
 /// The same without a chart that would be used once.

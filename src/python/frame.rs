@@ -4,9 +4,9 @@ use numpy::{PyReadonlyArray2, PyReadonlyArray3, PyReadwriteArray3};
 use pyo3::prelude::*;
 
 use super::gate::{self, Plane, PlaneMut};
-use crate::error::Error;
+use crate::base::error::Error;
+use crate::base::real::Real;
 use crate::frame::{composite, sample::Sample};
-use crate::real::Real;
 
 /// A background of any supported dtype.
 #[derive(FromPyObject)]
@@ -47,7 +47,7 @@ fn mismatch() -> PyErr {
     Error::invalid("out", "must have the dtype of the background").into()
 }
 
-/// Snow of one colour over a background.
+/// Snow of one color over a background.
 #[pyfunction]
 pub fn snow(
     py: Python<'_>,
@@ -125,7 +125,7 @@ pub fn over(
     }
 }
 
-/// Joint opacity of layers of one colour.
+/// Joint opacity of layers of one color.
 #[pyfunction]
 #[pyo3(signature = (out, layers, haze, matte=None))]
 pub fn join(

@@ -1,20 +1,22 @@
 //! Gas: the image of its particles, and the light that reaches them.
 
-use numpy::ndarray::{ArrayView2, ArrayViewMut2};
+use numpy::ndarray::ArrayView2;
 use numpy::{
     PyReadonlyArray1, PyReadonlyArray2, PyReadwriteArray1, PyReadwriteArray2, PyReadwriteArray3,
 };
 use pyo3::prelude::*;
 
-use super::gate::{self, Plane, PlaneMut};
-use crate::error::Error;
+use super::gate::{self, Plane, PlaneMut, each_map};
+use crate::base::error::Error;
+use crate::base::normal::Normal;
+use crate::base::real::Real;
+use crate::gas::cloud::Cloud;
 use crate::gas::draw::Drawing;
 use crate::gas::footprint::Edge;
-use crate::gas::splat::{self, Cloud, Touched};
+use crate::gas::light;
+use crate::gas::picture::Touched;
+use crate::gas::splat;
 use crate::gas::sprite::{Eye, Footprint, Look, NearMode, Sprite};
-use crate::gas::{light, pair};
-use crate::normal::Normal;
-use crate::real::Real;
 
 /// RGBA of either precision, to be written.
 #[derive(FromPyObject)]
@@ -32,7 +34,7 @@ type Lens = (f64, f64, f64, [f64; 3]);
 type Manner = (String, String, f64, String, bool, f64);
 
 fn eye_of((focal, x, y, offset): Lens) -> Eye {
-    Eye { focal, center: [x, y], offset, margin: 0 }
+    Eye { focal, center: [x, y], offset }
 }
 
 fn look_of((footprint, edge, near, near_mode, hard, error): Manner) -> PyResult<Look> {
@@ -58,12 +60,12 @@ fn look_of((footprint, edge, near, near_mode, hard, error): Manner) -> PyResult<
     Ok(Look { footprint, edge, near, near_mode, hard, error })
 }
 
-fn colours_of(colours: &PyReadonlyArray2<'_, f64>) -> PyResult<Vec<[f64; 3]>> {
-    let colours = colours.as_array();
-    if colours.ncols() != 3 {
+fn colors_of(colors: &PyReadonlyArray2<'_, f64>) -> PyResult<Vec<[f64; 3]>> {
+    let colors = colors.as_array();
+    if colors.ncols() != 3 {
         return Err(Error::invalid("color", "must have three numbers to a row").into());
     }
-    Ok(colours.rows().into_iter().map(|row| [row[0], row[1], row[2]]).collect())
+    Ok(colors.rows().into_iter().map(|row| [row[0], row[1], row[2]]).collect())
 }
 
 /// Draws premultiplied linear RGBA of a gas into `out` (H, W, 4).
@@ -75,39 +77,28 @@ pub fn gas_splat(
     centers: PyReadonlyArray2<'_, f64>,
     radius: PyReadonlyArray1<'_, f64>,
     density: PyReadonlyArray1<'_, f64>,
-    colours: PyReadonlyArray2<'_, f64>,
+    colors: PyReadonlyArray2<'_, f64>,
     lens: Lens,
     manner: Manner,
     depth: Option<Plane<'_>>,
 ) -> PyResult<()> {
-    let colours = colours_of(&colours)?;
+    let colors = colors_of(&colors)?;
     let cloud = Cloud {
         centers: centers.as_array(),
         radius: radius.as_array(),
         density: density.as_array(),
-        colours: &colours,
+        colors: &colors,
     };
     let (eye, look) = (eye_of(lens), look_of(manner)?);
-    match (out, &depth) {
-        (LayerMut::Single(out), None) => layer(py, out, &cloud, &eye, &look, NOTHING),
-        (LayerMut::Double(out), None) => layer(py, out, &cloud, &eye, &look, NOTHING),
-        (LayerMut::Single(out), Some(Plane::Single(map))) => {
-            layer(py, out, &cloud, &eye, &look, Some(map.as_array()))
+    match out {
+        LayerMut::Single(out) => {
+            each_map!(&depth, map => layer(py, out, &cloud, &eye, &look, map))
         }
-        (LayerMut::Single(out), Some(Plane::Double(map))) => {
-            layer(py, out, &cloud, &eye, &look, Some(map.as_array()))
-        }
-        (LayerMut::Double(out), Some(Plane::Single(map))) => {
-            layer(py, out, &cloud, &eye, &look, Some(map.as_array()))
-        }
-        (LayerMut::Double(out), Some(Plane::Double(map))) => {
-            layer(py, out, &cloud, &eye, &look, Some(map.as_array()))
+        LayerMut::Double(out) => {
+            each_map!(&depth, map => layer(py, out, &cloud, &eye, &look, map))
         }
     }
 }
-
-/// No depth map.
-const NOTHING: Option<ArrayView2<'static, f32>> = None;
 
 fn layer<P: Normal + numpy::Element, M: Real>(
     py: Python<'_>,
@@ -140,29 +131,15 @@ pub fn gas_alpha(
         centers: centers.as_array(),
         radius: radius.as_array(),
         density: density.as_array(),
-        colours: &[[0.0; 3]],
+        colors: &[[0.0; 3]],
     };
     let (eye, look) = (eye_of(lens), look_of(manner)?);
     cloud.check()?;
     gate::each_precision!(out, view => {
         let nanoseconds = splat::estimate(view.dim(), &cloud, &eye, &look);
-        match &depth {
-            None => gate::run(py, nanoseconds, |cancel| {
-                splat::alpha(view, &cloud, &eye, &look, NOTHING, cancel)
-            }),
-            Some(Plane::Single(map)) => {
-                let map = map.as_array();
-                gate::run(py, nanoseconds, |cancel| {
-                    splat::alpha(view, &cloud, &eye, &look, Some(map), cancel)
-                })
-            }
-            Some(Plane::Double(map)) => {
-                let map = map.as_array();
-                gate::run(py, nanoseconds, |cancel| {
-                    splat::alpha(view, &cloud, &eye, &look, Some(map), cancel)
-                })
-            }
-        }
+        each_map!(&depth, map => gate::run(py, nanoseconds, |cancel| {
+            splat::alpha(view, &cloud, &eye, &look, map, cancel)
+        }))
     })
 }
 
@@ -172,7 +149,7 @@ pub struct SortedGas {
     shape: (usize, usize),
     sprites: Vec<Sprite>,
     touched: Touched,
-    colours: Vec<[f64; 3]>,
+    colors: Vec<[f64; 3]>,
     eye: Eye,
     look: Look,
     /// A rough estimate of the whole frame.
@@ -188,22 +165,22 @@ pub fn gas_sort(
     centers: PyReadonlyArray2<'_, f64>,
     radius: PyReadonlyArray1<'_, f64>,
     density: PyReadonlyArray1<'_, f64>,
-    colours: PyReadonlyArray2<'_, f64>,
+    colors: PyReadonlyArray2<'_, f64>,
     lens: Lens,
     manner: Manner,
 ) -> PyResult<SortedGas> {
-    let colours = colours_of(&colours)?;
+    let colors = colors_of(&colors)?;
     let (eye, look) = (eye_of(lens), look_of(manner)?);
     let (centers, radius, density) = (centers.as_array(), radius.as_array(), density.as_array());
-    let cloud = Cloud { centers, radius, density, colours: &colours };
+    let cloud = Cloud { centers, radius, density, colors: &colors };
     splat::check_all::<f32>(shape, &cloud, &eye, &look, None)?;
     let nanoseconds = splat::estimate(shape, &cloud, &eye, &look);
     let (sprites, touched) = gate::run(py, nanoseconds, |cancel| {
         let sprites = splat::sprites(&cloud, &eye, &look, shape, cancel)?;
-        let touched = Touched::of(&sprites, &colours, shape.0)?;
+        let touched = Touched::of(&sprites, &colors, shape.0)?;
         Ok((sprites, touched))
     })?;
-    Ok(SortedGas { shape, sprites, touched, colours, eye, look, nanoseconds })
+    Ok(SortedGas { shape, sprites, touched, colors, eye, look, nanoseconds })
 }
 
 /// An alpha, or RGBA, to be written.
@@ -226,12 +203,12 @@ pub fn gas_draw(
     window: [usize; 4],
     depth: Option<PyReadonlyArray2<'_, f32>>,
 ) -> PyResult<()> {
-    let SortedGas { shape, sprites, touched, colours, eye, look, .. } = gas;
+    let SortedGas { shape, sprites, touched, colors, eye, look, .. } = gas;
     let depth = depth.as_ref().map(|map| map.as_array());
     if depth.is_some_and(|map| map.dim() != *shape) {
         return Err(Error::invalid("depth", format!("must have shape {shape:?}")).into());
     }
-    let drawing = Drawing { sprites, colours, look };
+    let drawing = Drawing { sprites, colors, look };
     let picture = touched.picture::<f32, f32>(*shape, eye, drawing, depth);
     let pixels = |count: usize| count as f64 / (shape.0 as f64 * shape.1 as f64).max(1.0);
     match out {
@@ -246,62 +223,6 @@ pub fn gas_draw(
             gate::run(py, work, |cancel| picture.light(out, window, cancel))
         }
     }
-}
-
-/// Draws the alphas that two eyes see; returns how many slabs were shifted, and particles in them.
-#[pyfunction]
-#[expect(clippy::too_many_arguments, reason = "the Python layer passes plain values")]
-pub fn gas_pair(
-    py: Python<'_>,
-    left: PlaneMut<'_>,
-    right: PlaneMut<'_>,
-    centers: PyReadonlyArray2<'_, f64>,
-    radius: PyReadonlyArray1<'_, f64>,
-    density: PyReadonlyArray1<'_, f64>,
-    lenses: (Lens, Lens),
-    manner: Manner,
-    depths: Option<(PyReadonlyArray2<'_, f64>, PyReadonlyArray2<'_, f64>)>,
-    slab: f64,
-) -> PyResult<(usize, usize)> {
-    let cloud = Cloud {
-        centers: centers.as_array(),
-        radius: radius.as_array(),
-        density: density.as_array(),
-        colours: &[[0.0; 3]],
-    };
-    cloud.check()?;
-    let (first, second, look) = (eye_of(lenses.0), eye_of(lenses.1), look_of(manner)?);
-    let maps = match &depths {
-        Some((a, b)) => [Some(a.as_array()), Some(b.as_array())],
-        None => [None, None],
-    };
-    match (left, right) {
-        (PlaneMut::Single(mut a), PlaneMut::Single(mut b)) => {
-            let outs = [a.as_array_mut(), b.as_array_mut()];
-            both(py, outs, &cloud, [&first, &second], &look, maps, slab)
-        }
-        (PlaneMut::Double(mut a), PlaneMut::Double(mut b)) => {
-            let outs = [a.as_array_mut(), b.as_array_mut()];
-            both(py, outs, &cloud, [&first, &second], &look, maps, slab)
-        }
-        _ => Err(Error::invalid("out", "must have one dtype for both eyes").into()),
-    }
-}
-
-fn both<P: Normal>(
-    py: Python<'_>,
-    outs: [ArrayViewMut2<'_, P>; 2],
-    cloud: &Cloud<'_>,
-    eyes: [&Eye; 2],
-    look: &Look,
-    maps: [Option<ArrayView2<'_, f64>>; 2],
-    slab: f64,
-) -> PyResult<(usize, usize)> {
-    let nanoseconds = 2.0 * splat::estimate(outs[0].dim(), cloud, eyes[0], look);
-    let done = gate::run(py, nanoseconds, |cancel| {
-        pair::pair(outs, cloud, eyes, look, maps, slab, cancel)
-    })?;
-    Ok((done.slabs, done.shifted))
 }
 
 /// Fills `out` (n,) with the light of a direction that reaches each particle.
@@ -319,7 +240,7 @@ pub fn gas_light(
         centers: centers.as_array(),
         radius: radius.as_array(),
         density: density.as_array(),
-        colours: &[[0.0; 3]],
+        colors: &[[0.0; 3]],
     };
     let out = out.as_array_mut();
     let count = cloud.centers.nrows() as f64;

@@ -1,14 +1,13 @@
 //! The one gate between Python and the kernels: interpreter released, panics and errors turned into
 //! exceptions, Ctrl-C heard during long work.
 
-use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::time::Duration;
 
-use numpy::{PyReadonlyArray2, PyReadwriteArray2};
+use numpy::{Element, PyReadonlyArray1, PyReadonlyArray2, PyReadwriteArray1, PyReadwriteArray2};
 use pyo3::exceptions::{PyKeyboardInterrupt, PyMemoryError, PyRuntimeError, PyValueError};
 use pyo3::prelude::*;
 
-use crate::error::{Cancel, Error};
+use crate::base::error::{Cancel, Error, guarded};
 
 pyo3::create_exception!(
     flurries,
@@ -44,19 +43,16 @@ pub fn run<R: Send>(
     kernel: impl FnOnce(&Cancel) -> Result<R, Error> + Send,
 ) -> PyResult<R> {
     let cancel = Cancel::new();
-    let guarded = || catch_unwind(AssertUnwindSafe(|| kernel(&cancel)));
+    let kernel = || guarded(|| kernel(&cancel));
     let (outcome, signal) = if nanoseconds < SHORT {
-        (py.detach(guarded), None)
+        (py.detach(kernel), None)
     } else {
-        py.detach(|| watched(guarded, &cancel))?
+        py.detach(|| watched(kernel, &cancel))?
     };
     if let Some(signal) = signal {
         return Err(signal);
     }
-    match outcome {
-        Ok(result) => Ok(result?),
-        Err(panic) => Err(InternalError::new_err(format!("a kernel panicked: {}", words(&*panic)))),
-    }
+    Ok(outcome?)
 }
 
 /// Of the thread of a long kernel, bytes; what the standard library takes by itself.
@@ -92,12 +88,18 @@ fn watched<R: Send>(
     })
 }
 
-fn words(panic: &(dyn std::any::Any + Send)) -> &str {
-    panic
-        .downcast_ref::<&str>()
-        .copied()
-        .or_else(|| panic.downcast_ref::<String>().map(String::as_str))
-        .unwrap_or("no message")
+/// Fills `out` with a law of each of `values`.
+pub fn each<T: Element + Copy>(
+    out: &mut PyReadwriteArray1<'_, f64>,
+    values: &PyReadonlyArray1<'_, T>,
+    law: impl Fn(T) -> f64,
+) -> PyResult<()> {
+    let (mut out, values) = (out.as_array_mut(), values.as_array());
+    if out.len() != values.len() {
+        return Err(Error::Internal("arrays of different lengths".into()).into());
+    }
+    out.iter_mut().zip(values).for_each(|(out, &value)| *out = law(value));
+    Ok(())
 }
 
 /// A frame-sized output of either precision, allocated through NumPy by the Python layer.
@@ -134,3 +136,24 @@ macro_rules! each_precision {
     };
 }
 pub(crate) use each_precision;
+
+/// Runs `$body` with `$map`, the view of a depth map of either precision that may be missing.
+macro_rules! each_map {
+    ($depth:expr, $map:ident => $body:expr) => {
+        match $depth {
+            None => {
+                let $map = None::<numpy::ndarray::ArrayView2<'_, f32>>;
+                $body
+            }
+            Some($crate::python::gate::Plane::Single(map)) => {
+                let $map = Some(map.as_array());
+                $body
+            }
+            Some($crate::python::gate::Plane::Double(map)) => {
+                let $map = Some(map.as_array());
+                $body
+            }
+        }
+    };
+}
+pub(crate) use each_map;

@@ -6,7 +6,7 @@
 use numpy::{PyArray1, PyArrayMethods};
 use pyo3::prelude::*;
 
-use crate::error::Error;
+use crate::base::error::Error;
 
 /// Finds NumPy's functions, and the table of borrowed arrays, on another thread: Python hears Ctrl-C on
 /// the main thread alone.

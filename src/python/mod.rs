@@ -8,14 +8,15 @@ use pyo3::prelude::*;
 mod air;
 mod cone;
 mod crossing;
+mod flakes;
 mod frame;
 mod gas;
 mod gate;
 mod lookup;
+mod onepass;
 mod particles;
 mod random;
 mod scan;
-mod snowfall;
 mod spectral;
 mod threads;
 mod volume;
@@ -30,35 +31,41 @@ mod core {
     #[pymodule_export]
     use super::cone::{
         cone_basis, cone_chart, cone_footprints, cone_layer, cone_moving, cone_needed, cone_rays,
-        cone_shown, cone_squares, cone_stack, cone_table, cone_tile, cone_windows,
+        cone_shown, cone_stack, cone_table, cone_tile,
     };
     #[pymodule_export]
     use super::crossing::particle_crossing;
     #[pymodule_export]
+    use super::flakes::{
+        FlakeBands, PreparedFlakes, flake_bands, flake_choices, flake_frame, flake_mix,
+        flake_patterns, flake_prepare, flake_take,
+    };
+    #[pymodule_export]
     use super::frame::{join, over, snow};
     #[pymodule_export]
-    use super::gas::{SortedGas, gas_alpha, gas_draw, gas_light, gas_pair, gas_sort, gas_splat};
+    use super::gas::{SortedGas, gas_alpha, gas_draw, gas_light, gas_sort, gas_splat};
     #[pymodule_export]
     use super::gate::InternalError;
     #[pymodule_export]
+    use super::onepass::snowfall;
+    #[pymodule_export]
     use super::particles::{
-        SortedFlakes, particle_draw, particle_edge_fade, particle_ids, particle_positions,
-        particle_sort, particle_sort_listed, particle_sort_pair, particle_splat,
-        particle_sway_offsets,
+        SortedFlakes, particle_draw, particle_edge_fade, particle_ids, particle_image,
+        particle_positions, particle_presence, particle_size_fade, particle_sort,
+        particle_sort_listed, particle_sort_pair, particle_splat, particle_sway_offsets,
     };
     #[pymodule_export]
     use super::random::uniform;
     #[pymodule_export]
     use super::scan::{all_finite, all_within};
     #[pymodule_export]
-    use super::snowfall::snowfall;
-    #[pymodule_export]
     use super::spectral::{
         FieldBands, advance_phase, band_amplitude, blend_tiles, field, field_bands, field_take,
-        inverse_transform, opacity, random_phase, temporal_filter, tent_rate, tile_count,
+        inverse_transform, opacity, random_phase, temporal_filter, temporal_gain, tent_rate,
+        tile_count, tile_shares, wave_depth,
     };
     #[pymodule_export]
-    use super::threads::{panic_for_test, reproducible, set_reproducible, set_threads, threads};
+    use super::threads::{reproducible, set_reproducible, set_threads, threads};
     #[pymodule_export]
     use super::volume::volume;
 

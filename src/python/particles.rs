@@ -4,16 +4,17 @@ use numpy::ndarray::{ArrayView2, ArrayViewMut2};
 use numpy::{PyReadonlyArray1, PyReadonlyArray2, PyReadwriteArray1, PyReadwriteArray2};
 use pyo3::prelude::*;
 
-use super::gate::{self, Plane, PlaneMut};
-use crate::error::Error;
-use crate::particles::flurry::{Flurry, Looks, Placed};
+use super::gate::{self, Plane, PlaneMut, each_map};
+use crate::base::error::Error;
+use crate::base::real::Real;
+use crate::particles::flurry::{Flurry, Placed};
 use crate::particles::ids;
+use crate::particles::looks::{self, Looks};
 use crate::particles::profile::Profile;
 use crate::particles::sorted::Sorted;
 use crate::particles::splat::{self, Flakes, Source};
-use crate::particles::sprite::Lens;
+use crate::particles::sprite::{Lens, image_of};
 use crate::particles::torus::{self, Carried, Sway, Torus};
-use crate::real::Real;
 
 fn swaying(sway: Option<(f64, f64)>) -> Option<Sway> {
     sway.map(|(amplitude, angular_frequency)| Sway { amplitude, angular_frequency })
@@ -102,10 +103,8 @@ pub fn particle_splat(
 ) -> PyResult<()> {
     let lens = lens_of(lens);
     let flakes = flakes_of(&points, &radius, &opacity, &velocity, shutter);
-    gate::each_precision!(out, view => match &depth {
-        None => drawn(py, view, &flakes, &lens, None::<ArrayView2<f32>>),
-        Some(Plane::Single(map)) => drawn(py, view, &flakes, &lens, Some(map.as_array())),
-        Some(Plane::Double(map)) => drawn(py, view, &flakes, &lens, Some(map.as_array())),
+    gate::each_precision!(out, view => {
+        each_map!(&depth, map => drawn(py, view, &flakes, &lens, map))
     })
 }
 
@@ -137,11 +136,7 @@ pub fn particle_ids(
     let lens = lens_of(lens);
     let flakes = flakes_of(&points, &radius, &opacity, &velocity, shutter);
     let out = out.as_array_mut();
-    match &depth {
-        None => shown(py, out, &flakes, &lens, None::<ArrayView2<f32>>),
-        Some(Plane::Single(map)) => shown(py, out, &flakes, &lens, Some(map.as_array())),
-        Some(Plane::Double(map)) => shown(py, out, &flakes, &lens, Some(map.as_array())),
-    }
+    each_map!(&depth, map => shown(py, out, &flakes, &lens, map))
 }
 
 fn shown<M: Real>(
@@ -302,4 +297,39 @@ pub fn particle_draw(
     gate::run(py, flakes.nanoseconds * share, |cancel| {
         flakes.sorted.draw(out, window, depth, cancel)
     })
+}
+
+/// Fills `variance` with sigma_e^2 of the images of flakes of these sigmas, px, and `share` with their
+/// middles' opacities over the flakes' own; (n,) each.
+#[pyfunction]
+pub fn particle_image(
+    mut variance: PyReadwriteArray1<'_, f64>,
+    mut share: PyReadwriteArray1<'_, f64>,
+    sigma: PyReadonlyArray1<'_, f64>,
+) -> PyResult<()> {
+    gate::each(&mut variance, &sigma, |sigma| image_of(sigma * sigma).0)?;
+    gate::each(&mut share, &sigma, |sigma| image_of(sigma * sigma).1)
+}
+
+/// Fills `out` (n,) with how much of the flakes of these indices, of `count`, is there.
+#[pyfunction]
+pub fn particle_presence(
+    mut out: PyReadwriteArray1<'_, f64>,
+    index: PyReadonlyArray1<'_, i64>,
+    count: usize,
+    amount: f64,
+    fade_in: f64,
+) -> PyResult<()> {
+    gate::each(&mut out, &index, |index| looks::presence(index as usize, count, amount, fade_in))
+}
+
+/// Fills `out` (n,) with how much is shown of flakes of these sigmas, px: all up to the first limit,
+/// nothing from the second on.
+#[pyfunction]
+pub fn particle_size_fade(
+    mut out: PyReadwriteArray1<'_, f64>,
+    sigma: PyReadonlyArray1<'_, f64>,
+    limits: (f64, f64),
+) -> PyResult<()> {
+    gate::each(&mut out, &sigma, |sigma| looks::size_fade(sigma, limits))
 }

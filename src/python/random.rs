@@ -3,8 +3,8 @@
 use numpy::PyReadwriteArray1;
 use pyo3::prelude::*;
 
-use crate::error::Error;
-use crate::random;
+use crate::base::error::Error;
+use crate::base::random;
 
 /// Uniform numbers in [0, 1), one for each index of a stream.
 #[pyfunction]

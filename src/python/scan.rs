@@ -4,9 +4,9 @@ use numpy::PyReadonlyArray1;
 use pyo3::prelude::*;
 
 use super::gate;
-use crate::error::Error;
-use crate::real::Real;
-use crate::scan;
+use crate::base::error::Error;
+use crate::base::real::Real;
+use crate::base::scan;
 
 /// A flat array of either precision.
 #[derive(FromPyObject)]

@@ -1,14 +1,15 @@
 //! `flurries.spectral`: tables, steps and whole frames.
 
-use numpy::{PyReadonlyArray1, PyReadonlyArray2, PyReadonlyArray4, PyReadwriteArray2};
+use numpy::{
+    PyReadonlyArray1, PyReadonlyArray2, PyReadonlyArray4, PyReadwriteArray1, PyReadwriteArray2,
+};
 use pyo3::prelude::*;
 
 use super::gate::{self, Plane, PlaneMut, each_precision};
-use crate::error::Error;
-use crate::pool;
-use crate::real::Real;
+use crate::base::error::Error;
+use crate::base::pool;
+use crate::base::real::Real;
 use crate::spectral::band::{Band, band_amplitude as band_kernel};
-use crate::spectral::bands::Bands;
 use crate::spectral::field::{Field, Window};
 use crate::spectral::filter::{Alias, TemporalFilter, temporal_filter as filter_kernel};
 use crate::spectral::opacity::Opacity;
@@ -16,6 +17,7 @@ use crate::spectral::phase::random_phase as random_kernel;
 use crate::spectral::stripes::Mapped;
 use crate::spectral::tent::{self, Motion};
 use crate::spectral::tiles::{Blend, Row, blend_tiles as blend_kernel};
+use crate::spectral::topdown::TopDown;
 use crate::spectral::transform::inverse_transform as transform_kernel;
 
 /// Rough nanoseconds for a pixel of a tiled frame on one thread; only decides who watches Ctrl-C.
@@ -74,6 +76,32 @@ pub fn temporal_filter(
     Ok(filter_kernel(out.as_array_mut(), amplitude.as_array(), motion, filter, renormalise)?)
 }
 
+/// Fills `out` (n,) with what the alias law and the shutter leave of waves of these rates, cycles per
+/// frame: factors of their amplitudes.
+#[pyfunction]
+pub fn temporal_gain(
+    mut out: PyReadwriteArray1<'_, f64>,
+    rate: PyReadonlyArray1<'_, f64>,
+    alias: &str,
+    soft_from: f64,
+    shutter: f64,
+) -> PyResult<()> {
+    let filter = TemporalFilter { alias: Alias::named(alias)?, soft_from, shutter }.checked()?;
+    gate::each(&mut out, &rate, |rate| filter.gain(rate))
+}
+
+/// Fills `out` (n,) with the depths that these wavelengths stand for, or the wavelengths that stand for
+/// these depths, where the longest wave stands for `near`.
+#[pyfunction]
+pub fn wave_depth(
+    mut out: PyReadwriteArray1<'_, f64>,
+    wavelength: PyReadonlyArray1<'_, f64>,
+    near: f64,
+    longest: f64,
+) -> PyResult<()> {
+    gate::each(&mut out, &wavelength, |wavelength| tent::depth_of(wavelength, near, longest))
+}
+
 /// The field of two tables.
 #[pyfunction]
 pub fn inverse_transform(
@@ -93,6 +121,20 @@ pub fn inverse_transform(
 #[pyfunction]
 pub fn tile_count(length: usize, tile: usize, overlap: usize) -> PyResult<usize> {
     Ok(Row { length, tile, overlap }.checked()?.count())
+}
+
+/// Fills `out` (length, tiles) with each tile's share of each pixel along one axis. A row sums to 1; a
+/// tile's field is added with its share (linear) or with the share's root (power).
+#[pyfunction]
+pub fn tile_shares(
+    mut out: PyReadwriteArray2<'_, f64>,
+    tile: usize,
+    overlap: usize,
+    blend: &str,
+) -> PyResult<()> {
+    let out = out.as_array_mut();
+    let row = Row { length: out.nrows(), tile, overlap }.checked()?;
+    Ok(row.fill_shares(out, Blend::named(blend)?)?)
 }
 
 /// Tiles of either precision.
@@ -306,7 +348,7 @@ fn render<T: Real>(
 /// The rows of a request's window from the top down, to be taken band by band.
 #[pyclass(module = "flurries._core")]
 pub struct FieldBands {
-    bands: Bands<f32>,
+    bands: TopDown<f32>,
     /// A rough estimate of a row.
     nanoseconds: f64,
     /// Rows that a row of tiles finishes.
@@ -326,7 +368,7 @@ pub fn field_bands(
     let mapped = map.map(|map| Mapped { map, preserve_mean });
     request.with_field(|field, window| {
         let nanoseconds = estimate(field, window) / window.rows.len().max(1) as f64;
-        let bands = gate::run(py, 0.0, |_| Bands::new(field, window, mapped))?;
+        let bands = gate::run(py, 0.0, |_| TopDown::new(field, window, mapped))?;
         let rows_of_tile = (field.tile.0 - field.overlap) as f64;
         Ok(FieldBands { bands, nanoseconds, rows_of_tile })
     })

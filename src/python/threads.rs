@@ -1,9 +1,8 @@
-//! Thread count, the reproducible mode, and the forced panic that the tests send through the gate.
+//! Thread count and the reproducible mode.
 
 use pyo3::prelude::*;
 
-use super::gate;
-use crate::{pool, simd};
+use crate::base::{pool, simd};
 
 /// Sets how many threads the kernels use.
 #[pyfunction]
@@ -27,15 +26,4 @@ pub fn set_reproducible(on: bool) {
 #[pyfunction]
 pub fn reproducible() -> bool {
     simd::reproducible()
-}
-
-/// Panics inside a kernel, on a worker of the pool, so that the tests can see what Python gets.
-#[pyfunction]
-pub fn panic_for_test(py: Python<'_>) -> PyResult<()> {
-    gate::run(py, 0.0, |_| {
-        pool::for_each(vec![0, 1], |i| {
-            assert!(i == 0, "forced by a test");
-            Ok(())
-        })
-    })
 }

@@ -4,7 +4,7 @@ use numpy::PyReadonlyArray1;
 use pyo3::prelude::*;
 
 use super::gate::{self, PlaneMut, each_precision};
-use crate::error::Error;
+use crate::base::error::Error;
 use crate::spectral::band::Band;
 use crate::spectral::filter::{Alias, TemporalFilter};
 use crate::spectral::tent::Motion;

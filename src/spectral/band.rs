@@ -3,7 +3,7 @@
 use ndarray::ArrayViewMut2;
 
 use super::grid::{magnitude, signed};
-use crate::error::{Error, finite};
+use crate::base::error::{Error, finite};
 
 /// A half-open band of wavelengths and the exponent of its spectrum.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -4,10 +4,10 @@
 //! tile before it left there (which holds the row above already), its upper rows what the row above
 //! left. So only borders are stored and read again, and a tile's middle never leaves the first cache.
 
-use crate::aligned::Aligned;
-use crate::error::Error;
-use crate::real::Real;
-use crate::simd::{dispatch, multiply_add};
+use crate::base::aligned::Aligned;
+use crate::base::error::Error;
+use crate::base::real::Real;
+use crate::base::simd::{dispatch, multiply_add};
 
 /// Columns that a loop advances by.
 const LANES: usize = 16;

@@ -9,15 +9,17 @@
 //! four, pixel n/2-1-i shares them too, but for the sign of the odd k's cosines and of the even k's
 //! sines: with sums over even and odd k apart, n/4 sums make n pixels.
 
+#![expect(unsafe_code, reason = "sums that stay in registers, by `Lanes`")]
+
 use std::f64::consts::TAU;
 
-use super::phases::columns_padded;
+use super::spectrum::columns_padded;
 use super::waves::Waves;
-use crate::aligned::Aligned;
-use crate::error::Error;
-use crate::lanes::Lanes;
-use crate::real::Real;
-use crate::simd::{AVX2, AVX512, dispatch};
+use crate::base::aligned::Aligned;
+use crate::base::error::Error;
+use crate::base::lanes::Lanes;
+use crate::base::real::Real;
+use crate::base::simd::{AVX2, AVX512, dispatch};
 
 /// Sums that stand together in a table: one AVX-512 register of float32, or two of float64.
 const LANES: usize = 16;
@@ -80,11 +82,26 @@ const fn padded(n: usize) -> usize {
     n.div_ceil(LANES) * LANES
 }
 
+/// Where the first pass has the cosine of sum i and index k, and how far behind it the sine.
+const fn by_sum(i: usize, k: usize, terms: usize) -> (usize, usize) {
+    (2 * terms * i + k, terms)
+}
+
+/// The same for the second pass.
+const fn in_blocks(i: usize, k: usize, terms: usize) -> (usize, usize) {
+    (i / LANES * 2 * LANES * terms + k * 2 * LANES + i % LANES, LANES)
+}
+
+/// Columns kx > 0 stand for their mirrors as well.
+const fn mirrored(k: usize) -> f64 {
+    if k > 0 { 2.0 } else { 1.0 }
+}
+
 /// Work space: the spectrum folded to what cosines and sines are multiplied by, and the rows of each
 /// column between the passes.
 pub struct Work<T> {
-    cos: Aligned<T>,
-    sin: Aligned<T>,
+    pub(super) cos: Aligned<T>,
+    pub(super) sin: Aligned<T>,
     between: Aligned<T>,
 }
 
@@ -119,12 +136,6 @@ impl<T: Real> Dense<T> {
     /// Tables for the waves of a tile.
     pub fn new(waves: &Waves) -> Result<Self, Error> {
         let half = waves.reach + 1;
-        let by_sum = |i: usize, k: usize, terms: usize| (2 * terms * i + k, terms);
-        let in_blocks = |i: usize, k: usize, terms: usize| {
-            (i / LANES * 2 * LANES * terms + k * 2 * LANES + i % LANES, LANES)
-        };
-        // Columns kx > 0 stand for their mirrors as well.
-        let mirrored = |k: usize| if k > 0 { 2.0 } else { 1.0 };
         Ok(Self {
             tile: waves.tile,
             half,
@@ -132,6 +143,22 @@ impl<T: Real> Dense<T> {
             down: Tables::new(waves.tile.0, half, |_| 1.0, by_sum)?,
             across: Tables::new(waves.tile.1, waves.columns, mirrored, in_blocks)?,
         })
+    }
+
+    /// Tables for the waves of a square tile of n px whose indices are below `half`, whole lanes in a row.
+    pub(super) fn square(n: usize, half: usize) -> Result<Self, Error> {
+        Ok(Self {
+            tile: (n, n),
+            half,
+            stride: padded(half),
+            down: Tables::new(n, half, |_| 1.0, by_sum)?,
+            across: Tables::new(n, half, mirrored, in_blocks)?,
+        })
+    }
+
+    /// Places of a row of the spectrum.
+    pub(super) const fn stride(&self) -> usize {
+        self.stride
     }
 
     /// Phase in cycles that shifts a wave of index k by half a pixel along an axis of n, to be taken
@@ -168,12 +195,54 @@ fn transform_with<T: Real, const LEVEL: u8>(
     pixels: &mut [T],
 ) {
     fold(dense, re, im, work);
+    passes_on::<T, LEVEL>(dense, work, None, pixels);
+}
+
+/// Both passes over what `work` holds folded.
+#[inline(always)]
+pub(super) fn passes_on<T: Real, const LEVEL: u8>(
+    dense: &Dense<T>,
+    work: &mut Work<T>,
+    turns: Option<Turns<'_, T>>,
+    pixels: &mut [T],
+) {
     // As many sums at once as the registers hold, with their four accumulators each. The bits are the
     // same for all.
     match LEVEL {
-        AVX512 => passes::<T, T::Avx512, 4>(dense, work, pixels),
-        AVX2 => passes::<T, T::Avx2, 2>(dense, work, pixels),
-        _ => passes::<T, T::Portable, 2>(dense, work, pixels),
+        AVX512 => passes::<T, T::Avx512, 4>(dense, work, turns, pixels),
+        AVX2 => passes::<T, T::Avx2, 2>(dense, work, turns, pixels),
+        _ => passes::<T, T::Portable, 2>(dense, work, turns, pixels),
+    }
+}
+
+/// What turns the waves of each row between the passes: a cosine for each place of a row, then sines.
+#[derive(Clone, Copy)]
+pub(super) struct Turns<'t, T> {
+    pub(super) values: &'t [T],
+    /// Whether they are those of the last row first.
+    pub(super) upward: bool,
+}
+
+/// Multiplies each row of `between`, whose imaginary parts have their signs changed, by
+/// cos - i sin.
+#[inline(always)]
+fn turn_rows<T: Real, V: Lanes<T>>(between: &mut [T], turns: Turns<'_, T>, stride: usize) {
+    let rows = between.len() / (2 * stride);
+    assert!(turns.values.len() == between.len() && stride.is_multiple_of(V::N));
+    for (y, line) in between.chunks_exact_mut(2 * stride).enumerate() {
+        let from = if turns.upward { rows - 1 - y } else { y };
+        let turns = &turns.values[2 * stride * from..][..2 * stride];
+        for at in (0..stride).step_by(V::N) {
+            // SAFETY: `at` + N is at most `stride`, and both rows have twice as many values.
+            unsafe {
+                let (cos, sin) = (turns.as_ptr().add(at), turns.as_ptr().add(stride + at));
+                let (cos, sin) = (V::load(cos), V::load(sin));
+                let (re, im) = (line.as_mut_ptr().add(at), line.as_mut_ptr().add(stride + at));
+                let (x, y) = (V::load(re), V::load(im));
+                y.product_from(sin, x.mul(cos)).store(re);
+                x.multiply_add(sin, y.mul(cos)).store(im);
+            }
+        }
     }
 }
 
@@ -181,6 +250,7 @@ fn transform_with<T: Real, const LEVEL: u8>(
 fn passes<T: Real, V: Lanes<T>, const ROWS: usize>(
     dense: &Dense<T>,
     work: &mut Work<T>,
+    turns: Option<Turns<'_, T>>,
     pixels: &mut [T],
 ) {
     let (sums, rows) = (dense.down.symmetry.sums(dense.tile.0), dense.tile.0);
@@ -191,6 +261,9 @@ fn passes<T: Real, V: Lanes<T>, const ROWS: usize>(
         } else {
             down::<T, V, ROWS>(dense, i.min(sums - ROWS), work);
         }
+    }
+    if let Some(turns) = turns {
+        turn_rows::<T, V>(&mut work.between[..2 * dense.stride * rows], turns, dense.stride);
     }
     let between = &work.between[..];
     for y in (0..rows).step_by(ROWS) {
@@ -437,7 +510,7 @@ dispatch! {
 mod tests {
     use super::*;
     use crate::spectral::band::Band;
-    use crate::spectral::phases::Columns;
+    use crate::spectral::spectrum::Columns;
 
     #[test]
     fn the_passes_are_the_sum_of_cosines() {

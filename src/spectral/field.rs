@@ -11,8 +11,8 @@ use super::filter::TemporalFilter;
 use super::parts::{Parts, parts};
 use super::tent::Motion;
 use super::tiles::{Blend, Row};
-use crate::error::Error;
-use crate::real::Real;
+use crate::base::error::Error;
+use crate::base::real::Real;
 
 /// Vectors (x, y) for all tiles and rings: shape (rows or 1, cols or 1, rings or 1, 2).
 pub type Vectors<'a> = ArrayView4<'a, f64>;
@@ -163,7 +163,7 @@ impl<'a> Field<'a> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::error::Cancel;
+    use crate::base::error::Cancel;
     use crate::spectral::filter::Alias;
     use ndarray::{Array2, Array4};
 

@@ -4,7 +4,7 @@ use ndarray::{ArrayView2, ArrayViewMut2, Zip};
 
 use super::band::Sum;
 use super::tent::Motion;
-use crate::error::{Error, finite};
+use crate::base::error::{Error, finite};
 
 /// A rate of half a cycle per frame has no direction, so it counts as aliased; the margin keeps
 /// rounding from deciding for waves that lie exactly on it.
@@ -96,6 +96,58 @@ impl TemporalFilter {
     }
 }
 
+/// Rates to the factors of the filter, in place: [`TemporalFilter::gain`] on lanes.
+#[inline(always)]
+pub(super) fn fill_gains(filter: TemporalFilter, values: &mut [f64]) {
+    // Polynomials cover what a usual shutter sees; beyond that each wave takes the exact way.
+    let reach = values.iter().fold(0.0_f64, |most, r| most.max(r.abs()));
+    if filter.shutter * if filter.alias == Alias::Keep { reach } else { 0.5 } > 0.5 {
+        values.iter_mut().for_each(|value| *value = filter.gain(*value));
+        return;
+    }
+    let fades = match filter.alias {
+        Alias::Soft => reach > filter.soft_from,
+        Alias::Cut => true,
+        Alias::Keep => false,
+    };
+    if filter.shutter == 0.0 && !fades {
+        values.fill(1.0);
+    } else if !fades {
+        for value in values {
+            *value = short_sinc(*value * filter.shutter);
+        }
+    } else {
+        for value in values {
+            let kept = filter.alias_gain(*value);
+            // An aliased rate has gain 0 already, but its polynomial must not be infinite.
+            *value = kept * short_sinc((*value * filter.shutter).abs().min(0.5));
+        }
+    }
+}
+
+/// sin(pi x) / (pi x) for |x| <= 1/2, to 1e-15.
+#[inline(always)]
+fn short_sinc(x: f64) -> f64 {
+    let square = (std::f64::consts::PI * x) * (std::f64::consts::PI * x);
+    // 1 - s/6 + s^2/120 - ...: each coefficient is the last one over -(2n)(2n + 1).
+    const C: [f64; 10] = {
+        let mut c = [1.0; 10];
+        let mut n = 1;
+        while n < 10 {
+            c[n] = -c[n - 1] / ((2 * n) * (2 * n + 1)) as f64;
+            n += 1;
+        }
+        c
+    };
+    let mut sum = C[9];
+    let mut n = 9;
+    while n > 0 {
+        n -= 1;
+        sum = sum * square + C[n];
+    }
+    sum
+}
+
 /// Amplitudes after the alias law and the shutter, both on the total rate.
 ///
 /// `renormalise` restores the power that the alias law took, before the shutter: blur then lowers
@@ -131,6 +183,33 @@ mod tests {
 
     const SOFT: TemporalFilter =
         TemporalFilter { alias: Alias::Soft, soft_from: 0.4, shutter: 0.0 };
+
+    #[test]
+    fn the_short_sinc_is_the_sinc() {
+        for i in 1..=500 {
+            let x = f64::from(i) / 1000.0;
+            let angle = std::f64::consts::PI * x;
+            assert!((short_sinc(x) - angle.sin() / angle).abs() < 1e-15, "{x}");
+        }
+        assert_eq!(short_sinc(0.0), 1.0);
+    }
+
+    #[test]
+    fn gains_on_lanes_are_those_of_each_rate() {
+        for alias in [Alias::Keep, Alias::Cut, Alias::Soft] {
+            for shutter in [0.0, 0.5, 1.0, 3.0] {
+                let filter = TemporalFilter { alias, soft_from: 0.3, shutter };
+                for reach in [0.2, 0.9] {
+                    let rates: Vec<f64> = (-50..=50).map(|i| f64::from(i) / 50.0 * reach).collect();
+                    let mut gains = rates.clone();
+                    fill_gains(filter, &mut gains);
+                    for (rate, gain) in rates.into_iter().zip(gains) {
+                        assert!((gain - filter.gain(rate)).abs() < 2e-15, "{filter:?} {rate}");
+                    }
+                }
+            }
+        }
+    }
 
     #[test]
     fn the_equal_case_is_cut() {

@@ -4,9 +4,9 @@
 use std::ops::Range;
 
 use super::opacity::Opacity;
-use super::phases::Power;
-use crate::error::{Error, collected, zeroed};
-use crate::real::Real;
+use super::spectrum::Power;
+use crate::base::error::{Error, collected, zeroed};
+use crate::base::real::Real;
 
 /// Of each row of tiles that still touches the picture, the tiles' values mixed across.
 pub struct Lift<T> {

@@ -7,21 +7,23 @@
 //! [`field`] makes a whole frame; the other modules are its steps, for experiments and as judges.
 
 pub mod band;
-pub mod bands;
 mod carry;
 pub mod dense;
 pub mod field;
 pub mod filter;
+pub mod flakes;
 pub mod grid;
 mod lift;
 pub mod opacity;
 mod parts;
 pub mod phase;
-pub mod phases;
+pub mod spectrum;
 pub mod stripes;
+pub mod target;
 pub mod tent;
 pub mod tile;
 pub mod tiles;
+pub mod topdown;
 pub mod transform;
 pub mod volume;
 pub mod waves;

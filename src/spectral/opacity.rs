@@ -1,10 +1,12 @@
 //! The field as an opacity (Langer 2004, section 5.6).
 
+#![expect(unsafe_code, reason = "rows of the field by `Lanes`")]
+
 use super::lift::Lifted;
-use crate::error::{Error, finite};
-use crate::lanes::Lanes;
-use crate::real::Real;
-use crate::simd::{AVX2, AVX512, dispatch, reproducible};
+use crate::base::error::{Error, finite};
+use crate::base::lanes::Lanes;
+use crate::base::real::Real;
+use crate::base::simd::{AVX2, AVX512, dispatch, reproducible};
 
 /// A rectangle of the field and where its opacity goes; each row begins `stride` values after the last.
 pub struct Block<'f, 'o, T> {

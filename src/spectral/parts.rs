@@ -11,9 +11,9 @@ use super::field::Field;
 use super::tile::{Choice, Plan};
 use super::tiles::{Blend, Row};
 use super::waves::Waves;
-use crate::error::Error;
-use crate::real::Real;
-use crate::simd::reproducible;
+use crate::base::error::Error;
+use crate::base::real::Real;
+use crate::base::simd::reproducible;
 
 /// Plans kept, and waves of all of them, some 20 MB. The one that was not used for longest goes.
 const KEPT: usize = 32;

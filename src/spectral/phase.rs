@@ -3,7 +3,7 @@
 use ndarray::{ArrayViewMut2, Zip};
 
 use super::grid::{Role, role, signed};
-use crate::random::Hash;
+use crate::base::random::Hash;
 
 /// A phase in cycles reduced to [-1/2, 1/2).
 #[inline]

@@ -10,14 +10,15 @@ use super::carry::Carry;
 use super::field::{Ready, Window};
 use super::lift::{Lift, Lifted};
 use super::opacity::{Block, Opacity};
-use super::phases::{Power, TileMotion};
+use super::spectrum::{Power, TileMotion};
+use super::target::{ByRows, Direct, Floats, InPlace, Target, layout};
 use super::tent::Motion;
 use super::tiles::{Blend, Row};
 use super::waves::Draw;
-use crate::aligned::Aligned;
-use crate::error::{Cancel, Error, collected};
-use crate::pool;
-use crate::real::Real;
+use crate::base::aligned::Aligned;
+use crate::base::error::{Cancel, Error, collected};
+use crate::base::pool;
+use crate::base::real::Real;
 
 /// How the field becomes an opacity.
 #[derive(Debug, Clone, Copy)]
@@ -51,99 +52,6 @@ pub(super) fn runs(tiles: &Row, pixels: &Range<usize>) -> Vec<Range<usize>> {
         }
     }
     runs
-}
-
-/// Where finished rows go.
-pub(super) trait Target<T> {
-    /// Room for these rows of the window, one behind the other.
-    fn room(&mut self, rows: &Range<usize>) -> &mut [T];
-
-    /// They are complete.
-    fn done(&mut self, rows: Range<usize>) -> Result<(), Error>;
-}
-
-/// To a worker's rows of the result.
-struct Direct<'o, T> {
-    out: &'o mut [T],
-    first: usize,
-    width: usize,
-}
-
-impl<T> Target<T> for Direct<'_, T> {
-    fn room(&mut self, rows: &Range<usize>) -> &mut [T] {
-        let (from, to) = (rows.start - self.first, rows.end - self.first);
-        &mut self.out[from * self.width..to * self.width]
-    }
-
-    fn done(&mut self, _rows: Range<usize>) -> Result<(), Error> {
-        Ok(())
-    }
-}
-
-/// To the result's own rows, behind those that are handed on before them: nothing else is held.
-struct InPlace<'o, T, O, F> {
-    row: Aligned<T>,
-    out: &'o mut [O],
-    /// Of the window's row, and of the result's.
-    widths: (usize, usize),
-    first: usize,
-    floats: Floats<T, O>,
-    finish: F,
-}
-
-/// Pixels as values of the field, where they are such.
-pub type Floats<T, O> = fn(&mut [O]) -> Option<&mut [T]>;
-
-impl<T: Copy, O, F: FnMut(usize, &[T], &mut [O]) -> Result<(), Error>> Target<T>
-    for InPlace<'_, T, O, F>
-{
-    fn room(&mut self, rows: &Range<usize>) -> &mut [T] {
-        let (width, line) = self.widths;
-        let pixels = &mut self.out[(rows.start - self.first) * line..][..rows.len() * line];
-        // At its end: row i of n is written to w i .. w (i + 1), where w is the line in widths, and the
-        // values of later rows stand from (w - 1) n + i + 1 on, which is not before.
-        let from = pixels.len() - rows.len() * width;
-        (self.floats)(pixels).map_or(&mut [], |values| &mut values[from..])
-    }
-
-    fn done(&mut self, rows: Range<usize>) -> Result<(), Error> {
-        let Self { row, out, widths: (width, line), first, floats, finish } = self;
-        let pixels = &mut out[(rows.start - *first) * *line..][..rows.len() * *line];
-        let from = pixels.len() - rows.len() * *width;
-        for (i, y) in rows.enumerate() {
-            let values = floats(pixels).ok_or_else(layout)?;
-            row.copy_from_slice(&values[from + i * *width..][..*width]);
-            finish(y, row, &mut pixels[i * *line..][..*line])?;
-        }
-        Ok(())
-    }
-}
-
-/// To a strip, from which they are handed on.
-struct ByRows<'o, T, O, F> {
-    strip: Aligned<T>,
-    width: usize,
-    out: ArrayViewMut2<'o, O>,
-    first: usize,
-    finish: F,
-}
-
-impl<T, O, F: FnMut(usize, &[T], &mut [O]) -> Result<(), Error>> Target<T> for ByRows<'_, T, O, F> {
-    fn room(&mut self, rows: &Range<usize>) -> &mut [T] {
-        &mut self.strip[..rows.len() * self.width]
-    }
-
-    fn done(&mut self, rows: Range<usize>) -> Result<(), Error> {
-        for (y, values) in rows.zip(self.strip.chunks_exact(self.width)) {
-            let mut line = self.out.row_mut(y - self.first);
-            (self.finish)(y, values, line.as_slice_mut().ok_or_else(layout)?)?;
-        }
-        Ok(())
-    }
-}
-
-fn layout() -> Error {
-    Error::Internal("rows are not contiguous".into())
 }
 
 impl<T: Real> Ready<'_, '_, T> {

@@ -36,6 +36,13 @@ impl Motion {
     }
 }
 
+/// The depth that a wave stands for where the longest one stands for `near`: it moves as a flake there
+/// does. By the same product the wave that stands for a depth.
+#[inline]
+pub fn depth_of(wavelength: f64, near: f64, longest: f64) -> f64 {
+    near * longest / wavelength
+}
+
 /// The temporal frequency of every bin, cycles per frame; with a loop of so many frames, rounded to
 /// whole turns of it (half to even, which is odd).
 pub fn tent_rate(mut out: ArrayViewMut2<'_, f64>, drift: [f64; 2], repeat: Option<f64>) {
@@ -74,6 +81,19 @@ mod tests {
                 }
             }
         }
+    }
+
+    #[test]
+    fn a_wave_moves_as_what_is_at_its_depth() {
+        let (near, longest) = (4.0, 32.0);
+        for wavelength in [4.0, 7.3, 32.0] {
+            // Drift of the longest wave over near depth times it; a flake at depth D moves by 1 / D.
+            let moved = wavelength / longest;
+            let depth = depth_of(wavelength, near, longest);
+            assert!((moved - near / depth).abs() < 1e-15);
+            assert!((depth_of(depth, near, longest) - wavelength).abs() < 1e-14);
+        }
+        assert_eq!(depth_of(0.0, near, longest), f64::INFINITY);
     }
 
     #[test]

@@ -7,12 +7,12 @@ use num_complex::Complex;
 
 use super::carry::Carry;
 use super::dense::{Dense, Work, operations, transform};
-use super::phases::{Columns, Power, TileMotion, Values};
+use super::spectrum::{Columns, Power, TileMotion, Values};
 use super::transform::room_for_plans;
 use super::waves::{Draw, Waves};
-use crate::aligned::Aligned;
-use crate::error::{Error, zeroed};
-use crate::real::Real;
+use crate::base::aligned::Aligned;
+use crate::base::error::{Error, zeroed};
+use crate::base::real::Real;
 
 /// How many multiply-adds of the dense passes cost as much as one floating-point operation of an FFT:
 /// they run on full vectors from the first cache. `cargo bench --bench transform` measures it; it lies

@@ -1,9 +1,9 @@
 //! Overlapping tiles: where they start, how they are weighted, and their sum.
 
-use ndarray::{ArrayView4, ArrayViewMut2};
+use ndarray::{ArrayView4, ArrayViewMut2, s};
 
-use crate::error::{Error, zeroed};
-use crate::real::Real;
+use crate::base::error::{Error, collected, zeroed};
+use crate::base::real::Real;
 
 /// How overlapping tiles are mixed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -77,10 +77,10 @@ impl Row {
         first..if last < count { last + 1 } else { count }
     }
 
-    /// Weights of all tiles, `tile` of them each. Every pixel is normalised by the sum over all tiles
-    /// there, counted whole where they stick out, so that borders and overlaps of more than half a
-    /// tile come out right too.
-    pub fn weights<T: Real>(&self, blend: Blend) -> Result<Vec<T>, Error> {
+    /// Shares of all tiles, `tile` of them each; the shares of a pixel sum to 1. Every pixel is normalised
+    /// by the sum over all tiles there, counted whole where they stick out, so that borders and overlaps
+    /// of more than half a tile come out right too.
+    pub fn shares(&self, blend: Blend) -> Result<Vec<f64>, Error> {
         let (tile, overlap) = (self.tile, self.overlap as f64);
         let ramp: Vec<f64> = (0..tile)
             .map(|i| {
@@ -99,15 +99,34 @@ impl Row {
                 *sum += w;
             }
         }
-        let mut weights = zeroed::<T>(count * tile)?;
-        for (index, weights) in weights.chunks_mut(tile).enumerate() {
-            for ((weight, w), sum) in weights.iter_mut().zip(&ramp).zip(&sums[self.start(index)..])
-            {
-                let share = w / sum;
-                *weight = T::of(if blend == Blend::Power { share.sqrt() } else { share });
+        let mut shares = zeroed::<f64>(count * tile)?;
+        for (index, shares) in shares.chunks_mut(tile).enumerate() {
+            for ((share, w), sum) in shares.iter_mut().zip(&ramp).zip(&sums[self.start(index)..]) {
+                *share = w / sum;
             }
         }
-        Ok(weights)
+        Ok(shares)
+    }
+
+    /// Weights of all tiles, by which their fields are added: the roots of the shares where these are of
+    /// the power.
+    pub fn weights<T: Real>(&self, blend: Blend) -> Result<Vec<T>, Error> {
+        let shares = self.shares(blend)?;
+        let root = blend == Blend::Power;
+        collected(shares.iter().map(|&share| T::of(if root { share.sqrt() } else { share })))
+    }
+
+    /// Fills `out` (length, tiles) with each tile's share of each pixel; a row sums to 1.
+    pub fn fill_shares(&self, mut out: ArrayViewMut2<'_, f64>, blend: Blend) -> Result<(), Error> {
+        if out.dim() != (self.length, self.count()) {
+            return Err(Error::Internal("shares: wrong shape".into()));
+        }
+        out.fill(0.0);
+        for (index, shares) in self.shares(blend)?.chunks(self.tile).enumerate() {
+            let mut column = out.slice_mut(s![self.start(index).., index]);
+            column.iter_mut().zip(shares).for_each(|(to, &share)| *to = share);
+        }
+        Ok(())
     }
 }
 
@@ -146,6 +165,7 @@ pub fn blend_tiles<T: Real>(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use ndarray::Array2;
 
     #[test]
     fn the_papers_frame_takes_19_tiles_an_axis() {
@@ -175,12 +195,20 @@ mod tests {
                 for length in [1, 8, 9, 10, 27, 100] {
                     let row = Row { length, tile, overlap };
                     let weights = row.weights::<f64>(blend).unwrap();
+                    let mut table = Array2::from_elem((length, row.count()), f64::NAN);
+                    row.fill_shares(table.view_mut(), blend).unwrap();
                     for x in 0..length {
                         let sum: f64 = (0..row.count())
                             .filter(|&i| (row.start(i)..row.start(i) + tile).contains(&x))
                             .map(|i| weights[i * tile + x - row.start(i)].powi(power))
                             .sum();
                         assert!((sum - 1.0).abs() < 1e-14, "{blend:?} {row:?} {x}: {sum}");
+                        assert!((table.row(x).sum() - 1.0).abs() < 1e-14);
+                        let tile = x / row.step().max(1);
+                        if tile < row.count() && x - row.start(tile) < row.tile {
+                            let weight = weights[tile * row.tile + x - row.start(tile)];
+                            assert!((table[[x, tile]] - weight.powi(power)).abs() < 1e-15);
+                        }
                     }
                 }
             }

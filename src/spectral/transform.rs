@@ -5,10 +5,10 @@ use ndarray::{ArrayView2, ArrayViewMut2, Axis};
 use num_complex::Complex;
 
 use super::grid::{position, signed};
-use crate::error::{Cancel, Error, spare, zeroed};
-use crate::pool;
-use crate::real::Real;
-use crate::simd::{PORTABLE, reproducible};
+use crate::base::error::{Cancel, Error, spare, zeroed};
+use crate::base::pool;
+use crate::base::real::Real;
+use crate::base::simd::{PORTABLE, reproducible};
 
 /// The row transform's own complaint would be a defect of ours: lengths are right by construction
 /// and the imaginary parts that must vanish are set to zero.
@@ -115,7 +115,7 @@ mod tests {
         for shape in [(1, 1), (2, 2), (16, 16), (15, 15), (12, 8), (9, 14), (7, 13), (1, 6), (5, 1)]
         {
             let hash = |i: usize, j: usize, word| {
-                crate::random::Hash::seeded(word).word(i as i64).word(j as i64).unit() - 0.5
+                crate::base::random::Hash::seeded(word).word(i as i64).word(j as i64).unit() - 0.5
             };
             let amplitude = Array2::from_shape_fn(shape, |(i, j)| hash(i, j, 1));
             let phase = Array2::from_shape_fn(shape, |(i, j)| hash(i, j, 2));

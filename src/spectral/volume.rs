@@ -17,10 +17,10 @@ use super::phase::{leader_phase, reduce, tile_hash};
 use super::tent::Motion;
 use super::transform::room_for_plans;
 use super::waves::{Draw, Waves};
-use crate::error::{Cancel, Error, zeroed};
-use crate::pool;
-use crate::real::Real;
-use crate::simd::{PORTABLE, reproducible};
+use crate::base::error::{Cancel, Error, zeroed};
+use crate::base::pool;
+use crate::base::real::Real;
+use crate::base::simd::{PORTABLE, reproducible};
 
 /// The word that keeps the phases of cells apart from those of waves and from the jitter's words.
 const CELL: i64 = 3;

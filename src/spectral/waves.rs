@@ -3,8 +3,8 @@
 use super::band::{Band, Sum};
 use super::grid::{Role, direction, magnitude, odd_frequency, role};
 use super::phase::tile_hash;
-use crate::error::Error;
-use crate::random::Hash;
+use crate::base::error::Error;
+use crate::base::random::Hash;
 
 /// One pair of bins (k, -k), by its leader.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -28,10 +28,15 @@ GUESTS = {"view": "anywidget", "output.cluster.to_dask": "dask"}
 # Parts of `CameraPath`, effects, weather and the command: they get what those have checked.
 INNER = ("turning", "keys", "demo", "calibration")
 
+# Parts of effects: the effect that is composed of them checks them all.
+PARTS = {f"effects.{name}" for name in (
+    "Field", "Flakes", "Motion", "Precipitation", "Texture", "Veil",
+)}  # fmt: skip
+
 # Classes that functions return and nobody makes.
 RESULTS = {
     "Frame", "InternalError", "Layer", "Rendered", "augment.Weathered", "augment.corrupt.Corrupted",
-    "cone.Path", "cone.Rays", "cone.State", "gas.eyes.Pair", "gas.grid.Particles", "hybrid.Match",
+    "cone.Path", "cone.Rays", "cone.State", "gas.grid.Particles", "hybrid.Match",
     "hybrid.Octaves", "io.Header", "io.Picture", "io.Source",
     "output.write.Summary", "trace.Trace", "accuracy.Axis", "accuracy.Point", "accuracy.Study",
 }  # fmt: skip
@@ -108,8 +113,12 @@ class Call:
 
     @property
     def arrays(self) -> dict[str, np.ndarray]:
-        """The arguments that may come in any layout and dtype."""
-        return {n: v for n, v in self.given.items() if isinstance(v, np.ndarray)}
+        """The arguments that may come in any layout and dtype of real numbers."""
+        return {
+            name: value
+            for name, value in self.given.items()
+            if isinstance(value, np.ndarray) and value.dtype.kind != "c"
+        }
 
     @property
     def writes(self) -> bool:
@@ -144,7 +153,7 @@ def listed() -> dict[str, Callable[..., Any]]:
                 kept = found.get(id(value))
                 if kept is None or len(short) < len(kept[0]):
                     found[id(value)] = (short, value)
-    return {name: value for name, value in sorted(found.values()) if name not in RESULTS}
+    return {name: value for name, value in sorted(found.values()) if name not in RESULTS | PARTS}
 
 
 def calls() -> dict[str, Call]:

@@ -23,7 +23,9 @@ OTHER = PICTURE[:, ::-1].copy()
 COVER = RNG.random(SHAPE)
 DEPTH = 1.0 + 4.0 * RNG.random(SHAPE)
 TILE = fl.cone.snow_tile(16, seed=1, dtype=np.float64)
-EYES = fl.stereo.eyes(LENS, distance=0.1)
+PATTERNS = fl.spectral.flake_patterns(
+    16, counts=[4, 9], diameters=[[1, 2], [1, 3]], patterns=2, shear=0.382, seed=1
+)
 AIR = fl.hybrid.Population(density=0.02, radius=(0.01, 0.02), depth=(1.0, 12.0))
 SNOW = fl.hybrid.Population(density=110, radius=(0.006, 0.014), depth=(1.5, 24.0))
 NO_COVER = (COVER + 1.0, COVER - 1.0, COVER[:1])
@@ -114,6 +116,16 @@ CALLS: dict[str, Call] = {
         {"field": 4.0 * COVER - 2.0}, keeps="field",
         refused={"field": (np.ones(16), np.ones((0, 4)))}, takes={"field": ("NaN",)}
     ),
+    "spectral.flake_patterns": Call(
+        {"tile": 16, "counts": np.array([4.0, 9.0]),
+         "diameters": np.array([[1.0, 2.0], [1.0, 3.0]]),
+         "shear": 0.382, "seed": 1, "patterns": 2}
+    ),
+    "spectral.optical_depth": Call(
+        {"shape": SHAPE, "patterns": PATTERNS, "drift": np.array([[3.0, 9.0], [1.0, 5.0]]),
+         "velocity": np.array([[1.0, 2.0], [0.0, 1.0]]), "shutter": 0.5,
+         "gain": np.array([1.0, 2.0]), "shear": 0.382, "seed": 3, "overlap": 5},
+    ),
     "spectral.volume": Call(
         {"frames": 16, "size": 16, "velocity": np.array([1.0, 2.0]), "seed": 1,
          "wavelengths": (4.0, 8.0)},
@@ -182,7 +194,6 @@ CALLS: dict[str, Call] = {
                  "error": (-1e-3, 1.0)},
     ),
     "gas.alpha": Call({**SIGHT, **GAS, "depth": DEPTH}, refused=NO_GAS),
-    "gas.alpha_pair": Call({"shape": SHAPE, **GAS, "cameras": EYES}),
     "gas.light": Call(
         {**GAS, "direction": ASIDE},
         refused={**NO_GAS, "direction": ((0, 0, 0), (1, 2)), "forward": (1.5,)},

@@ -74,7 +74,7 @@ def near(one: list[np.ndarray], two: list[np.ndarray], within: float, full: floa
     for a, b in zip(one, two, strict=True):
         if a.shape != b.shape:
             return False
-        got = a.astype(float) / (full if a.dtype.kind == "u" else 1.0)
+        got = a.astype(complex) / (full if a.dtype.kind == "u" else 1.0)
         scale = np.nanmax(np.abs(b), initial=1.0, where=np.isfinite(b))
         step = 1.01 / full if a.dtype.kind == "u" and full > 1.0 else 0.0
         if not np.isclose(got, b, 0.0, max(within * scale, step), equal_nan=True).all():

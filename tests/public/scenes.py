@@ -78,6 +78,7 @@ CALLS: dict[str, Call] = {
     "Mist": Call({}),
     "ConeSnow": Call({}),
     "ConeRain": Call({}, refused={"spread": (-1.0,)}),
+    "register": Call({"kind": "ash", "effect": fl.Mist}, words=("kind",)),
     "MatchedSnow": Call({"density": 110.0, "radius": (0.006, 0.014), "depth": (1.5, 24.0)}),
     # What is replaced soon.
     "hybrid.render": Call(
@@ -112,7 +113,6 @@ CALLS: dict[str, Call] = {
     "io.read_header": Call({"path": "picture.png"}),
     "io.read_layers": Call({"path": "layers.exr"}),
     "io.read_mask": Call({"path": "picture.png"}),
-    "io.read_path": Call({"path": "way.csv"}),
     "io.read_picture": Call({"path": "picture.png"}),
     "io.read_video": Call({"path": "film.mkv"}, then=lambda frames: next(frames)),
     "io.read_views": Call({"path": "views.exr"}),
@@ -139,7 +139,7 @@ CALLS: dict[str, Call] = {
         {"scene": SCENE, "pattern": "one/%04d.png", "frames": "1", "overwrite": True}, loose=True),
     "scene.toml.load": Call({"path": "scene.toml"}),
     "scene.toml.save": Call({"scene": SCENE, "path": "saved.toml"}),
-    "scene.toml.fingerprint": Call({"scene": SCENE}),
+    "scene.fingerprint.fingerprint": Call({"scene": SCENE}),
     # data sets, studies, clusters, the command
     "augment.Snowfall()": Call(
         {**PLATE, "depth": DEPTH, "return_layer": True},

@@ -5,6 +5,8 @@
 //!
 //! Conventions: inverse transforms are unnormalised sums (no 1/n), as both libraries give them.
 
+#![forbid(unsafe_code)]
+
 use std::sync::Arc;
 
 mod plain;

@@ -1,4 +1,4 @@
-"""Splatted gas: footprints, stopping early, a second eye from the first."""
+"""Splatted gas: footprints, stopping early."""
 
 from __future__ import annotations
 
@@ -11,7 +11,6 @@ from flurries import gas as splatting
 from flurries._contract import Array
 from flurries.accuracy.ways import Way, largest
 from flurries.camera.lens import Camera
-from flurries.stereo import eyes
 
 SHAPE = (240, 320)
 EYE = Camera(280.0)
@@ -74,25 +73,3 @@ def stop() -> list[Way]:
         for error in (1e-1, 1e-2, 1.0 / 255.0, 1e-3, 1e-4)
     ]
     return [*ways, Way("to the end, float32", lambda: make(None, np.float32), off)]
-
-
-def slabs() -> list[Way]:
-    """The second eye from the first one's slabs, equal in disparity."""
-    centers, pair = _cloud(1200), eyes(EYE, distance=0.065, convergence=5.0)
-    centers = centers[centers[:, 2] > 3.2]
-
-    def apart(dtype: Any) -> Array:
-        return np.stack([splatting.alpha(SHAPE, centers, 0.45, 0.4, eye, dtype=dtype)
-                         for eye in pair])  # fmt: skip
-
-    off = largest(apart(np.float64))
-
-    def shared(slab: float) -> Way:
-        return Way(
-            f"slabs of {slab:g} px",
-            lambda: splatting.alpha_pair(SHAPE, centers, 0.45, 0.4, pair, slab=slab),
-            lambda made: off(np.stack([made.left, made.right])),
-        )
-
-    return [Way("each eye by itself", lambda: apart(np.float32), off),
-            *[shared(slab) for slab in (0.06, 0.12, 0.25, 0.5, 1.0)]]  # fmt: skip

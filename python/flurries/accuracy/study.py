@@ -110,8 +110,6 @@ _LIST: tuple[tuple[str, Axis], ...] = (
                     "the line integral through every particle at every pixel, float64")),
     ("gas", Axis("stop", "Stopping early in gas, 2,000 particles, 320 x 240",
                     "of opacity, largest", "no early stop, float64")),
-    ("gas", Axis("slabs", "A second eye by slabs of gas, 320 x 240", "of opacity, largest",
-                    "each eye drawn by itself, float64")),
     ("cone", Axis("cone", "Filter of the double cone, 240 x 180", "of opacity, rms",
                   "16 x 16 samples in each pixel, nearest texels")),
     ("look", Axis("depth", "Depth by tile or by pixel, 320 x 240", "of opacity, rms",

@@ -9,6 +9,7 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from flurries._contract import Array, Float64, depths, real, rectangular
+from flurries.io.color import to_unit
 from flurries.scene.depth import DepthMap
 
 Depth: TypeAlias = Any
@@ -111,8 +112,6 @@ def distances_of(
     if isinstance(depth, DepthMap):
         if not isinstance(depth.source, np.ndarray):
             raise TypeError("depth must hold its greys as an array, got a DepthMap of a file")
-        from flurries.io.color import to_unit
-
         plane = depth.depth_of(to_unit(depth.source))
     elif not isinstance(depth, (np.ndarray, list, tuple)) and np.ndim(depth) == 0:
         plane = np.full((1, 1), real("depth", depth, low=1e-6, high=1e9), np.float32)

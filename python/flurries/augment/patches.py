@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import lru_cache
+from statistics import NormalDist
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -87,7 +88,5 @@ def _between(length: int, points: int, cell: float) -> Array:
 
 @lru_cache(maxsize=1)
 def _normal() -> Float64:
-    from statistics import NormalDist
-
     law = NormalDist()
     return np.array([law.inv_cdf((k + 0.5) / _QUANTILES) for k in range(_QUANTILES)])

@@ -7,28 +7,17 @@ camera that moves sideways, stands still or flies backwards is no special case.
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from flurries._contract import (
-    LARGEST,
-    SMALLEST,
-    Array,
-    Float64,
-    output,
-    real,
-    shape_of,
-    table,
-    tile_of,
-    vector,
-)
-from flurries.spectral.tiles import tile_starts
+from flurries._contract import LARGEST, SMALLEST, Array, Float64, real, shape_of, table, vector
+from flurries.camera.rotation import rotation_matrix
 
-__all__ = ["Camera", "image_velocity", "project", "tile_drift", "tile_shift", "tile_zoom"]
+__all__ = ["Camera", "image_velocity", "project"]
 
 
 @dataclass(frozen=True)
@@ -75,6 +64,12 @@ class Camera:
         settle(self, "rotation", tuple(vector("rotation", self.rotation, 3).tolist()))
         settle(self, "aspect", real("aspect", self.aspect, low=0.05, high=20.0))
 
+    def derive(self, **changes: Any) -> Camera:
+        """Return the camera with some values changed, which are known to be right: unchecked."""
+        made = object.__new__(Camera)
+        made.__dict__.update(self.__dict__, **changes)
+        return made
+
     @property
     def focals(self) -> tuple[float, float]:
         """Focal lengths across and down, (fx, fy) pixels."""
@@ -89,30 +84,6 @@ class Camera:
     def matrix(self) -> Float64:
         """Return R (3, 3): a direction d of the camera's axes is R d in the house axes."""
         return np.array(_matrix(self.rotation))
-
-
-def rotation_matrix(rotation: npt.ArrayLike) -> Float64:
-    """Rotation matrix of a rotation vector (Rodrigues' formula).
-
-    Parameters
-    ----------
-    rotation : (3,)
-        Axis times angle in radians.
-
-    Returns
-    -------
-    (3, 3) float64
-    """
-    x, y, z = vector("rotation", rotation, 3)
-    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-    angle = math.sqrt(x * x + y * y + z * z)
-    if angle < 1e-8:
-        # sin(a)/a and (1 - cos a)/a^2 at 0, right to a^2.
-        small: Float64 = np.eye(3) + cross + 0.5 * cross @ cross
-        return small
-    half = math.sin(0.5 * angle) / angle
-    matrix: Float64 = np.eye(3) + math.sin(angle) / angle * cross + 2.0 * half**2 * cross @ cross
-    return matrix
 
 
 @lru_cache(maxsize=256)
@@ -213,148 +184,13 @@ def image_velocity(
     x, y = (given - np.array(view.principal(size))).T
     flow = np.stack([tz * x - fx * tx, tz * y - fy * ty], axis=1)
     flow /= np.atleast_1d(distance)[:, None]
-    turned = _rotational(x, y, view.focals, omega)
+    turned = rotational(x, y, view.focals, omega)
     flow[:, 0] += turned[0]
     flow[:, 1] += turned[1]
     return flow
 
 
-def tile_drift(
-    shape: tuple[int, int],
-    displacement: npt.ArrayLike,
-    camera: Camera,
-    *,
-    near_depth: float,
-    tile: int | tuple[int, int] = 64,
-    overlap: int = 10,
-    out: Float64 | None = None,
-) -> Float64:
-    """Drift of every tile of :func:`flurries.spectral.field` for a moving camera.
-
-    Parameters
-    ----------
-    shape : (H, W)
-        Size of the picture.
-    displacement : (3,)
-        P, camera minus air since time 0, in camera axes, world units.
-    camera : Camera
-        The eye; its offset is added to P, so that a second eye is a camera moved aside.
-    near_depth : float
-        Depth that the longest wave stands for, world units, positive.
-    tile, overlap : int
-        As given to the field.
-    out : (rows, cols, 2) float64, optional
-        Array to write into and return.
-
-    Returns
-    -------
-    (rows, cols, 2) float64
-        ``(Pz x - f Px, Pz y - f Py) / near_depth`` pixels, (x, y) the tile's centre from the
-        principal point. Exact for sideways motion of any size; to first order in forward motion.
-    """
-    size = shape_of("shape", shape)
-    view = expect_camera(camera, stretched=True)
-    near = real("near_depth", near_depth, low=SMALLEST)
-    (tile_height, tile_width), shared = tile_of(tile, overlap)
-    p = vector("displacement", displacement, 3) + np.array(view.offset)
-    cx, cy = view.principal(size)
-    y = tile_starts(size[0], tile=tile_height, overlap=shared) + tile_height / 2 - cy
-    x = tile_starts(size[1], tile=tile_width, overlap=shared) + tile_width / 2 - cx
-    result = output(out, (len(y), len(x), 2), np.dtype(np.float64))
-    result[..., 0] = (p[2] * x - view.focal * p[0])[None, :] / near
-    result[..., 1] = (p[2] * y - view.focals[1] * p[1])[:, None] / near
-    return result
-
-
-def tile_shift(
-    shape: tuple[int, int],
-    rotation: npt.ArrayLike,
-    camera: Camera,
-    *,
-    tile: int | tuple[int, int] = 64,
-    overlap: int = 10,
-    out: Float64 | None = None,
-) -> Float64:
-    """Shift of every tile of :func:`flurries.spectral.field` for a turning camera.
-
-    Parameters
-    ----------
-    shape : (H, W)
-        Size of the picture.
-    rotation : (3,)
-        Radians in camera axes, right-handed (a pan to the right is +y): the rate of turning, or its
-        sum over the frames.
-    camera : Camera
-        The eye.
-    tile, overlap : int
-        As given to the field.
-    out : (rows, cols, 2) float64, optional
-        Array to write into and return.
-
-    Returns
-    -------
-    (rows, cols, 2) float64
-        How far the content of the tile moves, pixels, whatever its depth: at the tile's centre
-        (x, y) from the principal point ``-(f + x^2/f) wy + (x y/f) wx + y wz`` across and
-        ``(f + y^2/f) wx - (x y/f) wy - x wz`` down. The flow that Langer 2004 leaves out
-        (``docs/deviations.md``, 17).
-    """
-    size = shape_of("shape", shape)
-    view = expect_camera(camera, stretched=True)
-    (tile_height, tile_width), shared = tile_of(tile, overlap)
-    omega = vector("rotation", rotation, 3)
-    cx, cy = view.principal(size)
-    y = tile_starts(size[0], tile=tile_height, overlap=shared) + tile_height / 2 - cy
-    x = tile_starts(size[1], tile=tile_width, overlap=shared) + tile_width / 2 - cx
-    result = output(out, (len(y), len(x), 2), np.dtype(np.float64))
-    result[..., 0], result[..., 1] = _rotational(x[None, :], y[:, None], view.focals, omega)
-    return result
-
-
-def tile_zoom(
-    shape: tuple[int, int],
-    growth: float,
-    camera: Camera,
-    *,
-    tile: int | tuple[int, int] = 64,
-    overlap: int = 10,
-    out: Float64 | None = None,
-) -> Float64:
-    """Shift of every tile of :func:`flurries.spectral.field` for a lens that zooms.
-
-    Parameters
-    ----------
-    shape : (H, W)
-        Size of the picture.
-    growth : float
-        Relative change of the focal length: its rate per frame, or its sum over the frames, the
-        logarithm of the ratio.
-    camera : Camera
-        The eye.
-    tile, overlap : int
-        As given to the field.
-    out : (rows, cols, 2) float64, optional
-        Array to write into and return.
-
-    Returns
-    -------
-    (rows, cols, 2) float64
-        ``growth * (x, y)`` pixels, (x, y) the tile's centre from the principal point: how far its
-        content moves, whatever its depth.
-    """
-    size = shape_of("shape", shape)
-    view = expect_camera(camera, stretched=True)
-    (tile_height, tile_width), shared = tile_of(tile, overlap)
-    part = real("growth", growth)
-    cx, cy = view.principal(size)
-    y = tile_starts(size[0], tile=tile_height, overlap=shared) + tile_height / 2 - cy
-    x = tile_starts(size[1], tile=tile_width, overlap=shared) + tile_width / 2 - cx
-    result = output(out, (len(y), len(x), 2), np.dtype(np.float64))
-    result[..., 0], result[..., 1] = part * x[None, :], part * y[:, None]
-    return result
-
-
-def _rotational(
+def rotational(
     x: Array, y: Array, focals: tuple[float, float], omega: Float64
 ) -> tuple[Array, Array]:
     """Return the flow of a rotation at (x, y) from the principal point."""

@@ -12,19 +12,21 @@ from typing import Any
 import numpy as np
 
 from flurries._contract import Float64, table
+from flurries.camera.csv import read_path
 from flurries.camera.lens import Camera
-from flurries.camera.turning import Turning, rotation_vector, turning_of
-from flurries.camera.zoom import Zoom, running, zoom_of
+from flurries.camera.rotation import rotation_vector
+from flurries.camera.turning import Turning, turning_of
+from flurries.camera.zoom import Zoom, integral_of, zoom_of
 from flurries.motion.keys import (
     Course,
+    Integral,
     Keys,
     Number,
-    Running,
     Vector,
     as_vector,
     course_of,
     integral_to,
-    summed,
+    sum_of,
     value_at,
 )
 
@@ -121,9 +123,7 @@ class CameraPath:
 
     @staticmethod
     def load(path: str | os.PathLike[str], camera: Camera) -> CameraPath:
-        """Return the path of a CSV file; see :func:`flurries.io.read_path`."""
-        from flurries.io.paths import read_path
-
+        """Return the path of a CSV file; see :func:`flurries.camera.csv.read_path`."""
         return CameraPath(camera, **read_path(path))
 
     @property
@@ -147,7 +147,7 @@ class CameraPath:
         """The camera with the shortest focal length of the film."""
         if self._zoom is None:
             return self.camera
-        return replace(self.camera, focal=self._zoom.widest)
+        return self.camera.derive(focal=self._zoom.widest)
 
     def zoom(self, t: float) -> tuple[float, float]:
         """Return the logarithm of the focal length over that of frame 0, and its change."""
@@ -167,16 +167,16 @@ class CameraPath:
             return np.zeros(3)
         return np.asarray(self._turning.at(t) @ self._turning.rate(t))
 
-    def seen(self, camera: Camera, t: float) -> Camera:
+    def pose(self, camera: Camera, t: float) -> Camera:
         """Return a camera that sits on the path as it looks at `t`: its rotation is the whole."""
         if self._zoom is not None:
             ratio = math.exp(self._zoom.grown(t))
             shift = (ratio * camera.center_shift[0], ratio * camera.center_shift[1])
-            camera = replace(camera, focal=ratio * camera.focal, center_shift=shift)
+            camera = camera.derive(focal=ratio * camera.focal, center_shift=shift)
         if self._turning is None:
             return camera
         whole = rotation_vector(self._turning.at(t) @ camera.matrix())
-        return replace(camera, rotation=tuple(whole.tolist()))
+        return camera.derive(rotation=tuple(whole.tolist()))
 
     def travel(self, t: float, *, fps: float, fall: Number, wind: Vector) -> Float64:
         """Return P, the camera's way through air that falls and blows, as the camera felt it.
@@ -196,7 +196,7 @@ class CameraPath:
         axis = self.turn(t)[:, 2]
         return np.asarray(weighted + axis * (axis @ (way - weighted)))
 
-    def turned(self, t: float) -> Float64:
+    def rotation(self, t: float) -> Float64:
         """Return the integral of the rate of turning in the camera's own axes since frame 0.
 
         Given in house axes as the camera stands at `t`, (3,) radians. A zoom weighs what is not
@@ -211,7 +211,7 @@ class CameraPath:
         axis = self.turn(t)[:, 2]
         return np.asarray(weighted + axis * (axis @ (angle - weighted)))
 
-    def scaled(self, scale: float) -> CameraPath:
+    def resize(self, scale: float) -> CameraPath:
         """Return the same view on a picture that is `scale` times as wide and high."""
         lens = self.camera
         center = None if lens.center is None else (scale * lens.center[0], scale * lens.center[1])
@@ -258,7 +258,7 @@ class CameraPath:
         if self.position is None:
             return np.zeros(3)
         if isinstance(self.position, Keys):
-            return np.asarray(self.position.at(t, extend=True))
+            return np.asarray(self.position.value(t, extend=True))
         if len(self.position) == 1:
             return np.array(self.position[0])
         i = self._piece(t)
@@ -276,6 +276,15 @@ class CameraPath:
         i = self._piece(t)
         return np.asarray(self.position[i + 1] - self.position[i])
 
+    def relative(
+        self, t: float, *, fps: float, fall: Number, wind: Vector
+    ) -> tuple[Float64, Float64]:
+        """Return camera minus what falls in the wind: since frame 0 and per frame, house axes."""
+        gone = air_moved(t, fps=fps, fall=fall, wind=wind)
+        air = np.array(value_at(wind, t))
+        air[1] += value_at(fall, t)
+        return self.place(t, fps=fps) - gone, self.rate(t, fps=fps) - air / fps
+
     def _piece(self, t: float) -> int:
         last = len(self.position) - 2
         return min(max(bisect.bisect_right(range(last + 1), t) - 1, 0), last)
@@ -289,33 +298,33 @@ def air_moved(t: float, *, fps: float, fall: Number, wind: Vector) -> Float64:
 
 
 @lru_cache(maxsize=32)
-def _relative_way(path: CameraPath, fps: float, fall: Number, wind: Vector) -> Running:
+def _relative_way(path: CameraPath, fps: float, fall: Number, wind: Vector) -> Integral:
     """Return P of a camera that turns; its sums are made once for a film."""
     assert path._turning is not None
     air = course_of(wind, -1.0 / fps), fall_course(fall, -1.0 / fps)
-    return path._turning.integral(summed([path.course(fps), *air]))
+    return path._turning.integral(sum_of([path.course(fps), *air]))
 
 
 @lru_cache(maxsize=32)
-def _weighted_way(path: CameraPath, fps: float, fall: Number, wind: Vector) -> Running:
+def _weighted_way(path: CameraPath, fps: float, fall: Number, wind: Vector) -> Integral:
     """Return the integral of f R^T v, in the rig's axes."""
     assert path._zoom is not None
     air = course_of(wind, -1.0 / fps), fall_course(fall, -1.0 / fps)
-    course = path._zoom.weighted(summed([path.course(fps), *air]))
+    course = path._zoom.weigh(sum_of([path.course(fps), *air]))
     if path._turning is not None and path.turns:
         return path._turning.integral(course)
     # The rig stands still: house axes, turned back into its own.
     rig = path.rig(0.0)
     slopes = None if course.slopes is None else course.slopes @ rig
-    return running(Course(course.knots, course.values @ rig, slopes, course.times))
+    return integral_of(Course(course.knots, course.values @ rig, slopes, course.times))
 
 
 @lru_cache(maxsize=32)
-def _weighted_turn(path: CameraPath) -> Running:
+def _weighted_turn(path: CameraPath) -> Integral:
     """Return the integral of f w, in the rig's axes."""
     assert path._turning is not None and path._zoom is not None
     turning = path._turning
-    return running(path._zoom.weighted(Course(turning.frames[1:-1], turning.rates)))
+    return integral_of(path._zoom.weigh(Course(turning.frames[1:-1], turning.rates)))
 
 
 def fall_course(fall: Number, scale: float) -> Course:

@@ -15,10 +15,15 @@ from typing import Any
 import numpy as np
 
 from flurries._contract import Float64, moderate, table
-from flurries.camera.lens import rotation_matrix
-from flurries.motion.keys import Course, Keys, Running
+from flurries.camera.rotation import (
+    matrices_of,
+    quaternions_of,
+    rotation_matrix,
+    rotation_vector,
+)
+from flurries.motion.keys import Course, Integral, Keys
 
-__all__ = ["Turning", "rotation_vector", "turning_of"]
+__all__ = ["Turning", "turning_of"]
 
 # Below this angle the terms are summed as series: there the closed forms cancel.
 _SMALL = 0.5
@@ -42,13 +47,13 @@ class Turning:
     frames: Float64
     matrices: Float64
     rates: Float64
-    _angle: Running = field(init=False, repr=False)
+    _angle: Integral = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         def angles(start: Float64, end: Float64, inside: Float64) -> Float64:
             return np.asarray(self.rates[self.pieces(inside)] * (end - start)[:, None])
 
-        object.__setattr__(self, "_angle", Running.of(angles, self.frames[1:-1]))
+        object.__setattr__(self, "_angle", Integral.of(angles, self.frames[1:-1]))
 
     @property
     def moves(self) -> bool:
@@ -70,10 +75,10 @@ class Turning:
         """Return the integral of the rate from frame 0 to `t`, (3,), in the rig's own axes."""
         return self._angle.to(t)
 
-    def integral(self, course: Course) -> Running:
+    def integral(self, course: Course) -> Integral:
         """Return the integral of R^T u: the way of a velocity u in the rig's own axes."""
         knots = np.concatenate([self.frames[1:-1], course.knots])
-        return Running.of(partial(_areas, self, course), knots)
+        return Integral.of(partial(_areas, self, course), knots)
 
     def pieces(self, inside: Float64) -> Any:
         """Return which pieces times (m,) lie in."""
@@ -144,56 +149,6 @@ def _terms(x: Float64) -> Float64:
     return result
 
 
-# Rotations in their forms ------------------------------------------------------------------------
-
-
-def rotation_vector(matrix: Float64) -> Float64:
-    """Return axis times angle, (3,), of a rotation matrix; the angle is from 0 to pi."""
-    w, *xyz = _quaternions(matrix[None])[0]
-    return _vector(w, np.array(xyz))
-
-
-def _vector(w: float, xyz: Float64) -> Float64:
-    if w < 0.0:
-        w, xyz = -w, -xyz
-    length = float(np.linalg.norm(xyz))
-    # The limit of 2 atan2(s, c) / s.
-    factor = 2.0 / w if length < 1e-150 else 2.0 * float(np.arctan2(length, w)) / length
-    return np.asarray(factor * xyz)
-
-
-def _quaternions(matrices: Float64) -> Float64:
-    """Return (n, 4), (w, x, y, z), of rotation matrices; each from its largest part."""
-    m = matrices
-    trace = np.trace(m, axis1=1, axis2=2)
-    squares = 1.0 + np.stack([trace, *(2.0 * m[:, i, i] - trace for i in range(3))], axis=1)
-    result = np.empty((len(m), 4))
-    for k, largest in enumerate(squares.argmax(axis=1)):
-        a = m[k]
-        root = 2.0 * np.sqrt(squares[k, largest])
-        if largest == 0:
-            parts = [root * root / 4.0, a[2, 1] - a[1, 2], a[0, 2] - a[2, 0], a[1, 0] - a[0, 1]]
-        elif largest == 1:
-            parts = [a[2, 1] - a[1, 2], root * root / 4.0, a[0, 1] + a[1, 0], a[0, 2] + a[2, 0]]
-        elif largest == 2:
-            parts = [a[0, 2] - a[2, 0], a[0, 1] + a[1, 0], root * root / 4.0, a[1, 2] + a[2, 1]]
-        else:
-            parts = [a[1, 0] - a[0, 1], a[0, 2] + a[2, 0], a[1, 2] + a[2, 1], root * root / 4.0]
-        result[k] = np.array(parts) / root
-    return np.asarray(result / np.linalg.norm(result, axis=1, keepdims=True))
-
-
-def _of_quaternions(q: Float64) -> Float64:
-    """Return (n, 3, 3) of unit quaternions (w, x, y, z)."""
-    w, x, y, z = q.T
-    rows = [
-        [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-        [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-        [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-    ]
-    return np.ascontiguousarray(np.moveaxis(np.array(rows), 2, 0))
-
-
 def turning_of(orientation: Any) -> Turning:
     """Return the turning of an `orientation` argument: keys or arrays of any form."""
     if isinstance(orientation, Keys):
@@ -226,14 +181,14 @@ def _matrices(values: Float64) -> Float64:
                 "orientation: quaternions (w, x, y, z) must have length 1, "
                 f"got {lengths.flat[np.abs(lengths - 1.0).argmax()]:g}"
             )
-        return _of_quaternions(values / lengths)
+        return matrices_of(values / lengths)
     off = np.abs(np.einsum("nij,nik->njk", values, values) - np.eye(3)).max()
     if not (off < 1e-3 and (np.linalg.det(values) > 0.0).all()):
         raise ValueError(
             "orientation: matrices must be rotations (orthonormal, determinant 1), "
             f"got one that is off by {off:.3g} or mirrored"
         )
-    return _of_quaternions(_quaternions(values))
+    return matrices_of(quaternions_of(values))
 
 
 def _rates(frames: Float64, matrices: Float64, vectors: Float64 | None) -> Float64:

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from flurries._contract import LARGEST, SMALLEST, Float64, real, table
-from flurries.motion.keys import Course, Keys, Running, course_of
+from flurries.motion.keys import Course, Integral, Keys, course_of
 
 # Pieces of a product of two that both slope are cut at whole frames, at most so many.
 _MOST_CUTS = 1_000_000
@@ -45,7 +45,7 @@ class Zoom:
 
     def at(self, t: float) -> float:
         """Return the focal length at `t`, pixels."""
-        return float(self.keys.at(t))
+        return float(self.keys.value(t))
 
     def rate(self, t: float) -> float:
         """Return the relative change per frame at `t`."""
@@ -55,7 +55,7 @@ class Zoom:
         """Return the logarithm of the focal length against that of frame 0."""
         return math.log(self.at(t) / self.at(0.0))
 
-    def weighted(self, course: Course) -> Course:
+    def weigh(self, course: Course) -> Course:
         """Return a velocity times the focal length."""
         focal = course_of(Keys([(frame, (value,)) for frame, value in self.keys.keys]))
         knots = np.union1d(focal.knots, course.knots)
@@ -93,9 +93,9 @@ def zoom_of(focal: Any) -> Zoom:
     return Zoom(keys)
 
 
-def running(course: Course) -> Running:
+def integral_of(course: Course) -> Integral:
     """Return the integral of a course from frame 0."""
-    return Running.of(partial(_areas, course), course.knots)
+    return Integral.of(partial(_areas, course), course.knots)
 
 
 def _areas(course: Course, start: Float64, end: Float64, inside: Float64) -> Float64:

@@ -304,7 +304,7 @@ def _demo(options: argparse.Namespace) -> int:
 
 def _texture(options: argparse.Namespace) -> int:
     from flurries.effects import Snow
-    from flurries.scene.scene import parse_size
+    from flurries.scene.arguments import parse_size
     from flurries.spectral import BANDS, export_loop
 
     width, height = parse_size(options.size)
@@ -484,9 +484,6 @@ def _scene(options: argparse.Namespace) -> Any:
     from dataclasses import replace
 
     from flurries.camera.path import CameraPath
-    from flurries.effects import Mist
-    from flurries.effects.cone import Coned
-    from flurries.effects.falling import Falling
     from flurries.scene.scene import Scene
 
     given = Path(options.input)
@@ -510,8 +507,7 @@ def _scene(options: argparse.Namespace) -> Any:
             changes["effects"] = effects
         elif weather:
             changes["effects"] = [
-                replace(e, **weather) if isinstance(e, (Coned, Falling, Mist)) else e
-                for e in scene.effects
+                replace(e, **weather) if set(weather) <= set(vars(e)) else e for e in scene.effects
             ]
         if "size" in changes:
             # The focal length belongs to the picture's width: keep the angle of view.
@@ -589,11 +585,11 @@ def _depth(text: str) -> float | str:
 
 
 def _resized(scene: Any, changes: dict[str, Any]) -> tuple[Any, dict[str, Any]]:
-    from flurries.scene.scene import parse_size
+    from flurries.scene.arguments import parse_size
 
     changes = dict(changes)
     size = parse_size(changes.pop("size"))
-    return scene, {**changes, "size": size, "camera": scene.camera.scaled(size[0] / scene.size[0])}
+    return scene, {**changes, "size": size, "camera": scene.camera.resize(size[0] / scene.size[0])}
 
 
 if __name__ == "__main__":

@@ -39,15 +39,11 @@ MULTIPLES = (1, 2, 4, 8)
 # Tiles by which the layers are set apart: no two of them repeat at one place.
 OFFSETS = ((0.0, 0.0), (0.37, 0.61), (0.71, 0.23), (0.13, 0.83))
 
-# Azimuth, height, fade, what the blocks are, footprints: see src/cone/chart.rs. Azimuth and height
-# once more by squares of pixels, where the processor looks these up at once.
-Chart: TypeAlias = tuple[Array, Array, Array, Array, Array, Array | None]
+# Azimuth, height, fade, what the blocks are, footprints: see src/cone/chart.rs.
+Chart: TypeAlias = tuple[Array, Array, Array, Array, Array]
 
-# Words of four neighbours; their own bytes, padded, where the processor has a use for them.
-Table: TypeAlias = tuple[npt.NDArray[np.uint32], npt.NDArray[np.uint8] | None]
-
-# See src/cone/window.rs.
-PAD = 32
+# Words of four neighbours: see src/cone/table.rs.
+Table: TypeAlias = npt.NDArray[np.uint32]
 
 # Multiple, offsets as words, gain, log2 of the texels in a tile.
 Sheet: TypeAlias = tuple[int, int, int, float, float]
@@ -89,23 +85,16 @@ class Texture:
             return found
         size = len(self.tile)
         width, height = 2.0 ** (0.5 * across), 2.0 ** (0.5 * along)
-        # Half a box apart at most.
+        # Two entries are at most half a box apart.
         shape = _power(min(size, 2.0 * size / height)), _power(min(size, 2.0 * size / width))
         entries = np.empty(shape, np.uint32)
         narrow = _narrowed(width, size, shape[1]), _narrowed(height, size, shape[0])
         _core.cone_table(entries, self.tile, narrow[0], narrow[1], self._peak)
-        made = entries, _padded(entries) if _core.cone_windows() else None
-        if sum(kept.size for kept, _ in self._tables.values()) + entries.size > MOST_WORDS:
+        if sum(kept.size for kept in self._tables.values()) + entries.size > MOST_WORDS:
             # A new dictionary: another thread may be reading the old one.
             self._tables = {}
-        self._tables[across, along] = made
-        return made
-
-
-def _padded(entries: npt.NDArray[np.uint32]) -> npt.NDArray[np.uint8]:
-    """Return the entries' own bytes, less 128, with rows and columns that begin again."""
-    own = (entries & 255).astype(np.uint8) ^ np.uint8(128)
-    return np.ascontiguousarray(np.pad(own, (0, PAD), mode="wrap"))
+        self._tables[across, along] = entries
+        return entries
 
 
 def _narrowed(width: float, size: int, count: int) -> float:
@@ -206,8 +195,7 @@ class Mapping:
         across, along = np.empty(wide, np.uint32), np.empty(wide, np.uint32)
         fade, state = np.empty(wide, np.float32), np.empty((height, blocks), np.uint8)
         _core.cone_chart(across, along, fade, state, given, course)
-        squares = _squares(across, along) if _core.cone_windows() else None
-        return across, along, fade, state, _footprints(wide, given, course), squares
+        return across, along, fade, state, _footprints(wide, given, course)
 
     def _before(self, depth: npt.ArrayLike, radius: float) -> Array:
         """Return how many layers, nearest first, stand before the depth map."""
@@ -220,16 +208,6 @@ class Mapping:
         radii = [first * factor for factor in self.multiples]
         _core.cone_shown(counts, part, self._poses[0], radii, self._top)
         return counts
-
-
-def _squares(across: Array, along: Array) -> Array:
-    """Return a chart's planes again, square by square, in words that begin at a cache line."""
-    words = 2 * BLOCK * -(-len(across) // BLOCK) * across.shape[1]
-    room = np.empty(words + 16, np.uint32)
-    first = -room.ctypes.data % 64 // 4
-    squares = room[first : first + words]
-    _core.cone_squares(squares, across, along)
-    return squares
 
 
 def _footprints(shape: tuple[int, int], given: Pose, course: tuple[int, float, int]) -> Array:
@@ -417,12 +395,12 @@ def _word(tiles: float) -> int:
 
 def _tables(
     texture: Texture, footprints: Array, sheets: list[Sheet]
-) -> list[tuple[int, int, npt.NDArray[np.uint32], npt.NDArray[np.uint8] | None]]:
+) -> list[tuple[int, int, Table]]:
     """Return the tables that these layers look into, with their levels."""
     needed = np.zeros((texture._levels,) * 2, np.uint8)
     _core.cone_needed(needed, footprints, sheets)
     return [
-        (across, along, *texture._table(across, along))
+        (across, along, texture._table(across, along))
         for across, along in np.argwhere(needed).tolist()
     ]
 
@@ -444,18 +422,13 @@ def _stacked(
     clear: Array | None = None
     for index, (planes, drawn) in enumerate(parts):
         across, along, fade, state = (plane[lines] for plane in planes[:4])
-        steps, squares = planes[4][blocks], planes[5]
-        if squares is not None:
-            # Of a row of blocks after the other.
-            each = 2 * BLOCK * across.shape[1]
-            squares = squares[each * blocks.start : each * blocks.stop]
+        steps = planes[4][blocks]
         tables = _tables(texture, steps, drawn)
         shown = None if mapping._shown is None else mapping._shown[lines]
         if shown is not None and not mapping._together:
             shown = (shown > index).astype(np.uint8)
         _core.cone_stack(
-            whole, across, along, fade, state, steps, squares, drawn, texture._levels, tables,
-            shown,
+            whole, across, along, fade, state, steps, drawn, texture._levels, tables, shown,
         )  # fmt: skip
         if not mapping._together:
             clear = 1.0 - whole if clear is None else clear * (1.0 - whole)

@@ -1,10 +1,30 @@
-"""What can be in the air of a scene: each effect says what it is made of and renders one layer."""
+"""What can be in the air of a scene: each effect names its parts and renders one layer."""
 
 from flurries.effects.cone import ConeRain, ConeSnow
+from flurries.effects.field import Field
+from flurries.effects.flakes import Flakes
+from flurries.effects.kinds import register
 from flurries.effects.matched import MatchedSnow
 from flurries.effects.mist import Mist
+from flurries.effects.motion import Motion
+from flurries.effects.precipitation import Precipitation
 from flurries.effects.rain import Rain
 from flurries.effects.snow import Snow
-from flurries.frame.layer import Frame, Layer
+from flurries.effects.texture import Texture
+from flurries.effects.veil import Veil
 
-__all__ = ["ConeRain", "ConeSnow", "Frame", "Layer", "MatchedSnow", "Mist", "Rain", "Snow"]
+__all__ = [
+    "ConeRain",
+    "ConeSnow",
+    "Field",
+    "Flakes",
+    "MatchedSnow",
+    "Mist",
+    "Motion",
+    "Precipitation",
+    "Rain",
+    "Snow",
+    "Texture",
+    "Veil",
+    "register",
+]

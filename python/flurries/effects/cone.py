@@ -6,184 +6,55 @@ Fall, wind, shutter and the size of drops mean what they mean in `Rain` and `Sno
 
 from __future__ import annotations
 
-import math
-from abc import ABC, abstractmethod
-from dataclasses import dataclass, fields
-from functools import lru_cache
-from typing import Any, ClassVar, TypeVar
-
-import numpy as np
+from dataclasses import dataclass
+from functools import cached_property, lru_cache, partial
+from typing import Any, ClassVar
 
 from flurries import cone
-from flurries._contract import Array, choice, flag, integer, real, seed_of, vector
-from flurries.composite import join
-from flurries.effects.coned import Drops, Pose, drawn, way
-from flurries.effects.falling import AMBIENT, settled_color
-from flurries.effects.limited import veil
-from flurries.effects.looks import look_of
-from flurries.effects.moving import Moving
+from flurries._contract import flag, integer, real
+from flurries.effects.checks import FALL, Check, gain, length, pair, part, population, settle, sizes
+from flurries.effects.double_cone import FARTHEST, DoubleCone, tile_metres
+from flurries.effects.flakes import Flakes
+from flurries.effects.knobs import preset
+from flurries.effects.motion import Motion
+from flurries.effects.precipitation import Precipitation
 from flurries.effects.presets import CONE_RAIN, CONE_SNOW
-from flurries.effects.snow import Snow
-from flurries.frame.layer import Frame, Layer
-from flurries.frame.needs import PARTS, Cost, LeftOut, Needs, Step
-from flurries.motion.keys import Number, Vector, as_number, as_vector, value_at
+from flurries.effects.veil import Veil
+from flurries.frame.layer import Layer
+from flurries.frame.needs import Needs
+from flurries.frame.view import Frame
+from flurries.motion.keys import Number, Vector
 from flurries.motion.wind import Wind
-from flurries.trace import stage
 
-_Kind = TypeVar("_Kind", bound="Coned")
-
-# The cones of the four layers, against the first one's.
-FARTHEST = 8
-
-
-@dataclass(frozen=True, kw_only=True)
-class Coned(Moving, ABC):
-    """What `ConeRain` and `ConeSnow` have in common; the fields are described there."""
-
-    amount: Number = 1.0
-    color: Any = 0.98
-    haze: Number = 0.04
-    shutter: Number = 0.5
-    gain: float = 1.0
-    conserve: bool = True
-    damping: float = 1.0
-    radius: float = 3.0
-    repeats: int = 5
-    slope: float = 0.0
-    tile: int = 512
-    look: str = "v1"
-    seed: int | None = None
-
-    NAME: ClassVar[str] = ""
-    PRESETS: ClassVar[dict[str, dict[str, Any]]] = {}
-    # Of the layers, nearest first: what is large and near must not outshine the rest.
-    _GAINS: ClassVar[tuple[float, ...]] = (0.8, 1.0, 1.0, 1.0)
-
-    def __post_init__(self) -> None:
-        def settle(name: str, value: Any) -> None:
-            object.__setattr__(self, name, value)
-
-        look_of(self.look)
-        for name in ("amount", "haze"):
-            settle(name, as_number(name, getattr(self, name), low=0.0, high=1.0))
-        settle("fall", as_number("fall", self.fall))
-        if not isinstance(self.wind, Wind):
-            settle("wind", as_vector("wind", self.wind, 3))
-        settle("color", settled_color(self.color))
-        settle("shutter", as_number("shutter", self.shutter, low=0.0))
-        settle("gain", real("gain", self.gain, low=0.0, high=1e4))
-        flag("conserve", self.conserve)
-        settle("damping", real("damping", self.damping, low=0.0, high=1.0))
-        settle("radius", real("radius", self.radius, above=0.0))
-        settle("repeats", integer("repeats", self.repeats, low=1, high=64))
-        settle("slope", real("slope", self.slope, low=0.0, high=10.0))
-        settle("tile", integer("tile", self.tile, low=16, high=2048))
-        if self.seed is not None:
-            settle("seed", seed_of(self.seed))
-
-    @classmethod
-    def preset(cls: type[_Kind], name: str, **changes: Any) -> _Kind:
-        """Return a look by name; further arguments replace single values of it."""
-        values: dict[str, Any] = dict(cls.PRESETS[choice("preset", name, tuple(cls.PRESETS))])
-        unknown = set(changes) - {f.name for f in fields(cls)}
-        if unknown:
-            raise TypeError(f"{cls.__name__} has no field {sorted(unknown)[0]!r}")
-        return cls(**{**values, **changes})
-
-    @property
-    @abstractmethod
-    def length(self) -> float:
-        """Of a drop in still air, metres."""
-
-    @abstractmethod
-    def texture(self, seed: int) -> cone.Texture:
-        """Return the layers' texture."""
-
-    def state(self, frame: Frame) -> cone.State:
-        """Return axis, phase and stretch of a frame."""
-        drops = Drops(
-            self.fall, self.mean_wind, self.damping, self.shutter, self.length, self.radius,
-            self.repeats,
-        )  # fmt: skip
-        return way(frame.path, frame.fps, drops).at(frame.t / frame.fps)
-
-    def needs(self, frame: Frame) -> Needs:
-        """Return what a frame takes: the cone, and what `_near_steps` adds."""
-        amount = value_at(self.amount, frame.t)
-        haze = amount * value_at(self.haze, frame.t)
-        if amount == 0.0:
-            return Needs((), (LeftOut(self.NAME, "its amount is 0"),), most=0.0)
-        pixels = frame.shape[0] * frame.shape[1]
-        part = (frame.window[1] - frame.window[0]) * (frame.window[3] - frame.window[2])
-        steps, left_out = [], []
-        if self.gain > 0.0:
-            cost = Cost({"cone pixel": pixels}, "4 layers", 4 * part, 4 * (pixels - part))
-            steps.append(Step("cone", lambda: cost))
-        else:
-            left_out.append(LeftOut(f"{self.NAME}: cone", "its gain is 0"))
-        steps += self._near_steps(frame, amount)
-        if not steps and haze == 0.0:
-            return Needs((), (LeftOut(self.NAME, "nothing of it has any opacity"),), most=0.0)
-        planes = max(len(steps), 1)
-        steps.append(Step("join", lambda: Cost({"joined pixel": planes * part}, "", 4 * part)))
-        reads = PARTS if self.color == AMBIENT else PARTS - {"ambient"}
-        most = 1.0 if len(steps) > 1 else haze
-        return Needs(tuple(steps), tuple(left_out), reads, most=most, by_rows=True)
-
-    def _near_steps(self, frame: Frame, amount: float) -> list[Step]:
-        """Return the steps of what is drawn one by one in front."""
-        return []
-
-    def render(self, frame: Frame) -> Layer:
-        """Return this effect's layer of a frame."""
-        amount, run = value_at(self.amount, frame.t), frame.running(self)
-        near = [
-            run("cone", lambda: self._cone(frame, amount)),
-            run("flakes", lambda: self._near(frame, amount)),
-        ]
-        planes = [plane for plane in near if plane is not None]
-        haze = amount * value_at(self.haze, frame.t)
-        if haze > 0.0 and frame.depth is not None:
-            planes.append(veil(haze, frame.crop(frame.depth), FARTHEST * self.radius))
-            haze = 0.0
-        if not planes:
-            top, bottom, left, right = frame.window
-            planes.append(np.zeros((bottom - top, right - left), np.float32))
-        planes = [np.ascontiguousarray(plane) for plane in planes]
-        with stage("join"):
-            alpha = join(planes, haze=haze)
-        return Layer(self.NAME, alpha, self._color_at(frame))
-
-    def _cone(self, frame: Frame, amount: float) -> Array:
-        state = self.state(frame)
-        pose = Pose(
-            frame.shape, frame.camera, state.axis, state.stretch, self.slope, self.repeats,
-            self.radius,
-        )  # fmt: skip
-        texture = self.texture(frame.seed)
-        gains = [amount * self.gain * layer for layer in self._GAINS]
-        look = {"gains": gains, "conserve": self.conserve}
-        return drawn(self, frame, pose, texture, state.phase, **look)
-
-    def _near(self, frame: Frame, amount: float) -> Array:
-        """Return what is drawn one by one in front: nothing, as `_near_steps` says."""
-        top, bottom, left, right = frame.window
-        return np.zeros((bottom - top, right - left), np.float32)
-
-    def _color_at(self, frame: Frame) -> tuple[float, float, float]:
-        if self.color == AMBIENT:
-            return frame.ambient or (1.0, 1.0, 1.0)
-        color = value_at(self.color, frame.t)
-        return (color,) * 3 if isinstance(color, float) else color
-
-    @property
-    def _tile_metres(self) -> float:
-        """Metres that a tile of the first layer stands for."""
-        return 2.0 * math.pi * self.radius / self.repeats
+_CONE: dict[str, Check] = {
+    **FALL,
+    "gain": gain,
+    "conserve": flag,
+    "damping": part,
+    "radius": length,
+    "repeats": partial(integer, low=1, high=64),
+    "slope": partial(real, low=0.0, high=10.0),
+    "tile": partial(integer, low=16, high=2048),
+}
+_RAIN: dict[str, Check] = {
+    **_CONE,
+    "drops": partial(integer, low=0, high=100_000),
+    "drop_size": length,
+    "drop_length": length,
+    "spread": part,
+}
+_SNOW: dict[str, Check] = {
+    **_CONE,
+    "texture_flakes": partial(integer, low=0, high=100_000),
+    "flakes": population,
+    "flake_size": sizes,
+    "flake_opacity": part,
+    "sway": pair,
+}
 
 
 @dataclass(frozen=True, kw_only=True)
-class ConeRain(Coned):
+class ConeRain:
     """Rain on a double cone: the cost of a frame does not depend on how heavy it is.
 
     Numbers marked "keyed" may vary over time: give :class:`flurries.Keys`. Lengths are metres.
@@ -248,49 +119,82 @@ class ConeRain(Coned):
     (120, 160, 3)
     """
 
+    amount: Number = 1.0
     fall: Number = 8.0
     wind: Vector | Wind = (0.56, 0.0, 0.0)
     color: Any = (0.86, 0.88, 0.92)
     haze: Number = 0.08
+    shutter: Number = 0.5
     gain: float = 3.0
+    conserve: bool = True
     drops: int = 700
     drop_size: float = 0.004
     drop_length: float = 0.05
     spread: float = 0.7
+    damping: float = 1.0
+    radius: float = 3.0
+    repeats: int = 5
+    slope: float = 0.0
+    tile: int = 512
+    look: str = "v1"
+    seed: int | None = None
 
     NAME: ClassVar[str] = "cone_rain"
-    _GAINS = (0.3, 0.55, 0.8, 1.0)
     PRESETS: ClassVar[dict[str, dict[str, Any]]] = CONE_RAIN
 
     def __post_init__(self) -> None:
-        super().__post_init__()
-        settle = object.__setattr__
-        settle(self, "drops", integer("drops", self.drops, low=0, high=100_000))
-        settle(self, "drop_size", real("drop_size", self.drop_size, above=0.0))
-        settle(self, "drop_length", real("drop_length", self.drop_length, above=0.0))
-        settle(self, "spread", real("spread", self.spread, low=0.0, high=1.0))
-        if self.drop_length > 0.5 * self._tile_metres:
+        settle(self, _RAIN)
+        most = 0.5 * tile_metres(self.radius, self.repeats)
+        if self.drop_length > most:
             raise ValueError(
-                f"drop_length must be at most half a tile ({0.5 * self._tile_metres:g} m), "
-                f"got {self.drop_length!r}"
+                f"drop_length must be at most half a tile ({most:g} m), got {self.drop_length!r}"
             )
 
-    @property
-    def length(self) -> float:
-        """Of a drop in still air, metres."""
-        return self.drop_length
+    @classmethod
+    def preset(cls, name: str, **changes: Any) -> ConeRain:
+        """Return a look by name; further arguments replace single values of it."""
+        return preset(cls, cls.PRESETS, name, changes)
 
-    def texture(self, seed: int) -> cone.Texture:
-        """Return the layers' texture."""
-        metres = self._tile_metres
-        return _rain(
-            self.tile, seed, self.drops, self.drop_size / metres, self.drop_length / metres,
-            self.spread,
+    @cached_property
+    def parts(self) -> Precipitation[DoubleCone]:
+        """What it is made of."""
+        motion = Motion(self.fall, self.wind, self.shutter)
+        metres = tile_metres(self.radius, self.repeats)
+        sheet = DoubleCone(
+            motion=motion,
+            make=partial(
+                _rain, self.tile, drops=self.drops, width=self.drop_size / metres,
+                length=self.drop_length / metres, spread=self.spread,
+            ),
+            length=self.drop_length,
+            gains=(0.3, 0.55, 0.8, 1.0),
+            gain=self.gain,
+            conserve=self.conserve,
+            damping=self.damping,
+            radius=self.radius,
+            repeats=self.repeats,
+            slope=self.slope,
         )  # fmt: skip
+        return Precipitation(
+            name=self.NAME,
+            amount=self.amount,
+            color=self.color,
+            motion=motion,
+            texture=sheet,
+            veil=Veil(self.haze, FARTHEST * self.radius),
+        )
+
+    def needs(self, frame: Frame) -> Needs:
+        """Return what a frame takes: its steps, and what is left out."""
+        return self.parts.needs(frame)
+
+    def render(self, frame: Frame) -> Layer:
+        """Return the layer of a frame."""
+        return self.parts.render(frame)
 
 
 @dataclass(frozen=True, kw_only=True)
-class ConeSnow(Coned):
+class ConeSnow:
     """Snow on a double cone, with flakes that sway in front.
 
     A texture falls in step; light snow jitters, and the paper leaves it to particles. So do we:
@@ -334,67 +238,87 @@ class ConeSnow(Coned):
     True
     """
 
+    amount: Number = 1.0
+    fall: Number = 1.4
+    wind: Vector | Wind = (0.36, 0.0, 0.0)
+    color: Any = 0.98
+    haze: Number = 0.04
     shutter: Number = 0.35
     gain: float = 5.0
+    conserve: bool = True
     texture_flakes: int = 1500
     flakes: int = 300
     flake_size: tuple[float, float] = (0.008, 0.018)
     flake_opacity: float = 0.9
     sway: tuple[float, float] = (0.06, 2.0)
+    damping: float = 1.0
+    radius: float = 3.0
+    repeats: int = 5
+    slope: float = 0.0
+    tile: int = 512
+    look: str = "v1"
+    seed: int | None = None
 
     NAME: ClassVar[str] = "cone_snow"
     PRESETS: ClassVar[dict[str, dict[str, Any]]] = CONE_SNOW
 
     def __post_init__(self) -> None:
-        super().__post_init__()
-        settle = object.__setattr__
-        for name in ("texture_flakes", "flakes"):
-            settle(self, name, integer(name, getattr(self, name), low=0, high=100_000_000))
-        integer("texture_flakes", self.texture_flakes, low=0, high=100_000)
-        sizes = vector("flake_size", self.flake_size, 2).tolist()
-        if not 0.0 < sizes[0] <= sizes[1]:
-            raise ValueError(f"flake_size must be 0 < smallest <= largest, got {tuple(sizes)}")
-        settle(self, "flake_size", tuple(sizes))
-        opacity = real("flake_opacity", self.flake_opacity, low=0.0, high=1.0)
-        settle(self, "flake_opacity", opacity)
-        settle(self, "sway", tuple(vector("sway", self.sway, 2).tolist()))
+        settle(self, _SNOW)
 
-    @property
-    def length(self) -> float:
-        """Of a flake, metres: its mean diameter."""
-        return 0.5 * (self.flake_size[0] + self.flake_size[1])
+    @classmethod
+    def preset(cls, name: str, **changes: Any) -> ConeSnow:
+        """Return a look by name; further arguments replace single values of it."""
+        return preset(cls, cls.PRESETS, name, changes)
 
-    def texture(self, seed: int) -> cone.Texture:
-        """Return the layers' texture."""
+    @cached_property
+    def parts(self) -> Precipitation[DoubleCone]:
+        """What it is made of."""
+        motion = Motion(self.fall, self.wind, self.shutter)
         small, large = self.flake_size
+        mean = 0.5 * (small + large)
         # A flake's radius is three sigma; the width of a tile's flake is two.
-        width = self.length / 3.0 / self._tile_metres
+        width = mean / 3.0 / tile_metres(self.radius, self.repeats)
         spread = min(2.0 * (large - small) / (large + small), 1.0)
-        return _snow(self.tile, seed, self.texture_flakes, width, spread, self.flake_opacity)
-
-    def _cone(self, frame: Frame, amount: float) -> Array:
-        if not self.texture_flakes:
-            top, bottom, left, right = frame.window
-            return np.zeros((bottom - top, right - left), np.float32)
-        return super()._cone(frame, amount)
-
-    def near_snow(self) -> Snow:
-        """Return the flakes in front as an effect of their own."""
-        return Snow(
-            amount=self.amount, fall=self.fall, wind=self.wind, haze=0.0, shutter=self.shutter,
-            texture=0.0, near_depth=self.radius, flakes=self.flakes, flake_size=self.flake_size,
-            flake_opacity=self.flake_opacity, sway=self.sway,
+        sheet = DoubleCone(
+            motion=motion,
+            make=partial(
+                _snow, self.tile, flakes=self.texture_flakes, width=width, spread=spread,
+                opacity=self.flake_opacity,
+            ) if self.texture_flakes else None,
+            length=mean,
+            gains=(0.8, 1.0, 1.0, 1.0),
+            gain=self.gain,
+            conserve=self.conserve,
+            damping=self.damping,
+            radius=self.radius,
+            repeats=self.repeats,
+            slope=self.slope,
         )  # fmt: skip
+        flakes = Flakes(
+            motion=motion,
+            number=self.flakes,
+            reach=self.radius,
+            sizes=self.flake_size,
+            opacity=self.flake_opacity,
+            sway=self.sway,
+        )
+        return Precipitation(
+            name=self.NAME,
+            amount=self.amount,
+            color=self.color,
+            motion=motion,
+            texture=sheet,
+            flakes=flakes,
+            veil=Veil(self.haze, FARTHEST * self.radius),
+        )
 
-    def _near_steps(self, frame: Frame, amount: float) -> list[Step]:
-        if not self.flakes:
-            return []
-        return [step for step in self.near_snow().needs(frame).steps if step.name == "flakes"]
+    def needs(self, frame: Frame) -> Needs:
+        """Return what a frame takes: its steps, and what is left out."""
+        return self.parts.needs(frame)
 
-    def _near(self, frame: Frame, amount: float) -> Array:
-        # One that both eyes and all bands ask, since what they share goes by its owner.
-        snow = frame.once(self, "snow", self.near_snow)
-        return snow.particles(frame, amount)
+    def render(self, frame: Frame) -> Layer:
+        """Return the layer of a frame."""
+        return self.parts.render(frame)
 
 
 @lru_cache(maxsize=8)

@@ -1,61 +1,85 @@
-"""One number in place of many: fields that the caller gave, and those that a knob sets."""
+"""One number in place of many: looks by name, and arguments that set several fields."""
 
 from __future__ import annotations
 
+import functools
+from collections.abc import Callable, Mapping
 from dataclasses import fields
-from typing import Any, ClassVar
+from typing import Any, TypeVar
+
+from flurries._contract import choice
+
+_Kind = TypeVar("_Kind")
+
+# From the arguments that were given to the fields that a knob sets.
+Law = Callable[[Any, Mapping[str, Any]], dict[str, Any]]
 
 
-class Knobs:
-    """A dataclass some of whose arguments set several fields, those that are not given.
+def knobs(**laws: Law) -> Callable[[type[_Kind]], type[_Kind]]:
+    """Give a dataclass arguments that set several of its fields, those that are not given.
 
-    An argument of this kind is no field: it is used up, and what it made is written out.
+    Such an argument stands in the class as an ``InitVar`` and is no field: it is used up, and what
+    it made is written out.
+
+    Parameters
+    ----------
+    **laws : callable
+        By the knob's name: ``law(value, given)`` returns the fields that it sets. Among them may be
+        fields that say the same as others, with the value None: those must not be given.
     """
 
-    # Names of the arguments; at most one of them is given.
-    KNOBS: ClassVar[tuple[str, ...]] = ()
+    def turnable(kind: type[_Kind]) -> type[_Kind]:
+        plain = kind.__init__
 
-    def __new__(cls, *_: Any, **given: Any) -> Any:
-        """Remember which arguments were given: a field's value does not say so."""
-        made = super().__new__(cls)
-        if given:
-            # Not for what is copied: it has all that it needs.
-            object.__setattr__(made, "_given", frozenset(given))
-        return made
+        @functools.wraps(plain)
+        def init(self: Any, *others: Any, **given: Any) -> None:
+            turned = [name for name in laws if given.get(name) is not None]
+            if turned:
+                given = _with_look(kind, turned, laws, given)
+            plain(self, *others, **given)
 
-    def _turned(self, **knobs: Any) -> str | None:
-        """Return which knob is given, if any.
+        kind.__init__ = init  # type: ignore[method-assign]
+        kind.KNOBS = tuple(laws)  # type: ignore[attr-defined]
+        return kind
 
-        Raises
-        ------
-        TypeError
-            If there are two.
-        """
-        turned = [name for name, value in knobs.items() if value is not None]
-        if len(turned) > 1:
-            raise TypeError(f"{turned[0]} and {turned[1]} set the same fields: give one of them")
-        return turned[0] if turned else None
+    return turnable
 
-    def _set(self, knob: str | None, values: dict[str, Any], *instead: str) -> None:
-        """Set the fields that the caller did not give; `instead` are fields that say the same.
 
-        Raises
-        ------
-        TypeError
-            If all of them are given, as `dataclasses.replace` does.
-        """
-        given: frozenset[str] = self.__dict__.pop("_given", frozenset())
-        if knob is None:
-            return
-        own = {f.name for f in fields(self)}  # type: ignore[arg-type]
-        if own <= given:
-            raise TypeError(
-                f"{knob} sets fields of a new effect: {type(self).__name__}({knob}=...); in a copy "
-                "all of them are given"
-            )
-        for name in instead:
-            if name in given:
-                raise TypeError(f"{knob} and {name} say the same: give one of them")
-        for name, value in values.items():
-            if name not in given:
-                object.__setattr__(self, name, value)
+def _with_look(
+    kind: type[Any], turned: list[str], laws: Mapping[str, Law], given: dict[str, Any]
+) -> dict[str, Any]:
+    """Return the arguments with what a knob makes of them.
+
+    Raises
+    ------
+    TypeError
+        If two knobs are given, one beside a field that says the same, or all fields, as
+        `dataclasses.replace` does.
+    """
+    if len(turned) > 1:
+        raise TypeError(f"{turned[0]} and {turned[1]} set the same fields: give one of them")
+    knob = turned[0]
+    own = {name: value for name, value in given.items() if name not in laws}
+    if {f.name for f in fields(kind)} <= set(own):
+        raise TypeError(
+            f"{knob} sets fields of a new effect: {kind.__name__}({knob}=...); in a copy all of "
+            "them are given"
+        )
+    look = laws[knob](given[knob], own)
+    for name, value in look.items():
+        if value is None and name in own:
+            raise TypeError(f"{knob} and {name} say the same: give one of them")
+    return {**{name: value for name, value in look.items() if value is not None}, **own}
+
+
+def preset(
+    kind: type[_Kind], looks: Mapping[str, Mapping[str, Any]], name: str, changes: dict[str, Any]
+) -> _Kind:
+    """Return an effect of a look by name; `changes` replace single values of it."""
+    values = dict(looks[choice("preset", name, tuple(looks))])
+    unknown = set(changes) - {f.name for f in fields(kind)}  # type: ignore[arg-type]
+    if turned := unknown & set(getattr(kind, "KNOBS", ())):
+        raise TypeError(f"{min(turned)} and a preset set the same fields: give one of them")
+    if unknown:
+        raise TypeError(f"{kind.__name__} has no field {min(unknown)!r}")
+    return kind(**{**values, **changes})

@@ -24,7 +24,7 @@ from typing import Any
 
 import numpy as np
 
-from flurries._contract import choice, integer, real
+from flurries._contract import integer, real
 
 LOOKS = ("v1",)
 
@@ -81,11 +81,6 @@ HIGHEST_RATE = {"snow": 50.0, "rain": 500.0}
 def severity_of(value: object) -> int:
     """Return a severity, or refuse it."""
     return integer("severity", value, low=1, high=SEVERITIES)
-
-
-def look_of(value: object) -> str:
-    """Return a version of the looks, or refuse it."""
-    return choice("look", value, LOOKS)
 
 
 def snow_of_severity(severity: int) -> dict[str, Any]:

@@ -10,9 +10,10 @@ import numpy as np
 
 from flurries import hybrid
 from flurries._contract import choice, flag, integer, seed_of
-from flurries.effects.falling import AMBIENT, settled_color
-from flurries.effects.moving import comes_nearer
-from flurries.frame.layer import Frame, Layer
+from flurries.effects.color import as_color, color_at
+from flurries.effects.motion import comes_nearer
+from flurries.frame.layer import Layer
+from flurries.frame.view import Frame
 from flurries.hybrid.matching import handover_of
 from flurries.motion.keys import Number, Vector, as_number, as_vector, value_at
 from flurries.spectral.tables import ALIAS
@@ -104,7 +105,7 @@ class MatchedSnow:
             settle(name, getattr(checked, name))
         settle("fall", as_number("fall", self.fall))
         settle("wind", as_vector("wind", self.wind, 3))
-        settle("color", settled_color(self.color))
+        settle("color", as_color(self.color))
         settle("shutter", as_number("shutter", self.shutter, low=0.0))
         choice("method", self.method, METHODS)
         settle("handover", handover_of(self.handover))
@@ -148,7 +149,9 @@ class MatchedSnow:
                     frame.shape, made, camera, tile=tile, overlap=overlap, alias=self.alias,
                     jitter=self.jitter, **options,
                 )  # fmt: skip
-        return Layer(self.NAME, np.ascontiguousarray(frame.crop(alpha)), self._color_of(frame))
+        return Layer(
+            self.NAME, np.ascontiguousarray(frame.crop(alpha)), color_at(self.color, frame)
+        )
 
     def _tiles(self, frame: Frame, made: hybrid.Match) -> tuple[int, int]:
         """Return tile and overlap: smaller, and more of them mixed, where the air comes nearer."""
@@ -158,9 +161,3 @@ class MatchedSnow:
         tile = self.tile or (2 if forward else 4) * longest
         overlap = self.overlap if self.overlap is not None else tile // (2 if forward else 8)
         return tile, min(overlap, tile - 1)
-
-    def _color_of(self, frame: Frame) -> tuple[float, float, float]:
-        if self.color == AMBIENT:
-            return frame.ambient or (1.0, 1.0, 1.0)
-        color = value_at(self.color, frame.t)
-        return (color,) * 3 if isinstance(color, float) else color

@@ -2,28 +2,29 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import InitVar, dataclass, fields
-from functools import lru_cache
+from functools import cached_property, partial
 from typing import Any, ClassVar
 
 import numpy as np
 
-from flurries import _core, gas, particles
-from flurries._contract import Array, Float64, choice, flag, integer, real, seed_of, vector
-from flurries.effects.falling import AMBIENT, settled_color
-from flurries.effects.knobs import Knobs
-from flurries.effects.looks import look_of, mist_density, severity_of
+from flurries import gas
+from flurries._contract import choice, flag, integer, real, seed_of, vector
+from flurries.effects.checks import Check, length, one_of, optional, part, settle, share
+from flurries.effects.cloud import MOST, Cloud
+from flurries.effects.color import AMBIENT, as_color, color_at
+from flurries.effects.knobs import knobs
+from flurries.effects.looks import LOOKS, mist_density, severity_of
 from flurries.effects.presets import MIST
+from flurries.effects.sunlight import SCATTER, Scatter
 from flurries.frame.costs import nanoseconds
-from flurries.frame.layer import Frame, Layer
-from flurries.frame.needs import PARTS, Cost, LeftOut, Needs, Saving, Step, keyed
-from flurries.gas.splatting import FINISHED, FOOTPRINTS, sorted_gas
+from flurries.frame.layer import Layer
+from flurries.frame.needs import PARTS, Cost, LeftOut, Needs, Saving, Step, has_keys
+from flurries.frame.view import Frame
+from flurries.gas.splatting import FOOTPRINTS
 from flurries.gas.visibility import count_for_visibility
 from flurries.motion.keys import Keys, Number, Vector, as_number, as_vector, value_at
-
-SCATTER = ("even", "rayleigh", "henyey")
 
 # The steepest place of the sRGB encoding, at black: display values per linear light.
 STEEPEST = 12.92
@@ -34,14 +35,49 @@ RADIUS = 0.09
 # A box whose fog hides what lies behind it, where a visibility is given and no box.
 REACH = 1.2
 
-# The outer share of the box, on each side, in which particles fade.
-RIM = 0.075
 
-MOST = 2_000_000
+_VISIBILITY: Check = optional(partial(as_number, above=0.0))
+_CHECKS: dict[str, Check] = {
+    "look": one_of(LOOKS),
+    "amount": share,
+    "density": share,
+    "color": lambda _, value: as_color(value),
+    "wind": lambda name, value: as_vector(name, value, 3),
+    "count": optional(partial(integer, low=0, high=MOST)),
+    "radius": length,
+    "center": optional(lambda name, value: tuple(vector(name, value, 3).tolist())),
+    "depths": optional(lambda _, value: _depths(value)),
+    "footprint": one_of(FOOTPRINTS),
+    "near": length,
+    "lit": flag,
+    "forward": part,
+    "scatter": one_of(SCATTER),
+    "asymmetry": partial(real, low=-0.99, high=0.99),
+    "seed": optional(lambda _, value: seed_of(value)),
+}
 
 
+def _of_severity(value: object, given: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the density so that the gas takes a severity's share of what lies behind the box."""
+    severity = severity_of(value)
+    if given.get("visibility") is not None:
+        raise TypeError("severity and visibility say the same: give one of them")
+    if "density" in given:
+        raise TypeError("severity and density say the same: give one of them")
+    box = Mist(**given)
+    beta = gas.extinction(box.count or 0, box._volume, box.parts.radius, 1.0)
+    return {"density": mist_density(severity, beta * box.parts.through)}
+
+
+def _of_visibility(value: object, given: Mapping[str, Any]) -> dict[str, Any]:
+    if "visibility" in given:
+        raise TypeError("visibility_m and visibility say the same: give one of them")
+    return {"visibility": real("visibility_m", value, above=0.0)}
+
+
+@knobs(severity=_of_severity, visibility_m=_of_visibility)
 @dataclass(frozen=True, kw_only=True)
-class Mist(Knobs):
+class Mist:
     """Gas that one sees into: mist, fog, clouds.
 
     Numbers marked "keyed" may vary over time: give :class:`flurries.Keys`. Lengths are metres when
@@ -139,68 +175,39 @@ class Mist(Knobs):
     visibility_m: InitVar[float | None] = None
 
     NAME: ClassVar[str] = "mist"
-    KNOBS: ClassVar[tuple[str, ...]] = ("severity", "visibility_m")
+    PRESETS: ClassVar[dict[str, dict[str, Any]]] = MIST
 
-    def __post_init__(self, severity: int | None, visibility_m: float | None) -> None:
-        def settle(name: str, value: Any) -> None:
-            object.__setattr__(self, name, value)
-
-        look_of(self.look)
-        knob = self._turned(severity=severity, visibility_m=visibility_m)
-        if visibility_m is not None:
-            far = real("visibility_m", visibility_m, above=0.0)
-            self._set(knob, {"visibility": far}, "visibility")
-        elif severity is None:
-            self._set(None, {})
-        elif self.visibility is not None:
-            raise TypeError("severity and visibility say the same: give one of them")
-        settle("amount", as_number("amount", self.amount, low=0.0, high=1.0))
-        settle("density", as_number("density", self.density, low=0.0, high=1.0))
-        settle("color", settled_color(self.color))
-        settle("wind", as_vector("wind", self.wind, 3))
+    def __post_init__(self, *_: Any) -> None:
         if self.count is None and self.visibility is None:
-            settle("count", 1200)
-        if self.count is not None:
-            settle("count", integer("count", self.count, low=0, high=MOST))
-        if self.visibility is not None:
-            settle("visibility", as_number("visibility", self.visibility, above=0.0))
-        settle("box", self._sides())
+            object.__setattr__(self, "count", 1200)
+        object.__setattr__(self, "visibility", _VISIBILITY("visibility", self.visibility))
+        object.__setattr__(self, "box", self._sides())
         if self.radius is None:
-            settle("radius", RADIUS * min(self.box))  # type: ignore[arg-type]
-        settle("radius", real("radius", self.radius, above=0.0))
-        if self.center is not None:
-            settle("center", tuple(vector("center", self.center, 3).tolist()))
-        if self.depths is not None:
-            settle("depths", _depths(self.depths))
-        choice("footprint", self.footprint, FOOTPRINTS)
-        settle("near", real("near", self.near, above=0.0))
-        flag("lit", self.lit)
-        settle("forward", real("forward", self.forward, low=0.0, high=1.0))
-        choice("scatter", self.scatter, SCATTER)
-        settle("asymmetry", real("asymmetry", self.asymmetry, low=-0.99, high=0.99))
-        if self.seed is not None:
-            settle("seed", seed_of(self.seed))
-        if severity is not None:
-            # Of a density of 1, which all else is settled for.
-            assert self.radius is not None
-            thickness = gas.extinction(self.count or 0, self._volume(), self.radius, 1.0)
-            thickness *= self._through()
-            values = {"density": mist_density(severity_of(severity), thickness)}
-            self._set(knob, values, "density")
+            object.__setattr__(self, "radius", RADIUS * min(self.box))  # type: ignore[arg-type]
+        settle(self, _CHECKS)
         for t in _times(self.density, self.visibility):
             self.particle_density(t)
         self.particles_in_box()
 
+    @cached_property
+    def parts(self) -> Cloud:
+        """What it is made of: one cloud of particles."""
+        sides, center, depths, radius = self.box, self.center, self.depths, self.radius
+        return Cloud(
+            wind=self.wind,
+            sides=sides,  # type: ignore[arg-type]
+            center=center,  # type: ignore[arg-type]
+            depths=depths,  # type: ignore[arg-type]
+            count=self.particles_in_box(),
+            radius=radius,  # type: ignore[arg-type]
+            footprint=self.footprint,
+            near=self.near,
+            scatter=Scatter(self.scatter, self.asymmetry, self.forward),
+        )
+
+    @property
     def _volume(self) -> float:
         return float(np.prod(self.box))  # type: ignore[arg-type]
-
-    def _through(self) -> float:
-        """Return how far one looks through the box, its fading rims half, metres."""
-        assert self.box is not None and self.radius is not None
-        depth: float = tuple(self.box)[2]  # type: ignore[arg-type]
-        if self.center is not None:
-            return depth * (1.0 - RIM)
-        return max(depth * (1.0 - 1.5 * RIM) - self.radius, 0.0)
 
     def _sides(self) -> tuple[float, float, float]:
         if self.box is None:
@@ -244,11 +251,10 @@ class Mist(Knobs):
             return self.count
         # Of keyed values the pair that needs the most.
         assert self.visibility is not None and self.radius is not None
-        volume = float(np.prod(self.box))  # type: ignore[arg-type]
         least, most = min(_values(self.visibility)), max(_values(self.density))
         if most == 0.0:
             return 0
-        count = count_for_visibility(least, volume, self.radius, most)
+        count = count_for_visibility(least, self._volume, self.radius, most)
         if count > MOST:
             raise ValueError(
                 f"visibility: {least:g} m wants {count} particles of radius {self.radius:g} in the "
@@ -265,9 +271,8 @@ class Mist(Knobs):
         if self.count is None:
             return density * min(_values(self.visibility)) / far
         assert self.radius is not None
-        volume = float(np.prod(self.box))  # type: ignore[arg-type]
         try:
-            return gas.density_for_visibility(far, max(self.count, 1), volume, self.radius)
+            return gas.density_for_visibility(far, max(self.count, 1), self._volume, self.radius)
         except ValueError as error:
             text = str(error).replace("distance", "visibility", 1)
             raise ValueError(text) from None
@@ -275,234 +280,58 @@ class Mist(Knobs):
     def extinction(self, t: float = 0.0) -> float:
         """Return beta at `t`, per metre; see :func:`flurries.gas.extinction`."""
         assert self.radius is not None
-        volume = float(np.prod(self.box))  # type: ignore[arg-type]
         density = float(value_at(self.amount, t)) * self.particle_density(t)
-        return gas.extinction(self.particles_in_box(), volume, self.radius, density)
+        return gas.extinction(self.particles_in_box(), self._volume, self.radius, density)
 
     def needs(self, frame: Frame) -> Needs:
         """Return what a frame takes: one step, "gas", or "lit gas" with its colors and a sort."""
-        name, density = self.NAME, self.particle_density(frame.t)
+        cloud, density = self.parts, self.particle_density(frame.t)
         most = value_at(self.amount, frame.t) * density
-        if most == 0.0 or self.particles_in_box() == 0:
-            return Needs((), (LeftOut(name, "it has no density"),), most=0.0)
-        ambient = self.color == AMBIENT
+        if most == 0.0 or cloud.count == 0:
+            return Needs((), (LeftOut(self.NAME, "it has no density"),), most=0.0)
+        ambient, lit = self.color == AMBIENT, self._is_lit(frame)
         # The background's light may change from frame to frame.
-        still = not (ambient or keyed(self) or np.any(value_at(self.wind, 0.0)))
-        lit = self.lit and frame.sun is not None
-        step = Step("lit gas" if lit else "gas", lambda: self._cost(frame, lit), once=still)
-        out = () if lit else (LeftOut(f"{name}: sort", "its particles have one color"),)
+        still = not (ambient or has_keys(self) or np.any(value_at(self.wind, 0.0)))
 
-        def saved(error: float) -> float:
-            return nanoseconds(self._cost(frame, lit).work) - nanoseconds(
-                self._cost(frame, lit, error).work
-            )
+        def cost(error: float | None = None) -> Cost:
+            thickness = self.extinction(frame.t) * cloud.through
+            return cloud.cost(frame, thickness, lit=lit, error=error)
 
         stop = Saving(
             "error",
             "particles behind what is opaque but for the error",
             # Colors of lit gas are encoded straight: they err as much as opacity does at black.
             1.0 + STEEPEST if lit else 1.0,
-            saved,
+            lambda error: nanoseconds(cost().work) - nanoseconds(cost(error).work),
             setting=True,
         )
-        most = min(most * self._filled(frame)[1], 1.0)
-        reads = PARTS if ambient else PARTS - {"ambient"}
-        bright = self._brightest() if lit else 1.0
         return Needs(
-            (step,), out, reads, most=most, by_rows=True, savings=(stop,), brightest=bright
+            (Step("lit gas" if lit else "gas", cost, once=still),),
+            () if lit else (LeftOut(f"{self.NAME}: sort", "its particles have one color"),),
+            PARTS if ambient else PARTS - {"ambient"},
+            most=min(most * cloud.filled(frame)[1], 1.0),
+            by_rows=True,
+            savings=(stop,),
+            brightest=cloud.scatter.brightest if lit else 1.0,
         )
-
-    def _brightest(self) -> float:
-        """Return the most that the phase function brightens white gas by."""
-        if self.scatter == "henyey":
-            g = abs(self.asymmetry)
-            return (1.0 + g) / (1.0 - g) ** 2
-        return 1.5 if self.scatter == "rayleigh" else 1.0
-
-    def _cost(self, frame: Frame, lit: bool, error: float | None = None) -> Cost:
-        """Return what a frame's particles and the pixels that they cover take."""
-        assert self.radius is not None
-        sides, count = self._filled(frame)
-        if error is None:
-            error = FINISHED["float32"] if frame.run is None else self._error(frame)
-        # Front to back, up to where no more than the error is let through.
-        thickness = self.extinction(frame.t) * self._through()
-        share = min(-math.log(max(error, 1e-12)) / thickness, 1.0) if thickness > 0.0 else 1.0
-        # Depths of equal numbers of particles, of a box that the camera looks into.
-        depth = sides[2] * (np.arange(64) + 0.5) / 64.0
-        focal, (height, width) = frame.camera.focal, frame.shape
-        wide, high = width * depth / focal, height * depth / focal
-        seen = np.minimum(sides[0] / wide, 1.0) * np.minimum(sides[1] / high, 1.0)
-        inside = np.minimum(wide / sides[0], 1.0) * np.minimum(high / sides[1], 1.0)
-        area = np.minimum((2.0 * focal * self.radius / depth) ** 2, height * width * seen)
-        pixels = height * width
-        work = {
-            "gas placed": float(count),
-            "lit gas pixel" if lit else "gas pixel": share * count * float((inside * area).mean()),
-            "mask pixel": float(pixels),
-        }
-        size = f"{count} particles"
-        if lit:
-            # Its colors go through the curve to display values; arrays of float32 come and go.
-            return Cost(work, size, 20 * pixels, 66 * pixels)
-        return Cost(work, size, 4 * pixels, 80 * count)
 
     def render(self, frame: Frame) -> Layer:
-        """Return this effect's layer of a frame."""
-        run = frame.running(self)
-        for name in ("gas", "lit gas"):
-            layer = run(name, lambda: self._layer(frame))
-            if layer is not None:
-                return layer
-        top, bottom, left, right = frame.window
-        return Layer(self.NAME, np.zeros((bottom - top, right - left), np.float32))
-
-    def _layer(self, frame: Frame) -> Layer:
-        assert self.radius is not None
-        lit = self.lit and frame.sun is not None
-        sort = lambda: self._sorted(frame, lit=lit)  # noqa: E731
-        found, colored = frame.once_each(self, "gas", sort)
-        top, bottom, left, right = frame.window
-        shape = (bottom - top, right - left)
-        if not colored:
-            alpha = np.empty(shape, np.float32)
-            _core.gas_draw(alpha, found, frame.window, frame.depth)
-            return Layer(self.NAME, alpha, self._display(frame))
-        layer = np.empty((*shape, 4), np.float32)
-        _core.gas_draw(layer, found, frame.window, frame.depth)
-        return Layer(self.NAME, layer[..., 3], rgb=layer[..., :3])
-
-    def _sorted(self, frame: Frame, *, lit: bool) -> tuple[_core.SortedGas, bool]:
-        """Return the gas, to be drawn in any band of the frame, and whether it has colors."""
-        assert self.radius is not None
-        points, shown = frame.once(self, "particles", lambda: self.particles(frame))
-        lit = lit and len(points) > 0
-        colors = self._shaded(frame, points, shown) if lit else 0.0
-        given = sorted_gas(
-            frame.shape, points, self.radius, shown, colors, frame.camera,
-            footprint=self.footprint, near=self.near, near_mode="exact", depth=frame.depth,
-            error=self._error(frame),
-        )  # fmt: skip
-        return given, lit
-
-    def _error(self, frame: Frame) -> float:
-        """Return what is let through where nothing more is drawn."""
-        allowed = {} if frame.run is None else frame.run.settings
-        return max(allowed.get("error", 0.0), FINISHED["float32"])
-
-    def particles(self, frame: Frame) -> tuple[Float64, Float64]:
-        """Return middles in camera axes (n, 3) and the density that each shows (n,)."""
-        sides, count = self._filled(frame)
-        middle = self._middle(frame, sides)
-        points = particles.positions(
-            count,
-            sides,
-            seed=frame.seed,
-            velocity=-frame.displacement(wind=self.wind),
-            time=1.0,
-            center=middle,
+        """Return the layer of a frame."""
+        run, color = frame.run or frame.steps_of(self), color_at(self.color, frame)
+        lit = self._is_lit(frame)
+        density = value_at(self.amount, frame.t) * self.particle_density(frame.t)
+        drawn = run(
+            "lit gas" if lit else "gas", lambda: self.parts.draw(frame, density, color, lit=lit)
         )
-        shown = particles.edge_fade(points, sides, center=middle)
-        shown *= value_at(self.amount, frame.t) * self.particle_density(frame.t)
-        local = frame.to_camera(points)
-        if self.depths is not None:
-            shown = shown * self._between(local[:, 2] - frame.camera.offset[2])
-        seen = shown > 0.0
-        return np.ascontiguousarray(local[seen]), shown[seen]
+        if drawn is None:
+            top, bottom, left, right = frame.window
+            drawn = np.zeros((bottom - top, right - left), np.float32)
+        if drawn.ndim == 2:
+            return Layer(self.NAME, drawn, color)
+        return Layer(self.NAME, drawn[..., 3], rgb=drawn[..., :3])
 
-    def _filled(self, frame: Frame) -> tuple[Float64, int]:
-        """Return the sides of the box and how many particles fill it."""
-        sides = np.array(self.box, np.float64)
-        count = self.particles_in_box()
-        if self.center is not None:
-            return sides, count
-        # The path's lens, so that both eyes see the same gas.
-        cx, cy = frame.path.widest.principal(frame.shape)
-        height, width = frame.shape
-        slopes = np.array([max(cx, width - cx), max(cy, height - cy)]) / frame.path.widest.focal
-        # The outer part fades; the view's far corners stay inside of that. Up to 1 : 1 either way.
-        wide = 2.0 * np.minimum(slopes, 1.0) * sides[2] * (1.0 - RIM) / (1.0 - 2.0 * RIM)
-        grown = sides.copy()
-        if not frame.path.turns and not np.any(frame.camera.rotation):
-            grown[:2] = np.maximum(sides[:2], wide)
-        return grown, min(round(count * float(np.prod(grown / sides))), 4 * MOST)
-
-    def _middle(self, frame: Frame, sides: Float64) -> Float64:
-        """Return the middle of the box, house axes, from the camera's place."""
-        if self.center is not None:
-            return np.array(self.center) - frame.path.place(frame.t, fps=frame.fps)
-        assert self.radius is not None
-        # The wall behind the camera fades where no particle reaches the eye any more.
-        ahead = max(0.5 * sides[2] - RIM * sides[2] - self.radius, 0.0)
-        return np.asarray(ahead * frame.camera.matrix()[:, 2])
-
-    def _between(self, depth: Float64) -> Float64:
-        """Return the share of particles that lies between the two depths."""
-        assert self.depths is not None and self.radius is not None
-        low, high = (_normal((limit - depth) * 3.0 / self.radius) for limit in self.depths)
-        return np.asarray(high - low)
-
-    def _display(self, frame: Frame) -> tuple[float, float, float]:
-        if self.color == AMBIENT:
-            return frame.ambient or (1.0, 1.0, 1.0)
-        color = value_at(self.color, frame.t)
-        return (color,) * 3 if isinstance(color, float) else color
-
-    def _lit(self, frame: Frame, points: Float64, shown: Float64) -> Float64:
-        """Return the sun's light that reaches each particle, (n,)."""
-        assert frame.sun is not None and self.radius is not None
-        # In house axes, so that a camera that only turns or moves has the same gas and light.
-        world = points @ frame.camera.matrix().T + frame.path.place(frame.t, fps=frame.fps)
-        shown = np.round(shown, 12)
-        return light_of(np.round(world, 9), self.radius, shown, frame.sun, self.forward)
-
-    def _shaded(self, frame: Frame, points: Float64, shown: Float64) -> Array:
-        """Return the linear color of each particle, (n, 3)."""
-        from flurries.io import srgb_to_linear
-
-        assert frame.sun is not None and self.radius is not None
-        sun = frame.sun
-        lit = frame.once(self, "light", lambda: self._lit(frame, points, shown))
-        scattered = lit
-        if self.scatter != "even":
-            eye = np.array(frame.camera.offset) - points
-            away = np.linalg.norm(eye, axis=1)
-            way = frame.to_camera(sun.unit())
-            cosine = np.divide(eye @ way, away, out=np.zeros_like(away), where=away > 0.0)
-            scattered = lit * gas.phase(
-                np.clip(cosine, -1.0, 1.0), kind=self.scatter, asymmetry=self.asymmetry
-            )
-        own, color = (
-            srgb_to_linear(np.asarray(given, np.float64))
-            for given in (self._display(frame), sun.color)
-        )
-        brightness = sun.ambient + (1.0 - sun.ambient) * scattered[:, None] * color
-        return np.ascontiguousarray(own * brightness)
-
-
-def light_of(
-    centers: Float64, radius: float, density: Float64, sun: Any, forward: float
-) -> Float64:
-    """Return the sun's light that reaches each particle; the last gases and lights are kept."""
-    x, y, z = sun.unit().tolist()
-    return _light(centers.tobytes(), density.tobytes(), radius, (x, y, z), forward)
-
-
-@lru_cache(maxsize=8)
-def _light(
-    centers: bytes, density: bytes, radius: float, way: tuple[float, float, float], forward: float
-) -> Float64:
-    places = np.frombuffer(centers).reshape(-1, 3)
-    lit = gas.light(places, radius, np.frombuffer(density), way, forward=forward)
-    lit.flags.writeable = False
-    return lit
-
-
-def _normal(u: Float64) -> Float64:
-    """Return the normal law up to u."""
-    from math import erfc
-
-    return np.array([0.5 * erfc(-v * 0.7071067811865476) for v in u.tolist()])
+    def _is_lit(self, frame: Frame) -> bool:
+        return self.lit and frame.sun is not None
 
 
 def _depths(depths: Any) -> tuple[float, float]:

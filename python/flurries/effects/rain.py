@@ -8,30 +8,44 @@ none that moves: the tile grows with the speed.
 from __future__ import annotations
 
 import math
-import warnings
-from dataclasses import dataclass
+from dataclasses import InitVar, dataclass
+from functools import cached_property
 from typing import Any, ClassVar
 
-from flurries._contract import flag, real
-from flurries.effects.falling import Falling
+from flurries._contract import Array, flag, real
+from flurries.effects.checks import TENT, gain, length, optional, population, settle, sizes
+from flurries.effects.field import Field
+from flurries.effects.flakes import Flakes
+from flurries.effects.knobs import knobs, preset
 from flurries.effects.looks import rain_of_rate, rain_of_severity, rate_of, severity_of
-from flurries.effects.peopled import Population
+from flurries.effects.motion import Motion
+from flurries.effects.precipitation import Precipitation
 from flurries.effects.presets import RAIN
-from flurries.frame.layer import Frame
+from flurries.effects.texture import Texture
+from flurries.effects.veil import Veil
+from flurries.frame.layer import Layer, Light
+from flurries.frame.needs import Needs
+from flurries.frame.view import Frame
 from flurries.motion.keys import Number, Vector
 from flurries.motion.wind import Wind
-from flurries.spectral.contrast import kept_power
 
-# The share of what is left of the texture that stands still is 13.5 c / M for wavelengths of 4 to
-# 32 px, c the cycles of the longest wave in a frame: M = 144 c is a tenth, with a little to spare.
-PIXELS_PER_CYCLE = 144.0 / (28.0 / math.log(8.0))
+_CHECKS = {
+    **TENT,
+    "drops": population,
+    "drop_density": optional(lambda name, value: real(name, value, low=0.0, high=1e6)),
+    "drop_size": sizes,
+    "drop_depth": length,
+    "gain": gain,
+    "renormalise": flag,
+}
 
-# A larger tile costs memory that a picture does not; from here on `jitter` would do.
-LARGEST_TILE = 2048
 
-
+@knobs(
+    severity=lambda value, _: rain_of_severity(severity_of(value)) | {"drops": None},
+    rate_mm_h=lambda value, _: rain_of_rate(rate_of(value, "rain")) | {"drops": None},
+)
 @dataclass(frozen=True, kw_only=True)
-class Rain(Falling):
+class Rain:
     """Rain.
 
     Numbers marked "keyed" may vary over time: give :class:`flurries.Keys`. Lengths are metres.
@@ -125,95 +139,110 @@ class Rain(Falling):
     True
     """
 
+    amount: Number = 1.0
     fall: Number = 8.0
     wind: Vector | Wind = (0.56, 0.0, 0.0)
     color: Any = (0.86, 0.88, 0.92)
     haze: Number = 0.08
+    shutter: Number = 0.5
     texture: Number = 0.35
     mean: Number = 0.15
     spread: Number = 2.5
+    power: Number = 2.0
     exponent: float = 1.0
+    wavelengths: tuple[float, float] | None = None
     near_depth: float = 3.5
+    tile: int | None = None
+    overlap: int | None = None
+    blend: str = "power"
     alias: str = "cut"
     renormalise: bool = True
+    jitter: bool = False
+    depth_mode: str = "tile"
     drops: int = 4000
     drop_density: float | None = None
     drop_size: tuple[float, float] = (0.0025, 0.004)
     drop_depth: float = 14.0
     gain: float = 30.0
+    look: str = "v1"
+    seed: int | None = None
+    severity: InitVar[int | None] = None
+    rate_mm_h: InitVar[float | None] = None
 
     NAME: ClassVar[str] = "rain"
     PRESETS: ClassVar[dict[str, dict[str, Any]]] = RAIN
-    _BAND = (2.0, 12.0)
-    # Wider streaks look like smears on the lens.
-    _LARGEST_SIGMA = (1.8, 3.0)
 
-    def __post_init__(self, severity: int | None, rate_mm_h: float | None) -> None:
-        super().__post_init__(severity, rate_mm_h)
-        self._settle_particles("drops", "drop_size", "drop_density")
-        flag("renormalise", self.renormalise)
-        object.__setattr__(self, "drop_depth", real("drop_depth", self.drop_depth, above=0.0))
-        object.__setattr__(self, "gain", real("gain", self.gain, low=0.0, high=1e4))
+    def __post_init__(self, *_: Any) -> None:
+        settle(self, _CHECKS)
 
-    def _look(self, severity: int | None, rate_mm_h: float | None) -> dict[str, Any]:
-        """Return the fields that a knob sets."""
-        if severity is not None:
-            return rain_of_severity(severity_of(severity))
-        return {} if rate_mm_h is None else rain_of_rate(rate_of(rate_mm_h, self.NAME))
+    @classmethod
+    def preset(cls, name: str, **changes: Any) -> Rain:
+        """Return a look by name; further arguments replace single values of it."""
+        return preset(cls, cls.PRESETS, name, changes)
 
-    def _instead(self) -> tuple[str, ...]:
-        """Return fields that say the same as one that a knob sets."""
-        return ("drops",)
-
-    def population(self, t: float) -> Population:
-        """Return the drops at `t`."""
+    @cached_property
+    def parts(self) -> Precipitation[Texture]:
+        """What it is made of."""
+        motion = Motion(self.fall, self.wind, self.shutter)
+        field = Field(
+            motion=motion,
+            exponent=self.exponent,
+            wavelengths=self.wavelengths,
+            tuned=(2.0, 12.0),
+            near_depth=self.near_depth,
+            tile=self.tile,
+            overlap=self.overlap,
+            blend=self.blend,
+            alias=self.alias,
+            jitter=self.jitter,
+            streaks=True,
+        )
+        texture = Texture(
+            field=field,
+            opacity=self.texture,
+            mean=self.mean,
+            spread=self.spread,
+            power=self.power,
+            depth_mode=self.depth_mode,
+            renormalise=self.renormalise,
+        )
         # Light goes with the area: a gain is a larger drop, whose streak is as long as ever.
         wider = math.sqrt(self.gain)
-        sizes = (wider * self.drop_size[0], wider * self.drop_size[1])
-        return Population(
-            "drops", self.drops, self.drop_depth, sizes, 1.0, (0.0, 0.0), self.drop_density
+        drops = Flakes(
+            motion=motion,
+            name="drops",
+            number=self.drops,
+            density=self.drop_density,
+            reach=self.drop_depth,
+            sizes=(wider * self.drop_size[0], wider * self.drop_size[1]),
+            opacity=1.0,
+            # Wider streaks look like smears on the lens.
+            largest=(1.8, 3.0),
+        )
+        return Precipitation(
+            name=self.NAME,
+            amount=self.amount,
+            color=self.color,
+            motion=motion,
+            texture=texture,
+            flakes=drops,
+            veil=Veil(self.haze, field.far_depth),
         )
 
-    def needed_tile(self, frame: Frame) -> float:
-        """Return the tile in pixels from which on less than a tenth of the streaks stands still.
+    def needs(self, frame: Frame) -> Needs:
+        """Return what a frame takes: its steps, and what is left out."""
+        return self.parts.needs(frame)
 
-        In proportion to the fastest motion of the film; 0 where no wave is too fast.
-        """
-        shortest, longest = self.band(frame.shape)
-        cycles = frame.camera.focal * self.fastest(frame) / self.near_depth / longest
-        if cycles <= 0.5 or self.alias == "keep" or self.jitter:
-            return 0.0
-        return PIXELS_PER_CYCLE * cycles * (longest - shortest) / math.log(longest / shortest)
+    def render(self, frame: Frame) -> Layer:
+        """Return the layer of a frame."""
+        return self.parts.render(frame)
 
-    def least_tile(self, frame: Frame) -> float:
-        """Return the tile in pixels that the motion of the film needs."""
-        return self.needed_tile(frame)
+    def over(self, frame: Frame, behind: Array, light: Light) -> Array | None:
+        """Return the layer over a picture in one pass, or None where there is no such way."""
+        return self.parts.over(frame, behind, light)
 
-    def tiles(self, frame: Frame) -> tuple[int, int]:
-        """Return tile and overlap in pixels for the film that a frame belongs to."""
-        tile, overlap = super().tiles(frame)
-        needed = self.needed_tile(frame)
-        if self.tile is None:
-            tile = max(tile, 8 * math.ceil(min(needed, LARGEST_TILE) / 8.0))
-            overlap = tile // 6 if self.overlap is None else min(self.overlap, tile - 1)
-        elif tile < needed:
-            warnings.warn(
-                f"rain: with tiles of {tile} px a tenth of the streaks or more stands still; "
-                f"take tile={math.ceil(needed)}, or leave it out, or jitter=True",
-                UserWarning,
-                stacklevel=7,
-            )
-        return tile, overlap
-
-    @property
-    def preserves_mean(self) -> bool:
-        """Whether what blur takes of the mean is added again; renormalised, it has lost nothing."""
-        return not self.renormalise
-
-    def mapped(self, frame: Frame, amount: float) -> tuple[float, float, float, float]:
-        """Return mean, spread, power and amount of the texture's map to opacity."""
-        mean, spread, power, most = super().mapped(frame, amount)
-        if self.renormalise:
-            kept = kept_power(self.cycles(frame), self.alias)
-            spread = max(spread * math.sqrt(kept), 1e-3)
-        return mean, spread, power, most
+    def warn_ambiguous(
+        self, shape: tuple[int, int], focal: float, distance: float, index: int
+    ) -> None:
+        """Warn if two eyes see the texture half a wavelength apart or more."""
+        self.parts.texture.warn_ambiguous(shape, focal, distance, index)

@@ -1,25 +1,49 @@
 """Falling snow: flakes near the camera, a spectral texture for all that lies behind them.
 
 One set of physical parameters moves both. The texture's longest wave stands for the depth
-`near_depth`; a wave of wavelength L stands for ``near_depth * longest / L`` and moves as a flake at
-that depth does. The flakes fill the air up to `near_depth`, where the texture takes over.
+`near_depth`, up to which flakes fill the air; shorter waves stand for greater depths and move as
+flakes there do.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import InitVar, dataclass
+from functools import cached_property
 from typing import Any, ClassVar
 
-from flurries._contract import vector
-from flurries.effects.falling import Falling
+from flurries._contract import Array, real
+from flurries.effects.checks import TENT, optional, pair, population, settle, share, sizes
+from flurries.effects.field import Field
+from flurries.effects.flakes import Flakes
+from flurries.effects.knobs import knobs, preset
 from flurries.effects.looks import rate_of, severity_of, snow_of_rate, snow_of_severity
-from flurries.effects.peopled import Population
+from flurries.effects.motion import Motion
+from flurries.effects.precipitation import Precipitation
 from flurries.effects.presets import SNOW
-from flurries.motion.keys import Number, as_number, value_at
+from flurries.effects.texture import Texture
+from flurries.effects.veil import Veil
+from flurries.frame.layer import Layer, Light
+from flurries.frame.needs import Needs
+from flurries.frame.view import Frame
+from flurries.motion.keys import Number, Vector
+from flurries.motion.wind import Wind
+
+_CHECKS = {
+    **TENT,
+    "flakes": population,
+    "flake_density": optional(lambda name, value: real(name, value, low=0.0, high=1e6)),
+    "flake_size": sizes,
+    "flake_opacity": share,
+    "sway": pair,
+}
 
 
+@knobs(
+    severity=lambda value, _: snow_of_severity(severity_of(value)) | {"flakes": None},
+    rate_mm_h=lambda value, _: snow_of_rate(rate_of(value, "snow")) | {"flakes": None},
+)
 @dataclass(frozen=True, kw_only=True)
-class Snow(Falling):
+class Snow:
     """Falling snow.
 
     Numbers marked "keyed" may vary over time: give :class:`flurries.Keys`. Lengths are metres when
@@ -38,7 +62,7 @@ class Snow(Falling):
         (1:3, 1:4): take a ratio beside it, or `jitter`.
     color : float, (r, g, b) or "ambient"
         Display values, 0 to 1. Keyed. "ambient": as bright as white is in the light of the
-        background, see :func:`flurries.scene.background.ambient_light`.
+        background, see :func:`flurries.light.ambient.ambient_light`.
     haze : float
         Opacity of an even veil, 0 to 1; before a scene with a depth, of the veil before the
         farthest snow. Keyed.
@@ -108,40 +132,103 @@ class Snow(Falling):
     True
     """
 
+    amount: Number = 1.0
+    fall: Number = 1.4
+    wind: Vector | Wind = (0.36, 0.0, 0.0)
+    color: Any = 0.98
+    haze: Number = 0.04
+    shutter: Number = 0.5
+    texture: Number = 0.8
+    mean: Number = 0.05
+    spread: Number = 2.0
+    power: Number = 2.0
+    exponent: float = 0.75
+    wavelengths: tuple[float, float] | None = None
+    near_depth: float = 12.0
+    tile: int | None = None
+    overlap: int | None = None
+    blend: str = "power"
+    alias: str = "soft"
+    jitter: bool = False
+    depth_mode: str = "tile"
     flakes: int = 8000
     flake_density: float | None = None
     flake_size: tuple[float, float] = (0.008, 0.024)
     flake_opacity: Number = 0.9
     sway: tuple[float, float] = (0.02, 4.0)
+    look: str = "v1"
+    seed: int | None = None
+    severity: InitVar[int | None] = None
+    rate_mm_h: InitVar[float | None] = None
 
     NAME: ClassVar[str] = "snow"
     PRESETS: ClassVar[dict[str, dict[str, Any]]] = SNOW
 
-    def __post_init__(self, severity: int | None, rate_mm_h: float | None) -> None:
-        super().__post_init__(severity, rate_mm_h)
-        self._settle_particles("flakes", "flake_size", "flake_density")
-        opacity = as_number("flake_opacity", self.flake_opacity, low=0.0, high=1.0)
-        object.__setattr__(self, "flake_opacity", opacity)
-        object.__setattr__(self, "sway", tuple(vector("sway", self.sway, 2).tolist()))
+    def __post_init__(self, *_: Any) -> None:
+        settle(self, _CHECKS)
 
-    def _look(self, severity: int | None, rate_mm_h: float | None) -> dict[str, Any]:
-        """Return the fields that a knob sets."""
-        if severity is not None:
-            return snow_of_severity(severity_of(severity))
-        return {} if rate_mm_h is None else snow_of_rate(rate_of(rate_mm_h, self.NAME))
+    @classmethod
+    def preset(cls, name: str, **changes: Any) -> Snow:
+        """Return a look by name; further arguments replace single values of it."""
+        return preset(cls, cls.PRESETS, name, changes)
 
-    def _instead(self) -> tuple[str, ...]:
-        """Return fields that say the same as one that a knob sets."""
-        return ("flakes",)
-
-    def population(self, t: float) -> Population:
-        """Return the flakes at `t`."""
-        return Population(
-            "flakes",
-            self.flakes,
-            self.near_depth,
-            self.flake_size,
-            value_at(self.flake_opacity, t),
-            self.sway,
-            self.flake_density,
+    @cached_property
+    def parts(self) -> Precipitation[Texture]:
+        """What it is made of."""
+        motion = Motion(self.fall, self.wind, self.shutter)
+        field = Field(
+            motion=motion,
+            exponent=self.exponent,
+            wavelengths=self.wavelengths,
+            tuned=(3.0, 24.0),
+            near_depth=self.near_depth,
+            tile=self.tile,
+            overlap=self.overlap,
+            blend=self.blend,
+            alias=self.alias,
+            jitter=self.jitter,
         )
+        texture = Texture(
+            field=field,
+            opacity=self.texture,
+            mean=self.mean,
+            spread=self.spread,
+            power=self.power,
+            depth_mode=self.depth_mode,
+        )
+        flakes = Flakes(
+            motion=motion,
+            number=self.flakes,
+            density=self.flake_density,
+            reach=self.near_depth,
+            sizes=self.flake_size,
+            opacity=self.flake_opacity,
+            sway=self.sway,
+        )
+        return Precipitation(
+            name=self.NAME,
+            amount=self.amount,
+            color=self.color,
+            motion=motion,
+            texture=texture,
+            flakes=flakes,
+            veil=Veil(self.haze, field.far_depth),
+        )
+
+    def needs(self, frame: Frame) -> Needs:
+        """Return what a frame takes: its steps, and what is left out."""
+        return self.parts.needs(frame)
+
+    def render(self, frame: Frame) -> Layer:
+        """Return the layer of a frame."""
+        return self.parts.render(frame)
+
+    def over(self, frame: Frame, behind: Array, light: Light) -> Array | None:
+        """Return the layer over a picture in one pass, or None where there is no such way."""
+        return self.parts.over(frame, behind, light)
+
+    def warn_ambiguous(
+        self, shape: tuple[int, int], focal: float, distance: float, index: int
+    ) -> None:
+        """Warn if two eyes see the texture half a wavelength apart or more."""
+        self.parts.texture.warn_ambiguous(shape, focal, distance, index)

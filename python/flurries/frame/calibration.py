@@ -6,26 +6,27 @@ It scales displayed times and nothing else: no choice that a frame depends on ma
 from __future__ import annotations
 
 import json
-import math
 import os
 import platform
 import sys
 import time
 from collections.abc import Callable, Mapping
+from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
 
 from flurries._threads import threads
+from flurries.camera.lens import Camera
 from flurries.frame.costs import nanoseconds
-from flurries.spectral.frame import alpha_of
+from flurries.particles import splat
+from flurries.spectral import alpha
+from flurries.spectral.operations import tile_work
 
-# A file of another form is measured again.
-FORM = 1
+# A file of another form is measured again; so are kernels that have become faster.
+FORM = 2
 # Seconds for each kernel: the least time of that long is one when nobody else was in the way.
 SECONDS = 0.15
-
-_known: dict[int, dict[str, float]] = {}
 
 
 def folder() -> Path:
@@ -45,74 +46,96 @@ def folder() -> Path:
     return base / "flurries"
 
 
-def machine() -> str:
-    """Return what a calibration belongs to."""
-    from flurries import __version__
-
-    level = os.environ.get("FLURRIES_SIMD", "")
-    return f"{FORM} {__version__} {platform.machine()} {platform.processor()} {level}".strip()
-
-
 def scales(*, again: bool = False) -> Mapping[str, float]:
     """Return factors on the model's times by kind of work, for the threads that are set.
 
     Measured the first time, in a few tenths of a second, then read from the cache; a cache that
     cannot be read or written is done without.
     """
-    count = threads()
     if again:
-        _known.pop(count, None)
-    if count not in _known:
-        found = None if again else _read(count)
-        if found is None:
-            found = measure()
-            _write(count, found)
-        _known[count] = found
-    return _known[count]
+        _scales.cache_clear()
+    return _scales(folder() / "calibration.json", threads(), again)
+
+
+@lru_cache(maxsize=16)
+def _scales(file: Path, count: int, again: bool) -> Mapping[str, float]:
+    level = os.environ.get("FLURRIES_SIMD", "")
+    machine = f"{FORM} {platform.machine()} {platform.processor()} {level}".strip()
+    known: dict[str, dict[str, float]] = {}
+    try:
+        stored = json.loads(file.read_text(encoding="utf-8"))
+        if stored["machine"] == machine:
+            known = dict(stored["threads"])
+        found = {kind: float(known[str(count)][kind]) for kind in ("kernel", "array")}
+        if not again and all(1e-3 < value < 1e3 for value in found.values()):
+            return found
+    except (OSError, ValueError, KeyError, TypeError):
+        pass
+    found = measure()
+    text = json.dumps({"machine": machine, "threads": {**known, str(count): found}})
+    try:
+        file.parent.mkdir(parents=True, exist_ok=True)
+        temporary = file.with_name(f"{file.name}.{os.getpid()}")
+        temporary.write_text(text, encoding="utf-8")
+        temporary.replace(file)
+    except OSError:
+        pass
+    return found
 
 
 def measure() -> dict[str, float]:
     """Return the factors, measured now."""
-    return factors({name: _best(call) for name, (call, _) in samples().items()})
+    return factors({name: _least(call) for name, (call, _) in samples().items()})
 
 
 def factors(nanoseconds_each: Mapping[str, float]) -> dict[str, float]:
     """Return the factors from the times of the samples."""
-    ratios = {name: nanoseconds_each[name] / model for name, (_, model) in samples().items()}
-    kernel = math.sqrt(ratios["texture"] * ratios["flakes"])
-    return {"kernel": kernel, "array": ratios["array"]}
+    ratio = {name: nanoseconds_each[name] / model for name, (_, model) in samples().items()}
+    return {"kernel": (ratio["texture"] * ratio["flakes"]) ** 0.5, "array": ratio["array"]}
 
 
 def samples() -> dict[str, tuple[Callable[[], object], float]]:
     """Return what is timed, each with its nanoseconds by the model."""
-    from flurries.effects import Snow
-    from flurries.scene.scene import Scene
-
-    window = (0, 512, 0, 512)
-    texture = Snow(flakes=0, haze=0.0, wavelengths=(3.0, 24.0), tile=64, overlap=10)
-    flakes = Snow(texture=0.0, haze=0.0, flakes=1000)
-    scene = Scene((512, 512), effects=[texture, flakes])
-    (_, first), (_, second) = scene._asks(3.0, None, window, None)
-    asked, mapped = texture.texture_request(first), texture.mapped(first, 1.0)
+    shape, camera, count = (512, 512), Camera(500.0), 4000
+    each = tile_work((64, 64), (3.0, 24.0))
+    # Tiles of 64 px that share 10.
+    tiles = len(range(0, 512 - 10, 54)) ** 2
+    drops = np.random.default_rng(1).uniform((-2.5, -2.5, 5.0), (2.5, 2.5, 5.001), (count, 3))
     values = np.linspace(0.5, 1.5, 1 << 16)
     roots = np.empty_like(values)
+    texture = {
+        "tile bin": tiles * each.bins,
+        "tile multiply-add": tiles * each.dense,
+        "tile pixel": tiles * each.pixels,
+        "texture pixel": 512.0 * 512.0,
+    }
+    # A radius of 0.03 is a standard deviation of 1 px there: 8 rows of one run each.
+    flakes = {
+        "flake listed": count,
+        "disc": count,
+        "disc run": 8.3 * count,
+        "mask pixel": 512.0 * 512.0,
+    }
     return {
         "texture": (
-            lambda: alpha_of(asked, mapped, preserve_mean=True),
-            nanoseconds(texture.needs(first).steps[0].cost().work),
+            lambda: alpha(
+                shape, drift=(3.0, 9.0), velocity=(2.0, 6.0), seed=1, wavelengths=(3.0, 24.0),
+                alias="soft", shutter=0.5, preserve_mean=True,
+            ),
+            nanoseconds(texture),
         ),
         "flakes": (
-            lambda: flakes.particles(second, 1.0),
-            nanoseconds(flakes.needs(second).steps[0].cost().work),
+            lambda: splat(shape, drops, 0.03, camera, opacity=0.5),
+            nanoseconds(flakes),
         ),
         "array": (
             lambda: np.sqrt(values, out=roots),
             nanoseconds({"array number": float(values.size)}),
         ),
-    }
+    }  # fmt: skip
 
 
-def _best(call: Callable[[], object]) -> float:
+def _least(call: Callable[[], object]) -> float:
     """Return the least nanoseconds of some runs."""
     # Of one thread what it computed counts, not what else the machine did meanwhile.
     clock = time.process_time_ns if threads() == 1 else time.perf_counter_ns
@@ -124,39 +147,3 @@ def _best(call: Callable[[], object]) -> float:
         call()
         least = min(least, clock() - start)
     return max(least, 1.0)
-
-
-def _file() -> Path:
-    return folder() / "calibration.json"
-
-
-def _load() -> dict[str, dict[str, float]]:
-    try:
-        stored = json.loads(_file().read_text(encoding="utf-8"))
-        if stored.get("machine") == machine():
-            return dict(stored["threads"])
-    except (OSError, ValueError, AttributeError, KeyError, TypeError):
-        pass
-    return {}
-
-
-def _read(count: int) -> dict[str, float] | None:
-    stored = _load().get(str(count))
-    try:
-        found = {kind: float(stored[kind]) for kind in ("kernel", "array")}  # type: ignore[index]
-    except (KeyError, TypeError, ValueError):
-        return None
-    return found if all(1e-3 < value < 1e3 for value in found.values()) else None
-
-
-def _write(count: int, found: Mapping[str, float]) -> None:
-    kept = {**_load(), str(count): dict(found)}
-    file = _file()
-    try:
-        file.parent.mkdir(parents=True, exist_ok=True)
-        temporary = file.with_name(f"{file.name}.{os.getpid()}")
-        text = json.dumps({"machine": machine(), "threads": kept})
-        temporary.write_text(text, encoding="utf-8")
-        temporary.replace(file)
-    except OSError:
-        pass

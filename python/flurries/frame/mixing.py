@@ -11,6 +11,16 @@ import numpy as np
 from flurries import _core
 from flurries._contract import Array
 from flurries.frame.layer import Layer
+from flurries.io.color import (
+    linear_to_srgb,
+    looked_up,
+    srgb_to_linear,
+    to_display,
+    to_integer,
+    to_linear,
+    to_single,
+    to_unit,
+)
 
 # Values that are encoded at a time: in float32 they and what is made on the way fit a cache.
 CHUNK = 1 << 16
@@ -42,25 +52,21 @@ class Mix:
         """Whether that is the light that the background holds."""
         return self.linear == (self.encoding == "linear")
 
-    def working(self, picture: Array) -> Array:
+    def decode(self, picture: Array) -> Array:
         """Return the background in the light that layers are mixed in."""
-        from flurries.io.color import to_display, to_linear
-
         if self.same:
             return np.ascontiguousarray(picture)
 
-        def turned(part: Array) -> Array:
+        def turn(part: Array) -> Array:
             return to_linear(part, self.encoding) if self.linear else to_display(part, "linear")
 
-        return _by_parts(turned, picture, np.empty(picture.shape, np.float32))
+        return _by_parts(turn, picture, np.empty(picture.shape, np.float32))
 
     def plate(self, picture: Array) -> Array:
         """Return the background in the light that layers are mixed in, (H, W, 3) float32."""
-        from flurries.io.color import to_single, to_unit
+        return to_single(to_unit(self.decode(picture)))
 
-        return to_single(to_unit(self.working(picture)))
-
-    def finished(self, working: Array, picture: Array, into: Array | None = None) -> Array:
+    def encode(self, working: Array, picture: Array, into: Array | None = None) -> Array:
         """Return the composite in the background's own encoding and dtype, in `into` if given."""
         if self.same and into is None:
             # The background's own pixels where nothing lay over them: the caller gets a copy.
@@ -70,11 +76,9 @@ class Mix:
             if result is not working:
                 result[...] = working
             return result
-        return _by_parts(lambda part: self._encoded(part, picture.dtype), working, result)
+        return _by_parts(lambda part: self._encode(part, picture.dtype), working, result)
 
-    def _encoded(self, working: Array, dtype: np.dtype[Any]) -> Array:
-        from flurries.io.color import looked_up, to_display, to_integer, to_linear
-
+    def _encode(self, working: Array, dtype: np.dtype[Any]) -> Array:
         if not self.linear:
             return to_linear(working, "display")
         if self.table:
@@ -99,8 +103,6 @@ class Mix:
         if self.linear:
             result[..., :3] = layer.rgb
             return result
-        from flurries.io import linear_to_srgb
-
         # Encoding bends: it wants straight colors.
         cover = layer.alpha[..., None]
         straight = np.divide(layer.rgb, cover, out=np.zeros_like(layer.rgb), where=cover > 0.0)
@@ -111,8 +113,6 @@ class Mix:
         """Return a display color in the light that layers are mixed in."""
         if not self.linear:
             return list(color)
-        from flurries.io import srgb_to_linear
-
         light: list[float] = srgb_to_linear(np.asarray(color, np.float64)).tolist()
         return light
 

@@ -19,7 +19,7 @@ from flurries.motion.keys import Keys
 from flurries.trace import stage
 
 if TYPE_CHECKING:
-    from flurries.frame.layer import Frame
+    from flurries.frame.view import Frame
 
 _Made = TypeVar("_Made")
 
@@ -95,8 +95,6 @@ class Saving:
         Gives the nanoseconds that an error saves by the cost model.
     setting : bool
         Whether it is a setting, to be found in ``Run.settings``.
-    all : bool
-        Whether it is the effect itself that is left out.
     """
 
     name: str
@@ -104,26 +102,6 @@ class Saving:
     error: float
     saved: Callable[[float], float]
     setting: bool = False
-    all: bool = False
-
-
-@dataclass(frozen=True)
-class Spent:
-    """What a tolerance is spent on.
-
-    Attributes
-    ----------
-    what : str
-        What is not done, or done less exactly.
-    error : float
-        That it makes of an opacity, at most.
-    milliseconds : float
-        That it saves, by the cost model.
-    """
-
-    what: str
-    error: float
-    milliseconds: float
 
 
 @dataclass(frozen=True)
@@ -166,12 +144,14 @@ class Needs:
 
     def without(self, names: frozenset[str]) -> Needs:
         """Return the needs less some steps."""
+        if not names:
+            return self
         left = tuple(step for step in self.steps if step.name not in names)
         one_pass = self.in_one_pass and bool(left) and left[0].name == "texture"
         return replace(self, steps=left, in_one_pass=one_pass)
 
 
-def skipped(step: Step, error: float) -> Saving:
+def omission(step: Step, error: float) -> Saving:
     """Return the saving of leaving out a step."""
     return Saving(step.name, f"no {step.name}", error, lambda _: nanoseconds(step.cost().work))
 
@@ -191,16 +171,16 @@ def needs_of(effect: Any, frame: Frame) -> Needs:
     return said
 
 
-def keyed(value: Any, depth: int = 3) -> bool:
+def has_keys(value: Any, depth: int = 3) -> bool:
     """Whether something varies over time: holds keys, or cannot be looked into."""
     if isinstance(value, Keys):
         return True
     if depth == 0:
         return False
     if is_dataclass(value):
-        return any(keyed(getattr(value, f.name, None), depth - 1) for f in fields(value))
+        return any(has_keys(getattr(value, f.name, None), depth - 1) for f in fields(value))
     if isinstance(value, (tuple, list)) and len(value) <= 16:
-        return any(keyed(one, depth - 1) for one in value)
+        return any(has_keys(one, depth - 1) for one in value)
     return False
 
 

@@ -6,46 +6,40 @@ seeded or allocated, and a frame costs no time for it.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from flurries import _core
 from flurries._contract import Array
 from flurries.camera.lens import Camera
-from flurries.frame.bands import most_bands
-from flurries.frame.costs import nanoseconds
-from flurries.frame.layer import Frame
-from flurries.frame.needs import Kept, LeftOut, Needs, Run, Saving, keyed, needs_of
-from flurries.frame.tolerance import EXACT, STEEPEST, Asking, Choice, Light, choose, light_of
+from flurries.camera.path import CameraPath
+from flurries.frame.bands import most_bands, whole
+from flurries.frame.matte import Matte
+from flurries.frame.mixing import Mix
+from flurries.frame.needs import Kept, LeftOut, Needs, Run, has_keys, needs_of
+from flurries.frame.tolerance import EXACT, LEVELS, STEEPEST, Choice, Light, choose
+from flurries.frame.view import Frame
 from flurries.frame.visible import Visible, Window
-from flurries.scene.background import ambient_light
+from flurries.light.ambient import ambient_light
+from flurries.light.sun import Sun
 from flurries.trace import stage
-
-if TYPE_CHECKING:
-    from flurries.scene.scene import Scene
 
 # Half a step of an integer picture, less what rounding in float32 can take.
 HALF_STEP = 0.5 - 1e-3
 
-# An effect, its view of the frame, and its needs.
-Asked = tuple[Any, Frame, Needs]
 
-_Entry = tuple["Part", Frame, Needs]
-
-
-@dataclass(frozen=True)
-class Part:
+class Part(NamedTuple):
     """An effect of the scene that shows something at some time.
 
     Attributes
     ----------
     effect : effect
         Itself.
-    index : int
-        Its place in the scene.
+    place : int
+        Its number in the scene.
     seed : int
         Of its random numbers.
     needs : Needs or None
@@ -53,7 +47,7 @@ class Part:
     """
 
     effect: Any
-    index: int
+    place: int
     seed: int
     needs: Needs | None
 
@@ -63,177 +57,209 @@ class Part:
         return getattr(self.effect, "NAME", "") or type(self.effect).__name__.lower()
 
 
-def _savings(part: Part, needs: Needs) -> tuple[Saving, ...]:
-    """Return what an effect can save, and the effect as a whole."""
-
-    def saved(_: float) -> float:
-        layer = nanoseconds({"layer": 1.0})
-        return layer + sum(nanoseconds(step.cost().work) for step in needs.steps)
-
-    whole = Saving(part.name, part.name, needs.most, saved, all=True)
-    return (*needs.savings, whole)
-
-
-class Program:
-    """What runs for each frame of a scene.
+class Ask(NamedTuple):
+    """An effect that runs, its view of a frame, and what it needs for it.
 
     Attributes
     ----------
+    part : Part
+        The effect.
+    frame : Frame
+        Its window is all of the picture in which the weather can be seen.
+    needs : Needs
+        Its steps less those that a tolerance leaves out.
+    """
+
+    part: Part
+    frame: Frame
+    needs: Needs
+
+
+@dataclass(eq=False, kw_only=True)
+class Program:
+    """What runs for each frame of a scene. What is not told here is as in the scene.
+
+    Attributes
+    ----------
+    backdrop : background
+        Has ``frame(t)``, ``encoding`` ("display" or "linear") and ``count`` (None for a still).
+    distance : depth or None
+        Has ``frame(t)`` and ``still``: whether every frame has the same.
+    matte : Matte or None
+        What stands in front of the weather.
+    linear : bool
+        Whether layers are mixed in linear light.
     parts : list of Part
         The effects that show something, back to front.
     left_out : list of LeftOut
         What never runs.
+    settled : bool
+        Whether neither the camera nor the depth ever changes.
     """
 
-    def __init__(self, scene: Scene) -> None:
-        self.scene = scene
+    effects: Sequence[Any]
+    shape: tuple[int, int]
+    fps: float
+    path: CameraPath
+    seed: int
+    sun: Sun | None
+    backdrop: Any
+    distance: Any
+    matte: Matte | None
+    linear: bool
+
+    def __post_init__(self) -> None:
         self.parts: list[Part] = []
         self.left_out: list[LeftOut] = []
-        self._kept = Kept(most_bands(scene.shape))
+        self.settled = self.path.still and (self.distance is None or self.distance.still)
+        self._kept = Kept(most_bands(self.shape))
         self._visible: dict[float, Visible | None] = {}
         self._light: Light | None = None
         self._choices: dict[Any, Choice] = {}
-        distance = scene._distance
-        self.deep = distance is not None
-        self.settled = scene.camera.still and (distance is None or distance.still)
-        for index, effect in enumerate(scene.effects):
+        self._shares: list[tuple[float, float]] | None = None
+        for index, effect in enumerate(self.effects):
             self._add(index, effect)
 
     def _add(self, index: int, effect: Any) -> None:
-        own = getattr(effect, "seed", None)
-        whole = (0, self.scene.shape[0], 0, self.scene.shape[1])
-        constant = None
-        if not keyed(effect):
-            # The seed is not among what an effect may decide by.
-            said = needs_of(effect, self._frame(0.0, None, whole, seed=0))
-            if not said.steps:
-                self.left_out += said.left_out
+        needs = None
+        if not has_keys(effect):
+            needs = needs_of(effect, self.frame(0.0))
+            if not needs.steps:
+                self.left_out += needs.left_out
                 return
-            constant = None if said.varies else said
-        seed = effect_seed(self.scene.seed, index) if own is None else own
-        self.parts.append(Part(effect, index, seed, constant))
+            needs = None if needs.varies else needs
+        own = getattr(effect, "seed", None)
+        seed = effect_seed(self.seed, index) if own is None else own
+        self.parts.append(Part(effect, index, seed, needs))
 
-    def _frame(self, t: float, eye: Camera | None, window: Window, seed: int) -> Frame:
-        path = self.scene.camera
+    def mix(self, *, table: bool = False) -> Mix:
+        """Return the light that layers are mixed in."""
+        return Mix(self.linear, self.backdrop.encoding, table)
+
+    def camera(self, eye: Camera | None, t: float) -> Camera:
+        """Return an eye, or the path's own camera, as it is at `t`."""
+        return self.path.pose(self.path.camera if eye is None else eye, t)
+
+    def frame(self, t: float, camera: Camera | None = None, window: Window | None = None) -> Frame:
+        """Return the view of an effect that draws no random numbers, without depth and light."""
         return Frame(
-            shape=self.scene.shape,
-            window=window,
+            shape=self.shape,
+            window=whole(self.shape) if window is None else window,
             t=t,
-            fps=self.scene.fps,
-            camera=path.seen(path.camera if eye is None else eye, t),
-            path=path,
-            seed=seed,
-            sun=self.scene.sun,
+            fps=self.fps,
+            camera=self.camera(None, t) if camera is None else camera,
+            path=self.path,
+            # What an effect needs must not depend on the seed: one view serves all of them.
+            seed=0,
+            sun=self.sun,
             settled=self.settled,
-            deep=self.deep,
+            deep=self.distance is not None,
         )
 
-    def frames(
+    def asks(
         self,
         t: float,
-        eye: Camera | None,
+        camera: Camera,
         window: Window,
-        *,
         dtype: np.dtype[Any] | None,
         choice: Choice = EXACT,
-    ) -> Iterator[Asked]:
-        """Return the effects that run at `t` with what they are asked, back to front.
+        *,
+        read: bool = True,
+    ) -> list[Ask]:
+        """Return the effects that run at `t` with their views of the frame, back to front.
 
         A picture of integers, of type `dtype`, does not show what is less than half of a step; of
-        layers, where it is None, every value counts. A `choice` leaves out more.
+        layers, where it is None, every value counts. A `choice` leaves out more. Depth and ambient
+        light are filled in where an effect reads them, unless `read` is False.
         """
-        visible = None if dtype is None or not self.parts else self.visible(choice.hidden)
-        for part, frame, all_needs in self._entries(t, eye, window, dtype):
-            needs = all_needs
-            if gone := choice.without.get(part.index):
-                needs = needs.without(gone)
-                if not needs.steps:
-                    continue
-            steps = {step.name: step for step in needs.steps}
-            settings = choice.settings.get(part.index, {})
-            key = (part.index, frame.camera, window, dtype is None, *settings.values())
-            run = Run(steps, self._kept if self.settled else None, key, visible, settings)
-            yield (
-                part.effect,
-                replace(frame, seed=part.seed, run=run, whole=dtype is None),
-                needs,
+        base = self.frame(t, camera, window)
+        runs = []
+        for part, needs in self._parts_in(base, dtype):
+            rest = needs.without(choice.without.get(part.place, frozenset()))
+            if rest.steps:
+                runs.append((part, rest))
+        reads = frozenset[str]().union(*(needs.reads for _, needs in runs)) if read else ()
+        depth = self.depth_at(t) if "depth" in reads else None
+        ambient = self._ambient(t) if "ambient" in reads else None
+        visible = None if dtype is None or not runs else self.visible(choice.hidden)
+        found = []
+        for part, needs in runs:
+            settings = choice.settings.get(part.place, {})
+            key = (part.place, camera, window, dtype is None, *settings.values())
+            kept = self._kept if self.settled else None
+            run = Run({step.name: step for step in needs.steps}, kept, key, visible, settings)
+            frame = replace(
+                base,
+                seed=part.seed,
+                run=run,
+                whole=dtype is None,
+                depth=depth if "depth" in needs.reads else None,
+                ambient=ambient if "ambient" in needs.reads else None,
             )
+            found.append(Ask(part, frame, needs))
+        return found
 
-    def _entries(
-        self, t: float, eye: Camera | None, window: Window, dtype: np.dtype[Any] | None
-    ) -> list[_Entry]:
-        """Return the parts that show anything at `t`, with their needs."""
-        if not self.parts:
-            return []
-        asked = []
-        base = self._frame(t, eye, window, seed=0)
+    def views(self, t: float) -> list[tuple[Any, Frame]]:
+        """Return the effects that run at `t`, each with its exact view of the whole frame."""
+        asks = self.asks(t, self.camera(None, t), whole(self.shape), None)
+        return [(ask.part.effect, ask.frame) for ask in asks]
+
+    def _parts_in(self, frame: Frame, dtype: np.dtype[Any] | None) -> list[tuple[Part, Needs]]:
+        """Return the parts that show anything in a frame, with their needs."""
+        runs = []
         for part in self.parts:
-            # The seed comes last: needs do not depend on it, and copies of frames take time.
-            needs = part.needs if part.needs is not None else needs_of(part.effect, base)
+            needs = part.needs or needs_of(part.effect, frame)
             if needs.steps:
-                asked.append((part, base, needs))
-        if dtype is not None and dtype.kind == "u":
-            faint = self._faint([needs for _, _, needs in asked], dtype)
-            asked = [one for one, gone in zip(asked, faint, strict=True) if not gone]
-        return asked
+                runs.append((part, needs))
+        if dtype is None or dtype.kind != "u":
+            return runs
+        limit, total, shown = HALF_STEP / float(np.iinfo(dtype).max), 0.0, []
+        for part, needs in runs:
+            change = needs.most * needs.brightest * (STEEPEST if self.linear else 1.0)
+            # In display values each layer is rounded before the next; in linear light they add up.
+            if total + change >= limit:
+                shown.append((part, needs))
+            elif self.linear:
+                total += change
+        return shown
 
-    def choice(self, t: float, dtype: np.dtype[Any] | None, tolerance: float) -> Choice:
+    def choice(self, t: float, tolerance: float) -> Choice:
         """Return what a tolerance is spent on at `t`: the same for every window and eye."""
-        if tolerance <= 0.0 or dtype is None or not self.parts:
+        if tolerance == 0.0 or not self.parts:
             return EXACT
-        still = self.scene.frames is None
-        if self._light is None or not still:
-            self._light = light_of(self.scene, t)
-        light = self._light
-        whole = (0, self.scene.shape[0], 0, self.scene.shape[1])
-        asked = self._entries(t, None, whole, dtype)
+        if self._light is None or self.backdrop.count is not None:
+            picture, encoding = self.backdrop.frame(t), self.backdrop.encoding
+            self._light = Light.of(picture, self.linear, encoding)
+        light, dtype = self._light, self.backdrop.frame(t).dtype
+        runs = self._parts_in(self.frame(t), dtype)
         # Nothing that counts changes: asked once.
-        fixed = all(part.needs is not None for part, _, _ in asked)
-        key = (tolerance, light, tuple(part.index for part, _, _ in asked)) if fixed else None
-        if key is not None and (found := self._choices.get(key)) is not None:
-            return found
-        asking = [
-            Asking(part.index, part.name, replace(needs, savings=_savings(part, needs)))
-            for part, _, needs in asked
-        ]
-        values = 3 * self.scene.shape[0] * self.scene.shape[1]
-        found = choose(asking, light, tolerance, values=values, hides=self._hides)
+        fixed = all(part.needs is not None for part, _ in runs)
+        key = (tolerance, light, tuple(part.place for part, _ in runs)) if fixed else None
+        if key is not None and key in self._choices:
+            return self._choices[key]
+        asked = [(part.place, part.name, needs) for part, needs in runs]
+        values = 3 * self.shape[0] * self.shape[1]
+        found = choose(asked, light, tolerance, values=values, shares=self.shares())
         if key is not None:
             self._choices = {key: found}
         return found
 
-    def _hides(self, hidden: float) -> float:
-        """Return the share of the frame that is covered by all but so much, and not wholly."""
-        cover = self._cover()
-        if cover is None:
-            return 0.0
-        return float(((cover >= np.float32(1.0 - hidden)) & (cover < 1.0)).mean())
+    def shares(self) -> list[tuple[float, float]]:
+        """Return levels of opacity, each with the share of the frame that lets no more through.
 
-    def given(self, t: float, asked: list[Asked]) -> list[tuple[Any, Frame]]:
-        """Return the effects with what they read of the scene filled in."""
-        reads = frozenset[str]().union(*(needs.reads for _, _, needs in asked))
-        depth = self.scene.depth_at(t) if "depth" in reads else None
-        ambient = None
-        if "ambient" in reads:
-            with stage("ambient"):
-                # Of the whole picture, so that a region has the whole's bits.
-                backdrop = self.scene._backdrop
-                ambient = ambient_light(backdrop.frame(t), backdrop.encoding)
-        if depth is None and ambient is None:
-            return [(effect, frame) for effect, frame, _ in asked]
-        return [
-            (
-                effect,
-                replace(
-                    frame,
-                    depth=depth if "depth" in needs.reads else None,
-                    ambient=ambient if "ambient" in needs.reads else None,
-                ),
-            )
-            for effect, frame, needs in asked
-        ]
+        What lets nothing through does not count, and of levels with one share the least stands.
+        """
+        if self._shares is None:
+            found: dict[float, float] = {}
+            if self.matte is not None:
+                through = np.sort(1.0 - self.matte.hides[self.matte.hides < 1.0], axis=None)
+                for level in LEVELS:
+                    count = np.searchsorted(through, np.float32(level), side="right")
+                    found.setdefault(float(count) / (self.shape[0] * self.shape[1]), level)
+            self._shares = [(level, share) for share, level in found.items() if share > 0.0]
+        return self._shares
 
-    def seen(self, window: Window, hidden: float = 0.0) -> Window | None:
+    def open_part(self, window: Window, hidden: float = 0.0) -> Window | None:
         """Return the part of a window in which the weather can be seen at all."""
         if not self.parts:
             return None
@@ -245,37 +271,30 @@ class Program:
 
         Not where all but `hidden` of it is covered.
         """
-        known = self._visible
-        if hidden in known:
-            return known[hidden]
-        cover = self._cover()
-        none = cover is None or not bool((cover >= np.float32(1.0 - hidden)).any())
-        found = None if none or cover is None else Visible(cover, hidden)
-        # Of tolerances the last one; a new dictionary: other threads may read the old one.
-        self._visible = {**({0.0: known[0.0]} if 0.0 in known else {}), hidden: found}
-        return found
-
-    def _cover(self) -> Array | None:
-        """Return how much of the weather stands something in front of."""
-        front = self.scene._foreground
-        if front is None:
+        if self.matte is None:
             return None
-        if front.light is None:
-            return front.cover
-        return np.asarray(np.maximum(front.cover, front.light[..., 3]))
+        known = self._visible
+        if hidden not in known:
+            cover = self.matte.hides
+            some = bool((cover >= np.float32(1.0 - hidden)).any())
+            found = Visible(cover, hidden) if some else None
+            # Of tolerances the last one; a new dictionary: other threads may read the old one.
+            known = {**({0.0: known[0.0]} if 0.0 in known else {}), hidden: found}
+            self._visible = known
+        return known[hidden]
 
-    def _faint(self, needs: list[Needs], dtype: np.dtype[Any]) -> list[bool]:
-        """Return which effects cannot change a picture of integers."""
-        limit = HALF_STEP / float(np.iinfo(dtype).max)
-        if not self.scene.linear:
-            # Each layer is rounded before the next.
-            return [one.most * one.brightest < limit for one in needs]
-        total, gone = 0.0, []
-        for one in needs:
-            change = STEEPEST * one.most * one.brightest
-            gone.append(total + change < limit)
-            total += change if gone[-1] else 0.0
-        return gone
+    def depth_at(self, t: float) -> Array | None:
+        """Return the background's depth at `t`, (H, W) float32, or None."""
+        if self.distance is None:
+            return None
+        with stage("depth"):
+            depth: Array = self.distance.frame(t)
+        return depth
+
+    def _ambient(self, t: float) -> tuple[float, float, float]:
+        with stage("ambient"):
+            # Of the whole picture, so that a region has the whole's bits.
+            return ambient_light(self.backdrop.frame(t), self.backdrop.encoding)
 
 
 def effect_seed(seed: int, index: int) -> int:

@@ -7,7 +7,8 @@ import json
 from dataclasses import asdict, dataclass
 from typing import Any
 
-from flurries.frame.needs import LeftOut, Spent
+from flurries.frame.needs import LeftOut
+from flurries.frame.tolerance import Spent
 
 MIB = 2.0**20
 
@@ -82,19 +83,11 @@ class Plan:
 
     def to_dict(self) -> dict[str, Any]:
         """Return the plan as plain values."""
-        first, last, count = self.frames
-        return {
-            "size": list(self.size),
-            "frames": {"first": first, "last": last, "count": count},
-            "threads": self.threads,
-            "milliseconds": self.milliseconds,
-            "bytes": self.bytes,
-            "steps": [asdict(step) for step in self.steps],
-            "left_out": [asdict(one) for one in self.left_out],
-            "tolerance": self.tolerance,
-            "error": self.error,
-            "spent": [asdict(one) for one in self.spent],
+        values = {
+            name: list(value) if isinstance(value, tuple) else value
+            for name, value in asdict(self).items()
         }
+        return values | {"frames": dict(zip(("first", "last", "count"), self.frames, strict=True))}
 
     def to_json(self) -> str:
         """Return the plan as JSON."""
@@ -102,42 +95,52 @@ class Plan:
 
     def __str__(self) -> str:
         width, height = self.size
-        rows = [("step", "what", "ms", "MiB", "")]
-        rows += [
-            (
-                step.name,
-                step.size,
-                f"{step.milliseconds:.3g}",
-                f"{step.bytes / MIB:.1f}",
-                _when(step),
-            )
-            for step in self.steps
-        ]
-        total = f"{self.milliseconds:.3g}"
-        rows.append(("a frame", self._film(), total, f"{self.bytes / MIB:.1f}", ""))
-        wide = [max(len(row[i]) for row in rows) for i in range(5)]
         lines = [f"{width} x {height} px, {self.threads} thread{'s' * (self.threads > 1)}"]
-        for name, what, ms, mib, when in rows:
-            line = f"{name:<{wide[0]}}  {what:<{wide[1]}}  {ms:>{wide[2]}}  {mib:>{wide[3]}}"
-            lines.append(f"{line}  {when}".rstrip())
-        if self.left_out:
-            lines += ["", "left out"]
-            most = max(len(one.what) for one in self.left_out)
-            lines += [f"{one.what:<{most}}  {one.why}" for one in self.left_out]
-        if self.tolerance > 0.0:
-            lines += ["", self._spending()]
-            most = max((len(one.what) for one in self.spent), default=0)
-            lines += [
-                f"{one.what:<{most}}  opacity off by {one.error:.2g}, "
-                f"{one.milliseconds:.3g} ms saved"
-                for one in self.spent
-            ]
+        total = ("a frame", self._film(), *_figures(self), "")
+        lines += _columns([("step", "what", "ms", "MiB", ""), *self._rows(), total], right=(2, 3))
+        for title, rows in self._notes():
+            lines += ["", title, *_columns(rows)]
         return "\n".join(lines)
 
-    def _spending(self) -> str:
-        if not self.spent:
-            return f"tolerance {self.tolerance:.3g}: nothing to be saved, no error"
-        return f"tolerance {self.tolerance:.3g}: error at most {self.error:.3g}"
+    def _repr_html_(self) -> str:
+        """Return tables, with a bar for each step's share of the time."""
+        width, height = self.size
+        longest = max((step.milliseconds for step in self.steps), default=0.0) or 1.0
+        rows = []
+        for step, (name, what, ms, mib, when) in zip(self.steps, self._rows(), strict=True):
+            part = 100.0 * step.milliseconds / longest
+            bar = f"<div style='background:#4a7ba6;height:10px;width:{part:.1f}%'></div>"
+            cells = _cells(name, what, f"{ms} ms", f"{mib} MiB")
+            rows.append(f"<tr>{cells}<td style='width:12em'>{bar}</td>{_cells(when)}</tr>")
+        ms, mib = _figures(self)
+        film = html.escape(self._film())
+        page = f"<b>{width} x {height} px: {ms} ms a frame, {mib} MiB</b> ({film})"
+        page += f"<table>{''.join(rows)}</table>"
+        for title, notes in self._notes():
+            lines = "".join(f"<tr>{_cells(*note)}</tr>" for note in notes)
+            page += f"<b>{title}</b>" + (f"<table>{lines}</table>" if lines else "")
+        return f"<div>{page}</div>"
+
+    def _rows(self) -> list[tuple[str, ...]]:
+        """Return the steps as text: name, size, milliseconds, MiB, and when it runs."""
+        return [(step.name, step.size, *_figures(step), _when(step)) for step in self.steps]
+
+    def _notes(self) -> list[tuple[str, list[tuple[str, ...]]]]:
+        """Return what is left out, and what a tolerance is spent on, each under its title."""
+        notes: list[tuple[str, list[tuple[str, ...]]]] = []
+        if self.left_out:
+            why: list[tuple[str, ...]] = [(one.what, one.why) for one in self.left_out]
+            notes.append(("left out", why))
+        if self.tolerance > 0.0:
+            rest = (
+                f"error at most {self.error:.3g}" if self.spent else "nothing to be saved, no error"
+            )
+            saved: list[tuple[str, ...]] = [
+                (one.what, f"opacity off by {one.error:.2g}, {one.milliseconds:.3g} ms saved")
+                for one in self.spent
+            ]
+            notes.append((f"tolerance {self.tolerance:.3g}: {rest}", saved))
+        return notes
 
     def _film(self) -> str:
         first, last, count = self.frames
@@ -145,46 +148,31 @@ class Plan:
             return f"frame {first}"
         return f"frames {first} to {last}: {1e-3 * self.milliseconds * count:.3g} s"
 
-    def _repr_html_(self) -> str:
-        """Return a table with a bar for each step's share of the time."""
-        longest = max((step.milliseconds for step in self.steps), default=0.0) or 1.0
-        cell = "padding:2px 10px;text-align:"
-        rows = []
-        for step in self.steps:
-            part = 100.0 * step.milliseconds / longest
-            bar = f"<div style='background:#4a7ba6;height:10px;width:{part:.1f}%'></div>"
-            rows.append(
-                f"<tr><td style='{cell}left'>{html.escape(step.name)}</td>"
-                f"<td style='{cell}left'>{html.escape(step.size)}</td>"
-                f"<td style='{cell}right'>{step.milliseconds:.3g} ms</td>"
-                f"<td style='{cell}right'>{step.bytes / MIB:.1f} MiB</td>"
-                f"<td style='{cell}left;width:12em'>{bar}</td>"
-                f"<td style='{cell}left'>{_when(step)}</td></tr>"
-            )
-        width, height = self.size
-        out = "".join(
-            f"<tr style='color:#888'><td style='{cell}left'>{html.escape(one.what)}</td>"
-            f"<td style='{cell}left' colspan='5'>{html.escape(one.why)}</td></tr>"
-            for one in self.left_out
-        )
-        spent = "".join(
-            f"<tr><td style='{cell}left'>{html.escape(one.what)}</td>"
-            f"<td style='{cell}left'>opacity off by {one.error:.2g}</td>"
-            f"<td style='{cell}right'>{one.milliseconds:.3g} ms saved</td></tr>"
-            for one in self.spent
-        )
-        total = f"{self.milliseconds:.3g} ms a frame, {self.bytes / MIB:.1f} MiB"
-        return (
-            f"<div><b>{width} x {height} px: {total}</b> ({html.escape(self._film())})"
-            f"<table>{''.join(rows)}</table>"
-            + (f"<b>left out</b><table>{out}</table>" if out else "")
-            + (f"<b>{self._spending()}</b>" if self.tolerance > 0.0 else "")
-            + (f"<table>{spent}</table>" if spent else "")
-            + "</div>"
-        )
+
+def _figures(one: Plan | PlannedStep) -> tuple[str, str]:
+    """Return milliseconds and MiB as text."""
+    return f"{one.milliseconds:.3g}", f"{one.bytes / MIB:.1f}"
 
 
 def _when(step: PlannedStep) -> str:
+    """Return in which frames a step runs, if not in all."""
     if step.once:
         return "once"
     return "" if step.share == 1.0 else f"in {100.0 * step.share:.0f} % of the frames"
+
+
+def _columns(rows: list[tuple[str, ...]], right: tuple[int, ...] = ()) -> list[str]:
+    """Return rows of text as lines with aligned columns, some of them to the right."""
+    wide = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    return [
+        "  ".join(
+            text.rjust(width) if place in right else text.ljust(width)
+            for place, (text, width) in enumerate(zip(row, wide, strict=True))
+        ).rstrip()
+        for row in rows
+    ]
+
+
+def _cells(*texts: str) -> str:
+    """Return the cells of a table's row."""
+    return "".join(f"<td style='padding:2px 10px'>{html.escape(text)}</td>" for text in texts)

@@ -1,8 +1,9 @@
 """Where a tolerance is spent: what a frame does without, or does less exactly, to take less time.
 
-Each effect says what it can do so and what error that makes, of an opacity (`Saving`); here the
-errors are brought to values of the frame and added up, and of all choices within the tolerance the
-one is taken that saves most by the fixed cost model. No choice follows a clock.
+Each effect says what it can do so and what error that makes, of an opacity (`Saving`). Here errors
+become prices, in values of the frame, that add up; of all choices within the tolerance the one is
+taken that saves most by the fixed cost model. What may be chosen does not depend on the tolerance:
+a larger one never saves less. No choice follows a clock.
 
 A layer of opacity a and color c makes v into v + a (c - v): an error e of a is at most e |c - v|
 of the frame, and layers over it only lessen it. In pictures of integers each layer is rounded: one
@@ -12,16 +13,16 @@ that errs by e < n steps before it is rounded errs by n steps after it.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
-from itertools import combinations
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from flurries._contract import Array
 from flurries.frame.costs import nanoseconds
-from flurries.frame.needs import Needs, Saving, Spent
+from flurries.frame.needs import Needs
+from flurries.io.color import linear_to_srgb
 
 # The steepest place of the sRGB encoding, at black: display values per linear light.
 STEEPEST = 12.92
@@ -32,8 +33,31 @@ TABLE = 0.5 * STEEPEST / 65535.0
 # What float32 may add to an error.
 ROUNDING = 1e-6
 
-# From so many savings on they are taken one by one, the best first.
-_MOST_TRIED = 10
+# Errors that a setting may be given, and opacities under which weather is not made: steps of 8 bits
+# and one and a half of them, which integers round to one, times powers of two.
+LEVELS = tuple(part * 2.0**k / 255.0 for k in range(-12, 5) for part in (1.0, 1.5))
+
+# Choices that are held at a time.
+_MOST_KEPT = 500
+
+
+@dataclass(frozen=True)
+class Spent:
+    """What a tolerance is spent on.
+
+    Attributes
+    ----------
+    what : str
+        What is not done, or done less exactly.
+    error : float
+        That it makes of an opacity, at most.
+    milliseconds : float
+        That it saves, by the cost model.
+    """
+
+    what: str
+    error: float
+    milliseconds: float
 
 
 @dataclass(frozen=True)
@@ -72,10 +96,8 @@ class Light(NamedTuple):
 
     Attributes
     ----------
-    linear : bool
-        Whether layers are mixed in linear light.
     same : bool
-        Whether that is what the background holds.
+        Whether layers are mixed in the light that the background holds.
     step : float
         Of a picture of integers, of full scale; 0 of floats.
     reach : float
@@ -86,7 +108,6 @@ class Light(NamedTuple):
         The largest of the layers' colors, at least 1.
     """
 
-    linear: bool
     same: bool
     step: float
     reach: float
@@ -94,244 +115,173 @@ class Light(NamedTuple):
     brightest: float = 1.0
 
     @staticmethod
-    def of(picture: Array, *, linear: bool, encoding: str) -> Light:
-        """Return how it is for a background."""
-        from flurries.io.color import linear_to_srgb
-
+    def of(picture: Array, linear: bool, encoding: str) -> Light:
+        """Return how errors count over a background, with layers mixed in linear light or not."""
         same = linear == (encoding == "linear")
         if picture.dtype.kind == "u":
             step = 1.0 / float(np.iinfo(picture.dtype).max)
-            return Light(linear, same, step, 1.0, 1.0 if same else STEEPEST)
+            return Light(same, step, 1.0, 1.0 if same else STEEPEST)
         low, high = (float(end) for end in (np.nanmin(picture), np.nanmax(picture)))
         if not (math.isfinite(low) and math.isfinite(high)):
-            return Light(linear, same, 0.0, math.inf, 1.0)
+            return Light(same, 0.0, math.inf, 1.0)
+        low, high = min(low, 0.0), max(high, 1.0)
         if same:
-            return Light(linear, same, 0.0, max(high, 1.0) - min(low, 0.0), 1.0)
+            return Light(same, 0.0, high - low, 1.0)
         # Floats mixed in display values and decoded again: steepest at the brightest.
-        low, high = (
-            float(end) for end in linear_to_srgb(np.array([min(low, 0.0), max(high, 1.0)]))
-        )
+        low, high = linear_to_srgb(np.array([low, high])).tolist()
         slope = 2.4 / 1.055 * ((max(high, -low) + 0.055) / 1.055) ** 1.4
-        return Light(linear, same, 0.0, high - low, slope)
+        return Light(same, 0.0, high - low, slope)
 
-    def total(self, errors: Sequence[Error], *, table: bool = False) -> float:
-        """Return what errors of the layers' opacities make of the frame's values."""
-        errors = [Error(*(self.brightest * part for part in error)) for error in errors]
-        whole = sum(error.layer + error.gone for error in errors)
+    def price(self, layer: float = 0.0, gone: float = 0.0) -> float:
+        """Return what an effect's errors take: where it is laid over the picture, and is not."""
+        layer, gone = self.brightest * layer, self.brightest * gone
         if self.step == 0.0:
-            return self.reach * self.slope * whole if whole else 0.0
-        if self.same:
-            return self.step * sum(
-                self._up(error.layer) + self._nearest(error.gone) for error in errors
-            )
-        return self.step * self._up(self.slope * whole + (TABLE if table else 0.0))
+            return self.reach * self.slope * (layer + gone) if layer + gone else 0.0
+        if not self.same:
+            return self.slope * (layer + gone)
+        # A layer that errs is rounded up or down; one that is gone leaves an integer.
+        up = math.ceil((layer + ROUNDING) / self.step) if layer > 0.0 else 0
+        return self.step * (up + math.floor((gone + ROUNDING) / self.step + 0.5))
 
-    def _up(self, error: float) -> int:
-        """Return the steps that a value may be off after it is rounded."""
-        return math.ceil((error + ROUNDING) / self.step) if error > 0.0 else 0
-
-    def _nearest(self, error: float) -> int:
-        """Return the same where the value was an integer, and stays it without the layer."""
-        return math.floor((error + ROUNDING) / self.step + 0.5)
-
-    def most(self, left: float, effects: int, *, gone: bool) -> float:
-        """Return the error that each of some effects may make, so that all make no more."""
-        if self.step == 0.0:
-            return (1.0 - 1e-9) * left / (self.reach * self.slope * self.brightest * effects)
-        steps = math.floor(left / self.step + 1e-9)
-        if self.same:
-            more = 0.5 if gone else 0.0
-            each = max(self.step * (steps // effects + more) - 2.0 * ROUNDING, 0.0)
-            return each / self.brightest
-        return max((self.step * steps - 2.0 * ROUNDING) / self.slope, 0.0) / (
-            self.brightest * effects
-        )
+    def error(self, price: float) -> float:
+        """Return how far values of the frame are off, at most, for prices together."""
+        if self.step == 0.0 or self.same or price == 0.0:
+            return price
+        return self.step * math.ceil((price + ROUNDING) / self.step)
 
 
-class Error(NamedTuple):
-    """What an effect's opacity is off by, at most.
+class _Entry(NamedTuple):
+    """What is spent on the effect at a place of the scene: on steps left out, or on settings."""
 
-    Attributes
-    ----------
-    layer : float
-        Where it is laid over the picture.
-    gone : float
-        Where it is not.
-    """
-
-    layer: float = 0.0
-    gone: float = 0.0
-
-
-@dataclass(frozen=True)
-class Asking:
-    """An effect with what it can save.
-
-    Attributes
-    ----------
-    index : int
-        Its place in the scene.
-    name : str
-        What people call it.
-    needs : Needs
-    """
-
-    index: int
-    name: str
-    needs: Needs
-
-
-class _Item(NamedTuple):
     place: int
-    saving: Saving
-    nanoseconds: float
+    spent: Spent
+    steps: frozenset[str] = frozenset()
+    settings: tuple[tuple[str, float], ...] = ()
+
+
+class _Bundle(NamedTuple):
+    """Savings together: their error or price, and the nanoseconds that they save."""
+
+    price: float
+    saved: float
+    taken: tuple[_Entry, ...] = ()
+
+
+_NOTHING = _Bundle(0.0, 0.0)
+
+# The place of the table, which belongs to no effect.
+_SCENE = -1
 
 
 def choose(
-    asked: Sequence[Asking],
+    asked: Sequence[tuple[int, str, Needs]],
     light: Light,
     tolerance: float,
     *,
     values: int,
-    hides: Callable[[float], float],
+    shares: Iterable[tuple[float, float]] = (),
 ) -> Choice:
-    """Return the choice that saves most.
+    """Return the choice that saves most of a frame of so many values.
 
     Parameters
     ----------
-    asked : sequence
-        What runs.
+    asked : sequence of (place, name, Needs)
+        The effects that run.
     light : Light
+        How their errors count.
     tolerance : float
         Of the frame's values, of full scale.
     values : int
         Numbers in the frame.
-    hides : callable
-        From an opacity to the share of the frame that is covered by all but it.
+    shares : iterable of (level, share)
+        The share of the frame in which no more than the level is let through, and something is.
     """
     if not math.isfinite(light.reach):
         return EXACT
-    bright = max((one.needs.brightest for one in asked), default=1.0)
-    light = light._replace(brightest=bright)
+    light = light._replace(brightest=max((n.brightest for _, _, n in asked), default=1.0))
     limit = tolerance * (1.0 + 1e-9)
-    table = not light.same and light.step > 0.0 and light.total([], table=True) <= limit
-    items = [
-        _Item(place, saving, saving.saved(saving.error))
-        for place, one in enumerate(asked)
-        for saving in one.needs.savings
-        if not saving.setting and light.total([_error(saving)], table=table) <= limit
-    ]
-    taken = _best(items, light, limit, table)
-    errors = _errors(taken, len(asked))
-    spent: list[Spent] = []
-    without: dict[int, frozenset[str]] = {}
-    for item in taken:
-        one, saving = asked[item.place], item.saving
-        steps = {step.name for step in one.needs.steps} if saving.all else {saving.name}
-        without[one.index] = without.get(one.index, frozenset()) | steps
-        what = one.name if saving.all else f"{one.name}: {saving.what}"
-        spent.append(Spent(what, saving.error, 1e-6 * item.nanoseconds))
-    if table:
+    table = [_NOTHING]
+    if light.step > 0.0 and not light.same:
         saved = nanoseconds({"encoded value": values}) - nanoseconds({"looked up value": values})
-        spent.append(Spent("display values from a table of 16 bits", TABLE, 1e-6 * saved))
-    # What cannot be divided is taken; what can be takes the rest.
-    whole = {item.place for item in taken if item.saving.all}
-    kept = [place for place in range(len(asked)) if place not in whole]
-    left = max(tolerance - light.total(errors, table=table), 0.0)
-    tuned, settings, gain = _tuned(asked, kept, light, left)
-    under, hiding = _hiding(asked, kept, light, left, hides)
-    if hiding > 0.0 and hiding >= gain:
-        for place in kept:
-            errors[place] = errors[place]._replace(gone=under)
-        spent.append(Spent("what hardly shows past what stands in front", under, 1e-6 * hiding))
-        error = light.total(errors, table=table)
-        return Choice(without, {}, under, table, tuple(spent), error)
-    for place, more in tuned.items():
-        errors[place] = errors[place]._replace(layer=errors[place].layer + more.error)
-        spent.append(more)
-    return Choice(without, settings, 0.0, table, tuple(spent), light.total(errors, table=table))
-
-
-def _error(saving: Saving) -> Error:
-    return Error(gone=saving.error) if saving.all else Error(layer=saving.error)
-
-
-def _errors(chosen: Sequence[_Item], effects: int) -> list[Error]:
-    """Return what savings make of the effects' opacities."""
-    errors = [Error()] * effects
-    for place, saving, _ in chosen:
-        layer, gone = errors[place]
-        errors[place] = Error(layer + _error(saving).layer, gone + _error(saving).gone)
-    return errors
-
-
-def _best(items: list[_Item], light: Light, limit: float, table: bool) -> list[_Item]:
-    """Return the savings that save most within a limit."""
-
-    def fits(chosen: Sequence[_Item]) -> bool:
-        places = [item.place for item in chosen]
-        for item in chosen:
-            # All of an effect has its parts in it.
-            if item.saving.all and places.count(item.place) > 1:
-                return False
-        return light.total(_errors(chosen, max(places) + 1), table=table) <= limit
-
-    if len(items) <= _MOST_TRIED:
-        best: tuple[_Item, ...] = ()
-        most = 0.0
-        for number in range(1, len(items) + 1):
-            for chosen in combinations(items, number):
-                saved = sum(item.nanoseconds for item in chosen)
-                if saved > most and fits(chosen):
-                    best, most = chosen, saved
-        return list(best)
-    found: list[_Item] = []
-    order = sorted(items, key=lambda item: -item.nanoseconds / (item.saving.error + 1e-12))
-    for item in order:
-        if fits([*found, item]):
-            found.append(item)
-    return found
-
-
-def _tuned(
-    asked: Sequence[Asking], kept: list[int], light: Light, left: float
-) -> tuple[dict[int, Spent], dict[int, dict[str, float]], float]:
-    """Return what effects' settings may be, the same error for each, and what that saves."""
-    able = [(p, s) for p in kept for s in asked[p].needs.savings if s.setting]
-    if not able:
-        return {}, {}, 0.0
-    each = light.most(left, len(able), gone=False)
-    spent: dict[int, Spent] = {}
+        table.append(_one(_SCENE, "display values from a table of 16 bits", TABLE, saved))
+    work = [sum(nanoseconds(step.cost().work) for step in n.steps) for _, _, n in asked]
+    parts = [_partly(*one, light, limit) for one in asked]
+    best, hidden, share_of = _NOTHING, 0.0, 0.0
+    for level, share in [(0.0, 0.0), *shares]:
+        groups = [table]
+        for (place, name, needs), bundles, ns in zip(asked, parts, work, strict=True):
+            # Laid over the picture with errors, made only where the level lets it be seen...
+            group = [
+                _Bundle(light.price(error, level), saved + share * max(ns - saved, 0.0), taken)
+                for error, saved, taken in bundles
+            ]
+            # ... or not laid over it at all.
+            steps = frozenset(step.name for step in needs.steps)
+            all_of_it = ns + nanoseconds({"layer": 1.0})
+            whole = _one(place, name, needs.most, all_of_it, steps)
+            groups.append([*group, whole._replace(price=light.price(0.0, needs.most))])
+        found = [b for b in _frontier(groups, limit) if light.error(b.price) <= limit]
+        if found and found[-1].saved > best.saved:
+            best, hidden, share_of = found[-1], level, share
+    without: dict[int, frozenset[str]] = {}
     settings: dict[int, dict[str, float]] = {}
-    total = 0.0
-    for place, saving in able:
-        value = min(each / saving.error, 0.5)
-        saved = saving.saved(value) if value > 0.0 else 0.0
-        if saved <= 0.0:
-            continue
-        total += saved
-        settings[asked[place].index] = {saving.name: value}
-        what = f"{asked[place].name}: {saving.what}"
-        spent[place] = Spent(what, saving.error * value, 1e-6 * saved)
-    return spent, settings, total
+    for place, _, steps, values_set in best.taken:
+        without[place] = without.get(place, frozenset()) | steps
+        settings[place] = {**settings.get(place, {}), **dict(values_set)}
+    spent = [one.spent for one in best.taken]
+    if share_of > 0.0:
+        rest = 1e-6 * best.saved - sum(one.milliseconds for one in spent)
+        spent.append(Spent("what hardly shows past what stands in front", hidden, rest))
+    return Choice(
+        without, settings, hidden, _SCENE in without, tuple(spent), light.error(best.price)
+    )
 
 
-def _hiding(
-    asked: Sequence[Asking],
-    kept: list[int],
-    light: Light,
-    left: float,
-    hides: Callable[[float], float],
-) -> tuple[float, float]:
-    """Return the opacity under which what is covered is not made, and what that saves."""
-    under = light.most(left, len(kept), gone=True) if kept else 0.0
-    if under <= 0.0 or (share := hides(under)) == 0.0:
-        return 0.0, 0.0
-    work = sum(nanoseconds(step.cost().work) for p in kept for step in asked[p].needs.steps)
-    return under, share * work
+def _one(
+    place: int,
+    what: str,
+    error: float,
+    saved: float,
+    steps: frozenset[str] = frozenset(),
+    settings: tuple[tuple[str, float], ...] = (),
+) -> _Bundle:
+    """Return the bundle of a single saving; its price is the error of an opacity."""
+    spent = Spent(what, error, 1e-6 * saved)
+    return _Bundle(error, saved, (_Entry(place, spent, steps, settings),))
 
 
-def light_of(scene: Any, t: float) -> Light:
-    """Return how errors count in a frame of a scene."""
-    backdrop = scene._backdrop
-    return Light.of(backdrop.frame(t), linear=scene.linear, encoding=backdrop.encoding)
+def _partly(place: int, name: str, needs: Needs, light: Light, limit: float) -> list[_Bundle]:
+    """Return the best bundles of an effect that is laid over the picture, by their error."""
+    groups = []
+    for saving in needs.savings:
+        group, what = [_NOTHING], f"{name}: {saving.what}"
+        if not saving.setting:
+            saved, steps = saving.saved(saving.error), frozenset({saving.name})
+            group.append(_one(place, what, saving.error, saved, steps))
+        for level in LEVELS if saving.setting else ():
+            if level <= 0.5 and light.price(saving.error * level) <= limit:
+                setting = ((saving.name, level),)
+                error, saved = saving.error * level, saving.saved(level)
+                group.append(_one(place, what, error, saved, settings=setting))
+        groups.append(group)
+    return _frontier(groups, math.inf)
+
+
+def _frontier(groups: Iterable[Sequence[_Bundle]], limit: float) -> list[_Bundle]:
+    """Return the best bundles with one of each group: each saves more than all that cost less."""
+    kept = [_NOTHING]
+    for group in groups:
+        together = [
+            _Bundle(one.price + more.price, one.saved + more.saved, one.taken + more.taken)
+            for one in kept
+            for more in group
+            if one.price + more.price <= limit
+        ]
+        kept = []
+        for bundle in sorted(together, key=lambda one: (one.price, -one.saved)):
+            if not kept or bundle.saved > kept[-1].saved:
+                kept.append(bundle)
+        # Of a scene with very many effects some are enough; the one that saves most stays.
+        if len(kept) > _MOST_KEPT:
+            kept = [*kept[:: len(kept) // _MOST_KEPT + 1], kept[-1]]
+    return kept

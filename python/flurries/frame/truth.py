@@ -3,13 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from flurries._contract import Array
+from flurries.camera.lens import Camera
+from flurries.frame.bands import crop
 from flurries.frame.layer import Layer
-from flurries.frame.mixing import Mix, free_name
+from flurries.frame.mixing import behind, free_name
+from flurries.frame.picture import draw
+from flurries.frame.program import Program
+from flurries.frame.shared import Shared
+from flurries.frame.visible import Window
+from flurries.trace import stage
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,35 +82,58 @@ class Rendered:
     linear: bool = True
 
 
-def rendered(
-    image: Array,
-    parts: Sequence[Layer],
-    mix: Mix,
-    background: Array,
-    foreground: Array | None,
-    depth: Array | None,
+def truth(
+    program: Program, t: float, eyes: Sequence[Camera | None], window: Window
+) -> list[Rendered]:
+    """Return what each eye sees of a window, whole and exact, with the layers apart."""
+    cameras = tuple(program.camera(eye, t) for eye in eyes)
+    shared = Shared(cameras, window) if len(eyes) > 1 else None
+    return [_truth(program, t, camera, window, shared) for camera in cameras]
+
+
+def _truth(
+    program: Program, t: float, camera: Camera, window: Window, shared: Shared | None
 ) -> Rendered:
-    """Return a composite with the layers that it was made of, back to front."""
+    with stage("background"):
+        plate = crop(program.backdrop.frame(t), window)
+    parts = [
+        layer
+        for ask in program.asks(t, camera, window, None)
+        for layer in draw(ask.part.effect, replace(ask.frame, shared=shared))
+    ]
+    matte = None if program.matte is None else program.matte.window(window)
+    if matte is not None:
+        # A mask keeps the weather from the background's own pixels in front.
+        parts = [behind(part, matte.cover) for part in parts]
+    mix, front = program.mix(), None
+    with stage("composite"):
+        light = mix.decode(plate)
+        for part in parts:
+            light = mix.over(light, part)
+        if matte is not None and matte.light is not None:
+            light = matte.over(light, linear=mix.linear)
+            front = matte.rgba(linear=mix.linear)
+        image = mix.encode(light, plate)
     names: dict[str, Layer] = {}
     for part in parts:
         names[free_name(part.name, names)] = part
-    shape = background.shape[:2]
-    cover: Array = np.zeros(shape, np.float32)
+    cover: Array = np.zeros(plate.shape[:2], np.float32)
     for number, part in enumerate(parts):
         cover = part.alpha if number == 0 else 1.0 - (1.0 - cover) * (1.0 - part.alpha)
+    depth = program.depth_at(t)
     return Rendered(
         image=image,
         alpha=cover,
         layers={name: mix.rgba(part) for name, part in names.items()},
-        depth=depth,
+        depth=None if depth is None else crop(depth, window),
         depths={name: part.depth for name, part in names.items() if part.depth is not None},
         motions={name: part.motion for name, part in names.items() if part.motion is not None},
         coverages={n: part.coverage for n, part in names.items() if part.coverage is not None},
         ids={name: part.ids for name, part in names.items() if part.ids is not None},
         motion=_most([(part.motion, part.alpha) for part in parts]),
         weather_depth=_most([(part.depth, part.alpha) for part in parts]),
-        background=background,
-        foreground=foreground,
+        background=mix.plate(plate),
+        foreground=front,
         linear=mix.linear,
     )
 

@@ -1,4 +1,4 @@
-"""Mist, fog and clouds as splatted Gaussian particles, for one eye or two (Johnson 2005).
+"""Mist, fog and clouds as splatted Gaussian particles (Johnson 2005).
 
 A gas is particles: middles, radii of three sigma, densities (the opacity of a particle's middle)
 and colors in linear light. :func:`splat` draws them for a camera; :func:`alpha` their opacity
@@ -8,7 +8,6 @@ and :func:`parallax_error` are the paper's analysis of its billboards, corrected
 """
 
 from flurries.gas.billboards import parallax_error, projection_error
-from flurries.gas.eyes import alpha_pair
 from flurries.gas.grid import particles_of
 from flurries.gas.lighting import light, phase
 from flurries.gas.splatting import alpha, splat
@@ -18,7 +17,6 @@ from flurries.gas.visibility import visibility as visibility
 
 __all__ = [
     "alpha",
-    "alpha_pair",
     "count_for_visibility",
     "density_for_visibility",
     "extinction",

@@ -119,7 +119,8 @@ def splat(
         Planar depth of what stands in the picture, world units; infinity where nothing does.
     occlusion : {"soft", "hard"}
         "soft" lets through the share of a particle that lies before `depth`; "hard" draws it where
-        its middle is nearer than `depth`, and cuts straight lines into walls.
+        its middle is nearer than `depth`, and cuts straight lines into walls. With "viewpoint" both
+        ask where the pixel's ray comes closest to the middle.
     error : float, optional
         A tile is finished once none of its pixels lets through more than this; alpha then errs by
         at most as much. If not given, 1e-6 for float32 and 1e-13 for float64.

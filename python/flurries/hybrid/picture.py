@@ -20,7 +20,8 @@ from flurries._contract import (
     vector,
 )
 from flurries._core import uniform
-from flurries.camera.lens import Camera, expect_camera, tile_drift
+from flurries.camera.lens import Camera, expect_camera
+from flurries.camera.tiles import tile_drift
 from flurries.hybrid.matching import Match
 from flurries.hybrid.population import Population, particle_share
 from flurries.hybrid.statistics import expect_population

@@ -10,7 +10,6 @@ from flurries.io.depth import open_depth, read_depth
 from flurries.io.headers import Header, read_header
 from flurries.io.layer_views import write_layer_views
 from flurries.io.layers import read_layers, write_layers
-from flurries.io.paths import read_path
 from flurries.io.pictures import Picture, read_mask, read_picture
 from flurries.io.resize import fit, fit_nearest
 from flurries.io.sequences import Pattern, frame_range
@@ -35,7 +34,6 @@ __all__ = [
     "read_header",
     "read_layers",
     "read_mask",
-    "read_path",
     "read_picture",
     "read_video",
     "read_views",

@@ -81,7 +81,10 @@ class Keys:
 
         Outside the keys it holds, or with `extend` goes on along the first and the last piece.
         """
-        t = real("t", t)
+        return self.value(real("t", t), extend=extend)
+
+    def value(self, t: float, *, extend: bool = False) -> Any:
+        """Return what `at` does, for a time that is checked."""
         frames, values = self._frames, self._values
         if len(frames) == 1 or (not extend and not frames[0] <= t <= frames[-1]):
             return _plain(values[0] if t < frames[0] else values[-1])
@@ -170,12 +173,14 @@ def as_vector(name: str, value: object, length: int) -> Vector:
 
 def value_at(value: Any, t: float) -> Any:
     """Return a plain value, or a keyed one at frame `t`."""
-    return value.at(t) if isinstance(value, Keys) else value
+    return value.value(t) if isinstance(value, Keys) else value
 
 
 def integral_to(value: Any, t: float) -> Any:
     """Return the integral from frame 0 to `t` of a plain or keyed value, as an array."""
-    return np.asarray(value.integral(t) if isinstance(value, Keys) else np.multiply(value, t))
+    if isinstance(value, Keys):
+        return np.asarray(value._area(t) - value._area(0.0))
+    return np.asarray(np.multiply(value, t))
 
 
 @dataclass(frozen=True, eq=False)
@@ -231,7 +236,7 @@ def course_of(value: Any, scale: float = 1.0) -> Course:
     )
 
 
-def summed(courses: Sequence[Course]) -> Course:
+def sum_of(courses: Sequence[Course]) -> Course:
     """Return the sum of courses."""
     knots = np.unique(np.concatenate([course.knots for course in courses]))
     # One time in each piece, beyond the ends too.
@@ -249,7 +254,7 @@ Pieces: TypeAlias = Callable[[Float64, Float64, Float64], Float64]
 
 
 @dataclass(frozen=True, eq=False)
-class Running:
+class Integral:
     """The integral from frame 0 of a vector that is elementary between knots.
 
     Attributes
@@ -268,12 +273,12 @@ class Running:
     sums: Float64
 
     @staticmethod
-    def of(pieces: Pieces, knots: Float64) -> Running:
+    def of(pieces: Pieces, knots: Float64) -> Integral:
         """Return the integral with its sums at all knots."""
         knots = np.unique(np.concatenate([knots, [0.0]]))
         areas = pieces(knots[:-1], knots[1:], 0.5 * (knots[:-1] + knots[1:]))
         sums = prefix_sums(areas, (len(knots), areas.shape[1]))
-        return Running(pieces, knots, sums - sums[np.searchsorted(knots, 0.0)])
+        return Integral(pieces, knots, sums - sums[np.searchsorted(knots, 0.0)])
 
     def to(self, t: float) -> Float64:
         """Return the integral from frame 0 to `t`, (width,)."""

@@ -20,6 +20,8 @@ import numpy as np
 
 from flurries._contract import Array, integer
 from flurries._threads import reproducible, set_reproducible, set_threads
+from flurries.frame import estimate
+from flurries.scene.numbers import frames_of
 
 if TYPE_CHECKING:
     from flurries.output.sequence import Progress, Sequence
@@ -30,9 +32,8 @@ __all__ = ["grouped", "to_dask"]
 # A scheduler takes 2 to 10 ms for a task; with this much work in one that is below 2 %.
 SECONDS_OF_A_TASK = 0.5
 
-# The fixed cost of a frame that groups go by, and never a clock: nanoseconds for each pixel, of the
-# background and of each effect.
-_BACKGROUND, _EFFECT = 15.0, 35.0
+# Seconds for each pixel that is read and written, beside what rendering takes.
+_FILE = 15e-9
 
 # Frames that a task may give back as arrays, in bytes.
 _MOST_BYTES = 1 << 28
@@ -60,12 +61,12 @@ def grouped(scene: Scene, frames: Any) -> list[list[int]]:
     TypeError, ValueError
         For what is no scene, or names no frames.
     """
-    from flurries.output.write import frames_of
     from flurries.scene.scene import expect_scene
 
-    height, width = expect_scene(scene).shape
+    expect_scene(scene)
     wanted = frames_of(scene, frames)
-    cost = 1e-9 * height * width * (_BACKGROUND + _EFFECT * len(scene.effects))
+    files = _FILE * scene.shape[0] * scene.shape[1]
+    cost = estimate.seconds(scene.program, wanted, scene.tolerance) + files
     size = max(math.ceil(SECONDS_OF_A_TASK / cost), 1)
     return [wanted[first : first + size] for first in range(0, len(wanted), size)]
 
@@ -102,9 +103,8 @@ def to_dask(scene: Scene, frames: Any = None, *, group: int | None = None) -> An
     """
     dask = _required("dask")
     array = _required("dask.array")
-    from flurries.output.write import frames_of
+    from flurries.scene.fingerprint import fingerprint
     from flurries.scene.scene import expect_scene
-    from flurries.scene.toml import fingerprint
 
     expect_scene(scene)
     wanted = frames_of(scene, frames)

@@ -64,7 +64,7 @@ class Sequence:
     entries: dict[str, dict[str, Any]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        from flurries.scene.toml import fingerprint
+        from flurries.scene.fingerprint import fingerprint
 
         if not self.mark:
             mode = "-reproducible" if self.plain else ""

@@ -2,28 +2,25 @@
 
 from __future__ import annotations
 
-import math
 import os
 import time
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from flurries._contract import Array, choice, flag, integer
+from flurries._contract import Array, choice, flag
 from flurries.camera.lens import Camera
 from flurries.output.contents import Content
 from flurries.output.sequence import Progress
+from flurries.scene.numbers import frames_of
 
 if TYPE_CHECKING:
     from flurries.scene.scene import Scene
 
 __all__ = ["Summary", "write"]
-
-# Three seconds of film, where neither the caller nor the background says how long.
-DEFAULT_SECONDS = 3.0
 
 DAMAGED = ("stop", "skip", "hold")
 
@@ -238,28 +235,6 @@ def _token_for(text: str) -> str:
 
 def _silent(frames: Iterable[int]) -> Iterable[int]:
     return frames
-
-
-def frames_of(scene: Scene, frames: str | int | Iterable[int] | None) -> list[int]:
-    """Return frame numbers, each once, in the order asked for."""
-    from flurries.io import frame_range
-
-    if frames is None:
-        if scene.frames is not None:
-            return list(range(scene.frames))
-        return list(range(1, math.ceil(DEFAULT_SECONDS * scene.fps) + 1))
-    if isinstance(frames, str):
-        numbers: Sequence[int] = frame_range(frames)
-    elif isinstance(frames, (int, np.integer)):
-        numbers = [int(frames)]
-    elif isinstance(frames, Iterable):
-        numbers = list(frames)
-    else:
-        raise TypeError(f"frames must be a range such as '1-60' or integers, got {frames!r}")
-    result = list(dict.fromkeys(integer("frames", n, low=0, high=10**12) for n in numbers))
-    if not result:
-        raise ValueError("frames must name at least one frame, got none")
-    return result
 
 
 def _require_other_file(scene: Scene, path: Path) -> None:

@@ -11,8 +11,9 @@ from typing import Any
 import numpy as np
 
 from flurries._contract import Array, rectangular, table
+from flurries.io import fit, open_background
 
-_COLOUR = re.compile(r"#([0-9a-fA-F]{2})([0-9a-fA-F]{2})([0-9a-fA-F]{2})")
+_COLOR = re.compile(r"#([0-9a-fA-F]{2})([0-9a-fA-F]{2})([0-9a-fA-F]{2})")
 _DEFAULT_SIZE = (1024, 768)
 
 
@@ -55,8 +56,6 @@ class _Fitted:
     _last: tuple[int, Array] | None = None
 
     def frame(self, index: int) -> Array:
-        from flurries.io import fit
-
         index = 0 if self.source.count is None else min(max(index, 0), self.source.count - 1)
         last = self._last
         if last is not None and last[0] == index:
@@ -74,13 +73,11 @@ class _Fitted:
 def backdrop(background: Any, size: tuple[int, int] | None) -> Backdrop:
     """Return the backdrop of a scene's `background` argument."""
     if isinstance(background, str) and background.startswith("#"):
-        match = _COLOUR.fullmatch(background)
+        match = _COLOR.fullmatch(background)
         if match is None:
             raise ValueError(f"background must be '#rrggbb' for a color, got {background!r}")
         return _plain([int(part, 16) for part in match.groups()], np.dtype(np.uint8), size)
     if isinstance(background, (str, os.PathLike)):
-        from flurries.io import open_background
-
         return _of_source(open_background(background), size)
     if isinstance(background, (tuple, list)) and len(background) == 3 and np.ndim(background) == 1:
         return _plain(table("background", background, ndim=1), np.dtype(np.float32), size)
@@ -129,40 +126,3 @@ def _of_array(background: Any, size: tuple[int, int] | None) -> Backdrop:
     )
     pixels.flags.writeable = False
     return Backdrop(own, "linear" if kind == "f" else "display", None, pixels)
-
-
-# What pictures reflect on average, the grey of exposure meters; and fresh snow.
-_GREY, _SNOW = 0.18, 0.9
-
-
-def ambient_light(picture: Array, encoding: str) -> tuple[float, float, float]:
-    """Return how bright white snow is in the light that a picture was taken in.
-
-    Parameters
-    ----------
-    picture : (H, W, 3)
-        Of a background's dtype.
-    encoding : {"display", "linear"}
-        What its numbers mean.
-
-    Returns
-    -------
-    (r, g, b)
-        Display values, 0 to 1: the mean of the linear light over 0.18, which is what pictures
-        reflect on average, times 0.9, what snow does; lowered in one proportion to 1 at most. What
-        is not finite does not count.
-
-    Notes
-    -----
-    The ambient color of Langer 2003's slides, which do not say where it comes from.
-    """
-    from flurries.io import linear_to_srgb
-    from flurries.io.color import to_linear
-
-    light = to_linear(picture, encoding).reshape(-1, 3)
-    light = light[np.isfinite(light).all(axis=1)]
-    if len(light) == 0:
-        return 1.0, 1.0, 1.0
-    white = np.maximum(light.mean(axis=0, dtype=np.float64), 0.0) * (_SNOW / _GREY)
-    red, green, blue = linear_to_srgb(white / max(float(white.max()), 1.0)).tolist()
-    return red, green, blue

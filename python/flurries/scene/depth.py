@@ -10,6 +10,9 @@ from typing import Any
 import numpy as np
 
 from flurries._contract import Array, choice, depths, real, rectangular
+from flurries.io import fit_nearest, open_background, open_depth
+from flurries.io.color import to_unit
+from flurries.io.pictures import luminance
 
 __all__ = ["DepthMap"]
 
@@ -142,9 +145,6 @@ class _Fitted:
     _last: tuple[Any, Array] | None = None
 
     def frame(self, t: float) -> Array:
-        from flurries.io import fit_nearest
-        from flurries.io.pictures import luminance
-
         picture = self.files.frame(math.floor(t))
         last = self._last
         # The files give the very same picture again while they keep it.
@@ -164,8 +164,6 @@ def distance_of(value: Any, shape: tuple[int, int]) -> Distance:
     if isinstance(value, DepthMap):
         return _of_map(value, shape)
     if isinstance(value, (str, os.PathLike)):
-        from flurries.io import open_depth
-
         return Distance(_Fitted(open_depth(value), None, shape))
     if not isinstance(value, (dict, set, list, tuple)) and np.ndim(value) == 0:
         wall = real("depth", value, above=0.0)
@@ -182,12 +180,8 @@ def distance_of(value: Any, shape: tuple[int, int]) -> Distance:
 
 def _of_map(value: DepthMap, shape: tuple[int, int]) -> Distance:
     if isinstance(value.source, np.ndarray):
-        from flurries.io.color import to_unit
-
         _require_shape("depth: source", value.source.shape, shape)
         return Distance(_read_only(value.depth_of(to_unit(value.source))))
-    from flurries.io import open_background
-
     return Distance(_Fitted(open_background(value.source), value, shape))
 
 

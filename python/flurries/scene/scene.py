@@ -2,31 +2,30 @@
 
 from __future__ import annotations
 
-import operator
 from collections.abc import Sequence
 from dataclasses import dataclass, field, fields, replace
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from flurries._contract import Array, choice, integer, real, seed_of
+from flurries._contract import Array, choice, real, seed_of
 from flurries.camera.lens import Camera
 from flurries.camera.path import as_path
-from flurries.effects import Frame, Layer
-from flurries.frame.bands import Ask, Picture, cropped, laid, layers_made
-from flurries.frame.layer import Shared
-from flurries.frame.mixing import Mix, behind
+from flurries.frame.matte import Matte
+from flurries.frame.picture import images
 from flurries.frame.program import Program
-from flurries.frame.tolerance import EXACT
-from flurries.frame.truth import Rendered, rendered
-from flurries.frame.visible import Window
+from flurries.frame.truth import Rendered, truth
+from flurries.io import open_background
+from flurries.io.sources import Source, VideoSource
 from flurries.light.sun import Sun
+from flurries.scene.arguments import parse_region, parse_size, parse_tolerance
 from flurries.scene.background import Backdrop, backdrop
 from flurries.scene.depth import Distance, distance_of
-from flurries.scene.foreground import Foreground, foreground_of
+from flurries.scene.foreground import foreground_of
+from flurries.scene.numbers import frames_of
 from flurries.stereo import eyes
-from flurries.trace import stage
 
 if TYPE_CHECKING:
     from flurries.frame.report import Plan
@@ -101,9 +100,8 @@ class Scene:
     sun: Sun | None = None
     tolerance: float = 0.0
     _backdrop: Backdrop = field(init=False, repr=False)
-    _foreground: Foreground | None = field(init=False, repr=False)
+    _matte: Matte | None = field(init=False, repr=False)
     _distance: Distance | None = field(init=False, repr=False)
-    _program: Program | None = field(init=False, repr=False, default=None)
 
     def __post_init__(self) -> None:
         def settle(name: str, value: Any) -> None:
@@ -114,7 +112,7 @@ class Scene:
         settle("fps", real("fps", self.fps, above=0.0))
         settle("seed", seed_of(self.seed))
         choice("space", self.space, SPACES)
-        settle("tolerance", tolerance_of(self.tolerance))
+        settle("tolerance", parse_tolerance(self.tolerance))
         settle("_backdrop", backdrop(self.background, self.size))
         settle("size", self._backdrop.size)
         settle("camera", as_path(self.camera, DEFAULT_FOCAL * self.shape[1]))
@@ -128,7 +126,7 @@ class Scene:
                 raise TypeError(f"effects[{index}] must be an effect, got {effect!r}")
         settle("effects", effects)
         front = None if self.foreground is None else foreground_of(self.foreground, self.shape)
-        settle("_foreground", front)
+        settle("_matte", front)
         if self.sun is not None and not isinstance(self.sun, Sun):
             raise TypeError(f"sun must be a flurries.Sun, got {self.sun!r}")
         distance = None if self.depth is None else distance_of(self.depth, self.shape)
@@ -151,7 +149,7 @@ class Scene:
     def __reduce__(self) -> tuple[Any, ...]:
         # What it was made from, not what was made of it: a color is not a picture of it.
         values = {f.name: getattr(self, f.name) for f in fields(self) if f.init}
-        return _rebuilt, (values,)
+        return _scene_of, (values,)
 
     def replace(self, **changes: Any) -> Scene:
         """Return the scene with some arguments changed."""
@@ -183,7 +181,7 @@ class Scene:
         tolerance : float, optional
             How far any value may be off, of full scale, from the frame without a tolerance; the
             scene's own if not given. Spent where it saves most time by a fixed cost model, so that
-            frames have the same bits on all machines; `plan` says on what. Layers are exact.
+            all machines choose alike; `plan` says on what. Layers are exact.
 
         Returns
         -------
@@ -191,66 +189,24 @@ class Scene:
             uint8 or uint16 where the background is, else float32. The same bits whatever else was
             rendered before, in any process and with any number of threads.
         """
-        time, window = real("t", t), self._window(region)
         if eye is not None and not isinstance(eye, Camera):
             raise TypeError(f"eye must be a Camera, got {eye!r}")
-        if layers:
-            if tolerance is not None:
-                tolerance_of(tolerance)
-            return self._layered(time, eye, window)
-        camera = self.camera.seen(self.camera.camera if eye is None else eye, time)
-        return laid([self._seen(time, eye, window, tolerance=tolerance)], (camera,))[0]
+        return self._see(t, [eye], layers, region, tolerance)[0]
 
-    def _seen(
+    def _see(
         self,
-        time: float,
-        eye: Camera | None,
-        window: Window,
-        *,
+        t: float,
+        views: Sequence[Camera | None],
+        layers: bool,
+        region: tuple[slice, slice] | None,
         tolerance: float | None,
-    ) -> Picture:
-        """Return what an eye sees, to be put together."""
-        with stage("background"):
-            plate = cropped(self._backdrop.frame(time), window)
-        limit = self.tolerance if tolerance is None else tolerance_of(tolerance)
-        chosen = EXACT if limit == 0.0 else self.program.choice(time, plate.dtype, limit)
-        # Where none of the weather can be seen, none is made.
-        inner = self.program.seen(window, chosen.hidden)
-        asks: list[Ask] = []
-        if inner is not None:
-            frames = self.program.frames(time, eye, inner, dtype=plate.dtype, choice=chosen)
-            asked = list(frames)
-            given = self.program.given(time, asked)
-            asks = [
-                Ask(effect, frame, needs.by_rows, needs.in_one_pass)
-                for (effect, frame), (_, _, needs) in zip(given, asked, strict=True)
-            ]
-        matte = None if self._foreground is None else self._foreground.window(window)
-        mix = Mix(self.linear, self._backdrop.encoding, chosen.table)
-        return Picture(asks, mix, plate, matte, window, inner)
-
-    def _layered(
-        self, time: float, eye: Camera | None, window: Window, shared: Shared | None = None
-    ) -> Rendered:
-        """Return what an eye sees with the layers apart, whole and exact."""
-        with stage("background"):
-            plate = cropped(self._backdrop.frame(time), window)
-        asked = self.program.given(time, list(self.program.frames(time, eye, window, dtype=None)))
-        matte = None if self._foreground is None else self._foreground.window(window)
-        mix = Mix(self.linear, self._backdrop.encoding)
-        parts = [
-            layer
-            for effect, frame in asked
-            for layer in layers_made(effect, replace(frame, shared=shared), plate.shape[:2])
-        ]
-        # A mask keeps the weather from the background's own pixels in front.
-        parts = parts if matte is None else [behind(part, matte.cover) for part in parts]
-        with stage("composite"):
-            image = self._mixed(parts, mix, plate, matte)
-        front = None if matte is None or matte.light is None else matte.rgba(linear=self.linear)
-        depth = self.depth_at(time)
-        around = None if depth is None else cropped(depth, window)
-        return rendered(image, parts, mix, mix.plate(plate), front, around)
+    ) -> list[Any]:
+        """Return what each eye sees, None being the path's camera."""
+        time, window = real("t", t), parse_region(region, self.shape)
+        limit = self.tolerance if tolerance is None else parse_tolerance(tolerance)
+        if layers:
+            return truth(self.program, time, views, window)
+        return images(self.program, time, views, window, limit)
 
     def look(self, t: float) -> None:
         """Read background and depth of a frame, as `render` will.
@@ -268,8 +224,6 @@ class Scene:
     @property
     def film(self) -> Any:
         """The source of a background that is a video; None for others."""
-        from flurries.io.sources import VideoSource
-
         source = self._opened
         return source if isinstance(source, VideoSource) else None
 
@@ -280,9 +234,6 @@ class Scene:
 
     def holding(self) -> Scene:
         """Return the scene with a background that holds its last good frame where one is bad."""
-        from flurries.io import open_background
-        from flurries.io.sources import Source
-
         source = self._opened
         if not isinstance(source, Source) or source.damaged == "hold":
             return self
@@ -309,18 +260,24 @@ class Scene:
         """
         from flurries.frame.estimate import plan_of
 
-        limit = self.tolerance if tolerance is None else tolerance_of(tolerance)
-        return plan_of(self, frames, limit)
+        limit = self.tolerance if tolerance is None else parse_tolerance(tolerance)
+        return plan_of(self.program, frames_of(self, frames), limit)
 
-    @property
+    @cached_property
     def program(self) -> Program:
         """What runs for each frame, resolved when it is first asked for."""
-        found = self._program
-        # One that was copied with a scene's other attributes belongs to that scene.
-        if found is None or found.scene is not self:
-            found = Program(self)
-            object.__setattr__(self, "_program", found)
-        return found
+        return Program(
+            effects=self.effects,
+            shape=self.shape,
+            fps=self.fps,
+            path=self.camera,
+            seed=self.seed,
+            sun=self.sun,
+            backdrop=self._backdrop,
+            distance=self._distance,
+            matte=self._matte,
+            linear=self.linear,
+        )
 
     def stereo(
         self,
@@ -361,18 +318,11 @@ class Scene:
             warned = getattr(effect, "warn_ambiguous", None)
             if warned is not None:
                 warned(self.shape, self.camera.camera.focal, distance, index)
-        time, window = real("t", t), self._window(region)
         if pair[0] == pair[1]:
-            left = self.render(time, eye=pair[0], layers=layers, region=region, tolerance=tolerance)
-            return left, left
-        cameras = self.camera.seen(pair[0], time), self.camera.seen(pair[1], time)
-        if layers:
-            shared = Shared(cameras, window)
-            first, second = (self._layered(time, eye, window, shared) for eye in pair)
-            return first, second
-        seen = [self._seen(time, eye, window, tolerance=tolerance) for eye in pair]
-        one, other = laid(seen, cameras)
-        return one, other
+            (both,) = self._see(t, pair[:1], layers, region, tolerance)
+            return both, both
+        left, right = self._see(t, pair, layers, region, tolerance)
+        return left, right
 
     def depth_at(self, t: float) -> Array | None:
         """Return the background's planar depth at `t`, (H, W) float32, or None.
@@ -380,22 +330,7 @@ class Scene:
         World units, infinity where nothing stands. A sequence of depths goes by frames as the
         background does.
         """
-        time = real("t", t)
-        if self._distance is None:
-            return None
-        with stage("depth"):
-            return self._distance.frame(time)
-
-    def _mixed(
-        self, parts: list[Layer], mix: Mix, picture: Array, matte: Foreground | None
-    ) -> Array:
-        """Return the composite of the layers."""
-        working = mix.working(picture)
-        for part in parts:
-            working = mix.over(working, part)
-        if matte is not None and matte.light is not None:
-            working = matte.over(working, linear=self.linear)
-        return mix.finished(working, picture)
+        return self.program.depth_at(real("t", t))
 
     def write(self, pattern: str | Path, frames: Any = None, **options: Any) -> Any:
         """Render frames to files; see :func:`flurries.output.write.write`."""
@@ -429,37 +364,6 @@ class Scene:
             return self._backdrop.encoding == "linear"
         return self.space == "linear"
 
-    def _window(self, region: Any) -> tuple[int, int, int, int]:
-        if region is None:
-            return (0, self.shape[0], 0, self.shape[1])
-        wanted = "region must be two slices, as from np.s_[100:200, 50:80]"
-        if not isinstance(region, tuple) or len(region) != 2:
-            raise TypeError(f"{wanted}, got {region!r}")
-        window: list[int] = []
-        for part, length in zip(region, self.shape, strict=True):
-            if not isinstance(part, slice):
-                raise TypeError(f"{wanted}, got {region!r}")
-            try:
-                start, stop, step = part.indices(length)
-            except (TypeError, ValueError):
-                raise TypeError(f"{wanted}, got {region!r}") from None
-            if step != 1 or stop <= start:
-                raise ValueError(f"{wanted}, inside {self.shape} and not empty, got {region!r}")
-            window += [start, stop]
-        return window[0], window[1], window[2], window[3]
-
-    def _asks(
-        self,
-        t: float,
-        eye: Camera | None,
-        window: Window,
-        depth: Array | None,
-        whole: bool = False,
-    ) -> list[tuple[Any, Frame]]:
-        """Return each effect with its view of a frame, given a depth."""
-        asked = self.program.frames(t, eye, window, dtype=None)
-        return [(effect, replace(frame, depth=depth, whole=whole)) for effect, frame, _ in asked]
-
 
 def expect_scene(scene: object) -> Scene:
     """Return a scene, or refuse what is none."""
@@ -468,23 +372,5 @@ def expect_scene(scene: object) -> Scene:
     return scene
 
 
-def _rebuilt(values: dict[str, Any]) -> Scene:
+def _scene_of(values: dict[str, Any]) -> Scene:
     return Scene(**values)
-
-
-def tolerance_of(value: object) -> float:
-    """Return a tolerance, or refuse it."""
-    return real("tolerance", value, low=0.0, high=1.0)
-
-
-def parse_size(size: object) -> tuple[int, int]:
-    """Return (width, height) from a pair or "WIDTHxHEIGHT"."""
-    if isinstance(size, str):
-        parts = size.lower().split("x")
-        if len(parts) != 2 or not all(part.strip().isdigit() for part in parts):
-            raise ValueError(f"size must be (width, height) or 'WIDTHxHEIGHT', got {size!r}")
-        size = tuple(map(int, parts))
-    if not isinstance(size, (tuple, list, np.ndarray)) or len(size) != 2:
-        raise TypeError(f"size must be (width, height), got {size!r}")
-    width, height = (operator.index(integer("size", v, low=1, high=2**17)) for v in size)
-    return width, height

@@ -13,6 +13,7 @@ all waves alike (a turning camera).
 from __future__ import annotations
 
 from flurries.spectral.export import export_loop
+from flurries.spectral.flakes import flake_patterns, optical_depth
 from flurries.spectral.frame import alpha, field
 from flurries.spectral.tables import (
     BANDS,
@@ -34,9 +35,11 @@ __all__ = [
     "blend_tiles",
     "export_loop",
     "field",
+    "flake_patterns",
     "inverse_transform",
     "loop",
     "opacity",
+    "optical_depth",
     "random_phase",
     "temporal_filter",
     "tent_rate",

@@ -7,6 +7,7 @@ import math
 import numpy as np
 
 from flurries._contract import Float64
+from flurries.spectral.tables import temporal_gain
 
 _ANGLES = 4096
 
@@ -28,12 +29,7 @@ def kept_power(cycles: float, alias: str, *, soft_from: float = 0.4, shutter: fl
     most = 1.0 if alias == "keep" else min(0.5 / cycles, 1.0)
     angle = math.asin(most) * (np.arange(_ANGLES) + 0.5) / _ANGLES
     rate = cycles * np.sin(angle)
-    kept = np.ones(_ANGLES)
-    if alias == "soft":
-        part = np.clip((rate - soft_from) / (0.5 - soft_from), 0.0, 1.0)
-        kept = np.cos(0.5 * np.pi * part) ** 4
-    if shutter > 0.0:
-        kept = kept * np.sinc(rate * shutter) ** 2
+    kept = temporal_gain(rate, alias=alias, soft_from=soft_from, shutter=shutter) ** 2
     return float(kept.mean() * math.asin(most) / (0.5 * np.pi))
 
 

@@ -3,13 +3,23 @@
 from __future__ import annotations
 
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 
 from flurries._contract import Float64
 from flurries.spectral.frame import Request
-from flurries.spectral.tables import band_amplitude
+from flurries.spectral.tables import band_amplitude, temporal_gain
 from flurries.spectral.tiles import tile_starts
+
+
+def depth_of_wave(length: Any, near_depth: float, longest: float) -> Any:
+    """Return the depth that waves of a length stand for: the longest one for `near_depth`.
+
+    Each for a fixed length in the world, lambda Z = near_depth longest, so that the same law gives
+    the wave of a depth: ``depth_of_wave(depth, near_depth, longest)``. Langer 2004, section 8.
+    """
+    return near_depth * longest / length
 
 
 def tile_motion(now: Request, later: Request) -> tuple[Float64, Float64]:
@@ -58,7 +68,8 @@ def _fitted(now: Request, kind: Float64, rings: int) -> Float64:
     near = (length / now.wavelengths[1])[:, None]
     kept = np.where(length > kind[-1], power, 0.0)
     rate = np.einsum("wi,wi->w", k, near * velocity[ring] + turned[ring])
-    weight = kept * _gain(rate, now) ** 2
+    gain = temporal_gain(rate, alias=now.alias, soft_from=now.soft_from, shutter=now.shutter)
+    weight = kept * gain**2
     if weight.sum() <= 1e-9 * power.sum():
         # Blurred away, or no air: what it would be.
         weight = kept if kept.any() else power
@@ -68,18 +79,6 @@ def _fitted(now: Request, kind: Float64, rings: int) -> Float64:
     motion = np.linalg.lstsq(gradients, pull, rcond=1e-9)[0]
     steep = weight @ (1.0 / length**2)
     return np.array([*motion, (weight @ (1.0 / length)) / steep])
-
-
-def _gain(rate: Float64, asked: Request) -> Float64:
-    """Return what alias law and shutter leave of waves, see `temporal_filter`."""
-    speed = np.abs(rate)
-    gain = np.sinc(rate * asked.shutter)
-    if asked.alias != "keep":
-        gain = np.where(speed < 0.5, gain, 0.0)
-    if asked.alias == "soft":
-        part = np.clip((speed - asked.soft_from) / (0.5 - asked.soft_from), 0.0, 1.0)
-        gain = gain * np.cos(0.5 * np.pi * part) ** 2
-    return np.asarray(gain)
 
 
 @lru_cache(maxsize=4)

@@ -11,6 +11,7 @@ import numpy.typing as npt
 from flurries import _core
 from flurries._contract import (
     Array,
+    Float64,
     choice,
     float_dtype,
     integer,
@@ -97,7 +98,57 @@ def tile_starts(length: int, *, tile: int = 64, overlap: int = 10) -> npt.NDArra
             f"length must take at most {_MOST_TILES} tiles, got {pixels_}, which takes {count} "
             f"of {rows} px with {shared} shared"
         )
-    return np.arange(count, dtype=np.intp) * (rows - shared)
+    return starts(pixels_, rows, shared)
+
+
+def starts(length: int, tile: int, overlap: int) -> npt.NDArray[np.intp]:
+    """Return what `tile_starts` does, for numbers that are checked."""
+    count = _core.tile_count(length, tile, overlap)
+    return np.arange(count, dtype=np.intp) * (tile - overlap)
+
+
+def tile_weights(length: int, *, tile: int, overlap: int, blend: str) -> Float64:
+    """Return what each tile's field is multiplied by at each pixel of an axis, (length, tiles).
+
+    The weight of a tile in the picture is the product of both axes'. For numbers that are checked.
+    """
+    shares = np.empty((length, _core.tile_count(length, tile, overlap)))
+    _core.tile_shares(shares, tile, overlap, blend)
+    return np.sqrt(shares) if blend == "power" else shares
+
+
+def power_shares(length: int, *, tile: int, overlap: int, blend: str) -> tuple[Float64, Float64]:
+    """Return each tile's share of the field's power at each pixel of an axis, and that power.
+
+    Shares (length, tiles) sum to 1 at each pixel. The power (length,), against that in the middle
+    of a tile, is 1 for "power", and falls where tiles overlap for "linear".
+    """
+    squares = tile_weights(length, tile=tile, overlap=overlap, blend=blend) ** 2
+    power = squares.sum(axis=1)
+    return squares / power[:, None], power
+
+
+def tile_shares(
+    length: int, *, tile: int, overlap: int, blend: str = "power"
+) -> npt.NDArray[np.float64]:
+    """Each tile's share of each pixel along one axis, as :func:`blend_tiles` has it.
+
+    Parameters
+    ----------
+    length, tile, overlap
+        See :func:`tile_starts`.
+    blend : {"power", "linear"}
+        Shares of the power, whose roots are the weights of the fields; or the weights themselves.
+
+    Returns
+    -------
+    (length, tiles) float64
+        0 to 1; a row sums to 1.
+    """
+    count = len(tile_starts(length, tile=tile, overlap=overlap))
+    shares = np.empty((length, count))
+    _core.tile_shares(shares, tile, overlap, choice("blend", blend, BLEND))
+    return shares
 
 
 def blend_tiles(

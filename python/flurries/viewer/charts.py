@@ -10,6 +10,7 @@ import numpy as np
 
 from flurries import spectral
 from flurries._contract import Array
+from flurries.effects.field import Field
 from flurries.scene.scene import Scene
 
 # Bins a side: enough for a smooth surface, few enough to draw while a slider is dragged.
@@ -46,6 +47,11 @@ class Chart:
     kept: float
 
 
+def field_of(effect: object) -> Field | None:
+    """Return the field of waves of an effect's texture, if it has one."""
+    return getattr(getattr(getattr(effect, "parts", None), "texture", None), "field", None)
+
+
 def chart(scene: Scene, t: float, index: int, at: tuple[float, float]) -> Chart | None:
     """Return the chart of the tile of an effect at a place of the picture.
 
@@ -66,13 +72,15 @@ def chart(scene: Scene, t: float, index: int, at: tuple[float, float]) -> Chart 
     """
     if not 0 <= index < len(scene.effects):
         return None
-    window = (0, scene.shape[0], 0, scene.shape[1])
-    effect, frame = scene._asks(t, None, window, None, False)[index]
-    if not hasattr(effect, "texture_request"):
+    effect = scene.effects[index]
+    frames = [frame for one, frame in scene.program.views(t) if one is effect]
+    field = field_of(effect)
+    if field is None or not frames:
         return None
+    frame = frames[0]
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", UserWarning)
-        asked = effect.texture_request(frame)
+        asked = field.request(frame, field.motion.way(frame))
     row, top = _nearest(asked.shape[0], asked.tile[0], asked.overlap, at[1])
     col, left = _nearest(asked.shape[1], asked.tile[1], asked.overlap, at[0])
     rates = asked.velocity

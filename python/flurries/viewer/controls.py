@@ -17,6 +17,7 @@ from flurries.camera.path import CameraPath
 from flurries.motion.keys import Keys, value_at
 from flurries.motion.wind import FIELDS, Wind
 from flurries.scene.scene import Scene
+from flurries.viewer.charts import field_of
 
 DIRECTION, SPEED = "direction", "speed"
 OCTAVES, LONGEST = "octaves", "longest"
@@ -86,8 +87,9 @@ def controls_of(scene: Scene) -> list[Control]:
                 Control(f"{index}.{SPEED}", group, "Speed", "m/s", 0.0, top, 0.05, speed),
             ]
         found += _of_fields(index, group, effect)
-        if hasattr(effect, "band") and hasattr(effect, "wavelengths"):
-            shortest, longest = effect.band(scene.shape)
+        field = field_of(effect)
+        if field is not None and hasattr(effect, "wavelengths"):
+            shortest, longest = field.band(scene.shape)
             octaves = math.log2(longest / shortest)
             high = max(64.0, 2.0 * longest)
             found += [

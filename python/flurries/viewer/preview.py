@@ -38,13 +38,13 @@ class Preview:
                 background=_picture(scene.background, size),
                 foreground=_picture(scene.foreground, size),
                 depth=_depth(scene.depth, size),
-                camera=scene.camera.scaled(self.scale),
+                camera=scene.camera.resize(self.scale),
             )
 
     def shown(self, effects: list[Any], path: CameraPath) -> Scene:
         """Return the small scene with other weather and camera, given for the large one."""
         if self.scale < 1.0:
-            path = path.scaled(self.scale)
+            path = path.resize(self.scale)
             effects = [scaled(effect, self.scale) for effect in effects]
         # Not `replace`, which would open and fit the background's file for every picture.
         scene = object.__new__(Scene)

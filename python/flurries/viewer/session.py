@@ -22,10 +22,10 @@ import numpy as np
 from flurries import stereo
 from flurries._contract import Array
 from flurries.camera.path import CameraPath
-from flurries.effects import Frame
+from flurries.frame.view import Frame
 from flurries.motion.keys import Keys
 from flurries.scene.scene import Scene
-from flurries.viewer.charts import chart
+from flurries.viewer.charts import chart, field_of
 from flurries.viewer.controls import EYES, applied, controls_of, moves, names, settings
 from flurries.viewer.preview import Preview
 
@@ -76,7 +76,7 @@ class Session:
             "fps": self.scene.fps,
             "frames": self.scene.frames,
             "effects": names(self.scene),
-            "textured": [hasattr(effect, "texture_request") for effect in self.scene.effects],
+            "textured": [field_of(effect) is not None for effect in self.scene.effects],
             "controls": [control.plain() for control in controls],
             "save": str(self.save_path),
         }

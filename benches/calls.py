@@ -1,0 +1,68 @@
+"""How a frame goes through the code: ``python benches/calls.py``.
+
+Counts the calls of Python functions of flurries, in how many files, how often the way goes from one
+file to another, and how many calls are checks, for a heavy frame and for one with layers.
+"""
+
+from __future__ import annotations
+
+import sys
+from itertools import pairwise
+from pathlib import Path
+from types import FrameType
+from typing import Any
+
+import numpy as np
+
+import flurries as fl
+
+FOLDER = str(Path(fl.__file__).parent)
+
+
+def counts(call: Any, *, files: bool = False) -> dict[str, int]:
+    """Return what a call does inside the package: calls, files, changes of file, checks."""
+    way: list[str] = []
+    names: list[tuple[str, str]] = []
+
+    def look(frame: FrameType, event: str, _: Any) -> None:
+        file = frame.f_code.co_filename
+        if event == "call" and file.startswith(FOLDER):
+            way.append(file)
+            names.append((file, frame.f_code.co_name))
+
+    sys.setprofile(look)
+    try:
+        call()
+    finally:
+        sys.setprofile(None)
+    if files:
+        for place, name in names:
+            print(place[len(FOLDER) + 1 :], name)
+    return {
+        "calls": len(way),
+        "files": len(set(way)),
+        "changes of file": sum(a != b for a, b in pairwise(way)),
+        "checks": sum(file.endswith("_contract.py") for file in way),
+    }
+
+
+def main() -> None:
+    """Print a table."""
+    picture = np.zeros((512, 512, 3), np.uint8)
+    still = fl.Scene(None, picture, effects=[fl.Snow.preset("heavy")])
+    flying = still.replace(camera=fl.CameraPath(fl.Camera(600.0), velocity=(0.0, 0.0, 1.0)))
+    cases = {
+        "heavy frame": lambda: still.render(7),
+        "heavy frame, flying": lambda: flying.render(7),
+        "flakes with layers": lambda: still.render(7, layers=True),
+    }
+    names = ("calls", "files", "changes of file", "checks")
+    print(f"{'':24}" + "".join(f"{name:>18}" for name in names))
+    for name, call in cases.items():
+        call()
+        found = counts(call, files="--way" in sys.argv)
+        print(f"{name:24}" + "".join(f"{found[key]:>18}" for key in names))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,60 @@
+"""Cameras from elsewhere: trackers, compositing programs, data sets.
+
+Every reader turns its program's axes into those of the house: x right, y down, z forward, snow
+falling along +y. Lengths become metres by `scale`.
+"""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+from flurries._contract import shape_of
+from flurries.camera.csv import read_path
+from flurries.camera.importers.chan import read_chan
+from flurries.camera.importers.colmap import read_colmap
+from flurries.camera.importers.kitti import read_kitti
+from flurries.camera.importers.matrices import from_matrices
+from flurries.camera.lens import Camera, expect_camera
+from flurries.camera.path import CameraPath
+
+__all__ = ["from_matrices", "load", "read_chan", "read_colmap", "read_kitti"]
+
+
+def load(
+    path: str | os.PathLike[str], shape: tuple[int, int], *, camera: Camera | None = None
+) -> CameraPath:
+    """Return the camera path of a file, by its kind.
+
+    Parameters
+    ----------
+    path : str or path
+        ``.chan`` (Nuke), ``.csv`` (see :func:`flurries.camera.csv.read_path`), ``.txt`` with twelve
+        numbers a line (KITTI), or a folder with COLMAP's ``images.txt`` and ``cameras.txt``.
+    shape : (H, W)
+        Of the pictures to be made.
+    camera : Camera, optional
+        The lens, where the file says nothing of it; 1.2 picture widths if not given.
+
+    Raises
+    ------
+    FileNotFoundError, OSError
+        If a file cannot be read.
+    ValueError
+        If it is of no known kind, or not as its kind should be; the message names file and line.
+    """
+    size = shape_of("shape", shape)
+    lens = Camera(1.2 * size[1]) if camera is None else expect_camera(camera, stretched=True)
+    place = Path(path)
+    suffix = place.suffix.lower()
+    if place.is_dir():
+        return read_colmap(place, size)
+    if suffix == ".chan":
+        return read_chan(place, size, camera=lens)
+    if suffix == ".csv":
+        return CameraPath(lens, **read_path(place))
+    if suffix == ".txt":
+        return read_kitti(place, lens)
+    raise ValueError(
+        f"{place}: a camera is a .chan, .csv or .txt file, or a folder of COLMAP's, not {suffix!r}"
+    )

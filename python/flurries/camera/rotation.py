@@ -1,0 +1,74 @@
+"""Rotations in their three forms: matrices, vectors of axis times angle, and unit quaternions.
+
+Nothing is checked here: cameras and paths check what they are given.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+
+import numpy as np
+
+from flurries._contract import Float64
+
+
+def rotation_matrix(rotation: Iterable[float]) -> Float64:
+    """Return the matrix (3, 3) of a rotation vector (3,), radians (Rodrigues' formula)."""
+    x, y, z = rotation
+    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    angle = math.sqrt(x * x + y * y + z * z)
+    if angle < 1e-8:
+        # sin(a)/a and (1 - cos a)/a^2 at 0, right to a^2.
+        small: Float64 = np.eye(3) + cross + 0.5 * cross @ cross
+        return small
+    half = math.sin(0.5 * angle) / angle
+    matrix: Float64 = np.eye(3) + math.sin(angle) / angle * cross + 2.0 * half**2 * cross @ cross
+    return matrix
+
+
+def rotation_vector(matrix: Float64) -> Float64:
+    """Return axis times angle, (3,), of a rotation matrix; the angle is from 0 to pi."""
+    w, *xyz = quaternions_of(matrix[None])[0]
+    return _vector(w, np.array(xyz))
+
+
+def _vector(w: float, xyz: Float64) -> Float64:
+    if w < 0.0:
+        w, xyz = -w, -xyz
+    length = float(np.linalg.norm(xyz))
+    # The limit of 2 atan2(s, c) / s.
+    factor = 2.0 / w if length < 1e-150 else 2.0 * float(np.arctan2(length, w)) / length
+    return np.asarray(factor * xyz)
+
+
+def quaternions_of(matrices: Float64) -> Float64:
+    """Return (n, 4), (w, x, y, z), of rotation matrices; each from its largest part."""
+    m = matrices
+    trace = np.trace(m, axis1=1, axis2=2)
+    squares = 1.0 + np.stack([trace, *(2.0 * m[:, i, i] - trace for i in range(3))], axis=1)
+    result = np.empty((len(m), 4))
+    for k, largest in enumerate(squares.argmax(axis=1)):
+        a = m[k]
+        root = 2.0 * np.sqrt(squares[k, largest])
+        if largest == 0:
+            parts = [root * root / 4.0, a[2, 1] - a[1, 2], a[0, 2] - a[2, 0], a[1, 0] - a[0, 1]]
+        elif largest == 1:
+            parts = [a[2, 1] - a[1, 2], root * root / 4.0, a[0, 1] + a[1, 0], a[0, 2] + a[2, 0]]
+        elif largest == 2:
+            parts = [a[0, 2] - a[2, 0], a[0, 1] + a[1, 0], root * root / 4.0, a[1, 2] + a[2, 1]]
+        else:
+            parts = [a[1, 0] - a[0, 1], a[0, 2] + a[2, 0], a[1, 2] + a[2, 1], root * root / 4.0]
+        result[k] = np.array(parts) / root
+    return np.asarray(result / np.linalg.norm(result, axis=1, keepdims=True))
+
+
+def matrices_of(q: Float64) -> Float64:
+    """Return (n, 3, 3) of unit quaternions (w, x, y, z)."""
+    w, x, y, z = q.T
+    rows = [
+        [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+        [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+        [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+    ]
+    return np.ascontiguousarray(np.moveaxis(np.array(rows), 2, 0))

@@ -1,0 +1,166 @@
+"""How tiles of :func:`flurries.spectral.field` move for a camera that moves, turns and zooms."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from flurries._contract import SMALLEST, Float64, output, real, shape_of, tile_of, vector
+from flurries.camera.lens import Camera, expect_camera, rotational
+from flurries.spectral.tiles import starts
+
+__all__ = ["tile_drift", "tile_shift", "tile_zoom"]
+
+
+def tile_drift(
+    shape: tuple[int, int],
+    displacement: npt.ArrayLike,
+    camera: Camera,
+    *,
+    near_depth: float,
+    tile: int | tuple[int, int] = 64,
+    overlap: int = 10,
+    out: Float64 | None = None,
+) -> Float64:
+    """Drift of every tile of :func:`flurries.spectral.field` for a moving camera.
+
+    Parameters
+    ----------
+    shape : (H, W)
+        Size of the picture.
+    displacement : (3,)
+        P, camera minus air since time 0, in camera axes, world units.
+    camera : Camera
+        The eye; its offset is added to P, so that a second eye is a camera moved aside.
+    near_depth : float
+        Depth that the longest wave stands for, world units, positive.
+    tile, overlap : int
+        As given to the field.
+    out : (rows, cols, 2) float64, optional
+        Array to write into and return.
+
+    Returns
+    -------
+    (rows, cols, 2) float64
+        ``(Pz x - f Px, Pz y - f Py) / near_depth`` pixels, (x, y) the tile's centre from the
+        principal point. Exact for sideways motion of any size; to first order in forward motion.
+    """
+    size = shape_of("shape", shape)
+    view = expect_camera(camera, stretched=True)
+    near = real("near_depth", near_depth, low=SMALLEST)
+    moved = vector("displacement", displacement, 3)
+    x, y = tile_middles(size, view, *tile_of(tile, overlap))
+    result = output(out, (len(y), len(x), 2), np.dtype(np.float64))
+    return drift_at(x, y, moved, view, near, result)
+
+
+def tile_shift(
+    shape: tuple[int, int],
+    rotation: npt.ArrayLike,
+    camera: Camera,
+    *,
+    tile: int | tuple[int, int] = 64,
+    overlap: int = 10,
+    out: Float64 | None = None,
+) -> Float64:
+    """Shift of every tile of :func:`flurries.spectral.field` for a turning camera.
+
+    Parameters
+    ----------
+    shape : (H, W)
+        Size of the picture.
+    rotation : (3,)
+        Radians in camera axes, right-handed (a pan to the right is +y): the rate of turning, or its
+        sum over the frames.
+    camera : Camera
+        The eye.
+    tile, overlap : int
+        As given to the field.
+    out : (rows, cols, 2) float64, optional
+        Array to write into and return.
+
+    Returns
+    -------
+    (rows, cols, 2) float64
+        How far the content of the tile moves, pixels, whatever its depth: at the tile's centre
+        (x, y) from the principal point ``-(f + x^2/f) wy + (x y/f) wx + y wz`` across and
+        ``(f + y^2/f) wx - (x y/f) wy - x wz`` down. The flow that Langer 2004 leaves out
+        (``docs/deviations.md``, 17).
+    """
+    size = shape_of("shape", shape)
+    view = expect_camera(camera, stretched=True)
+    omega = vector("rotation", rotation, 3)
+    x, y = tile_middles(size, view, *tile_of(tile, overlap))
+    result = output(out, (len(y), len(x), 2), np.dtype(np.float64))
+    return shift_at(x, y, omega, view, result)
+
+
+def tile_zoom(
+    shape: tuple[int, int],
+    growth: float,
+    camera: Camera,
+    *,
+    tile: int | tuple[int, int] = 64,
+    overlap: int = 10,
+    out: Float64 | None = None,
+) -> Float64:
+    """Shift of every tile of :func:`flurries.spectral.field` for a lens that zooms.
+
+    Parameters
+    ----------
+    shape : (H, W)
+        Size of the picture.
+    growth : float
+        Relative change of the focal length: its rate per frame, or its sum over the frames, the
+        logarithm of the ratio.
+    camera : Camera
+        The eye.
+    tile, overlap : int
+        As given to the field.
+    out : (rows, cols, 2) float64, optional
+        Array to write into and return.
+
+    Returns
+    -------
+    (rows, cols, 2) float64
+        ``growth * (x, y)`` pixels, (x, y) the tile's centre from the principal point: how far its
+        content moves, whatever its depth.
+    """
+    size = shape_of("shape", shape)
+    view = expect_camera(camera, stretched=True)
+    part = real("growth", growth)
+    x, y = tile_middles(size, view, *tile_of(tile, overlap))
+    result = output(out, (len(y), len(x), 2), np.dtype(np.float64))
+    result[..., 0], result[..., 1] = part * x[None, :], part * y[:, None]
+    return result
+
+
+# The same for numbers that are checked.
+
+
+def tile_middles(
+    shape: tuple[int, int], camera: Camera, tile: tuple[int, int], overlap: int
+) -> tuple[Float64, Float64]:
+    """Return where the middles of tiles are, px from the principal point: across, and down."""
+    cx, cy = camera.principal(shape)
+    x = starts(shape[1], tile[1], overlap) + tile[1] / 2 - cx
+    y = starts(shape[0], tile[0], overlap) + tile[0] / 2 - cy
+    return np.asarray(x, np.float64), np.asarray(y, np.float64)
+
+
+def drift_at(
+    x: Float64, y: Float64, displacement: Float64, camera: Camera, near: float, result: Float64
+) -> Float64:
+    """Fill `result` (y, x, 2) with the drift of `tile_drift` at places from the principal point."""
+    p = displacement + np.array(camera.offset)
+    fx, fy = camera.focals
+    result[..., 0] = (p[2] * x - fx * p[0])[None, :] / near
+    result[..., 1] = (p[2] * y - fy * p[1])[:, None] / near
+    return result
+
+
+def shift_at(x: Float64, y: Float64, rotation: Float64, camera: Camera, result: Float64) -> Float64:
+    """Fill `result` (y, x, 2) with the shift of `tile_shift` at places from the principal point."""
+    flow = rotational(x[None, :], y[:, None], camera.focals, rotation)
+    result[..., 0], result[..., 1] = flow
+    return result

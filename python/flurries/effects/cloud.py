@@ -1,0 +1,181 @@
+"""A box of gas particles that the wind moves, before or around the camera (Johnson 2005)."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from flurries import _core
+from flurries._contract import Array, Float64
+from flurries.effects.sunlight import Scatter
+from flurries.frame.needs import Cost
+from flurries.frame.view import Frame
+from flurries.gas.splatting import FINISHED, sorted_gas
+from flurries.motion.keys import Vector
+
+# The outer share of the box, on each side, in which particles fade.
+RIM = 0.075
+
+# The most particles in the box of the given sides; one that grows to the view has four times them.
+MOST = 2_000_000
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Cloud:
+    """Particles of one radius in a box that wraps.
+
+    Attributes
+    ----------
+    wind : Vector
+        Metres per second, house axes.
+    sides : (3,)
+        Of the box, metres.
+    center : (3,), optional
+        Its middle in the world; the box goes with the camera if not given.
+    depths : (near, far), optional
+        Only what lies between.
+    count : int
+        In the box of these sides.
+    radius : float
+        Three sigma, metres.
+    footprint, near
+        See :func:`flurries.gas.splat`.
+    scatter : Scatter
+        How it is lit.
+    """
+
+    wind: Vector
+    sides: tuple[float, float, float]
+    center: tuple[float, float, float] | None
+    depths: tuple[float, float] | None
+    count: int
+    radius: float
+    footprint: str
+    near: float
+    scatter: Scatter
+
+    @property
+    def through(self) -> float:
+        """How far one looks through the box, its fading rims half, metres."""
+        if self.center is not None:
+            return self.sides[2] * (1.0 - RIM)
+        return max(self.sides[2] * (1.0 - 1.5 * RIM) - self.radius, 0.0)
+
+    def filled(self, frame: Frame) -> tuple[Float64, int]:
+        """Return the sides of the box and how many particles fill it."""
+        sides = np.array(self.sides)
+        if self.center is not None:
+            return sides, self.count
+        # The path's lens, so that both eyes see the same gas.
+        cx, cy = frame.path.widest.principal(frame.shape)
+        height, width = frame.shape
+        slopes = np.array([max(cx, width - cx), max(cy, height - cy)]) / frame.path.widest.focal
+        # The outer part fades; the view's far corners stay inside of that. Up to 1 : 1 either way.
+        wide = 2.0 * np.minimum(slopes, 1.0) * sides[2] * (1.0 - RIM) / (1.0 - 2.0 * RIM)
+        grown = sides.copy()
+        if not frame.path.turns and not np.any(frame.camera.rotation):
+            grown[:2] = np.maximum(sides[:2], wide)
+        return grown, min(round(self.count * float(np.prod(grown / sides))), 4 * MOST)
+
+    def places(self, frame: Frame, density: float) -> tuple[Float64, Float64]:
+        """Return middles in the eye's axes (n, 3) and the density that each shows (n,)."""
+        sides, count = self.filled(frame)
+        box = tuple(sides.tolist()), tuple(self._middle(frame, sides).tolist())
+        moved = -frame.displacement(wind=self.wind).reshape(1, 3)
+        points, shown = np.empty((count, 3)), np.empty(count)
+        _core.particle_positions(points, *box, frame.seed, moved, 1.0, None)
+        _core.particle_edge_fade(shown, points, *box)
+        shown *= density
+        local = frame.to_camera(points)
+        if self.depths is not None:
+            shown = shown * self._between(local[:, 2] - frame.camera.offset[2])
+        there = shown > 0.0
+        return np.ascontiguousarray(local[there]), shown[there]
+
+    def draw(
+        self, frame: Frame, density: float, color: tuple[float, float, float], *, lit: bool
+    ) -> Array:
+        """Return opacity over the window (h, w), or premultiplied linear light (h, w, 4) if lit."""
+        found, lit = frame.once_each(
+            self, "gas", lambda: self._sort(frame, density, color if lit else None)
+        )
+        top, bottom, left, right = frame.window
+        shape = (bottom - top, right - left)
+        layer = np.empty((*shape, 4) if lit else shape, np.float32)
+        _core.gas_draw(layer, found, frame.window, frame.depth)
+        return layer
+
+    def cost(self, frame: Frame, thickness: float, *, lit: bool, error: float | None) -> Cost:
+        """Return what a frame's particles and the pixels that they cover take.
+
+        Parameters
+        ----------
+        thickness : float
+            Optical depth of the box.
+        error : float, optional
+            What is let through where nothing more is drawn; the plan's if not given.
+        """
+        sides, count = self.filled(frame)
+        if error is None:
+            error = allowed_error(frame)
+        # Front to back, up to where no more than the error is let through.
+        share = min(-math.log(max(error, 1e-12)) / thickness, 1.0) if thickness > 0.0 else 1.0
+        # Depths of equal numbers of particles, of a box that the camera looks into.
+        depth = sides[2] * (np.arange(64) + 0.5) / 64.0
+        focal, (height, width) = frame.camera.focal, frame.shape
+        wide, high = width * depth / focal, height * depth / focal
+        covered = np.minimum(sides[0] / wide, 1.0) * np.minimum(sides[1] / high, 1.0)
+        inside = np.minimum(wide / sides[0], 1.0) * np.minimum(high / sides[1], 1.0)
+        area = np.minimum((2.0 * focal * self.radius / depth) ** 2, height * width * covered)
+        pixels = height * width
+        work = {
+            "gas placed": float(count),
+            "lit gas pixel" if lit else "gas pixel": share * count * float((inside * area).mean()),
+            "mask pixel": float(pixels),
+        }
+        size = f"{count} particles"
+        if lit:
+            # Its colors go through the curve to display values; arrays of float32 come and go.
+            return Cost(work, size, 20 * pixels, 66 * pixels)
+        return Cost(work, size, 4 * pixels, 80 * count)
+
+    def _sort(
+        self, frame: Frame, density: float, color: tuple[float, float, float] | None
+    ) -> tuple[_core.SortedGas, bool]:
+        """Return the gas, to be drawn in any band of the frame, and whether it is lit."""
+        points, shown = frame.once(self, "particles", lambda: self.places(frame, density))
+        lit = color is not None and len(points) > 0
+        colors = self.scatter.colors(frame, points, shown, self.radius, color) if lit else 0.0
+        given = sorted_gas(
+            frame.shape, points, self.radius, shown, colors, frame.camera,
+            footprint=self.footprint, near=self.near, near_mode="exact", depth=frame.depth,
+            error=allowed_error(frame),
+        )  # fmt: skip
+        return given, lit
+
+    def _middle(self, frame: Frame, sides: Float64) -> Float64:
+        """Return the middle of the box, house axes, from the camera's place."""
+        if self.center is not None:
+            return np.array(self.center) - frame.path.place(frame.t, fps=frame.fps)
+        # The wall behind the camera fades where no particle reaches the eye any more.
+        ahead = max(0.5 * sides[2] - RIM * sides[2] - self.radius, 0.0)
+        return np.asarray(ahead * frame.camera.matrix()[:, 2])
+
+    def _between(self, depth: Float64) -> Float64:
+        """Return the share of particles that lies between the two depths."""
+        assert self.depths is not None
+        low, high = (_normal((limit - depth) * 3.0 / self.radius) for limit in self.depths)
+        return np.asarray(high - low)
+
+
+def allowed_error(frame: Frame) -> float:
+    """Return what is let through where nothing more is drawn."""
+    allowed = {} if frame.run is None else frame.run.settings
+    return max(allowed.get("error", 0.0), FINISHED["float32"])
+
+
+def _normal(u: Float64) -> Float64:
+    """Return the normal law up to u."""
+    return np.array([0.5 * math.erfc(-v * 0.7071067811865476) for v in u.tolist()])

@@ -1,0 +1,38 @@
+"""The color of an effect: display values, plain or keyed, or the background's own light."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from flurries._contract import choice, real, vector
+from flurries.frame.view import Frame
+from flurries.motion.keys import Keys, value_at
+
+# What `color` says instead of a color: the background's own light.
+AMBIENT = "ambient"
+
+
+def as_color(value: object) -> Any:
+    """Return one grey or (r, g, b), plain or keyed, in 0 to 1, or the word for ambient light."""
+    if isinstance(value, Keys):
+        if value.width not in (None, 3):
+            raise ValueError(f"color must be keyed with numbers or (r, g, b), got {value!r}")
+        for _, v in value.keys:
+            as_color(v)
+        return value
+    if isinstance(value, str):
+        return choice("color", value, (AMBIENT,))
+    if isinstance(value, (float, int, np.number, bytes)) or value is None:
+        return real("color", value, low=0.0, high=1.0)
+    parts = vector("color", value, 3).tolist()
+    return tuple(real("color", part, low=0.0, high=1.0) for part in parts)
+
+
+def color_at(color: Any, frame: Frame) -> tuple[float, float, float]:
+    """Return the display values, (r, g, b), at a frame."""
+    if isinstance(color, str):
+        return frame.ambient or (1.0, 1.0, 1.0)
+    now = value_at(color, frame.t)
+    return (now,) * 3 if isinstance(now, float) else now

@@ -1,0 +1,213 @@
+"""A texture on a double cone around the camera (Wang 2004), moved by the camera's way.
+
+Everything is a function of the scene and t. What is kept here is kept by content, to save time, and
+never changes a bit.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import NamedTuple
+
+import numpy as np
+
+from flurries import cone
+from flurries._contract import Array, Float64
+from flurries._threads import reproducible
+from flurries.camera.lens import Camera
+from flurries.camera.path import CameraPath
+from flurries.effects.motion import Motion, Way, air_course, camera_course
+from flurries.frame.needs import Cost, LeftOut, Needs, Step
+from flurries.frame.view import Frame
+from flurries.motion.keys import Keys, Number
+
+# Below this speed, m/s, the air hardly moves relative to the camera; a cone that turned over there
+# would be seen to.
+STILL = 0.1
+
+# The cones of the four layers, against the first one's.
+FARTHEST = 8
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class DoubleCone:
+    """Four layers of one texture; the fields are those of `ConeRain` and `ConeSnow` but for these.
+
+    Attributes
+    ----------
+    motion : Motion
+        What moves them.
+    make : callable, optional
+        Gives the texture of a seed; None where there are no drops.
+    length : float
+        Of a drop in still air, metres.
+    gains : (4,) floats
+        Of the layers, nearest first: what is large and near must not outshine the rest.
+    """
+
+    motion: Motion
+    make: Callable[[int], cone.Texture] | None
+    length: float
+    gains: tuple[float, ...]
+    gain: float
+    conserve: bool
+    damping: float
+    radius: float
+    repeats: int
+    slope: float
+
+    name = "cone"
+
+    def needs(self, frame: Frame, amount: float) -> Needs:
+        """Return its one step, or why there is none."""
+        if self.gain == 0.0 or self.make is None:
+            why = "its gain is 0" if self.gain == 0.0 else "it has no flakes"
+            return Needs((), (LeftOut("cone", why),), most=0.0)
+        top, bottom, left, right = frame.window
+        pixels, part = frame.shape[0] * frame.shape[1], (bottom - top) * (right - left)
+        cost = Cost({"cone pixel": pixels}, "4 layers", 4 * part, 4 * (pixels - part))
+        return Needs((Step("cone", lambda: cost),), most=1.0)
+
+    def state(self, frame: Frame) -> cone.State:
+        """Return axis, phase and stretch of a frame."""
+        return _path(self, frame.path, frame.fps).at(frame.t / frame.fps)
+
+    def alpha(self, frame: Frame, amount: float, way: Way) -> Array:
+        """Return the joint alpha of the layers over the window, (h, w) float32."""
+        assert self.make is not None
+        top, bottom, left, right = frame.window
+        rows, state = (top, bottom), self.state(frame)
+        pose = Pose(
+            frame.shape, frame.camera, state.axis, state.stretch, self.slope, self.repeats,
+            self.radius,
+        )  # fmt: skip
+        if frame.depth is None:
+            # Asked for once for all bands of a frame, which are not frames of one pose.
+            mapping = frame.once_each(self, "chart", lambda: chart(pose))
+        else:
+            mapping = pose.mapping(rows=rows, depth=frame.depth)
+        alpha = cone.layers(
+            pose.shape,
+            pose.camera,
+            self.make(frame.seed),
+            axis=pose.axis,
+            phase=state.phase,
+            stretch=pose.stretch,
+            slope=pose.slope,
+            repeats=pose.repeats,
+            radius=pose.radius,
+            mapping=mapping,
+            rows=rows,
+            gains=[amount * self.gain * layer for layer in self.gains],
+            conserve=self.conserve,
+        )
+        return alpha[:, left:right]
+
+
+@lru_cache(maxsize=32)
+def _path(part: DoubleCone, path: CameraPath, fps: float) -> cone.Path:
+    """Return the cone over a whole film; times are seconds."""
+    motion = part.motion
+    air, camera = air_course(fps, motion.fall, motion.mean_wind), camera_course(path, fps)
+    shutter = _shutter(motion.shutter)
+    knots = np.union1d(air.knots, camera.knots)
+    if isinstance(shutter, Keys):
+        knots = np.union1d(knots, [frame for frame, _ in shutter.keys])
+    # Frames between the first and the last knot, at which the axis is looked at; what lies outside
+    # does not change.
+    ends = np.array([*knots, 0.0])
+    frames = np.union1d(np.arange(np.floor(ends.min()), np.ceil(ends.max()) + 1.0), knots)
+    # Both sides of every time, since a velocity may jump.
+    twice = np.repeat(frames, 2)
+    inside = twice + np.tile([-1e-6, 1e-6], len(frames))
+    velocity = [course.line(twice, inside)[0] * fps for course in (air, camera)]
+    return cone.path(
+        twice / fps,
+        *velocity,
+        damping=part.damping,
+        exposure=_exposures(shutter, twice) / fps,
+        length=part.length,
+        radius=part.radius,
+        repeats=part.repeats,
+        still=STILL,
+    )
+
+
+def _shutter(shutter: Number) -> Number:
+    """Return keys of one value as the number: the same times, and the same bits."""
+    if not isinstance(shutter, Keys):
+        return shutter
+    values = {value for _, value in shutter.keys}
+    return values.pop() if len(values) == 1 else shutter
+
+
+def _exposures(shutter: Number, frames: Float64) -> Float64:
+    if not isinstance(shutter, Keys):
+        return np.full(len(frames), shutter)
+    at, values = zip(*shutter.keys, strict=True)
+    return np.asarray(np.interp(frames, at, values))
+
+
+def tile_metres(radius: float, repeats: int) -> float:
+    """Return the metres that a tile of the first layer stands for."""
+    return 2.0 * math.pi * radius / repeats
+
+
+class Pose(NamedTuple):
+    """What a chart of a cone depends on: two frames of one pose share it."""
+
+    shape: tuple[int, int]
+    camera: Camera
+    axis: tuple[float, float, float]
+    stretch: float
+    slope: float
+    repeats: int
+    radius: float
+
+    def mapping(
+        self, *, rows: tuple[int, int] | None = None, depth: Array | None = None
+    ) -> cone.Mapping:
+        """Return the chart of rows of the picture, in front of a depth."""
+        return cone.Mapping(
+            self.shape,
+            self.camera,
+            axis=self.axis,
+            stretch=self.stretch,
+            slope=self.slope,
+            repeats=self.repeats,
+            radius=self.radius,
+            rows=rows,
+            depth=depth,
+        )
+
+
+# Poses that were asked for once; the second time a chart is made and kept. Two eyes take turns.
+_recent: list[Pose] = []
+_charts: dict[tuple[Pose, bool], cone.Mapping] = {}
+_MOST = 4
+
+# A chart is three words a pixel: those of large pictures are not kept.
+LARGEST_CHART = 1 << 22
+
+
+def chart(pose: Pose) -> cone.Mapping | None:
+    """Return a chart of a pose that stays, None for one that is new and may be gone at once."""
+    if pose.shape[0] * pose.shape[1] > LARGEST_CHART:
+        return None
+    # A chart of the reproducible mode is another one.
+    key = pose, reproducible()
+    found = _charts.get(key)
+    if found is not None:
+        return found
+    if pose not in _recent:
+        # New lists in place of changed ones: another thread may be reading.
+        _recent[:] = [pose, *_recent[: _MOST - 1]]
+        return None
+    made = pose.mapping()
+    while len(_charts) >= _MOST:
+        _charts.pop(next(iter(_charts)), None)
+    _charts[key] = made
+    return made

@@ -1,0 +1,291 @@
+"""The tent's field of waves for a frame: its band, its tiles and its motion."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+
+from flurries import _core
+from flurries._contract import Array, Float64
+from flurries.camera.path import CameraPath
+from flurries.camera.tiles import drift_at, shift_at, tile_middles
+from flurries.effects.gusts import wind_at
+from flurries.effects.layout import LARGEST_TILE, Layout, Tiling, streaks_tile, torus_for
+from flurries.effects.motion import Motion, Way
+from flurries.effects.resolution import TUNED
+from flurries.frame.view import Frame
+from flurries.motion.wind import Wind
+from flurries.spectral.frame import Request
+from flurries.spectral.motion import depth_of_wave, tile_motion
+from flurries.spectral.tables import FAR, warn_far, warn_long
+from flurries.spectral.tiles import power_shares
+from flurries.trace import count
+
+# Mean, spread, power and amount of the map from field to opacity.
+Map = tuple[float, float, float, float]
+
+_NONE = np.empty(0)
+_STILL = np.zeros((1, 1, 1, 2))
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Field:
+    """Waves that move; the fields are those of `Snow` and `Rain` but for these.
+
+    Attributes
+    ----------
+    motion : Motion
+        What moves them.
+    tuned : (shortest, longest)
+        Wavelengths in pixels on a picture 1024 px wide, where `wavelengths` does not say.
+    streaks : bool
+        Whether tiles are as large as streaks need to move.
+    """
+
+    motion: Motion
+    exponent: float
+    wavelengths: tuple[float, float] | None
+    tuned: tuple[float, float]
+    near_depth: float
+    tile: int | None
+    overlap: int | None
+    blend: str
+    alias: str
+    jitter: bool
+    streaks: bool = False
+
+    def band(self, shape: tuple[int, int]) -> tuple[float, float]:
+        """Return the wavelengths in pixels on a picture of that shape."""
+        if self.wavelengths is not None:
+            return self.wavelengths
+        scale = shape[1] / TUNED
+        return max(self.tuned[0] * scale, 2.0), max(self.tuned[1] * scale, 3.0)
+
+    @property
+    def far_depth(self) -> float:
+        """The depth that the shortest wave stands for, metres, shown or not."""
+        shortest, longest = self.tuned if self.wavelengths is None else self.wavelengths
+        return float(depth_of_wave(shortest, self.near_depth, longest))
+
+    def cycles(self, frame: Frame, way: Way) -> float:
+        """Return how fast the middle of the longest wave's tent turns, cycles per frame."""
+        fx, fy = frame.camera.focals
+        speed = float(np.hypot(fx * way.rate[0], fy * way.rate[1])) / self.near_depth
+        return speed / self.band(frame.shape)[1]
+
+    def layout(self, frame: Frame) -> Layout:
+        """Return the tiles of the film that a frame belongs to."""
+        camera, deep = frame.camera, frame.deep or frame.depth is not None
+        return _layout(
+            self, frame.shape, frame.path, camera.rotation, camera.focal, frame.fps, deep
+        )
+
+    def pixels(
+        self,
+        frame: Frame,
+        way: Way,
+        mapped: Map | None,
+        keep: bool = False,
+        *,
+        name: str = "texture",
+        shortest: Float64 | None = None,
+    ) -> Array:
+        """Return opacity over the window without regard to a depth, or the field, (h, w) float32.
+
+        Parameters
+        ----------
+        mapped : Map, optional
+            The map to opacity; if not given, the field.
+        keep : bool
+            Whether the mean opacity that blur takes is added again.
+        name : str
+            Of this one among the effect's textures.
+        shortest : (rows, cols), optional
+            The wavelengths in pixels up to which waves of tiles are left out.
+        """
+        top, bottom, left, right = frame.window
+        result = np.empty((bottom - top, right - left), np.float32)
+        if frame.shared is None or frame.shared.bands == 1:
+            count("tiles", _core.field(result, self.request(frame, way, shortest), mapped, keep))
+            return result
+        # Bands are lower than tiles: each is made once, and what it leaves to the next is kept.
+        whole = frame.around
+        bands = frame.once_each(
+            self,
+            name,
+            lambda: _core.field_bands(self.request(whole, way, shortest), mapped, keep),
+        )
+        count("tiles", _core.field_take(bands, result, top))
+        return result
+
+    def request(self, frame: Frame, way: Way, shortest: Float64 | None = None) -> Request:
+        """Return the field of a frame as the kernel reads it."""
+        shape, camera, path = frame.shape, frame.camera, frame.path
+        layout = self.layout(frame)
+        (tile, overlap), band = layout.tiling, layout.band
+        x, y = tile_middles(shape, camera, tile, overlap)
+        grid = (len(y), len(x), 2)
+        moved = self.motion.travel(frame) if layout.turns or layout.zooms else way.moved
+        # A velocity has no eye: take away what drift_at adds for one.
+        rate = way.rate - camera.offset
+        shift: Any = np.array(camera.center_shift).reshape(1, 1, 1, 2)
+        shift_rate = _STILL
+        if layout.turns:
+            # An eye beside the axis is carried round it; its place in the air stays that of the
+            # camera plus the offset, so that two eyes keep their disparities.
+            rate = rate + np.cross(frame.spin(), camera.offset)
+            shift, shift_rate = (
+                shift_at(x, y, angle, camera, np.empty(grid))[:, :, None]
+                for angle in (frame.rotation(), frame.spin())
+            )
+            shift = shift + camera.center_shift
+        if layout.zooms:
+            grown, grows = (
+                part * np.stack(np.meshgrid(x, y), axis=-1)[:, :, None]
+                for part in path.zoom(frame.t)
+            )
+            shift = shift + grown
+            shift_rate = grows if shift_rate is _STILL else shift_rate + grows
+        drift = drift_at(x, y, moved, camera, self.near_depth, np.empty(grid))[:, :, None]
+        velocity = drift_at(x, y, rate, camera, self.near_depth, np.empty(grid))[:, :, None]
+        edges = _NONE if layout.edges is None else layout.edges
+        if layout.edges is not None:
+            extra = self._ring_drift(frame, x, y, layout.edges)
+            drift, velocity = drift + extra[0], velocity + extra[1]
+        if layout.needed:
+            layout.warn_small()
+        if band[1] > max(tile):
+            warn_long(tile, band, stacklevel=4)
+        cycles = float(np.abs(drift).max()) / band[1]
+        if cycles > FAR:
+            warn_far(cycles, stacklevel=4)
+        return Request(
+            shape=shape,
+            tile=tile,
+            overlap=overlap,
+            blend=self.blend,
+            wavelengths=band,
+            exponent=self.exponent,
+            seed=frame.seed,
+            jitter=self.jitter,
+            ring_edges=edges,
+            ring_gains=_NONE,
+            drift=drift,
+            shift=shift,
+            velocity=velocity,
+            shift_rate=shift_rate,
+            alias=self.alias,
+            soft_from=0.4,
+            shutter=way.shutter,
+            shortest=self._limits(frame, layout, shortest),
+            window=frame.window,
+        )
+
+    def _limits(self, frame: Frame, layout: Layout, shortest: Float64 | None) -> Float64 | None:
+        """Return the shortest waves of the tiles; none are left where nothing can be seen."""
+        visible = None if frame.run is None else frame.run.visible
+        if visible is None:
+            return shortest
+        shown = visible.tiles(*layout.tiling)
+        base = np.zeros(shown.shape) if shortest is None else shortest
+        return np.where(shown, base, layout.band[1])
+
+    def _ring_drift(
+        self, frame: Frame, x: Float64, y: Float64, edges: Float64
+    ) -> tuple[Float64, Float64]:
+        """Return drift and velocity (rows, cols, rings, 2) px beyond those of the mean wind."""
+        camera, longest = frame.camera, self.band(frame.shape)[1]
+        depth = depth_of_wave(np.sqrt(edges[1:] * edges[:-1]), self.near_depth, longest)
+        rows, cols, z = np.meshgrid(y, x, depth, indexing="ij")
+        fx, fy = camera.focals
+        ahead = np.stack([cols * z / fx, rows * z / fy, z], axis=-1)
+        aside = np.stack([cols, rows], axis=-1)
+        # Both eyes feel the wind of one place, that before the camera.
+        moved, rate = wind_at(self.motion, frame, ahead)
+        # The air moves, so the camera moves the other way through it.
+        drift, velocity = (
+            (camera.focals * v[..., :2] - v[..., 2:] * aside) / self.near_depth
+            for v in (moved, rate)
+        )
+        return drift, velocity
+
+    def passes(self, frame: Frame, later: Frame, way: Way, next_way: Way) -> tuple[Array, Array]:
+        """Return motion (h, w, 2) and depth (h, w) over the window, from those of its tiles."""
+        layout = self.layout(frame)
+        (tall, wide), overlap = layout.tiling
+        longest = layout.band[1]
+        shortest = None
+        if frame.depth is not None:
+            with np.errstate(divide="ignore"):
+                ends = layout.farthest(frame.depth).astype(np.float64)
+                shortest = depth_of_wave(ends, self.near_depth, longest)
+        motion, length = tile_motion(
+            self.request(frame, way, shortest), self.request(later, next_way)
+        )
+        depth = depth_of_wave(length, self.near_depth, longest)
+        top, bottom, left, right = frame.window
+        height, width = frame.shape
+        down, _ = power_shares(height, tile=tall, overlap=overlap, blend=self.blend)
+        across, _ = power_shares(width, tile=wide, overlap=overlap, blend=self.blend)
+        x, y, z = (
+            (down[top:bottom] @ plane @ across[left:right].T).astype(np.float32)
+            for plane in (motion[..., 0], motion[..., 1], depth)
+        )
+        return np.stack([x, y], axis=-1), z
+
+
+@lru_cache(maxsize=64)
+def _layout(
+    field: Field,
+    shape: tuple[int, int],
+    path: CameraPath,
+    rotation: tuple[float, float, float],
+    focal: float,
+    fps: float,
+    deep: bool,
+) -> Layout:
+    """Return the tiles of a film, and why they are not one torus.
+
+    The decision is one for all frames: it must not depend on the time or on the window.
+    """
+    motion, band = field.motion, field.band(shape)
+    spreads = motion.spreads(path, rotation)
+    needed = 0.0
+    if field.streaks and not (field.alias == "keep" or field.jitter):
+        cycles = focal * motion.fastest(path, fps) / field.near_depth / band[1]
+        needed = streaks_tile(cycles, band)
+    tile = field.tile or max(8 * math.ceil(band[1] / 3.0 - 1e-9), 16)
+    gusty = motion.varied is not None and motion.varied.waves is not None
+    # The flow differs from tile to tile when the camera goes forward: mix more of them.
+    overlap = tile // 2 if (spreads or gusty) else tile // 6
+    if field.streaks and field.tile is None:
+        tile = max(tile, 8 * math.ceil(min(needed, LARGEST_TILE) / 8.0))
+        overlap = tile // 6
+    if field.overlap is not None:
+        overlap = min(field.overlap, tile - 1)
+    tiling = Tiling((tile, tile), overlap)
+    torus = None
+    if field.tile is not None or field.overlap is not None:
+        why = "the tiles were asked for"
+    elif spreads:
+        why = "the flow differs from tile to tile"
+    elif isinstance(motion.wind, Wind):
+        why = "the wind may differ from tile to tile"
+    elif deep:
+        why = "the depth differs from tile to tile"
+    else:
+        torus, why = torus_for(shape, tiling, band, needed)
+    edges = None
+    if motion.varied is not None:
+        # Rings of a half or a quarter octave.
+        finer = 4.0 if motion.varied.profile is not None else 2.0
+        rings = max(round(finer * math.log2(band[1] / band[0])), 1)
+        edges = np.asarray(band[0] * (band[1] / band[0]) ** (np.arange(rings + 1) / rings))
+    small = field.tile is not None and field.tile < needed
+    return Layout(
+        torus or tiling, why, shape, band, edges, needed if small else 0.0, path.turns, path.zooms
+    )

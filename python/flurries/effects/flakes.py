@@ -1,0 +1,409 @@
+"""Flakes and drops: many points in a box that goes with the camera, seen through its lens."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from typing import Any, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from flurries import _core
+from flurries._contract import Array, Float64
+from flurries._core import SortedFlakes
+from flurries.camera.lens import Camera
+from flurries.camera.path import CameraPath
+from flurries.effects.motion import Motion, Way
+from flurries.effects.places import SHOWN, SIZES, Listed, Places, list_flakes, place_flakes
+from flurries.effects.resolution import TUNED
+from flurries.frame.needs import Cost, LeftOut, Needs, Step, has_keys, omission
+from flurries.frame.view import Frame
+from flurries.motion.keys import Number, value_at
+from flurries.particles.sprite import FADE_IN, sprite_variance
+
+# Nothing nearer than this is drawn, metres; what `particles.splat` has for a default.
+NEAR = 0.1
+
+# What the most flakes in view need behind a centred lens; a small scene must not ask for more work.
+MOST_IN_BOX = 420_000_000
+
+# Pixels that are drawn together.
+RUN = 32
+
+Triple = tuple[float, float, float]
+Lens = tuple[float, float, float, Triple, float]
+
+
+class Flurry(NamedTuple):
+    """A box of flakes that all move alike, as the kernel reads it: its fields go by name.
+
+    Attributes
+    ----------
+    number : int
+        Flakes in the box.
+    sides, center : (3,)
+        The box in the eye's axes, metres.
+    seed : int
+        Of places, sway and sizes.
+    way, travel : (3,)
+        Metres since frame 0, and during the exposure.
+    sway : (amplitude, angle)
+        Metres, radians.
+    radius : (smallest, largest)
+        Metres.
+    opacity, amount, fade_in : float
+        Of a flake's middle; the share of flakes that is there; over which the last ones fade in.
+    largest : (low, high)
+        Sigma in pixels from which flakes fade, and at which they are gone.
+    sizes : int
+        Stream of the numbers that their sizes are.
+    lens : (focal, cx, cy, offset, near)
+        See :class:`flurries.Camera`.
+    window : (top, bottom, left, right)
+        Pixels; the rest of the frame may lack flakes.
+    """
+
+    number: int
+    sides: Triple
+    center: Triple
+    seed: int
+    way: Triple
+    sway: tuple[float, float]
+    travel: Triple
+    radius: tuple[float, float]
+    opacity: float
+    amount: float
+    fade_in: float
+    largest: tuple[float, float]
+    sizes: int
+    lens: Lens
+    window: tuple[int, int, int, int]
+
+
+class Box(NamedTuple):
+    """The box of flakes that the view of a film fits into.
+
+    Attributes
+    ----------
+    sides : (3,)
+        Metres, along the camera's axes; of a camera that turns along those of the house, a cube
+        that holds the view however it is turned.
+    ball : float
+        Radius of the ball through the eye and the view's far corners, metres. Its centre lies on
+        the axis at the same distance from the eye, or in the middle of the far end where the view
+        is wider than deep.
+    view : float
+        Volume that the view fills up to the far end, cubic metres.
+    alike : bool
+        Whether all flakes move alike.
+    largest : (low, high)
+        Sigma in pixels from which flakes fade, and at which they are gone.
+    """
+
+    sides: Float64
+    ball: float
+    view: float
+    alike: bool
+    largest: tuple[float, float]
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Flakes:
+    """A population of flakes or drops that are drawn one by one.
+
+    Attributes
+    ----------
+    motion : Motion
+        What moves them.
+    name : str
+        What the effect calls their number.
+    number : int
+        How many are in view.
+    density : float, optional
+        Per cubic metre, in place of the number in view.
+    reach : float
+        Depth up to which they are drawn, metres.
+    sizes : (smallest, largest)
+        Diameters, metres.
+    opacity : Number
+        Of a resting one's middle.
+    sway : (amplitude, rate)
+        Metres, and radians per second.
+    largest : (low, high)
+        Sigma on a picture 1024 px wide from which flakes fade, and at which they are gone:
+        out-of-focus puffs look like dirt.
+    """
+
+    motion: Motion
+    name: str = "flakes"
+    number: int
+    density: float | None = None
+    reach: float
+    sizes: tuple[float, float]
+    opacity: Number
+    sway: tuple[float, float] = (0.0, 0.0)
+    largest: tuple[float, float] = (3.5, 6.0)
+
+    @property
+    def empty(self) -> bool:
+        """Whether there are none."""
+        return (self.number if self.density is None else self.density) == 0
+
+    def box(self, frame: Frame) -> Box:
+        """Return the box of the film that a frame belongs to."""
+        return _box(self, frame.shape, frame.path)
+
+    def count(self, frame: Frame) -> int:
+        """Return how many flakes the box holds, so that the view has as many as were asked for."""
+        return _count(self, frame.shape, frame.path)
+
+    def number_in_view(self, frame: Frame) -> float:
+        """Return how many flakes are in view."""
+        return self.number if self.density is None else self.density * self.box(frame).view
+
+    def places(self, frame: Frame) -> Places:
+        """Return where the flakes of a frame are, how fast they go, and how much they show."""
+        return self._places(frame, self.motion.way(frame))
+
+    def alpha(self, frame: Frame, amount: float, way: Way) -> Array:
+        """Return the opacity of the flakes over the window, (h, w) float32."""
+        top, bottom, left, right = frame.window
+        result = np.empty((bottom - top, right - left), np.float32)
+        _core.particle_draw(result, self.sort(frame, amount, way), frame.window, frame.depth)
+        return result
+
+    def sort(self, frame: Frame, amount: float, way: Way) -> SortedFlakes:
+        """Return the flakes, to be drawn in any band of the frame."""
+        if frame.shared is None:
+            return self._sort(frame, amount, way)
+        frame = frame.around
+        assert frame.shared is not None
+        if self.box(frame).alike and len(frame.shared.cameras) == 2:
+            both = frame.once(self, "flakes", lambda: self._sort_pair(frame, amount, way))
+            return both[frame.eye]
+        return frame.once_each(self, "flakes", lambda: self._sort(frame, amount, way))
+
+    def ids(self, frame: Frame, amount: float, way: Way) -> npt.NDArray[np.int32]:
+        """Return which flake each pixel of the whole frame shows, (H, W); -1 for none.
+
+        Its number in the box is the same in every frame.
+        """
+        rows, shown = self._list(frame, amount, way), np.empty(frame.shape, np.int32)
+        _core.particle_ids(shown, *self._given(frame, rows, way), frame.depth)
+        return np.append(rows.numbers, -1).astype(np.int32)[shown]
+
+    def passes(
+        self, frame: Frame, later: Frame, ways: tuple[Way, Way], numbers: npt.NDArray[Any]
+    ) -> tuple[Array, Array]:
+        """Return motion (n, 2) and depth (n,) of flakes by their numbers in the box."""
+        points, velocity, _ = self._places(frame, ways[0]).of(numbers)
+        after, _, known = self._places(later, ways[1]).of(numbers)
+        start, depth = _project(points, frame.camera, frame.shape)
+        end, ahead = _project(after, later.camera, later.shape)
+        way = end - start
+        # One that flies past the eye before the next frame, or comes back at the other side of the
+        # box: as fast as now.
+        half = 0.5 * float(self.box(frame).sides.min())
+        jumps = np.abs(after - points).max(axis=1, initial=0.0) > half
+        gone = ~known | (ahead <= NEAR) | jumps
+        local = points[gone] - np.array(frame.camera.offset)
+        speed, z = velocity[gone], local[:, 2:]
+        way[gone] = frame.camera.focals * (speed[:, :2] - speed[:, 2:] * local[:, :2] / z) / z
+        return way.astype(np.float32), depth.astype(np.float32)
+
+    def needs(self, frame: Frame, amount: float) -> Needs:
+        """Return their one step, or why there is none."""
+        opacity = 0.0 if self.empty else value_at(self.opacity, frame.t)
+        if opacity == 0.0:
+            why = "there are none" if self.empty else "their opacity is 0"
+            return Needs((), (LeftOut(self.name, why),), most=0.0)
+        still = frame.settled and self.motion.still and 0.0 in self.sway and not has_keys(self)
+        step = Step("flakes", lambda: self._cost(frame, amount), once=still)
+        most = 1.0
+        if amount < FADE_IN:
+            # Of rank r from 0 to 1 a flake shows by (amount - 0.9 r) / 0.1: the first, and the
+            # integral. A bound on the opacity: the sum of all of theirs, since few are shown.
+            shown = amount / FADE_IN + self.count(frame) * amount**2 / (
+                2.0 * FADE_IN * (1.0 - FADE_IN)
+            )
+            most = min(shown * opacity, 1.0)
+        return Needs((step,), most=most, savings=(omission(step, most),))
+
+    def footprints(self, frame: Frame) -> tuple[float, float]:
+        """Return how many flakes are drawn, and runs of pixels in their rows, on average."""
+        way = self.motion.way(frame)
+        # Depths of equal numbers of flakes: the view is a pyramid.
+        depth = self.reach * ((np.arange(64) + 0.5) / 64.0) ** (1.0 / 3.0)
+        radius = 0.5 * np.linspace(*self.sizes, 8)[:, None]
+        focal = frame.camera.focal
+        sigma = focal * radius / (3.0 * depth)
+        drawn = (sigma < self.box(frame).largest[1]) & (depth > NEAR)
+        wide = 8.0 * np.sqrt(sprite_variance(sigma))
+        blur = focal * way.shutter / depth
+        across, down = (blur * abs(rate) for rate in way.rate[:2])
+        rows = np.minimum(wide + down, frame.shape[0])
+        runs = rows * np.ceil(np.minimum(wide + across, frame.shape[1]) / RUN)
+        number = self.number_in_view(frame)
+        return number * float(drawn.mean()), number * float((drawn * runs).mean())
+
+    def _cost(self, frame: Frame, amount: float) -> Cost:
+        placed = self.count(frame)
+        drawn, runs = self.footprints(frame)
+        height, width = frame.shape
+        top, bottom, left, right = frame.window
+        plane = (bottom - top) * (right - left)
+        # The last flakes in are fading.
+        part = min(amount / (1.0 - FADE_IN), 1.0)
+        share = min(plane / (height * width), 1.0)
+        name = "streak" if value_at(self.motion.shutter, frame.t) > 0.0 else "disc"
+        shown = round(drawn * part * share)
+        work = {
+            "flake placed": placed * part,
+            name: drawn * part * share,
+            f"{name} run": runs * part * share,
+            "mask pixel": float(height * width),
+        }
+        out = (LeftOut(f"{self.name} out of view", f"some {placed - shown} of {placed}"),)
+        if self.box(frame).alike:
+            return Cost(work, f"{shown} {self.name}", 4 * plane, 0, out)
+        # First, of each placed: place, fade, its columns, how far it reaches, and one more; for a
+        # camera that turns its velocity as well, and that across. Then what is left of those in the
+        # view, with sizes still of all. The plane comes when these have gone.
+        first = (129 if frame.path.turns else 73) * placed
+        scratch = max(first, 8 * placed + 90 * round(drawn * part), 4 * plane) - 4 * plane
+        work["flake listed"] = float(placed)
+        return Cost(work, f"{shown} {self.name}", 4 * plane, scratch, out)
+
+    def _sort(self, frame: Frame, amount: float, way: Way) -> SortedFlakes:
+        if self.box(frame).alike:
+            return _core.particle_sort(frame.shape, self._flurry(frame, amount, way))
+        return _core.particle_sort_listed(
+            frame.shape, *self._given(frame, self._list(frame, amount, way), way)
+        )
+
+    def _sort_pair(
+        self, frame: Frame, amount: float, way: Way
+    ) -> tuple[SortedFlakes, SortedFlakes]:
+        """Return what two eyes see, each flake placed once."""
+        assert frame.shared is not None
+        left, right = frame.shared.cameras
+        asked = self._flurry(replace(frame, camera=left), amount, way)
+        return _core.particle_sort_pair(frame.shape, asked, lens_of(right, frame.shape))
+
+    def _flurry(self, frame: Frame, amount: float, way: Way) -> Flurry:
+        """Return the box of flakes before the frame's camera."""
+        # Everything is as much higher as pixels are.
+        stretch = np.array([1.0, frame.camera.aspect, 1.0])
+        box = self.box(frame)
+        return Flurry(
+            number=self.count(frame),
+            sides=_triple(stretch * box.sides),
+            center=(0.0, 0.0, 0.5 * self.reach),
+            seed=frame.seed,
+            way=_triple(-stretch * way.moved),
+            sway=(self.sway[0], self.sway[1] * frame.t / frame.fps),
+            travel=_triple(way.shutter * stretch * -way.rate),
+            radius=(0.5 * self.sizes[0], 0.5 * self.sizes[1]),
+            opacity=value_at(self.opacity, frame.t),
+            amount=amount,
+            fade_in=FADE_IN,
+            largest=box.largest,
+            sizes=SIZES,
+            lens=lens_of(frame.camera, frame.shape),
+            window=frame.window,
+        )
+
+    def _places(self, frame: Frame, way: Way) -> Places:
+        box, middle = self.box(frame), np.array([0.0, 0.0, 0.5 * self.reach])
+        if frame.path.turns:
+            middle = frame.camera.matrix() @ (0.0, 0.0, min(box.ball, self.reach))
+        return place_flakes(
+            frame, self.motion, way, self.count(frame), box.sides, middle, self.reach, self.sway
+        )
+
+    def _list(self, frame: Frame, amount: float, way: Way) -> Listed:
+        """Return the flakes to draw one by one: any wind, any camera."""
+        return list_flakes(
+            frame,
+            self._places(frame, way),
+            way.shutter,
+            self.sizes,
+            amount,
+            self.box(frame).largest,
+            self.count(frame),
+        )
+
+    def _given(
+        self, frame: Frame, rows: Listed, way: Way
+    ) -> tuple[Float64, Float64, Float64, Float64, float, Lens]:
+        """Return a list of flakes as the kernels read it."""
+        stretch, lens = frame.camera.aspect, lens_of(frame.camera, frame.shape)
+        points, velocity = rows.points, rows.velocity
+        if stretch != 1.0:
+            higher = np.array([1.0, stretch, 1.0])
+            points, velocity = points * higher, velocity * higher
+        opacity = rows.weight * value_at(self.opacity, frame.t)
+        return points, rows.radius, opacity, velocity, way.shutter, lens
+
+
+def lens_of(camera: Camera, shape: tuple[int, int]) -> Lens:
+    """Return a camera as the kernel takes it, everything as much higher as pixels are."""
+    x, y = camera.principal(shape)
+    ahead = np.array([1.0, camera.aspect, 1.0]) * camera.offset
+    return camera.focal, x, y, _triple(ahead), NEAR
+
+
+@lru_cache(maxsize=64)
+def _box(flakes: Flakes, shape: tuple[int, int], path: CameraPath) -> Box:
+    height, width = shape
+    reach, lens = flakes.reach, path.widest
+    cx, cy = lens.principal(shape)
+    # The path's camera counts, so that both eyes see the same flakes; and the farther side of a
+    # lens that is off the middle, since the box is centred on the axis.
+    fx, fy = (reach / focal for focal in lens.focals)
+    across, down = 2.0 * max(cx, width - cx) * fx, 2.0 * max(cy, height - cy) * fy
+    corner = 0.25 * (across**2 + down**2)
+    ball = max(0.5 * (reach + corner / reach), math.sqrt(corner))
+    # Gusts carry flakes aside: with few exceptions so far. One that is carried farther is missed at
+    # the view's border; none ever jumps, since flakes are faded out where the box wraps.
+    wind = flakes.motion.varied
+    room = 0.0 if wind is None or wind.waves is None else 1.5 * wind.waves.spread()
+    # The outer 15 % of the box fade; the view's far corners stay inside of that.
+    sides = np.array([across / SHOWN + 2.0 * room, down / SHOWN + 2.0 * room, reach])
+    if path.turns:
+        sides = np.full(3, 2.0 * ball / SHOWN + 2.0 * room)
+    # The view is a pyramid: a third of the prism around it.
+    view = width * fx * height * fy * reach / 3.0
+    alike = wind is None and not (path.turns or path.zooms)
+    low, high = (limit * (width / TUNED) for limit in flakes.largest)
+    return Box(sides, ball, view, alike, (low, high))
+
+
+@lru_cache(maxsize=64)
+def _count(flakes: Flakes, shape: tuple[int, int], path: CameraPath) -> int:
+    box = _box(flakes, shape, path)
+    each = flakes.number / box.view if flakes.density is None else flakes.density
+    count = round(each * float(np.prod(box.sides)))
+    if count > MOST_IN_BOX:
+        many = flakes.density
+        given = f"{flakes.number} in view" if many is None else f"{many:g} per m3"
+        raise ValueError(
+            f"{flakes.name}: {given} are {count} in the box around a lens whose "
+            f"center is so far off the middle; at most {MOST_IN_BOX} are drawn"
+        )
+    return count
+
+
+def _triple(values: Float64) -> Triple:
+    x, y, z = values.tolist()
+    return x, y, z
+
+
+def _project(points: Float64, camera: Camera, shape: tuple[int, int]) -> tuple[Float64, Float64]:
+    """Return where points in the eye's axes are seen, (n, 2) px, and their depth."""
+    local = points - np.array(camera.offset)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        px = camera.focals * local[:, :2] / local[:, 2:] + np.array(camera.principal(shape))
+    return px, local[:, 2]

@@ -1,0 +1,207 @@
+"""What a wind that differs from place to place does beyond its mean: to waves, and to flakes.
+
+It moves the rings of waves of each tile by what it does at the place that they stand for, and
+flakes by what it does where they are. All displacements are metres since frame 0 and all velocities
+metres per frame, in the eye's axes.
+"""
+
+from __future__ import annotations
+
+import math
+from functools import lru_cache
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from flurries._contract import Float64
+from flurries.camera.path import CameraPath
+from flurries.effects.motion import (
+    Motion,
+    air_course,
+    camera_course,
+    comes_nearer,
+    relative_course,
+)
+from flurries.frame.view import Frame
+from flurries.motion.keys import Course, Integral, integral_to, value_at
+from flurries.motion.waves import Waves, carry
+from flurries.motion.wind import Wind
+
+_Complex = npt.NDArray[np.complex128]
+
+# Frames whose sum is kept where nothing closed is known: a film asks for the same ones again.
+BLOCK = 64
+
+# Depths at which a profile is integrated for a camera that comes nearer; linear between.
+_DEPTHS = 65
+
+
+def wind_at(motion: Motion, frame: Frame, ahead: Float64) -> tuple[Float64, Float64]:
+    """Return how the air at places of the view has moved and moves beyond the mean wind.
+
+    Parameters
+    ----------
+    ahead : (..., 3)
+        Places in the eye's axes, metres.
+
+    Returns
+    -------
+    displacement, velocity : (..., 3)
+    """
+    wind = _varied(motion)
+    points = np.ascontiguousarray(ahead.reshape(-1, 3))
+    moved, rate = _profile_at(wind, frame, points[:, 2])
+    if wind.waves is not None:
+        world = frame.path.place(frame.t, fps=frame.fps) + points @ frame.camera.matrix().T
+        now = _phasor(wind.waves, frame, frame.t)
+        if frame.path.turns:
+            rate = rate + frame.to_camera(wind.waves.at(world, now))
+            depths, which = np.unique(points[:, 2], return_inverse=True)
+            moved = moved + _ahead_while_turning(wind.waves, frame, depths)[which]
+        else:
+            parts = carry(wind.waves, camera_course(frame.path, frame.fps), frame.fps)
+            both = wind.waves.at(world, _way_phasor(wind.waves, frame, *parts), now)
+            moved = moved + frame.to_camera(both[:, :3])
+            rate = rate + frame.to_camera(both[:, 3:])
+    return moved.reshape(ahead.shape), rate.reshape(ahead.shape)
+
+
+def flakes_in_profile(motion: Motion, frame: Frame, depth: Float64) -> tuple[Float64, Float64]:
+    """Return displacement and velocity of flakes at depths (n,) by the profile, (n, 3).
+
+    A flake that comes nearer has felt the wind of every depth that it came through.
+    """
+    wind = _varied(motion)
+    moved, rate = _profile_at(wind, frame, depth)
+    axis = frame.camera.matrix()[:, 2]
+    steady = motion.mean_wind
+    if wind.profile is None or not comes_nearer(frame.path, axis, motion.fall, steady):
+        return moved, rate
+    way = _way_of(relative_course(frame.path, frame.fps, motion.fall, steady))
+    nearer = float(way.to(frame.t) @ axis)
+    # Where the air at these depths was before: depth plus the camera's way through it is kept.
+    nodes = np.linspace(min(float(depth.min()), 0.0), float(depth.max()), _DEPTHS)
+    times, steps = _middles(frame.t)
+    was = nodes + nearer - (np.stack([way.to(time) for time in times]) @ axis)[:, None]
+    factor, own = wind.extra(was.ravel())
+    mean = np.stack([value_at(steady, time) for time in times])
+    felt = factor.reshape(was.shape)[..., None] * mean[:, None] + own.reshape(*was.shape, 3)
+    total = _across(frame, np.einsum("t,tni->ni", steps, felt) / frame.fps)
+    return np.stack([np.interp(depth, nodes, total[:, a]) for a in range(3)], axis=1), rate
+
+
+def flakes_in_waves(motion: Motion, frame: Frame, points: Float64) -> tuple[Float64, Float64]:
+    """Return displacement and velocity of flakes at places (n, 3) by gusts and swirls.
+
+    The places are those without them.
+    """
+    waves = _varied(motion).waves
+    assert waves is not None
+    world = frame.path.place(frame.t, fps=frame.fps) + points @ frame.camera.matrix().T
+    parts = carry(waves, air_course(frame.fps, motion.fall, motion.mean_wind), frame.fps)
+    both = waves.at(world, _way_phasor(waves, frame, *parts), _phasor(waves, frame, frame.t))
+    return frame.to_camera(both[:, :3]), frame.to_camera(both[:, 3:])
+
+
+def _varied(motion: Motion) -> Wind:
+    assert isinstance(motion.wind, Wind)
+    return motion.wind
+
+
+def _phasor(waves: Waves, frame: Frame, time: float) -> _Complex:
+    """Return what the waves' amplitudes are multiplied by at a time, for metres per frame."""
+    turned = np.exp(-1j * waves.omega * time / frame.fps) / frame.fps
+    return np.asarray(turned, np.complex128)
+
+
+def _way_phasor(waves: Waves, frame: Frame, way: Integral, sums: Integral) -> _Complex:
+    """Return what the amplitudes are multiplied by for the way of what is at a place now."""
+    parts = sums.to(frame.t)
+    half = len(parts) // 2
+    back = np.exp(-1j * (waves.k @ way.to(frame.t)))
+    return np.asarray((parts[:half] + 1j * parts[half:]) * back / frame.fps, np.complex128)
+
+
+def _ahead_while_turning(waves: Waves, frame: Frame, depths: Float64) -> Float64:
+    """Return the displacement of the air straight ahead of a camera that turns, (n, 3).
+
+    In the eye's turning axes, summed over the frames: what tiles aside see differs from it by what
+    the wind differs between there and the middle.
+    """
+    mount = frame.path.rig(frame.t).T @ frame.camera.matrix()
+    # Turned back by a frame's own orientation it has lost some bits: the mount is one for a film.
+    view = _View(waves, frame.path, frame.fps, np.round(mount, 12).tobytes(), depths.tobytes())
+    whole = math.trunc(frame.t)
+    sign = -1 if frame.t < 0.0 else 1
+    blocks, rest = divmod(abs(whole), BLOCK)
+    total = np.zeros((len(depths), 3))
+    for number in range(blocks):
+        total += _block(view, sign, number)
+    for number in range(blocks * BLOCK, blocks * BLOCK + rest):
+        total += sign * view.velocity(sign * (number + 0.5))
+    part = frame.t - whole
+    return np.asarray(total + part * view.velocity(whole + 0.5 * part) if part else total)
+
+
+class _View(NamedTuple):
+    """What a camera that turns sees of waves, straight ahead at some depths."""
+
+    waves: Waves
+    path: CameraPath
+    fps: float
+    mount: bytes
+    depths: bytes
+
+    def velocity(self, time: float) -> Float64:
+        """Return the velocity of the air there, (n, 3)."""
+        depths = np.frombuffer(self.depths)
+        turn = self.path.rig(time) @ np.frombuffer(self.mount).reshape(3, 3)
+        world = self.path.place(time, fps=self.fps) + depths[:, None] * turn[:, 2]
+        now = np.exp(-1j * self.waves.omega * time / self.fps) / self.fps
+        return np.asarray(self.waves.at(world, np.asarray(now, np.complex128)) @ turn)
+
+
+@lru_cache(maxsize=4096)
+def _block(view: _View, sign: int, number: int) -> Float64:
+    """Return the sum over a block of whole frames, by their middles."""
+    middles = (sign * (number * BLOCK + step + 0.5) for step in range(BLOCK))
+    return np.asarray(sum(sign * view.velocity(middle) for middle in middles))
+
+
+def _profile_at(wind: Wind, frame: Frame, depth: Float64) -> tuple[Float64, Float64]:
+    """Return what the profile does at fixed depths (n,): displacement and velocity, (n, 3)."""
+    if wind.profile is None:
+        return np.zeros((len(depth), 3)), np.zeros((len(depth), 3))
+    if frame.path.turns:
+        # What is behind what would change.
+        raise ValueError("wind: a profile over depth needs a camera that does not turn")
+    factor, own = wind.extra(depth)
+    mean = integral_to(wind.steady, frame.t) / frame.fps
+    now = np.array(value_at(wind.steady, frame.t)) / frame.fps
+    moved = factor[:, None] * mean + own * (frame.t / frame.fps)
+    return _across(frame, moved), _across(frame, factor[:, None] * now + own / frame.fps)
+
+
+def _across(frame: Frame, vectors: Float64) -> Float64:
+    """Return house axes turned into the eye's, without the part along the view."""
+    turned = frame.to_camera(vectors)
+    turned[:, 2] = 0.0
+    return turned
+
+
+def _middles(t: float) -> tuple[Float64, Float64]:
+    """Return the middles of the frames from 0 to `t`, the last a part of one, and their lengths."""
+    whole = math.trunc(t)
+    sign = -1.0 if t < 0.0 else 1.0
+    times = sign * (np.arange(abs(whole)) + 0.5)
+    return np.append(times, 0.5 * (whole + t)), np.append(np.full(abs(whole), sign), t - whole)
+
+
+@lru_cache(maxsize=32)
+def _way_of(course: Course) -> Integral:
+    def ways(start: Float64, end: Float64, inside: Float64) -> Float64:
+        values, _ = course.line(0.5 * (start + end), inside)
+        return np.asarray(values * (end - start)[:, None])
+
+    return Integral.of(ways, course.knots)

@@ -1,0 +1,88 @@
+"""The kinds of effects by the names that scene files have for them: ours, and anybody's."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import is_dataclass
+from importlib.metadata import EntryPoint, entry_points
+from typing import Any
+
+from flurries.effects.cone import ConeRain, ConeSnow
+from flurries.effects.matched import MatchedSnow
+from flurries.effects.mist import Mist
+from flurries.effects.rain import Rain
+from flurries.effects.snow import Snow
+
+# Packages name their effects here: ``[project.entry-points."flurries.effects"]``.
+GROUP = "flurries.effects"
+
+OURS: dict[str, type[Any]] = {
+    "snow": Snow,
+    "rain": Rain,
+    "mist": Mist,
+    "matched_snow": MatchedSnow,
+    "cone_snow": ConeSnow,
+    "cone_rain": ConeRain,
+}
+
+_registered: dict[str, type[Any]] = {}
+
+
+def register(kind: str, effect: type[Any]) -> None:
+    """Give an effect of your own a name in scene files.
+
+    A package does without the call: it names its effects as entry points of the group
+    "flurries.effects", ``ash = "my_package:Ash"``.
+
+    Parameters
+    ----------
+    kind : str
+        What ``kind`` says in a scene's TOML file: lower case letters, digits and "_". One that was
+        registered before is replaced.
+    effect : class
+        A dataclass with a method ``render(frame)`` that returns a :class:`Layer`.
+
+    Raises
+    ------
+    ValueError, TypeError
+        If the kind is one of flurries' own or no name, or the class is no effect.
+
+    Examples
+    --------
+    ``docs/your-own-effect.md`` has an effect in 25 lines.
+    """
+    if not isinstance(kind, str) or not kind.isidentifier() or kind != kind.lower():
+        raise ValueError(f"kind must be a name of lower case letters, digits and _, got {kind!r}")
+    if kind in OURS:
+        raise ValueError(f"kind must not be one of flurries' own, got {kind!r}")
+    if not (isinstance(effect, type) and is_dataclass(effect) and hasattr(effect, "render")):
+        raise TypeError(f"effect must be a dataclass with a method render, got {effect!r}")
+    _registered[kind] = effect
+
+
+def class_of(kind: object) -> type[Any]:
+    """Return the effect of a kind, or refuse what is none."""
+    known = {**OURS, **_registered}
+    if isinstance(kind, str) and kind in known:
+        return known[kind]
+    others = {point.name: point for point in _entry_points()}
+    if isinstance(kind, str) and kind in others:
+        found: type[Any] = others[kind].load()
+        register(kind, found)
+        return found
+    names = ", ".join(map(repr, sorted({*known, *others}, key=[*known, *others].index)))
+    raise ValueError(f"kind must be one of {names}, got {kind!r}")
+
+
+def kind_of(effect: object) -> str | None:
+    """Return the kind of an effect; None for one that no scene file can hold."""
+    own = type(effect)
+    for kind, known in (*OURS.items(), *_registered.items()):
+        if known is own:
+            return kind
+    here = f"{own.__module__}:{own.__qualname__}"
+    return next((point.name for point in _entry_points() if point.value == here), None)
+
+
+def _entry_points() -> Iterator[EntryPoint]:
+    return iter(entry_points(group=GROUP))

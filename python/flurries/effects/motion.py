@@ -1,0 +1,129 @@
+"""What moves the weather: a fall, a wind and a camera; the same for textures and for flakes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import NamedTuple
+
+import numpy as np
+
+from flurries._contract import Float64
+from flurries.camera.path import CameraPath, fall_course
+from flurries.camera.rotation import rotation_matrix as matrix_of
+from flurries.frame.view import Frame
+from flurries.motion.keys import Course, Keys, Number, Vector, course_of, sum_of, value_at
+from flurries.motion.wind import Wind
+
+
+class Way(NamedTuple):
+    """How the camera moves through what falls, by the mean wind, in the eye's axes.
+
+    Attributes
+    ----------
+    moved, rate : (3,)
+        Camera minus flake since frame 0, metres, and per frame.
+    shutter : float
+        Exposure, frames.
+    """
+
+    moved: Float64
+    rate: Float64
+    shutter: float
+
+
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """What falls in a wind, and how long the shutter is open.
+
+    Attributes
+    ----------
+    fall : Number
+        Metres per second in still air, down.
+    wind : Vector or Wind
+        Metres per second, house axes.
+    shutter : Number
+        Exposure, frames.
+    """
+
+    fall: Number
+    wind: Vector | Wind
+    shutter: Number = 0.0
+
+    @property
+    def mean_wind(self) -> Vector:
+        """The part of the wind that is the same everywhere."""
+        return self.wind.steady if isinstance(self.wind, Wind) else self.wind
+
+    @property
+    def varied(self) -> Wind | None:
+        """The wind where it differs from place to place; None where it is the same all over."""
+        wind = self.wind
+        return wind if isinstance(wind, Wind) and not wind.uniform else None
+
+    @property
+    def still(self) -> bool:
+        """Whether the air and what falls in it stand still at all times."""
+        plain = not isinstance(self.wind, (Wind, Keys)) and not isinstance(self.fall, Keys)
+        return plain and self.fall == 0.0 and not any(self.wind)  # type: ignore[arg-type]
+
+    def way(self, frame: Frame) -> Way:
+        """Return the camera's way through the mean wind at a frame."""
+        wind, shutter = self.mean_wind, value_at(self.shutter, frame.t)
+        moved, rate = frame.path.relative(frame.t, fps=frame.fps, fall=self.fall, wind=wind)
+        axes = frame.camera.matrix()
+        return Way(moved @ axes, rate @ axes, shutter)
+
+    def travel(self, frame: Frame) -> Float64:
+        """Return the way since frame 0 as a camera that turns or zooms felt it, eye's axes."""
+        return frame.travel(fall=self.fall, wind=self.mean_wind)
+
+    def spreads(self, path: CameraPath, rotation: tuple[float, float, float]) -> bool:
+        """Whether the air ever comes nearer a camera or recedes: the flow of tiles then differs."""
+        if path.turns or path.zooms:
+            return True
+        axis = matrix_of(rotation)[:, 2]
+        return comes_nearer(path, axis, self.fall, self.mean_wind)
+
+    def fastest(self, path: CameraPath, fps: float) -> float:
+        """Return the largest speed of the camera through the air, metres per frame.
+
+        In the mean wind, at the keys of a film; a bound where keys of several things interleave.
+        """
+        course = relative_course(path, fps, self.fall, self.mean_wind)
+        times = np.concatenate([course.knots, [0.0]])
+        before = course.line(times, times - 1e-6)[0]
+        speeds = np.concatenate([before, course.line(times, times + 1e-6)[0], course.values])
+        return float(np.linalg.norm(speeds, axis=1).max())
+
+
+def comes_nearer(path: CameraPath, axis: Float64, fall: Number, wind: Vector) -> bool:
+    """Whether the air ever moves along a view's axis, (3,) of the house axes."""
+    winds = wind.keys if isinstance(wind, Keys) else [(0.0, wind)]
+    falls = fall.keys if isinstance(fall, Keys) else [(0.0, fall)]
+    return (
+        path.goes_along(axis)
+        or any(np.dot(axis, wind) != 0.0 for _, wind in winds)
+        or any(axis[1] * fall != 0.0 for _, fall in falls)
+    )
+
+
+# Velocities over a whole film, metres per frame in house axes.
+
+
+@lru_cache(maxsize=32)
+def relative_course(path: CameraPath, fps: float, fall: Number, wind: Vector) -> Course:
+    """Return camera minus what falls."""
+    return sum_of([path.course(fps), course_of(wind, -1.0 / fps), fall_course(fall, -1.0 / fps)])
+
+
+@lru_cache(maxsize=32)
+def air_course(fps: float, fall: Number, wind: Vector) -> Course:
+    """Return what falls in the wind."""
+    return sum_of([course_of(wind, 1.0 / fps), fall_course(fall, 1.0 / fps)])
+
+
+@lru_cache(maxsize=32)
+def camera_course(path: CameraPath, fps: float) -> Course:
+    """Return the camera."""
+    return path.course(fps)

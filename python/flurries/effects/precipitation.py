@@ -1,0 +1,174 @@
+"""One layer of what falls: a texture behind, flakes in front, and a veil over all that is far."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any, Generic, Protocol, TypeVar
+
+import numpy as np
+
+from flurries import _core
+from flurries._contract import Array
+from flurries.effects.color import AMBIENT, color_at
+from flurries.effects.flakes import Flakes
+from flurries.effects.motion import Motion, Way
+from flurries.effects.passes import passes_of
+from flurries.effects.texture import Texture
+from flurries.effects.veil import Veil
+from flurries.frame.layer import Layer, Light
+from flurries.frame.needs import PARTS, Cost, LeftOut, Needs, Step
+from flurries.frame.view import Frame
+from flurries.motion.keys import Keys, Number, value_at
+from flurries.trace import count, stage
+
+
+class Backdrop(Protocol):
+    """What lies behind the flakes: a :class:`Texture`, a cone's sheet, or a part of one's own."""
+
+    @property
+    def name(self) -> str:
+        """Of its step."""
+
+    def needs(self, frame: Frame, amount: float) -> Needs:
+        """Return its step with the cost, or why there is none, and the largest opacity."""
+
+    def alpha(self, frame: Frame, amount: float, way: Way) -> Array:
+        """Return its opacity over the window, (h, w) float32."""
+
+
+_Back = TypeVar("_Back", bound=Backdrop | None)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Precipitation(Generic[_Back]):
+    """The parts of an effect, and the layer that they make.
+
+    Attributes
+    ----------
+    name : str
+        Of the layer.
+    amount : Number
+        0 to 1; scales all parts.
+    color : color
+        Of them all, display values.
+    motion : Motion
+        What moves them.
+    texture : Backdrop or None
+        Behind the flakes.
+    flakes : Flakes, optional
+        In front.
+    veil : Veil
+        Over all.
+    """
+
+    name: str
+    amount: Number
+    color: Any
+    motion: Motion
+    texture: _Back
+    flakes: Flakes | None = None
+    veil: Veil
+
+    def needs(self, frame: Frame) -> Needs:
+        """Return what a frame takes: the parts' steps, and "join", which makes them one plane."""
+        amount = value_at(self.amount, frame.t)
+        if amount == 0.0:
+            return Needs((), (LeftOut(self.name, "its amount is 0"),), most=0.0)
+        parts = [part for part in (self.texture, self.flakes, self.veil) if part is not None]
+        asked = [part.needs(frame, amount) for part in parts]
+        clear = float(np.prod([1.0 - needs.most for needs in asked]))
+        if clear == 1.0:
+            why = "nothing of it has any opacity"
+            return Needs((), (LeftOut(self.name, why),), most=0.0)
+        varies = isinstance(self.amount, Keys)
+        steps = [
+            replace(step, once=step.once and not varies) for needs in asked for step in needs.steps
+        ]
+        top, bottom, left, right = frame.window
+        pixels, planes = (bottom - top) * (right - left), max(len(steps), 1)
+        size = f"{planes} planes"
+        steps.append(
+            Step("join", lambda: Cost({"joined pixel": planes * pixels}, size, 4 * pixels))
+        )
+        return Needs(
+            tuple(steps),
+            tuple(
+                LeftOut(f"{self.name}: {one.what}", one.why)
+                for needs in asked
+                for one in needs.left_out
+            ),
+            PARTS if self.color == AMBIENT else PARTS - {"ambient"},
+            most=1.0 - clear,
+            in_one_pass=asked[0].in_one_pass,
+            by_rows=True,
+            savings=tuple(saving for needs in asked for saving in needs.savings),
+        )
+
+    def render(self, frame: Frame) -> Layer:
+        """Return the layer of a frame."""
+        amount, haze, run = self._now(frame)
+        way = self.motion.way(frame)
+        texture, flakes, veil = self.texture, self.flakes, self.veil
+        behind = front = None
+        if texture is not None:
+            behind = run(texture.name, lambda: texture.alpha(frame, amount, way))
+        if flakes is not None:
+            front = run("flakes", lambda: flakes.alpha(frame, amount, way))
+        planes = [np.ascontiguousarray(one) for one in (behind, front) if one is not None]
+        if frame.depth is not None:
+            before = run("veil", lambda: veil.alpha(frame, amount))
+            haze = 0.0
+            planes += [] if before is None else [before]
+        top, bottom, left, right = frame.window
+        alpha = np.zeros((bottom - top, right - left), np.float32)
+        with stage("join"):
+            _core.join(alpha, planes or [np.zeros_like(alpha)], haze)
+        layer = Layer(self.name, alpha, color_at(self.color, frame))
+        back: Any = texture
+        if not frame.whole or flakes is None or not isinstance(back, Texture | None):
+            return layer
+        passes = passes_of(back, flakes, frame, amount, way, (behind, front))
+        return replace(
+            layer,
+            motion=passes.motion,
+            depth=passes.depth,
+            coverage=passes.coverage,
+            ids=passes.ids,
+        )
+
+    def over(self, frame: Frame, behind: Array, light: Light) -> Array | None:
+        """Return the layer over a picture, with the bits of `render`, in one pass.
+
+        None where that pass has no way to do it: no texture, or a scene that ends.
+        """
+        texture, flakes = self.texture, self.flakes
+        if frame.depth is not None or not isinstance(texture, Texture):
+            return None
+        amount, haze, run = self._now(frame)
+        # A texture that never moves is kept as a plane.
+        if "texture" not in run.steps or run.keeps("texture"):
+            return None
+        way = self.motion.way(frame)
+        front = None
+        if flakes is not None:
+            front = run("flakes", lambda: flakes.sort(frame, amount, way))
+        result = np.empty_like(behind)
+        with stage("texture"):
+            made = _core.snowfall(
+                result,
+                behind,
+                texture.field.request(frame, way),
+                texture.map(frame, amount, way),
+                not texture.renormalise,
+                haze,
+                light(color_at(self.color, frame)),
+                front,
+            )
+            count("tiles", made)
+        return result
+
+    def _now(self, frame: Frame) -> tuple[float, float, Any]:
+        """Return amount, haze and what runs the steps of a frame."""
+        amount = value_at(self.amount, frame.t)
+        haze = amount * value_at(self.veil.haze, frame.t)
+        return amount, haze, frame.run or frame.steps_of(self)

@@ -1,0 +1,84 @@
+"""How the sun shades a gas, and where the gas scatters its light to."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+
+from flurries import gas
+from flurries._contract import Array, Float64
+from flurries.frame.view import Frame
+
+SCATTER = ("even", "rayleigh", "henyey")
+
+
+@dataclass(frozen=True, eq=False)
+class Scatter:
+    """What particles do with light.
+
+    Attributes
+    ----------
+    kind : {"even", "rayleigh", "henyey"}
+        The phase function, see :func:`flurries.gas.phase`.
+    asymmetry : float
+        Of "henyey".
+    forward : float
+        Share of the sun's light that a particle passes on to those behind it.
+    """
+
+    kind: str
+    asymmetry: float
+    forward: float
+
+    @property
+    def brightest(self) -> float:
+        """The most that the phase function brightens white gas by."""
+        if self.kind == "henyey":
+            g = abs(self.asymmetry)
+            return (1.0 + g) / (1.0 - g) ** 2
+        return 1.5 if self.kind == "rayleigh" else 1.0
+
+    def colors(
+        self, frame: Frame, points: Float64, shown: Float64, radius: float, color: Any
+    ) -> Array:
+        """Return the linear color of each particle, (n, 3), for a gas of a display color."""
+        from flurries.io import srgb_to_linear
+
+        assert frame.sun is not None
+        sun = frame.sun
+        lit = frame.once(self, "light", lambda: self._light(frame, points, shown, radius))
+        scattered = lit
+        if self.kind != "even":
+            eye = np.array(frame.camera.offset) - points
+            away = np.linalg.norm(eye, axis=1)
+            way = frame.to_camera(sun.unit())
+            cosine = np.divide(eye @ way, away, out=np.zeros_like(away), where=away > 0.0)
+            scattered = lit * gas.phase(
+                np.clip(cosine, -1.0, 1.0), kind=self.kind, asymmetry=self.asymmetry
+            )
+        own, white = (srgb_to_linear(np.asarray(given, np.float64)) for given in (color, sun.color))
+        brightness = sun.ambient + (1.0 - sun.ambient) * scattered[:, None] * white
+        return np.ascontiguousarray(own * brightness)
+
+    def _light(self, frame: Frame, points: Float64, shown: Float64, radius: float) -> Float64:
+        """Return the sun's light that reaches each particle, (n,)."""
+        assert frame.sun is not None
+        # In house axes, so that a camera that only turns or moves has the same gas and light.
+        world = points @ frame.camera.matrix().T + frame.path.place(frame.t, fps=frame.fps)
+        x, y, z = frame.sun.unit().tolist()
+        places, density = np.round(world, 9).tobytes(), np.round(shown, 12).tobytes()
+        return _light_in(places, density, radius, (x, y, z), self.forward)
+
+
+@lru_cache(maxsize=8)
+def _light_in(
+    centers: bytes, density: bytes, radius: float, way: tuple[float, float, float], forward: float
+) -> Float64:
+    """Return the light in a gas; the last gases and lights are kept."""
+    places = np.frombuffer(centers).reshape(-1, 3)
+    lit = gas.light(places, radius, np.frombuffer(density), way, forward=forward)
+    lit.flags.writeable = False
+    return lit

@@ -1,0 +1,56 @@
+"""An even veil of what is too far and too fine for anything else."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from flurries._contract import Array
+from flurries.frame.needs import Cost, LeftOut, Needs, Step, omission
+from flurries.frame.view import Frame
+from flurries.motion.keys import Number, value_at
+
+
+@dataclass(frozen=True, eq=False)
+class Veil:
+    """An even veil.
+
+    Attributes
+    ----------
+    haze : Number
+        Its opacity before the sky, 0 to 1.
+    far : float
+        The depth from which on it is whole, metres.
+    """
+
+    haze: Number
+    far: float
+
+    def opacity(self, frame: Frame, amount: float) -> float:
+        """Return the opacity before the sky."""
+        return amount * float(value_at(self.haze, frame.t))
+
+    def needs(self, frame: Frame, amount: float) -> Needs:
+        """Return its step before a scene with a depth; without one it takes nothing."""
+        haze = self.opacity(frame, amount)
+        if haze == 0.0:
+            return Needs((), (LeftOut("veil", "its opacity is 0"),), most=0.0)
+        if not frame.deep and frame.depth is None:
+            return Needs((), most=haze)
+        top, bottom, left, right = frame.window
+        pixels = (bottom - top) * (right - left)
+        step = Step("veil", lambda: Cost({"veil pixel": pixels}, "", 4 * pixels, 8 * pixels))
+        return Needs((step,), most=haze, savings=(omission(step, haze),))
+
+    def alpha(self, frame: Frame, amount: float) -> Array:
+        """Return the opacity before the scene's depth over the window, (h, w) float32."""
+        depth, haze = frame.depth, self.opacity(frame, amount)
+        assert depth is not None
+        return frame.here(self, "veil", lambda: haze_before(frame.crop(depth), haze, self.far))
+
+
+def haze_before(depth: Array, haze: float, far: float) -> Array:
+    """Return the opacity of a veil: its optical depth grows with the way, up to `far`."""
+    way = np.minimum(depth / np.float32(far), np.float32(1.0))
+    return np.asarray(1.0 - (1.0 - haze) ** way, np.float32)

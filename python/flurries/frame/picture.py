@@ -1,0 +1,175 @@
+"""How a frame is put together: in one piece, or in bands of rows where it is large."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from flurries._contract import Array
+from flurries.camera.lens import Camera
+from flurries.frame.bands import bands_of, common, crop, shape_of, within
+from flurries.frame.layer import Layer, layers_of
+from flurries.frame.matte import Matte
+from flurries.frame.mixing import Mix, behind
+from flurries.frame.program import Ask, Program
+from flurries.frame.shared import Shared
+from flurries.frame.view import Frame
+from flurries.frame.visible import Window
+from flurries.trace import stage
+
+
+def images(
+    program: Program, t: float, eyes: Sequence[Camera | None], window: Window, tolerance: float
+) -> list[Array]:
+    """Return what each eye sees of a window; None is the path's own camera.
+
+    The eyes' bands are made in turn, so that the second finds what the first has made.
+    """
+    with stage("background"):
+        plate = crop(program.backdrop.frame(t), window)
+    choice = program.choice(t, tolerance)
+    # Where none of the weather can be seen, none is made.
+    inner = program.open_part(window, choice.hidden)
+    mix, matte = program.mix(table=choice.table), program.matte
+    front = None if matte is None else matte.window(window)
+    cameras = tuple(program.camera(eye, t) for eye in eyes)
+    pictures = []
+    for camera in cameras:
+        asks = [] if inner is None else program.asks(t, camera, inner, plate.dtype, choice)
+        pictures.append(Picture(asks, mix, plate, front, window, inner))
+    bands = bands_in(window, pictures[0].asks, mix, matte)
+    if inner is not None and (len(eyes) > 1 or len(bands) > 1):
+        shared = Shared(cameras, inner, len(bands))
+        for picture in pictures:
+            picture.asks = [
+                ask._replace(frame=replace(ask.frame, shared=shared)) for ask in picture.asks
+            ]
+    if len(bands) == 1:
+        return [picture.compose(window, None) for picture in pictures]
+    results = [np.empty_like(plate, order="C") for _ in eyes]
+    for band in bands:
+        for picture, result in zip(pictures, results, strict=True):
+            picture.compose(band, crop(result, within(band, window)))
+    return results
+
+
+def bands_in(window: Window, asks: Sequence[Ask], mix: Mix, matte: Matte | None) -> list[Window]:
+    """Return the bands that a window is made in; one if no more than the result is held then."""
+    plain = mix.same and matte is None
+    if plain and (not asks or (len(asks) == 1 and asks[0].needs.in_one_pass)):
+        return [window]
+    return bands_of(window)
+
+
+class Picture:
+    """What one eye sees, while it is put together.
+
+    Parameters
+    ----------
+    asks : list of Ask
+        The effects that lie over the background, back to front.
+    mix : Mix
+        In which light.
+    plate : (h, w, 3)
+        The background's window.
+    matte : Matte or None
+        The window of what stands in front.
+    window : (top, bottom, left, right)
+        Pixels.
+    inner : window or None
+        The part in which the weather can be seen.
+    """
+
+    def __init__(
+        self,
+        asks: list[Ask],
+        mix: Mix,
+        plate: Array,
+        matte: Matte | None,
+        window: Window,
+        inner: Window | None,
+    ) -> None:
+        self.asks, self.mix, self.plate, self.matte = asks, mix, plate, matte
+        self.window, self.inner = window, inner
+        self._drawn: dict[int, tuple[Layer, ...]] = {}
+
+    def compose(self, band: Window, into: Array | None) -> Array:
+        """Return the composite of a band, written to `into` where that is given."""
+        mix, place = self.mix, within(band, self.window)
+        plate = crop(self.plate, place)
+        matte = None if self.matte is None else self.matte.window(place)
+        part = common(band, self.inner) if self.asks and self.inner is not None else None
+        light = mix.decode(plate)
+        if part is not None and matte is None:
+            # The last layer lies over the rest in the frame itself.
+            light = self._over(part, light, None, into if mix.same else None)
+        elif part is not None and matte is not None:
+            inside = within(part, band)
+            over = np.ascontiguousarray(crop(light, inside))
+            over = self._over(part, over, crop(matte.cover, inside), None)
+            with stage("composite"):
+                if over.shape == light.shape:
+                    light = over
+                else:
+                    light = light if light.flags.writeable else light.copy()
+                    crop(light, inside)[...] = over
+        with stage("composite"):
+            if matte is not None and matte.light is not None:
+                light = matte.over(light, linear=mix.linear)
+            return mix.encode(light, plate, into)
+
+    def _over(self, part: Window, over: Array, cover: Array | None, into: Array | None) -> Array:
+        """Return all layers over what lies behind them, the last one in `into` if it can be."""
+        for number, ask in enumerate(self.asks):
+            effect, frame = ask.part.effect, _narrow(ask, part)
+            if cover is None and into is None and not frame.banded:
+                one_pass = getattr(effect, "over", None)
+                done = None if one_pass is None else one_pass(frame, over, self.mix.light)
+                if done is not None:
+                    over = done
+                    continue
+            layers = self._layers(number, ask, frame, part)
+            for place, layer in enumerate(layers):
+                last = number + 1 == len(self.asks) and place + 1 == len(layers)
+                with stage("composite"):
+                    shown = layer if cover is None else behind(layer, cover)
+                    over = self.mix.over(over, shown, into if last else None)
+        return over
+
+    def _layers(self, number: int, ask: Ask, frame: Frame, part: Window) -> tuple[Layer, ...]:
+        """Return an effect's layers of a part of the picture."""
+        if frame.window == part:
+            return draw(ask.part.effect, frame)
+        # One that may draw all of it for any part draws it once.
+        if number not in self._drawn:
+            self._drawn[number] = draw(ask.part.effect, frame)
+        place = within(part, frame.window)
+        return tuple(_cut(layer, place) for layer in self._drawn[number])
+
+
+def _narrow(ask: Ask, part: Window) -> Frame:
+    """Return an effect's view of a part, or of the whole if it does not draw any window."""
+    frame = ask.frame
+    if part == frame.window or not ask.needs.by_rows:
+        return frame
+    run = None if frame.run is None else replace(frame.run, key=(frame.run.key, part))
+    return replace(frame, window=part, run=run)
+
+
+def _cut(layer: Layer, place: Window) -> Layer:
+    """Return the part of a layer, counted from its own first pixel."""
+    rgb = None if layer.rgb is None else np.ascontiguousarray(crop(layer.rgb, place))
+    return Layer(layer.name, np.ascontiguousarray(crop(layer.alpha, place)), layer.color, rgb)
+
+
+def draw(effect: Any, frame: Frame) -> tuple[Layer, ...]:
+    """Return the layers of an effect."""
+    shape = shape_of(frame.window)
+    if hasattr(effect, "needs"):
+        return layers_of(effect.render(frame), effect, shape)
+    # One that does not say what it needs is a step by itself.
+    with stage(type(effect).__name__.lower()):
+        return layers_of(effect.render(frame), effect, shape)

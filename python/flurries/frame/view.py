@@ -1,0 +1,173 @@
+"""One eye's view of the air at one time: what an effect is asked with."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from typing import Any, TypeVar
+
+import numpy as np
+
+from flurries._contract import Array, Float64
+from flurries.camera.lens import Camera
+from flurries.camera.path import CameraPath
+from flurries.camera.rotation import rotation_vector
+from flurries.frame.needs import Run, needs_of
+from flurries.frame.shared import Shared
+from flurries.light.sun import Sun
+from flurries.motion.keys import Number, Vector
+
+_Made = TypeVar("_Made")
+
+
+@dataclass(frozen=True)
+class Frame:
+    """One eye's view of the air at one time: all that an effect may depend on.
+
+    Attributes
+    ----------
+    shape : (H, W)
+        Size of the whole frame, pixels.
+    window : (top, bottom, left, right)
+        The part that is wanted, pixels.
+    t : float
+        Frame number.
+    fps : float
+        Frames per second.
+    camera : Camera
+        The eye as it is at `t`: its rotation is from its own axes to the house's then.
+    path : CameraPath
+        Its way.
+    seed : int
+        The effect's own.
+    depth : (H, W) float32 or None
+        Planar depth of the background in world units, of the whole frame; infinity where nothing
+        stands, None where nobody said. Read-only.
+    sun : Sun or None
+        What shines.
+    ambient : (r, g, b) or None
+        Display values of white in the background's own light, where an effect's color is
+        "ambient".
+    run : Run or None
+        What the plan lets the effect do; None where a frame was made without a plan.
+    settled : bool
+        Whether neither the camera nor the depth ever changes.
+    deep : bool
+        Whether the scene has a depth, read or not.
+    whole : bool
+        Whether layers are asked for with all that they can say of their pixels.
+    shared : Shared or None
+        Where both eyes are asked for, or the bands of a large frame one after the other: what need
+        not be found for each.
+    """
+
+    shape: tuple[int, int]
+    window: tuple[int, int, int, int]
+    t: float
+    fps: float
+    camera: Camera
+    path: CameraPath
+    seed: int
+    depth: Array | None = None
+    sun: Sun | None = None
+    ambient: tuple[float, float, float] | None = None
+    run: Run | None = None
+    settled: bool = False
+    deep: bool = False
+    whole: bool = False
+    shared: Shared | None = field(default=None, compare=False, repr=False)
+
+    def steps_of(self, effect: Any) -> Run:
+        """Return what runs the steps of an effect: the plan's, or all that the effect needs."""
+        if self.run is not None:
+            return self.run
+        return Run({step.name: step for step in needs_of(effect, self).steps})
+
+    def once(self, owner: object, name: str, make: Callable[[], _Made]) -> _Made:
+        """Return what `make` returns; for a second eye or band what it returned for the first.
+
+        Only for what depends neither on the eye's place and principal point nor on the window, and
+        for nothing that is written to afterwards.
+        """
+        if self.shared is None:
+            return make()
+        return self.shared.once((id(owner), self.seed, name), owner, make)
+
+    def once_each(self, owner: object, name: str, make: Callable[[], _Made]) -> _Made:
+        """Return the same for what depends on the eye, but not on the window."""
+        return self.once(owner, f"{name}, eye {self.eye}", make)
+
+    def here(self, owner: object, name: str, make: Callable[[], _Made]) -> _Made:
+        """Return the same for what depends on the window, but not on the eye."""
+        if self.shared is None:
+            return make()
+        return self.shared.here((id(owner), self.seed, name), owner, self.window, make)
+
+    @property
+    def eye(self) -> int:
+        """Which of two eyes sees it, 0 or 1."""
+        return int(self.shared is not None and self.camera != self.shared.cameras[0])
+
+    @property
+    def banded(self) -> bool:
+        """Whether the window is one of several bands of rows, which come from the top down."""
+        return self.shared is not None and self.shared.bands > 1
+
+    @property
+    def around(self) -> Frame:
+        """The frame with the window that all bands make together."""
+        return replace(self, window=self.shared.window) if self.shared is not None else self
+
+    def crop(self, plane: Array) -> Array:
+        """Return the window of a plane of the whole frame."""
+        top, bottom, left, right = self.window
+        return plane[top:bottom, left:right]
+
+    def later(self, step: float = 1.0) -> Frame:
+        """Return what the same eye is asked `step` frames later, without depth and light."""
+        after, camera = self.t + step, self.camera
+        if self.path.turns:
+            turn = self.path.rig(after) @ self.path.rig(self.t).T @ camera.matrix()
+            camera = camera.derive(rotation=tuple(rotation_vector(turn).tolist()))
+        if self.path.zooms:
+            ratio = math.exp(self.path.zoom(after)[0] - self.path.zoom(self.t)[0])
+            shift = (ratio * camera.center_shift[0], ratio * camera.center_shift[1])
+            camera = camera.derive(focal=ratio * camera.focal, center_shift=shift)
+        return replace(self, t=after, camera=camera, depth=None, ambient=None, shared=None)
+
+    def displacement(self, *, fall: Number = 0.0, wind: Vector = (0.0, 0.0, 0.0)) -> Float64:
+        """Return camera minus air since frame 0, house axes, (3,) world units.
+
+        Parameters
+        ----------
+        fall : float or Keys
+            World units per second, down.
+        wind : (x, y, z) or Keys
+            World units per second, house axes.
+        """
+        return self.path.relative(self.t, fps=self.fps, fall=fall, wind=wind)[0]
+
+    def velocity(self, *, fall: Number = 0.0, wind: Vector = (0.0, 0.0, 0.0)) -> Float64:
+        """Return camera minus what falls in the wind, house axes, (3,) world units per frame."""
+        return self.path.relative(self.t, fps=self.fps, fall=fall, wind=wind)[1]
+
+    def travel(self, *, fall: Number = 0.0, wind: Vector = (0.0, 0.0, 0.0)) -> Float64:
+        """Return P, camera minus air since frame 0, (3,) world units in the eye's axes.
+
+        While the camera turns it is the integral of the relative velocity in the eye's turning
+        axes, and no longer a difference of places.
+        """
+        return self.to_camera(self.path.travel(self.t, fps=self.fps, fall=fall, wind=wind))
+
+    def rotation(self) -> Float64:
+        """Return the integral of `spin` since frame 0, (3,) radians."""
+        return self.to_camera(self.path.rotation(self.t))
+
+    def spin(self) -> Float64:
+        """Return how fast the eye turns, (3,) radians per frame in its own axes, right-handed."""
+        return self.to_camera(self.path.spin(self.t))
+
+    def to_camera(self, vectors: Float64) -> Float64:
+        """Return house axes turned into the camera's."""
+        return np.ascontiguousarray(vectors @ self.camera.matrix())

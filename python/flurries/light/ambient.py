@@ -1,0 +1,41 @@
+"""The light of a place, as its picture tells it."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from flurries._contract import Array
+from flurries.io.color import linear_to_srgb, to_linear
+
+# What pictures reflect on average, the grey of exposure meters; and fresh snow.
+_GREY, _SNOW = 0.18, 0.9
+
+
+def ambient_light(picture: Array, encoding: str) -> tuple[float, float, float]:
+    """Return how bright white snow is in the light that a picture was taken in.
+
+    Parameters
+    ----------
+    picture : (H, W, 3)
+        Of a background's dtype.
+    encoding : {"display", "linear"}
+        What its numbers mean.
+
+    Returns
+    -------
+    (r, g, b)
+        Display values, 0 to 1: the mean of the linear light over 0.18, which is what pictures
+        reflect on average, times 0.9, what snow does; lowered in one proportion to 1 at most. What
+        is not finite does not count.
+
+    Notes
+    -----
+    The ambient color of Langer 2003's slides, which do not say where it comes from.
+    """
+    light = to_linear(picture, encoding).reshape(-1, 3)
+    light = light[np.isfinite(light).all(axis=1)]
+    if len(light) == 0:
+        return 1.0, 1.0, 1.0
+    white = np.maximum(light.mean(axis=0, dtype=np.float64), 0.0) * (_SNOW / _GREY)
+    red, green, blue = linear_to_srgb(white / max(float(white.max()), 1.0)).tolist()
+    return red, green, blue

@@ -1,0 +1,38 @@
+"""Which frames of a scene are meant."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from flurries._contract import integer
+from flurries.io import frame_range
+
+if TYPE_CHECKING:
+    from flurries.scene.scene import Scene
+
+# Three seconds of film, where neither the caller nor the background says how long.
+DEFAULT_SECONDS = 3.0
+
+
+def frames_of(scene: Scene, frames: str | int | Iterable[int] | None) -> list[int]:
+    """Return frame numbers, each once, in the order asked for."""
+    if frames is None:
+        if scene.frames is not None:
+            return list(range(scene.frames))
+        return list(range(1, math.ceil(DEFAULT_SECONDS * scene.fps) + 1))
+    if isinstance(frames, str):
+        numbers: Sequence[int] = frame_range(frames)
+    elif isinstance(frames, (int, np.integer)):
+        numbers = [int(frames)]
+    elif isinstance(frames, Iterable):
+        numbers = list(frames)
+    else:
+        raise TypeError(f"frames must be a range such as '1-60' or integers, got {frames!r}")
+    result = list(dict.fromkeys(integer("frames", n, low=0, high=10**12) for n in numbers))
+    if not result:
+        raise ValueError("frames must name at least one frame, got none")
+    return result

@@ -1,0 +1,9 @@
+"""Scenes as TOML files: strict to read, every value that differs from the default to write.
+
+Paths are relative to the file's folder. Keyed numbers are ``{keys = [[frame, value], ...]}``.
+"""
+
+from flurries.scene.toml.reader import load
+from flurries.scene.toml.writer import save
+
+__all__ = ["load", "save"]

@@ -1,0 +1,18 @@
+"""The tables of a scene file and their keys, for who reads them and who writes them."""
+
+from __future__ import annotations
+
+from dataclasses import fields
+
+from flurries.camera.lens import Camera
+from flurries.light.sun import Sun
+from flurries.motion.wind import FIELDS
+from flurries.scene.scene import Scene
+
+SCENE = tuple(f.name for f in fields(Scene) if f.init)
+SUN = tuple(f.name for f in fields(Sun))
+DEPTH = ("source", "near", "far", "white", "law")
+LENS = tuple(f.name for f in fields(Camera))
+WAY = ("position", "velocity", "orientation")
+# A field of velocities is an array, which no text holds.
+WIND = tuple(name for name in FIELDS if name != "field")

@@ -1,0 +1,122 @@
+"""From a scene to a TOML file: every value that differs from its default."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import MISSING, fields
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from flurries.camera.path import CameraPath
+from flurries.effects.kinds import kind_of
+from flurries.io import replacing
+from flurries.motion.keys import Keys
+from flurries.motion.wind import FIELDS, Wind
+from flurries.scene.depth import DepthMap
+from flurries.scene.scene import Scene, expect_scene
+from flurries.scene.toml.tables import DEPTH, LENS, SUN, WAY
+
+
+def describe(
+    scene: Scene, folder: Path | None = None, *, leave_out: tuple[str, ...] = ()
+) -> dict[str, Any]:
+    """Return the scene as plain values, as a scene file holds them."""
+    table: dict[str, Any] = {"size": list(scene.size or ()), "fps": scene.fps, "seed": scene.seed}
+    for name in ("background", "foreground"):
+        value = getattr(scene, name)
+        if value is None or name in leave_out:
+            continue
+        table[name] = _background(name, value, folder)
+    if scene.space != "auto":
+        table["space"] = scene.space
+    if scene.tolerance != 0.0:
+        table["tolerance"] = scene.tolerance
+    if scene.depth is not None:
+        described = _depth(scene.depth, folder, bare="depth" in leave_out)
+        if described is not None:
+            table["depth"] = described
+    if scene.sun is not None:
+        table["sun"] = {name: _toml(getattr(scene.sun, name)) for name in SUN}
+    path: CameraPath = scene.camera
+    camera = {name: _toml(getattr(path.camera, name)) for name in LENS}
+    table["camera"] = {key: value for key, value in camera.items() if value is not None}
+    for name in (*WAY, "focal"):
+        value = getattr(path, name)
+        if value is not None:
+            table["camera"][name] = _toml(value)
+    table["effects"] = []
+    for effect in scene.effects:
+        kind = kind_of(effect)
+        if kind is None and "effects" in leave_out:
+            continue
+        if kind is None:
+            raise ValueError(
+                f"effects: a {type(effect).__name__} cannot be written to a file; "
+                "flurries.register gives it a kind"
+            )
+        entry: dict[str, Any] = {"kind": kind}
+        for f in fields(effect):
+            value = getattr(effect, f.name)
+            # A look's version always: a later one has another default.
+            if value is not None and (
+                f.name == "look" or f.default is MISSING or value != f.default
+            ):
+                entry[f.name] = _toml(value)
+        table["effects"].append(entry)
+    return table
+
+
+def _background(name: str, value: Any, folder: Path | None) -> Any:
+    if isinstance(value, str) and value.startswith("#"):
+        return value
+    # An opened source is its file.
+    value = getattr(value, "spec", value)
+    if isinstance(value, (str, os.PathLike)):
+        return str(value) if folder is None else os.path.relpath(value, folder)
+    if isinstance(value, (tuple, list)):
+        return [float(v) for v in value]
+    raise ValueError(f"{name} must be a file or a color to be written, got an array")
+
+
+def _depth(value: Any, folder: Path | None, *, bare: bool) -> Any:
+    """Return the depth as a file holds it; a bare one without its picture, or None."""
+    if isinstance(value, DepthMap):
+        law = {key: getattr(value, key) for key in DEPTH if key != "source"}
+        return law if bare else {"source": _background("depth", value.source, folder), **law}
+    if np.ndim(value) == 0 and not isinstance(value, (str, os.PathLike)):
+        return float(value)
+    return None if bare else _background("depth", value, folder)
+
+
+def _toml(value: Any) -> Any:
+    if isinstance(value, Wind):
+        if value.field is not None:
+            raise ValueError("wind: a field is an array, which a text file cannot hold")
+        given = {name: getattr(value, name) for name in FIELDS}
+        return {name: _toml(part) for name, part in given.items() if part is not None}
+    if isinstance(value, Keys):
+        return {"keys": [[frame, _toml(v)] for frame, v in value.keys]}
+    if isinstance(value, np.ndarray):
+        return value.tolist()
+    return list(value) if isinstance(value, tuple) else value
+
+
+def save(scene: Scene, path: str | os.PathLike[str]) -> None:
+    """Write a scene to a TOML file, under a temporary name first.
+
+    Raises
+    ------
+    ValueError
+        If a background or foreground is an array, which a text file cannot hold.
+    OSError
+        If the file cannot be written.
+    """
+    expect_scene(scene)
+    import tomli_w
+
+    target = Path(path)
+    text = tomli_w.dumps(describe(scene, target.resolve().parent))
+    with replacing(target) as temporary:
+        Path(temporary).write_text(text, encoding="utf-8")

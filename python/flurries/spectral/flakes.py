@@ -1,0 +1,458 @@
+"""The texture of flakes: a spectrum with the phases of flakes, moved layer by layer."""
+
+from __future__ import annotations
+
+import contextlib
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from flurries import _core
+from flurries._contract import (
+    LARGEST,
+    MOST_ELEMENTS,
+    Array,
+    Float64,
+    _came,
+    bounded,
+    float_dtype,
+    integer,
+    output,
+    real,
+    rectangular,
+    seed_of,
+    shape_of,
+    table,
+    tile_of,
+)
+
+# Larger flakes are drawn one by one: in a texture they would cost a second each.
+_LARGEST_FLAKE = 1000.0
+
+# A torus that is sheared by a whole tile is the straight one.
+_MOST_SHEAR = 1.0
+
+# Products of gains and patterns stay finite in float32.
+_MOST_GAIN = 1e30
+
+# Some gigabytes of what tiles choose.
+_MOST_TERMS = 2**26
+
+
+class Request(NamedTuple):
+    """Which patterns stand where in a window of a frame, as the kernel reads it.
+
+    Arrays begin with (rows, cols), the tiles of the whole frame, or with (1, 1) or (rows, 1) or
+    (1, cols) where tiles are alike; n is the number of terms of a tile. A term is a pattern of
+    :func:`prepare`: a layer has one, or two while a generation gives way to the next.
+
+    Attributes
+    ----------
+    shape : (H, W)
+        Of the whole frame.
+    overlap : int
+        Pixels shared by neighbours.
+    pattern : (rows, cols, n) int32
+        Number of a pattern, as they were prepared; below 0 for none.
+    gain : (rows, cols, n) float64
+        Factor of the pattern without its mean.
+    shift : (rows, cols, n, 2) float64
+        Pixels (x, y) that it is moved by, shift of the torus and displacement together.
+    streak : (rows, cols, n, 2) float64 or None
+        Pixels (x, y) that it moves by while the shutter is open.
+    mirror : (rows, cols) bool
+        Whether the tile's patterns are upside down. They move as those of other tiles do.
+    mean : (rows, cols) float64
+        Mean optical depth of the tile.
+    window : (top, bottom, left, right)
+        What is made of the frame, in pixels.
+    """
+
+    shape: tuple[int, int]
+    overlap: int
+    pattern: npt.NDArray[np.int32]
+    gain: Float64
+    shift: Float64
+    streak: Float64 | None
+    mirror: npt.NDArray[np.bool_]
+    mean: Float64
+    window: tuple[int, int, int, int]
+
+
+class Choices(NamedTuple):
+    """What tiles take by a seed: arrays of a :class:`Request`."""
+
+    pattern: npt.NDArray[np.int32]
+    shift: Float64
+    mirror: npt.NDArray[np.bool_]
+
+
+def complex_dtype(dtype: npt.DTypeLike) -> np.dtype[np.complexfloating]:
+    """Return complex64 or complex128, what spectra are made of."""
+    with contextlib.suppress(TypeError):
+        for known in (np.dtype(np.complex64), np.dtype(np.complex128)):
+            if dtype is not None and np.dtype(dtype) == known:
+                return known
+    raise TypeError(f"dtype must be complex64 or complex128, got {_came(dtype)}")
+
+
+def flake_patterns(
+    tile: int,
+    *,
+    counts: npt.ArrayLike,
+    diameters: npt.ArrayLike,
+    opacity: float = 0.9,
+    patterns: int = 8,
+    shear: float = 0.0,
+    seed: int,
+    dtype: npt.DTypeLike = np.complex64,
+) -> Array:
+    """Spectra of flakes at random places, for the layers of a texture.
+
+    Parameters
+    ----------
+    tile : int
+        M, size of a tile in pixels.
+    counts : (L,)
+        Mean number of flakes in a tile, for each layer. A pattern has the whole number below or
+        above, shared out over the patterns.
+    diameters : (L, 2)
+        Image diameters in pixels lie evenly between the two. A flake of diameter d is a Gaussian
+        of deviation d / sqrt(8), not under 0.3 px, whose integral is ``opacity * pi d^2 / 4``,
+        averaged over each pixel's square.
+    opacity : float
+        Of a flake's middle, 0 to 1.
+    patterns : int
+        P, patterns of each layer.
+    shear : float
+        h / M: the torus repeats at (M, 0) and (h, M) px, so that snow which falls straight down
+        does not meet itself again. From -1 to 1; 0.382 is good.
+    seed : int
+        Any int64.
+    dtype : complex64 or complex128
+
+    Returns
+    -------
+    (L, P, M, M // 2 + 1)
+        Fourier coefficients, unnormalised, in the order of ``numpy.fft.rfft2``. The wave of row b
+        and column a has ``(a, b - shear a) / M`` cycles/px, x right and y down. Waves of half a
+        cycle are 0. Every ``[l, p, 0, 0]`` is the layer's mean coverage of a tile in square pixels,
+        ``counts[l] * opacity * pi / 12 * (a^2 + a b + b^2)`` for diameters a to b.
+
+    Raises
+    ------
+    ValueError, TypeError
+        For an argument that is not as described; the message names it.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import flurries as fl
+    >>> found = fl.spectral.flake_patterns(64, counts=[40], diameters=[[1.0, 2.0]], seed=1)
+    >>> found.shape, found.dtype.name
+    ((1, 8, 64, 33), 'complex64')
+    >>> drawn = np.fft.irfft2(found[0, 0], s=(64, 64))
+    >>> round(float(drawn.sum() / (0.9 * np.pi / 12 * 7)), 3)
+    40.0
+    """
+    return patterns_of(
+        tile, counts=counts, diameters=diameters, opacity=opacity, patterns=patterns, shear=shear,
+        seed=seed, dtype=dtype,
+    )  # fmt: skip
+
+
+def patterns_of(
+    tile: int,
+    *,
+    counts: npt.ArrayLike,
+    diameters: npt.ArrayLike,
+    opacity: float = 0.9,
+    patterns: int = 8,
+    shear: float = 0.0,
+    seed: int,
+    amount: float = 1.0,
+    dtype: npt.DTypeLike = np.complex64,
+) -> Array:
+    """Make :func:`flake_patterns` of a share of the flakes: a rung of the ladder of amounts.
+
+    A smaller `amount` shows some of the flakes that a larger one shows, where those stand, and has
+    `amount` times the mean.
+    """
+    (size, _), _ = tile_of(integer("tile", tile, low=1, high=2**15), 0)
+    numbers = table("counts", counts, ndim=1)
+    if not numbers.size or not ((numbers >= 0.0) & (numbers <= 1e9)).all():
+        raise ValueError(f"counts must be at least one number from 0 to 1e9, got {_came(counts)}")
+    sizes = table("diameters", diameters, ndim=2)
+    if sizes.shape != (numbers.size, 2):
+        raise ValueError(
+            f"diameters must be two for each of the {numbers.size} counts, got {sizes.shape}"
+        )
+    if not ((sizes > 0.0) & (sizes <= _LARGEST_FLAKE)).all() or (sizes[:, 0] > sizes[:, 1]).any():
+        raise ValueError(
+            f"diameters must be above 0, at most {_LARGEST_FLAKE:g} px and the smaller one first, "
+            f"got {_came(diameters)}"
+        )
+    middle = real("opacity", opacity, low=0.0, high=1.0)
+    number = integer("patterns", patterns, low=1, high=2**16)
+    slant = real("shear", shear, low=-_MOST_SHEAR, high=_MOST_SHEAR)
+    shape = (numbers.size, number, size, size // 2 + 1)
+    if np.prod(shape, dtype=float) > MOST_ELEMENTS:
+        raise ValueError(f"patterns must hold at most {MOST_ELEMENTS} waves, got {shape}")
+    result = np.empty(shape, complex_dtype(dtype))
+    share = real("amount", amount, low=0.0, high=1.0)
+    _core.flake_patterns(result, numbers, sizes, (slant, middle, share, seed_of(seed)))
+    return result
+
+
+def prepare(patterns: Array, *, shear: float, dtype: npt.DTypeLike) -> _core.PreparedFlakes:
+    """Return patterns as frames of float32 or float64 read them; make it once for a film.
+
+    Parameters
+    ----------
+    patterns : (L, P, M, M // 2 + 1) complex64 or complex128
+        Of :func:`flake_patterns`. Pattern p of layer l is number ``l P + p`` of a :class:`Request`.
+    shear : float
+        That of the patterns.
+    dtype : float32 or float64
+        Of the frames.
+
+    Returns
+    -------
+    PreparedFlakes
+        For :func:`frame_of`; ``_core.flake_mix(first, second, weight)`` is between two of them,
+        such as two rungs of the ladder of amounts.
+    """
+    flat = patterns.reshape(-1, *patterns.shape[2:])
+    return _core.flake_prepare(flat, shear, float_dtype(dtype) == np.float64)
+
+
+def choices(
+    seed: int,
+    tiles: tuple[int, int],
+    *,
+    layers: int,
+    patterns: int,
+    tile: int,
+    generation: npt.NDArray[np.int64] | None = None,
+) -> Choices:
+    """Return which pattern each tile takes for each layer, where, and whether upside down.
+
+    Parameters
+    ----------
+    seed : int
+    tiles : (rows, cols)
+        A larger picture keeps the choices of a smaller one's tiles.
+    layers, patterns, tile : int
+        L, P and M of the patterns.
+    generation : (rows, cols, L) int64, optional
+        Number of the generation that passes through a layer; another one has other patterns. All
+        generations of a tile share its mirror. None is 0 everywhere.
+
+    Returns
+    -------
+    Choices
+        ``pattern`` and ``shift`` for L terms; a layer's displacement is to be added to its shift.
+    """
+    pattern = np.empty((*tiles, layers), np.int32)
+    shift = np.empty((*tiles, layers, 2))
+    mirror = np.empty(tiles, np.bool_)
+    _core.flake_choices(pattern, shift, mirror, seed, patterns, tile, generation)
+    return Choices(pattern, shift, mirror)
+
+
+def frame_of(
+    patterns: _core.PreparedFlakes,
+    request: Request,
+    *,
+    opacity: bool,
+    mask: Array | None = None,
+    dtype: npt.DTypeLike = np.float32,
+    out: Array | None = None,
+    add: bool = False,
+) -> Array:
+    """Return a request's window: optical depth, or the opacity ``1 - exp(-depth)``.
+
+    Any window has the bits of the whole frame, for any number of threads. Where ``mean`` differs
+    from tile to tile it is blended by weights that sum to 1.
+
+    Parameters
+    ----------
+    patterns : PreparedFlakes
+        Of :func:`prepare`, for `dtype`.
+    request : Request
+    opacity : bool
+    mask : (h, w), dtype of the result, optional
+        Share of the depth that is seen in each pixel of the window: a group of layers before a
+        wall, or by its rows what has not yet begun to fall.
+    dtype : float32 or float64
+    out : (h, w), optional
+        Array to write into and return.
+    add : bool
+        Add the depth to what `out` holds, the depth of other groups of layers; the last group's
+        call asks for the opacity of all.
+
+    Returns
+    -------
+    (h, w)
+    """
+    top, bottom, left, right = request.window
+    given = [] if mask is None else [mask]
+    result = output(out, (bottom - top, right - left), float_dtype(dtype), *given)
+    _core.flake_frame(result, patterns, request, opacity, add, mask)
+    return result
+
+
+def bands_of(
+    patterns: _core.PreparedFlakes, request: Request, *, opacity: bool
+) -> _core.FlakeBands:
+    """Begin a window that is taken band by band, each tile made once.
+
+    ``_core.flake_take(bands, out, first)`` writes the rows of the frame from `first` on, as many as
+    `out` (h, w) has, from the top down; rows before `first` are skipped. They have the bits of
+    :func:`frame_of`.
+    """
+    return _core.flake_bands(patterns, request, opacity)
+
+
+def _spectra(value: object) -> Array:
+    """Return patterns as C-contiguous complex64 or complex128."""
+    array = rectangular("patterns", value)
+    if array.dtype.kind not in "iufc" or array.dtype.itemsize > 16:
+        raise TypeError(f"patterns must be an array of complex numbers, got {array.dtype}")
+    wide = np.complex64 if array.dtype in (np.complex64, np.float32, np.float16) else np.complex128
+    found = np.ascontiguousarray(array, dtype=wide)
+    shape = found.shape
+    fits = len(shape) == 4 and 0 not in shape and shape[3] == shape[2] // 2 + 1
+    if not fits or shape[2] > 2**15:
+        raise ValueError(f"patterns must be (L, P, M, M // 2 + 1), got {shape}")
+    return found if found.flags.aligned else found.copy()
+
+
+def _vectors(name: str, value: object, layers: int, tiles: tuple[int, int]) -> Float64:
+    """Return (rows or 1, cols or 1, L, 2)."""
+    array = bounded(name, value)
+    if array.shape == (layers, 2):
+        return array.reshape(1, 1, layers, 2)
+    if array.shape == (*tiles, layers, 2):
+        return array
+    raise ValueError(
+        f"{name} must have shape ({layers}, 2) or ({tiles[0]}, {tiles[1]}, {layers}, 2), "
+        f"got {array.shape}"
+    )
+
+
+def optical_depth(
+    shape: tuple[int, int],
+    patterns: npt.ArrayLike,
+    *,
+    drift: npt.ArrayLike,
+    velocity: npt.ArrayLike | None = None,
+    shutter: float = 0.0,
+    gain: npt.ArrayLike | None = None,
+    shear: float = 0.0,
+    seed: int | None,
+    overlap: int = 10,
+    dtype: npt.DTypeLike = np.float32,
+    out: Array | None = None,
+) -> Array:
+    """Optical depth of layers of flakes, in overlapping tiles.
+
+    Parameters
+    ----------
+    shape : (H, W)
+        Size of the frame in pixels.
+    patterns : (L, P, M, M // 2 + 1) complex
+        Of :func:`flake_patterns`. Waves of half a cycle are left out.
+    drift : (L, 2) or (rows, cols, L, 2)
+        Displacement in pixels, (x, y), of each layer since time 0, for all tiles or for each. Tiles
+        are those of :func:`tile_starts`.
+    velocity : like `drift`, optional
+        Its change per frame; a shutter needs it.
+    shutter : float
+        Frames that the shutter is open.
+    gain : (L,), optional
+        Factor of each layer; None is 1.
+    shear : float
+        That of the patterns.
+    seed : int or None
+        Any int64: tiles take a pattern, a mirror image and a shift of the torus by a hash of (seed,
+        layer, tile row, tile column). With None each takes pattern 0 as it is.
+    overlap : int
+        Pixels shared by neighbours, less than M.
+    dtype : float32 or float64
+        Precision of the pixels; phases are reduced in float64 always.
+    out : (H, W), optional
+        Array to write into and return.
+
+    Returns
+    -------
+    (H, W) float32 or float64
+        Optical depth, 0 or more; ``1 - exp(-depth)`` is the joint opacity of the flakes. Tiles
+        without their mean are blended by the power law, the mean is added, and what is below 0
+        is 0. The same bits for any number of threads.
+
+    Raises
+    ------
+    ValueError, TypeError
+        For an argument that is not as described; the message names it.
+
+    Examples
+    --------
+    >>> import flurries as fl
+    >>> law = {"counts": [300, 900], "diameters": [[1.5, 2.5], [0.7, 1.5]], "shear": 0.382}
+    >>> found = fl.spectral.flake_patterns(64, **law, seed=1)
+    >>> depth = fl.spectral.optical_depth(
+    ...     (480, 640), found, drift=[(0.0, 8.0), (0.0, 4.0)], shear=0.382, seed=7
+    ... )
+    >>> depth.shape, depth.dtype.name, bool(depth.min() >= 0.0)
+    ((480, 640), 'float32', True)
+    """
+    size = shape_of("shape", shape)
+    spectra = _spectra(patterns)
+    layers, number, tile, _ = spectra.shape
+    _, shared = tile_of(tile, overlap)
+    rows, cols = (_core.tile_count(length, tile, shared) for length in size)
+    if rows * cols * layers > _MOST_TERMS:
+        raise ValueError(
+            f"shape must take at most {_MOST_TERMS} tiles times layers, got {rows} x {cols} tiles "
+            f"of {layers} layers"
+        )
+    drifts = _vectors("drift", drift, layers, (rows, cols))
+    exposure = real("shutter", shutter, low=0.0, high=LARGEST)
+    if velocity is None and exposure > 0.0:
+        raise ValueError(f"velocity is needed for shutter={exposure:g}, got None")
+    speeds = None if velocity is None else _vectors("velocity", velocity, layers, (rows, cols))
+    streak = None if speeds is None or exposure == 0.0 else speeds * exposure
+    gains = np.ones(layers) if gain is None else table("gain", gain, ndim=1)
+    if gains.shape != (layers,) or np.abs(gains).max() > _MOST_GAIN:
+        raise ValueError(f"gain must be {layers} numbers up to {_MOST_GAIN:g}, got {_came(gain)}")
+    slant = real("shear", shear, low=-_MOST_SHEAR, high=_MOST_SHEAR)
+    precision = float_dtype(dtype)
+    given = [spectra, drifts, gains, *([] if speeds is None else [speeds])]
+    result = output(out, size, precision, *given)
+    prepared = _core.flake_prepare(
+        spectra.reshape(-1, *spectra.shape[2:]), slant, precision == np.float64
+    )
+    if seed is None:
+        chosen = Choices(
+            (np.arange(layers, dtype=np.int32) * number).reshape(1, 1, -1),
+            np.zeros((1, 1, layers, 2)),
+            np.zeros((1, 1), np.bool_),
+        )
+    else:
+        chosen = choices(seed_of(seed), (rows, cols), layers=layers, patterns=number, tile=tile)
+    means = spectra[:, 0, 0, 0].real.astype(np.float64)
+    asked = Request(
+        shape=size,
+        overlap=shared,
+        pattern=chosen.pattern,
+        gain=gains.reshape(1, 1, -1),
+        shift=chosen.shift + drifts,
+        streak=streak,
+        mirror=chosen.mirror,
+        mean=np.array([[float(gains @ means) / tile**2]]),
+        window=(0, size[0], 0, size[1]),
+    )
+    _core.flake_frame(result, prepared, asked, False)
+    return result

@@ -1,0 +1,29 @@
+//! What every subject stands on.
+//!
+//! | module | what |
+//! | --- | --- |
+//! | [`error`] | what a caller can do wrong; cancelling |
+//! | [`random`] | counter-based numbers |
+//! | [`pool`] | the thread pool, safe across fork |
+//! | [`aligned`] | buffers that start at a cache line |
+//! | [`cover`] | which pixels an interval covers |
+//! | [`smooth`] | the cubic by which things fade |
+//! | [`sampling`] | Gaussians sampled at pixel centres |
+//! | [`scan`] | whether an array's numbers are in their range |
+//! | [`real`] | float32 and float64 pixels |
+//! | [`normal`] | the normal law on lanes |
+//! | [`simd`] | vector instructions chosen at run time |
+//! | [`lanes`] | vectors as values, for loops that need them |
+
+pub mod aligned;
+pub mod cover;
+pub mod error;
+pub mod lanes;
+pub mod normal;
+pub mod pool;
+pub mod random;
+pub mod real;
+pub mod sampling;
+pub mod scan;
+pub mod simd;
+pub mod smooth;

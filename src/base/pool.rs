@@ -1,0 +1,181 @@
+//! The thread pool: made at first use, one per thread count, and safe across `fork`.
+//!
+//! rayon's global pool hangs in a forked child once the parent has used it, because the child
+//! inherits the pool's memory without its threads. Here a pool carries the id of the process that
+//! made it; a child finds a stranger's pool and makes its own. The parent's is forgotten, not
+//! dropped: dropping would wait for threads that do not exist. The slots are plain atomics, since a
+//! lock could be held by another thread at the moment of the fork and would stay held forever.
+
+#![expect(
+    unsafe_code,
+    reason = "reads pools that are leaked through atomic pointers, since a lock could be held at a fork"
+)]
+
+use std::sync::atomic::{AtomicPtr, AtomicUsize, Ordering};
+
+use rayon::prelude::*;
+
+use crate::base::error::{Error, collected};
+
+/// The most threads that may be asked for.
+pub const MOST_THREADS: usize = 256;
+
+struct Slot {
+    process: u32,
+    pool: rayon::ThreadPool,
+}
+
+// One slot per thread count, so that changing the count back and forth makes no new threads.
+static SLOTS: [AtomicPtr<Slot>; MOST_THREADS + 1] =
+    [const { AtomicPtr::new(std::ptr::null_mut()) }; MOST_THREADS + 1];
+
+// 0 = not yet decided.
+static THREADS: AtomicUsize = AtomicUsize::new(0);
+
+/// Threads that kernels use: `set_threads`, else FLURRIES_NUM_THREADS, else all cores.
+pub fn threads() -> usize {
+    match THREADS.load(Ordering::Relaxed) {
+        0 => {
+            let count = from_environment(std::env::var("FLURRIES_NUM_THREADS").ok().as_deref());
+            THREADS.store(count, Ordering::Relaxed);
+            count
+        }
+        count => count,
+    }
+}
+
+fn from_environment(value: Option<&str>) -> usize {
+    let cores = std::thread::available_parallelism().map_or(1, usize::from);
+    value
+        .and_then(|text| text.trim().parse::<usize>().ok())
+        .filter(|&count| count >= 1)
+        .unwrap_or(cores)
+        .min(MOST_THREADS)
+}
+
+/// Sets the number of threads; results do not depend on it.
+pub fn set_threads(count: usize) -> Result<(), Error> {
+    if !(1..=MOST_THREADS).contains(&count) {
+        return Err(Error::invalid("n", format!("must be 1 to {MOST_THREADS}, got {count}")));
+    }
+    THREADS.store(count, Ordering::Relaxed);
+    Ok(())
+}
+
+fn pool(count: usize) -> Result<&'static rayon::ThreadPool, Error> {
+    let slot = &SLOTS[count];
+    let process = std::process::id();
+    let seen = slot.load(Ordering::Acquire);
+    // SAFETY: a slot only ever holds null or a leaked box, which nothing frees or mutates.
+    let made = unsafe { seen.as_ref() }.filter(|made| made.process == process);
+    if let Some(made) = made {
+        return Ok(&made.pool);
+    }
+    let pool = rayon::ThreadPoolBuilder::new()
+        .num_threads(count)
+        .thread_name(|i| format!("flurries-{i}"))
+        .build()
+        .map_err(|error| Error::Internal(format!("no thread pool: {error}")))?;
+    let fresh = Box::into_raw(Box::new(Slot { process, pool }));
+    match slot.compare_exchange(seen, fresh, Ordering::AcqRel, Ordering::Acquire) {
+        // SAFETY: just leaked above, and nothing frees it.
+        Ok(_) => Ok(&unsafe { &*fresh }.pool),
+        Err(winner) => {
+            // SAFETY: ours was never published, so this is its only owner.
+            drop(unsafe { Box::from_raw(fresh) });
+            // SAFETY: only a thread of this process can have won, with a leaked box.
+            Ok(&unsafe { &*winner }.pool)
+        }
+    }
+}
+
+/// Does `work` on every item, on the pool. With one thread or one item it runs in the caller: a
+/// pool of one thread would make all Python threads queue for it.
+///
+/// Items carry what they write (rows of the output), so bits cannot depend on the thread count. They
+/// come as an iterator, since a list of all rows may be more than the memory that is left.
+pub fn for_each<T: Send>(
+    items: impl IntoIterator<Item = T, IntoIter: ExactSizeIterator>,
+    work: impl Fn(T) -> Result<(), Error> + Sync + Send,
+) -> Result<(), Error> {
+    let count = threads();
+    let mut items = items.into_iter();
+    if count == 1 || items.len() <= 1 {
+        return items.try_for_each(work);
+    }
+    let items = collected(items)?;
+    pool(count)?.install(|| items.into_par_iter().with_max_len(1).try_for_each(work))
+}
+
+/// `length` cut into at most `parts` runs of nearly equal length, none empty.
+pub fn split(length: usize, parts: usize) -> Vec<std::ops::Range<usize>> {
+    let parts = parts.clamp(1, length.max(1));
+    (0..parts)
+        .map(|i| length * i / parts..length * (i + 1) / parts)
+        .filter(|run| !run.is_empty())
+        .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::base::error::guarded;
+
+    #[test]
+    fn the_environment_is_read_kindly() {
+        assert_eq!(from_environment(Some("3")), 3);
+        assert_eq!(from_environment(Some("100000")), MOST_THREADS);
+        let cores = from_environment(None);
+        assert!(cores >= 1);
+        assert_eq!(from_environment(Some("zero")), cores);
+        assert_eq!(from_environment(Some("0")), cores);
+    }
+
+    #[test]
+    fn runs_cover_the_length_once() {
+        for (length, parts) in [(0, 3), (1, 3), (7, 3), (19, 2), (64, 64), (5, 9)] {
+            let runs = split(length, parts);
+            assert_eq!(runs.iter().map(ExactSizeIterator::len).sum::<usize>(), length);
+            assert!(runs.windows(2).all(|pair| pair[0].end == pair[1].start));
+        }
+    }
+
+    #[test]
+    fn every_item_is_worked_on() {
+        let mut values = vec![0_u32; 1000];
+        for_each(values.iter_mut().enumerate(), |(i, value)| {
+            *value = i as u32;
+            Ok(())
+        })
+        .unwrap();
+        assert!(values.iter().enumerate().all(|(i, &value)| value == i as u32));
+    }
+
+    #[test]
+    fn a_panic_of_a_worker_is_an_error_and_the_pool_works_on() {
+        let attempt = |bad: usize| {
+            guarded(|| {
+                for_each(0..4, |i| {
+                    assert!(i != bad, "item {bad}");
+                    Ok(())
+                })
+            })
+        };
+        std::thread::scope(|scope| {
+            for _ in 0..8 {
+                scope.spawn(|| {
+                    let wanted = Error::Internal("a kernel panicked: item 2".into());
+                    assert_eq!(attempt(2), Err(wanted));
+                    assert_eq!(attempt(4), Ok(()));
+                });
+            }
+        });
+    }
+
+    #[test]
+    fn an_error_comes_back() {
+        let result =
+            for_each(vec![1, 2, 3], |i| if i == 2 { Err(Error::Cancelled) } else { Ok(()) });
+        assert_eq!(result, Err(Error::Cancelled));
+    }
+}

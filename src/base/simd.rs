@@ -1,0 +1,158 @@
+//! Vector instructions chosen at run time, so that a portable build is as fast as a native one.
+//!
+//! Kernels are plain generic loops over slices, `#[inline(always)]`; [`dispatch`] compiles them once
+//! for each level and calls the best that the processor has. Loops use [`multiply_add`], which is one
+//! instruction with one rounding on both vector levels: these give the same bits. The portable level
+//! rounds twice, so its last bits differ (see docs/architecture.md).
+//!
+//! In the reproducible mode every level rounds twice: the portable arithmetic compiled for the vectors
+//! that there are, and the same bits with all of them.
+
+use std::sync::OnceLock;
+use std::sync::atomic::{AtomicU8, Ordering};
+
+use crate::base::real::Real;
+
+/// What the loops may use.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Level {
+    /// What every processor of the target has.
+    Portable,
+    /// AVX2 and FMA.
+    Avx2,
+    /// AVX-512 F, VL, DQ and BW.
+    Avx512,
+}
+
+/// The best level of this processor, or a lower one that FLURRIES_SIMD names (portable, avx2).
+pub fn level() -> Level {
+    static LEVEL: OnceLock<Level> = OnceLock::new();
+    *LEVEL.get_or_init(|| capped(best(), std::env::var("FLURRIES_SIMD").ok().as_deref()))
+}
+
+fn capped(best: Level, wanted: Option<&str>) -> Level {
+    match (wanted, best) {
+        (Some("portable"), _) => Level::Portable,
+        (Some("avx2"), Level::Avx512) => Level::Avx2,
+        _ => best,
+    }
+}
+
+#[cfg(target_arch = "x86_64")]
+fn best() -> Level {
+    let avx2 = is_x86_feature_detected!("avx2") && is_x86_feature_detected!("fma");
+    let avx512 = is_x86_feature_detected!("avx512f")
+        && is_x86_feature_detected!("avx512vl")
+        && is_x86_feature_detected!("avx512dq")
+        && is_x86_feature_detected!("avx512bw");
+    match (avx2, avx512) {
+        (true, true) => Level::Avx512,
+        (true, false) => Level::Avx2,
+        _ => Level::Portable,
+    }
+}
+
+#[cfg(not(target_arch = "x86_64"))]
+fn best() -> Level {
+    Level::Portable
+}
+
+/// What `set_reproducible` last said. 0: nothing yet, so as the environment says; 1: no; 2: yes.
+static REPRODUCIBLE: AtomicU8 = AtomicU8::new(0);
+
+/// Whether all levels give the same bits; FLURRIES_REPRODUCIBLE=1 says so for a process.
+pub fn reproducible() -> bool {
+    match REPRODUCIBLE.load(Ordering::Relaxed) {
+        0 => {
+            let told = std::env::var("FLURRIES_REPRODUCIBLE").is_ok_and(|value| value == "1");
+            set_reproducible(told);
+            told
+        }
+        said => said == 2,
+    }
+}
+
+/// Turns the reproducible mode on or off, for kernels that start from now on.
+pub fn set_reproducible(on: bool) {
+    REPRODUCIBLE.store(if on { 2 } else { 1 }, Ordering::Relaxed);
+}
+
+/// [`Level::Portable`] as a kernel's constant.
+pub const PORTABLE: u8 = 0;
+/// [`Level::Avx2`] as a kernel's constant.
+pub const AVX2: u8 = 1;
+/// [`Level::Avx512`] as a kernel's constant.
+pub const AVX512: u8 = 2;
+
+/// `a * b + c`, fused where the level has the instruction. Elsewhere a fused call would go to a library
+/// function, a hundred times slower than the loop around it.
+#[inline(always)]
+pub fn multiply_add<T: Real, const LEVEL: u8>(a: T, b: T, c: T) -> T {
+    if LEVEL == PORTABLE { a * b + c } else { a.mul_add(b, c) }
+}
+
+/// Defines `$name`, which runs `$kernel::<.., LEVEL>` compiled for the best level.
+macro_rules! dispatch {
+    (
+        $(#[$meta:meta])*
+        $visibility:vis fn $name:ident $(<$real:ident: $bound:path>)? ($($argument:ident: $type:ty),* $(,)?)
+            $(-> $result:ty)? = $kernel:ident
+    ) => {
+        $(#[$meta])*
+        #[allow(clippy::too_many_arguments, reason = "some kernels take many slices, one by one")]
+        #[allow(unsafe_code, reason = "what is compiled for a level may run where the level is there")]
+        $visibility fn $name $(<$real: $bound>)? ($($argument: $type),*) $(-> $result)? {
+            #[cfg(target_arch = "x86_64")]
+            {
+                #[target_feature(enable = "avx2")]
+                unsafe fn avx2_plain $(<$real: $bound>)? ($($argument: $type),*) $(-> $result)? {
+                    $kernel::<$($real,)? { $crate::base::simd::PORTABLE }>($($argument),*)
+                }
+                #[target_feature(enable = "avx512f,avx512vl,avx512dq,avx512bw,avx2")]
+                unsafe fn avx512_plain $(<$real: $bound>)? ($($argument: $type),*) $(-> $result)? {
+                    $kernel::<$($real,)? { $crate::base::simd::PORTABLE }>($($argument),*)
+                }
+                #[target_feature(enable = "avx2,fma")]
+                unsafe fn avx2 $(<$real: $bound>)? ($($argument: $type),*) $(-> $result)? {
+                    $kernel::<$($real,)? { $crate::base::simd::AVX2 }>($($argument),*)
+                }
+                #[target_feature(enable = "avx512f,avx512vl,avx512dq,avx512bw,avx2,fma")]
+                unsafe fn avx512 $(<$real: $bound>)? ($($argument: $type),*) $(-> $result)? {
+                    $kernel::<$($real,)? { $crate::base::simd::AVX512 }>($($argument),*)
+                }
+                let plain = $crate::base::simd::reproducible();
+                match $crate::base::simd::level() {
+                    $crate::base::simd::Level::Avx512 if plain => {
+                        // SAFETY: `level` has asked the processor for these instructions.
+                        return unsafe { avx512_plain $(::<$real>)? ($($argument),*) };
+                    }
+                    $crate::base::simd::Level::Avx2 if plain => {
+                        // SAFETY: as above.
+                        return unsafe { avx2_plain $(::<$real>)? ($($argument),*) };
+                    }
+                    // SAFETY: `level` has asked the processor for these instructions.
+                    $crate::base::simd::Level::Avx512 => return unsafe { avx512 $(::<$real>)? ($($argument),*) },
+                    // SAFETY: as above.
+                    $crate::base::simd::Level::Avx2 => return unsafe { avx2 $(::<$real>)? ($($argument),*) },
+                    $crate::base::simd::Level::Portable => {}
+                }
+            }
+            $kernel::<$($real,)? { $crate::base::simd::PORTABLE }>($($argument),*)
+        }
+    };
+}
+pub(crate) use dispatch;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_environment_only_lowers_the_level() {
+        assert_eq!(capped(Level::Avx512, Some("avx2")), Level::Avx2);
+        assert_eq!(capped(Level::Avx2, Some("portable")), Level::Portable);
+        assert_eq!(capped(Level::Portable, Some("avx2")), Level::Portable);
+        assert_eq!(capped(Level::Avx512, Some("fast")), Level::Avx512);
+        assert_eq!(capped(Level::Avx2, None), Level::Avx2);
+    }
+}

@@ -1,0 +1,323 @@
+//! The tiles of a picture: what they share, their buffers, and their pixels.
+
+use std::ops::Range;
+
+use ndarray::{ArrayView2, ArrayViewMut2, ArrayViewMut3, Axis};
+
+use super::bins::Bands;
+use super::draw::{Drawing, PIXELS, Plane, TILE, Tile, draw};
+use super::ray::{Ground, Rays};
+use super::sprite::{Eye, Sprite};
+use crate::base::error::{Cancel, Error, collected, pushed};
+use crate::base::normal::Normal;
+use crate::base::pool;
+use crate::base::real::Real;
+use crate::base::simd::dispatch;
+
+/// The places of the sprites that are seen, in the order in which they are drawn.
+fn order(sprites: &[Sprite], sorted: bool) -> Result<Vec<u32>, Error> {
+    let mut order: Vec<u32> = collected(0..sprites.len() as u32)?;
+    order.retain(|&place| sprites[place as usize].rows[0] < sprites[place as usize].rows[1]);
+    if sorted {
+        let key = |place: u32| sprites[place as usize].key;
+        order.sort_unstable_by(|&a, &b| key(a).total_cmp(&key(b)).then(a.cmp(&b)));
+    }
+    Ok(order)
+}
+
+/// What a finished tile is stored from.
+pub struct Finished<'a, P> {
+    /// What the tile lets through.
+    pub through: &'a Plane<P>,
+    /// Premultiplied light, if particles differ in color.
+    pub light: Option<&'a [Plane<P>; 3]>,
+}
+
+/// All that the tiles of a picture share.
+pub struct Picture<'a, P, M> {
+    /// (H, W), px.
+    pub shape: (usize, usize),
+    /// The eye.
+    pub eye: &'a Eye,
+    /// What is drawn.
+    pub drawing: Drawing<'a>,
+    /// Which bands it touches.
+    pub bands: &'a Bands,
+    /// Whether particles differ in color.
+    pub colored: bool,
+    /// Whether a particle needs the pixels' rays.
+    pub by_ray: bool,
+    /// Depth of what stands in the picture.
+    pub depth: Option<ArrayView2<'a, M>>,
+    /// The pixels' type.
+    pub pixel: std::marker::PhantomData<P>,
+}
+
+/// Buffers of one tile, kept from tile to tile.
+pub struct Scratch<P> {
+    through: Box<[Plane<P>; 1]>,
+    light: Option<Box<[Plane<P>; 3]>>,
+    depth: Option<Box<[P; PIXELS]>>,
+    lengths: Vec<f64>,
+}
+
+/// A plane of zeros.
+fn nothing<P: Normal>() -> Plane<P> {
+    Plane([[P::zero(); TILE]; TILE])
+}
+
+/// A boxed array, which never stands on the stack.
+fn boxed<T: Clone, const N: usize>(value: T) -> Result<Box<[T; N]>, Error> {
+    let values = collected((0..N).map(|_| value.clone()))?;
+    values
+        .into_boxed_slice()
+        .try_into()
+        .map_err(|_| Error::Internal("a plane has the wrong size".into()))
+}
+
+impl<P: Normal, M: Real> Picture<'_, P, M> {
+    /// Buffers for its tiles.
+    pub fn scratch(&self) -> Result<Scratch<P>, Error> {
+        let light = if self.colored { Some(boxed(nothing())?) } else { None };
+        let depth = if self.depth.is_some() { Some(boxed(P::zero())?) } else { None };
+        Ok(Scratch { through: boxed::<_, 1>(nothing())?, light, depth, lengths: Vec::new() })
+    }
+
+    /// Draws the tile whose corner is at `origin` (x, y).
+    pub fn tile<'s>(
+        &self,
+        origin: [usize; 2],
+        scratch: &'s mut Scratch<P>,
+        cancel: &Cancel,
+    ) -> Result<Finished<'s, P>, Error> {
+        let [left, top] = origin;
+        let (height, width) = (self.shape.0 - top, self.shape.1 - left);
+        for (row, values) in scratch.through[0].0.iter_mut().enumerate() {
+            // Beyond the border nothing is let through, so that a tile there can be finished.
+            let inside = if row < height { width.min(TILE) } else { 0 };
+            values[..inside].fill(P::one());
+            values[inside..].fill(P::zero());
+        }
+        if let Some(light) = &mut scratch.light {
+            light.iter_mut().for_each(|plane| plane.0.fill([P::zero(); TILE]));
+        }
+        let ground = match (&self.depth, &mut scratch.depth) {
+            (Some(map), Some(depth)) => Some(standing(map, origin, depth)),
+            _ => None,
+        };
+        let rays = self.by_ray.then(|| Rays::of(self.eye, origin, &mut scratch.lengths));
+        let mut tile = Tile {
+            origin,
+            through: &mut scratch.through[0],
+            light: scratch.light.as_deref_mut(),
+            rays: rays.as_ref(),
+            ground: ground.as_ref(),
+        };
+        draw(&mut tile, self.bands.band(top / TILE), &self.drawing, cancel)?;
+        if let Some(rays) = rays {
+            scratch.lengths = rays.length;
+        }
+        Ok(Finished { through: &scratch.through[0], light: scratch.light.as_deref() })
+    }
+}
+
+/// A tile of the depth map; beyond the picture nothing stands.
+fn standing<'a, P: Normal, M: Real>(
+    map: &ArrayView2<M>,
+    [left, top]: [usize; 2],
+    depth: &'a mut [P; PIXELS],
+) -> Ground<'a, P> {
+    let (height, width) = (map.nrows() - top, map.ncols() - left);
+    let mut range = [f64::INFINITY, f64::NEG_INFINITY];
+    for (row, values) in depth.chunks_exact_mut(TILE).enumerate() {
+        values.fill(P::infinity());
+        if row < height {
+            for (column, value) in values.iter_mut().enumerate().take(width) {
+                *value = P::of(map[[top + row, left + column]].wide());
+                range = [range[0].min(value.wide()), range[1].max(value.wide())];
+            }
+        }
+    }
+    Ground { depth, range }
+}
+
+/// What sprites touch, found once for any number of pictures of their frame.
+pub struct Touched {
+    bands: Bands,
+    by_ray: bool,
+    colored: bool,
+}
+
+impl Touched {
+    /// Lists the sprites of a frame of so many rows; they are drawn in order if they differ in color.
+    pub fn of(sprites: &[Sprite], colors: &[[f64; 3]], height: usize) -> Result<Self, Error> {
+        let colored = colors.iter().any(|color| *color != colors[0]);
+        let order = order(sprites, colored)?;
+        let by_ray = order.iter().any(|&place| sprites[place as usize].model.by_ray());
+        Ok(Self { bands: Bands::of(sprites, &order, height)?, by_ray, colored })
+    }
+
+    /// The frame of `shape` as an eye sees it.
+    pub fn picture<'a, P: Normal, M: Real>(
+        &'a self,
+        shape: (usize, usize),
+        eye: &'a Eye,
+        drawing: Drawing<'a>,
+        depth: Option<ArrayView2<'a, M>>,
+    ) -> Picture<'a, P, M> {
+        let Self { bands, by_ray, colored } = self;
+        let pixel = std::marker::PhantomData;
+        Picture { shape, eye, drawing, bands, colored: *colored, by_ray: *by_ray, depth, pixel }
+    }
+}
+
+/// A part of a frame, pixels: top, bottom, left, right.
+pub type Part = [usize; 4];
+
+impl<P: Normal, M: Real> Picture<'_, P, M> {
+    fn check_part(&self, [top, bottom, left, right]: Part, found: [usize; 2]) -> Result<(), Error> {
+        let inside = top <= bottom && bottom <= self.shape.0 && left <= right;
+        if inside && right <= self.shape.1 && found == [bottom - top, right - left] {
+            return Ok(());
+        }
+        Err(Error::Internal("the part is not one of the frame, or not out's".into()))
+    }
+
+    /// Draws the alpha of a part of the frame, in the bits of the whole.
+    pub fn alpha(
+        &self,
+        out: ArrayViewMut2<'_, P>,
+        part: Part,
+        cancel: &Cancel,
+    ) -> Result<(), Error> {
+        self.check_part(part, [out.nrows(), out.ncols()])?;
+        pool::for_each(runs_of(out, part, 1)?, |(tiles, mut pixels)| {
+            let mut scratch = self.scratch()?;
+            for Cut { origin, skipped, columns } in tiles {
+                cancel.check()?;
+                let done = self.tile(origin, &mut scratch, cancel)?;
+                for (row, mut pixels) in pixels.rows_mut().into_iter().enumerate() {
+                    let pixels = pixels.as_slice_mut().expect("rows are contiguous");
+                    let through = &done.through.0[skipped.0 + row][skipped.1..];
+                    opacity(&mut pixels[columns.clone()], through);
+                }
+            }
+            Ok(())
+        })
+    }
+
+    /// Draws premultiplied RGBA of a part of the frame, in the bits of the whole.
+    pub fn light(
+        &self,
+        out: ArrayViewMut3<'_, P>,
+        part: Part,
+        cancel: &Cancel,
+    ) -> Result<(), Error> {
+        let (height, width, channels) = out.dim();
+        self.check_part(part, [height, width])?;
+        let flat = out
+            .into_shape_with_order((height, width * channels))
+            .ok()
+            .filter(|_| channels == 4)
+            .ok_or_else(|| Error::Internal("an output that is not contiguous RGBA".into()))?;
+        let color = self.drawing.colors[0].map(P::of);
+        pool::for_each(runs_of(flat, part, 4)?, |(tiles, mut pixels)| {
+            let mut scratch = self.scratch()?;
+            for Cut { origin, skipped: (down, across), columns } in tiles {
+                cancel.check()?;
+                let done = self.tile(origin, &mut scratch, cancel)?;
+                for (row, mut pixels) in pixels.rows_mut().into_iter().enumerate() {
+                    let pixels = pixels.as_slice_mut().expect("rows are contiguous");
+                    let pixels = &mut pixels[4 * columns.start..4 * columns.end];
+                    let through = &done.through.0[down + row][across..];
+                    match done.light {
+                        None => one_color(pixels, through, color),
+                        Some(light) => {
+                            let light = [0, 1, 2].map(|c| &light[c].0[down + row][across..]);
+                            many_colors(pixels, through, light);
+                        }
+                    }
+                }
+            }
+            Ok(())
+        })
+    }
+}
+
+dispatch! {
+    /// alpha = 1 - T for a row of a tile.
+    fn opacity<P: Normal>(pixels: &mut [P], through: &[P]) = opacity_with
+}
+
+#[inline(always)]
+fn opacity_with<P: Normal, const LEVEL: u8>(pixels: &mut [P], through: &[P]) {
+    for (pixel, through) in pixels.iter_mut().zip(through) {
+        *pixel = P::one() - *through;
+    }
+}
+
+fn one_color<P: Normal>(pixels: &mut [P], through: &[P], color: [P; 3]) {
+    for (pixel, through) in pixels.chunks_exact_mut(4).zip(through) {
+        let alpha = P::one() - *through;
+        pixel[0] = color[0] * alpha;
+        pixel[1] = color[1] * alpha;
+        pixel[2] = color[2] * alpha;
+        pixel[3] = alpha;
+    }
+}
+
+fn many_colors<P: Normal>(pixels: &mut [P], through: &[P], light: [&[P]; 3]) {
+    for (k, (pixel, through)) in pixels.chunks_exact_mut(4).zip(through).enumerate() {
+        pixel[0] = light[0][k];
+        pixel[1] = light[1][k];
+        pixel[2] = light[2][k];
+        pixel[3] = P::one() - *through;
+    }
+}
+
+/// A tile as far as a part of the frame has it.
+struct Cut {
+    /// Its corner (x, y) in the frame, px.
+    origin: [usize; 2],
+    /// Its rows and columns before the part.
+    skipped: (usize, usize),
+    /// Columns of the run's pixels that it fills.
+    columns: Range<usize>,
+}
+
+/// Tiles of a run that one task draws, one after the other, and its part of the picture.
+type Run<'a, P> = (Vec<Cut>, ArrayViewMut2<'a, P>);
+
+/// A part of the frame cut into runs of up to four tiles side by side; `channels` numbers to a pixel.
+fn runs_of<P>(
+    out: ArrayViewMut2<'_, P>,
+    [mut top, bottom, first, right]: Part,
+    channels: usize,
+) -> Result<Vec<Run<'_, P>>, Error> {
+    const TOGETHER: usize = 4;
+    let mut runs = Vec::new();
+    let mut rest = out;
+    while top < bottom {
+        let below = ((top / TILE + 1) * TILE).min(bottom);
+        let (mut band, later) = rest.split_at(Axis(0), below - top);
+        let mut left = first;
+        while left < right {
+            let end = ((left / TILE + TOGETHER) * TILE).min(right);
+            let (run, aside) = band.split_at(Axis(1), (end - left) * channels);
+            let tiles = collected((left / TILE..end.div_ceil(TILE)).map(|tile| {
+                let from = left.max(tile * TILE);
+                Cut {
+                    origin: [tile * TILE, top / TILE * TILE],
+                    skipped: (top % TILE, from % TILE),
+                    columns: from - left..((tile + 1) * TILE).min(end) - left,
+                }
+            }))?;
+            pushed(&mut runs, (tiles, run))?;
+            band = aside;
+            left = end;
+        }
+        rest = later;
+        top = below;
+    }
+    Ok(runs)
+}

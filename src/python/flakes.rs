@@ -1,0 +1,352 @@
+//! The texture of flakes: patterns, the choices of tiles, frames.
+
+use std::sync::Arc;
+
+use ndarray::{ArrayView2, ArrayViewMut2};
+use num_complex::Complex;
+use numpy::{
+    PyReadonlyArray1, PyReadonlyArray2, PyReadonlyArray3, PyReadonlyArray4, PyReadwriteArray2,
+    PyReadwriteArray3, PyReadwriteArray4,
+};
+use pyo3::prelude::*;
+
+use super::gate::{self, Plane, PlaneMut};
+use crate::base::error::{Cancel, Error};
+use crate::base::normal::Normal;
+use crate::spectral::field::Window;
+use crate::spectral::flakes::bands::Bands;
+use crate::spectral::flakes::choice::{choice, mirrored};
+use crate::spectral::flakes::frame::{Finish, Frame, Terms};
+use crate::spectral::flakes::pattern::{Law, patterns};
+use crate::spectral::flakes::prepared::Prepared;
+
+/// Rough nanoseconds for a flake of a pattern, and for a pixel of a tile and each of its terms.
+const FLAKE: f64 = 2000.0;
+const PIXEL: f64 = 3.0;
+
+/// Spectra of either precision, to be written.
+#[derive(FromPyObject)]
+pub enum SpectraMut<'py> {
+    /// complex64
+    Single(PyReadwriteArray4<'py, Complex<f32>>),
+    /// complex128
+    Double(PyReadwriteArray4<'py, Complex<f64>>),
+}
+
+/// Spectra of either precision.
+#[derive(FromPyObject)]
+pub enum Spectra<'py> {
+    /// complex64
+    Single(PyReadonlyArray3<'py, Complex<f32>>),
+    /// complex128
+    Double(PyReadonlyArray3<'py, Complex<f64>>),
+}
+
+/// Patterns of layers; `law` is (shear, opacity, share of the flakes that are shown, seed).
+#[pyfunction]
+pub fn flake_patterns(
+    py: Python<'_>,
+    out: SpectraMut<'_>,
+    counts: PyReadonlyArray1<'_, f64>,
+    diameters: PyReadonlyArray2<'_, f64>,
+    law: (f64, f64, f64, i64),
+) -> PyResult<()> {
+    let counts = counts.as_slice().map_err(|_| Error::invalid("counts", "must be contiguous"))?;
+    let (diameters, (shear, opacity, amount, seed)) = (diameters.as_array(), law);
+    let law = |tile| Law { tile, shear, opacity, amount, seed };
+    let work = |patterns: usize| counts.iter().sum::<f64>() * patterns as f64 * FLAKE;
+    match out {
+        SpectraMut::Single(mut out) => {
+            let out = out.as_array_mut();
+            let (_, number, tile, _) = out.dim();
+            let run = move |cancel: &Cancel| patterns(out, counts, diameters, law(tile), cancel);
+            gate::run(py, work(number), run)
+        }
+        SpectraMut::Double(mut out) => {
+            let out = out.as_array_mut();
+            let (_, number, tile, _) = out.dim();
+            let run = move |cancel: &Cancel| patterns(out, counts, diameters, law(tile), cancel);
+            gate::run(py, work(number), run)
+        }
+    }
+}
+
+/// Patterns as frames read them, in the precision of these.
+#[pyclass(module = "flurries._core", frozen)]
+pub struct PreparedFlakes {
+    patterns: Either,
+}
+
+enum Either {
+    Single(Arc<Prepared<f32>>),
+    Double(Arc<Prepared<f64>>),
+}
+
+#[pymethods]
+impl PreparedFlakes {
+    /// Coverage of a tile of each pattern, square pixels.
+    #[getter]
+    fn means(&self) -> Vec<f64> {
+        match &self.patterns {
+            Either::Single(patterns) => patterns.means().to_vec(),
+            Either::Double(patterns) => patterns.means().to_vec(),
+        }
+    }
+
+    /// Size of a tile, pixels.
+    #[getter]
+    fn tile(&self) -> usize {
+        match &self.patterns {
+            Either::Single(patterns) => patterns.tile,
+            Either::Double(patterns) => patterns.tile,
+        }
+    }
+}
+
+/// Prepares spectra (n, M, M/2 + 1) for frames of float64, or of float32.
+#[pyfunction]
+pub fn flake_prepare(
+    py: Python<'_>,
+    spectra: Spectra<'_>,
+    shear: f64,
+    double: bool,
+) -> PyResult<PreparedFlakes> {
+    let patterns = match (&spectra, double) {
+        (Spectra::Single(spectra), false) => {
+            let spectra = spectra.as_array();
+            Either::Single(Arc::new(gate::run(py, 0.0, move |_| Prepared::new(spectra, shear))?))
+        }
+        (Spectra::Single(spectra), true) => {
+            let spectra = spectra.as_array();
+            Either::Double(Arc::new(gate::run(py, 0.0, move |_| Prepared::new(spectra, shear))?))
+        }
+        (Spectra::Double(spectra), false) => {
+            let spectra = spectra.as_array();
+            Either::Single(Arc::new(gate::run(py, 0.0, move |_| Prepared::new(spectra, shear))?))
+        }
+        (Spectra::Double(spectra), true) => {
+            let spectra = spectra.as_array();
+            Either::Double(Arc::new(gate::run(py, 0.0, move |_| Prepared::new(spectra, shear))?))
+        }
+    };
+    Ok(PreparedFlakes { patterns })
+}
+
+/// Patterns between two prepared sets: (1 - weight) of the first, `weight` of the second.
+#[pyfunction]
+pub fn flake_mix(
+    py: Python<'_>,
+    first: &PreparedFlakes,
+    second: &PreparedFlakes,
+    weight: f64,
+) -> PyResult<PreparedFlakes> {
+    let patterns = match (&first.patterns, &second.patterns) {
+        (Either::Single(a), Either::Single(b)) => {
+            Either::Single(Arc::new(gate::run(py, 0.0, move |_| a.mixed(b, weight))?))
+        }
+        (Either::Double(a), Either::Double(b)) => {
+            Either::Double(Arc::new(gate::run(py, 0.0, move |_| a.mixed(b, weight))?))
+        }
+        _ => return Err(Error::invalid("second", "must have the dtype of the first").into()),
+    };
+    Ok(PreparedFlakes { patterns })
+}
+
+/// What each tile takes by `seed`: `pattern` (rows, cols, layers) of `patterns` for each layer,
+/// `shift` (rows, cols, layers, 2) in a tile of so many pixels, `mirror` (rows, cols).
+#[pyfunction]
+#[pyo3(signature = (pattern, shift, mirror, seed, patterns, tile, generation=None))]
+pub fn flake_choices(
+    mut pattern: PyReadwriteArray3<'_, i32>,
+    mut shift: PyReadwriteArray4<'_, f64>,
+    mut mirror: PyReadwriteArray2<'_, bool>,
+    seed: i64,
+    patterns: usize,
+    tile: usize,
+    generation: Option<PyReadonlyArray3<'_, i64>>,
+) -> PyResult<()> {
+    let (mut pattern, mut shift) = (pattern.as_array_mut(), shift.as_array_mut());
+    let mut mirror = mirror.as_array_mut();
+    let generation = generation.as_ref().map(|generation| generation.as_array());
+    let (rows, cols, layers) = pattern.dim();
+    let alike = shift.dim() == (rows, cols, layers, 2) && mirror.dim() == (rows, cols);
+    if !alike || generation.is_some_and(|array| array.dim() != pattern.dim()) || patterns == 0 {
+        return Err(Error::invalid("pattern", "must have the shape of the others").into());
+    }
+    for ((row, col, layer), index) in pattern.indexed_iter_mut() {
+        let generation = generation.map_or(0, |array| array[(row, col, layer)]);
+        let found = choice(seed, layer, (row, col), generation, patterns, tile);
+        *index = (layer * patterns + found.pattern) as i32;
+        shift[(row, col, layer, 0)] = found.shift[0];
+        shift[(row, col, layer, 1)] = found.shift[1];
+    }
+    for ((row, col), mirror) in mirror.indexed_iter_mut() {
+        *mirror = mirrored(seed, (row, col));
+    }
+    Ok(())
+}
+
+/// A frame of the texture as the Python layer has settled it; the attributes of its request.
+#[derive(FromPyObject)]
+pub struct FlakeRequest<'py> {
+    #[pyo3(attribute)]
+    shape: (usize, usize),
+    #[pyo3(attribute)]
+    overlap: usize,
+    #[pyo3(attribute)]
+    pattern: PyReadonlyArray3<'py, i32>,
+    #[pyo3(attribute)]
+    gain: PyReadonlyArray3<'py, f64>,
+    #[pyo3(attribute)]
+    shift: PyReadonlyArray4<'py, f64>,
+    #[pyo3(attribute)]
+    streak: Option<PyReadonlyArray4<'py, f64>>,
+    #[pyo3(attribute)]
+    mirror: PyReadonlyArray2<'py, bool>,
+    #[pyo3(attribute)]
+    mean: PyReadonlyArray2<'py, f64>,
+    #[pyo3(attribute)]
+    window: (usize, usize, usize, usize),
+}
+
+impl FlakeRequest<'_> {
+    fn terms(&self) -> Terms<'_> {
+        Terms {
+            pattern: self.pattern.as_array(),
+            gain: self.gain.as_array(),
+            shift: self.shift.as_array(),
+            streak: self.streak.as_ref().map(|streak| streak.as_array()),
+            mirror: self.mirror.as_array(),
+            mean: self.mean.as_array(),
+        }
+    }
+
+    fn window(&self) -> Window {
+        let (top, bottom, left, right) = self.window;
+        Window { rows: top..bottom, cols: left..right }
+    }
+
+    /// Rough nanoseconds for so many pixels: overlapping tiles are many times the picture.
+    fn estimate(&self, tile: usize, (height, width): (usize, usize)) -> f64 {
+        let step = tile.saturating_sub(self.overlap).max(1) as f64;
+        let tiles = |length: usize| 1.0 + length as f64 / step;
+        let terms = self.pattern.as_array().dim().2 as f64;
+        let each = (tile * tile) as f64 * (tile as f64 + terms) / 16.0 * PIXEL;
+        tiles(height) * tiles(width) * each
+    }
+}
+
+/// The request's window of optical depth, or of opacity. The depth is multiplied by `mask` and added to
+/// what `out` holds, if these are asked for.
+#[pyfunction]
+#[pyo3(signature = (out, patterns, request, opacity, add=false, mask=None))]
+pub fn flake_frame(
+    py: Python<'_>,
+    out: PlaneMut<'_>,
+    patterns: &PreparedFlakes,
+    request: FlakeRequest<'_>,
+    opacity: bool,
+    add: bool,
+    mask: Option<Plane<'_>>,
+) -> PyResult<()> {
+    let finish = Finish { opacity, add };
+    let other = || Error::invalid("mask", "must have the dtype of `out`");
+    match (out, &patterns.patterns) {
+        (PlaneMut::Single(mut out), Either::Single(patterns)) => {
+            let mask = match &mask {
+                Some(Plane::Single(mask)) => Some(mask.as_array()),
+                Some(Plane::Double(_)) => return Err(other().into()),
+                None => None,
+            };
+            render(py, out.as_array_mut(), mask, patterns, &request, finish)
+        }
+        (PlaneMut::Double(mut out), Either::Double(patterns)) => {
+            let mask = match &mask {
+                Some(Plane::Double(mask)) => Some(mask.as_array()),
+                Some(Plane::Single(_)) => return Err(other().into()),
+                None => None,
+            };
+            render(py, out.as_array_mut(), mask, patterns, &request, finish)
+        }
+        _ => Err(Error::invalid("out", "must have the dtype that the patterns are for").into()),
+    }
+}
+
+fn render<T: Normal>(
+    py: Python<'_>,
+    out: ArrayViewMut2<'_, T>,
+    mask: Option<ArrayView2<'_, T>>,
+    patterns: &Prepared<T>,
+    request: &FlakeRequest<'_>,
+    finish: Finish,
+) -> PyResult<()> {
+    let (terms, window) = (&request.terms(), request.window());
+    let (shape, overlap) = (request.shape, request.overlap);
+    let work = request.estimate(patterns.tile, (window.rows.len(), window.cols.len()));
+    gate::run(py, work, move |cancel| {
+        Frame::new(shape, overlap, patterns, terms, finish)?.render(&window, out, mask, cancel)
+    })
+}
+
+/// The rows of a request's window from the top down, to be taken band by band.
+#[pyclass(module = "flurries._core")]
+pub struct FlakeBands {
+    bands: EitherBands,
+    /// A rough estimate of a row, and of how many rows a row of tiles finishes.
+    nanoseconds: f64,
+    least: f64,
+}
+
+enum EitherBands {
+    Single(Bands<f32>),
+    Double(Bands<f64>),
+}
+
+/// Begins a request's window of optical depth or opacity that is taken band by band.
+#[pyfunction]
+pub fn flake_bands(
+    py: Python<'_>,
+    patterns: &PreparedFlakes,
+    request: FlakeRequest<'_>,
+    opacity: bool,
+) -> PyResult<FlakeBands> {
+    let (terms, window) = (&request.terms(), &request.window());
+    let (shape, overlap) = (request.shape, request.overlap);
+    let (bands, tile) = match &patterns.patterns {
+        Either::Single(patterns) => {
+            let (all, tile) = (Arc::clone(patterns), patterns.tile);
+            let new = move |_: &Cancel| Bands::new(shape, overlap, all, terms, opacity, window);
+            (EitherBands::Single(gate::run(py, 0.0, new)?), tile)
+        }
+        Either::Double(patterns) => {
+            let (all, tile) = (Arc::clone(patterns), patterns.tile);
+            let new = move |_: &Cancel| Bands::new(shape, overlap, all, terms, opacity, window);
+            (EitherBands::Double(gate::run(py, 0.0, new)?), tile)
+        }
+    };
+    let nanoseconds = request.estimate(tile, (tile, window.cols.len())) / tile as f64;
+    Ok(FlakeBands { bands, nanoseconds, least: tile as f64 })
+}
+
+/// Writes rows from `first` on into `out` (h, w), those before it are skipped.
+#[pyfunction]
+pub fn flake_take(
+    py: Python<'_>,
+    bands: &mut FlakeBands,
+    out: PlaneMut<'_>,
+    first: usize,
+) -> PyResult<()> {
+    let FlakeBands { bands, nanoseconds, least } = bands;
+    let work = |rows: usize| (rows as f64).max(*least) * *nanoseconds;
+    match (out, bands) {
+        (PlaneMut::Single(mut out), EitherBands::Single(bands)) => {
+            let out = out.as_array_mut();
+            gate::run(py, work(out.nrows()), |cancel| bands.take(first, out, cancel))
+        }
+        (PlaneMut::Double(mut out), EitherBands::Double(bands)) => {
+            let out = out.as_array_mut();
+            gate::run(py, work(out.nrows()), |cancel| bands.take(first, out, cancel))
+        }
+        _ => Err(Error::invalid("out", "must have the dtype of the patterns' frames").into()),
+    }
+}

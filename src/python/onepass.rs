@@ -1,0 +1,86 @@
+//! Texture, flakes and veil over a picture in one pass.
+
+use numpy::{PyReadonlyArray2, PyReadonlyArray3, PyReadwriteArray3};
+use pyo3::prelude::*;
+
+use super::frame::{Picture, PictureMut};
+use super::gate;
+use super::particles::SortedFlakes;
+use super::spectral::{Request, estimate, opacity_map};
+use crate::base::error::Error;
+use crate::frame::onepass::{Drawn, Snowfall};
+use crate::frame::sample::Sample;
+
+/// What lies over the picture, as [`Snowfall`] has it.
+struct Asked<'py> {
+    request: Request<'py>,
+    map: (f64, f64, f64, f64),
+    preserve_mean: bool,
+    haze: f64,
+    intensity: Vec<f64>,
+    flakes: Option<Flakes<'py>>,
+}
+
+/// Flakes, drawn or to be drawn.
+#[derive(FromPyObject)]
+pub enum Flakes<'py> {
+    /// Of the frame.
+    Sorted(Py<SortedFlakes>),
+    /// Opacities over the window.
+    Plane(PyReadonlyArray2<'py, f32>),
+}
+
+/// Snow of one color over a picture, from the request of its texture, its map (mean, spread, power,
+/// amount), flakes or the opacity of drawn ones, and a veil; returns how many tiles were transformed.
+#[pyfunction]
+#[expect(clippy::too_many_arguments, reason = "one flat call from the effect")]
+#[pyo3(signature = (out, background, request, map, preserve_mean, haze, intensity, flakes=None))]
+pub fn snowfall(
+    py: Python<'_>,
+    out: PictureMut<'_>,
+    background: Picture<'_>,
+    request: Request<'_>,
+    map: (f64, f64, f64, f64),
+    preserve_mean: bool,
+    haze: f64,
+    intensity: Vec<f64>,
+    flakes: Option<Flakes<'_>>,
+) -> PyResult<usize> {
+    let asked = Asked { request, map, preserve_mean, haze, intensity, flakes };
+    match (out, background) {
+        (PictureMut::Byte(out), Picture::Byte(back)) => run(py, out, &back, &asked),
+        (PictureMut::Word(out), Picture::Word(back)) => run(py, out, &back, &asked),
+        (PictureMut::Single(out), Picture::Single(back)) => run(py, out, &back, &asked),
+        (PictureMut::Double(out), Picture::Double(back)) => run(py, out, &back, &asked),
+        _ => Err(Error::invalid("out", "must have the dtype of the background").into()),
+    }
+}
+
+fn run<S: Sample + numpy::Element>(
+    py: Python<'_>,
+    mut out: PyReadwriteArray3<'_, S>,
+    background: &PyReadonlyArray3<'_, S>,
+    asked: &Asked<'_>,
+) -> PyResult<usize> {
+    let (out, background) = (out.as_array_mut(), background.as_array());
+    let map = opacity_map(asked.map).checked("power")?;
+    let (flakes, more) = match &asked.flakes {
+        None => (Drawn::Nothing, 0.0),
+        Some(Flakes::Plane(plane)) => (Drawn::Plane(plane.as_array()), 0.0),
+        Some(Flakes::Sorted(sorted)) => {
+            let sorted = sorted.get();
+            (Drawn::Sorted(sorted.sorted()), sorted.nanoseconds)
+        }
+    };
+    let (preserve_mean, haze) = (asked.preserve_mean, asked.haze);
+    let intensity = &asked.intensity[..];
+    asked.request.with_field(|field, window| {
+        gate::run(py, estimate(field, window) + more, move |cancel| {
+            let texture = &field.ready::<f32>()?;
+            let snowfall =
+                Snowfall { texture, window, map, preserve_mean, flakes, haze, intensity };
+            snowfall.over(out, background, cancel)?;
+            Ok(texture.transformed())
+        })
+    })
+}

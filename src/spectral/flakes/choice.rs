@@ -1,0 +1,64 @@
+//! Which pattern a tile takes, where, and whether in a mirror: hashes of what the tile is.
+
+use crate::base::random::Hash;
+
+/// What the numbers are for, so that they differ from those of other uses of a seed.
+const PATTERN: i64 = 0x666c_616b_6531;
+const MIRROR: i64 = 0x666c_616b_6532;
+
+/// A layer's pattern in a tile.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Choice {
+    /// Below the number of patterns.
+    pub pattern: usize,
+    /// Pixels (x, y) that the torus is shifted by, from 0 to the tile's size.
+    pub shift: [f64; 2],
+}
+
+/// The choice of the tile (row, column) for a layer, the `generation`-th that is seen there.
+pub fn choice(
+    seed: i64,
+    layer: usize,
+    (row, col): (usize, usize),
+    generation: i64,
+    patterns: usize,
+    tile: usize,
+) -> Choice {
+    let hash =
+        Hash::seeded(seed).word(PATTERN).word(layer as i64).word(row as i64).word(col as i64);
+    let hash = hash.word(generation);
+    let upto = |word: i64, most: usize| hash.word(word).unit() * most as f64;
+    Choice {
+        pattern: (upto(0, patterns) as usize).min(patterns - 1),
+        shift: [upto(1, tile), upto(2, tile)],
+    }
+}
+
+/// Whether all layers of the tile (row, column) are mirrored: the shear of a tile is one.
+pub fn mirrored(seed: i64, (row, col): (usize, usize)) -> bool {
+    let hash = Hash::seeded(seed).word(MIRROR).word(row as i64).word(col as i64);
+    hash.bits() >> 63 == 1
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn choices_are_spread_evenly() {
+        let (mut counts, mut mirrors) = ([0; 8], 0);
+        for row in 0..64 {
+            for col in 0..64 {
+                let found = choice(5, 2, (row, col), 0, 8, 64);
+                assert!(found.shift.iter().all(|s| (0.0..64.0).contains(s)));
+                counts[found.pattern] += 1;
+                mirrors += usize::from(mirrored(5, (row, col)));
+            }
+        }
+        // Five standard deviations of a binomial count of 4096.
+        assert!(counts.iter().all(|&n| (n - 512_i64).abs() < 106), "{counts:?}");
+        assert!(mirrors.abs_diff(2048) < 160, "{mirrors}");
+        let found = |generation| choice(5, 2, (3, 4), generation, 8, 64);
+        assert_ne!(found(0).shift, found(1).shift);
+    }
+}

@@ -1,0 +1,269 @@
+//! The spectrum of one tile: the sum over its layers of a pattern, moved and blurred.
+//!
+//! A wave (a, b) of a pattern that is moved by s px turns by -(a u + b v) / M cycles, u = s_x - shear s_y
+//! and v = s_y: a product of two small tables. A shutter multiplies it by sinc of the cycles that it
+//! moves by meanwhile.
+//!
+//! All is conjugate and folded, as [`Prepared`] has it: with c + i s the turn of b, and E and O the sum
+//! and the difference of a pattern, the tile's are the turn of a times c E + s O and c O - s E.
+
+#![expect(unsafe_code, reason = "products of waves by `Lanes`")]
+
+use super::blur::Blur;
+use super::prepared::{PARTS, Prepared};
+use crate::base::aligned::Aligned;
+use crate::base::error::Error;
+use crate::base::lanes::Lanes;
+use crate::base::real::Real;
+use crate::base::simd::{AVX2, AVX512, dispatch};
+use crate::spectral::dense::{Turns, Work, passes_on};
+
+/// One pattern in a tile.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Term {
+    /// Its number.
+    pub pattern: usize,
+    /// Factor.
+    pub gain: f64,
+    /// Pixels (x, y) that it is moved by.
+    pub shift: [f64; 2],
+    /// Pixels (x, y) that it moves by while the shutter is open.
+    pub streak: [f64; 2],
+}
+
+/// Buffers of one worker.
+pub struct Scratch<T> {
+    /// Of each term: the turns of a, cosines and sines apart, times the gain.
+    across: Aligned<T>,
+    /// Of each term: the cosine and sine of b.
+    down: Aligned<T>,
+    blur: Blur<T>,
+    work: Work<T>,
+}
+
+impl<T: Real> Scratch<T> {
+    /// For tiles of at most so many terms.
+    pub fn new(patterns: &Prepared<T>, terms: usize, blurred: bool) -> Result<Self, Error> {
+        let (stride, half) = (patterns.dense.stride(), patterns.half);
+        Ok(Self {
+            across: Aligned::zeroed(2 * stride * terms)?,
+            down: Aligned::zeroed(2 * half * terms)?,
+            blur: Blur::new(stride, half, if blurred { terms } else { 0 })?,
+            work: patterns.dense.work()?,
+        })
+    }
+}
+
+/// Cycles, whole ones taken off.
+#[inline(always)]
+fn reduced(cycles: f64) -> f64 {
+    cycles - cycles.round_ties_even()
+}
+
+/// Writes exp(2 pi i k cycles) * gain for k = 0, 1, ..
+#[inline(always)]
+pub(super) fn turns<T: Real, const LEVEL: u8>(cos: &mut [T], sin: &mut [T], cycles: f64, gain: T) {
+    let cycles = reduced(cycles);
+    for (k, (cos, sin)) in cos.iter_mut().zip(sin).enumerate() {
+        let turn = T::turn::<LEVEL>(T::of(reduced(k as f64 * cycles)));
+        *cos = gain * turn.re;
+        *sin = gain * turn.im;
+    }
+}
+
+/// Fills `pixels` with the tile of some terms, without their mean; `mirrored` is upside down.
+#[inline(always)]
+fn render_with<T: Real, const LEVEL: u8>(
+    patterns: &Prepared<T>,
+    terms: &[Term],
+    mirrored: bool,
+    scratch: &mut Scratch<T>,
+    pixels: &mut [T],
+) {
+    let (tile, half, stride) = (patterns.tile as f64, patterns.half, patterns.dense.stride());
+    // Upside down is a motion upside down, and the first pixel row last.
+    let flip = if mirrored { -1.0 } else { 1.0 };
+    let slant = |[x, y]: [f64; 2]| [(x - patterns.shear * flip * y) / tile, flip * y / tile];
+    // The transform samples half a pixel off.
+    let half_pixel = 0.5 / tile;
+    let blurred = terms.iter().any(|term| term.streak != [0.0; 2]);
+    for (i, term) in terms.iter().enumerate() {
+        let [u, v] = slant(term.shift);
+        let gain = T::of(term.gain / (tile * tile));
+        let (cos, sin) = scratch.across[2 * stride * i..][..2 * stride].split_at_mut(stride);
+        turns::<T, LEVEL>(cos, sin, u + half_pixel, gain);
+        let (cos, sin) = scratch.down[2 * half * i..][..2 * half].split_at_mut(half);
+        turns::<T, LEVEL>(cos, sin, -(v + half_pixel), T::one());
+        if blurred {
+            scratch.blur.begin::<LEVEL>(i, slant(term.streak), (stride, half));
+        }
+    }
+    match LEVEL {
+        AVX512 => sum::<T, T::Avx512, LEVEL>(patterns, terms, blurred, mirrored, scratch),
+        AVX2 => sum::<T, T::Avx2, LEVEL>(patterns, terms, blurred, mirrored, scratch),
+        _ => sum::<T, T::Portable, LEVEL>(patterns, terms, blurred, mirrored, scratch),
+    }
+    let turns = Turns { values: &patterns.turns, upward: mirrored };
+    let turns = (patterns.shear != 0.0).then_some(turns);
+    passes_on::<T, LEVEL>(&patterns.dense, &mut scratch.work, turns, pixels);
+}
+
+/// Real and imaginary parts of a sum and a difference.
+#[derive(Clone, Copy)]
+struct Pair<V> {
+    sum: [V; 2],
+    difference: [V; 2],
+}
+
+/// The folded spectrum of a tile.
+#[inline(always)]
+fn sum<T: Real, V: Lanes<T>, const LEVEL: u8>(
+    patterns: &Prepared<T>,
+    terms: &[Term],
+    blurred: bool,
+    mirrored: bool,
+    scratch: &mut Scratch<T>,
+) {
+    let (half, stride) = (patterns.half, patterns.dense.stride());
+    let Scratch { across, down, blur, work } = scratch;
+    // What the reads and writes below rely on.
+    assert!(stride.is_multiple_of(V::N) && terms.iter().all(|term| term.pattern < patterns.len()));
+    assert!(across.len() >= 2 * stride * terms.len() && down.len() >= 2 * half * terms.len());
+    assert!(!blurred || blur.rows.len() >= 2 * stride * terms.len());
+    assert!(work.cos.len() >= 2 * stride * half && work.sin.len() >= 2 * stride * half);
+    let sign = T::of(if mirrored { -1.0 } else { 1.0 });
+    for b in 0..half {
+        if blurred {
+            blur.row::<LEVEL>(b, terms.len(), (stride, half));
+        }
+        for at in (0..stride).step_by(V::N) {
+            // SAFETY: b is below `half`, `at` + N at most `stride`, and the lengths are those above.
+            unsafe {
+                let zero = V::splat(T::zero());
+                let mut total = Pair { sum: [zero; 2], difference: [zero; 2] };
+                for (i, term) in terms.iter().enumerate() {
+                    let folded = patterns.pattern(term.pattern).as_ptr();
+                    let folded = folded.add(PARTS * stride * b + at);
+                    let e = [V::load(folded), V::load(folded.add(stride))];
+                    let o = [V::load(folded.add(2 * stride)), V::load(folded.add(3 * stride))];
+                    let down = down.as_ptr().add(2 * half * i + b);
+                    let (c, s) = (V::splat(*down), V::splat(*down.add(half)));
+                    let mut moved = Pair {
+                        sum: [c.multiply_add(e[0], s.mul(o[0])), c.multiply_add(e[1], s.mul(o[1]))],
+                        difference: [
+                            s.product_from(e[0], c.mul(o[0])),
+                            s.product_from(e[1], c.mul(o[1])),
+                        ],
+                    };
+                    if blurred {
+                        let blur = blur.rows.as_ptr().add(2 * stride * i + at);
+                        moved = moved.blurred(V::load(blur), V::load(blur.add(stride)));
+                    }
+                    let across = across.as_ptr().add(2 * stride * i + at);
+                    let turn = [V::load(across), V::load(across.add(stride))];
+                    total.sum = plus(total.sum, moved.sum, turn);
+                    total.difference = plus(total.difference, moved.difference, turn);
+                }
+                let sign = V::splat(sign);
+                let place = 2 * stride * b + at;
+                let (cos, sin) = (work.cos.as_mut_ptr(), work.sin.as_mut_ptr());
+                total.sum[0].store(cos.add(place));
+                total.sum[1].store(cos.add(place + stride));
+                total.difference[0].mul(sign).store(sin.add(place));
+                total.difference[1].mul(sign).store(sin.add(place + stride));
+            }
+        }
+    }
+}
+
+impl<V> Pair<V> {
+    /// By what blur leaves of the waves b and -b: half their sum, and half their difference.
+    #[inline(always)]
+    unsafe fn blurred<T: Real>(self, kept: V, mixed: V) -> Self
+    where
+        V: Lanes<T>,
+    {
+        let Self { sum: x, difference: y } = self;
+        // SAFETY: the caller has the instructions.
+        unsafe {
+            Self {
+                sum: [
+                    mixed.product_from(y[1], kept.mul(x[0])),
+                    mixed.multiply_add(y[0], kept.mul(x[1])),
+                ],
+                difference: [
+                    mixed.multiply_add(x[1], kept.mul(y[0])),
+                    mixed.product_from(x[0], kept.mul(y[1])),
+                ],
+            }
+        }
+    }
+}
+
+/// A complex sum plus a product.
+#[inline(always)]
+unsafe fn plus<T: Real, V: Lanes<T>>(sum: [V; 2], a: [V; 2], b: [V; 2]) -> [V; 2] {
+    // SAFETY: the caller has the instructions.
+    unsafe {
+        [
+            a[1].product_from(b[1], a[0].multiply_add(b[0], sum[0])),
+            a[1].multiply_add(b[0], a[0].multiply_add(b[1], sum[1])),
+        ]
+    }
+}
+
+dispatch! {
+    /// [`render_with`] on the best instructions.
+    pub fn render<T: Real>(
+        patterns: &Prepared<T>,
+        terms: &[Term],
+        mirrored: bool,
+        scratch: &mut Scratch<T>,
+        pixels: &mut [T],
+    ) = render_with
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::spectral::flakes::twin;
+
+    fn terms(streak: f64) -> Vec<Term> {
+        let term = |pattern: usize| Term {
+            pattern,
+            gain: 0.5 + pattern as f64,
+            shift: [37.25 - 1e3 * pattern as f64, 12.9 * pattern as f64 - 3.3],
+            streak: [streak * (1.0 + pattern as f64), streak * 3.1],
+        };
+        vec![term(0), term(2), term(1)]
+    }
+
+    #[test]
+    fn a_tile_is_the_direct_sum() {
+        for tile in [1, 2, 3, 4, 7, 12, 16, 33, 64] {
+            let spectra = twin::spectra(3, tile);
+            for (shear, mirrored, streak) in
+                [(0.0, false, 0.0), (0.382, false, 0.7), (-0.6, true, 0.0), (0.3, true, -2.5)]
+            {
+                let ready = Prepared::<f64>::new(spectra.view(), shear).unwrap();
+                // Buffers that other tiles have used.
+                let mut scratch = Scratch::new(&ready, 3, true).unwrap();
+                let mut pixels = vec![f64::NAN; tile * tile];
+                render(&ready, &terms(9.0), !mirrored, &mut scratch, &mut pixels);
+                render(&ready, &terms(streak), mirrored, &mut scratch, &mut pixels);
+                let want = twin::tile(&spectra, &terms(streak), shear, mirrored);
+                let scale = want.iter().fold(1.0_f64, |m, x| m.max(x.abs()));
+                for (got, want) in pixels.iter().zip(&want) {
+                    assert!((got - want).abs() < 1e-11 * scale, "{tile} {shear} {got} {want}");
+                }
+                let ready = Prepared::<f32>::new(spectra.view(), shear).unwrap();
+                let mut scratch = Scratch::new(&ready, 3, true).unwrap();
+                let mut pixels = vec![f32::NAN; tile * tile];
+                render(&ready, &terms(streak), mirrored, &mut scratch, &mut pixels);
+                for (got, want) in pixels.iter().zip(&want) {
+                    assert!((f64::from(*got) - want).abs() < 3e-6 * scale, "{tile} {shear}");
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,180 @@
+"""Optical depth of layers of flakes: equal to a direct sum over waves."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+
+import flurries as fl
+import twin
+import twin_flakes
+from flurries.spectral import flakes
+
+DEPTH = fl.spectral.optical_depth
+
+
+def case(number: int) -> dict[str, Any]:
+    """A random set: layers, drifts, shutters, overlaps, odd sizes."""
+    rng = np.random.default_rng(number)
+    tile = int(rng.choice([1, 2, 3, 4, 5, 8, 9, 12, 16, 17, 20, 24, 31, 32, 40, 64]))
+    layers = int(rng.integers(1, 7))
+    overlap = int(rng.integers(0, tile)) if number % 3 else 0
+    most = 2 * tile if tile - overlap < 4 else 3 * tile
+    shape = tuple(int(n) for n in rng.integers(1, most + 2, 2))
+    rows, cols = (len(twin.tile_starts(n, tile=tile, overlap=overlap)) for n in shape)
+    spectra = rng.normal(size=(layers, 2, tile, tile // 2 + 1)) + 0j
+    spectra += 1j * rng.normal(size=spectra.shape)
+    spectra[:, :, 0, 0] = rng.uniform(0.5 * tile, 4.0 * tile, (layers, 1))
+    size = (rows, cols, layers, 2) if number % 2 else (layers, 2)
+    found: dict[str, Any] = {
+        "shape": shape,
+        "patterns": spectra,
+        "drift": rng.normal(0.0, 100.0, size),
+        "shear": float(rng.uniform(-1.0, 1.0)) if number % 4 else 0.0,
+        "gain": rng.uniform(0.1, 1.5, layers) if number % 5 else None,
+        "overlap": overlap,
+    }
+    if number % 3 != 1:
+        found["velocity"] = rng.normal(0.0, 8.0, size[-2:] if number % 7 == 0 else size)
+        found["shutter"] = float(rng.uniform(0.0, 1.0))
+    return found
+
+
+@pytest.mark.parametrize("number", range(40))
+def test_depth_is_the_direct_sum(number: int):
+    given = case(number)
+    shape, spectra = given.pop("shape"), given.pop("patterns")
+    want = twin_flakes.optical_depth(shape, spectra, **given)
+    scale = max(1.0, np.abs(want).max())
+    wide = DEPTH(shape, spectra, **given, seed=None, dtype=np.float64)
+    assert wide.dtype == np.float64 and wide.shape == shape
+    assert np.abs(wide - want).max() < 1e-10 * scale
+    narrow = DEPTH(shape, spectra, **given, seed=None)
+    assert narrow.dtype == np.float32
+    assert np.abs(narrow - want).max() < 2e-5 * scale
+
+
+def test_a_tile_is_irfft2_without_shear():
+    spectra = fl.spectral.flake_patterns(
+        32, counts=[30], diameters=[[1.0, 3.0]], seed=4, dtype=np.complex128
+    )
+    want = np.fft.irfft2(spectra[0, 0], s=(32, 32))
+    got = DEPTH((32, 32), spectra, drift=[(0, 0)], seed=None, overlap=0, dtype=np.float64)
+    assert np.abs(got - np.maximum(want, 0.0)).max() < 1e-13
+
+
+def test_whole_pixels_move_the_drawing():
+    spectra = fl.spectral.flake_patterns(
+        32, counts=[30], diameters=[[1.0, 3.0]], seed=4, dtype=np.complex128
+    )
+    still, moved = (
+        DEPTH((32, 32), spectra, drift=[drift], seed=None, overlap=0, dtype=np.float64)
+        for drift in [(0, 0), (5, -9)]
+    )
+    assert np.abs(np.roll(still, (-9, 5), (0, 1)) - moved).max() < 1e-13
+
+
+def test_a_sheared_torus_comes_back_to_the_side():
+    spectra = fl.spectral.flake_patterns(
+        40, counts=[50], diameters=[[1.0, 3.0]], shear=0.3, seed=4, dtype=np.complex128
+    )
+    for lattice in [(40.0, 0.0), (12.0, 40.0), (-28.0, 40.0)]:
+        still, moved = (
+            DEPTH((40, 40), spectra, drift=[d], shear=0.3, seed=None, overlap=0, dtype=np.float64)
+            for d in [(0.0, 0.0), lattice]
+        )
+        assert np.abs(still - moved).max() < 1e-12
+
+
+SPECTRA = fl.spectral.flake_patterns(
+    32, counts=[60, 200], diameters=[[1.5, 2.5], [0.5, 1.5]], shear=0.382, seed=2
+)
+SHAPE = (101, 111)
+DRIFT = np.random.default_rng(8).normal(0.0, 30.0, (5, 5, 2, 2))
+GIVEN: dict[str, Any] = {"drift": DRIFT, "shear": 0.382, "seed": 9, "overlap": 10}
+
+
+def test_tiles_choose_by_the_hash():
+    # Patterns, torus shifts and mirror images of a tile, put together from the choices.
+    choice = flakes.choices(9, (5, 5), layers=2, patterns=8, tile=32)
+    assert {True, False} == set(choice.mirror.ravel())
+    spectra = SPECTRA.astype(np.complex128)
+    mean = float(spectra[:, 0, 0, 0].real.sum()) / 32**2
+    tiles = np.empty((5, 5, 32, 32))
+    for at in np.ndindex(5, 5):
+        numbers = choice.pattern[at] - 8 * np.arange(2)
+        assert ((numbers >= 0) & (numbers < 8)).all()
+        shift = choice.shift[at] + DRIFT[at]
+        if choice.mirror[at]:
+            shift = shift * (1.0, -1.0)
+        taken = spectra[[0, 1], numbers]
+        tile = twin_flakes.tile_of(taken, shift, np.zeros((2, 2)), np.ones(2), 0.382)
+        tiles[at] = (tile[::-1] if choice.mirror[at] else tile) - mean
+    want = np.maximum(0.0, mean + twin.blend_tiles(tiles, SHAPE, overlap=10))
+    assert np.abs(DEPTH(SHAPE, SPECTRA, **GIVEN, dtype=np.float64) - want).max() < 1e-10
+
+
+def test_a_larger_picture_keeps_its_tiles():
+    small = DEPTH((60, 60), SPECTRA, drift=[(1, 2), (3, 4)], seed=3, shear=0.382)
+    large = DEPTH((90, 140), SPECTRA, drift=[(1, 2), (3, 4)], seed=3, shear=0.382)
+    # Up to the first tile that the small one lacks.
+    assert np.array_equal(small[:54, :54], large[:54, :54])
+
+
+def test_bits_do_not_depend_on_threads(threads: Callable[[int], None]):
+    found = []
+    for count in (1, 2, 3, 7):
+        threads(count)
+        found.append(DEPTH(SHAPE, SPECTRA, **GIVEN, velocity=DRIFT, shutter=0.1))
+    assert all(np.array_equal(found[0], other) for other in found[1:])
+
+
+def test_out_is_filled_and_returned():
+    for dtype in (np.float32, np.float64):
+        out = np.full(SHAPE, np.nan, dtype)
+        assert DEPTH(SHAPE, SPECTRA, **GIVEN, dtype=dtype, out=out) is out
+        assert np.array_equal(out, DEPTH(SHAPE, SPECTRA, **GIVEN, dtype=dtype))
+
+
+def test_layouts_and_dtypes_of_patterns():
+    want = DEPTH(SHAPE, SPECTRA, **GIVEN)
+    for other in (
+        np.asfortranarray(SPECTRA),
+        SPECTRA.astype(np.complex128),
+        np.repeat(SPECTRA, 2, axis=3)[..., ::2],
+    ):
+        assert np.array_equal(DEPTH(SHAPE, other, **GIVEN), want)
+
+
+BAD: list[tuple[str, dict[str, Any]]] = [
+    ("patterns", {"patterns": SPECTRA[0]}),
+    ("patterns", {"patterns": SPECTRA[..., :-1]}),
+    ("patterns", {"patterns": np.where(SPECTRA[1, 1, 3, 3] == SPECTRA, np.nan, SPECTRA)}),
+    ("patterns", {"patterns": np.where(SPECTRA[1, 1, 3, 3] == SPECTRA, np.inf, SPECTRA)}),
+    ("patterns", {"patterns": "snow"}),
+    ("drift", {"drift": [(0.0, 1.0)]}),
+    ("drift", {"drift": np.zeros((4, 5, 2, 2))}),
+    ("drift", {"drift": np.full((2, 2), np.nan)}),
+    ("velocity", {"shutter": 0.5}),
+    ("velocity", {"velocity": [1.0, 2.0]}),
+    ("shutter", {"velocity": np.zeros((2, 2)), "shutter": -0.5}),
+    ("gain", {"gain": [1.0]}),
+    ("gain", {"gain": [1.0, np.inf]}),
+    ("shear", {"shear": np.nan}),
+    ("shear", {"shear": 2.0}),
+    ("seed", {"seed": 0.5}),
+    ("overlap", {"overlap": 32}),
+    ("dtype", {"dtype": np.float16}),
+    ("shape", {"shape": (0, 4)}),
+    ("out", {"out": np.zeros((3, 3), np.float32)}),
+]
+
+
+@pytest.mark.parametrize(("name", "wrong"), BAD)
+def test_refusals_name_the_argument(name: str, wrong: dict[str, Any]):
+    given = {"shape": SHAPE, "patterns": SPECTRA, **GIVEN, **wrong}
+    with pytest.raises((TypeError, ValueError), match=name):
+        DEPTH(given.pop("shape"), given.pop("patterns"), **given)

@@ -1,0 +1,171 @@
+"""Patterns of flakes: their means, waves and flakes, by an own drawing."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+
+import flurries as fl
+import twin_flakes
+from flurries.spectral import flakes
+
+MAKE = fl.spectral.flake_patterns
+
+
+def coverage(count: float, low: float, high: float, opacity: float) -> float:
+    return count * opacity * math.pi / 12.0 * (low**2 + low * high + high**2)
+
+
+@pytest.mark.parametrize("tile", [1, 2, 3, 4, 5, 7, 16, 33, 64])
+@pytest.mark.parametrize("dtype", [np.complex64, np.complex128])
+def test_means_and_half_waves(tile: int, dtype: Any):
+    counts, sizes = [0.3, 8.0, 21.7, 0.0], [[1.0, 2.0], [0.2, 0.4], [2.5, 2.5], [1.0, 3.0]]
+    found = MAKE(
+        tile, counts=counts, diameters=sizes, opacity=0.7, patterns=5, shear=0.382, seed=3,
+        dtype=dtype,
+    )  # fmt: skip
+    assert found.shape == (4, 5, tile, tile // 2 + 1) and found.dtype == dtype
+    for layer, (count, size) in enumerate(zip(counts, sizes, strict=True)):
+        want = coverage(count, *size, 0.7)
+        assert np.abs(found[layer, :, 0, 0] - want).max() <= 1e-7 * want + 1e-12
+        assert np.ptp(found[layer, :, 0, 0].real) == 0.0
+    if tile % 2 == 0:
+        assert not found[:, :, tile // 2].any() and not found[..., tile // 2].any()
+
+
+@pytest.mark.parametrize("tile", [6, 9, 16])
+@pytest.mark.parametrize("shear", [0.0, 0.382, -0.7])
+@pytest.mark.parametrize("diameter", [0.4, 1.0, 3.0, 11.0])
+def test_one_flake_is_its_sprite(tile: int, shear: float, diameter: float):
+    # Whose place is read from the phases of the longest waves.
+    found = MAKE(
+        tile, counts=[1], diameters=[[diameter] * 2], patterns=3, shear=shear, seed=12,
+        dtype=np.complex128,
+    )[0]  # fmt: skip
+    for spectrum in found:
+        u = -np.angle(spectrum[0, 1]) / (2.0 * np.pi) * tile
+        y = -np.angle(spectrum[1, 0]) / (2.0 * np.pi) * tile
+        # Waves of the drawing beyond half a cycle come back and bend the phase.
+        best = None
+        for _ in range(30):
+            drawn = twin_flakes.on_torus(tile, u + shear * y, y, diameter, 0.9, shear)
+            best = twin_flakes.spectrum(drawn, shear)
+            u -= np.angle(spectrum[0, 1] / best[0, 1]) / (2.0 * np.pi) * tile
+            y -= np.angle(spectrum[1, 0] / best[1, 0]) / (2.0 * np.pi) * tile
+        assert np.abs(spectrum - best).max() < 1e-9 * abs(spectrum[0, 0])
+
+
+def test_patterns_are_sums_of_their_flakes():
+    # A sum of positive sprites, each about as high as the opacity.
+    found = MAKE(64, counts=[40], diameters=[[2.0, 3.0]], seed=5, dtype=np.complex128)
+    drawn = np.fft.irfft2(found[0], s=(64, 64))
+    # The flakes are so wide that the waves of half a cycle hold a few thousandths.
+    assert drawn.min() > -0.02 and 0.5 < drawn.max() < 3.0
+    assert np.ptp(drawn.sum((1, 2))) < 1e-9
+
+
+def test_power_is_that_of_poisson_flakes():
+    # E |S|^2 = n (opacity pi d^2 / 4)^2 exp(-4 pi^2 sigma^2 k^2) box^2, and waves from beyond half
+    # a cycle come back.
+    tile, shear, count, diameter = 48, 0.382, 30, 1.5
+    found = MAKE(
+        tile, counts=[count], diameters=[[diameter] * 2], patterns=400, shear=shear, seed=6,
+        dtype=np.complex128,
+    )[0]  # fmt: skip
+    b = np.fft.fftfreq(tile, 1.0 / tile)[:, None]
+    a = np.arange(tile // 2 + 1)[None, :]
+    want = np.zeros((tile, tile // 2 + 1))
+    sigma = diameter / math.sqrt(8.0)
+    for n in range(-2, 3):
+        for m in range(-2, 3):
+            kx, ky = a / tile + m, (b - shear * a) / tile + n
+            box = np.sinc(kx) * np.sinc(ky)
+            want += (box * np.exp(-2.0 * np.pi**2 * sigma**2 * (kx**2 + ky**2))) ** 2
+    want *= count * (0.9 * math.pi * diameter**2 / 4.0) ** 2
+    got = (np.abs(found) ** 2).mean(0)
+    kept = (2 * np.abs(b) != tile) & (2 * a != tile) & ((a > 0) | (b != 0))
+    ratio = got[kept] / want[kept]
+    # Each is a mean of 400 exponentials: deviation .05; of 1000 and more none beyond 5.
+    assert abs(ratio.mean() - 1.0) < 0.01
+    assert np.abs(ratio - 1.0).max() < 0.3
+
+
+def test_counts_are_shared_out():
+    # Flakes far apart, so that they can be counted: 5.4 of each on a large tile.
+    found = MAKE(
+        256, counts=[5.375], diameters=[[4.0, 4.0]], patterns=8, seed=1, dtype=np.complex128
+    )
+    drawn = np.fft.irfft2(found[0], s=(256, 256))
+    numbers = []
+    for plane in drawn:
+        peak = plane > 0.2 * plane.max()
+        around = [np.roll(plane, s, (0, 1)) for s in [(0, 1), (1, 0), (0, -1), (-1, 0)]]
+        numbers.append(int((peak & np.all([plane >= other for other in around], 0)).sum()))
+    assert set(numbers) == {5, 6} and sum(numbers) == 43
+
+
+def test_a_seed_names_its_patterns():
+    law = {"counts": [20, 20], "diameters": [[1, 2], [1, 2]]}
+    first = MAKE(32, **law, seed=1)
+    assert np.array_equal(first, MAKE(32, **law, seed=1))
+    assert not np.array_equal(first, MAKE(32, **law, seed=2))
+    planes = first.reshape(16, -1)
+    assert len({plane.tobytes() for plane in planes}) == 16
+    more = MAKE(32, counts=[20, 20, 5], diameters=[[1, 2], [1, 2], [1, 1]], seed=1)
+    assert np.array_equal(more[:2], first)
+
+
+def test_precisions_agree():
+    law = {"counts": [50], "diameters": [[0.5, 2]], "shear": 0.382, "seed": 1}
+    wide = MAKE(33, **law, dtype=np.complex128)
+    assert np.array_equal(MAKE(33, **law), wide.astype(np.complex64))
+
+
+def test_threads_do_not_change_bits(threads: Callable[[int], None]):
+    law = {"counts": [50, 9], "diameters": [[0.5, 2], [1, 3]], "shear": 0.382, "seed": 1}
+    threads(1)
+    one = MAKE(33, **law)
+    threads(3)
+    assert np.array_equal(one, MAKE(33, **law))
+
+
+def test_fewer_flakes_are_among_more():
+    # A rung of the ladder of amounts: its mean, and flakes that stand in the whole too.
+    law = {"counts": [40], "diameters": [[3.0, 3.0]], "seed": 3, "dtype": np.complex128}
+    whole = flakes.patterns_of(128, **law)
+    half = flakes.patterns_of(128, **law, amount=0.5)
+    assert np.allclose(half[..., 0, 0], 0.5 * whole[..., 0, 0], rtol=1e-14)
+    assert np.array_equal(flakes.patterns_of(128, **law, amount=1.0), whole)
+    rest = np.fft.irfft2(whole - half, s=(128, 128))
+    assert rest.min() > -0.01 and rest.max() > 0.5
+    assert not flakes.patterns_of(128, **law, amount=0.0).any()
+
+
+BAD: list[tuple[str, dict[str, Any]]] = [
+    ("tile", {"tile": 0}),
+    ("tile", {"tile": 32.0}),
+    ("counts", {"counts": [-1.0]}),
+    ("counts", {"counts": []}),
+    ("counts", {"counts": [np.nan]}),
+    ("diameters", {"diameters": [[1.0, 2.0], [1.0, 2.0]]}),
+    ("diameters", {"diameters": [[2.0, 1.0]]}),
+    ("diameters", {"diameters": [[0.0, 1.0]]}),
+    ("diameters", {"diameters": [[1.0, 1e6]]}),
+    ("opacity", {"opacity": 1.5}),
+    ("patterns", {"patterns": 0}),
+    ("shear", {"shear": np.inf}),
+    ("seed", {"seed": 2**63}),
+    ("dtype", {"dtype": np.float32}),
+    ("dtype", {"dtype": None}),
+]
+
+
+@pytest.mark.parametrize(("name", "wrong"), BAD)
+def test_refusals_name_the_argument(name: str, wrong: dict[str, Any]):
+    given = {"tile": 16, "counts": [4.0], "diameters": [[1.0, 2.0]], "seed": 1, **wrong}
+    with pytest.raises((TypeError, ValueError), match=name):
+        MAKE(given.pop("tile"), **given)
