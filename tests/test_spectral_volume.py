@@ -255,6 +255,7 @@ def test_velocities_beyond_sense_are_no_panic():
     assert np.isfinite(film).all()
 
 
+@pytest.mark.filterwarnings("ignore::UserWarning")
 def test_cells_on_the_tent_turn_less_than_a_cycle_a_frame():
     with pytest.raises(ValueError, match="velocity"):
         fl.spectral.volume(8, 64, (40.0, 0.0), seed=1, cells="overlap")
