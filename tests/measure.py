@@ -202,7 +202,8 @@ def tiles(
     options = {**TEXTURE, "tile": 64, **options}
     shown = [scene(options, camera=path, seed=seed) for seed in range(16)]
     pairs = [(picture(one, t), picture(one, t + step)) for one in shown]
-    _, overlap = fl.Snow(**options).tiling((SIZE, SIZE), forward=True)
+    # A camera that goes forward mixes tiles by a half.
+    overlap = options.get("overlap", 32)
     starts = [s for s in fl.spectral.tile_starts(SIZE, tile=64, overlap=overlap) if s <= SIZE - 64]
     # Of tiles that share a half with the next, every second one is enough.
     starts = starts[:: 2 if overlap > 20 else 1]

@@ -12,9 +12,10 @@ import pytest
 import flurries as fl
 import twin
 from flurries.accuracy import reference
-from flurries.accuracy.look import _continuum, _lattice
-from flurries.accuracy.study import _is_best, _measured
-from flurries.accuracy.ways import Way, known, largest, rms
+from flurries.accuracy.look import continuum, lattice
+from flurries.accuracy.study import measure, unbeaten
+from flurries.accuracy.texture import phase
+from flurries.accuracy.ways import Way, largest, rms
 from flurries.cli import main
 
 
@@ -35,7 +36,7 @@ def test_the_continuum_is_the_mean_of_bessel_functions():
     from scipy.integrate import quad
     from scipy.special import j0
 
-    for lag, value in zip((1, 7, 32), _continuum(4.0, 32.0)[[0, 6, 31]], strict=True):
+    for lag, value in zip((1, 7, 32), continuum(4.0, 32.0)[[0, 6, 31]], strict=True):
         exact = quad(lambda u, lag=lag: j0(2.0 * np.pi * lag * np.exp(u)),
                      -math.log(32.0), -math.log(4.0))[0]  # fmt: skip
         assert value == pytest.approx(exact / math.log(8.0), abs=2e-6)
@@ -45,7 +46,7 @@ def test_the_lattice_is_the_autocorrelation_of_a_tile():
     z = fl.spectral.field((64, 64), drift=(0, 0), seed=3, overlap=0, dtype=np.float64)
     power = np.abs(np.fft.fft2(z)) ** 2
     found = np.fft.ifft2(power).real[0, 1:33] / 64**2
-    assert np.abs(found - _lattice(64, 4.0, 32.0)).max() < 1e-12
+    assert np.abs(found - lattice(64, (4.0, 32.0))).max() < 1e-12
 
 
 def test_precision_orders_float32_and_float64():
@@ -63,11 +64,8 @@ def test_the_same_bits_everywhere_are_as_right():
     assert len(found) == 8 and not fl.reproducible()
 
 
-def test_the_closed_form_does_not_drift(monkeypatch: pytest.MonkeyPatch):
-    from flurries.accuracy import drift
-
-    monkeypatch.setattr(drift, "FRAMES", 10_000)
-    found = errors("phase")
+def test_the_closed_form_does_not_drift():
+    found = {way.setting: way.error(way.make()) for way in phase(frames=10_000)}
     assert found["closed form, float64"] < 1e-12
     # A float32 accumulator is caught.
     assert found["running sum, float32"] > 1e-5 and found["rotor, complex64"] > 1e-5
@@ -122,15 +120,14 @@ def test_linear_blending_and_butt_joints_are_worse():
 
 
 def test_what_nothing_beats_is_marked():
-    errors_, times = [1.0, 0.1, 0.1, 2.0], [[1.0], [2.0], [3.0], [0.5]]
-    best = [_is_best(e, t[0], errors_, times) for e, t in zip(errors_, times, strict=True)]
-    assert best == [True, True, False, True]
+    costs = [(1.0, 1.0), (0.1, 2.0), (0.1, 3.0), (2.0, 0.5), (0.1, 2.0)]
+    assert unbeaten(costs) == [True, True, False, True, True]
 
 
 def test_every_way_is_called_in_turn():
     said: list[str] = []
-    ways = [Way(name, lambda name=name: said.append(name), known(1.0)) for name in "ab"]  # type: ignore[misc]
-    points = _measured(ways, 20)
+    ways = [Way(name, lambda name=name: said.append(name), lambda _: 1.0) for name in "ab"]  # type: ignore[misc]
+    points = measure(ways, 20)
     assert said[2:] == list("ab") * 20
     assert all(point.runs == 20 and point.fastest <= point.median for point in points)
 

@@ -193,7 +193,7 @@ def test_bad_folders_are_refused(source: Path, tmp_path: Path):
 
 def test_the_command(source: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]):
     out = tmp_path / "out"
-    line = ["corrupt", str(source), str(out), "--weather", "rain", "--severity", "2", "--quiet"]
+    line = ["corrupt", str(source), str(out), "--weather", "rain", "--severity", "2"]
     assert main([*line, "--workers", "1"]) == 0
     words = capsys.readouterr()
     assert words.out.strip() == str(out / MANIFEST) and "7 pictures written" in words.err

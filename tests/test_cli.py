@@ -2,22 +2,34 @@
 
 from __future__ import annotations
 
+import fcntl
+import importlib
 import os
+import pty
+import re
 import resource
+import select
+import shlex
 import signal
+import struct
 import subprocess
 import sys
+import termios
 import time
+import warnings
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import click
 import numpy as np
 import OpenImageIO as oiio
 import pytest
 
 import flurries as fl
 from flurries.cli import main
+from flurries.cli.main import COMMANDS
+from flurries.cli.words import lines
 from flurries.io import VideoWriter, open_background, read_picture, write_picture
 
 CameraPath, Camera, Scene, Snow = fl.CameraPath, fl.camera.Camera, fl.Scene, fl.Snow
@@ -83,7 +95,7 @@ def test_a_picture_becomes_frames_and_again_only_what_is_missing(run: Run, here:
     assert "0 frames rendered, 3 were there already" in err
     (here / "frames" / "0002.png").unlink()
     code, _, err = run(*command)
-    assert code == 0 and "1 frames rendered, 2 were there already" in err
+    assert code == 0 and "1 frame rendered, 2 were there already" in err
     assert files(here / "frames") == first
 
     other = ["light" if word == "heavy" else word for word in command]
@@ -211,12 +223,200 @@ def test_a_film_gives_its_own_rate_and_length(run: Run, here: Path):
     assert np.array_equal(pixels("a/2.png"), scene.render(2))
 
 
-def test_help_and_version_go_to_stdout(run: Run, capfd: pytest.CaptureFixture[str]):
-    for arguments, word in ((["--version"], fl.__version__), (["render", "--help"], "%04d")):
-        with pytest.raises(SystemExit) as caught:
-            main(arguments)
-        out, err = capfd.readouterr()
-        assert (caught.value.code, err) == (0, "") and word in out
+def test_help_and_version_go_to_stdout(run: Run):
+    for arguments, word in (
+        (["--version"], fl.__version__), (["-V"], fl.__version__), (["--help"], "corrupt"),
+        (["render", "--help"], "%04d"), (["render", "-h"], "1-90 at 30"),
+    ):  # fmt: skip
+        code, out, err = run(*arguments)
+        assert (code, err) == (0, "") and word in out
+
+
+# What it offers ----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_help_says_each_option_its_default_and_an_example(name: str, run: Run):
+    command = getattr(importlib.import_module(f"flurries.cli.{name}"), name)
+    options = [one for one in command.params if isinstance(one, click.Option)]
+    code, out, _ = run(name, "--help")
+    words = " ".join(out.split())
+    assert code == 0 and command.help.split(".")[0].split()[0] in words
+    for one in options:
+        assert " ".join(one.help.split())[:30].rsplit(" ", 1)[0] in words
+        if not one.is_flag:
+            assert "such as -" in one.help and ("default: " in one.help or one.required), one.opts
+    assert command.examples and all(line in out for line in command.examples)
+    assert {"-q", "-v"} <= {way for one in options for way in one.opts} or name == "completion"
+
+
+@pytest.mark.parametrize("name", [n for n in COMMANDS if n not in ("demo", "view", "accuracy")])
+def test_the_examples_of_the_help_run(name: str, run: Run, here: Path):
+    Path("photos").mkdir()
+    write_picture("photos/a.png", PLATE[:32, :48])
+    write_picture("photo.jpg", PLATE)
+    for number in (1, 2):
+        write_picture(f"plate.{number:04d}.exr", (PLATE / 255.0).astype(np.float32))
+    if name == "check":
+        assert run(*RENDER[:-1], "frames/%04d.png", "--frames", "1")[0] == 0
+    command = getattr(importlib.import_module(f"flurries.cli.{name}"), name)
+    for line in command.examples:
+        words = shlex.split(line.split("#")[0].split(">")[0].strip())
+        words = shlex.split(words[1].strip("$()")) if words[0] == "eval" else words
+        assert words[0] == "flurries"
+        short = ["--frames", "1-2"] if name == "render" else []
+        code, _, err = run(*words[1:], *short)
+        assert code == 0, (line, err)
+
+
+def test_the_commands_are_imported_one_by_one(here: Path):
+    code = (
+        "import sys; from flurries.cli import main; assert main(['--help']) == 0;"
+        "assert 'flurries.scene' not in sys.modules and 'flurries.cli.render' not in sys.modules;"
+        "assert main(['texture', '-h']) == 0; assert 'flurries.viewer' not in sys.modules"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    assert all(name in done.stdout for name in COMMANDS)
+
+
+def test_knobs_choose_the_weather(run: Run):
+    def made(*options: str) -> np.ndarray:
+        code, _, err = run(
+            "render", "plate.png", *options, "-o", "a.png", "--frames", "4", "--overwrite"
+        )
+        assert code == 0, err
+        return pixels("a.png")
+
+    def want(*effects: Any) -> np.ndarray:
+        return Scene(None, PLATE, effects=effects).render(4)
+
+    assert np.array_equal(made("--severity", "3"), want(Snow(severity=3)))
+    assert np.array_equal(made("--rate", "2.5"), want(Snow(rate_mm_h=2.5)))
+    assert np.array_equal(made("--rain", "--rate", "4"), want(fl.Rain(rate_mm_h=4.0)))
+    assert np.array_equal(made("--snow", "--amount", "0.5"), want(Snow(amount=0.5)))
+    both = want(fl.Mist(severity=2), fl.Rain(severity=2))
+    assert np.array_equal(made("--mist", "--rain", "--severity", "2"), both)
+    assert np.array_equal(made("--snow", "severity=3"), want(Snow(severity=3)))
+    # What does not look like a preset is the picture, also behind a bare option.
+    assert run("render", "--snow", "plate.png", "-o", "b.png", "--frames", "4")[0] == 0
+    assert np.array_equal(pixels("b.png"), want(Snow()))
+
+
+COMPLETIONS = {
+    "a command": (["ren"], {"render"}),
+    "an option": (["render", "--sev"], {"--severity"}),
+    "a preset": (["render", "photo.jpg", "--snow", "h"], {"heavy"}),
+    "a choice": (["render", "--quality", "d"], {"draft"}),
+    "an axis": (["accuracy", "sh"], {"shutter"}),
+    "a look": (["texture", "--look", "b"], {"blizzard"}),
+    "nothing": (["render", "--nothing-like-it"], set()),
+}
+
+
+@pytest.mark.parametrize("name", COMPLETIONS)
+@pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])
+def test_shells_complete(
+    shell: str, name: str, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+):
+    words, found = COMPLETIONS[name]
+    line = " ".join(["flurries", *words])
+    monkeypatch.setenv("_FLURRIES_COMPLETE", f"{shell}_complete")
+    monkeypatch.setenv("COMP_WORDS", line)
+    monkeypatch.setenv("COMP_CWORD", words[-1] if shell == "fish" else str(len(words)))
+    monkeypatch.setattr(sys, "argv", ["flurries"])
+    assert main() == 0
+    out = capfd.readouterr().out
+    values = set(re.split(r"[,\t\n]", out))
+    assert found <= values and ("heavy" in values) is (name == "a preset")
+
+
+@pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])
+def test_the_script_for_a_shell(shell: str, run: Run):
+    code, out, err = run("completion", shell)
+    assert (code, err) == (0, "") and f"_FLURRIES_COMPLETE={shell}_complete" in out
+    if shell == "bash":
+        # The shell itself takes it, and knows the command afterwards.
+        done = subprocess.run(["bash", "-c", f"{out}\ncomplete -p flurries"], capture_output=True)
+        assert b"-F _flurries_completion" in done.stdout, done.stderr
+
+
+# How much it says --------------------------------------------------------------------------------
+
+
+def test_progress_is_for_terminals_and_logs_get_lines(run: Run, capfd: Any):
+    code, _, err = run(*RENDER, "--frames", "1-3")
+    assert code == 0 and err.count("\n") == 1 and "%|" not in err and "\r" not in err
+    assert list(lines(range(4), "frame", every=0.0)) == [0, 1, 2, 3]
+    said = capfd.readouterr().err.splitlines()
+    assert len(said) == 3 and said[0].startswith("flurries: 1 of 4 frames, ")
+
+
+def test_a_terminal_sees_a_bar(here: Path):
+    outer, inner = pty.openpty()
+    fcntl.ioctl(inner, termios.TIOCSWINSZ, struct.pack("4H", 24, 80, 0, 0))
+    process = subprocess.Popen(
+        [sys.executable, "-m", "flurries", *RENDER, "--frames", "1-2"],
+        cwd=here, stdout=subprocess.PIPE, stderr=inner,
+    )  # fmt: skip
+    os.close(inner)
+    seen = b""
+    while process.poll() is None or select.select([outer], [], [], 0.1)[0]:
+        try:
+            seen += os.read(outer, 4096)
+        except OSError:
+            break
+    out, _ = process.communicate()
+    assert process.returncode == 0 and b"2/2" in seen and b"2 frames rendered" in seen
+    assert out.split() == [b"out/0001.png", b"out/0002.png"]
+
+
+def test_quiet_says_nothing_and_verbose_more(run: Run):
+    code, out, err = run(*RENDER, "--frames", "1-2", "--quiet")
+    assert (code, err) == (0, "") and len(out.split()) == 2
+    code, _, err = run(*RENDER, "--frames", "3", "--verbose")
+    assert code == 0 and "Snow" in err and "ms a frame" in err and "flakes" in err
+    code, _, err = run(*RENDER, "--frames", "x", "--verbose")
+    assert code == 2 and "Traceback" in err, "where the error is, for who asks"
+
+
+def test_numbers_agree_with_their_nouns(run: Run):
+    err = run(*RENDER, "--frames", "1")[2]
+    assert "1 frame rendered" in err
+    err = run(*RENDER, "--frames", "1-2")[2]
+    assert "1 frame rendered, 1 was there already" in err
+    err = run(*RENDER, "--frames", "1-2")[2]
+    assert "0 frames rendered, 2 were there already" in err
+    assert "2 files are what" in run("check", "out")[2]
+
+
+def test_a_warning_is_a_sentence(run: Run):
+    warnings.simplefilter("always")
+    code, _, err = run("texture", "-o", "t/%d.png", "--velocity", "40,0", "--frames", "4", "--size",
+                       "64x64")  # fmt: skip
+    first, *rest = err.splitlines()
+    assert code == 0 and first.startswith("flurries: warning: velocity") and not rest
+
+
+def test_a_reader_that_goes_is_no_error(here: Path):
+    reader, writer = os.pipe()
+    os.close(reader)
+    process = subprocess.Popen(
+        [sys.executable, "-m", "flurries", "accuracy", "--list"],
+        stdout=writer, stderr=subprocess.PIPE,
+    )  # fmt: skip
+    os.close(writer)
+    assert process.communicate()[1] == b"" and process.returncode == 141
+
+
+def test_a_defect_is_a_sentence_too(run: Run, monkeypatch: pytest.MonkeyPatch):
+    def broken(*_: Any, **__: Any) -> None:
+        raise KeyError("lost")
+
+    monkeypatch.setattr(Scene, "write", broken)
+    code, out, err = run(*RENDER, "--frames", "1")
+    assert (code, out, err.count("\n")) == (1, "", 1)
+    assert "KeyError: 'lost'" in err and "defect" in err
 
 
 # How it says no ----------------------------------------------------------------------------------
@@ -254,7 +454,16 @@ def mistakes() -> dict[str, tuple[list[str], str]]:
     every["preset"] = (["render", "plate.png", "--snow", "hevy", "-o", "a.png"], "hevy")
     every["no snow"] = (["render", "plate.png", "-o", "a.png"], "--snow")
     every["no output"] = (["render", "plate.png", "--snow", "light"], "output")
-    every["no command"], every["bad command"] = ([], "COMMAND"), (["rendr"], "rendr")
+    every["no command"] = ([], "COMMAND")
+    every["bad command"] = (["rendr"], "'rendr'; did you mean 'render'?")
+    every["near option"] = ([*RENDER, "--fames", "3"], "--frames")
+    every["near preset"] = (["plan", "plate.png", "--rain", "drizle"], "mean 'drizzle'?")
+    every["near kind"] = (["plan", "kind.toml"], "line 2.*mean 'snow'?")
+    every["near weather"] = (["corrupt", ".", "../w", "--weather", "sonw"], "mean 'snow'?")
+    every["near axis"] = (["accuracy", "blnd"], "mean 'blend'?")
+    every["two ways"] = ([*RENDER, "--severity", "3"], "severity")
+    every["no such knob"] = (["plan", "plate.png", "--mist", "--rate", "3"], "--rate.*--snow")
+    every["which weather"] = (["plan", "scene.toml", "--severity", "3"], "--severity.*--rain")
     every["video rate"] = ([*RENDER[:-1], "a.mp4", "--frames", "1", "--fps", "5000"], "fps")
     every["demo size"] = (["demo", "-o", "d", "--size", "3"], "size")
     every["demo frames"] = (["demo", "-o", "d", "--frames", "0"], "frames")
@@ -270,6 +479,7 @@ def test_a_mistake_is_one_sentence(name: str, run: Run, here: Path):
     Path("text.png").write_text("no picture at all")
     Path("empty.png").touch()
     Path("bad.toml").write_text("fpps = 25\n")
+    Path("kind.toml").write_text("[[effects]]\nkind = 'sonw'\n")
     Path("worse.toml").write_text("size = [1,\n")
     Path("deep.toml").write_text("size = " + "[" * 20000)
     before = sorted(here.rglob("*"))
@@ -313,7 +523,7 @@ def test_ctrl_c_keeps_what_is_done_and_goes_on(here: Path):
     assert not list((here / "out").glob(".*"))
     assert 3 <= len(done) < 5000 and done == [f"{n:04d}.png" for n in range(1, len(done) + 1)]
     last = len(done) + 2
-    process = start(here, *RENDER, "--frames", f"1-{last}", "--quiet")
+    process = start(here, *RENDER, "--frames", f"1-{last}")
     _, err = process.communicate(timeout=60)
     assert f"2 frames rendered, {len(done)} were there already" in err
     scene = Scene(None, PLATE, effects=[Snow.preset("light")])

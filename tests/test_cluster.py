@@ -198,7 +198,7 @@ def test_a_film_has_the_same_bytes(client: Any, small_groups: None, tmp_path: Pa
 
 def test_the_command_line_makes_a_cluster(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.chdir(tmp_path)
-    words = ["#304050", "--snow", "heavy", "--size", "96x64", "--frames", "1-9", "--quiet"]
+    words = ["#304050", "--snow", "heavy", "--size", "96x64", "--frames", "1-9"]
     command = [sys.executable, "-m", "flurries", "render", "--dask", *words, "-o", "a/%04d.png"]
     run = subprocess.run(command, capture_output=True, text=True, timeout=120)
     assert run.returncode == 0, run.stderr

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -93,17 +94,13 @@ def test_what_a_fingerprint_sees(folder: Path):
     for change in ({"seed": 1}, {"fps": 25.0}, {"space": "linear"}, {"foreground": None},
                    {"size": (30, 20)}, {"effects": []}, {"effects": [FULL, FULL]},
                    {"camera": fl.camera.Camera(50.0)}, {"background": "#000000", "size": (60, 40)},
-                   {"effects": [Snow(**{**vars_of(FULL), "fall": 2.0000001})]}):  # fmt: skip
+                   {"effects": [replace(FULL, fall=2.0000001)]}):  # fmt: skip
         prints.add(fingerprint(Scene(**{**base, **change})))
     assert len(prints) == 11
     # One array or the same in a file of another name: the pixels count.
     array = Scene(None, PLATE.copy(), effects=[FULL])
     assert fingerprint(array) == fingerprint(Scene(None, PLATE, effects=[FULL]))
     assert fingerprint(array) != fingerprint(Scene(None, PLATE + 1, effects=[FULL]))
-
-
-def vars_of(snow: fl.Snow) -> dict[str, Any]:
-    return dict(vars(snow))
 
 
 @pytest.mark.parametrize("file", ["plate.png", "mask.png", "film.5.png"])

@@ -130,7 +130,8 @@ def test_the_command(tmp_path: Path, capfd: pytest.CaptureFixture[str]):
     assert (found["mean"], found["amount"]) == (heavy.mean, heavy.texture)
     assert 0.0 < found["mean_opacity"] < 0.3
     assert main(["texture", "-o", pattern, *options]) == 2
-    assert "is there already" in capfd.readouterr().err
+    said = capfd.readouterr().err
+    assert "is there already" in said and "(--overwrite) replaces it" in said
     assert main(["texture", "-o", pattern, "--band", "wide"]) == 2
     assert "--band wants paper, slides" in capfd.readouterr().err
     assert main(["texture", "-o", pattern, "--band", "4,8,16"]) == 2

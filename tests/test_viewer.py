@@ -99,7 +99,7 @@ def test_keys_stay_until_their_slider_is_touched():
         ({"0.amount": 1.5}, "0 to 1"),
         ({"0.amount": "1"}, "number"),
         ({"0.amount": True}, "number"),
-        ({"0.amount": float("nan")}, "0 to 1"),
+        ({"0.amount": float("nan")}, "finite"),
         ({"7.amount": 0.5}, "7.amount"),
         ({"0.seed": 3}, "0.seed"),
     ],

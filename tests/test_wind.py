@@ -280,7 +280,8 @@ def test_the_wind_of_a_flake_s_own_place_is_nearly_the_same():
     off = []
     for seed in range(4):
         shown = scene({**FLAKES, "wind": WINDS["both"], "flakes": 400}, seed=seed)
-        points, velocity, shows = shown.effects[0].places(one(shown, 40.0))
+        places = shown.effects[0].parts.flakes.places(one(shown, 40.0))
+        points, velocity, shows, _ = places
         points, velocity = points[shows > 0.0], velocity[shows > 0.0]
         felt = velocity * 30.0 - (0.0, 1.4, 0.0)
         there = WINDS["both"].velocity(points, 40.0 / 30.0)

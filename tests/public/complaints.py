@@ -343,7 +343,7 @@ def _of_value(call: Call, argument: str, value: Any, must: bool) -> str:
 
 
 # They order work, or more threads; what they make is as small as ever.
-NO_SIZES = ("seed", "index", "n", "workers", "group", "severity", "number")
+NO_SIZES = ("seed", "index", "n", "workers", "group", "severity", "number", "pixels", "bytes")
 
 
 def sizes_of(call: Call) -> Iterator[tuple[str, Any]]:

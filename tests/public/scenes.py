@@ -95,6 +95,7 @@ CALLS: dict[str, Call] = {
     "camera.importers.read_chan": Call({"path": "way.chan", "shape": SHAPE, "camera": LENS}),
     "camera.importers.read_kitti": Call({"path": "poses.txt", "camera": LENS}),
     "camera.importers.read_colmap": Call({"folder": "colmap", "shape": SHAPE}),
+    "io.Budget": Call({"pixels": 2**20, "bytes": 2**24}, refused={"pixels": (0,), "bytes": (-1,)}),
     "io.Pattern": Call({"text": "frames/%04d.png"}, words=("text", "inside"), loose=True),
     "io.VideoWriter": Call({"path": "new.mkv", "size": (32, 24), "fps": 24}, loose=True),
     "io.fit": Call(

@@ -187,4 +187,15 @@ def _may_be(kind: str, value: Any) -> bool:
 
 
 # Classes, of which none is among the hostile values.
-OBJECTS = ("Camera", "Scene", "Population", "Match", "Ground", "Sun", "Mapping", "Texture", "Wind")
+OBJECTS = (
+    "Camera",
+    "Scene",
+    "Budget",
+    "Population",
+    "Match",
+    "Ground",
+    "Sun",
+    "Mapping",
+    "Texture",
+    "Wind",
+)

@@ -1,4 +1,4 @@
-"""Damaged pictures and fuzzed scene files, thousands of them: errors that name them, no hangs."""
+"""Damaged files, thousands of them: errors that name them, no hangs, memory within 2 GiB."""
 
 from __future__ import annotations
 
@@ -66,6 +66,17 @@ def test_fuzzed_scene_files(tmp_path: Path, record_property: Record):
     )  # fmt: skip
     assert found["tried"] == count and found["complaints"] == 0
     assert 0.1 * count < found["errors"] < count and found["growth"] <= 128
+
+
+def test_damaged_files_of_every_kind(tmp_path: Path, record_property: Record):
+    count = times(10_000, 100)
+    found = fuzz("all", str(tmp_path), count)
+    record_property(
+        "figure", f"{found['errors']:.0f} of {found['tried']:.0f} refused, the rest read within "
+        f"2 GiB; slowest {found['slowest']:.2f} s, {found['growth']:.0f} MiB more memory"
+    )  # fmt: skip
+    assert found["tried"] == count and found["complaints"] == 0
+    assert 0.1 * count < found["errors"] < count
 
 
 def random_value(random: Any) -> Any:

@@ -156,7 +156,7 @@ def test_ctrl_c_and_resumed(tmp_path: Path, record_property: Record):
 IN_PLACE = """
 import sys, time
 import flurries as fl
-from flurries.io.library import openimageio
+from flurries.io.oiio import openimageio
 import numpy as np, os
 print("begun", flush=True)
 frames = [fl.Scene.load("scene.toml").render(n) for n in range(1, 25)]

@@ -5,8 +5,6 @@ the numbers. References are slow and independent: sums in extended precision, br
 forms. Plots need the extra ``flurries[plots]``.
 """
 
-from __future__ import annotations
-
 from flurries.accuracy.page import write
 from flurries.accuracy.study import AXES, Axis, Point, Study, study
 

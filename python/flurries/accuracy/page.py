@@ -8,6 +8,7 @@ import platform
 from pathlib import Path
 
 from flurries._threads import threads
+from flurries.accuracy import plot
 from flurries.accuracy.study import Study
 
 _HEAD = """# What accuracy costs
@@ -18,6 +19,17 @@ them as ratios within a table. On the orange line lies what nothing else beats i
 `flurries accuracy` measures yours.
 
 ![Error against time, six of the axes](images/accuracy/accuracy.png)
+"""
+
+_AXIS = """
+## {axis.title}
+
+`flurries accuracy {axis.name}`. Error {axis.unit}. Against: {axis.reference}.
+
+![Error against time](images/accuracy/{axis.name}.png)
+
+| setting | error | fastest of {runs}, ms | median, ms | unbeaten |
+| --- | --- | --- | --- | --- |
 """
 
 
@@ -42,22 +54,11 @@ def write(
     -------
     list of Path
         What was written.
-
-    Raises
-    ------
-    TypeError, ValueError
-        If `studies` are none, or a path is no path.
-    ImportError
-        Without matplotlib.
-    OSError
-        If something cannot be written.
     """
     if not isinstance(studies, (list, tuple)) or not all(isinstance(s, Study) for s in studies):
         raise TypeError(f"studies must be a list of Study, got {studies!r:.60}")
     if not studies:
         raise ValueError("studies must hold at least one, got none")
-    from flurries.accuracy.plot import save
-
     target, sheet = Path(folder), None if page is None else Path(page)
     target.mkdir(parents=True, exist_ok=True)
     data = target / "accuracy.json"
@@ -65,27 +66,19 @@ def write(
     data.write_text(text + "\n", encoding="utf-8")
     if sheet is not None:
         sheet.write_text(markdown(studies), encoding="utf-8")
-    plots = [*save(studies, target), *save(studies, target, suffix="svg")]
+    plots = [*plot.save(studies, target), *plot.save(studies, target, suffix="svg")]
     return [data, *plots, *([] if sheet is None else [sheet])]
 
 
 def markdown(studies: list[Study]) -> str:
     """Return the page."""
-    parts = [
-        _HEAD.format(machine=f"{platform.machine()}, {os.cpu_count()} cores", threads=threads())
-    ]
+    machine = f"{platform.machine()}, {os.cpu_count()} cores"
+    parts = [_HEAD.format(machine=machine, threads=threads()), ""]
     for study in studies:
-        axis = study.axis
-        parts += [
-            f"\n## {axis.title}\n",
-            f"`flurries accuracy {axis.name}`. Error {axis.unit}. Against: {axis.reference}.\n",
-            f"![Error against time](images/accuracy/{axis.name}.png)\n",
-            f"| setting | error | fastest of {study.points[0].runs}, ms | median, ms | unbeaten |",
-            "| --- | --- | --- | --- | --- |",
-        ]
+        parts.append(_AXIS.format(axis=study.axis, runs=study.points[0].runs))
         parts += [
             f"| {p.setting} | {p.error:.2g} | {p.fastest:.3g} | {p.median:.3g} | "
-            f"{'yes' if p.best else ''} |"
+            f"{'yes' if p.best else ''} |\n"
             for p in sorted(study.points, key=lambda p: p.error)
         ]
-    return "\n".join(parts) + "\n"
+    return "".join(parts)

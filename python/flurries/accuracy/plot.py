@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from flurries.accuracy.study import Study
+from flurries.accuracy.study import Point, Study
 
 INK, QUIET, FRONT = "#1d2b3a", "#8fa3b5", "#d2691e"
 
@@ -18,8 +18,6 @@ MAIN = ("precision", "shutter", "flakes", "composite", "footprint", "octaves")
 
 def draw(ax: Any, study: Study, *, small: bool = False) -> None:
     """Draw a study into axes."""
-    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
-
     points = sorted(study.points, key=lambda point: point.fastest)
     best = [point for point in points if point.best]
     ax.plot([p.fastest for p in best], [max(p.error, LEAST) for p in best], "-", color=FRONT,
@@ -29,40 +27,40 @@ def draw(ax: Any, study: Study, *, small: bool = False) -> None:
         ax.plot([point.fastest, point.median], [error, error], "-", color=QUIET, linewidth=0.8)
         ax.plot(point.fastest, error, "o", markersize=5, zorder=3,
                 color=FRONT if point.best else QUIET)  # fmt: skip
-    ax.set_xscale("log")
-    ax.set_yscale("log")
-    low, high = ax.get_ylim()
-    room = (high / low) ** 0.1
-    ax.set_ylim(low / room, high * room)
-    left, right = ax.get_xlim()
-    # Room for the words to the right of the slowest.
-    ax.set_xlim(left / 1.1, right * (right / left) ** 0.5 * 1.4)
-    narrow = ax.get_xlim()[1] / ax.get_xlim()[0] < 100.0
-    ax.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if narrow else (1.0,)))
-    ax.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
-    ax.xaxis.set_minor_formatter(NullFormatter())
-    if high / low < 100.0:
-        ax.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
-        ax.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:.2g}"))
-    ax.yaxis.set_minor_formatter(NullFormatter())
+    _scale(ax)
     _label(ax, points, 6.5 if small else 7.5)
     ax.set_title(study.axis.title, fontsize=8.5 if small else 10, color=INK, loc="left")
-    ax.set_xlabel("ms a frame: fastest, and line to the median", fontsize=7 if small else 8,
-                  color=INK)  # fmt: skip
-    ax.set_ylabel(f"error {study.axis.unit}", fontsize=7 if small else 8, color=INK)
-    ax.tick_params(labelsize=7 if small else 8, colors=INK)
+    size = 7 if small else 8
+    ax.set_xlabel("ms a frame: fastest, and line to the median", fontsize=size, color=INK)
+    ax.set_ylabel(f"error {study.axis.unit}", fontsize=size, color=INK)
+    ax.tick_params(labelsize=size, colors=INK)
     ax.grid(True, which="major", color="#e4eaf0", linewidth=0.6)
     ax.set_axisbelow(True)
-    for side in ("top", "right"):
-        ax.spines[side].set_visible(False)
+    ax.spines[["top", "right"]].set_visible(False)
 
 
-def _label(ax: Any, points: Any, size: float) -> None:
+def _scale(ax: Any) -> None:
+    """Make both axes logarithmic, with room for words above, below, and right of the slowest."""
+    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+
+    ax.set(xscale="log", yscale="log")
+    (left, right), (low, high) = ax.get_xlim(), ax.get_ylim()
+    room = (high / low) ** 0.1
+    ax.set_ylim(low / room, high * room)
+    ax.set_xlim(left / 1.1, right * (right / left) ** 0.5 * 1.4)
+    left, right = ax.get_xlim()
+    for axis, narrow in ((ax.xaxis, right / left < 100.0), (ax.yaxis, high / low < 100.0)):
+        if narrow or axis is ax.xaxis:
+            axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if narrow else (1.0,)))
+            axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:.3g}"))
+        axis.set_minor_formatter(NullFormatter())
+
+
+def _label(ax: Any, points: list[Point], size: float) -> None:
     """Write the settings beside the points, moved up or down where they would overlap."""
     from matplotlib.patheffects import withStroke
 
-    figure = ax.figure
-    pixel = figure.dpi / 72.0
+    pixel = ax.figure.dpi / 72.0
     height = 1.15 * size * pixel
     floor, ceiling = ax.transAxes.transform([(0, 0), (1, 1)])[:, 1]
     taken: list[tuple[float, float, float]] = []
@@ -72,8 +70,7 @@ def _label(ax: Any, points: Any, size: float) -> None:
         x += 5.0 * pixel
         end = x + 0.56 * size * pixel * len(point.setting)
         # Beside it, then ever farther above and below.
-        steps = sorted((0.25 * height * n for n in range(-40, 41)), key=abs)
-        for step in steps:
+        for step in sorted((0.25 * height * n for n in range(-40, 41)), key=abs):
             at = y + step
             free = all(abs(at - other) >= height or end < start or x > stop
                        for other, start, stop in taken)  # fmt: skip
@@ -92,32 +89,29 @@ def save(studies: list[Study], folder: Path, *, suffix: str = "png") -> list[Pat
     except ImportError:
         raise ImportError("plots need matplotlib: pip install 'flurries[plots]'") from None
     matplotlib.use("Agg", force=False)
+    matplotlib.rcParams["svg.hashsalt"] = "flurries"
+    found = {study.axis.name: study for study in studies}
+    first = list(dict.fromkeys(name for name in (*MAIN, *found) if name in found))[:6]
+    sheets = {name: [study] for name, study in found.items()}
+    return [
+        _sheet(drawn, folder / f"{name}.{suffix}", small=name == "accuracy")
+        for name, drawn in {**sheets, "accuracy": [found[name] for name in first]}.items()
+    ]
+
+
+def _sheet(studies: list[Study], file: Path, *, small: bool) -> Path:
+    """Write plots side by side, three in a row."""
     from matplotlib import pyplot as plt
 
-    matplotlib.rcParams["svg.hashsalt"] = "flurries"
-    files = []
-    for study in studies:
-        figure, ax = plt.subplots(figsize=(6.4, 4.0), dpi=110)
-        draw(ax, study)
-        files.append(_written(figure, folder / f"{study.axis.name}.{suffix}"))
-    found = {study.axis.name: study for study in studies}
-    first = [found[name] for name in (*MAIN, *found) if name in found]
-    studies = list(dict.fromkeys(first))[:6]
     columns = min(3, len(studies))
     rows = -(-len(studies) // columns)
-    figure, grid = plt.subplots(rows, columns, figsize=(4.6 * columns, 3.4 * rows), dpi=110,
+    width, height = (4.6, 3.4) if small else (6.4, 4.0)
+    figure, grid = plt.subplots(rows, columns, figsize=(width * columns, height * rows), dpi=110,
                                 squeeze=False)  # fmt: skip
     for ax in grid.flat[len(studies) :]:
         ax.set_visible(False)
     for ax, study in zip(grid.flat, studies, strict=False):
-        draw(ax, study, small=True)
-    files.append(_written(figure, folder / f"accuracy.{suffix}"))
-    return files
-
-
-def _written(figure: Any, file: Path) -> Path:
-    from matplotlib import pyplot as plt
-
+        draw(ax, study, small=small)
     figure.tight_layout()
     figure.savefig(file, metadata={"Software": None} if file.suffix == ".png" else {"Date": None})
     plt.close(figure)

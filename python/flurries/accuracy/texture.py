@@ -1,7 +1,8 @@
-"""The texture: precision, transforms, the two methods, the shutter."""
+"""The axes of the texture's arithmetic: precision, transforms, modes, phases, the two methods."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from functools import partial
 from typing import Any
 
@@ -9,154 +10,143 @@ import numpy as np
 
 from flurries import spectral
 from flurries._contract import Array
+from flurries._threads import reproducible, set_reproducible
 from flurries.accuracy import reference
-from flurries.accuracy.ways import Way, largest, rms
+from flurries.accuracy.ways import KINDS, Way, both, largest, rms
 
 BAND = (4.0, 32.0)
 DRIFT = np.array([37.25, 411.5])
 
 
-def precision() -> list[Way]:
-    """float32 and float64, whole frames and a reader's NumPy."""
+def precision() -> Iterator[Way]:
+    """Yield whole frames, frames step by step, and what a reader of the paper writes in NumPy."""
     shape = (512, 512)
     off = largest(reference.field(shape, drift=DRIFT, seed=7))
-
-    def frame(dtype: Any) -> Way:
-        out = np.empty(shape, dtype)
-        return Way(
-            f"field, {np.dtype(dtype).name}",
-            lambda: spectral.field(shape, drift=DRIFT, seed=7, dtype=dtype, out=out),
-            off,
-        )
-
-    def steps(dtype: Any) -> Way:
-        return Way(f"step by step, {np.dtype(dtype).name}", lambda: _by_steps(shape, dtype), off)
-
-    def reader(dtype: Any) -> Way:
-        return Way(f"plain NumPy, {np.dtype(dtype).name}", lambda: _plain(shape, dtype), off)
-
-    kinds = (np.float32, np.float64)
-    return [make(kind) for make in (frame, steps, reader) for kind in kinds]  # fmt: skip
+    yield from both("field", partial(spectral.field, shape, drift=DRIFT, seed=7), off)
+    yield from both("step by step", partial(_steps, shape), off)
+    yield from both("plain NumPy", partial(_plain, shape), off)
 
 
-def _tiles(shape: tuple[int, int]) -> tuple[int, int]:
-    return tuple(len(spectral.tile_starts(n)) for n in shape)  # type: ignore[return-value]
+def _starts(shape: tuple[int, int]) -> Array:
+    """Return the phases of all tiles at time 0, (rows, cols, 64, 64)."""
+    rows, cols = (range(len(spectral.tile_starts(length))) for length in shape)
+    start = partial(spectral.random_phase, (64, 64), seed=7)
+    return np.array([[start(tile=(row, col)) for col in cols] for row in rows])
 
 
-def _by_steps(shape: tuple[int, int], dtype: Any) -> Array:
-    rows, cols = _tiles(shape)
-    amplitude = spectral.band_amplitude((64, 64))
-    tiles = np.empty((rows, cols, 64, 64), dtype)
-    for row in range(rows):
-        for col in range(cols):
-            start = spectral.random_phase((64, 64), seed=7, tile=(row, col))
-            phase = spectral.advance_phase(start, DRIFT)
-            spectral.inverse_transform(amplitude, phase, dtype=dtype, out=tiles[row, col])
+def _steps(shape: tuple[int, int], dtype: Any) -> Array:
+    starts, amplitude = _starts(shape), spectral.band_amplitude((64, 64))
+    tiles = np.empty(starts.shape, dtype)
+    for place in np.ndindex(*starts.shape[:2]):
+        phase = spectral.advance_phase(starts[place], DRIFT)
+        spectral.inverse_transform(amplitude, phase, dtype=dtype, out=tiles[place])
     return spectral.blend_tiles(tiles, shape)
 
 
 def _plain(shape: tuple[int, int], dtype: Any) -> Array:
-    """What a reader of the paper writes: all in one precision, the phase too."""
-    rows, cols = _tiles(shape)
-    complex_ = np.result_type(dtype, np.complex64)
+    """Return a frame all in one precision, the phase too."""
     ky = np.fft.fftfreq(64).astype(dtype)[:, None]
     kx = np.fft.rfftfreq(64).astype(dtype)[None, :]
     length = np.hypot(ky, kx)
     length[0, 0] = 1
     moved = (DRIFT[0].astype(dtype) * kx + DRIFT[1].astype(dtype) * ky) / (length * dtype(32))
     amplitude = spectral.band_amplitude((64, 64))[:, :33].astype(dtype)
-    start = np.stack([
-        [spectral.random_phase((64, 64), seed=7, tile=(r, c))[:, :33] for c in range(cols)]
-        for r in range(rows)
-    ]).astype(dtype)  # fmt: skip
-    turns = (2 * np.pi * (start - moved)).astype(dtype)
-    spectrum = (amplitude * (np.cos(turns) + 1j * np.sin(turns))).astype(complex_)
-    tiles = np.fft.irfft2(spectrum, s=(64, 64), norm="forward").astype(dtype)
+    turns = (2 * np.pi * (_starts(shape)[..., :33].astype(dtype) - moved)).astype(dtype)
+    spectrum = amplitude * (np.cos(turns) + 1j * np.sin(turns))
+    whole = spectrum.astype(np.result_type(dtype, np.complex64))
+    tiles = np.fft.irfft2(whole, s=(64, 64), norm="forward").astype(dtype)
     return spectral.blend_tiles(tiles, shape)
 
 
-def transform() -> list[Way]:
-    """Fused or from tables, 64 or 256 px, and NumPy's."""
-    return [way for size in (64, 256) for way in _transforms(size)]
+def transform() -> Iterator[Way]:
+    """Yield tiles fused and from tables, and NumPy's."""
+    for size in (64, 256):
+        shape = (size, size)
+        off = largest(reference.torus(size, 3, DRIFT, BAND))
+        amplitude = spectral.band_amplitude(shape)
+        phase = spectral.advance_phase(spectral.random_phase(shape, seed=3), DRIFT)
+        whole = partial(spectral.field, shape, drift=DRIFT, seed=3, tile=size, overlap=0)
+        tables = partial(spectral.inverse_transform, amplitude, phase)
+        yield from both(f"{size} px fused", whole, off)
+        yield from both(f"{size} px from tables", tables, off)
+        yield Way(f"{size} px numpy.fft.irfft2, float64", partial(_numpy, amplitude, phase), off)
 
 
-def _transforms(size: int) -> list[Way]:
-    shape = (size, size)
-    off = largest(reference.torus(size, 3, DRIFT, BAND))
-    amplitude = spectral.band_amplitude(shape)
-    phase = spectral.advance_phase(spectral.random_phase(shape, seed=3), DRIFT)
-
-    def fused(dtype: Any) -> Way:
-        field = partial(spectral.field, shape, drift=DRIFT, seed=3, tile=size, overlap=0)
-        return Way(f"{size} px fused, {np.dtype(dtype).name}", partial(field, dtype=dtype), off)
-
-    def tables(dtype: Any) -> Way:
-        make = partial(spectral.inverse_transform, amplitude, phase, dtype=dtype)
-        return Way(f"{size} px from tables, {np.dtype(dtype).name}", make, off)
-
-    def numpy_() -> Array:
-        half = (slice(None), slice(size // 2 + 1))
-        spectrum = amplitude[half] * np.exp(2j * np.pi * phase[half])
-        return np.asarray(np.fft.irfft2(spectrum, s=shape, norm="forward"))
-
-    ways = [make(dtype) for make in (fused, tables) for dtype in (np.float32, np.float64)]
-    return [*ways, Way(f"{size} px numpy.fft.irfft2, float64", numpy_, off)]
+def _numpy(amplitude: Array, phase: Array) -> Array:
+    half = (slice(None), slice(len(phase) // 2 + 1))
+    spectrum = amplitude[half] * np.exp(2j * np.pi * phase[half])
+    return np.asarray(np.fft.irfft2(spectrum, s=phase.shape, norm="forward"))
 
 
-def film() -> list[Way]:
-    """Frames of the 2-D method, and the 3-D method's films of several lengths."""
-    velocity = np.array([0.5, 2.0])
-    count = 32
-    exact = np.stack([reference.torus(64, 5, velocity * t, BAND) for t in range(count)])
-    off = rms(exact)
-
-    def flat(dtype: Any) -> Way:
-        def make() -> Array:
-            return np.stack([
-                spectral.field((64, 64), drift=velocity * t, seed=5, overlap=0, dtype=dtype)
-                for t in range(count)
-            ])  # fmt: skip
-
-        return Way(f"2-D, {np.dtype(dtype).name}", make, off, count)
-
-    def solid(length: int) -> Way:
-        return Way(
-            f"3-D, {length} frames",
-            lambda: spectral.volume(length, 64, velocity, seed=5),
-            lambda made: off(made[:count]),
-            length,
-        )
-
-    return [flat(np.float32), flat(np.float64), *[solid(n) for n in (32, 64, 128, 256)]]
+def modes() -> Iterator[Way]:
+    """Yield both modes where few waves are summed, and where many are transformed."""
+    shape = (512, 512)
+    for tile, overlap, band in ((64, 10, BAND), (256, 20, (2.0, 64.0))):
+        about: dict[str, Any] = {"drift": DRIFT, "seed": 7, "tile": tile, "overlap": overlap}
+        off = largest(reference.field(shape, band=band, **about))
+        frame = partial(spectral.field, shape, wavelengths=band, **about)
+        for on, mark in ((False, ""), (True, ", reproducible")):
+            for way in both(f"{band[0]:g} to {band[1]:g} px", partial(_in_mode, on, frame), off):
+                yield way._replace(setting=way.setting + mark)
 
 
-def shutter() -> list[Way]:
-    """The exposure as one factor for each wave, or as a mean of sub-frames."""
-    shape, velocity = (256, 256), np.array([2.0, 8.0])
-    nodes, weights = np.polynomial.legendre.leggauss(64)
-    exact = sum(
-        0.5 * weight * reference.field(shape, drift=DRIFT + velocity * 0.5 * node, seed=7)
-        for node, weight in zip(nodes, weights, strict=True)
-    )
-    off = rms(np.asarray(exact))
+def _in_mode(on: bool, make: Any, dtype: Any) -> Any:
+    before = reproducible()
+    set_reproducible(on)
+    try:
+        return make(dtype=dtype)
+    finally:
+        set_reproducible(before)
 
-    def factor(dtype: Any) -> Way:
-        return Way(
-            f"sinc, {np.dtype(dtype).name}",
-            lambda: spectral.field(
-                shape, drift=DRIFT, seed=7, velocity=velocity, shutter=1.0, dtype=dtype
-            ),
-            off,
-        )
 
-    def parts(count: int) -> Way:
-        def make() -> Array:
-            total = np.zeros(shape, np.float32)
-            for i in range(count):
-                at = DRIFT + velocity * ((i + 0.5) / count - 0.5)
-                total += spectral.field(shape, drift=at, seed=7)
-            return np.asarray(total / np.float32(count))
+def phase(frames: int = 100_000) -> Iterator[Way]:
+    """Yield the closed form, running sums and rotors; the time is that of a frame."""
+    ky, kx, length = reference.waves(64)
+    inside = (reference.amplitude(64, BAND) > 0) & ((kx > 0) | ((kx == 0) & (ky > 0)))
+    rate = reference.Long(0.1) * (0.28 * kx + 0.96 * ky)[inside] / length[inside]
 
-        return Way(f"{count} sub-frames", make, off)
+    def off(cycles: Array) -> float:
+        rest = np.asarray(cycles, reference.Long) - rate * frames
+        return float(np.max(np.abs(rest - np.round(rest))))
 
-    return [factor(np.float32), factor(np.float64), *[parts(n) for n in (1, 2, 4, 8, 16, 64)]]
+    for kind, turn in zip(KINDS, (np.complex64, np.complex128), strict=True):
+        own = rate.astype(kind)
+        step = np.exp(2j * np.pi * rate.astype(np.float64)).astype(turn)
+        yield Way(f"closed form, {kind.__name__}", partial(_reduced, own, frames), off)
+        yield Way(f"running sum, {kind.__name__}", partial(_summed, own, frames), off, frames)
+        yield Way(f"rotor, {turn.__name__}", partial(_turned, step, frames), off, frames)
+
+
+def _reduced(rate: Array, frames: int) -> Array:
+    turns = rate * rate.dtype.type(frames)
+    return np.asarray(turns - np.rint(turns))
+
+
+def _summed(rate: Array, frames: int) -> Array:
+    at = np.zeros_like(rate)
+    for _ in range(frames):
+        at += rate
+        at -= np.rint(at)
+    return at
+
+
+def _turned(step: Array, frames: int) -> Array:
+    at = np.ones_like(step)
+    for _ in range(frames):
+        at *= step
+    return np.asarray(np.angle(at.astype(np.complex128)) / (2 * np.pi))
+
+
+def film() -> Iterator[Way]:
+    """Yield frames of the 2-D method, and the 3-D method's films of several lengths."""
+    velocity, count = np.array([0.5, 2.0]), 32
+    off = rms(np.stack([reference.torus(64, 5, velocity * t, BAND) for t in range(count)]))
+
+    def flat(dtype: Any) -> Array:
+        frame = partial(spectral.field, (64, 64), seed=5, overlap=0, dtype=dtype)
+        return np.stack([frame(drift=velocity * t) for t in range(count)])
+
+    yield from (way._replace(per=count) for way in both("2-D", flat, off))
+    for length in (32, 64, 128, 256):
+        solid = partial(spectral.volume, length, 64, velocity, seed=5)
+        yield Way(f"3-D, {length} frames", solid, lambda made: off(made[:count]), length)

@@ -1,31 +1,20 @@
-"""What a study is made of: ways to make one thing, and how wrong each is."""
+"""A way to make something, and how wrong what it makes is."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
-from typing import Any
+from collections.abc import Callable, Iterator
+from functools import partial
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from flurries._contract import Array
 
+KINDS: tuple[Any, ...] = (np.float32, np.float64)
 
-@dataclass(frozen=True)
-class Way:
-    """One way to make something.
 
-    Attributes
-    ----------
-    setting : str
-        What distinguishes it.
-    make : callable
-        What is timed; returns the thing.
-    error : callable
-        The thing -> its error, in the axis' unit.
-    per : int
-        How many frames one call makes; the time is for one of them.
-    """
+class Way(NamedTuple):
+    """One way: its name, what is timed, the error of what that makes, and frames of one call."""
 
     setting: str
     make: Callable[[], Any]
@@ -41,10 +30,11 @@ def largest(reference: Array) -> Callable[[Any], float]:
 def rms(reference: Array) -> Callable[[Any], float]:
     """Return the root mean square difference from a reference as an error."""
     return lambda made: float(
-        np.sqrt(np.mean(np.square(np.asarray(made, reference.dtype) - reference)))
+        np.sqrt(np.mean((np.asarray(made, reference.dtype) - reference) ** 2))
     )
 
 
-def known(error: float) -> Callable[[Any], float]:
-    """Return an error that does not depend on what was made: it was derived."""
-    return lambda made: error
+def both(setting: str, make: Callable[..., Any], error: Callable[[Any], float]) -> Iterator[Way]:
+    """Yield a way in float32 and in float64."""
+    for kind in KINDS:
+        yield Way(f"{setting}, {kind.__name__}", partial(make, dtype=kind), error)

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import fields
 from functools import partial
-from typing import Any
+from typing import Any, TypeVar
 
 from flurries._contract import choice, flag, integer, real, seed_of, vector
 from flurries.effects.color import as_color
@@ -13,6 +14,8 @@ from flurries.motion.keys import as_number, as_vector
 from flurries.motion.wind import Wind
 from flurries.spectral.tables import ALIAS, band_of
 from flurries.spectral.tiles import BLEND
+
+_Part = TypeVar("_Part")
 
 # From a field's name and value to the value as it is kept.
 Check = Callable[[str, Any], Any]
@@ -93,6 +96,13 @@ TENT: Mapping[str, Check] = {
     "depth_mode": one_of(DEPTH_MODES),
     "jitter": flag,
 }
+
+
+def part_of(kind: type[_Part], effect: Any, **own: Any) -> _Part:
+    """Return a part with the fields of an effect that have the same names, and `own` ones."""
+    names = {f.name for f in fields(kind)} - set(own)  # type: ignore[arg-type]
+    same = {name: getattr(effect, name) for name in names if hasattr(effect, name)}
+    return kind(**same, **own)
 
 
 def settle(effect: Any, checks: Mapping[str, Check]) -> None:

@@ -12,7 +12,18 @@ from typing import Any, ClassVar
 
 from flurries import cone
 from flurries._contract import flag, integer, real
-from flurries.effects.checks import FALL, Check, gain, length, pair, part, population, settle, sizes
+from flurries.effects.checks import (
+    FALL,
+    Check,
+    gain,
+    length,
+    pair,
+    part,
+    part_of,
+    population,
+    settle,
+    sizes,
+)
 from flurries.effects.double_cone import FARTHEST, DoubleCone, tile_metres
 from flurries.effects.flakes import Flakes
 from flurries.effects.knobs import preset
@@ -160,7 +171,9 @@ class ConeRain:
         """What it is made of."""
         motion = Motion(self.fall, self.wind, self.shutter)
         metres = tile_metres(self.radius, self.repeats)
-        sheet = DoubleCone(
+        sheet = part_of(
+            DoubleCone,
+            self,
             motion=motion,
             make=partial(
                 _rain, self.tile, drops=self.drops, width=self.drop_size / metres,
@@ -168,19 +181,14 @@ class ConeRain:
             ),
             length=self.drop_length,
             gains=(0.3, 0.55, 0.8, 1.0),
-            gain=self.gain,
-            conserve=self.conserve,
-            damping=self.damping,
-            radius=self.radius,
-            repeats=self.repeats,
-            slope=self.slope,
         )  # fmt: skip
-        return Precipitation(
+        return part_of(
+            Precipitation,
+            self,
             name=self.NAME,
-            amount=self.amount,
-            color=self.color,
             motion=motion,
             texture=sheet,
+            flakes=None,
             veil=Veil(self.haze, FARTHEST * self.radius),
         )
 
@@ -279,7 +287,9 @@ class ConeSnow:
         # A flake's radius is three sigma; the width of a tile's flake is two.
         width = mean / 3.0 / tile_metres(self.radius, self.repeats)
         spread = min(2.0 * (large - small) / (large + small), 1.0)
-        sheet = DoubleCone(
+        sheet = part_of(
+            DoubleCone,
+            self,
             motion=motion,
             make=partial(
                 _snow, self.tile, flakes=self.texture_flakes, width=width, spread=spread,
@@ -287,12 +297,6 @@ class ConeSnow:
             ) if self.texture_flakes else None,
             length=mean,
             gains=(0.8, 1.0, 1.0, 1.0),
-            gain=self.gain,
-            conserve=self.conserve,
-            damping=self.damping,
-            radius=self.radius,
-            repeats=self.repeats,
-            slope=self.slope,
         )  # fmt: skip
         flakes = Flakes(
             motion=motion,
@@ -302,10 +306,10 @@ class ConeSnow:
             opacity=self.flake_opacity,
             sway=self.sway,
         )
-        return Precipitation(
+        return part_of(
+            Precipitation,
+            self,
             name=self.NAME,
-            amount=self.amount,
-            color=self.color,
             motion=motion,
             texture=sheet,
             flakes=flakes,

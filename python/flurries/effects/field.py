@@ -20,8 +20,8 @@ from flurries.effects.resolution import TUNED
 from flurries.frame.view import Frame
 from flurries.motion.wind import Wind
 from flurries.spectral.frame import Request
-from flurries.spectral.motion import depth_of_wave, tile_motion
-from flurries.spectral.tables import FAR, warn_far, warn_long
+from flurries.spectral.motion import tile_motion
+from flurries.spectral.tables import FAR, warn_far, warn_long, wave_depth
 from flurries.spectral.tiles import power_shares
 from flurries.trace import count
 
@@ -69,7 +69,7 @@ class Field:
     def far_depth(self) -> float:
         """The depth that the shortest wave stands for, metres, shown or not."""
         shortest, longest = self.tuned if self.wavelengths is None else self.wavelengths
-        return float(depth_of_wave(shortest, self.near_depth, longest))
+        return float(wave_depth([shortest], near_depth=self.near_depth, longest=longest)[0])
 
     def cycles(self, frame: Frame, way: Way) -> float:
         """Return how fast the middle of the longest wave's tent turns, cycles per frame."""
@@ -199,7 +199,9 @@ class Field:
     ) -> tuple[Float64, Float64]:
         """Return drift and velocity (rows, cols, rings, 2) px beyond those of the mean wind."""
         camera, longest = frame.camera, self.band(frame.shape)[1]
-        depth = depth_of_wave(np.sqrt(edges[1:] * edges[:-1]), self.near_depth, longest)
+        depth = wave_depth(
+            np.sqrt(edges[1:] * edges[:-1]), near_depth=self.near_depth, longest=longest
+        )
         rows, cols, z = np.meshgrid(y, x, depth, indexing="ij")
         fx, fy = camera.focals
         ahead = np.stack([cols * z / fx, rows * z / fy, z], axis=-1)
@@ -222,11 +224,11 @@ class Field:
         if frame.depth is not None:
             with np.errstate(divide="ignore"):
                 ends = layout.farthest(frame.depth).astype(np.float64)
-                shortest = depth_of_wave(ends, self.near_depth, longest)
+                shortest = wave_depth(ends, near_depth=self.near_depth, longest=longest)
         motion, length = tile_motion(
             self.request(frame, way, shortest), self.request(later, next_way)
         )
-        depth = depth_of_wave(length, self.near_depth, longest)
+        depth = wave_depth(length, near_depth=self.near_depth, longest=longest)
         top, bottom, left, right = frame.window
         height, width = frame.shape
         down, _ = power_shares(height, tile=tall, overlap=overlap, blend=self.blend)

@@ -16,12 +16,12 @@ from flurries._core import SortedFlakes
 from flurries.camera.lens import Camera
 from flurries.camera.path import CameraPath
 from flurries.effects.motion import Motion, Way
-from flurries.effects.places import SHOWN, SIZES, Listed, Places, list_flakes, place_flakes
+from flurries.effects.places import FADE_IN, SHOWN, SIZES, Listed, Places, list_flakes, place_flakes
 from flurries.effects.resolution import TUNED
 from flurries.frame.needs import Cost, LeftOut, Needs, Step, has_keys, omission
 from flurries.frame.view import Frame
 from flurries.motion.keys import Number, value_at
-from flurries.particles.sprite import FADE_IN, sprite_variance
+from flurries.particles.looks import image_of
 
 # Nothing nearer than this is drawn, metres; what `particles.splat` has for a default.
 NEAR = 0.1
@@ -240,7 +240,7 @@ class Flakes:
         focal = frame.camera.focal
         sigma = focal * radius / (3.0 * depth)
         drawn = (sigma < self.box(frame).largest[1]) & (depth > NEAR)
-        wide = 8.0 * np.sqrt(sprite_variance(sigma))
+        wide = 8.0 * np.sqrt(image_of(sigma)[0])
         blur = focal * way.shutter / depth
         across, down = (blur * abs(rate) for rate in way.rate[:2])
         rows = np.minimum(wide + down, frame.shape[0])

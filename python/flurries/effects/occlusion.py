@@ -19,7 +19,7 @@ from flurries.effects.field import Field, Map
 from flurries.effects.motion import Way
 from flurries.frame.view import Frame
 from flurries.spectral.contrast import kept_power, mean_opacity
-from flurries.spectral.motion import depth_of_wave
+from flurries.spectral.tables import wave_depth
 from flurries.spectral.tiles import power_shares
 
 # Numbers of a product that are held in float64.
@@ -85,7 +85,7 @@ def _by_tile(field: Field, frame: Frame, way: Way, mapped: Map, keep: bool) -> A
     assert frame.depth is not None
     layout, whole = field.layout(frame), frame.depth
     ends = frame.once(field, "ends", lambda: layout.farthest(whole).astype(np.float64))
-    shortest = depth_of_wave(ends, field.near_depth, layout.band[1])
+    shortest = wave_depth(ends, near_depth=field.near_depth, longest=layout.band[1])
     alpha = field.pixels(frame, way, mapped, keep, shortest=shortest)
     alpha *= frame.here(field, "factor", lambda: _tile_factor(field, frame, mapped, ends))
     return alpha
@@ -166,8 +166,9 @@ def _waves_before(
 ) -> Array:
     """Return the field of all waves that stand for depths up to the far edge of an octave."""
     layout = field.layout(frame)
-    limit = 0.0 if number + 1 == octaves else depth_of_wave(edge, field.near_depth, layout.band[1])
-    shortest = np.full(layout.grid, limit)
+    shortest = np.zeros(layout.grid)
+    if number + 1 < octaves:
+        shortest[:] = wave_depth([edge], near_depth=field.near_depth, longest=layout.band[1])
     return field.pixels(frame, way, None, name=f"texture {number}", shortest=shortest)
 
 

@@ -13,13 +13,17 @@ from flurries._core import particle_edge_fade, particle_positions, uniform
 from flurries.effects.gusts import flakes_in_profile, flakes_in_waves
 from flurries.effects.motion import Motion, Way
 from flurries.frame.view import Frame
-from flurries.particles.sprite import flake_weight, size_fade
+from flurries.particles.looks import presence, size_fade
 
 # The stream of counter-based numbers; the flakes' places and sway have their own in the kernel.
 SIZES = 101
 
 # The share of a box in which flakes are shown in full; beyond they fade to its walls.
 SHOWN = 0.85
+
+
+# Over this share of the flakes the last one fades in while the amount rises, so that none pops.
+FADE_IN = 0.1
 
 
 class Places(NamedTuple):
@@ -148,8 +152,8 @@ def list_flakes(
     uniform(draws, frame.seed, SIZES)
     radius = 0.5 * (sizes[0] + draws[inside] * (sizes[1] - sizes[0]))
     sigma = frame.camera.focal * radius / (3.0 * np.maximum(points[:, 2], 1e-6))
-    weight = flake_weight((inside + 0.5) / count, amount) * shown
-    weight *= size_fade(sigma, *largest)
+    weight = presence(inside, count=count, amount=amount, fade_in=FADE_IN) * shown
+    weight *= size_fade(sigma, largest)
     kept = weight > 0.0
     trace.count("particles", int(kept.sum()))
     velocity = velocity if len(velocity) == 1 else velocity[kept]

@@ -13,7 +13,7 @@ from functools import cached_property
 from typing import Any, ClassVar
 
 from flurries._contract import Array, flag, real
-from flurries.effects.checks import TENT, gain, length, optional, population, settle, sizes
+from flurries.effects.checks import TENT, gain, length, optional, part_of, population, settle, sizes
 from flurries.effects.field import Field
 from flurries.effects.flakes import Flakes
 from flurries.effects.knobs import knobs, preset
@@ -184,28 +184,8 @@ class Rain:
     def parts(self) -> Precipitation[Texture]:
         """What it is made of."""
         motion = Motion(self.fall, self.wind, self.shutter)
-        field = Field(
-            motion=motion,
-            exponent=self.exponent,
-            wavelengths=self.wavelengths,
-            tuned=(2.0, 12.0),
-            near_depth=self.near_depth,
-            tile=self.tile,
-            overlap=self.overlap,
-            blend=self.blend,
-            alias=self.alias,
-            jitter=self.jitter,
-            streaks=True,
-        )
-        texture = Texture(
-            field=field,
-            opacity=self.texture,
-            mean=self.mean,
-            spread=self.spread,
-            power=self.power,
-            depth_mode=self.depth_mode,
-            renormalise=self.renormalise,
-        )
+        field = part_of(Field, self, motion=motion, tuned=(2.0, 12.0), streaks=True)
+        texture = part_of(Texture, self, field=field, opacity=self.texture)
         # Light goes with the area: a gain is a larger drop, whose streak is as long as ever.
         wider = math.sqrt(self.gain)
         drops = Flakes(
@@ -219,10 +199,10 @@ class Rain:
             # Wider streaks look like smears on the lens.
             largest=(1.8, 3.0),
         )
-        return Precipitation(
+        return part_of(
+            Precipitation,
+            self,
             name=self.NAME,
-            amount=self.amount,
-            color=self.color,
             motion=motion,
             texture=texture,
             flakes=drops,

@@ -12,7 +12,7 @@ from functools import cached_property
 from typing import Any, ClassVar
 
 from flurries._contract import Array, real
-from flurries.effects.checks import TENT, optional, pair, population, settle, share, sizes
+from flurries.effects.checks import TENT, optional, pair, part_of, population, settle, share, sizes
 from flurries.effects.field import Field
 from flurries.effects.flakes import Flakes
 from flurries.effects.knobs import knobs, preset
@@ -176,26 +176,8 @@ class Snow:
     def parts(self) -> Precipitation[Texture]:
         """What it is made of."""
         motion = Motion(self.fall, self.wind, self.shutter)
-        field = Field(
-            motion=motion,
-            exponent=self.exponent,
-            wavelengths=self.wavelengths,
-            tuned=(3.0, 24.0),
-            near_depth=self.near_depth,
-            tile=self.tile,
-            overlap=self.overlap,
-            blend=self.blend,
-            alias=self.alias,
-            jitter=self.jitter,
-        )
-        texture = Texture(
-            field=field,
-            opacity=self.texture,
-            mean=self.mean,
-            spread=self.spread,
-            power=self.power,
-            depth_mode=self.depth_mode,
-        )
+        field = part_of(Field, self, motion=motion, tuned=(3.0, 24.0))
+        texture = part_of(Texture, self, field=field, opacity=self.texture)
         flakes = Flakes(
             motion=motion,
             number=self.flakes,
@@ -205,10 +187,10 @@ class Snow:
             opacity=self.flake_opacity,
             sway=self.sway,
         )
-        return Precipitation(
+        return part_of(
+            Precipitation,
+            self,
             name=self.NAME,
-            amount=self.amount,
-            color=self.color,
             motion=motion,
             texture=texture,
             flakes=flakes,

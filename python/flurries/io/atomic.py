@@ -13,7 +13,6 @@ import atexit
 import contextlib
 import errno
 import os
-import secrets
 import stat
 import sys
 from collections.abc import Iterator
@@ -147,7 +146,7 @@ def _reserve(target: Path) -> tuple[Path, int | None]:
     # The name does not grow with the target's, so a name at the length limit still has room.
     suffix = target.suffix if len(target.suffix) <= 16 else ""
     while True:
-        temporary = target.with_name(f"{PREFIX}{secrets.token_hex(TOKEN_LENGTH // 2)}{suffix}")
+        temporary = target.with_name(f"{PREFIX}{os.urandom(TOKEN_LENGTH // 2).hex()}{suffix}")
         _unfinished[temporary] = os.getpid()
         flags = os.O_RDWR | os.O_CREAT | os.O_EXCL | getattr(os, "O_CLOEXEC", 0)
         try:

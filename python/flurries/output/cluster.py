@@ -149,7 +149,7 @@ class _Done:
 def make(job: Sequence, frames: list[int], progress: Progress, where: Any) -> set[int]:
     """Make the frames of a sequence that are missing, on a cluster; return those that hold."""
     from flurries.io.atomic import checked_target, remove_leftovers
-    from flurries.io.writing import format_of
+    from flurries.io.pictures.writer import format_of
     from flurries.output import manifest
 
     first = job.path_of(frames[0])

@@ -13,7 +13,7 @@ from flurries.output.sequence import Progress
 from flurries.trace import stage
 
 if TYPE_CHECKING:
-    from flurries.io.sound import Sound
+    from flurries.io.films.sound import Sound
     from flurries.scene.scene import Scene
 
 
@@ -38,6 +38,7 @@ def write_film(
         What became of the sound, see `Summary`.
     """
     from flurries.io import VideoWriter
+    from flurries.output.contents import without_alpha
     from flurries.output.write import display_bytes
 
     assert scene.size is not None
@@ -53,7 +54,7 @@ def write_film(
                 skipped.append(number)
                 continue
             with stage("encode"):
-                video.write(display_bytes(image))
+                video.write(display_bytes(without_alpha(image, path)))
             written.append(number)
     return written, skipped, heard
 
@@ -86,8 +87,8 @@ def _rendered(
 
 def _sound(scene: Scene, frames: list[int], skip: bool) -> tuple[str, Sound | None]:
     """Return what becomes of the background's sound, and the part of it that belongs to frames."""
-    from flurries.io.encoders import frame_rate
-    from flurries.io.sound import Sound, has_sound
+    from flurries.io.films.codecs import frame_rate
+    from flurries.io.films.sound import Sound, has_sound
 
     film = scene.film
     if film is None or not has_sound(film.spec):

@@ -9,11 +9,14 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
+from flurries.io.atomic import replacing
+from flurries.io.files import read_text
+
 __all__ = ["NAME", "check", "read"]
 
 NAME = "flurries.json"
 
-_MOST_BYTES = 1 << 30
+_MOST_BYTES = 1 << 28
 _BLOCK = 1 << 20
 
 
@@ -35,12 +38,12 @@ def read(folder: str | os.PathLike[str]) -> dict[str, dict[str, Any]]:
     """
     path = Path(folder) / NAME
     try:
-        if path.stat().st_size > _MOST_BYTES:
-            raise ValueError(f"{path}: a manifest has at most {_MOST_BYTES} bytes")
-        found = json.loads(path.read_text(encoding="utf-8"))
+        text = read_text(path, _MOST_BYTES, "manifest")
     except FileNotFoundError:
         return {}
-    except (UnicodeDecodeError, json.JSONDecodeError, RecursionError):
+    try:
+        found = json.loads(text)
+    except (json.JSONDecodeError, RecursionError):
         raise ValueError(f"{path} is there already and is no manifest; move it away") from None
     if not isinstance(found, dict) or not isinstance(found.get("flurries"), str):
         raise ValueError(f"{path} is there already and is no manifest; move it away")
@@ -64,7 +67,6 @@ def entry(path: Path, frame: int, scene: str) -> dict[str, Any]:
 def update(folder: Path, entries: dict[str, dict[str, Any]]) -> None:
     """Add entries to a folder's manifest; safe beside other processes that do so too."""
     from flurries import __version__
-    from flurries.io.atomic import replacing
     from flurries.output.claims import awaited
 
     target = folder / NAME

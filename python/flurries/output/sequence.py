@@ -80,7 +80,7 @@ class Sequence:
     def make(self, frames: list[int], progress: Progress) -> None:
         """Make the frames that are missing."""
         from flurries.io.atomic import checked_target, remove_leftovers
-        from flurries.io.writing import format_of
+        from flurries.io.pictures.writer import format_of
 
         first = self.path_of(frames[0])
         # Before anything is rendered: a format that can be written, in a place that can be.

@@ -34,8 +34,20 @@ __all__ = ["Rendered", "Scene"]
 
 SPACES = ("auto", "display", "linear")
 
+# A file of a few kilobytes could ask for more than anybody would wait for.
+MOST_EFFECTS = 1000
+
+# Frames per second, where neither the caller nor a film says it.
+DEFAULT_FPS = 30.0
+
 # A focal length in picture widths, where none is given: 45 degrees across.
 DEFAULT_FOCAL = 1.2
+
+
+def require_few(effects: Sequence[Any]) -> None:
+    """Refuse more effects than a scene may have."""
+    if len(effects) > MOST_EFFECTS:
+        raise ValueError(f"effects must be at most {MOST_EFFECTS}, got {len(effects)}")
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,13 +61,16 @@ class Scene:
         it (scaled to cover, cut at the sides); an array must have it.
     background : path, "#rrggbb", (r, g, b) floats, array, or source
         A picture, an image sequence (``plate.%04d.png``), or a video file; a color; an array
-        (H, W, 3) of uint8, uint16 or float. Integers hold display values, floats linear light.
+        (H, W, 3) of uint8, uint16 or float. Integers hold display values, floats linear light. With
+        alpha, (H, W, 4), frames have it too: the weather over the picture, premultiplied for
+        floats and straight for integers.
     camera : Camera or CameraPath, optional
         A still camera of 1.2 picture widths if not given.
     effects : sequence
-        The weather, back to front.
-    fps : float
-        Frames per second; where seconds become frames.
+        The weather, back to front; 1,000 at most.
+    fps : float, optional
+        Frames per second; where seconds become frames. A background film's own if not given, else
+        30.
     seed : int
         Of all random numbers; each effect draws its own from it.
     foreground : path or array, optional
@@ -92,7 +107,7 @@ class Scene:
     background: Any = "#000000"
     camera: Any = None
     effects: Sequence[Any] = ()
-    fps: float = 30.0
+    fps: Any = None
     seed: int = 0
     foreground: Any = None
     space: str = "auto"
@@ -109,17 +124,21 @@ class Scene:
 
         if self.size is not None:
             settle("size", parse_size(self.size))
-        settle("fps", real("fps", self.fps, above=0.0))
+        if self.fps is not None:
+            settle("fps", real("fps", self.fps, above=0.0))
         settle("seed", seed_of(self.seed))
         choice("space", self.space, SPACES)
         settle("tolerance", parse_tolerance(self.tolerance))
         settle("_backdrop", backdrop(self.background, self.size))
         settle("size", self._backdrop.size)
+        if self.fps is None:
+            settle("fps", real("fps", self._backdrop.fps or DEFAULT_FPS, above=0.0))
         settle("camera", as_path(self.camera, DEFAULT_FOCAL * self.shape[1]))
         if callable(getattr(self.effects, "render", None)):
             settle("effects", (self.effects,))
         if not isinstance(self.effects, (list, tuple)):
             raise TypeError(f"effects must be a sequence of effects, got {self.effects!r}")
+        require_few(self.effects)
         effects = tuple(self.effects)
         for index, effect in enumerate(effects):
             if isinstance(effect, type) or not callable(getattr(effect, "render", None)):
@@ -185,7 +204,7 @@ class Scene:
 
         Returns
         -------
-        (H, W, 3), or the region's
+        (H, W, 3), or the region's; (H, W, 4) where the background has alpha
             uint8 or uint16 where the background is, else float32. The same bits whatever else was
             rendered before, in any process and with any number of threads.
         """

@@ -101,7 +101,10 @@ def export_loop(
     for file in (*files, side):
         checked_target(file)
         if not kept and file.exists():
-            raise ValueError(f"pattern {target.text!r}: {file} is there already; overwrite it?")
+            raise ValueError(
+                f"{file} is there already (pattern {target.text!r}); overwrite=True (--overwrite) "
+                "replaces it"
+            )
     integer = stored.startswith("uint")
     options: dict[str, Any] = {"encoding": "display" if integer else "linear", "half": narrow}
     if integer:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from functools import lru_cache
-from typing import Any
 
 import numpy as np
 
@@ -11,15 +10,6 @@ from flurries._contract import Float64
 from flurries.spectral.frame import Request
 from flurries.spectral.tables import band_amplitude, temporal_gain
 from flurries.spectral.tiles import tile_starts
-
-
-def depth_of_wave(length: Any, near_depth: float, longest: float) -> Any:
-    """Return the depth that waves of a length stand for: the longest one for `near_depth`.
-
-    Each for a fixed length in the world, lambda Z = near_depth longest, so that the same law gives
-    the wave of a depth: ``depth_of_wave(depth, near_depth, longest)``. Langer 2004, section 8.
-    """
-    return near_depth * longest / length
 
 
 def tile_motion(now: Request, later: Request) -> tuple[Float64, Float64]:

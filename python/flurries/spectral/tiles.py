@@ -107,27 +107,6 @@ def starts(length: int, tile: int, overlap: int) -> npt.NDArray[np.intp]:
     return np.arange(count, dtype=np.intp) * (tile - overlap)
 
 
-def tile_weights(length: int, *, tile: int, overlap: int, blend: str) -> Float64:
-    """Return what each tile's field is multiplied by at each pixel of an axis, (length, tiles).
-
-    The weight of a tile in the picture is the product of both axes'. For numbers that are checked.
-    """
-    shares = np.empty((length, _core.tile_count(length, tile, overlap)))
-    _core.tile_shares(shares, tile, overlap, blend)
-    return np.sqrt(shares) if blend == "power" else shares
-
-
-def power_shares(length: int, *, tile: int, overlap: int, blend: str) -> tuple[Float64, Float64]:
-    """Return each tile's share of the field's power at each pixel of an axis, and that power.
-
-    Shares (length, tiles) sum to 1 at each pixel. The power (length,), against that in the middle
-    of a tile, is 1 for "power", and falls where tiles overlap for "linear".
-    """
-    squares = tile_weights(length, tile=tile, overlap=overlap, blend=blend) ** 2
-    power = squares.sum(axis=1)
-    return squares / power[:, None], power
-
-
 def tile_shares(
     length: int, *, tile: int, overlap: int, blend: str = "power"
 ) -> npt.NDArray[np.float64]:
@@ -149,6 +128,20 @@ def tile_shares(
     shares = np.empty((length, count))
     _core.tile_shares(shares, tile, overlap, choice("blend", blend, BLEND))
     return shares
+
+
+def power_shares(length: int, *, tile: int, overlap: int, blend: str) -> tuple[Float64, Float64]:
+    """Return each tile's share of the field's power at each pixel of an axis, and that power.
+
+    Shares (length, tiles) sum to 1 at each pixel. The power (length,), against that in the middle
+    of a tile, is 1 for "power", and falls where tiles overlap for "linear".
+    """
+    weights = tile_shares(length, tile=tile, overlap=overlap, blend=blend)
+    if blend == "power":
+        return weights, np.ones(length)
+    squares = weights**2
+    power = squares.sum(axis=1)
+    return squares / power[:, None], power
 
 
 def blend_tiles(

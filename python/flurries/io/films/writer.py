@@ -14,12 +14,12 @@ import numpy as np
 import numpy.typing as npt
 
 from flurries.io.atomic import replacing
-from flurries.io.containers import SCALING
-from flurries.io.encoders import QUALITIES, THREADS, encoder_for, frame_rate
+from flurries.io.films.codecs import QUALITIES, THREADS, encoder_for, frame_rate
+from flurries.io.films.index import SCALING
+from flurries.io.films.sound import Sound, SoundTrack
 from flurries.io.forks import never_free_in_children
-from flurries.io.integrity import check_structure
 from flurries.io.sequences import VIDEO_EXTENSIONS
-from flurries.io.sound import Sound, SoundTrack
+from flurries.io.structure import check_structure
 
 
 class VideoWriter:
@@ -45,7 +45,7 @@ class VideoWriter:
         so on.
     quality : {"high", "medium", "draft"}
         What the codec may throw away; FFV1 throws nothing away.
-    sound : flurries.io.sound.Sound, optional
+    sound : flurries.io.films.sound.Sound, optional
         A part of another film's sound to go with the pictures; copied where the new file can hold
         it as it is, else encoded as AAC, Opus (WebM) or FLAC (Matroska).
 

@@ -1,0 +1,26 @@
+"""`flurries check`: compare frames with their folder's manifest."""
+
+from __future__ import annotations
+
+import click
+
+from flurries.cli.options import FILE, command, voice
+from flurries.cli.words import Words, count, say
+from flurries.output import manifest
+
+DIFFERENT = 3
+
+
+@command("flurries check frames")
+@click.argument("folder", metavar="FOLDER", type=FILE)
+@voice
+def check(words: Words, folder: str) -> int:
+    """Compare the frames of a folder with its flurries.json: their sizes and hashes."""
+    wrong = manifest.check(folder)
+    for sentence in wrong:
+        say(sentence)
+    if wrong:
+        return DIFFERENT
+    files = len(manifest.read(folder))
+    words.say(f"{count(files, 'file')} {'is' if files == 1 else 'are'} what the manifest says")
+    return 0

@@ -1,0 +1,48 @@
+"""`flurries corrupt`: a folder of pictures in weather."""
+
+from __future__ import annotations
+
+import click
+
+from flurries.augment import corrupt as sets
+from flurries.cli.options import FILE, OVERWRITE, command, dask, option, voice
+from flurries.cli.words import Words, count, say
+
+FAILED = 2
+
+
+@command(
+    "flurries corrupt photos photos-in-weather --weather snow,fog --severity 1-5",
+    "flurries corrupt photos photos-in-rain --weather rain --severity 3 --workers 2",
+)
+@click.argument("source", metavar="IN_DIR", type=FILE)
+@click.argument("target", metavar="OUT_DIR", type=FILE)
+@option("--weather", default="snow", metavar="NAMES", example="snow,fog",
+        help="snow, rain or fog, or several with commas")  # fmt: skip
+@option("--severity", default="1-5", metavar="RANGE", help="how bad the weather is, from 1 to 5",
+        example="3")  # fmt: skip
+@option("--seed", type=int, default=0, metavar="N", example="7",
+        help="which of all sets of this kind")  # fmt: skip
+@option("--workers", type=int, metavar="N", unset="all cores", help="processes", example="4")
+@dask("processes of this machine")
+@OVERWRITE
+@voice
+def corrupt(
+    words: Words, source: str, target: str, weather: str, severity: str, seed: int,
+    workers: int | None, dask: str | None, overwrite: bool,
+) -> int:  # fmt: skip
+    """Write every picture of IN_DIR, and of folders in it, to OUT_DIR/WEATHER/SEVERITY/NAME.
+
+    Prints the file that lists them. Run again, it makes only what is missing.
+    """
+    made = sets.corrupt(
+        source, target, weather=weather.split(","), severity=severity, seed=seed,
+        workers=workers, dask=dask, overwrite=overwrite, progress=words.progress("picture"),
+    )  # fmt: skip
+    kept = len(made.kept)
+    there = f", {kept} {'was' if kept == 1 else 'were'} there already" if kept else ""
+    words.say(f"{count(len(made.written), 'picture')} written{there}")
+    for name, why in made.failed.items():
+        say(f"{name}: {why}")
+    print(made.manifest)
+    return FAILED if made.failed else 0

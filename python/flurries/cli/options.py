@@ -1,0 +1,193 @@
+"""Options that commands share, and how each says what it does, its default and an example."""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from typing import Any, TypeVar
+
+import click
+
+from flurries._threads import set_reproducible, set_threads
+from flurries.cli.words import Words
+
+Function = TypeVar("Function", bound=Callable[..., Any])
+
+
+class Command(click.Command):
+    """A command with examples, some of whose options may stand without their value."""
+
+    def __init__(self, *args: Any, examples: Sequence[str] = (), **more: Any) -> None:
+        super().__init__(*args, **more)
+        self.examples = tuple(examples)
+
+    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
+        """Part an option that stands without its value from a word that is none."""
+        bare = {
+            option.opts[0]: option.pattern for option in self.params if isinstance(option, Bare)
+        }
+        joined = [
+            f"{word}=" if word in bare and not bare[word].fullmatch(after) else word
+            for word, after in zip(args, [*args, ""][1:], strict=True)
+        ]
+        return super().parse_args(ctx, joined)
+
+    def format_epilog(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """Write the examples."""
+        with formatter.section("Examples"):
+            for line in self.examples:
+                formatter.write(f"{'':{formatter.current_indent}}{line}\n")
+
+
+def command(*examples: str) -> Callable[[Callable[..., Any]], Command]:
+    """Return a decorator that makes a command of a function; its docstring is the help."""
+    settings = {"help_option_names": ["-h", "--help"], "max_content_width": 100}
+    return click.command(cls=Command, examples=examples, context_settings=settings)
+
+
+def option(
+    *names: str, help: str, example: str | None = None, unset: str | None = None, **more: Any
+) -> Callable[[Function], Function]:
+    """Return a decorator that adds an option.
+
+    Parameters
+    ----------
+    names : str
+        ``"-o"``, ``"--output"``.
+    help : str
+        What the option does.
+    example : str, optional
+        A value that makes sense; every option that takes a value has one.
+    unset : str, optional
+        What holds where the option is not given and has no plain default.
+    more
+        As of `click.option`.
+    """
+    notes = []
+    if unset is not None or "default" in more:
+        notes.append(f"default: {unset or more['default']}")
+    if example is not None:
+        notes.append(f"such as {names[0]} {example}")
+    return click.option(*names, help=f"{help} [{'; '.join(notes)}]" if notes else help, **more)
+
+
+def offer(words: Iterable[str]) -> Callable[[Any, Any, str], list[str]]:
+    """Return what completes the start of one of some words in a shell."""
+    return lambda context, option, start: [word for word in words if word.startswith(start)]
+
+
+class Bare(click.Option):
+    """An option that may stand without its value; a word that is not like one belongs to others."""
+
+    def __init__(
+        self, *args: Any, pattern: str, words: Sequence[str] = (), metavar: str, **more: Any
+    ) -> None:
+        super().__init__(*args, metavar=f"[{metavar}]", shell_complete=offer(words), **more)
+        self.pattern = re.compile(pattern)
+
+
+def numbers(length: int) -> Callable[[str], tuple[float, ...]]:
+    """Return what reads several numbers with commas: "1,0,0"."""
+
+    def read(text: str) -> tuple[float, ...]:
+        try:
+            found = tuple(float(part) for part in text.split(","))
+        except ValueError:
+            found = ()
+        if len(found) != length:
+            wanted = ",".join("100"[:length])
+            raise click.BadParameter(f"wants {length} numbers like {wanted}, got {text!r}")
+        return found
+
+    return read
+
+
+FILE = click.Path()
+
+
+def weather_options(presets: Mapping[str, Sequence[str]]) -> Iterator[Callable[[Any], Any]]:
+    """Yield an option for each kind of weather."""
+    for name, known in presets.items():
+        yield option(
+            f"--{name}",
+            cls=Bare,
+            pattern=r"\w[\w-]*|\w+=.*",
+            words=known,
+            metavar="PRESET",
+            unset="none",
+            help=f"{' drawn on a '.join(reversed(name.split('-')))}: {', '.join(known)}; alone the "
+            "usual look, or that of --severity or --rate",
+            example=known[-1],
+        )
+
+
+def join(*options: Callable[[Any], Any]) -> Callable[[Function], Function]:
+    """Return one decorator of several, which the help has in this order."""
+
+    def add(function: Function) -> Function:
+        for each in reversed(options):
+            function = each(function)
+        return function
+
+    return add
+
+
+FRAMES = option(
+    "--frames", metavar="RANGE", example="1-100x2",
+    help="numbers of the frames to make",
+    unset="all of a film or sequence; else 3 s, which is 1-90 at 30 a second; of a still the first",
+)  # fmt: skip
+
+OVERWRITE = option(
+    "--overwrite", is_flag=True,
+    help="replace files that are there; without it what is there and is the same stays, and "
+    "another file is never replaced",
+)  # fmt: skip
+
+
+def dask(unset: str) -> Callable[[Function], Function]:
+    """Return the option that works on a cluster."""
+    return option(
+        "--dask", cls=Bare, pattern=r"\w+://.*|[\w.-]+:\d+", metavar="ADDRESS", unset=unset,
+        help="work on a Dask cluster: the scheduler at an address, or without one a cluster made "
+        "on this machine", example="tcp://host:8786",
+    )  # fmt: skip
+
+
+def _apply_threads(ctx: click.Context, param: click.Parameter, value: int | None) -> None:
+    if value is not None:
+        set_threads(value)
+
+
+def _apply_reproducible(ctx: click.Context, param: click.Parameter, value: bool) -> None:
+    if value:
+        set_reproducible(True)
+        # For the workers that it may start.
+        os.environ["FLURRIES_REPRODUCIBLE"] = "1"
+
+
+THREADS = option(
+    "--threads", type=int, metavar="N", expose_value=False, callback=_apply_threads,
+    unset="all cores, or FLURRIES_NUM_THREADS", example="2", help="threads of a frame; the same "
+    "pixels come out whatever their number",
+)  # fmt: skip
+
+REPRODUCIBLE = option(
+    "--reproducible", is_flag=True, expose_value=False, callback=_apply_reproducible,
+    help="the same bits on every processor, at some cost of time",
+)  # fmt: skip
+
+
+def voice(function: Callable[..., Any]) -> Callable[..., Any]:
+    """Add --quiet and --verbose, and give the function `words`."""
+
+    def run(*, quiet: bool, verbose: bool, **given: Any) -> Any:
+        return function(words=Words(quiet, verbose), **given)
+
+    run.__doc__, run.__name__ = function.__doc__, function.__name__
+    run.__dict__.update(function.__dict__)
+    return join(
+        option("-q", "--quiet", is_flag=True, help="no progress, only warnings and errors"),
+        option("-v", "--verbose", is_flag=True, help="more words: costs, and where an error is"),
+    )(run)

@@ -1,0 +1,101 @@
+"""`flurries render`: weather over a picture, a film or a scene, to files."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import click
+
+from flurries.cli.options import (
+    FILE,
+    FRAMES,
+    OVERWRITE,
+    REPRODUCIBLE,
+    THREADS,
+    command,
+    dask,
+    option,
+    voice,
+)  # fmt: skip
+from flurries.cli.weather import scene_of, scene_options
+from flurries.cli.words import Words, count, say, stages
+from flurries.output.write import Summary
+from flurries.trace import tracing
+
+SKIPPED = 3
+
+# How many numbers of frames a sentence names.
+NAMED = 10
+
+
+@command(
+    "flurries render photo.jpg --snow heavy -o snowy.png",
+    "flurries render photo.jpg --severity 3 --frames 1-90 -o snowy.mp4",
+    "flurries render photo.jpg --rain downpour --mist fog --visibility 40 -o wet.png",
+    "flurries render plate.%04d.exr --snow light --layers -o out/%04d.exr",
+    "flurries render scene.toml --frames 1-600 -o frames/%04d.png",
+)
+@option("-o", "--output", required=True, metavar="PATTERN|VIDEO", type=FILE,
+        help="one file a frame (also #### or $F4; .exr, .png, .tif, .jpg), a video (.mp4, .mov, "
+        ".webm, .mkv), or a still", example="frames/%04d.png")  # fmt: skip
+@FRAMES
+@scene_options
+@OVERWRITE
+@option("--float", "full", is_flag=True, help="EXR with 32 bits a value, not 16")
+@option("--layers", is_flag=True, help="EXR with the weather, depth and motion as layers")
+@option("--alone", is_flag=True, help="only the weather, as RGBA; .exr, .png or .tif")
+@option("--quality", type=click.Choice(("high", "medium", "draft")), default="high",
+        help="of a video", example="draft")  # fmt: skip
+@option("--damaged", type=click.Choice(("stop", "skip", "hold")), default="stop", example="hold",
+        help="where the background's frame is missing or damaged: stop, leave the frame out and "
+        "exit with 3, or hold the last good one")  # fmt: skip
+@option("--no-sound", is_flag=True, help="a video without the film's sound")
+@option("--no-manifest", is_flag=True, help="no flurries.json beside a sequence")
+@dask("the threads of this machine")
+@THREADS
+@REPRODUCIBLE
+@voice
+def render(
+    words: Words, output: str, frames: str | None, overwrite: bool, full: bool, layers: bool,
+    alone: bool, quality: str, damaged: str, no_sound: bool, no_manifest: bool, dask: str | None,
+    **given: Any,
+) -> int:  # fmt: skip
+    """Render weather over a picture, a film, a sequence, a color such as #203040, or a scene.toml.
+
+    Prints the files that are there. Run again, it makes only the frames that are missing.
+    """
+    scene = scene_of(**given)
+    if words.verbose:
+        height, width = scene.shape
+        weather = ", ".join(type(effect).__name__ for effect in scene.effects)
+        words.say(f"{width} x {height} px, {scene.fps:g} frames a second: {weather}")
+    with tracing() as trace:
+        summary = scene.write(
+            output, frames, half=not full, layers=layers, alone=alone, overwrite=overwrite,
+            damaged=damaged, sound=not no_sound, manifest=not no_manifest, quality=quality,
+            dask=None if dask is None else dask or True, progress=words.progress("frame"),
+        )  # fmt: skip
+    # Frames that are not as they should be are said in any case.
+    (say if summary.skipped or summary.held else words.say)(describe(summary))
+    if words.verbose and summary.written:
+        words.say(stages(trace, len(summary.written)))
+    for file in summary.files:
+        print(file)
+    return SKIPPED if summary.skipped else 0
+
+
+def describe(summary: Summary) -> str:
+    """Return a summary in words."""
+    made = len(summary.written)
+    parts = [f"{count(made, 'frame')} rendered"]
+    if kept := len(summary.kept):
+        parts.append(f"{kept} {'was' if kept == 1 else 'were'} there already")
+    for fate, frames in (("skipped", summary.skipped), ("held", summary.held)):
+        if frames:
+            named = ", ".join(map(str, frames[:NAMED])) + (", ..." if len(frames) > NAMED else "")
+            parts.append(f"{len(frames)} {fate} ({named})")
+    if summary.sound != "none":
+        parts.append(f"sound {summary.sound}")
+    if made and summary.seconds > 0.0:
+        parts.append(f"in {summary.seconds:.1f} s, {made / summary.seconds:.1f} a second")
+    return ", ".join(parts)

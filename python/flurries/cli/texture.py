@@ -1,0 +1,69 @@
+"""`flurries texture`: snow that repeats in x, y and time."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import click
+
+from flurries.cli.options import FILE, OVERWRITE, THREADS, command, numbers, offer, option, voice
+from flurries.cli.words import Words
+from flurries.effects import Snow
+from flurries.scene.arguments import parse_size
+from flurries.spectral import BANDS, export_loop
+
+
+@command(
+    "flurries texture -o snow/%04d.png",
+    "flurries texture --look heavy --size 256x256 --frames 32 --velocity 0,3 -o heavy/%04d.exr",
+)
+@option("-o", "--output", required=True, metavar="PATTERN", type=FILE, example="snow/%04d.png",
+        help="one file a frame: .png, .exr or .tif")  # fmt: skip
+@option("--frames", type=int, default=60, metavar="N", help="frames until it repeats", example="32")
+@option("--size", default="512x512", metavar="WxH", help="size in pixels", example="256x256")
+@option("--velocity", type=numbers(2), default="0.5,2", metavar="X,Y", example="-1,3",
+        help="pixels per frame of the longest wave, y down")  # fmt: skip
+@option("--band", default="paper", metavar="NAME|SHORT,LONG", example="4,32",
+        help=f"wavelengths in pixels: {', '.join(BANDS)}, or two numbers")  # fmt: skip
+@option("--look", default="paper", metavar="PRESET", help=f"opacity: {', '.join(Snow.PRESETS)}",
+        shell_complete=offer(Snow.PRESETS), example="heavy")  # fmt: skip
+@option("--shutter", type=float, default=0.0, metavar="S", help="exposure in frames", example="0.5")
+@option("--seed", type=int, default=1, metavar="N", help="which of all loops", example="7")
+@option("--bits", type=click.Choice(("8", "16")), unset="8; a .tif of floats", example="16",
+        help="of integer files")  # fmt: skip
+@option("--half", is_flag=True, help="EXR with 16 bits a value, not 32")
+@OVERWRITE
+@THREADS
+@voice
+def texture(
+    words: Words, output: str, frames: int, size: str, velocity: tuple[float, float], band: str,
+    look: str, shutter: float, seed: int, bits: str | None, half: bool, overwrite: bool,
+) -> None:  # fmt: skip
+    """Write a loop of snow as textures that repeat in x, y and time, and a JSON that describes it.
+
+    Prints the files.
+    """
+    width, height = parse_size(size)
+    # The presets' numbers are plain ones.
+    opacity: Any = Snow.preset(look)
+    made = export_loop(
+        output, frames, (height, width), velocity, seed=seed, wavelengths=_band(band),
+        exponent=opacity.exponent, shutter=shutter, mean=opacity.mean, spread=opacity.spread,
+        power=opacity.power, amount=opacity.texture, bits=None if bits is None else int(bits),
+        half=half, overwrite=overwrite, progress=words.progress("group"),
+    )  # fmt: skip
+    for file in made:
+        print(file)
+
+
+def _band(text: str) -> tuple[float, float]:
+    """Return the shortest and the longest wave."""
+    if text in BANDS:
+        return BANDS[text]
+    try:
+        low, high = (float(part) for part in text.split(","))
+    except ValueError:
+        raise click.UsageError(
+            f"--band wants {', '.join(BANDS)}, or two numbers like 4,32, got {text!r}"
+        ) from None
+    return low, high

@@ -1,0 +1,172 @@
+"""The scene that a command line describes: weather, camera and depth over a picture or a scene."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import fields, replace
+from pathlib import Path
+from typing import Any
+
+import click
+
+from flurries.camera import importers
+from flurries.camera.path import CameraPath
+from flurries.cli.options import FILE, join, numbers, option, weather_options
+from flurries.effects import ConeRain, ConeSnow, Mist, Rain, Snow
+from flurries.effects.presets import CONE_RAIN, CONE_SNOW, MIST, RAIN, SNOW
+from flurries.io import open_background
+from flurries.scene.arguments import parse_size
+from flurries.scene.scene import Scene
+
+# Back to front.
+KINDS: dict[str, type[Any]] = {
+    "mist": Mist, "cone-snow": ConeSnow, "snow": Snow, "cone-rain": ConeRain, "rain": Rain,
+}  # fmt: skip
+PRESETS = {"snow": SNOW, "rain": RAIN, "mist": MIST, "cone-snow": CONE_SNOW, "cone-rain": CONE_RAIN}
+
+# Options that are an effect's arguments of these names.
+KNOBS = {"severity": "severity", "rate": "rate_mm_h"}
+FIELDS = ("amount", "wind")
+
+MISSING = (
+    "a picture needs weather: add --snow PRESET, such as --snow heavy, --rain PRESET or "
+    "--mist PRESET"
+)
+
+scene_options: Callable[[Any], Any] = join(
+    click.argument("source", metavar="SCENE|PICTURE", type=FILE),
+    *weather_options({kind: tuple(known) for kind, known in PRESETS.items()}),
+    option("--severity", type=int, metavar="1-5", example="3", unset="the preset's",
+           help="how bad the weather is, in place of a preset; of snow, rain or mist"),
+    option("--rate", type=float, metavar="MM_H", example="2.5", unset="the preset's",
+           help="millimetres of water an hour, in place of a preset; of snow or rain"),
+    option("--visibility", type=float, metavar="METRES", example="40", unset="the preset's",
+           help="how far one sees in the mist"),
+    option("--amount", type=float, metavar="A", example="0.5", unset="1",
+           help="how much of the weather is there, 0 to 1"),
+    option("--wind", type=numbers(3), metavar="X,Y,Z", example="-2,0,0", unset="the preset's",
+           help="wind in metres per second: right, down, away"),
+    option("--fly", type=numbers(3), metavar="X,Y,Z", example="0,-0.3,5", unset="it stands",
+           help="velocity of the camera in metres per second: right, down, forward"),
+    option("--camera", type=FILE, metavar="FILE", example="shot.chan", unset="it stands",
+           help="path of the camera: .csv with x,y,z and rx,ry,rz a frame, Nuke's .chan, KITTI's "
+           "poses .txt, or a folder of COLMAP's text"),
+    option("--depth", type=FILE, metavar="FILE|METRES", example="depth.exr", unset="far away",
+           help="what hides weather behind it: an EXR with Z, or the distance of a wall"),
+    option("--foreground", type=FILE, metavar="FILE", example="mask.png", unset="none",
+           help="mask or picture in front of the weather"),
+    option("--seed", type=int, metavar="N", example="7", unset="the scene's, else 0",
+           help="which of all snowfalls of this kind"),
+    option("--tolerance", type=float, metavar="E", example="0.004", unset="the scene's, else 0",
+           help="how far values of 0 to 1 may be off to save time"),
+    option("--size", metavar="WxH", example="1920x1080", unset="the picture's",
+           help="size of the frame in pixels"),
+    option("--fps", type=float, metavar="F", example="25", unset="the film's or scene's, else 30",
+           help="frames a second"),
+    option("--linear", is_flag=True, help="mix in linear light, as for EXR, and not in display "
+           "values"),
+)  # fmt: skip
+
+
+def scene_of(source: str, **options: Any) -> Scene:
+    """Return the scene that `scene_options` describe."""
+    changes = {
+        name: options[name]
+        for name in ("seed", "tolerance", "size", "fps", "foreground")
+        if options[name] is not None
+    }
+    if options["linear"]:
+        changes["space"] = "linear"
+    if options["depth"] is not None:
+        changes["depth"] = _depth(options["depth"])
+    if options["fly"] is not None and options["camera"] is not None:
+        raise click.UsageError("--camera and --fly must not both be given")
+    if Path(source).suffix.lower() == ".toml":
+        scene = _changed(Scene.load(source), changes, options)
+    else:
+        scene = _new(source, changes, options)
+    if options["fly"] is not None:
+        return scene.replace(camera=CameraPath(scene.camera.camera, velocity=options["fly"]))
+    if options["camera"] is not None:
+        way = importers.load(options["camera"], scene.shape, camera=scene.camera.camera)
+        return scene.replace(camera=way)
+    return scene
+
+
+def _new(source: str, changes: dict[str, Any], options: dict[str, Any]) -> Scene:
+    """Return the scene of a picture, a film or a color."""
+    kinds = [kind for kind in KINDS if options[kind.replace("-", "_")] is not None]
+    if not kinds and any(options[knob] is not None for knob in KNOBS):
+        options = {**options, "snow": ""}
+    effects = _effects(options)
+    if not effects:
+        raise click.UsageError(MISSING)
+    background: Any = source
+    if not source.startswith("#"):
+        background = open_background(source)
+    return Scene(changes.pop("size", None), background, effects=effects, **changes)
+
+
+def _changed(scene: Scene, changes: dict[str, Any], options: dict[str, Any]) -> Scene:
+    """Return a scene from a file, with the changes of the command line."""
+    common = _given(options, FIELDS)
+    if effects := _effects(options):
+        changes["effects"] = effects
+    elif common:
+        changes["effects"] = [
+            replace(effect, **common) if set(common) <= {f.name for f in fields(effect)} else effect
+            for effect in scene.effects
+        ]
+    if "size" in changes and scene.size is not None:
+        # The focal length belongs to the picture's width: keep the angle of view.
+        changes["size"] = parse_size(changes["size"])
+        changes["camera"] = scene.camera.resize(changes["size"][0] / scene.size[0])
+    return scene.replace(**changes)
+
+
+def _effects(options: dict[str, Any]) -> list[Any]:
+    """Return the weather of the options, back to front."""
+    knobs = {KNOBS[name]: value for name, value in _given(options, tuple(KNOBS)).items()}
+    common = _given(options, FIELDS)
+    effects, used = [], set()
+    for name, kind in KINDS.items():
+        look = options[name.replace("-", "_")]
+        if look is not None:
+            own = {knob: v for knob, v in knobs.items() if knob in getattr(kind, "KNOBS", ())}
+            used |= set(own)
+            far = _given(options, ("visibility",)) if kind is Mist else {}
+            effects.append(_effect(kind, look, {**own, **common, **far}))
+    for name, knob in KNOBS.items():
+        if knob in knobs and knob not in used:
+            takers = [f"--{one}" for one in KINDS if knob in getattr(KINDS[one], "KNOBS", ())]
+            raise click.UsageError(f"--{name} needs one of {', '.join(takers)}")
+    if options["visibility"] is not None and options["mist"] is None:
+        raise click.UsageError("--visibility is one of mist: add --mist PRESET, such as --mist fog")
+    return effects
+
+
+def _effect(kind: type[Any], look: str, given: dict[str, Any]) -> Any:
+    """Return an effect by a preset's name, by a knob such as "severity=3", or plain."""
+    knob, is_knob, value = look.partition("=")
+    if not is_knob:
+        return kind.preset(look, **given) if look else kind(**given)
+    known: tuple[str, ...] = getattr(kind, "KNOBS", ())
+    if knob not in known:
+        names = " or ".join(f"{one}=NUMBER" for one in known) or "none"
+        raise click.UsageError(f"{look!r}: knobs of {kind.NAME} are {names}")
+    try:
+        number: float | int = int(value) if knob == "severity" else float(value)
+    except ValueError:
+        raise click.UsageError(f"{knob} must be a number, got {value!r}") from None
+    return kind(**{knob: number}, **given)
+
+
+def _given(options: dict[str, Any], names: tuple[str, ...]) -> dict[str, Any]:
+    return {name: options[name] for name in names if options[name] is not None}
+
+
+def _depth(text: str) -> float | str:
+    try:
+        return float(text)
+    except ValueError:
+        return text

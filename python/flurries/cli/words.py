@@ -1,0 +1,94 @@
+"""Words for people, to stderr: sentences, warnings, progress. Data goes to stdout."""
+
+from __future__ import annotations
+
+import sys
+import time
+import warnings
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import Any, cast
+
+from flurries.trace import Trace
+
+# A log gets a line of progress this often, in seconds.
+EVERY = 10.0
+
+
+def say(text: object) -> None:
+    """Write one line to stderr."""
+    print(f"flurries: {' '.join(str(text).split())}", file=sys.stderr)
+
+
+def count(number: int, noun: str) -> str:
+    """Return "1 frame" or "3 frames"."""
+    return f"{number} {noun}" if number == 1 else f"{number} {noun}s"
+
+
+@contextmanager
+def plain_warnings() -> Iterator[None]:
+    """Show warnings as sentences, without the line of source that they come from."""
+
+    def show(message: Warning | str, *_: Any, **__: Any) -> None:
+        say(f"warning: {message}")
+
+    with warnings.catch_warnings():
+        warnings.showwarning = cast(Any, show)
+        yield
+
+
+@dataclass(frozen=True)
+class Words:
+    """How much a command says.
+
+    Attributes
+    ----------
+    quiet : bool
+        Only warnings and errors.
+    verbose : bool
+        Also the plan, and the time of each stage.
+    """
+
+    quiet: bool = False
+    verbose: bool = False
+
+    def say(self, text: object) -> None:
+        """Write one line, unless quiet."""
+        if not self.quiet:
+            say(text)
+
+    def progress(self, noun: str) -> Callable[[Iterable[Any]], Iterable[Any]]:
+        """Return what shows the progress of a loop: a bar on a terminal, lines in a log."""
+        if self.quiet:
+            return iter
+        if not sys.stderr.isatty():
+            return lambda items: lines(items, noun)
+
+        def bar(items: Iterable[Any]) -> Iterable[Any]:
+            from tqdm import tqdm
+
+            shown: Iterable[Any] = tqdm(items, unit=noun, file=sys.stderr, dynamic_ncols=True)
+            return shown
+
+        return bar
+
+
+def lines(items: Any, noun: str, *, every: float = EVERY) -> Iterator[Any]:
+    """Yield items, and now and then write a line that says how many are done."""
+    total = len(items)
+    began = said = time.monotonic()
+    for done, item in enumerate(items):
+        now = time.monotonic()
+        if done and now - said >= every:
+            left = (now - began) / done * (total - done)
+            say(f"{done} of {count(total, noun)}, {left:.0f} s left")
+            said = now
+        yield item
+
+
+def stages(trace: Trace, frames: int) -> str:
+    """Return the time of each stage in words."""
+    spent = {name: 1e3 * seconds / frames for name, seconds in trace.seconds.items()}
+    parts = ", ".join(f"{name} {time:.1f}" for name, time in spent.items())
+    return f"{sum(spent.values()):.1f} ms a frame: {parts}"
