@@ -47,18 +47,8 @@ class Preview:
         if self.scale < 1.0:
             path = path.resize(self.scale)
             effects = [scaled(effect, self.scale) for effect in effects]
-        return altered(self.scene, effects=tuple(effects), camera=path)
-
-
-def altered(scene: Scene, **changes: Any) -> Scene:
-    """Return a scene with other weather or another camera, which are settled already.
-
-    Unlike `Scene.replace` it opens and fits no file: that would take long for every picture.
-    """
-    given = {name: value for name, value in vars(scene).items() if name != "program"}
-    found = object.__new__(Scene)
-    vars(found).update(given, **changes)
-    return found
+        # Not `replace`, which would open and fit the background's file for every picture.
+        return self.scene.derive(effects=tuple(effects), camera=path)
 
 
 def scaled(effect: Any, scale: float) -> Any:

@@ -27,7 +27,7 @@ from flurries.motion.keys import Keys
 from flurries.scene.scene import Scene
 from flurries.viewer.charts import chart, field_of
 from flurries.viewer.controls import EYES, applied, controls_of, moves, names, settings
-from flurries.viewer.preview import Preview, altered
+from flurries.viewer.preview import Preview
 
 QUALITY = 90
 
@@ -220,7 +220,7 @@ def _carried(
         return scene, here
     start, rate = path.place(t, fps=scene.fps) + offset, path.rate(t, fps=scene.fps)
     keys = Keys([(t, tuple(start)), (t + 1.0, tuple(start + rate))])
-    moved = altered(scene, camera=replace(path, position=keys, velocity=None))
+    moved = scene.derive(camera=replace(path, position=keys, velocity=None))
     return moved, _places(moved, t)
 
 
