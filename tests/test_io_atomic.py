@@ -329,7 +329,7 @@ BETWEEN = """
 import sys
 from flurries.io import atomic
 # As when Ctrl-C falls after the file was made and before anything guards it.
-temporary, _ = atomic._reserve(atomic.Path(sys.argv[1]))
+temporary = atomic._reserve(atomic.Path(sys.argv[1]))
 print(temporary.exists(), flush=True)
 raise KeyboardInterrupt
 """

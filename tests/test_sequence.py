@@ -23,7 +23,7 @@ from flurries.io import VideoWriter, open_background, read_picture, read_video, 
 from flurries.io.films.sound import Sound, has_sound
 from flurries.output import manifest
 from flurries.output.claims import awaited, claimed
-from flurries.output.sequence import Sequence
+from flurries.output.mark import Mark
 
 W, H = 66, 50
 PLATE = np.random.default_rng(3).integers(0, 220, (H, W, 3)).astype(np.uint8)
@@ -155,7 +155,7 @@ def test_the_two_modes_are_never_mixed(tmp_path: Path):
     SCENE.write(tmp_path / "%d.png", "1-2")
     fl.set_reproducible(True)
     try:
-        with pytest.raises(ValueError, match="not frame 1 of this scene"):
+        with pytest.raises(ValueError, match="something else"):
             SCENE.write(tmp_path / "%d.png", "1-3")
         assert SCENE.write(tmp_path / "%d.png", "1-3", overwrite=True).written == [1, 2, 3]
         assert SCENE.write(tmp_path / "%d.png", "1-3").kept == [1, 2, 3]
@@ -165,7 +165,7 @@ def test_the_two_modes_are_never_mixed(tmp_path: Path):
 
 def test_without_the_mark_scenes_would_be_mixed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     """The control: frames that do not say whose they are."""
-    monkeypatch.setattr(Sequence, "is_there", lambda self, number: self.path_of(number).exists())
+    monkeypatch.setattr(Mark, "settled", lambda self, path, said: {} if path.exists() else None)
     other = SCENE.replace(seed=9)
     SCENE.write(tmp_path / "%d.png", "1-2")
     assert other.write(tmp_path / "%d.png", "1-3").kept == [1, 2]
@@ -351,7 +351,7 @@ def test_the_sound_goes_with_its_frames(
         # Two frames from `first` on: the tones of frames 10 + first and the next.
         assert abs(pitch - (400 + 10 * (10 + first) + 5)) < 10, (first, pitch)
     assert np.abs(samples[int(1.1 * RATE) :]).max() < 0.05, "and ends with them"
-    assert scene.write(out, "10-29", quality="draft", sound=False).sound == "none"
+    assert scene.write(out, "10-29", quality="draft", sound=False, overwrite=True).sound == "none"
     assert not has_sound(out)
 
 
@@ -401,7 +401,8 @@ def test_sound_that_would_not_fit_is_left_out(tmp_path: Path):
         ("50-55", {}, "beyond"),
     ]
     for frames, change, why in cases:
-        done = scene.replace(**change).write(tmp_path / "a.mp4", frames, quality="draft")
+        out = tmp_path / "a.mp4"
+        done = scene.replace(**change).write(out, frames, quality="draft", overwrite=True)
         assert done.sound.startswith("left out") and why in done.sound
         assert not has_sound(tmp_path / "a.mp4")
     silent = fl.Scene((64, 48), "#102030")

@@ -74,8 +74,7 @@ class Source(ABC):
         TypeError
             If `i` is not an integer.
         """
-        number = max(operator.index(i), 0)
-        number = 0 if self.count is None else min(number, self.count - 1)
+        number = self._number(i)
         with self._own_lock():
             if number in self._kept:
                 self._kept.move_to_end(number)
@@ -89,10 +88,19 @@ class Source(ABC):
                 self._kept.popitem(last=False)
             return picture
 
+    def file(self, i: int) -> Path:
+        """Return the file that holds frame `i`, see `frame`."""
+        return Path(self.spec)
+
     def close(self) -> None:
         """Close files and forget pictures; asking for a frame opens them again."""
         with self._own_lock():
             self._kept.clear()
+
+    def _number(self, i: int) -> int:
+        """Return the frame that stands for `i`: the first before it, the last after the end."""
+        number = max(operator.index(i), 0)
+        return 0 if self.count is None else min(number, self.count - 1)
 
     @abstractmethod
     def _read(self, number: int) -> Picture:
@@ -169,6 +177,10 @@ class SequenceSource(Source):
         self.first_file = self._path(self.first)
         header = read_header(self.first_file)
         self.size, self.encoding = header.size, header.encoding
+
+    def file(self, i: int) -> Path:
+        """Return the file that holds frame `i`, see `frame`."""
+        return self._path(self.first + self._number(i))
 
     def _path(self, frame: int) -> Path:
         return Path(self.folder) / self.pattern.path(frame)

@@ -2,22 +2,21 @@
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from flurries._contract import Array
 from flurries.camera.lens import Camera
+from flurries.frame.truth import Rendered
 from flurries.io import write_layer_views, write_layers, write_picture
-from flurries.io.color import to_linear, to_unit
+from flurries.io.color import to_display, to_integer, to_linear, to_unit
 from flurries.io.pictures.writer import format_of
-
-if TYPE_CHECKING:
-    from flurries.frame.truth import Rendered
-    from flurries.scene.scene import Scene
+from flurries.scene.scene import Scene
 
 # What the numbers of `forward` in a file mean.
 MOTION = "px per frame, x right, y down"
@@ -49,8 +48,6 @@ class Content:
         """What tells files of one scene but other content apart."""
         words = ["half" if self.half else "float", self.kind]
         if self.eyes is not None:
-            import hashlib
-
             told = repr(list(self.eyes.items())).encode()
             words.append(f"eyes{hashlib.sha256(told).hexdigest()[:8]}")
         return "-".join(words)
@@ -151,3 +148,10 @@ def without_alpha(image: Array, path: object) -> Array:
     if not (to_unit(image[..., 3]) == 1.0).all():
         raise ValueError(f"{path}: the frame is transparent in places; take .png, .exr or .tif")
     return np.ascontiguousarray(image[..., :3])
+
+
+def display_bytes(image: Array) -> Array:
+    """Return (H, W, 3) uint8 display values of a rendered image."""
+    if image.dtype == np.uint8:
+        return image
+    return to_integer(to_display(image, "display" if image.dtype.kind == "u" else "linear"), 8)

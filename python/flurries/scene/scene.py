@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from copy import copy
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from pathlib import Path
@@ -174,6 +175,14 @@ class Scene:
         """Return the scene with some arguments changed."""
         return replace(self, **changes)
 
+    def derive(self, **changes: Any) -> Scene:
+        """Return the scene with some attributes changed, which are known to be right: unchecked."""
+        made = object.__new__(Scene)
+        # What runs belongs to the scene that it was found for.
+        own = {name: value for name, value in vars(self).items() if name != "program"}
+        vars(made).update(own, **changes)
+        return made
+
     def render(
         self,
         t: float,
@@ -243,24 +252,34 @@ class Scene:
     @property
     def film(self) -> Any:
         """The source of a background that is a video; None for others."""
-        source = self._opened
+        source = self.source_of("background")
         return source if isinstance(source, VideoSource) else None
 
     @property
     def held(self) -> set[int]:
         """Frames rendered so far whose background is that of an earlier one."""
-        return getattr(self._opened, "held", set())
+        return getattr(self.source_of("background"), "held", set())
 
     def holding(self) -> Scene:
         """Return the scene with a background that holds its last good frame where one is bad."""
-        source = self._opened
+        source = self.source_of("background")
         if not isinstance(source, Source) or source.damaged == "hold":
             return self
         return self.replace(background=open_background(source.spec, damaged="hold"))
 
-    @property
-    def _opened(self) -> Any:
-        return getattr(self._backdrop.source, "source", None)
+    def source_of(self, name: str) -> Any:
+        """Return the opened files of the background or the depth; None where there are none."""
+        if name == "background":
+            return getattr(self._backdrop.source, "source", None)
+        if name == "depth" and self._distance is not None:
+            return getattr(self._distance.source, "files", None)
+        return None
+
+    def anew(self) -> Scene:
+        """Return the scene with all files to be read again, whatever is kept of them."""
+        # A copy of an opened source forgets its pictures.
+        given = self.background
+        return self.replace(background=copy(given) if hasattr(given, "spec") else given)
 
     def plan(self, frames: Any = None, *, tolerance: float | None = None) -> Plan:
         """Return what rendering costs: its steps, their sizes and times, and what is left out.
@@ -358,8 +377,8 @@ class Scene:
         return write(self, pattern, frames, **options)
 
     def to_dask(self, frames: Any = None, *, group: int | None = None) -> Any:
-        """Return frames as a lazy Dask array; see :func:`flurries.output.cluster.to_dask`."""
-        from flurries.output.cluster import to_dask
+        """Return frames as a lazy Dask array; see :func:`flurries.output.groups.to_dask`."""
+        from flurries.output.groups import to_dask
 
         return to_dask(self, frames, group=group)
 

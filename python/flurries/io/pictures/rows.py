@@ -16,6 +16,7 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from flurries.io.atomic import replacing
+from flurries.io.carried import carried
 from flurries.io.color import Array
 from flurries.io.oiio import last_error, let_open, openimageio
 
@@ -87,16 +88,22 @@ def write_whole(path: str | os.PathLike[str], specification: Any, data: bytes) -
         _verify(os.fspath(path), temporary, specification, unknown, lossless=False)
 
 
+@contextmanager
+def _itself(file: Path) -> Iterator[str]:
+    yield str(file)
+
+
 def _write(target: str, temporary: Path, parts: Sequence[tuple[Any, Band]]) -> list[Checksums]:
     """Write all bands of all parts; return the type and the checksum of each."""
     checksums = []
     first, *_ = specifications = tuple(specification for specification, _ in parts)
-    with _output(target, temporary) as output:
+    through = carried if temporary.suffix.lower() == ".png" else _itself
+    with through(temporary) as name, _output(target, temporary) as output:
         for number, (specification, band) in enumerate(parts):
             if number:
-                opened = output.open(str(temporary), specification, "AppendSubimage")
+                opened = output.open(name, specification, "AppendSubimage")
             else:
-                opened = output.open(str(temporary), specifications if parts[1:] else first)
+                opened = output.open(name, specifications if parts[1:] else first)
             if not opened:
                 raise OSError(f"{target}: cannot be written: {last_error(output)}")
             checksums.append(_write_rows(target, output, specification, band))
