@@ -189,8 +189,8 @@ def failures(package: Path, *tests: str) -> list[str]:
     words += ["--rootdir", str(ROOT)]
     words += ["-x", *tests] if tests else [str(ROOT / "tests" / "test_hard_cases.py")]
     said = subprocess.run(words, capture_output=True, text=True, env=environment, cwd=package)
-    pattern = r"^(?:FAILED|ERROR) \S+?::(?:test_hard_case\[)?(.*?)\]?(?: - .*)?$"
-    found = re.findall(pattern, said.stdout, re.MULTILINE)
+    found = re.findall(r"^(?:FAILED|ERROR) \S+?::(.*?)(?: - .*)?$", said.stdout, re.MULTILINE)
+    found = [re.sub(r"^test_hard_case\[(.*)\]$", r"\1", name) for name in found]
     if said.returncode not in (0, 1):
         # Not even importable: every case fails.
         found.append("all: the package does not import")

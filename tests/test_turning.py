@@ -429,7 +429,7 @@ BAD_CSV = {
     "nothing": ("frame\n1\n", "neither"), "text": ("x,y,z\n1,2,3\n1,a,3\n", "line 3.*'a'"),
     "NaN": ("x,y,z\n1,nan,3\n", "line 2.*'nan'"), "short": ("x,y,z\n1,2\n", "line 2: 3 entries"),
     "backwards": ("frame,x,y,z\n1,0,0,0\n0,0,0,0\n", "increase"),
-    "latin": (b"x,y,z\n\xff,1,2\n", "not a CSV"),
+    "latin": (b"x,y,z\n\xff,1,2\n", "UTF-8"),
 }  # fmt: skip
 
 

@@ -23,7 +23,7 @@ import flurries as fl
 ELSEWHERE = ("albumentations", "kornia", "torchvision", "__main__")
 
 # What libraries offer that need not be here.
-GUESTS = {"view": "anywidget", "output.cluster.to_dask": "dask"}
+GUESTS = {"view": "anywidget", "output.groups.to_dask": "dask"}
 
 # Parts of `CameraPath`, effects, weather and the command: they get what those have checked.
 INNER = ("turning", "keys", "demo", "calibration")
@@ -107,8 +107,7 @@ class Call:
 
     @property
     def parameters(self) -> dict[str, inspect.Parameter]:
-        assert self.of is not None
-        found = inspect.signature(self.of).parameters
+        found = inspect.signature(self.of).parameters if self.of else {}
         return {n: p for n, p in found.items() if p.kind != p.VAR_KEYWORD}
 
     @property

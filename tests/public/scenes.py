@@ -177,8 +177,8 @@ CALLS: dict[str, Call] = {
          "seed": 1}, heavy=("dask", "workers"), loose=True),
     "accuracy.study": Call({"names": ()}, heavy=("names",), loose=True),
     "accuracy.write": Call({"studies": [STUDY], "folder": "study", "page": "study.md"}),
-    "output.cluster.grouped": Call({"scene": SCENE, "frames": "1-9"}),
-    "output.cluster.to_dask": Call({"scene": SCENE, "frames": "1-9", "group": 2}),
+    "output.groups.grouped": Call({"scene": SCENE, "frames": "1-9"}),
+    "output.groups.to_dask": Call({"scene": SCENE, "frames": "1-9", "group": 2}),
     "view": Call({"scene": SCENE}, loose=True),
     "cli.main": Call({"arguments": ["--help-of-nothing"]}, loose=True),
 }  # fmt: skip
