@@ -20,7 +20,7 @@ use crate::particles::view::View;
 #[derive(FromPyObject)]
 struct BoxRequest {
     #[pyo3(attribute)]
-    count: usize,
+    number: usize,
     #[pyo3(attribute)]
     sides: [f64; 3],
     #[pyo3(attribute)]
@@ -92,7 +92,7 @@ impl BoxRequest {
     fn class(&self) -> Result<Class, Error> {
         let torus = Torus::new(self.sides, self.center)?;
         Ok(Class {
-            count: self.count,
+            count: self.number,
             carried: Carried::new(torus, self.seed, self.way, 1.0, swaying(Some(self.sway)))?,
             seed: self.seed,
             law: Law { range: self.sizes, slope: self.slope },

@@ -16,7 +16,7 @@ from flurries._core import SortedFlakes
 from flurries.camera.path import CameraPath
 from flurries.effects.flakes import lens_of, project
 from flurries.effects.gusts import flakes_in_waves
-from flurries.effects.motion import Way
+from flurries.effects.motion import Motion, Way
 from flurries.effects.weather import FAR_FADE, HEIGHTS, Film, Share, Weather
 from flurries.frame.needs import Cost, LeftOut, Needs, Step, has_keys, omission
 from flurries.frame.view import Frame
@@ -84,6 +84,11 @@ class DrawnFlakes:
         view = width * height / focal**2 / (3.0 * frame.camera.aspect)
         return view * sum(one.size.density * one.reach**3 for one in film.shares)
 
+    @property
+    def motion(self) -> Motion:
+        """What moves a flake of the mean size."""
+        return self.weather.motion
+
     def alpha(self, frame: Frame, amount: float, way: Way) -> Array:
         """Return the opacity of the flakes over the window, (h, w) float32."""
         top, bottom, left, right = frame.window
@@ -116,8 +121,9 @@ class DrawnFlakes:
         if self._alike:
             return _core.crowd_sort(frame.shape, crowd)
         rows = self._rows(frame, amount)
+        points, radius, opacity, way = (np.ascontiguousarray(part) for part in rows[:4])
         return _core.particle_sort_listed(
-            frame.shape, *(np.ascontiguousarray(part) for part in rows[:4]), 1.0, crowd.lens
+            frame.shape, points, radius, opacity, way, 1.0, crowd.lens
         )
 
     def _sort_pair(self, frame: Frame, amount: float) -> tuple[SortedFlakes, SortedFlakes]:
@@ -216,7 +222,7 @@ class DrawnFlakes:
         amounts = weather.amounts(frame, share, amount, heights) * (wanted / count)
         seed = frame.seed ^ (_CLASS * (index + 1) & (2**63 - 1)) ^ (_BEYOND if beyond else 0)
         box = Box(
-            count=count,
+            number=count,
             sides=room.sides,
             center=_triple(axes @ center if path.turns else center),
             seed=seed,
@@ -253,9 +259,10 @@ class DrawnFlakes:
         whole = replace(frame, window=(0, frame.shape[0], 0, frame.shape[1]))
         points, radius, opacity, travel, numbers = self._rows(whole, amount)
         shown = np.empty(frame.shape, np.int32)
-        given = [np.ascontiguousarray(part) for part in (points, radius, opacity, travel)]
+        given = (np.ascontiguousarray(part) for part in (points, radius, opacity, travel))
+        place, size, cover, way_now = given
         lens = lens_of(frame.camera, frame.shape)
-        _core.particle_ids(shown, *given, 1.0, lens, frame.depth)
+        _core.particle_ids(shown, place, size, cover, way_now, 1.0, lens, frame.depth)
         return np.append(numbers, -1).astype(np.int32)[shown]
 
     def passes(
@@ -296,9 +303,7 @@ class DrawnFlakes:
 
 
 @lru_cache(maxsize=256)
-def _room(
-    drawn: DrawnFlakes, shape: tuple[int, int], path: CameraPath, depth: float
-) -> Room:
+def _room(drawn: DrawnFlakes, shape: tuple[int, int], path: CameraPath, depth: float) -> Room:
     """Return the box of what a film sees up to a depth: nothing of its walls is ever seen."""
     height, width = shape
     lens = path.widest

@@ -14,10 +14,12 @@ from flurries.particles.precipitation import (
     drop_mass,
     drop_speed,
     rain_sizes,
-    rate_of as carried,
     snow_mass,
     snow_sizes,
     snow_speed,
+)
+from flurries.particles.precipitation import (
+    rate_of as carried,
 )
 
 SEVERITIES = 5

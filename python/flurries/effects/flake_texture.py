@@ -9,13 +9,15 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import NamedTuple
+from itertools import pairwise
+from typing import Any, NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 
 from flurries import _core
 from flurries._contract import Array, Float64
-from flurries.camera.lens import shift_at, tile_middles
+from flurries.camera.tiles import shift_at, tile_middles
 from flurries.effects.gain import gain_of
 from flurries.effects.gusts import wind_at
 from flurries.effects.motion import Way
@@ -175,7 +177,7 @@ class FlakeTexture:
         frame: Frame,
         film: Film,
         amount: float,
-        which: Float64 | None = None,
+        which: npt.NDArray[Any] | None = None,
     ) -> Request:
         """Return the tiles of a frame as the kernel reads them; `which` chooses layers."""
         layers = self.layers(film)
@@ -217,7 +219,8 @@ class FlakeTexture:
             there = there * self._seen_by_tiles(frame, film, layers)
         if film.across:
             moved, streak = (
-                np.ascontiguousarray(part.transpose(1, 0, 2, 3)[..., ::-1]) for part in (moved, streak)
+                np.ascontiguousarray(part.transpose(1, 0, 2, 3)[..., ::-1])
+                for part in (moved, streak)
             )
             turns, there = turns.transpose(1, 0, 2), there.transpose(1, 0, 2)
         return self._terms(frame, film, layers, which, moved, streak, turns, there, gains, rungs)
@@ -227,7 +230,7 @@ class FlakeTexture:
         frame: Frame,
         film: Film,
         layers: list[Layer],
-        which: Float64 | None,
+        which: npt.NDArray[Any] | None,
         moved: Float64,
         streak: Float64,
         turns: Float64,
@@ -241,7 +244,9 @@ class FlakeTexture:
         grid = np.meshgrid(np.arange(rows), np.arange(cols), np.arange(number), indexing="ij")
         # By golden and other sections: tiles must not all pulse together.
         offset = np.modf(
-            0.6180339887 * grid[0] + 0.7548776662 * grid[1] + 0.5698402910 * grid[2]
+            0.6180339887 * grid[0]
+            + 0.7548776662 * grid[1]
+            + 0.5698402910 * grid[2]
             + (frame.seed % 1009) * 0.1234567
         )[0]
         # A torus that is sheared comes back near its first place after so many lengths.
@@ -287,7 +292,7 @@ class FlakeTexture:
                 shift.append((taken.shift + moved)[:, :, chosen])
                 streaks.append(streak[:, :, chosen])
         mirror = taken.mirror
-        mean = ((there if len(rungs) > 1 else np.full_like(there, rungs[0])) * gains * coverage)
+        mean = (there if len(rungs) > 1 else np.full_like(there, rungs[0])) * gains * coverage
         height, width = frame.shape
         top, bottom, left, right = frame.window
         window, shape = (top, bottom, left, right), (height, width)
@@ -324,9 +329,7 @@ class FlakeTexture:
         x, y = tile_middles(frame.shape, frame.camera, tile, film.overlap)
         return y, x
 
-    def _flow(
-        self, frame: Frame, share: Share, x: Float64, y: Float64
-    ) -> tuple[Flow, Flow, float]:
+    def _flow(self, frame: Frame, share: Share, x: Float64, y: Float64) -> tuple[Flow, Flow, float]:
         """Return the flow since frame 0 and per frame, and how far the air has come nearer, m."""
         path, camera, motion = frame.path, frame.camera, share.motion
         way = motion.way(frame)
@@ -366,7 +369,7 @@ class FlakeTexture:
         return moved[..., :2] * focal, rate[..., :2] * focal
 
     def _seen_by_tiles(self, frame: Frame, film: Film, layers: list[Layer]) -> Float64:
-        """Return which part of each layer lies before the farthest of each tile, (rows, cols, L)."""
+        """Return which part of each layer lies before the farthest of tiles."""
         assert frame.depth is not None
         y, x = self._middles(frame, film)
         cx, cy = frame.camera.principal(frame.shape)
@@ -378,9 +381,7 @@ class FlakeTexture:
                 farthest[row, col] = strip[max(left, 0) : left + film.tile].max()
         return np.stack([_seen_before([layer], farthest) for layer in layers], axis=-1)
 
-    def passes(
-        self, frame: Frame, later: Frame, way: Way, next_way: Way
-    ) -> tuple[Array, Array]:
+    def passes(self, frame: Frame, later: Frame, way: Way, next_way: Way) -> tuple[Array, Array]:
         """Return motion (h, w, 2) and depth (h, w) of what the window shows of the texture.
 
         Both are means over the layers, each weighed by what it covers.
@@ -391,8 +392,8 @@ class FlakeTexture:
         depths = np.array([layer.slab.depth for layer in layers])
         top, bottom, left, right = frame.window
         cx, cy = frame.camera.principal(frame.shape)
-        x = np.arange(left, right) + 0.5 - cx
-        y = np.arange(top, bottom) + 0.5 - cy
+        x = np.arange(left, right, dtype=np.float64) + (0.5 - cx)
+        y = np.arange(top, bottom, dtype=np.float64) + (0.5 - cy)
         motion = np.zeros((len(y), len(x), 2))
         for share in film.shares:
             own = np.array([one.share is share for one in layers])
@@ -415,7 +416,6 @@ class FlakeTexture:
         )
 
     def _cost(self, frame: Frame, film: Film, layers: int) -> Cost:
-        height, width = frame.shape
         top, bottom, left, right = frame.window
         step = film.tile - film.overlap
         tiles = (math.ceil((bottom - top) / step) + 1) * (math.ceil((right - left) / step) + 1)
@@ -453,11 +453,10 @@ def _patterns_of(
     layers = texture.layers(film)
     counts, sizes = [], []
     for _, slab in layers:
-        edges = scale * np.interp(
-            np.linspace(0.0, 1.0, PARTS + 1), np.linspace(0.0, 1.0, len(slab.diameters)), slab.diameters
-        )
+        shares = np.linspace(0.0, 1.0, len(slab.diameters))
+        edges = scale * np.interp(np.linspace(0.0, 1.0, PARTS + 1), shares, slab.diameters)
         counts += [slab.count / scale**2 / PARTS] * PARTS
-        sizes += list(zip(edges[:-1], edges[1:], strict=True))
+        sizes += list(pairwise(edges.tolist()))
     made = []
     for rung in rungs:
         found = patterns_of(

@@ -21,9 +21,7 @@ LEAST_SIGMA = 0.3
 
 # Terms of the series of the integral across a streak: enough for g a up to 3.
 _TERMS = np.arange(1, 31)
-_SERIES = np.array(
-    [-((-1.0) ** k) / (math.factorial(k) * math.sqrt(k)) for k in range(1, 31)]
-)
+_SERIES = np.array([-((-1.0) ** k) / (math.factorial(k) * math.sqrt(k)) for k in range(1, 31)])
 _NODES, _WEIGHTS = leggauss(24)
 _ERF = np.vectorize(math.erf, otypes=[np.float64])
 
@@ -61,10 +59,8 @@ def gain_of(diameters: tuple[float, ...], opacity: float, streak: float) -> floa
     return 0.5 * (low + high)
 
 
-def _along(
-    amplitude: Float64, sigma: Float64, streak: float
-) -> tuple[Float64, Float64, Float64]:
-    """Return the opacity along the middle of flakes: amplitude, profile (k, n), and steps (k, n)."""
+def _along(amplitude: Float64, sigma: Float64, streak: float) -> tuple[Float64, Float64, Float64]:
+    """Return amplitudes of flakes, the profile along their middle and its steps, (k, n)."""
     reach = 0.5 * streak + 5.0 * sigma
     at = reach * _NODES[:, None]
     if streak < 1e-3:

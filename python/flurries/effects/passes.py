@@ -45,7 +45,7 @@ def passes_of(
     ids: Array = np.full(shape, -1, np.int32)
     with stage("passes"):
         later = frame.later()
-        ways = way, motion.way(later)
+        ways = way, flakes.motion.way(later)
         if texture is not None and behind is not None:
             motion, depth = texture.passes(frame, later, *ways)
         if front is not None:

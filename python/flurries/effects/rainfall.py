@@ -8,6 +8,7 @@ from typing import Any, ClassVar
 
 from flurries.effects.checks import settle
 from flurries.effects.falls import RAIN, rain_of_rate, rain_of_severity, rate_of, severity_of
+from flurries.effects.flake_texture import FlakeTexture
 from flurries.effects.knobs import knobs, preset
 from flurries.effects.precipitation import Precipitation
 from flurries.effects.snowfall import POPULATION, parts_of, size_law
@@ -117,7 +118,7 @@ class Rain:
         return preset(cls, cls.PRESETS, name, changes)
 
     @cached_property
-    def parts(self) -> Precipitation:
+    def parts(self) -> Precipitation[FlakeTexture]:
         """What it is made of."""
         return parts_of(
             self.NAME,

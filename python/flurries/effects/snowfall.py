@@ -9,8 +9,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from flurries._contract import Float64, real, vector
-from flurries._contract import seed_of
+from flurries._contract import Float64, real, seed_of, vector
 from flurries.effects.checks import length, one_of, optional, pair, part, settle, share, wind
 from flurries.effects.color import as_color
 from flurries.effects.crowd import DrawnFlakes
@@ -90,7 +89,7 @@ def parts_of(
     gain: Number = 1.0,
     method: str,
     depth_mode: str,
-) -> Precipitation:
+) -> Precipitation[FlakeTexture]:
     """Return what an effect of a population is made of."""
     mean = float(speed(np.array([sizes.mean]))[0])
     motion = Motion(mean if fall is None else fall, wind, shutter)
@@ -115,8 +114,6 @@ def parts_of(
         flakes=DrawnFlakes(weather),
         veil=Haze(weather, haze),
     )
-
-
 
 
 @knobs(
@@ -225,7 +222,7 @@ class Snow:
         return preset(cls, cls.PRESETS, name, changes)
 
     @cached_property
-    def parts(self) -> Precipitation:
+    def parts(self) -> Precipitation[FlakeTexture]:
         """What it is made of."""
         return parts_of(
             self.NAME,

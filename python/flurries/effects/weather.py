@@ -13,8 +13,8 @@ from functools import lru_cache
 import numpy as np
 
 from flurries._contract import Float64
-from flurries.camera.lens import rotation_matrix as matrix_of
 from flurries.camera.path import CameraPath
+from flurries.camera.rotation import rotation_matrix as matrix_of
 from flurries.effects.motion import Motion
 from flurries.frame.view import Frame
 from flurries.motion.keys import Keys, Number, value_at
@@ -34,6 +34,9 @@ TILES = (64, 128, 256)
 # Flakes of all classes in a tile, below which the texture would show its seams: then all are drawn.
 # Power blending lifts the mean there by 5 % at some 50 flakes, and not at all at 500.
 LEAST_IN_ALL = 200.0
+
+# Classes of size: each falls at a speed of its own.
+CLASSES = 2
 
 # More than this are not drawn one by one, but where the method is to draw all.
 MOST_DRAWN = 3_000_000
@@ -166,9 +169,10 @@ def _film(
 ) -> Film:
     population, motion = weather.population, weather.motion
     mean = float(population.speed(np.array([population.sizes.mean]))[0])
+    varied = population.sizes.largest > population.sizes.smallest
     classes = [
         (one, Motion(times(motion.fall, one.fall / mean), motion.wind, motion.shutter))
-        for one in population.classes(2 if population.sizes.largest > population.sizes.smallest else 1)
+        for one in population.classes(CLASSES if varied else 1)
     ]
     fastest = [each.fastest(path, fps) for _, each in classes]
     for tile in TILES:

@@ -14,7 +14,7 @@ class Box(NamedTuple):
 
     Attributes
     ----------
-    count : int
+    number : int
         How many the box holds.
     sides, center : (3,)
         Of the box in its own axes, metres, from the camera.
@@ -36,7 +36,7 @@ class Box(NamedTuple):
         The shares of them that are there: one for all, or values at even steps of height.
     """
 
-    count: int
+    number: int
     sides: Triple
     center: Triple
     seed: int

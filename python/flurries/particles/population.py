@@ -119,7 +119,7 @@ def reach_of(each: SizeClass, focal: float, tile: int, *, fastest: float, far: f
     cube = (SLAB_RATIO**3 - 1.0) / 3.0 * each.density * (tile / focal) ** 2
     sparse = (LEAST_IN_TILE / cube) ** (1.0 / 3.0)
     fast = 2.0 * focal * fastest / tile
-    return min(max(large, sparse, fast), far)
+    return float(min(max(large, sparse, fast), far))
 
 
 def drawn_share(depth: Float64, reach: float, far: float) -> Float64:

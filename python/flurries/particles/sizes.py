@@ -111,7 +111,7 @@ def _mean_of(smallest: float, slope: float, largest: float) -> float:
 
 
 def _slope_of(smallest: float, mean: float, largest: float) -> float:
-    """Return the slope that makes a mean: the mean falls as the slope rises, so halve an interval."""
+    """Return the slope that makes a mean, which falls as the slope rises: halve an interval."""
     width = largest - smallest
     low, high = -1e6 / width, 1e6 / width
     for _ in range(200):
