@@ -20,7 +20,7 @@ import distributed
 import numpy as np
 
 import flurries as fl
-from flurries.output import cluster
+from flurries.output import groups
 
 # Pictures that data sets and films are made of.
 KINDS = {
@@ -105,7 +105,7 @@ def of_workers() -> dict[str, Any]:
             a / (2.0 * b) for a, b in zip(wall[1], wall[2], strict=True)
         ),
         "cpu": {n: statistics.median(values) for n, values in clock.items()},
-        "group": len(cluster.grouped(shown, list(range(1000)))[0]),
+        "group": len(groups.grouped(shown, list(range(1000)))[0]),
         "task": statistics.median(task),
         "load": statistics.median(load),
     }
@@ -177,7 +177,7 @@ def report() -> str:
         "| --- | --- | --- | --- | --- | --- | --- | --- | --- |",
     ]  # fmt: skip
     for kind in ("640 x 480, JPEG", "1920 x 1080, PNG"):
-        group = len(cluster.grouped(scene(KINDS[kind][0]), list(range(1000)))[0])
+        group = len(groups.grouped(scene(KINDS[kind][0]), list(range(1000)))[0])
         for count in (10**6, 10**9):
             row = plan(count, frames[kind], group, workers["task"])
             lines.append("| " + " | ".join([kind, *row]) + " |")

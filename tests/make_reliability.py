@@ -111,6 +111,14 @@ LEFT = """
 - A free-threaded Python: the wheel is built for the stable ABI, which such a Python does not load.
 - In the reproducible mode, float64 fields of tiles large enough for a Fourier transform follow the
   C library's sine, whose last bit may differ between processors without and with fused products.
+- Folders on a network: where locks reach all machines (NFS 4, most cluster file systems) each frame
+  is made once. Where each machine has locks of its own, or none are there, a frame may be made more
+  than once, each time whole and with the same bits. Hidden files that a process has left are
+  removed by its own machine at once, and by others when they have not changed for an hour; the
+  clocks of machine and folder must agree within that.
+- Of damaged pixels in formats without checksums (JPEG, TIFF) only `flurries.json` knows: without it
+  such a frame is kept.
+- Frames of other plates with the same file names count as this scene's over retouched plates.
 - Across versions of NumPy, of the C library and of the package itself bits may differ; kept hashes
   say when the package's do.
 """

@@ -22,7 +22,7 @@ import flurries as fl
 from flurries.cli import main
 from flurries.frame import estimate
 from flurries.io import open_background, write_picture
-from flurries.output import cluster, manifest
+from flurries.output import cluster, groups, manifest, write
 
 SCENE = fl.Scene((96, 64), "#304050", effects=fl.Snow.preset("heavy", flakes=100))
 
@@ -60,9 +60,10 @@ def client() -> Iterator[Any]:
 
 @pytest.fixture
 def small_groups(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(cluster, "grouped", lambda scene, frames: [
-        frames[i : i + 4] for i in range(0, len(frames), 4)
-    ])  # fmt: skip
+    for module in (write, groups):
+        monkeypatch.setattr(module, "grouped", lambda scene, frames: [
+            frames[i : i + 4] for i in range(0, len(frames), 4)
+        ])  # fmt: skip
 
 
 def contents(folder: Path) -> dict[str, bytes]:
@@ -96,10 +97,10 @@ def test_groups_are_worth_a_task():
     # At the fixed cost of the plan, and that of reading and writing pixels.
     for size in ((320, 240), (1920, 1080), (8000, 8000)):
         scene = fl.Scene(size, effects=[fl.Snow(), fl.Snow()])
-        groups = cluster.grouped(scene, list(range(1000)))
+        got = groups.grouped(scene, list(range(1000)))
         cost = estimate.seconds(scene.program, [1, 9]) + 15e-9 * size[0] * size[1]
-        assert [n for group in groups for n in group] == list(range(1000))
-        assert 0.9 < len(groups[0]) * cost / 0.5 < 1.1 or len(groups[0]) * cost - 0.5 < cost
+        assert [n for group in got for n in group] == list(range(1000))
+        assert 0.9 < len(got[0]) * cost / 0.5 < 1.1 or len(got[0]) * cost - 0.5 < cost
 
 
 def test_a_sequence_has_the_same_bytes(client: Any, small_groups: None, tmp_path: Path):
@@ -210,18 +211,10 @@ def test_the_command_line_makes_a_cluster(tmp_path: Path, monkeypatch: pytest.Mo
 
 @pytest.mark.parametrize("where", ["tcp://127.0.0.1:9", "nonsense", 7])
 def test_no_cluster_there(where: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr(distributed, "Client", _impatient(distributed.Client))
+    monkeypatch.setattr(cluster, "_GREETING", 0.5)
     with pytest.raises((OSError, TypeError), match="dask"):
         SCENE.write(tmp_path / "%d.png", "1", dask=where)
     assert not list(tmp_path.iterdir())
-
-
-def _impatient(kind: Any) -> Any:
-    class Client(kind):  # type: ignore[misc]
-        def __init__(self, *arguments: Any, timeout: str = "", **options: Any) -> None:
-            super().__init__(*arguments, timeout="0.5s", **options)
-
-    return Client
 
 
 def test_without_dask_it_says_what_to_install(monkeypatch: pytest.MonkeyPatch, tmp_path: Path):

@@ -20,6 +20,7 @@ import numpy as np
 import pytest
 
 import flurries as fl
+from flurries.scene.fingerprint import BITS
 from same_bits import SCENES, digest
 
 HERE = Path(__file__).parent
@@ -119,6 +120,11 @@ def missing(kept: dict[str, Any], log: str) -> list[str]:
 
 def test_a_change_of_frames_is_told():
     assert missing(KEPT, (HERE.parent / "CHANGELOG.md").read_text(encoding="utf-8")) == []
+
+
+def test_16_2_a_change_of_frames_raises_the_number_of_their_bits():
+    """Frames of other bits are told apart by it, see `flurries.scene.fingerprint.BITS`."""
+    assert 1 + sum(entry["number"] - 1 for entry in KEPT.values()) == BITS
 
 
 def test_a_change_that_is_not_told_would_be_seen():

@@ -13,7 +13,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from flurries.io import atomic, bands, read_picture, remove_leftovers, replacing, write_picture
+from flurries.io import atomic, read_picture, remove_leftovers, replacing, write_picture
+from flurries.io.pictures import rows
 
 OLD = b"the old file"
 
@@ -226,13 +227,13 @@ def damaging(original):
 def test_a_picture_that_reads_back_wrong_is_not_kept(tmp_path, monkeypatch):
     path = tmp_path / "a.exr"
     pixels = np.random.default_rng(2).random((40, 40, 3)).astype(np.float32)
-    monkeypatch.setattr(bands, "_write", damaging(bands._write))
+    monkeypatch.setattr(rows, "_write", damaging(rows._write))
     options = {"compression": "none", "half": False}
     with pytest.raises(OSError, match=r"a\.exr: does not read back"):
         write_picture(path, pixels, **options)
     assert names(tmp_path) == []
     # The control: without the check the damage goes unnoticed.
-    monkeypatch.setattr(bands, "_verify", lambda *_, **__: None)
+    monkeypatch.setattr(rows, "_verify", lambda *_, **__: None)
     write_picture(path, pixels, **options)
     assert not np.array_equal(read_picture(path).pixels, pixels)
 
@@ -249,7 +250,7 @@ def test_a_failure_in_the_middle_of_a_picture_leaves_the_old_one(tmp_path, monke
             raise KeyboardInterrupt
         return np.zeros((min(64, 200 - 64 * (len(calls) - 1)), 30, 3), np.uint8)
 
-    monkeypatch.setattr("flurries.io.writing._converted", failing)
+    monkeypatch.setattr("flurries.io.pictures.writer._converted", failing)
     with pytest.raises(KeyboardInterrupt):
         write_picture(path, np.zeros((200, 30, 3), np.uint8))
     assert len(calls) == 3
@@ -328,7 +329,7 @@ BETWEEN = """
 import sys
 from flurries.io import atomic
 # As when Ctrl-C falls after the file was made and before anything guards it.
-temporary, _ = atomic._reserve(atomic.Path(sys.argv[1]))
+temporary = atomic._reserve(atomic.Path(sys.argv[1]))
 print(temporary.exists(), flush=True)
 raise KeyboardInterrupt
 """

@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 
 from flurries.io import Pattern, frame_range, open_background, write_picture
-from flurries.io import sources as sources_module
 
 # Newer Pythons warn when a process with threads is forked, which is what these tests are about.
 pytestmark = pytest.mark.filterwarnings("ignore:.*fork.*:DeprecationWarning")
@@ -269,13 +268,11 @@ def test_pictures_of_a_source_cannot_be_changed(sequence):
         picture.pixels[0, 0] = 1
 
 
-def test_few_pictures_are_kept(sequence, monkeypatch):
+def test_few_pictures_are_kept(sequence):
     read = []
-    original = sources_module.read_picture
-    monkeypatch.setattr(
-        sources_module, "read_picture", lambda path: read.append(path) or original(path)
-    )
     source = open_background(sequence)
+    original = source.read
+    source.read = lambda path: read.append(path) or original(path)
     for number in (0, 0, 1, 0, 1, 2, 2, 0):
         source.frame(number)
     assert len(read) == 3

@@ -13,9 +13,9 @@ import pytest
 from skimage.metrics import peak_signal_noise_ratio
 
 from flurries.io import VideoWriter, open_background, read_video, write_picture
-from flurries.io.decoding import VideoReader
-from flurries.io.encoders import frame_rate
-from flurries.io.integrity import check_structure
+from flurries.io.films.codecs import frame_rate
+from flurries.io.films.reader import VideoReader
+from flurries.io.structure import check_structure
 
 # Newer Pythons warn when a process with threads is forked, which is what these tests are about.
 pytestmark = pytest.mark.filterwarnings("ignore:.*fork.*:DeprecationWarning")

@@ -21,7 +21,7 @@ from flurries.io import (
     srgb_to_linear,
     write_picture,
 )
-from flurries.output.write import display_bytes
+from flurries.output.contents import display_bytes
 
 Scene, Snow = fl.Scene, fl.Snow
 W, H = 66, 50

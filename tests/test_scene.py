@@ -310,7 +310,7 @@ REFUSED: dict[str, list[Any]] = {
     "background": ["#12", np.zeros((4, 4, 2)), np.zeros((4, 4), int), np.zeros((0, 4, 3)), None],
     "camera": [3.0, "x", object()],
     "effects": [["snow"], [None], [Snow], [1]],
-    "fps": [0, -1.0, np.nan, np.inf, "24", None, True],
+    "fps": [0, -1.0, np.nan, np.inf, "24", True],
     "seed": [2**63, 1.0, "1", None, True],
     "space": ["srgb", 1, None],
     "foreground": [MASK[:5], np.dstack([MASK] * 3), MASK * 2, MASK * np.nan, {}, 5],

@@ -19,11 +19,11 @@ import pytest
 
 import flurries as fl
 from flurries.cli import main
-from flurries.io import VideoWriter, read_picture, read_video, write_picture
-from flurries.io.sound import Sound, has_sound
+from flurries.io import VideoWriter, open_background, read_picture, read_video, write_picture
+from flurries.io.films.sound import Sound, has_sound
 from flurries.output import manifest
 from flurries.output.claims import awaited, claimed
-from flurries.output.sequence import Sequence
+from flurries.output.mark import Mark
 
 W, H = 66, 50
 PLATE = np.random.default_rng(3).integers(0, 220, (H, W, 3)).astype(np.uint8)
@@ -155,7 +155,7 @@ def test_the_two_modes_are_never_mixed(tmp_path: Path):
     SCENE.write(tmp_path / "%d.png", "1-2")
     fl.set_reproducible(True)
     try:
-        with pytest.raises(ValueError, match="not frame 1 of this scene"):
+        with pytest.raises(ValueError, match="something else"):
             SCENE.write(tmp_path / "%d.png", "1-3")
         assert SCENE.write(tmp_path / "%d.png", "1-3", overwrite=True).written == [1, 2, 3]
         assert SCENE.write(tmp_path / "%d.png", "1-3").kept == [1, 2, 3]
@@ -165,7 +165,7 @@ def test_the_two_modes_are_never_mixed(tmp_path: Path):
 
 def test_without_the_mark_scenes_would_be_mixed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     """The control: frames that do not say whose they are."""
-    monkeypatch.setattr(Sequence, "is_there", lambda self, number: self.path_of(number).exists())
+    monkeypatch.setattr(Mark, "settled", lambda self, path, said: {} if path.exists() else None)
     other = SCENE.replace(seed=9)
     SCENE.write(tmp_path / "%d.png", "1-2")
     assert other.write(tmp_path / "%d.png", "1-3").kept == [1, 2]
@@ -351,8 +351,44 @@ def test_the_sound_goes_with_its_frames(
         # Two frames from `first` on: the tones of frames 10 + first and the next.
         assert abs(pitch - (400 + 10 * (10 + first) + 5)) < 10, (first, pitch)
     assert np.abs(samples[int(1.1 * RATE) :]).max() < 0.05, "and ends with them"
-    assert scene.write(out, "10-29", quality="draft", sound=False).sound == "none"
+    assert scene.write(out, "10-29", quality="draft", sound=False, overwrite=True).sound == "none"
     assert not has_sound(out)
+
+
+@pytest.mark.parametrize("way", ["scene", "source", "file", "command", "command with a scene"])
+def test_16_6_a_film_keeps_its_rate_and_its_sound(
+    way: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    from flurries.cli import main
+
+    monkeypatch.chdir(tmp_path)
+    film_with_sound(tmp_path / "plate.mp4", "aac", frames=12)
+    Path("scene.toml").write_text('background = "plate.mp4"\n[[effects]]\nkind = "snow"\n')
+    if way == "command":
+        assert main(["render", "plate.mp4", "--snow", "light", "-o", "out.mp4"]) == 0
+    elif way == "command with a scene":
+        assert main(["render", "scene.toml", "-o", "out.mp4"]) == 0
+    else:
+        plate = open_background("plate.mp4") if way == "source" else "plate.mp4"
+        scene = fl.Scene.load("scene.toml") if way == "file" else fl.Scene(None, plate)
+        assert scene.fps == 20.0
+        assert scene.write("out.mp4").sound == "kept"
+    written = open_background("out.mp4")
+    assert (written.fps, written.count) == (20.0, 12)
+    assert has_sound("out.mp4")
+
+
+def test_16_6_a_rate_that_is_given_counts_and_30_where_there_is_none(tmp_path: Path):
+    film_with_sound(tmp_path / "plate.mp4", "aac", frames=6)
+    scene = fl.Scene(None, tmp_path / "plate.mp4", fps=25)
+    assert scene.fps == 25.0
+    assert "20 frames a second" in scene.write(tmp_path / "a.mp4").sound
+    (tmp_path / "scene.toml").write_text('background = "plate.mp4"\nfps = 12\n')
+    assert fl.Scene.load(tmp_path / "scene.toml").fps == 12.0
+    assert fl.Scene((64, 48)).fps == fl.Scene(None, np.zeros((4, 5, 3))).fps == 30.0
+    # A scene that was saved plays as it did.
+    fl.Scene(None, tmp_path / "plate.mp4").save(tmp_path / "again.toml")
+    assert fl.Scene.load(tmp_path / "again.toml").fps == 20.0
 
 
 def test_sound_that_would_not_fit_is_left_out(tmp_path: Path):
@@ -365,7 +401,8 @@ def test_sound_that_would_not_fit_is_left_out(tmp_path: Path):
         ("50-55", {}, "beyond"),
     ]
     for frames, change, why in cases:
-        done = scene.replace(**change).write(tmp_path / "a.mp4", frames, quality="draft")
+        out = tmp_path / "a.mp4"
+        done = scene.replace(**change).write(out, frames, quality="draft", overwrite=True)
         assert done.sound.startswith("left out") and why in done.sound
         assert not has_sound(tmp_path / "a.mp4")
     silent = fl.Scene((64, 48), "#102030")

@@ -8,15 +8,20 @@ import re
 import socket
 import subprocess
 import sys
+import tempfile
 import threading
+import time
 import urllib.request
+import webbrowser
 from collections.abc import Iterator
 from pathlib import Path
+from urllib.parse import urlsplit
+from urllib.request import url2pathname
 
 import pytest
 
 import flurries as fl
-from flurries.viewer.server import MOST_BYTES, Server
+from flurries.viewer.server import MOST_BYTES, MOST_LINES, Server, open_page
 
 SCENE = fl.Scene((64, 48), "#203040", effects=[fl.Snow(flakes=50)])
 
@@ -110,6 +115,74 @@ def test_no_other_page_may_frame_or_read_it(server: Server):
     assert "frame-ancestors 'none'" in headers["Content-Security-Policy"]
     assert headers["Referrer-Policy"] == "no-referrer"
     assert headers["Access-Control-Allow-Origin"] is None
+
+
+@pytest.mark.parametrize("field", ["t", "effect", "chart", "at", "values"])
+@pytest.mark.parametrize("digits", ["1" + "0" * 400, "-1" + "0" * 400, "1e999", "NaN", "9" * 5000])
+def test_16_13_numbers_out_of_all_bounds_answer_400(
+    server: Server, field: str, digits: str, capfd: pytest.CaptureFixture[str]
+):
+    value = {"at": f"[{digits}, 0.5]", "values": f'{{"0.amount": {digits}}}'}.get(field, digits)
+    body = f'{{"charts": true, "{field}": {value}}}'.encode()
+    assert asked(server, f"/{server.token}/ask", body)[0] == 400
+    assert asked(server, f"/{server.token}/ask", b"{}")[0] == 200
+    assert "Traceback" not in capfd.readouterr().err
+
+
+@pytest.mark.parametrize(
+    "length",
+    [b"\xb2", b"1" * 5000, b"-1", b"+2", b"2, 2", b"0x2", b"2.0", b"", b"2\r\nContent-Length: 2"],
+)
+def test_16_13_an_odd_content_length_answers_400(
+    server: Server, length: bytes, capfd: pytest.CaptureFixture[str]
+):
+    with socket.create_connection(("127.0.0.1", server.server_port), timeout=20) as line:
+        host = f"127.0.0.1:{server.server_port}"
+        start = f"POST /{server.token}/ask HTTP/1.1\r\nHost: {host}\r\nContent-Length: "
+        line.sendall(start.encode() + length + b"\r\n\r\n{}")
+        assert line.recv(1 << 16).startswith(b"HTTP/1.1 400 ")
+    assert "Traceback" not in capfd.readouterr().err
+
+
+def test_16_13_connections_are_capped(server: Server):
+    lines = [
+        socket.create_connection(("127.0.0.1", server.server_port), timeout=20)
+        for _ in range(MOST_LINES)
+    ]
+    try:
+        # The lines that wait have threads; the next one is told so, and no thread is made for it.
+        assert asked(server, f"/{server.token}/")[0] == 503
+        assert threading.active_count() < MOST_LINES + 20
+    finally:
+        for line in lines:
+            line.close()
+    for _ in range(100):
+        if asked(server, f"/{server.token}/")[0] == 200:
+            break
+        time.sleep(0.05)
+    else:
+        pytest.fail("lines that are closed must make room")
+
+
+def test_16_13_the_token_is_in_no_list_of_processes(
+    server: Server, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    """A browser that writes its command line down, as every user of the machine can read it."""
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    browser = tmp_path / "browser"
+    browser.write_text(
+        f'#!/bin/sh\necho "$@" > {tmp_path}/words.new\nmv {tmp_path}/words.new {tmp_path}/words\n'
+    )
+    browser.chmod(0o755)
+    monkeypatch.setattr(webbrowser, "open", webbrowser.GenericBrowser(str(browser)).open)
+    open_page(server)
+    words = (tmp_path / "words").read_text()
+    assert words.startswith("file:///") and server.token not in words
+    page = Path(url2pathname(urlsplit(words.strip()).path))
+    assert page.stat().st_mode & 0o077 == 0
+    assert f"url={server.url}" in page.read_text()
+    server.server_close()
+    assert not page.exists()
 
 
 def test_the_command(tmp_path: Path):

@@ -8,7 +8,10 @@ from __future__ import annotations
 
 import math
 import operator
+import sys
+import warnings
 from collections.abc import Iterable, Mapping, Sequence
+from difflib import get_close_matches
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -29,6 +32,10 @@ SMALLEST = 1e-100
 
 # From so many numbers on a kernel looks at them sooner than NumPy does.
 _MANY = 4096
+
+# Of a picture so many rows and columns are looked at; brighter light than this is rare.
+_SAMPLES = 256
+_LARGEST_LIGHT = 16.0
 _DOUBLE = float(np.finfo(np.float64).max)
 
 
@@ -119,8 +126,6 @@ def choice(name: str, value: object, options: Sequence[str]) -> str:
 
 def suggestion(word: str, known: Iterable[str]) -> str:
     """Return "; did you mean 'heavy'?" for "hevy", or nothing where no known word is like it."""
-    from difflib import get_close_matches
-
     near = get_close_matches(word, list(known), 1)
     return f"; did you mean {near[0]!r}?" if near else ""
 
@@ -269,6 +274,36 @@ def pixels(name: str, value: object, *, ndim: int) -> tuple[Array, np.dtype[Any]
     else:
         raise TypeError(f"{name} must be float16, float32 or float64, got {_came(value)}")
     return aligned(array, working), kept
+
+
+def warn_of_levels(name: str, picture: Array, advice: str) -> None:
+    """Warn of a float picture that holds levels up to 255 where 1 is white.
+
+    Weather over it would be nearly black. Judged by an even sample: its largest number is above 16
+    and no more than 255, and its mean above 1, as that of no picture of light is but in bright sun.
+    """
+    if picture.dtype.kind != "f" or not picture.size:
+        return
+    rows, columns = (max(length // _SAMPLES, 1) for length in picture.shape[:2])
+    sample = np.asarray(picture[::rows, ::columns], np.float64)
+    top, mean = float(sample.max()), float(sample.mean())
+    if _LARGEST_LIGHT < top <= 255.0 and mean > 1.0:
+        warnings.warn(
+            f"{name} is a float picture of values up to {top:g}, and its white is taken as 1; "
+            f"{advice} if that is its white",
+            UserWarning,
+            stacklevel=_outside(),
+        )
+
+
+def _outside() -> int:
+    """Return how far up the first caller outside this package is, as a warning counts it."""
+    frame, level = sys._getframe(1), 1
+    while frame.f_back is not None and frame.f_globals.get("__package__", "").startswith(
+        "flurries"
+    ):
+        frame, level = frame.f_back, level + 1
+    return level
 
 
 def depths(name: str, array: Array) -> Array:

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
+
 from flurries import _core
 from flurries._contract import flag, integer
 
@@ -62,3 +65,16 @@ def set_reproducible(on: bool) -> None:
 def reproducible() -> bool:
     """Return whether the kernels give the same bits with all vector instructions."""
     return _core.reproducible()
+
+
+@contextmanager
+def scope(*, threads: int | None, reproducible: bool | None) -> Iterator[None]:
+    """Give the calls of this thread a number of threads and a mode of their own.
+
+    Tasks that share a process each have theirs; None leaves one to the process.
+    """
+    before = _core.set_scope(threads, reproducible)
+    try:
+        yield
+    finally:
+        _core.set_scope(*before)

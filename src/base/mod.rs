@@ -5,6 +5,7 @@
 //! | [`error`] | what a caller can do wrong; cancelling |
 //! | [`random`] | counter-based numbers |
 //! | [`pool`] | the thread pool, safe across fork |
+//! | [`scope`] | what one call asks for: threads, a mode |
 //! | [`aligned`] | buffers that start at a cache line |
 //! | [`cover`] | which pixels an interval covers |
 //! | [`smooth`] | the cubic by which things fade |
@@ -25,5 +26,6 @@ pub mod random;
 pub mod real;
 pub mod sampling;
 pub mod scan;
+pub mod scope;
 pub mod simd;
 pub mod smooth;

@@ -16,6 +16,7 @@ use std::sync::atomic::{AtomicPtr, AtomicUsize, Ordering};
 use rayon::prelude::*;
 
 use crate::base::error::{Error, collected};
+use crate::base::scope::Scope;
 
 /// The most threads that may be asked for.
 pub const MOST_THREADS: usize = 256;
@@ -32,11 +33,16 @@ static SLOTS: [AtomicPtr<Slot>; MOST_THREADS + 1] =
 // 0 = not yet decided.
 static THREADS: AtomicUsize = AtomicUsize::new(0);
 
-/// Threads that kernels use: `set_threads`, else FLURRIES_NUM_THREADS, else all cores.
+/// Threads that kernels use: what the call asks for, else `set_threads`, else FLURRIES_NUM_THREADS,
+/// else all cores.
 pub fn threads() -> usize {
+    if let Some(count) = Scope::now().threads {
+        return count;
+    }
     match THREADS.load(Ordering::Relaxed) {
         0 => {
-            let count = from_environment(std::env::var("FLURRIES_NUM_THREADS").ok().as_deref());
+            // The gate has refused what is no number.
+            let count = environment().ok().flatten().unwrap_or_else(cores);
             THREADS.store(count, Ordering::Relaxed);
             count
         }
@@ -44,13 +50,26 @@ pub fn threads() -> usize {
     }
 }
 
-fn from_environment(value: Option<&str>) -> usize {
-    let cores = std::thread::available_parallelism().map_or(1, usize::from);
-    value
-        .and_then(|text| text.trim().parse::<usize>().ok())
-        .filter(|&count| count >= 1)
-        .unwrap_or(cores)
-        .min(MOST_THREADS)
+fn cores() -> usize {
+    std::thread::available_parallelism().map_or(1, usize::from).min(MOST_THREADS)
+}
+
+/// What FLURRIES_NUM_THREADS says; None where it is not set or empty.
+pub fn environment() -> Result<Option<usize>, Error> {
+    parsed(std::env::var("FLURRIES_NUM_THREADS").ok().as_deref())
+}
+
+fn parsed(value: Option<&str>) -> Result<Option<usize>, Error> {
+    let Some(text) = value.map(str::trim).filter(|text| !text.is_empty()) else {
+        return Ok(None);
+    };
+    match text.parse::<usize>() {
+        Ok(count) if (1..=MOST_THREADS).contains(&count) => Ok(Some(count)),
+        _ => Err(Error::invalid(
+            "FLURRIES_NUM_THREADS",
+            format!("must be 1 to {MOST_THREADS}, got {text:?}"),
+        )),
+    }
 }
 
 /// Sets the number of threads; results do not depend on it.
@@ -104,7 +123,14 @@ pub fn for_each<T: Send>(
         return items.try_for_each(work);
     }
     let items = collected(items)?;
-    pool(count)?.install(|| items.into_par_iter().with_max_len(1).try_for_each(work))
+    // Threads of the pool are everybody's: each item is worked on as its caller asks.
+    let asked = Scope::now();
+    pool(count)?.install(|| {
+        items.into_par_iter().with_max_len(1).try_for_each(|item| {
+            let _entered = asked.enter();
+            work(item)
+        })
+    })
 }
 
 /// `length` cut into at most `parts` runs of nearly equal length, none empty.
@@ -122,13 +148,13 @@ mod tests {
     use crate::base::error::guarded;
 
     #[test]
-    fn the_environment_is_read_kindly() {
-        assert_eq!(from_environment(Some("3")), 3);
-        assert_eq!(from_environment(Some("100000")), MOST_THREADS);
-        let cores = from_environment(None);
-        assert!(cores >= 1);
-        assert_eq!(from_environment(Some("zero")), cores);
-        assert_eq!(from_environment(Some("0")), cores);
+    fn the_environment_is_a_number_of_threads_or_refused() {
+        assert_eq!(parsed(Some(" 3 ")), Ok(Some(3)));
+        assert_eq!(parsed(Some("")), Ok(None));
+        assert_eq!(parsed(None), Ok(None));
+        for wrong in ["0", "-1", "abc", "257", "1000000", "2.0"] {
+            assert!(parsed(Some(wrong)).unwrap_err().to_string().contains("FLURRIES_NUM_THREADS"));
+        }
     }
 
     #[test]

@@ -11,7 +11,9 @@
 use std::sync::OnceLock;
 use std::sync::atomic::{AtomicU8, Ordering};
 
+use crate::base::error::Error;
 use crate::base::real::Real;
+use crate::base::scope::Scope;
 
 /// What the loops may use.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -24,17 +26,32 @@ pub enum Level {
     Avx512,
 }
 
-/// The best level of this processor, or a lower one that FLURRIES_SIMD names (portable, avx2).
+/// The best level of this processor, or a lower one that FLURRIES_SIMD names.
 pub fn level() -> Level {
     static LEVEL: OnceLock<Level> = OnceLock::new();
-    *LEVEL.get_or_init(|| capped(best(), std::env::var("FLURRIES_SIMD").ok().as_deref()))
+    // The gate has refused what is no level.
+    *LEVEL.get_or_init(|| match environment() {
+        Ok(Some(Level::Portable)) => Level::Portable,
+        Ok(Some(Level::Avx2)) if best() == Level::Avx512 => Level::Avx2,
+        _ => best(),
+    })
 }
 
-fn capped(best: Level, wanted: Option<&str>) -> Level {
-    match (wanted, best) {
-        (Some("portable"), _) => Level::Portable,
-        (Some("avx2"), Level::Avx512) => Level::Avx2,
-        _ => best,
+/// The level that FLURRIES_SIMD names; None where it is not set or empty.
+pub fn environment() -> Result<Option<Level>, Error> {
+    parsed(std::env::var("FLURRIES_SIMD").ok().as_deref())
+}
+
+fn parsed(value: Option<&str>) -> Result<Option<Level>, Error> {
+    match value {
+        None | Some("") => Ok(None),
+        Some("portable") => Ok(Some(Level::Portable)),
+        Some("avx2") => Ok(Some(Level::Avx2)),
+        Some("avx512") => Ok(Some(Level::Avx512)),
+        Some(other) => Err(Error::invalid(
+            "FLURRIES_SIMD",
+            format!("must be portable, avx2 or avx512, got {other:?}"),
+        )),
     }
 }
 
@@ -60,8 +77,12 @@ fn best() -> Level {
 /// What `set_reproducible` last said. 0: nothing yet, so as the environment says; 1: no; 2: yes.
 static REPRODUCIBLE: AtomicU8 = AtomicU8::new(0);
 
-/// Whether all levels give the same bits; FLURRIES_REPRODUCIBLE=1 says so for a process.
+/// Whether all levels give the same bits: what the call asks for, else what the process is set to;
+/// FLURRIES_REPRODUCIBLE=1 sets it.
 pub fn reproducible() -> bool {
+    if let Some(asked) = Scope::now().reproducible {
+        return asked;
+    }
     match REPRODUCIBLE.load(Ordering::Relaxed) {
         0 => {
             let told = std::env::var("FLURRIES_REPRODUCIBLE").is_ok_and(|value| value == "1");
@@ -72,7 +93,7 @@ pub fn reproducible() -> bool {
     }
 }
 
-/// Turns the reproducible mode on or off, for kernels that start from now on.
+/// Turns the mode of the process on or off, for kernels that start from now on.
 pub fn set_reproducible(on: bool) {
     REPRODUCIBLE.store(if on { 2 } else { 1 }, Ordering::Relaxed);
 }
@@ -148,11 +169,11 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_environment_only_lowers_the_level() {
-        assert_eq!(capped(Level::Avx512, Some("avx2")), Level::Avx2);
-        assert_eq!(capped(Level::Avx2, Some("portable")), Level::Portable);
-        assert_eq!(capped(Level::Portable, Some("avx2")), Level::Portable);
-        assert_eq!(capped(Level::Avx512, Some("fast")), Level::Avx512);
-        assert_eq!(capped(Level::Avx2, None), Level::Avx2);
+    fn the_environment_names_a_level_or_is_refused() {
+        assert_eq!(parsed(Some("avx2")), Ok(Some(Level::Avx2)));
+        assert_eq!(parsed(Some("portable")), Ok(Some(Level::Portable)));
+        assert_eq!(parsed(Some("avx512")), Ok(Some(Level::Avx512)));
+        assert_eq!(parsed(None), Ok(None));
+        assert!(parsed(Some("bogus")).unwrap_err().to_string().contains("FLURRIES_SIMD"));
     }
 }

@@ -1,6 +1,7 @@
 //! The one gate between Python and the kernels: interpreter released, panics and errors turned into
 //! exceptions, Ctrl-C heard during long work.
 
+use std::sync::OnceLock;
 use std::time::Duration;
 
 use numpy::{Element, PyReadonlyArray1, PyReadonlyArray2, PyReadwriteArray1, PyReadwriteArray2};
@@ -8,6 +9,8 @@ use pyo3::exceptions::{PyKeyboardInterrupt, PyMemoryError, PyRuntimeError, PyVal
 use pyo3::prelude::*;
 
 use crate::base::error::{Cancel, Error, guarded};
+use crate::base::scope::Scope;
+use crate::base::{pool, simd};
 
 pyo3::create_exception!(
     flurries,
@@ -42,6 +45,7 @@ pub fn run<R: Send>(
     nanoseconds: f64,
     kernel: impl FnOnce(&Cancel) -> Result<R, Error> + Send,
 ) -> PyResult<R> {
+    environment()?;
     let cancel = Cancel::new();
     let kernel = || guarded(|| kernel(&cancel));
     let (outcome, signal) = if nanoseconds < SHORT {
@@ -55,6 +59,13 @@ pub fn run<R: Send>(
     Ok(outcome?)
 }
 
+/// Refuses settings of the environment that cannot be followed, by their names.
+pub fn environment() -> Result<(), Error> {
+    static CHECKED: OnceLock<Result<(), Error>> = OnceLock::new();
+    let check = || pool::environment().and(simd::environment().map(|_| ()));
+    CHECKED.get_or_init(check).clone()
+}
+
 /// Of the thread of a long kernel, bytes; what the standard library takes by itself.
 const STACK: usize = 2 << 20;
 
@@ -63,8 +74,9 @@ fn watched<R: Send>(
     cancel: &Cancel,
 ) -> Result<(R, Option<PyErr>), Error> {
     std::thread::scope(|scope| {
-        let waiter = std::thread::current();
+        let (waiter, asked) = (std::thread::current(), Scope::now());
         let worker = std::thread::Builder::new().stack_size(STACK).spawn_scoped(scope, move || {
+            let _entered = asked.enter();
             let result = kernel();
             waiter.unpark();
             result

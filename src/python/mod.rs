@@ -65,7 +65,7 @@ mod core {
         tile_count, tile_shares, wave_depth,
     };
     #[pymodule_export]
-    use super::threads::{reproducible, set_reproducible, set_threads, threads};
+    use super::threads::{reproducible, set_reproducible, set_scope, set_threads, threads};
     #[pymodule_export]
     use super::volume::volume;
 

@@ -2,6 +2,8 @@
 
 use pyo3::prelude::*;
 
+use super::gate;
+use crate::base::scope::Scope;
 use crate::base::{pool, simd};
 
 /// Sets how many threads the kernels use.
@@ -12,8 +14,9 @@ pub fn set_threads(n: usize) -> PyResult<()> {
 
 /// How many threads the kernels use.
 #[pyfunction]
-pub fn threads() -> usize {
-    pool::threads()
+pub fn threads() -> PyResult<usize> {
+    gate::environment()?;
+    Ok(pool::threads())
 }
 
 /// Turns the mode on or off in which all vector levels give the same bits.
@@ -26,4 +29,16 @@ pub fn set_reproducible(on: bool) {
 #[pyfunction]
 pub fn reproducible() -> bool {
     simd::reproducible()
+}
+
+/// Sets threads and mode for the calls of this thread alone; returns what they were. None leaves one to
+/// the process.
+#[pyfunction]
+#[pyo3(signature = (threads, reproducible))]
+pub fn set_scope(
+    threads: Option<usize>,
+    reproducible: Option<bool>,
+) -> (Option<usize>, Option<bool>) {
+    let old = Scope { threads, reproducible }.swap();
+    (old.threads, old.reproducible)
 }

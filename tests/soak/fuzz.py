@@ -1,4 +1,4 @@
-"""Read damaged pictures, or fuzzed scene files, in a process of its own; print what came of it."""
+"""Read damaged files of every kind in a process of its own; print what came of it."""
 
 from __future__ import annotations
 
@@ -15,11 +15,26 @@ from typing import Any
 import numpy as np
 
 import flurries as fl
-from flurries.io import read_header, read_picture
+from flurries.camera import importers
+from flurries.io import (
+    VideoWriter,
+    open_background,
+    read_depth,
+    read_header,
+    read_layers,
+    read_mask,
+    read_path,
+    read_picture,
+    read_views,
+    write_layers,
+    write_picture,
+    write_views,
+)
+from flurries.output import manifest
 
 # One that takes longer hangs: the alarm ends the process.
 LONGEST = 20
-MOST_MEMORY = 4 << 30
+MOST_MEMORY = 2 << 30
 
 
 def damaged(data: bytes, random: Any) -> bytes:
@@ -70,7 +85,8 @@ def scenes(folder: Path, count: int) -> Iterator[Callable[[], Any]]:
     fl.Scene((96, 64), "#304050", camera, effects, sun=fl.Sun()).save(path)
     text = path.read_bytes()
     words = [b"nan", b"inf", b"1e999", b"-1", b"9" * 30, b"[[", b"]", b'"', b"'''", b"=", b"\n[",
-             b"{", b"true", b"\xff", b"\0", b"../../x.png", b"#" * 50, b"0x7fffffff"]  # fmt: skip
+             b"{", b"true", b"\xff", b"\0", b"../../x.png", b"#" * 50, b"0x7fffffff",
+             b"9" * 400, b"0x" + b"f" * 400, b"a." * 200, b"[" * 2000]  # fmt: skip
     for _ in range(count):
         if random.integers(2):
             bad = bytearray(text)
@@ -84,13 +100,77 @@ def scenes(folder: Path, count: int) -> Iterator[Callable[[], Any]]:
         yield lambda: fl.Scene.load(path)
 
 
+def films(path: Path) -> None:
+    source = open_background(path)
+    for number in (0, (source.count or 1) - 1):
+        source.frame(number)
+    source.close()
+
+
+def all_kinds(folder: Path, count: int) -> Iterator[Callable[[], Any]]:
+    """Yield jobs for mutants of every kind of file that is read, each in turn."""
+    random = np.random.default_rng(7)
+    light = random.random((40, 56, 4)).astype(np.float32)
+    levels = (255 * light[..., :3]).astype(np.uint8)
+    (folder / "colmap").mkdir(exist_ok=True)
+    for name, pixels in {
+        "a.exr": light, "a.hdr": light[..., :3], "a.tif": light, "a.png": levels, "a.jpg": levels,
+    }.items():  # fmt: skip
+        write_picture(folder / name, pixels)
+    write_layers(folder / "depth.exr", {"rgba": light, "depth": light[..., 0] + 1.0})
+    write_views(folder / "views.exr", light, light)
+    for name in ("a.mp4", "a.mkv", "a.webm"):
+        with VideoWriter(folder / name, (56, 40), 24) as film:
+            for shift in range(6):
+                film.write(np.roll(levels, shift, axis=1))
+    scene = fl.Scene((56, 40), "#304050", effects=[fl.Snow(), fl.Rain()], sun=fl.Sun())
+    scene.save(folder / "a.toml")
+    scene.write(folder / "out" / "%d.png", "1-3")
+    (folder / "out" / manifest.NAME).rename(folder / "a.json")
+    (folder / "a.csv").write_text("frame,x,y,z,focal\n0,1,2,3,50\n4,2,3,4.5,60\n9,2,3,5,70\n")
+    (folder / "a.chan").write_text("1 0 1 2 10 20 30 45\n2 0 1 3 11 20 30 46\n")
+    (folder / "a.txt").write_text("1 0 0 0 0 1 0 0 0 0 1 0\n1 0 0 1 0 1 0 0 0 0 1 2\n")
+    (folder / "colmap" / "cameras.txt").write_text("1 PINHOLE 56 40 50 50 28 20\n")
+    (folder / "a.images").write_text("1 1 0 0 0 0 0 0 1 a1.png\n\n2 1 0 0 0 0 0 1 1 a2.png\n\n")
+    kinds: list[tuple[str, str, Callable[[Path], Any]]] = [
+        ("a.exr", "bad.exr", read_picture), ("a.png", "bad.png", read_picture),
+        ("a.jpg", "bad.jpg", read_picture), ("a.tif", "bad.tif", read_picture),
+        ("a.hdr", "bad.hdr", read_picture), ("a.exr", "bad.exr", read_mask),
+        ("depth.exr", "bad.exr", read_depth), ("depth.exr", "bad.exr", read_layers),
+        ("views.exr", "bad.exr", read_views), ("a.mp4", "bad.mp4", films),
+        ("a.mkv", "bad.mkv", films), ("a.webm", "bad.webm", films),
+        ("a.toml", "bad.toml", fl.Scene.load), ("a.json", manifest.NAME, manifest_of),
+        ("a.csv", "bad.csv", read_path),
+        ("a.chan", "bad.chan", lambda path: importers.load(path, (40, 56))),
+        ("a.txt", "bad.txt", lambda path: importers.load(path, (40, 56))),
+        ("a.images", "colmap/images.txt", lambda path: importers.load(path.parent, (40, 56))),
+    ]  # fmt: skip
+    originals = [(folder / name).read_bytes() for name, _, _ in kinds]
+    # The control: what is not damaged is read.
+    for original, (_, name, read) in zip(originals, kinds, strict=True):
+        (folder / name).write_bytes(original)
+        read(folder / name)
+    for number in range(count):
+        _, name, read = kinds[number % len(kinds)]
+        (folder / name).write_bytes(damaged(originals[number % len(kinds)], random))
+        yield lambda read=read, path=folder / name: read(path)
+
+
+def manifest_of(path: Path) -> None:
+    manifest.read(path.parent)
+
+
 def main(what: str, folder: str, count: str, *names: str) -> None:
     warnings.simplefilter("ignore")
     signal.signal(signal.SIGALRM, signal.SIG_DFL)
     resource.setrlimit(resource.RLIMIT_AS, (MOST_MEMORY, MOST_MEMORY))
     tried = errors = 0
     slowest, complaints = 0.0, []
-    jobs = {"pictures": pictures, "scenes": scenes}[what](Path(folder), int(count), *names)
+    jobs: Iterator[Callable[[], Any]]
+    if what == "pictures":
+        jobs = pictures(Path(folder), int(count), *names)
+    else:
+        jobs = {"scenes": scenes, "all": all_kinds}[what](Path(folder), int(count))
     before = 0
     for job in jobs:
         signal.alarm(LONGEST)
@@ -100,7 +180,7 @@ def main(what: str, folder: str, count: str, *names: str) -> None:
         except (OSError, ValueError, TypeError) as error:
             errors += 1
             if len(str(error)) > 2000:
-                complaints.append(f"{len(str(error))} letters")
+                complaints.append(f"{len(str(error))} letters: {str(error)[:200]}")
         except BaseException as error:
             complaints.append(f"{type(error).__name__}: {error}"[:300])
         slowest = max(slowest, time.process_time() - started)

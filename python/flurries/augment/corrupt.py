@@ -9,28 +9,28 @@ there already, and was made of the same bytes in the same way, stays.
 from __future__ import annotations
 
 import hashlib
-import json
 import os
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Any
 
+from flurries import augment
 from flurries._contract import choice, flag, integer, seed_of
+from flurries.augment.weather import replay
+from flurries.io import linear_to_srgb, read_picture, srgb_to_linear, write_picture
+from flurries.output.cluster import cluster
+from flurries.output.crew import make, processes
+from flurries.output.manifest import NAME
+from flurries.output.mark import Mark
+from flurries.output.sequence import run
+from flurries.scene.fingerprint import Hashes
 
 __all__ = ["Corrupted", "corrupt"]
 
 WEATHERS = {"snow": "Snowfall", "rain": "Rainfall", "fog": "Fog"}
 SUFFIXES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".exr")
-MANIFEST = "manifest.json"
-
-# What a run has made so far, a line a picture: a run that was killed is gone on from it.
-JOURNAL = ".manifest.jsonl"
-
-# What makes a picture anew although the seed is the same: raised when the weather itself changes.
-EDITION = 1
-
 # Most pictures of one task: their work is to be long against a task's own cost.
 _CHUNK = 8
 
@@ -46,27 +46,13 @@ class Corrupted:
     failed : dict of str to str
         Pictures that could not be read or written, and why.
     manifest : Path
-        JSON: the seed, and of each file its source, weather, severity, record and hash.
+        ``flurries.json``: of each file its source, weather, severity, record and hash.
     """
 
     written: list[Path]
     kept: list[Path]
     failed: dict[str, str]
     manifest: Path
-
-
-@dataclass(frozen=True)
-class _Job:
-    """One picture in all its weathers."""
-
-    source: str
-    name: str
-    out: str
-    weathers: tuple[str, ...]
-    severities: tuple[int, ...]
-    seed: int
-    overwrite: bool
-    known: dict[str, Any]
 
 
 def corrupt(
@@ -100,7 +86,7 @@ def corrupt(
     dask : str, optional
         Address of a Dask scheduler in place of own processes; "" starts a cluster here.
     overwrite : bool
-        Make again what is there.
+        Replace what is there, whatever it is.
     progress : callable, optional
         Wraps the tasks, as tqdm does.
 
@@ -111,7 +97,7 @@ def corrupt(
     Raises
     ------
     ValueError, TypeError
-        For an argument that is not as described.
+        For an argument that is not as described, or where something else is in the way.
     OSError
         If the folder cannot be read or the manifest cannot be written. A picture that fails does
         not stop the others.
@@ -136,36 +122,35 @@ def corrupt(
     names = _names(source)
     if not names:
         raise ValueError(f"{source}: no pictures ({', '.join(SUFFIXES)})")
+    parts = [(name, kind, level) for name in names for kind in kinds for level in levels]
+    job = _Pictures(source.absolute(), target.absolute(), parts, start, overwrite=again)
+    # All of them now: a worker may have a folder to itself no more than another.
     target.mkdir(exist_ok=True)
-    known = _manifest(target, start)
-    of: dict[str, dict[str, Any]] = {name: {} for name in names}
-    for path, entry in known.items():
-        of.setdefault(entry["source"], {})[path] = entry
-    jobs = [
-        _Job(str(source / name), name, str(target), kinds, levels, start, again, of[name])
-        for name in names
-    ]
-    _tidied(target)
-    size = max(min(_CHUNK, len(jobs) // (4 * count)), 1)
-    chunks = [jobs[i : i + size] for i in range(0, len(jobs), size)]
-    answers = _Answers(chunks, count, dask)
-    written: list[Path] = []
-    kept: list[Path] = []
-    failed: dict[str, str] = {}
-    with (target / JOURNAL).open("a", encoding="utf-8") as journal:
-        for answer in answers if progress is None else progress(answers):
-            name, made, stayed, entries, error = answer
-            written += [target / path for path in made]
-            kept += [target / path for path in stayed]
-            known.update(entries)
-            if made:
-                journal.write(json.dumps({"seed": start, "files": entries}) + "\n")
-                journal.flush()
-            if error is not None:
-                failed[name] = error
-    _save(target, start, known)
-    (target / JOURNAL).unlink()
-    return Corrupted(sorted(written), sorted(kept), failed, target / MANIFEST)
+    for part in parts:
+        (target / _path(part)).parent.mkdir(parents=True, exist_ok=True)
+    each = len(kinds) * len(levels)
+    size = each * max(min(_CHUNK, len(names) // (4 * count)), 1)
+    wanted = list(range(len(parts)))
+    groups = [wanted[first : first + size] for first in range(0, len(wanted), size)]
+    bar = progress or _silent
+    if dask is None and (count == 1 or len(groups) == 1):
+        done = run(job, wanted, bar)
+    else:
+        crew_of = processes(job, count) if dask is None else cluster(job, dask, count=count)
+        with crew_of as crew:
+            done = run(job, wanted, bar, partial(make, crew, groups))
+    failed = {names[index // each]: why for index, why in done.failed.items()}
+    files = [target / _path(part) for part in parts]
+    return Corrupted(
+        sorted(files[index] for index in done.written),
+        sorted(files[index] for index in done.kept),
+        failed,
+        target / NAME,
+    )
+
+
+def _silent(indices: Iterable[int]) -> Iterable[int]:
+    return indices
 
 
 def _levels(severity: int | str | Sequence[int]) -> tuple[int, ...]:
@@ -194,169 +179,76 @@ def _names(folder: Path) -> list[str]:
     return sorted(found)
 
 
-def _manifest(folder: Path, seed: int) -> dict[str, Any]:
-    """Return the entries of earlier runs; refuses those of another seed."""
-    entries: dict[str, Any] = {}
-    for path in (folder / MANIFEST, folder / JOURNAL):
-        if not path.exists():
-            continue
-        text = path.read_text(encoding="utf-8")
-        # Of a run that was killed the last line may be torn: it is made again.
-        parts = [text] if path.name == MANIFEST else text.split("\n")[:-1]
-        for part in parts:
-            try:
-                found = json.loads(part)
-                theirs, files = found["seed"], dict(found["files"])
-            except (ValueError, KeyError, TypeError):
-                raise ValueError(
-                    f"{path}: is no manifest of such a set; choose another folder"
-                ) from None
-            if theirs != seed:
-                raise ValueError(
-                    f"{path}: the set has the seed {theirs}, not {seed}; choose another folder"
-                )
-            entries.update(files)
-    return {key: e for key, e in entries.items() if e.get("edition") == EDITION}
+@dataclass
+class _Pictures:
+    """A `flurries.output.sequence.Job`: pictures, each in all its weathers after each other."""
 
+    source: Path
+    folder: Path
+    parts: list[tuple[str, str, int]]
+    seed: int
+    overwrite: bool = False
+    listed: bool = True
+    tolerant: bool = True
+    _hashes: Hashes = field(default_factory=Hashes)
+    _last: tuple[str, str, Any] = ("", "", None)
 
-def _tidied(folder: Path) -> None:
-    """Remove what a killed run left under temporary names."""
-    from flurries.io import remove_leftovers
+    def path_of(self, index: int) -> Path:
+        """Return where a picture goes."""
+        return self.folder / _path(self.parts[index])
 
-    for here, _, _ in os.walk(folder):
-        remove_leftovers(here)
+    def mark_of(self, index: int) -> Mark:
+        """Return what a picture must say of itself."""
+        name, kind, level = self.parts[index]
+        content = self._hashes[self.source / name]
+        return Mark(f"{kind}-{level}-{self.seed}", _index(name, kind, level), content)
 
+    def make(self, index: int) -> Any:
+        """Return a picture in its weather."""
+        picture, drawn = self._read(self.parts[index][0]), replay(self._record(index))
+        if picture.encoding == "linear":
+            # Weather is mixed in display values; what is brighter than white stays so.
+            return picture, srgb_to_linear(drawn(linear_to_srgb(picture.pixels)))
+        return picture, drawn(picture.pixels)
 
-def _save(folder: Path, seed: int, entries: dict[str, Any]) -> None:
-    from flurries import __version__
-    from flurries.io import replacing
+    def _read(self, name: str) -> Any:
+        content = self._hashes[self.source / name]
+        if self._last[:2] != (name, content):
+            self._last = name, content, read_picture(self.source / name)
+        return self._last[2]
 
-    whole = {"version": __version__, "seed": seed, "files": dict(sorted(entries.items()))}
-    with replacing(folder / MANIFEST) as temporary:
-        Path(temporary).write_text(json.dumps(whole, indent=1), encoding="utf-8")
+    def save(self, path: Path, made: Any, header: dict[str, Any]) -> None:
+        """Write a picture as its source is."""
+        picture, pixels = made
+        write_picture(
+            path, pixels, alpha=picture.alpha, encoding=picture.encoding, metadata=header,
+            premultiplied=None if picture.alpha is None else picture.premultiplied,
+        )  # fmt: skip
 
+    def notes(self, index: int) -> dict[str, Any]:
+        """Return what the manifest says of a picture."""
+        name, kind, level = self.parts[index]
+        record = self._record(index)
+        return {"source": name, "weather": kind, "severity": level, "record": record}
 
-class _Answers:
-    """What became of each picture, as it is done, wherever the work is."""
+    def _record(self, index: int) -> dict[str, Any]:
+        name, kind, level = self.parts[index]
+        weather = getattr(augment, WEATHERS[kind])(severity=level, seed=self.seed)
+        record: dict[str, Any] = weather.record(index=_index(name, kind, level))
+        return record
 
-    def __init__(self, chunks: list[list[_Job]], workers: int, dask: str | None) -> None:
-        self._chunks, self._workers, self._dask = chunks, workers, dask
-
-    def __len__(self) -> int:
-        return sum(map(len, self._chunks))
-
-    def __iter__(self) -> Iterator[Any]:
-        if self._dask is not None:
-            yield from self._by_dask(self._dask)
-        elif self._workers == 1 or len(self._chunks) == 1:
-            for chunk in self._chunks:
-                yield from map(_one, chunk)
-        else:
-            yield from self._by_processes()
-
-    def _by_processes(self) -> Iterator[Any]:
-        import multiprocessing
-
-        # Spawned, not forked: what the caller's threads hold is not carried along.
-        with ProcessPoolExecutor(
-            min(self._workers, len(self._chunks)),
-            mp_context=multiprocessing.get_context("spawn"),
-            initializer=_one_thread,
-        ) as pool:
-            for future in as_completed([pool.submit(_chunk, chunk) for chunk in self._chunks]):
-                yield from future.result()
-
-    def _by_dask(self, address: str) -> Iterator[Any]:
-        import distributed
-
-        dask: Any = distributed
-        own = {"n_workers": self._workers, "threads_per_worker": 1, "dashboard_address": None}
-        here: dict[str, Any] = {} if address else own
-        with dask.Client(address or None, **here) as client:
-            futures = client.map(_chunk, self._chunks, pure=False)
-            for future in dask.as_completed(futures):
-                yield from future.result()
-
-
-def _one_thread() -> None:
-    from flurries._threads import set_threads
-
-    set_threads(1)
-
-
-def _chunk(jobs: list[_Job]) -> list[Any]:
-    return [_one(job) for job in jobs]
-
-
-def _one(job: _Job) -> tuple[str, list[str], list[str], dict[str, Any], str | None]:
-    """Write one picture in all its weathers: its name, files made and kept, entries, and error."""
-    made: list[str] = []
-    kept: list[str] = []
-    entries: dict[str, Any] = {}
-    from flurries.io import read_picture
-
-    try:
-        content = hashlib.sha256(Path(job.source).read_bytes()).hexdigest()
-        picture: Any = None
-        for kind in job.weathers:
-            for level in job.severities:
-                path = _path(job.name, kind, level)
-                known = None if job.overwrite else job.known.get(path)
-                if known and known["content"] == content and _is_whole(job.out, path, known):
-                    kept.append(path)
-                    entries[path] = known
-                    continue
-                picture = read_picture(job.source) if picture is None else picture
-                entries[path] = _written(job, path, kind, level, picture, content)
-                made.append(path)
-    except (OSError, ValueError, TypeError, MemoryError) as error:
-        return job.name, made, kept, entries, f"{type(error).__name__}: {error}"
-    return job.name, made, kept, entries, None
-
-
-def _path(name: str, kind: str, level: int) -> str:
-    """Return where a picture goes, from the folder of the set."""
-    return (Path(kind) / str(level) / name).as_posix()
-
-
-def _is_whole(out: str, path: str, known: dict[str, Any]) -> bool:
-    try:
-        content = (Path(out) / path).read_bytes()
-    except OSError:
+    def stands_in(self, index: int) -> bool:
+        """Never."""
         return False
-    return bool(hashlib.sha256(content).hexdigest() == known["sha256"])
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {**vars(self), "_last": ("", "", None)}
 
 
-def _written(
-    job: _Job, path: str, kind: str, level: int, picture: Any, content: str
-) -> dict[str, Any]:
-    """Write one file and return its entry."""
-    from flurries import augment
-    from flurries.io import linear_to_srgb, srgb_to_linear, write_picture
-
-    weather = getattr(augment, WEATHERS[kind])(severity=level, seed=job.seed)
-    record = weather.record(index=_index(job.name, kind, level))
-    pixels, drawn = picture.pixels, augment.replay(record)
-    if picture.encoding == "linear":
-        # Weather is mixed in display values; what is brighter than white stays so.
-        seen = srgb_to_linear(drawn(linear_to_srgb(pixels)))
-    else:
-        seen = drawn(pixels)
-    target = Path(job.out) / path
-    target.parent.mkdir(parents=True, exist_ok=True)
-    write_picture(
-        target, seen, alpha=picture.alpha, encoding=picture.encoding,
-        premultiplied=None if picture.alpha is None else picture.premultiplied,
-    )  # fmt: skip
-    return {
-        "source": job.name,
-        "content": content,
-        "weather": kind,
-        "severity": level,
-        "edition": EDITION,
-        "record": record,
-        "sha256": hashlib.sha256(target.read_bytes()).hexdigest(),
-    }
+def _path(part: tuple[str, str, int]) -> str:
+    """Return where a picture goes, from the folder of the set."""
+    name, kind, level = part
+    return (Path(kind) / str(level) / name).as_posix()
 
 
 def _index(name: str, kind: str, level: int) -> int:

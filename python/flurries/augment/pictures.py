@@ -2,17 +2,12 @@
 
 from __future__ import annotations
 
-import warnings
-
 import numpy as np
 
 from flurries import _core
-from flurries._contract import Array, _came, aligned
+from flurries._contract import Array, _came, aligned, warn_of_levels
 
 DTYPES = ("uint8", "uint16", "float16", "float32", "float64")
-
-# A float picture of values up to 255 would come out nearly black where it snows.
-_LOOKS_LIKE_BYTES = 16.0
 
 
 def picture_of(name: str, value: object) -> Array:
@@ -81,7 +76,7 @@ def mixed(given: Array, alpha: Array, color: tuple[float, ...], white: float) ->
     planes = planes_of(given)
     floats = planes.dtype.kind == "f"
     if floats and white == 1.0:
-        _warn_of_bytes(planes)
+        warn_of_levels("image", planes, "give the transform white=255")
     light = [c * (white if floats else 1.0) for c in channels_of(color, planes.shape[2])]
     result: Array = np.empty(planes.shape, planes.dtype)
     kind = np.float64 if planes.dtype == np.float64 else np.float32
@@ -98,14 +93,3 @@ def channels_of(color: tuple[float, ...], count: int) -> list[float]:
     if count == 3:
         return list(color)
     return [0.2126 * color[0] + 0.7152 * color[1] + 0.0722 * color[2]]
-
-
-def _warn_of_bytes(planes: Array) -> None:
-    top = float(planes.max())
-    if _LOOKS_LIKE_BYTES < top <= 255.0:
-        warnings.warn(
-            f"image is a float picture of values up to {top:g}, and its white is taken as 1; "
-            "give the transform white=255 if that is its white",
-            UserWarning,
-            stacklevel=5,
-        )

@@ -9,14 +9,14 @@ from typing import Any
 
 import numpy as np
 
-from flurries.io.headers import plain_file
+from flurries.io.files import read_text
 from flurries.motion.keys import Keys
 
 _PLACE = ("x", "y", "z")
 _VECTOR = ("rx", "ry", "rz")
 _QUATERNION = ("qw", "qx", "qy", "qz")
 _KNOWN = ("frame", *_PLACE, *_VECTOR, *_QUATERNION, "focal")
-_MOST_BYTES = 1 << 28
+_MOST_BYTES = 1 << 25
 
 
 def read_path(path: str | os.PathLike[str]) -> dict[str, Any]:
@@ -44,14 +44,11 @@ def read_path(path: str | os.PathLike[str]) -> dict[str, Any]:
         If a column is missing or unknown, or an entry is not a finite number; the message names the
         line.
     """
-    file = plain_file(path)
-    if file.stat().st_size > _MOST_BYTES:
-        raise ValueError(f"{file}: a camera path has at most {_MOST_BYTES} bytes")
-    with file.open(newline="", encoding="utf-8-sig") as stream:
-        try:
-            rows = [row for row in csv.reader(stream) if any(map(str.strip, row))]
-        except (csv.Error, UnicodeDecodeError) as error:
-            raise ValueError(f"{file}: not a CSV file: {error}") from None
+    file, text = os.fspath(path), read_text(path, _MOST_BYTES, "camera path")
+    try:
+        rows = [row for row in csv.reader(text.splitlines()) if any(map(str.strip, row))]
+    except csv.Error as error:
+        raise ValueError(f"{file}: not a CSV file: {error}") from None
     if len(rows) < 2:
         raise ValueError(f"{file}: a camera path needs a header and at least one row")
     names = [name.strip().lower() for name in rows[0]]

@@ -52,13 +52,15 @@ NAMED = 10
 @option("--no-sound", is_flag=True, help="a video without the film's sound")
 @option("--no-manifest", is_flag=True, help="no flurries.json beside a sequence")
 @dask("the threads of this machine")
+@option("--dask-patience", type=float, default=60.0, metavar="SECONDS", example="600",
+        help="how long to wait while the cluster has no worker")  # fmt: skip
 @THREADS
 @REPRODUCIBLE
 @voice
 def render(
     words: Words, output: str, frames: str | None, overwrite: bool, full: bool, layers: bool,
     alone: bool, quality: str, damaged: str, no_sound: bool, no_manifest: bool, dask: str | None,
-    **given: Any,
+    dask_patience: float, **given: Any,
 ) -> int:  # fmt: skip
     """Render weather over a picture, a film, a sequence, a color such as #203040, or a scene.toml.
 
@@ -73,7 +75,8 @@ def render(
         summary = scene.write(
             output, frames, half=not full, layers=layers, alone=alone, overwrite=overwrite,
             damaged=damaged, sound=not no_sound, manifest=not no_manifest, quality=quality,
-            dask=None if dask is None else dask or True, progress=words.progress("frame"),
+            dask=None if dask is None else dask or True, dask_patience=dask_patience,
+            progress=words.progress("frame"),
         )  # fmt: skip
     # Frames that are not as they should be are said in any case.
     (say if summary.skipped or summary.held else words.say)(describe(summary))

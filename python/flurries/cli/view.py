@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import webbrowser
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +10,7 @@ import click
 from flurries.cli.options import FILE, REPRODUCIBLE, THREADS, command, option, voice
 from flurries.cli.weather import scene_of, scene_options
 from flurries.cli.words import Words
-from flurries.viewer.server import Server, serve
+from flurries.viewer.server import Server, open_page, serve
 
 
 @command(
@@ -39,5 +38,5 @@ def view(
     print(server.url, flush=True)
     words.say("Ctrl-C ends the viewer")
     if not no_browser:
-        webbrowser.open(server.url)
+        open_page(server)
     serve(server)

@@ -104,8 +104,6 @@ def _new(source: str, changes: dict[str, Any], options: dict[str, Any]) -> Scene
     background: Any = source
     if not source.startswith("#"):
         background = open_background(source)
-        if background.fps is not None:
-            changes.setdefault("fps", float(background.fps))
     return Scene(changes.pop("size", None), background, effects=effects, **changes)
 
 
@@ -122,7 +120,7 @@ def _changed(scene: Scene, changes: dict[str, Any], options: dict[str, Any]) -> 
     if "size" in changes and scene.size is not None:
         # The focal length belongs to the picture's width: keep the angle of view.
         changes["size"] = parse_size(changes["size"])
-        changes["camera"] = scene.camera.scaled(changes["size"][0] / scene.size[0])
+        changes["camera"] = scene.camera.resize(changes["size"][0] / scene.size[0])
     return scene.replace(**changes)
 
 

@@ -7,7 +7,7 @@ from dataclasses import is_dataclass
 from importlib.metadata import EntryPoint, entry_points
 from typing import Any
 
-from flurries._contract import suggestion
+from flurries._contract import _came, suggestion
 from flurries.effects.cone import ConeRain, ConeSnow
 from flurries.effects.matched import MatchedSnow
 from flurries.effects.mist import Mist
@@ -53,9 +53,11 @@ def register(kind: str, effect: type[Any]) -> None:
     ``docs/your-own-effect.md`` has an effect in 25 lines.
     """
     if not isinstance(kind, str) or not kind.isidentifier() or kind != kind.lower():
-        raise ValueError(f"kind must be a name of lower case letters, digits and _, got {kind!r}")
+        raise ValueError(
+            f"kind must be a name of lower case letters, digits and _, got {_came(kind)}"
+        )
     if kind in OURS:
-        raise ValueError(f"kind must not be one of flurries' own, got {kind!r}")
+        raise ValueError(f"kind must not be one of flurries' own, got {_came(kind)}")
     if not (isinstance(effect, type) and is_dataclass(effect) and hasattr(effect, "render")):
         raise TypeError(f"effect must be a dataclass with a method render, got {effect!r}")
     _registered[kind] = effect
@@ -73,7 +75,7 @@ def class_of(kind: object) -> type[Any]:
         return found
     names = ", ".join(map(repr, sorted({*known, *others}, key=[*known, *others].index)))
     near = suggestion(kind, (*known, *others)) if isinstance(kind, str) else ""
-    raise ValueError(f"kind must be one of {names}, got {kind!r}{near}")
+    raise ValueError(f"kind must be one of {names}, got {_came(kind)}{near}")
 
 
 def kind_of(effect: object) -> str | None:

@@ -10,7 +10,7 @@ from flurries import _core
 from flurries._contract import Array
 from flurries.frame.bands import crop
 from flurries.frame.visible import Window
-from flurries.io.color import linear_to_srgb, srgb_to_linear
+from flurries.io.color import linear_to_srgb, srgb_to_linear, unmultiply
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,9 +55,7 @@ class Matte:
         cover = self.light[..., 3:]
         colors = self.light[..., :3]
         if self.linear_light and not linear:
-            # Encoding bends: it wants straight colors.
-            straight = np.divide(colors, cover, out=np.zeros_like(colors), where=cover > 0.0)
-            colors = linear_to_srgb(straight) * cover
+            colors = linear_to_srgb(unmultiply(colors, cover)) * cover
         elif not self.linear_light:
             colors = (srgb_to_linear(colors) if linear else colors) * cover
         return np.concatenate([colors, cover], axis=2)

@@ -20,6 +20,7 @@ from flurries.io.color import (
     to_linear,
     to_single,
     to_unit,
+    unmultiply,
 )
 
 # Values that are encoded at a time: in float32 they and what is made on the way fit a cache.
@@ -41,16 +42,20 @@ class Mix:
         The background's own.
     table : bool
         Whether display values of integer pictures are looked up.
+    straight : bool
+        Whether the background is of integers with alpha, which its colors are not multiplied by. In
+        the mix they are, and those of floats are already.
     """
 
     linear: bool
     encoding: str
     table: bool = False
+    straight: bool = False
 
     @property
     def same(self) -> bool:
         """Whether that is the light that the background holds."""
-        return self.linear == (self.encoding == "linear")
+        return self.linear == (self.encoding == "linear") and not self.straight
 
     def decode(self, picture: Array) -> Array:
         """Return the background in the light that layers are mixed in."""
@@ -58,12 +63,21 @@ class Mix:
             return np.ascontiguousarray(picture)
 
         def turn(part: Array) -> Array:
-            return to_linear(part, self.encoding) if self.linear else to_display(part, "linear")
+            if part.shape[2] == 3:
+                return self._decode(part)
+            cover = to_unit(part[..., 3:])
+            colors = part[..., :3] if self.straight else unmultiply(part[..., :3], cover)
+            return np.concatenate([self._decode(colors) * cover, cover], axis=2)
 
         return _by_parts(turn, picture, np.empty(picture.shape, np.float32))
 
+    def _decode(self, colors: Array) -> Array:
+        return (
+            to_linear(colors, self.encoding) if self.linear else to_display(colors, self.encoding)
+        )
+
     def plate(self, picture: Array) -> Array:
-        """Return the background in the light that layers are mixed in, (H, W, 3) float32."""
+        """Return the background in the light that layers are mixed in, float32."""
         return to_single(to_unit(self.decode(picture)))
 
     def encode(self, working: Array, picture: Array, into: Array | None = None) -> Array:
@@ -76,9 +90,25 @@ class Mix:
             if result is not working:
                 result[...] = working
             return result
-        return _by_parts(lambda part: self._encode(part, picture.dtype), working, result)
+        if working.shape[2] == 3:
+            return _by_parts(lambda part: self._encode(part, picture.dtype), working, result)
+        _by_parts(lambda part: self._with_alpha(part, picture.dtype), working, result)
+        if self.straight:
+            # Where nothing is, there is no color; that of the background stays in the file.
+            nothing = result[..., 3] == 0
+            result[nothing, :3] = picture[nothing, :3]
+        return result
+
+    def _with_alpha(self, working: Array, dtype: np.dtype[Any]) -> Array:
+        cover = working[..., 3:]
+        colors = self._encode(unmultiply(working[..., :3], cover), dtype)
+        if not self.straight:
+            return np.concatenate([colors * cover, cover], axis=2)
+        return np.concatenate([colors, to_integer(cover, 8 * dtype.itemsize)], axis=2)
 
     def _encode(self, working: Array, dtype: np.dtype[Any]) -> Array:
+        if self.linear == (self.encoding == "linear"):
+            return to_integer(working, 8 * dtype.itemsize) if dtype.kind == "u" else working
         if not self.linear:
             return to_linear(working, "display")
         if self.table:
@@ -88,7 +118,7 @@ class Mix:
     def over(self, working: Array, layer: Layer, into: Array | None = None) -> Array:
         """Return a layer over what lies behind it, in `into` if given: another array."""
         result = np.empty_like(working) if into is None else into
-        if layer.rgb is None:
+        if layer.rgb is None and working.shape[2] == 3:
             _core.snow(result, working, layer.alpha, self.light(layer.color))
         else:
             _core.over(result, working, self.rgba(layer))
@@ -103,10 +133,8 @@ class Mix:
         if self.linear:
             result[..., :3] = layer.rgb
             return result
-        # Encoding bends: it wants straight colors.
         cover = layer.alpha[..., None]
-        straight = np.divide(layer.rgb, cover, out=np.zeros_like(layer.rgb), where=cover > 0.0)
-        np.multiply(linear_to_srgb(straight), cover, out=result[..., :3])
+        np.multiply(linear_to_srgb(unmultiply(layer.rgb, cover)), cover, out=result[..., :3])
         return result
 
     def light(self, color: Any) -> list[float]:

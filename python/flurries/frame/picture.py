@@ -33,12 +33,14 @@ def images(
     choice = program.choice(t, tolerance)
     # Where none of the weather can be seen, none is made.
     inner = program.open_part(window, choice.hidden)
-    mix, matte = program.mix(table=choice.table), program.matte
+    mix, matte = program.mix(plate, table=choice.table), program.matte
+    # With alpha, integers show what is less than half a step: in the colors of what is faint.
+    dtype = plate.dtype if plate.shape[2] == 3 else np.dtype(np.float32)
     front = None if matte is None else matte.window(window)
     cameras = tuple(program.camera(eye, t) for eye in eyes)
     pictures = []
     for camera in cameras:
-        asks = [] if inner is None else program.asks(t, camera, inner, plate.dtype, choice)
+        asks = [] if inner is None else program.asks(t, camera, inner, dtype, choice)
         pictures.append(Picture(asks, mix, plate, front, window, inner))
     bands = bands_in(window, pictures[0].asks, mix, matte)
     if inner is not None and (len(eyes) > 1 or len(bands) > 1):
@@ -73,7 +75,7 @@ class Picture:
         The effects that lie over the background, back to front.
     mix : Mix
         In which light.
-    plate : (h, w, 3)
+    plate : (h, w, 3 or 4)
         The background's window.
     matte : Matte or None
         The window of what stands in front.
@@ -125,7 +127,7 @@ class Picture:
         """Return all layers over what lies behind them, the last one in `into` if it can be."""
         for number, ask in enumerate(self.asks):
             effect, frame = ask.part.effect, _narrow(ask, part)
-            if cover is None and into is None and not frame.banded:
+            if cover is None and into is None and not frame.banded and over.shape[2] == 3:
                 one_pass = getattr(effect, "over", None)
                 done = None if one_pass is None else one_pass(frame, over, self.mix.light)
                 if done is not None:

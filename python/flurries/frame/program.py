@@ -132,9 +132,10 @@ class Program:
         seed = effect_seed(self.seed, index) if own is None else own
         self.parts.append(Part(effect, index, seed, needs))
 
-    def mix(self, *, table: bool = False) -> Mix:
-        """Return the light that layers are mixed in."""
-        return Mix(self.linear, self.backdrop.encoding, table)
+    def mix(self, plate: Array | None = None, *, table: bool = False) -> Mix:
+        """Return the light that layers are mixed in, over a plate of the background."""
+        straight = plate is not None and plate.shape[2] == 4 and plate.dtype.kind == "u"
+        return Mix(self.linear, self.backdrop.encoding, table, straight)
 
     def camera(self, eye: Camera | None, t: float) -> Camera:
         """Return an eye, or the path's own camera, as it is at `t`."""

@@ -118,6 +118,9 @@ class Light(NamedTuple):
     def of(picture: Array, linear: bool, encoding: str) -> Light:
         """Return how errors count over a background, with layers mixed in linear light or not."""
         same = linear == (encoding == "linear")
+        if picture.shape[2] == 4:
+            # Dividing by alpha makes errors as large as can be.
+            return Light(same, 0.0, math.inf, 1.0)
         if picture.dtype.kind == "u":
             step = 1.0 / float(np.iinfo(picture.dtype).max)
             return Light(same, step, 1.0, 1.0 if same else STEEPEST)

@@ -30,7 +30,7 @@ class Rendered:
 
     Attributes
     ----------
-    image : (h, w, 3)
+    image : (h, w, 3 or 4)
         The composite, as `Scene.render` returns it.
     alpha : (h, w) float32
         Opacity of all layers together.
@@ -59,8 +59,8 @@ class Rendered:
         Of the layers together: at every pixel that of the layer that shows most.
     weather_depth : (h, w) float32 or None
         In the same way of their depths.
-    background : (h, w, 3) float32
-        In the light of the composite.
+    background : (h, w, 3 or 4) float32
+        In the light of the composite, multiplied by alpha.
     foreground : (h, w, 4) float32 or None
         The foreground's picture, premultiplied; None without one. A mask is in the layers already.
     linear : bool
@@ -105,7 +105,7 @@ def _truth(
     if matte is not None:
         # A mask keeps the weather from the background's own pixels in front.
         parts = [behind(part, matte.cover) for part in parts]
-    mix, front = program.mix(), None
+    mix, front = program.mix(plate), None
     with stage("composite"):
         light = mix.decode(plate)
         for part in parts:

@@ -1,24 +1,30 @@
-"""Pictures, sequences and video: the only place that touches files and color encodings.
+"""Pictures, layers, films and color: the only place that touches files and color encodings.
 
 Importing it costs NumPy; OpenImageIO and PyAV are imported by the first call that needs them.
 """
 
+from __future__ import annotations
+
+import os
+from typing import Any
+
 from flurries.io.atomic import remove_leftovers, replacing
 from flurries.io.color import linear_to_srgb, srgb_to_linear
-from flurries.io.decoding import read_video
-from flurries.io.depth import open_depth, read_depth
-from flurries.io.headers import Header, read_header
-from flurries.io.layer_views import write_layer_views
-from flurries.io.layers import read_layers, write_layers
-from flurries.io.pictures import Picture, read_mask, read_picture
-from flurries.io.resize import fit, fit_nearest
+from flurries.io.files import Budget
+from flurries.io.films.reader import read_video
+from flurries.io.films.writer import VideoWriter
+from flurries.io.layers.depth import open_depth, read_depth
+from flurries.io.layers.planes import read_layers, write_layers
+from flurries.io.layers.views import read_views, write_layer_views, write_views
+from flurries.io.pictures.fitting import fit, fit_nearest
+from flurries.io.pictures.header import Header, read_header
+from flurries.io.pictures.reader import Picture, read_mask, read_picture
+from flurries.io.pictures.writer import write_picture
 from flurries.io.sequences import Pattern, frame_range
 from flurries.io.sources import Source, open_background
-from flurries.io.video import VideoWriter
-from flurries.io.views import read_views, write_views
-from flurries.io.writing import write_picture
 
 __all__ = [
+    "Budget",
     "Header",
     "Pattern",
     "Picture",
@@ -45,3 +51,10 @@ __all__ = [
     "write_picture",
     "write_views",
 ]
+
+
+def read_path(path: str | os.PathLike[str]) -> dict[str, Any]:
+    """Read the way of a camera from a CSV file: :func:`flurries.camera.csv.read_path`."""
+    from flurries.camera.csv import read_path as read
+
+    return read(path)

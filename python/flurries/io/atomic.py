@@ -3,8 +3,9 @@
 A file is written under a hidden name in its own folder, checked, flushed to the disk, and renamed.
 Whoever looks at the final name sees the old file or the new one, whatever happens in between: an
 exception, Ctrl-C, a full disk, or a process killed without warning. The last leaves the hidden file
-behind, and `remove_leftovers` finds it: a writer holds a lock on its temporary file, and the
-system lets go of the lock when the process dies.
+behind, and `remove_leftovers` finds it: its name says which process on which machine it belongs to.
+What belongs to another machine counts as left behind when it has not changed for an hour; locks
+would not tell, as folders on a network may have locks that only one machine sees.
 """
 
 from __future__ import annotations
@@ -12,10 +13,12 @@ from __future__ import annotations
 import atexit
 import contextlib
 import errno
+import hashlib
 import os
-import secrets
+import socket
 import stat
 import sys
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -24,7 +27,13 @@ if sys.platform != "win32":
     import fcntl
 
 PREFIX = ".flurries-"
-TOKEN_LENGTH = 16
+TOKEN_LENGTH = 24
+
+# Of a token: the machine and the process.
+_OWNER = 16
+
+# A hidden file of another machine that has not changed for so long, in seconds, was left behind.
+_HOUR = 3600.0
 
 # The temporary files of this process, and which process that is. Ctrl-C can fall between the making
 # of a file and the block that guards it, so the end of the process looks once more.
@@ -61,7 +70,7 @@ def replacing(path: str | os.PathLike[str]) -> Iterator[Path]:
         If `path` is empty or holds a NUL byte.
     """
     target = checked_target(path)
-    temporary, descriptor = _reserve(target)
+    temporary = _reserve(target)
     owner = os.getpid()
     try:
         yield temporary
@@ -71,7 +80,11 @@ def replacing(path: str | os.PathLike[str]) -> Iterator[Path]:
         temporary.replace(target)
         _unfinished.pop(temporary, None)
     except OSError as error:
+        # Other libraries' writers do not say why they failed; the disk does.
+        reason = None if error.errno is not None else _why_full(temporary)
         _remove(temporary, owner)
+        if reason is not None:
+            raise OSError(reason.errno, reason.strerror, str(target)) from error
         # A message about the hidden name, or about none, helps nobody: name the file itself.
         if error.errno is not None and error.filename in (None, str(temporary), temporary):
             raise OSError(error.errno, error.strerror, str(target)) from error
@@ -79,9 +92,6 @@ def replacing(path: str | os.PathLike[str]) -> Iterator[Path]:
     except BaseException:
         _remove(temporary, owner)
         raise
-    finally:
-        if descriptor is not None:
-            os.close(descriptor)
     _flush_folder(target.parent)
 
 
@@ -125,6 +135,8 @@ def checked_target(path: str | os.PathLike[str]) -> Path:
 def remove_leftovers(folder: str | os.PathLike[str]) -> list[Path]:
     """Remove the temporary files of writers that were killed; those at work are left alone.
 
+    Of this machine those of processes that have ended; of another those an hour old.
+
     Parameters
     ----------
     folder : str or path
@@ -136,41 +148,84 @@ def remove_leftovers(folder: str | os.PathLike[str]) -> list[Path]:
         What was removed.
     """
     removed = []
-    for found in sorted(Path(folder).glob(f"{PREFIX}{'?' * TOKEN_LENGTH}*")):
-        if remove_abandoned(found):
+    for found in sorted(Path(folder).glob(f"{PREFIX}{'?' * _OWNER}*")):
+        if _is_left(found) and remove_abandoned(found):
             removed.append(found)
     return removed
 
 
-def _reserve(target: Path) -> tuple[Path, int | None]:
-    """Make the temporary file, locked; return it with the open descriptor that holds the lock."""
+def owner_of_new_files() -> str:
+    """Return this process and its machine, as the names of its hidden files begin."""
+    # Containers may share a name but not their numbers of processes.
+    parts = [socket.gethostname()]
+    with contextlib.suppress(OSError):
+        parts.append(Path("/proc/sys/kernel/random/boot_id").read_text())
+        parts.append(str(Path("/proc/self/ns/pid").stat().st_ino))
+    machine = hashlib.sha256("\n".join(parts).encode()).hexdigest()
+    pid = f"{os.getpid():06x}"
+    return machine[: _OWNER - len(pid)] + pid
+
+
+def _is_left(file: Path) -> bool:
+    """Whether whoever was at a hidden file is gone."""
+    try:
+        found = file.lstat()
+        if not stat.S_ISREG(found.st_mode):
+            return False
+        # The name of a claim is the same for all who want the file; what is in it is not.
+        claim = file.name.endswith("-claim")
+        owner = file.read_bytes()[:_OWNER].decode() if claim else file.name[len(PREFIX) :][:_OWNER]
+    except (OSError, ValueError):
+        return False
+    own = owner_of_new_files()
+    if sys.platform != "win32" and len(owner) == _OWNER and owner[:-6] == own[:-6]:
+        with contextlib.suppress(ValueError):
+            return not _is_alive(int(owner[-6:], 16))
+    return time.time() - found.st_mtime > _HOUR
+
+
+def _is_alive(process: int) -> bool:
+    try:
+        os.kill(process, 0)
+    except ProcessLookupError:
+        return False
+    except OSError:
+        return True
+    return True
+
+
+def _why_full(temporary: Path) -> OSError | None:
+    """Return why no more can be written to a file, or None if it can."""
+    try:
+        with temporary.open("ab") as file:
+            file.write(bytes(1 << 20))
+            file.flush()
+            os.fsync(file.fileno())
+    except OSError as error:
+        return error
+    return None
+
+
+def _reserve(target: Path) -> Path:
+    """Make the temporary file."""
     # The name does not grow with the target's, so a name at the length limit still has room.
     suffix = target.suffix if len(target.suffix) <= 16 else ""
     while True:
-        temporary = target.with_name(f"{PREFIX}{secrets.token_hex(TOKEN_LENGTH // 2)}{suffix}")
+        token = owner_of_new_files() + os.urandom((TOKEN_LENGTH - _OWNER) // 2).hex()
+        temporary = target.with_name(f"{PREFIX}{token}{suffix}")
         _unfinished[temporary] = os.getpid()
         flags = os.O_RDWR | os.O_CREAT | os.O_EXCL | getattr(os, "O_CLOEXEC", 0)
         try:
             # Mode 0o666 less the umask: what any program gives a new file. A private temporary
             # file would become a private picture.
-            descriptor = os.open(temporary, flags, 0o666)
+            os.close(os.open(temporary, flags, 0o666))
         except FileExistsError:
             del _unfinished[temporary]
-            continue
         except OSError as error:
             del _unfinished[temporary]
             raise OSError(error.errno, error.strerror, str(target)) from error
-        if sys.platform == "win32":
-            # An open file can be neither renamed nor removed there, which is lock enough.
-            os.close(descriptor)
-            return temporary, None
-        with contextlib.suppress(OSError):
-            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        # Someone may have tidied up between the making and the locking.
-        if os.fstat(descriptor).st_nlink:
-            return temporary, descriptor
-        os.close(descriptor)
-        del _unfinished[temporary]
+        else:
+            return temporary
 
 
 def remove_abandoned(temporary: Path) -> bool:

@@ -97,6 +97,11 @@ def to_display(pixels: Array, encoding: str) -> Array:
     return values if encoding == "display" else linear_to_srgb(values)
 
 
+def unmultiply(colors: Array, alpha: Array) -> Array:
+    """Return straight colors, which encoding wants as it bends; black where alpha is 0."""
+    return np.divide(colors, alpha, out=np.zeros_like(colors), where=alpha > 0.0)
+
+
 def to_integer(values: Array, bits: int) -> Array:
     """Round floats from 0 to 1 to integers of 8 or 16 bits; the rest is clipped, NaN becomes 0."""
     largest = 2**bits - 1

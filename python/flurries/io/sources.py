@@ -8,15 +8,18 @@ import os
 import threading
 from abc import ABC, abstractmethod
 from collections import OrderedDict
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
 from flurries.io import forks
 from flurries.io.color import Encoding
-from flurries.io.containers import READABLE
-from flurries.io.decoding import VideoReader
-from flurries.io.headers import read_header
-from flurries.io.pictures import Picture, read_picture
+from flurries.io.files import Budget, path_text
+from flurries.io.films.index import READABLE
+from flurries.io.films.reader import VideoReader
+from flurries.io.pictures.header import read_header
+from flurries.io.pictures.reader import Picture, read_picture
 from flurries.io.sequences import Pattern
 
 # Two eyes ask for the same frame, and a player steps back and forth by one.
@@ -71,8 +74,7 @@ class Source(ABC):
         TypeError
             If `i` is not an integer.
         """
-        number = max(operator.index(i), 0)
-        number = 0 if self.count is None else min(number, self.count - 1)
+        number = self._number(i)
         with self._own_lock():
             if number in self._kept:
                 self._kept.move_to_end(number)
@@ -86,10 +88,19 @@ class Source(ABC):
                 self._kept.popitem(last=False)
             return picture
 
+    def file(self, i: int) -> Path:
+        """Return the file that holds frame `i`, see `frame`."""
+        return Path(self.spec)
+
     def close(self) -> None:
         """Close files and forget pictures; asking for a frame opens them again."""
         with self._own_lock():
             self._kept.clear()
+
+    def _number(self, i: int) -> int:
+        """Return the frame that stands for `i`: the first before it, the last after the end."""
+        number = max(operator.index(i), 0)
+        return 0 if self.count is None else min(number, self.count - 1)
 
     @abstractmethod
     def _read(self, number: int) -> Picture:
@@ -112,10 +123,6 @@ class Source(ABC):
                 return picture
             raise error
 
-    def _picture(self, path: str | Path) -> Picture:
-        """Read a file of it."""
-        return read_picture(path)
-
     def _renew(self) -> None:
         self._lock = threading.Lock()
         self._process = os.getpid()
@@ -136,23 +143,29 @@ class Source(ABC):
         self._renew()
 
 
+# What reads a picture of a still or a sequence.
+Reader: TypeAlias = "Callable[[str | Path], Picture]"
+
+
 class StillSource(Source):
     """One picture for all frames."""
 
-    def __init__(self, spec: str, damaged: str) -> None:
+    def __init__(self, spec: str, damaged: str, read: Reader) -> None:
         super().__init__(spec, damaged)
+        self.read, self.first_file = read, Path(spec)
         header = read_header(spec)
         self.size, self.encoding = header.size, header.encoding
 
     def _read(self, number: int) -> Picture:
-        return self._picture(self.spec)
+        return self.read(self.spec)
 
 
 class SequenceSource(Source):
     """A picture file per frame; frame 0 is the file with the lowest number."""
 
-    def __init__(self, spec: str, damaged: str) -> None:
+    def __init__(self, spec: str, damaged: str, read: Reader) -> None:
         super().__init__(spec, damaged)
+        self.read = read
         # Only the name is a pattern: a folder may be called "50%".
         self.folder, name = os.path.split(spec)
         self.pattern = Pattern(name)
@@ -161,8 +174,13 @@ class SequenceSource(Source):
             raise FileNotFoundError(errno.ENOENT, "No frame of this sequence is there", spec)
         self.first = numbers[0]
         self.count = numbers[-1] - numbers[0] + 1
-        header = read_header(self._path(self.first))
+        self.first_file = self._path(self.first)
+        header = read_header(self.first_file)
         self.size, self.encoding = header.size, header.encoding
+
+    def file(self, i: int) -> Path:
+        """Return the file that holds frame `i`, see `frame`."""
+        return self._path(self.first + self._number(i))
 
     def _path(self, frame: int) -> Path:
         return Path(self.folder) / self.pattern.path(frame)
@@ -173,7 +191,7 @@ class SequenceSource(Source):
         if not path.exists():
             raise FileNotFoundError(errno.ENOENT, f"Frame {frame} is missing", str(path))
         try:
-            picture = self._picture(path)
+            picture = self.read(path)
         except OSError as error:
             raise OSError(f"frame {frame}: {error}") from error
         except ValueError as error:
@@ -193,9 +211,10 @@ class VideoSource(Source):
     encoding: Encoding = "display"
     _reader: VideoReader | None
 
-    def __init__(self, spec: str, damaged: str) -> None:
+    def __init__(self, spec: str, damaged: str, budget: Budget | None = None) -> None:
         super().__init__(spec, damaged)
-        self._reader = reader = VideoReader(spec)
+        self.budget = budget
+        self._reader = reader = VideoReader(spec, budget=budget)
         assert reader.size is not None  # The reader has decoded the first frame.
         self.size, self.count, self.fps = reader.size, reader.count, reader.fps
 
@@ -214,11 +233,13 @@ class VideoSource(Source):
 
     def _read(self, number: int) -> Picture:
         if self._reader is None:
-            self._reader = VideoReader(self.spec)
+            self._reader = VideoReader(self.spec, budget=self.budget)
         return Picture(self._reader.frame(number), None, "display", self.spec)
 
 
-def open_background(spec: str | os.PathLike[str], *, damaged: str = "stop") -> Source:
+def open_background(
+    spec: str | os.PathLike[str], *, damaged: str = "stop", budget: Budget | None = None
+) -> Source:
     """Open a background: a picture, a numbered sequence of pictures, or a video.
 
     Parameters
@@ -229,6 +250,8 @@ def open_background(spec: str | os.PathLike[str], *, damaged: str = "stop") -> S
     damaged : {"stop", "hold"}
         Whether a frame that is missing or damaged is an error, or the last good frame before it
         stands in for it.
+    budget : Budget, optional
+        As `read_picture`; for each frame.
 
     Returns
     -------
@@ -244,17 +267,29 @@ def open_background(spec: str | os.PathLike[str], *, damaged: str = "stop") -> S
     ValueError
         If it is not a picture or video of a known format, or the pattern is not one.
     """
-    text = os.fspath(spec)
-    if not isinstance(text, str):
-        raise TypeError(f"background must be a string or a path, got {type(spec).__name__}")
-    if not text or "\0" in text:
-        raise ValueError(f"background must name a file, got {text!r}")
     if damaged not in ("stop", "hold"):
         raise ValueError(f"damaged must be 'stop' or 'hold', got {damaged!r}")
-    path = Path(text).absolute()
+    if budget is not None:
+        Budget.of(budget)
+    path = _place("background", spec)
+    if path.suffix.lower() in READABLE and not _is_pattern(path):
+        return VideoSource(str(path), damaged, budget)
+    return open_pictures("background", spec, partial(read_picture, budget=budget), damaged)
+
+
+def open_pictures(
+    name: str, spec: str | os.PathLike[str], read: Reader, damaged: str = "stop"
+) -> StillSource | SequenceSource:
+    """Open a still or a numbered sequence, whose files `read` reads; `name` is the argument's."""
+    path = _place(name, spec)
+    kind = SequenceSource if _is_pattern(path) else StillSource
+    return kind(str(path), damaged, read)
+
+
+def _place(name: str, spec: str | os.PathLike[str]) -> Path:
+    return Path(path_text(name, spec)).absolute()
+
+
+def _is_pattern(path: Path) -> bool:
     # A file whose own name holds a '%' is that file.
-    if "%" in path.name and not path.exists():
-        return SequenceSource(str(path), damaged)
-    if path.suffix.lower() in READABLE:
-        return VideoSource(str(path), damaged)
-    return StillSource(str(path), damaged)
+    return "%" in path.name and not path.exists()

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from flurries._contract import Array
-from flurries.io.color import linear_to_srgb, to_linear
+from flurries.io.color import linear_to_srgb, to_linear, to_unit
 
 # What pictures reflect on average, the grey of exposure meters; and fresh snow.
 _GREY, _SNOW = 0.18, 0.9
@@ -16,8 +16,8 @@ def ambient_light(picture: Array, encoding: str) -> tuple[float, float, float]:
 
     Parameters
     ----------
-    picture : (H, W, 3)
-        Of a background's dtype.
+    picture : (H, W, 3 or 4)
+        Of a background's dtype; what is transparent counts as far as it shows.
     encoding : {"display", "linear"}
         What its numbers mean.
 
@@ -32,10 +32,15 @@ def ambient_light(picture: Array, encoding: str) -> tuple[float, float, float]:
     -----
     The ambient color of Langer 2003's slides, which do not say where it comes from.
     """
-    light = to_linear(picture, encoding).reshape(-1, 3)
+    light = to_linear(picture[..., :3], encoding)
+    whole = 1.0
+    if picture.shape[2] == 4:
+        cover = to_unit(picture[..., 3:])
+        light, whole = light * cover if picture.dtype.kind == "u" else light, float(cover.mean())
+    light = light.reshape(-1, 3)
     light = light[np.isfinite(light).all(axis=1)]
-    if len(light) == 0:
+    if len(light) == 0 or whole == 0.0:
         return 1.0, 1.0, 1.0
-    white = np.maximum(light.mean(axis=0, dtype=np.float64), 0.0) * (_SNOW / _GREY)
+    white = np.maximum(light.mean(axis=0, dtype=np.float64) / whole, 0.0) * (_SNOW / _GREY)
     red, green, blue = linear_to_srgb(white / max(float(white.max()), 1.0)).tolist()
     return red, green, blue

@@ -1,8 +1,9 @@
-"""Who makes which frame: several processes share a folder without a master.
+"""Who makes which file: several processes share a folder without a master.
 
 A process that makes a file holds a lock on a hidden file beside it. The system lets go of the lock
 when the process dies, so nothing has to be cleaned up before another takes over. Where a file
-system has no locks two processes may make the same frame; each is renamed whole, with equal bits.
+system has no locks, or locks that only one machine sees, two processes may make the same file; each
+is renamed whole, with equal bits.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ import sys
 import time
 from pathlib import Path
 
-from flurries.io.atomic import PREFIX, TOKEN_LENGTH, remove_abandoned
+from flurries.io.atomic import PREFIX, TOKEN_LENGTH, owner_of_new_files, remove_abandoned
 
 if sys.platform != "win32":
     import fcntl
@@ -51,6 +52,9 @@ class Claim:
             return None
         # Whoever had it may have removed it between the opening and the locking.
         if os.fstat(self._descriptor).st_nlink:
+            # Whose it was, if this process is killed.
+            with contextlib.suppress(OSError):
+                os.pwrite(self._descriptor, owner_of_new_files().encode(), 0)
             return True
         self._let_go()
         return False

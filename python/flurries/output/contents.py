@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from flurries._contract import Array
 from flurries.camera.lens import Camera
-
-if TYPE_CHECKING:
-    from flurries.frame.truth import Rendered
-    from flurries.scene.scene import Scene
+from flurries.frame.truth import Rendered
+from flurries.io import write_layer_views, write_layers, write_picture
+from flurries.io.color import to_display, to_integer, to_linear, to_unit
+from flurries.io.pictures.writer import format_of
+from flurries.scene.scene import Scene
 
 # What the numbers of `forward` in a file mean.
 MOTION = "px per frame, x right, y down"
@@ -46,8 +48,6 @@ class Content:
         """What tells files of one scene but other content apart."""
         words = ["half" if self.half else "float", self.kind]
         if self.eyes is not None:
-            import hashlib
-
             told = repr(list(self.eyes.items())).encode()
             words.append(f"eyes{hashlib.sha256(told).hexdigest()[:8]}")
         return "-".join(words)
@@ -63,8 +63,6 @@ class Content:
 
     def save(self, scene: Scene, path: Path, frame: Any, metadata: dict[str, Any]) -> None:
         """Write a rendered frame."""
-        from flurries.io import write_layer_views, write_layers, write_picture
-
         if self.kind == "layers":
             metadata = {
                 **metadata,
@@ -81,6 +79,7 @@ class Content:
             pixels = weather(frame)
             write_picture(path, pixels, encoding=encoding, half=self.half, metadata=metadata)
         else:
+            frame = frame if format_of(path).alpha else without_alpha(frame, path)
             write_picture(path, frame, half=self.half, metadata=metadata)
 
     def _planes(self, scene: Scene, frame: Any) -> dict[str, Array]:
@@ -128,8 +127,31 @@ def weather(rendered: Rendered) -> Array:
 
 
 def _light(image: Array) -> Array:
-    """Return an image as linear light with alpha 1."""
-    from flurries.io.color import to_linear
+    """Return an image as linear light, premultiplied, with alpha 1 where it has none."""
+    light = to_linear(image[..., :3], "display" if image.dtype.kind == "u" else "linear")
+    if image.shape[2] == 3:
+        return np.concatenate([light, np.ones_like(light[..., :1])], axis=2)
+    cover = to_unit(image[..., 3:])
+    return np.concatenate([light * cover if image.dtype.kind == "u" else light, cover], axis=2)
 
-    light = to_linear(image, "display" if image.dtype.kind == "u" else "linear")
-    return np.concatenate([light, np.ones_like(light[..., :1])], axis=2)
+
+def without_alpha(image: Array, path: object) -> Array:
+    """Return an image for a file that holds no alpha.
+
+    Raises
+    ------
+    ValueError
+        If something is transparent in it.
+    """
+    if image.shape[2] == 3:
+        return image
+    if not (to_unit(image[..., 3]) == 1.0).all():
+        raise ValueError(f"{path}: the frame is transparent in places; take .png, .exr or .tif")
+    return np.ascontiguousarray(image[..., :3])
+
+
+def display_bytes(image: Array) -> Array:
+    """Return (H, W, 3) uint8 display values of a rendered image."""
+    if image.dtype == np.uint8:
+        return image
+    return to_integer(to_display(image, "display" if image.dtype.kind == "u" else "linear"), 8)

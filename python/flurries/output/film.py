@@ -2,93 +2,115 @@
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Iterator
-from contextlib import ExitStack
+from dataclasses import replace
 from fractions import Fraction
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from flurries._contract import Array
-from flurries.output.sequence import Progress
+from flurries.io import VideoWriter
+from flurries.io.films.codecs import frame_rate
+from flurries.io.films.sound import Sound, has_sound
+from flurries.io.films.writer import comment_of
+from flurries.output.contents import display_bytes, without_alpha
+from flurries.output.frames import Frames, is_readable
+from flurries.output.groups import images
+from flurries.output.mark import Refused
+from flurries.output.sequence import Done, Progress
+from flurries.scene.scene import Scene
 from flurries.trace import stage
-
-if TYPE_CHECKING:
-    from flurries.io.sound import Sound
-    from flurries.scene.scene import Scene
 
 
 def write_film(
-    scene: Scene,
-    path: Path,
+    job: Frames,
     frames: list[int],
     quality: str,
     progress: Progress,
     *,
-    skip: bool,
     sound: bool,
-    dask: Any = None,
-) -> tuple[list[int], list[int], str]:
-    """Render frames into a video, which replaces an old one when it is whole.
+    dask: Any,
+    patience: float,
+) -> tuple[Done, str]:
+    """Render frames into a video, unless the very same one is there.
 
     Returns
     -------
-    written, skipped : list of int
+    done : Done
         Frames that are in it, and those whose background cannot be read.
     heard : str
         What became of the sound, see `Summary`.
     """
-    from flurries.io import VideoWriter
-    from flurries.output.write import display_bytes
-
+    scene, path, done = job.scene, Path(job.pattern), Done()
     assert scene.size is not None
-    written: list[int] = []
-    skipped: list[int] = []
-    heard, part = _sound(scene, frames, skip) if sound else ("none", None)
-    with ExitStack() as stack:
-        video = stack.enter_context(
-            VideoWriter(path, scene.size, scene.fps, quality=quality, sound=part)
-        )
-        for number, image in _rendered(scene, frames, progress, skip, dask):
+    _require_other_file(scene, path)
+    heard, part = _sound(scene, frames, job.skip) if sound else ("none", None)
+    mark = _mark(job, frames, quality, part)
+    if not job.overwrite and path.exists():
+        good = [n for n in frames if is_readable(scene, n)] if job.skip else frames
+        if _is_there(path, mark, len(good)):
+            done.kept += good
+            done.skipped += [number for number in frames if number not in good]
+            return done, heard
+    comment = f"flurries {mark[0]} {mark[1]}"
+    with VideoWriter(
+        path, scene.size, scene.fps, quality=quality, sound=part, comment=comment
+    ) as video:
+        for number, image in _rendered(scene, frames, progress, job.skip, dask, patience):
             if image is None:
-                skipped.append(number)
+                done.skipped.append(number)
                 continue
             with stage("encode"):
-                video.write(display_bytes(image))
-            written.append(number)
-    return written, skipped, heard
+                video.write(display_bytes(without_alpha(image, path)))
+            done.written.append(number)
+        if _mark(job, frames, quality, part) != mark:
+            raise OSError(f"{path}: what it is made of changed meanwhile; run again")
+    done.held += [number for number in done.written if job.stands_in(number)]
+    return done, heard
+
+
+def _mark(job: Frames, frames: list[int], quality: str, part: Sound | None) -> tuple[str, str]:
+    """Return what a film says of itself: a hash of its scene, and one of what it is made of."""
+    first = replace(job.mark_of(frames[0]), inputs="", frame=0)
+    heard = part and (part.start, part.length)
+    scene = repr((first, frames, quality, heard, job.skip))
+    inputs = repr([job.mark_of(number).inputs for number in frames])
+    return _hash(scene), _hash(inputs)
+
+
+def _hash(text: str) -> str:
+    return hashlib.sha256(text.encode()).hexdigest()[:16]
+
+
+def _is_there(path: Path, mark: tuple[str, str], count: int) -> bool:
+    """Whether the very same film is there and whole; refuses another one."""
+    found, frames = comment_of(path)
+    words = found.split()
+    if words[:1] != ["flurries"]:
+        raise Refused(path, "is not a film of this scene")
+    if words[1:2] != [mark[0]]:
+        raise Refused(path, "is a film of another scene, of other frames, or of another version")
+    return words[2:] == [mark[1]] and frames == count
 
 
 def _rendered(
-    scene: Scene, frames: list[int], progress: Progress, skip: bool, dask: Any
+    scene: Scene, frames: list[int], progress: Progress, skip: bool, dask: Any, patience: float
 ) -> Iterator[tuple[int, Array | None]]:
     """Yield frames in order; None where one is left out."""
     if dask is not None:
         if skip:
             raise ValueError("damaged='skip' and dask must not both be given for a video")
-        from flurries.output.cluster import images
-
-        blocks = images(scene, frames, dask)
-        each = (
-            (n, image) for numbers, block in blocks for n, image in zip(numbers, block, strict=True)
-        )
+        each = images(scene, frames, dask, patience)
         for _ in progress(frames):
             yield next(each)
         return
     for number in progress(frames):
-        try:
-            if skip:
-                scene.look(number)
-        except (OSError, ValueError):
-            yield number, None
-            continue
-        yield number, scene.render(number)
+        yield number, None if skip and not is_readable(scene, number) else scene.render(number)
 
 
 def _sound(scene: Scene, frames: list[int], skip: bool) -> tuple[str, Sound | None]:
     """Return what becomes of the background's sound, and the part of it that belongs to frames."""
-    from flurries.io.encoders import frame_rate
-    from flurries.io.sound import Sound, has_sound
-
     film = scene.film
     if film is None or not has_sound(film.spec):
         return "none", None
@@ -104,3 +126,10 @@ def _sound(scene: Scene, frames: list[int], skip: bool) -> tuple[str, Sound | No
         return "left out: the frames are beyond the film's end", None
     length = Fraction(min(len(frames), left)) / rate
     return "kept", Sound(film.spec, Fraction(frames[0]) / rate, length)
+
+
+def _require_other_file(scene: Scene, path: Path) -> None:
+    """Refuse to write a film over the one that is being read."""
+    film = scene.film
+    if film is not None and path.exists() and path.samefile(film.spec):
+        raise ValueError(f"{path} is the scene's own background; choose another name")

@@ -1,20 +1,27 @@
-"""What a folder of frames holds: ``flurries.json``, with a hash of every file."""
+"""What a folder of files holds: ``flurries.json``, with a hash of every file."""
 
 from __future__ import annotations
 
-import hashlib
 import json
 import os
-from collections.abc import Iterable
+import warnings
 from pathlib import Path
 from typing import Any
+
+from flurries import __version__
+from flurries.io import read_header, read_picture, replacing
+from flurries.io.files import read_text
+from flurries.output.claims import awaited
+from flurries.scene.fingerprint import hash_of
 
 __all__ = ["NAME", "check", "read"]
 
 NAME = "flurries.json"
 
-_MOST_BYTES = 1 << 30
-_BLOCK = 1 << 20
+_MOST_BYTES = 1 << 28
+
+# How every one of ours begins, by which one that is cut short is known.
+_HEAD = '{\n "flurries": "'
 
 
 def read(folder: str | os.PathLike[str]) -> dict[str, dict[str, Any]]:
@@ -23,74 +30,84 @@ def read(folder: str | os.PathLike[str]) -> dict[str, dict[str, Any]]:
     Returns
     -------
     dict of str to dict
-        ``frame``, ``scene`` (the scene's mark, as in the file's own header), ``bytes`` and
-        ``sha256`` of each file. None of them where there is no manifest, or a damaged one of ours.
+        ``frame``, ``scene`` and what else the file's own header says, ``bytes`` and ``sha256`` of
+        each file. None of them where there is no manifest. Where one of ours is empty or cut short,
+        what the frames in the folder say of themselves.
 
     Raises
     ------
     ValueError
         If ``flurries.json`` is something else.
     OSError
-        If it cannot be read.
+        If it cannot be read, or is no plain file.
+
+    Warns
+    -----
+    UserWarning
+        If the manifest is empty or cut short.
     """
     path = Path(folder) / NAME
     try:
-        if path.stat().st_size > _MOST_BYTES:
-            raise ValueError(f"{path}: a manifest has at most {_MOST_BYTES} bytes")
-        found = json.loads(path.read_text(encoding="utf-8"))
+        text = read_text(path, _MOST_BYTES, "manifest")
     except FileNotFoundError:
         return {}
-    except (UnicodeDecodeError, json.JSONDecodeError, RecursionError):
-        raise ValueError(f"{path} is there already and is no manifest; move it away") from None
+    try:
+        found = json.loads(text)
+    except (ValueError, RecursionError):
+        if not (text.startswith(_HEAD) or _HEAD.startswith(text.rstrip("\0"))):
+            raise _Foreign(path) from None
+        warnings.warn(f"{path} is empty or cut short; made again from the frames", stacklevel=2)
+        return _entries_of_frames(Path(folder))
     if not isinstance(found, dict) or not isinstance(found.get("flurries"), str):
-        raise ValueError(f"{path} is there already and is no manifest; move it away")
+        raise _Foreign(path)
     files = found.get("files")
     if not isinstance(files, dict) or not all(isinstance(entry, dict) for entry in files.values()):
         return {}
     return files
 
 
-def entry(path: Path, frame: int, scene: str) -> dict[str, Any]:
-    """Return what a manifest says of a file."""
-    digest = hashlib.sha256()
-    size = 0
-    with path.open("rb") as file:
-        while block := file.read(_BLOCK):
-            digest.update(block)
-            size += len(block)
-    return {"frame": frame, "scene": scene, "bytes": size, "sha256": digest.hexdigest()}
+class _Foreign(ValueError):
+    def __init__(self, path: Path) -> None:
+        super().__init__(f"{path} is there already and is no manifest; move it away")
+
+
+def _entries_of_frames(folder: Path) -> dict[str, dict[str, Any]]:
+    """Return the entries of all whole frames of a folder by what their headers say."""
+    entries = {}
+    for path in sorted(folder.iterdir()):
+        if path.name.startswith(".") or not path.is_file():
+            continue
+        try:
+            said = read_header(path).metadata
+            if not {"scene", "frame"} <= set(said):
+                continue
+            read_picture(path)
+        except (OSError, ValueError):
+            continue
+        entries[path.name] = entry(path, said)
+    return entries
+
+
+def entry(path: Path, said: dict[str, Any]) -> dict[str, Any]:
+    """Return what a manifest says of a file: what its header says, its size and its hash."""
+    said = {key: value for key, value in said.items() if key not in ("DateTime", "version", "seed")}
+    numbers = {key: int(said[key]) for key in ("frame", "bits") if str(said.get(key)).isdigit()}
+    return {**said, **numbers, "bytes": path.stat().st_size, "sha256": hash_of(path)}
 
 
 def update(folder: Path, entries: dict[str, dict[str, Any]]) -> None:
     """Add entries to a folder's manifest; safe beside other processes that do so too."""
-    from flurries import __version__
-    from flurries.io.atomic import replacing
-    from flurries.output.claims import awaited
-
     target = folder / NAME
     claim = awaited(target)
     try:
         files = {**read(folder), **entries}
-        text = json.dumps({"flurries": __version__, "files": dict(sorted(files.items()))}, indent=1)
+        # The same text whatever order they came in.
+        ordered = {name: dict(sorted(said.items())) for name, said in sorted(files.items())}
+        text = json.dumps({"flurries": __version__, "files": ordered}, indent=1)
         with replacing(target) as temporary:
             temporary.write_text(text + "\n", encoding="utf-8")
     finally:
         claim.release()
-
-
-def completed(
-    folder: Path, known: dict[str, dict[str, Any]], paths: Iterable[tuple[Path, int]], scene: str
-) -> dict[str, dict[str, Any]]:
-    """Return entries for all files, hashing those that nobody has hashed yet."""
-    before = read(folder)
-    found = {}
-    for path, frame in paths:
-        old = known.get(path.name) or before.get(path.name)
-        same = old is not None and (old.get("scene"), old.get("frame")) == (scene, frame)
-        if old is None or not same or old.get("bytes") != path.stat().st_size:
-            old = entry(path, frame, scene)
-        found[path.name] = old
-    return found
 
 
 def check(folder: str | os.PathLike[str]) -> list[str]:
@@ -114,8 +131,8 @@ def check(folder: str | os.PathLike[str]) -> list[str]:
     wrong = []
     for name, said in read(place).items():
         path = place / name
-        if Path(name).name != name or not path.is_file():
+        if not path.resolve().is_relative_to(place.resolve()) or not path.is_file():
             wrong.append(f"{path} is missing")
-        elif entry(path, said.get("frame", 0), "")["sha256"] != said.get("sha256"):
+        elif hash_of(path) != said.get("sha256"):
             wrong.append(f"{path} has changed")
     return wrong

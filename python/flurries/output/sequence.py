@@ -1,200 +1,236 @@
-"""A scene to a folder of frames: what is there stays, what others make is left to them."""
+"""Files that are made one by one: what is there stays, what others make is left to them."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol, TypeAlias
 
-from flurries._threads import reproducible
+from flurries import __version__, _core
+from flurries._threads import reproducible, threads
+from flurries.io import remove_leftovers
+from flurries.io.atomic import checked_target
+from flurries.io.pictures.writer import format_of
 from flurries.output import manifest
 from flurries.output.claims import Claim, awaited, claimed
-from flurries.output.contents import Content
-from flurries.scene.scene import Scene
+from flurries.output.mark import Mark, Refused
 
-# Frames that are encoded while the next is rendered; each holds a picture in memory.
+# Files that are encoded while the next is made; each holds a picture in memory.
 WRITERS = 2
 
-# How a frame says which scene it belongs to.
-SCENE_KEY = "scene"
-
-Progress = Callable[[Iterable[int]], Iterable[int]]
+Progress: TypeAlias = Callable[[Iterable[int]], Iterable[int]]
+Entries: TypeAlias = dict[str, dict[str, Any]]
 
 
-@dataclass
-class Sequence:
-    """Frames of one scene in one folder.
+class Job(Protocol):
+    """Files that can be made in any order, by anybody: the frames of a scene, or a set of pictures.
 
     Attributes
     ----------
-    scene : Scene
-        What to render.
-    content : Content
-        What a file holds.
-    pattern : str
-        The files' names; without a token the name of one still.
-    overwrite, skip, listed, tidy : bool
-        Whether frames that are there are made again; whether frames whose background cannot be
-        read are left out; whether the folder gets a manifest; whether what killed writers left in
-        it is removed.
-    mark : str
-        What tells this scene's files from others'; made of scene and content if not given.
-    plain : bool
-        The mode that it was asked for in; frames of the two modes are never mixed.
-    written, kept, skipped : list of int
-        Frames that this process made, found, and left out.
-    entries : dict
-        Of the manifest, for frames written.
+    folder : Path
+        In which, or below which, all of them lie; it gets the manifest.
+    overwrite, listed, tolerant : bool
+        Whether files that are there are made again; whether the folder gets a manifest; whether one
+        that fails is left out, or stops the others.
     """
 
-    scene: Scene
-    content: Content
-    pattern: str
-    overwrite: bool = False
-    skip: bool = False
-    listed: bool = True
-    tidy: bool = True
-    mark: str = ""
-    plain: bool = field(default_factory=reproducible)
+    folder: Path
+    overwrite: bool
+    listed: bool
+    tolerant: bool
+
+    def path_of(self, index: int) -> Path:
+        """Return the file of an index."""
+
+    def mark_of(self, index: int) -> Mark:
+        """Return what that file must say of how it was made."""
+
+    def make(self, index: int) -> Any:
+        """Return what goes into it; None if it is left out."""
+
+    def save(self, path: Path, made: Any, header: dict[str, Any]) -> None:
+        """Write it."""
+
+    def notes(self, index: int) -> dict[str, Any]:
+        """Return what the manifest says of it besides."""
+
+    def stands_in(self, index: int) -> bool:
+        """Whether what it was made of is that of an earlier one."""
+
+
+@dataclass
+class Done:
+    """What became of files, by their indices."""
+
     written: list[int] = field(default_factory=list)
     kept: list[int] = field(default_factory=list)
     skipped: list[int] = field(default_factory=list)
-    entries: dict[str, dict[str, Any]] = field(default_factory=dict)
+    held: list[int] = field(default_factory=list)
+    failed: dict[int, str] = field(default_factory=dict)
+    entries: dict[int, dict[str, Any]] = field(default_factory=dict)
 
-    def __post_init__(self) -> None:
-        from flurries.scene.fingerprint import fingerprint
+    def add(self, other: Done) -> None:
+        """Add what became of others."""
+        for name in ("written", "kept", "skipped", "held"):
+            getattr(self, name).extend(getattr(other, name))
+        self.failed.update(other.failed)
+        self.entries.update(other.entries)
 
-        if not self.mark:
-            mode = "-reproducible" if self.plain else ""
-            self.mark = f"{fingerprint(self.scene)}-{self.content.mark}{mode}"
-
-    def path_of(self, number: int) -> Path:
-        """Return the file of a frame."""
-        from flurries.io import Pattern
-
-        still = "%" not in Path(self.pattern).name
-        return Path(self.pattern) if still else Pattern(self.pattern).path(number)
-
-    def make(self, frames: list[int], progress: Progress) -> None:
-        """Make the frames that are missing."""
-        from flurries.io.atomic import checked_target, remove_leftovers
-        from flurries.io.writing import format_of
-
-        first = self.path_of(frames[0])
-        # Before anything is rendered: a format that can be written, in a place that can be.
-        format_of(first)
-        checked_target(first)
-        folder = first.parent
-        if self.listed:
-            manifest.read(folder)
-        if not self.overwrite:
-            self.kept += [number for number in frames if self.is_there(number)]
-        there = set(self.kept)
-        wanted = [number for number in frames if number not in there]
-        if self.tidy:
-            # What a killed run left under temporary names.
-            remove_leftovers(folder)
-        try:
-            others = self._round(progress(wanted), claimed)
-            # What others were making should be there by now, unless they were killed.
-            self._round(others, awaited)
-        finally:
-            self.settle(folder, frames)
-            if self.tidy:
-                remove_leftovers(folder)
-
-    def settle(self, folder: Path, frames: list[int]) -> None:
-        """Bring what was done into the order of the frames, and list it."""
-        order = {number: place for place, number in enumerate(frames)}
-        for numbers in (self.written, self.kept, self.skipped):
+    def sort(self, indices: list[int]) -> None:
+        """Bring it into the order of the indices."""
+        order = {index: place for place, index in enumerate(indices)}
+        for numbers in (self.written, self.kept, self.skipped, self.held):
             numbers.sort(key=order.__getitem__)
-        if self.listed and (self.written or self.kept):
-            done = {*self.written, *self.kept}
-            paths = [(self.path_of(number), number) for number in frames if number in done]
-            manifest.update(folder, manifest.completed(folder, self.entries, paths, self.mark))
 
-    def _round(self, frames: Iterable[int], claiming: Callable[[Path], Claim | None]) -> list[int]:
-        """Make the frames that can be claimed; return the others."""
+
+Spread: TypeAlias = "Callable[[Job, list[int], Entries, Progress, Done], None]"
+
+
+def name_of(job: Job, index: int) -> str:
+    """Return how the manifest calls a file: its way from the folder."""
+    return job.path_of(index).relative_to(job.folder).as_posix()
+
+
+def run(job: Job, indices: list[int], progress: Progress, spread: Spread | None = None) -> Done:
+    """Make the files that are missing, and list them.
+
+    Parameters
+    ----------
+    job : Job
+        What to make.
+    indices : list of int
+        Which of them.
+    progress : callable
+        Wraps the indices.
+    spread : callable, optional
+        Who makes them, as `make`, which is what this process does by itself.
+    """
+    first = job.path_of(indices[0])
+    # Before anything is made: a format that can be written, in a place that can be.
+    format_of(first)
+    checked_target(first)
+    known = manifest.read(job.folder) if job.listed else {}
+    folders = {job.path_of(index).parent for index in indices}
+    # What a killed run left under temporary names.
+    _tidy(folders)
+    done = Done()
+    try:
+        (spread or make)(job, indices, known, progress, done)
+    finally:
+        done.sort(indices)
+        if job.listed and done.entries:
+            listed = {name_of(job, index): entry for index, entry in done.entries.items()}
+            manifest.update(job.folder, listed)
+        _tidy(folders)
+    return done
+
+
+def _tidy(folders: Iterable[Path]) -> None:
+    for folder in folders:
+        remove_leftovers(folder)
+
+
+def make(job: Job, indices: list[int], known: Entries, progress: Progress, done: Done) -> None:
+    """Make the files that are missing in this process; `known` is what the manifest says."""
+    work = _Work(job, known, done)
+    wanted = [index for index in indices if not work.is_settled(index)]
+    others = work.round(progress(wanted), claimed)
+    # What others were making should be there by now, unless they were killed.
+    work.round(others, awaited)
+    done.held += [index for index in done.written if job.stands_in(index)]
+
+
+@dataclass(frozen=True)
+class _Work:
+    """A job in this process."""
+
+    job: Job
+    known: Entries
+    done: Done
+
+    def is_settled(self, index: int) -> bool:
+        """Whether there is nothing to be made, as a file is there or cannot be made."""
+        with self._excused(index):
+            return self._is_kept(index, self.job.mark_of(index))
+        return True
+
+    def _is_kept(self, index: int, mark: Mark) -> bool:
+        if self.job.overwrite:
+            return False
+        said = self.known.get(name_of(self.job, index)) if self.known else None
+        entry = mark.settled(self.job.path_of(index), said)
+        if entry is None:
+            return False
+        self.done.kept.append(index)
+        self.done.entries[index] = {**entry, **self.job.notes(index)}
+        return True
+
+    @contextmanager
+    def _excused(self, index: int) -> Iterator[None]:
+        """Let a file fail alone where the job is tolerant."""
+        try:
+            yield
+        except Refused:
+            raise
+        except (OSError, ValueError, TypeError, MemoryError) as error:
+            if not self.job.tolerant:
+                raise
+            self.done.failed[index] = f"{type(error).__name__}: {error}"
+
+    def round(self, indices: Iterable[int], claiming: Callable[[Path], Claim | None]) -> list[int]:
+        """Make the files that can be claimed; return the others."""
         others = []
-        with ThreadPoolExecutor(WRITERS) as writers:
+        # Writers work as this thread does.
+        setting = threads(), reproducible()
+        with ThreadPoolExecutor(WRITERS, "writer", _core.set_scope, setting) as writers:
             pending: list[Future[None]] = []
-            for number in frames:
-                claim = claiming(self.path_of(number))
+            for index in indices:
+                claim = claiming(self.job.path_of(index))
                 if claim is None:
-                    others.append(number)
+                    others.append(index)
                     continue
+                made: tuple[Mark, Any] | None = None
                 try:
-                    frame = self._rendered(number)
+                    with self._excused(index):
+                        made = self._made(index)
                     while len(pending) >= WRITERS:
                         pending.pop(0).result()
                 except BaseException:
                     claim.release()
                     raise
-                if frame is None:
+                if made is None:
                     claim.release()
                 else:
-                    pending.append(writers.submit(self._save, number, frame, claim))
-            for job in pending:
-                job.result()
+                    pending.append(writers.submit(self._save, index, *made, claim))
+            for written in pending:
+                written.result()
         return others
 
-    def _rendered(self, number: int) -> Any:
-        """Return a frame, or None if there is nothing to be done for it."""
-        if not self.overwrite and self.is_there(number):
+    def _made(self, index: int) -> tuple[Mark, Any] | None:
+        """Return what goes into a file, and its mark; None if there is nothing to be done."""
+        mark = self.job.mark_of(index)
+        if self._is_kept(index, mark):
             # Made by another since we looked.
-            self.kept.append(number)
             return None
-        if self.skip and not self._readable(number):
-            self.skipped.append(number)
+        made = self.job.make(index)
+        if made is None:
+            self.done.skipped.append(index)
             return None
-        return self.content.render(self.scene, number)
+        if self.job.mark_of(index) != mark:
+            path = self.job.path_of(index)
+            raise OSError(f"{path}: what it is made of changed meanwhile; run again")
+        return mark, made
 
-    def _readable(self, number: int) -> bool:
+    def _save(self, index: int, mark: Mark, made: Any, claim: Claim) -> None:
+        path = self.job.path_of(index)
         try:
-            self.scene.look(number)
-        except (OSError, ValueError):
-            return False
-        return True
-
-    def _save(self, number: int, frame: Any, claim: Claim) -> None:
-        from flurries import __version__
-
-        path = self.path_of(number)
-        metadata = {
-            SCENE_KEY: self.mark,
-            "frame": number,
-            "version": __version__,
-            "seed": self.scene.seed,
-        }
-        try:
-            self.content.save(self.scene, path, frame, metadata)
-            if self.listed:
-                self.entries[path.name] = manifest.entry(path, number, self.mark)
-            self.written.append(number)
+            with self._excused(index):
+                self.job.save(path, made, {**mark.header, "version": __version__})
+                entry = manifest.entry(path, mark.header)
+                self.done.entries[index] = {**entry, **self.job.notes(index)}
+                self.done.written.append(index)
         finally:
             claim.release()
-
-    def is_there(self, number: int) -> bool:
-        """Whether a frame is there and of this very scene; refuses one that is of another."""
-        from flurries.io import read_header, read_picture
-
-        path = self.path_of(number)
-        if not path.exists():
-            return False
-        try:
-            found = read_header(path).metadata
-        except (OSError, ValueError):
-            found = {}
-        if (found.get(SCENE_KEY), found.get("frame")) == (self.mark, str(number)):
-            try:
-                read_picture(path)
-            except (OSError, ValueError):
-                # Ours, but damaged since: made again.
-                return False
-            return True
-        raise ValueError(
-            f"{path} is there already and is not frame {number} of this scene; "
-            "choose another name, remove it, or overwrite"
-        )

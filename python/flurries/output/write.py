@@ -6,19 +6,23 @@ import os
 import time
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-import numpy as np
-
-from flurries._contract import Array, choice, flag
+from flurries._contract import choice, flag
 from flurries.camera.lens import Camera
+from flurries.io import Pattern
+from flurries.io.sequences import VIDEO_EXTENSIONS
+from flurries.output.cluster import cluster
 from flurries.output.contents import Content
-from flurries.output.sequence import Progress
+from flurries.output.crew import make
+from flurries.output.film import write_film
+from flurries.output.frames import Frames
+from flurries.output.groups import grouped
+from flurries.output.sequence import Progress, run
 from flurries.scene.numbers import frames_of
-
-if TYPE_CHECKING:
-    from flurries.scene.scene import Scene
+from flurries.scene.scene import Scene, expect_scene
 
 __all__ = ["Summary", "write"]
 
@@ -71,6 +75,7 @@ def write(
     manifest: bool = True,
     quality: str = "high",
     dask: Any = None,
+    dask_patience: float = 60.0,
     progress: Progress | None = None,
 ) -> Summary:
     """Render frames to files.
@@ -85,10 +90,10 @@ def write(
         What to render.
     pattern : str or path
         ``frames/%04d.png`` or ``.exr``, ``.tif``, ``.jpg``: one file a frame, each written under a
-        temporary name, checked and renamed. Frames of this very scene that are there already stay;
-        a frame of another scene is refused. A name that ends in .mp4, .mov, .webm or .mkv is a
-        video, which replaces an old one when it is whole. A picture's name without a token is a
-        still: the first of `frames`.
+        temporary name, checked and renamed. A name that ends in .mp4, .mov, .webm or .mkv is a
+        video. A picture's name without a token is a still: the first of `frames`. For all three:
+        what is there already and is of this very scene stays, and is made again if it is damaged
+        or if the background's file has changed since; anything else is refused.
     frames : str, int or iterable of int, optional
         "1-60", "1-100x2", "7", or numbers; not negative. If not given, the background's frames from
         0 on, or three seconds from 1 on.
@@ -104,7 +109,7 @@ def write(
         EXR only: the views of these eyes, such as ``{"left": ..., "right": ...}``, one part of the
         file for each.
     overwrite : bool
-        Render again what is there, whatever scene it belongs to.
+        Replace what is there, whatever it is.
     damaged : {"stop", "skip", "hold"}
         What becomes of a frame whose background is missing or damaged: an error, left out, or
         rendered over the last good background before it.
@@ -120,6 +125,8 @@ def write(
         Render on a Dask cluster: one made on this machine, the one whose scheduler answers at an
         address such as ``tcp://host:8786``, or a client's. Workers write where this process would;
         one that dies loses nothing. Needs ``flurries[dask]``.
+    dask_patience : float
+        How long to wait while the cluster has no worker, seconds.
     progress : callable, optional
         Wraps the frames, as tqdm does.
 
@@ -130,12 +137,13 @@ def write(
     Raises
     ------
     ValueError
-        For an unusable pattern or range, or where frames of another scene are in the way.
+        For an unusable pattern or range, or where something else is in the way.
     OSError
-        If something cannot be written; no half-written file stays.
+        If something cannot be written; no half-written file stays. If files that serve all frames
+        change meanwhile; if files that workers have written are not here.
+    TimeoutError
+        If a cluster has no worker for longer than `dask_patience`.
     """
-    from flurries.scene.scene import expect_scene
-
     expect_scene(scene)
     started = time.monotonic()
     for name, value in (
@@ -146,11 +154,9 @@ def write(
     choice("damaged", damaged, DAMAGED)
     if alone and layers:
         raise ValueError("alone and layers must not both be given")
-    from flurries.io import Pattern
-
     wanted = frames_of(scene, frames)
     text = os.fspath(pattern)
-    still = Path(text).suffix.lower() not in _video_suffixes() and "%" not in Path(text).name
+    still = Path(text).suffix.lower() not in VIDEO_EXTENSIONS and "%" not in Path(text).name
     if still:
         target = Pattern(_token_for(text))
         wanted = wanted[:1]
@@ -159,36 +165,28 @@ def write(
     content = Content("layers" if layers else "alone" if alone else "composite", half, _views(eyes))
     _require_room(text, content, is_video=target.is_video)
     bar = progress if progress is not None else _silent
-    held_there: set[int] = set()
-    if damaged == "hold":
-        scene = scene.holding()
+    job = Frames(
+        scene.holding() if damaged == "hold" else scene, content,
+        # Workers stand in folders of their own.
+        text if dask is None else str(Path(text).absolute()),
+        overwrite=overwrite, listed=manifest and not still, skip=damaged == "skip",
+    )  # fmt: skip
+    heard = "none"
     if target.is_video:
-        from flurries.output.film import write_film
-
-        path = target.path(0)
-        _require_other_file(scene, path)
-        done, skipped, heard = write_film(
-            scene, path, wanted, quality, bar, skip=damaged == "skip", sound=sound, dask=dask
+        done, heard = write_film(
+            job, wanted, quality, bar, sound=sound, dask=dask, patience=dask_patience
         )
-        made, kept, files = done, [], [path]
+        files = [target.path(0)]
+    elif dask is None:
+        done = run(job, wanted, bar)
     else:
-        from flurries.output.sequence import Sequence as Frames
-
-        job = Frames(
-            scene, content, text, overwrite, skip=damaged == "skip",
-            listed=manifest and not still,
-        )  # fmt: skip
-        if dask is None:
-            job.make(wanted, bar)
-        else:
-            from flurries.output import cluster
-
-            held_there = cluster.make(job, wanted, bar, dask)
-        made, kept, skipped, heard = job.written, job.kept, job.skipped, "none"
-        left_out = set(skipped)
-        files = [job.path_of(number) for number in wanted if number not in left_out]
-    held = [number for number in made if number in scene.held | held_there]
-    return Summary(made, kept, files, skipped, held, time.monotonic() - started, heard)
+        with cluster(job, dask, dask_patience) as crew:
+            done = run(job, wanted, bar, partial(make, crew, grouped(scene, wanted)))
+    if not target.is_video:
+        left_out = set(done.skipped)
+        files = [Path(text) if still else target.path(n) for n in wanted if n not in left_out]
+    seconds = time.monotonic() - started
+    return Summary(done.written, done.kept, files, done.skipped, done.held, seconds, heard)
 
 
 def _views(eyes: Any) -> dict[str, Camera] | None:
@@ -219,12 +217,6 @@ def _require_room(text: str, content: Content, *, is_video: bool) -> None:
         raise ValueError(f"{text}: a .hdr picture cannot say which frame it is; take .exr")
 
 
-def _video_suffixes() -> tuple[str, ...]:
-    from flurries.io.sequences import VIDEO_EXTENSIONS
-
-    return tuple(VIDEO_EXTENSIONS)
-
-
 def _token_for(text: str) -> str:
     """Return a pattern of the same folder and format, for its checks."""
     path = Path(text)
@@ -235,21 +227,3 @@ def _token_for(text: str) -> str:
 
 def _silent(frames: Iterable[int]) -> Iterable[int]:
     return frames
-
-
-def _require_other_file(scene: Scene, path: Path) -> None:
-    """Refuse to write a film over the one that is being read."""
-    given = getattr(scene.background, "spec", scene.background)
-    if not isinstance(given, (str, os.PathLike)) or not (path.exists() and Path(given).exists()):
-        return
-    if path.samefile(given):
-        raise ValueError(f"{path} is the scene's own background; choose another name")
-
-
-def display_bytes(image: Array) -> Array:
-    """Return (H, W, 3) uint8 display values of a rendered image."""
-    if image.dtype == np.uint8:
-        return image
-    from flurries.io.color import to_display, to_integer
-
-    return to_integer(to_display(image, "display" if image.dtype.kind == "u" else "linear"), 8)

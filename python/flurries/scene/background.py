@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from flurries._contract import Array, rectangular, table
+from flurries._contract import Array, rectangular, table, warn_of_levels
 from flurries.io import fit, open_background
 
 _COLOR = re.compile(r"#([0-9a-fA-F]{2})([0-9a-fA-F]{2})([0-9a-fA-F]{2})")
@@ -31,15 +31,21 @@ class Backdrop:
         How many frames it has; None for a still.
     source : array or a source of `flurries.io`
         Where they come from.
+    fps : float or None
+        Frames per second of a film.
     """
 
     size: tuple[int, int]
     encoding: str
     count: int | None
     source: Any
+    fps: float | None = None
 
     def frame(self, t: float) -> Array:
-        """Return (H, W, 3) of frame floor(t); first and last frame hold outside."""
+        """Return (H, W, 3), or (H, W, 4) with alpha, of frame floor(t); ends hold outside.
+
+        The colors of integers are straight, those of floats are multiplied by alpha.
+        """
         if isinstance(self.source, np.ndarray):
             return self.source
         # The source keeps what it decoded last, so a still is read and fitted once.
@@ -60,7 +66,12 @@ class _Fitted:
         last = self._last
         if last is not None and last[0] == index:
             return last[1]
-        pixels: Array = self.source.frame(index).pixels
+        picture = self.source.frame(index)
+        # A source of somebody's own need not know of alpha.
+        bare = getattr(picture, "alpha", None) is None
+        pixels: Array = picture.pixels if bare else picture.rgba()
+        if last is None:
+            warn_of_levels("background", pixels, "divide them by 255")
         if (pixels.shape[1], pixels.shape[0]) != self.size:
             pixels = fit(pixels, self.size)
         self._last = (index, pixels)
@@ -100,7 +111,8 @@ def _plain(color: Any, dtype: np.dtype[Any], size: tuple[int, int] | None) -> Ba
 
 def _of_source(source: Any, size: tuple[int, int] | None) -> Backdrop:
     wanted = size or tuple(source.size)
-    return Backdrop(wanted, source.encoding, source.count, _Fitted(source, wanted))
+    rate = getattr(source, "fps", None)
+    return Backdrop(wanted, source.encoding, source.count, _Fitted(source, wanted), rate)
 
 
 def _of_array(background: Any, size: tuple[int, int] | None) -> Backdrop:
@@ -113,13 +125,20 @@ def _of_array(background: Any, size: tuple[int, int] | None) -> Backdrop:
         )
     if given.ndim == 2:
         given = np.repeat(given[..., None], 3, axis=2)
-    if given.ndim != 3 or given.shape[2] != 3 or 0 in given.shape:
-        raise ValueError(f"background must have shape (H, W, 3), got {np.shape(background)}")
+    if given.ndim != 3 or given.shape[2] not in (3, 4) or 0 in given.shape:
+        raise ValueError(
+            f"background must have shape (H, W, 3) or (H, W, 4), got {np.shape(background)}"
+        )
+    kind = given.dtype.kind
+    if kind == "f" and given.shape[2] == 4:
+        cover = given[..., 3]
+        if not bool(((cover >= 0.0) & (cover <= 1.0)).all()):
+            raise ValueError("background: alpha must be from 0 to 1 everywhere")
+    warn_of_levels("background", given, "divide them by 255")
     own = (given.shape[1], given.shape[0])
     if size is not None and size != own:
         hint = "; size is (width, height)" if size == own[::-1] else ""
         raise ValueError(f"background must have size {size}, got {own}{hint}")
-    kind = given.dtype.kind
     # A copy: a frame must not change because the caller's array did.
     pixels = np.array(
         given, dtype=np.float32 if kind == "f" else given.dtype.newbyteorder("="), order="C"

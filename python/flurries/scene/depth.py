@@ -12,7 +12,7 @@ import numpy as np
 from flurries._contract import Array, choice, depths, real, rectangular
 from flurries.io import fit_nearest, open_background, open_depth
 from flurries.io.color import to_unit
-from flurries.io.pictures import luminance
+from flurries.io.pictures.reader import luminance
 
 __all__ = ["DepthMap"]
 

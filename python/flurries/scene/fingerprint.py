@@ -1,12 +1,14 @@
-"""What tells the frames of two scenes apart."""
+"""What a scene's frames depend on, as hashes: its own values, and the files that it reads."""
 
 from __future__ import annotations
 
 import hashlib
 import os
 import pickle
-from dataclasses import fields, is_dataclass
+import time
+from dataclasses import dataclass, field, fields, is_dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -16,33 +18,41 @@ from flurries.scene.depth import DepthMap
 from flurries.scene.scene import Scene, expect_scene
 from flurries.scene.toml.writer import describe
 
-__all__ = ["fingerprint"]
+__all__ = ["BITS", "fingerprint"]
 
-# How much of a large file each end gives to its hash.
-ENDS = 1 << 20
+# Frames that two versions of flurries make go together only where this number is the same: it is
+# raised with every change that alters a bit of a frame, in a kernel or in a look.
+BITS = 2
+
+# A file that changed less than this before it was hashed, in nanoseconds, may change again and
+# keep its time: clocks of file systems tick that slowly.
+_TICK = 2_000_000_000
+
+_BLOCK = 1 << 20
 
 
 def fingerprint(scene: Scene) -> str:
-    """Return a hash of all that a scene's frames depend on, files' contents included.
+    """Return a hash of all that a scene's frames depend on, files' contents included."""
+    digest = hashlib.sha256(settings(scene).encode())
+    for name, spec in _specs(scene).items():
+        digest.update(name.encode())
+        for file in _files(spec):
+            digest.update(hash_of(file).encode())
+    return digest.hexdigest()[:16]
 
-    Of a file larger than 2 MiB the size and both ends count: plates of film need not be read.
-    """
+
+def settings(scene: Scene) -> str:
+    """Return a hash of all that a scene's frames depend on but the files that it reads."""
     expect_scene(scene)
     digest = hashlib.sha256()
-    hashed: list[str] = []
+    given = list(_specs(scene))
     for name in ("background", "foreground", "depth"):
         value = getattr(scene, name)
-        value = getattr(value, "source" if isinstance(value, DepthMap) else "spec", value)
+        value = value.source if isinstance(value, DepthMap) else value
         if isinstance(value, np.ndarray):
             digest.update(f"{name} {value.shape} {value.dtype}".encode())
             digest.update(np.ascontiguousarray(value).tobytes())
-        elif isinstance(value, (str, os.PathLike)) and not str(value).startswith("#"):
-            digest.update(name.encode())
-            for file in _files(os.fspath(value)):
-                digest.update(_content(file))
-        else:
-            continue
-        hashed.append(name)
+            given.append(name)
     for place, effect in enumerate(scene.effects):
         if kind_of(effect) is None:
             # Somebody's own, which no scene file can hold but frames can be made of. Its fields: an
@@ -50,9 +60,95 @@ def fingerprint(scene: Scene) -> str:
             whole = not is_dataclass(effect)
             own = effect if whole else [getattr(effect, f.name) for f in fields(effect)]
             digest.update(f"effect {place}".encode() + pickle.dumps((type(effect), own), 5))
-    table = describe(scene, leave_out=(*hashed, "effects"))
-    digest.update(repr(sorted(table.items())).encode())
+    table = describe(scene, leave_out=(*given, "effects"))
+    digest.update(repr((sorted(given), sorted(table.items()))).encode())
     return digest.hexdigest()[:16]
+
+
+def hash_of(path: Path) -> str:
+    """Return the SHA-256 of a file."""
+    digest = hashlib.sha256()
+    with path.open("rb") as file:
+        while block := file.read(_BLOCK):
+            digest.update(block)
+    return digest.hexdigest()
+
+
+@dataclass
+class Hashes:
+    """Hashes of files, found again only where a file has changed since.
+
+    Size, time of change and place on the disk say whether it has; a file that changed just before
+    it was hashed is hashed again.
+    """
+
+    _known: dict[Path, tuple[tuple[int, ...], str]] = field(default_factory=dict)
+
+    def __getitem__(self, path: Path) -> str:
+        now = time.time_ns()
+        found = path.stat()
+        key = (found.st_size, found.st_mtime_ns, found.st_ctime_ns, found.st_ino)
+        known = self._known.get(path)
+        if known is not None and known[0] == key:
+            return known[1]
+        told = hash_of(path)
+        if now - max(found.st_mtime_ns, found.st_ctime_ns) > _TICK:
+            self._known[path] = key, told
+        return told
+
+
+class Inputs:
+    """The files that a scene's frames are made of.
+
+    What serves all frames, a still or a film, is hashed once, and must stay as it is until the last
+    frame is made, on whatever machine. Of a sequence each frame has its own file.
+    """
+
+    def __init__(self, scene: Scene) -> None:
+        specs = _specs(scene)
+        self._hashes = Hashes()
+        self._sequences: list[Any] = []
+        self._stills: dict[Path, str] = {}
+        for name, spec in specs.items():
+            source = scene.source_of(name)
+            # A frame of a background that holds may be that of any file.
+            holds = getattr(source, "damaged", "stop") == "hold"
+            if source is None or Path(spec).is_file() or holds:
+                self._stills.update((file, self._told(file)) for file in _files(spec))
+            else:
+                self._sequences.append(source)
+        # Not their folders, which would tell of the machine and change when a project is moved.
+        names = "\n".join(Path(spec).name for spec in specs.values())
+        self.names = hashlib.sha256(names.encode()).hexdigest()[:8]
+
+    def of(self, number: int) -> str:
+        """Return a hash of what a frame is made of.
+
+        Raises
+        ------
+        OSError
+            If a file that serves all frames is not what it was.
+        """
+        for file, before in self._stills.items():
+            if self._told(file) != before:
+                raise OSError(f"{file} changed while frames were made of it; run again")
+        told = [*self._stills.values()]
+        told += [self._told(source.file(number)) for source in self._sequences]
+        return hashlib.sha256(repr(told).encode()).hexdigest()[:16] if told else ""
+
+    def _told(self, file: Path) -> str:
+        return self._hashes[file] if file.exists() else "missing"
+
+
+def _specs(scene: Scene) -> dict[str, str]:
+    """Return the files that a scene reads, by the argument that names them."""
+    found = {}
+    for name in ("background", "foreground", "depth"):
+        value = getattr(scene, name)
+        value = getattr(value, "source" if isinstance(value, DepthMap) else "spec", value)
+        if isinstance(value, (str, os.PathLike)) and not str(value).startswith("#"):
+            found[name] = str(Path(value).absolute())
+    return found
 
 
 def _files(spec: str) -> list[Path]:
@@ -61,15 +157,3 @@ def _files(spec: str) -> list[Path]:
         return [Path(spec)]
     pattern = Pattern(spec)
     return [pattern.path(number) for number in pattern.existing()]
-
-
-def _content(path: Path) -> bytes:
-    """Return a hash of a file: all of it, or its size and both ends."""
-    size = path.stat().st_size
-    digest = hashlib.sha256(str(size).encode())
-    with path.open("rb") as file:
-        digest.update(file.read(ENDS))
-        if size > ENDS:
-            file.seek(max(size - ENDS, ENDS))
-            digest.update(file.read(ENDS))
-    return digest.digest()

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from flurries._contract import rectangular
+from flurries._contract import rectangular, warn_of_levels
 from flurries.frame.matte import Matte
 from flurries.io import fit, read_mask, read_picture
 
@@ -32,6 +32,7 @@ def foreground_of(value: Any, shape: tuple[int, int]) -> Matte:
         raise ValueError("foreground must be finite, got NaN or infinity")
     if plane.ndim == 2:
         return Matte(cover, None)
+    warn_of_levels("foreground", plane, "divide them by 255")
     # A picture hides what is behind it by itself; the weather is whole under it.
     return Matte(np.zeros_like(cover), plane, linear_light=not whole)
 
@@ -42,10 +43,5 @@ def _of_file(path: Any, shape: tuple[int, int]) -> Matte:
     if picture.alpha is None:
         mask = read_mask(path)
         return Matte(mask if mask.shape == shape else np.clip(fit(mask, size), 0.0, 1.0), None)
-    pixels = picture.pixels
-    whole = pixels.dtype.kind == "u"
-    alpha = np.rint(picture.alpha * np.iinfo(pixels.dtype).max) if whole else picture.alpha
-    rgba = np.concatenate([pixels, alpha.astype(pixels.dtype)[..., None]], axis=2)
-    if not whole and not picture.premultiplied:
-        rgba[..., :3] *= rgba[..., 3:]
+    rgba = picture.rgba()
     return foreground_of(rgba if rgba.shape[:2] == shape else fit(rgba, size), shape)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from copy import copy
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from pathlib import Path
@@ -34,8 +35,20 @@ __all__ = ["Rendered", "Scene"]
 
 SPACES = ("auto", "display", "linear")
 
+# A file of a few kilobytes could ask for more than anybody would wait for.
+MOST_EFFECTS = 1000
+
+# Frames per second, where neither the caller nor a film says it.
+DEFAULT_FPS = 30.0
+
 # A focal length in picture widths, where none is given: 45 degrees across.
 DEFAULT_FOCAL = 1.2
+
+
+def require_few(effects: Sequence[Any]) -> None:
+    """Refuse more effects than a scene may have."""
+    if len(effects) > MOST_EFFECTS:
+        raise ValueError(f"effects must be at most {MOST_EFFECTS}, got {len(effects)}")
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,13 +62,16 @@ class Scene:
         it (scaled to cover, cut at the sides); an array must have it.
     background : path, "#rrggbb", (r, g, b) floats, array, or source
         A picture, an image sequence (``plate.%04d.png``), or a video file; a color; an array
-        (H, W, 3) of uint8, uint16 or float. Integers hold display values, floats linear light.
+        (H, W, 3) of uint8, uint16 or float. Integers hold display values, floats linear light. With
+        alpha, (H, W, 4), frames have it too: the weather over the picture, premultiplied for
+        floats and straight for integers.
     camera : Camera or CameraPath, optional
         A still camera of 1.2 picture widths if not given.
     effects : sequence
-        The weather, back to front.
-    fps : float
-        Frames per second; where seconds become frames.
+        The weather, back to front; 1,000 at most.
+    fps : float, optional
+        Frames per second; where seconds become frames. A background film's own if not given, else
+        30.
     seed : int
         Of all random numbers; each effect draws its own from it.
     foreground : path or array, optional
@@ -92,7 +108,7 @@ class Scene:
     background: Any = "#000000"
     camera: Any = None
     effects: Sequence[Any] = ()
-    fps: float = 30.0
+    fps: Any = None
     seed: int = 0
     foreground: Any = None
     space: str = "auto"
@@ -109,17 +125,21 @@ class Scene:
 
         if self.size is not None:
             settle("size", parse_size(self.size))
-        settle("fps", real("fps", self.fps, above=0.0))
+        if self.fps is not None:
+            settle("fps", real("fps", self.fps, above=0.0))
         settle("seed", seed_of(self.seed))
         choice("space", self.space, SPACES)
         settle("tolerance", parse_tolerance(self.tolerance))
         settle("_backdrop", backdrop(self.background, self.size))
         settle("size", self._backdrop.size)
+        if self.fps is None:
+            settle("fps", real("fps", self._backdrop.fps or DEFAULT_FPS, above=0.0))
         settle("camera", as_path(self.camera, DEFAULT_FOCAL * self.shape[1]))
         if callable(getattr(self.effects, "render", None)):
             settle("effects", (self.effects,))
         if not isinstance(self.effects, (list, tuple)):
             raise TypeError(f"effects must be a sequence of effects, got {self.effects!r}")
+        require_few(self.effects)
         effects = tuple(self.effects)
         for index, effect in enumerate(effects):
             if isinstance(effect, type) or not callable(getattr(effect, "render", None)):
@@ -155,6 +175,14 @@ class Scene:
         """Return the scene with some arguments changed."""
         return replace(self, **changes)
 
+    def derive(self, **changes: Any) -> Scene:
+        """Return the scene with some attributes changed, which are known to be right: unchecked."""
+        made = object.__new__(Scene)
+        # What runs belongs to the scene that it was found for.
+        own = {name: value for name, value in vars(self).items() if name != "program"}
+        vars(made).update(own, **changes)
+        return made
+
     def render(
         self,
         t: float,
@@ -185,7 +213,7 @@ class Scene:
 
         Returns
         -------
-        (H, W, 3), or the region's
+        (H, W, 3), or the region's; (H, W, 4) where the background has alpha
             uint8 or uint16 where the background is, else float32. The same bits whatever else was
             rendered before, in any process and with any number of threads.
         """
@@ -224,24 +252,34 @@ class Scene:
     @property
     def film(self) -> Any:
         """The source of a background that is a video; None for others."""
-        source = self._opened
+        source = self.source_of("background")
         return source if isinstance(source, VideoSource) else None
 
     @property
     def held(self) -> set[int]:
         """Frames rendered so far whose background is that of an earlier one."""
-        return getattr(self._opened, "held", set())
+        return getattr(self.source_of("background"), "held", set())
 
     def holding(self) -> Scene:
         """Return the scene with a background that holds its last good frame where one is bad."""
-        source = self._opened
+        source = self.source_of("background")
         if not isinstance(source, Source) or source.damaged == "hold":
             return self
         return self.replace(background=open_background(source.spec, damaged="hold"))
 
-    @property
-    def _opened(self) -> Any:
-        return getattr(self._backdrop.source, "source", None)
+    def source_of(self, name: str) -> Any:
+        """Return the opened files of the background or the depth; None where there are none."""
+        if name == "background":
+            return getattr(self._backdrop.source, "source", None)
+        if name == "depth" and self._distance is not None:
+            return getattr(self._distance.source, "files", None)
+        return None
+
+    def anew(self) -> Scene:
+        """Return the scene with all files to be read again, whatever is kept of them."""
+        # A copy of an opened source forgets its pictures.
+        given = self.background
+        return self.replace(background=copy(given) if hasattr(given, "spec") else given)
 
     def plan(self, frames: Any = None, *, tolerance: float | None = None) -> Plan:
         """Return what rendering costs: its steps, their sizes and times, and what is left out.
@@ -339,8 +377,8 @@ class Scene:
         return write(self, pattern, frames, **options)
 
     def to_dask(self, frames: Any = None, *, group: int | None = None) -> Any:
-        """Return frames as a lazy Dask array; see :func:`flurries.output.cluster.to_dask`."""
-        from flurries.output.cluster import to_dask
+        """Return frames as a lazy Dask array; see :func:`flurries.output.groups.to_dask`."""
+        from flurries.output.groups import to_dask
 
         return to_dask(self, frames, group=group)
 

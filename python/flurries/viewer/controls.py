@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from flurries._contract import real
 from flurries.camera.path import CameraPath
 from flurries.motion.keys import Keys, value_at
 from flurries.motion.wind import FIELDS, Wind
@@ -144,13 +145,7 @@ def settings(scene: Scene, values: Mapping[str, Any]) -> tuple[list[Any], Camera
         if key not in known:
             raise ValueError(f"values must have keys of sliders, got {key!r}")
         control = known[key]
-        if isinstance(value, bool) or not isinstance(value, (int, float)):
-            raise TypeError(f"values[{key!r}] must be a number, got {value!r}")
-        if not control.low <= value <= control.high:
-            raise ValueError(
-                f"values[{key!r}] must be {control.low:g} to {control.high:g}, got {value:g}"
-            )
-        checked[key] = float(value)
+        checked[key] = real(f"values[{key!r}]", value, low=control.low, high=control.high)
     effects = [
         _changed(effect, index, checked, known) for index, effect in enumerate(scene.effects)
     ]

@@ -8,10 +8,18 @@ be made to point here. What the page may write is one file, chosen on the comman
 from __future__ import annotations
 
 import hmac
+import html
 import json
+import os
+import re
 import secrets
 import sys
+import tempfile
+import threading
+import webbrowser
+from contextlib import suppress
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from pathlib import Path
 from typing import Any
 
 from flurries.scene.scene import Scene
@@ -23,6 +31,11 @@ _POLICY = "default-src 'self'; img-src 'self' blob: data:; frame-ancestors 'none
 
 # A question is a few sliders.
 MOST_BYTES = 1 << 16
+
+# A page opens six; a line that says nothing keeps its place until the handler's timeout.
+MOST_LINES = 32
+
+_FULL = b"HTTP/1.1 503 Service Unavailable\r\nContent-Length: 0\r\nConnection: close\r\n\r\n"
 
 
 class Server(ThreadingHTTPServer):
@@ -38,11 +51,39 @@ class Server(ThreadingHTTPServer):
     """
 
     daemon_threads = True
+    redirect: Path | None = None
 
     def __init__(self, scene: Scene, *, port: int = 0, **options: Any) -> None:
         self.session = Session(scene, **options)
         self.token = secrets.token_urlsafe(24)
+        self._free = threading.BoundedSemaphore(MOST_LINES)
         super().__init__(("127.0.0.1", port), _Handler)
+
+    def process_request(self, request: Any, client_address: Any) -> None:
+        """Answer in a thread of its own, or say that there are too many."""
+        if self._free.acquire(blocking=False):
+            try:
+                super().process_request(request, client_address)
+            except RuntimeError:  # No thread could be made.
+                self._free.release()
+                raise
+            return
+        with suppress(OSError):
+            request.sendall(_FULL)
+        self.shutdown_request(request)
+
+    def process_request_thread(self, request: Any, client_address: Any) -> None:
+        """Answer all that comes on a line."""
+        try:
+            super().process_request_thread(request, client_address)
+        finally:
+            self._free.release()
+
+    def server_close(self) -> None:
+        """Close the viewer, and remove the file that led a browser to it."""
+        super().server_close()
+        if self.redirect is not None:
+            self.redirect.unlink(missing_ok=True)
 
     def handle_error(self, request: Any, client_address: Any) -> None:
         """A page that was closed in the middle of an answer is no error."""
@@ -60,7 +101,7 @@ class _Handler(BaseHTTPRequestHandler):
     protocol_version = "HTTP/1.1"
     # Answers must not wait to be filled up to a packet: that would halve the frame rate.
     disable_nagle_algorithm = True
-    timeout = 60
+    timeout = 20
 
     def do_GET(self) -> None:
         name = self._name()
@@ -71,20 +112,26 @@ class _Handler(BaseHTTPRequestHandler):
         self._send(200, text().encode(), f"{kind}; charset=utf-8")
 
     def do_POST(self) -> None:
-        length = self.headers.get("Content-Length", "")
-        body = b""
-        if length.isdigit() and int(length) <= MOST_BYTES:
-            body = self.rfile.read(int(length))
-        else:
-            # What was announced and not read would be taken for the next request.
-            self.close_connection = True
+        body = self._body()
         if self._name() != "ask":
             return self._send(404, b"not found\n", "text/plain")
         try:
             ask = json.loads(body)
         except (ValueError, RecursionError):
             return self._send(400, b"a question is a JSON object\n", "text/plain")
-        self._send(200, packed(*self.server.session.answer(ask)), "application/octet-stream")
+        head, buffers = self.server.session.answer(ask)
+        status = 400 if "error" in head else 200
+        self._send(status, packed(head, buffers), "application/octet-stream")
+
+    def _body(self) -> bytes:
+        """Return what was sent; nothing where its length is not said or is none."""
+        said = self.headers.get_all("Content-Length", [])
+        # Other digits than ASCII's, thousands of digits and two lengths come only from strangers.
+        if len(said) == 1 and re.fullmatch("[0-9]{1,9}", said[0]) and int(said[0]) <= MOST_BYTES:
+            return self.rfile.read(int(said[0]))
+        # What was announced and not read would be taken for the next request.
+        self.close_connection = True
+        return b""
 
     def _name(self) -> str | None:
         """Return what is asked for behind the token; None for strangers."""
@@ -108,6 +155,20 @@ class _Handler(BaseHTTPRequestHandler):
 
     def log_message(self, format: str, *args: Any) -> None:
         """Say nothing: the token stands in every address."""
+
+
+def open_page(server: Server) -> None:
+    """Show a viewer's page in the browser, without the token in any list of processes.
+
+    A browser's command line can be read by all users of a machine. It gets a file that nobody else
+    can read and that leads to the page; the file goes when the server is closed.
+    """
+    descriptor, path = tempfile.mkstemp(prefix="flurries-", suffix=".html")
+    with os.fdopen(descriptor, "w", encoding="utf-8") as file:
+        address = html.escape(server.url)
+        file.write(f'<!doctype html><meta http-equiv="refresh" content="0; url={address}">\n')
+    server.redirect = Path(path)
+    webbrowser.open(server.redirect.as_uri())
 
 
 def serve(server: Server) -> None:

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import io
 import json
-import math
 import threading
 import time
 import warnings
@@ -20,9 +19,10 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from flurries import stereo
-from flurries._contract import Array
+from flurries._contract import Array, integer, real
 from flurries.camera.path import CameraPath
 from flurries.frame.view import Frame
+from flurries.io.color import linear_to_srgb, to_linear, to_unit
 from flurries.motion.keys import Keys
 from flurries.motion.wind import Wind
 from flurries.scene.scene import Scene
@@ -97,7 +97,7 @@ class Session:
                 if kind == "frame":
                     return self._frame(ask)
             raise ValueError(f"kind must be 'frame', 'save' or 'describe', got {kind!r}")
-        except (ValueError, TypeError, OSError, MemoryError) as error:
+        except (ValueError, TypeError, OSError, MemoryError, OverflowError) as error:
             return {"error": " ".join(str(error).split()) or type(error).__name__}, []
 
     @property
@@ -108,11 +108,12 @@ class Session:
     def _frame(self, ask: Mapping[str, Any]) -> tuple[dict[str, Any], list[bytes]]:
         began = time.perf_counter()
         values = _mapping(ask.get("values", {}))
-        now = _number("t", ask.get("t", 0.0))
+        now = real("t", ask.get("t", 0.0))
         effects, path = settings(self.scene, values)
         self.values = dict(values)
         scene = self._preview.shown(effects, path)
-        index = _index(ask.get("effect", 0), len(scene.effects))
+        last = max(len(scene.effects) - 1, 0)
+        index = integer("effect", ask.get("effect", 0), low=0, high=last)
         page = ask.get("page", "")
         if not isinstance(page, str) or len(page) > 64:
             raise ValueError("page must be a short text")
@@ -124,8 +125,9 @@ class Session:
         buffers = [jpeg(picture)]
         if ask.get("charts"):
             at = ask.get("at", (0.5, 0.5))
-            x, y = (_number("at", v) for v in at)
-            found = chart(scene, now, _index(ask.get("chart", index), len(scene.effects)), (x, y))
+            x, y = (real("at", v, low=0.0, high=1.0) for v in at)
+            place = integer("chart", ask.get("chart", index), low=0, high=last)
+            found = chart(scene, now, place, (x, y))
             if found is not None:
                 head["chart"] = {
                     "side": found.rate.shape[0],
@@ -165,13 +167,14 @@ class Session:
 
 
 def shown(scene: Scene, picture: Array) -> Array:
-    """Return a frame as uint8 display values."""
+    """Return a frame as uint8 display values, (H, W, 3); what is transparent is black."""
+    if picture.shape[2] == 4:
+        colors, cover = picture[..., :3], to_unit(picture[..., 3:])
+        picture = to_linear(colors, "display") * cover if picture.dtype.kind == "u" else colors
     if picture.dtype == np.uint8:
         return picture
     if picture.dtype == np.uint16:
         return np.asarray((picture.astype(np.uint32) + 128) // 257, np.uint8)
-    from flurries.io import linear_to_srgb
-
     display = linear_to_srgb(np.nan_to_num(picture))
     return np.asarray(np.clip(display, 0.0, 1.0) * 255.0 + 0.5, np.uint8)
 
@@ -218,8 +221,7 @@ def _carried(
         return scene, here
     start, rate = path.place(t, fps=scene.fps) + offset, path.rate(t, fps=scene.fps)
     keys = Keys([(t, tuple(start)), (t + 1.0, tuple(start + rate))])
-    moved = object.__new__(Scene)
-    vars(moved).update(vars(scene), camera=replace(path, position=keys, velocity=None))
+    moved = scene.derive(camera=replace(path, position=keys, velocity=None))
     return moved, _places(moved, t)
 
 
@@ -251,18 +253,6 @@ def _moment(scene: Scene, t: float) -> Frame:
 def _wind_of(effect: Any) -> Any:
     wind = effect.wind
     return wind.steady if isinstance(wind, Wind) else wind
-
-
-def _index(value: Any, count: int) -> int:
-    if isinstance(value, bool) or not isinstance(value, int) or not 0 <= value < max(count, 1):
-        raise ValueError(f"effect must be 0 to {max(count - 1, 0)}, got {value!r}")
-    return value
-
-
-def _number(name: str, value: Any) -> float:
-    if isinstance(value, bool) or not isinstance(value, (int, float)) or not math.isfinite(value):
-        raise TypeError(f"{name} must be a finite number, got {value!r}")
-    return float(value)
 
 
 def _mapping(value: Any) -> Mapping[str, Any]:

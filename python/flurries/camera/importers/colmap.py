@@ -17,7 +17,7 @@ from flurries.camera.importers.text import floats, lines_of
 from flurries.camera.lens import Camera
 from flurries.camera.path import CameraPath
 from flurries.camera.rotation import matrices_of
-from flurries.io.headers import plain_file
+from flurries.io.files import plain_file
 
 # COLMAP's models: where focal lengths and the principal point are among the numbers.
 _MODELS = {

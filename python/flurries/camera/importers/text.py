@@ -10,9 +10,9 @@ from pathlib import Path
 import numpy as np
 
 from flurries._contract import Float64
-from flurries.io.headers import plain_file
+from flurries.io.files import plain_file, read_text
 
-_MOST_BYTES = 1 << 28
+_MOST_BYTES = 1 << 25
 
 
 def read_numbers(path: str | os.PathLike[str], widths: tuple[int, ...]) -> tuple[Path, Float64]:
@@ -36,12 +36,7 @@ def read_numbers(path: str | os.PathLike[str], widths: tuple[int, ...]) -> tuple
 
 def lines_of(file: Path) -> list[tuple[int, str]]:
     """Return the lines of a text file with their numbers."""
-    if file.stat().st_size > _MOST_BYTES:
-        raise ValueError(f"{file}: a camera file has at most {_MOST_BYTES} bytes")
-    try:
-        return list(enumerate(file.read_text(encoding="utf-8-sig").splitlines(), 1))
-    except UnicodeDecodeError as error:
-        raise ValueError(f"{file}: not a text file: {error}") from None
+    return list(enumerate(read_text(file, _MOST_BYTES, "camera file").splitlines(), 1))
 
 
 def floats(file: Path, number: int, parts: Sequence[str]) -> list[float]:

@@ -35,7 +35,8 @@ class SceneText:
             if key not in known:
                 near = difflib.get_close_matches(key, known, n=1, cutoff=0.5)
                 hint = f"did you mean {near[0]!r}?" if near else f"known are {', '.join(known)}"
-                raise ValueError(f"{self.where(*keys, key)}: unknown key {key!r} in {name}; {hint}")
+                place = self.where(*keys, key)
+                raise ValueError(f"{place}: unknown key {key[:60]!r} in {name}; {hint}")
         return dict(value)
 
     @contextmanager
@@ -53,7 +54,7 @@ class SceneText:
             raise type(error)(f"{self.where(*keys, *named[:1])}: {text}") from None
 
 
-_HEADER = re.compile(r"\s*\[(\[)?\s*([^\]]+?)\s*\]")
+_HEADER = re.compile(r"\s*\[(\[)?([^\]]+)\]")
 _KEY = re.compile(r"\s*(?:\"([^\"]*)\"|'([^']*)'|([A-Za-z0-9_-]+))\s*(?=[=.])")
 
 
@@ -64,7 +65,7 @@ def _key_lines(text: str) -> dict[tuple[str | int, ...], int]:
     counts: dict[str, int] = {}
     for number, line in enumerate(text.splitlines(), 1):
         if header := _HEADER.match(line):
-            name = header[2].strip("\"'")
+            name = header[2].strip().strip("\"'")
             table = (name,)
             if header[1]:
                 counts[name] = counts.get(name, -1) + 1
@@ -74,3 +75,30 @@ def _key_lines(text: str) -> dict[tuple[str | int, ...], int]:
         elif key := _KEY.match(line):
             lines.setdefault((*table, key[1] or key[2] or key[3]), number)
     return lines
+
+
+# The parser's time and memory grow with the square of a key's parts.
+MOST_DOTS = 32
+
+# A string to its end, or to that of its line or the file; a comment; the rest of a key; a dot.
+_TOKEN = re.compile(
+    r'"""(?:[^"\\]|\\.|"(?!""))*(?:""")?|\'\'\'(?:[^\']|\'(?!\'\'))*(?:\'\'\')?'
+    r'|"(?:[^"\\\n]|\\.)*"?|\'[^\'\n]*\'?|(#[^\n]*)|[A-Za-z0-9_+ \t-]+|(\.)|([^.])',
+    re.DOTALL,
+)
+
+
+def require_short_keys(file: Path, text: str) -> None:
+    """Refuse keys of very many parts before they are parsed."""
+    dots = 0
+    for token in _TOKEN.finditer(text):
+        comment, dot, other = token.groups()
+        if dot:
+            dots += 1
+        elif comment or other:
+            dots = 0
+        if dots > MOST_DOTS:
+            line = text.count("\n", 0, token.start()) + 1
+            raise ValueError(
+                f"{file}, line {line}: a key has at most {MOST_DOTS} dots, got {dots} or more"
+            )

@@ -13,12 +13,13 @@ from flurries.camera.importers import load as load_camera
 from flurries.camera.lens import Camera
 from flurries.camera.path import CameraPath
 from flurries.effects.kinds import class_of
+from flurries.io.files import read_text
 from flurries.light.sun import Sun
 from flurries.motion.keys import Keys
 from flurries.motion.wind import Wind
 from flurries.scene.depth import DepthMap
-from flurries.scene.scene import DEFAULT_FOCAL, Scene
-from flurries.scene.toml.place import SceneText
+from flurries.scene.scene import DEFAULT_FOCAL, Scene, require_few
+from flurries.scene.toml.place import SceneText, require_short_keys
 from flurries.scene.toml.tables import DEPTH, LENS, SCENE, SUN, WAY, WIND
 
 if sys.version_info >= (3, 11):
@@ -35,7 +36,7 @@ def load(path: str | os.PathLike[str]) -> Scene:
     Parameters
     ----------
     path : path
-        At most 1 MiB.
+        A plain file of at most 1 MiB.
 
     Raises
     ------
@@ -46,13 +47,12 @@ def load(path: str | os.PathLike[str]) -> Scene:
         value that the scene refuses.
     """
     file = Path(path)
-    if file.stat().st_size > MOST_BYTES:
-        raise ValueError(f"{file}: a scene file has at most {MOST_BYTES} bytes")
+    text = read_text(file, MOST_BYTES, "TOML scene file")
+    require_short_keys(file, text)
     try:
-        text = file.read_text(encoding="utf-8")
         values = tomllib.loads(text)
     except (ValueError, RecursionError) as error:
-        # Also what is not UTF-8, numbers of thousands of digits, and brackets nested as deep.
+        # Also numbers of thousands of digits, and brackets nested as deep.
         raise ValueError(f"{file}: not a TOML file: {error}") from None
     return _scene(SceneText(file, text), values)
 
@@ -73,6 +73,8 @@ def _scene(text: SceneText, values: dict[str, Any]) -> Scene:
     listed = arguments.pop("effects", [])
     if not isinstance(listed, list):
         raise TypeError(f"{text.where('effects')}: effects must be [[effects]] tables")
+    with text.errors(("effects",)):
+        require_few(listed)
     effects = [_effect(text, table, index) for index, table in enumerate(listed)]
     with text.errors(SCENE):
         scene = Scene(**arguments, effects=effects)

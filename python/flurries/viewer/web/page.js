@@ -3,7 +3,9 @@ import { mount } from "./viewer.js";
 
 async function ask(question) {
   const reply = await fetch("ask", { method: "POST", headers: { "Content-Type": "application/json" }, body: JSON.stringify(question) });
-  if (!reply.ok) throw new Error(`the server said ${reply.status}`);
+  // A question that is refused has an answer too, which says why.
+  const answered = reply.headers.get("Content-Type") === "application/octet-stream";
+  if (!answered) throw new Error(`the server said ${reply.status}`);
   const bytes = await reply.arrayBuffer(), length = new DataView(bytes).getUint32(0, true);
   const head = JSON.parse(new TextDecoder().decode(new Uint8Array(bytes, 4, length)));
   const buffers = [];

@@ -16,8 +16,9 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from flurries.io.atomic import replacing
+from flurries.io.carried import carried
 from flurries.io.color import Array
-from flurries.io.library import last_error, openimageio
+from flurries.io.oiio import last_error, let_open, openimageio
 
 # A whole number of the strips and blocks in which EXR and TIFF compress; of wide pictures, whose
 # rows take much memory, fewer.
@@ -53,14 +54,13 @@ def write_bands(
     OSError
         If it cannot be written, or does not read back as what was written.
     """
-    target = os.fspath(path)
-    with replacing(path) as temporary:
-        checksums = _write(target, temporary, specification, band)
-        _verify(target, temporary, specification, checksums, lossless=lossless)
+    write_parts(path, [(specification, band)], lossless=lossless)
 
 
-def write_parts(path: str | os.PathLike[str], parts: Sequence[tuple[Any, Band]]) -> None:
-    """Write a picture of several parts, each as `write_bands` takes it, lossless.
+def write_parts(
+    path: str | os.PathLike[str], parts: Sequence[tuple[Any, Band]], *, lossless: bool = True
+) -> None:
+    """Write a picture of several parts, each as `write_bands` takes it.
 
     Raises
     ------
@@ -69,9 +69,9 @@ def write_parts(path: str | os.PathLike[str], parts: Sequence[tuple[Any, Band]])
     """
     target = os.fspath(path)
     with replacing(path) as temporary:
-        checksums = _write_parts(target, temporary, parts)
+        checksums = _write(target, temporary, parts)
         for number, ((specification, _), sums) in enumerate(zip(parts, checksums, strict=True)):
-            _verify(target, temporary, specification, sums, lossless=True, part=number)
+            _verify(target, temporary, specification, sums, lossless=lossless, part=number)
 
 
 def write_whole(path: str | os.PathLike[str], specification: Any, data: bytes) -> None:
@@ -88,25 +88,22 @@ def write_whole(path: str | os.PathLike[str], specification: Any, data: bytes) -
         _verify(os.fspath(path), temporary, specification, unknown, lossless=False)
 
 
-def _write(target: str, temporary: Path, specification: Any, band: Band) -> Checksums:
-    """Write all bands; return the type and the checksum of each."""
-    with _output(target, temporary) as output:
-        if not output.open(str(temporary), specification):
-            raise OSError(f"{target}: cannot be written: {last_error(output)}")
-        return _write_rows(target, output, specification, band)
+@contextmanager
+def _itself(file: Path) -> Iterator[str]:
+    yield str(file)
 
 
-def _write_parts(
-    target: str, temporary: Path, parts: Sequence[tuple[Any, Band]]
-) -> list[Checksums]:
+def _write(target: str, temporary: Path, parts: Sequence[tuple[Any, Band]]) -> list[Checksums]:
     """Write all bands of all parts; return the type and the checksum of each."""
     checksums = []
-    with _output(target, temporary) as output:
+    first, *_ = specifications = tuple(specification for specification, _ in parts)
+    through = carried if temporary.suffix.lower() == ".png" else _itself
+    with through(temporary) as name, _output(target, temporary) as output:
         for number, (specification, band) in enumerate(parts):
-            if number == 0:
-                opened = output.open(str(temporary), tuple(spec for spec, _ in parts))
+            if number:
+                opened = output.open(name, specification, "AppendSubimage")
             else:
-                opened = output.open(str(temporary), specification, "AppendSubimage")
+                opened = output.open(name, specifications if parts[1:] else first)
             if not opened:
                 raise OSError(f"{target}: cannot be written: {last_error(output)}")
             checksums.append(_write_rows(target, output, specification, band))
@@ -161,6 +158,7 @@ def _verify(
     """Read the picture back; a full disk or a faulty writer shows here and not next week."""
     step = _rows(specification)
     library = openimageio()
+    let_open(4 * specification.width * specification.height * specification.nchannels)
     wishes = library.ImageSpec()
     wishes.attribute("oiio:UnassociatedAlpha", 1)
     reader = library.ImageInput.open(str(temporary), wishes)

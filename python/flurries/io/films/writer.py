@@ -14,12 +14,12 @@ import numpy as np
 import numpy.typing as npt
 
 from flurries.io.atomic import replacing
-from flurries.io.containers import SCALING
-from flurries.io.encoders import QUALITIES, THREADS, encoder_for, frame_rate
+from flurries.io.films.codecs import QUALITIES, THREADS, encoder_for, frame_rate
+from flurries.io.films.index import SCALING
+from flurries.io.films.sound import Sound, SoundTrack
 from flurries.io.forks import never_free_in_children
-from flurries.io.integrity import check_structure
 from flurries.io.sequences import VIDEO_EXTENSIONS
-from flurries.io.sound import Sound, SoundTrack
+from flurries.io.structure import check_structure
 
 
 class VideoWriter:
@@ -45,9 +45,11 @@ class VideoWriter:
         so on.
     quality : {"high", "medium", "draft"}
         What the codec may throw away; FFV1 throws nothing away.
-    sound : flurries.io.sound.Sound, optional
+    sound : flurries.io.films.sound.Sound, optional
         A part of another film's sound to go with the pictures; copied where the new file can hold
         it as it is, else encoded as AAC, Opus (WebM) or FLAC (Matroska).
+    comment : str
+        A line that goes into the file's header, see `comment_of`.
 
     Raises
     ------
@@ -76,6 +78,7 @@ class VideoWriter:
         *,
         quality: str = "high",
         sound: Sound | None = None,
+        comment: str = "",
     ) -> None:
         self.path = Path(path)
         suffix = self.path.suffix.lower()
@@ -94,6 +97,7 @@ class VideoWriter:
         self._container: Any = None
         self._stream: Any = None
         self._sound = sound
+        self._comment = comment
         self._track: SoundTrack | None = None
 
     def __enter__(self) -> VideoWriter:
@@ -138,6 +142,9 @@ class VideoWriter:
         width, height = self.size
         if array.shape != (height, width, 3):
             raise ValueError(f"frame must be ({height}, {width}, 3), got {array.shape}")
+        if self._temporary is not None:
+            # An encoder may hold frames back for long: a file that is being written is not old.
+            os.utime(self._temporary)
         with self._told():
             for packet in self._stream.encode(self._converted(array)):
                 self._container.mux(packet)
@@ -155,6 +162,8 @@ class VideoWriter:
             self._container = av.open(
                 str(temporary.absolute()), "w", container_options=self._codec.container
             )
+            if self._comment:
+                self._container.metadata["comment"] = self._comment
             stream = self._container.add_stream(
                 self._codec.name, rate=self.fps, options=self._codec.options
             )
@@ -204,17 +213,13 @@ class VideoWriter:
         self._check()
 
     def _check(self) -> None:
-        import av
-
         assert self._temporary is not None  # _finish is called from __exit__ only.
         with self._told():
             try:
                 check_structure(self._temporary)
             except OSError as error:
                 raise OSError(f"{self.path}: does not read back as a whole video") from error
-            with av.open(str(self._temporary.absolute())) as container:
-                stream = container.streams.video[0]
-                found = sum(1 for packet in container.demux(stream) if packet.size)
+            _, found = _comment_and_count(self._temporary)
         if found != self.count:
             raise OSError(f"{self.path}: reads back with {found} frames instead of {self.count}")
 
@@ -235,6 +240,28 @@ class VideoWriter:
 
     def _told(self) -> _Told:
         return _Told(self.path)
+
+
+def comment_of(path: Path) -> tuple[str, int]:
+    """Return the comment in a video's header, empty if there is none, and how many frames it has.
+
+    None of them where it is damaged.
+    """
+    try:
+        check_structure(path)
+        return _comment_and_count(path)
+    except (OSError, ValueError):
+        return "", 0
+
+
+def _comment_and_count(path: Path) -> tuple[str, int]:
+    import av
+
+    with av.open(str(path.absolute())) as container:
+        said = {key.lower(): text for key, text in container.metadata.items()}
+        stream = container.streams.video[0]
+        count = sum(1 for packet in container.demux(stream) if packet.size)
+    return said.get("comment", ""), count
 
 
 class _Told(AbstractContextManager[None]):

@@ -11,8 +11,6 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from flurries.io import metadata as header
-from flurries.io.bands import write_bands, write_whole
 from flurries.io.color import (
     Array,
     to_display,
@@ -22,8 +20,10 @@ from flurries.io.color import (
     to_single,
     to_unit,
 )
-from flurries.io.jpeg import encode_jpeg
-from flurries.io.library import openimageio
+from flurries.io.oiio import openimageio
+from flurries.io.pictures import metadata as header
+from flurries.io.pictures.jpeg import encode_jpeg
+from flurries.io.pictures.rows import write_bands, write_whole
 
 
 @dataclass(frozen=True)

@@ -14,10 +14,10 @@ from typing import Any
 import numpy as np
 
 from flurries.io.color import Array
-from flurries.io.containers import SCALING, index_frames, open_video
+from flurries.io.files import Budget, plain_file
+from flurries.io.films.index import SCALING, index_frames, open_video
 from flurries.io.forks import never_free_in_children
-from flurries.io.headers import plain_file
-from flurries.io.integrity import check_structure
+from flurries.io.structure import check_structure
 
 _UNSPECIFIED = 2  # AVCOL_SPC_UNSPECIFIED
 
@@ -29,6 +29,8 @@ class VideoReader:
     ----------
     path : str or path
         The video.
+    budget : Budget, optional
+        How large a frame may be; ``Budget()`` if not given.
 
     Raises
     ------
@@ -40,14 +42,14 @@ class VideoReader:
         If it is not a video of a known format.
     """
 
-    def __init__(self, path: str | os.PathLike[str]) -> None:
-        self.path = plain_file(path)
+    def __init__(self, path: str | os.PathLike[str], *, budget: Budget | None = None) -> None:
+        self.path, self._budget = plain_file(path), Budget.of(budget)
         check_structure(self.path)
         never_free_in_children(self)
-        self._container, self._stream = open_video(self.path)
+        self._container, self._stream = open_video(self.path, self._budget)
         rate = self._stream.average_rate or self._stream.guessed_rate
         self.fps = float(rate) if rate else None
-        self._index = index_frames(self.path)
+        self._index = index_frames(self.path, self._budget)
         self._frames = self._decode()
         # The frame that the decoder will yield next, and those that it yielded ahead of need.
         self._next = 0
@@ -107,7 +109,7 @@ class VideoReader:
             self._next = key
         else:
             self._container.close()
-            self._container, self._stream = open_video(self.path)
+            self._container, self._stream = open_video(self.path, self._budget)
             self._next = 0
         self._frames = self._decode()
 
@@ -147,15 +149,21 @@ class VideoReader:
             return
 
 
-def read_video(path: str | os.PathLike[str]) -> Iterator[Array]:
+def read_video(path: str | os.PathLike[str], *, budget: Budget | None = None) -> Iterator[Array]:
     """Yield the frames of a video in order, each (H, W, 3) uint8.
+
+    Parameters
+    ----------
+    path : str or path
+    budget : Budget, optional
+        As `read_picture`; for each frame.
 
     Raises
     ------
     FileNotFoundError, OSError, ValueError
         As `VideoReader`, when the first frame is asked for or where the damage is.
     """
-    reader = VideoReader(path)
+    reader = VideoReader(path, budget=budget)
     with closing(reader):
         for number in range(reader.count):
             yield reader.frame(number)

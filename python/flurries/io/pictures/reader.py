@@ -8,7 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from flurries.io.color import Array, Encoding, to_unit
-from flurries.io.headers import Opened, open_picture
+from flurries.io.files import Budget
+from flurries.io.pictures.header import Opened, opened_picture
 
 # What luminance is made of, Rec. 709.
 _GREEN, _BLUE = 0.7152, 0.0722
@@ -44,8 +45,26 @@ class Picture:
         """(width, height) in px."""
         return self.pixels.shape[1], self.pixels.shape[0]
 
+    def rgba(self) -> Array:
+        """Return (H, W, 4) in the pixels' dtype: floats multiplied by alpha, integers not.
 
-def read_picture(path: str | os.PathLike[str]) -> Picture:
+        A picture without alpha is opaque.
+        """
+        result = np.empty((*self.pixels.shape[:2], 4), self.pixels.dtype)
+        result[..., :3] = self.pixels
+        opaque = np.iinfo(result.dtype).max if result.dtype.kind == "u" else 1
+        if self.alpha is None:
+            result[..., 3] = opaque
+        elif result.dtype.kind == "u":
+            np.rint(self.alpha * np.float32(opaque), out=result[..., 3], casting="unsafe")
+        else:
+            result[..., 3] = self.alpha
+            if not self.premultiplied:
+                result[..., :3] *= result[..., 3:]
+        return result
+
+
+def read_picture(path: str | os.PathLike[str], *, budget: Budget | None = None) -> Picture:
     """Read a picture.
 
     The display window of an EXR is what comes: stored pixels outside it are cut off, pixels of it
@@ -58,6 +77,8 @@ def read_picture(path: str | os.PathLike[str]) -> Picture:
     ----------
     path : str or path
         PNG, JPEG, EXR, TIFF, HDR, WebP, or what else OpenImageIO reads.
+    budget : Budget, optional
+        How large it may be; ``Budget()`` if not given.
 
     Returns
     -------
@@ -69,24 +90,23 @@ def read_picture(path: str | os.PathLike[str]) -> Picture:
     FileNotFoundError
         If there is no such file.
     OSError
-        If the file is empty, cut short or damaged. The message names it.
+        If the file is empty, cut short, damaged, or larger than the budget. The message names it.
     ValueError
         If it is not a picture of a known format, or of a kind that is not supported (deep pixels,
         chroma subsampled EXR).
     """
-    opened = open_picture(path)
-    pixels, alpha = _decode(opened)
-    opened.reader.close()
-    return Picture(
-        pixels=pixels,
-        alpha=alpha,
-        encoding=opened.encoding,
-        path=str(opened.path),
-        premultiplied=alpha is not None and opened.premultiplied,
-    )
+    with opened_picture(path, budget) as opened:
+        pixels, alpha = _decode(opened)
+        return Picture(
+            pixels=pixels,
+            alpha=alpha,
+            encoding=opened.encoding,
+            path=str(opened.path),
+            premultiplied=alpha is not None and opened.premultiplied,
+        )
 
 
-def read_mask(path: str | os.PathLike[str]) -> Array:
+def read_mask(path: str | os.PathLike[str], *, budget: Budget | None = None) -> Array:
     """Read a mask: the alpha channel if the picture has one, else its luminance as stored.
 
     A mask is data, so display values are not decoded: the grey level 128 of 255 is 0.502.
@@ -101,7 +121,7 @@ def read_mask(path: str | os.PathLike[str]) -> Array:
     FileNotFoundError, OSError, ValueError
         As `read_picture`.
     """
-    picture = read_picture(path)
+    picture = read_picture(path, budget=budget)
     if picture.alpha is None:
         return luminance(picture)
     mask: Array = np.clip(np.nan_to_num(picture.alpha, nan=0.0), 0.0, 1.0)
@@ -119,49 +139,23 @@ def luminance(picture: Picture) -> Array:
 
 def _decode(opened: Opened) -> tuple[Array, Array | None]:
     """Return the colors (H, W, 3) and the alpha, window and orientation applied."""
-    wanted = [*opened.color, *([] if opened.alpha is None else [opened.alpha])]
-    first, last = min(wanted), max(wanted) + 1
     stored_type = opened.stored_type
-    asked_type = stored_type if stored_type in ("uint8", "uint16") else "float"
-    values = opened.reader.read_image(opened.part, 0, first, last, asked_type)
-    if values is None:
-        raise opened.failure("the picture is damaged or cut short")
-    # libjpeg fills what is missing with grey, returns it as a success, and leaves a message.
-    if opened.reader.has_error:
-        raise opened.failure("the picture is damaged or cut short")
-    values = values.reshape(*values.shape[:2], last - first)
-    values = seen(values, opened)
-    color = values[..., [place - first for place in opened.color]]
-    pixels = np.repeat(color, 3, axis=-1) if color.shape[-1] == 1 else color
-    if opened.alpha is None:
-        return np.ascontiguousarray(pixels), None
-    alpha = np.ascontiguousarray(to_unit(values[..., opened.alpha - first]))
-    return np.ascontiguousarray(pixels), alpha
-
-
-def seen(values: Array, opened: Opened, outside: float = 0.0) -> Array:
-    """Return what the user sees of the stored values: the display window, upright.
-
-    Pixels of the window that are not stored get the value `outside`.
-    """
-    left, top, width, height = opened.window
-    stored_height, stored_width = values.shape[:2]
-    if (left, top, width, height) != (0, 0, stored_width, stored_height):
-        shown = np.full((height, width, values.shape[2]), outside, values.dtype)
-        rows = slice(max(top, 0), max(min(top + height, stored_height), 0))
-        columns = slice(max(left, 0), max(min(left + width, stored_width), 0))
-        part = values[rows, columns]
-        y, x = max(-top, 0), max(-left, 0)
-        shown[y : y + part.shape[0], x : x + part.shape[1]] = part
-        values = shown
-    return upright(values, opened.orientation)
-
-
-def upright(values: Array, orientation: int) -> Array:
-    """Turn and mirror an array as its EXIF orientation asks."""
-    if orientation in (5, 7):
-        values = values.swapaxes(0, 1)
-        return values if orientation == 5 else values[::-1, ::-1]
-    if orientation in (2, 4):
-        return values[:, ::-1] if orientation == 2 else values[::-1]
-    return np.rot90(values, {3: 2, 6: -1, 8: 1}.get(orientation, 0))
+    kind = stored_type if stored_type in ("uint8", "uint16") else "float"
+    dtype = np.dtype("float32" if kind == "float" else kind)
+    colors = len(opened.color)
+    channels = [*opened.color, *([] if opened.alpha is None else [opened.alpha])]
+    shape = (opened.specification.height, opened.specification.width)
+    pixels: Array | None = None
+    alpha: Array | None = None
+    pixel_bytes = 3 * dtype.itemsize + (0 if opened.alpha is None else 4)
+    for rows, band in opened.bands(channels, kind, pixel_bytes=pixel_bytes):
+        if pixels is None:
+            pixels = np.empty((*shape, 3), dtype)
+            alpha = None if opened.alpha is None else np.empty((*shape, 1), np.float32)
+        # A grey picture gets its one channel three times.
+        pixels[rows] = band[..., :colors]
+        if alpha is not None:
+            alpha[rows] = to_unit(band[..., colors:])
+    assert pixels is not None  # A picture without rows is refused when it is opened.
+    seen = np.ascontiguousarray(opened.shown(pixels))
+    return seen, None if alpha is None else np.ascontiguousarray(opened.shown(alpha)[..., 0])

@@ -1,4 +1,4 @@
-"""The one gate to OpenImageIO: imported when first needed, its threads and its errors tamed."""
+"""The one gate to OpenImageIO: imported when first needed, its threads, limits and errors tamed."""
 
 from __future__ import annotations
 
@@ -19,7 +19,22 @@ def openimageio() -> Any:
 
     library.attribute("threads", 1)
     library.attribute("exr_threads", -1)
+    library.attribute(_LIMIT, 1)
     return library
+
+
+_LIMIT, _LONGEST = "limits:imagesize_MB", 500
+
+
+def let_open(size: int) -> None:
+    """Let OpenImageIO open pictures of so many bytes.
+
+    Some formats are decoded when they are opened, so its own limit must hold them back. The limit
+    is one for the whole process and only grows: a thread may be opening a larger picture.
+    """
+    library, wanted = openimageio(), -(-size // 2**20)
+    if wanted > library.get_int_attribute(_LIMIT):
+        library.attribute(_LIMIT, min(wanted, 2**31 - 1))
 
 
 def last_error(*holders: Any) -> str:
@@ -35,4 +50,6 @@ def last_error(*holders: Any) -> str:
         except UnicodeDecodeError:
             # It quotes a damaged file.
             messages.append("no reason that could be put into words")
-    return "; ".join(" ".join(message.split()) for message in messages if message)
+    words = "; ".join(" ".join(message.split()) for message in messages if message)
+    # A damaged file may be complained of row by row.
+    return words if len(words) <= _LONGEST else f"{words[:_LONGEST]}..."

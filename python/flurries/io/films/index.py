@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from flurries.io.headers import LARGEST_PICTURE
+from flurries.io.files import Budget
 
 READABLE = (
     *(".mp4", ".m4v", ".mov", ".webm", ".mkv", ".avi"),
@@ -88,8 +88,11 @@ class FrameIndex:
         return self.order[self.key_of(number)] <= self.order[other] <= self.order[number]
 
 
-def open_video(path: Path) -> tuple[Any, Any]:
+def open_video(path: Path, budget: Budget | None = None) -> tuple[Any, Any]:
     """Open a video; return the container and its first video stream.
+
+    Frames of more pixels than the budget allows are refused: those that the header claims now, and
+    those of another size by the decoder.
 
     Raises
     ------
@@ -118,11 +121,20 @@ def open_video(path: Path) -> tuple[Any, Any]:
         raise OSError(f"{path}: the video is damaged, or of a codec that is not known")
     # One thread: threads of a decoder do not survive a fork, and a child that frees it hangs.
     stream.codec_context.thread_count = 1
-    stream.codec_context.options = {"max_pixels": str(LARGEST_PICTURE)}
+    limits = Budget.of(budget)
+    # Codecs have whole blocks of pixels.
+    room = limits.pixels + limits.pixels // 8 + 2**16
+    stream.codec_context.options = {"max_pixels": str(room)}
+    try:
+        if stream.codec_context.width and stream.codec_context.height:
+            limits.admit(path, (stream.codec_context.width, stream.codec_context.height), 3)
+    except OSError:
+        container.close()
+        raise
     return container, stream
 
 
-def index_frames(path: Path) -> FrameIndex:
+def index_frames(path: Path, budget: Budget | None = None) -> FrameIndex:
     """Read through a video and note its frames.
 
     Raises
@@ -132,7 +144,7 @@ def index_frames(path: Path) -> FrameIndex:
     """
     import av
 
-    container, stream = open_video(path)
+    container, stream = open_video(path, budget)
     packets = []
     with closing(container):
         kind = container.format.name
@@ -144,7 +156,7 @@ def index_frames(path: Path) -> FrameIndex:
             raise OSError(f"{path}: the video is damaged: {error.strerror}") from error
     times = sorted(time for time, _ in packets if time is not None)
     if kind in _TIMELESS or len({*times}) < len(packets):
-        numbers = range(_count_frames(path))
+        numbers = range(_count_frames(path, budget))
         index = FrameIndex(numbers, [0], numbers, counted=True, seekable=False)
     else:
         # What comes before the first key frame builds on frames that were cut away.
@@ -162,11 +174,11 @@ def index_frames(path: Path) -> FrameIndex:
     return index
 
 
-def _count_frames(path: Path) -> int:
+def _count_frames(path: Path, budget: Budget | None) -> int:
     """Decode the whole video to count its frames, where nothing else tells their number."""
     import av
 
-    container, stream = open_video(path)
+    container, stream = open_video(path, budget)
     count = 0
     with closing(container):
         for packet in container.demux(stream):

@@ -7,10 +7,10 @@ from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass
 from fractions import Fraction
-from pathlib import Path
 from typing import Any
 
-from flurries.io.containers import open_video
+from flurries.io.files import plain_file
+from flurries.io.films.index import open_video
 
 # What each kind of file holds of sound, and what it is encoded as otherwise.
 _HOLDS: dict[str, tuple[tuple[str, ...], str]] = {
@@ -44,7 +44,7 @@ class Sound:
 
 def has_sound(path: str | os.PathLike[str]) -> bool:
     """Whether a film has sound that can be read."""
-    container, _ = open_video(Path(path))
+    container, _ = open_video(plain_file(path))
     try:
         return any(stream.codec_context is not None for stream in container.streams.audio)
     finally:
@@ -69,7 +69,7 @@ class SoundTrack:
     def __init__(self, sound: Sound, container: Any, suffix: str) -> None:
         if not has_sound(sound.path):
             raise ValueError(f"{sound.path}: the film has no sound that can be read")
-        self._source, picture = open_video(Path(sound.path))
+        self._source, picture = open_video(plain_file(sound.path))
         self._container = container
         stream = self._source.streams.audio[0]
         first = Fraction(0)

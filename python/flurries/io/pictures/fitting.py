@@ -12,9 +12,12 @@ import numpy.typing as npt
 
 from flurries._contract import rectangular
 from flurries.io.color import Array, linear_to_srgb, to_integer, to_linear, to_unit
-from flurries.io.library import last_error, openimageio
+from flurries.io.oiio import last_error, openimageio
 
 _FILTER = "lanczos3"
+
+# Pixels that are turned into light at a time.
+_CHUNK = 1 << 20
 _MODES = ("cover", "contain", "stretch")
 
 
@@ -79,8 +82,7 @@ def fit(
     if array.shape[:2] == (height, width):
         return array.astype(array.dtype.newbyteorder("="))
     planes = array[..., np.newaxis] if array.ndim == 2 else array
-    light = _to_light(planes, encoding, straight=integers).astype(np.float32, copy=False)
-    resized = _resize(light, width, height, how)
+    resized = _resize(_Light(planes, encoding, straight=integers), width, height, how)
     values = _from_light(resized, encoding, straight=integers)
     if integers:
         result = to_integer(values, 8 * array.dtype.itemsize)
@@ -142,8 +144,41 @@ def _checked_size(size: Sequence[int]) -> tuple[int, int]:
     return width, height
 
 
+class _Light:
+    """A picture in linear light multiplied by alpha, the only form that may be averaged.
+
+    Only what OpenImageIO holds of it is whole: the light is made some rows at a time.
+
+    Attributes
+    ----------
+    buffer : ImageBuf
+        The light.
+    low, high : (channels,)
+        Its smallest and largest values that are numbers.
+    """
+
+    def __init__(self, planes: Array, encoding: str, *, straight: bool) -> None:
+        library = openimageio()
+        self.shape = rows, columns, channels = planes.shape
+        self.buffer = library.ImageBuf(library.ImageSpec(columns, rows, channels, "float"))
+        low = np.full(columns * channels, np.nan, np.float32)
+        high = low.copy()
+        step = max(_CHUNK // columns, 1)
+        for top in range(0, rows, step):
+            light = _to_light(planes[top : top + step], encoding, straight=straight)
+            light = np.ascontiguousarray(light, np.float32)
+            region = library.ROI(0, columns, top, top + len(light), 0, 1, 0, channels)
+            self.buffer.set_pixels(region, light)
+            # Of whole rows first: three numbers at a time would take as long as the rest.
+            flat = light.reshape(len(light), -1)
+            np.fmin(low, np.fmin.reduce(flat), out=low)
+            np.fmax(high, np.fmax.reduce(flat), out=high)
+        self.low = np.fmin.reduce(low.reshape(columns, channels))
+        self.high = np.fmax.reduce(high.reshape(columns, channels))
+
+
 def _to_light(planes: Array, encoding: str, *, straight: bool) -> Array:
-    """Return linear light multiplied by alpha, the only form that may be averaged."""
+    """Return rows of a picture as linear light multiplied by alpha."""
     light = to_linear(planes[..., :3], encoding)
     if planes.shape[2] < 4:
         return light
@@ -161,7 +196,7 @@ def _from_light(light: Array, encoding: str, *, straight: bool) -> Array:
     return np.concatenate([color, alpha], axis=-1)
 
 
-def _resize(light: Array, width: int, height: int, how: str) -> Array:
+def _resize(light: _Light, width: int, height: int, how: str) -> Array:
     """Scale the picture and take the central part, or put it in the middle of a black frame."""
     rows, columns, channels = light.shape
     across, down = width / columns, height / rows
@@ -172,10 +207,7 @@ def _resize(light: Array, width: int, height: int, how: str) -> Array:
     left, top = (scaled_width - width) // 2, (scaled_height - height) // 2
     window = (max(left, 0), max(top, 0), min(scaled_width, width), min(scaled_height, height))
     resized = _filtered(light, (scaled_width, scaled_height), window)
-    low, high = (
-        reduce(light.reshape(-1, channels), axis=0) for reduce in (np.fmin.reduce, np.fmax.reduce)
-    )
-    resized = np.clip(resized, low, high)
+    resized = np.clip(resized, light.low, light.high)
     if resized.shape[:2] == (height, width):
         return resized
     framed = np.zeros((height, width, channels), np.float32)
@@ -197,12 +229,10 @@ def _scaled(exact: float, wanted: int) -> int:
     return scaled if scaled > 0 else 1 + (wanted + 1) % 2
 
 
-def _filtered(light: Array, scaled: tuple[int, int], window: tuple[int, int, int, int]) -> Array:
+def _filtered(light: _Light, scaled: tuple[int, int], window: tuple[int, int, int, int]) -> Array:
     """Scale `light` to the size `scaled` and return the part in `window` (x, y, width, height)."""
     library = openimageio()
-    rows, columns, channels = light.shape
-    source = library.ImageBuf(library.ImageSpec(columns, rows, channels, "float"))
-    source.set_pixels(source.roi, np.ascontiguousarray(light))
+    channels = light.shape[2]
     left, top, width, height = window
     specification = library.ImageSpec(width, height, channels, "float")
     specification.x, specification.y = left, top
@@ -210,8 +240,8 @@ def _filtered(light: Array, scaled: tuple[int, int], window: tuple[int, int, int
     specification.full_width, specification.full_height = scaled
     target = library.ImageBuf(specification)
     region = library.ROI(left, left + width, top, top + height, 0, 1, 0, channels)
-    if not library.ImageBufAlgo.resize(target, source, _FILTER, 0.0, region):
-        words = last_error(target, source)
+    if not library.ImageBufAlgo.resize(target, light.buffer, _FILTER, 0.0, region):
+        words = last_error(target, light.buffer)
         if "allocate" in words:
             raise MemoryError(f"size {width} x {height}: {words}")
         raise RuntimeError(f"the picture could not be resized: {words}")

@@ -11,7 +11,7 @@ import io
 from collections.abc import Mapping
 
 from flurries.io.color import Array
-from flurries.io.metadata import description
+from flurries.io.pictures.metadata import description
 
 _DESCRIPTION, _SOFTWARE, _MOMENT = 0x010E, 0x0131, 0x0132  # Tags of EXIF.
 _LONGEST_TEXT = 60_000

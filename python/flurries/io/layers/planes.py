@@ -4,19 +4,20 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Callable, Mapping
-from typing import Any, NamedTuple
+from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from flurries._contract import mapping
-from flurries.io import metadata as header
-from flurries.io.bands import write_bands
 from flurries.io.color import Array, to_half, to_single
-from flurries.io.headers import open_picture
-from flurries.io.library import openimageio
-from flurries.io.writing import format_of
+from flurries.io.files import Budget
+from flurries.io.oiio import openimageio
+from flurries.io.pictures import metadata as header
+from flurries.io.pictures.header import opened_picture
+from flurries.io.pictures.rows import Band, write_bands
+from flurries.io.pictures.writer import format_of
 
 MAIN = "rgba"
 
@@ -65,31 +66,21 @@ def write_layers(
     OSError
         If the file cannot be written or does not read back.
     """
-    if format_of(path).name != "openexr":
-        raise ValueError(f"{os.fspath(path)}: only .exr holds layers")
+    require_exr(path, "layers")
     strings = header.checked(metadata)
-    part = part_of(layers, half)
-    header.put(part.specification, strings, "openexr")
-    write_bands(path, part.specification, part.band, lossless=True)
+    specification, band = part_of(layers, half)
+    header.put(specification, strings, "openexr")
+    write_bands(path, specification, band, lossless=True)
 
 
-class Part(NamedTuple):
-    """Layers as one part of a file.
-
-    Attributes
-    ----------
-    specification : ImageSpec
-        Size, channels and types.
-    band : callable
-        ``band(first, last)`` gives rows of all channels, float32.
-    """
-
-    specification: Any
-    band: Callable[[int, int], Array]
+def require_exr(path: str | os.PathLike[str], content: str) -> None:
+    """Refuse another format for what only EXR holds."""
+    if format_of(path).name != "openexr":
+        raise ValueError(f"{os.fspath(path)}: only .exr holds {content}")
 
 
-def part_of(layers: Mapping[str, npt.ArrayLike], half: bool) -> Part:
-    """Return layers as `write_layers` takes them as a part of a file."""
+def part_of(layers: Mapping[str, npt.ArrayLike], half: bool) -> tuple[Any, Band]:
+    """Return layers as `write_layers` takes them as a part of a file, see `write_parts`."""
     planes: dict[str, tuple[Array, bool]] = {}
     sizes = set()
     for name, values in mapping("layers", layers).items():
@@ -122,11 +113,17 @@ def part_of(layers: Mapping[str, npt.ArrayLike], half: bool) -> Part:
         specification.channelformats = tuple(map(library.TypeDesc, kinds))
     specification.alpha_channel = specification.channelindex("A")
     specification.attribute("compression", "zip")
-    return Part(specification, band)
+    return specification, band
 
 
-def read_layers(path: str | os.PathLike[str]) -> dict[str, Array]:
+def read_layers(path: str | os.PathLike[str], *, budget: Budget | None = None) -> dict[str, Array]:
     """Read all layers of an EXR, the inverse of `write_layers`.
+
+    Parameters
+    ----------
+    path : str or path
+    budget : Budget, optional
+        As `read_picture`.
 
     Returns
     -------
@@ -138,22 +135,20 @@ def read_layers(path: str | os.PathLike[str]) -> dict[str, Array]:
     FileNotFoundError, OSError, ValueError
         As `read_picture`.
     """
-    opened = open_picture(path)
-    spec = opened.specification
-    values = opened.reader.read_image(opened.part, 0, 0, spec.nchannels, "float")
-    if values is None or opened.reader.has_error:
-        raise opened.failure("the picture is damaged or cut short")
-    opened.reader.close()
-    values = values.reshape(spec.height, spec.width, spec.nchannels)
-    found: dict[str, list[int]] = {}
-    for place, name in enumerate(spec.channelnames):
-        found.setdefault(name.rpartition(".")[0] or MAIN, []).append(place)
-    for places in found.values():
-        places.sort(key=lambda place: _ORDER.find(spec.channelnames[place][-1:]))
-    return {
-        name: np.ascontiguousarray(values[..., places[0] if len(places) == 1 else places])
-        for name, places in found.items()
-    }
+    with opened_picture(path, budget) as opened:
+        spec = opened.specification
+        places: dict[str, list[int]] = {}
+        for place, name in enumerate(spec.channelnames):
+            places.setdefault(name.rpartition(".")[0] or MAIN, []).append(place)
+        for group in places.values():
+            group.sort(key=lambda place: _ORDER.find(spec.channelnames[place][-1:]))
+        found: dict[str, Array] = {}
+        for rows, band in opened.bands(range(spec.nchannels), "float"):
+            for name, group in places.items():
+                if name not in found:
+                    found[name] = np.empty((spec.height, spec.width, len(group)), np.float32)
+                found[name][rows] = band[..., group]
+    return {name: plane[..., 0] if plane.shape[2] == 1 else plane for name, plane in found.items()}
 
 
 def _checked_layer(name: str, values: npt.ArrayLike) -> Array:

@@ -1,0 +1,175 @@
+"""Files that are read: plain ones only, and never more than fits into memory.
+
+A FIFO would be waited for without end, a device may never stop, and a picture of some kilobytes may
+claim billions of pixels. Every reader comes through here.
+"""
+
+from __future__ import annotations
+
+import errno
+import os
+import stat
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from flurries._contract import _came, integer
+
+_BLOCK = 1 << 20
+
+_PIXELS_VARIABLE, _BYTES_VARIABLE = "FLURRIES_MAX_PIXELS", "FLURRIES_MAX_BYTES"
+# A picture of 16384 x 16384 px with four floats a pixel: a frame over it still fits into 8 GiB.
+_PIXELS, _BYTES = 2**28, 2**32
+
+
+def _limit(variable: str, default: int) -> int:
+    text = os.environ.get(variable, "").strip()
+    if not text:
+        return default
+    if not text.isascii() or not text.isdigit() or not 0 < len(text) <= 18 or int(text) == 0:
+        raise ValueError(f"{variable} must be a whole number above 0, got {text[:40]!r}")
+    return int(text)
+
+
+@dataclass(frozen=True)
+class Budget:
+    """How large a picture, or a frame of a film, may be that is read.
+
+    Larger ones are refused by what their header claims, before anything is decoded.
+
+    Parameters
+    ----------
+    pixels : int
+        Pixels, of what is stored and of what is shown; the environment variable FLURRIES_MAX_PIXELS
+        if not given, or else 2^28, which is 16384 x 16384.
+    bytes : int
+        Bytes that the decoded numbers take; FLURRIES_MAX_BYTES, or else 2^32.
+
+    Raises
+    ------
+    ValueError, TypeError
+        If one of them, or a variable, is not a whole number above 0.
+    """
+
+    pixels: int = field(default_factory=lambda: _limit(_PIXELS_VARIABLE, _PIXELS))
+    bytes: int = field(default_factory=lambda: _limit(_BYTES_VARIABLE, _BYTES))
+
+    def __post_init__(self) -> None:
+        integer("pixels", self.pixels, low=1, high=2**62)
+        integer("bytes", self.bytes, low=1, high=2**62)
+
+    @staticmethod
+    def of(budget: object) -> Budget:
+        """Return the budget that a reader is given, or the usual one."""
+        if budget is None:
+            return Budget()
+        if not isinstance(budget, Budget):
+            raise TypeError(f"budget must be a flurries.io.Budget, got {_came(budget)}")
+        return budget
+
+    def admit(self, path: Path, size: tuple[int, int], pixel_bytes: int) -> None:
+        """Raise OSError if a picture of (width, height) with so many bytes a pixel is too large."""
+        width, height = size
+        claims = f"{path}: the picture claims {width} x {height} px"
+        if width <= 0 or height <= 0:
+            raise OSError(f"{claims}, and has none")
+        if width * height > self.pixels:
+            raise OSError(
+                f"{claims}, more than the {self.pixels} that are allowed; "
+                f"{_PIXELS_VARIABLE} raises the limit"
+            )
+        needed = width * height * pixel_bytes
+        if needed > self.bytes:
+            raise OSError(
+                f"{claims} of {pixel_bytes} bytes, {needed} in all and more than the {self.bytes} "
+                f"that are allowed; {_BYTES_VARIABLE} raises the limit"
+            )
+
+
+def path_text(name: str, path: str | os.PathLike[str]) -> str:
+    """Return a path as text that may name a file.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If it is not a string or a path, is empty, or holds a NUL byte.
+    """
+    text = os.fspath(path)
+    if not isinstance(text, str):
+        raise TypeError(f"{name} must be a string or a path, got {type(path).__name__}")
+    if not text or "\0" in text:
+        raise ValueError(f"{name} must name a file, got {text!r:.60}")
+    return text
+
+
+def plain_file(path: str | os.PathLike[str]) -> Path:
+    """Return `path` as a Path if it is a file that can be read; links count as what they lead to.
+
+    Raises
+    ------
+    FileNotFoundError, IsADirectoryError, PermissionError, OSError
+        If it is missing, a folder, not readable, or a FIFO, a socket or a device.
+    TypeError, ValueError
+        As `path_text`.
+    """
+    found = Path(path_text("path", path))
+    _require_plain(found.stat(), found)  # FileNotFoundError names the file by itself.
+    if not os.access(found, os.R_OK):
+        raise PermissionError(errno.EACCES, "Cannot be read", str(found))
+    return found
+
+
+def _require_plain(status: os.stat_result, path: Path) -> None:
+    if stat.S_ISDIR(status.st_mode):
+        raise IsADirectoryError(errno.EISDIR, "Is a folder, not a file", str(path))
+    if not stat.S_ISREG(status.st_mode):
+        raise OSError(errno.EINVAL, "Is not a plain file", str(path))
+
+
+def read_bytes(path: str | os.PathLike[str], most: int, kind: str) -> bytes:
+    """Return what is in a file of at most `most` bytes.
+
+    Parameters
+    ----------
+    path : str or path
+    most : int
+        More bytes are refused, and not read.
+    kind : str
+        What such a file is, for the message: "scene file".
+
+    Raises
+    ------
+    OSError, TypeError, ValueError
+        As `plain_file`; ValueError also for a file that is larger.
+    """
+    found = plain_file(path)
+    # The name may lead elsewhere by now: a FIFO must not be waited for, nor a device be read.
+    flags = os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0)
+    parts, size = [], 0
+    with open(os.open(found, flags | getattr(os, "O_CLOEXEC", 0)), "rb") as stream:  # noqa: PTH123
+        status = os.fstat(stream.fileno())
+        _require_plain(status, found)
+        size = status.st_size
+        if size <= most:
+            # Some files have more bytes than they say.
+            size = 0
+            while size <= most and (block := stream.read(min(_BLOCK, most + 1 - size))):
+                parts.append(block)
+                size += len(block)
+    if size > most:
+        raise ValueError(f"{found}: a {kind} has at most {most} bytes, got {size} or more")
+    return b"".join(parts)
+
+
+def read_text(path: str | os.PathLike[str], most: int, kind: str) -> str:
+    """Return the UTF-8 text of a file of at most `most` bytes, without a byte order mark.
+
+    Raises
+    ------
+    OSError, TypeError, ValueError
+        As `read_bytes`; ValueError also for other bytes.
+    """
+    data = read_bytes(path, most, kind)
+    try:
+        return data.decode("utf-8-sig").replace("\r\n", "\n")
+    except UnicodeDecodeError as error:
+        raise ValueError(f"{os.fspath(path)}: a {kind} is UTF-8 text: {error}") from None

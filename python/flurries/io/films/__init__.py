@@ -1,0 +1,1 @@
+"""Films: where their frames are, reading, writing, and their sound."""

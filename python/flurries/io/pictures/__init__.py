@@ -1,0 +1,1 @@
+"""Pictures: what their files say, their pixels, and how they are written and fitted."""

@@ -1,0 +1,320 @@
+"""Opening a picture: what it holds and where its colors are, before any pixel is decoded."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from flurries.io.color import Array, Encoding
+from flurries.io.files import Budget, plain_file
+from flurries.io.oiio import last_error, let_open, openimageio
+from flurries.io.pictures import metadata
+from flurries.io.structure import check_structure
+
+# Pixels that are decoded at a time, in whole blocks of compression of so many rows.
+_CHUNK, _ROWS = 1 << 20, 256
+
+# NumPy's names for the types of numbers, where OpenImageIO's are others.
+_DTYPES = {"half": "float16", "float": "float32"}
+
+
+@dataclass(frozen=True)
+class Header:
+    """What a picture says about itself.
+
+    Attributes
+    ----------
+    path : str
+        The file.
+    size : tuple of int
+        (width, height) in px as the user sees it: display window, orientation applied.
+    channels : tuple of str
+        The names of all channels, in file order.
+    encoding : str
+        ``"linear"`` for float pixels, ``"display"`` for integers.
+    metadata : dict
+        What flurries wrote into it, keys without ``flurries:``; empty for other pictures.
+    """
+
+    path: str
+    size: tuple[int, int]
+    channels: tuple[str, ...]
+    encoding: Encoding
+    metadata: dict[str, str] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Opened:
+    """A picture that is open, and where in it the colors are."""
+
+    path: Path
+    reader: Any
+    specification: Any
+    part: int
+    color: tuple[int, ...]
+    alpha: int | None
+    budget: Budget
+
+    @property
+    def stored_type(self) -> str:
+        """The type of the color channels in the file, as OpenImageIO calls it."""
+        return str(self.specification.channelformat(self.color[0]))
+
+    @property
+    def encoding(self) -> Encoding:
+        """Floats are linear light, integers are display values."""
+        return "linear" if self.stored_type in ("half", "float", "double") else "display"
+
+    @property
+    def premultiplied(self) -> bool:
+        """Whether the colors are multiplied by alpha: in EXR always, in TIFF if it says so."""
+        kind = self.reader.format_name()
+        straight = self.specification.get_int_attribute("oiio:UnassociatedAlpha") != 0
+        return kind == "openexr" or (kind == "tiff" and not straight)
+
+    @property
+    def orientation(self) -> int:
+        """The EXIF orientation, 1 to 8."""
+        stated = self.specification.get_int_attribute("Orientation", 1)
+        return stated if 1 <= stated <= 8 else 1
+
+    @property
+    def window(self) -> tuple[int, int, int, int]:
+        """The display window (left, top, width, height) relative to the first stored pixel."""
+        spec = self.specification
+        if self.reader.format_name() != "openexr":
+            # Offsets in other formats are about printing several pictures on one page.
+            return 0, 0, spec.width, spec.height
+        return spec.full_x - spec.x, spec.full_y - spec.y, spec.full_width, spec.full_height
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """(width, height) as the user sees it."""
+        _, _, width, height = self.window
+        return (height, width) if self.orientation >= 5 else (width, height)
+
+    def parts(self) -> list[Any]:
+        """Return the specifications of all parts of the file, of a thousand at most."""
+        stated = self.reader.spec(0).get_int_attribute("oiio:subimages", 1)
+        return [self.reader.spec(part) for part in range(min(max(stated, 1), 1000))]
+
+    def read(self, channels: Sequence[int], kind: str, *, part: int | None = None) -> Array:
+        """Return channels of a part as stored, (h, w, c); see `bands`."""
+        spec = self.specification if part is None else self.reader.spec(part)
+        values: Array | None = None
+        for rows, band in self.bands(channels, kind, part=part):
+            if values is None:
+                values = np.empty((spec.height, spec.width, len(channels)), band.dtype)
+            values[rows] = band
+        assert values is not None  # A picture without rows is refused when it is opened.
+        return values
+
+    def bands(
+        self,
+        channels: Sequence[int],
+        kind: str,
+        *,
+        part: int | None = None,
+        pixel_bytes: int | None = None,
+    ) -> Iterator[tuple[slice, Array]]:
+        """Yield channels of a part as stored, some rows at a time: where, and (rows, w, c).
+
+        Parameters
+        ----------
+        channels : sequence of int
+            Places in the file, in the order that is wanted.
+        kind : {"uint8", "uint16", "float"}
+            What the numbers become.
+        part : int, optional
+            The one with the colors if not given.
+        pixel_bytes : int, optional
+            What the caller makes of a pixel; that of `kind` if not given.
+
+        Raises
+        ------
+        OSError
+            If the budget has no room for all of them, or they are damaged.
+        """
+        number = self.part if part is None else part
+        spec = self.reader.spec(number)
+        size = np.dtype(_DTYPES.get(kind, kind)).itemsize * len(channels)
+        size = size if pixel_bytes is None else pixel_bytes
+        # What is shown is another array where it is not what is stored.
+        whole = self.window == (0, 0, spec.width, spec.height) and self.orientation == 1
+        for shown in ((spec.width, spec.height), self.size):
+            self.budget.admit(self.path, shown, size if whole else 2 * size)
+        first, last = min(channels), max(channels) + 1
+        wanted = [channel - first for channel in channels]
+        in_order = wanted == list(range(last - first))
+        step = max(_CHUNK // spec.width // _ROWS, 1) * _ROWS
+        if spec.tile_height:
+            step = -(-step // spec.tile_height) * spec.tile_height
+        for top in range(0, spec.height, step):
+            bottom = min(top + step, spec.height)
+            band = self._rows(number, spec, (top, bottom), (first, last), kind)
+            # libjpeg fills what is missing with grey, returns it as a success, leaves a message.
+            if band is None or self.reader.has_error:
+                reason = last_error(self.reader) or "no reason given"
+                raise OSError(f"{self.path}: the picture is damaged or cut short: {reason}")
+            band = band.reshape(bottom - top, spec.width, last - first)
+            yield slice(top, bottom), band if in_order else band[..., wanted]
+
+    def _rows(
+        self, part: int, spec: Any, rows: tuple[int, int], channels: tuple[int, int], kind: str
+    ) -> Array | None:
+        top, bottom = spec.y + rows[0], spec.y + rows[1]
+        found: Array | None
+        if spec.tile_width:
+            across = (spec.x, spec.x + spec.width)
+            found = self.reader.read_tiles(part, 0, *across, top, bottom, 0, 1, *channels, kind)
+        else:
+            found = self.reader.read_scanlines(part, 0, top, bottom, 0, *channels, kind)
+        return found
+
+    def shown(self, values: Array, outside: float = 0.0) -> Array:
+        """Return what the user sees of stored values (h, w, c): the display window, upright.
+
+        Pixels of the window that are not stored get the value `outside`.
+        """
+        left, top, width, height = self.window
+        stored_height, stored_width = values.shape[:2]
+        if (left, top, width, height) != (0, 0, stored_width, stored_height):
+            framed = np.full((height, width, values.shape[2]), outside, values.dtype)
+            rows = slice(max(top, 0), max(min(top + height, stored_height), 0))
+            columns = slice(max(left, 0), max(min(left + width, stored_width), 0))
+            part = values[rows, columns]
+            y, x = max(-top, 0), max(-left, 0)
+            framed[y : y + part.shape[0], x : x + part.shape[1]] = part
+            values = framed
+        return _upright(values, self.orientation)
+
+
+def read_header(path: str | os.PathLike[str]) -> Header:
+    """Read what a picture says about itself, without decoding its pixels.
+
+    Raises
+    ------
+    FileNotFoundError
+        If there is no such file.
+    OSError
+        If the file is damaged.
+    ValueError
+        If it is not a picture of a known format.
+    """
+    with opened_picture(path) as opened:
+        return Header(
+            path=str(opened.path),
+            size=opened.size,
+            channels=tuple(opened.specification.channelnames),
+            encoding=opened.encoding,
+            metadata=metadata.get(opened.specification),
+        )
+
+
+@contextmanager
+def opened_picture(path: str | os.PathLike[str], budget: Budget | None = None) -> Iterator[Opened]:
+    """Open a picture, check that it is whole as far as its structure tells, find its colors.
+
+    Raises
+    ------
+    OSError, ValueError
+        If it is no plain file, damaged, no picture, or claims more than the budget allows.
+    """
+    found = plain_file(path)
+    limits = Budget.of(budget)
+    check_structure(found)
+    reader = _reader_of(found, limits)
+    try:
+        part, spec = _part_with_color(found, reader)
+        color, alpha = find_channels(spec.channelnames, spec.nchannels, spec.alpha_channel)
+        opened = Opened(found, reader, spec, part, color, alpha, limits)
+        for size in ((spec.width, spec.height), opened.size):
+            limits.admit(found, size, 1)
+        if spec.tile_width:
+            limits.admit(found, (spec.tile_width, spec.tile_height), 1)
+        yield opened
+    except UnicodeDecodeError as error:
+        raise OSError(f"{found}: the picture's header is damaged: a name is not text") from error
+    finally:
+        reader.close()
+
+
+def _reader_of(path: Path, budget: Budget) -> Any:
+    """Return OpenImageIO's reader of a picture."""
+    library = openimageio()
+    let_open(budget.bytes)
+    wishes = library.ImageSpec()
+    # As stored: without this, colors of PNG come multiplied by alpha and rounded to integers.
+    wishes.attribute("oiio:UnassociatedAlpha", 1)
+    reader = library.ImageInput.open(str(path), wishes)
+    if reader is None:
+        reason = last_error()
+        if path.suffix.lower().lstrip(".") in _extensions(library):
+            raise OSError(f"{path}: the picture cannot be read: {reason}")
+        raise ValueError(f"{path}: not a picture of a known format")
+    # Readers that were tried before the right one leave complaints in the global list. The reader's
+    # own are kept: a progressive JPEG is decoded on opening, and tells then that it is cut short.
+    last_error()
+    if reader.format_name() in ("null", "term"):
+        # The null format invents a black picture for any file with its extension.
+        raise ValueError(f"{path}: not a picture of a known format")
+    return reader
+
+
+def find_channels(
+    names: Sequence[str], count: int, stated_alpha: int = -1
+) -> tuple[tuple[int, ...], int | None]:
+    """Return where the colors (one or three channels) and the alpha are.
+
+    Named channels count first: R, G, B and A, then Y and A, then the same names of the first layer
+    that has them. OpenImageIO's own note about alpha may point at a layer's, or past the end.
+    """
+    places = {name: place for place, name in reversed(list(enumerate(names)))}
+    layers = dict.fromkeys(name.rpartition(".")[0] for name in names)
+    for prefix in ["", *(f"{layer}." for layer in layers if layer)]:
+        for wanted in (("R", "G", "B"), ("r", "g", "b"), ("Y",)):
+            color = tuple(places[prefix + name] for name in wanted if prefix + name in places)
+            if len(color) == len(wanted):
+                return color, places.get(f"{prefix}A", places.get(f"{prefix}a"))
+    color = (0, 1, 2) if count >= 3 else (0,)
+    alpha = stated_alpha if len(color) <= stated_alpha < count else None
+    return color, alpha
+
+
+def _part_with_color(path: Path, reader: Any) -> tuple[int, Any]:
+    """Return the first part of a picture that holds red, green and blue, or else its first."""
+    spec = reader.spec()
+    parts = [spec]
+    if reader.format_name() == "openexr":
+        stated = spec.get_int_attribute("oiio:subimages", 1)
+        parts += [reader.spec(part) for part in range(1, min(stated, 1000))]
+    chosen = next((n for n, part in enumerate(parts) if {"R", "G", "B"} <= {*part.channelnames}), 0)
+    spec = parts[chosen]
+    if spec.deep:
+        raise ValueError(f"{path}: deep pictures, with many samples in a pixel, are not supported")
+    if {"RY", "BY"} & {*spec.channelnames}:
+        raise ValueError(f"{path}: pictures in luminance and chroma are not supported")
+    if spec.nchannels < 1:
+        raise OSError(f"{path}: the picture has no channels")
+    return chosen, spec
+
+
+def _upright(values: Array, orientation: int) -> Array:
+    """Turn and mirror an array as its EXIF orientation asks."""
+    if orientation in (5, 7):
+        values = values.swapaxes(0, 1)
+        return values if orientation == 5 else values[::-1, ::-1]
+    if orientation in (2, 4):
+        return values[:, ::-1] if orientation == 2 else values[::-1]
+    return np.rot90(values, {3: 2, 6: -1, 8: 1}.get(orientation, 0))
+
+
+def _extensions(library: Any) -> set[str]:
+    listed = library.get_string_attribute("extension_list")
+    return {name for group in listed.split(";") for name in group.partition(":")[2].split(",")}

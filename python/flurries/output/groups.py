@@ -1,0 +1,129 @@
+"""Frames in groups that are worth a task, and such groups as arrays: lazy ones, or in order."""
+
+from __future__ import annotations
+
+import math
+import uuid
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+
+from flurries._contract import Array, integer
+from flurries._threads import reproducible
+from flurries.frame import estimate
+from flurries.output.cluster import cluster, required
+from flurries.output.crew import on_one_core, results
+from flurries.scene.numbers import frames_of
+from flurries.scene.scene import Scene, expect_scene
+
+__all__ = ["grouped", "to_dask"]
+
+# A scheduler takes 2 to 10 ms for a task; with this much work in one that is below 2 %.
+SECONDS_OF_A_TASK = 0.5
+
+# Seconds for each pixel that is read and written, beside what rendering takes.
+_FILE = 15e-9
+
+# Frames that a task may give back as arrays, in bytes.
+_MOST_BYTES = 1 << 28
+
+
+def grouped(scene: Scene, frames: Any) -> list[list[int]]:
+    """Return frames in groups of half a second's work or more each, by a fixed cost.
+
+    Parameters
+    ----------
+    scene : Scene
+    frames : str, int or iterable of int
+        As `flurries.output.write.write`.
+
+    Returns
+    -------
+    list of lists of int
+        In the order asked for.
+
+    Raises
+    ------
+    TypeError, ValueError
+        For what is no scene, or names no frames.
+    """
+    wanted = frames_of(expect_scene(scene), frames)
+    # A plate may be damaged, and is a small part of the cost.
+    plain = scene.replace(background="#808080", foreground=None)
+    files = _FILE * scene.shape[0] * scene.shape[1]
+    cost = estimate.seconds(plain.program, wanted, scene.tolerance) + files
+    size = max(math.ceil(SECONDS_OF_A_TASK / cost), 1)
+    return [wanted[first : first + size] for first in range(0, len(wanted), size)]
+
+
+def to_dask(scene: Scene, frames: Any = None, *, group: int | None = None) -> Any:
+    """Return the frames of a scene as a lazy array.
+
+    Parameters
+    ----------
+    scene : Scene
+        What to render.
+    frames : str, int or iterable of int, optional
+        As `flurries.output.write.write`.
+    group : int, optional
+        Frames to a chunk; half a second's work if not given.
+
+    Returns
+    -------
+    dask.array.Array (T, H, W, 3)
+        Of the dtype that `Scene.render` gives, with its bits, in the mode of the moment. It is
+        rendered where and when Dask computes it, a chunk of frames at a time.
+
+    Raises
+    ------
+    ImportError
+        Without Dask; it comes with ``flurries[dask]``.
+
+    Examples
+    --------
+    >>> import flurries as fl
+    >>> film = fl.Scene((64, 48), effects=fl.Snow(flakes=20)).to_dask("0-9")  # doctest: +SKIP
+    >>> film.shape, film[3].compute().shape  # doctest: +SKIP
+    ((10, 48, 64, 3), (48, 64, 3))
+    """
+    dask = required("dask")
+    array = required("dask.array")
+    wanted = frames_of(expect_scene(scene), frames)
+    height, width = scene.shape
+    # The background decides.
+    dtype = scene.replace(effects=()).render(wanted[0], region=np.s_[:1, :1]).dtype
+    if group is None:
+        most = max(_MOST_BYTES // (height * width * 3 * dtype.itemsize), 1)
+        size = min(len(grouped(scene, wanted)[0]), most)
+    else:
+        size = int(integer("group", group, low=1, high=2**31))
+    # Files that the scene reads may change: what one array has found is not another's.
+    name, plain = uuid.uuid4().hex, reproducible()
+    # One node of the graph, not a copy in each of its tasks.
+    shared = dask.delayed(scene, name=f"scene-{name}", pure=True, traverse=False)
+    block = dask.delayed(_block, pure=True)
+    parts = []
+    for first in range(0, len(wanted), size):
+        numbers = wanted[first : first + size]
+        part = block(shared, plain, numbers, dask_key_name=f"frames-{name}-{first}")
+        parts.append(array.from_delayed(part, (len(numbers), height, width, 3), dtype=dtype))
+    return array.concatenate(parts, axis=0)
+
+
+def _block(scene: Scene, plain: bool, numbers: list[int]) -> Array:
+    with on_one_core(plain):
+        return np.stack([scene.render(number) for number in numbers])
+
+
+def images(
+    scene: Scene, frames: list[int], where: Any, patience: float
+) -> Iterator[tuple[int, Array]]:
+    """Yield frames and their images, in order, rendered on a cluster."""
+    with cluster(scene, where, patience) as crew:
+
+        def task(numbers: list[int]) -> Any:
+            return crew.submit(_block, reproducible(), numbers)
+
+        for numbers, block in results(crew, task, grouped(scene, frames), in_order=True):
+            yield from zip(numbers, block, strict=True)

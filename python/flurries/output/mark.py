@@ -1,0 +1,125 @@
+"""What a file says of how it was made, and what that means for a file that is there already."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+from flurries.io import read_header, read_picture
+from flurries.output import manifest
+from flurries.scene.fingerprint import BITS, hash_of
+
+# Where a header that cannot be read any more is looked for in the file's bytes.
+_FIRST_BYTES = 1 << 20
+
+
+class Refused(ValueError):
+    """A file that is in the way and that is not to be replaced unasked."""
+
+    def __init__(self, path: Path, why: str) -> None:
+        super().__init__(
+            f"{path} is there already and {why}; overwrite=True (--overwrite) replaces it"
+        )
+
+
+@dataclass(frozen=True)
+class Mark:
+    """What a file says of how it was made.
+
+    Attributes
+    ----------
+    scene : str
+        What tells its kind from others': the scene, what is in a file, the mode.
+    frame : int
+        Which of them it is.
+    inputs, names : str
+        Hashes of the files that it was made of: of their bytes, and of what they are called.
+    bits : int
+        See :data:`flurries.scene.fingerprint.BITS`.
+    """
+
+    scene: str
+    frame: int
+    inputs: str = ""
+    names: str = ""
+    bits: int = BITS
+
+    @property
+    def header(self) -> dict[str, Any]:
+        """What goes into a file's header and into the manifest."""
+        return {key: value for key, value in asdict(self).items() if value != ""}
+
+    def is_of(self, said: Mapping[str, Any]) -> bool:
+        """Whether a header or an entry says the very same."""
+        return all(str(said.get(key, "")) == str(value) for key, value in asdict(self).items())
+
+    def settled(self, path: Path, said: Mapping[str, Any] | None) -> dict[str, Any] | None:
+        """Return the manifest's entry of a file that is there and right.
+
+        None where it is to be made: nothing is there, or it is damaged, or what it was made of has
+        changed since.
+
+        Parameters
+        ----------
+        path : Path
+            The file.
+        said : mapping, optional
+            What the manifest says of it.
+
+        Raises
+        ------
+        Refused
+            If it is of another scene, of another version with other bits, or nothing of ours.
+        """
+        if not path.exists():
+            return None
+        listed = said is not None and self.is_of(said)
+        if listed and said is not None:
+            if hash_of(path) == said.get("sha256"):
+                return dict(said)
+            if path.stat().st_size == said.get("bytes"):
+                # Not one byte longer or shorter than what was written: damaged, not replaced.
+                return None
+        found = _header(path)
+        if found is None:
+            # What has no header any more is ours if the list or its own bytes say so.
+            if listed or self.scene.encode() in _first_bytes(path):
+                return None
+            raise Refused(path, "cannot be read as a picture")
+        if (found.get("scene"), found.get("frame")) != (self.scene, str(self.frame)):
+            raise Refused(path, "is something else")
+        if found.get("bits") != str(self.bits):
+            version = found.get("version", "an unknown version")
+            raise Refused(path, f"was made by flurries {version}, whose frames have other bits")
+        if not self.is_of(found):
+            if found.get("names", "") == self.names:
+                return None
+            raise Refused(path, "was made over another background")
+        if listed or not _decodes(path):
+            return None
+        return manifest.entry(path, self.header)
+
+
+def _header(path: Path) -> dict[str, str] | None:
+    try:
+        return read_header(path).metadata
+    except (OSError, ValueError):
+        return None
+
+
+def _first_bytes(path: Path) -> bytes:
+    try:
+        with path.open("rb") as file:
+            return file.read(_FIRST_BYTES)
+    except OSError:
+        return b""
+
+
+def _decodes(path: Path) -> bool:
+    try:
+        read_picture(path)
+    except (OSError, ValueError):
+        return False
+    return True

@@ -1,0 +1,90 @@
+//! What one call asks for: threads and a mode of its own, whatever the process is set to.
+//!
+//! Two tasks of one process may ask for different modes at once, so a mode cannot be the process's.
+//! It belongs to the thread of the call, and to a thread of the pool as long as it works for that
+//! call. The process's settings stand where a call asks for nothing.
+
+use std::cell::Cell;
+
+/// What a call asks for; None leaves it to the process.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct Scope {
+    /// How many threads.
+    pub threads: Option<usize>,
+    /// Whether all levels of vector instructions give the same bits.
+    pub reproducible: Option<bool>,
+}
+
+thread_local! {
+    static SCOPE: Cell<Scope> = const { Cell::new(Scope { threads: None, reproducible: None }) };
+}
+
+impl Scope {
+    /// What the call of this thread asks for.
+    pub fn now() -> Self {
+        SCOPE.get()
+    }
+
+    /// Makes it this thread's until the guard is dropped.
+    #[must_use]
+    pub fn enter(self) -> Entered {
+        Entered(SCOPE.replace(self))
+    }
+
+    /// Makes it this thread's; returns what was.
+    pub fn swap(self) -> Self {
+        SCOPE.replace(self)
+    }
+}
+
+/// Gives a thread back what it had before.
+pub struct Entered(Scope);
+
+impl Drop for Entered {
+    fn drop(&mut self) {
+        SCOPE.set(self.0);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::base::{pool, simd};
+
+    #[test]
+    fn threads_of_the_pool_work_in_the_mode_of_their_caller() {
+        let modes = |plain: bool| {
+            let _entered = Scope { threads: Some(4), reproducible: Some(plain) }.enter();
+            let mut seen = [false; 400];
+            pool::for_each(seen.iter_mut(), |one| {
+                *one = simd::reproducible();
+                Ok(())
+            })
+            .unwrap();
+            seen
+        };
+        std::thread::scope(|threads| {
+            for plain in [true, false, true, false] {
+                threads.spawn(move || {
+                    for _ in 0..20 {
+                        assert_eq!(modes(plain), [plain; 400]);
+                    }
+                });
+            }
+        });
+        assert_eq!(Scope::now(), Scope::default());
+    }
+
+    #[test]
+    fn one_scope_lies_in_another() {
+        let outer = Scope { threads: Some(2), reproducible: None };
+        let entered = outer.enter();
+        {
+            let _inner = Scope { threads: Some(3), reproducible: Some(true) }.enter();
+            assert_eq!((pool::threads(), simd::reproducible()), (3, true));
+        }
+        assert_eq!(Scope::now(), outer);
+        drop(entered);
+        assert_eq!(Scope::now(), Scope::default());
+    }
+}

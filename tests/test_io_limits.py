@@ -1,0 +1,294 @@
+"""Files that would hang, or take all memory: refused by name, before anything is decoded."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import struct
+import subprocess
+import sys
+import zlib
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import OpenImageIO as oiio
+import pytest
+
+import flurries as fl
+from flurries.camera import importers
+from flurries.io import (
+    Budget,
+    VideoWriter,
+    open_background,
+    open_depth,
+    read_depth,
+    read_header,
+    read_layers,
+    read_mask,
+    read_path,
+    read_picture,
+    read_video,
+    read_views,
+    write_layers,
+    write_picture,
+    write_views,
+)
+from flurries.io.files import read_bytes
+from flurries.output import manifest
+
+HERE = Path(__file__).parent
+# What one process may take: the interpreter and its libraries need a quarter of it.
+MOST_MEMORY = 2 << 30
+LONGEST = 20
+
+
+def said(code: str, *words: object) -> str:
+    """Run a line of code under a limit of memory and time; return the sentence it is refused by."""
+    program = (
+        f"import resource; resource.setrlimit(resource.RLIMIT_AS, ({MOST_MEMORY},) * 2)\n"
+        "import sys, flurries as fl, flurries.io as io\n"
+        f"try:\n    {code}\n    print('read')\n"
+        "except (OSError, ValueError) as error:\n    print(error)\n"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", program, *map(str, words)], text=True, capture_output=True,
+        timeout=LONGEST, env={**os.environ, "OPENBLAS_NUM_THREADS": "1"},
+    )  # fmt: skip
+    assert done.returncode == 0, (done.returncode, done.stderr[-1000:])
+    return done.stdout.strip()
+
+
+def chunk(name: bytes, data: bytes) -> bytes:
+    return struct.pack(">I", len(data)) + name + data + struct.pack(">I", zlib.crc32(name + data))
+
+
+@pytest.fixture(scope="module")
+def hostile(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("hostile")
+    side = 23_000
+    rows = zlib.compress(bytes(side * (1 + side // 8)), 9)
+    parts = [
+        (b"IHDR", struct.pack(">IIBBBBB", side, side, 1, 0, 0, 0, 0)),
+        (b"IDAT", rows),
+        (b"IEND", b""),
+    ]
+    data = b"\x89PNG\r\n\x1a\n" + b"".join(chunk(*part) for part in parts)
+    (folder / "huge.png").write_bytes(data)
+    spec = oiio.ImageSpec(64, 64, 3, "half")
+    spec.full_width = spec.full_height = 20_000
+    output = oiio.ImageOutput.create("window.exr")
+    assert output.open(str(folder / "window.exr"), spec)
+    assert output.write_image(np.random.default_rng(1).random((64, 64, 3)).astype(np.float32))
+    output.close()
+    return folder
+
+
+@pytest.mark.parametrize("function", ["io.read_picture", "io.read_mask", "fl.Scene.load", "Scene"])
+@pytest.mark.parametrize(
+    ("name", "size"),
+    [("huge.png", "23000 x 23000"), ("window.exr", "20000 x 20000")],
+    ids=["png_of_64_kb_and_23000_px", "exr_of_17_kb_and_20000_px"],
+)
+def test_16_8_a_small_file_that_claims_many_pixels(
+    hostile: Path, name: str, size: str, function: str
+):
+    path = hostile / name
+    assert path.stat().st_size < 70_000
+    code = f"{function}(sys.argv[1])"
+    if function == "Scene":
+        code = "fl.Scene((64, 48), sys.argv[1]).render(0)"
+    elif function == "fl.Scene.load":
+        (hostile / "scene.toml").write_text(f'size = [64, 48]\nforeground = "{name}"\n')
+        code = "fl.Scene.load(sys.argv[1])"
+        path = hostile / "scene.toml"
+    words = said(code, path)
+    assert name in words and size in words and f"{2**28}" in words
+    assert "FLURRIES_MAX_PIXELS" in words
+
+
+def test_16_8_a_picture_is_decoded_into_its_pixels_without_a_second_copy(tmp_path: Path):
+    side = 8192
+    parts = [
+        (b"IHDR", struct.pack(">IIBBBBB", side, side, 1, 0, 0, 0, 0)),
+        (b"IDAT", zlib.compress(bytes(side * (1 + side // 8)), 9)),
+        (b"IEND", b""),
+    ]
+    data = b"\x89PNG\r\n\x1a\n" + b"".join(chunk(*part) for part in parts)
+    (tmp_path / "a.png").write_bytes(data)
+    memory = "resource.getrusage(resource.RUSAGE_SELF).ru_maxrss"
+    code = (
+        f"io.read_header(sys.argv[1]); before = {memory}; "
+        f"picture = io.read_picture(sys.argv[1]); print({memory} - before)"
+    )
+    grown, _ = said(code, tmp_path / "a.png").split()
+    assert 1024 * int(grown) < 1.3 * 3 * side**2
+
+
+@pytest.mark.parametrize("text", [
+    "a." * 20_000 + "a = 1", "[" + "a." * 20_000 + "a]", "x = {" + "'a b' . " * 5_000 + "a = 1}",
+    'x = {"' + '\\"." . "' * 5_000 + '" = 1}',
+])  # fmt: skip
+def test_16_8_a_key_of_40_kb_of_dots(tmp_path: Path, text: str):
+    (tmp_path / "a.toml").write_text(f"size = [64, 48]\n{text}\n")
+    words = said("fl.Scene.load(sys.argv[1])", tmp_path / "a.toml")
+    assert "a.toml, line 2: a key has at most 32 dots, got 33 or more" in words
+
+
+def test_16_8_dots_elsewhere_are_none_of_a_key(tmp_path: Path):
+    dots = "a." * 100
+    (tmp_path / "a.toml").write_text(
+        f'# {dots}\nsize = [64, 48]\nbackground = "#102030" # {dots}\n[camera]\n'
+        f"velocity = {{keys = [{', '.join(f'[{n}.5, [0.5, 1.5, 2.5]]' for n in range(50))}]}}\n"
+    )
+    assert fl.Scene.load(tmp_path / "a.toml").size == (64, 48)
+    (tmp_path / "a.toml").write_text(f'background = """{dots}"""\n')
+    with pytest.raises(FileNotFoundError):
+        fl.Scene.load(tmp_path / "a.toml")
+
+
+def test_16_8_twenty_thousand_effects(tmp_path: Path):
+    effect = '[[effects]]\nkind = "snow"\n'
+    (tmp_path / "a.toml").write_text("size = [64, 48]\n" + effect * 20_000)
+    words = said("fl.Scene.load(sys.argv[1])", tmp_path / "a.toml")
+    assert words.endswith("a.toml, line 2: effects must be at most 1000, got 20000")
+    with pytest.raises(ValueError, match="effects must be at most 1000, got 1001"):
+        fl.Scene((64, 48), effects=[fl.Rain()] * 1001)
+    (tmp_path / "a.toml").write_text("size = [64, 48]\n" + effect * 1000)
+    assert len(fl.Scene.load(tmp_path / "a.toml").effects) == 1000
+
+
+def manifest_of(path: Path) -> Any:
+    return manifest.read(path.parent)
+
+
+READERS: list[tuple[str, Callable[[Path], Any]]] = [
+    ("a.png", read_picture), ("a.png", read_header), ("a.png", read_mask),
+    ("a.exr", read_layers), ("a.exr", read_views), ("a.exr", read_depth), ("a.exr", open_depth),
+    ("a.png", open_background), ("a.mp4", open_background),
+    ("a.mp4", lambda path: next(read_video(path))),
+    ("a.csv", read_path), ("a.csv", lambda path: importers.load(path, (48, 64))),
+    ("a.chan", lambda path: importers.load(path, (48, 64))),
+    ("a.txt", lambda path: importers.load(path, (48, 64))),
+    ("images.txt", lambda path: importers.load(path.parent, (48, 64))),
+    ("a.toml", fl.Scene.load), (manifest.NAME, manifest_of),
+    ("a.png", lambda path: fl.Scene(None, path)),
+    ("a.png", lambda path: fl.Scene((64, 48), foreground=path)),
+    ("a.exr", lambda path: fl.Scene((64, 48), depth=path)),
+]  # fmt: skip
+
+
+@pytest.fixture
+def in_time() -> Iterator[None]:
+    """Turn a wait without end into a failure."""
+
+    def stop(*_: object) -> None:
+        raise AssertionError("still waiting after 20 s")
+
+    before = signal.signal(signal.SIGALRM, stop)
+    signal.alarm(LONGEST)
+    yield
+    signal.alarm(0)
+    signal.signal(signal.SIGALRM, before)
+
+
+@pytest.mark.parametrize("kind", ["fifo", "link to a fifo", "link to a device", "folder"])
+@pytest.mark.parametrize(("name", "read"), READERS)
+def test_16_8_what_is_no_plain_file_is_not_read(
+    tmp_path: Path, in_time: None, name: str, read: Callable[[Path], Any], kind: str
+):
+    path = tmp_path / name
+    (tmp_path / "cameras.txt").write_text("1 PINHOLE 64 48 50 50 32 24\n")
+    if kind == "fifo":
+        os.mkfifo(path)
+    elif kind == "link to a fifo":
+        os.mkfifo(tmp_path / "pipe")
+        path.symlink_to("pipe")
+    elif kind == "link to a device":
+        path.symlink_to("/dev/zero")
+    else:
+        path.mkdir()
+    with pytest.raises(OSError, match=name):
+        read(path)
+
+
+def test_16_8_a_link_to_a_plain_file_is_read(tmp_path: Path):
+    write_picture(tmp_path / "a.png", np.zeros((4, 5, 3), np.uint8))
+    (tmp_path / "b.png").symlink_to("a.png")
+    (tmp_path / "a.toml").write_text('background = "b.png"\n')
+    (tmp_path / "b.toml").symlink_to("a.toml")
+    assert fl.Scene.load(tmp_path / "b.toml").size == (5, 4)
+
+
+def test_16_8_text_files_have_a_largest_size(tmp_path: Path):
+    for name, read, size in [
+        ("a.toml", fl.Scene.load, 1 << 20), ("a.csv", read_path, 1 << 25),
+        ("a.chan", lambda path: importers.load(path, (48, 64)), 1 << 25),
+        (manifest.NAME, manifest_of, 1 << 28),
+    ]:  # fmt: skip
+        with (tmp_path / name).open("wb") as file:
+            file.truncate(size + 1)
+        with pytest.raises(ValueError, match=f"{name}: a .* has at most {size} bytes, got"):
+            read(tmp_path / name)
+    # Some files have more bytes than they say.
+    with pytest.raises(ValueError, match="status: a scene file has at most 3 bytes, got 4 or more"):
+        read_bytes("/proc/self/status", 3, "scene file")
+
+
+def test_16_8_a_budget_of_pixels_and_of_bytes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    light = np.random.default_rng(3).random((30, 40, 4)).astype(np.float32)
+    write_picture(tmp_path / "a.exr", light)
+    write_layers(tmp_path / "b.exr", {"rgba": light, "depth": light[..., 0] + 1.0})
+    write_views(tmp_path / "c.exr", light, light)
+    with VideoWriter(tmp_path / "a.mp4", (40, 30), 24) as film:
+        film.write(np.zeros((30, 40, 3), np.uint8))
+    cases: list[tuple[str, Callable[..., Any], int]] = [
+        ("a.exr", read_picture, 16), ("a.exr", read_mask, 16), ("b.exr", read_layers, 20),
+        ("b.exr", read_depth, 4), ("c.exr", read_views, 16),
+        ("b.exr", lambda path, **given: open_depth(path, **given).frame(0), 4),
+        ("a.exr", lambda path, **given: open_background(path, **given).frame(0), 16),
+        ("a.mp4", open_background, 3),
+        ("a.mp4", lambda path, **given: next(read_video(path, **given)), 3),
+    ]  # fmt: skip
+    for name, read, size in cases:
+        path = tmp_path / name
+        read(path)
+        read(path, budget=Budget(pixels=1200, bytes=1200 * size))
+        with pytest.raises(OSError, match=rf"{name}: .* 40 x 30 px, more than the 1199 that"):
+            read(path, budget=Budget(pixels=1199))
+        too_few = Budget(bytes=1200 * size - 1)
+        with pytest.raises(OSError, match=rf"{name}: .*{1200 * size} in all and more than the"):
+            read(path, budget=too_few)
+        with monkeypatch.context() as around:
+            around.setenv("FLURRIES_MAX_PIXELS", "1199")
+            with pytest.raises(OSError, match="40 x 30 px, more than the 1199"):
+                read(path)
+            around.setenv("FLURRIES_MAX_PIXELS", "")
+            around.setenv("FLURRIES_MAX_BYTES", "5")
+            with pytest.raises(OSError, match="FLURRIES_MAX_BYTES raises the limit"):
+                read(path)
+
+
+@pytest.mark.parametrize("name", ["FLURRIES_MAX_PIXELS", "FLURRIES_MAX_BYTES"])
+@pytest.mark.parametrize("value", ["0", "-1", "1e9", "abc", "9" * 400, "1.5"])
+def test_16_8_a_limit_that_is_no_number_is_refused_by_name(
+    monkeypatch: pytest.MonkeyPatch, name: str, value: str
+):
+    monkeypatch.setenv(name, value)
+    with pytest.raises(ValueError, match=f"{name} must be a whole number above 0, got"):
+        Budget()
+
+
+def test_16_8_hundreds_of_damaged_files_of_every_kind(tmp_path: Path):
+    """Each within 2 GiB and 20 s; ten thousand of them are in the soak."""
+    done = subprocess.run(
+        [sys.executable, str(HERE / "soak" / "fuzz.py"), "all", str(tmp_path), "360"], text=True,
+        capture_output=True, timeout=300, env={**os.environ, "OPENBLAS_NUM_THREADS": "1"},
+    )  # fmt: skip
+    # A crash, and a hang that its alarm ended, have other codes.
+    assert done.returncode == 0, (done.returncode, done.stdout[-500:], done.stderr[-1500:])
+    found = json.loads(done.stdout.splitlines()[-1])
+    assert found["tried"] == 360 and found["complaints"] == 0, done.stdout
+    assert 36 < found["errors"] < 360

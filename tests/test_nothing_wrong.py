@@ -1,0 +1,475 @@
+"""Frames that are silently wrong, mixed or missing: each case named by its number in issue 16."""
+
+from __future__ import annotations
+
+import json
+import os
+import resource
+import signal
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import distributed
+import numpy as np
+import pytest
+from PIL import Image
+
+import flurries as fl
+from flurries._threads import scope
+from flurries.cli import main
+from flurries.io import read_picture, read_video, remove_leftovers, write_picture
+from flurries.io.atomic import owner_of_new_files
+from flurries.output import groups, manifest, write
+from flurries.scene.fingerprint import BITS
+
+W, H = 1024, 800
+SNOW = fl.Snow(flakes=50)
+SMALL = fl.Scene((96, 64), "#304050", effects=fl.Snow.preset("heavy", flakes=100))
+KINDS = ["png", "jpg", "exr", "tif"]
+
+
+def contents(folder: Path) -> dict[str, bytes]:
+    return {path.name: path.read_bytes() for path in folder.iterdir()}
+
+
+def python(code: str, *arguments: Any, **environment: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [sys.executable, "-c", code, *map(str, arguments)],
+        capture_output=True, text=True, timeout=120, env={**os.environ, **environment},
+    )  # fmt: skip
+
+
+# 1: plates are known by what is in them -----------------------------------------------------------
+
+
+@pytest.fixture
+def plate(tmp_path: Path) -> Path:
+    """A plate of 2.4 MiB whose middle neither end of a megabyte holds."""
+    picture = np.random.default_rng(1).integers(0, 255, (H, W, 3)).astype(np.uint8)
+    Image.fromarray(picture).save(tmp_path / "plate.tif")
+    assert (tmp_path / "plate.tif").stat().st_size > 2 * 2**20 + 3 * W * 50
+    return tmp_path / "plate.tif"
+
+
+def retouch(plate: Path) -> None:
+    """Paint some rows black, in place and with the old time."""
+    before = plate.stat()
+    with plate.open("r+b") as file:
+        file.seek(390 * 3 * W)
+        file.write(bytes(3 * W * 20))
+    os.utime(plate, ns=(before.st_atime_ns, before.st_mtime_ns))
+    assert plate.stat().st_size == before.st_size
+
+
+def test_16_1_a_retouched_plate_makes_its_frames_again(plate: Path, tmp_path: Path):
+    scene = fl.Scene(None, plate, effects=SNOW)
+    out = tmp_path / "out"
+    assert scene.write(out / "%d.png", "1-2").written == [1, 2]
+    retouch(plate)
+    # The same scene, with what it has kept of the plate, and another process's.
+    assert scene.write(out / "%d.png", "1-4").written == [1, 2, 3, 4]
+    for number in (1, 4):
+        got = read_picture(out / f"{number}.png").pixels
+        assert np.array_equal(got, fl.Scene(None, plate, effects=SNOW).render(number))
+        assert got[393:405].mean() < 0.5 * got[420:440].mean(), "the black rows"
+    assert scene.write(out / "%d.png", "1-4").kept == [1, 2, 3, 4]
+    assert manifest.check(out) == []
+
+
+def test_16_1_a_plate_that_changes_meanwhile_ends_the_run(plate: Path, tmp_path: Path):
+    def progress(frames: Any) -> Iterator[int]:
+        for number in frames:
+            if number == 3:
+                retouch(plate)
+            yield number
+
+    scene = fl.Scene(None, plate, effects=SNOW)
+    with pytest.raises(OSError, match=r"plate\.tif changed"):
+        scene.write(tmp_path / "%d.png", "1-4", progress=progress)
+    assert scene.write(tmp_path / "%d.png", "1-4").written == [1, 2, 3, 4]
+
+
+def test_16_1_of_a_sequence_the_frames_of_the_changed_plate_alone(tmp_path: Path):
+    for number in range(4):
+        write_picture(tmp_path / f"plate.{number}.png", np.full((20, 30, 3), number, np.uint8))
+    scene = fl.Scene(None, tmp_path / "plate.%d.png", effects=SNOW)
+    assert scene.write(tmp_path / "out" / "%d.png").written == [0, 1, 2, 3]
+    write_picture(tmp_path / "plate.2.png", np.full((20, 30, 3), 77, np.uint8))
+    assert scene.write(tmp_path / "out" / "%d.png").written == [2]
+    # Another film's plates are not this one's retouched.
+    for number in range(4):
+        write_picture(tmp_path / f"other.{number}.png", np.full((20, 30, 3), 9, np.uint8))
+    other = scene.replace(background=tmp_path / "other.%d.png")
+    with pytest.raises(ValueError, match="another background; overwrite"):
+        other.write(tmp_path / "out" / "%d.png")
+
+
+# 2: frames of another version ---------------------------------------------------------------------
+
+VERSION = """
+import sys
+import flurries
+import flurries.scene.fingerprint as fingerprint
+version, bits, place = sys.argv[1:]
+flurries.__version__ = version
+fingerprint.BITS += int(bits)
+scene = flurries.Scene((96, 64), "#304050", effects=flurries.Snow.preset("heavy", flakes=100))
+print(*scene.write(place + "/%d.png", "1-2").kept)
+"""
+
+
+def test_16_2_frames_of_another_version_are_kept_only_with_its_bits(tmp_path: Path):
+    assert python(VERSION, "0.0.9", 1, tmp_path).returncode == 0
+    before = contents(tmp_path)
+    with pytest.raises(ValueError, match=r"1\.png .* by flurries 0\.0\.9, .*--overwrite"):
+        SMALL.write(tmp_path / "%d.png", "1-3")
+    assert contents(tmp_path) == before
+    (tmp_path / manifest.NAME).unlink()
+    with pytest.raises(ValueError, match=r"flurries 0\.0\.9"):
+        SMALL.write(tmp_path / "%d.png", "1-3")
+    assert SMALL.write(tmp_path / "%d.png", "1-2", overwrite=True).written == [1, 2]
+    assert python(VERSION, "9.9", 0, tmp_path).stdout.split() == ["1", "2"]
+    assert json.loads((tmp_path / manifest.NAME).read_text())["files"]["1.png"]["bits"] == BITS
+
+
+# 3: the mode is the call's ------------------------------------------------------------------------
+
+
+def test_16_3_tasks_on_one_worker_keep_their_modes(tmp_path: Path, monkeypatch: Any):
+    for module in (write, groups):
+        monkeypatch.setattr(module, "grouped", lambda scene, frames: [
+            frames[i : i + 2] for i in range(0, len(frames), 2)
+        ])  # fmt: skip
+    # float32 light shows the last bit in some of many pixels.
+    light = np.random.default_rng(0).random((64, 96, 3), np.float32)
+    scene = fl.Scene(None, light, effects=[fl.ConeSnow(tile=64), fl.Snow(flakes=100)])
+    modes = (True, False)
+
+    def frames(where: Any, plain: bool) -> None:
+        with scope(threads=None, reproducible=plain):
+            scene.write(
+                tmp_path / f"{where is None}{plain}" / "%d.exr", "1-120", half=False, dask=where
+            )
+
+    for plain in modes:
+        frames(None, plain)
+    with (
+        distributed.LocalCluster(n_workers=1, threads_per_worker=4, dashboard_address=":0",
+                                 silence_logs=50) as local,
+        distributed.Client(local, set_as_default=False) as client,
+    ):  # fmt: skip
+        both = [threading.Thread(target=frames, args=(client, plain)) for plain in modes]
+        for thread in both:
+            thread.start()
+        for thread in both:
+            thread.join(300)
+    wrong = 0
+    for plain in modes:
+        here, there = (contents(tmp_path / f"{name}{plain}") for name in (True, False))
+        assert len(there) == 121
+        wrong += sum(there[name] != data for name, data in here.items() if name.endswith("exr"))
+    assert wrong == 0, f"{wrong} of 240 frames have the other mode's bits"
+    if "fma" in Path("/proc/cpuinfo").read_text():
+        one, other = (read_picture(tmp_path / f"True{plain}" / "7.exr").pixels for plain in modes)
+        assert not np.array_equal(one, other), "the modes do differ"
+
+
+def test_16_3_a_scope_is_its_threads_alone():
+    with scope(threads=1, reproducible=True):
+        assert (fl.threads(), fl.reproducible()) == (1, True)
+        seen: list[Any] = []
+        thread = threading.Thread(target=lambda: seen.append((fl.threads(), fl.reproducible())))
+        thread.start()
+        thread.join()
+    assert seen == [(fl.threads(), False)] and not fl.reproducible()
+
+
+# 4, 9: clusters -----------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def client() -> Iterator[Any]:
+    with (
+        distributed.LocalCluster(n_workers=1, threads_per_worker=1, dashboard_address=":0",
+                                 silence_logs=50) as local,
+        distributed.Client(local, set_as_default=False) as client,
+    ):  # fmt: skip
+        yield client
+
+
+def test_16_4_no_success_without_the_files(client: Any, tmp_path: Path, monkeypatch: Any):
+    # A folder of that name is there for the worker too, but it is another one.
+    for place in ("here", "there"):
+        (tmp_path / place / "out").mkdir(parents=True)
+    monkeypatch.chdir(tmp_path / "here")
+    client.run(os.chdir, str(tmp_path / "there"))
+    with pytest.raises(OSError, match=r"\.png: a worker has written it, but here it is not"):
+        SMALL.write("/proc/self/cwd/out/%d.png", "1-3", dask=client, manifest=False)
+    assert len(contents(tmp_path / "there" / "out")) == 3
+    # Nor with files of other bytes under the same names.
+    for number in (1, 2, 3):
+        (tmp_path / "here" / "out" / f"{number}.png").write_bytes(b"something")
+    with pytest.raises(OSError, match="but here it is not"):
+        SMALL.write("/proc/self/cwd/out/%d.png", "1-3", dask=client, manifest=False)
+
+
+def test_16_9_without_workers_it_says_so_and_stops(tmp_path: Path):
+    with distributed.LocalCluster(n_workers=0, dashboard_address=":0", silence_logs=50) as local:
+        started = time.monotonic()
+        with (
+            pytest.warns(UserWarning, match=r"waiting for a worker at tcp://.*, 3 s at most"),
+            pytest.raises(TimeoutError, match=r"no worker at tcp://.* for 3 s"),
+        ):
+            SMALL.write(tmp_path / "%d.png", "1-2", dask=local.scheduler_address, dask_patience=3.0)
+        assert time.monotonic() - started < 20
+        with pytest.raises(TimeoutError, match="no worker"):
+            SMALL.write(tmp_path / "a.mkv", "1-2", dask=local.scheduler_address, dask_patience=0.5)
+    assert not list(tmp_path.iterdir())
+
+
+SCHEDULER = """
+import asyncio, sys
+from distributed import Nanny, Scheduler, Worker
+async def serve():
+    async with Scheduler(port=0, dashboard_address=None, host="127.0.0.1") as scheduler:
+        async with Worker(scheduler.address, nthreads=1):
+            print(scheduler.address, flush=True)
+            await asyncio.sleep(300)
+asyncio.run(serve())
+"""
+
+
+def test_16_9_a_scheduler_that_dies_is_one_sentence(tmp_path: Path):
+    server = subprocess.Popen(
+        [sys.executable, "-c", SCHEDULER], stdout=subprocess.PIPE, stderr=subprocess.DEVNULL,
+        text=True,
+    )  # fmt: skip
+    assert server.stdout is not None
+    words = ["#304050", "--snow", "heavy", "--size", "640x480", "--frames", "1-4000", "--quiet"]
+    command = [sys.executable, "-m", "flurries", "render", *words, "-o", "out/%d.png"]
+    run = subprocess.Popen(
+        [*command, "--dask", server.stdout.readline().strip()], cwd=tmp_path, text=True,
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+    )  # fmt: skip
+    end = time.monotonic() + 60
+    while len(list(tmp_path.glob("out/*.png"))) < 2 and time.monotonic() < end:
+        time.sleep(0.02)
+    server.kill()
+    server.communicate()
+    out, err = run.communicate(timeout=90)
+    assert run.returncode == 2 and out == ""
+    assert [line for line in err.splitlines() if line] == [
+        "flurries: dask: the scheduler is gone; finished files stay, run again to go on"
+    ]
+    if (tmp_path / "out" / manifest.NAME).exists():
+        assert manifest.check(tmp_path / "out") == []
+
+
+@pytest.mark.parametrize("where", ["tcp://127.0.0.1:9", "nonsense", "http://x", "tcp://[::"])
+def test_16_9_an_address_that_is_none_is_one_sentence(where: str, tmp_path: Path):
+    code = """
+import sys
+from flurries.cli import main
+from flurries.output import cluster
+cluster._GREETING = 1.0
+sys.exit(main(sys.argv[1:]))
+"""
+    words = ["render", "#304050", "--snow", "heavy", "--frames", "1", "-o", tmp_path / "%d.png"]
+    done = python(code, *words, f"--dask={where}")
+    assert done.returncode == 2 and done.stdout == ""
+    assert len(done.stderr.splitlines()) == 1 and where in done.stderr, done.stderr
+
+
+# 5: damaged is made again, foreign is refused -----------------------------------------------------
+
+
+@pytest.mark.parametrize("listed", [True, False])
+@pytest.mark.parametrize("kind", KINDS)
+def test_16_5_damaged_frames_are_made_again(kind: str, listed: bool, tmp_path: Path):
+    SMALL.write(tmp_path / f"%d.{kind}", "1-3")
+    whole = contents(tmp_path)
+    target = tmp_path / f"2.{kind}"
+    data = whole[target.name]
+    random = np.random.default_rng(5)
+    # Pixels alone: of those without a checksum only the list knows.
+    places = random.integers(0 if listed else len(data) // 2, len(data), 12)
+    cuts = [data[: len(data) // 2], data[:9], b"", data[: len(data) // 2].ljust(len(data), b"\0")]
+    flips = [data[:at] + bytes([data[at] ^ 4]) + data[at + 1 :] for at in places]
+    for damaged in [*flips, *cuts] if listed else flips[: 12 * (kind in ("png", "exr"))]:
+        target.write_bytes(damaged)
+        if not listed:
+            (tmp_path / manifest.NAME).unlink(missing_ok=True)
+            try:
+                same = np.array_equal(
+                    read_picture(target).pixels, read_picture(tmp_path / f"1.{kind}").pixels
+                )
+            except (OSError, ValueError):
+                same = False
+            assert not same
+        done = SMALL.write(tmp_path / f"%d.{kind}", "1-3")
+        if listed:
+            assert (done.written, done.kept) == ([2], [1, 3])
+            assert contents(tmp_path) == whole
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_16_5_foreign_files_are_refused(kind: str, tmp_path: Path):
+    SMALL.write(tmp_path / f"%d.{kind}", "1-3")
+    target = tmp_path / f"2.{kind}"
+    write_picture(tmp_path / f"photo.{kind}", np.full((30, 40, 3), 90, np.uint8))
+    photo = (tmp_path / f"photo.{kind}").read_bytes()
+    for foreign in (photo, (tmp_path / f"3.{kind}").read_bytes(), b"my notes"):
+        target.write_bytes(foreign)
+        listed = foreign == b"my notes"
+        if listed:
+            (tmp_path / manifest.NAME).unlink()
+        with pytest.raises(ValueError, match=rf"2\.{kind} is there already .*--overwrite"):
+            SMALL.write(tmp_path / f"%d.{kind}", "1-3")
+        assert target.read_bytes() == foreign
+    assert SMALL.write(tmp_path / f"%d.{kind}", "1-3", overwrite=True).written == [1, 2, 3]
+
+
+# 10: what is left over, and whose it is -----------------------------------------------------------
+
+FOUR = """
+import fcntl, sys
+import flurries as fl
+if sys.argv[1] == "lockless":
+    # A folder on a network whose locks each machine has for itself.
+    fcntl.flock = lambda *arguments: None
+scene = fl.Scene((96, 64), "#304050", effects=fl.Snow.preset("heavy", flakes=100))
+scene.write("out/%04d.png", "1-40")
+"""
+
+
+def killed(locks: str, rounds: int, tmp_path: Path) -> None:
+    """Let four processes share a folder, kill one, and go on."""
+    SMALL.write(tmp_path / "whole" / "%04d.png", "1-40")
+    want, random = contents(tmp_path / "whole"), np.random.default_rng(10)
+    for number in range(rounds):
+        place = tmp_path / str(number)
+        (place / "out").mkdir(parents=True)
+        command = [sys.executable, "-c", FOUR, locks]
+        environment = {**os.environ, "FLURRIES_NUM_THREADS": "1"}
+        running = [
+            subprocess.Popen(command, cwd=place, stderr=subprocess.PIPE, env=environment, text=True)
+            for _ in range(4)
+        ]
+        after, end = random.integers(1, 25), time.monotonic() + 60
+        while len(list(place.glob("out/*.png"))) < after and time.monotonic() < end:
+            time.sleep(0.001)
+        running[0].send_signal(signal.SIGKILL)
+        running[0].communicate()
+        for process in running[1:]:
+            err = process.communicate(timeout=100)[1]
+            assert process.returncode == 0, err
+        subprocess.run(command, cwd=place, check=True, env=environment, timeout=100)
+        assert contents(place / "out") == want
+
+
+@pytest.mark.parametrize("locks", ["locks", "lockless"])
+def test_16_10_processes_do_not_end_each_other(locks: str, tmp_path: Path):
+    killed(locks, 2, tmp_path)
+
+
+def test_16_10_leftovers_of_other_machines_stay_for_an_hour(tmp_path: Path):
+    own = owner_of_new_files()
+    dead = subprocess.Popen(["true"])
+    dead.wait()
+    gone = f"{own[:-6]}{dead.pid:06x}"
+    other = "0" * 10 + own[-6:]
+    for owner in (own, gone, other):
+        (tmp_path / f".flurries-{owner}01234567.png").write_bytes(b"x")
+        (tmp_path / f".flurries-{owner}0123456c-claim").write_bytes(owner.encode())
+    removed = {path.name for path in remove_leftovers(tmp_path)}
+    assert removed == {f".flurries-{gone}01234567.png", f".flurries-{gone}0123456c-claim"}
+    for path in tmp_path.iterdir():
+        os.utime(path, (time.time() - 3700,) * 2)
+    removed = {path.name for path in remove_leftovers(tmp_path)}
+    assert removed == {f".flurries-{other}01234567.png", f".flurries-{other}0123456c-claim"}
+
+
+# 11: a list that is damaged -----------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("left", [0, 1, 14, 200, -2])
+def test_16_11_a_cut_manifest_is_made_again(left: int, tmp_path: Path):
+    SMALL.write(tmp_path / "%d.png", "1-3")
+    SMALL.write(tmp_path / "a.%d.exr", "7")
+    (tmp_path / "notes.txt").write_text("mine")
+    write_picture(tmp_path / "photo.png", np.zeros((4, 4, 3), np.uint8))
+    whole = contents(tmp_path)
+    file = tmp_path / manifest.NAME
+    file.write_bytes(whole[manifest.NAME][:left])
+    with pytest.warns(UserWarning, match=r"flurries\.json is empty or cut short"):
+        assert SMALL.write(tmp_path / "%d.png", "1-3").kept == [1, 2, 3]
+    assert contents(tmp_path) == whole
+    file.write_bytes(whole[manifest.NAME][:left] + bytes(100))
+    with pytest.warns(UserWarning, match="cut short"):
+        assert set(manifest.read(tmp_path)) == {"1.png", "2.png", "3.png", "a.7.exr"}
+
+
+# 12: a full disk ----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("kind", [*KINDS, "mp4", "mkv", "webm"])
+def test_16_12_a_full_disk_says_so_with_the_frames_name(kind: str, tmp_path: Path):
+    film = kind in ("mp4", "mkv", "webm")
+
+    def limit() -> None:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (1500, 1500))
+
+    name = f"film.{kind}" if film else f"%04d.{kind}"
+    words = ["#304050", "--snow", "heavy", "--size", "96x64", "--frames", "1-3", "--quiet"]
+    done = subprocess.run(
+        [sys.executable, "-m", "flurries", "render", *words, "-o", name], cwd=tmp_path, text=True,
+        capture_output=True, preexec_fn=limit, env={**os.environ, "PYTHONDONTWRITEBYTECODE": "1"},
+    )  # fmt: skip
+    assert (done.returncode, done.stdout) == (2, "")
+    (line,) = done.stderr.splitlines()
+    assert line.startswith("flurries: ") and "File too large" in line
+    assert (name if film else f"0001.{kind}") in line or f"0002.{kind}" in line
+    assert ".flurries-" not in line and not list(tmp_path.iterdir())
+
+
+# Issue 21: one rule about files that are there already --------------------------------------------
+
+
+@pytest.mark.parametrize("name", ["still.png", "%d.png", "film.mp4", "film.webm", "film.mkv"])
+def test_21_one_rule_about_existing_files(name: str, tmp_path: Path, capsys: Any):
+    path = tmp_path / name.replace("%d", "1")
+    assert SMALL.write(tmp_path / name, "1-3").written[0] == 1
+    before = path.read_bytes()
+    again = SMALL.write(tmp_path / name, "1-3")
+    assert again.written == [] and again.kept[0] == 1 and again.files[0] == path
+    with pytest.raises(ValueError, match=r"is there already .* overwrite=True \(--overwrite\)"):
+        SMALL.replace(seed=5).write(tmp_path / name, "1-3")
+    assert path.read_bytes() == before
+    assert main(["render", "#102030", "--snow", "light", "--frames", "1-3", "--quiet", "--size",
+                 "96x64", "-o", str(tmp_path / name)]) == 2  # fmt: skip
+    assert "--overwrite" in capsys.readouterr().err and path.read_bytes() == before
+    SMALL.replace(seed=5).write(tmp_path / name, "1-3", overwrite=True)
+    assert path.read_bytes() != before
+    path.write_bytes(b"something else")
+    with pytest.raises(ValueError, match="is there already"):
+        SMALL.write(tmp_path / name, "1-3", manifest=False)
+
+
+def test_21_a_cut_film_and_a_film_over_a_retouched_plate_are_made_again(
+    plate: Path, tmp_path: Path
+):
+    scene = fl.Scene((96, 64), plate, effects=SNOW)
+    film = tmp_path / "a.mkv"
+    assert scene.write(film, "1-4", quality="draft").written == [1, 2, 3, 4]
+    before = film.read_bytes()
+    assert scene.write(film, "1-4", quality="draft").kept == [1, 2, 3, 4]
+    with pytest.raises(ValueError, match="of other frames"):
+        scene.write(film, "1-5", quality="draft")
+    retouch(plate)
+    assert scene.write(film, "1-4", quality="draft").written == [1, 2, 3, 4]
+    assert film.read_bytes() != before and len(list(read_video(film))) == 4

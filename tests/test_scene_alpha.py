@@ -1,0 +1,195 @@
+"""Backgrounds with alpha: weather over them is premultiplied, and alpha is kept, both ways."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import flurries as fl
+from flurries.io import (
+    linear_to_srgb,
+    read_layers,
+    read_picture,
+    read_video,
+    srgb_to_linear,
+    write_picture,
+)
+
+SIZE = (64, 48)
+EFFECTS = [fl.Mist(count=60, density=0.6), fl.Snow.preset("heavy", flakes=150)]
+
+
+def plate(dtype: Any, opaque: bool = False) -> np.ndarray:
+    """Noise with every alpha from none to all, and places where there is nothing."""
+    random = np.random.default_rng(8)
+    light = random.random((48, 64, 4))
+    light[..., 3] = np.linspace(-0.2, 1.2, 64).clip(0.0, 1.0)
+    if opaque:
+        light[..., 3] = 1.0
+    if np.dtype(dtype).kind == "u":
+        return np.rint(light * np.iinfo(dtype).max).astype(dtype)
+    light[..., :3] *= light[..., 3:]
+    return light.astype(dtype)
+
+
+def twin(background: np.ndarray, scene: fl.Scene, t: float) -> np.ndarray:
+    """The frame in float64 from its layers: premultiplied over, then back."""
+    layers = scene.render(t, layers=True).layers
+    colors, alpha = background[..., :3].astype(float), background[..., 3:].astype(float)
+    whole = background.dtype.kind == "u"
+    if whole:
+        top = np.iinfo(background.dtype).max
+        colors, alpha = colors / top, alpha / top
+        colors = (srgb_to_linear(colors) if scene.linear else colors) * alpha
+    elif not scene.linear:
+        straight = np.divide(colors, alpha, out=np.zeros_like(colors), where=alpha > 0)
+        colors = linear_to_srgb(straight) * alpha
+    under = np.concatenate([colors, alpha], axis=2)
+    for layer in layers.values():
+        under = layer.astype(float) + (1.0 - layer[..., 3:].astype(float)) * under
+    colors, alpha = under[..., :3], under[..., 3:]
+    straight = np.divide(colors, alpha, out=np.zeros_like(colors), where=alpha > 0)
+    if whole:
+        straight = linear_to_srgb(straight) if scene.linear else straight
+        return np.concatenate([straight, alpha], axis=2).clip(0, 1) * top
+    if not scene.linear:
+        return np.concatenate([srgb_to_linear(straight) * alpha, alpha], axis=2)
+    return under
+
+
+@pytest.mark.parametrize("space", ["display", "linear"])
+@pytest.mark.parametrize("dtype", ["uint8", "uint16", "float32"])
+def test_16_7_weather_over_alpha_is_premultiplied(dtype: str, space: str):
+    background = plate(dtype)
+    scene = fl.Scene(None, background, effects=EFFECTS, space=space)
+    frame = scene.render(3)
+    assert frame.shape == (48, 64, 4) and frame.dtype == background.dtype
+    wanted = twin(background, scene, 3)
+    # The color of what is nearly nothing is one of large errors: it counts as far as it shows.
+    cover = wanted[..., 3:] / (np.iinfo(dtype).max if frame.dtype.kind == "u" else 1)
+    difference = np.abs(frame.astype(float) - wanted)
+    if frame.dtype.kind == "u":
+        difference[..., :3] *= cover
+        assert difference.max() <= (0.51 if dtype == "uint8" else 0.6)
+        assert (np.abs(frame[..., 3].astype(float) - wanted[..., 3]) <= 0.51).all()
+    else:
+        assert difference.max() <= 3e-6
+    # Snow falls where there was nothing, too.
+    empty = background[..., 3] == 0
+    assert (frame[empty][:, 3] > 0).any()
+    # The control: colors that are mixed as if they were opaque are others.
+    bare = fl.Scene(None, background[..., :3], effects=EFFECTS, space=space).render(3)
+    alike = (dtype, space) == ("float32", "linear")  # Multiplied before and after.
+    assert alike or np.abs(bare.astype(float) - frame[..., :3]).max() > 0.05 * wanted.max()
+
+
+@pytest.mark.parametrize("dtype", ["uint8", "uint16", "float32"])
+@pytest.mark.parametrize("space", ["display", "linear"])
+def test_16_7_without_weather_the_plate_comes_back(dtype: str, space: str):
+    background = plate(dtype)
+    frame = fl.Scene(None, background, space=space).render(0)
+    if dtype == "float32" and space == "display":
+        np.testing.assert_allclose(frame, background, atol=3e-7)
+    else:
+        assert np.array_equal(frame, background)
+
+
+@pytest.mark.parametrize("dtype", ["uint8", "float32"])
+def test_16_7_an_opaque_plate_has_the_colors_of_one_without_alpha(dtype: str):
+    background = plate(dtype, opaque=True)
+    frame = fl.Scene(None, background, effects=EFFECTS).render(2)
+    bare = fl.Scene(None, np.ascontiguousarray(background[..., :3]), effects=EFFECTS).render(2)
+    assert (frame[..., 3] == frame[0, 0, 3]).all()
+    # Integers of several layers are rounded once, and not at each.
+    most = 1.0 if dtype == "uint8" else 1e-6
+    assert np.abs(frame[..., :3].astype(float) - bare).max() <= most
+
+
+def test_16_7_regions_bands_eyes_and_masks_keep_it():
+    random = np.random.default_rng(3)
+    background = random.integers(0, 256, (1100, 1000, 4), dtype=np.uint8)
+    mask = np.zeros((1100, 1000), np.float32)
+    mask[400:600] = 1.0
+    scene = fl.Scene(None, background, effects=[fl.Snow.preset("heavy", flakes=400)])
+    whole = scene.render(1)
+    part = scene.render(1, region=np.s_[500:620, 30:700])
+    assert np.array_equal(part, whole[500:620, 30:700])
+    masked = scene.replace(foreground=mask).render(1)
+    assert np.array_equal(masked[400:600], background[400:600])
+    left, right = scene.stereo(1, distance=0.06)
+    assert left.shape == right.shape == whole.shape and not np.array_equal(left, right)
+    assert np.array_equal(scene.render(1, tolerance=0.1), whole)
+
+
+@pytest.mark.parametrize("name", ["a.png", "a.exr", "a.tif"])
+def test_16_7_files_with_alpha_go_in_and_come_out(tmp_path: Path, name: str):
+    background = plate("float32" if name == "a.exr" else "uint8")
+    write_picture(tmp_path / name, background, half=False)
+    scene = fl.Scene(None, tmp_path / name, effects=EFFECTS)
+    frame = scene.render(5)
+    assert np.array_equal(frame, fl.Scene(None, background, effects=EFFECTS).render(5))
+    scene.write(tmp_path / "out" / f"%d{Path(name).suffix}", "5", half=False)
+    found = read_picture(tmp_path / "out" / f"5{Path(name).suffix}")
+    assert found.premultiplied == (name == "a.exr")
+    np.testing.assert_array_equal(found.rgba(), frame)
+    # Fitted to another size it has alpha, too.
+    small = fl.Scene((32, 24), tmp_path / name, effects=EFFECTS).render(5)
+    assert small.shape == (24, 32, 4)
+
+
+def test_16_7_layers_rebuild_the_composite(tmp_path: Path):
+    scene = fl.Scene(None, plate("float32"), effects=EFFECTS)
+    scene.write(tmp_path / "%d.exr", "2", layers=True, half=False)
+    found = read_layers(tmp_path / "2.exr")
+    under = found["background"]
+    assert under.shape == (48, 64, 4)
+    for name in ("mist", "snow"):
+        under = found[name] + (1.0 - found[name][..., 3:]) * under
+    np.testing.assert_allclose(under, found["rgba"], atol=1e-6)
+
+
+@pytest.mark.parametrize("name", ["a.mp4", "%d.jpg"])
+def test_16_7_files_without_alpha_take_what_is_opaque(tmp_path: Path, name: str):
+    scene = fl.Scene(None, plate("uint8", opaque=True), effects=EFFECTS)
+    scene.write(tmp_path / name, "1")
+    found = next(read_video(tmp_path / name)) if name == "a.mp4" else tmp_path / "1.jpg"
+    assert found is not None
+    clear = fl.Scene(None, plate("uint8"), effects=EFFECTS)
+    with pytest.raises(ValueError, match=r"the frame is transparent in places; take \.png"):
+        clear.write(tmp_path / "other" / name, "1")
+
+
+def test_16_7_alpha_beyond_one_is_refused():
+    background = plate("float32")
+    background[3, 4, 3] = 1.5
+    with pytest.raises(ValueError, match="background: alpha must be from 0 to 1"):
+        fl.Scene(None, background)
+
+
+@pytest.mark.parametrize("way", ["array", "file", "sequence", "foreground", "transform"])
+def test_16_7_a_float_picture_of_levels_is_warned_of(tmp_path: Path, way: str):
+    levels = np.random.default_rng(2).integers(0, 256, (48, 64, 3)).astype(np.float32)
+    if way in ("file", "sequence"):
+        write_picture(tmp_path / "1.tif", levels)
+    with pytest.warns(UserWarning, match="is a float picture of values up to 255, .*if that is"):
+        if way == "array":
+            fl.Scene(None, levels)
+        elif way == "file":
+            fl.Scene(None, tmp_path / "1.tif").render(0)
+        elif way == "sequence":
+            fl.Scene(None, tmp_path / "%d.tif").render(0)
+        elif way == "foreground":
+            front = np.concatenate([levels, np.ones_like(levels[..., :1])], axis=2)
+            fl.Scene((64, 48), foreground=front)
+        else:
+            fl.augment.Snowfall(seed=1)(levels)
+
+
+def test_16_7_bright_light_is_not():
+    """A lamp, a snow field in the sun, and a picture of 0 to 1: warnings are errors here."""
+    light = np.random.default_rng(2).random((48, 64, 3)).astype(np.float32)
+    for bright in (light, 8.0 * light, np.where(light > 0.999, 200.0, light), 1e4 * light):
+        fl.Scene(None, bright.astype(np.float32)).render(0)
