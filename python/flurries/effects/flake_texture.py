@@ -35,6 +35,10 @@ PATTERNS, SHEAR = 8, 5 / 13
 # Parts of equal number of a layer's diameters; within a part they lie evenly.
 PARTS = 8
 
+# Flakes of a layer that are drawn for each pixel of a tile, at most. Of more, whose images are below a
+# pixel, a part is drawn, and what it differs from its mean is made as large as that of all.
+MOST_A_PIXEL = 0.25
+
 # Amounts that patterns are kept for, where the amount of flakes changes.
 LADDER = (0.0, 0.125, 0.25, 0.5, 0.75, 1.0)
 
@@ -451,11 +455,14 @@ def _patterns_of(
 ) -> _core.PreparedFlakes:
     """Return the patterns of a film's layers, ready for frames; rung after rung."""
     layers = texture.layers(film)
-    counts, sizes = [], []
+    counts, sizes, wider = [], [], []
     for _, slab in layers:
         shares = np.linspace(0.0, 1.0, len(slab.diameters))
         edges = scale * np.interp(np.linspace(0.0, 1.0, PARTS + 1), shares, slab.diameters)
-        counts += [slab.count / scale**2 / PARTS] * PARTS
+        number = slab.count / scale**2
+        drawn = min(number, MOST_A_PIXEL * film.tile**2)
+        wider.append(math.sqrt(number / drawn) if drawn > 0.0 else 1.0)
+        counts += [drawn / PARTS] * PARTS
         sizes += list(pairwise(edges.tolist()))
     made = []
     for rung in rungs:
@@ -472,9 +479,10 @@ def _patterns_of(
         summed = found.reshape(len(layers), PARTS, *found.shape[1:]).sum(axis=1)
         # The parts stand for a curve by straight pieces: what they cover is set right.
         for index, (_, slab) in enumerate(layers):
-            mean = float(summed[index, 0, 0, 0].real)
+            mean, wanted = float(summed[index, 0, 0, 0].real), slab.coverage * rung
             if mean > 0.0:
-                summed[index] *= slab.coverage * rung / mean
+                summed[index] *= wanted / mean / wider[index]
+                summed[index, :, 0, 0] = wanted
         made.append(summed)
     return prepare(np.ascontiguousarray(np.concatenate(made)), shear=SHEAR, dtype=np.float32)
 

@@ -1,0 +1,293 @@
+"""Snow and rain of one population: laws, drawing, and the texture against every flake drawn."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+
+import flurries as fl
+from flurries.effects.rainfall import Rain as _R
+from flurries.effects.snowfall import Snow as _S
+
+fl.Snow, fl.Rain = _S, _R
+from flurries import _core
+from flurries.effects.gain import gain_of
+from flurries.particles.population import HANDOVER_SIGMA, Population, reach_of, slabs_of
+from flurries.particles.precipitation import (
+    drop_mass,
+    drop_speed,
+    rain_sizes,
+    rate_of,
+    snow_mass,
+    snow_sizes,
+    snow_speed,
+)
+from flurries.particles.sizes import Sizes
+
+LENS = (300.0, 40.0, 30.0, (0.0, 0.0, 0.0), 0.1)
+SHAPE = (60, 80)
+
+
+@pytest.mark.parametrize("law", [(0.002, 0.004, 0.03), (0.002, 0.016, 0.03), (0.002, 0.027, 0.03)])
+def test_sizes_have_their_mean_and_law(law: tuple[float, float, float]):
+    sizes = Sizes.with_mean(*law)
+    shares = (np.arange(400_000) + 0.5) / 400_000
+    diameters = sizes.quantile(shares)
+    assert diameters.mean() == pytest.approx(law[1], rel=1e-6)
+    np.testing.assert_allclose(sizes.below(diameters), shares, atol=1e-12)
+    # The density falls as exp(-slope D): its logarithm is a line.
+    counts, edges = np.histogram(diameters, 20)
+    middles = 0.5 * (edges[1:] + edges[:-1])
+    many = counts > 2000
+    slope = np.polyfit(middles[many], np.log(counts[many]), 1)[0]
+    assert slope == pytest.approx(-sizes.slope, rel=2e-3, abs=0.5)
+    for power in (1.0, 2.0, 3.078):
+        assert sizes.moment(power) == pytest.approx((diameters**power).mean(), rel=1e-6)
+
+
+@pytest.mark.parametrize("rate", [0.3, 1.0, 3.0, 10.0, 40.0])
+def test_rates_are_carried_by_the_flakes_and_drops(rate: float):
+    """A sum over a million quantiles of mass times speed, kg per square metre and hour."""
+    shares = (np.arange(1_000_000) + 0.5) / 1e6
+    for effect, mass, speed in (
+        (fl.Snow(rate_mm_h=rate), snow_mass, snow_speed),
+        (fl.Rain(rate_mm_h=rate), drop_mass, drop_speed),
+    ):
+        given = effect.flake_size if isinstance(effect, fl.Snow) else effect.drop_size
+        at = Sizes.with_mean(*given).quantile(shares)
+        carried = 3600.0 * effect.density * float((mass(at) * speed(at)).mean())
+        assert carried == pytest.approx(rate, rel=1e-4)
+
+
+def test_snow_hides_as_far_as_it_was_seen_to():
+    """Rasmussen et al. 1999 see 0.5 to 2 km in light, and 100 to 500 m in heavy snow."""
+    for rate, (low, high) in {
+        1.0: (500.0, 2500.0),
+        3.0: (300.0, 1000.0),
+        10.0: (80.0, 500.0),
+    }.items():
+        sizes = snow_sizes(rate)
+        number = rate / rate_of(1.0, sizes, snow_mass, snow_speed)
+        extinction = Population(number, sizes, 0.9, snow_speed).extinction
+        assert low < 3.912 / extinction < high
+    assert rain_sizes(50.0).mean > rain_sizes(1.0).mean
+
+
+def test_classes_share_out_all_flakes_and_their_area():
+    sizes = Sizes.with_mean(0.003, 0.008, 0.03)
+    population = Population(50.0, sizes, 0.9, snow_speed)
+    for count in (1, 2, 5):
+        classes = population.classes(count)
+        assert sum(one.density for one in classes) == pytest.approx(50.0)
+        area = sum(one.density * one.square for one in classes)
+        assert area == pytest.approx(50.0 * sizes.moment(2.0), rel=1e-6)
+        assert [one.fall for one in classes] == sorted(one.fall for one in classes)
+
+
+def test_slabs_cover_what_the_air_beyond_the_drawn_flakes_does():
+    """By a sum over a million flakes in the pyramid behind a tile."""
+    sizes = Sizes.with_mean(0.003, 0.008, 0.03)
+    population = Population(50.0, sizes, 0.9, snow_speed)
+    focal, tile, far = 700.0, 64, 40.0
+    rng = np.random.default_rng(3)
+    for one in population.classes(2):
+        reach = reach_of(one, focal, tile, fastest=0.05, far=far)
+        assert focal * one.largest / reach / math.sqrt(8.0) <= HANDOVER_SIGMA * (1 + 1e-12)
+        slabs = slabs_of(population, one, focal, tile, reach=reach, far=far)
+        depth = (rng.random(1_000_000) * (far**3 - reach**3) + reach**3) ** (1 / 3)
+        part = np.clip((depth / reach - 1.0) / 0.15, 0.0, 1.0)
+        share = part * part * (3.0 - 2.0 * part)
+        low, high = sizes.below(one.smallest), sizes.below(one.largest)
+        size = sizes.quantile(low + rng.random(1_000_000) * (high - low))
+        number = one.density * (tile / focal) ** 2 * (far**3 - reach**3) / 3.0
+        area = number * 0.9 * 0.25 * math.pi * (share * (focal * size / depth) ** 2).mean()
+        assert sum(slab.coverage for slab in slabs) == pytest.approx(area, rel=5e-3)
+        assert sum(slab.count for slab in slabs) == pytest.approx(number * share.mean(), rel=2e-3)
+        edges = np.array([slabs[0].near, slabs[0].far])
+        np.testing.assert_allclose(slabs[0].before(edges), [0.0, 1.0])
+
+
+def test_gain_of_a_resting_flake_is_that_of_the_exponential_integral():
+    from scipy.special import exp1
+
+    sigma2 = 400.0 / 8.0
+    peak = 0.9 * sigma2 / (sigma2 + 1.0 / 12.0)
+    x = gain_of((20.0, 20.0, 20.0), 0.9, 0.0) * peak
+    assert exp1(x) + math.log(x) + np.euler_gamma == pytest.approx(peak, rel=1e-6)
+    assert gain_of((1.0, 2.0, 3.0), 0.9, 20.0) < gain_of((1.0, 2.0, 3.0), 0.9, 2.0)
+    assert gain_of((0.1, 0.2), 0.9, 5.0) == pytest.approx(1.0, abs=2e-3)
+
+
+def _slow_alpha(points: Any, radius: Any, opacity: Any, travel: Any) -> np.ndarray:
+    """1 - prod(1 - alpha_i), each alpha the mean over 64 moments of a Gaussian over pixels' squares."""
+    erf = np.vectorize(math.erf)
+    left = np.ones(SHAPE)
+    focal, cx, cy = LENS[:3]
+    nodes, weights = np.polynomial.legendre.leggauss(64)
+    for point, r, rho, way in zip(points, radius, opacity, travel, strict=True):
+        sigma = max(focal * r / (3.0 * point[2]), 0.3)
+        energy = rho * 2.0 * math.pi * (focal * r / (3.0 * point[2])) ** 2
+        alpha = np.zeros(SHAPE)
+        for node, weight in zip(nodes, weights, strict=True):
+            place = point + 0.5 * node * way
+            x, y = cx + focal * place[0] / place[2], cy + focal * place[1] / place[2]
+            across, down = (
+                0.5 * np.diff(erf((np.arange(n + 1) - at) / (sigma * math.sqrt(2.0))))
+                for n, at in ((SHAPE[1], x), (SHAPE[0], y))
+            )
+            alpha += 0.5 * weight * energy * np.outer(down, across)
+        left *= 1.0 - alpha
+    return 1.0 - left
+
+
+def test_exact_drawing_is_the_sum_over_flakes():
+    rng = np.random.default_rng(5)
+    points = rng.uniform([-1.4, -1.0, 4.0], [1.4, 1.0, 14.0], (200, 3))
+    radius, opacity = rng.uniform(0.002, 0.05, 200), rng.uniform(0.2, 0.9, 200)
+    travel = rng.uniform(-0.1, 0.1, (200, 3)) * (1.0, 1.0, 0.0)
+    travel[::4] = 0.0
+    got = np.empty(SHAPE)
+    _core.particle_exact(got, points, radius, opacity, travel, 1.0, LENS, None)
+    np.testing.assert_allclose(got, _slow_alpha(points, radius, opacity, travel), atol=1e-6)
+
+
+def _scene(method: str, *, shape: tuple[int, int] = (160, 200), **fields: Any) -> fl.Scene:
+    seed = fields.pop("scene_seed", 1)
+    options = {name: fields.pop(name) for name in ("depth", "camera") if name in fields}
+    snow = fl.Snow(**{"density": 60.0, "method": method, "far": 40.0, **fields})
+    return fl.Scene((shape[1], shape[0]), "#000000", effects=[snow], seed=seed, **options)
+
+
+def _alpha(scene: fl.Scene, t: float = 7.0) -> np.ndarray:
+    found: np.ndarray = scene.render(t, layers=True).alpha
+    return found
+
+
+def test_the_texture_stands_for_the_flakes_that_it_replaces():
+    """Mean, deviation and likeness to the next frame, over six seeds; near flakes are the same."""
+    sums = {}
+    for method in ("hybrid", "simulated"):
+        scenes = [_scene(method, scene_seed=seed) for seed in range(6)]
+        first = [_alpha(scene) for scene in scenes]
+        after = [_alpha(scene, 8.0) for scene in scenes]
+        like = [np.corrcoef(a.ravel(), b.ravel())[0, 1] for a, b in zip(first, after, strict=True)]
+        sums[method] = (
+            np.mean([a.mean() for a in first]),
+            np.mean([a.std() for a in first]),
+            np.mean(like),
+        )
+    ours, all_drawn = sums["hybrid"], sums["simulated"]
+    assert ours[0] == pytest.approx(all_drawn[0], rel=0.02)
+    assert ours[1] == pytest.approx(all_drawn[1], rel=0.04)
+    assert ours[2] == pytest.approx(all_drawn[2], abs=0.03)
+
+
+def test_both_methods_draw_the_same_near_flakes():
+    """What the hybrid draws, faded where the texture takes over, lies within what is simulated."""
+    drawn = _scene("hybrid").render(7.0, layers=True).coverage
+    whole = _alpha(_scene("simulated"))
+    assert drawn.max() > 0.5
+    assert (whole - drawn).min() > -1e-3
+    other = _alpha(_scene("simulated", scene_seed=2))
+    assert (other - drawn).min() < -0.3
+
+
+@pytest.mark.parametrize("wall", [20.0, 60.0, 200.0])
+def test_extinction_before_a_wall_is_that_of_all_flakes(wall: float):
+    """exp(-density * area * depth): flakes near, far and beyond `far` are counted once."""
+    means = [
+        1.0 - _alpha(_scene("hybrid", scene_seed=seed, depth=wall, near=0.5)).mean()
+        for seed in range(8)
+    ]
+    sizes = Sizes.with_mean(*fl.Snow().flake_size)
+    extinction = 60.0 * 0.9 * 0.25 * math.pi * sizes.moment(2.0)
+    # From the middle of the fade before the lens on.
+    wanted = math.exp(-extinction * (wall - 0.5 * (1.0 + 1.25) / 2.0))
+    assert np.mean(means) == pytest.approx(wanted, abs=0.012)
+
+
+def test_less_snow_is_fewer_flakes_and_not_fainter_ones():
+    whole, half = (_alpha(_scene("hybrid", amount=amount)) for amount in (1.0, 0.5))
+    assert np.log1p(-half).mean() == pytest.approx(0.5 * np.log1p(-whole).mean(), rel=0.06)
+    assert half.max() > 0.8 * whole.max()
+    keyed = fl.Keys([(0, 0.5), (100, 0.5)])
+    likewise = _alpha(_scene("hybrid", amount=keyed))
+    assert likewise.mean() == pytest.approx(half.mean(), rel=0.03)
+
+
+def test_snow_that_stops_falls_on_and_leaves_from_the_top():
+    emission = fl.Keys([(0.0, 1.0), (0.01, 0.0)])
+    scene = _scene("hybrid", emission=emission, cloud=2.0, shape=(240, 120))
+    frames = [_alpha(scene, t) for t in (0.0, 60.0, 120.0, 900.0)]
+    totals = [frame.mean() for frame in frames]
+    assert totals[0] > totals[1] > totals[2] > totals[3]
+    assert totals[3] == 0.0
+    top, bottom = frames[1][:80].mean(), frames[1][160:].mean()
+    assert top < 0.8 * bottom
+
+
+def test_a_window_and_a_second_thread_have_the_bits_of_the_whole():
+    camera = fl.CameraPath(fl.Camera(240.0), velocity=(0.3, 0.0, 2.0))
+    for scene in (
+        _scene("hybrid"),
+        _scene("hybrid", camera=camera),
+        _scene("hybrid", wind=(8, 0, 0)),
+    ):
+        whole = scene.render(7.5)
+        part = scene.render(7.5, region=np.s_[40:90, 30:150])
+        assert np.array_equal(part, whole[40:90, 30:150])
+        before = fl.threads()
+        try:
+            fl.set_threads(1)
+            assert np.array_equal(scene.render(7.5), whole)
+        finally:
+            fl.set_threads(before)
+
+
+def test_eyes_see_flakes_by_their_depth():
+    left, right = _scene("hybrid", density=200.0).stereo(3.0, distance=0.06)
+    assert not np.array_equal(left, right)
+    assert left.mean() == pytest.approx(right.mean(), rel=0.05)
+
+
+def test_a_turning_and_a_zooming_camera_keep_the_amount_of_snow():
+    lens = fl.Camera(240.0)
+    still = _alpha(_scene("hybrid", density=200.0, camera=lens), 5.0).mean()
+    turning = fl.CameraPath(lens, orientation=fl.Keys([(0, (0, 0, 0)), (30, (0.0, 0.4, 0.1))]))
+    assert _alpha(_scene("hybrid", density=200.0, camera=turning), 5.0).mean() == pytest.approx(
+        still, rel=0.08
+    )
+    zoom = fl.CameraPath(lens, focal=fl.Keys([(0, 240.0), (30, 300.0)]))
+    assert _alpha(_scene("hybrid", density=200.0, camera=zoom), 5.0).mean() == pytest.approx(
+        still, rel=0.08
+    )
+
+
+def test_rain_shines_more_than_its_color_and_covers_no_more():
+    shown = {}
+    for gain in (1.0, 6.0):
+        rain = fl.Rain(rate_mm_h=20.0, gain=gain)
+        scene = fl.Scene((160, 120), "#303030", effects=[rain], seed=2, space="linear")
+        found = scene.render(4.0, layers=True)
+        shown[gain] = found.alpha, float(found.image.mean())
+    assert np.array_equal(shown[1.0][0], shown[6.0][0])
+    assert shown[6.0][1] > shown[1.0][1]
+
+
+@pytest.mark.parametrize(
+    ("fields", "said"),
+    [
+        ({"flake_size": (0.01, 0.005, 0.02)}, "flake_size"),
+        ({"density": -1.0}, "density"),
+        ({"method": "drawn"}, "method"),
+        ({"emission": 1.5}, "emission"),
+        ({"near": 0.0}, "near"),
+        ({"look": "v1"}, "look"),
+    ],
+)
+def test_what_is_no_population_is_refused(fields: dict[str, Any], said: str):
+    with pytest.raises(ValueError, match=said):
+        fl.Snow(**fields)
