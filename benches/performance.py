@@ -81,7 +81,7 @@ def rows(one: Times, two: Times, level: str) -> list[tuple[Goal, float]]:
 def layer_cost() -> float:
     """Return what the scene adds to its kernels, microseconds: a small frame, less its texture."""
     picture = np.zeros((64, 64, 3), np.uint8)
-    shown = fl.Scene(None, picture, effects=[fl.Snow(flakes=0, alias="keep", shutter=0.0)])
+    shown = fl.Scene(None, picture, effects=[fl.TentSnow(flakes=0, alias="keep", shutter=0.0)])
     bare = fl.Scene(None, picture)
     sheet = np.empty((64, 64), np.float32)
     times = speed.timed(
@@ -117,7 +117,7 @@ fl.set_threads(1)
 picture = np.zeros((1024, 1024, 3), np.uint8)
 scenes = {
     "texture": lambda: fl.spectral.alpha((1024, 1024), drift=(1.0, 9.0), seed=1),
-    "scene": fl.Scene(None, picture, effects=[fl.Snow.preset("heavy")]).render,
+    "scene": fl.Scene(None, picture, effects=[fl.TentSnow.preset("heavy")]).render,
 }
 make = scenes[sys.argv[1]]
 frame = make() if sys.argv[1] == "texture" else make(1)

@@ -91,22 +91,22 @@ def savings() -> dict[str, tuple[fl.Scene, fl.Scene]]:
     spotted[::512, ::512] = 0.0
     spotted[0, 0] = spotted[-1, -1] = 0.0
     return {
-        "six effects, amount 0": pair([fl.Snow(amount=0.0)] * 6),
-        "below half a step": pair(fl.Snow(amount=3e-5)),
-        "no texture": pair(fl.Snow(texture=0.0, flakes=2000)),
-        "no flakes": pair(fl.Snow(flakes=0)),
+        "six effects, amount 0": pair([fl.TentSnow(amount=0.0)] * 6),
+        "below half a step": pair(fl.TentSnow(amount=3e-5)),
+        "no texture": pair(fl.TentSnow(texture=0.0, flakes=2000)),
+        "no flakes": pair(fl.TentSnow(flakes=0)),
         # All of it, under the matte, is what the layers apart are made of.
         "behind a matte, 70 %": (
-            fl.Scene(background=PICTURE, effects=[fl.Snow()], foreground=matte),
-            fl.Scene(background=PICTURE, effects=[fl.Snow()]),
+            fl.Scene(background=PICTURE, effects=[fl.TentSnow()], foreground=matte),
+            fl.Scene(background=PICTURE, effects=[fl.TentSnow()]),
         ),
-        "tiles behind a matte": pair(fl.Snow(flakes=0), foreground=spotted),
-        "a wall nearer than the texture": pair(fl.Snow(flakes=0, haze=0.0), depth=2.0),
-        "nothing moves": pair(fl.Snow(**still)),
-        "no flakes of any opacity": pair(fl.Snow(flake_opacity=0.0)),
-        "no veil before a depth": pair(fl.Snow(haze=0.0, flakes=0), depth=40.0),
+        "tiles behind a matte": pair(fl.TentSnow(flakes=0), foreground=spotted),
+        "a wall nearer than the texture": pair(fl.TentSnow(flakes=0, haze=0.0), depth=2.0),
+        "nothing moves": pair(fl.TentSnow(**still)),
+        "no flakes of any opacity": pair(fl.TentSnow(flake_opacity=0.0)),
+        "no veil before a depth": pair(fl.TentSnow(haze=0.0, flakes=0), depth=40.0),
         "waves too fast everywhere": pair(
-            fl.Snow(flakes=0, fall=4e5, wind=(1.3e5, 0.0, 0.0), alias="cut", tile=63, overlap=9)
+            fl.TentSnow(flakes=0, fall=4e5, wind=(1.3e5, 0.0, 0.0), alias="cut", tile=63, overlap=9)
         ),
         "gas that stands still": pair(fl.Mist(count=300)),
         "gas of one color": (
@@ -138,7 +138,7 @@ def print_savings(runs: int) -> None:
     print(f"{'':<34}{'planned':>9}{'all':>9}{'ratio':>8}")
     for name, (planned, whole) in savings().items():
         print_pair(name, planned, whole, runs)
-    snow = fl.Scene(background=PICTURE, effects=[fl.Snow()])
+    snow = fl.Scene(background=PICTURE, effects=[fl.TentSnow()])
     print_ratio(
         "two eyes at distance 0",
         lambda: snow.stereo(3, distance=0.0),
@@ -153,7 +153,7 @@ def print_savings(runs: int) -> None:
         runs,
     )
     none = fl.Scene(background=PICTURE)
-    gone = [fl.Snow(amount=0.0)] * 3 + [fl.Rain(amount=0.0)] * 3
+    gone = [fl.TentSnow(amount=0.0)] * 3 + [fl.TentRain(amount=0.0)] * 3
     six = fl.Scene(background=PICTURE, effects=gone)
     found = least({"six": lambda: six.render(3), "none": lambda: none.render(3)}, 20 * runs)
     print(f"six effects of amount 0 against none: {found['six'] / found['none']:.3f}")
@@ -203,16 +203,18 @@ def tolerant() -> dict[str, fl.Scene]:
     matte[:300] = 0.0
     forward = {"wind": (0.3, 0.0, 0.0)}
     return {
-        "8 bit in linear light": fl.Scene(None, PICTURE, effects=[fl.Snow()], space="linear"),
-        "rain fades in": fl.Scene(None, LIGHT, effects=[fl.Snow(), fl.Rain(amount=1e-4)]),
-        "faint snow": fl.Scene(None, LIGHT, effects=[fl.Snow(amount=1e-4)]),
-        "a matte of 254 / 255": fl.Scene(None, PICTURE, effects=[fl.Snow()], foreground=matte),
+        "8 bit in linear light": fl.Scene(None, PICTURE, effects=[fl.TentSnow()], space="linear"),
+        "rain fades in": fl.Scene(None, LIGHT, effects=[fl.TentSnow(), fl.TentRain(amount=1e-4)]),
+        "faint snow": fl.Scene(None, LIGHT, effects=[fl.TentSnow(amount=1e-4)]),
+        "a matte of 254 / 255": fl.Scene(None, PICTURE, effects=[fl.TentSnow()], foreground=matte),
         "thick fog": fl.Scene(
             None, np.minimum(LIGHT, 1.0),
             effects=[fl.Mist(count=4000, density=0.9, lit=False, **forward)],
         ),
-        "a thin veil": fl.Scene(None, LIGHT, effects=[fl.Snow(haze=1e-4, flakes=0)], depth=30.0),
-        "nothing to save": fl.Scene(None, PICTURE, effects=[fl.Snow()]),
+        "a thin veil": fl.Scene(
+            None, LIGHT, effects=[fl.TentSnow(haze=1e-4, flakes=0)], depth=30.0
+        ),
+        "nothing to save": fl.Scene(None, PICTURE, effects=[fl.TentSnow()]),
     }  # fmt: skip
 
 
@@ -250,7 +252,7 @@ def scenes() -> dict[str, fl.Scene]:
     def scene(picture: Any, *effects: Any, **more: Any) -> fl.Scene:
         return fl.Scene(None, picture, effects=effects, **more)
 
-    preset = fl.Snow.preset
+    preset = fl.TentSnow.preset
     return {
         "empty": scene(PICTURE),
         "empty, float": scene(LIGHT),
@@ -263,15 +265,15 @@ def scenes() -> dict[str, fl.Scene]:
         "moderate, 1080p": scene(wide, preset("moderate")),
         "moderate, float": scene(LIGHT, preset("moderate")),
         "moderate, 8 bit in linear light": scene(PICTURE, preset("moderate"), space="linear"),
-        "texture alone": scene(PICTURE, fl.Snow(flakes=0)),
-        "flakes alone": scene(PICTURE, fl.Snow(texture=0.0, haze=0.0)),
-        "60,000 flakes": scene(PICTURE, fl.Snow(texture=0.0, flakes=60_000)),
+        "texture alone": scene(PICTURE, fl.TentSnow(flakes=0)),
+        "flakes alone": scene(PICTURE, fl.TentSnow(texture=0.0, haze=0.0)),
+        "60,000 flakes": scene(PICTURE, fl.TentSnow(texture=0.0, flakes=60_000)),
         "forward": scene(PICTURE, preset("moderate"), camera=forward),
         "behind a matte": scene(PICTURE, preset("moderate"), foreground=matte),
         "before a depth": scene(PICTURE, preset("moderate"), depth=deep),
         "snow and snow": scene(PICTURE, preset("light"), preset("heavy")),
-        "drizzle": scene(PICTURE, fl.Rain.preset("drizzle", jitter=True)),
-        "half the amount": scene(PICTURE, fl.Snow(amount=0.5)),
+        "drizzle": scene(PICTURE, fl.TentRain.preset("drizzle", jitter=True)),
+        "half the amount": scene(PICTURE, fl.TentSnow(amount=0.5)),
         "fog": scene(PICTURE, fl.Mist.preset("fog", wind=(0.3, 0.0, 0.0))),
         "lit clouds": scene(
             PICTURE, fl.Mist.preset("clouds", wind=(0.3, 0.0, 0.0)), sun=fl.Sun((0.3, 1.0, 0.2))
@@ -424,7 +426,7 @@ def flakes(runs: int) -> dict[str, float]:
             (8000, 0.02, 12.0),
             (6000, 0.05, 1.0),
         ):
-            effect = fl.Snow(texture=0.0, haze=0.0, flakes=number, flake_size=(size, size),
+            effect = fl.TentSnow(texture=0.0, haze=0.0, flakes=number, flake_size=(size, size),
                              shutter=shutter, fall=fall)  # fmt: skip
             scene = fl.Scene((SIZE, SIZE), effects=[effect])
             frame = scene.program.views(3.0)[0][1]
@@ -446,7 +448,7 @@ def flakes(runs: int) -> dict[str, float]:
         result["flake placed"] = each
         result.update(zip((name.split()[0], name), solved, strict=True))
     # From arrays of places, as for a wind over depth.
-    effect = fl.Snow(texture=0.0, haze=0.0)
+    effect = fl.TentSnow(texture=0.0, haze=0.0)
     listed = replace(effect, wind=fl.Wind(effect.wind, profile=[(0.0, 1.0)]))
     frame = fl.Scene((SIZE, SIZE), effects=[effect]).program.views(3.0)[0][1]
     found = least(
@@ -492,7 +494,7 @@ def mixing(runs: int) -> dict[str, float]:
     word = PICTURE.astype(np.uint16) * 257
     values = np.linspace(0.5, 1.5, 1 << 16)
     roots = np.empty_like(values)
-    snow = fl.Snow(flakes=0)
+    snow = fl.TentSnow(flakes=0)
     wall = fl.Scene((SIZE, SIZE), depth=30.0, effects=[snow])
     air = fl.Scene((SIZE, SIZE), effects=[snow])
     open_air = air.program.views(3.0)[0][1]
@@ -538,7 +540,7 @@ def mixing(runs: int) -> dict[str, float]:
     result["looked up value"] = times["table"] / PICTURE.size
     assert _core is not None
     small = fl.Scene((8, 8), effects=[])
-    one = fl.Scene((8, 8), effects=[fl.Snow(texture=0.0, flakes=0, haze=0.5)])
+    one = fl.Scene((8, 8), effects=[fl.TentSnow(texture=0.0, flakes=0, haze=0.5)])
     each = least({"frame": lambda: small.render(1), "layer": lambda: one.render(1)}, 20 * runs)
     result["frame"] = 1e6 * each["frame"]
     result["layer"] = 1e6 * (each["layer"] - each["frame"])

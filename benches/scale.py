@@ -36,7 +36,9 @@ def scene(size: tuple[int, int]) -> fl.Scene:
     y, x = np.mgrid[: size[1], : size[0]] / size[0]
     grain = np.random.default_rng(1).normal(0.0, 3.0, (size[1], size[0], 3))
     plate = 90 + 60 * np.stack([np.sin(9 * x), np.sin(7 * y + x), np.cos(5 * x * y)], -1) + grain
-    return fl.Scene(None, np.clip(plate, 0, 255).astype(np.uint8), effects=fl.Snow.preset("heavy"))
+    return fl.Scene(
+        None, np.clip(plate, 0, 255).astype(np.uint8), effects=fl.TentSnow.preset("heavy")
+    )
 
 
 def used() -> float:
@@ -116,7 +118,7 @@ def _warm(size: tuple[int, int], dask_worker: Any = None) -> None:
     cores = sorted(os.sched_getaffinity(0))
     core = cores[int(dask_worker.name) % len(cores)]
     fl.set_threads(1)
-    fl.Scene(size, effects=fl.Snow.preset("heavy")).render(0)
+    fl.Scene(size, effects=fl.TentSnow.preset("heavy")).render(0)
     for thread in Path("/proc/self/task").iterdir():
         os.sched_setaffinity(int(thread.name), {core})
 

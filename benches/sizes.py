@@ -14,10 +14,10 @@ import numpy as np
 import flurries as fl
 
 EFFECTS = {
-    "texture of moderate snow": fl.Snow(flakes=0, haze=0.0),
-    "moderate snow": fl.Snow(),
-    "heavy snow": fl.Snow.preset("heavy"),
-    "rain": fl.Rain(),
+    "texture of moderate snow": fl.TentSnow(flakes=0, haze=0.0),
+    "moderate snow": fl.TentSnow(),
+    "heavy snow": fl.TentSnow.preset("heavy"),
+    "rain": fl.TentRain(),
 }
 
 

@@ -46,9 +46,9 @@ def texture(shape: tuple[int, int], dtype: Any = np.float32) -> Callable[[], obj
 def scenes() -> Calls:
     """Return frames of whole scenes over a uint8 photograph."""
     picture = np.random.default_rng(0).integers(0, 256, (*SHAPE, 3), np.uint8)
-    sheet = fl.Snow.preset("heavy", flakes=0)
+    sheet = fl.TentSnow.preset("heavy", flakes=0)
     forward = fl.CameraPath(fl.Camera(1.2 * SIZE), velocity=(0.0, 0.0, 3.0))
-    plain = fl.Snow(flakes=0, alias="keep", shutter=0.0)
+    plain = fl.TentSnow(flakes=0, alias="keep", shutter=0.0)
     found = {
         "scene: plain texture, uint8 RGB": fl.Scene(None, picture, effects=[plain]),
         "scene: heavy snow, texture alone": fl.Scene(None, picture, effects=[sheet]),
@@ -56,7 +56,7 @@ def scenes() -> Calls:
             None, picture, camera=forward, effects=[sheet]
         ),
         "scene: heavy snow, 20,000 flakes and texture": fl.Scene(
-            None, picture, effects=[fl.Snow.preset("heavy")]
+            None, picture, effects=[fl.TentSnow.preset("heavy")]
         ),
         "scene: heavy snow, 64 x 64": fl.Scene((64, 64), picture[:64, :64], effects=[sheet]),
     }

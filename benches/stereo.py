@@ -66,7 +66,7 @@ def scenes() -> None:
     ground = np.where(rows > 400, 3.0 + 200.0 / np.maximum(rows - 399.0, 1.0), np.inf)
     deep = np.broadcast_to(ground, (768, 1024)).astype(np.float32)
     path = fl.CameraPath(fl.Camera(900.0), velocity=(0.0, 0.0, 1.0))
-    heavy = fl.Snow.preset
+    heavy = fl.TentSnow.preset
     kinds = {
         "texture": [heavy("heavy", flakes=0)],
         "flakes": [heavy("heavy", texture=0.0)],

@@ -136,11 +136,11 @@ PATH = fl.CameraPath(
 # Light in float32, so that the last bit is seen.
 PLATE = RNG(0).random((120, 160, 3), np.float32)
 SCENES: dict[str, fl.Scene] = {
-    "snow": fl.Scene(None, PLATE, effects=fl.Snow.preset("heavy", flakes=400)),
-    "rain": fl.Scene(None, PLATE, camera=PATH, effects=fl.Rain.preset("downpour", drops=300)),
+    "snow": fl.Scene(None, PLATE, effects=fl.TentSnow.preset("heavy", flakes=400)),
+    "rain": fl.Scene(None, PLATE, camera=PATH, effects=fl.TentRain.preset("downpour", drops=300)),
     "gusts": fl.Scene(
         None, PLATE, camera=PATH,
-        effects=[fl.Snow(flakes=200, wind=fl.Wind((1.0, 0.0, 0.3), gusts=0.6, swirl=0.3))],
+        effects=[fl.TentSnow(flakes=200, wind=fl.Wind((1.0, 0.0, 0.3), gusts=0.6, swirl=0.3))],
     ),
     "mist": fl.Scene(None, PLATE, sun=fl.Sun(), effects=[fl.Mist(count=300, wind=(0.5, 0.0, 0.0))]),
     "cone": fl.Scene(None, PLATE, effects=[fl.ConeSnow(tile=128), fl.ConeRain(tile=128)]),

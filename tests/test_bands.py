@@ -27,14 +27,14 @@ FRONT = np.dstack([BYTES, RANDOM.integers(0, 255, (H, W), dtype=np.uint8)])
 STILL: dict[str, Any] = {"fall": 0.0, "wind": (0.0, 0.0, 0.0), "sway": (0.0, 0.0)}
 
 EFFECTS: dict[str, Any] = {
-    "snow": fl.Snow(flakes=400),
-    "heavy": fl.Snow.preset("heavy"),
-    "rain": fl.Rain.preset("rain"),
-    "gusts": fl.Snow(flakes=300, wind=fl.Wind((1.0, 0.0, 0.0), gusts=0.5)),
-    "texture alone": fl.Snow(flakes=0),
-    "flakes alone": fl.Snow(texture=0.0),
-    "still": fl.Snow(flakes=200, **STILL),
-    "by pixel": fl.Snow(flakes=200, depth_mode="pixel"),
+    "snow": fl.TentSnow(flakes=400),
+    "heavy": fl.TentSnow.preset("heavy"),
+    "rain": fl.TentRain.preset("rain"),
+    "gusts": fl.TentSnow(flakes=300, wind=fl.Wind((1.0, 0.0, 0.0), gusts=0.5)),
+    "texture alone": fl.TentSnow(flakes=0),
+    "flakes alone": fl.TentSnow(texture=0.0),
+    "still": fl.TentSnow(flakes=200, **STILL),
+    "by pixel": fl.TentSnow(flakes=200, depth_mode="pixel"),
     "mist": fl.Mist(count=300),
     "moving mist": fl.Mist(count=300, wind=(1.0, 0.0, 0.0)),
     "cone rain": fl.ConeRain(),
@@ -95,7 +95,7 @@ def same(first: Any, second: Any) -> bool:
 def test_bands_have_the_bits_of_the_whole(name: str, kind: str, low: Callable[[], None]):
     effect = EFFECTS[name]
     scene = fl.Scene(effects=[effect], **SCENES[kind])
-    several = fl.Scene(effects=[fl.Rain(drops=100), effect], **SCENES[kind])
+    several = fl.Scene(effects=[fl.TentRain(drops=100), effect], **SCENES[kind])
     part = np.s_[13:290, 20:250]
 
     def frames() -> list[Any]:
@@ -174,7 +174,7 @@ class Plain:
 
 def test_one_that_does_not_say_is_asked_once(low: Callable[[], None]):
     plain = Plain()
-    scene = fl.Scene(None, LIGHT, effects=[fl.Snow(), plain])
+    scene = fl.Scene(None, LIGHT, effects=[fl.TentSnow(), plain])
     whole = scene.render(1)
     low()
     assert same([scene.render(1)], [whole]) and plain.calls == 2
@@ -196,7 +196,7 @@ def test_nothing_is_made_once_for_each_band(
     gas = _core.gas_sort
     monkeypatch.setattr(_core, "gas_sort", lambda *args: sorts.append("gas") or gas(*args))
     fl.set_threads(1)
-    effects = [fl.Snow(flakes=300), fl.Mist(count=100, wind=(1.0, 0.0, 0.0))]
+    effects = [fl.TentSnow(flakes=300), fl.Mist(count=100, wind=(1.0, 0.0, 0.0))]
     scene = fl.Scene(None, BYTES, camera=camera, effects=effects, space="linear", depth=SLOPE)
     counts, made = [], []
     for lower in (lambda: None, low):
@@ -216,7 +216,7 @@ def test_both_eyes_place_flakes_once(low: Callable[[], None], monkeypatch: pytes
     monkeypatch.setattr(
         _core, "particle_sort_pair", lambda *args: sorts.append(args) or kernel(*args)
     )
-    scene = fl.Scene(None, BYTES, effects=[fl.Snow(), fl.ConeSnow()], space="linear")
+    scene = fl.Scene(None, BYTES, effects=[fl.TentSnow(), fl.ConeSnow()], space="linear")
     low()
     scene.stereo(3.0, distance=0.065)
     # Of the snow, and of the flakes before the cone.
@@ -225,7 +225,7 @@ def test_both_eyes_place_flakes_once(low: Callable[[], None], monkeypatch: pytes
 
 def test_a_film_of_bands_is_a_film_of_frames(low: Callable[[], None]):
     # What stands still is kept, and bands that are known are not asked of the stream again.
-    effects = [fl.Snow(flakes=50, **STILL) for _ in range(6)]
+    effects = [fl.TentSnow(flakes=50, **STILL) for _ in range(6)]
     scene = fl.Scene(None, LIGHT, effects=effects)
     whole = [scene.render(t) for t in range(3)]
     low()
@@ -237,7 +237,7 @@ def test_threads_share_out_columns_where_rows_are_long():
     # One pass over a wide picture: floats wait in the frame itself, integers in strips of columns.
     light = np.random.default_rng(0).random((300, 4096, 3), dtype=np.float32)
     for picture in (light, (255.0 * light).astype(np.uint8)):
-        scene = fl.Scene(None, picture, effects=[fl.Snow.preset("heavy")])
+        scene = fl.Scene(None, picture, effects=[fl.TentSnow.preset("heavy")])
         fl.set_threads(1)
         steps = scene.render(3, layers=True).image
         for count in (1, 3, 8):
@@ -261,11 +261,11 @@ def test_bands_cover_a_window_once():
 @pytest.mark.parametrize(
     "more",
     [
-        {"effects": [fl.Snow()], "space": "linear"},
-        {"effects": [fl.Snow(), fl.Rain()]},
-        {"effects": [fl.Snow(), fl.Snow(flakes=0)], "depth": 40.0},
-        {"effects": [fl.Snow()], "foreground": np.tile(MASK, (3, 3))},
-        {"effects": [fl.Snow(), Own(by_rows=True)], "camera": TURNING},
+        {"effects": [fl.TentSnow()], "space": "linear"},
+        {"effects": [fl.TentSnow(), fl.TentRain()]},
+        {"effects": [fl.TentSnow(), fl.TentSnow(flakes=0)], "depth": 40.0},
+        {"effects": [fl.TentSnow()], "foreground": np.tile(MASK, (3, 3))},
+        {"effects": [fl.TentSnow(), Own(by_rows=True)], "camera": TURNING},
     ],
 )
 def test_bytes_of_bands_are_foreseen(more: Any, low: Callable[[], None]):
@@ -287,7 +287,7 @@ import os, signal, threading, time
 import numpy as np
 import flurries as fl
 plate = np.full((6000, 6000, 3), 60, np.uint8)
-scene = fl.Scene(None, plate, effects=[fl.Snow.preset("heavy")], space="linear")
+scene = fl.Scene(None, plate, effects=[fl.TentSnow.preset("heavy")], space="linear")
 sent = 0.0
 def interrupt():
     global sent

@@ -206,7 +206,7 @@ def test_the_command_line_takes_them(tmp_path: Path, monkeypatch: pytest.MonkeyP
     words = ["render", "#304050", "--snow", "heavy", "--size", f"{W}x{H}", "--camera", "cam.chan"]
     assert main([*words, "--frames", "3", "--quiet", "-o", "a.png"]) == 0
     path = cameras.load("cam.chan", (H, W))
-    scene = fl.Scene((W, H), "#304050", camera=path, effects=fl.Snow.preset("heavy"))
+    scene = fl.Scene((W, H), "#304050", camera=path, effects=fl.TentSnow.preset("heavy"))
     assert np.array_equal(read_picture("a.png").pixels, scene.render(3))
     scene.save("scene.toml")
     assert np.array_equal(fl.Scene.load("scene.toml").render(3), scene.render(3))
@@ -242,7 +242,7 @@ def test_flakes_are_where_fx_and_fy_put_them():
 
 def test_a_scene_with_fx_and_fy_is_one_with_square_pixels_squeezed():
     # Twice as high pixels: every second row of a picture with square ones.
-    effect = fl.Snow(flakes=200, texture=0.0, haze=0.0, flake_size=(0.02, 0.03))
+    effect = fl.TentSnow(flakes=200, texture=0.0, haze=0.0, flake_size=(0.02, 0.03))
     tall = fl.Scene((640, 720), camera=fl.Camera(600.0), effects=effect).render(9, layers=True)
     flat = fl.Scene((640, 360), camera=fl.Camera(600.0, aspect=0.5), effects=effect)
     got = flat.render(9, layers=True)
@@ -296,8 +296,8 @@ def test_the_way_across_is_weighed_by_the_focal_length_of_its_time(turns: bool):
 def test_a_zoom_moves_texture_and_flakes_alike():
     size = (512, 384)
     for effect in (
-        fl.Snow(fall=0.2, wind=(0.05, 0, 0), flakes=0),
-        fl.Snow(fall=0.2, wind=(0.05, 0, 0), flakes=1500, texture=0.0, haze=0.0),
+        fl.TentSnow(fall=0.2, wind=(0.05, 0, 0), flakes=0),
+        fl.TentSnow(fall=0.2, wind=(0.05, 0, 0), flakes=1500, texture=0.0, haze=0.0),
     ):
         path = fl.CameraPath(fl.Camera(1.0), focal=fl.Keys([(0, 600.0), (100, 700.0)]))
         scene = fl.Scene(size, camera=path, effects=effect)
@@ -327,7 +327,7 @@ def test_a_zoom_moves_texture_and_flakes_alike():
 
 
 def test_a_zoom_that_never_changes_is_none():
-    effect = fl.Snow(flakes=200)
+    effect = fl.TentSnow(flakes=200)
     plain = fl.Scene((W, H), camera=fl.Camera(180.0), effects=effect)
     same = plain.replace(camera=fl.CameraPath(fl.Camera(9.0), focal=[180.0, 180.0, 180.0]))
     assert np.array_equal(plain.render(12), same.render(12))

@@ -32,7 +32,7 @@ from flurries.cli.main import COMMANDS
 from flurries.cli.words import lines
 from flurries.io import VideoWriter, open_background, read_picture, write_picture
 
-CameraPath, Camera, Scene, Snow = fl.CameraPath, fl.camera.Camera, fl.Scene, fl.Snow
+CameraPath, Camera, Scene, Snow = fl.CameraPath, fl.camera.Camera, fl.Scene, fl.TentSnow
 W, H = 96, 64
 PLATE = np.random.default_rng(2).integers(0, 200, (H, W, 3)).astype(np.uint8)
 MASK = np.zeros((H, W), np.uint8)
@@ -293,9 +293,9 @@ def test_knobs_choose_the_weather(run: Run):
 
     assert np.array_equal(made("--severity", "3"), want(Snow(severity=3)))
     assert np.array_equal(made("--rate", "2.5"), want(Snow(rate_mm_h=2.5)))
-    assert np.array_equal(made("--rain", "--rate", "4"), want(fl.Rain(rate_mm_h=4.0)))
+    assert np.array_equal(made("--rain", "--rate", "4"), want(fl.TentRain(rate_mm_h=4.0)))
     assert np.array_equal(made("--snow", "--amount", "0.5"), want(Snow(amount=0.5)))
-    both = want(fl.Mist(severity=2), fl.Rain(severity=2))
+    both = want(fl.Mist(severity=2), fl.TentRain(severity=2))
     assert np.array_equal(made("--mist", "--rain", "--severity", "2"), both)
     assert np.array_equal(made("--snow", "severity=3"), want(Snow(severity=3)))
     # What does not look like a preset is the picture, also behind a bare option.

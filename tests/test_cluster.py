@@ -24,7 +24,7 @@ from flurries.frame import estimate
 from flurries.io import open_background, write_picture
 from flurries.output import cluster, groups, manifest, write
 
-SCENE = fl.Scene((96, 64), "#304050", effects=fl.Snow.preset("heavy", flakes=100))
+SCENE = fl.Scene((96, 64), "#304050", effects=fl.TentSnow.preset("heavy", flakes=100))
 
 
 @dataclass(frozen=True)
@@ -42,7 +42,7 @@ class Slow:
         return fl.Layer("slow", np.zeros((64, 96), np.float32))
 
 
-SLOW = SCENE.replace(effects=[fl.Snow.preset("heavy", flakes=100), Slow()])
+SLOW = SCENE.replace(effects=[fl.TentSnow.preset("heavy", flakes=100), Slow()])
 
 
 @pytest.fixture(scope="module")
@@ -96,7 +96,7 @@ def test_an_array_is_lazy():
 def test_groups_are_worth_a_task():
     # At the fixed cost of the plan, and that of reading and writing pixels.
     for size in ((320, 240), (1920, 1080), (8000, 8000)):
-        scene = fl.Scene(size, effects=[fl.Snow(), fl.Snow()])
+        scene = fl.Scene(size, effects=[fl.TentSnow(), fl.TentSnow()])
         got = groups.grouped(scene, list(range(1000)))
         cost = estimate.seconds(scene.program, [1, 9]) + 15e-9 * size[0] * size[1]
         assert [n for group in got for n in group] == list(range(1000))
@@ -128,7 +128,7 @@ def test_a_sequence_has_the_same_bytes(client: Any, small_groups: None, tmp_path
 def test_workers_take_the_clients_mode(client: Any, small_groups: None, tmp_path: Path):
     # float64 pixels would show the last bit; float32 light shows it in some of many.
     plate = np.random.default_rng(0).random((64, 96, 3), np.float32)
-    scene = fl.Scene(None, plate, effects=[fl.ConeSnow(tile=64), fl.Snow(flakes=100)])
+    scene = fl.Scene(None, plate, effects=[fl.ConeSnow(tile=64), fl.TentSnow(flakes=100)])
     made = {}
     for on in (True, False, True):
         fl.set_reproducible(on)

@@ -246,7 +246,8 @@ def test_amounts_and_colors():
 
 def test_snow_in_front_is_the_same_as_snows_flakes():
     effect = fl.ConeSnow(texture_flakes=0, haze=0.0, flakes=60)
-    alone = fl.Snow(texture=0.0, haze=0.0, flakes=60, near_depth=effect.radius, fall=effect.fall,
+    alone = fl.TentSnow(texture=0.0, haze=0.0, flakes=60, near_depth=effect.radius,
+                    fall=effect.fall,
                     wind=effect.wind, shutter=effect.shutter, flake_size=effect.flake_size,
                     flake_opacity=effect.flake_opacity, sway=effect.sway)  # fmt: skip
     np.testing.assert_array_equal(

@@ -141,7 +141,8 @@ PATH = fl.CameraPath(
     fl.Camera(80.0), velocity=fl.Keys([(0, (0.0, 0.0, 1.0)), (9, (0.1, 0.0, 2.0))])
 )
 EFFECTS = [
-    fl.Snow(flakes=50, wind=WIND), fl.Rain(drops=50), fl.Mist(count=40), fl.ConeSnow(tile=64),
+    fl.TentSnow(flakes=50, wind=WIND), fl.TentRain(drops=50), fl.Mist(count=40),
+    fl.ConeSnow(tile=64), fl.Snow(density=60.0, far=20.0), fl.Rain(density=60.0, far=10.0),
     fl.ConeRain(tile=64), fl.MatchedSnow(density=110, radius=(0.006, 0.014), depth=(1.5, 24.0)),
 ]  # fmt: skip
 OBJECTS: dict[str, Any] = {
@@ -169,13 +170,13 @@ COPIES: dict[str, Callable[[Any], Any]] = {
 
 def seen(name: str, value: Any) -> bytes:
     """Frame 7 with an object in its place, or what the object answers."""
-    scene = fl.Scene((96, 64), "#304050", fl.Camera(80.0), [fl.Snow(flakes=50)], seed=3)
+    scene = fl.Scene((96, 64), "#304050", fl.Camera(80.0), [fl.TentSnow(flakes=50)], seed=3)
     put: dict[str, Callable[[], dict[str, Any]]] = {
         "Camera": lambda: {"camera": value},
         "CameraPath": lambda: {"camera": value},
         "Sun": lambda: {"sun": value},
-        "Keys": lambda: {"effects": [fl.Snow(flakes=50, amount=value)]},
-        "Wind": lambda: {"effects": [fl.Snow(flakes=50, wind=value)]},
+        "Keys": lambda: {"effects": [fl.TentSnow(flakes=50, amount=value)]},
+        "Wind": lambda: {"effects": [fl.TentSnow(flakes=50, wind=value)]},
     }
     if name == "Scene":
         return bytes(value.render(7))
@@ -215,7 +216,7 @@ def test_copies_give_the_same_frame(
 def test_a_copy_that_forgets_would_be_seen():
     class Forgets:
         def __init__(self, seed: int = 1) -> None:
-            self.scene = fl.Scene((96, 64), "#304050", effects=[fl.Snow(flakes=50)], seed=seed)
+            self.scene = fl.Scene((96, 64), "#304050", effects=[fl.TentSnow(flakes=50)], seed=seed)
 
         def render(self, t: float) -> Any:
             return self.scene.render(t)

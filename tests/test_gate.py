@@ -20,7 +20,7 @@ import pytest
 import flurries as fl
 from flurries import _core
 
-SNOW = fl.Snow.preset("heavy", flakes=300)
+SNOW = fl.TentSnow.preset("heavy", flakes=300)
 
 
 def launch(code: str, **environment: str) -> subprocess.Popen[str]:
@@ -106,7 +106,7 @@ def wrong_frames(render: Callable[[int], np.ndarray]) -> int:
 
 def test_many_threads_on_one_scene(threads: Callable[[int], None]):
     threads(2)
-    scene = fl.Scene((80, 60), "#304050", effects=[SNOW, fl.Snow(flakes=100, jitter=True)])
+    scene = fl.Scene((80, 60), "#304050", effects=[SNOW, fl.TentSnow(flakes=100, jitter=True)])
     assert wrong_frames(scene.render) == 0
 
 
@@ -133,7 +133,7 @@ before = running()
 import flurries as fl
 heavy = {"OpenImageIO", "av", "scipy", "skimage", "tqdm", "tomli_w", "matplotlib"}
 print(running() - before, heavy & set(sys.modules) or "none")
-fl.Scene((300, 300), effects=[fl.Snow(flakes=50)]).render(0)
+fl.Scene((300, 300), effects=[fl.TentSnow(flakes=50)]).render(0)
 print(running() - before, len(heavy & set(sys.modules)))
 from flurries.io import fit
 fit(numpy.zeros((4, 4), "u1"), (2, 2))
@@ -158,7 +158,7 @@ def test_16_12_a_wrong_variable_is_refused_by_name(name: str, value: str):
     code = """
 import flurries as fl
 try:
-    fl.Scene((32, 32), effects=[fl.Snow(flakes=5)]).render(0)
+    fl.Scene((32, 32), effects=[fl.TentSnow(flakes=5)]).render(0)
 except ValueError as error:
     print(str(error).replace(" ", "_"))
 """
@@ -231,7 +231,7 @@ print(set(results), nested, same(), child(1, lock.acquire) == signal.SIGALRM)
 
 @pytest.mark.parametrize("background", ["color", "video"])
 def test_forks_after_use(background: str, tmp_path: Any):
-    scene = "scene = fl.Scene((200, 150), effects=[fl.Snow(flakes=200)])"
+    scene = "scene = fl.Scene((200, 150), effects=[fl.TentSnow(flakes=200)])"
     if background == "video":
         from flurries.io import VideoWriter
 
@@ -239,7 +239,7 @@ def test_forks_after_use(background: str, tmp_path: Any):
             for level in (10, 60, 110):
                 video.write(np.full((48, 64, 3), level, np.uint8))
         scene = f"scene = fl.Scene(None, {str(tmp_path / 'plate.mkv')!r}, "
-        scene += "effects=[fl.Snow(flakes=200)])"
+        scene += "effects=[fl.TentSnow(flakes=200)])"
     # Twenty children, some while another thread renders; the control is a lock that is never freed.
     assert python(FORKS.format(scene=scene)) == ["{0}", "0", "True", "True"]
 
@@ -266,7 +266,7 @@ def interrupted(begun, call):
 {call}
 # Pixels that were never written show that the work was given up, not only reported late.
 print(interrupted(lambda: not np.isnan(out[::64, ::64]).all(), call), np.isnan(out).any())
-print(np.isfinite(fl.Scene((64, 64), effects=[fl.Snow(flakes=50)]).render(0)).all())
+print(np.isfinite(fl.Scene((64, 64), effects=[fl.TentSnow(flakes=50)]).render(0)).all())
 # The control does not look for signals: it is interrupted only when it has finished.
 numbers = np.random.default_rng(0).random(10_000_000)
 first = numbers[0]
@@ -305,7 +305,7 @@ def test_memory_stays_flat(leak: int):
     code = """
 import gc
 import flurries as fl
-scene = fl.Scene((256, 256), "#304050", effects=[fl.Snow.preset("heavy", flakes=400)])
+scene = fl.Scene((256, 256), "#304050", effects=[fl.TentSnow.preset("heavy", flakes=400)])
 def resident():
     gc.collect()
     with open("/proc/self/status") as file:
@@ -326,14 +326,15 @@ print(resident() - before)
 
 HUGE = {
     "frame": "fl.Scene((100_000, 100_000))",
-    "flakes": "fl.Scene((64, 64), effects=[fl.Snow(flakes=10**8, texture=0.0)]).render(0)",
+    "flakes": "fl.Scene((64, 64), effects=[fl.TentSnow(flakes=10**8, texture=0.0)]).render(0)",
     "lens far off": "fl.Scene((64, 64), camera=fl.camera.Camera(60.0, center=(1e6, 32.0)), "
-                    "effects=[fl.Snow(texture=0.0)]).render(0)",
+                    "effects=[fl.TentSnow(texture=0.0)]).render(0)",
     "field": "fl.spectral.field((2**16, 2**16), drift=(0, 0), seed=1)",
     "tile": "fl.spectral.field((64, 64), drift=(0, 0), seed=1, tile=2**15, overlap=0)",
-    "tile of the scene": "fl.Scene((64, 64), effects=[fl.Snow(tile=2**15, flakes=0)]).render(0)",
+    "tile of the scene":
+        "fl.Scene((64, 64), effects=[fl.TentSnow(tile=2**15, flakes=0)]).render(0)",
     "tables": "fl.spectral.random_phase((2**15, 2**15), seed=1)",
-    "nothing huge": "fl.Scene((64, 64), effects=[fl.Snow()]).render(0); raise MemoryError",
+    "nothing huge": "fl.Scene((64, 64), effects=[fl.TentSnow()]).render(0); raise MemoryError",
 }  # fmt: skip
 
 
@@ -347,7 +348,7 @@ try:
     {HUGE[name]}
 except (MemoryError, ValueError):
     print("refused")
-print(fl.Scene((64, 64), effects=[fl.Snow(flakes=50)]).render(0).shape)
+print(fl.Scene((64, 64), effects=[fl.TentSnow(flakes=50)]).render(0).shape)
 """
     got = python(code, FLURRIES_NUM_THREADS="2", OPENBLAS_NUM_THREADS="1")
     assert "".join(got) == "refused(64,64,3)"
@@ -364,7 +365,7 @@ def test_clean_exits_while_a_daemon_thread_renders(size: int):
     code = f"""
 import threading, time
 import flurries as fl
-scene = fl.Scene(({size}, {size}), effects=[fl.Snow(flakes=200)])
+scene = fl.Scene(({size}, {size}), effects=[fl.TentSnow(flakes=200)])
 started = threading.Event()
 def work():
     while True:

@@ -189,7 +189,7 @@ CLIPS = {
 @pytest.mark.parametrize("times", CLIPS.values(), ids=CLIPS)
 @pytest.mark.parametrize("preset", ["moderate", "heavy"])
 def test_no_part_of_the_texture_stands_still(preset: str, times: np.ndarray):
-    snow = fl.Snow.preset(preset, flakes=0, haze=0.0, color=1.0)
+    snow = fl.TentSnow.preset(preset, flakes=0, haze=0.0, color=1.0)
     assert measure.stood(snow, times) < 1.1 * measure.kept(snow, times)
 
 
@@ -197,7 +197,7 @@ def test_no_part_of_the_texture_stands_still(preset: str, times: np.ndarray):
 @pytest.mark.parametrize("preset", ["moderate", "heavy"])
 def test_snow_that_falls_straight_down_would_be_caught(preset: str, times: np.ndarray):
     # The waves across the fall, columns of every tile, never move.
-    snow = fl.Snow.preset(preset, flakes=0, haze=0.0, color=1.0, wind=(0.0, 0.0, 0.0))
+    snow = fl.TentSnow.preset(preset, flakes=0, haze=0.0, color=1.0, wind=(0.0, 0.0, 0.0))
     assert measure.stood(snow, times) > 1.15 * measure.kept(snow, times)
 
 
@@ -220,7 +220,10 @@ def test_flakes_in_view_are_all_flakes(preset: str, z: float):
     # The kernel that drops flakes out of view, against arrays of all of them, which a wind over
     # depth takes, though it is the same at every depth.
     path = fl.CameraPath(fl.camera.Camera(300.0, center=(90.0, 150.0)), velocity=(1.0, -0.3, z))
-    falling = [fl.Snow.preset(preset, texture=0.0, haze=0.0), fl.Rain.preset("rain", texture=0.0)]
+    falling = [
+        fl.TentSnow.preset(preset, texture=0.0, haze=0.0),
+        fl.TentRain.preset("rain", texture=0.0),
+    ]
     for effect in falling:
         shown = fl.Scene((256, 200), (0.0, 0.0, 0.0), camera=path, effects=[effect], seed=3)
         few = [shown.render(t, layers=True).alpha for t in (0.0, 77.5, -3e5)]

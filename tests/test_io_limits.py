@@ -155,7 +155,7 @@ def test_16_8_twenty_thousand_effects(tmp_path: Path):
     words = said("fl.Scene.load(sys.argv[1])", tmp_path / "a.toml")
     assert words.endswith("a.toml, line 2: effects must be at most 1000, got 20000")
     with pytest.raises(ValueError, match="effects must be at most 1000, got 1001"):
-        fl.Scene((64, 48), effects=[fl.Rain()] * 1001)
+        fl.Scene((64, 48), effects=[fl.TentRain()] * 1001)
     (tmp_path / "a.toml").write_text("size = [64, 48]\n" + effect * 1000)
     assert len(fl.Scene.load(tmp_path / "a.toml").effects) == 1000
 

@@ -28,8 +28,8 @@ from flurries.output import groups, manifest, write
 from flurries.scene.fingerprint import BITS
 
 W, H = 1024, 800
-SNOW = fl.Snow(flakes=50)
-SMALL = fl.Scene((96, 64), "#304050", effects=fl.Snow.preset("heavy", flakes=100))
+SNOW = fl.TentSnow(flakes=50)
+SMALL = fl.Scene((96, 64), "#304050", effects=fl.TentSnow.preset("heavy", flakes=100))
 KINDS = ["png", "jpg", "exr", "tif"]
 
 
@@ -118,7 +118,7 @@ import flurries.scene.fingerprint as fingerprint
 version, bits, place = sys.argv[1:]
 flurries.__version__ = version
 fingerprint.BITS += int(bits)
-scene = flurries.Scene((96, 64), "#304050", effects=flurries.Snow.preset("heavy", flakes=100))
+scene = flurries.Scene((96, 64), "#304050", effects=flurries.TentSnow.preset("heavy", flakes=100))
 print(*scene.write(place + "/%d.png", "1-2").kept)
 """
 
@@ -147,7 +147,7 @@ def test_16_3_tasks_on_one_worker_keep_their_modes(tmp_path: Path, monkeypatch: 
         ])  # fmt: skip
     # float32 light shows the last bit in some of many pixels.
     light = np.random.default_rng(0).random((64, 96, 3), np.float32)
-    scene = fl.Scene(None, light, effects=[fl.ConeSnow(tile=64), fl.Snow(flakes=100)])
+    scene = fl.Scene(None, light, effects=[fl.ConeSnow(tile=64), fl.TentSnow(flakes=100)])
     modes = (True, False)
 
     def frames(where: Any, plain: bool) -> None:
@@ -342,7 +342,7 @@ import flurries as fl
 if sys.argv[1] == "lockless":
     # A folder on a network whose locks each machine has for itself.
     fcntl.flock = lambda *arguments: None
-scene = fl.Scene((96, 64), "#304050", effects=fl.Snow.preset("heavy", flakes=100))
+scene = fl.Scene((96, 64), "#304050", effects=fl.TentSnow.preset("heavy", flakes=100))
 scene.write("out/%04d.png", "1-40")
 """
 

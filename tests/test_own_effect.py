@@ -93,11 +93,11 @@ def test_an_installed_package_names_its_effects(tmp_path: Path, monkeypatch: pyt
 @pytest.mark.parametrize(
     ("kind", "effect", "wanted"),
     [
-        ("snow", fl.Rain, "flurries' own"),
-        ("My Ash", fl.Rain, "lower case"),
-        (3, fl.Rain, "lower case"),
+        ("snow", fl.TentRain, "flurries' own"),
+        ("My Ash", fl.TentRain, "lower case"),
+        (3, fl.TentRain, "lower case"),
         ("ash", int, "dataclass"),
-        ("ash", fl.Rain(), "dataclass"),
+        ("ash", fl.TentRain(), "dataclass"),
     ],
 )
 def test_what_cannot_be_registered(kind: Any, effect: Any, wanted: str):

@@ -70,13 +70,13 @@ def left_out(scene: fl.Scene, frames: Any = 7) -> dict[str, str]:
 
 # What is left out: (effect, more of the scene, steps that must not run, words of the plan)
 ABSENT: dict[str, tuple[Any, dict[str, Any], set[str], str]] = {
-    "amount 0": (fl.Snow(amount=0.0), {}, {"texture", "flakes", "veil", "join"}, "snow"),
-    "rain amount 0": (fl.Rain(amount=0.0), {}, {"texture", "flakes", "veil", "join"}, "rain"),
-    "no texture": (fl.Snow(texture=0.0), {}, {"texture"}, "snow: texture"),
-    "no flakes": (fl.Snow(flakes=0), {}, {"flakes"}, "snow: flakes"),
-    "clear flakes": (fl.Snow(flake_opacity=0.0), {}, {"flakes"}, "snow: flakes"),
-    "no haze": (fl.Snow(haze=0.0), {"depth": 30.0}, {"veil"}, "snow: veil"),
-    "half a step": (fl.Snow(amount=2e-5), {}, {"texture", "flakes", "join"}, "snow"),
+    "amount 0": (fl.TentSnow(amount=0.0), {}, {"texture", "flakes", "veil", "join"}, "snow"),
+    "rain amount 0": (fl.TentRain(amount=0.0), {}, {"texture", "flakes", "veil", "join"}, "rain"),
+    "no texture": (fl.TentSnow(texture=0.0), {}, {"texture"}, "snow: texture"),
+    "no flakes": (fl.TentSnow(flakes=0), {}, {"flakes"}, "snow: flakes"),
+    "clear flakes": (fl.TentSnow(flake_opacity=0.0), {}, {"flakes"}, "snow: flakes"),
+    "no haze": (fl.TentSnow(haze=0.0), {"depth": 30.0}, {"veil"}, "snow: veil"),
+    "half a step": (fl.TentSnow(amount=2e-5), {}, {"texture", "flakes", "join"}, "snow"),
 }
 
 
@@ -100,7 +100,7 @@ def test_less_than_half_a_step_is_left_out_and_more_is_not(space: str, dtype: An
     step = 1.0 / np.iinfo(dtype).max
     for veil in np.array([0.01, 0.03, 0.3, 0.49, 0.7, 3.0]) * step:
         # White over all values there are, several layers of it.
-        effect = fl.Snow(texture=0.0, flakes=0, haze=veil, color=1.0)
+        effect = fl.TentSnow(texture=0.0, flakes=0, haze=veil, color=1.0)
         scene = fl.Scene(None, picture, effects=[effect] * 3, space=space)
         image, trace = traced(scene)
         if "join" not in trace.calls:
@@ -113,7 +113,7 @@ def test_less_than_half_a_step_is_left_out_and_more_is_not(space: str, dtype: An
 
 
 def test_floats_and_layers_show_everything():
-    effect = fl.Snow(texture=0.0, flakes=0, haze=1e-6, color=1.0)
+    effect = fl.TentSnow(texture=0.0, flakes=0, haze=1e-6, color=1.0)
     bright = fl.Scene(None, LIGHT, effects=[effect])
     assert "join" in traced(bright)[1].calls
     layers = fl.Scene(None, BYTES, effects=[effect]).render(0, layers=True)
@@ -122,7 +122,7 @@ def test_floats_and_layers_show_everything():
 
 def test_the_bound_on_faint_flakes_holds():
     for amount in (1e-5, 1e-4, 1e-3, 0.02, 0.09):
-        effect = fl.Snow(amount=amount, texture=0.0, haze=0.0, seed=3)
+        effect = fl.TentSnow(amount=amount, texture=0.0, haze=0.0, seed=3)
         scene = fl.Scene(None, BYTES, effects=[effect])
         frame = scene.program.views(4.0)[0][1]
         most = effect.needs(frame).most
@@ -135,7 +135,7 @@ def test_tiles_behind_a_matte_are_not_made():
     matte = np.ones((H, W), np.float32)
     matte[:40, :30] = matte[-5:, -20:] = 0.25
     matte[60, 100] = 0.999
-    planned, whole = both(fl.Snow(tile=16, overlap=4), foreground=matte)
+    planned, whole = both(fl.TentSnow(tile=16, overlap=4), foreground=matte)
     image, trace = traced(planned)
     want, full = traced(whole)
     assert np.array_equal(image, want)
@@ -149,7 +149,7 @@ def test_nothing_is_made_where_all_is_hidden():
     front = np.zeros((H, W, 4), np.uint8)
     front[..., 3] = 255
     for foreground in (np.ones((H, W), np.float32), front):
-        planned, whole = both(fl.Snow(), foreground=foreground)
+        planned, whole = both(fl.TentSnow(), foreground=foreground)
         image, trace = traced(planned)
         assert np.array_equal(image, whole.render(7))
         assert set(trace.calls) == {"background", "composite"}
@@ -168,7 +168,7 @@ def test_only_the_part_that_is_seen_is_made(kind: str, front: str):
         foreground = np.dstack([RNG.random((H, W, 3), np.float32) * cover[..., None], cover])
     more: dict[str, Any] = {"space": "linear"} if kind.endswith("linear light") else {}
     picture = LIGHT if kind == "light" else BYTES
-    planned, whole = both(fl.Snow(), picture, foreground=foreground, **more)
+    planned, whole = both(fl.TentSnow(), picture, foreground=foreground, **more)
     for part in (None, np.s_[30:90, 10:60], np.s_[80:90, 5:60]):
         image, trace = traced(planned, region=part)
         # With the layers apart all of the window is made.
@@ -178,7 +178,7 @@ def test_only_the_part_that_is_seen_is_made(kind: str, front: str):
 
 
 def test_a_region_makes_its_own_tiles_and_flakes():
-    scene = fl.Scene(None, BYTES, effects=[fl.Snow(tile=16, overlap=4)])
+    scene = fl.Scene(None, BYTES, effects=[fl.TentSnow(tile=16, overlap=4)])
     image, trace = traced(scene, region=np.s_[100:110, 20:40])
     want, full = traced(scene)
     assert np.array_equal(image, want[100:110, 20:40])
@@ -186,14 +186,14 @@ def test_a_region_makes_its_own_tiles_and_flakes():
 
 
 def test_a_near_wall_has_no_texture_before_it():
-    planned, _ = both(fl.Snow(flakes=0), depth=2.0)
+    planned, _ = both(fl.TentSnow(flakes=0), depth=2.0)
     depth = np.full((H, W), 2.0, np.float32)
     depth[:, 150:] = np.inf
-    half, whole = both(fl.Snow(flakes=0), depth=depth)
+    half, whole = both(fl.TentSnow(flakes=0), depth=depth)
     image, trace = traced(half)
     assert np.array_equal(image, traced(whole)[0])
     assert traced(planned)[1].counts["tiles"] == 0
-    every = traced(fl.Scene(None, BYTES, effects=[fl.Snow(flakes=0)]))[1].counts["tiles"]
+    every = traced(fl.Scene(None, BYTES, effects=[fl.TentSnow(flakes=0)]))[1].counts["tiles"]
     assert 0 < trace.counts["tiles"] < 0.6 * every
 
 
@@ -214,8 +214,8 @@ def test_flakes_out_of_view_are_not_drawn():
     lens = Camera(180.0, aspect=1.7)
     forward = fl.CameraPath(lens, velocity=(0.3, 0.0, 9.0), orientation=turning)
     effects = (
-        fl.Snow(texture=0.0, flakes=900, shutter=0.9, flake_size=(0.01, 0.2), seed=2),
-        fl.Rain(texture=0.0, drops=500, shutter=1.5, seed=2),
+        fl.TentSnow(texture=0.0, flakes=900, shutter=0.9, flake_size=(0.01, 0.2), seed=2),
+        fl.TentRain(texture=0.0, drops=500, shutter=1.5, seed=2),
     )
     for camera in (forward,):
         for effect in effects:
@@ -232,7 +232,7 @@ def test_flakes_out_of_view_are_not_drawn():
 
 
 def test_one_eye_for_two_at_distance_0():
-    scene = fl.Scene(None, BYTES, effects=[fl.Snow()])
+    scene = fl.Scene(None, BYTES, effects=[fl.TentSnow()])
     with fl.trace.tracing() as trace:
         left, right = scene.stereo(4, distance=0.0)
     assert trace.calls["texture"] == 1
@@ -244,7 +244,7 @@ def test_one_eye_for_two_at_distance_0():
 
 @pytest.mark.parametrize("layers", [False, True])
 def test_what_never_moves_is_made_once(layers: bool):
-    planned, whole = both(fl.Snow(**STILL))
+    planned, whole = both(fl.TentSnow(**STILL))
     with fl.trace.tracing() as trace:
         images = [planned.render(t, layers=layers) for t in (0, 5, 0.5)]
     assert trace.calls["texture"] == trace.calls["flakes"] == 1
@@ -280,19 +280,19 @@ def test_what_never_moves_is_made_once(layers: bool):
     ],
 )
 def test_what_may_move_is_made_each_time(change: dict[str, Any]):
-    scene = fl.Scene(None, BYTES, effects=[fl.Snow(**{**STILL, **change})])
+    scene = fl.Scene(None, BYTES, effects=[fl.TentSnow(**{**STILL, **change})])
     with fl.trace.tracing() as trace:
         scene.render(0), scene.render(5)
     assert trace.calls["texture"] == 2
     moving = fl.CameraPath(Camera(200.0), velocity=(1.0, 0.0, 0.0))
-    scene = fl.Scene(None, BYTES, effects=[fl.Snow(**STILL)], camera=moving)
+    scene = fl.Scene(None, BYTES, effects=[fl.TentSnow(**STILL)], camera=moving)
     with fl.trace.tracing() as trace:
         scene.render(0), scene.render(5)
     assert trace.calls["texture"] == 2
 
 
 def test_six_effects_of_amount_0_are_the_empty_scene():
-    six = fl.Scene(None, BYTES, effects=[fl.Snow(amount=0.0), fl.Rain(amount=0.0)] * 3)
+    six = fl.Scene(None, BYTES, effects=[fl.TentSnow(amount=0.0), fl.TentRain(amount=0.0)] * 3)
     empty = fl.Scene(None, BYTES)
     image, trace = traced(six)
     assert np.array_equal(image, BYTES)
@@ -311,16 +311,16 @@ def test_an_unread_depth_is_not_read(tmp_path: Path):
     class Broken:
         size, count, encoding = (W, H), 3, "linear"
 
-    scene = fl.Scene(None, BYTES, effects=[fl.Snow(amount=0.0)], depth=30.0)
+    scene = fl.Scene(None, BYTES, effects=[fl.TentSnow(amount=0.0)], depth=30.0)
     assert "depth" not in traced(scene)[1].calls
     assert left_out(scene)["depth"] == "nothing reads it"
-    scene = scene.replace(effects=[fl.Snow()])
+    scene = scene.replace(effects=[fl.TentSnow()])
     assert "depth" in traced(scene)[1].calls
 
 
 def test_amounts_that_are_keyed_count_frame_by_frame():
     amount = fl.Keys([(0, 0.0), (10, 0.0), (20, 1.0)])
-    scene = fl.Scene(None, BYTES, effects=[fl.Snow(amount=amount)])
+    scene = fl.Scene(None, BYTES, effects=[fl.TentSnow(amount=amount)])
     assert "texture" not in traced(scene, 5.0)[1].calls
     assert "texture" in traced(scene, 15.0)[1].calls
     plan = scene.plan("0-20")
@@ -394,7 +394,7 @@ WIDE = {"drops": 0, "haze": 0.0, "wavelengths": (4.0, 16.0)}
 
 def test_frames_of_a_torus_agree_and_have_equal_statistics():
     def scene(seed: int, **more: Any) -> fl.Scene:
-        effect = fl.Rain(**WIDE, seed=seed)
+        effect = fl.TentRain(**WIDE, seed=seed)
         return fl.Scene((192, 192), effects=[effect], **more)
 
     one = scene(1)
@@ -415,7 +415,7 @@ def test_frames_of_a_torus_agree_and_have_equal_statistics():
     stats = {}
     for name, more in (("torus", {}), ("tiles", {"tile": 136, "overlap": 22})):
         scenes = [
-            fl.Scene((192, 192), effects=[fl.Rain(**WIDE, **more, seed=s)]) for s in range(24)
+            fl.Scene((192, 192), effects=[fl.TentRain(**WIDE, **more, seed=s)]) for s in range(24)
         ]
         made = [one.render(3, layers=True).alpha.astype(np.float64) for one in scenes]
         stats[name] = np.array([(a.mean(), a.var(), (a[1:] * a[:-1]).mean()) for a in made])
@@ -473,7 +473,7 @@ def test_effects_of_others():
 
 
 def test_a_plan_says_the_same_in_all_forms(capsys: pytest.CaptureFixture[str]):
-    scene = fl.Scene(None, BYTES, effects=[fl.Snow(), fl.Rain(amount=0.0)])
+    scene = fl.Scene(None, BYTES, effects=[fl.TentSnow(), fl.TentRain(amount=0.0)])
     plan = scene.plan("1-40")
     text, values, page = str(plan), json.loads(plan.to_json()), plan._repr_html_()
     assert values == json.loads(json.dumps(plan.to_dict()))
@@ -494,7 +494,7 @@ class Named(Own):
 
 def test_plans_are_pure_and_leave_frames_alone():
     def scene() -> fl.Scene:
-        return fl.Scene(None, BYTES, effects=[fl.Snow()])
+        return fl.Scene(None, BYTES, effects=[fl.TentSnow()])
 
     looked = scene()
     with fl.trace.tracing() as trace:
@@ -516,22 +516,22 @@ def test_bytes_are_foreseen():
     big = np.tile(matte, (3, 3))
     scenes = [
         fl.Scene(None, picture),
-        fl.Scene(None, picture, effects=[fl.Snow()]),
-        fl.Scene(None, picture, effects=[fl.Snow(texture=0.0, flakes=30000)]),
-        fl.Scene(None, picture, effects=[fl.Snow(), fl.Snow(flakes=0)]),
-        fl.Scene(None, picture, effects=[fl.Snow()], foreground=big),
-        fl.Scene(None, picture, effects=[fl.Snow()], space="linear"),
-        fl.Scene(None, picture, effects=[fl.Snow()], depth=40.0),
+        fl.Scene(None, picture, effects=[fl.TentSnow()]),
+        fl.Scene(None, picture, effects=[fl.TentSnow(texture=0.0, flakes=30000)]),
+        fl.Scene(None, picture, effects=[fl.TentSnow(), fl.TentSnow(flakes=0)]),
+        fl.Scene(None, picture, effects=[fl.TentSnow()], foreground=big),
+        fl.Scene(None, picture, effects=[fl.TentSnow()], space="linear"),
+        fl.Scene(None, picture, effects=[fl.TentSnow()], depth=40.0),
         fl.Scene(
             None,
             picture,
-            effects=[fl.Snow(haze=0.0)],
+            effects=[fl.TentSnow(haze=0.0)],
             camera=fl.CameraPath(
                 Camera(500.0), orientation=fl.Keys([(0, (0.0,) * 3), (9, (0.0, 0.1, 0.0))])
             ),
         ),
-        fl.Scene(None, picture, effects=[fl.Snow(**STILL)]),
-        fl.Scene(None, np.tile(LIGHT, (3, 3, 1)), effects=[fl.Snow.preset("light")]),
+        fl.Scene(None, picture, effects=[fl.TentSnow(**STILL)]),
+        fl.Scene(None, np.tile(LIGHT, (3, 3, 1)), effects=[fl.TentSnow.preset("light")]),
     ]
     for scene in scenes:
         scene.render(2)
@@ -546,7 +546,7 @@ def test_bytes_are_foreseen():
 def test_the_command_line_prints_a_plan(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
     from flurries.cli import main
 
-    scene = fl.Scene((64, 48), "#203040", effects=[fl.Snow(), fl.Rain(amount=0.0)])
+    scene = fl.Scene((64, 48), "#203040", effects=[fl.TentSnow(), fl.TentRain(amount=0.0)])
     scene.save(tmp_path / "scene.toml")
     assert main(["plan", str(tmp_path / "scene.toml"), "--frames", "3-9"]) == 0
     text = capsys.readouterr().out
@@ -564,7 +564,7 @@ def test_the_command_line_prints_a_plan(tmp_path: Path, capsys: pytest.CaptureFi
 def test_a_calibration_is_measured_once_and_scales_times_alone(
     tmp_path: Path, cache: Path, monkeypatch: pytest.MonkeyPatch
 ):
-    scene = fl.Scene(None, BYTES, effects=[fl.Snow()])
+    scene = fl.Scene(None, BYTES, effects=[fl.TentSnow()])
     first = scene.plan(3)
     stored = json.loads((cache / "calibration.json").read_text())
     monkeypatch.setattr(calibration, "measure", lambda: pytest.fail("measured again"))
@@ -609,9 +609,9 @@ def test_rendering_asks_no_clock_and_imports_nothing_more():
     code = """
 import sys
 import flurries as fl
-fl.Scene, fl.Snow, fl.Rain
+fl.Scene, fl.TentSnow, fl.TentRain
 before = set(sys.modules)
-scene = fl.Scene((32, 24), "#102030", effects=[fl.Snow(amount=0.0), fl.Rain(amount=0.0)])
+scene = fl.Scene((32, 24), "#102030", effects=[fl.TentSnow(amount=0.0), fl.TentRain(amount=0.0)])
 scene.render(1)
 new = {name for name in set(sys.modules) - before if name.startswith(("flurries", "Open", "av"))}
 assert not {n for n in new if n.split(".")[1:2] in (["gas"], ["cone"])}, new

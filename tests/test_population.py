@@ -9,10 +9,6 @@ import numpy as np
 import pytest
 
 import flurries as fl
-from flurries.effects.rainfall import Rain as _R
-from flurries.effects.snowfall import Snow as _S
-
-fl.Snow, fl.Rain = _S, _R
 from flurries import _core
 from flurries.effects.gain import gain_of
 from flurries.particles.population import HANDOVER_SIGMA, Population, reach_of, slabs_of

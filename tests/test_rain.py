@@ -20,7 +20,7 @@ from flurries.io import read_picture
 from flurries.scene.fingerprint import fingerprint
 from flurries.spectral.contrast import kept_power, mean_opacity
 
-Rain, Scene, Camera = fl.Rain, fl.Scene, fl.camera.Camera
+Rain, Scene, Camera = fl.TentRain, fl.Scene, fl.camera.Camera
 PRESETS = ("drizzle", "rain", "downpour")
 # The texture alone, of a map that keeps the field's shape.
 BARE = {"drops": 0, "haze": 0.0, "mean": 0.5, "spread": 4.0, "power": 1.0, "texture": 1.0,
@@ -133,7 +133,7 @@ def test_nothing_kept_is_no_streak_and_no_nan():
 # Streaks that move -------------------------------------------------------------------------------
 
 
-def share_still(rain: fl.Rain, seed: int = 0) -> float:
+def share_still(rain: fl.TentRain, seed: int = 0) -> float:
     """Share of the texture's power that stays through many frames at times without a rhythm."""
     scene = black(rain, camera=Camera(600.0), seed=seed)
     times = np.random.default_rng(8).uniform(0.0, 1e5, 24)
@@ -271,7 +271,7 @@ def test_rain_refuses_by_name(name: str):
 
 def test_scenes_with_rain_are_saved(tmp_path: Path):
     rain = Rain.preset("downpour", fall=7.0, tile=512, renormalise=False, drop_depth=9.0, gain=5.0)
-    scene = Scene((64, 48), effects=[fl.Snow.preset("light", flakes=50), rain], seed=5)
+    scene = Scene((64, 48), effects=[fl.TentSnow.preset("light", flakes=50), rain], seed=5)
     scene.save(tmp_path / "scene.toml")
     again = Scene.load(tmp_path / "scene.toml")
     assert again.effects == scene.effects and fingerprint(again) == fingerprint(scene)
@@ -287,7 +287,7 @@ def test_the_command_line_rains(tmp_path: Path, capsys: pytest.CaptureFixture[st
     file = str(tmp_path / "out.png")
     common = ["render", "#203040", "-o", file, "--size", "96x64", "--quiet", "--frames", "3"]
     assert main([*common, "--rain", "downpour", "--snow", "light", "--wind", "1,0,0"]) == 0
-    effects = [fl.Snow.preset("light", wind=(1.0, 0.0, 0.0)),
+    effects = [fl.TentSnow.preset("light", wind=(1.0, 0.0, 0.0)),
                Rain.preset("downpour", wind=(1.0, 0.0, 0.0))]  # fmt: skip
     want = Scene((96, 64), "#203040", effects=effects).render(3)
     assert np.array_equal(read_picture(file).pixels, want)

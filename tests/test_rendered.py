@@ -25,20 +25,20 @@ TURN = fl.Keys([(0.0, (0.0, 0.0, 0.0)), (100.0, (0.05, 0.2, 0.1))])
 PROFILE = fl.Wind((0.2, 0.0, 0.0), profile=[(8.0, 0.8), (40.0, 1.5)])
 
 SCENES: dict[str, dict[str, Any]] = {
-    "texture and flakes": {"effects": fl.Snow(fall=0.4, wind=(0.15, 0, 0), flakes=1500)},
-    "texture": {"effects": fl.Snow(fall=0.6, wind=(0.2, 0, 0), flakes=0)},
-    "flakes": {"effects": fl.Snow(fall=0.5, wind=(0.2, 0, 0), texture=0.0, flakes=1500)},
+    "texture and flakes": {"effects": fl.TentSnow(fall=0.4, wind=(0.15, 0, 0), flakes=1500)},
+    "texture": {"effects": fl.TentSnow(fall=0.6, wind=(0.2, 0, 0), flakes=0)},
+    "flakes": {"effects": fl.TentSnow(fall=0.5, wind=(0.2, 0, 0), texture=0.0, flakes=1500)},
     "forwards": {
-        "effects": fl.Snow(fall=0.3, wind=(0.1, 0, 0), flakes=1500),
+        "effects": fl.TentSnow(fall=0.3, wind=(0.1, 0, 0), flakes=1500),
         "camera": fl.CameraPath(fl.Camera(600.0), velocity=(0.0, 0.0, 1.0)),
     },
     "a camera that turns": {
-        "effects": fl.Snow(fall=0.3, wind=(0.1, 0, 0), flakes=1500),
+        "effects": fl.TentSnow(fall=0.3, wind=(0.1, 0, 0), flakes=1500),
         "camera": fl.CameraPath(fl.Camera(600.0), orientation=TURN),
     },
-    "rain before a wall": {"effects": fl.Rain(fall=0.15, wind=(0.03, 0, 0)), "depth": 20.0},
+    "rain before a wall": {"effects": fl.TentRain(fall=0.15, wind=(0.03, 0, 0)), "depth": 20.0},
     "wind over depth": {
-        "effects": fl.Snow(fall=0.3, wind=PROFILE, flakes=1500)
+        "effects": fl.TentSnow(fall=0.3, wind=PROFILE, flakes=1500)
     },
 }  # fmt: skip
 
@@ -82,7 +82,7 @@ def test_motion_predicts_the_next_frame(kind: str):
 
 def test_the_texture_moves_as_the_mean_of_its_gradients():
     # The formula of the docstring, with the plain spectrum, by hand.
-    effect = fl.Snow(fall=0.6, wind=(0.2, 0, 0), flakes=0, alias="keep", shutter=0.0)
+    effect = fl.TentSnow(fall=0.6, wind=(0.2, 0, 0), flakes=0, alias="keep", shutter=0.0)
     scene = fl.Scene((W, H), camera=fl.Camera(300.0), effects=effect)
     got = scene.render(10, layers=True)
     low, high = effect.parts.texture.field.band((H, W))
@@ -99,7 +99,9 @@ def test_the_texture_moves_as_the_mean_of_its_gradients():
 
 
 def test_a_flake_keeps_its_number_and_goes_where_it_says():
-    effect = fl.Snow(fall=0.8, wind=(0.3, 0, 0), texture=0.0, haze=0.0, flakes=150, sway=(0.0, 1.0))
+    effect = fl.TentSnow(
+        fall=0.8, wind=(0.3, 0, 0), texture=0.0, haze=0.0, flakes=150, sway=(0.0, 1.0)
+    )
     scene = fl.Scene((1024, 768), camera=fl.Camera(1200.0), effects=effect)
     now, later = (scene.render(t, layers=True) for t in (40, 41))
     ids, alpha = now.ids["snow"], now.coverages["snow"]
@@ -156,7 +158,7 @@ def test_ids_are_the_strongest_flake():
 
 
 def test_what_is_asked_for_does_not_change_the_picture():
-    scene = fl.Scene(None, LIGHT, effects=[fl.Snow(flakes=300), fl.Rain()])
+    scene = fl.Scene(None, LIGHT, effects=[fl.TentSnow(flakes=300), fl.TentRain()])
     plain, whole = scene.render(7), scene.render(7, layers=True)
     assert np.array_equal(plain, whole.image)
     part = scene.render(7, layers=True, region=np.s_[50:120, 30:200])
@@ -169,7 +171,8 @@ def test_what_is_asked_for_does_not_change_the_picture():
 
 def test_layers_together_show_the_one_in_front():
     scene = fl.Scene((W, H), effects=[
-        fl.Snow(flakes=400, texture=0.0, haze=0.0), fl.Rain(texture=0.0, haze=0.0, drops=800)
+        fl.TentSnow(flakes=400, texture=0.0, haze=0.0),
+        fl.TentRain(texture=0.0, haze=0.0, drops=800),
     ])  # fmt: skip
     got = scene.render(5, layers=True)
     snow, rain = (got.layers[name][..., 3] for name in ("snow", "rain"))
@@ -188,7 +191,12 @@ def scene_of_two() -> fl.Scene:
     front = np.zeros((H, W, 4), np.float32)
     front[150:, :100] = (0.1, 0.2, 0.05, 0.8)
     return fl.Scene(
-        None, LIGHT, effects=[fl.Snow(flakes=300), fl.Rain()], depth=30.0, foreground=front, seed=9
+        None,
+        LIGHT,
+        effects=[fl.TentSnow(flakes=300), fl.TentRain()],
+        depth=30.0,
+        foreground=front,
+        seed=9,
     )
 
 
@@ -241,7 +249,7 @@ def test_channels_are_called_as_compositors_call_them(tmp_path: Path):
 
 @pytest.mark.parametrize("layers", [True, False])
 def test_two_eyes_are_two_views(layers: bool, tmp_path: Path):
-    scene = fl.Scene(None, LIGHT, effects=fl.Snow(flakes=300))
+    scene = fl.Scene(None, LIGHT, effects=fl.TentSnow(flakes=300))
     eye = scene.camera.camera
     eyes = {
         name: fl.Camera(eye.focal, offset=(side, 0, 0))

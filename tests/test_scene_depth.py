@@ -164,7 +164,7 @@ def test_refusals(name: str, folder: Path):
 
 def test_a_file_with_a_hole_is_named(folder: Path):
     write_layers("hole.exr", {"depth": np.where(FAR < 2.0, np.nan, FAR).astype(np.float32)})
-    scene = fl.Scene((W, H), depth="hole.exr", effects=[fl.Snow(flakes=10)])
+    scene = fl.Scene((W, H), depth="hole.exr", effects=[fl.TentSnow(flakes=10)])
     with pytest.raises(ValueError, match=r"hole\.exr: depth .*NaN"):
         scene.render(0)
 
@@ -282,7 +282,7 @@ MISTAKES: dict[str, tuple[str, int, str]] = {
     "backwards": ("[depth]\nsource = 'grey.png'\nnear = 3\nfar = 2\n", 4, "far"),
     "white": ("[depth]\nsource = 'g.png'\nnear = 1\nfar = 2\nwhite = 'x'\n", 5, "white"),
     "sun a number": ("sun = 3\n", 1, "sun must be a table"),
-    "sun unknown": ("[sun]\ncolour = 1.0\n", 2, "colour.*sun.*'color'"),
+    "sun unknown": ("[sun]\ncolr = 1.0\n", 2, "colr.*sun.*'color'"),
     "sun nowhere": ("[sun]\ndirection = [0, 0, 0]\n", 2, "direction"),
     "sun bright": ("[sun]\ndirection = [0, 1, 0]\ncolor = 2\n", 3, "color"),
 }

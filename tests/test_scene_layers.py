@@ -101,7 +101,7 @@ def test_one_color_by_pixel_is_the_plain_layer():
 
 @pytest.mark.parametrize("space", ["display", "linear"])
 def test_the_layers_of_a_tuple_make_the_composite(space: str):
-    effects = [Given((ONE, MANY)), Given(ONE), fl.Snow(flakes=50)]
+    effects = [Given((ONE, MANY)), Given(ONE), fl.TentSnow(flakes=50)]
     got = fl.Scene(None, LIGHT, effects=effects, space=space).render(2, layers=True)
     assert list(got.layers) == ["fog", "cloud", "fog2", "snow"]
     whole = weather(got).astype(np.float64)

@@ -12,7 +12,7 @@ import flurries as fl
 from flurries.effects.occlusion import share_before
 from flurries.io import linear_to_srgb, srgb_to_linear
 
-Snow, Scene = fl.Snow, fl.Scene
+Snow, Scene = fl.TentSnow, fl.Scene
 W, H = 256, 192
 MODES = ("tile", "pixel")
 NEAR, FAR = 12.0, 96.0  # three octaves
@@ -32,7 +32,7 @@ def test_what_is_beyond_all_snow_changes_nothing(mode: str):
     for snow in (
         Snow(depth_mode=mode, flakes=500),
         # Tiles, where the plan would take one torus without a depth.
-        fl.Rain(depth_mode=mode, drops=500, overlap=16),
+        fl.TentRain(depth_mode=mode, drops=500, overlap=16),
     ):
         want = alpha(snow, None)
         far = max(snow.parts.texture.field.far_depth, snow.parts.flakes.reach)
@@ -61,7 +61,7 @@ def test_the_share_of_the_air_before_a_wall(mode: str):
 @pytest.mark.parametrize("kind", ["snow", "rain"])
 def test_a_wall_at_3_m_shows_less_than_the_sky(mode: str, kind: str):
     effect = (Snow.preset("heavy", depth_mode=mode) if kind == "snow"
-              else fl.Rain.preset("downpour", depth_mode=mode))  # fmt: skip
+              else fl.TentRain.preset("downpour", depth_mode=mode))  # fmt: skip
     means = [alpha(effect, depth).mean() for depth in (1.0, 3.0, 5.0, 30.0, None)]
     assert (np.diff(means) >= 0.0).all() and means[0] < means[1] < means[2] < means[-1], means
     assert means[1] < 0.4 * means[-1]

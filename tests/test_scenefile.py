@@ -14,7 +14,7 @@ import flurries as fl
 from flurries.io import write_picture
 from flurries.scene.fingerprint import fingerprint
 
-Keys, Scene, Snow = fl.Keys, fl.Scene, fl.Snow
+Keys, Scene, Snow = fl.Keys, fl.Scene, fl.TentSnow
 RNG = np.random.default_rng(8)
 PLATE = RNG.integers(0, 255, (40, 60, 3)).astype(np.uint8)
 FULL = Snow(

@@ -27,11 +27,11 @@ from flurries.output.mark import Mark
 
 W, H = 66, 50
 PLATE = np.random.default_rng(3).integers(0, 220, (H, W, 3)).astype(np.uint8)
-SCENE = fl.Scene((96, 64), "#304050", effects=fl.Snow.preset("heavy", flakes=100))
+SCENE = fl.Scene((96, 64), "#304050", effects=fl.TentSnow.preset("heavy", flakes=100))
 PROGRAM = """
 import sys
 import flurries as fl
-scene = fl.Scene((96, 64), "#304050", effects=fl.Snow.preset("heavy", flakes=100))
+scene = fl.Scene((96, 64), "#304050", effects=fl.TentSnow.preset("heavy", flakes=100))
 done = scene.write("out/%04d.png", sys.argv[1])
 print(*done.written)
 """
@@ -234,7 +234,7 @@ def damaged(tmp_path: Path) -> fl.Scene:
     (tmp_path / "plate.1.png").unlink()
     cut = tmp_path / "plate.3.png"
     cut.write_bytes(cut.read_bytes()[:3000])
-    return fl.Scene(None, tmp_path / "plate.%d.png", effects=fl.Snow(flakes=50))
+    return fl.Scene(None, tmp_path / "plate.%d.png", effects=fl.TentSnow(flakes=50))
 
 
 def test_it_stops_at_a_damaged_frame(damaged: fl.Scene, tmp_path: Path):
@@ -338,7 +338,7 @@ def test_the_sound_goes_with_its_frames(
 ):
     plate, out = tmp_path / f"plate.{source}", tmp_path / f"out.{target}"
     film_with_sound(plate, codec)
-    scene = fl.Scene(None, plate, effects=fl.Snow(flakes=20), fps=20.0)
+    scene = fl.Scene(None, plate, effects=fl.TentSnow(flakes=20), fps=20.0)
     done = scene.write(out, "10-29", quality="draft")
     assert done.sound == "kept" and len(list(read_video(out))) == 20
     kind, samples = heard(out)

@@ -13,7 +13,7 @@ import measure
 from every import every
 from measure import FLAKES, FOCAL, LONGEST, NEAR, SIZE, TEXTURE, TORUS, scene
 
-Camera, Snow, Scene = fl.Camera, fl.Snow, fl.Scene
+Camera, Snow, Scene = fl.Camera, fl.TentSnow, fl.Scene
 LENS = Camera(FOCAL)
 BANDS = (30.0, 24.0, 20.0, 16.0, 12.0, 10.0, 8.0, 6.0, 5.0)
 SHARP = {**TEXTURE, **TORUS, "alias": "keep"}
@@ -104,7 +104,7 @@ def test_flakes_have_their_own_disparity():
     )
 
 
-@pytest.mark.parametrize("effect", [Snow(flakes=300), fl.Rain(drops=300)], ids=["snow", "rain"])
+@pytest.mark.parametrize("effect", [Snow(flakes=300), fl.TentRain(drops=300)], ids=["snow", "rain"])
 def test_eyes_at_one_place_see_one_picture(effect: Any):
     shown = Scene((128, 96), "#203040", effects=[effect])
     left, right = shown.stereo(7.5, distance=0.0)
@@ -172,7 +172,7 @@ SHARED: list[tuple[str, list[Any]]] = [
     ("flakes and texture", [Snow.preset("heavy")]),
     ("two of one effect", [Snow(flakes=300)] * 2),
     ("depth by pixel", [Snow(flakes=200, depth_mode="pixel", haze=0.2)]),
-    ("rain", [fl.Rain(drops=400, near_depth=6.0)]),
+    ("rain", [fl.TentRain(drops=400, near_depth=6.0)]),
     ("gusts", [Snow(flakes=200, wind=fl.Wind((0.5, 0.0, 0.0), gusts=0.5, swirl=0.2))]),
     ("gas", [fl.Mist.preset("fog", wind=(0.3, 0.0, 0.1)), Snow(flakes=200)]),
     ("light of the background", [Snow(flakes=200, color="ambient")]),

@@ -56,9 +56,9 @@ def random_scene(number: int) -> fl.Scene:
         common = {"amount": amount(), "color": color(), "seed": int(rng.integers(1000))}
         if what == "snow":
             haze = float(10.0 ** rng.uniform(-6.0, -1.0))
-            made.append(fl.Snow(**common, haze=haze, flakes=500, texture=amount()))
+            made.append(fl.TentSnow(**common, haze=haze, flakes=500, texture=amount()))
         elif what == "rain":
-            made.append(fl.Rain(**common, drops=300, texture=amount()))
+            made.append(fl.TentRain(**common, drops=300, texture=amount()))
         elif what == "mist":
             made.append(fl.Mist(**common, count=400))
         elif what == "thick":
@@ -187,7 +187,7 @@ def test_what_never_moves_is_kept_by_what_is_spent():
 
 def test_what_is_spent_does_not_run():
     light = np.random.default_rng(3).random((H, W, 3), np.float32)
-    effects = [fl.Snow(amount=1e-4, seed=1), fl.Rain()]
+    effects = [fl.TentSnow(amount=1e-4, seed=1), fl.TentRain()]
     scene = fl.Scene(None, light, effects=effects, depth=30.0)
     with fl.trace.tracing() as exact:
         scene.render(3)
@@ -203,7 +203,7 @@ def test_the_plan_says_what_a_tolerance_is_spent_on(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ):
     light = np.random.default_rng(3).random((H, W, 3), np.float32)
-    scene = fl.Scene(None, light, effects=[fl.Snow(amount=1e-4)])
+    scene = fl.Scene(None, light, effects=[fl.TentSnow(amount=1e-4)])
     plan = scene.plan(3, tolerance=1e-3)
     assert plan.tolerance == 1e-3 and 0.0 < plan.error <= 1e-3
     assert sum(one.milliseconds for one in plan.spent) > 0.0
@@ -214,7 +214,7 @@ def test_the_plan_says_what_a_tolerance_is_spent_on(
         assert one.what in text and one.what in page
     assert "nothing to be saved" in str(fl.Scene((W, H)).plan(3, tolerance=1e-3))
     assert "tolerance" not in str(scene.plan(3))
-    kept = fl.Scene((W, H), "#203040", effects=[fl.Snow()], tolerance=1 / 255)
+    kept = fl.Scene((W, H), "#203040", effects=[fl.TentSnow()], tolerance=1 / 255)
     kept.save(tmp_path / "scene.toml")
     assert fl.Scene.load(tmp_path / "scene.toml").tolerance == 1 / 255
     words = ["plan", "#203040", "--snow", "heavy", "--tolerance", "0.004", "--json"]

@@ -205,7 +205,7 @@ SMALL = {"flakes": 300}
 
 def test_a_closed_path_returns_the_frame():
     loop = np.array([(0, 0, 0), (1, 0, 2), (3, -1, 2), (1, 1, 1), (0, 0, 0)], dtype=float)
-    still = fl.Snow(fall=0.0, wind=(0.0, 0.0, 0.0), sway=(0.0, 1.0), shutter=0.0, **SMALL)
+    still = fl.TentSnow(fall=0.0, wind=(0.0, 0.0, 0.0), sway=(0.0, 1.0), shutter=0.0, **SMALL)
     for tilt in (None, np.tile((0.1, 0.2, 0.3), (5, 1))):
         path = Path_(Camera(110.0), position=loop, orientation=tilt)
         assert not path.turns
@@ -226,7 +226,7 @@ def one(shown: fl.Scene, t: float) -> fl.Frame:
 
 def test_an_orientation_that_stays_is_the_camera_s_own():
     tilt = (0.1, -0.2, 0.05)
-    snow = fl.Snow(wind=(1.0, 0.0, 2.0), **SMALL)
+    snow = fl.TentSnow(wind=(1.0, 0.0, 2.0), **SMALL)
     frames = [
         fl.Scene((90, 70), camera=camera, effects=[snow]).render(7.0).astype(int)
         for camera in (
@@ -389,7 +389,7 @@ def test_two_eyes_of_a_turning_camera_see_one_air():
 @pytest.mark.parametrize("form", FORMS)
 def test_scene_files_keep_the_turn(form: str, tmp_path: Path):
     path = Path_(Camera(90.0), position=PLACES, orientation=FORMS[form])
-    shown = fl.Scene((50, 40), camera=path, effects=[fl.Snow(**SMALL)])
+    shown = fl.Scene((50, 40), camera=path, effects=[fl.TentSnow(**SMALL)])
     shown.save(tmp_path / "scene.toml")
     again = fl.Scene.load(tmp_path / "scene.toml")
     for t in (0.0, 3.3):

@@ -27,7 +27,7 @@ from flurries.viewer.session import Session, jpeg, packed
 SCENE = fl.Scene(
     (160, 120),
     "#203040",
-    effects=[fl.Snow(flakes=300, wind=(0.9, 0.0, 0.0), fall=1.2)],
+    effects=[fl.TentSnow(flakes=300, wind=(0.9, 0.0, 0.0), fall=1.2)],
     fps=25.0,
     seed=5,
 )
@@ -75,7 +75,7 @@ def test_the_band_has_the_octaves_asked_for():
 
 
 def test_a_gusty_wind_keeps_its_gusts():
-    scene = SCENE.replace(effects=[fl.Snow(wind=fl.Wind((1.0, 0.0, 0.5), gusts=0.7, seed=3))])
+    scene = SCENE.replace(effects=[fl.TentSnow(wind=fl.Wind((1.0, 0.0, 0.5), gusts=0.7, seed=3))])
     wind = applied(scene, {"0.direction": 0.0, "0.speed": 3.0}).effects[0].wind
     assert wind.mean == pytest.approx((3.0, 0.0, 0.5))
     assert (wind.gusts, wind.seed) == (0.7, 3)
@@ -87,7 +87,7 @@ def test_camera_sliders_count_upwards_and_forwards():
 
 
 def test_keys_stay_until_their_slider_is_touched():
-    keyed = SCENE.replace(effects=[fl.Snow(amount=fl.Keys([(0, 0.25), (9, 1.0)]))])
+    keyed = SCENE.replace(effects=[fl.TentSnow(amount=fl.Keys([(0, 0.25), (9, 1.0)]))])
     assert slider(keyed, "0.amount").value == 0.25
     assert isinstance(applied(keyed, {"0.haze": 0.5}).effects[0].amount, fl.Keys)
     assert applied(keyed, {"0.amount": 0.5}).effects[0].amount == 0.5
@@ -167,7 +167,7 @@ def test_without_a_change_the_air_is_the_closed_form():
 
 
 def test_the_effect_under_the_hand_decides_where_the_air_goes_on():
-    session = Session(SCENE.replace(effects=[SCENE.effects[0], fl.Rain(drops=50)]))
+    session = Session(SCENE.replace(effects=[SCENE.effects[0], fl.TentRain(drops=50)]))
     session.answer({"t": 100.0, "page": "p", "begin": True})
     before = place(session, 1)
     values = {"1.speed": 4.0, "1.direction": 90.0}
@@ -209,7 +209,7 @@ def test_charts_are_the_tiles_own():
     """The tent of the chart is the twin's for the motion that the camera gives that tile."""
     camera = fl.Camera(200.0)
     path = fl.CameraPath(camera, velocity=(0.0, 0.0, 2.0))
-    snow = fl.Snow(wavelengths=(4.0, 16.0), tile=32, overlap=8, near_depth=10.0, alias="cut")
+    snow = fl.TentSnow(wavelengths=(4.0, 16.0), tile=32, overlap=8, near_depth=10.0, alias="cut")
     scene = fl.Scene((160, 120), camera=path, effects=[snow], fps=25.0)
     found = chart(scene, 10.0, 0, (0.9, 0.2))
     assert found is not None
@@ -243,7 +243,7 @@ def test_an_effect_without_texture_has_no_chart():
 
 
 def test_a_preview_is_the_same_view_smaller():
-    big = fl.Scene((1024, 768), "#101010", effects=[fl.Snow(flakes=0, haze=0.0)])
+    big = fl.Scene((1024, 768), "#101010", effects=[fl.TentSnow(flakes=0, haze=0.0)])
     small = Preview(big, 256).shown(list(big.effects), big.camera)
     assert small.shape == (192, 256)
     # The mean opacity of a look does not depend on the size; 1 % of it is its own noise.
@@ -257,7 +257,7 @@ def test_a_preview_takes_arrays_masks_and_depths_along():
     big = fl.Scene(
         None,
         rng.integers(0, 255, (96, 128, 3), np.uint8),
-        effects=[fl.Snow(flakes=50, wavelengths=(8.0, 32.0), tile=96, overlap=16)],
+        effects=[fl.TentSnow(flakes=50, wavelengths=(8.0, 32.0), tile=96, overlap=16)],
         foreground=np.eye(96, 128, dtype=np.float32),
         depth=np.full((96, 128), 30.0, np.float32),
     )

@@ -19,7 +19,7 @@ from flurries.effects.gusts import flakes_in_waves, wind_at
 from flurries.scene.fingerprint import fingerprint
 from measure import FLAKES, FOCAL, LONGEST, NEAR, SIZE, TEXTURE, TORUS, WAVES, picture, scene
 
-Wind, Keys, Snow, Camera = fl.Wind, fl.Keys, fl.Snow, fl.camera.Camera
+Wind, Keys, Snow, Camera = fl.Wind, fl.Keys, fl.TentSnow, fl.camera.Camera
 RNG = np.random.default_rng(23)
 GRID = RNG.normal(size=(4, 5, 6, 7, 3))
 WINDS = {
@@ -394,7 +394,7 @@ def test_equal_winds_are_equal():
     # One air for all: snow and rain that share a wind share its gusts, whatever their own seeds.
     wind = Wind(gusts=1.0)
     at = RNG.uniform(-5, 5, (5, 3))
-    effects = [Snow(wind=wind, seed=1), fl.Rain(wind=wind, seed=2)]
+    effects = [Snow(wind=wind, seed=1), fl.TentRain(wind=wind, seed=2)]
     rates = [wind_at(e.parts.motion, one(fl.Scene((64, 48), effects=effects), 9.0, i), at)[1]
              for i, e in enumerate(effects)]  # fmt: skip
     assert np.array_equal(*rates)

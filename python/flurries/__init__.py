@@ -28,7 +28,17 @@ if TYPE_CHECKING:
     )
     from flurries.camera import Camera
     from flurries.camera.path import CameraPath
-    from flurries.effects import ConeRain, ConeSnow, MatchedSnow, Mist, Rain, Snow, register
+    from flurries.effects import (
+        ConeRain,
+        ConeSnow,
+        MatchedSnow,
+        Mist,
+        Rain,
+        Snow,
+        TentRain,
+        TentSnow,
+        register,
+    )
     from flurries.frame.layer import Layer
     from flurries.frame.truth import Rendered
     from flurries.frame.view import Frame
@@ -58,6 +68,8 @@ __all__ = [
     "Scene",
     "Snow",
     "Sun",
+    "TentRain",
+    "TentSnow",
     "Wind",
     "accuracy",
     "augment",
@@ -95,7 +107,10 @@ _FROM = {
     "Wind": "motion.wind",
     "view": "viewer",
     "register": "effects",
-    **dict.fromkeys(("ConeRain", "ConeSnow", "MatchedSnow", "Mist", "Rain", "Snow"), "effects"),
+    **dict.fromkeys(
+        ("ConeRain", "ConeSnow", "MatchedSnow", "Mist", "Rain", "Snow", "TentRain", "TentSnow"),
+        "effects",
+    ),
 }
 
 

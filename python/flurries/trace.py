@@ -54,7 +54,7 @@ def tracing() -> Iterator[Trace]:
     Examples
     --------
     >>> import flurries as fl
-    >>> scene = fl.Scene((64, 48), "#000000", effects=[fl.Snow(flakes=0)])
+    >>> scene = fl.Scene((64, 48), "#000000", effects=[fl.TentSnow(flakes=0)])
     >>> with fl.trace.tracing() as trace:
     ...     frame = scene.render(3)
     >>> list(trace.calls)

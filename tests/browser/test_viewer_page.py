@@ -44,7 +44,7 @@ def browser() -> Iterator[Any]:
 def scene() -> fl.Scene:
     from skimage import data
 
-    return fl.Scene(None, data.astronaut(), effects=[fl.Snow.preset("heavy", flakes=6000)])
+    return fl.Scene(None, data.astronaut(), effects=[fl.TentSnow.preset("heavy", flakes=6000)])
 
 
 @pytest.fixture
@@ -181,7 +181,7 @@ def test_what_cannot_be_saved_is_said(page: Page, server: Server, tmp_path: Path
 
 
 def test_a_scene_file_is_tuned_and_saved(browser: Any, tmp_path: Path):
-    fl.Scene((320, 240), "#203040", effects=[fl.Snow(flakes=500)]).save(tmp_path / "a.toml")
+    fl.Scene((320, 240), "#203040", effects=[fl.TentSnow(flakes=500)]).save(tmp_path / "a.toml")
     served = Server(fl.Scene.load(tmp_path / "a.toml"), save=tmp_path / "b.toml")
     runner = threading.Thread(target=served.serve_forever, daemon=True)
     runner.start()

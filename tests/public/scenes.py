@@ -27,7 +27,7 @@ from public.arrays import (
 
 LEVELS = (255 * PICTURE).astype(np.uint8)
 LAYER = np.dstack([0.5 * PICTURE, np.full(SHAPE, 0.5)])
-SCENE = fl.Scene((32, 24), "#304050", effects=[fl.Snow(flakes=20)])
+SCENE = fl.Scene((32, 24), "#304050", effects=[fl.TentSnow(flakes=20)])
 STUDY = accuracy.Study(accuracy.AXES["blend"], (accuracy.Point("a", 0.1, 1.0, 1.0, 20),))
 PLATE: dict[str, Any] = {"image": PICTURE, "index": 3}
 
@@ -61,7 +61,7 @@ CALLS: dict[str, Call] = {
     # What a scene is made of, and one.
     "Scene": Call(
         {"background": PICTURE, "depth": DEPTH, "foreground": COVER,
-         "effects": [fl.Snow(flakes=50)]},
+         "effects": [fl.TentSnow(flakes=50)]},
         then=lambda scene: scene.render(3), pictures=("background", "foreground"), light=True,
         floats=("depth",), takes={"foreground": ("bool", "NaN")}, loose=True),
     "DepthMap": Call(

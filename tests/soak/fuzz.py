@@ -81,7 +81,13 @@ def scenes(folder: Path, count: int) -> Iterator[Callable[[], Any]]:
     path = folder / "scene.toml"
     camera = fl.CameraPath(fl.Camera(80.0), velocity=(0.0, 0.0, 1.0))
     wind = fl.Wind((1.0, 0.0, 0.3), gusts=0.6)
-    effects = [fl.Snow(wind=wind), fl.Rain(), fl.Mist(count=40), fl.ConeSnow(), fl.ConeRain()]
+    effects = [
+        fl.TentSnow(wind=wind),
+        fl.TentRain(),
+        fl.Mist(count=40),
+        fl.ConeSnow(),
+        fl.ConeRain(),
+    ]
     fl.Scene((96, 64), "#304050", camera, effects, sun=fl.Sun()).save(path)
     text = path.read_bytes()
     words = [b"nan", b"inf", b"1e999", b"-1", b"9" * 30, b"[[", b"]", b'"', b"'''", b"=", b"\n[",
@@ -123,7 +129,7 @@ def all_kinds(folder: Path, count: int) -> Iterator[Callable[[], Any]]:
         with VideoWriter(folder / name, (56, 40), 24) as film:
             for shift in range(6):
                 film.write(np.roll(levels, shift, axis=1))
-    scene = fl.Scene((56, 40), "#304050", effects=[fl.Snow(), fl.Rain()], sun=fl.Sun())
+    scene = fl.Scene((56, 40), "#304050", effects=[fl.TentSnow(), fl.TentRain()], sun=fl.Sun())
     scene.save(folder / "a.toml")
     scene.write(folder / "out" / "%d.png", "1-3")
     (folder / "out" / manifest.NAME).rename(folder / "a.json")

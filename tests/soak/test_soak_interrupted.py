@@ -24,7 +24,7 @@ from flurries.output import manifest, write
 
 Record = Callable[[str, object], None]
 FRAMES = "1-24"
-SCENE = fl.Scene((96, 64), "#304050", effects=fl.Snow.preset("heavy", flakes=100))
+SCENE = fl.Scene((96, 64), "#304050", effects=fl.TentSnow.preset("heavy", flakes=100))
 # Imports once and forks for each run: the time goes into what is stopped. A run that
 # is interrupted leaves the loop and the program as any other does.
 PROGRAM = """

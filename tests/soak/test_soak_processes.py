@@ -19,7 +19,7 @@ Record = Callable[[str, object], None]
 
 def test_hundred_forks(record_property: Record):
     each = times(50)
-    scene = "scene = fl.Scene((200, 150), effects=[fl.Snow(flakes=200)])"
+    scene = "scene = fl.Scene((200, 150), effects=[fl.TentSnow(flakes=200)])"
     program = test_gate.FORKS.replace("range(10)", f"range({each})").format(scene=scene)
     assert test_gate.python(program) == ["{0}", "0", "True", "True"]
     record_property("figure", f"{2 * each} forks, half of them from a busy process: 0 hung")
@@ -30,7 +30,7 @@ def test_hundred_exits_while_daemon_threads_render(record_property: Record):
     code = """
 import threading
 import flurries as fl
-scene = fl.Scene((300, 300), effects=[fl.Snow(flakes=200)])
+scene = fl.Scene((300, 300), effects=[fl.TentSnow(flakes=200)])
 started = threading.Event()
 def work():
     while True:
@@ -51,7 +51,7 @@ started.wait()
 MEMORY = """
 import gc
 import flurries as fl
-scene = fl.Scene((160, 120), "#304050", effects=[fl.Snow.preset("heavy", flakes=300)])
+scene = fl.Scene((160, 120), "#304050", effects=[fl.TentSnow.preset("heavy", flakes=300)])
 def resident():
     gc.collect()
     with open("/proc/self/status") as file:
@@ -168,8 +168,8 @@ if "without bands" in sys.argv:
     bands._WHOLE = 1 << 40
 light = kind != "bytes in linear light"
 plate = np.full((size, size, 3), 0.2 if light else 60, np.float16 if light else np.uint8)
-snow = fl.Snow(flakes=500) if kind == "light snow" else fl.Snow.preset("heavy")
-effects = [snow, fl.Snow.preset("light", seed=2)] if kind == "two" else [snow]
+snow = fl.TentSnow(flakes=500) if kind == "light snow" else fl.TentSnow.preset("heavy")
+effects = [snow, fl.TentSnow.preset("light", seed=2)] if kind == "two" else [snow]
 scene = fl.Scene(None, plate, effects=effects, space="linear")
 before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
 scene.write(sys.argv[3], "1")

@@ -17,7 +17,7 @@ from flurries import hybrid as matching
 from flurries._contract import Array
 from flurries.accuracy.ways import Way, both, largest, rms
 from flurries.camera.lens import Camera
-from flurries.effects import Snow
+from flurries.effects import TentSnow
 from flurries.scene.scene import Scene
 
 
@@ -227,7 +227,7 @@ def depth() -> Iterator[Way]:
     floor = np.repeat(np.geomspace(120.0, 8.0, 240, dtype=np.float32)[:, None], 320, axis=1)
 
     def alpha(mode: str, depth: Any) -> Array:
-        snow = Snow(flakes=0, haze=0.0, depth_mode=mode, wavelengths=(2.0, 16.0))
+        snow = TentSnow(flakes=0, haze=0.0, depth_mode=mode, wavelengths=(2.0, 16.0))
         scene = Scene((320, 240), effects=[snow], depth=depth, seed=3)
         return np.asarray(scene.render(40, layers=True).alpha)
 

@@ -16,7 +16,7 @@ from flurries.camera.lens import Camera
 from flurries.camera.path import CameraPath
 from flurries.cli.options import FILE, THREADS, command, option, voice
 from flurries.cli.words import Words, stages
-from flurries.effects import Snow
+from flurries.effects import TentSnow
 from flurries.io import VideoWriter, fit, write_picture
 from flurries.scene.scene import DEFAULT_FOCAL, Scene
 from flurries.trace import Trace, stage, tracing
@@ -80,9 +80,9 @@ def photograph(size: int) -> Array:
 def three(picture: Array, *, seed: int = 1) -> list[Scene]:
     """Return the three scenes of experiment (a): few flakes, many, few with the texture."""
     looks = [
-        Snow.preset("heavy", flakes=FEW, texture=0.0, haze=0.0),
-        Snow.preset("heavy", flakes=MANY, texture=0.0, haze=0.0),
-        Snow.preset("heavy", flakes=FEW),
+        TentSnow.preset("heavy", flakes=FEW, texture=0.0, haze=0.0),
+        TentSnow.preset("heavy", flakes=MANY, texture=0.0, haze=0.0),
+        TentSnow.preset("heavy", flakes=FEW),
     ]
     size = (picture.shape[1], picture.shape[0])
     return [Scene(size, picture, effects=[look], fps=FPS, seed=seed) for look in looks]
@@ -93,7 +93,7 @@ def flight(picture: Array, *, seed: int = 1) -> Scene:
     size = (picture.shape[1], picture.shape[0])
     camera = CameraPath(Camera(DEFAULT_FOCAL * size[0]), velocity=FLIGHT)
     # The faster the camera, the farther off the texture must begin for the frame rate to follow it.
-    snow = Snow.preset(
+    snow = TentSnow.preset(
         "heavy", fall=FLIGHT_FALL, wind=(0.0, 0.0, 0.0), near_depth=20.0, flakes=20_000
     )
     return Scene(size, picture, camera, [snow], fps=FPS, seed=seed)

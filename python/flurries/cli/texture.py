@@ -8,7 +8,7 @@ import click
 
 from flurries.cli.options import FILE, OVERWRITE, THREADS, command, numbers, offer, option, voice
 from flurries.cli.words import Words
-from flurries.effects import Snow
+from flurries.effects import TentSnow
 from flurries.scene.arguments import parse_size
 from flurries.spectral import BANDS, export_loop
 
@@ -25,8 +25,8 @@ from flurries.spectral import BANDS, export_loop
         help="pixels per frame of the longest wave, y down")  # fmt: skip
 @option("--band", default="paper", metavar="NAME|SHORT,LONG", example="4,32",
         help=f"wavelengths in pixels: {', '.join(BANDS)}, or two numbers")  # fmt: skip
-@option("--look", default="paper", metavar="PRESET", help=f"opacity: {', '.join(Snow.PRESETS)}",
-        shell_complete=offer(Snow.PRESETS), example="heavy")  # fmt: skip
+@option("--look", default="paper", metavar="PRESET", help=f"opacity: {', '.join(TentSnow.PRESETS)}",
+        shell_complete=offer(TentSnow.PRESETS), example="heavy")  # fmt: skip
 @option("--shutter", type=float, default=0.0, metavar="S", help="exposure in frames", example="0.5")
 @option("--seed", type=int, default=1, metavar="N", help="which of all loops", example="7")
 @option("--bits", type=click.Choice(("8", "16")), unset="8; a .tif of floats", example="16",
@@ -45,7 +45,7 @@ def texture(
     """
     width, height = parse_size(size)
     # The presets' numbers are plain ones.
-    opacity: Any = Snow.preset(look)
+    opacity: Any = TentSnow.preset(look)
     made = export_loop(
         output, frames, (height, width), velocity, seed=seed, wavelengths=_band(band),
         exponent=opacity.exponent, shutter=shutter, mean=opacity.mean, spread=opacity.spread,

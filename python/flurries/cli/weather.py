@@ -12,7 +12,7 @@ import click
 from flurries.camera import importers
 from flurries.camera.path import CameraPath
 from flurries.cli.options import FILE, join, numbers, option, weather_options
-from flurries.effects import ConeRain, ConeSnow, Mist, Rain, Snow
+from flurries.effects import ConeRain, ConeSnow, Mist, Rain, Snow, TentRain, TentSnow
 from flurries.effects.presets import CONE_RAIN, CONE_SNOW, MIST, RAIN, SNOW
 from flurries.io import open_background
 from flurries.scene.arguments import parse_size
@@ -21,6 +21,7 @@ from flurries.scene.scene import Scene
 # Back to front.
 KINDS: dict[str, type[Any]] = {
     "mist": Mist, "cone-snow": ConeSnow, "snow": Snow, "cone-rain": ConeRain, "rain": Rain,
+    "tent-snow": TentSnow, "tent-rain": TentRain,
 }  # fmt: skip
 PRESETS = {"snow": SNOW, "rain": RAIN, "mist": MIST, "cone-snow": CONE_SNOW, "cone-rain": CONE_RAIN}
 

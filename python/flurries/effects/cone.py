@@ -1,7 +1,7 @@
 """Rain and snow as textures on a double cone around the camera (Wang 2004).
 
 They cost the same however heavy they are, tilt with the camera's motion and stretch with its speed.
-Fall, wind, shutter and the size of drops mean what they mean in `Rain` and `Snow`.
+Fall, wind, shutter and the size of drops mean what they mean in `TentRain` and `TentSnow`.
 """
 
 from __future__ import annotations
@@ -80,7 +80,7 @@ class ConeRain:
         Air velocity, metres per second, x right, y down, z away from the camera. Keyed. Of a
         :class:`flurries.Wind` its mean: a cone has one axis.
     color : float, (r, g, b) or "ambient"
-        Display values, 0 to 1. Keyed. "ambient" as in :class:`Snow`.
+        Display values, 0 to 1. Keyed. "ambient" as in :class:`TentSnow`.
     haze : float
         Opacity of an even veil, 0 to 1; before a scene with a depth, of the veil before the
         farthest rain. Keyed.

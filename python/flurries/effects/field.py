@@ -34,7 +34,7 @@ _STILL = np.zeros((1, 1, 1, 2))
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Field:
-    """Waves that move; the fields are those of `Snow` and `Rain` but for these.
+    """Waves that move; the fields are those of `TentSnow` and `TentRain` but for these.
 
     Attributes
     ----------

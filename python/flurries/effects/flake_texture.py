@@ -35,8 +35,8 @@ PATTERNS, SHEAR = 8, 5 / 13
 # Parts of equal number of a layer's diameters; within a part they lie evenly.
 PARTS = 8
 
-# Flakes of a layer that are drawn for each pixel of a tile, at most. Of more, whose images are below
-# a pixel, a part is drawn, and what differs from the mean is made as large as that of all.
+# Flakes of a layer that are drawn for each pixel of a tile, at most. Of more, whose images are
+# small, a part is drawn, and what differs from the mean is made as large as that of all.
 MOST_A_PIXEL = 0.25
 
 # Amounts that patterns are kept for, where the amount of flakes changes.

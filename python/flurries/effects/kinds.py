@@ -11,8 +11,8 @@ from flurries._contract import _came, suggestion
 from flurries.effects.cone import ConeRain, ConeSnow
 from flurries.effects.matched import MatchedSnow
 from flurries.effects.mist import Mist
-from flurries.effects.rain import Rain
-from flurries.effects.snow import Snow
+from flurries.effects.tent_rain import Rain, TentRain
+from flurries.effects.tent_snow import Snow, TentSnow
 
 # Packages name their effects here: ``[project.entry-points."flurries.effects"]``.
 GROUP = "flurries.effects"
@@ -20,6 +20,8 @@ GROUP = "flurries.effects"
 OURS: dict[str, type[Any]] = {
     "snow": Snow,
     "rain": Rain,
+    "tent_snow": TentSnow,
+    "tent_rain": TentRain,
     "mist": Mist,
     "matched_snow": MatchedSnow,
     "cone_snow": ConeSnow,

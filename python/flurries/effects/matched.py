@@ -28,8 +28,8 @@ _match = lru_cache(maxsize=8)(hybrid.match)
 class MatchedSnow:
     """Falling snow said in physical terms: how many flakes, how large, from where to where.
 
-    Unlike :class:`Snow` it has no look to be tuned: texture and particles follow from the flakes,
-    see :func:`flurries.hybrid.match`.
+    Unlike :class:`TentSnow` it has no look to be tuned: texture and particles follow from the
+    flakes, see :func:`flurries.hybrid.match`.
 
     Parameters
     ----------

@@ -124,7 +124,7 @@ class Mist:
     asymmetry : float
         Of "henyey", -0.99 to 0.99.
     look : {"v1"}
-        Version of the looks, as in :class:`Snow`.
+        Version of the looks, as in :class:`TentSnow`.
     seed : int, optional
         Of this effect; the scene's if not given.
     severity : int, optional

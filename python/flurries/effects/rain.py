@@ -1,170 +1,110 @@
-"""Rain: streaks near the camera, and a texture whose waves across the fall are all that is left.
-
-What falls as fast as rain is too fast for the frame rate: of the texture's waves only those that
-run nearly along the fall stay, and make streaks. They are few, so that a small tile would hold
-none that moves: the tile grows with the speed.
-"""
+"""Rain made of drops: one population, near drops drawn as streaks, far ones synthesized."""
 
 from __future__ import annotations
 
-import math
 from dataclasses import InitVar, dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any, ClassVar
 
-from flurries._contract import Array, flag, real
-from flurries.effects.checks import TENT, gain, length, optional, part_of, population, settle, sizes
-from flurries.effects.field import Field
-from flurries.effects.flakes import Flakes
+from flurries.effects.checks import settle
+from flurries.effects.flake_texture import FlakeTexture
 from flurries.effects.knobs import knobs, preset
-from flurries.effects.looks import rain_of_rate, rain_of_severity, rate_of, severity_of
-from flurries.effects.motion import Motion
+from flurries.effects.population import POPULATION, parts_of, size_law
+from flurries.effects.population_looks import (
+    RAIN,
+    rain_of_rate,
+    rain_of_severity,
+    rate_of,
+    severity_of,
+)
 from flurries.effects.precipitation import Precipitation
-from flurries.effects.presets import RAIN
-from flurries.effects.texture import Texture
-from flurries.effects.veil import Veil
-from flurries.frame.layer import Layer, Light
+from flurries.frame.layer import Layer
 from flurries.frame.needs import Needs
 from flurries.frame.view import Frame
-from flurries.motion.keys import Number, Vector
+from flurries.motion.keys import Number, Vector, as_number
 from flurries.motion.wind import Wind
-
-_CHECKS = {
-    **TENT,
-    "drops": population,
-    "drop_density": optional(lambda name, value: real(name, value, low=0.0, high=1e6)),
-    "drop_size": sizes,
-    "drop_depth": length,
-    "gain": gain,
-    "renormalise": flag,
-}
+from flurries.particles.precipitation import drop_speed
+from flurries.particles.sizes import Sizes
 
 
 @knobs(
-    severity=lambda value, _: rain_of_severity(severity_of(value)) | {"drops": None},
-    rate_mm_h=lambda value, _: rain_of_rate(rate_of(value, "rain")) | {"drops": None},
+    severity=lambda value, _: rain_of_severity(severity_of(value)),
+    rate_mm_h=lambda value, _: rain_of_rate(rate_of(value, "rain")),
 )
 @dataclass(frozen=True, kw_only=True)
 class Rain:
-    """Rain.
+    """Rain, made of drops.
 
+    One population fills the air: near drops are drawn as streaks, far ones are a texture of drops.
     Numbers marked "keyed" may vary over time: give :class:`flurries.Keys`. Lengths are metres.
 
     Parameters
     ----------
+    density : float
+        Drops per cubic metre.
+    drop_size : (smallest, mean, largest)
+        Diameters in metres, exponentially distributed.
+    opacity : float
+        Of a resting drop's middle, 0 to 1.
+    gain : float
+        How much more light a drop sends than `color`: it gathers that of the whole sky ahead, which
+        is brighter than most of what is behind it. Keyed.
     amount : float
-        How much of it all, 0 to 1; scales drops, texture and haze. Keyed.
-    fall : float
-        Fall speed, metres per second: 3 for drizzle, 9 for the largest drops. Keyed.
+        Share of the drops that are there, 0 to 1. Keyed.
+    emission : float
+        Share of the drops that begin to fall, 0 to 1. Keyed.
+    fall : float, optional
+        Fall speed of a drop of the mean size, metres per second; the others follow. If not given,
+        that of drops of the size. Keyed.
     wind : (x, y, z) or Wind
-        Air velocity, metres per second, x right, y down, z away from the camera. Keyed; or
-        :class:`flurries.Wind`.
+        Air velocity, metres per second, x right, y down, z away from the camera. Keyed.
     color : float, (r, g, b) or "ambient"
-        Display values, 0 to 1. Keyed. "ambient" as in :class:`Snow`.
+        Display values, 0 to 1. Keyed.
     haze : float
-        Opacity of an even veil, 0 to 1; before a scene with a depth, of the veil before the
-        farthest rain. Keyed. Most of what tells rain on a bright picture.
+        Opacity of an even veil besides the drops, 0 to 1. Keyed.
     shutter : float
         Exposure in frames, centred on the frame: how long the streaks are. Keyed.
-    texture : float
-        Largest opacity of the texture, 0 to 1; 0 leaves it out. Keyed.
-    mean, spread, power : float
-        The texture's map to opacity, see :func:`flurries.spectral.opacity`. Keyed.
-    exponent : float
-        Slope of the texture's spectrum.
-    wavelengths : (shortest, longest), optional
-        The texture's band in pixels. If not given, (2, 12) on a picture 1024 px wide, in proportion
-        on others, not under 2 px.
-    near_depth : float
-        Depth in metres that the longest wave stands for.
-    tile, overlap : int, optional
-        The texture's tiles in pixels. If not given, as large as streaks need to move. One that is
-        too small for it is used with a warning.
-    blend : {"power", "linear"}
-        See :func:`flurries.spectral.blend_tiles`.
-    alias : {"cut", "soft", "keep"}
-        What becomes of waves too fast for the frame rate, see
-        :func:`flurries.spectral.temporal_filter`.
-    renormalise : bool
-        Give the waves that are left the contrast that all had.
-    jitter : bool
-        Spread the directions of the texture's waves, so that none stands still.
-    depth_mode : {"tile", "pixel"}
+    near, far : float
+        Depths in metres between which drops are shown.
+    cloud : float
+        Height above the camera in metres at which drops begin to fall, for `emission`.
+    method, depth_mode, look, seed
         As in :class:`Snow`.
-    drops : int
-        Drops in view between the camera and `drop_depth`; 0 draws none.
-    drop_density : float, optional
-        Drops per cubic metre, in place of `drops`.
-    drop_size : (smallest, largest)
-        Diameters in metres.
-    drop_depth : float
-        Depth in metres up to which drops are drawn.
-    gain : float
-        How many times as much light a drop scatters as an opaque disc of its size hides. Real drops
-        are smeared to near invisibility.
-    look : {"v1"}
-        As in :class:`Snow`.
-    seed : int, optional
-        Of this effect; the scene's if not given.
     severity : int, optional
-        One knob: 1 to 5 take 6, 14, 25, 38 and 55 % of a picture's contrast. Sets `drop_density`,
-        `drop_size`, `fall`, `texture`, `mean` and `haze`, those that are not given. No field: what
-        it makes is written out.
+        One knob, 1 to 5. No field: what it makes is written out.
     rate_mm_h : float, optional
-        One knob: the rate of rain in mm/h; drizzle 3, rain 10, a downpour 25. Sets the same fields:
-        the drops of Marshall and Palmer's law, and a veil with the extinction of all of them over
-        60 m.
+        One knob: the rate in mm/h. Sets `density` and `drop_size`, so that the drops carry just
+        this rate.
 
     Raises
     ------
     ValueError, TypeError
         For an argument outside its range; the message names it.
 
-    Warns
-    -----
-    UserWarning
-        When a frame is rendered whose `tile` is so small that a tenth or more of the streaks stands
-        still.
-
-    Notes
-    -----
-    Langer 2004, sections 5 and 8. ``docs/deviations.md`` says how the size of the tile follows from
-    the speed.
-
     Examples
     --------
     >>> import flurries as fl
-    >>> rain = fl.Rain.preset("downpour", wind=(2.0, 0.0, 0.0))
-    >>> rain.drops > fl.Rain.preset("drizzle").drops
+    >>> fl.Rain(rate_mm_h=10.0).density > fl.Rain(rate_mm_h=1.0).density
     True
     """
 
+    density: float = 700.0
+    drop_size: tuple[float, float, float] = (0.0005, 0.0009, 0.006)
+    opacity: float = 0.9
+    gain: Number = 6.0
     amount: Number = 1.0
-    fall: Number = 8.0
-    wind: Vector | Wind = (0.56, 0.0, 0.0)
-    color: Any = (0.86, 0.88, 0.92)
-    haze: Number = 0.08
+    emission: Number = 1.0
+    fall: Number | None = None
+    wind: Vector | Wind = (0.6, 0.0, 0.0)
+    color: Any = 0.9
+    haze: Number = 0.0
     shutter: Number = 0.5
-    texture: Number = 0.35
-    mean: Number = 0.15
-    spread: Number = 2.5
-    power: Number = 2.0
-    exponent: float = 1.0
-    wavelengths: tuple[float, float] | None = None
-    near_depth: float = 3.5
-    tile: int | None = None
-    overlap: int | None = None
-    blend: str = "power"
-    alias: str = "cut"
-    renormalise: bool = True
-    jitter: bool = False
-    depth_mode: str = "tile"
-    drops: int = 4000
-    drop_density: float | None = None
-    drop_size: tuple[float, float] = (0.0025, 0.004)
-    drop_depth: float = 14.0
-    gain: float = 30.0
-    look: str = "v1"
+    near: float = 0.4
+    far: float = 40.0
+    cloud: float = 10.0
+    method: str = "hybrid"
+    depth_mode: str = "pixel"
+    look: str = "v2"
     seed: int | None = None
     severity: InitVar[int | None] = None
     rate_mm_h: InitVar[float | None] = None
@@ -173,7 +113,10 @@ class Rain:
     PRESETS: ClassVar[dict[str, dict[str, Any]]] = RAIN
 
     def __post_init__(self, *_: Any) -> None:
-        settle(self, _CHECKS)
+        checks = {name: check for name, check in POPULATION.items() if name != "sway"}
+        settle(
+            self, {**checks, "drop_size": size_law, "gain": partial(as_number, low=0.0, high=100.0)}
+        )
 
     @classmethod
     def preset(cls, name: str, **changes: Any) -> Rain:
@@ -181,32 +124,28 @@ class Rain:
         return preset(cls, cls.PRESETS, name, changes)
 
     @cached_property
-    def parts(self) -> Precipitation[Texture]:
+    def parts(self) -> Precipitation[FlakeTexture]:
         """What it is made of."""
-        motion = Motion(self.fall, self.wind, self.shutter)
-        field = part_of(Field, self, motion=motion, tuned=(2.0, 12.0), streaks=True)
-        texture = part_of(Texture, self, field=field, opacity=self.texture)
-        # Light goes with the area: a gain is a larger drop, whose streak is as long as ever.
-        wider = math.sqrt(self.gain)
-        drops = Flakes(
-            motion=motion,
-            name="drops",
-            number=self.drops,
-            density=self.drop_density,
-            reach=self.drop_depth,
-            sizes=(wider * self.drop_size[0], wider * self.drop_size[1]),
-            opacity=1.0,
-            # Wider streaks look like smears on the lens.
-            largest=(1.8, 3.0),
-        )
-        return part_of(
-            Precipitation,
-            self,
-            name=self.NAME,
-            motion=motion,
-            texture=texture,
-            flakes=drops,
-            veil=Veil(self.haze, field.far_depth),
+        return parts_of(
+            self.NAME,
+            sizes=Sizes.with_mean(*self.drop_size),
+            density=self.density,
+            opacity=self.opacity,
+            speed=drop_speed,
+            fall=self.fall,
+            wind=self.wind,
+            shutter=self.shutter,
+            sway=(0.0, 0.0),
+            amount=self.amount,
+            emission=self.emission,
+            cloud=self.cloud,
+            near=self.near,
+            far=self.far,
+            haze=self.haze,
+            color=self.color,
+            gain=self.gain,
+            method=self.method,
+            depth_mode=self.depth_mode,
         )
 
     def needs(self, frame: Frame) -> Needs:
@@ -216,13 +155,3 @@ class Rain:
     def render(self, frame: Frame) -> Layer:
         """Return the layer of a frame."""
         return self.parts.render(frame)
-
-    def over(self, frame: Frame, behind: Array, light: Light) -> Array | None:
-        """Return the layer over a picture in one pass, or None where there is no such way."""
-        return self.parts.over(frame, behind, light)
-
-    def warn_ambiguous(
-        self, shape: tuple[int, int], focal: float, distance: float, index: int
-    ) -> None:
-        """Warn if two eyes see the texture half a wavelength apart or more."""
-        self.parts.texture.warn_ambiguous(shape, focal, distance, index)

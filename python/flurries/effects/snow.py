@@ -1,9 +1,4 @@
-"""Falling snow: flakes near the camera, a spectral texture for all that lies behind them.
-
-One set of physical parameters moves both. The texture's longest wave stands for the depth
-`near_depth`, up to which flakes fill the air; shorter waves stand for greater depths and move as
-flakes there do.
-"""
+"""Snow made of flakes: one population, drawn near and synthesized far."""
 
 from __future__ import annotations
 
@@ -11,152 +6,117 @@ from dataclasses import InitVar, dataclass
 from functools import cached_property
 from typing import Any, ClassVar
 
-from flurries._contract import Array, real
-from flurries.effects.checks import TENT, optional, pair, part_of, population, settle, share, sizes
-from flurries.effects.field import Field
-from flurries.effects.flakes import Flakes
+from flurries.effects.checks import settle
+from flurries.effects.flake_texture import FlakeTexture
 from flurries.effects.knobs import knobs, preset
-from flurries.effects.looks import rate_of, severity_of, snow_of_rate, snow_of_severity
-from flurries.effects.motion import Motion
+from flurries.effects.population import POPULATION, parts_of, size_law
+from flurries.effects.population_looks import (
+    SNOW,
+    rate_of,
+    severity_of,
+    snow_of_rate,
+    snow_of_severity,
+)
 from flurries.effects.precipitation import Precipitation
-from flurries.effects.presets import SNOW
-from flurries.effects.texture import Texture
-from flurries.effects.veil import Veil
-from flurries.frame.layer import Layer, Light
+from flurries.frame.layer import Layer
 from flurries.frame.needs import Needs
 from flurries.frame.view import Frame
 from flurries.motion.keys import Number, Vector
 from flurries.motion.wind import Wind
-
-_CHECKS = {
-    **TENT,
-    "flakes": population,
-    "flake_density": optional(lambda name, value: real(name, value, low=0.0, high=1e6)),
-    "flake_size": sizes,
-    "flake_opacity": share,
-    "sway": pair,
-}
+from flurries.particles.precipitation import snow_speed
+from flurries.particles.sizes import Sizes
 
 
 @knobs(
-    severity=lambda value, _: snow_of_severity(severity_of(value)) | {"flakes": None},
-    rate_mm_h=lambda value, _: snow_of_rate(rate_of(value, "snow")) | {"flakes": None},
+    severity=lambda value, _: snow_of_severity(severity_of(value)),
+    rate_mm_h=lambda value, given: snow_of_rate(rate_of(value, "snow"), given),
 )
 @dataclass(frozen=True, kw_only=True)
 class Snow:
-    """Falling snow.
+    """Falling snow, made of flakes.
 
-    Numbers marked "keyed" may vary over time: give :class:`flurries.Keys`. Lengths are metres when
-    the camera's places are; the looks were tuned for metres.
+    One population fills the air: near flakes are drawn, far ones are a texture with the phases of
+    flakes, and both have the same number, sizes, opacity and motion. Numbers marked "keyed" may
+    vary over time: give :class:`flurries.Keys`. Lengths are metres.
 
     Parameters
     ----------
+    density : float
+        Flakes per cubic metre.
+    flake_size : (smallest, mean, largest)
+        Diameters in metres, exponentially distributed: many small ones, few large ones.
+    opacity : float
+        Of a flake's middle, 0 to 1.
     amount : float
-        How much of it all, 0 to 1; scales flakes, texture and haze. Keyed.
-    fall : float
-        Fall speed in still air, metres per second. Keyed.
+        Share of the flakes that are there, 0 to 1: less of it makes them fewer, not fainter. Keyed.
+    emission : float
+        Share of the flakes that begin to fall, 0 to 1. Keyed to 0 it makes snow stop falling: what
+        is in the air falls on. Keyed.
+    fall : float, optional
+        Fall speed of a flake of the mean size in still air, metres per second; larger ones fall
+        faster. If not given, that of aggregates of the size. Keyed.
     wind : (x, y, z) or Wind
         Air velocity, metres per second, x right, y down, z away from the camera. Keyed; or
-        :class:`flurries.Wind`, with gusts, swirls and differences over depth. Waves exactly across
-        the motion stand still, which shows when the wind is 0 or in a simple ratio to the fall
-        (1:3, 1:4): take a ratio beside it, or `jitter`.
+        :class:`flurries.Wind`, with gusts and swirls.
     color : float, (r, g, b) or "ambient"
         Display values, 0 to 1. Keyed. "ambient": as bright as white is in the light of the
-        background, see :func:`flurries.light.ambient.ambient_light`.
+        background.
     haze : float
-        Opacity of an even veil, 0 to 1; before a scene with a depth, of the veil before the
-        farthest snow. Keyed.
+        Opacity of an even veil besides the flakes, 0 to 1. Keyed.
     shutter : float
         Exposure in frames, 0 to 1 for a usual camera, centred on the frame. Keyed.
-    texture : float
-        Largest opacity of the texture, 0 to 1; 0 leaves it out. Keyed.
-    mean, spread, power : float
-        The texture's map to opacity, see :func:`flurries.spectral.opacity`. Keyed.
-    exponent : float
-        Slope of the texture's spectrum: less makes dots, more makes cotton.
-    wavelengths : (shortest, longest), optional
-        The texture's band in pixels. If not given, (3, 24) on a picture 1024 px wide, in proportion
-        on others, not under 2 px.
-    near_depth : float
-        Depth in metres that the longest wave stands for, and up to which flakes are drawn.
-    tile, overlap : int, optional
-        The texture's tiles in pixels. If not given, 8/3 of the longest wave, and an overlap of a
-        sixth, or of a half when the camera moves forward.
-    blend : {"power", "linear"}
-        See :func:`flurries.spectral.blend_tiles`.
-    alias : {"soft", "cut", "keep"}
-        What becomes of waves too fast for the frame rate, see
-        :func:`flurries.spectral.temporal_filter`.
-    jitter : bool
-        Spread the directions of the texture's waves, so that none stands still.
-    depth_mode : {"tile", "pixel"}
-        How exactly the texture follows the scene's depth: by its tiles, or octaves of it by every
-        pixel, which takes as many times as long as there are octaves.
-    flakes : int
-        Flakes in view between the camera and `near_depth`; 0 draws none.
-    flake_density : float, optional
-        Flakes per cubic metre, in place of `flakes`.
-    flake_size : (smallest, largest)
-        Diameters in metres.
-    flake_opacity : float
-        Of a flake's middle, 0 to 1. Keyed.
     sway : (amplitude, rate)
-        Metres, and radians per second: each flake swings on its own.
-    look : {"v1"}
-        Version of the looks: what presets and knobs mean, and how a picture of another size shows
-        them.
+        Metres, and radians per second: each near flake swings on its own.
+    near, far : float
+        Depths in metres between which flakes are shown. Before a scene that stands farther away a
+        veil has the extinction of the flakes beyond `far`.
+    cloud : float
+        Height above the camera in metres at which flakes begin to fall, for `emission`.
+    method : {"hybrid", "simulated"}
+        "simulated" draws every flake one by one, which takes its time.
+    depth_mode : {"pixel", "tile"}
+        How exactly the texture follows the scene's depth; by tiles it is faster, and leaks over the
+        border of near things by up to a tile.
+    look : {"v2"}
+        Version of the looks: what presets and knobs mean.
     seed : int, optional
         Of this effect; the scene's if not given.
     severity : int, optional
-        One knob: 1 to 5 take 6, 14, 25, 38 and 55 % of a picture's contrast. Sets `flake_density`,
-        `flake_size`, `texture`, `mean`, `spread`, `exponent`, `fall` and `haze`, those that are not
-        given. No field: what it makes is written out.
+        One knob, 1 to 5. No field: what it makes is written out.
     rate_mm_h : float, optional
-        One knob: the liquid-equivalent rate of snowfall in mm/h; light snow is less than 1, heavy
-        more than 5. Sets the same fields.
+        One knob: the liquid-equivalent rate of snowfall in mm/h. Sets `density` and `flake_size`,
+        so that the flakes carry just this rate.
 
     Raises
     ------
     ValueError, TypeError
         For an argument outside its range; the message names it.
 
-    Notes
-    -----
-    Langer 2004, sections 5 to 7. The paper's own look is the preset "paper".
-
     Examples
     --------
     >>> import flurries as fl
     >>> snow = fl.Snow.preset("heavy", wind=(1.0, 0.0, 0.0))
-    >>> snow.flakes > fl.Snow.preset("light").flakes
+    >>> snow.density > fl.Snow.preset("light").density
     True
     """
 
+    density: float = 30.0
+    flake_size: tuple[float, float, float] = (0.003, 0.007, 0.022)
+    opacity: float = 0.9
     amount: Number = 1.0
-    fall: Number = 1.4
-    wind: Vector | Wind = (0.36, 0.0, 0.0)
+    emission: Number = 1.0
+    fall: Number | None = None
+    wind: Vector | Wind = (0.3, 0.0, 0.0)
     color: Any = 0.98
-    haze: Number = 0.04
+    haze: Number = 0.0
     shutter: Number = 0.5
-    texture: Number = 0.8
-    mean: Number = 0.05
-    spread: Number = 2.0
-    power: Number = 2.0
-    exponent: float = 0.75
-    wavelengths: tuple[float, float] | None = None
-    near_depth: float = 12.0
-    tile: int | None = None
-    overlap: int | None = None
-    blend: str = "power"
-    alias: str = "soft"
-    jitter: bool = False
-    depth_mode: str = "tile"
-    flakes: int = 8000
-    flake_density: float | None = None
-    flake_size: tuple[float, float] = (0.008, 0.024)
-    flake_opacity: Number = 0.9
     sway: tuple[float, float] = (0.02, 4.0)
-    look: str = "v1"
+    near: float = 0.4
+    far: float = 60.0
+    cloud: float = 10.0
+    method: str = "hybrid"
+    depth_mode: str = "pixel"
+    look: str = "v2"
     seed: int | None = None
     severity: InitVar[int | None] = None
     rate_mm_h: InitVar[float | None] = None
@@ -165,7 +125,7 @@ class Snow:
     PRESETS: ClassVar[dict[str, dict[str, Any]]] = SNOW
 
     def __post_init__(self, *_: Any) -> None:
-        settle(self, _CHECKS)
+        settle(self, {**POPULATION, "flake_size": size_law})
 
     @classmethod
     def preset(cls, name: str, **changes: Any) -> Snow:
@@ -173,28 +133,27 @@ class Snow:
         return preset(cls, cls.PRESETS, name, changes)
 
     @cached_property
-    def parts(self) -> Precipitation[Texture]:
+    def parts(self) -> Precipitation[FlakeTexture]:
         """What it is made of."""
-        motion = Motion(self.fall, self.wind, self.shutter)
-        field = part_of(Field, self, motion=motion, tuned=(3.0, 24.0))
-        texture = part_of(Texture, self, field=field, opacity=self.texture)
-        flakes = Flakes(
-            motion=motion,
-            number=self.flakes,
-            density=self.flake_density,
-            reach=self.near_depth,
-            sizes=self.flake_size,
-            opacity=self.flake_opacity,
+        return parts_of(
+            self.NAME,
+            sizes=Sizes.with_mean(*self.flake_size),
+            density=self.density,
+            opacity=self.opacity,
+            speed=snow_speed,
+            fall=self.fall,
+            wind=self.wind,
+            shutter=self.shutter,
             sway=self.sway,
-        )
-        return part_of(
-            Precipitation,
-            self,
-            name=self.NAME,
-            motion=motion,
-            texture=texture,
-            flakes=flakes,
-            veil=Veil(self.haze, field.far_depth),
+            amount=self.amount,
+            emission=self.emission,
+            cloud=self.cloud,
+            near=self.near,
+            far=self.far,
+            haze=self.haze,
+            color=self.color,
+            method=self.method,
+            depth_mode=self.depth_mode,
         )
 
     def needs(self, frame: Frame) -> Needs:
@@ -204,13 +163,3 @@ class Snow:
     def render(self, frame: Frame) -> Layer:
         """Return the layer of a frame."""
         return self.parts.render(frame)
-
-    def over(self, frame: Frame, behind: Array, light: Light) -> Array | None:
-        """Return the layer over a picture in one pass, or None where there is no such way."""
-        return self.parts.over(frame, behind, light)
-
-    def warn_ambiguous(
-        self, shape: tuple[int, int], focal: float, distance: float, index: int
-    ) -> None:
-        """Warn if two eyes see the texture half a wavelength apart or more."""
-        self.parts.texture.warn_ambiguous(shape, focal, distance, index)

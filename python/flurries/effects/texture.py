@@ -21,7 +21,7 @@ from flurries.spectral.contrast import TABLE_BYTES, kept_power
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Texture:
-    """A field of waves as opacity; the fields are those of `Snow` and `Rain` but for these.
+    """A field of waves as opacity; the fields are those of `TentSnow` and `TentRain` but for these.
 
     Attributes
     ----------

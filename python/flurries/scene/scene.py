@@ -98,7 +98,7 @@ class Scene:
     Examples
     --------
     >>> import flurries as fl
-    >>> scene = fl.Scene((320, 240), "#203040", effects=[fl.Snow.preset("heavy")])
+    >>> scene = fl.Scene((320, 240), "#203040", effects=[fl.TentSnow.preset("heavy")])
     >>> frame = scene.render(17)
     >>> frame.shape, frame.dtype.name
     ((240, 320, 3), 'uint8')

@@ -21,6 +21,7 @@ from flurries.scene.depth import DepthMap
 from flurries.scene.scene import DEFAULT_FOCAL, Scene, require_few
 from flurries.scene.toml.place import SceneText, require_short_keys
 from flurries.scene.toml.tables import DEPTH, LENS, SCENE, SUN, WAY, WIND
+from flurries.scene.toml.version import upgrade
 
 if sys.version_info >= (3, 11):
     import tomllib
@@ -54,7 +55,10 @@ def load(path: str | os.PathLike[str]) -> Scene:
     except (ValueError, RecursionError) as error:
         # Also numbers of thousands of digits, and brackets nested as deep.
         raise ValueError(f"{file}: not a TOML file: {error}") from None
-    return _scene(SceneText(file, text), values)
+    scene = SceneText(file, text)
+    with scene.errors(("format",)):
+        values = upgrade(values)
+    return _scene(scene, values)
 
 
 def _scene(text: SceneText, values: dict[str, Any]) -> Scene:

@@ -17,13 +17,15 @@ from flurries.motion.wind import FIELDS, Wind
 from flurries.scene.depth import DepthMap
 from flurries.scene.scene import Scene, expect_scene
 from flurries.scene.toml.tables import DEPTH, LENS, SUN, WAY
+from flurries.scene.toml.version import FORMAT
 
 
 def describe(
     scene: Scene, folder: Path | None = None, *, leave_out: tuple[str, ...] = ()
 ) -> dict[str, Any]:
     """Return the scene as plain values, as a scene file holds them."""
-    table: dict[str, Any] = {"size": list(scene.size or ()), "fps": scene.fps, "seed": scene.seed}
+    table: dict[str, Any] = {"format": FORMAT, "size": list(scene.size or ())}
+    table |= {"fps": scene.fps, "seed": scene.seed}
     for name in ("background", "foreground"):
         value = getattr(scene, name)
         if value is None or name in leave_out:

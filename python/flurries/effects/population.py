@@ -1,0 +1,108 @@
+"""What snow and rain of populations share: their fields, and the parts that they are made of."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from flurries._contract import Float64, real, seed_of, vector
+from flurries.effects.checks import length, one_of, optional, pair, part, share, wind
+from flurries.effects.color import as_color
+from flurries.effects.crowd import DrawnFlakes
+from flurries.effects.flake_texture import FlakeTexture
+from flurries.effects.haze import Haze
+from flurries.effects.motion import Motion
+from flurries.effects.precipitation import Precipitation
+from flurries.effects.weather import Weather
+from flurries.motion.keys import Keys, Number, Vector, as_number
+from flurries.motion.wind import Wind
+from flurries.particles.population import Population
+from flurries.particles.sizes import Sizes
+
+METHODS = ("hybrid", "simulated")
+LOOKS = ("v2",)
+
+# What the fields of a population may be.
+POPULATION: dict[str, Any] = {
+    "density": partial(real, low=0.0, high=1e6),
+    "opacity": part,
+    "amount": share,
+    "emission": share,
+    "fall": optional(as_number),
+    "wind": wind,
+    "color": lambda _, value: as_color(value),
+    "haze": share,
+    "shutter": partial(as_number, low=0.0),
+    "sway": pair,
+    "near": length,
+    "far": length,
+    "cloud": length,
+    "method": one_of(METHODS),
+    "depth_mode": one_of(("pixel", "tile")),
+    "look": one_of(LOOKS),
+    "seed": optional(lambda _, value: seed_of(value)),
+}
+
+
+def size_law(name: str, value: object) -> tuple[float, float, float]:
+    """Return (smallest, mean, largest) diameters in metres, or refuse them."""
+    low, mean, high = vector(name, value, 3).tolist()
+    try:
+        Sizes.with_mean(low, mean, high)
+    except ValueError:
+        raise ValueError(
+            f"{name} must be 0 < smallest < mean < largest in metres, or three times the same, "
+            f"got {(low, mean, high)}"
+        ) from None
+    return low, mean, high
+
+
+def parts_of(
+    name: str,
+    *,
+    sizes: Sizes,
+    density: float,
+    opacity: float,
+    speed: Callable[[Float64], Float64],
+    fall: Number | None,
+    wind: Vector | Wind,
+    shutter: Number,
+    sway: tuple[float, float],
+    amount: Number,
+    emission: Number,
+    cloud: float,
+    near: float,
+    far: float,
+    haze: Number,
+    color: Any,
+    gain: Number = 1.0,
+    method: str,
+    depth_mode: str,
+) -> Precipitation[FlakeTexture]:
+    """Return what an effect of a population is made of."""
+    mean = float(speed(np.array([sizes.mean]))[0])
+    motion = Motion(mean if fall is None else fall, wind, shutter)
+    weather = Weather(
+        population=Population(density, sizes, opacity, speed),
+        motion=motion,
+        emission=emission,
+        cloud=cloud,
+        sway=sway,
+        near=near,
+        far=far,
+        simulated=method == "simulated",
+    )
+    texture = FlakeTexture(weather, depth_mode, isinstance(amount, Keys))
+    return Precipitation(
+        name=name,
+        amount=amount,
+        color=color,
+        gain=gain,
+        motion=motion,
+        texture=texture,
+        flakes=DrawnFlakes(weather),
+        veil=Haze(weather, haze),
+    )
