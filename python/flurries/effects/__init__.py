@@ -8,8 +8,10 @@ from flurries.effects.matched import MatchedSnow
 from flurries.effects.mist import Mist
 from flurries.effects.motion import Motion
 from flurries.effects.precipitation import Precipitation
-from flurries.effects.tent_rain import Rain, TentRain
-from flurries.effects.tent_snow import Snow, TentSnow
+from flurries.effects.rain import Rain
+from flurries.effects.tent_rain import TentRain
+from flurries.effects.snow import Snow
+from flurries.effects.tent_snow import TentSnow
 from flurries.effects.texture import Texture
 from flurries.effects.veil import Veil
 

@@ -11,8 +11,10 @@ from flurries._contract import _came, suggestion
 from flurries.effects.cone import ConeRain, ConeSnow
 from flurries.effects.matched import MatchedSnow
 from flurries.effects.mist import Mist
-from flurries.effects.tent_rain import Rain, TentRain
-from flurries.effects.tent_snow import Snow, TentSnow
+from flurries.effects.rain import Rain
+from flurries.effects.tent_rain import TentRain
+from flurries.effects.snow import Snow
+from flurries.effects.tent_snow import TentSnow
 
 # Packages name their effects here: ``[project.entry-points."flurries.effects"]``.
 GROUP = "flurries.effects"
