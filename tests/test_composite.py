@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -11,6 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import flurries as fl
+from every import every
 
 C = fl.composite
 DTYPES = ["uint8", "uint16", "float16", "float32", "float64"]
@@ -75,8 +75,8 @@ def test_integers_are_rounded_to_the_nearest(dtype: str):
         assert np.array_equal(got, n + up)
 
 
-@pytest.mark.parametrize("alpha_dtype", [np.float16, np.float32, np.float64])
-@pytest.mark.parametrize("dtype", DTYPES)
+@every("alpha_dtype", [np.float16, np.float32, np.float64])
+@every("dtype", DTYPES)
 def test_ends_are_exact_to_the_bit(dtype: str, alpha_dtype: type):
     background = picture(dtype, (8, 9, 3))
     if np.dtype(dtype).kind == "f":
@@ -93,8 +93,8 @@ def test_ends_are_exact_to_the_bit(dtype: str, alpha_dtype: type):
     assert np.array_equal(covered, np.broadcast_to(color.astype(dtype), covered.shape))
 
 
-@pytest.mark.parametrize("function", ["snow", "over"])
-@pytest.mark.parametrize("dtype", ["float16", "float32", "float64"])
+@every("function", ["snow", "over"])
+@every("dtype", ["float16", "float32", "float64"])
 def test_bad_pixels_stay_where_they_were(function: str, dtype: str):
     rng = np.random.default_rng(5)
     for _ in range(100):
@@ -109,8 +109,8 @@ def test_bad_pixels_stay_where_they_were(function: str, dtype: str):
         assert np.array_equal(np.isnan(got), bad)
 
 
-@pytest.mark.parametrize("function", ["snow", "over"])
-@pytest.mark.parametrize("dtype", ["float16", "float32", "float64"])
+@every("function", ["snow", "over"])
+@every("dtype", ["float16", "float32", "float64"])
 def test_infinity_never_becomes_nan(function: str, dtype: str):
     background = np.full((1, 3, 3), np.inf, dtype)
     alpha = np.array([[0.0, 0.5, 1.0]], np.float32)
@@ -149,60 +149,8 @@ def test_integers_and_floats_agree_within_a_step(dtype: str, steps: int):
     assert np.abs(whole - real).max() <= steps
 
 
-def layouts(array: np.ndarray) -> dict[str, np.ndarray]:
-    """The same numbers in other memory."""
-    padded = np.zeros((*array.shape[:-1], 2 * array.shape[-1]), array.dtype)
-    padded[..., ::2] = array
-    raw = np.zeros(array.nbytes + 1, np.uint8)[1:].view(array.dtype).reshape(array.shape)
-    raw[...] = array
-    readonly = array.copy()
-    readonly.flags.writeable = False
-    return {
-        "Fortran": np.asfortranarray(array),
-        "transposed": np.ascontiguousarray(array.swapaxes(0, 1)).swapaxes(0, 1),
-        "backwards": np.ascontiguousarray(array[::-1, ::-1])[::-1, ::-1],
-        "strided": padded[..., ::2],
-        "misaligned": raw,
-        "read-only": readonly,
-        "big-endian": array.astype(array.dtype.newbyteorder(">")),
-        "subclass": array.view(type("Sub", (np.ndarray,), {})),
-    }
-
-
-CALLS: dict[str, tuple[Callable[..., Any], Callable[[Any], np.ndarray]]] = {
-    "snow": (C.snow, lambda d: opacity((12, 10), np.float64)),
-    "over": (C.over, lambda d: np.random.default_rng(3).uniform(0, 1, (12, 10, 4))),
-}
-
-
-@pytest.mark.parametrize("name", CALLS)
-@pytest.mark.parametrize("dtype", DTYPES)
-def test_memory_layout_does_not_matter(dtype: str, name: str):
-    call, make = CALLS[name]
-    background, front = picture(dtype, (12, 10, 3)), make(dtype)
-    before, want = background.copy(), call(background, front)
-    for layout, variant in layouts(background).items():
-        got = call(variant, layouts(front)[layout])
-        assert got.tobytes() == want.tobytes(), layout
-        assert got.flags.c_contiguous and got.dtype.isnative, layout
-    assert background.tobytes() == before.tobytes(), "the background was written to"
-
-
-@pytest.mark.parametrize("name", CALLS)
-@pytest.mark.parametrize("dtype", DTYPES)
-def test_out_is_filled_and_returned(dtype: str, name: str):
-    call, make = CALLS[name]
-    background, front = picture(dtype, (12, 10, 3)), make(dtype)
-    out = np.full_like(background, 77)
-    assert call(background, front, out=out) is out
-    assert np.array_equal(out, call(background, front))
-    for wrong in (background, out[:, ::-1], out[:6], out.astype(">f8"), out.tolist()):
-        with pytest.raises((TypeError, ValueError), match="out"):
-            call(background, front, out=wrong)
-
-
-@pytest.mark.parametrize("dtype", [*DTYPES])
-@pytest.mark.parametrize("channels", [3, 4])
+@every("dtype", [*DTYPES])
+@every("channels", [3, 4])
 def test_over_is_premultiplied(dtype: str, channels: int):
     background = picture(dtype, (16, 17, channels))
     layer = np.random.default_rng(2).uniform(0, 0.5, (16, 17, 4)).astype(np.float32)
@@ -225,45 +173,4 @@ def test_join_does_not_know_an_order():
         assert np.abs(got - want).max() <= 1e-15
 
 
-ALPHA = np.full((2, 2), 0.5)
 GRAY, RGBA = np.zeros((2, 2)), np.zeros((2, 2, 4))
-RAGGED = [[1.0], [1.0, 2.0]]
-PLANES = {"NaN": ALPHA * np.nan, "over 1": ALPHA + 1, "under 0": ALPHA - 1, "shape": ALPHA[:1]}
-# For each argument: a call with it, and what it must refuse.
-REFUSED: dict[str, tuple[Callable[[Any], Any], dict[str, Any]]] = {
-    "alpha": (lambda v: C.snow(GRAY, v), {**PLANES, "0-d": 0.5, "text": "x", "ragged": RAGGED}),
-    "background": (
-        lambda v: C.snow(v, ALPHA),
-        {"int64": GRAY.astype(int), "bool": GRAY > 0, "complex": GRAY + 1j, "text": "x",
-         "None": None, "empty": GRAY[:0], "two channels": np.zeros((2, 2, 2)), "0-d": 0.5,
-         "ragged": RAGGED},
-    ),
-    "intensity": (
-        lambda v: C.snow(GRAY, ALPHA, intensity=v),
-        {"NaN": np.nan, "infinite": np.inf, "negative": -0.1, "text": "x", "None": None,
-         "RGB over gray": (1.0, 1.0, 1.0), "complex": 1j},
-    ),
-    "layer": (
-        lambda v: C.over(np.zeros((2, 2, 3)), v),
-        {"RGB": RGBA[..., :3], "shape": RGBA[:1], "text": "x", "bool": RGBA > 0,
-         "NaN": RGBA * np.nan, "alpha over 1": RGBA + 2.0, "alpha under 0": RGBA - 1.0},
-    ),
-    "layers": (
-        lambda v: C.join(v),
-        {"none": [], "shapes": [GRAY, GRAY[:1]], "dtypes": [GRAY, GRAY.astype(np.float32)],
-         "None": None, "NaN": [PLANES["NaN"]], "over 1": [PLANES["over 1"]]},
-    ),
-    "haze": (
-        lambda v: C.join([GRAY], haze=v), {"NaN": np.nan, "low": -0.1, "high": 1.1, "text": "x"}
-    ),
-    "matte": (lambda v: C.join([GRAY], matte=v), PLANES),
-}  # fmt: skip
-
-
-@pytest.mark.parametrize(
-    ("name", "what"), [(name, what) for name, (_, values) in REFUSED.items() for what in values]
-)
-def test_refusals_name_the_argument(name: str, what: str):
-    call, values = REFUSED[name]
-    with pytest.raises((TypeError, ValueError), match=name):
-        call(values[what])

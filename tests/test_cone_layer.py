@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import hashlib
 import math
 
 import numpy as np
 import pytest
 
 import twin_cone as twin
+from every import every
 from flurries import cone
 from flurries.camera import Camera
 
@@ -41,8 +41,8 @@ def test_a_layer_is_the_twins(given, size):
     np.testing.assert_allclose(single, got, atol=6e-8)
 
 
-@pytest.mark.parametrize("axis", [(0.3, 1, 0.2), (0.1, 0.4, 1.0)])
-@pytest.mark.parametrize("repeats", [8, 16, 24])
+@every("axis", [(0.3, 1, 0.2), (0.1, 0.4, 1.0)])
+@every("repeats", [8, 16, 24])
 def test_against_ten_by_ten_samples(axis, repeats):
     # Strong reduction of a dense tile: 256 texels to a tile that is some pixels wide.
     shape, camera = (90, 120), Camera(75.0)
@@ -160,66 +160,3 @@ def test_the_texture_goes_along_the_axis():
         rows.append((alpha[:, 4] @ (np.arange(101) + 0.5)) / alpha[:, 4].sum())
     # One tile is 2 pi / 4 rad, so a hundredth is 6.283 px at f = 400.
     assert abs(rows[1] - rows[0] - 400 * 2 * math.pi / 4 * 0.01) < 0.05
-
-
-@pytest.mark.parametrize("dtype", [np.float32, np.float64])
-def test_bits_do_not_depend_on_the_threads_and_out_is_written_whole(threads, dtype):
-    tile, hashes = noise(32), set()
-    given = {"axis": (0.1, 0.9, 0.3), "phase": 0.3, "dtype": dtype}
-    for count in (1, 2, 3):
-        threads(count)
-        out = np.full((70, 90), np.nan, dtype)
-        assert cone.layer((70, 90), CAMERA, tile, **given, out=out) is out
-        hashes.add(hashlib.sha256(out.tobytes()).hexdigest())
-    assert len(hashes) == 1
-
-
-@pytest.mark.parametrize(
-    "change, error, message",
-    [
-        ({"axis": (0, 0, 0)}, ValueError, "axis must not be zero"),
-        ({"phase": np.nan}, ValueError, "phase must be finite"),
-        ({"phase": "0"}, TypeError, "phase must be a real number"),
-        ({"stretch": 0.0}, ValueError, "stretch must be from 1e-06"),
-        ({"slope": -1.0}, ValueError, "slope must be from 0"),
-        ({"repeats": 0}, ValueError, "repeats must be from 1"),
-        ({"repeats": 2.5}, TypeError, "repeats must be an integer"),
-        ({"offset": (0, 0, 0)}, ValueError, "offset must be 2 numbers"),
-        ({"gain": -1.0}, ValueError, "gain must be from 0"),
-        ({"conserve": 1}, TypeError, "conserve must be True or False"),
-        ({"dtype": np.float16}, TypeError, "dtype must be float32 or float64"),
-        ({"out": np.zeros((3, 3), np.float32)}, ValueError, "out must have shape"),
-        ({"tile": np.zeros((4, 5))}, ValueError, "tile must be square"),
-        ({"tile": np.full((4, 4), 2.0)}, ValueError, "tile must hold opacities"),
-        ({"tile": np.full((4, 4), np.nan)}, ValueError, "tile must hold opacities"),
-        ({"tile": np.zeros(4)}, ValueError, "tile must have 2 dimensions"),
-        ({"tile": np.zeros((4, 4), complex)}, TypeError, "tile must be an array of real"),
-        ({"camera": None}, TypeError, "camera must be"),
-    ],
-)
-def test_refusals_name_the_argument(change, error, message):
-    given = {"axis": (0, 1, 0), "phase": 0.0, "camera": CAMERA, "tile": noise(4), **change}
-    camera, tile = given.pop("camera"), given.pop("tile")
-    with pytest.raises(error, match=message):
-        cone.layer((8, 8), camera, tile, **given)
-    if change.keys() & {"offset", "gain"}:
-        return
-    with pytest.raises(error, match=message):
-        cone.layers((8, 8), camera, tile, **given)
-
-
-@pytest.mark.parametrize(
-    "layout",
-    [
-        np.asfortranarray,
-        lambda a: a.astype(a.dtype.newbyteorder()),
-        lambda a: np.repeat(a, 2, axis=0)[::2],
-        lambda a: a[::-1].copy()[::-1],
-        lambda a: a.tolist(),
-    ],
-)
-def test_any_layout_of_the_tile(layout):
-    tile = noise(16)
-    given = {"axis": (0, 1, 0), "phase": 0.1}
-    want = cone.layer(SHAPE, CAMERA, tile, **given)
-    np.testing.assert_array_equal(cone.layer(SHAPE, CAMERA, layout(tile), **given), want)

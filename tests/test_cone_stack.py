@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import os
 import pickle
 import subprocess
@@ -12,6 +11,7 @@ import numpy as np
 import pytest
 
 import twin_cone as twin
+from every import every
 from flurries import cone
 from flurries.camera import Camera
 
@@ -28,7 +28,7 @@ def composed(shape, camera, tile, **given):
     return 1 - clear
 
 
-@pytest.mark.parametrize("axis", AXES)
+@every("axis", AXES)
 def test_float64_is_the_composition_of_the_twins_layers(axis):
     shape, camera = (24, 32), Camera(25.0, rotation=(0.1, 0.2, 0.0))
     given = {"axis": axis, "phase": 0.7, "stretch": 1.5, "slope": 0.1}
@@ -77,7 +77,7 @@ def test_float32_against_ten_by_ten_samples():
             assert abs(got - total).mean() <= 0.014
 
 
-@pytest.mark.parametrize("axis", AXES)
+@every("axis", AXES)
 def test_a_mapping_changes_no_bit(axis):
     shape, camera = (70, 101), Camera(80.0)
     texture = cone.Texture(TILE)
@@ -89,8 +89,8 @@ def test_a_mapping_changes_no_bit(axis):
         assert alone.tobytes() == again.tobytes()
 
 
-@pytest.mark.parametrize("rows", [(0, 16), (5, 37), (33, 34), (64, 70)])
-@pytest.mark.parametrize("offset", [(0, 0, 0), (0.03, 0, 0)])
+@every("rows", [(0, 16), (5, 37), (33, 34), (64, 70)])
+@every("offset", [(0, 0, 0), (0.03, 0, 0)])
 def test_a_part_has_the_bits_of_the_whole(rows, offset):
     shape, camera = (70, 101), Camera(80.0, offset=offset)
     texture, given = cone.Texture(TILE), {"axis": (0.2, 1, 0.4), "radius": 2.0}
@@ -100,20 +100,6 @@ def test_a_part_has_the_bits_of_the_whole(rows, offset):
     given_out = cone.layers(shape, camera, texture, **given, phase=0.2, mapping=part, out=out)
     assert given_out is out
     assert out.tobytes() == whole[rows[0] : rows[1]].tobytes()
-
-
-def test_bits_do_not_depend_on_the_threads(threads):
-    texture, hashes = cone.Texture(TILE), set()
-    kept = cone.Mapping((133, 90), Camera(80.0), axis=(0.2, 1, 0.4))
-    for count in (1, 2, 3):
-        threads(count)
-        for mapping in (None, kept):
-            alpha = cone.layers(
-                (133, 90), Camera(80.0), texture, axis=(0.2, 1, 0.4), phase=0.2, mapping=mapping
-            )
-            hashes.add(hashlib.sha256(alpha.tobytes()).hexdigest())
-        hashes.add(hashes.pop())
-    assert len(hashes) == 1
 
 
 def test_two_eyes_are_layers_seen_from_beside():
@@ -163,36 +149,6 @@ def test_an_empty_texture_and_one_texel():
         alpha = cone.layers((20, 20), Camera(20.0), tile, axis=(0, 1, 0), phase=0.1, gains=0.5)
         wanted = 0.0 if tile.max() == 0 else 1 - 0.5**4
         np.testing.assert_allclose(alpha, wanted, atol=1e-6)
-
-
-@pytest.mark.parametrize(
-    "change, message",
-    [
-        ({"multiples": (1, 1)}, "multiples must increase"),
-        ({"multiples": ()}, "multiples must be 1 to 16"),
-        ({"offsets": (0.0, 1.0)}, "offsets must have 2 dimensions"),
-        ({"offsets": np.zeros((3, 2))}, "offsets must have shape"),
-        ({"gains": (1.0, 2.0)}, "gains must be one number or 4"),
-        ({"gains": -1.0}, "gains must be one number or 4, none negative"),
-        (
-            {"mapping": cone.Mapping((9, 9), Camera(9.0), axis=(0, 1, 0))},
-            "mapping must be of shape",
-        ),
-        ({"out": np.zeros((20, 20))}, "out must have dtype"),
-    ],
-)
-def test_refusals(change, message):
-    with pytest.raises((ValueError, TypeError), match=message):
-        cone.layers((20, 20), Camera(20.0), TILE, axis=(0, 1, 0), phase=0.1, **change)
-
-
-def test_refusals_of_a_mapping():
-    with pytest.raises(ValueError, match="depth must have shape"):
-        cone.Mapping((9, 9), Camera(9.0), axis=(0, 1, 0), radius=2.0, depth=np.ones((3, 3)))
-    with pytest.raises(ValueError, match="radius must be finite"):
-        cone.Mapping((9, 9), Camera(9.0), axis=(0, 1, 0), depth=np.ones((9, 9)))
-    with pytest.raises(ValueError, match=r"rows\[1\] must be from"):
-        cone.Mapping((9, 9), Camera(9.0), axis=(0, 1, 0), rows=(3, 10))
 
 
 PROGRAM = """

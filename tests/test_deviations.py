@@ -6,7 +6,7 @@ import ast
 import re
 from pathlib import Path
 
-import pytest
+from every import every
 
 HERE = Path(__file__).parent
 PAGE = (HERE.parent / "docs" / "deviations.md").read_text(encoding="utf-8")
@@ -40,7 +40,7 @@ def test_every_erratum_has_a_line_with_a_test():
     assert sorted(numbers) == list(range(1, 21))
 
 
-@pytest.mark.parametrize(("file", "test"), sorted(set(named(PAGE))))
+@every(("file", "test"), sorted(set(named(PAGE))))
 def test_a_named_test_exists(file: str, test: str):
     assert test in declared(file)
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import doctest
 import importlib
+import importlib.util
 import pkgutil
 import re
 from collections.abc import Iterator
@@ -47,22 +48,23 @@ def elsewhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
 
 
-@pytest.mark.parametrize("name", sorted(modules()))
+def with_examples() -> list[str]:
+    """Return the modules whose text has an example."""
+    files = {name: importlib.util.find_spec(name).origin for name in modules()}  # type: ignore[union-attr]
+    return sorted(
+        name for name, file in files.items()
+        if str(file).endswith(".py") and ">>> " in Path(str(file)).read_text("utf-8")
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("name", with_examples())
 def test_docstring_examples(name: str):
-    assert run_examples(importlib.import_module(name)).failed == 0
+    ran = run_examples(importlib.import_module(name))
+    assert ran.attempted > 0 and ran.failed == 0
 
 
 def test_there_are_examples_to_run():
-    tried = {name: run_examples(importlib.import_module(name)).attempted for name in modules()}
-    for name in (
-        "scene.scene",
-        "motion.keys",
-        "camera.path",
-        "composite",
-        "effects.snow",
-        "spectral.frame",
-    ):
-        assert tried[f"flurries.{name}"] > 0, name
+    assert len(with_examples()) > 20
 
 
 def test_a_wrong_example_is_noticed(capsys: pytest.CaptureFixture[str]):

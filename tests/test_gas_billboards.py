@@ -294,27 +294,3 @@ def test_printed_forms_are_the_papers():
     sides = [centers + np.array((s, 0, 0)) for s in (-0.05, 0.05)]
     right, left = (fl.gas.projection_error(c, 0.45, form="printed") for c in sides)
     np.testing.assert_array_equal(parallax, right - left)
-
-
-@pytest.mark.parametrize(
-    ("name", "value", "kind"),
-    [
-        ("centers", [(1.0, 2.0)], ValueError),
-        ("centers", [(1.0, np.nan, 2.0)], ValueError),
-        ("radius", 0.0, ValueError),
-        ("radius", [1.0, 2.0], ValueError),
-        ("near", 0.0, ValueError),
-        ("eye_distance", 0.0, ValueError),
-        ("eye_distance", "wide", TypeError),
-        ("form", "wrong", ValueError),
-        ("out", np.zeros((1, 3)), ValueError),
-    ],
-)
-def test_refusals_name_the_argument(name, value, kind):
-    good = {"centers": [(0.0, 0.0, 1.0)], "radius": 0.4, "eye_distance": 0.1}
-    with pytest.raises(kind, match=name):
-        fl.gas.parallax_error(**{**good, name: value})
-    if name != "eye_distance":
-        del good["eye_distance"]
-        with pytest.raises(kind, match=name):
-            fl.gas.projection_error(**{**good, name: value})

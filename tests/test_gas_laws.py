@@ -11,6 +11,7 @@ from scipy.special import ndtr
 
 import flurries as fl
 import twin_gas as twin
+from every import every
 
 # Pixels of one row whose rays lean by 0, 15, 30 and 45 degrees: slopes j / 40 from the first pixel.
 LENS = fl.Camera(40.0, center=(0.5, 0.5))
@@ -108,7 +109,7 @@ def test_extinction_and_visibility():
 # The table --------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("size", [1, 2, 16, 33, 64, 65, 129])
+@every("size", [1, 2, 16, 33, 64, 65, 129])
 def test_the_table_is_the_closed_form_whatever_the_quadrature(size):
     want = np.exp(-0.5 * np.add.outer(*[np.linspace(-3, 3, size) ** 2 if size > 1 else [0.0]] * 2))
     for intervals in (1, 7, 100):
@@ -151,16 +152,6 @@ def test_lookup_errors_of_the_table(size):
     assert np.abs(bilinear - exact).max() <= 9 / (size - 1) ** 2
     floor = np.abs(table[i, j] - exact).max()
     assert floor > 1.8 * nearest  # integer division, as printed
-
-
-def test_table_refusals():
-    for bad, kind in ((0, ValueError), (1.5, TypeError), (10**9, ValueError)):
-        with pytest.raises(kind, match="size"):
-            fl.gas.footprint_table(bad)
-    with pytest.raises(ValueError, match="intervals"):
-        fl.gas.footprint_table(5, intervals=0)
-    out = np.empty((5, 5))
-    assert fl.gas.footprint_table(5, out=out) is out
 
 
 def test_whole_pixel_patches_move_the_middle():
@@ -223,14 +214,6 @@ def test_phase_functions_keep_the_light():
     for values in (fl.gas.phase(c), fl.gas.phase(c, kind="henyey", asymmetry=0.7)):
         assert abs(values[:-1].mean() + values[1:].mean() - 2.0) < 1e-4
     assert fl.gas.phase(1.0, kind="henyey") > fl.gas.phase(-1.0, kind="henyey")
-
-
-def test_light_refusals():
-    good = {"centers": [(0.0, 0.0, 1.0)], "radius": 0.4, "density": 0.5, "direction": (0, 1, 0)}
-    for name, value in (("direction", (0, 0, 0)), ("direction", (1, 2)), ("radius", -1.0),
-                        ("density", 2.0), ("forward", 1.5), ("out", np.zeros(2))):  # fmt: skip
-        with pytest.raises(ValueError, match=name):
-            fl.gas.light(**{**good, name: value})
 
 
 # A gridded volume -------------------------------------------------------------------------------

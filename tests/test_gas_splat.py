@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import itertools
 
 import numpy as np
@@ -10,6 +9,7 @@ import pytest
 
 import flurries as fl
 import twin_gas as twin
+from every import every
 
 FOCAL = 130.0
 SHAPE = (90, 120)
@@ -69,9 +69,9 @@ def test_every_model_is_its_twin(footprint, inside, dtype):
         assert through.min() < 0.5 < through.max()
 
 
-@pytest.mark.parametrize("dtype", ["float32", "float64"])
-@pytest.mark.parametrize("occlusion", ["soft", "hard"])
-@pytest.mark.parametrize("footprint", MODELS)
+@every("dtype", ["float32", "float64"])
+@every("occlusion", ["soft", "hard"])
+@every("footprint", MODELS)
 def test_occlusion_is_the_twins(footprint, occlusion, dtype):
     for inside in (False, True):
         depth = ground().astype(dtype)
@@ -81,14 +81,14 @@ def test_occlusion_is_the_twins(footprint, occlusion, dtype):
         assert np.abs(through - free).max() > 0.2
 
 
-@pytest.mark.parametrize("shape", [(1, 1), (64, 64), (65, 63), (3, 200)])
-@pytest.mark.parametrize("footprint", MODELS)
+@every("shape", [(1, 1), (64, 64), (65, 63), (3, 200)])
+@every("footprint", MODELS)
 def test_tiles_at_the_border(shape, footprint):
     check("float64", cloud(60), {"footprint": footprint}, shape=shape)
     check("float64", cloud(60, inside=True), {"footprint": footprint}, shape=shape)
 
 
-@pytest.mark.parametrize("footprint", MODELS)
+@every("footprint", MODELS)
 def test_colors_come_in_order(footprint):
     arguments = cloud(150)
     color = np.random.default_rng(5).uniform(0, 4, (150, 3))
@@ -140,8 +140,8 @@ def test_grey_and_colors_are_told_apart():
         np.testing.assert_allclose(layer[..., :3], want, rtol=1e-7)
 
 
-@pytest.mark.parametrize("dtype", ["float32", "float64"])
-@pytest.mark.parametrize("footprint", MODELS)
+@every("dtype", ["float32", "float64"])
+@every("footprint", MODELS)
 def test_opaque_particles_are_opaque(footprint, dtype):
     # Its middle lies on the middle of pixel (20, 20).
     camera = fl.Camera(40.0, center=(20.5, 20.5))
@@ -153,26 +153,6 @@ def test_opaque_particles_are_opaque(footprint, dtype):
             assert layer[20, 20, 3] == 1.0  # T = 0 exactly
     many = fl.gas.alpha((41, 41), [(0, 0, 3.0)] * 40, 0.9, 1.0, camera, dtype=dtype)
     assert many.max() == 1.0 and np.isfinite(many).all()
-
-
-@pytest.mark.parametrize("count", [1, 2, 3])
-@pytest.mark.parametrize("footprint", MODELS)
-def test_bits_do_not_depend_on_the_thread_count(footprint, count, threads):
-    def bits():
-        arguments = cloud(300)
-        color = np.random.default_rng(5).random((300, 3))
-        options = {"footprint": footprint, "depth": np.tile(ground(), (3, 3))}
-        shape = (270, 360)
-        parts = [
-            fl.gas.alpha(shape, *arguments, fl.Camera(390.0), **options),
-            fl.gas.splat(shape, *arguments, color, fl.Camera(390.0), **options),
-        ]
-        return hashlib.sha256(b"".join(part.tobytes() for part in parts)).hexdigest()
-
-    threads(1)
-    want = bits()
-    threads(count)
-    assert bits() == want
 
 
 # Hard cases -------------------------------------------------------------------------------------
@@ -195,7 +175,7 @@ def test_the_near_plane_to_the_last_bit():
         assert faded.max() < 1e-15
 
 
-@pytest.mark.parametrize("footprint", MODELS)
+@every("footprint", MODELS)
 def test_behind_the_eye(footprint):
     for depth in (0.0, -0.0, -1e-300, -0.2, -50.0):
         for near_mode in ("fade", "cull", "exact"):
@@ -231,7 +211,7 @@ def test_what_stands_exactly_at_the_particle_hides_it():
     assert one((0, 0, 3.0), depth=depth).max() == pytest.approx(0.2, abs=1e-12)
 
 
-@pytest.mark.parametrize("footprint", MODELS)
+@every("footprint", MODELS)
 def test_what_stands_before_the_near_plane_hides_all(footprint):
     depth = np.full((41, 41), 0.02)
     for occlusion in ("soft", "hard"):
@@ -239,8 +219,8 @@ def test_what_stands_before_the_near_plane_hides_all(footprint):
         assert alpha.max() == 0
 
 
-@pytest.mark.parametrize("edge", ["taper", "square"])
-@pytest.mark.parametrize("footprint", ["viewplane", "viewplane_c", "viewpoint", "volume"])
+@every("edge", ["taper", "square"])
+@every("footprint", ["viewplane", "viewplane_c", "viewpoint", "volume"])
 def test_energy_is_continuous_from_box_to_point(footprint, edge):
     # The sum of alpha over the picture, from a quarter of a pixel to twelve.
     area = twin.TAPER if edge == "taper" else twin.SQUARE
@@ -311,86 +291,3 @@ def test_no_particles_and_none_in_sight():
             )
             assert not layer.any()
     assert fl.gas.splat((9, 9), empty, [], [], np.zeros((0, 3)), fl.Camera(9.0)).max() == 0
-
-
-def test_out_is_written_whole_and_returned():
-    arguments = cloud(50)
-    for dtype in (np.float32, np.float64):
-        out = np.full((*SHAPE, 4), np.nan, dtype)
-        got = fl.gas.splat(SHAPE, *arguments, 0.5, fl.Camera(FOCAL), dtype=dtype, out=out)
-        assert got is out
-        fresh = fl.gas.splat(SHAPE, *arguments, 0.5, fl.Camera(FOCAL), dtype=dtype)
-        np.testing.assert_array_equal(out, fresh)
-        plane = np.full(SHAPE, np.nan, dtype)
-        assert fl.gas.alpha(SHAPE, *arguments, fl.Camera(FOCAL), dtype=dtype, out=plane) is plane
-        np.testing.assert_array_equal(plane, fresh[..., 3])
-
-
-GOOD = {"shape": (8, 9), "centers": [(0.0, 0.0, 2.0), (0.1, 0.0, 3.0)], "radius": 0.5,
-        "density": 0.4, "color": 0.7, "camera": fl.Camera(9.0)}  # fmt: skip
-
-
-@pytest.mark.parametrize(
-    ("name", "value", "kind"),
-    [
-        ("shape", (0, 5), ValueError),
-        ("shape", 5, TypeError),
-        ("centers", [(0.0, 0.0)], ValueError),
-        ("centers", [(0.0, np.nan, 1.0)], ValueError),
-        ("centers", [(0.0, np.inf, 1.0)], ValueError),
-        ("centers", [(0.0, 1e101, 1.0)], ValueError),
-        ("centers", [("a", "b", "c")], TypeError),
-        ("radius", 0.0, ValueError),
-        ("radius", -1.0, ValueError),
-        ("radius", [0.1, np.nan], ValueError),
-        ("radius", [0.1], ValueError),
-        ("radius", "big", TypeError),
-        ("density", 1.01, ValueError),
-        ("density", [-0.1, 0.5], ValueError),
-        ("density", np.nan, ValueError),
-        ("color", (0.1, 0.2, 0.3, 0.4), ValueError),
-        ("color", np.inf, ValueError),
-        ("color", None, TypeError),
-        ("camera", 9.0, TypeError),
-        ("footprint", "sphere", ValueError),
-        ("footprint", 3, TypeError),
-        ("edge", "round", ValueError),
-        ("near", 0.0, ValueError),
-        ("near", np.nan, ValueError),
-        ("near_mode", "pop", ValueError),
-        ("depth", np.ones((9, 8)), ValueError),
-        ("depth", np.full((8, 9), np.nan), ValueError),
-        ("occlusion", "none", ValueError),
-        ("error", -1e-3, ValueError),
-        ("error", 1.0, ValueError),
-        ("dtype", np.int32, TypeError),
-        ("out", np.zeros((8, 9, 3), np.float32), ValueError),
-        ("out", np.zeros((8, 9, 4)), TypeError),
-        ("out", np.zeros((8, 9, 4), np.float32, order="F"), ValueError),
-    ],
-)
-def test_refusals_name_the_argument(name, value, kind):
-    with pytest.raises(kind, match=name):
-        fl.gas.splat(**{**GOOD, name: value})
-    if name not in ("color", "out"):
-        with pytest.raises(kind, match=name):
-            fl.gas.alpha(**{k: v for k, v in {**GOOD, name: value}.items() if k != "color"})
-
-
-@pytest.mark.parametrize(
-    "layout",
-    [
-        np.asfortranarray,
-        lambda a: a[::-1].copy()[::-1],
-        lambda a: np.repeat(a, 2, axis=0)[::2],
-        lambda a: a.astype(">f8"),
-        lambda a: a.tolist(),
-    ],
-)
-def test_layouts_of_inputs_do_not_matter(layout):
-    arguments = cloud(40)
-    color = np.random.default_rng(5).random((40, 3))
-    want = fl.gas.splat(SHAPE, *arguments, color, fl.Camera(FOCAL), depth=ground())
-    laid = [layout(np.asarray(a)) for a in (*arguments, color)]
-    got = fl.gas.splat(SHAPE, *laid, fl.Camera(FOCAL), depth=layout(ground()))
-    np.testing.assert_array_equal(got, want)

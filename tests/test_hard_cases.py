@@ -7,14 +7,15 @@ from typing import Any
 import numpy as np
 import pytest
 
+from every import every
 from hard import TABLES
 from hard.case import Case
 
 CASES = [(subject, case) for subject, cases in TABLES.items() for case in cases]
 
 
-@pytest.mark.parametrize("dtype", [np.float32, np.float64], ids=["float32", "float64"])
 @pytest.mark.parametrize(("subject", "case"), CASES, ids=[f"{s}: {c.name}" for s, c in CASES])
+@every("dtype", [np.float32, np.float64])
 def test_hard_case(subject: str, case: Case, dtype: Any):
     measured = case.measure(dtype)
     assert abs(measured - case.expected) <= case.allowed(dtype), (
@@ -32,4 +33,4 @@ def test_a_wrong_answer_would_be_seen():
     for measured in (1.0 + 2e-3, float("nan"), float("inf")):
         case = Case("wrong", lambda dtype, m=measured: m, 1.0, 1e-3, "")
         with pytest.raises(AssertionError):
-            test_hard_case("control", case, np.float64)
+            test_hard_case(subject="control", case=case)

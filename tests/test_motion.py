@@ -8,6 +8,7 @@ from skimage.registration import optical_flow_ilk, phase_cross_correlation
 
 import flurries as fl
 import twin
+from every import every
 
 SIZE = 512
 BANDS = [30.0, 15.0, 7.5, 4.2]
@@ -42,8 +43,8 @@ def check(displacement: np.ndarray, wavelength: float, angle: float) -> None:
     assert abs(np.degrees(turn)) < 0.5
 
 
-@pytest.mark.parametrize("angle", ANGLES)
-@pytest.mark.parametrize("wavelength", BANDS)
+@every("angle", ANGLES)
+@every("wavelength", BANDS)
 def test_narrow_bands_move_as_commanded(wavelength: float, angle: float):
     # The drift is that of wavelengths[1], here the upper edge of the narrow band.
     band = (0.97 * wavelength, 1.03 * wavelength)
@@ -75,7 +76,7 @@ def texture(request: pytest.FixtureRequest) -> tuple[float, np.ndarray, np.ndarr
     return request.param, frames[0], frames[1]
 
 
-@pytest.mark.parametrize("wavelength", BANDS)
+@every("wavelength", BANDS)
 def test_bands_of_the_whole_texture_move_as_commanded(texture, wavelength: float):
     # A wave moves by drift * lambda/lam_max: all bands go the same number of cycles.
     angle, first, second = texture

@@ -14,14 +14,15 @@ from scipy.stats import chi2
 
 import flurries as fl
 import twin_particles as twin
+from every import every
 from flurries import particles
 from flurries.particles import looks
 
 STILL = {"velocity": (0.0, 0.0, 0.0), "time": 0.0}
 
 
-@pytest.mark.parametrize("time", [0.0, 1.0, -3.25, 1e3, 123456.789, 1e9, -1e9])
-@pytest.mark.parametrize("center", [(0.0, 0.0, 0.0), (1.5, -20.25, 3.0), (1e3, 1e6, -7e4)])
+@every("time", [0.0, 1.0, -3.25, 1e3, 123456.789, 1e9, -1e9])
+@every("center", [(0.0, 0.0, 0.0), (1.5, -20.25, 3.0), (1e3, 1e6, -7e4)])
 def test_a_position_is_the_formula_in_exact_arithmetic(time, center):
     box, velocity, seed = (10.0, 7.3, 0.5), (0.1, 1.7, -0.013), 42
     got = particles.positions(20, box, seed=seed, velocity=velocity, time=time, center=center)

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import twin_particles as twin
+from every import every
 from flurries import particles
 from flurries.camera import Camera
 
@@ -39,10 +40,10 @@ def cloud(count, seed, *, speed, shutter):
     return points, radius, arguments, flakes
 
 
-@pytest.mark.parametrize(
+@every(
     ("speed", "shutter"), [(0.0, 0.0), (1e-5, 0.5), (0.003, 0.5), (0.05, 0.5), (0.6, 1.0), (5, 2)]
 )
-@pytest.mark.parametrize("shape", [(1, 1), (64, 64), (75, 130)])
+@every("shape", [(1, 1), (64, 64), (75, 130)])
 def test_the_image_is_the_twins(speed, shutter, shape):
     points, radius, arguments, flakes = cloud(150, 7, speed=speed, shutter=shutter)
     camera = Camera(FOCAL, center=(33.25, 40.5), offset=(0.03, -0.02, 0.1), center_shift=(1.5, -2))
@@ -66,7 +67,7 @@ def test_rotation_is_the_callers():
     )
 
 
-@pytest.mark.parametrize("sigma", [0.02, 0.2, 0.54, 0.57, 0.61, 0.7, 0.8, 1.3, 3.0, 12.0])
+@every("sigma", [0.02, 0.2, 0.54, 0.57, 0.61, 0.7, 0.8, 1.3, 3.0, 12.0])
 def test_energy_at_every_subpixel_position(sigma):
     energies = []
     for x in np.linspace(0, 1, 11):
@@ -77,8 +78,8 @@ def test_energy_at_every_subpixel_position(sigma):
     assert max(energies) < 1.002
 
 
-@pytest.mark.parametrize("sigma", [0.1, 0.54, 0.65, 1.0, 2.5])
-@pytest.mark.parametrize("length", [1e-7, 1e-3, 0.2, 0.4, 0.6, 0.65, 1.0, 1.5, 4.0, 11.0, 40.0])
+@every("sigma", [0.1, 0.54, 0.65, 1.0, 2.5])
+@every("length", [1e-7, 1e-3, 0.2, 0.4, 0.6, 0.65, 1.0, 1.5, 4.0, 11.0, 40.0])
 def test_energy_of_streaks_of_every_length_and_angle(sigma, length):
     for angle in np.linspace(0, math.pi, 9):
         for x in (0.0, 0.3, 0.5):
@@ -203,8 +204,8 @@ def test_what_is_too_near_or_behind_gives_nothing():
     assert alpha.max() > 0
 
 
-@pytest.mark.parametrize("dtype", [np.float32, np.float64])
-@pytest.mark.parametrize("near", [0.1, 1e-12, 1e-300])
+@every("dtype", [np.float32, np.float64])
+@every("near", [0.1, 1e-12, 1e-300])
 def test_huge_flakes_and_endless_streaks_are_finite(dtype, near):
     points = [(0, 0, near * 1.5), (1e-3, 0, 0.11), (1e12, 1e12, 1), (0, 0, 1e300), (1e300, 0, 0.2)]
     velocity = [(0, 0, 0), (0, 0, -100), (-3e12, 1e11, 0), (0, 0, 0), (1e300, 1e300, 1e300)]

@@ -13,6 +13,7 @@ import pytest
 from scipy.integrate import quad
 
 import flurries as fl
+from every import every
 from flurries.frame.view import Frame
 
 Camera, Keys, Scene, Snow = fl.camera.Camera, fl.Keys, fl.Scene, fl.Snow
@@ -34,8 +35,8 @@ PATHS: dict[str, fl.CameraPath] = {
 CORNERS = [*range(9), 11]
 
 
-@pytest.mark.parametrize("name", PATHS)
-@pytest.mark.parametrize("span", [(0.0, 3.7), (-6.5, 2.0), (1.25, 20.5), (-40.0, -31.5)])
+@every("name", PATHS)
+@every("span", [(0.0, 3.7), (-6.5, 2.0), (1.25, 20.5), (-40.0, -31.5)])
 def test_place_is_the_integral_of_rate(name: str, span: tuple[float, float]):
     path, (start, stop) = PATHS[name], span
     moved = path.place(stop, fps=FPS) - path.place(start, fps=FPS)
@@ -47,7 +48,7 @@ def test_place_is_the_integral_of_rate(name: str, span: tuple[float, float]):
         assert moved[axis] == pytest.approx(want, abs=1e-9)
 
 
-@pytest.mark.parametrize("name", PATHS)
+@every("name", PATHS)
 def test_what_comes_is_three_float64(name: str):
     for t in (-5.5, 0, 3, 1e6):
         for vector in (PATHS[name].place(t, fps=FPS), PATHS[name].rate(t, fps=FPS)):
@@ -95,7 +96,7 @@ def test_a_velocity_counts_in_seconds():
     assert np.allclose(path.rate(7, fps=FPS) * FPS, (0.5, -1.0, 3.0), rtol=1e-15)
 
 
-@pytest.mark.parametrize(
+@every(
     ("arguments", "forward"),
     [
         ({"velocity": (1.0, 1.0, 0.0)}, False),
@@ -112,7 +113,7 @@ def test_whether_it_goes_forward(arguments: dict[str, Any], forward: bool):
     assert fl.CameraPath(LENS, **arguments).goes_along(FORWARD) is forward
 
 
-@pytest.mark.parametrize("name", PATHS)
+@every("name", PATHS)
 def test_frozen_and_copied(name: str):
     path = PATHS[name]
     for twin in (pickle.loads(pickle.dumps(path)), copy.copy(path), copy.deepcopy(path)):
@@ -144,9 +145,7 @@ REFUSED: dict[str, list[Any]] = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize(
-    ("name", "number"), [(n, i) for n in REFUSED for i in range(len(REFUSED[n]))]
-)
+@every(("name", "number"), [(n, i) for n in REFUSED for i in range(len(REFUSED[n]))])
 def test_refusals_name_the_argument(name: str, number: int):
     arguments: dict[str, Any] = {"camera": LENS, name: REFUSED[name][number]}
     with pytest.raises((TypeError, ValueError), match=name):

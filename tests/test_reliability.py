@@ -5,8 +5,7 @@ from __future__ import annotations
 import ast
 from pathlib import Path
 
-import pytest
-
+from every import every
 from make_reliability import PAGE, Outcome, line
 from reliability import SECTIONS, Row, named
 
@@ -19,7 +18,7 @@ def declared(file: str) -> set[str]:
     return {node.name for node in ast.walk(tree) if isinstance(node, ast.FunctionDef)}
 
 
-@pytest.mark.parametrize("name", sorted(named()))
+@every("name", sorted(named()))
 def test_a_named_test_exists(name: str):
     file, test = name.split("::")
     assert test in declared(file)

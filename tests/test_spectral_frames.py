@@ -12,6 +12,7 @@ from skimage.metrics import structural_similarity
 import flurries as fl
 import make_frames
 import twin
+from every import every
 
 # The files hold float32, the twin works in float64: half a unit in the last place of a value below
 # 8 is 2.4e-7. The kernels in float32 may add 2e-6 (see test_spectral_field.py).
@@ -41,8 +42,8 @@ def alpha(name: str, dtype: type) -> np.ndarray:
     return fl.spectral.alpha(shape, **arguments, **given, dtype=dtype)
 
 
-@pytest.mark.parametrize("dtype", DTYPES)
-@pytest.mark.parametrize("name", make_frames.FIELDS)
+@every("dtype", DTYPES)
+@every("name", make_frames.FIELDS)
 def test_field_is_the_reference(name: str, dtype: type):
     assert agrees(field(name, dtype), make_frames.read(name), LIMIT[dtype])
 
@@ -66,7 +67,7 @@ def turned(name: str) -> Any:
     return np.negative(make_frames.FIELDS[name][1]["drift"])
 
 
-@pytest.mark.parametrize("name", make_frames.FIELDS)
+@every("name", make_frames.FIELDS)
 def test_another_field_is_not_the_reference(name: str):
     # Negative control: the same comparison refuses the other direction, the next seed, half a pixel
     # of drift of the longest wave, the picture turned over, and one pixel that is off by 1e-5.
@@ -104,7 +105,7 @@ def test_the_files_are_what_the_twin_makes():
         assert np.abs(frame - make_frames.read(name)).max() < 5e-7, name
 
 
-@pytest.mark.parametrize("name", sorted(make_frames.make()))
+@every("name", sorted(make_frames.make()))
 def test_the_files_are_small_float_pictures(name: str):
     path = make_frames.FRAMES / f"{name}.exr"
     assert path.stat().st_size < 150 * 1024

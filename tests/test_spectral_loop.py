@@ -113,27 +113,6 @@ def test_out_and_shapes_of_time():
     assert fl.spectral.loop(60, SHAPE, VELOCITY, seed=3).dtype == np.float32
 
 
-@pytest.mark.parametrize(
-    ("change", "named"),
-    [
-        ({"time": [[1.0]]}, "time"),
-        ({"time": []}, "time"),
-        ({"time": np.nan}, "time"),
-        ({"time": np.inf}, "time"),
-        ({"time": "3"}, "time"),
-        ({"exponent": np.nan}, "exponent"),
-        ({"alias": "none"}, "alias"),
-        ({"soft_from": 0.5, "alias": "soft"}, "soft_from"),
-        ({"shutter": -1.0}, "shutter"),
-        ({"jitter": 1}, "jitter"),
-        ({"out": np.zeros((2, 2))}, "out"),
-    ],
-)
-def test_refusals_name_the_argument(change: dict, named: str):
-    with pytest.raises((TypeError, ValueError), match=rf"\b{named}\b"):
-        loop(**change)
-
-
 def test_a_loop_too_short_for_its_motion_is_warned_of():
     with pytest.warns(UserWarning, match="32 % of the waves to rest"):
         fl.spectral.loop(30, (64, 64), (0.0, 1.1), seed=1)

@@ -7,6 +7,7 @@ import pytest
 
 import flurries as fl
 import twin
+from every import every
 
 MAPS = [
     {},
@@ -19,8 +20,8 @@ MAPS = [
 ]
 
 
-@pytest.mark.parametrize(("dtype", "limit"), [(np.float64, 1e-15), (np.float32, 1e-6)])
-@pytest.mark.parametrize("options", MAPS)
+@every(("dtype", "limit"), [(np.float64, 1e-15), (np.float32, 1e-6)])
+@every("options", MAPS)
 def test_opacity_is_the_twins(options: dict, dtype: type, limit: float):
     z = np.random.default_rng(1).normal(0.0, 1.5, (33, 50)).astype(dtype)
     got = fl.spectral.opacity(z, **options)
@@ -94,8 +95,8 @@ FIELD = {"drift": (3.0, 8.0), "seed": 17, "tile": 31, "overlap": 10, "wavelength
 FIELD |= {"velocity": (5.0, 20.0), "shutter": 0.5, "alias": "soft", "shift": (1.0, 0.5)}
 
 
-@pytest.mark.parametrize("power", [1.0, 2.0, 2.5])
-@pytest.mark.parametrize(("dtype", "limit"), [(np.float64, 1e-12), (np.float32, 2e-6)])
+@every("power", [1.0, 2.0, 2.5])
+@every(("dtype", "limit"), [(np.float64, 1e-12), (np.float32, 2e-6)])
 def test_alpha_is_opacity_of_field(dtype: type, limit: float, power: float):
     got = fl.spectral.alpha((70, 45), **FIELD, **MAPPED, power=power, dtype=dtype)
     steps = fl.spectral.field((70, 45), **FIELD, dtype=dtype)

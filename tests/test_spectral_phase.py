@@ -8,13 +8,14 @@ import pytest
 
 import flurries as fl
 import twin
+from every import every
 
 SEEDS = [0, 1, 42, -1, -987654321, 2**63 - 1, -(2**63)]
 SHAPES = [(64, 64), (8, 8), (9, 9), (17, 17), (31, 31), (12, 8), (9, 14), (7, 10), (1, 1), (2, 3)]
 
 
-@pytest.mark.parametrize("seed", SEEDS)
-@pytest.mark.parametrize("shape", SHAPES)
+@every("seed", SEEDS)
+@every("shape", SHAPES)
 def test_random_phase_is_the_hash(shape: twin.Shape, seed: int):
     got = fl.spectral.random_phase(shape, seed=seed)
     assert got.shape == shape and got.dtype == np.float64
@@ -33,7 +34,7 @@ def test_random_phase_default_tile_and_numpy_seed():
     assert np.array_equal(got, fl.spectral.random_phase((16, 16), seed=5, tile=(0, 0)))
 
 
-@pytest.mark.parametrize("shape", SHAPES)
+@every("shape", SHAPES)
 def test_random_phase_is_odd_and_reduced(shape: twin.Shape):
     phase = fl.spectral.random_phase(shape, seed=11)
     assert phase.min() >= -0.5 and phase.max() < 0.5
@@ -41,9 +42,9 @@ def test_random_phase_is_odd_and_reduced(shape: twin.Shape):
     assert np.isin(phase[twin.self_conjugate(shape)], (0.0, -0.5)).all()
 
 
-@pytest.mark.parametrize("wavelength_max", [32.0, 20.0])
-@pytest.mark.parametrize("shift", [(0.0, 0.0), (3.25, -7.5)])
-@pytest.mark.parametrize("shape", SHAPES)
+@every("wavelength_max", [32.0, 20.0])
+@every("shift", [(0.0, 0.0), (3.25, -7.5)])
+@every("shape", SHAPES)
 def test_advance_phase_is_the_twins(shape: twin.Shape, shift, wavelength_max: float):
     phase = twin.random_phase(shape, seed=2)
     arguments = {"shift": shift, "wavelength_max": wavelength_max}
@@ -54,7 +55,7 @@ def test_advance_phase_is_the_twins(shape: twin.Shape, shift, wavelength_max: fl
     assert np.abs(twin.reduced(got - want)).max() < 1e-14
 
 
-@pytest.mark.parametrize("shape", SHAPES)
+@every("shape", SHAPES)
 def test_advanced_phase_stays_odd(shape: twin.Shape):
     # Without this the field is not real; the Nyquist lines are where a literal formula breaks it.
     phase = twin.random_phase(shape, seed=4)
@@ -71,7 +72,7 @@ def test_phases_add_and_do_not_multiply():
     assert np.abs(twin.reduced(moved - phase - rate)).max() < 1e-15
 
 
-@pytest.mark.parametrize(
+@every(
     ("cycles", "expected"),
     [(0.5, -0.5), (-0.5, -0.5), (1.5, -0.5), (0.75, -0.25), (7.0, 0.0), (-3.25, -0.25)],
 )
@@ -98,8 +99,8 @@ def exact_phase(phase: np.ndarray, drift: tuple[float, float], wavelength_max: f
     return result
 
 
-@pytest.mark.parametrize("sign", [1.0, -1.0])
-@pytest.mark.parametrize(("frame", "limit"), [(1e3, 1e-12), (1e6, 1e-9), (1e9, 1e-6)])
+@every("sign", [1.0, -1.0])
+@every(("frame", "limit"), [(1e3, 1e-12), (1e6, 1e-9), (1e9, 1e-6)])
 def test_phase_never_drifts(frame: float, limit: float, sign: float):
     # c = 0.1 cycles per frame: 3.2 px of the 32 px wave, at 30 degrees.
     drift = (sign * 3.2 * np.cos(np.pi / 6) * frame, sign * 3.2 * 0.5 * frame)

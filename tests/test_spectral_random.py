@@ -6,10 +6,10 @@ import warnings
 from typing import Any
 
 import numpy as np
-import pytest
 
 import flurries as fl
 import twin
+from every import every
 
 LIMIT = {np.float64: 1e-12, np.float32: 2e-6}
 # Wavelengths that lattice waves meet exactly in some tile sizes, where a band's edge is decided.
@@ -63,7 +63,7 @@ def asked(seed: int) -> tuple[twin.Shape, dict[str, Any]]:
     return shape, options
 
 
-@pytest.mark.parametrize("seed", range(150))
+@every("seed", range(100))
 def test_a_random_frame_is_the_twins(seed: int):
     shape, options = asked(seed)
     want = twin.field(shape, **options)

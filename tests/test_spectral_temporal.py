@@ -7,6 +7,7 @@ import pytest
 
 import flurries as fl
 import twin
+from every import every
 from flurries.spectral.tables import temporal_gain, wave_depth
 
 M = (64, 64)
@@ -20,10 +21,10 @@ def kept(c: float, theta: float, *, size: int = 64, **options) -> float:
     return float(np.sum(fl.spectral.temporal_filter(amplitude, velocity, **options) ** 2))
 
 
-@pytest.mark.parametrize("renormalise", [False, True])
-@pytest.mark.parametrize("shutter", [0.0, 0.5, 1.0, 3.0])
-@pytest.mark.parametrize("alias", ["cut", "soft", "keep"])
-@pytest.mark.parametrize("shape", [(64, 64), (31, 31), (40, 33)])
+@every("renormalise", [False, True])
+@every("shutter", [0.0, 0.5, 1.0, 3.0])
+@every("alias", ["cut", "soft", "keep"])
+@every("shape", [(64, 64), (31, 31), (40, 33)])
 def test_temporal_filter_is_the_twins(
     shape: twin.Shape, alias: str, shutter: float, renormalise: bool
 ):
@@ -177,7 +178,7 @@ def test_the_plane_term_is_filtered_too():
     assert got[0, 16] == 0.0 and got[0, 15] == amplitude[0, 15] and got[16, 0] == amplitude[16, 0]
 
 
-@pytest.mark.parametrize(
+@every(
     ("size", "theta", "share"),
     [(64, 90, 0.0831), (128, 90, 0.038), (256, 90, 0.018), (512, 90, 0.009),
      (64, 45, 0.040), (128, 45, 0.026), (256, 45, 0.012), (512, 45, 0.006)],

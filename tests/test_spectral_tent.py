@@ -9,27 +9,28 @@ import pytest
 
 import flurries as fl
 import twin
+from every import every
 
 SHAPES = [(64, 64), (8, 8), (9, 9), (17, 17), (31, 31), (12, 8), (9, 14), (2, 2), (1, 1), (3, 4)]
 
 
-@pytest.mark.parametrize("velocity", [(2.0, 0.0), (0.0, -1.5), (0.7, 1.9)])
-@pytest.mark.parametrize("shape", SHAPES)
+@every("velocity", [(2.0, 0.0), (0.0, -1.5), (0.7, 1.9)])
+@every("shape", SHAPES)
 def test_tent_rate_is_the_twins(shape: twin.Shape, velocity: tuple[float, float]):
     got = fl.spectral.tent_rate(shape, velocity, wavelength_max=20.0)
     assert got.shape == shape and got.dtype == np.float64
     assert np.abs(got - twin.tent_rate(shape, velocity, wavelength_max=20.0)).max() < 1e-15
 
 
-@pytest.mark.parametrize("velocity", [(2.0, 0.0), (0.7, 1.9), (-31.0, 5.5)])
-@pytest.mark.parametrize("shape", SHAPES)
+@every("velocity", [(2.0, 0.0), (0.7, 1.9), (-31.0, 5.5)])
+@every("shape", SHAPES)
 def test_tent_is_exactly_odd(shape: twin.Shape, velocity: tuple[float, float]):
     rate = fl.spectral.tent_rate(shape, velocity)
     assert np.all(rate + twin.mirror(rate) == 0.0)
     assert np.all(rate[twin.self_conjugate(shape)] == 0.0)
 
 
-@pytest.mark.parametrize("size", [16, 15, 31, 50, 64])
+@every("size", [16, 15, 31, 50, 64])
 def test_tent_is_exact_on_the_axes(size: int):
     # u must be exactly 1 there, so that a wave at exactly half a cycle is seen as such.
     rate = fl.spectral.tent_rate((size, size), (8.0, -4.0), wavelength_max=32.0)
@@ -74,9 +75,9 @@ def test_velocity_from_paper(theta: float):
     assert np.hypot(vx, vy) == pytest.approx(1.0, abs=1e-15)
 
 
-@pytest.mark.parametrize("exponent", [1.0, 0.0, 1.7])
-@pytest.mark.parametrize("wavelengths", [(4.0, 32.0), (2.0, 16.0), (3.3, 21.7)])
-@pytest.mark.parametrize("shape", [(64, 64), (48, 48), (33, 33), (47, 47), (40, 64)])
+@every("exponent", [1.0, 0.0, 1.7])
+@every("wavelengths", [(4.0, 32.0), (2.0, 16.0), (3.3, 21.7)])
+@every("shape", [(64, 64), (48, 48), (33, 33), (47, 47), (40, 64)])
 def test_band_amplitude_is_the_twins(shape: twin.Shape, wavelengths, exponent: float):
     got = fl.spectral.band_amplitude(shape, wavelengths=wavelengths, exponent=exponent)
     want = twin.band_amplitude(shape, wavelengths=wavelengths, exponent=exponent)
@@ -87,7 +88,7 @@ def test_band_amplitude_is_the_twins(shape: twin.Shape, wavelengths, exponent: f
     assert abs(np.sum(got**2) - 1.0) < 1e-13
 
 
-@pytest.mark.parametrize(("size", "bins"), [(5, 4), (8, 8), (9, 20), (64, 784), (128, 3160)])
+@every(("size", "bins"), [(5, 4), (8, 8), (9, 20), (64, 784), (128, 3160)])
 def test_number_of_bins(size: int, bins: int):
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", UserWarning)  # 32 px do not fit the small tiles
@@ -95,7 +96,7 @@ def test_number_of_bins(size: int, bins: int):
     assert np.count_nonzero(amplitude) == bins
 
 
-@pytest.mark.parametrize(
+@every(
     ("size", "lattice"),
     [
         (60, (1.139, 0.986, 0.988)),

@@ -7,14 +7,15 @@ import pytest
 
 import flurries as fl
 import twin
+from every import every
 from flurries.spectral.tiles import tile_shares
 
 LENGTHS = [1, 2, 63, 64, 65, 117, 118, 119, 130, 200]
 OVERLAPS = [0, 1, 10, 32, 48, 63]
 
 
-@pytest.mark.parametrize("overlap", OVERLAPS)
-@pytest.mark.parametrize("length", LENGTHS)
+@every("overlap", OVERLAPS)
+@every("length", LENGTHS)
 def test_tile_starts(length: int, overlap: int):
     got = fl.spectral.tile_starts(length, tile=64, overlap=overlap)
     assert got.ndim == 1 and got.dtype.kind == "i"
@@ -41,9 +42,9 @@ def weights_of(shape: twin.Shape, tile: int, overlap: int, blend: str) -> np.nda
     return np.array(pictures)
 
 
-@pytest.mark.parametrize("blend", ["power", "linear"])
-@pytest.mark.parametrize("overlap", [0, 1, 5, 10, 15])
-@pytest.mark.parametrize("shape", [(1, 1), (15, 15), (16, 16), (17, 17), (33, 15), (1, 40)])
+@every("blend", ["power", "linear"])
+@every("overlap", [0, 1, 5, 10, 15])
+@every("shape", [(1, 1), (15, 15), (16, 16), (17, 17), (33, 15), (1, 40)])
 def test_weights_add_up(shape: twin.Shape, overlap: int, blend: str):
     weights = weights_of(shape, 16, overlap, blend)
     assert weights.min() >= 0.0
@@ -51,9 +52,9 @@ def test_weights_add_up(shape: twin.Shape, overlap: int, blend: str):
     assert np.abs(total - 1.0).max() < 1e-14
 
 
-@pytest.mark.parametrize(("dtype", "limit"), [(np.float64, 1e-14), (np.float32, 2e-6)])
-@pytest.mark.parametrize("blend", ["power", "linear"])
-@pytest.mark.parametrize(
+@every(("dtype", "limit"), [(np.float64, 1e-14), (np.float32, 2e-6)])
+@every("blend", ["power", "linear"])
+@every(
     ("shape", "size", "overlap"),
     [((130, 70), (64, 64), 10), ((40, 50), (17, 17), 0), ((50, 41), (16, 24), 7),
      ((19, 18), (16, 16), 15), ((20, 20), (31, 31), 10), ((40, 33), (12, 12), 8)],
@@ -118,9 +119,9 @@ def test_linear_blending_dips(variance):
     assert np.mean(linear[np.ix_(MIDDLE, MIDDLE)]) == pytest.approx(dip**2, abs=0.05 * dip**2)
 
 
-@pytest.mark.parametrize("blend", ["power", "linear"])
-@pytest.mark.parametrize("overlap", [0, 10, 40])
-@pytest.mark.parametrize(("old", "new"), [((100, 150), (170, 150)), ((128, 64), (128, 300)),
+@every("blend", ["power", "linear"])
+@every("overlap", [0, 10, 40])
+@every(("old", "new"), [((100, 150), (170, 150)), ((128, 64), (128, 300)),
                                           ((90, 90), (91, 92)), ((64, 64), (65, 65))])  # fmt: skip
 def test_growing_the_picture_keeps_old_pixels(old, new, overlap: int, blend: str):
     # Tiles that stick out count whole, so a pixel changes only where a new tile reaches it.

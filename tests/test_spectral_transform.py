@@ -7,6 +7,7 @@ import pytest
 
 import flurries as fl
 import twin
+from every import every
 
 SMALL = [(16, 16), (15, 15), (8, 8), (12, 8), (9, 14), (1, 1), (1, 5), (6, 1), (2, 2), (3, 2)]
 LARGE = [(1021, 6), (6, 1021), (1024, 12), (12, 1024), (97, 97), (127, 64), (64, 509), (48, 31)]
@@ -19,8 +20,8 @@ def symmetric(shape: twin.Shape) -> tuple[np.ndarray, np.ndarray]:
     return amplitude / np.sqrt(np.sum(amplitude**2)), twin.random_phase(shape, seed=6)
 
 
-@pytest.mark.parametrize(("dtype", "limit"), [(np.float64, 1e-13), (np.float32, 2e-6)])
-@pytest.mark.parametrize("shape", SMALL)
+@every(("dtype", "limit"), [(np.float64, 1e-13), (np.float32, 2e-6)])
+@every("shape", SMALL)
 def test_transform_is_the_cosine_sum(shape: twin.Shape, dtype: type, limit: float):
     amplitude, phase = symmetric(shape)
     got = fl.spectral.inverse_transform(amplitude, phase, dtype=dtype)
@@ -28,8 +29,8 @@ def test_transform_is_the_cosine_sum(shape: twin.Shape, dtype: type, limit: floa
     assert np.abs(got - twin.direct_sum(amplitude, phase)).max() < limit
 
 
-@pytest.mark.parametrize(("dtype", "limit"), [(np.float64, 1e-12), (np.float32, 4e-6)])
-@pytest.mark.parametrize("shape", SMALL)
+@every(("dtype", "limit"), [(np.float64, 1e-12), (np.float32, 4e-6)])
+@every("shape", SMALL)
 def test_tables_without_symmetry(shape: twin.Shape, dtype: type, limit: float):
     # Arbitrary tables, negative amplitudes, phases of many turns: all bins count as they are.
     random = np.random.default_rng(2)
@@ -40,7 +41,7 @@ def test_tables_without_symmetry(shape: twin.Shape, dtype: type, limit: float):
     assert np.abs(got - twin.direct_sum(amplitude, phase)).max() < limit
 
 
-@pytest.mark.parametrize("bin_", [(0, 8), (8, 0), (8, 8), (0, 0), (8, 3), (3, 8), (-3, 8), (8, -3)])
+@every("bin_", [(0, 8), (8, 0), (8, 8), (0, 0), (8, 3), (3, 8), (-3, 8), (8, -3)])
 def test_one_nyquist_wave(bin_: tuple[int, int]):
     # One bin alone, on the lines where the half spectrum is its own mirror.
     amplitude, phase = np.zeros((16, 16)), np.zeros((16, 16))
@@ -59,7 +60,7 @@ def test_one_wave_is_a_cosine():
     assert np.abs(got - want).max() < 1e-14
 
 
-@pytest.mark.parametrize("size", [8, 9, 16, 31, 64, 100, 128, 512])
+@every("size", [8, 9, 16, 31, 64, 100, 128, 512])
 def test_mean_zero_and_variance_one(size: int):
     amplitude = fl.spectral.band_amplitude((size, size), wavelengths=(2.5, min(size, 32.0)))
     phase = fl.spectral.random_phase((size, size), seed=size)
@@ -76,8 +77,8 @@ def long_double(amplitude: np.ndarray, phase: np.ndarray) -> np.ndarray:
     return np.fft.ifft2(spectrum, norm="forward").real
 
 
-@pytest.mark.parametrize(("dtype", "limit"), [(np.float64, 3e-15), (np.float32, 5e-7)])
-@pytest.mark.parametrize("shape", [*SMALL, *LARGE])
+@every(("dtype", "limit"), [(np.float64, 3e-15), (np.float32, 5e-7)])
+@every("shape", [*SMALL, *LARGE])
 def test_relative_rms_error(shape: twin.Shape, dtype: type, limit: float):
     amplitude, phase = symmetric(shape)
     exact = long_double(amplitude, phase)

@@ -10,6 +10,7 @@ import pytest
 from scipy import integrate, stats
 
 import twin
+from every import every
 
 MASK = 2**64 - 1
 
@@ -27,7 +28,7 @@ def test_mix64_published_constant():
     assert int(twin.mix64(0)[0]) == mix64_in_python(0) == 0xE220A8397B1DCDAF
 
 
-@pytest.mark.parametrize("seed", [0, 1, -1, 2**63 - 1, -(2**63)])
+@every("seed", [0, 1, -1, 2**63 - 1, -(2**63)])
 def test_hash_in_python_integers(seed: int):
     words = (seed, 3, 0, -4, 31)
     h = 0
@@ -37,7 +38,7 @@ def test_hash_in_python_integers(seed: int):
     assert twin.unit(twin.hashed(*words))[0] == (h >> 11) / 2**53
 
 
-@pytest.mark.parametrize("shape", [(8, 8), (9, 9), (8, 9), (6, 4), (5, 12)])
+@every("shape", [(8, 8), (9, 9), (8, 9), (6, 4), (5, 12)])
 def test_each_pair_has_one_leader(shape: twin.Shape):
     lead = twin.leaders(shape)
     count = lead.astype(int) + twin.mirror(lead)
@@ -54,7 +55,7 @@ def test_leaders_are_those_of_the_text():
     assert not np.any(lead[(kx < 0) & (kx > -4)])
 
 
-@pytest.mark.parametrize("shape", [(16, 16), (15, 15), (8, 8), (12, 8), (9, 14)])
+@every("shape", [(16, 16), (15, 15), (8, 8), (12, 8), (9, 14)])
 def test_fft_is_the_cosine_sum(shape: twin.Shape):
     # Arbitrary, not symmetric, with dc and Nyquist: the sum is over all bins as they are. The error
     # is a small multiple of eps times the sum of the amplitudes.
@@ -97,9 +98,9 @@ def test_direct_field_is_the_fft_field():
     assert np.abs(error).max() < 1e-13
 
 
-@pytest.mark.parametrize("blend", ["power", "linear"])
-@pytest.mark.parametrize("overlap", [0, 1, 10, 63])
-@pytest.mark.parametrize("length", [1, 63, 64, 65, 130])
+@every("blend", ["power", "linear"])
+@every("overlap", [0, 1, 10, 63])
+@every("length", [1, 63, 64, 65, 130])
 def test_axis_weights_add_up(length: int, overlap: int, blend: str):
     weights = twin.axis_weights(length, 64, overlap, blend)
     power = weights**2 if blend == "power" else weights

@@ -8,6 +8,7 @@ import pytest
 import flurries as fl
 import twin
 import twin_volume
+from every import every
 
 C = 0.2  # cycles per frame
 FRAMES = 64
@@ -29,8 +30,8 @@ def volume(frames: int = FRAMES, size: int = 64, c: float = C, **options) -> np.
 SIZES = [(16, 16, (2.0, 8.0)), (15, 15, (2.0, 8.0)), (9, 14, (3.0, 9.0)), (24, 13, (4.0, 13.0))]
 
 
-@pytest.mark.parametrize("cells", ["one", "overlap"])
-@pytest.mark.parametrize(("frames", "size", "band"), SIZES)
+@every("cells", ["one", "overlap"])
+@every(("frames", "size", "band"), SIZES)
 def test_the_film_is_numpys_inverse_transform(frames: int, size: int, band, cells: str):
     cube = twin_volume.spectrum(
         frames, (size, size), drift(C, longest=band[1]), seed=4, wavelengths=band, cells=cells
@@ -238,50 +239,6 @@ def test_the_named_bands():
     assert power[~twin.band((64, 64), (2.0, 16.0))].sum() < 1e-20 * power.sum()
 
 
-def test_dtype_and_out():
-    film = volume(6, 16, wavelengths=(2.0, 8.0))
-    out = np.full((6, 16, 16), np.nan)
-    assert volume(6, 16, wavelengths=(2.0, 8.0), out=out) is out
-    assert np.array_equal(out, film)
-    assert fl.spectral.volume(2, 64, (3.0, 9.0), seed=1).dtype == np.float32
-
-
-def test_bits_do_not_depend_on_the_threads(threads):
-    films = []
-    for count in (1, 2, 3):
-        threads(count)
-        films.append(volume(10).tobytes())
-    assert len(set(films)) == 1
-
-
-@pytest.mark.parametrize(
-    ("change", "error", "named"),
-    [
-        ({"frames": 0}, ValueError, "frames"),
-        ({"frames": 2.5}, TypeError, "frames"),
-        ({"frames": 2**30, "size": 2**14}, ValueError, "frames"),
-        ({"size": 3}, ValueError, "wavelengths"),
-        ({"size": (64, 64)}, TypeError, "size"),
-        ({"velocity": (np.nan, 0.0)}, ValueError, "velocity"),
-        ({"velocity": 3.0}, ValueError, "velocity"),
-        ({"velocity": (40.0, 0.0), "cells": "overlap"}, ValueError, "velocity"),
-        ({"seed": None}, TypeError, "seed"),
-        ({"wavelengths": (1.0, 8.0)}, ValueError, "wavelengths"),
-        ({"wavelengths": (8.0, 8.0)}, ValueError, "wavelengths"),
-        ({"cells": "all"}, ValueError, "cells"),
-        ({"dtype": np.float16}, TypeError, "dtype"),
-        ({"out": np.zeros((8, 64, 63))}, TypeError, "out"),
-        ({"out": np.zeros((8, 64, 63), np.float32)}, ValueError, "out"),
-    ],
-)
-@pytest.mark.filterwarnings("ignore::UserWarning")
-def test_refusals_name_the_argument(change: dict, error: type, named: str):
-    options = {"frames": 8, "size": 64, "velocity": (8.0, 8.0), "seed": 1, **change}
-    first = [options.pop(name) for name in ("frames", "size", "velocity")]
-    with pytest.raises(error, match=rf"\b{named}\b"):
-        fl.spectral.volume(*first, **options)
-
-
 def test_warnings_say_what_would_disappoint():
     with pytest.warns(UserWarning, match="backwards"):
         volume(16, c=0.6)
@@ -296,3 +253,17 @@ def test_velocities_beyond_sense_are_no_panic():
     with pytest.warns(UserWarning, match="backwards"):
         film = fl.spectral.volume(4, 16, (1e100, -1e99), seed=1, wavelengths=(2.0, 8.0))
     assert np.isfinite(film).all()
+
+
+@pytest.mark.filterwarnings("ignore::UserWarning")
+def test_cells_on_the_tent_turn_less_than_a_cycle_a_frame():
+    with pytest.raises(ValueError, match="velocity"):
+        fl.spectral.volume(8, 64, (40.0, 0.0), seed=1, cells="overlap")
+
+
+@pytest.mark.filterwarnings("ignore::UserWarning")
+def test_a_tile_too_small_for_its_waves_and_a_film_too_large_are_refused():
+    with pytest.raises(ValueError, match="wavelengths"):
+        fl.spectral.volume(8, 3, (8.0, 8.0), seed=1)
+    with pytest.raises(ValueError, match="frames"):
+        fl.spectral.volume(2**30, 2**14, (8.0, 8.0), seed=1)

@@ -10,6 +10,7 @@ import pytest
 
 import flurries as fl
 import measure
+from every import every
 from measure import FLAKES, FOCAL, LONGEST, NEAR, SIZE, TEXTURE, TORUS, scene
 
 Camera, Snow, Scene = fl.Camera, fl.Snow, fl.Scene
@@ -49,7 +50,7 @@ ODD: list[tuple[Any, dict[str, Any], str]] = [
 ]  # fmt: skip
 
 
-@pytest.mark.parametrize("number", range(len(ODD)))
+@every("number", range(len(ODD)))
 def test_eyes_refuse_by_name(number: int):
     camera, about, name = ODD[number]
     with pytest.raises((TypeError, ValueError), match=name):

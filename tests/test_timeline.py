@@ -14,6 +14,7 @@ import pytest
 from scipy.integrate import quad
 
 import flurries as fl
+from every import every
 from flurries.motion.keys import as_number, as_vector, integral_to, value_at
 
 Keys = fl.Keys
@@ -76,7 +77,7 @@ def test_slope_is_the_change_of_the_value(extend: bool):
     assert RAMP.slope(4) == 12.0, "at a key the slope is that of what comes"
 
 
-@pytest.mark.parametrize("t", TIMES)
+@every("t", TIMES)
 def test_integral_is_exact(t: float):
     want = exact(RAMP, t)
     assert abs(RAMP.integral(t) - want) <= 1e-15 * max(1.0, float(abs(want)), abs(t))
@@ -86,7 +87,7 @@ def test_integral_is_exact(t: float):
     assert integral_to(RAMP, t) == RAMP.integral(t)
 
 
-@pytest.mark.parametrize("t", [-20.5, -3.0, 2.2, 4.3, 77.7, 130.0])
+@every("t", [-20.5, -3.0, 2.2, 4.3, 77.7, 130.0])
 def test_integral_against_quadrature(t: float):
     corners = sorted(f for f, _ in RAMP.keys if min(0, t) < f < max(0, t))
     numeric, _ = quad(RAMP.at, 0.0, t, points=corners or None, epsabs=1e-12, epsrel=1e-12)
@@ -167,14 +168,14 @@ REFUSED: dict[str, Any] = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("what", REFUSED)
+@every("what", REFUSED)
 def test_refusals_name_keys(what: str):
     with pytest.raises((TypeError, ValueError), match="keys"):
         Keys(REFUSED[what])
 
 
-@pytest.mark.parametrize("t", [NAN, "x", None])
-@pytest.mark.parametrize("ask", ["at", "slope", "integral"])
+@every("t", [NAN, "x", None])
+@every("ask", ["at", "slope", "integral"])
 def test_times_that_are_none_are_refused(ask: str, t: Any):
     with pytest.raises((TypeError, ValueError)):
         getattr(RAMP, ask)(t)

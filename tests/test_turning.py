@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import pickle
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -16,6 +17,7 @@ from skimage.registration import optical_flow_ilk
 
 import flurries as fl
 import measure
+from every import every
 from flurries.camera.rotation import rotation_vector
 from measure import FLAKES, FOCAL, LONGEST, NEAR, SIZE, TEXTURE, picture, scene
 
@@ -50,7 +52,7 @@ def twin_turn(t: float) -> np.ndarray:
     return (TURNS[i] * Rotation.from_rotvec((t - i) * step)).as_matrix()
 
 
-@pytest.mark.parametrize("form", FORMS)
+@every("form", FORMS)
 def test_all_forms_are_one_turn(form: str):
     path = Path_(LENS, orientation=FORMS[form])
     slerp = Slerp(np.arange(9), TURNS)
@@ -116,23 +118,27 @@ def twin_velocity(path: fl.CameraPath, air: dict[str, Any], t: float) -> np.ndar
     return path.rate(t, fps=FPS) - (np.array(value(air["wind"], t)) + down) / FPS
 
 
-@pytest.mark.parametrize("way", WAYS)
-@pytest.mark.parametrize("air", AIR)
+def integral(what: Callable[[float], np.ndarray], t: float) -> np.ndarray:
+    corners = np.array([*range(-1, 12), 4.5, -3, 12, 7, 2, 5, 11], dtype=float)
+    points = [c for c in corners if min(0, t) < c < max(0, t)]
+    found: np.ndarray = quad_vec(what, 0.0, t, epsabs=1e-12, epsrel=1e-13, points=points or None)[0]
+    return found
+
+
+# Each way, and each air.
+@every("way, air", [*((way, "gusts") for way in WAYS), *(("keys", air) for air in AIR)])
 def test_p_is_the_integral_in_turning_axes(way: str, air: str):
     path = Path_(LENS, orientation=TURNS.as_rotvec(), **WAYS[way])
-    corners = np.array([*range(-1, 12), 4.5, -3, 12, 7, 2, 5, 11], dtype=float)
     for t in TIMES:
-        points = [c for c in corners if min(0, t) < c < max(0, t)]
-        want, _ = quad_vec(
-            lambda u: twin_turn(u).T @ twin_velocity(path, AIR[air], u), 0.0, t,
-            epsabs=1e-12, epsrel=1e-13, points=points or None,
-        )  # fmt: skip
+        want = integral(lambda u: twin_turn(u).T @ twin_velocity(path, AIR[air], u), t)
         got = path.rig(t).T @ path.travel(t, fps=FPS, **AIR[air])
         assert np.abs(got - want).max() < 2e-11 * max(1.0, abs(t))
-        angle, _ = quad_vec(
-            lambda u: twin_turn(u).T @ path.spin(u), 0.0, t, epsabs=1e-12, epsrel=1e-13,
-            points=points or None,
-        )  # fmt: skip
+
+
+def test_the_sum_of_the_turning_is_its_integral():
+    path = Path_(LENS, orientation=TURNS.as_rotvec())
+    for t in TIMES:
+        angle = integral(lambda u: twin_turn(u).T @ path.spin(u), t)
         assert np.abs(path.rig(t).T @ path.rotation(t) - angle).max() < 2e-11 * max(1.0, abs(t))
 
 
@@ -423,7 +429,7 @@ BAD_CSV = {
     "nothing": ("frame\n1\n", "neither"), "text": ("x,y,z\n1,2,3\n1,a,3\n", "line 3.*'a'"),
     "NaN": ("x,y,z\n1,nan,3\n", "line 2.*'nan'"), "short": ("x,y,z\n1,2\n", "line 2: 3 entries"),
     "backwards": ("frame,x,y,z\n1,0,0,0\n0,0,0,0\n", "increase"),
-    "latin": (b"x,y,z\n\xff,1,2\n", "not a CSV"),
+    "latin": (b"x,y,z\n\xff,1,2\n", "UTF-8"),
 }  # fmt: skip
 
 
@@ -444,7 +450,7 @@ ODD: dict[str, Any] = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("name", ODD)
+@every("name", ODD)
 def test_orientations_that_are_none_are_refused(name: str):
     with pytest.raises((TypeError, ValueError), match="orientation"):
         Path_(LENS, orientation=ODD[name])

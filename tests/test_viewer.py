@@ -130,6 +130,7 @@ def test_bad_questions_are_answered_with_a_sentence(ask: Any):
 
 
 def test_the_answer_is_the_scenes_own_frame():
+    SCENE.render(12.0)  # What it has resolved is not that of the tuned scene.
     head, buffers = Session(SCENE).answer({"t": 12.0, "values": {"0.amount": 0.5}})
     wanted = applied(SCENE, {"0.amount": 0.5}).render(12.0)
     assert buffers[0] == jpeg(wanted)
@@ -146,6 +147,7 @@ def place(session: Session, effect: int = 0) -> np.ndarray:
 def test_the_air_goes_on_from_where_it_is():
     """Another speed at frame 100 must not throw the air to where that speed had brought it."""
     session = Session(SCENE)
+    SCENE.render(100.0)
     session.answer({"t": 100.0, "page": "p", "begin": True})
     before = place(session)
     ask = {"t": 101.0, "values": {"0.speed": 3.0, "0.direction": 0.0}, "page": "p"}

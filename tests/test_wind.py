@@ -14,6 +14,7 @@ from scipy.integrate import solve_ivp
 
 import flurries as fl
 import measure
+from every import every
 from flurries.effects.gusts import flakes_in_waves, wind_at
 from flurries.scene.fingerprint import fingerprint
 from measure import FLAKES, FOCAL, LONGEST, NEAR, SIZE, TEXTURE, TORUS, WAVES, picture, scene
@@ -436,7 +437,7 @@ ODD: dict[str, list[Any]] = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("name", ODD)
+@every("name", ODD)
 def test_wind_refuses_by_name(name: str):
     for value in ODD[name]:
         with pytest.raises((TypeError, ValueError), match=name):

@@ -11,6 +11,7 @@ import operator
 import sys
 import warnings
 from collections.abc import Iterable, Mapping, Sequence
+from difflib import get_close_matches
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -125,8 +126,6 @@ def choice(name: str, value: object, options: Sequence[str]) -> str:
 
 def suggestion(word: str, known: Iterable[str]) -> str:
     """Return "; did you mean 'heavy'?" for "hevy", or nothing where no known word is like it."""
-    from difflib import get_close_matches
-
     near = get_close_matches(word, list(known), 1)
     return f"; did you mean {near[0]!r}?" if near else ""
 

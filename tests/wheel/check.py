@@ -27,7 +27,7 @@ ROOT = Path(__file__).resolve().parents[2]
 NEEDS = ["pytest", "pytest-xdist", "hypothesis", "mpmath", "sympy", "scipy", "matplotlib",
          "dask[array,distributed]"]  # fmt: skip
 SMOKE = ["spectral_twin", "spectral_frames", "particles", "gas_splat", "cone_layer", "composite",
-         "augment", "scene", "io_pictures", "simd", "cli", "every_function"]  # fmt: skip
+         "augment", "scene", "io_pictures", "simd", "cli", "public"]  # fmt: skip
 # They read pages, notebooks, benches or examples, or build.
 OF_THE_REPOSITORY = ["alone", "benches", "deviations", "docs", "hard_cases", "notebooks"]
 

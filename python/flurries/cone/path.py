@@ -10,7 +10,17 @@ from itertools import pairwise
 import numpy as np
 import numpy.typing as npt
 
-from flurries._contract import LARGEST, SMALLEST, Float64, flag, integer, moderate, real, table
+from flurries._contract import (
+    LARGEST,
+    SMALLEST,
+    Float64,
+    flag,
+    integer,
+    moderate,
+    real,
+    rectangular,
+    table,
+)
 from flurries.cone.motion import elongation, scroll, travel
 from flurries.cone.sheet import MOST_REPEATS, wrapped
 
@@ -186,11 +196,13 @@ def path(
     rows = [_rows(name, value, count) for name, value in (("drop", drop), ("camera", camera))]
     around = integer("repeats", repeats, low=1, high=MOST_REPEATS)
     tile = 2.0 * math.pi * real("radius", radius, low=SMALLEST, high=LARGEST) / around
+    streak = real("length", length, above=0.0, high=LARGEST)
     if flag("published", published):
-        return _printed(moments, rows, damping, length, pixel, tile)
+        scale = real("pixel", pixel, low=SMALLEST, high=LARGEST)
+        return _printed(moments, rows, damping, streak, scale, tile)
     velocity = travel(*rows, damping=damping)
     slow = real("still", still, above=0.0)
-    blur = _exposures(exposure, count) / real("length", length, above=0.0)
+    blur = _exposures(exposure, count) / streak
     axis, speed = np.empty((count, 3)), np.empty(count)
     last = DOWN
     for i, rate in enumerate(velocity):
@@ -212,7 +224,7 @@ def _rows(name: str, value: npt.ArrayLike, count: int) -> Float64:
 
 
 def _exposures(value: npt.ArrayLike, count: int) -> Float64:
-    if np.ndim(value) == 0:
+    if rectangular("exposure", value).ndim == 0:
         return np.full(count, real("exposure", value, low=0.0))
     given = moderate("exposure", table("exposure", value, ndim=1))
     if given.shape != (count,):

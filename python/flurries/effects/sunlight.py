@@ -11,6 +11,7 @@ import numpy as np
 from flurries import gas
 from flurries._contract import Array, Float64
 from flurries.frame.view import Frame
+from flurries.io.color import srgb_to_linear
 
 SCATTER = ("even", "rayleigh", "henyey")
 
@@ -45,8 +46,6 @@ class Scatter:
         self, frame: Frame, points: Float64, shown: Float64, radius: float, color: Any
     ) -> Array:
         """Return the linear color of each particle, (n, 3), for a gas of a display color."""
-        from flurries.io import srgb_to_linear
-
         assert frame.sun is not None
         sun = frame.sun
         lit = frame.once(self, "light", lambda: self._light(frame, points, shown, radius))

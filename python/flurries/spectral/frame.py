@@ -136,7 +136,7 @@ def request(
     warn_long(tile_size, band, stacklevel=4)
     offsets = _vectors("drift", drift, rings)
     if offsets is not _ZERO and band[1] > 0.0:
-        warn_far(float(np.abs(offsets).max()) / band[1], stacklevel=4)
+        warn_far(float(np.abs(offsets).max(initial=0.0)) / band[1], stacklevel=4)
     return Request(
         shape=size,
         tile=tile_size,

@@ -9,6 +9,7 @@ import numpy as np
 
 from flurries._contract import Array, integer
 from flurries.camera.path import CameraPath
+from flurries.io import fit
 from flurries.scene.depth import DepthMap
 from flurries.scene.scene import Scene
 
@@ -47,9 +48,7 @@ class Preview:
             path = path.resize(self.scale)
             effects = [scaled(effect, self.scale) for effect in effects]
         # Not `replace`, which would open and fit the background's file for every picture.
-        scene = object.__new__(Scene)
-        vars(scene).update(vars(self.scene), effects=tuple(effects), camera=path)
-        return scene
+        return self.scene.derive(effects=tuple(effects), camera=path)
 
 
 def scaled(effect: Any, scale: float) -> Any:
@@ -71,8 +70,6 @@ def _picture(value: Any, size: tuple[int, int]) -> Any:
         return value
     if value.ndim == 2:
         return _sampled(value, size)
-    from flurries.io import fit
-
     return fit(value, size, "stretch")
 
 

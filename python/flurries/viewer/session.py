@@ -220,8 +220,7 @@ def _carried(
         return scene, here
     start, rate = path.place(t, fps=scene.fps) + offset, path.rate(t, fps=scene.fps)
     keys = Keys([(t, tuple(start)), (t + 1.0, tuple(start + rate))])
-    moved = object.__new__(Scene)
-    vars(moved).update(vars(scene), camera=replace(path, position=keys, velocity=None))
+    moved = scene.derive(camera=replace(path, position=keys, velocity=None))
     return moved, _places(moved, t)
 
 

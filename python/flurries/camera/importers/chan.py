@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from flurries._contract import Float64, shape_of
+from flurries._contract import Float64, integer, shape_of
 from flurries.camera.importers.matrices import FLIP, path_of
 from flurries.camera.importers.text import read_numbers
 from flurries.camera.lens import Camera, expect_camera
@@ -64,7 +64,8 @@ def read_chan(
 def _frames(file: Path, given: Float64, start: int | None) -> Float64:
     if not (np.diff(given) > 0.0).all():
         raise ValueError(f"{file}: frames must increase")
-    return given - (given[0] if start is None else float(start))
+    first = given[0] if start is None else integer("start", start, low=-(2**31), high=2**31)
+    return given - first
 
 
 def _euler(degrees: Float64, order: str) -> Float64:

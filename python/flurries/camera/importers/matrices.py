@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from flurries._contract import Float64, choice, moderate, real, table
+from flurries._contract import Float64, choice, flag, moderate, real, table
 from flurries.camera.lens import Camera, expect_camera
 from flurries.camera.path import CameraPath
 from flurries.camera.rotation import quaternions_of
@@ -58,7 +58,7 @@ def from_matrices(
         raise ValueError(f"matrices must be (n, 3, 4) or (n, 4, 4), got {poses.shape}")
     choice("axes", axes, AXES)
     turns, places = poses[:, :3, :3], poses[:, :3, 3]
-    if inverse:
+    if flag("inverse", inverse):
         turns = turns.transpose(0, 2, 1)
         places = -np.einsum("nij,nj->ni", turns, places)
     if axes == AXES[1]:

@@ -1,0 +1,167 @@
+"""All public functions and classes, from one list, each with a call that it takes.
+
+`test_public.py` asks of each what its signature promises. What is in some `__all__` and has no call
+here fails there.
+"""
+
+from __future__ import annotations
+
+import importlib
+import importlib.util
+import inspect
+import pkgutil
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from functools import cache
+from typing import Any
+
+import numpy as np
+
+import flurries as fl
+
+# Modules of other libraries' transforms, which need those, and the one that runs when imported.
+ELSEWHERE = ("albumentations", "kornia", "torchvision", "__main__")
+
+# What libraries offer that need not be here.
+GUESTS = {"view": "anywidget", "output.groups.to_dask": "dask"}
+
+# Parts of `CameraPath`, effects, weather and the command: they get what those have checked.
+INNER = ("turning", "keys", "demo", "calibration")
+
+# Parts of effects: the effect that is composed of them checks them all.
+PARTS = {f"effects.{name}" for name in (
+    "Field", "Flakes", "Motion", "Precipitation", "Texture", "Veil",
+)}  # fmt: skip
+
+# Classes that functions return and nobody makes.
+RESULTS = {
+    "Frame", "InternalError", "Layer", "Rendered", "augment.Weathered", "augment.corrupt.Corrupted",
+    "cone.Path", "cone.Rays", "cone.State", "gas.grid.Particles", "hybrid.Match",
+    "hybrid.Octaves", "io.Header", "io.Picture", "io.Source",
+    "output.write.Summary", "trace.Trace", "accuracy.Axis", "accuracy.Point", "accuracy.Study",
+}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Call:
+    """A call that is taken, and what the signature does not say of it.
+
+    Attributes
+    ----------
+    given : dict
+        Every argument by its name, arrays as contiguous float64.
+    of : callable, optional
+        What is called, where it is not the public function itself.
+    then : callable, optional
+        What makes arrays of the answer, where it is an object.
+    refused : dict of tuple
+        Values of the right type that are refused all the same, by argument; in place of
+        `values.OUT_OF_RANGE`.
+    pictures : tuple of str
+        Arrays that are pictures: integers mean levels of their full scale, floats themselves.
+    light : bool
+        Whether levels mean display values, and floats light.
+    keeps : str
+        The array whose float dtype the answer keeps.
+    takes : dict of tuple of str
+        What else than numbers an array may be, by argument: see `values.no_arrays`.
+    floats : tuple of str
+        Arrays of which integers are refused.
+    within : float
+        How far answers of float32 may be from those of float64, relative to the largest.
+    words : tuple of str
+        Strings that are no choice of a few.
+    unused : tuple of str
+        Arguments that mean nothing beside the others given, and are not looked at.
+    loose : bool
+        Whether a wrong type may be taken or refused in Python's own words: by what is not arrays.
+    heavy : tuple of str
+        Arguments of which a large number, or none at all, is an order for that much work.
+    both : dict of str
+        Arrays that must be alike: whoever changes the one changes the other.
+    strict : bool
+        Whether all refusals are short and name an argument, not only those of a wrong type.
+    """
+
+    given: dict[str, Any]
+    of: Callable[..., Any] | None = None
+    then: Callable[[Any], Any] = lambda made: made
+    refused: dict[str, tuple[Any, ...]] = field(default_factory=dict)
+    pictures: tuple[str, ...] = ()
+    light: bool = False
+    keeps: str = ""
+    takes: dict[str, tuple[str, ...]] = field(default_factory=dict)
+    floats: tuple[str, ...] = ()
+    within: float = 2e-5
+    words: tuple[str, ...] = ()
+    unused: tuple[str, ...] = ()
+    loose: bool = False
+    heavy: tuple[str, ...] = ()
+    both: dict[str, str] = field(default_factory=dict)
+    strict: bool = False
+
+    def __call__(self, **changes: Any) -> Any:
+        assert self.of is not None
+        alike = {self.both[name]: value for name, value in changes.items() if name in self.both}
+        return self.then(self.of(**{**self.given, **alike, **changes}))
+
+    @property
+    def parameters(self) -> dict[str, inspect.Parameter]:
+        found = inspect.signature(self.of).parameters if self.of else {}
+        return {n: p for n, p in found.items() if p.kind != p.VAR_KEYWORD}
+
+    @property
+    def arrays(self) -> dict[str, np.ndarray]:
+        """The arguments that may come in any layout and dtype of real numbers."""
+        return {
+            name: value
+            for name, value in self.given.items()
+            if isinstance(value, np.ndarray) and value.dtype.kind != "c"
+        }
+
+    @property
+    def writes(self) -> bool:
+        """Whether it writes into one array of the caller's."""
+        kind = str(self.parameters["out"].annotation) if "out" in self.parameters else ""
+        return kind.endswith("| None") and not kind.startswith("tuple")
+
+
+def _here(name: str) -> bool:
+    return name not in GUESTS or importlib.util.find_spec(GUESTS[name]) is not None
+
+
+@cache
+def listed() -> dict[str, Callable[..., Any]]:
+    """Return all that some `__all__` offers to call, by the shortest way to it."""
+    found: dict[int, tuple[str, Callable[..., Any]]] = {}
+    modules = ["flurries"]
+    for module in pkgutil.walk_packages(fl.__path__, "flurries."):
+        parts = module.name.split(".")
+        hidden = any(part.startswith("_") for part in parts)
+        guest = parts[-1] == "widget" and not _here("view")
+        if not hidden and not guest and parts[-1] not in (*ELSEWHERE, *INNER):
+            modules.append(module.name)
+    for name in modules:
+        module = importlib.import_module(name)
+        for public in getattr(module, "__all__", ()):
+            short = f"{name}.{public}".removeprefix("flurries.")
+            if not _here(short.removeprefix("viewer.")):
+                continue
+            value = getattr(module, public)
+            if inspect.isfunction(value) or inspect.isclass(value):
+                kept = found.get(id(value))
+                if kept is None or len(short) < len(kept[0]):
+                    found[id(value)] = (short, value)
+    return {name: value for name, value in sorted(found.values()) if name not in RESULTS | PARTS}
+
+
+def calls() -> dict[str, Call]:
+    """Return a call of each; files that they read are those of `scenes.write_files`."""
+    from public import arrays, scenes
+
+    functions = listed()
+    return {
+        name: replace(call, of=call.of or functions.get(name), strict=name in arrays.CALLS)
+        for name, call in {**arrays.CALLS, **scenes.CALLS}.items()
+        if _here(name)
+    }

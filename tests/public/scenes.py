@@ -1,0 +1,184 @@
+"""Calls of what makes scenes, and of what reads and writes files."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import flurries as fl
+from flurries import accuracy, augment, io
+from public import Call
+from public.arrays import (
+    ASIDE,
+    COVER,
+    DEPTH,
+    DOWN,
+    LENS,
+    MATRICES,
+    OTHER,
+    PICTURE,
+    POINTS,
+    SHAPE,
+    SIGHT,
+    SNOW,
+)
+
+LEVELS = (255 * PICTURE).astype(np.uint8)
+LAYER = np.dstack([0.5 * PICTURE, np.full(SHAPE, 0.5)])
+SCENE = fl.Scene((32, 24), "#304050", effects=[fl.Snow(flakes=20)])
+STUDY = accuracy.Study(accuracy.AXES["blend"], (accuracy.Point("a", 0.1, 1.0, 1.0, 20),))
+PLATE: dict[str, Any] = {"image": PICTURE, "index": 3}
+
+
+def write_files() -> None:
+    """Write the files that the calls read, into the current folder."""
+    io.write_picture("picture.png", LEVELS)
+    io.write_layers(
+        "layers.exr", {"rgba": LAYER.astype(np.float32), "depth": DEPTH.astype(np.float32)}
+    )
+    io.write_views("views.exr", PICTURE.astype(np.float32), PICTURE.astype(np.float32))
+    with io.VideoWriter("film.mkv", (SHAPE[1], SHAPE[0]), 24) as video:
+        video.write(LEVELS)
+    Path("way.csv").write_text("frame,x,y,z\n0,0,0,0\n1,0,0,1\n")
+    Path("way.chan").write_text("1 0 0 0 0 0 0\n2 0 0 1 0 0 0\n")
+    Path("poses.txt").write_text("1 0 0 0 0 1 0 0 0 0 1 0\n1 0 0 0 0 1 0 0 0 0 1 1\n")
+    for folder in ("pictures", "colmap"):
+        Path(folder).mkdir()
+    io.write_picture("pictures/one.png", LEVELS)
+    SCENE.save("scene.toml")
+    SCENE.write("frames/%04d.png", "1-2")
+    Path("colmap/cameras.txt").write_text("1 PINHOLE 32 24 40 40 16 12\n")
+    Path("colmap/images.txt").write_text("1 1 0 0 0 0 0 0 1 a.png\n\n2 1 0 0 0 0 0 -1 1 b.png\n\n")
+
+
+# Snow takes twenty times as long, and the methods are the same.
+FOG = augment.Fog(severity=2, seed=1)
+STACK = np.stack([PICTURE] * 2)
+
+CALLS: dict[str, Call] = {
+    # What a scene is made of, and one.
+    "Scene": Call(
+        {"background": PICTURE, "depth": DEPTH, "foreground": COVER,
+         "effects": [fl.Snow(flakes=50)]},
+        then=lambda scene: scene.render(3), pictures=("background", "foreground"), light=True,
+        floats=("depth",), takes={"foreground": ("bool", "NaN")}, loose=True),
+    "DepthMap": Call(
+        {"source": COVER, "near": 2.0, "far": 50.0}, pictures=("source",),
+        then=lambda source: fl.Scene((30, 24), depth=source).depth_at(0)),
+    "CameraPath": Call(
+        {"camera": LENS, "position": POINTS[:3], "orientation": 0.1 * POINTS[:3]},
+        then=lambda way: (way.place(1.5, fps=30.0), way.turn(1.5))),
+    "Keys": Call({"keys": [(0, 1.0), (9, 2.0)]}),
+    "Sun": Call({}),
+    "Wind": Call({"mean": (1.0, 0.0, 0.0), "gusts": 0.5}),
+    "Snow": Call({}),
+    "Rain": Call({}),
+    "Mist": Call({}),
+    "ConeSnow": Call({}),
+    "ConeRain": Call({}, refused={"spread": (-1.0,)}),
+    "register": Call({"kind": "ash", "effect": fl.Mist}, words=("kind",)),
+    "MatchedSnow": Call({"density": 110.0, "radius": (0.006, 0.014), "depth": (1.5, 24.0)}),
+    # What is replaced soon.
+    "hybrid.render": Call(
+        {**SIGHT, "match": fl.hybrid.match(SNOW, 40.0), "seed": 1, "displacement": ASIDE,
+         "velocity": 0.1 * DOWN, "depth": DEPTH}, takes={"depth": ("NaN",)}, loose=True),
+    # Files.
+    "spectral.export_loop": Call(
+        {"pattern": "loop/%02d.png", "frames": 2, "shape": (16, 16), "velocity": ASIDE[:2],
+         "seed": 1, "wavelengths": (3.0, 16.0), "overwrite": True}, heavy=("frames",),
+        loose=True, then=lambda _: io.read_picture("loop/01.png").pixels),
+    "camera.importers.from_matrices": Call(
+        {"matrices": MATRICES, "camera": LENS, "focal": np.array([40.0, 41.0, 42.0])}),
+    "camera.importers.load": Call({"path": "way.csv", "shape": SHAPE, "camera": LENS}),
+    "camera.importers.read_chan": Call({"path": "way.chan", "shape": SHAPE, "camera": LENS}),
+    "camera.importers.read_kitti": Call({"path": "poses.txt", "camera": LENS}),
+    "camera.importers.read_colmap": Call({"folder": "colmap", "shape": SHAPE}),
+    "io.Budget": Call({"pixels": 2**20, "bytes": 2**24}, refused={"pixels": (0,), "bytes": (-1,)}),
+    "io.Pattern": Call({"text": "frames/%04d.png"}, words=("text", "inside"), loose=True),
+    "io.VideoWriter": Call({"path": "new.mkv", "size": (32, 24), "fps": 24}, loose=True),
+    "io.fit": Call(
+        {"pixels": PICTURE, "size": (20, 20), "encoding": "display"}, pictures=("pixels",),
+        loose=True),
+    "io.fit_nearest": Call(
+        {"plane": DEPTH, "size": (20, 20)}, within=0.0, takes={"plane": ("bool", "NaN")}),
+    "io.linear_to_srgb": Call(
+        {"values": COVER}, floats=("values",), takes={"values": ("empty", "too deep", "NaN")}),
+    "io.srgb_to_linear": Call(
+        {"values": COVER}, floats=("values",), takes={"values": ("empty", "too deep", "NaN")}),
+    "io.frame_range": Call({"text": "1-10x2"}, loose=True),
+    "io.open_background": Call({"spec": "picture.png"}, loose=True),
+    "io.open_depth": Call({"spec": "layers.exr"}),
+    "io.read_depth": Call({"path": "layers.exr"}),
+    "io.read_header": Call({"path": "picture.png"}),
+    "io.read_layers": Call({"path": "layers.exr"}),
+    "io.read_mask": Call({"path": "picture.png"}),
+    "io.read_picture": Call({"path": "picture.png"}),
+    "io.read_video": Call({"path": "film.mkv"}, then=lambda frames: next(frames)),
+    "io.read_views": Call({"path": "views.exr"}),
+    "io.remove_leftovers": Call({"folder": "."}),
+    "io.replacing": Call({"path": "new.txt"}, loose=True),
+    "io.write_picture": Call(
+        {"path": "out.exr", "pixels": PICTURE, "alpha": COVER}, pictures=("pixels", "alpha"),
+        light=True, then=lambda _: io.read_picture("out.exr").pixels, loose=True),
+    "io.write_layers": Call({"path": "out2.exr", "layers": {"rgba": LAYER}}, loose=True),
+    "io.write_views": Call(
+        {"path": "out3.exr", "left": PICTURE, "right": PICTURE}, floats=("left", "right"),
+        then=lambda _: io.read_views("out3.exr"), takes={"left": ("NaN",), "right": ("NaN",)},
+        loose=True),
+    "io.write_layer_views": Call(
+        {"path": "out4.exr", "views": {"left": {"rgba": LAYER}, "right": {"rgba": LAYER}}},
+        loose=True),
+    "io.write_layers(array)": Call(
+        {"rgba": LAYER}, floats=("rgba",), loose=True, takes={"rgba": ("NaN",)},
+        of=lambda rgba: io.write_layers("out5.exr", {"rgba": rgba}),
+        then=lambda _: io.read_layers("out5.exr")),
+    "output.manifest.check": Call({"folder": "frames"}),
+    "output.manifest.read": Call({"folder": "frames"}),
+    "output.write.write": Call(
+        {"scene": SCENE, "pattern": "one/%04d.png", "frames": "1", "overwrite": True}, loose=True),
+    "scene.toml.load": Call({"path": "scene.toml"}),
+    "scene.toml.save": Call({"scene": SCENE, "path": "saved.toml"}),
+    "scene.fingerprint.fingerprint": Call({"scene": SCENE}),
+    # data sets, studies, clusters, the command
+    "augment.Snowfall()": Call(
+        {**PLATE, "depth": DEPTH, "return_layer": True},
+        of=augment.Snowfall(severity=1, seed=1).__call__, pictures=("image",), floats=("depth",)),
+    "augment.Rainfall()": Call(
+        PLATE, of=augment.Rainfall(severity=2, seed=1).__call__, pictures=("image",)),
+    "augment.Fog()": Call(
+        PLATE, of=FOG.__call__, pictures=("image",)),
+    "augment.Fog.apply": Call(
+        {**PLATE, "depth": DEPTH, "boxes": np.array([[1.0, 2.0, 20.0, 21.0]]),
+         "flow": np.zeros((*SHAPE, 2)), "motion": True}, of=FOG.apply, pictures=("image",),
+        floats=("depth", "flow"), takes={"boxes": ("empty",), "flow": ("NaN",)}, within=1e-3),
+    "augment.Fog.clip": Call(
+        {"frames": STACK, "index": 3}, of=FOG.clip, pictures=("frames",)),
+    "augment.Fog.batch": Call(
+        {"images": STACK, "index": 3}, of=FOG.batch, pictures=("images",), loose=True),
+    "augment.Fog.pair": Call(
+        {"left": PICTURE, "right": OTHER, "index": 3, "distance": 0.1}, of=FOG.pair,
+        pictures=("left", "right")),
+    "augment.Fog.record": Call({"index": 3}, of=FOG.record),
+    "trace.count": Call({"name": "flakes", "number": 3}, words=("name",), loose=True),
+    "trace.stage": Call({"name": "texture"}, words=("name",), loose=True),
+    "trace.tracing": Call({}),
+    "augment.Snowfall": Call({"severity": 2}, loose=True),
+    "augment.Rainfall": Call({"severity": 2}, loose=True),
+    "augment.Fog": Call({"severity": 2}, loose=True),
+    "augment.Ground": Call({}),
+    "augment.contrast_loss": Call({"amount": 0.5}),
+    "augment.occlusion": Call(
+        {"alpha": COVER, "boxes": np.array([[1.0, 2.0, 8.0, 9.0]])}, takes={"boxes": ("empty",)}),
+    "augment.replay": Call({"record": augment.Snowfall(severity=2).record(index=1)}),
+    "augment.corrupt.corrupt": Call(
+        {"folder": "pictures", "out": "set", "severity": 1, "workers": 1, "weather": "snow",
+         "seed": 1}, heavy=("dask", "workers"), loose=True),
+    "accuracy.study": Call({"names": ()}, heavy=("names",), loose=True),
+    "accuracy.write": Call({"studies": [STUDY], "folder": "study", "page": "study.md"}),
+    "output.groups.grouped": Call({"scene": SCENE, "frames": "1-9"}),
+    "output.groups.to_dask": Call({"scene": SCENE, "frames": "1-9", "group": 2}),
+    "view": Call({"scene": SCENE}, loose=True),
+    "cli.main": Call({"arguments": ["--help-of-nothing"]}, loose=True),
+}  # fmt: skip

@@ -1,0 +1,241 @@
+"""What holds for every public function and class: one table, and a case for each of its aspects.
+
+The list is made from the package, the calls stand in `public/`. An aspect has a row for those that
+it applies to: a function without arrays has none in the layouts. The right answer or a TypeError or
+ValueError that names the argument; never a wrong answer, and never a written input.
+"""
+
+from __future__ import annotations
+
+import inspect
+import signal
+import warnings
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import pytest
+
+import flurries as fl
+from flurries._contract import rectangular
+from public import Call, calls, listed
+from public.complaints import (
+    of_arguments,
+    of_layouts,
+    of_no_arrays,
+    of_output,
+    of_sizes,
+    sizes_of,
+)
+from public.scenes import write_files
+
+Array = npt.NDArray[Any]
+TABLE = calls()
+OF_ARRAYS = [name for name, call in TABLE.items() if call.arrays]
+OF_OUT = [name for name, call in TABLE.items() if call.writes]
+OF_ARGUMENTS = [name for name, call in TABLE.items() if call.parameters]
+OF_SIZES = [name for name, call in TABLE.items() if list(sizes_of(call))]
+LONGEST = 60
+
+
+@pytest.fixture(scope="module")
+def files(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("public")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(folder)
+        write_files()
+    return folder
+
+
+class Late(BaseException):
+    """Not an OSError, as a TimeoutError is, which a call may raise."""
+
+
+def _late(*_: Any) -> None:
+    raise Late("takes longer than it may")
+
+
+@pytest.fixture(autouse=True)
+def quiet(files: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    """Beside its files, without warnings; one that hangs is a failed test."""
+    monkeypatch.chdir(files)
+    # Plots take a second; they have tests of their own.
+    monkeypatch.setattr("flurries.accuracy.plot.save", lambda *_, **__: [])
+    signal.signal(signal.SIGALRM, _late)
+    signal.alarm(LONGEST)
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            yield
+    finally:
+        signal.alarm(0)
+        # What calls of these two left behind must not reach other tests.
+        fl.set_threads(2)
+        fl.set_reproducible(False)
+
+
+# The list ----------------------------------------------------------------------------------------
+
+
+def test_everything_public_has_a_call():
+    missing = set(listed()) - set(TABLE)
+    assert not missing, f"put a call into tests/public: {sorted(missing)}"
+    gone = {name for name, call in TABLE.items() if call.of is None}
+    assert not gone, f"take these calls out of tests/public: {sorted(gone)}"
+    own = {name for name, call in TABLE.items() if call.of is listed().get(name)}
+    assert all("(" in name or inspect.ismethod(TABLE[name].of) for name in set(TABLE) - own)
+    assert len(OF_ARRAYS) > 60 and len(OF_OUT) > 25 and len(OF_ARGUMENTS) > 140
+
+
+def test_a_function_that_is_forgotten_is_noticed(monkeypatch: pytest.MonkeyPatch):
+    def forgotten() -> None: ...
+
+    monkeypatch.setattr(fl.composite, "forgotten", forgotten, raising=False)
+    monkeypatch.setattr(fl.composite, "__all__", [*fl.composite.__all__, "forgotten"])
+    assert set(listed.__wrapped__()) - set(TABLE) == {"composite.forgotten"}
+
+
+# Arrays among words, arguments that a mode does not look at, and three of which
+# `test_flakes_depth.py`, `test_cameras.py` and `test_augment.py` have more.
+UNTRIED = {
+    "composite.join layers", "io.write_layers layers", "io.write_layer_views views",
+    "cone.path(published) exposure", "cone.scroll(published) stretch",
+    "spectral.optical_depth patterns",
+    "camera.importers.read_colmap down", "augment.Fog.record image",
+}  # fmt: skip
+
+
+def test_every_array_argument_is_tried():
+    untried = {
+        f"{name} {argument}"
+        for name, call in TABLE.items()
+        for argument, parameter in call.parameters.items()
+        if "ArrayLike" in str(parameter.annotation) and argument not in call.arrays
+    }
+    assert untried == UNTRIED
+
+
+def test_options_are_keyword_only():
+    """After the arrays: whoever writes numbers in a row cannot mean the wrong one."""
+    for name, function in listed().items():
+        module = name.split(".")[0]
+        if module in ("spectral", "particles", "gas", "cone", "composite", "stereo", "hybrid"):
+            for parameter in inspect.signature(function).parameters.values():
+                if parameter.default is not parameter.empty and "Like" not in parameter.annotation:
+                    assert parameter.kind is parameter.KEYWORD_ONLY, f"{name}: {parameter.name}"
+
+
+# Its aspects -------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", OF_ARRAYS)
+def test_arrays_of_every_layout_and_dtype(name: str):
+    assert list(of_layouts(TABLE[name])) == []
+
+
+@pytest.mark.parametrize("name", OF_ARRAYS)
+def test_what_is_no_such_array(name: str):
+    assert list(of_no_arrays(TABLE[name])) == []
+
+
+@pytest.mark.parametrize("name", OF_OUT)
+def test_output_arrays(name: str):
+    assert list(of_output(TABLE[name])) == []
+
+
+@pytest.mark.parametrize("name", OF_ARGUMENTS)
+def test_arguments(name: str, capsys: pytest.CaptureFixture[str]):
+    """Refused by name, at once, for little memory; what may be taken fails in no other way."""
+    found = list(of_arguments(TABLE[name]))
+    capsys.readouterr()
+    assert found == []
+
+
+@pytest.mark.parametrize("name", OF_SIZES)
+def test_sizes_beyond_the_memory(name: str):
+    """An answer, a refusal or MemoryError; an abort ends the run."""
+    assert list(of_sizes(TABLE[name])) == []
+
+
+# Controls ----------------------------------------------------------------------------------------
+
+
+def twice(
+    numbers: npt.ArrayLike, *, mistake: str = "", size: int = 3, out: Array | None = None
+) -> Any:
+    """Return twice the numbers (H, W), with a mistake."""
+    array, mistake = rectangular("numbers", numbers), str(mistake)
+    if mistake == "takes all" or array.dtype.kind in "iuf":
+        pass
+    elif mistake == "names nothing":
+        raise TypeError("bad")
+    else:
+        raise TypeError("numbers must be numbers")
+    if mistake != "takes all" and (array.ndim != 2 or not array.size or np.isnan(array).any()):
+        raise ValueError("numbers must be (H, W)")
+    if mistake == "leaves" and size == 0:
+        raise SystemExit
+    if mistake == "another error" and size == 0:
+        raise KeyError(size)
+    if mistake != "any size" and (type(size) is not int or not 0 <= size < 2**31):
+        if mistake == "works first" and size == "":
+            sum(range(5_000_000))
+        if mistake == "asks first":
+            np.zeros(2**25)
+        raise ValueError(f"size must be small, got {size}"[: None if mistake == "long" else 200])
+    if mistake == "memory order":
+        array = np.frombuffer(array.tobytes("A"), array.dtype).reshape(array.shape)
+    if mistake == "byte order":
+        array = array.view(array.dtype.newbyteorder("="))
+    if mistake == "writes" and array.flags.writeable:
+        array += 1
+    made = array + array if mistake == "wraps" else 2.0 * array
+    if mistake == "half" and array.dtype == np.float16:
+        raise ValueError("numbers are too short")
+    if size > 3:
+        np.zeros(size)
+    if out is None:
+        return made
+    if mistake != "any out" and (
+        not isinstance(out, np.ndarray) or out.shape != made.shape or out.dtype != made.dtype
+        or not out.flags.carray or np.may_share_memory(out, array)
+    ):  # fmt: skip
+        raise ValueError("out does not fit")
+    if mistake == "keeps dirt":
+        return np.minimum(out, made, out=out)
+    out[...] = made
+    return made if mistake == "returns another" else out
+
+
+MISTAKES = {
+    "memory order": (of_layouts, "differs from C order"),
+    "byte order": (of_layouts, "big-endian"),
+    "wraps": (of_layouts, "not the answer of float64"),
+    "writes": (of_layouts, "written to"),
+    "half": (of_layouts, "refused, but not as float64"),
+    "takes all": (of_no_arrays, "is taken"),
+    "names nothing": (of_no_arrays, "not named"),
+    "any out": (of_output, "read-only"),
+    "keeps dirt": (of_output, "differs from a new one"),
+    "returns another": (of_output, "not returned"),
+    "any size": (of_arguments, "is taken"),
+    "leaves": (of_arguments, "leaves Python"),
+    "another error": (of_arguments, "KeyError"),
+    "works first": (of_arguments, "refused late"),
+    "asks first": (of_arguments, "MemoryError"),
+    "long": (of_arguments, "letters of message"),
+}
+
+
+@pytest.mark.parametrize("mistake", ["", *MISTAKES])
+def test_a_mistake_would_be_seen(mistake: str):
+    given = {"numbers": 128.0 + np.arange(12.0).reshape(3, 4), "size": 3, "mistake": mistake}
+    call = Call(given, of=twice, strict=True, unused=("mistake",))
+    seen, phrase = MISTAKES.get(mistake, (of_layouts, ""))
+    found = [line for of in ((seen,) if mistake else ASPECTS) for line in of(call)]
+    assert any(phrase in line for line in found) if mistake else found == []
+
+
+ASPECTS = (of_layouts, of_no_arrays, of_output, of_arguments, of_sizes)

@@ -1,0 +1,125 @@
+"""The texture at its limits: bands without waves, huge numbers, and any number of threads.
+
+Refusals of arguments that have the wrong type, shape or range are those of `test_public.py`.
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+
+import flurries as fl
+from every import every
+
+S = fl.spectral
+ONES = np.ones((16, 16))
+FRAME: dict[str, Any] = {"drift": (1.0, 1.0), "seed": 1, "tile": 32}
+
+
+@every("size", [1, 2, 3, 4])
+@every("name", ["band_amplitude", "field", "alpha"])
+def test_a_band_without_waves_is_refused(name: str, size: int):
+    """The message names the size of the tile and the argument to change."""
+    with warnings.catch_warnings(), pytest.raises(ValueError, match="wavelengths") as refusal:
+        warnings.simplefilter("ignore", UserWarning)
+        if name == "band_amplitude":
+            S.band_amplitude((size, size))
+        else:
+            getattr(S, name)((40, 30), drift=(1.0, 2.0), seed=1, tile=size, overlap=0)
+    assert str(size) in str(refusal.value)
+
+
+def test_a_band_between_two_lattice_waves_is_refused():
+    # |k|^2 = 8 and 9 are neighbours on the lattice: 64/|k| is 22.63 and 21.33 px.
+    with pytest.raises(ValueError, match="wavelengths"):
+        S.band_amplitude((64, 64), wavelengths=(21.4, 22.6))
+
+
+@pytest.mark.parametrize("name", ["field", "alpha"])
+def test_a_band_longer_than_the_tile_warns(name: str):
+    with pytest.warns(UserWarning, match="wavelengths") as warned:
+        getattr(S, name)((40, 30), drift=(1.0, 2.0), seed=1, tile=24)
+    # Shown at the caller's line, not somewhere inside.
+    assert [w.filename for w in warned] == [__file__]
+
+
+@pytest.mark.parametrize("needs", [{"alias": "cut"}, {"alias": "soft"}, {"shutter": 0.5}])
+def test_what_filters_needs_a_velocity(needs: dict[str, Any]):
+    with pytest.raises(ValueError, match="velocity"):
+        S.field((40, 30), **FRAME, **needs)
+
+
+def test_gains_need_rings():
+    with pytest.raises(ValueError, match="ring_gains"):
+        S.field((40, 30), **FRAME, ring_gains=(0.5, 2.0))
+
+
+HUGE = 1.7e308
+EXTREME: dict[str, Callable[[], Any]] = {
+    **{f"drift {v}": lambda v=v: S.field((40, 30), **{**FRAME, "drift": (v, -v)})
+       for v in (1e-310, 1e15, 1e100, HUGE)},
+    "drift and shift": lambda: S.field((40, 30), **{**FRAME, "drift": (HUGE, HUGE)},
+                                       shift=(HUGE, HUGE)),
+    "velocity, cut": lambda: S.field((40, 30), **FRAME, velocity=(HUGE, HUGE), alias="cut"),
+    "velocity": lambda: S.field((40, 30), **FRAME, velocity=(HUGE, HUGE), shutter=1.0),
+    "shift_rate": lambda: S.field((40, 30), **FRAME, velocity=(1.0, 1.0),
+                                  shift_rate=(HUGE, -HUGE), shutter=1.0),
+    "shutter": lambda: S.field((40, 30), **FRAME, velocity=(1.0, 1.0), shutter=HUGE),
+    "velocity times shutter": lambda: S.field((40, 30), **FRAME, velocity=(1e200, 1e200),
+                                              shutter=1e200),
+    "tent_rate": lambda: S.tent_rate((16, 16), (HUGE, HUGE), wavelength_max=1e-300),
+    "tent_rate, tiny": lambda: S.tent_rate((16, 16), (1.0, 1.0), wavelength_max=5e-324),
+    "advance_phase": lambda: S.advance_phase(ONES, (1e300, 1.0), wavelength_max=1e-10),
+    "advance_phase of many turns": lambda: S.advance_phase(1e308 * ONES, (1.0, 1.0)),
+    "temporal_filter": lambda: S.temporal_filter(1e200 * ONES, (9.0, 9.0), renormalise=True),
+    "inverse_transform": lambda: S.inverse_transform(1e39 * ONES, 0 * ONES),
+    "velocity_from_paper": lambda: S.velocity_from_paper(1e308, 0.0, period=1e-10),
+    "exponent": lambda: S.band_amplitude((32, 32), exponent=1e308),
+    "opacity": lambda: S.opacity(np.array([[HUGE, -HUGE]]), spread=1e-300),
+    "tile_drift": lambda: fl.camera.tile_drift(
+        (64, 64), (1e308, 0.0, 1e308), fl.camera.Camera(600.0), near_depth=1e-10
+    ),
+}  # fmt: skip
+
+
+@every("name", EXTREME)
+def test_extreme_but_finite_numbers_never_give_nan(name: str):
+    # Where a phase has lost all its digits the picture is another one; where a product leaves the
+    # range of the numbers a refusal is as good. NaN in the picture is not.
+    with warnings.catch_warnings():
+        # That a drift is too far to hold its phases is said by a warning; see the next test.
+        warnings.simplefilter("ignore", UserWarning)
+        try:
+            result = EXTREME[name]()
+        except ValueError:
+            return
+    assert np.isfinite(result).all()
+
+
+@pytest.mark.parametrize("cycles, warned", [(0.9e12, 0), (1.1e12, 1)])
+def test_a_drift_that_loses_its_phases_is_warned_of(cycles: float, warned: int):
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        S.field((40, 30), **{**FRAME, "drift": (0.0, cycles * 32.0)})
+        S.advance_phase(ONES, (cycles * 32.0, 0.0))
+    assert [w.filename for w in caught] == [__file__] * (2 * warned)
+
+
+def test_a_vanishing_spread_is_a_threshold():
+    # z/(2 spread) at z = 0 is 0 for any spread above 0, so the opacity there stays mean^2.
+    got = fl.spectral.opacity(np.array([[-1.0, 0.0, 1.0]]), spread=5e-324)
+    assert np.array_equal(got, [[0.0, 0.25, 1.0]])
+
+
+def test_frames_in_any_order_are_the_same():
+    # A frame is a pure function of its arguments: no state is left behind by other frames.
+    def frame(t: int) -> bytes:
+        return fl.spectral.field((90, 70), drift=(1.1 * t, 2.3 * t), seed=2).tobytes()
+
+    forward = [frame(t) for t in range(30)]
+    order = np.random.default_rng(5).permutation(30)
+    assert all(frame(int(t)) == forward[t] for t in order)
