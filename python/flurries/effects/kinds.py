@@ -12,8 +12,8 @@ from flurries.effects.cone import ConeRain, ConeSnow
 from flurries.effects.matched import MatchedSnow
 from flurries.effects.mist import Mist
 from flurries.effects.rain import Rain
-from flurries.effects.tent_rain import TentRain
 from flurries.effects.snow import Snow
+from flurries.effects.tent_rain import TentRain
 from flurries.effects.tent_snow import TentSnow
 
 # Packages name their effects here: ``[project.entry-points."flurries.effects"]``.
