@@ -96,3 +96,40 @@ def test_the_readme_reader_runs_blocks_in_order():
     assert run_blocks(page.format(1)) == 2
     with pytest.raises(AssertionError):
         run_blocks(page.format(2))
+
+
+PAGES = [*README.parent.glob("*.md"), *sorted((README.parent / "docs").rglob("*.md")),
+         README.parent / "benches" / "history.md"]  # fmt: skip
+LINK = re.compile(r"\]\(([^)#\s]+)(?:#[^)]*)?\)")
+FILE = re.compile(r"`((?:python|src|docs|tests|benches)/[\w./-]+\.\w+)`")
+
+
+def missing(page: Path, text: str) -> list[str]:
+    """Return the links of a page that lead nowhere, and the files named that are not there."""
+    links = [link for link in LINK.findall(text) if "://" not in link]
+    lost = [link for link in links if not (page.parent / link).exists()]
+    return lost + [file for file in FILE.findall(text) if not (README.parent / file).exists()]
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(README.parent)))
+def test_links_and_files_of_a_page_are_there(page: Path):
+    assert missing(page, page.read_text(encoding="utf-8")) == []
+
+
+def test_a_lost_link_and_a_lost_file_would_be_seen():
+    text = "[a](docs/README.md) [b](docs/none.md#x) `src/lib.rs` `src/none.rs` [c](https://c.d/e)"
+    assert missing(README, text) == ["docs/none.md", "src/none.rs"]
+
+
+def test_the_index_of_internals_answers_ten_questions_by_two_files_at_most():
+    page = README.parent / "docs" / "internals" / "README.md"
+    table = page.read_text(encoding="utf-8").split("## Where to look")[1]
+    rows = [line.split(" | ") for line in table.splitlines() if "? |" in line]
+    assert len(rows) == 10
+    for question, answer in rows:
+        named = FILE.findall(answer)
+        assert 1 <= len(named) <= 2, question
+        # What it says to look for in the first file stands in one of them.
+        text = "".join((README.parent / file).read_text(encoding="utf-8") for file in named)
+        words = re.findall(r"\(`([\w:]+)`", answer) + re.findall(r", `(\w+)`\)", answer)
+        assert all(word.split("::")[-1] in text for word in words), question
