@@ -203,7 +203,8 @@ def tiles(
     shown = [scene(options, camera=path, seed=seed) for seed in range(16)]
     pairs = [(picture(one, t), picture(one, t + step)) for one in shown]
     # A camera that goes forward mixes tiles by a half.
-    overlap = options.get("overlap", 32)
+    given = options.get("overlap")
+    overlap = 32 if given is None else given
     starts = [s for s in fl.spectral.tile_starts(SIZE, tile=64, overlap=overlap) if s <= SIZE - 64]
     # Of tiles that share a half with the next, every second one is enough.
     starts = starts[:: 2 if overlap > 20 else 1]

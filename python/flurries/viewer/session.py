@@ -24,6 +24,7 @@ from flurries.camera.path import CameraPath
 from flurries.frame.view import Frame
 from flurries.io.color import linear_to_srgb, to_linear, to_unit
 from flurries.motion.keys import Keys
+from flurries.motion.wind import Wind
 from flurries.scene.scene import Scene
 from flurries.viewer.charts import chart, field_of
 from flurries.viewer.controls import EYES, applied, controls_of, moves, names, settings
@@ -250,7 +251,8 @@ def _moment(scene: Scene, t: float) -> Frame:
 
 
 def _wind_of(effect: Any) -> Any:
-    return getattr(effect, "mean_wind", effect.wind)
+    wind = effect.wind
+    return wind.steady if isinstance(wind, Wind) else wind
 
 
 def _mapping(value: Any) -> Mapping[str, Any]:
