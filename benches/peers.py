@@ -144,8 +144,8 @@ def page(times: Times, failures: list[str], lines: list[str], runs: int) -> str:
         "Made by `make peers` (`python benches/peers.py --page docs/internals/peers.md`), which"
         " installs all libraries into an environment of its own. uint8 RGB in and out, for kornia"
         f" the float tensor that it wants, made beforehand; one thread each; {runs} runs in turns,"
-        " the fastest and the median in milliseconds of processor time. Read them as ratios: they are"
-        " of one run on one machine.\n",
+        " the fastest and the median in milliseconds of processor time. Read them as ratios: they"
+        " are of one run on one machine.\n",
         "Ours at two severities; the verdict takes the slower one. A transform that only brightens"
         " the picture draws no snow and is listed, but does not count.\n",
         "## Verdict\n",

@@ -80,14 +80,20 @@ def test_the_readme_runs():
     assert run_blocks(text) == text.count("```python") >= 2
 
 
-def test_the_page_on_matching_runs():
-    text = (README.parent / "docs" / "matching.md").read_text(encoding="utf-8")
+# `test_own_effect.py` runs the page on effects of one's own and looks at what comes out.
+RUNNING = ["augment.md", "looks.md", "matching.md", "plan.md"]
+
+
+@pytest.mark.parametrize("name", RUNNING)
+def test_a_page_for_users_runs(name: str):
+    text = (README.parent / "docs" / name).read_text(encoding="utf-8")
     assert run_blocks(text) == text.count("```python") >= 1
 
 
-def test_the_page_on_augmentation_runs():
-    text = (README.parent / "docs" / "augment.md").read_text(encoding="utf-8")
-    assert run_blocks(text) == text.count("```python") >= 1
+def test_all_pages_for_users_with_python_run():
+    pages = (README.parent / "docs").glob("*.md")
+    found = {page.name for page in pages if "```python" in page.read_text(encoding="utf-8")}
+    assert found == {*RUNNING, "your-own-effect.md"}
 
 
 def test_the_readme_reader_runs_blocks_in_order():
