@@ -16,9 +16,9 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from flurries.io.atomic import replacing
-from flurries.io.carried import carried
 from flurries.io.color import Array
 from flurries.io.oiio import last_error, let_open, openimageio
+from flurries.io.roomy import roomy
 
 # A whole number of the strips and blocks in which EXR and TIFF compress; of wide pictures, whose
 # rows take much memory, fewer.
@@ -88,17 +88,13 @@ def write_whole(path: str | os.PathLike[str], specification: Any, data: bytes) -
         _verify(os.fspath(path), temporary, specification, unknown, lossless=False)
 
 
-@contextmanager
-def _itself(file: Path) -> Iterator[str]:
-    yield str(file)
-
-
 def _write(target: str, temporary: Path, parts: Sequence[tuple[Any, Band]]) -> list[Checksums]:
     """Write all bands of all parts; return the type and the checksum of each."""
     checksums = []
     first, *_ = specifications = tuple(specification for specification, _ in parts)
-    through = carried if temporary.suffix.lower() == ".png" else _itself
-    with through(temporary) as name, _output(target, temporary) as output:
+    # What does not shrink at all, and what a PNG adds to it.
+    most = 0 if temporary.suffix.lower() != ".png" else int(1.01 * first.image_bytes()) + (1 << 16)
+    with roomy(temporary, most) as name, _output(target, temporary) as output:
         for number, (specification, band) in enumerate(parts):
             if number:
                 opened = output.open(name, specification, "AppendSubimage")
