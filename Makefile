@@ -1,9 +1,9 @@
 # make demo    set up and render the demo's films and stills into demo/
 # make test    set up, lint, and run all tests
-# make bench   print the speeds that the README quotes; make performance writes docs/performance.md
+# make bench   print the speeds that the README quotes; make performance writes docs/internals/performance.md
 # make test-hosts     test the transforms of torchvision, kornia and albumentations, installed for it
 # make wheel          build the wheel and the source archive into dist/; make test-wheel tries both
-# make soak    kill, interrupt and damage by the hundred: docs/reliability.md, some half an hour
+# make soak    kill, interrupt and damage by the hundred: docs/internals/reliability.md, some half an hour
 # make test-browser   test the viewer in a real browser: chromium, from apt where it is missing
 #
 # Both make a virtual environment in .venv and need Python 3.10 or newer, a Rust toolchain and the
@@ -61,17 +61,17 @@ wheel: $(VENV)/.made
 test-wheel: wheel
 	$(PYTHON) tests/wheel/check.py dist
 
-# Our weather for data sets beside that of the usual libraries: docs/peers.md.
+# Our weather for data sets beside that of the usual libraries: docs/internals/peers.md.
 peers:
-	$(PYTHON) benches/peers.py --page docs/peers.md
+	$(PYTHON) benches/peers.py --page docs/internals/peers.md
 
-# The measured value of every hard case beside the expected one: docs/hard-cases.md.
+# The measured value of every hard case beside the expected one: docs/internals/hard-cases.md.
 hard-cases: $(VENV)/.tools
 	PYTHONPATH=tests $(BIN)/python tests/make_hard_cases.py
 
-# Error against time of every approximation: docs/accuracy.md and its plots, some ten minutes.
+# Error against time of every approximation: docs/internals/accuracy.md and its plots, some ten minutes.
 accuracy: $(VENV)/.tools
-	$(BIN)/flurries accuracy -o docs/images/accuracy --page docs/accuracy.md
+	$(BIN)/flurries accuracy -o docs/images/accuracy --page docs/internals/accuracy.md
 
 # Guards are taken away one at a time; WHAT=python leaves out those that need a build each.
 WHAT ?= all
@@ -87,9 +87,9 @@ lint: $(VENV)/.tools
 	$(BIN)/mypy
 	$(BIN)/stubtest flurries._core --mypy-config-file pyproject.toml
 
-# Goals, sizes, the machine's limits, and a build for this processor beside the portable one.
+# Ratios, sizes, the machine's limits, and a build for this processor beside the portable one.
 performance: $(VENV)/.tools
-	$(BIN)/python benches/performance.py --native --page docs/performance.md
+	$(BIN)/python benches/performance.py --native --page docs/internals/performance.md
 
 bench: $(VENV)/.tools
 	$(BIN)/python benches/speed.py
@@ -104,7 +104,7 @@ frames: $(VENV)/.tools
 hashes: $(VENV)/.tools
 	$(BIN)/python tests/make_hashes.py
 
-# Kills, interruptions, damaged files, forks and leaks by the hundred: docs/reliability.md, some half
+# Kills, interruptions, damaged files, forks and leaks by the hundred: docs/internals/reliability.md, some half
 # an hour; LENGTH=0.1 takes a tenth of it.
 LENGTH ?= 1
 soak: $(VENV)/.tools

@@ -66,7 +66,7 @@ def timed(calls: dict[str, Callable[[], object]], runs: int, rare: tuple[str, ..
 
 
 def kernels(runs: int) -> None:
-    """Print the rows of the specification."""
+    """Print all rows."""
     for count in (1000, 2000):
         one_eye(count, runs)
 

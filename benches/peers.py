@@ -2,7 +2,7 @@
 
     python benches/peers.py             # makes .venv-peers, installs everyone and us, measures
     python benches/peers.py --here      # measures in the environment that runs it
-    python benches/peers.py --page docs/peers.md    # also writes the page
+    python benches/peers.py --page docs/internals/peers.md    # also writes the page
 
 One thread each; uint8 RGB, for kornia the float tensor that it wants, made beforehand; variants
 interleaved; minimum and median of many runs, in processor time, so that other work on the machine
@@ -141,11 +141,11 @@ def page(times: Times, failures: list[str], lines: list[str], runs: int) -> str:
     """Return the page."""
     parts = [
         "# Weather for data sets, beside that of other libraries\n",
-        "Made by `make peers` (`python benches/peers.py --page docs/peers.md`), which installs all"
-        " libraries into an environment of its own. uint8 RGB in and out, for kornia the float"
-        f" tensor that it wants, made beforehand; one thread each; {runs} runs in turns, the"
-        " fastest and the median in milliseconds of processor time. Read them as ratios: they are"
-        " of one run on one machine.\n",
+        "Made by `make peers` (`python benches/peers.py --page docs/internals/peers.md`), which"
+        " installs all libraries into an environment of its own. uint8 RGB in and out, for kornia"
+        f" the float tensor that it wants, made beforehand; one thread each; {runs} runs in turns,"
+        " the fastest and the median in milliseconds of processor time. Read them as ratios: they"
+        " are of one run on one machine.\n",
         "Ours at two severities; the verdict takes the slower one. A transform that only brightens"
         " the picture draws no snow and is listed, but does not count.\n",
         "## Verdict\n",

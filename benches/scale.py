@@ -1,7 +1,7 @@
 """What a million frames cost, and a milliard: measured on this machine, and worked out from that.
 
 python benches/scale.py            prints the figures
-python benches/scale.py --write    writes docs/scale.md
+python benches/scale.py --write    writes docs/internals/scale.md
 """
 
 from __future__ import annotations
@@ -233,5 +233,5 @@ if __name__ == "__main__":
     options = parser.parse_args()
     text = report()
     if options.write:
-        (Path(__file__).parent.parent / "docs" / "scale.md").write_text(text)
+        (Path(__file__).parent.parent / "docs" / "internals" / "scale.md").write_text(text)
     sys.stdout.write(text)

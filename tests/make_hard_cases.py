@@ -1,4 +1,4 @@
-"""Measure every hard case and write docs/hard-cases.md: `make hard-cases`."""
+"""Measure every hard case and write docs/internals/hard-cases.md: `make hard-cases`."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 from hard import TABLES
 from hard.case import Case
 
-PAGE = Path(__file__).parents[1] / "docs" / "hard-cases.md"
+PAGE = Path(__file__).parents[1] / "docs" / "internals" / "hard-cases.md"
 
 HEAD = """# Hard cases
 

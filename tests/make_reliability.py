@@ -1,4 +1,4 @@
-"""Run the tests of docs/reliability.md, the long ones too, and write the page: `make soak`.
+"""Run the tests of docs/internals/reliability.md and write the page: `make soak`.
 
 FLURRIES_SOAK=0.1 takes a tenth of the length. The page is written however it ends; the exit code
 says whether all held.
@@ -19,7 +19,7 @@ from pathlib import Path
 from reliability import SECTIONS, Row, named
 
 ROOT = Path(__file__).parents[1]
-PAGE = ROOT / "docs" / "reliability.md"
+PAGE = ROOT / "docs" / "internals" / "reliability.md"
 HEAD = """# Reliability: what is promised, and the test that holds it
 
 Written by `make soak`: {share} of its full length, {minutes:.0f} minutes on {machine} ({cores}

@@ -1,4 +1,4 @@
-"""The rows of docs/reliability.md: promises, the tests that hold them, what shows they can fail.
+"""The rows of docs/internals/reliability.md: promises, their tests, and what shows they can fail.
 
 Names are `file::test`; files in soak/ run in `make soak`, all others in `make test`.
 """

@@ -161,7 +161,7 @@ def test_tile_drift_default_tiles():
 
 @pytest.mark.parametrize("wavelength", [32.0, 16.0, 5.0])
 def test_a_wave_moves_like_a_particle_at_its_depth(wavelength: float):
-    # Section 8: lambda = f S/Z, so that the wave's speed is Eq. 8 at Z = Z_near lam_max/lambda.
+    # lambda = f S/Z, so that the wave's speed is Eq. 8 at Z = Z_near lam_max/lambda.
     camera = fl.camera.Camera(600.0, center_shift=(3.0, -8.0))
     velocity = (0.02, -0.05, 0.08)
     drift = fl.camera.tile_drift(SHAPE, velocity, camera, near_depth=3.0)
@@ -237,7 +237,7 @@ def test_drift_is_linear_in_the_displacement():
 
 
 def test_second_eye_is_a_displacement():
-    # Section 9: the right eye's drift is less by K lam_max = f b/Z_near, here 13 px.
+    # The right eye's drift is less by K lam_max = f b/Z_near, here 13 px.
     one = fl.camera.tile_drift(SHAPE, (0.1, 0.2, 0.5), fl.camera.Camera(600.0), near_depth=3.0)
     right = fl.camera.Camera(600.0, offset=(0.065, 0.0, 0.0))
     other = fl.camera.tile_drift(SHAPE, (0.1, 0.2, 0.5), right, near_depth=3.0)

@@ -99,7 +99,7 @@ def test_the_apex_is_the_focus_of_expansion(travel):
 
 
 def test_the_printed_sign_misses_the_focus_of_expansion():
-    # C_f Vel_cam + Vel_grav, cone.md: apex (94, -125) px where the focus is at (31.25, 125).
+    # C_f Vel_cam + Vel_grav, as printed: apex (94, -125) px where the focus is at (31.25, 125).
     camera, drop = np.array([1.0, 0.0, 8.0]), np.array([0.5, 2.0, 0.0])
     wrong = cone.travel(drop, camera, published=True, dt=1.0)
     right = cone.travel(drop, camera)

@@ -1,4 +1,4 @@
-"""docs/deviations.md keeps its word: all errata are there, and the tests that it names exist."""
+"""docs/internals/deviations.md keeps its word: it has all errata, and its tests exist."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from pathlib import Path
 from every import every
 
 HERE = Path(__file__).parent
-PAGE = (HERE.parent / "docs" / "deviations.md").read_text(encoding="utf-8")
+PAGE = (HERE.parent / "docs" / "internals" / "deviations.md").read_text(encoding="utf-8")
 NAMED = re.compile(r"`(test_\w+\.py)?::(test_\w+)`")
 
 

@@ -80,14 +80,20 @@ def test_the_readme_runs():
     assert run_blocks(text) == text.count("```python") >= 2
 
 
-def test_the_page_on_matching_runs():
-    text = (README.parent / "docs" / "matching.md").read_text(encoding="utf-8")
+# `test_own_effect.py` runs the page on effects of one's own and looks at what comes out.
+RUNNING = ["augment.md", "looks.md", "matching.md", "plan.md"]
+
+
+@pytest.mark.parametrize("name", RUNNING)
+def test_a_page_for_users_runs(name: str):
+    text = (README.parent / "docs" / name).read_text(encoding="utf-8")
     assert run_blocks(text) == text.count("```python") >= 1
 
 
-def test_the_page_on_augmentation_runs():
-    text = (README.parent / "docs" / "augment.md").read_text(encoding="utf-8")
-    assert run_blocks(text) == text.count("```python") >= 1
+def test_all_pages_for_users_with_python_run():
+    pages = (README.parent / "docs").glob("*.md")
+    found = {page.name for page in pages if "```python" in page.read_text(encoding="utf-8")}
+    assert found == {*RUNNING, "your-own-effect.md"}
 
 
 def test_the_readme_reader_runs_blocks_in_order():
@@ -96,3 +102,45 @@ def test_the_readme_reader_runs_blocks_in_order():
     assert run_blocks(page.format(1)) == 2
     with pytest.raises(AssertionError):
         run_blocks(page.format(2))
+
+
+PAGES = [*README.parent.glob("*.md"), *sorted((README.parent / "docs").rglob("*.md")),
+         README.parent / "benches" / "history.md"]  # fmt: skip
+LINK = re.compile(r"\]\(([^)#\s]+)(?:#[^)]*)?\)")
+FILE = re.compile(r"`((?:python|flurries|src|docs|tests|benches)/[\w./-]+\.\w+)`")
+# Where files that a page names may stand; "flurries/" is short for "python/flurries/".
+ROOTS = (README.parent, README.parent / "python")
+
+
+def missing(page: Path, text: str) -> list[str]:
+    """Return the links of a page that lead nowhere, and the files named that are not there."""
+    links = [link for link in LINK.findall(text) if "://" not in link]
+    lost = [link for link in links if not (page.parent / link).exists()]
+    named = FILE.findall(text)
+    return lost + [file for file in named if not any((root / file).exists() for root in ROOTS)]
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(README.parent)))
+def test_links_and_files_of_a_page_are_there(page: Path):
+    assert missing(page, page.read_text(encoding="utf-8")) == []
+
+
+def test_a_lost_link_and_a_lost_file_would_be_seen():
+    text = (
+        "[a](docs/README.md) [b](docs/none.md#x) `src/lib.rs` `flurries/none.rs` [c](https://c.d/e)"
+    )
+    assert missing(README, text) == ["docs/none.md", "flurries/none.rs"]
+
+
+def test_the_index_of_internals_answers_ten_questions_by_two_files_at_most():
+    page = README.parent / "docs" / "internals" / "README.md"
+    table = page.read_text(encoding="utf-8").split("## Where to look")[1]
+    rows = [line.split(" | ") for line in table.splitlines() if "? |" in line]
+    assert len(rows) == 10
+    for question, answer in rows:
+        named = FILE.findall(answer)
+        assert 1 <= len(named) <= 2, question
+        # What it says to look for in the first file stands in one of them.
+        text = "".join((README.parent / file).read_text(encoding="utf-8") for file in named)
+        words = re.findall(r"\(`([\w:]+)`", answer) + re.findall(r", `(\w+)`\)", answer)
+        assert all(word.split("::")[-1] in text for word in words), question

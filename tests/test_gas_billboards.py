@@ -52,7 +52,7 @@ def relative(got, want):
 
 
 def tolerance(center, r, near):
-    """gas.md section 5: where two terms of e_x cancel."""
+    """Where two terms of e_x cancel."""
     x, _, depth = map(abs, center)
     s = math.hypot(x, depth)
     signed = center[0]
@@ -110,7 +110,7 @@ def test_random_billboards_against_direct_projection():
 
 
 def test_the_second_zero():
-    # C_x near -2 r: the zeros for D = 1, 2, 5, 20 and r = .45 (gas.md section 5).
+    # C_x near -2 r: the zeros for D = 1, 2, 5, 20 and r = .45.
     for depth, zero in ((1, -0.8012), (2, -0.8632), (5, -0.8930), (20, -0.8995)):
         around = np.linspace(zero - 1e-4, zero + 1e-4, 201)
         centers = np.stack([around, np.zeros(201), np.full(201, float(depth))], 1)

@@ -75,7 +75,7 @@ def test_viewplane_loses_the_cosine():
 
 def test_the_widened_viewplane_does_not():
     mean, error = mean_transmittance("viewplane_c", 3.0, 5.0, 800)
-    # gas.md section 2: optical depth 1.002 to 1.005 of the exact one at depth 3.
+    # Optical depth 1.002 to 1.005 of the exact one at depth 3.
     assert (np.abs(mean - np.exp(-beta() * 2.0 * LENGTHEN)) < 3 * error + 0.005).all()
 
 
@@ -125,7 +125,7 @@ def test_the_table_is_the_closed_form_whatever_the_quadrature(size):
 
 
 def test_the_quadrature_is_the_papers():
-    # gas.md section 1: trapezoid with 100 intervals is 8.0e-6 short of the integral.
+    # Trapezoid with 100 intervals is 8.0e-6 short of the integral.
     w = np.linspace(-3, 3, 101)
     line = np.exp(-w * w / 2)
     with mpmath.workdps(30):

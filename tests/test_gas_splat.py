@@ -186,7 +186,7 @@ def test_behind_the_eye(footprint):
 
 
 def test_inside_a_particle_the_line_integral_is_exact():
-    # gas.md section 3: on the axis, density .4, near .1.
+    # On the axis, density .4, near .1.
     want = {1.0: 0.40, 0.3: 0.364, 0.1: 0.20, 0.05: 0.148, 0.0: 0.101, -0.1: 0.036}
     for depth, value in want.items():
         alpha = one((0, 0, depth), footprint="volume")[20, 20]
@@ -240,7 +240,7 @@ def test_energy_is_continuous_from_box_to_point(footprint, edge):
             exact = twin.TAPER if edge == "taper" else twin.SQUARE
             np.testing.assert_allclose(energies, exact, rtol=1e-6)
         else:
-            # gas.md section 1: at 2 px the taper's samples are within .17 %, the square's .6 %.
+            # At 2 px the taper's samples are within .17 %, the square's .6 %.
             limit = 0.003 if edge == "taper" else 0.03
             np.testing.assert_allclose(energies, area, rtol=limit)
         mean = np.mean(energies)

@@ -111,7 +111,7 @@ def test_bands_move_across_tiles(tile: int):
 
 
 def test_rings_move_by_themselves():
-    # Section 9: wind by depth, here coarse waves to the right and fine waves down.
+    # Wind by depth, here coarse waves to the right and fine waves down.
     first, second = (
         fl.spectral.field((SIZE, SIZE), drift=np.multiply(t, [(0.0, 8.0), (8.0, 0.0)]), seed=6,
                           tile=SIZE, overlap=0, ring_edges=(4.0, 12.0, 32.0))

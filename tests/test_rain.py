@@ -102,7 +102,7 @@ def test_mean_opacity_is_the_integral(mean: float, spread: float, power: float):
 
 
 def test_mean_opacity_of_the_paper_s_map():
-    # The specification's figure.
+    # The closed form and quadrature have it, too: test_spectral_twin.py.
     assert mean_opacity(np.ones(1), 0.5, 3.0, 2.0)[0] == pytest.approx(0.27764, abs=1e-4)
 
 
@@ -123,7 +123,7 @@ def test_what_is_left_has_the_contrast_of_all(cycles: float):
 
 
 def test_nothing_kept_is_no_streak_and_no_nan():
-    # Every wave of a small tile is too fast: section 10's "cut with c huge, renormalise".
+    # Every wave of a small tile is too fast: the cut leaves nothing that could be renormalised.
     rain = Rain(**{**BARE, "mean": 0.3}, fall=9e4, wind=(9e3, 0.0, 0.0), tile=16, jitter=True,
                 wavelengths=(2.0, 4.0))  # fmt: skip
     got = black(rain, (64, 64)).render(7, layers=True)

@@ -1,4 +1,4 @@
-"""docs/reliability.md keeps its word: its rows are those of the list, and all tests of it exist."""
+"""docs/internals/reliability.md keeps its word: the list has its rows, and its tests exist."""
 
 from __future__ import annotations
 

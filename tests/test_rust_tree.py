@@ -59,7 +59,7 @@ def test_an_arrow_is_seen():
 
 
 def test_unsafe_stands_where_the_page_says():
-    page = (ROOT / "docs" / "architecture.md").read_text()
+    page = (ROOT / "docs" / "internals" / "architecture.md").read_text()
     part = page.split("\n## Unsafe\n")[1].split("\n## ")[0]
     listed = re.findall(r"`(src/[\w/]+\.rs)`", part)
     found = sorted(

@@ -210,7 +210,7 @@ def test_defaults_of_field():
 
 
 def test_shortest_keeps_the_normaliser():
-    # Section 9: the kept variance is log(Z_bg/Z_near)/log 8, here one octave of three, and the
+    # The kept variance is log(Z_bg/Z_near)/log 8, here one octave of three, and the
     # waves that stay are the same: a near wall shows less snow, not other snow.
     options = {"drift": (0.0, 0.0), "seed": 5, "tile": 256, "overlap": 0, "dtype": np.float64}
     cut = fl.spectral.field((256, 256), **options, shortest=[[16.0]])

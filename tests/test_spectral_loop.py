@@ -54,7 +54,7 @@ def test_the_loop_is_exact(periods: int):
 
 
 def test_without_rounding_the_wrap_jumps():
-    # Section 2: 1.42 sigma, as between independent frames, against an ordinary step.
+    # 1.42 sigma, as between independent frames, against an ordinary step.
     def step(first: np.ndarray, second: np.ndarray) -> float:
         return float(np.sqrt(np.mean((second - first) ** 2)))
 
@@ -99,7 +99,7 @@ def test_shutter_cut_and_jitter_act_on_the_rounded_rates():
 
 
 def test_the_middle_of_an_exposure_is_the_mean_of_its_moments():
-    # Section 5: the box shutter is the mean of 256 sub-frames to 3e-5.
+    # The box shutter is the mean of 256 sub-frames to 3e-5.
     moments = 5.0 + 0.8 * ((np.arange(256) + 0.5) / 256 - 0.5)
     blurred = loop(time=5, shutter=0.8)
     assert np.abs(loop(time=moments).mean(axis=0) - blurred).max() < 3e-5

@@ -52,7 +52,7 @@ def test_defaults_of_opacity():
 
 
 def test_statistics_of_the_default_opacity():
-    # Section 6, k = 3, 400 tiles: mean .27764, std .17061. By Parseval every tile's unclipped mean
+    # With k = 3, 400 tiles: mean .27764, std .17061. By Parseval every tile's unclipped mean
     # is exactly 1/4 + 1/36 and clipping only lowers it, by 1.4e-4 on average: nearly all tiles stay
     # within 0.001, whatever their seed.
     tiles = np.array(
@@ -128,7 +128,7 @@ def blurred(c: float, shutter: float, seed: int, **options) -> np.ndarray:
 
 @pytest.mark.parametrize("c", [0.3, 0.9, 2.0])
 def test_preserve_mean(c: float):
-    # Section 5: blurring the field and then squaring loses mean opacity; sigma^2 (1 - kappa) gives
+    # Blurring the field and then squaring loses mean opacity; sigma^2 (1 - kappa) gives
     # it back, to 1e-3. Without it at least 0.003 is missing, and 0.0175 for fast snow.
     sharp = np.mean([blurred(c, 0.0, seed) for seed in range(40)])
     without = np.mean([blurred(c, 1.0, seed) for seed in range(40)])

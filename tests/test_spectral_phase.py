@@ -64,7 +64,7 @@ def test_advanced_phase_stays_odd(shape: twin.Shape):
 
 
 def test_phases_add_and_do_not_multiply():
-    # Section 1, "Phase update, right form": the printed product is even in k and 0 at t = 0.
+    # The printed product is even in k and 0 at t = 0.
     phase = twin.random_phase((16, 16), seed=1)
     assert np.array_equal(fl.spectral.advance_phase(phase, (0.0, 0.0)), phase)
     moved = fl.spectral.advance_phase(phase, (2.0, 0.0))
@@ -82,7 +82,7 @@ def test_reduction_is_half_open(cycles: float, expected: float):
 
 
 def exact_phase(phase: np.ndarray, drift: tuple[float, float], wavelength_max: float) -> np.ndarray:
-    """Section 3 with 40 digits; the drift is taken as the float64 that was passed."""
+    """Phases with 40 digits; the drift is taken as the float64 that was passed."""
     shape = phase.shape
     result = np.zeros(shape)
     ky, kx = twin.wave_numbers(shape)

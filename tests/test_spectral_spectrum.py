@@ -66,7 +66,7 @@ def test_jitter_stays_near_the_tent():
 
 @pytest.mark.parametrize(("rate", "shown"), [(0.51, -0.49), (0.9, -0.1), (0.3, 0.3)])
 def test_fast_waves_show_their_alias(rate: float, shown: float):
-    # Section 5: the wave (4, 0), straight along a drift of minus `rate` cycles per frame.
+    # The wave (4, 0), straight along a drift of minus `rate` cycles per frame.
     pictures = np.array(
         [
             fl.spectral.field((64, 64), drift=(-32.0 * rate * t, 0.0), seed=1, overlap=0,

@@ -106,7 +106,7 @@ def test_renormalise_keeps_the_power_of_the_input():
 
 @pytest.mark.parametrize(("c", "left"), [(0.5, 0.677), (1.0, 0.309), (2.0, 0.157), (4.0, 0.079)])
 def test_power_left_by_a_full_shutter(c: float, left: float):
-    # Section 5: the mean of sinc^2(c cos beta) over the angles; the lattice at 512 adds 0.005.
+    # The mean of sinc^2(c cos beta) over the angles; the lattice at 512 adds 0.005.
     angles = (np.arange(4096) + 0.5) * 2 * np.pi / 4096
     theory = np.mean(np.sinc(c * np.cos(angles)) ** 2)
     assert theory == pytest.approx(left, abs=6e-3)
@@ -131,7 +131,7 @@ def test_soft_roll_off():
 
 
 def test_hard_cut_pops_and_soft_does_not():
-    # Section 5: the largest change of one frame's field while c goes from 0.3 to 3 in 300 frames.
+    # The largest change of one frame's field while c goes from 0.3 to 3 in 300 frames.
     amplitude = twin.band_amplitude(M)
     jump = {}
     for alias in ("cut", "soft"):
@@ -184,7 +184,7 @@ def test_the_plane_term_is_filtered_too():
      (64, 45, 0.040), (128, 45, 0.026), (256, 45, 0.012), (512, 45, 0.006)],
 )  # fmt: skip
 def test_static_share(size: int, theta: float, share: float):
-    # Section 4: waves exactly across the motion have rate 0.
+    # Waves exactly across the motion have rate 0.
     velocity = (np.cos(np.radians(theta)), np.sin(np.radians(theta)))
     rate = fl.spectral.tent_rate((size, size), velocity)
     power = fl.spectral.band_amplitude((size, size)) ** 2

@@ -39,7 +39,7 @@ def test_tent_is_exact_on_the_axes(size: int):
 
 
 def test_tent_sign_and_size():
-    # Section 1: omega = -v.omega; |rate| never exceeds c = speed/wavelength_max.
+    # omega = -v.omega; |rate| never exceeds c = speed/wavelength_max.
     rate = fl.spectral.tent_rate((64, 64), (3.0, 4.0), wavelength_max=32.0)
     assert rate[0, 3] < 0.0 and rate[3, 0] < 0.0
     assert np.abs(rate).max() <= 5.0 / 32.0

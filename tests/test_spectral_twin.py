@@ -16,7 +16,7 @@ MASK = 2**64 - 1
 
 
 def mix64_in_python(z: int) -> int:
-    """Section 1 once more, in Python's own integers."""
+    """The hash once more, in Python's own integers."""
     z = (z + 0x9E3779B97F4A7C15) & MASK
     z = ((z ^ (z >> 30)) * 0xBF58476D1CE4E5B9) & MASK
     z = ((z ^ (z >> 27)) * 0x94D049BB133111EB) & MASK
@@ -125,7 +125,7 @@ def test_rotation_matrix_is_right_handed_and_orthonormal():
     [(2.0, 0.3075, 0.2497), (2.5, 0.2891, 0.2044), (3.0, 0.2776, 0.1706), (4.0, 0.2656, 0.1269)],
 )
 def test_opacity_moments_by_three_ways(spread: float, mean: float, std: float):
-    # The closed form, quadrature, and the printed table of section 6 to its last digit.
+    # The closed form, quadrature, and the numbers above to their last digit.
     def moment(power: int) -> float:
         inside, _ = integrate.quad(
             lambda z: (0.5 + z / (2 * spread)) ** power * stats.norm.pdf(z), -spread, spread

@@ -1,4 +1,4 @@
-"""The 3-D method: its spectrum, its film, and how it stands to the 2-D method (section 2)."""
+"""The 3-D method: its spectrum, its film, and how it stands to the 2-D method."""
 
 from __future__ import annotations
 
@@ -207,8 +207,8 @@ def test_overlap_beats():
 
 
 def test_overlap_moves_unsteadily():
-    # The velocity of the 24 px band, least squares, varies by 6 %, that of one cell not at all. The
-    # specification says 38 %: a correlator that takes the next crest of few waves for the same.
+    # The velocity of the 24 px band, least squares, varies by 6 %, that of one cell not at all. A
+    # correlator that takes the next crest of few waves for the same one finds 38 %.
     ky, kx = twin.wave_numbers((64, 64))
     band = twin.leaders((64, 64)) & twin.band((64, 64), (21.0, 28.0))
     f = np.stack([kx[band], ky[band]]) / 64.0

@@ -276,7 +276,7 @@ def test_measured_on_frames_flakes_have_the_wind_of_their_place(kind: str):
 
 
 def test_the_wind_of_a_flake_s_own_place_is_nearly_the_same():
-    # By how much flakes and the texture beside them differ: docs/deviations.md.
+    # By how much flakes and the texture beside them differ: docs/internals/deviations.md.
     off = []
     for seed in range(4):
         shown = scene({**FLAKES, "wind": WINDS["both"], "flakes": 400}, seed=seed)

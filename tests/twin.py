@@ -1,9 +1,9 @@
 """The slow twin: `fl.spectral` and `fl.camera` in plain float64 NumPy, written from the equations.
 
 It judges the fast kernels, so it shares no code with them and never imports `flurries`. Everything
-is spelled out per wave and per tile; nothing here is meant to be quick. Section numbers are those
-of the specification of the spectral layer. Arrays are [row, column] = [y, x], spectra stand in
-fftfreq order, phases and rates are in cycles, and pairs of numbers are (x, y).
+is spelled out per wave and per tile; nothing here is meant to be quick. Arrays are [row, column]
+= [y, x], spectra stand in fftfreq order, phases and rates are in cycles, and pairs of numbers are
+(x, y).
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ Floats = NDArray[np.float64]
 Shape = tuple[int, int]
 
 
-# Section 0: frequencies ---------------------------------------------------------------------------
+# Frequencies --------------------------------------------------------------------------------------
 
 
 def signed(length: int) -> NDArray[np.int64]:
@@ -50,7 +50,7 @@ def reduced(cycles: ArrayLike) -> Floats:
     return cycles - np.floor(cycles + 0.5)
 
 
-# Section 1: random phases -------------------------------------------------------------------------
+# Random phases ------------------------------------------------------------------------------------
 
 
 def mix64(z: ArrayLike) -> NDArray[np.uint64]:
@@ -89,7 +89,7 @@ def leaders(shape: Shape) -> NDArray[np.bool_]:
 
 
 def random_phase(shape: Shape, *, seed: int, tile: tuple[int, int] = (0, 0)) -> Floats:
-    """Section 1, "Random phases": u, or u - 1 from 1/2 on, odd in k."""
+    """U, or u - 1 from 1/2 on, odd in k."""
     ky, kx = wave_numbers(shape)
     h = hashed(seed, *tile, ky, kx)
     u = unit(h)
@@ -99,7 +99,7 @@ def random_phase(shape: Shape, *, seed: int, tile: tuple[int, int] = (0, 0)) -> 
     return np.where(self_conjugate(shape), own, phase)
 
 
-# Section 1: the tent ------------------------------------------------------------------------------
+# The tent -----------------------------------------------------------------------------------------
 
 
 def without_nyquist(shape: Shape) -> tuple[Floats, Floats]:
@@ -117,7 +117,7 @@ def directions(shape: Shape) -> tuple[Floats, Floats]:
 
 
 def jittered_directions(shape: Shape, seed: int, tile: tuple[int, int]) -> tuple[Floats, Floats]:
-    """Section 4, "jitter": the direction of a random point of the bin's cell, odd in k."""
+    """The direction of a random point of the bin's cell, odd in k."""
     ky, kx = wave_numbers(shape)
     y = (ky + unit(hashed(seed, *tile, ky, kx, 2)) - 0.5) / shape[0]
     x = (kx + unit(hashed(seed, *tile, ky, kx, 1)) - 0.5) / shape[1]
@@ -140,7 +140,7 @@ def _tent(unit_vectors: tuple[Floats, Floats], drift: Floats, wavelength_max: fl
 
 
 def plane_rate(shape: Shape, shift: ArrayLike) -> Floats:
-    """Section 8, "Rotation": all waves move alike, phase -= fx*px + fy*py."""
+    """All waves move alike, phase -= fx*px + fy*py."""
     (ny, nx), (px, py) = without_nyquist(shape), np.asarray(shift, dtype=np.float64)
     return -(nx * px + ny * py)
 
@@ -166,7 +166,7 @@ def advance_phase(
     return reduced(phase + tent + plane_rate(phase.shape, shift))
 
 
-# Section 4: band and amplitudes -------------------------------------------------------------------
+# Band and amplitudes ------------------------------------------------------------------------------
 
 
 @lru_cache(maxsize=256)
@@ -195,7 +195,7 @@ def band_amplitude(
     return amplitude / np.sqrt(np.sum(amplitude**2))
 
 
-# Section 5: temporal aliasing and shutter ---------------------------------------------------------
+# Temporal aliasing and shutter --------------------------------------------------------------------
 
 
 def temporal_filter(
@@ -256,7 +256,7 @@ def inverse_transform(amplitude: ArrayLike, phase: ArrayLike) -> Floats:
     return np.fft.ifft2(spectrum, norm="forward").real
 
 
-# Section 6: opacity -------------------------------------------------------------------------------
+# Opacity ------------------------------------------------------------------------------------------
 
 
 def opacity(
@@ -288,7 +288,7 @@ def opacity_mean(mean: float = 0.5, spread: float = 3.0) -> float:
     return float(inside + 1.0 - below[1])
 
 
-# Section 7: tiles and blending --------------------------------------------------------------------
+# Tiles and blending -------------------------------------------------------------------------------
 
 
 def tile_starts(length: int, *, tile: int = 64, overlap: int = 10) -> NDArray[np.int64]:
@@ -344,7 +344,7 @@ def blend_tiles(
 
 
 def ring_of(shape: Shape, ring_edges: ArrayLike) -> NDArray[np.int64]:
-    """Section 9: ring r holds edges[r] < lambda <= edges[r+1]; the rest join the end rings."""
+    """Ring r holds edges[r] < lambda <= edges[r+1]; the rest join the end rings."""
     inner = np.asarray(ring_edges, dtype=np.float64)[1:-1]
     ring = np.zeros(shape, dtype=np.int64)
     for edge in inner:
@@ -415,7 +415,7 @@ def field(
     return blend_tiles(tiles, shape, overlap=overlap, blend=blend)
 
 
-# Section 8: the camera ----------------------------------------------------------------------------
+# The camera ---------------------------------------------------------------------------------------
 
 
 class Camera:

@@ -1,4 +1,4 @@
-"""The gas' specification in plain float64, slow and independent: the judge of the kernels.
+"""What a gas looks like, in plain float64, slow and independent: the judge of the kernels.
 
 Written from the equations: no tiles, no bounds, no linear forms; every pixel of every particle.
 """

@@ -1,4 +1,4 @@
-"""The particles' specification in plain float64, slow and independent: the judge of the kernels."""
+"""What flakes look like, in plain float64, slow and independent: the judge of the kernels."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
 """The slow twin of the 3-D method: the whole space-time spectrum, and NumPy's inverse transform.
 
-Written from the specification's section 2; never imports `flurries`. Spectra are (H, W, T) in
+Written from the equations; never imports `flurries`. Spectra are (H, W, T) in
 fftfreq order on every axis, films (T, H, W).
 """
 

@@ -1,7 +1,7 @@
 //! Counter-based random numbers: a value is a hash of what it belongs to, never of an order of calls.
 //!
 //! So a tile, a wave or a flake has the same number whatever the image size, the thread count or the
-//! frame that asks (spectral.md section 1 of the specification; splitmix64's finalizer).
+//! frame that asks (splitmix64's finalizer).
 
 /// Scrambles 64 bits; a bijection.
 #[inline(always)]

@@ -3,7 +3,7 @@
 //! Kernels are plain generic loops over slices, `#[inline(always)]`; [`dispatch`] compiles them once
 //! for each level and calls the best that the processor has. Loops use [`multiply_add`], which is one
 //! instruction with one rounding on both vector levels: these give the same bits. The portable level
-//! rounds twice, so its last bits differ (see docs/architecture.md).
+//! rounds twice, so its last bits differ (see docs/internals/architecture.md).
 //!
 //! In the reproducible mode every level rounds twice: the portable arithmetic compiled for the vectors
 //! that there are, and the same bits with all of them.

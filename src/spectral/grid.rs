@@ -60,7 +60,7 @@ pub enum Role {
     Alone,
 }
 
-/// The role of a bin, by the rule of the specification (section 1, random phases).
+/// The role of a bin among the random phases.
 #[inline]
 pub const fn role(ky: i64, kx: i64, (height, width): (usize, usize)) -> Role {
     let own_x = kx == 0 || is_nyquist(kx, width);

@@ -226,7 +226,7 @@ impl Opacity {
     /// `E = integral_0^1 u^p gauss(u) du + P(u > 1)`, u of mean `mean` and deviation
     /// sqrt(variance) / (2 spread). Blurring the field and squaring is not blurring the opacity: the
     /// mean falls, and what it falls by is the difference of two of these. Without clipping and with
-    /// p = 2 the difference is sigma^2 (1 - kept power), the form in the specification.
+    /// p = 2 the difference is sigma^2 (1 - kept power).
     pub fn mean_of(&self, variance: f64) -> f64 {
         let deviation = variance.max(0.0).sqrt() / (2.0 * self.spread);
         if deviation < 1e-9 {

@@ -1,7 +1,7 @@
 """Hard cases: what is asked at the edges, and the answer that mathematics gives.
 
 Each file holds one subject's table of `Case`; `tests/test_hard_cases.py` judges them all, and
-`tests/make_hard_cases.py` writes them with the measured values to ``docs/hard-cases.md``.
+`tests/make_hard_cases.py` writes them with the measured values to ``docs/internals/hard-cases.md``.
 """
 
 from hard import air, cone, gas, spectral

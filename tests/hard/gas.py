@@ -19,7 +19,7 @@ TAPER = 2.0 * math.pi - 9.0 * math.pi * RIM / (1.0 - RIM)
 
 
 def _direct(x: Any, depth: Any, radius: Any) -> Any:
-    """Viewplane less viewpoint edge of a billboard, N = 1, from its geometry (gas, section 5)."""
+    """Viewplane less viewpoint edge of a billboard, N = 1, from its geometry."""
     slant = mpmath.sqrt(x * x + depth * depth)
     tilted = mpmath.tan(mpmath.atan(x / depth) + mpmath.atan(radius / slant))
     return (x + radius) / depth - tilted
@@ -142,7 +142,7 @@ def bad_input(dtype: Any) -> float:
     return refused(*calls)
 
 
-FORM = "gas.md's bound on the stable form, 1e-13"
+FORM = "a bound on the stable form, 1e-13"
 CASES = [
     *[
         Case(f"billboard error at x = {x:g}, depth {d:g}: relative error", projection(x, d), 0.0,

@@ -18,7 +18,7 @@ an independent reference, and the time of a frame. Times belong to that machine 
 them as ratios within a table. On the orange line lies what nothing else beats in both.
 `flurries accuracy` measures yours.
 
-![Error against time, six of the axes](images/accuracy/accuracy.png)
+![Error against time, six of the axes]({plots}/accuracy.png)
 """
 
 _AXIS = """
@@ -26,7 +26,7 @@ _AXIS = """
 
 `flurries accuracy {axis.name}`. Error {axis.unit}. Against: {axis.reference}.
 
-![Error against time](images/accuracy/{axis.name}.png)
+![Error against time]({plots}/{axis.name}.png)
 
 | setting | error | fastest of {runs}, ms | median, ms | unbeaten |
 | --- | --- | --- | --- | --- |
@@ -48,7 +48,7 @@ def write(
     folder : path
         Where ``accuracy.json`` and the plots go; made if it is not there.
     page : path, optional
-        A Markdown file beside a folder ``images/accuracy`` that holds them.
+        A Markdown file that shows the plots; its links lead from there to `folder`.
 
     Returns
     -------
@@ -65,17 +65,18 @@ def write(
     text = json.dumps([study.plain() for study in studies], indent=1)
     data.write_text(text + "\n", encoding="utf-8")
     if sheet is not None:
-        sheet.write_text(markdown(studies), encoding="utf-8")
+        way = Path(os.path.relpath(target, sheet.parent)).as_posix()
+        sheet.write_text(markdown(studies, way), encoding="utf-8")
     plots = [*plot.save(studies, target), *plot.save(studies, target, suffix="svg")]
     return [data, *plots, *([] if sheet is None else [sheet])]
 
 
-def markdown(studies: list[Study]) -> str:
-    """Return the page."""
+def markdown(studies: list[Study], plots: str) -> str:
+    """Return the page; `plots` is the way from it to the folder of the plots."""
     machine = f"{platform.machine()}, {os.cpu_count()} cores"
-    parts = [_HEAD.format(machine=machine, threads=threads()), ""]
+    parts = [_HEAD.format(machine=machine, threads=threads(), plots=plots), ""]
     for study in studies:
-        parts.append(_AXIS.format(axis=study.axis, runs=study.points[0].runs))
+        parts.append(_AXIS.format(axis=study.axis, runs=study.points[0].runs, plots=plots))
         parts += [
             f"| {p.setting} | {p.error:.2g} | {p.fastest:.3g} | {p.median:.3g} | "
             f"{'yes' if p.best else ''} |\n"

@@ -165,7 +165,7 @@ def image_velocity(
     (n, 2) float64
         Pixels per frame: ``(Tz x - f Tx, Tz y - f Ty) / Z`` (Langer 2004, Eq. 8, without its
         division by Tz), plus the flow of the rotation, which the paper leaves out
-        (``docs/deviations.md``, 17). Pure translation vanishes at the focus of expansion
+        (``docs/internals/deviations.md``, 17). Pure translation vanishes at the focus of expansion
         ``f (Tx, Ty) / Tz``.
     """
     given = _rows("points_px", points_px, 2)

@@ -67,7 +67,7 @@ class CameraPath:
 
     Notes
     -----
-    Langer 2004, section 7, where the camera never turns; ``docs/deviations.md``, 17.
+    Langer 2004, section 7, where the camera never turns; ``docs/internals/deviations.md``, 17.
 
     Examples
     --------

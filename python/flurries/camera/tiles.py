@@ -85,7 +85,7 @@ def tile_shift(
         How far the content of the tile moves, pixels, whatever its depth: at the tile's centre
         (x, y) from the principal point ``-(f + x^2/f) wy + (x y/f) wx + y wz`` across and
         ``(f + y^2/f) wx - (x y/f) wy - x wz`` down. The flow that Langer 2004 leaves out
-        (``docs/deviations.md``, 17).
+        (``docs/internals/deviations.md``, 17).
     """
     size = shape_of("shape", shape)
     view = expect_camera(camera, stretched=True)

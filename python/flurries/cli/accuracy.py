@@ -13,7 +13,7 @@ from flurries.cli.words import Words
 @command(
     "flurries accuracy --list",
     "flurries accuracy blend shutter --runs 40 -o measured",
-    "flurries accuracy -o docs/images/accuracy --page docs/accuracy.md",
+    "flurries accuracy -o docs/images/accuracy --page docs/internals/accuracy.md",
 )
 @click.argument("axes", nargs=-1, metavar="[AXIS]...", shell_complete=offer(AXES))
 @option("--list", "only_list", is_flag=True, help="say what can be measured, and measure nothing")
@@ -22,7 +22,7 @@ from flurries.cli.words import Words
 @option("--runs", type=int, default=20, metavar="N", help="runs of each way, 20 or more",
         example="40")  # fmt: skip
 @option("--page", metavar="FILE", type=FILE, unset="none", help="also a page in Markdown",
-        example="docs/accuracy.md")  # fmt: skip
+        example="docs/internals/accuracy.md")  # fmt: skip
 @THREADS
 @voice
 def accuracy(

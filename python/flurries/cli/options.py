@@ -106,6 +106,13 @@ def numbers(length: int) -> Callable[[str], tuple[float, ...]]:
 FILE = click.Path()
 
 
+# What kinds of weather are called in the help, where the option does not say it all.
+WORDS = {
+    "cone-snow": "snow drawn on a cone", "cone-rain": "rain drawn on a cone",
+    "tent-snow": "snow as Langer's paper has it", "tent-rain": "rain as Langer's paper has it",
+}  # fmt: skip
+
+
 def weather_options(presets: Mapping[str, Sequence[str]]) -> Iterator[Callable[[Any], Any]]:
     """Yield an option for each kind of weather."""
     for name, known in presets.items():
@@ -116,7 +123,7 @@ def weather_options(presets: Mapping[str, Sequence[str]]) -> Iterator[Callable[[
             words=known,
             metavar="PRESET",
             unset="none",
-            help=f"{' drawn on a '.join(reversed(name.split('-')))}: {', '.join(known)}; alone the "
+            help=f"{WORDS.get(name, name)}: {', '.join(known)}; alone the "
             "usual look, or that of --severity or --rate",
             example=known[-1],
         )

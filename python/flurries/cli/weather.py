@@ -13,7 +13,6 @@ from flurries.camera import importers
 from flurries.camera.path import CameraPath
 from flurries.cli.options import FILE, join, numbers, option, weather_options
 from flurries.effects import ConeRain, ConeSnow, Mist, Rain, Snow, TentRain, TentSnow
-from flurries.effects.presets import CONE_RAIN, CONE_SNOW, MIST, RAIN, SNOW
 from flurries.io import open_background
 from flurries.scene.arguments import parse_size
 from flurries.scene.scene import Scene
@@ -23,7 +22,7 @@ KINDS: dict[str, type[Any]] = {
     "mist": Mist, "cone-snow": ConeSnow, "snow": Snow, "cone-rain": ConeRain, "rain": Rain,
     "tent-snow": TentSnow, "tent-rain": TentRain,
 }  # fmt: skip
-PRESETS = {"snow": SNOW, "rain": RAIN, "mist": MIST, "cone-snow": CONE_SNOW, "cone-rain": CONE_RAIN}
+PRESETS = {kind: tuple(effect.PRESETS) for kind, effect in KINDS.items()}
 
 # Options that are an effect's arguments of these names.
 KNOBS = {"severity": "severity", "rate": "rate_mm_h"}
@@ -36,7 +35,7 @@ MISSING = (
 
 scene_options: Callable[[Any], Any] = join(
     click.argument("source", metavar="SCENE|PICTURE", type=FILE),
-    *weather_options({kind: tuple(known) for kind, known in PRESETS.items()}),
+    *weather_options(PRESETS),
     option("--severity", type=int, metavar="1-5", example="3", unset="the preset's",
            help="how bad the weather is, in place of a preset; of snow, rain or mist"),
     option("--rate", type=float, metavar="MM_H", example="2.5", unset="the preset's",

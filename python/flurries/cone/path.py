@@ -164,7 +164,7 @@ def path(
     published : bool
         Everything as printed: a sum in Eq. 1, frame times where an exposure and a speed are meant.
         `length` is S_streak in tiles' pixels, of which there are `pixel` to a metre. Rows of `axis`
-        where the clock stands still are NaN. See ``docs/deviations.md``.
+        where the clock stands still are NaN. See ``docs/internals/deviations.md``.
     pixel : float
         C_pixel of the printed form.
 

@@ -120,7 +120,7 @@ class ConeRain:
 
     Notes
     -----
-    Wang 2004, corrected: ``docs/deviations.md``. Two eyes see each layer at its distance.
+    Wang 2004, corrected: ``docs/internals/deviations.md``. Two eyes see each layer at its distance.
 
     Examples
     --------
@@ -236,7 +236,7 @@ class ConeSnow:
 
     Notes
     -----
-    Wang 2004, corrected: ``docs/deviations.md``.
+    Wang 2004, corrected: ``docs/internals/deviations.md``.
 
     Examples
     --------

@@ -128,8 +128,8 @@ class TentRain:
 
     Notes
     -----
-    Langer 2004, sections 5 and 8. ``docs/deviations.md`` says how the size of the tile follows from
-    the speed.
+    Langer 2004, sections 5 and 8. ``docs/internals/deviations.md`` says how the size of the
+    tile follows from the speed.
 
     Examples
     --------

@@ -2,7 +2,8 @@
 
 The point looked at is the middle of a billboard's right edge, C + r u. Parallel to the viewplane u
 is (1, 0, 0); facing the eye it is (D, 0, -C_x) / S with S = hypot(C_x, D). The paper's u has the
-wrong sign in its last component, and its Eq. 12 a factor S too many (``docs/deviations.md``).
+wrong sign in its last component, and its Eq. 12 a factor S too many: see
+``docs/internals/deviations.md``.
 """
 
 from __future__ import annotations

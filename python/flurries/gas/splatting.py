@@ -141,11 +141,11 @@ def splat(
 
     Notes
     -----
-    Johnson 2005, Eqs 1-4 and sections 2-3; what we do otherwise is in ``docs/deviations.md``. The
-    mean transmittance of a uniform gas over a length L is exp(-:func:`extinction` L). Bits do not
-    depend on the thread count. Particles that differ in color are sorted once, by depth
-    ("viewpoint" and "volume": by distance), ties by index. float32 differs from float64 by less
-    than 5e-6.
+    Johnson 2005, Eqs 1-4 and sections 2-3; ``docs/internals/deviations.md`` says what we do
+    otherwise. The mean transmittance of a uniform gas over a length L is exp(-beta L), beta its
+    :func:`extinction`. Bits do not depend on the thread count. Particles that differ in color are
+    sorted once, by depth ("viewpoint" and "volume": by distance), ties by index. float32 differs
+    from float64 by less than 5e-6.
 
     Examples
     --------

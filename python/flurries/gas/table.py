@@ -38,7 +38,8 @@ def footprint_table(size: int, *, intervals: int = 100, out: Float64 | None = No
     Notes
     -----
     Johnson 2005, Eq. 4. The paper scales by the largest entry, which for even n is not the value
-    at the origin: all entries would be too large by exp(9 / (n - 1)^2) (``docs/deviations.md``).
+    at the origin: all entries would be too large by exp(9 / (n - 1)^2): see
+    ``docs/internals/deviations.md``.
     """
     n = integer("size", size, low=1, high=8192)
     steps = integer("intervals", intervals, low=1, high=1_000_000)

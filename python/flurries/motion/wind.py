@@ -70,7 +70,7 @@ class Wind:
     straight through its columns ever further; give it a period in time, or a mean. Gusts and swirls
     have no divergence; they displace a flake by a bounded way in a mean wind that does not change,
     since they ride on it and drift upwards in it while what falls does not. A flake feels the wind
-    of the place where it would be without them: see ``docs/deviations.md``.
+    of the place where it would be without them: see ``docs/internals/deviations.md``.
 
     Examples
     --------

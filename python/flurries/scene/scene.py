@@ -215,7 +215,9 @@ class Scene:
         -------
         (H, W, 3), or the region's; (H, W, 4) where the background has alpha
             uint8 or uint16 where the background is, else float32. The same bits whatever else was
-            rendered before, in any process and with any number of threads.
+            rendered before, in any process and with any number of threads. Processors with other
+            vector instructions may differ in the last bits, but not in the reproducible mode
+            (:func:`flurries.set_reproducible`).
         """
         if eye is not None and not isinstance(eye, Camera):
             raise TypeError(f"eye must be a Camera, got {eye!r}")

@@ -244,7 +244,7 @@ def field(
 
     Notes
     -----
-    Langer 2004, sections 5 and 7, in the form of ``docs/deviations.md``.
+    Langer 2004, sections 5 and 7, in the form of ``docs/internals/deviations.md``.
 
     Examples
     --------

@@ -90,7 +90,7 @@ def tent_rate(
     Notes
     -----
     Langer 2004, Eq. 6 with the sign of Eq. 1: the printed sign moves the snow backwards
-    (``docs/deviations.md``, 1).
+    (``docs/internals/deviations.md``, 1).
     """
     size = shape_of("shape", shape)
     drift = _cycles("velocity", velocity, wavelength_max)
@@ -268,8 +268,8 @@ def advance_phase(
     Notes
     -----
     The paper multiplies where phases must be added (Langer 2004, section 5.2;
-    ``docs/deviations.md``, 6 and 7). At a drift of 1e6 times the wavelength the phase is right to
-    1e-9 cycles; beyond about 1e12 times nothing of it is left.
+    ``docs/internals/deviations.md``, 6 and 7). At a drift of 1e6 times the wavelength the
+    phase is right to 1e-9 cycles; beyond about 1e12 times nothing of it is left.
     """
     start = table("phase", phase)
     size = shape_of("phase", start.shape)
@@ -323,7 +323,7 @@ def temporal_filter(
     Notes
     -----
     Langer 2004, section 5.5. The equal case, exactly half a cycle, is cut
-    (``docs/deviations.md``, 15).
+    (``docs/internals/deviations.md``, 15).
     """
     given = table("amplitude", amplitude)
     size = shape_of("amplitude", given.shape)

@@ -175,7 +175,7 @@ def blend_tiles(
 
     Notes
     -----
-    Langer 2004, section 7; ``docs/deviations.md``, 16.
+    Langer 2004, section 7; ``docs/internals/deviations.md``, 16.
     """
     given, kept = pixels("tiles", tiles, ndim=4)
     _require_finite("tiles", given)
@@ -241,7 +241,7 @@ def opacity(
     Notes
     -----
     Langer 2004, section 5.6. The scale comes from the known variance, never from the frame: a
-    per-frame minimum and maximum flickers (``docs/deviations.md``, 20).
+    per-frame minimum and maximum flickers (``docs/internals/deviations.md``, 20).
     """
     frames = rectangular("field", field)
     given, kept = pixels("field", frames, ndim=3 if frames.ndim == 3 else 2)

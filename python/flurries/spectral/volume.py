@@ -154,7 +154,7 @@ def volume(
         its amplitude and moves at ``round(rate T) / T``; or, an experiment, all whose unit cube the
         tent passes through, as the paper says. The latter has more cells at low frequencies, so
         that octaves are not equal any more, and every wave beats
-        (``docs/deviations.md``, 14).
+        (``docs/internals/deviations.md``, 14).
     dtype : float32 or float64
         Precision of the pixels.
     out : (T, M, M), optional
