@@ -21,11 +21,13 @@ AIR = {"fall": 1.6, "wind": (0.5, 0.0, 0.0), "haze": 0.1}
 
 def ways() -> dict[str, object]:
     """Return the four effects, of one fall, wind and haze."""
-    heavy = fl.Snow.preset("heavy", **AIR)
+    heavy = fl.TentSnow.preset("heavy", **AIR)
     return {
         "cone": fl.ConeSnow.preset("heavy", **AIR, flakes=0),
-        "spectral texture": fl.Snow.preset("heavy", **AIR, flakes=0),
-        "particles": fl.Snow.preset("heavy", **AIR, texture=0.0, flakes=60_000, near_depth=24.0),
+        "spectral texture": fl.TentSnow.preset("heavy", **AIR, flakes=0),
+        "particles": fl.TentSnow.preset(
+            "heavy", **AIR, texture=0.0, flakes=60_000, near_depth=24.0
+        ),
         "hybrid (cone and flakes)": fl.ConeSnow.preset("heavy", **AIR),
         "hybrid (texture and flakes)": heavy,
     }

@@ -52,7 +52,7 @@ def looks() -> None:
     for photograph in (data.rocket(), data.astronaut(), data.coffee()):
         picture = io.fit(photograph, (1024, 1024))
         region = np.s_[300:700, 300:700]
-        scenes = [fl.Scene(None, picture, effects=[fl.Snow.preset(name)]) for name in PRESETS]
+        scenes = [fl.Scene(None, picture, effects=[fl.TentSnow.preset(name)]) for name in PRESETS]
         rows.append(np.hstack([scene.render(31, region=region) for scene in scenes]))
     save("looks.jpg", np.vstack(rows), 1600)
 
@@ -61,7 +61,9 @@ def paper() -> None:
     """The paper's own map beside ours."""
     picture = demo.photograph(1024)
     region = np.s_[300:700, 250:750]
-    scenes = [fl.Scene(None, picture, effects=[fl.Snow.preset(n)]) for n in ("paper", "moderate")]
+    scenes = [
+        fl.Scene(None, picture, effects=[fl.TentSnow.preset(n)]) for n in ("paper", "moderate")
+    ]
     save("paper.jpg", np.hstack([scene.render(31, region=region) for scene in scenes]), 1000)
 
 
@@ -69,7 +71,7 @@ def sizes() -> None:
     """One look at 512, 1024 and 2160 px: the middles, brought to one size."""
     parts = []
     for size in (512, 1024, 2160):
-        scene = fl.Scene(None, demo.photograph(size), effects=[fl.Snow.preset("heavy")])
+        scene = fl.Scene(None, demo.photograph(size), effects=[fl.TentSnow.preset("heavy")])
         low, high = round(0.3 * size), round(0.7 * size)
         parts.append(io.fit(scene.render(31, region=np.s_[low:high, low:high]), (512, 512)))
     save("sizes.jpg", np.hstack(parts), 1536)
@@ -84,9 +86,11 @@ def severity() -> None:
         scenes = [fl.Scene(None, picture, effects=[effect]) for effect in effects]
         return np.hstack([scene.render(3, region=region) for scene in scenes])
 
-    rows = [row([kind(severity=n) for n in range(1, 6)]) for kind in (fl.Snow, fl.Rain, fl.Mist)]
-    rows.append(row([fl.Snow(rate_mm_h=rate) for rate in (0.3, 1.0, 3.0, 8.0, 20.0)]))
-    rows.append(row([fl.Rain(rate_mm_h=rate) for rate in (1.0, 4.0, 10.0, 25.0, 80.0)]))
+    rows = [
+        row([kind(severity=n) for n in range(1, 6)]) for kind in (fl.TentSnow, fl.TentRain, fl.Mist)
+    ]
+    rows.append(row([fl.TentSnow(rate_mm_h=rate) for rate in (0.3, 1.0, 3.0, 8.0, 20.0)]))
+    rows.append(row([fl.TentRain(rate_mm_h=rate) for rate in (1.0, 4.0, 10.0, 25.0, 80.0)]))
     save("severity.jpg", np.vstack(rows), 1400)
 
 
@@ -96,9 +100,9 @@ def rain() -> None:
     region = np.s_[300:700, 300:740]
     for photograph in (data.rocket(), data.astronaut()):
         picture = io.fit(photograph, (1024, 1024))
-        scenes = [fl.Scene(None, picture, effects=[fl.Rain.preset(name)]) for name in RAINS]
+        scenes = [fl.Scene(None, picture, effects=[fl.TentRain.preset(name)]) for name in RAINS]
         rows.append(np.hstack([scene.render(31, region=region) for scene in scenes]))
-    scene = fl.Scene(None, demo.photograph(1024), effects=[fl.Rain.preset("rain")])
+    scene = fl.Scene(None, demo.photograph(1024), effects=[fl.TentRain.preset("rain")])
     frames = [scene.render(t, region=region).astype(float) for t in range(1, 31)]
     step = np.clip(128.0 + 3.0 * (frames[1] - frames[0]), 0, 255)
     mean = np.mean(frames, axis=0)
@@ -116,7 +120,7 @@ def wind() -> None:
     )
     parts = []
     for blow in winds:
-        snow = fl.Snow(wind=blow, flakes=1500, texture=0.0, haze=0.0, fall=1.0)
+        snow = fl.TentSnow(wind=blow, flakes=1500, texture=0.0, haze=0.0, fall=1.0)
         scene = fl.Scene(None, black, effects=[snow])
         frames = [scene.render(t) for t in np.arange(40.0, 52.0, 0.5)]
         parts.append(np.minimum(3.0 * np.max(frames, axis=0), 255.0))
@@ -132,9 +136,9 @@ def depth() -> None:
     camera = fl.Camera(994.978)
     snow = {"near_depth": 2.0, "flakes": 6000, "flake_size": (0.004, 0.01)}
     effects = [
-        (fl.Snow.preset("heavy", **snow), None),
-        (fl.Snow.preset("heavy", **snow), far),
-        (fl.Snow.preset("heavy", depth_mode="pixel", **snow), far),
+        (fl.TentSnow.preset("heavy", **snow), None),
+        (fl.TentSnow.preset("heavy", **snow), far),
+        (fl.TentSnow.preset("heavy", depth_mode="pixel", **snow), far),
     ]
     pictures = [
         fl.Scene(None, left, camera, [effect], depth=limit).render(31) for effect, limit in effects
@@ -146,7 +150,7 @@ def depth() -> None:
 
 def stereo() -> None:
     """Two eyes, the right one's picture on the left: to be looked at cross-eyed."""
-    scene = fl.Scene(None, demo.photograph(768), effects=[fl.Snow.preset("heavy")])
+    scene = fl.Scene(None, demo.photograph(768), effects=[fl.TentSnow.preset("heavy")])
     left, right = scene.stereo(31, distance=0.05, convergence=6.0)
     save("stereo.jpg", np.hstack([right, left]), 1200)
 
@@ -156,7 +160,7 @@ def jitter() -> None:
     black = np.zeros((512, 512, 3), np.float32)
     parts = []
     for spread in (False, True):
-        snow = fl.Snow.preset("heavy", wind=(0.0, 0.0, 0.0), flakes=0, haze=0.0, jitter=spread)
+        snow = fl.TentSnow.preset("heavy", wind=(0.0, 0.0, 0.0), flakes=0, haze=0.0, jitter=spread)
         scene = fl.Scene(None, black, effects=[snow])
         frames = [scene.render(t) for t in range(60)]
         parts += [frames[30], 3.0 * np.mean(frames, axis=0)]

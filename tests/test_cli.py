@@ -32,7 +32,7 @@ from flurries.cli.main import COMMANDS
 from flurries.cli.words import lines
 from flurries.io import VideoWriter, open_background, read_picture, write_picture
 
-CameraPath, Camera, Scene, Snow = fl.CameraPath, fl.camera.Camera, fl.Scene, fl.TentSnow
+CameraPath, Camera, Scene, Snow = fl.CameraPath, fl.camera.Camera, fl.Scene, fl.Snow
 W, H = 96, 64
 PLATE = np.random.default_rng(2).integers(0, 200, (H, W, 3)).astype(np.uint8)
 MASK = np.zeros((H, W), np.uint8)
@@ -204,7 +204,7 @@ def test_a_scene_file(run: Run, here: Path):
     assert np.array_equal(pixels("b/4.png"), heavy.render(4))
 
     assert run(*[w.replace("a/", "c/") for w in command], "--amount", "0.3")[0] == 0
-    less = scene.replace(effects=[Snow.preset("light", flakes=100, amount=0.3)])
+    less = scene.replace(effects=[fl.TentSnow.preset("light", flakes=100, amount=0.3)])
     assert np.array_equal(pixels("c/4.png"), less.render(4))
 
     # Another size keeps the angle of view.
@@ -293,9 +293,9 @@ def test_knobs_choose_the_weather(run: Run):
 
     assert np.array_equal(made("--severity", "3"), want(Snow(severity=3)))
     assert np.array_equal(made("--rate", "2.5"), want(Snow(rate_mm_h=2.5)))
-    assert np.array_equal(made("--rain", "--rate", "4"), want(fl.TentRain(rate_mm_h=4.0)))
+    assert np.array_equal(made("--rain", "--rate", "4"), want(fl.Rain(rate_mm_h=4.0)))
     assert np.array_equal(made("--snow", "--amount", "0.5"), want(Snow(amount=0.5)))
-    both = want(fl.Mist(severity=2), fl.TentRain(severity=2))
+    both = want(fl.Mist(severity=2), fl.Rain(severity=2))
     assert np.array_equal(made("--mist", "--rain", "--severity", "2"), both)
     assert np.array_equal(made("--snow", "severity=3"), want(Snow(severity=3)))
     # What does not look like a preset is the picture, also behind a bare option.

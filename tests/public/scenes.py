@@ -74,6 +74,8 @@ CALLS: dict[str, Call] = {
     "Sun": Call({}),
     "Wind": Call({"mean": (1.0, 0.0, 0.0), "gusts": 0.5}),
     "Snow": Call({}),
+    "TentSnow": Call({}),
+    "TentRain": Call({}),
     "Rain": Call({}),
     "Mist": Call({}),
     "ConeSnow": Call({}),

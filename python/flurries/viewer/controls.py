@@ -114,6 +114,12 @@ def names(scene: Scene) -> list[str]:
     ]
 
 
+def fall_of(effect: Any) -> Any:
+    """Return how fast what an effect shows falls; a population as its flakes do, unless it says."""
+    fall = getattr(effect, "fall", 0.0)
+    return effect.parts.motion.fall if fall is None else fall
+
+
 def moves(effect: Any) -> bool:
     """Whether an effect falls, blows, or both."""
     return hasattr(effect, "wind")
@@ -186,6 +192,8 @@ def _of_fields(index: int, group: str, effect: Any) -> list[Control]:
         if isinstance(value, bool) or not isinstance(value, (int, float)):
             continue
         label, unit, low, high, step = _FIELDS[name]
+        if name == "density" and value > high:
+            unit, high, step = "per m3", 4.0 * value, max(round(0.01 * value), 1)
         # A scene may stand where no slider would have thought.
         low, high = min(low, value), high if value <= high else 2.0 * value
         found.append(Control(f"{index}.{name}", group, label, unit, low, high, step, float(value)))
@@ -197,7 +205,7 @@ def _air(effect: Any) -> tuple[float, float, float]:
     """Return what the air with all that falls in it does at frame 0, metres per second."""
     wind = effect.wind.mean if isinstance(effect.wind, Wind) else effect.wind
     x, y, z = (float(v) for v in np.asarray(value_at(wind, 0.0)))
-    return x, y + float(value_at(getattr(effect, "fall", 0.0), 0.0)), z
+    return x, y + float(value_at(fall_of(effect), 0.0)), z
 
 
 def _polar(effect: Any) -> tuple[float, float]:

@@ -27,7 +27,7 @@ from flurries.motion.keys import Keys
 from flurries.motion.wind import Wind
 from flurries.scene.scene import Scene
 from flurries.viewer.charts import chart, field_of
-from flurries.viewer.controls import EYES, applied, controls_of, moves, names, settings
+from flurries.viewer.controls import EYES, applied, controls_of, fall_of, moves, names, settings
 from flurries.viewer.preview import Preview
 
 QUALITY = 90
@@ -229,7 +229,7 @@ def _places(scene: Scene, t: float) -> list[Any]:
     """Return camera minus air for each effect that moves, three numbers each."""
     frame = _moment(scene, t)
     return [
-        frame.displacement(fall=getattr(effect, "fall", 0.0), wind=_wind_of(effect)).tolist()
+        frame.displacement(fall=fall_of(effect), wind=_wind_of(effect)).tolist()
         if moves(effect)
         else None
         for effect in scene.effects
