@@ -24,6 +24,7 @@ from flurries.particles.precipitation import (
 
 SEVERITIES = 5
 
+# Looks by name, tuned by eye on dark, bright and busy photographs at 1:1 (docs/snow.md).
 SNOW: dict[str, dict[str, Any]] = {
     "light": {"density": 12.0, "flake_size": (0.003, 0.006, 0.018)},
     "moderate": {},
@@ -33,6 +34,27 @@ SNOW: dict[str, dict[str, Any]] = {
         "flake_size": (0.002, 0.005, 0.016),
         "wind": (6.0, 0.0, 0.0),
         "shutter": 0.3,
+    },
+    # Half melted: small, fast and glassy.
+    "sleet": {
+        "density": 120.0,
+        "flake_size": (0.001, 0.003, 0.008),
+        "opacity": 0.6,
+        "fall": 4.0,
+        "wind": (1.5, 0.0, 0.0),
+        "sway": (0.0, 0.0),
+    },
+    "big flakes": {
+        "density": 6.0,
+        "flake_size": (0.008, 0.018, 0.045),
+        "wind": (0.15, 0.0, 0.0),
+        "sway": (0.05, 2.5),
+    },
+    "night flurry": {
+        "density": 8.0,
+        "flake_size": (0.002, 0.005, 0.014),
+        "color": (1.0, 0.92, 0.8),
+        "wind": (0.6, 0.0, 0.0),
     },
 }
 
