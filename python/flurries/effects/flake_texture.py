@@ -29,15 +29,18 @@ from flurries.particles.population import Slab
 from flurries.spectral.flakes import Request, bands_of, choices, frame_of, patterns_of, prepare
 from flurries.trace import count
 
-# Patterns of each layer, and how much their torus is sheared.
-PATTERNS, SHEAR = 8, 5 / 13
+# How much the torus of a pattern is sheared: it comes back near its first place after 13 turns.
+SHEAR = 5 / 13
+
+# Patterns of each layer, by the tile: a larger one repeats less.
+PATTERNS = {64: 8, 128: 4, 256: 4}
 
 # Parts of equal number of a layer's diameters; within a part they lie evenly.
 PARTS = 8
 
 # Flakes of a layer that are drawn for each pixel of a tile, at most. Of more, whose images are
 # small, a part is drawn, and what differs from the mean is made as large as that of all.
-MOST_A_PIXEL = 0.25
+MOST_A_PIXEL = 0.1
 
 # Amounts that patterns are kept for, where the amount of flakes changes.
 LADDER = (0.0, 0.125, 0.25, 0.5, 0.75, 1.0)
@@ -282,7 +285,7 @@ class FlakeTexture:
                 frame.seed,
                 tiles,
                 layers=number,
-                patterns=PATTERNS,
+                patterns=PATTERNS[film.tile],
                 tile=film.tile,
                 generation=np.ascontiguousarray(first + generation, dtype=np.int64),
             )
@@ -290,7 +293,7 @@ class FlakeTexture:
                 if not mix.any():
                     continue
                 factor = weight * mix * gains
-                named = taken.pattern + rung * (number * PATTERNS)
+                named = taken.pattern + rung * (number * PATTERNS[film.tile])
                 pattern.append(np.where(factor > 0.0, named, -1)[..., chosen])
                 gain.append(factor[..., chosen])
                 shift.append((taken.shift + moved)[:, :, chosen])
@@ -471,7 +474,7 @@ def _patterns_of(
             counts=counts,
             diameters=sizes,
             opacity=texture.weather.population.opacity,
-            patterns=PATTERNS,
+            patterns=PATTERNS[film.tile],
             shear=SHEAR,
             seed=seed,
             amount=rung,

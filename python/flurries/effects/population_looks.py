@@ -37,9 +37,9 @@ SNOW: dict[str, dict[str, Any]] = {
     },
     # Half melted: small, fast and glassy.
     "sleet": {
-        "density": 120.0,
-        "flake_size": (0.001, 0.003, 0.008),
-        "opacity": 0.6,
+        "density": 300.0,
+        "flake_size": (0.001, 0.0035, 0.01),
+        "opacity": 0.7,
         "fall": 4.0,
         "wind": (1.5, 0.0, 0.0),
         "sway": (0.0, 0.0),
@@ -51,8 +51,8 @@ SNOW: dict[str, dict[str, Any]] = {
         "sway": (0.05, 2.5),
     },
     "night flurry": {
-        "density": 8.0,
-        "flake_size": (0.002, 0.005, 0.014),
+        "density": 16.0,
+        "flake_size": (0.002, 0.006, 0.016),
         "color": (1.0, 0.92, 0.8),
         "wind": (0.6, 0.0, 0.0),
     },
