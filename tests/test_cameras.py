@@ -206,7 +206,7 @@ def test_the_command_line_takes_them(tmp_path: Path, monkeypatch: pytest.MonkeyP
     words = ["render", "#304050", "--snow", "heavy", "--size", f"{W}x{H}", "--camera", "cam.chan"]
     assert main([*words, "--frames", "3", "--quiet", "-o", "a.png"]) == 0
     path = cameras.load("cam.chan", (H, W))
-    scene = fl.Scene((W, H), "#304050", camera=path, effects=fl.TentSnow.preset("heavy"))
+    scene = fl.Scene((W, H), "#304050", camera=path, effects=fl.Snow.preset("heavy"))
     assert np.array_equal(read_picture("a.png").pixels, scene.render(3))
     scene.save("scene.toml")
     assert np.array_equal(fl.Scene.load("scene.toml").render(3), scene.render(3))

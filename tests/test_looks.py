@@ -32,7 +32,7 @@ def test_a_look_is_as_it_was(version: str, name: str, golden: dict[str, np.ndarr
 
 def test_golden_frames_tell_looks_apart(golden: dict[str, np.ndarray]):
     """The control: a hair more haze, or some flakes more, is another look."""
-    number = list(looks("v1")).index("Snow moderate")
+    number = list(looks("v1")).index("TentSnow moderate")
     top, left = number // ACROSS * HIGH, number % ACROSS * WIDE
     want = golden["v1"][top : top + HIGH, left : left + WIDE] / 65535.0
     for effect in (fl.TentSnow(haze=0.041), fl.TentSnow(mean=0.051), fl.TentSnow(flakes=8800)):

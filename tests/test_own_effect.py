@@ -54,7 +54,7 @@ def test_the_page_makes_frames_files_and_eyes(page: dict[str, Any], tmp_path: Pa
 
 
 def test_a_kind_is_strict_about_its_keys(page: dict[str, Any], tmp_path: Path):
-    for line, wanted in (("colour = 0.5", "line 3.*color"), ("preset = 'dark'", "line 3.*preset")):
+    for line, wanted in (("colr = 0.5", "line 3.*color"), ("preset = 'dark'", "line 3.*preset")):
         (tmp_path / "bad.toml").write_text(f"[[effects]]\nkind = 'ash'\n{line}\n")
         with pytest.raises(ValueError, match=wanted):
             fl.Scene.load(tmp_path / "bad.toml")

@@ -279,7 +279,7 @@ def test_scenes_with_rain_are_saved(tmp_path: Path):
     (tmp_path / "hand.toml").write_text("[[effects]]\nkind = 'rain'\npreset = 'drizzle'\n")
     assert Scene.load(tmp_path / "hand.toml").effects == (Rain.preset("drizzle"),)
     (tmp_path / "bad.toml").write_text("[[effects]]\nkind = 'rain'\nflakes = 3\n")
-    with pytest.raises(ValueError, match=r"line 3.*flakes.*'rain'"):
+    with pytest.raises(ValueError, match=r"line 3.*flakes.*'tent_rain'"):
         Scene.load(tmp_path / "bad.toml")
 
 
@@ -287,18 +287,18 @@ def test_the_command_line_rains(tmp_path: Path, capsys: pytest.CaptureFixture[st
     file = str(tmp_path / "out.png")
     common = ["render", "#203040", "-o", file, "--size", "96x64", "--quiet", "--frames", "3"]
     assert main([*common, "--rain", "downpour", "--snow", "light", "--wind", "1,0,0"]) == 0
-    effects = [fl.TentSnow.preset("light", wind=(1.0, 0.0, 0.0)),
-               Rain.preset("downpour", wind=(1.0, 0.0, 0.0))]  # fmt: skip
+    effects = [fl.Snow.preset("light", wind=(1.0, 0.0, 0.0)),
+               fl.Rain.preset("downpour", wind=(1.0, 0.0, 0.0))]  # fmt: skip
     want = Scene((96, 64), "#203040", effects=effects).render(3)
     assert np.array_equal(read_picture(file).pixels, want)
     assert main([*common, "--overwrite", "--rain", "downpour", "--depth", "2.5"]) == 0
-    near = Scene((96, 64), "#203040", effects=[Rain.preset("downpour")], depth=2.5).render(3)
+    near = Scene((96, 64), "#203040", effects=[fl.Rain.preset("downpour")], depth=2.5).render(3)
     assert np.array_equal(read_picture(file).pixels, near)
     way = tmp_path / "way.csv"
     way.write_text("x,y,z,rx,ry,rz\n0,0,0,0,0,0\n0,0,1,0,0.01,0\n")
     assert main([*common, "--overwrite", "--rain", "rain", "--camera", str(way)]) == 0
     path = fl.CameraPath.load(way, Camera(1.2 * 96))
-    turned = Scene((96, 64), "#203040", path, effects=[Rain.preset("rain")]).render(3)
+    turned = Scene((96, 64), "#203040", path, effects=[fl.Rain.preset("rain")]).render(3)
     assert np.array_equal(read_picture(file).pixels, turned)
     capsys.readouterr()
     for wrong, words in (

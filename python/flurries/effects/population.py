@@ -100,7 +100,7 @@ def parts_of(
         name=name,
         amount=amount,
         color=color,
-        gain=gain,
+        brightness=gain,
         motion=motion,
         texture=texture,
         flakes=DrawnFlakes(weather),

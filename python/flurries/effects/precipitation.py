@@ -77,8 +77,8 @@ class Precipitation(Generic[_Back]):
         0 to 1; scales all parts.
     color : color
         Of them all, display values.
-    gain : Number
-        Of the color's light.
+    brightness : Number
+        Factor of the color's light.
     motion : Motion
         What moves them.
     texture : Backdrop or None
@@ -95,7 +95,7 @@ class Precipitation(Generic[_Back]):
     texture: _Back
     flakes: Front | None = None
     veil: Cover
-    gain: Number = 1.0
+    brightness: Number = 1.0
 
     def needs(self, frame: Frame) -> Needs:
         """Return what a frame takes: the parts' steps, and "join", which makes them one plane."""
@@ -151,7 +151,8 @@ class Precipitation(Generic[_Back]):
         alpha = np.zeros((bottom - top, right - left), np.float32)
         with stage("join"):
             _core.join(alpha, planes or [np.zeros_like(alpha)], haze)
-        layer = Layer(self.name, alpha, bright(color_at(self.color, frame), self._gain(frame)))
+        color = bright(color_at(self.color, frame), float(value_at(self.brightness, frame.t)))
+        layer = Layer(self.name, alpha, color)
         back: Any = texture
         known = back is None or hasattr(back, "passes")
         if not frame.whole or flakes is None or not known:
@@ -195,9 +196,6 @@ class Precipitation(Generic[_Back]):
             )
             count("tiles", made)
         return result
-
-    def _gain(self, frame: Frame) -> float:
-        return float(value_at(self.gain, frame.t))
 
     def _now(self, frame: Frame) -> tuple[float, float, Any]:
         """Return amount, haze and what runs the steps of a frame."""
