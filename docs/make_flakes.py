@@ -1,4 +1,4 @@
-"""The picture of docs/snow.md, `python docs/make_flakes.py`: ours beside every flake drawn, at 1:1."""
+"""The picture of docs/snow.md, `python docs/make_flakes.py`: ours beside every flake drawn."""
 
 from __future__ import annotations
 
