@@ -25,6 +25,17 @@ from flurries.particles.sizes import Sizes
 METHODS = ("hybrid", "simulated")
 LOOKS = ("v2",)
 
+
+def steady_or_gusty(name: str, value: object) -> Any:
+    """Return a velocity or a wind, or refuse one that differs by depth."""
+    found = wind(name, value)
+    if isinstance(found, Wind) and found.profile is not None:
+        raise ValueError(
+            f"{name}: a profile over depth is for TentSnow and TentRain, not for flakes"
+        )
+    return found
+
+
 # What the fields of a population may be.
 POPULATION: dict[str, Any] = {
     "density": partial(real, low=0.0, high=1e6),
@@ -32,7 +43,7 @@ POPULATION: dict[str, Any] = {
     "amount": share,
     "emission": share,
     "fall": optional(as_number),
-    "wind": wind,
+    "wind": steady_or_gusty,
     "color": lambda _, value: as_color(value),
     "haze": share,
     "shutter": partial(as_number, low=0.0),
