@@ -1,7 +1,7 @@
 """Hybrid snow against every flake drawn, in numbers: ``python benches/flakes_statistics.py``.
 
-For each preset the ratio of mean, deviation, skewness, excess kurtosis, areas above an opacity, power
-by octave (finest first), and the correlations of a pixel with itself one frame later.
+For each preset the ratio of mean, deviation, skewness, excess kurtosis, areas above an opacity and
+power by octave (finest first), and the correlations of a pixel with itself one frame later.
 """
 
 from __future__ import annotations
