@@ -19,6 +19,9 @@ from flurries.effects.tent_snow import TentSnow
 # Packages name their effects here: ``[project.entry-points."flurries.effects"]``.
 GROUP = "flurries.effects"
 
+# Mistakes list all kinds there are.
+LONGEST_KIND = 64
+
 OURS: dict[str, type[Any]] = {
     "snow": Snow,
     "rain": Rain,
@@ -42,8 +45,8 @@ def register(kind: str, effect: type[Any]) -> None:
     Parameters
     ----------
     kind : str
-        What ``kind`` says in a scene's TOML file: lower case letters, digits and "_". One that was
-        registered before is replaced.
+        What ``kind`` says in a scene's TOML file: at most 64 lower case letters, digits and "_".
+        One that was registered before is replaced.
     effect : class
         A dataclass with a method ``render(frame)`` that returns a :class:`Layer`.
 
@@ -56,9 +59,11 @@ def register(kind: str, effect: type[Any]) -> None:
     --------
     ``docs/your-own-effect.md`` has an effect in 25 lines.
     """
-    if not isinstance(kind, str) or not kind.isidentifier() or kind != kind.lower():
+    named = isinstance(kind, str) and kind.isidentifier() and kind == kind.lower()
+    if not named or len(kind) > LONGEST_KIND:
         raise ValueError(
-            f"kind must be a name of lower case letters, digits and _, got {_came(kind)}"
+            f"kind must be a name of at most {LONGEST_KIND} lower case letters, digits and _, "
+            f"got {_came(kind)}"
         )
     if kind in OURS:
         raise ValueError(f"kind must not be one of flurries' own, got {_came(kind)}")

@@ -120,7 +120,9 @@ class _Handler(BaseHTTPRequestHandler):
         except (ValueError, RecursionError):
             return self._send(400, b"a question is a JSON object\n", "text/plain")
         head, buffers = self.server.session.answer(ask)
-        status = 400 if "error" in head else 200
+        # That a scene cannot be saved is an answer, and no fault of the question.
+        saves = isinstance(ask, dict) and ask.get("kind") == "save"
+        status = 400 if "error" in head and not saves else 200
         self._send(status, packed(head, buffers), "application/octet-stream")
 
     def _body(self) -> bytes:
