@@ -128,7 +128,7 @@ $(VENV)/.made: | requirements
 	touch $@
 
 $(VENV)/.installed: $(VENV)/.made $(RUST)
-	$(BIN)/maturin develop --release --quiet
+	$(BIN)/maturin develop --release --quiet --extras video
 	touch $@
 
 $(VENV)/.tools: $(VENV)/.installed

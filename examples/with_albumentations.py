@@ -9,12 +9,12 @@ from pathlib import Path
 import albumentations as A
 import numpy as np
 from PIL import Image
-from skimage import data
 
+import flurries as fl
 from flurries.augment.albumentations import Rainfall, Snowfall
 
 folder = Path(sys.argv[1] if len(sys.argv) > 1 else ".")
-photograph = data.astronaut()
+photograph = fl.io.photograph("coffee")
 face = [[180.0, 60.0, 270.0, 180.0]]
 mask = np.zeros(photograph.shape[:2], np.uint8)
 mask[60:180, 180:270] = 1

@@ -10,12 +10,12 @@ import kornia
 import kornia.augmentation as K
 import torch
 from PIL import Image
-from skimage import data
 
+import flurries as fl
 from flurries.augment.kornia import Rainfall, Snowfall
 
 folder = Path(sys.argv[1] if len(sys.argv) > 1 else ".")
-photograph = torch.from_numpy(data.rocket()[:400, :400]).permute(2, 0, 1).float() / 255.0
+photograph = torch.from_numpy(fl.io.photograph()[:400, :400]).permute(2, 0, 1).float() / 255.0
 batch = torch.stack([photograph] * 3)
 masks = (batch[:, :1] > 0.5).float()
 

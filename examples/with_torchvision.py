@@ -8,7 +8,6 @@ from pathlib import Path
 
 import torch
 import torchvision
-from skimage import data
 from torch.utils.data import DataLoader, Dataset
 from torchvision import tv_tensors
 from torchvision.transforms import v2
@@ -17,7 +16,7 @@ import flurries as fl
 from flurries.augment.torchvision import Fog, Snowfall
 
 folder = Path(sys.argv[1] if len(sys.argv) > 1 else ".")
-photograph = torch.from_numpy(data.coffee()).permute(2, 0, 1).contiguous()
+photograph = torch.from_numpy(fl.io.photograph("coffee")).permute(2, 0, 1).contiguous()
 
 pipeline = v2.Compose([Snowfall(severity=(2, 4)), v2.RandomHorizontalFlip(p=1.0)])
 picture = tv_tensors.Image(photograph)
@@ -44,7 +43,7 @@ class Photographs(Dataset):
         return 8
 
     def __getitem__(self, index: int) -> torch.Tensor:
-        return torch.from_numpy(self.snow(data.chelsea()[:192, :256], index=index))
+        return torch.from_numpy(self.snow(fl.io.photograph()[:192, :256], index=index))
 
 
 if __name__ == "__main__":

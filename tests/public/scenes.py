@@ -112,6 +112,7 @@ CALLS: dict[str, Call] = {
     "io.frame_range": Call({"text": "1-10x2"}, loose=True),
     "io.open_background": Call({"spec": "picture.png"}, loose=True),
     "io.open_depth": Call({"spec": "layers.exr"}),
+    "io.photograph": Call({"name": "rocket", "size": (12, 9)}),
     "io.read_depth": Call({"path": "layers.exr"}),
     "io.read_header": Call({"path": "picture.png"}),
     "io.read_layers": Call({"path": "layers.exr"}),

@@ -25,7 +25,7 @@ ROOT = Path(__file__).resolve().parents[2]
 
 # What tests of the suite need beside the package, without the tools that build it.
 NEEDS = ["pytest", "pytest-xdist", "hypothesis", "mpmath", "sympy", "scipy", "matplotlib",
-         "dask[array,distributed]"]  # fmt: skip
+         "dask[array,distributed]", "av", "scikit-image"]  # fmt: skip
 SMOKE = ["spectral_twin", "spectral_frames", "particles", "gas_splat", "cone_layer", "composite",
          "augment", "scene", "io_pictures", "simd", "cli", "public"]  # fmt: skip
 # They read pages, notebooks, benches or examples, or build.
@@ -33,13 +33,13 @@ OF_THE_REPOSITORY = ["alone", "benches", "deviations", "docs", "hard_cases", "no
 
 WHEEL = re.compile(r"flurries-[\w.]+-cp310-abi3-(manylinux[\w.]+|macosx\w+|win\w+)\.whl")
 IN_WHEEL = re.compile(
-    r"flurries/.*\.(py|pyi|js|css|html)|flurries/py\.typed|flurries/_core\.\w*\.?(so|pyd)"
+    r"flurries/.*\.(py|pyi|js|css|html|jpg)|flurries/py\.typed|flurries/_core\.\w*\.?(so|pyd)"
     r"|flurries-[^/]*\.dist-info/(METADATA|WHEEL|RECORD|entry_points\.txt|licenses/LICENSE[\w-]*)"
 )
 IN_ARCHIVE = re.compile(
     r"(PKG-INFO|Cargo\.(toml|lock)|pyproject\.toml|rustfmt\.toml|Makefile|\.gitignore"
-    r"|(README|CHANGELOG|CONTRIBUTING)\.md|LICENSE[\w-]*"
-    r"|(src|crates)/.*\.(rs|toml)|python/flurries/.*\.(py|pyi|js|css|html|typed)"
+    r"|(README|CHANGELOG|CONTRIBUTING)\.md|CITATION\.cff|LICENSE[\w-]*"
+    r"|(src|crates)/.*\.(rs|toml)|python/flurries/.*\.(py|pyi|js|css|html|jpg|typed)"
     r"|(tests|docs|benches|examples|notebooks)/.*\.(py|rs|md|txt|ipynb|npz|npy|png|exr|json|toml))"
 )
 

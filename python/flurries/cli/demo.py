@@ -11,13 +11,14 @@ from pathlib import Path
 
 import numpy as np
 
+from flurries import io
 from flurries._contract import Array, integer
 from flurries.camera.lens import Camera
 from flurries.camera.path import CameraPath
 from flurries.cli.options import FILE, THREADS, command, option, voice
 from flurries.cli.words import Words, stages
 from flurries.effects import TentSnow
-from flurries.io import VideoWriter, fit, write_picture
+from flurries.io import VideoWriter, write_picture
 from flurries.scene.scene import DEFAULT_FOCAL, Scene
 from flurries.trace import Trace, stage, tracing
 
@@ -68,13 +69,8 @@ def run(
 
 
 def photograph(size: int) -> Array:
-    """Return the demo's photograph, (size, size, 3) uint8; it comes inside scikit-image."""
-    try:
-        from skimage import data
-    except ImportError:
-        raise OSError("the demo's photograph comes inside scikit-image: install that") from None
-    picture: Array = data.rocket()  # type: ignore[no-untyped-call]
-    return fit(picture, (size, size))
+    """Return the demo's photograph, (size, size, 3) uint8."""
+    return io.photograph("rocket", size=(size, size))
 
 
 def three(picture: Array, *, seed: int = 1) -> list[Scene]:

@@ -16,6 +16,7 @@ from flurries.io.films.writer import VideoWriter
 from flurries.io.layers.depth import open_depth, read_depth
 from flurries.io.layers.planes import read_layers, write_layers
 from flurries.io.layers.views import read_views, write_layer_views, write_views
+from flurries.io.photographs import photograph
 from flurries.io.pictures.fitting import fit, fit_nearest
 from flurries.io.pictures.header import Header, read_header
 from flurries.io.pictures.reader import Picture, read_mask, read_picture
@@ -36,6 +37,7 @@ __all__ = [
     "linear_to_srgb",
     "open_background",
     "open_depth",
+    "photograph",
     "read_depth",
     "read_header",
     "read_layers",

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from flurries.io.files import Budget
+from flurries.io.films.library import require_library
 
 READABLE = (
     *(".mp4", ".m4v", ".mov", ".webm", ".mkv", ".avi"),
@@ -100,7 +101,10 @@ def open_video(path: Path, budget: Budget | None = None) -> tuple[Any, Any]:
         If it cannot be read.
     ValueError
         If it is not a video of a known format.
+    ImportError
+        Without PyAV.
     """
+    require_library()
     import av
 
     options = {"protocol_whitelist": "file", "format_whitelist": _CONTAINERS}

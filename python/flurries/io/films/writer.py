@@ -16,6 +16,7 @@ import numpy.typing as npt
 from flurries.io.atomic import replacing
 from flurries.io.films.codecs import QUALITIES, THREADS, encoder_for, frame_rate
 from flurries.io.films.index import SCALING
+from flurries.io.films.library import require_library
 from flurries.io.films.sound import Sound, SoundTrack
 from flurries.io.forks import never_free_in_children
 from flurries.io.sequences import VIDEO_EXTENSIONS
@@ -59,6 +60,8 @@ class VideoWriter:
         If a frame is not uint8.
     OSError
         If the file cannot be written.
+    ImportError
+        Without PyAV.
     RuntimeError
         If a frame is written outside the ``with`` block.
 
@@ -80,6 +83,7 @@ class VideoWriter:
         sound: Sound | None = None,
         comment: str = "",
     ) -> None:
+        require_library()
         self.path = Path(path)
         suffix = self.path.suffix.lower()
         if suffix not in VIDEO_EXTENSIONS:
@@ -255,6 +259,7 @@ def comment_of(path: Path) -> tuple[str, int]:
 
 
 def _comment_and_count(path: Path) -> tuple[str, int]:
+    require_library()
     import av
 
     with av.open(str(path.absolute())) as container:

@@ -1,0 +1,56 @@
+"""Two photographs that come with the package, for first steps, examples and the demo.
+
+Both are free of rights. `rocket` was put into the public domain by SpaceX (the launch of DSCOVR,
+2015); `coffee` was published under CC0 by the photographer, Rachel Michetti, courtesy of Pikolo
+Espresso Bar. scikit-image distributes both.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Literal
+
+from flurries._contract import Array, choice
+from flurries.io.pictures.fitting import fit
+from flurries.io.pictures.reader import read_picture
+
+NAMES = ("rocket", "coffee")
+
+_FOLDER = Path(__file__).parent
+
+
+def photograph(
+    name: Literal["rocket", "coffee"] = "rocket", *, size: Sequence[int] | None = None
+) -> Array:
+    """Return a photograph that comes with the package, to try things on.
+
+    Parameters
+    ----------
+    name : {"rocket", "coffee"}
+        "rocket" starts at night, 640 x 427 px, public domain (SpaceX). "coffee" stands in daylight,
+        600 x 400 px, CC0 (Rachel Michetti).
+    size : (width, height), optional
+        Pixels that it is fitted to, as :func:`flurries.io.fit` does; its own if not given.
+
+    Returns
+    -------
+    (height, width, 3) uint8
+        Display values (sRGB).
+
+    Raises
+    ------
+    ValueError, TypeError
+        If there is no such photograph, or no such size.
+
+    Examples
+    --------
+    >>> import flurries as fl
+    >>> fl.io.photograph("coffee").shape
+    (400, 600, 3)
+    >>> fl.io.photograph(size=(64, 48)).shape
+    (48, 64, 3)
+    """
+    choice("name", name, NAMES)
+    pixels = read_picture(_FOLDER / f"{name}.jpg").pixels
+    return pixels if size is None else fit(pixels, size)

@@ -1,0 +1,59 @@
+"""What the package says of itself, and what it does without its extras."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import flurries as fl
+
+ROOT = Path(__file__).parents[1]
+CORE = {"numpy", "openimageio", "pillow", "click", "tqdm", "tomli", "tomli-w"}
+
+
+def test_the_core_needs_what_a_frame_needs_and_no_more():
+    project = (ROOT / "pyproject.toml").read_text(encoding="utf-8")
+    listed = re.search(r"^dependencies = \[(.*?)^\]", project, re.M | re.S)
+    assert listed is not None
+    names = re.findall(r'^\s*"([\w-]+)', listed[1], re.M)
+    assert {name.lower() for name in names} == CORE
+
+
+@pytest.mark.parametrize("call", [
+    "fl.io.VideoWriter('new.mp4', (32, 24), 24)",
+    "fl.Scene((32, 24)).write('new.mp4', '1-2')",
+    "fl.io.open_background('film.mkv')",
+])  # fmt: skip
+def test_without_the_library_for_films_the_error_names_the_extra(call: str, tmp_path: Path):
+    with fl.io.VideoWriter(tmp_path / "film.mkv", (32, 24), 24) as film:
+        film.write(np.zeros((24, 32, 3), np.uint8))
+    code = f"import sys; sys.modules['av'] = None\nimport flurries as fl\ntry:\n    {call}\n"
+    code += "except ImportError as error:\n    print(error)\n"
+    code += "fl.Scene((32, 24)).write('still.png', 1)"
+    ran = subprocess.run(
+        [sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, check=True
+    )
+    assert "pip install 'flurries[video]'" in ran.stdout
+    assert {file.name for file in tmp_path.iterdir()} == {"film.mkv", "still.png"}
+
+
+def test_the_citation_is_of_this_version_and_names_the_four_papers():
+    text = (ROOT / "CITATION.cff").read_text(encoding="utf-8")
+    cargo = (ROOT / "Cargo.toml").read_text(encoding="utf-8")
+    (stands,) = re.findall(r'^version = "(.*)"$', cargo, re.M)[:1]
+    assert f"\nversion: {stands}\n" in text
+    assert re.findall(r"^    year: (\d+)$", text, re.M) == ["2004", "2003", "2005", "2004"]
+
+
+def test_photographs_are_what_they_say():
+    assert fl.io.photograph().shape == (427, 640, 3)
+    assert fl.io.photograph("coffee").shape == (400, 600, 3)
+    assert fl.io.photograph("coffee").mean() > 1.3 * fl.io.photograph("rocket").mean()
+    assert fl.io.photograph(size=(20, 10)).shape == (10, 20, 3)
+    with pytest.raises(ValueError, match=r"name must be .*rocket.*got 'roket'; did you mean"):
+        fl.io.photograph("roket")  # type: ignore[arg-type]
