@@ -143,7 +143,7 @@ PATH = fl.CameraPath(
 EFFECTS = [
     fl.TentSnow(flakes=50, wind=WIND), fl.TentRain(drops=50), fl.Mist(count=40),
     fl.ConeSnow(tile=64), fl.Snow(density=60.0, far=20.0), fl.Rain(density=60.0, far=10.0),
-    fl.ConeRain(tile=64), fl.MatchedSnow(density=110, radius=(0.006, 0.014), depth=(1.5, 24.0)),
+    fl.ConeRain(tile=64),
 ]  # fmt: skip
 OBJECTS: dict[str, Any] = {
     "Camera": fl.Camera(80.0, rotation=(0.1, 0.0, 0.0)),

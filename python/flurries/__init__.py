@@ -31,7 +31,6 @@ if TYPE_CHECKING:
     from flurries.effects import (
         ConeRain,
         ConeSnow,
-        MatchedSnow,
         Mist,
         Rain,
         Snow,
@@ -61,7 +60,6 @@ __all__ = [
     "InternalError",
     "Keys",
     "Layer",
-    "MatchedSnow",
     "Mist",
     "Rain",
     "Rendered",
@@ -108,7 +106,7 @@ _FROM = {
     "view": "viewer",
     "register": "effects",
     **dict.fromkeys(
-        ("ConeRain", "ConeSnow", "MatchedSnow", "Mist", "Rain", "Snow", "TentRain", "TentSnow"),
+        ("ConeRain", "ConeSnow", "Mist", "Rain", "Snow", "TentRain", "TentSnow"),
         "effects",
     ),
 }

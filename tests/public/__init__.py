@@ -36,7 +36,7 @@ PARTS = {f"effects.{name}" for name in (
 # Classes that functions return and nobody makes.
 RESULTS = {
     "Frame", "InternalError", "Layer", "Rendered", "augment.Weathered", "augment.corrupt.Corrupted",
-    "cone.Path", "cone.Rays", "cone.State", "gas.grid.Particles", "hybrid.Match",
+    "cone.Path", "cone.Rays", "cone.State", "gas.grid.Particles",
     "hybrid.Octaves", "io.Header", "io.Picture", "io.Source",
     "output.write.Summary", "trace.Trace", "accuracy.Axis", "accuracy.Point", "accuracy.Study",
 }  # fmt: skip

@@ -27,7 +27,6 @@ PATTERNS = fl.spectral.flake_patterns(
     16, counts=[4, 9], diameters=[[1, 2], [1, 3]], patterns=2, shear=0.382, seed=1
 )
 AIR = fl.hybrid.Population(density=0.02, radius=(0.01, 0.02), depth=(1.0, 12.0))
-SNOW = fl.hybrid.Population(density=110, radius=(0.006, 0.014), depth=(1.5, 24.0))
 NO_COVER = (COVER + 1.0, COVER - 1.0, COVER[:1])
 NO_PICTURES = (np.zeros((*SHAPE, 2)), np.zeros(SHAPE, np.int64))
 MATRICES = np.stack([np.eye(4)] * 3)
@@ -183,7 +182,6 @@ CALLS: dict[str, Call] = {
     "hybrid.statistics": Call(
         {"population": AIR, "focal": 40.0, "edges": np.array([2.0, 4.0, 8.0])}
     ),
-    "hybrid.match": Call({"population": SNOW, "focal": 1229.0}),
     "hybrid.simulate": Call(
         {**SIGHT, "population": AIR, "seed": 1, "displacement": ASIDE, "velocity": DOWN,
          "depth": DEPTH}, **HIDES,

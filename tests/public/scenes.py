@@ -14,15 +14,12 @@ from public.arrays import (
     ASIDE,
     COVER,
     DEPTH,
-    DOWN,
     LENS,
     MATRICES,
     OTHER,
     PICTURE,
     POINTS,
     SHAPE,
-    SIGHT,
-    SNOW,
 )
 
 LEVELS = (255 * PICTURE).astype(np.uint8)
@@ -81,11 +78,6 @@ CALLS: dict[str, Call] = {
     "ConeSnow": Call({}),
     "ConeRain": Call({}, refused={"spread": (-1.0,)}),
     "register": Call({"kind": "ash", "effect": fl.Mist}, words=("kind",)),
-    "MatchedSnow": Call({"density": 110.0, "radius": (0.006, 0.014), "depth": (1.5, 24.0)}),
-    # What is replaced soon.
-    "hybrid.render": Call(
-        {**SIGHT, "match": fl.hybrid.match(SNOW, 40.0), "seed": 1, "displacement": ASIDE,
-         "velocity": 0.1 * DOWN, "depth": DEPTH}, takes={"depth": ("NaN",)}, loose=True),
     # Files.
     "spectral.export_loop": Call(
         {"pattern": "loop/%02d.png", "frames": 2, "shape": (16, 16), "velocity": ASIDE[:2],

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator
 from functools import partial
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -13,7 +12,6 @@ import numpy as np
 from flurries import composite as mixing
 from flurries import cone as drum
 from flurries import gas, particles, spectral
-from flurries import hybrid as matching
 from flurries._contract import Array
 from flurries.accuracy.ways import Way, both, largest, rms
 from flurries.camera.lens import Camera
@@ -63,41 +61,6 @@ def _sampled(cut: float, y: Array, x: Array, s: float) -> Array:
     """Return a Gaussian at the pixels' centres, cut off."""
     square = ((y + 0.5) ** 2)[:, None] + (x + 0.5) ** 2
     return np.asarray(np.exp(-square / (2.0 * s * s)) * (square <= (cut * s) ** 2))
-
-
-def hybrid() -> Iterator[Way]:
-    """Yield all flakes, and the small ones as texture, from several sizes on."""
-    snow = matching.Population(density=40.0, radius=(0.006, 0.014), opacity=0.9, depth=(1.5, 24.0))
-    shape, camera = (192, 192), Camera(1229.0)
-    edges = (2.0, 4.0, 8.0, 16.0)
-    wanted = matching.statistics(snow, camera.focal, edges=edges).power
-
-    def way(setting: str, make: Callable[..., Array]) -> Way:
-        def error(_: Array) -> float:
-            found = np.mean([_powers(make(seed=seed), edges) for seed in range(200)], axis=0)
-            return rms(np.ones(len(wanted)))(found / wanted)
-
-        return Way(setting, partial(make, seed=0), error)
-
-    yield way("every flake", partial(matching.simulate, shape, snow, camera))
-    for handover in ((0.4, 0.6), (0.8, 1.2), (1.5, 2.2), (3.0, 4.5)):
-        found = matching.match(snow, camera.focal, handover=handover)
-        mixed = partial(matching.render, shape, found, camera)
-        yield way(f"texture below {handover[0]:g}-{handover[1]:g} px", mixed)
-
-
-def _powers(picture: Array, edges: tuple[float, ...]) -> Array:
-    """Return the variance of a picture in each octave of wavelengths, through a Hann window."""
-    side = picture.shape[0]
-    window = np.hanning(side + 1)[:-1]
-    window = np.outer(window, window)
-    rest = (picture - picture.mean(dtype=np.float64)) * window
-    power = np.abs(np.fft.fft2(rest)) ** 2 / (side**2 * np.sum(window**2))
-    frequency = np.hypot(*np.meshgrid(np.fft.fftfreq(side), np.fft.fftfreq(side)))
-    return np.array([
-        np.sum(power[(frequency < 1.0 / low) & (frequency >= 1.0 / high)])
-        for low, high in pairwise(edges)
-    ])  # fmt: skip
 
 
 def composite() -> Iterator[Way]:

@@ -85,8 +85,6 @@ TABLE = (
          "64 Gauss-Legendre nodes over the exposure"),
     Axis(layers.flakes, "2,000 flakes of 0.3 to 2 px, 512 x 512", "of opacity, rms",
          "each flake's Gaussian integrated over the pixels, float64"),
-    Axis(layers.hybrid, "Particles against the hybrid, 192 x 192", "of the power of octaves, rms",
-         "closed-form statistics; 200 frames, so noise of about 0.01"),
     Axis(layers.composite, "Six layers in 8 bits or in floats, 512 x 512", "of 255, largest",
          "the same layers in float64, one after the other"),
     Axis(layers.footprint, "Footprints of gas, 300 particles, 320 x 240", "of opacity, mean",

@@ -4,7 +4,6 @@ from flurries.effects.cone import ConeRain, ConeSnow
 from flurries.effects.field import Field
 from flurries.effects.flakes import Flakes
 from flurries.effects.kinds import register
-from flurries.effects.matched import MatchedSnow
 from flurries.effects.mist import Mist
 from flurries.effects.motion import Motion
 from flurries.effects.precipitation import Precipitation
@@ -20,7 +19,6 @@ __all__ = [
     "ConeSnow",
     "Field",
     "Flakes",
-    "MatchedSnow",
     "Mist",
     "Motion",
     "Precipitation",

@@ -9,7 +9,6 @@ from typing import Any
 
 from flurries._contract import _came, suggestion
 from flurries.effects.cone import ConeRain, ConeSnow
-from flurries.effects.matched import MatchedSnow
 from flurries.effects.mist import Mist
 from flurries.effects.rain import Rain
 from flurries.effects.snow import Snow
@@ -28,7 +27,6 @@ OURS: dict[str, type[Any]] = {
     "tent_snow": TentSnow,
     "tent_rain": TentRain,
     "mist": Mist,
-    "matched_snow": MatchedSnow,
     "cone_snow": ConeSnow,
     "cone_rain": ConeRain,
 }

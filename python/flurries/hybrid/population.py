@@ -113,9 +113,3 @@ def smoothstep(t: Float64) -> Float64:
     """Return 0 below 0, 1 above 1, and the cubic between."""
     part = np.clip(t, 0.0, 1.0)
     return np.asarray(part * part * (3.0 - 2.0 * part))
-
-
-def particle_share(sigma: Float64, handover: tuple[float, float]) -> Float64:
-    """Return how much of a flake of that size is drawn as a particle; the texture has the rest."""
-    low, high = handover
-    return smoothstep((sigma - low) / (high - low))

@@ -221,8 +221,7 @@ def field(
         Increasing wavelengths in pixels; ring r holds edges[r] < wavelength <= edges[r + 1], the
         outer rings what lies beyond. For wind that varies with depth.
     ring_gains : (rings,), optional
-        Relative amplitude of each ring's waves, 0 or more; the whole keeps the variance 1. For
-        snow whose octaves differ, see :func:`flurries.hybrid.match`.
+        Relative amplitude of each ring's waves, 0 or more; the whole keeps the variance 1.
     blend : {"power", "linear"}
         See :func:`blend_tiles`.
     dtype : float32 or float64

@@ -1,7 +1,7 @@
-"""Fully simulated snow, what is known of it in closed form, and the hybrid that looks like it.
+"""Fully simulated snow, and what is known of it in closed form.
 
-The judge of the closed form is the picture of every flake; that of the hybrid, too. Bands of
-wavelengths are measured on windowed pictures, with a window and a lattice of the test's own.
+The judge of the closed form is the picture of every flake. Bands of wavelengths are measured on
+windowed pictures, with a window and a lattice of the test's own.
 """
 
 from __future__ import annotations
@@ -15,8 +15,7 @@ from scipy import integrate
 
 import flurries as fl
 import measure
-from flurries.hybrid import opacity_map
-from flurries.hybrid.population import particle_share, seen
+from flurries.hybrid.population import seen
 from flurries.hybrid.statistics import GRID, correlation
 
 FOCAL, SIZE = 1229.0, 1024
@@ -56,20 +55,9 @@ def simulated(seed: int, way: float) -> np.ndarray:
     return fl.hybrid.simulate((SIZE, SIZE), SNOW, LENS, seed=seed, displacement=(-way, 0.0, 0.0))
 
 
-def drawing(made: fl.hybrid.Match, parts: str = "both"):
-    return lambda seed, way: fl.hybrid.render(
-        (SIZE, SIZE), made, LENS, seed=seed + 100, displacement=(-way, 0.0, 0.0), parts=parts
-    )
-
-
 @pytest.fixture(scope="module")
 def truth() -> tuple[float, np.ndarray, np.ndarray]:
     return of_pictures(simulated)
-
-
-@pytest.fixture(scope="module")
-def made() -> fl.hybrid.Match:
-    return fl.hybrid.match(SNOW, FOCAL)
 
 
 # The closed form ----------------------------------------------------------------------------------
@@ -126,105 +114,6 @@ def test_the_overlap_is_campbells_integral():
             assert got[y, x] == pytest.approx(want, rel=1e-3, abs=1e-12)
 
 
-@pytest.mark.parametrize("values", [(0.4, 0.2, 2.0), (-0.1, 0.3, 1.0), (0.9, 0.4, 0.7)])
-def test_moments_of_the_map(values: tuple[float, float, float]):
-    mean, deviation, power = values
-    normal = np.random.default_rng(1).standard_normal(2_000_000)
-    alpha = np.clip(mean + deviation * normal, 0.0, 1.0) ** power
-    first, second, third = opacity_map.moments(*values)
-    assert first == pytest.approx(alpha.mean(), abs=1e-3)
-    assert second == pytest.approx(alpha.var(), rel=5e-3)
-    assert third == pytest.approx(np.mean(((alpha - alpha.mean()) / alpha.std()) ** 3), abs=0.02)
-    # The variance of products of waves adds up to the whole.
-    parts = opacity_map.orders(*values)
-    assert parts[0] == pytest.approx(first**2, rel=1e-6)
-    assert parts[1:].sum() == pytest.approx(second, rel=5e-3)
-    assert parts[1:].sum() <= second
-
-
-def test_the_map_is_solved_for_mean_variance_and_skewness():
-    wanted = opacity_map.moments(0.35, 0.2, 2.4)
-    power = opacity_map.power_for(*wanted)
-    assert power == pytest.approx(2.4, abs=5e-3)
-    got = opacity_map.moments(*opacity_map.solved(*wanted[:2], power), power)
-    assert got[:2] == pytest.approx(wanted[:2], rel=1e-8)
-    assert got[2] == pytest.approx(wanted[2], abs=5e-3)
-    with pytest.raises(ValueError, match="population"):
-        opacity_map.solved(0.5, 0.5, 2.0)  # more than a coin's
-
-
-# The match ----------------------------------------------------------------------------------------
-
-
-def test_the_hybrid_looks_like_the_simulation(truth, made):
-    mean, power, speed = of_pictures(drawing(made))
-    assert mean == pytest.approx(truth[0], rel=0.02)
-    assert power == pytest.approx(truth[1], rel=0.10)
-    assert speed == pytest.approx(truth[2], rel=0.05)
-
-
-def test_the_papers_texture_does_not(truth, made):
-    # Negative control: 1/f, one tent as fast as the flakes at the handover, the paper's map.
-    rings = len(made.ring_edges) - 1
-    plain = dataclasses.replace(
-        made, near_depth=FOCAL * 0.01 / 3.0, exponent=1.0, ring_gains=(1.0,) * rings,
-        ring_speeds=(1.0,) * rings, mean=0.5, spread=3.0, power=2.0,
-        amount=made.texture_opacity / 0.27764,
-    )  # fmt: skip
-    mean, power, speed = of_pictures(drawing(plain))
-    assert mean == pytest.approx(truth[0], rel=0.02)
-    assert (power[:2] < 0.5 * truth[1][:2]).all()
-    assert speed[0] < 0.5 * truth[2][0]
-
-
-@pytest.mark.parametrize("handover", [(0.8, 1.2), (1.5, 2.5), (0.3, 0.5)])
-def test_other_handovers_look_alike(truth, handover: tuple[float, float]):
-    mean, power, speed = of_pictures(drawing(fl.hybrid.match(SNOW, FOCAL, handover=handover)))
-    assert mean == pytest.approx(truth[0], rel=0.02)
-    assert power == pytest.approx(truth[1], rel=0.10)
-    assert speed == pytest.approx(truth[2], rel=0.06)
-
-
-def test_the_handover_conserves_coverage(made):
-    whole = fl.hybrid.statistics(SNOW, FOCAL).mean_opacity
-    both = 1.0 - (1.0 - made.texture_opacity) * (1.0 - made.particle_opacity)
-    assert both == pytest.approx(whole, rel=1e-12)
-    assert of_pictures(drawing(made, "texture"))[0] == pytest.approx(made.texture_opacity, rel=0.02)
-    particles = of_pictures(drawing(made, "particles"))[0]
-    assert particles == pytest.approx(made.particle_opacity, rel=0.03)
-    sigma = np.array([0.5, 0.8, 1.0, 1.2, 9.0])
-    assert particle_share(sigma, (0.8, 1.2)) == pytest.approx([0.0, 0.0, 0.5, 1.0, 1.0])
-
-
-def test_the_texture_has_the_skewness_of_its_flakes(made):
-    flakes = dataclasses.replace(made, particle_opacity=0.0)
-    texture = np.concatenate([drawing(flakes, "texture")(seed, 0.0) for seed in range(4)])
-
-    def skewness(values: np.ndarray) -> float:
-        away = values.astype(np.float64) - values.mean(dtype=np.float64)
-        return float(np.mean(away**3) / np.mean(away**2) ** 1.5)
-
-    far = dataclasses.replace(SNOW, depth=(5.0, 24.0))
-    pictures = np.concatenate(
-        [fl.hybrid.simulate((SIZE, SIZE), far, LENS, seed=seed) for seed in range(4)]
-    )
-    # Flakes beyond the handover alone are close to what the texture stands for.
-    assert skewness(texture) == pytest.approx(skewness(pictures), rel=0.25)
-
-
-def test_what_is_left_to_the_texture_can_be_nothing_or_all():
-    large = dataclasses.replace(SNOW, radius=(0.2, 0.3), density=0.01)
-    with pytest.raises(ValueError, match="handover"):
-        fl.hybrid.match(large, FOCAL)
-    small = dataclasses.replace(SNOW, radius=(0.0005, 0.001), density=10000.0)
-    found = fl.hybrid.match(small, FOCAL)
-    assert found.particle_opacity == 0.0
-    picture = fl.hybrid.render((64, 64), found, LENS, seed=1)
-    alone = fl.hybrid.render((64, 64), found, LENS, seed=1, parts="texture")
-    assert np.array_equal(picture, alone)
-    assert not fl.hybrid.render((64, 64), found, LENS, seed=1, parts="particles").any()
-
-
 # Pictures -----------------------------------------------------------------------------------------
 
 FEW = fl.hybrid.Population(density=30.0, radius=(0.01, 0.03), opacity=0.8, depth=(1.0, 8.0))
@@ -259,17 +148,12 @@ def test_without_the_fade_flakes_pop(monkeypatch: pytest.MonkeyPatch):
     assert not measure.smooth(steps)
 
 
-def test_an_eye_is_a_place(made):
-    # Two eyes see the same flakes and the same waves, and so does a camera that goes there.
+def test_an_eye_is_a_place():
+    # Two eyes see the same flakes, and so does a camera that goes there.
     aside = fl.Camera(150.0, offset=(0.2, -0.1, 0.0))
     there = fl.hybrid.simulate((90, 120), FEW, aside, seed=5, dtype=np.float64)
     assert np.abs(there - few(np.array([0.2, -0.1, 0.0]))).max() < 1e-9
     assert np.abs(there - few(np.zeros(3))).max() > 0.1
-    wide = {"seed": 3, "dtype": np.float64}
-    place = (0.065, 0.0, 0.0)
-    eye = fl.hybrid.render((128, 128), made, fl.Camera(FOCAL, offset=place), **wide)
-    moved = fl.hybrid.render((128, 128), made, LENS, displacement=place, **wide)
-    assert np.abs(eye - moved).max() < 1e-9
 
 
 def test_neither_speed_nor_shutter_moves_a_flake():
@@ -289,32 +173,15 @@ def test_flakes_move_as_their_depth_says():
     assert 15 <= np.argmax(lags) <= 19
 
 
-def test_the_same_bits_however_it_is_made(threads, made):
+def test_the_same_bits_however_it_is_made(threads):
     found = set()
     for count in (1, 2, 3):
         threads(count)
-        found.add(fl.hybrid.render((100, 80), made, LENS, seed=4, displacement=(1, 2, 3)).tobytes())
+        found.add(few(np.array([1.0, 2.0, 3.0])).tobytes())
     assert len(found) == 1
-    out = np.empty((100, 80), np.float32)
-    options = {"seed": 4, "displacement": (1, 2, 3)}
-    assert fl.hybrid.render((100, 80), made, LENS, **options, out=out) is out
+    out = np.empty((90, 120))
+    assert few(np.array([1.0, 2.0, 3.0]), out=out) is out
     assert {out.tobytes()} == found
-    wide = fl.hybrid.render((100, 80), made, LENS, **options, dtype=np.float64)
-    assert wide.dtype == np.float64 and np.abs(wide - out).max() < 2e-5
-
-
-def test_a_shutter_blurs_both_halves(made):
-    motion = {"velocity": (-0.01, 0.0, 0.0), "shutter": 1.0}
-    for parts in ("texture", "particles"):
-
-        def draw(parts: str = parts, **options) -> np.ndarray:
-            return fl.hybrid.render((256, 256), made, LENS, seed=2, parts=parts, **options)
-
-        sharp, soft = draw(), draw(**motion)
-        assert soft.mean() == pytest.approx(sharp.mean(), rel=0.05)
-        # Along x only.
-        assert np.diff(soft, axis=1).std() < 0.85 * np.diff(sharp, axis=1).std()
-        assert np.diff(soft, axis=0).std() > 1.1 * np.diff(soft, axis=1).std()
 
 
 GOOD = {"density": 3.0, "radius": (0.01, 0.03), "opacity": 0.8, "depth": (1.0, 8.0)}
@@ -333,7 +200,7 @@ def test_populations_that_are_none(name: str, bad):
         fl.hybrid.Population(**{**GOOD, name: bad})
 
 
-def test_refusals_name_the_argument(made):
+def test_refusals_name_the_argument():
     call = fl.hybrid.statistics
     for edges in ((2.0,), (4.0, 2.0), (1.0, 4.0), (2.0, GRID), "x"):
         with pytest.raises((TypeError, ValueError), match="edges"):
@@ -341,29 +208,19 @@ def test_refusals_name_the_argument(made):
     with pytest.raises(ValueError, match="focal"):
         call(SNOW, -1.0)
     with pytest.raises(TypeError, match="population"):
-        fl.hybrid.match(3.0, FOCAL)
-    for handover in ((1.0, 1.0), (2.0, 1.0), (-1.0, 1.0), 1.0, (1.0, np.nan)):
-        with pytest.raises((TypeError, ValueError), match="handover"):
-            fl.hybrid.match(SNOW, FOCAL, handover=handover)
-    draw = fl.hybrid.render
-    with pytest.raises(ValueError, match="camera"):
-        draw((8, 8), made, SMALL, seed=1)
+        call(3.0, FOCAL)
+    draw = fl.hybrid.simulate
     with pytest.raises(TypeError, match="camera"):
-        draw((8, 8), made, None, seed=1)
-    with pytest.raises(TypeError, match="match"):
-        draw((8, 8), SNOW, LENS, seed=1)
-    with pytest.raises(ValueError, match="parts"):
-        draw((8, 8), made, LENS, seed=1, parts="all")
+        draw((8, 8), FEW, None, seed=1)
     for name, bad in (
         ("seed", 1.5),
         ("displacement", (1.0, 2.0)),
         ("velocity", np.nan),
         ("shutter", -1.0),
         ("dtype", int),
-        ("tile", 3),
         ("out", np.ones(3)),
     ):
         with pytest.raises((TypeError, ValueError), match=name):
-            draw((8, 8), made, LENS, **{"seed": 1, name: bad})
+            draw((8, 8), FEW, SMALL, **{"seed": 1, name: bad})
     with pytest.raises(ValueError, match="population"):
-        fl.hybrid.simulate((8, 8), dataclasses.replace(SNOW, density=1e12), LENS, seed=1)
+        draw((8, 8), dataclasses.replace(SNOW, density=1e12), LENS, seed=1)
