@@ -78,6 +78,11 @@ class Arrow:
     def __str__(self) -> str:
         return f"{self.source} -> {self.target}"
 
+    @property
+    def at_a_door(self) -> bool:
+        """Whether it is for a call that users like, or for the type of what that returns."""
+        return (self.inside or self.typing) and (self.source, self.target) in DOORS
+
 
 def modules(root: Path) -> dict[str, Path]:
     """Return the package's modules; its own `__init__`, which has names only, is none."""
@@ -147,7 +152,7 @@ def breaches(found: list[Arrow]) -> set[str]:
     """Return the arrows that must not be, in words."""
     wrong = set()
     for arrow in found:
-        if arrow.inside and (arrow.source, arrow.target) in DOORS:
+        if arrow.at_a_door:
             continue
         if arrow.own and level(arrow.target) > level(arrow.source):
             wrong.add(f"{arrow}: upwards")
@@ -160,11 +165,11 @@ def circles(found: list[Arrow]) -> list[list[str]]:
     """Return the groups of modules of which each imports, by whatever way, all others."""
     after: dict[str, set[str]] = {}
     for arrow in found:
-        # Types of a file beside it are no arrow, and doors are closed while a module is imported.
+        # Types of a file beside it are no arrow, and doors are closed while a module is imported;
+        # the type of what comes through one is for checkers alone.
         beside = arrow.typing and folder(arrow.source) == folder(arrow.target)
-        door = arrow.inside and (arrow.source, arrow.target) in DOORS
         package = arrow.source.startswith(arrow.target + ".") or arrow.target == arrow.source
-        if arrow.own and not beside and not door and not package:
+        if arrow.own and not beside and not arrow.at_a_door and not package:
             after.setdefault(arrow.source, set()).add(arrow.target)
 
     def reach(start: str) -> set[str]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, Literal, TypeAlias
 
 import click
 
@@ -21,6 +21,9 @@ from flurries.cli.weather import scene_of, scene_options
 from flurries.cli.words import Words, count, say, stages
 from flurries.output.write import Summary
 from flurries.trace import tracing
+
+Quality: TypeAlias = Literal["high", "medium", "draft"]
+Damaged: TypeAlias = Literal["stop", "skip", "hold"]
 
 SKIPPED = 3
 
@@ -59,8 +62,8 @@ NAMED = 10
 @voice
 def render(
     words: Words, output: str, frames: str | None, overwrite: bool, full: bool, layers: bool,
-    alone: bool, quality: str, damaged: str, no_sound: bool, no_manifest: bool, dask: str | None,
-    dask_patience: float, **given: Any,
+    alone: bool, quality: Quality, damaged: Damaged, no_sound: bool, no_manifest: bool,
+    dask: str | None, dask_patience: float, **given: Any,
 ) -> int:  # fmt: skip
     """Render weather over a picture, a film, a sequence, a color such as #203040, or a scene.toml.
 

@@ -15,11 +15,12 @@ from flurries.frame.mixing import behind, free_name
 from flurries.frame.picture import draw
 from flurries.frame.program import Program
 from flurries.frame.shared import Shared
+from flurries.frame.show import figure, listing
 from flurries.frame.visible import Window
 from flurries.trace import stage
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Rendered:
     """A frame with what it is made of.
 
@@ -80,6 +81,19 @@ class Rendered:
     background: Array | None = None
     foreground: Array | None = None
     linear: bool = True
+
+    def __repr__(self) -> str:
+        height, width = self.alpha.shape
+        names = ", ".join(self.layers) or "none"
+        return f"Rendered({width} x {height} px, {self.image.dtype}, layers={names})"
+
+    def _repr_html_(self) -> str:
+        cover = "opacity {:.3f} on average, {:.3f} at most".format
+        rows = [
+            (name, cover(float(layer[..., 3].mean()), float(layer[..., 3].max())))
+            for name, layer in self.layers.items()
+        ]
+        return f"<div>{figure(self.image)}{listing(rows)}</div>"
 
 
 def truth(

@@ -8,7 +8,9 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
 
 from flurries._contract import choice, flag
 from flurries.camera.lens import Camera
@@ -21,8 +23,12 @@ from flurries.output.film import write_film
 from flurries.output.frames import Frames
 from flurries.output.groups import grouped
 from flurries.output.sequence import Progress, run
+from flurries.scene.numbers import Frames as Numbers
 from flurries.scene.numbers import frames_of
 from flurries.scene.scene import Scene, expect_scene
+
+if TYPE_CHECKING:
+    from distributed import Client
 
 __all__ = ["Summary", "write"]
 
@@ -63,18 +69,18 @@ class Summary:
 def write(
     scene: Scene,
     pattern: str | Path,
-    frames: str | int | Iterable[int] | None = None,
+    frames: Numbers = None,
     *,
     half: bool = True,
     layers: bool = False,
     alone: bool = False,
     eyes: Mapping[str, Camera] | None = None,
     overwrite: bool = False,
-    damaged: str = "stop",
+    damaged: Literal["stop", "skip", "hold"] = "stop",
     sound: bool = True,
     manifest: bool = True,
-    quality: str = "high",
-    dask: Any = None,
+    quality: Literal["high", "medium", "draft"] = "high",
+    dask: Client | str | bool | None = None,
     dask_patience: float = 60.0,
     progress: Progress | None = None,
 ) -> Summary:
@@ -154,9 +160,14 @@ def write(
     choice("damaged", damaged, DAMAGED)
     if alone and layers:
         raise ValueError("alone and layers must not both be given")
-    wanted = frames_of(scene, frames)
     text = os.fspath(pattern)
     still = Path(text).suffix.lower() not in VIDEO_EXTENSIONS and "%" not in Path(text).name
+    if not still and isinstance(frames, (int, np.integer)):
+        raise ValueError(
+            f"frames of a film or a sequence must be a range: '1-{frames}' for {frames} frames, "
+            f"'{frames}' for frame {frames} alone; got {frames}"
+        )
+    wanted = frames_of(scene, frames)
     if still:
         target = Pattern(_token_for(text))
         wanted = wanted[:1]

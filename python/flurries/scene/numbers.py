@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 
@@ -14,11 +14,14 @@ from flurries.io import frame_range
 if TYPE_CHECKING:
     from flurries.scene.scene import Scene
 
+# Which frames: "1-60", a number, numbers, or all there are.
+Frames: TypeAlias = str | int | Iterable[int] | None
+
 # Three seconds of film, where neither the caller nor the background says how long.
 DEFAULT_SECONDS = 3.0
 
 
-def frames_of(scene: Scene, frames: str | int | Iterable[int] | None) -> list[int]:
+def frames_of(scene: Scene, frames: Frames) -> list[int]:
     """Return frame numbers, each once, in the order asked for."""
     if frames is None:
         if scene.frames is not None:

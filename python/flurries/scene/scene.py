@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal, TypeAlias, overload
 
 import numpy as np
 
 from flurries._contract import Array, choice, real, seed_of
 from flurries.camera.lens import Camera
-from flurries.camera.path import as_path
+from flurries.camera.path import CameraPath, as_path
+from flurries.frame.effect import Effect
 from flurries.frame.matte import Matte
 from flurries.frame.picture import images
 from flurries.frame.program import Program
@@ -23,15 +24,25 @@ from flurries.io.sources import Source, VideoSource
 from flurries.light.sun import Sun
 from flurries.scene.arguments import parse_region, parse_size, parse_tolerance
 from flurries.scene.background import Backdrop, backdrop
-from flurries.scene.depth import Distance, distance_of
+from flurries.scene.depth import DepthMap, Distance, distance_of
 from flurries.scene.foreground import foreground_of
-from flurries.scene.numbers import frames_of
+from flurries.scene.numbers import Frames, frames_of
+from flurries.scene.words import line_of, page_of
 from flurries.stereo import eyes
 
 if TYPE_CHECKING:
+    import dask.array
+    from distributed import Client
+
     from flurries.frame.report import Plan
+    from flurries.output.write import Summary
 
 __all__ = ["Rendered", "Scene"]
+
+Background: TypeAlias = str | Path | Sequence[float] | Array | Source
+Depth: TypeAlias = float | Array | str | Path | DepthMap
+Space: TypeAlias = Literal["auto", "display", "linear"]
+Region: TypeAlias = tuple[slice, slice]
 
 SPACES = ("auto", "display", "linear")
 
@@ -45,13 +56,13 @@ DEFAULT_FPS = 30.0
 DEFAULT_FOCAL = 1.2
 
 
-def require_few(effects: Sequence[Any]) -> None:
+def require_few(effects: Sequence[object]) -> None:
     """Refuse more effects than a scene may have."""
     if len(effects) > MOST_EFFECTS:
         raise ValueError(f"effects must be at most {MOST_EFFECTS}, got {len(effects)}")
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, init=False, repr=False)
 class Scene:
     """What a film is made of: a background, a camera's way, and the weather.
 
@@ -104,61 +115,76 @@ class Scene:
     ((240, 320, 3), 'uint8')
     """
 
-    size: tuple[int, int] | None = None
-    background: Any = "#000000"
-    camera: Any = None
-    effects: Sequence[Any] = ()
-    fps: Any = None
-    seed: int = 0
-    foreground: Any = None
-    space: str = "auto"
-    depth: Any = None
-    sun: Sun | None = None
-    tolerance: float = 0.0
-    _backdrop: Backdrop = field(init=False, repr=False)
-    _matte: Matte | None = field(init=False, repr=False)
-    _distance: Distance | None = field(init=False, repr=False)
+    size: tuple[int, int]
+    background: Background
+    camera: CameraPath
+    effects: tuple[Any, ...]
+    fps: float
+    seed: int
+    foreground: str | Path | Array | None
+    space: Space
+    depth: Depth | None
+    sun: Sun | None
+    tolerance: float
+    _backdrop: Backdrop = field(init=False)
+    _matte: Matte | None = field(init=False)
+    _distance: Distance | None = field(init=False)
 
-    def __post_init__(self) -> None:
+    def __init__(
+        self,
+        size: tuple[int, int] | None = None,
+        background: Background = "#000000",
+        camera: Camera | CameraPath | None = None,
+        effects: Effect | Sequence[Effect] = (),
+        fps: float | None = None,
+        seed: int = 0,
+        foreground: str | Path | Array | None = None,
+        space: Space = "auto",
+        depth: Depth | None = None,
+        sun: Sun | None = None,
+        tolerance: float = 0.0,
+    ) -> None:
         def settle(name: str, value: Any) -> None:
             object.__setattr__(self, name, value)
 
-        if self.size is not None:
-            settle("size", parse_size(self.size))
-        if self.fps is not None:
-            settle("fps", real("fps", self.fps, above=0.0))
-        settle("seed", seed_of(self.seed))
-        choice("space", self.space, SPACES)
-        settle("tolerance", parse_tolerance(self.tolerance))
-        settle("_backdrop", backdrop(self.background, self.size))
+        wanted = None if size is None else parse_size(size)
+        if fps is not None:
+            fps = real("fps", fps, above=0.0)
+        settle("seed", seed_of(seed))
+        choice("space", space, SPACES)
+        settle("space", space)
+        settle("tolerance", parse_tolerance(tolerance))
+        settle("background", background)
+        settle("_backdrop", backdrop(background, wanted))
         settle("size", self._backdrop.size)
-        if self.fps is None:
-            settle("fps", real("fps", self._backdrop.fps or DEFAULT_FPS, above=0.0))
-        settle("camera", as_path(self.camera, DEFAULT_FOCAL * self.shape[1]))
-        if callable(getattr(self.effects, "render", None)):
-            settle("effects", (self.effects,))
-        if not isinstance(self.effects, (list, tuple)):
-            raise TypeError(f"effects must be a sequence of effects, got {self.effects!r}")
-        require_few(self.effects)
-        effects = tuple(self.effects)
-        for index, effect in enumerate(effects):
-            if isinstance(effect, type) or not callable(getattr(effect, "render", None)):
-                raise TypeError(f"effects[{index}] must be an effect, got {effect!r}")
-        settle("effects", effects)
-        front = None if self.foreground is None else foreground_of(self.foreground, self.shape)
+        if fps is None:
+            fps = real("fps", self._backdrop.fps or DEFAULT_FPS, above=0.0)
+        settle("fps", fps)
+        settle("camera", as_path(camera, DEFAULT_FOCAL * self.shape[1]))
+        settle("effects", _effects_of(effects))
+        settle("foreground", foreground)
+        front = None if foreground is None else foreground_of(foreground, self.shape)
         settle("_matte", front)
-        if self.sun is not None and not isinstance(self.sun, Sun):
-            raise TypeError(f"sun must be a flurries.Sun, got {self.sun!r}")
-        distance = None if self.depth is None else distance_of(self.depth, self.shape)
+        if sun is not None and not isinstance(sun, Sun):
+            raise TypeError(f"sun must be a flurries.Sun, got {sun!r}")
+        settle("sun", sun)
+        distance = None if depth is None else distance_of(depth, self.shape)
         settle("_distance", distance)
-        if distance is not None and np.ndim(self.depth) == 2:
+        if distance is not None and np.ndim(depth) == 2:  # type: ignore[arg-type]
             # The copy that it was made into: the caller's array may change.
-            settle("depth", distance.source)
+            depth = distance.source
+        settle("depth", depth)
+
+    def __repr__(self) -> str:
+        return line_of(self)
+
+    def _repr_html_(self) -> str:
+        return page_of(self)
 
     @property
     def shape(self) -> tuple[int, int]:
         """(H, W) of a frame."""
-        width, height = self.size or (0, 0)
+        width, height = self.size
         return height, width
 
     @property
@@ -183,15 +209,33 @@ class Scene:
         vars(made).update(own, **changes)
         return made
 
+    @overload
+    def render(
+        self, t: float, *, eye: Camera | None = None, layers: Literal[False] = False,
+        region: Region | None = None, tolerance: float | None = None,
+    ) -> Array: ...  # fmt: skip
+
+    @overload
+    def render(
+        self, t: float, *, eye: Camera | None = None, layers: Literal[True],
+        region: Region | None = None, tolerance: float | None = None,
+    ) -> Rendered: ...  # fmt: skip
+
+    @overload
+    def render(
+        self, t: float, *, eye: Camera | None = None, layers: bool,
+        region: Region | None = None, tolerance: float | None = None,
+    ) -> Array | Rendered: ...  # fmt: skip
+
     def render(
         self,
         t: float,
         *,
         eye: Camera | None = None,
         layers: bool = False,
-        region: tuple[slice, slice] | None = None,
+        region: Region | None = None,
         tolerance: float | None = None,
-    ) -> Any:
+    ) -> Array | Rendered:
         """Return the frame at `t`.
 
         Parameters
@@ -221,16 +265,17 @@ class Scene:
         """
         if eye is not None and not isinstance(eye, Camera):
             raise TypeError(f"eye must be a Camera, got {eye!r}")
-        return self._see(t, [eye], layers, region, tolerance)[0]
+        (seen,) = self._see(t, [eye], layers, region, tolerance)
+        return seen
 
     def _see(
         self,
         t: float,
         views: Sequence[Camera | None],
         layers: bool,
-        region: tuple[slice, slice] | None,
+        region: Region | None,
         tolerance: float | None,
-    ) -> list[Any]:
+    ) -> Sequence[Array | Rendered]:
         """Return what each eye sees, None being the path's camera."""
         time, window = real("t", t), parse_region(region, self.shape)
         limit = self.tolerance if tolerance is None else parse_tolerance(tolerance)
@@ -283,7 +328,7 @@ class Scene:
         given = self.background
         return self.replace(background=copy(given) if hasattr(given, "spec") else given)
 
-    def plan(self, frames: Any = None, *, tolerance: float | None = None) -> Plan:
+    def plan(self, frames: Frames = None, *, tolerance: float | None = None) -> Plan:
         """Return what rendering costs: its steps, their sizes and times, and what is left out.
 
         Parameters
@@ -319,6 +364,19 @@ class Scene:
             linear=self.linear,
         )
 
+    @overload
+    def stereo(
+        self, t: float, *, distance: float, convergence: float | None = None,
+        layers: Literal[False] = False, region: Region | None = None,
+        tolerance: float | None = None,
+    ) -> tuple[Array, Array]: ...  # fmt: skip
+
+    @overload
+    def stereo(
+        self, t: float, *, distance: float, convergence: float | None = None,
+        layers: Literal[True], region: Region | None = None, tolerance: float | None = None,
+    ) -> tuple[Rendered, Rendered]: ...  # fmt: skip
+
     def stereo(
         self,
         t: float,
@@ -326,9 +384,9 @@ class Scene:
         distance: float,
         convergence: float | None = None,
         layers: bool = False,
-        region: tuple[slice, slice] | None = None,
+        region: Region | None = None,
         tolerance: float | None = None,
-    ) -> tuple[Any, Any]:
+    ) -> tuple[Array | Rendered, Array | Rendered]:
         """Return the frame at `t` as the left and the right eye see it.
 
         The weather lies in depth; the background and what stands in front of the weather are flat
@@ -372,17 +430,87 @@ class Scene:
         """
         return self.program.depth_at(real("t", t))
 
-    def write(self, pattern: str | Path, frames: Any = None, **options: Any) -> Any:
-        """Render frames to files; see :func:`flurries.output.write.write`."""
+    def write(
+        self,
+        pattern: str | Path,
+        frames: Frames = None,
+        *,
+        half: bool = True,
+        layers: bool = False,
+        alone: bool = False,
+        eyes: Mapping[str, Camera] | None = None,
+        overwrite: bool = False,
+        damaged: Literal["stop", "skip", "hold"] = "stop",
+        sound: bool = True,
+        manifest: bool = True,
+        quality: Literal["high", "medium", "draft"] = "high",
+        dask: Client | str | bool | None = None,
+        dask_patience: float = 60.0,
+        progress: Callable[[Iterable[int]], Iterable[int]] | None = None,
+    ) -> Summary:
+        """Render frames to files: a sequence, a film or a still.
+
+        Run again, it makes what is missing. :func:`flurries.output.write.write` says more of each
+        option.
+
+        Parameters
+        ----------
+        pattern : str or path
+            ``frames/%04d.exr``, a sequence; ``film.mp4``, a film; ``still.png``, one picture.
+        frames : str, int or iterable of int, optional
+            "1-60", "1-100x2", "7", or numbers; for a still one number will do. If not given, the
+            background's frames, or three seconds from 1 on.
+        half : bool
+            EXR as half floats, else 32 bits.
+        layers : bool
+            EXR only: the weather, depth and motion as channels beside the composite.
+        alone : bool
+            The weather alone as RGBA: .exr, .png or .tif.
+        eyes : mapping of str to Camera, optional
+            EXR only: a view for each eye.
+        overwrite : bool
+            Replace files that are there, whatever they are.
+        damaged : {"stop", "skip", "hold"}
+            What becomes of frames whose background is missing or damaged.
+        sound : bool
+            Keep the sound of a background film.
+        manifest : bool
+            Write ``flurries.json`` beside a sequence.
+        quality : {"high", "medium", "draft"}
+            Of a film.
+        dask : True, str or distributed.Client, optional
+            Work on a Dask cluster: one made here, one at an address, or a client's.
+        dask_patience : float
+            How long to wait while the cluster has no worker, seconds.
+        progress : callable, optional
+            Wraps the frames, as tqdm does.
+
+        Returns
+        -------
+        Summary
+            What was written, what was there, and the files.
+
+        Raises
+        ------
+        ValueError, TypeError
+            For an unusable pattern or range, or where something else is in the way.
+        OSError
+            If something cannot be read or written; no half-written file stays.
+        """
         from flurries.output.write import write
 
-        return write(self, pattern, frames, **options)
+        return write(
+            self, pattern, frames, half=half, layers=layers, alone=alone, eyes=eyes,
+            overwrite=overwrite, damaged=damaged, sound=sound, manifest=manifest, quality=quality,
+            dask=dask, dask_patience=dask_patience, progress=progress,
+        )  # fmt: skip
 
-    def to_dask(self, frames: Any = None, *, group: int | None = None) -> Any:
+    def to_dask(self, frames: Frames = None, *, group: int | None = None) -> dask.array.Array:
         """Return frames as a lazy Dask array; see :func:`flurries.output.groups.to_dask`."""
         from flurries.output.groups import to_dask
 
-        return to_dask(self, frames, group=group)
+        made: dask.array.Array = to_dask(self, frames, group=group)
+        return made
 
     @staticmethod
     def load(path: str | Path) -> Scene:
@@ -410,6 +538,18 @@ def expect_scene(scene: object) -> Scene:
     if not isinstance(scene, Scene):
         raise TypeError(f"scene must be a flurries.Scene, got {type(scene).__name__}")
     return scene
+
+
+def _effects_of(given: Effect | Sequence[Effect]) -> tuple[Effect, ...]:
+    """Return the effects of a scene, or refuse what is none."""
+    listed: Any = (given,) if callable(getattr(given, "render", None)) else given
+    if not isinstance(listed, (list, tuple)):
+        raise TypeError(f"effects must be a sequence of effects, got {listed!r}")
+    require_few(listed)
+    for index, effect in enumerate(listed):
+        if isinstance(effect, type) or not callable(getattr(effect, "render", None)):
+            raise TypeError(f"effects[{index}] must be an effect, got {effect!r}")
+    return tuple(listed)
 
 
 def _scene_of(values: dict[str, Any]) -> Scene:

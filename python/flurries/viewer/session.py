@@ -6,7 +6,6 @@ here is where the air was in each page's last picture, so that it can go on from
 
 from __future__ import annotations
 
-import io
 import json
 import threading
 import time
@@ -21,16 +20,14 @@ import numpy as np
 from flurries import stereo
 from flurries._contract import Array, integer, real
 from flurries.camera.path import CameraPath
+from flurries.frame.show import jpeg, on_screen
 from flurries.frame.view import Frame
-from flurries.io.color import linear_to_srgb, to_linear, to_unit
 from flurries.motion.keys import Keys
 from flurries.motion.wind import Wind
 from flurries.scene.scene import Scene
 from flurries.viewer.charts import chart, field_of
 from flurries.viewer.controls import EYES, applied, controls_of, fall_of, moves, names, settings
 from flurries.viewer.preview import Preview
-
-QUALITY = 90
 
 # Where two eyes meet, if nothing else says so: in front of the far flakes, behind the nearest.
 CONVERGENCE = 6.0
@@ -151,9 +148,9 @@ class Session:
     def _eyes(self, scene: Scene, t: float, distance: float) -> Array:
         """Return the picture as uint8 display values, for one eye or red-cyan glasses."""
         if distance <= 0.0:
-            return shown(scene, scene.render(t))
+            return on_screen(scene.render(t))
         pair = stereo.eyes(scene.camera.camera, distance=distance, convergence=CONVERGENCE)
-        left, right = (shown(scene, scene.render(t, eye=eye)) for eye in pair)
+        left, right = (on_screen(scene.render(t, eye=eye)) for eye in pair)
         return stereo.anaglyph(left, right)
 
     def _save(self, ask: Mapping[str, Any]) -> dict[str, Any]:
@@ -164,30 +161,6 @@ class Session:
             "saved": str(self.save_path),
             "text": self.save_path.read_text(encoding="utf-8"),
         }
-
-
-def shown(scene: Scene, picture: Array) -> Array:
-    """Return a frame as uint8 display values, (H, W, 3); what is transparent is black."""
-    if picture.shape[2] == 4:
-        colors, cover = picture[..., :3], to_unit(picture[..., 3:])
-        picture = to_linear(colors, "display") * cover if picture.dtype.kind == "u" else colors
-    if picture.dtype == np.uint8:
-        return picture
-    if picture.dtype == np.uint16:
-        return np.asarray((picture.astype(np.uint32) + 128) // 257, np.uint8)
-    display = linear_to_srgb(np.nan_to_num(picture))
-    return np.asarray(np.clip(display, 0.0, 1.0) * 255.0 + 0.5, np.uint8)
-
-
-def jpeg(picture: Array) -> bytes:
-    """Return a picture as JPEG; colors at full resolution, since flakes are a pixel or two."""
-    from PIL import Image
-
-    target = io.BytesIO()
-    Image.fromarray(np.ascontiguousarray(picture)).save(
-        target, "JPEG", quality=QUALITY, subsampling=0
-    )
-    return target.getvalue()
 
 
 def packed(head: Mapping[str, Any], buffers: list[bytes]) -> bytes:

@@ -1,0 +1,59 @@
+"""Pictures for a screen: what notebooks and the viewer show."""
+
+from __future__ import annotations
+
+import base64
+import html
+import io
+from collections.abc import Iterable
+
+import numpy as np
+
+from flurries._contract import Array
+from flurries.io.color import linear_to_srgb, to_linear, to_unit
+
+QUALITY = 90
+
+# Pixels of the longer side of a picture in a notebook's output; larger frames are thinned out.
+LONGEST = 640
+
+
+def on_screen(picture: Array) -> Array:
+    """Return a frame as uint8 display values, (H, W, 3); what is transparent is black."""
+    if picture.shape[2] == 4:
+        colors, cover = picture[..., :3], to_unit(picture[..., 3:])
+        picture = to_linear(colors, "display") * cover if picture.dtype.kind == "u" else colors
+    if picture.dtype == np.uint8:
+        return picture
+    if picture.dtype == np.uint16:
+        return np.asarray((picture.astype(np.uint32) + 128) // 257, np.uint8)
+    display = linear_to_srgb(np.nan_to_num(picture))
+    return np.asarray(np.clip(display, 0.0, 1.0) * 255.0 + 0.5, np.uint8)
+
+
+def jpeg(picture: Array) -> bytes:
+    """Return a picture as JPEG; colors at full resolution, since flakes are a pixel or two."""
+    from PIL import Image
+
+    target = io.BytesIO()
+    Image.fromarray(np.ascontiguousarray(picture)).save(
+        target, "JPEG", quality=QUALITY, subsampling=0
+    )
+    return target.getvalue()
+
+
+def figure(picture: Array) -> str:
+    """Return a frame as an element of HTML that needs no other file."""
+    step = -(-max(picture.shape[:2]) // LONGEST)
+    data = base64.b64encode(jpeg(on_screen(picture[::step, ::step]))).decode()
+    return f"<img style='max-width:100%' src='data:image/jpeg;base64,{data}'>"
+
+
+def listing(rows: Iterable[tuple[str, str]]) -> str:
+    """Return names and what they stand for as a table of HTML."""
+    cells = "".join(
+        f"<tr><td style='padding:2px 10px'><b>{html.escape(name)}</b></td>"
+        f"<td style='padding:2px 10px;text-align:left'>{html.escape(text)}</td></tr>"
+        for name, text in rows
+    )
+    return f"<table>{cells}</table>"

@@ -1,0 +1,74 @@
+"""A scene in words: one line for a terminal, a picture and a table for a notebook."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import MISSING, fields, is_dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from flurries.camera.path import CameraPath
+from flurries.frame.show import figure, listing
+
+if TYPE_CHECKING:
+    from flurries.scene.scene import Scene
+
+
+def line_of(scene: Scene) -> str:
+    """Return size, rate, background, camera and effects in one line."""
+    width, height = scene.size
+    names = ", ".join(type(effect).__name__ for effect in scene.effects) or "none"
+    return (
+        f"Scene({width} x {height} px, {scene.fps:g} fps, background={_value(scene.background)}, "
+        f"camera={camera_of(scene.camera)}, effects={names})"
+    )
+
+
+def page_of(scene: Scene) -> str:
+    """Return the frame after one second, and a table of what the scene is made of."""
+    width, height = scene.size
+    rows = [
+        ("size", f"{width} x {height} px, {scene.fps:g} frames a second"),
+        ("background", _value(scene.background)),
+        ("camera", camera_of(scene.camera)),
+    ]
+    rows += [(type(effect).__name__, own_values(effect)) for effect in scene.effects]
+    return f"<div>{figure(_frame(scene))}{listing(rows)}</div>"
+
+
+def _frame(scene: Scene) -> np.ndarray:
+    frame: np.ndarray = scene.render(round(scene.fps))
+    return frame
+
+
+def camera_of(path: CameraPath) -> str:
+    """Return what a camera does, and its focal length."""
+    moves = path.position is not None or path.velocity is not None
+    does = [word for word, yes in (
+        ("moving", moves), ("turning", path.turns), ("zooming", path.zooms)
+    ) if yes]  # fmt: skip
+    return f"{' and '.join(does) or 'still'}, focal {path.camera.focal:g} px"
+
+
+def own_values(effect: object) -> str:
+    """Return the fields of an effect that are not as they are without being given."""
+    if not is_dataclass(effect):
+        return ""
+    changed = []
+    for field in fields(effect):
+        value = getattr(effect, field.name)
+        usual = field.default if field.default is not MISSING else None
+        if not field.name.startswith("_") and repr(value) != repr(usual):
+            changed.append(f"{field.name} {_value(value)}")
+    return ", ".join(changed) or "as it is by default"
+
+
+def _value(value: object) -> str:
+    if isinstance(value, np.ndarray):
+        return f"{value.dtype} array {value.shape}"
+    if isinstance(value, (str, os.PathLike)):
+        return os.fspath(value)
+    if isinstance(value, tuple):
+        return "(" + ", ".join(map(_value, value)) + ")"
+    return f"{value:.4g}" if isinstance(value, float) else repr(value)
