@@ -8,6 +8,7 @@ metres per frame, in the eye's axes.
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from functools import lru_cache
 from typing import NamedTuple
 
@@ -24,7 +25,7 @@ from flurries.effects.motion import (
     relative_course,
 )
 from flurries.frame.view import Frame
-from flurries.motion.keys import Course, Integral, integral_to, value_at
+from flurries.motion.keys import Course, Integral, course_of, integral_to, value_at
 from flurries.motion.waves import Waves, carry
 from flurries.motion.wind import Wind
 
@@ -35,6 +36,9 @@ BLOCK = 64
 
 # Depths at which a profile is integrated for a camera that comes nearer; linear between.
 _DEPTHS = 65
+
+# Frames that such an integral takes together.
+_TOGETHER = 4096
 
 
 def wind_at(motion: Motion, frame: Frame, ahead: Float64) -> tuple[Float64, Float64]:
@@ -76,18 +80,23 @@ def flakes_in_profile(motion: Motion, frame: Frame, depth: Float64) -> tuple[Flo
     moved, rate = _profile_at(wind, frame, depth)
     axis = frame.camera.matrix()[:, 2]
     steady = motion.mean_wind
-    if wind.profile is None or not comes_nearer(frame.path, axis, motion.fall, steady):
+    # A profile of one depth is the same at all of them: flakes have felt it wherever they were.
+    alike = wind.profile is None or len(wind.profile.keys) == 1
+    if alike or not comes_nearer(frame.path, axis, motion.fall, steady):
         return moved, rate
     way = _way_of(relative_course(frame.path, frame.fps, motion.fall, steady))
     nearer = float(way.to(frame.t) @ axis)
     # Where the air at these depths was before: depth plus the camera's way through it is kept.
     nodes = np.linspace(min(float(depth.min()), 0.0), float(depth.max()), _DEPTHS)
-    times, steps = _middles(frame.t)
-    was = nodes + nearer - (np.stack([way.to(time) for time in times]) @ axis)[:, None]
-    factor, own = wind.extra(was.ravel())
-    mean = np.stack([value_at(steady, time) for time in times])
-    felt = factor.reshape(was.shape)[..., None] * mean[:, None] + own.reshape(*was.shape, 3)
-    total = _across(frame, np.einsum("t,tni->ni", steps, felt) / frame.fps)
+    blowing = course_of(steady)
+    felt = np.zeros((_DEPTHS, 3))
+    for times, lengths in _middles(frame.t):
+        was = nodes + nearer - (way.at(times) @ axis)[:, None]
+        factor, own = wind.extra(was.ravel())
+        mean, _ = blowing.line(times, times)
+        felt += np.einsum("t,tn,ta->na", lengths, factor.reshape(was.shape), mean)
+        felt += np.einsum("t,tna->na", lengths, own.reshape(*was.shape, 3))
+    total = _across(frame, felt / frame.fps)
     return np.stack([np.interp(depth, nodes, total[:, a]) for a in range(3)], axis=1), rate
 
 
@@ -190,12 +199,17 @@ def _across(frame: Frame, vectors: Float64) -> Float64:
     return turned
 
 
-def _middles(t: float) -> tuple[Float64, Float64]:
-    """Return the middles of the frames from 0 to `t`, the last a part of one, and their lengths."""
+def _middles(t: float) -> Iterator[tuple[Float64, Float64]]:
+    """Yield the middles of the frames from 0 to `t`, the last a part of one, and their lengths.
+
+    So many at a time as take little memory, however long the film is.
+    """
     whole = math.trunc(t)
     sign = -1.0 if t < 0.0 else 1.0
-    times = sign * (np.arange(abs(whole)) + 0.5)
-    return np.append(times, 0.5 * (whole + t)), np.append(np.full(abs(whole), sign), t - whole)
+    for first in range(0, abs(whole), _TOGETHER):
+        numbers = np.arange(first, min(first + _TOGETHER, abs(whole)), dtype=np.float64)
+        yield (numbers + 0.5) * sign, np.full(len(numbers), sign)
+    yield np.array([0.5 * (whole + t)]), np.array([t - whole])
 
 
 @lru_cache(maxsize=32)

@@ -282,8 +282,11 @@ class Integral:
 
     def to(self, t: float) -> Float64:
         """Return the integral from frame 0 to `t`, (width,)."""
-        at = max(bisect.bisect_right(self.knots, t) - 1, 0)
-        start, end = self.knots[at : at + 1], np.array([t])
-        inside = end if t < start[0] else 0.5 * (start + end)
-        way: Float64 = self.sums[at] + self.pieces(start, end, inside)[0]
-        return way
+        return np.asarray(self.at(np.array([t]))[0])
+
+    def at(self, times: Float64) -> Float64:
+        """Return the integrals from frame 0 to times (m,), (m, width)."""
+        last = np.maximum(np.searchsorted(self.knots, times, side="right") - 1, 0)
+        start = self.knots[last]
+        inside = np.where(times < start, times, 0.5 * (start + times))
+        return np.asarray(self.sums[last] + self.pieces(start, times, inside))
