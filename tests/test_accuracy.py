@@ -145,7 +145,7 @@ def test_the_command_writes_numbers_plots_and_a_page(
     assert main(["accuracy", "blend", "--quiet", "-o", "out", "--page", "page.md"]) == 0
     said = capsys.readouterr().out.split()
     assert {Path(name).name for name in said} == {
-        "accuracy.json", "blend.png", "accuracy.png", "blend.svg", "accuracy.svg", "page.md",
+        "accuracy.json", "blend.png", "accuracy.png", "page.md",
     }  # fmt: skip
     data = json.loads(Path("out/accuracy.json").read_text())
     assert data[0]["name"] == "blend" and len(data[0]["points"]) == 9

@@ -39,7 +39,7 @@ def write(
     *,
     page: str | os.PathLike[str] | None = None,
 ) -> list[Path]:
-    """Write the numbers as JSON, plots as PNG and SVG, and on request a page in Markdown.
+    """Write the numbers as JSON, plots as PNG, and on request a page in Markdown.
 
     Parameters
     ----------
@@ -67,8 +67,7 @@ def write(
     if sheet is not None:
         way = Path(os.path.relpath(target, sheet.parent)).as_posix()
         sheet.write_text(markdown(studies, way), encoding="utf-8")
-    plots = [*plot.save(studies, target), *plot.save(studies, target, suffix="svg")]
-    return [data, *plots, *([] if sheet is None else [sheet])]
+    return [data, *plot.save(studies, target), *([] if sheet is None else [sheet])]
 
 
 def markdown(studies: list[Study], plots: str) -> str:

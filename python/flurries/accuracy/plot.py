@@ -82,19 +82,18 @@ def _label(ax: Any, points: list[Point], size: float) -> None:
                     path_effects=[withStroke(linewidth=2.0, foreground="white")])  # fmt: skip
 
 
-def save(studies: list[Study], folder: Path, *, suffix: str = "png") -> list[Path]:
+def save(studies: list[Study], folder: Path) -> list[Path]:
     """Write a plot for each study, and one of the first six to look at; return the files."""
     try:
         import matplotlib
     except ImportError:
         raise ImportError("plots need matplotlib: pip install 'flurries[plots]'") from None
     matplotlib.use("Agg", force=False)
-    matplotlib.rcParams["svg.hashsalt"] = "flurries"
     found = {study.axis.name: study for study in studies}
     first = list(dict.fromkeys(name for name in (*MAIN, *found) if name in found))[:6]
     sheets = {name: [study] for name, study in found.items()}
     return [
-        _sheet(drawn, folder / f"{name}.{suffix}", small=name == "accuracy")
+        _sheet(drawn, folder / f"{name}.png", small=name == "accuracy")
         for name, drawn in {**sheets, "accuracy": [found[name] for name in first]}.items()
     ]
 
@@ -113,6 +112,6 @@ def _sheet(studies: list[Study], file: Path, *, small: bool) -> Path:
     for ax, study in zip(grid.flat, studies, strict=False):
         draw(ax, study, small=small)
     figure.tight_layout()
-    figure.savefig(file, metadata={"Software": None} if file.suffix == ".png" else {"Date": None})
+    figure.savefig(file, metadata={"Software": None})
     plt.close(figure)
     return file
