@@ -190,13 +190,11 @@ def test_without_the_guard_kills_leave_partial_frames(tmp_path: Path, record_pro
     assert partial > 0
 
 
-def test_four_processes_of_which_one_is_killed(tmp_path: Path, record_property: Record):
+@pytest.mark.parametrize("locks", ["locks", "lockless"])
+def test_16_hundred_rounds_of_four_processes(locks: str, tmp_path: Path, record_property: Record):
     from test_nothing_wrong import killed
 
-    for locks in ("locks", "lockless"):
-        (tmp_path / locks).mkdir()
-        killed(locks, times(100), tmp_path / locks)
-    record_property("figure", f"{times(100)} rounds with locks, as many without: 0 wrong, 0 ended")
+    record_property("figure", killed(locks, times(100), tmp_path))
 
 
 # A Dask worker ------------------------------------------------------------------------------------

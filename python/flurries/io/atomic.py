@@ -177,6 +177,10 @@ def _is_left(file: Path) -> bool:
         owner = file.read_bytes()[:_OWNER].decode() if claim else file.name[len(PREFIX) :][:_OWNER]
     except (OSError, ValueError):
         return False
+    if not owner:
+        # A claim whose process was killed before it wrote its name, or is about to write it: that
+        # one holds the lock or, where locks tell nothing, asks for the file again.
+        return True
     own = owner_of_new_files()
     if sys.platform != "win32" and len(owner) == _OWNER and owner[:-6] == own[:-6]:
         with contextlib.suppress(ValueError):
