@@ -224,3 +224,22 @@ def test_without_dask_it_says_what_to_install(monkeypatch: pytest.MonkeyPatch, t
         SCENE.to_dask("1-2")
     with pytest.raises(ImportError, match=r"flurries\[dask\]"):
         SCENE.write(tmp_path / "%d.png", "1", dask=True)
+
+
+OWN = """
+import os, psutil
+from flurries.output.cluster import cluster
+if __name__ == "__main__":
+    with cluster(None, True, count=1) as crew:
+        crew.threads()
+        of_all = psutil.Process().children(recursive=True) + [psutil.Process()]
+        print(*{c.laddr.ip for p in of_all for c in p.net_connections() if c.status == "LISTEN"})
+"""
+
+
+def test_a_cluster_of_its_own_listens_on_this_machine_alone(tmp_path: Path):
+    (tmp_path / "own.py").write_text(OWN)
+    done = subprocess.run(
+        [sys.executable, str(tmp_path / "own.py")], capture_output=True, text=True, timeout=120
+    )
+    assert done.stdout.split() == ["127.0.0.1"], done.stderr

@@ -25,6 +25,7 @@ from flurries.output.crew import make, processes
 from flurries.output.manifest import NAME
 from flurries.output.mark import Mark
 from flurries.output.sequence import run
+from flurries.output.store import Disk, Store
 from flurries.scene.fingerprint import Hashes
 
 __all__ = ["Corrupted", "corrupt"]
@@ -190,6 +191,7 @@ class _Pictures:
     overwrite: bool = False
     listed: bool = True
     tolerant: bool = True
+    store: Store = field(default_factory=Disk)
     _hashes: Hashes = field(default_factory=Hashes)
     _last: tuple[str, str, Any] = ("", "", None)
 

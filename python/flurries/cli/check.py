@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import click
 
 from flurries.cli.options import FILE, command, voice
 from flurries.cli.words import Words, count, say
-from flurries.output import manifest
+from flurries.output.bucket import check as check_all
+from flurries.output.bucket import store_of
 
 DIFFERENT = 3
 
@@ -15,12 +18,13 @@ DIFFERENT = 3
 @click.argument("folder", metavar="FOLDER", type=FILE)
 @voice
 def check(words: Words, folder: str) -> int:
-    """Compare the frames of a folder with its flurries.json: their sizes and hashes."""
-    wrong = manifest.check(folder)
+    """Compare the frames of a folder, or behind a url, with their flurries.json."""
+    wrong = check_all(folder)
     for sentence in wrong:
         say(sentence)
     if wrong:
         return DIFFERENT
-    files = len(manifest.read(folder))
+    store, place = store_of(folder)
+    files = len(store.read_list(Path(place)))
     words.say(f"{count(files, 'file')} {'is' if files == 1 else 'are'} what the manifest says")
     return 0

@@ -33,7 +33,7 @@ TOKEN_LENGTH = 24
 _OWNER = 16
 
 # A hidden file of another machine that has not changed for so long, in seconds, was left behind.
-_HOUR = 3600.0
+HOUR = 3600.0
 
 # The temporary files of this process, and which process that is. Ctrl-C can fall between the making
 # of a file and the block that guards it, so the end of the process looks once more.
@@ -181,11 +181,17 @@ def _is_left(file: Path) -> bool:
         # A claim whose process was killed before it wrote its name, or is about to write it: that
         # one holds the lock or, where locks tell nothing, asks for the file again.
         return True
+    ended = has_ended(owner)
+    return time.time() - found.st_mtime > HOUR if ended is None else ended
+
+
+def has_ended(owner: str) -> bool | None:
+    """Return whether an owner of hidden files has ended, or None of another machine's."""
     own = owner_of_new_files()
     if sys.platform != "win32" and len(owner) == _OWNER and owner[:-6] == own[:-6]:
         with contextlib.suppress(ValueError):
             return not _is_alive(int(owner[-6:], 16))
-    return time.time() - found.st_mtime > _HOUR
+    return None
 
 
 def _is_alive(process: int) -> bool:

@@ -143,9 +143,9 @@ def _client(where: Any, count: int | None) -> Iterator[Any]:
         return
     if where is not True and where != "":
         raise TypeError(f"dask must be True, an address or a Client, got {where!r}")
-    # Any free port: two runs at once, on one machine, must not want the same.
+    # Any free port, since two runs at once must not want the same; and for this machine alone.
     with distributed.LocalCluster(
-        n_workers=count or _cores(), threads_per_worker=1, dashboard_address=":0",
+        n_workers=count or _cores(), threads_per_worker=1, dashboard_address="127.0.0.1:0",
         silence_logs=logging.CRITICAL,
     ) as own, distributed.Client(own, set_as_default=False) as client:  # fmt: skip
         yield client

@@ -20,7 +20,6 @@ from typing import Any
 from flurries._threads import reproducible, scope
 from flurries.output import sequence
 from flurries.output.sequence import Done, Entries, Job, Progress, name_of
-from flurries.scene.fingerprint import hash_of
 
 # Tasks that are under way for each thread, so that none waits and memory stays flat.
 _AHEAD = 4
@@ -102,10 +101,10 @@ def _require_here(job: Job, done: Done) -> None:
     last = time.monotonic() + _LATE
     for index in [*done.written, *done.kept]:
         path = job.path_of(index)
-        while not path.is_file() or hash_of(path) != done.entries[index]["sha256"]:
+        while job.store.hash_of(path) != done.entries[index]["sha256"]:
             if time.monotonic() > last:
                 raise OSError(
-                    f"{path}: a worker has written it, but here it is not: "
+                    f"{job.store.name_of(path)}: a worker has written it, but here it is not: "
                     "the folder must be one that all machines see"
                 )
             time.sleep(0.05)

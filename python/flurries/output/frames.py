@@ -10,6 +10,7 @@ from flurries._threads import reproducible
 from flurries.io import Pattern
 from flurries.output.contents import Content
 from flurries.output.mark import Mark
+from flurries.output.store import Disk, Store
 from flurries.scene.fingerprint import Inputs, settings
 from flurries.scene.scene import Scene
 
@@ -26,6 +27,8 @@ class Frames:
         What a file holds.
     pattern : str
         The files' names; without a token the name of one still.
+    store : Store
+        Where the files are kept; on this machine if not given.
     overwrite, listed : bool
         See `flurries.output.sequence.Job`.
     skip : bool
@@ -35,6 +38,7 @@ class Frames:
     scene: Scene
     content: Content
     pattern: str
+    store: Store = field(default_factory=Disk)
     overwrite: bool = False
     listed: bool = True
     skip: bool = False

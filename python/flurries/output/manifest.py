@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import warnings
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +19,7 @@ __all__ = ["NAME", "check", "read"]
 
 NAME = "flurries.json"
 
-_MOST_BYTES = 1 << 28
+MOST_BYTES = 1 << 28
 
 # How every one of ours begins, by which one that is cut short is known.
 _HEAD = '{\n "flurries": "'
@@ -48,16 +49,28 @@ def read(folder: str | os.PathLike[str]) -> dict[str, dict[str, Any]]:
     """
     path = Path(folder) / NAME
     try:
-        text = read_text(path, _MOST_BYTES, "manifest")
+        text = read_text(path, MOST_BYTES, "manifest")
     except FileNotFoundError:
         return {}
+    found = parse(text, path)
+    return entries_of(sorted(Path(folder).iterdir())) if found is None else found
+
+
+def parse(text: str, path: Path | str) -> dict[str, dict[str, Any]] | None:
+    """Return the entries in a manifest's text; None, with a warning, where it is cut short.
+
+    Raises
+    ------
+    ValueError
+        If it is something else.
+    """
     try:
         found = json.loads(text)
     except (ValueError, RecursionError):
         if not (text.startswith(_HEAD) or _HEAD.startswith(text.rstrip("\0"))):
             raise _Foreign(path) from None
-        warnings.warn(f"{path} is empty or cut short; made again from the frames", stacklevel=2)
-        return _entries_of_frames(Path(folder))
+        warnings.warn(f"{path} is empty or cut short; made again from the frames", stacklevel=3)
+        return None
     if not isinstance(found, dict) or not isinstance(found.get("flurries"), str):
         raise _Foreign(path)
     files = found.get("files")
@@ -67,14 +80,14 @@ def read(folder: str | os.PathLike[str]) -> dict[str, dict[str, Any]]:
 
 
 class _Foreign(ValueError):
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path | str) -> None:
         super().__init__(f"{path} is there already and is no manifest; move it away")
 
 
-def _entries_of_frames(folder: Path) -> dict[str, dict[str, Any]]:
-    """Return the entries of all whole frames of a folder by what their headers say."""
+def entries_of(paths: Iterable[Path]) -> dict[str, dict[str, Any]]:
+    """Return the entries of all whole frames among files, by what their headers say."""
     entries = {}
-    for path in sorted(folder.iterdir()):
+    for path in paths:
         if path.name.startswith(".") or not path.is_file():
             continue
         try:
@@ -100,14 +113,17 @@ def update(folder: Path, entries: dict[str, dict[str, Any]]) -> None:
     target = folder / NAME
     claim = awaited(target)
     try:
-        files = {**read(folder), **entries}
-        # The same text whatever order they came in.
-        ordered = {name: dict(sorted(said.items())) for name, said in sorted(files.items())}
-        text = json.dumps({"flurries": __version__, "files": ordered}, indent=1)
+        text = text_of({**read(folder), **entries})
         with replacing(target) as temporary:
-            temporary.write_text(text + "\n", encoding="utf-8")
+            temporary.write_text(text, encoding="utf-8")
     finally:
         claim.release()
+
+
+def text_of(entries: dict[str, dict[str, Any]]) -> str:
+    """Return the text of a manifest: the same whatever order entries came in."""
+    ordered = {name: dict(sorted(said.items())) for name, said in sorted(entries.items())}
+    return json.dumps({"flurries": __version__, "files": ordered}, indent=1) + "\n"
 
 
 def check(folder: str | os.PathLike[str]) -> list[str]:
@@ -128,11 +144,24 @@ def check(folder: str | os.PathLike[str]) -> list[str]:
     place = Path(folder)
     if not (place / NAME).exists():
         raise FileNotFoundError(f"{place / NAME}: no manifest is there")
-    wrong = []
-    for name, said in read(place).items():
+
+    def told(name: str) -> str | None:
         path = place / name
-        if not path.resolve().is_relative_to(place.resolve()) or not path.is_file():
-            wrong.append(f"{path} is missing")
-        elif hash_of(path) != said.get("sha256"):
-            wrong.append(f"{path} has changed")
+        inside = path.resolve().is_relative_to(place.resolve())
+        return hash_of(path) if inside and path.is_file() else None
+
+    return differences(read(place), place, told)
+
+
+def differences(
+    entries: dict[str, dict[str, Any]], place: Path | str, told: Callable[[str], str | None]
+) -> list[str]:
+    """Return a sentence for each file that is not what its entry says; `told` gives hashes."""
+    wrong = []
+    for name, said in entries.items():
+        found = told(name)
+        if found is None:
+            wrong.append(f"{place}/{name} is missing")
+        elif found != said.get("sha256"):
+            wrong.append(f"{place}/{name} has changed")
     return wrong

@@ -18,7 +18,7 @@ _FIRST_BYTES = 1 << 20
 class Refused(ValueError):
     """A file that is in the way and that is not to be replaced unasked."""
 
-    def __init__(self, path: Path, why: str) -> None:
+    def __init__(self, path: Path | str, why: str) -> None:
         super().__init__(
             f"{path} is there already and {why}; overwrite=True (--overwrite) replaces it"
         )
@@ -55,7 +55,9 @@ class Mark:
         """Whether a header or an entry says the very same."""
         return all(str(said.get(key, "")) == str(value) for key, value in asdict(self).items())
 
-    def settled(self, path: Path, said: Mapping[str, Any] | None) -> dict[str, Any] | None:
+    def settled(
+        self, path: Path, said: Mapping[str, Any] | None, name: str | None = None
+    ) -> dict[str, Any] | None:
         """Return the manifest's entry of a file that is there and right.
 
         None where it is to be made: nothing is there, or it is damaged, or what it was made of has
@@ -67,6 +69,8 @@ class Mark:
             The file.
         said : mapping, optional
             What the manifest says of it.
+        name : str, optional
+            What a user calls it, if not by its path.
 
         Raises
         ------
@@ -87,16 +91,17 @@ class Mark:
             # What has no header any more is ours if the list or its own bytes say so.
             if listed or self.scene.encode() in _first_bytes(path):
                 return None
-            raise Refused(path, "cannot be read as a picture")
+            raise Refused(name or path, "cannot be read as a picture")
         if (found.get("scene"), found.get("frame")) != (self.scene, str(self.frame)):
-            raise Refused(path, "is something else")
+            raise Refused(name or path, "is something else")
         if found.get("bits") != str(self.bits):
             version = found.get("version", "an unknown version")
-            raise Refused(path, f"was made by flurries {version}, whose frames have other bits")
+            said_by = f"was made by flurries {version}, whose frames have other bits"
+            raise Refused(name or path, said_by)
         if not self.is_of(found):
             if found.get("names", "") == self.names:
                 return None
-            raise Refused(path, "was made over another background")
+            raise Refused(name or path, "was made over another background")
         if listed or not _decodes(path):
             return None
         return manifest.entry(path, self.header)

@@ -11,12 +11,10 @@ from typing import Any, Protocol, TypeAlias
 
 from flurries import __version__, _core
 from flurries._threads import reproducible, threads
-from flurries.io import remove_leftovers
-from flurries.io.atomic import checked_target
 from flurries.io.pictures.writer import format_of
 from flurries.output import manifest
-from flurries.output.claims import Claim, awaited, claimed
 from flurries.output.mark import Mark, Refused
+from flurries.output.store import Held, Store
 
 # Files that are encoded while the next is made; each holds a picture in memory.
 WRITERS = 2
@@ -30,6 +28,8 @@ class Job(Protocol):
 
     Attributes
     ----------
+    store : Store
+        Where they are kept.
     folder : Path
         In which, or below which, all of them lie; it gets the manifest.
     overwrite, listed, tolerant : bool
@@ -37,6 +37,7 @@ class Job(Protocol):
         that fails is left out, or stops the others.
     """
 
+    store: Store
     folder: Path
     overwrite: bool
     listed: bool
@@ -111,11 +112,13 @@ def run(job: Job, indices: list[int], progress: Progress, spread: Spread | None 
     first = job.path_of(indices[0])
     # Before anything is made: a format that can be written, in a place that can be.
     format_of(first)
-    checked_target(first)
-    known = manifest.read(job.folder) if job.listed else {}
+    store = job.store
+    store.require_usable(first)
+    known = store.read_list(job.folder) if job.listed else {}
     folders = {job.path_of(index).parent for index in indices}
     # What a killed run left under temporary names.
-    _tidy(folders)
+    for folder in folders:
+        store.tidy(folder)
     done = Done()
     try:
         (spread or make)(job, indices, known, progress, done)
@@ -123,23 +126,19 @@ def run(job: Job, indices: list[int], progress: Progress, spread: Spread | None 
         done.sort(indices)
         if job.listed and done.entries:
             listed = {name_of(job, index): entry for index, entry in done.entries.items()}
-            manifest.update(job.folder, listed)
-        _tidy(folders)
+            store.add_to_list(job.folder, listed)
+        for folder in folders:
+            store.tidy(folder)
     return done
-
-
-def _tidy(folders: Iterable[Path]) -> None:
-    for folder in folders:
-        remove_leftovers(folder)
 
 
 def make(job: Job, indices: list[int], known: Entries, progress: Progress, done: Done) -> None:
     """Make the files that are missing in this process; `known` is what the manifest says."""
     work = _Work(job, known, done)
     wanted = [index for index in indices if not work.is_settled(index)]
-    others = work.round(progress(wanted), claimed)
+    others = work.round(progress(wanted), job.store.claimed)
     # What others were making should be there by now, unless they were killed.
-    work.round(others, awaited)
+    work.round(others, job.store.awaited)
     done.held += [index for index in done.written if job.stands_in(index)]
 
 
@@ -161,7 +160,7 @@ class _Work:
         if self.job.overwrite:
             return False
         said = self.known.get(name_of(self.job, index)) if self.known else None
-        entry = mark.settled(self.job.path_of(index), said)
+        entry = self.job.store.settled(mark, self.job.path_of(index), said)
         if entry is None:
             return False
         self.done.kept.append(index)
@@ -180,7 +179,7 @@ class _Work:
                 raise
             self.done.failed[index] = f"{type(error).__name__}: {error}"
 
-    def round(self, indices: Iterable[int], claiming: Callable[[Path], Claim | None]) -> list[int]:
+    def round(self, indices: Iterable[int], claiming: Callable[[Path], Held | None]) -> list[int]:
         """Make the files that can be claimed; return the others."""
         others = []
         # Writers work as this thread does.
@@ -220,16 +219,17 @@ class _Work:
             self.done.skipped.append(index)
             return None
         if self.job.mark_of(index) != mark:
-            path = self.job.path_of(index)
-            raise OSError(f"{path}: what it is made of changed meanwhile; run again")
+            name = self.job.store.name_of(self.job.path_of(index))
+            raise OSError(f"{name}: what it is made of changed meanwhile; run again")
         return mark, made
 
-    def _save(self, index: int, mark: Mark, made: Any, claim: Claim) -> None:
+    def _save(self, index: int, mark: Mark, made: Any, claim: Held) -> None:
         path = self.job.path_of(index)
         try:
             with self._excused(index):
-                self.job.save(path, made, {**mark.header, "version": __version__})
-                entry = manifest.entry(path, mark.header)
+                with self.job.store.placing(path) as place:
+                    self.job.save(place, made, {**mark.header, "version": __version__})
+                    entry = manifest.entry(place, mark.header)
                 self.done.entries[index] = {**entry, **self.job.notes(index)}
                 self.done.written.append(index)
         finally:

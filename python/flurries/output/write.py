@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
@@ -16,6 +16,7 @@ from flurries._contract import choice, flag
 from flurries.camera.lens import Camera
 from flurries.io import Pattern
 from flurries.io.sequences import VIDEO_EXTENSIONS
+from flurries.output.bucket import store_of
 from flurries.output.cluster import cluster
 from flurries.output.contents import Content
 from flurries.output.crew import make
@@ -23,6 +24,7 @@ from flurries.output.film import write_film
 from flurries.output.frames import Frames
 from flurries.output.groups import grouped
 from flurries.output.sequence import Progress, run
+from flurries.output.store import Disk
 from flurries.scene.numbers import Frames as Numbers
 from flurries.scene.numbers import frames_of
 from flurries.scene.scene import Scene, expect_scene
@@ -45,8 +47,8 @@ class Summary:
         Frames that were rendered now.
     kept : list of int
         Frames of this scene that were there already, or that another process made meanwhile.
-    files : list of Path
-        All files of the request that are there, in order; the one video.
+    files : list of Path or str
+        All files of the request that are there, in order; the one video. Urls are strings.
     skipped : list of int
         Frames that were left out because their background is missing or damaged.
     held : list of int
@@ -59,7 +61,7 @@ class Summary:
 
     written: list[int]
     kept: list[int]
-    files: list[Path]
+    files: Sequence[Path | str]
     skipped: list[int] = field(default_factory=list)
     held: list[int] = field(default_factory=list)
     seconds: float = 0.0
@@ -99,7 +101,9 @@ def write(
         temporary name, checked and renamed. A name that ends in .mp4, .mov, .webm or .mkv is a
         video. A picture's name without a token is a still: the first of `frames`. For all three:
         what is there already and is of this very scene stays, and is made again if it is damaged
-        or if the background's file has changed since; anything else is refused.
+        or if the background's file has changed since; anything else is refused. Pictures also go
+        to a url, such as ``s3://bucket/frames/%04d.png``, through fsspec (``flurries[stores]`` and
+        the store's own driver), where the same holds.
     frames : str, int or iterable of int, optional
         "1-60", "1-100x2", "7", or numbers; not negative. If not given, the background's frames from
         0 on, or three seconds from 1 on.
@@ -160,7 +164,7 @@ def write(
     choice("damaged", damaged, DAMAGED)
     if alone and layers:
         raise ValueError("alone and layers must not both be given")
-    text = os.fspath(pattern)
+    store, text = store_of(os.fspath(pattern))
     still = Path(text).suffix.lower() not in VIDEO_EXTENSIONS and "%" not in Path(text).name
     if not still and isinstance(frames, (int, np.integer)):
         raise ValueError(
@@ -179,15 +183,17 @@ def write(
     job = Frames(
         scene.holding() if damaged == "hold" else scene, content,
         # Workers stand in folders of their own.
-        text if dask is None else str(Path(text).absolute()),
+        text if dask is None or not isinstance(store, Disk) else str(Path(text).absolute()), store,
         overwrite=overwrite, listed=manifest and not still, skip=damaged == "skip",
     )  # fmt: skip
     heard = "none"
     if target.is_video:
+        if not isinstance(store, Disk):
+            raise ValueError(f"{pattern}: a video is written to this machine; copy it from there")
         done, heard = write_film(
             job, wanted, quality, bar, sound=sound, dask=dask, patience=dask_patience
         )
-        files = [target.path(0)]
+        files: list[Path | str] = [target.path(0)]
     elif dask is None:
         done = run(job, wanted, bar)
     else:
@@ -195,7 +201,8 @@ def write(
             done = run(job, wanted, bar, partial(make, crew, grouped(scene, wanted)))
     if not target.is_video:
         left_out = set(done.skipped)
-        files = [Path(text) if still else target.path(n) for n in wanted if n not in left_out]
+        paths = [Path(text) if still else target.path(n) for n in wanted if n not in left_out]
+        files = [store.name_of(path) for path in paths]
     seconds = time.monotonic() - started
     return Summary(done.written, done.kept, files, done.skipped, done.held, seconds, heard)
 

@@ -1,0 +1,410 @@
+"""Frames behind urls, and on disks that fail: no frame lost, no false success (issue 16, 14)."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+import threading
+import time
+import uuid
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import distributed
+import fsspec
+import numpy as np
+import pytest
+from fsspec.implementations.memory import MemoryFileSystem
+from moto.server import ThreadedMotoServer
+
+import flurries as fl
+from flurries.cli import main
+from flurries.io import write_picture
+from flurries.io.atomic import owner_of_new_files
+from flurries.output import bucket as buckets
+from flurries.output import groups, manifest, write
+from flurries.output.bucket import Bucket, store_of
+
+SCENE = fl.Scene((96, 64), "#304050", effects=fl.TentSnow.preset("heavy", flakes=100))
+KEYS = {"AWS_ACCESS_KEY_ID": "a", "AWS_SECRET_ACCESS_KEY": "b", "AWS_DEFAULT_REGION": "us-east-1"}
+
+
+def named(place: str) -> Any:
+    """Return the file system of a url, and the way in it."""
+    return fsspec.core.url_to_fs(place, use_listings_cache=False)
+
+
+def contents(place: str) -> dict[str, bytes]:
+    """Return all that is in a folder of a store, hidden objects too."""
+    system, folder = named(place)
+    return {Path(key).name: system.cat_file(key) for key in system.ls(folder, detail=False)}
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory: Any) -> dict[str, bytes]:
+    """What twelve frames and their list are on a local disk."""
+    place = tmp_path_factory.mktemp("whole") / "out"
+    SCENE.write(place / "%04d.png", "1-12")
+    return contents(str(place))
+
+
+class Server:
+    """S3 on the loopback; stopped and started again it has what it had."""
+
+    def __init__(self) -> None:
+        self.server = ThreadedMotoServer(ip_address="127.0.0.1", port=0, verbose=False)
+        self.server.start()
+        self.host, self.port = self.server.get_host_and_port()
+
+    def stop(self) -> None:
+        self.server.stop()
+
+    def start(self) -> None:
+        self.server = ThreadedMotoServer(ip_address=self.host, port=self.port, verbose=False)
+        self.server.start()
+
+
+@pytest.fixture(scope="module")
+def server() -> Iterator[Server]:
+    server = Server()
+    with pytest.MonkeyPatch.context() as patch:
+        for name, value in KEYS.items():
+            patch.setenv(name, value)
+        patch.setenv("NO_PROXY", "*")
+        patch.setenv("FSSPEC_S3_ENDPOINT_URL", f"http://{server.host}:{server.port}")
+        patch.setitem(fsspec.config.conf, "s3", {
+            "endpoint_url": f"http://{server.host}:{server.port}",
+            "config_kwargs": {"retries": {"max_attempts": 1}, "connect_timeout": 2},
+        })  # fmt: skip
+        fsspec.filesystem("s3").mkdir("films")
+        yield server
+    server.stop()
+
+
+@pytest.fixture(params=["local", "memory", "s3"])
+def place(request: Any, tmp_path: Path) -> str:
+    """A folder of each kind of store that nothing is in."""
+    if request.param == "s3":
+        request.getfixturevalue("server")
+    token = uuid.uuid4().hex
+    return {
+        "local": f"file://{tmp_path}/out", "memory": f"memory://{token}",
+        "s3": f"s3://films/{token}",
+    }[request.param]  # fmt: skip
+
+
+# What holds in every store -----------------------------------------------------------------------
+
+
+def test_16_14_frames_are_the_same_bytes_in_every_store(place: str, whole: dict[str, bytes]):
+    done = SCENE.write(f"{place}/%04d.png", "1-12")
+    assert done.written == list(range(1, 13)) and contents(place) == whole
+    assert named(str(done.files[-1]))[1] == named(f"{place}/0012.png")[1]
+    # Made whole again: what is missing, cut, or changed.
+    system, folder = named(place)
+    system.rm_file(f"{folder}/0003.png")
+    system.pipe_file(f"{folder}/0005.png", whole["0005.png"][:99])
+    system.pipe_file(f"{folder}/0007.png", b"")
+    again = SCENE.write(f"{place}/%04d.png", "1-12")
+    assert again.written == [3, 5, 7] and len(again.kept) == 9
+    assert contents(place) == whole
+    # Without its list, and with half of it.
+    system.rm_file(f"{folder}/{manifest.NAME}")
+    assert SCENE.write(f"{place}/%04d.png", "1-12").kept == list(range(1, 13))
+    assert contents(place) == whole
+    system.pipe_file(f"{folder}/{manifest.NAME}", whole[manifest.NAME][:300])
+    with pytest.warns(UserWarning, match="cut short"):
+        assert SCENE.write(f"{place}/%04d.png", "1-12").kept == list(range(1, 13))
+    assert contents(place) == whole
+
+
+def test_16_14_what_is_not_ours_is_refused(place: str, tmp_path: Path):
+    SCENE.write(f"{place}/%04d.png", "1-2")
+    before = contents(place)
+    with pytest.raises(ValueError, match=r"0001\.png is there already .*--overwrite") as error:
+        SCENE.replace(seed=5).write(f"{place}/%04d.png", "1-3")
+    assert "/tmp/flurries-" not in str(error.value)
+    assert contents(place) == before
+    system, folder = named(place)
+    write_picture(tmp_path / "photo.png", np.full((30, 40, 3), 90, np.uint8))
+    system.put_file(str(tmp_path / "photo.png"), f"{folder}/0002.png")
+    with pytest.raises(ValueError, match=r"0002\.png is there already and is something else"):
+        SCENE.write(f"{place}/%04d.png", "1-3")
+    assert SCENE.write(f"{place}/%04d.png", "1-2", overwrite=True).written == [1, 2]
+    assert contents(place) == before
+
+
+def test_16_14_the_command_line_renders_and_checks(place: str, capsys: Any):
+    words = ["render", "#304050", "--snow", "heavy", "--size", "96x64", "--frames", "1-2", "-q"]
+    assert main([*words, "-o", f"{place}/%04d.png"]) == 0
+    out = capsys.readouterr().out.splitlines()
+    assert [line.rsplit("/", 1)[1] for line in out] == ["0001.png", "0002.png"]
+    assert main(["check", place, "-q"]) == 0
+    system, folder = named(place)
+    system.rm_file(f"{folder}/0001.png")
+    system.pipe_file(f"{folder}/0002.png", b"other")
+    assert main(["check", place]) == 3
+    err = capsys.readouterr().err
+    assert "0001.png is missing" in err and "0002.png has changed" in err
+    assert main([*words, "-o", f"{place}/still.png"]) == 0
+
+
+def test_16_14_several_share_a_store_and_make_each_frame_once(place: str, whole: Any):
+    done: list[Any] = []
+
+    def work() -> None:
+        done.append(SCENE.write(f"{place}/%04d.png", "1-12"))
+
+    both = [threading.Thread(target=work) for _ in range(3)]
+    for thread in both:
+        thread.start()
+    for thread in both:
+        thread.join(120)
+    assert sorted(n for each in done for n in each.written) == list(range(1, 13))
+    assert contents(place) == whole
+
+
+@pytest.mark.parametrize("kind", ["memory", "s3"])
+def test_16_14_claims_of_the_dead_are_taken_over(kind: str, request: Any, monkeypatch: Any):
+    if kind == "s3":
+        request.getfixturevalue("server")
+    store, key = store_of(f"{kind}://films/{uuid.uuid4().hex}/%04d.png")
+    assert isinstance(store, Bucket) and store.is_conditional
+    path = Path(key % 1)
+    own, now = owner_of_new_files(), time.time()
+    claim = store.claimed(path)
+    assert claim is not None and store.claimed(path) is None
+    (hidden,) = store.system.ls(path.parent.as_posix(), detail=False)
+    claim.release()
+    dead = subprocess.Popen(["true"])
+    dead.wait()
+    other = "0" * 10 + own[-6:]
+    for owner, moment, taken in (
+        (f"{own[:-6]}{dead.pid:06x}", now, True), (other, now, False), (other, now - 4000, True),
+    ):  # fmt: skip
+        content = f"{owner} {moment:.0f} 0".encode()
+        store.system.pipe_file(hidden, content)
+        claim = store.claimed(path)
+        assert (claim is not None) == taken
+        if claim is None:
+            assert store.system.cat_file(hidden) == content
+        else:
+            claim.release()
+            store.system.pipe_file(hidden, content)
+            store.tidy(path.parent)
+            assert not store.system.exists(hidden)
+
+
+# Workers ------------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def client(monkeypatch: Any) -> Iterator[Any]:
+    for module in (write, groups):
+        monkeypatch.setattr(module, "grouped", lambda scene, frames: [
+            frames[i : i + 3] for i in range(0, len(frames), 3)
+        ])  # fmt: skip
+    with (
+        distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=":0",
+                                 silence_logs=50) as local,
+        distributed.Client(local, set_as_default=False) as client,
+    ):  # fmt: skip
+        yield client
+
+
+def test_16_14_workers_write_to_s3(server: Server, client: Any, whole: dict[str, bytes]):
+    place = f"s3://films/{uuid.uuid4().hex}"
+    assert len(SCENE.write(f"{place}/%04d.png", "1-12", dask=client).written) == 12
+    assert contents(place) == whole
+    named(place)[0].rm_file(named(place)[1] + "/0004.png")
+    assert SCENE.write(f"{place}/%04d.png", "1-12", dask=client).written == [4]
+    assert contents(place) == whole
+    # A store that each worker has for itself is no success.
+    with pytest.raises(OSError, match=r"memory:///apart/0.*\.png: a worker has written it, but"):
+        SCENE.write("memory://apart/%04d.png", "1-12", dask=client, manifest=False)
+
+
+# Stores that fail ---------------------------------------------------------------------------------
+
+
+def test_16_14_a_store_that_vanishes(server: Server, whole: dict[str, bytes]):
+    place = f"s3://films/{uuid.uuid4().hex}"
+
+    def progress(frames: Any) -> Iterator[int]:
+        for number in frames:
+            if number == 6:
+                server.stop()
+            yield number
+
+    try:
+        with pytest.raises(OSError, match=r"^s3://films/.*"):
+            SCENE.write(f"{place}/%04d.png", "1-12", progress=progress)
+    finally:
+        server.start()
+    there = contents(place)
+    assert {name: data for name, data in there.items() if name.endswith("png")}.items() <= (
+        whole.items()
+    )
+    # What was claimed is this process's own, as it would be that of any that still works.
+    for name in there:
+        if name.startswith("."):
+            named(place)[0].rm_file(f"{named(place)[1]}/{name}")
+    done = SCENE.write(f"{place}/%04d.png", "1-12")
+    assert len(done.written) + len(done.kept) == 12 and contents(place) == whole
+    # One that was never there.
+    with pytest.raises(OSError, match=r"^s3://nowhere/out/"):
+        SCENE.write("s3://nowhere/out/%04d.png", "1-2")
+
+
+class Apart(MemoryFileSystem):
+    """A store in memory with a name and objects of its own."""
+
+    @classmethod
+    def _strip_protocol(cls, path: str) -> str:
+        return str(MemoryFileSystem._strip_protocol(path.replace(f"{cls.protocol}://", "/")))
+
+
+class Sealed(Apart):
+    """A store that can be read alone."""
+
+    protocol = "sealed"
+
+    def pipe_file(self, path: str, value: bytes, mode: str = "overwrite", **more: Any) -> None:
+        raise PermissionError(13, "Access denied", path)
+
+    put_file = pipe_file
+
+
+class Plain(Apart):
+    """A store that knows no conditional writes, and in which half an object can be seen."""
+
+    protocol = "plain"
+    store: dict[str, Any] = {}  # noqa: RUF012
+    pipe_file = fsspec.AbstractFileSystem.pipe_file
+
+
+class Losing(Apart):
+    """A store that says yes and keeps half of it."""
+
+    protocol = "losing"
+    store: dict[str, Any] = {}  # noqa: RUF012
+
+    def put_file(self, lpath: str, rpath: str, **more: Any) -> None:
+        data = Path(lpath).read_bytes()
+        MemoryFileSystem.pipe_file(self, rpath, data[: len(data) // 2])
+
+
+for kind in (Sealed, Plain, Losing):
+    fsspec.register_implementation(kind.protocol, kind, clobber=True)
+
+
+@pytest.mark.filterwarnings("ignore:.*no conditional writes")
+def test_16_14_a_read_only_store():
+    with pytest.raises(PermissionError, match=r"^sealed://.*: Access denied"):
+        SCENE.write("sealed://out/%04d.png", "1-3")
+    assert not Sealed().find("/out")
+
+
+@pytest.mark.filterwarnings("ignore:.*no conditional writes")
+def test_16_14_a_store_that_keeps_half_is_no_success():
+    with pytest.raises(OSError, match=r"losing://.*png: does not read back as what was written"):
+        SCENE.write("losing://out/%04d.png", "1-3")
+    # The next run finds out, too.
+    with pytest.raises(OSError, match="does not read back"):
+        SCENE.write("losing://out/%04d.png", "1-3")
+
+
+def test_16_14_a_store_without_conditional_writes_says_so(whole: dict[str, bytes]):
+    with pytest.warns(UserWarning, match="plain:// has no conditional writes"):
+        SCENE.write("plain://out/%04d.png", "1-12")
+    assert contents("plain://out") == whole
+
+
+MOUNT = 'mount -t tmpfs -o {0} small "$0" && cd "$0" && mkdir out; {1} "$@"; exit $?'
+
+
+def mounted(options: str, before: str, tmp_path: Path, code: str) -> Any:
+    """Run Python in a disk that it alone sees."""
+    place = tmp_path / uuid.uuid4().hex
+    place.mkdir()
+    return subprocess.run(
+        ["unshare", "--map-root-user", "--mount", "sh", "-c", MOUNT.format(options, before),
+         str(place), sys.executable, "-c", code],
+        text=True, capture_output=True, env={**os.environ, "TMPDIR": "/tmp"},
+    )  # fmt: skip
+
+
+FILLS = """
+import json, sys
+from pathlib import Path
+import flurries as fl
+scene = fl.Scene((96, 64), "#304050", effects=fl.TentSnow.preset("heavy", flakes=100))
+def told(*words):
+    try:
+        done = scene.write("out/%04d.png", "1-12")
+        print(json.dumps([done.written, done.kept]))
+    except OSError as error:
+        print(json.dumps(str(error)))
+told()
+print(json.dumps({p.name: p.read_bytes().hex() for p in Path("out").iterdir()}))
+for path in Path(".").glob("filler*"):
+    path.unlink()
+told()
+print(json.dumps({p.name: p.read_bytes().hex() for p in Path("out").iterdir()}))
+"""
+
+
+def test_16_14_a_disk_that_fills(tmp_path: Path, whole: dict[str, bytes]):
+    filler = "head -c 440k /dev/zero > filler;"
+    done = mounted("size=512k", filler, tmp_path, FILLS)
+    assert done.returncode == 0, done.stderr
+    said, during, again, after = map(json.loads, done.stdout.splitlines())
+    assert "No space left on device" in said and ".flurries-" not in said
+    there = {name: bytes.fromhex(data) for name, data in during.items()}
+    frames = {name: data for name, data in there.items() if name.endswith("png")}
+    assert frames and frames.items() <= whole.items() and len(frames) < 12
+    # With room again, exactly the others are made.
+    assert sorted(again[0] + again[1]) == list(range(1, 13)) and len(again[1]) == len(frames)
+    assert {name: bytes.fromhex(data) for name, data in after.items()} == whole
+
+
+def test_16_14_a_read_only_disk(tmp_path: Path):
+    done = mounted("size=512k", "mount -o remount,ro .;", tmp_path, FILLS)
+    assert done.returncode == 0, done.stderr
+    said, during, again, after = map(json.loads, done.stdout.splitlines())
+    assert "Read-only file system" in said and "Read-only file system" in again
+    assert during == after == {}
+
+
+# What is no store ---------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("target", "words"),
+    [
+        ("s3://films/film.mp4", "a video is written to this machine"),
+        ("simplecache::s3://films/%04d.png", "name the store itself"),
+        ("nothing://films/%04d.png", "Protocol not known: nothing"),
+        ("memory://a/frame%s.png", "must hold one frame token"),
+        ("memory:///%04d/x.png", "must not hold '%' in a folder"),
+    ],
+)
+def test_16_14_a_url_that_cannot_be_is_one_sentence(target: str, words: str, capsys: Any):
+    code = main(["render", "#304050", "--snow", "heavy", "--frames", "1", "-o", target])
+    err = capsys.readouterr().err
+    assert code == 2 and words in err and len(err.splitlines()) == 1, err
+
+
+def test_16_14_without_the_drivers_it_says_what_to_install(monkeypatch: Any):
+    def missing(name: str) -> Any:
+        raise ImportError(f"No module named {name!r}")
+
+    monkeypatch.setattr(buckets.importlib, "import_module", missing)
+    with pytest.raises(ImportError, match=r"install flurries\[stores\]"):
+        SCENE.write("memory://a/%04d.png", "1")
+    monkeypatch.undo()
+    with pytest.raises(ImportError, match=r"^gs://a/%04d\.png: .*gcsfs"):
+        SCENE.write("gs://a/%04d.png", "1")
