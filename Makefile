@@ -85,6 +85,8 @@ lint: $(VENV)/.tools
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
+	$(BIN)/mypy --strict examples/film.py
+	$(BIN)/basedpyright
 	$(BIN)/stubtest flurries._core --mypy-config-file pyproject.toml
 
 # Ratios, sizes, the machine's limits, and a build for this processor beside the portable one.

@@ -2,14 +2,22 @@
 
 from __future__ import annotations
 
+import dataclasses
 import inspect
 import pickle
+import pydoc
+import re
+import subprocess
+import sys
+import typing
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 import flurries as fl
+from flurries.effects.presets import MIST
 from flurries.output.write import write
 
 PICTURE = np.full((48, 64, 3), 90, np.uint8)
@@ -62,3 +70,74 @@ def test_a_scene_survives_a_copy_with_its_new_arguments():
     again = pickle.loads(pickle.dumps(SCENE))
     assert repr(again) == repr(SCENE) and np.array_equal(again.render(2), SCENE.render(2))
     assert SCENE.replace(fps=12).fps == 12.0
+
+
+@pytest.mark.parametrize("kind", [
+    fl.Snow, fl.Rain, fl.TentSnow, fl.TentRain, fl.Mist, fl.ConeSnow, fl.ConeRain,
+])  # fmt: skip
+def test_the_types_name_all_presets(kind: type[Any]):
+    name = typing.get_type_hints(kind.preset)["name"]
+    looks = kind.PRESETS if kind is not fl.Mist else MIST
+    assert typing.get_args(name) == tuple(looks)
+
+
+@pytest.mark.parametrize("kind", [
+    fl.Snow, fl.Rain, fl.TentSnow, fl.TentRain, fl.Mist, fl.ConeSnow, fl.ConeRain,
+])  # fmt: skip
+def test_help_of_an_effect_shows_fields_and_what_users_call(kind: type[Any]):
+    names = set(dir(kind))
+    plain = {f.name for f in dataclasses.fields(kind) if f.default is not dataclasses.MISSING}
+    assert plain | {"preset"} <= names
+    assert not [name for name in names if name.startswith("_")]
+    assert not names & {"needs", "parts", "render", "over"}
+    text = pydoc.plain(pydoc.render_doc(kind))
+    assert "__post_init__" not in text and "__delattr__" not in text
+    assert "preset(" in text
+
+
+@pytest.mark.parametrize(("call", "near"), [
+    (lambda: fl.Snow(denisty=3.0), "Snow has no 'denisty'; did you mean 'density'?"),
+    (lambda: fl.TentSnow(flake=3), "TentSnow has no 'flake'; did you mean 'flakes'?"),
+    (lambda: fl.ConeRain(drop=3), "ConeRain has no 'drop'; did you mean 'drops'?"),
+    (lambda: fl.Snow(severty=3), "Snow has no 'severty'; did you mean 'severity'?"),
+    (lambda: fl.Mist.preset("fog", visibilty=3), "Mist has no field 'visibilty'; did you mean "),
+    (lambda: fl.Snow.preset("light", amuont=3), "Snow has no field 'amuont'; did you mean 'amount"),
+    (lambda: fl.Scene(efects=()), "Scene has no 'efects'; did you mean 'effects'?"),
+    (lambda: fl.Camera(foccal=3.0), "Camera has no 'foccal'; did you mean 'focal'?"),
+    (lambda: fl.CameraPath(velocty=3.0), "CameraPath has no 'velocty'; did you mean 'velocity'?"),
+    (lambda: fl.Wind(gust=3.0), "Wind has no 'gust'; did you mean 'gusts'?"),
+    (lambda: fl.Sun(directon=3.0), "Sun has no 'directon'; did you mean 'direction'?"),
+])  # fmt: skip
+def test_a_mistyped_argument_is_answered_with_the_nearest(call: Any, near: str):
+    with pytest.raises(TypeError, match=re.escape(near)):
+        call()
+
+
+def test_signatures_stay_what_they_are():
+    assert "density" in inspect.signature(fl.Snow).parameters
+    assert list(inspect.signature(fl.Scene).parameters)[:4] == [
+        "size", "background", "camera", "effects",
+    ]  # fmt: skip
+
+
+def test_the_example_of_a_film_runs(tmp_path: Path):
+    file = Path(__file__).parents[1] / "examples" / "film.py"
+    ran = subprocess.run(
+        [sys.executable, str(file), str(tmp_path)], capture_output=True, text=True, check=True
+    )
+    assert "Rendered(320 x 214 px, uint8, layers=snow)" in ran.stdout
+    made = {path.name for path in tmp_path.iterdir()} - {"flurries.json"}
+    numbers = {f"snow_{number:04d}.png" for number in range(1, 5)}
+    assert made == numbers | {"snow.exr", "anaglyph.png", "texture.png"}
+
+
+def test_a_checker_refuses_a_wrong_preset_and_a_wrong_argument(tmp_path: Path):
+    from mypy import api
+
+    wrong = tmp_path / "wrong.py"
+    wrong.write_text(
+        'import flurries as fl\nfl.Snow.preset("hevy")\nfl.Scene(efects=())\n'
+        "fl.Scene().render(1, layers=True).shape\nfl.Scene().render(1).shape\n"
+    )
+    said, _, _ = api.run(["--strict", "--follow-imports=silent", str(wrong)])
+    assert [line.split(":")[1] for line in said.splitlines() if "error" in line] == ["2", "3", "4"]

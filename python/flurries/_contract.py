@@ -6,13 +6,15 @@ here; ranges that a kernel can judge are judged there.
 
 from __future__ import annotations
 
+import functools
+import inspect
 import math
 import operator
 import sys
 import warnings
 from collections.abc import Iterable, Mapping, Sequence
 from difflib import get_close_matches
-from typing import Any, TypeAlias
+from typing import Any, TypeAlias, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -21,6 +23,8 @@ from flurries import _core
 
 Array: TypeAlias = npt.NDArray[Any]
 Float64: TypeAlias = npt.NDArray[np.float64]
+
+_Kind = TypeVar("_Kind")
 
 # More elements are refused before anything is allocated: 2^33 float32 are 32 GiB.
 MOST_ELEMENTS = 2**33
@@ -128,6 +132,22 @@ def suggestion(word: str, known: Iterable[str]) -> str:
     """Return "; did you mean 'heavy'?" for "hevy", or nothing where no known word is like it."""
     near = get_close_matches(word, list(known), 1)
     return f"; did you mean {near[0]!r}?" if near else ""
+
+
+def suggesting(kind: type[_Kind]) -> type[_Kind]:
+    """Let a class refuse an argument that it does not know with the nearest one that it knows."""
+    plain: Any = kind.__init__
+    known = tuple(inspect.signature(plain).parameters)[1:]
+
+    @functools.wraps(plain)
+    def init(self: Any, *others: Any, **given: Any) -> None:
+        for name in given:
+            if name not in known:
+                raise TypeError(f"{kind.__name__} has no {name!r}{suggestion(name, known)}")
+        plain(self, *others, **given)
+
+    kind.__init__ = init  # type: ignore[method-assign]
+    return kind
 
 
 def shape_of(name: str, value: object) -> tuple[int, int]:

@@ -16,6 +16,7 @@ from flurries._contract import Array
 from flurries.accuracy.ways import Way, both, largest, rms
 from flurries.camera.lens import Camera
 from flurries.effects import TentSnow
+from flurries.effects.checks import DepthMode
 from flurries.scene.scene import Scene
 
 
@@ -189,7 +190,7 @@ def depth() -> Iterator[Way]:
     """Yield a floor that goes away, and the texture that it hides."""
     floor = np.repeat(np.geomspace(120.0, 8.0, 240, dtype=np.float32)[:, None], 320, axis=1)
 
-    def alpha(mode: str, depth: Any) -> Array:
+    def alpha(mode: DepthMode, depth: Any) -> Array:
         snow = TentSnow(flakes=0, haze=0.0, depth_mode=mode, wavelengths=(2.0, 16.0))
         scene = Scene((320, 240), effects=[snow], depth=depth, seed=3)
         return np.asarray(scene.render(40, layers=True).alpha)
@@ -198,7 +199,8 @@ def depth() -> Iterator[Way]:
     nearest = np.argmin(np.abs(np.log(floor[..., None]) - np.log(levels)), axis=-1)
     walls = np.stack([alpha("tile", float(level)) for level in levels])
     off = rms(np.take_along_axis(walls, nearest[None], axis=0)[0].astype(np.float64))
-    for name, mode, wall in (
+    ways: tuple[tuple[str, DepthMode, Any], ...] = (
         ("by tile", "tile", floor), ("by pixel", "pixel", floor), ("no depth", "tile", None),
-    ):  # fmt: skip
+    )  # fmt: skip
+    for name, mode, wall in ways:
         yield Way(name, partial(alpha, mode, wall), off)

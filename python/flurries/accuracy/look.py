@@ -14,6 +14,7 @@ from flurries._contract import Array
 from flurries.accuracy import reference
 from flurries.accuracy.texture import DRIFT
 from flurries.accuracy.ways import Way, both, rms
+from flurries.spectral.tiles import Blend
 
 SHAPE = (512, 512)
 LAGS = np.arange(1, 33)
@@ -72,7 +73,7 @@ def blend() -> Iterator[Way]:
             yield _way(f"{law}, overlap {overlap}", error, **how)
 
 
-def _contrast(overlap: int, blend: str) -> float:
+def _contrast(overlap: int, blend: Blend) -> float:
     """Return how far the deviation of independent tiles is from 1: from the squared weights."""
     length = 256
     count = len(spectral.tile_starts(length, overlap=overlap))
@@ -84,7 +85,7 @@ def _contrast(overlap: int, blend: str) -> float:
     return rms(np.ones((length, length)))(np.sqrt(np.outer(share, share)))
 
 
-def _leaked(overlap: int, blend: str) -> float:
+def _leaked(overlap: int, blend: Blend) -> float:
     """Return the amplitude below 6 px of a field whose shortest wave has 8 px; four frames."""
     window = np.hanning(SHAPE[0] + 1)[:-1]
     frequency = np.hypot(*np.meshgrid(np.fft.fftfreq(SHAPE[0]), np.fft.fftfreq(SHAPE[1])))

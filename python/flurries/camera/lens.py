@@ -14,12 +14,23 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from flurries._contract import LARGEST, SMALLEST, Array, Float64, real, shape_of, table, vector
+from flurries._contract import (
+    LARGEST,
+    SMALLEST,
+    Array,
+    Float64,
+    real,
+    shape_of,
+    suggesting,
+    table,
+    vector,
+)
 from flurries.camera.rotation import rotation_matrix
 
 __all__ = ["Camera", "image_velocity", "project"]
 
 
+@suggesting
 @dataclass(frozen=True)
 class Camera:
     """A pinhole camera.

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from flurries._contract import Float64, table
+from flurries._contract import Float64, suggesting, table
 from flurries.camera.csv import read_path
 from flurries.camera.lens import Camera
 from flurries.camera.rotation import rotation_vector
@@ -33,6 +33,7 @@ from flurries.motion.keys import (
 __all__ = ["CameraPath"]
 
 
+@suggesting
 @dataclass(frozen=True, eq=False)
 class CameraPath:
     """A camera that moves and turns.

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import fields
 from functools import partial
-from typing import Any, TypeVar
+from typing import Any, Literal, TypeAlias, TypeVar, get_args
 
 from flurries._contract import choice, flag, integer, real, seed_of, vector
 from flurries.effects.color import as_color
@@ -20,7 +20,8 @@ _Part = TypeVar("_Part")
 # From a field's name and value to the value as it is kept.
 Check = Callable[[str, Any], Any]
 
-DEPTH_MODES = ("tile", "pixel")
+DepthMode: TypeAlias = Literal["tile", "pixel"]
+DEPTH_MODES = get_args(DepthMode)
 
 share: Check = partial(as_number, low=0.0, high=1.0)
 positive: Check = partial(as_number, above=0.0)

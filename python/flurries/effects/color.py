@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, Literal, TypeAlias
 
 import numpy as np
 
@@ -10,6 +10,9 @@ from flurries._contract import choice, real, vector
 from flurries.frame.view import Frame
 from flurries.io.color import linear_to_srgb, srgb_to_linear
 from flurries.motion.keys import Keys, value_at
+
+# One grey or (r, g, b), display values, plain or keyed; or the light of the background.
+Color: TypeAlias = float | tuple[float, float, float] | Keys | Literal["ambient"]
 
 # What `color` says instead of a color: the background's own light.
 AMBIENT = "ambient"

@@ -11,7 +11,7 @@ from functools import cached_property, lru_cache, partial
 from typing import Any, ClassVar
 
 from flurries import cone
-from flurries._contract import flag, integer, real
+from flurries._contract import flag, integer, real, suggesting
 from flurries.effects.checks import (
     FALL,
     Check,
@@ -24,12 +24,14 @@ from flurries.effects.checks import (
     settle,
     sizes,
 )
+from flurries.effects.color import Color
+from flurries.effects.described import Described
 from flurries.effects.double_cone import FARTHEST, DoubleCone, tile_metres
 from flurries.effects.flakes import Flakes
 from flurries.effects.knobs import preset
 from flurries.effects.motion import Motion
 from flurries.effects.precipitation import Precipitation
-from flurries.effects.presets import CONE_RAIN, CONE_SNOW
+from flurries.effects.presets import CONE_RAIN, CONE_SNOW, ConeRainLook, ConeSnowLook
 from flurries.effects.veil import Veil
 from flurries.frame.layer import Layer
 from flurries.frame.needs import Needs
@@ -64,8 +66,9 @@ _SNOW: dict[str, Check] = {
 }
 
 
+@suggesting
 @dataclass(frozen=True, kw_only=True)
-class ConeRain:
+class ConeRain(metaclass=Described):
     """Rain on a double cone: the cost of a frame does not depend on how heavy it is.
 
     Numbers marked "keyed" may vary over time: give :class:`flurries.Keys`. Lengths are metres.
@@ -133,7 +136,7 @@ class ConeRain:
     amount: Number = 1.0
     fall: Number = 8.0
     wind: Vector | Wind = (0.56, 0.0, 0.0)
-    color: Any = (0.86, 0.88, 0.92)
+    color: Color = (0.86, 0.88, 0.92)
     haze: Number = 0.08
     shutter: Number = 0.5
     gain: float = 3.0
@@ -162,7 +165,7 @@ class ConeRain:
             )
 
     @classmethod
-    def preset(cls, name: str, **changes: Any) -> ConeRain:
+    def preset(cls, name: ConeRainLook, **changes: Any) -> ConeRain:
         """Return a look by name; further arguments replace single values of it."""
         return preset(cls, cls.PRESETS, name, changes)
 
@@ -201,8 +204,9 @@ class ConeRain:
         return self.parts.render(frame)
 
 
+@suggesting
 @dataclass(frozen=True, kw_only=True)
-class ConeSnow:
+class ConeSnow(metaclass=Described):
     """Snow on a double cone, with flakes that sway in front.
 
     A texture falls in step; light snow jitters, and the paper leaves it to particles. So do we:
@@ -249,7 +253,7 @@ class ConeSnow:
     amount: Number = 1.0
     fall: Number = 1.4
     wind: Vector | Wind = (0.36, 0.0, 0.0)
-    color: Any = 0.98
+    color: Color = 0.98
     haze: Number = 0.04
     shutter: Number = 0.35
     gain: float = 5.0
@@ -274,7 +278,7 @@ class ConeSnow:
         settle(self, _SNOW)
 
     @classmethod
-    def preset(cls, name: str, **changes: Any) -> ConeSnow:
+    def preset(cls, name: ConeSnowLook, **changes: Any) -> ConeSnow:
         """Return a look by name; further arguments replace single values of it."""
         return preset(cls, cls.PRESETS, name, changes)
 

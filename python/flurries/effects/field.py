@@ -21,7 +21,7 @@ from flurries.frame.view import Frame
 from flurries.motion.wind import Wind
 from flurries.spectral.frame import Request
 from flurries.spectral.motion import tile_motion
-from flurries.spectral.tables import FAR, warn_far, warn_long, wave_depth
+from flurries.spectral.tables import FAR, Aliasing, warn_far, warn_long, wave_depth
 from flurries.spectral.tiles import power_shares
 from flurries.trace import count
 
@@ -54,7 +54,7 @@ class Field:
     tile: int | None
     overlap: int | None
     blend: str
-    alias: str
+    alias: Aliasing
     jitter: bool
     streaks: bool = False
 

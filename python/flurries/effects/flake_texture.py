@@ -18,6 +18,7 @@ import numpy.typing as npt
 from flurries import _core
 from flurries._contract import Array, Float64
 from flurries.camera.tiles import shift_at, tile_middles
+from flurries.effects.checks import DepthMode
 from flurries.effects.gain import gain_of
 from flurries.effects.gusts import wind_at
 from flurries.effects.motion import Way
@@ -95,7 +96,7 @@ class FlakeTexture:
     """
 
     weather: Weather
-    depth_mode: str = "pixel"
+    depth_mode: DepthMode = "pixel"
 
     name = "texture"
 

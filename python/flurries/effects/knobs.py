@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import fields
 from typing import Any, TypeVar
 
-from flurries._contract import choice
+from flurries._contract import choice, suggesting, suggestion
 
 _Kind = TypeVar("_Kind")
 
@@ -40,7 +40,7 @@ def knobs(**laws: Law) -> Callable[[type[_Kind]], type[_Kind]]:
 
         kind.__init__ = init  # type: ignore[method-assign]
         kind.KNOBS = tuple(laws)  # type: ignore[attr-defined]
-        return kind
+        return suggesting(kind)
 
     return turnable
 
@@ -81,5 +81,7 @@ def preset(
     if turned := unknown & set(getattr(kind, "KNOBS", ())):
         raise TypeError(f"{min(turned)} and a preset set the same fields: give one of them")
     if unknown:
-        raise TypeError(f"{kind.__name__} has no field {min(unknown)!r}")
+        known = [f.name for f in fields(kind)]  # type: ignore[arg-type]
+        near = suggestion(min(unknown), known)
+        raise TypeError(f"{kind.__name__} has no field {min(unknown)!r}{near}")
     return kind(**{**values, **changes})

@@ -10,19 +10,20 @@ from typing import Any, ClassVar
 import numpy as np
 
 from flurries import gas
-from flurries._contract import choice, flag, integer, real, seed_of, vector
+from flurries._contract import choice, flag, integer, real, seed_of, suggestion, vector
 from flurries.effects.checks import Check, length, one_of, optional, part, settle, share
 from flurries.effects.cloud import MOST, Cloud
-from flurries.effects.color import AMBIENT, as_color, color_at
+from flurries.effects.color import AMBIENT, Color, as_color, color_at
+from flurries.effects.described import Described
 from flurries.effects.knobs import knobs
 from flurries.effects.looks import LOOKS, mist_density, severity_of
-from flurries.effects.presets import MIST
-from flurries.effects.sunlight import SCATTER, Scatter
+from flurries.effects.presets import MIST, MistLook
+from flurries.effects.sunlight import SCATTER, Law, Scatter
 from flurries.frame.costs import nanoseconds
 from flurries.frame.layer import Layer
 from flurries.frame.needs import PARTS, Cost, LeftOut, Needs, Saving, Step, has_keys
 from flurries.frame.view import Frame
-from flurries.gas.splatting import FOOTPRINTS
+from flurries.gas.splatting import FOOTPRINTS, Footprint
 from flurries.gas.visibility import count_for_visibility
 from flurries.motion.keys import Keys, Number, Vector, as_number, as_vector, value_at
 
@@ -77,7 +78,7 @@ def _of_visibility(value: object, given: Mapping[str, Any]) -> dict[str, Any]:
 
 @knobs(severity=_of_severity, visibility_m=_of_visibility)
 @dataclass(frozen=True, kw_only=True)
-class Mist:
+class Mist(metaclass=Described):
     """Gas that one sees into: mist, fog, clouds.
 
     Numbers marked "keyed" may vary over time: give :class:`flurries.Keys`. Lengths are metres when
@@ -158,16 +159,16 @@ class Mist:
     visibility: Number | None = None
     radius: float | None = None
     density: Number = 0.4
-    color: Any = 0.7
+    color: Color = 0.7
     wind: Vector = (0.0, 0.0, 0.0)
     box: float | Sequence[float] | None = None
     center: Sequence[float] | None = None
     depths: Sequence[float] | None = None
-    footprint: str = "viewplane_c"
+    footprint: Footprint = "viewplane_c"
     near: float = 0.1
     lit: bool = True
     forward: float = 0.5
-    scatter: str = "rayleigh"
+    scatter: Law = "rayleigh"
     asymmetry: float = 0.6
     look: str = "v1"
     seed: int | None = None
@@ -220,7 +221,7 @@ class Mist:
         return (x, y, z)
 
     @classmethod
-    def preset(cls, name: str, **changes: Any) -> Mist:
+    def preset(cls, name: MistLook, **changes: Any) -> Mist:
         """Return a look by name: "clouds", "mist" or "fog", the paper's.
 
         Further arguments replace single values of it; a `visibility` replaces its count.
@@ -235,7 +236,8 @@ class Mist:
             values.pop("density")
         unknown = set(changes) - {f.name for f in fields(cls)} - {"severity"}
         if unknown:
-            raise TypeError(f"Mist has no field {sorted(unknown)[0]!r}")
+            near = suggestion(min(unknown), [f.name for f in fields(cls)])
+            raise TypeError(f"Mist has no field {min(unknown)!r}{near}")
         if changes.get("visibility") is not None:
             # The look keeps its grain: particles grow with the box.
             values.pop("count")

@@ -4,12 +4,22 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import partial
-from typing import Any
+from typing import Any, Literal, TypeAlias, get_args
 
 import numpy as np
 
 from flurries._contract import Float64, real, seed_of, vector
-from flurries.effects.checks import length, one_of, optional, pair, part, share, wind
+from flurries.effects.checks import (
+    DEPTH_MODES,
+    DepthMode,
+    length,
+    one_of,
+    optional,
+    pair,
+    part,
+    share,
+    wind,
+)
 from flurries.effects.color import as_color
 from flurries.effects.crowd import DrawnFlakes
 from flurries.effects.flake_texture import FlakeTexture
@@ -22,7 +32,8 @@ from flurries.motion.wind import Wind
 from flurries.particles.population import Population
 from flurries.particles.sizes import Sizes
 
-METHODS = ("hybrid", "simulated")
+Method: TypeAlias = Literal["hybrid", "simulated"]
+METHODS = get_args(Method)
 LOOKS = ("v2",)
 
 
@@ -52,7 +63,7 @@ POPULATION: dict[str, Any] = {
     "far": length,
     "cloud": length,
     "method": one_of(METHODS),
-    "depth_mode": one_of(("pixel", "tile")),
+    "depth_mode": one_of(DEPTH_MODES),
     "look": one_of(LOOKS),
     "seed": optional(lambda _, value: seed_of(value)),
 }
@@ -91,7 +102,7 @@ def parts_of(
     color: Any,
     gain: Number = 1.0,
     method: str,
-    depth_mode: str,
+    depth_mode: DepthMode,
 ) -> Precipitation[FlakeTexture]:
     """Return what an effect of a population is made of."""
     mean = float(speed(np.array([sizes.mean]))[0])

@@ -6,7 +6,7 @@ A rate is a law: see :mod:`flurries.particles.precipitation`. A severity is a ra
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, Literal, TypeAlias
 
 from flurries._contract import integer, real
 from flurries.particles.precipitation import (
@@ -25,6 +25,9 @@ from flurries.particles.precipitation import (
 SEVERITIES = 5
 
 # Looks by name, tuned by eye on dark, bright and busy photographs at 1:1 (docs/snow.md).
+SnowLook: TypeAlias = Literal[
+    "light", "moderate", "heavy", "blizzard", "sleet", "big flakes", "night flurry"
+]
 SNOW: dict[str, dict[str, Any]] = {
     "light": {"density": 12.0, "flake_size": (0.003, 0.006, 0.018)},
     "moderate": {},
@@ -58,6 +61,7 @@ SNOW: dict[str, dict[str, Any]] = {
     },
 }
 
+RainLook: TypeAlias = Literal["drizzle", "rain", "downpour"]
 RAIN: dict[str, dict[str, Any]] = {
     "drizzle": {"density": 500.0, "drop_size": (0.0004, 0.0006, 0.003), "wind": (0.3, 0.0, 0.0)},
     "rain": {},

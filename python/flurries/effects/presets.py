@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, Literal, TypeAlias
 
+TentSnowLook: TypeAlias = Literal["light", "moderate", "heavy", "blizzard", "paper"]
 SNOW: dict[str, dict[str, Any]] = {
     "light": {
         "texture": 0.8,
@@ -57,6 +58,7 @@ SNOW: dict[str, dict[str, Any]] = {
     },
 }
 
+TentRainLook: TypeAlias = Literal["drizzle", "rain", "downpour"]
 RAIN: dict[str, dict[str, Any]] = {
     "drizzle": {
         "fall": 4.0,
@@ -76,6 +78,7 @@ RAIN: dict[str, dict[str, Any]] = {
     },
 }
 
+ConeRainLook: TypeAlias = Literal["drizzle", "rain", "downpour"]
 CONE_RAIN: dict[str, dict[str, Any]] = {
     "drizzle": {
         "fall": 4.0,
@@ -94,6 +97,7 @@ CONE_RAIN: dict[str, dict[str, Any]] = {
     },
 }
 
+ConeSnowLook: TypeAlias = Literal["light", "moderate", "heavy", "blizzard"]
 CONE_SNOW: dict[str, dict[str, Any]] = {
     "light": {
         "fall": 1.2,
@@ -124,6 +128,7 @@ CONE_SNOW: dict[str, dict[str, Any]] = {
 }
 
 # Johnson 2005, figures 14 to 16, in a box of 5 x 5 x 5.
+MistLook: TypeAlias = Literal["clouds", "mist", "fog"]
 MIST: dict[str, dict[str, Any]] = {
     "clouds": {"count": 1500, "radius": 0.37, "density": 0.4, "color": 0.86},
     "mist": {"count": 1000, "radius": 0.45, "density": 0.15, "color": 0.6},

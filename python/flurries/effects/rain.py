@@ -6,12 +6,15 @@ from dataclasses import InitVar, dataclass
 from functools import cached_property, partial
 from typing import Any, ClassVar
 
-from flurries.effects.checks import settle
+from flurries.effects.checks import DepthMode, settle
+from flurries.effects.color import Color
+from flurries.effects.described import Described
 from flurries.effects.flake_texture import FlakeTexture
 from flurries.effects.knobs import knobs, preset
-from flurries.effects.population import POPULATION, parts_of, size_law
+from flurries.effects.population import POPULATION, Method, parts_of, size_law
 from flurries.effects.population_looks import (
     RAIN,
+    RainLook,
     rain_of_rate,
     rain_of_severity,
     rate_of,
@@ -32,7 +35,7 @@ from flurries.particles.sizes import Sizes
     rate_mm_h=lambda value, _: rain_of_rate(rate_of(value, "rain")),
 )
 @dataclass(frozen=True, kw_only=True)
-class Rain:
+class Rain(metaclass=Described):
     """Rain, made of drops.
 
     One population fills the air: near drops are drawn as streaks, far ones are a texture of drops.
@@ -96,14 +99,14 @@ class Rain:
     emission: Number = 1.0
     fall: Number | None = None
     wind: Vector | Wind = (0.6, 0.0, 0.0)
-    color: Any = 0.9
+    color: Color = 0.9
     haze: Number = 0.0
     shutter: Number = 0.5
     near: float = 0.4
     far: float = 40.0
     cloud: float = 10.0
-    method: str = "hybrid"
-    depth_mode: str = "pixel"
+    method: Method = "hybrid"
+    depth_mode: DepthMode = "pixel"
     look: str = "v2"
     seed: int | None = None
     severity: InitVar[int | None] = None
@@ -119,7 +122,7 @@ class Rain:
         )
 
     @classmethod
-    def preset(cls, name: str, **changes: Any) -> Rain:
+    def preset(cls, name: RainLook, **changes: Any) -> Rain:
         """Return a look by name; further arguments replace single values of it."""
         return preset(cls, cls.PRESETS, name, changes)
 

@@ -6,12 +6,15 @@ from dataclasses import InitVar, dataclass
 from functools import cached_property
 from typing import Any, ClassVar
 
-from flurries.effects.checks import settle
+from flurries.effects.checks import DepthMode, settle
+from flurries.effects.color import Color
+from flurries.effects.described import Described
 from flurries.effects.flake_texture import FlakeTexture
 from flurries.effects.knobs import knobs, preset
-from flurries.effects.population import POPULATION, parts_of, size_law
+from flurries.effects.population import POPULATION, Method, parts_of, size_law
 from flurries.effects.population_looks import (
     SNOW,
+    SnowLook,
     rate_of,
     severity_of,
     snow_of_rate,
@@ -32,7 +35,7 @@ from flurries.particles.sizes import Sizes
     rate_mm_h=lambda value, given: snow_of_rate(rate_of(value, "snow"), given),
 )
 @dataclass(frozen=True, kw_only=True)
-class Snow:
+class Snow(metaclass=Described):
     """Falling snow, made of flakes.
 
     One population fills the air: near flakes are drawn, far ones are a texture with the phases of
@@ -107,15 +110,15 @@ class Snow:
     emission: Number = 1.0
     fall: Number | None = None
     wind: Vector | Wind = (0.3, 0.0, 0.0)
-    color: Any = 0.98
+    color: Color = 0.98
     haze: Number = 0.0
     shutter: Number = 0.5
     sway: tuple[float, float] = (0.02, 4.0)
     near: float = 0.4
     far: float = 60.0
     cloud: float = 10.0
-    method: str = "hybrid"
-    depth_mode: str = "pixel"
+    method: Method = "hybrid"
+    depth_mode: DepthMode = "pixel"
     look: str = "v2"
     seed: int | None = None
     severity: InitVar[int | None] = None
@@ -128,7 +131,7 @@ class Snow:
         settle(self, {**POPULATION, "flake_size": size_law})
 
     @classmethod
-    def preset(cls, name: str, **changes: Any) -> Snow:
+    def preset(cls, name: SnowLook, **changes: Any) -> Snow:
         """Return a look by name; further arguments replace single values of it."""
         return preset(cls, cls.PRESETS, name, changes)
 

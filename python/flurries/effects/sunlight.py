@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any
+from typing import Any, Literal, TypeAlias, get_args
 
 import numpy as np
 
@@ -13,7 +13,8 @@ from flurries._contract import Array, Float64
 from flurries.frame.view import Frame
 from flurries.io.color import srgb_to_linear
 
-SCATTER = ("even", "rayleigh", "henyey")
+Law: TypeAlias = Literal["even", "rayleigh", "henyey"]
+SCATTER = get_args(Law)
 
 
 @dataclass(frozen=True, eq=False)

@@ -13,14 +13,26 @@ from functools import cached_property
 from typing import Any, ClassVar
 
 from flurries._contract import Array, flag, real
-from flurries.effects.checks import TENT, gain, length, optional, part_of, population, settle, sizes
+from flurries.effects.checks import (
+    TENT,
+    DepthMode,
+    gain,
+    length,
+    optional,
+    part_of,
+    population,
+    settle,
+    sizes,
+)
+from flurries.effects.color import Color
+from flurries.effects.described import Described
 from flurries.effects.field import Field
 from flurries.effects.flakes import Flakes
 from flurries.effects.knobs import knobs, preset
 from flurries.effects.looks import rain_of_rate, rain_of_severity, rate_of, severity_of
 from flurries.effects.motion import Motion
 from flurries.effects.precipitation import Precipitation
-from flurries.effects.presets import RAIN
+from flurries.effects.presets import RAIN, TentRainLook
 from flurries.effects.texture import Texture
 from flurries.effects.veil import Veil
 from flurries.frame.layer import Layer, Light
@@ -28,6 +40,8 @@ from flurries.frame.needs import Needs
 from flurries.frame.view import Frame
 from flurries.motion.keys import Number, Vector
 from flurries.motion.wind import Wind
+from flurries.spectral.tables import Aliasing
+from flurries.spectral.tiles import Blend
 
 _CHECKS = {
     **TENT,
@@ -45,7 +59,7 @@ _CHECKS = {
     rate_mm_h=lambda value, _: rain_of_rate(rate_of(value, "rain")) | {"drops": None},
 )
 @dataclass(frozen=True, kw_only=True)
-class TentRain:
+class TentRain(metaclass=Described):
     """Rain.
 
     Numbers marked "keyed" may vary over time: give :class:`flurries.Keys`. Lengths are metres.
@@ -142,7 +156,7 @@ class TentRain:
     amount: Number = 1.0
     fall: Number = 8.0
     wind: Vector | Wind = (0.56, 0.0, 0.0)
-    color: Any = (0.86, 0.88, 0.92)
+    color: Color = (0.86, 0.88, 0.92)
     haze: Number = 0.08
     shutter: Number = 0.5
     texture: Number = 0.35
@@ -154,11 +168,11 @@ class TentRain:
     near_depth: float = 3.5
     tile: int | None = None
     overlap: int | None = None
-    blend: str = "power"
-    alias: str = "cut"
+    blend: Blend = "power"
+    alias: Aliasing = "cut"
     renormalise: bool = True
     jitter: bool = False
-    depth_mode: str = "tile"
+    depth_mode: DepthMode = "tile"
     drops: int = 4000
     drop_density: float | None = None
     drop_size: tuple[float, float] = (0.0025, 0.004)
@@ -176,7 +190,7 @@ class TentRain:
         settle(self, _CHECKS)
 
     @classmethod
-    def preset(cls, name: str, **changes: Any) -> TentRain:
+    def preset(cls, name: TentRainLook, **changes: Any) -> TentRain:
         """Return a look by name; further arguments replace single values of it."""
         return preset(cls, cls.PRESETS, name, changes)
 

@@ -12,14 +12,26 @@ from functools import cached_property
 from typing import Any, ClassVar
 
 from flurries._contract import Array, real
-from flurries.effects.checks import TENT, optional, pair, part_of, population, settle, share, sizes
+from flurries.effects.checks import (
+    TENT,
+    DepthMode,
+    optional,
+    pair,
+    part_of,
+    population,
+    settle,
+    share,
+    sizes,
+)
+from flurries.effects.color import Color
+from flurries.effects.described import Described
 from flurries.effects.field import Field
 from flurries.effects.flakes import Flakes
 from flurries.effects.knobs import knobs, preset
 from flurries.effects.looks import rate_of, severity_of, snow_of_rate, snow_of_severity
 from flurries.effects.motion import Motion
 from flurries.effects.precipitation import Precipitation
-from flurries.effects.presets import SNOW
+from flurries.effects.presets import SNOW, TentSnowLook
 from flurries.effects.texture import Texture
 from flurries.effects.veil import Veil
 from flurries.frame.layer import Layer, Light
@@ -27,6 +39,8 @@ from flurries.frame.needs import Needs
 from flurries.frame.view import Frame
 from flurries.motion.keys import Number, Vector
 from flurries.motion.wind import Wind
+from flurries.spectral.tables import Aliasing
+from flurries.spectral.tiles import Blend
 
 _CHECKS = {
     **TENT,
@@ -43,7 +57,7 @@ _CHECKS = {
     rate_mm_h=lambda value, _: snow_of_rate(rate_of(value, "snow")) | {"flakes": None},
 )
 @dataclass(frozen=True, kw_only=True)
-class TentSnow:
+class TentSnow(metaclass=Described):
     """Falling snow.
 
     Numbers marked "keyed" may vary over time: give :class:`flurries.Keys`. Lengths are metres when
@@ -135,7 +149,7 @@ class TentSnow:
     amount: Number = 1.0
     fall: Number = 1.4
     wind: Vector | Wind = (0.36, 0.0, 0.0)
-    color: Any = 0.98
+    color: Color = 0.98
     haze: Number = 0.04
     shutter: Number = 0.5
     texture: Number = 0.8
@@ -147,10 +161,10 @@ class TentSnow:
     near_depth: float = 12.0
     tile: int | None = None
     overlap: int | None = None
-    blend: str = "power"
-    alias: str = "soft"
+    blend: Blend = "power"
+    alias: Aliasing = "soft"
     jitter: bool = False
-    depth_mode: str = "tile"
+    depth_mode: DepthMode = "tile"
     flakes: int = 8000
     flake_density: float | None = None
     flake_size: tuple[float, float] = (0.008, 0.024)
@@ -168,7 +182,7 @@ class TentSnow:
         settle(self, _CHECKS)
 
     @classmethod
-    def preset(cls, name: str, **changes: Any) -> TentSnow:
+    def preset(cls, name: TentSnowLook, **changes: Any) -> TentSnow:
         """Return a look by name; further arguments replace single values of it."""
         return preset(cls, cls.PRESETS, name, changes)
 

@@ -8,6 +8,8 @@ wrong sign in its last component, and its Eq. 12 a factor S too many: see
 
 from __future__ import annotations
 
+from typing import Literal, TypeAlias, get_args
+
 import numpy as np
 import numpy.typing as npt
 
@@ -16,7 +18,8 @@ from flurries.gas.splatting import gas_of
 
 __all__ = ["parallax_error", "projection_error"]
 
-FORMS = ("exact", "printed")
+Form: TypeAlias = Literal["exact", "printed"]
+FORMS = get_args(Form)
 
 
 def projection_error(
@@ -24,7 +27,7 @@ def projection_error(
     radius: npt.ArrayLike,
     *,
     near: float = 1.0,
-    form: str = "exact",
+    form: Form = "exact",
     out: Float64 | None = None,
 ) -> Float64:
     """Return how far the right edge of a billboard is off on the viewplane.
@@ -104,7 +107,7 @@ def parallax_error(
     *,
     near: float = 1.0,
     eye_distance: float,
-    form: str = "exact",
+    form: Form = "exact",
     out: Float64 | None = None,
 ) -> Float64:
     """Return how far the parallax of a billboard's right edge is off.

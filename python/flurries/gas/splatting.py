@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Literal, TypeAlias, get_args
 
 import numpy as np
 import numpy.typing as npt
@@ -27,10 +27,14 @@ from flurries.camera.lens import Camera, expect_camera
 
 __all__ = ["alpha", "splat"]
 
-FOOTPRINTS = ("viewplane_c", "viewplane", "viewpoint", "volume", "table")
-EDGES = ("taper", "square")
-NEAR_MODES = ("fade", "cull", "exact")
-OCCLUSIONS = ("soft", "hard")
+Footprint: TypeAlias = Literal["viewplane_c", "viewplane", "viewpoint", "volume", "table"]
+FOOTPRINTS = get_args(Footprint)
+Edge: TypeAlias = Literal["taper", "square"]
+EDGES = get_args(Edge)
+NearMode: TypeAlias = Literal["fade", "cull", "exact"]
+NEAR_MODES = get_args(NearMode)
+Occlusion: TypeAlias = Literal["soft", "hard"]
+OCCLUSIONS = get_args(Occlusion)
 
 # A pixel that lets through less than this is finished, where `error` is not given: below what the
 # type can say of an opacity.
@@ -57,12 +61,12 @@ def splat(
     color: npt.ArrayLike,
     camera: Camera,
     *,
-    footprint: str = "viewplane_c",
-    edge: str = "taper",
+    footprint: Footprint = "viewplane_c",
+    edge: Edge = "taper",
     near: float = 0.1,
-    near_mode: str = "fade",
+    near_mode: NearMode = "fade",
     depth: npt.ArrayLike | None = None,
-    occlusion: str = "soft",
+    occlusion: Occlusion = "soft",
     error: float | None = None,
     dtype: npt.DTypeLike = np.float32,
     out: Array | None = None,
@@ -176,12 +180,12 @@ def alpha(
     density: npt.ArrayLike,
     camera: Camera,
     *,
-    footprint: str = "viewplane_c",
-    edge: str = "taper",
+    footprint: Footprint = "viewplane_c",
+    edge: Edge = "taper",
     near: float = 0.1,
-    near_mode: str = "fade",
+    near_mode: NearMode = "fade",
     depth: npt.ArrayLike | None = None,
-    occlusion: str = "soft",
+    occlusion: Occlusion = "soft",
     error: float | None = None,
     dtype: npt.DTypeLike = np.float32,
     out: Array | None = None,

@@ -7,6 +7,7 @@ import math
 import numpy as np
 
 from flurries._contract import LARGEST, SMALLEST, choice, real
+from flurries.gas.splatting import Edge
 
 __all__ = ["count_for_visibility", "density_for_visibility", "extinction", "visibility"]
 
@@ -104,7 +105,7 @@ def density_for_visibility(
     radius: float,
     *,
     contrast: float = 0.05,
-    edge: str = "taper",
+    edge: Edge = "taper",
 ) -> float:
     """Return the particles' density that gives a visibility.
 
@@ -146,7 +147,7 @@ def count_for_visibility(
     density: float,
     *,
     contrast: float = 0.05,
-    edge: str = "taper",
+    edge: Edge = "taper",
 ) -> int:
     """Return how many particles give a visibility, rounded.
 

@@ -7,11 +7,12 @@ from typing import Any
 
 import numpy as np
 
-from flurries._contract import Float64, real, vector
+from flurries._contract import Float64, real, suggesting, vector
 
 __all__ = ["Sun"]
 
 
+@suggesting
 @dataclass(frozen=True)
 class Sun:
     """Light from far away, for effects that are lit.

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from flurries._contract import Float64, integer, real, seed_of, table
+from flurries._contract import Float64, integer, real, seed_of, suggesting, table
 from flurries.motion.keys import Keys, Vector, as_vector
 from flurries.motion.waves import Waves, eddies, strongest
 
@@ -29,6 +29,7 @@ GUST_TURNOVER, SWIRL_TURNOVER = 6.0, 3.0
 _STREAM = 201
 
 
+@suggesting
 @dataclass(frozen=True, eq=False, init=False)
 class Wind:
     """Wind that differs from place to place.

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import os
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Literal, TypeAlias, get_args
 
 import numpy as np
 
@@ -16,8 +16,10 @@ from flurries.io.pictures.reader import luminance
 
 __all__ = ["DepthMap"]
 
-_WHITE = ("near", "far")
-_LAWS = ("linear", "inverse")
+White: TypeAlias = Literal["near", "far"]
+_WHITE = get_args(White)
+Law: TypeAlias = Literal["linear", "inverse"]
+_LAWS = get_args(Law)
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,8 +60,8 @@ class DepthMap:
     source: Any
     near: float
     far: float
-    white: str = "near"
-    law: str = "linear"
+    white: White = "near"
+    law: Law = "linear"
 
     def __init__(
         self, source: Any, *, near: float, far: float, white: str = "near", law: str = "linear"

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, Literal, TypeAlias, overload
 
 import numpy as np
 
-from flurries._contract import Array, choice, real, seed_of
+from flurries._contract import Array, choice, real, seed_of, suggesting
 from flurries.camera.lens import Camera
 from flurries.camera.path import CameraPath, as_path
 from flurries.frame.effect import Effect
@@ -62,6 +62,7 @@ def require_few(effects: Sequence[object]) -> None:
         raise ValueError(f"effects must be at most {MOST_EFFECTS}, got {len(effects)}")
 
 
+@suggesting
 @dataclass(frozen=True, eq=False, init=False, repr=False)
 class Scene:
     """What a film is made of: a background, a camera's way, and the weather.

@@ -12,6 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from flurries._contract import flag
+from flurries.spectral.tables import Aliasing
 from flurries.spectral.tiles import opacity, opacity_map
 from flurries.spectral.volume import film, rendered
 
@@ -31,7 +32,7 @@ def export_loop(
     seed: int,
     wavelengths: tuple[float, float] = (4.0, 32.0),
     exponent: float = 1.0,
-    alias: str = "keep",
+    alias: Aliasing = "keep",
     soft_from: float = 0.4,
     shutter: float = 0.0,
     jitter: bool = False,

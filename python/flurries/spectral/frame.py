@@ -23,8 +23,8 @@ from flurries._contract import (
     table,
     tile_of,
 )
-from flurries.spectral.tables import ALIAS, band_of, warn_far, warn_long
-from flurries.spectral.tiles import BLEND, opacity_map
+from flurries.spectral.tables import ALIAS, Aliasing, band_of, warn_far, warn_long
+from flurries.spectral.tiles import BLEND, Blend, opacity_map
 from flurries.trace import count
 
 
@@ -45,7 +45,7 @@ class Request(NamedTuple):
     shift: Float64
     velocity: Float64
     shift_rate: Float64
-    alias: str
+    alias: Aliasing
     soft_from: float
     shutter: float
     shortest: Float64 | None
@@ -97,14 +97,14 @@ def request(
     exponent: float = 1.0,
     velocity: npt.ArrayLike | None = None,
     shift_rate: npt.ArrayLike | None = None,
-    alias: str = "keep",
+    alias: Aliasing = "keep",
     soft_from: float = 0.4,
     shutter: float = 0.0,
     jitter: bool = False,
     shortest: npt.ArrayLike | None = None,
     ring_edges: npt.ArrayLike | None = None,
     ring_gains: npt.ArrayLike | None = None,
-    blend: str = "power",
+    blend: Blend = "power",
     window: tuple[int, int, int, int] | None = None,
 ) -> Request:
     """Settle the arguments of :func:`field`; `window` is (top, bottom, left, right) in pixels."""
@@ -128,10 +128,12 @@ def request(
                 f"ring_gains must be one number for each ring of ring_edges "
                 f"({'none' if rings is None else rings}), got {len(gains)}"
             )
-    law = choice("alias", alias, ALIAS)
+    choice("alias", alias, ALIAS)
     exposure = real("shutter", shutter, low=0.0, high=LARGEST)
-    if velocity is None and (law != "keep" or exposure > 0.0):
-        raise ValueError(f"velocity is needed for alias={law!r} and shutter={exposure:g}, got None")
+    if velocity is None and (alias != "keep" or exposure > 0.0):
+        raise ValueError(
+            f"velocity is needed for alias={alias!r} and shutter={exposure:g}, got None"
+        )
     limits = None if shortest is None else table("shortest", shortest)
     warn_long(tile_size, band, stacklevel=4)
     offsets = _vectors("drift", drift, rings)
@@ -152,7 +154,7 @@ def request(
         shift=_vectors("shift", shift, None),
         velocity=_ZERO if velocity is None else _vectors("velocity", velocity, rings),
         shift_rate=_ZERO if shift_rate is None else _vectors("shift_rate", shift_rate, None),
-        alias=law,
+        alias=alias,
         soft_from=real("soft_from", soft_from),
         shutter=exposure,
         shortest=limits,
@@ -177,14 +179,14 @@ def field(
     exponent: float = 1.0,
     velocity: npt.ArrayLike | None = None,
     shift_rate: npt.ArrayLike | None = None,
-    alias: str = "keep",
+    alias: Aliasing = "keep",
     soft_from: float = 0.4,
     shutter: float = 0.0,
     jitter: bool = False,
     shortest: npt.ArrayLike | None = None,
     ring_edges: npt.ArrayLike | None = None,
     ring_gains: npt.ArrayLike | None = None,
-    blend: str = "power",
+    blend: Blend = "power",
     dtype: npt.DTypeLike = np.float32,
     out: Array | None = None,
 ) -> Array:
@@ -275,14 +277,14 @@ def alpha(
     exponent: float = 1.0,
     velocity: npt.ArrayLike | None = None,
     shift_rate: npt.ArrayLike | None = None,
-    alias: str = "keep",
+    alias: Aliasing = "keep",
     soft_from: float = 0.4,
     shutter: float = 0.0,
     jitter: bool = False,
     shortest: npt.ArrayLike | None = None,
     ring_edges: npt.ArrayLike | None = None,
     ring_gains: npt.ArrayLike | None = None,
-    blend: str = "power",
+    blend: Blend = "power",
     mean: float = 0.5,
     spread: float = 3.0,
     power: float = 2.0,

@@ -6,6 +6,7 @@ import math
 import warnings
 from collections.abc import Mapping
 from types import MappingProxyType
+from typing import Literal, TypeAlias, get_args
 
 import numpy as np
 import numpy.typing as npt
@@ -28,7 +29,8 @@ from flurries._contract import (
     vector,
 )
 
-ALIAS = ("cut", "soft", "keep")
+Aliasing: TypeAlias = Literal["cut", "soft", "keep"]
+ALIAS = get_args(Aliasing)
 
 #: Bands of wavelengths in pixels that the sources name: the paper's three octaves (section 5.3),
 #: and the upper three octaves of the slides of 2003.
@@ -286,7 +288,7 @@ def temporal_filter(
     velocity: npt.ArrayLike,
     *,
     shift_rate: npt.ArrayLike = (0.0, 0.0),
-    alias: str = "cut",
+    alias: Aliasing = "cut",
     soft_from: float = 0.4,
     shutter: float = 0.0,
     renormalise: bool = False,

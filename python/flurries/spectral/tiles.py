@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
+from typing import Any, Literal, TypeAlias, get_args
 
 import numpy as np
 import numpy.typing as npt
@@ -24,7 +24,8 @@ from flurries._contract import (
     tile_of,
 )
 
-BLEND = ("power", "linear")
+Blend: TypeAlias = Literal["power", "linear"]
+BLEND = get_args(Blend)
 
 # Of one axis; more would be a list longer than the picture is wide.
 _MOST_TILES = 2**22
@@ -149,7 +150,7 @@ def blend_tiles(
     shape: tuple[int, int],
     *,
     overlap: int = 10,
-    blend: str = "power",
+    blend: Blend = "power",
     out: Array | None = None,
 ) -> Array:
     """Blend a grid of overlapping tiles into one picture.

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import warnings
-from typing import Any, NamedTuple
+from typing import Any, Literal, NamedTuple, TypeAlias, get_args
 
 import numpy as np
 import numpy.typing as npt
@@ -27,9 +27,10 @@ from flurries._contract import (
     table,
     vector,
 )
-from flurries.spectral.tables import ALIAS, band_of, warn_long
+from flurries.spectral.tables import ALIAS, Aliasing, band_of, warn_long
 
-CELLS = ("one", "overlap")
+Cells: TypeAlias = Literal["one", "overlap"]
+CELLS = get_args(Cells)
 
 # More of a loop standing still than this deserves a word.
 STILL = 0.25
@@ -59,11 +60,11 @@ def film(
     seed: int,
     wavelengths: tuple[float, float],
     exponent: float = 1.0,
-    alias: str = "keep",
+    alias: Aliasing = "keep",
     soft_from: float = 0.4,
     shutter: float = 0.0,
     jitter: bool = False,
-    cells: str = "one",
+    cells: Cells = "one",
     most_still: float = STILL,
 ) -> Film:
     """Settle the arguments of a film, and warn of what would disappoint."""
@@ -128,7 +129,7 @@ def volume(
     *,
     seed: int,
     wavelengths: tuple[float, float] = (4.0, 32.0),
-    cells: str = "one",
+    cells: Cells = "one",
     dtype: npt.DTypeLike = np.float32,
     out: Array | None = None,
 ) -> Array:
@@ -208,7 +209,7 @@ def loop(
     time: npt.ArrayLike | None = None,
     wavelengths: tuple[float, float] = (4.0, 32.0),
     exponent: float = 1.0,
-    alias: str = "keep",
+    alias: Aliasing = "keep",
     soft_from: float = 0.4,
     shutter: float = 0.0,
     jitter: bool = False,

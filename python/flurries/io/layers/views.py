@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, Literal, TypeAlias, get_args
 
 import numpy as np
 import numpy.typing as npt
@@ -19,7 +19,8 @@ from flurries.io.pictures.header import Opened, opened_picture
 from flurries.io.pictures.rows import Band, write_bands, write_parts
 
 VIEWS = ("left", "right")
-LAYOUTS = ("parts", "views")
+Layout: TypeAlias = Literal["parts", "views"]
+LAYOUTS = get_args(Layout)
 
 
 def write_views(
@@ -27,7 +28,7 @@ def write_views(
     left: npt.ArrayLike,
     right: npt.ArrayLike,
     *,
-    layout: str = "parts",
+    layout: Layout = "parts",
     half: bool = True,
     metadata: Mapping[str, object] | None = None,
 ) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import operator
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, Literal, TypeAlias, get_args
 
 import numpy as np
 import numpy.typing as npt
@@ -18,13 +18,14 @@ _FILTER = "lanczos3"
 
 # Pixels that are turned into light at a time.
 _CHUNK = 1 << 20
-_MODES = ("cover", "contain", "stretch")
+Fit: TypeAlias = Literal["cover", "contain", "stretch"]
+_MODES = get_args(Fit)
 
 
 def fit(
     pixels: npt.ArrayLike,
     size: Sequence[int],
-    how: str = "cover",
+    how: Fit = "cover",
     *,
     encoding: str | None = None,
 ) -> Array:
