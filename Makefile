@@ -4,6 +4,9 @@
 # make test-hosts     test the transforms of torchvision, kornia and albumentations, installed for it
 # make wheel          build the wheel and the source archive into dist/; make test-wheel tries both
 # make soak    kill, interrupt and damage by the hundred: docs/internals/reliability.md, some half an hour
+# make asan    the kernels' tests and random calls under AddressSanitizer: a nightly toolchain and gcc
+# make audit   licences, sources and known holes of all crates, licences of all packages: cargo-deny
+# make test-lowest    the suite with the lowest versions that pyproject.toml lets in
 # make test-browser   test the viewer in a real browser: chromium, from apt where it is missing
 #
 # Both make a virtual environment in .venv and need Python 3.10 or newer, a Rust toolchain and the
@@ -16,7 +19,7 @@ WORKERS ?= 2
 
 RUST := $(shell find src crates -name '*.rs' 2>/dev/null) Cargo.toml crates/fft/Cargo.toml pyproject.toml
 
-.PHONY: demo test test-browser test-hosts test-hosts-older wheel test-wheel peers hard-cases accuracy mutations \
+.PHONY: demo test asan audit test-lowest test-browser test-hosts test-hosts-older wheel test-wheel peers hard-cases accuracy mutations \
 	lint bench performance frames hashes soak clean requirements
 
 demo: $(VENV)/.installed
@@ -25,6 +28,34 @@ demo: $(VENV)/.installed
 test: lint
 	cargo test --workspace --quiet
 	$(BIN)/python -m pytest -n $(WORKERS) --dist worksteal --quiet
+
+# Rust's runtime is linked into programs alone: the extension, which Python loads, takes gcc's.
+SANITIZED := target/asan
+HOST = $(shell rustc -vV | sed -n 's/^host: //p')
+SANITIZE = ASAN_OPTIONS=allocator_may_return_null=1:detect_leaks=0 RUSTFLAGS=-Zsanitizer=address \
+	PYO3_PYTHON=$(CURDIR)/$(BIN)/python CARGO_TARGET_DIR=$(SANITIZED)
+asan: $(VENV)/.tools
+	$(SANITIZE) cargo +nightly test --workspace --quiet --target $(HOST)
+	$(SANITIZE) cargo +nightly build --lib --features python --quiet --target $(HOST)
+	rm -rf $(SANITIZED)/python && cp -r python $(SANITIZED)/python
+	cp $(SANITIZED)/$(HOST)/debug/lib_core.so $(SANITIZED)/python/flurries/_core.abi3.so
+	$(SANITIZE) LD_PRELOAD=$$(gcc -print-file-name=libasan.so) PYTHONPATH=$(SANITIZED)/python \
+		FLURRIES_SOAK=$(LENGTH) $(BIN)/python -m pytest --quiet -n 0 tests/soak/test_soak_input.py -k random
+
+audit: $(VENV)/.tools
+	@command -v cargo-deny >/dev/null || { echo "missing: cargo-deny (cargo install cargo-deny)"; exit 1; }
+	cargo deny --all-features check licenses bans sources
+	cargo deny --all-features check advisories \
+		|| { cargo deny fetch db >/dev/null 2>&1 && exit 1; echo "advisories: their database is out of reach"; }
+	$(BIN)/python tests/licences.py
+
+# In an environment of its own, .venv-lowest.
+test-lowest: $(VENV)/.made
+	test -x .venv-lowest/bin/python || $(PYTHON) -m venv .venv-lowest
+	$(BIN)/python tests/lowest.py > .venv-lowest/lowest.txt
+	.venv-lowest/bin/python -m pip install --quiet --disable-pip-version-check -r .venv-lowest/lowest.txt
+	VIRTUAL_ENV=$(CURDIR)/.venv-lowest $(BIN)/maturin develop --release --quiet
+	.venv-lowest/bin/python -m pytest -n $(WORKERS) --dist worksteal --quiet
 
 test-browser: $(VENV)/.tools
 	@command -v chromium >/dev/null || command -v google-chrome >/dev/null \

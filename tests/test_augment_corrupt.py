@@ -208,3 +208,38 @@ def test_the_command(source: Path, tmp_path: Path, capsys: pytest.CaptureFixture
     (source / "bad.png").write_bytes(b"nonsense")
     assert main([*line, "--workers", "1"]) == 2
     assert "bad.png" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("name", ["a.png", "a.tif", "a.exr"])
+def test_16_7_alpha_is_kept_and_weather_falls_on_the_color(name: str, tmp_path: Path):
+    random = np.random.default_rng(4)
+    light = random.random((40, 60, 4)).astype(np.float32)
+    light[:, :20, 3], light[:, 20:30, 3] = 1.0, 0.0
+    if name == "a.exr":
+        light[..., :3] *= light[..., 3:]
+        plate = light
+    else:
+        plate = np.rint(255.0 * light).astype(np.uint8)
+    (tmp_path / "in").mkdir()
+    write_picture(tmp_path / "in" / name, plate, half=False)
+    corrupt(tmp_path / "in", tmp_path / "out", weather="fog", severity=5, workers=1)
+    found = read_picture(tmp_path / "out" / "fog" / "5" / name)
+    before = read_picture(tmp_path / "in" / name)
+    assert found.alpha is not None and before.alpha is not None
+    assert np.array_equal(found.alpha, before.alpha)
+    assert found.premultiplied == before.premultiplied == (name == "a.exr")
+    # The judge: fog of an opaque picture of the same straight colors, which depend on no alpha.
+    (tmp_path / "bare").mkdir()
+    straight = before.pixels
+    if before.premultiplied:
+        cover = before.alpha[..., None]
+        straight = np.divide(straight, cover, out=np.zeros_like(straight), where=cover > 0)
+    write_picture(tmp_path / "bare" / name, straight, half=False)
+    corrupt(tmp_path / "bare", tmp_path / "other", weather="fog", severity=5, workers=1)
+    wanted = read_picture(tmp_path / "other" / "fog" / "5" / name).pixels
+    if before.premultiplied:
+        wanted = wanted * before.alpha[..., None]
+        np.testing.assert_allclose(found.pixels, wanted, atol=2e-6)
+    else:
+        assert np.array_equal(found.pixels, wanted)
+    assert not np.array_equal(found.pixels, before.pixels)

@@ -294,25 +294,17 @@ def test_16_5_damaged_frames_are_made_again(kind: str, listed: bool, tmp_path: P
     target = tmp_path / f"2.{kind}"
     data = whole[target.name]
     random = np.random.default_rng(5)
-    # Pixels alone: of those without a checksum only the list knows.
+    # Without the list in the second half alone, so that the file still says whose it is.
     places = random.integers(0 if listed else len(data) // 2, len(data), 12)
     cuts = [data[: len(data) // 2], data[:9], b"", data[: len(data) // 2].ljust(len(data), b"\0")]
     flips = [data[:at] + bytes([data[at] ^ 4]) + data[at + 1 :] for at in places]
-    for damaged in [*flips, *cuts] if listed else flips[: 12 * (kind in ("png", "exr"))]:
+    for damaged in [*flips, *cuts] if listed else flips:
         target.write_bytes(damaged)
         if not listed:
             (tmp_path / manifest.NAME).unlink(missing_ok=True)
-            try:
-                same = np.array_equal(
-                    read_picture(target).pixels, read_picture(tmp_path / f"1.{kind}").pixels
-                )
-            except (OSError, ValueError):
-                same = False
-            assert not same
         done = SMALL.write(tmp_path / f"%d.{kind}", "1-3")
-        if listed:
-            assert (done.written, done.kept) == ([2], [1, 3])
-            assert contents(tmp_path) == whole
+        assert (done.written, done.kept) == ([2], [1, 3])
+        assert contents(tmp_path) == whole
 
 
 @pytest.mark.parametrize("kind", KINDS)

@@ -57,3 +57,22 @@ def test_photographs_are_what_they_say():
     assert fl.io.photograph(size=(20, 10)).shape == (10, 20, 3)
     with pytest.raises(ValueError, match=r"name must be .*rocket.*got 'roket'; did you mean"):
         fl.io.photograph("roket")  # type: ignore[arg-type]
+
+
+def test_16_15_a_free_threaded_python_is_refused_with_a_sentence():
+    code = (
+        "import sys; sys.abiflags = 't'\ntry:\n    import flurries\nexcept ImportError as error:\n"
+    )
+    code += "    print(error)"
+    ran = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert ran.stdout.startswith("flurries does not run on a free-threaded Python: ")
+    assert len(ran.stdout.splitlines()) == 1
+
+
+def test_16_15_lowest_versions_are_those_that_the_project_names():
+    done = subprocess.run(
+        [sys.executable, ROOT / "tests" / "lowest.py"], capture_output=True, text=True, check=True
+    )
+    lowest = dict(line.split("==") for line in done.stdout.split())
+    assert CORE - {"tomli"} <= {name.lower() for name in lowest} and lowest["numpy"] == "2.0"
+    assert all(re.fullmatch(r"[0-9.]+", version) for version in lowest.values())

@@ -169,7 +169,9 @@ def test_16_7_alpha_beyond_one_is_refused():
         fl.Scene(None, background)
 
 
-@pytest.mark.parametrize("way", ["array", "file", "sequence", "foreground", "transform"])
+@pytest.mark.parametrize(
+    "way", ["array", "file", "sequence", "foreground", "transform", "snow", "over"]
+)
 def test_16_7_a_float_picture_of_levels_is_warned_of(tmp_path: Path, way: str):
     levels = np.random.default_rng(2).integers(0, 256, (48, 64, 3)).astype(np.float32)
     if way in ("file", "sequence"):
@@ -184,8 +186,12 @@ def test_16_7_a_float_picture_of_levels_is_warned_of(tmp_path: Path, way: str):
         elif way == "foreground":
             front = np.concatenate([levels, np.ones_like(levels[..., :1])], axis=2)
             fl.Scene((64, 48), foreground=front)
-        else:
+        elif way == "transform":
             fl.augment.Snowfall(seed=1)(levels)
+        elif way == "snow":
+            fl.composite.snow(levels, np.zeros((48, 64), np.float32))
+        else:
+            fl.composite.over(levels, np.zeros((48, 64, 4), np.float32))
 
 
 def test_16_7_bright_light_is_not():
@@ -193,3 +199,4 @@ def test_16_7_bright_light_is_not():
     light = np.random.default_rng(2).random((48, 64, 3)).astype(np.float32)
     for bright in (light, 8.0 * light, np.where(light > 0.999, 200.0, light), 1e4 * light):
         fl.Scene(None, bright.astype(np.float32)).render(0)
+        fl.composite.snow(bright.astype(np.float32), np.zeros((48, 64), np.float32))

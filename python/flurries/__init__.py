@@ -8,6 +8,7 @@ Pictures and film: :class:`Scene` and its effects.
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
+from flurries import _build as _build
 from flurries._core import InternalError
 from flurries._threads import reproducible, set_reproducible, set_threads, threads
 

@@ -9,7 +9,16 @@ import numpy as np
 import numpy.typing as npt
 
 from flurries import _core
-from flurries._contract import Array, _came, aligned, output, pixels, real, vector
+from flurries._contract import (
+    Array,
+    _came,
+    aligned,
+    output,
+    pixels,
+    real,
+    vector,
+    warn_of_levels,
+)
 
 __all__ = ["join", "over", "snow"]
 
@@ -44,6 +53,7 @@ def _background(background: object, channels: Sequence[int]) -> tuple[Array, Arr
         raise ValueError(f"background must have shape {wanted}, got {given.shape}")
     if 0 in planes.shape:
         raise ValueError(f"background must not be empty, got shape {given.shape}")
+    warn_of_levels("background", planes, "divide it by 255")
     return aligned(planes, _WORKING[name][0]), given
 
 

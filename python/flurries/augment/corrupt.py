@@ -16,6 +16,8 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from flurries import augment
 from flurries._contract import choice, flag, integer, seed_of
 from flurries.augment.weather import replay
@@ -208,10 +210,17 @@ class _Pictures:
     def make(self, index: int) -> Any:
         """Return a picture in its weather."""
         picture, drawn = self._read(self.parts[index][0]), replay(self._record(index))
+        pixels, cover = picture.pixels, None
+        if picture.alpha is not None and picture.premultiplied:
+            # Weather falls on the color; how much of it shows stays as it was.
+            cover = picture.alpha[..., None].astype(pixels.dtype)
+            pixels = np.divide(pixels, cover, out=np.zeros_like(pixels), where=cover > 0.0)
         if picture.encoding == "linear":
             # Weather is mixed in display values; what is brighter than white stays so.
-            return picture, srgb_to_linear(drawn(linear_to_srgb(picture.pixels)))
-        return picture, drawn(picture.pixels)
+            pixels = srgb_to_linear(drawn(linear_to_srgb(pixels)))
+        else:
+            pixels = drawn(pixels)
+        return picture, pixels if cover is None else pixels * cover
 
     def _read(self, name: str) -> Any:
         content = self._hashes[self.source / name]

@@ -186,6 +186,23 @@ REPRODUCIBLE = option(
 )  # fmt: skip
 
 
+def _apply_budget(ctx: click.Context, param: click.Parameter, value: int | None) -> None:
+    if value is not None:
+        # Wherever a file is read, and for the workers that it may start.
+        os.environ[f"FLURRIES_{str(param.name).upper()}"] = str(value)
+
+
+def _most(what: str, usual: str, example: str) -> Callable[[Function], Function]:
+    return option(
+        f"--max-{what}", type=click.IntRange(min=1), metavar="N", expose_value=False,
+        callback=_apply_budget, unset=f"FLURRIES_MAX_{what.upper()}, or {usual}", example=example,
+        help=f"{what} that a picture may have that is read; larger ones are refused unread",
+    )  # fmt: skip
+
+
+BUDGET = join(_most("pixels", "2^28", "600000000"), _most("bytes", "2^32", "8000000000"))
+
+
 def voice(function: Callable[..., Any]) -> Callable[..., Any]:
     """Add --quiet and --verbose, and give the function `words`."""
 

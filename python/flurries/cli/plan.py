@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from flurries.cli.options import FRAMES, REPRODUCIBLE, THREADS, command, option, voice
+from flurries.cli.options import BUDGET, FRAMES, REPRODUCIBLE, THREADS, command, option, voice
 from flurries.cli.weather import scene_of, scene_options
 from flurries.cli.words import Words
 from flurries.frame.calibration import scales
@@ -18,6 +18,7 @@ from flurries.frame.calibration import scales
 @scene_options
 @option("--json", "as_json", is_flag=True, help="JSON in place of a table")
 @option("--calibrate", is_flag=True, help="measure this machine's speed again first")
+@BUDGET
 @THREADS
 @REPRODUCIBLE
 @voice

@@ -7,6 +7,7 @@ from typing import Any, Literal, TypeAlias
 import click
 
 from flurries.cli.options import (
+    BUDGET,
     FILE,
     FRAMES,
     OVERWRITE,
@@ -57,6 +58,7 @@ NAMED = 10
 @dask("the threads of this machine")
 @option("--dask-patience", type=float, default=60.0, metavar="SECONDS", example="600",
         help="how long to wait while the cluster has no worker")  # fmt: skip
+@BUDGET
 @THREADS
 @REPRODUCIBLE
 @voice

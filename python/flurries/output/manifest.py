@@ -12,6 +12,7 @@ from typing import Any
 from flurries import __version__
 from flurries.io import read_header, read_picture, replacing
 from flurries.io.files import read_text
+from flurries.io.pictures.seal import is_broken
 from flurries.output.claims import awaited
 from flurries.scene.fingerprint import hash_of
 
@@ -95,6 +96,8 @@ def entries_of(paths: Iterable[Path]) -> dict[str, dict[str, Any]]:
             if not {"scene", "frame"} <= set(said):
                 continue
             read_picture(path)
+            if is_broken(path):
+                continue
         except (OSError, ValueError):
             continue
         entries[path.name] = entry(path, said)

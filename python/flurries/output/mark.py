@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from flurries.io import read_header, read_picture
+from flurries.io.pictures.seal import is_broken
 from flurries.output import manifest
 from flurries.scene.fingerprint import BITS, hash_of
 
@@ -125,6 +126,6 @@ def _first_bytes(path: Path) -> bytes:
 def _decodes(path: Path) -> bool:
     try:
         read_picture(path)
+        return not is_broken(path)
     except (OSError, ValueError):
         return False
-    return True

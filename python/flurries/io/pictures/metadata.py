@@ -107,6 +107,8 @@ def _found(specification: Any) -> dict[str, str]:
     for attribute in specification.extra_attribs:
         if attribute.name.startswith(PREFIX) and isinstance(attribute.value, str):
             found[attribute.name.removeprefix(PREFIX)] = attribute.value
+    # The file's affair, see `flurries.io.pictures.seal`.
+    found.pop("sha256", None)
     moment = specification.get_string_attribute("DateTime")
     if found and moment:
         found["DateTime"] = moment

@@ -18,6 +18,7 @@ import numpy as np
 from flurries.io.atomic import replacing
 from flurries.io.color import Array
 from flurries.io.oiio import last_error, let_open, openimageio
+from flurries.io.pictures.seal import seal
 from flurries.io.roomy import roomy
 
 # A whole number of the strips and blocks in which EXR and TIFF compress; of wide pictures, whose
@@ -70,6 +71,8 @@ def write_parts(
     target = os.fspath(path)
     with replacing(path) as temporary:
         checksums = _write(target, temporary, parts)
+        if temporary.suffix.lower() in (".tif", ".tiff"):
+            seal(temporary)
         for number, ((specification, _), sums) in enumerate(zip(parts, checksums, strict=True)):
             _verify(target, temporary, specification, sums, lossless=lossless, part=number)
 
@@ -85,6 +88,7 @@ def write_whole(path: str | os.PathLike[str], specification: Any, data: bytes) -
     unknown = [(np.dtype(np.uint8), 0)] * -(-specification.height // _rows(specification))
     with replacing(path) as temporary:
         temporary.write_bytes(data)
+        seal(temporary)
         _verify(os.fspath(path), temporary, specification, unknown, lossless=False)
 
 

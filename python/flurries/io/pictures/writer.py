@@ -22,6 +22,7 @@ from flurries.io.color import (
 )
 from flurries.io.oiio import openimageio
 from flurries.io.pictures import metadata as header
+from flurries.io.pictures import seal
 from flurries.io.pictures.jpeg import encode_jpeg
 from flurries.io.pictures.rows import write_bands, write_whole
 
@@ -141,6 +142,10 @@ def write_picture(
     stored = _stored_type(form, color.dtype, half=half, bits=bits)
     if form.name == "hdr" and color.shape[2] == 1:
         color = np.broadcast_to(color, (*color.shape[:2], 3))
+
+    # Whoever says how a picture was made wants to know whether it is still that.
+    if form.name in ("jpeg", "tiff") and len(strings) > 1:
+        strings[seal.KEY] = seal.PLACE
 
     def band(first: int, last: int) -> Array:
         rows = None if opacity is None else opacity[first:last]
