@@ -31,9 +31,9 @@ KINDS = {
 }
 FIRST = "640 x 480, JPEG"
 TURNS = 3
-SECONDS = 1.5
+SECONDS = 1.0
 # Frames of a run with workers.
-FRAMES = 240
+FRAMES = 160
 CORES = 10_000
 
 

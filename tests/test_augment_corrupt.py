@@ -226,7 +226,9 @@ def test_16_7_alpha_is_kept_and_weather_falls_on_the_color(name: str, tmp_path: 
     found = read_picture(tmp_path / "out" / "fog" / "5" / name)
     before = read_picture(tmp_path / "in" / name)
     assert found.alpha is not None and before.alpha is not None
-    assert np.array_equal(found.alpha, before.alpha)
+    # A set's EXR is half.
+    kept = before.alpha.astype(np.float16) if name == "a.exr" else before.alpha
+    assert np.array_equal(found.alpha, kept)
     assert found.premultiplied == before.premultiplied == (name == "a.exr")
     # The judge: fog of an opaque picture of the same straight colors, which depend on no alpha.
     (tmp_path / "bare").mkdir()
@@ -239,7 +241,7 @@ def test_16_7_alpha_is_kept_and_weather_falls_on_the_color(name: str, tmp_path: 
     wanted = read_picture(tmp_path / "other" / "fog" / "5" / name).pixels
     if before.premultiplied:
         wanted = wanted * before.alpha[..., None]
-        np.testing.assert_allclose(found.pixels, wanted, atol=2e-6)
+        np.testing.assert_allclose(found.pixels, wanted, rtol=2e-3, atol=1e-6)
     else:
         assert np.array_equal(found.pixels, wanted)
     assert not np.array_equal(found.pixels, before.pixels)

@@ -122,6 +122,8 @@ def test_infinity_never_becomes_nan(function: str, dtype: str):
     assert np.array_equal(got[0, 2], np.full(3, 0.5, dtype)), "opaque is the layer's color"
 
 
+# Backgrounds of all sizes: some are taken for levels of 0 to 255.
+@pytest.mark.filterwarnings("ignore:background is a float picture of values")
 @settings(max_examples=300, deadline=None, derandomize=True, database=None)
 @given(
     st.lists(

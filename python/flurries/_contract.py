@@ -306,7 +306,8 @@ def warn_of_levels(name: str, picture: Array, advice: str) -> None:
         return
     rows, columns = (max(length // _SAMPLES, 1) for length in picture.shape[:2])
     sample = np.asarray(picture[::rows, ::columns], np.float64)
-    top, mean = float(sample.max()), float(sample.mean())
+    with np.errstate(invalid="ignore"):
+        top, mean = float(sample.max()), float(sample.mean())
     if _LARGEST_LIGHT < top <= 255.0 and mean > 1.0:
         warnings.warn(
             f"{name} is a float picture of values up to {top:g}, and its white is taken as 1; "
