@@ -59,3 +59,18 @@ def test_a_color_and_the_snow_alone_from_the_command_line(
     assert main([*words, "--quiet", "-o", "still.png"]) == 0
     assert read_picture("3.exr").alpha is not None
     assert read_picture("still.png").size == (64, 48)
+
+
+def test_an_exr_is_packed_as_asked(tmp_path: Path):
+    scene = fl.Scene((300, 200), "#203040", effects=fl.Snow.preset("heavy"))
+    sizes = {}
+    for packing in ("none", "zip", "dwaa"):
+        path = tmp_path / f"{packing}.exr"
+        scene.write(path, 1, compression=packing)
+        sizes[packing] = path.stat().st_size
+        difference = read_picture(path).pixels - read_picture(tmp_path / "none.exr").pixels
+        assert np.abs(difference).max() <= (0.05 if packing == "dwaa" else 0.0)
+    assert sizes["dwaa"] < 0.5 * sizes["zip"] < 0.5 * sizes["none"]
+    for path, more in (("a.png", {}), ("a.exr", {"layers": True})):
+        with pytest.raises(ValueError, match="compression is for a composite"):
+            scene.write(tmp_path / path, 1, compression="dwaa", **more)

@@ -239,7 +239,7 @@ def test_a_picture_that_reads_back_wrong_is_not_kept(tmp_path, monkeypatch):
 
 
 def test_a_failure_in_the_middle_of_a_picture_leaves_the_old_one(tmp_path, monkeypatch):
-    path = tmp_path / "a.png"
+    path = tmp_path / "a.tif"
     write_picture(path, np.full((200, 30, 3), 7, np.uint8))
     old = path.read_bytes()
     calls = []

@@ -9,7 +9,7 @@ import pytest
 
 ROOT = Path(__file__).parents[1]
 SOURCES = sorted((ROOT / "src").rglob("*.rs"))
-SUBJECTS = {"air", "cone", "gas", "particles", "spectral"}
+SUBJECTS = {"air", "cone", "encode", "gas", "particles", "spectral"}
 
 # What a folder may read besides itself.
 BELOW = {

@@ -70,6 +70,7 @@ __all__ = [
     "particle_sort_pair",
     "particle_splat",
     "particle_sway_offsets",
+    "png_chunk",
     "random_phase",
     "reproducible",
     "set_reproducible",
@@ -83,6 +84,7 @@ __all__ = [
     "threads",
     "tile_count",
     "tile_shares",
+    "to_half",
     "uniform",
     "volume",
     "wave_depth",
@@ -245,6 +247,15 @@ def particle_exact(
     lens: tuple[float, float, float, tuple[float, float, float], float],
     depth: npt.NDArray[Any] | None,
 ) -> None: ...
+def png_chunk(
+    rows: npt.NDArray[np.uint8],
+    above: npt.NDArray[np.uint8],
+    pixel: int,
+    wide: bool,
+    checksum: int,
+    last: bool,
+) -> tuple[bytes, int]: ...
+def to_half(out: npt.NDArray[np.uint16], values: npt.NDArray[np.float32]) -> None: ...
 def particle_draw(
     out: _Array,
     flakes: SortedFlakes,

@@ -9,6 +9,7 @@ mod air;
 mod cone;
 mod crossing;
 mod crowd;
+mod encode;
 mod flakes;
 mod frame;
 mod gas;
@@ -38,6 +39,8 @@ mod core {
     use super::crossing::particle_crossing;
     #[pymodule_export]
     use super::crowd::{crowd_exact, crowd_list, crowd_sort, crowd_sort_pair, particle_exact};
+    #[pymodule_export]
+    use super::encode::{png_chunk, to_half};
     #[pymodule_export]
     use super::flakes::{
         FlakeBands, PreparedFlakes, flake_bands, flake_choices, flake_frame, flake_mix,

@@ -24,6 +24,7 @@ from flurries.output.write import Summary
 from flurries.trace import tracing
 
 Quality: TypeAlias = Literal["high", "medium", "draft"]
+Packing: TypeAlias = Literal["zip", "zips", "piz", "rle", "none", "dwaa", "dwab"]
 Damaged: TypeAlias = Literal["stop", "skip", "hold"]
 
 SKIPPED = 3
@@ -46,6 +47,9 @@ NAMED = 10
 @scene_options
 @OVERWRITE
 @option("--float", "full", is_flag=True, help="EXR with 32 bits a value, not 16")
+@option("--compression", default="zip", example="dwaa",
+        type=click.Choice(("zip", "zips", "piz", "rle", "none", "dwaa", "dwab")),
+        help="how EXR packs pixels; dwaa and dwab lose what is hard to see")  # fmt: skip
 @option("--layers", is_flag=True, help="EXR with the weather, depth and motion as layers")
 @option("--alone", is_flag=True, help="only the weather, as RGBA; .exr, .png or .tif")
 @option("--quality", type=click.Choice(("high", "medium", "draft")), default="high",
@@ -63,9 +67,9 @@ NAMED = 10
 @REPRODUCIBLE
 @voice
 def render(
-    words: Words, output: str, frames: str | None, overwrite: bool, full: bool, layers: bool,
-    alone: bool, quality: Quality, damaged: Damaged, no_sound: bool, no_manifest: bool,
-    dask: str | None, dask_patience: float, **given: Any,
+    words: Words, output: str, frames: str | None, overwrite: bool, full: bool,
+    compression: Packing, layers: bool, alone: bool, quality: Quality, damaged: Damaged,
+    no_sound: bool, no_manifest: bool, dask: str | None, dask_patience: float, **given: Any,
 ) -> int:  # fmt: skip
     """Render weather over a picture, a film, a sequence, a color such as #203040, or a scene.toml.
 
@@ -78,8 +82,9 @@ def render(
         words.say(f"{width} x {height} px, {scene.fps:g} frames a second: {weather}")
     with tracing() as trace:
         summary = scene.write(
-            output, frames, half=not full, layers=layers, alone=alone, overwrite=overwrite,
-            damaged=damaged, sound=not no_sound, manifest=not no_manifest, quality=quality,
+            output, frames, half=not full, compression=compression, layers=layers, alone=alone,
+            overwrite=overwrite, damaged=damaged, sound=not no_sound,
+            manifest=not no_manifest, quality=quality,
             dask=None if dask is None else dask or True, dask_patience=dask_patience,
             progress=words.progress("frame"),
         )  # fmt: skip

@@ -13,6 +13,7 @@ from typing import Any, Literal, TypeAlias
 import numpy as np
 import numpy.typing as npt
 
+from flurries import _core
 from flurries._contract import rectangular
 
 Array: TypeAlias = npt.NDArray[Any]
@@ -126,6 +127,10 @@ def looked_up(values: Array, bits: int) -> Array:
 
 def to_half(values: Array) -> Array:
     """Round floats to half, with the largest half in place of infinity; NaN stays NaN."""
+    if values.dtype == np.float32:
+        half = np.empty(values.shape, np.float16)
+        _core.to_half(half.view(np.uint16).reshape(-1), np.ascontiguousarray(values).reshape(-1))
+        return half
     bounded: Array = np.clip(values, -LARGEST_HALF, LARGEST_HALF)
     return bounded.astype(np.float16)
 

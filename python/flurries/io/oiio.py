@@ -2,8 +2,14 @@
 
 from __future__ import annotations
 
+import os
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
 from functools import lru_cache
 from typing import Any
+
+from flurries import _core
 
 
 @lru_cache(maxsize=1)
@@ -13,7 +19,8 @@ def openimageio() -> Any:
     Its pools of threads are global, and a forked child inherits them without the threads: writing
     an EXR then waits for ever, and so does the end of the process. Workers of data loaders are such
     children. So everything happens in the calling thread, which lets go of the GIL: several frames
-    in several threads still use all cores.
+    in several threads still use all cores. A large EXR has threads of its own while it is written,
+    see `packing_threads`.
     """
     import OpenImageIO as library
 
@@ -35,6 +42,34 @@ def let_open(size: int) -> None:
     library, wanted = openimageio(), -(-size // 2**20)
     if wanted > library.get_int_attribute(_LIMIT):
         library.attribute(_LIMIT, min(wanted, 2**31 - 1))
+
+
+# Held while OpenEXR has threads. A fork waits for it; the thread that forks may hold it itself.
+_packing = threading.RLock()
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(
+        before=_packing.acquire,
+        after_in_parent=_packing.release,
+        after_in_child=_packing.release,
+    )
+
+
+@contextmanager
+def packing_threads() -> Iterator[None]:
+    """Let EXR be packed by as many threads as kernels use; they are gone at the end of the block.
+
+    OpenEXR has one pool, so one picture at a time has them; others are packed by their callers.
+    """
+    count = _core.threads()
+    if count == 1 or not _packing.acquire(blocking=False):
+        yield
+        return
+    try:
+        openimageio().attribute("exr_threads", count)
+        yield
+    finally:
+        openimageio().attribute("exr_threads", -1)
+        _packing.release()
 
 
 def last_error(*holders: Any) -> str:

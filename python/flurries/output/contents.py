@@ -35,6 +35,8 @@ class Content:
         The picture; the weather as RGBA; or everything that is known, as named channels.
     half : bool
         EXR as half.
+    compression : str
+        How an EXR is packed, as `flurries.io.write_picture` takes it.
     eyes : mapping of str to Camera, optional
         Views instead of the one of the path's camera.
     """
@@ -42,11 +44,14 @@ class Content:
     kind: str = "composite"
     half: bool = True
     eyes: Mapping[str, Camera] | None = None
+    compression: str = "zip"
 
     @property
     def mark(self) -> str:
         """What tells files of one scene but other content apart."""
         words = ["half" if self.half else "float", self.kind]
+        if self.compression != "zip":
+            words.append(self.compression)
         if self.eyes is not None:
             told = repr(list(self.eyes.items())).encode()
             words.append(f"eyes{hashlib.sha256(told).hexdigest()[:8]}")
@@ -77,10 +82,15 @@ class Content:
         elif self.kind == "alone":
             encoding = "linear" if scene.linear else "display"
             pixels = weather(frame)
-            write_picture(path, pixels, encoding=encoding, half=self.half, metadata=metadata)
+            write_picture(
+                path, pixels, encoding=encoding, half=self.half, compression=self.compression,
+                metadata=metadata,
+            )  # fmt: skip
         else:
             frame = frame if format_of(path).alpha else without_alpha(frame, path)
-            write_picture(path, frame, half=self.half, metadata=metadata)
+            write_picture(
+                path, frame, half=self.half, compression=self.compression, metadata=metadata
+            )
 
     def _planes(self, scene: Scene, frame: Any) -> dict[str, Array]:
         if self.kind == "layers":

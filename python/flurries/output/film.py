@@ -3,13 +3,18 @@
 from __future__ import annotations
 
 import hashlib
+from collections import deque
 from collections.abc import Iterator
+from concurrent.futures import Future, ThreadPoolExecutor
+from contextvars import copy_context
 from dataclasses import replace
 from fractions import Fraction
 from pathlib import Path
 from typing import Any
 
+from flurries import _core
 from flurries._contract import Array
+from flurries._threads import reproducible, threads
 from flurries.io import VideoWriter
 from flurries.io.films.codecs import frame_rate
 from flurries.io.films.sound import Sound, has_sound
@@ -21,6 +26,9 @@ from flurries.output.mark import Refused
 from flurries.output.sequence import Done, Progress
 from flurries.scene.scene import Scene
 from flurries.trace import stage
+
+# Frames that wait for the encoder; each is a picture in memory.
+AHEAD = 2
 
 
 def write_film(
@@ -54,16 +62,30 @@ def write_film(
             done.skipped += [number for number in frames if number not in good]
             return done, heard
     comment = f"flurries {mark[0]} {mark[1]}"
-    with VideoWriter(
-        path, scene.size, scene.fps, quality=quality, sound=part, comment=comment
-    ) as video:
+    # While a frame is encoded, the next ones are rendered.
+    with (
+        VideoWriter(
+            path, scene.size, scene.fps, quality=quality, sound=part, comment=comment
+        ) as video,
+        ThreadPoolExecutor(1, "encoder", _core.set_scope, (threads(), reproducible())) as encoder,
+    ):
+
+        def encode(image: Array) -> None:
+            with stage("encode"):
+                video.write(display_bytes(without_alpha(image, path)))
+
+        waiting: deque[Future[None]] = deque()
         for number, image in _rendered(scene, frames, progress, job.skip, dask, patience):
             if image is None:
                 done.skipped.append(number)
                 continue
-            with stage("encode"):
-                video.write(display_bytes(without_alpha(image, path)))
+            # In the context of the caller, whose stages are counted.
+            waiting.append(encoder.submit(copy_context().run, encode, image))
             done.written.append(number)
+            if len(waiting) > AHEAD:
+                waiting.popleft().result()
+        for one in waiting:
+            one.result()
         if _mark(job, frames, quality, part) != mark:
             raise OSError(f"{path}: what it is made of changed meanwhile; run again")
     done.held += [number for number in done.written if job.stands_in(number)]

@@ -16,8 +16,8 @@ from flurries.output import manifest
 from flurries.output.mark import Mark, Refused
 from flurries.output.store import Held, Store
 
-# Files that are encoded while the next is made; each holds a picture in memory.
-WRITERS = 2
+# Files that are encoded while the next is made, at most; each holds a picture in memory.
+MOST_WRITERS = 8
 
 Progress: TypeAlias = Callable[[Iterable[int]], Iterable[int]]
 Entries: TypeAlias = dict[str, dict[str, Any]]
@@ -184,7 +184,8 @@ class _Work:
         others = []
         # Writers work as this thread does.
         setting = threads(), reproducible()
-        with ThreadPoolExecutor(WRITERS, "writer", _core.set_scope, setting) as writers:
+        count = min(max(threads(), 2), MOST_WRITERS)
+        with ThreadPoolExecutor(count, "writer", _core.set_scope, setting) as writers:
             pending: list[Future[None]] = []
             for index in indices:
                 claim = claiming(self.job.path_of(index))
@@ -195,7 +196,7 @@ class _Work:
                 try:
                     with self._excused(index):
                         made = self._made(index)
-                    while len(pending) >= WRITERS:
+                    while len(pending) >= count:
                         pending.pop(0).result()
                 except BaseException:
                     claim.release()

@@ -15,6 +15,7 @@ import numpy as np
 from flurries._contract import choice, flag
 from flurries.camera.lens import Camera
 from flurries.io import Pattern
+from flurries.io.pictures.writer import COMPRESSIONS
 from flurries.io.sequences import VIDEO_EXTENSIONS
 from flurries.output.bucket import store_of
 from flurries.output.cluster import cluster
@@ -74,6 +75,7 @@ def write(
     frames: Numbers = None,
     *,
     half: bool = True,
+    compression: Literal["zip", "zips", "piz", "rle", "none", "dwaa", "dwab"] = "zip",
     layers: bool = False,
     alone: bool = False,
     eyes: Mapping[str, Camera] | None = None,
@@ -109,6 +111,9 @@ def write(
         0 on, or three seconds from 1 on.
     half : bool
         EXR as half floats, else 32 bits.
+    compression : {"zip", "zips", "piz", "rle", "none", "dwaa", "dwab"}
+        How an EXR packs its pixels. The last two lose bits that are hard to see, and take half the
+        bytes or less of a frame of snow; they are not for layers and eyes.
     layers : bool
         EXR only: everything that is known of the frame as named channels beside the composite, see
         `flurries.output.contents.planes`.
@@ -162,6 +167,7 @@ def write(
     ):  # fmt: skip
         flag(name, value)
     choice("damaged", damaged, DAMAGED)
+    choice("compression", compression, tuple(COMPRESSIONS))
     if alone and layers:
         raise ValueError("alone and layers must not both be given")
     store, text = store_of(os.fspath(pattern))
@@ -177,7 +183,8 @@ def write(
         wanted = wanted[:1]
     else:
         target = Pattern(text)
-    content = Content("layers" if layers else "alone" if alone else "composite", half, _views(eyes))
+    kind = "layers" if layers else "alone" if alone else "composite"
+    content = Content(kind, half, _views(eyes), compression)
     _require_room(text, content, is_video=target.is_video)
     bar = progress if progress is not None else _silent
     job = Frames(
@@ -227,6 +234,13 @@ def _require_room(text: str, content: Content, *, is_video: bool) -> None:
         raise ValueError(f"alone needs .exr, .png or .tif, and no layers, got {text!r}")
     if content.kind == "alone" and content.eyes is not None:
         raise ValueError("alone and eyes must not both be given")
+    if content.compression != "zip" and (
+        content.kind == "layers" or content.eyes is not None or not lower.endswith(".exr")
+    ):
+        raise ValueError(
+            f"compression is for a composite or the weather alone in an EXR, got "
+            f"{content.compression!r} for {text!r}"
+        )
     if content.kind == "layers" and not lower.endswith(".exr"):
         raise ValueError(f"layers need an EXR, got {text!r}")
     if content.eyes is not None and not lower.endswith(".exr"):

@@ -437,6 +437,7 @@ class Scene:
         frames: Frames = None,
         *,
         half: bool = True,
+        compression: Literal["zip", "zips", "piz", "rle", "none", "dwaa", "dwab"] = "zip",
         layers: bool = False,
         alone: bool = False,
         eyes: Mapping[str, Camera] | None = None,
@@ -463,6 +464,8 @@ class Scene:
             background's frames, or three seconds from 1 on.
         half : bool
             EXR as half floats, else 32 bits.
+        compression : {"zip", "zips", "piz", "rle", "none", "dwaa", "dwab"}
+            How an EXR packs its pixels; the last two are lossy.
         layers : bool
             EXR only: the weather, depth and motion as channels beside the composite.
         alone : bool
@@ -501,9 +504,10 @@ class Scene:
         from flurries.output.write import write
 
         return write(
-            self, pattern, frames, half=half, layers=layers, alone=alone, eyes=eyes,
-            overwrite=overwrite, damaged=damaged, sound=sound, manifest=manifest, quality=quality,
-            dask=dask, dask_patience=dask_patience, progress=progress,
+            self, pattern, frames, half=half, compression=compression, layers=layers,
+            alone=alone, eyes=eyes, overwrite=overwrite, damaged=damaged, sound=sound,
+            manifest=manifest, quality=quality, dask=dask,
+            dask_patience=dask_patience, progress=progress,
         )  # fmt: skip
 
     def to_dask(self, frames: Frames = None, *, group: int | None = None) -> dask.array.Array:

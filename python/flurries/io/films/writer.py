@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from flurries.io.atomic import replacing
-from flurries.io.films.codecs import QUALITIES, THREADS, encoder_for, frame_rate
+from flurries.io.films.codecs import QUALITIES, encoder_for, encoder_threads, frame_rate
 from flurries.io.films.index import SCALING
 from flurries.io.films.library import require_library
 from flurries.io.films.sound import Sound, SoundTrack
@@ -150,10 +150,14 @@ class VideoWriter:
             # An encoder may hold frames back for long: a file that is being written is not old.
             os.utime(self._temporary)
         with self._told():
-            for packet in self._stream.encode(self._converted(array)):
-                self._container.mux(packet)
-            if self._track is not None:
-                self._track.write_up_to((self.count + 1) / self.fps)
+            self._encode(self._converted(array))
+
+    def _encode(self, picture: Any) -> None:
+        """Append a frame of the video library's."""
+        for packet in self._stream.encode(picture):
+            self._container.mux(packet)
+        if self._track is not None:
+            self._track.write_up_to((self.count + 1) / self.fps)
         self.count += 1
 
     def _open(self, temporary: Path) -> None:
@@ -175,7 +179,7 @@ class VideoWriter:
             stream.height = height + (height % 2 if even else 0)
             stream.pix_fmt = self._codec.pixels
             context = stream.codec_context
-            context.thread_count = THREADS
+            context.thread_count = encoder_threads()
             context.color_primaries = 1  # BT.709
             context.color_trc = 1 if even else 13  # BT.709, or sRGB where RGB is stored
             context.colorspace = 1 if even else 0

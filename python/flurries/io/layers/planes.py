@@ -17,7 +17,7 @@ from flurries.io.oiio import openimageio
 from flurries.io.pictures import metadata as header
 from flurries.io.pictures.header import opened_picture
 from flurries.io.pictures.rows import Band, write_bands
-from flurries.io.pictures.writer import format_of
+from flurries.io.pictures.writer import format_of, packing
 
 MAIN = "rgba"
 
@@ -112,7 +112,7 @@ def part_of(layers: Mapping[str, npt.ArrayLike], half: bool) -> tuple[Any, Band]
     if len(set(kinds)) > 1:
         specification.channelformats = tuple(map(library.TypeDesc, kinds))
     specification.alpha_channel = specification.channelindex("A")
-    specification.attribute("compression", "zip")
+    specification.attribute("compression", packing("zip"))
     return specification, band
 
 

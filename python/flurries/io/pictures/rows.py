@@ -9,22 +9,32 @@ from __future__ import annotations
 import os
 import zlib
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager, nullcontext
 from pathlib import Path
 from typing import Any, TypeAlias
 
 import numpy as np
 
+from flurries import _core
 from flurries.io.atomic import replacing
 from flurries.io.color import Array
-from flurries.io.oiio import last_error, let_open, openimageio
+from flurries.io.oiio import last_error, let_open, openimageio, packing_threads
 from flurries.io.pictures.seal import seal
-from flurries.io.roomy import roomy
 
 # A whole number of the strips and blocks in which EXR and TIFF compress; of wide pictures, whose
 # rows take much memory, fewer.
 _ROWS = 64
 _FEWER, _WIDE = 32, 4096
+
+# The rows that an EXR packs together, of each of which a thread takes one.
+_BLOCK_ROWS = 16
+
+# A picture of fewer pixels is not worth threads.
+_LARGE = 1 << 18
+
+# Formats of which any rows can be read without those before.
+_SEPARATE = (".exr", ".tif", ".tiff")
 
 Band: TypeAlias = Callable[[int, int], Array]
 Checksums: TypeAlias = list[tuple[np.dtype[Any], int]]
@@ -95,10 +105,11 @@ def write_whole(path: str | os.PathLike[str], specification: Any, data: bytes) -
 def _write(target: str, temporary: Path, parts: Sequence[tuple[Any, Band]]) -> list[Checksums]:
     """Write all bands of all parts; return the type and the checksum of each."""
     checksums = []
+    name = str(temporary)
     first, *_ = specifications = tuple(specification for specification, _ in parts)
-    # What does not shrink at all, and what a PNG adds to it.
-    most = 0 if temporary.suffix.lower() != ".png" else int(1.01 * first.image_bytes()) + (1 << 16)
-    with roomy(temporary, most) as name, _output(target, temporary) as output:
+    large = temporary.suffix.lower() == ".exr" and first.width * first.height >= _LARGE
+    threads = packing_threads() if large else nullcontext()
+    with threads, _output(target, temporary) as output:
         for number, (specification, band) in enumerate(parts):
             if number:
                 opened = output.open(name, specification, "AppendSubimage")
@@ -130,7 +141,8 @@ def _output(target: str, temporary: Path) -> Iterator[Any]:
 
 def _rows(specification: Any) -> int:
     """Return how many rows of a picture are written together."""
-    return _ROWS if specification.width <= _WIDE else _FEWER
+    rows = _ROWS if specification.width <= _WIDE else _FEWER
+    return max(rows, _BLOCK_ROWS * _core.threads())
 
 
 def _write_rows(target: str, output: Any, specification: Any, band: Band) -> Checksums:
@@ -150,15 +162,43 @@ def _verify(
     target: str,
     temporary: Path,
     specification: Any,
-    checksums: Sequence[tuple[np.dtype[Any], int]],
+    checksums: Checksums,
     *,
     lossless: bool,
     part: int = 0,
 ) -> None:
     """Read the picture back; a full disk or a faulty writer shows here and not next week."""
+    let_open(4 * specification.width * specification.height * specification.nchannels)
+    step = _rows(specification)
+    bands = [(number * step, *band) for number, band in enumerate(checksums)]
+    large = specification.width * specification.height >= _LARGE
+    count = _core.threads() if large and temporary.suffix.lower() in _SEPARATE else 1
+    # Each of them opens the file for itself.
+    shares = [bands[share::count] for share in range(min(count, len(bands)))]
+
+    def look(share: Sequence[tuple[int, np.dtype[Any], int]]) -> None:
+        _compare(target, temporary, specification, share, lossless=lossless, part=part)
+
+    if len(shares) == 1:
+        look(bands)
+        return
+    with ThreadPoolExecutor(len(shares)) as readers:
+        for done in [readers.submit(look, share) for share in shares]:
+            done.result()
+
+
+def _compare(
+    target: str,
+    temporary: Path,
+    specification: Any,
+    bands: Sequence[tuple[int, np.dtype[Any], int]],
+    *,
+    lossless: bool,
+    part: int,
+) -> None:
+    """Decode bands, each from a first row on, and compare their checksums."""
     step = _rows(specification)
     library = openimageio()
-    let_open(4 * specification.width * specification.height * specification.nchannels)
     wishes = library.ImageSpec()
     wishes.attribute("oiio:UnassociatedAlpha", 1)
     reader = library.ImageInput.open(str(temporary), wishes)
@@ -172,8 +212,7 @@ def _verify(
         # EXR keeps channels in alphabetical order, whatever order they were given in.
         order = [stored.channelindex(name) for name in specification.channelnames]
         sorts = sorted(order) == list(range(stored.nchannels)) and order != sorted(order)
-        for number, (dtype, checksum) in enumerate(checksums):
-            first = number * step
+        for first, dtype, checksum in bands:
             last = min(first + step, stored.height)
             kind = {"float16": "half", "float32": "float"}.get(dtype.name, dtype.name)
             rows = reader.read_scanlines(part, 0, first, last, 0, 0, stored.nchannels, kind)
