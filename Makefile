@@ -3,6 +3,7 @@
 # make bench   print the speeds that the README quotes; make performance writes docs/internals/performance.md
 # make test-hosts     test the transforms of torchvision, kornia and albumentations, installed for it
 # make wheel          build the wheel and the source archive into dist/; make test-wheel tries both
+# make docs    build the documentation site into site/, notebooks and all, some minutes; QUICK=1 without outputs
 # make soak    kill, interrupt and damage by the hundred: docs/internals/reliability.md, some half an hour
 # make asan    the kernels' tests and random calls under AddressSanitizer: a nightly toolchain and gcc
 # make audit   licences, sources and known holes of all crates, licences of all packages: cargo-deny
@@ -19,7 +20,7 @@ WORKERS ?= 2
 
 RUST := $(shell find src crates -name '*.rs' 2>/dev/null) Cargo.toml crates/fft/Cargo.toml pyproject.toml
 
-.PHONY: demo test asan audit test-lowest test-browser test-hosts test-hosts-older wheel test-wheel peers hard-cases accuracy mutations \
+.PHONY: docs demo test asan audit test-lowest test-browser test-hosts test-hosts-older wheel test-wheel peers hard-cases accuracy mutations \
 	lint bench performance frames hashes soak clean requirements
 
 demo: $(VENV)/.installed
@@ -109,6 +110,13 @@ WHAT ?= all
 mutations: $(VENV)/.tools
 	$(BIN)/python tests/mutations.py $(WHAT)
 
+# Without the network: pages, gallery, notebooks and a reference made from the code. Warnings and lost
+# links are errors.
+QUICK ?=
+docs: $(VENV)/.tools
+	$(BIN)/maturin develop --release --quiet --extras video,docs
+	$(BIN)/python docs/site/build.py $(if $(QUICK),--quick)
+
 lint: $(VENV)/.tools
 	cargo fmt --all --check
 	cargo clippy --workspace --all-targets --quiet -- --deny warnings
@@ -144,7 +152,7 @@ soak: $(VENV)/.tools
 	FLURRIES_SOAK=$(LENGTH) $(BIN)/python tests/make_reliability.py
 
 clean:
-	rm -rf $(VENV) target demo dist
+	rm -rf $(VENV) target build demo dist site
 
 requirements:
 	@command -v $(PYTHON) >/dev/null || { echo "missing: $(PYTHON) (Python 3.10 or newer)"; exit 1; }

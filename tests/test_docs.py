@@ -81,7 +81,17 @@ def test_the_readme_runs():
 
 
 # `test_own_effect.py` runs the page on effects of one's own and looks at what comes out.
-RUNNING = ["augment.md", "looks.md", "plan.md", "snow.md"]
+RUNNING = [
+    "start.md",
+    "film.md",
+    "camera.md",
+    "depth.md",
+    "stereo.md",
+    "augment.md",
+    "looks.md",
+    "plan.md",
+    "snow.md",
+]
 
 
 @pytest.mark.parametrize("name", RUNNING)

@@ -129,15 +129,3 @@ def test_the_example_of_a_film_runs(tmp_path: Path):
     made = {path.name for path in tmp_path.iterdir()} - {"flurries.json"}
     numbers = {f"snow_{number:04d}.png" for number in range(1, 5)}
     assert made == numbers | {"snow.exr", "anaglyph.png", "texture.png"}
-
-
-def test_a_checker_refuses_a_wrong_preset_and_a_wrong_argument(tmp_path: Path):
-    from mypy import api
-
-    wrong = tmp_path / "wrong.py"
-    wrong.write_text(
-        'import flurries as fl\nfl.Snow.preset("hevy")\nfl.Scene(efects=())\n'
-        "fl.Scene().render(1, layers=True).shape\nfl.Scene().render(1).shape\n"
-    )
-    said, _, _ = api.run(["--strict", "--follow-imports=silent", str(wrong)])
-    assert [line.split(":")[1] for line in said.splitlines() if "error" in line] == ["2", "3", "4"]

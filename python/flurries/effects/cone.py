@@ -113,6 +113,8 @@ class ConeRain(metaclass=Described):
         Radius over height of the cone; 0 is a cylinder, in exact perspective.
     tile : int
         Texels of the texture to a side, 16 to 2048.
+    look : {"v1"}
+        Version of the looks: what presets mean.
     seed : int, optional
         Of this effect; the scene's if not given.
 
@@ -216,7 +218,7 @@ class ConeSnow(metaclass=Described):
 
     Parameters
     ----------
-    amount, wind, color, haze, gain, conserve, damping, radius, repeats, slope, tile, seed
+    amount, wind, color, haze, gain, conserve, damping, radius, repeats, slope, tile, look, seed
         As in :class:`ConeRain`.
     fall : float
         Fall speed in still air, metres per second. Keyed.

@@ -1,0 +1,111 @@
+"""Pages on every public function and class, from the docstrings in the code."""
+
+from __future__ import annotations
+
+import inspect
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import flurries as fl
+from flurries.camera import importers
+from flurries.effects.described import INNER
+from flurries.effects.kinds import OURS
+from flurries.output import write as writing
+
+# Pages beside those of the public modules: title, and the names on it.
+MORE: dict[str, tuple[ModuleType, tuple[str, ...]]] = {
+    "output": (writing, ("write", "Summary")),
+    "importers": (importers, ("load",)),
+}
+
+SENTENCES = {
+    "scene": "What a film is made of, how the camera moves, and what comes out of a frame.",
+    "effects": "What can be in the air. Each is a frozen dataclass: give its fields to the class, or "
+    "name a preset and give what differs. Fields marked keyed take numbers that vary over time.",
+    "output": "Frames to files: `fl.Scene.write` calls it.",
+    "importers": "Cameras of other programs: `flurries render --camera` calls it.",
+}
+
+
+def write(folder: Path) -> None:
+    """Write a page for each module, one for effects and one for what belongs to scenes."""
+    folder.mkdir(parents=True)
+    pages: dict[str, list[tuple[str, str]]] = {"scene": [], "effects": []}
+    for name in fl.__all__:
+        thing = getattr(fl, name)
+        if inspect.ismodule(thing):
+            pages[name] = [(f"flurries.{name}", own) for own in public(thing)]
+        else:
+            kind = "effects" if hasattr(thing, "preset") else "scene"
+            pages[kind].append(("flurries", name))
+    for name, (module, names) in MORE.items():
+        pages[name] = [(module.__name__, own) for own in names]
+    # Snow and rain first, then what is rarer.
+    order = {kind.__name__: place for place, kind in enumerate(OURS.values())}
+    pages["effects"].sort(key=lambda pair: order.get(pair[1], len(order)))
+    for title, names in pages.items():
+        (folder / f"{title}.rst").write_text(page(title, names), encoding="utf-8")
+    modules = sorted(set(pages) - {"scene", "effects"})
+    listed = "\n".join(["scene", "effects", "scene-toml", "commands", "variables", *modules])
+    (folder / "index.md").write_text(f"{INDEX}\n```{{toctree}}\n:maxdepth: 1\n\n{listed}\n```\n")
+
+
+INDEX = """# Reference
+
+Made from the code: what stands here is what `help` says in Python and `--help` on the command line.
+In Python, `fl` is `import flurries as fl`. Arrays are `[row, column]`, x goes right, **y goes down**, z goes
+away from the camera; lengths are metres, angles radians, times frames unless a name says otherwise.
+"""
+
+
+_shown: set[int] = set()
+
+
+def public(module: ModuleType) -> list[str]:
+    """Return the functions and classes that a module offers."""
+    return [
+        name for name in getattr(module, "__all__", ())
+        if callable(getattr(module, name, None)) and not inspect.ismodule(getattr(module, name))
+    ]  # fmt: skip
+
+
+def page(title: str, names: list[tuple[str, str]]) -> str:
+    """Return a page of a module."""
+    head = f"fl.{title}" if title in fl.__all__ else title.capitalize()
+    module = getattr(fl, title) if title in fl.__all__ else None
+    about = SENTENCES.get(title) or (inspect.getdoc(module) or "").split("\n\n")[0]
+    lines = [head, "=" * len(head), "", about.replace("`", "``").replace("````", "``"), ""]
+    for path, name in names:
+        lines += ["", name, "-" * len(name), ""]
+        thing = getattr(__import__(path, fromlist=[name]), name)
+        lines += directive(path, name, thing)
+        # One thing under two names has one place that links lead to.
+        if id(thing) in _shown:
+            lines += ["   :no-index:"]
+        _shown.add(id(thing))
+    return "\n".join(lines) + "\n"
+
+
+def directive(path: str, name: str, thing: Any) -> list[str]:
+    """Return what makes Sphinx show a function, or a class with its methods."""
+    if not inspect.isclass(thing):
+        return [f".. autofunction:: {path}.{name}"]
+    methods = [
+        one for one, value in inspect.getmembers(thing)
+        if not one.startswith("_") and one not in INNER and inspect.getdoc(value)
+        and (inspect.isroutine(value) or isinstance(value, property))
+        and one in own_names(thing)
+    ]  # fmt: skip
+    lines = [f".. autoclass:: {path}.{name}"]
+    return lines + ([f"   :members: {', '.join(methods)}"] if methods else [])
+
+
+def own_names(kind: type) -> set[str]:
+    """Return what a class and its bases of this package define."""
+    return {
+        name
+        for base in kind.__mro__
+        if base.__module__.startswith("flurries")
+        for name in vars(base)
+    }
