@@ -20,7 +20,7 @@ WORKERS ?= 2
 
 RUST := $(shell find src crates -name '*.rs' 2>/dev/null) Cargo.toml crates/fft/Cargo.toml pyproject.toml
 
-.PHONY: docs demo test asan audit test-lowest test-browser test-hosts test-hosts-older wheel test-wheel peers hard-cases accuracy mutations \
+.PHONY: docs links demo test asan audit test-lowest test-browser test-hosts test-hosts-older wheel test-wheel peers hard-cases accuracy mutations \
 	lint bench performance frames hashes soak clean requirements
 
 demo: $(VENV)/.installed
@@ -116,6 +116,10 @@ QUICK ?=
 docs: $(VENV)/.tools
 	$(BIN)/maturin develop --release --quiet --extras video,docs
 	$(BIN)/python docs/site/build.py $(if $(QUICK),--quick)
+
+# Absolute links for a package index. The address is known to who publishes: BASE=https://host/owner/flurries
+links:
+	$(PYTHON) docs/site/absolute.py $(BASE)
 
 lint: $(VENV)/.tools
 	cargo fmt --all --check

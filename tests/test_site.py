@@ -16,6 +16,7 @@ from flurries.effects.kinds import OURS
 ROOT = Path(__file__).parents[1]
 sys.path.insert(0, str(ROOT / "docs" / "site"))
 
+import absolute  # noqa: E402
 import links  # noqa: E402
 
 
@@ -38,6 +39,7 @@ def test_every_variable_that_the_code_reads_has_a_row():
         for name in re.findall(r"\bFLURRIES_[A-Z_]+\b", file.read_text(encoding="utf-8"))
     }  # fmt: skip
     # Set by the shell's completion itself.
+    read = {name for name in read if not name.endswith("_")}
     assert read - {"FLURRIES_COMPLETE"} == set(re.findall(r"^\| `(FLURRIES_\w+)`", page, re.M))
 
 
@@ -76,3 +78,13 @@ def test_every_key_of_a_scene_file_has_its_row_and_every_command_its_section(mad
     assert "| `amount` | float | `1.0` | 0 to 1 |" in text
     commands = (made / "commands.md").read_text(encoding="utf-8")
     assert re.findall(r"^## flurries (\w+)$", commands, re.M) == list(COMMANDS)
+
+
+def test_links_for_a_package_index_are_absolute():
+    text = absolute.absolute((ROOT / "README.md").read_text(encoding="utf-8"), "https://h/o/f")
+    found = re.findall(r"(!?)\[[^\]]*\]\(([^)\s]+)\)", text)
+    assert len(found) > 10
+    assert all(link.startswith(("https://", "#")) for _, link in found)
+    assert "](https://h/o/f/raw/main/docs/images/snow.webp)" in text
+    project = (ROOT / "pyproject.toml").read_text(encoding="utf-8")
+    assert 'Homepage = "https://h/o/f"' in absolute.with_urls(project, "https://h/o/f")
