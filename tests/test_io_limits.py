@@ -19,6 +19,7 @@ import pytest
 
 import flurries as fl
 from flurries.camera import importers
+from flurries.cli import main
 from flurries.io import (
     Budget,
     VideoWriter,
@@ -269,6 +270,22 @@ def test_16_8_a_budget_of_pixels_and_of_bytes(tmp_path: Path, monkeypatch: pytes
             around.setenv("FLURRIES_MAX_BYTES", "5")
             with pytest.raises(OSError, match="FLURRIES_MAX_BYTES raises the limit"):
                 read(path)
+
+
+def test_16_8_the_command_line_has_a_budget(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+):
+    for name in ("FLURRIES_MAX_PIXELS", "FLURRIES_MAX_BYTES"):
+        monkeypatch.setenv(name, "")  # What the options set is taken back after the test.
+    write_picture(tmp_path / "plate.png", np.zeros((40, 50, 3), np.uint8))
+    words = ["render", str(tmp_path / "plate.png"), "--snow", "-q", "-o", str(tmp_path / "o.png")]
+    for option, number in (("--max-pixels", "1999"), ("--max-bytes", "5999")):
+        assert main([*words, option, number]) == 2
+        (line,) = capsys.readouterr().err.splitlines()
+        assert "plate.png: the picture claims 50 x 40 px" in line and f"the {number} " in line
+    assert main([*words, "--max-pixels", "2000", "--max-bytes", "6000"]) == 0
+    for option in ("--max-pixels", "--max-bytes"):
+        assert main([*words, option, "0"]) == 2
 
 
 @pytest.mark.parametrize("name", ["FLURRIES_MAX_PIXELS", "FLURRIES_MAX_BYTES"])
