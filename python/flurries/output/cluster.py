@@ -146,6 +146,7 @@ def _client(where: Any, count: int | None) -> Iterator[Any]:
     # Any free port, since two runs at once must not want the same; and for this machine alone.
     with distributed.LocalCluster(
         n_workers=count or _cores(), threads_per_worker=1, dashboard_address="127.0.0.1:0",
+        worker_dashboard_address="127.0.0.1:0",
         silence_logs=logging.CRITICAL,
     ) as own, distributed.Client(own, set_as_default=False) as client:  # fmt: skip
         yield client
