@@ -25,6 +25,7 @@ import flurries as fl
 
 sys.path.insert(0, str(Path(__file__).parent))
 import flakes
+import rivals
 import speed
 
 ROOT = Path(__file__).parents[1]
@@ -46,11 +47,13 @@ def rows(one: Times, two: Times) -> list[tuple[str, float]]:
     hybrid = "30,000 discs, texture and uint8 composite"
     plain = "scene: plain texture, uint8 RGB"
     return [
-        ("texture / copy of the alpha", ratio(texture, speed.COPY)),
+        ("texture / copy of the alpha, warm", ratio(texture, speed.COPY)),
         ("the same, two threads", ratio(texture, speed.COPY, two)),
+        ("texture / copy of the alpha, cold", ratio(texture, speed.COLD)),
+        ("the same, two threads", two[texture][0] / one[speed.COLD][0]),
         ("plain NumPy / texture", ratio("texture, plain NumPy", texture)),
         ("tuned SciPy, 2 workers / texture", ratio("texture, tuned SciPy, 2 workers", texture)),
-        ("uint8 scene, plain texture / copy of the alpha", ratio(plain, speed.COPY)),
+        ("uint8 scene, plain texture / copy of the alpha, warm", ratio(plain, speed.COPY)),
         ("NumPy / texture of one tile, 512 x 512", ratio(f"{one_tile}, NumPy", one_tile)),
         ("a pixel at 1920 x 1080 / 1024 x 1024", per_pixel["1920 x 1080"]),
         ("a pixel at 3840 x 2160 / 1024 x 1024", per_pixel["3840 x 2160"]),
@@ -121,18 +124,24 @@ def memory(name: str) -> float:
     return float(done.stdout)
 
 
-def sweeps(runs: int) -> dict[str, dict[str, list[float]]]:
-    """Return milliseconds against pixels, tile size, discs, octaves and threads."""
+Series = dict[str, list[float]]
 
-    def series(calls: dict[str, Callable[[], object]]) -> dict[str, list[float]]:
+
+def sweeps(runs: int) -> dict[str, dict[str, Series]]:
+    """Return ms against pixels, tile size, discs, octaves and threads: ours, and the rivals'."""
+
+    def series(calls: dict[str, Callable[[], object]], runs: int = runs) -> Series:
         times = speed.timed(calls, runs)
         return {"x": [float(x) for x in times], "ms": [least for least, _ in times.values()]}
 
     fl.set_threads(1)
+    sizes = (256, 512, 1024, 2048)
     found = {
-        "pixels along a side": series(
-            {str(n): speed.texture((n, n)) for n in (128, 256, 512, 1024, 2048, 4096)}
-        )
+        "pixels along a side": {
+            "ours": series({str(n): speed.texture((n, n)) for n in (128, *sizes, 4096)}),
+            "NumPy": series({str(n): lambda n=n: rivals.straightforward(n) for n in sizes[:3]}, 2),
+            "SciPy, tuned": series({str(n): rivals.Tuned(n) for n in sizes}, 2),
+        }
     }
 
     def tiled(tile: int) -> Callable[[], object]:
@@ -140,7 +149,8 @@ def sweeps(runs: int) -> dict[str, dict[str, list[float]]]:
         waves = {"tile": tile, "overlap": tile // 6, "wavelengths": (tile / 16, tile / 2)}
         return lambda: fl.spectral.alpha(speed.SHAPE, drift=(2.0, 9.0), seed=1, out=out, **waves)
 
-    found["pixels along a tile"] = series({str(n): tiled(n) for n in (32, 64, 128, 256, 512)})
+    tiles = {str(n): tiled(n) for n in (32, 64, 128, 256, 512)}
+    found["pixels along a tile"] = {"ours": series(tiles)}
 
     def discs(count: int) -> Callable[[], object]:
         points, radius = flakes.cloud(count, speed.SIZE, 1000.0)
@@ -148,9 +158,15 @@ def sweeps(runs: int) -> dict[str, dict[str, list[float]]]:
         camera = fl.Camera(1000.0)
         return lambda: fl.particles.splat(speed.SHAPE, points, radius, camera, opacity=0.5, out=out)
 
-    found["discs of 1-4 px"] = series(
-        {str(n): discs(n) for n in (100, 1000, 10_000, 100_000, 300_000)}
-    )
+    def scattered(count: int) -> Callable[[], object]:
+        points, radius = flakes.cloud(count, speed.SIZE, 1000.0)
+        return lambda: flakes.bincount(points, radius, speed.SIZE, 1000.0)
+
+    counts = (100, 1000, 10_000, 100_000)
+    found["discs of 1-4 px"] = {
+        "ours": series({str(n): discs(n) for n in (*counts, 300_000)}),
+        "np.bincount": series({str(n): scattered(n) for n in counts}, 2),
+    }
 
     def octaves(count: int) -> Callable[[], object]:
         out = np.empty(speed.SHAPE, np.float32)
@@ -159,31 +175,46 @@ def sweeps(runs: int) -> dict[str, dict[str, list[float]]]:
             speed.SHAPE, drift=(2.0, 9.0), seed=1, wavelengths=waves, out=out
         )
 
-    found["octaves of waves"] = series({str(n): octaves(n) for n in (1, 2, 3, 4)})
+    found["octaves of waves"] = {"ours": series({str(n): octaves(n) for n in (1, 2, 3, 4)})}
     calls: dict[str, Callable[[], object]] = {}
     frame = speed.texture(speed.SHAPE)
     for count in range(1, (os.cpu_count() or 1) + 1):
         calls[str(count)] = lambda count=count: (fl.set_threads(count), frame())
-    found["threads"] = series(calls)
+    found["threads"] = {"ours": series(calls)}
     fl.set_threads(1)
     return found
 
 
-def plotted(found: dict[str, dict[str, list[float]]], path: Path) -> None:
-    """Draw the sweeps."""
+COLORS = ("#20639b", "#c8553d", "#d9a441")
+
+
+def plotted(found: dict[str, dict[str, Series]], path: Path) -> None:
+    """Draw the sweeps, ours and the rivals'."""
     import matplotlib
 
     matplotlib.use("Agg")
-    from matplotlib import pyplot
+    from matplotlib import pyplot, ticker
 
-    figure, axes = pyplot.subplots(1, len(found), figsize=(3.1 * len(found), 2.8))
-    for axis, (name, values) in zip(axes, found.items(), strict=True):
-        axis.loglog(values["x"], values["ms"], "o-", color="#20639b", markersize=4)
-        axis.set_xlabel(name)
-        axis.set_xticks(values["x"], [f"{x:,.0f}" for x in values["x"]], rotation=45, fontsize=7)
-        axis.minorticks_off()
+    figure, places = pyplot.subplots(2, 3, figsize=(11, 6.4))
+    for axis in places.flat[len(found) :]:
+        axis.axis("off")
+    for axis, (name, lines) in zip(places.flat, found.items(), strict=False):
+        for (who, values), color in zip(lines.items(), COLORS, strict=False):
+            axis.loglog(values["x"], values["ms"], "o-", color=color, markersize=4, label=who)
+        ours = lines["ours"]["x"]
+        axis.set_xlabel(name, fontsize=10)
+        axis.set_xticks(ours, [f"{x:,.0f}" for x in ours], rotation=30, fontsize=9)
+        axis.set_xticks([], minor=True)
+        low, high = axis.get_ylim()
+        axis.set_ylim(min(low, high / 12.0), high)
+        axis.yaxis.set_major_locator(ticker.LogLocator(subs=(1.0, 2.0, 5.0), numticks=12))
+        axis.yaxis.set_major_formatter(ticker.FuncFormatter(lambda y, _: f"{y:g}"))
+        axis.yaxis.set_minor_locator(ticker.NullLocator())
+        axis.tick_params(axis="y", labelsize=9)
         axis.grid(alpha=0.3)
-    axes[0].set_ylabel("milliseconds a frame")
+        axis.set_ylabel("ms a frame", fontsize=10)
+        if len(lines) > 1:
+            axis.legend(fontsize=9)
     figure.tight_layout()
     path.parent.mkdir(exist_ok=True)
     figure.savefig(path, dpi=110)
@@ -283,7 +314,9 @@ def page(options: argparse.Namespace) -> str:
         "",
         "## Ratios",
         "1024 x 1024 float32 on one thread unless a row says otherwise, tiles of 64 px that share",
-        "10, every tile with its own drift, outputs reused.",
+        "10, every tile with its own drift, outputs reused. A warm copy copies the same two arrays",
+        "again, out of the third-level cache; a cold one goes round through half a gigabyte: the",
+        "floor of a picture that is in no cache.",
     ]
     measured: Times = {}
     for level in speed.levels():
@@ -326,11 +359,12 @@ def page(options: argparse.Namespace) -> str:
         "![Milliseconds against pixels, tiles, discs, octaves, threads](../images/performance.png)",
         "",
     ]
-    for name, values in found.items():
-        pairs = ", ".join(
-            f"{x:,.0f}: {ms:.2f}" for x, ms in zip(values["x"], values["ms"], strict=True)
-        )
-        lines.append(f"- {name}, ms: {pairs}")
+    for name, kinds in found.items():
+        for who, values in kinds.items():
+            pairs = ", ".join(
+                f"{x:,.0f}: {ms:.2f}" for x, ms in zip(values["x"], values["ms"], strict=True)
+            )
+            lines.append(f"- {name}, {who}, ms: {pairs}")
     lines += [
         "",
         "## Against the machine",

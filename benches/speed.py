@@ -31,6 +31,7 @@ import rivals
 SIZE = 1024
 SHAPE = (SIZE, SIZE)
 COPY = "copy of the alpha"
+COLD = "copy of an alpha that is in no cache"
 Calls = dict[str, Callable[[], object]]
 
 
@@ -90,6 +91,7 @@ def variants() -> Calls:
     wheel = {"tile": 512, "overlap": 0, "drift": (3.0, 9.0), "seed": 1, "out": torus}
     return {
         COPY: lambda: np.copyto(target, source),
+        COLD: cold_copy(),
         "texture": texture(SHAPE),
         "texture, float64": texture(SHAPE, np.float64),
         "texture, 1920 x 1080": texture((1080, 1920)),
@@ -112,6 +114,22 @@ def rivals_of() -> Calls:
         "texture, 512 x 512, one tile, NumPy": rivals.torus,
         "150,000 discs, np.bincount": lambda: flakes.bincount(points, radius, SIZE, 1000.0),
     }
+
+
+def cold_copy() -> Callable[[], object]:
+    """Return a call that copies an alpha that is in no cache to a place that is in none.
+
+    A copy of the same two arrays again and again is no floor: they stay in the third-level cache,
+    where a picture that a program goes on with is not. So copies go round through half a gigabyte.
+    """
+    planes = np.ones((128, *SHAPE), np.float32)
+    turn = iter(range(0, 1 << 62, 2))
+
+    def copy() -> None:
+        place = next(turn) % len(planes)
+        np.copyto(planes[place + 1], planes[place])
+
+    return copy
 
 
 def timed(calls: Calls, runs: int, *, warm: int = 2) -> dict[str, tuple[float, float]]:

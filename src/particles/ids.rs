@@ -13,6 +13,9 @@ use crate::base::real::Real;
 /// Rows of one item of work.
 const BAND: usize = 16;
 
+/// A blurred flake is nowhere more opaque than at rest, but for rounding.
+const SURELY: f64 = 1.01;
+
 /// Where no flake is.
 pub const NONE: i32 = -1;
 
@@ -49,6 +52,8 @@ pub fn ids<M: Real>(
             sprites.push((sprite, index as i32));
         }
     }
+    // The strongest first: most others need not be looked at where one of these is.
+    sprites.sort_by(|(one, _), (other, _)| other.amplitude.total_cmp(&one.amplitude));
     let bands = out.axis_chunks_iter_mut(Axis(0), BAND).enumerate();
     pool::for_each(bands, |(number, mut band)| {
         cancel.check()?;
@@ -65,6 +70,10 @@ pub fn ids<M: Real>(
             let Some(columns) = pixels(low[0], high[0], width) else { continue };
             for row in rows {
                 for column in columns.clone() {
+                    let best = &mut best[row * width + column];
+                    if SURELY * sprite.amplitude < *best {
+                        continue;
+                    }
                     let hidden = depth.as_ref().is_some_and(|map| {
                         f64::from(map[[top + row, column]].wide() as f32)
                             < f64::from(sprite.depth as f32)
@@ -72,11 +81,12 @@ pub fn ids<M: Real>(
                     if hidden {
                         continue;
                     }
-                    let alpha = alpha_at(sprite, column as f64 + 0.5, (top + row) as f64 + 0.5);
-                    let best = &mut best[row * width + column];
-                    if alpha > *best {
+                    let place = [column as f64 + 0.5, (top + row) as f64 + 0.5];
+                    let alpha = alpha_at(sprite, place, *best);
+                    let shown = &mut band[[row, column]];
+                    if alpha > *best || (alpha == *best && alpha > 0.0 && *index < *shown) {
                         *best = alpha;
-                        band[[row, column]] = *index;
+                        *shown = *index;
                     }
                 }
             }
@@ -85,8 +95,9 @@ pub fn ids<M: Real>(
     })
 }
 
-/// The opacity of one flake at a point of the picture: the definition, without a table or a tile.
-fn alpha_at(sprite: &Sprite, x: f64, y: f64) -> f64 {
+/// The opacity of one flake at a point of the picture: the definition, without a table or a tile. Where
+/// it is surely less than `enough`, perhaps 0 in its place.
+fn alpha_at(sprite: &Sprite, [x, y]: [f64; 2], enough: f64) -> f64 {
     let (x, y) = ((x - sprite.start[0]) / sprite.sigma, (y - sprite.start[1]) / sprite.sigma);
     let [ux, uy] = sprite.along;
     let length = sprite.length / sprite.sigma;
@@ -104,8 +115,12 @@ fn alpha_at(sprite: &Sprite, x: f64, y: f64) -> f64 {
     if ends == 0.0 {
         return 0.0;
     }
+    let beside = sprite.amplitude * bare(across);
+    if SURELY * beside < enough {
+        return 0.0;
+    }
     let swept = profile::swept(along, length - along) * std::f64::consts::FRAC_PI_2.sqrt() / length;
-    sprite.amplitude * bare(across) * swept * ends
+    beside * swept * ends
 }
 
 #[cfg(test)]
@@ -136,7 +151,7 @@ mod tests {
             ids(found.view_mut(), &flakes, &LENS, None::<ArrayView2<f32>>, &Cancel::new()).unwrap();
             let sprite = Sprite::of(&flakes.get(0).unwrap(), &LENS).unwrap();
             for ((row, column), &value) in alpha.indexed_iter() {
-                let own = alpha_at(&sprite, column as f64 + 0.5, row as f64 + 0.5);
+                let own = alpha_at(&sprite, [column as f64 + 0.5, row as f64 + 0.5], 0.0);
                 assert!((own - value).abs() < 1e-12, "{own} {value}");
                 assert_eq!(found[[row, column]] == 0, own > 0.0);
             }

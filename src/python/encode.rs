@@ -21,7 +21,7 @@ pub fn to_half(
 ) -> PyResult<()> {
     let out = out.as_slice_mut().map_err(|_| scattered())?;
     let values = values.as_slice().map_err(|_| scattered())?;
-    gate::run(py, 0.3 * values.len() as f64, move |cancel| half::to_half(out, values, cancel))
+    gate::run(py, values.len() as f64, move |cancel| half::to_half(out, values, cancel))
 }
 
 /// A chunk of a PNG with rows of bytes, and the checksum of all rows so far.

@@ -5,12 +5,12 @@ use std::sync::Arc;
 use ndarray::{ArrayView2, ArrayViewMut2};
 use num_complex::Complex;
 use numpy::{
-    PyReadonlyArray1, PyReadonlyArray2, PyReadonlyArray3, PyReadonlyArray4, PyReadwriteArray2,
-    PyReadwriteArray3, PyReadwriteArray4,
+    PyArray3, PyArray4, PyReadonlyArray1, PyReadonlyArray2, PyReadonlyArray3, PyReadonlyArray4,
+    PyReadwriteArray2, PyReadwriteArray3, PyReadwriteArray4,
 };
 use pyo3::prelude::*;
 
-use super::gate::{self, Plane, PlaneMut};
+use super::gate::{self, Plane, PlaneMut, arrays};
 use crate::base::error::{Cancel, Error};
 use crate::base::normal::Normal;
 use crate::spectral::field::Window;
@@ -24,22 +24,24 @@ use crate::spectral::flakes::prepared::Prepared;
 const FLAKE: f64 = 2000.0;
 const PIXEL: f64 = 3.0;
 
-/// Spectra of either precision, to be written.
-#[derive(FromPyObject)]
-pub enum SpectraMut<'py> {
-    /// complex64
-    Single(PyReadwriteArray4<'py, Complex<f32>>),
-    /// complex128
-    Double(PyReadwriteArray4<'py, Complex<f64>>),
+arrays! {
+    /// Spectra of either precision, to be written.
+    pub enum SpectraMut by try_readwrite {
+        /// complex64
+        Single: PyArray4<Complex<f32>> => PyReadwriteArray4<'py, Complex<f32>>,
+        /// complex128
+        Double: PyArray4<Complex<f64>> => PyReadwriteArray4<'py, Complex<f64>>,
+    }
 }
 
-/// Spectra of either precision.
-#[derive(FromPyObject)]
-pub enum Spectra<'py> {
-    /// complex64
-    Single(PyReadonlyArray3<'py, Complex<f32>>),
-    /// complex128
-    Double(PyReadonlyArray3<'py, Complex<f64>>),
+arrays! {
+    /// Spectra of either precision.
+    pub enum Spectra by try_readonly {
+        /// complex64
+        Single: PyArray3<Complex<f32>> => PyReadonlyArray3<'py, Complex<f32>>,
+        /// complex128
+        Double: PyArray3<Complex<f64>> => PyReadonlyArray3<'py, Complex<f64>>,
+    }
 }
 
 /// Patterns of layers; `law` is (shear, opacity, share of the flakes that are shown, seed).

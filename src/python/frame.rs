@@ -1,46 +1,52 @@
 //! `flurries.composite`: Eq. 7, over, and the joint opacity of layers.
 
-use numpy::{PyReadonlyArray2, PyReadonlyArray3, PyReadwriteArray3};
+use numpy::{PyArray3, PyReadonlyArray2, PyReadonlyArray3, PyReadwriteArray3};
 use pyo3::prelude::*;
 
-use super::gate::{self, Plane, PlaneMut};
+use super::gate::{self, Plane, PlaneMut, arrays};
 use crate::base::error::Error;
 use crate::base::real::Real;
 use crate::frame::{composite, sample::Sample};
 
-/// A background of any supported dtype.
-#[derive(FromPyObject)]
-pub enum Picture<'py> {
-    /// uint8
-    Byte(PyReadonlyArray3<'py, u8>),
-    /// uint16
-    Word(PyReadonlyArray3<'py, u16>),
-    /// float32
-    Single(PyReadonlyArray3<'py, f32>),
-    /// float64
-    Double(PyReadonlyArray3<'py, f64>),
+/// Rough nanoseconds for a value.
+const VALUE: f64 = 0.3;
+
+arrays! {
+    /// A background of any supported dtype.
+    pub enum Picture by try_readonly {
+        /// uint8
+        Byte: PyArray3<u8> => PyReadonlyArray3<'py, u8>,
+        /// uint16
+        Word: PyArray3<u16> => PyReadonlyArray3<'py, u16>,
+        /// float32
+        Single: PyArray3<f32> => PyReadonlyArray3<'py, f32>,
+        /// float64
+        Double: PyArray3<f64> => PyReadonlyArray3<'py, f64>,
+    }
 }
 
-/// An output of the same dtypes.
-#[derive(FromPyObject)]
-pub enum PictureMut<'py> {
-    /// uint8
-    Byte(PyReadwriteArray3<'py, u8>),
-    /// uint16
-    Word(PyReadwriteArray3<'py, u16>),
-    /// float32
-    Single(PyReadwriteArray3<'py, f32>),
-    /// float64
-    Double(PyReadwriteArray3<'py, f64>),
+arrays! {
+    /// An output of the same dtypes.
+    pub enum PictureMut by try_readwrite {
+        /// uint8
+        Byte: PyArray3<u8> => PyReadwriteArray3<'py, u8>,
+        /// uint16
+        Word: PyArray3<u16> => PyReadwriteArray3<'py, u16>,
+        /// float32
+        Single: PyArray3<f32> => PyReadwriteArray3<'py, f32>,
+        /// float64
+        Double: PyArray3<f64> => PyReadwriteArray3<'py, f64>,
+    }
 }
 
-/// RGBA of either precision.
-#[derive(FromPyObject)]
-pub enum Layer<'py> {
-    /// float32
-    Single(PyReadonlyArray3<'py, f32>),
-    /// float64
-    Double(PyReadonlyArray3<'py, f64>),
+arrays! {
+    /// RGBA of either precision.
+    pub enum Layer by try_readonly {
+        /// float32
+        Single: PyArray3<f32> => PyReadonlyArray3<'py, f32>,
+        /// float64
+        Double: PyArray3<f64> => PyReadonlyArray3<'py, f64>,
+    }
 }
 
 fn mismatch() -> PyErr {
@@ -64,7 +70,7 @@ pub fn snow(
         intensity: &[f64],
     ) -> PyResult<()> {
         let (out, back) = (out.as_array_mut(), background.as_array());
-        let work = out.len() as f64;
+        let work = VALUE * out.len() as f64;
         match alpha {
             Plane::Single(alpha) => {
                 let alpha = alpha.as_array();
@@ -104,7 +110,7 @@ pub fn over(
         layer: &Layer<'_>,
     ) -> PyResult<()> {
         let (out, back) = (out.as_array_mut(), background.as_array());
-        let work = out.len() as f64;
+        let work = VALUE * out.len() as f64;
         match layer {
             Layer::Single(layer) => {
                 let layer = layer.as_array();
@@ -145,7 +151,7 @@ pub fn join(
         let out = out.as_array_mut();
         let layers: Vec<_> = layers.iter().map(|layer| layer.as_array()).collect();
         let matte = matte.map(|matte| matte.as_array());
-        let work = out.len() as f64;
+        let work = VALUE * out.len() as f64;
         gate::run(py, work, move |cancel| composite::join(out, &layers, haze, matte, cancel))
     }
     let differ = || PyErr::from(Error::invalid("layers", "must have the dtype of out"));

@@ -2,11 +2,12 @@
 
 use numpy::ndarray::ArrayView2;
 use numpy::{
-    PyReadonlyArray1, PyReadonlyArray2, PyReadwriteArray1, PyReadwriteArray2, PyReadwriteArray3,
+    PyArray2, PyArray3, PyReadonlyArray1, PyReadonlyArray2, PyReadwriteArray1, PyReadwriteArray2,
+    PyReadwriteArray3,
 };
 use pyo3::prelude::*;
 
-use super::gate::{self, Plane, PlaneMut, each_map};
+use super::gate::{self, Plane, PlaneMut, arrays, each_map};
 use crate::base::error::Error;
 use crate::base::normal::Normal;
 use crate::base::real::Real;
@@ -18,13 +19,14 @@ use crate::gas::picture::Touched;
 use crate::gas::splat;
 use crate::gas::sprite::{Eye, Footprint, Look, NearMode, Sprite};
 
-/// RGBA of either precision, to be written.
-#[derive(FromPyObject)]
-pub enum LayerMut<'py> {
-    /// float32
-    Single(PyReadwriteArray3<'py, f32>),
-    /// float64
-    Double(PyReadwriteArray3<'py, f64>),
+arrays! {
+    /// RGBA of either precision, to be written.
+    pub enum LayerMut by try_readwrite {
+        /// float32
+        Single: PyArray3<f32> => PyReadwriteArray3<'py, f32>,
+        /// float64
+        Double: PyArray3<f64> => PyReadwriteArray3<'py, f64>,
+    }
 }
 
 /// (focal, cx, cy, offset)
@@ -183,13 +185,14 @@ pub fn gas_sort(
     Ok(SortedGas { shape, sprites, touched, colors, eye, look, nanoseconds })
 }
 
-/// An alpha, or RGBA, to be written.
-#[derive(FromPyObject)]
-pub enum GasMut<'py> {
-    /// Alpha (h, w).
-    Alpha(PyReadwriteArray2<'py, f32>),
-    /// Premultiplied linear RGBA (h, w, 4).
-    Light(PyReadwriteArray3<'py, f32>),
+arrays! {
+    /// An alpha, or RGBA, to be written.
+    pub enum GasMut by try_readwrite {
+        /// Alpha (h, w).
+        Alpha: PyArray2<f32> => PyReadwriteArray2<'py, f32>,
+        /// Premultiplied linear RGBA (h, w, 4).
+        Light: PyArray3<f32> => PyReadwriteArray3<'py, f32>,
+    }
 }
 
 /// Draws the part `window` (top, bottom, left, right) of a gas into `out`, (h, w) or (h, w, 4); `depth`

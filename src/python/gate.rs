@@ -4,7 +4,9 @@
 use std::sync::OnceLock;
 use std::time::Duration;
 
-use numpy::{Element, PyReadonlyArray1, PyReadonlyArray2, PyReadwriteArray1, PyReadwriteArray2};
+use numpy::{
+    Element, PyArray2, PyReadonlyArray1, PyReadonlyArray2, PyReadwriteArray1, PyReadwriteArray2,
+};
 use pyo3::exceptions::{PyKeyboardInterrupt, PyMemoryError, PyRuntimeError, PyValueError};
 use pyo3::prelude::*;
 
@@ -33,10 +35,15 @@ impl From<Error> for PyErr {
 /// Work (in rough nanoseconds) below which a kernel runs in the calling thread. Signals wait for it.
 const SHORT: f64 = 1e8;
 
+/// Work below which the calling thread does it alone: to wake others takes longer than they save.
+/// Estimates are generous: this is some tenths of a millisecond.
+const SMALL: f64 = 1.5e6;
+
 /// How often a long kernel's caller looks for Ctrl-C.
 const LOOK: Duration = Duration::from_millis(50);
 
-/// Runs a kernel with the interpreter released. `nanoseconds` is a rough estimate of the work.
+/// Runs a kernel with the interpreter released. `nanoseconds` is a rough estimate of the work, 0 where
+/// nothing is known.
 ///
 /// Python handles signals on its main thread only, which is the one waiting here; so a long kernel
 /// moves to a thread of its own while this one wakes now and then to look.
@@ -47,7 +54,11 @@ pub fn run<R: Send>(
 ) -> PyResult<R> {
     environment()?;
     let cancel = Cancel::new();
-    let kernel = || guarded(|| kernel(&cancel));
+    let small = 0.0 < nanoseconds && nanoseconds < SMALL;
+    let kernel = || {
+        let _alone = small.then(|| Scope { threads: Some(1), ..Scope::now() }.enter());
+        guarded(|| kernel(&cancel))
+    };
     let (outcome, signal) = if nanoseconds < SHORT {
         (py.detach(kernel), None)
     } else {
@@ -114,22 +125,57 @@ pub fn each<T: Element + Copy>(
     Ok(())
 }
 
-/// A frame-sized output of either precision, allocated through NumPy by the Python layer.
-#[derive(FromPyObject)]
-pub enum PlaneMut<'py> {
-    /// float32
-    Single(PyReadwriteArray2<'py, f32>),
-    /// float64
-    Double(PyReadwriteArray2<'py, f64>),
+/// Defines an enum of arrays that are told apart by looking at their types. A derived one puts into words
+/// why an array is none of the kinds before its own, which takes longer than a small kernel.
+macro_rules! arrays {
+    (
+        $(#[$meta:meta])*
+        $visibility:vis enum $name:ident by $borrow:ident {
+            $($(#[$doc:meta])* $variant:ident: $array:ty => $held:ty,)+
+        }
+    ) => {
+        $(#[$meta])*
+        $visibility enum $name<'py> {
+            $($(#[$doc])* $variant($held),)+
+        }
+
+        impl<'a, 'py> pyo3::FromPyObject<'a, 'py> for $name<'py> {
+            type Error = pyo3::PyErr;
+
+            fn extract(object: pyo3::Borrowed<'a, 'py, pyo3::PyAny>) -> pyo3::PyResult<Self> {
+                use numpy::PyArrayMethods;
+                $(
+                    if let Ok(array) = object.cast::<$array>() {
+                        return Ok(Self::$variant(array.$borrow()?));
+                    }
+                )+
+                Err(pyo3::exceptions::PyTypeError::new_err(concat!(
+                    "an array must be one of ", $(stringify!($array), "; ",)+ "and is not"
+                )))
+            }
+        }
+    };
+}
+pub(crate) use arrays;
+
+arrays! {
+    /// A frame-sized output of either precision, allocated through NumPy by the Python layer.
+    pub enum PlaneMut by try_readwrite {
+        /// float32
+        Single: PyArray2<f32> => PyReadwriteArray2<'py, f32>,
+        /// float64
+        Double: PyArray2<f64> => PyReadwriteArray2<'py, f64>,
+    }
 }
 
-/// A frame-sized input of either precision.
-#[derive(FromPyObject)]
-pub enum Plane<'py> {
-    /// float32
-    Single(PyReadonlyArray2<'py, f32>),
-    /// float64
-    Double(PyReadonlyArray2<'py, f64>),
+arrays! {
+    /// A frame-sized input of either precision.
+    pub enum Plane by try_readonly {
+        /// float32
+        Single: PyArray2<f32> => PyReadonlyArray2<'py, f32>,
+        /// float64
+        Double: PyArray2<f64> => PyReadonlyArray2<'py, f64>,
+    }
 }
 
 /// Runs `$body` with `$view`, the mutable view of an output of either precision.

@@ -1,20 +1,21 @@
 //! Checks of whole arrays.
 
-use numpy::PyReadonlyArray1;
+use numpy::{PyArray1, PyReadonlyArray1};
 use pyo3::prelude::*;
 
-use super::gate;
+use super::gate::{self, arrays};
 use crate::base::error::Error;
 use crate::base::real::Real;
 use crate::base::scan;
 
-/// A flat array of either precision.
-#[derive(FromPyObject)]
-pub enum Flat<'py> {
-    /// float32
-    Single(PyReadonlyArray1<'py, f32>),
-    /// float64
-    Double(PyReadonlyArray1<'py, f64>),
+arrays! {
+    /// A flat array of either precision.
+    pub enum Flat by try_readonly {
+        /// float32
+        Single: PyArray1<f32> => PyReadonlyArray1<'py, f32>,
+        /// float64
+        Double: PyArray1<f64> => PyReadonlyArray1<'py, f64>,
+    }
 }
 
 /// Whether all numbers are finite.

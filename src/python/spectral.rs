@@ -21,7 +21,7 @@ use crate::spectral::topdown::TopDown;
 use crate::spectral::transform::inverse_transform as transform_kernel;
 
 /// Rough nanoseconds for a pixel of a tiled frame on one thread; only decides who watches Ctrl-C.
-const PIXEL: f64 = 10.0;
+const PIXEL: f64 = 3.0;
 
 /// Temporal frequency of every bin.
 #[pyfunction]
