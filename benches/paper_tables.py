@@ -58,6 +58,8 @@ ROWS = (
         paper=(0.94, 24.6, 121.9, 1.44, 24.6)),
 )  # fmt: skip
 
+# What a frame of few particles and a texture is made of, each timed by itself.
+TERMS = ("drawing", "texture", "window", "two composites")
 COLUMNS = ("basic", "few", "many", "spectral", "few + spectral", "replayed", "few + replayed")
 
 
@@ -123,6 +125,8 @@ class Scenery:
         """Return a frame; None where the paper's table has none."""
         if column == "basic":
             return self.picture.copy()
+        if column in TERMS:
+            return self.term(column, float(t))
         planes = []
         if "few" in column or column == "many":
             count = self.row.many if column == "many" else self.row.few
@@ -138,13 +142,29 @@ class Scenery:
             image = fl.composite.snow(image, plane, intensity=WHITE)
         return image
 
+    def term(self, name: str, t: float) -> np.ndarray | None:
+        """Make one part of a frame of few particles and a texture, from those made before it."""
+        if self.row.few is None:
+            return None
+        if name == "drawing":
+            self.drawn = self.flakes(self.row.few, t)
+            return self.drawn
+        if name == "texture":
+            self.sheet = self.alpha(t)
+            return self.sheet
+        if name == "window":
+            self.plane = self.windowed(self.sheet)
+            return self.plane
+        image = fl.composite.snow(self.picture, self.drawn, intensity=WHITE)
+        return fl.composite.snow(image, self.plane, intensity=WHITE)
+
 
 def timed(scenes: list[Scenery], runs: int) -> dict[tuple[str, str], float]:
     """Return the least milliseconds of every scene and column; they take turns."""
     least: dict[tuple[str, str], float] = {}
     for turn in range(runs + 1):
         for scene in scenes:
-            for column in COLUMNS:
+            for column in (*COLUMNS, *TERMS):
                 start = time.perf_counter()
                 made = scene.draw(column, turn)
                 taken = 1e3 * (time.perf_counter() - start)
@@ -168,6 +188,13 @@ def print_tables(times: dict[tuple[str, str], float]) -> None:
         )
         if row.paper:
             print(f"{'  the paper':18}" + "".join(f"{c:>16.2f}" for c in row.paper))
+    print("\nfew + spectral, and its terms, ms")
+    for row in ROWS:
+        if row.few is not None:
+            parts = [times[row.name, term] for term in TERMS]
+            named = " + ".join(f"{t} {ms:.2f}" for t, ms in zip(TERMS, parts, strict=True))
+            whole = times[row.name, "few + spectral"]
+            print(f"{row.name:18}{whole:.2f} for {named} = {sum(parts):.2f}")
     print(f"\n{'ratios':18}{'many / few':>16}{'hybrid / few':>16}{'hybrid / many':>16}")
     for row in ROWS:
         if row.few is None:
