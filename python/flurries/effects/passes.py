@@ -51,8 +51,19 @@ def passes_of(
         if front is not None:
             ids = frame.crop(flakes.ids(frame, amount, way))
             through: Any = 0.0 if behind is None else behind * (1.0 - front)
-            shown = (ids >= 0) & (front > through)
-            numbers, which = np.unique(ids[shown], return_inverse=True)
+            shown = np.nonzero((ids >= 0) & (front > through))
+            numbers, which = _distinct(ids[shown])
             steps, far = flakes.passes(frame, later, ways, numbers)
             motion[shown], depth[shown] = steps[which], far[which]
     return Passes(motion, depth, coverage, ids)
+
+
+def _distinct(ids: Array) -> tuple[Array, Array]:
+    """Return the different numbers among ids, sorted, and of each id its place among them.
+
+    As `np.unique`, which sorts a picture's worth of ids; they are small, so a table is faster.
+    """
+    there = np.zeros(int(ids.max(initial=-1)) + 1, bool)
+    there[ids] = True
+    places = np.cumsum(there) - 1
+    return np.flatnonzero(there).astype(ids.dtype), places[ids]
