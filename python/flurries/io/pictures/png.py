@@ -1,7 +1,7 @@
 """PNG: the header is OpenImageIO's, the rows are deflated by our kernel.
 
 Libpng deflates at its sixth level and takes many times as long for a tenth fewer bytes, since
-flakes are noise (docs/internals/performance.md). What it writes before the pixels (names and
+flakes are noise (benches/history.md). What it writes before the pixels (names and
 values, color, resolution, date) is asked of it by a picture of one pixel with the same header, so
 that nothing that a header can hold is lost here.
 """
