@@ -133,7 +133,7 @@ before = running()
 import flurries as fl
 heavy = {"OpenImageIO", "av", "scipy", "skimage", "tqdm", "tomli_w", "matplotlib"}
 print(running() - before, heavy & set(sys.modules) or "none")
-fl.Scene((300, 300), effects=[fl.TentSnow(flakes=50)]).render(0)
+fl.Scene((1200, 900), effects=[fl.TentSnow(flakes=50)]).render(0)
 print(running() - before, len(heavy & set(sys.modules)))
 from flurries.io import fit
 fit(numpy.zeros((4, 4), "u1"), (2, 2))
