@@ -8,13 +8,15 @@ import stat
 import subprocess
 import sys
 import tempfile
+import threading
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from flurries._threads import scope
 from flurries.io import atomic, read_picture, remove_leftovers, replacing, write_picture
-from flurries.io.pictures import rows
+from flurries.io.pictures import png, rows
 
 OLD = b"the old file"
 
@@ -236,6 +238,47 @@ def test_a_picture_that_reads_back_wrong_is_not_kept(tmp_path, monkeypatch):
     monkeypatch.setattr(rows, "_verify", lambda *_, **__: None)
     write_picture(path, pixels, **options)
     assert not np.array_equal(read_picture(path).pixels, pixels)
+
+
+def test_a_png_whose_bytes_change_on_the_disk_is_not_kept(tmp_path, monkeypatch):
+    pixels = np.random.default_rng(2).integers(0, 256, (40, 40, 3), np.uint8)
+    check = png.check_structure
+    for place in (0.05, 0.5, 0.999):
+
+        def damaged(path, place=place):
+            data = bytearray(path.read_bytes())
+            data[int(place * len(data))] ^= 255
+            path.write_bytes(data)
+            check(path)
+
+        monkeypatch.setattr(png, "check_structure", damaged)
+        with pytest.raises(OSError, match=r"a\.png: does not read back"):
+            write_picture(tmp_path / "a.png", pixels, metadata={"scene": "x" * 500})
+        assert names(tmp_path) == []
+
+
+def test_children_that_are_forked_while_an_exr_is_packed_write_their_own(tmp_path):
+    pixels = np.random.default_rng(3).random((600, 500, 3), np.float32)
+    ended = threading.Event()
+
+    def write(name):
+        with scope(threads=2, reproducible=None):
+            write_picture(tmp_path / name, pixels)
+
+    def work():
+        while not ended.is_set():
+            write("parent.exr")
+
+    worker = threading.Thread(target=work)
+    worker.start()
+    try:
+        for number in range(4):
+            said = in_child(lambda: signal.alarm(30), lambda n=number: write(f"{n}.exr"))
+            assert said == "None"
+    finally:
+        ended.set()
+        worker.join()
+    assert read_picture(tmp_path / "3.exr").size == (500, 600)
 
 
 def test_a_failure_in_the_middle_of_a_picture_leaves_the_old_one(tmp_path, monkeypatch):

@@ -9,6 +9,8 @@ from contextlib import contextmanager
 from functools import lru_cache
 from typing import Any
 
+import numpy as np
+
 from flurries import _core
 
 
@@ -68,8 +70,19 @@ def packing_threads() -> Iterator[None]:
         openimageio().attribute("exr_threads", count)
         yield
     finally:
-        openimageio().attribute("exr_threads", -1)
+        _let_threads_go()
         _packing.release()
+
+
+def _let_threads_go() -> None:
+    """Take OpenEXR its threads: it loses them when a file is opened to be written, no sooner."""
+    library = openimageio()
+    library.attribute("exr_threads", -1)
+    nowhere = library.ImageOutput.create("nowhere.exr")
+    if nowhere.open(os.devnull, library.ImageSpec(1, 1, 1, "half")):
+        nowhere.write_image(np.zeros((1, 1, 1), np.float16))
+    nowhere.close()
+    last_error(nowhere)
 
 
 def last_error(*holders: Any) -> str:

@@ -63,12 +63,15 @@ def write_png(
         with temporary.open("wb") as file:
             for piece in _pieces(specification, before, band):
                 size += file.write(piece)
-        # Each chunk ends with the checksum of what was handed over.
-        check_structure(temporary)
-        with temporary.open("rb") as file:
-            whole = before in file.read(len(before) + _BLOCK)
-        if not whole or temporary.stat().st_size != size:
-            raise OSError(f"{target}: does not read back as what was written")
+        try:
+            # Each chunk ends with the checksum of what was handed over.
+            check_structure(temporary)
+            with temporary.open("rb") as file:
+                whole = before in file.read(len(before) + _BLOCK)
+            if not whole or temporary.stat().st_size != size:
+                raise OSError("it is longer or shorter, or has another header")
+        except OSError as error:
+            raise OSError(f"{target}: does not read back as what was written") from error
 
 
 def _pieces(
