@@ -98,6 +98,7 @@ fn main() {
             near_mode: NearMode::Fade,
             hard: false,
             error: 1e-6,
+            smooth: f64::INFINITY,
         };
         let none: Option<ArrayView2<f32>> = None;
         let names = [

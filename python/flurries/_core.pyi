@@ -363,7 +363,7 @@ def gas_splat(
     density: _Float64,
     colors: _Float64,
     lens: tuple[float, float, float, tuple[float, float, float]],
-    manner: tuple[str, str, float, str, bool, float],
+    manner: tuple[str, str, float, str, bool, float, float],
     depth: _Array | None,
 ) -> None: ...
 def gas_alpha(
@@ -372,7 +372,7 @@ def gas_alpha(
     radius: _Float64,
     density: _Float64,
     lens: tuple[float, float, float, tuple[float, float, float]],
-    manner: tuple[str, str, float, str, bool, float],
+    manner: tuple[str, str, float, str, bool, float, float],
     depth: _Array | None,
 ) -> None: ...
 
@@ -387,7 +387,7 @@ def gas_sort(
     density: _Float64,
     colors: _Float64,
     lens: tuple[float, float, float, tuple[float, float, float]],
-    manner: tuple[str, str, float, str, bool, float],
+    manner: tuple[str, str, float, str, bool, float, float],
 ) -> SortedGas: ...
 def gas_draw(
     out: _Array,

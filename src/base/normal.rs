@@ -22,8 +22,14 @@ pub trait Normal: Real {
         Self::exp_at::<PORTABLE>(x)
     }
 
-    /// erfc(u / sqrt 2) for u >= 0, small relative error even in the tail.
-    fn tail(u: Self) -> Self;
+    /// erfc(u / sqrt 2) for u >= 0, small relative error even in the tail, with the products of a level.
+    fn tail_at<const LEVEL: u8>(u: Self) -> Self;
+
+    /// The same, the same bits at every level.
+    #[inline(always)]
+    fn tail(u: Self) -> Self {
+        Self::tail_at::<PORTABLE>(u)
+    }
 }
 
 /// A polynomial, highest power first, as two half as long in x^2: Horner's one long chain of
@@ -92,11 +98,11 @@ impl Normal for f32 {
     }
 
     #[inline(always)]
-    fn tail(u: f32) -> f32 {
+    fn tail_at<const LEVEL: u8>(u: f32) -> f32 {
         // log(erfc(u / sqrt 2)) / u on [0, 5.7]: erfc to 3e-8 of 1, and to 5e-7 of itself.
         let u = least(u, 5.7);
-        f32::exp_negative(
-            u * polynomial(
+        f32::exp_at::<LEVEL>(
+            u * polynomial_at::<_, 10, LEVEL>(
                 [
                     -1.470_208_6e-8,
                     4.595_409e-7,
@@ -147,10 +153,10 @@ impl Normal for f64 {
     }
 
     #[inline(always)]
-    fn tail(u: f64) -> f64 {
+    fn tail_at<const LEVEL: u8>(u: f64) -> f64 {
         // (1 + u) exp(u^2/2) erfc(u / sqrt 2) in (u - 4) / (u + 4) on [0, 8.7], to 1.1e-18.
         let u = least(u, 8.7);
-        let scaled = polynomial(
+        let scaled = polynomial_at::<_, 21, LEVEL>(
             [
                 -1.326_895_861_088_188_6e-8,
                 -9.370_448_823_321_068e-8,
@@ -176,7 +182,7 @@ impl Normal for f64 {
             ],
             (u - 4.0) / (u + 4.0),
         );
-        f64::exp_negative(-0.5 * u * u) * scaled / (1.0 + u)
+        f64::exp_at::<LEVEL>(-0.5 * u * u) * scaled / (1.0 + u)
     }
 }
 

@@ -11,8 +11,9 @@
     reason = "an index over rows of a fixed count is what stays in registers"
 )]
 
-use super::draw::{PART, Row, TILE, Tile, vectors};
+use super::draw::{Row, TILE, Tile, vectors};
 use super::footprint::Scale;
+use super::rays::PART;
 use super::sprite::{Look, Sprite};
 use crate::base::lanes::Lanes;
 use crate::base::normal::Normal;

@@ -7,25 +7,20 @@
 //! Loops over lanes are plain loops with a fixed count: a closure would not inherit the instruction
 //! set that the function is compiled for, and would run many times slower.
 
-#![expect(
-    clippy::needless_range_loop,
-    reason = "an index over lanes of a fixed count is what vectorises without closures"
-)]
-
 use super::batch::Batch;
 use super::bins::Entry;
+use super::cut::{self, Cut, Ground};
 use super::footprint::{self, Edge, Scale};
-use super::ray::{self, Cut, Forms, Ground, Rays};
+use super::lattice::Lattice;
+use super::ray::{Canvas, Source};
+use super::rays::{PART, Rays, Sheet};
 use super::sprite::{Form, Look, Sprite};
-use crate::base::error::{Cancel, Error};
+use crate::base::error::{Cancel, Error, pushed};
 use crate::base::normal::{Normal, most};
-use crate::base::simd::{dispatch, multiply_add};
+use crate::base::simd::dispatch;
 
 /// Side of a tile, px.
 pub const TILE: usize = 64;
-
-/// Pixels of a tile.
-pub const PIXELS: usize = TILE * TILE;
 
 /// A number for each pixel of a tile, row by row.
 ///
@@ -63,10 +58,14 @@ pub struct Tile<'a, P> {
     pub through: &'a mut Plane<P>,
     /// Premultiplied light, three planes; None if all particles have one color.
     pub light: Option<&'a mut [Plane<P>; 3]>,
-    /// The pixels' rays, where a particle needs them.
-    pub rays: Option<&'a Rays>,
+    /// Where its pixels lie.
+    pub sheet: Sheet,
+    /// Room for the pixels' rays, filled where a particle needs them.
+    pub rays: &'a mut Rays<P, TILE>,
     /// What stands in the picture.
-    pub ground: Option<&'a Ground<'a, P>>,
+    pub ground: Option<&'a Ground<'a, P, TILE>>,
+    /// What changes slowly is drawn here.
+    pub lattice: Option<&'a mut Lattice<P>>,
 }
 
 dispatch! {
@@ -86,44 +85,117 @@ fn draw_with<P: Normal, const LEVEL: u8>(
     drawing: &Drawing<'_>,
     cancel: &Cancel,
 ) -> Result<(), Error> {
-    let [left, top] = tile.origin;
-    let mut drawn = 0;
+    let error = P::of(drawing.look.error);
+    let mut rest = Vec::new();
+    let list = if let Some(lattice) = tile.lattice.take() {
+        slow::<P, LEVEL>(tile, lattice, list, drawing, &mut rest, cancel)?;
+        if finished(tile.through, error) {
+            return Ok(());
+        }
+        &rest
+    } else {
+        list
+    };
+    let (look, [left, top]) = (drawing.look, tile.origin);
+    let ground = tile.ground.map(|ground| ground.range);
+    let (mut drawn, mut filled) = (0, false);
     let mut batch = Batch::<P>::empty();
     for entry in list {
         if entry.right as usize <= left || entry.left as usize >= left + TILE {
             continue;
         }
         let sprite = &drawing.sprites[entry.sprite as usize];
-        let look = drawing.look;
-        let cut = ray::cut(sprite, look, tile.rays, tile.ground);
-        if cut == Cut::Hidden {
+        let Some(cut) = cut::cut::<P>(sprite, look, &tile.sheet, TILE - 1, ground) else {
             continue;
-        }
+        };
         drawn += 1;
         if drawn % LOOK == 0 {
             cancel.check()?;
             batch.draw::<LEVEL>(tile);
-            if finished(tile.through, P::of(look.error)) {
+            if finished(tile.through, error) {
                 break;
             }
         }
-        let within = |range: [u32; 2], start: usize| {
-            let [low, high] = range.map(|v| v as usize);
-            [low.max(start) - start, (high - start).min(TILE)]
-        };
-        let rows = within(sprite.rows, top);
-        let color = drawing.colors[(sprite.index as usize).min(drawing.colors.len() - 1)];
-        let color = color.map(P::of);
-        if sprite.form != Form::Ray && cut == Cut::Clear {
-            let columns = within([entry.left, entry.right], left);
-            batch.add::<LEVEL>(tile, sprite, look, [columns, rows], color);
+        let spans = [within([entry.left, entry.right], left), within(sprite.rows, top)];
+        let color = drawing.color::<P>(sprite);
+        if sprite.form != Form::Ray && cut == Cut::CLEAR {
+            batch.add::<LEVEL>(tile, sprite, look, spans, color);
         } else {
             batch.draw::<LEVEL>(tile);
-            by_rows::<P, LEVEL>(tile, sprite, look, rows, cut, color);
+            if sprite.form == Form::Ray && !filled {
+                tile.rays.fill::<LEVEL>(&tile.sheet);
+                filled = true;
+            }
+            alone::<P, LEVEL>(tile, sprite, look, spans, cut, color);
         }
     }
     batch.draw::<LEVEL>(tile);
     Ok(())
+}
+
+/// Draws what changes slowly on the lattice, and the tile from it; the others are left in `rest`.
+///
+/// If particles differ in color only those that lie before all others are: order matters then.
+#[inline(always)]
+fn slow<P: Normal, const LEVEL: u8>(
+    tile: &mut Tile<'_, P>,
+    lattice: &mut Lattice<P>,
+    list: &[Entry],
+    drawing: &Drawing<'_>,
+    rest: &mut Vec<Entry>,
+    cancel: &Cancel,
+) -> Result<(), Error> {
+    let (look, left) = (drawing.look, tile.origin[0]);
+    let [top, bottom] = [tile.origin[1], tile.origin[1] + TILE];
+    let ground = tile.ground.map(|ground| ground.range);
+    let colored = tile.light.is_some();
+    if let Some(ground) = tile.ground {
+        lattice.stand::<LEVEL>(ground);
+    }
+    let mut drawn = 0;
+    for entry in list {
+        if entry.right as usize <= left || entry.left as usize >= left + TILE {
+            continue;
+        }
+        let sprite = &drawing.sprites[entry.sprite as usize];
+        if sprite.rows[1] as usize <= top || sprite.rows[0] as usize >= bottom {
+            continue;
+        }
+        let cut = cut::cut::<P>(sprite, look, &tile.sheet, TILE - 1, ground);
+        let Some(cut) = cut else { continue };
+        let slow = sprite.smooth && (!colored || rest.is_empty());
+        match slow.then(|| lattice.cut(sprite, look, cut)).flatten() {
+            None => pushed(rest, *entry)?,
+            Some(None) => {}
+            Some(Some(cut)) => {
+                let color = colored.then(|| drawing.color::<P>(sprite));
+                lattice.draw::<LEVEL>(sprite, look, cut, color);
+                drawn += 1;
+                if drawn % LOOK == 0 {
+                    cancel.check()?;
+                    if lattice.finished(P::of(look.error)) {
+                        break;
+                    }
+                }
+            }
+        }
+    }
+    lattice.spread::<LEVEL>(tile.through, tile.light.as_deref_mut());
+    Ok(())
+}
+
+impl Drawing<'_> {
+    #[inline(always)]
+    fn color<P: Normal>(&self, sprite: &Sprite) -> [P; 3] {
+        self.colors[(sprite.index as usize).min(self.colors.len() - 1)].map(P::of)
+    }
+}
+
+/// The part of a range that a tile has, from its own border.
+#[inline(always)]
+fn within(range: [u32; 2], start: usize) -> [usize; 2] {
+    let [low, high] = range.map(|v| v as usize);
+    [low.max(start) - start, (high - start).min(TILE)]
 }
 
 /// Whether nothing that comes could add more than `error`.
@@ -137,9 +209,6 @@ fn finished<P: Normal>(through: &Plane<P>, error: P) -> bool {
     }
     greatest.iter().fold(P::zero(), |a, &b| most(a, b)) <= error
 }
-
-/// Pixels of a part of a vector: an exponential costs as much as some pixels of a particle.
-pub(super) const PART: usize = 16;
 
 /// The two vectors whose product is the footprint: across the tile, and down its rows.
 ///
@@ -181,78 +250,26 @@ pub(super) fn vectors<P: Normal, const LEVEL: u8>(
     (across, down, scale)
 }
 
-/// T -= T alpha with alpha = max(0, gain g - floor), for one row.
+/// One particle that is no product of two vectors, or that is cut off.
 #[inline(always)]
-fn dim<P: Normal, const LEVEL: u8>(through: &mut [P; TILE], across: &[P; TILE], gain: P, floor: P) {
-    for k in 0..TILE {
-        let alpha = most(multiply_add::<P, LEVEL>(gain, across[k], -floor), P::zero());
-        through[k] = multiply_add::<P, LEVEL>(-through[k], alpha, through[k]);
-    }
-}
-
-/// The same, and light += T alpha color.
-#[inline(always)]
-fn lit<P: Normal, const LEVEL: u8>(
-    through: &mut [P; TILE],
-    [red, green, blue]: [&mut [P; TILE]; 3],
-    across: &[P; TILE],
-    gain: P,
-    floor: P,
-    color: [P; 3],
-) {
-    for k in 0..TILE {
-        let alpha = most(multiply_add::<P, LEVEL>(gain, across[k], -floor), P::zero());
-        let share = through[k] * alpha;
-        through[k] = through[k] - share;
-        red[k] = multiply_add::<P, LEVEL>(share, color[0], red[k]);
-        green[k] = multiply_add::<P, LEVEL>(share, color[1], green[k]);
-        blue[k] = multiply_add::<P, LEVEL>(share, color[2], blue[k]);
-    }
-}
-
-/// Everything else: a row of opacities at a time.
-#[inline(always)]
-fn by_rows<P: Normal, const LEVEL: u8>(
+fn alone<P: Normal, const LEVEL: u8>(
     tile: &mut Tile<'_, P>,
     sprite: &Sprite,
     look: &Look,
-    [top, bottom]: [usize; 2],
+    spans: [[usize; 2]; 2],
     cut: Cut,
     color: [P; 3],
 ) {
-    let square = look.edge == Edge::Square;
-    let by_ray = sprite.form == Form::Ray;
-    let (across, down, scale) = if by_ray {
-        let none = Row([P::zero(); TILE]);
-        (none, none, Scale::of(sprite.opacity, look.edge))
-    } else {
-        vectors::<P, LEVEL>(tile, sprite, look, [[0, TILE], [top, bottom]])
+    let vectors =
+        (sprite.form != Form::Ray).then(|| vectors::<P, LEVEL>(tile, sprite, look, spans));
+    let source = match &vectors {
+        None => Source::Ray,
+        Some((across, down, scale)) => Source::Product(&across.0, &down.0, *scale),
     };
-    let forms = tile.rays.filter(|_| by_ray).map(|rays| (Forms::of(sprite, rays), rays));
-    let mut row_of = Row([P::zero(); TILE]);
-    let alpha = &mut row_of.0;
-    for row in top..bottom {
-        if let Some((forms, rays)) = &forms {
-            forms.distance::<P, LEVEL>(sprite.model, rays, row, alpha);
-            ray::opacities::<P, LEVEL>(alpha, scale, square);
-        } else {
-            let gain = scale.gain * down.0[row];
-            for k in 0..TILE {
-                let value = multiply_add::<P, LEVEL>(gain, across.0[k], -scale.floor);
-                alpha[k] = most(value, P::zero());
-            }
-        }
-        if cut != Cut::Clear {
-            ray::cut_row(alpha, cut, sprite, look, tile.rays, tile.ground, row);
-        }
-        let through = &mut tile.through.0[row];
-        match &mut tile.light {
-            None => dim::<P, LEVEL>(through, alpha, P::one(), P::zero()),
-            Some(light) => {
-                let [red, green, blue] = &mut **light;
-                let planes = [&mut red.0[row], &mut green.0[row], &mut blue.0[row]];
-                lit::<P, LEVEL>(through, planes, alpha, P::one(), P::zero(), color);
-            }
-        }
-    }
+    let rays = &*tile.rays;
+    let light =
+        tile.light.as_deref_mut().map(|[red, green, blue]| [&mut red.0, &mut green.0, &mut blue.0]);
+    let through = &mut tile.through.0;
+    let mut canvas = Canvas { sheet: &tile.sheet, rays, ground: tile.ground, through, light };
+    canvas.draw::<LEVEL>(&source, sprite, look, spans, cut, color);
 }

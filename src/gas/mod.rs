@@ -4,7 +4,10 @@
 //! | --- | --- |
 //! | [`footprint`] | the kernel's image along one axis: point, pixel box, table; its end |
 //! | [`sprite`] | one particle's image: projection, size, near plane, bounds |
-//! | [`ray`] | the two models that look at each pixel's ray; what stands before the gas |
+//! | [`rays`] | the rays of samples, and how they pass a particle |
+//! | [`cut`] | what the near plane and what stands in the picture leave of a particle |
+//! | [`ray`] | opacities along rays, drawn row by row |
+//! | `lattice` | particles that change slowly: drawn on few samples, from which pixels follow |
 //! | [`bins`] | which particles touch which band of the picture |
 //! | [`draw`] | particles drawn into one tile |
 //! | `batch` | the same for a few at a time, products of two vectors |
@@ -16,10 +19,13 @@
 mod batch;
 pub mod bins;
 pub mod cloud;
+pub mod cut;
 pub mod draw;
 pub mod footprint;
+mod lattice;
 pub mod light;
 pub mod picture;
 pub mod ray;
+pub mod rays;
 pub mod splat;
 pub mod sprite;

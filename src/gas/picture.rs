@@ -5,11 +5,13 @@ use std::ops::Range;
 use ndarray::{ArrayView2, ArrayViewMut2, ArrayViewMut3, Axis};
 
 use super::bins::Bands;
-use super::draw::{Drawing, PIXELS, Plane, TILE, Tile, draw};
-use super::ray::{Ground, Rays};
+use super::cut::Ground;
+use super::draw::{Drawing, Plane, TILE, Tile, draw};
+use super::lattice::{self, Lattice};
+use super::rays::{Rays, Sheet};
 use super::sprite::{Eye, Sprite};
 use crate::base::error::{Cancel, Error, collected, pushed};
-use crate::base::normal::Normal;
+use crate::base::normal::{Normal, least, most};
 use crate::base::pool;
 use crate::base::real::Real;
 use crate::base::simd::dispatch;
@@ -45,8 +47,8 @@ pub struct Picture<'a, P, M> {
     pub bands: &'a Bands,
     /// Whether particles differ in color.
     pub colored: bool,
-    /// Whether a particle needs the pixels' rays.
-    pub by_ray: bool,
+    /// Whether a particle changes so slowly that it is drawn on a lattice.
+    pub smooth: bool,
     /// Depth of what stands in the picture.
     pub depth: Option<ArrayView2<'a, M>>,
     /// The pixels' type.
@@ -57,8 +59,9 @@ pub struct Picture<'a, P, M> {
 pub struct Scratch<P> {
     through: Box<[Plane<P>; 1]>,
     light: Option<Box<[Plane<P>; 3]>>,
-    depth: Option<Box<[P; PIXELS]>>,
-    lengths: Vec<f64>,
+    depth: Option<Box<[Plane<P>; 1]>>,
+    rays: Box<[Rays<P, TILE>; 1]>,
+    lattice: Option<Box<Lattice<P>>>,
 }
 
 /// A plane of zeros.
@@ -79,8 +82,10 @@ impl<P: Normal, M: Real> Picture<'_, P, M> {
     /// Buffers for its tiles.
     pub fn scratch(&self) -> Result<Scratch<P>, Error> {
         let light = if self.colored { Some(boxed(nothing())?) } else { None };
-        let depth = if self.depth.is_some() { Some(boxed(P::zero())?) } else { None };
-        Ok(Scratch { through: boxed::<_, 1>(nothing())?, light, depth, lengths: Vec::new() })
+        let depth = if self.depth.is_some() { Some(boxed(nothing())?) } else { None };
+        let lattice = if self.smooth { Some(lattice::boxed()?) } else { None };
+        let (through, rays) = (boxed::<_, 1>(nothing())?, boxed::<_, 1>(Rays::none())?);
+        Ok(Scratch { through, light, depth, rays, lattice })
     }
 
     /// Draws the tile whose corner is at `origin` (x, y).
@@ -102,49 +107,73 @@ impl<P: Normal, M: Real> Picture<'_, P, M> {
             light.iter_mut().for_each(|plane| plane.0.fill([P::zero(); TILE]));
         }
         let ground = match (&self.depth, &mut scratch.depth) {
-            (Some(map), Some(depth)) => Some(standing(map, origin, depth)),
+            (Some(map), Some(depth)) => Some(standing(map, origin, &mut depth[0].0)),
             _ => None,
         };
-        let rays = self.by_ray.then(|| Rays::of(self.eye, origin, &mut scratch.lengths));
+        let corner = origin.map(|place| place as f64 + 0.5);
+        let mut lattice = scratch.lattice.as_deref_mut();
+        if let Some(lattice) = &mut lattice {
+            lattice.begin(self.eye, origin);
+        }
         let mut tile = Tile {
             origin,
             through: &mut scratch.through[0],
             light: scratch.light.as_deref_mut(),
-            rays: rays.as_ref(),
+            sheet: Sheet::of(self.eye, corner, 1.0, TILE),
+            rays: &mut scratch.rays[0],
             ground: ground.as_ref(),
+            lattice,
         };
         draw(&mut tile, self.bands.band(top / TILE), &self.drawing, cancel)?;
-        if let Some(rays) = rays {
-            scratch.lengths = rays.length;
-        }
         Ok(Finished { through: &scratch.through[0], light: scratch.light.as_deref() })
     }
 }
 
-/// A tile of the depth map; beyond the picture nothing stands.
+/// A tile of the depth map; beyond the picture it goes on as it ended.
 fn standing<'a, P: Normal, M: Real>(
     map: &ArrayView2<M>,
     [left, top]: [usize; 2],
-    depth: &'a mut [P; PIXELS],
-) -> Ground<'a, P> {
-    let (height, width) = (map.nrows() - top, map.ncols() - left);
-    let mut range = [f64::INFINITY, f64::NEG_INFINITY];
-    for (row, values) in depth.chunks_exact_mut(TILE).enumerate() {
-        values.fill(P::infinity());
-        if row < height {
-            for (column, value) in values.iter_mut().enumerate().take(width) {
-                *value = P::of(map[[top + row, left + column]].wide());
-                range = [range[0].min(value.wide()), range[1].max(value.wide())];
-            }
+    depth: &'a mut [[P; TILE]; TILE],
+) -> Ground<'a, P, TILE> {
+    let height = (map.nrows() - top).min(TILE);
+    let width = (map.ncols() - left).min(TILE);
+    let (mut nearest, mut farthest) = ([P::infinity(); TILE], [P::neg_infinity(); TILE]);
+    for (row, values) in depth.iter_mut().enumerate().take(height) {
+        let stands = map.row(top + row);
+        let stands = stands.iter().skip(left).take(width);
+        values.iter_mut().zip(stands).for_each(|(value, stands)| *value = P::of(stands.wide()));
+        for column in width..TILE {
+            values[column] = further(values[column - 1], values[column.max(2) - 2]);
+        }
+        for k in 0..width {
+            nearest[k] = least(values[k], nearest[k]);
+            farthest[k] = most(values[k], farthest[k]);
+        }
+    }
+    let range = [
+        nearest.iter().fold(f64::INFINITY, |a, b| a.min(b.wide())),
+        farthest.iter().fold(f64::NEG_INFINITY, |a, b| a.max(b.wide())),
+    ];
+    for row in height..TILE {
+        let (done, rest) = depth.split_at_mut(row);
+        let (last, before) = (&done[row - 1], &done[row.max(2) - 2]);
+        for (column, value) in rest[0].iter_mut().enumerate() {
+            *value = further(last[column], before[column]);
         }
     }
     Ground { depth, range }
 }
 
+/// A straight line's next number after two.
+fn further<P: Normal>(last: P, before: P) -> P {
+    let step = last - before;
+    if step.is_finite() { last + step } else { last }
+}
+
 /// What sprites touch, found once for any number of pictures of their frame.
 pub struct Touched {
     bands: Bands,
-    by_ray: bool,
+    smooth: bool,
     colored: bool,
 }
 
@@ -153,8 +182,8 @@ impl Touched {
     pub fn of(sprites: &[Sprite], colors: &[[f64; 3]], height: usize) -> Result<Self, Error> {
         let colored = colors.iter().any(|color| *color != colors[0]);
         let order = order(sprites, colored)?;
-        let by_ray = order.iter().any(|&place| sprites[place as usize].model.by_ray());
-        Ok(Self { bands: Bands::of(sprites, &order, height)?, by_ray, colored })
+        let smooth = order.iter().any(|&place| sprites[place as usize].smooth);
+        Ok(Self { bands: Bands::of(sprites, &order, height)?, smooth, colored })
     }
 
     /// The frame of `shape` as an eye sees it.
@@ -165,9 +194,9 @@ impl Touched {
         drawing: Drawing<'a>,
         depth: Option<ArrayView2<'a, M>>,
     ) -> Picture<'a, P, M> {
-        let Self { bands, by_ray, colored } = self;
+        let Self { bands, smooth, colored } = self;
         let pixel = std::marker::PhantomData;
-        Picture { shape, eye, drawing, bands, colored: *colored, by_ray: *by_ray, depth, pixel }
+        Picture { shape, eye, drawing, bands, colored: *colored, smooth: *smooth, depth, pixel }
     }
 }
 

@@ -1,328 +1,170 @@
-//! Opacities from each pixel's ray: the models `viewpoint` and `volume`, and what cuts the gas off.
-//!
-//! With d = (sx, sy, 1) the slopes of a pixel's ray and C the particle's middle, the vectors C x d and
-//! the product C . d are linear in the pixel's row and column. Their values at the tile's corner are
-//! float64; a row goes on from there in steps, in the pixels' type. So the distance from the middle
-//! is right to the last bits of itself, however far away the particle is.
+//! Opacities of one particle along the rays of a sheet, row by row: the models that look at each ray, and
+//! what is cut off.
 
-use super::draw::{PIXELS, TILE};
-use super::footprint::{RIM, Scale, lane};
-use super::sprite::{Eye, Footprint, Look, Sprite};
+use super::cut::{Cut, Ends, Ground};
+use super::footprint::{Edge, RIM, Scale};
+use super::rays::{Forms, PART, Part, Rays, Sheet};
+use super::sprite::{Footprint, Look, Sprite};
 use crate::base::normal::{Normal, most};
 use crate::base::simd::multiply_add;
 
-/// The rays of a tile's pixels, (sx, sy, 1).
-pub struct Rays {
-    /// Slopes of the tile's first column and row.
-    pub first: [f64; 2],
-    /// Slopes from pixel to pixel.
-    pub step: f64,
-    /// |d|, by pixel.
-    pub length: Vec<f64>,
-    /// The least and the greatest of the lengths.
-    pub range: [f64; 2],
+/// Opacities of a part of a row, and how its rays lean (see [`super::rays::Passing`]).
+pub struct Opacity<P> {
+    /// 0 to 1.
+    pub alpha: Part<P>,
+    /// In sigma.
+    pub lean: Part<P>,
 }
 
-impl Rays {
-    /// The rays of the tile whose corner is at `origin` (x, y).
-    pub fn of(eye: &Eye, origin: [usize; 2], length: &mut Vec<f64>) -> Self {
-        let step = 1.0 / eye.focal;
-        let first = [0, 1].map(|axis| (origin[axis] as f64 + 0.5 - eye.center[axis]) * step);
-        length.clear();
-        let mut range = [f64::INFINITY, 0.0_f64];
-        for row in 0..TILE {
-            let sy = first[1] + row as f64 * step;
-            for column in 0..TILE {
-                let sx = first[0] + column as f64 * step;
-                let value = (1.0 + sx * sx + sy * sy).sqrt();
-                range = [range[0].min(value), range[1].max(value)];
-                length.push(value);
-            }
-        }
-        Self { first, step, length: std::mem::take(length), range }
-    }
+/// A sheet of N x N samples on which particles are drawn.
+pub struct Canvas<'a, P, const N: usize> {
+    /// Where its samples lie.
+    pub sheet: &'a Sheet,
+    /// The samples' rays; filled before a particle wants them.
+    pub rays: &'a Rays<P, N>,
+    /// What stands in the picture.
+    pub ground: Option<&'a Ground<'a, P, N>>,
+    /// What is let through.
+    pub through: &'a mut [[P; N]; N],
+    /// Premultiplied light, three planes; None if all particles have one color.
+    pub light: Option<[&'a mut [[P; N]; N]; 3]>,
 }
 
-/// A particle's linear forms over a tile, in units that the model wants.
-pub struct Forms {
-    /// Components of C x d along x and y and the third, at the tile's corner.
-    corner: [f64; 3],
-    /// C . d at the corner.
-    along: f64,
-    place: [f64; 3],
-    step: f64,
-    /// What the cross product is divided by, to be in sigma.
-    scale: f64,
+/// Where a particle's opacity comes from.
+pub enum Source<'a, P, const N: usize> {
+    /// From each sample's ray.
+    Ray,
+    /// The product of two vectors, across and down the sheet, as a scale turns it into opacities.
+    Product(&'a [P; N], &'a [P; N], Scale<P>),
 }
 
-impl Forms {
-    /// The forms of a sprite.
-    pub fn of(sprite: &Sprite, rays: &Rays) -> Self {
-        let [x, y, z] = sprite.place;
-        let [sx, sy] = rays.first;
-        Self {
-            corner: [y - z * sy, z * sx - x, x * sy - y * sx],
-            along: x * sx + y * sy + z,
-            place: sprite.place,
-            step: rays.step,
-            scale: 1.0 / sprite.sigma,
-        }
-    }
-
-    /// Fills `q2`, one row of the tile, with the squared distance in sigma.
+impl<P: Normal, const N: usize> Canvas<'_, P, N> {
+    /// Draws a particle on the rows and columns [first, last) that it can touch.
     #[inline(always)]
-    pub fn distance<P: Normal, const LEVEL: u8>(
-        &self,
-        model: Footprint,
-        rays: &Rays,
-        row: usize,
-        q2: &mut [P; TILE],
+    pub fn draw<const LEVEL: u8>(
+        &mut self,
+        source: &Source<'_, P, N>,
+        sprite: &Sprite,
+        look: &Look,
+        [columns, rows]: [[usize; 2]; 2],
+        cut: Cut,
+        color: [P; 3],
     ) {
-        let [x, y, z] = self.place;
-        let down = row as f64 * self.step;
-        let scale = self.scale;
-        let v1 = P::of((self.corner[0] - z * down) * scale);
-        let (v2, v2_step) = (P::of(self.corner[1] * scale), P::of(z * self.step * scale));
-        let (v3, v3_step) =
-            (P::of((self.corner[2] + x * down) * scale), P::of(-y * self.step * scale));
-        let v1 = v1 * v1;
-        if model == Footprint::Viewpoint {
-            let away = 1.0 / libm::hypot(libm::hypot(x, y), z);
-            let m = P::of((self.along + y * down) * away);
-            let m_step = P::of(x * self.step * away);
-            for (k, value) in q2.iter_mut().enumerate() {
-                let k = lane::<P>(k);
-                let a = multiply_add::<P, LEVEL>(k, v2_step, v2);
-                let b = multiply_add::<P, LEVEL>(k, v3_step, v3);
-                let c = multiply_add::<P, LEVEL>(k, m_step, m);
-                let squared = multiply_add::<P, LEVEL>(a, a, multiply_add::<P, LEVEL>(b, b, v1));
-                // A ray that points away from the particle misses it. Not a branch: it would cost half.
-                let c = most(c, P::of(1e-15));
-                *value = squared / (c * c);
-            }
-        } else {
-            let lengths = &rays.length[row * TILE..(row + 1) * TILE];
-            for (k, (value, length)) in q2.iter_mut().zip(lengths).enumerate() {
-                let k = lane::<P>(k);
-                let a = multiply_add::<P, LEVEL>(k, v2_step, v2);
-                let b = multiply_add::<P, LEVEL>(k, v3_step, v3);
-                let squared = multiply_add::<P, LEVEL>(a, a, multiply_add::<P, LEVEL>(b, b, v1));
-                let length = P::of(*length);
-                *value = squared / (length * length);
-            }
-        }
-    }
-
-    /// How far along each ray of a row it comes closest to the middle: C . d / |d|, world units.
-    #[inline(always)]
-    fn approach(&self, lengths: &[f64], row: usize) -> [f64; TILE] {
-        let [x, y, _] = self.place;
-        let (along, step) = (self.along + y * row as f64 * self.step, x * self.step);
-        let mut approach = [0.0; TILE];
-        for (k, (approach, length)) in approach.iter_mut().zip(lengths).enumerate() {
-            *approach = (along + f64::from(k as i32) * step) / length;
-        }
-        approach
-    }
-
-    /// How far the nearest and the farthest depth of a tile lie behind and before the closest approach, at
-    /// least, world units.
-    fn clearance(&self, rays: &Rays, [near, far]: [f64; 2]) -> [f64; 2] {
-        let [x, y, z] = self.place;
-        let last = TILE - 1;
-        let (mut most, mut behind) = (f64::NEG_INFINITY, f64::INFINITY);
-        for at in [0, last, last * TILE, last * TILE + last] {
-            let [down, right] = [at / TILE, at % TILE].map(|steps| steps as f64 * self.step);
-            let (along, length) = (self.along + y * down + x * right, rays.length[at]);
-            most = most.max(along);
-            // Where this is positive at the corners it is not less between them: C . d >= c |d| + D |d|^2
-            // holds for a convex set of rays.
-            behind = behind.min(along / length - far * length);
-        }
-        let away = libm::hypot(libm::hypot(x, y), z);
-        let approach = away.min(most / rays.range[if most > 0.0 { 0 } else { 1 }]);
-        [near * rays.range[0] - approach, behind]
-    }
-}
-
-/// Turns squared distances into opacities.
-#[inline(always)]
-pub fn opacities<P: Normal, const LEVEL: u8>(
-    values: &mut [P; TILE],
-    scale: Scale<P>,
-    square: bool,
-) {
-    for value in values.iter_mut() {
-        let q2 = *value;
-        let g = P::exp_at::<LEVEL>(most(P::of(-0.5) * q2, P::of(-80.0)));
-        let alpha = most(multiply_add::<P, LEVEL>(scale.gain, g, -scale.floor), P::zero());
-        *value = if square && q2 > P::of(9.0) { P::zero() } else { alpha };
-    }
-}
-
-/// What stands in the picture, over one tile.
-pub struct Ground<'a, P> {
-    /// Depth, by pixel; infinity where nothing stands.
-    pub depth: &'a [P; PIXELS],
-    /// The nearest and the farthest of them.
-    pub range: [f64; 2],
-}
-
-/// What cuts a particle off within a tile.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Cut {
-    /// Nothing.
-    Clear,
-    /// All of it is hidden.
-    Hidden,
-    /// What stands in the picture hides it whole, pixel by pixel: at its planar depth, or for
-    /// [`Footprint::Viewpoint`] where the ray comes closest to its middle.
-    Hard,
-    /// What stands in the picture cuts into it, at the same place.
-    Soft,
-    /// The near plane and what stands in the picture end the line integral.
-    Line,
-}
-
-/// What cuts a particle off; the ranges of the tile settle it for most.
-pub fn cut<P: Normal>(
-    sprite: &Sprite,
-    look: &Look,
-    rays: Option<&Rays>,
-    ground: Option<&Ground<'_, P>>,
-) -> Cut {
-    let (model, near, hard) = (sprite.model, look.near, look.hard);
-    if ground.is_none() && model != Footprint::Volume {
-        return Cut::Clear;
-    }
-    let [x, y, depth] = sprite.place;
-    let sigma = sprite.sigma;
-    // Beyond this many sigma the normal law has reached 0 or 1.
-    let saturated = P::SATURATED * sigma;
-    let far = ground.map_or([f64::INFINITY; 2], |ground| ground.range);
-    if let (Footprint::Viewpoint, Some(rays)) = (model, rays) {
-        let [before, behind] = Forms::of(sprite, rays).clearance(rays, far);
-        return match hard {
-            _ if before > if hard { 0.0 } else { saturated } => Cut::Clear,
-            true if behind >= 0.0 => Cut::Hidden,
-            true => Cut::Hard,
-            false if behind > saturated => Cut::Hidden,
-            false => Cut::Soft,
-        };
-    }
-    if hard && ground.is_some() {
-        let level = P::of(depth).wide();
-        if far[1] <= level {
-            return Cut::Hidden;
-        }
-        if far[0] <= level {
-            // The near plane of `volume` is minded as well.
-            return if model == Footprint::Volume { Cut::Line } else { Cut::Hard };
-        }
-    }
-    if let (Footprint::Volume, Some(rays)) = (model, rays) {
-        let away = libm::hypot(libm::hypot(x, y), depth);
-        let before = sprite.nearest() - near * rays.range[1] > saturated && depth > 0.0;
-        let behind = hard || far[0] * rays.range[0] - away > saturated;
-        return if before && behind { Cut::Clear } else { Cut::Line };
-    }
-    if hard || far[0] - depth > saturated {
-        Cut::Clear
-    } else if depth - far[1] > saturated {
-        Cut::Hidden
-    } else {
-        Cut::Soft
-    }
-}
-
-/// Multiplies one row's opacities by what the cut leaves of them.
-#[inline(always)]
-pub fn cut_row<P: Normal>(
-    alpha: &mut [P; TILE],
-    cut: Cut,
-    sprite: &Sprite,
-    look: &Look,
-    rays: Option<&Rays>,
-    ground: Option<&Ground<'_, P>>,
-    row: usize,
-) {
-    let (near, hard) = (look.near, look.hard);
-    let part = row * TILE..(row + 1) * TILE;
-    let depth = sprite.place[2];
-    let map = ground.map(|ground| &ground.depth[part.clone()]);
-    let inverse = 1.0 / sprite.sigma;
-    let lengths = rays.map(|rays| &rays.length[part]);
-    let approach = rays.zip(lengths).filter(|_| sprite.model.by_ray());
-    let approach = approach.map(|(rays, all)| (Forms::of(sprite, rays).approach(all, row), all));
-    if let (Footprint::Viewpoint, Some((approach, lengths)), Some(map)) =
-        (sprite.model, &approach, map)
-    {
-        for k in 0..TILE {
-            let clear = map[k].wide() * lengths[k] - approach[k];
-            let shown = if cut == Cut::Soft {
-                below(P::of(clear * inverse))
-            } else if clear > 0.0 {
-                P::one()
-            } else {
-                P::zero()
-            };
-            alpha[k] *= shown;
-        }
-        return;
-    }
-    if (cut == Cut::Hard || (cut == Cut::Line && hard))
-        && let Some(map) = map
-    {
-        let level = P::of(depth);
-        for (alpha, ground) in alpha.iter_mut().zip(map) {
-            *alpha = if level < *ground { *alpha } else { P::zero() };
-        }
-    }
-    match (cut, map, approach) {
-        (Cut::Soft, Some(map), _) => {
-            for (alpha, ground) in alpha.iter_mut().zip(map) {
-                let u = P::of((ground.wide() - depth) * inverse);
-                *alpha *= below(u);
-            }
-        }
-        (Cut::Line, map, Some((approach, lengths))) => {
-            let mut end = [f64::INFINITY; TILE];
-            if let (Some(map), false) = (map, hard) {
-                for (end, ground) in end.iter_mut().zip(map) {
-                    *end = ground.wide();
+        let scale = Scale::<P>::of(sprite.opacity, look.edge);
+        let square = look.edge == Edge::Square;
+        let facing = sprite.model == Footprint::Viewpoint;
+        let forms = Forms::of(sprite, self.sheet);
+        let ends = (cut != Cut::CLEAR).then(|| Ends::of(sprite, look, cut));
+        let by_ray = matches!(source, Source::Ray);
+        for row in rows[0]..rows[1] {
+            let touched = if by_ray { forms.touched(row, columns[1]) } else { Some(columns) };
+            let Some([first, last]) = touched else { continue };
+            let beside = forms.row::<P>(row);
+            for part in first.max(columns[0]) / PART..last.div_ceil(PART) {
+                let mut opacity = match source {
+                    Source::Ray => {
+                        let passing = beside.passing::<N, LEVEL>(self.rays, row, part, facing);
+                        gauss::<P, LEVEL>(passing.squared, passing.lean, scale, square)
+                    }
+                    Source::Product(across, down, scale) => {
+                        product::<P, N, LEVEL>(across, scale.gain * down[row], scale.floor, part)
+                    }
+                };
+                let span = part * PART..(part + 1) * PART;
+                if let Some(ends) = &ends {
+                    let length = by_ray.then(|| self.rays.lengths(row, part));
+                    let ground = self.ground.map(|ground| part_of(&ground.depth[row], part));
+                    ends.shorten::<P, LEVEL>(&mut opacity, length, ground);
+                }
+                let through = part_of_mut(&mut self.through[row], part);
+                match &mut self.light {
+                    None => dim::<P, LEVEL>(through, &opacity.alpha),
+                    Some(light) => {
+                        let [red, green, blue] = light;
+                        let planes = [&mut red[row], &mut green[row], &mut blue[row]]
+                            .map(|plane| &mut plane[span.clone()]);
+                        lit::<P, LEVEL>(through, planes, &opacity.alpha, color);
+                    }
                 }
             }
-            for (k, (alpha, length)) in alpha.iter_mut().zip(lengths).enumerate() {
-                let from = P::of((near * length - approach[k]) * inverse);
-                let to = P::of((end[k] * length - approach[k]) * inverse);
-                *alpha *= between(from, to);
-            }
         }
-        _ => {}
     }
 }
 
-/// The normal law up to u.
 #[inline(always)]
-fn below<P: Normal>(u: P) -> P {
-    let half = P::of(0.5) * P::tail(u.abs());
-    if u > P::zero() { P::one() - half } else { half }
+fn part_of<P, const N: usize>(row: &[P; N], part: usize) -> &Part<P> {
+    row[part * PART..(part + 1) * PART].try_into().expect("PART of them")
 }
 
-/// The normal law between two places, 0 if they are in the wrong order; subtracted in the tail.
 #[inline(always)]
-fn between<P: Normal>(from: P, to: P) -> P {
-    let (a, b) = (P::of(0.5) * P::tail(from.abs()), P::of(0.5) * P::tail(to.abs()));
-    let right = from > P::zero();
-    let left = to < P::zero();
-    let share = if right {
-        a - b
-    } else if left {
-        b - a
-    } else {
-        P::one() - (a + b)
-    };
-    if to > from { most(share, P::zero()) } else { P::zero() }
+fn part_of_mut<P, const N: usize>(row: &mut [P; N], part: usize) -> &mut Part<P> {
+    (&mut row[part * PART..(part + 1) * PART]).try_into().expect("PART of them")
+}
+
+/// Opacities from squared distances.
+#[inline(always)]
+fn gauss<P: Normal, const LEVEL: u8>(
+    squared: Part<P>,
+    lean: Part<P>,
+    scale: Scale<P>,
+    square: bool,
+) -> Opacity<P> {
+    let mut alpha = [P::zero(); PART];
+    for k in 0..PART {
+        let g = P::exp_at::<LEVEL>(most(P::of(-0.5) * squared[k], P::of(-80.0)));
+        alpha[k] = most(multiply_add::<P, LEVEL>(scale.gain, g, -scale.floor), P::zero());
+    }
+    if square {
+        for k in 0..PART {
+            alpha[k] = if squared[k] > P::of(9.0) { P::zero() } else { alpha[k] };
+        }
+    }
+    Opacity { alpha, lean }
+}
+
+/// Opacities from the two vectors.
+#[inline(always)]
+fn product<P: Normal, const N: usize, const LEVEL: u8>(
+    across: &[P; N],
+    gain: P,
+    floor: P,
+    part: usize,
+) -> Opacity<P> {
+    let across = part_of(across, part);
+    let mut alpha = [P::zero(); PART];
+    for k in 0..PART {
+        alpha[k] = most(multiply_add::<P, LEVEL>(gain, across[k], -floor), P::zero());
+    }
+    Opacity { alpha, lean: [P::zero(); PART] }
+}
+
+/// T -= T alpha. Subtracting and not multiplying by a rounded 1 - alpha keeps many faint layers right.
+#[inline(always)]
+fn dim<P: Normal, const LEVEL: u8>(through: &mut Part<P>, alpha: &Part<P>) {
+    for k in 0..PART {
+        through[k] = multiply_add::<P, LEVEL>(-through[k], alpha[k], through[k]);
+    }
+}
+
+/// The same, and light += T alpha color.
+#[inline(always)]
+fn lit<P: Normal, const LEVEL: u8>(
+    through: &mut Part<P>,
+    planes: [&mut [P]; 3],
+    alpha: &Part<P>,
+    color: [P; 3],
+) {
+    let mut share = [P::zero(); PART];
+    for k in 0..PART {
+        share[k] = through[k] * alpha[k];
+        through[k] = through[k] - share[k];
+    }
+    for (plane, color) in planes.into_iter().zip(color) {
+        let plane: &mut Part<P> = plane.try_into().expect("PART of them");
+        for k in 0..PART {
+            plane[k] = multiply_add::<P, LEVEL>(share[k], color, plane[k]);
+        }
+    }
 }
 
 /// The tapered Gaussian at a distance q in sigma, float64.

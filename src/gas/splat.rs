@@ -31,6 +31,9 @@ fn check(eye: &Eye, look: &Look) -> Result<(), Error> {
     if !(0.0..1.0).contains(&look.error) {
         return Err(Error::invalid("error", format!("must be from 0 to 1, got {}", look.error)));
     }
+    if look.smooth.is_nan() || look.smooth <= 0.0 {
+        return Err(Error::invalid("smooth", format!("must be positive, got {}", look.smooth)));
+    }
     Ok(())
 }
 
@@ -121,7 +124,11 @@ pub fn estimate(shape: (usize, usize), cloud: &Cloud<'_>, eye: &Eye, look: &Look
         .filter_map(|index| Sprite::of(&cloud.get(index), 0, eye, look, shape))
         .map(|sprite| {
             let length = |[low, high]: [u32; 2]| f64::from(high - low);
-            let cost = if sprite.form == Form::Ray { 2.0 } else { 0.2 };
+            let cost = match sprite.form {
+                _ if sprite.smooth => 0.1,
+                Form::Ray => 1.0,
+                _ => 0.2,
+            };
             length(sprite.rows) * length(sprite.columns) * cost
         })
         .sum();

@@ -76,6 +76,8 @@ pub struct Look {
     pub hard: bool,
     /// A pixel that lets through less than this is finished.
     pub error: f64,
+    /// Footprints whose sigma is no less than this (px) are drawn on a lattice; infinity for none.
+    pub smooth: f64,
 }
 
 /// A particle of the gas.
@@ -119,8 +121,12 @@ pub struct Sprite {
     pub radius: f64,
     /// From the eye, world units.
     pub place: [f64; 3],
+    /// How far that is.
+    pub away: f64,
     /// World units.
     pub sigma: f64,
+    /// Whether it changes so slowly over the picture that a lattice of samples says all of it.
+    pub smooth: bool,
     /// Of its middle, near fade included.
     pub opacity: f64,
     /// What it is sorted by, front to back.
@@ -139,7 +145,9 @@ impl Sprite {
         middle: [0.0; 2],
         radius: 0.0,
         place: [0.0; 3],
+        away: 0.0,
         sigma: 0.0,
+        smooth: false,
         opacity: 0.0,
         key: 0.0,
         index: 0,
@@ -162,10 +170,10 @@ impl Sprite {
         if opacity == 0.0 {
             return None;
         }
-        let by_ray = look.footprint.by_ray() || model.by_ray();
-        let away = if by_ray { libm::hypot(libm::hypot(x, y), depth) } else { depth };
+        let away = (x * x + y * y + depth * depth).sqrt();
         let mut sprite = Self {
             place,
+            away,
             sigma: radius / 3.0,
             opacity,
             key: if look.footprint.by_ray() { away } else { depth },
@@ -214,6 +222,13 @@ impl Sprite {
                 [mx - size, mx + size, my - size, my + size]
             }
         };
+        // An angle has the most pixels to it off the axis, so this is the narrowest that it can be.
+        let spread = match sprite.form {
+            Form::Ray => eye.focal * sprite.sigma / away.max(sprite.sigma),
+            Form::Point => sprite.radius / 3.0,
+            Form::Box | Form::Table => 0.0,
+        };
+        sprite.smooth = spread >= look.smooth && look.edge == Edge::Taper;
         let range = |range: Range<usize>| [range.start as u32, range.end as u32];
         sprite.columns = range(pixels(bounds[0], bounds[1], shape.1)?);
         sprite.rows = range(pixels(bounds[2], bounds[3], shape.0)?);
@@ -234,14 +249,6 @@ impl Sprite {
         }
         let t = (depth - look.near) / (radius / 3.0);
         (t > 0.0).then(|| smoothstep(t))
-    }
-
-    /// How far the near end of the particle lies from the eye, at least.
-    pub fn nearest(&self) -> f64 {
-        let radius = 3.0 * self.sigma;
-        let [x, y, z] = self.place;
-        let squared = x * x + y * y + z * z - radius * radius;
-        squared.max(0.0).sqrt()
     }
 }
 

@@ -32,14 +32,14 @@ arrays! {
 /// (focal, cx, cy, offset)
 type Lens = (f64, f64, f64, [f64; 3]);
 
-/// (footprint, edge, near, near mode, hard, error)
-type Manner = (String, String, f64, String, bool, f64);
+/// (footprint, edge, near, near mode, hard, error, smooth)
+type Manner = (String, String, f64, String, bool, f64, f64);
 
 fn eye_of((focal, x, y, offset): Lens) -> Eye {
     Eye { focal, center: [x, y], offset }
 }
 
-fn look_of((footprint, edge, near, near_mode, hard, error): Manner) -> PyResult<Look> {
+fn look_of((footprint, edge, near, near_mode, hard, error, smooth): Manner) -> PyResult<Look> {
     let footprint = match footprint.as_str() {
         "viewplane" => Footprint::Viewplane,
         "viewplane_c" => Footprint::ViewplaneC,
@@ -59,7 +59,7 @@ fn look_of((footprint, edge, near, near_mode, hard, error): Manner) -> PyResult<
         "exact" => NearMode::Exact,
         _ => return Err(Error::invalid("near_mode", "is none of ours").into()),
     };
-    Ok(Look { footprint, edge, near, near_mode, hard, error })
+    Ok(Look { footprint, edge, near, near_mode, hard, error, smooth })
 }
 
 fn colors_of(colors: &PyReadonlyArray2<'_, f64>) -> PyResult<Vec<[f64; 3]>> {

@@ -18,6 +18,10 @@ from flurries.motion.keys import Vector
 # The outer share of the box, on each side, in which particles fade.
 RIM = 0.075
 
+# Sigma (px) from which particles are drawn on a lattice: each errs by at most .0015 of its density,
+# and a frame by less than half a step of 8 bits (docs/internals/accuracy.md).
+SMOOTH = 24.0
+
 # The most particles in the box of the given sides; one that grows to the view has four times them.
 MOST = 2_000_000
 
@@ -130,6 +134,8 @@ class Cloud:
         inside = np.minimum(wide / sides[0], 1.0) * np.minimum(high / sides[1], 1.0)
         area = np.minimum((2.0 * focal * self.radius / depth) ** 2, height * width * covered)
         pixels = height * width
+        # A lattice has 16 x 16 samples for 64 x 64 pixels.
+        area = np.where(focal * self.radius / 3.0 >= SMOOTH * depth, area / 16.0, area)
         work = {
             "gas placed": float(count),
             "lit gas pixel" if lit else "gas pixel": share * count * float((inside * area).mean()),
@@ -151,7 +157,7 @@ class Cloud:
         given = sorted_gas(
             frame.shape, points, self.radius, shown, colors, frame.camera,
             footprint=self.footprint, near=self.near, near_mode="exact", depth=frame.depth,
-            error=allowed_error(frame),
+            error=allowed_error(frame), smooth=SMOOTH,
         )  # fmt: skip
         return given, lit
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Any, Literal, TypeAlias, get_args
 
@@ -40,8 +41,11 @@ OCCLUSIONS = get_args(Occlusion)
 # type can say of an opacity.
 FINISHED = {"float32": 1e-6, "float64": 1e-13}
 
+# Narrower footprints than this (px) fall between the samples of the lattice.
+LEAST_SMOOTH = 8.0
+
 _Lens = tuple[float, float, float, tuple[float, float, float]]
-_Manner = tuple[str, str, float, str, bool, float]
+_Manner = tuple[str, str, float, str, bool, float, float]
 
 
 @dataclass(frozen=True)
@@ -68,6 +72,7 @@ def splat(
     depth: npt.ArrayLike | None = None,
     occlusion: Occlusion = "soft",
     error: float | None = None,
+    smooth: float | None = None,
     dtype: npt.DTypeLike = np.float32,
     out: Array | None = None,
 ) -> Array:
@@ -128,6 +133,11 @@ def splat(
     error : float, optional
         A tile is finished once none of its pixels lets through more than this; alpha then errs by
         at most as much. If not given, 1e-6 for float32 and 1e-13 for float64.
+    smooth : float, optional
+        Tapered particles whose sigma on the picture is at least so many px are drawn on a lattice
+        of 13 x 13 samples for 64 x 64 px, wherever nothing stands in them: a fraction of the work
+        for gas that is near. Each errs by at most 41 / smooth^4 + .033 / smooth of its density,
+        at 24 px by .0015 of it. At least 8; all pixels are computed if not given.
     dtype : float32 or float64, optional
         Of the result.
     out : (H, W, 4) array of that dtype, optional
@@ -165,7 +175,7 @@ def splat(
     gas = gas_of(centers, radius, density)
     colors = colors_of(color, len(gas.centers))
     lens = lens_of(camera, size)
-    manner = manner_of(footprint, edge, near, near_mode, occlusion, error, kind)
+    manner = manner_of(footprint, edge, near, near_mode, occlusion, error, smooth, kind)
     ground = ground_of(depth, size)
     inputs = [gas.centers, gas.radius, gas.density, colors]
     result = output(out, (*size, 4), kind, *inputs, *([] if ground is None else [ground]))
@@ -187,6 +197,7 @@ def alpha(
     depth: npt.ArrayLike | None = None,
     occlusion: Occlusion = "soft",
     error: float | None = None,
+    smooth: float | None = None,
     dtype: npt.DTypeLike = np.float32,
     out: Array | None = None,
 ) -> Array:
@@ -195,7 +206,7 @@ def alpha(
     Parameters
     ----------
     shape, centers, radius, density, camera, footprint, edge, near, near_mode, depth, occlusion, \
-error, dtype
+error, smooth, dtype
         As in :func:`splat`.
     out : (H, W) array of that dtype, optional
         Where to write.
@@ -214,7 +225,7 @@ error, dtype
     kind = float_dtype(dtype)
     gas = gas_of(centers, radius, density)
     lens = lens_of(camera, size)
-    manner = manner_of(footprint, edge, near, near_mode, occlusion, error, kind)
+    manner = manner_of(footprint, edge, near, near_mode, occlusion, error, smooth, kind)
     ground = ground_of(depth, size)
     inputs = [gas.centers, gas.radius, gas.density, *([] if ground is None else [ground])]
     result = output(out, size, kind, *inputs)
@@ -235,6 +246,7 @@ def sorted_gas(
     near_mode: str,
     depth: npt.ArrayLike | None,
     error: float,
+    smooth: float | None,
 ) -> _core.SortedGas:
     """Return a gas whose parts `gas_draw` draws with the bits of :func:`splat` and :func:`alpha`.
 
@@ -244,7 +256,7 @@ def sorted_gas(
     gas = gas_of(centers, radius, density)
     colors = colors_of(color, len(gas.centers))
     kind = np.dtype(np.float32)
-    manner = manner_of(footprint, "taper", near, near_mode, "soft", error, kind)
+    manner = manner_of(footprint, "taper", near, near_mode, "soft", error, smooth, kind)
     ground_of(depth, size)
     lens = lens_of(camera, size)
     return _core.gas_sort(size, gas.centers, gas.radius, gas.density, colors, lens, manner)
@@ -312,6 +324,7 @@ def manner_of(
     near_mode: str,
     occlusion: str,
     error: float | None,
+    smooth: float | None,
     kind: np.dtype[Any],
 ) -> _Manner:
     """Return how gas is drawn as plain values."""
@@ -323,6 +336,7 @@ def manner_of(
         choice("near_mode", near_mode, NEAR_MODES),
         choice("occlusion", occlusion, OCCLUSIONS) == "hard",
         limit,
+        math.inf if smooth is None else real("smooth", smooth, low=LEAST_SMOOTH, high=LARGEST),
     )
 
 

@@ -1,0 +1,201 @@
+//! What cuts a particle off: the near plane before it, what stands in the picture behind it.
+//!
+//! The share of a line integral between two places along a ray is that of the normal law. Error
+//! functions are evaluated only where this share is not 1 to the samples' last bits: most particles of
+//! a tile are farther from both ends than that.
+
+use super::ray::Opacity;
+use super::rays::{Forms, PART, Part, Sheet};
+use super::sprite::{Footprint, Look, Sprite};
+use crate::base::normal::{Normal, most};
+
+/// What stands in the picture, over one tile.
+pub struct Ground<'a, P, const N: usize> {
+    /// Depth, by pixel; infinity where nothing stands.
+    pub depth: &'a [[P; N]; N],
+    /// The nearest and the farthest of them.
+    pub range: [f64; 2],
+}
+
+/// What stands behind a particle.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Wall {
+    /// Nothing that touches it.
+    None,
+    /// It cuts into the particle at its depth along the ray.
+    Ray,
+    /// It hides the whole particle, by pixel, if it is nearer than where the ray passes the middle.
+    RayHard,
+    /// It cuts into the particle at its planar depth.
+    Plane,
+    /// It hides the whole particle, by pixel, if its planar depth is less than the middle's.
+    PlaneHard,
+}
+
+/// What cuts a particle off within a sheet.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Cut {
+    /// Whether the near plane ends the line integral.
+    pub near: bool,
+    /// What stands behind.
+    pub wall: Wall,
+}
+
+impl Cut {
+    /// Nothing cuts it.
+    pub const CLEAR: Self = Self { near: false, wall: Wall::None };
+}
+
+/// What cuts a particle off; the ranges of the sheet settle it for most. None if all of it is hidden.
+pub fn cut<P: Normal>(
+    sprite: &Sprite,
+    look: &Look,
+    sheet: &Sheet,
+    last: usize,
+    ground: Option<[f64; 2]>,
+) -> Option<Cut> {
+    let volume = sprite.model == Footprint::Volume;
+    if ground.is_none() && !volume {
+        return Some(Cut::CLEAR);
+    }
+    // Beyond this many sigma the normal law has reached 0 or 1.
+    let saturated = P::SATURATED * sprite.sigma;
+    let depth = sprite.place[2];
+    let mut cut = Cut::CLEAR;
+    if volume {
+        // A ray that passes at q sigma meets the near plane at t sigma from there with q^2 + t^2 no less
+        // than the distance of the middle from it, so what is cut off is at most the normal law's tail
+        // at that distance, times the density.
+        cut.near = !(sprite.away - look.near * sheet.range[1] > saturated && depth > 0.0);
+        if cut.near && Forms::of(sprite, sheet).before(look.near, last) > saturated {
+            return None;
+        }
+    }
+    let Some([nearest, farthest]) = ground else { return Some(cut) };
+    if look.hard && sprite.model != Footprint::Viewpoint {
+        let level = P::of(depth).wide();
+        if farthest <= level {
+            return None;
+        }
+        if nearest <= level {
+            cut.wall = Wall::PlaneHard;
+        }
+        return Some(cut);
+    }
+    if sprite.model.by_ray() {
+        let edge = if look.hard { 0.0 } else { saturated };
+        if volume && nearest * sheet.range[0] - sprite.away > saturated {
+            return Some(cut);
+        }
+        let forms = Forms::of(sprite, sheet);
+        if forms.before(nearest, last) > edge {
+            return Some(cut);
+        }
+        let behind = forms.behind(farthest, last);
+        if if look.hard { behind >= 0.0 } else { behind > saturated } {
+            return None;
+        }
+        cut.wall = if look.hard { Wall::RayHard } else { Wall::Ray };
+    } else if depth - farthest > saturated {
+        return None;
+    } else if nearest - depth <= saturated {
+        cut.wall = Wall::Plane;
+    }
+    Some(cut)
+}
+
+/// Where a particle's ends are, in units of its sigma.
+pub(super) struct Ends {
+    depth: f64,
+    inverse: f64,
+    near: f64,
+    cut: Cut,
+}
+
+impl Ends {
+    #[inline(always)]
+    pub fn of(sprite: &Sprite, look: &Look, cut: Cut) -> Self {
+        let (depth, inverse) = (sprite.place[2], 1.0 / sprite.sigma);
+        Self { depth, inverse, near: (look.near - depth) * inverse, cut }
+    }
+
+    /// Multiplies the opacities of a part of a row by what the ends leave of them.
+    #[inline(always)]
+    pub fn shorten<P: Normal, const LEVEL: u8>(
+        &self,
+        opacity: &mut Opacity<P>,
+        length: Option<&Part<P>>,
+        ground: Option<&Part<P>>,
+    ) {
+        let alpha = &mut opacity.alpha;
+        let lean = &opacity.lean;
+        let mut from = [P::zero(); PART];
+        let mut to = [P::zero(); PART];
+        if let (true, Some(length)) = (self.cut.near, length) {
+            let near = P::of(self.near);
+            for k in 0..PART {
+                from[k] = near * length[k] + lean[k];
+            }
+        }
+        if let Some(ground) = ground {
+            for k in 0..PART {
+                to[k] = P::of((ground[k].wide() - self.depth) * self.inverse);
+            }
+            if let (Wall::Ray | Wall::RayHard, Some(length)) = (self.cut.wall, length) {
+                for k in 0..PART {
+                    to[k] = to[k] * length[k] + lean[k];
+                }
+            }
+        }
+        match self.cut.wall {
+            Wall::Ray if self.cut.near => {
+                for k in 0..PART {
+                    alpha[k] *= between::<P, LEVEL>(from[k], to[k]);
+                }
+                return;
+            }
+            Wall::Ray | Wall::Plane => {
+                for k in 0..PART {
+                    alpha[k] *= below::<P, LEVEL>(to[k]);
+                }
+            }
+            Wall::RayHard => {
+                for k in 0..PART {
+                    alpha[k] = if to[k] > P::zero() { alpha[k] } else { P::zero() };
+                }
+            }
+            Wall::PlaneHard => {
+                let level = P::of(self.depth);
+                if let Some(ground) = ground {
+                    for k in 0..PART {
+                        alpha[k] = if level < ground[k] { alpha[k] } else { P::zero() };
+                    }
+                }
+            }
+            Wall::None => {}
+        }
+        if self.cut.near {
+            for k in 0..PART {
+                alpha[k] *= below::<P, LEVEL>(-from[k]);
+            }
+        }
+    }
+}
+
+/// The normal law up to u.
+#[inline(always)]
+fn below<P: Normal, const LEVEL: u8>(u: P) -> P {
+    let half = P::of(0.5) * P::tail_at::<LEVEL>(u.abs());
+    if u > P::zero() { P::one() - half } else { half }
+}
+
+/// The normal law between two places, 0 if they are in the wrong order; subtracted in the tail.
+#[inline(always)]
+fn between<P: Normal, const LEVEL: u8>(from: P, to: P) -> P {
+    let half = P::of(0.5);
+    let (a, b) = (half * P::tail_at::<LEVEL>(from.abs()), half * P::tail_at::<LEVEL>(to.abs()));
+    let (right, left) = (a - b, b - a);
+    let share = if to < P::zero() { left } else { P::one() - (a + b) };
+    let share = if from > P::zero() { right } else { share };
+    if to > from { most(share, P::zero()) } else { P::zero() }
+}
