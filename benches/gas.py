@@ -1,6 +1,6 @@
 """Gas: ratios to what people write instead, and the scenes that Johnson 2005 timed.
 
-    python benches/gas.py [--runs N] [--scenes]
+    python benches/gas.py [--runs N] [--scenes] [--inside]
 
 Variants take turns in one run; read the ratios. `cargo bench --bench gas` has the plain compiled
 loop over the table.
@@ -136,6 +136,65 @@ def scenes() -> None:
         print(f"  {count} particles r {radius:4} {ours} {mean:11d} {slow:8d} {1 / plain:12.3f}")
 
 
+def inside(runs: int) -> None:
+    """Print what the eye inside the gas costs, on every pixel and on the lattice, and both eyes."""
+    shape, camera = (480, 640), fl.Camera(560.0)
+    both = fl.stereo.eyes(camera, distance=0.065, convergence=4.0)
+    layers = [np.empty((*shape, 4), np.float32) for _ in both]
+
+    def draw(centers: np.ndarray, radius: float, eye: int, smooth: float | None) -> np.ndarray:
+        return fl.gas.splat(
+            shape, centers, radius, 0.4, 0.7, both[eye], near_mode="exact", smooth=smooth,
+            out=layers[eye],
+        )  # fmt: skip
+
+    def anaglyph(centers: np.ndarray, radius: float, smooth: float | None) -> None:
+        pair = [draw(centers, radius, eye, smooth)[..., :3] for eye in (0, 1)]
+        fl.stereo.anaglyph(*pair)
+
+    print("the eye in the middle of a box of 5, 640 x 480: both eyes and the anaglyph, frames/s")
+    for (count, radius), (mean, _) in PAPER.items():
+        centers = np.random.default_rng(1).uniform(-2.5, 2.5, (count, 3))
+        exact = draw(centers, radius, 0, None).copy()
+        off = np.abs(draw(centers, radius, 0, 24.0) - exact).max()
+        row = []
+        for threads in (1, 2):
+            fl.set_threads(threads)
+            found = timed(
+                {
+                    "exact": lambda c=centers, r=radius: anaglyph(c, r, None),
+                    "smooth": lambda c=centers, r=radius: anaglyph(c, r, 24.0),
+                },
+                runs,
+            )
+            row += [1e3 / found[name][0] for name in ("exact", "smooth")]
+        print(
+            f"  {count} particles r {radius}: all pixels {row[0]:.0f}, {row[2]:.0f} on two threads;"
+            f" lattice {row[1]:.0f}, {row[3]:.0f} (largest error {off:.5f}); the paper {mean}"
+        )
+    fl.set_threads(1)
+    plate = np.full((768, 1024, 3), 128, np.uint8)
+    ramp = np.repeat(np.linspace(3.0, 60.0, 768)[:, None], 1024, axis=1)
+    fog = fl.Mist.preset("fog", visibility=20.0, wind=(1.0, 0.0, 0.0))
+    bank = fl.Mist.preset("bank", visibility=20.0, wind=(1.0, 0.0, 0.0))
+    flat = fl.Scene(None, plate, effects=[fog])
+    deep = fl.Scene(None, plate, effects=[fog], depth=ramp)
+    stirred = fl.Scene(None, plate, effects=[bank])
+    time_of = iter(range(10**6))
+    found = timed(
+        {
+            "one eye": lambda: flat.render(next(time_of)),
+            "both": lambda: flat.stereo(next(time_of), distance=0.065, convergence=4.0),
+            "depth": lambda: deep.render(next(time_of)),
+            "structure": lambda: stirred.render(next(time_of)),
+        },
+        runs,
+    )
+    one = found["one eye"][0]
+    print(f"moving fog, 1024 x 768, 20 m, one thread: {one:.1f} ms;", end=" ")
+    print(", ".join(f"{name} {found[name][0] / one:.2f}" for name in found if name != "one eye"))
+
+
 def _plain(shape: tuple[int, int], centers: np.ndarray, radius: float, eyes: object) -> None:
     """Splat both eyes by slices of Eq. 2's table, particle by particle."""
     table = fl.gas.footprint_table(65)
@@ -167,10 +226,15 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--runs", type=int, default=15)
     parser.add_argument("--scenes", action="store_true", help="only the paper's scenes")
+    parser.add_argument("--inside", action="store_true", help="only the eye inside the gas")
     options = parser.parse_args()
+    if options.inside:
+        inside(options.runs)
+        return
     if not options.scenes:
         kernels(options.runs)
     scenes()
+    inside(options.runs)
 
 
 if __name__ == "__main__":

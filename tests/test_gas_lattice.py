@@ -39,8 +39,9 @@ def test_one_particle_errs_by_no_more_than_it_says(footprint, sigma):
         error, alpha = apart([place], 3.0 * sigma * away / FOCAL, 1.0, footprint=footprint)
         assert alpha.max() > 0.5
         worst = max(worst, error)
-    # The bound is no more than some times what is found.
-    assert 0.02 * bound(1.0, sigma) < worst < bound(1.0, sigma)
+    assert worst < bound(1.0, sigma)
+    # The bound is not many times what is found, where all of a footprint is in the picture.
+    assert sigma > 25.0 or worst > 0.3 * bound(1.0, sigma)
 
 
 def test_narrow_particles_are_drawn_as_ever():

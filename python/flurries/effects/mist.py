@@ -11,13 +11,14 @@ import numpy as np
 
 from flurries import gas
 from flurries._contract import choice, flag, integer, real, seed_of, suggestion, vector
+from flurries.effects.bank import Bank
 from flurries.effects.checks import Check, length, one_of, optional, part, settle, share
 from flurries.effects.cloud import MOST, Cloud
 from flurries.effects.color import AMBIENT, Color, as_color, color_at
 from flurries.effects.described import Described
 from flurries.effects.knobs import knobs
 from flurries.effects.looks import LOOKS, mist_density, severity_of
-from flurries.effects.presets import MIST, MistLook
+from flurries.effects.presets import BANKS, MIST, MistLook
 from flurries.effects.sunlight import SCATTER, Law, Scatter
 from flurries.frame.costs import nanoseconds
 from flurries.frame.layer import Layer
@@ -54,6 +55,9 @@ _CHECKS: dict[str, Check] = {
     "forward": part,
     "scatter": one_of(SCATTER),
     "asymmetry": partial(real, low=-0.99, high=0.99),
+    "structure": partial(real, low=0.0, high=2.0),
+    "top": optional(real),
+    "falloff": length,
     "seed": optional(lambda _, value: seed_of(value)),
 }
 
@@ -124,6 +128,15 @@ class Mist(metaclass=Described):
         Where light is scattered to, see :func:`flurries.gas.phase`.
     asymmetry : float
         Of "henyey", -0.99 to 0.99.
+    structure : float
+        Detail at every scale, from a bank's size down to 4 px: the root mean square of the
+        logarithm of the density of a slice of the gas, 0 to 2. The gas is then no particles but a
+        bank with soft ends whose mean extinction is the same. 0 is the paper's gas.
+    top : float, optional
+        With `structure`: height in the world above which the mist thins, metres, up; the camera
+        begins at 0. Endless if not given.
+    falloff : float
+        How fast it thins there: over this many metres its density falls from .73 to .27.
     look : {"v1"}
         Version of the looks, as in :class:`TentSnow`.
     seed : int, optional
@@ -142,7 +155,8 @@ class Mist(metaclass=Described):
     Notes
     -----
     Johnson 2005, section 4: the presets "clouds", "mist" and "fog" have the paper's numbers. The
-    paper does not say how large its box was.
+    paper does not say how large its box was. With `structure` the logarithm of the density has the
+    spectrum of a passive gas in turbulence, k^(-11/3) in each slice (Kolmogorov 1941).
 
     Examples
     --------
@@ -170,13 +184,16 @@ class Mist(metaclass=Described):
     forward: float = 0.5
     scatter: Law = "rayleigh"
     asymmetry: float = 0.6
+    structure: float = 0.0
+    top: float | None = None
+    falloff: float = 1.0
     look: str = "v1"
     seed: int | None = None
     severity: InitVar[int | None] = None
     visibility_m: InitVar[float | None] = None
 
     NAME: ClassVar[str] = "mist"
-    PRESETS: ClassVar[dict[str, dict[str, Any]]] = MIST
+    PRESETS: ClassVar[dict[str, dict[str, Any]]] = {**MIST, **BANKS}
 
     def __post_init__(self, *_: Any) -> None:
         if self.count is None and self.visibility is None:
@@ -186,6 +203,8 @@ class Mist(metaclass=Described):
         if self.radius is None:
             object.__setattr__(self, "radius", RADIUS * min(self.box))  # type: ignore[arg-type]
         settle(self, _CHECKS)
+        if self.top is not None and self.structure == 0.0:
+            raise ValueError("top is of mist with structure: give a structure above 0 as well")
         for t in _times(self.density, self.visibility):
             self.particle_density(t)
         self.particles_in_box()
@@ -206,6 +225,24 @@ class Mist(metaclass=Described):
             scatter=Scatter(self.scatter, self.asymmetry, self.forward),
         )
 
+    @cached_property
+    def bank(self) -> Bank:
+        """What it is made of where it has structure."""
+        return Bank(
+            wind=self.wind,
+            sides=self.box,  # type: ignore[arg-type]
+            center=self.center,  # type: ignore[arg-type]
+            depths=self.depths,  # type: ignore[arg-type]
+            near=self.near,
+            extinction=gas.extinction(
+                self.particles_in_box(), self._volume, self.parts.radius, self.particle_density(0.0)
+            ),
+            structure=self.structure,
+            top=self.top,
+            falloff=self.falloff,
+            scatter=self.parts.scatter,
+        )
+
     @property
     def _volume(self) -> float:
         return float(np.prod(self.box))  # type: ignore[arg-type]
@@ -222,25 +259,28 @@ class Mist(metaclass=Described):
 
     @classmethod
     def preset(cls, name: MistLook, **changes: Any) -> Mist:
-        """Return a look by name: "clouds", "mist" or "fog", the paper's.
+        """Return a look by name.
+
+        "clouds", "mist" and "fog" are the paper's, made of particles; "valley", "ground", "bank"
+        and "cumulus" have structure.
 
         Further arguments replace single values of it; a `visibility` replaces its count.
         """
-        values: dict[str, Any] = dict(MIST[choice("preset", name, tuple(MIST))])
+        values: dict[str, Any] = dict(cls.PRESETS[choice("preset", name, tuple(cls.PRESETS))])
         if changes.get("visibility_m") is not None:
             if "visibility" in changes:
                 raise TypeError("visibility_m and visibility say the same: give one of them")
             changes["visibility"] = real("visibility_m", changes.pop("visibility_m"), above=0.0)
         if changes.get("severity") is not None:
             # The rest of the look stays.
-            values.pop("density")
+            values.pop("density", None)
         unknown = set(changes) - {f.name for f in fields(cls)} - {"severity"}
         if unknown:
             near = suggestion(min(unknown), [f.name for f in fields(cls)])
             raise TypeError(f"Mist has no field {min(unknown)!r}{near}")
         if changes.get("visibility") is not None:
             # The look keeps its grain: particles grow with the box.
-            values.pop("count")
+            values.pop("count", None)
             if "box" not in changes and "radius" not in changes:
                 values["radius"] = (
                     values["radius"] / 5.0 * REACH * max(_values(changes["visibility"]))
@@ -295,6 +335,15 @@ class Mist(metaclass=Described):
         # The background's light may change from frame to frame.
         still = not (ambient or has_keys(self) or np.any(value_at(self.wind, 0.0)))
 
+        if self.structure > 0.0:
+            return Needs(
+                (Step("lit gas" if lit else "gas", partial(self.bank.cost, frame, lit=lit)),),
+                (LeftOut(f"{self.NAME}: particles", "it has structure, and is drawn in slices"),),
+                PARTS if ambient else PARTS - {"ambient"},
+                most=1.0,
+                brightest=cloud.scatter.brightest if lit else 1.0,
+            )
+
         def cost(error: float | None = None) -> Cost:
             thickness = self.extinction(frame.t) * cloud.through
             return cloud.cost(frame, thickness, lit=lit, error=error)
@@ -322,9 +371,13 @@ class Mist(metaclass=Described):
         run, color = frame.run or frame.steps_of(self), color_at(self.color, frame)
         lit = self._is_lit(frame)
         density = value_at(self.amount, frame.t) * self.particle_density(frame.t)
-        drawn = run(
-            "lit gas" if lit else "gas", lambda: self.parts.draw(frame, density, color, lit=lit)
-        )
+        step = "lit gas" if lit else "gas"
+        if self.structure > 0.0:
+            drawn = run(
+                step, lambda: self.bank.draw(frame, self.extinction(frame.t), color, lit=lit)
+            )
+        else:
+            drawn = run(step, lambda: self.parts.draw(frame, density, color, lit=lit))
         if drawn is None:
             top, bottom, left, right = frame.window
             drawn = np.zeros((bottom - top, right - left), np.float32)

@@ -128,9 +128,29 @@ CONE_SNOW: dict[str, dict[str, Any]] = {
 }
 
 # Johnson 2005, figures 14 to 16, in a box of 5 x 5 x 5.
-MistLook: TypeAlias = Literal["clouds", "mist", "fog"]
+MistLook: TypeAlias = Literal["clouds", "mist", "fog", "valley", "ground", "bank", "cumulus"]
 MIST: dict[str, dict[str, Any]] = {
     "clouds": {"count": 1500, "radius": 0.37, "density": 0.4, "color": 0.86},
     "mist": {"count": 1000, "radius": 0.45, "density": 0.15, "color": 0.6},
     "fog": {"count": 1200, "radius": 0.45, "density": 0.4, "color": 0.7},
 }
+
+# Mist with structure. A valley's mist lies below a camera on its edge, the ground's about its feet;
+# a bank drifts around it; a cumulus wants a `center`.
+BANKS: dict[str, dict[str, Any]] = {
+    "valley": {
+        "visibility": 120.0, "structure": 0.8, "box": (400.0, 400.0, 400.0),
+        "top": -6.0, "falloff": 2.5, "color": "ambient", "wind": (1.0, 0.0, 0.0),
+    },
+    "ground": {
+        "visibility": 25.0, "structure": 0.8, "box": (80.0, 80.0, 80.0),
+        "top": -1.0, "falloff": 0.25, "color": "ambient", "wind": (0.4, 0.0, 0.0),
+    },
+    "bank": {
+        "visibility": 60.0, "structure": 0.7, "color": "ambient", "wind": (0.6, 0.0, 0.0),
+    },
+    "cumulus": {
+        "visibility": 10.0, "structure": 1.0, "box": (30.0, 14.0, 20.0), "color": 0.96,
+        "wind": (0.5, 0.0, 0.0), "forward": 0.6,
+    },
+}  # fmt: skip

@@ -1,0 +1,154 @@
+"""Mist with structure: its spectrum, its mean, its ends, its motion and its light."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import flurries as fl
+from every import every
+
+FOCAL = 600.0
+
+
+def depth_of(effect, shape=(256, 256), t=0.0, *, seed=0, **about):
+    """Return the optical depth, (H, W) float64."""
+    about = {"camera": fl.Camera(FOCAL), **about}
+    shown = fl.Scene(None, np.zeros((*shape, 3), np.float32), effects=[effect], seed=seed, **about)
+    alpha = shown.render(t, layers=True).alpha.astype(np.float64)
+    return -np.log1p(-alpha)
+
+
+def slope_of(plane):
+    """Return the slope of the two-dimensional power spectral density, by a tapered window.
+
+    Power is averaged, not summed, over rings, from three waves to a window up to 4.5 px; a ring of
+    n waves has its mean to 1 part in sqrt(n), and that weight in the fit.
+    """
+    height, width = plane.shape
+    window = np.outer(np.hanning(height), np.hanning(width))
+    power = np.abs(np.fft.rfft2((plane - np.average(plane, weights=window)) * window)) ** 2
+    k = np.hypot(np.fft.fftfreq(height)[:, None], np.fft.rfftfreq(width)[None, :])
+    edges = np.geomspace(3.0 / max(plane.shape), 1.0 / 4.5, 12)
+    ring = np.digitize(k, edges)
+    means = [(np.log(k[ring == i]).mean(), np.log(power[ring == i].mean()))
+             for i in range(1, len(edges))]  # fmt: skip
+    waves = np.bincount(ring.ravel())[1 : len(edges)]
+    return np.polyfit(*np.transpose(means), 1, w=np.sqrt(waves))[0]
+
+
+@pytest.mark.parametrize("shape", [(192, 192), (256, 384), (600, 640)])
+def test_the_optical_depth_has_the_slope_of_kolmogorovs_law(shape):
+    mist = fl.Mist(visibility=60.0, box=20.0, structure=0.6)
+    slopes = [slope_of(depth_of(mist, shape, seed=seed)) for seed in range(10)]
+    assert np.abs(np.array(slopes) + 11.0 / 3.0).max() < 0.3
+    # Of the paper's gas no such line is to be had: its particles have one size.
+    assert abs(slope_of(depth_of(fl.Mist(visibility=60.0, box=20.0), shape)) + 11.0 / 3.0) > 1.0
+
+
+def test_the_mean_extinction_is_that_without_structure():
+    plain = fl.Mist(visibility=60.0, box=20.0, structure=1e-9)
+    thick = depth_of(plain, (256, 256))
+    found = [depth_of(fl.Mist(visibility=60.0, box=20.0, structure=0.7), (256, 256), seed=s).mean()
+             for s in range(40)]  # fmt: skip
+    assert abs(np.mean(found) / thick.mean() - 1.0) < 0.01
+    # And that is the extinction, along rays of their own length, up to the end of the box.
+    sy, sx = (np.mgrid[:256, :256] + 0.5 - 128) / FOCAL
+    way = (plain.box[2] - plain.near) * np.sqrt(1 + sx**2 + sy**2)
+    np.testing.assert_allclose(thick, plain.extinction() * way, rtol=2e-4)
+
+
+def test_a_wall_is_seen_as_its_visibility_says():
+    mist = fl.Mist(visibility=50.0, structure=1e-9)
+    seen = np.exp(-depth_of(mist, (32, 32), depth=50.0 + mist.near)[16, 16])
+    assert abs(seen - 0.05) < 5e-4
+
+
+def test_a_bank_in_the_world_ends_softly_and_holds_what_its_box_did():
+    mist = fl.Mist(visibility=20.0, structure=1e-9, box=(12.0, 8.0, 10.0), center=(0, 0, 60.0))
+    depth = depth_of(mist, (256, 384))
+    assert depth[[0, -1]].max() < 0.01 * depth.max() and depth[:, [0, -1]].max() < 0.01
+    # No edge: one pixel differs little from the next, and the middle is the densest.
+    assert max(np.abs(np.diff(depth, axis=axis)).max() for axis in (0, 1)) < 0.03 * depth.max()
+    # The integral over the picture is the extinction times the volume, seen at 60 m.
+    area = depth.sum() * (60.0 / FOCAL) ** 2
+    assert abs(area / (mist.extinction() * 12.0 * 8.0 * 10.0) - 1.0) < 0.03
+
+
+def test_ground_mist_thins_above_its_top():
+    camera = fl.Camera(FOCAL)
+    mist = fl.Mist(visibility=40.0, structure=1e-9, top=-2.0, falloff=0.5)
+    depth = depth_of(mist, (256, 256), camera=camera, depth=20.0)
+    rows = depth[:, 128]
+    assert np.all(np.diff(rows) > -1e-9) and rows[0] < 0.01 * rows[-1]
+    # The lowest ray against a plain sum along it; four slices stand for it.
+    s = (np.arange(20000) + 0.5) / 20000 * (20.0 - mist.near) + mist.near
+    height = -s * (255.5 - 128) / FOCAL
+    profile = 1.0 / (1.0 + np.exp((height + 2.0) / 0.5))
+    want = mist.extinction() * profile.mean() * (20.0 - mist.near) * np.hypot(1, 127.5 / FOCAL)
+    assert abs(rows[-1] / want - 1.0) < 0.1
+    # A camera that has climbed is farther above it.
+    path = fl.CameraPath(camera, position=[[0.0, -5.0, 0.0], [0.0, -5.0, 0.0]])
+    assert depth_of(mist, (256, 256), camera=path, depth=20.0).max() < 0.2 * depth.max()
+
+
+def test_it_moves_with_the_wind_at_its_depth():
+    """All of it goes right; what is near goes faster."""
+    mist = fl.Mist(visibility=60.0, structure=0.6, wind=(3.0, 0.0, 0.0))
+    moved = []
+    for near, far in ((4.0, 5.0), (16.0, 20.0)):
+        layer = mist.__class__(**{**_fields(mist), "depths": (near, far), "box": (72.0,) * 3})
+        first, later = (depth_of(layer, (128, 128), t, seed=3) for t in (0.0, 6.0))
+        across = np.fft.ifft2(np.fft.fft2(later) * np.conj(np.fft.fft2(first))).real
+        moved.append(np.unravel_index(across.argmax(), across.shape)[1])
+    # Slices of one effect stand at depths of their own, so ask for the mean's neighbourhood.
+    assert moved[0] > 2.5 * moved[1] > 0
+    assert abs(moved[1] - 3.0 * 6.0 / 30.0 * FOCAL / 18.0) < 3.0
+
+
+def _fields(effect):
+    import dataclasses
+
+    return {f.name: getattr(effect, f.name) for f in dataclasses.fields(effect)
+            if f.name != "count"}  # fmt: skip
+
+
+def test_a_frame_is_pure_and_a_region_has_its_bits(threads):
+    plate = np.random.default_rng(1).integers(0, 255, (90, 130, 3)).astype(np.uint8)
+    effect = fl.Mist.preset("valley", wind=(1.0, 0.2, 0.5), top=2.0)
+    shown = fl.Scene(None, plate, effects=[effect], sun=fl.Sun(), depth=70.0)
+    want = shown.render(17)
+    shown.render(3)
+    np.testing.assert_array_equal(shown.render(17, region=np.s_[10:40, 50:90]), want[10:40, 50:90])
+    for count in (1, 2):
+        threads(count)
+        np.testing.assert_array_equal(shown.render(17), want)
+
+
+def test_the_sun_lights_it_by_the_side_that_it_is_on():
+    about = {"camera": fl.Camera(FOCAL)}
+    effect = fl.Mist.preset("cumulus", center=(0, 0, 60.0), forward=0.0)
+    black = np.zeros((128, 192, 3), np.float32)
+    levels = []
+    for ambient in (0.0, 1.0):
+        shown = fl.Scene(None, black, effects=[effect], sun=fl.Sun(ambient=ambient), **about)
+        levels.append(shown.render(0.0).mean())
+    assert 0.0 < levels[0] < 0.8 * levels[1]
+
+
+@pytest.mark.parametrize("name", ["valley", "ground", "bank", "cumulus"])
+def test_presets_are_mist_with_structure(name, tmp_path):
+    effect = fl.Mist.preset(name)
+    assert effect.structure > 0.5
+    shown = fl.Scene((64, 48), "#405060", effects=[effect])
+    shown.save(tmp_path / "scene.toml")
+    np.testing.assert_array_equal(fl.Scene.load(tmp_path / "scene.toml").render(2), shown.render(2))
+    assert "slices" in str(shown.plan())
+
+
+@every("wrong", [{"structure": -0.1}, {"structure": 2.1}, {"structure": np.nan},
+                 {"structure": 0.5, "top": np.inf}, {"structure": 0.5, "falloff": 0.0},
+                 {"top": 1.0}])  # fmt: skip
+def test_refusals_name_the_argument(wrong):
+    with pytest.raises(ValueError, match=list(wrong)[-1]):
+        fl.Mist(**wrong)
