@@ -17,7 +17,7 @@ SNOW = fl.TentSnow.preset("heavy", color=(0.9, 0.8, 1.0), flakes=300)
 
 def test_over_its_background_it_is_the_composite(tmp_path: Path):
     scene = fl.Scene(None, LIGHT, effects=[SNOW, fl.TentSnow.preset("light")])
-    scene.write(tmp_path / "%d.exr", "7", alone=True, half=False)
+    scene.write(tmp_path / "%d.exr", "7", alone=True, bits="float")
     layer = read_picture(tmp_path / "7.exr")
     assert layer.alpha is not None and layer.premultiplied
     whole = layer.pixels + (1.0 - layer.alpha[..., None]) * LIGHT

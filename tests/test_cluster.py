@@ -136,8 +136,8 @@ def test_workers_take_the_clients_mode(client: Any, small_groups: None, tmp_path
             want = np.stack([scene.render(t) for t in range(6)])
             made[on] = want.tobytes()
             assert client.compute(scene.to_dask(range(6), group=2)).result().tobytes() == made[on]
-            scene.write(tmp_path / f"here{on}" / "%d.exr", "0-5", half=False)
-            scene.write(tmp_path / f"there{on}" / "%d.exr", "0-5", half=False, dask=client)
+            scene.write(tmp_path / f"here{on}" / "%d.exr", "0-5", bits="float")
+            scene.write(tmp_path / f"there{on}" / "%d.exr", "0-5", bits="float", dask=client)
             assert contents(tmp_path / f"here{on}") == contents(tmp_path / f"there{on}")
             film = tmp_path / f"{on}.mkv"
             scene.write(film, "0-5", dask=client)

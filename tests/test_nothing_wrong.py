@@ -470,22 +470,22 @@ def test_16_12_a_full_disk_says_so_with_the_frames_name(kind: str, tmp_path: Pat
 
 @pytest.mark.parametrize("name", ["still.png", "%d.png", "film.mp4", "film.webm", "film.mkv"])
 def test_21_one_rule_about_existing_files(name: str, tmp_path: Path, capsys: Any):
-    path = tmp_path / name.replace("%d", "1")
-    assert SMALL.write(tmp_path / name, "1-3").written[0] == 1
+    path, frames = tmp_path / name.replace("%d", "1"), "1" if name == "still.png" else "1-3"
+    assert SMALL.write(tmp_path / name, frames).written[0] == 1
     before = path.read_bytes()
-    again = SMALL.write(tmp_path / name, "1-3")
+    again = SMALL.write(tmp_path / name, frames)
     assert again.written == [] and again.kept[0] == 1 and again.files[0] == path
     with pytest.raises(ValueError, match=r"is there already .* overwrite=True \(--overwrite\)"):
-        SMALL.replace(seed=5).write(tmp_path / name, "1-3")
+        SMALL.replace(seed=5).write(tmp_path / name, frames)
     assert path.read_bytes() == before
-    assert main(["render", "#102030", "--snow", "light", "--frames", "1-3", "--quiet", "--size",
+    assert main(["render", "#102030", "--snow", "light", "--frames", frames, "--quiet", "--size",
                  "96x64", "-o", str(tmp_path / name)]) == 2  # fmt: skip
     assert "--overwrite" in capsys.readouterr().err and path.read_bytes() == before
-    SMALL.replace(seed=5).write(tmp_path / name, "1-3", overwrite=True)
+    SMALL.replace(seed=5).write(tmp_path / name, frames, overwrite=True)
     assert path.read_bytes() != before
     path.write_bytes(b"something else")
     with pytest.raises(ValueError, match="is there already"):
-        SMALL.write(tmp_path / name, "1-3", manifest=False)
+        SMALL.write(tmp_path / name, frames, manifest=False)
 
 
 def test_21_a_cut_film_and_a_film_over_a_retouched_plate_are_made_again(

@@ -210,7 +210,7 @@ def oiiotool(*arguments: str) -> None:
 def test_one_command_makes_the_composite_again(tmp_path: Path):
     scene = scene_of_two()
     file, out = str(tmp_path / "a.exr"), str(tmp_path / "again.exr")
-    scene.write(file, 12, layers=True, half=False)
+    scene.write(file, 12, layers=True, bits="float")
     steps: list[str] = [file, "--ch", "R=background.R,G=background.G,B=background.B,A=1.0"]
     for name in ("snow", "rain", "foreground"):
         steps += [file, "--ch", ",".join(f"{c}={name}.{c}" for c in "RGBA"), "--swap", "--over"]
@@ -255,7 +255,7 @@ def test_two_eyes_are_two_views(layers: bool, tmp_path: Path):
         name: fl.Camera(eye.focal, offset=(side, 0, 0))
         for name, side in (("left", -0.03), ("right", 0.03))
     }
-    scene.write(tmp_path / "%d.exr", "3-4", layers=layers, half=False, eyes=eyes)
+    scene.write(tmp_path / "%d.exr", "3-4", layers=layers, bits="float", eyes=eyes)
     for part, name in enumerate(eyes):
         buffer = oiio.ImageBuf(str(tmp_path / "4.exr"), part, 0)
         spec = buffer.spec()
@@ -265,10 +265,11 @@ def test_two_eyes_are_two_views(layers: bool, tmp_path: Path):
         got = oiio.ImageBufAlgo.channels(buffer, ("R", "G", "B")).get_pixels(oiio.FLOAT)
         assert np.array_equal(got, scene.render(4, eye=eyes[name]))
     assert (
-        scene.write(tmp_path / "%d.exr", "3-4", layers=layers, half=False, eyes=eyes).written == []
+        scene.write(tmp_path / "%d.exr", "3-4", layers=layers, bits="float", eyes=eyes).written
+        == []
     )
     with pytest.raises(ValueError, match="already"):
-        scene.write(tmp_path / "%d.exr", "3", layers=layers, half=False)
+        scene.write(tmp_path / "%d.exr", "3", layers=layers, bits="float")
 
 
 EYES = [

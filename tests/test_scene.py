@@ -285,7 +285,7 @@ def test_linear_light_keeps_the_energy():
 
 
 @pytest.mark.parametrize("kind", ["sequence", "video"])
-def test_a_film_behind_shows_its_frames_and_holds_its_ends(kind: str, tmp_path: Path):
+def test_a_film_behind_shows_its_frames(kind: str, tmp_path: Path):
     frames = [np.full((48, 64, 3), level, np.uint8) for level in (10, 90, 170)]
     if kind == "sequence":
         for number, frame in enumerate(frames, 101):
@@ -296,13 +296,19 @@ def test_a_film_behind_shows_its_frames_and_holds_its_ends(kind: str, tmp_path: 
         with VideoWriter(spec, (64, 48), 25) as video:
             for frame in frames:
                 video.write(frame)
-    scene = Scene(None, spec)
-    assert scene.size == (64, 48) and scene.frames == 3
-    for t, index in [(2, 2), (0, 0), (1.99, 1), (1, 1), (2.5, 2), (3, 2), (1e6, 2), (-0.5, 0)]:
-        assert np.array_equal(scene.render(t), frames[index]), t
+    scene, first = Scene(None, spec), 101 if kind == "sequence" else 0
+    assert scene.size == (64, 48) and scene.frames == 3 and scene.range == (first, first + 2)
+    for t, index in [(2, 2), (0, 0), (1.99, 1), (1, 1), (2.5, 2)]:
+        assert np.array_equal(scene.render(first + t), frames[index]), t
+    for t in (3, 1e6, -0.5):
+        with pytest.raises(ValueError, match=f"has {first}-{first + 2}"):
+            scene.render(first + t)
+    held = scene.replace(extend="hold")
+    for t, index in [(3, 2), (1e6, 2), (-0.5, 0)]:
+        assert np.array_equal(held.render(first + t), frames[index]), t
     again = pickle.loads(pickle.dumps(scene))
-    assert np.array_equal(again.render(1), frames[1])
-    assert Scene((32, 32), spec, effects=[Snow(**FEW)]).render(0).shape == (32, 32, 3)
+    assert np.array_equal(again.render(first + 1), frames[1])
+    assert Scene((32, 32), spec, effects=[Snow(**FEW)]).render(first).shape == (32, 32, 3)
 
 
 REFUSED: dict[str, list[Any]] = {

@@ -131,7 +131,7 @@ def test_16_7_files_with_alpha_go_in_and_come_out(tmp_path: Path, name: str):
     scene = fl.Scene(None, tmp_path / name, effects=EFFECTS)
     frame = scene.render(5)
     assert np.array_equal(frame, fl.Scene(None, background, effects=EFFECTS).render(5))
-    scene.write(tmp_path / "out" / f"%d{Path(name).suffix}", "5", half=False)
+    scene.write(tmp_path / "out" / f"%d{Path(name).suffix}", "5", bits="float")
     found = read_picture(tmp_path / "out" / f"5{Path(name).suffix}")
     assert found.premultiplied == (name == "a.exr")
     np.testing.assert_array_equal(found.rgba(), frame)
@@ -142,7 +142,7 @@ def test_16_7_files_with_alpha_go_in_and_come_out(tmp_path: Path, name: str):
 
 def test_16_7_layers_rebuild_the_composite(tmp_path: Path):
     scene = fl.Scene(None, plate("float32"), effects=EFFECTS)
-    scene.write(tmp_path / "%d.exr", "2", layers=True, half=False)
+    scene.write(tmp_path / "%d.exr", "2", layers=True, bits="float")
     found = read_layers(tmp_path / "2.exr")
     under = found["background"]
     assert under.shape == (48, 64, 4)
@@ -182,7 +182,7 @@ def test_16_7_a_float_picture_of_levels_is_warned_of(tmp_path: Path, way: str):
         elif way == "file":
             fl.Scene(None, tmp_path / "1.tif").render(0)
         elif way == "sequence":
-            fl.Scene(None, tmp_path / "%d.tif").render(0)
+            fl.Scene(None, tmp_path / "%d.tif").render(1)
         elif way == "foreground":
             front = np.concatenate([levels, np.ones_like(levels[..., :1])], axis=2)
             fl.Scene((64, 48), foreground=front)

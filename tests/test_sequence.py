@@ -238,9 +238,13 @@ def damaged(tmp_path: Path) -> fl.Scene:
 
 
 def test_it_stops_at_a_damaged_frame(damaged: fl.Scene, tmp_path: Path):
-    with pytest.raises(OSError, match=r"plate\.1\.png"):
+    with pytest.raises(FileNotFoundError, match=r"of 0-4 the background lacks 1: .*plate\.%d"):
         damaged.write(tmp_path / "out" / "%d.png")
-    assert sorted(p.name for p in (tmp_path / "out").iterdir()) == ["0.png", manifest.NAME]
+    # What is missing is known before anything is made; what is damaged, when it is read.
+    assert not (tmp_path / "out").exists()
+    with pytest.raises(OSError, match=r"plate\.3\.png"):
+        damaged.write(tmp_path / "out" / "%d.png", "2-4")
+    assert sorted(p.name for p in (tmp_path / "out").iterdir()) == ["2.png", manifest.NAME]
 
 
 def test_it_skips_damaged_frames(damaged: fl.Scene, tmp_path: Path, capsys: Any):
@@ -398,7 +402,7 @@ def test_sound_that_would_not_fit_is_left_out(tmp_path: Path):
     cases: list[tuple[str, dict[str, Any], str]] = [
         ("1-9x2", {}, "follow"),
         ("1-5", {"fps": 25.0}, "20 frames a second"),
-        ("50-55", {}, "beyond"),
+        ("50-55", {"extend": "hold"}, "held or repeated"),
     ]
     for frames, change, why in cases:
         out = tmp_path / "a.mp4"

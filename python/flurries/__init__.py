@@ -47,6 +47,7 @@ if TYPE_CHECKING:
     from flurries.motion.wind import Wind
     from flurries.scene import Scene
     from flurries.scene.depth import DepthMap
+    from flurries.scene.foreground import Foreground
     from flurries.viewer import view
 
     __version__: str
@@ -57,6 +58,7 @@ __all__ = [
     "ConeRain",
     "ConeSnow",
     "DepthMap",
+    "Foreground",
     "Frame",
     "InternalError",
     "Keys",
@@ -97,6 +99,7 @@ _FROM = {
     "Camera": "camera",
     "CameraPath": "camera.path",
     "DepthMap": "scene.depth",
+    "Foreground": "scene.foreground",
     "Frame": "frame.view",
     "Keys": "motion.keys",
     "Layer": "frame.layer",

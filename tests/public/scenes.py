@@ -64,6 +64,7 @@ CALLS: dict[str, Call] = {
     "DepthMap": Call(
         {"source": COVER, "near": 2.0, "far": 50.0}, pictures=("source",),
         then=lambda source: fl.Scene((30, 24), depth=source).depth_at(0)),
+    "Foreground": Call({"source": COVER, "depth": 4.0}, loose=True),
     "CameraPath": Call(
         {"camera": LENS, "position": POINTS[:3], "orientation": 0.1 * POINTS[:3]},
         then=lambda way: (way.place(1.5, fps=30.0), way.turn(1.5))),
@@ -84,7 +85,8 @@ CALLS: dict[str, Call] = {
          "seed": 1, "wavelengths": (3.0, 16.0), "overwrite": True}, heavy=("frames",),
         loose=True, then=lambda _: io.read_picture("loop/01.png").pixels),
     "camera.importers.from_matrices": Call(
-        {"matrices": MATRICES, "camera": LENS, "focal": np.array([40.0, 41.0, 42.0])}),
+        {"matrices": MATRICES, "camera": LENS, "axes": "x right, y down, z forward",
+         "focal": np.array([40.0, 41.0, 42.0])}),
     "camera.importers.load": Call({"path": "way.csv", "shape": SHAPE, "camera": LENS}),
     "camera.importers.read_chan": Call({"path": "way.chan", "shape": SHAPE, "camera": LENS}),
     "camera.importers.read_kitti": Call({"path": "poses.txt", "camera": LENS}),
@@ -110,6 +112,8 @@ CALLS: dict[str, Call] = {
     "io.read_layers": Call({"path": "layers.exr"}),
     "io.read_mask": Call({"path": "picture.png"}),
     "io.read_picture": Call({"path": "picture.png"}),
+    "io.read_slate": Call({"path": "picture.png"}),
+    "io.Slate": Call({}, loose=True),
     "io.read_video": Call({"path": "film.mkv"}, then=lambda frames: next(frames)),
     "io.read_views": Call({"path": "views.exr"}),
     "io.remove_leftovers": Call({"folder": "."}),

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from flurries._contract import Float64, suggesting, table
+from flurries._contract import Float64, choice, suggesting, table
 from flurries.camera.csv import read_path
 from flurries.camera.lens import Camera
 from flurries.camera.rotation import rotation_vector
@@ -31,6 +31,8 @@ from flurries.motion.keys import (
 )
 
 __all__ = ["CameraPath"]
+
+EXTEND = ("on", "stop")
 
 
 @suggesting
@@ -59,6 +61,9 @@ class CameraPath:
     focal : (n,) array or Keys, optional
         Focal length in pixels, in place of the camera's, for a lens that zooms: one for each frame
         from 0 on, or keyed; linear between them, held outside.
+    extend : {"on", "stop"}
+        Outside its frames the path goes on with the first and the last rate; or a scene refuses
+        such frames, or holds the camera, as its own `extend` says. Files are "stop".
 
     Raises
     ------
@@ -83,6 +88,7 @@ class CameraPath:
     velocity: Any = None
     orientation: Any = None
     focal: Any = None
+    extend: str = "on"
     _turning: Turning | None = field(init=False, repr=False)
     _zoom: Zoom | None = field(init=False, repr=False)
 
@@ -92,6 +98,7 @@ class CameraPath:
             raise TypeError(f"camera must be a Camera, got {type(self.camera).__name__}")
         if self.position is not None and self.velocity is not None:
             raise ValueError("position and velocity must not both be given")
+        choice("extend", self.extend, EXTEND)
         if self.velocity is not None:
             settle(self, "velocity", as_vector("velocity", self.velocity, 3))
         if isinstance(self.position, Keys):
@@ -120,12 +127,12 @@ class CameraPath:
 
     def __reduce__(self) -> tuple[Any, ...]:
         given = (self.camera, self.position, self.velocity, self.orientation, self.focal)
-        return CameraPath, given
+        return CameraPath, (*given, self.extend)
 
     @staticmethod
     def load(path: str | os.PathLike[str], camera: Camera) -> CameraPath:
         """Return the path of a CSV file; see :func:`flurries.camera.csv.read_path`."""
-        return CameraPath(camera, **read_path(path))
+        return CameraPath(camera, **read_path(path), extend="stop")
 
     @property
     def still(self) -> bool:

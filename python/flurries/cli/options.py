@@ -27,6 +27,11 @@ class Command(click.Command):
         bare = {
             option.opts[0]: option.pattern for option in self.params if isinstance(option, Bare)
         }
+        for name in bare:
+            if sum(word.partition("=")[0] == name for word in args) > 1:
+                raise click.UsageError(
+                    f"{name} is given twice, and one would replace the other", ctx
+                )
         joined = [
             f"{word}=" if word in bare and not bare[word].fullmatch(after) else word
             for word, after in zip(args, [*args, ""][1:], strict=True)

@@ -20,6 +20,8 @@ from flurries.cli.options import (
 )  # fmt: skip
 from flurries.cli.weather import scene_of, scene_options
 from flurries.cli.words import Words, count, say, stages
+from flurries.io.films.codecs import CODECS
+from flurries.output.contents import MOTION
 from flurries.output.write import Summary
 from flurries.trace import tracing
 
@@ -41,17 +43,26 @@ NAMED = 10
     "flurries render scene.toml --frames 1-600 -o frames/%04d.png",
 )
 @option("-o", "--output", required=True, metavar="PATTERN|VIDEO", type=FILE,
-        help="one file a frame (also #### or $F4; .exr, .png, .tif, .jpg), a video (.mp4, .mov, "
-        ".webm, .mkv), or a still", example="frames/%04d.png")  # fmt: skip
+        help="one file a frame (also #### or $F4; .exr, .png, .tif, .dpx, .jpg), a video (.mp4, "
+        ".mov, .webm, .mkv), or a still", example="frames/%04d.png")  # fmt: skip
 @FRAMES
 @scene_options
 @OVERWRITE
-@option("--float", "full", is_flag=True, help="EXR with 32 bits a value, not 16")
+@option("--bits", type=click.Choice(("8", "10", "16", "half", "float")), example="float",
+        unset="half in EXR, else the picture's", help="of a color: half or float in EXR, 8 or 16 "
+        "in PNG and TIFF, 8, 10 or 16 in DPX and in a video, as its codec has them")  # fmt: skip
+@option("--float", "full", is_flag=True, help="the same as --bits float")
 @option("--compression", default="zip", example="dwaa",
         type=click.Choice(("zip", "zips", "piz", "rle", "none", "dwaa", "dwab")),
         help="how EXR packs pixels; dwaa and dwab lose what is hard to see")  # fmt: skip
+@option("--codec", type=click.Choice(tuple(CODECS)), example="prores-hq",
+        unset="that of the video's name",
+        help="of a video; prores-4444 has alpha for --alone")  # fmt: skip
+@option("--motion", type=click.Choice(tuple(MOTION)), default="y-down", example="y-up",
+        help="which way motion vectors of --layers count")  # fmt: skip
 @option("--layers", is_flag=True, help="EXR with the weather, depth and motion as layers")
-@option("--alone", is_flag=True, help="only the weather, as RGBA; .exr, .png or .tif")
+@option("--alone", is_flag=True, help="only the weather, as RGBA; .exr, .png, .tif, or "
+        "a .mov of --codec prores-4444")  # fmt: skip
 @option("--quality", type=click.Choice(("high", "medium", "draft")), default="high",
         help="of a video", example="draft")  # fmt: skip
 @option("--damaged", type=click.Choice(("stop", "skip", "hold")), default="stop", example="hold",
@@ -67,14 +78,18 @@ NAMED = 10
 @REPRODUCIBLE
 @voice
 def render(
-    words: Words, output: str, frames: str | None, overwrite: bool, full: bool,
-    compression: Packing, layers: bool, alone: bool, quality: Quality, damaged: Damaged,
-    no_sound: bool, no_manifest: bool, dask: str | None, dask_patience: float, **given: Any,
+    words: Words, output: str, frames: str | None, overwrite: bool, bits: str | None,
+    full: bool, compression: Packing, codec: str | None, motion: Any, layers: bool,
+    alone: bool, quality: Quality, damaged: Damaged, no_sound: bool, no_manifest: bool,
+    dask: str | None, dask_patience: float, **given: Any,
 ) -> int:  # fmt: skip
     """Render weather over a picture, a film, a sequence, a color such as #203040, or a scene.toml.
 
     Prints the files that are there. Run again, it makes only the frames that are missing.
     """
+    if full and bits not in (None, "float"):
+        raise click.UsageError(f"--float and --bits {bits} must not both be given")
+    kind: Any = "float" if full else int(bits) if bits is not None and bits.isdigit() else bits
     scene = scene_of(**given)
     if words.verbose:
         height, width = scene.shape
@@ -82,8 +97,8 @@ def render(
         words.say(f"{width} x {height} px, {scene.fps:g} frames a second: {weather}")
     with tracing() as trace:
         summary = scene.write(
-            output, frames, half=not full, compression=compression, layers=layers, alone=alone,
-            overwrite=overwrite, damaged=damaged, sound=not no_sound,
+            output, frames, bits=kind, codec=codec, motion=motion, compression=compression,
+            layers=layers, alone=alone, overwrite=overwrite, damaged=damaged, sound=not no_sound,
             manifest=not no_manifest, quality=quality,
             dask=None if dask is None else dask or True, dask_patience=dask_patience,
             progress=words.progress("frame"),

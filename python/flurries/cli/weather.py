@@ -14,7 +14,9 @@ from flurries.camera.path import CameraPath
 from flurries.cli.options import FILE, join, numbers, option, weather_options
 from flurries.effects import ConeRain, ConeSnow, Mist, Rain, Snow, TentRain, TentSnow
 from flurries.io import open_background
+from flurries.io.spans import EXTEND
 from flurries.scene.arguments import parse_size
+from flurries.scene.foreground import Foreground
 from flurries.scene.scene import Scene
 
 # Back to front.
@@ -53,8 +55,15 @@ scene_options: Callable[[Any], Any] = join(
            "poses .txt, or a folder of COLMAP's text"),
     option("--depth", type=FILE, metavar="FILE|METRES", example="depth.exr", unset="far away",
            help="what hides weather behind it: an EXR with Z, or the distance of a wall"),
-    option("--foreground", type=FILE, metavar="FILE", example="mask.png", unset="none",
-           help="mask or picture in front of the weather"),
+    option("--foreground", type=FILE, metavar="FILE[@METRES]", example="roto.%04d.exr",
+           unset="none", multiple=True,
+           help="mask or picture in front of the weather, a sequence or a film; at its distance "
+           "where @METRES is given; may be repeated"),
+    option("--extend", type=click.Choice(EXTEND), example="hold", unset="the scene's, else stop",
+           help="frame numbers that the picture's files, depth, foreground or camera lack: stop, "
+           "hold the first or last, or loop"),
+    option("--start", type=int, metavar="N", example="1001", unset="that of the files, else 0",
+           help="number of the first frame of films, which have no numbers of their own"),
     option("--seed", type=int, metavar="N", example="7", unset="the scene's, else 0",
            help="which of all snowfalls of this kind"),
     option("--tolerance", type=float, metavar="E", example="0.004", unset="the scene's, else 0",
@@ -72,9 +81,11 @@ def scene_of(source: str, **options: Any) -> Scene:
     """Return the scene that `scene_options` describe."""
     changes = {
         name: options[name]
-        for name in ("seed", "tolerance", "size", "fps", "foreground")
+        for name in ("seed", "tolerance", "size", "fps", "extend", "start")
         if options[name] is not None
     }
+    if options["foreground"]:
+        changes["foreground"] = [_matte(text) for text in options["foreground"]]
     if options["linear"]:
         changes["space"] = "linear"
     if options["depth"] is not None:
@@ -88,7 +99,8 @@ def scene_of(source: str, **options: Any) -> Scene:
     if options["fly"] is not None:
         return scene.replace(camera=CameraPath(scene.camera.camera, velocity=options["fly"]))
     if options["camera"] is not None:
-        way = importers.load(options["camera"], scene.shape, camera=scene.camera.camera)
+        shape = scene.display[3], scene.display[2]
+        way = importers.load(options["camera"], shape, camera=scene.camera.camera)
         return scene.replace(camera=way)
     return scene
 
@@ -103,7 +115,7 @@ def _new(source: str, changes: dict[str, Any], options: dict[str, Any]) -> Scene
         raise click.UsageError(MISSING)
     background: Any = source
     if not source.startswith("#"):
-        background = open_background(source)
+        background = open_background(source, overscan="size" not in changes)
     return Scene(changes.pop("size", None), background, effects=effects, **changes)
 
 
@@ -163,6 +175,14 @@ def _effect(kind: type[Any], look: str, given: dict[str, Any]) -> Any:
 
 def _given(options: dict[str, Any], names: tuple[str, ...]) -> dict[str, Any]:
     return {name: options[name] for name in names if options[name] is not None}
+
+
+def _matte(text: str) -> Any:
+    """Return "roto.%04d.exr@4.5" as a file and its distance."""
+    name, mark, metres = text.rpartition("@")
+    if not mark or Path(text).exists():
+        return text
+    return Foreground(name, depth=_depth(metres))
 
 
 def _depth(text: str) -> float | str:

@@ -133,7 +133,8 @@ class _Frame:
         height, width = program.shape
         pixels = float(height * width)
         self.dtype = program.backdrop.frame(t).dtype
-        self.window = program.open_part(whole(program.shape), choice.hidden)
+        self.front = program.front(t)
+        self.window = program.open_part(whole(program.shape), self.front, choice.hidden)
         asks = self._asks(t)
         reads = frozenset[str]().union(*(ask.needs.reads for ask in asks))
         film = {} if program.backdrop.count is None else {"decoded pixel": pixels}
@@ -148,7 +149,7 @@ class _Frame:
             self.rows.append(("depth", Cost({"decoded pixel": pixels}), False))
         if "ambient" in reads:
             self.rows.append(("ambient", Cost({"encoded pixel": 1.5 * pixels}), False))
-        bands = bands_in(whole(program.shape), asks, program.mix(), program.matte)
+        bands = bands_in(whole(program.shape), asks, program.mix(), self.front)
         # The one that has most of the weather.
         self.band = max(bands, key=lambda band: area(common(band, self.window or band)))
         self.banded = len(bands) > 1
@@ -157,7 +158,7 @@ class _Frame:
         for ask in asks:
             names.append(free_name(ask.part.name, names))
             made.append(self._effect(names[-1], ask))
-        fused = 0 if self.banded or program.matte else sum(a.needs.in_one_pass for a in asks)
+        fused = 0 if self.banded or self.front else sum(a.needs.in_one_pass for a in asks)
         self.rows.append(("composite", self._composite(len(asks), fused), False))
         self.bytes = self._peak(made)
 
@@ -193,7 +194,7 @@ class _Frame:
         needs = needs_of(ask.part.effect, frame)
         gone = frozenset(step.name for step in needs.steps) - set(run.steps)
         self.left_out += [LeftOut(f"{name}: {s}", "within the tolerance") for s in sorted(gone)]
-        one_pass = ask.needs.in_one_pass and not self.banded and self.program.matte is None
+        one_pass = ask.needs.in_one_pass and not self.banded and self.front is None
         part = common(self.band, frame.window) if self.banded and ask.needs.by_rows else None
         own = needs if part is None else needs_of(ask.part.effect, replace(frame, window=part))
         sizes = {step.name: step for step in own.steps}
@@ -236,7 +237,7 @@ class _Frame:
         }
         if layers == 0 or inner < pixels:
             work["copied byte"] = 3.0 * item * (pixels + (2 * inner if layers else 0))
-        if program.matte is not None and layers:
+        if self.front is not None and layers:
             work["array pixel"] = 2.0 * layers * inner
         if self.choice.table:
             work.update({"looked up value": 3.0 * pixels, "decoded value": 3.0 * pixels})
@@ -251,7 +252,7 @@ class _Frame:
         """
         program, band = self.program, self.band
         part = None if self.window is None else common(band, self.window)
-        same, matte = program.mix().same, program.matte is not None
+        same, matte = program.mix().same, self.front is not None
         item = self.dtype.itemsize if same else 4
         picture, inside = 3 * item * area(band), 3 * item * area(part)
         result = 3 * self.dtype.itemsize * area(whole(program.shape))

@@ -33,6 +33,8 @@ class Layer:
         Where it is: planar depth in world units, for files with layers; infinity where nothing is.
     motion : (h, w, 2) float32, optional
         How what the pixel shows moves until the next frame: pixels, (x, y), y down.
+    backward : (h, w, 2) float32, optional
+        How it came here from the frame before: its place one frame earlier minus that now.
     coverage : (h, w) float32, optional
         Opacity of what is drawn one by one, flakes and drops, without texture and veil.
     ids : (h, w) int32, optional
@@ -45,6 +47,7 @@ class Layer:
     rgb: Array | None = None
     depth: Array | None = None
     motion: Array | None = None
+    backward: Array | None = None
     coverage: Array | None = None
     ids: Array | None = None
 
@@ -72,6 +75,7 @@ def layers_of(answer: object, effect: object, shape: tuple[int, int]) -> tuple[L
             "rgb": (layer.rgb, (*shape, 3)),
             "depth": (layer.depth, shape),
             "motion": (layer.motion, (*shape, 2)),
+            "backward": (layer.backward, (*shape, 2)),
             "coverage": (layer.coverage, shape),
             "ids": (layer.ids, shape),
         }

@@ -1,21 +1,24 @@
-"""What stands in front of the weather: a mask of the background's own pixels, or a picture."""
+"""What stands in front of the weather: masks of the background's own pixels, and pictures."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
 from flurries import _core
 from flurries._contract import Array
 from flurries.frame.bands import crop
+from flurries.frame.layer import Layer
 from flurries.frame.visible import Window
 from flurries.io.color import linear_to_srgb, srgb_to_linear, unmultiply
 
 
 @dataclass(frozen=True, eq=False)
 class Matte:
-    """What stands in front of the weather, over the frame or a window of it.
+    """A mask or a picture, over the frame or a window of it.
 
     Attributes
     ----------
@@ -59,3 +62,142 @@ class Matte:
         elif not self.linear_light:
             colors = (srgb_to_linear(colors) if linear else colors) * cover
         return np.concatenate([colors, cover], axis=2)
+
+
+@dataclass(frozen=True, eq=False)
+class Deep:
+    """Mattes that stand at a depth: what is nearer falls in front of them.
+
+    Attributes
+    ----------
+    cover : (H, W) float32
+        How much of a pixel they take together, 0 to 1.
+    depth : (H, W) float32
+        Planar depth of the nearest that takes any of the pixel; infinity where none does.
+    pictures : tuple of Matte
+        Those that are pictures, back to front: weather lies over them.
+    """
+
+    cover: Array
+    depth: Array
+    pictures: tuple[Matte, ...]
+
+    @staticmethod
+    def of(parts: Sequence[tuple[Matte, Array]]) -> Deep:
+        """Return mattes, back to front, each with its depth."""
+        cover: Array = np.zeros(parts[0][0].cover.shape, np.float32)
+        depth: Array = np.full(cover.shape, np.inf, np.float32)
+        for matte, far in parts:
+            cover = 1.0 - (1.0 - cover) * (1.0 - matte.cover)
+            depth = np.where(matte.cover > 0.0, np.minimum(depth, far), depth)
+        pictures = tuple(matte for matte, _ in parts if matte.light is not None)
+        return Deep(np.ascontiguousarray(cover), np.ascontiguousarray(depth), pictures)
+
+    def before(self, depth: Array) -> Array:
+        """Return a scene's depth with the mattes in it, read-only."""
+        joint = np.minimum(depth, self.depth)
+        joint.flags.writeable = False
+        return joint
+
+    def join(self, whole: Layer, near: Layer, window: Window) -> Layer:
+        """Return a layer of a window behind and beside the mattes, by what is before them.
+
+        Parameters
+        ----------
+        whole, near : Layer
+            Without the mattes, and before them.
+        """
+        share = crop(self.cover, window)
+        taken = share >= 0.5
+
+        def mixed(a: Array | None, b: Array | None) -> Array | None:
+            if a is None or b is None:
+                return None
+            part = share[..., None] if a.ndim == 3 else share
+            return np.ascontiguousarray((1.0 - part) * a + part * b, dtype=np.float32)
+
+        def chosen(a: Array | None, b: Array | None) -> Array | None:
+            if a is None or b is None:
+                return None
+            return np.ascontiguousarray(np.where(taken[..., None] if a.ndim == 3 else taken, b, a))
+
+        alpha = mixed(whole.alpha, near.alpha)
+        assert alpha is not None
+        return replace(
+            whole,
+            alpha=alpha,
+            rgb=mixed(whole.rgb, near.rgb),
+            coverage=mixed(whole.coverage, near.coverage),
+            depth=chosen(whole.depth, near.depth),
+            motion=chosen(whole.motion, near.motion),
+            backward=chosen(whole.backward, near.backward),
+            ids=chosen(whole.ids, near.ids),
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Front:
+    """All that stands in front of the weather in a frame.
+
+    Attributes
+    ----------
+    flat : tuple of Matte
+        Those before all weather, back to front.
+    deep : Deep or None
+        Those at a depth.
+    """
+
+    flat: tuple[Matte, ...]
+    deep: Deep | None
+
+    @cached_property
+    def cover(self) -> Array | None:
+        """Where the masks hide the weather, (H, W); None without masks."""
+        found: Array | None = None
+        for matte in self.flat:
+            if matte.light is None:
+                found = matte.cover if found is None else 1.0 - (1.0 - found) * (1.0 - matte.cover)
+        return found
+
+    @cached_property
+    def hides(self) -> Array | None:
+        """How much of the weather nobody sees, (H, W); None where all of it can be seen."""
+        found: Array | None = None
+        for matte in self.flat:
+            hidden = matte.hides
+            found = hidden if found is None else np.maximum(found, hidden)
+        return found
+
+    @property
+    def pictures(self) -> tuple[Matte, ...]:
+        """Pictures before all weather, back to front."""
+        return tuple(matte for matte in self.flat if matte.light is not None)
+
+    def window(self, window: Window) -> Front:
+        """Return the part of a window, without what stands at a depth but for its pictures."""
+        flat = tuple(matte.window(window) for matte in self.flat)
+        if self.deep is None:
+            return Front(flat, None)
+        pictures = tuple(matte.window(window) for matte in self.deep.pictures)
+        deep = replace(self.deep, pictures=pictures)
+        return Front(flat, deep)
+
+    def behind(self, light: Array, *, linear: bool) -> Array:
+        """Return the background with the pictures at a depth over it."""
+        for matte in () if self.deep is None else self.deep.pictures:
+            light = matte.over(light, linear=linear)
+        return light
+
+    def over(self, light: Array, *, linear: bool) -> Array:
+        """Return the composite with the pictures before all weather over it."""
+        for matte in self.pictures:
+            light = matte.over(light, linear=linear)
+        return light
+
+    def rgba(self, *, linear: bool) -> Array | None:
+        """Return the pictures before all weather as one, (H, W, 4) premultiplied."""
+        found: Array | None = None
+        for matte in self.pictures:
+            front = matte.rgba(linear=linear)
+            found = front if found is None else front + (1.0 - front[..., 3:]) * found
+        return found

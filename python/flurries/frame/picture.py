@@ -12,7 +12,7 @@ from flurries._contract import Array
 from flurries.camera.lens import Camera
 from flurries.frame.bands import bands_of, common, crop, shape_of, within
 from flurries.frame.layer import Layer, layers_of
-from flurries.frame.matte import Matte
+from flurries.frame.matte import Front
 from flurries.frame.mixing import Mix, behind
 from flurries.frame.program import Ask, Program
 from flurries.frame.shared import Shared
@@ -32,17 +32,18 @@ def images(
         plate = crop(program.backdrop.frame(t), window)
     choice = program.choice(t, tolerance)
     # Where none of the weather can be seen, none is made.
-    inner = program.open_part(window, choice.hidden)
-    mix, matte = program.mix(plate, table=choice.table), program.matte
+    whole_front = program.front(t)
+    inner = program.open_part(window, whole_front, choice.hidden)
+    mix = program.mix(plate, table=choice.table)
     # With alpha, integers show what is less than half a step: in the colors of what is faint.
     dtype = plate.dtype if plate.shape[2] == 3 else np.dtype(np.float32)
-    front = None if matte is None else matte.window(window)
+    front = None if whole_front is None else whole_front.window(window)
     cameras = tuple(program.camera(eye, t) for eye in eyes)
     pictures = []
     for camera in cameras:
         asks = [] if inner is None else program.asks(t, camera, inner, dtype, choice)
         pictures.append(Picture(asks, mix, plate, front, window, inner))
-    bands = bands_in(window, pictures[0].asks, mix, matte)
+    bands = bands_in(window, pictures[0].asks, mix, front)
     if inner is not None and (len(eyes) > 1 or len(bands) > 1):
         shared = Shared(cameras, inner, len(bands))
         for picture in pictures:
@@ -58,9 +59,9 @@ def images(
     return results
 
 
-def bands_in(window: Window, asks: Sequence[Ask], mix: Mix, matte: Matte | None) -> list[Window]:
+def bands_in(window: Window, asks: Sequence[Ask], mix: Mix, front: Front | None) -> list[Window]:
     """Return the bands that a window is made in; one if no more than the result is held then."""
-    plain = mix.same and matte is None
+    plain = mix.same and front is None
     if plain and (not asks or (len(asks) == 1 and asks[0].needs.in_one_pass)):
         return [window]
     return bands_of(window)
@@ -77,7 +78,7 @@ class Picture:
         In which light.
     plate : (h, w, 3 or 4)
         The background's window.
-    matte : Matte or None
+    front : Front or None
         The window of what stands in front.
     window : (top, bottom, left, right)
         Pixels.
@@ -90,11 +91,11 @@ class Picture:
         asks: list[Ask],
         mix: Mix,
         plate: Array,
-        matte: Matte | None,
+        front: Front | None,
         window: Window,
         inner: Window | None,
     ) -> None:
-        self.asks, self.mix, self.plate, self.matte = asks, mix, plate, matte
+        self.asks, self.mix, self.plate, self.front = asks, mix, plate, front
         self.window, self.inner = window, inner
         self._drawn: dict[int, tuple[Layer, ...]] = {}
 
@@ -102,16 +103,19 @@ class Picture:
         """Return the composite of a band, written to `into` where that is given."""
         mix, place = self.mix, within(band, self.window)
         plate = crop(self.plate, place)
-        matte = None if self.matte is None else self.matte.window(place)
+        front = None if self.front is None else self.front.window(place)
         part = common(band, self.inner) if self.asks and self.inner is not None else None
         light = mix.decode(plate)
-        if part is not None and matte is None:
+        if front is not None:
+            light = front.behind(light, linear=mix.linear)
+        if part is not None and front is None:
             # The last layer lies over the rest in the frame itself.
             light = self._over(part, light, None, into if mix.same else None)
-        elif part is not None and matte is not None:
+        elif part is not None and front is not None:
             inside = within(part, band)
             over = np.ascontiguousarray(crop(light, inside))
-            over = self._over(part, over, crop(matte.cover, inside), None)
+            cover = None if front.cover is None else crop(front.cover, inside)
+            over = self._over(part, over, cover, None)
             with stage("composite"):
                 if over.shape == light.shape:
                     light = over
@@ -119,15 +123,16 @@ class Picture:
                     light = light if light.flags.writeable else light.copy()
                     crop(light, inside)[...] = over
         with stage("composite"):
-            if matte is not None and matte.light is not None:
-                light = matte.over(light, linear=mix.linear)
+            if front is not None:
+                light = front.over(light, linear=mix.linear)
             return mix.encode(light, plate, into)
 
     def _over(self, part: Window, over: Array, cover: Array | None, into: Array | None) -> Array:
         """Return all layers over what lies behind them, the last one in `into` if it can be."""
         for number, ask in enumerate(self.asks):
             effect, frame = ask.part.effect, _narrow(ask, part)
-            if cover is None and into is None and not frame.banded and over.shape[2] == 3:
+            alone = cover is None and into is None and frame.nearer is None
+            if alone and not frame.banded and over.shape[2] == 3:
                 one_pass = getattr(effect, "over", None)
                 done = None if one_pass is None else one_pass(frame, over, self.mix.light)
                 if done is not None:
@@ -168,6 +173,23 @@ def _cut(layer: Layer, place: Window) -> Layer:
 
 
 def draw(effect: Any, frame: Frame) -> tuple[Layer, ...]:
+    """Return the layers of an effect, before what stands in the air with its own depth too."""
+    nearer = frame.nearer
+    if nearer is None:
+        return _drawn(effect, frame)
+    frame = replace(frame, nearer=None)
+    layers = _drawn(effect, frame)
+    if frame.depth is None or not crop(nearer.cover, frame.window).any():
+        return layers
+    # What is kept or shared is of the other depth.
+    run = None if frame.run is None else replace(frame.run, key=("before", frame.run.key))
+    before = nearer.before(frame.depth)
+    close = _drawn(effect, replace(frame, depth=before, run=run, shared=None))
+    pairs = zip(layers, close, strict=True)
+    return tuple(nearer.join(layer, near, frame.window) for layer, near in pairs)
+
+
+def _drawn(effect: Any, frame: Frame) -> tuple[Layer, ...]:
     """Return the layers of an effect."""
     shape = shape_of(frame.window)
     if hasattr(effect, "needs"):

@@ -17,7 +17,7 @@ from flurries._contract import Array
 from flurries.camera.lens import Camera
 from flurries.camera.path import CameraPath
 from flurries.frame.bands import most_bands, whole
-from flurries.frame.matte import Matte
+from flurries.frame.matte import Deep, Front
 from flurries.frame.mixing import Mix
 from flurries.frame.needs import Kept, LeftOut, Needs, Run, has_keys, needs_of
 from flurries.frame.tolerance import EXACT, LEVELS, STEEPEST, Choice, Light, choose
@@ -85,8 +85,9 @@ class Program:
         Has ``frame(t)``, ``encoding`` ("display" or "linear") and ``count`` (None for a still).
     distance : depth or None
         Has ``frame(t)`` and ``still``: whether every frame has the same.
-    matte : Matte or None
-        What stands in front of the weather.
+    mattes : mattes or None
+        What stands in front of the weather: has ``frame(t)``, a `Front`, and ``still`` and
+        ``deep``: whether every frame has the same, and whether any of it has a depth.
     linear : bool
         Whether layers are mixed in linear light.
     parts : list of Part
@@ -94,7 +95,7 @@ class Program:
     left_out : list of LeftOut
         What never runs.
     settled : bool
-        Whether neither the camera nor the depth ever changes.
+        Whether neither the camera, the depth nor what stands in front ever changes.
     """
 
     effects: Sequence[Any]
@@ -105,15 +106,17 @@ class Program:
     sun: Sun | None
     backdrop: Any
     distance: Any
-    matte: Matte | None
+    mattes: Any
     linear: bool
 
     def __post_init__(self) -> None:
         self.parts: list[Part] = []
         self.left_out: list[LeftOut] = []
-        self.settled = self.path.still and (self.distance is None or self.distance.still)
+        fixed = all(part is None or part.still for part in (self.distance, self.mattes))
+        self.settled = self.path.still and fixed
+        self.deep = self.distance is not None or (self.mattes is not None and self.mattes.deep)
         self._kept = Kept(most_bands(self.shape))
-        self._visible: dict[float, Visible | None] = {}
+        self._visible: tuple[Front | None, dict[float, Visible | None]] = (None, {})
         self._light: Light | None = None
         self._choices: dict[Any, Choice] = {}
         self._shares: list[tuple[float, float]] | None = None
@@ -154,7 +157,7 @@ class Program:
             seed=0,
             sun=self.sun,
             settled=self.settled,
-            deep=self.distance is not None,
+            deep=self.deep,
         )
 
     def asks(
@@ -182,7 +185,9 @@ class Program:
         reads = frozenset[str]().union(*(needs.reads for _, needs in runs)) if read else ()
         depth = self.depth_at(t) if "depth" in reads else None
         ambient = self._ambient(t) if "ambient" in reads else None
-        visible = None if dtype is None or not runs else self.visible(choice.hidden)
+        front = self.front(t) if runs else None
+        visible = None if dtype is None else self.visible(front, choice.hidden)
+        nearer: Deep | None = None if front is None or not read else front.deep
         found = []
         for part, needs in runs:
             settings = choice.settings.get(part.place, {})
@@ -196,6 +201,7 @@ class Program:
                 whole=dtype is None,
                 depth=depth if "depth" in needs.reads else None,
                 ambient=ambient if "ambient" in needs.reads else None,
+                nearer=nearer if "depth" in needs.reads else None,
             )
             found.append(Ask(part, frame, needs))
         return found
@@ -235,59 +241,74 @@ class Program:
         runs = self._parts_in(self.frame(t), dtype)
         # Nothing that counts changes: asked once.
         fixed = all(part.needs is not None for part, _ in runs)
+        fixed = fixed and (self.mattes is None or self.mattes.still)
         key = (tolerance, light, tuple(part.place for part, _ in runs)) if fixed else None
         if key is not None and key in self._choices:
             return self._choices[key]
         asked = [(part.place, part.name, needs) for part, needs in runs]
         values = 3 * self.shape[0] * self.shape[1]
-        found = choose(asked, light, tolerance, values=values, shares=self.shares())
+        found = choose(asked, light, tolerance, values=values, shares=self.shares(t))
         if key is not None:
             self._choices = {key: found}
         return found
 
-    def shares(self) -> list[tuple[float, float]]:
+    def shares(self, t: float) -> list[tuple[float, float]]:
         """Return levels of opacity, each with the share of the frame that lets no more through.
 
         What lets nothing through does not count, and of levels with one share the least stands.
         """
         if self._shares is None:
             found: dict[float, float] = {}
-            if self.matte is not None:
-                through = np.sort(1.0 - self.matte.hides[self.matte.hides < 1.0], axis=None)
+            front = self.front(t)
+            hides = None if front is None else front.hides
+            if hides is not None:
+                through = np.sort(1.0 - hides[hides < 1.0], axis=None)
                 for level in LEVELS:
                     count = np.searchsorted(through, np.float32(level), side="right")
                     found.setdefault(float(count) / (self.shape[0] * self.shape[1]), level)
-            self._shares = [(level, share) for share, level in found.items() if share > 0.0]
+            shares = [(level, share) for share, level in found.items() if share > 0.0]
+            if self.mattes is not None and not self.mattes.still:
+                return shares
+            self._shares = shares
         return self._shares
 
-    def open_part(self, window: Window, hidden: float = 0.0) -> Window | None:
+    def front(self, t: float) -> Front | None:
+        """Return what stands in front of the weather at `t`."""
+        if self.mattes is None:
+            return None
+        found: Front = self.mattes.frame(t)
+        return found
+
+    def open_part(self, window: Window, front: Front | None, hidden: float = 0.0) -> Window | None:
         """Return the part of a window in which the weather can be seen at all."""
         if not self.parts:
             return None
-        visible = self.visible(hidden)
+        visible = self.visible(front, hidden)
         return window if visible is None else visible.within(window)
 
-    def visible(self, hidden: float = 0.0) -> Visible | None:
+    def visible(self, front: Front | None, hidden: float = 0.0) -> Visible | None:
         """Return where the weather can be seen in the composite; None is everywhere.
 
         Not where all but `hidden` of it is covered.
         """
-        if self.matte is None:
+        if front is None or front.hides is None:
             return None
-        known = self._visible
+        of, known = self._visible
+        known = known if of is front else {}
         if hidden not in known:
-            cover = self.matte.hides
+            cover = front.hides
             some = bool((cover >= np.float32(1.0 - hidden)).any())
             found = Visible(cover, hidden) if some else None
             # Of tolerances the last one; a new dictionary: other threads may read the old one.
             known = {**({0.0: known[0.0]} if 0.0 in known else {}), hidden: found}
-            self._visible = known
+            self._visible = front, known
         return known[hidden]
 
     def depth_at(self, t: float) -> Array | None:
         """Return the background's depth at `t`, (H, W) float32, or None."""
         if self.distance is None:
-            return None
+            # What stands in the air before nothing needs one all the same.
+            return np.full(self.shape, np.inf, np.float32) if self.deep else None
         with stage("depth"):
             depth: Array = self.distance.frame(t)
         return depth

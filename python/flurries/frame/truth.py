@@ -17,6 +17,7 @@ from flurries.frame.program import Program
 from flurries.frame.shared import Shared
 from flurries.frame.show import figure, listing
 from flurries.frame.visible import Window
+from flurries.io.color import to_single, to_unit
 from flurries.trace import stage
 
 
@@ -51,17 +52,23 @@ class Rendered:
         the next frame best (the drift of the wavelength where it has its gradients, see
         `flurries.spectral.motion.tile_motion`), interpolated between tiles as they are blended.
         Flake or texture as in `depths`; 0 where nothing is.
+    backwards : dict of str to (h, w, 2) float32
+        In the same way to the frame before, t - 1: what is at p now was at ``p + backward``.
     coverages : dict of str to (h, w) float32
         Opacity of what is drawn one by one, flakes and drops, without texture and veil.
     ids : dict of str to (h, w) int32
         The number of the flake or drop with the greatest opacity of its own at the pixel, -1 for
         none. A flake keeps its number from frame to frame, and from eye to eye.
     motion : (h, w, 2) float32 or None
-        Of the layers together: at every pixel that of the layer that shows most.
+        Of the layers together: at every pixel that of the layer that shows most, 0 where that one
+        does not know.
+    backward : (h, w, 2) float32 or None
+        In the same way to the frame before.
     weather_depth : (h, w) float32 or None
-        In the same way of their depths.
+        In the same way of their depths, infinity where the layer that shows most has none.
     background : (h, w, 3 or 4) float32
-        In the light of the composite, multiplied by alpha.
+        In the light of the composite, multiplied by alpha; with the pictures that stand in the air
+        with a depth of their own, over which the weather lies.
     foreground : (h, w, 4) float32 or None
         The foreground's picture, premultiplied; None without one. A mask is in the layers already.
     linear : bool
@@ -74,9 +81,11 @@ class Rendered:
     depth: Array | None = None
     depths: dict[str, Array] = field(default_factory=dict)
     motions: dict[str, Array] = field(default_factory=dict)
+    backwards: dict[str, Array] = field(default_factory=dict)
     coverages: dict[str, Array] = field(default_factory=dict)
     ids: dict[str, Array] = field(default_factory=dict)
     motion: Array | None = None
+    backward: Array | None = None
     weather_depth: Array | None = None
     background: Array | None = None
     foreground: Array | None = None
@@ -115,18 +124,21 @@ def _truth(
         for ask in program.asks(t, camera, window, None)
         for layer in draw(ask.part.effect, replace(ask.frame, shared=shared))
     ]
-    matte = None if program.matte is None else program.matte.window(window)
-    if matte is not None:
+    whole_front = program.front(t)
+    front = None if whole_front is None else whole_front.window(window)
+    if front is not None and front.cover is not None:
         # A mask keeps the weather from the background's own pixels in front.
-        parts = [behind(part, matte.cover) for part in parts]
-    mix, front = program.mix(plate), None
+        parts = [behind(part, front.cover) for part in parts]
+    mix = program.mix(plate)
     with stage("composite"):
         light = mix.decode(plate)
+        if front is not None:
+            light = front.behind(light, linear=mix.linear)
+        back = light
         for part in parts:
             light = mix.over(light, part)
-        if matte is not None and matte.light is not None:
-            light = matte.over(light, linear=mix.linear)
-            front = matte.rgba(linear=mix.linear)
+        if front is not None:
+            light = front.over(light, linear=mix.linear)
         image = mix.encode(light, plate)
     names: dict[str, Layer] = {}
     for part in parts:
@@ -134,7 +146,7 @@ def _truth(
     cover: Array = np.zeros(plate.shape[:2], np.float32)
     for number, part in enumerate(parts):
         cover = part.alpha if number == 0 else 1.0 - (1.0 - cover) * (1.0 - part.alpha)
-    depth = program.depth_at(t)
+    depth = None if program.distance is None else program.depth_at(t)
     return Rendered(
         image=image,
         alpha=cover,
@@ -142,29 +154,35 @@ def _truth(
         depth=None if depth is None else crop(depth, window),
         depths={name: part.depth for name, part in names.items() if part.depth is not None},
         motions={name: part.motion for name, part in names.items() if part.motion is not None},
+        backwards={n: part.backward for n, part in names.items() if part.backward is not None},
         coverages={n: part.coverage for n, part in names.items() if part.coverage is not None},
         ids={name: part.ids for name, part in names.items() if part.ids is not None},
-        motion=_most([(part.motion, part.alpha) for part in parts]),
-        weather_depth=_most([(part.depth, part.alpha) for part in parts]),
-        background=mix.plate(plate),
-        foreground=front,
+        motion=_most([(part.motion, part.alpha) for part in parts], 0.0),
+        backward=_most([(part.backward, part.alpha) for part in parts], 0.0),
+        weather_depth=_most([(part.depth, part.alpha) for part in parts], np.inf),
+        background=mix.plate(plate)
+        if front is None or front.deep is None
+        else to_single(to_unit(back)),
+        foreground=None if front is None else front.rgba(linear=mix.linear),
         linear=mix.linear,
     )
 
 
-def _most(planes: Sequence[tuple[Array | None, Array]]) -> Array | None:
-    """Return of planes, back to front, at every pixel the one that shows most; None of none."""
-    found: Array | None = None
-    strongest = None
+def _most(planes: Sequence[tuple[Array | None, Array]], unknown: float) -> Array | None:
+    """Return of planes, back to front, at every pixel the one that shows most; None of none.
+
+    Where a layer shows most that has no plane, it is `unknown`: another layer's would be wrong.
+    """
+    known = next((plane for plane, _ in planes if plane is not None), None)
+    if known is None:
+        return None
+    found = np.full_like(known, unknown)
+    strongest: Array | float = 0.0
     through: Array | float = 1.0
     for plane, alpha in reversed(planes):
-        if plane is not None:
-            shows = alpha * through
-            if found is None or strongest is None:
-                found, strongest = plane.copy(), shows
-            else:
-                more = shows > strongest
-                found[more] = plane[more]
-                strongest = np.maximum(strongest, shows)
+        shows = alpha * through
+        more = shows > strongest
+        found[more] = unknown if plane is None else plane[more]
+        strongest = np.maximum(strongest, shows)
         through = through * (1.0 - alpha)
     return found

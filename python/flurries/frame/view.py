@@ -13,6 +13,7 @@ from flurries._contract import Array, Float64
 from flurries.camera.lens import Camera
 from flurries.camera.path import CameraPath
 from flurries.camera.rotation import rotation_vector
+from flurries.frame.matte import Deep
 from flurries.frame.needs import Run, needs_of
 from flurries.frame.shared import Shared
 from flurries.light.sun import Sun
@@ -57,6 +58,9 @@ class Frame:
         Whether the scene has a depth, read or not.
     whole : bool
         Whether layers are asked for with all that they can say of their pixels.
+    nearer : Deep or None
+        What stands in the air with its own depth, of the whole frame; an effect is asked twice
+        then, once with it in `depth`, and need not look at it.
     shared : Shared or None
         Where both eyes are asked for, or the bands of a large frame one after the other: what need
         not be found for each.
@@ -76,6 +80,7 @@ class Frame:
     settled: bool = False
     deep: bool = False
     whole: bool = False
+    nearer: Deep | None = field(default=None, compare=False, repr=False)
     shared: Shared | None = field(default=None, compare=False, repr=False)
 
     def steps_of(self, effect: Any) -> Run:
@@ -134,7 +139,10 @@ class Frame:
             ratio = math.exp(self.path.zoom(after)[0] - self.path.zoom(self.t)[0])
             shift = (ratio * camera.center_shift[0], ratio * camera.center_shift[1])
             camera = camera.derive(focal=ratio * camera.focal, center_shift=shift)
-        return replace(self, t=after, camera=camera, depth=None, ambient=None, shared=None)
+        return replace(
+            self, t=after, camera=camera, depth=None, ambient=None, nearer=None,
+            shared=None,
+        )  # fmt: skip
 
     def displacement(self, *, fall: Number = 0.0, wind: Vector = (0.0, 0.0, 0.0)) -> Float64:
         """Return camera minus air since frame 0, house axes, (3,) world units.

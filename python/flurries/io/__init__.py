@@ -20,6 +20,7 @@ from flurries.io.photographs import photograph
 from flurries.io.pictures.fitting import fit, fit_nearest
 from flurries.io.pictures.header import Header, read_header
 from flurries.io.pictures.reader import Picture, read_mask, read_picture
+from flurries.io.pictures.slate import Slate, read_slate
 from flurries.io.pictures.writer import write_picture
 from flurries.io.sequences import Pattern, frame_range
 from flurries.io.sources import Source, open_background
@@ -29,6 +30,7 @@ __all__ = [
     "Header",
     "Pattern",
     "Picture",
+    "Slate",
     "Source",
     "VideoWriter",
     "fit",
@@ -43,6 +45,7 @@ __all__ = [
     "read_layers",
     "read_mask",
     "read_picture",
+    "read_slate",
     "read_video",
     "read_views",
     "remove_leftovers",

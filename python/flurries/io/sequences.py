@@ -18,6 +18,9 @@ VIDEO_EXTENSIONS = (".mp4", ".mov", ".webm", ".mkv")
 _PART = re.compile(r"([0-9]{1,9})(?:-([0-9]{1,9})(?:x([0-9]{1,9}))?)?")
 _TOKEN = re.compile(r"%(?:0([0-9]{1,2}))?d")
 
+# The tokens of compositing programs: a digit for each "#", and Houdini's.
+_OTHER_TOKENS = re.compile(r"#+|\$F[0-9]?")
+
 
 def frame_range(text: str) -> list[int]:
     """Return the frames that a text like ``1-10,20,30-40x2`` names.
@@ -74,6 +77,23 @@ def _short(text: str) -> str:
     return repr(text if len(text) <= 60 else f"{text[:57]}...")
 
 
+def with_percent(text: str) -> str:
+    """Return a file's name with the frame token of compositing programs as ``%04d``.
+
+    ``####`` has a digit for each "#", ``$F4`` is Houdini's; a name with another number of tokens
+    comes back as it is.
+    """
+    folder, name = os.path.split(text)
+    if "%" in name or len(found := _OTHER_TOKENS.findall(name)) != 1:
+        return text
+    from fileseq.constants import PAD_STYLE_HASH1
+    from fileseq.filesequence import FileSequence
+
+    digits = FileSequence.getPaddingNum(found[0], pad_style=PAD_STYLE_HASH1)
+    plain = name.replace(found[0], "%d" if digits == 1 else f"%0{digits}d")
+    return os.path.join(folder, plain)  # noqa: PTH118 -- a Path would drop a leading "./"
+
+
 @dataclass(frozen=True)
 class Pattern:
     """Where frames go: a name with one frame token, ``frames/%04d.exr``, or a video.
@@ -81,8 +101,8 @@ class Pattern:
     Parameters
     ----------
     text : str
-        The file name holds exactly one ``%d`` or ``%04d``; folders hold none. The name of a
-        video, which ends in .mp4, .mov, .webm or .mkv, holds none either.
+        The file name holds exactly one ``%d``, ``%04d``, ``####`` or ``$F4``; folders hold none.
+        The name of a video, which ends in .mp4, .mov, .webm or .mkv, holds none either.
     inside : str, optional
         A folder that every frame must lie in, links resolved.
 
@@ -102,6 +122,7 @@ class Pattern:
         text = os.fspath(self.text)
         if not isinstance(text, str):
             raise TypeError(f"pattern must be a string or a path, got {self.text!r}")
+        text = with_percent(text)
         object.__setattr__(self, "text", text)
         if self.inside is not None:
             object.__setattr__(self, "inside", os.fspath(self.inside))
@@ -122,7 +143,8 @@ class Pattern:
                 )
         elif tokens != 1 or not _TOKEN.search(name):
             raise ValueError(
-                f"pattern {_short(text)} must hold one frame token, %04d or %d, in its file name"
+                f"pattern {_short(text)} must hold one frame token, %04d, #### or $F4, in its file "
+                "name"
             )
         elif int(_TOKEN.search(name)[1] or 1) not in range(1, 13):  # type: ignore[index]
             raise ValueError(f"pattern {_short(text)} must ask for 1 to 12 digits")

@@ -8,7 +8,7 @@ import os
 import threading
 from abc import ABC, abstractmethod
 from collections import OrderedDict
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any, TypeAlias
@@ -18,9 +18,9 @@ from flurries.io.color import Encoding
 from flurries.io.files import Budget, path_text
 from flurries.io.films.index import READABLE
 from flurries.io.films.reader import VideoReader
-from flurries.io.pictures.header import read_header
+from flurries.io.pictures.header import Header, read_header
 from flurries.io.pictures.reader import Picture, read_picture
-from flurries.io.sequences import Pattern
+from flurries.io.sequences import Pattern, with_percent
 
 # Two eyes ask for the same frame, and a player steps back and forth by one.
 _KEPT = 3
@@ -40,8 +40,14 @@ class Source(ABC):
         (width, height) in px.
     count : int or None
         How many frames there are; None for a still.
+    first : int
+        The number of the first frame: that of a sequence's files; a film's and a still's is 0.
     fps : float or None
-        Frames per second of a video.
+        Frames per second of a video, or as a picture's header says.
+    display : (left, top, width, height) or None
+        Where the display window lies in pictures that are read with their overscan.
+    aspect : float
+        Width of a pixel over its height.
     encoding : {"display", "linear"}
         What the pixels mean.
     damaged : {"stop", "hold"}
@@ -53,7 +59,11 @@ class Source(ABC):
     spec: str
     size: tuple[int, int]
     count: int | None = None
+    first: int = 0
     fps: float | None = None
+    display: tuple[int, int, int, int] | None = None
+    aspect: float = 1.0
+    overscan: bool = False
     encoding: Encoding
     damaged: str
 
@@ -92,6 +102,10 @@ class Source(ABC):
         """Return the file that holds frame `i`, see `frame`."""
         return Path(self.spec)
 
+    def gaps(self, span: Sequence[int]) -> list[int]:
+        """Return the numbers, of some that lie between the first and the last, without a file."""
+        return []
+
     def close(self) -> None:
         """Close files and forget pictures; asking for a frame opens them again."""
         with self._own_lock():
@@ -123,6 +137,12 @@ class Source(ABC):
                 return picture
             raise error
 
+    def _take(self, header: Header) -> None:
+        """Take what the first picture says."""
+        self.size, self.encoding, self.display = header.size, header.encoding, header.display
+        self.aspect = header.aspect
+        self.fps = None if header.rate is None else float(header.rate)
+
     def _renew(self) -> None:
         self._lock = threading.Lock()
         self._process = os.getpid()
@@ -150,11 +170,10 @@ Reader: TypeAlias = "Callable[[str | Path], Picture]"
 class StillSource(Source):
     """One picture for all frames."""
 
-    def __init__(self, spec: str, damaged: str, read: Reader) -> None:
+    def __init__(self, spec: str, damaged: str, read: Reader, overscan: bool = False) -> None:
         super().__init__(spec, damaged)
-        self.read, self.first_file = read, Path(spec)
-        header = read_header(spec)
-        self.size, self.encoding = header.size, header.encoding
+        self.read, self.first_file, self.overscan = read, Path(spec), overscan
+        self._take(read_header(spec, overscan=overscan))
 
     def _read(self, number: int) -> Picture:
         return self.read(self.spec)
@@ -163,9 +182,9 @@ class StillSource(Source):
 class SequenceSource(Source):
     """A picture file per frame; frame 0 is the file with the lowest number."""
 
-    def __init__(self, spec: str, damaged: str, read: Reader) -> None:
+    def __init__(self, spec: str, damaged: str, read: Reader, overscan: bool = False) -> None:
         super().__init__(spec, damaged)
-        self.read = read
+        self.read, self.overscan = read, overscan
         # Only the name is a pattern: a folder may be called "50%".
         self.folder, name = os.path.split(spec)
         self.pattern = Pattern(name)
@@ -175,12 +194,16 @@ class SequenceSource(Source):
         self.first = numbers[0]
         self.count = numbers[-1] - numbers[0] + 1
         self.first_file = self._path(self.first)
-        header = read_header(self.first_file)
-        self.size, self.encoding = header.size, header.encoding
+        self._take(read_header(self.first_file, overscan=overscan))
 
     def file(self, i: int) -> Path:
         """Return the file that holds frame `i`, see `frame`."""
         return self._path(self.first + self._number(i))
+
+    def gaps(self, span: Sequence[int]) -> list[int]:
+        """Return the numbers, of some that lie between the first and the last, without a file."""
+        there = set(self.pattern.existing(self.folder))
+        return [number for number in span if number not in there]
 
     def _path(self, frame: int) -> Path:
         return Path(self.folder) / self.pattern.path(frame)
@@ -206,7 +229,7 @@ class SequenceSource(Source):
 
 
 class VideoSource(Source):
-    """A video's frames in the order of showing, uint8 RGB."""
+    """A video's frames in the order of showing, RGB: uint8, of more than 8 bits uint16."""
 
     encoding: Encoding = "display"
     _reader: VideoReader | None
@@ -217,6 +240,20 @@ class VideoSource(Source):
         self._reader = reader = VideoReader(spec, budget=budget)
         assert reader.size is not None  # The reader has decoded the first frame.
         self.size, self.count, self.fps = reader.size, reader.count, reader.fps
+        self.tags = reader.tags
+        self.aspect = float(self.tags.aspect)
+        if self.tags.interlaced:
+            reader.close()
+            raise ValueError(
+                f"{spec} is interlaced, two moments in a frame: make it progressive first, such as "
+                "by ffmpeg's filter bwdif"
+            )
+        if self.tags.hdr is not None:
+            reader.close()
+            raise ValueError(
+                f"{spec} is HDR ({self.tags.hdr}), whose values are no display values: convert it "
+                "to an EXR sequence first"
+            )
 
     def close(self) -> None:
         """Close the file; asking for a frame opens it again."""
@@ -238,20 +275,26 @@ class VideoSource(Source):
 
 
 def open_background(
-    spec: str | os.PathLike[str], *, damaged: str = "stop", budget: Budget | None = None
+    spec: str | os.PathLike[str],
+    *,
+    damaged: str = "stop",
+    budget: Budget | None = None,
+    overscan: bool = False,
 ) -> Source:
     """Open a background: a picture, a numbered sequence of pictures, or a video.
 
     Parameters
     ----------
     spec : str or path
-        ``plate.exr``, ``plate.%04d.png`` or ``plate.mov``. A sequence starts at the lowest number
-        that is there.
+        ``plate.exr``, ``plate.%04d.png`` (or ``####``, ``$F4``) or ``plate.mov``. A sequence starts
+        at the lowest number that is there.
     damaged : {"stop", "hold"}
         Whether a frame that is missing or damaged is an error, or the last good frame before it
         stands in for it.
     budget : Budget, optional
         As `read_picture`; for each frame.
+    overscan : bool
+        As `read_picture`; a film has none.
 
     Returns
     -------
@@ -274,20 +317,28 @@ def open_background(
     path = _place("background", spec)
     if path.suffix.lower() in READABLE and not _is_pattern(path):
         return VideoSource(str(path), damaged, budget)
-    return open_pictures("background", spec, partial(read_picture, budget=budget), damaged)
+    read = partial(read_picture, budget=budget, overscan=overscan)
+    return open_pictures("background", spec, read, damaged, overscan=overscan)
 
 
 def open_pictures(
-    name: str, spec: str | os.PathLike[str], read: Reader, damaged: str = "stop"
+    name: str,
+    spec: str | os.PathLike[str],
+    read: Reader,
+    damaged: str = "stop",
+    *,
+    overscan: bool = False,
 ) -> StillSource | SequenceSource:
     """Open a still or a numbered sequence, whose files `read` reads; `name` is the argument's."""
     path = _place(name, spec)
     kind = SequenceSource if _is_pattern(path) else StillSource
-    return kind(str(path), damaged, read)
+    return kind(str(path), damaged, read, overscan)
 
 
 def _place(name: str, spec: str | os.PathLike[str]) -> Path:
-    return Path(path_text(name, spec)).absolute()
+    path = Path(path_text(name, spec)).absolute()
+    # A file whose own name holds a token is that file.
+    return path if path.exists() else Path(with_percent(str(path)))
 
 
 def _is_pattern(path: Path) -> bool:

@@ -14,12 +14,15 @@ from flurries._contract import Array
 from flurries.camera.lens import Camera
 from flurries.frame.truth import Rendered
 from flurries.io import write_layer_views, write_layers, write_picture
-from flurries.io.color import to_display, to_integer, to_linear, to_unit
+from flurries.io.color import to_display, to_integer, to_linear, to_unit, unmultiply
 from flurries.io.pictures.writer import format_of
 from flurries.scene.scene import Scene
 
 # What the numbers of `forward` in a file mean.
-MOTION = "px per frame, x right, y down"
+MOTION = {
+    "y-down": "px per frame, x right, y down",
+    "y-up": "px per frame, x right, y up",
+}
 
 # The largest id that a float tells from its neighbours.
 _MOST_IDS = 2**24
@@ -33,8 +36,12 @@ class Content:
     ----------
     kind : {"composite", "alone", "layers"}
         The picture; the weather as RGBA; or everything that is known, as named channels.
-    half : bool
-        EXR as half.
+    bits : 8, 10, 16, "half", "float" or None
+        Of a color; what the format and the background have if None.
+    codec : str or None
+        Of a film.
+    motion : {"y-down", "y-up"}
+        Which way the second number of motion vectors counts.
     compression : str
         How an EXR is packed, as `flurries.io.write_picture` takes it.
     eyes : mapping of str to Camera, optional
@@ -42,16 +49,19 @@ class Content:
     """
 
     kind: str = "composite"
-    half: bool = True
+    bits: int | str | None = None
+    codec: str | None = None
+    motion: str = "y-down"
     eyes: Mapping[str, Camera] | None = None
     compression: str = "zip"
 
     @property
     def mark(self) -> str:
         """What tells files of one scene but other content apart."""
-        words = ["half" if self.half else "float", self.kind]
-        if self.compression != "zip":
-            words.append(self.compression)
+        words = ["half" if self.bits is None else str(self.bits), self.kind]
+        words += [word for word in (self.codec,) if word is not None]
+        words += ["y-up"] if self.motion == "y-up" and self.kind == "layers" else []
+        words += [self.compression] if self.compression != "zip" else []
         if self.eyes is not None:
             told = repr(list(self.eyes.items())).encode()
             words.append(f"eyes{hashlib.sha256(told).hexdigest()[:8]}")
@@ -60,68 +70,94 @@ class Content:
     def render(self, scene: Scene, number: int) -> Any:
         """Return what `save` takes: a frame, or one for each eye."""
         layers = self.kind != "composite"
+        if self.fine:
+            scene = scene.fine
         if self.eyes is None:
             return scene.render(number, layers=layers)
         return {
             name: scene.render(number, eye=eye, layers=layers) for name, eye in self.eyes.items()
         }
 
+    @property
+    def fine(self) -> bool:
+        """Whether a background of 8 bits is mixed in more."""
+        return self.bits not in (None, 8)
+
     def save(self, scene: Scene, path: Path, frame: Any, metadata: dict[str, Any]) -> None:
-        """Write a rendered frame."""
+        """Write a rendered frame, with what the background says of itself."""
+        form = format_of(path)
+        half, bits = self.bits != "float", self.bits if isinstance(self.bits, int) else None
+        slate = scene.slate(int(metadata["frame"]))
+        more: dict[str, Any] = {"half": half, "metadata": metadata, "slate": slate}
         if self.kind == "layers":
-            metadata = {
+            more["metadata"] = metadata = {
                 **metadata,
-                "motion": MOTION,
+                "motion": MOTION[self.motion],
                 "light": "linear" if scene.linear else "display",
             }
         if self.eyes is not None:
             views = {name: self._planes(scene, view) for name, view in frame.items()}
-            write_layer_views(path, views, half=self.half, metadata=metadata)
+            write_layer_views(path, views, **more)
         elif self.kind == "layers":
-            write_layers(path, planes(frame), half=self.half, metadata=metadata)
+            write_layers(path, self._planes(scene, frame), **more)
         elif self.kind == "alone":
             encoding = "linear" if scene.linear else "display"
-            pixels = weather(frame)
+            if bits is None and self.bits != "float" and form.bits and not form.only_floats:
+                bits = 16 if scene.deep else 8
+            packed = self.compression
             write_picture(
-                path, pixels, encoding=encoding, half=self.half, compression=self.compression,
-                metadata=metadata,
-            )  # fmt: skip
-        else:
-            frame = frame if format_of(path).alpha else without_alpha(frame, path)
-            write_picture(
-                path, frame, half=self.half, compression=self.compression, metadata=metadata
+                path, weather(frame), encoding=encoding, bits=bits, compression=packed, **more
             )
+        else:
+            frame = frame if form.alpha else without_alpha(frame, path)
+            if bits is None and form.name == "dpx":
+                bits = slate.bits if slate.bits in form.bits else 10
+            write_picture(path, frame, bits=bits, compression=self.compression, **more)
 
     def _planes(self, scene: Scene, frame: Any) -> dict[str, Array]:
         if self.kind == "layers":
-            return planes(frame)
+            return planes(frame, up=self.motion == "y-up")
         return {"rgba": weather(frame) if self.kind == "alone" else _light(frame)}
 
 
-def planes(rendered: Rendered) -> dict[str, Array]:
+def planes(rendered: Rendered, *, up: bool = False) -> dict[str, Array]:
     """Return a frame as the layers of an EXR, see `flurries.io.write_layers`.
+
+    Parameters
+    ----------
+    rendered : Rendered
+    up : bool
+        Whether the second number of motion vectors counts upwards.
 
     Returns
     -------
     dict of str to array
         ``rgba``, the composite in linear light with alpha 1; each layer by its name, and the
         ``background`` and ``foreground`` that it lies between, in the light of the composite;
-        ``NAME.depth``, ``NAME.forward``, ``NAME.coverage`` and ``NAME.id`` (flakes counted from 1,
-        0 for none; as a float holds no more than 2^24 apart, the remainder by that); of the layers
-        together ``alpha``, ``forward`` and ``weather.depth``; and ``depth``, the background's.
+        ``NAME.depth``, ``NAME.forward``, ``NAME.backward``, ``NAME.coverage`` and ``NAME.id``
+        (flakes counted from 1, 0 for none; as a float holds no more than 2^24 apart, the remainder
+        by that); of the layers together ``alpha``, ``forward``, ``backward`` and ``weather.depth``;
+        and ``depth``, the background's.
     """
+
+    def turned(motion: Array | None) -> Any:
+        return motion * np.array([1.0, -1.0], np.float32) if up and motion is not None else motion
+
     found = {"rgba": _light(rendered.image), **rendered.layers}
     together = {
         "alpha": rendered.alpha,
         "background": rendered.background,
         "foreground": rendered.foreground,
-        "forward": rendered.motion,
+        "forward": turned(rendered.motion),
+        "backward": turned(rendered.backward),
         "depth": rendered.depth,
         "weather.depth": rendered.weather_depth,
     }
     found.update({name: plane for name, plane in together.items() if plane is not None})
     found.update({f"{name}.depth": plane for name, plane in rendered.depths.items()})
-    found.update({f"{name}.forward": plane for name, plane in rendered.motions.items()})
+    found.update({f"{name}.forward": turned(plane) for name, plane in rendered.motions.items()})
+    for name, plane in rendered.backwards.items():
+        found[f"{name}.backward"] = turned(plane)
     found.update({f"{name}.coverage": plane for name, plane in rendered.coverages.items()})
     for name, ids in rendered.ids.items():
         found[f"{name}.id"] = ((ids.astype(np.int64) + 1) % _MOST_IDS).astype(np.float32)
@@ -160,8 +196,17 @@ def without_alpha(image: Array, path: object) -> Array:
     return np.ascontiguousarray(image[..., :3])
 
 
-def display_bytes(image: Array) -> Array:
-    """Return (H, W, 3) uint8 display values of a rendered image."""
-    if image.dtype == np.uint8:
+def display_levels(image: Array, bits: int) -> Array:
+    """Return (H, W, 3) uint8 or uint16 display values of a rendered image."""
+    if image.dtype.itemsize * 8 == bits and image.dtype.kind == "u":
         return image
-    return to_integer(to_display(image, "display" if image.dtype.kind == "u" else "linear"), 8)
+    return to_integer(to_display(image, "display" if image.dtype.kind == "u" else "linear"), bits)
+
+
+def straight_levels(rendered: Rendered, bits: int) -> Array:
+    """Return the weather alone as (H, W, 4) straight display values, uint8 or uint16."""
+    layer = weather(rendered)
+    cover = layer[..., 3:]
+    colors = unmultiply(layer[..., :3], cover)
+    colors = to_display(colors, "linear" if rendered.linear else "display")
+    return to_integer(np.concatenate([colors, cover], axis=2), bits)

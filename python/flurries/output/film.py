@@ -13,13 +13,13 @@ from pathlib import Path
 from typing import Any
 
 from flurries import _core
-from flurries._contract import Array
 from flurries._threads import reproducible, threads
 from flurries.io import VideoWriter
-from flurries.io.films.codecs import frame_rate
+from flurries.io.films.codecs import bits_for, frame_rate
 from flurries.io.films.sound import Sound, has_sound
+from flurries.io.films.tags import Tags
 from flurries.io.films.writer import comment_of
-from flurries.output.contents import display_bytes, without_alpha
+from flurries.output.contents import display_levels, straight_levels, without_alpha
 from flurries.output.frames import Frames, is_readable
 from flurries.output.groups import images
 from flurries.output.mark import Refused
@@ -55,6 +55,17 @@ def write_film(
     _require_other_file(scene, path)
     heard, part = _sound(scene, frames, job.skip) if sound else ("none", None)
     mark = _mark(job, frames, quality, part)
+    content, tags = job.content, _tags(scene, frames[0])
+    alone, bits = content.kind == "alone", content.bits
+    if bits is None:
+        least = tags.bits if scene.film is not None else 8
+        bits = (
+            None
+            if content.codec is not None and least <= 8
+            else bits_for(path.suffix.lower(), content.codec, least)
+        )
+    elif not isinstance(bits, int):
+        raise ValueError(f"bits must be 8, 10 or 16 for a film, got {bits!r}")
     if not job.overwrite and path.exists():
         good = [n for n in frames if is_readable(scene, n)] if job.skip else frames
         if _is_there(path, mark, len(good)):
@@ -65,17 +76,22 @@ def write_film(
     # While a frame is encoded, the next ones are rendered.
     with (
         VideoWriter(
-            path, scene.size, scene.fps, quality=quality, sound=part, comment=comment
+            path, scene.size, scene.fps, quality=quality, sound=part, comment=comment,
+            codec=content.codec, bits=bits, alpha=alone, tags=tags,
         ) as video,
         ThreadPoolExecutor(1, "encoder", _core.set_scope, (threads(), reproducible())) as encoder,
-    ):
+    ):  # fmt: skip
+        levels = 8 if video.bits == 8 else 16
 
-        def encode(image: Array) -> None:
+        def encode(image: Any) -> None:
             with stage("encode"):
-                video.write(display_bytes(without_alpha(image, path)))
+                if alone:
+                    video.write(straight_levels(image, levels))
+                else:
+                    video.write(display_levels(without_alpha(image, path), levels))
 
         waiting: deque[Future[None]] = deque()
-        for number, image in _rendered(scene, frames, progress, job.skip, dask, patience):
+        for number, image in _rendered(job, frames, progress, levels, dask, patience):
             if image is None:
                 done.skipped.append(number)
                 continue
@@ -116,10 +132,28 @@ def _is_there(path: Path, mark: tuple[str, str], count: int) -> bool:
     return words[2:] == [mark[1]] and frames == count
 
 
+def _tags(scene: Scene, first: int) -> Tags:
+    """Return what a film says of itself, as the background does."""
+    film = scene.film
+    code = scene.slate(first).timecode
+    if film is None:
+        aspect = Fraction(scene.pixel_aspect).limit_denominator(1000)
+        return Tags(aspect=aspect, timecode=code)
+    tags: Tags = film.tags
+    aspect = Fraction(scene.pixel_aspect).limit_denominator(1000)
+    return replace(tags, aspect=aspect, timecode=code)
+
+
 def _rendered(
-    scene: Scene, frames: list[int], progress: Progress, skip: bool, dask: Any, patience: float
-) -> Iterator[tuple[int, Array | None]]:
-    """Yield frames in order; None where one is left out."""
+    job: Frames, frames: list[int], progress: Progress, levels: int, dask: Any, patience: float
+) -> Iterator[tuple[int, Any]]:
+    """Yield frames in order, of 16 bits where `levels` is 16; None where one is left out."""
+    skip, content = job.skip, job.content
+    if levels > 8:
+        content = replace(content, bits=16)
+    scene = job.scene
+    if dask is not None and content.kind == "alone":
+        raise ValueError("alone and dask must not both be given for a video")
     if dask is not None:
         if skip:
             raise ValueError("damaged='skip' and dask must not both be given for a video")
@@ -128,7 +162,8 @@ def _rendered(
             yield next(each)
         return
     for number in progress(frames):
-        yield number, None if skip and not is_readable(scene, number) else scene.render(number)
+        left_out = skip and not is_readable(scene, number)
+        yield number, None if left_out else content.render(scene, number)
 
 
 def _sound(scene: Scene, frames: list[int], skip: bool) -> tuple[str, Sound | None]:
@@ -143,11 +178,12 @@ def _sound(scene: Scene, frames: list[int], skip: bool) -> tuple[str, Sound | No
         return "left out: the frames do not follow each other", None
     if skip:
         return "left out: frames may be skipped", None
-    left = (film.count or 0) - frames[0]
-    if left <= 0:
-        return "left out: the frames are beyond the film's end", None
-    length = Fraction(min(len(frames), left)) / rate
-    return "kept", Sound(film.spec, Fraction(frames[0]) / rate, length)
+    assert scene.range is not None
+    first, last = scene.range
+    if not (first <= frames[0] and frames[-1] <= last):
+        return "left out: the film is held or repeated", None
+    length = Fraction(len(frames)) / rate
+    return "kept", Sound(film.spec, Fraction(frames[0] - first) / rate, length)
 
 
 def _require_other_file(scene: Scene, path: Path) -> None:

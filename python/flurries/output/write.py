@@ -15,11 +15,12 @@ import numpy as np
 from flurries._contract import choice, flag
 from flurries.camera.lens import Camera
 from flurries.io import Pattern
-from flurries.io.pictures.writer import COMPRESSIONS
-from flurries.io.sequences import VIDEO_EXTENSIONS
+from flurries.io.films.codecs import CODECS
+from flurries.io.pictures.writer import COMPRESSIONS, format_of
+from flurries.io.sequences import VIDEO_EXTENSIONS, with_percent
 from flurries.output.bucket import store_of
 from flurries.output.cluster import cluster
-from flurries.output.contents import Content
+from flurries.output.contents import MOTION, Content
 from flurries.output.crew import make
 from flurries.output.film import write_film
 from flurries.output.frames import Frames
@@ -36,6 +37,7 @@ if TYPE_CHECKING:
 __all__ = ["Summary", "write"]
 
 DAMAGED = ("stop", "skip", "hold")
+BITS = (8, 10, 16, "half", "float")
 
 
 @dataclass(frozen=True)
@@ -74,7 +76,9 @@ def write(
     pattern: str | Path,
     frames: Numbers = None,
     *,
-    half: bool = True,
+    bits: int | str | None = None,
+    codec: str | None = None,
+    motion: str = "y-down",
     compression: Literal["zip", "zips", "piz", "rle", "none", "dwaa", "dwab"] = "zip",
     layers: bool = False,
     alone: bool = False,
@@ -99,18 +103,27 @@ def write(
     scene : Scene
         What to render.
     pattern : str or path
-        ``frames/%04d.png`` or ``.exr``, ``.tif``, ``.jpg``: one file a frame, each written under a
-        temporary name, checked and renamed. A name that ends in .mp4, .mov, .webm or .mkv is a
-        video. A picture's name without a token is a still: the first of `frames`. For all three:
-        what is there already and is of this very scene stays, and is made again if it is damaged
-        or if the background's file has changed since; anything else is refused. Pictures also go
-        to a url, such as ``s3://bucket/frames/%04d.png``, through fsspec (``flurries[stores]`` and
-        the store's own driver), where the same holds.
+        ``frames/%04d.png`` (also ``####`` and ``$F4``) or ``.exr``, ``.tif``, ``.jpg``: one file a
+        frame, each written under a temporary name, checked and renamed. A name that ends in .mp4,
+        .mov, .webm or .mkv is a video. A picture's name without a token is a still: one frame. For
+        all three: what is there already and is of this very scene stays, and is made again if it
+        is damaged or if the background's file has changed since; anything else is refused. Pictures
+        also go to a url, such as ``s3://bucket/frames/%04d.png``, through fsspec
+        (``flurries[stores]`` and the store's own driver), where the same holds.
     frames : str, int or iterable of int, optional
-        "1-60", "1-100x2", "7", or numbers; not negative. If not given, the background's frames from
-        0 on, or three seconds from 1 on.
-    half : bool
-        EXR as half floats, else 32 bits.
+        "1-60", "1-100x2", "7", or numbers; not negative: those of the background's files. If not
+        given, all that the background has, else the camera or the depth, else three seconds from 1
+        on.
+    bits : 8, 10, 16, "half" or "float", optional
+        Of a color: in EXR "half" or "float", in PNG 8 or 16, in TIFF also "float", in DPX 8, 10 or
+        16, in a film what its codec has. If not given, half in EXR, 10 in DPX, and else what the
+        background has: a film that holds fewer is refused. A background of fewer bits is mixed in
+        16, so that the weather has their steps.
+    codec : str, optional
+        Of a film: "h264", "h265", "vp9", "ffv1", "prores-hq", "prores-4444" (with alpha for
+        `alone`) or "dnxhr"; the extension's own if not given.
+    motion : {"y-down", "y-up"}
+        Which way the second number of motion vectors in layers counts.
     compression : {"zip", "zips", "piz", "rle", "none", "dwaa", "dwab"}
         How an EXR packs its pixels. The last two lose bits that are hard to see, and take half the
         bytes or less of a frame of snow; they are not for layers and eyes.
@@ -119,7 +132,7 @@ def write(
         `flurries.output.contents.planes`.
     alone : bool
         The weather alone as RGBA, without background and foreground's picture: premultiplied linear
-        light in EXR, straight display values in PNG. Not for video.
+        light in EXR, straight display values in PNG and in a film of ProRes 4444.
     eyes : mapping of str to Camera, optional
         EXR only: the views of these eyes, such as ``{"left": ..., "right": ...}``, one part of the
         file for each.
@@ -152,7 +165,8 @@ def write(
     Raises
     ------
     ValueError
-        For an unusable pattern or range, or where something else is in the way.
+        For an unusable pattern or range, a frame number that background, depth, foreground or
+        camera does not have, or where something else is in the way.
     OSError
         If something cannot be written; no half-written file stays. If files that serve all frames
         change meanwhile; if files that workers have written are not here.
@@ -162,15 +176,21 @@ def write(
     expect_scene(scene)
     started = time.monotonic()
     for name, value in (
-        ("half", half), ("layers", layers), ("alone", alone), ("overwrite", overwrite),
+        ("layers", layers), ("alone", alone), ("overwrite", overwrite),
         ("sound", sound), ("manifest", manifest),
     ):  # fmt: skip
         flag(name, value)
     choice("damaged", damaged, DAMAGED)
     choice("compression", compression, tuple(COMPRESSIONS))
+    choice("motion", motion, tuple(MOTION))
+    if isinstance(bits, bool) or bits not in (None, *BITS):
+        raise ValueError(f"bits must be one of {', '.join(map(str, BITS))}, got {bits!r}")
+    if codec is not None:
+        choice("codec", codec, tuple(CODECS))
     if alone and layers:
         raise ValueError("alone and layers must not both be given")
     store, text = store_of(os.fspath(pattern))
+    text = with_percent(text)
     still = Path(text).suffix.lower() not in VIDEO_EXTENSIONS and "%" not in Path(text).name
     if not still and isinstance(frames, (int, np.integer)):
         raise ValueError(
@@ -180,11 +200,17 @@ def write(
     wanted = frames_of(scene, frames)
     if still:
         target = Pattern(_token_for(text))
+        if frames is not None and len(wanted) > 1:
+            raise ValueError(
+                f"{text} is one file for {len(wanted)} frames; a name such as "
+                f"{Path(_token_for(text, '.%04d')).name} has one for each"
+            )
         wanted = wanted[:1]
     else:
         target = Pattern(text)
+    scene.require(wanted, gaps=damaged == "stop")
     kind = "layers" if layers else "alone" if alone else "composite"
-    content = Content(kind, half, _views(eyes), compression)
+    content = Content(kind, bits, codec, motion, _views(eyes), compression)
     _require_room(text, content, is_video=target.is_video)
     bar = progress if progress is not None else _silent
     job = Frames(
@@ -230,8 +256,20 @@ def _views(eyes: Any) -> dict[str, Camera] | None:
 def _require_room(text: str, content: Content, *, is_video: bool) -> None:
     """Refuse a kind of file that cannot hold what is asked for."""
     lower = text.lower()
-    if content.kind == "alone" and (is_video or not lower.endswith((".exr", ".png", ".tif"))):
-        raise ValueError(f"alone needs .exr, .png or .tif, and no layers, got {text!r}")
+    if is_video:
+        if content.kind == "alone" and content.codec != "prores-4444":
+            raise ValueError(
+                f"alone needs codec='prores-4444' in a film, or .exr, .png, .tif: {text}"
+            )
+    else:
+        if content.codec is not None:
+            raise ValueError(f"codec is one of a film, got {text!r}")
+        if content.kind == "alone" and not lower.endswith((".exr", ".png", ".tif", ".tiff")):
+            raise ValueError(f"alone needs .exr, .png or .tif, and no layers, got {text!r}")
+        known = format_of(text).kinds
+        if content.bits is not None and content.bits not in known:
+            words = ", ".join(map(str, known))
+            raise ValueError(f"bits must be {words} in {text}, got {content.bits!r}")
     if content.kind == "alone" and content.eyes is not None:
         raise ValueError("alone and eyes must not both be given")
     if content.compression != "zip" and (
@@ -249,12 +287,12 @@ def _require_room(text: str, content: Content, *, is_video: bool) -> None:
         raise ValueError(f"{text}: a .hdr picture cannot say which frame it is; take .exr")
 
 
-def _token_for(text: str) -> str:
+def _token_for(text: str, token: str = "%d") -> str:
     """Return a pattern of the same folder and format, for its checks."""
     path = Path(text)
     if not path.suffix:
         raise ValueError(f"pattern {text!r} needs an extension such as .png, .exr or .mp4")
-    return str(path.with_name(f"{path.stem}%d{path.suffix}"))
+    return str(path.with_name(f"{path.stem}{token}{path.suffix}"))
 
 
 def _silent(frames: Iterable[int]) -> Iterable[int]:

@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-import math
 import os
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from flurries._contract import Array, rectangular, table, warn_of_levels
 from flurries.io import fit, open_background
+from flurries.scene.numbered import Numbered
+from flurries.scene.overscan import Display
 
 _COLOR = re.compile(r"#([0-9a-fA-F]{2})([0-9a-fA-F]{2})([0-9a-fA-F]{2})")
 _DEFAULT_SIZE = (1024, 768)
@@ -29,10 +30,14 @@ class Backdrop:
         What its values mean.
     count : int or None
         How many frames it has; None for a still.
-    source : array or a source of `flurries.io`
+    source : array or files
         Where they come from.
     fps : float or None
-        Frames per second of a film.
+        Frames per second of a film, or as a picture's header says.
+    display : (left, top, width, height) or None
+        Where the display window lies, of a plate with overscan; None where it is all.
+    aspect : float
+        Width of a pixel over its height.
     """
 
     size: tuple[int, int]
@@ -40,33 +45,66 @@ class Backdrop:
     count: int | None
     source: Any
     fps: float | None = None
+    display: Display | None = None
+    aspect: float = 1.0
 
     def frame(self, t: float) -> Array:
-        """Return (H, W, 3), or (H, W, 4) with alpha, of frame floor(t); ends hold outside.
+        """Return (H, W, 3), or (H, W, 4) with alpha, of frame floor(t).
 
         The colors of integers are straight, those of floats are multiplied by alpha.
         """
         if isinstance(self.source, np.ndarray):
             return self.source
         # The source keeps what it decoded last, so a still is read and fitted once.
-        pixels: Array = self.source.frame(math.floor(t))
+        pixels: Array = self.source.frame(t)
         return pixels
+
+    @property
+    def deep(self) -> bool:
+        """Whether it has more than 8 bits a color, as its first frame says."""
+        first = 0 if self.files is None or self.files.span is None else self.files.span.first
+        return self.frame(first).dtype != np.uint8
+
+    def fine(self) -> Backdrop:
+        """Return the same in 16 bits, where it has 8."""
+        return replace(self, source=_Fine(self.source))
+
+    @property
+    def files(self) -> Numbered | None:
+        """Where it comes from, where that is a source."""
+        return getattr(self.source, "files", None)
+
+
+@dataclass
+class _Fine:
+    """Frames of 8 bits in 16."""
+
+    source: Any
+
+    @property
+    def files(self) -> Numbered | None:
+        return getattr(self.source, "files", None)
+
+    def frame(self, t: float) -> Array:
+        still = isinstance(self.source, np.ndarray)
+        pixels: Array = self.source if still else self.source.frame(t)
+        return pixels.astype(np.uint16) * np.uint16(257) if pixels.dtype == np.uint8 else pixels
 
 
 @dataclass
 class _Fitted:
     """Frames of a file, fitted to the size; the last one is kept."""
 
-    source: Any
+    files: Numbered
     size: tuple[int, int]
     _last: tuple[int, Array] | None = None
 
-    def frame(self, index: int) -> Array:
-        index = 0 if self.source.count is None else min(max(index, 0), self.source.count - 1)
+    def frame(self, t: float) -> Array:
+        place = self.files.place(t)
         last = self._last
-        if last is not None and last[0] == index:
+        if last is not None and last[0] == place:
             return last[1]
-        picture = self.source.frame(index)
+        picture = self.files.source.frame(place)
         # A source of somebody's own need not know of alpha.
         bare = getattr(picture, "alpha", None) is None
         pixels: Array = picture.pixels if bare else picture.rgba()
@@ -74,22 +112,28 @@ class _Fitted:
             warn_of_levels("background", pixels, "divide them by 255")
         if (pixels.shape[1], pixels.shape[0]) != self.size:
             pixels = fit(pixels, self.size)
-        self._last = (index, pixels)
+        self._last = (place, pixels)
         return pixels
 
     def __getstate__(self) -> dict[str, Any]:
         return {**self.__dict__, "_last": None}
 
 
-def backdrop(background: Any, size: tuple[int, int] | None) -> Backdrop:
-    """Return the backdrop of a scene's `background` argument."""
+def backdrop(
+    background: Any, size: tuple[int, int] | None, *, extend: str = "stop", start: int | None = None
+) -> Backdrop:
+    """Return the backdrop of a scene's `background` argument; see `Scene` for the others."""
     if isinstance(background, str) and background.startswith("#"):
         match = _COLOR.fullmatch(background)
         if match is None:
             raise ValueError(f"background must be '#rrggbb' for a color, got {background!r}")
         return _plain([int(part, 16) for part in match.groups()], np.dtype(np.uint8), size)
     if isinstance(background, (str, os.PathLike)):
-        return _of_source(open_background(background), size)
+        opened = open_background(background, overscan=True)
+        if opened.display is not None and size not in (None, tuple(opened.size)):
+            # Another size that is asked for is one of the display window.
+            opened = open_background(background)
+        return _of_source(opened, size, extend, start)
     if isinstance(background, (tuple, list)) and len(background) == 3 and np.ndim(background) == 1:
         return _plain(table("background", background, ndim=1), np.dtype(np.float32), size)
     if (
@@ -97,7 +141,7 @@ def backdrop(background: Any, size: tuple[int, int] | None) -> Backdrop:
         and hasattr(background, "size")
         and not isinstance(background, np.ndarray)
     ):
-        return _of_source(background, size)
+        return _of_source(background, size, extend, start)
     return _of_array(background, size)
 
 
@@ -109,10 +153,23 @@ def _plain(color: Any, dtype: np.dtype[Any], size: tuple[int, int] | None) -> Ba
     return Backdrop((width, height), "linear" if dtype.kind == "f" else "display", None, pixels)
 
 
-def _of_source(source: Any, size: tuple[int, int] | None) -> Backdrop:
+def _of_source(
+    source: Any, size: tuple[int, int] | None, extend: str, start: int | None
+) -> Backdrop:
     wanted = size or tuple(source.size)
-    rate = getattr(source, "fps", None)
-    return Backdrop(wanted, source.encoding, source.count, _Fitted(source, wanted), rate)
+    files = Numbered.of("background", source, extend=extend, start=start)
+    rate, display = getattr(source, "fps", None), getattr(source, "display", None)
+    if display is not None and wanted != tuple(source.size):
+        raise ValueError(
+            f"size must be left out for a background that was opened with its overscan, got {size}"
+        )
+    aspect = float(getattr(source, "aspect", 1.0))
+    if wanted != tuple(source.size):
+        # Fitted to another size pixels are square, as the frame's are.
+        aspect = 1.0
+    return Backdrop(
+        wanted, source.encoding, source.count, _Fitted(files, wanted), rate, display, aspect
+    )
 
 
 def _of_array(background: Any, size: tuple[int, int] | None) -> Backdrop:

@@ -13,6 +13,8 @@ from flurries._contract import Array, choice, depths, real, rectangular
 from flurries.io import fit_nearest, open_background, open_depth
 from flurries.io.color import to_unit
 from flurries.io.pictures.reader import luminance
+from flurries.scene.numbered import Numbered
+from flurries.scene.overscan import Display, placed
 
 __all__ = ["DepthMap"]
 
@@ -130,10 +132,15 @@ class Distance:
         """Whether every frame has the same depth."""
         if isinstance(self.source, np.ndarray):
             return True
-        return self.source.files.count is None
+        return self.source.files.span is None
+
+    @property
+    def files(self) -> Numbered | None:
+        """Where it comes from, where that is files."""
+        return None if isinstance(self.source, np.ndarray) else self.source.files
 
     def frame(self, t: float) -> Array:
-        """Return (H, W) float32 of frame floor(t), read-only; the ends of a sequence hold."""
+        """Return (H, W) float32 of frame floor(t), read-only."""
         return self.source if isinstance(self.source, np.ndarray) else self.source.frame(t)
 
 
@@ -141,19 +148,22 @@ class Distance:
 class _Fitted:
     """Depths from files, fitted to the frame; the last one is kept."""
 
-    files: Any
+    files: Numbered
     law: DepthMap | None
     shape: tuple[int, int]
+    display: Display | None = None
     _last: tuple[Any, Array] | None = None
 
     def frame(self, t: float) -> Array:
-        picture = self.files.frame(math.floor(t))
+        picture = self.files.frame(t)
         last = self._last
         # The files give the very same picture again while they keep it.
         if last is not None and last[0] is picture:
             return last[1]
         depth = picture.pixels if self.law is None else self.law.depth_of(luminance(picture))
-        fitted = _read_only(fit_nearest(depth, self.shape[::-1]))
+        whole = placed(depth, picture.display, self.shape, self.display, fit_nearest, np.inf)
+        # A copy where it is the file's own, which other frames may share.
+        fitted = _read_only(np.array(whole, order="C"))
         self._last = (picture, fitted)
         return fitted
 
@@ -161,30 +171,39 @@ class _Fitted:
         return {**self.__dict__, "_last": None}
 
 
-def distance_of(value: Any, shape: tuple[int, int]) -> Distance:
-    """Return the depth of a scene's `depth` argument."""
+def distance_of(
+    value: Any,
+    shape: tuple[int, int],
+    *,
+    name: str = "depth",
+    extend: str = "stop",
+    start: int | None = None,
+    display: Display | None = None,
+) -> Distance:
+    """Return the depth of a scene's `depth` argument, or of another called `name`."""
+
+    def of_files(source: Any, law: DepthMap | None) -> Distance:
+        files = Numbered.of(name, source, extend=extend, start=start)
+        return Distance(_Fitted(files, law, shape, display))
+
     if isinstance(value, DepthMap):
-        return _of_map(value, shape)
+        if isinstance(value.source, np.ndarray):
+            _require_shape(f"{name}: source", value.source.shape, shape)
+            return Distance(_read_only(value.depth_of(to_unit(value.source))))
+        return of_files(open_background(value.source, overscan=display is not None), value)
     if isinstance(value, (str, os.PathLike)):
-        return Distance(_Fitted(open_depth(value), None, shape))
+        return of_files(open_depth(value, overscan=display is not None), None)
     if not isinstance(value, (dict, set, list, tuple)) and np.ndim(value) == 0:
-        wall = real("depth", value, above=0.0)
+        wall = real(name, value, above=0.0)
         return Distance(_read_only(np.full(shape, wall, np.float32)))
-    given = rectangular("depth", value)
+    given = rectangular(name, value)
     if given.dtype.kind != "f":
         raise TypeError(
-            f"depth must be a number, a path, a DepthMap or an array of float, got {given.dtype}; "
+            f"{name} must be a number, a path, a DepthMap or an array of float, got {given.dtype}; "
             "greys become depths through DepthMap"
         )
-    _require_shape("depth", given.shape, shape)
-    return Distance(_read_only(depths("depth", np.array(given, np.float32, order="C"))))
-
-
-def _of_map(value: DepthMap, shape: tuple[int, int]) -> Distance:
-    if isinstance(value.source, np.ndarray):
-        _require_shape("depth: source", value.source.shape, shape)
-        return Distance(_read_only(value.depth_of(to_unit(value.source))))
-    return Distance(_Fitted(open_background(value.source), value, shape))
+    _require_shape(name, given.shape, shape)
+    return Distance(_read_only(depths(name, np.array(given, np.float32, order="C"))))
 
 
 def _require_shape(name: str, got: tuple[int, ...], wanted: tuple[int, int]) -> None:

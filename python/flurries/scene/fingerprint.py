@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import os
 import pickle
 import time
 from dataclasses import dataclass, field, fields, is_dataclass
@@ -15,6 +14,7 @@ import numpy as np
 from flurries.effects.kinds import kind_of
 from flurries.io import Pattern
 from flurries.scene.depth import DepthMap
+from flurries.scene.foreground import listed
 from flurries.scene.scene import Scene, expect_scene
 from flurries.scene.toml.writer import describe
 
@@ -46,8 +46,7 @@ def settings(scene: Scene) -> str:
     expect_scene(scene)
     digest = hashlib.sha256()
     given = list(_specs(scene))
-    for name in ("background", "foreground", "depth"):
-        value = getattr(scene, name)
+    for name, value in _values(scene).items():
         value = value.source if isinstance(value, DepthMap) else value
         if isinstance(value, np.ndarray):
             digest.update(f"{name} {value.shape} {value.dtype}".encode())
@@ -110,13 +109,13 @@ class Inputs:
         self._sequences: list[Any] = []
         self._stills: dict[Path, str] = {}
         for name, spec in specs.items():
-            source = scene.source_of(name)
+            files = scene.files.get(name)
             # A frame of a background that holds may be that of any file.
-            holds = getattr(source, "damaged", "stop") == "hold"
-            if source is None or Path(spec).is_file() or holds:
+            holds = files is not None and getattr(files.source, "damaged", "stop") == "hold"
+            if files is None or Path(spec).is_file() or holds:
                 self._stills.update((file, self._told(file)) for file in _files(spec))
             else:
-                self._sequences.append(source)
+                self._sequences.append(files)
         # Not their folders, which would tell of the machine and change when a project is moved.
         names = "\n".join(Path(spec).name for spec in specs.values())
         self.names = hashlib.sha256(names.encode()).hexdigest()[:8]
@@ -140,15 +139,24 @@ class Inputs:
         return self._hashes[file] if file.exists() else "missing"
 
 
+def _values(scene: Scene) -> dict[str, Any]:
+    """Return what may be files or arrays, as `Scene.files` calls it."""
+    found = {"background": scene.background, "depth": scene.depth}
+    mattes = [] if scene.foreground is None else listed(scene.foreground)
+    for number, matte in enumerate(mattes, 1):
+        name = "foreground" if number == 1 else f"foreground{number}"
+        found |= {name: matte.source, f"{name} depth": matte.depth}
+    return found
+
+
 def _specs(scene: Scene) -> dict[str, str]:
     """Return the files that a scene reads, by the argument that names them."""
-    found = {}
-    for name in ("background", "foreground", "depth"):
-        value = getattr(scene, name)
-        value = getattr(value, "source" if isinstance(value, DepthMap) else "spec", value)
-        if isinstance(value, (str, os.PathLike)) and not str(value).startswith("#"):
-            found[name] = str(Path(value).absolute())
-    return found
+    found = {name: files.source for name, files in scene.files.items()}
+    return {
+        name: str(Path(source.spec).absolute())
+        for name, source in found.items()
+        if hasattr(source, "spec")
+    }
 
 
 def _files(spec: str) -> list[Path]:

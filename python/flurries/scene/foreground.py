@@ -1,21 +1,211 @@
-"""A scene's foreground: a mask, or a picture with alpha, from arrays and files."""
+"""What stands in front of the weather: masks and pictures with alpha, still or moving, in depth."""
 
 from __future__ import annotations
 
 import os
+from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from flurries._contract import rectangular, warn_of_levels
-from flurries.frame.matte import Matte
-from flurries.io import fit, read_mask, read_picture
+from flurries._contract import Array, rectangular, warn_of_levels
+from flurries.frame.matte import Deep, Front, Matte
+from flurries.io import fit, open_background
+from flurries.io.pictures.reader import Picture, luminance
+from flurries.scene.depth import Distance, distance_of
+from flurries.scene.numbered import Numbered
+from flurries.scene.overscan import Display, placed
+
+__all__ = ["Foreground"]
+
+MOST_MATTES = 64
 
 
-def foreground_of(value: Any, shape: tuple[int, int]) -> Matte:
-    """Return the foreground of a scene's argument, of the scene's size."""
-    if isinstance(value, (str, os.PathLike)):
-        return _of_file(value, shape)
+@dataclass(frozen=True, eq=False)
+class Foreground:
+    """What stands in front of the weather, with its own depth.
+
+    Parameters
+    ----------
+    source : path or array
+        A mask (H, W) of the background's own pixels, 1 in front; or a picture with alpha
+        (H, W, 4), straight for integers, premultiplied for floats. A file, an image sequence
+        (``roto.%04d.png``) or a film goes by the shot's frame numbers.
+    depth : float, array or path, optional
+        How far away it stands, as a scene's `depth`: weather that is nearer falls in front of it.
+        If not given it stands before all weather.
+
+    Raises
+    ------
+    ValueError, TypeError, OSError
+        For an argument that is not as described, when a scene is made of it.
+
+    Examples
+    --------
+    >>> import numpy as np, flurries as fl
+    >>> mask = np.zeros((48, 64), np.uint8)
+    >>> mask[20:, 30:] = 255
+    >>> actor = fl.Foreground(mask, depth=4.0)
+    >>> scene = fl.Scene((64, 48), foreground=[actor], effects=[fl.Snow.preset("heavy")])
+    >>> scene.render(0).shape
+    (48, 64, 3)
+    """
+
+    source: Any
+    depth: Any = None
+
+
+@dataclass(frozen=True, eq=False)
+class _Still:
+    """A matte that is the same in every frame."""
+
+    plane: Array
+    whole: bool
+
+    still = True
+    files: Numbered | None = None
+
+    def frame(self, t: float) -> tuple[Array, bool]:
+        return self.plane, self.whole
+
+
+@dataclass(eq=False)
+class _Moving:
+    """A matte from files, fitted to the frame; the last one is kept."""
+
+    files: Numbered
+    shape: tuple[int, int]
+    display: Display | None = None
+    _last: tuple[Any, tuple[Array, bool]] | None = None
+
+    @property
+    def still(self) -> bool:
+        return self.files.span is None
+
+    def frame(self, t: float) -> tuple[Array, bool]:
+        picture = self.files.frame(t)
+        last = self._last
+        # The files give the very same picture again while they keep it.
+        if last is not None and last[0] is picture:
+            return last[1]
+        made = _of_picture(picture, self.shape, self.display)
+        self._last = (picture, made)
+        return made
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {**self.__dict__, "_last": None}
+
+
+@dataclass(eq=False)
+class Mattes:
+    """All that stands in front of a scene's weather, for every frame.
+
+    Attributes
+    ----------
+    parts : tuple of (matte, Distance or None)
+        Back to front, each with its depth.
+    """
+
+    parts: tuple[tuple[Any, Distance | None], ...]
+    _last: tuple[tuple[Any, ...], Front] | None = None
+
+    @property
+    def still(self) -> bool:
+        """Whether every frame has the same."""
+        return all(part.still and (far is None or far.still) for part, far in self.parts)
+
+    @property
+    def deep(self) -> bool:
+        """Whether one has a depth."""
+        return any(far is not None for _, far in self.parts)
+
+    def frame(self, t: float) -> Front:
+        """Return what stands in front at frame floor(t); the very same object while it is kept."""
+        found = [
+            (*part.frame(t), None if far is None else far.frame(t)) for part, far in self.parts
+        ]
+        last = self._last
+        planes = tuple(plane for each in found for plane in each)
+        # Planes that are kept are the very same again.
+        if last is not None and all(a is b for a, b in zip(planes, last[0], strict=True)):
+            return last[1]
+        made = _front(found)
+        self._last = (planes, made)
+        return made
+
+    def sources(self) -> dict[str, Numbered]:
+        """Return the files, by what they are called."""
+        found = {}
+        for number, (part, far) in enumerate(self.parts, 1):
+            name = "foreground" if number == 1 else f"foreground{number}"
+            if part.files is not None:
+                found[name] = part.files
+            if far is not None and far.files is not None:
+                found[f"{name} depth"] = far.files
+        return found
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {**self.__dict__, "_last": None}
+
+
+def listed(value: Any) -> list[Foreground]:
+    """Return a scene's `foreground` argument as a list."""
+    several = isinstance(value, (list, tuple)) and any(
+        isinstance(one, (Foreground, str, os.PathLike, np.ndarray)) for one in value
+    )
+    given: Sequence[Any] = value if several else [value]
+    if len(given) > MOST_MATTES:
+        raise ValueError(f"foreground must be at most {MOST_MATTES} mattes, got {len(given)}")
+    return [one if isinstance(one, Foreground) else Foreground(one) for one in given]
+
+
+def mattes_of(
+    value: Any,
+    shape: tuple[int, int],
+    *,
+    extend: str,
+    start: int | None,
+    display: Display | None = None,
+) -> Mattes | None:
+    """Return what stands in front, of a scene's `foreground` argument."""
+    if value is None or (isinstance(value, (list, tuple)) and len(value) == 0):
+        return None
+    parts = []
+    for number, one in enumerate(listed(value), 1):
+        name = "foreground" if number == 1 else f"foreground {number}"
+        matte: Any
+        if isinstance(one.source, (str, os.PathLike)):
+            source = open_background(one.source, overscan=display is not None)
+            files = Numbered.of(name, source, extend=extend, start=start)
+            matte = _Moving(files, shape, display)
+            if matte.still:
+                # A mask that cannot be read is refused now.
+                matte.frame(0.0)
+        else:
+            matte = _Still(*_of_array(one.source, shape))
+        far = None
+        if one.depth is not None:
+            far = distance_of(
+                one.depth, shape, name=f"{name} depth", extend=extend, start=start, display=display
+            )
+        parts.append((matte, far))
+    return Mattes(tuple(parts))
+
+
+def _of_picture(
+    picture: Picture, shape: tuple[int, int], display: Display | None
+) -> tuple[Array, bool]:
+    if picture.alpha is None:
+        mask = luminance(picture)
+        fitted = placed(mask, picture.display, shape, display, fit, 0.0)
+        return (mask if fitted is mask else np.clip(fitted, 0.0, 1.0)), True
+    rgba = placed(picture.rgba(), picture.display, shape, display, fit, 0)
+    return _of_array(rgba, shape)
+
+
+def _of_array(value: Any, shape: tuple[int, int]) -> tuple[Array, bool]:
+    """Return a plane (H, W) or (H, W, 4) from 0 to 1, and whether it came as integers."""
     given = rectangular("foreground", value)
     given = given.astype(given.dtype.newbyteorder("="), copy=False)
     if given.dtype not in (np.uint8, np.uint16, np.bool_, np.float16, np.float32, np.float64):
@@ -25,23 +215,31 @@ def foreground_of(value: Any, shape: tuple[int, int]) -> Matte:
     whole = given.dtype.kind in "ub"
     scale = 1.0 / float(np.iinfo(given.dtype).max) if given.dtype.kind == "u" else 1.0
     plane = np.array(given, dtype=np.float32, order="C") * np.float32(scale)
-    cover = plane if plane.ndim == 2 else np.ascontiguousarray(plane[..., 3])
+    cover = plane if plane.ndim == 2 else plane[..., 3]
     if not bool(((cover >= 0.0) & (cover <= 1.0)).all()):
         raise ValueError("foreground: alpha must be from 0 to 1 everywhere")
     if not np.isfinite(plane).all():
         raise ValueError("foreground must be finite, got NaN or infinity")
-    if plane.ndim == 2:
-        return Matte(cover, None)
-    warn_of_levels("foreground", plane, "divide them by 255")
-    # A picture hides what is behind it by itself; the weather is whole under it.
-    return Matte(np.zeros_like(cover), plane, linear_light=not whole)
+    if plane.ndim == 3:
+        warn_of_levels("foreground", plane, "divide them by 255")
+    return plane, whole
 
 
-def _of_file(path: Any, shape: tuple[int, int]) -> Matte:
-    size = (shape[1], shape[0])
-    picture = read_picture(path)
-    if picture.alpha is None:
-        mask = read_mask(path)
-        return Matte(mask if mask.shape == shape else np.clip(fit(mask, size), 0.0, 1.0), None)
-    rgba = picture.rgba()
-    return foreground_of(rgba if rgba.shape[:2] == shape else fit(rgba, size), shape)
+def _front(parts: Sequence[tuple[Array, bool, Array | None]]) -> Front:
+    """Return planes, each whether of integers and with its depth, as what a frame needs."""
+    flat: list[Matte] = []
+    deep: list[tuple[Matte, Array]] = []
+    for plane, whole, depth in parts:
+        if plane.ndim == 2:
+            matte = Matte(plane, None)
+        elif depth is None:
+            # A picture hides what is behind it by itself; the weather is whole under it.
+            matte = Matte(np.zeros(plane.shape[:2], np.float32), plane, linear_light=not whole)
+        else:
+            cover = np.ascontiguousarray(plane[..., 3])
+            matte = Matte(cover, plane, linear_light=not whole)
+        if depth is None:
+            flat.append(matte)
+        else:
+            deep.append((matte, depth))
+    return Front(tuple(flat), Deep.of(deep) if deep else None)

@@ -22,10 +22,17 @@ DEFAULT_SECONDS = 3.0
 
 
 def frames_of(scene: Scene, frames: Frames) -> list[int]:
-    """Return frame numbers, each once, in the order asked for."""
+    """Return frame numbers, each once, in the order asked for.
+
+    If none are asked for, those of the background's files; of a still those of the first that has
+    numbers of camera, depth and foreground; else three seconds from 1 on.
+    """
     if frames is None:
-        if scene.frames is not None:
-            return list(range(scene.frames))
+        if scene.range is not None:
+            return list(range(scene.range[0], scene.range[1] + 1))
+        # The camera is the last of them, and goes before depth and foreground.
+        for span in reversed(scene.spans):
+            return list(range(span.first, span.last + 1))
         return list(range(1, math.ceil(DEFAULT_SECONDS * scene.fps) + 1))
     if isinstance(frames, str):
         numbers: Sequence[int] = frame_range(frames)

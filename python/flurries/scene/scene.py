@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import errno
+import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass, field, fields, replace
@@ -11,22 +13,28 @@ from typing import TYPE_CHECKING, Any, Literal, TypeAlias, overload
 
 import numpy as np
 
-from flurries._contract import Array, choice, real, seed_of, suggesting
+from flurries._contract import Array, choice, integer, real, seed_of, suggesting
+from flurries.camera.extent import extent, holding
 from flurries.camera.lens import Camera
 from flurries.camera.path import CameraPath, as_path
 from flurries.frame.effect import Effect
-from flurries.frame.matte import Matte
 from flurries.frame.picture import images
 from flurries.frame.program import Program
 from flurries.frame.truth import Rendered, truth
 from flurries.io import open_background
+from flurries.io.films.codecs import frame_rate
+from flurries.io.pictures.slate import Slate, read_slate
+from flurries.io.sequences import MOST_FRAMES
 from flurries.io.sources import Source, VideoSource
+from flurries.io.spans import EXTEND, Span, words_of
 from flurries.light.sun import Sun
 from flurries.scene.arguments import parse_region, parse_size, parse_tolerance
 from flurries.scene.background import Backdrop, backdrop
 from flurries.scene.depth import DepthMap, Distance, distance_of
-from flurries.scene.foreground import foreground_of
+from flurries.scene.foreground import Foreground, Mattes, mattes_of
+from flurries.scene.numbered import Numbered
 from flurries.scene.numbers import Frames, frames_of
+from flurries.scene.overscan import Display
 from flurries.scene.words import line_of, page_of
 from flurries.stereo import eyes
 
@@ -42,6 +50,9 @@ __all__ = ["Rendered", "Scene"]
 Background: TypeAlias = str | Path | Sequence[float] | Array | Source
 Depth: TypeAlias = float | Array | str | Path | DepthMap
 Space: TypeAlias = Literal["auto", "display", "linear"]
+Extend: TypeAlias = Literal["stop", "hold", "loop"]
+Matte: TypeAlias = str | Path | Array | Foreground
+Front: TypeAlias = Matte | Sequence[Matte] | None
 Region: TypeAlias = tuple[slice, slice]
 
 SPACES = ("auto", "display", "linear")
@@ -86,9 +97,11 @@ class Scene:
         30.
     seed : int
         Of all random numbers; each effect draws its own from it.
-    foreground : path or array, optional
+    foreground : path, array or Foreground, or a list of them, optional
         What stands in front of the weather: a mask (H, W) of the background's own pixels, 1 in
         front; or a picture with alpha (H, W, 4), straight for integers, premultiplied for floats.
+        Files, sequences and films go by the frame numbers of the background. :class:`Foreground`
+        gives one a depth of its own.
     space : {"auto", "display", "linear"}
         Where layers are mixed. "auto": integers in display values as the paper does, floats in
         linear light.
@@ -101,6 +114,12 @@ class Scene:
         What shines on the weather.
     tolerance : float
         How far values of a frame may be off, of full scale, if it saves time; see `render`.
+    extend : {"stop", "hold", "loop"}
+        What stands for a frame number that a sequence, a film or a camera's file does not have: an
+        error, its first or last frame, or its frames over again (a camera cannot loop).
+    start : int, optional
+        The number of the first frame of films, which have no numbers of their own. If not given
+        that of the background's files, else 0.
 
     Raises
     ------
@@ -122,14 +141,17 @@ class Scene:
     effects: tuple[Any, ...]
     fps: float
     seed: int
-    foreground: str | Path | Array | None
+    foreground: Front
     space: Space
     depth: Depth | None
     sun: Sun | None
     tolerance: float
+    extend: Extend
+    start: int | None
     _backdrop: Backdrop = field(init=False)
-    _matte: Matte | None = field(init=False)
+    _mattes: Mattes | None = field(init=False)
     _distance: Distance | None = field(init=False)
+    _path: CameraPath = field(init=False)
 
     def __init__(
         self,
@@ -139,11 +161,13 @@ class Scene:
         effects: Effect | Sequence[Effect] = (),
         fps: float | None = None,
         seed: int = 0,
-        foreground: str | Path | Array | None = None,
+        foreground: Front = None,
         space: Space = "auto",
         depth: Depth | None = None,
         sun: Sun | None = None,
         tolerance: float = 0.0,
+        extend: Extend = "stop",
+        start: int | None = None,
     ) -> None:
         def settle(name: str, value: Any) -> None:
             object.__setattr__(self, name, value)
@@ -155,21 +179,32 @@ class Scene:
         choice("space", space, SPACES)
         settle("space", space)
         settle("tolerance", parse_tolerance(tolerance))
+        settle("extend", choice("extend", extend, EXTEND))
+        if start is not None:
+            start = integer("start", start, low=0, high=MOST_FRAMES)
+        settle("start", start)
         settle("background", background)
-        settle("_backdrop", backdrop(background, wanted))
+        numbers: dict[str, Any] = {"extend": extend, "start": start}
+        settle("_backdrop", backdrop(background, wanted, **numbers))
+        if start is None and self.range is not None:
+            numbers["start"] = self.range[0]
         settle("size", self._backdrop.size)
+        numbers["display"] = self._backdrop.display
         if fps is None:
             fps = real("fps", self._backdrop.fps or DEFAULT_FPS, above=0.0)
         settle("fps", fps)
-        settle("camera", as_path(camera, DEFAULT_FOCAL * self.shape[1]))
+        lens = Camera(DEFAULT_FOCAL * self.display[2], aspect=self._backdrop.aspect)
+        settle("camera", as_path(lens if camera is None else camera, lens.focal))
+        path = holding(self.camera) if self._holds else self.camera
+        settle("_path", replace(path, camera=self._in_frame(path.camera)))
         settle("effects", _effects_of(effects))
-        settle("foreground", foreground)
-        front = None if foreground is None else foreground_of(foreground, self.shape)
-        settle("_matte", front)
+        front = tuple(foreground) if isinstance(foreground, list) else foreground
+        settle("foreground", front)
+        settle("_mattes", mattes_of(front, self.shape, **numbers))
         if sun is not None and not isinstance(sun, Sun):
             raise TypeError(f"sun must be a flurries.Sun, got {sun!r}")
         settle("sun", sun)
-        distance = None if depth is None else distance_of(depth, self.shape)
+        distance = None if depth is None else distance_of(depth, self.shape, **numbers)
         settle("_distance", distance)
         if distance is not None and np.ndim(depth) == 2:  # type: ignore[arg-type]
             # The copy that it was made into: the caller's array may change.
@@ -189,9 +224,102 @@ class Scene:
         return height, width
 
     @property
+    def display(self) -> Display:
+        """Where the display window lies in the frame: (left, top, width, height), px.
+
+        All of it, but for a background with overscan. Cameras count from its first pixel.
+        """
+        return self._backdrop.display or (0, 0, *self.size)
+
+    @property
+    def pixel_aspect(self) -> float:
+        """Width of a pixel over its height, as the background says."""
+        return self._backdrop.aspect
+
+    def slate(self, t: float) -> Slate:
+        """Return what the background's frame floor(t) says of itself, at the scene's rate."""
+        rate = frame_rate(self.fps)
+        files = self._backdrop.files
+        if files is None or not isinstance(files.source, Source):
+            return Slate().at(rate)
+        place = files.place(t)
+        if isinstance(files.source, VideoSource):
+            code = files.source.tags.timecode
+            return Slate().at(rate, None if code is None else code.later(place))
+        found = read_slate(files.source.file(place))
+        if self.size != files.source.size:
+            # Fitted to another size: other windows and pixels.
+            found = found.resized()
+        return found.at(rate)
+
+    def _in_frame(self, camera: Camera) -> Camera:
+        """Return a camera of the display window as one of the frame."""
+        if self._backdrop.display is None:
+            return camera
+        left, top, width, height = self._backdrop.display
+        x, y = (width / 2, height / 2) if camera.center is None else camera.center
+        return camera.derive(center=(left + x, top + y))
+
+    @property
     def frames(self) -> int | None:
         """How many frames the background has; None for a still."""
         return self._backdrop.count
+
+    @property
+    def range(self) -> tuple[int, int] | None:
+        """The numbers of the background's first and last frame; None for a still."""
+        files = self._backdrop.files
+        return None if files is None or files.span is None else (files.span.first, files.span.last)
+
+    @property
+    def spans(self) -> list[Span]:
+        """The frame numbers of all that has any: files and a camera from a file."""
+        found = [files.span for files in self.files.values() if files.span is not None]
+        ends = extent(self.camera)
+        if ends is not None:
+            found.append(Span("camera", *ends, "hold" if self._holds else "stop"))
+        return found
+
+    @property
+    def files(self) -> dict[str, Numbered]:
+        """The files that frames are made of, by the argument that names them."""
+        found: dict[str, Numbered] = {}
+        if self._backdrop.files is not None:
+            found["background"] = self._backdrop.files
+        if self._distance is not None and self._distance.files is not None:
+            found["depth"] = self._distance.files
+        return found if self._mattes is None else found | self._mattes.sources()
+
+    @property
+    def _holds(self) -> bool:
+        return self.extend == "hold" and extent(self.camera) is not None
+
+    def require(self, frames: Sequence[int], *, gaps: bool = True) -> None:
+        """Refuse frame numbers that a file or the camera does not have.
+
+        Parameters
+        ----------
+        frames : sequence of int
+        gaps : bool
+            Whether files that are missing between the first and the last are refused too.
+
+        Raises
+        ------
+        ValueError, FileNotFoundError
+            The message names the numbers that are asked for, and those that are there.
+        """
+        for span in self.spans:
+            if outside := span.outside(frames):
+                asked = words_of(frames)
+                raise ValueError(f"frames {asked} are asked for; {span.complaint(outside)}")
+        for name, files in self.files.items() if gaps else ():
+            if missing := files.gaps(list(frames)):
+                assert files.span is not None
+                raise FileNotFoundError(
+                    errno.ENOENT,
+                    f"of {files.span.words} the {name} lacks {words_of(missing)}",
+                    files.source.spec,
+                )
 
     def __reduce__(self) -> tuple[Any, ...]:
         # What it was made from, not what was made of it: a color is not a picture of it.
@@ -206,7 +334,7 @@ class Scene:
         """Return the scene with some attributes changed, which are known to be right: unchecked."""
         made = object.__new__(Scene)
         # What runs belongs to the scene that it was found for.
-        own = {name: value for name, value in vars(self).items() if name != "program"}
+        own = {name: value for name, value in vars(self).items() if name not in ("program", "fine")}
         vars(made).update(own, **changes)
         return made
 
@@ -242,8 +370,8 @@ class Scene:
         Parameters
         ----------
         t : float
-            Frame number, any float; frame 0 is the first. A background film shows its frame
-            floor(t), the last one beyond its end.
+            Frame number, any float: that of the background's files, a film's first frame being 0
+            or `start`. A background that moves shows its frame floor(t).
         eye : Camera, optional
             Another eye, in place of the path's camera, that moves and turns with the path; the
             background stays.
@@ -279,13 +407,16 @@ class Scene:
     ) -> Sequence[Array | Rendered]:
         """Return what each eye sees, None being the path's camera."""
         time, window = real("t", t), parse_region(region, self.shape)
+        if self.camera.extend == "stop":
+            self.require([math.floor(time)], gaps=False)
         limit = self.tolerance if tolerance is None else parse_tolerance(tolerance)
+        views = [None if eye is None else self._in_frame(eye) for eye in views]
         if layers:
             return truth(self.program, time, views, window)
         return images(self.program, time, views, window, limit)
 
     def look(self, t: float) -> None:
-        """Read background and depth of a frame, as `render` will.
+        """Read background, depth and mattes of a frame, as `render` will.
 
         Raises
         ------
@@ -296,32 +427,46 @@ class Scene:
         self._backdrop.frame(time)
         if self._distance is not None:
             self._distance.frame(time)
+        if self._mattes is not None:
+            self._mattes.frame(time)
 
     @property
     def film(self) -> Any:
         """The source of a background that is a video; None for others."""
-        source = self.source_of("background")
+        source = self._source
         return source if isinstance(source, VideoSource) else None
 
     @property
     def held(self) -> set[int]:
         """Frames rendered so far whose background is that of an earlier one."""
-        return getattr(self.source_of("background"), "held", set())
+        files = self._backdrop.files
+        first = 0 if files is None or files.span is None else files.span.first
+        return {first + place for place in getattr(self._source, "held", ())}
 
     def holding(self) -> Scene:
         """Return the scene with a background that holds its last good frame where one is bad."""
-        source = self.source_of("background")
+        source = self._source
         if not isinstance(source, Source) or source.damaged == "hold":
             return self
-        return self.replace(background=open_background(source.spec, damaged="hold"))
+        return self.replace(
+            background=open_background(source.spec, damaged="hold", overscan=source.overscan)
+        )
 
-    def source_of(self, name: str) -> Any:
-        """Return the opened files of the background or the depth; None where there are none."""
-        if name == "background":
-            return getattr(self._backdrop.source, "source", None)
-        if name == "depth" and self._distance is not None:
-            return getattr(self._distance.source, "files", None)
-        return None
+    @property
+    def _source(self) -> Any:
+        """The opened files of the background, or None."""
+        files = self._backdrop.files
+        return None if files is None else files.source
+
+    @property
+    def deep(self) -> bool:
+        """Whether the background has more than 8 bits a color."""
+        return self._backdrop.deep
+
+    @cached_property
+    def fine(self) -> Scene:
+        """The scene with a background of 8 bits in 16: weather over it has their steps."""
+        return self if self.deep else self.derive(_backdrop=self._backdrop.fine())
 
     def anew(self) -> Scene:
         """Return the scene with all files to be read again, whatever is kept of them."""
@@ -356,12 +501,12 @@ class Scene:
             effects=self.effects,
             shape=self.shape,
             fps=self.fps,
-            path=self.camera,
+            path=self._path,
             seed=self.seed,
             sun=self.sun,
             backdrop=self._backdrop,
             distance=self._distance,
-            matte=self._matte,
+            mattes=self._mattes,
             linear=self.linear,
         )
 
@@ -429,14 +574,16 @@ class Scene:
         World units, infinity where nothing stands. A sequence of depths goes by frames as the
         background does.
         """
-        return self.program.depth_at(real("t", t))
+        return None if self._distance is None else self.program.depth_at(real("t", t))
 
     def write(
         self,
         pattern: str | Path,
         frames: Frames = None,
         *,
-        half: bool = True,
+        bits: Literal[8, 10, 16, "half", "float"] | None = None,
+        codec: str | None = None,
+        motion: Literal["y-down", "y-up"] = "y-down",
         compression: Literal["zip", "zips", "piz", "rle", "none", "dwaa", "dwab"] = "zip",
         layers: bool = False,
         alone: bool = False,
@@ -460,10 +607,14 @@ class Scene:
         pattern : str or path
             ``frames/%04d.exr``, a sequence; ``film.mp4``, a film; ``still.png``, one picture.
         frames : str, int or iterable of int, optional
-            "1-60", "1-100x2", "7", or numbers; for a still one number will do. If not given, the
-            background's frames, or three seconds from 1 on.
-        half : bool
-            EXR as half floats, else 32 bits.
+            "1-60", "1-100x2", "7", or numbers: those of the background's files. For a still one
+            number will do. If not given, all that the background has, or three seconds from 1 on.
+        bits : 8, 10, 16, "half" or "float", optional
+            Of a color, as far as the file holds them.
+        codec : str, optional
+            Of a film: "h264", "h265", "prores-hq", "prores-4444", "dnxhr", ...
+        motion : {"y-down", "y-up"}
+            Which way motion vectors in layers count.
         compression : {"zip", "zips", "piz", "rle", "none", "dwaa", "dwab"}
             How an EXR packs its pixels; the last two are lossy.
         layers : bool
@@ -504,9 +655,9 @@ class Scene:
         from flurries.output.write import write
 
         return write(
-            self, pattern, frames, half=half, compression=compression, layers=layers,
-            alone=alone, eyes=eyes, overwrite=overwrite, damaged=damaged, sound=sound,
-            manifest=manifest, quality=quality, dask=dask,
+            self, pattern, frames, bits=bits, codec=codec, motion=motion, compression=compression,
+            layers=layers, alone=alone, eyes=eyes, overwrite=overwrite, damaged=damaged,
+            sound=sound, manifest=manifest, quality=quality, dask=dask,
             dask_patience=dask_patience, progress=progress,
         )  # fmt: skip
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 from dataclasses import MISSING, fields, is_dataclass
 from typing import TYPE_CHECKING
@@ -38,7 +39,9 @@ def page_of(scene: Scene) -> str:
 
 
 def _frame(scene: Scene) -> np.ndarray:
-    frame: np.ndarray = scene.render(round(scene.fps))
+    first = 0 if scene.range is None else scene.range[0]
+    last = math.inf if scene.range is None else scene.range[1]
+    frame: np.ndarray = scene.render(int(min(first + round(scene.fps), last)))
     return frame
 
 

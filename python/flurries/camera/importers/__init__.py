@@ -1,7 +1,8 @@
 """Cameras from elsewhere: trackers, compositing programs, data sets.
 
 Every reader turns its program's axes into those of the house: x right, y down, z forward, snow
-falling along +y. Lengths become metres by `scale`.
+falling along +y. Lengths become metres by `scale`. Frames keep the numbers that the files give
+them; outside of these a scene asks what to do (`CameraPath.extend` is "stop").
 """
 
 from __future__ import annotations
@@ -52,7 +53,7 @@ def load(
     if suffix == ".chan":
         return read_chan(place, size, camera=lens)
     if suffix == ".csv":
-        return CameraPath(lens, **read_path(place))
+        return CameraPath(lens, **read_path(place), extend="stop")
     if suffix == ".txt":
         return read_kitti(place, lens)
     raise ValueError(

@@ -39,7 +39,7 @@ def read_chan(
     scale : float
         Metres to a unit of the file.
     start : int, optional
-        The file's frame that becomes frame 0; its lowest, as that of a plate's files, if not given.
+        The number that the file's first frame gets; its own if not given.
 
     Raises
     ------
@@ -64,8 +64,10 @@ def read_chan(
 def _frames(file: Path, given: Float64, start: int | None) -> Float64:
     if not (np.diff(given) > 0.0).all():
         raise ValueError(f"{file}: frames must increase")
-    first = given[0] if start is None else integer("start", start, low=-(2**31), high=2**31)
-    return given - first
+    if start is None:
+        return given
+    first = integer("start", start, low=-(2**31), high=2**31)
+    return np.asarray(given - given[0] + first)
 
 
 def _euler(degrees: Float64, order: str) -> Float64:

@@ -38,8 +38,8 @@ def read_colmap(
     Parameters
     ----------
     folder : str or path
-        Holds ``images.txt`` and ``cameras.txt``. Images are frames in the order of their names; if
-        all names end in numbers, these count from the lowest on.
+        Holds ``images.txt`` and ``cameras.txt``. Images are frames by the numbers that their names
+        end in; if not all do, in the order of their names from 0 on.
     shape : (H, W)
         Of the pictures to be made; lenses are scaled to it from the pictures' own size.
     down : (3,), optional
@@ -136,7 +136,7 @@ def _frame_numbers(names: list[str]) -> Float64:
     found = [re.search(r"(\d{1,15})\D*$", Path(name).stem) for name in names]
     numbers = [int(match[1]) for match in found if match is not None]
     if len(numbers) == len(names) and len(set(numbers)) == len(names):
-        return np.array(numbers, np.float64) - min(numbers)
+        return np.array(numbers, np.float64)
     return np.arange(len(names), dtype=np.float64)
 
 

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from flurries._contract import Float64, choice, flag, moderate, real, table
+from flurries._contract import Float64, choice, flag, integer, moderate, real, table
 from flurries.camera.lens import Camera, expect_camera
 from flurries.camera.path import CameraPath
 from flurries.camera.rotation import quaternions_of
@@ -25,12 +25,13 @@ def from_matrices(
     matrices: npt.ArrayLike,
     camera: Camera,
     *,
-    axes: str = "x right, y down, z forward",
+    axes: str,
     inverse: bool = False,
     focal: npt.ArrayLike | None = None,
     scale: float = 1.0,
+    start: int = 0,
 ) -> CameraPath:
-    """Return the camera path of poses, one for each frame from 0 on.
+    """Return the camera path of poses, one for each frame.
 
     Parameters
     ----------
@@ -40,13 +41,16 @@ def from_matrices(
         The lens.
     axes : {"x right, y down, z forward", "x right, y up, z back"}
         Of camera and world: those of OpenCV, KITTI and ROS' optical frames, or of OpenGL, Nuke,
-        Maya and NeRF data.
+        Maya and NeRF data. Matrices do not say which, and the wrong one turns the world over, so
+        it must be given.
     inverse : bool
         The matrices go from the world's axes to the camera's (extrinsics).
     focal : (n,), optional
         Pixels, of a lens that zooms.
     scale : float
         Metres to a unit of the places.
+    start : int
+        The number of the first matrix' frame.
 
     Raises
     ------
@@ -67,7 +71,9 @@ def from_matrices(
     lengths = None if focal is None else table("focal", focal, ndim=1)
     if lengths is not None and len(lengths) != len(poses):
         raise ValueError(f"focal must have {len(poses)} numbers, one a matrix, got {len(lengths)}")
-    return path_of(np.arange(len(poses), dtype=np.float64), places, turns, lens, lengths, scale)
+    first = integer("start", start, low=-(2**31), high=2**31)
+    frames = first + np.arange(len(poses), dtype=np.float64)
+    return path_of(frames, places, turns, lens, lengths, scale)
 
 
 def path_of(
@@ -84,7 +90,7 @@ def path_of(
         lens = replace(lens, focal=float(focal[0]))
         focal = focal if np.ptp(focal) > 0.0 else None
     if np.array_equal(frames, np.arange(len(frames))):
-        return CameraPath(lens, position=places, orientation=turns, focal=focal)
+        return CameraPath(lens, position=places, orientation=turns, focal=focal, extend="stop")
     # Keys cannot be matrices, and are not checked as these are.
     CameraPath(lens, orientation=turns)
 
@@ -96,4 +102,5 @@ def path_of(
         position=keys_of(places.tolist()),
         orientation=keys_of(quaternions_of(turns).tolist()),
         focal=None if focal is None else keys_of(focal.tolist()),
+        extend="stop",
     )

@@ -1,4 +1,4 @@
-"""How each kind of video is encoded: codecs, qualities, frame rates."""
+"""How each kind of video is encoded: codecs, bits, qualities, frame rates."""
 
 from __future__ import annotations
 
@@ -22,6 +22,11 @@ _X264 = {
     "medium": {"preset": "fast", "crf": "21"},
     "draft": {"preset": "veryfast", "crf": "28"},
 }
+_X265 = {
+    "high": {"preset": "medium", "crf": "18"},
+    "medium": {"preset": "medium", "crf": "24"},
+    "draft": {"preset": "ultrafast", "crf": "30"},
+}
 _VP9 = {
     "high": {"crf": "18", "cpu-used": "2"},
     "medium": {"crf": "28", "cpu-used": "4"},
@@ -31,13 +36,72 @@ QUALITIES = tuple(_X264)
 
 
 @dataclass(frozen=True)
+class Codec:
+    """What a codec can hold.
+
+    Attributes
+    ----------
+    suffixes : tuple of str
+        The files that hold it.
+    pixels : dict of int to str
+        How a picture is stored, by its bits a color; the first is the usual one.
+    alpha : str or None
+        How a picture with alpha is stored.
+    """
+
+    suffixes: tuple[str, ...]
+    pixels: dict[int, str]
+    alpha: str | None = None
+
+
+CODECS = {
+    "h264": Codec((".mp4", ".mov", ".mkv"), {8: "yuv420p", 10: "yuv420p10le"}),
+    "h265": Codec((".mp4", ".mov", ".mkv"), {8: "yuv420p", 10: "yuv420p10le"}),
+    "vp9": Codec((".webm", ".mkv"), {8: "yuv420p"}),
+    "ffv1": Codec((".mkv",), {8: "bgr0", 10: "gbrp10le", 16: "gbrp16le"}),
+    "prores-hq": Codec((".mov",), {10: "yuv422p10le"}),
+    "prores-4444": Codec((".mov",), {10: "yuv444p10le"}, "yuva444p10le"),
+    "dnxhr": Codec((".mov",), {8: "yuv422p", 10: "yuv422p10le"}),
+}
+_USUAL = {".mp4": "h264", ".mov": "h264", ".webm": "vp9", ".mkv": "ffv1"}
+
+
+@dataclass(frozen=True)
 class Encoder:
-    """A codec and its settings, as the video library takes them."""
+    """A codec and its settings, as the video library takes them.
+
+    Attributes
+    ----------
+    name : str
+        The library's name of it.
+    pixels : str
+        How a picture is stored.
+    bits : int
+        Of a color.
+    options, container : dict of str to str
+        Settings of the codec and of the file.
+    tag : str or None
+        What the file calls it, where programs know it under one name only.
+    """
 
     name: str
     pixels: str
     options: dict[str, str]
     container: dict[str, str]
+    bits: int = 8
+    tag: str | None = None
+
+    @property
+    def halved(self) -> tuple[int, int]:
+        """What width and height must be multiples of."""
+        return 2 if "420" in self.pixels or "422" in self.pixels else 1, (
+            2 if "420" in self.pixels else 1
+        )
+
+    @property
+    def rgb(self) -> bool:
+        """Whether red, green and blue are stored."""
+        return self.pixels.startswith(("bgr", "gbr"))
 
 
 def encoder_threads() -> int:
@@ -47,22 +111,85 @@ def encoder_threads() -> int:
     return min(max(_core.threads(), THREADS), _MOST_THREADS)
 
 
-def encoder_for(suffix: str, quality: str, size: tuple[int, int]) -> Encoder:
-    """Return the encoder for an extension, with settings that make the same bytes every time."""
+def encoder_for(
+    suffix: str,
+    quality: str,
+    size: tuple[int, int],
+    codec: str | None = None,
+    bits: int | None = None,
+    *,
+    alpha: bool = False,
+) -> Encoder:
+    """Return the encoder for an extension, with settings that make the same bytes every time.
+
+    Raises
+    ------
+    ValueError
+        If the file cannot hold the codec, or the codec so many bits or alpha.
+    """
+    name = _USUAL[suffix] if codec is None else codec
+    if name not in CODECS:
+        raise ValueError(f"codec must be one of {', '.join(CODECS)}, got {name!r}")
+    kind = CODECS[name]
+    if suffix not in kind.suffixes:
+        raise ValueError(f"codec {name} goes into {', '.join(kind.suffixes)}, not {suffix}")
+    if alpha and kind.alpha is None:
+        able = [one for one, known in CODECS.items() if known.alpha is not None]
+        raise ValueError(f"codec {name} holds no alpha; take {', '.join(able)} in a .mov")
+    stored = next(iter(kind.pixels)) if bits is None else bits
+    if stored not in kind.pixels:
+        known = ", ".join(map(str, kind.pixels))
+        able = [one for one, other in CODECS.items() if bits in other.pixels]
+        hint = f"; {', '.join(able)} can" if able else ""
+        raise ValueError(f"bits must be {known} for {name}, got {stored}{hint}")
+    pixels = kind.alpha if alpha and kind.alpha is not None else kind.pixels[stored]
     # Without bitexact, the container is stamped with the library's version and random numbers.
     container = {"fflags": "+bitexact"}
     if suffix in (".mp4", ".mov"):
+        container["movflags"] = "+faststart+write_colr"
+    if name == "h264":
         # With its macroblock tree x264 made other bytes in every run, even in one thread.
         options = {**_X264[quality], "mbtree": "0"}
-        return Encoder(
-            "libx264", "yuv420p", options, {**container, "movflags": "+faststart+write_colr"}
-        )
-    if suffix == ".webm":
+        return Encoder("libx264", pixels, options, container, stored)
+    if name == "h265":
+        still = "log-level=error:frame-threads=1:pools=none:info=0"
+        options = {**_X265[quality], "x265-params": still}
+        tag = "hvc1" if suffix != ".mkv" else None
+        return Encoder("libx265", pixels, options, container, stored, tag)
+    if name == "vp9":
         options = {**_VP9[quality], "b:v": "0", "deadline": "good", "row-mt": "1"}
-        return Encoder("libvpx-vp9", "yuv420p", options, container)
-    # Four slices are two by two, which a picture of one row has no room for.
-    slices = "4" if min(size) > 1 else "1"
-    return Encoder("ffv1", "bgr0", {"level": "3", "slices": slices, "slicecrc": "1"}, container)
+        return Encoder("libvpx-vp9", pixels, options, container, stored)
+    if name == "ffv1":
+        # Four slices are two by two, which a picture of one row has no room for.
+        slices = "4" if min(size) > 1 else "1"
+        options = {"level": "3", "slices": slices, "slicecrc": "1"}
+        return Encoder("ffv1", pixels, options, container, stored)
+    if name == "dnxhr":
+        profile = {8: "dnxhr_hq", 10: "dnxhr_hqx"}[stored]
+        return Encoder("dnxhd", pixels, {"profile": profile}, container, stored)
+    profile = {"prores-hq": "hq", "prores-4444": "4444"}[name]
+    options = {"profile": profile, "vendor": "apl0", "alpha_bits": "16" if alpha else "0"}
+    return Encoder("prores_ks", pixels, options, container, stored)
+
+
+def bits_for(suffix: str, codec: str | None, least: int) -> int:
+    """Return the fewest bits of a file's codec that hold a film's, or refuse.
+
+    Raises
+    ------
+    ValueError
+        If the codec has too few.
+    """
+    kind = CODECS.get(_USUAL[suffix] if codec is None else codec)
+    if kind is None:
+        raise ValueError(f"codec must be one of {', '.join(CODECS)}, got {codec!r}")
+    enough = [bits for bits in kind.pixels if bits >= least]
+    if not enough:
+        raise ValueError(
+            f"the film has {least} bits, the new one at most {max(kind.pixels)}: bits= (--bits) "
+            "says that this is meant; ffv1 in a .mkv holds 16"
+        )
+    return min(enough)
 
 
 def frame_rate(fps: float | Fraction) -> Fraction:

@@ -16,6 +16,7 @@ import numpy as np
 from flurries.io.color import Array
 from flurries.io.files import Budget, plain_file
 from flurries.io.films.index import SCALING, index_frames, open_video
+from flurries.io.films.tags import Tags
 from flurries.io.forks import never_free_in_children
 from flurries.io.structure import check_structure
 
@@ -23,7 +24,7 @@ _UNSPECIFIED = 2  # AVCOL_SPC_UNSPECIFIED
 
 
 class VideoReader:
-    """Decodes a video's frames as uint8 RGB; for one thread at a time.
+    """Decodes a video's frames as RGB, uint8 or uint16 by its bits; for one thread at a time.
 
     Parameters
     ----------
@@ -57,6 +58,7 @@ class VideoReader:
         self._broken: set[int] = set()
         self._seeks = self._index.seekable
         self.size: tuple[int, int] | None = None
+        self.tags = Tags()
         first = self.frame(0)
         self.size = (first.shape[1], first.shape[0])
 
@@ -71,7 +73,7 @@ class VideoReader:
         self._container.close()
 
     def frame(self, number: int) -> Array:
-        """Return frame `number`, from 0, as (H, W, 3) uint8, turned upright.
+        """Return frame `number`, from 0, as (H, W, 3) uint8 or uint16, turned upright.
 
         Raises
         ------
@@ -96,6 +98,8 @@ class VideoReader:
         found = self._ready.get(number)
         if found is None or any(self._index.builds_on(number, place) for place in self._broken):
             raise OSError(f"{self.path}: frame {number} of the video is damaged")
+        if self.size is None:
+            self.tags = Tags.of(self._container, self._stream, found)
         pixels = _to_rgb(found)
         if self.size is not None and self.size != (pixels.shape[1], pixels.shape[0]):
             raise OSError(f"{self.path}: frame {number} of the video has another size")
@@ -150,7 +154,7 @@ class VideoReader:
 
 
 def read_video(path: str | os.PathLike[str], *, budget: Budget | None = None) -> Iterator[Array]:
-    """Yield the frames of a video in order, each (H, W, 3) uint8.
+    """Yield the frames of a video in order, each (H, W, 3): uint8, of more bits uint16.
 
     Parameters
     ----------
@@ -177,6 +181,7 @@ def _to_rgb(frame: Any) -> Array:
     if frame.colorspace == _UNSPECIFIED and not frame.format.is_rgb:
         # Unmarked video follows the convention of its size.
         wishes["src_colorspace"] = Colorspace.ITU709 if frame.height >= 720 else Colorspace.ITU601
-    pixels = frame.to_ndarray(format="rgb24", **wishes)
+    deep = max(part.bits for part in frame.format.components) > 8
+    pixels = frame.to_ndarray(format="rgb48le" if deep else "rgb24", **wishes)
     # The display matrix turns counterclockwise, as rot90 does.
     return np.ascontiguousarray(np.rot90(pixels, round(frame.rotation / 90)))

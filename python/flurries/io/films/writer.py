@@ -1,10 +1,11 @@
-"""Writing video: H.264 for everyone, VP9 for the web, FFV1 where no bit may be lost."""
+"""Writing video: H.264 for everyone, VP9 for the web, FFV1 where no bit is lost, ProRes to cut."""
 
 from __future__ import annotations
 
 import os
 import sys
 from contextlib import AbstractContextManager, suppress
+from dataclasses import replace
 from fractions import Fraction
 from pathlib import Path
 from types import TracebackType
@@ -14,10 +15,11 @@ import numpy as np
 import numpy.typing as npt
 
 from flurries.io.atomic import replacing
-from flurries.io.films.codecs import QUALITIES, encoder_for, encoder_threads, frame_rate
+from flurries.io.films.codecs import QUALITIES, Encoder, encoder_for, encoder_threads, frame_rate
 from flurries.io.films.index import SCALING
 from flurries.io.films.library import require_library
 from flurries.io.films.sound import Sound, SoundTrack
+from flurries.io.films.tags import UNSPECIFIED, Tags
 from flurries.io.forks import never_free_in_children
 from flurries.io.sequences import VIDEO_EXTENSIONS
 from flurries.io.structure import check_structure
@@ -51,13 +53,23 @@ class VideoWriter:
         it as it is, else encoded as AAC, Opus (WebM) or FLAC (Matroska).
     comment : str
         A line that goes into the file's header, see `comment_of`.
+    codec : str, optional
+        "h264", "h265", "vp9", "ffv1", "prores-hq", "prores-4444" or "dnxhr"; the extension's own if
+        not given.
+    bits : int, optional
+        Of a color: 8, or where the codec has them 10 or 16.
+    alpha : bool
+        Whether frames have it, straight; "prores-4444" alone holds it.
+    tags : Tags, optional
+        What the film says of its colors, pixels and time code; sRGB display values in square pixels
+        if not given.
 
     Raises
     ------
     ValueError
         If an argument is not as above, a frame has another size, or no frame was written.
     TypeError
-        If a frame is not uint8.
+        If a frame is neither uint8 nor uint16.
     OSError
         If the file cannot be written.
     ImportError
@@ -82,6 +94,10 @@ class VideoWriter:
         quality: str = "high",
         sound: Sound | None = None,
         comment: str = "",
+        codec: str | None = None,
+        bits: int | None = None,
+        alpha: bool = False,
+        tags: Tags | None = None,
     ) -> None:
         require_library()
         self.path = Path(path)
@@ -95,7 +111,11 @@ class VideoWriter:
         self.size = _checked_size(size)
         self.fps = frame_rate(fps)
         self.count = 0
-        self._codec = encoder_for(suffix, quality, self.size)
+        self._codec = encoder_for(suffix, quality, self.size, codec, bits, alpha=alpha)
+        self._channels = 4 if alpha else 3
+        self._tags = _settled(tags or Tags(), self._codec)
+        if suffix == ".mkv" and self._tags.aspect != 1:
+            raise ValueError(f"{self.path}: a .mkv does not keep pixels that are not square")
         self._replacing: AbstractContextManager[Path] | None = None
         self._temporary: Path | None = None
         self._container: Any = None
@@ -103,6 +123,11 @@ class VideoWriter:
         self._sound = sound
         self._comment = comment
         self._track: SoundTrack | None = None
+
+    @property
+    def bits(self) -> int:
+        """Bits of a color."""
+        return self._codec.bits
 
     def __enter__(self) -> VideoWriter:
         if self._replacing is not None:
@@ -137,15 +162,16 @@ class VideoWriter:
         self._leave(None)
 
     def write(self, frame: npt.ArrayLike) -> None:
-        """Append a frame, (H, W, 3) uint8, sRGB."""
+        """Append a frame, (H, W, 3), or (H, W, 4) with alpha, uint8 or uint16, display values."""
         if self._container is None:
             raise RuntimeError(f"{self.path}: frames are written inside a 'with' block")
         array = np.asarray(frame)
-        if array.dtype != np.uint8:
-            raise TypeError(f"frame must be uint8, got {array.dtype}")
+        if array.dtype not in (np.uint8, np.uint16):
+            raise TypeError(f"frame must be uint8 or uint16, got {array.dtype}")
         width, height = self.size
-        if array.shape != (height, width, 3):
-            raise ValueError(f"frame must be ({height}, {width}, 3), got {array.shape}")
+        wanted = (height, width, self._channels)
+        if array.shape != wanted:
+            raise ValueError(f"frame must be {wanted}, got {array.shape}")
         if self._temporary is not None:
             # An encoder may hold frames back for long: a file that is being written is not old.
             os.utime(self._temporary)
@@ -165,7 +191,7 @@ class VideoWriter:
         from av.video.reformatter import VideoReformatter
 
         width, height = self.size
-        even = self._codec.pixels == "yuv420p"
+        across, down = self._codec.halved
         with self._told():
             self._container = av.open(
                 str(temporary.absolute()), "w", container_options=self._codec.container
@@ -175,15 +201,21 @@ class VideoWriter:
             stream = self._container.add_stream(
                 self._codec.name, rate=self.fps, options=self._codec.options
             )
-            stream.width = width + (width % 2 if even else 0)
-            stream.height = height + (height % 2 if even else 0)
+            stream.width, stream.height = width + width % across, height + height % down
             stream.pix_fmt = self._codec.pixels
             context = stream.codec_context
             context.thread_count = encoder_threads()
-            context.color_primaries = 1  # BT.709
-            context.color_trc = 1 if even else 13  # BT.709, or sRGB where RGB is stored
-            context.colorspace = 1 if even else 0
-            context.color_range = 1 if even else 2  # 16 to 235, or 0 to 255
+            tags = self._tags
+            context.color_primaries = tags.primaries
+            context.color_trc = tags.transfer
+            context.colorspace = tags.matrix
+            context.color_range = 2 if tags.full else 1
+            if tags.aspect != 1:
+                context.sample_aspect_ratio = tags.aspect
+            if self._codec.tag is not None:
+                context.codec_tag = self._codec.tag
+            if tags.timecode is not None:
+                stream.metadata["timecode"] = tags.timecode.text
             if self._sound is not None:
                 self._track = SoundTrack(self._sound, self._container, self.path.suffix.lower())
         self._stream = stream
@@ -197,12 +229,17 @@ class VideoWriter:
         pad_right = self._stream.width - array.shape[1]
         if pad_down or pad_right:
             array = np.pad(array, ((0, pad_down), (0, pad_right), (0, 0)), mode="edge")
-        image = VideoFrame.from_ndarray(np.ascontiguousarray(array), format="rgb24")
+        kind = {(1, 3): "rgb24", (2, 3): "rgb48le", (1, 4): "rgba", (2, 4): "rgba64le"}
+        format = kind[array.dtype.itemsize, array.shape[2]]
+        image = VideoFrame.from_ndarray(np.ascontiguousarray(array), format=format)
         wishes = dict(SCALING)
-        if self._codec.pixels == "yuv420p":
-            wishes["dst_colorspace"] = Colorspace.ITU709
-            wishes["dst_color_range"] = ColorRange.MPEG
+        if not self._codec.rgb:
+            wishes["dst_colorspace"] = _MATRICES.get(self._tags.matrix, Colorspace.ITU709)
+            wishes["dst_color_range"] = ColorRange.JPEG if self._tags.full else ColorRange.MPEG
         converted = self._reformatter.reformat(image, format=self._codec.pixels, **wishes)
+        # ProRes says it in each frame.
+        converted.color_primaries = self._tags.primaries
+        converted.color_trc = self._tags.transfer
         converted.pts = self.count
         converted.time_base = 1 / self.fps
         return converted
@@ -248,6 +285,33 @@ class VideoWriter:
 
     def _told(self) -> _Told:
         return _Told(self.path)
+
+
+# Matrices of ITU-T H.273 that pictures are turned by, as the video library counts them.
+_CURVES = {14: 1, 15: 1}  # BT.2020 has BT.709's curve, and ProRes knows one name of it.
+_MATRICES = {1: 1, 4: 4, 5: 5, 6: 5, 7: 7, 9: 9, 10: 9}
+
+
+def _settled(tags: Tags, codec: Encoder) -> Tags:
+    """Return what a film says, with BT.709 where nothing is said, or sRGB where RGB is stored."""
+
+    def said(value: int, usual: int) -> int:
+        return usual if value in (0, UNSPECIFIED) else value
+
+    matrix = 0 if codec.rgb else said(tags.matrix, 1)
+    if not codec.rgb and (matrix not in _MATRICES or codec.name == "dnxhd"):
+        # DNxHR's frames say BT.709 whatever they were turned by.
+        matrix = 1
+    transfer = said(tags.transfer, 13 if codec.rgb else 1)
+    if codec.name == "prores_ks":
+        transfer = _CURVES.get(transfer, transfer)
+    return replace(
+        tags,
+        primaries=said(tags.primaries, 1),
+        transfer=transfer,
+        matrix=matrix,
+        full=codec.rgb or tags.full,
+    )
 
 
 def comment_of(path: Path) -> tuple[str, int]:

@@ -20,7 +20,9 @@ from flurries.io.sources import Source, open_pictures
 _NAMES = ("Z", "z", "depth", "Depth", "DEPTH")
 
 
-def read_depth(path: str | os.PathLike[str], *, budget: Budget | None = None) -> Array:
+def read_depth(
+    path: str | os.PathLike[str], *, budget: Budget | None = None, overscan: bool = False
+) -> Array:
     """Read the depth channel of a picture.
 
     Parameters
@@ -29,6 +31,8 @@ def read_depth(path: str | os.PathLike[str], *, budget: Budget | None = None) ->
         EXR or TIFF with a float channel named "Z" or "depth", alone or at the end of a layer's name
         (``ViewLayer.Depth.Z``), in any part; or with a single float channel.
     budget : Budget, optional
+        As `read_picture`.
+    overscan : bool
         As `read_picture`.
 
     Returns
@@ -43,7 +47,7 @@ def read_depth(path: str | os.PathLike[str], *, budget: Budget | None = None) ->
     ValueError
         If it has no such channel, or a depth is not greater than 0 (NaN is not).
     """
-    with opened_picture(path, budget) as opened:
+    with opened_picture(path, budget, overscan=overscan) as opened:
         part, channel = _channel_of(opened)
         plane = opened.read([channel], "float", part=part)
         shown = np.ascontiguousarray(opened.shown(plane, np.inf)[..., 0])
@@ -73,11 +77,14 @@ def _is_float(spec: Any, channel: int) -> bool:
     return str(spec.channelformat(channel)) in ("half", "float", "double")
 
 
-def _picture(path: str | Path, *, budget: Budget | None = None) -> Picture:
-    return Picture(read_depth(path, budget=budget), None, "linear", str(path))
+def _picture(path: str | Path, *, budget: Budget | None = None, overscan: bool = False) -> Picture:
+    depth = read_depth(path, budget=budget, overscan=overscan)
+    return Picture(depth, None, "linear", str(path))
 
 
-def open_depth(spec: str | os.PathLike[str], *, budget: Budget | None = None) -> Source:
+def open_depth(
+    spec: str | os.PathLike[str], *, budget: Budget | None = None, overscan: bool = False
+) -> Source:
     """Open depth: a picture, or a numbered sequence of pictures.
 
     Parameters
@@ -85,6 +92,8 @@ def open_depth(spec: str | os.PathLike[str], *, budget: Budget | None = None) ->
     spec : str or path
         ``depth.exr`` or ``depth.%04d.exr``; see :func:`read_depth`.
     budget : Budget, optional
+        As `read_picture`.
+    overscan : bool
         As `read_picture`.
 
     Returns
@@ -97,7 +106,8 @@ def open_depth(spec: str | os.PathLike[str], *, budget: Budget | None = None) ->
     FileNotFoundError, OSError, ValueError
         As :func:`read_depth`.
     """
-    source = open_pictures("depth", spec, partial(_picture, budget=budget))
+    read = partial(_picture, budget=budget, overscan=overscan)
+    source = open_pictures("depth", spec, read, overscan=overscan)
     # A file without depth is refused before any frame is asked for.
     with opened_picture(source.first_file, budget) as opened:
         _channel_of(opened)

@@ -17,6 +17,7 @@ from flurries.io.oiio import openimageio
 from flurries.io.pictures import metadata as header
 from flurries.io.pictures.header import opened_picture
 from flurries.io.pictures.rows import Band, write_bands
+from flurries.io.pictures.slate import Slate
 from flurries.io.pictures.writer import format_of, packing
 
 MAIN = "rgba"
@@ -38,6 +39,7 @@ def write_layers(
     *,
     half: bool = True,
     metadata: Mapping[str, object] | None = None,
+    slate: Slate | None = None,
 ) -> None:
     """Write one EXR with several named layers; atomic and verified as `write_picture`.
 
@@ -56,6 +58,8 @@ def write_layers(
         depth of 3 km is known to 2 m.
     metadata : mapping, optional
         As `write_picture`.
+    slate : Slate, optional
+        As `write_picture`.
 
     Raises
     ------
@@ -67,9 +71,10 @@ def write_layers(
         If the file cannot be written or does not read back.
     """
     require_exr(path, "layers")
-    strings = header.checked(metadata)
+    strings, said = header.checked(metadata), Slate.of(slate)
     specification, band = part_of(layers, half)
     header.put(specification, strings, "openexr")
+    said.put(specification, "openexr", "linear")
     write_bands(path, specification, band, lossless=True)
 
 

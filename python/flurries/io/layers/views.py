@@ -17,6 +17,7 @@ from flurries.io.oiio import openimageio
 from flurries.io.pictures import metadata as header
 from flurries.io.pictures.header import Opened, opened_picture
 from flurries.io.pictures.rows import Band, write_bands, write_parts
+from flurries.io.pictures.slate import Slate
 
 VIEWS = ("left", "right")
 Layout: TypeAlias = Literal["parts", "views"]
@@ -112,6 +113,7 @@ def write_layer_views(
     *,
     half: bool = True,
     metadata: Mapping[str, object] | None = None,
+    slate: Slate | None = None,
 ) -> None:
     """Write one EXR with several views; atomic and verified as `write_picture`.
 
@@ -127,6 +129,8 @@ def write_layer_views(
         As `write_layers`.
     metadata : mapping, optional
         As `write_picture`; in the header of each part.
+    slate : Slate, optional
+        As `write_picture`; in the header of each part.
 
     Raises
     ------
@@ -138,12 +142,14 @@ def write_layer_views(
     require_exr(path, "views")
     if not mapping("views", views):
         raise ValueError("views must name at least one view, got none")
-    strings = header.checked(metadata)
+    strings, said = header.checked(metadata), Slate.of(slate)
     parts = []
     for name, layers in views.items():
         if not isinstance(name, str) or not name.isidentifier():
             raise ValueError(f"views must be called like 'left' and 'right', got {name!r}")
-        parts.append(_view(name, part_of(layers, half), strings))
+        part = _view(name, part_of(layers, half), strings)
+        said.put(part[0], "openexr", "linear")
+        parts.append(part)
     write_parts(path, parts)
 
 

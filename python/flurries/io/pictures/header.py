@@ -6,11 +6,13 @@ import os
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from fractions import Fraction
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from flurries._contract import flag
 from flurries.io.color import Array, Encoding
 from flurries.io.files import Budget, plain_file
 from flurries.io.oiio import last_error, let_open, openimageio
@@ -40,6 +42,12 @@ class Header:
         ``"linear"`` for float pixels, ``"display"`` for integers.
     metadata : dict
         What flurries wrote into it, keys without ``flurries:``; empty for other pictures.
+    display : (left, top, width, height) or None
+        Where the display window lies in what `size` says, px; None where it is all of it.
+    aspect : float
+        Width of a pixel over its height.
+    rate : Fraction or None
+        Frames a second, if it says so.
     """
 
     path: str
@@ -47,6 +55,9 @@ class Header:
     channels: tuple[str, ...]
     encoding: Encoding
     metadata: dict[str, str] = field(default_factory=dict)
+    display: tuple[int, int, int, int] | None = None
+    aspect: float = 1.0
+    rate: Fraction | None = None
 
 
 @dataclass(frozen=True)
@@ -60,6 +71,7 @@ class Opened:
     color: tuple[int, ...]
     alpha: int | None
     budget: Budget
+    overscan: bool = False
 
     @property
     def stored_type(self) -> str:
@@ -94,9 +106,35 @@ class Opened:
         return spec.full_x - spec.x, spec.full_y - spec.y, spec.full_width, spec.full_height
 
     @property
+    def frame_window(self) -> tuple[int, int, int, int]:
+        """The window of all that is stored or shown, as `window`: overscan is around the latter."""
+        left, top, width, height = self.window
+        spec = self.specification
+        if self.orientation != 1 or not self.overscan:
+            return left, top, width, height
+        first, above = min(left, 0), min(top, 0)
+        last, below = max(left + width, spec.width), max(top + height, spec.height)
+        return first, above, last - first, below - above
+
+    @property
+    def display(self) -> tuple[int, int, int, int] | None:
+        """Where the display window lies in the picture with its overscan; None without any."""
+        left, top, width, height = self.window
+        first, above, across, down = self.frame_window
+        found = (left - first, top - above, width, height)
+        return None if found == (0, 0, across, down) else found
+
+    @property
+    def aspect(self) -> float:
+        """Width of a pixel over its height; 1 where it makes no sense."""
+        said = self.specification.get_float_attribute("PixelAspectRatio", 1.0)
+        said = said if 0.05 <= said <= 20.0 else 1.0
+        return 1.0 / said if self.orientation >= 5 else said
+
+    @property
     def size(self) -> tuple[int, int]:
         """(width, height) as the user sees it."""
-        _, _, width, height = self.window
+        _, _, width, height = self.frame_window
         return (height, width) if self.orientation >= 5 else (width, height)
 
     def parts(self) -> list[Any]:
@@ -146,7 +184,7 @@ class Opened:
         size = np.dtype(_DTYPES.get(kind, kind)).itemsize * len(channels)
         size = size if pixel_bytes is None else pixel_bytes
         # What is shown is another array where it is not what is stored.
-        whole = self.window == (0, 0, spec.width, spec.height) and self.orientation == 1
+        whole = self.frame_window == (0, 0, spec.width, spec.height) and self.orientation == 1
         for shown in ((spec.width, spec.height), self.size):
             self.budget.admit(self.path, shown, size if whole else 2 * size)
         first, last = min(channels), max(channels) + 1
@@ -180,9 +218,10 @@ class Opened:
     def shown(self, values: Array, outside: float = 0.0) -> Array:
         """Return what the user sees of stored values (h, w, c): the display window, upright.
 
-        Pixels of the window that are not stored get the value `outside`.
+        With `overscan` all that is stored beside. Pixels that are not stored get the value
+        `outside`.
         """
-        left, top, width, height = self.window
+        left, top, width, height = self.frame_window
         stored_height, stored_width = values.shape[:2]
         if (left, top, width, height) != (0, 0, stored_width, stored_height):
             framed = np.full((height, width, values.shape[2]), outside, values.dtype)
@@ -195,8 +234,14 @@ class Opened:
         return _upright(values, self.orientation)
 
 
-def read_header(path: str | os.PathLike[str]) -> Header:
+def read_header(path: str | os.PathLike[str], *, overscan: bool = False) -> Header:
     """Read what a picture says about itself, without decoding its pixels.
+
+    Parameters
+    ----------
+    path : str or path
+    overscan : bool
+        Whether the size is that of all that is stored, not of the display window alone.
 
     Raises
     ------
@@ -207,18 +252,23 @@ def read_header(path: str | os.PathLike[str]) -> Header:
     ValueError
         If it is not a picture of a known format.
     """
-    with opened_picture(path) as opened:
+    with opened_picture(path, overscan=overscan) as opened:
         return Header(
             path=str(opened.path),
             size=opened.size,
             channels=tuple(opened.specification.channelnames),
             encoding=opened.encoding,
             metadata=metadata.get(opened.specification),
+            display=opened.display,
+            aspect=opened.aspect,
+            rate=rate_of(opened.specification),
         )
 
 
 @contextmanager
-def opened_picture(path: str | os.PathLike[str], budget: Budget | None = None) -> Iterator[Opened]:
+def opened_picture(
+    path: str | os.PathLike[str], budget: Budget | None = None, *, overscan: bool = False
+) -> Iterator[Opened]:
     """Open a picture, check that it is whole as far as its structure tells, find its colors.
 
     Raises
@@ -226,6 +276,7 @@ def opened_picture(path: str | os.PathLike[str], budget: Budget | None = None) -
     OSError, ValueError
         If it is no plain file, damaged, no picture, or claims more than the budget allows.
     """
+    flag("overscan", overscan)
     found = plain_file(path)
     limits = Budget.of(budget)
     check_structure(found)
@@ -233,7 +284,7 @@ def opened_picture(path: str | os.PathLike[str], budget: Budget | None = None) -
     try:
         part, spec = _part_with_color(found, reader)
         color, alpha = find_channels(spec.channelnames, spec.nchannels, spec.alpha_channel)
-        opened = Opened(found, reader, spec, part, color, alpha, limits)
+        opened = Opened(found, reader, spec, part, color, alpha, limits, overscan)
         for size in ((spec.width, spec.height), opened.size):
             limits.admit(found, size, 1)
         if spec.tile_width:
@@ -303,6 +354,25 @@ def _part_with_color(path: Path, reader: Any) -> tuple[int, Any]:
     if spec.nchannels < 1:
         raise OSError(f"{path}: the picture has no channels")
     return chosen, spec
+
+
+# What a header calls frames a second: OpenEXR, and OpenImageIO.
+RATES = ("framesPerSecond", "FramesPerSecond")
+
+
+def rate_of(specification: Any) -> Fraction | None:
+    """Return the frames a second that a picture's header names, or None."""
+    for name in RATES:
+        value = specification.getattribute(name)
+        if value is None:
+            continue
+        try:
+            rate = Fraction(*value) if isinstance(value, tuple) else Fraction(float(value))
+        except (TypeError, ValueError, ZeroDivisionError, OverflowError):
+            continue
+        if 0 < rate <= 1000:
+            return rate.limit_denominator(100_000)
+    return None
 
 
 def _upright(values: Array, orientation: int) -> Array:

@@ -17,8 +17,12 @@ _DESCRIPTION, _SOFTWARE, _MOMENT = 0x010E, 0x0131, 0x0132  # Tags of EXIF.
 _LONGEST_TEXT = 60_000
 
 
-def encode_jpeg(pixels: Array, quality: int, strings: Mapping[str, str]) -> bytes:
+def encode_jpeg(
+    pixels: Array, quality: int, strings: Mapping[str, str], profile: bytes | None = None
+) -> bytes:
     """Return a baseline JPEG of (H, W, 1) or (H, W, 3) uint8, colors not subsampled.
+
+    `profile` is an ICC profile.
 
     Raises
     ------
@@ -39,5 +43,12 @@ def encode_jpeg(pixels: Array, quality: int, strings: Mapping[str, str]) -> byte
     tags[_SOFTWARE] = "flurries"
     tags[_MOMENT] = strings["DateTime"]
     buffer = io.BytesIO()
-    image.save(buffer, format="JPEG", quality=quality, subsampling=0, exif=tags.tobytes())
+    image.save(
+        buffer,
+        format="JPEG",
+        quality=quality,
+        subsampling=0,
+        exif=tags.tobytes(),
+        icc_profile=profile,
+    )
     return buffer.getvalue()

@@ -32,6 +32,8 @@ class Picture:
         The file that it came from.
     premultiplied : bool
         Whether `pixels` are multiplied by `alpha` already, as in EXR; PNG's are not.
+    display : (left, top, width, height) or None
+        Where the display window lies in a picture that was read with its overscan.
     """
 
     pixels: Array
@@ -39,6 +41,7 @@ class Picture:
     encoding: Encoding
     path: str
     premultiplied: bool = False
+    display: tuple[int, int, int, int] | None = None
 
     @property
     def size(self) -> tuple[int, int]:
@@ -64,7 +67,9 @@ class Picture:
         return result
 
 
-def read_picture(path: str | os.PathLike[str], *, budget: Budget | None = None) -> Picture:
+def read_picture(
+    path: str | os.PathLike[str], *, budget: Budget | None = None, overscan: bool = False
+) -> Picture:
     """Read a picture.
 
     The display window of an EXR is what comes: stored pixels outside it are cut off, pixels of it
@@ -79,6 +84,8 @@ def read_picture(path: str | os.PathLike[str], *, budget: Budget | None = None) 
         PNG, JPEG, EXR, TIFF, HDR, WebP, or what else OpenImageIO reads.
     budget : Budget, optional
         How large it may be; ``Budget()`` if not given.
+    overscan : bool
+        All that is stored comes, and the display window is where `Picture.display` says.
 
     Returns
     -------
@@ -95,7 +102,7 @@ def read_picture(path: str | os.PathLike[str], *, budget: Budget | None = None) 
         If it is not a picture of a known format, or of a kind that is not supported (deep pixels,
         chroma subsampled EXR).
     """
-    with opened_picture(path, budget) as opened:
+    with opened_picture(path, budget, overscan=overscan) as opened:
         pixels, alpha = _decode(opened)
         return Picture(
             pixels=pixels,
@@ -103,6 +110,7 @@ def read_picture(path: str | os.PathLike[str], *, budget: Budget | None = None) 
             encoding=opened.encoding,
             path=str(opened.path),
             premultiplied=alpha is not None and opened.premultiplied,
+            display=opened.display,
         )
 
 

@@ -153,7 +153,8 @@ def _write_rows(target: str, output: Any, specification: Any, band: Band) -> Che
         last = min(first + step, specification.height)
         rows = np.ascontiguousarray(band(first, last))
         checksums.append((rows.dtype, zlib.crc32(rows.data)))
-        if not output.write_scanlines(first, last, 0, rows):
+        above = specification.y
+        if not output.write_scanlines(above + first, above + last, 0, rows):
             raise OSError(f"{target}: cannot be written: {last_error(output)}")
     return checksums
 
@@ -215,7 +216,8 @@ def _compare(
         for first, dtype, checksum in bands:
             last = min(first + step, stored.height)
             kind = {"float16": "half", "float32": "float"}.get(dtype.name, dtype.name)
-            rows = reader.read_scanlines(part, 0, first, last, 0, 0, stored.nchannels, kind)
+            place = stored.y + first, stored.y + last
+            rows = reader.read_scanlines(part, 0, *place, 0, 0, stored.nchannels, kind)
             if rows is None or reader.has_error:
                 raise OSError(f"{target}: cannot be read back: {last_error(reader)}")
             if lossless:

@@ -26,6 +26,7 @@ from flurries.io.pictures import seal
 from flurries.io.pictures.jpeg import encode_jpeg
 from flurries.io.pictures.png import write_png
 from flurries.io.pictures.rows import write_bands, write_whole
+from flurries.io.pictures.slate import Slate
 
 
 @dataclass(frozen=True)
@@ -38,8 +39,20 @@ class _Format:
     alpha: bool = True
     lossless: bool = True
 
+    @property
+    def kinds(self) -> tuple[int | str, ...]:
+        """What a color may be: numbers of bits, or "half" and "float"."""
+        floats = ("half", "float") if self.name == "openexr" else ("float",) * self.floats
+        return (*self.bits, *floats)
+
+    @property
+    def only_floats(self) -> bool:
+        """Whether it holds no integers."""
+        return self.floats and not self.bits
+
 
 _FORMATS = {
+    ".dpx": _Format("dpx", bits=(8, 10, 16), alpha=False),
     ".exr": _Format("openexr", floats=True),
     ".hdr": _Format("hdr", floats=True, alpha=False, lossless=False),
     ".jpeg": _Format("jpeg", bits=(8,), alpha=False, lossless=False),
@@ -82,6 +95,7 @@ def write_picture(
     compression: str = "zip",
     quality: int = 95,
     metadata: Mapping[str, object] | None = None,
+    slate: Slate | None = None,
 ) -> None:
     """Write a picture; the extension decides about the format.
 
@@ -96,7 +110,7 @@ def write_picture(
     Parameters
     ----------
     path : str or path
-        Ends in .exr, .hdr, .jpg, .jpeg, .png, .tif or .tiff.
+        Ends in .dpx, .exr, .hdr, .jpg, .jpeg, .png, .tif or .tiff.
     pixels : array_like
         (H, W), (H, W, 1), (H, W, 3) or (H, W, 4) with alpha; uint8, uint16 or float. Grey pictures
         stay single-channel (HDR has three).
@@ -109,9 +123,9 @@ def write_picture(
         Whether the colors are multiplied by alpha; by default floats are, integers are not.
     half : bool, default True
         Store EXR as half, 16 bits; False stores 32.
-    bits : {8, 16}, optional
+    bits : {8, 10, 16}, optional
         Bits of an integer format; by default 16 for uint16 and 8 else. Given for TIFF it turns
-        floats into integers.
+        floats into integers. DPX alone has 10.
     compression : {"zip", "zips", "piz", "rle", "none", "dwaa", "dwab"}
         How EXR packs pixels; the last two are lossy.
     quality : int, default 95
@@ -119,6 +133,8 @@ def write_picture(
     metadata : mapping of str to str, int or float, optional
         Goes into the header under ``flurries:``; HDR holds none. ``DateTime``, as
         ``2000:01:01 00:00:00``, replaces that fixed moment.
+    slate : Slate, optional
+        What the plate that it was made of says of itself, see :func:`read_slate`.
 
     Raises
     ------
@@ -131,7 +147,7 @@ def write_picture(
         If the file cannot be written or does not read back; the old file stays as it was.
     """
     form = format_of(path)
-    strings = header.checked(metadata)
+    strings, said = header.checked(metadata), Slate.of(slate)
     color, opacity = _checked_pixels(pixels, alpha)
     if encoding is None:
         encoding = "linear" if color.dtype.kind == "f" else "display"
@@ -139,8 +155,8 @@ def write_picture(
         raise ValueError(f"encoding must be 'display' or 'linear', got {encoding!r}")
     if premultiplied is None:
         premultiplied = color.dtype.kind == "f"
-    if bits not in (None, 8, 16):
-        raise ValueError(f"bits must be 8 or 16, got {bits!r}")
+    if bits not in (None, 8, 10, 16):
+        raise ValueError(f"bits must be 8, 10 or 16, got {bits!r}")
     if compression not in COMPRESSIONS:
         raise ValueError(
             f"compression must be one of {', '.join(COMPRESSIONS)}, got {compression!r}"
@@ -150,7 +166,7 @@ def write_picture(
     if opacity is not None and not form.alpha:
         raise ValueError(f"{os.fspath(path)}: {form.name} holds no alpha; leave it out or use PNG")
     stored = _stored_type(form, color.dtype, half=half, bits=bits)
-    if form.name == "hdr" and color.shape[2] == 1:
+    if form.name in ("hdr", "dpx") and color.shape[2] == 1:
         color = np.broadcast_to(color, (*color.shape[:2], 3))
 
     # Whoever says how a picture was made wants to know whether it is still that.
@@ -159,19 +175,25 @@ def write_picture(
 
     def band(first: int, last: int) -> Array:
         rows = None if opacity is None else opacity[first:last]
-        return _converted(color[first:last], rows, encoding, premultiplied, stored)
+        made = _converted(color[first:last], rows, encoding, premultiplied, stored)
+        return _of_ten_bits(made) if bits == 10 else made
 
     specification = _specification(color.shape, stored, alpha=opacity is not None)
     if form.name == "jpeg":
         try:
-            data = encode_jpeg(band(0, color.shape[0]), int(quality), strings)
+            profile = said.profile if said.encoding == "display" else None
+            data = encode_jpeg(band(0, color.shape[0]), int(quality), strings, profile)
         except OSError as error:
             raise OSError(f"{os.fspath(path)}: cannot be encoded: {error}") from error
         write_whole(path, specification, data)
         return
     header.put(specification, strings, form.name)
+    floats = stored in ("half", "float")
+    said.put(specification, form.name, "linear" if floats else "display")
     if form.name == "openexr":
         specification.attribute("compression", packing(compression))
+    elif form.name == "dpx" and bits == 10:
+        specification.attribute("oiio:BitsPerSample", 10)
     elif form.name in ("png", "tiff") and stored in ("uint8", "uint16"):
         specification.attribute("oiio:UnassociatedAlpha", 1)
     if form.name == "png":
@@ -228,8 +250,15 @@ def _stored_type(form: _Format, dtype: np.dtype[Any], *, half: bool, bits: int |
     if bits is None:
         bits = 16 if dtype == np.uint16 and 16 in form.bits else 8
     if bits not in form.bits:
-        raise ValueError(f"bits must be 8 for {form.name}, got {bits}")
-    return f"uint{bits}"
+        known = ", ".join(map(str, form.bits))
+        raise ValueError(f"bits must be {known} for {form.name}, got {bits}")
+    return "uint8" if bits == 8 else "uint16"
+
+
+def _of_ten_bits(levels: Array) -> Array:
+    """Return 16-bit levels rounded to 10 bits, and as a reader spreads these over 16."""
+    ten = np.rint(levels * (1023.0 / 65535.0)).astype(np.uint16)
+    return (ten << 6) | (ten >> 4)
 
 
 def _converted(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import sys
-from dataclasses import fields
+from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +18,7 @@ from flurries.light.sun import Sun
 from flurries.motion.keys import Keys
 from flurries.motion.wind import Wind
 from flurries.scene.depth import DepthMap
+from flurries.scene.foreground import Foreground
 from flurries.scene.scene import DEFAULT_FOCAL, Scene, require_few
 from flurries.scene.toml.place import SceneText, require_short_keys
 from flurries.scene.toml.tables import DEPTH, LENS, SCENE, SUN, WAY, WIND
@@ -63,12 +64,13 @@ def load(path: str | os.PathLike[str]) -> Scene:
 
 def _scene(text: SceneText, values: dict[str, Any]) -> Scene:
     arguments = text.table(values, SCENE, "the scene")
-    for key in ("background", "foreground", "depth"):
-        value = arguments.get(key)
-        if isinstance(value, str) and not value.startswith("#"):
-            arguments[key] = str(text.path.parent / value)
-    if isinstance(arguments.get("depth"), dict):
-        arguments["depth"] = _depth_map(text, arguments["depth"])
+    background = arguments.get("background")
+    if isinstance(background, str) and not background.startswith("#"):
+        arguments["background"] = str(text.path.parent / background)
+    if "foreground" in arguments:
+        arguments["foreground"] = _foreground(text, arguments["foreground"])
+    if "depth" in arguments:
+        arguments["depth"] = _depth(text, arguments["depth"], "depth")
     if "sun" in arguments:
         given = text.table(arguments["sun"], SUN, "sun", "sun")
         with text.errors(given, "sun"):
@@ -102,23 +104,52 @@ def _effect(text: SceneText, table: Any, index: int) -> Any:
         return effect.preset(*preset, **values) if preset else effect(**values)
 
 
-def _depth_map(text: SceneText, table: dict[str, Any]) -> DepthMap:
-    values = text.table(table, DEPTH, "depth", "depth")
+def _foreground(text: SceneText, value: Any) -> Any:
+    """Return a file, or [[foreground]] tables, each a file and perhaps a depth."""
+    if isinstance(value, str):
+        return str(text.path.parent / value)
+    if not isinstance(value, list):
+        raise TypeError(
+            f"{text.where('foreground')}: foreground must be a file or [[foreground]] tables"
+        )
+    found = []
+    for index, table in enumerate(value):
+        at = ("foreground", index)
+        given = {"source": table} if isinstance(table, str) else table
+        entry = text.table(given, ("source", "depth"), "foreground", *at)
+        source = entry.get("source")
+        if not isinstance(source, str):
+            raise TypeError(f"{text.where(*at)}: source must be a file, got {source!r}")
+        depth = _depth(text, entry["depth"], *at, "depth") if "depth" in entry else None
+        found.append(Foreground(str(text.path.parent / source), depth=depth))
+    return found
+
+
+def _depth(text: SceneText, value: Any, *at: str | int) -> Any:
+    """Return a depth: a number, a file, or a table of a grey picture."""
+    if isinstance(value, str):
+        return str(text.path.parent / value)
+    if not isinstance(value, dict):
+        return value
+    values = text.table(value, DEPTH, "depth", *at)
     for key in ("source", "near", "far"):
-        if key not in table:
-            raise ValueError(f"{text.where('depth')}: depth needs {key}")
+        if key not in value:
+            raise ValueError(f"{text.where(*at)}: depth needs {key}")
     source = values.pop("source")
     if not isinstance(source, str):
-        raise TypeError(f"{text.where('depth', 'source')}: source must be a file, got {source!r}")
-    with text.errors(table, "depth"):
+        raise TypeError(f"{text.where(*at, 'source')}: source must be a file, got {source!r}")
+    with text.errors(value, *at):
         return DepthMap(str(text.path.parent / source), **values)
 
 
 def _camera(text: SceneText, table: Any, scene: Scene) -> CameraPath:
-    given = text.table(table, (*LENS, "path", *WAY), "camera", "camera")
+    given = text.table(table, (*LENS, "path", *WAY, "extend"), "camera", "camera")
     values = {key: _value(text, value, "camera", key) for key, value in given.items()}
     way = {key: values.pop(key) for key in WAY if key in values}
-    values.setdefault("focal", DEFAULT_FOCAL * scene.shape[1])
+    ending = values.pop("extend", None)
+    _, _, width, height = scene.display
+    values.setdefault("focal", DEFAULT_FOCAL * width)
+    values.setdefault("aspect", scene.pixel_aspect)
     zoom = values["focal"] if isinstance(values["focal"], (Keys, tuple)) else None
     if zoom is not None:
         values["focal"] = 1.0
@@ -133,12 +164,13 @@ def _camera(text: SceneText, table: Any, scene: Scene) -> CameraPath:
         if file.suffix.lower() != ".csv":
             if zoom is not None:
                 raise ValueError(f"{text.where('camera', 'focal')}: focal must be a number here")
-            return load_camera(file, scene.shape, camera=Camera(**values))
-        way = read_path(file)
+            loaded = load_camera(file, (height, width), camera=Camera(**values))
+            return loaded if ending is None else replace(loaded, extend=ending)
+        way, ending = read_path(file), ending or "stop"
     if zoom is not None:
         way["focal"] = zoom
     with text.errors(table, "camera"):
-        return CameraPath(Camera(**values), **way)
+        return CameraPath(Camera(**values), **way, extend=ending or "on")
 
 
 def _value(text: SceneText, value: Any, *keys: str | int) -> Any:

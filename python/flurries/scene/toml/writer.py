@@ -15,6 +15,7 @@ from flurries.io import replacing
 from flurries.motion.keys import Keys
 from flurries.motion.wind import FIELDS, Wind
 from flurries.scene.depth import DepthMap
+from flurries.scene.foreground import listed
 from flurries.scene.scene import Scene, expect_scene
 from flurries.scene.toml.tables import DEPTH, LENS, SUN, WAY
 from flurries.scene.toml.version import FORMAT
@@ -26,17 +27,19 @@ def describe(
     """Return the scene as plain values, as a scene file holds them."""
     table: dict[str, Any] = {"format": FORMAT, "size": list(scene.size or ())}
     table |= {"fps": scene.fps, "seed": scene.seed}
-    for name in ("background", "foreground"):
-        value = getattr(scene, name)
-        if value is None or name in leave_out:
-            continue
-        table[name] = _background(name, value, folder)
+    if scene.background is not None and "background" not in leave_out:
+        table["background"] = _background("background", scene.background, folder)
+    if scene.foreground is not None:
+        table["foreground"] = _mattes(scene.foreground, folder, leave_out)
+    for name, usual in (("extend", "stop"), ("start", None)):
+        if getattr(scene, name) != usual:
+            table[name] = getattr(scene, name)
     if scene.space != "auto":
         table["space"] = scene.space
     if scene.tolerance != 0.0:
         table["tolerance"] = scene.tolerance
     if scene.depth is not None:
-        described = _depth(scene.depth, folder, bare="depth" in leave_out)
+        described = _depth("depth", scene.depth, folder, bare="depth" in leave_out)
         if described is not None:
             table["depth"] = described
     if scene.sun is not None:
@@ -48,6 +51,8 @@ def describe(
         value = getattr(path, name)
         if value is not None:
             table["camera"][name] = _toml(value)
+    if path.extend != "on":
+        table["camera"]["extend"] = path.extend
     table["effects"] = []
     for effect in scene.effects:
         kind = kind_of(effect)
@@ -82,14 +87,28 @@ def _background(name: str, value: Any, folder: Path | None) -> Any:
     raise ValueError(f"{name} must be a file or a color to be written, got an array")
 
 
-def _depth(value: Any, folder: Path | None, *, bare: bool) -> Any:
+def _mattes(value: Any, folder: Path | None, leave_out: tuple[str, ...]) -> Any:
+    """Return what stands in front: a file, or a table for each."""
+    tables = []
+    for number, matte in enumerate(listed(value), 1):
+        name = "foreground" if number == 1 else f"foreground{number}"
+        entry = {} if name in leave_out else {"source": _background(name, matte.source, folder)}
+        if matte.depth is not None:
+            bare = f"{name} depth" in leave_out
+            depth = _depth(f"{name} depth", matte.depth, folder, bare=bare)
+            entry |= {} if depth is None else {"depth": depth}
+        tables.append(entry)
+    return tables[0]["source"] if len(tables) == 1 and [*tables[0]] == ["source"] else tables
+
+
+def _depth(name: str, value: Any, folder: Path | None, *, bare: bool) -> Any:
     """Return the depth as a file holds it; a bare one without its picture, or None."""
     if isinstance(value, DepthMap):
         law = {key: getattr(value, key) for key in DEPTH if key != "source"}
-        return law if bare else {"source": _background("depth", value.source, folder), **law}
+        return law if bare else {"source": _background(name, value.source, folder), **law}
     if np.ndim(value) == 0 and not isinstance(value, (str, os.PathLike)):
         return float(value)
-    return None if bare else _background("depth", value, folder)
+    return None if bare else _background(name, value, folder)
 
 
 def _toml(value: Any) -> Any:

@@ -1,0 +1,99 @@
+"""Time codes of film and television: hours, minutes, seconds and frames."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from fractions import Fraction
+
+_TEXT = re.compile(r"(\d{1,2}):(\d{2}):(\d{2})([:;.,])(\d{2,3})")
+
+# Where the digits of hours, minutes, seconds and frames stand in a word of SMPTE 12M, in bits.
+_PLACES = (24, 16, 8, 0)
+_DROP = 1 << 6
+
+
+@dataclass(frozen=True)
+class TimeCode:
+    """A time code, as a number of frames since midnight.
+
+    Attributes
+    ----------
+    frames : int
+        From 0.
+    nominal : int
+        Frames that a second counts: 24, 25, 30, 60.
+    drop : bool
+        Whether numbers are left out so that the clock keeps pace with 29.97 frames a second.
+    """
+
+    frames: int
+    nominal: int
+    drop: bool = False
+
+    @staticmethod
+    def of_text(text: str, rate: Fraction) -> TimeCode | None:
+        """Return the time code of "01:00:00:00" or, where numbers drop, "01:00:00;00"."""
+        found = _TEXT.fullmatch(text.strip())
+        if found is None:
+            return None
+        hours, minutes, seconds, frames = (int(found[place]) for place in (1, 2, 3, 5))
+        return TimeCode._of(hours, minutes, seconds, frames, found[4] != ":", rate)
+
+    @staticmethod
+    def of_word(word: int, rate: Fraction) -> TimeCode | None:
+        """Return the time code of a word as OpenEXR's and DPX's headers have it."""
+        hours, minutes, seconds, frames = (
+            (word >> place & 15) + 10 * (word >> place + 4 & (7 if place in (8, 16) else 3))
+            for place in _PLACES
+        )
+        return TimeCode._of(hours, minutes, seconds, frames, bool(word & _DROP), rate)
+
+    @staticmethod
+    def _of(
+        hours: int, minutes: int, seconds: int, frames: int, drop: bool, rate: Fraction
+    ) -> TimeCode | None:
+        nominal = -(-rate.numerator // rate.denominator)
+        if hours > 23 or minutes > 59 or seconds > 59 or frames >= nominal:
+            return None
+        whole = 60 * hours + minutes
+        count = (60 * whole + seconds) * nominal + frames
+        drop = drop and nominal % 30 == 0
+        if drop:
+            # Two numbers of 30 in each minute but every tenth.
+            count -= nominal // 15 * (whole - whole // 10)
+        return TimeCode(count, nominal, drop)
+
+    def later(self, frames: int) -> TimeCode:
+        """Return the time code so many frames later; a day begins again."""
+        return TimeCode((self.frames + frames) % self._day, self.nominal, self.drop)
+
+    @property
+    def _day(self) -> int:
+        dropped = self.nominal // 15 * (1440 - 144) if self.drop else 0
+        return 86400 * self.nominal - dropped
+
+    @property
+    def parts(self) -> tuple[int, int, int, int]:
+        """Hours, minutes, seconds and frames."""
+        count = self.frames
+        if self.drop:
+            skipped = self.nominal // 15
+            tens, rest = divmod(count, 600 * self.nominal - 9 * skipped)
+            ones = max(rest - skipped, 0) // (60 * self.nominal - skipped)
+            count += skipped * (9 * tens + ones)
+        seconds, frames = divmod(count, self.nominal)
+        return seconds // 3600, seconds // 60 % 60, seconds % 60, frames
+
+    @property
+    def text(self) -> str:
+        """Such as "01:00:00:00"."""
+        hours, minutes, seconds, frames = self.parts
+        return f"{hours:02d}:{minutes:02d}:{seconds:02d}{';' if self.drop else ':'}{frames:02d}"
+
+    @property
+    def word(self) -> int:
+        """As OpenEXR's headers have it."""
+        digits = ((part // 10 << 4) | part % 10 for part in self.parts)
+        word = sum(two << place for two, place in zip(digits, _PLACES, strict=True))
+        return word | (_DROP if self.drop else 0)

@@ -1,0 +1,74 @@
+"""Files by the shot's own frame numbers: frame 1003 is plate 1003, depth 1003 and matte 1003."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from flurries.io.sources import VideoSource
+from flurries.io.spans import Span
+
+
+@dataclass(frozen=True, eq=False)
+class Numbered:
+    """A source of pictures, asked by the numbers of the shot.
+
+    Attributes
+    ----------
+    source : Source
+        The files, whose frames count from 0.
+    span : Span or None
+        Their numbers; None of a still, which serves all.
+    """
+
+    source: Any
+    span: Span | None
+
+    @staticmethod
+    def of(name: str, source: Any, *, extend: str, start: int | None = None) -> Numbered:
+        """Return a source with its numbers; a film's begin at `start`, as it has none of its own.
+
+        Parameters
+        ----------
+        name : str
+            What it is, for messages: "depth".
+        """
+        if source.count is None:
+            return Numbered(source, None)
+        first = getattr(source, "first", 0)
+        # A source of somebody's own counts from 0, and knows no numbers either.
+        if start is not None and (isinstance(source, VideoSource) or not hasattr(source, "first")):
+            first = start
+        called = f"{name} {Path(source.spec).name}" if hasattr(source, "spec") else name
+        return Numbered(source, Span(called, first, first + source.count - 1, extend))
+
+    def place(self, t: float) -> int:
+        """Return the place in the source, from 0, of frame floor(t).
+
+        Raises
+        ------
+        ValueError
+            If the source has no such number.
+        """
+        if self.span is None:
+            return 0
+        return self.span.number(math.floor(t)) - self.span.first
+
+    def frame(self, t: float) -> Any:
+        """Return the picture of frame floor(t)."""
+        return self.source.frame(self.place(t))
+
+    def file(self, t: float) -> Path:
+        """Return the file that frame floor(t) is in."""
+        found: Path = self.source.file(self.place(t))
+        return found
+
+    def gaps(self, wanted: list[int]) -> list[int]:
+        """Return the wanted numbers whose file is missing."""
+        if self.span is None or not hasattr(self.source, "gaps"):
+            return []
+        numbers = {number: self.span.number(number) for number in wanted}
+        missing = set(self.source.gaps(sorted({*numbers.values()})))
+        return [number for number, own in numbers.items() if own in missing]

@@ -1,0 +1,242 @@
+"""Frame numbers of a shot: plate, matte, depth and camera of one number make the frame of it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import flurries as fl
+from flurries import io
+from flurries.camera import importers
+from flurries.cli import main
+
+RANGE = range(1001, 1009)
+SIZE = (24, 16)
+
+
+@pytest.fixture
+def shot(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Plates, mattes, depths and a camera of 1001-1008; each says its number in its content."""
+    monkeypatch.chdir(tmp_path)
+    width, height = SIZE
+    for number in RANGE:
+        step = number - 1000
+        io.write_picture(f"plate.{number}.png", np.full((height, width, 3), 10 * step, np.uint8))
+        mask = np.zeros((height, width), np.uint8)
+        mask[:, : 2 * step] = 255
+        io.write_picture(f"matte.{number}.png", mask)
+        io.write_layers(f"depth.{number}.exr", {"depth": np.full((height, width), step, "f4")})
+    lines = [f"{number} {number - 1000} 0 0 0 0 0 40" for number in RANGE]
+    Path("camera.chan").write_text("\n".join(lines))
+    return tmp_path
+
+
+class Ask:
+    """An effect that paints the depth, so that a frame tells which one it got."""
+
+    def render(self, frame: fl.Frame) -> fl.Layer:
+        shown = np.zeros(frame.shape, np.float32)
+        if frame.depth is not None:
+            shown[...] = frame.depth / 100.0
+        return fl.Layer("ask", np.ascontiguousarray(frame.crop(shown)))
+
+
+def scene(**changes: object) -> fl.Scene:
+    camera = importers.load("camera.chan", SIZE[::-1])
+    given = {
+        "background": "plate.####.png",
+        "foreground": "matte.$F4.png",
+        "depth": "depth.%04d.exr",
+        "camera": camera,
+        "effects": [Ask()],
+    }
+    return fl.Scene(**{**given, **changes})
+
+
+def test_every_number_has_its_own_plate_matte_depth_and_camera(shot: Path):
+    made = scene()
+    assert made.range == (1001, 1008)
+    made.write("out.####.exr", layers=True)
+    assert sorted(path.name for path in shot.glob("out.*")) == [f"out.{n}.exr" for n in RANGE]
+    for number in RANGE:
+        step = number - 1000
+        layers = io.read_layers(f"out.{number}.exr")
+        light = io.srgb_to_linear(np.float32([10 * step / 255]))[0]
+        np.testing.assert_allclose(layers["background"][..., 0], 10 * step / 255, atol=1e-3)
+        assert abs(light) < 1.0
+        assert (layers["depth"] == step).all()
+        covered = layers["ask"][..., 3] == 0.0
+        assert covered[:, : 2 * step].all() and not covered[:, 2 * step :].any()
+        assert made.camera.place(number, fps=24.0)[0] == step
+
+
+def test_part_of_the_range_is_that_part(shot: Path):
+    scene().write("out.%04d.png", "1003-1005")
+    assert [path.name for path in sorted(shot.glob("out.*"))] == [
+        "out.1003.png", "out.1004.png", "out.1005.png",
+    ]  # fmt: skip
+    for number in (1003, 1004, 1005):
+        assert io.read_picture(f"out.{number}.png").pixels[0, 0, 0] == 10 * (number - 1000)
+
+
+@pytest.mark.parametrize("short", ["plate", "matte", "depth", "camera"])
+def test_an_overrun_names_both_ranges_and_writes_nothing(shot: Path, short: str):
+    if short == "camera":
+        lines = Path("camera.chan").read_text().splitlines()[:5]
+        Path("camera.chan").write_text("\n".join(lines))
+    else:
+        for number in (1006, 1007, 1008):
+            next(shot.glob(f"{short}.{number}.*")).unlink()
+    words = r"frames 1003-1008 are asked for; frames 1006-1008 .* has 1001-1005"
+    with pytest.raises(ValueError, match=words):
+        scene().write("out.%04d.png", "1003-1008")
+    assert not list(shot.glob("out.*"))
+    with pytest.raises(ValueError, match=r"frame 1007 of the shot: .* has 1001-1005"):
+        scene().render(1007)
+    scene().write("out.%04d.png", "1003-1005")
+
+
+@pytest.mark.parametrize("short", ["plate", "matte", "depth"])
+def test_a_gap_is_named(shot: Path, short: str):
+    for number in (1004, 1005):
+        next(shot.glob(f"{short}.{number}.*")).unlink()
+    with pytest.raises(FileNotFoundError, match=r"of 1001-1008 the \w+ lacks 1004-1005") as error:
+        scene().write("out.%04d.png")
+    assert short in str(error.value.filename)
+    assert not list(shot.glob("out.*"))
+    # What needs none of the missing files goes on.
+    scene().write("out.%04d.png", "1006-1008")
+
+
+def test_holding_and_looping_are_said(shot: Path):
+    held = scene(extend="hold")
+    np.testing.assert_array_equal(held.render(1012), held.render(1008))
+    np.testing.assert_array_equal(held.render(3), held.render(1001))
+    looped = scene(extend="loop", camera=None)
+    np.testing.assert_array_equal(looped.render(1009), looped.render(1001))
+    np.testing.assert_array_equal(looped.render(1000), looped.render(1008))
+    with pytest.raises(ValueError, match="camera has 1001-1008"):
+        scene(extend="loop").render(1009)
+
+
+def test_a_held_camera_stands_still(shot: Path):
+    snow = fl.TentSnow.preset("heavy", fall=0.0, wind=(0.0, 0.0, 0.0), sway=(0.0, 0.0))
+    held = scene(extend="hold", effects=[snow], foreground=None)
+    np.testing.assert_array_equal(held.render(1020), held.render(1011))
+    assert (held.render(1007) != held.render(1008)).any()
+    # The control: a path made by hand goes on.
+    goes = fl.CameraPath(held.camera.camera, position=held.camera.position)
+    free = held.replace(camera=goes)
+    assert (free.render(1020) != free.render(1011)).any()
+
+
+def test_films_take_the_numbers_of_the_plate_or_of_start(shot: Path):
+    with io.VideoWriter("matte.mkv", SIZE, 24) as film:
+        for number in RANGE:
+            film.write(np.full((*SIZE[::-1], 3), 255 * (number % 2), np.uint8))
+    moved = scene(foreground="matte.mkv")
+    assert (moved.render(1001) == 10).all() and (moved.render(1002) > 20).any()
+    alone = fl.Scene(background="matte.mkv", start=1001)
+    assert alone.range == (1001, 1008)
+    assert (alone.render(1002) == 0).all() and (alone.render(1003) == 255).all()
+    assert fl.Scene(background="matte.mkv").range == (0, 7)
+
+
+def test_a_still_takes_the_range_of_its_camera(shot: Path):
+    still = scene(background="plate.1001.png", depth=None, foreground=None)
+    assert still.write("out.%04d.png").written == list(RANGE)
+
+
+def test_scene_files_hold_the_numbers(shot: Path):
+    scene(effects=(), extend="hold", start=7).save("scene.toml")
+    again = fl.Scene.load("scene.toml")
+    assert (again.extend, again.start, again.range) == ("hold", 7, (1001, 1008))
+    assert again.camera.extend == "stop"
+    Path("scene.toml").write_text(
+        'background = "plate.####.png"\nextend = "loop"\n'
+        '[[foreground]]\nsource = "matte.####.png"\ndepth = 3.5\n'
+        '[[foreground]]\nsource = "plate.####.png"\n'
+        '[foreground.depth]\nsource = "matte.####.png"\nnear = 1.0\nfar = 9.0\n'
+    )
+    again = fl.Scene.load("scene.toml")
+    assert again.foreground[0].depth == 3.5
+    again.render(1010)
+    again.save("copy.toml")
+    np.testing.assert_array_equal(fl.Scene.load("copy.toml").render(1003), again.render(1003))
+
+
+def test_one_plain_name_is_no_place_for_a_range(shot: Path):
+    with pytest.raises(ValueError, match=r"out.png is one file for 3 frames.*out.%04d.png"):
+        scene().write("out.png", "1001-1003")
+    scene().write("out.png", 1003)
+    assert io.read_picture("out.png").pixels[0, 0, 0] == 30
+
+
+def test_the_command_line_says_the_same(shot: Path, capsys: pytest.CaptureFixture[str]):
+    given = ["plate.####.png", "--snow", "light", "--depth", "depth.####.exr"]
+    given += ["--foreground", "matte.####.png@2.5", "--camera", "camera.chan"]
+    assert main(["render", *given, "--frames", "1003-1005", "-o", "a.####.png"]) == 0
+    assert capsys.readouterr().out.split() == ["a.1003.png", "a.1004.png", "a.1005.png"]
+    assert main(["render", *given, "--frames", "1006-1010", "-o", "b.####.png"]) == 2
+    assert "1006-1010 are asked for" in capsys.readouterr().err
+    more = ["--frames", "1008-1009", "--extend", "hold", "-o", "b.$F4.png"]
+    assert main(["render", *given, *more]) == 0
+    assert main(["render", *given, "--frames", "1001-1002", "-o", "b.png"]) == 2
+
+
+# Mattes that stand in the air
+
+
+def test_a_matte_with_a_depth_hides_only_what_is_behind_it():
+    height, width = 48, 64
+    mask = np.zeros((height, width), np.float32)
+    mask[:, 32:] = 1.0
+    snow = [fl.Snow.preset("heavy", seed=3)]
+    plain = fl.Scene((width, height), effects=snow)
+    walls = {depth: fl.Scene((width, height), effects=snow, depth=depth) for depth in (6.0, 1e6)}
+    stood = fl.Scene((width, height), effects=snow, foreground=fl.Foreground(mask, depth=6.0))
+    left, right = np.s_[:, :32], np.s_[:, 32:]
+    np.testing.assert_array_equal(stood.render(5)[right], walls[6.0].render(5)[right])
+    assert np.abs(stood.render(5)[left].astype(int) - plain.render(5)[left]).mean() < 2.0
+    before = fl.Scene((width, height), effects=snow, foreground=mask)
+    assert (before.render(5)[right] == 0).all() and stood.render(5)[right].any()
+
+
+def test_half_a_matte_leaves_the_mean_of_both():
+    height, width = 32, 40
+    snow = [fl.Mist.preset("fog", seed=3)]
+    base = {"size": (width, height), "background": (0.0, 0.0, 0.0), "effects": snow}
+    mask = np.full((height, width), 0.25, np.float32)
+    half = fl.Scene(**base, foreground=fl.Foreground(mask, depth=2.0)).render(0)
+    far = fl.Scene(**base, depth=np.full((height, width), np.inf, np.float32)).render(0)
+    near = fl.Scene(**base, depth=2.0).render(0)
+    np.testing.assert_allclose(half, 0.75 * far + 0.25 * near, atol=2e-6)
+
+
+def test_a_picture_with_a_depth_lies_in_the_weather():
+    height, width = 32, 40
+    picture = np.zeros((height, width, 4), np.float32)
+    picture[:, 20:] = (0.0, 0.8, 0.0, 1.0)
+    base = {"size": (width, height), "background": (0.0, 0.0, 0.0)}
+    fog = fl.Mist.preset("fog", seed=3)
+    stood = fl.Scene(**base, effects=[fog], foreground=fl.Foreground(picture, depth=2.0))
+    plate = fl.Scene(
+        (width, height), np.ascontiguousarray(picture[..., :3]), effects=[fog], depth=2.0
+    )
+    np.testing.assert_allclose(stood.render(0)[:, 20:], plate.render(0)[:, 20:], atol=2e-6)
+    layers = stood.render(0, layers=True)
+    rebuilt = layers.background
+    for layer in layers.layers.values():
+        rebuilt = layer[..., :3] + (1.0 - layer[..., 3:]) * rebuilt
+    np.testing.assert_allclose(rebuilt, layers.image, atol=1e-6)
+
+
+def test_several_masks_hide_what_any_of_them_hides():
+    masks = [np.zeros((16, 24), np.float32) for _ in range(2)]
+    masks[0][:, :8], masks[1][:, 4:12] = 1.0, 1.0
+    snow = [fl.Snow.preset("heavy")]
+    made = fl.Scene((24, 16), effects=snow, foreground=masks).render(0)
+    union = fl.Scene((24, 16), effects=snow, foreground=np.maximum(*masks)).render(0)
+    np.testing.assert_array_equal(made, union)
