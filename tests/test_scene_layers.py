@@ -131,7 +131,7 @@ def test_a_region_has_the_bits_of_the_whole():
 
 def test_an_exr_keeps_colors_and_depths(tmp_path: Path):
     scene = fl.Scene(None, LIGHT, effects=[Given((ONE, MANY))], depth=2.0 * FAR)
-    scene.write(tmp_path / "%d.exr", [3], layers=True, half=False)
+    scene.write(tmp_path / "%d.exr", [3], layers=True, bits="float")
     found = read_layers(tmp_path / "3.exr")
     planes = {"alpha", "background", "weather.depth"}
     assert set(found) == {"rgba", "fog", "cloud", "depth", "cloud.depth"} | planes
