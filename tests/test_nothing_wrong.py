@@ -151,7 +151,7 @@ def test_16_3_tasks_on_one_worker_keep_their_modes(tmp_path: Path, monkeypatch: 
     def frames(where: Any, plain: bool) -> None:
         with scope(threads=None, reproducible=plain):
             scene.write(
-                tmp_path / f"{where is None}{plain}" / "%d.exr", "1-120", half=False, dask=where
+                tmp_path / f"{where is None}{plain}" / "%d.exr", "1-120", bits="float", dask=where
             )
 
     for plain in modes:

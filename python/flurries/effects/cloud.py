@@ -9,6 +9,7 @@ import numpy as np
 
 from flurries import _core
 from flurries._contract import Array, Float64
+from flurries.effects.passes import STEPS, plane_motion, screen
 from flurries.effects.sunlight import Scatter
 from flurries.frame.needs import Cost
 from flurries.frame.view import Frame
@@ -110,6 +111,37 @@ class Cloud:
         layer = np.empty((*shape, 4) if lit else shape, np.float32)
         _core.gas_draw(layer, found, frame.window, frame.depth)
         return layer
+
+    def passes(self, frame: Frame, density: float) -> tuple[Array, Array, Array]:
+        """Return motion (h, w, 2), backward and depth (h, w) of what the window shows.
+
+        The depth is the mean of the particles', each weighed by what it shows before those behind
+        it: the gas is drawn once more, with depths in place of colors. The motion is that of the
+        air at this depth.
+        """
+        points, shown = frame.once(self, "particles", lambda: self.places(frame, density))
+        top, bottom, left, right = frame.window
+        layer = np.zeros((bottom - top, right - left, 4), np.float32)
+        if len(points) > 0:
+            far = screen(points, frame)[1]
+            gas = sorted_gas(
+                frame.shape, points, self.radius, shown, far, frame.camera,
+                footprint=self.footprint, near=self.near, near_mode="exact", depth=frame.depth,
+                error=FINISHED["float32"],
+            )  # fmt: skip
+            _core.gas_draw(layer, gas, frame.window, frame.depth)
+        mean, cover = layer[..., 0], layer[..., 3]
+        depth = np.full_like(mean, np.inf)
+        np.divide(mean, cover, out=depth, where=cover > 0.0)
+        if frame.depth is not None:
+            scene = frame.crop(frame.depth)
+            depth = np.where(np.isfinite(depth), np.minimum(depth, scene), depth)
+        motions = []
+        for step in STEPS:
+            other = frame.later(step)
+            moved = other.displacement(wind=self.wind) - frame.displacement(wind=self.wind)
+            motions.append(plane_motion(depth, frame, other, moved))
+        return motions[0], motions[1], np.ascontiguousarray(depth)
 
     def cost(self, frame: Frame, thickness: float, *, lit: bool, error: float | None) -> Cost:
         """Return what a frame's particles and the pixels that they cover take.

@@ -280,7 +280,7 @@ class DrawnFlakes:
             speed = travel / exposure
         else:
             speed = np.broadcast_to(-ways[0].rate, points.shape)
-        end, _ = project(points + speed, later.camera, later.shape)
+        end, _ = project(points + (later.t - frame.t) * speed, later.camera, later.shape)
         return (end - start).astype(np.float32), depth.astype(np.float32)
 
     def _cost(self, frame: Frame, amount: float) -> Cost:

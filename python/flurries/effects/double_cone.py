@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import NamedTuple
 
@@ -20,6 +20,7 @@ from flurries._threads import reproducible
 from flurries.camera.lens import Camera
 from flurries.camera.path import CameraPath
 from flurries.effects.motion import Motion, Way, air_course, camera_course
+from flurries.effects.passes import plane_motion, rays
 from flurries.frame.needs import Cost, LeftOut, Needs, Step
 from flurries.frame.view import Frame
 from flurries.motion.keys import Keys, Number
@@ -74,6 +75,31 @@ class DoubleCone:
     def state(self, frame: Frame) -> cone.State:
         """Return axis, phase and stretch of a frame."""
         return _path(self, frame.path, frame.fps).at(frame.t / frame.fps)
+
+    def passes(self, frame: Frame, later: Frame, way: Way, next_way: Way) -> tuple[Array, Array]:
+        """Return motion (h, w, 2) and depth (h, w) of what the window shows, means of the layers.
+
+        A layer lies where a pixel's ray meets its cone; each is weighed by what it shows before
+        those behind it.
+        """
+        top, bottom, left, right = frame.window
+        shape = (bottom - top, right - left)
+        way_of = rays(frame)
+        along = way_of @ frame.camera.matrix().T @ np.array(self.state(frame).axis)
+        aside = np.sqrt(np.maximum((way_of**2).sum(axis=-1) - along**2, 1e-12))
+        nearest = self.radius / np.maximum(aside + self.slope * np.abs(along), 1e-3)
+        depth, through, shown = np.zeros(shape), np.ones(shape), np.zeros(shape)
+        for number, gain in enumerate(self.gains):
+            gains = tuple(gain if place == number else 0.0 for place in range(len(self.gains)))
+            alpha = replace(self, gains=gains).alpha(frame, 1.0, way)
+            share = through * alpha
+            depth += share * nearest * 2.0**number
+            shown += share
+            through *= 1.0 - alpha
+        far = np.where(shown > 1e-6, depth / np.maximum(shown, 1e-6), np.inf)
+        moved = later.displacement(fall=self.motion.fall, wind=self.motion.mean_wind)
+        moved = moved - frame.displacement(fall=self.motion.fall, wind=self.motion.mean_wind)
+        return plane_motion(far, frame, later, moved), far.astype(np.float32)
 
     def alpha(self, frame: Frame, amount: float, way: Way) -> Array:
         """Return the joint alpha of the layers over the window, (h, w) float32."""

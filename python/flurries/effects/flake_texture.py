@@ -412,7 +412,7 @@ class FlakeTexture:
         depth = np.full((len(y), len(x)), float(coverage @ depths / coverage.sum()), np.float32)
         if frame.depth is not None:
             depth = np.minimum(depth, frame.crop(frame.depth))
-        return motion.astype(np.float32), depth
+        return (motion * (later.t - frame.t)).astype(np.float32), depth
 
     def _patterns(self, frame: Frame, film: Film, amount: float) -> _core.PreparedFlakes:
         focal = frame.camera.focal

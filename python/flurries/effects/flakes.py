@@ -209,7 +209,7 @@ class Flakes:
         jumps = np.abs(after - points).max(axis=1, initial=0.0) > half
         gone = ~known | (ahead <= NEAR) | jumps
         local = points[gone] - np.array(frame.camera.offset)
-        speed, z = velocity[gone], local[:, 2:]
+        speed, z = (later.t - frame.t) * velocity[gone], local[:, 2:]
         way[gone] = frame.camera.focals * (speed[:, :2] - speed[:, 2:] * local[:, :2] / z) / z
         return way.astype(np.float32), depth.astype(np.float32)
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import InitVar, dataclass, fields
+from dataclasses import InitVar, dataclass, fields, replace
 from functools import cached_property, partial
 from typing import Any, ClassVar
 
@@ -27,6 +27,7 @@ from flurries.frame.view import Frame
 from flurries.gas.splatting import FOOTPRINTS, Footprint
 from flurries.gas.visibility import count_for_visibility
 from flurries.motion.keys import Keys, Number, Vector, as_number, as_vector, value_at
+from flurries.trace import stage
 
 # The steepest place of the sRGB encoding, at black: display values per linear light.
 STEEPEST = 12.92
@@ -382,8 +383,14 @@ class Mist(metaclass=Described):
             top, bottom, left, right = frame.window
             drawn = np.zeros((bottom - top, right - left), np.float32)
         if drawn.ndim == 2:
-            return Layer(self.NAME, drawn, color)
-        return Layer(self.NAME, drawn[..., 3], rgb=drawn[..., :3])
+            layer = Layer(self.NAME, drawn, color)
+        else:
+            layer = Layer(self.NAME, drawn[..., 3], rgb=drawn[..., :3])
+        if not frame.whole:
+            return layer
+        with stage("passes"):
+            motion, backward, depth = self.parts.passes(frame, density)
+        return replace(layer, motion=motion, backward=backward, depth=depth)
 
     def _is_lit(self, frame: Frame) -> bool:
         return self.lit and frame.sun is not None

@@ -155,12 +155,13 @@ class Precipitation(Generic[_Back]):
         layer = Layer(self.name, alpha, color)
         back: Any = texture
         known = back is None or hasattr(back, "passes")
-        if not frame.whole or flakes is None or not known:
+        if not frame.whole or (flakes is None and back is None) or not known:
             return layer
-        passes = passes_of(back, flakes, frame, amount, way, (behind, front))
+        passes = passes_of(back, flakes, self.motion, frame, amount, way, (behind, front))
         return replace(
             layer,
             motion=passes.motion,
+            backward=passes.backward,
             depth=passes.depth,
             coverage=passes.coverage,
             ids=passes.ids,

@@ -1,0 +1,122 @@
+"""Depth and motion of every layer: judged by points that are followed one by one."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import flurries as fl
+from flurries import io
+
+H, W = 72, 96
+LENS = fl.Camera(110.0)
+FLIGHT = fl.CameraPath(LENS, velocity=(0.5, -0.2, 1.5))
+EFFECTS: dict[str, Any] = {
+    "mist": fl.Mist.preset("fog", wind=(1.0, 0.0, 0.0)),
+    "cone rain": fl.ConeRain.preset("downpour", haze=0.0),
+    "cone snow without flakes": fl.ConeSnow.preset("heavy", flakes=0, haze=0.0),
+    "snow": fl.Snow.preset("heavy"),
+    "tent without flakes": fl.TentSnow.preset("heavy", flakes=0, haze=0.0),
+    "tent": fl.TentSnow.preset("heavy"),
+}
+
+
+def rendered(effect: Any, **changes: Any) -> fl.Rendered:
+    given: dict[str, Any] = {"camera": FLIGHT, "effects": [effect], "depth": 40.0, "fps": 24.0}
+    return fl.Scene((W, H), (0.0, 0.0, 0.0), **{**given, **changes}).render(3, layers=True)
+
+
+@pytest.mark.parametrize("name", EFFECTS)
+def test_every_layer_says_how_far_it_is_and_how_it_moves(name: str):
+    made = rendered(EFFECTS[name])
+    (layer,) = made.layers
+    assert layer in made.depths and layer in made.motions and layer in made.backwards
+    depth = made.depths[layer]
+    shown = made.layers[layer][..., 3] > 0.02
+    assert shown.any() and np.isfinite(depth[shown]).all()
+    assert (depth[np.isfinite(depth)] <= 40.0).all(), "behind the scene"
+    assert (depth[shown] > 0.0).all() and depth[shown].min() < 40.0
+    # At this speed the way there and the way back are nearly the same.
+    there, back = made.motions[layer][shown], made.backwards[layer][shown]
+    speed = np.abs(there).max(axis=1)
+    slow = speed <= np.median(speed)
+    assert np.abs(there[slow] + back[slow]).mean() < 0.2 * np.abs(there[slow]).mean() + 0.05
+
+
+def test_fog_is_where_its_particles_are():
+    """One particle: its depth and its way are those of a point."""
+    fog = fl.Mist(count=1, radius=0.4, density=0.9, box=4.0, center=(0.0, 0.0, 0.0), seed=2)
+    camera = fl.CameraPath(LENS, position=[(0.05 * t, 0.0, -6.0 + 0.1 * t) for t in range(9)])
+    scene = fl.Scene((W, H), effects=[fog], camera=camera, fps=24.0)
+    made = scene.render(3, layers=True)
+    depth, motion = made.depths["mist"], made.motions["mist"]
+    shown = made.alpha > 0.05
+    assert shown.any() and np.ptp(depth[shown]) < 1e-4
+    asks = scene.program.views(3.0)
+    points, _ = fog.parts.places(asks[0][1], 1.0)
+    later, _ = fog.parts.places(scene.program.views(4.0)[0][1], 1.0)
+    earlier, _ = fog.parts.places(scene.program.views(2.0)[0][1], 1.0)
+    assert depth[shown][0] == pytest.approx(points[0, 2], rel=1e-5)
+    # What a pixel shows lies at the particle's depth, and moves as the particle does.
+    y, x = np.mgrid[:H, :W] + 0.5
+    aside = np.stack([x - W / 2, y - H / 2], axis=-1)[shown]
+    place = np.c_[aside / 110.0 * points[0, 2], np.full(len(aside), points[0, 2])]
+    for other, told in ((later, motion), (earlier, made.backwards["mist"])):
+        then = place + (other - points)
+        wanted = 110.0 * then[:, :2] / then[:, 2:] - aside
+        np.testing.assert_allclose(told[shown], wanted, atol=2e-3)
+
+
+def test_thick_fog_before_snow_tells_the_fog():
+    snow, fog = fl.Snow.preset("light"), fl.Mist.preset("fog", density=1.0, wind=(2.0, 0.0, 0.0))
+    made = rendered([snow, fog][0], effects=[snow, fog])
+    thick = made.layers["mist"][..., 3] > 0.9
+    assert thick.mean() > 0.3
+    np.testing.assert_array_equal(made.weather_depth[thick], made.depths["mist"][thick])
+    np.testing.assert_array_equal(made.motion[thick], made.motions["mist"][thick])
+    np.testing.assert_array_equal(made.backward[thick], made.backwards["mist"][thick])
+    assert made.weather_depth[thick].max() < 3.0
+
+
+class Glass:
+    """An effect of somebody's own that knows nothing of its pixels."""
+
+    def render(self, frame: fl.Frame) -> fl.Layer:
+        top, bottom, left, right = frame.window
+        return fl.Layer("glass", np.full((bottom - top, right - left), 0.9, np.float32))
+
+
+def test_where_a_layer_shows_most_that_knows_nothing_nothing_is_known():
+    made = rendered(None, effects=[fl.Snow.preset("heavy"), Glass()])
+    assert np.isinf(made.weather_depth).all() and (made.motion == 0.0).all()
+
+
+def test_rain_on_the_cone_moves_as_its_texture_does():
+    """A camera that flies straight through still air: motion away from the middle, by depth."""
+    rain = fl.ConeRain(fall=0.0, wind=(0.0, 0.0, 0.0), haze=0.0)
+    camera = fl.CameraPath(LENS, velocity=(0.0, 0.0, 2.4))
+    made = rendered(rain, camera=camera, depth=None)
+    depth, motion = made.depths["cone_rain"], made.motions["cone_rain"]
+    y, x = np.mgrid[:H, :W] + 0.5
+    here = np.stack([x - W / 2, y - H / 2], axis=-1)
+    seen = np.isfinite(depth) & (depth > 0.5)
+    wanted = here[seen] * (depth[seen] / (depth[seen] - 0.1) - 1.0)[:, None]
+    np.testing.assert_allclose(motion[seen], wanted, atol=2e-3, rtol=1e-3)
+
+
+def test_motion_counts_up_or_down_as_the_file_says(tmp_path: Path):
+    scene = fl.Scene((W, H), "#000000", camera=FLIGHT, effects=[fl.Snow.preset("heavy")], fps=24.0)
+    for way in ("y-down", "y-up"):
+        scene.write(tmp_path / f"{way}.exr", 3, layers=True, motion=way, bits="float")
+    down, up = (io.read_layers(tmp_path / f"y-{way}.exr") for way in ("down", "up"))
+    for name in ("forward", "backward", "snow.forward", "snow.backward"):
+        np.testing.assert_array_equal(down[name] * np.float32([1, -1]), up[name])
+        assert np.abs(down[name][..., 1]).max() > 0.0
+    for way in ("down", "up"):
+        said = io.read_header(tmp_path / f"y-{way}.exr").metadata["motion"]
+        assert said == f"px per frame, x right, y {way}"
+    with pytest.raises(ValueError, match="motion must be"):
+        scene.write(tmp_path / "a.exr", 3, layers=True, motion="up")
