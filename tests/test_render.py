@@ -21,7 +21,7 @@ from flurries.io import (
     srgb_to_linear,
     write_picture,
 )
-from flurries.output.contents import display_bytes
+from flurries.output.contents import display_levels
 
 Scene, Snow = fl.Scene, fl.TentSnow
 W, H = 66, 50
@@ -119,13 +119,13 @@ def test_an_exr_with_layers(kind: str, half: bool, bright: fl.Scene, tmp_path: P
     assert np.abs(back - again).max() < (0.01 if kind == "bytes" else 0.005 * LIGHT.max())
 
 
-def test_display_bytes(scene: fl.Scene, bright: fl.Scene):
-    assert np.array_equal(display_bytes(BYTES), BYTES)
+def test_display_levels(scene: fl.Scene, bright: fl.Scene):
+    assert np.array_equal(display_levels(BYTES, 8), BYTES)
     levels = np.arange(65536, dtype=np.uint16).reshape(256, 256)
-    assert np.array_equal(display_bytes(levels), np.rint(levels / 257.0))
+    assert np.array_equal(display_levels(levels, 8), np.rint(levels / 257.0))
     odd = np.array([[np.nan, np.inf, -np.inf, -1.0, 0.0, 0.5, 1.0, 70.0]], np.float32)
     want = [0, 255, 0, 0, 0, round(255 * float(linear_to_srgb(np.array(0.5)))), 255, 255]
-    assert display_bytes(odd).tolist() == [want]
+    assert display_levels(odd, 8).tolist() == [want]
 
 
 @pytest.mark.parametrize("ending", ["mp4", "webm", "mkv", "mov"])

@@ -11,8 +11,6 @@ from flurries.camera.path import CameraPath
 from flurries.camera.rotation import quaternions_of
 from flurries.motion.keys import Keys
 
-__all__ = ["extent", "holding"]
-
 
 def extent(path: CameraPath) -> tuple[int, int] | None:
     """Return the first and the last frame of a camera that must not go on by itself, or None.

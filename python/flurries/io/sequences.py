@@ -19,7 +19,7 @@ _PART = re.compile(r"([0-9]{1,9})(?:-([0-9]{1,9})(?:x([0-9]{1,9}))?)?")
 _TOKEN = re.compile(r"%(?:0([0-9]{1,2}))?d")
 
 # The tokens of compositing programs: a digit for each "#", and Houdini's.
-_OTHER_TOKENS = re.compile(r"#+|\$F[0-9]?")
+_OTHER_TOKENS = re.compile(r"#+|\$F[0-9]?(?![A-Za-z0-9])")
 
 
 def frame_range(text: str) -> list[int]:

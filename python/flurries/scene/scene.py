@@ -246,7 +246,13 @@ class Scene:
         if isinstance(files.source, VideoSource):
             code = files.source.tags.timecode
             return Slate().at(rate, None if code is None else code.later(place))
-        found = read_slate(files.source.file(place))
+        try:
+            found = read_slate(files.source.file(place))
+        except (OSError, ValueError):
+            if files.source.damaged != "hold":
+                raise
+            # Its frame is that of an earlier plate, which was at another time.
+            found = Slate()
         if self.size != files.source.size:
             # Fitted to another size: other windows and pixels.
             found = found.resized()
@@ -334,6 +340,8 @@ class Scene:
         """Return the scene with some attributes changed, which are known to be right: unchecked."""
         made = object.__new__(Scene)
         # What runs belongs to the scene that it was found for.
+        if "camera" in changes:
+            changes["_path"] = changes["camera"]
         own = {name: value for name, value in vars(self).items() if name not in ("program", "fine")}
         vars(made).update(own, **changes)
         return made

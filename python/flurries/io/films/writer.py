@@ -113,6 +113,8 @@ class VideoWriter:
         self.count = 0
         self._codec = encoder_for(suffix, quality, self.size, codec, bits, alpha=alpha)
         self._channels = 4 if alpha else 3
+        if tags is not None and not isinstance(tags, Tags):
+            raise TypeError(f"tags must be Tags, got {type(tags).__name__}")
         self._tags = _settled(tags or Tags(), self._codec)
         if suffix == ".mkv" and self._tags.aspect != 1:
             raise ValueError(f"{self.path}: a .mkv does not keep pixels that are not square")
