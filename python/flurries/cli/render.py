@@ -55,6 +55,8 @@ NAMED = 10
 @option("--compression", default="zip", example="dwaa",
         type=click.Choice(("zip", "zips", "piz", "rle", "none", "dwaa", "dwab")),
         help="how EXR packs pixels; dwaa and dwab lose what is hard to see")  # fmt: skip
+@option("--output-colorspace", metavar="NAME", example="sRGB - Display", unset="--colorspace",
+        help="color space of what is written")  # fmt: skip
 @option("--codec", type=click.Choice(tuple(CODECS)), example="prores-hq",
         unset="that of the video's name",
         help="of a video; prores-4444 has alpha for --alone")  # fmt: skip
@@ -79,7 +81,8 @@ NAMED = 10
 @voice
 def render(
     words: Words, output: str, frames: str | None, overwrite: bool, bits: str | None,
-    full: bool, compression: Packing, codec: str | None, motion: Any, layers: bool,
+    full: bool, output_colorspace: str | None, compression: Packing, codec: str | None,
+    motion: Any, layers: bool,
     alone: bool, quality: Quality, damaged: Damaged, no_sound: bool, no_manifest: bool,
     dask: str | None, dask_patience: float, **given: Any,
 ) -> int:  # fmt: skip
@@ -98,7 +101,8 @@ def render(
     with tracing() as trace:
         summary = scene.write(
             output, frames, bits=kind, codec=codec, motion=motion, compression=compression,
-            layers=layers, alone=alone, overwrite=overwrite, damaged=damaged, sound=not no_sound,
+            layers=layers, alone=alone, colorspace=output_colorspace, overwrite=overwrite,
+            damaged=damaged, sound=not no_sound,
             manifest=not no_manifest, quality=quality,
             dask=None if dask is None else dask or True, dask_patience=dask_patience,
             progress=words.progress("frame"),

@@ -72,6 +72,9 @@ scene_options: Callable[[Any], Any] = join(
            help="size of the frame in pixels"),
     option("--fps", type=float, metavar="F", example="25", unset="the film's or scene's, else 30",
            help="frames a second"),
+    option("--colorspace", metavar="NAME", example="ACEScg", unset="the scene's, else Rec. 709",
+           help="color space of the picture, and of what is written unless --output-colorspace "
+           "says another; a name of $OCIO or of the built-in configuration"),
     option("--linear", is_flag=True, help="mix in linear light, as for EXR, and not in display "
            "values"),
 )  # fmt: skip
@@ -81,7 +84,7 @@ def scene_of(source: str, **options: Any) -> Scene:
     """Return the scene that `scene_options` describe."""
     changes = {
         name: options[name]
-        for name in ("seed", "tolerance", "size", "fps", "extend", "start")
+        for name in ("seed", "tolerance", "size", "fps", "extend", "start", "colorspace")
         if options[name] is not None
     }
     if options["foreground"]:

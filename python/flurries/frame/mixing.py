@@ -45,12 +45,15 @@ class Mix:
     straight : bool
         Whether the background is of integers with alpha, which its colors are not multiplied by. In
         the mix they are, and those of floats are already.
+    primaries : (3, 3) or None
+        Linear light c of Rec. 709's primaries, as effects give it, is c @ primaries in the mix.
     """
 
     linear: bool
     encoding: str
     table: bool = False
     straight: bool = False
+    primaries: Array | None = None
 
     @property
     def same(self) -> bool:
@@ -131,7 +134,7 @@ class Mix:
         result = np.empty((*layer.alpha.shape, 4), np.float32)
         result[..., 3] = layer.alpha
         if self.linear:
-            result[..., :3] = layer.rgb
+            result[..., :3] = layer.rgb if self.primaries is None else layer.rgb @ self.primaries
             return result
         cover = layer.alpha[..., None]
         np.multiply(linear_to_srgb(unmultiply(layer.rgb, cover)), cover, out=result[..., :3])
@@ -141,8 +144,11 @@ class Mix:
         """Return a display color in the light that layers are mixed in."""
         if not self.linear:
             return list(color)
-        light: list[float] = srgb_to_linear(np.asarray(color, np.float64)).tolist()
-        return light
+        light = srgb_to_linear(np.asarray(color, np.float64))
+        if self.primaries is not None:
+            light = np.maximum(light @ self.primaries, 0.0)
+        found: list[float] = light.tolist()
+        return found
 
 
 def _by_parts(turn: Callable[[Array], Array], values: Array, result: Array) -> Array:

@@ -90,6 +90,8 @@ class Program:
         ``deep``: whether every frame has the same, and whether any of it has a depth.
     linear : bool
         Whether layers are mixed in linear light.
+    primaries : (3, 3) or None
+        See `Mix`.
     parts : list of Part
         The effects that show something, back to front.
     left_out : list of LeftOut
@@ -108,6 +110,7 @@ class Program:
     distance: Any
     mattes: Any
     linear: bool
+    primaries: Array | None = None
 
     def __post_init__(self) -> None:
         self.parts: list[Part] = []
@@ -138,7 +141,7 @@ class Program:
     def mix(self, plate: Array | None = None, *, table: bool = False) -> Mix:
         """Return the light that layers are mixed in, over a plate of the background."""
         straight = plate is not None and plate.shape[2] == 4 and plate.dtype.kind == "u"
-        return Mix(self.linear, self.backdrop.encoding, table, straight)
+        return Mix(self.linear, self.backdrop.encoding, table, straight, self.primaries)
 
     def camera(self, eye: Camera | None, t: float) -> Camera:
         """Return an eye, or the path's own camera, as it is at `t`."""
@@ -316,7 +319,12 @@ class Program:
     def _ambient(self, t: float) -> tuple[float, float, float]:
         with stage("ambient"):
             # Of the whole picture, so that a region has the whole's bits.
-            return ambient_light(self.backdrop.frame(t), self.backdrop.encoding)
+            picture = self.backdrop.frame(t)
+            if self.primaries is not None:
+                # Effects' colors are of Rec. 709's primaries.
+                back = (picture[..., :3] @ np.linalg.inv(self.primaries)).astype(np.float32)
+                picture = np.concatenate([back, picture[..., 3:]], axis=2)
+            return ambient_light(picture, self.backdrop.encoding)
 
 
 def effect_seed(seed: int, index: int) -> int:

@@ -15,6 +15,7 @@ from flurries.camera.lens import Camera
 from flurries.frame.truth import Rendered
 from flurries.io import write_layer_views, write_layers, write_picture
 from flurries.io.color import to_display, to_integer, to_linear, to_unit, unmultiply
+from flurries.io.colorspace import ColorSpace
 from flurries.io.pictures.writer import format_of
 from flurries.scene.scene import Scene
 
@@ -44,6 +45,8 @@ class Content:
         Which way the second number of motion vectors counts.
     compression : str
         How an EXR is packed, as `flurries.io.write_picture` takes it.
+    space : ColorSpace or None
+        What is written, of a scene that says its own.
     eyes : mapping of str to Camera, optional
         Views instead of the one of the path's camera.
     """
@@ -54,6 +57,7 @@ class Content:
     motion: str = "y-down"
     eyes: Mapping[str, Camera] | None = None
     compression: str = "zip"
+    space: ColorSpace | None = None
 
     @property
     def mark(self) -> str:
@@ -61,6 +65,7 @@ class Content:
         words = ["half" if self.bits is None else str(self.bits), self.kind]
         words += [word for word in (self.codec,) if word is not None]
         words += ["y-up"] if self.motion == "y-up" and self.kind == "layers" else []
+        words += [self.space.name] if self.space is not None else []
         words += [self.compression] if self.compression != "zip" else []
         if self.eyes is not None:
             told = repr(list(self.eyes.items())).encode()
@@ -88,6 +93,10 @@ class Content:
         form = format_of(path)
         half, bits = self.bits != "float", self.bits if isinstance(self.bits, int) else None
         slate = scene.slate(int(metadata["frame"]))
+        if self.space is not None and scene.color is not None:
+            own = scene.color.working if self.kind == "layers" or self.eyes else self.space
+            metadata = {**metadata, "colorspace": own.name}
+            slate = slate if own.name == scene.color.name else slate.uncolored()
         more: dict[str, Any] = {"half": half, "metadata": metadata, "slate": slate}
         if self.kind == "layers":
             more["metadata"] = metadata = {
@@ -104,15 +113,46 @@ class Content:
             encoding = "linear" if scene.linear else "display"
             if bits is None and self.bits != "float" and form.bits and not form.only_floats:
                 bits = 16 if scene.deep else 8
+            pixels = weather(frame)
+            if self.space is not None:
+                pixels, encoding = self._colored(scene, pixels), self._encoding
             packed = self.compression
-            write_picture(
-                path, weather(frame), encoding=encoding, bits=bits, compression=packed, **more
-            )
+            write_picture(path, pixels, encoding=encoding, bits=bits, compression=packed, **more)
         else:
             frame = frame if form.alpha else without_alpha(frame, path)
             if bits is None and form.name == "dpx":
                 bits = slate.bits if slate.bits in form.bits else 10
-            write_picture(path, frame, bits=bits, compression=self.compression, **more)
+            encoding = None
+            if self.space is not None:
+                frame, encoding = self._colored(scene, frame), self._encoding
+                if bits is None and form.bits and not form.only_floats and encoding == "display":
+                    bits = slate.bits if slate.bits in form.bits else 8
+            packed = self.compression
+            write_picture(path, frame, encoding=encoding, bits=bits, compression=packed, **more)
+
+    @property
+    def _encoding(self) -> str:
+        """What the numbers of the color space that is written are."""
+        assert self.space is not None
+        return "linear" if self.space.linear else "display"
+
+    def _colored(self, scene: Scene, pixels: Array) -> Array:
+        """Return premultiplied light of the scene's working space in what is written."""
+        assert self.space is not None and scene.color is not None
+        return scene.color.working.convert_rgba(pixels, self.space)
+
+    def levels(self, scene: Scene, frame: Any, bits: int, path: object) -> Array:
+        """Return a rendered frame as a film takes it, uint8 or uint16."""
+        if self.kind == "alone":
+            if self.space is None:
+                return straight_levels(frame, bits)
+            whole = self._colored(scene, weather(frame))
+            straight = unmultiply(whole[..., :3], whole[..., 3:])
+            return to_integer(np.concatenate([straight, whole[..., 3:]], axis=2), bits)
+        image = without_alpha(frame, path)
+        if self.space is not None:
+            return to_integer(self._colored(scene, image), bits)
+        return display_levels(image, bits)
 
     def _planes(self, scene: Scene, frame: Any) -> dict[str, Array]:
         if self.kind == "layers":

@@ -19,7 +19,6 @@ from flurries.io.films.codecs import bits_for, frame_rate
 from flurries.io.films.sound import Sound, has_sound
 from flurries.io.films.tags import Tags
 from flurries.io.films.writer import comment_of
-from flurries.output.contents import display_levels, straight_levels, without_alpha
 from flurries.output.frames import Frames, is_readable
 from flurries.output.groups import images
 from flurries.output.mark import Refused
@@ -85,10 +84,7 @@ def write_film(
 
         def encode(image: Any) -> None:
             with stage("encode"):
-                if alone:
-                    video.write(straight_levels(image, levels))
-                else:
-                    video.write(display_levels(without_alpha(image, path), levels))
+                video.write(content.levels(scene, image, levels, path))
 
         waiting: deque[Future[None]] = deque()
         for number, image in _rendered(job, frames, progress, levels, dask, patience):

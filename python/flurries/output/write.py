@@ -15,6 +15,7 @@ import numpy as np
 from flurries._contract import choice, flag
 from flurries.camera.lens import Camera
 from flurries.io import Pattern
+from flurries.io.colorspace import ColorSpace
 from flurries.io.films.codecs import CODECS
 from flurries.io.pictures.writer import COMPRESSIONS, format_of
 from flurries.io.sequences import VIDEO_EXTENSIONS, with_percent
@@ -79,6 +80,7 @@ def write(
     bits: int | str | None = None,
     codec: str | None = None,
     motion: str = "y-down",
+    colorspace: str | None = None,
     compression: Literal["zip", "zips", "piz", "rle", "none", "dwaa", "dwab"] = "zip",
     layers: bool = False,
     alone: bool = False,
@@ -124,6 +126,10 @@ def write(
         `alone`) or "dnxhr"; the extension's own if not given.
     motion : {"y-down", "y-up"}
         Which way the second number of motion vectors in layers counts.
+    colorspace : str, optional
+        What is written, by its name in ``$OCIO``; the scene's own if not given. EXR holds linear
+        ones, formats of integers and films those that are encoded; layers stay in the light that
+        they were mixed in.
     compression : {"zip", "zips", "piz", "rle", "none", "dwaa", "dwab"}
         How an EXR packs its pixels. The last two lose bits that are hard to see, and take half the
         bytes or less of a frame of snow; they are not for layers and eyes.
@@ -210,7 +216,11 @@ def write(
         target = Pattern(text)
     scene.require(wanted, gaps=damaged == "stop")
     kind = "layers" if layers else "alone" if alone else "composite"
-    content = Content(kind, bits, codec, motion, _views(eyes), compression)
+    own = scene.colorspace if colorspace is None else colorspace
+    if own is not None and scene.colorspace is None:
+        raise ValueError("colorspace of what is written needs the scene's own colorspace")
+    space = None if own is None else ColorSpace.of("colorspace", own)
+    content = Content(kind, bits, codec, motion, _views(eyes), compression, space)
     _require_room(text, content, is_video=target.is_video)
     bar = progress if progress is not None else _silent
     job = Frames(
@@ -279,6 +289,17 @@ def _require_room(text: str, content: Content, *, is_video: bool) -> None:
             f"compression is for a composite or the weather alone in an EXR, got "
             f"{content.compression!r} for {text!r}"
         )
+    if content.space is not None and content.kind != "layers" and content.eyes is None:
+        floats = not is_video and lower.endswith((".exr", ".tif", ".tiff"))
+        if content.space.linear and not floats:
+            raise ValueError(
+                f"colorspace {content.space.name!r} is linear, which {text} cannot hold: give "
+                "another one for it, such as 'sRGB - Display' (--output-colorspace)"
+            )
+        if not content.space.linear and lower.endswith(".exr"):
+            raise ValueError(
+                f"colorspace {content.space.name!r} is not linear, as an EXR is: {text}"
+            )
     if content.kind == "layers" and not lower.endswith(".exr"):
         raise ValueError(f"layers need an EXR, got {text!r}")
     if content.eyes is not None and not lower.endswith(".exr"):

@@ -11,6 +11,7 @@ import numpy as np
 
 from flurries._contract import Array, rectangular, table, warn_of_levels
 from flurries.io import fit, open_background
+from flurries.io.colorspace import ColorSpace
 from flurries.scene.numbered import Numbered
 from flurries.scene.overscan import Display
 
@@ -65,6 +66,10 @@ class Backdrop:
         first = 0 if self.files is None or self.files.span is None else self.files.span.first
         return self.frame(first).dtype != np.uint8
 
+    def decoded(self, space: ColorSpace) -> Backdrop:
+        """Return the same as light of a color space's working space."""
+        return replace(self, encoding="linear", source=_Decoded(self.source, space))
+
     def fine(self) -> Backdrop:
         """Return the same in 16 bits, where it has 8."""
         return replace(self, source=_Fine(self.source))
@@ -73,6 +78,33 @@ class Backdrop:
     def files(self) -> Numbered | None:
         """Where it comes from, where that is a source."""
         return getattr(self.source, "files", None)
+
+
+@dataclass
+class _Decoded:
+    """Frames of a color space as light of its working space; the last one is kept."""
+
+    source: Any
+    space: ColorSpace
+    _last: tuple[Array, Array] | None = None
+
+    @property
+    def files(self) -> Numbered | None:
+        return getattr(self.source, "files", None)
+
+    def frame(self, t: float) -> Array:
+        still = isinstance(self.source, np.ndarray)
+        pixels: Array = self.source if still else self.source.frame(t)
+        last = self._last
+        if last is not None and last[0] is pixels:
+            return last[1]
+        made = self.space.decode(pixels)
+        made.flags.writeable = False
+        self._last = (pixels, made)
+        return made
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {**self.__dict__, "_last": None}
 
 
 @dataclass

@@ -22,6 +22,7 @@ from flurries.frame.picture import images
 from flurries.frame.program import Program
 from flurries.frame.truth import Rendered, truth
 from flurries.io import open_background
+from flurries.io.colorspace import ColorSpace
 from flurries.io.films.codecs import frame_rate
 from flurries.io.pictures.slate import Slate, read_slate
 from flurries.io.sequences import MOST_FRAMES
@@ -117,6 +118,11 @@ class Scene:
     extend : {"stop", "hold", "loop"}
         What stands for a frame number that a sequence, a film or a camera's file does not have: an
         error, its first or last frame, or its frames over again (a camera cannot loop).
+    colorspace : str, optional
+        The background's color space by its name in ``$OCIO`` or the built-in configuration, such as
+        "ACEScg". Layers are mixed in it if it is linear, else in the configuration's scene_linear,
+        and the weather's colors are turned into it: over an ACEScg plate snow has the color that
+        it has over one of Rec. 709.
     start : int, optional
         The number of the first frame of films, which have no numbers of their own. If not given
         that of the background's files, else 0.
@@ -148,6 +154,7 @@ class Scene:
     tolerance: float
     extend: Extend
     start: int | None
+    colorspace: str | None
     _backdrop: Backdrop = field(init=False)
     _mattes: Mattes | None = field(init=False)
     _distance: Distance | None = field(init=False)
@@ -168,6 +175,7 @@ class Scene:
         tolerance: float = 0.0,
         extend: Extend = "stop",
         start: int | None = None,
+        colorspace: str | None = None,
     ) -> None:
         def settle(name: str, value: Any) -> None:
             object.__setattr__(self, name, value)
@@ -186,6 +194,11 @@ class Scene:
         settle("background", background)
         numbers: dict[str, Any] = {"extend": extend, "start": start}
         settle("_backdrop", backdrop(background, wanted, **numbers))
+        settle("colorspace", colorspace)
+        if self.color is not None:
+            if space == "display":
+                raise ValueError("space must not be 'display' where a colorspace is given")
+            settle("_backdrop", self._backdrop.decoded(self.color))
         if start is None and self.range is not None:
             numbers["start"] = self.range[0]
         settle("size", self._backdrop.size)
@@ -235,6 +248,11 @@ class Scene:
     def pixel_aspect(self) -> float:
         """Width of a pixel over its height, as the background says."""
         return self._backdrop.aspect
+
+    @cached_property
+    def color(self) -> ColorSpace | None:
+        """The background's color space, where it is said."""
+        return None if self.colorspace is None else ColorSpace.of("colorspace", self.colorspace)
 
     def slate(self, t: float) -> Slate:
         """Return what the background's frame floor(t) says of itself, at the scene's rate."""
@@ -516,6 +534,7 @@ class Scene:
             distance=self._distance,
             mattes=self._mattes,
             linear=self.linear,
+            primaries=None if self.color is None else self.color.working.from_rec709(),
         )
 
     @overload
@@ -592,6 +611,7 @@ class Scene:
         bits: Literal[8, 10, 16, "half", "float"] | None = None,
         codec: str | None = None,
         motion: Literal["y-down", "y-up"] = "y-down",
+        colorspace: str | None = None,
         compression: Literal["zip", "zips", "piz", "rle", "none", "dwaa", "dwab"] = "zip",
         layers: bool = False,
         alone: bool = False,
@@ -623,6 +643,8 @@ class Scene:
             Of a film: "h264", "h265", "prores-hq", "prores-4444", "dnxhr", ...
         motion : {"y-down", "y-up"}
             Which way motion vectors in layers count.
+        colorspace : str, optional
+            What is written, by its name in ``$OCIO``; the scene's own if not given.
         compression : {"zip", "zips", "piz", "rle", "none", "dwaa", "dwab"}
             How an EXR packs its pixels; the last two are lossy.
         layers : bool
@@ -663,10 +685,10 @@ class Scene:
         from flurries.output.write import write
 
         return write(
-            self, pattern, frames, bits=bits, codec=codec, motion=motion, compression=compression,
-            layers=layers, alone=alone, eyes=eyes, overwrite=overwrite, damaged=damaged,
-            sound=sound, manifest=manifest, quality=quality, dask=dask,
-            dask_patience=dask_patience, progress=progress,
+            self, pattern, frames, bits=bits, codec=codec, motion=motion, colorspace=colorspace,
+            compression=compression, layers=layers, alone=alone, eyes=eyes,
+            overwrite=overwrite, damaged=damaged, sound=sound, manifest=manifest,
+            quality=quality, dask=dask, dask_patience=dask_patience, progress=progress,
         )  # fmt: skip
 
     def to_dask(self, frames: Frames = None, *, group: int | None = None) -> dask.array.Array:

@@ -177,4 +177,6 @@ def read_slate(path: str | os.PathLike[str], *, budget: Budget | None = None) ->
             origin = (spec.x + left, spec.y + top)
             display = (spec.full_x, spec.full_y, spec.full_width, spec.full_height)
         bits = spec.get_int_attribute("oiio:BitsPerSample") or None
+        if bits is None and opened.stored_type in ("uint8", "uint16"):
+            bits = 8 if opened.stored_type == "uint8" else 16
         return Slate(tuple(found), opened.encoding, origin, display, rate_of(spec), bits)

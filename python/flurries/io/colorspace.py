@@ -1,0 +1,121 @@
+"""Color spaces by their names, through OpenColorIO: ``$OCIO``, or the configuration built into it.
+
+OpenImageIO holds OpenColorIO and is the gate to it here too.
+"""
+
+from __future__ import annotations
+
+import difflib
+import os
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+
+from flurries.io.color import Array, to_unit, unmultiply
+from flurries.io.oiio import last_error, openimageio
+
+# What configurations call linear light of Rec. 709's primaries, in which the weather's colors are.
+_REC709 = (
+    "Linear Rec.709 (sRGB)", "lin_rec709_scene", "lin_rec709", "lin_srgb",
+    "scene-linear Rec.709-sRGB", "Utility - Linear - sRGB", "Utility - Linear - Rec.709",
+)  # fmt: skip
+_WORKING = "scene_linear"
+
+
+@dataclass(frozen=True)
+class ColorSpace:
+    """A color space of the configuration.
+
+    Attributes
+    ----------
+    name : str
+        Its name there.
+    linear : bool
+        Whether its numbers are in proportion to light.
+    """
+
+    name: str
+    linear: bool
+
+    @staticmethod
+    def of(argument: str, name: object) -> ColorSpace:
+        """Return a color space by a name of it.
+
+        Raises
+        ------
+        ValueError, TypeError
+            If there is none of this name; the message names the nearest.
+        """
+        if not isinstance(name, str):
+            raise TypeError(f"{argument} must be the name of a color space, got {name!r}")
+        config = _config(os.environ.get("OCIO", ""))
+        if not name or config.getColorSpaceIndex(name) < 0:
+            known = list(config.getColorSpaceNames())
+            near = difflib.get_close_matches(name, known, n=3, cutoff=0.4) or known[:6]
+            raise ValueError(
+                f"{argument} must be a color space of $OCIO or the built-in configuration, such as "
+                f"{', '.join(map(repr, near))}; got {name!r}"
+            )
+        own = str(config.resolve(name))
+        return ColorSpace(own, bool(config.isColorSpaceLinear(own)))
+
+    @property
+    def working(self) -> ColorSpace:
+        """Where layers are mixed over a picture in this space: itself if it is linear."""
+        return self if self.linear else ColorSpace.of("the role scene_linear of $OCIO", _WORKING)
+
+    def convert(self, pixels: Array, target: ColorSpace) -> Array:
+        """Return colors (H, W, 3) of this space in another one, float32."""
+        light = np.ascontiguousarray(pixels, np.float32)
+        if target.name == self.name:
+            return light
+        library = openimageio()
+        buffer = library.ImageBuf(light)
+        made = library.ImageBufAlgo.colorconvert(
+            buffer, self.name, target.name, False, "", "", os.environ.get("OCIO", "")
+        )
+        if made.has_error:
+            raise ValueError(f"{self.name} cannot be turned into {target.name}: {last_error(made)}")
+        return np.asarray(made.get_pixels("float"), np.float32).reshape(light.shape)
+
+    def convert_rgba(self, pixels: Array, target: ColorSpace) -> Array:
+        """Return premultiplied float colors (H, W, 3 or 4) of this space in another one."""
+        if pixels.shape[2] == 3 or target.name == self.name:
+            return self.convert(pixels, target)
+        cover = np.asarray(pixels[..., 3:], np.float32)
+        colors = self.convert(unmultiply(np.asarray(pixels[..., :3], np.float32), cover), target)
+        return np.concatenate([colors * cover, cover], axis=2)
+
+    def decode(self, pixels: Array) -> Array:
+        """Return a picture of this space as premultiplied light of its working space.
+
+        Integers are straight, floats premultiplied.
+        """
+        unit = np.asarray(to_unit(pixels), np.float32)
+        if pixels.shape[2] == 4 and pixels.dtype.kind == "u":
+            unit = np.concatenate([unit[..., :3] * unit[..., 3:], unit[..., 3:]], axis=2)
+        return self.convert_rgba(unit, self.working)
+
+    def from_rec709(self) -> Array:
+        """Return M (3, 3): linear light c of Rec. 709's primaries is c @ M in this linear space."""
+        config = _config(os.environ.get("OCIO", ""))
+        name = next((one for one in _REC709 if config.getColorSpaceIndex(one) >= 0), None)
+        if name is None:
+            raise ValueError(
+                f"$OCIO has no linear space of Rec. 709's primaries ({', '.join(_REC709[:4])}), in "
+                "which the weather's colors are"
+            )
+        basis = np.eye(3, dtype=np.float32)[None]
+        turned = ColorSpace.of("colorspace", name).convert(basis, self)
+        return np.asarray(turned[0], np.float64)
+
+
+@lru_cache(maxsize=4)
+def _config(path: str) -> Any:
+    """Return the configuration of a path, or the built-in one."""
+    config = openimageio().ColorConfig(path)
+    if words := config.geterror():
+        raise ValueError(f"$OCIO cannot be read: {words}")
+    return config

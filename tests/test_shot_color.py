@@ -1,0 +1,137 @@
+"""Color spaces: the same snow in every working space, and plates that come out as they went in."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import OpenImageIO as oiio
+import pytest
+
+import flurries as fl
+from flurries import io
+from flurries.cli import main
+from flurries.io.colorspace import ColorSpace
+
+H, W = 24, 36
+LIGHT = np.random.default_rng(3).random((H, W, 3)).astype(np.float32) * 0.5
+# Rec. 709 to AP1 as the Academy's S-2014-004 with a Bradford adaptation from D65 to D60 has it.
+AP1 = np.array([[0.613097, 0.339523, 0.047379], [0.070194, 0.916354, 0.013452],
+                [0.020616, 0.109570, 0.869815]])  # fmt: skip
+SNOW = [fl.TentSnow.preset("heavy", color=(0.9, 0.7, 0.5)), fl.Mist.preset("fog", density=0.2)]
+
+
+def turned(pixels: np.ndarray, matrix: np.ndarray = AP1) -> np.ndarray:
+    return np.ascontiguousarray(pixels @ matrix.T, dtype=np.float32)
+
+
+def test_snow_over_an_acescg_plate_is_that_over_one_of_rec_709():
+    plain = fl.Scene(None, LIGHT, effects=SNOW).render(4)
+    wide = fl.Scene(None, turned(LIGHT), effects=SNOW, colorspace="ACEScg").render(4)
+    np.testing.assert_allclose(turned(wide, np.linalg.inv(AP1)), plain, atol=2e-5)
+    # The control: without the name it is another color.
+    other = fl.Scene(None, turned(LIGHT), effects=SNOW).render(4)
+    assert np.abs(turned(other, np.linalg.inv(AP1)) - plain).max() > 0.02
+
+
+def test_ambient_light_and_lit_fog_know_the_space():
+    effects = [fl.TentSnow.preset("heavy", color="ambient"), fl.Mist.preset("clouds")]
+    sun = fl.Sun((0.3, 1.0, 0.2), (1.0, 0.8, 0.6), 0.3)
+    plain = fl.Scene(None, LIGHT, effects=effects, sun=sun).render(4)
+    wide = fl.Scene(None, turned(LIGHT), effects=effects, sun=sun, colorspace="ACEScg").render(4)
+    np.testing.assert_allclose(turned(wide, np.linalg.inv(AP1)), plain, atol=5e-5)
+
+
+@pytest.mark.parametrize("name", ["ACEScct", "sRGB - Display", "Gamma 2.4 Encoded Rec.709"])
+def test_a_plate_that_is_encoded_comes_out_as_it_went_in(name: str, tmp_path: Path):
+    levels = np.random.default_rng(4).integers(8000, 50000, (H, W, 3)).astype(np.uint16)
+    io.write_picture(tmp_path / "plate.png", levels)
+    plain = fl.Scene(None, tmp_path / "plate.png", colorspace=name)
+    plain.write(tmp_path / "out.png")
+    found = io.read_picture(tmp_path / "out.png").pixels
+    assert found.dtype == np.uint16 and np.abs(found.astype(int) - levels).max() <= 2
+    # Snow is mixed in light: over black it is what it is over black light.
+    snowy = plain.replace(effects=SNOW).render(4)
+    assert snowy.dtype == np.float32 and np.abs(snowy - plain.render(4)).max() > 0.05
+
+
+def test_what_is_written_may_be_in_another_space(tmp_path: Path):
+    io.write_picture(tmp_path / "plate.exr", turned(LIGHT), half=False)
+    scene = fl.Scene(None, tmp_path / "plate.exr", colorspace="ACEScg")
+    scene.write(tmp_path / "out.exr", bits="float", colorspace="Linear Rec.709 (sRGB)")
+    np.testing.assert_allclose(io.read_picture(tmp_path / "out.exr").pixels, LIGHT, atol=2e-6)
+    scene.write(tmp_path / "out.png", bits=16, colorspace="sRGB - Display")
+    wanted = io.linear_to_srgb(LIGHT)
+    made = io.read_picture(tmp_path / "out.png").pixels / 65535.0
+    np.testing.assert_allclose(made, wanted, atol=2e-3)
+    for name, space in (("a.png", None), ("a.mp4", None), ("a.exr", "ACEScct")):
+        with pytest.raises(ValueError, match="linear"):
+            scene.write(tmp_path / name, "1", colorspace=space)
+    with pytest.raises(ValueError, match="needs the scene's own"):
+        fl.Scene((4, 4)).write(tmp_path / "a.exr", "1", colorspace="ACEScg")
+
+
+def test_chromaticities_go_only_where_they_are_true(tmp_path: Path):
+    spec = oiio.ImageSpec(W, H, 3, "half")
+    said = (0.713, 0.293, 0.165, 0.83, 0.128, 0.044, 0.32168, 0.33767)
+    spec.attribute("chromaticities", oiio.TypeDesc("float[8]"), said)
+    out = oiio.ImageOutput.create(str(tmp_path / "plate.exr"))
+    out.open(str(tmp_path / "plate.exr"), spec)
+    out.write_scanlines(0, H, 0, turned(LIGHT).astype(np.float16))
+    out.close()
+    scene = fl.Scene(None, tmp_path / "plate.exr", colorspace="ACEScg", effects=SNOW)
+    scene.write(tmp_path / "same.exr")
+    scene.write(tmp_path / "layers.exr", layers=True)
+    scene.write(tmp_path / "other.exr", colorspace="Linear Rec.2020")
+    for name, there in (("same", True), ("layers", True), ("other", False)):
+        found = oiio.ImageInput.open(str(tmp_path / f"{name}.exr")).spec()
+        assert (found.getattribute("chromaticities") is not None) is there, name
+    assert io.read_header(tmp_path / "other.exr").metadata["colorspace"] == "Linear Rec.2020"
+
+
+def test_alone_and_layers_are_in_the_space(tmp_path: Path):
+    scene = fl.Scene(None, turned(LIGHT), effects=SNOW[:1], colorspace="ACEScg")
+    plain = fl.Scene(None, LIGHT, effects=SNOW[:1])
+    for made, name in ((scene, "wide"), (plain, "plain")):
+        made.write(tmp_path / f"{name}.exr", 4, alone=True, bits="float")
+    wide, rec = (io.read_picture(tmp_path / f"{name}.exr") for name in ("wide", "plain"))
+    np.testing.assert_array_equal(wide.alpha, rec.alpha)
+    np.testing.assert_allclose(wide.pixels, turned(rec.pixels), atol=2e-5)
+
+
+def test_names_that_are_none_are_refused_with_the_nearest(tmp_path: Path):
+    with pytest.raises(ValueError, match=r"colorspace must be .*'ACEScg'.*got 'ACESgc'"):
+        fl.Scene((4, 4), colorspace="ACESgc")
+    with pytest.raises(TypeError, match="colorspace must be the name"):
+        fl.Scene((4, 4), colorspace=3)
+    assert ColorSpace.of("a", "acescg").name == "ACEScg"
+
+
+def test_the_command_line_and_scene_files_name_it(tmp_path: Path):
+    io.write_picture(tmp_path / "plate.exr", turned(LIGHT), half=False)
+    base = ["render", str(tmp_path / "plate.exr"), "--snow", "heavy", "--frames", "1", "-q"]
+    out = str(tmp_path / "out.exr")
+    assert main([*base, "--colorspace", "ACEScg", "-o", out]) == 0
+    more = ["--output-colorspace", "sRGB - Display", "-o", str(tmp_path / "out.png")]
+    assert main([*base, "--colorspace", "ACEScg", *more]) == 0
+    scene = fl.Scene(None, tmp_path / "plate.exr", colorspace="ACEScg", effects=SNOW)
+    scene.save(tmp_path / "scene.toml")
+    again = fl.Scene.load(tmp_path / "scene.toml")
+    assert again.colorspace == "ACEScg"
+    np.testing.assert_array_equal(again.render(2), scene.render(2))
+
+
+def test_a_configuration_of_ones_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    (tmp_path / "config.ocio").write_text(
+        "ocio_profile_version: 2\nroles: {default: raw, scene_linear: lin_rec709}\n"
+        "displays: {d: [!<View> {name: v, colorspace: raw}]}\ncolorspaces:\n"
+        "  - !<ColorSpace> {name: raw, isdata: true}\n"
+        "  - !<ColorSpace> {name: lin_rec709, encoding: scene-linear}\n"
+        "  - !<ColorSpace>\n    name: swapped\n    encoding: scene-linear\n"
+        "    to_scene_reference: !<MatrixTransform> "
+        "{matrix: [0, 1, 0, 0, 1, 0, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]}\n"
+    )
+    monkeypatch.setenv("OCIO", str(tmp_path / "config.ocio"))
+    made = fl.Scene(None, LIGHT[..., [1, 0, 2]], effects=SNOW, colorspace="swapped").render(4)
+    wanted = fl.Scene(None, LIGHT, effects=SNOW).render(4)
+    np.testing.assert_allclose(made[..., [1, 0, 2]], wanted, atol=1e-6)
