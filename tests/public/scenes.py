@@ -25,7 +25,6 @@ from public.arrays import (
 LEVELS = (255 * PICTURE).astype(np.uint8)
 LAYER = np.dstack([0.5 * PICTURE, np.full(SHAPE, 0.5)])
 SCENE = fl.Scene((32, 24), "#304050", effects=[fl.TentSnow(flakes=20)])
-FOG_BANK = fl.Mist(count=40)
 STUDY = accuracy.Study(accuracy.AXES["blend"], (accuracy.Point("a", 0.1, 1.0, 1.0, 20),))
 PLATE: dict[str, Any] = {"image": PICTURE, "index": 3}
 
@@ -65,10 +64,7 @@ CALLS: dict[str, Call] = {
     "DepthMap": Call(
         {"source": COVER, "near": 2.0, "far": 50.0}, pictures=("source",),
         then=lambda source: fl.Scene((30, 24), depth=source).depth_at(0)),
-    "Foreground": Call(
-        {"source": COVER, "depth": 4.0}, pictures=("source",), loose=True,
-        then=lambda matte: fl.Scene((30, 24), foreground=matte, effects=[FOG_BANK]).render(3),
-        takes={"source": ("bool",)}),
+    "Foreground": Call({"source": "picture.png", "depth": 4.0}, loose=True),
     "CameraPath": Call(
         {"camera": LENS, "position": POINTS[:3], "orientation": 0.1 * POINTS[:3]},
         then=lambda way: (way.place(1.5, fps=30.0), way.turn(1.5))),
