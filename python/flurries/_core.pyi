@@ -1,9 +1,11 @@
+from collections.abc import Sequence
 from typing import Any, final
 
 import numpy as np
 import numpy.typing as npt
 
 from flurries.cone.rays import Pose
+from flurries.effects.flake_patterns import Slab as FlakeSlab
 from flurries.effects.flakes import Flurry
 from flurries.particles.crowd import Crowd
 from flurries.spectral.flakes import Request as FlakeRequest
@@ -45,6 +47,7 @@ __all__ = [
     "flake_frame",
     "flake_mix",
     "flake_patterns",
+    "flake_population",
     "flake_prepare",
     "flake_take",
     "gas_alpha",
@@ -166,7 +169,14 @@ def flake_choices(
     patterns: int,
     tile: int,
     generation: npt.NDArray[np.int64] | None = None,
+    moved: _Float64 | None = None,
+    placed: bool = False,
 ) -> None: ...
+def flake_population(
+    out: npt.NDArray[np.complex64],
+    slabs: Sequence[FlakeSlab],
+    law: tuple[int, float, float, int],
+) -> list[float]: ...
 def flake_frame(
     out: _Array,
     patterns: PreparedFlakes,

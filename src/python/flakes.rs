@@ -6,7 +6,7 @@ use ndarray::{ArrayView2, ArrayViewMut2};
 use num_complex::Complex;
 use numpy::{
     PyArray3, PyArray4, PyReadonlyArray1, PyReadonlyArray2, PyReadonlyArray3, PyReadonlyArray4,
-    PyReadwriteArray2, PyReadwriteArray3, PyReadwriteArray4,
+    PyReadwriteArray2, PyReadwriteArray3, PyReadwriteArray4, PyReadwriteArray5,
 };
 use pyo3::prelude::*;
 
@@ -15,13 +15,16 @@ use crate::base::error::{Cancel, Error};
 use crate::base::normal::Normal;
 use crate::spectral::field::Window;
 use crate::spectral::flakes::bands::Bands;
-use crate::spectral::flakes::choice::{choice, mirrored};
+use crate::spectral::flakes::choice::{choice, mirrored, place};
+use crate::spectral::flakes::footprint::FINE;
 use crate::spectral::flakes::frame::{Finish, Frame, Terms};
 use crate::spectral::flakes::pattern::{Law, patterns};
+use crate::spectral::flakes::places::{self, Slab, population};
 use crate::spectral::flakes::prepared::Prepared;
 
 /// Rough nanoseconds for a flake of a pattern, and for a pixel of a tile and each of its terms.
 const FLAKE: f64 = 2000.0;
+const STAMP: f64 = 100.0;
 const PIXEL: f64 = 3.0;
 
 arrays! {
@@ -71,6 +74,52 @@ pub fn flake_patterns(
             gate::run(py, work(number), run)
         }
     }
+}
+
+/// A slab of a population, as the Python layer has it.
+#[derive(FromPyObject)]
+pub struct SlabRequest {
+    #[pyo3(attribute)]
+    drawn: f64,
+    #[pyo3(attribute)]
+    number: f64,
+    #[pyo3(attribute)]
+    coverage: f64,
+    #[pyo3(attribute)]
+    diameters: Vec<f64>,
+    #[pyo3(attribute)]
+    streak: [f64; 2],
+}
+
+/// Patterns (L, P, 1 or 16, M, M/2 + 1) of a population, at places within a pixel. `law` is (shear in
+/// pixels, opacity, share of the flakes that are shown, seed). Returns the mean depth of a tile of each
+/// slab in square pixels.
+#[pyfunction]
+pub fn flake_population(
+    py: Python<'_>,
+    mut out: PyReadwriteArray5<'_, Complex<f32>>,
+    slabs: Vec<SlabRequest>,
+    law: (i64, f64, f64, i64),
+) -> PyResult<Vec<f64>> {
+    let out = out.as_array_mut();
+    let (_, number, _, tile, _) = out.dim();
+    let (shear, opacity, amount, seed) = law;
+    let law = places::Law { tile, shear, opacity, amount, seed };
+    let flakes = slabs.iter().map(|slab| slab.drawn).sum::<f64>();
+    let run = move |cancel: &Cancel| {
+        let slabs: Vec<Slab<'_>> = slabs
+            .iter()
+            .map(|slab| Slab {
+                drawn: slab.drawn,
+                count: slab.number,
+                coverage: slab.coverage,
+                diameters: &slab.diameters,
+                streak: slab.streak,
+            })
+            .collect();
+        population(out, &slabs, law, cancel)
+    };
+    gate::run(py, flakes * number as f64 * STAMP + (number * tile * tile) as f64 * PIXEL, run)
 }
 
 /// Patterns as frames read them, in the precision of these.
@@ -155,9 +204,12 @@ pub fn flake_mix(
 }
 
 /// What each tile takes by `seed`: `pattern` (rows, cols, layers) of `patterns` for each layer,
-/// `shift` (rows, cols, layers, 2) in a tile of so many pixels, `mirror` (rows, cols).
+/// `shift` (rows, cols, layers, 2) in a tile of so many pixels, `mirror` (rows, cols). `moved` (rows,
+/// cols, layers, 2), or (1, 1, ..) for all tiles, is added to the shifts. With `placed` patterns stand
+/// at places within a pixel, as [`flake_population`] makes them, and the shift is what is left.
 #[pyfunction]
-#[pyo3(signature = (pattern, shift, mirror, seed, patterns, tile, generation=None))]
+#[pyo3(signature = (pattern, shift, mirror, seed, patterns, tile, generation=None, moved=None, placed=false))]
+#[expect(clippy::too_many_arguments, reason = "arrays of one request")]
 pub fn flake_choices(
     mut pattern: PyReadwriteArray3<'_, i32>,
     mut shift: PyReadwriteArray4<'_, f64>,
@@ -166,6 +218,8 @@ pub fn flake_choices(
     patterns: usize,
     tile: usize,
     generation: Option<PyReadonlyArray3<'_, i64>>,
+    moved: Option<PyReadonlyArray4<'_, f64>>,
+    placed: bool,
 ) -> PyResult<()> {
     let (mut pattern, mut shift) = (pattern.as_array_mut(), shift.as_array_mut());
     let mut mirror = mirror.as_array_mut();
@@ -175,15 +229,28 @@ pub fn flake_choices(
     if !alike || generation.is_some_and(|array| array.dim() != pattern.dim()) || patterns == 0 {
         return Err(Error::invalid("pattern", "must have the shape of the others").into());
     }
-    for ((row, col, layer), index) in pattern.indexed_iter_mut() {
-        let generation = generation.map_or(0, |array| array[(row, col, layer)]);
-        let found = choice(seed, layer, (row, col), generation, patterns, tile);
-        *index = (layer * patterns + found.pattern) as i32;
-        shift[(row, col, layer, 0)] = found.shift[0];
-        shift[(row, col, layer, 1)] = found.shift[1];
+    let moved = moved.as_ref().map(|moved| moved.as_array());
+    let one = moved.is_some_and(|moved| moved.dim() == (1, 1, layers, 2));
+    if moved.is_some_and(|moved| moved.dim() != shift.dim()) && !one {
+        return Err(Error::invalid("moved", "must have the shape of `shift`").into());
     }
     for ((row, col), mirror) in mirror.indexed_iter_mut() {
         *mirror = mirrored(seed, (row, col));
+    }
+    for ((row, col, layer), index) in pattern.indexed_iter_mut() {
+        let generation = generation.map_or(0, |array| array[(row, col, layer)]);
+        let found = choice(seed, layer, (row, col), generation, patterns, tile);
+        let at = if one { (0, 0) } else { (row, col) };
+        let along = |axis| moved.map_or(0.0, |moved| moved[(at.0, at.1, layer, axis)]);
+        let mut place_of = (0, [found.shift[0] + along(0), found.shift[1] + along(1)]);
+        let mut number = layer * patterns + found.pattern;
+        if placed {
+            place_of = place(place_of.1, mirror[(row, col)]);
+            number = number * FINE * FINE + place_of.0;
+        }
+        *index = number as i32;
+        shift[(row, col, layer, 0)] = place_of.1[0];
+        shift[(row, col, layer, 1)] = place_of.1[1];
     }
     Ok(())
 }

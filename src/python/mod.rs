@@ -44,7 +44,7 @@ mod core {
     #[pymodule_export]
     use super::flakes::{
         FlakeBands, PreparedFlakes, flake_bands, flake_choices, flake_frame, flake_mix,
-        flake_patterns, flake_prepare, flake_take,
+        flake_patterns, flake_population, flake_prepare, flake_take,
     };
     #[pymodule_export]
     use super::frame::{join, over, snow};

@@ -1,13 +1,13 @@
-"""The gain by which a layer's optical depth covers as much as its flakes do.
+"""The gain by which optical depths that a shutter blurs cover as much as the flakes do.
 
-Flakes at Poisson places cover 1 - exp(-n integral(a)) of a picture, a being one flake's opacity.
-A texture adds optical depths, so that it covers 1 - exp(-n integral(1 - exp(-g a))): the gain g
-makes both the same. It tends to 1 for faint flakes, and to 1.3 for a resting one of opacity 0.9.
+A flake that hides a part a of a pixel has the depth -ln(1 - a). While the shutter is open it covers
+the mean of a along its way; the mean of its depths is more, as the logarithm is convex. The gain g
+makes the integral of 1 - exp(-g mean depth) that of a. It is 1 for a resting flake, for a faint one
+nearly so, and .68 for a long streak of a flake of opacity .9.
 """
 
 from __future__ import annotations
 
-import math
 from functools import lru_cache
 
 import numpy as np
@@ -19,59 +19,74 @@ from flurries._contract import Float64
 PIXEL_VARIANCE = 1.0 / 12.0
 LEAST_SIGMA = 0.3
 
-# Terms of the series of the integral across a streak: enough for g a up to 3.
-_TERMS = np.arange(1, 31)
-_SERIES = np.array([-((-1.0) ** k) / (math.factorial(k) * math.sqrt(k)) for k in range(1, 31)])
-_NODES, _WEIGHTS = leggauss(24)
-_ERF = np.vectorize(math.erf, otypes=[np.float64])
+# Lengths of streaks that gains are given for, px.
+STREAKS = np.array(
+    [0.0, 0.25, 0.5, 0.75, 1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 8.0, 12.0, 16.0, 24.0, 32.0, 64.0, 256.0]
+)
+
+# Of the table of gains: opacities of a resting flake's middle, and lengths over sigma.
+_PEAKS = np.array([0.0, 0.2, 0.4, 0.55, 0.7, 0.8, 0.88, 0.94, 0.98, 0.995])
+_LENGTHS = np.array([0.0, 0.5, 1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 8.0, 12.0, 24.0, 100.0])
+
+# Steps of Newton's.
+_STEPS = 5
 
 
-@lru_cache(maxsize=1024)
-def gain_of(diameters: tuple[float, ...], opacity: float, streak: float) -> float:
-    """Return the gain of a layer.
+def gains_of(diameters: Float64, opacity: float) -> Float64:
+    """Return the gains of a layer for each of `STREAKS`, (n,).
 
     Parameters
     ----------
-    diameters : tuple of float
+    diameters : (k,)
         Quantiles of the flakes' images at even shares, px.
     opacity : float
         Of a resting flake's middle.
-    streak : float
-        Length that flakes move by while the shutter is open, px.
     """
-    raw = np.array(diameters) / math.sqrt(8.0)
+    raw = np.asarray(diameters, np.float64) / np.sqrt(8.0)
     sigma = np.sqrt(np.maximum(raw, LEAST_SIGMA) ** 2 + PIXEL_VARIANCE)
-    peak, profile, weight = _along(opacity * raw**2 / sigma**2, sigma, streak)
-    share = np.full(len(raw), 1.0)
-    share[[0, -1]] = 0.5
-    wanted = float(share @ (sigma * (weight * peak * profile).sum(axis=0)))
-    if wanted <= 0.0:
-        return 1.0
-
-    def covered(gain: float) -> float:
-        middle = gain * peak * profile
-        return float(share @ (sigma * (weight * _across(middle)).sum(axis=0)))
-
-    low, high = 1.0, 3.0 / max(float((peak * profile).max()), 1e-3)
-    for _ in range(60):
-        gain = 0.5 * (low + high)
-        low, high = (gain, high) if covered(gain) < wanted else (low, gain)
-    return 0.5 * (low + high)
+    peak = opacity * raw**2 / sigma**2
+    weight = peak * sigma**2
+    weight[[0, -1]] *= 0.5
+    found = np.zeros(len(STREAKS))
+    for one, wide, share in zip(
+        peak, sigma, weight / max(float(weight.sum()), 1e-300), strict=True
+    ):
+        row = np.array([np.interp(one, _PEAKS, column) for column in _table().T])
+        found += share * np.interp(STREAKS / wide, _LENGTHS, row)
+    return found if weight.any() else np.ones(len(STREAKS))
 
 
-def _along(amplitude: Float64, sigma: Float64, streak: float) -> tuple[Float64, Float64, Float64]:
-    """Return amplitudes of flakes, the profile along their middle and its steps, (k, n)."""
-    reach = 0.5 * streak + 5.0 * sigma
-    at = reach * _NODES[:, None]
-    if streak < 1e-3:
-        profile = np.exp(-0.5 * (at / sigma) ** 2)
-    else:
-        scale = 1.0 / (sigma * math.sqrt(2.0))
-        ends = _ERF((at + 0.5 * streak) * scale) - _ERF((at - 0.5 * streak) * scale)
-        profile = sigma * math.sqrt(0.5 * math.pi) / streak * ends
-    return amplitude, profile, reach * _WEIGHTS[:, None]
-
-
-def _across(middle: Float64) -> Float64:
-    """Return the integral of 1 - exp(-m exp(-q^2 / 2)) over q, over sqrt(2 pi)."""
-    return np.asarray((middle[..., None] ** _TERMS) @ _SERIES)
+@lru_cache(maxsize=1)
+def _table() -> Float64:
+    """Return the gain for each of the peaks and lengths; all lengths are in deviations."""
+    nodes, weights = leggauss(20)
+    across = 5.5 * 0.5 * (nodes + 1.0)
+    step = 0.1
+    along = np.arange(-6.0, 6.0 + step / 2, step)
+    bell = np.exp(-0.5 * (along[:, None] ** 2 + across[None, :] ** 2))
+    found = np.ones((len(_PEAKS), len(_LENGTHS)))
+    for row, peak in enumerate(_PEAKS[1:], start=1):
+        depth = -np.log1p(-peak * bell)
+        upto = np.concatenate(
+            [np.zeros((1, 20)), np.cumsum(0.5 * (depth[1:] + depth[:-1]), axis=0)]
+        )
+        upto *= step
+        wanted = peak * np.sqrt(2.0 * np.pi) * (weights @ np.exp(-0.5 * across**2))
+        for column, length in enumerate(_LENGTHS[1:], start=1):
+            at = np.linspace(-6.0 - 0.5 * length, 6.0 + 0.5 * length, 257)
+            ends = [
+                np.stack(
+                    [np.interp(at + side * 0.5 * length, along, one) for one in upto.T], axis=1
+                )
+                for side in (1.0, -1.0)
+            ]
+            mean = (ends[0] - ends[1]) / length
+            share = (at[1] - at[0]) * weights
+            gain = 1.0
+            for _ in range(_STEPS):
+                left = np.exp(-gain * mean)
+                gain -= float(((1.0 - left) @ share).sum() - wanted) / float(
+                    ((mean * left) @ share).sum()
+                )
+            found[row, column] = gain
+    return found

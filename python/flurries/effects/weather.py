@@ -8,14 +8,15 @@ wind from here, so that nothing changes where one takes over from the other.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
+from typing import NamedTuple
 
 import numpy as np
 
 from flurries._contract import Float64
 from flurries.camera.path import CameraPath
 from flurries.camera.rotation import rotation_matrix as matrix_of
-from flurries.effects.motion import Motion
+from flurries.effects.motion import Motion, relative_course
 from flurries.frame.view import Frame
 from flurries.motion.keys import Keys, Number, value_at
 from flurries.particles.population import (
@@ -28,8 +29,9 @@ from flurries.particles.population import (
     slabs_of,
 )
 
-# Tiles of the texture, px: the least one whose layers move by less than half of it in a frame.
-TILES = (64, 128, 256)
+# Tiles of the texture, px: the least one whose layers move by less than half of it in a frame. The
+# small one is odd, so that no waves of half a cycle are left out: without them small flakes ring.
+TILES = (63, 128, 256)
 
 # Flakes of all classes in a tile, below which the texture would show its seams: then all are drawn.
 # Power blending lifts the mean there by 5 % at some 50 flakes, and not at all at 500.
@@ -40,6 +42,9 @@ CLASSES = 2
 
 # More than this are not drawn one by one, but where the method is to draw all.
 MOST_DRAWN = 3_000_000
+
+# A layer changes its patterns after so many lengths of a torus.
+WRAPS = 12
 
 # By so much of the far end, on either side, the last flakes fade, so that none pops.
 FAR_FADE = 0.07
@@ -74,6 +79,19 @@ class Share:
         return self.reach * (1.0 + FADE)
 
 
+class Layer(NamedTuple):
+    """A slab with the class that it belongs to.
+
+    Attributes
+    ----------
+    share : Share
+    slab : Slab
+    """
+
+    share: Share
+    slab: Slab
+
+
 @dataclass(frozen=True, eq=False)
 class Film:
     """The shares of all classes in one film.
@@ -87,6 +105,10 @@ class Film:
         Whether the film moves more along the rows than along the columns.
     comes : bool
         Whether the air ever comes nearer the camera or recedes.
+    constant : bool
+        Whether a layer passes all tiles alike, and at one speed always.
+    shear : int
+        Pixels to the side at which a flake that leaves a tile's torus below comes in above.
     """
 
     shares: tuple[Share, ...]
@@ -94,6 +116,14 @@ class Film:
     overlap: int
     across: bool
     comes: bool
+    constant: bool
+    shear: int
+
+    @cached_property
+    def layers(self) -> tuple[Layer, ...]:
+        """The layers of the texture, near ones first."""
+        found = [Layer(share, slab) for share in self.shares for slab in share.slabs]
+        return tuple(sorted(found, key=lambda layer: layer.slab.depth))
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -192,9 +222,39 @@ def _film(
     if in_tile < LEAST_IN_ALL and population.density * view < MOST_DRAWN:
         shares = [Share(one.size, one.motion, weather.far, ()) for one in shares]
     _, rate = path.relative(0.0, fps=fps, fall=motion.fall, wind=motion.mean_wind)
-    rate = np.abs(rate @ matrix_of(rotation))
+    rate = rate @ matrix_of(rotation)
     spreads = motion.spreads(path, rotation)
-    return Film(tuple(shares), tile, tile // 6, bool(rate[0] > rate[1]), spreads)
+    across = bool(abs(rate[0]) > abs(rate[1]))
+    constant = not spreads and motion.varied is None and not isinstance(motion.shutter, Keys)
+    slopes = [0.0]
+    if constant:
+        for _, own in classes:
+            course = relative_course(path, fps, own.fall, own.mean_wind)
+            constant = constant and len(course.knots) == 0
+            x, y, _ = course.values[0] @ matrix_of(rotation)
+            slopes.append(float(y / x if across else x / y) if x or y else 0.0)
+    shear = shear_for(tile, tuple(slopes[1:] if constant else slopes[:1]))
+    return Film(tuple(shares), tile, tile // 8, across, spreads, constant, shear)
+
+
+def shear_for(tile: int, slopes: tuple[float, ...]) -> int:
+    """Return the shear in pixels of a torus whose flakes meet themselves least.
+
+    A flake that falls by n tiles is back where it was if it has moved aside by a whole number of
+    tiles and n times the shear, or minus that where a tile is upside down.
+
+    Parameters
+    ----------
+    slopes : tuple of float
+        How far flakes move aside for each pixel down.
+    """
+    turns = np.arange(1, WRAPS + 1)
+    shears = np.arange(1, tile)
+    off = np.concatenate(
+        [turns[:, None] * (slope * tile + side * shears) for slope in slopes for side in (1, -1)]
+    )
+    off = np.abs(off - tile * np.round(off / tile)).min(axis=0)
+    return int(shears[np.argmax(off)])
 
 
 def _sparse(classes: list[tuple[SizeClass, Motion]], focal: float, tile: int) -> float:

@@ -164,8 +164,9 @@ class Slab:
         return np.interp(depth, at, self.nearer)
 
 
-# Depths and sizes by which a slab's images are counted, and the quantiles that are kept of them.
-_DEPTHS, _SIZES, _QUANTILES = 32, 64, 33
+# Depths by which a slab's images are counted, steps of depth, and the quantiles that are kept of
+# images: many, since the few largest flakes make most of the contrast.
+_DEPTHS, _STEPS, _QUANTILES = 32, 33, 257
 
 
 def slabs_of(
@@ -203,7 +204,7 @@ def slabs_of(
         table = np.interp(np.linspace(0.0, 1.0, _QUANTILES), below, images[order])
         area = float(weight @ images**2) / float(weight.sum())
         seen = volume / depths**2
-        steps = np.linspace(near, end, _QUANTILES)
+        steps = np.linspace(near, end, _STEPS)
         # A flake covers the less the farther it is, and there are as many more: all depths cover
         # alike, but for what is drawn.
         middles = 1.0 - drawn_share(0.5 * (steps[1:] + steps[:-1]), reach, far)

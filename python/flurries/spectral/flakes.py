@@ -235,6 +235,8 @@ def choices(
     patterns: int,
     tile: int,
     generation: npt.NDArray[np.int64] | None = None,
+    moved: Float64 | None = None,
+    placed: bool = False,
 ) -> Choices:
     """Return which pattern each tile takes for each layer, where, and whether upside down.
 
@@ -248,16 +250,21 @@ def choices(
     generation : (rows, cols, L) int64, optional
         Number of the generation that passes through a layer; another one has other patterns. All
         generations of a tile share its mirror. None is 0 everywhere.
+    moved : (rows, cols, L, 2) or (1, 1, L, 2), optional
+        Displacements of the layers, pixels (x, y), to be added to the shifts.
+    placed : bool
+        Whether patterns stand at 16 places within a pixel, as ``_core.flake_population`` makes
+        them: the nearest place is taken, and whole pixels are left of the shift.
 
     Returns
     -------
     Choices
-        ``pattern`` and ``shift`` for L terms; a layer's displacement is to be added to its shift.
+        ``pattern`` and ``shift`` for L terms.
     """
     pattern = np.empty((*tiles, layers), np.int32)
     shift = np.empty((*tiles, layers, 2))
     mirror = np.empty(tiles, np.bool_)
-    _core.flake_choices(pattern, shift, mirror, seed, patterns, tile, generation)
+    _core.flake_choices(pattern, shift, mirror, seed, patterns, tile, generation, moved, placed)
     return Choices(pattern, shift, mirror)
 
 

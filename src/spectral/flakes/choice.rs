@@ -1,5 +1,6 @@
 //! Which pattern a tile takes, where, and whether in a mirror: hashes of what the tile is.
 
+use super::footprint::FINE;
 use crate::base::random::Hash;
 
 /// What the numbers are for, so that they differ from those of other uses of a seed.
@@ -34,6 +35,17 @@ pub fn choice(
     }
 }
 
+/// The place within a pixel that is nearest to a shift, and the whole pixels that are left; `mirror`
+/// turns a tile upside down, and its patterns' places with it.
+pub fn place(shift: [f64; 2], mirror: bool) -> (usize, [f64; 2]) {
+    let fine = FINE as f64;
+    let flips = [1.0, if mirror { -1.0 } else { 1.0 }];
+    let steps = [0, 1].map(|axis| (flips[axis] * shift[axis] * fine).round());
+    let [i, j] = steps.map(|steps| steps.rem_euclid(fine));
+    let whole = |axis: usize, place: f64| flips[axis] * ((steps[axis] - place) / fine).round();
+    (FINE * j as usize + i as usize, [whole(0, i), whole(1, j)])
+}
+
 /// Whether all layers of the tile (row, column) are mirrored: the shear of a tile is one.
 pub fn mirrored(seed: i64, (row, col): (usize, usize)) -> bool {
     let hash = Hash::seeded(seed).word(MIRROR).word(row as i64).word(col as i64);
@@ -43,6 +55,21 @@ pub fn mirrored(seed: i64, (row, col): (usize, usize)) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn places_are_the_nearest() {
+        for (x, y) in [(0.0, 0.0), (0.4, 0.1), (-7.3, 12.9), (1e9 + 0.7, -2.6)] {
+            for mirror in [false, true] {
+                let (place, left) = place([x, y], mirror);
+                let (i, j) = ((place % 4) as f64 / 4.0, (place / 4) as f64 / 4.0);
+                let flip = if mirror { -1.0 } else { 1.0 };
+                // The place and whole pixels make the shift, but for an eighth of a pixel.
+                let most = 0.125 + 1e-6;
+                assert!((left[0] + i - x).abs() < most && (left[1] + flip * j - y).abs() < most);
+                assert!(left.iter().all(|left| *left == left.round()), "{x} {y} {left:?}");
+            }
+        }
+    }
 
     #[test]
     fn choices_are_spread_evenly() {

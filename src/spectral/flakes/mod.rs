@@ -10,8 +10,10 @@
 pub mod bands;
 pub mod blur;
 pub mod choice;
+pub mod footprint;
 pub mod frame;
 pub mod pattern;
+pub mod places;
 pub mod prepared;
 pub mod product;
 #[cfg(test)]

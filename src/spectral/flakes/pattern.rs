@@ -18,16 +18,16 @@ use crate::base::real::Real;
 use crate::base::simd::reproducible;
 
 /// What the numbers of a seed are for.
-const PLACES: i64 = 0x666c_616b_6530;
+pub(super) const PLACES: i64 = 0x666c_616b_6530;
 
 /// Of a sprite, before the pixel's square; narrower ones could not be moved between pixels.
-const LEAST_SIGMA: f64 = 0.3;
+pub(super) const LEAST_SIGMA: f64 = 0.3;
 
 /// Deviations that a sprite reaches: beyond lies less than float64 holds of it.
 const REACH: f64 = 8.3;
 
 /// Flakes between two looks at the flag that ends a long drawing.
-const LOOK: usize = 1024;
+pub(super) const LOOK: usize = 1024;
 
 /// What the patterns of all layers share.
 #[derive(Debug, Clone, Copy)]
@@ -62,23 +62,24 @@ impl Layer {
         self.count * opacity * FRAC_PI_4 / 3.0 * (a * a + a * b + b * b)
     }
 
-    /// Flakes of pattern `index` of `patterns`: floor or ceil of the count, the mean of all as near to
-    /// it as whole numbers can be.
-    fn flakes(&self, index: usize, patterns: usize) -> usize {
-        let all = (self.count * patterns as f64).round() as u128;
-        let upto = |n: usize| all * n as u128 / patterns as u128;
-        (upto(index + 1) - upto(index)) as usize
-    }
+}
+
+/// Flakes of pattern `index` of `patterns`: floor or ceil of the count, the mean of all as near to it as
+/// whole numbers can be.
+pub(super) fn flakes_of(count: f64, index: usize, patterns: usize) -> usize {
+    let all = (count * patterns as f64).round() as u128;
+    let upto = |n: usize| all * n as u128 / patterns as u128;
+    (upto(index + 1) - upto(index)) as usize
 }
 
 /// Which quantile the flake `i` of `n` has: neighbours differ, and so the first of them are as mixed as
 /// all.
-fn quantile(i: usize, n: usize, step: usize) -> f64 {
+pub(super) fn quantile(i: usize, n: usize, step: usize) -> f64 {
     ((i as u128 * step as u128 % n as u128) as f64 + 0.5) / n as f64
 }
 
 /// A step near the golden section of `n` that meets all of 0 .. n.
-fn golden(n: usize) -> usize {
+pub(super) fn golden(n: usize) -> usize {
     let shares = |mut a: usize, mut b: usize| {
         while b > 0 {
             (a, b) = (b, a % b);
@@ -208,7 +209,7 @@ impl Torus {
         cancel: &Cancel,
     ) -> Result<(), Error> {
         let Law { tile, opacity, amount, seed, .. } = self.law;
-        let all = layer.flakes(index, patterns);
+        let all = flakes_of(layer.count, index, patterns);
         let shown = (amount * all as f64).round() as usize;
         let step = golden(all);
         let hash = Hash::seeded(seed).word(PLACES).word(layer.index as i64).word(index as i64);
@@ -301,8 +302,7 @@ mod tests {
     #[test]
     fn counts_are_shared_out() {
         for count in [0.0, 0.3, 1.0, 7.99, 8.5, 1234.567] {
-            let layer = Layer { index: 0, count, diameters: (1.0, 2.0) };
-            let all: Vec<usize> = (0..8).map(|p| layer.flakes(p, 8)).collect();
+            let all: Vec<usize> = (0..8).map(|p| flakes_of(count, p, 8)).collect();
             let mean = all.iter().sum::<usize>() as f64 / 8.0;
             assert!((mean - count).abs() <= 1.0 / 16.0, "{count}: {all:?}");
             let within = |n: &usize| (count.floor()..=count.ceil()).contains(&(*n as f64));

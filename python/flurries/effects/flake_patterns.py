@@ -1,0 +1,140 @@
+"""The patterns of a film's layers: optical depths of their flakes, at places within a pixel.
+
+Where the air passes every tile alike and always at one speed, flakes are drawn with the streaks
+that the shutter makes of them, and depths are exact. Elsewhere they rest, and frames blur their
+depths; as that averages depths and not opacities, a gain sets right what they cover.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import NamedTuple
+
+import numpy as np
+
+from flurries import _core
+from flurries._contract import Float64
+from flurries.effects.gain import STREAKS, gains_of
+from flurries.effects.weather import Film, Layer
+from flurries.spectral.flakes import prepare
+
+# Patterns of each layer, by the tile: a larger one repeats less.
+PATTERNS = {63: 8, 128: 4, 256: 4}
+
+# Places within a pixel, by the tile: flakes in large tiles are fast, and their streaks hide places.
+PLACES = {63: 16, 128: 16, 256: 1}
+
+# Flakes of a layer that are drawn for each pixel of a tile, at most. Of more, whose images are
+# small, a part is drawn, and what differs from the mean is made as large as that of all.
+MOST_A_PIXEL = {63: 1.0, 128: 0.3, 256: 0.1}
+
+# Streaks up to so many pixels are drawn into patterns.
+LONGEST_STREAK = 6.0
+
+
+class Slab(NamedTuple):
+    """A layer as the kernel draws it.
+
+    Attributes
+    ----------
+    drawn, number : float
+        Flakes that are drawn in a tile, and that there are.
+    coverage : float
+        Of all of them in a tile, px2.
+    diameters : list of float
+        Quantiles of their images at even shares, px.
+    streak : (x, y)
+        Pixels that they move by while the shutter is open.
+    """
+
+    drawn: float
+    number: float
+    coverage: float
+    diameters: list[float]
+    streak: tuple[float, float]
+
+
+@dataclass(frozen=True, eq=False)
+class Patterns:
+    """The patterns of a film.
+
+    Attributes
+    ----------
+    ready : PreparedFlakes
+        Rung after rung of the amounts, layer after layer.
+    depths : (L,)
+        Mean optical depth of a tile of each layer, px2, where all flakes are there.
+    gains : (L, n) or None
+        Of each layer, for streaks of `gain.STREAKS` px; None where streaks are drawn.
+    number, places : int
+        Patterns of a layer, and places of a pattern.
+    """
+
+    ready: _core.PreparedFlakes
+    depths: Float64
+    gains: Float64 | None
+    number: int
+    places: int
+
+    @property
+    def each(self) -> int:
+        """How many of those that are ready a layer has."""
+        return self.number * self.places
+
+    def gain(self, index: int, streak: Float64) -> Float64:
+        """Return the gains of a layer for lengths of streaks, px."""
+        assert self.gains is not None
+        return np.asarray(np.interp(streak, STREAKS, self.gains[index]))
+
+
+Streaks = tuple[tuple[float, float], ...]
+
+
+@lru_cache(maxsize=4)
+def patterns_of(
+    layers: tuple[Layer, ...],
+    film: Film,
+    opacity: float,
+    seed: int,
+    rungs: tuple[float, ...],
+    scale: float,
+    streaks: Streaks | None,
+) -> Patterns:
+    """Return the patterns of a film.
+
+    Parameters
+    ----------
+    rungs : tuple of float
+        Shares of the flakes that patterns are made for.
+    scale : float
+        Of the images, for a lens that has zoomed since the layers were made.
+    streaks : tuple of (x, y), optional
+        Of each layer, px; without them flakes rest.
+    """
+    tile, number = film.tile, PATTERNS[film.tile]
+    places = PLACES[tile]
+    slabs = []
+    for index, (_, slab) in enumerate(layers):
+        count = slab.count / scale**2
+        slabs.append(
+            Slab(
+                drawn=min(count, MOST_A_PIXEL[tile] * tile**2),
+                number=count,
+                coverage=slab.coverage,
+                diameters=(scale * slab.diameters).tolist(),
+                streak=(0.0, 0.0) if streaks is None else streaks[index],
+            )
+        )
+    shape = (len(rungs), len(slabs), number, places, tile, tile // 2 + 1)
+    made = np.empty(shape, np.complex64)
+    depths: list[float] = []
+    for rung, out in zip(rungs, made, strict=True):
+        depths = _core.flake_population(out, slabs, (film.shear, opacity, rung, seed))
+    ready = prepare(
+        made.reshape(-1, places, tile, tile // 2 + 1), shear=film.shear / tile, dtype=np.float32
+    )
+    gains = None
+    if streaks is None:
+        gains = np.stack([gains_of(scale * slab.diameters[::8], opacity) for _, slab in layers])
+    return Patterns(ready, np.array(depths), gains, number, places)
