@@ -115,13 +115,13 @@ def missed(found: dict[str, float], drawn: dict[str, float]) -> list[str]:
 
 
 def scene_of(
-    preset: str, size: tuple[int, int], *, flying: bool = False
+    preset: str, size: tuple[int, int], *, flying: bool = False, focal: float | None = None
 ) -> Callable[[str, int], fl.Scene]:
     """Return what makes a preset's scenes, by method and seed."""
 
     def make(method: str, seed: int) -> fl.Scene:
         snow = fl.Snow.preset(preset, method=method)
-        camera = fl.Camera(1.2 * size[0])
+        camera = fl.Camera(focal or 1.2 * size[0])
         path = fl.CameraPath(camera, velocity=(0.0, 0.0, 2.0)) if flying else camera
         return fl.Scene(size, "#000000", path, [snow], seed=seed)
 
@@ -134,13 +134,14 @@ def main() -> None:
     words.add_argument("--presets", nargs="+", default=["light", "heavy", "blizzard"])
     words.add_argument("--seeds", type=int, default=3)
     words.add_argument("--size", type=int, nargs=2, default=(640, 480))
+    words.add_argument("--focal", type=float, help="px; 1.2 of the width if not given")
     words.add_argument("--flying", action="store_true", help="2 m/s forward")
     words.add_argument("--control", action="store_true", help="a Gaussian field, too")
     asked = words.parse_args()
     print("| preset | " + " | ".join(LIMITS) + " |")
     print("| --- |" + " --- |" * len(LIMITS))
     for preset in asked.presets:
-        make = scene_of(preset, tuple(asked.size), flying=asked.flying)
+        make = scene_of(preset, tuple(asked.size), flying=asked.flying, focal=asked.focal)
         ours, drawn, noise = compared(make, asked.seeds, control=asked.control)
         for label, found in (("", ours), (", Gaussian", noise)):
             if not found:

@@ -43,6 +43,10 @@ CLASSES = 2
 # More than this are not drawn one by one, but where the method is to draw all.
 MOST_DRAWN = 3_000_000
 
+# Of a tile, the part that neighbours share. Power blending lifts the mean of sparse snow there, by
+# 1.3 % of all at a ninth and by .7 % at a fifteenth.
+OVERLAP = 14
+
 # A layer changes its patterns after so many lengths of a torus.
 WRAPS = 12
 
@@ -234,7 +238,7 @@ def _film(
             x, y, _ = course.values[0] @ matrix_of(rotation)
             slopes.append(float(y / x if across else x / y) if x or y else 0.0)
     shear = shear_for(tile, tuple(slopes[1:] if constant else slopes[:1]))
-    return Film(tuple(shares), tile, tile // 8, across, spreads, constant, shear)
+    return Film(tuple(shares), tile, tile // OVERLAP, across, spreads, constant, shear)
 
 
 def shear_for(tile: int, slopes: tuple[float, ...]) -> int:

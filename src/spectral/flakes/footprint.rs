@@ -45,8 +45,7 @@ impl Footprint {
         let mut hidden = vec![0.0; wide * high];
         for place in 0..places as usize {
             let part = (place as f64 + 0.5) / places - 0.5;
-            let [across, down] =
-                [0, 1].map(|axis| shares(reach[axis], part * streak[axis], sigma));
+            let [across, down] = [0, 1].map(|axis| shares(reach[axis], part * streak[axis], sigma));
             for (line, down) in hidden.chunks_exact_mut(wide).zip(down) {
                 for (value, across) in line.iter_mut().zip(&across) {
                     *value += coverage / places * down * across;

@@ -61,7 +61,6 @@ impl Layer {
         let (a, b) = self.diameters;
         self.count * opacity * FRAC_PI_4 / 3.0 * (a * a + a * b + b * b)
     }
-
 }
 
 /// Flakes of pattern `index` of `patterns`: floor or ceil of the count, the mean of all as near to it as

@@ -249,7 +249,8 @@ pub fn population(
     cancel: &Cancel,
 ) -> Result<Vec<f64>, Error> {
     let (layers, number, places, rows, cols) = out.dim();
-    let fits = (rows, cols) == (law.tile, law.tile / 2 + 1) && (places == 1 || places == FINE * FINE);
+    let fits =
+        (rows, cols) == (law.tile, law.tile / 2 + 1) && (places == 1 || places == FINE * FINE);
     if layers != slabs.len() || !fits || slabs.iter().any(|slab| slab.diameters.is_empty()) {
         return Err(Error::invalid("out", "must be (slabs, patterns, 1 or 16, M, M/2 + 1)"));
     }
@@ -347,9 +348,8 @@ mod tests {
     #[test]
     fn every_pattern_has_the_mean_of_its_flakes() {
         let sizes = [0.4, 0.7, 2.0];
-        let slab = Slab {
-            drawn: 20.5, count: 20.5, coverage: 9.0, diameters: &sizes, streak: [0.0, 1.0],
-        };
+        let slab =
+            Slab { drawn: 20.5, count: 20.5, coverage: 9.0, diameters: &sizes, streak: [0.0, 1.0] };
         let mut out = Array5::<Complex<f32>>::zeros((1, 3, 16, 15, 8));
         let depth = population(out.view_mut(), &[slab], LAW, &Cancel::new()).unwrap()[0];
         assert!(depth > 9.0 && depth < 14.0);
