@@ -151,6 +151,8 @@ OBJECTS: dict[str, Any] = {
     "Keys": fl.Keys([(0, 1.0), (9, 0.0)]),
     "Scene": fl.Scene((96, 64), "#304050", PATH, EFFECTS[:1], sun=fl.Sun()),
     "Sun": fl.Sun((0.1, 1.0, 0.2)),
+    "Lamp": fl.Lamp((1.0, -1.0, 5.0), power=fl.Keys([(0, 9.0), (9, 30.0)])),
+    "Lens": fl.Lens(focus=2.0, f_stop=1.4, blades=5),
     "Wind": WIND,
     "DepthMap": fl.DepthMap("depth.png", near=1.0, far=9.0),
     "cone.Texture": fl.cone.Texture(fl.cone.snow_tile(16, seed=1)),
@@ -172,6 +174,8 @@ def seen(name: str, value: Any) -> bytes:
     """Frame 7 with an object in its place, or what the object answers."""
     scene = fl.Scene((96, 64), "#304050", fl.Camera(80.0), [fl.TentSnow(flakes=50)], seed=3)
     put: dict[str, Callable[[], dict[str, Any]]] = {
+        "Lamp": lambda: {"lights": [value], "effects": [fl.Snow()]},
+        "Lens": lambda: {"lens": value, "effects": [fl.Snow()]},
         "Camera": lambda: {"camera": value},
         "CameraPath": lambda: {"camera": value},
         "Sun": lambda: {"sun": value},

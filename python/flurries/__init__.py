@@ -28,6 +28,7 @@ if TYPE_CHECKING:
         trace,
     )
     from flurries.camera import Camera
+    from flurries.camera.optics import Lens
     from flurries.camera.path import CameraPath
     from flurries.effects import (
         ConeRain,
@@ -42,6 +43,7 @@ if TYPE_CHECKING:
     from flurries.frame.layer import Layer
     from flurries.frame.truth import Rendered
     from flurries.frame.view import Frame
+    from flurries.light.lamp import Lamp
     from flurries.light.sun import Sun
     from flurries.motion.keys import Keys
     from flurries.motion.wind import Wind
@@ -62,7 +64,9 @@ __all__ = [
     "Frame",
     "InternalError",
     "Keys",
+    "Lamp",
     "Layer",
+    "Lens",
     "Mist",
     "Rain",
     "Rendered",
@@ -105,6 +109,8 @@ _FROM = {
     "Layer": "frame.layer",
     "Rendered": "frame.truth",
     "Scene": "scene",
+    "Lamp": "light.lamp",
+    "Lens": "camera.optics",
     "Sun": "light.sun",
     "Wind": "motion.wind",
     "view": "viewer",

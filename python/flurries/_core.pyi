@@ -7,7 +7,7 @@ import numpy.typing as npt
 from flurries.cone.rays import Pose
 from flurries.effects.flake_patterns import Slab as FlakeSlab
 from flurries.effects.flakes import Flurry
-from flurries.particles.crowd import Crowd
+from flurries.particles.crowd import Closeup, Crowd
 from flurries.spectral.flakes import Request as FlakeRequest
 from flurries.spectral.frame import Request
 from flurries.spectral.volume import Film
@@ -39,6 +39,7 @@ __all__ = [
     "crowd_list",
     "crowd_sort",
     "crowd_sort_pair",
+    "encode_bytes",
     "field",
     "field_bands",
     "field_take",
@@ -57,10 +58,12 @@ __all__ = [
     "gas_splat",
     "inverse_transform",
     "join",
+    "lamp_light",
     "opacity",
     "over",
     "particle_crossing",
     "particle_draw",
+    "particle_draw_lit",
     "particle_edge_fade",
     "particle_exact",
     "particle_ids",
@@ -73,12 +76,16 @@ __all__ = [
     "particle_sort_pair",
     "particle_splat",
     "particle_sway_offsets",
+    "plate_cells",
     "png_chunk",
     "random_phase",
     "reproducible",
     "set_reproducible",
     "set_scope",
     "set_threads",
+    "shade_behind",
+    "shade_light",
+    "shade_over",
     "snow",
     "snowfall",
     "temporal_filter",
@@ -208,6 +215,29 @@ def volume(out: _Array, film: Film, times: _Float64) -> int: ...
 def snow(out: _Array, background: _Array, alpha: _Array, intensity: list[float]) -> None: ...
 def over(out: _Array, background: _Array, layer: _Array) -> None: ...
 def join(out: _Array, layers: list[_Array], haze: float, matte: _Array | None = None) -> None: ...
+def plate_cells(out: _Array, picture: _Array, table: _Array, cell: int) -> None: ...
+def shade_over(
+    out: _Array,
+    background: _Array,
+    alpha: _Array,
+    colors: tuple[_Array, float, int, int],
+    glow: _Array | None = None,
+    light: _Array | None = None,
+    edges: _Array | None = None,
+) -> None: ...
+def shade_light(
+    out: _Array,
+    alpha: _Array,
+    colors: tuple[_Array, float, int, int],
+    glow: _Array | None = None,
+) -> None: ...
+def shade_behind(
+    glow: _Array,
+    alpha: _Array,
+    colors: tuple[_Array, float, int, int],
+    front: _Array | None = None,
+) -> None: ...
+def encode_bytes(out: _Array, values: _Array, light: _Array, edges: _Array) -> None: ...
 def uniform(out: _Float64, seed: int, stream: int) -> None: ...
 def wind_waves(out: _Float64, points: _Float64, k: _Float64, weights: _Float64) -> None: ...
 def particle_positions(
@@ -238,6 +268,8 @@ def particle_sort_listed(
     velocity: _Float64,
     shutter: float,
     lens: tuple[float, float, float, tuple[float, float, float], float],
+    closeup: Closeup | None = None,
+    numbers: npt.NDArray[np.int64] | None = None,
 ) -> SortedFlakes: ...
 def crowd_sort(shape: tuple[int, int], request: Crowd) -> SortedFlakes: ...
 def crowd_sort_pair(
@@ -266,6 +298,22 @@ def png_chunk(
     last: bool,
 ) -> tuple[bytes, int]: ...
 def to_half(out: npt.NDArray[np.uint16], values: npt.NDArray[np.float32]) -> None: ...
+def particle_draw_lit(
+    out: _Array,
+    glow: _Array,
+    flakes: SortedFlakes,
+    window: tuple[int, int, int, int],
+    lamps: _Float64,
+    optics: tuple[float, float],
+    depth: _Array | None = None,
+) -> None: ...
+def lamp_light(
+    out: _Float64,
+    points: _Float64,
+    lamps: _Float64,
+    optics: tuple[float, float],
+    eye: tuple[float, float, float],
+) -> None: ...
 def particle_draw(
     out: _Array,
     flakes: SortedFlakes,

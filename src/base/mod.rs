@@ -19,6 +19,7 @@
 pub mod aligned;
 pub mod cover;
 pub mod error;
+pub mod lamps;
 pub mod lanes;
 pub mod normal;
 pub mod pool;

@@ -4,3 +4,4 @@ pub mod composite;
 pub mod mix;
 pub mod onepass;
 pub mod sample;
+pub mod shade;

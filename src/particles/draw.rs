@@ -66,16 +66,27 @@ fn draw_with<P: Profile, const LEVEL: u8>(
                 if drawn.is_multiple_of(LOOK) {
                     cancel.check()?;
                 }
-                if sprite.length == 0.0 {
-                    disc::<P, LEVEL>(transmittance, depth, sprite, origin);
-                } else {
-                    streak::<P, LEVEL>(transmittance, depth, sprite, origin);
-                }
+                one::<P, LEVEL>(transmittance, depth, sprite, origin);
             }
         }
         cancel.check()?;
     }
     Ok(())
+}
+
+/// One sprite by itself.
+#[inline(always)]
+pub(super) fn one<P: Profile, const LEVEL: u8>(
+    transmittance: &mut [f64; PIXELS],
+    depth: Option<&[P; PIXELS]>,
+    sprite: &Sprite,
+    origin: [f64; 2],
+) {
+    if sprite.length == 0.0 {
+        disc::<P, LEVEL>(transmittance, depth, sprite, origin);
+    } else {
+        streak::<P, LEVEL>(transmittance, depth, sprite, origin);
+    }
 }
 
 #[inline(always)]

@@ -13,12 +13,14 @@
 //! | [`ids`] | which flake a pixel shows |
 //! | [`crossing`] | flakes that cross the picture of a camera at rest |
 //! | [`view`] | what an eye sees |
+//! | [`closeup`] | near flakes with a shape, flakes out of focus, flakes in the light of lamps |
 //! | [`crowd`] | the flakes of a population, by classes of size |
 //! | [`exact`] | flakes drawn one by one with their exact images, as a judge |
 //! | [`looks`] | how many flakes are there, how large they are, which are too large |
 //! | [`flurry`] | the flakes of a box, each placed and looked at as it is drawn |
 
 pub mod bins;
+pub mod closeup;
 pub mod crossing;
 pub mod crowd;
 mod dim;

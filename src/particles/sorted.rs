@@ -63,6 +63,21 @@ impl Sorted {
         self.grid.shape
     }
 
+    /// The runs of flakes.
+    pub(super) fn runs(&self) -> &[Bins] {
+        &self.runs
+    }
+
+    /// The tiles.
+    pub(super) fn grid(&self) -> &Grid {
+        &self.grid
+    }
+
+    /// A tile of a depth map of the frame.
+    pub(super) fn map_of(&self, map: &ArrayView2<f32>, row: usize, column: usize) -> [f32; PIXELS] {
+        map_of_tile(map, &self.grid, row * self.grid.columns + column)
+    }
+
     /// Draws the flakes' alpha in a part of the frame into `out`, of the part's shape, in [0, 1].
     ///
     /// `depth`, of the frame's shape, is the depth of what stands in it; where it is nearer than a flake's

@@ -5,9 +5,10 @@ use numpy::{PyArray1, PyReadonlyArray1, PyReadonlyArray2};
 use pyo3::prelude::*;
 
 use super::gate::{self, Plane, PlaneMut};
-use super::particles::{SortedFlakes, flakes_of, lens_of, swaying};
+use super::particles::{CloseupRequest, SortedFlakes, flakes_of, lens_of, swaying};
 use crate::base::error::{Error, pushed};
 use crate::base::real::Real;
+use crate::particles::closeup::near::Closeup;
 use crate::particles::crowd::{Class, Crowd, Heights, Law};
 use crate::particles::exact;
 use crate::particles::flurry::Placed;
@@ -64,9 +65,15 @@ pub struct CrowdRequest {
     lens: (f64, f64, f64, [f64; 3], f64),
     #[pyo3(attribute)]
     window: [usize; 4],
+    #[pyo3(attribute)]
+    closeup: Option<CloseupRequest>,
 }
 
 impl CrowdRequest {
+    fn closeup(&self) -> Result<Option<Closeup>, Error> {
+        self.closeup.as_ref().map(CloseupRequest::closeup).transpose()
+    }
+
     fn lens(&self) -> Lens {
         lens_of(self.lens)
     }
@@ -110,7 +117,8 @@ pub fn crowd_sort(
     shape: (usize, usize),
     request: CrowdRequest,
 ) -> PyResult<SortedFlakes> {
-    SortedFlakes::of(py, shape, &request.crowd(None)?, &request.lens())
+    let closeup = request.closeup()?;
+    SortedFlakes::of(py, shape, &request.crowd(None)?, &request.lens(), closeup.as_ref(), None)
 }
 
 /// Sorts the flakes that two eyes see, each flake placed once. `lens` is the second eye's.
@@ -125,7 +133,9 @@ pub fn crowd_sort_pair(
     let both = request.crowd(Some(&lenses[1]))?;
     let nanoseconds = splat::estimate(shape, &both, &lenses[0]);
     let placed = gate::run(py, nanoseconds, |cancel| Placed::of(&both, cancel))?;
-    let [first, second] = lenses.map(|lens| SortedFlakes::of(py, shape, &placed, &lens));
+    let closeup = request.closeup()?;
+    let [first, second] =
+        lenses.map(|lens| SortedFlakes::of(py, shape, &placed, &lens, closeup.as_ref(), None));
     Ok((first?, second?))
 }
 

@@ -19,6 +19,7 @@ mod onepass;
 mod particles;
 mod random;
 mod scan;
+mod shade;
 mod spectral;
 mod threads;
 mod volume;
@@ -56,14 +57,17 @@ mod core {
     use super::onepass::snowfall;
     #[pymodule_export]
     use super::particles::{
-        SortedFlakes, particle_draw, particle_edge_fade, particle_ids, particle_image,
-        particle_positions, particle_presence, particle_size_fade, particle_sort,
-        particle_sort_listed, particle_sort_pair, particle_splat, particle_sway_offsets,
+        SortedFlakes, lamp_light, particle_draw, particle_draw_lit, particle_edge_fade,
+        particle_ids, particle_image, particle_positions, particle_presence, particle_size_fade,
+        particle_sort, particle_sort_listed, particle_sort_pair, particle_splat,
+        particle_sway_offsets,
     };
     #[pymodule_export]
     use super::random::uniform;
     #[pymodule_export]
     use super::scan::{all_finite, all_within};
+    #[pymodule_export]
+    use super::shade::{encode_bytes, plate_cells, shade_behind, shade_light, shade_over};
     #[pymodule_export]
     use super::spectral::{
         FieldBands, advance_phase, band_amplitude, blend_tiles, field, field_bands, field_take,

@@ -1,12 +1,19 @@
 //! Flakes: positions, fades, the image.
 
 use numpy::ndarray::{ArrayView2, ArrayViewMut2};
-use numpy::{PyReadonlyArray1, PyReadonlyArray2, PyReadwriteArray1, PyReadwriteArray2};
+use numpy::{
+    PyReadonlyArray1, PyReadonlyArray2, PyReadwriteArray1, PyReadwriteArray2, PyReadwriteArray3,
+};
 use pyo3::prelude::*;
 
 use super::gate::{self, Plane, PlaneMut, each_map};
 use crate::base::error::Error;
+use crate::base::lamps::Lamps;
 use crate::base::real::Real;
+use crate::particles::closeup::aperture::Blur;
+use crate::particles::closeup::lit;
+use crate::particles::closeup::near::{self, Closeup, Split};
+use crate::particles::closeup::patch::{Kind, Patch, Tumble};
 use crate::particles::flurry::{Flurry, Placed};
 use crate::particles::ids;
 use crate::particles::looks::{self, Looks};
@@ -214,6 +221,9 @@ pub(super) fn lens_of((focal, x, y, offset, near): (f64, f64, f64, [f64; 3], f64
 #[pyclass(frozen, module = "flurries._core")]
 pub struct SortedFlakes {
     sorted: Sorted,
+    /// What is near or out of focus.
+    patches: Vec<Patch>,
+    lens: Lens,
     /// A rough estimate of drawing all of them.
     pub(super) nanoseconds: f64,
 }
@@ -229,10 +239,19 @@ impl SortedFlakes {
         shape: (usize, usize),
         flakes: &impl Source,
         lens: &Lens,
+        closeup: Option<&Closeup>,
+        numbers: Option<&[i64]>,
     ) -> PyResult<Self> {
         let nanoseconds = splat::estimate(shape, flakes, lens);
-        let sorted = gate::run(py, nanoseconds, |cancel| Sorted::of(flakes, lens, shape, cancel))?;
-        Ok(Self { sorted, nanoseconds })
+        let (sorted, patches) = gate::run(py, nanoseconds, |cancel| {
+            let Some(closeup) = closeup else {
+                return Ok((Sorted::of(flakes, lens, shape, cancel)?, Vec::new()));
+            };
+            let split = Split::new(flakes, lens, closeup, numbers);
+            let sorted = Sorted::of(&split, lens, shape, cancel)?;
+            Ok((sorted, split.patches(shape, cancel)?))
+        })?;
+        Ok(Self { sorted, patches, lens: *lens, nanoseconds })
     }
 }
 
@@ -243,7 +262,7 @@ pub fn particle_sort(
     shape: (usize, usize),
     request: FlurryRequest,
 ) -> PyResult<SortedFlakes> {
-    SortedFlakes::of(py, shape, &request.flurry()?, &request.lens())
+    SortedFlakes::of(py, shape, &request.flurry()?, &request.lens(), None, None)
 }
 
 /// Sorts a box of flakes that two eyes see, each flake placed once. `lens` is the second eye's.
@@ -258,12 +277,14 @@ pub fn particle_sort_pair(
     let both = request.flurry()?.seen_from(&lenses[1], request.window)?;
     let nanoseconds = splat::estimate(shape, &both, &lenses[0]);
     let placed = gate::run(py, nanoseconds, |cancel| Placed::of(&both, cancel))?;
-    let [first, second] = lenses.map(|lens| SortedFlakes::of(py, shape, &placed, &lens));
+    let [first, second] =
+        lenses.map(|lens| SortedFlakes::of(py, shape, &placed, &lens, None, None));
     Ok((first?, second?))
 }
 
 /// Sorts flakes of which arrays are given, see `particle_splat`, for frames of `shape` (H, W).
 #[pyfunction]
+#[pyo3(signature = (shape, points, radius, opacity, velocity, shutter, lens, closeup=None, numbers=None))]
 #[expect(clippy::too_many_arguments, reason = "the Python layer passes plain values")]
 pub fn particle_sort_listed(
     py: Python<'_>,
@@ -274,9 +295,13 @@ pub fn particle_sort_listed(
     velocity: PyReadonlyArray2<'_, f64>,
     shutter: f64,
     lens: (f64, f64, f64, [f64; 3], f64),
+    closeup: Option<CloseupRequest>,
+    numbers: Option<PyReadonlyArray1<'_, i64>>,
 ) -> PyResult<SortedFlakes> {
     let flakes = flakes_of(&points, &radius, &opacity, &velocity, shutter);
-    SortedFlakes::of(py, shape, &flakes, &lens_of(lens))
+    let closeup = closeup.map(|request| request.closeup()).transpose()?;
+    let numbers = numbers.as_ref().map(|numbers| numbers.as_slice()).transpose()?;
+    SortedFlakes::of(py, shape, &flakes, &lens_of(lens), closeup.as_ref(), numbers)
 }
 
 /// Draws the alpha of flakes into `out` (h, w), the part `window` (top, bottom, left, right) of their
@@ -295,8 +320,94 @@ pub fn particle_draw(
     let (height, width) = flakes.sorted.shape();
     let share = out.len() as f64 / (height as f64 * width as f64).max(1.0);
     gate::run(py, flakes.nanoseconds * share, |cancel| {
-        flakes.sorted.draw(out, window, depth, cancel)
+        let mut out = out;
+        flakes.sorted.draw(out.view_mut(), window, depth, cancel)?;
+        near::draw(out, &flakes.patches, window, depth, cancel)
     })
+}
+
+/// Draws opacity and premultiplied light of flakes under lamps into `out` (h, w) and `glow` (h, w, 3).
+#[pyfunction]
+#[pyo3(signature = (out, glow, flakes, window, lamps, optics, depth=None))]
+#[expect(clippy::too_many_arguments, reason = "the Python layer passes plain values")]
+pub fn particle_draw_lit(
+    py: Python<'_>,
+    mut out: PyReadwriteArray2<'_, f32>,
+    mut glow: PyReadwriteArray3<'_, f32>,
+    flakes: &SortedFlakes,
+    window: [usize; 4],
+    lamps: PyReadonlyArray2<'_, f64>,
+    optics: (f64, f64),
+    depth: Option<PyReadonlyArray2<'_, f32>>,
+) -> PyResult<()> {
+    let (out, glow) = (out.as_array_mut(), glow.as_array_mut());
+    let depth = depth.as_ref().map(|map| map.as_array());
+    let lamps = Lamps::of(lamps.as_slice()?, optics.0, optics.1, flakes.lens.offset)?;
+    let (height, width) = flakes.sorted.shape();
+    let share = out.len() as f64 / (height as f64 * width as f64).max(1.0);
+    let (sorted, patches) = (&flakes.sorted, &flakes.patches[..]);
+    let lit = lit::Scene { sorted, patches, lens: flakes.lens, lamps: &lamps };
+    gate::run(py, 3.0 * flakes.nanoseconds * share, |cancel| {
+        lit.draw(out, glow, window, depth, cancel)
+    })
+}
+
+/// Fills `out` (n, 3) with the radiance that particles at points send to an eye.
+#[pyfunction]
+pub fn lamp_light(
+    py: Python<'_>,
+    mut out: PyReadwriteArray2<'_, f64>,
+    points: PyReadonlyArray2<'_, f64>,
+    lamps: PyReadonlyArray2<'_, f64>,
+    optics: (f64, f64),
+    eye: [f64; 3],
+) -> PyResult<()> {
+    let lamps = Lamps::of(lamps.as_slice()?, optics.0, optics.1, eye)?;
+    let (out, points) = (out.as_slice_mut()?, points.as_slice()?);
+    gate::run(py, 40.0 * points.len() as f64, |_| {
+        for (out, point) in out.chunks_exact_mut(3).zip(points.chunks_exact(3)) {
+            out.copy_from_slice(&lamps.at([point[0], point[1], point[2]]));
+        }
+        Ok(())
+    })
+}
+
+/// Flakes from near: the attributes of `flurries.particles.crowd.Closeup`.
+#[derive(FromPyObject)]
+pub struct CloseupRequest {
+    #[pyo3(attribute)]
+    kind: String,
+    #[pyo3(attribute)]
+    switch: (f64, f64),
+    #[pyo3(attribute)]
+    blur: Option<(f64, f64, usize, f64)>,
+    #[pyo3(attribute)]
+    seed: i64,
+    #[pyo3(attribute)]
+    seconds: f64,
+}
+
+impl CloseupRequest {
+    pub(super) fn closeup(&self) -> Result<Closeup, Error> {
+        let kind = match self.kind.as_str() {
+            "aggregate" => Some(Kind::Aggregate),
+            "drop" => Some(Kind::Drop),
+            _ => None,
+        };
+        let blur =
+            self.blur.map(|(strength, focus, blades, turn)| Blur { strength, focus, blades, turn });
+        let sound = self.switch.0 < self.switch.1
+            && self.seconds.is_finite()
+            && blur.is_none_or(|b| {
+                b.strength >= 0.0 && b.strength.is_finite() && b.focus >= 0.0 && b.turn.is_finite()
+            });
+        let tumble = Tumble { seed: self.seed, seconds: self.seconds };
+        if sound {
+            Ok(Closeup { kind, switch: self.switch, blur, tumble })
+        } else {
+            Err(Error::Internal("no look from near is like that".into()))
+        }
+    }
 }
 
 /// Fills `variance` with sigma_e^2 of the images of flakes of these sigmas, px, and `share` with their

@@ -70,6 +70,8 @@ CALLS: dict[str, Call] = {
         then=lambda way: (way.place(1.5, fps=30.0), way.turn(1.5))),
     "Keys": Call({"keys": [(0, 1.0), (9, 2.0)]}),
     "Sun": Call({}),
+    "Lamp": Call({"place": (1.0, -2.0, 6.0)}),
+    "Lens": Call({"focus": 4.0}, refused={"blades": (2,)}),
     "Wind": Call({"mean": (1.0, 0.0, 0.0), "gusts": 0.5}),
     "Snow": Call({}),
     "TentSnow": Call({}),

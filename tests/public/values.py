@@ -194,6 +194,8 @@ OBJECTS = (
     "Population",
     "Match",
     "Ground",
+    "Lamp",
+    "Lens",
     "Sun",
     "Mapping",
     "Texture",

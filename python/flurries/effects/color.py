@@ -14,12 +14,18 @@ from flurries.motion.keys import Keys, value_at
 # One grey or (r, g, b), display values, plain or keyed; or the light of the background.
 Color: TypeAlias = float | tuple[float, float, float] | Keys | Literal["ambient"]
 
+# The same, or that light by places.
+PlacedColor: TypeAlias = Color | Literal["local"]
+
 # What `color` says instead of a color: the background's own light.
 AMBIENT = "ambient"
 
+# The same by places: what lies behind and around each flake.
+LOCAL = "local"
 
-def as_color(value: object) -> Any:
-    """Return one grey or (r, g, b), plain or keyed, in 0 to 1, or the word for ambient light."""
+
+def as_color(value: object, words: tuple[str, ...] = (AMBIENT,)) -> Any:
+    """Return one grey or (r, g, b), plain or keyed, in 0 to 1, or a word for the plate's light."""
     if isinstance(value, Keys):
         if value.width not in (None, 3):
             raise ValueError(f"color must be keyed with numbers or (r, g, b), got {value!r}")
@@ -27,7 +33,7 @@ def as_color(value: object) -> Any:
             as_color(v)
         return value
     if isinstance(value, str):
-        return choice("color", value, (AMBIENT,))
+        return choice("color", value, words)
     if isinstance(value, (float, int, np.number, bytes)) or value is None:
         return real("color", value, low=0.0, high=1.0)
     parts = vector("color", value, 3).tolist()

@@ -201,7 +201,7 @@ class ConeRain(metaclass=Described):
         """Return what a frame takes: its steps, and what is left out."""
         return self.parts.needs(frame)
 
-    def render(self, frame: Frame) -> Layer:
+    def render(self, frame: Frame) -> Layer | tuple[Layer, ...]:
         """Return the layer of a frame."""
         return self.parts.render(frame)
 
@@ -326,7 +326,7 @@ class ConeSnow(metaclass=Described):
         """Return what a frame takes: its steps, and what is left out."""
         return self.parts.needs(frame)
 
-    def render(self, frame: Frame) -> Layer:
+    def render(self, frame: Frame) -> Layer | tuple[Layer, ...]:
         """Return the layer of a frame."""
         return self.parts.render(frame)
 

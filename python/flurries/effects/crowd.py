@@ -20,8 +20,9 @@ from flurries.effects.motion import Motion, Way
 from flurries.effects.weather import FAR_FADE, HEIGHTS, Film, Share, Weather
 from flurries.frame.needs import Cost, LeftOut, Needs, Step, has_keys, omission
 from flurries.frame.view import Frame
+from flurries.light.phase import Optics
 from flurries.motion.keys import value_at
-from flurries.particles.crowd import Box, Crowd
+from flurries.particles.crowd import Box, Closeup, Crowd
 
 # Depth in units of the near one over which flakes fade in before the lens.
 NEAR_FADE = 1.25
@@ -32,6 +33,9 @@ _BEYOND = 0x2545F4914F6CDD1D
 
 # The widest angle between the axis and what a lens that turns may see of a box is in its ball.
 _MARGIN = 0.3
+
+# Sigma of a flake's image in px between which it gets a shape: below, no shape can be told.
+SWITCH = (2.5, 3.5)
 
 # Larger boxes would take all memory that there is for their numbers.
 MOST_IN_BOX = 420_000_000
@@ -71,7 +75,9 @@ class DrawnFlakes:
         if weather.population.density == 0.0 or weather.population.opacity == 0.0:
             return Needs((), (LeftOut("flakes", "there are none"),), most=0.0)
         still = frame.settled and weather.motion.still and 0.0 in weather.sway
-        still = still and not has_keys(weather.emission)
+        # Shapes tumble.
+        shaped = weather.shape != "round"
+        still = still and not shaped and not has_keys(weather.emission)
         step = Step("flakes", lambda: self._cost(frame, amount), once=still)
         most = min(1.0, amount * self.number_in_view(frame) * weather.population.opacity)
         return Needs((step,), most=most, savings=(omission(step, most),))
@@ -101,6 +107,24 @@ class DrawnFlakes:
         _core.join(both, [near, np.ascontiguousarray(frame.crop(far))], 0.0)
         return both
 
+    def lit(self, frame: Frame, amount: float, way: Way, optics: Optics) -> tuple[Array, Array]:
+        """Return opacity and light of the flakes under the frame's lamps, (h, w) and (h, w, 3)."""
+        top, bottom, left, right = frame.window
+        near = np.empty((bottom - top, right - left), np.float32)
+        glow = np.empty((*near.shape, 3), np.float32)
+        flakes = self.sort(frame, amount, way)
+        lamps = frame.lamps()
+        _core.particle_draw_lit(near, glow, flakes, frame.window, lamps, optics, frame.depth)
+        return near, glow
+
+    def closeup(self, frame: Frame) -> Closeup | None:
+        """Return how flakes look from near; None where all are sharp round dots."""
+        blur = frame.blur
+        if self.weather.shape == "round" and blur is None:
+            return None
+        seconds = frame.t / frame.fps
+        return Closeup(self.weather.shape, SWITCH, blur, frame.seed, seconds)
+
     def sort(self, frame: Frame, amount: float, way: Way) -> SortedFlakes:
         """Return the near flakes, to be drawn in any band of the frame."""
         if frame.shared is None:
@@ -123,7 +147,7 @@ class DrawnFlakes:
         rows = self._rows(frame, amount)
         points, radius, opacity, way = (np.ascontiguousarray(part) for part in rows[:4])
         return _core.particle_sort_listed(
-            frame.shape, points, radius, opacity, way, 1.0, crowd.lens
+            frame.shape, points, radius, opacity, way, 1.0, crowd.lens, crowd.closeup, rows[4]
         )
 
     def _sort_pair(self, frame: Frame, amount: float) -> tuple[SortedFlakes, SortedFlakes]:
@@ -163,6 +187,12 @@ class DrawnFlakes:
                 most = max(most, travel)
         most += float(np.abs(spread).sum()) * deepest
         waves = None if weather.motion.varied is None else weather.motion.varied.waves
+        blur = frame.blur
+        if blur is not None:
+            # As far as a flake out of focus reaches, at its own depth.
+            near = max(weather.near, 1e-3)
+            widest = max(depth * blur.circle(depth) for depth in (near, deepest))
+            most += 0.75 * widest / frame.camera.focal
         room = most if waves is None else most + 3.0 * waves.spread()
         return Crowd(
             boxes=boxes,
@@ -174,6 +204,7 @@ class DrawnFlakes:
             room=room,
             lens=lens_of(camera, frame.shape),
             window=frame.window,
+            closeup=None if beyond else self.closeup(frame),
         )
 
     def _box(

@@ -14,7 +14,8 @@ from typing import NamedTuple
 import numpy as np
 
 from flurries import _core
-from flurries._contract import Float64
+from flurries._contract import Array, Float64
+from flurries.effects.defocus import disc_factor
 from flurries.effects.gain import STREAKS, gains_of
 from flurries.effects.weather import Film, Layer
 from flurries.spectral.flakes import prepare
@@ -91,8 +92,8 @@ class Patterns:
 Streaks = tuple[tuple[float, float], ...]
 
 
-@lru_cache(maxsize=4)
-def patterns_of(
+@lru_cache(maxsize=2)
+def _sharp(
     layers: tuple[Layer, ...],
     film: Film,
     opacity: float,
@@ -100,18 +101,8 @@ def patterns_of(
     rungs: tuple[float, ...],
     scale: float,
     streaks: Streaks | None,
-) -> Patterns:
-    """Return the patterns of a film.
-
-    Parameters
-    ----------
-    rungs : tuple of float
-        Shares of the flakes that patterns are made for.
-    scale : float
-        Of the images, for a lens that has zoomed since the layers were made.
-    streaks : tuple of (x, y), optional
-        Of each layer, px; without them flakes rest.
-    """
+) -> tuple[Array, Float64]:
+    """Return waves of the patterns as a lens without an opening sees them, and mean depths."""
     tile, number = film.tile, PATTERNS[film.tile]
     places = PLACES[tile]
     slabs = []
@@ -131,10 +122,53 @@ def patterns_of(
     depths: list[float] = []
     for rung, out in zip(rungs, made, strict=True):
         depths = _core.flake_population(out, slabs, (film.shear, opacity, rung, seed))
+    return made, np.array(depths)
+
+
+@lru_cache(maxsize=4)
+def patterns_of(
+    layers: tuple[Layer, ...],
+    film: Film,
+    opacity: float,
+    seed: int,
+    rungs: tuple[float, ...],
+    scale: float,
+    streaks: Streaks | None,
+    circles: tuple[float, ...] = (),
+) -> Patterns:
+    """Return the patterns of a film.
+
+    Parameters
+    ----------
+    rungs : tuple of float
+        Shares of the flakes that patterns are made for.
+    scale : float
+        Of the images, for a lens that has zoomed since the layers were made.
+    streaks : tuple of (x, y), optional
+        Of each layer, px; without them flakes rest.
+    circles : tuple of float
+        Circles of confusion of each layer, px; () where all are sharp.
+    """
+    tile, number = film.tile, PATTERNS[film.tile]
+    places = PLACES[tile]
+    made, depths = _sharp(layers, film, opacity, seed, rungs, scale, streaks)
+    sharp = np.ones(len(layers))
+    if circles:
+        factors = np.stack([disc_factor(tile, film.shear / tile, circle) for circle in circles])
+        wide = 0.5 * np.array(circles) ** 2
+        square = np.array([((scale * slab.diameters) ** 2).mean() for _, slab in layers])
+        sharp = square / (square + wide)
+        # Blurred depths cover as much as they sum up to: of opacities, not of sharp depths.
+        area = np.array([slab.coverage for _, slab in layers]) / np.maximum(depths, 1e-12)
+        share = sharp + (1.0 - sharp) * area
+        factors = (factors * share[:, None, None]).astype(np.float32)
+        made = made * factors[None, :, None, None]
+        depths = depths * share
     ready = prepare(
         made.reshape(-1, places, tile, tile // 2 + 1), shear=film.shear / tile, dtype=np.float32
     )
     gains = None
     if streaks is None:
         gains = np.stack([gains_of(scale * slab.diameters[::8], opacity) for _, slab in layers])
-    return Patterns(ready, np.array(depths), gains, number, places)
+        gains = 1.0 + (gains - 1.0) * sharp[:, None]
+    return Patterns(ready, depths, gains, number, places)

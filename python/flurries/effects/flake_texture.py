@@ -18,13 +18,17 @@ from flurries import _core
 from flurries._contract import Array, Float64
 from flurries.camera.tiles import tile_middles
 from flurries.effects.checks import DepthMode
+from flurries.effects.defocus import circles_of
 from flurries.effects.flake_flow import flow_of, gusts_of
 from flurries.effects.flake_patterns import LONGEST_STREAK, Patterns, Streaks, patterns_of
 from flurries.effects.flake_terms import LADDER, Flight, terms_of, tile_counts
+from flurries.effects.lighting import lamp_shade
 from flurries.effects.motion import Way
 from flurries.effects.weather import Film, Layer, Weather
+from flurries.frame.layer import Shade
 from flurries.frame.needs import Cost, LeftOut, Needs, Step, has_keys, omission
 from flurries.frame.view import Frame
+from flurries.light.phase import Optics
 from flurries.motion.keys import value_at
 from flurries.spectral.flakes import Request, bands_of, frame_of
 from flurries.trace import count
@@ -247,6 +251,13 @@ class FlakeTexture:
                 farthest[row, col] = strip[max(left, 0) : left + film.tile].max()
         return np.stack([_seen_before([layer], farthest) for layer in layers], axis=-1)
 
+    def lamp_shade(self, frame: Frame, optics: Optics) -> Shade:
+        """Return the light of the frame's lamps on it, by places."""
+        layers = self.weather.film(frame).layers
+        depths = np.array([layer.slab.depth for layer in layers])
+        weights = np.array([layer.slab.coverage for layer in layers])
+        return lamp_shade(frame, depths, weights, optics)
+
     def passes(self, frame: Frame, later: Frame, way: Way, next_way: Way) -> tuple[Array, Array]:
         """Return motion (h, w, 2) and depth (h, w) of what the window shows of the texture.
 
@@ -279,8 +290,10 @@ class FlakeTexture:
             scale = math.exp(round(math.log(frame.camera.focal) / step) * step)
             scale /= frame.path.longest_focal
         streaks = self._streaks(frame, film)
+        circles = circles_of(frame.blur, [layer.slab.depth for layer in film.layers])
+        rungs = self._rungs(amount)
         return patterns_of(
-            film.layers, film, self._opacity, frame.seed, self._rungs(amount), scale, streaks
+            film.layers, film, self._opacity, frame.seed, rungs, scale, streaks, circles
         )
 
     def _streaks(self, frame: Frame, film: Film) -> Streaks | None:

@@ -8,7 +8,7 @@ from typing import Any, Literal, TypeAlias, get_args
 
 import numpy as np
 
-from flurries._contract import Float64, real, seed_of, vector
+from flurries._contract import Float64, seed_of, vector
 from flurries.effects.checks import (
     DEPTH_MODES,
     DepthMode,
@@ -20,13 +20,15 @@ from flurries.effects.checks import (
     share,
     wind,
 )
-from flurries.effects.color import as_color
+from flurries.effects.color import AMBIENT, LOCAL, as_color
 from flurries.effects.crowd import DrawnFlakes
 from flurries.effects.flake_texture import FlakeTexture
 from flurries.effects.haze import Haze
+from flurries.effects.keyed import Mixture, highest, product, shares_of
 from flurries.effects.motion import Motion
 from flurries.effects.precipitation import Precipitation
-from flurries.effects.weather import Weather
+from flurries.effects.weather import Weather, times
+from flurries.light.phase import FLAKES, Optics
 from flurries.motion.keys import Keys, Number, Vector, as_number
 from flurries.motion.wind import Wind
 from flurries.particles.population import Population
@@ -35,6 +37,8 @@ from flurries.particles.sizes import Sizes
 Method: TypeAlias = Literal["hybrid", "simulated"]
 METHODS = get_args(Method)
 LOOKS = ("v2",)
+Shape: TypeAlias = Literal["natural", "round"]
+SHAPES = get_args(Shape)
 
 
 def steady_or_gusty(name: str, value: object) -> Any:
@@ -49,13 +53,13 @@ def steady_or_gusty(name: str, value: object) -> Any:
 
 # What the fields of a population may be.
 POPULATION: dict[str, Any] = {
-    "density": partial(real, low=0.0, high=1e6),
+    "density": partial(as_number, low=0.0, high=1e6),
     "opacity": part,
     "amount": share,
     "emission": share,
     "fall": optional(as_number),
     "wind": steady_or_gusty,
-    "color": lambda _, value: as_color(value),
+    "color": lambda _, value: as_color(value, (AMBIENT, LOCAL)),
     "haze": share,
     "shutter": partial(as_number, low=0.0),
     "sway": pair,
@@ -64,13 +68,20 @@ POPULATION: dict[str, Any] = {
     "cloud": length,
     "method": one_of(METHODS),
     "depth_mode": one_of(DEPTH_MODES),
+    "shape": one_of(SHAPES),
     "look": one_of(LOOKS),
     "seed": optional(lambda _, value: seed_of(value)),
 }
 
 
-def size_law(name: str, value: object) -> tuple[float, float, float]:
-    """Return (smallest, mean, largest) diameters in metres, or refuse them."""
+def size_law(name: str, value: object) -> Any:
+    """Return (smallest, mean, largest) diameters in metres, plain or keyed, or refuse them."""
+    if isinstance(value, Keys):
+        if value.width != 3:
+            raise ValueError(f"{name} must be keyed with (smallest, mean, largest)")
+        for _, part in value.keys:
+            size_law(name, part)
+        return value
     low, mean, high = vector(name, value, 3).tolist()
     try:
         Sizes.with_mean(low, mean, high)
@@ -83,10 +94,24 @@ def size_law(name: str, value: object) -> tuple[float, float, float]:
 
 
 def parts_of(
+    name: str, *, sizes: Any, amount: Number, **given: Any
+) -> Precipitation[FlakeTexture] | Mixture:
+    """Return what an effect of a population is made of; of keyed sizes, a population for each."""
+    if not isinstance(sizes, Keys):
+        return _part_of(name, sizes=Sizes.with_mean(*sizes), amount=amount, **given)
+    return Mixture(
+        [
+            _part_of(name, sizes=Sizes.with_mean(*size), amount=product(amount, share), **given)
+            for size, share in shares_of(sizes)
+        ]
+    )
+
+
+def _part_of(
     name: str,
     *,
     sizes: Sizes,
-    density: float,
+    density: Number,
     opacity: float,
     speed: Callable[[Float64], Float64],
     fall: Number | None,
@@ -103,12 +128,18 @@ def parts_of(
     gain: Number = 1.0,
     method: str,
     depth_mode: DepthMode,
+    optics: Optics = FLAKES,
+    shape: str = "round",
 ) -> Precipitation[FlakeTexture]:
     """Return what an effect of a population is made of."""
+    # The air holds as many as there ever are; fewer are shown where the density is less.
+    most = highest(density)
+    if isinstance(density, Keys):
+        amount = product(amount, times(density, 1.0 / most)) if most > 0.0 else 0.0
     mean = float(speed(np.array([sizes.mean]))[0])
     motion = Motion(mean if fall is None else fall, wind, shutter)
     weather = Weather(
-        population=Population(density, sizes, opacity, speed),
+        population=Population(most, sizes, opacity, speed),
         motion=motion,
         emission=emission,
         cloud=cloud,
@@ -116,6 +147,7 @@ def parts_of(
         near=near,
         far=far,
         simulated=method == "simulated",
+        shape=shape,
     )
     texture = FlakeTexture(weather, depth_mode, isinstance(amount, Keys))
     return Precipitation(
@@ -123,6 +155,7 @@ def parts_of(
         amount=amount,
         color=color,
         brightness=gain,
+        optics=optics,
         motion=motion,
         texture=texture,
         flakes=DrawnFlakes(weather),

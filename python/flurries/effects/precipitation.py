@@ -10,13 +10,15 @@ import numpy as np
 from flurries import _core
 from flurries._contract import Array
 from flurries._core import SortedFlakes
-from flurries.effects.color import AMBIENT, bright, color_at
+from flurries.effects.color import LOCAL, bright, color_at
+from flurries.effects.lighting import add_behind, even_shade, local_shade, veil_layer
 from flurries.effects.motion import Motion, Way
 from flurries.effects.passes import passes_of
 from flurries.effects.texture import Texture
 from flurries.frame.layer import Layer, Light
 from flurries.frame.needs import PARTS, Cost, LeftOut, Needs, Step
 from flurries.frame.view import Frame
+from flurries.light.phase import FLAKES, Optics
 from flurries.motion.keys import Keys, Number, value_at
 from flurries.trace import count, stage
 
@@ -79,6 +81,8 @@ class Precipitation(Generic[_Back]):
         Of them all, display values.
     brightness : Number
         Factor of the color's light.
+    optics : Optics
+        What its particles do with the light of a place, where the color is "local".
     motion : Motion
         What moves them.
     texture : Backdrop or None
@@ -96,6 +100,7 @@ class Precipitation(Generic[_Back]):
     flakes: Front | None = None
     veil: Cover
     brightness: Number = 1.0
+    optics: Optics = FLAKES
 
     def needs(self, frame: Frame) -> Needs:
         """Return what a frame takes: the parts' steps, and "join", which makes them one plane."""
@@ -114,9 +119,16 @@ class Precipitation(Generic[_Back]):
         ]
         top, bottom, left, right = frame.window
         pixels, planes = (bottom - top) * (right - left), max(len(steps), 1)
-        size = f"{planes} planes"
+        if self._local:
+            work = {"shaded pixel": float(pixels)}
+            steps.append(Step("local light", lambda: Cost(work, "cells of the plate")))
+        if frame.lights and hasattr(self.flakes, "lit"):
+            lamps = {"lit pixel": float(pixels * (1 + len(frame.lights)))}
+            size = f"{len(frame.lights)} lamps"
+            steps.append(Step("lamps", lambda: Cost(lamps, size, 12 * pixels)))
+        joined = f"{planes} planes"
         steps.append(
-            Step("join", lambda: Cost({"joined pixel": planes * pixels}, size, 4 * pixels))
+            Step("join", lambda: Cost({"joined pixel": planes * pixels}, joined, 4 * pixels))
         )
         return Needs(
             tuple(steps),
@@ -125,40 +137,67 @@ class Precipitation(Generic[_Back]):
                 for needs in asked
                 for one in needs.left_out
             ),
-            PARTS if self.color == AMBIENT else PARTS - {"ambient"},
+            self._reads,
             most=1.0 - clear,
             in_one_pass=asked[0].in_one_pass,
             by_rows=True,
             savings=tuple(saving for needs in asked for saving in needs.savings),
         )
 
-    def render(self, frame: Frame) -> Layer:
-        """Return the layer of a frame."""
+    @property
+    def _local(self) -> bool:
+        return isinstance(self.color, str) and self.color == LOCAL
+
+    @property
+    def _reads(self) -> frozenset[str]:
+        """What it reads of the scene."""
+        if self._local:
+            return PARTS - {"ambient"} | {"plate"}
+        return PARTS if isinstance(self.color, str) else PARTS - {"ambient"}
+
+    def render(self, frame: Frame) -> Layer | tuple[Layer, ...]:
+        """Return the layer of a frame; of local light the veil is one of its own, behind."""
         amount, haze, run = self._now(frame)
         way = self.motion.way(frame)
         texture, flakes, veil = self.texture, self.flakes, self.veil
         behind = front = None
         if texture is not None:
             behind = run(texture.name, lambda: texture.alpha(frame, amount, way))
-        if flakes is not None:
+        glow: Array | None = None
+        lit: Any = flakes if frame.lights and hasattr(flakes, "lit") else None
+        if lit is not None:
+            both = run("flakes", lambda: lit.lit(frame, amount, way, self.optics))
+            front, glow = (None, None) if both is None else both
+            glow = self._glow(frame, glow, behind, front)
+        elif flakes is not None:
             front = run("flakes", lambda: flakes.alpha(frame, amount, way))
         planes = [np.ascontiguousarray(one) for one in (behind, front) if one is not None]
+        before: Array | None = None
         if frame.depth is not None:
             before = run("veil", lambda: veil.alpha(frame, amount))
             haze = 0.0
-            planes += [] if before is None else [before]
+            planes += [] if before is None or self._local else [before]
+        far: list[Layer] = []
+        if self._local and (before is not None or haze > 0.0):
+            far = [veil_layer(f"{self.name}.veil", frame, haze if before is None else before)]
+            haze = 0.0
         top, bottom, left, right = frame.window
         alpha = np.zeros((bottom - top, right - left), np.float32)
         with stage("join"):
             _core.join(alpha, planes or [np.zeros_like(alpha)], haze)
-        color = bright(color_at(self.color, frame), float(value_at(self.brightness, frame.t)))
-        layer = Layer(self.name, alpha, color)
+        if self._local:
+            shade = run("local light", lambda: local_shade(frame, self.optics))
+            layer = Layer(self.name, alpha, shade=shade, glow=glow)
+        else:
+            color = bright(color_at(self.color, frame), float(value_at(self.brightness, frame.t)))
+            shade = None if glow is None else even_shade(frame, color)
+            layer = Layer(self.name, alpha, color, shade=shade, glow=glow)
         back: Any = texture
         known = back is None or hasattr(back, "passes")
         if not frame.whole or (flakes is None and back is None) or not known:
-            return layer
+            return (*far, layer) if far else layer
         passes = passes_of(back, flakes, self.motion, frame, amount, way, (behind, front))
-        return replace(
+        layer = replace(
             layer,
             motion=passes.motion,
             backward=passes.backward,
@@ -166,6 +205,20 @@ class Precipitation(Generic[_Back]):
             coverage=passes.coverage,
             ids=passes.ids,
         )
+        return (*far, layer) if far else layer
+
+    def _glow(
+        self, frame: Frame, glow: Array | None, behind: Array | None, front: Array | None
+    ) -> Array | None:
+        """Return the light of lamps on flakes and on the texture behind them, (h, w, 3)."""
+        back: Any = self.texture
+        if behind is None or not hasattr(back, "lamp_shade"):
+            return glow
+        glow = np.zeros((*behind.shape, 3), np.float32) if glow is None else glow
+        with stage("lamps"):
+            shade = back.lamp_shade(frame, self.optics)
+            add_behind(glow, behind, shade, front)
+        return glow
 
     def over(self, frame: Frame, behind: Array, light: Light) -> Array | None:
         """Return the layer over a picture, with the bits of `render`, in one pass.
@@ -173,7 +226,7 @@ class Precipitation(Generic[_Back]):
         None where that pass has no way to do it: no texture, or a scene that ends.
         """
         texture, flakes = self.texture, self.flakes
-        if frame.depth is not None or not isinstance(texture, Texture):
+        if frame.depth is not None or frame.lights or not isinstance(texture, Texture):
             return None
         amount, haze, run = self._now(frame)
         # A texture that never moves is kept as a plane.

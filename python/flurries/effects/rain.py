@@ -7,11 +7,12 @@ from functools import cached_property, partial
 from typing import Any, ClassVar
 
 from flurries.effects.checks import DepthMode, settle
-from flurries.effects.color import Color
+from flurries.effects.color import LOCAL, PlacedColor
 from flurries.effects.described import Described
 from flurries.effects.flake_texture import FlakeTexture
+from flurries.effects.keyed import Mixture
 from flurries.effects.knobs import knobs, preset
-from flurries.effects.population import POPULATION, Method, parts_of, size_law
+from flurries.effects.population import POPULATION, Method, Shape, parts_of, size_law
 from flurries.effects.population_looks import (
     RAIN,
     RainLook,
@@ -24,10 +25,10 @@ from flurries.effects.precipitation import Precipitation
 from flurries.frame.layer import Layer
 from flurries.frame.needs import Needs
 from flurries.frame.view import Frame
-from flurries.motion.keys import Number, Vector, as_number
+from flurries.light.phase import DROPS
+from flurries.motion.keys import Keys, Number, Vector, as_number
 from flurries.motion.wind import Wind
 from flurries.particles.precipitation import drop_speed
-from flurries.particles.sizes import Sizes
 
 
 @knobs(
@@ -44,9 +45,9 @@ class Rain(metaclass=Described):
     Parameters
     ----------
     density : float
-        Drops per cubic metre.
+        Drops per cubic metre. Keyed: as it changes, drops come and go one by one.
     drop_size : (smallest, mean, largest)
-        Diameters in metres, exponentially distributed.
+        Diameters in metres, exponentially distributed. Keyed, as in :class:`Snow`.
     opacity : float
         Of a resting drop's middle, 0 to 1.
     gain : float
@@ -61,8 +62,9 @@ class Rain(metaclass=Described):
         that of drops of the size. Keyed.
     wind : (x, y, z) or Wind
         Air velocity, metres per second, x right, y down, z away from the camera. Keyed.
-    color : float, (r, g, b) or "ambient"
-        Display values, 0 to 1. Keyed.
+    color : float, (r, g, b), "ambient" or "local"
+        Display values, 0 to 1. Keyed. As in :class:`Snow`; what is "local" is the light that a drop
+        bends towards the camera, and `gain` does not count.
     haze : float
         Opacity of an even veil besides the drops, 0 to 1. Keyed.
     shutter : float
@@ -71,6 +73,9 @@ class Rain(metaclass=Described):
         Depths in metres between which drops are shown.
     cloud : float
         Height above the camera in metres at which drops begin to fall, for `emission`.
+    shape : {"natural", "round"}
+        What a drop is near the camera: flattened by its fall, with a rim through which little light
+        comes; or a round dot.
     method, depth_mode, look, seed
         As in :class:`Snow`.
     severity : int, optional
@@ -91,15 +96,15 @@ class Rain(metaclass=Described):
     True
     """
 
-    density: float = 700.0
-    drop_size: tuple[float, float, float] = (0.0005, 0.0009, 0.006)
+    density: Number = 700.0
+    drop_size: tuple[float, float, float] | Keys = (0.0005, 0.0009, 0.006)
     opacity: float = 0.9
     gain: Number = 6.0
     amount: Number = 1.0
     emission: Number = 1.0
     fall: Number | None = None
     wind: Vector | Wind = (0.6, 0.0, 0.0)
-    color: Color = 0.9
+    color: PlacedColor = "ambient"
     haze: Number = 0.0
     shutter: Number = 0.5
     near: float = 0.4
@@ -107,6 +112,7 @@ class Rain(metaclass=Described):
     cloud: float = 10.0
     method: Method = "hybrid"
     depth_mode: DepthMode = "pixel"
+    shape: Shape = "natural"
     look: str = "v2"
     seed: int | None = None
     severity: InitVar[int | None] = None
@@ -127,11 +133,11 @@ class Rain(metaclass=Described):
         return preset(cls, cls.PRESETS, name, changes)
 
     @cached_property
-    def parts(self) -> Precipitation[FlakeTexture]:
+    def parts(self) -> Precipitation[FlakeTexture] | Mixture:
         """What it is made of."""
         return parts_of(
             self.NAME,
-            sizes=Sizes.with_mean(*self.drop_size),
+            sizes=self.drop_size,
             density=self.density,
             opacity=self.opacity,
             speed=drop_speed,
@@ -149,12 +155,19 @@ class Rain(metaclass=Described):
             gain=self.gain,
             method=self.method,
             depth_mode=self.depth_mode,
+            optics=DROPS,
+            shape="drop" if self.shape == "natural" else "round",
         )
+
+    @property
+    def lit_by_places(self) -> bool:
+        """Whether its color differs over the frame: light of that kind is mixed as light."""
+        return isinstance(self.color, str) and self.color == LOCAL
 
     def needs(self, frame: Frame) -> Needs:
         """Return what a frame takes: its steps, and what is left out."""
         return self.parts.needs(frame)
 
-    def render(self, frame: Frame) -> Layer:
+    def render(self, frame: Frame) -> Layer | tuple[Layer, ...]:
         """Return the layer of a frame."""
         return self.parts.render(frame)

@@ -7,11 +7,12 @@ from functools import cached_property
 from typing import Any, ClassVar
 
 from flurries.effects.checks import DepthMode, settle
-from flurries.effects.color import Color
+from flurries.effects.color import LOCAL, PlacedColor
 from flurries.effects.described import Described
 from flurries.effects.flake_texture import FlakeTexture
+from flurries.effects.keyed import Mixture
 from flurries.effects.knobs import knobs, preset
-from flurries.effects.population import POPULATION, Method, parts_of, size_law
+from flurries.effects.population import POPULATION, Method, Shape, parts_of, size_law
 from flurries.effects.population_looks import (
     SNOW,
     SnowLook,
@@ -24,10 +25,9 @@ from flurries.effects.precipitation import Precipitation
 from flurries.frame.layer import Layer
 from flurries.frame.needs import Needs
 from flurries.frame.view import Frame
-from flurries.motion.keys import Number, Vector
+from flurries.motion.keys import Keys, Number, Vector
 from flurries.motion.wind import Wind
 from flurries.particles.precipitation import snow_speed
-from flurries.particles.sizes import Sizes
 
 
 @knobs(
@@ -45,9 +45,10 @@ class Snow(metaclass=Described):
     Parameters
     ----------
     density : float
-        Flakes per cubic metre.
+        Flakes per cubic metre. Keyed: as it changes, flakes come and go one by one.
     flake_size : (smallest, mean, largest)
         Diameters in metres, exponentially distributed: many small ones, few large ones.
+        Keyed: between two keys the flakes of one size go, one by one, as those of the other come.
     opacity : float
         Of a flake's middle, 0 to 1.
     amount : float
@@ -61,9 +62,12 @@ class Snow(metaclass=Described):
     wind : (x, y, z) or Wind
         Air velocity, metres per second, x right, y down, z away from the camera. Keyed; or
         :class:`flurries.Wind`, with gusts and swirls.
-    color : float, (r, g, b) or "ambient"
+    color : float, (r, g, b), "ambient" or "local"
         Display values, 0 to 1. Keyed. "ambient": as bright as white is in the light of the
-        background.
+        background. "local": 0.9 of the light from behind and around each flake and from outside
+        the picture, so that snow is darker than an overcast sky and glows before a lamp; the frame
+        is then mixed in linear light, and a display picture, a linear one and an EXR of one place
+        get the same snow.
     haze : float
         Opacity of an even veil besides the flakes, 0 to 1. Keyed.
     shutter : float
@@ -80,6 +84,9 @@ class Snow(metaclass=Described):
     depth_mode : {"pixel", "tile"}
         How exactly the texture follows the scene's depth; by tiles it is faster, and leaks over the
         border of near things by up to a tile.
+    shape : {"natural", "round"}
+        What a flake is whose image has a sigma above some 3 pixels: an aggregate of crystals that
+        tumbles as it falls, or a round dot as those that are farther.
     look : {"v2"}
         Version of the looks: what presets and knobs mean.
     seed : int, optional
@@ -103,14 +110,14 @@ class Snow(metaclass=Described):
     True
     """
 
-    density: float = 30.0
-    flake_size: tuple[float, float, float] = (0.003, 0.007, 0.022)
+    density: Number = 30.0
+    flake_size: tuple[float, float, float] | Keys = (0.003, 0.007, 0.022)
     opacity: float = 0.9
     amount: Number = 1.0
     emission: Number = 1.0
     fall: Number | None = None
     wind: Vector | Wind = (0.3, 0.0, 0.0)
-    color: Color = 0.98
+    color: PlacedColor = "ambient"
     haze: Number = 0.0
     shutter: Number = 0.5
     sway: tuple[float, float] = (0.02, 4.0)
@@ -119,6 +126,7 @@ class Snow(metaclass=Described):
     cloud: float = 10.0
     method: Method = "hybrid"
     depth_mode: DepthMode = "pixel"
+    shape: Shape = "natural"
     look: str = "v2"
     seed: int | None = None
     severity: InitVar[int | None] = None
@@ -136,11 +144,11 @@ class Snow(metaclass=Described):
         return preset(cls, cls.PRESETS, name, changes)
 
     @cached_property
-    def parts(self) -> Precipitation[FlakeTexture]:
+    def parts(self) -> Precipitation[FlakeTexture] | Mixture:
         """What it is made of."""
         return parts_of(
             self.NAME,
-            sizes=Sizes.with_mean(*self.flake_size),
+            sizes=self.flake_size,
             density=self.density,
             opacity=self.opacity,
             speed=snow_speed,
@@ -157,12 +165,18 @@ class Snow(metaclass=Described):
             color=self.color,
             method=self.method,
             depth_mode=self.depth_mode,
+            shape="aggregate" if self.shape == "natural" else "round",
         )
+
+    @property
+    def lit_by_places(self) -> bool:
+        """Whether its color differs over the frame: light of that kind is mixed as light."""
+        return isinstance(self.color, str) and self.color == LOCAL
 
     def needs(self, frame: Frame) -> Needs:
         """Return what a frame takes: its steps, and what is left out."""
         return self.parts.needs(frame)
 
-    def render(self, frame: Frame) -> Layer:
+    def render(self, frame: Frame) -> Layer | tuple[Layer, ...]:
         """Return the layer of a frame."""
         return self.parts.render(frame)

@@ -227,7 +227,7 @@ class TentRain(metaclass=Described):
         """Return what a frame takes: its steps, and what is left out."""
         return self.parts.needs(frame)
 
-    def render(self, frame: Frame) -> Layer:
+    def render(self, frame: Frame) -> Layer | tuple[Layer, ...]:
         """Return the layer of a frame."""
         return self.parts.render(frame)
 

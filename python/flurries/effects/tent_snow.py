@@ -215,7 +215,7 @@ class TentSnow(metaclass=Described):
         """Return what a frame takes: its steps, and what is left out."""
         return self.parts.needs(frame)
 
-    def render(self, frame: Frame) -> Layer:
+    def render(self, frame: Frame) -> Layer | tuple[Layer, ...]:
         """Return the layer of a frame."""
         return self.parts.render(frame)
 

@@ -149,6 +149,8 @@ class Weather:
         Depths between which there are flakes, metres.
     simulated : bool
         Whether every flake is drawn.
+    shape : {"aggregate", "drop", "round"}
+        What flakes are near the camera.
     """
 
     population: Population
@@ -159,6 +161,7 @@ class Weather:
     near: float
     far: float
     simulated: bool
+    shape: str = "round"
 
     def film(self, frame: Frame) -> Film:
         """Return the shares of the film that a frame belongs to."""
@@ -202,6 +205,11 @@ def _film(
     fps: float,
 ) -> Film:
     population, motion = weather.population, weather.motion
+    if population.density == 0.0:
+        # Nothing to be shared out: one class, all of it drawn.
+        (one,) = population.classes(1)
+        none = (Share(one, motion, weather.far, ()),)
+        return Film(none, TILES[0], TILES[0] // OVERLAP, False, False, False, 0)
     mean = float(population.speed(np.array([population.sizes.mean]))[0])
     varied = population.sizes.largest > population.sizes.smallest
     classes = [

@@ -42,6 +42,9 @@ NANOSECONDS: dict[str, tuple[str, float]] = {
     "cone pixel": ("kernel", 4.5),
     # Planes and pictures, for each pixel.
     "mask pixel": ("kernel", 0.535),
+    # Color by places, and the light of each lamp.
+    "shaded pixel": ("kernel", 4.0),
+    "lit pixel": ("kernel", 3.0),
     "joined pixel": ("kernel", 0.2),
     # A square root, by which machines are compared.
     "array number": ("array", 1.05),

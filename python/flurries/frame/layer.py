@@ -14,6 +14,30 @@ from flurries._contract import Array
 Light = Callable[[tuple[float, float, float]], list[float]]
 
 
+@dataclass(frozen=True, eq=False)
+class Shade:
+    """Colors at the middles of cells of a frame, linear between them.
+
+    Attributes
+    ----------
+    colors : (rows, columns, 3) float32
+        Linear light.
+    cell : float
+        Side of a cell, px.
+    first : (row, column)
+        The frame's pixel that the layer begins at.
+    """
+
+    colors: Array
+    cell: float
+    first: tuple[int, int]
+
+    def given(self, colors: Array | None = None) -> tuple[Array, float, int, int]:
+        """Return it as kernels read it, with other colors if given."""
+        chosen = self.colors if colors is None else colors
+        return np.ascontiguousarray(chosen, np.float32), float(self.cell), *self.first
+
+
 @dataclass(frozen=True)
 class Layer:
     """One effect's part of a frame.
@@ -29,6 +53,10 @@ class Layer:
     rgb : (h, w, 3) float32, optional
         Color of each pixel, linear light multiplied by alpha. Light without opacity (a glow) shows
         in linear light only: display values have no way to add it.
+    shade : Shade, optional
+        In place of `color`: one that differs slowly over the frame.
+    glow : (h, w, 3) float32, optional
+        With `shade`: light besides, linear and multiplied by opacities.
     depth : (h, w) float32, optional
         Where it is: planar depth in world units, for files with layers; infinity where nothing is.
     motion : (h, w, 2) float32, optional
@@ -45,6 +73,8 @@ class Layer:
     alpha: Array
     color: tuple[float, float, float] = (1.0, 1.0, 1.0)
     rgb: Array | None = None
+    shade: Shade | None = None
+    glow: Array | None = None
     depth: Array | None = None
     motion: Array | None = None
     backward: Array | None = None
@@ -73,6 +103,7 @@ def layers_of(answer: object, effect: object, shape: tuple[int, int]) -> tuple[L
         planes: dict[str, tuple[Any, tuple[int, ...]]] = {
             "alpha": (layer.alpha, shape),
             "rgb": (layer.rgb, (*shape, 3)),
+            "glow": (layer.glow, (*shape, 3)),
             "depth": (layer.depth, shape),
             "motion": (layer.motion, (*shape, 2)),
             "backward": (layer.backward, (*shape, 2)),

@@ -127,6 +127,7 @@ class Deep:
             whole,
             alpha=alpha,
             rgb=mixed(whole.rgb, near.rgb),
+            glow=mixed(whole.glow, near.glow),
             coverage=mixed(whole.coverage, near.coverage),
             depth=chosen(whole.depth, near.depth),
             motion=chosen(whole.motion, near.motion),

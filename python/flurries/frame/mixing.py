@@ -12,6 +12,9 @@ from flurries import _core
 from flurries._contract import Array
 from flurries.frame.layer import Layer
 from flurries.io.color import (
+    decoding_table,
+    encode_bytes,
+    encoding_edges,
     linear_to_srgb,
     looked_up,
     srgb_to_linear,
@@ -116,19 +119,51 @@ class Mix:
             return to_linear(working, "display")
         if self.table:
             return looked_up(working, 8 * dtype.itemsize)
+        if dtype == np.uint8 and working.dtype == np.float32:
+            return encode_bytes(working)
         return to_integer(to_display(working, "linear"), 8 * dtype.itemsize)
 
     def over(self, working: Array, layer: Layer, into: Array | None = None) -> Array:
         """Return a layer over what lies behind it, in `into` if given: another array."""
         result = np.empty_like(working) if into is None else into
-        if layer.rgb is None and working.shape[2] == 3:
+        single = working.dtype == result.dtype == np.float32 and working.shape[2] == 3
+        single = single and self.primaries is None
+        if layer.shade is not None and self.linear and single:
+            _core.shade_over(result, working, layer.alpha, layer.shade.given(), layer.glow)
+            return result
+        if layer.shade is None and layer.rgb is None and working.shape[2] == 3:
             _core.snow(result, working, layer.alpha, self.light(layer.color))
         else:
             _core.over(result, working, self.rgba(layer))
         return result
 
+    def bytes_of(self, plate: Array) -> bool:
+        """Whether a plate of bytes is mixed in linear light."""
+        plain = self.linear and self.encoding == "display" and not self.table
+        plain = plain and self.primaries is None
+        return plain and plate.dtype == np.uint8 and plate.shape[2] == 3
+
+    def in_bytes(self, layer: Layer, plate: Array, into: Array | None) -> Array | None:
+        """Return a layer of a shade over bytes in one pass, with the bits of the way by floats.
+
+        None where that pass has no way to do it.
+        """
+        if layer.shade is None or not self.bytes_of(plate):
+            return None
+        fits = into is not None and into.flags.c_contiguous
+        result = into if into is not None and fits else np.empty(plate.shape, np.uint8)
+        plate, coding = np.ascontiguousarray(plate), (decoding_table(1), encoding_edges())
+        given = layer.shade.given()
+        _core.shade_over(result, plate, layer.alpha, given, layer.glow, *coding)
+        if into is not None and into is not result:
+            into[...] = result
+            return into
+        return result
+
     def rgba(self, layer: Layer) -> Array:
         """Return a layer as (h, w, 4) float32, premultiplied, in the light of the mix."""
+        if layer.shade is not None:
+            layer = lit(layer)
         if layer.rgb is None:
             return layer.rgba(self.light(layer.color))
         result = np.empty((*layer.alpha.shape, 4), np.float32)
@@ -165,8 +200,17 @@ def behind(layer: Layer, cover: Array) -> Layer:
     left = 1.0 - cover
     alpha = np.ascontiguousarray(layer.alpha * left)
     rgb = None if layer.rgb is None else layer.rgb * left[..., None]
+    glow = None if layer.glow is None else np.ascontiguousarray(layer.glow * left[..., None])
     coverage = None if layer.coverage is None else layer.coverage * left
-    return replace(layer, alpha=alpha, rgb=rgb, coverage=coverage)
+    return replace(layer, alpha=alpha, rgb=rgb, glow=glow, coverage=coverage)
+
+
+def lit(layer: Layer) -> Layer:
+    """Return a layer of a shade with the color of each pixel."""
+    assert layer.shade is not None
+    rgb = np.empty((*layer.alpha.shape, 3), np.float32)
+    _core.shade_light(rgb, layer.alpha, layer.shade.given(), layer.glow)
+    return replace(layer, rgb=rgb, shade=None, glow=None)
 
 
 def free_name(name: str, taken: Container[str]) -> str:

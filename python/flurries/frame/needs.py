@@ -115,7 +115,7 @@ class Needs:
     left_out : tuple of LeftOut
         What is not among them.
     reads : set of str
-        Of the scene's "depth" and "ambient" light.
+        Of the scene's "depth" and "ambient" light; "plate" is that light by places.
     most : float
         Its largest opacity.
     brightest : float

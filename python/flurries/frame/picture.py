@@ -98,6 +98,8 @@ class Picture:
         self.asks, self.mix, self.plate, self.front = asks, mix, plate, front
         self.window, self.inner = window, inner
         self._drawn: dict[int, tuple[Layer, ...]] = {}
+        # Layers of the band that is being composed, made before it was known how they are laid.
+        self._ready: tuple[Layer, ...] | None = None
 
     def compose(self, band: Window, into: Array | None) -> Array:
         """Return the composite of a band, written to `into` where that is given."""
@@ -105,6 +107,15 @@ class Picture:
         plate = crop(self.plate, place)
         front = None if self.front is None else self.front.window(place)
         part = common(band, self.inner) if self.asks and self.inner is not None else None
+        if part == band and front is None and len(self.asks) == 1 and mix.bytes_of(plate):
+            ask = self.asks[0]
+            made = self._layers(0, ask, _narrow(ask, part), part)
+            if len(made) == 1:
+                with stage("composite"):
+                    done = mix.in_bytes(made[0], plate, into)
+                if done is not None:
+                    return done
+            self._ready = made
         light = mix.decode(plate)
         if front is not None:
             light = front.behind(light, linear=mix.linear)
@@ -148,6 +159,9 @@ class Picture:
 
     def _layers(self, number: int, ask: Ask, frame: Frame, part: Window) -> tuple[Layer, ...]:
         """Return an effect's layers of a part of the picture."""
+        if self._ready is not None:
+            ready, self._ready = self._ready, None
+            return ready
         if frame.window == part:
             return draw(ask.part.effect, frame)
         # One that may draw all of it for any part draws it once.
@@ -169,7 +183,12 @@ def _narrow(ask: Ask, part: Window) -> Frame:
 def _cut(layer: Layer, place: Window) -> Layer:
     """Return the part of a layer, counted from its own first pixel."""
     rgb = None if layer.rgb is None else np.ascontiguousarray(crop(layer.rgb, place))
-    return Layer(layer.name, np.ascontiguousarray(crop(layer.alpha, place)), layer.color, rgb)
+    glow = None if layer.glow is None else np.ascontiguousarray(crop(layer.glow, place))
+    shade = layer.shade
+    if shade is not None:
+        shade = replace(shade, first=(shade.first[0] + place[0], shade.first[1] + place[2]))
+    alpha = np.ascontiguousarray(crop(layer.alpha, place))
+    return Layer(layer.name, alpha, layer.color, rgb, shade, glow)
 
 
 def draw(effect: Any, frame: Frame) -> tuple[Layer, ...]:

@@ -6,15 +6,17 @@ seeded or allocated, and a frame costs no time for it.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 
 from flurries import _core
 from flurries._contract import Array
 from flurries.camera.lens import Camera
+from flurries.camera.optics import Lens
 from flurries.camera.path import CameraPath
 from flurries.frame.bands import most_bands, whole
 from flurries.frame.matte import Deep, Front
@@ -24,8 +26,12 @@ from flurries.frame.tolerance import EXACT, LEVELS, STEEPEST, Choice, Light, cho
 from flurries.frame.view import Frame
 from flurries.frame.visible import Visible, Window
 from flurries.light.ambient import ambient_light
+from flurries.light.lamp import Lamp
+from flurries.light.plate import PlateLight, plate_light
 from flurries.light.sun import Sun
 from flurries.trace import stage
+
+_Found = TypeVar("_Found")
 
 # Half a step of an integer picture, less what rounding in float32 can take.
 HALF_STEP = 0.5 - 1e-3
@@ -111,6 +117,8 @@ class Program:
     mattes: Any
     linear: bool
     primaries: Array | None = None
+    lights: tuple[Lamp, ...] = ()
+    lens: Lens | None = None
 
     def __post_init__(self) -> None:
         self.parts: list[Part] = []
@@ -118,9 +126,11 @@ class Program:
         fixed = all(part is None or part.still for part in (self.distance, self.mattes))
         self.settled = self.path.still and fixed
         self.deep = self.distance is not None or (self.mattes is not None and self.mattes.deep)
+        self.settled = self.settled and not (has_keys(self.lens) or has_keys(self.lights))
         self._kept = Kept(most_bands(self.shape))
         self._visible: tuple[Front | None, dict[float, Visible | None]] = (None, {})
         self._light: Light | None = None
+        self._found: dict[tuple[str, int], Any] = {}
         self._choices: dict[Any, Choice] = {}
         self._shares: list[tuple[float, float]] | None = None
         for index, effect in enumerate(self.effects):
@@ -159,6 +169,8 @@ class Program:
             # What an effect needs must not depend on the seed: one view serves all of them.
             seed=0,
             sun=self.sun,
+            lights=self.lights,
+            lens=self.lens,
             settled=self.settled,
             deep=self.deep,
         )
@@ -191,6 +203,7 @@ class Program:
         front = self.front(t) if runs else None
         visible = None if dtype is None else self.visible(front, choice.hidden)
         nearer: Deep | None = None if front is None or not read else front.deep
+        plate = self._plate(t) if "plate" in reads else None
         found = []
         for part, needs in runs:
             settings = choice.settings.get(part.place, {})
@@ -205,6 +218,7 @@ class Program:
                 depth=depth if "depth" in needs.reads else None,
                 ambient=ambient if "ambient" in needs.reads else None,
                 nearer=nearer if "depth" in needs.reads else None,
+                plate=plate if "plate" in needs.reads else None,
             )
             found.append(Ask(part, frame, needs))
         return found
@@ -316,15 +330,32 @@ class Program:
             depth: Array = self.distance.frame(t)
         return depth
 
+    # Of the whole picture, so that a region has the whole's bits.
     def _ambient(self, t: float) -> tuple[float, float, float]:
         with stage("ambient"):
-            # Of the whole picture, so that a region has the whole's bits.
+            return self._of_plate(ambient_light, t)
+
+    def _plate(self, t: float) -> PlateLight:
+        with stage("plate light"):
+            return self._of_plate(plate_light, t)
+
+    def _of_plate(self, find: Callable[[Array, str], _Found], t: float) -> _Found:
+        """Return what is found in the background at `t`; in one that never changes, once."""
+        key, kept = (find.__name__, math.floor(t)), self._found
+        if self.backdrop.count is None:
+            key = (find.__name__, 0)
+        if key not in kept:
             picture = self.backdrop.frame(t)
             if self.primaries is not None:
                 # Effects' colors are of Rec. 709's primaries.
                 back = (picture[..., :3] @ np.linalg.inv(self.primaries)).astype(np.float32)
                 picture = np.concatenate([back, picture[..., 3:]], axis=2)
-            return ambient_light(picture, self.backdrop.encoding)
+            found = find(picture, self.backdrop.encoding)
+            # A new dictionary: other threads may be reading the old one.
+            rest = {name: value for name, value in kept.items() if name[0] != find.__name__}
+            self._found = {**rest, key: found}
+            return found
+        return kept[key]  # type: ignore[no-any-return]
 
 
 def effect_seed(seed: int, index: int) -> int:

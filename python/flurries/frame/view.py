@@ -11,11 +11,14 @@ import numpy as np
 
 from flurries._contract import Array, Float64
 from flurries.camera.lens import Camera
+from flurries.camera.optics import Blur, Lens
 from flurries.camera.path import CameraPath
 from flurries.camera.rotation import rotation_vector
 from flurries.frame.matte import Deep
 from flurries.frame.needs import Run, needs_of
 from flurries.frame.shared import Shared
+from flurries.light.lamp import Lamp
+from flurries.light.plate import PlateLight
 from flurries.light.sun import Sun
 from flurries.motion.keys import Number, Vector
 
@@ -50,6 +53,12 @@ class Frame:
     ambient : (r, g, b) or None
         Display values of white in the background's own light, where an effect's color is
         "ambient".
+    plate : PlateLight or None
+        The background's light by places, where an effect's color is "local".
+    lights : tuple of Lamp
+        Lamps of the scene.
+    lens : Lens or None
+        That what falls is seen through; None is sharp everywhere.
     run : Run or None
         What the plan lets the effect do; None where a frame was made without a plan.
     settled : bool
@@ -76,6 +85,9 @@ class Frame:
     depth: Array | None = None
     sun: Sun | None = None
     ambient: tuple[float, float, float] | None = None
+    plate: PlateLight | None = None
+    lights: tuple[Lamp, ...] = ()
+    lens: Lens | None = None
     run: Run | None = None
     settled: bool = False
     deep: bool = False
@@ -110,6 +122,19 @@ class Frame:
         return self.shared.here((id(owner), self.seed, name), owner, self.window, make)
 
     @property
+    def blur(self) -> Blur | None:
+        """The lens as it is now; None where all is sharp."""
+        if self.lens is None:
+            return None
+        return self.lens.blur(self.t, focal=self.camera.focal, width=self.shape[1])
+
+    def lamps(self) -> Float64:
+        """Return the lamps as they are now, as kernels read them, (n, 13); in the eye's axes."""
+        matrix, place = self.camera.matrix(), self.path.place(self.t, fps=self.fps)
+        rows = [lamp.row(self.t, matrix, place) for lamp in self.lights]
+        return np.ascontiguousarray(rows, np.float64).reshape(-1, 13)
+
+    @property
     def eye(self) -> int:
         """Which of two eyes sees it, 0 or 1."""
         return int(self.shared is not None and self.camera != self.shared.cameras[0])
@@ -140,7 +165,7 @@ class Frame:
             shift = (ratio * camera.center_shift[0], ratio * camera.center_shift[1])
             camera = camera.derive(focal=ratio * camera.focal, center_shift=shift)
         return replace(
-            self, t=after, camera=camera, depth=None, ambient=None, nearer=None,
+            self, t=after, camera=camera, depth=None, ambient=None, nearer=None, plate=None,
             shared=None,
         )  # fmt: skip
 

@@ -88,7 +88,7 @@ def to_linear(pixels: Array, encoding: str) -> Array:
     if encoding == "linear":
         return to_unit(pixels)
     if pixels.dtype.kind == "u":
-        return _decoding_table(pixels.dtype.itemsize)[pixels]
+        return decoding_table(pixels.dtype.itemsize)[pixels]
     return srgb_to_linear(pixels)
 
 
@@ -146,12 +146,36 @@ def to_single(values: Array) -> Array:
 
 
 @lru_cache(maxsize=2)
-def _decoding_table(itemsize: int) -> Array:
+def decoding_table(itemsize: int) -> Array:
     """Return the linear light of every 8-bit or 16-bit display value."""
     levels = 256**itemsize
     table = srgb_to_linear(np.arange(levels) / (levels - 1)).astype(np.float32)
     table.flags.writeable = False
     return table
+
+
+@lru_cache(maxsize=1)
+def encoding_edges() -> Array:
+    """Return the least linear light that `to_integer` makes each byte from 1 to 255 of, (255,)."""
+    low, high = np.zeros(255, np.float32), np.ones(255, np.float32)
+    wanted = np.arange(1, 256)
+    # Floats of one sign have the order of their bits.
+    bits = [part.view(np.int32) for part in (low, high)]
+    while (bits[1] - bits[0] > 1).any():
+        middle = (bits[0] + bits[1]) // 2
+        enough = to_integer(linear_to_srgb(middle.view(np.float32)), 8) >= wanted
+        bits = [np.where(enough, bits[0], middle), np.where(enough, middle, bits[1])]
+    edges = bits[1].astype(np.int32).view(np.float32)
+    edges.flags.writeable = False
+    return edges
+
+
+def encode_bytes(light: Array) -> Array:
+    """Return linear light, float32, as bytes of display values, each rounded to the nearest."""
+    result = np.empty(light.shape, np.uint8)
+    flat = np.ascontiguousarray(light, np.float32).reshape(-1)
+    _core.encode_bytes(result.reshape(-1), flat, decoding_table(1), encoding_edges())
+    return result
 
 
 @lru_cache(maxsize=2)

@@ -25,8 +25,9 @@ def ambient_light(picture: Array, encoding: str) -> tuple[float, float, float]:
     -------
     (r, g, b)
         Display values, 0 to 1: the mean of the linear light over 0.18, which is what pictures
-        reflect on average, times 0.9, what snow does; lowered in one proportion to 1 at most. What
-        is not finite does not count.
+        reflect on average, times 0.9, what snow does; lowered in one proportion to 1 at most, or in
+        linear light to 0.9 of its brightest twentieth where that is more. What is not finite does
+        not count. White for a picture that is black all over.
 
     Notes
     -----
@@ -39,8 +40,13 @@ def ambient_light(picture: Array, encoding: str) -> tuple[float, float, float]:
         light, whole = light * cover if picture.dtype.kind == "u" else light, float(cover.mean())
     light = light.reshape(-1, 3)
     light = light[np.isfinite(light).all(axis=1)]
-    if len(light) == 0 or whole == 0.0:
+    if len(light) == 0 or whole == 0.0 or not light.any():
+        # Black is no picture: snow on it is meant to be laid over one later.
         return 1.0, 1.0, 1.0
     white = np.maximum(light.mean(axis=0, dtype=np.float64) / whole, 0.0) * (_SNOW / _GREY)
-    red, green, blue = linear_to_srgb(white / max(float(white.max()), 1.0)).tolist()
+    most = 1.0
+    if encoding == "linear":
+        # Light has no end at paper white: before a sky of 5 snow is not grey.
+        most = max(most, _SNOW * float(np.quantile(light[:: max(len(light) // 65536, 1)], 0.95)))
+    red, green, blue = linear_to_srgb(white / max(float(white.max()) / most, 1.0)).tolist()
     return red, green, blue

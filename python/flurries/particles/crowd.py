@@ -49,6 +49,30 @@ class Box(NamedTuple):
     amounts: list[float]
 
 
+class Closeup(NamedTuple):
+    """How flakes look from near and out of focus.
+
+    Attributes
+    ----------
+    kind : {"aggregate", "drop", "round"}
+        What large ones are.
+    switch : (low, high)
+        Sigma in px between which a round sprite gives way to a shape.
+    blur : (strength, focus, blades, turn) or None
+        See :class:`flurries.camera.optics.Blur`.
+    seed : int
+        Of shapes and tumbling.
+    seconds : float
+        Since frame 0.
+    """
+
+    kind: str
+    switch: tuple[float, float]
+    blur: tuple[float, float, int, float] | None
+    seed: int
+    seconds: float
+
+
 class Crowd(NamedTuple):
     """The classes of a population before one lens.
 
@@ -71,6 +95,8 @@ class Crowd(NamedTuple):
         See :class:`flurries.Camera`.
     window : (top, bottom, left, right)
         Pixels; the rest of the frame may lack flakes.
+    closeup : Closeup or None
+        None draws all flakes as sharp sprites.
     """
 
     boxes: list[Box]
@@ -82,3 +108,4 @@ class Crowd(NamedTuple):
     room: float
     lens: Lens
     window: tuple[int, int, int, int]
+    closeup: Closeup | None = None

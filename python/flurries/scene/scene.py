@@ -16,6 +16,7 @@ import numpy as np
 from flurries._contract import Array, choice, integer, real, seed_of, suggesting
 from flurries.camera.extent import extent, holding
 from flurries.camera.lens import Camera
+from flurries.camera.optics import Lens
 from flurries.camera.path import CameraPath, as_path
 from flurries.frame.effect import Effect
 from flurries.frame.picture import images
@@ -28,6 +29,7 @@ from flurries.io.pictures.slate import Slate, read_slate
 from flurries.io.sequences import MOST_FRAMES
 from flurries.io.sources import Source, VideoSource
 from flurries.io.spans import EXTEND, Span, words_of
+from flurries.light.lamp import Lamp
 from flurries.light.sun import Sun
 from flurries.scene.arguments import parse_region, parse_size, parse_tolerance
 from flurries.scene.background import Backdrop, backdrop
@@ -60,6 +62,9 @@ SPACES = ("auto", "display", "linear")
 
 # A file of a few kilobytes could ask for more than anybody would wait for.
 MOST_EFFECTS = 1000
+
+# Every lamp shines on every flake.
+MOST_LIGHTS = 64
 
 # Frames per second, where neither the caller nor a film says it.
 DEFAULT_FPS = 30.0
@@ -112,7 +117,11 @@ class Scene:
         a sequence of them, with a channel "Z" or "depth"; or a grey picture, see :class:`DepthMap`.
         Files are fitted to the frame as the background is, each pixel with the depth of one.
     sun : Sun, optional
-        What shines on the weather.
+        What shines on the gas.
+    lights : sequence of Lamp
+        What shines on flakes and drops; the frame is then mixed in linear light.
+    lens : Lens, optional
+        With an opening: flakes and drops out of its focus are soft. Everything is sharp without.
     tolerance : float
         How far values of a frame may be off, of full scale, if it saves time; see `render`.
     extend : {"stop", "hold", "loop"}
@@ -155,6 +164,8 @@ class Scene:
     extend: Extend
     start: int | None
     colorspace: str | None
+    lights: tuple[Lamp, ...]
+    lens: Lens | None
     _backdrop: Backdrop = field(init=False)
     _mattes: Mattes | None = field(init=False)
     _distance: Distance | None = field(init=False)
@@ -176,6 +187,8 @@ class Scene:
         extend: Extend = "stop",
         start: int | None = None,
         colorspace: str | None = None,
+        lights: Lamp | Sequence[Lamp] = (),
+        lens: Lens | None = None,
     ) -> None:
         def settle(name: str, value: Any) -> None:
             object.__setattr__(self, name, value)
@@ -206,8 +219,8 @@ class Scene:
         if fps is None:
             fps = real("fps", self._backdrop.fps or DEFAULT_FPS, above=0.0)
         settle("fps", fps)
-        lens = Camera(DEFAULT_FOCAL * self.display[2], aspect=self._backdrop.aspect)
-        settle("camera", as_path(lens if camera is None else camera, lens.focal))
+        usual = Camera(DEFAULT_FOCAL * self.display[2], aspect=self._backdrop.aspect)
+        settle("camera", as_path(usual if camera is None else camera, usual.focal))
         path = holding(self.camera) if self._holds else self.camera
         settle("_path", replace(path, camera=self._in_frame(path.camera)))
         settle("effects", _effects_of(effects))
@@ -217,6 +230,10 @@ class Scene:
         if sun is not None and not isinstance(sun, Sun):
             raise TypeError(f"sun must be a flurries.Sun, got {sun!r}")
         settle("sun", sun)
+        settle("lights", _lights_of(lights))
+        if lens is not None and not isinstance(lens, Lens):
+            raise TypeError(f"lens must be a flurries.Lens, got {lens!r}")
+        settle("lens", lens)
         distance = None if depth is None else distance_of(depth, self.shape, **numbers)
         settle("_distance", distance)
         if distance is not None and np.ndim(depth) == 2:  # type: ignore[arg-type]
@@ -535,6 +552,8 @@ class Scene:
             mattes=self._mattes,
             linear=self.linear,
             primaries=None if self.color is None else self.color.working.from_rec709(),
+            lights=self.lights,
+            lens=self.lens,
         )
 
     @overload
@@ -715,8 +734,22 @@ class Scene:
     def linear(self) -> bool:
         """Whether layers are mixed in linear light."""
         if self.space == "auto":
-            return self._backdrop.encoding == "linear"
+            lit = bool(self.lights) or any(
+                getattr(effect, "lit_by_places", False) for effect in self.effects
+            )
+            return lit or self._backdrop.encoding == "linear"
         return self.space == "linear"
+
+
+def _lights_of(lights: Any) -> tuple[Lamp, ...]:
+    """Return the lamps of a scene, or refuse what is none."""
+    if isinstance(lights, Lamp):
+        return (lights,)
+    if not isinstance(lights, (list, tuple)) or not all(isinstance(one, Lamp) for one in lights):
+        raise TypeError(f"lights must be a sequence of flurries.Lamp, got {lights!r}")
+    if len(lights) > MOST_LIGHTS:
+        raise ValueError(f"lights must be at most {MOST_LIGHTS}, got {len(lights)}")
+    return tuple(lights)
 
 
 def expect_scene(scene: object) -> Scene:

@@ -11,9 +11,11 @@ from typing import Any
 from flurries.camera.csv import read_path
 from flurries.camera.importers import load as load_camera
 from flurries.camera.lens import Camera
+from flurries.camera.optics import Lens
 from flurries.camera.path import CameraPath
 from flurries.effects.kinds import class_of
 from flurries.io.files import read_text
+from flurries.light.lamp import Lamp
 from flurries.light.sun import Sun
 from flurries.motion.keys import Keys
 from flurries.motion.wind import Wind
@@ -21,7 +23,7 @@ from flurries.scene.depth import DepthMap
 from flurries.scene.foreground import Foreground
 from flurries.scene.scene import DEFAULT_FOCAL, Scene, require_few
 from flurries.scene.toml.place import SceneText, require_short_keys
-from flurries.scene.toml.tables import DEPTH, LENS, SCENE, SUN, WAY, WIND
+from flurries.scene.toml.tables import DEPTH, LAMP, LENS, OPENING, SCENE, SUN, WAY, WIND
 from flurries.scene.toml.version import upgrade
 
 if sys.version_info >= (3, 11):
@@ -75,6 +77,13 @@ def _scene(text: SceneText, values: dict[str, Any]) -> Scene:
         given = text.table(arguments["sun"], SUN, "sun", "sun")
         with text.errors(given, "sun"):
             arguments["sun"] = Sun(**given)
+    if "lens" in arguments:
+        given = text.table(arguments["lens"], OPENING, "lens", "lens")
+        values = {key: _value(text, value, "lens", key) for key, value in given.items()}
+        with text.errors(given, "lens"):
+            arguments["lens"] = Lens(**values)
+    if "lights" in arguments:
+        arguments["lights"] = _lights(text, arguments["lights"])
     camera = arguments.pop("camera", None)
     listed = arguments.pop("effects", [])
     if not isinstance(listed, list):
@@ -85,6 +94,20 @@ def _scene(text: SceneText, values: dict[str, Any]) -> Scene:
     with text.errors(SCENE):
         scene = Scene(**arguments, effects=effects)
     return scene if camera is None else scene.replace(camera=_camera(text, camera, scene))
+
+
+def _lights(text: SceneText, listed: Any) -> list[Lamp]:
+    """Return the lamps of [[lights]] tables."""
+    if not isinstance(listed, list):
+        raise TypeError(f"{text.where('lights')}: lights must be [[lights]] tables")
+    lamps = []
+    for index, table in enumerate(listed):
+        given = text.table(table, LAMP, "a light", "lights", index)
+        at = ("lights", index)
+        values = {key: _value(text, value, *at, key) for key, value in given.items()}
+        with text.errors(given, *at):
+            lamps.append(Lamp(**values))
+    return lamps
 
 
 def _effect(text: SceneText, table: Any, index: int) -> Any:

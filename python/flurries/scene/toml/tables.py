@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import fields
 
 from flurries.camera.lens import Camera
+from flurries.camera.optics import Lens
+from flurries.light.lamp import Lamp
 from flurries.light.sun import Sun
 from flurries.motion.wind import FIELDS
 from flurries.scene.scene import Scene
@@ -12,6 +14,8 @@ from flurries.scene.scene import Scene
 SCENE = tuple(f.name for f in fields(Scene) if f.init)
 SUN = tuple(f.name for f in fields(Sun))
 DEPTH = ("source", "near", "far", "white", "law")
+LAMP = tuple(f.name for f in fields(Lamp))
+OPENING = tuple(f.name for f in fields(Lens))
 LENS = tuple(f.name for f in fields(Camera))
 WAY = ("position", "velocity", "orientation")
 # A field of velocities is an array, which no text holds.

@@ -17,7 +17,7 @@ from flurries.motion.wind import FIELDS, Wind
 from flurries.scene.depth import DepthMap
 from flurries.scene.foreground import listed
 from flurries.scene.scene import Scene, expect_scene
-from flurries.scene.toml.tables import DEPTH, LENS, SUN, WAY
+from flurries.scene.toml.tables import DEPTH, LAMP, LENS, OPENING, SUN, WAY
 from flurries.scene.toml.version import FORMAT
 
 
@@ -44,6 +44,10 @@ def describe(
             table["depth"] = described
     if scene.sun is not None:
         table["sun"] = {name: _toml(getattr(scene.sun, name)) for name in SUN}
+    if scene.lens is not None:
+        table["lens"] = _said(scene.lens, OPENING)
+    if scene.lights:
+        table["lights"] = [_said(lamp, LAMP) for lamp in scene.lights]
     path: CameraPath = scene.camera
     camera = {name: _toml(getattr(path.camera, name)) for name in LENS}
     table["camera"] = {key: value for key, value in camera.items() if value is not None}
@@ -73,6 +77,12 @@ def describe(
                 entry[f.name] = _toml(value)
         table["effects"].append(entry)
     return table
+
+
+def _said(part: Any, names: tuple[str, ...]) -> dict[str, Any]:
+    """Return the fields of a lens or a lamp that say something."""
+    values = {name: getattr(part, name) for name in names}
+    return {name: _toml(value) for name, value in values.items() if value is not None}
 
 
 def _background(name: str, value: Any, folder: Path | None) -> Any:

@@ -1,0 +1,127 @@
+"""A lens with an opening: how far out of focus a flake is."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import partial
+from typing import NamedTuple
+
+from flurries._contract import integer, real
+from flurries.motion.keys import Number, as_number, value_at
+
+__all__ = ["Lens"]
+
+
+class Blur(NamedTuple):
+    """A lens at one time, for a picture of a size.
+
+    Attributes
+    ----------
+    strength : float
+        The circle of confusion of a depth z is ``strength * |focus - 1/z|`` pixels wide.
+    focus : float
+        One over the depth in focus, 1/m.
+    blades : int
+        Of the opening; 0 for a round one.
+    turn : float
+        Of the opening, radians.
+    """
+
+    strength: float
+    focus: float
+    blades: int
+    turn: float
+
+    def circle(self, depth: float) -> float:
+        """Return the diameter of the circle of confusion at a depth in metres, px."""
+        return self.strength * abs(self.focus - 1.0 / depth)
+
+
+@dataclass(frozen=True)
+class Lens:
+    """A lens of finite opening: flakes and drops that are not in focus are soft, large and faint.
+
+    Only the weather is blurred: the background is a picture that a lens has made already.
+
+    Parameters
+    ----------
+    focus : float
+        Depth that is sharp, metres; ``math.inf`` for far away. Keyed.
+    f_stop : float
+        Focal length over the width of the opening. Keyed.
+    sensor : float
+        Width of the sensor, metres: with the camera's focal length in pixels it says the focal
+        length in metres.
+    blades : int
+        Of the opening: 5 or more make discs with corners; 0 a round one.
+    turn : float
+        Of the opening, radians.
+
+    Raises
+    ------
+    ValueError, TypeError
+        For a number outside its range; the message names it.
+
+    Notes
+    -----
+    The circle of confusion of a thin lens of focal length F, f-stop N, focused at s, at the depth
+    z is F^2 / N * |z - s| / (z (s - F)) wide on the sensor. Its disc keeps the energy of a flake:
+    opacity summed over pixels.
+
+    Examples
+    --------
+    >>> import flurries as fl
+    >>> lens = fl.Lens(focus=4.0, f_stop=1.8, blades=6)
+    >>> round(lens.circle(1.0, focal=1200.0, width=1000), 1)
+    20.2
+    """
+
+    focus: Number
+    f_stop: Number = 2.8
+    sensor: float = 0.036
+    blades: int = 0
+    turn: float = 0.0
+
+    def __post_init__(self) -> None:
+        settle = object.__setattr__
+        far = isinstance(self.focus, float) and self.focus == math.inf
+        if not far:
+            settle(self, "focus", as_number("focus", self.focus, above=0.0))
+        settle(self, "f_stop", as_number("f_stop", self.f_stop, above=0.0))
+        settle(self, "sensor", real("sensor", self.sensor, above=0.0, high=1.0))
+        blades = integer("blades", self.blades, low=0, high=64)
+        if 0 < blades < 3:
+            raise ValueError(f"blades must be 0 or from 3 on, got {blades}")
+        settle(self, "blades", blades)
+        settle(self, "turn", partial(real)("turn", self.turn))
+
+    def blur(self, t: float, *, focal: float, width: int) -> Blur:
+        """Return the lens at frame `t` for a picture `width` px wide of a focal length in px."""
+        long = focal * self.sensor / width
+        focus, stop = float(value_at(self.focus, t)), float(value_at(self.f_stop, t))
+        if focus <= long:
+            raise ValueError(
+                f"focus must be farther than the lens is long, {long:.3g} m, got {focus:g}"
+            )
+        # s / (s - F) with s at infinity.
+        ratio = 1.0 / (1.0 - long / focus)
+        return Blur(
+            long**2 / stop * ratio * width / self.sensor, 1.0 / focus, self.blades, self.turn
+        )
+
+    def circle(self, depth: float, *, focal: float, width: int, t: float = 0.0) -> float:
+        """Return the diameter of the circle of confusion at a depth in metres, px.
+
+        Parameters
+        ----------
+        depth : float
+            Metres.
+        focal : float
+            Focal length, px.
+        width : int
+            Of the picture, px.
+        t : float
+            Frame number.
+        """
+        return self.blur(t, focal=focal, width=width).circle(real("depth", depth, above=0.0))

@@ -1,0 +1,85 @@
+"""Layers whose color differs over the frame: by the plate's light, by place."""
+
+from __future__ import annotations
+
+import math
+from functools import lru_cache
+
+import numpy as np
+
+from flurries import _core
+from flurries._contract import Array, Float64
+from flurries.frame.layer import Layer, Shade
+from flurries.frame.view import Frame
+from flurries.io.color import srgb_to_linear
+from flurries.light.lamp import radiance
+from flurries.light.phase import Optics
+from flurries.light.plate import PlateLight
+
+
+def local_shade(frame: Frame, optics: Optics) -> Shade:
+    """Return the color that the plate's light gives to flakes, by places."""
+    assert frame.plate is not None
+    colors = _local(frame.plate, frame.camera.focal, optics)
+    return Shade(colors, frame.plate.cell, _first(frame))
+
+
+def even_shade(frame: Frame, color: tuple[float, float, float]) -> Shade:
+    """Return one color, display values, for the whole frame."""
+    light = srgb_to_linear(np.asarray(color, np.float64)).reshape(1, 1, 3)
+    return Shade(light.astype(np.float32), 1.0, _first(frame))
+
+
+def veil_layer(name: str, frame: Frame, alpha: Array | float) -> Layer:
+    """Return fog of an opacity that is as bright as what it hides, or brighter."""
+    assert frame.plate is not None
+    top, bottom, left, right = frame.window
+    cover = (
+        np.full((bottom - top, right - left), alpha, np.float32) if np.ndim(alpha) == 0 else alpha
+    )
+    shade = Shade(_veil(frame.plate, frame.camera.focal), frame.plate.cell, _first(frame))
+    return Layer(name, np.ascontiguousarray(cover, np.float32), shade=shade)
+
+
+def _first(frame: Frame) -> tuple[int, int]:
+    return frame.window[0], frame.window[2]
+
+
+@lru_cache(maxsize=8)
+def _local(plate: PlateLight, focal: float, optics: Optics) -> Array:
+    return plate.local(focal, asymmetry=optics.asymmetry, albedo=optics.albedo).astype(np.float32)
+
+
+@lru_cache(maxsize=8)
+def _veil(plate: PlateLight, focal: float) -> Array:
+    return plate.veil(focal).astype(np.float32)
+
+
+# Cells along the longer side of a frame in which the light of lamps on the texture is found.
+CELLS = 48
+
+
+def lamp_shade(frame: Frame, depths: Float64, weights: Float64, optics: Optics) -> Shade:
+    """Return the light of lamps on flakes at depths, each weighed by what its layer covers."""
+    height, width = frame.shape
+    cell = float(max(math.ceil(max(height, width) / CELLS), 1))
+    rows, columns = math.ceil(height / cell), math.ceil(width / cell)
+    cx, cy = frame.camera.principal(frame.shape)
+    fx, fy = frame.camera.focals
+    x = ((np.arange(columns) + 0.5) * cell - cx) / fx
+    y = ((np.arange(rows) + 0.5) * cell - cy) / fy
+    eye = np.array(frame.camera.offset)
+    lamps = frame.lamps()
+    total = np.zeros((rows * columns, 3))
+    across, down = np.meshgrid(x, y)
+    ahead = np.stack([across, down, np.ones_like(across)], axis=-1).reshape(-1, 3)
+    for depth, weight in zip(depths.tolist(), (weights / weights.sum()).tolist(), strict=True):
+        total += weight * radiance(depth * ahead + eye, lamps, optics, eye)
+    colors = total.reshape(rows, columns, 3).astype(np.float32)
+    return Shade(colors, cell, _first(frame))
+
+
+def add_behind(glow: Array, alpha: Array, shade: Shade, front: Array | None) -> None:
+    """Add the light of a texture behind flakes to theirs, (h, w, 3)."""
+    front = None if front is None else np.ascontiguousarray(front)
+    _core.shade_behind(glow, np.ascontiguousarray(alpha), shade.given(), front)

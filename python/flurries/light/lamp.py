@@ -1,0 +1,159 @@
+"""Lamps: light from a place, in a cone, or from far away."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from flurries import _core
+from flurries._contract import Float64, flag, real, vector
+from flurries.light.phase import Optics
+from flurries.motion.keys import Keys, Number, as_number, as_vector, value_at
+
+__all__ = ["Lamp"]
+
+# Numbers of a lamp in a row for kernels: kind, place, way, color, two cosines, radius.
+_ROW = 13
+
+
+@dataclass(frozen=True)
+class Lamp:
+    """Light that falls on flakes and drops.
+
+    With a `place` alone it shines to all sides, with a `direction` and an `angle` besides it is a
+    spot, and with a `direction` alone it is a sun.
+
+    Parameters
+    ----------
+    place : (x, y, z), optional
+        House axes, metres: x right, y down, z forward of the camera at frame 0. Keyed.
+    direction : (x, y, z), optional
+        The way its light goes, of any length but 0. Keyed.
+    angle : float, optional
+        Of a spot's cone from rim to rim, radians.
+    soft : float
+        Share of the cone over which it fades at its rim, 0 to 1.
+    color : float or (r, g, b)
+        Linear light. Keyed.
+    power : float
+        Radiant intensity: light of paper white times square metres per steradian, so that a white
+        wall at 1 m, lit straight on, is power / pi as bright as paper white. Of a sun the
+        irradiance. Keyed.
+    radius : float
+        Of the lamp itself, metres: nothing is lit more than at its surface.
+    carried : bool
+        Whether place and direction are in the camera's axes and go with it, as headlights do.
+
+    Raises
+    ------
+    ValueError, TypeError
+        For a number outside its range, or neither place nor direction; the message names it.
+
+    Notes
+    -----
+    A flake's radiance is albedo * phase function * irradiance: 0.9 and 1 for flakes and drops,
+    Henyey and Greenstein's function with an asymmetry of 0.76 and 0.87
+    (:mod:`flurries.light.phase`), per steradian.
+
+    Examples
+    --------
+    >>> import flurries as fl
+    >>> street = fl.Lamp((2.0, -3.0, 8.0), color=(1.0, 0.6, 0.25), power=60.0)
+    >>> car = fl.Lamp((0.6, 0.8, 0.0), direction=(0, 0.05, 1), angle=0.6, power=300, carried=True)
+    """
+
+    place: Any = None
+    direction: Any = None
+    angle: float | None = None
+    soft: float = 0.3
+    color: Any = 1.0
+    power: Number = 10.0
+    radius: float = 0.05
+    carried: bool = False
+
+    def __post_init__(self) -> None:
+        settle = object.__setattr__
+        if self.place is None and self.direction is None:
+            raise ValueError("a lamp needs a place, a direction (a sun), or both (a spot)")
+        if self.place is not None:
+            settle(self, "place", as_vector("place", self.place, 3))
+        if self.direction is not None:
+            settle(self, "direction", as_vector("direction", self.direction, 3))
+            ways = (
+                [v for _, v in self.direction.keys]
+                if isinstance(self.direction, Keys)
+                else [self.direction]
+            )
+            if any(not np.abs(np.asarray(way)).max() > 0.0 for way in ways):
+                raise ValueError("direction must not be (0, 0, 0): light travels somewhere")
+        spot = self.place is not None and self.direction is not None
+        if spot != (self.angle is not None):
+            raise ValueError("a spot has a place, a direction and an angle; other lamps no angle")
+        if self.angle is not None:
+            settle(self, "angle", real("angle", self.angle, above=0.0, high=2.0 * math.pi))
+        settle(self, "soft", real("soft", self.soft, low=0.0, high=1.0))
+        settle(self, "color", _as_light(self.color))
+        settle(self, "power", as_number("power", self.power, low=0.0))
+        settle(self, "radius", real("radius", self.radius, above=0.0))
+        settle(self, "carried", flag("carried", self.carried))
+
+    def row(self, t: float, matrix: Float64, eye: Float64) -> Float64:
+        """Return the lamp at frame `t` as kernels read it, in the camera's axes.
+
+        Parameters
+        ----------
+        matrix : (3, 3)
+            From the camera's axes to the house's.
+        eye : (3,)
+            The camera's place in the house, metres.
+        """
+        row = np.zeros(_ROW)
+        turn = np.eye(3) if self.carried else matrix
+        if self.place is None:
+            row[0] = 1.0
+        else:
+            place = np.asarray(value_at(self.place, t), np.float64)
+            row[1:4] = (place - (0.0 if self.carried else eye)) @ turn
+        if self.direction is not None:
+            way = np.asarray(value_at(self.direction, t), np.float64)
+            row[4:7] = way / np.linalg.norm(way) @ turn
+        color = np.asarray(value_at(self.color, t), np.float64) * value_at(self.power, t)
+        row[7:10] = np.broadcast_to(color, 3)
+        row[10:12] = -1.0
+        if self.angle is not None:
+            rim = 0.5 * self.angle
+            row[10:12] = math.cos(rim * (1.0 - self.soft)), math.cos(rim)
+        row[12] = self.radius
+        return row
+
+
+def _as_light(value: Any) -> Any:
+    if isinstance(value, Keys):
+        for _, part in value.keys:
+            _as_light(part)
+        return value
+    if np.ndim(value) == 0:
+        return real("color", value, low=0.0)
+    return tuple(real("color", part, low=0.0) for part in vector("color", value, 3).tolist())
+
+
+def radiance(points: Float64, rows: Float64, optics: Optics, eye: Float64) -> Float64:
+    """Return what particles at points (n, 3) send to an eye, (n, 3) linear light.
+
+    Parameters
+    ----------
+    points : (n, 3)
+        Camera axes, metres.
+    rows : (m, 13)
+        See :meth:`Lamp.row`.
+    optics : Optics
+    eye : (3,)
+        Camera axes, metres.
+    """
+    found = np.empty((len(points), 3))
+    x, y, z = (float(part) for part in eye)
+    _core.lamp_light(found, np.ascontiguousarray(points, np.float64), rows, optics, (x, y, z))
+    return found

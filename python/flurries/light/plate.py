@@ -1,0 +1,120 @@
+"""The light that falls on the weather out of its own picture: from behind, around, all sides."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from flurries import _core
+from flurries._contract import Array, Float64
+from flurries.io.color import decoding_table, to_linear, to_unit
+from flurries.light.phase import within
+
+# Cells along the longer side of a picture: light is sampled no finer.
+CELLS = 96
+
+# What is outside the picture shines as its brighter part does, the sky where there is one; lamps,
+# which are small, are left out of it.
+_BRIGHTER = (0.75, 0.98)
+
+# Light within the first angle (radians) comes from behind a flake, within the second from around.
+_NARROW, _WIDE = math.radians(6.0), math.radians(25.0)
+
+# Of a Gaussian: the root mean square radius of a disc and of a ring, over the square root of 2.
+_NARROW_SIGMA = _NARROW / 2.0
+_WIDE_SIGMA = math.sqrt(0.5 * (_NARROW**2 + _WIDE**2)) / math.sqrt(2.0)
+
+
+@dataclass(frozen=True, eq=False)
+class PlateLight:
+    """The light of a plate.
+
+    Attributes
+    ----------
+    cells : (rows, columns, 3) float64
+        Mean linear light of squares of the picture.
+    cell : int
+        Their side, px.
+    surround : (3,)
+        Linear light from outside the picture.
+    """
+
+    cells: Float64
+    cell: int
+    surround: Float64
+
+    def local(self, focal: float, *, asymmetry: float, albedo: float) -> Float64:
+        """Return the radiance of flakes before each cell, (rows, columns, 3) linear light.
+
+        The albedo times the light from all sides, weighed by Henyey and Greenstein: what lies
+        behind a flake, what lies around it, and what is outside the picture. Over an even picture
+        of radiance L it is albedo times L.
+        """
+        behind = within(asymmetry, _NARROW)
+        around = within(asymmetry, _WIDE) - behind
+        rest = 1.0 - behind - around
+        near = self.blurred(focal, _NARROW_SIGMA)
+        wide = self.blurred(focal, _WIDE_SIGMA)
+        return np.asarray(albedo * (behind * near + around * wide + rest * self.surround))
+
+    def veil(self, focal: float) -> Float64:
+        """Return the light of fog before each cell, (rows, columns, 3) linear light.
+
+        Fog loses nothing to absorption, and hides what is behind it by light from all sides: it is
+        as bright as what it hides, or brighter where the surroundings are.
+        """
+        wide = self.blurred(focal, _WIDE_SIGMA)
+        even = 0.5 * (wide + self.surround)
+        return np.maximum(even, self.blurred(focal, _NARROW_SIGMA))
+
+    def blurred(self, focal: float, sigma: float) -> Float64:
+        """Return the cells blurred by a Gaussian of `sigma` radians; borders take from within."""
+        rows, columns, _ = self.cells.shape
+        wide = focal * sigma / self.cell
+        down, across = _gaussian(rows, wide), _gaussian(columns, wide)
+        vertical = (down @ self.cells.reshape(rows, -1)).reshape(self.cells.shape)
+        return np.asarray(across @ vertical)
+
+
+def _gaussian(count: int, sigma: float) -> Float64:
+    """Return the matrix of a blur of `count` values, whose rows sum to 1."""
+    at = np.arange(count)
+    matrix = np.exp(-0.5 * ((at[:, None] - at[None, :]) / max(sigma, 0.3)) ** 2)
+    return np.asarray(matrix / matrix.sum(axis=1, keepdims=True))
+
+
+def plate_light(picture: Array, encoding: str) -> PlateLight:
+    """Return the light of a picture.
+
+    Parameters
+    ----------
+    picture : (H, W, 3 or 4)
+        Of a background's dtype; what is transparent counts as far as it shows.
+    encoding : {"display", "linear"}
+        What its numbers mean. What is not finite does not count.
+    """
+    height, width = picture.shape[:2]
+    cell = max(math.ceil(max(height, width) / CELLS), 1)
+    sums = np.empty((-(-height // cell), -(-width // cell), 4), np.float32)
+    table = np.empty(0, np.float32)
+    if picture.dtype.kind == "u" and encoding == "display":
+        table = decoding_table(picture.dtype.itemsize)
+    else:
+        alpha = [to_unit(picture[..., 3:])] if picture.shape[2] == 4 else []
+        picture = np.concatenate([to_linear(picture[..., :3], encoding), *alpha], axis=2)
+        picture = np.ascontiguousarray(picture, np.float32)
+    _core.plate_cells(sums, np.ascontiguousarray(picture), table, cell)
+    cover = sums[..., 3:].astype(np.float64)
+    light = np.maximum(sums[..., :3].astype(np.float64), 0.0)
+    mean = light.sum(axis=(0, 1)) / max(float(cover.sum()), 1e-12)
+    # A cell of which nothing shows has the light of the rest.
+    cells = np.where(cover > 0.0, light / np.maximum(cover, 1e-12), mean)
+    if not cover.any():
+        cells = np.ones_like(cells)
+    bright = cells.reshape(-1, 3).sum(axis=1)
+    low, high = np.quantile(bright, _BRIGHTER)
+    chosen = (bright >= low) & (bright <= high)
+    surround = cells.reshape(-1, 3)[chosen].mean(axis=0)
+    return PlateLight(cells, cell, surround)

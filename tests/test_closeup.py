@@ -1,0 +1,190 @@
+"""Flakes near the camera and out of focus: energy, extent, and no jump anywhere."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+import pytest
+
+import flurries as fl
+from flurries import _core
+from flurries.camera.optics import Blur
+from flurries.effects.defocus import disc_factor
+from flurries.particles.crowd import Closeup
+
+Array = np.ndarray[Any, Any]
+SHAPE = (300, 400)
+FOCAL = 800.0
+LENS = (FOCAL, 200.0, 150.0, (0.0, 0.0, 0.0), 0.05)
+KINDS = ("aggregate", "drop", "round")
+
+
+def drawn(
+    diameter: float,
+    depth: float,
+    *,
+    kind: str = "aggregate",
+    blur: Blur | None = None,
+    travel: tuple[float, float, float] = (0.0, 0.0, 0.0),
+    seconds: float = 0.0,
+    place: tuple[float, float] = (0.0, 0.0),
+    number: int = 7,
+) -> Array:
+    """Return the opacity of one flake, diameters and depths in metres."""
+    points = np.array([[place[0], place[1], depth]])
+    radius = np.array([diameter * 3.0 / math.sqrt(8.0)])
+    closeup = Closeup(kind, (2.5, 3.5), blur, 3, seconds)
+    flakes = _core.particle_sort_listed(
+        SHAPE, points, radius, np.array([0.9]), np.array([travel]), 1.0, LENS, closeup,
+        np.array([number]),
+    )  # fmt: skip
+    out = np.empty(SHAPE, np.float32)
+    _core.particle_draw(out, flakes, (0, *SHAPE[:1], 0, SHAPE[1]), None)
+    return out
+
+
+def energy_of(diameter: float, depth: float) -> float:
+    """Return opacity times the area of the image, px2."""
+    return 0.9 * 0.25 * math.pi * (FOCAL * diameter / depth) ** 2
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("focus", [None, 1.0, 0.6, 8.0])
+def test_energy_is_the_flake_s_at_every_size_and_focus(kind: str, focus: float | None):
+    lens = None if focus is None else Blur(14.0, 1.0 / focus, 6, 0.3)
+    for diameter in (0.004, 0.008, 0.0098, 0.0112, 0.013, 0.03):
+        for travel in ((0.0, 0.0, 0.0), (0.004, 0.02, 0.0)):
+            image = drawn(diameter, 1.0, kind=kind, blur=lens, travel=travel)
+            found = float(image.astype(np.float64).sum())
+            # A sprite's footprint ends at four sigma, and costs .2 % at most.
+            assert abs(found / energy_of(diameter, 1.0) - 1.0) < 0.01, (diameter, travel)
+
+
+def test_the_extent_goes_on_across_the_switch():
+    rows, columns = np.indices(SHAPE)
+    spreads = []
+    for diameter in np.linspace(0.0075, 0.014, 27).tolist():
+        images = [drawn(diameter, 1.0, number=k) for k in range(8)]
+        image = np.mean(images, axis=0, dtype=np.float64)
+        image /= image.sum()
+        x, y = (image * columns).sum(), (image * rows).sum()
+        variance = (image * ((columns - x) ** 2 + (rows - y) ** 2)).sum()
+        spreads.append(math.sqrt(variance) / (FOCAL * diameter))
+    steps = np.abs(np.diff(spreads)) / np.mean(spreads)
+    assert steps.max() < 0.05 and max(spreads) / min(spreads) < 1.35
+
+
+@pytest.mark.parametrize("kind", ["aggregate", "drop"])
+def test_no_flake_s_alpha_jumps_in_a_sixtieth_of_a_second(kind: str):
+    # It falls at 1 m/s, comes nearer at .3 m/s through the switch, and tumbles.
+    sums, shapes = [], []
+    for step in range(60):
+        t = step / 60.0
+        image = drawn(0.012, 1.5 - 0.3 * t, kind=kind, seconds=t, place=(0.0, 0.2 * t - 0.1))
+        sums.append(float(image.sum()) * (1.5 - 0.3 * t) ** 2)
+        shapes.append(float(image.max()))
+    assert np.abs(np.diff(sums)).max() / np.mean(sums) < 0.05
+    assert np.abs(np.diff(shapes)).max() < 0.1
+
+
+def test_large_flakes_do_not_vanish():
+    nearest = drawn(0.02, 0.2)
+    assert nearest.max() > 0.5
+    assert abs(nearest.sum() / energy_of(0.02, 0.2) - 1.0) < 0.01
+
+
+def test_aggregates_are_no_discs_and_differ():
+    images = [drawn(0.05, 1.0, number=k) for k in range(12)]
+    for first, second in pairwise(images):
+        joint = float(np.minimum(first, second).sum() / np.maximum(first, second).sum())
+        assert joint < 0.85
+    # Straight rims and gaps: less of the circle around it is filled than of a disc.
+    filled = [(image > 0.1).sum() / (0.25 * math.pi * (FOCAL * 0.05) ** 2) for image in images]
+    assert 0.8 < float(np.mean(filled)) < 2.5
+
+
+def test_a_circle_of_confusion_is_as_wide_as_a_thin_lens_makes_it():
+    lens = fl.Lens(focus=2.0, f_stop=1.4)
+    long = 1000.0 * 0.036 / 1000.0
+    for depth in (0.4, 1.0, 2.0, 9.0, 1e6):
+        wanted = long**2 / 1.4 * abs(depth - 2.0) / (depth * (2.0 - long)) * 1000.0 / 0.036
+        assert abs(lens.circle(depth, focal=1000.0, width=1000) - wanted) < 1e-9
+    far = fl.Lens(focus=math.inf, f_stop=2.0).circle(3.0, focal=1000.0, width=1000)
+    assert abs(far - long**2 / 2.0 / 3.0 * 1000.0 / 0.036) < 1e-9
+    with pytest.raises(ValueError, match="focus must be farther than the lens is long"):
+        fl.Lens(focus=0.02).circle(1.0, focal=1000.0, width=1000)
+
+
+@pytest.mark.parametrize("blades", [0, 6])
+def test_a_point_out_of_focus_is_an_even_disc_of_the_circle_s_area(blades: int):
+    circle = 40.0
+    lens = Blur(circle / abs(1.0 / 1.0 - 1.0 / 3.0), 1.0 / 3.0, blades, 0.0)
+    image = drawn(0.004, 1.0, kind="round", blur=lens)
+    inside = image > 0.5 * np.median(image[image > 0.2 * image.max()])
+    assert abs(float(inside.sum()) / (0.25 * math.pi * circle**2) - 1.0) < 0.06
+    core = image[141:159, 191:209]
+    assert float(core.std() / core.mean()) < (0.05 if blades == 0 else 0.12)
+
+
+def test_layers_keep_the_sum_of_a_disc():
+    # The transform of a disc, by summing the disc itself.
+    tile, circle = 64, 9.5
+    fine = (np.arange(-400, 400) + 0.5) / 60.0
+    inside = np.hypot(*np.meshgrid(fine, fine)) <= 0.5 * circle
+    factor = disc_factor(tile, 0.0, circle)
+    for a in (0, 1, 3, 7):
+        wave = np.cos(2.0 * np.pi * a / tile * fine)
+        wanted = float((inside * wave[None, :]).sum() / inside.sum())
+        assert abs(factor[0, a] - wanted) < 3e-3
+    assert factor[0, 0] == 1.0
+
+
+def flakes(**more: Any) -> fl.Scene:
+    plate = np.zeros((256, 384, 3), np.float32)
+    snow = fl.Snow.preset("heavy", color=1.0, wind=(0.0, 0.0, 0.0))
+    return fl.Scene(None, plate, effects=[snow], seed=2, **more)
+
+
+def test_a_lens_keeps_what_snow_covers():
+    sharp = flakes()
+    sums = [0.0, 0.0]
+    for frame in range(0, 80, 20):
+        for index, film in enumerate((sharp, sharp.replace(lens=fl.Lens(focus=3.0, f_stop=2.0)))):
+            alpha = film.render(frame, layers=True).alpha
+            sums[index] += float(-np.log1p(-np.minimum(alpha, 0.999)).mean())
+    assert abs(sums[1] / sums[0] - 1.0) < 0.05
+
+
+def test_a_focus_that_is_pulled_and_a_second_eye():
+    film = flakes(lens=fl.Lens(focus=fl.Keys([(0, 1.0), (40, 10.0)]), f_stop=1.8))
+    assert np.abs(film.render(0) - film.render(20)).max() > 0.05
+    left, right = film.stereo(5, distance=0.06)
+    assert np.array_equal(left, film.stereo(5, distance=0.06)[0])
+    assert np.abs(left - right).max() > 0.05
+    region = film.render(5, region=np.s_[40:120, 60:200])
+    assert np.array_equal(region, film.render(5)[40:120, 60:200])
+
+
+def test_round_flakes_are_asked_for():
+    plain = flakes()
+    snow = replace(plain.effects[0], shape="round")
+    assert not np.array_equal(plain.replace(effects=[snow]).render(0), plain.render(0))
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ({"focus": 0.0}, "focus must be"),
+        ({"focus": 2.0, "f_stop": -1.0}, "f_stop must be"),
+        ({"focus": 2.0, "blades": 2}, "blades must be 0 or from 3 on"),
+        ({"focus": 2.0, "sensor": 0.0}, "sensor must be"),
+        ({"focus": math.nan}, "focus must be"),
+    ],
+)
+def test_a_lens_refuses(given: dict[str, float], message: str):
+    with pytest.raises(ValueError, match=message):
+        fl.Lens(**given)  # type: ignore[arg-type]

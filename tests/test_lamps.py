@@ -1,0 +1,161 @@
+"""Lamps: a flake's radiance by hand, and what is refused."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+
+import flurries as fl
+from flurries import _core
+from flurries.light.lamp import radiance
+from flurries.light.phase import DROPS, FLAKES, Optics
+
+Array = np.ndarray[Any, Any]
+EYE = np.zeros(3)
+SHAPE = (120, 160)
+
+
+def rows(*lamps: fl.Lamp) -> Array:
+    return np.array([lamp.row(0.0, np.eye(3), EYE) for lamp in lamps])
+
+
+def by_hand(point: Array, lamp: Array, power: float, optics: Optics) -> float:
+    """Return albedo times phase function times irradiance, each factor by its definition."""
+    way = point - lamp
+    square = float(way @ way)
+    cosine = float(way @ -point) / math.sqrt(square * float(point @ point))
+    g = optics.asymmetry
+    share = (1.0 - g * g) / (4.0 * math.pi * (1.0 + g * g - 2.0 * g * cosine) ** 1.5)
+    return optics.albedo * share * power / square
+
+
+@pytest.mark.parametrize("optics", [FLAKES, DROPS])
+def test_radiance_at_three_places(optics: Optics):
+    lamp = fl.Lamp((1.0, -2.0, 6.0), color=(1.0, 0.5, 0.25), power=20.0)
+    points = np.array([[0.0, 0.0, 3.0], [1.0, 0.5, 9.0], [-2.0, -1.0, 5.0]])
+    found = radiance(points, rows(lamp), optics, EYE)
+    for point, row in zip(points, found, strict=True):
+        wanted = by_hand(point, np.array([1.0, -2.0, 6.0]), 20.0, optics)
+        assert np.abs(row / (wanted * np.array([1.0, 0.5, 0.25])) - 1.0).max() < 1e-12
+
+
+@pytest.mark.parametrize("place", [(0.0, 0.0, 2.0), (0.5, 0.3, 3.0), (-0.6, 0.2, 4.0)])
+def test_a_drawn_flake_has_that_radiance(place: tuple[float, float, float]):
+    lens = (150.0, 80.0, 60.0, (0.0, 0.0, 0.0), 0.1)
+    point = np.array([place])
+    flakes = _core.particle_sort_listed(
+        SHAPE, point, np.array([0.05]), np.array([0.8]), np.zeros((1, 3)), 1.0, lens
+    )
+    alpha, glow = np.empty(SHAPE, np.float32), np.empty((*SHAPE, 3), np.float32)
+    lamps = rows(fl.Lamp((0.7, -1.0, 5.0), power=9.0))
+    _core.particle_draw_lit(alpha, glow, flakes, (0, *SHAPE[:1], 0, SHAPE[1]), lamps, FLAKES, None)
+    shown = alpha > 0.05
+    assert shown.any()
+    wanted = by_hand(point[0], np.array([0.7, -1.0, 5.0]), 9.0, FLAKES)
+    assert np.abs(glow[shown, 0] / alpha[shown] / wanted - 1.0).max() < 1e-4
+    plain = np.empty(SHAPE, np.float32)
+    _core.particle_draw(plain, flakes, (0, *SHAPE[:1], 0, SHAPE[1]), None)
+    assert np.abs(plain - alpha).max() < 1e-6
+
+
+def test_light_of_radiance_one_from_all_sides_is_the_albedo():
+    # Suns in directions that share the sphere out evenly.
+    count = 4000
+    z = 1.0 - 2.0 * (np.arange(count) + 0.5) / count
+    turn = np.arange(count) * math.pi * (3.0 - math.sqrt(5.0))
+    ways = np.stack([np.sqrt(1 - z * z) * np.cos(turn), np.sqrt(1 - z * z) * np.sin(turn), z], 1)
+    power = 4.0 * math.pi / count
+    suns = rows(*(fl.Lamp(direction=tuple(way.tolist()), power=power) for way in ways))
+    found = radiance(np.array([[0.3, 0.2, 2.0]]), suns, FLAKES, EYE)
+    assert np.abs(found / FLAKES.albedo - 1.0).max() < 2e-3
+
+
+def test_a_spot_ends_at_its_cone_and_a_sun_does_not_fade():
+    spot = fl.Lamp((0, 0, 0), direction=(0, 0, 1), angle=0.8, soft=0.25, power=5.0)
+    point = fl.Lamp((0, 0, 0), power=5.0)
+    inside, outside = np.array([[0.4, 0.0, 4.0]]), np.array([[2.0, 0.0, 4.0]])
+    for place, whole in ((inside, True), (outside, False)):
+        got = radiance(place, rows(spot), FLAKES, EYE)
+        wanted = radiance(place, rows(point), FLAKES, EYE)
+        assert np.allclose(got, wanted if whole else 0.0)
+    sun = rows(fl.Lamp(direction=(0, 1, 0), power=2.0))
+    near, far = (radiance(np.array([[0.0, 0.0, z]]), sun, FLAKES, EYE) for z in (1.0, 900.0))
+    assert np.allclose(near, far)
+
+
+def test_a_carried_lamp_goes_with_the_camera():
+    way = fl.CameraPath(fl.Camera(200.0), velocity=(0.0, 0.0, 5.0))
+    plate = np.zeros((96, 128, 3), np.float32)
+    snow = fl.Snow.preset("heavy", color=0.0)
+
+    def film(lamp: fl.Lamp) -> Array:
+        scene = fl.Scene(None, plate, way, [snow], seed=1, lights=[lamp])
+        means = [[scene.render(t + k).mean() for k in range(0, 25, 4)] for t in (0, 60)]
+        return np.mean(means, axis=1)
+
+    carried = film(fl.Lamp((0.5, 0.5, 0.0), power=30.0, carried=True))
+    left = film(fl.Lamp((0.5, 0.5, 0.0), power=30.0))
+    assert abs(carried[1] / carried[0] - 1.0) < 0.5
+    assert left[1] < 0.3 * left[0]
+
+
+def test_lamps_light_snow_and_leave_opacity():
+    plate = np.full((96, 128, 3), 10, np.uint8)
+    snow = fl.Snow.preset("heavy", color="local")
+    dark = fl.Scene(None, plate, effects=[snow], seed=1)
+    lamp = fl.Lamp((1.0, -1.0, 6.0), color=(1.0, 0.6, 0.3), power=40.0)
+    lit = dark.replace(lights=(lamp,))
+    pair = [scene.render(4, layers=True) for scene in (dark, lit)]
+    assert np.abs(pair[0].alpha - pair[1].alpha).max() < 1e-6
+    more = pair[1].layers["snow"][..., :3].astype(np.float64).sum(axis=(0, 1))
+    more -= pair[0].layers["snow"][..., :3].sum(axis=(0, 1))
+    assert (more > 0.0).all() and abs(more[1] / more[0] - 0.6) < 0.02
+    assert np.array_equal(pair[1].image, lit.render(4))
+    assert np.array_equal(lit.render(4)[30:70, 20:90], lit.render(4, region=np.s_[30:70, 20:90]))
+    names = {step.name for step in lit.plan(3).steps}
+    assert "snow: lamps" in names
+    off = lit.replace(lights=(fl.Lamp((1.0, -1.0, 6.0), power=0.0),))
+    assert np.abs(off.render(4).astype(int) - dark.render(4)).max() <= 1
+
+
+def test_scene_files_have_lamps_and_a_lens(tmp_path: Any):
+    scene = fl.Scene(
+        (64, 48), "#101820", effects=[fl.Snow(color="local")],
+        lights=[
+            fl.Lamp((1, 2, 3), color=(1, 0.5, 0.2), power=fl.Keys([(0, 1.0), (9, 2.0)])),
+            fl.Lamp((0, 0, 0), direction=(0, 0, 1), angle=0.5, carried=True),
+        ],
+        lens=fl.Lens(focus=fl.Keys([(0, 1.0), (9, 4.0)]), blades=7),
+    )  # fmt: skip
+    scene.save(tmp_path / "lit.toml")
+    again = fl.Scene.load(tmp_path / "lit.toml")
+    assert again.lights[1] == scene.lights[1] and again.lens.blades == 7
+    assert np.array_equal(again.render(3), scene.render(3))
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ({}, "needs a place, a direction"),
+        ({"place": (0, 0)}, "place"),
+        ({"place": (0, 0, 1), "direction": (0, 0, 1)}, "a spot has a place"),
+        ({"direction": (0, 0, 0)}, "direction must not be"),
+        ({"place": (0, 0, 1), "power": -1.0}, "power must be"),
+        ({"place": (0, 0, 1), "color": (-1, 0, 0)}, "color must be"),
+        ({"place": (0, 0, 1), "radius": 0.0}, "radius must be"),
+        ({"place": (0, 0, math.nan)}, "place"),
+    ],
+)
+def test_a_lamp_refuses(given: dict[str, Any], message: str):
+    with pytest.raises(ValueError, match=message):
+        fl.Lamp(**given)
+
+
+def test_a_scene_refuses_other_lights():
+    with pytest.raises(TypeError, match="lights must be"):
+        fl.Scene((8, 8), lights=[3])  # type: ignore[list-item]
+    with pytest.raises(TypeError, match="lens must be"):
+        fl.Scene((8, 8), lens=2.8)  # type: ignore[arg-type]

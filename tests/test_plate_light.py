@@ -1,0 +1,142 @@
+"""Light of the plate: what it is worth to a flake, the same in display, linear and float plates."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+import flurries as fl
+from flurries.io.color import encode_bytes, linear_to_srgb, srgb_to_linear, to_integer
+from flurries.light.phase import phase, within
+from flurries.light.plate import plate_light
+from flurries.trace import tracing
+
+Array = np.ndarray[Any, Any]
+W, H = 320, 240
+
+
+def scene(plate: Array, effect: Any, **more: Any) -> fl.Scene:
+    return fl.Scene(None, plate, effects=[effect], seed=5, **more)
+
+
+def picture() -> Array:
+    """Return a sky over dark ground with a lamp, display values."""
+    plate = np.full((H, W, 3), 0.25)
+    plate[: H // 2] = (0.75, 0.8, 0.85)
+    plate[200:206, 40:46] = 1.0
+    return plate
+
+
+@pytest.mark.parametrize("level", [0.02, 0.4, 1.0, 6.0])
+def test_an_even_plate_makes_flakes_of_albedo_times_its_radiance(level: float):
+    plate = np.full((H, W, 3), level, np.float32)
+    snow = fl.Snow.preset("moderate", color="local")
+    layer = scene(plate, snow).render(3, layers=True).layers["snow"]
+    shown = layer[..., 3] > 0.01
+    assert shown.any()
+    radiance = layer[shown, :3] / layer[shown, 3:]
+    assert np.abs(radiance / (0.9 * level) - 1.0).max() < 1e-4
+
+
+def test_display_word_and_float_plates_get_the_same_picture():
+    display = picture()
+    byte = np.rint(255.0 * display).astype(np.uint8)
+    word = byte.astype(np.uint16) * 257
+    single = srgb_to_linear(byte / 255.0).astype(np.float32)
+    snow = fl.Snow.preset("heavy", color="local", haze=0.2)
+    shown = [
+        scene(byte, snow).render(7) / 255.0,
+        scene(word, snow).render(7) / 65535.0,
+        linear_to_srgb(scene(single, snow).render(7)),
+    ]
+    for other in shown[1:]:
+        assert abs(float(other.mean() - shown[0].mean())) < 0.5 / 255.0
+        assert np.abs(other - shown[0]).max() < 0.6 / 255.0
+
+
+def test_snow_is_darker_than_the_sky_and_lighter_than_the_ground():
+    plate = srgb_to_linear(picture()).astype(np.float32)
+    layer = scene(plate, fl.Snow.preset("heavy", color="local")).render(0, layers=True)
+    colors = layer.layers["snow"]
+    light = colors[..., 1] / np.maximum(colors[..., 3], 1e-6)
+    sky, ground = light[20:60].mean(), light[150:190, 120:].mean()
+    assert sky < 0.95 * plate[30, 30, 1]
+    assert ground > 2.0 * plate[170, 200, 1]
+
+
+def test_flakes_glow_before_a_lamp():
+    plate = np.full((H, W, 3), 0.01, np.float32)
+    plate[100:108, 100:108] = 40.0
+    found = plate_light(plate, "linear").local(400.0, asymmetry=0.76, albedo=0.9)
+    cell = plate_light(plate, "linear").cell
+    assert found[104 // cell, 104 // cell, 0] > 5.0 * found[30 // cell, 280 // cell, 0]
+
+
+def test_fog_is_never_darker_than_what_is_behind_it():
+    plate = srgb_to_linear(picture()).astype(np.float32)
+    for level in (0.3, 0.9):
+        snow = fl.Snow(density=0.0, color="local", haze=level)
+        seen = scene(plate, snow).render(0)
+        sky = seen[10:50, :, 1] / plate[10:50, :, 1]
+        assert sky.min() > 1.0 - 1e-3
+
+
+def test_the_light_of_cells_is_the_mean_of_their_pixels():
+    rng = np.random.default_rng(4)
+    plate = rng.integers(0, 256, (50, 70, 3), dtype=np.uint8)
+    found = plate_light(plate, "display")
+    light = srgb_to_linear(plate / 255.0)
+    cell = found.cell
+    wanted = light[cell : 2 * cell, 3 * cell : 4 * cell].mean(axis=(0, 1))
+    assert np.abs(found.cells[1, 3] - wanted).max() < 1e-6
+    odd = light.astype(np.float32)
+    odd[0, 0] = np.nan
+    assert np.isfinite(plate_light(odd, "linear").cells).all()
+
+
+@pytest.mark.parametrize("asymmetry", [-0.5, 0.0, 0.76])
+def test_the_phase_function_shares_light_out(asymmetry: float):
+    nodes, weights = np.polynomial.legendre.leggauss(400)
+    whole = 2.0 * np.pi * float(weights @ phase(asymmetry, nodes))
+    assert abs(whole - 1.0) < 1e-9
+    mean = 2.0 * np.pi * float(weights @ (nodes * phase(asymmetry, nodes)))
+    assert abs(mean - asymmetry) < 1e-9
+    low = np.cos(0.4)
+    part = 0.5 * (1.0 - low) * nodes + 0.5 * (1.0 + low)
+    share = np.pi * (1.0 - low) * float(weights @ phase(asymmetry, part))
+    assert abs(within(asymmetry, 0.4) - share) < 1e-9
+
+
+def test_bytes_round_as_the_formula():
+    rng = np.random.default_rng(1)
+    light = (rng.random((200, 300)) ** 3 * 1.2 - 0.05).astype(np.float32)
+    assert np.array_equal(encode_bytes(light), to_integer(linear_to_srgb(light), 8))
+    odd = np.array([np.nan, np.inf, -np.inf], np.float32)
+    assert encode_bytes(odd).tolist() == [0, 255, 0]
+
+
+def test_a_region_a_layer_and_a_band_have_the_whole_s_bits():
+    byte = np.rint(255.0 * picture()).astype(np.uint8)
+    film = scene(byte, fl.Snow.preset("heavy", color="local", haze=0.1), depth=30.0)
+    whole = film.render(11)
+    part = film.render(11, region=np.s_[60:150, 30:200])
+    assert np.array_equal(part, whole[60:150, 30:200])
+    assert np.array_equal(film.render(11, layers=True).image, whole)
+    large = np.rint(255.0 * np.kron(picture(), np.ones((5, 5, 1)))).astype(np.uint8)
+    banded = scene(large, fl.Snow.preset("light", color="local"))
+    part = banded.render(2, region=np.s_[500:700, 300:600])
+    assert np.array_equal(part, banded.render(2)[500:700, 300:600])
+
+
+def test_nothing_of_it_where_it_is_not_asked_for():
+    byte = np.rint(255.0 * picture()).astype(np.uint8)
+    plain = scene(byte, fl.Snow(color=0.9))
+    names = {step.name for step in plain.plan(3).steps}
+    assert not any("light" in name or "lamps" in name for name in names)
+    with tracing() as trace:
+        plain.render(3)
+    assert not {"plate light", "lamps", "local light"} & set(trace.calls)
+    asked = {step.name for step in scene(byte, fl.Snow(color="local")).plan(3).steps}
+    assert "snow: local light" in asked
