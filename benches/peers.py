@@ -30,7 +30,7 @@ HOME = ROOT / ".venv-peers"
 # imagecorruptions asks setuptools for pkg_resources, which newer ones do not have.
 PEERS = ["opencv-python-headless", "albumentationsx", "imgaug", "imagecorruptions", "kornia",
          "setuptools<81"]  # fmt: skip
-SIZES = (512, 1024)
+SIZES = (128, 224, 512, 1024)
 
 # It draws no flakes, so it does not count as snow.
 WHITENS = "(no flakes: it whitens)"

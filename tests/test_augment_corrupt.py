@@ -168,8 +168,30 @@ def test_links_and_hidden_files_are_left_out(source: Path, tmp_path: Path):
     assert len(made.written) == 7
 
 
+def test_what_is_skipped_is_counted(source: Path, tmp_path: Path):
+    (source / "link.png").symlink_to(source / "0.png")
+    (source / ".hidden.png").write_bytes(b"")
+    (source / "LICENSE").write_text("free")
+    made = corrupt(source, tmp_path / "out", severity="2,4", workers=1)
+    assert made.skipped == {
+        ".txt is not read": 1, "a symbolic link": 1, "hidden": 1, "no suffix is not read": 1,
+    }  # fmt: skip
+    assert {path.parts[-2] for path in made.written if path.stem == "0"} == {"2", "4"}
+
+
+def test_profiles_are_two_sets(source: Path, tmp_path: Path):
+    out = tmp_path / "out"
+    corrupt(source, out, severity=2, workers=1, profile="hard")
+    record = json.loads((out / MANIFEST).read_text())["files"]["snow/2/0.png"]["record"]
+    assert record["profile"] == "hard"
+    # Not taken for the other's.
+    with pytest.raises(ValueError, match="something else; overwrite"):
+        corrupt(source, out, severity=2, workers=1)
+
+
 @pytest.mark.parametrize("arguments", [
-    {"weather": "hail"}, {"weather": ["snow", "hail"]}, {"severity": 0}, {"severity": "1-9"},
+    {"profile": "easy"}, {"severity": "2,"}, {"weather": "hail"}, {"weather": ["snow", "hail"]},
+    {"severity": 0}, {"severity": "1-9"},
     {"severity": "many"}, {"severity": []}, {"severity": 1.5}, {"seed": "x"}, {"workers": 0},
     {"workers": 1.5}, {"overwrite": "yes"},
 ])  # fmt: skip

@@ -13,7 +13,8 @@ import flurries as fl
 from flurries.augment.flakes import NEAREST, Cloud, Flakes, flakes_at
 from twin_particles import mix64
 
-CLOUD = Cloud(count=300.0, reach=9.0, sizes=(0.01, 0.06), opacity=0.8, sway=(0.03, 2.0))
+ALL = {"near": NEAREST, "reach": 9.0, "far": 9.0}
+CLOUD = Cloud(density=1.45, **ALL, sizes=(0.01, 0.3), opacity=0.8, sway=(0.03, 2.0))
 SHAPE = (240, 320)
 
 
@@ -25,10 +26,12 @@ def unit(seed: int, index: int) -> float:
 
 
 def found(cloud: Cloud, time: float, velocity: tuple[float, float], **more: Any) -> Flakes:
-    return flakes_at(
+    flakes = flakes_at(
         cloud, SHAPE, fl.Camera(300.0), seed=-5, velocity=np.array([*velocity, 0.0]), time=time,
         exposure=0.01, **{"eyes": 0.0, **more},
     )  # fmt: skip
+    assert flakes is not None
+    return flakes
 
 
 def twin(cloud: Cloud, time: float, velocity: tuple[float, float]) -> list[list[float]]:
@@ -41,17 +44,14 @@ def twin(cloud: Cloud, time: float, velocity: tuple[float, float]) -> list[list[
         margin = 2.0 * (room * 300.0 / z + soft)
         return width + margin, height + margin
 
-    # As many as `count` in view: the volume of the margins' pyramid over that of the view's, both
-    # by the trapezes of 128 steps that are the law.
+    # The volume of the margins' pyramid, by the trapezes of 128 steps that are the law.
     knots = [NEAREST + (cloud.reach - NEAREST) * k / 128 for k in range(129)]
     law = [z * z * over(z)[0] * over(z)[1] for z in knots]
     sums = [0.0]
     for a, b in itertools.pairwise(law):
         sums.append(sums[-1] + 0.5 * (a + b))
-    view = [z * z * width * height for z in knots]
-    inside = math.fsum(0.5 * (a + b) for a, b in itertools.pairwise(view))
     rows = []
-    for i in range(round(cloud.count * sums[-1] / inside)):
+    for i in range(round(cloud.density * sums[-1] * (knots[1] - knots[0]) / 300.0**2)):
         u = [unit(-5, 5 * i + k) for k in range(5)]
         wanted = u[0] * sums[-1]
         step = max(k for k in range(128) if sums[k] <= wanted)
@@ -66,7 +66,7 @@ def twin(cloud: Cloud, time: float, velocity: tuple[float, float]) -> list[list[
         place[0] += cloud.sway[0] * math.sin(angle)
         radius = 0.5 * (cloud.sizes[0] + u[3] * (cloud.sizes[1] - cloud.sizes[0]))
         sigma = 300.0 / z * radius / 3.0
-        part = min(max((sigma - 3.5 * 320 / 1024) / (2.5 * 320 / 1024), 0.0), 1.0)
+        part = min(max((sigma - 9.0 * 320 / 1024) / (5.0 * 320 / 1024), 0.0), 1.0)
         opacity = cloud.opacity * (1.0 - 3.0 * part**2 + 2.0 * part**3)
         if opacity > 1e-15:
             cover = 2.0 * math.pi * opacity * sigma**2 / math.prod(over(z))
@@ -86,7 +86,7 @@ def test_flakes_are_those_of_the_description(time: float):
 
 
 def test_a_flake_crosses_at_its_own_speed():
-    still = Cloud(count=300.0, reach=9.0, sizes=(0.01, 0.06), opacity=0.8)
+    still = Cloud(density=1.45, **ALL, sizes=(0.01, 0.3), opacity=0.8)
     a, b = (found(still, t, (0.4, 1.1)) for t in (0.0, 0.001))
     moved = b.points - a.points
     near = np.abs(moved[:, :2] - [0.0004, 0.0011]).max(axis=1) < 1e-9
@@ -95,7 +95,7 @@ def test_a_flake_crosses_at_its_own_speed():
 
 
 def test_depths_follow_the_law():
-    many = Cloud(count=40_000.0, reach=9.0, sizes=(0.001, 0.002), opacity=0.5)
+    many = Cloud(density=193.0, **ALL, sizes=(0.001, 0.002), opacity=0.5)
     z = np.sort(found(many, 0.0, (0.0, 1.0)).points[:, 2])
     knots = np.linspace(NEAREST, 9.0, 20_001)
     soft, room = 2.0 * (4.0 * 320 / 1024 + 4.0), 2.0 * (0.004 + 0.01)
@@ -105,3 +105,18 @@ def test_depths_follow_the_law():
     rank = (np.arange(len(z)) + 0.5) / len(z)
     # Kolmogorov's distance: above 1.95 / sqrt(n) once in a thousand.
     assert np.abs(expected - rank).max() < 1.95 / math.sqrt(len(z))
+
+
+def test_sizes_follow_their_quantiles():
+    quantiles = (0.001, 0.0012, 0.0016, 0.003)
+    many = Cloud(density=193.0, **ALL, sizes=quantiles, opacity=0.5)
+    size = np.sort(2.0 * found(many, 0.0, (0.0, 1.0)).radius)
+    expected = np.interp(size, quantiles, np.linspace(0.0, 1.0, 4))
+    rank = (np.arange(len(size)) + 0.5) / len(size)
+    assert np.abs(expected - rank).max() < 1.95 / math.sqrt(len(size))
+
+
+def test_there_are_none_of_too_few():
+    few = Cloud(density=1e-6, **ALL, sizes=(0.01, 0.3), opacity=0.8)
+    arguments = {"seed": 1, "velocity": np.zeros(3), "time": 0.0, "exposure": 0.0, "eyes": 0.0}
+    assert flakes_at(few, SHAPE, fl.Camera(300.0), **arguments) is None

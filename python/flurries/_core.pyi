@@ -238,6 +238,12 @@ def shade_behind(
     front: _Array | None = None,
 ) -> None: ...
 def encode_bytes(out: _Array, values: _Array, light: _Array, edges: _Array) -> None: ...
+def veil(
+    out: _Array,
+    way: _Array,
+    extinction: float,
+    patches: tuple[_Array, float, float] | None = None,
+) -> None: ...
 def uniform(out: _Float64, seed: int, stream: int) -> None: ...
 def wind_waves(out: _Float64, points: _Float64, k: _Float64, weights: _Float64) -> None: ...
 def particle_positions(
@@ -344,7 +350,7 @@ def particle_crossing(
     view: tuple[float, float, float, float, float],
     way: tuple[float, float],
     sway: tuple[float, float],
-    sizes: tuple[float, float],
+    sizes: list[float],
     opacity: float,
     fade: tuple[float, float],
 ) -> int: ...

@@ -5,3 +5,4 @@ pub mod mix;
 pub mod onepass;
 pub mod sample;
 pub mod shade;
+pub mod veil;

@@ -27,8 +27,8 @@ pub struct Crossing<'a> {
     pub way: [f64; 2],
     /// Amplitude, world units, and the angle of one whose number is 0, radians.
     pub sway: (f64, f64),
-    /// Diameters, world units.
-    pub sizes: (f64, f64),
+    /// Diameters at even shares of the flakes, world units: at least two, and linear between.
+    pub sizes: &'a [f64],
     /// Of a resting one's middle.
     pub opacity: f64,
     /// Sigma in px from which they fade, and at which they are gone.
@@ -59,6 +59,7 @@ pub fn cross(
         && law.depths.len() == law.sums.len()
         && law.sums.is_sorted()
         && law.sums.len() >= 2
+        && law.sizes.len() >= 2
         && law.sums[law.sums.len() - 1] > law.sums[0];
     if !sound {
         return Err(Error::Internal(format!("no flakes cross like {law:?}")));
@@ -73,7 +74,7 @@ pub fn cross(
         let number = |k: usize| hash.word((5 * index + k) as i64).unit();
         let z = inverse.at(number(0));
         let pixels = law.focal / z;
-        let radius = 0.5 * (law.sizes.0 + number(3) * (law.sizes.1 - law.sizes.0));
+        let radius = 0.5 * between(law.sizes, number(3));
         let sigma = pixels * radius / 3.0;
         let opacity = law.opacity * size_fade(sigma, law.fade);
         if opacity <= 0.0 {
@@ -98,6 +99,14 @@ pub fn cross(
         kept += 1;
     }
     Ok(kept)
+}
+
+/// The diameter of which a share of all, 0 to 1, are smaller.
+#[inline(always)]
+fn between(sizes: &[f64], share: f64) -> f64 {
+    let place = share * (sizes.len() - 1) as f64;
+    let at = (place as usize).min(sizes.len() - 2);
+    sizes[at] + (place - at as f64) * (sizes[at + 1] - sizes[at])
 }
 
 /// The inverse of a rising piecewise linear function, as `numpy.interp` has it.

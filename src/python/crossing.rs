@@ -23,7 +23,7 @@ pub fn particle_crossing(
     view: (f64, f64, f64, f64, f64),
     way: [f64; 2],
     sway: (f64, f64),
-    sizes: (f64, f64),
+    sizes: Vec<f64>,
     opacity: f64,
     fade: (f64, f64),
 ) -> PyResult<usize> {
@@ -39,7 +39,7 @@ pub fn particle_crossing(
             room: (room, soft),
             way,
             sway,
-            sizes,
+            sizes: &sizes,
             opacity,
             fade,
         };

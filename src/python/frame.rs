@@ -1,11 +1,12 @@
 //! `flurries.composite`: Eq. 7, over, and the joint opacity of layers.
 
-use numpy::{PyArray3, PyReadonlyArray2, PyReadonlyArray3, PyReadwriteArray3};
+use numpy::{PyArray3, PyReadonlyArray2, PyReadonlyArray3, PyReadwriteArray2, PyReadwriteArray3};
 use pyo3::prelude::*;
 
 use super::gate::{self, Plane, PlaneMut, arrays};
 use crate::base::error::Error;
 use crate::base::real::Real;
+use crate::frame::veil::{self as fog, Patches};
 use crate::frame::{composite, sample::Sample};
 
 /// Rough nanoseconds for a value.
@@ -170,4 +171,23 @@ pub fn join(
         PlaneMut::Single(out) => of!(Single, out),
         PlaneMut::Double(out) => of!(Double, out),
     }
+}
+
+/// Opacity of a veil: `patches` is a coarse field, the pixels between its points, and its strength.
+#[pyfunction]
+pub fn veil(
+    py: Python<'_>,
+    mut out: PyReadwriteArray2<'_, f32>,
+    way: PyReadonlyArray2<'_, f32>,
+    extinction: f64,
+    patches: Option<(PyReadonlyArray2<'_, f32>, f64, f64)>,
+) -> PyResult<()> {
+    let (out, way) = (out.as_array_mut(), way.as_array());
+    let patches = patches.as_ref().map(|(field, cell, strength)| Patches {
+        field: field.as_array(),
+        cell: *cell,
+        strength: *strength,
+    });
+    let work = 2.0 * out.len() as f64;
+    gate::run(py, work, move |cancel| fog::veil(out, way, extinction, patches, cancel))
 }

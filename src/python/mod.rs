@@ -48,7 +48,7 @@ mod core {
         flake_patterns, flake_population, flake_prepare, flake_take,
     };
     #[pymodule_export]
-    use super::frame::{join, over, snow};
+    use super::frame::{join, over, snow, veil};
     #[pymodule_export]
     use super::gas::{SortedGas, gas_alpha, gas_draw, gas_light, gas_sort, gas_splat};
     #[pymodule_export]

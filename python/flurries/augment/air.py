@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import threading
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -10,22 +12,25 @@ from flurries import _core
 from flurries._contract import Array, Float64
 from flurries.augment.calibration import extinction
 from flurries.augment.distance import Distances
-from flurries.augment.flakes import NEAREST, Cloud, Flakes, flakes_at
+from flurries.augment.falling import Falling
+from flurries.augment.flakes import NEAREST, Flakes, flakes_at
 from flurries.augment.patches import Patches
-from flurries.augment.texture import Texture, longest_wave
+from flurries.augment.texture import Texture, reach_of, texture_of, tile_of
 from flurries.camera.lens import Camera
+from flurries.spectral.flakes import Request
 
 FPS = 30.0
 
-# Opacities so small that those that overlap add up, to a part in ten thousand.
-_THIN = 1e-4
+# Planes that only a call reads: fresh memory costs more than what is written into it.
+_SCRATCH = threading.local()
 
-# The largest disparity of the longest wave, in lengths of it.
-_DISPARITY = 0.45
+# The largest disparity of the texture, and what it moves by in a frame of a film, in tiles: what
+# leaves a tile does not come into the next one.
+_DISPARITY = 0.25
+_FASTEST = 0.2
 
-# Depths that flakes are sorted into where their motion is asked for: a pixel that several cover
-# moves as the densest does.
-_SLABS = 24
+# Before what is near there are more flakes per cubic metre, up to so many times.
+_DENSEST = 4.0
 
 
 @dataclass(frozen=True)
@@ -58,6 +63,8 @@ class Air:
         Of what falls, or of the fog's patches.
     exposure : float
         Seconds.
+    falling : Falling, optional
+    patches : Patches, optional
     fixed : float, optional
         The veil's extinction per metre, in place of one for the loss.
     """
@@ -66,8 +73,7 @@ class Air:
     loss: float
     velocity: tuple[float, float]
     exposure: float
-    cloud: Cloud | None = None
-    texture: Texture | None = None
+    falling: Falling | None = None
     patches: Patches | None = None
     fixed: float | None = None
 
@@ -77,178 +83,195 @@ class Air:
         distances: Distances,
         *,
         time: float,
-        fps: float = FPS,
+        fps: float | None = None,
         veil: float | None = None,
+        passing: bool = False,
     ) -> Array:
-        """Return the opacity of all of it, (H, W) float32."""
+        """Return the opacity of all of it, (H, W) float32; of a film's frame with its rate.
+
+        If it is `passing`, the next call of this thread writes into it again.
+        """
         if self.loss <= 0.0:
             return np.zeros(view.shape, np.float32)
-        flakes = self._flakes(view, time)
-        thick = self._extinction(flakes, distances) if veil is None else veil
-        left = self._veiled(view, distances, thick, time)
-        planes = []
-        if self.texture is not None:
-            planes.append(self._before(self._texture(view, time, fps), self.texture, distances))
-        if flakes is not None:
-            planes.append(self._drawn(flakes, view, distances))
+        here = Here(self, view, distances, time, fps)
+        thick = here.extinction if veil is None else veil
+        planes = here.planes()
+        haze, plane = here.veil(thick)
+        if plane is not None:
+            planes.append(plane)
         if not planes:
-            alpha = np.subtract(np.float32(1.0), left)
-            return np.ascontiguousarray(np.broadcast_to(alpha, view.shape), np.float32)
-        clear = np.subtract(np.float32(1.0), planes[0], out=planes[0])
-        for plane in planes[1:]:
-            clear *= np.subtract(np.float32(1.0), plane, out=plane)
-        clear *= left
-        # From 0 to 1 as its factors are, to the last bit: rounding keeps the order.
-        return np.asarray(np.subtract(np.float32(1.0), clear, out=clear))
+            return np.full(view.shape, haze, np.float32)
+        if len(planes) == 1 and haze == 0.0:
+            return planes[0] if passing else planes[0].copy()
+        found = scratch("alpha", view.shape) if passing else np.empty(view.shape, np.float32)
+        _core.join(found, planes, haze)
+        return found
 
-    def apart(self, view: View, distance: float) -> Air:
-        """Return the air as two eyes see it: the texture so far that its disparity has a sign.
+    @cached_property
+    def way(self) -> float:
+        """Metres that what falls moves by while the shutter is open."""
+        return float(np.hypot(*self.velocity)) * self.exposure
 
-        A wave that is displaced by half its length could as well be displaced the other way.
-        """
-        if self.texture is None:
-            return self
-        near = view.camera.focal * distance / (_DISPARITY * longest_wave(view.shape))
-        if near <= self.texture.near:
-            return self
-        return replace(self, texture=replace(self.texture, near=near))
 
-    def extinction(self, view: View, distances: Distances, time: float) -> float:
-        """Return the veil's extinction, per metre, for what a view shows."""
-        return self._extinction(self._flakes(view, time), distances)
+def scratch(name: str, shape: tuple[int, int]) -> Array:
+    """Return a plane of this thread, whose content is that of its last use, (H, W) float32."""
+    kept: dict[str, Array] = vars(_SCRATCH)
+    found = kept.get(name)
+    if found is None or found.shape != shape:
+        found = kept[name] = np.empty(shape, np.float32)
+    return found
 
-    def moving(
-        self, view: View, distances: Distances, *, time: float, fps: float
-    ) -> tuple[Array, Array, Array]:
-        """Return what is densest at each pixel of all that is somewhere and moves.
 
-        Flakes of about one depth, or the texture; a veil is nowhere in particular. Fog moves as the
-        mean of its patches.
+class Here:
+    """The air of one moment before one picture: what is drawn, what is a texture, what a veil.
 
-        Returns
-        -------
-        opacity : (H, W)
-        motion : (H, W, 2)
-            Pixels per frame.
-        where : (H, W)
-            Depth, metres.
-        """
-        flow = np.zeros((*view.shape, 2), np.float32)
-        where = np.full(view.shape, np.inf, np.float32)
-        most = np.zeros(view.shape, np.float32)
-        if self.loss <= 0.0:
-            return most, flow, where
-        if self.patches is not None:
-            flow[...] = self.patches.motion(view.shape, fps)
-            return most, flow, where
-        step = np.asarray(self.velocity) * view.camera.focal / fps
-        if self.texture is not None:
-            most = self._before(self._texture(view, time, fps), self.texture, distances)
-            where[most > 0.0] = self.texture.typical()
-            flow[most > 0.0] = step / self.texture.typical()
-        flakes = self._flakes(view, time)
-        if flakes is not None and len(flakes.points):
-            edges = np.geomspace(NEAREST, 1.001 * float(flakes.points[:, 2].max()), _SLABS + 1)
-            slab = np.searchsorted(edges, flakes.points[:, 2], side="right")
-            for number in np.unique(slab):
-                part = flakes.part(slab == number)
-                cover, way, near = self._means(part, view, distances, fps)
-                seen = cover > most
-                most[seen], flow[seen], where[seen] = cover[seen], way[seen], 1.0 / near[seen]
-        return most, flow, where
+    Attributes
+    ----------
+    flakes : Flakes or None
+    texture : Texture or None
+    """
 
-    def _means(
-        self, flakes: Flakes, view: View, distances: Distances, fps: float
-    ) -> tuple[Array, Array, Array]:
-        """Return the flakes' opacity, and their mean motion and nearness by their opacities."""
-        pixels = view.camera.focal / flakes.points[:, 2]
-        # Drawn so thin that opacities add up, each flake as dense as its number is large.
-        thin = self._drawn(flakes, view, distances, scale=np.full(len(pixels), _THIN))
-        means = []
-        for values in (*(flakes.rates() * pixels / fps), pixels):
-            low, span = float(values.min()), float(np.ptp(values)) or 1.0
-            dense = self._drawn(flakes, view, distances, scale=_THIN * (values - low) / span)
-            share = np.divide(dense, thin, out=np.zeros_like(dense), where=thin > 0.0)
-            means.append((low + span * share).astype(np.float32))
-        cover = np.where(thin > 0.0, self._drawn(flakes, view, distances), np.float32(0.0))
-        return cover, np.stack(means[:2], axis=-1), means[2] / np.float32(view.camera.focal)
+    def __init__(
+        self, air: Air, view: View, distances: Distances, time: float, fps: float | None = None
+    ) -> None:
+        self.air, self.view, self.distances, self.time = air, view, distances, time
+        self.fps = fps
+        self.flakes: Flakes | None = None
+        self.texture: Texture | None = None
+        if air.falling is not None and air.loss > 0.0:
+            self._fall(air.falling)
 
-    def _flakes(self, view: View, time: float) -> Flakes | None:
-        if self.cloud is None:
-            return None
-        return flakes_at(
-            self.cloud, view.shape, view.camera, seed=self.seed,
-            velocity=np.array([*self.velocity, 0.0]), time=time, exposure=self.exposure,
+    def _fall(self, falling: Falling) -> None:
+        air, view = self.air, self.view
+        denser = self._denser(falling)
+        if denser != 1.0:
+            falling = replace(falling, depth=falling.depth * denser)
+        focal, tile = view.camera.focal, tile_of(view.shape)
+        fastest = 0.0 if self.fps is None else float(np.hypot(*air.velocity)) / self.fps
+        least = focal / tile * max(2.0 * view.eyes / _DISPARITY, fastest / _FASTEST)
+        reach = reach_of(falling, air.way, view.shape, focal, least)
+        self.texture = texture_of(falling, air.way, view.shape, focal, reach)
+        self.flakes = flakes_at(
+            falling.cloud(air.way, reach), view.shape, view.camera, seed=air.seed,
+            velocity=np.array([*air.velocity, 0.0]), time=self.time, exposure=air.exposure,
             eyes=view.eyes,
         )  # fmt: skip
 
-    def _extinction(self, flakes: Flakes | None, distances: Distances) -> float:
-        if self.fixed is not None:
-            return self.fixed
-        depth = distances.quantiles
+    def _denser(self, falling: Falling) -> float:
+        """Return how many times as dense what falls is before a picture that ends before it."""
+        if self.distances.beyond(falling.far):
+            return 1.0
+        deep = falling.far - falling.near
+        before = np.clip((self.distances.quantiles - falling.near) / deep, 0.0, 1.0)
+        return 1.0 / max(float(before.mean()), 1.0 / _DENSEST)
+
+    @cached_property
+    def extinction(self) -> float:
+        """Of the veil, per metre."""
+        air = self.air
+        if air.fixed is not None:
+            return air.fixed
+        if air.falling is not None and air.falling.veil == 0.0:
+            return 0.0
+        depth = self.distances.quantiles
         clear = np.ones(len(depth))
         if self.texture is not None:
-            clear *= 1.0 - self.texture.cover() * self.texture.share(depth)
-        if flakes is not None:
-            clear *= flakes.before(depth)
-        density = np.ones(1) if self.patches is None else self.patches.densities()
-        return extinction(self.loss, depth, clear[:, None], density)
+            whole = self.distances.beyond(self.texture.far)
+            clear *= self.texture.left if whole else self.texture.before(depth)
+        if self.flakes is not None:
+            clear *= self.flakes.before(depth)
+        density = np.ones(1) if air.patches is None else air.patches.densities()
+        return extinction(air.loss, depth, clear[:, None], density)
 
-    def _veiled(self, view: View, distances: Distances, thick: float, time: float) -> Array:
-        """Return what the veil leaves, of a shape that broadcasts to the picture's."""
-        way = distances.plane * np.float32(-thick)
-        if self.patches is not None:
-            way = way * self.patches.density(view, self.seed, time)
-        return np.asarray(np.exp(way), np.float32)
+    def veil(self, thick: float) -> tuple[float, Array | None]:
+        """Return the veil's opacity, as a number where it is even, else 0 and a plane."""
+        plane, patches = self.distances.plane, self.air.patches
+        even = patches is None or patches.strength == 0.0
+        if even and plane.size == 1:
+            return float(-np.expm1(-thick * plane[0, 0])), None
+        found = scratch("veil", self.view.shape)
+        field = None
+        if patches is not None and not even:
+            field = patches.field(self.view.shape, self.air.seed, self.time)
+        _core.veil(found, plane, thick, field)
+        return 0.0, found
 
-    def _texture(self, view: View, time: float, fps: float) -> Array:
-        assert self.texture is not None
-        return self.texture.alpha(
-            view.shape, view.camera, seed=self.seed, velocity=np.array([*self.velocity, 0.0]),
-            time=time, exposure=self.exposure, fps=fps,
+    def planes(self) -> list[Array]:
+        """Return the opacities of the texture and of what is drawn, (H, W) float32 each."""
+        found = []
+        if self.texture is not None:
+            found.append(self._textured(self.texture))
+        if self.flakes is not None:
+            found.append(self.dense(self.drawn(self.flakes), self.flakes.times))
+        return found
+
+    def _textured(self, texture: Texture) -> Array:
+        out = scratch("texture", self.view.shape)
+        request = self.request(texture)
+        if self.distances.beyond(texture.far):
+            return texture.drawn(request, opacity=True, out=out, add=False)
+        layers = texture.layers(request)
+        for index, layer in enumerate(layers):
+            mask = self.mask(texture, index)
+            last = index == len(layers) - 1
+            texture.drawn(layer, opacity=last, mask=mask, out=out, add=index > 0)
+        return out
+
+    def request(self, texture: Texture) -> Request:
+        """Return what the texture of this moment is."""
+        air, camera = self.air, self.view.camera
+        speed = np.asarray(air.velocity)
+        return texture.request(
+            self.view.shape, camera.focal, seed=air.seed,
+            moved=speed * self.time - np.array(camera.offset[:2]), streak=speed * air.exposure,
         )  # fmt: skip
 
-    @staticmethod
-    def _before(plane: Array, texture: Texture, distances: Distances) -> Array:
-        """Return the texture as far as it lies before what is seen."""
-        share = texture.share(distances.plane).astype(np.float32)
-        if float(share.min()) < 1.0:
-            plane *= share
-        return plane
+    def mask(self, texture: Texture, index: int) -> Array:
+        """Return which part of a layer lies before what is seen, (H, W) float32."""
+        part = texture.patterns.slabs[index].before(np.asarray(self.distances.plane, np.float64))
+        return np.ascontiguousarray(np.broadcast_to(part, self.view.shape), np.float32)
 
-    def _drawn(
-        self,
-        flakes: Flakes,
-        view: View,
-        distances: Distances,
-        scale: Float64 | None = None,
-    ) -> Array:
-        """Return the alpha of the flakes that nothing stands before, (H, W) float32.
+    def drawn(self, flakes: Flakes, scale: Float64 | None = None) -> Array:
+        """Return the alpha of the flakes that nothing stands before, each once, (H, W) float32.
 
         With a `scale` (n,) of their opacities in float64.
         """
-        plane: Array | None = distances.plane
+        view = self.view
+        plane: Array | None = self.distances.plane
         assert plane is not None
         shown: Array | None = None
         if plane.shape[1] == 1:
             # A depth for each row: of a flake, that of its own.
-            shown = flakes.points[:, 2] <= plane[self._rows(flakes, view, len(plane)), 0]
+            shown = flakes.points[:, 2] <= plane[self._rows(flakes, len(plane)), 0]
             plane = None
         opacity = flakes.opacity if scale is None else flakes.opacity * scale
         points, radius = flakes.points, flakes.radius
         if shown is not None and not shown.all():
             points, radius, opacity = points[shown], radius[shown], opacity[shown]
         # Everything was made here, so it goes to the kernel without the checks of `particles`.
-        result: Array = np.empty(view.shape, np.float32 if scale is None else np.float64)
+        thin = scale is not None
+        result: Array = np.empty(view.shape) if thin else scratch("drawn", view.shape)
         x, y = view.camera.principal(view.shape)
         lens = (view.camera.focal, x, y, view.camera.offset, 0.5 * NEAREST)
         velocity = flakes.velocity[None, :]
-        _core.particle_splat(result, points, radius, opacity, velocity, self.exposure, lens, plane)
+        exposure = self.air.exposure
+        _core.particle_splat(result, points, radius, opacity, velocity, exposure, lens, plane)
         return result
 
     @staticmethod
-    def _rows(flakes: Flakes, view: View, count: int) -> Array:
+    def dense(plane: Array, times: int) -> Array:
+        """Return the joint opacity of so many layers alike, a power of two, in their place."""
+        if times > 1:
+            np.subtract(np.float32(1.0), plane, out=plane)
+            while times > 1:
+                np.multiply(plane, plane, out=plane)
+                times //= 2
+            np.subtract(np.float32(1.0), plane, out=plane)
+        return plane
+
+    def _rows(self, flakes: Flakes, count: int) -> Array:
         if count == 1:
             return np.zeros(len(flakes.points), np.int64)
-        y = flakes.points[:, 1] / flakes.points[:, 2] * view.camera.focal + 0.5 * view.shape[0]
+        height, focal = self.view.shape[0], self.view.camera.focal
+        y = flakes.points[:, 1] / flakes.points[:, 2] * focal + 0.5 * height
         return np.clip(y, 0.0, count - 1.0).astype(np.int64)

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import hashlib
 import os
+from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from functools import partial
@@ -20,6 +21,7 @@ import numpy as np
 
 from flurries import augment
 from flurries._contract import choice, flag, integer, seed_of
+from flurries.augment.calibration import PROFILES, Profile
 from flurries.augment.weather import replay
 from flurries.io import linear_to_srgb, read_picture, srgb_to_linear, write_picture
 from flurries.output.cluster import cluster
@@ -48,6 +50,8 @@ class Corrupted:
         Made now; and there already.
     failed : dict of str to str
         Pictures that could not be read or written, and why.
+    skipped : dict of str to int
+        How many files are no pictures to be read, and why.
     manifest : Path
         ``flurries.json``: of each file its source, weather, severity, record and hash.
     """
@@ -55,6 +59,7 @@ class Corrupted:
     written: list[Path]
     kept: list[Path]
     failed: dict[str, str]
+    skipped: dict[str, int]
     manifest: Path
 
 
@@ -64,6 +69,7 @@ def corrupt(
     *,
     weather: str | Sequence[str] = "snow",
     severity: int | str | Sequence[int] = (1, 2, 3, 4, 5),
+    profile: Profile = "natural",
     seed: int = 0,
     workers: int | None = None,
     dask: str | None = None,
@@ -81,8 +87,10 @@ def corrupt(
         Where to write; not inside `folder`. Names and formats stay, so that labels by file name
         hold; JPEG is written with quality 95.
     weather : {"snow", "rain", "fog"} or several
-    severity : int, "1-5" or several
+    severity : int, "1-5", "2,4" or several
         See :func:`flurries.augment.contrast_loss`.
+    profile : {"natural", "hard"}
+        Weather as it is, or at least as hard as the corruptions of published benchmarks.
     seed : int
     workers : int, optional
         Processes; as many as there are cores if not given. 1 works in this one.
@@ -115,6 +123,7 @@ def corrupt(
         for kind in ([weather] if isinstance(weather, str) else weather)
     )
     levels = _levels(severity)
+    scale = choice("profile", profile, PROFILES)
     start = seed_of(seed)
     again = flag("overwrite", overwrite)
     count = os.cpu_count() or 1 if workers is None else integer("workers", workers, low=1, high=256)
@@ -122,11 +131,11 @@ def corrupt(
         raise TypeError(
             f"dask must be an address, '' for a cluster here, or None, got {dask!r:.60}"
         )
-    names = _names(source)
+    names, skipped = _names(source)
     if not names:
         raise ValueError(f"{source}: no pictures ({', '.join(SUFFIXES)})")
     parts = [(name, kind, level) for name in names for kind in kinds for level in levels]
-    job = _Pictures(source.absolute(), target.absolute(), parts, start, overwrite=again)
+    job = _Pictures(source.absolute(), target.absolute(), parts, start, scale, overwrite=again)
     # All of them now: a worker may have a folder to itself no more than another.
     target.mkdir(exist_ok=True)
     for part in parts:
@@ -148,6 +157,7 @@ def corrupt(
         sorted(files[index] for index in done.written),
         sorted(files[index] for index in done.kept),
         failed,
+        skipped,
         target / NAME,
     )
 
@@ -158,28 +168,39 @@ def _silent(indices: Iterable[int]) -> Iterable[int]:
 
 def _levels(severity: int | str | Sequence[int]) -> tuple[int, ...]:
     if isinstance(severity, str):
-        first, _, last = severity.partition("-")
-        if not first.isdigit() or not (last or first).isdigit():
-            raise ValueError(f"severity must be such as 3 or '1-5', got {severity!r}")
-        severity = range(int(first), int(last or first) + 1)
-    several = severity if isinstance(severity, (list, tuple, range)) else [severity]
+        several: Sequence[int] = [level for part in severity.split(",") for level in _range(part)]
+    else:
+        several = severity if isinstance(severity, (list, tuple, range)) else [severity]  # type: ignore[list-item]
     levels = tuple(dict.fromkeys(integer("severity", s, low=1, high=5) for s in several))
     if not levels:
         raise ValueError(f"severity must name at least one level, got {severity!r}")
     return levels
 
 
-def _names(folder: Path) -> list[str]:
-    """Return the pictures below a folder, by their ways from it, sorted."""
-    found = []
+def _range(part: str) -> range:
+    first, _, last = part.strip().partition("-")
+    if not first.isdigit() or not (last or first).isdigit():
+        raise ValueError(f"severity must be such as 3, '1-5' or '2,4', got {part!r}")
+    return range(int(first), int(last or first) + 1)
+
+
+def _names(folder: Path) -> tuple[list[str], dict[str, int]]:
+    """Return the pictures below a folder, by their ways from it, sorted; and what is skipped."""
+    found: list[str] = []
+    skipped: Counter[str] = Counter()
     for here, folders, files in os.walk(folder):
         folders[:] = [f for f in folders if not f.startswith(".")]
         for file in files:
             path = Path(here) / file
-            hidden = file.startswith(".")
-            if path.suffix.lower() in SUFFIXES and not hidden and not path.is_symlink():
+            if file.startswith("."):
+                skipped["hidden"] += 1
+            elif path.suffix.lower() not in SUFFIXES:
+                skipped[f"{path.suffix.lower() or 'no suffix'} is not read"] += 1
+            elif path.is_symlink():
+                skipped["a symbolic link"] += 1
+            else:
                 found.append(path.relative_to(folder).as_posix())
-    return sorted(found)
+    return sorted(found), dict(sorted(skipped.items()))
 
 
 @dataclass
@@ -190,6 +211,7 @@ class _Pictures:
     folder: Path
     parts: list[tuple[str, str, int]]
     seed: int
+    profile: str = "natural"
     overwrite: bool = False
     listed: bool = True
     tolerant: bool = True
@@ -205,7 +227,8 @@ class _Pictures:
         """Return what a picture must say of itself."""
         name, kind, level = self.parts[index]
         content = self._hashes[self.source / name]
-        return Mark(f"{kind}-{level}-{self.seed}", _index(name, kind, level), content)
+        scale = "" if self.profile == "natural" else f"-{self.profile}"
+        return Mark(f"{kind}-{level}-{self.seed}{scale}", _index(name, kind, level), content)
 
     def make(self, index: int) -> Any:
         """Return a picture in its weather."""
@@ -244,7 +267,9 @@ class _Pictures:
 
     def _record(self, index: int) -> dict[str, Any]:
         name, kind, level = self.parts[index]
-        weather = getattr(augment, WEATHERS[kind])(severity=level, seed=self.seed)
+        weather = getattr(augment, WEATHERS[kind])(
+            severity=level, seed=self.seed, profile=self.profile
+        )
         record: dict[str, Any] = weather.record(index=_index(name, kind, level))
         return record
 

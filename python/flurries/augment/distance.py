@@ -66,7 +66,8 @@ class Ground:
         return np.asarray(1.0 / inverse[:, None], np.float32)
 
 
-DEFAULT_GROUND = Ground()
+# Depth of a sky that nobody described, metres.
+SKY = 25.0
 
 
 @dataclass(frozen=True)
@@ -87,6 +88,8 @@ class Distances:
     @cached_property
     def quantiles(self) -> Float64:
         """Depths of equally many pixels each, (n,) metres."""
+        if self.plane.size == 1:
+            return np.array([float(self.plane[0, 0])])
         if self.plane.size <= QUANTILES:
             return np.asarray(self.plane.reshape(-1), np.float64)
         # An even sample: sorting 8 million depths would cost more than the weather.
@@ -94,6 +97,10 @@ class Distances:
         sample = self.plane[::step, ::step] if self.plane.shape[1] > 1 else self.plane
         ranks = (np.arange(QUANTILES) + 0.5) / QUANTILES
         return np.asarray(np.quantile(sample, ranks), np.float64)
+
+    def beyond(self, depth: float) -> bool:
+        """Return whether everything is known to stand beyond a depth: an even picture does."""
+        return self.plane.size == 1 and float(self.plane[0, 0]) >= depth
 
     def whole(self, shape: tuple[int, int]) -> Array:
         """Return (H, W) float32."""

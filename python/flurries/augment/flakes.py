@@ -15,12 +15,13 @@ import numpy as np
 from flurries import _core
 from flurries._contract import Array, Float64
 from flurries.camera.lens import Camera
+from flurries.particles.population import FADE, drawn_share
 
 # Nearer ones would fill the picture, and fade as out-of-focus puffs do.
 NEAREST = 0.4
 
 # Widths in pixels of a picture 1024 px wide over which they fade.
-_LARGEST_SIGMA = (3.5, 6.0)
+_LARGEST_SIGMA = (9.0, 14.0)
 
 _STREAM = 7001
 _DEPTHS = np.linspace(0.0, 1.0, 129)
@@ -32,22 +33,34 @@ class Cloud:
 
     Attributes
     ----------
-    count : float
-        In view.
+    density : float
+        Per cubic metre.
+    near : float
+        Depth of the nearest, metres.
     reach : float
-        Depth up to which they are drawn, metres.
-    sizes : (smallest, largest)
-        Diameters, metres.
+        Depth from which on fewer and fewer are drawn, metres; none from the end of the hand-over.
+    far : float
+        Depth at which there are no more of them, metres.
+    sizes : tuple of float
+        Diameters at even shares of them, metres; a drawn one's disc ends at three deviations.
     opacity : float
         Of a resting one's middle.
+    times : int
+        As dense as so many of them at one place.
+    covered : float
+        What they cover, all these together, over the sum of what each covers.
     sway : (amplitude, rate)
         Metres, and radians per second.
     """
 
-    count: float
+    density: float
+    near: float
     reach: float
-    sizes: tuple[float, float]
+    far: float
+    sizes: tuple[float, ...]
     opacity: float
+    times: int = 1
+    covered: float = 1.0
     sway: tuple[float, float] = (0.0, 0.0)
 
 
@@ -68,6 +81,8 @@ class Flakes:
         Where each is in its swing, radians.
     swing : float
         The fastest of the swing, metres per second.
+    times : int
+        As in the cloud.
     """
 
     points: Float64
@@ -77,6 +92,7 @@ class Flakes:
     cover: Float64
     angle: Float64
     swing: float
+    times: int = 1
 
     def part(self, which: Array) -> Flakes:
         """Return some of them."""
@@ -107,8 +123,8 @@ def flakes_at(
     time: float,
     exposure: float,
     eyes: float,
-) -> Flakes:
-    """Return the particles at a time, without those that are faded out.
+) -> Flakes | None:
+    """Return the particles at a time, without those that are faded out; None if there are none.
 
     Parameters
     ----------
@@ -123,24 +139,28 @@ def flakes_at(
     focal = camera.focal
     speed = float(np.hypot(velocity[0], velocity[1]))
     # So far outside the picture a particle is still seen in it, by any eye.
-    room = 2.0 * cloud.sizes[1] + speed * exposure + cloud.sway[0] + eyes
+    room = 2.0 * cloud.sizes[-1] + speed * exposure + cloud.sway[0] + eyes
     soft = 4.0 * max(width, height) / 1024.0 + 4.0
-    table = NEAREST + (cloud.reach - NEAREST) * _DEPTHS
+    end = min((1.0 + FADE) * cloud.reach, cloud.far)
+    table = cloud.near + (end - cloud.near) * _DEPTHS
     margin = 2.0 * (room * focal / table + soft)
     density = table**2 * (width + margin) * (height + margin)
+    density *= drawn_share(table, cloud.reach, cloud.far)
     sums = np.concatenate([[0.0], np.cumsum(0.5 * (density[1:] + density[:-1]))])
-    view = table**2 * (width * height)
-    in_view = float(np.sum(0.5 * (view[1:] + view[:-1])))
-    number = round(cloud.count * float(sums[-1]) / in_view)
+    step = (end - cloud.near) / (len(table) - 1)
+    number = round(cloud.density * float(sums[-1]) * step / focal**2)
+    if number < 1:
+        return None
     points, parts = np.empty((number, 3)), np.empty((number, 4))
     scale = max(width, height) / 1024.0
     seen = _core.particle_crossing(
         points, parts, seed, _STREAM, table.tolist(), sums.tolist(),
         (width, height, focal, room, soft),
         (float(velocity[0] * time), float(velocity[1] * time)),
-        (cloud.sway[0], cloud.sway[1] * time), cloud.sizes, cloud.opacity,
+        (cloud.sway[0], cloud.sway[1] * time), list(cloud.sizes), cloud.opacity,
         (scale * _LARGEST_SIGMA[0], scale * _LARGEST_SIGMA[1]),
     )  # fmt: skip
     radius, opacity, cover, angle = parts[:seen].T.copy()
+    cover *= cloud.times * cloud.covered
     swing = cloud.sway[0] * cloud.sway[1]
-    return Flakes(points[:seen], radius, opacity, velocity, cover, angle, swing)
+    return Flakes(points[:seen], radius, opacity, velocity, cover, angle, swing, cloud.times)

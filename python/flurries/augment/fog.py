@@ -28,7 +28,7 @@ class Fog(Weather):
 
     Parameters
     ----------
-    amount, severity, ground, focal, white, seed, weather_seed
+    amount, severity, profile, ground, focal, white, seed, weather_seed
         See :class:`Snowfall`.
     visibility : number or range, optional
         In place of both: the distance in metres at which 5 % of a contrast is left. For depths in
@@ -91,7 +91,9 @@ class Fog(Weather):
         far = record["visibility"]
         return Air(
             seed=record["weather_seed"],
-            loss=1.0 if far is not None else contrast_loss(record["amount"]),
+            loss=1.0
+            if far is not None
+            else contrast_loss(record["amount"], profile=record["profile"], weather="fog"),
             velocity=(0.0, 0.0),
             exposure=0.0,
             patches=Patches(record["patches"], (record["wind"], 0.0)),

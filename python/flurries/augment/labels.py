@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
 
 from flurries._contract import Array, Float64, pixels, rectangular, table
+
+if TYPE_CHECKING:
+    from flurries.augment.slices import Labels
 
 # From this opacity on a flake, not what is behind it, is what is seen at a pixel.
 SEEN = 0.5
@@ -32,14 +35,23 @@ class Weathered:
         Weather moves nothing in the picture.
     occlusion : (n,) float64 or None
         The mean opacity over each box, 0 to 1.
+    coverage : (n,) float64 or None
+        The mean opacity over each box of what falls, without a veil.
+    visibility : (n,) float64 or None
+        The share of each box in which more than half of the light is the picture's own.
     flow : (H, W, 2) float32 or None
         The label, with the weather's own motion where flakes, drops or the texture hide more than
         half. Pixels per frame.
     depth : (H, W) float32 or None
         The depth that came, with the weather's own where they hide more than half. Metres. A veil
         is nowhere in particular, and counts for neither.
+    soft_flow, soft_depth : like `flow` and `depth`, or None
+        Means of what is seen by how much of it is seen; of the depth, the harmonic one.
     motion : (H, W, 2) float32 or None
         How the weather moves, pixels (x, y) per frame: what is densest at a pixel.
+    falling : (H, W, 4) float32 or None
+        What falls as a layer of its own, without a veil: motion (x, y) in pixels per frame,
+        nearness (one over the depth, 1/m), opacity; the first three premultiplied with the fourth.
     """
 
     image: Array
@@ -49,14 +61,55 @@ class Weathered:
     boxes: Any = None
     masks: Any = None
     occlusion: Float64 | None = None
+    coverage: Float64 | None = None
+    visibility: Float64 | None = None
     flow: Array | None = None
     depth: Array | None = None
+    soft_flow: Array | None = None
+    soft_depth: Array | None = None
     motion: Array | None = None
+    falling: Array | None = None
 
     @property
     def layer(self) -> Array:
         """(H, W, 4) float32: the weather alone, display values premultiplied with its opacity."""
         return layer_of(self.alpha, self.color)
+
+
+def weathered(
+    *,
+    image: Array,
+    alpha: Array,
+    color: tuple[float, float, float],
+    record: dict[str, Any],
+    boxes: Any,
+    corners: Float64 | None,
+    masks: Any,
+    falls: Labels | None,
+    flow: Array | None,
+    depth: Array | None,
+    motion: bool,
+) -> Weathered:
+    """Return a picture's labels after the weather: `flow` and `depth` are those before it."""
+    found: dict[str, Any] = {}
+    if corners is not None and falls is not None:
+        found["occlusion"] = occlusion(alpha, corners)
+        found["coverage"] = occlusion(np.clip(falls.alpha, 0.0, 1.0), corners)
+        found["visibility"] = occlusion((alpha < SEEN).astype(np.float32), corners)
+    if falls is not None:
+        seen, left = falls.most.opacity > SEEN, 1.0 - falls.alpha
+        if flow is not None:
+            found["flow"] = np.where(seen[..., None], falls.most.motion, flow).astype(np.float32)
+            found["soft_flow"] = (left[..., None] * flow + falls.motion).astype(np.float32)
+        if depth is not None:
+            nearer = np.where(seen, np.minimum(falls.most.depth, depth), depth)
+            found["depth"] = nearer.astype(np.float32)
+            found["soft_depth"] = (1.0 / (left / depth + falls.nearness)).astype(np.float32)
+        if motion:
+            found["motion"] = falls.most.motion
+            parts = (falls.motion, falls.nearness[..., None], falls.alpha[..., None])
+            found["falling"] = np.concatenate(parts, axis=-1)
+    return Weathered(image, alpha, color, record, boxes, masks, **found)
 
 
 def layer_of(alpha: Array, color: tuple[float, ...]) -> Array:

@@ -6,16 +6,12 @@ import math
 from dataclasses import dataclass
 from functools import lru_cache
 from statistics import NormalDist
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from flurries import _core
 from flurries._contract import Array, Float64
 from flurries.spectral.frame import request
-
-if TYPE_CHECKING:
-    from flurries.augment.air import View
 
 # Points of the field along the longer side; its waves have 16 to 120 of them.
 _POINTS = 120
@@ -52,38 +48,21 @@ class Patches:
         mean = math.sqrt(_BAND[0] / _BAND[1])
         return np.asarray(self.wind) * (mean * max(shape) / fps)
 
-    def density(self, view: View, seed: int, time: float) -> Array:
-        """Return the density at each pixel, (H, W) float32, or 1."""
-        if self.strength == 0.0:
-            return np.ones((1, 1), np.float32)
-        height, width = view.shape
-        cell = max(height, width) / _POINTS
-        rows, cols = (math.ceil(n / cell) + 2 for n in (height, width))
+    def field(self, shape: tuple[int, int], seed: int, time: float) -> tuple[Array, float, float]:
+        """Return a field of variance 1, the pixels between its points, and its strength.
+
+        Point (i, j) stands at (i, j) times these pixels.
+        """
+        cell = max(shape) / _POINTS
+        size = (math.ceil(shape[0] / cell) + 2, math.ceil(shape[1] / cell) + 2)
         drift = (np.asarray(self.wind) * time) * _POINTS
         asked = request(
-            (rows, cols), drift=drift, seed=seed, tile=_TILE, overlap=_TILE // 4,
+            size, drift=drift, seed=seed, tile=_TILE, overlap=_TILE // 4,
             wavelengths=_BAND, exponent=1.5,
         )  # fmt: skip
-        field = np.empty((rows, cols), np.float32)
+        field = np.empty(size, np.float32)
         _core.field(field, asked)
-        down, across = _between(height, rows, cell), _between(width, cols, cell)
-        wide = down @ (field @ across.T)
-        wide *= np.float32(self.strength)
-        wide += np.float32(1.0)
-        return np.asarray(np.maximum(wide, 0.0, out=wide))
-
-
-@lru_cache(maxsize=32)
-def _between(length: int, points: int, cell: float) -> Array:
-    """Return the weights of points at pixels, (length, points): linear between."""
-    place = (np.arange(length) + 0.5) / cell
-    first = np.minimum(place.astype(np.int64), points - 2)
-    part = place - first
-    weights = np.zeros((length, points), np.float32)
-    weights[np.arange(length), first] = 1.0 - part
-    weights[np.arange(length), first + 1] = part
-    weights.flags.writeable = False
-    return weights
+        return field, cell, self.strength
 
 
 @lru_cache(maxsize=1)

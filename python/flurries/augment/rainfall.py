@@ -3,21 +3,23 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import Any
 
 from flurries.augment.air import Air
-from flurries.augment.calibration import at_amount, contrast_loss
-from flurries.augment.draws import Range, range_of
-from flurries.augment.flakes import Cloud
-from flurries.augment.weather import Weather
+from flurries.augment.draws import Range
+from flurries.augment.precipitation import Precipitation, at
 
-_DROPS = (50.0, 250.0, 420.0, 600.0, 800.0, 1000.0)
-_GAIN = (60.0, 75.0, 90.0, 105.0, 120.0, 130.0)
-_REACH = 12.0
+# Diameters in metres: smallest, mean and largest. Several times those of drops, whose streaks no
+# picture of a data set would show.
+SIZES = (0.003, 0.005, 0.014)
+NEAR, FAR = 0.7, 10.0
+
+# Optical depth of a mean streak's middle at the severities 1 to 5.
+STREAK = (0.35, 0.45, 0.55, 0.75, 1.2)
 
 
 @dataclass(frozen=True, kw_only=True)
-class Rainfall(Weather):
+class Rainfall(Precipitation):
     """Rain, as a function of pictures, clips, batches and stereo pairs.
 
     Numbers that are drawn take a number or a range (low, high), and are drawn evenly from it, anew
@@ -25,7 +27,7 @@ class Rainfall(Weather):
 
     Parameters
     ----------
-    amount, severity, ground, focal, white, seed, weather_seed
+    amount, severity, profile, veil, ground, focal, white, seed, weather_seed
         See :class:`Snowfall`.
     wind : number or range
         Sideways, metres per second; to the right if positive.
@@ -43,9 +45,9 @@ class Rainfall(Weather):
 
     Notes
     -----
-    Drops as streaks to 12 m, and beyond them the veil that rain is from afar: at 30 frames per
-    second a texture of rain is too fast to be anything else. Drops are drawn as if several times as
-    large as they are: real ones are smeared to near invisibility.
+    One population of drops as in :class:`flurries.Rain`: the near streaks are drawn, the others a
+    texture. Drops are drawn as if several times as large as they are, and as bright as the light
+    that they gather makes them: real ones are smeared to near invisibility.
 
     Examples
     --------
@@ -59,30 +61,10 @@ class Rainfall(Weather):
     color: Range | tuple[float, float, float] = (0.78, 0.95)
     wind: Range = (-2.0, 2.0)
     fall: Range = (6.0, 9.0)
-    exposure: Range = (0.008, 0.02)
-
-    DRAWN: ClassVar[tuple[str, ...]] = ("wind", "fall", "exposure")
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        settle = object.__setattr__
-        settle(self, "wind", range_of("wind", self.wind, low=-100.0, high=100.0))
-        settle(self, "fall", range_of("fall", self.fall, low=-100.0, high=100.0))
-        settle(self, "exposure", range_of("exposure", self.exposure, low=0.0, high=10.0))
+    exposure: Range = (0.015, 0.03)
 
     def _air(self, record: dict[str, Any]) -> Air:
-        amount = record["amount"]
-        # Light goes with the area: a gain is a larger drop, whose streak is as long as ever.
-        wider = at_amount(amount, _GAIN) ** 0.5
-        return Air(
-            seed=record["weather_seed"],
-            loss=contrast_loss(amount),
-            velocity=(record["wind"], record["fall"]),
-            exposure=record["exposure"],
-            cloud=Cloud(
-                min(amount / 0.1, 1.0) * at_amount(amount, _DROPS),
-                _REACH,
-                (0.0025 * wider, 0.004 * wider),
-                1.0,
-            ),
-        )
+        return self._of(
+            record, kind="rain", sizes=SIZES, near=NEAR, far=FAR, middle=0.9,
+            streak=at(record["amount"], STREAK),
+        )  # fmt: skip

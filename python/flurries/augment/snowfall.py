@@ -3,27 +3,24 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import Any
 
 from flurries.augment.air import Air
-from flurries.augment.calibration import at_amount, contrast_loss
-from flurries.augment.draws import Range, range_of
-from flurries.augment.flakes import Cloud
-from flurries.augment.texture import Texture
-from flurries.augment.weather import Weather
-from flurries.effects.looks import SNOW_SEVERITY
+from flurries.augment.draws import Range
+from flurries.augment.precipitation import Precipitation, at
 
-# At the amounts 0, 0.2, ..., 1.
-_FLAKES = (300.0, *SNOW_SEVERITY["flakes"])
-_LARGEST = (0.02, *SNOW_SEVERITY["largest"])
-_MEAN = (-0.3, *SNOW_SEVERITY["mean"])
-_SPREAD = (2.0, *SNOW_SEVERITY["spread"])
-_EXPONENT = (0.75, *SNOW_SEVERITY["exponent"])
-_NEAR = 12.0
+# Diameters in metres: smallest, mean and largest. Wet flakes of heavy snowfall, since smaller ones
+# are less than a pixel in most pictures of data sets.
+SIZES = (0.005, 0.011, 0.030)
+NEAR, FAR = 0.7, 10.0
+
+# Optical depth of a flake's middle at the severities 1 to 5: the more flakes overlap, the denser
+# they are, so that they do not drown in each other.
+MIDDLE = (0.8, 1.0, 1.3, 1.9, 3.0)
 
 
 @dataclass(frozen=True, kw_only=True)
-class Snowfall(Weather):
+class Snowfall(Precipitation):
     """Falling snow, as a function of pictures, clips, batches and stereo pairs.
 
     Numbers that are drawn take a number or a range (low, high), and are drawn evenly from it, anew
@@ -37,6 +34,11 @@ class Snowfall(Weather):
         `severity` is given.
     severity : int or (low, high), optional
         In place of `amount`, in five steps: 1 to 5.
+    profile : {"natural", "hard"}
+        Weather as it is, or at least as hard as the corruptions of published benchmarks.
+    veil : float
+        Share of the opacity that an even veil holds, 0 to 1; what falls holds the rest. 0 is no
+        veil at all.
     wind : number or range
         Sideways, metres per second; to the right if positive.
     fall : number or range
@@ -46,8 +48,8 @@ class Snowfall(Weather):
     color : number, range or (r, g, b)
         Display values, 0 to 1: a grey, or a color as it is.
     ground : Ground or None
-        The depth of pictures of which none is given: a plane with a horizon. None: as far as the
-        sky everywhere.
+        The depth of pictures of which none is given. None: as far as the sky everywhere. A
+        :class:`Ground` is a plane with a horizon, for pictures that show one.
     focal : float
         Focal length, in lengths of the picture's longer side.
     white : float
@@ -64,8 +66,9 @@ class Snowfall(Weather):
 
     Notes
     -----
-    Langer 2004, sections 5 and 6: a spectral texture for all that is beyond 12 m, flakes before it.
-    What they leave of the wanted loss an even veil takes, ``docs/augment.md``.
+    One population of flakes as in :class:`flurries.Snow`: the near ones are drawn, the others a
+    texture of flakes. How many there are makes the amount; a veil takes what they leave of the
+    wanted loss, ``docs/augment.md``.
 
     Examples
     --------
@@ -81,36 +84,8 @@ class Snowfall(Weather):
     fall: Range = (1.0, 1.8)
     exposure: Range = (0.005, 0.02)
 
-    DRAWN: ClassVar[tuple[str, ...]] = ("wind", "fall", "exposure")
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        settle = object.__setattr__
-        settle(self, "wind", range_of("wind", self.wind, low=-100.0, high=100.0))
-        settle(self, "fall", range_of("fall", self.fall, low=-100.0, high=100.0))
-        settle(self, "exposure", range_of("exposure", self.exposure, low=0.0, high=10.0))
-
     def _air(self, record: dict[str, Any]) -> Air:
-        amount = record["amount"]
-        # So little snow is few flakes, and no texture.
-        fading = min(amount / 0.1, 1.0)
-        return Air(
-            seed=record["weather_seed"],
-            loss=contrast_loss(amount),
-            velocity=(record["wind"], record["fall"]),
-            exposure=record["exposure"],
-            cloud=Cloud(
-                fading * at_amount(amount, _FLAKES),
-                _NEAR,
-                (0.008, at_amount(amount, _LARGEST)),
-                0.9,
-                (0.02, 4.0),
-            ),
-            texture=Texture(
-                0.8 * fading,
-                at_amount(amount, _MEAN),
-                at_amount(amount, _SPREAD),
-                at_amount(amount, _EXPONENT),
-                _NEAR,
-            ),
-        )
+        return self._of(
+            record, kind="snow", sizes=SIZES, near=NEAR, far=FAR,
+            middle=at(record["amount"], MIDDLE), sway=(0.02, 4.0),
+        )  # fmt: skip

@@ -1,135 +1,265 @@
-"""The spectral texture of what falls far away, the same at every size of the picture.
+"""The far ones of what falls, as a texture of flakes: patterns once, then a transform by tile.
 
-A small picture, which has no room for the short waves, gets the texture of a larger one averaged
-over its pixels, as if the larger picture had been made smaller.
+Patterns are kept for rungs of density and of focal length, so that pictures of any size and
+amount share them; what differs from a rung is made up for by the gain.
 """
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import lru_cache
+from itertools import pairwise
 
 import numpy as np
 
+from flurries import _core
 from flurries._contract import Array, Float64
-from flurries.augment.calibration import mean_square
-from flurries.camera.lens import Camera
-from flurries.spectral.frame import alpha_of, request
+from flurries.augment.falling import Falling, population_of
+from flurries.particles.population import Slab, slabs_of
+from flurries.spectral.flakes import Request, choices, patterns_of, prepare
 
-# Of a picture 1024 px long.
-_BAND = (3.0, 24.0)
-_LONG = 1024.0
+# How much the torus of a pattern is sheared.
+_SHEAR = 5 / 13
 
-# Length from which on a picture is left alone: there only the shortest of its waves, from 1.5 px
-# on, are under two pixels. And the most pixels of a larger one.
-_ENOUGH = 512.0
-_MOST_PIXELS = 2**22
+_OVERLAP = 10
+_PATTERNS = 6
+
+# Layers are coarse: nothing comes nearer here, so that they only differ in how they move.
+_RATIO = 2.2
+
+# Rungs, as ratios.
+_DENSITY = 2.0**0.5
+_REACH = 1.25
+_FOCAL = 1.06
+_WAY = 1.3
+_THICK = 1.15
+
+# Opacity of the middle of a pattern's flakes.
+_MIDDLE = 0.9
+
+# Parts of a layer's diameters, even within; and the most flakes that are drawn for a pixel.
+_PARTS = 4
+_MOST_A_PIXEL = 0.1
+
+# Tiles along the side of the frame that means are measured of.
+_SAMPLE = 4
+
+# A shorter way leaves no streak, metres.
+_LEAST_WAY = 1e-3
+
+_SEED = 7004
 
 
-@dataclass(frozen=True)
-class Texture:
-    """A look of the texture.
+def tile_of(shape: tuple[int, int]) -> int:
+    """Return the size of tiles: some four to eight along the picture's longer side."""
+    longer = max(shape)
+    return 64 if longer <= 320 else 128 if longer <= 1280 else 256
+
+
+@dataclass(frozen=True, eq=False)
+class Patterns:
+    """The texture of one rung.
 
     Attributes
     ----------
-    amount, mean, spread, exponent : float
-        See :func:`flurries.spectral.alpha`; its `power` is 2.
-    near : float
-        Depth in metres that the longest wave stands for.
+    tile : int
+        Pixels.
+    density : float
+        Flakes per cubic metre.
+    depths : (L,)
+        That layers move as, metres.
+    slabs : list of Slab
+    coverage : (L,)
+        Of a tile by the patterns' flakes, square pixels.
+    prepared : PreparedFlakes
     """
 
-    amount: float
-    mean: float
-    spread: float
-    exponent: float
-    near: float
+    tile: int
+    density: float
+    depths: Float64
+    slabs: list[Slab]
+    coverage: Float64
+    prepared: _core.PreparedFlakes
 
-    def cover(self) -> float:
-        """Return its mean opacity before the sky."""
-        return self.amount * mean_square(self.mean, 0.5 / self.spread)
 
-    def share(self, depth: Array | Float64) -> Array:
-        """Return how much of it lies before depths: equal for every octave of its waves."""
-        share = np.log(depth * np.float32(1.0 / self.near)) / math.log(_BAND[1] / _BAND[0])
-        return np.asarray(np.clip(share, 0.0, 1.0))
+@dataclass(frozen=True, eq=False)
+class Texture:
+    """What of a weather is a texture.
 
-    def typical(self) -> float:
-        """Return the depth that moves as the mean of its waves, by their power, metres."""
-        ratio, e = _BAND[1] / _BAND[0], self.exponent
+    Attributes
+    ----------
+    patterns : Patterns
+    more : float
+        Its density over the rung's.
+    opaque : float
+        Optical depth of its flakes' middles over that of the patterns'.
+    covered : float
+        What they cover, over the sum of their optical depths.
+    lift : float
+        What the mean of the optical depth is multiplied by, so that the mean opacity is right:
+        blended tiles are less than 0 here and there, which is taken for 0.
+    """
 
-        def power(p: float) -> float:
-            return math.log(ratio) if abs(p) < 1e-12 else (ratio**p - 1.0) / p
+    patterns: Patterns
+    more: float
+    opaque: float
+    covered: float
+    lift: float = 1.0
 
-        return self.near * power(2.0 - 2.0 * e) / power(1.0 - 2.0 * e)
+    @property
+    def far(self) -> float:
+        """Depth of its end, metres."""
+        return self.patterns.slabs[-1].far
 
-    def alpha(
-        self,
-        shape: tuple[int, int],
-        camera: Camera,
-        *,
-        seed: int,
-        velocity: Float64,
-        time: float,
-        exposure: float,
-        fps: float,
-    ) -> Array:
-        """Return its opacity before the sky, (H, W) float32.
+    @property
+    def left(self) -> float:
+        """What all of it leaves of the light."""
+        found = self.patterns
+        total = float(found.coverage.sum())
+        return math.exp(-self.more * self.opaque * self.covered / found.tile**2 * total)
+
+    def before(self, depth: Float64) -> Float64:
+        """Return what it leaves of the light from depths."""
+        found = self.patterns
+        total = np.zeros(len(depth))
+        for slab, covered in zip(found.slabs, found.coverage, strict=True):
+            total += covered * slab.before(depth)
+        total *= -self.more * self.opaque * self.covered / found.tile**2
+        return np.asarray(np.exp(total))
+
+    def request(
+        self, shape: tuple[int, int], focal: float, *, seed: int, moved: Float64, streak: Float64
+    ) -> Request:
+        """Return the texture of a frame.
 
         Parameters
         ----------
-        velocity : (3,)
-            Of what falls, metres per second.
-        time, exposure : float
-            Seconds.
-        fps : float
-            Frames per second, for what is too fast for them.
+        moved : (2,)
+            Metres (x, y) since time 0, less what the eye is aside.
+        streak : (2,)
+            Metres (x, y) while the shutter is open.
         """
-        times = enlargement(shape)
-        large = (times * shape[0], times * shape[1])
-        scale = max(large) / _LONG
-        band = (max(_BAND[0] * scale, 2.0), max(_BAND[1] * scale, 4.0))
-        tile = 8 * math.ceil(band[1] / 3.0 - 1e-9)
-        pixels = times * camera.focal / self.near
-        moved = velocity[:2] * time - np.array(camera.offset[:2])
-        asked = request(
-            large,
-            drift=pixels * moved,
-            shift=times * np.array(camera.center_shift),
-            velocity=pixels / fps * velocity[:2],
-            seed=seed,
-            tile=tile,
-            overlap=tile // 6,
-            wavelengths=band,
-            exponent=self.exponent,
-            alias="soft",
-            shutter=exposure * fps,
+        found = self.patterns
+        tiles = tuple(_core.tile_count(length, found.tile, _OVERLAP) for length in shape)
+        count = len(found.depths)
+        chosen = choices(seed, tiles, layers=count, patterns=_PATTERNS, tile=found.tile)  # type: ignore[arg-type]
+        pixels = (focal / found.depths)[:, None]
+        mean = self.lift * self.more * self.opaque / found.tile**2 * float(found.coverage.sum())
+        return Request(
+            shape=shape,
+            overlap=_OVERLAP,
+            pattern=chosen.pattern,
+            gain=np.full((1, 1, count), math.sqrt(self.more) * self.opaque),
+            shift=chosen.shift + pixels * moved,
+            streak=(pixels * streak).reshape(1, 1, count, 2) if streak.any() else None,
+            mirror=chosen.mirror,
+            mean=np.array([[mean]]),
+            window=(0, shape[0], 0, shape[1]),
         )
-        mapped = (self.mean, self.spread, 2.0, self.amount)
-        return averaged(alpha_of(asked, mapped, preserve_mean=True), times)
+
+    def drawn(
+        self, request: Request, *, opacity: bool, mask: Array | None = None, out: Array, add: bool
+    ) -> Array:
+        """Write a request's optical depth, or the opacity of all of it."""
+        _core.flake_frame(out, self.patterns.prepared, request, opacity, add, mask)
+        return out
+
+    def layers(self, request: Request) -> list[Request]:
+        """Return each layer's own request."""
+        found = self.patterns
+        shares, own = found.coverage / found.coverage.sum(), []
+        for index in range(len(found.depths)):
+            one = slice(index, index + 1)
+            blur = request.streak
+            own.append(request._replace(
+                pattern=np.ascontiguousarray(request.pattern[..., one]),
+                gain=np.ascontiguousarray(request.gain[..., one]),
+                shift=np.ascontiguousarray(request.shift[:, :, one]),
+                streak=None if blur is None else np.ascontiguousarray(blur[:, :, one]),
+                mean=shares[index] * request.mean,
+            ))  # fmt: skip
+        return own
 
 
-def longest_wave(shape: tuple[int, int]) -> float:
-    """Return the length in pixels of the texture's longest wave in a picture."""
-    return _BAND[1] * max(shape) / _LONG
+def texture_of(
+    falling: Falling, way: float, shape: tuple[int, int], focal: float, reach: float
+) -> Texture | None:
+    """Return the texture of what falls beyond a depth; None where all of it is drawn."""
+    if reach >= falling.far:
+        return None
+    density = falling.density(way)
+    rung = round(math.log(density) / math.log(_DENSITY))
+    lens = round(math.log(focal) / math.log(_FOCAL))
+    same = falling.kind, falling.sizes, falling.far
+    step = round(math.log(reach) / math.log(_REACH))
+    found = _patterns_of(same, rung, lens, tile_of(shape), step)
+    far = round(math.log(max(way, _LEAST_WAY)) / math.log(_WAY))
+    thick, covered = falling.thick(way), falling.covered(way)
+    dense = round(math.log(thick) / math.log(_THICK))
+    lift = _lift(found, lens, far, dense, round(covered, 1))
+    return Texture(found, density / found.density, thick / _MIDDLE, covered, lift)
 
 
-def enlargement(shape: tuple[int, int]) -> int:
-    """Return how many times larger the picture is that a small one's texture is averaged from."""
-    wanted = math.ceil(_ENOUGH / max(shape))
-    most = int(math.sqrt(_MOST_PIXELS / (shape[0] * shape[1])))
-    return max(min(wanted, most), 1)
+def reach_of(
+    falling: Falling, way: float, shape: tuple[int, int], focal: float, least: float
+) -> float:
+    """Return the depth up to which flakes are drawn, on a rung: that of the texture's patterns."""
+    wanted = falling.reach(way, focal, tile_of(shape), least=least)
+    if wanted >= falling.far:
+        return falling.far
+    return min(_REACH ** math.ceil(math.log(wanted) / math.log(_REACH) - 0.3), falling.far)
 
 
-def averaged(plane: Array, times: int) -> Array:
-    """Return means over squares of `times` px."""
-    if times == 1:
-        return plane
-    # Whole rows first: NumPy is slow along short axes.
-    rows = plane[::times].copy()
-    for first in range(1, times):
-        rows += plane[first::times]
-    sums = rows[:, ::times].copy()
-    for first in range(1, times):
-        sums += rows[:, first::times]
-    sums *= np.float32(1.0 / times**2)
-    return np.asarray(np.minimum(sums, np.float32(1.0), out=sums))
+@lru_cache(maxsize=48)
+def _patterns_of(
+    look: tuple[str, tuple[float, float, float], float], rung: int, lens: int, tile: int,
+    step: int,
+) -> Patterns:  # fmt: skip
+    kind, law, far = look
+    density, focal, reach = _DENSITY**rung, _FOCAL**lens, _REACH**step
+    population, each = population_of(kind, law, density, _MIDDLE)
+    slabs = slabs_of(population, each, focal, tile, reach=reach, far=far, ratio=_RATIO)
+    counts, sizes, wider = [], [], []
+    for slab in slabs:
+        shares = np.linspace(0.0, 1.0, len(slab.diameters))
+        edges = np.interp(np.linspace(0.0, 1.0, _PARTS + 1), shares, slab.diameters)
+        # Of many, whose images are small, a part is drawn, and what differs from the mean made
+        # as large as that of all.
+        drawn = min(slab.count, _MOST_A_PIXEL * tile**2)
+        wider.append(math.sqrt(slab.count / drawn))
+        counts += [drawn / _PARTS] * _PARTS
+        sizes += list(pairwise(edges.tolist()))
+    made = patterns_of(
+        tile, counts=counts, diameters=sizes, opacity=_MIDDLE, patterns=_PATTERNS,
+        shear=_SHEAR, seed=_SEED,
+    )  # fmt: skip
+    summed = made.reshape(len(slabs), _PARTS, *made.shape[1:]).sum(axis=1)
+    for index, slab in enumerate(slabs):
+        mean = float(summed[index, 0, 0, 0].real)
+        summed[index] *= slab.coverage / mean / wider[index]
+        summed[index, :, 0, 0] = slab.coverage
+    return Patterns(
+        tile, density, np.array([slab.depth for slab in slabs]), slabs,
+        np.array([slab.coverage for slab in slabs]),
+        prepare(np.ascontiguousarray(summed), shear=_SHEAR, dtype=np.float32),
+    )  # fmt: skip
+
+
+@lru_cache(maxsize=256)
+def _lift(patterns: Patterns, lens: int, far: int, dense: int, covered: float) -> float:
+    """Return what brings the mean opacity of a texture to what its flakes cover.
+
+    All arguments but the patterns are on rungs.
+    """
+    way, focal = _WAY**far, _FOCAL**lens
+    texture = Texture(patterns, 1.0, _THICK**dense / _MIDDLE, covered)
+    size = _SAMPLE * patterns.tile
+    streak = np.array([0.0, way])
+    asked = texture.request((size, size), focal, seed=_SEED, moved=np.zeros(2), streak=streak)
+    lift, out = 1.0, np.empty((size, size), np.float32)
+    for _ in range(3):
+        texture.drawn(asked._replace(mean=lift * asked.mean), opacity=True, out=out, add=False)
+        left = 1.0 - float(out.mean(dtype=np.float64))
+        lift += math.log(left / texture.left) / float(asked.mean[0, 0])
+    return lift

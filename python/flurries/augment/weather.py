@@ -12,15 +12,17 @@ from typing import Any, ClassVar, TypeVar
 import numpy as np
 import numpy.typing as npt
 
-from flurries._contract import Array, flag, integer, output, real
-from flurries.augment.air import Air, View
-from flurries.augment.distance import DEFAULT_GROUND, Depth, Distances, Ground, distances_of
+from flurries._contract import Array, choice, flag, integer, output, real
+from flurries.augment.air import FPS, Air, Here, View
+from flurries.augment.calibration import PROFILES, Profile
+from flurries.augment.distance import SKY, Depth, Distances, Ground, distances_of
 from flurries.augment.draws import Range, between, index_of, own_index, range_of, uniforms
-from flurries.augment.labels import SEEN, Weathered, boxes_of, flow_of, layer_of, occlusion
+from flurries.augment.labels import Weathered, boxes_of, flow_of, layer_of, weathered
 from flurries.augment.pictures import mixed, picture_of, stack_of
+from flurries.augment.slices import labels_of
 from flurries.camera.lens import Camera
 
-VERSION = 1
+VERSION = 2
 SEVERITY = (1, 5)
 DEFAULT_AMOUNT = (0.2, 0.8)
 
@@ -33,8 +35,9 @@ class Weather(ABC):
 
     amount: Range | None = None
     severity: int | tuple[int, int] | None = None
+    profile: Profile = "natural"
     color: Range | tuple[float, float, float] = (0.9, 1.0)
-    ground: Ground | None = DEFAULT_GROUND
+    ground: Ground | None = None
     focal: float = 1.2
     white: float = 1.0
     seed: int | None = None
@@ -54,6 +57,7 @@ class Weather(ABC):
             if low != int(low) or high != int(high):
                 raise TypeError(f"severity must be an integer or two, got {given!r}")
             settle(self, "severity", (int(low), int(high)))
+        settle(self, "profile", choice("profile", self.profile, PROFILES))
         if self.amount is not None:
             settle(self, "amount", range_of("amount", self.amount, low=0.0, high=1.0))
         if isinstance(self.color, (tuple, list, np.ndarray)) and len(self.color) == 3:
@@ -77,7 +81,7 @@ class Weather(ABC):
         image: npt.ArrayLike,
         *,
         index: int | None = None,
-        time: float = 0.0,
+        time: float | None = None,
         depth: Depth = None,
         return_layer: bool = False,
         out: Array | None = None,
@@ -92,11 +96,14 @@ class Weather(ABC):
             Which draw of the random numbers: one for each picture of a data set, the same for all
             frames of a film. Without it and without a `seed` each call draws anew; without it and
             with a `seed` the number comes from the picture itself.
-        time : float
-            Seconds; for the frames of a film.
+        time : float, optional
+            Seconds, of a frame of a film (of 30 frames per second). None is a picture by itself,
+            whose far flakes are a texture that would not go on from frame to frame, and so is
+            quicker.
         depth : float, (H, W) float or DepthMap, optional
             How far away what is seen is: metres, infinity where nothing stands; relative depths
-            through :class:`flurries.DepthMap`. Without it `ground` is taken.
+            through :class:`flurries.DepthMap`. Without it `ground` is taken, and without that all
+            is as far as the sky.
         return_layer : bool
             Also return the weather alone.
         out : like `image`, optional
@@ -118,7 +125,9 @@ class Weather(ABC):
         record = self._drawn(given, index)
         view = self._view(given.shape[:2])
         distances = self._distances(depth, view)
-        alpha = self._air(record).alpha(view, distances, time=_seconds(time))
+        alpha = self._air(record).alpha(
+            view, distances, time=_seconds(time), fps=None if time is None else FPS, passing=True
+        )
         seen = _into(out, mixed(given, alpha, record["color"], self.white), given)
         return (seen, layer_of(alpha, record["color"])) if layer else seen
 
@@ -127,7 +136,7 @@ class Weather(ABC):
         image: npt.ArrayLike,
         *,
         index: int | None = None,
-        time: float = 0.0,
+        time: float | None = None,
         fps: float = 30.0,
         depth: Depth = None,
         boxes: npt.ArrayLike | None = None,
@@ -150,7 +159,7 @@ class Weather(ABC):
         flow : (H, W, 2) float, optional
             Motion of what is seen, pixels (x, y) per frame.
         motion : bool
-            Also return how the weather moves.
+            Also return how the weather moves and how far away it is.
 
         Returns
         -------
@@ -167,28 +176,17 @@ class Weather(ABC):
         distances = self._distances(depth, view)
         air = self._air(record)
         moment = _seconds(time)
-        alpha = air.alpha(view, distances, time=moment, fps=rate)
-        way = far = None
-        if wanted or label is not None or distances.given:
-            dense, way, where = air.moving(view, distances, time=moment, fps=rate)
-            seen = dense > SEEN
-            if label is not None:
-                label = np.where(seen[..., None], way, label).astype(np.float32)
-            if distances.given:
-                behind = distances.whole(view.shape)
-                far = np.where(seen, np.minimum(where, behind), behind).astype(np.float32)
-        return Weathered(
-            image=mixed(given, alpha, record["color"], self.white),
-            alpha=alpha,
-            color=record["color"],
-            record=record,
-            boxes=boxes,
-            masks=masks,
-            occlusion=None if corners is None else occlusion(alpha, corners),
-            flow=label,
-            depth=far,
-            motion=way if wanted else None,
-        )
+        film = None if time is None else rate
+        alpha = air.alpha(view, distances, time=moment, fps=film)
+        falls = None
+        if wanted or label is not None or distances.given or corners is not None:
+            falls = labels_of(air, view, distances, time=moment, fps=rate, film=time is not None)
+        behind = distances.whole(view.shape) if distances.given else None
+        return weathered(
+            image=mixed(given, alpha, record["color"], self.white), alpha=alpha,
+            color=record["color"], record=record, boxes=boxes, corners=corners, masks=masks,
+            falls=falls, flow=label, depth=behind, motion=wanted,
+        )  # fmt: skip
 
     # More than one -------------------------------------------------------------------------------
 
@@ -234,7 +232,7 @@ class Weather(ABC):
         def layers() -> Iterator[Array]:
             for number in range(len(given)):
                 far = distances or self._distances(depth[number], view)
-                yield air.alpha(view, far, time=start + number / rate, fps=rate)
+                yield air.alpha(view, far, time=start + number / rate, fps=rate, passing=True)
 
         return self._stacked(given, layers(), [record] * len(given), return_layer)
 
@@ -280,7 +278,7 @@ class Weather(ABC):
         def layers() -> Iterator[Array]:
             for number, record in enumerate(records):
                 far = distances or self._distances(depth[number], view)
-                yield self._air(record).alpha(view, far, time=0.0)
+                yield self._air(record).alpha(view, far, time=0.0, passing=True)
 
         return self._stacked(given, layers(), records, return_layer)
 
@@ -315,8 +313,8 @@ class Weather(ABC):
 
         Notes
         -----
-        A flake at depth z has the disparity ``focal * distance / z``. The texture's longest wave
-        stands for 12 m, or so much more that its disparity is below half of it.
+        A flake at depth z has the disparity ``focal * distance / z``, and so have the layers of
+        the texture; nearer than four of its tiles' disparities all flakes are drawn.
         """
         pictures = (picture_of("left", left), picture_of("right", right))
         layer = flag("return_layer", return_layer)
@@ -327,7 +325,7 @@ class Weather(ABC):
                 f"{pictures[1].shape[:2]}"
             )
         record = self._drawn(pictures[0], index)
-        air = self._air(record).apart(self._view(pictures[0].shape[:2]), apart)
+        air = self._air(record)
         moment = _seconds(time)
         both = depth if isinstance(depth, tuple) else (depth, depth)
         if len(both) != 2:
@@ -339,7 +337,7 @@ class Weather(ABC):
             distances = self._distances(own, view)
             if veil is None:
                 # One air for both eyes, by what the left one sees.
-                veil = air.extinction(view, distances, moment)
+                veil = Here(air, view, distances, moment).extinction
             alpha = air.alpha(view, distances, time=moment, veil=veil)
             results.append(mixed(picture, alpha, record["color"], self.white))
             if layer:
@@ -428,6 +426,7 @@ class Weather(ABC):
             "transform": type(self).__name__,
             "version": VERSION,
             "amount": amount,
+            "profile": self.profile,
             "color": color,
             "ground": None if self.ground is None else asdict(self.ground),
             "focal": self.focal,
@@ -446,7 +445,7 @@ class Weather(ABC):
         return _view_of((shape[0], shape[1]), self.focal, aside, eyes)
 
     def _distances(self, depth: Depth, view: View) -> Distances:
-        far = DEFAULT_GROUND.far if self.ground is None else self.ground.far
+        far = SKY if self.ground is None else self.ground.far
         return distances_of(depth, view.shape, self.ground, view.camera.focal, far)
 
     def _stacked(
@@ -506,7 +505,7 @@ def _view_of(shape: tuple[int, int], focal: float, aside: float, eyes: float) ->
 
 
 def _seconds(time: object) -> float:
-    return real("time", time, low=-1e9, high=1e9)
+    return 0.0 if time is None else real("time", time, low=-1e9, high=1e9)
 
 
 def _each(depth: Depth, count: int) -> bool:

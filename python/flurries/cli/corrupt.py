@@ -5,6 +5,7 @@ from __future__ import annotations
 import click
 
 from flurries.augment import corrupt as sets
+from flurries.augment.calibration import Profile
 from flurries.cli.options import FILE, OVERWRITE, command, dask, option, voice
 from flurries.cli.words import Words, count, say
 
@@ -20,7 +21,9 @@ FAILED = 2
 @option("--weather", default="snow", metavar="NAMES", example="snow,fog",
         help="snow, rain or fog, or several with commas")  # fmt: skip
 @option("--severity", default="1-5", metavar="RANGE", help="how bad the weather is, from 1 to 5",
-        example="3")  # fmt: skip
+        example="2,4")  # fmt: skip
+@option("--profile", type=click.Choice(["natural", "hard"]), default="natural",
+        help="weather as it is, or as hard as published corruptions", example="hard")  # fmt: skip
 @option("--seed", type=int, default=0, metavar="N", example="7",
         help="which of all sets of this kind")  # fmt: skip
 @option("--workers", type=int, metavar="N", unset="all cores", help="processes", example="4")
@@ -28,20 +31,23 @@ FAILED = 2
 @OVERWRITE
 @voice
 def corrupt(
-    words: Words, source: str, target: str, weather: str, severity: str, seed: int,
-    workers: int | None, dask: str | None, overwrite: bool,
+    words: Words, source: str, target: str, weather: str, severity: str, profile: Profile,
+    seed: int, workers: int | None, dask: str | None, overwrite: bool,
 ) -> int:  # fmt: skip
     """Write every picture of IN_DIR, and of folders in it, to OUT_DIR/WEATHER/SEVERITY/NAME.
 
     Prints the file that lists them. Run again, it makes only what is missing.
     """
     made = sets.corrupt(
-        source, target, weather=weather.split(","), severity=severity, seed=seed,
-        workers=workers, dask=dask, overwrite=overwrite, progress=words.progress("picture"),
+        source, target, weather=weather.split(","), severity=severity, profile=profile,
+        seed=seed, workers=workers, dask=dask, overwrite=overwrite,
+        progress=words.progress("picture"),
     )  # fmt: skip
     kept = len(made.kept)
     there = f", {kept} {'was' if kept == 1 else 'were'} there already" if kept else ""
     words.say(f"{count(len(made.written), 'picture')} written{there}")
+    for why, number in made.skipped.items():
+        words.say(f"{count(number, 'file')} skipped: {why}")
     for name, why in made.failed.items():
         say(f"{name}: {why}")
     print(made.manifest)

@@ -170,7 +170,14 @@ _DEPTHS, _STEPS, _QUANTILES = 32, 33, 257
 
 
 def slabs_of(
-    population: Population, each: SizeClass, focal: float, tile: int, *, reach: float, far: float
+    population: Population,
+    each: SizeClass,
+    focal: float,
+    tile: int,
+    *,
+    reach: float,
+    far: float,
+    ratio: float = SLAB_RATIO,
 ) -> list[Slab]:
     """Return the layers of a class from where it is no longer drawn, near ones first.
 
@@ -182,10 +189,12 @@ def slabs_of(
         Pixels.
     reach, far : float
         Depths at which the texture begins and ends, metres.
+    ratio : float
+        The far end of a slab over its near end, at most.
     """
     if reach >= far or each.density == 0.0:
         return []
-    number = max(math.ceil(math.log(far / reach) / math.log(SLAB_RATIO)), 1)
+    number = max(math.ceil(math.log(far / reach) / math.log(ratio)), 1)
     edges = reach * (far / reach) ** (np.arange(number + 1) / number)
     diameters, share = population.sizes.nodes(each.smallest, each.largest)
     share = share / share.sum()

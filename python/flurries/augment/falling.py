@@ -1,0 +1,147 @@
+"""What falls, as one population: how much of it there is, what is drawn and what is a texture.
+
+A drawn flake costs time by itself and a texture by the pixel, whatever stands in it. So as few are
+drawn as a texture allows: those that are too large for its tiles, too few in one, or too fast.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import lru_cache
+
+from flurries.augment.flakes import NEAREST, Cloud
+from flurries.particles.population import LEAST_IN_TILE, Population, SizeClass
+from flurries.particles.precipitation import drop_speed, snow_speed
+from flurries.particles.sizes import Sizes
+
+# A disc of `particles` ends at three deviations, and a flake's deviation is d / sqrt(8).
+_DISC = 3.0 / math.sqrt(2.0)
+
+# Diameters at even shares that drawn flakes take theirs from.
+_SHARES = 24
+
+# A streak's middle over its resting flake's: sqrt(2 pi / 8) diameters over the way.
+_SWEPT = math.sqrt(2.0 * math.pi / 8.0)
+
+# The largest deviation of a flake's image in a texture, as a share of its tile.
+_WIDEST = 0.08
+
+SPEEDS = {"snow": snow_speed, "rain": drop_speed}
+
+
+@dataclass(frozen=True)
+class Falling:
+    """Flakes or drops between the camera and a depth.
+
+    Attributes
+    ----------
+    kind : {"snow", "rain"}
+    depth : float
+        Optical depth of all of them: what they take of the light is ``1 - exp(-depth)``.
+    sizes : (smallest, mean, largest)
+        Diameters, metres.
+    middle : float
+        Optical depth of a resting one's middle.
+    streak : float
+        Optical depth of the middle of a streak that a mean one leaves, at least. A drop is a lens:
+        it sends the light of half the sky, so that its streak is brighter than its width and way
+        make it.
+    near, far : float
+        Metres.
+    sway : (amplitude, rate)
+        Metres, and radians per second, of those that are drawn.
+    veil : float
+        Share of the weather's opacity that an even veil holds.
+    """
+
+    kind: str
+    depth: float
+    sizes: tuple[float, float, float]
+    middle: float
+    far: float
+    near: float = NEAREST
+    streak: float = 0.0
+    sway: tuple[float, float] = (0.0, 0.0)
+    veil: float = 0.0
+
+    def thick(self, way: float) -> float:
+        """Return the optical depth of a resting one's middle, for streaks of a way in metres."""
+        return max(self.middle, self.streak * way / (_SWEPT * self.sizes[1]))
+
+    def covered(self, way: float) -> float:
+        """Return what one covers, over the product of its middle's optical depth and its area.
+
+        A Gaussian of depth p in its middle covers Ein(p) / p of what a thin one would.
+        """
+        thick = self.thick(way)
+        p = thick / math.hypot(1.0, way / (_SWEPT * self.sizes[1]))
+        return _ein(p) / p
+
+    def density(self, way: float) -> float:
+        """Return how many there are per cubic metre."""
+        each = self.thick(way) * self.covered(way) * 0.25 * math.pi * _moment(self.sizes)
+        return self.depth / (each * (self.far - self.near))
+
+    def cloud(self, way: float, reach: float) -> Cloud:
+        """Return those that are drawn."""
+        thick = self.thick(way)
+        # A power of two, since opacities of copies are squared; so many that each is thin.
+        times = 2 ** max(math.ceil(math.log2(2.0 * thick)), 1)
+        return Cloud(
+            self.density(way), self.near, reach, self.far, _quantiles(self.sizes), thick / times,
+            times, self.covered(way), self.sway,
+        )  # fmt: skip
+
+    def reach(self, way: float, focal: float, tile: int, *, least: float) -> float:
+        """Return the depth up to which they are drawn, metres.
+
+        Parameters
+        ----------
+        way : float
+            Metres that one falls while the shutter is open.
+        focal : float
+            Pixels.
+        tile : int
+            Of the texture, pixels.
+        least : float
+            Metres.
+        """
+        large = focal * self.sizes[2] / math.sqrt(8.0) / (_WIDEST * tile)
+        # As many in a tile as a texture must have, in a slab whose far end is twice as far.
+        sparse = 3.0 * LEAST_IN_TILE / (7.0 * self.density(way)) * (focal / tile) ** 2
+        wanted = max(sparse ** (1.0 / 3.0), large, least, 1.3 * self.near)
+        return self.far if wanted > 0.7 * self.far else wanted
+
+
+def population_of(
+    kind: str, sizes: tuple[float, float, float], density: float, opacity: float
+) -> tuple[Population, SizeClass]:
+    """Return what falls as the population that a texture is made of, and its one class of size."""
+    found = Population(density, _law(sizes), opacity, SPEEDS[kind])
+    return found, found.classes(1)[0]
+
+
+def _ein(x: float) -> float:
+    """Return the integral of (1 - exp(-t)) / t from 0 to x, by its series: x is at most some 10."""
+    term, total = 1.0, 0.0
+    for k in range(1, 60):
+        term *= -x / k
+        total -= term / k
+    return total
+
+
+@lru_cache(maxsize=64)
+def _moment(sizes: tuple[float, float, float]) -> float:
+    return _law(sizes).moment(2.0)
+
+
+@lru_cache(maxsize=64)
+def _law(sizes: tuple[float, float, float]) -> Sizes:
+    return Sizes.with_mean(*sizes)
+
+
+@lru_cache(maxsize=64)
+def _quantiles(sizes: tuple[float, float, float]) -> tuple[float, ...]:
+    law = _law(sizes)
+    return tuple(_DISC * float(law.quantile(k / (_SHARES - 1))) for k in range(_SHARES))

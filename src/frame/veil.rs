@@ -1,0 +1,172 @@
+//! A veil before what is seen: 1 - exp(-extinction * way), evenly or in patches.
+//!
+//! Patches are a coarse field, read between its points: the extinction is multiplied by
+//! `1 + strength * field`, no less than 0.
+
+use ndarray::{ArrayView2, ArrayViewMut2, Axis};
+
+use crate::base::error::{Cancel, Error, zeroed};
+use crate::base::normal::{Normal, least, most};
+use crate::base::pool;
+use crate::base::simd::dispatch;
+
+/// Beyond this optical depth nothing is left to see.
+const OPAQUE: f64 = 80.0;
+
+/// A field of patches, coarser than the picture.
+#[derive(Debug, Clone, Copy)]
+pub struct Patches<'a, T> {
+    /// Its points, (rows, cols); point (i, j) stands at (i, j) times `cell` px.
+    pub field: ArrayView2<'a, T>,
+    /// Pixels between two points.
+    pub cell: f64,
+    /// What the field is multiplied by.
+    pub strength: f64,
+}
+
+/// Writes the veil's opacity. `way` is what the light comes through, (H or 1, W or 1).
+pub fn veil<T: Normal>(
+    mut out: ArrayViewMut2<'_, T>,
+    way: ArrayView2<'_, T>,
+    extinction: f64,
+    patches: Option<Patches<'_, T>>,
+    cancel: &Cancel,
+) -> Result<(), Error> {
+    let (height, width) = out.dim();
+    let fits = [(1, 1), (height, 1), (height, width)].contains(&way.dim());
+    let room = |length: usize, points: usize, cell: f64| {
+        points >= 2 && ((length as f64 - 0.5) / cell) as usize + 1 < points
+    };
+    let covered = patches.is_none_or(|patches| {
+        let (rows, cols) = patches.field.dim();
+        patches.cell > 0.0
+            && room(height, rows, patches.cell)
+            && room(width, cols, patches.cell)
+            && patches.field.is_standard_layout()
+    });
+    if !fits || !covered || !way.is_standard_layout() || !out.is_standard_layout() {
+        return Err(Error::Internal(format!("no veil of {:?} for {:?}", way.dim(), out.dim())));
+    }
+    let places = match patches {
+        Some(patches) => places::<T>(width, patches.cell)?,
+        None => Vec::new(),
+    };
+    let mut tasks = Vec::new();
+    for run in pool::split(height, pool::threads()) {
+        let (part, rest) = out.split_at(Axis(0), run.len());
+        out = rest;
+        tasks.push((run, part));
+    }
+    pool::for_each(tasks, |(run, mut part): (std::ops::Range<usize>, ArrayViewMut2<'_, T>)| {
+        let mut line = zeroed::<T>(patches.map_or(0, |patches| patches.field.ncols()))?;
+        for (row, mut out) in run.zip(part.rows_mut()) {
+            cancel.check()?;
+            let layout = || Error::Internal("rows are not contiguous".into());
+            let out = out.as_slice_mut().ok_or_else(layout)?;
+            let way = way.row(if way.nrows() == 1 { 0 } else { row });
+            let way = way.to_slice().ok_or_else(layout)?;
+            match patches {
+                Some(patches) => {
+                    patches.row(row, &mut line);
+                    patched(out, &places, &line, T::of(patches.strength));
+                    if way.len() == 1 {
+                        dim(out, T::of(extinction) * way[0], None);
+                    } else {
+                        dim(out, T::of(extinction), Some(way));
+                    }
+                }
+                None if way.len() == 1 => {
+                    let depth = least(T::of(extinction) * way[0], T::of(OPAQUE));
+                    out.fill(T::one() - T::exp_negative(-depth));
+                }
+                None => {
+                    out.copy_from_slice(way);
+                    dim(out, T::of(extinction), None);
+                }
+            }
+        }
+        Ok(())
+    })
+}
+
+/// Between which points of a field each pixel lies, and how far from the first.
+fn places<T: Normal>(length: usize, cell: f64) -> Result<Vec<(u32, T)>, Error> {
+    let mut found = zeroed::<u32>(length)?;
+    let mut all = Vec::new();
+    all.try_reserve_exact(length).map_err(|_| Error::Memory { bytes: 8 * length })?;
+    for (pixel, first) in found.iter_mut().enumerate() {
+        let place = (pixel as f64 + 0.5) / cell;
+        *first = place as u32;
+        all.push((*first, T::of(place - place.floor())));
+    }
+    Ok(all)
+}
+
+impl<T: Normal> Patches<'_, T> {
+    /// The field along a row of pixels, at its own columns.
+    fn row(&self, row: usize, line: &mut [T]) {
+        let place = (row as f64 + 0.5) / self.cell;
+        let (first, part) = (place as usize, T::of(place - place.floor()));
+        let (upper, lower) = (self.field.row(first), self.field.row(first + 1));
+        for ((value, &upper), &lower) in line.iter_mut().zip(upper).zip(lower) {
+            *value = upper + part * (lower - upper);
+        }
+    }
+}
+
+/// Densities along a row.
+fn patched<T: Normal>(out: &mut [T], places: &[(u32, T)], line: &[T], strength: T) {
+    for (density, &(first, part)) in out.iter_mut().zip(places) {
+        let (left, right) = (line[first as usize], line[first as usize + 1]);
+        *density = most(T::one() + strength * (left + part * (right - left)), T::zero());
+    }
+}
+
+#[inline(always)]
+fn dim_with<T: Normal, const LEVEL: u8>(values: &mut [T], thick: T, way: Option<&[T]>) {
+    let (one, end) = (T::one(), T::of(OPAQUE));
+    match way {
+        Some(way) => {
+            for (value, &way) in values.iter_mut().zip(way) {
+                let depth = least(*value * thick * way, end);
+                *value = one - T::exp_at::<LEVEL>(-depth);
+            }
+        }
+        None => {
+            for value in values {
+                let depth = least(*value * thick, end);
+                *value = one - T::exp_at::<LEVEL>(-depth);
+            }
+        }
+    }
+}
+
+dispatch! {
+    /// Ways to opacities, each times `thick` and, where it is given, `way`.
+    fn dim<T: Normal>(values: &mut [T], thick: T, way: Option<&[T]>) = dim_with
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use ndarray::Array2;
+
+    #[test]
+    fn it_is_the_exponential_between_the_points() {
+        let (height, width, cell) = (13, 29, 3.7);
+        let field = Array2::from_shape_fn((6, 10), |(i, j)| ((7 * i + 3 * j) % 11) as f64 * 0.3 - 1.5);
+        let way = Array2::from_shape_fn((height, width), |(i, j)| 0.1 + (i * j) as f64);
+        let mut out = Array2::zeros((height, width));
+        let patches = Patches { field: field.view(), cell, strength: 0.8 };
+        veil(out.view_mut(), way.view(), 0.02, Some(patches), &Cancel::new()).unwrap();
+        for ((i, j), &got) in out.indexed_iter() {
+            let (y, x) = ((i as f64 + 0.5) / cell, (j as f64 + 0.5) / cell);
+            let (a, b) = (y as usize, x as usize);
+            let (p, q) = (y.fract(), x.fract());
+            let at = |row: usize| field[(row, b)] * (1.0 - q) + field[(row, b + 1)] * q;
+            let density = (1.0 + 0.8 * (at(a) * (1.0 - p) + at(a + 1) * p)).max(0.0);
+            let wanted = 1.0 - (-(0.02 * density * way[(i, j)]).min(80.0)).exp();
+            assert!((got - wanted).abs() < 1e-12, "{got} {wanted}");
+        }
+    }
+}
