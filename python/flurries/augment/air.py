@@ -215,6 +215,11 @@ class Here:
             mask = self.mask(texture, index)
             last = index == len(layers) - 1
             texture.drawn(layer, opacity=last, mask=mask, out=out, add=index > 0)
+        beyond = self.distances.plane >= texture.far
+        if beyond.any():
+            whole = scratch("whole", self.view.shape)
+            texture.drawn(request, opacity=True, out=whole, add=False)
+            np.copyto(out, whole, where=beyond)
         return out
 
     def request(self, texture: Texture) -> Request:

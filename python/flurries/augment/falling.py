@@ -76,7 +76,7 @@ class Falling:
         """
         thick = self.thick(way)
         p = thick / math.hypot(1.0, way / (_SWEPT * self.sizes[1]))
-        return _ein(p) / p
+        return ein(p) / p
 
     def density(self, way: float) -> float:
         """Return how many there are per cubic metre."""
@@ -122,7 +122,7 @@ def population_of(
     return found, found.classes(1)[0]
 
 
-def _ein(x: float) -> float:
+def ein(x: float) -> float:
     """Return the integral of (1 - exp(-t)) / t from 0 to x, by its series: x is at most some 10."""
     term, total = 1.0, 0.0
     for k in range(1, 60):

@@ -15,7 +15,7 @@ import numpy as np
 
 from flurries import _core
 from flurries._contract import Array, Float64
-from flurries.augment.falling import Falling, population_of
+from flurries.augment.falling import Falling, ein, population_of
 from flurries.particles.population import Slab, slabs_of
 from flurries.spectral.flakes import Request, choices, patterns_of, prepare
 
@@ -37,6 +37,9 @@ _THICK = 1.15
 
 # Opacity of the middle of a pattern's flakes.
 _MIDDLE = 0.9
+
+# What a pixel and the sprite's least width add to the variance of a flake's image, px^2.
+_LEAST = 0.17
 
 # Parts of a layer's diameters, even within; and the most flakes that are drawn for a pixel.
 _PARTS = 4
@@ -96,6 +99,9 @@ class Texture:
         Optical depth of its flakes' middles over that of the patterns'.
     covered : float
         What they cover, over the sum of their optical depths.
+    gains : (L,)
+        Of layers whose flakes are less than a pixel wide: spread over one they are thinner, and
+        would cover more.
     lift : float
         What the mean of the optical depth is multiplied by, so that the mean opacity is right:
         blended tiles are less than 0 here and there, which is taken for 0.
@@ -105,6 +111,7 @@ class Texture:
     more: float
     opaque: float
     covered: float
+    gains: Float64
     lift: float = 1.0
 
     @property
@@ -145,12 +152,13 @@ class Texture:
         count = len(found.depths)
         chosen = choices(seed, tiles, layers=count, patterns=_PATTERNS, tile=found.tile)  # type: ignore[arg-type]
         pixels = (focal / found.depths)[:, None]
-        mean = self.lift * self.more * self.opaque / found.tile**2 * float(found.coverage.sum())
+        total = float(self.gains @ found.coverage)
+        mean = self.lift * self.more * self.opaque / found.tile**2 * total
         return Request(
             shape=shape,
             overlap=_OVERLAP,
             pattern=chosen.pattern,
-            gain=np.full((1, 1, count), math.sqrt(self.more) * self.opaque),
+            gain=(math.sqrt(self.more) * self.opaque * self.gains).reshape(1, 1, count),
             shift=chosen.shift + pixels * moved,
             streak=(pixels * streak).reshape(1, 1, count, 2) if streak.any() else None,
             mirror=chosen.mirror,
@@ -168,7 +176,8 @@ class Texture:
     def layers(self, request: Request) -> list[Request]:
         """Return each layer's own request."""
         found = self.patterns
-        shares, own = found.coverage / found.coverage.sum(), []
+        covered = self.gains * found.coverage
+        shares, own = covered / covered.sum(), []
         for index in range(len(found.depths)):
             one = slice(index, index + 1)
             blur = request.streak
@@ -197,8 +206,8 @@ def texture_of(
     far = round(math.log(max(way, _LEAST_WAY)) / math.log(_WAY))
     thick, covered = falling.thick(way), falling.covered(way)
     dense = round(math.log(thick) / math.log(_THICK))
-    lift = _lift(found, lens, far, dense, round(covered, 1))
-    return Texture(found, density / found.density, thick / _MIDDLE, covered, lift)
+    gains, lift = _settled(found, lens, far, dense, round(covered, 2))
+    return Texture(found, density / found.density, thick / _MIDDLE, covered, gains, lift)
 
 
 def reach_of(
@@ -247,13 +256,18 @@ def _patterns_of(
 
 
 @lru_cache(maxsize=256)
-def _lift(patterns: Patterns, lens: int, far: int, dense: int, covered: float) -> float:
-    """Return what brings the mean opacity of a texture to what its flakes cover.
+def _settled(
+    patterns: Patterns, lens: int, far: int, dense: int, covered: float
+) -> tuple[Float64, float]:
+    """Return the gains and the lift that make a texture cover what its flakes do.
 
     All arguments but the patterns are on rungs.
     """
-    way, focal = _WAY**far, _FOCAL**lens
-    texture = Texture(patterns, 1.0, _THICK**dense / _MIDDLE, covered)
+    way, focal, thick = _WAY**far, _FOCAL**lens, _THICK**dense
+    gains = np.array([
+        _gain_of(slab, thick, way * focal / slab.depth, covered) for slab in patterns.slabs
+    ])  # fmt: skip
+    texture = Texture(patterns, 1.0, thick / _MIDDLE, covered, gains)
     size = _SAMPLE * patterns.tile
     streak = np.array([0.0, way])
     asked = texture.request((size, size), focal, seed=_SEED, moved=np.zeros(2), streak=streak)
@@ -262,4 +276,15 @@ def _lift(patterns: Patterns, lens: int, far: int, dense: int, covered: float) -
         texture.drawn(asked._replace(mean=lift * asked.mean), opacity=True, out=out, add=False)
         left = 1.0 - float(out.mean(dtype=np.float64))
         lift += math.log(left / texture.left) / float(asked.mean[0, 0])
-    return lift
+    return gains, lift
+
+
+def _gain_of(slab: Slab, thick: float, streak: float, covered: float) -> float:
+    """Return the gain by which flakes of a layer cover what they would if pixels were small."""
+    variance = slab.coverage / (slab.count * _MIDDLE * 2.0 * math.pi)
+    wide = variance + _LEAST
+    peak = thick * variance / wide / math.hypot(1.0, streak / math.sqrt(2.0 * math.pi * wide))
+    gain = 1.0
+    for _ in range(8):
+        gain = covered * gain * peak / ein(gain * peak)
+    return gain
