@@ -11,6 +11,7 @@ from flurries.augment.air import Air
 from flurries.augment.calibration import contrast_loss
 from flurries.augment.draws import Range, between, range_of, uniforms
 from flurries.augment.patches import Patches
+from flurries.augment.signature import suggests
 from flurries.augment.weather import Weather
 
 # Contrast of a black thing before the sky at which it is no longer seen (Koschmieder).
@@ -19,6 +20,7 @@ THRESHOLD = 0.05
 _STREAM = 7002
 
 
+@suggests
 @dataclass(frozen=True, kw_only=True)
 class Fog(Weather):
     """Fog, as a function of pictures, clips, batches and stereo pairs.

@@ -18,6 +18,10 @@ import torch
 from kornia.augmentation import IntensityAugmentationBase2D
 
 from flurries import augment
+from flurries.augment.calibration import Profile
+from flurries.augment.distance import Ground
+from flurries.augment.draws import Range
+from flurries.augment.signature import suggests
 from flurries.augment.weather import Weather
 
 __all__ = ["Fog", "Rainfall", "Snowfall"]
@@ -34,18 +38,21 @@ class _Augmentation(IntensityAugmentationBase2D):  # type: ignore[misc]
         One weather for all pictures of a batch.
     keepdim : bool
         Give back a single picture without the dimension of the batch.
-    **weather
-        The fields of :class:`flurries.augment.Snowfall` and its like, but `seed`.
+    weather : dict
+        Fields of its kind.
     """
 
     KIND: ClassVar[type[Weather]]
 
     def __init__(
-        self, *, p: float = 0.5, same_on_batch: bool = False, keepdim: bool = False, **weather: Any
+        self,
+        *,
+        p: float = 0.5,
+        same_on_batch: bool = False,
+        keepdim: bool = False,
+        weather: dict[str, Any],
     ) -> None:
         super().__init__(p=p, same_on_batch=same_on_batch, keepdim=keepdim)
-        if "seed" in weather:
-            raise TypeError("seed belongs to torch: torch.manual_seed(7)")
         self.weather = self.KIND(**weather)
 
     def generate_parameters(self, batch_shape: Any) -> dict[str, torch.Tensor]:
@@ -72,19 +79,137 @@ class _Augmentation(IntensityAugmentationBase2D):  # type: ignore[misc]
         return result.to(input.device, kept)
 
 
+@suggests
 class Snowfall(_Augmentation):
-    """:class:`flurries.augment.Snowfall` in a pipeline."""
+    """:class:`flurries.augment.Snowfall` in a pipeline: its arguments, but for `seed`, and the host\'s."""
 
     KIND = augment.Snowfall
 
+    def __init__(
+        self,
+        *,
+        p: float = 0.5,
+        same_on_batch: bool = False,
+        keepdim: bool = False,
+        amount: Range | None = None,
+        severity: int | tuple[int, int] | None = None,
+        profile: Profile = "natural",
+        veil: float = 0.25,
+        wind: Range = (-1.5, 1.5),
+        fall: Range = (1.0, 1.8),
+        exposure: Range = (0.005, 0.02),
+        color: Range | tuple[float, float, float] = (0.9, 1.0),
+        ground: Ground | None = None,
+        focal: float = 1.2,
+        white: float = 1.0,
+        weather_seed: int | None = None,
+    ) -> None:
+        super().__init__(
+            p=p,
+            same_on_batch=same_on_batch,
+            keepdim=keepdim,
+            weather={
+                "amount": amount,
+                "severity": severity,
+                "profile": profile,
+                "veil": veil,
+                "wind": wind,
+                "fall": fall,
+                "exposure": exposure,
+                "color": color,
+                "ground": ground,
+                "focal": focal,
+                "white": white,
+                "weather_seed": weather_seed,
+            },
+        )
 
+
+@suggests
 class Rainfall(_Augmentation):
-    """:class:`flurries.augment.Rainfall` in a pipeline."""
+    """:class:`flurries.augment.Rainfall` in a pipeline: its arguments, but for `seed`, and the host\'s."""
 
     KIND = augment.Rainfall
 
+    def __init__(
+        self,
+        *,
+        p: float = 0.5,
+        same_on_batch: bool = False,
+        keepdim: bool = False,
+        amount: Range | None = None,
+        severity: int | tuple[int, int] | None = None,
+        profile: Profile = "natural",
+        veil: float = 0.25,
+        wind: Range = (-2.0, 2.0),
+        fall: Range = (6.0, 9.0),
+        exposure: Range = (0.015, 0.03),
+        color: Range | tuple[float, float, float] = (0.78, 0.95),
+        ground: Ground | None = None,
+        focal: float = 1.2,
+        white: float = 1.0,
+        weather_seed: int | None = None,
+    ) -> None:
+        super().__init__(
+            p=p,
+            same_on_batch=same_on_batch,
+            keepdim=keepdim,
+            weather={
+                "amount": amount,
+                "severity": severity,
+                "profile": profile,
+                "veil": veil,
+                "wind": wind,
+                "fall": fall,
+                "exposure": exposure,
+                "color": color,
+                "ground": ground,
+                "focal": focal,
+                "white": white,
+                "weather_seed": weather_seed,
+            },
+        )
 
+
+@suggests
 class Fog(_Augmentation):
-    """:class:`flurries.augment.Fog` in a pipeline."""
+    """:class:`flurries.augment.Fog` in a pipeline: its arguments, but for `seed`, and the host\'s."""
 
     KIND = augment.Fog
+
+    def __init__(
+        self,
+        *,
+        p: float = 0.5,
+        same_on_batch: bool = False,
+        keepdim: bool = False,
+        amount: Range | None = None,
+        severity: int | tuple[int, int] | None = None,
+        profile: Profile = "natural",
+        visibility: Range | None = None,
+        patches: Range = (0.0, 0.3),
+        wind: Range = (-0.1, 0.1),
+        color: Range | tuple[float, float, float] = (0.75, 0.92),
+        ground: Ground | None = None,
+        focal: float = 1.2,
+        white: float = 1.0,
+        weather_seed: int | None = None,
+    ) -> None:
+        super().__init__(
+            p=p,
+            same_on_batch=same_on_batch,
+            keepdim=keepdim,
+            weather={
+                "amount": amount,
+                "severity": severity,
+                "profile": profile,
+                "visibility": visibility,
+                "patches": patches,
+                "wind": wind,
+                "color": color,
+                "ground": ground,
+                "focal": focal,
+                "white": white,
+                "weather_seed": weather_seed,
+            },
+        )

@@ -8,6 +8,7 @@ from typing import Any
 from flurries.augment.air import Air
 from flurries.augment.draws import Range
 from flurries.augment.precipitation import Precipitation, at
+from flurries.augment.signature import suggests
 
 # Diameters in metres: smallest, mean and largest. Several times those of drops, whose streaks no
 # picture of a data set would show.
@@ -18,6 +19,7 @@ NEAR, FAR = 0.7, 10.0
 STREAK = (0.35, 0.45, 0.55, 0.75, 1.2)
 
 
+@suggests
 @dataclass(frozen=True, kw_only=True)
 class Rainfall(Precipitation):
     """Rain, as a function of pictures, clips, batches and stereo pairs.

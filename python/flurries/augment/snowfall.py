@@ -8,6 +8,7 @@ from typing import Any
 from flurries.augment.air import Air
 from flurries.augment.draws import Range
 from flurries.augment.precipitation import Precipitation, at
+from flurries.augment.signature import suggests
 
 # Diameters in metres: smallest, mean and largest. Wet flakes of heavy snowfall, since smaller ones
 # are less than a pixel in most pictures of data sets.
@@ -19,6 +20,7 @@ NEAR, FAR = 0.7, 10.0
 MIDDLE = (0.8, 1.0, 1.3, 1.9, 3.0)
 
 
+@suggests
 @dataclass(frozen=True, kw_only=True)
 class Snowfall(Precipitation):
     """Falling snow, as a function of pictures, clips, batches and stereo pairs.

@@ -20,6 +20,10 @@ from torchvision.transforms import v2
 
 from flurries import augment
 from flurries._contract import real
+from flurries.augment.calibration import Profile
+from flurries.augment.distance import Ground
+from flurries.augment.draws import Range
+from flurries.augment.signature import suggests
 from flurries.augment.weather import Weather
 
 __all__ = ["Fog", "Rainfall", "Snowfall"]
@@ -34,16 +38,14 @@ class _Transform(v2.Transform):  # type: ignore[misc]
         Probability of the transform.
     fps : float
         Frames per second of videos.
-    **weather
-        The fields of :class:`flurries.augment.Snowfall` and its like, but `seed`.
+    weather : dict
+        Fields of its kind.
     """
 
     KIND: ClassVar[type[Weather]]
 
-    def __init__(self, *, p: float = 1.0, fps: float = 30.0, **weather: Any) -> None:
+    def __init__(self, *, p: float, fps: float, weather: dict[str, Any]) -> None:
         super().__init__()
-        if "seed" in weather:
-            raise TypeError("seed belongs to torch: torch.manual_seed(7)")
         self.p = real("p", p, low=0.0, high=1.0)
         self.fps = real("fps", fps, low=1e-3, high=1e6)
         self.weather = self.KIND(**weather)
@@ -105,19 +107,131 @@ def film(weather: Weather, planes: Any, fps: float) -> Any:
     return np.ascontiguousarray(np.stack(seen)).reshape(planes.shape)
 
 
+@suggests
 class Snowfall(_Transform):
-    """:class:`flurries.augment.Snowfall` in a pipeline."""
+    """:class:`flurries.augment.Snowfall` in a pipeline: its arguments, but for `seed`, and the host\'s."""
 
     KIND = augment.Snowfall
 
+    def __init__(
+        self,
+        *,
+        p: float = 1.0,
+        fps: float = 30.0,
+        amount: Range | None = None,
+        severity: int | tuple[int, int] | None = None,
+        profile: Profile = "natural",
+        veil: float = 0.25,
+        wind: Range = (-1.5, 1.5),
+        fall: Range = (1.0, 1.8),
+        exposure: Range = (0.005, 0.02),
+        color: Range | tuple[float, float, float] = (0.9, 1.0),
+        ground: Ground | None = None,
+        focal: float = 1.2,
+        white: float = 1.0,
+        weather_seed: int | None = None,
+    ) -> None:
+        super().__init__(
+            p=p,
+            fps=fps,
+            weather={
+                "amount": amount,
+                "severity": severity,
+                "profile": profile,
+                "veil": veil,
+                "wind": wind,
+                "fall": fall,
+                "exposure": exposure,
+                "color": color,
+                "ground": ground,
+                "focal": focal,
+                "white": white,
+                "weather_seed": weather_seed,
+            },
+        )
 
+
+@suggests
 class Rainfall(_Transform):
-    """:class:`flurries.augment.Rainfall` in a pipeline."""
+    """:class:`flurries.augment.Rainfall` in a pipeline: its arguments, but for `seed`, and the host\'s."""
 
     KIND = augment.Rainfall
 
+    def __init__(
+        self,
+        *,
+        p: float = 1.0,
+        fps: float = 30.0,
+        amount: Range | None = None,
+        severity: int | tuple[int, int] | None = None,
+        profile: Profile = "natural",
+        veil: float = 0.25,
+        wind: Range = (-2.0, 2.0),
+        fall: Range = (6.0, 9.0),
+        exposure: Range = (0.015, 0.03),
+        color: Range | tuple[float, float, float] = (0.78, 0.95),
+        ground: Ground | None = None,
+        focal: float = 1.2,
+        white: float = 1.0,
+        weather_seed: int | None = None,
+    ) -> None:
+        super().__init__(
+            p=p,
+            fps=fps,
+            weather={
+                "amount": amount,
+                "severity": severity,
+                "profile": profile,
+                "veil": veil,
+                "wind": wind,
+                "fall": fall,
+                "exposure": exposure,
+                "color": color,
+                "ground": ground,
+                "focal": focal,
+                "white": white,
+                "weather_seed": weather_seed,
+            },
+        )
 
+
+@suggests
 class Fog(_Transform):
-    """:class:`flurries.augment.Fog` in a pipeline."""
+    """:class:`flurries.augment.Fog` in a pipeline: its arguments, but for `seed`, and the host\'s."""
 
     KIND = augment.Fog
+
+    def __init__(
+        self,
+        *,
+        p: float = 1.0,
+        fps: float = 30.0,
+        amount: Range | None = None,
+        severity: int | tuple[int, int] | None = None,
+        profile: Profile = "natural",
+        visibility: Range | None = None,
+        patches: Range = (0.0, 0.3),
+        wind: Range = (-0.1, 0.1),
+        color: Range | tuple[float, float, float] = (0.75, 0.92),
+        ground: Ground | None = None,
+        focal: float = 1.2,
+        white: float = 1.0,
+        weather_seed: int | None = None,
+    ) -> None:
+        super().__init__(
+            p=p,
+            fps=fps,
+            weather={
+                "amount": amount,
+                "severity": severity,
+                "profile": profile,
+                "visibility": visibility,
+                "patches": patches,
+                "wind": wind,
+                "color": color,
+                "ground": ground,
+                "focal": focal,
+                "white": white,
+                "weather_seed": weather_seed,
+            },
+        )
