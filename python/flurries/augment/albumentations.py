@@ -95,7 +95,7 @@ else:
 
 @suggests
 class Snowfall(_Transform):
-    """:class:`flurries.augment.Snowfall` in a pipeline: its arguments, but for `seed`, and the host\'s."""
+    """:class:`flurries.augment.Snowfall` in a pipeline; all but its `seed`."""
 
     KIND = augment.Snowfall
 
@@ -141,7 +141,7 @@ class Snowfall(_Transform):
 
 @suggests
 class Rainfall(_Transform):
-    """:class:`flurries.augment.Rainfall` in a pipeline: its arguments, but for `seed`, and the host\'s."""
+    """:class:`flurries.augment.Rainfall` in a pipeline; all but its `seed`."""
 
     KIND = augment.Rainfall
 
@@ -187,7 +187,7 @@ class Rainfall(_Transform):
 
 @suggests
 class Fog(_Transform):
-    """:class:`flurries.augment.Fog` in a pipeline: its arguments, but for `seed`, and the host\'s."""
+    """:class:`flurries.augment.Fog` in a pipeline; all but its `seed`."""
 
     KIND = augment.Fog
 

@@ -81,7 +81,7 @@ class _Augmentation(IntensityAugmentationBase2D):  # type: ignore[misc]
 
 @suggests
 class Snowfall(_Augmentation):
-    """:class:`flurries.augment.Snowfall` in a pipeline: its arguments, but for `seed`, and the host\'s."""
+    """:class:`flurries.augment.Snowfall` in a pipeline; all but its `seed`."""
 
     KIND = augment.Snowfall
 
@@ -127,7 +127,7 @@ class Snowfall(_Augmentation):
 
 @suggests
 class Rainfall(_Augmentation):
-    """:class:`flurries.augment.Rainfall` in a pipeline: its arguments, but for `seed`, and the host\'s."""
+    """:class:`flurries.augment.Rainfall` in a pipeline; all but its `seed`."""
 
     KIND = augment.Rainfall
 
@@ -173,7 +173,7 @@ class Rainfall(_Augmentation):
 
 @suggests
 class Fog(_Augmentation):
-    """:class:`flurries.augment.Fog` in a pipeline: its arguments, but for `seed`, and the host\'s."""
+    """:class:`flurries.augment.Fog` in a pipeline; all but its `seed`."""
 
     KIND = augment.Fog
 

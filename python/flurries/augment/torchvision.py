@@ -109,7 +109,7 @@ def film(weather: Weather, planes: Any, fps: float) -> Any:
 
 @suggests
 class Snowfall(_Transform):
-    """:class:`flurries.augment.Snowfall` in a pipeline: its arguments, but for `seed`, and the host\'s."""
+    """:class:`flurries.augment.Snowfall` in a pipeline; all but its `seed`."""
 
     KIND = augment.Snowfall
 
@@ -153,7 +153,7 @@ class Snowfall(_Transform):
 
 @suggests
 class Rainfall(_Transform):
-    """:class:`flurries.augment.Rainfall` in a pipeline: its arguments, but for `seed`, and the host\'s."""
+    """:class:`flurries.augment.Rainfall` in a pipeline; all but its `seed`."""
 
     KIND = augment.Rainfall
 
@@ -197,7 +197,7 @@ class Rainfall(_Transform):
 
 @suggests
 class Fog(_Transform):
-    """:class:`flurries.augment.Fog` in a pipeline: its arguments, but for `seed`, and the host\'s."""
+    """:class:`flurries.augment.Fog` in a pipeline; all but its `seed`."""
 
     KIND = augment.Fog
 
