@@ -154,7 +154,8 @@ mod tests {
     #[test]
     fn it_is_the_exponential_between_the_points() {
         let (height, width, cell) = (13, 29, 3.7);
-        let field = Array2::from_shape_fn((6, 10), |(i, j)| ((7 * i + 3 * j) % 11) as f64 * 0.3 - 1.5);
+        let field =
+            Array2::from_shape_fn((6, 10), |(i, j)| ((7 * i + 3 * j) % 11) as f64 * 0.3 - 1.5);
         let way = Array2::from_shape_fn((height, width), |(i, j)| 0.1 + (i * j) as f64);
         let mut out = Array2::zeros((height, width));
         let patches = Patches { field: field.view(), cell, strength: 0.8 };
