@@ -207,3 +207,47 @@ def test_workers_do_not_repeat_each_other(method: str):
         multiprocessing_context=multiprocessing.get_context(method),
     )  # fmt: skip
     assert len(torch.unique(torch.cat(list(loader)), dim=0)) == 12
+
+
+def test_torchvision_takes_a_depth():
+    planes = torch.from_numpy(PHOTOGRAPH).permute(2, 0, 1).contiguous()
+    fog = flt.Fog(visibility=100.0, patches=0.0, color=1.0)
+    means = []
+    for metres in (1.0, 500.0):
+        depth = flt.Depth(torch.full(PHOTOGRAPH.shape[:2], metres))
+        seen, behind = fog(tv_tensors.Image(planes), depth)
+        assert isinstance(behind, flt.Depth) and torch.equal(behind, depth)
+        means.append(float(seen.float().mean()))
+    assert means[0] < PHOTOGRAPH.mean() + 10.0 and means[1] > 250.0
+    with pytest.raises(ValueError, match="one Depth"):
+        fog(tv_tensors.Image(planes), depth, depth)
+
+
+@pytest.mark.parametrize("mode", ["1", "L", "LA", "P", "RGB", "RGBA"])
+def test_torchvision_keeps_what_pillow_has(mode: str):
+    picture = Image.fromarray(PHOTOGRAPH).convert(mode)
+    if mode in ("LA", "RGBA"):
+        picture.putalpha(77)
+    seen = flt.Snowfall(severity=4)(picture)
+    assert seen.mode == {"1": "L", "P": "RGB"}.get(mode, mode) and seen.size == picture.size
+    if "A" in mode:
+        assert seen.getchannel("A").getextrema() == (77, 77)
+
+
+def test_what_is_empty_or_short_stays_so():
+    transform = flt.Rainfall(severity=3)
+    empty = torch.zeros(0, 3, 32, 32)
+    assert transform(empty).shape == empty.shape
+    assert flk.Rainfall(severity=3, p=1.0)(empty).shape == empty.shape
+    half = torch.rand(3, 32, 32).to(torch.bfloat16).requires_grad_()
+    seen = transform(half)
+    assert seen.dtype == torch.bfloat16 and not seen.requires_grad
+
+
+@pytest.mark.parametrize("module", [fla, flt, flk])
+@pytest.mark.parametrize("kind", KINDS)
+def test_names_that_nobody_knows_are_answered(module: object, kind: str):
+    with pytest.raises(TypeError, match="did you mean severity"):
+        getattr(module, kind)(severty=3)
+    with pytest.raises(TypeError, match="seed belongs to the pipeline"):
+        getattr(module, kind)(seed=3)

@@ -69,6 +69,8 @@ class _Augmentation(IntensityAugmentationBase2D):  # type: ignore[misc]
         transform: torch.Tensor | None = None,
     ) -> torch.Tensor:
         """Return the pictures, each in its weather."""
+        if input.numel() == 0:
+            return input
         kept = input.dtype
         images = input.detach().to("cpu")
         if kept == torch.bfloat16:

@@ -6,7 +6,8 @@
 
 Draws come from torch's random numbers, which a DataLoader seeds for each of its workers. Boxes and
 masks pass through. A `tv_tensors.Video` is the frames of one film, and its weather moves; plain
-tensors of more than three dimensions are batches whose pictures have one weather.
+tensors of more than three dimensions are batches whose pictures have one weather. A :class:`Depth`
+in the sample is how far away its picture's things are. No gradient goes through the weather.
 """
 
 from __future__ import annotations
@@ -26,7 +27,15 @@ from flurries.augment.draws import Range
 from flurries.augment.signature import suggests
 from flurries.augment.weather import Weather
 
-__all__ = ["Fog", "Rainfall", "Snowfall"]
+__all__ = ["Depth", "Fog", "Rainfall", "Snowfall"]
+
+
+class Depth(tv_tensors.Mask):  # type: ignore[misc]
+    """How far away what a picture shows is, (H, W) floats in metres.
+
+    In the sample beside the picture it goes through flips and crops as a mask does, and the
+    weather of these transforms lies before it.
+    """
 
 
 class _Transform(v2.Transform):  # type: ignore[misc]
@@ -53,9 +62,13 @@ class _Transform(v2.Transform):  # type: ignore[misc]
     def make_params(self, flat_inputs: list[Any]) -> dict[str, Any]:
         """Draw the weather of one call."""
         if float(torch.rand(())) >= self.p:
-            return {"record": None}
+            return {"record": None, "depth": None}
         index = int(torch.randint(0, 2**62, ()))
-        return {"record": self.weather.record(index=index)}
+        depths = [given for given in flat_inputs if isinstance(given, Depth)]
+        depth = depths[0].detach().cpu().float().numpy() if len(depths) == 1 else None
+        if len(depths) > 1:
+            raise ValueError(f"a sample must have one Depth, got {len(depths)}")
+        return {"record": self.weather.record(index=index), "depth": depth}
 
     # Its name before torchvision 0.21.
     _get_params = make_params
@@ -68,17 +81,19 @@ class _Transform(v2.Transform):  # type: ignore[misc]
         label = isinstance(inpt, tv_tensors.TVTensor) and not isinstance(inpt, visible)
         if record is None or label:
             return inpt
-        drawn = augment.replay(record)
+        drawn, depth = augment.replay(record), params["depth"]
         if not isinstance(inpt, torch.Tensor):
-            from PIL import Image
-
-            return Image.fromarray(drawn(np.asarray(inpt)))
-        planes = inpt.detach().cpu().numpy()
+            return painted(drawn, inpt, depth)
+        if inpt.numel() == 0:
+            return inpt
+        given = inpt.detach().cpu()
+        # NumPy has no bfloat16.
+        planes = (given.float() if given.dtype == torch.bfloat16 else given).numpy()
         if isinstance(inpt, tv_tensors.Video):
-            seen = film(drawn, planes, self.fps)
+            seen = film(drawn, planes, self.fps, depth)
         else:
-            seen = pictures(drawn, planes)
-        result = torch.from_numpy(seen).to(inpt.device)
+            seen = pictures(drawn, planes, depth)
+        result = torch.from_numpy(seen).to(inpt.device, inpt.dtype)
         if isinstance(inpt, tv_tensors.TVTensor):
             result = tv_tensors.wrap(result, like=inpt)
         return result
@@ -89,21 +104,36 @@ class _Transform(v2.Transform):  # type: ignore[misc]
         return f"p={self.p}, {self.weather}"
 
 
-def pictures(weather: Weather, planes: Any) -> Any:
+def painted(weather: Weather, picture: Any, depth: Any) -> Any:
+    """Return a picture of Pillow in a weather: grey stays grey, and an alpha stays as it is."""
+    from PIL import Image
+
+    alpha = picture.convert("RGBA").getchannel("A") if picture.has_transparency_data else None
+    grey = picture.mode in ("1", "L", "LA", "La")
+    plain = np.asarray(picture.convert("L" if grey else "RGB"))
+    seen = Image.fromarray(weather(plain, depth=depth))
+    if alpha is not None:
+        seen.putalpha(alpha)
+    return seen
+
+
+def pictures(weather: Weather, planes: Any, depth: Any) -> Any:
     """Return (..., C, H, W) in one weather."""
     if planes.ndim < 2:
         raise ValueError(f"a picture must have shape (..., C, H, W), got {planes.shape}")
     if planes.ndim == 2:
-        return weather(planes)
+        return weather(planes, depth=depth)
     flat = planes.reshape(-1, *planes.shape[-3:])
-    seen = [np.moveaxis(weather(np.moveaxis(image, 0, -1)), -1, 0) for image in flat]
+    seen = [np.moveaxis(weather(np.moveaxis(image, 0, -1), depth=depth), -1, 0) for image in flat]
     return np.ascontiguousarray(np.stack(seen)).reshape(planes.shape)
 
 
-def film(weather: Weather, planes: Any, fps: float) -> Any:
+def film(weather: Weather, planes: Any, fps: float, depth: Any) -> Any:
     """Return (..., T, C, H, W) in one weather that moves."""
     flat = planes.reshape(-1, *planes.shape[-4:])
-    seen = [np.moveaxis(weather.clip(np.moveaxis(c, 1, -1), fps=fps), -1, 1) for c in flat]
+    seen = [
+        np.moveaxis(weather.clip(np.moveaxis(c, 1, -1), fps=fps, depth=depth), -1, 1) for c in flat
+    ]
     return np.ascontiguousarray(np.stack(seen)).reshape(planes.shape)
 
 
