@@ -97,7 +97,9 @@ def weathered(
         found["coverage"] = occlusion(np.clip(falls.alpha, 0.0, 1.0), corners)
         found["visibility"] = occlusion((alpha < SEEN).astype(np.float32), corners)
     if falls is not None:
-        seen, left = falls.most.opacity > SEEN, 1.0 - falls.alpha
+        # A layer of the texture alone may be denser than all of them, which are smoother.
+        seen = (falls.most.opacity > SEEN) & (alpha > SEEN)
+        left = 1.0 - falls.alpha
         if flow is not None:
             found["flow"] = np.where(seen[..., None], falls.most.motion, flow).astype(np.float32)
             found["soft_flow"] = (left[..., None] * flow + falls.motion).astype(np.float32)
