@@ -147,8 +147,7 @@ impl Torus {
         let side = (self.law.tile * FINE) as i64;
         let [across, down] = footprint.reach;
         let wide = 2 * across + 1;
-        let mut row = y - down as i64;
-        for samples in footprint.values.chunks_exact(wide) {
+        for (row, samples) in (y - down as i64..).zip(footprint.values.chunks_exact(wide)) {
             // What is below comes in above, to the left of it.
             let left = x - across as i64 - row.div_euclid(side) * self.law.shear * FINE as i64;
             let line = &mut self.grid[(row.rem_euclid(side) * side) as usize..][..side as usize];
@@ -161,7 +160,6 @@ impl Torus {
                 }
                 (at, rest) = (0, tail);
             }
-            row += 1;
         }
     }
 
