@@ -144,6 +144,7 @@ def test_presets_are_mist_with_structure(name, tmp_path):
     shown.save(tmp_path / "scene.toml")
     np.testing.assert_array_equal(fl.Scene.load(tmp_path / "scene.toml").render(2), shown.render(2))
     assert "slices" in str(shown.plan())
+    assert abs(fl.Mist.preset(name, visibility=33.0).extinction() - 2.996 / 33.0) < 1e-3
 
 
 @every("wrong", [{"structure": -0.1}, {"structure": 2.1}, {"structure": np.nan},

@@ -89,6 +89,7 @@ RUNNING = [
     "stereo.md",
     "augment.md",
     "looks.md",
+    "gas.md",
     "plan.md",
     "snow.md",
 ]

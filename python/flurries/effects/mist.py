@@ -282,7 +282,7 @@ class Mist(metaclass=Described):
         if changes.get("visibility") is not None:
             # The look keeps its grain: particles grow with the box.
             values.pop("count", None)
-            if "box" not in changes and "radius" not in changes:
+            if "radius" in values and "box" not in changes and "radius" not in changes:
                 values["radius"] = (
                     values["radius"] / 5.0 * REACH * max(_values(changes["visibility"]))
                 )
