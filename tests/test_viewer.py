@@ -101,7 +101,8 @@ def test_keys_stay_until_their_slider_is_touched():
         ({"0.amount": True}, "number"),
         ({"0.amount": float("nan")}, "finite"),
         ({"7.amount": 0.5}, "7.amount"),
-        ({"0.seed": 3}, "0.seed"),
+        ({"0.sway": 3}, "0.sway"),
+        ({"0.seed": 100}, "0 to 99"),
     ],
 )
 def test_what_no_slider_says_is_refused(values: dict[str, Any], said: str):
@@ -321,3 +322,44 @@ def test_without_anywidget_it_says_what_to_install(monkeypatch: pytest.MonkeyPat
     monkeypatch.delitem(sys.modules, "flurries.viewer.widget", raising=False)
     with pytest.raises(ImportError, match=r"flurries\[view\]"):
         fl.view(SCENE)
+
+
+def test_size_seed_gusts_brightness_and_lens_have_sliders():
+    scene = SCENE.replace(effects=[fl.Snow(flake_size=(0.002, 0.004, 0.01))])
+    values = {"0.flake_size": 8.0, "0.seed": 7, "0.gusts": 1.5, "0.color": 0.5}
+    assert slider(scene, "0.flake_size").value == pytest.approx(4.0)
+    assert slider(scene, "0.seed").value == SCENE.seed
+    changed = applied(scene, {**values, "camera.lens": 400.0})
+    effect = changed.effects[0]
+    assert effect.flake_size == pytest.approx((0.004, 0.008, 0.02))
+    assert (effect.seed, effect.color, effect.wind.gusts) == (7, 0.5, 1.5)
+    assert effect.wind.mean == scene.effects[0].wind
+    assert changed.camera.camera.focal == 400.0
+    assert not np.array_equal(changed.render(3), scene.render(3))
+
+
+def test_a_picture_given_as_an_array_is_saved_beside_the_scene(tmp_path: Path):
+    picture = np.random.default_rng(3).integers(0, 255, (120, 160, 3), np.uint8)
+    depth = np.full((120, 160), 9.0, np.float32)
+    scene = SCENE.replace(background=picture, depth=depth)
+    head, _ = Session(scene, save=tmp_path / "mine.toml").answer({"kind": "save", "values": {}})
+    assert head["saved"].endswith("mine.toml")
+    names = {"mine.toml", "mine-background.png", "mine-depth.exr"}
+    assert {path.name for path in tmp_path.iterdir()} == names
+    again = fl.Scene.load(tmp_path / "mine.toml")
+    assert np.array_equal(again.render(5), scene.render(5))
+
+
+def test_what_is_copied_as_python_makes_the_scene():
+    values = {"0.amount": 0.5, "0.gusts": 1.0, "camera.forward": 2.0}
+    head, _ = Session(SCENE).answer({"kind": "python", "values": values})
+    made: dict[str, Any] = {}
+    exec(head["text"], made)
+    assert np.array_equal(made["scene"].render(9), applied(SCENE, values).render(9))
+
+
+def test_a_film_of_three_seconds_is_written_from_it(tmp_path: Path):
+    session = Session(SCENE.replace(fps=4.0), size=64, save=tmp_path / "mine.toml")
+    head, _ = session.answer({"kind": "film", "values": {"0.amount": 0.5}})
+    film = fl.io.open_background(head["film"])
+    assert (film.count, film.size, film.fps) == (12, (64, 48), 4.0)

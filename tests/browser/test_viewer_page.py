@@ -173,11 +173,11 @@ def test_spectrum_and_tent_are_drawn(page: Page):
 
 
 def test_what_cannot_be_saved_is_said(page: Page, server: Server, tmp_path: Path):
-    # A picture in memory has no place in a file: the page says so.
+    # A folder is in the way of the scene's file: the page says so.
+    (tmp_path / "tuned.toml").mkdir()
     page.click(".fl-save")
     page.wait_for_selector(".fl-error")
-    assert "background" in page.locator(".fl-status").inner_text()
-    assert not (tmp_path / "tuned.toml").exists()
+    assert "tuned.toml" in page.locator(".fl-status").inner_text()
 
 
 def test_a_scene_file_is_tuned_and_saved(browser: Any, tmp_path: Path):
@@ -198,6 +198,32 @@ def test_a_scene_file_is_tuned_and_saved(browser: Any, tmp_path: Path):
     tuned = fl.Scene.load(tmp_path / "b.toml")
     assert abs(tuned.effects[0].amount - 0.5) < 0.05
     assert tuned.effects[0].flakes == 500
+
+
+DRAG = """(key, value) => {
+    const slider = document.querySelector(`[data-key='${key}']`);
+    slider.value = value;
+    slider.dispatchEvent(new Event("input"));
+    slider.dispatchEvent(new Event("change"));
+}"""
+
+
+def test_undo_reset_python_and_a_film(page: Page, tmp_path: Path):
+    stands = "document.querySelector(`[data-key='0.haze']`).value"
+    usual = page.evaluate(stands)
+    for value in ("0.5", "0.7"):
+        page.evaluate(f"({DRAG})('0.haze', {value})")
+    page.click(".fl-undo")
+    assert page.evaluate(stands) == "0.5"
+    page.click(".fl-code")
+    until(page, "!!document.querySelector('.flurries').dataset.python")
+    said = page.evaluate("document.querySelector('.flurries').dataset.python")
+    assert "haze=0.5" in said and "fl.Scene((512, 512), picture" in said
+    page.click(".fl-reset")
+    assert page.evaluate(stands) == usual
+    page.click(".fl-film")
+    until(page, "!!document.querySelector('.flurries').dataset.film", 120.0)
+    assert (tmp_path / "tuned.mp4").exists()
 
 
 def test_screenshot(page: Page):

@@ -20,9 +20,14 @@ from flurries.motion.wind import FIELDS, Wind
 from flurries.scene.scene import Scene
 from flurries.viewer.charts import field_of
 
-DIRECTION, SPEED = "direction", "speed"
+DIRECTION, SPEED, GUSTS, SEED = "direction", "speed", "gusts", "seed"
 OCTAVES, LONGEST = "octaves", "longest"
 EYES = "eyes"
+LENS = "camera.lens"
+
+# Sizes of what is in the air, as tuples in metres, largest last.
+_SIZES = {"flake_size": "Flake size", "drop_size": "Drop size"}
+_LAST_SEED = 99
 
 
 @dataclass(frozen=True)
@@ -62,6 +67,8 @@ _FIELDS: dict[str, tuple[str, str, float, float, float]] = {
     "count": ("Particles", "", 0, 4000, 10),
     "density": ("Density", "", 0.0, 1.0, 0.01),
     "haze": ("Haze", "", 0.0, 1.0, 0.01),
+    "opacity": ("Opacity", "", 0.0, 1.0, 0.01),
+    "color": ("Brightness", "", 0.0, 1.0, 0.01),
     "mean": ("Mean", "", -0.5, 0.6, 0.01),
     "exponent": ("Softness", "", 0.0, 2.0, 0.05),
     "shutter": ("Shutter", "frames", 0.0, 2.0, 0.05),
@@ -87,7 +94,22 @@ def controls_of(scene: Scene) -> list[Control]:
                 Control(f"{index}.{DIRECTION}", group, "Direction", "°", -180, 180, 1, angle),
                 Control(f"{index}.{SPEED}", group, "Speed", "m/s", 0.0, top, 0.05, speed),
             ]
+        if _takes_gusts(effect):
+            gusts = effect.wind.gusts if isinstance(effect.wind, Wind) else 0.0
+            most = max(4.0, 2.0 * gusts)
+            found.append(Control(f"{index}.{GUSTS}", group, "Gusts", "m/s", 0.0, most, 0.05, gusts))
         found += _of_fields(index, group, effect)
+        found += [
+            Control(
+                f"{index}.{name}", group, label, "mm", 0.05 * mean, 4.0 * mean, 0.01 * mean, mean
+            )
+            for name, label in _SIZES.items()
+            if (mean := _mean_size(effect, name)) is not None
+        ]
+        if hasattr(effect, "seed"):
+            seed = scene.seed if effect.seed is None else effect.seed
+            if 0 <= seed <= _LAST_SEED:
+                found.append(Control(f"{index}.{SEED}", group, "Seed", "", 0, _LAST_SEED, 1, seed))
         field = field_of(effect)
         if field is not None and hasattr(effect, "wavelengths"):
             shortest, longest = field.band(scene.shape)
@@ -101,6 +123,9 @@ def controls_of(scene: Scene) -> list[Control]:
         Control(key, "camera", label, "m/s", -_FASTEST_CAMERA, _FASTEST_CAMERA, 0.1, value)
         for key, label, value in _camera(scene)
     ]
+    focal = scene.camera.camera.focal
+    if not scene.camera.zooms:
+        found.append(Control(LENS, "camera", "Lens", "px", 0.2 * focal, 5 * focal, 1.0, focal))
     found.append(Control(EYES, "camera", "Eye distance", "mm", 0, 200, 1, 0))
     return found
 
@@ -161,6 +186,8 @@ def settings(scene: Scene, values: Mapping[str, Any]) -> tuple[list[Any], Camera
         for key, (_, axis, sign) in _CAMERA.items():
             velocity[axis] = sign * checked.get(key, known[key].value)
         path = CameraPath(path.camera, velocity=tuple(velocity), orientation=path.orientation)
+    if LENS in checked:
+        path = replace(path, camera=replace(path.camera, focal=checked[LENS]))
     return effects, path
 
 
@@ -176,6 +203,15 @@ def _changed(
     if DIRECTION in own or SPEED in own:
         angle, speed = (own.get(n, known[f"{index}.{n}"].value) for n in (DIRECTION, SPEED))
         changes |= _moving(effect, math.radians(angle), speed)
+    if GUSTS in own:
+        wind = changes.get("wind", effect.wind)
+        rest = {name: getattr(wind, name) for name in FIELDS if isinstance(wind, Wind)}
+        changes["wind"] = Wind(**{"mean": wind, **rest, "gusts": own[GUSTS]})
+    for name in own.keys() & _SIZES.keys():
+        factor = own[name] / known[f"{index}.{name}"].value
+        changes[name] = tuple(factor * size for size in getattr(effect, name))
+    if SEED in own:
+        changes[SEED] = round(own[SEED])
     if OCTAVES in own or LONGEST in own:
         octaves, longest = (own.get(n, known[f"{index}.{n}"].value) for n in (OCTAVES, LONGEST))
         shortest = max(longest / 2.0**octaves, 2.0)
@@ -199,6 +235,19 @@ def _of_fields(index: int, group: str, effect: Any) -> list[Control]:
         found.append(Control(f"{index}.{name}", group, label, unit, low, high, step, float(value)))
     order = list(_FIELDS)
     return sorted(found, key=lambda control: order.index(control.key.split(".")[1]))
+
+
+def _mean_size(effect: Any, name: str) -> float | None:
+    """Return the mean of an effect's sizes in millimetres; None where it has not several."""
+    sizes = getattr(effect, name, None)
+    if not isinstance(sizes, tuple):
+        return None
+    return 1e3 * (sizes[1] if len(sizes) == 3 else sum(sizes) / len(sizes))
+
+
+def _takes_gusts(effect: Any) -> bool:
+    """Whether a wind may differ from place to place: a gas has one, and a cone one axis."""
+    return moves(effect) and hasattr(effect, "fall") and not hasattr(effect, "repeats")
 
 
 def _air(effect: Any) -> tuple[float, float, float]:

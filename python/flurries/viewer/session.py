@@ -27,6 +27,7 @@ from flurries.motion.wind import Wind
 from flurries.scene.scene import Scene
 from flurries.viewer.charts import chart, field_of
 from flurries.viewer.controls import EYES, applied, controls_of, fall_of, moves, names, settings
+from flurries.viewer.keep import film, python_of, save
 from flurries.viewer.preview import Preview
 
 # Where two eyes meet, if nothing else says so: in front of the far flakes, behind the nearest.
@@ -91,9 +92,16 @@ class Session:
                     return self.describe(), []
                 if kind == "save":
                     return self._save(ask), []
+                if kind == "python":
+                    self.values = dict(_mapping(ask.get("values", {})))
+                    return {"text": python_of(self.tuned)}, []
+                if kind == "film":
+                    return self._film(ask), []
                 if kind == "frame":
                     return self._frame(ask)
-            raise ValueError(f"kind must be 'frame', 'save' or 'describe', got {kind!r}")
+            raise ValueError(
+                f"kind must be 'frame', 'save', 'python', 'film' or 'describe', got {kind!r}"
+            )
         except (ValueError, TypeError, OSError, MemoryError, OverflowError) as error:
             return {"error": " ".join(str(error).split()) or type(error).__name__}, []
 
@@ -153,10 +161,16 @@ class Session:
         left, right = (on_screen(scene.render(t, eye=eye)) for eye in pair)
         return stereo.anaglyph(left, right)
 
+    def _film(self, ask: Mapping[str, Any]) -> dict[str, Any]:
+        """Write three seconds as the page shows them: small, from frame 1 on."""
+        values = _mapping(ask.get("values", {}))
+        effects, path = settings(self.scene, values)
+        return {"film": str(film(self._preview.shown(effects, path), self.save_path))}
+
     def _save(self, ask: Mapping[str, Any]) -> dict[str, Any]:
         self.values = dict(_mapping(ask.get("values", {})))
         tuned = self.tuned
-        tuned.save(self.save_path)
+        save(tuned, self.save_path)
         return {
             "saved": str(self.save_path),
             "text": self.save_path.read_text(encoding="utf-8"),

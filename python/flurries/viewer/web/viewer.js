@@ -24,6 +24,17 @@ export function mount(root, about, ask) {
   root.replaceChildren();
   const values = {}, state = { t: about.fps, playing: true, at: [0.5, 0.5], effect: Math.max(about.textured.indexOf(true), 0), under: 0, begin: true, turn: 0.6, tilt: 0.38 };
   let flying = 0, asked = 0, newest = 0, dirty = true, gone = false, chart = null, charted = false, last = 0, heldUntil = 0, clock = performance.now();
+  // Where the sliders stood before each move of one; and how each row shows where it stands.
+  const past = [], rows = [];
+  let moving = null;
+  const remember = (key) => { if (key !== moving) past.push({ ...values }); moving = key; };
+  const stand = (wantedValues) => {
+    for (const key of Object.keys(values)) delete values[key];
+    Object.assign(values, wantedValues);
+    for (const row of rows) row();
+    moving = null;
+    wanted();
+  };
   const pace = [], page = Math.random().toString(36).slice(2);
 
   const stage = element("div", "fl-stage", root);
@@ -56,6 +67,12 @@ export function mount(root, about, ask) {
   const tent = element("canvas", "fl-tent", side);
   const note = element("div", "fl-note", side);
 
+  const tools = element("div", "fl-tools", root);
+  const undo = element("button", "fl-undo", tools, "Undo");
+  const reset = element("button", "fl-reset", tools, "Reset");
+  const code = element("button", "fl-code", tools, "Copy Python");
+  const film = element("button", "fl-film", tools, "3 s film");
+  film.title = "Write three seconds as an .mp4 beside the scene file";
   const panel = element("div", "fl-panel", root);
   for (const group of [...about.effects, "camera"]) {
     const own = about.controls.filter((control) => control.group === group);
@@ -70,7 +87,10 @@ export function mount(root, about, ask) {
       slider.dataset.key = control.key;
       const number = element("output", "fl-value", row, shown(control, control.value));
       const show = () => { number.textContent = shown(control, values[control.key] ?? control.value); row.classList.toggle("fl-touched", control.key in values); };
+      rows.push(() => { slider.value = values[control.key] ?? control.value; show(); });
+      slider.addEventListener("change", () => { moving = null; });
       slider.addEventListener("input", () => {
+        remember(control.key);
         values[control.key] = Math.min(Math.max(Number(slider.value), control.low), control.high);
         const effect = about.effects.indexOf(control.group);
         if (effect >= 0) state.under = effect;
@@ -78,7 +98,7 @@ export function mount(root, about, ask) {
         show();
         wanted();
       });
-      slider.addEventListener("dblclick", () => { delete values[control.key]; slider.value = control.value; show(); wanted(); });
+      slider.addEventListener("dblclick", () => { remember(control.key); moving = null; delete values[control.key]; slider.value = control.value; show(); wanted(); });
       slider.title = "Double-click to take it back";
     }
   }
@@ -194,6 +214,27 @@ export function mount(root, about, ask) {
     tent.addEventListener("pointermove", move);
     tent.addEventListener("pointerup", () => tent.removeEventListener("pointermove", move), { once: true });
   });
+  undo.addEventListener("click", () => { if (past.length) stand(past.pop()); });
+  reset.addEventListener("click", () => { past.push({ ...values }); stand({}); });
+  code.addEventListener("click", async () => {
+    const { head: answer } = await ask({ kind: "python", values });
+    if (answer.error) return fail(answer.error);
+    root.dataset.python = answer.text;
+    try { await navigator.clipboard.writeText(answer.text); } catch { return fail(answer.text); }
+    code.textContent = "Copied";
+    setTimeout(() => { code.textContent = "Copy Python"; }, 1500);
+  });
+  film.addEventListener("click", async () => {
+    film.disabled = true;
+    film.textContent = "Writing";
+    try {
+      const { head: answer } = await ask({ kind: "film", values }, 120000);
+      if (answer.error) fail(answer.error); else { root.dataset.film = answer.film; film.title = answer.film; }
+    } finally {
+      film.disabled = false;
+      film.textContent = "3 s film";
+    }
+  });
   save.addEventListener("click", async () => {
     const { head: answer } = await ask({ kind: "save", values });
     if (answer.error) return fail(answer.error);
@@ -218,10 +259,10 @@ export default {
       if (settle) settle({ head: message.head, buffers });
     };
     model.on("msg:custom", heard);
-    const ask = (question) => new Promise((resolve, reject) => {
+    const ask = (question, patience = 15000) => new Promise((resolve, reject) => {
       const id = `${Date.now()}-${last++}`;
       waiting.set(id, resolve);
-      setTimeout(() => waiting.delete(id) && reject(new Error("the kernel is busy or gone")), 15000);
+      setTimeout(() => waiting.delete(id) && reject(new Error("the kernel is busy or gone")), patience);
       model.send({ id, ask: question });
     });
     const stop = mount(el, model.get("about"), ask);

@@ -1,0 +1,87 @@
+"""What the viewer leaves behind: a scene file, Python that makes the scene, a short film."""
+
+from __future__ import annotations
+
+from dataclasses import fields, is_dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from flurries.camera.path import CameraPath
+from flurries.io import write_layers, write_picture
+from flurries.scene.scene import Scene
+
+# Seconds of the film.
+LENGTH = 3.0
+
+
+def save(scene: Scene, path: Path) -> None:
+    """Write a scene to a TOML file, and pictures that were given as arrays beside it.
+
+    Raises
+    ------
+    ValueError, OSError
+        If the scene cannot be written.
+    """
+    files: dict[str, Any] = {}
+    for name in ("background", "foreground"):
+        array = getattr(scene, name)
+        if isinstance(array, np.ndarray):
+            suffix = ".exr" if array.dtype.kind == "f" else ".png"
+            files[name] = path.with_name(f"{path.stem}-{name}{suffix}")
+            write_picture(files[name], np.uint8(255) * array if array.dtype == bool else array)
+    if isinstance(scene.depth, np.ndarray):
+        files["depth"] = path.with_name(f"{path.stem}-depth.exr")
+        write_layers(files["depth"], {"depth": scene.depth.astype(np.float32)})
+    scene.derive(**files).save(path)
+
+
+def film(scene: Scene, path: Path) -> Path:
+    """Write the first three seconds of a scene beside its scene file, over what was there."""
+    target = path.with_suffix(".mp4")
+    scene.write(target, range(1, round(LENGTH * scene.fps) + 1), overwrite=True)
+    return target
+
+
+def python_of(scene: Scene) -> str:
+    """Return Python that makes a scene; an array is called `picture`."""
+    lines = ["import flurries as fl", ""]
+    effects = [f"    {call(effect)}," for effect in scene.effects]
+    lines += ["effects = [", *effects, "]", _camera(scene.camera)]
+    given = scene.background
+    background = "picture" if isinstance(given, np.ndarray) else repr(str(given))
+    more = "" if scene.seed == 0 else f", seed={scene.seed}"
+    more += f", space={scene.space!r}" if scene.space != "auto" else ""
+    lines.append(f"scene = fl.Scene({scene.size}, {background}, camera, effects, "
+                 f"fps={scene.fps:g}{more})")  # fmt: skip
+    return "\n".join(lines) + "\n"
+
+
+def _camera(path: CameraPath) -> str:
+    own = [name for name in ("velocity", "orientation", "focal") if getattr(path, name) is not None]
+    more = "".join(f", {name}={call(getattr(path, name))}" for name in own)
+    return f"camera = fl.CameraPath({call(path.camera)}{more})"
+
+
+def call(value: Any) -> str:
+    """Return the call that makes an effect or a wind, with the fields that are not usual."""
+    if not is_dataclass(value):
+        return f"fl.{value!r}" if type(value).__name__ == "Keys" else _plain(value)
+    given = [
+        f"{f.name}={call(getattr(value, f.name))}"
+        for f in fields(value)
+        if f.init
+        and f.repr
+        and not f.name.startswith("_")
+        and repr(getattr(value, f.name)) != repr(f.default)
+    ]
+    return f"fl.{type(value).__name__}({', '.join(given)})"
+
+
+def _plain(value: Any) -> str:
+    if isinstance(value, np.ndarray):
+        value = value.tolist()
+    if isinstance(value, (tuple, list)):
+        return "(" + ", ".join(map(_plain, value)) + ("," if len(value) == 1 else "") + ")"
+    return f"{value:.6g}" if isinstance(value, float) else repr(value)
