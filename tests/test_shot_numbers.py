@@ -240,3 +240,12 @@ def test_several_masks_hide_what_any_of_them_hides():
     made = fl.Scene((24, 16), effects=snow, foreground=masks).render(0)
     union = fl.Scene((24, 16), effects=snow, foreground=np.maximum(*masks)).render(0)
     np.testing.assert_array_equal(made, union)
+
+
+def test_the_viewer_shows_a_plate_that_begins_at_1001(shot: Path):
+    from flurries.viewer.session import Session
+
+    session = Session(scene(camera=None, effects=(), foreground=None), size=24)
+    for t in (0.0, 3.0, 20.0):
+        head, buffers = session.answer({"t": t})
+        assert head.get("t") == t and buffers, head

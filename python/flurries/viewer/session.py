@@ -59,7 +59,8 @@ class Session:
         self.scene = scene
         self.save_path = Path(save)
         self.values: dict[str, float] = {}
-        self._preview = Preview(scene, size)
+        # A page plays on beyond a film's end.
+        self._preview = Preview(scene.replace(extend="hold") if scene.spans else scene, size)
         self._air: dict[str, _Air] = {}
         # Sources of files decode one frame at a time.
         self._lock = threading.Lock()
@@ -113,7 +114,9 @@ class Session:
     def _frame(self, ask: Mapping[str, Any]) -> tuple[dict[str, Any], list[bytes]]:
         began = time.perf_counter()
         values = _mapping(ask.get("values", {}))
-        now = real("t", ask.get("t", 0.0))
+        asked = real("t", ask.get("t", 0.0))
+        # Pages count from 0, plates from where their files do.
+        now = asked + (0 if self.scene.range is None else self.scene.range[0])
         effects, path = settings(self.scene, values)
         self.values = dict(values)
         scene = self._preview.shown(effects, path)
@@ -126,7 +129,7 @@ class Session:
         scene, places = _carried(scene, now, before, index)
         self._remember(page, now, places)
         picture = self._eyes(scene, now, float(values.get(EYES, 0.0)) / 1000.0)
-        head: dict[str, Any] = {"t": now}
+        head: dict[str, Any] = {"t": asked}
         buffers = [jpeg(picture)]
         if ask.get("charts"):
             at = ask.get("at", (0.5, 0.5))
