@@ -65,6 +65,21 @@ test-browser: $(VENV)/.tools
 	$(BIN)/maturin develop --release --quiet --extras test,browser
 	$(BIN)/python -m pytest --quiet tests/browser
 
+# The programs that take our files: Debian's by apt-get, Blender and OpenEXR from PyPI (400 MB) where this
+# Python has them. What cannot be had is named, and its tests are left out.
+CLIENTS := oiiotool:openimageio-tools exrheader:openexr ffprobe:ffmpeg
+test-clients: $(VENV)/.tools
+	@for client in $(CLIENTS); do \
+		command -v $${client%%:*} >/dev/null \
+		|| { command -v apt-get >/dev/null && apt-get install --yes --no-install-recommends $${client##*:}; } \
+		|| echo "missing: $${client%%:*} (on Debian: apt install $${client##*:})"; \
+	done
+	@for module in OpenEXR bpy==5.0.1; do \
+		$(BIN)/python -m pip install --quiet --disable-pip-version-check $$module \
+		|| echo "missing: $$module, which PyPI has for Python 3.11"; \
+	done
+	$(BIN)/python -m pytest --quiet -ra tests/clients
+
 # Each in an environment of its own, .venv-hosts and .venv-hosts-older; about 3 GB, since torch from
 # PyPI brings CUDA. TORCH_INDEX=https://download.pytorch.org/whl/cpu takes the one without.
 TORCH_INDEX ?=

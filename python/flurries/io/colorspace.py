@@ -50,6 +50,10 @@ class ColorSpace:
         """
         if not isinstance(name, str):
             raise TypeError(f"{argument} must be the name of a color space, got {name!r}")
+        if len(name) > 200:
+            raise ValueError(
+                f"{argument} must be the name of a color space, got {len(name)} letters"
+            )
         config = _config(os.environ.get("OCIO", ""))
         if not name or config.getColorSpaceIndex(name) < 0:
             known = list(config.getColorSpaceNames())

@@ -1,0 +1,231 @@
+"""The programs that take our files: oiiotool, ffprobe, OpenEXR's own module, and Blender.
+
+Each test is left out, with a word, where its program is missing; `make test-clients` installs them.
+"""
+
+from __future__ import annotations
+
+import json
+import shutil
+import subprocess
+from fractions import Fraction
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import OpenImageIO as oiio
+import pytest
+
+import flurries as fl
+import flurries.camera.importers
+from flurries import io
+from flurries.io.films.sound import has_sound
+from flurries.io.films.tags import Tags
+from flurries.io.timecode import TimeCode
+
+H, W = 48, 64
+LIGHT = np.random.default_rng(1).random((H, W, 3)).astype(np.float32)
+EFFECTS = [fl.Mist.preset("fog", density=0.1), fl.Snow.preset("heavy")]
+
+
+def needs(program: str) -> Any:
+    missing = shutil.which(program) is None
+    return pytest.mark.skipif(missing, reason=f"{program} is missing: make test-clients")
+
+
+def run(*words: object) -> str:
+    done = subprocess.run([*map(str, words)], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+def plate(path: Path) -> None:
+    spec = oiio.ImageSpec(W, H, 3, "float")
+    spec.x, spec.y, spec.full_x, spec.full_y = -4, -2, 0, 0
+    spec.full_width, spec.full_height = W - 8, H - 4
+    said = (0.713, 0.293, 0.165, 0.83, 0.128, 0.044, 0.32168, 0.33767)
+    spec.attribute("chromaticities", oiio.TypeDesc("float[8]"), said)
+    spec.attribute("smpte:TimeCode", oiio.TypeDesc("timecode"), (0x01020304, 0))
+    spec.attribute("framesPerSecond", oiio.TypeDesc("rational"), (24, 1))
+    spec.attribute("Copyright", "the owner")
+    spec.attribute("PixelAspectRatio", 2.0)
+    out = oiio.ImageOutput.create(str(path))
+    assert out.open(str(path), spec) and out.write_scanlines(-2, H - 2, 0, LIGHT) and out.close()
+
+
+@pytest.fixture
+def shot(tmp_path: Path) -> Path:
+    plate(tmp_path / "plate.exr")
+    scene = fl.Scene(None, tmp_path / "plate.exr", effects=EFFECTS)
+    scene.write(tmp_path / "layers.exr", "5", layers=True, bits="float")
+    scene.write(tmp_path / "out.exr", "5", bits="float")
+    scene.replace(effects=()).write(tmp_path / "same.exr", "5", bits="float")
+    return tmp_path
+
+
+# oiiotool ----------------------------------------------------------------------------------------
+
+
+@needs("oiiotool")
+def test_oiiotool_makes_the_composite_again(shot: Path):
+    def layer(name: str, alpha: str) -> list[str]:
+        channels = f"R={name}.R,G={name}.G,B={name}.B,A={alpha}"
+        return [str(shot / "layers.exr"), "--ch", channels]
+
+    words = [*layer("background", "1.0")]
+    for name in ("mist", "snow"):
+        words += [*layer(name, f"{name}.A"), "--swap", "--over"]
+    run("oiiotool", *words, "-d", "float", "-o", shot / "again.exr")
+    made = io.read_picture(shot / "again.exr", overscan=True).pixels
+    wanted = io.read_picture(shot / "out.exr", overscan=True).pixels
+    np.testing.assert_allclose(made, wanted, atol=1e-6)
+
+
+@needs("oiiotool")
+def test_oiiotool_reads_the_same_header_before_and_after(shot: Path):
+    def said(name: str) -> set[str]:
+        lines = run("oiiotool", "--info", "-v", shot / name).splitlines()[1:]
+        own = ("flurries:", "Software", "compression", "DateTime", "oiio:", "SHA", "channel list")
+        return {line.strip() for line in lines if line.strip()
+                and not line.strip().startswith(own) and "openexr:" not in line}  # fmt: skip
+
+    before = said("plate.exr")
+    assert any("timecode" in line.lower() for line in before) and len(before) > 6
+    assert before <= said("out.exr")
+    assert before - said("layers.exr") == set()
+
+
+@needs("idiff")
+def test_idiff_finds_no_difference_at_amount_0(shot: Path):
+    assert "PASS" in run("idiff", "-fail", 0, "-warn", 0, shot / "plate.exr", shot / "same.exr")
+
+
+@needs("exrheader")
+def test_openexr_knows_the_attributes_by_its_own_names(shot: Path):
+    said = run("exrheader", shot / "out.exr")
+    for line in ("dataWindow (type box2i): (-4 -2) - (59 45)",
+                 "displayWindow (type box2i): (0 0) - (55 43)", 'owner (type string): "the owner"',
+                 "time 01:02:03:04", "framesPerSecond (type rational): 24/1",
+                 "pixelAspectRatio (type float): 2", "chromaticities"):  # fmt: skip
+        assert line in said, line
+
+
+def test_the_module_of_openexr_reads_windows_and_channels(shot: Path):
+    openexr = pytest.importorskip("OpenEXR", reason="OpenEXR is missing: make test-clients")
+    with openexr.File(str(shot / "layers.exr"), separate_channels=True) as file:
+        head, channels = file.header(), file.channels()
+        low, high = (np.asarray(one).tolist() for one in head["dataWindow"])
+        assert (low, high) == ([-4, -2], [59, 45])
+        for name in ("R", "snow.depth.Z", "mist.depth.Z", "forward.u", "backward.v"):
+            assert channels[name].pixels.shape == (H, W), name
+        ours = io.read_layers(shot / "layers.exr")
+        np.testing.assert_array_equal(channels["mist.depth.Z"].pixels, ours["mist.depth"])
+
+
+# ffprobe -----------------------------------------------------------------------------------------
+
+CODE = TimeCode.of_text("10:20:30:05", Fraction(24))
+CODECS = {
+    "h264": ("a.mp4", 8, "h264", "yuv420p"), "h264 10": ("a.mp4", 10, "h264", "yuv420p10le"),
+    "h265": ("a.mp4", 10, "hevc", "yuv420p10le"),
+    "prores-hq": ("a.mov", 10, "prores", "yuv422p10le"),
+    "prores-4444": ("a.mov", 10, "prores", "yuv444p12le"),
+    "dnxhr": ("a.mov", 10, "dnxhd", "yuv422p10le"),
+}  # fmt: skip
+
+
+@needs("ffprobe")
+@needs("ffmpeg")
+@pytest.mark.parametrize("name", CODECS)
+def test_ffprobe_says_what_we_wrote(name: str, tmp_path: Path):
+    file, bits, codec, pixels = CODECS[name]
+    tags = Tags(primaries=9, transfer=1, matrix=9, aspect=Fraction(2), timecode=CODE)
+    tall, wide = 128, 256
+    with io.VideoWriter(tmp_path / "mute.mov", (wide, tall), 24, bits=10, tags=tags) as film:
+        for level in range(24):
+            film.write(np.full((tall, wide, 3), 2000 * level, np.uint16))
+    run("ffmpeg", "-v", "error", "-i", tmp_path / "mute.mov", "-f", "lavfi", "-i",
+        "sine=frequency=440:duration=1", "-map", "0:v", "-map", "1:a", "-c:v", "copy", "-c:a",
+        "aac", "-shortest", tmp_path / "plate.mov")  # fmt: skip
+    scene = fl.Scene(None, tmp_path / "plate.mov", effects=[fl.TentSnow.preset("heavy")])
+    done = scene.write(tmp_path / file, codec=name.split()[0], bits=bits)
+    assert done.sound == "kept" and has_sound(tmp_path / file)
+    said = json.loads(run("ffprobe", "-v", "error", "-show_streams", "-show_format", "-of", "json",
+                          tmp_path / file))  # fmt: skip
+    picture = next(one for one in said["streams"] if one["codec_type"] == "video")
+    sound = next(one for one in said["streams"] if one["codec_type"] == "audio")
+    assert (picture["codec_name"], picture["pix_fmt"]) == (codec, pixels)
+    assert picture["avg_frame_rate"] == "24/1" and int(picture["nb_frames"]) == 24
+    assert picture["color_primaries"] == "bt2020" and picture["color_transfer"] == "bt709"
+    assert picture["color_space"] == ("bt709" if codec == "dnxhd" else "bt2020nc")
+    assert picture["color_range"] == "tv" and picture["sample_aspect_ratio"] == "2:1"
+    assert abs(float(picture["duration"]) - 1.0) < 1e-3
+    assert abs(float(sound["duration"]) - 1.0) < 0.06
+    codes = [one.get("tags", {}).get("timecode") for one in said["streams"]]
+    assert "10:20:30:05" in codes
+
+
+# Blender -----------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def bpy() -> Any:
+    return pytest.importorskip("bpy", reason="Blender (bpy) is missing: make test-clients")
+
+
+def test_blender_reads_our_layers_and_makes_the_composite_again(bpy: Any, tmp_path: Path):
+    """Its own reader gives each layer's bits; the sum of them is the composite."""
+    scene = fl.Scene(None, LIGHT, effects=EFFECTS)
+    frame = scene.render(5, layers=True)
+    for name, pixels in {"snow": frame.layers["snow"], "mist": frame.layers["mist"],
+                         "background": frame.background, "image": frame.image}.items():  # fmt: skip
+        io.write_picture(tmp_path / f"{name}.exr", pixels, half=False)
+    read = {}
+    for name in ("background", "mist", "snow", "image"):
+        image = bpy.data.images.load(str(tmp_path / f"{name}.exr"))
+        image.colorspace_settings.name = "Non-Color"
+        image.alpha_mode = "PREMUL"
+        flat = np.empty(W * H * 4, np.float32)
+        image.pixels.foreach_get(flat)
+        read[name] = flat.reshape(H, W, 4)[::-1]
+    made = read["background"][..., :3]
+    for name in ("mist", "snow"):
+        made = read[name][..., :3] + (1.0 - read[name][..., 3:]) * made
+    np.testing.assert_allclose(made, read["image"][..., :3], atol=1e-6)
+
+
+def test_blenders_camera_through_chan_sees_points_where_ours_does(bpy: Any, tmp_path: Path):
+    """Roll and zoom at five frames, ten points."""
+    from bpy_extras.object_utils import world_to_camera_view
+    from mathutils import Euler, Vector
+
+    shown = bpy.context.scene
+    shown.render.resolution_x, shown.render.resolution_y = W, H
+    shown.render.resolution_percentage = 100
+    lens = bpy.data.cameras.new("lens")
+    camera = bpy.data.objects.new("camera", lens)
+    shown.collection.objects.link(camera)
+    lens.sensor_fit = "VERTICAL"
+    points = np.random.default_rng(2).uniform((-2, -2, -14), (2, 2, -6), (10, 3))
+    lines, seen = [], {}
+    for frame in range(1001, 1006):
+        step = frame - 1001
+        camera.location = Vector((0.3 * step, 0.1 * step, -0.2 * step))
+        # Nuke turns about z first and about y last; Blender names it from the other end.
+        angles = (2.0 + step, -3.0 * step, 10.0 + 4.0 * step)
+        camera.rotation_mode = "ZXY"
+        camera.rotation_euler = Euler(np.radians(angles).tolist(), "ZXY")
+        lens.angle = np.radians(40.0 + 2.0 * step)
+        bpy.context.view_layer.update()
+        vertical = np.degrees(lens.angle)
+        lines.append(" ".join(f"{v:.12g}" for v in (frame, *camera.location, *angles, vertical)))
+        at = [world_to_camera_view(shown, camera, Vector(point)) for point in points.tolist()]
+        seen[frame] = np.array([(v[0] * W, (1.0 - v[1]) * H) for v in at])
+    (tmp_path / "shot.chan").write_text("\n".join(lines))
+    path = fl.camera.importers.read_chan(tmp_path / "shot.chan", (H, W))
+    flip = np.array([1.0, -1.0, -1.0])
+    for frame, wanted in seen.items():
+        pose = path.pose(path.camera, float(frame))
+        place = path.place(float(frame), fps=24.0)
+        ours, _ = fl.camera.project(points * flip - place, pose, (H, W))
+        np.testing.assert_allclose(ours, wanted, atol=1e-3)
