@@ -127,7 +127,7 @@ class Cloud:
             gas = sorted_gas(
                 frame.shape, points, self.radius, shown, far, frame.camera,
                 footprint=self.footprint, near=self.near, near_mode="exact", depth=frame.depth,
-                error=FINISHED["float32"], smooth=None,
+                error=FINISHED["float32"], smooth=SMOOTH,
             )  # fmt: skip
             _core.gas_draw(layer, gas, frame.window, frame.depth)
         mean, cover = layer[..., 0], layer[..., 3]
