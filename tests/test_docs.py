@@ -86,6 +86,7 @@ RUNNING = [
     "film.md",
     "camera.md",
     "depth.md",
+    "gas.md",
     "stereo.md",
     "augment.md",
     "looks.md",
