@@ -9,7 +9,6 @@ import numpy as np
 from PIL import Image
 
 import flurries as fl
-from flurries.effects.presets import MIST
 from flurries.io.photographs import NAMES
 
 SIZE = (480, 320)
@@ -23,13 +22,14 @@ KINDS: dict[str, type[Any]] = {
 
 def presets(kind: type[Any]) -> tuple[str, ...]:
     """Return the names of the looks of an effect."""
-    return tuple(MIST if kind is fl.Mist else kind.PRESETS)
+    return tuple(kind.PRESETS)
 
 
 def scene_of(kind: type[Any], name: str) -> fl.Scene:
     """Return a look over the photograph; mist wants to know how far away things are."""
     changes: dict[str, Any] = {}
-    if kind is fl.Mist:
+    # The paper's looks have no metres of their own.
+    if kind is fl.Mist and "visibility" not in kind.PRESETS[name]:
         changes["visibility"] = 30.0
     effect = kind.preset(name, **changes)
     depth = 40.0 if kind is fl.Mist else None
