@@ -90,7 +90,6 @@ RUNNING = [
     "stereo.md",
     "augment.md",
     "looks.md",
-    "gas.md",
     "plan.md",
     "snow.md",
 ]
