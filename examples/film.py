@@ -23,7 +23,7 @@ camera = fl.CameraPath(fl.Camera(focal=380.0), velocity=(0.0, -0.2, 2.0))
 scene = fl.Scene(None, picture, camera, [snow], fps=24, seed=7)
 
 summary = scene.write(folder / "snow_%04d.png", "1-4", overwrite=True)
-print(summary.written, summary.files[0].name)
+print(summary.written, Path(summary.files[0]).name)
 
 # What a compositor wants: the snow alone, how deep it is, and how it moves.
 parts = scene.render(24, layers=True)

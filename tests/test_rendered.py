@@ -228,10 +228,12 @@ def test_channels_are_called_as_compositors_call_them(tmp_path: Path):
     spec = oiio.ImageBuf(str(tmp_path / "a.exr")).spec()
     types = {name: str(spec.channelformat(i)) for i, name in enumerate(spec.channelnames)}
     named = {"R", "G", "B", "A", "depth.Z", "alpha.A", "forward.u", "forward.v", "weather.depth.Z"}
+    named |= {"backward.u", "backward.v"}
     named |= {f"background.{c}" for c in "RGB"} | {f"foreground.{c}" for c in "RGBA"}
     for layer in ("snow", "rain"):
         named |= {f"{layer}.{c}" for c in "RGBA"}
         named |= {f"{layer}.{c}" for c in ("depth.Z", "forward.u", "forward.v")}
+        named |= {f"{layer}.backward.{c}" for c in "uv"}
         named |= {f"{layer}.coverage.A", f"{layer}.id.Y"}
     assert set(types) == named
     precise = {name for name in named if name[-1] in "ZuvY"}

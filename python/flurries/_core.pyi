@@ -96,6 +96,7 @@ __all__ = [
     "tile_shares",
     "to_half",
     "uniform",
+    "veil",
     "volume",
     "wave_depth",
     "wind_waves",
@@ -242,7 +243,7 @@ def veil(
     out: _Array,
     way: _Array,
     extinction: float,
-    patches: tuple[_Array, float, float] | None = None,
+    patches: tuple[_Array, float, float] | None,
 ) -> None: ...
 def uniform(out: _Float64, seed: int, stream: int) -> None: ...
 def wind_waves(out: _Float64, points: _Float64, k: _Float64, weights: _Float64) -> None: ...

@@ -53,10 +53,6 @@ class Layer:
     rgb : (h, w, 3) float32, optional
         Color of each pixel, linear light multiplied by alpha. Light without opacity (a glow) shows
         in linear light only: display values have no way to add it.
-    shade : Shade, optional
-        In place of `color`: one that differs slowly over the frame.
-    glow : (h, w, 3) float32, optional
-        With `shade`: light besides, linear and multiplied by opacities.
     depth : (h, w) float32, optional
         Where it is: planar depth in world units, for files with layers; infinity where nothing is.
     motion : (h, w, 2) float32, optional
@@ -67,19 +63,23 @@ class Layer:
         Opacity of what is drawn one by one, flakes and drops, without texture and veil.
     ids : (h, w) int32, optional
         The number of the flake or drop that shows most, the same in every frame; -1 for none.
+    shade : Shade, optional
+        In place of `color`: one that differs slowly over the frame.
+    glow : (h, w, 3) float32, optional
+        With `shade`: light besides, linear and multiplied by opacities.
     """
 
     name: str
     alpha: Array
     color: tuple[float, float, float] = (1.0, 1.0, 1.0)
     rgb: Array | None = None
-    shade: Shade | None = None
-    glow: Array | None = None
     depth: Array | None = None
     motion: Array | None = None
     backward: Array | None = None
     coverage: Array | None = None
     ids: Array | None = None
+    shade: Shade | None = None
+    glow: Array | None = None
 
     def rgba(self, color: Any) -> Array:
         """Return (h, w, 4) float32, premultiplied with `color` (3,)."""
