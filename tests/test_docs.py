@@ -87,6 +87,7 @@ RUNNING = [
     "camera.md",
     "depth.md",
     "gas.md",
+    "light.md",
     "stereo.md",
     "augment.md",
     "looks.md",

@@ -13,7 +13,7 @@ import pytest
 import flurries as fl
 
 ROOT = Path(__file__).parents[1]
-CORE = {"numpy", "openimageio", "pillow", "click", "tqdm", "tomli", "tomli-w"}
+CORE = {"numpy", "openimageio", "pillow", "click", "fileseq", "tqdm", "tomli", "tomli-w"}
 
 
 def test_the_core_needs_what_a_frame_needs_and_no_more():

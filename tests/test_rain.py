@@ -295,7 +295,8 @@ def test_the_command_line_rains(tmp_path: Path, capsys: pytest.CaptureFixture[st
     near = Scene((96, 64), "#203040", effects=[fl.Rain.preset("downpour")], depth=2.5).render(3)
     assert np.array_equal(read_picture(file).pixels, near)
     way = tmp_path / "way.csv"
-    way.write_text("x,y,z,rx,ry,rz\n0,0,0,0,0,0\n0,0,1,0,0.01,0\n")
+    rows = (f"0,0,{n},0,{0.01 * n},0\n" for n in range(4))
+    way.write_text("x,y,z,rx,ry,rz\n" + "".join(rows))
     assert main([*common, "--overwrite", "--rain", "rain", "--camera", str(way)]) == 0
     path = fl.CameraPath.load(way, Camera(1.2 * 96))
     turned = Scene((96, 64), "#203040", path, effects=[fl.Rain.preset("rain")]).render(3)

@@ -262,9 +262,11 @@ FILMS: dict[str, tuple[str, dict[str, Any], Tags]] = {
 
 
 def film(path: Path, tags: Tags, given: dict[str, Any]) -> None:
-    y, x = np.mgrid[:H, :W]
-    shade = np.stack([x / W, y / H, (x + y) / (H + W)], -1)
-    with io.VideoWriter(path, (W, H), 24, tags=tags, **given) as writer:
+    # Twice as large as plates: H.265 has no room in less than 64 px.
+    down, across = 2 * H, 2 * W
+    y, x = np.mgrid[:down, :across]
+    shade = np.stack([x / across, y / down, (x + y) / (down + across)], -1)
+    with io.VideoWriter(path, (across, down), 24, tags=tags, **given) as writer:
         for level in range(3):
             deep = (0.2 + 0.2 * level + 0.3 * shade) * (255 if writer.bits == 8 else 65535)
             writer.write(deep.astype(np.uint8 if writer.bits == 8 else np.uint16))
@@ -389,3 +391,9 @@ def test_snow_alone_in_prores_4444(tmp_path: Path):
     assert np.abs(rgba[..., 3] - truth.alpha).max() < 0.03
     with pytest.raises(ValueError, match="alone needs codec='prores-4444'"):
         scene.write(tmp_path / "b.mp4", "1-2", alone=True)
+
+
+def test_a_picture_too_small_for_h265_is_refused(tmp_path: Path):
+    """Its library wrote past its own memory there, and ended the process."""
+    with pytest.raises(ValueError, match=r"codec h265 needs 64 px in width or height, got 48 x 48"):
+        io.VideoWriter(tmp_path / "a.mp4", (48, 48), 24, codec="h265")

@@ -325,7 +325,7 @@ def test_without_anywidget_it_says_what_to_install(monkeypatch: pytest.MonkeyPat
 
 
 def test_size_seed_gusts_brightness_and_lens_have_sliders():
-    scene = SCENE.replace(effects=[fl.Snow(flake_size=(0.002, 0.004, 0.01))])
+    scene = SCENE.replace(effects=[fl.Snow(flake_size=(0.002, 0.004, 0.01), color=0.9)])
     values = {"0.flake_size": 8.0, "0.seed": 7, "0.gusts": 1.5, "0.color": 0.5}
     assert slider(scene, "0.flake_size").value == pytest.approx(4.0)
     assert slider(scene, "0.seed").value == SCENE.seed

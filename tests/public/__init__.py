@@ -69,6 +69,8 @@ class Call:
         Arrays of which integers are refused.
     within : float
         How far answers of float32 may be from those of float64, relative to the largest.
+    infinite : tuple of str
+        Numbers that may be infinite.
     words : tuple of str
         Strings that are no choice of a few.
     unused : tuple of str
@@ -93,6 +95,7 @@ class Call:
     takes: dict[str, tuple[str, ...]] = field(default_factory=dict)
     floats: tuple[str, ...] = ()
     within: float = 2e-5
+    infinite: tuple[str, ...] = ()
     words: tuple[str, ...] = ()
     unused: tuple[str, ...] = ()
     loose: bool = False

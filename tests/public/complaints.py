@@ -282,7 +282,8 @@ def values_for(call: Call, argument: str) -> Iterator[tuple[Any, bool]]:
         if isinstance(value, str) and not must:
             files = "PathLike" in kind or "Path" in kind
             must = not (files or argument in call.words or "Any" in kind)
-        if isinstance(value, float) and value is math.inf and parameter.default is math.inf:
+        far = parameter.default is math.inf or argument in call.infinite
+        if isinstance(value, float) and value is math.inf and far:
             must = False
         yield value, must and not call.loose and argument not in call.unused
 

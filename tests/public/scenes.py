@@ -71,7 +71,7 @@ CALLS: dict[str, Call] = {
     "Keys": Call({"keys": [(0, 1.0), (9, 2.0)]}),
     "Sun": Call({}),
     "Lamp": Call({"place": (1.0, -2.0, 6.0)}),
-    "Lens": Call({"focus": 4.0}, refused={"blades": (2,)}),
+    "Lens": Call({"focus": 4.0}, infinite=("focus",), refused={"blades": (2,)}),
     "Wind": Call({"mean": (1.0, 0.0, 0.0), "gusts": 0.5}),
     "Snow": Call({}),
     "TentSnow": Call({}),

@@ -222,7 +222,7 @@ class Weather(ABC):
         """
         given = stack_of("frames", frames)
         rate = real("fps", fps, low=1e-3, high=1e6)
-        start = _seconds(time)
+        start = real("time", time, low=-1e9, high=1e9)
         record = self._drawn(given[0], index)
         air = self._air(record)
         view = self._view(given.shape[1:3])
@@ -326,7 +326,7 @@ class Weather(ABC):
             )
         record = self._drawn(pictures[0], index)
         air = self._air(record)
-        moment = _seconds(time)
+        moment = real("time", time, low=-1e9, high=1e9)
         both = depth if isinstance(depth, tuple) else (depth, depth)
         if len(both) != 2:
             raise ValueError(f"depth must be one or (left, right), got {len(both)}")

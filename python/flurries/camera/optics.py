@@ -74,7 +74,7 @@ class Lens:
     >>> import flurries as fl
     >>> lens = fl.Lens(focus=4.0, f_stop=1.8, blades=6)
     >>> round(lens.circle(1.0, focal=1200.0, width=1000), 1)
-    20.2
+    21.8
     """
 
     focus: Number

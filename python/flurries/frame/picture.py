@@ -188,7 +188,7 @@ def _cut(layer: Layer, place: Window) -> Layer:
     if shade is not None:
         shade = replace(shade, first=(shade.first[0] + place[0], shade.first[1] + place[2]))
     alpha = np.ascontiguousarray(crop(layer.alpha, place))
-    return Layer(layer.name, alpha, layer.color, rgb, shade, glow)
+    return Layer(layer.name, alpha, layer.color, rgb, shade=shade, glow=glow)
 
 
 def draw(effect: Any, frame: Frame) -> tuple[Layer, ...]:

@@ -129,7 +129,10 @@ def to_half(values: Array) -> Array:
     """Round floats to half, with the largest half in place of infinity; NaN stays NaN."""
     if values.dtype == np.float32:
         half = np.empty(values.shape, np.float16)
-        _core.to_half(half.view(np.uint16).reshape(-1), np.ascontiguousarray(values).reshape(-1))
+        _core.to_half(
+            half.view(np.uint16).reshape(-1),
+            np.require(values, requirements=["C", "A"]).reshape(-1),
+        )
         return half
     bounded: Array = np.clip(values, -LARGEST_HALF, LARGEST_HALF)
     return bounded.astype(np.float16)

@@ -22,6 +22,7 @@ _X264 = {
     "medium": {"preset": "fast", "crf": "21"},
     "draft": {"preset": "veryfast", "crf": "28"},
 }
+_X265_LEAST = 64
 _X265 = {
     "high": {"preset": "medium", "crf": "18"},
     "medium": {"preset": "medium", "crf": "24"},
@@ -152,6 +153,11 @@ def encoder_for(
         options = {**_X264[quality], "mbtree": "0"}
         return Encoder("libx264", pixels, options, container, stored)
     if name == "h265":
+        # Below a coding block in both sides the library writes past its own memory.
+        if max(size) < _X265_LEAST:
+            raise ValueError(
+                f"codec h265 needs {_X265_LEAST} px in width or height, got {size[0]} x {size[1]}"
+            )
         still = "log-level=error:frame-threads=1:pools=none:info=0"
         options = {**_X265[quality], "x265-params": still}
         tag = "hvc1" if suffix != ".mkv" else None
