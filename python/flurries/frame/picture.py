@@ -107,9 +107,10 @@ class Picture:
         plate = crop(self.plate, place)
         front = None if self.front is None else self.front.window(place)
         part = common(band, self.inner) if self.asks and self.inner is not None else None
-        if part == band and front is None and len(self.asks) == 1 and mix.bytes_of(plate):
-            ask = self.asks[0]
-            made = self._layers(0, ask, _narrow(ask, part), part)
+        alone = self.asks[0] if len(self.asks) == 1 and front is None and part == band else None
+        # Only what is lit by places may go over bytes at once: else its layer waits in memory.
+        if alone is not None and _by_places(alone) and mix.bytes_of(plate):
+            made = self._layers(0, alone, _narrow(alone, band), band)
             if len(made) == 1:
                 with stage("composite"):
                     done = mix.in_bytes(made[0], plate, into)
@@ -178,6 +179,11 @@ def _narrow(ask: Ask, part: Window) -> Frame:
         return frame
     run = None if frame.run is None else replace(frame.run, key=(frame.run.key, part))
     return replace(frame, window=part, run=run)
+
+
+def _by_places(ask: Ask) -> bool:
+    """Whether the light on an effect differs over the frame."""
+    return "plate" in ask.needs.reads or bool(ask.frame.lights)
 
 
 def _cut(layer: Layer, place: Window) -> Layer:
