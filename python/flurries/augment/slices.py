@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from flurries import _core
 from flurries._contract import Array, Float64
 from flurries.augment.air import Air, Here, View
 from flurries.augment.distance import Distances
@@ -74,7 +75,8 @@ def labels_of(
         most.motion[...] = air.patches.motion(shape, fps)
     if air.loss <= 0.0 or air.falling is None:
         return Labels(alpha, motion, nearness, most)
-    for part in slices(Here(air, view, distances, time, fps if film else None), fps):
+    here = Here(air, view, distances, time, fps if film else None)
+    for part in slices(here, fps):
         weight = (1.0 - alpha) * part.opacity
         motion += weight[..., None] * part.motion
         nearness += weight / part.depth
@@ -83,7 +85,12 @@ def labels_of(
         most.opacity[seen] = part.opacity[seen]
         most.motion[seen] = np.broadcast_to(part.motion, (*shape, 2))[seen]
         most.depth[seen] = np.broadcast_to(part.depth, shape)[seen]
-    return Labels(alpha, motion, nearness, most)
+    # Each layer of the texture ends at no opacity by itself, so that slices together are a little
+    # denser than the picture's own sum: they are shares of that.
+    whole = np.empty(shape, np.float32)
+    _core.join(whole, here.planes() or [np.zeros(shape, np.float32)], 0.0)
+    share = np.divide(whole, alpha, out=np.zeros(shape, np.float32), where=alpha > _THIN)
+    return Labels(share * alpha, share[..., None] * motion, share * nearness, most)
 
 
 def slices(here: Here, fps: float) -> list[Slice]:
