@@ -46,7 +46,6 @@ def test_every_variable_that_the_code_reads_has_a_row():
 @pytest.fixture(scope="module")
 def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The pages that come from the code."""
-    import numpydoc  # noqa: F401
     import commands
     import reference
     import scenes
