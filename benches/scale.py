@@ -33,7 +33,7 @@ FIRST = "640 x 480, JPEG"
 TURNS = 3
 SECONDS = 1.0
 # Frames of a run with workers.
-FRAMES = 160
+FRAMES = 1040
 CORES = 10_000
 
 
