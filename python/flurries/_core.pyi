@@ -76,6 +76,7 @@ __all__ = [
     "particle_sort_pair",
     "particle_splat",
     "particle_sway_offsets",
+    "particle_variance",
     "plate_cells",
     "png_chunk",
     "random_phase",
@@ -86,6 +87,7 @@ __all__ = [
     "shade_behind",
     "shade_light",
     "shade_over",
+    "smooth",
     "snow",
     "snowfall",
     "temporal_filter",
@@ -331,6 +333,8 @@ def particle_sway_offsets(
     out: _Float64, seed: int, time: float, sway: tuple[float, float]
 ) -> None: ...
 def particle_image(variance: _Float64, share: _Float64, sigma: _Float64) -> None: ...
+def particle_variance(out: _Float64, sigma: _Float64) -> None: ...
+def smooth(out: _Float64, t: _Float64) -> None: ...
 def particle_presence(
     out: _Float64, index: npt.NDArray[np.int64], count: int, amount: float, fade_in: float
 ) -> None: ...

@@ -12,9 +12,7 @@ use super::sprite::{Lens, RIM_SHARE, Sprite};
 use crate::base::error::{Cancel, Error, pushed};
 use crate::base::pool;
 use crate::base::real::Real;
-
-/// The least sigma in px before the pixel's square widens it.
-pub const LEAST_SIGMA: f64 = 0.3;
+use crate::base::sampling::LEAST_SIGMA;
 
 /// Rows of one item of work.
 const BAND: usize = 16;

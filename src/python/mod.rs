@@ -60,7 +60,7 @@ mod core {
         SortedFlakes, lamp_light, particle_draw, particle_draw_lit, particle_edge_fade,
         particle_ids, particle_image, particle_positions, particle_presence, particle_size_fade,
         particle_sort, particle_sort_listed, particle_sort_pair, particle_splat,
-        particle_sway_offsets,
+        particle_sway_offsets, particle_variance, smooth,
     };
     #[pymodule_export]
     use super::random::uniform;

@@ -10,6 +10,8 @@ use super::gate::{self, Plane, PlaneMut, each_map};
 use crate::base::error::Error;
 use crate::base::lamps::Lamps;
 use crate::base::real::Real;
+use crate::base::sampling::integrated;
+use crate::base::smooth::smoothstep;
 use crate::particles::closeup::aperture::Blur;
 use crate::particles::closeup::lit;
 use crate::particles::closeup::near::{self, Closeup, Split};
@@ -420,6 +422,21 @@ pub fn particle_image(
 ) -> PyResult<()> {
     gate::each(&mut variance, &sigma, |sigma| image_of(sigma * sigma).0)?;
     gate::each(&mut share, &sigma, |sigma| image_of(sigma * sigma).1)
+}
+
+/// Fills `out` (n,) with the variances of the integrated images of flakes of these sigmas, px.
+#[pyfunction]
+pub fn particle_variance(
+    mut out: PyReadwriteArray1<'_, f64>,
+    sigma: PyReadonlyArray1<'_, f64>,
+) -> PyResult<()> {
+    gate::each(&mut out, &sigma, integrated)
+}
+
+/// Fills `out` (n,) with 0 below 0, 1 above 1 and the cubic between.
+#[pyfunction]
+pub fn smooth(mut out: PyReadwriteArray1<'_, f64>, t: PyReadonlyArray1<'_, f64>) -> PyResult<()> {
+    gate::each(&mut out, &t, smoothstep)
 }
 
 /// Fills `out` (n,) with how much of the flakes of these indices, of `count`, is there.

@@ -20,6 +20,7 @@ from flurries._contract import (
 )
 from flurries._contract import pixels as pixels_of
 from flurries.cone.sheet import LARGEST_TILE
+from flurries.particles.looks import smoothstep
 
 __all__ = ["rain_tile", "sleet_tile", "snow_tile", "tile_of"]
 
@@ -234,8 +235,7 @@ def _joined(plane: Float64, axis: int, share: float) -> Float64:
     if wide == 0:
         return plane
     keep = lines[: len(lines) - wide].copy()
-    part = (np.arange(wide) + 0.5) / wide
-    weight = (part * part * (3.0 - 2.0 * part))[:, None]
+    weight = smoothstep((np.arange(wide) + 0.5) / wide)[:, None]
     # Row -1 of the result is the one before the rows that were cut off: they lead into row 0.
     keep[:wide] = weight * keep[:wide] + (1.0 - weight) * lines[len(lines) - wide :]
     return np.ascontiguousarray(np.moveaxis(keep, 0, axis))

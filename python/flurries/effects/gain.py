@@ -14,10 +14,7 @@ import numpy as np
 from numpy.polynomial.legendre import leggauss
 
 from flurries._contract import Float64
-
-# A pixel's square widens what it shows, and sigma is not under 0.3 px before that.
-PIXEL_VARIANCE = 1.0 / 12.0
-LEAST_SIGMA = 0.3
+from flurries.particles.looks import exact_variance
 
 # Lengths of streaks that gains are given for, px.
 STREAKS = np.array(
@@ -43,7 +40,7 @@ def gains_of(diameters: Float64, opacity: float) -> Float64:
         Of a resting flake's middle.
     """
     raw = np.asarray(diameters, np.float64) / np.sqrt(8.0)
-    sigma = np.sqrt(np.maximum(raw, LEAST_SIGMA) ** 2 + PIXEL_VARIANCE)
+    sigma = np.sqrt(exact_variance(raw))
     peak = opacity * raw**2 / sigma**2
     weight = peak * sigma**2
     weight[[0, -1]] *= 0.5

@@ -10,9 +10,7 @@ import numpy as np
 from numpy.polynomial.legendre import leggauss
 
 from flurries._contract import Float64, real, vector
-
-# What the flakes' kernel does (particles.sprite): variances in px^2.
-PIXEL_VARIANCE, LEAST_VARIANCE, RIM_SHARE = 1.0 / 12.0, 0.38, 4.8e-4
+from flurries.particles.looks import image_of, smoothstep
 
 # Over these shares of the nearest and of the farthest depth flakes fade in, so that none pops.
 FADE = 0.1
@@ -102,14 +100,7 @@ def seen(population: Population, focal: float) -> Seen:
     depth, size = (grid.ravel() for grid in np.meshgrid(z, radius, indexing="ij"))
     weight = np.outer(share, 0.5 * wy).ravel()
     sigma = focal * size / (3.0 * depth)
-    variance = np.maximum(sigma**2 + PIXEL_VARIANCE, LEAST_VARIANCE)
-    amplitude = population.opacity * population.fade(depth)
-    amplitude *= sigma**2 / variance * (1.0 + RIM_SHARE / variance)
+    variance, share = image_of(sigma)
+    amplitude = population.opacity * population.fade(depth) * share
     number = population.density * (depth / focal) ** 2 * weight
     return Seen(depth, sigma, number, variance, amplitude)
-
-
-def smoothstep(t: Float64) -> Float64:
-    """Return 0 below 0, 1 above 1, and the cubic between."""
-    part = np.clip(t, 0.0, 1.0)
-    return np.asarray(part * part * (3.0 - 2.0 * part))

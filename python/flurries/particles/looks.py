@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 import numpy.typing as npt
 
@@ -21,6 +23,22 @@ def image_of(sigma: npt.ArrayLike) -> tuple[Float64, Float64]:
     variance, share = np.empty(given.shape), np.empty(given.shape)
     _core.particle_image(variance.reshape(-1), share.reshape(-1), given.reshape(-1))
     return variance, share
+
+
+def exact_variance(sigma: npt.ArrayLike) -> Float64:
+    """Return the variances, px^2, of flakes that are drawn exactly: integrated over each pixel.
+
+    Parameters
+    ----------
+    sigma : array
+        ``f radius / (3 z)`` of flakes, px, of any shape.
+    """
+    return _of_each(_core.particle_variance, sigma)
+
+
+def smoothstep(t: npt.ArrayLike) -> Float64:
+    """Return 0 below 0, 1 above 1, and the cubic that is level at both between; of any shape."""
+    return _of_each(_core.smooth, t)
 
 
 def presence(index: npt.ArrayLike, *, count: int, amount: float, fade_in: float) -> Float64:
@@ -51,7 +69,11 @@ def size_fade(sigma: npt.ArrayLike, limits: tuple[float, float]) -> Float64:
     limits : (low, high)
         Sigmas, px.
     """
-    given = np.ascontiguousarray(sigma, np.float64)
-    shown = np.empty(given.shape)
-    _core.particle_size_fade(shown.reshape(-1), given.reshape(-1), limits)
-    return shown
+    return _of_each(_core.particle_size_fade, sigma, limits)
+
+
+def _of_each(law: Callable[..., None], given: npt.ArrayLike, *more: object) -> Float64:
+    values = np.ascontiguousarray(given, np.float64)
+    out = np.empty(values.shape)
+    law(out.reshape(-1), values.reshape(-1), *more)
+    return out

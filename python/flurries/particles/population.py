@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from flurries._contract import Float64
+from flurries.particles.looks import smoothstep
 from flurries.particles.sizes import Sizes
 
 # Sigma of a flake's image from which it is drawn, px: a texture of waves resolves less.
@@ -126,8 +127,7 @@ def drawn_share(depth: Float64, reach: float, far: float) -> Float64:
     """Return which part of the flakes at depths is drawn, 1 near to 0 far; all up to `far`."""
     if reach >= far:
         return np.where(np.asarray(depth) <= far, 1.0, 0.0)
-    part = np.clip((np.asarray(depth, np.float64) / reach - 1.0) / FADE, 0.0, 1.0)
-    return np.asarray(1.0 - part * part * (3.0 - 2.0 * part))
+    return 1.0 - smoothstep((np.asarray(depth, np.float64) / reach - 1.0) / FADE)
 
 
 @dataclass(frozen=True, eq=False)

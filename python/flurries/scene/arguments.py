@@ -3,13 +3,22 @@
 from __future__ import annotations
 
 import operator
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
 from flurries._contract import integer, real
 from flurries.frame.bands import whole
+from flurries.frame.effect import Effect
 from flurries.frame.visible import Window
+from flurries.light.lamp import Lamp
+
+# A file of a few kilobytes could ask for more than anybody would wait for.
+MOST_EFFECTS = 1000
+
+# Every lamp shines on every flake.
+MOST_LIGHTS = 64
 
 
 def parse_size(size: object) -> tuple[int, int]:
@@ -49,3 +58,32 @@ def parse_region(region: Any, shape: tuple[int, int]) -> Window:
             raise ValueError(f"{wanted}, inside {shape} and not empty, got {region!r}")
         window += [start, stop]
     return window[0], window[1], window[2], window[3]
+
+
+def require_few(effects: Sequence[object]) -> None:
+    """Refuse more effects than a scene may have."""
+    if len(effects) > MOST_EFFECTS:
+        raise ValueError(f"effects must be at most {MOST_EFFECTS}, got {len(effects)}")
+
+
+def effects_of(given: Effect | Sequence[Effect]) -> tuple[Effect, ...]:
+    """Return the effects of a scene, or refuse what is none."""
+    listed: Any = (given,) if callable(getattr(given, "render", None)) else given
+    if not isinstance(listed, (list, tuple)):
+        raise TypeError(f"effects must be a sequence of effects, got {listed!r}")
+    require_few(listed)
+    for index, effect in enumerate(listed):
+        if isinstance(effect, type) or not callable(getattr(effect, "render", None)):
+            raise TypeError(f"effects[{index}] must be an effect, got {effect!r}")
+    return tuple(listed)
+
+
+def lights_of(lights: Any) -> tuple[Lamp, ...]:
+    """Return the lamps of a scene, or refuse what is none."""
+    if isinstance(lights, Lamp):
+        return (lights,)
+    if not isinstance(lights, (list, tuple)) or not all(isinstance(one, Lamp) for one in lights):
+        raise TypeError(f"lights must be a sequence of flurries.Lamp, got {lights!r}")
+    if len(lights) > MOST_LIGHTS:
+        raise ValueError(f"lights must be at most {MOST_LIGHTS}, got {len(lights)}")
+    return tuple(lights)

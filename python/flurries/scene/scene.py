@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import errno
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from copy import copy
@@ -14,7 +13,7 @@ from typing import TYPE_CHECKING, Any, Literal, TypeAlias, overload
 import numpy as np
 
 from flurries._contract import Array, choice, integer, real, seed_of, suggesting
-from flurries.camera.extent import extent, holding
+from flurries.camera.extent import holding
 from flurries.camera.lens import Camera
 from flurries.camera.optics import Lens
 from flurries.camera.path import CameraPath, as_path
@@ -24,18 +23,22 @@ from flurries.frame.program import Program
 from flurries.frame.truth import Rendered, truth
 from flurries.io import open_background
 from flurries.io.colorspace import ColorSpace
-from flurries.io.films.codecs import frame_rate
-from flurries.io.pictures.slate import Slate, read_slate
 from flurries.io.sequences import MOST_FRAMES
-from flurries.io.sources import Source, VideoSource
-from flurries.io.spans import EXTEND, Span, words_of
+from flurries.io.sources import Source
+from flurries.io.spans import EXTEND
 from flurries.light.lamp import Lamp
 from flurries.light.sun import Sun
-from flurries.scene.arguments import parse_region, parse_size, parse_tolerance
+from flurries.scene.arguments import (
+    effects_of,
+    lights_of,
+    parse_region,
+    parse_size,
+    parse_tolerance,
+)
 from flurries.scene.background import Backdrop, backdrop
 from flurries.scene.depth import DepthMap, Distance, distance_of
+from flurries.scene.files import Sources
 from flurries.scene.foreground import Foreground, Mattes, mattes_of
-from flurries.scene.numbered import Numbered
 from flurries.scene.numbers import Frames, frames_of
 from flurries.scene.overscan import Display
 from flurries.scene.words import line_of, page_of
@@ -60,12 +63,6 @@ Region: TypeAlias = tuple[slice, slice]
 
 SPACES = ("auto", "display", "linear")
 
-# A file of a few kilobytes could ask for more than anybody would wait for.
-MOST_EFFECTS = 1000
-
-# Every lamp shines on every flake.
-MOST_LIGHTS = 64
-
 # Frames per second, where neither the caller nor a film says it.
 DEFAULT_FPS = 30.0
 
@@ -73,15 +70,9 @@ DEFAULT_FPS = 30.0
 DEFAULT_FOCAL = 1.2
 
 
-def require_few(effects: Sequence[object]) -> None:
-    """Refuse more effects than a scene may have."""
-    if len(effects) > MOST_EFFECTS:
-        raise ValueError(f"effects must be at most {MOST_EFFECTS}, got {len(effects)}")
-
-
 @suggesting
 @dataclass(frozen=True, eq=False, init=False, repr=False)
-class Scene:
+class Scene(Sources):
     """What a film is made of: a background, a camera's way, and the weather.
 
     Parameters
@@ -223,14 +214,14 @@ class Scene:
         settle("camera", as_path(usual if camera is None else camera, usual.focal))
         path = holding(self.camera) if self._holds else self.camera
         settle("_path", replace(path, camera=self._in_frame(path.camera)))
-        settle("effects", _effects_of(effects))
+        settle("effects", effects_of(effects))
         front = tuple(foreground) if isinstance(foreground, list) else foreground
         settle("foreground", front)
         settle("_mattes", mattes_of(front, self.shape, **numbers))
         if sun is not None and not isinstance(sun, Sun):
             raise TypeError(f"sun must be a flurries.Sun, got {sun!r}")
         settle("sun", sun)
-        settle("lights", _lights_of(lights))
+        settle("lights", lights_of(lights))
         if lens is not None and not isinstance(lens, Lens):
             raise TypeError(f"lens must be a flurries.Lens, got {lens!r}")
         settle("lens", lens)
@@ -271,28 +262,6 @@ class Scene:
         """The background's color space, where it is said."""
         return None if self.colorspace is None else ColorSpace.of("colorspace", self.colorspace)
 
-    def slate(self, t: float) -> Slate:
-        """Return what the background's frame floor(t) says of itself, at the scene's rate."""
-        rate = frame_rate(self.fps)
-        files = self._backdrop.files
-        if files is None or not isinstance(files.source, Source):
-            return Slate().at(rate)
-        place = files.place(t)
-        if isinstance(files.source, VideoSource):
-            code = files.source.tags.timecode
-            return Slate().at(rate, None if code is None else code.later(place))
-        try:
-            found = read_slate(files.source.file(place))
-        except (OSError, ValueError):
-            if files.source.damaged != "hold":
-                raise
-            # Its frame is that of an earlier plate, which was at another time.
-            found = Slate()
-        if self.size != files.source.size:
-            # Fitted to another size: other windows and pixels.
-            found = found.resized()
-        return found.at(rate)
-
     def _in_frame(self, camera: Camera) -> Camera:
         """Return a camera of the display window as one of the frame."""
         if self._backdrop.display is None:
@@ -300,67 +269,6 @@ class Scene:
         left, top, width, height = self._backdrop.display
         x, y = (width / 2, height / 2) if camera.center is None else camera.center
         return camera.derive(center=(left + x, top + y))
-
-    @property
-    def frames(self) -> int | None:
-        """How many frames the background has; None for a still."""
-        return self._backdrop.count
-
-    @property
-    def range(self) -> tuple[int, int] | None:
-        """The numbers of the background's first and last frame; None for a still."""
-        files = self._backdrop.files
-        return None if files is None or files.span is None else (files.span.first, files.span.last)
-
-    @property
-    def spans(self) -> list[Span]:
-        """The frame numbers of all that has any: files and a camera from a file."""
-        found = [files.span for files in self.files.values() if files.span is not None]
-        ends = extent(self.camera)
-        if ends is not None:
-            found.append(Span("camera", *ends, "hold" if self._holds else "stop"))
-        return found
-
-    @property
-    def files(self) -> dict[str, Numbered]:
-        """The files that frames are made of, by the argument that names them."""
-        found: dict[str, Numbered] = {}
-        if self._backdrop.files is not None:
-            found["background"] = self._backdrop.files
-        if self._distance is not None and self._distance.files is not None:
-            found["depth"] = self._distance.files
-        return found if self._mattes is None else found | self._mattes.sources()
-
-    @property
-    def _holds(self) -> bool:
-        return self.extend == "hold" and extent(self.camera) is not None
-
-    def require(self, frames: Sequence[int], *, gaps: bool = True) -> None:
-        """Refuse frame numbers that a file or the camera does not have.
-
-        Parameters
-        ----------
-        frames : sequence of int
-        gaps : bool
-            Whether files that are missing between the first and the last are refused too.
-
-        Raises
-        ------
-        ValueError, FileNotFoundError
-            The message names the numbers that are asked for, and those that are there.
-        """
-        for span in self.spans:
-            if outside := span.outside(frames):
-                asked = words_of(frames)
-                raise ValueError(f"frames {asked} are asked for; {span.complaint(outside)}")
-        for name, files in self.files.items() if gaps else ():
-            if missing := files.gaps(list(frames)):
-                assert files.span is not None
-                raise FileNotFoundError(
-                    errno.ENOENT,
-                    f"of {files.span.words} the {name} lacks {words_of(missing)}",
-                    files.source.spec,
-                )
 
     def __reduce__(self) -> tuple[Any, ...]:
         # What it was made from, not what was made of it: a color is not a picture of it.
@@ -458,34 +366,6 @@ class Scene:
             return truth(self.program, time, views, window)
         return images(self.program, time, views, window, limit)
 
-    def look(self, t: float) -> None:
-        """Read background, depth and mattes of a frame, as `render` will.
-
-        Raises
-        ------
-        OSError, ValueError
-            If one of them is missing or damaged.
-        """
-        time = real("t", t)
-        self._backdrop.frame(time)
-        if self._distance is not None:
-            self._distance.frame(time)
-        if self._mattes is not None:
-            self._mattes.frame(time)
-
-    @property
-    def film(self) -> Any:
-        """The source of a background that is a video; None for others."""
-        source = self._source
-        return source if isinstance(source, VideoSource) else None
-
-    @property
-    def held(self) -> set[int]:
-        """Frames rendered so far whose background is that of an earlier one."""
-        files = self._backdrop.files
-        first = 0 if files is None or files.span is None else files.span.first
-        return {first + place for place in getattr(self._source, "held", ())}
-
     def holding(self) -> Scene:
         """Return the scene with a background that holds its last good frame where one is bad."""
         source = self._source
@@ -494,17 +374,6 @@ class Scene:
         return self.replace(
             background=open_background(source.spec, damaged="hold", overscan=source.overscan)
         )
-
-    @property
-    def _source(self) -> Any:
-        """The opened files of the background, or None."""
-        files = self._backdrop.files
-        return None if files is None else files.source
-
-    @property
-    def deep(self) -> bool:
-        """Whether the background has more than 8 bits a color."""
-        return self._backdrop.deep
 
     @cached_property
     def fine(self) -> Scene:
@@ -741,34 +610,11 @@ class Scene:
         return self.space == "linear"
 
 
-def _lights_of(lights: Any) -> tuple[Lamp, ...]:
-    """Return the lamps of a scene, or refuse what is none."""
-    if isinstance(lights, Lamp):
-        return (lights,)
-    if not isinstance(lights, (list, tuple)) or not all(isinstance(one, Lamp) for one in lights):
-        raise TypeError(f"lights must be a sequence of flurries.Lamp, got {lights!r}")
-    if len(lights) > MOST_LIGHTS:
-        raise ValueError(f"lights must be at most {MOST_LIGHTS}, got {len(lights)}")
-    return tuple(lights)
-
-
 def expect_scene(scene: object) -> Scene:
     """Return a scene, or refuse what is none."""
     if not isinstance(scene, Scene):
         raise TypeError(f"scene must be a flurries.Scene, got {type(scene).__name__}")
     return scene
-
-
-def _effects_of(given: Effect | Sequence[Effect]) -> tuple[Effect, ...]:
-    """Return the effects of a scene, or refuse what is none."""
-    listed: Any = (given,) if callable(getattr(given, "render", None)) else given
-    if not isinstance(listed, (list, tuple)):
-        raise TypeError(f"effects must be a sequence of effects, got {listed!r}")
-    require_few(listed)
-    for index, effect in enumerate(listed):
-        if isinstance(effect, type) or not callable(getattr(effect, "render", None)):
-            raise TypeError(f"effects[{index}] must be an effect, got {effect!r}")
-    return tuple(listed)
 
 
 def _scene_of(values: dict[str, Any]) -> Scene:

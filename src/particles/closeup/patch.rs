@@ -4,6 +4,7 @@ use super::aperture::Blur;
 use super::bank::{Bank, SHAPES};
 use super::near::VARIANCE_OF_DISC;
 use crate::base::random::Hash;
+use crate::base::sampling::sampled;
 use crate::particles::sprite::{Flake, Lens, RIM_SHARE, Sprite};
 
 /// What a flake looks like from near.
@@ -186,8 +187,7 @@ impl Patch {
     /// A Gaussian at rest; `sigma` in texels.
     fn dot(&mut self, place: [f64; 2], sigma: f64) {
         let [columns, rows] = self.size;
-        // The pixel's own width counts: of a Gaussian it is a twelfth.
-        let sigma = (sigma * sigma + 1.0 / 12.0).max(0.38).sqrt();
+        let sigma = sampled(sigma * sigma).sqrt();
         let line = |count: usize, middle: f64| -> Vec<f32> {
             let value = |k: usize| {
                 let away = (k as f64 + 0.5 - middle) / sigma;

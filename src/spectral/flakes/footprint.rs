@@ -6,7 +6,7 @@
 
 use std::f64::consts::{FRAC_1_SQRT_2, FRAC_PI_4};
 
-use super::pattern::LEAST_SIGMA;
+use crate::base::sampling::LEAST_SIGMA;
 
 /// Samples of the grid along a pixel.
 pub const FINE: usize = 4;

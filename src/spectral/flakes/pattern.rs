@@ -15,13 +15,11 @@ use crate::base::error::{Cancel, Error, collected, spare, zeroed};
 use crate::base::pool;
 use crate::base::random::Hash;
 use crate::base::real::Real;
+use crate::base::sampling::LEAST_SIGMA;
 use crate::base::simd::reproducible;
 
 /// What the numbers of a seed are for.
 pub(super) const PLACES: i64 = 0x666c_616b_6530;
-
-/// Of a sprite, before the pixel's square; narrower ones could not be moved between pixels.
-pub(super) const LEAST_SIGMA: f64 = 0.3;
 
 /// Deviations that a sprite reaches: beyond lies less than float64 holds of it.
 const REACH: f64 = 8.3;

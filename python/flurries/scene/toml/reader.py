@@ -19,9 +19,10 @@ from flurries.light.lamp import Lamp
 from flurries.light.sun import Sun
 from flurries.motion.keys import Keys
 from flurries.motion.wind import Wind
+from flurries.scene.arguments import require_few
 from flurries.scene.depth import DepthMap
 from flurries.scene.foreground import Foreground
-from flurries.scene.scene import DEFAULT_FOCAL, Scene, require_few
+from flurries.scene.scene import DEFAULT_FOCAL, Scene
 from flurries.scene.toml.place import SceneText, require_short_keys
 from flurries.scene.toml.tables import DEPTH, LAMP, LENS, OPENING, SCENE, SUN, WAY, WIND
 from flurries.scene.toml.version import upgrade

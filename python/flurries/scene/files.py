@@ -1,0 +1,153 @@
+"""What the files of a scene say: their numbers, gaps and slates, and which frames they have."""
+
+from __future__ import annotations
+
+import errno
+from collections.abc import Sequence
+from typing import Any
+
+from flurries._contract import real
+from flurries.camera.extent import extent
+from flurries.camera.path import CameraPath
+from flurries.io.films.codecs import frame_rate
+from flurries.io.pictures.slate import Slate, read_slate
+from flurries.io.sources import Source, VideoSource
+from flurries.io.spans import Span, words_of
+from flurries.scene.background import Backdrop
+from flurries.scene.depth import Distance
+from flurries.scene.foreground import Mattes
+from flurries.scene.numbered import Numbered
+
+
+class Sources:
+    """The part of a scene that answers for its files: background, depth, mattes and camera."""
+
+    size: tuple[int, int]
+    fps: float
+    camera: CameraPath
+    extend: Any
+    _backdrop: Backdrop
+    _mattes: Mattes | None
+    _distance: Distance | None
+
+    def slate(self, t: float) -> Slate:
+        """Return what the background's frame floor(t) says of itself, at the scene's rate."""
+        rate = frame_rate(self.fps)
+        files = self._backdrop.files
+        if files is None or not isinstance(files.source, Source):
+            return Slate().at(rate)
+        place = files.place(t)
+        if isinstance(files.source, VideoSource):
+            code = files.source.tags.timecode
+            return Slate().at(rate, None if code is None else code.later(place))
+        try:
+            found = read_slate(files.source.file(place))
+        except (OSError, ValueError):
+            if files.source.damaged != "hold":
+                raise
+            # Its frame is that of an earlier plate, which was at another time.
+            found = Slate()
+        if self.size != files.source.size:
+            # Fitted to another size: other windows and pixels.
+            found = found.resized()
+        return found.at(rate)
+
+    @property
+    def frames(self) -> int | None:
+        """How many frames the background has; None for a still."""
+        return self._backdrop.count
+
+    @property
+    def range(self) -> tuple[int, int] | None:
+        """The numbers of the background's first and last frame; None for a still."""
+        files = self._backdrop.files
+        return None if files is None or files.span is None else (files.span.first, files.span.last)
+
+    @property
+    def spans(self) -> list[Span]:
+        """The frame numbers of all that has any: files and a camera from a file."""
+        found = [files.span for files in self.files.values() if files.span is not None]
+        ends = extent(self.camera)
+        if ends is not None:
+            found.append(Span("camera", *ends, "hold" if self._holds else "stop"))
+        return found
+
+    @property
+    def files(self) -> dict[str, Numbered]:
+        """The files that frames are made of, by the argument that names them."""
+        found: dict[str, Numbered] = {}
+        if self._backdrop.files is not None:
+            found["background"] = self._backdrop.files
+        if self._distance is not None and self._distance.files is not None:
+            found["depth"] = self._distance.files
+        return found if self._mattes is None else found | self._mattes.sources()
+
+    @property
+    def _holds(self) -> bool:
+        return self.extend == "hold" and extent(self.camera) is not None
+
+    def require(self, frames: Sequence[int], *, gaps: bool = True) -> None:
+        """Refuse frame numbers that a file or the camera does not have.
+
+        Parameters
+        ----------
+        frames : sequence of int
+        gaps : bool
+            Whether files that are missing between the first and the last are refused too.
+
+        Raises
+        ------
+        ValueError, FileNotFoundError
+            The message names the numbers that are asked for, and those that are there.
+        """
+        for span in self.spans:
+            if outside := span.outside(frames):
+                asked = words_of(frames)
+                raise ValueError(f"frames {asked} are asked for; {span.complaint(outside)}")
+        for name, files in self.files.items() if gaps else ():
+            if missing := files.gaps(list(frames)):
+                assert files.span is not None
+                raise FileNotFoundError(
+                    errno.ENOENT,
+                    f"of {files.span.words} the {name} lacks {words_of(missing)}",
+                    files.source.spec,
+                )
+
+    def look(self, t: float) -> None:
+        """Read background, depth and mattes of a frame, as `render` will.
+
+        Raises
+        ------
+        OSError, ValueError
+            If one of them is missing or damaged.
+        """
+        time = real("t", t)
+        self._backdrop.frame(time)
+        if self._distance is not None:
+            self._distance.frame(time)
+        if self._mattes is not None:
+            self._mattes.frame(time)
+
+    @property
+    def film(self) -> Any:
+        """The source of a background that is a video; None for others."""
+        source = self._source
+        return source if isinstance(source, VideoSource) else None
+
+    @property
+    def held(self) -> set[int]:
+        """Frames rendered so far whose background is that of an earlier one."""
+        files = self._backdrop.files
+        first = 0 if files is None or files.span is None else files.span.first
+        return {first + place for place in getattr(self._source, "held", ())}
+
+    @property
+    def _source(self) -> Any:
+        """The opened files of the background, or None."""
+        files = self._backdrop.files
+        return None if files is None else files.source
+
+    @property
+    def deep(self) -> bool:
+        """Whether the background has more than 8 bits a color."""
+        return self._backdrop.deep
