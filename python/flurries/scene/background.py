@@ -228,9 +228,12 @@ def _of_array(background: Any, size: tuple[int, int] | None) -> Backdrop:
     if size is not None and size != own:
         hint = "; size is (width, height)" if size == own[::-1] else ""
         raise ValueError(f"background must have size {size}, got {own}{hint}")
-    # A copy: a frame must not change because the caller's array did.
+    # A copy: a frame must not change because the caller's array did. One that nobody can change, as
+    # that of another scene, is taken as it is.
+    frozen = given.base is None and not given.flags.writeable
     pixels = np.array(
-        given, dtype=np.float32 if kind == "f" else given.dtype.newbyteorder("="), order="C"
-    )
+        given, dtype=np.float32 if kind == "f" else given.dtype, order="C",
+        copy=None if frozen else True,
+    )  # fmt: skip
     pixels.flags.writeable = False
     return Backdrop(own, "linear" if kind == "f" else "display", None, pixels)

@@ -195,9 +195,12 @@ class Scene(Sources):
         if start is not None:
             start = integer("start", start, low=0, high=MOST_FRAMES)
         settle("start", start)
-        settle("background", background)
         numbers: dict[str, Any] = {"extend": extend, "start": start}
         settle("_backdrop", backdrop(background, wanted, **numbers))
+        if isinstance(background, np.ndarray):
+            # The copy that it was made into: the caller's array may change.
+            background = self._backdrop.source
+        settle("background", background)
         settle("colorspace", colorspace)
         if self.color is not None:
             if space == "display":
