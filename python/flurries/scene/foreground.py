@@ -55,6 +55,10 @@ class Foreground:
     source: Any
     depth: Any = None
 
+    def __post_init__(self) -> None:
+        for name in ("source", "depth"):
+            object.__setattr__(self, name, frozen(getattr(self, name)))
+
 
 @dataclass(frozen=True, eq=False)
 class _Still:
@@ -147,6 +151,15 @@ class Mattes:
 
     def __getstate__(self) -> dict[str, Any]:
         return {**self.__dict__, "_last": None}
+
+
+def frozen(value: Any) -> Any:
+    """Return an argument as nobody can change it: of an array that can be, a copy."""
+    if not isinstance(value, np.ndarray) or (value.base is None and not value.flags.writeable):
+        return value
+    own = value.copy()
+    own.flags.writeable = False
+    return own
 
 
 def listed(value: Any) -> list[Foreground]:

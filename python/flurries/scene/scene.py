@@ -38,7 +38,7 @@ from flurries.scene.arguments import (
 from flurries.scene.background import Backdrop, backdrop
 from flurries.scene.depth import DepthMap, Distance, distance_of
 from flurries.scene.files import Sources
-from flurries.scene.foreground import Foreground, Mattes, mattes_of
+from flurries.scene.foreground import Foreground, Mattes, frozen, mattes_of
 from flurries.scene.numbers import Frames, frames_of
 from flurries.scene.overscan import Display
 from flurries.scene.words import line_of, page_of
@@ -218,7 +218,8 @@ class Scene(Sources):
         path = holding(self.camera) if self._holds else self.camera
         settle("_path", replace(path, camera=self._in_frame(path.camera)))
         settle("effects", effects_of(effects))
-        front = tuple(foreground) if isinstance(foreground, list) else foreground
+        several = isinstance(foreground, (list, tuple))
+        front: Any = tuple(map(frozen, foreground)) if several else frozen(foreground)  # type: ignore[arg-type]
         settle("foreground", front)
         settle("_mattes", mattes_of(front, self.shape, **numbers))
         if sun is not None and not isinstance(sun, Sun):
