@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import copy
+import inspect
+import json
 import multiprocessing
 import pickle
 import subprocess
@@ -13,11 +15,17 @@ import albumentations as A
 import numpy as np
 import pytest
 import torch
-from kornia.augmentation import AugmentationSequential, RandomGaussianNoise
+import yaml
+from kornia.augmentation import (
+    AugmentationSequential,
+    RandomGaussianNoise,
+    RandomHorizontalFlip,
+)
 from PIL import Image
 from snowed import PHOTOGRAPH, Snowed
 from torch.utils.data import DataLoader
 from torchvision import tv_tensors
+from torchvision.transforms import v2
 
 import flurries as fl
 from flurries.augment import albumentations as fla
@@ -241,7 +249,7 @@ def test_what_is_empty_or_short_stays_so():
     assert flk.Rainfall(severity=3, p=1.0)(empty).shape == empty.shape
     half = torch.rand(3, 32, 32).to(torch.bfloat16).requires_grad_()
     seen = transform(half)
-    assert seen.dtype == torch.bfloat16 and not seen.requires_grad
+    assert seen.dtype == torch.bfloat16 and seen.requires_grad
 
 
 @pytest.mark.parametrize("module", [fla, flt, flk])
@@ -251,3 +259,166 @@ def test_names_that_nobody_knows_are_answered(module: object, kind: str):
         getattr(module, kind)(severty=3)
     with pytest.raises(TypeError, match="seed belongs to the pipeline"):
         getattr(module, kind)(seed=3)
+
+
+@pytest.mark.parametrize("module", [fla, flt, flk])
+@pytest.mark.parametrize("kind", KINDS)
+def test_signatures_are_those_of_the_weathers(module: object, kind: str):
+    plain = inspect.signature(getattr(fl.augment, kind)).parameters
+    found = inspect.signature(getattr(module, kind)).parameters
+    for name, parameter in plain.items():
+        if name != "seed":
+            assert found[name].default == parameter.default
+            assert found[name].kind is parameter.kind is inspect.Parameter.KEYWORD_ONLY
+    assert "seed" not in found
+    assert not any(p.kind is p.VAR_KEYWORD for p in found.values())
+
+
+# What comes out beside the picture ---------------------------------------------------------------
+
+SHAPE = PHOTOGRAPH.shape[:2]
+BOXES = [[10.0, 20.0, 60.0, 80.0]]
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_albumentations_gives_alpha_and_record(kind: str):
+    transform = getattr(fla, kind)(
+        severity=4, depth_key="depth", alpha_key="alpha", record_key="records", p=1.0
+    )
+    pipeline = A.Compose(
+        [transform, A.HorizontalFlip(p=1.0)], seed=3,
+        additional_targets={"alpha": "mask", "depth": "mask"},
+    )  # fmt: skip
+    clear = np.zeros(SHAPE, np.float32)
+    depth = np.tile(np.linspace(3.0, 40.0, SHAPE[1], dtype=np.float32), (SHAPE[0], 1))
+    # AlbumentationsX takes additional masks beside a mask only.
+    seen = pipeline(image=PHOTOGRAPH, mask=clear, alpha=clear, depth=depth, records=[])
+    (record,) = seen["records"]
+    want = fl.augment.replay(record).apply(PHOTOGRAPH, depth=depth, boxes=BOXES)
+    assert np.array_equal(seen["image"], want.image[:, ::-1])
+    assert np.allclose(seen["alpha"], want.alpha[:, ::-1], atol=1e-6)
+    assert not seen["mask"].any()
+    assert np.array_equal(seen["depth"], depth[:, ::-1])
+    turned = [[SHAPE[1] - 60.0, 20.0, SHAPE[1] - 10.0, 80.0]]
+    assert fl.augment.occlusion(seen["alpha"], turned) == pytest.approx(want.occlusion, abs=1e-5)
+    # Two weathers add up as layers do; without the placeholders nothing is given.
+    twice = A.Compose([transform, transform], additional_targets={"alpha": "mask"}, seed=3)
+    seen = twice(image=PHOTOGRAPH, mask=clear, alpha=clear, depth=depth, records=[])
+    alphas = [
+        fl.augment.replay(r).apply(PHOTOGRAPH, depth=depth).alpha.astype(float)
+        for r in seen["records"]
+    ]
+    assert np.allclose(seen["alpha"], 1.0 - (1.0 - alphas[0]) * (1.0 - alphas[1]), atol=1e-5)
+    assert set(twice(image=PHOTOGRAPH, depth=depth)) == {"image", "depth"}
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("form", ["json", "yaml"])
+def test_albumentations_is_kept_in_files(kind: str, form: str, tmp_path: Path):
+    transform = getattr(fla, kind)(
+        severity=(2, 4), ground=fl.augment.Ground(horizon=0.3), color=(0.5, 0.6, 0.7), p=1.0,
+        alpha_key="alpha",
+    )  # fmt: skip
+    path = tmp_path / f"pipeline.{form}"
+    A.save(A.Compose([transform]), path, data_format=form)
+    again = A.load(path, data_format=form)
+    (one,) = again.transforms
+    assert one._drawing == transform._drawing and one.alpha_key == "alpha"
+    record = transform._drawing.record(index=4)
+    text = yaml.safe_dump(record) if form == "yaml" else json.dumps(record)
+    back = yaml.safe_load(text) if form == "yaml" else json.loads(text)
+    assert np.array_equal(
+        fl.augment.replay(back)(PHOTOGRAPH), fl.augment.replay(record)(PHOTOGRAPH)
+    )
+
+
+def test_albumentations_takes_bands_of_a_spectrum():
+    bands = np.concatenate([PHOTOGRAPH, PHOTOGRAPH[..., :2]], axis=2)
+    for kind in KINDS:
+        transform = getattr(fla, kind)(severity=4, record_key="records", p=1.0)
+        seen = transform(image=bands, records=[])
+        grey = fl.augment.replay(seen["records"][0])(bands[..., 4])
+        assert seen["image"].shape == bands.shape
+        assert np.array_equal(seen["image"][..., 4], grey)
+    with pytest.raises(ValueError, match="got 4: give an alpha as a mask"):
+        transform(image=bands[..., :4])
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_torchvision_gives_alpha_and_records(kind: str):
+    planes = tv_tensors.Image(torch.from_numpy(PHOTOGRAPH).permute(2, 0, 1).contiguous())
+    depth = flt.Depth(torch.linspace(3.0, 40.0, SHAPE[1]).expand(SHAPE).clone())
+    transform = getattr(flt, kind)(severity=4)
+    pipeline = v2.Compose([transform, v2.RandomHorizontalFlip(p=1.0)])
+    boxes = tv_tensors.BoundingBoxes(BOXES, format="XYXY", canvas_size=SHAPE)
+    sample = {
+        "image": planes, "depth": depth, "alpha": flt.Alpha.before(planes), "boxes": boxes,
+        "records": flt.Records(),
+    }  # fmt: skip
+    seen = pipeline(sample)
+    assert isinstance(seen["alpha"], flt.Alpha) and len(seen["records"]) == 1
+    want = fl.augment.replay(seen["records"][0]).apply(PHOTOGRAPH, depth=depth.numpy(), boxes=BOXES)
+    assert np.allclose(seen["alpha"].numpy(), want.alpha[:, ::-1], atol=1e-6)
+    hidden = fl.augment.occlusion(seen["alpha"], seen["boxes"])
+    assert hidden == pytest.approx(want.occlusion, abs=1e-5)
+    assert not sample["records"] and not sample["alpha"].any()
+    never = getattr(flt, kind)(p=0.0)(sample)
+    assert not never["records"] and not never["alpha"].any()
+    film = tv_tensors.Video(planes[None].repeat(3, 1, 1, 1))
+    moving, alpha, records = transform(film, flt.Alpha.before(film), flt.Records())
+    frames = np.stack([PHOTOGRAPH] * 3)
+    want, layers = fl.augment.replay(records[0]).clip(frames, return_layer=True)
+    assert np.array_equal(moving.permute(0, 2, 3, 1).numpy(), want)
+    assert np.allclose(alpha.numpy(), layers[..., 3], atol=1e-6)
+    picture = Image.fromarray(PHOTOGRAPH)
+    assert transform(picture, flt.Alpha.before(picture))[1].any()
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_kornia_has_depth_alpha_and_records(kind: str):
+    colors = torch.from_numpy(PHOTOGRAPH).permute(2, 0, 1).float()[None] / 255.0
+    depth = torch.linspace(3.0, 40.0, SHAPE[1]).expand(1, 1, *SHAPE)
+    batch = torch.cat([colors, depth, torch.zeros(1, 1, *SHAPE)], dim=1).repeat(2, 1, 1, 1)
+    snow = getattr(flk, kind)(severity=4, depth_channel=3, alpha_channel=4, p=1.0)
+    seen = AugmentationSequential(snow, RandomHorizontalFlip(p=1.0))(batch).flip(-1)
+    assert torch.equal(seen[:, 3], batch[:, 3])
+    for number, record in enumerate(snow.records):
+        picture = colors[0].permute(1, 2, 0).numpy()
+        want = fl.augment.replay(record).apply(picture, depth=depth[0, 0].numpy())
+        assert np.allclose(seen[number, :3].permute(1, 2, 0).numpy(), want.image, atol=1e-6)
+        assert np.allclose(seen[number, 4].numpy(), want.alpha, atol=1e-6)
+    assert getattr(flk, kind)(p=0.5, severity=2)(colors.repeat(9, 1, 1, 1)).shape[0] == 9
+    with pytest.raises(ValueError, match="channel 7"):
+        getattr(flk, kind)(depth_channel=7, p=1.0)(batch)
+    with pytest.raises(ValueError, match="alpha_channel"):
+        getattr(flk, kind)(depth_channel=3, alpha_channel=3)
+
+
+@pytest.mark.parametrize("module", [flt, flk], ids=["torchvision", "kornia"])
+@pytest.mark.parametrize("kind", KINDS)
+def test_gradients_are_what_shows(module: object, kind: str):
+    given = torch.rand(1, 3, 40, 50, dtype=torch.float64).requires_grad_()
+    torch.manual_seed(4)
+    transform = getattr(module, kind)(severity=4, p=1.0)
+    seen = transform(given)
+    seen.sum().backward()
+    torch.manual_seed(4)
+    assert torch.equal(transform(given.detach()), seen.detach())
+    torch.manual_seed(4)
+    black = transform(torch.zeros_like(given))
+    torch.manual_seed(4)
+    shows = transform(torch.ones_like(given)) - black
+    assert torch.allclose(given.grad, shows, atol=1e-6)
+    # Weather of a tensor whose gradient nobody wants has none.
+    with torch.no_grad():
+        assert not transform(given).requires_grad
+
+
+@pytest.mark.parametrize("module", [flt, flk], ids=["torchvision", "kornia"])
+def test_what_is_no_picture_is_refused_in_a_sentence(module: object):
+    transform = module.Snowfall(p=1.0)  # type: ignore[attr-defined]
+    with pytest.raises(ValueError, match="1 or 3 channels"):
+        transform(torch.rand(2, 4, 40, 50))
+    if module is flt:
+        with pytest.raises(TypeError, match="uint8, uint16 or float"):
+            transform(torch.zeros(3, 40, 50, dtype=torch.int64))

@@ -6,24 +6,40 @@
 
 Draws come from the pipeline's own random numbers, so that its seed rules them. Boxes, masks and key
 points pass through. `images`, the frames of a film, get one weather that moves. What was drawn is
-kept by the pipeline's own replay.
+kept by the pipeline's own replay, and goes where `record_key` says; the opacity of the weather goes
+where `alpha_key` says:
+
+    pipeline = A.Compose(
+        [Snowfall(alpha_key="alpha", record_key="records", p=1.0), A.HorizontalFlip()],
+        additional_targets={"alpha": "mask"},
+    )
+    clear = np.zeros(image.shape[:2], np.float32)
+    seen = pipeline(image=image, mask=mask, alpha=clear, records=[])
+    hidden = flurries.augment.occlusion(seen["alpha"], boxes)
+
+AlbumentationsX takes an additional mask only beside a `mask`; where there is none, the opacity may
+be that itself: ``alpha_key="mask"``.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any, ClassVar
+from dataclasses import asdict
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import albumentations as _host
+import numpy as np
 from albumentations.core import transforms_interface as _interface
 
 from flurries import augment
 from flurries._contract import real
-from flurries.augment.calibration import Profile
-from flurries.augment.distance import Ground
-from flurries.augment.draws import Range
-from flurries.augment.signature import suggests
+from flurries.augment.labels import thicker
+from flurries.augment.pictures import mixed
+from flurries.augment.signature import FallingFields, FogFields, suggests
 from flurries.augment.weather import Weather
+
+if TYPE_CHECKING:
+    from typing_extensions import Unpack
 
 __all__ = ["Fog", "Rainfall", "Snowfall"]
 
@@ -41,8 +57,17 @@ class _Transform(_host.ImageOnlyTransform):  # type: ignore[misc]
     fps : float
         Frames per second of `images`.
     depth_key : str, optional
-        The name under which the pipeline is given the picture's depth, see :class:`Snowfall`; its
-        own transforms do not move a depth, so this one has to stand before them.
+        The name under which the pipeline is given the picture's depth, see
+        :class:`flurries.augment.Snowfall`. ``additional_targets={"depth": "mask"}`` lets the
+        pipeline's own transforms move it with the picture (in AlbumentationsX beside a `mask`
+        only); without that this one has to stand before those that move.
+    alpha_key : str, optional
+        The name of a plane (H, W) of float32, zeros at first, that comes back with the opacity of
+        the weather; several weathers add up as layers do. For `images` (T, H, W). It is moved with
+        the picture if it is an additional target, as a depth is.
+    record_key : str, optional
+        The name of a list that comes back with what was drawn appended, for
+        :func:`flurries.augment.replay`.
     weather : dict
         Fields of its kind.
     """
@@ -50,32 +75,57 @@ class _Transform(_host.ImageOnlyTransform):  # type: ignore[misc]
     KIND: ClassVar[type[Weather]]
 
     def __init__(
-        self, p: float, fps: float, depth_key: str | None, *, weather: dict[str, Any]
-    ) -> None:
+        self, p: float, fps: float, depth_key: str | None, alpha_key: str | None,
+        record_key: str | None, weather: Mapping[str, Any],
+    ) -> None:  # fmt: skip
         super().__init__(p=p)
         self.fps = real("fps", fps, low=1e-3, high=1e6)
-        self.depth_key = depth_key
-        self.weather = weather
+        self.depth_key, self.alpha_key, self.record_key = depth_key, alpha_key, record_key
         self._drawing = self.KIND(**weather)
+        self.weather = {name: _plain(getattr(self._drawing, name)) for name in weather}
 
     @property
     def targets_as_params(self) -> list[str]:
         return [] if self.depth_key is None else [self.depth_key]
 
     def apply(self, img: Any, record: Mapping[str, Any], depth: Any = None, **params: Any) -> Any:
-        return augment.replay(record)(img, depth=depth)
+        weather = augment.replay(record)
+        if img.ndim < 3 or img.shape[2] in (1, 3):
+            return weather(img, depth=depth)
+        if img.shape[2] == 4:
+            raise ValueError(
+                "image must have 1, 3, or 5 and more channels, got 4: give an alpha as a mask"
+            )
+        # Bands of a spectrum: each is covered as grey is.
+        covered = weather.apply(np.zeros(img.shape[:2], np.float32), depth=depth)
+        bands = [img[..., band : band + 1] for band in range(img.shape[2])]
+        seen = [mixed(band, covered.alpha, covered.color, weather.white) for band in bands]
+        return np.concatenate(seen, axis=2)
 
     def apply_to_images(
         self, images: Any, *args: Any, record: Mapping[str, Any], depth: Any = None, **params: Any
     ) -> Any:
         return augment.replay(record).clip(images, fps=self.fps, depth=depth)
 
+    def apply_with_params(self, params: Any, *args: Any, **kwargs: Any) -> dict[str, Any]:
+        seen: dict[str, Any] = super().apply_with_params(params, *args, **kwargs)
+        drawn = getattr(params, "params", params)
+        if self.alpha_key is not None and self.alpha_key in seen:
+            weather, given = augment.replay(drawn["record"]), seen[self.alpha_key]
+            alpha = thicker(weather, _plane(given), self.fps, drawn.get("depth"))
+            seen[self.alpha_key] = alpha.reshape(np.shape(given))
+        if self.record_key is not None and self.record_key in seen:
+            seen[self.record_key] = [*seen[self.record_key], drawn["record"]]
+        return seen
+
     def get_transform_init_args(self) -> dict[str, Any]:
-        return {"p": self.p, "fps": self.fps, "depth_key": self.depth_key, **self.weather}
+        keys = {"depth_key": self.depth_key, "alpha_key": self.alpha_key}
+        own = {"p": self.p, "fps": self.fps, **keys, "record_key": self.record_key}
+        return {**own, **self.weather}
 
     def _of(self, index: int, data: Mapping[str, Any]) -> dict[str, Any]:
         drawn = {"record": self._drawing.record(index=index)}
-        return drawn if self.depth_key is None else {**drawn, "depth": data[self.depth_key]}
+        return drawn if self.depth_key is None else {**drawn, "depth": _plane(data[self.depth_key])}
 
 
 if _SAMPLES:
@@ -93,6 +143,18 @@ else:
     _Transform.get_params_dependent_on_data = _depend
 
 
+def _plane(given: Any) -> Any:
+    """Return a depth or an opacity without the channel that AlbumentationsX gives to masks."""
+    return given[..., 0] if np.ndim(given) > 2 and np.shape(given)[-1] == 1 else given
+
+
+def _plain(value: Any) -> Any:
+    """Return a field as JSON and YAML have it."""
+    if isinstance(value, augment.Ground):
+        return asdict(value)
+    return list(value) if isinstance(value, tuple) else value
+
+
 @suggests
 class Snowfall(_Transform):
     """:class:`flurries.augment.Snowfall` in a pipeline; all but its `seed`."""
@@ -100,43 +162,11 @@ class Snowfall(_Transform):
     KIND = augment.Snowfall
 
     def __init__(
-        self,
-        p: float = 0.5,
-        fps: float = 30.0,
-        depth_key: str | None = None,
-        *,
-        amount: Range | None = None,
-        severity: int | tuple[int, int] | None = None,
-        profile: Profile = "natural",
-        veil: float = 0.25,
-        wind: Range = (-1.5, 1.5),
-        fall: Range = (1.0, 1.8),
-        exposure: Range = (0.005, 0.02),
-        color: Range | tuple[float, float, float] = (0.9, 1.0),
-        ground: Ground | None = None,
-        focal: float = 1.2,
-        white: float = 1.0,
-        weather_seed: int | None = None,
-    ) -> None:
-        super().__init__(
-            p,
-            fps,
-            depth_key,
-            weather={
-                "amount": amount,
-                "severity": severity,
-                "profile": profile,
-                "veil": veil,
-                "wind": wind,
-                "fall": fall,
-                "exposure": exposure,
-                "color": color,
-                "ground": ground,
-                "focal": focal,
-                "white": white,
-                "weather_seed": weather_seed,
-            },
-        )
+        self, p: float = 0.5, fps: float = 30.0, depth_key: str | None = None,
+        alpha_key: str | None = None, record_key: str | None = None,
+        **weather: Unpack[FallingFields],
+    ) -> None:  # fmt: skip
+        super().__init__(p, fps, depth_key, alpha_key, record_key, weather)
 
 
 @suggests
@@ -146,43 +176,11 @@ class Rainfall(_Transform):
     KIND = augment.Rainfall
 
     def __init__(
-        self,
-        p: float = 0.5,
-        fps: float = 30.0,
-        depth_key: str | None = None,
-        *,
-        amount: Range | None = None,
-        severity: int | tuple[int, int] | None = None,
-        profile: Profile = "natural",
-        veil: float = 0.25,
-        wind: Range = (-2.0, 2.0),
-        fall: Range = (6.0, 9.0),
-        exposure: Range = (0.015, 0.03),
-        color: Range | tuple[float, float, float] = (0.78, 0.95),
-        ground: Ground | None = None,
-        focal: float = 1.2,
-        white: float = 1.0,
-        weather_seed: int | None = None,
-    ) -> None:
-        super().__init__(
-            p,
-            fps,
-            depth_key,
-            weather={
-                "amount": amount,
-                "severity": severity,
-                "profile": profile,
-                "veil": veil,
-                "wind": wind,
-                "fall": fall,
-                "exposure": exposure,
-                "color": color,
-                "ground": ground,
-                "focal": focal,
-                "white": white,
-                "weather_seed": weather_seed,
-            },
-        )
+        self, p: float = 0.5, fps: float = 30.0, depth_key: str | None = None,
+        alpha_key: str | None = None, record_key: str | None = None,
+        **weather: Unpack[FallingFields],
+    ) -> None:  # fmt: skip
+        super().__init__(p, fps, depth_key, alpha_key, record_key, weather)
 
 
 @suggests
@@ -192,38 +190,8 @@ class Fog(_Transform):
     KIND = augment.Fog
 
     def __init__(
-        self,
-        p: float = 0.5,
-        fps: float = 30.0,
-        depth_key: str | None = None,
-        *,
-        amount: Range | None = None,
-        severity: int | tuple[int, int] | None = None,
-        profile: Profile = "natural",
-        visibility: Range | None = None,
-        patches: Range = (0.0, 0.3),
-        wind: Range = (-0.1, 0.1),
-        color: Range | tuple[float, float, float] = (0.75, 0.92),
-        ground: Ground | None = None,
-        focal: float = 1.2,
-        white: float = 1.0,
-        weather_seed: int | None = None,
-    ) -> None:
-        super().__init__(
-            p,
-            fps,
-            depth_key,
-            weather={
-                "amount": amount,
-                "severity": severity,
-                "profile": profile,
-                "visibility": visibility,
-                "patches": patches,
-                "wind": wind,
-                "color": color,
-                "ground": ground,
-                "focal": focal,
-                "white": white,
-                "weather_seed": weather_seed,
-            },
-        )
+        self, p: float = 0.5, fps: float = 30.0, depth_key: str | None = None,
+        alpha_key: str | None = None, record_key: str | None = None,
+        **weather: Unpack[FogFields],
+    ) -> None:  # fmt: skip
+        super().__init__(p, fps, depth_key, alpha_key, record_key, weather)

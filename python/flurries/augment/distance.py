@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
 from functools import cached_property, lru_cache
 from typing import Any, TypeAlias
 
@@ -66,6 +67,18 @@ class Ground:
         return np.asarray(1.0 / inverse[:, None], np.float32)
 
 
+def ground_of(value: Any) -> Ground | None:
+    """Return a ground, also from its fields as JSON and YAML have them."""
+    if value is None or isinstance(value, Ground):
+        return value
+    known = {field.name for field in fields(Ground)}
+    if not isinstance(value, Mapping) or not set(value) <= known:
+        raise TypeError(
+            f"ground must be a Ground, a dict of {', '.join(sorted(known))}, or None, got {value!r}"
+        )
+    return Ground(**value)
+
+
 # Depth of a sky that nobody described, metres.
 SKY = 25.0
 
@@ -80,10 +93,13 @@ class Distances:
         Metres, finite.
     given : bool
         Whether the caller said so.
+    came : (H, W) float32 or None
+        What the caller gave, where that has holes.
     """
 
     plane: Array
     given: bool
+    came: Array | None = None
 
     @cached_property
     def quantiles(self) -> Float64:
@@ -112,7 +128,9 @@ def distances_of(
 ) -> Distances:
     """Return the depth of a picture from the argument `depth`, else from the ground.
 
-    Infinity becomes `far`, or twice the farthest finite depth if that is more.
+    Infinity becomes `far`, or twice the farthest finite depth if that is more. Holes, which are NaN
+    or 0, take the depth of the nearest pixel in their row that has one, the left one of two; rows
+    that are all holes are as the nearest row that is not, the upper one of two.
     """
     if depth is None:
         return _grounded(shape, ground, focal, far)
@@ -131,14 +149,38 @@ def distances_of(
                 f"{given.dtype}; relative depths become metres through flurries.DepthMap"
             )
         with np.errstate(over="ignore"):
-            plane = depths("depth", given.astype(np.float32))
+            plane = given.astype(np.float32)
     if plane.shape != shape:
         raise ValueError(f"depth must have shape {shape}, got {plane.shape}")
+    holes: Array = np.isnan(plane) | (plane == 0.0)
+    came = plane if holes.any() else None
+    plane = depths("depth", plane if came is None else filled(plane, holes))
     finite = plane[np.isfinite(plane)]
     if finite.size < plane.size:
         end = max(far, 2.0 * float(finite.max()) if finite.size else 0.0)
         plane = np.where(np.isfinite(plane), plane, np.float32(end))
-    return Distances(np.ascontiguousarray(plane), True)
+    return Distances(np.ascontiguousarray(plane), True, came)
+
+
+def filled(plane: Array, holes: Array) -> Array:
+    """Return depths whose holes are filled, as `distances_of` says."""
+    if holes.all():
+        raise ValueError("depth must be known somewhere: 0 and NaN are holes, got nothing else")
+    rows = np.flatnonzero(~holes.all(axis=1))
+    columns = _nearest(~holes[rows])
+    whole = np.take_along_axis(plane[rows], columns, axis=1)
+    there = np.zeros((1, len(plane)), bool)
+    there[0, rows] = True
+    return np.asarray(whole[np.searchsorted(rows, _nearest(there)[0])])
+
+
+def _nearest(known: Array) -> Array:
+    """Return for each place of each row the nearest known one, the lower of two."""
+    count = known.shape[1]
+    places = np.arange(count)
+    before = np.maximum.accumulate(np.where(known, places, -2 * count), axis=1)
+    after = np.minimum.accumulate(np.where(known, places, 3 * count)[:, ::-1], axis=1)[:, ::-1]
+    return np.where(places - before <= after - places, before, after)
 
 
 @lru_cache(maxsize=32)

@@ -6,23 +6,33 @@
 
 Draws come from torch's random numbers. Each picture of a batch (B, C, H, W) of floats from 0 to 1
 has a weather of its own, or with ``same_on_batch=True`` all have one. Boxes and masks pass through.
-The weather is made on the CPU, and no gradient goes through it.
+kornia's pipelines know pictures, masks, boxes and key points and nothing else, so a depth and the
+weather's opacity are channels beside the colors, which flips and crops move with them:
+
+    snow = Snowfall(depth_channel=3, alpha_channel=4, p=1.0)
+    seen = K.AugmentationSequential(snow, K.RandomHorizontalFlip())(batch)  # r, g, b, metres, zeros
+    colors, alpha, drawn = seen[:, :3], seen[:, 4], snow.records
+
+The weather is made on the CPU. Gradients go through to the picture, by what of each pixel is seen.
 """
 
 from __future__ import annotations
 
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
-import numpy as np
 import torch
 from kornia.augmentation import IntensityAugmentationBase2D
 
 from flurries import augment
-from flurries.augment.calibration import Profile
-from flurries.augment.distance import Ground
-from flurries.augment.draws import Range
-from flurries.augment.signature import suggests
+from flurries._contract import Array, integer
+from flurries.augment import tensors
+from flurries.augment.signature import FallingFields, FogFields, suggests
 from flurries.augment.weather import Weather
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from typing_extensions import Unpack
 
 __all__ = ["Fog", "Rainfall", "Snowfall"]
 
@@ -38,6 +48,10 @@ class _Augmentation(IntensityAugmentationBase2D):  # type: ignore[misc]
         One weather for all pictures of a batch.
     keepdim : bool
         Give back a single picture without the dimension of the batch.
+    depth_channel : int, optional
+        Which channel of the input is the depth in metres, see :class:`flurries.augment.Snowfall`.
+    alpha_channel : int, optional
+        Which channel comes back with the opacity of the weather over what it held, zeros at first.
     weather : dict
         Fields of its kind.
     """
@@ -45,15 +59,27 @@ class _Augmentation(IntensityAugmentationBase2D):  # type: ignore[misc]
     KIND: ClassVar[type[Weather]]
 
     def __init__(
-        self,
-        *,
-        p: float = 0.5,
-        same_on_batch: bool = False,
-        keepdim: bool = False,
-        weather: dict[str, Any],
-    ) -> None:
+        self, p: float, same_on_batch: bool, keepdim: bool, depth_channel: int | None,
+        alpha_channel: int | None, weather: Mapping[str, Any],
+    ) -> None:  # fmt: skip
         super().__init__(p=p, same_on_batch=same_on_batch, keepdim=keepdim)
+        self.depth_channel = _channel("depth_channel", depth_channel)
+        self.alpha_channel = _channel("alpha_channel", alpha_channel)
+        if depth_channel is not None and depth_channel == alpha_channel:
+            raise ValueError(f"alpha_channel must not be depth_channel, {depth_channel}")
         self.weather = self.KIND(**weather)
+
+    @property
+    def records(self) -> list[Any]:
+        """What was drawn for each picture of the last batch, None where nothing was.
+
+        For :func:`flurries.augment.replay`.
+        """
+        index, drawn = self._params["index"], self._params["batch_prob"]
+        return [
+            self.weather.record(index=int(i)) if float(d) > 0.5 else None
+            for i, d in zip(index, drawn, strict=True)
+        ]
 
     def generate_parameters(self, batch_shape: Any) -> dict[str, torch.Tensor]:
         """Draw one index for each picture."""
@@ -71,14 +97,37 @@ class _Augmentation(IntensityAugmentationBase2D):  # type: ignore[misc]
         """Return the pictures, each in its weather."""
         if input.numel() == 0:
             return input
-        kept = input.dtype
-        images = input.detach().to("cpu")
-        if kept == torch.bfloat16:
-            images = images.float()
-        planes = np.moveaxis(images.numpy(), 1, -1)
-        seen = self.weather.batch(planes, index=[int(i) for i in params["index"]])
-        result = torch.from_numpy(np.ascontiguousarray(np.moveaxis(seen, -1, 1)))
-        return result.to(input.device, kept)
+        wanted = [int(i) for i in params["index"]]
+        count = input.shape[1]
+        others = [c for c in (self.depth_channel, self.alpha_channel) if c is not None]
+        for channel in others:
+            if channel >= count:
+                raise ValueError(f"the input must have a channel {channel}, got {count} of them")
+        depth: Any = None
+        if self.depth_channel is not None:
+            depth = input[:, self.depth_channel].detach().cpu().float().numpy()
+        layers: list[Array] = []
+
+        def batch(planes: Array) -> tuple[Array, Array]:
+            seen, layer = self.weather.batch(planes, index=wanted, depth=depth, return_layer=True)
+            layers.append(layer[..., 3])
+            return seen, layer
+
+        colors = [c for c in range(count) if c not in others]
+        seen = tensors.painted(input[:, colors] if others else input, batch)
+        if not others:
+            return seen
+        result = input.clone()
+        result[:, colors] = seen
+        if self.alpha_channel is not None:
+            opacity = torch.from_numpy(layers[0]).to(input.device, input.dtype)
+            before = input[:, self.alpha_channel]
+            result[:, self.alpha_channel] = 1.0 - (1.0 - before) * (1.0 - opacity)
+        return result
+
+
+def _channel(name: str, value: int | None) -> int | None:
+    return None if value is None else integer(name, value, low=0, high=1 << 20)
 
 
 @suggests
@@ -88,43 +137,11 @@ class Snowfall(_Augmentation):
     KIND = augment.Snowfall
 
     def __init__(
-        self,
-        *,
-        p: float = 0.5,
-        same_on_batch: bool = False,
-        keepdim: bool = False,
-        amount: Range | None = None,
-        severity: int | tuple[int, int] | None = None,
-        profile: Profile = "natural",
-        veil: float = 0.25,
-        wind: Range = (-1.5, 1.5),
-        fall: Range = (1.0, 1.8),
-        exposure: Range = (0.005, 0.02),
-        color: Range | tuple[float, float, float] = (0.9, 1.0),
-        ground: Ground | None = None,
-        focal: float = 1.2,
-        white: float = 1.0,
-        weather_seed: int | None = None,
-    ) -> None:
-        super().__init__(
-            p=p,
-            same_on_batch=same_on_batch,
-            keepdim=keepdim,
-            weather={
-                "amount": amount,
-                "severity": severity,
-                "profile": profile,
-                "veil": veil,
-                "wind": wind,
-                "fall": fall,
-                "exposure": exposure,
-                "color": color,
-                "ground": ground,
-                "focal": focal,
-                "white": white,
-                "weather_seed": weather_seed,
-            },
-        )
+        self, *, p: float = 0.5, same_on_batch: bool = False, keepdim: bool = False,
+        depth_channel: int | None = None, alpha_channel: int | None = None,
+        **weather: Unpack[FallingFields],
+    ) -> None:  # fmt: skip
+        super().__init__(p, same_on_batch, keepdim, depth_channel, alpha_channel, weather)
 
 
 @suggests
@@ -134,43 +151,11 @@ class Rainfall(_Augmentation):
     KIND = augment.Rainfall
 
     def __init__(
-        self,
-        *,
-        p: float = 0.5,
-        same_on_batch: bool = False,
-        keepdim: bool = False,
-        amount: Range | None = None,
-        severity: int | tuple[int, int] | None = None,
-        profile: Profile = "natural",
-        veil: float = 0.25,
-        wind: Range = (-2.0, 2.0),
-        fall: Range = (6.0, 9.0),
-        exposure: Range = (0.015, 0.03),
-        color: Range | tuple[float, float, float] = (0.78, 0.95),
-        ground: Ground | None = None,
-        focal: float = 1.2,
-        white: float = 1.0,
-        weather_seed: int | None = None,
-    ) -> None:
-        super().__init__(
-            p=p,
-            same_on_batch=same_on_batch,
-            keepdim=keepdim,
-            weather={
-                "amount": amount,
-                "severity": severity,
-                "profile": profile,
-                "veil": veil,
-                "wind": wind,
-                "fall": fall,
-                "exposure": exposure,
-                "color": color,
-                "ground": ground,
-                "focal": focal,
-                "white": white,
-                "weather_seed": weather_seed,
-            },
-        )
+        self, *, p: float = 0.5, same_on_batch: bool = False, keepdim: bool = False,
+        depth_channel: int | None = None, alpha_channel: int | None = None,
+        **weather: Unpack[FallingFields],
+    ) -> None:  # fmt: skip
+        super().__init__(p, same_on_batch, keepdim, depth_channel, alpha_channel, weather)
 
 
 @suggests
@@ -180,38 +165,8 @@ class Fog(_Augmentation):
     KIND = augment.Fog
 
     def __init__(
-        self,
-        *,
-        p: float = 0.5,
-        same_on_batch: bool = False,
-        keepdim: bool = False,
-        amount: Range | None = None,
-        severity: int | tuple[int, int] | None = None,
-        profile: Profile = "natural",
-        visibility: Range | None = None,
-        patches: Range = (0.0, 0.3),
-        wind: Range = (-0.1, 0.1),
-        color: Range | tuple[float, float, float] = (0.75, 0.92),
-        ground: Ground | None = None,
-        focal: float = 1.2,
-        white: float = 1.0,
-        weather_seed: int | None = None,
-    ) -> None:
-        super().__init__(
-            p=p,
-            same_on_batch=same_on_batch,
-            keepdim=keepdim,
-            weather={
-                "amount": amount,
-                "severity": severity,
-                "profile": profile,
-                "visibility": visibility,
-                "patches": patches,
-                "wind": wind,
-                "color": color,
-                "ground": ground,
-                "focal": focal,
-                "white": white,
-                "weather_seed": weather_seed,
-            },
-        )
+        self, *, p: float = 0.5, same_on_batch: bool = False, keepdim: bool = False,
+        depth_channel: int | None = None, alpha_channel: int | None = None,
+        **weather: Unpack[FogFields],
+    ) -> None:  # fmt: skip
+        super().__init__(p, same_on_batch, keepdim, depth_channel, alpha_channel, weather)

@@ -12,6 +12,7 @@ from flurries._contract import Array, Float64, pixels, rectangular, table
 
 if TYPE_CHECKING:
     from flurries.augment.slices import Labels
+    from flurries.augment.weather import Weather
 
 # From this opacity on a flake, not what is behind it, is what is seen at a pixel.
 SEEN = 0.5
@@ -44,7 +45,7 @@ class Weathered:
         half. Pixels per frame.
     depth : (H, W) float32 or None
         The depth that came, with the weather's own where they hide more than half. Metres. A veil
-        is nowhere in particular, and counts for neither.
+        is nowhere in particular, and counts for neither. Holes that came, NaN or 0, stay so.
     soft_flow, soft_depth : like `flow` and `depth`, or None
         Means of what is seen by how much of it is seen; of the depth, the harmonic one.
     motion : (H, W, 2) float32 or None
@@ -88,9 +89,13 @@ def weathered(
     falls: Labels | None,
     flow: Array | None,
     depth: Array | None,
+    came: Array | None,
     motion: bool,
 ) -> Weathered:
-    """Return a picture's labels after the weather: `flow` and `depth` are those before it."""
+    """Return a picture's labels after the weather: `flow` and `depth` are those before it.
+
+    Holes of the depth that came stay holes.
+    """
     found: dict[str, Any] = {}
     if corners is not None and falls is not None:
         found["occlusion"] = occlusion(alpha, corners)
@@ -105,8 +110,13 @@ def weathered(
             found["soft_flow"] = (left[..., None] * flow + falls.motion).astype(np.float32)
         if depth is not None:
             nearer = np.where(seen, np.minimum(falls.most.depth, depth), depth)
+            soft = 1.0 / (left / depth + falls.nearness)
+            if came is not None:
+                holes = np.isnan(came) | (came == 0.0)
+                np.copyto(nearer, came, where=holes & ~seen)
+                soft[holes] = came[holes]
             found["depth"] = nearer.astype(np.float32)
-            found["soft_depth"] = (1.0 / (left / depth + falls.nearness)).astype(np.float32)
+            found["soft_depth"] = soft.astype(np.float32)
         if motion:
             found["motion"] = falls.most.motion
             parts = (falls.motion, falls.nearness[..., None], falls.alpha[..., None])
@@ -120,6 +130,22 @@ def layer_of(alpha: Array, color: tuple[float, ...]) -> Array:
     np.multiply(alpha[..., None], np.asarray(color, np.float32), out=layer[..., :3])
     layer[..., 3] = alpha
     return layer
+
+
+def thicker(weather: Weather, given: Any, fps: float, depth: Any) -> Array:
+    """Return an opacity with that of a weather over it, of a picture (H, W) or a film (T, H, W)."""
+    before = rectangular("alpha", given)
+    if before.dtype.kind != "f" or before.ndim not in (2, 3) or before.size == 0:
+        raise ValueError(
+            "alpha must be float of shape (H, W), or (T, H, W) for a film, got "
+            f"{before.dtype} {before.shape}"
+        )
+    clear = np.zeros(before.shape, np.float32)
+    if before.ndim == 2:
+        _, layer = weather(clear, depth=depth, return_layer=True)
+    else:
+        _, layer = weather.clip(clear, fps=fps, depth=depth, return_layer=True)
+    return np.asarray(1.0 - (1.0 - before) * (1.0 - layer[..., 3]), before.dtype)
 
 
 def occlusion(alpha: npt.ArrayLike, boxes: npt.ArrayLike) -> Float64:

@@ -7,12 +7,18 @@
 Draws come from torch's random numbers, which a DataLoader seeds for each of its workers. Boxes and
 masks pass through. A `tv_tensors.Video` is the frames of one film, and its weather moves; plain
 tensors of more than three dimensions are batches whose pictures have one weather. A :class:`Depth`
-in the sample is how far away its picture's things are. No gradient goes through the weather.
+in the sample is how far away its picture's things are; an :class:`Alpha` comes back with the
+opacity of the weather, and :class:`Records` with what was drawn:
+
+    seen, alpha, records = pipeline(image, Alpha.before(image), Records())
+    hidden = flurries.augment.occlusion(alpha, boxes)
+
+Gradients go through to the picture, by what of each pixel is seen.
 """
 
 from __future__ import annotations
 
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 import torch
@@ -21,13 +27,17 @@ from torchvision.transforms import v2
 
 from flurries import augment
 from flurries._contract import real
-from flurries.augment.calibration import Profile
-from flurries.augment.distance import Ground
-from flurries.augment.draws import Range
-from flurries.augment.signature import suggests
+from flurries.augment import tensors
+from flurries.augment.labels import thicker
+from flurries.augment.signature import FallingFields, FogFields, suggests
 from flurries.augment.weather import Weather
 
-__all__ = ["Depth", "Fog", "Rainfall", "Snowfall"]
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from typing_extensions import Unpack
+
+__all__ = ["Alpha", "Depth", "Fog", "Rainfall", "Records", "Snowfall"]
 
 
 class Depth(tv_tensors.Mask):  # type: ignore[misc]
@@ -36,6 +46,29 @@ class Depth(tv_tensors.Mask):  # type: ignore[misc]
     In the sample beside the picture it goes through flips and crops as a mask does, and the
     weather of these transforms lies before it.
     """
+
+
+class Alpha(tv_tensors.Mask):  # type: ignore[misc]
+    """How opaque the weather before a picture is, (H, W) float32; of a video (T, H, W).
+
+    In the sample beside the picture, zeros at first, it comes back with the opacity of the weather;
+    several weathers add up as layers do. It goes through flips and crops as a mask does, so that
+    :func:`flurries.augment.occlusion` of it holds for the boxes at the pipeline's end.
+    """
+
+    @classmethod
+    def before(cls, picture: Any) -> Alpha:
+        """Return that of a picture or a video without weather: a tensor's, or Pillow's."""
+        if isinstance(picture, torch.Tensor):
+            film = isinstance(picture, tv_tensors.Video)
+            shape = (*(picture.shape[-4:-3] if film else ()), *picture.shape[-2:])
+        else:
+            shape = (picture.height, picture.width)
+        return cls(torch.zeros(shape))
+
+
+class Records(list[Any]):
+    """What was drawn: each weather appends its own, for :func:`flurries.augment.replay`."""
 
 
 class _Transform(v2.Transform):  # type: ignore[misc]
@@ -52,8 +85,9 @@ class _Transform(v2.Transform):  # type: ignore[misc]
     """
 
     KIND: ClassVar[type[Weather]]
+    _transformed_types = (*v2.Transform._transformed_types, Records)
 
-    def __init__(self, *, p: float, fps: float, weather: dict[str, Any]) -> None:
+    def __init__(self, p: float, fps: float, weather: Mapping[str, Any]) -> None:
         super().__init__()
         self.p = real("p", p, low=0.0, high=1.0)
         self.fps = real("fps", fps, low=1e-3, high=1e6)
@@ -75,25 +109,40 @@ class _Transform(v2.Transform):  # type: ignore[misc]
 
     def transform(self, inpt: Any, params: dict[str, Any]) -> Any:
         """Return one input in the weather; labels as they are."""
-        record = params["record"]
-        visible = (tv_tensors.Image, tv_tensors.Video)
-        # Boxes, masks, key points and what may come to be.
-        label = isinstance(inpt, tv_tensors.TVTensor) and not isinstance(inpt, visible)
-        if record is None or label:
+        record, depth = params["record"], params["depth"]
+        if record is None:
             return inpt
-        drawn, depth = augment.replay(record), params["depth"]
+        if isinstance(inpt, Records):
+            return Records([*inpt, record])
+        drawn = augment.replay(record)
+        if isinstance(inpt, Alpha):
+            alpha = thicker(drawn, inpt.detach().cpu().numpy(), self.fps, depth)
+            return tv_tensors.wrap(torch.from_numpy(alpha).to(inpt.device), like=inpt)
+        visible = (tv_tensors.Image, tv_tensors.Video)
+        if isinstance(inpt, tv_tensors.TVTensor) and not isinstance(inpt, visible):
+            # Boxes, masks, key points and what may come to be.
+            return inpt
         if not isinstance(inpt, torch.Tensor):
             return painted(drawn, inpt, depth)
         if inpt.numel() == 0:
             return inpt
-        given = inpt.detach().cpu()
-        # NumPy has no bfloat16.
-        planes = (given.float() if given.dtype == torch.bfloat16 else given).numpy()
-        if isinstance(inpt, tv_tensors.Video):
-            seen = film(drawn, planes, self.fps, depth)
-        else:
-            seen = pictures(drawn, planes, depth)
-        result = torch.from_numpy(seen).to(inpt.device, inpt.dtype)
+        if inpt.ndim < 2 + isinstance(inpt, visible):
+            raise ValueError(f"a picture must have shape (..., C, H, W), got {tuple(inpt.shape)}")
+        film = isinstance(inpt, tv_tensors.Video)
+        given = inpt[None] if inpt.ndim == 2 else inpt
+
+        def pictures(planes: Any) -> tuple[Any, Any]:
+            flat = planes.reshape(-1, *planes.shape[-4 if film else -3 :])
+            seen = [
+                drawn.clip(one, fps=self.fps, depth=depth, return_layer=True)
+                if film
+                else drawn(one, depth=depth, return_layer=True)
+                for one in flat
+            ]
+            whole, layers = (np.stack(part) for part in zip(*seen, strict=True))
+            return whole.reshape(planes.shape), layers.reshape(*planes.shape[:-1], 4)
+
+        result = tensors.painted(given, pictures).reshape(inpt.shape)
         if isinstance(inpt, tv_tensors.TVTensor):
             result = tv_tensors.wrap(result, like=inpt)
         return result
@@ -117,26 +166,6 @@ def painted(weather: Weather, picture: Any, depth: Any) -> Any:
     return seen
 
 
-def pictures(weather: Weather, planes: Any, depth: Any) -> Any:
-    """Return (..., C, H, W) in one weather."""
-    if planes.ndim < 2:
-        raise ValueError(f"a picture must have shape (..., C, H, W), got {planes.shape}")
-    if planes.ndim == 2:
-        return weather(planes, depth=depth)
-    flat = planes.reshape(-1, *planes.shape[-3:])
-    seen = [np.moveaxis(weather(np.moveaxis(image, 0, -1), depth=depth), -1, 0) for image in flat]
-    return np.ascontiguousarray(np.stack(seen)).reshape(planes.shape)
-
-
-def film(weather: Weather, planes: Any, fps: float, depth: Any) -> Any:
-    """Return (..., T, C, H, W) in one weather that moves."""
-    flat = planes.reshape(-1, *planes.shape[-4:])
-    seen = [
-        np.moveaxis(weather.clip(np.moveaxis(c, 1, -1), fps=fps, depth=depth), -1, 1) for c in flat
-    ]
-    return np.ascontiguousarray(np.stack(seen)).reshape(planes.shape)
-
-
 @suggests
 class Snowfall(_Transform):
     """:class:`flurries.augment.Snowfall` in a pipeline; all but its `seed`."""
@@ -144,41 +173,9 @@ class Snowfall(_Transform):
     KIND = augment.Snowfall
 
     def __init__(
-        self,
-        *,
-        p: float = 1.0,
-        fps: float = 30.0,
-        amount: Range | None = None,
-        severity: int | tuple[int, int] | None = None,
-        profile: Profile = "natural",
-        veil: float = 0.25,
-        wind: Range = (-1.5, 1.5),
-        fall: Range = (1.0, 1.8),
-        exposure: Range = (0.005, 0.02),
-        color: Range | tuple[float, float, float] = (0.9, 1.0),
-        ground: Ground | None = None,
-        focal: float = 1.2,
-        white: float = 1.0,
-        weather_seed: int | None = None,
+        self, *, p: float = 1.0, fps: float = 30.0, **weather: Unpack[FallingFields]
     ) -> None:
-        super().__init__(
-            p=p,
-            fps=fps,
-            weather={
-                "amount": amount,
-                "severity": severity,
-                "profile": profile,
-                "veil": veil,
-                "wind": wind,
-                "fall": fall,
-                "exposure": exposure,
-                "color": color,
-                "ground": ground,
-                "focal": focal,
-                "white": white,
-                "weather_seed": weather_seed,
-            },
-        )
+        super().__init__(p, fps, weather)
 
 
 @suggests
@@ -188,41 +185,9 @@ class Rainfall(_Transform):
     KIND = augment.Rainfall
 
     def __init__(
-        self,
-        *,
-        p: float = 1.0,
-        fps: float = 30.0,
-        amount: Range | None = None,
-        severity: int | tuple[int, int] | None = None,
-        profile: Profile = "natural",
-        veil: float = 0.25,
-        wind: Range = (-2.0, 2.0),
-        fall: Range = (6.0, 9.0),
-        exposure: Range = (0.015, 0.03),
-        color: Range | tuple[float, float, float] = (0.78, 0.95),
-        ground: Ground | None = None,
-        focal: float = 1.2,
-        white: float = 1.0,
-        weather_seed: int | None = None,
+        self, *, p: float = 1.0, fps: float = 30.0, **weather: Unpack[FallingFields]
     ) -> None:
-        super().__init__(
-            p=p,
-            fps=fps,
-            weather={
-                "amount": amount,
-                "severity": severity,
-                "profile": profile,
-                "veil": veil,
-                "wind": wind,
-                "fall": fall,
-                "exposure": exposure,
-                "color": color,
-                "ground": ground,
-                "focal": focal,
-                "white": white,
-                "weather_seed": weather_seed,
-            },
-        )
+        super().__init__(p, fps, weather)
 
 
 @suggests
@@ -231,37 +196,5 @@ class Fog(_Transform):
 
     KIND = augment.Fog
 
-    def __init__(
-        self,
-        *,
-        p: float = 1.0,
-        fps: float = 30.0,
-        amount: Range | None = None,
-        severity: int | tuple[int, int] | None = None,
-        profile: Profile = "natural",
-        visibility: Range | None = None,
-        patches: Range = (0.0, 0.3),
-        wind: Range = (-0.1, 0.1),
-        color: Range | tuple[float, float, float] = (0.75, 0.92),
-        ground: Ground | None = None,
-        focal: float = 1.2,
-        white: float = 1.0,
-        weather_seed: int | None = None,
-    ) -> None:
-        super().__init__(
-            p=p,
-            fps=fps,
-            weather={
-                "amount": amount,
-                "severity": severity,
-                "profile": profile,
-                "visibility": visibility,
-                "patches": patches,
-                "wind": wind,
-                "color": color,
-                "ground": ground,
-                "focal": focal,
-                "white": white,
-                "weather_seed": weather_seed,
-            },
-        )
+    def __init__(self, *, p: float = 1.0, fps: float = 30.0, **weather: Unpack[FogFields]) -> None:
+        super().__init__(p, fps, weather)

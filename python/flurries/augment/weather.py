@@ -15,7 +15,7 @@ import numpy.typing as npt
 from flurries._contract import Array, choice, flag, integer, output, real
 from flurries.augment.air import FPS, Air, Here, View
 from flurries.augment.calibration import PROFILES, Profile
-from flurries.augment.distance import SKY, Depth, Distances, Ground, distances_of
+from flurries.augment.distance import SKY, Depth, Distances, Ground, distances_of, ground_of
 from flurries.augment.draws import Range, between, index_of, own_index, range_of, uniforms
 from flurries.augment.labels import Weathered, boxes_of, flow_of, layer_of, weathered
 from flurries.augment.pictures import mixed, picture_of, stack_of
@@ -65,8 +65,7 @@ class Weather(ABC):
             settle(self, "color", rgb)
         else:
             settle(self, "color", range_of("color", self.color, low=0.0, high=1.0))
-        if self.ground is not None and not isinstance(self.ground, Ground):
-            raise TypeError(f"ground must be a Ground or None, got {self.ground!r}")
+        settle(self, "ground", ground_of(self.ground))
         settle(self, "focal", real("focal", self.focal, low=0.05, high=1e3))
         settle(self, "white", real("white", self.white, low=1e-30, high=1e30))
         for name in ("seed", "weather_seed"):
@@ -101,7 +100,8 @@ class Weather(ABC):
             whose far flakes are a texture that would not go on from frame to frame, and so is
             quicker.
         depth : float, (H, W) float or DepthMap, optional
-            How far away what is seen is: metres, infinity where nothing stands; relative depths
+            How far away what is seen is: metres, infinity where nothing stands, 0 or NaN where it
+            is not known and the nearest pixel of the row that has one is taken; relative depths
             through :class:`flurries.DepthMap`. Without it `ground` is taken, and without that all
             is as far as the sky.
         return_layer : bool
@@ -185,7 +185,7 @@ class Weather(ABC):
         return weathered(
             image=mixed(given, alpha, record["color"], self.white), alpha=alpha,
             color=record["color"], record=record, boxes=boxes, corners=corners, masks=masks,
-            falls=falls, flow=label, depth=behind, motion=wanted,
+            falls=falls, flow=label, depth=behind, came=distances.came, motion=wanted,
         )  # fmt: skip
 
     # More than one -------------------------------------------------------------------------------
@@ -395,10 +395,8 @@ class Weather(ABC):
         if set(values) != known:
             odd = sorted(set(values) ^ known)
             raise ValueError(f"record must hold {sorted(known)}, differs in {odd}")
-        if ground is not None and not isinstance(ground, Mapping):
-            raise TypeError(f"record: ground must be a dict or None, got {ground!r}")
         values["color"] = tuple(values["color"])
-        return cls(ground=None if ground is None else Ground(**ground), **values)
+        return cls(ground=ground, **values)
 
     # Inside --------------------------------------------------------------------------------------
 
