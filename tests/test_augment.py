@@ -509,6 +509,53 @@ def test_flakes_stay_behind_what_is_nearer():
     assert half[:, :62].mean() < 0.5 * dense[:, :62].mean()
 
 
+def filled(depth: np.ndarray) -> np.ndarray:
+    """Holes filled pixel by pixel, as the page says."""
+    result = depth.copy()
+    known = ~(np.isnan(depth) | (depth == 0.0))
+    rows = [i for i in range(len(depth)) if known[i].any()]
+    for i, j in np.ndindex(depth.shape):
+        row = min(rows, key=lambda k: (abs(k - i), k))
+        column = min(np.flatnonzero(known[row]), key=lambda k: (abs(k - j), k))
+        result[i, j] = depth[row, column]
+    return result
+
+
+@EACH
+def test_holes_in_a_depth_are_filled_from_their_row(kind: str):
+    rng = np.random.default_rng(9)
+    depth = rng.uniform(3.0, 60.0, (48, 64))
+    holes = rng.random((48, 64)) < 0.4
+    holes[:7] = holes[20:29] = holes[-1] = True
+    depth[0, 3] = depth[30, 5] = np.inf
+    holes[0, 3] = holes[30, 5] = False
+    depth[holes] = np.where(rng.random(int(holes.sum())) < 0.5, np.nan, 0.0)
+    weather = KINDS[kind](severity=4, seed=1)
+    whole = filled(depth)
+    assert np.array_equal(
+        weather(PICTURE, index=2, depth=depth), weather(PICTURE, index=2, depth=whole)
+    )
+    # The label has holes where the depth had them and no flake is, and nothing is made up.
+    seen = weather.apply(PICTURE, index=2, depth=depth)
+    plain = weather.apply(PICTURE, index=2, depth=whole)
+    nearer = plain.depth < KINDS[kind](amount=0.0).apply(PICTURE, depth=whole).depth
+    label = np.where(nearer, plain.depth, depth.astype(np.float32))
+    assert np.array_equal(seen.depth[holes], label[holes], equal_nan=True)
+    assert np.array_equal(seen.depth[~holes], plain.depth[~holes])
+    assert np.array_equal(seen.soft_depth[holes], depth[holes].astype(np.float32), equal_nan=True)
+
+
+def test_a_ground_comes_from_files():
+    ground = {"horizon": 0.3, "height": 2.0}
+    for kind in KINDS.values():
+        weather = kind(ground=ground, severity=3, seed=1)
+        assert weather.ground == Ground(**ground)
+        record = json.loads(json.dumps(weather.record(index=2)))
+        assert fl.augment.replay(record).record(index=2) == weather.record(index=2)
+    with pytest.raises(TypeError, match="ground must be a Ground, a dict of far, height, horizon"):
+        Snowfall(ground={"horizont": 0.3})
+
+
 def test_relative_depths_become_metres():
     greys = np.random.default_rng(5).integers(0, 256, (48, 64), dtype=np.uint8)
     painted = fl.DepthMap(greys, near=2.0, far=80.0, law="inverse")
@@ -528,7 +575,8 @@ def test_the_ground_is_a_plane_with_a_horizon():
 
 
 @pytest.mark.parametrize("wrong", [
-    0.0, -1.0, math.nan, "near", np.zeros((48, 64)), np.full((48, 64), np.nan),
+    0.0, -1.0, math.nan, "near", np.full((48, 64), -1.0), np.zeros((48, 64)),
+    np.full((48, 64), np.nan),
     np.full((48, 64), 5), np.full((64, 48), 5.0), np.full((48, 64, 1), 5.0), [[1.0, 2.0]],
     np.array(5.0),
 ])  # fmt: skip

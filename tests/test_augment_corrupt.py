@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from PIL import Image
 from skimage import data
 
 import flurries as fl
@@ -267,3 +268,42 @@ def test_16_7_alpha_is_kept_and_weather_falls_on_the_color(name: str, tmp_path: 
     else:
         assert np.array_equal(found.pixels, wanted)
     assert not np.array_equal(found.pixels, before.pixels)
+
+
+def test_webp_bmp_and_gif_are_read_and_what_is_left_out_is_counted(tmp_path: Path):
+    """Palettes, alpha and grey come through; what moves, or is no picture, is counted with why."""
+    source = tmp_path / "in"
+    source.mkdir()
+    picture = Image.fromarray(data.astronaut()[:48, :64])
+    clear = picture.copy()
+    clear.putalpha(Image.fromarray(np.arange(48 * 64, dtype=np.uint16).reshape(48, 64) // 12 % 256)
+                   .convert("L"))  # fmt: skip
+    clear.save(source / "a.webp", lossless=True, exact=True)
+    picture.save(source / "b.bmp")
+    picture.convert("P").save(source / "c.gif")
+    picture.convert("P").save(source / "palette.png")
+    frames = [picture.convert("P"), picture.rotate(90).convert("P")]
+    frames[0].save(source / "film.gif", save_all=True, append_images=frames[1:])
+    picture.save(source / "b.png")
+    (source / "list.csv").write_text("")
+    (source / ".hidden.png").write_text("")
+    (source / "broken.webp").write_bytes(b"no picture")
+    made = corrupt(source, tmp_path / "out", severity="2,4", workers=1)
+    names = {path.relative_to(tmp_path / "out").as_posix() for path in made.written}
+    assert names == {f"snow/{s}/{n}.png" for s in (2, 4) for n in ("a", "b", "c", "palette")}
+    assert made.skipped == {
+        ".csv is not read": 1, ".gif that moves: render it as a film": 1, "hidden": 1,
+        "another picture has its name": 1,
+    }  # fmt: skip
+    assert set(made.failed) == {"broken.webp"}
+    files = json.loads((tmp_path / "out" / MANIFEST).read_text())["files"]
+    for name, given in {"a": clear, "palette": picture.convert("P")}.items():
+        entry = files[f"snow/4/{name}.png"]
+        pixels = np.asarray(given.convert("RGBA"))
+        seen = np.asarray(Image.open(tmp_path / "out" / "snow" / "4" / f"{name}.png"))
+        want = fl.augment.replay(entry["record"])(np.ascontiguousarray(pixels[..., :3]))
+        assert np.array_equal(seen[..., :3], want)
+        if name == "a":
+            assert np.array_equal(seen[..., 3], pixels[..., 3])
+    again = corrupt(source, tmp_path / "out", severity="2,4", workers=1)
+    assert again.written == [] and len(again.kept) == 8

@@ -23,7 +23,7 @@ from flurries import augment
 from flurries._contract import choice, flag, integer, seed_of
 from flurries.augment.calibration import PROFILES, Profile
 from flurries.augment.weather import replay
-from flurries.io import linear_to_srgb, read_picture, srgb_to_linear, write_picture
+from flurries.io import linear_to_srgb, read_header, read_picture, srgb_to_linear, write_picture
 from flurries.output.cluster import cluster
 from flurries.output.crew import make, processes
 from flurries.output.manifest import NAME
@@ -36,6 +36,8 @@ __all__ = ["Corrupted", "corrupt"]
 
 WEATHERS = {"snow": "Snowfall", "rain": "Rainfall", "fog": "Fog"}
 SUFFIXES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".exr")
+# These are read, and written as PNG.
+READ = (".webp", ".bmp", ".gif")
 # Most pictures of one task: their work is to be long against a task's own cost.
 _CHUNK = 8
 
@@ -81,11 +83,12 @@ def corrupt(
     Parameters
     ----------
     folder : path
-        Pictures in it and in folders below: .png, .jpg, .tif, .exr. Symbolic links are not
-        followed.
+        Pictures in it and in folders below: .png, .jpg, .tif, .exr, .webp, .bmp, .gif. Symbolic
+        links are not followed, and pictures that move are left out.
     out : path
         Where to write; not inside `folder`. Names and formats stay, so that labels by file name
-        hold; JPEG is written with quality 95.
+        hold; JPEG is written with quality 95, and WebP, BMP and GIF as PNG: ``a.webp`` is
+        ``a.png`` then, and left out where the folder has another of that name.
     weather : {"snow", "rain", "fog"} or several
     severity : int, "1-5", "2,4" or several
         See :func:`flurries.augment.contrast_loss`.
@@ -133,7 +136,7 @@ def corrupt(
         )
     names, skipped = _names(source)
     if not names:
-        raise ValueError(f"{source}: no pictures ({', '.join(SUFFIXES)})")
+        raise ValueError(f"{source}: no pictures ({', '.join(SUFFIXES + READ)})")
     parts = [(name, kind, level) for name in names for kind in kinds for level in levels]
     job = _Pictures(source.absolute(), target.absolute(), parts, start, scale, overwrite=again)
     # All of them now: a worker may have a folder to itself no more than another.
@@ -194,13 +197,33 @@ def _names(folder: Path) -> tuple[list[str], dict[str, int]]:
             path = Path(here) / file
             if file.startswith("."):
                 skipped["hidden"] += 1
-            elif path.suffix.lower() not in SUFFIXES:
+            elif path.suffix.lower() not in SUFFIXES + READ:
                 skipped[f"{path.suffix.lower() or 'no suffix'} is not read"] += 1
             elif path.is_symlink():
                 skipped["a symbolic link"] += 1
+            elif path.suffix.lower() in READ and _moves(path):
+                skipped[f"{path.suffix.lower()} that moves: render it as a film"] += 1
             else:
                 found.append(path.relative_to(folder).as_posix())
-    return sorted(found), dict(sorted(skipped.items()))
+    names: dict[str, str] = {}
+    # What keeps its format goes first.
+    for name in sorted(found, key=lambda name: (Path(name).suffix.lower() in READ, name)):
+        if names.setdefault(_kept(name), name) != name:
+            skipped["another picture has its name"] += 1
+    return sorted(names.values()), dict(sorted(skipped.items()))
+
+
+def _moves(path: Path) -> bool:
+    try:
+        return read_header(path).moves
+    except (OSError, ValueError):
+        return False  # It fails with its reason when it is read.
+
+
+def _kept(name: str) -> str:
+    """Return the name that a picture is written under."""
+    path = Path(name)
+    return (path.with_suffix(".png") if path.suffix.lower() in READ else path).as_posix()
 
 
 @dataclass
@@ -284,7 +307,7 @@ class _Pictures:
 def _path(part: tuple[str, str, int]) -> str:
     """Return where a picture goes, from the folder of the set."""
     name, kind, level = part
-    return (Path(kind) / str(level) / name).as_posix()
+    return (Path(kind) / str(level) / _kept(name)).as_posix()
 
 
 def _index(name: str, kind: str, level: int) -> int:

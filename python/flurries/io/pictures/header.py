@@ -48,6 +48,8 @@ class Header:
         Width of a pixel over its height.
     rate : Fraction or None
         Frames a second, if it says so.
+    moves : bool
+        Whether it holds several pictures to be shown after each other, as GIF and WebP may.
     """
 
     path: str
@@ -58,6 +60,7 @@ class Header:
     display: tuple[int, int, int, int] | None = None
     aspect: float = 1.0
     rate: Fraction | None = None
+    moves: bool = False
 
 
 @dataclass(frozen=True)
@@ -262,6 +265,9 @@ def read_header(path: str | os.PathLike[str], *, overscan: bool = False) -> Head
             display=opened.display,
             aspect=opened.aspect,
             rate=rate_of(opened.specification),
+            moves=(
+                opened.reader.format_name() in ("gif", "webp") and opened.reader.seek_subimage(1, 0)
+            ),
         )
 
 
