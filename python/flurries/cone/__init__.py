@@ -9,11 +9,13 @@ depend on how heavy the rain is.
 one texture, :func:`layers` several in one pass.
 """
 
+from flurries.cone.mapping import Mapping
 from flurries.cone.motion import elongation, scroll, travel
 from flurries.cone.path import Path, State, path
 from flurries.cone.rays import Rays, frame, rays
 from flurries.cone.sheet import layer
-from flurries.cone.stack import Mapping, Texture, layers
+from flurries.cone.stack import layers
+from flurries.cone.texture import Texture
 from flurries.cone.tiles import rain_tile, sleet_tile, snow_tile, tile_of
 
 __all__ = [

@@ -1,11 +1,10 @@
-"""Several layers at once: a chart of the rays, kept while camera and axis stand still."""
+"""Several layers of a cone at once."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from itertools import pairwise
-from typing import Any, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -13,223 +12,34 @@ import numpy.typing as npt
 from flurries import _core
 from flurries._contract import (
     Array,
-    _came,
-    aligned,
     flag,
     float_dtype,
     integer,
-    is_pair,
     output,
     real,
     shape_of,
     table,
 )
-from flurries._contract import pixels as pixels_of
 from flurries.camera.lens import Camera
-from flurries.cone.rays import Pose, pose, reach_of
-from flurries.cone.sheet import MOST_REPEATS, layer, texture_of, wrapped
+from flurries.cone.mapping import (
+    BLOCK,
+    MULTIPLES,
+    Mapping,
+    footprints_of,
+    multiples_of,
+    two_of,
+)
+from flurries.cone.rays import pose
+from flurries.cone.sheet import MOST_REPEATS, layer, wrapped
+from flurries.cone.texture import Table, Texture
 
-__all__ = ["Mapping", "Texture", "layers"]
-
-BLOCK = 16
-
-# The first layer nearest, each of the others half as large and twice as far.
-MULTIPLES = (1, 2, 4, 8)
+__all__ = ["layers"]
 
 # Tiles by which the layers are set apart: no two of them repeat at one place.
 OFFSETS = ((0.0, 0.0), (0.37, 0.61), (0.71, 0.23), (0.13, 0.83))
 
-# Azimuth, height, fade, what the blocks are, footprints: see src/cone/chart.rs.
-Chart: TypeAlias = tuple[Array, Array, Array, Array, Array]
-
-# Words of four neighbours: see src/cone/table.rs.
-Table: TypeAlias = npt.NDArray[np.uint32]
-
 # Multiple, offsets as words, gain, log2 of the texels in a tile.
 Sheet: TypeAlias = tuple[int, int, int, float, float]
-
-# Memory of filtered tables that a texture keeps, in words.
-MOST_WORDS = 1 << 26
-
-
-class Texture:
-    """A toroidal texture with what was filtered of it, to be used for many frames.
-
-    Parameters
-    ----------
-    tile : (n, n)
-        Opacities, 0 to 1; copied.
-
-    Raises
-    ------
-    ValueError, TypeError
-        If the tile is not as described.
-    """
-
-    def __init__(self, tile: npt.ArrayLike) -> None:
-        self.tile = texture_of(tile).copy()
-        self.tile.flags.writeable = False
-        # Full scale of the tables; a texture without drops has no other.
-        self._peak = float(self.tile.max()) or 1.0
-        # A box larger than the tile is its mean: two levels to a factor of two.
-        self._levels = 2 * math.ceil(math.log2(len(self.tile))) + 1
-        self._tables: dict[tuple[int, int], Table] = {}
-
-    def __reduce__(self) -> tuple[type[Texture], tuple[Array]]:
-        return Texture, (np.array(self.tile),)
-
-    def _table(self, across: int, along: int) -> Table:
-        """Return the table of a level, made when first asked for."""
-        found = self._tables.get((across, along))
-        if found is not None:
-            return found
-        size = len(self.tile)
-        width, height = 2.0 ** (0.5 * across), 2.0 ** (0.5 * along)
-        # Two entries are at most half a box apart.
-        shape = _power(min(size, 2.0 * size / height)), _power(min(size, 2.0 * size / width))
-        entries = np.empty(shape, np.uint32)
-        narrow = _narrowed(width, size, shape[1]), _narrowed(height, size, shape[0])
-        _core.cone_table(entries, self.tile, narrow[0], narrow[1], self._peak)
-        if sum(kept.size for kept in self._tables.values()) + entries.size > MOST_WORDS:
-            # A new dictionary: another thread may be reading the old one.
-            self._tables = {}
-        self._tables[across, along] = entries
-        return entries
-
-
-def _narrowed(width: float, size: int, count: int) -> float:
-    """Return the box, in texels, that looks `width` wide where `count` entries are gone between.
-
-    Going linearly between entries h apart blurs by h^2 / 6 in the mean; a texel's own width is
-    1 / 12. What is left of the variance of a box over texels is that of shares of whole texels.
-    """
-    step = size / count
-    wanted = (width**2 + 1.0) / 12.0 - step**2 / 6.0
-    low, high = 1.0, max(width, 1.0)
-    for _ in range(40):
-        middle = 0.5 * (low + high)
-        low, high = (middle, high) if _shares(middle, step) < wanted else (low, middle)
-    return 0.5 * (low + high)
-
-
-def _shares(width: float, step: float) -> float:
-    """Return the variance of a box over texels, around the place of an entry."""
-    # Entries stand in the middle of texels, or for an even number to an entry between two.
-    middle = 0.5 if step <= 1.0 else 0.5 * step % 1.0
-    edges = np.arange(-math.ceil(width), math.ceil(width) + 1.0)
-    low, high = np.maximum(edges, middle - width / 2), np.minimum(edges + 1, middle + width / 2)
-    part = np.maximum(high - low, 0.0) / width
-    return float(part @ (edges + 0.5 - middle) ** 2)
-
-
-def _power(count: float) -> int:
-    """Return the least power of two that is not less, 2 at least."""
-    return max(2, int(2 ** math.ceil(math.log2(count) - 1e-9)))
-
-
-class Mapping:
-    """Where every pixel looks in the textures: all of a frame that does not scroll.
-
-    It depends on the lens and rotation of the camera, on the axis, the stretch and the slope; while
-    these stand still one mapping serves all frames. :func:`layers` makes one where none is given,
-    with the same result to the last bit.
-
-    Parameters
-    ----------
-    shape, camera, axis, stretch, slope, repeats
-        See :func:`flurries.cone.layer`.
-    radius : float
-        Of the first layer's cone, for a camera with an `offset`; see there.
-    multiples : sequence of int
-        How often each layer repeats the first one: 1, 2, 4, 8.
-    rows : (start, stop), optional
-        Only these rows of the picture, with the bits of the whole.
-    depth : (H, W) array, optional
-        Planar depth of what stands in the picture, world units; a layer behind it is hidden. Needs
-        `radius`.
-
-    Raises
-    ------
-    ValueError, TypeError
-        For an argument that is not as described; the message names it.
-    """
-
-    def __init__(
-        self,
-        shape: tuple[int, int],
-        camera: Camera,
-        *,
-        axis: npt.ArrayLike,
-        stretch: float = 1.0,
-        slope: float = 0.0,
-        repeats: int = 4,
-        radius: float = math.inf,
-        multiples: Sequence[int] = MULTIPLES,
-        rows: tuple[int, int] | None = None,
-        depth: npt.ArrayLike | None = None,
-    ) -> None:
-        self.shape = shape_of("shape", shape)
-        self.stretch = real("stretch", stretch, low=1e-6, high=1e6)
-        self.repeats = integer("repeats", repeats, low=1, high=MOST_REPEATS)
-        self.multiples = _multiples(multiples)
-        radius = reach_of(radius)
-        start, stop = (0, self.shape[0]) if rows is None else _two("rows", rows)
-        start = integer("rows[0]", start, low=0, high=self.shape[0] - 1)
-        stop = integer("rows[1]", stop, low=start + 1, high=self.shape[0])
-        self.rows = (start, stop)
-        # Blocks lie where they lie in the whole picture.
-        self._top = start - start % BLOCK
-        self._poses = [
-            pose(self.shape, camera, axis, slope, radius * factor) for factor in self.multiples
-        ]
-        self._together = self._poses[0][-1] == (0.0, 0.0, 0.0)
-        self._charts = [
-            self._chart(given) for given in self._poses[: 1 if self._together else None]
-        ]
-        self._shown = None if depth is None else self._before(depth, radius)
-
-    def _chart(self, given: Pose) -> Chart:
-        height, blocks = self.rows[1] - self._top, -(-self.shape[1] // BLOCK)
-        course = (self.repeats, self.stretch, self._top)
-        wide = (height, blocks * BLOCK)
-        across, along = np.empty(wide, np.uint32), np.empty(wide, np.uint32)
-        fade, state = np.empty(wide, np.float32), np.empty((height, blocks), np.uint8)
-        _core.cone_chart(across, along, fade, state, given, course)
-        return across, along, fade, state, _footprints(wide, given, course)
-
-    def _before(self, depth: npt.ArrayLike, radius: float) -> Array:
-        """Return how many layers, nearest first, stand before the depth map."""
-        first = real("radius", radius, above=0.0)
-        map_, _ = pixels_of("depth", depth, ndim=2)
-        if map_.shape != self.shape:
-            raise ValueError(f"depth must have shape {self.shape}, got {map_.shape}")
-        part = aligned(map_[self._top : self.rows[1]], np.float32)
-        counts = np.zeros((len(part), -(-self.shape[1] // BLOCK) * BLOCK), np.uint8)
-        radii = [first * factor for factor in self.multiples]
-        _core.cone_shown(counts, part, self._poses[0], radii, self._top)
-        return counts
-
-
-def _footprints(shape: tuple[int, int], given: Pose, course: tuple[int, float, int]) -> Array:
-    """Return log2 of a pixel's footprint in tiles for blocks of a picture, (.., .., 2)."""
-    steps = np.empty((-(-shape[0] // BLOCK), -(-shape[1] // BLOCK), 2), np.float32)
-    _core.cone_footprints(steps, given, course)
-    return steps
-
-
-def _two(name: str, values: Any) -> tuple[Any, Any]:
-    if not is_pair(values):
-        raise TypeError(f"{name} must be (start, stop), got {_came(values)}")
-    return values[0], values[1]
-
-
-def _multiples(values: Sequence[int]) -> tuple[int, ...]:
-    if not isinstance(values, (list, tuple)) or not 1 <= len(values) <= 16:
-        raise ValueError(f"multiples must be 1 to 16 whole numbers, got {_came(values)}")
-    numbers = tuple(integer("multiples", value, low=1, high=1024) for value in values)
-    if any(a >= b for a, b in pairwise(numbers)):
-        raise ValueError(f"multiples must increase, nearest layer first, got {numbers}")
-    return numbers
 
 
 def layers(
@@ -313,7 +123,7 @@ def layers(
         if mapping.shape != size:
             raise ValueError(f"mapping must be of shape {size}, got {mapping.shape}")
         multiples, stretch, repeats = mapping.multiples, mapping.stretch, mapping.repeats
-    factors = _multiples(multiples)
+    factors = multiples_of(multiples)
     places = table("offsets", _offsets(len(factors)) if offsets is None else offsets)
     if places.shape != (len(factors), 2):
         raise ValueError(f"offsets must have shape ({len(factors)}, 2), got {places.shape}")
@@ -357,7 +167,7 @@ def layers(
     given = pose(size, camera, axis, slope, radius)
     if mapping is None and given[-1] == (0.0, 0.0, 0.0):
         course = (integer("repeats", repeats, low=1, high=MOST_REPEATS), length, top)
-        steps = _footprints(whole.shape, given, course)
+        steps = footprints_of(whole.shape, given, course)
         tables = _tables(texture, steps, sheets)
         _core.cone_moving(whole, steps, given, course, sheets, texture._levels, tables)
     else:
@@ -377,7 +187,7 @@ def _wanted(rows: object, there: tuple[int, int]) -> tuple[int, int]:
     """Return the rows that are asked for, of those that are there."""
     if rows is None:
         return there
-    first, last = _two("rows", rows)
+    first, last = two_of("rows", rows)
     start = integer("rows[0]", first, low=there[0], high=there[1] - 1)
     return start, integer("rows[1]", last, low=start + 1, high=there[1])
 

@@ -61,10 +61,10 @@ NANOSECONDS: dict[str, tuple[str, float]] = {
     "decoded value": ("array", 1.2),
     "encoded value": ("array", 5.5),
     "looked up value": ("array", 2.13),
-    # What Python takes for a frame, an effect and a call of a kernel.
     # The texture of flakes: products of waves and phases, and pixels of tiles.
     "flake term": ("kernel", 0.25),
     "flake tile": ("kernel", 0.6),
+    # What Python takes for a frame, an effect and a call of a kernel.
     "frame": ("array", 6400),
     "layer": ("array", 26000),
 }
