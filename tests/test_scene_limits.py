@@ -10,6 +10,7 @@ import pytest
 
 import flurries as fl
 from flurries.effects.occlusion import share_before
+from flurries.effects.wall import wall_maps
 from flurries.io import linear_to_srgb, srgb_to_linear
 
 Snow, Scene = fl.TentSnow, fl.Scene
@@ -48,13 +49,57 @@ def test_the_share_of_the_air_before_a_wall(mode: str):
     whole = np.mean([a.std() for a in sky])
     for wall, share in ((24.0, 1 / 3), (48.0, 2 / 3), (34.0, math.log(34 / 12) / math.log(8))):
         got = [alpha(Snow(**PLAIN, depth_mode=mode), wall, seed=s) for s in range(8)]
-        # The mean goes with the share; the deviation with it and with the root of the power left.
+        # The mean goes with the share; the deviation with the root of the power left.
         assert np.mean(got) == pytest.approx(0.5 * share, rel=0.02)
         # Lattice of 64 px: octaves of 1.14, 1.05 and 1.02 of an even share of the power.
-        left = np.mean([a.std() for a in got]) / share / whole
+        left = np.mean([a.std() for a in got]) / whole
         assert left**2 == pytest.approx(share, rel=0.09)
     for wall in (12.0, 3.0, 0.5):
         assert alpha(Snow(**PLAIN, depth_mode=mode), wall).max() == 0.0
+
+
+@pytest.mark.parametrize("mode", MODES)
+@pytest.mark.parametrize("look", [{}, {"mean": 0.5, "spread": 3.0, "exponent": 1.0}, "heavy"])
+def test_the_waves_before_a_wall_keep_their_contrast_and_the_mean_its_share(look: Any, mode: str):
+    # At twice `near_depth`, in the band of the waves that are left; looks of three exponents.
+    plain = {"flakes": 0, "haze": 0.0, "wavelengths": (4.0, 32.0), "near_depth": NEAR,
+             "depth_mode": mode}  # fmt: skip
+    snow = Snow.preset(look, **plain) if isinstance(look, str) else Snow(**plain, **look)
+    k = np.hypot(np.fft.fftfreq(320)[:, None], np.fft.fftfreq(320))
+    waves = (k > 1 / 31) & (k < 1 / 18)
+
+    def pictures(depth: float | None) -> list[np.ndarray]:
+        scenes = [Scene((320, 320), depth=depth, effects=[snow], seed=s) for s in range(4)]
+        return [scene.render(5.0, layers=True).alpha.astype(float) for scene in scenes]
+
+    def contrast(alphas: list[np.ndarray]) -> float:
+        return math.sqrt(np.mean([(np.abs(np.fft.fft2(a)) ** 2)[waves].mean() for a in alphas]))
+
+    sky, wall = pictures(None), pictures(24.0)
+    assert contrast(wall) / contrast(sky) == pytest.approx(1.0, abs=0.06)
+    for depth, share in ((24.0, 1 / 3), (48.0, 2 / 3), (18.0, math.log(1.5) / math.log(8.0))):
+        got = wall if depth == 24.0 else pictures(depth)
+        # Tiles before the nearest walls hold few waves, whose sum is not quite normal.
+        assert np.mean(got) / np.mean(sky) == pytest.approx(share, abs=0.01)
+
+
+@pytest.mark.parametrize("sky", [(0.05, 0.25, 2.0), (0.5, 0.17, 2.0), (0.9, 0.3, 0.5), (0, 5, 1)])
+def test_a_wall_s_map_has_its_share_of_the_mean(sky: tuple[float, float, float]):
+    # By plain sums over a fine grid; the sky's own map where all of the air is there.
+    z = np.linspace(-8.0, 8.0, 200_001)
+    weight = np.exp(-0.5 * z * z) / np.exp(-0.5 * z * z).sum()
+
+    def opacity(mean: float, deviation: float) -> np.ndarray:
+        return np.clip(mean + deviation * z, 0.0, 1.0) ** sky[2]
+
+    shares = (0.01, 0.1, 1 / 3, 0.7, 1.0)
+    maps = wall_maps(sky, 1.0, shares, lambda share: share)
+    means, deviations = maps.at(np.array(shares), None)
+    whole = opacity(*sky[:2]) @ weight
+    for share, mean, part in zip(shares, means, deviations, strict=True):
+        assert opacity(mean, part * sky[1]) @ weight == pytest.approx(share * whole, rel=0.006)
+    assert (means[-1], deviations[-1]) == (sky[0], 1.0)
+    assert maps.at(np.zeros(1), None)[1] == 0.0
 
 
 @pytest.mark.parametrize("mode", MODES)

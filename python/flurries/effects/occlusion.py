@@ -1,15 +1,17 @@
 """The tent's texture in front of a scene that ends: only the air before it has snow in it.
 
 A wave stands for a depth. Before a wall only the waves of nearer depths are left, with the
-amplitudes that they have before the sky (Langer 2004, section 8). The mean opacity goes with the
-share of the air: less variance alone would leave the even veil that the map's mean makes, even
-before a wall that no snow is in front of.
+amplitudes that they have before the sky (Langer 2004, section 8), and the map to opacity is the
+wall's own (`flurries/effects/wall.py`): these waves keep their contrast, and the mean opacity goes
+with the share of the air.
 """
 
 from __future__ import annotations
 
 import math
-from functools import partial
+from collections.abc import Callable
+from functools import lru_cache, partial
+from typing import NamedTuple
 
 import numpy as np
 
@@ -17,13 +19,17 @@ from flurries import _core
 from flurries._contract import Array, Float64
 from flurries.effects.field import Field, Map
 from flurries.effects.motion import Way
+from flurries.effects.wall import wall_maps
 from flurries.frame.view import Frame
 from flurries.spectral.contrast import kept_power, mean_opacity
-from flurries.spectral.tables import wave_depth
+from flurries.spectral.tables import band_amplitude, wave_depth
 from flurries.spectral.tiles import power_shares
 
-# Numbers of a product that are held in float64.
-_HELD = 1 << 16
+# Pixels whose maps are made together, in float64.
+_HELD = 1 << 14
+
+# So few depths of tiles have entries of their own in the table of maps.
+_FEW = 32
 
 
 def before_scene(field: Field, frame: Frame, way: Way, mapped: Map, keep: bool, mode: str) -> Array:
@@ -54,81 +60,41 @@ def share_before(depth: Array, near: float, far: float) -> Float64:
     return np.asarray(np.clip(share, 0.0, 1.0))
 
 
-def _fade(
-    share: Float64, mapped: Map, *, power: Float64 | None = None, most: float | None = None
-) -> Float64:
-    """Return the factor that brings the mean opacity down to the share of the air that is left.
-
-    Parameters
-    ----------
-    share : array
-        Of the air before the scene.
-    power : array of the same shape, optional
-        Of the whole field there; 1 if not given.
-    most : float, optional
-        The largest share of all that are asked for in parts, which decides about the bits.
-    """
-    mean, spread, exponent, _ = mapped
-    if power is None:
-        whole = mean_opacity(np.ones(1), mean, spread, exponent)[0]
-        left = mean_opacity(share.ravel(), mean, spread, exponent, most=most)
-    else:
-        whole = mean_opacity(power.ravel(), mean, spread, exponent, most=1.0).reshape(share.shape)
-        left = mean_opacity((power * share).ravel(), mean, spread, exponent, most=1.0)
-    left = left.reshape(share.shape)
-    factor = np.divide(share * whole, left, out=np.zeros_like(share), where=left > 0.0)
-    return np.asarray(np.minimum(factor, 1.0))
-
-
 def _by_tile(field: Field, frame: Frame, way: Way, mapped: Map, keep: bool) -> Array:
     """Limit the band of each tile by its farthest depth."""
     assert frame.depth is not None
     layout, whole = field.layout(frame), frame.depth
+    near, far, longest = field.near_depth, field.far_depth, layout.band[1]
     ends = frame.once(field, "ends", lambda: layout.farthest(whole).astype(np.float64))
-    shortest = wave_depth(ends, near_depth=field.near_depth, longest=layout.band[1])
-    alpha = field.pixels(frame, way, mapped, keep, shortest=shortest)
-    alpha *= frame.here(field, "factor", lambda: _tile_factor(field, frame, mapped, ends))
-    return alpha
+    shortest = wave_depth(ends, near_depth=near, longest=longest)
+    waves = field.pixels(frame, way, None, shortest=shortest)
 
+    def left(share: Float64) -> Float64:
+        depth = near * (far / near) ** share
+        return _power_longer(field, frame, wave_depth(depth, near_depth=near, longest=longest))
 
-def _tile_factor(field: Field, frame: Frame, mapped: Map, ends: Float64) -> Array:
-    """Return the factor of the opacity at each pixel of the window, (h, w) float32."""
-    share = share_before(ends, field.near_depth, field.far_depth)
-    (down, tall), (across, wide) = _axes(field, frame)
-    top, bottom, left, right = frame.window
-    if field.blend == "power":
-        return _product((down @ _fade(share, mapped))[top:bottom], across[left:right])
-    mixed = _product((down @ share)[top:bottom], across[left:right]).astype(np.float64)
-    power = np.outer(tall[top:bottom], wide[left:right])
-    return _fade(mixed, mapped, power=power).astype(np.float32)
+    def remap() -> Remap:
+        (down, _), (across, _) = _axes(field, frame)
+        top, bottom, first, last = frame.window
+        air, across = share_before(ends, near, far), across[first:last].T
+        parts = [(down @ part)[top:bottom] for part in (air, _power_longer(field, frame, shortest))]
 
+        def there(rows: slice) -> tuple[Float64, Float64]:
+            shares, power = (part[rows] @ across for part in parts)
+            return shares, power
 
-def _axes(field: Field, frame: Frame) -> tuple[tuple[Float64, Float64], tuple[Float64, Float64]]:
-    """Return shares of the tiles and the field's power along the frame's rows and columns."""
-    (tall, wide), overlap = field.layout(frame).tiling
-    height, width = frame.shape
-    return (
-        power_shares(height, tile=tall, overlap=overlap, blend=field.blend),
-        power_shares(width, tile=wide, overlap=overlap, blend=field.blend),
-    )
+        some = np.unique(air)
+        exact = tuple(some) if len(some) <= _FEW else ()
+        return _remap(field, frame, way, mapped, there, exact, left)
 
-
-def _product(down: Float64, across: Float64) -> Array:
-    """Return ``down @ across.T`` as float32, (h, w), few rows of float64 at a time."""
-    result = np.empty((len(down), len(across)), np.float32)
-    rows = max(_HELD // len(across), 1)
-    wide = np.empty((rows, len(across)))
-    for first in range(0, len(down), rows):
-        part = down[first : first + rows]
-        result[first : first + rows] = np.matmul(part, across.T, out=wide[: len(part)])
-    return result
+    return _opacity(waves, frame.here(field, "map", remap), mapped, keep)
 
 
 def _by_pixel(field: Field, frame: Frame, way: Way, mapped: Map, keep: bool) -> Array:
     """Weigh octaves of the texture by how much of their air is before the pixel."""
     assert frame.depth is not None
     near, far = field.near_depth, field.far_depth
-    whole, depth = frame.depth, frame.crop(frame.depth)
+    depth, longest = frame.crop(frame.depth), field.layout(frame).band[1]
     octaves = max(math.ceil(math.log2(far / near) - 1e-9), 1)
     edges = near * (far / near) ** (np.arange(octaves + 1) / octaves)
     total, before = np.zeros(depth.shape, np.float32), None
@@ -139,22 +105,125 @@ def _by_pixel(field: Field, frame: Frame, way: Way, mapped: Map, keep: bool) -> 
         part = frame.here(field, f"octave {number}", root)
         total += part * (nearer if before is None else nearer - before)
         before = nearer
-    share = share_before(depth, near, far)
-    # Of the whole frame, so that a window has its bits.
-    most = frame.once(
-        field, "most", lambda: share_before(whole.max(keepdims=True), near, far).item()
+    ends = np.append(wave_depth(edges[:-1], near_depth=near, longest=longest), 0.0)
+    steps = np.diff(_power_longer(field, frame, ends))
+
+    def left(share: Float64) -> Float64:
+        parts = np.clip(share[..., None] * octaves - np.arange(octaves), 0.0, 1.0)
+        return np.asarray(parts @ steps)
+
+    def there(rows: slice) -> tuple[Float64, Float64]:
+        air = share_before(depth[rows], near, far)
+        return air, left(air)
+
+    remap = partial(_remap, field, frame, way, mapped, there, (), left)
+    return _opacity(total, frame.here(field, "map", remap), mapped, keep)
+
+
+class Remap(NamedTuple):
+    """The map of each pixel, (h, w) float32 each.
+
+    Attributes
+    ----------
+    scale, base
+        Waves times the one plus the other are what is clipped to 0 and 1.
+    lost
+        What alias law and shutter take of the mean opacity.
+    """
+
+    scale: Array
+    base: Array
+    lost: Array
+
+
+def _remap(
+    field: Field,
+    frame: Frame,
+    way: Way,
+    mapped: Map,
+    there: Callable[[slice], tuple[Float64, Float64]],
+    exact: tuple[float, ...],
+    left: Callable[[Float64], Float64],
+) -> Remap:
+    """Return the map of each pixel of the window.
+
+    Parameters
+    ----------
+    there : callable
+        From rows of the window to the share of the air before the scene, and to the power of the
+        waves that are left, against that of all of them before the sky.
+    exact, left
+        See `wall_maps`.
+    """
+    mean, spread, exponent, _ = mapped
+    top, bottom, first, last = frame.window
+    (_, tall), (_, wide) = _axes(field, frame)
+    seams = field.blend != "power"
+    least = float(tall.min() * wide.min()) if seams else 1.0
+    kept = kept_power(field.cycles(frame, way), field.alias, shutter=way.shutter)
+    deviation = max(0.5 / spread * math.sqrt(kept), 1e-6)
+    maps = wall_maps((mean, deviation, exponent), least, exact, left)
+    full, blurred = (
+        mean_opacity(part * maps.roots**2, mean, spread, exponent) for part in (1.0, kept)
     )
-    power = None
-    if field.blend != "power":
-        (_, tall), (_, wide) = _axes(field, frame)
-        top, bottom, left, right = frame.window
-        power = np.outer(tall[top:bottom], wide[left:right])
-    alpha = np.empty_like(total)
-    _core.opacity(alpha, total, (*mapped[:3], 1.0))
+    result = Remap(*np.empty((3, bottom - top, last - first), np.float32))
+    step = max(_HELD // (last - first), 1)
+    for start in range(0, bottom - top, step):
+        rows = slice(start, min(start + step, bottom - top))
+        air, power = there(rows)
+        root = np.sqrt(np.outer(tall[top:bottom][rows], wide[first:last])) if seams else None
+        result.base[rows], scale = maps.at(air, root)
+        scale *= 0.5 / spread
+        some = power > 0.0
+        result.scale[rows] = np.divide(scale, np.sqrt(power), out=np.zeros(air.shape), where=some)
+        lost = full - blurred
+        result.lost[rows] = air * (lost if root is None else np.interp(root, maps.roots, lost))
+    return result
+
+
+def _opacity(waves: Array, remap: Remap, mapped: Map, keep: bool) -> Array:
+    """Return the opacity of waves (h, w), which are overwritten."""
+    waves *= remap.scale
+    waves += remap.base
+    alpha = np.empty_like(waves)
+    _core.opacity(alpha, waves, (0.0, 0.5, mapped[2], 1.0))
     if keep:
-        alpha += _lost_mean(field, frame, way, share, mapped, power, most)
-    alpha *= (mapped[3] * _fade(share, mapped, power=power, most=most)).astype(np.float32)
-    return np.clip(alpha, 0.0, 1.0, out=alpha)
+        # As much as there is air.
+        alpha += remap.lost
+    alpha *= np.float32(mapped[3])
+    return np.clip(alpha, 0.0, mapped[3], out=alpha)
+
+
+def _power_longer(field: Field, frame: Frame, shortest: Float64) -> Float64:
+    """Return the power of the waves of a tile that are longer than some, against all of them."""
+    layout = field.layout(frame)
+    squares, power = _lattice(layout.tiling.tile, layout.band, field.exponent)
+    # As the kernel decides: a wave as long as the limit is left out.
+    with np.errstate(divide="ignore"):
+        return power[np.searchsorted(squares, 1.0 / np.asarray(shortest) ** 2, side="left")]
+
+
+@lru_cache(maxsize=32)
+def _lattice(
+    tile: tuple[int, int], band: tuple[float, float], exponent: float
+) -> tuple[Float64, Float64]:
+    """Return squares of frequencies of a tile's waves, and the power of all before each one."""
+    power = band_amplitude(tile, wavelengths=band, exponent=exponent) ** 2
+    fy, fx = (np.fft.fftfreq(length) for length in tile)
+    squares = fy[:, None] ** 2 + fx**2
+    order = np.argsort(squares, axis=None, kind="stable")
+    total = np.concatenate([[0.0], np.cumsum(power.ravel()[order])])
+    return squares.ravel()[order], np.minimum(total / total[-1], 1.0)
+
+
+def _axes(field: Field, frame: Frame) -> tuple[tuple[Float64, Float64], tuple[Float64, Float64]]:
+    """Return shares of the tiles and the field's power along the frame's rows and columns."""
+    (tall, wide), overlap = field.layout(frame).tiling
+    height, width = frame.shape
+    return (
+        power_shares(height, tile=tall, overlap=overlap, blend=field.blend),
+        power_shares(width, tile=wide, overlap=overlap, blend=field.blend),
+    )
 
 
 def _root_share(depth: Array, near: float, far: float) -> Array:
@@ -170,21 +239,3 @@ def _waves_before(
     if number + 1 < octaves:
         shortest[:] = wave_depth([edge], near_depth=field.near_depth, longest=layout.band[1])
     return field.pixels(frame, way, None, name=f"texture {number}", shortest=shortest)
-
-
-def _lost_mean(
-    field: Field,
-    frame: Frame,
-    way: Way,
-    share: Float64,
-    mapped: Map,
-    power: Float64 | None,
-    most: float,
-) -> Array:
-    """Return what alias law and shutter take of the mean opacity at each pixel."""
-    kept = kept_power(field.cycles(frame, way), field.alias, shutter=way.shutter)
-    there = share if power is None else share * power
-    full, left = (
-        mean_opacity(part * there.ravel(), *mapped[:3], most=part * most) for part in (1.0, kept)
-    )
-    return (full - left).reshape(share.shape).astype(np.float32)

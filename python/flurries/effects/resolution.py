@@ -133,6 +133,20 @@ def _moments(mean: float, deviation: float, power: float, share: float) -> tuple
     return float(coefficients[0]), float((coefficients[1:] ** 2) @ powers)
 
 
+def variances(mean: float, deviation: float, power: float, shares: Float64) -> Float64:
+    """Return the variances of a map's mean given shares (n,) of the field's power.
+
+    As `_moments`; what the series leaves out counts with the power of its end, so that all of the
+    field shows all of the variance.
+    """
+    z, weights = _hermite()
+    value = np.clip(mean + deviation * z, 0.0, 1.0) ** power
+    squares = (weights[1:] @ value) ** 2
+    whole = float(weights[0] @ (value - weights[0] @ value) ** 2)
+    powers = np.power.outer(shares, np.arange(1, _TERMS))
+    return np.asarray(powers @ squares + (whole - squares.sum()) * shares**_TERMS)
+
+
 @lru_cache(maxsize=1)
 def _hermite() -> tuple[Float64, Float64]:
     """Return nodes, and the normalised Hermite polynomials there times the normal's weights."""

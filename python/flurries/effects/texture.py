@@ -109,7 +109,7 @@ class Texture:
             return cost
         pixels = (window[1] - window[0]) * (window[3] - window[2])
         work: dict[str, Any] = {**cost.work, "limited pixel": passes * pixels}
-        scratch = cost.scratch + (24 if passes > 1 else 4) * pixels
+        scratch = cost.scratch + (32 if passes > 1 else 16) * pixels
         return replace(cost, work=work, scratch=max(scratch, TABLE_BYTES))
 
     def warn_ambiguous(
