@@ -158,6 +158,7 @@ mod tests {
             shift: still.view(),
             velocity: moved.view(),
             shift_rate: still.view(),
+            lap: None,
             filter: TemporalFilter { alias: Alias::Soft, soft_from: 0.4, shutter: 0.5 },
             shortest: None,
         };

@@ -10,7 +10,7 @@ use crate::base::error::Error;
 use crate::base::pool;
 use crate::base::real::Real;
 use crate::spectral::band::{Band, band_amplitude as band_kernel};
-use crate::spectral::field::{Field, Window};
+use crate::spectral::field::{Field, Lap, Window};
 use crate::spectral::filter::{Alias, TemporalFilter, temporal_filter as filter_kernel};
 use crate::spectral::opacity::Opacity;
 use crate::spectral::phase::random_phase as random_kernel;
@@ -255,6 +255,8 @@ pub struct Request<'py> {
     shortest: Option<PyReadonlyArray2<'py, f64>>,
     #[pyo3(attribute)]
     window: (usize, usize, usize, usize),
+    #[pyo3(attribute)]
+    lap: Option<(PyReadonlyArray4<'py, f64>, PyReadonlyArray4<'py, f64>, f64)>,
 }
 
 impl Request<'_> {
@@ -295,6 +297,11 @@ impl Request<'_> {
                 shutter: self.shutter,
             },
             shortest: self.shortest.as_ref().map(|map| map.as_array()),
+            lap: self.lap.as_ref().map(|(drift, shift, part)| Lap {
+                drift: drift.as_array(),
+                shift: shift.as_array(),
+                part: *part,
+            }),
         };
         let (top, bottom, left, right) = self.window;
         use_it(&field, &Window { rows: top..bottom, cols: left..right })

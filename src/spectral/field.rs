@@ -49,6 +49,19 @@ pub struct Field<'a> {
     pub filter: TemporalFilter,
     /// Per tile, the wavelength up to which waves are left out.
     pub shortest: Option<ArrayView2<'a, f64>>,
+    /// Of a film that begins again: how each wave is bent.
+    pub lap: Option<Lap<'a>>,
+}
+
+/// A film that begins again: every wave turns by a whole number of cycles meanwhile.
+#[derive(Clone, Copy)]
+pub struct Lap<'a> {
+    /// Drift over the whole film.
+    pub drift: Vectors<'a>,
+    /// Shift over the whole film.
+    pub shift: Vectors<'a>,
+    /// How much of the film has passed, 0 to 1.
+    pub part: f64,
 }
 
 /// The part of the frame that is wanted.
@@ -136,7 +149,8 @@ impl<'a> Field<'a> {
             ("velocity", &self.velocity),
             ("shift_rate", &self.shift_rate),
         ];
-        for (name, vectors) in sizes {
+        let whole = self.lap.as_ref().map(|lap| [("lap_drift", &lap.drift), ("shift", &lap.shift)]);
+        for (name, vectors) in sizes.into_iter().chain(whole.into_iter().flatten()) {
             let (rows, cols, rings, pair) = vectors.dim();
             let fits = |n: usize, all: usize| n == 1 || n == all;
             // A shift is that of all waves.
@@ -191,6 +205,7 @@ mod tests {
             shift_rate: still.view(),
             filter: TemporalFilter { alias: Alias::Keep, soft_from: 0.4, shutter: 0.0 },
             shortest: None,
+            lap: None,
         })
     }
 

@@ -69,6 +69,8 @@ pub struct Values<T> {
 pub struct TileMotion<'a> {
     /// Displacements since time 0; one shift for all rings.
     pub place: &'a [Motion],
+    /// Of a film that begins again: displacements over all of it, and how much of it has passed.
+    pub lap: Option<(&'a [Motion], f64)>,
     /// Displacements per frame.
     pub rate: &'a [Motion],
     /// What sampling in time does.
@@ -183,6 +185,10 @@ impl Columns {
         values: &mut Values<T>,
     ) -> Power {
         let drift = motion.place.iter().map(|motion| motion.drift);
+        if motion.lap.is_some() {
+            // Phases that were bent for another tile serve no other.
+            values.place.clear();
+        }
         if draw.jitter {
             for (row, &ky) in self.ky.iter().enumerate() {
                 for (at, &kx) in (row * self.stride..).zip(&self.kx) {
@@ -200,6 +206,12 @@ impl Columns {
             self.steps(motion.place, (&self.tent_y, &self.tent_x), &mut values.phase);
             values.place.clear();
             values.place.extend(drift);
+        }
+        if let Some((whole, part)) = motion.lap {
+            let Values { tent, phase, .. } = values;
+            let own = (&tent.0[..], &tent.1[..]);
+            let tent = if draw.jitter { own } else { (&self.tent_y[..], &self.tent_x[..]) };
+            self.bend(whole, part, tent, phase);
         }
         if self.gains(draw.jitter, motion, values) {
             for (rounded, gain) in values.rounded.iter_mut().zip(values.gain.iter()) {
@@ -233,6 +245,21 @@ impl Columns {
                 for (i, out) in out.iter_mut().enumerate() {
                     *out = rings[self.ring[i] as usize].step((tent.0[i], tent.1[i]), (0.0, 0.0));
                 }
+            }
+        }
+    }
+
+    /// Bends phases so that each wave has turned by a whole number of cycles when the film ends: the
+    /// nearest one, at one rate.
+    fn bend(&self, whole: &[Motion], part: f64, tent: (&[f64], &[f64]), phase: &mut [f64]) {
+        let rows = phase.chunks_exact_mut(self.stride).zip(&self.row_frequency);
+        for (row, (phases, fy)) in rows.enumerate() {
+            for (at, (phase, fx)) in
+                (row * self.stride..).zip(phases.iter_mut().zip(&self.column_frequency))
+            {
+                let motion = &whole[if whole.len() == 1 { 0 } else { self.ring[at] as usize }];
+                let cycles = motion.step((tent.0[at], tent.1[at]), (*fy, *fx));
+                *phase += part * (cycles.round_ties_even() - cycles);
             }
         }
     }

@@ -295,6 +295,7 @@ impl<T: Real> Strip<T> {
 struct TileWork<T: Real> {
     place: Vec<Motion>,
     rate: Vec<Motion>,
+    whole: Vec<Motion>,
     scratch: super::tile::Scratch<T>,
 }
 
@@ -302,15 +303,24 @@ impl<T: Real> TileWork<T> {
     fn new(ready: &Ready<'_, '_, T>) -> Result<Self, Error> {
         let rings = ready.field.rings();
         let still = || collected((0..rings).map(|_| Motion { drift: [0.0; 2], shift: [0.0; 2] }));
-        Ok(Self { place: still()?, rate: still()?, scratch: ready.parts.plan.scratch()? })
+        Ok(Self {
+            place: still()?,
+            rate: still()?,
+            whole: still()?,
+            scratch: ready.parts.plan.scratch()?,
+        })
     }
 
     fn render(&mut self, ready: &Ready<'_, '_, T>, at: (usize, usize)) -> Result<Power, Error> {
         let field = ready.field;
         field.motions(field.drift, field.shift, at, &mut self.place);
         field.motions(field.velocity, field.shift_rate, at, &mut self.rate);
+        if let Some(lap) = field.lap {
+            field.motions(lap.drift, lap.shift, at, &mut self.whole);
+        }
         let motion = TileMotion {
             place: &self.place,
+            lap: field.lap.map(|lap| (&self.whole[..], lap.part)),
             rate: &self.rate,
             filter: field.filter,
             shortest: field.shortest.as_ref().map_or(0.0, |map| map[at]),

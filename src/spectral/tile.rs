@@ -230,6 +230,7 @@ mod tests {
         let motion = [Motion { drift: [3.3, -1.7], shift: [0.25, 2.0] }];
         let asked = TileMotion {
             place: &motion,
+            lap: None,
             rate: &motion,
             filter: TemporalFilter { alias: Alias::Keep, soft_from: 0.4, shutter: 0.3 },
             shortest: 4.0,

@@ -11,7 +11,7 @@ use std::sync::atomic::AtomicUsize;
 use ndarray::{Array2, Array4, ArrayViewMut2, Axis};
 
 use super::band::Band;
-use super::field::{Field, Ready, Window};
+use super::field::{Field, Lap, Ready, Window};
 use super::filter::TemporalFilter;
 use super::parts::Parts;
 use super::stripes::{Mapped, Strip, runs};
@@ -35,6 +35,7 @@ struct Stored {
     vectors: [Array4<f64>; 4],
     filter: TemporalFilter,
     shortest: Option<Array2<f64>>,
+    lap: Option<([Array4<f64>; 2], f64)>,
 }
 
 impl Stored {
@@ -53,6 +54,7 @@ impl Stored {
             vectors: vectors.map(|vectors| vectors.to_owned()),
             filter: field.filter,
             shortest: field.shortest.map(|map| map.to_owned()),
+            lap: field.lap.map(|lap| ([lap.drift, lap.shift].map(|one| one.to_owned()), lap.part)),
         }
     }
 
@@ -74,6 +76,11 @@ impl Stored {
             shift_rate: shift_rate.view(),
             filter: self.filter,
             shortest: self.shortest.as_ref().map(|map| map.view()),
+            lap: self.lap.as_ref().map(|([drift, shift], part)| Lap {
+                drift: drift.view(),
+                shift: shift.view(),
+                part: *part,
+            }),
         }
     }
 }
@@ -244,6 +251,7 @@ mod tests {
                 shift: still.view(),
                 velocity: moved.view(),
                 shift_rate: still.view(),
+                lap: None,
                 filter: TemporalFilter { alias: Alias::Soft, soft_from: 0.4, shutter: 0.5 },
                 shortest: None,
             };

@@ -25,6 +25,8 @@ from flurries.frame.calibration import scales
 def plan(words: Words, frames: str | None, as_json: bool, calibrate: bool, **given: Any) -> None:
     """Print the steps of a frame, their times and memory, and what is left out and why."""
     scene = scene_of(**given)
+    for line in scene.bent:
+        words.say(line)
     if calibrate:
         words.say("measuring this machine")
         scales(again=True)

@@ -94,6 +94,8 @@ def render(
         raise click.UsageError(f"--float and --bits {bits} must not both be given")
     kind: Any = "float" if full else int(bits) if bits is not None and bits.isdigit() else bits
     scene = scene_of(**given)
+    for line in scene.bent:
+        words.say(line)
     if words.verbose:
         height, width = scene.shape
         weather = ", ".join(type(effect).__name__ for effect in scene.effects)

@@ -64,6 +64,9 @@ scene_options: Callable[[Any], Any] = join(
            "hold the first or last, or loop"),
     option("--start", type=int, metavar="N", example="1001", unset="that of the files, else 0",
            help="number of the first frame of films, which have no numbers of their own"),
+    option("--loop", type=int, metavar="N", example="96", unset="the scene's, else never",
+           help="after so many frames the film begins again, without a jump; what is bent for it is "
+           "said"),
     option("--seed", type=int, metavar="N", example="7", unset="the scene's, else 0",
            help="which of all snowfalls of this kind"),
     option("--tolerance", type=float, metavar="E", example="0.004", unset="the scene's, else 0",
@@ -82,6 +85,11 @@ scene_options: Callable[[Any], Any] = join(
 
 def scene_of(source: str, **options: Any) -> Scene:
     """Return the scene that `scene_options` describe."""
+    scene = _scene_of(source, options)
+    return scene if options["loop"] is None else scene.loop(options["loop"])
+
+
+def _scene_of(source: str, options: dict[str, Any]) -> Scene:
     changes = {
         name: options[name]
         for name in ("seed", "tolerance", "size", "fps", "extend", "start", "colorspace")

@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from flurries import gas, spectral
+from flurries import _core, gas
 from flurries._contract import Array, Float64
 from flurries.camera.tiles import tile_drift, tile_shift
 from flurries.effects.sunlight import Scatter
@@ -24,6 +24,7 @@ from flurries.frame.needs import Cost
 from flurries.frame.view import Frame
 from flurries.io.color import srgb_to_linear
 from flurries.motion.keys import Vector
+from flurries.spectral.frame import request
 
 # Amplitudes of the texture fall as k^(-11/6), their squares as k^(-11/3), down to waves of 4 px.
 EXPONENT, SHORTEST = 11.0 / 6.0, 4.0
@@ -168,24 +169,35 @@ class Bank:
             return np.ones(frame.shape, np.float32)
         side = min(max(16, 1 << (max(frame.shape) - 1).bit_length()), TILE)
         overlap = OVERLAP if max(frame.shape) > side else 0
-        moved = frame.travel(wind=self.wind) + np.array(frame.camera.offset)
-        shift = tile_drift(
-            frame.shape, moved, frame.camera, near_depth=depth, tile=side, overlap=overlap
-        )
-        if frame.path.turns:
-            shift = shift + tile_shift(
-                frame.shape, frame.rotation(), frame.camera, tile=side, overlap=overlap
-            )
+        shift = self._shift(frame, depth, side, overlap)
         seed = (frame.seed + _STRIDE * slice_) % 2**62
-        field = spectral.field(
+        asked = request(
             frame.shape, drift=(0.0, 0.0), shift=shift, seed=seed,
             wavelengths=(SHORTEST, float(side)), exponent=EXPONENT, tile=side, overlap=overlap,
         )  # fmt: skip
+        if frame.lap is not None:
+            times = (frame.lap.first, frame.lap.end)
+            begin, end = (
+                self._shift(frame.later(t - frame.t), depth, side, overlap) for t in times
+            )
+            whole = np.ascontiguousarray((end - begin)[:, :, None])
+            asked = asked._replace(lap=(np.zeros_like(whole), whole, frame.lap.part(frame.t)))
+        field = np.empty(frame.shape, np.float32)
+        _core.field(field, asked, None, False)
         # A logarithm of mean -s^2/2 and variance s^2 has the mean 1.
         spread = np.float32(self.structure)
         field *= spread
         field -= np.float32(0.5) * spread * spread
         return np.exp(field, out=field)
+
+    def _shift(self, frame: Frame, depth: float, side: int, overlap: int) -> Float64:
+        """Return how far a slice has moved at each tile, (rows, cols, 2) px."""
+        moved = frame.travel(wind=self.wind) + np.array(frame.camera.offset)
+        tiles: dict[str, Any] = {"tile": side, "overlap": overlap}
+        shift = tile_drift(frame.shape, moved, frame.camera, near_depth=depth, **tiles)
+        if frame.path.turns:
+            shift = shift + tile_shift(frame.shape, frame.rotation(), frame.camera, **tiles)
+        return np.asarray(shift)
 
     def _light(
         self, frame: Frame, rays: _Rays, extinction: float, depth: float, dense: Array

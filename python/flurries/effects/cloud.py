@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -22,6 +23,10 @@ RIM = 0.075
 # Sigma (px) from which particles are drawn on a lattice: each errs by at most .0015 of its density,
 # and a frame by less than half a step of 8 bits (docs/internals/accuracy.md).
 SMOOTH = 24.0
+
+# Where a film begins again: the stream of the order in which particles give way, and over which
+# share of them the one that does fades.
+RANKS, FADE = 211, 0.25
 
 # The most particles in the box of the given sides; one that grows to the view has four times them.
 MOST = 2_000_000
@@ -88,16 +93,36 @@ class Cloud:
         """Return middles in the eye's axes (n, 3) and the density that each shows (n,)."""
         sides, count = self.filled(frame)
         box = tuple(sides.tolist()), tuple(self._middle(frame, sides).tolist())
-        moved = -frame.displacement(wind=self.wind).reshape(1, 3)
-        points, shown = np.empty((count, 3)), np.empty(count)
-        _core.particle_positions(points, *box, frame.seed, moved, 1.0, None)
-        _core.particle_edge_fade(shown, points, *box)
+        rounds = []
+        for t, part in self._rounds(frame, count):
+            moved = -frame.path.relative(t, fps=frame.fps, fall=0.0, wind=self.wind)[0]
+            points, shown = np.empty((count, 3)), np.empty(count)
+            _core.particle_positions(points, *box, frame.seed, moved.reshape(1, 3), 1.0, None)
+            _core.particle_edge_fade(shown, points, *box)
+            rounds.append((points, shown * part))
+        points, shown = (np.concatenate(parts) for parts in zip(*rounds, strict=True))
         shown *= density
         local = frame.to_camera(points)
         if self.depths is not None:
             shown = shown * self._between(local[:, 2] - frame.camera.offset[2])
         there = shown > 0.0
         return np.ascontiguousarray(local[there]), shown[there]
+
+    def _rounds(self, frame: Frame, count: int) -> list[tuple[float, Any]]:
+        """Return the times that are shown, and how much of each particle then.
+
+        Of a film that begins again two rounds: one by one particles of this one give way to those
+        of the next, which are there in full when it begins.
+        """
+        lap = frame.lap
+        if lap is None:
+            return [(frame.t, 1.0)]
+        rank = np.empty(count)
+        _core.uniform(rank, frame.seed, RANKS)
+        part = (1.0 + FADE) * lap.part(frame.t)
+        next_ = np.clip((part - rank) / FADE, 0.0, 1.0)
+        rounds = [(frame.t, 1.0 - next_), (frame.t - lap.frames, next_)]
+        return [(t, shown) for t, shown in rounds if shown.any()]
 
     def draw(
         self, frame: Frame, density: float, color: tuple[float, float, float], *, lit: bool

@@ -21,6 +21,8 @@ from flurries.camera.lens import Camera
 from flurries.camera.path import CameraPath
 from flurries.effects.motion import Motion, Way, air_course, camera_course
 from flurries.effects.passes import plane_motion, rays
+from flurries.cone.sheet import wrapped
+from flurries.frame.lap import Lap
 from flurries.frame.needs import Cost, LeftOut, Needs, Step
 from flurries.frame.view import Frame
 from flurries.motion.keys import Keys, Number
@@ -74,7 +76,19 @@ class DoubleCone:
 
     def state(self, frame: Frame) -> cone.State:
         """Return axis, phase and stretch of a frame."""
-        return _path(self, frame.path, frame.fps).at(frame.t / frame.fps)
+        path = _path(self, frame.path, frame.fps)
+        state, lap = path.at(frame.t / frame.fps), frame.lap
+        if lap is None:
+            return state
+        rest = lap.part(frame.t) * self.beyond(frame.path, frame.fps, lap)[0]
+        return replace(state, phase=wrapped(state.phase - rest))
+
+    def beyond(self, path: CameraPath, fps: float, lap: Lap) -> tuple[float, float]:
+        """Return by how many tiles a round misses a whole number, and how many it passes.
+
+        The nearest one; where anything moves one at least, or rain would stand still.
+        """
+        return _beyond(_path(self, path, fps), fps, lap)
 
     def passes(self, frame: Frame, later: Frame, way: Way, next_way: Way) -> tuple[Array, Array]:
         """Return motion (h, w, 2) and depth (h, w) of what the window shows, means of the layers.
@@ -160,6 +174,17 @@ def _path(part: DoubleCone, path: CameraPath, fps: float) -> cone.Path:
         repeats=part.repeats,
         still=STILL,
     )
+
+
+@lru_cache(maxsize=32)
+def _beyond(path: cone.Path, fps: float, lap: Lap) -> tuple[float, float]:
+    phases = [path.at(t / fps).phase for t in range(lap.first, lap.end + 1)]
+    steps = np.diff(phases)
+    passed = float((steps - np.round(steps)).sum())
+    whole = float(round(passed))
+    if whole == 0.0 and abs(passed) > 1e-6:
+        whole = math.copysign(1.0, passed)
+    return passed - whole, passed
 
 
 def _shutter(shutter: Number) -> Number:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Any
 
@@ -183,7 +183,22 @@ class Field:
             shutter=way.shutter,
             shortest=self._limits(frame, layout, shortest),
             window=frame.window,
+            lap=self._lap(frame, shortest),
         )
+
+    def _lap(self, frame: Frame, shortest: Float64 | None) -> tuple[Float64, Float64, float] | None:
+        """Return drift and shift over a film that begins again, and how much of it has passed."""
+        lap = frame.lap
+        if lap is None:
+            return None
+        begin, end = (
+            self.request(at, self.motion.way(at), shortest)
+            for at in (
+                replace(frame.later(time - frame.t), lap=None) for time in (lap.first, lap.end)
+            )
+        )
+        whole = (end.drift - begin.drift, np.asarray(end.shift - begin.shift))
+        return *(np.ascontiguousarray(one) for one in whole), lap.part(frame.t)
 
     def _limits(self, frame: Frame, layout: Layout, shortest: Float64 | None) -> Float64 | None:
         """Return the shortest waves of the tiles; none are left where nothing can be seen."""

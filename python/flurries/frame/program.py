@@ -19,6 +19,7 @@ from flurries.camera.lens import Camera
 from flurries.camera.optics import Lens
 from flurries.camera.path import CameraPath
 from flurries.frame.bands import most_bands, whole
+from flurries.frame.lap import Lap
 from flurries.frame.matte import Deep, Front
 from flurries.frame.mixing import Mix
 from flurries.frame.needs import Kept, LeftOut, Needs, Run, has_keys, needs_of
@@ -119,6 +120,7 @@ class Program:
     primaries: Array | None = None
     lights: tuple[Lamp, ...] = ()
     lens: Lens | None = None
+    lap: Lap | None = None
 
     def __post_init__(self) -> None:
         self.parts: list[Part] = []
@@ -171,6 +173,7 @@ class Program:
             sun=self.sun,
             lights=self.lights,
             lens=self.lens,
+            lap=self.lap,
             settled=self.settled,
             deep=self.deep,
         )

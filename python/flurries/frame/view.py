@@ -14,6 +14,7 @@ from flurries.camera.lens import Camera
 from flurries.camera.optics import Blur, Lens
 from flurries.camera.path import CameraPath
 from flurries.camera.rotation import rotation_vector
+from flurries.frame.lap import Lap
 from flurries.frame.matte import Deep
 from flurries.frame.needs import Run, needs_of
 from flurries.frame.shared import Shared
@@ -59,6 +60,8 @@ class Frame:
         Lamps of the scene.
     lens : Lens or None
         That what falls is seen through; None is sharp everywhere.
+    lap : Lap or None
+        Of a film that begins again: which frames come over and over; `t` is one of them.
     run : Run or None
         What the plan lets the effect do; None where a frame was made without a plan.
     settled : bool
@@ -88,6 +91,7 @@ class Frame:
     plate: PlateLight | None = None
     lights: tuple[Lamp, ...] = ()
     lens: Lens | None = None
+    lap: Lap | None = None
     run: Run | None = None
     settled: bool = False
     deep: bool = False

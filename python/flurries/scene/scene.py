@@ -18,6 +18,7 @@ from flurries.camera.lens import Camera
 from flurries.camera.optics import Lens
 from flurries.camera.path import CameraPath, as_path
 from flurries.frame.effect import Effect
+from flurries.frame.lap import Lap
 from flurries.frame.picture import images
 from flurries.frame.program import Program
 from flurries.frame.truth import Rendered, truth
@@ -39,6 +40,7 @@ from flurries.scene.background import Backdrop, backdrop
 from flurries.scene.depth import DepthMap, Distance, distance_of
 from flurries.scene.files import Sources
 from flurries.scene.foreground import Foreground, Mattes, frozen, mattes_of
+from flurries.scene.loop import Looped, looped_scene
 from flurries.scene.numbers import Frames, frames_of
 from flurries.scene.overscan import Display
 from flurries.scene.words import line_of, page_of
@@ -126,6 +128,8 @@ class Scene(Sources):
     start : int, optional
         The number of the first frame of films, which have no numbers of their own. If not given
         that of the background's files, else 0.
+    period : int, optional
+        After so many frames the film begins again, without a jump; see `loop`.
 
     Raises
     ------
@@ -157,6 +161,7 @@ class Scene(Sources):
     colorspace: str | None
     lights: tuple[Lamp, ...]
     lens: Lens | None
+    period: int | None
     _backdrop: Backdrop = field(init=False)
     _mattes: Mattes | None = field(init=False)
     _distance: Distance | None = field(init=False)
@@ -180,6 +185,7 @@ class Scene(Sources):
         colorspace: str | None = None,
         lights: Lamp | Sequence[Lamp] = (),
         lens: Lens | None = None,
+        period: int | None = None,
     ) -> None:
         def settle(name: str, value: Any) -> None:
             object.__setattr__(self, name, value)
@@ -229,6 +235,9 @@ class Scene(Sources):
         if lens is not None and not isinstance(lens, Lens):
             raise TypeError(f"lens must be a flurries.Lens, got {lens!r}")
         settle("lens", lens)
+        if period is not None:
+            period = integer("period", period, low=2, high=MOST_FRAMES)
+        settle("period", period)
         distance = None if depth is None else distance_of(depth, self.shape, **numbers)
         settle("_distance", distance)
         if distance is not None and np.ndim(depth) == 2:  # type: ignore[arg-type]
@@ -289,7 +298,11 @@ class Scene(Sources):
         # What runs belongs to the scene that it was found for.
         if "camera" in changes:
             changes["_path"] = changes["camera"]
-        own = {name: value for name, value in vars(self).items() if name not in ("program", "fine")}
+        own = {
+            name: value
+            for name, value in vars(self).items()
+            if name not in ("program", "fine", "_looped")
+        }
         vars(made).update(own, **changes)
         return made
 
@@ -361,7 +374,7 @@ class Scene(Sources):
         tolerance: float | None,
     ) -> Sequence[Array | Rendered]:
         """Return what each eye sees, None being the path's camera."""
-        time, window = real("t", t), parse_region(region, self.shape)
+        time, window = self._in_lap(real("t", t)), parse_region(region, self.shape)
         if self.camera.extend == "stop":
             self.require([math.floor(time)], gaps=False)
         limit = self.tolerance if tolerance is None else parse_tolerance(tolerance)
@@ -369,6 +382,45 @@ class Scene(Sources):
         if layers:
             return truth(self.program, time, views, window)
         return images(self.program, time, views, window, limit)
+
+    def loop(self, frames: int) -> Scene:
+        """Return the scene as a film that begins again after so many frames, without a jump.
+
+        Frame `frames` is the first one to the bit. Flakes, drops and puffs of one round give way,
+        one by one, to those of the next; waves of a texture and a cone's tiles are bent to the
+        nearest whole number of turns; what is keyed goes back to its first value over the last
+        quarter; a camera ends as it began where that is seen. :attr:`bent` says what was changed.
+
+        Parameters
+        ----------
+        frames : int
+            2 or more. They count from the background's first frame, else from 0.
+        """
+        return self.replace(period=integer("frames", frames, low=2, high=MOST_FRAMES))
+
+    @property
+    def lap(self) -> Lap | None:
+        """Which frames come over and over, of a scene with a `period`."""
+        if self.period is None:
+            return None
+        return Lap(0 if self.range is None else self.range[0], self.period)
+
+    def _in_lap(self, t: float) -> float:
+        lap = self.lap
+        return t if lap is None else lap.place(t)
+
+    @cached_property
+    def _looped(self) -> Looped:
+        assert self.lap is not None
+        return looped_scene(
+            self.lap, effects=self.effects, path=self._path, lights=self.lights, lens=self.lens,
+            seed=self.seed, fps=self.fps, moves=self.frames is not None,
+        )  # fmt: skip
+
+    @property
+    def bent(self) -> tuple[str, ...]:
+        """What was changed for a scene with a `period` to begin again, in words."""
+        return () if self.period is None else self._looped.bent
 
     def holding(self) -> Scene:
         """Return the scene with a background that holds its last good frame where one is bad."""
@@ -413,11 +465,13 @@ class Scene(Sources):
     @cached_property
     def program(self) -> Program:
         """What runs for each frame, resolved when it is first asked for."""
+        parts = (self.effects, self._path, self.lights, self.lens)
+        effects, path, lights, lens = parts if self.period is None else self._looped[:4]
         return Program(
-            effects=self.effects,
+            effects=effects,
             shape=self.shape,
             fps=self.fps,
-            path=self._path,
+            path=path,
             seed=self.seed,
             sun=self.sun,
             backdrop=self._backdrop,
@@ -425,8 +479,9 @@ class Scene(Sources):
             mattes=self._mattes,
             linear=self.linear,
             primaries=None if self.color is None else self.color.working.from_rec709(),
-            lights=self.lights,
-            lens=self.lens,
+            lights=lights,
+            lens=lens,
+            lap=self.lap,
         )
 
     @overload
@@ -493,7 +548,7 @@ class Scene(Sources):
         World units, infinity where nothing stands. A sequence of depths goes by frames as the
         background does.
         """
-        return None if self._distance is None else self.program.depth_at(real("t", t))
+        return None if self._distance is None else self.program.depth_at(self._in_lap(real("t", t)))
 
     def write(
         self,

@@ -50,6 +50,8 @@ class Request(NamedTuple):
     shutter: float
     shortest: Float64 | None
     window: tuple[int, int, int, int]
+    # Of a film that begins again: drift and shift over all of it, and how much of it has passed.
+    lap: tuple[Float64, Float64, float] | None = None
 
     def arrays(self) -> list[Float64]:
         """Return those of its values that are arrays, and perhaps the caller's own."""

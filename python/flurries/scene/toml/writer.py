@@ -31,7 +31,12 @@ def describe(
         table["background"] = _background("background", scene.background, folder)
     if scene.foreground is not None:
         table["foreground"] = _mattes(scene.foreground, folder, leave_out)
-    for name, usual in (("extend", "stop"), ("start", None), ("colorspace", None)):
+    for name, usual in (
+        ("extend", "stop"),
+        ("start", None),
+        ("colorspace", None),
+        ("period", None),
+    ):
         if getattr(scene, name) != usual:
             table[name] = getattr(scene, name)
     if scene.space != "auto":

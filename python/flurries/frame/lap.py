@@ -1,0 +1,33 @@
+"""A film that begins again after some frames."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+
+class Lap(NamedTuple):
+    """Which frames of a film come over and over.
+
+    Attributes
+    ----------
+    first : int
+        The number of its first frame.
+    frames : int
+        How many there are: frame ``first + frames`` is frame `first` again.
+    """
+
+    first: int
+    frames: int
+
+    @property
+    def end(self) -> int:
+        """The frame that is the first again."""
+        return self.first + self.frames
+
+    def place(self, t: float) -> float:
+        """Return the frame of the first round that a frame is."""
+        return self.first + (t - self.first) % self.frames
+
+    def part(self, t: float) -> float:
+        """Return how much of the round has passed, 0 to 1."""
+        return (t - self.first) / self.frames

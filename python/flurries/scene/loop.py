@@ -1,0 +1,122 @@
+"""A scene that begins again after some frames: what runs, and what had to be bent for it."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import Any, NamedTuple
+
+from flurries.camera.loop import looped_path
+from flurries.camera.path import CameraPath
+from flurries.effects.cone import ConeRain, ConeSnow
+from flurries.effects.loop import closed, closed_fields, looped, one_place
+from flurries.effects.mist import Mist
+from flurries.effects.tent_rain import TentRain
+from flurries.effects.tent_snow import TentSnow
+from flurries.frame.lap import Lap
+from flurries.frame.program import effect_seed
+from flurries.motion.keys import Keys
+
+
+class Looped(NamedTuple):
+    """What a scene that repeats is made of.
+
+    Attributes
+    ----------
+    effects : tuple of effects
+        Those that draw one by one stand twice, a round apart.
+    path : CameraPath
+    lights : tuple of Lamp
+    lens : Lens or None
+    bent : tuple of str
+        What does not end as it began, and what becomes of it.
+    """
+
+    effects: tuple[Any, ...]
+    path: CameraPath
+    lights: tuple[Any, ...]
+    lens: Any
+    bent: tuple[str, ...]
+
+
+def looped_scene(
+    lap: Lap,
+    *,
+    effects: tuple[Any, ...],
+    path: CameraPath,
+    lights: tuple[Any, ...],
+    lens: Any,
+    seed: int,
+    fps: float,
+    moves: bool,
+) -> Looped:
+    """Return the parts of a scene that repeats; `moves` says whether its background does."""
+    bent: list[str] = []
+
+    def close(name: str, thing: Any) -> Any:
+        made, fields = closed_fields(thing, lap)
+        for field, back in fields.items():
+            bent.append(
+                f"{name}: {field} does not end as it begins: from frame {back:g} on it goes back"
+            )
+        return made
+
+    shown: list[Any] = []
+    for index, effect in enumerate(effects):
+        name = f"effects[{index}] ({getattr(effect, 'NAME', type(effect).__name__)})"
+        own = getattr(effect, "seed", None)
+        one = close(name, effect)
+        drawn = effect_seed(seed, index) if own is None else own
+        if not (path.still and one_place(one)):
+            shown += looped(one, lap, drawn)
+            continue
+        if one.sway[0] != 0.0:
+            turns = max(round(one.sway[1] * lap.frames / (math.tau * fps)), 1)
+            rate = math.tau * fps * turns / lap.frames
+            bent.append(f"{name}: it sways by {rate:.3g} radians a second, not {one.sway[1]:.3g}")
+            one = replace(one, sway=(one.sway[0], rate))
+        shown.append(replace(one, seed=drawn))
+    lamps = tuple(close(f"lights[{index}]", lamp) for index, lamp in enumerate(lights))
+    opening = None if lens is None else close("lens", lens)
+    if path.focal is not None and not isinstance(path.focal, Keys):
+        path = replace(path, focal=Keys(list(enumerate(path.focal.tolist()))))
+    for field in ("velocity", "focal"):
+        made, back = closed(getattr(path, field), lap)
+        if made is not getattr(path, field):
+            path = replace(path, **{field: made})
+        if back is not None:
+            bent.append(
+                f"camera: {field} does not end as it begins: from frame {back:g} on it goes back"
+            )
+    banks = [effect for effect in effects if isinstance(effect, Mist)]
+    placed = bool(lights) or any(bank.center is not None for bank in banks)
+    stays = (placed, placed or any(bank.top is not None for bank in banks), placed)
+    tilts = any(isinstance(effect, (ConeRain, ConeSnow)) for effect in effects)
+    path, of_camera = looped_path(path, lap.first, lap.frames, fps, stays=stays, tilts=tilts)
+    bent += of_camera
+    if moves:
+        bent.append(
+            f"background: it is shown from frame {lap.first} to {lap.end - 1} and begins again, as "
+            "it is"
+        )
+    bent += [
+        f"effects[{index}] ({effect.NAME}): {words}"
+        for index, effect in enumerate(effects)
+        if (words := _bending(effect, path, fps, lap))
+    ]
+    return Looped(tuple(shown), path, lamps, opening, tuple(bent))
+
+
+def _bending(effect: Any, path: CameraPath, fps: float, lap: Lap) -> str:
+    """Return in words how the waves or the tiles of an effect are bent."""
+    if isinstance(effect, (ConeRain, ConeSnow)):
+        rest, passed = effect.parts.texture.beyond(path, fps, lap)
+        if abs(rest) < 1e-6:
+            return ""
+        return f"{abs(passed):.3g} tiles of its cone pass, {abs(passed - rest):.0f} in the loop"
+    if isinstance(effect, (TentSnow, TentRain)) or (isinstance(effect, Mist) and effect.structure):
+        return (
+            "each wave of its texture turns by the nearest whole number of cycles, by up to "
+            f"{0.5 / lap.frames:.2g} cycles a frame more or less"
+        )
+    return ""
