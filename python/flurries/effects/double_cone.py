@@ -19,9 +19,9 @@ from flurries._contract import Array, Float64
 from flurries._threads import reproducible
 from flurries.camera.lens import Camera
 from flurries.camera.path import CameraPath
+from flurries.cone.sheet import wrapped
 from flurries.effects.motion import Motion, Way, air_course, camera_course
 from flurries.effects.passes import plane_motion, rays
-from flurries.cone.sheet import wrapped
 from flurries.frame.lap import Lap
 from flurries.frame.needs import Cost, LeftOut, Needs, Step
 from flurries.frame.view import Frame

@@ -197,8 +197,9 @@ class Field:
                 replace(frame.later(time - frame.t), lap=None) for time in (lap.first, lap.end)
             )
         )
-        whole = (end.drift - begin.drift, np.asarray(end.shift - begin.shift))
-        return *(np.ascontiguousarray(one) for one in whole), lap.part(frame.t)
+        drift = np.ascontiguousarray(end.drift - begin.drift)
+        shift = np.ascontiguousarray(end.shift - begin.shift)
+        return drift, shift, lap.part(frame.t)
 
     def _limits(self, frame: Frame, layout: Layout, shortest: Float64 | None) -> Float64 | None:
         """Return the shortest waves of the tiles; none are left where nothing can be seen."""
