@@ -266,5 +266,12 @@ def test_ambient_is_saved_and_other_words_are_refused(tmp_path: Any):
     scene.save(tmp_path / "scene.toml")
     again = Scene.load(tmp_path / "scene.toml")
     assert again.effects == scene.effects and np.array_equal(again.render(1), scene.render(1))
-    with pytest.raises(ValueError, match="color must be one of 'ambient'"):
-        Snow(color="white")
+    with pytest.raises(ValueError, match="'#rrggbb' or 'ambient', got 'ambiant'; did you mean"):
+        Snow(color="ambiant")
+
+
+@pytest.mark.parametrize("kind", [Snow, fl.Snow, fl.Mist, fl.Sun, fl.ConeRain])
+def test_colors_are_also_those_of_the_web(kind: Any):
+    assert kind(color="#336699").color == (0.2, 0.4, 0.6)
+    with pytest.raises(ValueError, match="color must be '#rrggbb'"):
+        kind(color="#3366")

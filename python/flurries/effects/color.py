@@ -2,20 +2,21 @@
 
 from __future__ import annotations
 
-from typing import Any, Literal, TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 
-from flurries._contract import choice, real, vector
+from flurries._contract import real, suggestion, vector
 from flurries.frame.view import Frame
-from flurries.io.color import linear_to_srgb, srgb_to_linear
+from flurries.io.color import linear_to_srgb, parse_hex, srgb_to_linear
 from flurries.motion.keys import Keys, value_at
 
-# One grey or (r, g, b), display values, plain or keyed; or the light of the background.
-Color: TypeAlias = float | tuple[float, float, float] | Keys | Literal["ambient"]
+# One grey, (r, g, b) or "#rrggbb", display values, plain or keyed; or "ambient", the light of the
+# background.
+Color: TypeAlias = float | tuple[float, float, float] | Keys | str
 
-# The same, or that light by places.
-PlacedColor: TypeAlias = Color | Literal["local"]
+# The same, or "local", that light by places.
+PlacedColor: TypeAlias = Color
 
 # What `color` says instead of a color: the background's own light.
 AMBIENT = "ambient"
@@ -33,7 +34,14 @@ def as_color(value: object, words: tuple[str, ...] = (AMBIENT,)) -> Any:
             as_color(v)
         return value
     if isinstance(value, str):
-        return choice("color", value, words)
+        if value.startswith("#"):
+            return tuple(part / 255 for part in parse_hex("color", value))
+        if value not in words:
+            raise ValueError(
+                f"color must be a number, (r, g, b), '#rrggbb' or {' or '.join(map(repr, words))}, "
+                f"got {value!r}{suggestion(value, words)}"
+            )
+        return value
     if isinstance(value, (float, int, np.number, bytes)) or value is None:
         return real("color", value, low=0.0, high=1.0)
     parts = vector("color", value, 3).tolist()

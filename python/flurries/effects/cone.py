@@ -82,7 +82,7 @@ class ConeRain(metaclass=Described):
     wind : (x, y, z) or Wind
         Air velocity, metres per second, x right, y down, z away from the camera. Keyed. Of a
         :class:`flurries.Wind` its mean: a cone has one axis.
-    color : float, (r, g, b) or "ambient"
+    color : float, (r, g, b), "#rrggbb" or "ambient"
         Display values, 0 to 1. Keyed. "ambient" as in :class:`TentSnow`.
     haze : float
         Opacity of an even veil, 0 to 1; before a scene with a depth, of the veil before the

@@ -103,7 +103,7 @@ class Mist(metaclass=Described):
         Three sigma of a particle, metres; 0.09 of the box if not given.
     density : float
         Opacity of a particle's middle, 0 to 1. Keyed.
-    color : float, (r, g, b) or "ambient"
+    color : float, (r, g, b), "#rrggbb" or "ambient"
         Display values, 0 to 1. Keyed. "ambient" is the background's own light.
     wind : (x, y, z)
         Air velocity, metres per second, x right, y down, z away from the camera. Keyed.

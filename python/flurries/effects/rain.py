@@ -62,7 +62,7 @@ class Rain(metaclass=Described):
         that of drops of the size. Keyed.
     wind : (x, y, z) or Wind
         Air velocity, metres per second, x right, y down, z away from the camera. Keyed.
-    color : float, (r, g, b), "ambient" or "local"
+    color : float, (r, g, b), "#rrggbb", "ambient" or "local"
         Display values, 0 to 1. Keyed. As in :class:`Snow`; what is "local" is the light that a drop
         bends towards the camera, and `gain` does not count.
     haze : float

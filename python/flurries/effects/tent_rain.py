@@ -73,7 +73,7 @@ class TentRain(metaclass=Described):
     wind : (x, y, z) or Wind
         Air velocity, metres per second, x right, y down, z away from the camera. Keyed; or
         :class:`flurries.Wind`.
-    color : float, (r, g, b) or "ambient"
+    color : float, (r, g, b), "#rrggbb" or "ambient"
         Display values, 0 to 1. Keyed. "ambient" as in :class:`TentSnow`.
     haze : float
         Opacity of an even veil, 0 to 1; before a scene with a depth, of the veil before the

@@ -74,7 +74,7 @@ class TentSnow(metaclass=Described):
         :class:`flurries.Wind`, with gusts, swirls and differences over depth. Waves exactly across
         the motion stand still, which shows when the wind is 0 or in a simple ratio to the fall
         (1:3, 1:4): take a ratio beside it, or `jitter`.
-    color : float, (r, g, b) or "ambient"
+    color : float, (r, g, b), "#rrggbb" or "ambient"
         Display values, 0 to 1. Keyed. "ambient": as bright as white is in the light of the
         background, see :func:`flurries.light.ambient.ambient_light`.
     haze : float

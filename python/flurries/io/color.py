@@ -7,6 +7,7 @@ paper white and a lamp may be 50.
 
 from __future__ import annotations
 
+import re
 from functools import lru_cache
 from typing import Any, Literal, TypeAlias
 
@@ -21,6 +22,17 @@ Encoding: TypeAlias = Literal["display", "linear"]
 
 # The largest finite half float. Anything above rounds to infinity when it is stored as half.
 LARGEST_HALF = 65504.0
+
+_HEX = re.compile(r"#([0-9a-fA-F]{2})([0-9a-fA-F]{2})([0-9a-fA-F]{2})")
+
+
+def parse_hex(name: str, text: str) -> tuple[int, int, int]:
+    """Return (r, g, b), 0 to 255, of a color as the web writes it; `name` is for the error."""
+    match = _HEX.fullmatch(text)
+    if match is None:
+        raise ValueError(f"{name} must be '#rrggbb' for a color, got {text!r}")
+    red, green, blue = (int(part, 16) for part in match.groups())
+    return red, green, blue
 
 
 def srgb_to_linear(values: npt.ArrayLike) -> Array:

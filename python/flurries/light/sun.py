@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from flurries._contract import Float64, real, suggesting, vector
+from flurries.io.color import parse_hex
 
 __all__ = ["Sun"]
 
@@ -23,7 +24,7 @@ class Sun:
         The way the light travels, in house axes (x right, y down, z forward of a camera that is not
         turned); (0, 1, 0) shines from straight above, (0, 0, 1) from behind the camera, (0, 0, -1)
         into it. Of any length but 0.
-    color : float or (r, g, b)
+    color : float, (r, g, b) or "#rrggbb"
         Display values, 0 to 1.
     ambient : float
         Share of the light that comes from all sides, 0 to 1.
@@ -51,6 +52,8 @@ class Sun:
         if not np.abs(way).max() > 0.0:
             raise ValueError("direction must not be (0, 0, 0): light travels somewhere")
         settle(self, "direction", tuple(way.tolist()))
+        if isinstance(self.color, str):
+            settle(self, "color", tuple(part / 255 for part in parse_hex("color", self.color)))
         single = np.ndim(self.color) == 0
         given = [real("color", self.color)] * 3 if single else vector("color", self.color, 3)
         settle(self, "color", tuple(real("color", part, low=0.0, high=1.0) for part in given))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import re
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -11,11 +10,11 @@ import numpy as np
 
 from flurries._contract import Array, rectangular, table, warn_of_levels
 from flurries.io import fit, open_background
+from flurries.io.color import parse_hex
 from flurries.io.colorspace import ColorSpace
 from flurries.scene.numbered import Numbered
 from flurries.scene.overscan import Display
 
-_COLOR = re.compile(r"#([0-9a-fA-F]{2})([0-9a-fA-F]{2})([0-9a-fA-F]{2})")
 _DEFAULT_SIZE = (1024, 768)
 
 
@@ -156,10 +155,7 @@ def backdrop(
 ) -> Backdrop:
     """Return the backdrop of a scene's `background` argument; see `Scene` for the others."""
     if isinstance(background, str) and background.startswith("#"):
-        match = _COLOR.fullmatch(background)
-        if match is None:
-            raise ValueError(f"background must be '#rrggbb' for a color, got {background!r}")
-        return _plain([int(part, 16) for part in match.groups()], np.dtype(np.uint8), size)
+        return _plain(parse_hex("background", background), np.dtype(np.uint8), size)
     if isinstance(background, (str, os.PathLike)):
         opened = open_background(background, overscan=True)
         if opened.display is not None and size not in (None, tuple(opened.size)):
