@@ -22,6 +22,7 @@ TABLES = (
     ("[camera]: its way", "camera", fl.CameraPath, tables.WAY),
     ("[depth]: a grey picture as a depth", "depth", fl.DepthMap, tables.DEPTH),
     ("[sun]", "sun", fl.Sun, tables.SUN),
+    ("[output]: how frames are written", "output", fl.Output, tables.OUTPUT),
     ("wind = {...}", "wind", fl.Wind, tables.WIND),
 )
 
@@ -40,6 +41,10 @@ fps = 24.0
 [camera]
 focal = 1500.0
 velocity = [0.0, 0.0, 3.0]
+
+[output]
+bits = "half"
+motion = "y-up"
 
 [[effects]]
 kind = "snow"

@@ -50,6 +50,7 @@ if TYPE_CHECKING:
     from flurries.scene import Scene
     from flurries.scene.depth import DepthMap
     from flurries.scene.foreground import Foreground
+    from flurries.scene.output import Output
     from flurries.viewer import view
 
     __version__: str
@@ -68,6 +69,7 @@ __all__ = [
     "Layer",
     "Lens",
     "Mist",
+    "Output",
     "Rain",
     "Rendered",
     "Scene",
@@ -104,6 +106,7 @@ _FROM = {
     "CameraPath": "camera.path",
     "DepthMap": "scene.depth",
     "Foreground": "scene.foreground",
+    "Output": "scene.output",
     "Frame": "frame.view",
     "Keys": "motion.keys",
     "Layer": "frame.layer",

@@ -72,6 +72,7 @@ CALLS: dict[str, Call] = {
     "Sun": Call({}),
     "Lamp": Call({"place": (1.0, -2.0, 6.0)}),
     "Lens": Call({"focus": 4.0}, infinite=("focus",), refused={"blades": (2,)}),
+    "Output": Call({"bits": "float", "motion": "y-up"}, loose=True),
     "Wind": Call({"mean": (1.0, 0.0, 0.0), "gusts": 0.5}),
     "Snow": Call({}),
     "TentSnow": Call({}),

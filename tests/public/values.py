@@ -196,6 +196,7 @@ OBJECTS = (
     "Ground",
     "Lamp",
     "Lens",
+    "Output",
     "Sun",
     "Mapping",
     "Texture",

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, Literal, TypeAlias
+from typing import Any
 
 import click
 
@@ -20,14 +20,11 @@ from flurries.cli.options import (
 )  # fmt: skip
 from flurries.cli.weather import scene_of, scene_options
 from flurries.cli.words import Words, count, say, stages
-from flurries.io.films.codecs import CODECS
-from flurries.output.contents import MOTION
+from flurries.io.films.codecs import CODECS, QUALITIES
+from flurries.io.pictures.writer import COMPRESSIONS
 from flurries.output.write import Summary
+from flurries.scene.output import BITS, DAMAGED, MOTION
 from flurries.trace import tracing
-
-Quality: TypeAlias = Literal["high", "medium", "draft"]
-Packing: TypeAlias = Literal["zip", "zips", "piz", "rle", "none", "dwaa", "dwab"]
-Damaged: TypeAlias = Literal["stop", "skip", "hold"]
 
 SKIPPED = 3
 
@@ -48,26 +45,31 @@ NAMED = 10
 @FRAMES
 @scene_options
 @OVERWRITE
-@option("--bits", type=click.Choice(("8", "10", "16", "half", "float")), example="float",
-        unset="half in EXR, else the picture's", help="of a color: half or float in EXR, 8 or 16 "
-        "in PNG and TIFF, 8, 10 or 16 in DPX and in a video, as its codec has them")  # fmt: skip
+@option("--bits", type=click.Choice([*map(str, BITS)]), example="float",
+        unset="the scene's, else half in EXR, else the picture's",
+        help="of a color: half or float in EXR, 8 or 16 in PNG "
+        "and TIFF, 8, 10 or 16 in DPX and in a video, as its codec has them")  # fmt: skip
 @option("--float", "full", is_flag=True, help="the same as --bits float")
-@option("--compression", default="zip", example="dwaa",
-        type=click.Choice(("zip", "zips", "piz", "rle", "none", "dwaa", "dwab")),
+@option("--compression", unset="the scene's, else zip", example="dwaa",
+        type=click.Choice(tuple(COMPRESSIONS)),
         help="how EXR packs pixels; dwaa and dwab lose what is hard to see")  # fmt: skip
-@option("--output-colorspace", metavar="NAME", example="sRGB - Display", unset="--colorspace",
-        help="color space of what is written")  # fmt: skip
+@option("--output-colorspace", metavar="NAME", example="sRGB - Display",
+        unset="the scene's, else --colorspace", help="color space of what is written")  # fmt: skip
 @option("--codec", type=click.Choice(tuple(CODECS)), example="prores-hq",
-        unset="that of the video's name",
+        unset="the scene's, else that of the video's name",
         help="of a video; prores-4444 has alpha for --alone")  # fmt: skip
-@option("--motion", type=click.Choice(tuple(MOTION)), default="y-down", example="y-up",
+@option("--motion", type=click.Choice(tuple(MOTION)), example="y-up",
+        unset="the scene's, else y-down",
         help="which way motion vectors of --layers count")  # fmt: skip
-@option("--layers", is_flag=True, help="EXR with the weather, depth and motion as layers")
-@option("--alone", is_flag=True, help="only the weather, as RGBA; .exr, .png, .tif, or "
+@option(
+    "--layers", is_flag=True, default=None, help="EXR with the weather, depth and motion as layers"
+)
+@option("--alone", is_flag=True, default=None,
+        help="only the weather, as RGBA; .exr, .png, .tif, or "
         "a .mov of --codec prores-4444")  # fmt: skip
-@option("--quality", type=click.Choice(("high", "medium", "draft")), default="high",
+@option("--quality", type=click.Choice(QUALITIES), unset="the scene's, else high",
         help="of a video", example="draft")  # fmt: skip
-@option("--damaged", type=click.Choice(("stop", "skip", "hold")), default="stop", example="hold",
+@option("--damaged", type=click.Choice(DAMAGED), unset="the scene's, else stop", example="hold",
         help="where the background's frame is missing or damaged: stop, leave the frame out and "
         "exit with 3, or hold the last good one")  # fmt: skip
 @option("--no-sound", is_flag=True, help="a video without the film's sound")
@@ -81,9 +83,9 @@ NAMED = 10
 @voice
 def render(
     words: Words, output: str, frames: str | None, overwrite: bool, bits: str | None,
-    full: bool, output_colorspace: str | None, compression: Packing, codec: str | None,
-    motion: Any, layers: bool,
-    alone: bool, quality: Quality, damaged: Damaged, no_sound: bool, no_manifest: bool,
+    full: bool, output_colorspace: str | None, compression: Any, codec: str | None,
+    motion: Any, layers: bool | None, alone: bool | None, quality: Any, damaged: Any,
+    no_sound: bool, no_manifest: bool,
     dask: str | None, dask_patience: float, **given: Any,
 ) -> int:  # fmt: skip
     """Render weather over a picture, a film, a sequence, a color such as #203040, or a scene.toml.
@@ -104,8 +106,8 @@ def render(
         summary = scene.write(
             output, frames, bits=kind, codec=codec, motion=motion, compression=compression,
             layers=layers, alone=alone, colorspace=output_colorspace, overwrite=overwrite,
-            damaged=damaged, sound=not no_sound,
-            manifest=not no_manifest, quality=quality,
+            damaged=damaged, sound=False if no_sound else None,
+            manifest=False if no_manifest else None, quality=quality,
             dask=None if dask is None else dask or True, dask_patience=dask_patience,
             progress=words.progress("frame"),
         )  # fmt: skip

@@ -17,13 +17,8 @@ from flurries.io import write_layer_views, write_layers, write_picture
 from flurries.io.color import to_display, to_integer, to_linear, to_unit, unmultiply
 from flurries.io.colorspace import ColorSpace
 from flurries.io.pictures.writer import format_of
+from flurries.scene.output import MOTION
 from flurries.scene.scene import Scene
-
-# What the numbers of `forward` in a file mean.
-MOTION = {
-    "y-down": "px per frame, x right, y down",
-    "y-up": "px per frame, x right, y up",
-}
 
 # The largest id that a float tells from its neighbours.
 _MOST_IDS = 2**24

@@ -12,16 +12,15 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from flurries._contract import choice, flag
+from flurries._contract import flag
 from flurries.camera.lens import Camera
 from flurries.io import Pattern
 from flurries.io.colorspace import ColorSpace
-from flurries.io.films.codecs import CODECS
-from flurries.io.pictures.writer import COMPRESSIONS, format_of
+from flurries.io.pictures.writer import format_of
 from flurries.io.sequences import VIDEO_EXTENSIONS, with_percent
 from flurries.output.bucket import store_of
 from flurries.output.cluster import cluster
-from flurries.output.contents import MOTION, Content
+from flurries.output.contents import Content
 from flurries.output.crew import make
 from flurries.output.film import write_film
 from flurries.output.frames import Frames
@@ -36,9 +35,6 @@ if TYPE_CHECKING:
     from distributed import Client
 
 __all__ = ["Summary", "write"]
-
-DAMAGED = ("stop", "skip", "hold")
-BITS = (8, 10, 16, "half", "float")
 
 
 @dataclass(frozen=True)
@@ -79,22 +75,25 @@ def write(
     *,
     bits: int | str | None = None,
     codec: str | None = None,
-    motion: str = "y-down",
+    motion: str | None = None,
     colorspace: str | None = None,
-    compression: Literal["zip", "zips", "piz", "rle", "none", "dwaa", "dwab"] = "zip",
-    layers: bool = False,
-    alone: bool = False,
+    compression: str | None = None,
+    layers: bool | None = None,
+    alone: bool | None = None,
     eyes: Mapping[str, Camera] | None = None,
     overwrite: bool = False,
-    damaged: Literal["stop", "skip", "hold"] = "stop",
-    sound: bool = True,
-    manifest: bool = True,
-    quality: Literal["high", "medium", "draft"] = "high",
+    damaged: Literal["stop", "skip", "hold"] | None = None,
+    sound: bool | None = None,
+    manifest: bool | None = None,
+    quality: Literal["high", "medium", "draft"] | None = None,
     dask: Client | str | bool | None = None,
     dask_patience: float = 60.0,
     progress: Progress | None = None,
 ) -> Summary:
     """Render frames to files.
+
+    Of arguments that are also fields of :class:`flurries.Output` those that are not given are the
+    scene's own.
 
     Several processes, on one machine or many, may write one sequence: each makes the frames that
     no other is making, and returns when all are there. One that is killed loses the frames that it
@@ -181,20 +180,12 @@ def write(
     """
     expect_scene(scene)
     started = time.monotonic()
-    for name, value in (
-        ("layers", layers), ("alone", alone), ("overwrite", overwrite),
-        ("sound", sound), ("manifest", manifest),
-    ):  # fmt: skip
-        flag(name, value)
-    choice("damaged", damaged, DAMAGED)
-    choice("compression", compression, tuple(COMPRESSIONS))
-    choice("motion", motion, tuple(MOTION))
-    if isinstance(bits, bool) or bits not in (None, *BITS):
-        raise ValueError(f"bits must be one of {', '.join(map(str, BITS))}, got {bits!r}")
-    if codec is not None:
-        choice("codec", codec, tuple(CODECS))
-    if alone and layers:
-        raise ValueError("alone and layers must not both be given")
+    flag("overwrite", overwrite)
+    asked = scene.output.given({
+        "bits": bits, "codec": codec, "motion": motion, "colorspace": colorspace,
+        "compression": compression, "layers": layers, "alone": alone, "damaged": damaged,
+        "sound": sound, "manifest": manifest, "quality": quality,
+    })  # fmt: skip
     store, text = store_of(os.fspath(pattern))
     text = with_percent(text)
     still = Path(text).suffix.lower() not in VIDEO_EXTENSIONS and "%" not in Path(text).name
@@ -214,27 +205,31 @@ def write(
         wanted = wanted[:1]
     else:
         target = Pattern(text)
-    scene.require(wanted, gaps=damaged == "stop")
-    kind = "layers" if layers else "alone" if alone else "composite"
-    own = scene.colorspace if colorspace is None else colorspace
+    scene.require(wanted, gaps=asked.damaged == "stop")
+    kind, packed = asked.kind, asked.compression
+    # The scene's own codec is for films, and its compression for what is packed so.
+    codec = asked.codec if target.is_video else codec
+    if compression is None and (kind == "layers" or eyes or not text.lower().endswith(".exr")):
+        packed = "zip"
+    own = scene.colorspace if asked.colorspace is None else asked.colorspace
     if own is not None and scene.colorspace is None:
         raise ValueError("colorspace of what is written needs the scene's own colorspace")
     space = None if own is None else ColorSpace.of("colorspace", own)
-    content = Content(kind, bits, codec, motion, _views(eyes), compression, space)
+    content = Content(kind, asked.bits, codec, asked.motion, _views(eyes), packed, space)
     _require_room(text, content, is_video=target.is_video)
     bar = progress if progress is not None else _silent
     job = Frames(
-        scene.holding() if damaged == "hold" else scene, content,
+        scene.holding() if asked.damaged == "hold" else scene, content,
         # Workers stand in folders of their own.
         text if dask is None or not isinstance(store, Disk) else str(Path(text).absolute()), store,
-        overwrite=overwrite, listed=manifest and not still, skip=damaged == "skip",
+        overwrite=overwrite, listed=asked.manifest and not still, skip=asked.damaged == "skip",
     )  # fmt: skip
     heard = "none"
     if target.is_video:
         if not isinstance(store, Disk):
             raise ValueError(f"{pattern}: a video is written to this machine; copy it from there")
         done, heard = write_film(
-            job, wanted, quality, bar, sound=sound, dask=dask, patience=dask_patience
+            job, wanted, asked.quality, bar, sound=asked.sound, dask=dask, patience=dask_patience
         )
         files: list[Path | str] = [target.path(0)]
     elif dask is None:

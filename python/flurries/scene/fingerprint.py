@@ -59,7 +59,7 @@ def settings(scene: Scene) -> str:
             whole = not is_dataclass(effect)
             own = effect if whole else [getattr(effect, f.name) for f in fields(effect)]
             digest.update(f"effect {place}".encode() + pickle.dumps((type(effect), own), 5))
-    table = describe(scene, leave_out=(*given, "effects"))
+    table = describe(scene, leave_out=(*given, "effects", "output"))
     digest.update(repr((sorted(given), sorted(table.items()))).encode())
     return digest.hexdigest()[:16]
 

@@ -42,6 +42,7 @@ from flurries.scene.files import Sources
 from flurries.scene.foreground import Foreground, Mattes, frozen, mattes_of
 from flurries.scene.loop import Looped, looped_scene
 from flurries.scene.numbers import Frames, frames_of
+from flurries.scene.output import Output
 from flurries.scene.overscan import Display
 from flurries.scene.words import line_of, page_of
 from flurries.stereo import eyes
@@ -130,6 +131,8 @@ class Scene(Sources):
         that of the background's files, else 0.
     period : int, optional
         After so many frames the film begins again, without a jump; see `loop`.
+    output : Output, optional
+        How frames are written where :meth:`write` does not say.
 
     Raises
     ------
@@ -162,6 +165,7 @@ class Scene(Sources):
     lights: tuple[Lamp, ...]
     lens: Lens | None
     period: int | None
+    output: Output
     _backdrop: Backdrop = field(init=False)
     _mattes: Mattes | None = field(init=False)
     _distance: Distance | None = field(init=False)
@@ -186,6 +190,7 @@ class Scene(Sources):
         lights: Lamp | Sequence[Lamp] = (),
         lens: Lens | None = None,
         period: int | None = None,
+        output: Output | None = None,
     ) -> None:
         def settle(name: str, value: Any) -> None:
             object.__setattr__(self, name, value)
@@ -238,6 +243,9 @@ class Scene(Sources):
         if period is not None:
             period = integer("period", period, low=2, high=MOST_FRAMES)
         settle("period", period)
+        if output is not None and not isinstance(output, Output):
+            raise TypeError(f"output must be a flurries.Output, got {output!r}")
+        settle("output", Output() if output is None else output)
         distance = None if depth is None else distance_of(depth, self.shape, **numbers)
         settle("_distance", distance)
         if distance is not None and np.ndim(depth) == 2:  # type: ignore[arg-type]
@@ -557,24 +565,25 @@ class Scene(Sources):
         *,
         bits: Literal[8, 10, 16, "half", "float"] | None = None,
         codec: str | None = None,
-        motion: Literal["y-down", "y-up"] = "y-down",
+        motion: Literal["y-down", "y-up"] | None = None,
         colorspace: str | None = None,
-        compression: Literal["zip", "zips", "piz", "rle", "none", "dwaa", "dwab"] = "zip",
-        layers: bool = False,
-        alone: bool = False,
+        compression: Literal["zip", "zips", "piz", "rle", "none", "dwaa", "dwab"] | None = None,
+        layers: bool | None = None,
+        alone: bool | None = None,
         eyes: Mapping[str, Camera] | None = None,
         overwrite: bool = False,
-        damaged: Literal["stop", "skip", "hold"] = "stop",
-        sound: bool = True,
-        manifest: bool = True,
-        quality: Literal["high", "medium", "draft"] = "high",
+        damaged: Literal["stop", "skip", "hold"] | None = None,
+        sound: bool | None = None,
+        manifest: bool | None = None,
+        quality: Literal["high", "medium", "draft"] | None = None,
         dask: Client | str | bool | None = None,
         dask_patience: float = 60.0,
         progress: Callable[[Iterable[int]], Iterable[int]] | None = None,
     ) -> Summary:
         """Render frames to files: a sequence, a film or a still.
 
-        Run again, it makes what is missing. :func:`flurries.output.write.write` says more of each
+        Run again, it makes what is missing. Bits, codec and the like that are not given are those
+        of the scene's :class:`Output`. :func:`flurries.output.write.write` says more of each
         option.
 
         Parameters

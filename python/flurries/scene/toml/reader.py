@@ -22,9 +22,10 @@ from flurries.motion.wind import Wind
 from flurries.scene.arguments import require_few
 from flurries.scene.depth import DepthMap
 from flurries.scene.foreground import Foreground
+from flurries.scene.output import Output
 from flurries.scene.scene import DEFAULT_FOCAL, Scene
 from flurries.scene.toml.place import SceneText, require_short_keys
-from flurries.scene.toml.tables import DEPTH, LAMP, LENS, OPENING, SCENE, SUN, WAY, WIND
+from flurries.scene.toml.tables import DEPTH, LAMP, LENS, OPENING, OUTPUT, SCENE, SUN, WAY, WIND
 from flurries.scene.toml.version import upgrade
 
 if sys.version_info >= (3, 11):
@@ -83,6 +84,10 @@ def _scene(text: SceneText, values: dict[str, Any]) -> Scene:
         values = {key: _value(text, value, "lens", key) for key, value in given.items()}
         with text.errors(given, "lens"):
             arguments["lens"] = Lens(**values)
+    if "output" in arguments:
+        given = text.table(arguments["output"], OUTPUT, "output", "output")
+        with text.errors(given, "output"):
+            arguments["output"] = Output(**given)
     if "lights" in arguments:
         arguments["lights"] = _lights(text, arguments["lights"])
     camera = arguments.pop("camera", None)

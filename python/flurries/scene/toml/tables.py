@@ -9,6 +9,7 @@ from flurries.camera.optics import Lens
 from flurries.light.lamp import Lamp
 from flurries.light.sun import Sun
 from flurries.motion.wind import FIELDS
+from flurries.scene.output import Output
 from flurries.scene.scene import Scene
 
 SCENE = tuple(f.name for f in fields(Scene) if f.init)
@@ -16,6 +17,7 @@ SUN = tuple(f.name for f in fields(Sun))
 DEPTH = ("source", "near", "far", "white", "law")
 LAMP = tuple(f.name for f in fields(Lamp))
 OPENING = tuple(f.name for f in fields(Lens))
+OUTPUT = tuple(f.name for f in fields(Output))
 LENS = tuple(f.name for f in fields(Camera))
 WAY = ("position", "velocity", "orientation")
 # A field of velocities is an array, which no text holds.

@@ -51,6 +51,8 @@ def describe(
         table["sun"] = {name: _toml(getattr(scene.sun, name)) for name in SUN}
     if scene.lens is not None:
         table["lens"] = _said(scene.lens, OPENING)
+    if "output" not in leave_out and (said := scene.output.changed()):
+        table["output"] = said
     if scene.lights:
         table["lights"] = [_said(lamp, LAMP) for lamp in scene.lights]
     path: CameraPath = scene.camera

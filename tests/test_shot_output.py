@@ -1,0 +1,111 @@
+"""How frames are written, as the scene says it: [output] of a scene file, and what comes before."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import av
+import numpy as np
+import OpenImageIO as oiio
+import pytest
+
+import flurries as fl
+from flurries import io
+from flurries.cli.main import main
+from flurries.scene.fingerprint import fingerprint
+from flurries.scene.output import KINDS, Output
+
+SNOW = [fl.Snow.preset("heavy")]
+# Of every field a value that is not its default.
+OTHER = {
+    "bits": "float", "codec": "ffv1", "motion": "y-up", "colorspace": "ACEScg",
+    "compression": "piz", "quality": "draft", "layers": True, "alone": True, "damaged": "hold",
+    "sound": False, "manifest": False,
+}  # fmt: skip
+
+
+def scene(**output: object) -> fl.Scene:
+    return fl.Scene((40, 30), "#203040", effects=SNOW, output=fl.Output(**output))
+
+
+def header(file: Path) -> oiio.ImageSpec:
+    spec = oiio.ImageInput.open(str(file)).spec()
+    return spec
+
+
+def test_every_key_is_tried():
+    assert set(OTHER) == set(Output.__dataclass_fields__)
+
+
+@pytest.mark.parametrize("name", OTHER)
+def test_a_key_is_saved_and_comes_back(name: str, tmp_path: Path):
+    saved = scene(**{name: OTHER[name]})
+    saved.save(tmp_path / "scene.toml")
+    assert "[output]" in (tmp_path / "scene.toml").read_text()
+    again = fl.Scene.load(tmp_path / "scene.toml")
+    assert again.output == saved.output != Output()
+    # Frames do not depend on how they are written.
+    assert fingerprint(again) == fingerprint(scene())
+
+
+def test_a_scene_without_output_has_no_such_table(tmp_path: Path):
+    scene().save(tmp_path / "scene.toml")
+    assert "output" not in (tmp_path / "scene.toml").read_text()
+
+
+def test_a_wrong_key_is_told_with_its_line(tmp_path: Path):
+    file = tmp_path / "scene.toml"
+    for line, said in {
+        'codec = "prores"': "line 3: codec must be one of",
+        'bits = "ten"': "line 3: bits must be one of 8, 10, 16, half, float, got 'ten'",
+        'codek = "h264"': "line 3: unknown key 'codek' in output; did you mean 'codec'",
+        "layers = 1": "line 3: layers must be True or False",
+        "layers = true\nalone = true": "line 4: alone and layers must not both be given",
+    }.items():
+        file.write_text(f"size = [40, 30]\n[output]\n{line}\n")
+        with pytest.raises((ValueError, TypeError), match=re.escape(said)):
+            fl.Scene.load(file)
+    with pytest.raises(TypeError, match=r"output must be a flurries\.Output"):
+        fl.Scene((40, 30), output={"bits": 8})  # type: ignore[arg-type]
+
+
+def test_the_command_line_obeys_the_file_and_comes_before_it(tmp_path: Path):
+    file = tmp_path / "scene.toml"
+    scene(bits="float", motion="y-up", layers=True, manifest=False, codec="ffv1").save(file)
+    words = ["render", str(file), "-q", "--frames", "1", "-o"]
+    assert main([*words, str(tmp_path / "a.%d.exr")]) == 0
+    first = header(tmp_path / "a.1.exr")
+    assert first.format == oiio.FLOAT and "snow.depth.Z" in first.channelnames
+    assert first.get_string_attribute("flurries:motion").endswith("y up")
+    assert not (tmp_path / "flurries.json").exists()
+    assert main([*words, str(tmp_path / "b.%d.exr"), "--bits", "half", "--motion", "y-down"]) == 0
+    second = header(tmp_path / "b.1.exr")
+    assert second.channelformats[0] == oiio.HALF
+    assert second.get_string_attribute("flurries:motion").endswith("y down")
+    up, down = (io.read_layers(tmp_path / f"{name}.1.exr")["forward"] for name in "ab")
+    np.testing.assert_allclose(up[..., 1], -down[..., 1], atol=2e-2)
+    assert np.abs(down[..., 1]).max() > 0.1
+
+
+def test_one_kind_that_is_given_takes_the_place_of_the_scenes(tmp_path: Path):
+    scene(layers=True).write(tmp_path / "alone.exr", 1, alone=True)
+    assert header(tmp_path / "alone.exr").nchannels == 4
+    scene(layers=True).write(tmp_path / "plain.exr", 1, layers=False)
+    assert header(tmp_path / "plain.exr").nchannels <= 4
+    assert set(KINDS) == {"alone", "layers"}
+
+
+def test_a_codec_is_for_films_and_a_compression_for_what_is_packed(tmp_path: Path):
+    said = scene(codec="ffv1", compression="piz", quality="draft")
+    said.write(tmp_path / "a.png", 1)
+    said.write(tmp_path / "a.exr", 1)
+    assert header(tmp_path / "a.exr").get_string_attribute("compression") == "piz"
+    said.write(tmp_path / "layers.exr", 1, layers=True)
+    said.write(tmp_path / "a.mkv", "1-2")
+    with av.open(str(tmp_path / "a.mkv")) as film:
+        assert film.streams.video[0].codec_context.name == "ffv1"
+    with pytest.raises(ValueError, match="codec is one of a film"):
+        said.write(tmp_path / "b.png", 1, codec="h264")
+    with pytest.raises(ValueError, match="bits must be half, float"):
+        scene(bits=10).write(tmp_path / "b.exr", 1)
