@@ -201,7 +201,8 @@ def test_waves_too_fast_everywhere_make_no_tiles():
     # Tiles of odd size and a motion along no lattice direction: nothing stands still.
     fast = {"velocity": (1e5, 3.1e5), "alias": "cut", "tile": 15, "overlap": 3}
     with fl.trace.tracing() as trace:
-        from flurries.spectral.frame import alpha_of, request
+        from flurries.spectral.frame import alpha_of
+        from flurries.spectral.request import request
 
         asked = request((60, 60), drift=(1.0, 2.0), seed=3, wavelengths=(3.0, 9.0), **fast)
         alpha = alpha_of(asked, (0.2, 2.0, 2.0, 0.8))

@@ -9,7 +9,7 @@ from flurries.effects.flake_patterns import Slab as FlakeSlab
 from flurries.effects.flakes import Flurry
 from flurries.particles.crowd import Closeup, Crowd
 from flurries.spectral.flakes import Request as FlakeRequest
-from flurries.spectral.frame import Request
+from flurries.spectral.request import Request
 from flurries.spectral.volume import Film
 
 __all__ = [

@@ -40,6 +40,7 @@ FRAME: dict[str, Any] = {
     "shortest": np.full((2, 2), 5.0), "ring_edges": np.array([4.0, 8.0, 16.0]),
     "ring_gains": np.array([1.0, 0.5]),
 }  # fmt: skip
+OWN = {name: value for name, value in FRAME.items() if not name.startswith("ring")}
 FLAKES: dict[str, Any] = {
     **SIGHT, "points": POINTS, "radius": 1.0 + FEW, "opacity": FEW,
     "velocity": RNG.random((COUNT, 3)), "depth": DEPTH, "shutter": 0.5,
@@ -111,6 +112,16 @@ CALLS: dict[str, Call] = {
     "spectral.field": Call(FRAME, refused=MOTIONS),
     # A drift for each ring of each tile.
     "spectral.alpha": Call({**FRAME, "drift": 9.0 * RNG.random((2, 2, 2, 2))}, refused=MOTIONS),
+    # A spectrum and a motion of one's own.
+    **{f"spectral.{name}(own)": Call(
+        {**OWN, "envelope": RNG.random((20, 20)), "time": 2.5,
+         "rate": fl.spectral.tent_rate((20, 20), (1, 2))},
+        of=made, unused=("exponent",),
+        refused={**MOTIONS, "ring_edges": ((4.0, 8.0, 16.0),), "ring_gains": ((1.0, 0.5),),
+                 "jitter": (True,), "preserve_mean": (True,),
+                 "envelope": (np.ones((20, 19)), np.zeros((20, 20)), -np.ones((20, 20))),
+                 "rate": (np.ones((20, 19)), np.ones((20, 20)))},
+    ) for name, made in (("field", fl.spectral.field), ("alpha", fl.spectral.alpha))},
     "spectral.opacity": Call(
         {"field": 4.0 * COVER - 2.0}, keeps="field",
         refused={"field": (np.ones(16), np.ones((0, 4)))}, takes={"field": ("NaN",)}

@@ -11,7 +11,7 @@ import numpy as np
 
 from flurries import _core
 from flurries._contract import Array, Float64
-from flurries.spectral.frame import request
+from flurries.spectral.request import request
 
 # Points of the field along the longer side; its waves have 16 to 120 of them.
 _POINTS = 120

@@ -24,7 +24,7 @@ from flurries.frame.needs import Cost
 from flurries.frame.view import Frame
 from flurries.io.color import srgb_to_linear
 from flurries.motion.keys import Vector
-from flurries.spectral.frame import request
+from flurries.spectral.request import request
 
 # Amplitudes of the texture fall as k^(-11/6), their squares as k^(-11/3), down to waves of 4 px.
 EXPONENT, SHORTEST = 11.0 / 6.0, 4.0

@@ -19,8 +19,8 @@ from flurries.effects.motion import Motion, Way
 from flurries.effects.resolution import TUNED
 from flurries.frame.view import Frame
 from flurries.motion.wind import Wind
-from flurries.spectral.frame import Request
 from flurries.spectral.motion import tile_motion
+from flurries.spectral.request import Request
 from flurries.spectral.tables import FAR, Aliasing, warn_far, warn_long, wave_depth
 from flurries.spectral.tiles import power_shares
 from flurries.trace import count

@@ -2,166 +2,25 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 import numpy.typing as npt
 
 from flurries import _core
-from flurries._contract import (
-    LARGEST,
-    Array,
-    Float64,
-    bounded,
-    choice,
-    flag,
-    float_dtype,
-    output,
-    real,
-    seed_of,
-    shape_of,
-    table,
-    tile_of,
-)
-from flurries.spectral.tables import ALIAS, Aliasing, band_of, warn_far, warn_long
-from flurries.spectral.tiles import BLEND, Blend, opacity_map
+from flurries._contract import Array, flag, float_dtype, output
+from flurries.spectral.own import own_field, own_of
+from flurries.spectral.request import NOWHERE, Request, request
+from flurries.spectral.tables import Aliasing
+from flurries.spectral.tiles import Blend, opacity, opacity_map
 from flurries.trace import count
 
 
-class Request(NamedTuple):
-    """A frame of the field as the kernel reads it: every argument settled and checked."""
-
-    shape: tuple[int, int]
-    tile: tuple[int, int]
-    overlap: int
-    blend: str
-    wavelengths: tuple[float, float]
-    exponent: float
-    seed: int
-    jitter: bool
-    ring_edges: Float64
-    ring_gains: Float64
-    drift: Float64
-    shift: Float64
-    velocity: Float64
-    shift_rate: Float64
-    alias: Aliasing
-    soft_from: float
-    shutter: float
-    shortest: Float64 | None
-    window: tuple[int, int, int, int]
-    # Of a film that begins again: drift and shift over all of it, and how much of it has passed.
-    lap: tuple[Float64, Float64, float] | None = None
-
-    def arrays(self) -> list[Float64]:
-        """Return those of its values that are arrays, and perhaps the caller's own."""
-        return [value for value in self if isinstance(value, np.ndarray)]
-
-
-# The default of displacements that are seldom given.
-NOWHERE = (0.0, 0.0)
-_ZERO = np.zeros((1, 1, 1, 2))
-
-
-def _vectors(name: str, value: object, rings: int | None) -> Float64:
-    """Return (rows or 1, cols or 1, rings or 1, 2) from any of the shapes that api.md allows."""
-    if value is NOWHERE:
-        return _ZERO
-    array = bounded(name, value)
-    ringed = rings is not None
-    if array.ndim == 1 and array.shape == (2,):
-        return array.reshape(1, 1, 1, 2)
-    if array.ndim == 2 and ringed and array.shape == (rings, 2):
-        return array.reshape(1, 1, -1, 2)
-    if array.ndim == 3 and array.shape[2] == 2:
-        return array.reshape(array.shape[0], array.shape[1], 1, 2)
-    if array.ndim == 4 and ringed and array.shape[2:] == (rings, 2):
-        return array
-    wanted = "(2,) or (rows, cols, 2)"
-    if name in ("drift", "velocity"):
-        wanted += (
-            f", or ({rings}, 2) or (rows, cols, {rings}, 2) for the rings of ring_edges"
-            if ringed
-            else "; rings need ring_edges"
-        )
-    raise ValueError(f"{name} must have shape {wanted}, got {array.shape}")
-
-
-def request(
-    shape: tuple[int, int],
-    *,
-    drift: npt.ArrayLike,
-    shift: npt.ArrayLike = NOWHERE,
-    seed: int,
-    tile: int | tuple[int, int] = 64,
-    overlap: int = 10,
-    wavelengths: tuple[float, float] = (4.0, 32.0),
-    exponent: float = 1.0,
-    velocity: npt.ArrayLike | None = None,
-    shift_rate: npt.ArrayLike | None = None,
-    alias: Aliasing = "keep",
-    soft_from: float = 0.4,
-    shutter: float = 0.0,
-    jitter: bool = False,
-    shortest: npt.ArrayLike | None = None,
-    ring_edges: npt.ArrayLike | None = None,
-    ring_gains: npt.ArrayLike | None = None,
-    blend: Blend = "power",
-    window: tuple[int, int, int, int] | None = None,
-) -> Request:
-    """Settle the arguments of :func:`field`; `window` is (top, bottom, left, right) in pixels."""
-    size = shape_of("shape", shape)
-    tile_size, shared = tile_of(tile, overlap)
-    band = band_of(wavelengths)
-    rings: int | None = None
-    edges = np.empty(0)
-    if ring_edges is not None:
-        edges = table("ring_edges", ring_edges, ndim=1)
-        if len(edges) < 2 or not (np.diff(edges) > 0).all():
-            raise ValueError(
-                f"ring_edges must be at least two increasing wavelengths, got {edges.tolist()}"
-            )
-        rings = len(edges) - 1
-    gains = np.empty(0)
-    if ring_gains is not None:
-        gains = table("ring_gains", ring_gains, ndim=1)
-        if rings is None or len(gains) != rings:
-            raise ValueError(
-                f"ring_gains must be one number for each ring of ring_edges "
-                f"({'none' if rings is None else rings}), got {len(gains)}"
-            )
-    choice("alias", alias, ALIAS)
-    exposure = real("shutter", shutter, low=0.0, high=LARGEST)
-    if velocity is None and (alias != "keep" or exposure > 0.0):
-        raise ValueError(
-            f"velocity is needed for alias={alias!r} and shutter={exposure:g}, got None"
-        )
-    limits = None if shortest is None else table("shortest", shortest)
-    warn_long(tile_size, band, stacklevel=4)
-    offsets = _vectors("drift", drift, rings)
-    if offsets is not _ZERO and band[1] > 0.0:
-        warn_far(float(np.abs(offsets).max(initial=0.0)) / band[1], stacklevel=4)
-    return Request(
-        shape=size,
-        tile=tile_size,
-        overlap=shared,
-        blend=choice("blend", blend, BLEND),
-        wavelengths=band,
-        exponent=real("exponent", exponent),
-        seed=seed_of(seed),
-        jitter=flag("jitter", jitter),
-        ring_edges=edges,
-        ring_gains=gains,
-        drift=offsets,
-        shift=_vectors("shift", shift, None),
-        velocity=_ZERO if velocity is None else _vectors("velocity", velocity, rings),
-        shift_rate=_ZERO if shift_rate is None else _vectors("shift_rate", shift_rate, None),
-        alias=alias,
-        soft_from=real("soft_from", soft_from),
-        shutter=exposure,
-        shortest=limits,
-        window=(0, size[0], 0, size[1]) if window is None else window,
-    )
+def _known(
+    velocity: npt.ArrayLike | None, drift: npt.ArrayLike, rate: npt.ArrayLike | None
+) -> npt.ArrayLike | None:
+    """Return the change of the drift; none at all where `rate` alone moves the waves."""
+    if velocity is None and rate is not None and drift is NOWHERE:
+        return NOWHERE
+    return velocity
 
 
 def _window_shape(asked: Request) -> tuple[int, int]:
@@ -172,7 +31,7 @@ def _window_shape(asked: Request) -> tuple[int, int]:
 def field(
     shape: tuple[int, int],
     *,
-    drift: npt.ArrayLike,
+    drift: npt.ArrayLike = NOWHERE,
     shift: npt.ArrayLike = NOWHERE,
     seed: int,
     tile: int | tuple[int, int] = 64,
@@ -188,6 +47,9 @@ def field(
     shortest: npt.ArrayLike | None = None,
     ring_edges: npt.ArrayLike | None = None,
     ring_gains: npt.ArrayLike | None = None,
+    envelope: npt.ArrayLike | None = None,
+    rate: npt.ArrayLike | None = None,
+    time: float = 0.0,
     blend: Blend = "power",
     dtype: npt.DTypeLike = np.float32,
     out: Array | None = None,
@@ -226,6 +88,18 @@ def field(
         outer rings what lies beyond. For wind that varies with depth.
     ring_gains : (rings,), optional
         Relative amplitude of each ring's waves, 0 or more; the whole keeps the variance 1.
+    envelope : (rows, cols) of a tile, optional
+        A spectrum of your own in place of `wavelengths` and `exponent`: amplitude of each wave in
+        fftfreq order, 0 or more, of any scale. Waves k and -k get the mean of both, frequency 0
+        gets nothing, and the whole is scaled to variance 1. `wavelengths[1]` is still the wave that
+        `drift` belongs to.
+    rate : (rows, cols) of a tile, optional
+        A temporal law of your own: cycles per frame of each wave in fftfreq order, odd in k; it is
+        added to what `drift` and `shift` do. ``-(fx * vx + fy * vy)`` moves the picture as a whole
+        by (vx, vy) pixels per frame. With it `alias` and `shutter` need no `velocity` unless there
+        is a `drift`.
+    time : float
+        Frames that `rate` has run, any number.
     blend : {"power", "linear"}
         See :func:`blend_tiles`.
     dtype : float32 or float64
@@ -247,7 +121,9 @@ def field(
 
     Notes
     -----
-    Langer 2004, sections 5 and 7, in the form of ``docs/internals/deviations.md``.
+    Langer 2004, sections 5 and 7, in the form of ``docs/internals/deviations.md``. With `envelope`
+    or `rate` tiles are made one by one from the steps above, which takes a tenth of a second and more for a
+    million pixels; `jitter` and `ring_edges` are refused.
 
     Examples
     --------
@@ -255,22 +131,39 @@ def field(
     >>> z = fl.spectral.field((480, 640), drift=(1.0, 8.0), seed=7)
     >>> z.shape, z.dtype.name
     ((480, 640), 'float32')
+
+    Gravity waves of deep water, which all run to the right or left: longer ones are faster.
+
+    >>> import numpy as np
+    >>> fx, fy = np.meshgrid(np.fft.fftfreq(64), np.fft.fftfreq(64))
+    >>> f = np.hypot(fx, fy)
+    >>> envelope = np.exp(-((f - 0.1) ** 2) / (2 * 0.03**2))
+    >>> rate = -np.sign(fx) * 0.1 * np.sqrt(f)
+    >>> water = fl.spectral.field((480, 640), seed=7, envelope=envelope, rate=rate, time=12.0)
+    >>> water.shape
+    (480, 640)
     """
     asked = request(
         shape, drift=drift, shift=shift, seed=seed, tile=tile, overlap=overlap,
-        wavelengths=wavelengths, exponent=exponent, velocity=velocity, shift_rate=shift_rate,
+        wavelengths=wavelengths, exponent=exponent, velocity=_known(velocity, drift, rate),
+        shift_rate=shift_rate,
         alias=alias, soft_from=soft_from, shutter=shutter, jitter=jitter, shortest=shortest,
         ring_edges=ring_edges, ring_gains=ring_gains, blend=blend,
+        enveloped=envelope is not None,
     )  # fmt: skip
+    own = own_of(asked, envelope, rate, time)
     result = output(out, asked.shape, float_dtype(dtype), *asked.arrays())
-    _core.field(result, asked)
+    if own is None:
+        _core.field(result, asked)
+    else:
+        own_field(asked, own, result)
     return result
 
 
 def alpha(
     shape: tuple[int, int],
     *,
-    drift: npt.ArrayLike,
+    drift: npt.ArrayLike = NOWHERE,
     shift: npt.ArrayLike = NOWHERE,
     seed: int,
     tile: int | tuple[int, int] = 64,
@@ -286,6 +179,9 @@ def alpha(
     shortest: npt.ArrayLike | None = None,
     ring_edges: npt.ArrayLike | None = None,
     ring_gains: npt.ArrayLike | None = None,
+    envelope: npt.ArrayLike | None = None,
+    rate: npt.ArrayLike | None = None,
+    time: float = 0.0,
     blend: Blend = "power",
     mean: float = 0.5,
     spread: float = 3.0,
@@ -301,7 +197,7 @@ def alpha(
     ----------
     shape, drift, shift, seed, tile, overlap, wavelengths, exponent, velocity, shift_rate, alias
         See :func:`field`.
-    soft_from, shutter, jitter, shortest, ring_edges, ring_gains, blend, dtype
+    soft_from, shutter, jitter, shortest, ring_edges, ring_gains, envelope, rate, time, blend, dtype
         See :func:`field`.
     mean, spread, amount
         See :func:`opacity`.
@@ -320,15 +216,24 @@ def alpha(
     """
     asked = request(
         shape, drift=drift, shift=shift, seed=seed, tile=tile, overlap=overlap,
-        wavelengths=wavelengths, exponent=exponent, velocity=velocity, shift_rate=shift_rate,
+        wavelengths=wavelengths, exponent=exponent, velocity=_known(velocity, drift, rate),
+        shift_rate=shift_rate,
         alias=alias, soft_from=soft_from, shutter=shutter, jitter=jitter, shortest=shortest,
         ring_edges=ring_edges, ring_gains=ring_gains, blend=blend,
+        enveloped=envelope is not None,
     )  # fmt: skip
+    own = own_of(asked, envelope, rate, time)
     mapped = opacity_map(mean, spread, power, amount)
     keep = flag("preserve_mean", preserve_mean)
     result = output(out, asked.shape, float_dtype(dtype), *asked.arrays())
-    _core.field(result, asked, mapped, keep)
-    return result
+    if own is None:
+        _core.field(result, asked, mapped, keep)
+        return result
+    if keep:
+        raise ValueError("preserve_mean must be False beside envelope or rate, got True")
+    whole = np.empty(asked.shape, result.dtype)
+    own_field(asked, own, whole)
+    return opacity(whole, mean=mean, spread=spread, power=power, amount=amount, out=result)
 
 
 def alpha_of(

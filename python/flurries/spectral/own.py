@@ -1,0 +1,180 @@
+"""A frame of the field with a spectrum and a motion of the caller's own, tile by tile.
+
+The kernel knows one band and one law of motion. Here both are tables, so that any noise that moves
+can be made of the same tiles with the same phases: clouds of waves (Motion Clouds), water, smoke.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple, cast
+
+import numpy as np
+import numpy.typing as npt
+
+from flurries import _core
+from flurries._contract import LARGEST, Array, Float64, bounded, real, table
+from flurries.spectral.request import Request
+from flurries.spectral.tables import (
+    band_amplitude,
+    random_phase,
+    temporal_gain,
+    tent_rate,
+)
+from flurries.spectral.tiles import Blend, blend_tiles, starts
+
+# Of the largest rate: how far a table of rates may be from odd, which is rounding.
+_ROUNDING = 1e-9
+
+# A wave as long as the limit counts as too short, whatever the rounding of its length.
+_EQUAL = 1.0 + 1e-12
+
+
+class Own(NamedTuple):
+    """A spectrum and a motion, checked: amplitudes, cycles per frame, and cycles until now."""
+
+    amplitude: Float64
+    rate: Float64
+    turns: Float64
+
+
+def own_of(
+    asked: Request,
+    envelope: npt.ArrayLike | None,
+    rate: npt.ArrayLike | None,
+    time: float,
+) -> Own | None:
+    """Return what the caller gives in place of band and tent; None where nothing is given."""
+    now = real("time", time, low=-LARGEST, high=LARGEST)
+    if rate is None and now != 0.0:
+        raise ValueError(f"time must be 0 without rate, since drift says the rest, got {now:g}")
+    if envelope is None and rate is None:
+        return None
+    shortest, longest = asked.wavelengths
+    if not 2.0 <= shortest < longest <= LARGEST:
+        raise ValueError(
+            f"wavelengths must be 2 <= shortest < longest, got ({shortest:g}, {longest:g})"
+        )
+    if asked.jitter:
+        raise ValueError("jitter must be False beside envelope or rate, got True")
+    if len(asked.ring_edges):
+        raise ValueError("ring_edges must be None beside envelope or rate, which have every wave")
+    turning = np.zeros(asked.tile) if rate is None else _odd(asked.tile, rate)
+    turns = turning * now
+    return Own(_amplitude(asked, envelope), turning, turns - np.rint(turns))
+
+
+def own_field(asked: Request, own: Own, result: Array) -> None:
+    """Write the field of a checked request into `result`; see `spectral.field`."""
+    amplitude, turning, turns = own
+    fy, fx = _frequencies(asked.tile)
+    length = _wavelengths(asked.tile)
+    longest = asked.wavelengths[1]
+    filtered = asked.alias != "keep" or asked.shutter > 0.0
+    rows, cols = (
+        len(starts(n, side, asked.overlap)) for n, side in zip(asked.shape, asked.tile, strict=True)
+    )
+    motion = {
+        name: _by_tile(name, getattr(asked, name), (rows, cols))
+        for name in ("drift", "shift", "velocity", "shift_rate")
+    }
+    nearest = asked.shortest
+    if nearest is not None and nearest.shape != (rows, cols):
+        raise ValueError(f"shortest must have shape {(rows, cols)}, got {nearest.shape}")
+    tiles = np.empty((rows, cols, *asked.tile), result.dtype)
+    for place in np.ndindex(rows, cols):
+        waves = amplitude
+        if filtered:
+            passing = turning + tent_rate(
+                asked.tile, motion["velocity"][place], wavelength_max=longest
+            )
+            across, down = motion["shift_rate"][place]
+            passing -= fx * across + fy * down
+            waves = waves * temporal_gain(
+                passing, alias=asked.alias, soft_from=asked.soft_from, shutter=asked.shutter
+            )
+        if nearest is not None:
+            waves = np.where(length > nearest[place] * _EQUAL, waves, 0.0)
+        phase = random_phase(asked.tile, seed=asked.seed, tile=(place[0], place[1])) + turns
+        moved = np.empty(asked.tile)
+        cycles = motion["drift"][place] / longest
+        _core.advance_phase(moved, phase, cycles.tolist(), motion["shift"][place].tolist())
+        _core.inverse_transform(tiles[place], np.ascontiguousarray(waves), moved)
+    blend_tiles(
+        tiles, asked.shape, overlap=asked.overlap, blend=cast("Blend", asked.blend), out=result
+    )
+
+
+def _amplitude(asked: Request, envelope: npt.ArrayLike | None) -> Float64:
+    """Return amplitudes, even in k, 0 at dc, whose squares sum to 1."""
+    if envelope is None:
+        return band_amplitude(asked.tile, wavelengths=asked.wavelengths, exponent=asked.exponent)
+    given = _of_tile("envelope", envelope, asked.tile)
+    if (given < 0.0).any():
+        raise ValueError(f"envelope must be 0 or more, got {given.min():g}")
+    # A real field has its waves in pairs: what is given for one half stands for both.
+    even = given + _mirrored(given)
+    even[0, 0] = 0.0
+    largest = even.max()
+    if largest <= 0.0:
+        raise ValueError("envelope must have a wave besides that of frequency 0, got none")
+    even /= largest
+    power: Float64 = even / np.sqrt((even**2).sum())
+    return power
+
+
+def _odd(tile: tuple[int, int], rate: npt.ArrayLike) -> Float64:
+    """Return rates of waves, with the pairs of waves of a real field turning alike."""
+    given = _of_tile("rate", rate, tile)
+    rest = given + _mirrored(given)
+    # A wave of half a cycle per pixel is its own mirror along that axis, which keeps no sign.
+    for axis, side in enumerate(tile):
+        if side % 2 == 0:
+            np.moveaxis(rest, axis, 0)[side // 2] = 0.0
+    worst = np.unravel_index(np.abs(rest).argmax(), rest.shape)
+    if np.abs(rest[worst]) > _ROUNDING * max(np.abs(given).max(), 1.0):
+        row, col = (int(i) for i in worst)
+        raise ValueError(
+            "rate must be odd, rate[-row, -col] = -rate[row, col], since the field is real; "
+            f"got {given[row, col]:g} at [{row}, {col}] and {given[-row, -col]:g} at its mirror"
+        )
+    odd: Float64 = 0.5 * (given - _mirrored(given))
+    return odd
+
+
+def _of_tile(name: str, value: npt.ArrayLike, tile: tuple[int, int]) -> Float64:
+    array = table(name, value)
+    if array.shape != tile:
+        raise ValueError(f"{name} must have the shape of a tile, {tile}, got {array.shape}")
+    return bounded(name, array)
+
+
+def _mirrored(waves: Float64) -> Float64:
+    """Return what stands at -k, for every k in fftfreq order."""
+    return np.roll(waves[::-1, ::-1], 1, axis=(0, 1))
+
+
+def _frequencies(tile: tuple[int, int]) -> tuple[Float64, Float64]:
+    """Return (fy, fx) in cycles per pixel, 0 where a frequency is its own mirror."""
+    axes: list[Float64] = [np.fft.fftfreq(n).astype(np.float64) for n in tile]
+    for axis in axes:
+        axis[np.abs(axis) == 0.5] = 0.0
+    return axes[0][:, None], axes[1][None, :]
+
+
+def _wavelengths(tile: tuple[int, int]) -> Float64:
+    """Return wavelengths in pixels; infinite at dc."""
+    frequency = np.hypot(np.fft.fftfreq(tile[0])[:, None], np.fft.fftfreq(tile[1]))
+    with np.errstate(divide="ignore"):
+        length: Float64 = 1.0 / frequency
+    return length
+
+
+def _by_tile(name: str, vectors: Float64, grid: tuple[int, int]) -> Float64:
+    """Return (rows, cols, 2) of what a request has for all tiles or for each."""
+    if vectors.shape[:2] not in ((1, 1), grid):
+        raise ValueError(
+            f"{name} must have shape (2,) or {(*grid, 2)} for these tiles, got "
+            f"{(*vectors.shape[:2], 2)}"
+        )
+    each: Float64 = np.broadcast_to(vectors[:, :, 0], (*grid, 2))
+    return each

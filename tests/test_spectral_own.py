@@ -1,0 +1,148 @@
+"""Fields with a spectrum and a temporal law of the caller's own, judged by sums of cosines."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+import flurries as fl
+import twin
+
+SHAPE, TILE, OVERLAP = (26, 31), (16, 12), 4
+SIZES: dict[str, Any] = {"tile": TILE, "overlap": OVERLAP, "dtype": np.float64}
+
+
+def waves(tile: tuple[int, int] = TILE) -> tuple[np.ndarray, np.ndarray]:
+    fy, fx = np.meshgrid(np.fft.fftfreq(tile[0]), np.fft.fftfreq(tile[1]), indexing="ij")
+    return fx, fy
+
+
+def blob(tile: tuple[int, int] = TILE) -> np.ndarray:
+    """An envelope of one half of the plane, as a Gabor's."""
+    fx, fy = waves(tile)
+    return np.exp(-((fx - 0.2) ** 2 + (fy - 0.1) ** 2) / (2 * 0.06**2))
+
+
+def rates(tile: tuple[int, int] = TILE) -> np.ndarray:
+    """Waves of deep water that run to the right; odd in k but where k is its own mirror."""
+    fx, fy = waves(tile)
+    return -0.4 * np.sign(fx) * np.sqrt(np.hypot(fx, fy))
+
+
+def summed(envelope: np.ndarray, rate: np.ndarray, time: float, seed: int) -> np.ndarray:
+    """The frame by the twin's cosines: no kernel and no transform."""
+    even = envelope + twin.mirror(envelope)
+    even[0, 0] = 0.0
+    even /= np.sqrt((even**2).sum())
+    odd = 0.5 * (rate - twin.mirror(rate))
+    rows, cols = (
+        len(twin.tile_starts(n, tile=m, overlap=OVERLAP)) for n, m in zip(SHAPE, TILE, strict=True)
+    )
+    tiles = np.zeros((rows, cols, *TILE))
+    for place in np.ndindex(rows, cols):
+        phase = twin.random_phase(TILE, seed=seed, tile=(place[0], place[1]))
+        tiles[place] = twin.direct_sum(even, phase + odd * time)
+    return twin.blend_tiles(tiles, SHAPE, overlap=OVERLAP)
+
+
+@pytest.mark.parametrize("time", [0.0, 12.25, -3e6])
+def test_a_field_is_the_sum_of_its_waves(time: float):
+    want = summed(blob(), rates(), time, 5)
+    got = fl.spectral.field(SHAPE, seed=5, envelope=blob(), rate=rates(), time=time, **SIZES)
+    # Phases of 1e6 cycles keep 1e-10 of one.
+    assert np.abs(got - want).max() < 1e-12 + 1e-14 * abs(time)
+    single = fl.spectral.field(
+        SHAPE, seed=5, envelope=3e-9 * blob(), rate=rates(), time=time, tile=TILE, overlap=OVERLAP
+    )
+    assert single.dtype == np.float32 and np.abs(single - want).max() < 1e-5
+
+
+def test_another_law_is_another_field():
+    # Negative control of the sum: the other way round, and a twentieth of a frame later.
+    want = summed(blob(), rates(), 12.25, 5)
+    for rate, time in ((-rates(), 12.25), (rates(), 12.3)):
+        got = fl.spectral.field(SHAPE, seed=5, envelope=blob(), rate=rate, time=time, **SIZES)
+        assert np.abs(got - want).max() > 0.01
+
+
+def test_the_paper_is_one_spectrum_and_one_law_of_many():
+    v, t = (0.7, 1.9), 9.5
+    options = {**SIZES, "wavelengths": (3.0, 12.0), "alias": "soft", "shutter": 0.7, "seed": 2}
+    still = {"shift": (1.0, 2.5), "shift_rate": (0.1, -0.3), "shortest": np.full((2, 4), 4.0)}
+    want = twin.field(
+        SHAPE, drift=np.multiply(v, t), velocity=v,
+        **{k: o for k, o in options.items() if k != "dtype"}, **still,
+    )  # fmt: skip
+    paper = twin.band_amplitude(TILE, wavelengths=(3.0, 12.0))
+    law = twin.tent_rate(TILE, v, wavelength_max=12.0)
+    got = fl.spectral.field(SHAPE, envelope=paper, rate=law, time=t, **options, **still)
+    assert np.abs(got - want).max() < 1e-12
+    # The spectrum alone, moved by drift and velocity as ever.
+    got = fl.spectral.field(
+        SHAPE, envelope=paper, drift=np.multiply(v, t), velocity=v, **options, **still
+    )
+    assert np.abs(got - want).max() < 1e-12
+
+
+def test_a_rate_linear_in_the_frequency_moves_the_picture_as_a_whole():
+    fx, fy = waves((32, 32))
+    options = {"seed": 4, "tile": 32, "overlap": 0, "dtype": np.float64, "wavelengths": (3.0, 16.0)}
+    at = [
+        fl.spectral.field((32, 32), rate=-(2 * fx - 3 * fy), time=t, **options) for t in (0.0, 2.0)
+    ]
+    assert np.abs(at[1] - np.roll(at[0], (-6, 4), axis=(0, 1))).max() < 1e-12
+
+
+def test_the_variance_is_one_and_the_filter_takes_what_its_laws_say():
+    fx, fy = waves((64, 64))
+    ring = np.exp(-((np.hypot(fx, fy) - 0.15) ** 2) / (2 * 0.04**2))
+    torus = {"tile": 64, "overlap": 0, "dtype": np.float64, "seed": 1, "envelope": 7.0 * ring}
+    whole = fl.spectral.field((64, 64), **torus)
+    assert abs(whole.mean()) < 1e-12 and abs(whole.var() - 1.0) < 1e-12
+    rate = -6.0 * fx
+    cut = fl.spectral.field((64, 64), rate=rate, time=3.0, alias="cut", shutter=0.5, **torus)
+    power = ring**2
+    power[0, 0] = 0.0
+    passing = np.where(np.abs(rate) < 0.5 - 1e-12, np.sinc(0.5 * rate) ** 2, 0.0)
+    assert abs(cut.var() - (power * passing).sum() / power.sum()) < 1e-12
+
+
+def test_an_alpha_is_the_opacity_of_its_field():
+    own: dict[str, Any] = {"seed": 3, "envelope": blob(), "rate": rates(), "time": 2.0, **SIZES}
+    alpha = fl.spectral.alpha(SHAPE, mean=0.3, power=1.5, amount=0.8, **own)
+    field = fl.spectral.field(SHAPE, **own)
+    assert np.array_equal(alpha, fl.spectral.opacity(field, mean=0.3, power=1.5, amount=0.8))
+    out = np.empty(SHAPE)
+    assert fl.spectral.field(SHAPE, out=out, **own) is out and np.array_equal(out, field)
+
+
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        ({"envelope": np.ones((12, 12))}, r"envelope must have the shape of a tile, \(16, 12\)"),
+        ({"envelope": -blob()}, "envelope must be 0 or more"),
+        ({"envelope": np.zeros(TILE)}, "envelope must have a wave"),
+        ({"envelope": np.full(TILE, np.nan)}, "envelope must be finite"),
+        ({"rate": np.ones((3, 3))}, "rate must have the shape of a tile"),
+        ({"rate": np.abs(rates())}, "rate must be odd"),
+        ({"time": 3.0}, "time must be 0 without rate"),
+        ({"time": np.nan, "rate": rates()}, "time must be finite"),
+        ({"envelope": blob(), "jitter": True}, "jitter must be False"),
+        ({"envelope": blob(), "ring_edges": (3.0, 6.0, 12.0)}, "ring_edges must be None"),
+        ({"rate": rates(), "drift": (1.0, 2.0), "alias": "cut"}, "velocity is needed"),
+        ({"rate": rates(), "shortest": np.full((1, 3), 4.0)}, "shortest must have shape"),
+        ({"rate": rates(), "drift": np.ones((1, 3, 2))}, "drift must have shape"),
+    ],
+)
+def test_what_is_no_spectrum_and_no_law_is_refused(given: dict[str, Any], said: str):
+    with pytest.raises(ValueError, match=said):
+        fl.spectral.field(SHAPE, seed=1, wavelengths=(3.0, 12.0), **given, **SIZES)
+    with pytest.raises(ValueError, match=said):
+        fl.spectral.alpha(SHAPE, seed=1, wavelengths=(3.0, 12.0), **given, **SIZES)
+
+
+def test_a_kept_mean_needs_the_kernel():
+    with pytest.raises(ValueError, match="preserve_mean must be False"):
+        fl.spectral.alpha(SHAPE, seed=1, envelope=blob(), preserve_mean=True, **SIZES)
