@@ -122,8 +122,8 @@ def field(
     Notes
     -----
     Langer 2004, sections 5 and 7, in the form of ``docs/internals/deviations.md``. With `envelope`
-    or `rate` tiles are made one by one from the steps above, which takes a tenth of a second and more for a
-    million pixels; `jitter` and `ring_edges` are refused.
+    or `rate` tiles are made one by one from the steps above, which takes a tenth of a second and
+    more for a million pixels; `jitter` and `ring_edges` are refused.
 
     Examples
     --------
