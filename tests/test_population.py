@@ -292,7 +292,13 @@ def test_rain_shines_more_than_its_color_and_covers_no_more():
         ({"emission": 1.5}, "emission"),
         ({"near": 0.0}, "near"),
         ({"look": "v1"}, "look"),
-        ({"wind": fl.Wind((1.0, 0.0, 0.0), profile=[(5.0, 1.0), (40.0, 2.0)])}, "wind.*profile"),
+        (
+            {
+                "wind": fl.Wind((1.0, 0.0, 0.0), profile=[(5.0, 1.0), (40.0, 2.0)]),
+                "emission": fl.Keys([(0, 1.0), (50, 0.0)]),
+            },
+            "emission.*profile",
+        ),
     ],
 )
 def test_what_is_no_population_is_refused(fields: dict[str, Any], said: str):

@@ -15,7 +15,7 @@ from flurries._contract import Array, Float64
 from flurries._core import SortedFlakes
 from flurries.camera.path import CameraPath
 from flurries.effects.flakes import lens_of, project
-from flurries.effects.gusts import flakes_in_waves
+from flurries.effects.gusts import flakes_in_profile, flakes_in_waves
 from flurries.effects.motion import Motion, Way
 from flurries.effects.weather import FAR_FADE, HEIGHTS, Film, Share, Weather
 from flurries.frame.needs import Cost, LeftOut, Needs, Step, has_keys, omission
@@ -36,6 +36,9 @@ _MARGIN = 0.3
 
 # Sigma of a flake's image in px between which it gets a shape: below, no shape can be told.
 SWITCH = (2.5, 3.5)
+
+# Metres beside the view that no box is as wide as.
+_WHOLE_BOX = 1e9
 
 # Larger boxes would take all memory that there is for their numbers.
 MOST_IN_BOX = 420_000_000
@@ -160,7 +163,13 @@ class DrawnFlakes:
         """Return the opacity of what the texture would stand for, flake by flake, (H, W)."""
         whole = replace(frame, window=(0, frame.shape[0], 0, frame.shape[1]))
         result = np.empty(frame.shape, np.float32)
-        _core.crowd_exact(result, self.crowd(whole, amount, beyond=True), frame.depth)
+        if self._alike:
+            _core.crowd_exact(result, self.crowd(whole, amount, beyond=True), frame.depth)
+            return result
+        rows = self._rows(whole, amount, beyond=True)
+        points, radius, opacity, travel = (np.ascontiguousarray(part) for part in rows[:4])
+        lens = lens_of(frame.camera, frame.shape)
+        _core.particle_exact(result, points, radius, opacity, travel, 1.0, lens, frame.depth)
         return result
 
     def crowd(self, frame: Frame, amount: float, *, beyond: bool = False) -> Crowd:
@@ -268,19 +277,59 @@ class DrawnFlakes:
         return box, float(np.linalg.norm(travel))
 
     def _rows(
-        self, frame: Frame, amount: float
+        self, frame: Frame, amount: float, *, beyond: bool = False
     ) -> tuple[Float64, Float64, Float64, Float64, npt.NDArray[np.int64]]:
         """Return places, radii, opacities, ways during the exposure and numbers of flakes."""
-        crowd = self.crowd(frame, amount)
-        rows = _core.crowd_list(crowd).reshape(-1, 9)
-        points, way = rows[:, :3], rows[:, 5:8]
+        crowd = self.crowd(frame, amount, beyond=beyond)
         motion = self.weather.motion
+        profile = motion.varied is not None and motion.varied.profile is not None
+        # A profile carries flakes into view from anywhere in the box.
+        asked = crowd._replace(room=_WHOLE_BOX) if profile else crowd
+        rows = _core.crowd_list(asked).reshape(-1, 9)
+        if profile:
+            rows = self._in_profile(frame, crowd, rows)
+        points, way = rows[:, :3], rows[:, 5:8]
         if motion.varied is not None and motion.varied.waves is not None and len(rows):
             stretch = np.array([1.0, frame.camera.aspect, 1.0])
             moved, rate = flakes_in_waves(motion, frame, np.ascontiguousarray(points / stretch))
             points = points + moved * stretch
             way = way + value_at(motion.shutter, frame.t) * rate * stretch
         return points, rows[:, 3], rows[:, 4], way, rows[:, 8].astype(np.int64)
+
+    def _in_profile(self, frame: Frame, crowd: Crowd, rows: Float64) -> Float64:
+        """Return the rows of flakes that may be seen, carried by a profile and wrapped again."""
+        exposure = value_at(self.weather.motion.shutter, frame.t)
+        stretch = np.array([1.0, frame.camera.aspect, 1.0])
+        shares = self.weather.film(frame).shares
+        # Boxes that hold nothing have no rows and no numbers.
+        ends = np.cumsum([box.number for box in crowd.boxes])
+        kept = []
+        motions = [share.motion for share in shares]
+        if len(crowd.boxes) < len(shares):
+            motions = [share.motion for share in shares if share.reach < self.weather.far]
+        for box, end, motion in zip(crowd.boxes, ends, motions, strict=True):
+            own = rows[(rows[:, 8] >= end - box.number) & (rows[:, 8] < end)]
+            if not len(own):
+                continue
+            moved, rate = flakes_in_profile(motion, frame, np.ascontiguousarray(own[:, 2]))
+            for axis in range(2):
+                side, middle = box.sides[axis] * stretch[axis], box.center[axis] * stretch[axis]
+                place = own[:, axis] + moved[:, axis] * stretch[axis] - middle
+                own[:, axis] = middle + place - side * np.floor(place / side + 0.5)
+            own[:, 5:8] += exposure * rate * stretch
+            kept.append(own)
+        found = np.concatenate([rows[:0], *kept])
+        # As the kernel leaves out what cannot be seen.
+        height, width = frame.shape
+        focal, cx, cy, offset, _ = crowd.lens
+        room = crowd.room + self.weather.sway[0] + 2.0 * self.weather.population.sizes.largest
+        room += exposure * float(np.abs(found[:, 5:8]).sum(axis=1).max(initial=0.0))
+        halves = max(cx, width - cx), max(cy, height - cy)
+        beside = [
+            np.abs(found[:, axis] - offset[axis]) < half / focal * found[:, 2] + room
+            for axis, half in enumerate(halves)
+        ]
+        return np.asarray(found[beside[0] & beside[1]])
 
     def ids(self, frame: Frame, amount: float, way: Way) -> npt.NDArray[np.int32]:
         """Return which flake each pixel of the whole frame shows, (H, W); -1 for none.

@@ -22,6 +22,7 @@ from flurries.effects.defocus import circles_of
 from flurries.effects.flake_flow import flow_of, gusts_of
 from flurries.effects.flake_patterns import LONGEST_STREAK, Patterns, Streaks, patterns_of
 from flurries.effects.flake_terms import LADDER, Flight, terms_of, tile_counts
+from flurries.effects.gusts import flakes_in_profile
 from flurries.effects.lighting import lamp_shade
 from flurries.effects.motion import Way
 from flurries.effects.weather import Film, Layer, Weather
@@ -278,6 +279,9 @@ class FlakeTexture:
                 _, rate, _ = flow_of(frame, share, x, y)
                 part = coverage[own] / coverage.sum()
                 motion += rate.along * float((part / depths[own]).sum()) + rate.shift * part.sum()
+                if self.weather.motion.varied is not None:
+                    _, felt = flakes_in_profile(share.motion, frame, depths[own])
+                    motion += (part / depths[own]) @ felt[:, :2] * np.array(frame.camera.focals)
         depth = np.full((len(y), len(x)), float(coverage @ depths / coverage.sum()), np.float32)
         if frame.depth is not None:
             depth = np.minimum(depth, frame.crop(frame.depth))

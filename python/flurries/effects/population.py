@@ -41,16 +41,6 @@ Shape: TypeAlias = Literal["natural", "round"]
 SHAPES = get_args(Shape)
 
 
-def steady_or_gusty(name: str, value: object) -> Any:
-    """Return a velocity or a wind, or refuse one that differs by depth."""
-    found = wind(name, value)
-    if isinstance(found, Wind) and found.profile is not None:
-        raise ValueError(
-            f"{name}: a profile over depth is for TentSnow and TentRain, not for flakes"
-        )
-    return found
-
-
 # What the fields of a population may be.
 POPULATION: dict[str, Any] = {
     "density": partial(as_number, low=0.0, high=1e6),
@@ -58,7 +48,7 @@ POPULATION: dict[str, Any] = {
     "amount": share,
     "emission": share,
     "fall": optional(as_number),
-    "wind": steady_or_gusty,
+    "wind": wind,
     "color": lambda _, value: as_color(value, (AMBIENT, LOCAL)),
     "haze": share,
     "shutter": partial(as_number, low=0.0),
@@ -132,6 +122,9 @@ def _part_of(
     shape: str = "round",
 ) -> Precipitation[FlakeTexture]:
     """Return what an effect of a population is made of."""
+    if isinstance(wind, Wind) and wind.profile is not None and isinstance(emission, Keys):
+        # Flakes are there or not by the heights that they fell through.
+        raise ValueError("emission: cannot be keyed in a wind with a profile over depth")
     # The air holds as many as there ever are; fewer are shown where the density is less.
     most = highest(density)
     if isinstance(density, Keys):

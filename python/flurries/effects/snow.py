@@ -61,7 +61,7 @@ class Snow(metaclass=Described):
         faster. If not given, that of aggregates of the size. Keyed.
     wind : (x, y, z) or Wind
         Air velocity, metres per second, x right, y down, z away from the camera. Keyed; or
-        :class:`flurries.Wind`, with gusts and swirls.
+        :class:`flurries.Wind`, with gusts, swirls and differences over depth.
     color : float, (r, g, b), "#rrggbb", "ambient" or "local"
         Display values, 0 to 1. Keyed. "ambient": as bright as white is in the light of the
         background. "local": 0.9 of the light from behind and around each flake and from outside

@@ -216,7 +216,8 @@ def _film(
         (one, Motion(times(motion.fall, one.fall / mean), motion.wind, motion.shutter))
         for one in population.classes(CLASSES if varied else 1)
     ]
-    fastest = [each.fastest(path, fps) for _, each in classes]
+    extra = 0.0 if motion.varied is None else motion.varied.fastest_extra() / fps
+    fastest = [each.fastest(path, fps) + extra for _, each in classes]
     for tile in TILES:
         if max(fastest) * 2.0 * focal / tile <= _sparse(classes, focal, tile) or tile >= min(shape):
             break
