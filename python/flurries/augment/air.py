@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import threading
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -144,8 +144,7 @@ class Here:
     def _fall(self, falling: Falling) -> None:
         air, view = self.air, self.view
         denser = self._denser(falling)
-        if denser != 1.0:
-            falling = replace(falling, depth=falling.depth * denser)
+        falling = falling.before(view.shape, denser)
         focal, tile = view.camera.focal, tile_of(view.shape)
         fastest = 0.0 if self.fps is None else float(np.hypot(*air.velocity)) / self.fps
         least = focal / tile * max(2.0 * view.eyes / _DISPARITY, fastest / _FASTEST)

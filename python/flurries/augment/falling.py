@@ -7,7 +7,7 @@ drawn as a texture allows: those that are too large for its tiles, too few in on
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 
 from flurries.augment.flakes import NEAREST, Cloud
@@ -26,6 +26,10 @@ _SWEPT = math.sqrt(2.0 * math.pi / 8.0)
 
 # The largest deviation of a flake's image in a texture, as a share of its tile.
 _WIDEST = 0.08
+
+# Pixels smooth the flakes of pictures smaller than this, and by what power of the size they are
+# denser there, and fewer, so that a severity takes as much of the structure at every size.
+_SMALL, _SHARPER = 512, 0.6
 
 SPEEDS = {"snow": snow_speed, "rain": drop_speed}
 
@@ -65,18 +69,22 @@ class Falling:
     sway: tuple[float, float] = (0.0, 0.0)
     veil: float = 0.0
 
+    def before(self, shape: tuple[int, int], times: float) -> Falling:
+        """Return what falls before a picture of a size in pixels, so many times as much of it."""
+        dense = max(_SMALL / max(*shape, _SMALL // 8), 1.0) ** _SHARPER
+        if dense == times == 1.0:
+            return self
+        return replace(
+            self, depth=times * self.depth, middle=dense * self.middle, streak=dense * self.streak
+        )
+
     def thick(self, way: float) -> float:
         """Return the optical depth of a resting one's middle, for streaks of a way in metres."""
         return max(self.middle, self.streak * way / (_SWEPT * self.sizes[1]))
 
     def covered(self, way: float) -> float:
-        """Return what one covers, over the product of its middle's optical depth and its area.
-
-        A Gaussian of depth p in its middle covers Ein(p) / p of what a thin one would.
-        """
-        thick = self.thick(way)
-        p = thick / math.hypot(1.0, way / (_SWEPT * self.sizes[1]))
-        return ein(p) / p
+        """Return what one covers, over the product of its middle's optical depth and its area."""
+        return covered_by(self.thick(way), way, self.sizes[1])
 
     def density(self, way: float) -> float:
         """Return how many there are per cubic metre."""
@@ -112,6 +120,15 @@ class Falling:
         sparse = 3.0 * LEAST_IN_TILE / (7.0 * self.density(way)) * (focal / tile) ** 2
         wanted = max(sparse ** (1.0 / 3.0), large, least, 1.3 * self.near)
         return self.far if wanted > 0.7 * self.far else wanted
+
+
+def covered_by(thick: float, way: float, diameter: float) -> float:
+    """Return what a flake covers, over what it would if it were thin.
+
+    A Gaussian of optical depth p in its middle covers Ein(p) / p of that.
+    """
+    p = thick / math.hypot(1.0, way / (_SWEPT * diameter))
+    return ein(p) / p
 
 
 def population_of(

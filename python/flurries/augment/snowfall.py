@@ -37,7 +37,7 @@ class Snowfall(Precipitation):
     severity : int or (low, high), optional
         In place of `amount`, in five steps: 1 to 5.
     profile : {"natural", "hard"}
-        Weather as it is, or at least as hard as the corruptions of published benchmarks.
+        Weather as it is, or as hard as the corruptions of published benchmarks.
     veil : float
         Share of the opacity that an even veil holds, 0 to 1; what falls holds the rest. 0 is no
         veil at all.

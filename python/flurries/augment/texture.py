@@ -15,7 +15,7 @@ import numpy as np
 
 from flurries import _core
 from flurries._contract import Array, Float64
-from flurries.augment.falling import Falling, ein, population_of
+from flurries.augment.falling import Falling, covered_by, ein, population_of
 from flurries.particles.population import Slab, slabs_of
 from flurries.spectral.flakes import Request, choices, patterns_of, prepare
 
@@ -38,8 +38,12 @@ _THICK = 1.15
 # Opacity of the middle of a pattern's flakes.
 _MIDDLE = 0.9
 
-# What a pixel and the sprite's least width add to the variance of a flake's image, px^2.
-_LEAST = 0.17
+# What flakes are wider by, px^2 of variance: narrow ones end a transform in ripples of two pixels,
+# which the least opacity of 0 turns into a lattice of dark dots.
+_SOFT = 0.15
+
+# What this, a pixel and the sprite's least width add to the variance of a flake's image, px^2.
+_LEAST = 0.17 + _SOFT
 
 # Parts of a layer's diameters, even within; and the most flakes that are drawn for a pixel.
 _PARTS = 4
@@ -206,7 +210,7 @@ def texture_of(
     far = round(math.log(max(way, _LEAST_WAY)) / math.log(_WAY))
     thick, covered = falling.thick(way), falling.covered(way)
     dense = round(math.log(thick) / math.log(_THICK))
-    gains, lift = _settled(found, lens, far, dense, round(covered, 2))
+    gains, lift = _settled(found, lens, far, dense, falling.sizes[1])
     return Texture(found, density / found.density, thick / _MIDDLE, covered, gains, lift)
 
 
@@ -229,7 +233,7 @@ def _patterns_of(
     density, focal, reach = _DENSITY**rung, _FOCAL**lens, _REACH**step
     population, each = population_of(kind, law, density, _MIDDLE)
     slabs = slabs_of(population, each, focal, tile, reach=reach, far=far, ratio=_RATIO)
-    counts, sizes, wider = [], [], []
+    counts, sizes, wider, weights = [], [], [], []
     for slab in slabs:
         shares = np.linspace(0.0, 1.0, len(slab.diameters))
         edges = np.interp(np.linspace(0.0, 1.0, _PARTS + 1), shares, slab.diameters)
@@ -238,12 +242,16 @@ def _patterns_of(
         drawn = min(slab.count, _MOST_A_PIXEL * tile**2)
         wider.append(math.sqrt(slab.count / drawn))
         counts += [drawn / _PARTS] * _PARTS
-        sizes += list(pairwise(edges.tolist()))
+        soft = np.sqrt(edges**2 + 8.0 * _SOFT)
+        sizes += list(pairwise(soft.tolist()))
+        weights.append(_mean_square(edges) / _mean_square(soft))
     made = patterns_of(
         tile, counts=counts, diameters=sizes, opacity=_MIDDLE, patterns=_PATTERNS,
         shear=_SHEAR, seed=_SEED,
     )  # fmt: skip
-    summed = made.reshape(len(slabs), _PARTS, *made.shape[1:]).sum(axis=1)
+    parts = made.reshape(len(slabs), _PARTS, *made.shape[1:])
+    # As dense as before they were made wider; all together are brought to their coverage below.
+    summed = np.einsum("lp,lp...->l...", np.array(weights), parts)
     for index, slab in enumerate(slabs):
         mean = float(summed[index, 0, 0, 0].real)
         summed[index] *= slab.coverage / mean / wider[index]
@@ -255,15 +263,21 @@ def _patterns_of(
     )  # fmt: skip
 
 
-@lru_cache(maxsize=256)
+def _mean_square(edges: Float64) -> Float64:
+    """Return the means of squares that are even between each two edges."""
+    return np.asarray((edges[:-1] ** 2 + edges[:-1] * edges[1:] + edges[1:] ** 2) / 3.0)
+
+
+@lru_cache(maxsize=1024)
 def _settled(
-    patterns: Patterns, lens: int, far: int, dense: int, covered: float
+    patterns: Patterns, lens: int, far: int, dense: int, diameter: float
 ) -> tuple[Float64, float]:
     """Return the gains and the lift that make a texture cover what its flakes do.
 
-    All arguments but the patterns are on rungs.
+    The numbers are rungs, of flakes of a mean diameter.
     """
     way, focal, thick = _WAY**far, _FOCAL**lens, _THICK**dense
+    covered = covered_by(thick, way, diameter)
     gains = np.array([
         _gain_of(slab, thick, way * focal / slab.depth, covered) for slab in patterns.slabs
     ])  # fmt: skip
@@ -271,11 +285,12 @@ def _settled(
     size = _SAMPLE * patterns.tile
     streak = np.array([0.0, way])
     asked = texture.request((size, size), focal, seed=_SEED, moved=np.zeros(2), streak=streak)
-    lift, out = 1.0, np.empty((size, size), np.float32)
+    depth = np.empty((size, size), np.float32)
+    texture.drawn(asked, opacity=False, out=depth, add=False)
+    mean, lift = float(asked.mean[0, 0]), 1.0
     for _ in range(3):
-        texture.drawn(asked._replace(mean=lift * asked.mean), opacity=True, out=out, add=False)
-        left = 1.0 - float(out.mean(dtype=np.float64))
-        lift += math.log(left / texture.left) / float(asked.mean[0, 0])
+        left = float(np.exp(-np.maximum(depth + (lift - 1.0) * mean, 0.0)).mean(dtype=np.float64))
+        lift += math.log(left / texture.left) / mean
     return gains, lift
 
 
