@@ -394,16 +394,18 @@ def boxed(plane: np.ndarray, cells: int = 64) -> np.ndarray:
 @EACH
 @pytest.mark.parametrize("severity", [1, 3, 5])
 def test_a_severity_is_the_same_at_every_size(kind: str, severity: int):
-    """Three statistics, box-filtered to cells, agree within 5 %: fog's at 64, 224, 512 and 2160 px.
+    """Three statistics, box-filtered to cells, agree within 5 % at 64 to 2160 px.
 
-    What falls is compared at 224, 512 and 1024 px, on cells that are wider than the sprite's least
-    width in the smallest picture. Flakes differ from size to size, so many pictures are taken.
+    Flakes differ from size to size, so many pictures are taken. Below 512 px they are fewer and
+    denser on purpose, so that their structure counts for as much (test_augment_similarity.py): by
+    the power 0.6 of the size. The unevenness of what is rarer by n is sqrt(n) times as large, at
+    most; at 64 px cells are no wider than flakes are drawn, and it is not compared.
     """
     weather = KINDS[kind](severity=severity, seed=5)
-    found = []
-    sizes = ((64, 6), (224, 6), (512, 6), (2160, 2))
-    if kind != "fog":
-        sizes = ((224, 20), (512, 12), (1024, 8))
+    found = {}
+    sizes = ((512, 8), (64, 16), (224, 12), (2160, 3) if severity == 3 else (1024, 5))
+    if kind == "fog":
+        sizes = ((512, 6), (64, 6), (224, 6), (2160, 2))
     cells = 64 if kind == "fog" else 32
     for size, count in sizes:
         values = []
@@ -413,16 +415,21 @@ def test_a_severity_is_the_same_at_every_size(kind: str, severity: int):
             alpha = 1.0 - (high - low)
             # The contrast of two pictures that is lost; the light that is added; its unevenness.
             values.append([alpha.mean(), low.mean(), alpha.std()])
-        found.append((np.array(values), count))
-    for values, count in found:
+        found[size] = np.array(values)
+    for size, values in found.items():
         # Fog is the same at every size; what falls has other flakes, so its deviations are known
         # to three standard errors.
-        same = found[0][0][: count if kind == "fog" else None]
+        same = found[512][: len(values) if kind == "fog" else None]
         want, error = same.mean(axis=0), np.zeros(3)
+        most = np.full(3, 1.05)
         if kind != "fog":
-            for some, number in ((values, count), (same, len(same))):
-                error += 3.0 * some.std(axis=0) / np.sqrt(number)
-        assert (np.abs(values.mean(axis=0) - want) < 0.05 * want + error).all()
+            for some in (values, same):
+                error += 3.0 * some.std(axis=0) / np.sqrt(len(some))
+            most[2] = {64: np.inf, 224: 1.05 * (512 / 224) ** 0.3}.get(size, 1.05)
+        got = values.mean(axis=0)
+        assert (got <= most * want + error).all(), size
+        least = np.array([0.95, 0.95, 0.0 if kind != "fog" and size == 64 else 0.95])
+        assert (got >= least * want - error).all(), size
         assert values[:, 0].mean() == pytest.approx(contrast_loss(severity / 5), rel=0.05)
 
 
