@@ -110,7 +110,8 @@ class Texture:
         pixels = (window[1] - window[0]) * (window[3] - window[2])
         work: dict[str, Any] = {**cost.work, "limited pixel": passes * pixels}
         scratch = cost.scratch + (32 if passes > 1 else 16) * pixels
-        return replace(cost, work=work, scratch=max(scratch, TABLE_BYTES))
+        # The waves, and what the depth leaves of them, are there when the means are looked up.
+        return replace(cost, work=work, scratch=max(scratch, TABLE_BYTES + 8 * pixels))
 
     def warn_ambiguous(
         self, shape: tuple[int, int], focal: float, distance: float, index: int
