@@ -299,3 +299,40 @@ def test_the_command_line(tmp_path, capsys):
     assert "--mist" in capsys.readouterr().err
     assert cli.main(["render", "#203040", "-o", still, "--mist", "smog"]) == 2
     assert "fog" in capsys.readouterr().err
+
+
+def plates() -> dict[str, np.ndarray]:
+    rows = np.linspace(1.0, 0.2, 48, dtype=np.float32)[:, None, None]
+    shape = np.ones((48, 64, 3), np.float32)
+    return {"noon": 0.9 * rows * shape, "dusk": rows * shape * (0.2, 0.1, 0.08),
+            "night": 0.004 * rows * shape}  # fmt: skip
+
+
+@pytest.mark.parametrize("space", ["linear", "display"])
+@pytest.mark.parametrize("structure", [0.0, 0.7])
+def test_fog_is_never_darker_than_the_sky_unless_asked(structure: float, space: str):
+    for plate in plates().values():
+        plate = plate.astype(np.float32)
+        fog = fl.Mist(visibility=8.0, structure=structure)
+        seen = fl.Scene(None, plate, effects=[fog], space=space).render(0)
+        # But for the brightest fiftieth, which might be lamps.
+        assert (seen >= plate - 0.02 * plate.max()).all()
+        assert seen.max() < 1.01 * plate.max()
+        assert np.abs(seen - plate).max() > 0.1 * plate.max()
+    smoke = fl.Mist(visibility=8.0, structure=structure, color=0.3)
+    assert fl.Scene(None, plates()["noon"], effects=[smoke]).render(0)[0].mean() < 0.7
+
+
+@pytest.mark.parametrize("structure", [0.0, 0.7])
+def test_a_lamp_lights_the_mist_around_it(structure: float):
+    plate = np.full((48, 64, 3), 0.01, np.float32)
+    lamp = fl.Lamp(place=(1.0, 0.0, 4.0), power=2.0)
+    about = {"effects": [fl.Mist(visibility=12.0, box=8.0, structure=structure)], "seed": 2}
+    dark, lit = (fl.Scene(None, plate, lights=lamps, **about).render(0) for lamps in ([], [lamp]))
+    gained = (lit - dark).mean(axis=2)
+    assert (gained >= 0.0).all()
+    # Around the lamp's image, 1 m aside at 4 m behind a lens of 1.2 widths, and less elsewhere.
+    column = int(32 + 1.2 * 64 / 4)
+    around = gained[18:30, column - 6 : column + 6].mean()
+    assert around > 0.05
+    assert around > 4.0 * gained[:, :12].mean() > 0.0

@@ -9,7 +9,7 @@ its density; its mean stays what the extinction says.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
@@ -18,28 +18,22 @@ import numpy as np
 
 from flurries import _core, gas
 from flurries._contract import Array, Float64
-from flurries.camera.tiles import tile_drift, tile_shift
+from flurries.effects.bank_texture import long_waves, short_waves
+from flurries.effects.lighting import Base, add_behind, lamp_shade, whole
 from flurries.effects.sunlight import Scatter
 from flurries.frame.needs import Cost
 from flurries.frame.view import Frame
 from flurries.io.color import srgb_to_linear
 from flurries.motion.keys import Vector
-from flurries.spectral.request import request
-
-# Amplitudes of the texture fall as k^(-11/6), their squares as k^(-11/3), down to waves of 4 px.
-EXPONENT, SHORTEST = 11.0 / 6.0, 4.0
-
-# The largest tile of the texture, and what tiles share, px.
-TILE, OVERLAP = 512, 64
 
 # Slices of what lies around the camera, and of a bank that is looked at from outside.
 AROUND, OUTSIDE = 4, 6
 
+# Groups of slices whose short waves are one texture.
+HALVES = 2
+
 # A bank's density is a Gaussian with this many sigma to a side of its box, and ends at 1.5 sides.
 SIGMAS = 3.6
-
-# Seeds of the slices lie this far apart.
-_STRIDE = 7919
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -81,13 +75,25 @@ class Bank:
     falloff: float
     scatter: Scatter
 
-    def draw(self, frame: Frame, extinction: float, color: Any, *, lit: bool) -> Array:
-        """Return opacity over the window (h, w), or premultiplied linear light (h, w, 4) if lit."""
-        made = frame.once_each(
-            self, "bank", lambda: self._whole(frame, extinction, color if lit else None)
+    def draw(
+        self, frame: Frame, extinction: float, base: Base, *, lit: bool
+    ) -> tuple[Array, Array | None]:
+        """Return opacity over the window (h, w), and light (h, w, 3) times opacity or None.
+
+        Where the sun lights it that is all of its light, of a gas that is as bright as `base` where
+        it is lit in full; else it is what lamps add.
+
+        Parameters
+        ----------
+        base : Shade
+            Counted from the frame's first pixel.
+        """
+        alpha, light = frame.once_each(
+            self, "bank", lambda: self._whole(frame, extinction, base, lit=lit)
         )
-        top, bottom, left, right = frame.window
-        return np.ascontiguousarray(made[top:bottom, left:right])
+        window = np.s_[frame.window[0] : frame.window[1], frame.window[2] : frame.window[3]]
+        plane = np.ascontiguousarray(alpha[window])
+        return plane, None if light is None else np.ascontiguousarray(light[window])
 
     def cost(self, frame: Frame, *, lit: bool) -> Cost:
         """Return what a frame's slices take."""
@@ -95,27 +101,49 @@ class Bank:
         work = {"gas pixel": (4.0 if lit else 2.5) * slices * pixels, "mask pixel": float(pixels)}
         return Cost(work, f"{slices} slices", 4 * pixels, 40 * pixels)
 
-    def _whole(self, frame: Frame, extinction: float, color: Any) -> Array:
-        """Return the whole frame."""
-        height, width = frame.shape
-        rays = _Rays.of(frame)
+    def _whole(
+        self, frame: Frame, extinction: float, base: Base, *, lit: bool
+    ) -> tuple[Array, Array | None]:
+        """Return opacity and light of the whole frame."""
+        rays, lamps = _Rays.of(frame), bool(frame.lights)
+        slices = list(self._slices(frame, rays))
+        halves = [part.tolist() for part in np.array_split(np.arange(len(slices)), HALVES)]
         through = np.ones(frame.shape, np.float32)
-        light = None if color is None else np.zeros((height, width, 3), np.float32)
-        for place, thickness, density in self._slices(frame, rays):
-            dense = self._texture(frame, place, rays.slice) * density
-            depth = np.multiply(dense, thickness * rays.length, dtype=np.float32)
-            passed = np.exp(np.float32(-extinction) * depth)
-            if light is not None:
-                shade = self._light(frame, rays, extinction, place, dense)
-                own = srgb_to_linear(np.asarray(color, np.float64))
-                taken = through * (1.0 - passed)
-                light += taken[..., None] * (shade * own.astype(np.float32))
-            through *= passed
-            rays.slice += 1
-        alpha = 1.0 - through
-        if light is None:
-            return alpha
-        return np.concatenate([light, alpha[..., None]], axis=2)
+        light = np.zeros((*frame.shape, 3), np.float32) if lit or lamps else None
+        total = np.zeros(frame.shape, np.float32)
+        for half, numbers in enumerate(part for part in halves if part):
+            middle = float(np.mean([slices[number][0] for number in numbers]))
+            short = self._waves(short_waves, frame, middle, half)
+            depth: Any = np.float32(0.0)
+            for number in numbers:
+                place, thickness, density = slices[number]
+                dense = self._waves(long_waves, frame, place, number) * density
+                if light is None:
+                    depth = depth + dense * thickness
+                    continue
+                dense = dense * short
+                way = np.multiply(dense, thickness * rays.length, dtype=np.float32)
+                passed = np.exp(np.float32(-extinction) * way)
+                taken = np.ascontiguousarray(through * (1.0 - passed))
+                if lit:
+                    self._add_sun(light, frame, rays, extinction * dense, taken, base)
+                if lamps:
+                    glow = lamp_shade(whole(frame), [place], [1.0], self.scatter.optics)
+                    add_behind(light, taken, glow, None)
+                through *= passed
+            if light is None:
+                total += depth * short
+        if light is not None:
+            return 1.0 - through, light
+        total *= np.float32(-extinction) * rays.length
+        # In float32 the exponential is on vector lanes, that less one is not.
+        return np.subtract(np.float32(1.0), np.exp(total, out=total), out=total), None
+
+    def _waves(self, make: Callable[..., Array], frame: Frame, depth: float, number: int) -> Any:
+        """Return the long waves of a slice, or the short ones of half of them."""
+        if self.structure == 0.0:
+            return np.float32(1.0)
+        return make(frame, self.wind, self.structure, depth, number)
 
     def _slices(self, frame: Frame, rays: _Rays) -> Iterator[tuple[float, Any, Array]]:
         """Yield each slice's depth, its thickness before what stands there, and its density."""
@@ -163,52 +191,13 @@ class Bank:
             density = density / (1.0 + np.exp(np.clip((height - self.top) / self.falloff, -60, 60)))
         return np.asarray(density, np.float32)
 
-    def _texture(self, frame: Frame, depth: float, slice_: int) -> Array:
-        """Return the density of a slice over its mean, (H, W)."""
-        if self.structure == 0.0:
-            return np.ones(frame.shape, np.float32)
-        side = min(max(16, 1 << (max(frame.shape) - 1).bit_length()), TILE)
-        overlap = OVERLAP if max(frame.shape) > side else 0
-        shift = self._shift(frame, depth, side, overlap)
-        seed = (frame.seed + _STRIDE * slice_) % 2**62
-        asked = request(
-            frame.shape, drift=(0.0, 0.0), shift=shift, seed=seed,
-            wavelengths=(SHORTEST, float(side)), exponent=EXPONENT, tile=side, overlap=overlap,
-        )  # fmt: skip
-        if frame.lap is not None:
-            times = (frame.lap.first, frame.lap.end)
-            begin, end = (
-                self._shift(frame.later(t - frame.t), depth, side, overlap) for t in times
-            )
-            whole = np.ascontiguousarray((end - begin)[:, :, None])
-            asked = asked._replace(lap=(np.zeros_like(whole), whole, frame.lap.part(frame.t)))
-        field = np.empty(frame.shape, np.float32)
-        _core.field(field, asked, None, False)
-        # A logarithm of mean -s^2/2 and variance s^2 has the mean 1.
-        spread = np.float32(self.structure)
-        field *= spread
-        field -= np.float32(0.5) * spread * spread
-        return np.exp(field, out=field)
-
-    def _shift(self, frame: Frame, depth: float, side: int, overlap: int) -> Float64:
-        """Return how far a slice has moved at each tile, (rows, cols, 2) px."""
-        moved = frame.travel(wind=self.wind) + np.array(frame.camera.offset)
-        tiles: dict[str, Any] = {"tile": side, "overlap": overlap}
-        shift = tile_drift(frame.shape, moved, frame.camera, near_depth=depth, **tiles)
-        if frame.path.turns:
-            shift = shift + tile_shift(frame.shape, frame.rotation(), frame.camera, **tiles)
-        return np.asarray(shift)
-
-    def _light(
-        self, frame: Frame, rays: _Rays, extinction: float, depth: float, dense: Array
-    ) -> Array:
-        """Return the light that a slice sends here for each that it holds, linear (H, W, 3)."""
+    def _add_sun(
+        self, light: Array, frame: Frame, rays: _Rays, dense: Any, taken: Array, base: Base
+    ) -> None:
+        """Add what a slice that takes so much of the light sends here, linear (H, W, 3)."""
         assert frame.sun is not None
         sun, way = frame.sun, frame.to_camera(frame.sun.unit())
-        white = srgb_to_linear(np.asarray(sun.color, np.float64)).astype(np.float32)
-        scattered: Any = np.exp(
-            np.float32(-(1.0 - self.scatter.forward) * extinction * self._above(frame)) * dense
-        )
+        scattered: Any = np.exp(np.float32(-(1.0 - self.scatter.forward) * self._above()) * dense)
         if self.scatter.kind != "even":
             cosine = -(rays.x * way[0] + rays.y * way[1] + way[2]) / rays.length
             phase = gas.phase(
@@ -216,10 +205,15 @@ class Bank:
                 kind=self.scatter.kind, asymmetry=self.scatter.asymmetry,
             )  # fmt: skip
             scattered = scattered * phase.astype(np.float32)
-        share = np.float32(1.0 - sun.ambient)
-        return np.asarray(np.float32(sun.ambient) + share * scattered[..., None] * white)
+        white = (1.0 - sun.ambient) * srgb_to_linear(np.asarray(sun.color, np.float64))
+        add_behind(light, taken * np.float32(sun.ambient), base.dim, None)
+        sunny = np.empty_like(light)
+        plane = np.ascontiguousarray(np.broadcast_to(taken * scattered, taken.shape))
+        _core.shade_light(sunny, plane, base.sunny.given(), None)
+        sunny *= white.astype(np.float32)
+        light += sunny
 
-    def _above(self, frame: Frame) -> float:
+    def _above(self) -> float:
         """Return the way of the sun's light through gas of the slice's own density, metres."""
         if self.center is not None:
             return 0.35 * min(self.sides)
@@ -228,13 +222,12 @@ class Bank:
 
 @dataclass
 class _Rays:
-    """Slopes of the pixels' rays, and which slice comes next."""
+    """Slopes of the pixels' rays."""
 
     x: Array
     y: Array
     length: Array
     matrix: Float64
-    slice: int = 0
 
     @staticmethod
     def of(frame: Frame) -> _Rays:

@@ -10,11 +10,13 @@ import numpy as np
 
 from flurries import _core
 from flurries._contract import Array, Float64
+from flurries.effects.lighting import Base, colors_at
 from flurries.effects.passes import STEPS, plane_motion, screen
 from flurries.effects.sunlight import Scatter
 from flurries.frame.needs import Cost
 from flurries.frame.view import Frame
 from flurries.gas.splatting import FINISHED, sorted_gas
+from flurries.light.lamp import radiance
 from flurries.motion.keys import Vector
 
 # The outer share of the box, on each side, in which particles fade.
@@ -125,17 +127,23 @@ class Cloud:
         return [(t, shown) for t, shown in rounds if shown.any()]
 
     def draw(
-        self, frame: Frame, density: float, color: tuple[float, float, float], *, lit: bool
-    ) -> Array:
-        """Return opacity over the window (h, w), or premultiplied linear light (h, w, 4) if lit."""
-        found, lit = frame.once_each(
-            self, "gas", lambda: self._sort(frame, density, color if lit else None)
+        self, frame: Frame, density: float, base: Base, *, lit: bool
+    ) -> tuple[Array, Array | None]:
+        """Return opacity over the window (h, w), and light (h, w, 3) times opacity or None.
+
+        Where the sun lights it that is all of its light, of a gas that is as bright as `base` where
+        it is lit in full; else it is what lamps add.
+        """
+        found, colored = frame.once_each(
+            self, "gas", lambda: self._sort(frame, density, base, lit=lit)
         )
         top, bottom, left, right = frame.window
         shape = (bottom - top, right - left)
-        layer = np.empty((*shape, 4) if lit else shape, np.float32)
+        layer = np.empty((*shape, 4) if colored else shape, np.float32)
         _core.gas_draw(layer, found, frame.window, frame.depth)
-        return layer
+        if colored:
+            return layer[..., 3], layer[..., :3]
+        return layer, None
 
     def passes(self, frame: Frame, density: float) -> tuple[Array, Array, Array]:
         """Return motion (h, w, 2), backward and depth (h, w) of what the window shows.
@@ -205,18 +213,25 @@ class Cloud:
         return Cost(work, size, 4 * pixels, 80 * count)
 
     def _sort(
-        self, frame: Frame, density: float, color: tuple[float, float, float] | None
+        self, frame: Frame, density: float, base: Base, *, lit: bool
     ) -> tuple[_core.SortedGas, bool]:
-        """Return the gas, to be drawn in any band of the frame, and whether it is lit."""
+        """Return the gas, to be drawn in any band of the frame, and whether it has colors."""
         points, shown = frame.once(self, "particles", lambda: self.places(frame, density))
-        lit = color is not None and len(points) > 0
-        colors = self.scatter.colors(frame, points, shown, self.radius, color) if lit else 0.0
+        colored = (lit or bool(frame.lights)) and len(points) > 0
+        colors: Any = 0.0
+        if colored and lit:
+            place = screen(points, frame)[0]
+            own = (colors_at(shade, place) for shade in base)
+            colors = self.scatter.colors(frame, points, shown, self.radius, *own)
+        if colored and frame.lights:
+            eye = np.array(frame.camera.offset)
+            colors = colors + radiance(points, frame.lamps(), self.scatter.optics, eye)
         given = sorted_gas(
             frame.shape, points, self.radius, shown, colors, frame.camera,
             footprint=self.footprint, near=self.near, near_mode="exact", depth=frame.depth,
             error=allowed_error(frame), smooth=SMOOTH,
         )  # fmt: skip
-        return given, lit
+        return given, colored
 
     def _middle(self, frame: Frame, sides: Float64) -> Float64:
         """Return the middle of the box, house axes, from the camera's place."""

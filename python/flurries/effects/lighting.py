@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 
 from flurries import _core
 from flurries._contract import Array, Float64
@@ -32,13 +35,65 @@ def even_shade(frame: Frame, color: tuple[float, float, float]) -> Shade:
 
 def veil_layer(name: str, frame: Frame, alpha: Array | float) -> Layer:
     """Return fog of an opacity that is as bright as what it hides, or brighter."""
-    assert frame.plate is not None
     top, bottom, left, right = frame.window
     cover = (
         np.full((bottom - top, right - left), alpha, np.float32) if np.ndim(alpha) == 0 else alpha
     )
-    shade = Shade(_veil(frame.plate, frame.camera.focal), frame.plate.cell, _first(frame))
-    return Layer(name, np.ascontiguousarray(cover, np.float32), shade=shade)
+    return Layer(name, np.ascontiguousarray(cover, np.float32), shade=veil_shade(frame))
+
+
+def veil_shade(frame: Frame) -> Shade:
+    """Return the color of fog that is as bright as what it hides, or brighter."""
+    assert frame.plate is not None
+    return Shade(_veil(frame.plate, frame.camera.focal), frame.plate.cell, _first(frame))
+
+
+def whole(frame: Frame) -> Frame:
+    """Return a frame whose window is all of it."""
+    return replace(frame, window=(0, frame.shape[0], 0, frame.shape[1]))
+
+
+def colors_at(shade: Shade, pixels: Float64) -> Float64:
+    """Return the colors of the cells that pixels (n, 2), x and y, lie in, (n, 3) linear light."""
+    rows, columns, _ = shade.colors.shape
+    cells = np.floor((pixels + np.array(shade.first[::-1])) / shade.cell)
+    x, y = (
+        np.clip(cells[:, axis], 0, most - 1).astype(int) for axis, most in ((0, columns), (1, rows))
+    )
+    return np.asarray(shade.colors[y, x], np.float64)
+
+
+# A clear sun by day lights what lies across its rays some two times as much as the sky does.
+SUN = 2.0
+
+
+class Base(NamedTuple):
+    """How bright a gas is by places of the whole frame.
+
+    Attributes
+    ----------
+    dim : Shade
+        In the light from all sides.
+    sunny : Shade
+        Where a white sun lights it in full.
+    """
+
+    dim: Shade
+    sunny: Shade
+
+    @staticmethod
+    def even(frame: Frame, color: tuple[float, float, float]) -> Base:
+        """Return those of gas of a color, display values."""
+        shade = even_shade(whole(frame), color)
+        return Base(shade, shade)
+
+    @staticmethod
+    def local(frame: Frame) -> Base:
+        """Return those of white gas in the light of the plate; a sun gives it `SUN` times as much."""
+        shade = veil_shade(whole(frame))
+        grey = SUN * shade.colors.mean(axis=2, keepdims=True)
+        grey = np.broadcast_to(grey, shade.colors.shape)
+        return Base(shade, replace(shade, colors=np.ascontiguousarray(grey, np.float32)))
 
 
 def _first(frame: Frame) -> tuple[int, int]:
@@ -59,7 +114,9 @@ def _veil(plate: PlateLight, focal: float) -> Array:
 CELLS = 48
 
 
-def lamp_shade(frame: Frame, depths: Float64, weights: Float64, optics: Optics) -> Shade:
+def lamp_shade(
+    frame: Frame, depths: npt.ArrayLike, weights: npt.ArrayLike, optics: Optics
+) -> Shade:
     """Return the light of lamps on flakes at depths, each weighed by what its layer covers."""
     height, width = frame.shape
     cell = float(max(math.ceil(max(height, width) / CELLS), 1))
@@ -73,7 +130,8 @@ def lamp_shade(frame: Frame, depths: Float64, weights: Float64, optics: Optics) 
     total = np.zeros((rows * columns, 3))
     across, down = np.meshgrid(x, y)
     ahead = np.stack([across, down, np.ones_like(across)], axis=-1).reshape(-1, 3)
-    for depth, weight in zip(depths.tolist(), (weights / weights.sum()).tolist(), strict=True):
+    shares = np.asarray(weights) / np.sum(weights)
+    for depth, weight in zip(np.asarray(depths).tolist(), shares.tolist(), strict=True):
         total += weight * radiance(depth * ahead + eye, lamps, optics, eye)
     colors = total.reshape(rows, columns, 3).astype(np.float32)
     return Shade(colors, cell, _first(frame))

@@ -14,9 +14,10 @@ from flurries._contract import choice, flag, integer, real, seed_of, suggestion,
 from flurries.effects.bank import Bank
 from flurries.effects.checks import Check, length, one_of, optional, part, settle, share
 from flurries.effects.cloud import MOST, Cloud
-from flurries.effects.color import AMBIENT, Color, as_color, color_at
+from flurries.effects.color import AMBIENT, LOCAL, PlacedColor, as_color, color_at
 from flurries.effects.described import Described
 from flurries.effects.knobs import knobs
+from flurries.effects.lighting import Base, even_shade, veil_shade
 from flurries.effects.looks import LOOKS, mist_density, severity_of
 from flurries.effects.presets import BANKS, MIST, MistLook
 from flurries.effects.sunlight import SCATTER, Law, Scatter
@@ -32,6 +33,9 @@ from flurries.trace import stage
 # The steepest place of the sRGB encoding, at black: display values per linear light.
 STEEPEST = 12.92
 
+# How many times as bright as white lamps may make it.
+LAMPS = 100.0
+
 # The paper's fog: a radius of .45 in a box of 5.
 RADIUS = 0.09
 
@@ -44,7 +48,7 @@ _CHECKS: dict[str, Check] = {
     "look": one_of(LOOKS),
     "amount": share,
     "density": share,
-    "color": lambda _, value: as_color(value),
+    "color": lambda _, value: as_color(value, (AMBIENT, LOCAL)),
     "wind": lambda name, value: as_vector(name, value, 3),
     "count": optional(partial(integer, low=0, high=MOST)),
     "radius": length,
@@ -103,8 +107,10 @@ class Mist(metaclass=Described):
         Three sigma of a particle, metres; 0.09 of the box if not given.
     density : float
         Opacity of a particle's middle, 0 to 1. Keyed.
-    color : float, (r, g, b), "#rrggbb" or "ambient"
-        Display values, 0 to 1. Keyed. "ambient" is the background's own light.
+    color : float, (r, g, b), "#rrggbb", "ambient" or "local"
+        Display values, 0 to 1. Keyed. "ambient" is white in the background's own light. "local" is
+        the light from behind and around it and from outside the picture: never darker than what it
+        hides, and as dark as the night. The paper's presets have colors of their own.
     wind : (x, y, z)
         Air velocity, metres per second, x right, y down, z away from the camera. Keyed.
     box : float or (x, y, z), optional
@@ -122,7 +128,7 @@ class Mist(metaclass=Described):
     near : float
         Depth before which nothing is drawn, metres.
     lit : bool
-        Whether the scene's sun shades the gas and the gas itself.
+        Whether the scene's sun shades the gas and the gas itself. Lamps shine on it in any case.
     forward : float
         Share of the sun's light that a particle passes on to those behind it, 0 to 1.
     scatter : {"rayleigh", "henyey", "even"}
@@ -174,7 +180,7 @@ class Mist(metaclass=Described):
     visibility: Number | None = None
     radius: float | None = None
     density: Number = 0.4
-    color: Color = 0.7
+    color: PlacedColor = "local"
     wind: Vector = (0.0, 0.0, 0.0)
     box: float | Sequence[float] | None = None
     center: Sequence[float] | None = None
@@ -332,17 +338,19 @@ class Mist(metaclass=Described):
         most = value_at(self.amount, frame.t) * density
         if most == 0.0 or cloud.count == 0:
             return Needs((), (LeftOut(self.NAME, "it has no density"),), most=0.0)
-        ambient, lit = self.color == AMBIENT, self._is_lit(frame)
+        lit = self._is_lit(frame) or bool(frame.lights)
+        placed, bright = isinstance(self.color, str), LAMPS if frame.lights else 1.0
+        bright = max(bright, cloud.scatter.brightest if self._is_lit(frame) else 1.0)
         # The background's light may change from frame to frame.
-        still = not (ambient or has_keys(self) or np.any(value_at(self.wind, 0.0)))
+        still = not (placed or frame.lights or has_keys(self) or np.any(value_at(self.wind, 0.0)))
 
         if self.structure > 0.0:
             return Needs(
                 (Step("lit gas" if lit else "gas", partial(self.bank.cost, frame, lit=lit)),),
                 (LeftOut(f"{self.NAME}: particles", "it has structure, and is drawn in slices"),),
-                PARTS if ambient else PARTS - {"ambient"},
+                self._reads,
                 most=1.0,
-                brightest=cloud.scatter.brightest if lit else 1.0,
+                brightest=bright,
             )
 
         def cost(error: float | None = None) -> Cost:
@@ -360,32 +368,45 @@ class Mist(metaclass=Described):
         return Needs(
             (Step("lit gas" if lit else "gas", cost, once=still),),
             () if lit else (LeftOut(f"{self.NAME}: sort", "its particles have one color"),),
-            PARTS if ambient else PARTS - {"ambient"},
+            self._reads,
             most=min(most * cloud.filled(frame)[1], 1.0),
             by_rows=True,
             savings=(stop,),
-            brightest=cloud.scatter.brightest if lit else 1.0,
+            brightest=bright,
         )
+
+    @property
+    def _reads(self) -> frozenset[str]:
+        """What it reads of the scene."""
+        if self.color == LOCAL:
+            return PARTS - {"ambient"} | {"plate"}
+        return PARTS if self.color == AMBIENT else PARTS - {"ambient"}
 
     def render(self, frame: Frame) -> Layer:
         """Return the layer of a frame."""
-        run, color = frame.run or frame.steps_of(self), color_at(self.color, frame)
-        lit = self._is_lit(frame)
+        run, lit = frame.run or frame.steps_of(self), self._is_lit(frame)
+        local = self.color == LOCAL and frame.plate is not None
+        color = color_at(self.color, frame)
         density = value_at(self.amount, frame.t) * self.particle_density(frame.t)
-        step = "lit gas" if lit else "gas"
+        step = "lit gas" if lit or frame.lights else "gas"
+        base = Base.local(frame) if local else Base.even(frame, color)
         if self.structure > 0.0:
             drawn = run(
-                step, lambda: self.bank.draw(frame, self.extinction(frame.t), color, lit=lit)
+                step, lambda: self.bank.draw(frame, self.extinction(frame.t), base, lit=lit)
             )
         else:
-            drawn = run(step, lambda: self.parts.draw(frame, density, color, lit=lit))
+            drawn = run(step, lambda: self.parts.draw(frame, density, base, lit=lit))
         if drawn is None:
             top, bottom, left, right = frame.window
-            drawn = np.zeros((bottom - top, right - left), np.float32)
-        if drawn.ndim == 2:
-            layer = Layer(self.NAME, drawn, color)
+            drawn = np.zeros((bottom - top, right - left), np.float32), None
+        alpha, light = drawn
+        if lit and light is not None:
+            layer = Layer(self.NAME, alpha, rgb=light)
+        elif local or light is not None:
+            shade = veil_shade(frame) if local else even_shade(frame, color)
+            layer = Layer(self.NAME, alpha, color, shade=shade, glow=light)
         else:
-            layer = Layer(self.NAME, drawn[..., 3], rgb=drawn[..., :3])
+            layer = Layer(self.NAME, alpha, color)
         if not frame.whole:
             return layer
         with stage("passes"):

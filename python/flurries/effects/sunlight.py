@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any, Literal, TypeAlias, get_args
+from typing import Literal, TypeAlias, get_args
 
 import numpy as np
 
@@ -12,6 +12,7 @@ from flurries import gas
 from flurries._contract import Array, Float64
 from flurries.frame.view import Frame
 from flurries.io.color import srgb_to_linear
+from flurries.light.phase import DROPS, Optics
 
 Law: TypeAlias = Literal["even", "rayleigh", "henyey"]
 SCATTER = get_args(Law)
@@ -43,25 +44,31 @@ class Scatter:
             return (1.0 + g) / (1.0 - g) ** 2
         return 1.5 if self.kind == "rayleigh" else 1.0
 
+    @property
+    def optics(self) -> Optics:
+        """What they do with the light of lamps."""
+        return Optics(self.asymmetry, 1.0) if self.kind == "henyey" else DROPS
+
     def colors(
-        self, frame: Frame, points: Float64, shown: Float64, radius: float, color: Any
-    ) -> Array:
-        """Return the linear color of each particle, (n, 3), for a gas of a display color."""
+        self, frame: Frame, points: Float64, shown: Float64, radius: float, dim: Float64,
+        sunny: Float64,
+    ) -> Array:  # fmt: skip
+        """Return the linear color of each particle, (n, 3), of gas with these in either light."""
         assert frame.sun is not None
         sun = frame.sun
-        lit = frame.once(self, "light", lambda: self._light(frame, points, shown, radius))
-        scattered = lit
+        light = frame.once(self, "light", lambda: self._light(frame, points, shown, radius))
+        scattered = light
         if self.kind != "even":
             eye = np.array(frame.camera.offset) - points
             away = np.linalg.norm(eye, axis=1)
             way = frame.to_camera(sun.unit())
             cosine = np.divide(eye @ way, away, out=np.zeros_like(away), where=away > 0.0)
-            scattered = lit * gas.phase(
+            scattered = light * gas.phase(
                 np.clip(cosine, -1.0, 1.0), kind=self.kind, asymmetry=self.asymmetry
             )
-        own, white = (srgb_to_linear(np.asarray(given, np.float64)) for given in (color, sun.color))
-        brightness = sun.ambient + (1.0 - sun.ambient) * scattered[:, None] * white
-        return np.ascontiguousarray(own * brightness)
+        white = srgb_to_linear(np.asarray(sun.color, np.float64))
+        lit = (1.0 - sun.ambient) * scattered[:, None] * white
+        return np.ascontiguousarray(dim * sun.ambient + sunny * lit)
 
     def _light(self, frame: Frame, points: Float64, shown: Float64, radius: float) -> Float64:
         """Return the sun's light that reaches each particle, (n,)."""

@@ -33,6 +33,13 @@ CHUNK = 1 << 16
 _TAKEN = ("rgba", "alpha", "background", "depth", "foreground", "forward", "weather")
 
 
+# Display values of bytes, and the least that is rounded to each from 1 on.
+_BYTES = (
+    np.arange(256, dtype=np.float32) / np.float32(255.0),
+    (np.arange(255, dtype=np.float32) + np.float32(0.5)) / np.float32(255.0),
+)
+
+
 @dataclass(frozen=True)
 class Mix:
     """The light that layers are mixed in, over a background of an encoding.
@@ -128,8 +135,14 @@ class Mix:
         result = np.empty_like(working) if into is None else into
         single = working.dtype == result.dtype == np.float32 and working.shape[2] == 3
         single = single and self.primaries is None
-        if layer.shade is not None and self.linear and single:
-            _core.shade_over(result, working, layer.alpha, layer.shade.given(), layer.glow)
+        given: tuple[Any, ...] = ()
+        if layer.shade is not None and working.dtype == result.dtype == np.uint8:
+            # Display values over bytes: read and rounded as they are.
+            single, given = working.shape[2] == 3 and not self.linear, _BYTES
+        if layer.shade is not None and single and (self.linear or layer.glow is None):
+            colors = None if self.linear else linear_to_srgb(layer.shade.colors)
+            shade = layer.shade.given(colors)
+            _core.shade_over(result, working, layer.alpha, shade, layer.glow, *given)
             return result
         if layer.shade is None and layer.rgb is None and working.shape[2] == 3:
             _core.snow(result, working, layer.alpha, self.light(layer.color))

@@ -89,7 +89,9 @@ def looped_scene(
                 f"camera: {field} does not end as it begins: from frame {back:g} on it goes back"
             )
     banks = [effect for effect in effects if isinstance(effect, Mist)]
-    placed = bool(lights) or any(bank.center is not None for bank in banks)
+    placed = not all(lamp.carried for lamp in lights) or any(
+        bank.center is not None for bank in banks
+    )
     stays = (placed, placed or any(bank.top is not None for bank in banks), placed)
     tilts = any(isinstance(effect, (ConeRain, ConeSnow)) for effect in effects)
     path, of_camera = looped_path(path, lap.first, lap.frames, fps, stays=stays, tilts=tilts)
