@@ -56,8 +56,8 @@ def long_waves(frame: Frame, wind: Vector, spread: float, depth: float, number: 
     smooth = _doubled(_doubled(_doubled(_doubled(field, 1), 1), 0), 0)
     # Their first sample that is the frame's own.
     first = COARSE * _MARGIN - 3
-    found: Any = smooth[first : first + height, first : first + width]
-    return np.asarray(found)
+    rows, columns = slice(first, first + height), slice(first, first + width)
+    return np.ascontiguousarray(smooth[rows, columns], np.float32)
 
 
 def short_waves(frame: Frame, wind: Vector, spread: float, depth: float, half: int) -> Array:
@@ -70,7 +70,8 @@ def short_waves(frame: Frame, wind: Vector, spread: float, depth: float, half: i
     # The exponential of something so small.
     field *= np.float32(spread * math.sqrt(share))
     field += np.float32(1.0)
-    return np.maximum(field, np.float32(0.0), out=field)
+    np.maximum(field, np.float32(0.0), out=field)
+    return field
 
 
 @lru_cache(maxsize=32)

@@ -89,7 +89,7 @@ class Base(NamedTuple):
 
     @staticmethod
     def local(frame: Frame) -> Base:
-        """Return those of white gas in the light of the plate; a sun gives it `SUN` times as much."""
+        """Return those of white gas in the light of the plate."""
         shade = veil_shade(whole(frame))
         grey = SUN * shade.colors.mean(axis=2, keepdims=True)
         grey = np.broadcast_to(grey, shade.colors.shape)
