@@ -196,6 +196,8 @@ def test_every_effect_of_scene_files_can_be_tuned(kind: str):
     about = session.describe()
     for control in about["controls"]:
         middle = 0.5 * (control["low"] + control["high"])
+        if control["kind"] != "slider":
+            middle = control["choices"][-1] if control["choices"] else "#123456"
         if control["key"].endswith((".count", ".flakes", ".drops")):
             middle = control["low"] + 100
         ask = {"t": 3.0, "values": {control["key"]: middle}, "charts": True}
@@ -244,7 +246,7 @@ def test_an_effect_without_texture_has_no_chart():
 
 def test_a_preview_is_the_same_view_smaller():
     big = fl.Scene((1024, 768), "#101010", effects=[fl.TentSnow(flakes=0, haze=0.0)])
-    small = Preview(big, 256).shown(list(big.effects), big.camera)
+    small = Preview(big, 256).shown({"effects": big.effects, "camera": big.camera})
     assert small.shape == (192, 256)
     # The mean opacity of a look does not depend on the size; 1 % of it is its own noise.
     means = [s.render(20, layers=True).alpha.mean() for s in (big, small)]
@@ -261,7 +263,7 @@ def test_a_preview_takes_arrays_masks_and_depths_along():
         foreground=np.eye(96, 128, dtype=np.float32),
         depth=np.full((96, 128), 30.0, np.float32),
     )
-    small = Preview(big, 64).shown(list(big.effects), big.camera)
+    small = Preview(big, 64).shown({"effects": big.effects, "camera": big.camera})
     assert small.shape == (48, 64)
     assert small.effects[0].wavelengths == (4.0, 16.0)
     assert (small.effects[0].tile, small.effects[0].overlap) == (48, 8)
@@ -324,15 +326,16 @@ def test_without_anywidget_it_says_what_to_install(monkeypatch: pytest.MonkeyPat
         fl.view(SCENE)
 
 
-def test_size_seed_gusts_brightness_and_lens_have_sliders():
+def test_size_seed_gusts_color_and_lens_have_rows():
     scene = SCENE.replace(effects=[fl.Snow(flake_size=(0.002, 0.004, 0.01), color=0.9)])
-    values = {"0.flake_size": 8.0, "0.seed": 7, "0.gusts": 1.5, "0.color": 0.5}
+    values = {"0.flake_size": 8.0, "0.seed": 7, "0.gusts": 1.5, "0.color": "#8080ff"}
     assert slider(scene, "0.flake_size").value == pytest.approx(4.0)
     assert slider(scene, "0.seed").value == SCENE.seed
     changed = applied(scene, {**values, "camera.lens": 400.0})
     effect = changed.effects[0]
     assert effect.flake_size == pytest.approx((0.004, 0.008, 0.02))
-    assert (effect.seed, effect.color, effect.wind.gusts) == (7, 0.5, 1.5)
+    assert (effect.seed, effect.wind.gusts) == (7, 1.5)
+    assert effect.color == pytest.approx((128 / 255, 128 / 255, 1.0))
     assert effect.wind.mean == scene.effects[0].wind
     assert changed.camera.camera.focal == 400.0
     assert not np.array_equal(changed.render(3), scene.render(3))
@@ -363,3 +366,71 @@ def test_a_film_of_three_seconds_is_written_from_it(tmp_path: Path):
     head, _ = session.answer({"kind": "film", "values": {"0.amount": 0.5}})
     film = fl.io.open_background(head["film"])
     assert (film.count, film.size, film.fps) == (12, (64, 48), 4.0)
+
+
+def test_a_look_by_name_comes_first_and_what_is_tuned_after_it():
+    scene = SCENE.replace(effects=[fl.Snow(seed=4, wind=(2.0, 0.0, 0.0))])
+    assert slider(scene, "0.preset").choices == ("as given", *fl.Snow.PRESETS)
+    values = {"0.preset": "blizzard", "0.haze": 0.3}
+    # The sliders stand where the look does.
+    shown, _ = Session(scene).answer({"kind": "describe", "values": {"0.preset": "blizzard"}})
+    rows = {row["key"]: row["value"] for row in shown["controls"]}
+    blizzard = fl.Snow.preset("blizzard", seed=4)
+    assert rows["0.density"] == blizzard.density and rows["0.preset"] == "blizzard"
+    assert applied(scene, values).effects[0] == fl.Snow.preset("blizzard", seed=4, haze=0.3)
+    assert applied(scene, {"0.preset": "as given"}).effects == scene.effects
+    head, _ = Session(scene).answer({"values": {"0.preset": "storm"}})
+    assert "0.preset" in head["error"] and "blizzard" in head["error"]
+
+
+@pytest.mark.parametrize(
+    "effect", [kind() for kind in OURS.values()], ids=lambda e: type(e).__name__
+)
+def test_every_look_and_color_of_every_effect_is_shown(effect: Any):
+    scene = fl.Scene((48, 32), "#203040", effects=[effect])
+    session = Session(scene)
+    color = slider(scene, "0.color")
+    for word in ("#ff8000", *color.choices):
+        _, buffers = session.answer({"t": 2.0, "values": {"0.color": word}})
+        assert buffers and session.tuned.effects[0].color is not None
+    for look in type(effect).PRESETS:
+        _, buffers = session.answer({"t": 2.0, "values": {"0.preset": look}})
+        assert buffers, look
+
+
+def test_a_lamp_a_lens_and_a_depth_are_turned_on_and_off(tmp_path: Path):
+    depth = np.full((120, 160), 3.0, np.float32)
+    scene = SCENE.replace(effects=[fl.Snow(density=200.0)], depth=depth)
+    session = Session(scene, save=tmp_path / "lit.toml")
+    plain = session.answer({"t": 5.0})[1][0]
+    for key, value in (("lamp.on", "on"), ("lens.on", "on"), ("scene.depth", "off")):
+        assert session.answer({"t": 5.0, "values": {key: value}})[1][0] != plain, key
+        assert session.answer({"t": 5.0, "values": {}})[1][0] == plain
+    values = {
+        "lamp.on": "on", "lamp.x": -2.0, "lamp.power": 90.0, "lamp.color": "#ff0000",
+        "lens.on": "on", "lens.focus": 2.0, "scene.depth": "off",
+    }  # fmt: skip
+    tuned = applied(scene, values)
+    (lamp,) = tuned.lights
+    assert lamp.place[0] == -2.0 and lamp.power == 90.0 and lamp.color == (1.0, 0.0, 0.0)
+    assert tuned.lens is not None and tuned.lens.focus == 2.0 and tuned.depth is None
+    session.answer({"kind": "save", "values": values})
+    assert np.array_equal(fl.Scene.load(tmp_path / "lit.toml").render(4), tuned.render(4))
+    made: dict[str, Any] = {"picture": scene.background}
+    exec(session.answer({"kind": "python", "values": values})[0]["text"], made)
+    assert np.array_equal(made["scene"].render(4), tuned.render(4))
+
+
+@pytest.mark.parametrize(
+    ("values", "said"),
+    [
+        ({"0.color": "red"}, "0.color"),
+        ({"0.color": "#12"}, "#rrggbb"),
+        ({"0.preset": 3}, "0.preset"),
+        ({"lamp.on": "maybe"}, "lamp.on"),
+        ({"scene.depth": "off"}, "scene.depth"),
+    ],
+)
+def test_words_that_no_row_has_are_refused(values: dict[str, Any], said: str):
+    head, buffers = Session(SCENE).answer({"t": 0.0, "values": values})
+    assert said in head["error"] and not buffers

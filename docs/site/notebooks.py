@@ -9,6 +9,20 @@ import nbformat
 from nbclient import NotebookClient
 
 
+# What wants a kernel or scripts of elsewhere; the picture beside it stays.
+_LIVE = "application/vnd.jupyter.widget-view+json"
+
+
+def still(book: nbformat.NotebookNode) -> None:
+    """Leave of each widget the picture that it shows without a kernel."""
+    book.metadata.pop("widgets", None)
+    for cell in book.cells:
+        for output in cell.get("outputs", []):
+            data = output.get("data", {})
+            if data.pop(_LIVE, None) is not None:
+                data.pop("text/html", None)
+
+
 def write(source: Path, target: Path, *, run: bool) -> None:
     """Copy notebooks, run from top to bottom if asked, and write the page that lists them."""
     target.mkdir(parents=True)
@@ -23,6 +37,7 @@ def write(source: Path, target: Path, *, run: bool) -> None:
                 book, timeout=600, kernel_name="python3", resources={"metadata": {"path": folder}}
             )
             client.execute()
+            still(book)
         nbformat.write(book, target / path.name)
         rows.append(path.stem)
     listed = "\n".join(rows)

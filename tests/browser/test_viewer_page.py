@@ -226,6 +226,110 @@ def test_undo_reset_python_and_a_film(page: Page, tmp_path: Path):
     assert (tmp_path / "tuned.mp4").exists()
 
 
+def choose(page: Page, key: str, word: str) -> None:
+    page.locator(f"select[data-key='{key}']").select_option(word)
+
+
+def test_a_look_by_name_moves_its_sliders_and_can_be_undone(page: Page):
+    stop(page)
+    usual, before = stand(page, "0.flakes"), pixels(page)
+    drag(page, "0.haze", 0.6)
+    choose(page, "0.preset", "light")
+    until(page, "document.querySelector(`[data-key='0.flakes']`).value === '2500'")
+    settle(page)
+    light = pixels(page)
+    assert np.abs(light - before).max(axis=2).mean() > 2.0
+    # What was tuned of the look before is gone with it, and comes again with undo.
+    assert stand(page, "0.haze") == "0"
+    page.click(".fl-undo")
+    until(page, f"document.querySelector(`[data-key='0.flakes']`).value === '{usual}'")
+    assert abs(float(stand(page, "0.haze")) - 0.6) < 0.1
+    page.click(".fl-reset")
+    settle(page)
+    assert np.abs(pixels(page) - before).mean() < 1.0
+
+
+def stand(page: Page, key: str) -> str:
+    return str(page.evaluate(f"document.querySelector(`[data-key='{key}']`).value"))
+
+
+def test_a_color_from_the_full_picker(page: Page):
+    stop(page)
+    page.locator("input[type=color][data-key='0.color']").evaluate(
+        "(p) => { p.value = '#ff0000'; p.dispatchEvent(new Event('input')); }"
+    )
+    settle(page)
+    red = pixels(page)
+    assert stand(page, "0.color.word") == "own color"
+    choose(page, "0.color.word", "ambient")
+    settle(page)
+    # Snow lies over much of it: it was red, and is of the picture's light now.
+    shift = (red - pixels(page)).mean(axis=(0, 1))
+    assert shift[1] < -5.0 and shift[2] < -5.0 and shift[0] > -5.0
+
+
+def test_a_lamp_a_lens_and_a_depth(browser: Any, tmp_path: Path):
+    """Of a picture and a depth given as arrays, saved beside the scene's file."""
+    depth = np.full((240, 320), 3.0, np.float32)
+    picture = np.full((240, 320, 3), 30, np.uint8)
+    served = Server(
+        fl.Scene(None, picture, effects=[fl.Snow.preset("heavy")], depth=depth),
+        save=tmp_path / "mine.toml",
+    )
+    runner = threading.Thread(target=served.serve_forever, daemon=True)
+    runner.start()
+    tab = browser.new_page(viewport={"width": 900, "height": 940})
+    tab.goto(served.url)
+    until(tab, f"{PICTURES} >= 3")
+    stop(tab)
+    canvas = "document.querySelector('.fl-picture').toDataURL('image/png')"
+    shown = [tab.evaluate(canvas)]
+    for key, word in (("scene.depth", "off"), ("lamp.on", "on"), ("lens.on", "on")):
+        choose(tab, key, word)
+        settle(tab)
+        shown.append(tab.evaluate(canvas))
+    assert len(set(shown)) == 4
+    SHOTS.mkdir(parents=True, exist_ok=True)
+    tab.screenshot(path=SHOTS / "lamp.png", full_page=True)
+    tab.click(".fl-save")
+    until(tab, "!!document.querySelector('main').dataset.saved")
+    tab.close()
+    served.shutdown()
+    served.server_close()
+    runner.join()
+    saved = fl.Scene.load(tmp_path / "mine.toml")
+    assert len(saved.lights) == 1 and saved.lens is not None and saved.depth is None
+    assert np.array_equal(fl.io.read_picture(tmp_path / "mine-background.png").pixels, picture)
+
+
+def test_twenty_pictures_a_second_at_512_px(browser: Any, capsys: pytest.CaptureFixture[str]):
+    """The best second of ten, since other work on the machine takes the rest."""
+    found = {}
+    for effect in (fl.Snow.preset("moderate"), fl.TentSnow.preset("moderate")):
+        picture = fl.io.photograph(size=(512, 512))
+        served = Server(fl.Scene(None, picture, effects=[effect]), size=512)
+        runner = threading.Thread(target=served.serve_forever, daemon=True)
+        runner.start()
+        tab = browser.new_page(viewport={"width": 900, "height": 940})
+        tab.goto(served.url)
+        until(tab, f"{PICTURES} >= 3")
+        counts = []
+        for _ in range(10):
+            before, began = int(tab.evaluate(PICTURES)), tab.evaluate("performance.now()")
+            tab.wait_for_timeout(1000)
+            passed = tab.evaluate("performance.now()") - began
+            counts.append(1000.0 * (int(tab.evaluate(PICTURES)) - before) / passed)
+        tab.close()
+        served.shutdown()
+        served.server_close()
+        runner.join()
+        found[type(effect).__name__] = counts
+    with capsys.disabled():
+        for name, counts in found.items():
+            print(f"\n{name}: {max(counts):.0f} pictures/s at best, {np.median(counts):.0f} mostly")
+    assert all(max(counts) >= 20.0 for counts in found.values()), found
+
+
 def test_screenshot(page: Page):
     SHOTS.mkdir(parents=True, exist_ok=True)
     drag(page, "camera.forward", 0.75)

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
@@ -99,6 +99,8 @@ class Program:
         Whether layers are mixed in linear light.
     primaries : (3, 3) or None
         See `Mix`.
+    found : dict
+        What was found in the background, which all scenes that were derived from one share.
     parts : list of Part
         The effects that show something, back to front.
     left_out : list of LeftOut
@@ -121,6 +123,7 @@ class Program:
     lights: tuple[Lamp, ...] = ()
     lens: Lens | None = None
     lap: Lap | None = None
+    found: dict[tuple[str, int], Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         self.parts: list[Part] = []
@@ -132,7 +135,6 @@ class Program:
         self._kept = Kept(most_bands(self.shape))
         self._visible: tuple[Front | None, dict[float, Visible | None]] = (None, {})
         self._light: Light | None = None
-        self._found: dict[tuple[str, int], Any] = {}
         self._choices: dict[Any, Choice] = {}
         self._shares: list[tuple[float, float]] | None = None
         for index, effect in enumerate(self.effects):
@@ -344,21 +346,21 @@ class Program:
 
     def _of_plate(self, find: Callable[[Array, str], _Found], t: float) -> _Found:
         """Return what is found in the background at `t`; in one that never changes, once."""
-        key, kept = (find.__name__, math.floor(t)), self._found
+        key, kept = (find.__name__, math.floor(t)), self.found
         if self.backdrop.count is None:
             key = (find.__name__, 0)
-        if key not in kept:
+        answer: _Found | None = kept.get(key)
+        if answer is None:
             picture = self.backdrop.frame(t)
             if self.primaries is not None:
                 # Effects' colors are of Rec. 709's primaries.
                 back = (picture[..., :3] @ np.linalg.inv(self.primaries)).astype(np.float32)
                 picture = np.concatenate([back, picture[..., 3:]], axis=2)
-            found = find(picture, self.backdrop.encoding)
-            # A new dictionary: other threads may be reading the old one.
-            rest = {name: value for name, value in kept.items() if name[0] != find.__name__}
-            self._found = {**rest, key: found}
-            return found
-        return kept[key]  # type: ignore[no-any-return]
+            answer = find(picture, self.backdrop.encoding)
+            for old in [other for other in list(kept) if other[0] == find.__name__]:
+                kept.pop(old, None)
+            kept[key] = answer
+        return answer
 
 
 def effect_seed(seed: int, index: int) -> int:

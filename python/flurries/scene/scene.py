@@ -168,6 +168,8 @@ class Scene(Sources):
     output: Output
     _backdrop: Backdrop = field(init=False)
     _mattes: Mattes | None = field(init=False)
+    # What was found in the background, such as its light: also of scenes derived from this one.
+    _found: dict[tuple[str, int], Any] = field(init=False, compare=False)
     _distance: Distance | None = field(init=False)
     _path: CameraPath = field(init=False)
 
@@ -248,6 +250,7 @@ class Scene(Sources):
         settle("output", Output() if output is None else output)
         distance = None if depth is None else distance_of(depth, self.shape, **numbers)
         settle("_distance", distance)
+        settle("_found", {})
         if distance is not None and np.ndim(depth) == 2:  # type: ignore[arg-type]
             # The copy that it was made into: the caller's array may change.
             depth = distance.source
@@ -490,6 +493,7 @@ class Scene(Sources):
             lights=lights,
             lens=lens,
             lap=self.lap,
+            found=self._found,
         )
 
     @overload

@@ -8,17 +8,19 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, fields, is_dataclass, replace
+from dataclasses import fields, is_dataclass, replace
 from typing import Any
 
 import numpy as np
 
-from flurries._contract import real
 from flurries.camera.path import CameraPath
 from flurries.motion.keys import Keys, value_at
 from flurries.motion.wind import FIELDS, Wind
 from flurries.scene.scene import Scene
 from flurries.viewer.charts import field_of
+from flurries.viewer.control import Control
+from flurries.viewer.dress import COLOR, color_control, dressed, preset_of
+from flurries.viewer.surroundings import surrounded, surroundings
 
 DIRECTION, SPEED, GUSTS, SEED = "direction", "speed", "gusts", "seed"
 OCTAVES, LONGEST = "octaves", "longest"
@@ -28,34 +30,6 @@ LENS = "camera.lens"
 # Sizes of what is in the air, as tuples in metres, largest last.
 _SIZES = {"flake_size": "Flake size", "drop_size": "Drop size"}
 _LAST_SEED = 99
-
-
-@dataclass(frozen=True)
-class Control:
-    """One slider.
-
-    Attributes
-    ----------
-    key : str
-        Place of the effect and field ("0.amount"), or "camera.forward", or "eyes".
-    group, label, unit : str
-        Where it stands, and what it says.
-    low, high, step, value : float
-        Its range and where it stands now, in `unit`.
-    """
-
-    key: str
-    group: str
-    label: str
-    unit: str
-    low: float
-    high: float
-    step: float
-    value: float
-
-    def plain(self) -> dict[str, Any]:
-        """Return it as JSON has it."""
-        return asdict(self)
 
 
 # field: label, unit, low, high, step
@@ -68,7 +42,6 @@ _FIELDS: dict[str, tuple[str, str, float, float, float]] = {
     "density": ("Density", "", 0.0, 1.0, 0.01),
     "haze": ("Haze", "", 0.0, 1.0, 0.01),
     "opacity": ("Opacity", "", 0.0, 1.0, 0.01),
-    "color": ("Brightness", "", 0.0, 1.0, 0.01),
     "mean": ("Mean", "", -0.5, 0.6, 0.01),
     "exponent": ("Softness", "", 0.0, 2.0, 0.05),
     "shutter": ("Shutter", "frames", 0.0, 2.0, 0.05),
@@ -82,11 +55,19 @@ _CAMERA = {
 _FASTEST_CAMERA = 12.0
 
 
-def controls_of(scene: Scene) -> list[Control]:
-    """Return the sliders of a scene, each where the scene stands at frame 0."""
+def controls_of(scene: Scene, values: Mapping[str, Any] | None = None) -> list[Control]:
+    """Return the rows of a scene, each where the scene stands at frame 0.
+
+    With looks by name among the `values`, where those stand.
+    """
+    chosen = values or {}
+    scene = dressed(scene, chosen)
     found: list[Control] = []
     for index, effect in enumerate(scene.effects):
         group = names(scene)[index]
+        looks = preset_of(scene, index, chosen, group)
+        color = color_control(index, group, effect)
+        found += [row for row in (looks, color) if row is not None]
         if moves(effect):
             angle, speed = _polar(effect)
             top = max(4.0, 2.0 * math.ceil(speed))
@@ -127,7 +108,7 @@ def controls_of(scene: Scene) -> list[Control]:
     if not scene.camera.zooms:
         found.append(Control(LENS, "camera", "Lens", "px", 0.2 * focal, 5 * focal, 1.0, focal))
     found.append(Control(EYES, "camera", "Eye distance", "mm", 0, 200, 1, 0))
-    return found
+    return found + surroundings(scene)
 
 
 def names(scene: Scene) -> list[str]:
@@ -152,34 +133,34 @@ def moves(effect: Any) -> bool:
 
 def applied(scene: Scene, values: Mapping[str, Any]) -> Scene:
     """Return the scene with what was touched; see `settings`."""
-    effects, path = settings(scene, values)
-    return scene.replace(effects=effects, camera=path)
+    return scene.replace(**settings(scene, values))
 
 
-def settings(scene: Scene, values: Mapping[str, Any]) -> tuple[list[Any], CameraPath]:
-    """Return a scene's effects and camera with what was touched.
+def settings(scene: Scene, values: Mapping[str, Any]) -> dict[str, Any]:
+    """Return what was touched, as arguments of a scene: effects, camera, and perhaps others.
 
     Parameters
     ----------
     scene : Scene
     values : mapping
-        Numbers by the keys of `controls_of`, in its units.
+        Numbers and words by the keys of `controls_of`, in its units. A look by name comes first,
+        what else was touched of the effect after it.
 
     Raises
     ------
     ValueError, TypeError
         For a key that no slider has, or a value outside its range.
     """
-    known = {control.key: control for control in controls_of(scene)}
-    checked: dict[str, float] = {}
+    known = {control.key: control for control in controls_of(scene, values)}
+    checked: dict[str, Any] = {}
     for key, value in values.items():
         if key not in known:
             raise ValueError(f"values must have keys of sliders, got {key!r}")
-        control = known[key]
-        checked[key] = real(f"values[{key!r}]", value, low=control.low, high=control.high)
-    effects = [
-        _changed(effect, index, checked, known) for index, effect in enumerate(scene.effects)
-    ]
+        checked[key] = known[key].checked(value)
+    effects = tuple(
+        _changed(effect, index, checked, known)
+        for index, effect in enumerate(dressed(scene, checked).effects)
+    )
     path: CameraPath = scene.camera
     if any(key in checked for key in _CAMERA):
         velocity = [0.0, 0.0, 0.0]
@@ -188,12 +169,10 @@ def settings(scene: Scene, values: Mapping[str, Any]) -> tuple[list[Any], Camera
         path = CameraPath(path.camera, velocity=tuple(velocity), orientation=path.orientation)
     if LENS in checked:
         path = replace(path, camera=replace(path.camera, focal=checked[LENS]))
-    return effects, path
+    return {"effects": effects, "camera": path, **surrounded(scene, checked)}
 
 
-def _changed(
-    effect: Any, index: int, values: Mapping[str, float], known: Mapping[str, Control]
-) -> Any:
+def _changed(effect: Any, index: int, values: Mapping[str, Any], known: Mapping[str, Any]) -> Any:
     prefix = f"{index}."
     own = {key[len(prefix) :]: v for key, v in values.items() if key.startswith(prefix)}
     changes: dict[str, Any] = {}
@@ -210,6 +189,8 @@ def _changed(
     for name in own.keys() & _SIZES.keys():
         factor = own[name] / known[f"{index}.{name}"].value
         changes[name] = tuple(factor * size for size in getattr(effect, name))
+    if COLOR in own:
+        changes[COLOR] = own[COLOR]
     if SEED in own:
         changes[SEED] = round(own[SEED])
     if OCTAVES in own or LONGEST in own:

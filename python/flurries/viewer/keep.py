@@ -45,13 +45,21 @@ def film(scene: Scene, path: Path) -> Path:
 
 
 def python_of(scene: Scene) -> str:
-    """Return Python that makes a scene; an array is called `picture`."""
+    """Return Python that makes a scene; arrays are called `picture` and `depth`."""
     lines = ["import flurries as fl", ""]
     effects = [f"    {call(effect)}," for effect in scene.effects]
     lines += ["effects = [", *effects, "]", _camera(scene.camera)]
     given = scene.background
     background = "picture" if isinstance(given, np.ndarray) else repr(str(given))
     more = "" if scene.seed == 0 else f", seed={scene.seed}"
+    for name in ("lights", "lens"):
+        if value := getattr(scene, name):
+            more += f", {name}={call(value)}"
+    if scene.depth is not None:
+        plain = isinstance(scene.depth, (int, float))
+        said = scene.depth if plain else str(scene.depth)
+        named = plain or isinstance(scene.depth, (str, Path))
+        more += f", depth={said!r}" if named else ", depth=depth"
     more += f", space={scene.space!r}" if scene.space != "auto" else ""
     lines.append(f"scene = fl.Scene({scene.size}, {background}, camera, effects, "
                  f"fps={scene.fps:g}{more})")  # fmt: skip
@@ -66,6 +74,8 @@ def _camera(path: CameraPath) -> str:
 
 def call(value: Any) -> str:
     """Return the call that makes an effect or a wind, with the fields that are not usual."""
+    if isinstance(value, tuple) and any(map(is_dataclass, value)):
+        return "(" + "".join(f"{call(part)}, " for part in value) + ")"
     if not is_dataclass(value):
         return f"fl.{value!r}" if type(value).__name__ == "Keys" else _plain(value)
     given = [

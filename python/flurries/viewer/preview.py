@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 
 from flurries._contract import Array, integer
-from flurries.camera.path import CameraPath
 from flurries.io import fit
 from flurries.scene.depth import DepthMap
 from flurries.scene.scene import Scene
@@ -42,13 +43,20 @@ class Preview:
                 camera=scene.camera.resize(self.scale),
             )
 
-    def shown(self, effects: list[Any], path: CameraPath) -> Scene:
-        """Return the small scene with other weather and camera, given for the large one."""
-        if self.scale < 1.0:
-            path = path.resize(self.scale)
-            effects = [scaled(effect, self.scale) for effect in effects]
+    @cached_property
+    def flat(self) -> Scene:
+        """The small scene without its depth."""
+        return self.scene.replace(depth=None)
+
+    def shown(self, changes: Mapping[str, Any]) -> Scene:
+        """Return the small scene with what was touched, which is given for the large one."""
         # Not `replace`, which would open and fit the background's file for every picture.
-        return self.scene.derive(effects=tuple(effects), camera=path)
+        rest = dict(changes)
+        base = self.flat if rest.pop("depth", self.scene.depth) is None else self.scene
+        if self.scale < 1.0:
+            rest["camera"] = rest["camera"].resize(self.scale)
+            rest["effects"] = tuple(scaled(effect, self.scale) for effect in rest["effects"])
+        return base.derive(**rest)
 
 
 def scaled(effect: Any, scale: float) -> Any:

@@ -58,17 +58,17 @@ class Session:
             raise TypeError(f"scene must be a flurries.Scene, got {type(scene).__name__}")
         self.scene = scene
         self.save_path = Path(save)
-        self.values: dict[str, float] = {}
+        self.values: dict[str, Any] = {}
         # A page plays on beyond a film's end.
         self._preview = Preview(scene.replace(extend="hold") if scene.spans else scene, size)
         self._air: dict[str, _Air] = {}
         # Sources of files decode one frame at a time.
         self._lock = threading.Lock()
 
-    def describe(self) -> dict[str, Any]:
-        """Return what the page is built from, as JSON has it."""
+    def describe(self, values: Mapping[str, Any] | None = None) -> dict[str, Any]:
+        """Return what the page is built from, as JSON has it, with the looks that were chosen."""
         height, width = self._preview.scene.shape
-        controls = controls_of(self.scene)
+        controls = controls_of(self.scene, values)
         return {
             "width": width,
             "height": height,
@@ -90,7 +90,7 @@ class Session:
             with self._lock, warnings.catch_warnings():
                 warnings.simplefilter("ignore", UserWarning)
                 if kind == "describe":
-                    return self.describe(), []
+                    return self.describe(_mapping(ask.get("values", {}))), []
                 if kind == "save":
                     return self._save(ask), []
                 if kind == "python":
@@ -117,9 +117,9 @@ class Session:
         asked = real("t", ask.get("t", 0.0))
         # Pages count from 0, plates from where their files do.
         now = asked + (0 if self.scene.range is None else self.scene.range[0])
-        effects, path = settings(self.scene, values)
+        changes = settings(self.scene, values)
         self.values = dict(values)
-        scene = self._preview.shown(effects, path)
+        scene = self._preview.shown(changes)
         last = max(len(scene.effects) - 1, 0)
         index = integer("effect", ask.get("effect", 0), low=0, high=last)
         page = ask.get("page", "")
@@ -167,8 +167,8 @@ class Session:
     def _film(self, ask: Mapping[str, Any]) -> dict[str, Any]:
         """Write three seconds as the page shows them: small, from frame 1 on."""
         values = _mapping(ask.get("values", {}))
-        effects, path = settings(self.scene, values)
-        return {"film": str(film(self._preview.shown(effects, path), self.save_path))}
+        shown = self._preview.shown(settings(self.scene, values))
+        return {"film": str(film(shown, self.save_path))}
 
     def _save(self, ask: Mapping[str, Any]) -> dict[str, Any]:
         self.values = dict(_mapping(ask.get("values", {})))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import base64
 from typing import Any
 
 import anywidget
@@ -34,6 +35,15 @@ class Viewer(anywidget.AnyWidget):
     def scene(self) -> Scene:
         """The scene as the sliders stand now."""
         return self._session.tuned
+
+    def _repr_mimebundle_(self, **options: Any) -> Any:
+        """Show itself, with a still picture for where no kernel runs: a page, a printed notebook."""
+        made = super()._repr_mimebundle_(**options)
+        _, pictures = self._session.answer({"t": self._session.scene.fps})
+        data = made[0] if isinstance(made, tuple) else made
+        if data is not None and pictures:
+            data["image/jpeg"] = base64.b64encode(pictures[0]).decode()
+        return made
 
     def _asked(self, _: Any, content: dict[str, Any], __: list[Any]) -> None:
         head, buffers = self._session.answer(content.get("ask", {}))

@@ -3,6 +3,8 @@
 
 const CHARTS_EVERY = 2;   // pictures for each drawing of the charts while something moves
 const IN_FLIGHT = 2;
+// Groups of rows besides the effects, in their order.
+const TITLES = { scene: "Scene", camera: "Camera", lens: "Lens blur", lamp: "A lamp" };
 
 function element(kind, name, parent, text) {
   const made = document.createElement(kind);
@@ -29,9 +31,11 @@ export function mount(root, about, ask) {
   let moving = null;
   const remember = (key) => { if (key !== moving) past.push({ ...values }); moving = key; };
   const stand = (wantedValues) => {
+    const looks = (all) => JSON.stringify(Object.entries(all).filter(([key]) => key.endsWith(".preset")).sort());
+    const same = looks(values) === looks(wantedValues);
     for (const key of Object.keys(values)) delete values[key];
     Object.assign(values, wantedValues);
-    for (const row of rows) row();
+    if (same) rows.forEach((row) => row()); else describe();
     moving = null;
     wanted();
   };
@@ -74,34 +78,100 @@ export function mount(root, about, ask) {
   const film = element("button", "fl-film", tools, "3 s film");
   film.title = "Write three seconds as an .mp4 beside the scene file";
   const panel = element("div", "fl-panel", root);
-  for (const group of [...about.effects, "camera"]) {
-    const own = about.controls.filter((control) => control.group === group);
-    if (!own.length) continue;
-    const box = element("fieldset", "fl-group", panel);
-    element("legend", "", box, group === "camera" ? "Camera" : group);
-    for (const control of own) {
-      const row = element("label", "fl-row", box);
-      element("span", "fl-name", row, control.label);
-      const slider = element("input", "fl-slider", row);
-      Object.assign(slider, { type: "range", min: control.low, max: control.high, step: control.step, value: control.value });
-      slider.dataset.key = control.key;
-      const number = element("output", "fl-value", row, shown(control, control.value));
-      const show = () => { number.textContent = shown(control, values[control.key] ?? control.value); row.classList.toggle("fl-touched", control.key in values); };
-      rows.push(() => { slider.value = values[control.key] ?? control.value; show(); });
-      slider.addEventListener("change", () => { moving = null; });
-      slider.addEventListener("input", () => {
-        remember(control.key);
-        values[control.key] = Math.min(Math.max(Number(slider.value), control.low), control.high);
-        const effect = about.effects.indexOf(control.group);
-        if (effect >= 0) state.under = effect;
-        if (about.textured[effect]) state.effect = effect;
-        show();
-        wanted();
-      });
-      slider.addEventListener("dblclick", () => { remember(control.key); moving = null; delete values[control.key]; slider.value = control.value; show(); wanted(); });
-      slider.title = "Double-click to take it back";
+  let controls = about.controls;
+
+  // Rows for what can be tuned; made anew where another look has other sliders.
+  function build() {
+    panel.replaceChildren();
+    rows.length = 0;
+    for (const group of [...about.effects, ...Object.keys(TITLES)]) {
+      const own = controls.filter((control) => control.group === group);
+      if (!own.length) continue;
+      const box = element("fieldset", "fl-group", panel);
+      element("legend", "", box, TITLES[group] || group);
+      for (const control of own) {
+        const row = element("label", "fl-row", box);
+        element("span", "fl-name", row, control.label);
+        (control.kind === "slider" ? slide : control.kind === "color" ? paint : pick)(control, row);
+      }
     }
   }
+
+  function touch(control, value) {
+    values[control.key] = value;
+    const effect = about.effects.indexOf(control.group);
+    if (effect >= 0) state.under = effect;
+    if (about.textured[effect]) state.effect = effect;
+    wanted();
+  }
+
+  function slide(control, row) {
+    const slider = element("input", "fl-slider", row);
+    Object.assign(slider, { type: "range", min: control.low, max: control.high, step: control.step, value: values[control.key] ?? control.value });
+    slider.dataset.key = control.key;
+    slider.title = "Double-click to take it back";
+    const number = element("output", "fl-value", row);
+    const show = () => { number.textContent = shown(control, values[control.key] ?? control.value); row.classList.toggle("fl-touched", control.key in values); };
+    show();
+    rows.push(() => { slider.value = values[control.key] ?? control.value; show(); });
+    slider.addEventListener("change", () => { moving = null; });
+    slider.addEventListener("input", () => {
+      remember(control.key);
+      touch(control, Math.min(Math.max(Number(slider.value), control.low), control.high));
+      show();
+    });
+    slider.addEventListener("dblclick", () => { remember(control.key); moving = null; delete values[control.key]; slider.value = control.value; show(); wanted(); });
+  }
+
+  function choices(names, row, key) {
+    const list = element("select", "fl-choice", row);
+    for (const name of names) element("option", "", list, name).value = name;
+    list.dataset.key = key;
+    return list;
+  }
+
+  function pick(control, row) {
+    const list = choices(control.choices, row, control.key);
+    rows.push(() => { list.value = values[control.key] ?? control.value; row.classList.toggle("fl-touched", control.key in values); });
+    rows.at(-1)();
+    list.addEventListener("change", () => {
+      remember(control.key);
+      moving = null;
+      const place = control.key.match(/^(\d+\.)preset$/);
+      // Another look: what was tuned of the one before is gone with it.
+      if (place) for (const key of Object.keys(values)) if (key.startsWith(place[1])) delete values[key];
+      touch(control, list.value);
+      if (place) describe(); else rows.forEach((row) => row());
+    });
+  }
+
+  const OWN = "own color";
+  function paint(control, row) {
+    const list = control.choices.length ? choices([...control.choices, OWN], row, `${control.key}.word`) : element("span", "", row);
+    const picker = element("input", "fl-color", row);
+    picker.type = "color";
+    picker.dataset.key = control.key;
+    rows.push(() => {
+      const now = values[control.key] ?? control.value, own = now.startsWith("#");
+      if (own) picker.value = now;
+      list.value = own ? OWN : now;
+      row.classList.toggle("fl-touched", control.key in values);
+    });
+    picker.value = "#ffffff";
+    rows.at(-1)();
+    const put = (value) => { touch(control, value); rows.forEach((row) => row()); };
+    list.addEventListener("change", () => { remember(control.key); moving = null; put(list.value === OWN ? picker.value : list.value); });
+    picker.addEventListener("input", () => { remember(control.key); put(picker.value); });
+    picker.addEventListener("change", () => { moving = null; });
+  }
+
+  async function describe() {
+    const { head: answer } = await ask({ kind: "describe", values });
+    if (answer.error) return fail(answer.error);
+    controls = answer.controls;
+    build();
+  }
+  build();
 
   function wanted() { dirty = true; pump(); }
 
