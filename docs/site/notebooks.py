@@ -8,7 +8,6 @@ from pathlib import Path
 import nbformat
 from nbclient import NotebookClient
 
-
 # What wants a kernel or scripts of elsewhere; the picture beside it stays.
 _LIVE = "application/vnd.jupyter.widget-view+json"
 

@@ -37,7 +37,7 @@ class Viewer(anywidget.AnyWidget):
         return self._session.tuned
 
     def _repr_mimebundle_(self, **options: Any) -> Any:
-        """Show itself, with a still picture for where no kernel runs: a page, a printed notebook."""
+        """Show itself, with a still picture for pages where no kernel runs."""
         made = super()._repr_mimebundle_(**options)
         _, pictures = self._session.answer({"t": self._session.scene.fps})
         data = made[0] if isinstance(made, tuple) else made
