@@ -128,6 +128,11 @@ def choice(name: str, value: object, options: Sequence[str]) -> str:
     return value
 
 
+def rate_of(fps: object) -> float:
+    """Return frames per second, from one in a quarter of an hour to a million."""
+    return real("fps", fps, low=1e-3, high=1e6)
+
+
 def suggestion(word: str, known: Iterable[str]) -> str:
     """Return "; did you mean 'heavy'?" for "hevy", or nothing where no known word is like it."""
     near = get_close_matches(word, list(known), 1)

@@ -32,7 +32,7 @@ import numpy as np
 from albumentations.core import transforms_interface as _interface
 
 from flurries import augment
-from flurries._contract import real
+from flurries._contract import rate_of
 from flurries.augment.labels import thicker
 from flurries.augment.pictures import mixed
 from flurries.augment.signature import FallingFields, FogFields, suggests
@@ -79,7 +79,7 @@ class _Transform(_host.ImageOnlyTransform):  # type: ignore[misc]
         record_key: str | None, weather: Mapping[str, Any],
     ) -> None:  # fmt: skip
         super().__init__(p=p)
-        self.fps = real("fps", fps, low=1e-3, high=1e6)
+        self.fps = rate_of(fps)
         self.depth_key, self.alpha_key, self.record_key = depth_key, alpha_key, record_key
         self._drawing = self.KIND(**weather)
         self.weather = {name: _plain(getattr(self._drawing, name)) for name in weather}

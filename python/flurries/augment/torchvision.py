@@ -26,7 +26,7 @@ from torchvision import tv_tensors
 from torchvision.transforms import v2
 
 from flurries import augment
-from flurries._contract import real
+from flurries._contract import rate_of, real
 from flurries.augment import tensors
 from flurries.augment.labels import thicker
 from flurries.augment.signature import FallingFields, FogFields, suggests
@@ -90,7 +90,7 @@ class _Transform(v2.Transform):  # type: ignore[misc]
     def __init__(self, p: float, fps: float, weather: Mapping[str, Any]) -> None:
         super().__init__()
         self.p = real("p", p, low=0.0, high=1.0)
-        self.fps = real("fps", fps, low=1e-3, high=1e6)
+        self.fps = rate_of(fps)
         self.weather = self.KIND(**weather)
 
     def make_params(self, flat_inputs: list[Any]) -> dict[str, Any]:

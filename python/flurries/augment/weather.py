@@ -12,7 +12,7 @@ from typing import Any, ClassVar, TypeVar
 import numpy as np
 import numpy.typing as npt
 
-from flurries._contract import Array, choice, flag, integer, output, real
+from flurries._contract import Array, choice, flag, integer, output, rate_of, real
 from flurries.augment.air import FPS, Air, Here, View
 from flurries.augment.calibration import PROFILES, Profile
 from flurries.augment.distance import SKY, Depth, Distances, Ground, distances_of, ground_of
@@ -167,7 +167,7 @@ class Weather(ABC):
         """
         given = picture_of("image", image)
         wanted = flag("motion", motion)
-        rate = real("fps", fps, low=1e-3, high=1e6)
+        rate = rate_of(fps)
         shape = given.shape[:2]
         corners = None if boxes is None else boxes_of(boxes)
         label = None if flow is None else flow_of(flow, shape)
@@ -221,7 +221,7 @@ class Weather(ABC):
             Or with `return_layer` that and the layers, (T, H, W, 4) float32.
         """
         given = stack_of("frames", frames)
-        rate = real("fps", fps, low=1e-3, high=1e6)
+        rate = rate_of(fps)
         start = real("time", time, low=-1e9, high=1e9)
         record = self._drawn(given[0], index)
         air = self._air(record)

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, Literal, TypeAlias, overload
 
 import numpy as np
 
-from flurries._contract import Array, choice, integer, real, seed_of, suggesting
+from flurries._contract import Array, choice, integer, rate_of, real, seed_of, suggesting
 from flurries.camera.extent import holding
 from flurries.camera.lens import Camera
 from flurries.camera.optics import Lens
@@ -199,7 +199,7 @@ class Scene(Sources):
 
         wanted = None if size is None else parse_size(size)
         if fps is not None:
-            fps = real("fps", fps, above=0.0)
+            fps = rate_of(fps)
         settle("seed", seed_of(seed))
         choice("space", space, SPACES)
         settle("space", space)
@@ -224,7 +224,7 @@ class Scene(Sources):
         settle("size", self._backdrop.size)
         numbers["display"] = self._backdrop.display
         if fps is None:
-            fps = real("fps", self._backdrop.fps or DEFAULT_FPS, above=0.0)
+            fps = rate_of(self._backdrop.fps or DEFAULT_FPS)
         settle("fps", fps)
         usual = Camera(DEFAULT_FOCAL * self.display[2], aspect=self._backdrop.aspect)
         settle("camera", as_path(usual if camera is None else camera, usual.focal))
