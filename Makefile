@@ -74,7 +74,7 @@ test-clients: $(VENV)/.tools
 		|| { command -v apt-get >/dev/null && apt-get install --yes --no-install-recommends $${client##*:}; } \
 		|| echo "missing: $${client%%:*} (on Debian: apt install $${client##*:})"; \
 	done
-	@for module in OpenEXR bpy==5.0.1; do \
+	@for module in OpenEXR bpy==5.0.1 'numpy>=2'; do \
 		$(BIN)/python -m pip install --quiet --disable-pip-version-check $$module \
 		|| echo "missing: $$module, which PyPI has for Python 3.11"; \
 	done

@@ -45,7 +45,7 @@ DOORS = {
 # Libraries that take long to import, or need not be there.
 HEAVY = {
     "OpenImageIO", "PIL", "av", "dask", "distributed", "fileseq", "importlib.metadata",
-    "matplotlib", "skimage", "tomli_w", "tqdm", "webbrowser",
+    "matplotlib", "pxr", "skimage", "tomli_w", "tqdm", "webbrowser",
 }  # fmt: skip
 
 # Modules that import inside functions on 22 November 2026 and are being cleaned. Each must go from

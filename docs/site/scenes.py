@@ -65,7 +65,7 @@ def write(folder: Path) -> None:
     for title, _, kind, names in TABLES:
         parts.append(f"## {title}\n\n{table(kind, names, {})}")
     parts.append("`path` in `[camera]`, in place of its way: a `.csv` with x, y, z and rx, ry, rz a frame, "
-                 "Nuke's `.chan`, KITTI's poses `.txt`, or a folder of COLMAP's text.\n")  # fmt: skip
+                 "Nuke's `.chan`, a USD stage, KITTI's poses `.txt`, or a folder of COLMAP's text.\n")  # fmt: skip
     for name, kind in OURS.items():
         looks = getattr(kind, "PRESETS", None)
         named = f"Presets: {', '.join(f'`{look}`' for look in looks)}. " if looks else ""

@@ -8,6 +8,8 @@ from __future__ import annotations
 import json
 import shutil
 import subprocess
+import sys
+from dataclasses import replace
 from fractions import Fraction
 from pathlib import Path
 from typing import Any
@@ -204,6 +206,103 @@ def test_blender_reads_our_layers_and_makes_the_composite_again(bpy: Any, tmp_pa
     for name in ("mist", "snow"):
         made = read[name][..., :3] + (1.0 - read[name][..., 3:]) * made
     np.testing.assert_allclose(made, read["image"][..., :3], atol=1e-6)
+
+
+IN_BLENDER = """
+import sys, json, bpy
+from math import radians
+from bpy_extras.object_utils import world_to_camera_view
+from mathutils import Vector
+out, flakes, told = sys.argv[1:]
+scene = bpy.context.scene
+for thing in list(bpy.data.objects):
+    bpy.data.objects.remove(thing)
+scene.render.resolution_x, scene.render.resolution_y = 64, 48
+scene.render.resolution_percentage = 100
+scene.render.pixel_aspect_x, scene.render.pixel_aspect_y = 1.5, 1.0
+scene.frame_start, scene.frame_end = 1001, 1005
+
+def seen(camera, points):
+    at = [world_to_camera_view(scene, camera, Vector(point)) for point in points]
+    return [(v[0] * 64, (1.0 - v[1]) * 48) for v in at]
+
+if out:
+    lens = bpy.data.cameras.new("lens")
+    camera = bpy.data.objects.new("camera", lens)
+    scene.collection.objects.link(camera)
+    scene.camera = camera
+    lens.shift_x, lens.shift_y = 0.1, -0.05
+    points = json.loads(told)
+    for frame in range(1001, 1006):
+        step = frame - 1001
+        camera.location = (0.3 * step, -0.2 * step, 1.0 + 0.1 * step)
+        camera.rotation_euler = [radians(v) for v in (85 + step, 10 + 4 * step, -3 * step)]
+        lens.lens = 30 + 2 * step
+        camera.keyframe_insert("location", frame=frame)
+        camera.keyframe_insert("rotation_euler", frame=frame)
+        lens.keyframe_insert("lens", frame=frame)
+    bpy.ops.wm.usd_export(filepath=out, export_animation=True)
+    places = {}
+    for frame in range(1001, 1006):
+        scene.frame_set(frame)
+        places[frame] = seen(camera, points)
+else:
+    scene.render.pixel_aspect_x = 1.0
+    bpy.ops.wm.usd_import(filepath=flakes, scale=1.0)
+    camera = next(one for one in bpy.data.objects if one.type == "CAMERA")
+    cloud = next(one for one in bpy.data.objects if one.type in ("POINTCLOUD", "MESH"))
+    places = {}
+    for frame in range(1001, 1004):
+        scene.frame_set(frame)
+        graph = bpy.context.evaluated_depsgraph_get()
+        live = cloud.evaluated_get(graph)
+        places[frame] = seen(camera.evaluated_get(graph), [
+            live.matrix_world @ Vector(one.vector)
+            for one in live.data.attributes["position"].data])
+print("SEEN " + json.dumps(places))
+"""
+
+
+def blender(out: object = "", flakes: object = "", told: object = "") -> dict[int, np.ndarray]:
+    """Return what Blender sees; in its own process, since it brings a USD library of its own."""
+    lines = run(sys.executable, "-c", IN_BLENDER, out, flakes, json.dumps(told)).splitlines()
+    seen = next(line for line in lines if line.startswith("SEEN "))
+    return {int(frame): np.array(at) for frame, at in json.loads(seen[5:]).items()}
+
+
+def test_blenders_camera_through_usd_sees_points_where_ours_does(bpy: Any, tmp_path: Path):
+    """Roll, shift, zoom and pixel aspect at five frames, ten points."""
+    points = np.random.default_rng(2).uniform((-2, 6, -1), (2, 14, 3), (10, 3))
+    seen = blender(tmp_path / "shot.usdc", told=points.tolist())
+    path = fl.camera.importers.load(
+        tmp_path / "shot.usdc", (H, W), camera=fl.Camera(60.0, aspect=1.5)
+    )
+    # Blender has z up.
+    ours = points @ np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
+    assert sorted(seen) == [1001, 1002, 1003, 1004, 1005]
+    for frame, wanted in seen.items():
+        pose = path.pose(path.camera, float(frame))
+        at, _ = fl.camera.project(ours - path.place(float(frame), fps=24.0), pose, (H, W))
+        np.testing.assert_allclose(at, wanted, atol=1e-3)
+
+
+def test_our_points_land_in_blender_on_the_pixels_where_we_draw_them(bpy: Any, tmp_path: Path):
+    way = fl.CameraPath(
+        fl.Camera(70.0, center=(30.0, 26.0), rotation=(0.1, -0.1, 0.2)), velocity=(0.5, 0.1, 2.0)
+    )
+    snow = fl.Snow.preset("heavy", method="simulated", far=8.0)
+    scene = fl.Scene((W, H), (0.0, 0.0, 0.0), camera=way, effects=[snow], fps=24.0)
+    scene.write(tmp_path / "flakes.usdc", "1001-1003")
+    seen = blender(flakes=tmp_path / "flakes.usdc")
+    program = scene.program
+    for frame, at in seen.items():
+        view = replace(program.frame(float(frame)), seed=program.parts[0].seed)
+        flakes = snow.parts.flakes
+        listed = [flakes.listed(view, 1.0, beyond=beyond)[0] for beyond in (False, True)]
+        camera = replace(view.camera, rotation=(0.0, 0.0, 0.0))
+        wanted, _ = fl.camera.project(np.concatenate(listed), camera, (H, W))
+        assert len(at) == len(wanted) > 1000
+        np.testing.assert_allclose(at, wanted, atol=2e-3)
 
 
 def test_blenders_camera_through_chan_sees_points_where_ours_does(bpy: Any, tmp_path: Path):

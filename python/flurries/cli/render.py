@@ -38,10 +38,12 @@ NAMED = 10
     "flurries render photo.jpg --rain downpour --mist fog --visibility 40 -o wet.png",
     "flurries render plate.%04d.exr --snow light --layers -o out/%04d.exr",
     "flurries render scene.toml --frames 1-600 -o frames/%04d.png",
+    "flurries render plate.####.exr --camera shot.usdc --snow heavy -o flakes.usdc",
 )
 @option("-o", "--output", required=True, metavar="PATTERN|VIDEO", type=FILE,
         help="one file a frame (also #### or $F4; .exr, .png, .tif, .dpx, .jpg), a video (.mp4, "
-        ".mov, .webm, .mkv), or a still", example="frames/%04d.png")  # fmt: skip
+        ".mov, .webm, .mkv), a still, or flakes as points (.usdc)",
+        example="frames/%04d.png")  # fmt: skip
 @FRAMES
 @scene_options
 @OVERWRITE

@@ -51,8 +51,8 @@ scene_options: Callable[[Any], Any] = join(
     option("--fly", type=numbers(3), metavar="X,Y,Z", example="0,-0.3,5", unset="it stands",
            help="velocity of the camera in metres per second: right, down, forward"),
     option("--camera", type=FILE, metavar="FILE", example="shot.chan", unset="it stands",
-           help="path of the camera: .csv with x,y,z and rx,ry,rz a frame, Nuke's .chan, KITTI's "
-           "poses .txt, or a folder of COLMAP's text"),
+           help="path of the camera: .csv with x,y,z and rx,ry,rz a frame, Nuke's .chan, a USD "
+           "stage, KITTI's poses .txt, or a folder of COLMAP's text"),
     option("--depth", type=FILE, metavar="FILE|METRES", example="depth.exr", unset="far away",
            help="what hides weather behind it: an EXR with Z, or the distance of a wall"),
     option("--foreground", type=FILE, metavar="FILE[@METRES]", example="roto.%04d.exr",

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -39,6 +39,9 @@ SWITCH = (2.5, 3.5)
 
 # Metres beside the view that no box is as wide as.
 _WHOLE_BOX = 1e9
+
+# Places, radii, opacities, ways during the exposure and numbers of flakes.
+Listed: TypeAlias = tuple[Float64, Float64, Float64, Float64, npt.NDArray[np.int64]]
 
 # Larger boxes would take all memory that there is for their numbers.
 MOST_IN_BOX = 420_000_000
@@ -147,7 +150,7 @@ class DrawnFlakes:
         crowd = self.crowd(frame, amount)
         if self._alike:
             return _core.crowd_sort(frame.shape, crowd)
-        rows = self._rows(frame, amount)
+        rows = self.listed(frame, amount)
         points, radius, opacity, way = (np.ascontiguousarray(part) for part in rows[:4])
         return _core.particle_sort_listed(
             frame.shape, points, radius, opacity, way, 1.0, crowd.lens, crowd.closeup, rows[4]
@@ -166,7 +169,7 @@ class DrawnFlakes:
         if self._alike:
             _core.crowd_exact(result, self.crowd(whole, amount, beyond=True), frame.depth)
             return result
-        rows = self._rows(whole, amount, beyond=True)
+        rows = self.listed(whole, amount, beyond=True)
         points, radius, opacity, travel = (np.ascontiguousarray(part) for part in rows[:4])
         lens = lens_of(frame.camera, frame.shape)
         _core.particle_exact(result, points, radius, opacity, travel, 1.0, lens, frame.depth)
@@ -276,10 +279,11 @@ class DrawnFlakes:
         )
         return box, float(np.linalg.norm(travel))
 
-    def _rows(
-        self, frame: Frame, amount: float, *, beyond: bool = False
-    ) -> tuple[Float64, Float64, Float64, Float64, npt.NDArray[np.int64]]:
-        """Return places, radii, opacities, ways during the exposure and numbers of flakes."""
+    def listed(self, frame: Frame, amount: float, *, beyond: bool = False) -> Listed:
+        """Return places in the eye's axes, radii, opacities, ways while exposed, and numbers.
+
+        Everything is as much higher as pixels are. Of the near flakes, or of those `beyond`.
+        """
         crowd = self.crowd(frame, amount, beyond=beyond)
         motion = self.weather.motion
         profile = motion.varied is not None and motion.varied.profile is not None
@@ -337,7 +341,7 @@ class DrawnFlakes:
         Its number is the same in every frame.
         """
         whole = replace(frame, window=(0, frame.shape[0], 0, frame.shape[1]))
-        points, radius, opacity, travel, numbers = self._rows(whole, amount)
+        points, radius, opacity, travel, numbers = self.listed(whole, amount)
         shown = np.empty(frame.shape, np.int32)
         given = (np.ascontiguousarray(part) for part in (points, radius, opacity, travel))
         place, size, cover, way_now = given
@@ -350,7 +354,7 @@ class DrawnFlakes:
     ) -> tuple[Array, Array]:
         """Return motion (n, 2) and depth (n,) of flakes by their numbers."""
         whole = replace(frame, window=(0, frame.shape[0], 0, frame.shape[1]))
-        points, _, _, travel, known = self._rows(whole, 1.0)
+        points, _, _, travel, known = self.listed(whole, 1.0)
         stretch = np.array([1.0, frame.camera.aspect, 1.0])
         at = np.minimum(np.searchsorted(known, numbers), max(len(known) - 1, 0))
         points, travel = points[at] / stretch, travel[at] / stretch

@@ -25,6 +25,8 @@ from flurries.output.crew import make
 from flurries.output.film import write_film
 from flurries.output.frames import Frames
 from flurries.output.groups import grouped
+from flurries.output.points import EXTENSIONS as USD
+from flurries.output.points import write_points
 from flurries.output.sequence import Progress, run
 from flurries.output.store import Disk
 from flurries.scene.numbers import Frames as Numbers
@@ -106,11 +108,13 @@ def write(
     pattern : str or path
         ``frames/%04d.png`` (also ``####`` and ``$F4``) or ``.exr``, ``.tif``, ``.jpg``: one file a
         frame, each written under a temporary name, checked and renamed. A name that ends in .mp4,
-        .mov, .webm or .mkv is a video. A picture's name without a token is a still: one frame. For
-        all three: what is there already and is of this very scene stays, and is made again if it
-        is damaged or if the background's file has changed since; anything else is refused. Pictures
-        also go to a url, such as ``s3://bucket/frames/%04d.png``, through fsspec
-        (``flurries[stores]`` and the store's own driver), where the same holds.
+        .mov, .webm or .mkv is a video. One that ends in .usd, .usda or .usdc is a USD stage with
+        the flakes as points, see `flurries.output.points.write_points`. A picture's name without a
+        token is a still: one frame. For all of these: what is there already and is of this very
+        scene stays, and is made again if it is damaged or if the background's file has changed
+        since; anything else is refused. Pictures also go to a url, such as
+        ``s3://bucket/frames/%04d.png``, through fsspec (``flurries[stores]`` and the store's own
+        driver), where the same holds.
     frames : str, int or iterable of int, optional
         "1-60", "1-100x2", "7", or numbers; not negative: those of the background's files. If not
         given, all that the background has, else the camera or the depth, else three seconds from 1
@@ -188,6 +192,11 @@ def write(
     })  # fmt: skip
     store, text = store_of(os.fspath(pattern))
     text = with_percent(text)
+    if Path(text).suffix.lower() in USD:
+        wanted = _points_of(scene, frames, store, text, bits, codec, layers, alone, eyes, dask)
+        bar = progress if progress is not None else _silent
+        done = write_points(scene, Path(text), wanted, bar, overwrite=overwrite)
+        return Summary(done.written, done.kept, [Path(text)], seconds=time.monotonic() - started)
     still = Path(text).suffix.lower() not in VIDEO_EXTENSIONS and "%" not in Path(text).name
     if not still and isinstance(frames, (int, np.integer)):
         raise ValueError(
@@ -243,6 +252,19 @@ def write(
         files = [store.name_of(path) for path in paths]
     seconds = time.monotonic() - started
     return Summary(done.written, done.kept, files, done.skipped, done.held, seconds, heard)
+
+
+def _points_of(scene: Scene, frames: Numbers, store: Any, text: str, *other: Any) -> list[int]:
+    """Return the frames of a stage of points, or refuse what a stage has not."""
+    names = ("bits", "codec", "layers", "alone", "eyes", "dask")
+    given = [name for name, value in zip(names, other, strict=True) if value not in (None, False)]
+    if given:
+        raise ValueError(f"{text}: a USD stage holds points; it takes no {' and no '.join(given)}")
+    if not isinstance(store, Disk) or "%" in text:
+        raise ValueError(f"{text}: a USD stage is one file on this machine")
+    wanted = frames_of(scene, frames)
+    scene.require(wanted, gaps=False)
+    return wanted
 
 
 def _views(eyes: Any) -> dict[str, Camera] | None:

@@ -16,10 +16,11 @@ from flurries.camera.importers.chan import read_chan
 from flurries.camera.importers.colmap import read_colmap
 from flurries.camera.importers.kitti import read_kitti
 from flurries.camera.importers.matrices import from_matrices
+from flurries.camera.importers.usd import SUFFIXES, read_usd
 from flurries.camera.lens import Camera, expect_camera
 from flurries.camera.path import CameraPath
 
-__all__ = ["from_matrices", "load", "read_chan", "read_colmap", "read_kitti"]
+__all__ = ["from_matrices", "load", "read_chan", "read_colmap", "read_kitti", "read_usd"]
 
 
 def load(
@@ -30,7 +31,8 @@ def load(
     Parameters
     ----------
     path : str or path
-        ``.chan`` (Nuke), ``.csv`` (see :func:`flurries.camera.csv.read_path`), ``.txt`` with twelve
+        ``.chan`` (Nuke), ``.usd``, ``.usda``, ``.usdc`` or ``.usdz`` (Blender, Houdini, Maya),
+        ``.csv`` (see :func:`flurries.camera.csv.read_path`), ``.txt`` with twelve
         numbers a line (KITTI), or a folder with COLMAP's ``images.txt`` and ``cameras.txt``.
     shape : (H, W)
         Of the pictures to be made.
@@ -52,10 +54,13 @@ def load(
         return read_colmap(place, size)
     if suffix == ".chan":
         return read_chan(place, size, camera=lens)
+    if suffix in SUFFIXES:
+        return read_usd(place, size, camera=lens)
     if suffix == ".csv":
         return CameraPath(lens, **read_path(place), extend="stop")
     if suffix == ".txt":
         return read_kitti(place, lens)
     raise ValueError(
-        f"{place}: a camera is a .chan, .csv or .txt file, or a folder of COLMAP's, not {suffix!r}"
+        f"{place}: a camera is a .chan, .usd, .csv or .txt file, or a folder of COLMAP's, "
+        f"not {suffix!r}"
     )

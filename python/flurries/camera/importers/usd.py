@@ -1,0 +1,186 @@
+"""Cameras of USD stages: Blender, Houdini, Maya, Unreal."""
+
+from __future__ import annotations
+
+import math
+import os
+import warnings
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from flurries._contract import Float64, real, shape_of
+from flurries.camera.importers.matrices import FLIP, path_of
+from flurries.camera.lens import Camera, expect_camera
+from flurries.camera.path import CameraPath
+from flurries.io.files import plain_file
+from flurries.io.usd import require_usd
+
+SUFFIXES = (".usd", ".usda", ".usdc", ".usdz")
+
+# From a stage's axes to the house's, by the axis that is up.
+AXES = {"Y": FLIP, "Z": np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])}
+
+# Ratios of apertures that are floats differ by their last bits.
+_SAME = 1e-5
+
+# Where apertures are of another shape than the picture by more, they are no edges of it.
+_FITS = 0.005
+
+MOST_SAMPLES = 1_000_000
+
+
+def read_usd(
+    path: str | os.PathLike[str],
+    shape: tuple[int, int],
+    *,
+    camera: Camera | None = None,
+    prim: str | None = None,
+    scale: float = 1.0,
+) -> CameraPath:
+    """Return the camera path of a USD stage.
+
+    The stage says which axis is up and how long a unit is, and time codes are frame numbers.
+
+    Parameters
+    ----------
+    path : str or path
+        ``.usd``, ``.usda``, ``.usdc`` or ``.usdz``.
+    shape : (H, W)
+        Of the pictures. Apertures of their shape are their edges, and say how wide a pixel is;
+        those of another shape fit the width.
+    camera : Camera, optional
+        Its `aspect` is the pictures' own, where the apertures are of another shape.
+    prim : str, optional
+        The camera, such as ``/shot/camera``, where the stage has several.
+    scale : float
+        Metres to a metre of the stage.
+
+    Raises
+    ------
+    ImportError
+        If usd-core is not installed (``flurries[usd]``).
+    FileNotFoundError, OSError
+        If the file cannot be read.
+    ValueError
+        If it is no stage, has no or several cameras, an orthographic one, or one whose principal
+        point or pixel aspect changes.
+
+    Warns
+    -----
+    UserWarning
+        If the apertures are of another shape than the picture.
+    """
+    Gf, _, Usd, UsdGeom, _ = require_usd()
+    height, width = shape_of("shape", shape)
+    file = plain_file(path)
+    try:
+        stage = Usd.Stage.Open(str(file))
+    except Exception as error:
+        raise ValueError(f"{file}: no USD stage: {str(error).splitlines()[0]}") from None
+    if stage is None:
+        raise ValueError(f"{file}: no USD stage")
+    found = _camera_of(file, stage, UsdGeom, prim)
+    times = _times(file, found.GetPrim(), Usd, UsdGeom)
+    unit = UsdGeom.GetStageMetersPerUnit(stage) * real("scale", scale, above=0.0)
+    world = AXES[str(UsdGeom.GetStageUpAxis(stage))]
+    turns, places, lenses = [], [], []
+    for time in times or [Usd.TimeCode.Default()]:
+        seen = found.GetCamera(time)
+        if seen.projection != Gf.Camera.Perspective:
+            raise ValueError(f"{file}: {found.GetPath()} is orthographic, and depth is none in it")
+        matrix = np.array(seen.transform).T
+        turns.append(world @ _rotation(file, matrix[:3, :3]) @ FLIP)
+        places.append(unit * (world @ matrix[:3, 3]))
+        lenses.append((
+            seen.focalLength, seen.horizontalAperture, seen.verticalAperture,
+            seen.horizontalApertureOffset, seen.verticalApertureOffset,
+        ))  # fmt: skip
+    given = None if camera is None else expect_camera(camera, stretched=True)
+    lens, focal = _lens(file, np.array(lenses), (height, width), given)
+    if not times:
+        return CameraPath(lens, position=np.array(places), orientation=np.array(turns))
+    return path_of(np.array(times), np.array(places), np.array(turns), lens, focal, 1.0)
+
+
+def _camera_of(file: Path, stage: Any, UsdGeom: Any, prim: str | None) -> Any:
+    """Return the stage's camera by its path, or its only one."""
+    cameras = [UsdGeom.Camera(one) for one in stage.Traverse() if one.IsA(UsdGeom.Camera)]
+    names = ", ".join(str(one.GetPath()) for one in cameras) or "none"
+    if prim is not None:
+        chosen = [one for one in cameras if str(one.GetPath()) == prim]
+        if not chosen:
+            raise ValueError(f"{file}: prim {prim!r} is no camera of the stage; it has {names}")
+        return chosen[0]
+    if len(cameras) != 1:
+        raise ValueError(f"{file}: one camera is wanted, or its name in prim; it has {names}")
+    return cameras[0]
+
+
+def _times(file: Path, prim: Any, Usd: Any, UsdGeom: Any) -> list[float]:
+    """Return the times of a camera's samples and the frames between them; none if it is still."""
+    found: set[float] = set()
+    at = prim
+    while at and not at.IsPseudoRoot():
+        if at.IsA(UsdGeom.Xformable):
+            found.update(UsdGeom.Xformable(at).GetTimeSamples())
+        at = at.GetParent()
+    for name in ("focalLength", "horizontalAperture", "verticalAperture",
+                 "horizontalApertureOffset", "verticalApertureOffset"):  # fmt: skip
+        found.update(prim.GetAttribute(name).GetTimeSamples())
+    if not found:
+        return []
+    first, last = math.ceil(min(found)), math.floor(max(found))
+    if last - first + len(found) > MOST_SAMPLES:
+        raise ValueError(f"{file}: frames {first} to {last} are too many for one camera")
+    return sorted(found | set(map(float, range(first, last + 1))))
+
+
+def _rotation(file: Path, matrix: Float64) -> Float64:
+    """Return the rotation of a matrix without its scale."""
+    lengths = np.linalg.norm(matrix, axis=0)
+    if not np.isfinite(lengths).all() or lengths.min() == 0.0:
+        raise ValueError(f"{file}: the camera's matrix is no rotation")
+    turn: Float64 = matrix / lengths
+    if np.abs(turn.T @ turn - np.eye(3)).max() > 1e-4 or np.linalg.det(turn) < 0.0:
+        raise ValueError(f"{file}: the camera's matrix shears or mirrors")
+    # The nearest rotation: values of a file are rounded.
+    left, _, right = np.linalg.svd(turn)
+    return np.asarray(left @ right)
+
+
+def _lens(
+    file: Path, rows: Float64, shape: tuple[int, int], given: Camera | None
+) -> tuple[Camera, Float64]:
+    """Return the lens at the first time and the focal lengths in pixels of all."""
+    height, width = shape
+    length, across, down, right, up = rows.T
+    if rows[:, :3].min() <= 0.0 or not np.isfinite(rows).all():
+        raise ValueError(f"{file}: focal lengths and apertures must be positive")
+    focal = width * length / across
+    ratio = height * across / (width * down)
+    plate = 1.0 if given is None else given.aspect
+    # Apertures that are edges of a picture with square pixels or the plate's own, to their bits.
+    aspect = next((one for one in (plate, 1.0) if np.abs(ratio / one - 1.0).max() < _SAME), None)
+    if aspect is None:
+        if given is None or np.abs(ratio / plate - 1.0).max() < _FITS:
+            aspect = float(ratio[0])
+        else:
+            aspect = plate
+            warnings.warn(
+                f"{file}: apertures of {across[0]:.4g} x {down[0]:.4g} are of another shape than "
+                f"the picture of {width} x {height} px; the width counts",
+                UserWarning,
+                stacklevel=4,
+            )
+        if np.ptp(ratio) > _SAME * aspect:
+            raise ValueError(f"{file}: the pixel aspect of a camera must not change")
+    x = width * (0.5 - right / across)
+    y = 0.5 * height + aspect * width * up / across
+    if max(np.ptp(x), np.ptp(y)) > 1e-3:
+        raise ValueError(
+            f"{file}: a camera's principal point must not change; it moves by "
+            f"{max(np.ptp(x), np.ptp(y)):.3g} px"
+        )
+    return Camera(float(focal[0]), center=(float(x[0]), float(y[0])), aspect=aspect), focal

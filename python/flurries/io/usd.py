@@ -1,0 +1,22 @@
+"""USD's own library, which need not be there."""
+
+from __future__ import annotations
+
+from typing import Any
+
+
+def require_usd() -> tuple[Any, Any, Any, Any, Any]:
+    """Return usd-core's modules Gf, Sdf, Usd, UsdGeom and Vt.
+
+    Raises
+    ------
+    ImportError
+        If they are not there; the message says how to get them.
+    """
+    try:
+        from pxr import Gf, Sdf, Usd, UsdGeom, Vt
+    except ImportError:
+        raise ImportError(
+            "USD files need usd-core: pip install 'flurries[usd]'", name="pxr"
+        ) from None
+    return Gf, Sdf, Usd, UsdGeom, Vt

@@ -1,0 +1,178 @@
+"""Flakes of a scene as points of a USD stage, with the camera that sees them."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from flurries._contract import Array
+from flurries.effects.points import Points, points_of, step_after
+from flurries.frame.mixing import free_name
+from flurries.io.atomic import replacing
+from flurries.io.usd import require_usd
+from flurries.output.mark import Refused
+from flurries.output.sequence import Done, Progress
+from flurries.scene.fingerprint import fingerprint
+from flurries.scene.scene import Scene
+
+EXTENSIONS = (".usd", ".usda", ".usdc")
+
+# From the house's axes to a stage's, y up.
+_UP = np.array([1.0, -1.0, -1.0])
+
+# Width of the film in tenths of a unit, which is a metre: 36 mm.
+_FILM = 0.36
+
+# Points of all frames together: some 4 GB in the file.
+MOST_POINTS = 100_000_000
+
+
+def write_points(
+    scene: Scene, path: Path, frames: Sequence[int], progress: Progress, *, overwrite: bool
+) -> Done:
+    """Write the flakes that are in view, and the camera, to a USD stage.
+
+    The stage has y up and metres, and its time codes are frame numbers. Each snow or rain is a
+    ``Points`` below ``/flurries`` with velocities (m/s), widths (m), ids and opacities; a frame has
+    the flakes that are in view then, whatever stands before them.
+
+    Parameters
+    ----------
+    scene : Scene
+    path : Path
+        ``.usd``, ``.usda`` or ``.usdc``.
+    frames : sequence of int
+    progress : callable
+        Wraps the frames.
+    overwrite : bool
+        Replace what is there, whatever it is.
+
+    Raises
+    ------
+    ImportError
+        If usd-core is not installed (``flurries[usd]``).
+    ValueError
+        If no effect has flakes, if there are too many, or something else is in the way.
+    OSError
+        If the file cannot be written; no half-written one stays.
+    """
+    Gf, Sdf, Usd, UsdGeom, Vt = require_usd()
+    names: dict[str, Any] = {}
+    for effect in scene.effects:
+        names[free_name(getattr(effect, "NAME", "effect"), names)] = effect
+    mark = hashlib.sha256(repr((fingerprint(scene), list(frames))).encode()).hexdigest()[:16]
+    if not overwrite and path.exists():
+        _require_ours(Sdf, path, mark)
+        return Done(kept=list(frames))
+    stage = Usd.Stage.CreateInMemory()
+    stage.GetRootLayer().customLayerData = {"flurries": mark}
+    UsdGeom.SetStageUpAxis(stage, UsdGeom.Tokens.y)
+    UsdGeom.SetStageMetersPerUnit(stage, 1.0)
+    stage.SetTimeCodesPerSecond(scene.fps)
+    stage.SetFramesPerSecond(scene.fps)
+    stage.SetStartTimeCode(min(frames))
+    stage.SetEndTimeCode(max(frames))
+    stage.SetDefaultPrim(UsdGeom.Xform.Define(stage, "/flurries").GetPrim())
+    camera = UsdGeom.Camera.Define(stage, "/flurries/camera")
+    pose = camera.AddTransformOp()
+    prims: dict[str, Any] = {}
+    total = 0
+    for number in progress(frames):
+        for name, points in points_at(scene, names, number).items():
+            if name not in prims:
+                prims[name] = UsdGeom.Points.Define(stage, f"/flurries/{name}")
+            total += len(points.ids)
+            if total > MOST_POINTS:
+                raise ValueError(
+                    f"{path}: more than {MOST_POINTS} points up to frame {number}; take fewer "
+                    "frames, or a population with a smaller far or density"
+                )
+            _set_points(prims[name], points, float(number), UsdGeom, Vt)
+        _set_camera(camera, pose, scene, number, Gf)
+    if not prims:
+        raise ValueError(
+            f"{path}: points are flakes of Snow and Rain; the scene has none that are drawn one by "
+            "one"
+        )
+    with replacing(path) as temporary:
+        try:
+            stage.GetRootLayer().Export(str(temporary))
+        except RuntimeError as error:
+            raise OSError(f"{path}: {str(error).splitlines()[0]}") from error
+    return Done(written=list(frames))
+
+
+def points_at(scene: Scene, names: dict[str, Any], number: float) -> dict[str, Points]:
+    """Return the flakes of each effect that has any, by its name."""
+    program = scene.program
+    t = number if scene.lap is None else scene.lap.place(number)
+    effects = list(names)
+    found = {}
+    for part in program.parts:
+        frame = replace(program.frame(t), seed=part.seed)
+        points = points_of(part.effect, frame, step_after(frame, partial(program.camera, None)))
+        if points is not None:
+            found[effects[part.place]] = points
+    return found
+
+
+def _set_points(prim: Any, points: Points, time: float, UsdGeom: Any, Vt: Any) -> None:
+    """Set a frame's flakes."""
+
+    def vectors(values: Array) -> Any:
+        return Vt.Vec3fArray.FromNumpy(np.ascontiguousarray(values * _UP, np.float32))
+
+    def numbers(values: Array) -> Any:
+        return Vt.FloatArray.FromNumpy(np.ascontiguousarray(values, np.float32))
+
+    places = vectors(points.places)
+    widths = numbers(points.widths)
+    prim.GetPointsAttr().Set(places, time)
+    prim.GetVelocitiesAttr().Set(vectors(points.velocities), time)
+    prim.GetWidthsAttr().Set(widths, time)
+    prim.GetIdsAttr().Set(Vt.Int64Array.FromNumpy(np.ascontiguousarray(points.ids)), time)
+    prim.SetWidthsInterpolation(UsdGeom.Tokens.vertex)
+    opacity = prim.CreateDisplayOpacityPrimvar(UsdGeom.Tokens.vertex)
+    opacity.Set(numbers(points.opacities), time)
+    prim.GetExtentAttr().Set(UsdGeom.Points.ComputeExtent(places, widths), time)
+
+
+def _set_camera(camera: Any, pose: Any, scene: Scene, number: int, Gf: Any) -> None:
+    """Set the camera as it looks at a frame."""
+    program = scene.program
+    t = float(number if scene.lap is None else scene.lap.place(number))
+    eye = program.camera(None, t)
+    height, width = scene.shape
+    turn = _UP[:, None] * eye.matrix() * _UP
+    place = program.path.place(t, fps=scene.fps) + eye.matrix() @ eye.offset
+    matrix = np.eye(4)
+    matrix[:3, :3], matrix[3, :3] = turn.T, place * _UP
+    pose.Set(Gf.Matrix4d(matrix.tolist()), float(number))
+    fx, fy = eye.focals
+    x, y = eye.principal(scene.shape)
+    down = _FILM * fx * height / (width * fy)
+    camera.GetFocalLengthAttr().Set(_FILM * fx / width, float(number))
+    camera.GetHorizontalApertureAttr().Set(_FILM, float(number))
+    camera.GetVerticalApertureAttr().Set(down, float(number))
+    camera.GetHorizontalApertureOffsetAttr().Set(_FILM * (0.5 - x / width), float(number))
+    camera.GetVerticalApertureOffsetAttr().Set(down * (y / height - 0.5), float(number))
+    camera.GetClippingRangeAttr().Set(Gf.Vec2f(0.01, 1e5))
+
+
+def _require_ours(Sdf: Any, path: Path, mark: str) -> None:
+    """Refuse a file that is not the very same stage."""
+    try:
+        layer = Sdf.Layer.FindOrOpen(str(path))
+    except Exception as error:
+        raise Refused(path, "is no USD stage") from error
+    said = None if layer is None else layer.customLayerData.get("flurries")
+    if said is None:
+        raise Refused(path, "is not a stage of this scene")
+    if said != mark:
+        raise Refused(path, "is a stage of another scene or of other frames")
