@@ -111,6 +111,7 @@ test-wheel: wheel
 # Our weather for data sets beside that of the usual libraries: docs/internals/peers.md.
 peers:
 	$(PYTHON) benches/peers.py --page docs/internals/peers.md
+	.venv-peers/bin/python benches/loaders.py --page docs/internals/peers.md
 
 # The measured value of every hard case beside the expected one: docs/internals/hard-cases.md.
 hard-cases: $(VENV)/.tools

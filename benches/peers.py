@@ -4,6 +4,8 @@
     python benches/peers.py --here      # measures in the environment that runs it
     python benches/peers.py --page docs/internals/peers.md    # also writes the page
 
+In single calls, and in a DataLoader with two workers.
+
 One thread each; uint8 RGB, for kornia the float tensor that it wants, made beforehand; variants
 interleaved; minimum and median of many runs, in processor time, so that other work on the machine
 counts little. Ratios within one run are what counts. Whoever cannot be installed or run is
@@ -25,12 +27,16 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+from loaders import in_loader
+
 ROOT = Path(__file__).resolve().parents[1]
 HOME = ROOT / ".venv-peers"
 # imagecorruptions asks setuptools for pkg_resources, which newer ones do not have.
 PEERS = ["opencv-python-headless", "albumentationsx", "imgaug", "imagecorruptions", "kornia",
          "setuptools<81"]  # fmt: skip
-SIZES = (128, 224, 512, 1024)
+# With the number of pictures that loaders take.
+SIZES = {128: 200, 224: 150, 512: 60, 1024: 24}
+ALONE, LOADER = "in single calls", "in a DataLoader of 2 workers"
 
 # It draws no flakes, so it does not count as snow.
 WHITENS = "(no flakes: it whitens)"
@@ -38,8 +44,8 @@ WHITENS = "(no flakes: it whitens)"
 Call = Callable[[], Any]
 
 
-# Milliseconds of every call, by kind and size.
-Times = dict[tuple[str, int], dict[str, list[float]]]
+# Milliseconds of every call, by kind, size and way of running.
+Times = dict[tuple[str, int, str], dict[str, list[float]]]
 
 
 def main() -> None:
@@ -84,7 +90,7 @@ def measure(runs: int) -> tuple[Times, list[str]]:
     one_thread()
     found: Times = {}
     failures: list[str] = []
-    for size in SIZES:
+    for size, count in SIZES.items():
         for kind, calls in classes(size, failures).items():
             times: dict[str, list[float]] = {name: [] for name in calls}
             # Each once to warm up; then in turns, so that a slow moment is everybody's.
@@ -94,8 +100,14 @@ def measure(runs: int) -> tuple[Times, list[str]]:
                     call()
                     if turn:
                         times[name].append(1e3 * (time.process_time() - start))
-            found[kind, size] = times
-            report(f"{kind}, {size} x {size}", times)
+            found[kind, size, ALONE] = times
+            report(f"{kind}, {size} x {size}, {ALONE}", times)
+            times = {
+                name: [in_loader(lambda _, c=call: c(), count)[1] for _ in range(2)]  # type: ignore[misc]
+                for name, call in calls.items()
+            }
+            found[kind, size, LOADER] = times
+            report(f"{kind}, {size} x {size}, {LOADER}", times)
     return found, failures
 
 
@@ -118,10 +130,10 @@ def verdict(times: Times) -> list[str]:
     its own parameters, and by the median, which a busy machine moves.
     """
     lines = []
-    for (kind, size), calls in times.items():
+    for (kind, size, way), calls in times.items():
         others = [name for name in calls if not name.startswith("flurries") and WHITENS not in name]
         if not others:
-            lines.append(f"{kind}, {size} x {size}: nobody else ran")
+            lines.append(f"{kind}, {size} x {size}, {way}: nobody else ran")
             continue
         ratios = []
         for law in (min, statistics.median):
@@ -130,7 +142,8 @@ def verdict(times: Times) -> list[str]:
         words = [f"{min(r.values()):.2f} ({min(r, key=lambda n, r=r: r[n])})" for r in ratios]
         met = all(min(r.values()) > 1.0 for r in ratios)
         lines.append(
-            f"{kind}, {size} x {size}: {'faster than all' if met else 'NOT faster than all'}; the "
+            f"{kind}, {size} x {size}, {way}: "
+            f"{'faster than all' if met else 'NOT faster than all'}; the "
             f"fastest other takes this much of our time, by the fastest run {words[0]}, by the "
             f"median {words[1]}"
         )
@@ -144,8 +157,9 @@ def page(times: Times, failures: list[str], lines: list[str], runs: int) -> str:
         "Made by `make peers` (`python benches/peers.py --page docs/internals/peers.md`), which"
         " installs all libraries into an environment of its own. uint8 RGB in and out, for kornia"
         f" the float tensor that it wants, made beforehand; one thread each; {runs} runs in turns,"
-        " the fastest and the median in milliseconds of processor time. Read them as ratios: they"
-        " are of one run on one machine.\n",
+        " the fastest and the median in milliseconds of processor time; in loaders the workers'"
+        " processor time over the number of pictures, of two runs, with what a worker costs to"
+        " start. Read them as ratios: they are of one run on one machine.\n",
         "Ours at two severities; the verdict takes the slower one. A transform that only brightens"
         " the picture draws no snow and is listed, but does not count.\n",
         "## Verdict\n",
@@ -155,10 +169,10 @@ def page(times: Times, failures: list[str], lines: list[str], runs: int) -> str:
     parts += [f"\n{versions}; {platform.machine()}, {os.cpu_count()} cores, "
               f"load {os.getloadavg()[0]:.1f}."]  # fmt: skip
     parts += ["\n## What did not run\n", *(f"- {f}" for f in failures or ["Everything ran."])]
-    for (kind, size), calls in times.items():
+    for (kind, size, way), calls in times.items():
         ours = min(next(iter(calls.values())))
         parts += [
-            f"\n## {kind.capitalize()}, {size} x {size}\n",
+            f"\n## {kind.capitalize()}, {size} x {size}, {way}\n",
             "| transform | fastest, ms | median, ms | / ours |",
             "| --- | --- | --- | --- |",
         ]
@@ -223,7 +237,7 @@ def classes(size: int, failures: list[str]) -> dict[str, dict[str, Call]]:
 
 
 def failed(failures: list[str], size: int, words: str) -> None:
-    if size == SIZES[0]:
+    if size == min(SIZES):
         line = " ".join(words.split())[:160]
         print(f"fails: {line}", flush=True)
         failures.append(line)

@@ -210,6 +210,43 @@ def test_two_eyes_see_one_snow():
     assert np.array_equal(same[0], same[1])
 
 
+@pytest.mark.parametrize("kind", ["snow", "rain"])
+def test_every_flake_has_the_disparity_of_its_depth(kind: str):
+    """Drawn one by one for each eye: the centers of their pixels are focal * distance / z apart."""
+    weather, apart, shape = KINDS[kind](severity=2, seed=3, veil=0.0), 0.1, (192, 256)
+    air = weather._air(weather.record(index=0))
+    views = [weather._view(shape, side * apart, 0.5 * apart) for side in (-0.5, 0.5)]
+    eyes = [Here(air, view, weather._distances(None, view), 0.0) for view in views]
+    flakes = eyes[0].flakes
+    assert flakes is not None and eyes[1].flakes is not None
+    assert np.array_equal(flakes.points, eyes[1].flakes.points)
+    columns = np.arange(shape[1]) + 0.5
+    errors, depths = [], []
+    for number in range(len(flakes.points)):
+        one = flakes.part(np.arange(len(flakes.points)) == number)
+        z = float(one.points[0, 2])
+        places = []
+        for eye in eyes:
+            plane = eye.drawn(one).astype(np.float64)
+            rim = plane[:, [0, 1, -2, -1]].sum() + plane[[0, 1, -2, -1]].sum()
+            if plane.sum() > 0.05 and rim == 0.0:
+                places.append(float((plane.sum(axis=0) * columns).sum() / plane.sum()))
+        if len(places) == 2:
+            errors.append(places[0] - places[1] - views[0].camera.focal * apart / z)
+            depths.append(z)
+    assert len(errors) >= 20 and np.ptp(depths) > 0.5
+    # Centers of discs on whole pixels, whose parts of pixels are sampled.
+    assert np.abs(errors).max() < 0.15 and abs(np.mean(errors)) < 0.02
+    # What pair() gives is these flakes and the texture, each with its own disparity.
+    picture = np.zeros(shape, np.uint8)
+    _, _, *layers = weather.pair(picture, picture, index=0, distance=apart, return_layer=True)
+    for eye, layer in zip(eyes, layers, strict=True):
+        left = 1.0
+        for plane in eye.planes():
+            left = left * (1.0 - plane.astype(np.float64))
+        assert np.abs(1.0 - left - layer[..., 3]).max() < 1e-5
+
+
 def test_the_texture_of_two_eyes_has_its_disparity():
     """By correlation: what one eye sees, moved by a layer's disparity, is what the other sees."""
     snow = Snowfall(severity=5, seed=3, veil=0.0)
@@ -551,6 +588,25 @@ def test_holes_in_a_depth_are_filled_from_their_row(kind: str):
     assert np.array_equal(seen.depth[holes], label[holes], equal_nan=True)
     assert np.array_equal(seen.depth[~holes], plain.depth[~holes])
     assert np.array_equal(seen.soft_depth[holes], depth[holes].astype(np.float32), equal_nan=True)
+
+
+@pytest.mark.parametrize("ground", [Ground(), Ground(horizon=0.3, height=3.0, far=80.0)])
+def test_a_ground_is_found_in_a_depth(ground: Ground):
+    rng = np.random.default_rng(3)
+    rows = np.repeat(ground.rows((240, 320), 1.2 * 320), 320, axis=1).astype(np.float64)
+    depth = rows * np.exp(0.03 * rng.standard_normal((240, 320)))
+    depth[60:200, 40:90] = 6.0  # what stands there
+    depth[rng.random((240, 320)) < 0.2] = 0.0
+    depth[:20] = np.inf
+    found = Ground.from_depth(depth, focal=1.2)
+    assert found.horizon == pytest.approx(ground.horizon, abs=0.03)
+    assert found.height == pytest.approx(ground.height, rel=0.05)
+    below = slice(150, 240)
+    got = found.rows((240, 320), 1.2 * 320)[below]
+    assert np.allclose(got, ground.rows((240, 320), 1.2 * 320)[below], rtol=0.05)
+    for none in (rng.uniform(2.0, 9.0, (64, 64)), np.full((64, 64), 5.0), np.zeros((64, 64))):
+        with pytest.raises(ValueError, match="depth must"):
+            Ground.from_depth(none)
 
 
 def test_a_ground_comes_from_files():

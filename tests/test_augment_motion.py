@@ -46,8 +46,9 @@ def correlations(weather: Any, fps: float, size: int = 512) -> tuple[float, floa
 
 
 @pytest.mark.parametrize("severity", [1, 3, 5])
-def test_the_layer_of_a_clip_predicts_the_next(severity: int):
-    weather = fl.augment.Fog(severity=severity, seed=5, ground=fl.augment.Ground())
+@pytest.mark.parametrize("ground", [None, fl.augment.Ground()])
+def test_the_layer_of_a_clip_predicts_the_next(severity: int, ground: Any):
+    weather = fl.augment.Fog(severity=severity, seed=5, ground=ground)
     assert correlations(weather, 30.0)[0] >= 0.9
 
 
@@ -74,10 +75,10 @@ def test_slices_carried_by_their_own_motions_are_the_next_frame(
 
 
 @pytest.mark.parametrize("kind, fps, least", [
-    # All that falls, without the veil that stands still. Snow is waves of many depths at one place,
-    # and one vector cannot carry them all.
-    ("Snowfall", 30.0, 0.75), ("Snowfall", 60.0, 0.8),
-    ("Rainfall", 30.0, 0.7), ("Rainfall", 60.0, 0.8),
+    # All that falls, without the veil that stands still. Flakes of many depths overlap at a place,
+    # streaks more than flakes, and one vector cannot carry them all: the slices above can.
+    ("Snowfall", 30.0, 0.8), ("Snowfall", 60.0, 0.88),
+    ("Rainfall", 30.0, 0.73), ("Rainfall", 60.0, 0.82),
 ])  # fmt: skip
 def test_what_falls_is_carried_by_its_vectors(kind: str, fps: float, least: float):
     weather = getattr(fl.augment, kind)(severity=3, seed=5)

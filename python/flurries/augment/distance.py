@@ -8,6 +8,7 @@ from functools import cached_property, lru_cache
 from typing import Any, TypeAlias
 
 import numpy as np
+import numpy.typing as npt
 
 from flurries._contract import Array, Float64, depths, real, rectangular
 from flurries.io.color import to_unit
@@ -60,11 +61,75 @@ class Ground:
 
     def rows(self, shape: tuple[int, int], focal: float) -> Array:
         """Return the depth of each row, (H, 1) float32 metres; `focal` in pixels."""
-        below = np.arange(shape[0]) + 0.5 - self.horizon * shape[0]
-        bend = _BEND * shape[0]
-        rounded = bend * np.logaddexp(0.0, below / bend)
-        inverse = rounded / (focal * self.height) + 1.0 / self.far
+        below = _below(np.arange(shape[0]), self.horizon, shape[0])
+        inverse = below / (focal * self.height) + 1.0 / self.far
         return np.asarray(1.0 / inverse[:, None], np.float32)
+
+    @classmethod
+    def from_depth(cls, depth: npt.ArrayLike, *, focal: float = 1.2) -> Ground:
+        """Return the plane that a depth shows: for pictures of the same camera without one.
+
+        Parameters
+        ----------
+        depth : (H, W)
+            Metres; infinity where nothing stands, 0 or NaN where it is not known.
+        focal : float
+            Focal length, in lengths of the picture's longer side.
+
+        Returns
+        -------
+        Ground
+            Its `far` is the median of what is known in the upper quarter, or that of a sky.
+
+        Raises
+        ------
+        ValueError, TypeError
+            For an argument that is not as described, or if the lower rows are no plane: less than
+            nine tenths of how their nearness varies is explained by one.
+
+        Notes
+        -----
+        Medians of the rows of the lower half are compared with those of planes with all horizons in
+        steps of 0.005 of the height, by least squares of their nearness, 1 / depth; rows farthest
+        from the best are left out once.
+        """
+        given = rectangular("depth", depth)
+        if given.ndim != 2 or given.dtype.kind != "f" or min(given.shape) < 8:
+            raise ValueError(
+                f"depth must be (H, W) float of 8 px at least, got {given.dtype} {given.shape}"
+            )
+        lens = real("focal", focal, low=0.05, high=1e3) * max(given.shape)
+        plane = given.astype(np.float64)
+        plane[np.isnan(plane) | (plane == 0.0)] = np.nan
+        if (plane < 0.0).any():
+            raise ValueError(f"depth must not be negative, got {np.nanmin(plane):g}")
+        height = len(plane)
+        upper = plane[: height // 4]
+        upper = upper[np.isfinite(upper)]
+        far = float(np.median(upper)) if upper.size else SKY
+        rows = np.flatnonzero(np.isfinite(plane).mean(axis=1) > 0.5)
+        rows = rows[rows >= height // 2]
+        if len(rows) < 4:
+            raise ValueError("depth must be known in the lower rows of the picture")
+        near = np.array([np.nanmedian(1.0 / plane[row]) for row in rows]) - 1.0 / far
+        horizons = np.arange(0.0, 0.95, 0.005)
+        for share in (0.75, 1.0):
+            below = np.stack([_below(rows, horizon, height) for horizon in horizons])
+            slopes = (below @ near) / (below**2).sum(axis=1)
+            errors = (near - slopes[:, None] * below) ** 2
+            best = int(errors.sum(axis=1).argmin())
+            kept = errors[best] <= np.quantile(errors[best], share)
+            rows, near = rows[kept], near[kept]
+        spread = float(((near - near.mean()) ** 2).sum())
+        if not slopes[best] > 0.0 or float(errors[best].sum()) > 0.1 * spread:
+            raise ValueError("depth must show a plane in its lower rows: none was found")
+        return cls(horizon=float(horizons[best]), height=1.0 / (slopes[best] * lens), far=far)
+
+
+def _below(rows: Array, horizon: float, height: int) -> Float64:
+    """Return how many pixels below the horizon rows are, with the bend rounded."""
+    bend = _BEND * height
+    return np.asarray(bend * np.logaddexp(0.0, (rows + 0.5 - horizon * height) / bend))
 
 
 def ground_of(value: Any) -> Ground | None:
