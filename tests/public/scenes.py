@@ -146,7 +146,8 @@ CALLS: dict[str, Call] = {
     # data sets, studies, clusters, the command
     "augment.Snowfall()": Call(
         {**PLATE, "depth": DEPTH, "return_layer": True},
-        of=augment.Snowfall(severity=1, seed=1).__call__, pictures=("image",), floats=("depth",)),
+        of=augment.Snowfall(severity=1, seed=1).__call__, pictures=("image",), floats=("depth",),
+        takes={"depth": ("NaN",)}),
     "augment.Rainfall()": Call(
         PLATE, of=augment.Rainfall(severity=2, seed=1).__call__, pictures=("image",)),
     "augment.Fog()": Call(
@@ -154,7 +155,8 @@ CALLS: dict[str, Call] = {
     "augment.Fog.apply": Call(
         {**PLATE, "depth": DEPTH, "boxes": np.array([[1.0, 2.0, 20.0, 21.0]]),
          "flow": np.zeros((*SHAPE, 2)), "motion": True}, of=FOG.apply, pictures=("image",),
-        floats=("depth", "flow"), takes={"boxes": ("empty",), "flow": ("NaN",)}, within=1e-3),
+        floats=("depth", "flow"), within=1e-3,
+        takes={"boxes": ("empty",), "depth": ("NaN",), "flow": ("NaN",)}),
     "augment.Fog.clip": Call(
         {"frames": STACK, "index": 3}, of=FOG.clip, pictures=("frames",)),
     "augment.Fog.batch": Call(
