@@ -197,8 +197,7 @@ def weathers(kind: str, severity: int) -> dict[str, tuple[Weather, int]]:
             snow_point_range=(level / 2, level / 2), method="texture", p=1
         ),
         "rain": lambda: A.RandomRain(
-            rain_type=(None, "drizzle", "default", "heavy", "torrential")[severity - 1]
-            if severity > 1 else "drizzle", p=1,
+            rain_type=("drizzle", "drizzle", "default", "heavy", "torrential")[severity - 1], p=1
         ),
     }  # fmt: skip
 

@@ -162,6 +162,10 @@ def page(times: Times, failures: list[str], lines: list[str], runs: int) -> str:
         " start. Read them as ratios: they are of one run on one machine.\n",
         "Ours at two severities; the verdict takes the slower one. A transform that only brightens"
         " the picture draws no snow and is listed, but does not count.\n",
+        "Rain of albumentations is a few hundred straight lines of one grey and slant over a"
+        " blurred picture, and costs little more than the blur. Ours is a texture of streaks of all"
+        " depths with near streaks over it, moves from frame to frame, lies behind what is near and"
+        " knows its labels; it costs about twice as much.\n",
         "## Verdict\n",
         *(f"- {line}" for line in lines),
     ]
