@@ -17,15 +17,12 @@ from flurries.camera.path import CameraPath
 from flurries.effects.flakes import lens_of, project
 from flurries.effects.gusts import flakes_in_profile, flakes_in_waves
 from flurries.effects.motion import Motion, Way
-from flurries.effects.weather import FAR_FADE, HEIGHTS, Film, Share, Weather
+from flurries.effects.weather import FAR_FADE, HEIGHTS, NEAR_FADE, Film, Share, Weather
 from flurries.frame.needs import Cost, LeftOut, Needs, Step, has_keys, omission
 from flurries.frame.view import Frame
 from flurries.light.phase import Optics
 from flurries.motion.keys import value_at
 from flurries.particles.crowd import Box, Closeup, Crowd
-
-# Depth in units of the near one over which flakes fade in before the lens.
-NEAR_FADE = 1.25
 
 # What a class adds to the seed: boxes of one population must not be copies of each other.
 _CLASS = 0x632BE59BD9B4E019

@@ -50,6 +50,9 @@ OVERLAP = 14
 # A layer changes its patterns after so many lengths of a torus.
 WRAPS = 12
 
+# Depth in units of the near one over which flakes fade in before the lens.
+NEAR_FADE = 1.25
+
 # By so much of the far end, on either side, the last flakes fade, so that none pops.
 FAR_FADE = 0.07
 
@@ -221,8 +224,10 @@ def _film(
     for tile in TILES:
         if max(fastest) * 2.0 * focal / tile <= _sparse(classes, focal, tile) or tile >= min(shape):
             break
+    # Nothing is nearer than the near depth: there the texture must not begin before it.
+    least = min(NEAR_FADE * weather.near, weather.far)
     reaches = [
-        reach_of(one, focal, tile, fastest=speed, far=weather.far)
+        max(reach_of(one, focal, tile, fastest=speed, far=weather.far), least)
         for (one, _), speed in zip(classes, fastest, strict=True)
     ]
     shares = []

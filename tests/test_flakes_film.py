@@ -1,0 +1,72 @@
+"""Films of `fl.Snow` as a whole: what a pixel remembers, means of films, pictures of two sizes."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import flurries as fl
+
+
+def alpha(scene: fl.Scene, t: float) -> np.ndarray:
+    return scene.render(t, layers=True).alpha.astype(np.float64)
+
+
+def memory(film: list[np.ndarray], most: int) -> np.ndarray:
+    """Return the correlation of pixels with themselves after 0 to `most` frames."""
+    frames = np.stack(film).reshape(len(film), -1).astype(np.float32)
+    frames -= frames.mean(axis=1, keepdims=True)
+    frames /= frames.std(axis=1, keepdims=True)
+    both = (frames @ frames.T) / frames.shape[1]
+    return np.array([np.diagonal(both, lag)[:20].mean() for lag in range(most + 1)])
+
+
+def test_pixels_forget_snow_straight_down_as_drawn_flakes_do():
+    # No wind and no sway. After 24 frames drawn flakes are gone from where they were: 1.5 m/s at
+    # 22 m is .8 px a frame. The texture must not show the same ones again, in any layer.
+    def scene(method: str) -> fl.Scene:
+        snow = fl.Snow(density=30.0, wind=(0.0, 0.0, 0.0), sway=(0.0, 1.0), near=6.0, far=22.0,
+                       fall=1.5, method=method)  # fmt: skip
+        return fl.Scene((384, 288), camera=fl.Camera(360.0), effects=[snow], seed=4)
+
+    drawn = memory([alpha(scene("simulated"), t) for t in range(0, 28, 4)], 6)
+    ours = memory([alpha(scene("hybrid"), t) for t in range(0, 68, 4)], 6)
+    assert abs(drawn[6]) < 0.02
+    assert np.abs(ours[1:] - drawn[1:]).max() < 0.02, (ours, drawn)
+    shown = scene("hybrid")
+    texture = shown.effects[0].parts.texture
+    film = [texture.alpha(shown.program.views(t)[0][1], 1.0, None) for t in range(220)]
+    assert np.abs(memory(film, 200)[26:]).max() < 0.02
+
+
+@pytest.mark.parametrize("method", ["hybrid", "simulated"])
+def test_nothing_is_nearer_than_the_near_depth(method: str):
+    # Also where flakes at that depth are the texture's: by the extinction of those beyond.
+    kept = []
+    for near in (0.5, 5.0, 12.0):
+        snow = fl.Snow(density=60.0, near=near, far=25.0, method=method)
+        scene = fl.Scene((160, 120), camera=fl.Camera(190.0), effects=[snow], seed=2)
+        kept.append(-np.log1p(-alpha(scene, 8.0).mean()))
+        # Flakes fade in over a quarter of the near depth.
+        clear = 25.0 - 1.125 * near
+        kept[-1] /= snow.parts.texture.weather.population.extinction * clear
+    assert kept == pytest.approx([1.0, 1.0, 1.0], rel=0.05)
+
+
+def test_a_small_picture_is_a_large_one_made_smaller():
+    # Blurred by what sprites have at least, sigma .3 px of the small one, then 8 x 8 px averaged.
+    means, deviations = [], []
+    square = np.fft.fftfreq(2048)[:, None] ** 2 + np.fft.rfftfreq(2048) ** 2
+    blur = np.exp(-2.0 * (np.pi * 8 * 0.3) ** 2 * square)
+    for seed in range(2):
+        snow = fl.Snow(density=60.0, near=5.0, far=25.0, flake_size=(0.002, 0.005, 0.015))
+        small, large = (
+            alpha(fl.Scene((w, w), camera=fl.Camera(1.2 * w), effects=[snow], seed=seed), 8.0)
+            for w in (256, 2048)
+        )
+        wide = np.fft.irfft2(np.fft.rfft2(large) * blur)
+        made = wide.reshape(256, 8, 256, 8).mean(axis=(1, 3))
+        means.append(small.mean() / made.mean())
+        deviations.append(small[4:-4, 4:-4].std() / made[4:-4, 4:-4].std())
+    assert np.mean(means) == pytest.approx(1.0, abs=0.01), means
+    assert np.mean(deviations) == pytest.approx(1.0, abs=0.05), deviations
