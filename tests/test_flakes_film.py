@@ -39,6 +39,30 @@ def test_pixels_forget_snow_straight_down_as_drawn_flakes_do():
     assert np.abs(memory(film, 200)[26:]).max() < 0.02
 
 
+def test_no_tile_is_brighter_than_others_for_ever():
+    # Means of 150 frames over each tile, and of 150 others: by chance alone they have nothing in
+    # common. Tiles of 63 px begin every 59.
+    snow = fl.Snow(density=40.0, wind=(0.4, 0.0, 0.0), fall=1.2, far=30.0)
+    scene = fl.Scene((640, 480), camera=fl.Camera(640.0), effects=[snow], seed=6)
+    texture = snow.parts.texture
+    film = texture.weather.film(scene.program.views(0)[0][1])
+    step = film.tile - film.overlap
+    rows, cols = 480 // step, 640 // step
+
+    def means(times: range) -> np.ndarray:
+        views = [scene.program.views(t)[0][1] for t in times]
+        mean = np.mean([texture.alpha(view, 1.0, None) for view in views], axis=0)
+        tiles = mean[: rows * step, : cols * step].reshape(rows, step, cols, step)
+        return tiles.mean(axis=(1, 3), dtype=np.float64).ravel()
+
+    first, second = means(range(0, 300, 2)), means(range(2000, 2300, 2))
+    assert len(first) == 80
+    # Three and a half deviations of the correlation of 80 pairs.
+    assert abs(np.corrcoef(first, second)[0, 1]) < 0.4
+    # And every tile has the mean of all within what drifting flakes leave.
+    assert np.abs(first / first.mean() - 1.0).max() < 0.05
+
+
 @pytest.mark.parametrize("method", ["hybrid", "simulated"])
 def test_nothing_is_nearer_than_the_near_depth(method: str):
     # Also where flakes at that depth are the texture's: by the extinction of those beyond.
