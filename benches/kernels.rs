@@ -50,6 +50,7 @@ fn texture<T: Real>(bencher: Bencher<'_, '_>, side: usize) {
         shift_rate: still.view(),
         filter: TemporalFilter { alias: Alias::Keep, soft_from: 0.4, shutter: 0.0 },
         shortest: None,
+        lap: None,
     };
     let map = Opacity { mean: 0.5, spread: 3.0, power: 2.0, amount: 1.0 };
     let mapped = Some(Mapped { map, preserve_mean: false });

@@ -19,7 +19,7 @@ fn microseconds<T: Real>(waves: &Waves, choice: Choice) -> f64 {
     let mut scratch = plan.scratch().expect("buffers");
     let motion = [Motion { drift: [1.3, 2.7], shift: [0.0; 2] }];
     let filter = TemporalFilter { alias: Alias::Keep, soft_from: 0.4, shutter: 0.0 };
-    let asked = TileMotion { place: &motion, rate: &motion, filter, shortest: 0.0 };
+    let asked = TileMotion { place: &motion, rate: &motion, filter, shortest: 0.0, lap: None };
     let mut least = f64::INFINITY;
     for row in 0..60 {
         let start = Instant::now();
