@@ -1,10 +1,12 @@
 //! Which flake a pixel shows: the one whose own opacity there is the greatest.
 
+use std::ops::Range;
+
 use ndarray::{ArrayView2, ArrayViewMut2, Axis};
 
 use super::profile::{self, bare};
 use super::splat::{Flakes, Source, check_lens};
-use super::sprite::{Lens, Sprite};
+use super::sprite::{Lens, REACH, Sprite};
 use crate::base::cover::pixels;
 use crate::base::error::{Cancel, Error};
 use crate::base::pool;
@@ -13,7 +15,7 @@ use crate::base::real::Real;
 /// Rows of one item of work.
 const BAND: usize = 16;
 
-/// A blurred flake is nowhere more opaque than at rest, but for rounding.
+/// What is the greatest value but for rounding.
 const SURELY: f64 = 1.01;
 
 /// Where no flake is.
@@ -39,39 +41,53 @@ pub fn ids<M: Real>(
     if i32::try_from(count).is_err() {
         return Err(Error::invalid("points", "must be fewer than 2^31"));
     }
-    let mut sprites: Vec<(Sprite, i32)> = Vec::new();
-    sprites
+    let mut shown: Vec<Shown> = Vec::new();
+    shown
         .try_reserve_exact(count)
-        .map_err(|_| Error::Memory { bytes: count * size_of::<(Sprite, i32)>() })?;
+        .map_err(|_| Error::Memory { bytes: count * size_of::<Shown>() })?;
     for index in 0..count {
         if index % 65_536 == 0 {
             cancel.check()?;
         }
         let flake = flakes.get(index);
         if let Some(sprite) = flake.and_then(|flake| Sprite::of(&flake, lens)) {
-            sprites.push((sprite, index as i32));
+            let half = 0.5 * sprite.length;
+            let middle = [0, 1].map(|axis| sprite.start[axis] + half * sprite.along[axis]);
+            let most = SURELY * alpha_at(&sprite, middle, 0.0);
+            shown.push(Shown { sprite, most, index: index as i32 });
         }
     }
     // The strongest first: most others need not be looked at where one of these is.
-    sprites.sort_by(|(one, _), (other, _)| other.amplitude.total_cmp(&one.amplitude));
-    let bands = out.axis_chunks_iter_mut(Axis(0), BAND).enumerate();
-    pool::for_each(bands, |(number, mut band)| {
+    shown.sort_by(|one, other| other.most.total_cmp(&one.most));
+    let (height, width) = out.dim();
+    let mut of_bands: Vec<Vec<u32>> = vec![Vec::new(); height.div_ceil(BAND)];
+    for (place, one) in shown.iter().enumerate() {
+        let (low, high) = one.sprite.bounds();
+        if let Some(rows) = pixels(low[1], high[1], height) {
+            for band in &mut of_bands[rows.start / BAND..rows.end.div_ceil(BAND)] {
+                band.push(place as u32);
+            }
+        }
+    }
+    let bands = out.axis_chunks_iter_mut(Axis(0), BAND).zip(of_bands).enumerate();
+    pool::for_each(bands, |(number, (mut band, places))| {
         cancel.check()?;
         band.fill(NONE);
         let top = number * BAND;
         let mut best = vec![0.0_f64; band.len()];
-        let width = band.ncols();
-        for (sprite, index) in &sprites {
+        for place in places {
+            let Shown { sprite, most, index } = &shown[place as usize];
             let (low, high) = sprite.bounds();
             let shift = top as f64;
             let Some(rows) = pixels(low[1] - shift, high[1] - shift, band.nrows()) else {
                 continue;
             };
-            let Some(columns) = pixels(low[0], high[0], width) else { continue };
             for row in rows {
-                for column in columns.clone() {
+                let y = (top + row) as f64 + 0.5;
+                let Some(columns) = columns(sprite, [low[0], high[0]], y, width) else { continue };
+                for column in columns {
                     let best = &mut best[row * width + column];
-                    if SURELY * sprite.amplitude < *best {
+                    if *most < *best {
                         continue;
                     }
                     let hidden = depth.as_ref().is_some_and(|map| {
@@ -81,8 +97,7 @@ pub fn ids<M: Real>(
                     if hidden {
                         continue;
                     }
-                    let place = [column as f64 + 0.5, (top + row) as f64 + 0.5];
-                    let alpha = alpha_at(sprite, place, *best);
+                    let alpha = alpha_at(sprite, [column as f64 + 0.5, y], *best);
                     let shown = &mut band[[row, column]];
                     if alpha > *best || (alpha == *best && alpha > 0.0 && *index < *shown) {
                         *best = alpha;
@@ -93,6 +108,26 @@ pub fn ids<M: Real>(
         }
         Ok(())
     })
+}
+
+/// A flake in the picture.
+struct Shown {
+    sprite: Sprite,
+    /// Its image is nowhere more opaque: it is most so in its middle.
+    most: f64,
+    index: i32,
+}
+
+/// The pixels of a row at `y` that a sprite with given ends along x can cover.
+fn columns(sprite: &Sprite, [low, high]: [f64; 2], y: f64, width: usize) -> Option<Range<usize>> {
+    let [ux, uy] = sprite.along;
+    if sprite.length == 0.0 || sprite.square() || uy.abs() < 1e-3 {
+        return pixels(low, high, width);
+    }
+    // A slanted streak fills a small part of its box: no more than 4 sigma beside its line.
+    let on_line = sprite.start[0] + (y - sprite.start[1]) * ux / uy;
+    let beside = SURELY * REACH * sprite.sigma / uy.abs();
+    pixels(low.max(on_line - beside), high.min(on_line + beside), width)
 }
 
 /// The opacity of one flake at a point of the picture: the definition, without a table or a tile. Where

@@ -337,8 +337,7 @@ class DrawnFlakes:
 
         Its number is the same in every frame.
         """
-        whole = replace(frame, window=(0, frame.shape[0], 0, frame.shape[1]))
-        points, radius, opacity, travel, numbers = self.listed(whole, amount)
+        points, radius, opacity, travel, numbers = self._whole(frame, amount)
         shown = np.empty(frame.shape, np.int32)
         given = (np.ascontiguousarray(part) for part in (points, radius, opacity, travel))
         place, size, cover, way_now = given
@@ -346,12 +345,16 @@ class DrawnFlakes:
         _core.particle_ids(shown, place, size, cover, way_now, 1.0, lens, frame.depth)
         return np.append(numbers, -1).astype(np.int32)[shown]
 
+    def _whole(self, frame: Frame, amount: float) -> Listed:
+        """Return the flakes of the whole frame, listed once for ids and both motions."""
+        whole = replace(frame, window=(0, frame.shape[0], 0, frame.shape[1]))
+        return whole.once_each(self, "listed", lambda: self.listed(whole, amount))
+
     def passes(
-        self, frame: Frame, later: Frame, ways: tuple[Way, Way], numbers: npt.NDArray[Any]
+        self, frame: Frame, later: Frame, amount: float, ways: tuple[Way, Way], numbers: Array
     ) -> tuple[Array, Array]:
         """Return motion (n, 2) and depth (n,) of flakes by their numbers."""
-        whole = replace(frame, window=(0, frame.shape[0], 0, frame.shape[1]))
-        points, _, _, travel, known = self.listed(whole, 1.0)
+        points, _, _, travel, known = self._whole(frame, amount)
         stretch = np.array([1.0, frame.camera.aspect, 1.0])
         at = np.minimum(np.searchsorted(known, numbers), max(len(known) - 1, 0))
         points, travel = points[at] / stretch, travel[at] / stretch

@@ -249,8 +249,12 @@ class Field:
         height, width = frame.shape
         down, _ = power_shares(height, tile=tall, overlap=overlap, blend=self.blend)
         across, _ = power_shares(width, tile=wide, overlap=overlap, blend=self.blend)
+        rows, columns = (
+            np.ascontiguousarray(part, np.float32)
+            for part in (down[top:bottom], across[left:right].T)
+        )
         x, y, z = (
-            (down[top:bottom] @ plane @ across[left:right].T).astype(np.float32)
+            (rows @ plane.astype(np.float32)) @ columns
             for plane in (motion[..., 0], motion[..., 1], depth)
         )
         return np.stack([x, y], axis=-1), z

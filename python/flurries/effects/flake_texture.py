@@ -272,20 +272,31 @@ class FlakeTexture:
         cx, cy = frame.camera.principal(frame.shape)
         x = np.arange(left, right, dtype=np.float64) + (0.5 - cx)
         y = np.arange(top, bottom, dtype=np.float64) + (0.5 - cy)
-        motion = np.zeros((len(y), len(x), 2))
+        # Unless the camera turns, x of the motion is of the column alone, and y of the row.
+        zero = np.zeros(1)
+        grids = [(x, y)] if frame.path.turns else [(x, zero), (zero, y)]
+        motions = [np.zeros((len(down), len(across), 2)) for across, down in grids]
         for share in film.shares:
             own = np.array([one.share is share for one in layers])
-            if own.any():
-                _, rate, _ = flow_of(frame, share, x, y)
-                part = coverage[own] / coverage.sum()
+            if not own.any():
+                continue
+            part = coverage[own] / coverage.sum()
+            felt = np.zeros(2)
+            if self.weather.motion.varied is not None:
+                _, rates = flakes_in_profile(share.motion, frame, depths[own])
+                felt = (part / depths[own]) @ rates[:, :2] * np.array(frame.camera.focals)
+            for motion, grid in zip(motions, grids, strict=True):
+                _, rate, _ = flow_of(frame, share, *grid)
                 motion += rate.along * float((part / depths[own]).sum()) + rate.shift * part.sum()
-                if self.weather.motion.varied is not None:
-                    _, felt = flakes_in_profile(share.motion, frame, depths[own])
-                    motion += (part / depths[own]) @ felt[:, :2] * np.array(frame.camera.focals)
+                motion += felt
+        step = later.t - frame.t
+        moves = np.empty((len(y), len(x), 2), np.float32)
+        for axis in range(2):
+            moves[..., axis] = step * motions[axis if len(motions) > 1 else 0][..., axis]
         depth = np.full((len(y), len(x)), float(coverage @ depths / coverage.sum()), np.float32)
         if frame.depth is not None:
             depth = np.minimum(depth, frame.crop(frame.depth))
-        return (motion * (later.t - frame.t)).astype(np.float32), depth
+        return moves, depth
 
     def _patterns(self, frame: Frame, film: Film, amount: float) -> Patterns:
         scale = 1.0

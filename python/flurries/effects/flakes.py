@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -195,7 +195,7 @@ class Flakes:
         return np.append(rows.numbers, -1).astype(np.int32)[shown]
 
     def passes(
-        self, frame: Frame, later: Frame, ways: tuple[Way, Way], numbers: npt.NDArray[Any]
+        self, frame: Frame, later: Frame, amount: float, ways: tuple[Way, Way], numbers: Array
     ) -> tuple[Array, Array]:
         """Return motion (n, 2) and depth (n,) of flakes by their numbers in the box."""
         points, velocity, _ = self._places(frame, ways[0]).of(numbers)

@@ -17,6 +17,9 @@ STEPS = (1.0, -1.0)
 # Metres before the eye that no depth is below.
 NEAREST = 1e-3
 
+# Rows of a picture that are worked on together.
+_ROWS = 32
+
 
 class Passes(NamedTuple):
     """What a layer says of its pixels besides their color; see `Layer`."""
@@ -64,7 +67,7 @@ def passes_of(
             shown = np.nonzero((ids >= 0) & (front > through))
             numbers, which = _distinct(ids[shown])
             for motion, other, both in zip(motions, others, ways, strict=True):
-                steps, far = flakes.passes(frame, other, both, numbers)
+                steps, far = flakes.passes(frame, other, amount, both, numbers)
                 motion[shown], depth[shown] = steps[which], far[which]
         if frame.depth is not None:
             # What shows lies before the scene, wherever its layer's mean is.
@@ -83,42 +86,52 @@ def screen(points: Float64, frame: Frame) -> tuple[Float64, Float64]:
     return place + np.array(camera.principal(frame.shape)), depth
 
 
-def screen_motion(points: Float64, frame: Frame, other: Frame, moved: Float64) -> Float64:
-    """Return how the images of points move from a frame to another one, (n, 2) pixels.
-
-    Parameters
-    ----------
-    points : (n, 3)
-        In the eye's axes, metres, from the camera's place.
-    moved : (3,)
-        Camera minus what the points belong to from one frame to the other, house axes.
-    """
-    there = other.to_camera(points @ frame.camera.matrix().T - moved)
-    now, depth = screen(points, frame)
-    then, later = screen(there, other)
-    change = then - now
-    # What passes the eye meanwhile: as fast as now.
-    gone = later < 0.5 * depth
-    step, z = (there - points)[gone], depth[gone, None]
-    place = (points - np.array(frame.camera.offset))[gone, :2]
-    change[gone] = np.array(frame.camera.focals) * (step[:, :2] - step[:, 2:] * place / z) / z
-    return change
-
-
 def plane_motion(depth: Array, frame: Frame, other: Frame, moved: Float64) -> Array:
     """Return how what a window shows at depths moves to another frame, (h, w, 2) float32 pixels.
+
+    Of a pixel's ray r, (a, b, 1), and its depth d the point there is d M r + c in the other
+    frame's eye. Its image there minus that here, focal (X / Z - a), is made of X - a Z, in which
+    M r - r and c are small: nothing cancels.
 
     Parameters
     ----------
     depth : (h, w)
         Planar, metres; where it is infinite nothing moves.
     moved : (3,)
-        As `screen_motion`.
+        Camera minus what the points belong to from one frame to the other, house axes.
     """
+    top, bottom, left, right = frame.window
+    here, there = frame.camera, other.camera
+    turned = other.to_camera(here.matrix().T) - np.eye(3)
+    offset = np.array(here.offset)
+    aside = other.to_camera(here.matrix() @ offset - moved) - np.array(there.offset)
+    middle, focals = here.principal(frame.shape), here.focals
+    a = (np.arange(left, right) + 0.5 - middle[0]) / focals[0]
+    b = (np.arange(top, bottom)[:, None] + 0.5 - middle[1]) / focals[1]
     motion = np.zeros((*depth.shape, 2), np.float32)
-    seen = np.isfinite(depth)
-    points = (rays(frame)[seen] * depth[seen][:, None]) + np.array(frame.camera.offset)
-    motion[seen] = screen_motion(points.astype(np.float64), frame, other, moved)
+    # Blocks of rows stay in a cache.
+    for first in range(0, len(depth), _ROWS):
+        rows = slice(first, first + _ROWS)
+        far = np.maximum(depth[rows].astype(np.float64), NEAREST)
+        seen = np.isfinite(far)
+        far[~seen] = 1.0
+        down = b[rows]
+        x, y, z = (
+            (turned[0, i] * a + (turned[1, i] * down + turned[2, i])) * far + aside[i]
+            if frame.path.turns
+            else aside[i]
+            for i in range(3)
+        )
+        later = far + z
+        # What passes the eye meanwhile: as fast as now.
+        scale = np.where(later < 0.5 * far, 1.0 / far, 1.0 / np.maximum(later, NEAREST)) * seen
+        for axis, (side, at) in enumerate(((x, a), (y, down))):
+            change = there.focals[axis] * (side - z * at) * scale
+            grown = there.focals[axis] - focals[axis]
+            shifted = there.principal(frame.shape)[axis] - middle[axis]
+            if grown or shifted:
+                change += (grown * at + shifted) * seen
+            motion[rows, :, axis] = change
     return motion
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
@@ -110,13 +111,11 @@ def truth(
 ) -> list[Rendered]:
     """Return what each eye sees of a window, whole and exact, with the layers apart."""
     cameras = tuple(program.camera(eye, t) for eye in eyes)
-    shared = Shared(cameras, window) if len(eyes) > 1 else None
+    shared = Shared(cameras, window)
     return [_truth(program, t, camera, window, shared) for camera in cameras]
 
 
-def _truth(
-    program: Program, t: float, camera: Camera, window: Window, shared: Shared | None
-) -> Rendered:
+def _truth(program: Program, t: float, camera: Camera, window: Window, shared: Shared) -> Rendered:
     with stage("background"):
         plate = crop(program.backdrop.frame(t), window)
     parts = [
@@ -146,6 +145,7 @@ def _truth(
     cover: Array = np.zeros(plate.shape[:2], np.float32)
     for number, part in enumerate(parts):
         cover = part.alpha if number == 0 else 1.0 - (1.0 - cover) * (1.0 - part.alpha)
+    most = _most([part.alpha for part in parts])
     depth = None if program.distance is None else program.depth_at(t)
     return Rendered(
         image=image,
@@ -157,9 +157,9 @@ def _truth(
         backwards={n: part.backward for n, part in names.items() if part.backward is not None},
         coverages={n: part.coverage for n, part in names.items() if part.coverage is not None},
         ids={name: part.ids for name, part in names.items() if part.ids is not None},
-        motion=_most([(part.motion, part.alpha) for part in parts], 0.0),
-        backward=_most([(part.backward, part.alpha) for part in parts], 0.0),
-        weather_depth=_most([(part.depth, part.alpha) for part in parts], np.inf),
+        motion=_chosen([part.motion for part in parts], most, 0.0),
+        backward=_chosen([part.backward for part in parts], most, 0.0),
+        weather_depth=_chosen([part.depth for part in parts], most, np.inf),
         background=mix.plate(plate)
         if front is None or front.deep is None
         else to_single(to_unit(back)),
@@ -168,21 +168,39 @@ def _truth(
     )
 
 
-def _most(planes: Sequence[tuple[Array | None, Array]], unknown: float) -> Array | None:
-    """Return of planes, back to front, at every pixel the one that shows most; None of none.
+def _most(alphas: Sequence[Array]) -> list[Array]:
+    """Return of layers, back to front, where each shows more than those before and behind it."""
+    if len(alphas) == 1:
+        return [alphas[0] > 0.0]
+    most: list[Array] = []
+    strongest: Array | float = 0.0
+    through: Array | float = 1.0
+    for alpha in reversed(alphas):
+        shows = alpha * through
+        more = np.asarray(shows > strongest)
+        # What lies behind and shows more takes the place.
+        most = [*(before & ~more for before in most), more]
+        strongest = np.maximum(strongest, shows)
+        through = through * (1.0 - alpha)
+    return most[::-1]
+
+
+def _chosen(planes: Sequence[Array | None], most: Sequence[Array], unknown: float) -> Array | None:
+    """Return at every pixel the plane of the layer that shows most; None where no layer has one.
 
     Where a layer shows most that has no plane, it is `unknown`: another layer's would be wrong.
     """
-    known = next((plane for plane, _ in planes if plane is not None), None)
+    known = next((plane for plane in planes if plane is not None), None)
     if known is None:
         return None
-    found = np.full_like(known, unknown)
-    strongest: Array | float = 0.0
-    through: Array | float = 1.0
-    for plane, alpha in reversed(planes):
-        shows = alpha * through
-        more = shows > strongest
-        found[more] = unknown if plane is None else plane[more]
-        strongest = np.maximum(strongest, shows)
-        through = through * (1.0 - alpha)
+    found = np.full_like(known, unknown, order="C")
+    for plane, shows in zip(planes, most, strict=True):
+        if plane is not None:
+            # A pixel's numbers as one: a mask over pairs is several times slower.
+            unit = f"V{plane.dtype.itemsize * math.prod(plane.shape[2:])}"
+            into, of = (
+                np.ascontiguousarray(one).reshape(*shows.shape, -1).view(unit)[..., 0]
+                for one in (found, plane)
+            )
+            np.copyto(into, of, where=shows)
     return found
