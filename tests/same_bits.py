@@ -142,7 +142,10 @@ SCENES: dict[str, fl.Scene] = {
         None, PLATE, camera=PATH,
         effects=[fl.TentSnow(flakes=200, wind=fl.Wind((1.0, 0.0, 0.3), gusts=0.6, swirl=0.3))],
     ),
-    "mist": fl.Scene(None, PLATE, sun=fl.Sun(), effects=[fl.Mist(count=300, wind=(0.5, 0.0, 0.0))]),
+    "mist": fl.Scene(
+        None, PLATE, sun=fl.Sun(),
+        effects=[fl.Mist(count=300, color=0.7, wind=(0.5, 0.0, 0.0))],
+    ),
     "cone": fl.Scene(None, PLATE, effects=[fl.ConeSnow(tile=128), fl.ConeRain(tile=128)]),
 }  # fmt: skip
 

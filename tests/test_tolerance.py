@@ -177,7 +177,7 @@ def test_without_a_tolerance_nothing_changes():
 
 
 def test_what_never_moves_is_kept_by_what_is_spent():
-    fog = fl.Mist(count=3000, density=0.8, seed=3)
+    fog = fl.Mist(count=3000, density=0.8, color=0.7, seed=3)
     scene = fl.Scene((W, H), (0.2, 0.3, 0.4), effects=[fog])
     exact, near = scene.render(1), scene.render(1, tolerance=1 / 255)
     assert not np.array_equal(exact, near)

@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from flurries import _core, gas
+from flurries import gas
 from flurries._contract import Array, Float64
 from flurries.effects.bank_texture import long_waves, short_waves
 from flurries.effects.lighting import Base, add_behind, lamp_shade, whole
@@ -206,12 +206,10 @@ class Bank:
             )  # fmt: skip
             scattered = scattered * phase.astype(np.float32)
         white = (1.0 - sun.ambient) * srgb_to_linear(np.asarray(sun.color, np.float64))
-        add_behind(light, taken * np.float32(sun.ambient), base.dim, None)
-        sunny = np.empty_like(light)
-        plane = np.ascontiguousarray(np.broadcast_to(taken * scattered, taken.shape))
-        _core.shade_light(sunny, plane, base.sunny.given(), None)
-        sunny *= white.astype(np.float32)
-        light += sunny
+        dim, sunny = sun.ambient * base.dim, white * base.sunny
+        for channel in range(3):
+            share = np.float32(dim[channel]) + np.float32(sunny[channel]) * scattered
+            light[..., channel] += taken * share
 
     def _above(self) -> float:
         """Return the way of the sun's light through gas of the slice's own density, metres."""

@@ -10,7 +10,7 @@ import numpy as np
 
 from flurries import _core
 from flurries._contract import Array, Float64
-from flurries.effects.lighting import Base, colors_at
+from flurries.effects.lighting import Base
 from flurries.effects.passes import STEPS, plane_motion, screen
 from flurries.effects.sunlight import Scatter
 from flurries.frame.needs import Cost
@@ -220,9 +220,7 @@ class Cloud:
         colored = (lit or bool(frame.lights)) and len(points) > 0
         colors: Any = 0.0
         if colored and lit:
-            place = screen(points, frame)[0]
-            own = (colors_at(shade, place) for shade in base)
-            colors = self.scatter.colors(frame, points, shown, self.radius, *own)
+            colors = self.scatter.colors(frame, points, shown, self.radius, *base)
         if colored and frame.lights:
             eye = np.array(frame.camera.offset)
             colors = colors + radiance(points, frame.lamps(), self.scatter.optics, eye)

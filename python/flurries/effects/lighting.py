@@ -53,47 +53,35 @@ def whole(frame: Frame) -> Frame:
     return replace(frame, window=(0, frame.shape[0], 0, frame.shape[1]))
 
 
-def colors_at(shade: Shade, pixels: Float64) -> Float64:
-    """Return the colors of the cells that pixels (n, 2), x and y, lie in, (n, 3) linear light."""
-    rows, columns, _ = shade.colors.shape
-    cells = np.floor((pixels + np.array(shade.first[::-1])) / shade.cell)
-    x, y = (
-        np.clip(cells[:, axis], 0, most - 1).astype(int) for axis, most in ((0, columns), (1, rows))
-    )
-    return np.asarray(shade.colors[y, x], np.float64)
-
-
 # A clear sun by day lights what lies across its rays some two times as much as the sky does.
 SUN = 2.0
 
 
 class Base(NamedTuple):
-    """How bright a gas is by places of the whole frame.
+    """How bright a gas is, linear light.
 
     Attributes
     ----------
-    dim : Shade
+    dim : (3,)
         In the light from all sides.
-    sunny : Shade
+    sunny : (3,)
         Where a white sun lights it in full.
     """
 
-    dim: Shade
-    sunny: Shade
+    dim: Float64
+    sunny: Float64
 
     @staticmethod
-    def even(frame: Frame, color: tuple[float, float, float]) -> Base:
+    def even(color: tuple[float, float, float]) -> Base:
         """Return those of gas of a color, display values."""
-        shade = even_shade(whole(frame), color)
-        return Base(shade, shade)
+        light = srgb_to_linear(np.asarray(color, np.float64))
+        return Base(light, light)
 
     @staticmethod
-    def local(frame: Frame) -> Base:
-        """Return those of white gas in the light of the plate."""
-        shade = veil_shade(whole(frame))
-        grey = SUN * shade.colors.mean(axis=2, keepdims=True)
-        grey = np.broadcast_to(grey, shade.colors.shape)
-        return Base(shade, replace(shade, colors=np.ascontiguousarray(grey, np.float32)))
+    def airlight(plate: PlateLight) -> Base:
+        """Return those of white gas in the light of a plate: as bright as its sky, one color."""
+        grey = np.full(3, SUN * plate.surround.mean())
+        return Base(plate.surround, grey)
 
 
 def _first(frame: Frame) -> tuple[int, int]:

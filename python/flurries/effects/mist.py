@@ -17,7 +17,7 @@ from flurries.effects.cloud import MOST, Cloud
 from flurries.effects.color import AMBIENT, LOCAL, PlacedColor, as_color, color_at
 from flurries.effects.described import Described
 from flurries.effects.knobs import knobs
-from flurries.effects.lighting import Base, even_shade, veil_shade
+from flurries.effects.lighting import Base, even_shade
 from flurries.effects.looks import LOOKS, mist_density, severity_of
 from flurries.effects.presets import BANKS, MIST, MistLook
 from flurries.effects.sunlight import SCATTER, Law, Scatter
@@ -27,6 +27,7 @@ from flurries.frame.needs import PARTS, Cost, LeftOut, Needs, Saving, Step, has_
 from flurries.frame.view import Frame
 from flurries.gas.splatting import FOOTPRINTS, Footprint
 from flurries.gas.visibility import count_for_visibility
+from flurries.io.color import linear_to_srgb
 from flurries.motion.keys import Keys, Number, Vector, as_number, as_vector, value_at
 from flurries.trace import stage
 
@@ -109,8 +110,8 @@ class Mist(metaclass=Described):
         Opacity of a particle's middle, 0 to 1. Keyed.
     color : float, (r, g, b), "#rrggbb", "ambient" or "local"
         Display values, 0 to 1. Keyed. "ambient" is white in the background's own light. "local" is
-        the light from behind and around it and from outside the picture: never darker than what it
-        hides, and as dark as the night. The paper's presets have colors of their own.
+        one color for the picture, that of its sky: fog is no smoke, and as dark as the night. The
+        paper's presets have colors of their own.
     wind : (x, y, z)
         Air velocity, metres per second, x right, y down, z away from the camera. Keyed.
     box : float or (x, y, z), optional
@@ -382,14 +383,20 @@ class Mist(metaclass=Described):
             return PARTS - {"ambient"} | {"plate"}
         return PARTS if self.color == AMBIENT else PARTS - {"ambient"}
 
+    def _base(self, frame: Frame) -> Base:
+        if self.color == LOCAL and frame.plate is not None:
+            return Base.airlight(frame.plate)
+        return Base.even(color_at(self.color, frame))
+
     def render(self, frame: Frame) -> Layer:
         """Return the layer of a frame."""
         run, lit = frame.run or frame.steps_of(self), self._is_lit(frame)
         local = self.color == LOCAL and frame.plate is not None
-        color = color_at(self.color, frame)
+        base = self._base(frame)
+        red, green, blue = linear_to_srgb(base.dim).tolist()
+        color = (red, green, blue) if local else color_at(self.color, frame)
         density = value_at(self.amount, frame.t) * self.particle_density(frame.t)
         step = "lit gas" if lit or frame.lights else "gas"
-        base = Base.local(frame) if local else Base.even(frame, color)
         if self.structure > 0.0:
             drawn = run(
                 step, lambda: self.bank.draw(frame, self.extinction(frame.t), base, lit=lit)
@@ -402,9 +409,8 @@ class Mist(metaclass=Described):
         alpha, light = drawn
         if lit and light is not None:
             layer = Layer(self.NAME, alpha, rgb=light)
-        elif local or light is not None:
-            shade = veil_shade(frame) if local else even_shade(frame, color)
-            layer = Layer(self.NAME, alpha, color, shade=shade, glow=light)
+        elif light is not None:
+            layer = Layer(self.NAME, alpha, color, shade=even_shade(frame, color), glow=light)
         else:
             layer = Layer(self.NAME, alpha, color)
         if not frame.whole:

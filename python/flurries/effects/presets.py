@@ -140,11 +140,11 @@ MIST: dict[str, dict[str, Any]] = {
 BANKS: dict[str, dict[str, Any]] = {
     "valley": {
         "visibility": 120.0, "structure": 0.8, "box": (400.0, 400.0, 400.0),
-        "top": -6.0, "falloff": 2.5, "wind": (1.0, 0.0, 0.0),
+        "top": -6.0, "falloff": 5.0, "wind": (1.0, 0.0, 0.0),
     },
     "ground": {
         "visibility": 25.0, "structure": 0.8, "box": (80.0, 80.0, 80.0),
-        "top": -1.0, "falloff": 0.25, "wind": (0.4, 0.0, 0.0),
+        "top": -1.0, "falloff": 0.5, "wind": (0.4, 0.0, 0.0),
     },
     "bank": {
         "visibility": 60.0, "structure": 0.7, "wind": (0.6, 0.0, 0.0),

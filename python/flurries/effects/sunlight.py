@@ -53,7 +53,7 @@ class Scatter:
         self, frame: Frame, points: Float64, shown: Float64, radius: float, dim: Float64,
         sunny: Float64,
     ) -> Array:  # fmt: skip
-        """Return the linear color of each particle, (n, 3), of gas with these in either light."""
+        """Return the linear color of each particle, (n, 3), of gas of these colors (3,)."""
         assert frame.sun is not None
         sun = frame.sun
         light = frame.once(self, "light", lambda: self._light(frame, points, shown, radius))
@@ -68,6 +68,8 @@ class Scatter:
             )
         white = srgb_to_linear(np.asarray(sun.color, np.float64))
         lit = (1.0 - sun.ambient) * scattered[:, None] * white
+        if dim is sunny:
+            return np.ascontiguousarray(dim * (sun.ambient + lit))
         return np.ascontiguousarray(dim * sun.ambient + sunny * lit)
 
     def _light(self, frame: Frame, points: Float64, shown: Float64, radius: float) -> Float64:

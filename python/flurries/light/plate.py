@@ -39,14 +39,11 @@ class PlateLight:
         Their side, px.
     surround : (3,)
         Linear light from outside the picture.
-    sky : (rows, columns, 3) float64
-        The cells without what is brighter than all but a fiftieth of them: lamps.
     """
 
     cells: Float64
     cell: int
     surround: Float64
-    sky: Float64
 
     def local(self, focal: float, *, asymmetry: float, albedo: float) -> Float64:
         """Return the radiance of flakes before each cell, (rows, columns, 3) linear light.
@@ -70,7 +67,7 @@ class PlateLight:
         """
         wide = self.blurred(focal, _WIDE_SIGMA)
         even = 0.5 * (wide + self.surround)
-        return np.maximum(np.maximum(even, self.blurred(focal, _NARROW_SIGMA)), self.sky)
+        return np.maximum(even, self.blurred(focal, _NARROW_SIGMA))
 
     def blurred(self, focal: float, sigma: float) -> Float64:
         """Return the cells blurred by a Gaussian of `sigma` radians; borders take from within."""
@@ -121,5 +118,4 @@ def plate_light(picture: Array, encoding: str) -> PlateLight:
     low, high = np.quantile(bright, _BRIGHTER)
     chosen = (bright >= low) & (bright <= high)
     surround = cells.reshape(-1, 3)[chosen].mean(axis=0)
-    sky = cells * np.minimum(high / np.maximum(cells.sum(axis=2, keepdims=True), 1e-12), 1.0)
-    return PlateLight(cells, cell, surround, sky)
+    return PlateLight(cells, cell, surround)
