@@ -1,11 +1,16 @@
 """Check what `make wheel` made: its contents, and that it runs where there is no Rust.
 
     python tests/wheel/check.py dist [--all]
+    python tests/wheel/check.py dist --bare python3.10 python3.12 python3.13
 
 The wheel is installed into a new environment in which no `cargo` can be found, and the suite runs
 against it from a copy of tests/ that cannot see the repository: a good part of it, with --all
 everything that needs no other file of the repository. Then a wheel is built from the source
 archive, which must hold the same files.
+
+With --bare nothing else is done: each Python named gets an environment with the wheel alone, and
+the seconds of installing it and of `flurries render`, and the megabytes that came in, are printed
+and held to a minute and 150 MB.
 """
 
 from __future__ import annotations
@@ -18,6 +23,7 @@ import subprocess
 import sys
 import tarfile
 import tempfile
+import time
 import zipfile
 from pathlib import Path
 
@@ -48,8 +54,14 @@ def main() -> None:
     parser = argparse.ArgumentParser(description="Check a wheel and a source archive.")
     parser.add_argument("folder", type=Path)
     parser.add_argument("--all", action="store_true", help="run all tests that can run")
+    parser.add_argument("--bare", nargs="+", metavar="PYTHON", help="install and render, no more")
     options = parser.parse_args()
     (wheel,) = options.folder.resolve().glob("*.whl")
+    if options.bare:
+        for python in options.bare:
+            with tempfile.TemporaryDirectory() as folder:
+                try_bare(python, wheel, Path(folder))
+        return
     (archive,) = options.folder.resolve().glob("*.tar.gz")
     check_wheel(wheel)
     check_archive(archive)
@@ -89,10 +101,45 @@ def tracked(folder: str) -> set[str]:
     return {name.split("/", 1)[1] for name in listed.stdout.split()}
 
 
-def try_wheel(wheel: Path, folder: Path, everything: bool) -> None:
-    home = folder / "bare"
-    subprocess.run([sys.executable, "-m", "venv", str(home)], check=True)
-    python = str(home / "bin" / "python")
+# What an install may bring, and how long the first picture may take.
+MOST_MEGABYTES, MOST_SECONDS = 150.0, 60.0
+
+
+def try_bare(python: str, wheel: Path, folder: Path) -> None:
+    """Install the wheel into an environment of its own; print what that costs, and render."""
+    home, env = folder / "bare", environment(folder / "bare")
+    subprocess.run([python, "-m", "venv", str(home)], check=True)
+    inside = str(home / "bin" / "python")
+    before, began = megabytes(home), time.monotonic()
+    pip = [inside, "-m", "pip", "install", "--quiet", "--disable-pip-version-check", str(wheel)]
+    subprocess.run(pip, env=env, check=True)
+    installed = time.monotonic() - began
+    came = megabytes(home) - before
+    write = "import flurries as fl; fl.io.write_picture('photo.png', fl.io.photograph())"
+    subprocess.run([inside, "-c", write], env=env, cwd=folder, check=True)
+    began = time.monotonic()
+    words = ["render", "photo.png", "--snow", "heavy", "-o", "snowy.png"]
+    subprocess.run([str(home / "bin" / "flurries"), *words], env=env, cwd=folder, check=True)
+    took = time.monotonic() - began
+    assert (folder / "snowy.png").stat().st_size > 10_000
+    version = subprocess.run([inside, "-V"], capture_output=True, text=True, check=True).stdout
+    print(
+        f"{version.strip()}: installed in {installed:.1f} s, {came:.0f} MB; "
+        f"`flurries render` {took:.1f} s",
+        flush=True,
+    )
+    assert came <= MOST_MEGABYTES, f"{came:.0f} MB came in, {MOST_MEGABYTES:g} at most"
+    assert took <= MOST_SECONDS, f"a picture took {took:.0f} s, {MOST_SECONDS:g} at most"
+
+
+def megabytes(folder: Path) -> float:
+    """Return what `du` says of a folder."""
+    said = subprocess.run(["du", "-sk", str(folder)], capture_output=True, text=True, check=True)
+    return int(said.stdout.split()[0]) / 1000.0
+
+
+def environment(home: Path) -> dict[str, str]:
+    """Return variables under which no tool of Rust is found."""
     bare = {
         key: value for key, value in os.environ.items()
         if not key.startswith(("CARGO", "RUST", "PYTHON", "VIRTUAL_ENV"))
@@ -100,6 +147,14 @@ def try_wheel(wheel: Path, folder: Path, everything: bool) -> None:
     bare["PATH"] = f"{home / 'bin'}:/usr/bin:/bin"
     for tool in ("cargo", "rustc", "maturin"):
         assert shutil.which(tool, path=bare["PATH"]) is None, f"{tool} is on this machine's path"
+    return bare
+
+
+def try_wheel(wheel: Path, folder: Path, everything: bool) -> None:
+    home = folder / "bare"
+    subprocess.run([sys.executable, "-m", "venv", str(home)], check=True)
+    python = str(home / "bin" / "python")
+    bare = environment(home)
     pip = [python, "-m", "pip", "install", "--quiet", "--disable-pip-version-check"]
     subprocess.run([*pip, str(wheel)], env=bare, check=True)
     subprocess.run([*pip, *NEEDS], env=bare, check=True)
