@@ -144,7 +144,7 @@ lint: $(VENV)/.tools
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
-	$(BIN)/mypy --strict examples/film.py
+	for example in examples/*.py; do $(BIN)/mypy --strict $$example || exit 1; done
 	$(BIN)/basedpyright
 	$(BIN)/stubtest flurries._core --mypy-config-file pyproject.toml
 

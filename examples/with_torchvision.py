@@ -8,7 +8,7 @@ from pathlib import Path
 
 import torch
 import torchvision
-from torch.utils.data import DataLoader, Dataset
+from torch.utils.data import DataLoader
 from torchvision import tv_tensors
 from torchvision.transforms import v2
 
@@ -34,8 +34,11 @@ frames = Fog(severity=3, fps=24.0)(film)
 assert frames.shape == film.shape
 
 
-class Photographs(Dataset):
-    """Snow by the number of the picture: the same set whatever the number of workers."""
+class Photographs:
+    """Snow by the number of the picture: the same set whatever the number of workers.
+
+    A loader takes whatever has a length and numbered items.
+    """
 
     snow = fl.augment.Snowfall(amount=(0.2, 0.8), seed=7)
 
