@@ -83,6 +83,7 @@ def test_the_readme_runs():
 # `test_own_effect.py` runs the page on effects of one's own and looks at what comes out.
 RUNNING = [
     "start.md",
+    "concepts.md",
     "film.md",
     "camera.md",
     "depth.md",
