@@ -106,7 +106,8 @@ UNTRIED = {
     "camera.importers.read_colmap down", "augment.Fog.record image",
     # A spectrum of one's own and rings exclude each other; the other row of the function has them.
     *(f"spectral.{name} {own}" for name in ("field", "alpha") for own in ("envelope", "rate")),
-    *(f"spectral.{name}(own) ring_{of}" for name in ("field", "alpha") for of in ("edges", "gains")),
+    *(f"spectral.{name}(own) ring_{of}" for name in ("field", "alpha")
+      for of in ("edges", "gains")),
 }  # fmt: skip
 
 
