@@ -121,7 +121,7 @@ def encoder_for(
     *,
     alpha: bool = False,
 ) -> Encoder:
-    """Return the encoder for an extension, with settings that make the same bytes every time.
+    """Return the encoder for an extension; a number of threads always makes the same bytes.
 
     Raises
     ------
