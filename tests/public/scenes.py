@@ -40,6 +40,10 @@ def write_files() -> None:
         video.write(LEVELS)
     Path("way.csv").write_text("frame,x,y,z\n0,0,0,0\n1,0,0,1\n")
     Path("way.chan").write_text("1 0 0 0 0 0 0\n2 0 0 1 0 0 0\n")
+    Path("way.usda").write_text(
+        '#usda 1.0\ndef Camera "camera" {\nfloat horizontalAperture = 24\n'
+        "float verticalAperture = 18\n}\n"
+    )
     Path("poses.txt").write_text("1 0 0 0 0 1 0 0 0 0 1 0\n1 0 0 0 0 1 0 0 0 0 1 1\n")
     for folder in ("pictures", "colmap"):
         Path(folder).mkdir()
@@ -92,6 +96,7 @@ CALLS: dict[str, Call] = {
          "focal": np.array([40.0, 41.0, 42.0])}),
     "camera.importers.load": Call({"path": "way.csv", "shape": SHAPE, "camera": LENS}),
     "camera.importers.read_chan": Call({"path": "way.chan", "shape": SHAPE, "camera": LENS}),
+    "camera.importers.read_usd": Call({"path": "way.usda", "shape": SHAPE, "camera": LENS}),
     "camera.importers.read_kitti": Call({"path": "poses.txt", "camera": LENS}),
     "camera.importers.read_colmap": Call({"folder": "colmap", "shape": SHAPE}),
     "io.Budget": Call({"pixels": 2**20, "bytes": 2**24}, refused={"pixels": (0,), "bytes": (-1,)}),

@@ -74,6 +74,8 @@ def read_usd(
     """
     Gf, _, Usd, UsdGeom, _ = require_usd()
     height, width = shape_of("shape", shape)
+    if prim is not None and not isinstance(prim, str):
+        raise TypeError(f"prim must be a path such as '/shot/camera', got {type(prim).__name__}")
     file = plain_file(path)
     try:
         stage = Usd.Stage.Open(str(file))
