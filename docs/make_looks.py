@@ -22,7 +22,10 @@ WIDTH, HEIGHT = 960, 540
 CROP = np.s_[120:420, 330:730]
 
 # The frames that are shown of a look, where they are not 24 and 48.
-TIMES = {"gust": (30, 44), "stops": (60, 200), "figure": (5, 12), "focus_pull": (5, 60)}
+TIMES = {
+    "gust": (30, 44), "stops": (60, 200), "figure": (5, 12), "focus_pull": (5, 60),
+    "loop": (24, 95),
+}  # fmt: skip
 
 
 def _noise(rng: np.random.Generator, grain: int) -> np.ndarray:
