@@ -44,9 +44,9 @@ IN_WHEEL = re.compile(
 )
 IN_ARCHIVE = re.compile(
     r"(PKG-INFO|Cargo\.(toml|lock)|pyproject\.toml|rustfmt\.toml|Makefile|\.gitignore"
-    r"|(README|CHANGELOG|CONTRIBUTING)\.md|CITATION\.cff|LICENSE[\w-]*"
+    r"|(README|CHANGELOG|CONTRIBUTING)\.md|CITATION\.cff|deny\.toml|LICENSE[\w-]*"
     r"|(src|crates)/.*\.(rs|toml)|python/flurries/.*\.(py|pyi|js|css|html|jpg|typed)"
-    r"|(tests|docs|benches|examples|notebooks)/.*\.(py|rs|md|txt|ipynb|npz|npy|png|exr|json|toml))"
+    r"|(tests|docs|benches|examples|notebooks)/.*\.(py|rs|md|txt|ipynb|npz|npy|png|jpg|css|exr|json|toml))"
 )
 
 
