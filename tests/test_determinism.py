@@ -155,6 +155,7 @@ OBJECTS: dict[str, Any] = {
     "Lens": fl.Lens(focus=2.0, f_stop=1.4, blades=5),
     "Wind": WIND,
     "Foreground": fl.Foreground("matte.png", depth=3.0),
+    "Output": fl.Output(bits=16),
     "DepthMap": fl.DepthMap("depth.png", near=1.0, far=9.0),
     "cone.Texture": fl.cone.Texture(fl.cone.snow_tile(16, seed=1)),
     "cone.Mapping": fl.cone.Mapping((9, 8), fl.Camera(8.0), axis=(0.0, 1.0, 0.0)),
