@@ -257,11 +257,15 @@ def test_the_examples_of_the_help_run(name: str, run: Run, here: Path):
     write_picture("photo.jpg", PLATE)
     for number in (1, 2):
         write_picture(f"plate.{number:04d}.exr", (PLATE / 255.0).astype(np.float32))
+    Path("shot.usda").write_text(
+        '#usda 1.0\ndef Camera "camera" {\nfloat horizontalAperture = 24\n'
+        "float verticalAperture = 18\n}\n"
+    )
     if name == "check":
         assert run(*RENDER[:-1], "frames/%04d.png", "--frames", "1")[0] == 0
     command = getattr(importlib.import_module(f"flurries.cli.{name}"), name)
     for line in command.examples:
-        words = shlex.split(line.split("#")[0].split(">")[0].strip())
+        words = shlex.split(line.split(" #")[0].split(">")[0].strip())
         words = shlex.split(words[1].strip("$()")) if words[0] == "eval" else words
         assert words[0] == "flurries"
         still = "%" not in line and line.endswith(".png")

@@ -20,7 +20,8 @@ SNOW = [fl.Snow.preset("heavy")]
 # Of every field a value that is not its default.
 OTHER = {
     "bits": "float", "codec": "ffv1", "motion": "y-up", "colorspace": "ACEScg",
-    "compression": "piz", "quality": "draft", "layers": True, "alone": True, "damaged": "hold",
+    "compression": "piz", "quality": "draft", "layers": True, "alone": True, "deep": True,
+    "damaged": "hold",
     "sound": False, "manifest": False,
 }  # fmt: skip
 
@@ -93,7 +94,7 @@ def test_one_kind_that_is_given_takes_the_place_of_the_scenes(tmp_path: Path):
     assert header(tmp_path / "alone.exr").nchannels == 4
     scene(layers=True).write(tmp_path / "plain.exr", 1, layers=False)
     assert header(tmp_path / "plain.exr").nchannels <= 4
-    assert set(KINDS) == {"alone", "layers"}
+    assert set(KINDS) == {"alone", "layers", "deep"}
 
 
 def test_a_codec_is_for_films_and_a_compression_for_what_is_packed(tmp_path: Path):

@@ -23,6 +23,7 @@ import flurries.camera.importers
 from flurries import io
 from flurries.io.films.sound import has_sound
 from flurries.io.films.tags import Tags
+from flurries.io.layers.deep import CHANNELS, read_deep
 from flurries.io.timecode import TimeCode
 
 H, W = 48, 64
@@ -134,6 +135,22 @@ def test_the_module_of_openexr_reads_windows_and_channels(shot: Path):
             assert channels[name].pixels.shape == (H, W), name
         ours = io.read_layers(shot / "layers.exr")
         np.testing.assert_array_equal(channels["snow2.depth.Z"].pixels, ours["snow2.depth"])
+
+
+def test_the_module_of_openexr_counts_deep_samples(tmp_path: Path):
+    openexr = pytest.importorskip("OpenEXR", reason="OpenEXR is missing: make test-clients")
+    scene = fl.Scene((72, 54), "#334455", effects=[fl.Snow.preset("heavy"), fl.Mist.preset("fog")])
+    scene.write(tmp_path / "deep.exr", 3, deep=True)
+    ours = read_deep(tmp_path / "deep.exr")
+    with openexr.File(str(tmp_path / "deep.exr"), separate_channels=True) as file:
+        channels = file.channels()
+        assert {"A", "B", "G", "R", "Z", "ZBack"} <= set(channels)
+        for number, name in enumerate(CHANNELS):
+            pixels = channels[name].pixels
+            counts = [0 if one is None else len(one) for one in pixels.ravel()]
+            assert counts == ours.counts.ravel().tolist(), name
+            values = np.concatenate([one for one in pixels.ravel() if one is not None])
+            np.testing.assert_array_equal(values.astype(np.float32), ours.values[:, number])
 
 
 # ffprobe -----------------------------------------------------------------------------------------

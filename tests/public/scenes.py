@@ -9,6 +9,7 @@ import numpy as np
 
 import flurries as fl
 from flurries import accuracy, augment, io
+from flurries.io.layers.deep import Deep, write_deep
 from public import Call
 from public.arrays import (
     ASIDE,
@@ -25,6 +26,7 @@ from public.arrays import (
 LEVELS = (255 * PICTURE).astype(np.uint8)
 LAYER = np.dstack([0.5 * PICTURE, np.full(SHAPE, 0.5)])
 SCENE = fl.Scene((32, 24), "#304050", effects=[fl.TentSnow(flakes=20)])
+DEEP = Deep(np.array([[1, 0], [2, 0]]), np.full((3, 6), 0.5, np.float32))
 STUDY = accuracy.Study(accuracy.AXES["blend"], (accuracy.Point("a", 0.1, 1.0, 1.0, 20),))
 PLATE: dict[str, Any] = {"image": PICTURE, "index": 3}
 
@@ -38,6 +40,7 @@ def write_files() -> None:
     io.write_views("views.exr", PICTURE.astype(np.float32), PICTURE.astype(np.float32))
     with io.VideoWriter("film.mkv", (SHAPE[1], SHAPE[0]), 24) as video:
         video.write(LEVELS)
+    write_deep("deep.exr", DEEP)
     Path("way.csv").write_text("frame,x,y,z\n0,0,0,0\n1,0,0,1\n")
     Path("way.chan").write_text("1 0 0 0 0 0 0\n2 0 0 1 0 0 0\n")
     Path("way.usda").write_text(
@@ -116,6 +119,10 @@ CALLS: dict[str, Call] = {
     "io.open_depth": Call({"spec": "layers.exr"}),
     "io.photograph": Call({"name": "rocket", "size": (12, 9)}),
     "io.read_depth": Call({"path": "layers.exr"}),
+    "io.layers.deep.read_deep": Call({"path": "deep.exr"}),
+    "io.layers.deep.read_deep_header": Call({"path": "deep.exr"}),
+    "io.layers.deep.write_deep": Call(
+        {"path": "out4.exr", "deep": DEEP}, loose=True),
     "io.read_header": Call({"path": "picture.png"}),
     "io.read_layers": Call({"path": "layers.exr"}),
     "io.read_mask": Call({"path": "picture.png"}),

@@ -38,7 +38,7 @@ NAMED = 10
     "flurries render photo.jpg --rain downpour --mist fog --visibility 40 -o wet.png",
     "flurries render plate.%04d.exr --snow light --layers -o out/%04d.exr",
     "flurries render scene.toml --frames 1-600 -o frames/%04d.png",
-    "flurries render plate.####.exr --camera shot.usdc --snow heavy -o flakes.usdc",
+    "flurries render plate.####.exr --camera shot.usda --snow heavy -o flakes.usdc",
 )
 @option("-o", "--output", required=True, metavar="PATTERN|VIDEO", type=FILE,
         help="one file a frame (also #### or $F4; .exr, .png, .tif, .dpx, .jpg), a video (.mp4, "
@@ -69,6 +69,8 @@ NAMED = 10
 @option("--alone", is_flag=True, default=None,
         help="only the weather, as RGBA; .exr, .png, .tif, or "
         "a .mov of --codec prores-4444")  # fmt: skip
+@option("--deep", is_flag=True, default=None,
+        help="only the weather, as deep samples of an EXR")  # fmt: skip
 @option("--quality", type=click.Choice(QUALITIES), unset="the scene's, else high",
         help="of a video", example="draft")  # fmt: skip
 @option("--damaged", type=click.Choice(DAMAGED), unset="the scene's, else stop", example="hold",
@@ -86,8 +88,8 @@ NAMED = 10
 def render(
     words: Words, output: str, frames: str | None, overwrite: bool, bits: str | None,
     full: bool, output_colorspace: str | None, compression: Any, codec: str | None,
-    motion: Any, layers: bool | None, alone: bool | None, quality: Any, damaged: Any,
-    no_sound: bool, no_manifest: bool,
+    motion: Any, layers: bool | None, alone: bool | None, deep: bool | None, quality: Any,
+    damaged: Any, no_sound: bool, no_manifest: bool,
     dask: str | None, dask_patience: float, **given: Any,
 ) -> int:  # fmt: skip
     """Render weather over a picture, a film, a sequence, a color such as #203040, or a scene.toml.
@@ -107,8 +109,8 @@ def render(
     with tracing() as trace:
         summary = scene.write(
             output, frames, bits=kind, codec=codec, motion=motion, compression=compression,
-            layers=layers, alone=alone, colorspace=output_colorspace, overwrite=overwrite,
-            damaged=damaged, sound=False if no_sound else None,
+            layers=layers, alone=alone, deep=deep, colorspace=output_colorspace,
+            overwrite=overwrite, damaged=damaged, sound=False if no_sound else None,
             manifest=False if no_manifest else None, quality=quality,
             dask=None if dask is None else dask or True, dask_patience=dask_patience,
             progress=words.progress("frame"),

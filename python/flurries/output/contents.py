@@ -16,7 +16,9 @@ from flurries.frame.truth import Rendered
 from flurries.io import write_layer_views, write_layers, write_picture
 from flurries.io.color import to_display, to_integer, to_linear, to_unit, unmultiply
 from flurries.io.colorspace import ColorSpace
+from flurries.io.layers.deep import write_deep
 from flurries.io.pictures.writer import format_of
+from flurries.output.deep import deep_of
 from flurries.scene.output import MOTION
 from flurries.scene.scene import Scene
 
@@ -30,8 +32,9 @@ class Content:
 
     Attributes
     ----------
-    kind : {"composite", "alone", "layers"}
-        The picture; the weather as RGBA; or everything that is known, as named channels.
+    kind : {"composite", "alone", "layers", "deep"}
+        The picture; the weather as RGBA; everything that is known, as named channels; or the
+        weather as deep samples.
     bits : 8, 10, 16, "half", "float" or None
         Of a color; what the format and the background have if None.
     codec : str or None
@@ -70,6 +73,8 @@ class Content:
     def render(self, scene: Scene, number: int) -> Any:
         """Return what `save` takes: a frame, or one for each eye."""
         layers = self.kind != "composite"
+        if self.kind == "deep":
+            return deep_of(scene, number)
         if self.fine:
             scene = scene.fine
         if self.eyes is None:
@@ -89,10 +94,14 @@ class Content:
         half, bits = self.bits != "float", self.bits if isinstance(self.bits, int) else None
         slate = scene.slate(int(metadata["frame"]))
         if self.space is not None and scene.color is not None:
-            own = scene.color.working if self.kind == "layers" or self.eyes else self.space
+            apart = self.kind in ("layers", "deep") or self.eyes
+            own = scene.color.working if apart else self.space
             metadata = {**metadata, "colorspace": own.name}
             slate = slate if own.name == scene.color.name else slate.uncolored()
         more: dict[str, Any] = {"half": half, "metadata": metadata, "slate": slate}
+        if self.kind == "deep":
+            write_deep(path, frame, **more)
+            return
         if self.kind == "layers":
             more["metadata"] = metadata = {
                 **metadata,

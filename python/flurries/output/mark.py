@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
 from flurries.io import read_header, read_picture
+from flurries.io.layers.deep import read_deep, read_deep_header
 from flurries.io.pictures.seal import is_broken
 from flurries.output import manifest
 from flurries.scene.fingerprint import BITS, hash_of
@@ -87,7 +88,8 @@ class Mark:
             if path.stat().st_size == said.get("bytes"):
                 # Not one byte longer or shorter than what was written: damaged, not replaced.
                 return None
-        found = _header(path)
+        deep = "-deep" in self.scene
+        found = _header(path, deep)
         if found is None:
             # What has no header any more is ours if the list or its own bytes say so.
             if listed or self.scene.encode() in _first_bytes(path):
@@ -103,14 +105,14 @@ class Mark:
             if found.get("names", "") == self.names:
                 return None
             raise Refused(name or path, "was made over another background")
-        if listed or not _decodes(path):
+        if listed or not _decodes(path, read_deep if deep else read_picture):
             return None
         return manifest.entry(path, self.header)
 
 
-def _header(path: Path) -> dict[str, str] | None:
+def _header(path: Path, deep: bool) -> dict[str, str] | None:
     try:
-        return read_header(path).metadata
+        return read_deep_header(path) if deep else read_header(path).metadata
     except (OSError, ValueError):
         return None
 
@@ -123,9 +125,9 @@ def _first_bytes(path: Path) -> bytes:
         return b""
 
 
-def _decodes(path: Path) -> bool:
+def _decodes(path: Path, read: Callable[[Path], object]) -> bool:
     try:
-        read_picture(path)
+        read(path)
         return not is_broken(path)
     except (OSError, ValueError):
         return False

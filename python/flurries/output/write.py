@@ -82,6 +82,7 @@ def write(
     compression: str | None = None,
     layers: bool | None = None,
     alone: bool | None = None,
+    deep: bool | None = None,
     eyes: Mapping[str, Camera] | None = None,
     overwrite: bool = False,
     damaged: Literal["stop", "skip", "hold"] | None = None,
@@ -142,6 +143,9 @@ def write(
     alone : bool
         The weather alone as RGBA, without background and foreground's picture: premultiplied linear
         light in EXR, straight display values in PNG and in a film of ProRes 4444.
+    deep : bool
+        EXR only: the weather alone as deep samples in linear light, with the depths between which
+        each lies, see `flurries.output.deep.deep_of`. A frame takes some 40 times as long.
     eyes : mapping of str to Camera, optional
         EXR only: the views of these eyes, such as ``{"left": ..., "right": ...}``, one part of the
         file for each.
@@ -187,13 +191,16 @@ def write(
     flag("overwrite", overwrite)
     asked = scene.output.given({
         "bits": bits, "codec": codec, "motion": motion, "colorspace": colorspace,
-        "compression": compression, "layers": layers, "alone": alone, "damaged": damaged,
+        "compression": compression, "layers": layers, "alone": alone, "deep": deep,
+        "damaged": damaged,
         "sound": sound, "manifest": manifest, "quality": quality,
     })  # fmt: skip
     store, text = store_of(os.fspath(pattern))
     text = with_percent(text)
     if Path(text).suffix.lower() in USD:
-        wanted = _points_of(scene, frames, store, text, bits, codec, layers, alone, eyes, dask)
+        wanted = _points_of(
+            scene, frames, store, text, bits, codec, layers, alone, deep, eyes, dask
+        )
         bar = progress if progress is not None else _silent
         done = write_points(scene, Path(text), wanted, bar, overwrite=overwrite)
         return Summary(done.written, done.kept, [Path(text)], seconds=time.monotonic() - started)
@@ -218,7 +225,9 @@ def write(
     kind, packed = asked.kind, asked.compression
     # The scene's own codec is for films, and its compression for what is packed so.
     codec = asked.codec if target.is_video else codec
-    if compression is None and (kind == "layers" or eyes or not text.lower().endswith(".exr")):
+    if compression is None and (
+        kind in ("layers", "deep") or eyes or not text.lower().endswith(".exr")
+    ):
         packed = "zip"
     own = scene.colorspace if asked.colorspace is None else asked.colorspace
     if own is not None and scene.colorspace is None:
@@ -256,7 +265,7 @@ def write(
 
 def _points_of(scene: Scene, frames: Numbers, store: Any, text: str, *other: Any) -> list[int]:
     """Return the frames of a stage of points, or refuse what a stage has not."""
-    names = ("bits", "codec", "layers", "alone", "eyes", "dask")
+    names = ("bits", "codec", "layers", "alone", "deep", "eyes", "dask")
     given = [name for name, value in zip(names, other, strict=True) if value not in (None, False)]
     if given:
         raise ValueError(f"{text}: a USD stage holds points; it takes no {' and no '.join(given)}")
@@ -297,10 +306,10 @@ def _require_room(text: str, content: Content, *, is_video: bool) -> None:
         if content.bits is not None and content.bits not in known:
             words = ", ".join(map(str, known))
             raise ValueError(f"bits must be {words} in {text}, got {content.bits!r}")
-    if content.kind == "alone" and content.eyes is not None:
-        raise ValueError("alone and eyes must not both be given")
+    if content.kind in ("alone", "deep") and content.eyes is not None:
+        raise ValueError(f"{content.kind} and eyes must not both be given")
     if content.compression != "zip" and (
-        content.kind == "layers" or content.eyes is not None or not lower.endswith(".exr")
+        content.kind in ("layers", "deep") or content.eyes is not None or not lower.endswith(".exr")
     ):
         raise ValueError(
             f"compression is for a composite or the weather alone in an EXR, got "
@@ -317,8 +326,8 @@ def _require_room(text: str, content: Content, *, is_video: bool) -> None:
             raise ValueError(
                 f"colorspace {content.space.name!r} is not linear, as an EXR is: {text}"
             )
-    if content.kind == "layers" and not lower.endswith(".exr"):
-        raise ValueError(f"layers need an EXR, got {text!r}")
+    if content.kind in ("layers", "deep") and not lower.endswith(".exr"):
+        raise ValueError(f"{content.kind} needs an EXR, got {text!r}")
     if content.eyes is not None and not lower.endswith(".exr"):
         raise ValueError(f"eyes need an EXR, got {text!r}")
     if lower.endswith(".hdr"):

@@ -20,7 +20,7 @@ BITS = (8, 10, 16, "half", "float")
 DAMAGED = ("stop", "skip", "hold")
 
 # What a file may hold in place of the composite.
-KINDS = ("alone", "layers")
+KINDS = ("alone", "layers", "deep")
 
 
 @suggesting
@@ -51,6 +51,8 @@ class Output:
         EXR only: the weather, depth and motion as channels beside the composite.
     alone : bool
         The weather alone as RGBA.
+    deep : bool
+        EXR only: the weather alone as deep samples, see :func:`flurries.output.deep.deep_of`.
     damaged : {"stop", "skip", "hold"}
         What becomes of frames whose background is missing or damaged.
     sound : bool
@@ -79,12 +81,13 @@ class Output:
     quality: Literal["high", "medium", "draft"] = "high"
     layers: bool = False
     alone: bool = False
+    deep: bool = False
     damaged: Literal["stop", "skip", "hold"] = "stop"
     sound: bool = True
     manifest: bool = True
 
     def __post_init__(self) -> None:
-        for name in ("layers", "alone", "sound", "manifest"):
+        for name in ("layers", "alone", "deep", "sound", "manifest"):
             flag(name, getattr(self, name))
         choice("damaged", self.damaged, DAMAGED)
         choice("compression", self.compression, tuple(COMPRESSIONS))
@@ -102,13 +105,13 @@ class Output:
 
     @property
     def kind(self) -> str:
-        """What a file holds: "composite", "alone" or "layers"."""
+        """What a file holds: "composite", "alone", "layers" or "deep"."""
         return next((kind for kind in KINDS if getattr(self, kind)), "composite")
 
     def given(self, values: Mapping[str, Any]) -> Output:
         """Return these with the values that are not None in their place.
 
-        One of alone and layers that is given takes the other's place.
+        One of alone, layers and deep that is given takes the others' place.
         """
         said = {name: value for name, value in values.items() if value is not None}
         if any(said.get(kind) is True for kind in KINDS):

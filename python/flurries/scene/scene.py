@@ -574,6 +574,7 @@ class Scene(Sources):
         compression: Literal["zip", "zips", "piz", "rle", "none", "dwaa", "dwab"] | None = None,
         layers: bool | None = None,
         alone: bool | None = None,
+        deep: bool | None = None,
         eyes: Mapping[str, Camera] | None = None,
         overwrite: bool = False,
         damaged: Literal["stop", "skip", "hold"] | None = None,
@@ -611,6 +612,8 @@ class Scene(Sources):
             EXR only: the weather, depth and motion as channels beside the composite.
         alone : bool
             The weather alone as RGBA: .exr, .png or .tif.
+        deep : bool
+            EXR only: the weather alone as deep samples.
         eyes : mapping of str to Camera, optional
             EXR only: a view for each eye.
         overwrite : bool
@@ -646,7 +649,8 @@ class Scene(Sources):
 
         return write(
             self, pattern, frames, bits=bits, codec=codec, motion=motion, colorspace=colorspace,
-            compression=compression, layers=layers, alone=alone, eyes=eyes,
+            compression=compression, layers=layers, alone=alone, deep=deep,
+            eyes=eyes,
             overwrite=overwrite, damaged=damaged, sound=sound, manifest=manifest,
             quality=quality, dask=dask, dask_patience=dask_patience, progress=progress,
         )  # fmt: skip

@@ -286,7 +286,7 @@ def opened_picture(
     found = plain_file(path)
     limits = Budget.of(budget)
     check_structure(found)
-    reader = _reader_of(found, limits)
+    reader = reader_of(found, limits)
     try:
         part, spec = _part_with_color(found, reader)
         color, alpha = find_channels(spec.channelnames, spec.nchannels, spec.alpha_channel)
@@ -302,7 +302,7 @@ def opened_picture(
         reader.close()
 
 
-def _reader_of(path: Path, budget: Budget) -> Any:
+def reader_of(path: Path, budget: Budget) -> Any:
     """Return OpenImageIO's reader of a picture."""
     library = openimageio()
     let_open(budget.bytes)
