@@ -259,7 +259,7 @@ def test_the_examples_of_the_help_run(name: str, run: Run, here: Path):
         write_picture(f"plate.{number:04d}.exr", (PLATE / 255.0).astype(np.float32))
     Path("shot.usda").write_text(
         '#usda 1.0\ndef Camera "camera" {\nfloat horizontalAperture = 24\n'
-        "float verticalAperture = 18\n}\n"
+        "float verticalAperture = 16\n}\n"
     )
     if name == "check":
         assert run(*RENDER[:-1], "frames/%04d.png", "--frames", "1")[0] == 0
