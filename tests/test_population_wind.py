@@ -21,7 +21,7 @@ def scene(seed: int = 0, camera: Any = LENS, **fields: Any) -> fl.Scene:
 
 def flakes(shown: fl.Scene, t: float) -> tuple[np.ndarray, np.ndarray]:
     """Return places and numbers of the drawn flakes of a frame."""
-    points, _, _, _, numbers = shown.effects[0].parts.flakes._rows(
+    points, _, _, _, numbers = shown.effects[0].parts.flakes.listed(
         shown.program.views(t)[0][1], 1.0
     )
     return points, numbers
