@@ -107,21 +107,31 @@ class Rendered:
 
 
 def truth(
-    program: Program, t: float, eyes: Sequence[Camera | None], window: Window
+    program: Program,
+    t: float,
+    eyes: Sequence[Camera | None],
+    window: Window,
+    *,
+    known: bool = True,
 ) -> list[Rendered]:
-    """Return what each eye sees of a window, whole and exact, with the layers apart."""
+    """Return what each eye sees of a window, whole and exact, with the layers apart.
+
+    Without `known` there are colors and opacities alone, no motion, depth, coverage and ids.
+    """
     cameras = tuple(program.camera(eye, t) for eye in eyes)
     shared = Shared(cameras, window)
-    return [_truth(program, t, camera, window, shared) for camera in cameras]
+    return [_truth(program, t, camera, window, shared, known) for camera in cameras]
 
 
-def _truth(program: Program, t: float, camera: Camera, window: Window, shared: Shared) -> Rendered:
+def _truth(
+    program: Program, t: float, camera: Camera, window: Window, shared: Shared, known: bool
+) -> Rendered:
     with stage("background"):
         plate = crop(program.backdrop.frame(t), window)
     parts = [
         layer
         for ask in program.asks(t, camera, window, None)
-        for layer in draw(ask.part.effect, replace(ask.frame, shared=shared))
+        for layer in draw(ask.part.effect, replace(ask.frame, shared=shared, whole=known))
     ]
     whole_front = program.front(t)
     front = None if whole_front is None else whole_front.window(window)

@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from flurries._contract import Array
+from flurries.frame.bands import whole as everything
+from flurries.frame.truth import truth
 from flurries.io.color import to_linear
 from flurries.io.layers.deep import Deep
 from flurries.scene.depth import distance_of
@@ -17,7 +19,7 @@ SLICES, FIRST, LAST = 31, 0.15, 256.0
 # What is fainter waits for the next slice; the last one takes what is left down to the second.
 _FAINT, _FAINTEST = 1.0 / 512.0, 1e-4
 
-# Samples of a frame: some 50 seconds, and 200 MB in the file.
+# Samples of a frame: each is handed to the writer number by number.
 MOST_SAMPLES = 1 << 24
 
 
@@ -38,7 +40,7 @@ def deep_of(scene: Scene, number: float) -> Deep:
     limit = np.full(scene.shape, 2.0 * LAST, np.float32)
     if there is not None:
         limit = np.where(np.isfinite(there), there, limit).astype(np.float32)
-    whole = scene.render(number, layers=True).layers
+    whole = _layers(scene, number)
     # What has been written of each effect, and up to which depth.
     written = {name: np.zeros(scene.shape, np.float32) for name in whole}
     begun = {name: np.zeros(scene.shape, np.float32) for name in whole}
@@ -82,10 +84,14 @@ def _before(scene: Scene, number: float, there: Array | None, edge: float) -> di
     if there is not None:
         wall = np.minimum(there, wall)
     far = distance_of(wall, scene.shape, extend="stop", start=None)
-    layers: dict[str, Array] = (
-        scene.derive(depth=wall, _distance=far).render(number, layers=True).layers
-    )
-    return layers
+    return _layers(scene.derive(depth=wall, _distance=far), number)
+
+
+def _layers(scene: Scene, number: float) -> dict[str, Array]:
+    """Return the layers of a frame, without what else is known of them."""
+    t = number if scene.lap is None else scene.lap.place(number)
+    (seen,) = truth(scene.program, t, [None], everything(scene.shape), known=False)
+    return seen.layers
 
 
 def _as_light(values: Array) -> Array:

@@ -145,7 +145,7 @@ def write(
         light in EXR, straight display values in PNG and in a film of ProRes 4444.
     deep : bool
         EXR only: the weather alone as deep samples in linear light, with the depths between which
-        each lies, see `flurries.output.deep.deep_of`. A frame takes some 40 times as long.
+        each lies, see `flurries.output.deep.deep_of`. The frame is drawn 32 times.
     eyes : mapping of str to Camera, optional
         EXR only: the views of these eyes, such as ``{"left": ..., "right": ...}``, one part of the
         file for each.

@@ -81,7 +81,7 @@ def write_deep(
 ) -> None:
     """Write samples into a deep EXR with the channels R, G, B, A, Z and ZBack.
 
-    Some 3 microseconds a sample: OpenImageIO takes them one number at a time.
+    OpenImageIO takes samples one number at a time: large pictures take long.
 
     Parameters
     ----------
