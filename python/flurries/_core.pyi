@@ -54,6 +54,7 @@ __all__ = [
     "gas_alpha",
     "gas_draw",
     "gas_light",
+    "gas_slices",
     "gas_sort",
     "gas_splat",
     "inverse_transform",
@@ -463,6 +464,14 @@ def gas_draw(
     gas: SortedGas,
     window: tuple[int, int, int, int],
     depth: _Array | None = None,
+) -> None: ...
+def gas_slices(
+    out: _Array,
+    density: _Array,
+    edges: Sequence[float],
+    detail: tuple[_Array, float],
+    ground: _Array | None,
+    slopes: tuple[_Array, _Array] | None,
 ) -> None: ...
 def gas_light(
     out: _Float64,

@@ -15,6 +15,7 @@
 //! | [`picture`] | the tiles of a picture, their buffers and pixels |
 //! | [`splat`] | the image of many particles |
 //! | [`light`] | how much light of a direction reaches each particle |
+//! | [`slices`] | the optical depth of a bank, whose density is known on a coarse grid |
 
 mod batch;
 pub mod bins;
@@ -27,5 +28,6 @@ pub mod light;
 pub mod picture;
 pub mod ray;
 pub mod rays;
+pub mod slices;
 pub mod splat;
 pub mod sprite;

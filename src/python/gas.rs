@@ -2,8 +2,8 @@
 
 use numpy::ndarray::ArrayView2;
 use numpy::{
-    PyArray2, PyArray3, PyReadonlyArray1, PyReadonlyArray2, PyReadwriteArray1, PyReadwriteArray2,
-    PyReadwriteArray3,
+    PyArray2, PyArray3, PyReadonlyArray1, PyReadonlyArray2, PyReadonlyArray3, PyReadwriteArray1,
+    PyReadwriteArray2, PyReadwriteArray3,
 };
 use pyo3::prelude::*;
 
@@ -16,6 +16,7 @@ use crate::gas::draw::Drawing;
 use crate::gas::footprint::Edge;
 use crate::gas::light;
 use crate::gas::picture::Touched;
+use crate::gas::slices::{self, Slices};
 use crate::gas::splat;
 use crate::gas::sprite::{Eye, Footprint, Look, NearMode, Sprite};
 
@@ -250,4 +251,29 @@ pub fn gas_light(
     gate::run(py, 5.0 * count * count, |cancel| {
         light::light(out, &cloud, direction, forward, cancel)
     })
+}
+
+/// Adds the optical depth of slices to `out` (H, W): of their extinction on a coarse grid (n, rows,
+/// columns), where they begin and end (n + 1,), and short waves of all (H, W) with their strength.
+/// `slopes` are those of columns (W,) and rows (H,).
+#[pyfunction]
+pub fn gas_slices(
+    py: Python<'_>,
+    mut out: PyReadwriteArray2<'_, f32>,
+    density: PyReadonlyArray3<'_, f32>,
+    edges: Vec<f32>,
+    detail: (PyReadonlyArray2<'_, f32>, f32),
+    ground: Option<PyReadonlyArray2<'_, f32>>,
+    slopes: Option<(PyReadonlyArray1<'_, f32>, PyReadonlyArray1<'_, f32>)>,
+) -> PyResult<()> {
+    let out = out.as_array_mut();
+    let slopes = match &slopes {
+        Some((x, y)) => Some((x.as_slice()?, y.as_slice()?)),
+        None => None,
+    };
+    let (density, detail) = (density.as_array(), (detail.0.as_array(), detail.1));
+    let ground = ground.as_ref().map(|ground| ground.as_array());
+    let work = 2.0 * (out.len() * (1 + density.dim().0)) as f64;
+    let slices = Slices { density, edges: &edges, detail, ground, slopes };
+    gate::run(py, work, |cancel| slices::add(out, &slices, cancel))
 }

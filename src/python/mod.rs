@@ -50,7 +50,7 @@ mod core {
     #[pymodule_export]
     use super::frame::{join, over, snow, veil};
     #[pymodule_export]
-    use super::gas::{SortedGas, gas_alpha, gas_draw, gas_light, gas_sort, gas_splat};
+    use super::gas::{SortedGas, gas_alpha, gas_draw, gas_light, gas_slices, gas_sort, gas_splat};
     #[pymodule_export]
     use super::gate::InternalError;
     #[pymodule_export]

@@ -9,16 +9,15 @@ its density; its mean stays what the extinction says.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
 
-from flurries import gas
+from flurries import _core, gas
 from flurries._contract import Array, Float64
-from flurries.effects.bank_texture import long_waves, short_waves
+from flurries.effects.bank_texture import COARSE, MARGIN, coarse_shape, long_waves, short_waves
 from flurries.effects.lighting import Base, add_behind, lamp_shade, whole
 from flurries.effects.sunlight import Scatter
 from flurries.frame.needs import Cost
@@ -105,55 +104,59 @@ class Bank:
         self, frame: Frame, extinction: float, base: Base, *, lit: bool
     ) -> tuple[Array, Array | None]:
         """Return opacity and light of the whole frame."""
-        rays, lamps = _Rays.of(frame), bool(frame.lights)
-        slices = list(self._slices(frame, rays))
-        halves = [part.tolist() for part in np.array_split(np.arange(len(slices)), HALVES)]
-        through = np.ones(frame.shape, np.float32)
-        light = np.zeros((*frame.shape, 3), np.float32) if lit or lamps else None
+        slopes, depth = _Rays.of(frame).slopes, frame.depth
+        groups = self._groups(frame, extinction)
+        if lit or frame.lights:
+            return self._lit(frame, groups, base if lit else None)
         total = np.zeros(frame.shape, np.float32)
-        for half, numbers in enumerate(part for part in halves if part):
-            middle = float(np.mean([slices[number][0] for number in numbers]))
-            short = self._waves(short_waves, frame, middle, half)
-            depth: Any = np.float32(0.0)
-            for number in numbers:
-                place, thickness, density = slices[number]
-                dense = self._waves(long_waves, frame, place, number) * density
-                if light is None:
-                    depth = depth + dense * thickness
-                    continue
-                dense = dense * short
-                way = np.multiply(dense, thickness * rays.length, dtype=np.float32)
-                passed = np.exp(np.float32(-extinction) * way)
-                taken = np.ascontiguousarray(through * (1.0 - passed))
-                if lit:
-                    self._add_sun(light, frame, rays, extinction * dense, taken, base)
-                if lamps:
+        for edges, dense, detail in groups:
+            _core.gas_slices(total, dense, edges, detail, depth, slopes)
+        # In float32 the exponential is on vector lanes, that less one is not.
+        np.exp(np.negative(total, out=total), out=total)
+        return np.subtract(np.float32(1.0), total, out=total), None
+
+    def _groups(
+        self, frame: Frame, extinction: float
+    ) -> Iterator[tuple[list[float], Array, tuple[Array, float]]]:
+        """Yield edges of some slices, their coarse extinction, and the short waves of all of them.
+
+        The short waves lie in one array, which the next group takes.
+        """
+        rays, edges = _Rays.coarse(frame), self._edges(frame)
+        places = (0.5 * (edges[:-1] + edges[1:])).tolist()
+        waves, fine = (frame, self.wind, self.structure), np.empty(frame.shape, np.float32)
+        for half, part in enumerate(np.array_split(np.arange(len(places)), HALVES)):
+            numbers = part.tolist()
+            if not numbers:
+                continue
+            dense = np.empty((len(numbers), *coarse_shape(frame)), np.float32)
+            for slot, number in enumerate(numbers):
+                mean = np.float32(extinction) * self._density(frame, rays, places[number])
+                dense[slot] = mean * long_waves(*waves, places[number], number)
+            detail = short_waves(*waves, [places[number] for number in numbers], half, fine)
+            yield edges[numbers[0] : numbers[-1] + 2].tolist(), dense, detail
+
+    def _lit(self, frame: Frame, groups: Iterator[Any], base: Base | None) -> tuple[Array, Array]:
+        """Return opacity and light where the sun lights it, as bright as `base`, or lamps do."""
+        rays = _Rays.of(frame)
+        through = np.ones(frame.shape, np.float32)
+        light = np.zeros((*frame.shape, 3), np.float32)
+        for edges, dense, detail in groups:
+            for number in range(len(dense)):
+                one, ends = dense[number : number + 1], edges[number : number + 2]
+                way, here = np.zeros((2, *frame.shape), np.float32)
+                _core.gas_slices(way, one, ends, detail, frame.depth, rays.slopes)
+                passed = np.exp(-way)
+                taken = through * (1.0 - passed)
+                if base is not None:
+                    _core.gas_slices(here, one, (0.0, 1.0), detail, None, None)
+                    self._add_sun(light, frame, rays, here, taken, base)
+                if frame.lights:
+                    place = 0.5 * float(ends[0] + ends[1])
                     glow = lamp_shade(whole(frame), [place], [1.0], self.scatter.optics)
                     add_behind(light, taken, glow, None)
                 through *= passed
-            if light is None:
-                total += depth * short
-        if light is not None:
-            return 1.0 - through, light
-        total *= np.float32(-extinction) * rays.length
-        # In float32 the exponential is on vector lanes, that less one is not.
-        return np.subtract(np.float32(1.0), np.exp(total, out=total), out=total), None
-
-    def _waves(self, make: Callable[..., Array], frame: Frame, depth: float, number: int) -> Any:
-        """Return the long waves of a slice, or the short ones of half of them."""
-        if self.structure == 0.0:
-            return np.float32(1.0)
-        return make(frame, self.wind, self.structure, depth, number)
-
-    def _slices(self, frame: Frame, rays: _Rays) -> Iterator[tuple[float, Any, Array]]:
-        """Yield each slice's depth, its thickness before what stands there, and its density."""
-        edges = self._edges(frame)
-        for first, last in pairwise(edges.tolist()):
-            thickness: Any = np.float32(last - first)
-            if frame.depth is not None:
-                thickness = np.clip(frame.depth, first, last) - np.float32(first)
-            place = 0.5 * (first + last)
-            yield place, thickness, self._density(frame, rays, place)
+        return 1.0 - through, light
 
     def _edges(self, frame: Frame) -> Float64:
         """Return where slices begin and end, planar depth."""
@@ -175,7 +178,7 @@ class Bank:
         return np.append(low - np.log1p(-share[:-1] * taken) / self.extinction, high)
 
     def _density(self, frame: Frame, rays: _Rays, depth: float) -> Any:
-        """Return the mean density at a depth, of the extinction, for each pixel or row."""
+        """Return the mean density at a depth, of the extinction, for each ray or row of them."""
         place = frame.path.place(frame.t, fps=frame.fps)
         density: Any = np.float32(1.0)
         if self.center is not None:
@@ -192,14 +195,15 @@ class Bank:
         return np.asarray(density, np.float32)
 
     def _add_sun(
-        self, light: Array, frame: Frame, rays: _Rays, dense: Any, taken: Array, base: Base
+        self, light: Array, frame: Frame, rays: _Rays, dense: Array, taken: Array, base: Base
     ) -> None:
         """Add what a slice that takes so much of the light sends here, linear (H, W, 3)."""
         assert frame.sun is not None
         sun, way = frame.sun, frame.to_camera(frame.sun.unit())
         scattered: Any = np.exp(np.float32(-(1.0 - self.scatter.forward) * self._above()) * dense)
         if self.scatter.kind != "even":
-            cosine = -(rays.x * way[0] + rays.y * way[1] + way[2]) / rays.length
+            x, y = rays.x, rays.y
+            cosine = -(x * way[0] + y * way[1] + way[2]) / np.sqrt(1.0 + x * x + y * y)
             phase = gas.phase(
                 np.clip(cosine, -1.0, 1.0),
                 kind=self.scatter.kind, asymmetry=self.scatter.asymmetry,
@@ -220,20 +224,35 @@ class Bank:
 
 @dataclass
 class _Rays:
-    """Slopes of the pixels' rays."""
+    """Slopes of rays: x of columns (1, W), y of rows (H, 1)."""
 
     x: Array
     y: Array
-    length: Array
     matrix: Float64
 
     @staticmethod
     def of(frame: Frame) -> _Rays:
+        """Return those of the pixels."""
         height, width = frame.shape
+        return _Rays._at(frame, np.arange(height) + 0.5, np.arange(width) + 0.5)
+
+    @staticmethod
+    def coarse(frame: Frame) -> _Rays:
+        """Return those of the coarse samples."""
+        down, across = ((np.arange(count) - MARGIN + 0.5) * COARSE for count in coarse_shape(frame))
+        return _Rays._at(frame, down, across)
+
+    @staticmethod
+    def _at(frame: Frame, down: Any, across: Any) -> _Rays:
         cx, cy = frame.camera.principal(frame.shape)
-        x = ((np.arange(width) + 0.5 - cx) / frame.camera.focal).astype(np.float32)[None, :]
-        y = ((np.arange(height) + 0.5 - cy) / frame.camera.focal).astype(np.float32)[:, None]
-        return _Rays(x, y, np.sqrt(1.0 + x * x + y * y), frame.camera.matrix())
+        x = ((across - cx) / frame.camera.focal).astype(np.float32)[None, :]
+        y = ((down - cy) / frame.camera.focal).astype(np.float32)[:, None]
+        return _Rays(x, y, frame.camera.matrix())
+
+    @property
+    def slopes(self) -> tuple[Array, Array]:
+        """Slopes of columns (W,) and rows (H,)."""
+        return self.x[0], np.ascontiguousarray(self.y[:, 0])
 
     def along(self, axis: int) -> Any:
         """Return how far rays go along a house axis for a depth of 1, (H, W), a row or a column."""

@@ -1,9 +1,9 @@
 """The texture of a slice of mist: one slope from the size of a frame down to four pixels.
 
 The amplitudes of its waves fall as k^(-11/6), so that nearly all of the power is in long waves.
-These are made at a quarter of the frame's size, where one tile holds all of it and has no seams;
-what is shorter, one or two per cent of the power, by small tiles at the frame's own size, for half
-of the slices at a time.
+These are made at a quarter of the frame's size, where one tile holds all of it and has no seams,
+and the kernel finds the pixels between (`src/gas/slices.rs`); what is shorter, one or two per cent
+of the power, is made by tiles at the frame's own size, for half of the slices at a time.
 """
 
 from __future__ import annotations
@@ -29,49 +29,56 @@ EXPONENT, SHORTEST = 11.0 / 6.0, 4.0
 # Waves of at least so many pixels are made on a coarse grid, one of whose samples is 4 px.
 LONG, COARSE = 32.0, 4
 
-# Tiles and what they share, px of their grid: the largest of the coarse one, that where the air
-# comes nearer and flows apart, and those of the short waves.
-TILE, APART, FINE = 1024, (128, 32), (64, 10)
+# Tiles and what they share, px of their grid: the largest of the coarse one, and where the air
+# comes nearer and flows apart; those of the short waves, and the same.
+TILE, APART = 1024, (128, 32)
+FINE, FINE_APART = ((256, 256), 32), ((64, 64), 10)
 
-# Coarse samples beyond the frame on each side, which smoothing takes.
-_MARGIN = 2
+# One tile is so much larger than the frame: waves are longer, and the wind brings it back later.
+ROOM = 1.12
+
+# Coarse samples beyond the frame on each side, as the kernel reads them.
+MARGIN = 1
 
 # Seeds of the slices lie this far apart; those of short waves begin beyond them.
 _STRIDE, _SHORT = 7919, 1_000_003
 
 
 def long_waves(frame: Frame, wind: Vector, spread: float, depth: float, number: int) -> Array:
-    """Return the density of a slice over its mean in its long waves, (H, W) float32, mean 1."""
-    height, width = frame.shape
-    shape = (-(-height // COARSE) + 2 * _MARGIN, -(-width // COARSE) + 2 * _MARGIN)
+    """Return the density of a slice over its mean in its long waves, coarse, float32, mean 1."""
+    shape = coarse_shape(frame)
     tile, overlap = _tiles(frame, wind, shape)
     seed = (frame.seed + _STRIDE * number) % 2**62
     band = (LONG / COARSE, float(max(tile)))
-    field = _field(frame, wind, depth, shape, (tile, overlap), band, seed, 1.0 / COARSE)
-    # A logarithm of mean -v/2 and variance v has the mean 1.
-    variance = spread * spread * (1.0 - short_share(tile))
-    field *= np.float32(math.sqrt(variance))
-    field -= np.float32(0.5 * variance)
+    field = np.empty(shape, np.float32)
+    _field(frame, wind, depth, (tile, overlap), band, seed, 1.0 / COARSE, field)
+    field *= np.float32(spread * math.sqrt(1.0 - short_share(tile)))
     np.exp(field, out=field)
-    smooth = _doubled(_doubled(_doubled(_doubled(field, 1), 1), 0), 0)
-    # Their first sample that is the frame's own.
-    first = COARSE * _MARGIN - 3
-    rows, columns = slice(first, first + height), slice(first, first + width)
-    return np.ascontiguousarray(smooth[rows, columns], np.float32)
-
-
-def short_waves(frame: Frame, wind: Vector, spread: float, depth: float, half: int) -> Array:
-    """Return the factor of density that the short waves of some slices are, (H, W) float32."""
-    height, width = frame.shape
-    shape = (-(-height // COARSE) + 2 * _MARGIN, -(-width // COARSE) + 2 * _MARGIN)
-    share = short_share(_tiles(frame, wind, shape)[0])
-    seed = (frame.seed + _STRIDE * half + _SHORT) % 2**62
-    field = _field(frame, wind, depth, frame.shape, FINE, (SHORTEST, LONG), seed, 1.0)
-    # The exponential of something so small.
-    field *= np.float32(spread * math.sqrt(share))
-    field += np.float32(1.0)
-    np.maximum(field, np.float32(0.0), out=field)
+    # The frame's own mean, and not that of many frames: each is as thick as the extinction says.
+    field /= field[MARGIN:-MARGIN, MARGIN:-MARGIN].mean()
     return field
+
+
+def short_waves(
+    frame: Frame, wind: Vector, spread: float, depths: list[float], half: int, out: Array
+) -> tuple[Array, float]:
+    """Fill `out` (H, W) with the short waves of slices, variance 1; return it and their size.
+
+    The exponential of something so small is one more than it. Long waves of n slices have a
+    variance n times as small as those of one, which waves that all of them share must be told.
+    """
+    share = short_share(_tiles(frame, wind, coarse_shape(frame))[0])
+    seed = (frame.seed + _STRIDE * half + _SHORT) % 2**62
+    tiles = FINE_APART if _flows(frame, wind) else FINE
+    depth = sum(depths) / len(depths)
+    _field(frame, wind, depth, tiles, (SHORTEST, LONG), seed, 1.0, out)
+    return out, spread * math.sqrt(share / len(depths))
+
+
+def coarse_shape(frame: Frame) -> tuple[int, int]:
+    """Return how many coarse samples there are, (rows, columns)."""
+    height, width = (-(-side // COARSE) + 2 * MARGIN for side in frame.shape)
+    return height, width
 
 
 @lru_cache(maxsize=32)
@@ -91,13 +98,16 @@ def short_share(tile: tuple[int, int]) -> float:
 
 def _tiles(frame: Frame, wind: Vector, shape: tuple[int, int]) -> tuple[tuple[int, int], int]:
     """Return tile and overlap of the coarse grid: one tile, if the view moves as one."""
-    path = frame.path
-    axis = frame.camera.matrix()[:, 2]
-    flows = path.turns or path.zooms or comes_nearer(path, axis, 0.0, wind)
-    if max(shape) > TILE or (flows and max(shape) > APART[0]):
+    if max(shape) > TILE or (max(shape) > APART[0] and _flows(frame, wind)):
         return (APART[0], APART[0]), APART[1]
-    down, across = (_quick(side) for side in shape)
+    down, across = (_quick(math.ceil(ROOM * side)) for side in shape)
     return (down, across), 0
+
+
+def _flows(frame: Frame, wind: Vector) -> bool:
+    """Whether the view does not move as one."""
+    path, axis = frame.path, frame.camera.matrix()[:, 2]
+    return path.turns or path.zooms or comes_nearer(path, axis, 0.0, wind)
 
 
 def _quick(side: int) -> int:
@@ -117,10 +127,11 @@ def _rest(size: int) -> int:
 
 
 def _field(
-    frame: Frame, wind: Vector, depth: float, shape: tuple[int, int], tiles: tuple[Any, int],
-    band: tuple[float, float], seed: int, scale: float,
-) -> Array:  # fmt: skip
-    """Return a field of variance 1 that moves as the air does at a depth, on a grid."""
+    frame: Frame, wind: Vector, depth: float, tiles: tuple[Any, int], band: tuple[float, float],
+    seed: int, scale: float, out: Array,
+) -> None:  # fmt: skip
+    """Fill a grid with a field of variance 1 that moves as the air does at a depth."""
+    shape = out.shape
 
     def shift_at(then: Frame) -> Float64:
         return _shift(then, wind, depth, shape, tiles, scale)
@@ -134,9 +145,7 @@ def _field(
         begin, end = (shift_at(frame.later(t - frame.t)) for t in (lap.first, lap.end))
         whole = np.ascontiguousarray((end - begin)[:, :, None])
         asked = asked._replace(lap=(np.zeros_like(whole), whole, lap.part(frame.t)))
-    field = np.empty(shape, np.float32)
-    _core.field(field, asked, None, False)
-    return field
+    _core.field(out, asked, None, False)
 
 
 def _shift(
@@ -156,28 +165,8 @@ def _shift(
 def _coarse(eye: Camera, shape: tuple[int, int], scale: float) -> Camera:
     """Return the eye before the coarse grid."""
     cx, cy = (
-        scale * (at - aside) + _MARGIN
+        scale * (at - aside) + MARGIN
         for at, aside in zip(eye.principal(shape), eye.center_shift, strict=True)
     )
     aside = (scale * eye.center_shift[0], scale * eye.center_shift[1])
     return eye.derive(focal=scale * eye.focal, center=(cx, cy), center_shift=aside)
-
-
-def _doubled(samples: Array, axis: int) -> Array:
-    """Return twice as many samples along an axis, without the half ones at the ends.
-
-    Twice over this is a quadratic spline, to whose corners no ghosts of the coarse grid stick.
-    """
-    low, high = (
-        samples[:-1] if axis == 0 else samples[:, :-1],
-        samples[1:] if axis == 0 else samples[:, 1:],
-    )
-    shape = list(samples.shape)
-    shape[axis] = 2 * (shape[axis] - 1)
-    result = np.empty(shape, np.float32)
-    difference = np.float32(0.25) * (high - low)
-    first = result[0::2] if axis == 0 else result[:, 0::2]
-    second = result[1::2] if axis == 0 else result[:, 1::2]
-    np.add(low, difference, out=first)
-    np.subtract(high, difference, out=second)
-    return result

@@ -340,14 +340,22 @@ class Mist(metaclass=Described):
         if most == 0.0 or cloud.count == 0:
             return Needs((), (LeftOut(self.NAME, "it has no density"),), most=0.0)
         lit = self._is_lit(frame) or bool(frame.lights)
-        placed, bright = isinstance(self.color, str), LAMPS if frame.lights else 1.0
+        bright = LAMPS if frame.lights else 1.0
         bright = max(bright, cloud.scatter.brightest if self._is_lit(frame) else 1.0)
-        # The background's light may change from frame to frame.
-        still = not (placed or frame.lights or has_keys(self) or np.any(value_at(self.wind, 0.0)))
+        # The background's light may change from frame to frame; without a sun or lamps it is no
+        # more than the color of what is kept.
+        moves = has_keys(self) or np.any(value_at(self.wind, 0.0))
+        still = not (moves or frame.lights or (lit and isinstance(self.color, str)))
 
         if self.structure > 0.0:
             return Needs(
-                (Step("lit gas" if lit else "gas", partial(self.bank.cost, frame, lit=lit)),),
+                (
+                    Step(
+                        "lit gas" if lit else "gas",
+                        partial(self.bank.cost, frame, lit=lit),
+                        once=still,
+                    ),
+                ),
                 (LeftOut(f"{self.NAME}: particles", "it has structure, and is drawn in slices"),),
                 self._reads,
                 most=1.0,
