@@ -34,6 +34,9 @@ HALVES = 2
 # A bank's density is a Gaussian with this many sigma to a side of its box, and ends at 1.5 sides.
 SIGMAS = 3.6
 
+# The sine of the lowest sun: light that comes in flatter takes no longer way through mist.
+LOWEST = 0.1
+
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Bank:
@@ -104,12 +107,11 @@ class Bank:
         self, frame: Frame, extinction: float, base: Base, *, lit: bool
     ) -> tuple[Array, Array | None]:
         """Return opacity and light of the whole frame."""
-        slopes, depth = _Rays.of(frame).slopes, frame.depth
-        groups = self._groups(frame, extinction)
         if lit or frame.lights:
-            return self._lit(frame, groups, base if lit else None)
+            return self._lit(frame, extinction, base if lit else None)
+        slopes, depth = _Rays.of(frame).slopes, frame.depth
         total = np.zeros(frame.shape, np.float32)
-        for edges, dense, detail in groups:
+        for edges, dense, detail in self._groups(frame, extinction):
             _core.gas_slices(total, dense, edges, detail, depth, slopes)
         # In float32 the exponential is on vector lanes, that less one is not.
         np.exp(np.negative(total, out=total), out=total)
@@ -124,7 +126,10 @@ class Bank:
         """
         rays, edges = _Rays.coarse(frame), self._edges(frame)
         places = (0.5 * (edges[:-1] + edges[1:])).tolist()
-        waves, fine = (frame, self.wind, self.structure), np.empty(frame.shape, np.float32)
+        # A bank has no waves that are longer than itself.
+        outer = math.inf if self.center is None else min(self.sides)
+        waves = frame, self.wind, self.structure, outer
+        fine = np.empty(frame.shape, np.float32)
         for half, part in enumerate(np.array_split(np.arange(len(places)), HALVES)):
             numbers = part.tolist()
             if not numbers:
@@ -136,23 +141,25 @@ class Bank:
             detail = short_waves(*waves, [places[number] for number in numbers], half, fine)
             yield edges[numbers[0] : numbers[-1] + 2].tolist(), dense, detail
 
-    def _lit(self, frame: Frame, groups: Iterator[Any], base: Base | None) -> tuple[Array, Array]:
+    def _lit(self, frame: Frame, extinction: float, base: Base | None) -> tuple[Array, Array]:
         """Return opacity and light where the sun lights it, as bright as `base`, or lamps do."""
-        rays = _Rays.of(frame)
+        rays, grid = _Rays.of(frame), _Rays.coarse(frame)
         through = np.ones(frame.shape, np.float32)
         light = np.zeros((*frame.shape, 3), np.float32)
-        for edges, dense, detail in groups:
+        for edges, dense, detail in self._groups(frame, extinction):
             for number in range(len(dense)):
                 one, ends = dense[number : number + 1], edges[number : number + 2]
-                way, here = np.zeros((2, *frame.shape), np.float32)
+                place = 0.5 * (ends[0] + ends[1])
+                way, sunward = np.zeros((2, *frame.shape), np.float32)
                 _core.gas_slices(way, one, ends, detail, frame.depth, rays.slopes)
                 passed = np.exp(-way)
                 taken = through * (1.0 - passed)
                 if base is not None:
-                    _core.gas_slices(here, one, (0.0, 1.0), detail, None, None)
-                    self._add_sun(light, frame, rays, here, taken, base)
+                    before = np.float32(extinction) * self._sunward(frame, grid, place)
+                    smooth = detail[0], 0.0
+                    _core.gas_slices(sunward, before[None], (0.0, 1.0), smooth, None, None)
+                    self._add_sun(light, frame, rays, sunward, taken, base)
                 if frame.lights:
-                    place = 0.5 * float(ends[0] + ends[1])
                     glow = lamp_shade(whole(frame), [place], [1.0], self.scatter.optics)
                     add_behind(light, taken, glow, None)
                 through *= passed
@@ -179,28 +186,27 @@ class Bank:
 
     def _density(self, frame: Frame, rays: _Rays, depth: float) -> Any:
         """Return the mean density at a depth, of the extinction, for each ray or row of them."""
-        place = frame.path.place(frame.t, fps=frame.fps)
         density: Any = np.float32(1.0)
         if self.center is not None:
-            squared: Any = 0.0
-            for axis in range(3):
-                away = place[axis] + rays.along(axis) * depth - self.center[axis]
-                squared = squared + (away * (SIGMAS / self.sides[axis])) ** 2
+            squared = sum(part * part for part in self._from_middle(frame, rays, depth))
             # The Gaussian holds as much gas as the box did.
             peak = SIGMAS**3 / math.tau**1.5
             density = np.float32(peak) * np.exp(np.float32(-0.5) * squared)
         if self.top is not None:
-            height = -(place[1] + rays.along(1) * depth)
+            height = -(frame.path.place(frame.t, fps=frame.fps)[1] + rays.along(1) * depth)
             density = density / (1.0 + np.exp(np.clip((height - self.top) / self.falloff, -60, 60)))
         return np.asarray(density, np.float32)
 
     def _add_sun(
-        self, light: Array, frame: Frame, rays: _Rays, dense: Array, taken: Array, base: Base
+        self, light: Array, frame: Frame, rays: _Rays, sunward: Array, taken: Array, base: Base
     ) -> None:
-        """Add what a slice that takes so much of the light sends here, linear (H, W, 3)."""
+        """Add what a slice sends here, linear (H, W, 3).
+
+        `sunward` is the optical depth between it and the sun, `taken` what it takes of the view.
+        """
         assert frame.sun is not None
         sun, way = frame.sun, frame.to_camera(frame.sun.unit())
-        scattered: Any = np.exp(np.float32(-(1.0 - self.scatter.forward) * self._above()) * dense)
+        scattered: Any = np.exp(np.float32(self.scatter.forward - 1.0) * sunward)
         if self.scatter.kind != "even":
             x, y = rays.x, rays.y
             cosine = -(x * way[0] + y * way[1] + way[2]) / np.sqrt(1.0 + x * x + y * y)
@@ -215,11 +221,45 @@ class Bank:
             share = np.float32(dim[channel]) + np.float32(sunny[channel]) * scattered
             light[..., channel] += taken * share
 
-    def _above(self) -> float:
-        """Return the way of the sun's light through gas of the slice's own density, metres."""
+    def _sunward(self, frame: Frame, rays: _Rays, depth: float) -> Array:
+        """Return the way of the sun's light to a depth through the mean gas, on the coarse grid.
+
+        In metres of gas of the extinction. What the structure adds evens out along the way: a lump
+        that shaded itself would be a dark hole in a bright cloud.
+        """
+        assert frame.sun is not None
+        sun, way = frame.sun.unit(), np.zeros(coarse_shape(frame), np.float32)
         if self.center is not None:
-            return 0.35 * min(self.sides)
-        return 0.0 if self.top is None else self.falloff
+            # Through a Gaussian it is the tail of the normal law over its density (Mills' ratio).
+            slant = -sun * SIGMAS / np.array(self.sides)
+            along = np.linalg.norm(slant)
+            parts = self._from_middle(frame, rays, depth)
+            place = sum(part * to for part, to in zip(parts, slant / along, strict=True))
+            way += _mills(np.maximum(place, -6.0)) / along
+        elif self.top is not None:
+            above = frame.path.place(frame.t, fps=frame.fps)[1] + rays.along(1) * depth
+            height = np.clip((-above - self.top) / self.falloff, -60.0, 60.0)
+            thick = self.falloff * np.log1p(np.exp(-height)) * (1.0 + np.exp(height))
+            way += thick / max(sun[1], LOWEST)
+        way *= self._density(frame, rays, depth)
+        return way
+
+    def _from_middle(self, frame: Frame, rays: _Rays, depth: float) -> list[Any]:
+        """Return how far from the bank's middle rays are at a depth, house axes, in sigma."""
+        assert self.center is not None
+        place = frame.path.place(frame.t, fps=frame.fps)
+        return [
+            (place[axis] + rays.along(axis) * depth - self.center[axis])
+            * (SIGMAS / self.sides[axis])
+            for axis in range(3)
+        ]
+
+
+def _mills(a: Any) -> Any:
+    """Return the tail of the normal law from `a` on over its density, to 1 % (Boyd 1959)."""
+    far = np.abs(a)
+    ratio = math.pi / ((math.pi - 1.0) * far + np.sqrt(far * far + math.tau))
+    return np.where(a < 0.0, math.sqrt(math.tau) * np.exp(0.5 * far * far) - ratio, ratio)
 
 
 @dataclass

@@ -40,37 +40,57 @@ ROOM = 1.12
 # Coarse samples beyond the frame on each side, as the kernel reads them.
 MARGIN = 1
 
+# Rings of waves, each of which has one gain where the gas has an outer scale.
+RINGS = 24
+
 # Seeds of the slices lie this far apart; those of short waves begin beyond them.
 _STRIDE, _SHORT = 7919, 1_000_003
 
 
-def long_waves(frame: Frame, wind: Vector, spread: float, depth: float, number: int) -> Array:
-    """Return the density of a slice over its mean in its long waves, coarse, float32, mean 1."""
+def long_waves(
+    frame: Frame, wind: Vector, spread: float, outer: float, depth: float, number: int
+) -> Array:
+    """Return the density of a slice over its mean in its long waves, coarse, float32.
+
+    Parameters
+    ----------
+    spread : float
+        Root mean square of the density's logarithm.
+    outer : float
+        Outer scale, in units of depth: longer waves have the power of this one (von Karman 1948).
+        Of endless gas the frame's own mean is 1, of other gas that of many frames.
+    depth, number
+        Of the slice.
+    """
     shape = coarse_shape(frame)
     tile, overlap = _tiles(frame, wind, shape)
     seed = (frame.seed + _STRIDE * number) % 2**62
     band = (LONG / COARSE, float(max(tile)))
     field = np.empty(shape, np.float32)
-    _field(frame, wind, depth, (tile, overlap), band, seed, 1.0 / COARSE, field)
-    field *= np.float32(spread * math.sqrt(1.0 - short_share(tile)))
+    size = frame.camera.focal * outer / depth
+    _field(frame, wind, depth, (tile, overlap), band, seed, 1.0 / COARSE, field, size)
+    variance = spread * spread * (1.0 - short_share(tile, size))
+    field *= np.float32(math.sqrt(variance))
     np.exp(field, out=field)
-    # The frame's own mean, and not that of many frames: each is as thick as the extinction says.
-    field /= field[MARGIN:-MARGIN, MARGIN:-MARGIN].mean()
+    inside = field[MARGIN:-MARGIN, MARGIN:-MARGIN]
+    field /= inside.mean() if math.isinf(outer) else np.float32(math.exp(0.5 * variance))
     return field
 
 
 def short_waves(
-    frame: Frame, wind: Vector, spread: float, depths: list[float], half: int, out: Array
-) -> tuple[Array, float]:
+    frame: Frame, wind: Vector, spread: float, outer: float, depths: list[float], half: int,
+    out: Array,
+) -> tuple[Array, float]:  # fmt: skip
     """Fill `out` (H, W) with the short waves of slices, variance 1; return it and their size.
 
     The exponential of something so small is one more than it. Long waves of n slices have a
     variance n times as small as those of one, which waves that all of them share must be told.
     """
-    share = short_share(_tiles(frame, wind, coarse_shape(frame))[0])
+    depth = sum(depths) / len(depths)
+    size = frame.camera.focal * outer / depth
+    share = short_share(_tiles(frame, wind, coarse_shape(frame))[0], size)
     seed = (frame.seed + _STRIDE * half + _SHORT) % 2**62
     tiles = FINE_APART if _flows(frame, wind) else FINE
-    depth = sum(depths) / len(depths)
     _field(frame, wind, depth, tiles, (SHORTEST, LONG), seed, 1.0, out)
     return out, spread * math.sqrt(share / len(depths))
 
@@ -82,18 +102,30 @@ def coarse_shape(frame: Frame) -> tuple[int, int]:
 
 
 @lru_cache(maxsize=32)
-def short_share(tile: tuple[int, int]) -> float:
-    """Return the share of the power below `LONG`, for a tile of the coarse grid."""
+def short_share(tile: tuple[int, int], outer: float) -> float:
+    """Return the share of the power below `LONG`, for a tile of the coarse grid, of gas of a size.
+
+    Parameters
+    ----------
+    outer : float
+        Outer scale, px of the frame.
+    """
     height, width = (side * COARSE for side in tile)
     ky = np.arange(-(height // LONG), height // LONG + 1.0) / height
     kx = np.arange(-(width // LONG), width // LONG + 1.0) / width
     k = np.hypot(ky[:, None], kx[None, :])
+    k = k[(k > 0.0) & (k <= 1.0 / LONG)]
     # As much for each wave as there is room for in the plane of waves.
     room = 1.0 / (height * width)
-    long_power = room * float((k[(k > 0.0) & (k <= 1.0 / LONG)] ** (-2.0 * EXPONENT)).sum())
+    long_power = room * float((k ** (-2.0 * EXPONENT) * _gain(1.0 / k, outer) ** 2).sum())
     power = 2.0 - 2.0 * EXPONENT
     short_power = 2.0 * math.pi / -power * (LONG**-power - SHORTEST**-power)
     return float(short_power / (short_power + long_power))
+
+
+def _gain(wavelength: Float64, outer: float) -> Float64:
+    """Return by how much an outer scale lowers the amplitude of waves."""
+    return np.asarray((1.0 + (wavelength / outer) ** 2) ** (-0.5 * EXPONENT))
 
 
 def _tiles(frame: Frame, wind: Vector, shape: tuple[int, int]) -> tuple[tuple[int, int], int]:
@@ -128,17 +160,24 @@ def _rest(size: int) -> int:
 
 def _field(
     frame: Frame, wind: Vector, depth: float, tiles: tuple[Any, int], band: tuple[float, float],
-    seed: int, scale: float, out: Array,
+    seed: int, scale: float, out: Array, outer: float = math.inf,
 ) -> None:  # fmt: skip
-    """Fill a grid with a field of variance 1 that moves as the air does at a depth."""
+    """Fill a grid with a field of variance 1 that moves as the air does at a depth.
+
+    Waves longer than `outer`, px of the frame, have no more power than those of this length.
+    """
     shape = out.shape
 
     def shift_at(then: Frame) -> Float64:
         return _shift(then, wind, depth, shape, tiles, scale)
 
+    edges = gains = None
+    if not math.isinf(outer):
+        edges = np.geomspace(*band, RINGS + 1)
+        gains = _gain(np.sqrt(edges[1:] * edges[:-1]), scale * outer)
     asked = request(
         shape, drift=(0.0, 0.0), shift=shift_at(frame), seed=seed, wavelengths=band,
-        exponent=EXPONENT, tile=tiles[0], overlap=tiles[1],
+        exponent=EXPONENT, tile=tiles[0], overlap=tiles[1], ring_edges=edges, ring_gains=gains,
     )  # fmt: skip
     lap = frame.lap
     if lap is not None:

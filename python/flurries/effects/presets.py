@@ -150,7 +150,7 @@ BANKS: dict[str, dict[str, Any]] = {
         "visibility": 60.0, "structure": 0.7, "wind": (0.6, 0.0, 0.0),
     },
     "cumulus": {
-        "visibility": 10.0, "structure": 1.0, "box": (30.0, 14.0, 20.0), "color": 0.96,
+        "visibility": 10.0, "structure": 1.0, "box": (30.0, 14.0, 20.0),
         "wind": (0.5, 0.0, 0.0), "forward": 0.6,
     },
 }  # fmt: skip
