@@ -299,6 +299,7 @@ pub fn add_behind(
         return Err(Error::Internal("a layer and its light differ in size".into()));
     }
     behind.grid.check()?;
+    let layout = || Error::Internal("rows are not contiguous".into());
     let across = behind.grid.across(width);
     let tasks: Vec<_> = glow.axis_chunks_iter_mut(Axis(0), 32).enumerate().collect();
     pool::for_each(tasks, |(number, mut band)| {
@@ -307,10 +308,15 @@ pub fn add_behind(
         for (row, mut glow) in band.outer_iter_mut().enumerate() {
             let row = 32 * number + row;
             behind.grid.row(row, &across, &mut line, &mut colors);
-            for x in 0..width {
-                let through = front.map_or(1.0, |front| 1.0 - front[[row, x]]);
-                let cover = behind.alpha[[row, x]] * through;
-                (0..3).for_each(|c| glow[[x, c]] += cover * colors[x][c]);
+            let alpha = behind.alpha.index_axis_move(Axis(0), row);
+            let alpha = alpha.to_slice().ok_or_else(layout)?;
+            let front = front.map(|front| front.index_axis_move(Axis(0), row));
+            let front = front.as_ref().map(|row| row.to_slice().ok_or_else(layout)).transpose()?;
+            let (glow, _) = glow.as_slice_mut().ok_or_else(layout)?.as_chunks_mut::<3>();
+            for (x, ((glow, color), &cover)) in glow.iter_mut().zip(&colors).zip(alpha).enumerate()
+            {
+                let cover = cover * front.map_or(1.0, |front| 1.0 - front[x]);
+                (0..3).for_each(|c| glow[c] += cover * color[c]);
             }
         }
         Ok(())

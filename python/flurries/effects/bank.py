@@ -20,6 +20,7 @@ from flurries._contract import Array, Float64
 from flurries.effects.bank_texture import COARSE, MARGIN, coarse_shape, long_waves, short_waves
 from flurries.effects.lighting import Base, add_behind, lamp_shade, whole
 from flurries.effects.sunlight import Scatter
+from flurries.frame.layer import Shade
 from flurries.frame.needs import Cost
 from flurries.frame.view import Frame
 from flurries.io.color import srgb_to_linear
@@ -143,27 +144,27 @@ class Bank:
 
     def _lit(self, frame: Frame, extinction: float, base: Base | None) -> tuple[Array, Array]:
         """Return opacity and light where the sun lights it, as bright as `base`, or lamps do."""
-        rays, grid = _Rays.of(frame), _Rays.coarse(frame)
+        slopes, grid = _Rays.of(frame).slopes, _Rays.coarse(frame)
         through = np.ones(frame.shape, np.float32)
         light = np.zeros((*frame.shape, 3), np.float32)
+        phase = None if base is None else self._phase(frame, grid)
         for edges, dense, detail in self._groups(frame, extinction):
             for number in range(len(dense)):
-                one, ends = dense[number : number + 1], edges[number : number + 2]
+                ends = edges[number : number + 2]
                 place = 0.5 * (ends[0] + ends[1])
-                way, sunward = np.zeros((2, *frame.shape), np.float32)
-                _core.gas_slices(way, one, ends, detail, frame.depth, rays.slopes)
-                passed = np.exp(-way)
-                taken = through * (1.0 - passed)
+                passed = np.zeros(frame.shape, np.float32)
+                _core.gas_slices(passed, dense[number][None], ends, detail, frame.depth, slopes)
+                np.exp(np.negative(passed, out=passed), out=passed)
+                passed *= through
+                taken = np.subtract(through, passed, out=through)
                 if base is not None:
-                    before = np.float32(extinction) * self._sunward(frame, grid, place)
-                    smooth = detail[0], 0.0
-                    _core.gas_slices(sunward, before[None], (0.0, 1.0), smooth, None, None)
-                    self._add_sun(light, frame, rays, sunward, taken, base)
+                    sunny = self._sunny(frame, grid, place, extinction, base, phase)
+                    add_behind(light, taken, sunny, None)
                 if frame.lights:
                     glow = lamp_shade(whole(frame), [place], [1.0], self.scatter.optics)
                     add_behind(light, taken, glow, None)
-                through *= passed
-        return 1.0 - through, light
+                through = passed
+        return np.subtract(np.float32(1.0), through, out=through), light
 
     def _edges(self, frame: Frame) -> Float64:
         """Return where slices begin and end, planar depth."""
@@ -197,29 +198,28 @@ class Bank:
             density = density / (1.0 + np.exp(np.clip((height - self.top) / self.falloff, -60, 60)))
         return np.asarray(density, np.float32)
 
-    def _add_sun(
-        self, light: Array, frame: Frame, rays: _Rays, sunward: Array, taken: Array, base: Base
-    ) -> None:
-        """Add what a slice sends here, linear (H, W, 3).
-
-        `sunward` is the optical depth between it and the sun, `taken` what it takes of the view.
-        """
+    def _phase(self, frame: Frame, rays: _Rays) -> Any:
+        """Return the phase function of the sun's light towards the eye."""
         assert frame.sun is not None
-        sun, way = frame.sun, frame.to_camera(frame.sun.unit())
-        scattered: Any = np.exp(np.float32(self.scatter.forward - 1.0) * sunward)
-        if self.scatter.kind != "even":
-            x, y = rays.x, rays.y
-            cosine = -(x * way[0] + y * way[1] + way[2]) / np.sqrt(1.0 + x * x + y * y)
-            phase = gas.phase(
-                np.clip(cosine, -1.0, 1.0),
-                kind=self.scatter.kind, asymmetry=self.scatter.asymmetry,
-            )  # fmt: skip
-            scattered = scattered * phase.astype(np.float32)
+        if self.scatter.kind == "even":
+            return 1.0
+        way, x, y = frame.to_camera(frame.sun.unit()), rays.x, rays.y
+        cosine = -(x * way[0] + y * way[1] + way[2]) / np.sqrt(1.0 + x * x + y * y)
+        return gas.phase(
+            np.clip(cosine, -1.0, 1.0), kind=self.scatter.kind, asymmetry=self.scatter.asymmetry
+        )
+
+    def _sunny(
+        self, frame: Frame, rays: _Rays, depth: float, extinction: float, base: Base, phase: Any
+    ) -> Shade:
+        """Return the light of a slice of opaque gas."""
+        assert frame.sun is not None
+        sun, way = frame.sun, extinction * self._sunward(frame, rays, depth)
+        reaches = np.exp((self.scatter.forward - 1.0) * way) * phase
         white = (1.0 - sun.ambient) * srgb_to_linear(np.asarray(sun.color, np.float64))
-        dim, sunny = sun.ambient * base.dim, white * base.sunny
-        for channel in range(3):
-            share = np.float32(dim[channel]) + np.float32(sunny[channel]) * scattered
-            light[..., channel] += taken * share
+        colors = sun.ambient * base.dim + reaches[..., None] * (white * base.sunny)
+        inside = colors[MARGIN:-MARGIN, MARGIN:-MARGIN]
+        return Shade(np.ascontiguousarray(inside, np.float32), float(COARSE), (0, 0))
 
     def _sunward(self, frame: Frame, rays: _Rays, depth: float) -> Array:
         """Return the way of the sun's light to a depth through the mean gas, on the coarse grid.

@@ -37,6 +37,8 @@ STEEPEST = 12.92
 # How many times as bright as white lamps may make it.
 LAMPS = 100.0
 
+BLACK = (0.0, 0.0, 0.0)
+
 # The paper's fog: a radius of .45 in a box of 5.
 RADIUS = 0.09
 
@@ -415,7 +417,10 @@ class Mist(metaclass=Described):
             top, bottom, left, right = frame.window
             drawn = np.zeros((bottom - top, right - left), np.float32), None
         alpha, light = drawn
-        if lit and light is not None:
+        if lit and light is not None and self.structure > 0.0:
+            # All of its light is a glow, which is mixed as light.
+            layer = Layer(self.NAME, alpha, color, shade=even_shade(frame, BLACK), glow=light)
+        elif lit and light is not None:
             layer = Layer(self.NAME, alpha, rgb=light)
         elif light is not None:
             layer = Layer(self.NAME, alpha, color, shade=even_shade(frame, color), glow=light)
