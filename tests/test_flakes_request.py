@@ -161,6 +161,29 @@ def test_groups_of_layers_before_a_wall():
     assert np.abs(out - want).max() < 1e-10
 
 
+def test_layers_before_a_scene_that_cuts_them():
+    # Each group by itself, weighed pixel by pixel; of means so large nothing is below 0.
+    mean = np.array([3.0, 4.0]) + RNG.random((ROWS, COLS, LAYERS))
+    edges, shares = np.array([2.0, 5.0, 9.0]), np.array([[0.0, 1.0, 1.0], [0.0, 0.25, 1.0]])
+    far = RNG.uniform(1.0, 10.0, SHAPE).astype(np.float32)
+    # Tiles before which all is seen, and behind which nothing is.
+    far[:40, :50], far[40:, 50:] = np.inf, 1.5
+    before = flakes.Before(far, np.array([0, 1], np.int32), edges, shares, mean)
+    asked = request(before=before)
+    want = np.zeros(SHAPE)
+    for group, share in enumerate(shares):
+        alone = np.where(np.arange(LAYERS) == group, asked.pattern, -1).astype(np.int32)
+        part = slow(request(pattern=alone, mean=mean[..., group], before=None))
+        want += np.interp(far, edges, share) * part
+    assert np.abs(depth(asked) - want).max() < 1e-6
+    part = depth(asked._replace(window=(13, 60, 8, 96)))
+    assert np.array_equal(part, depth(asked)[13:60, 8:96])
+    open_air = before._replace(depth=np.full(SHAPE, np.inf, np.float32), mean=MEANS[None, None])
+    assert np.abs(depth(request(before=open_air)) - depth(request())).max() < 1e-12
+    walled = before._replace(depth=np.full(SHAPE, 1.0, np.float32))
+    assert not depth(request(before=walled)).any()
+
+
 def test_an_amount_between_two_rungs():
     half = flakes.patterns_of(TILE, **LAW, amount=0.5)
     mixed = _core.flake_mix(ready(half), ready(), 0.6)
@@ -182,7 +205,17 @@ BAD: dict[str, dict[str, Any]] = {
     "mean": {"mean": np.zeros((ROWS, COLS + 1))},
     "window": {"window": (0, 84, 0, 97)},
     "overlap": {"overlap": TILE},
-}
+    **{
+        name: {"before": flakes.Before(
+            np.ones(SHAPE, np.float32), np.zeros(LAYERS, np.int32), np.array([1.0, 2.0]),
+            np.array([[0.0, 1.0]]), np.ones((1, 1, 1)),
+        )._replace(**{name: value})}
+        for name, value in {
+            "depth": np.ones((83, 96), np.float32), "group": np.ones(LAYERS, np.int32),
+            "edges": np.array([2.0, 1.0]), "shares": np.ones((1, 3)),
+        }.items()
+    },
+}  # fmt: skip
 
 
 @pytest.mark.parametrize("name", BAD)

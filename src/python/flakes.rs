@@ -21,6 +21,7 @@ use crate::spectral::flakes::frame::{Finish, Frame, Terms};
 use crate::spectral::flakes::pattern::{Law, patterns};
 use crate::spectral::flakes::places::{self, Slab, population};
 use crate::spectral::flakes::prepared::Prepared;
+use crate::spectral::flakes::wall::Wall;
 
 /// Rough nanoseconds for a flake of a pattern, and for a pixel of a tile and each of its terms.
 const FLAKE: f64 = 2000.0;
@@ -276,6 +277,35 @@ pub struct FlakeRequest<'py> {
     mean: PyReadonlyArray2<'py, f64>,
     #[pyo3(attribute)]
     window: (usize, usize, usize, usize),
+    #[pyo3(attribute)]
+    before: Option<WallRequest<'py>>,
+}
+
+/// A scene before which the texture lies; the attributes of its request.
+#[derive(FromPyObject)]
+pub struct WallRequest<'py> {
+    #[pyo3(attribute)]
+    depth: PyReadonlyArray2<'py, f32>,
+    #[pyo3(attribute)]
+    group: PyReadonlyArray1<'py, i32>,
+    #[pyo3(attribute)]
+    edges: PyReadonlyArray1<'py, f64>,
+    #[pyo3(attribute)]
+    shares: PyReadonlyArray2<'py, f64>,
+    #[pyo3(attribute)]
+    mean: PyReadonlyArray3<'py, f64>,
+}
+
+impl WallRequest<'_> {
+    fn wall(&self) -> Wall<'_> {
+        Wall {
+            depth: self.depth.as_array(),
+            group: self.group.as_array(),
+            edges: self.edges.as_array(),
+            shares: self.shares.as_array(),
+            mean: self.mean.as_array(),
+        }
+    }
 }
 
 impl FlakeRequest<'_> {
@@ -352,8 +382,14 @@ fn render<T: Normal>(
     let (terms, window) = (&request.terms(), request.window());
     let (shape, overlap) = (request.shape, request.overlap);
     let work = request.estimate(patterns.tile, (window.rows.len(), window.cols.len()));
+    let wall = request.before.as_ref().map(WallRequest::wall);
     gate::run(py, work, move |cancel| {
-        Frame::new(shape, overlap, patterns, terms, finish)?.render(&window, out, mask, cancel)
+        let frame = Frame::new(shape, overlap, patterns, terms, finish)?;
+        let frame = match wall {
+            Some(wall) => frame.before(wall)?,
+            None => frame,
+        };
+        frame.render(&window, out, mask, cancel)
     })
 }
 

@@ -9,10 +9,8 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from flurries import _core
 from flurries._contract import Array, Float64
@@ -31,10 +29,10 @@ from flurries.frame.needs import Cost, LeftOut, Needs, Step, has_keys, omission
 from flurries.frame.view import Frame
 from flurries.light.phase import Optics
 from flurries.motion.keys import value_at
-from flurries.spectral.flakes import Request, bands_of, frame_of
+from flurries.spectral.flakes import Before, Request, bands_of, frame_of
 from flurries.trace import count
 
-# Layers are joined into this many groups before a scene's depth.
+# Before a scene's depth layers that lie near each other are one group, of so many.
 GROUPS = 4
 
 # Focal lengths of a zoom have patterns of their own in steps of this ratio.
@@ -76,10 +74,8 @@ class FlakeTexture:
         """Return its opacity over the window, (h, w) float32."""
         film = self.weather.film(frame)
         patterns = self._patterns(frame, film, amount)
-        if frame.depth is not None and self.depth_mode == "pixel":
-            return self._before(frame, film, patterns, amount)
-        request = self.request(frame, film, patterns, amount)
-        if frame.banded:
+        # Of what the scene cuts tiles are made again for each band.
+        if frame.banded and not self._cut(frame):
             whole = frame.around
             if film.across:
                 made = frame.once_each(
@@ -97,49 +93,24 @@ class FlakeTexture:
             result = np.empty((bottom - top, right - left), np.float32)
             _core.flake_take(bands, result, top)
             return result
-        count("tiles", request.mean.size)
-        return self._turned(film, frame_of(patterns.ready, request, opacity=True))
+        return self._made(frame, film, patterns, amount)
 
     def _made(self, frame: Frame, film: Film, patterns: Patterns, amount: float) -> Array:
         request = self.request(frame, film, patterns, amount)
+        count("tiles", request.mean.size)
         return self._turned(film, frame_of(patterns.ready, request, opacity=True))
+
+    def _cut(self, frame: Frame) -> bool:
+        """Whether the scene's depth hides it pixel by pixel."""
+        return frame.depth is not None and self.depth_mode == "pixel"
 
     @staticmethod
     def _turned(film: Film, pixels: Array) -> Array:
         """Return the picture of a lattice that lies across."""
         return np.ascontiguousarray(pixels.T) if film.across else pixels
 
-    def _before(self, frame: Frame, film: Film, patterns: Patterns, amount: float) -> Array:
-        """Return its opacity before a scene: groups of layers, each as far as a pixel sees it."""
-        assert frame.depth is not None
-        depth = frame.crop(frame.depth)
-        layers = self._layers(film)
-        parts = [part for part in np.array_split(np.arange(len(layers)), GROUPS) if len(part)]
-        result: Array | None = None
-        for number, part in enumerate(parts):
-            group = [layers[index] for index in part]
-            mask = _seen_before(group, depth)
-            request = self.request(frame, film, patterns, amount, part)
-            result = frame_of(
-                patterns.ready,
-                request,
-                opacity=number + 1 == len(parts),
-                mask=np.ascontiguousarray(mask.T) if film.across else mask,
-                out=result,
-                add=number > 0,
-            )
-        assert result is not None
-        return self._turned(film, result)
-
-    def request(
-        self,
-        frame: Frame,
-        film: Film,
-        patterns: Patterns,
-        amount: float,
-        which: npt.NDArray[Any] | None = None,
-    ) -> Request:
-        """Return the tiles of a frame as the kernel reads them; `which` chooses layers."""
+    def request(self, frame: Frame, film: Film, patterns: Patterns, amount: float) -> Request:
+        """Return the tiles of a frame as the kernel reads them."""
         layers = film.layers
         x, y = tile_middles(frame.shape, frame.camera, (film.tile, film.tile), film.overlap)
         there = self._there(frame, film, amount, x, y)
@@ -169,28 +140,32 @@ class FlakeTexture:
             frame.seed,
             self._rungs(amount),
         )
-        chosen = np.arange(len(layers)) if which is None else which
-        picked = np.concatenate(
-            [chosen + at for at in range(0, terms.pattern.shape[2], len(layers))]
-        )
+        number = terms.pattern.shape[2]
         mean = (there if len(self._rungs(amount)) > 1 else self._rungs(amount)[0]) * gains
-        mean = (mean * patterns.depths)[..., chosen].sum(axis=2) / film.tile**2
+        mean = mean * patterns.depths
         height, width = frame.shape
         top, bottom, left, right = frame.window
         window, shape = (top, bottom, left, right), (height, width)
         if film.across:
             window, shape = (left, right, top, bottom), (width, height)
         blurred = patterns.gains is not None and bool(streak.any())
+        before = None
+        if self._cut(frame):
+            assert frame.depth is not None
+            depth = frame.depth.T if film.across else frame.depth
+            before = _before(layers, depth, number, mean / film.tile**2)
+        again = np.arange(number) % len(layers)
         return Request(
             shape=shape,
             overlap=film.overlap,
-            pattern=np.ascontiguousarray(terms.pattern[..., picked]),
-            gain=np.ascontiguousarray(terms.gain[..., picked]),
-            shift=np.ascontiguousarray(terms.shift[:, :, picked]),
-            streak=np.ascontiguousarray(streak[:, :, picked % len(layers)]) if blurred else None,
+            pattern=terms.pattern,
+            gain=np.ascontiguousarray(terms.gain),
+            shift=terms.shift,
+            streak=np.ascontiguousarray(streak[:, :, again]) if blurred else None,
             mirror=terms.mirror,
-            mean=np.ascontiguousarray(mean),
+            mean=np.ascontiguousarray(mean.sum(axis=2) / film.tile**2),
             window=window,
+            before=before,
         )
 
     def _motion(
@@ -328,7 +303,8 @@ class FlakeTexture:
         top, bottom, left, right = frame.window
         step = film.tile - film.overlap
         tiles = (math.ceil((bottom - top) / step) + 1) * (math.ceil((right - left) / step) + 1)
-        passes = GROUPS if frame.deep and self.depth_mode == "pixel" else 1
+        # Few tiles are cut in more than one group.
+        passes = 2 if frame.deep and self.depth_mode == "pixel" else 1
         terms = layers * (2 if film.comes else 1)
         plane = (bottom - top) * (right - left)
         work = {
@@ -339,14 +315,31 @@ class FlakeTexture:
         return Cost(work, size, 4 * plane, 8 * plane)
 
 
-def _seen_before(layers: Sequence[Layer], depth: Array) -> Array:
-    """Return which part of some layers' optical depth lies before depths, 0 to 1 float32."""
+def _before(layers: Sequence[Layer], depth: Array, number: int, mean: Float64) -> Before:
+    """Return so many terms of layers before a scene, grouped by their depths."""
+    order = np.argsort([slab.depth for _, slab in layers], kind="stable")
+    groups = [part for part in np.array_split(order, GROUPS) if len(part)]
+    edges = np.array(sorted({edge for _, slab in layers for edge in (slab.near, slab.far)}))
+    group = np.empty(len(layers), np.int32)
+    for index, part in enumerate(groups):
+        group[part] = index
+    return Before(
+        depth=depth,
+        group=np.resize(group, number),
+        edges=edges,
+        shares=np.stack([_seen_before([layers[i] for i in part], edges) for part in groups]),
+        mean=np.stack([mean[..., part].sum(axis=2) for part in groups], axis=-1),
+    )
+
+
+def _seen_before(layers: Sequence[Layer], depth: Array) -> Float64:
+    """Return which part of some layers' optical depth lies before depths, 0 to 1."""
     edges = np.array(sorted({edge for _, slab in layers for edge in (slab.near, slab.far)}))
     whole = sum(slab.coverage for _, slab in layers)
     before = np.zeros(len(edges))
     for _, slab in layers:
         before += slab.coverage * slab.before(edges)
-    return np.interp(depth, edges, before / whole).astype(np.float32)
+    return np.interp(depth, edges, before / whole)
 
 
 def whole_crop(made: Array, whole: Frame, frame: Frame) -> Array:

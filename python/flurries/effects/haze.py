@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -49,11 +50,15 @@ class Haze:
     def _before(self, frame: Frame, amount: float) -> Array:
         assert frame.depth is not None
         depth, far = frame.crop(frame.depth), self.weather.far
-        # Where nothing stands the weather ends with its flakes.
-        reach = np.where(np.isfinite(depth), depth, np.float32(far))
-        haze = amount * float(value_at(self.haze, frame.t))
-        thickness = -np.log1p(-min(haze, 1.0 - 1e-9)) * np.minimum(reach / far, 1.0)
+        # Plain floats keep arrays in float32, where exp is on vector lanes and expm1 is not.
+        haze = min(amount * float(value_at(self.haze, frame.t)), 1.0 - 1e-9)
         emission = float(value_at(self.weather.emission, frame.t))
         beyond = amount * emission * self.weather.population.extinction
-        thickness = thickness + beyond * np.maximum(reach - far, 0.0)
-        return np.asarray(-np.expm1(-thickness), np.float32)
+        thickness = np.maximum(depth - far, 0.0)
+        # Where nothing stands the weather ends with its flakes.
+        thickness[thickness == np.inf] = 0.0
+        thickness *= beyond
+        if haze > 0.0:
+            thickness += np.minimum(depth * (1.0 / far), 1.0) * -math.log1p(-haze)
+        np.exp(np.negative(thickness, out=thickness), out=thickness)
+        return np.subtract(1.0, thickness, out=thickness)

@@ -40,6 +40,31 @@ _MOST_GAIN = 1e30
 _MOST_TERMS = 2**26
 
 
+class Before(NamedTuple):
+    """A scene that hides what lies behind it, for groups of terms of a :class:`Request`.
+
+    Attributes
+    ----------
+    depth : (H, W) float32
+        Of the whole frame.
+    group : (n,) int32
+        Of each term, from 0 on.
+    edges : (E,) float64
+        Rising depths.
+    shares : (G, E) float64
+        Of each group, what share of its optical depth lies before these: it rises evenly from one
+        to the next, and is constant beyond the ends.
+    mean : (rows, cols, G) or (1, 1, G) float64
+        Mean optical depth of each group, in place of the request's.
+    """
+
+    depth: Array
+    group: npt.NDArray[np.int32]
+    edges: Float64
+    shares: Float64
+    mean: Float64
+
+
 class Request(NamedTuple):
     """Which patterns stand where in a window of a frame, as the kernel reads it.
 
@@ -67,6 +92,8 @@ class Request(NamedTuple):
         Mean optical depth of the tile.
     window : (top, bottom, left, right)
         What is made of the frame, in pixels.
+    before : Before, optional
+        What the scene hides; not for :func:`bands_of`.
     """
 
     shape: tuple[int, int]
@@ -78,6 +105,7 @@ class Request(NamedTuple):
     mirror: npt.NDArray[np.bool_]
     mean: Float64
     window: tuple[int, int, int, int]
+    before: Before | None = None
 
 
 class Choices(NamedTuple):

@@ -10,6 +10,7 @@ use ndarray::{ArrayView2, ArrayView3, ArrayView4, ArrayViewMut2, Axis};
 
 use super::prepared::Prepared;
 use super::product::{Scratch, Term, render};
+use super::wall::{Depths, Seen, Wall};
 use crate::base::aligned::Aligned;
 use crate::base::error::{Cancel, Error, pushed};
 use crate::base::normal::{Normal, least, most};
@@ -90,15 +91,20 @@ impl Terms<'_> {
         }
     }
 
-    /// Those of a tile that are there to be seen.
-    fn of(&self, tile: (usize, usize), terms: &mut Vec<Term>) -> Result<(), Error> {
+    /// Those of a tile that are there to be seen, as far as `takes` says of their numbers.
+    fn of(
+        &self,
+        tile: (usize, usize),
+        terms: &mut Vec<Term>,
+        takes: impl Fn(usize) -> bool,
+    ) -> Result<(), Error> {
         terms.clear();
         let place = |shape: &[usize]| at((shape[0], shape[1]), tile);
         let (p, g, s) =
             (place(self.pattern.shape()), place(self.gain.shape()), place(self.shift.shape()));
         for i in 0..self.count() {
             let (pattern, gain) = (self.pattern[(p.0, p.1, i)], self.gain[(g.0, g.1, i)]);
-            if pattern < 0 || gain == 0.0 {
+            if pattern < 0 || gain == 0.0 || !takes(i) {
                 continue;
             }
             let pair = |of: &ArrayView4<'_, f64>, (row, col): (usize, usize)| {
@@ -139,6 +145,7 @@ pub struct Frame<'a, 't, T> {
     across: Row,
     weights: (Vec<T>, Vec<T>),
     finish: Finish,
+    wall: Option<Wall<'t>>,
 }
 
 fn layout() -> Error {
@@ -158,7 +165,14 @@ impl<'a, 't, T: Normal> Frame<'a, 't, T> {
         let across = Row { length: shape.1, ..down }.checked()?;
         terms.checked((down.count(), across.count()), patterns.len())?;
         let weights = (down.weights(Blend::Power)?, across.weights(Blend::Power)?);
-        Ok(Self { patterns, terms, down, across, weights, finish })
+        Ok(Self { patterns, terms, down, across, weights, finish, wall: None })
+    }
+
+    /// The same before a scene; the means are the wall's, and those of the terms do not count.
+    pub fn before(self, wall: Wall<'t>) -> Result<Self, Error> {
+        let tiles = (self.down.count(), self.across.count());
+        wall.checked((self.down.length, self.across.length), tiles, self.terms.count())?;
+        Ok(Self { wall: Some(wall), ..self })
     }
 
     /// Refuses a window that does not lie in the frame.
@@ -216,23 +230,57 @@ impl<'a, 't, T: Normal> Frame<'a, 't, T> {
         &self,
         tile: (usize, usize),
         weights: (&[T], &[T]),
-        terms: &mut Vec<Term>,
-        scratch: &mut Scratch<T>,
-        pixels: &mut [T],
+        buffers: &mut Buffers<T>,
     ) -> Result<(), Error> {
         let count = self.patterns.tile * self.patterns.tile;
+        let Buffers { pixels, terms, scratch, depths } = buffers;
         let pixels = &mut pixels[..count];
-        self.terms.of(tile, terms)?;
-        if terms.is_empty() {
-            pixels.fill(T::zero());
-        } else {
-            render(self.patterns, terms, self.terms.mirrored(tile), scratch, pixels);
-        }
-        if self.terms.common_mean().is_none() {
-            lift(pixels, weights, T::of(self.terms.mean(tile)));
+        let mut render_into = |pixels: &mut [T], takes: &dyn Fn(usize) -> bool| {
+            self.terms.of(tile, terms, takes)?;
+            if terms.is_empty() {
+                pixels.fill(T::zero());
+            } else {
+                render(self.patterns, terms, self.terms.mirrored(tile), scratch, pixels);
+            }
+            Ok::<_, Error>(())
+        };
+        let (Some(wall), Some(depths)) = (&self.wall, depths) else {
+            render_into(pixels, &|_| true)?;
+            if self.common_mean().is_none() {
+                lift(pixels, weights, T::of(self.terms.mean(tile)));
+            }
+            return Ok(());
+        };
+        let corner = (self.down.start(tile.0), self.across.start(tile.1));
+        depths.read(wall, corner, self.patterns.tile);
+        let whole = |group: usize| depths.seen(wall, group) == Seen::Wholly;
+        render_into(pixels, &|term| whole(wall.group[term] as usize))?;
+        let groups = 0..wall.groups();
+        let mean = groups.clone().filter(|&group| whole(group)).map(|group| wall.mean(tile, group));
+        lift(pixels, weights, T::of(mean.sum()));
+        for group in groups {
+            if depths.seen(wall, group) == Seen::Partly {
+                let part = &mut depths.part[..count];
+                render_into(part, &|term| wall.group[term] as usize == group)?;
+                lift(part, weights, T::of(wall.mean(tile, group)));
+                depths.add_seen(wall, group, pixels);
+            }
         }
         Ok(())
     }
+
+    /// The mean that all pixels have; tiles hold it where they have means of their own.
+    fn common_mean(&self) -> Option<f64> {
+        if self.wall.is_some() { None } else { self.terms.common_mean() }
+    }
+}
+
+/// What a worker makes a tile with.
+struct Buffers<T: Real> {
+    pixels: Aligned<T>,
+    terms: Vec<Term>,
+    scratch: Scratch<T>,
+    depths: Option<Depths<T>>,
 }
 
 /// A worker's rows and columns: tiles in row-major order, each pixel finished when no later tile
@@ -243,9 +291,7 @@ pub struct Strip<T: Real> {
     /// The rows and columns of tiles that touch it.
     tiles: (Range<usize>, Range<usize>),
     carry: Carry<T>,
-    pixels: Aligned<T>,
-    terms: Vec<Term>,
-    scratch: Scratch<T>,
+    buffers: Buffers<T>,
     /// The first row that is not finished, and how tiles follow each other down.
     next: usize,
     down: Row,
@@ -263,12 +309,16 @@ impl<T: Normal> Strip<T> {
             frame.down.touching(rows.start, rows.end),
             frame.across.touching(cols.start, cols.end),
         );
+        let (count, margin) = (tile * tile, Carry::<T>::MARGIN);
         let starts = (frame.across.start(tiles.1.start), frame.across.start(tiles.1.end - 1));
         Ok(Self {
             carry: Carry::new((tile, tile), (step, step), starts.0, starts.1)?,
-            pixels: Aligned::zeroed(tile * tile + Carry::<T>::MARGIN)?,
-            terms: Vec::new(),
-            scratch: Scratch::new(frame.patterns, frame.terms.count(), frame.terms.blurred())?,
+            buffers: Buffers {
+                pixels: Aligned::zeroed(count + margin)?,
+                terms: Vec::new(),
+                scratch: Scratch::new(frame.patterns, frame.terms.count(), frame.terms.blurred())?,
+                depths: frame.wall.is_some().then(|| Depths::new(count, margin)).transpose()?,
+            },
             next: rows.start,
             down: frame.down,
             rows,
@@ -303,7 +353,7 @@ impl<T: Normal> Strip<T> {
         let (tile, step, width) = (frame.patterns.tile, frame.across.step(), self.cols.len());
         let row = self.tiles.0.start;
         let top = frame.down.start(row);
-        let mean = T::of(frame.terms.common_mean().unwrap_or(0.0));
+        let mean = T::of(frame.common_mean().unwrap_or(0.0));
         self.carry.begin_row();
         for col in self.tiles.1.clone() {
             cancel.check()?;
@@ -312,8 +362,9 @@ impl<T: Normal> Strip<T> {
                 &frame.weights.0[row * tile..(row + 1) * tile],
                 &frame.weights.1[col * tile..(col + 1) * tile],
             );
-            let Self { carry, pixels, terms, scratch, cols, tiles, .. } = self;
-            frame.tile((row, col), weights, terms, scratch, pixels)?;
+            let Self { carry, buffers, cols, tiles, .. } = self;
+            frame.tile((row, col), weights, buffers)?;
+            let pixels = &mut buffers.pixels;
             carry.add(left, pixels, weights);
             let last = col + 1 == tiles.1.end;
             let right = if last { cols.end } else { (left + step).min(cols.end) };

@@ -18,3 +18,4 @@ pub mod prepared;
 pub mod product;
 #[cfg(test)]
 mod twin;
+pub mod wall;
