@@ -29,21 +29,15 @@ FORM = 2
 SECONDS = 0.15
 
 
-def folder() -> Path:
-    """Return the folder for caches of this package, as the system has it.
-
-    ``FLURRIES_CACHE`` names another one.
-    """
-    given = os.environ.get("FLURRIES_CACHE")
-    if given:
-        return Path(given)
+def _file() -> Path:
+    """Return where the factors are kept: ``FLURRIES_CACHE``, or as the system has it."""
+    folder = Path.home() / ".cache"
     if sys.platform == "win32":
-        base = Path(os.environ.get("LOCALAPPDATA", Path.home() / "AppData" / "Local"))
+        folder = Path(os.environ.get("LOCALAPPDATA") or Path.home() / "AppData" / "Local")
     elif sys.platform == "darwin":
-        base = Path.home() / "Library" / "Caches"
-    else:
-        base = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
-    return base / "flurries"
+        folder = Path.home() / "Library" / "Caches"
+    folder = Path(os.environ.get("XDG_CACHE_HOME") or folder) / "flurries"
+    return Path(os.environ.get("FLURRIES_CACHE") or folder) / "calibration.json"
 
 
 def scales(*, again: bool = False) -> Mapping[str, float]:
@@ -54,7 +48,7 @@ def scales(*, again: bool = False) -> Mapping[str, float]:
     """
     if again:
         _scales.cache_clear()
-    return _scales(folder() / "calibration.json", threads(), again)
+    return _scales(_file(), threads(), again)
 
 
 @lru_cache(maxsize=16)
@@ -96,43 +90,32 @@ def factors(nanoseconds_each: Mapping[str, float]) -> dict[str, float]:
 
 def samples() -> dict[str, tuple[Callable[[], object], float]]:
     """Return what is timed, each with its nanoseconds by the model."""
-    shape, camera, count = (512, 512), Camera(500.0), 4000
-    each = tile_work((64, 64), (3.0, 24.0))
+    shape, camera, count, band = (512, 512), Camera(500.0), 4000, (3.0, 24.0)
+    pixels, each = 512.0 * 512.0, tile_work((64, 64), band)
     # Tiles of 64 px that share 10.
     tiles = len(range(0, 512 - 10, 54)) ** 2
+    work = {"tile bin": each.bins, "tile multiply-add": each.dense, "tile pixel": each.pixels}
+    texture = {name: tiles * number for name, number in work.items()} | {"texture pixel": pixels}
     drops = np.random.default_rng(1).uniform((-2.5, -2.5, 5.0), (2.5, 2.5, 5.001), (count, 3))
+    # A radius of 0.03 is a standard deviation of 1 px there: 8 rows of one run each.
+    flakes = {"flake listed": count, "disc": count, "disc run": 8.3 * count, "mask pixel": pixels}
     values = np.linspace(0.5, 1.5, 1 << 16)
     roots = np.empty_like(values)
-    texture = {
-        "tile bin": tiles * each.bins,
-        "tile multiply-add": tiles * each.dense,
-        "tile pixel": tiles * each.pixels,
-        "texture pixel": 512.0 * 512.0,
-    }
-    # A radius of 0.03 is a standard deviation of 1 px there: 8 rows of one run each.
-    flakes = {
-        "flake listed": count,
-        "disc": count,
-        "disc run": 8.3 * count,
-        "mask pixel": 512.0 * 512.0,
-    }
+
+    def waves() -> object:
+        return alpha(
+            shape, drift=(3.0, 9.0), velocity=(2.0, 6.0), seed=1, wavelengths=band, alias="soft",
+            shutter=0.5, preserve_mean=True,
+        )  # fmt: skip
+
     return {
-        "texture": (
-            lambda: alpha(
-                shape, drift=(3.0, 9.0), velocity=(2.0, 6.0), seed=1, wavelengths=(3.0, 24.0),
-                alias="soft", shutter=0.5, preserve_mean=True,
-            ),
-            nanoseconds(texture),
-        ),
-        "flakes": (
-            lambda: splat(shape, drops, 0.03, camera, opacity=0.5),
-            nanoseconds(flakes),
-        ),
+        "texture": (waves, nanoseconds(texture)),
+        "flakes": (lambda: splat(shape, drops, 0.03, camera, opacity=0.5), nanoseconds(flakes)),
         "array": (
             lambda: np.sqrt(values, out=roots),
             nanoseconds({"array number": float(values.size)}),
         ),
-    }  # fmt: skip
+    }
 
 
 def _least(call: Callable[[], object]) -> float:
@@ -140,8 +123,7 @@ def _least(call: Callable[[], object]) -> float:
     # Of one thread what it computed counts, not what else the machine did meanwhile.
     clock = time.process_time_ns if threads() == 1 else time.perf_counter_ns
     call()
-    least = float("inf")
-    end = time.perf_counter() + SECONDS
+    least, end = float("inf"), time.perf_counter() + SECONDS
     while time.perf_counter() < end:
         start = clock()
         call()

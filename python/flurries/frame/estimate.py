@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -32,16 +32,6 @@ _TURNED = 20
 _TABLES = 20 << 10
 
 
-@dataclass
-class _Row:
-    """A step over the frames of the sample."""
-
-    size: str
-    once: bool
-    times: list[float] = field(default_factory=list)
-    bytes: int = 0
-
-
 def seconds(program: Program, numbers: Sequence[int], tolerance: float = 0.0) -> float:
     """Return what a frame takes by the fixed model, on one thread: the same on all machines."""
     sample = _sample(program, numbers)
@@ -52,51 +42,40 @@ def seconds(program: Program, numbers: Sequence[int], tolerance: float = 0.0) ->
 def plan_of(program: Program, numbers: Sequence[int], tolerance: float = 0.0) -> Plan:
     """Return the plan of a scene's frames; see :meth:`flurries.Scene.plan`."""
     sample, factors = _sample(program, numbers), scales()
-    rows: dict[str, _Row] = {}
-    gone: dict[str, list[LeftOut]] = {}
-    spent, errors, totals, peak = {}, [0.0], [], 0
-    for t in sample:
-        choice = program.choice(t, tolerance)
-        errors.append(choice.error)
-        spent.update({one.what: one for one in choice.spent})
-        frame = _Frame(program, t, choice)
-        peak = max(peak, frame.bytes)
-        totals.append(0.0)
-        for name, cost, once in frame.rows:
-            row = rows.setdefault(name, _Row(cost.size, once))
-            row.times.append(1e-6 * nanoseconds(cost.work, factors))
-            row.bytes = max(row.bytes, cost.kept + cost.scratch)
-            totals[-1] += 0.0 if once else row.times[-1]
-        for one in frame.left_out:
-            gone.setdefault(one.what, []).append(one)
-    # Effects that come in later stand before it all the same.
-    rows["composite"] = rows.pop("composite")
     count = len(sample)
+    choices = [program.choice(t, tolerance) for t in sample]
+    frames = [_Frame(program, t, choice) for t, choice in zip(sample, choices, strict=True)]
+    runs: dict[str, list[tuple[Cost, bool]]] = {}
+    gone: dict[str, list[str]] = {}
+    for frame in frames:
+        for name, cost, once in frame.rows:
+            runs.setdefault(name, []).append((cost, once))
+        for one in frame.left_out:
+            gone.setdefault(one.what, []).append(one.why)
+    # Effects that come in later stand before it all the same.
+    runs["composite"] = runs.pop("composite")
+    steps = []
+    for name, costs in runs.items():
+        cost, once = costs[0]
+        ms = 1e-6 * sum(nanoseconds(cost.work, factors) for cost, _ in costs)
+        most = max(cost.kept + cost.scratch for cost, _ in costs)
+        mean = ms / (len(costs) if once else count)
+        steps.append(PlannedStep(name, cost.size, mean, most, len(costs) / count, once))
     left_out = list(program.left_out)
-    for what, same in gone.items():
-        rare = f", in {100.0 * len(same) / count:.0f} % of frames" if len(same) < count else ""
-        left_out.append(LeftOut(what, same[-1].why + rare))
+    for what, whys in gone.items():
+        rare = f", in {100.0 * len(whys) / count:.0f} % of frames" if len(whys) < count else ""
+        left_out.append(LeftOut(what, whys[-1] + rare))
     return Plan(
         size=program.shape[::-1],
         frames=(numbers[0], numbers[-1], len(numbers)),
-        steps=tuple(
-            PlannedStep(
-                name,
-                row.size,
-                sum(row.times) / (len(row.times) if row.once else count),
-                row.bytes,
-                len(row.times) / count,
-                row.once,
-            )
-            for name, row in rows.items()
-        ),
+        steps=tuple(steps),
         left_out=tuple(left_out),
-        milliseconds=sum(totals) / count,
-        bytes=peak,
+        milliseconds=sum(step.milliseconds for step in steps if not step.once),
+        bytes=max(frame.bytes for frame in frames),
         threads=threads(),
         tolerance=tolerance,
-        error=max(errors),
-        spent=tuple(spent.values()),
+        error=max(choice.error for choice in choices),
+        spent=tuple({one.what: one for choice in choices for one in choice.spent}.values()),
     )
 
 
@@ -115,17 +94,7 @@ def _sample(program: Program, numbers: Sequence[int]) -> list[float]:
 
 
 class _Frame:
-    """The steps of one frame, in their order, with costs.
-
-    Attributes
-    ----------
-    rows : list of (name, Cost, once)
-        The steps.
-    left_out : list of LeftOut
-        What is not among them.
-    bytes : int
-        The most that is held at one time.
-    """
+    """The steps of one frame as rows of (name, Cost, once), what is left out, and its bytes."""
 
     def __init__(self, program: Program, t: float, choice: Choice) -> None:
         self.program, self.choice = program, choice
@@ -208,19 +177,14 @@ class _Frame:
                 cost = replace(cost, kept=of_band.kept, scratch=of_band.scratch)
             if one_pass:
                 # No plane is kept. What lists of flakes take is told beyond their plane.
-                lists = cost.scratch and cost.scratch + cost.kept
-                cost = replace(
-                    cost, kept=0, scratch=lists if step.name == "flakes" else cost.scratch
-                )
+                plane = cost.kept if step.name == "flakes" and cost.scratch else 0
+                cost = replace(cost, kept=0, scratch=cost.scratch + plane)
             once = step.once and frame.settled
             self.rows.append((name if step.name == name else f"{name}: {step.name}", cost, once))
             self.left_out += [LeftOut(f"{name}: {one.what}", one.why) for one in cost.left_out]
             if not once:
-                most, now, last = (
-                    max(most, now + cost.kept + cost.scratch),
-                    now + cost.kept,
-                    cost.kept,
-                )
+                most = max(most, now + cost.kept + cost.scratch)
+                now, last = now + cost.kept, cost.kept
         self.left_out += needs.left_out
         # Planes of single steps go; the last one is the layer.
         return last, most
@@ -230,11 +194,8 @@ class _Frame:
         program, inner = self.program, area(self.window)
         same, pixels = program.mix().same, area(whole(program.shape))
         item = self.dtype.itemsize if same else 4
-        work: dict[str, float] = {
-            _PIXEL_KIND[item]: float(layers * inner),
-            "layer": float(layers),
-            "fused pixel": float(fused * inner),
-        }
+        work: dict[str, float] = {"layer": layers, "fused pixel": fused * inner}
+        work[_PIXEL_KIND[item]] = layers * inner
         if layers == 0 or inner < pixels:
             work["copied byte"] = 3.0 * item * (pixels + (2 * inner if layers else 0))
         if self.front is not None and layers:

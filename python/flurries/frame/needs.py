@@ -37,110 +37,55 @@ class LeftOut:
 
 @dataclass(frozen=True)
 class Cost:
-    """What a step takes.
+    """What a step takes."""
 
-    Attributes
-    ----------
-    work : dict of str to float
-        How many of which operations; their times are in :mod:`flurries.frame.costs`.
-    size : str
-        For people: "361 tiles of 64 px".
-    kept : int
-        Bytes that it leaves for later steps.
-    scratch : int
-        Bytes that it takes beyond these while it runs.
-    left_out : tuple of LeftOut
-        What it does without.
-    """
-
+    # How many of which operations; `flurries.frame.costs` has their times.
     work: Mapping[str, float] = field(default_factory=dict)
-    size: str = ""
-    kept: int = 0
-    scratch: int = 0
+    size: str = ""  # For people: "361 tiles of 64 px".
+    kept: int = 0  # Bytes that it leaves for later steps.
+    scratch: int = 0  # Bytes that it takes beyond these while it runs.
     left_out: tuple[LeftOut, ...] = ()
 
 
 @dataclass(frozen=True)
 class Step:
-    """A part of an effect's work that can be left out or kept.
+    """A part of an effect's work that can be left out or kept."""
 
-    Attributes
-    ----------
-    name : str
-        What the trace calls it.
-    cost : callable
-        Gives its :class:`Cost`; asked for by plans that somebody reads, never by rendering.
-    once : bool
-        Whether it gives the same in every frame, for a camera and a depth that do not change.
-    """
-
-    name: str
-    cost: Callable[[], Cost] = Cost
-    once: bool = False
+    name: str  # What the trace calls it.
+    cost: Callable[[], Cost] = Cost  # Asked for by plans and tolerances, else never by rendering.
+    once: bool = False  # Whether all frames have the same, for a camera and depth that stand still.
 
 
 @dataclass(frozen=True)
 class Saving:
-    """Something that an effect can do without, or less exactly, and the error that it makes.
+    """Something that an effect can do without, or less exactly, and the error that it makes."""
 
-    Attributes
-    ----------
-    name : str
-        Of the step that is left out, or of the setting.
-    what : str
-        For people.
-    error : float
-        The most that an opacity errs by without the step; of a setting, for each unit of it.
-    saved : callable
-        Gives the nanoseconds that an error saves by the cost model.
-    setting : bool
-        Whether it is a setting, to be found in ``Run.settings``.
-    """
-
-    name: str
-    what: str
-    error: float
-    saved: Callable[[float], float]
+    name: str  # Of the step that is left out, or of the setting in `Run.settings`.
+    what: str  # For people.
+    error: float  # Of an opacity at most without the step; of a setting, for each unit of it.
+    saved: Callable[[float], float]  # The nanoseconds that an error saves by the cost model.
     setting: bool = False
 
 
 @dataclass(frozen=True)
 class Needs:
-    """What an effect needs for a frame.
+    """What an effect needs for a frame."""
 
-    Attributes
-    ----------
-    steps : tuple of Step
-        In their order. None: the effect shows nothing, and is not rendered.
-    left_out : tuple of LeftOut
-        What is not among them.
-    reads : set of str
-        Of the scene's "depth" and "ambient" light; "plate" is that light by places.
-    most : float
-        Its largest opacity.
-    brightest : float
-        The largest of its colors' values, at least 1.
-    in_one_pass : bool
-        Whether its method ``over`` lays it straight over a picture, without the step "join".
-    by_rows : bool
-        Whether it draws any window by itself, at its share of the whole's cost: a large frame is
-        then made in bands of rows. Else the whole is drawn once, and held.
-    varies : bool
-        Whether it is other at other times although nothing of the effect is keyed, such as for a
-        cloud that the camera passes.
-    savings : tuple of Saving
-        What a tolerance may be spent on, beside the effect as a whole.
-    """
-
-    steps: tuple[Step, ...]
+    steps: tuple[Step, ...]  # In their order. None: the effect shows nothing, and is not rendered.
     left_out: tuple[LeftOut, ...] = ()
+    # The scene's "depth" and "ambient" light; "plate" is that light by places.
     reads: frozenset[str] = frozenset()
-    most: float = 1.0
+    most: float = 1.0  # The largest opacity.
+    # Whether the method `over` lays the effect straight over a picture, without the step "join".
     in_one_pass: bool = False
+    # Whether the effect draws any window by itself, at its share of the whole's cost: a large frame
+    # is then made in bands of rows. Else the whole is drawn once, and held.
     by_rows: bool = False
+    # Whether the needs differ over time although nothing of the effect is keyed, such as for a
+    # cloud that the camera passes.
     varies: bool = False
-    savings: tuple[Saving, ...] = ()
-    brightest: float = 1.0
+    savings: tuple[Saving, ...] = ()  # What a tolerance may spend, beside the effect as a whole.
+    brightest: float = 1.0  # The largest of the colors' values, at least 1.
 
     def without(self, names: frozenset[str]) -> Needs:
         """Return the needs less some steps."""
@@ -185,19 +130,11 @@ def has_keys(value: Any, depth: int = 3) -> bool:
 
 
 class Kept:
-    """Results that are the same in every frame; the last few are kept.
-
-    Parameters
-    ----------
-    bands : int
-        Parts that a frame's results come in.
-    """
-
-    MOST = 4
+    """Results that are the same in every frame, of which each has so many bands; the last few."""
 
     def __init__(self, bands: int = 1) -> None:
         self._made: dict[Any, Any] = {}
-        self._most = self.MOST * bands
+        self._most = 4 * bands
 
     def get(self, key: Any) -> Any:
         """Return what was made for a key, or None."""
@@ -215,25 +152,14 @@ class Kept:
 
 @dataclass(frozen=True)
 class Run:
-    """The plan's hand in a frame: calling it runs a step, if the step is planned.
-
-    Attributes
-    ----------
-    steps : dict of str to Step
-        What is planned.
-    kept, key : Kept and object, optional
-        Where results that are the same in every frame are found, and under what.
-    visible : Visible, optional
-        Where anything of the effect can be seen, if that is not everywhere.
-    settings : dict of str to float
-        What a tolerance allows.
-    """
+    """The plan's hand in a frame: calling it runs a step, if the step is planned."""
 
     steps: Mapping[str, Step]
+    # Where results that are the same in every frame are found, and under which key.
     kept: Kept | None = None
     key: Any = None
-    visible: Visible | None = None
-    settings: Mapping[str, float] = field(default_factory=dict)
+    visible: Visible | None = None  # Where anything of the effect can be seen; None is everywhere.
+    settings: Mapping[str, float] = field(default_factory=dict)  # What a tolerance allows.
 
     def keeps(self, name: str) -> bool:
         """Whether the step is made once for all frames."""

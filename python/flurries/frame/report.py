@@ -4,41 +4,32 @@ from __future__ import annotations
 
 import html
 import json
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
 from flurries.frame.needs import LeftOut
+from flurries.frame.show import listing
 from flurries.frame.tolerance import Spent
 
-MIB = 2.0**20
+_NOTHING = "nothing to be saved, no error"
 
 
 @dataclass(frozen=True)
 class PlannedStep:
-    """A step of rendering a frame.
+    """A step of rendering a frame."""
 
-    Attributes
-    ----------
-    name : str
-        "snow: texture"; steps of the scene itself have no effect's name.
-    size : str
-        Of what it makes.
-    milliseconds : float
-        Estimated, a mean over the frames.
-    bytes : int
-        Allocated by it at its height, at most.
-    share : float
-        Of the frames in which it runs.
-    once : bool
-        Whether it runs for the first frame alone; its time is that one's.
-    """
+    name: str  # "snow: texture"; steps of the scene itself have no effect's name.
+    size: str  # Of what it makes.
+    milliseconds: float  # Estimated, a mean over the frames.
+    bytes: int  # Allocated by it at its height, at most.
+    share: float = 1.0  # Of the frames in which it runs.
+    once: bool = False  # Whether it runs for the first frame alone; its time is that one's.
 
-    name: str
-    size: str
-    milliseconds: float
-    bytes: int
-    share: float = 1.0
-    once: bool = False
+    def words(self) -> tuple[str, str, str, str, str]:
+        """Return name, size, milliseconds, MiB, and when it runs."""
+        rare = f"in {100.0 * self.share:.0f} % of the frames" if self.share < 1.0 else ""
+        return self.name, self.size, *_figures(self), "once" if self.once else rare
 
 
 @dataclass(frozen=True)
@@ -52,7 +43,7 @@ class Plan:
     frames : (first, last, count)
         Of the film, or of what was asked for.
     steps : tuple of PlannedStep
-        In their order.
+        In their order, with a name, milliseconds and bytes.
     left_out : tuple of LeftOut
         What is not done, and why.
     milliseconds : float
@@ -62,10 +53,8 @@ class Plan:
         the scene holds.
     threads : int
         What the times are for.
-    tolerance : float
-        That was given, of full scale; 0 without.
-    error : float
-        To be expected of it at most.
+    tolerance, error : float
+        That was given, of full scale, and the most that a frame errs by.
     spent : tuple of Spent
         What the tolerance is spent on.
     """
@@ -83,10 +72,7 @@ class Plan:
 
     def to_dict(self) -> dict[str, Any]:
         """Return the plan as plain values."""
-        values = {
-            name: list(value) if isinstance(value, tuple) else value
-            for name, value in asdict(self).items()
-        }
+        values: dict[str, Any] = json.loads(json.dumps(asdict(self)))
         return values | {"frames": dict(zip(("first", "last", "count"), self.frames, strict=True))}
 
     def to_json(self) -> str:
@@ -94,52 +80,47 @@ class Plan:
         return json.dumps(self.to_dict(), indent=2)
 
     def __str__(self) -> str:
-        width, height = self.size
-        lines = [f"{width} x {height} px, {self.threads} thread{'s' * (self.threads > 1)}"]
-        total = ("a frame", self._film(), *_figures(self), "")
-        lines += _columns([("step", "what", "ms", "MiB", ""), *self._rows(), total], right=(2, 3))
-        for title, rows in self._notes():
-            lines += ["", title, *_columns(rows)]
+        rows = [("step", "what", "ms", "MiB", ""), *(step.words() for step in self.steps)]
+        rows.append(("a frame", self._film(), *_figures(self), ""))
+        lines = [f"{self._pixels()}, {self.threads} thread{'s' * (self.threads > 1)}"]
+        lines += _columns(rows, right=(2, 3))
+        for title, notes in self._notes():
+            lines += ["", title, *_columns(notes)]
         return "\n".join(lines)
 
     def _repr_html_(self) -> str:
         """Return tables, with a bar for each step's share of the time."""
-        width, height = self.size
         longest = max((step.milliseconds for step in self.steps), default=0.0) or 1.0
         rows = []
-        for step, (name, what, ms, mib, when) in zip(self.steps, self._rows(), strict=True):
-            part = 100.0 * step.milliseconds / longest
-            bar = f"<div style='background:#4a7ba6;height:10px;width:{part:.1f}%'></div>"
-            cells = _cells(name, what, f"{ms} ms", f"{mib} MiB")
-            rows.append(f"<tr>{cells}<td style='width:12em'>{bar}</td>{_cells(when)}</tr>")
+        for step in self.steps:
+            name, what, ms, mib, when = map(html.escape, step.words())
+            bar = f"width:{12.0 * step.milliseconds / longest:.2f}em;height:10px;background:#4a7ba6"
+            cells = "</td><td style='padding:2px 10px'>".join(
+                (name, what, f"{ms} ms", f"{mib} MiB", f"<div style='{bar}'></div>", when)
+            )
+            rows.append(f"<tr><td>{cells}</td></tr>")
         ms, mib = _figures(self)
-        film = html.escape(self._film())
-        page = f"<b>{width} x {height} px: {ms} ms a frame, {mib} MiB</b> ({film})"
+        page = f"<b>{self._pixels()}: {ms} ms a frame, {mib} MiB</b> ({html.escape(self._film())})"
         page += f"<table>{''.join(rows)}</table>"
         for title, notes in self._notes():
-            lines = "".join(f"<tr>{_cells(*note)}</tr>" for note in notes)
-            page += f"<b>{title}</b>" + (f"<table>{lines}</table>" if lines else "")
+            page += f"<b>{title}</b>" + (listing(notes) if notes else "")
         return f"<div>{page}</div>"
 
-    def _rows(self) -> list[tuple[str, ...]]:
-        """Return the steps as text: name, size, milliseconds, MiB, and when it runs."""
-        return [(step.name, step.size, *_figures(step), _when(step)) for step in self.steps]
+    def _pixels(self) -> str:
+        return f"{self.size[0]} x {self.size[1]} px"
 
-    def _notes(self) -> list[tuple[str, list[tuple[str, ...]]]]:
+    def _notes(self) -> list[tuple[str, list[tuple[str, str]]]]:
         """Return what is left out, and what a tolerance is spent on, each under its title."""
-        notes: list[tuple[str, list[tuple[str, ...]]]] = []
+        notes: list[tuple[str, list[tuple[str, str]]]] = []
         if self.left_out:
-            why: list[tuple[str, ...]] = [(one.what, one.why) for one in self.left_out]
-            notes.append(("left out", why))
+            notes.append(("left out", [(one.what, one.why) for one in self.left_out]))
         if self.tolerance > 0.0:
-            rest = (
-                f"error at most {self.error:.3g}" if self.spent else "nothing to be saved, no error"
-            )
-            saved: list[tuple[str, ...]] = [
+            found = f"error at most {self.error:.3g}" if self.spent else _NOTHING
+            saved = [
                 (one.what, f"opacity off by {one.error:.2g}, {one.milliseconds:.3g} ms saved")
                 for one in self.spent
             ]
-            notes.append((f"tolerance {self.tolerance:.3g}: {rest}", saved))
+            notes.append((f"tolerance {self.tolerance:.3g}: {found}", saved))
         return notes
 
     def _film(self) -> str:
@@ -151,28 +132,12 @@ class Plan:
 
 def _figures(one: Plan | PlannedStep) -> tuple[str, str]:
     """Return milliseconds and MiB as text."""
-    return f"{one.milliseconds:.3g}", f"{one.bytes / MIB:.1f}"
+    return f"{one.milliseconds:.3g}", f"{one.bytes / 2.0**20:.1f}"
 
 
-def _when(step: PlannedStep) -> str:
-    """Return in which frames a step runs, if not in all."""
-    if step.once:
-        return "once"
-    return "" if step.share == 1.0 else f"in {100.0 * step.share:.0f} % of the frames"
-
-
-def _columns(rows: list[tuple[str, ...]], right: tuple[int, ...] = ()) -> list[str]:
+def _columns(rows: Sequence[tuple[str, ...]], right: tuple[int, ...] = ()) -> list[str]:
     """Return rows of text as lines with aligned columns, some of them to the right."""
     wide = [max(map(len, column)) for column in zip(*rows, strict=True)]
-    return [
-        "  ".join(
-            text.rjust(width) if place in right else text.ljust(width)
-            for place, (text, width) in enumerate(zip(row, wide, strict=True))
-        ).rstrip()
-        for row in rows
-    ]
-
-
-def _cells(*texts: str) -> str:
-    """Return the cells of a table's row."""
-    return "".join(f"<td style='padding:2px 10px'>{html.escape(text)}</td>" for text in texts)
+    sides = [">" if place in right else "<" for place in range(len(wide))]
+    form = "  ".join(f"{{:{side}{width}}}" for side, width in zip(sides, wide, strict=True))
+    return [form.format(*row).rstrip() for row in rows]

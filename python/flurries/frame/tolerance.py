@@ -21,7 +21,7 @@ import numpy as np
 
 from flurries._contract import Array
 from flurries.frame.costs import nanoseconds
-from flurries.frame.needs import Needs
+from flurries.frame.needs import Needs, Saving
 from flurries.io.color import linear_to_srgb
 
 # The steepest place of the sRGB encoding, at black: display values per linear light.
@@ -43,76 +43,36 @@ _MOST_KEPT = 500
 
 @dataclass(frozen=True)
 class Spent:
-    """What a tolerance is spent on.
-
-    Attributes
-    ----------
-    what : str
-        What is not done, or done less exactly.
-    error : float
-        That it makes of an opacity, at most.
-    milliseconds : float
-        That it saves, by the cost model.
-    """
+    """What a tolerance is spent on."""
 
     what: str
-    error: float
-    milliseconds: float
+    error: float  # The most that an opacity is off.
+    milliseconds: float  # The time that it saves, by the cost model.
 
 
 @dataclass(frozen=True)
 class Choice:
-    """What is done less exactly in a frame.
-
-    Attributes
-    ----------
-    without : dict of int to set of str
-        Steps that an effect, by its place in the scene, does without.
-    settings : dict of int to dict
-        Its settings.
-    hidden : float
-        Of what covers all but this the weather behind is not made.
-    table : bool
-        Whether display values are looked up in a table of 16 bits.
-    spent : tuple of Spent
-        For people.
-    error : float
-        The most that a value of the frame may differ, of full scale.
-    """
+    """What is done less exactly in a frame: steps left out and settings, by an effect's place."""
 
     without: dict[int, frozenset[str]] = field(default_factory=dict)
     settings: dict[int, dict[str, float]] = field(default_factory=dict)
-    hidden: float = 0.0
-    table: bool = False
+    hidden: float = 0.0  # Where all but this is covered, the weather behind is not made.
+    table: bool = False  # Whether display values are looked up in a table of 16 bits.
     spent: tuple[Spent, ...] = ()
-    error: float = 0.0
+    error: float = 0.0  # The most that a value of the frame may differ, of full scale.
 
 
 EXACT = Choice()
 
 
 class Light(NamedTuple):
-    """How errors of opacities become errors of a frame.
+    """How errors of opacities become errors of a frame."""
 
-    Attributes
-    ----------
-    same : bool
-        Whether layers are mixed in the light that the background holds.
-    step : float
-        Of a picture of integers, of full scale; 0 of floats.
-    reach : float
-        The most that a color and a value of the background differ, in the light of the mix.
-    slope : float
-        Of the way back to the background's encoding.
-    brightest : float
-        The largest of the layers' colors, at least 1.
-    """
-
-    same: bool
-    step: float
-    reach: float
-    slope: float
-    brightest: float = 1.0
+    same: bool  # Whether layers are mixed in the light that the background holds.
+    step: float  # Of a picture of integers, of full scale; 0 of floats.
+    reach: float  # The most that a color and the background differ, in the light of the mix.
+    slope: float  # Of the way back to the background's encoding.
+    brightest: float = 1.0  # The largest of the layers' colors, at least 1.
 
     @staticmethod
     def of(picture: Array, linear: bool, encoding: str) -> Light:
@@ -153,24 +113,28 @@ class Light(NamedTuple):
         return self.step * math.ceil((price + ROUNDING) / self.step)
 
 
-class _Entry(NamedTuple):
-    """What is spent on the effect at a place of the scene: on steps left out, or on settings."""
+class _Saved(NamedTuple):
+    """One saving: of the effect at a place of the scene, and what it leaves out or sets."""
 
     place: int
-    spent: Spent
+    what: str
+    error: float
+    nanoseconds: float
     steps: frozenset[str] = frozenset()
-    settings: tuple[tuple[str, float], ...] = ()
+    setting: tuple[tuple[str, float], ...] = ()
 
 
 class _Bundle(NamedTuple):
-    """Savings together: their error or price, and the nanoseconds that they save."""
+    """Savings together: the error of an opacity, later its price in the frame, and their time."""
 
-    price: float
-    saved: float
-    taken: tuple[_Entry, ...] = ()
+    price: float = 0.0
+    saved: float = 0.0
+    taken: tuple[_Saved, ...] = ()
 
+    @staticmethod
+    def of(one: _Saved) -> _Bundle:
+        return _Bundle(one.error, one.nanoseconds, (one,))
 
-_NOTHING = _Bundle(0.0, 0.0)
 
 # The place of the table, which belongs to no effect.
 _SCENE = -1
@@ -184,7 +148,7 @@ def choose(
     values: int,
     shares: Iterable[tuple[float, float]] = (),
 ) -> Choice:
-    """Return the choice that saves most of a frame of so many values.
+    """Return the choice that saves most of a frame.
 
     Parameters
     ----------
@@ -203,76 +167,64 @@ def choose(
         return EXACT
     light = light._replace(brightest=max((n.brightest for _, _, n in asked), default=1.0))
     limit = tolerance * (1.0 + 1e-9)
-    table = [_NOTHING]
+    scene = [_Bundle()]
     if light.step > 0.0 and not light.same:
-        saved = nanoseconds({"encoded value": values}) - nanoseconds({"looked up value": values})
-        table.append(_one(_SCENE, "display values from a table of 16 bits", TABLE, saved))
-    work = [sum(nanoseconds(step.cost().work) for step in n.steps) for _, _, n in asked]
-    parts = [_partly(*one, light, limit) for one in asked]
-    best, hidden, share_of = _NOTHING, 0.0, 0.0
+        saved = nanoseconds({"encoded value": values, "looked up value": -values})
+        what = "display values from a table of 16 bits"
+        scene.append(_Bundle.of(_Saved(_SCENE, what, TABLE, saved)))
+    effects = []
+    for place, name, needs in asked:
+        work = sum(nanoseconds(step.cost().work) for step in needs.steps)
+        steps = frozenset(step.name for step in needs.steps)
+        all_of_it = _Saved(place, name, needs.most, work + nanoseconds({"layer": 1.0}), steps)
+        gone = _Bundle.of(all_of_it)._replace(price=light.price(gone=needs.most))
+        ways = [_ways(place, name, saving, light, limit) for saving in needs.savings]
+        effects.append((work, gone, _best_of(ways, math.inf)))
+    best, hidden, rest = _Bundle(), 0.0, 0.0
     for level, share in [(0.0, 0.0), *shares]:
-        groups = [table]
-        for (place, name, needs), bundles, ns in zip(asked, parts, work, strict=True):
-            # Laid over the picture with errors, made only where the level lets it be seen...
-            group = [
-                _Bundle(light.price(error, level), saved + share * max(ns - saved, 0.0), taken)
-                for error, saved, taken in bundles
-            ]
-            # ... or not laid over it at all.
-            steps = frozenset(step.name for step in needs.steps)
-            all_of_it = ns + nanoseconds({"layer": 1.0})
-            whole = _one(place, name, needs.most, all_of_it, steps)
-            groups.append([*group, whole._replace(price=light.price(0.0, needs.most))])
-        found = [b for b in _frontier(groups, limit) if light.error(b.price) <= limit]
+        groups = [scene]
+        for work, gone, kept in effects:
+            # An effect is laid over the picture with errors, and made only where the level lets it
+            # be seen; or it is not laid over the picture at all.
+            laid = (
+                _Bundle(light.price(error, level), ns + share * max(work - ns, 0.0), taken)
+                for error, ns, taken in kept
+            )
+            groups.append([*laid, gone])
+        found = [b for b in _best_of(groups, limit) if light.error(b.price) <= limit]
         if found and found[-1].saved > best.saved:
-            best, hidden, share_of = found[-1], level, share
+            best, hidden, rest = found[-1], level, share
     without: dict[int, frozenset[str]] = {}
     settings: dict[int, dict[str, float]] = {}
-    for place, _, steps, values_set in best.taken:
-        without[place] = without.get(place, frozenset()) | steps
-        settings[place] = {**settings.get(place, {}), **dict(values_set)}
-    spent = [one.spent for one in best.taken]
-    if share_of > 0.0:
-        rest = 1e-6 * best.saved - sum(one.milliseconds for one in spent)
-        spent.append(Spent("what hardly shows past what stands in front", hidden, rest))
-    return Choice(
-        without, settings, hidden, _SCENE in without, tuple(spent), light.error(best.price)
-    )
+    for one in best.taken:
+        without[one.place] = without.get(one.place, frozenset()) | one.steps
+        settings[one.place] = settings.get(one.place, {}) | dict(one.setting)
+    spent = [Spent(one.what, one.error, 1e-6 * one.nanoseconds) for one in best.taken]
+    if rest > 0.0:
+        ms = 1e-6 * best.saved - sum(one.milliseconds for one in spent)
+        spent.append(Spent("what hardly shows past what stands in front", hidden, ms))
+    table, error = _SCENE in without, light.error(best.price)
+    return Choice(without, settings, hidden, table, tuple(spent), error)
 
 
-def _one(
-    place: int,
-    what: str,
-    error: float,
-    saved: float,
-    steps: frozenset[str] = frozenset(),
-    settings: tuple[tuple[str, float], ...] = (),
-) -> _Bundle:
-    """Return the bundle of a single saving; its price is the error of an opacity."""
-    spent = Spent(what, error, 1e-6 * saved)
-    return _Bundle(error, saved, (_Entry(place, spent, steps, settings),))
+def _ways(place: int, name: str, saving: Saving, light: Light, limit: float) -> list[_Bundle]:
+    """Return the ways to take a saving: not, by leaving out its step, or at levels of a setting."""
+    ways, what = [_Bundle()], f"{name}: {saving.what}"
+    if not saving.setting:
+        saved, step = saving.saved(saving.error), frozenset({saving.name})
+        ways.append(_Bundle.of(_Saved(place, what, saving.error, saved, step)))
+    for level in LEVELS if saving.setting else ():
+        error = saving.error * level
+        if level <= 0.5 and light.price(error) <= limit:
+            setting = ((saving.name, level),)
+            one = _Saved(place, what, error, saving.saved(level), setting=setting)
+            ways.append(_Bundle.of(one))
+    return ways
 
 
-def _partly(place: int, name: str, needs: Needs, light: Light, limit: float) -> list[_Bundle]:
-    """Return the best bundles of an effect that is laid over the picture, by their error."""
-    groups = []
-    for saving in needs.savings:
-        group, what = [_NOTHING], f"{name}: {saving.what}"
-        if not saving.setting:
-            saved, steps = saving.saved(saving.error), frozenset({saving.name})
-            group.append(_one(place, what, saving.error, saved, steps))
-        for level in LEVELS if saving.setting else ():
-            if level <= 0.5 and light.price(saving.error * level) <= limit:
-                setting = ((saving.name, level),)
-                error, saved = saving.error * level, saving.saved(level)
-                group.append(_one(place, what, error, saved, settings=setting))
-        groups.append(group)
-    return _frontier(groups, math.inf)
-
-
-def _frontier(groups: Iterable[Sequence[_Bundle]], limit: float) -> list[_Bundle]:
+def _best_of(groups: Iterable[Sequence[_Bundle]], limit: float) -> list[_Bundle]:
     """Return the best bundles with one of each group: each saves more than all that cost less."""
-    kept = [_NOTHING]
+    kept = [_Bundle()]
     for group in groups:
         together = [
             _Bundle(one.price + more.price, one.saved + more.saved, one.taken + more.taken)
