@@ -33,9 +33,9 @@ LEVELS = (
 
 # What a user may call on a scene although it stands above it, imported when it is called.
 DOORS = {
-    ("scene.scene", "frame.estimate"),
-    ("scene.scene", "output.write"),
-    ("scene.scene", "output.groups"),
+    ("scene.rendering", "frame.estimate"),
+    ("scene.rendering", "output.write"),
+    ("scene.rendering", "output.groups"),
     ("scene.scene", "scene.toml"),
     ("viewer", "viewer.widget"),
     # The way of a camera is read from a file, and made of keys.
@@ -219,8 +219,9 @@ GOOD = {
     "_contract": "",
     "io": "from flurries._contract import real",
     "frame.layer": "import numpy\nfrom flurries.io import fit",
-    "scene.scene": "from flurries.frame.layer import Frame\n"
-                   "def write():\n    from flurries.output.write import write",
+    "scene.scene": "",
+    "scene.rendering": "from flurries.frame.layer import Frame\n"
+                       "def write():\n    from flurries.output.write import write",
     "output.write": "from flurries.scene.scene import Scene\ndef film():\n    import av.video",
 }  # fmt: skip
 

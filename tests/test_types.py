@@ -11,26 +11,29 @@ import subprocess
 import sys
 import typing
 from pathlib import Path
-from typing import Any
+from typing import Any, get_type_hints
 
 import numpy as np
 import pytest
 
 import flurries as fl
-from flurries.output.write import write
+from flurries.scene.output import OutputFields
 
 PICTURE = np.full((48, 64, 3), 90, np.uint8)
 SCENE = fl.Scene(None, PICTURE, effects=[fl.TentSnow.preset("heavy"), fl.Mist()], fps=24)
 
 
-def test_write_of_a_scene_has_the_options_of_the_function_and_says_them_all():
-    own = list(inspect.signature(fl.Scene.write).parameters.values())[1:]
-    wanted = list(inspect.signature(write).parameters.values())[1:]
-    assert [(p.name, p.kind, p.default) for p in own] == [
-        (p.name, p.kind, p.default) for p in wanted
-    ]
+def test_write_of_a_scene_has_the_options_of_an_output_and_says_them_all():
+    own = inspect.signature(fl.Scene.write).parameters
+    kinds, options = get_type_hints(OutputFields), get_type_hints(fl.Output)
+    assert list(own)[-len(kinds) :] == list(kinds) and set(kinds) == set(options)
+    for name, kind in options.items():
+        assert kinds[name] == kind | None
+        assert own[name].default is None and own[name].kind is own[name].KEYWORD_ONLY
     doc = inspect.getdoc(fl.Scene.write) or ""
-    assert [p.name for p in own if f"\n{p.name} : " not in doc] == []
+    assert [name for name in own if name != "self" and f"\n{name} : " not in doc] == []
+    with pytest.raises(TypeError, match="Output has no 'bitts'; did you mean 'bits'"):
+        SCENE.write("frame.png", 1, bitts=8)
 
 
 @pytest.mark.parametrize("name", ["film.mp4", "frames/%04d.png"])

@@ -150,8 +150,8 @@ CALLS: dict[str, Call] = {
         then=lambda _: io.read_layers("out5.exr")),
     "output.manifest.check": Call({"folder": "frames"}),
     "output.manifest.read": Call({"folder": "frames"}),
-    "output.write.write": Call(
-        {"scene": SCENE, "pattern": "one/%04d.png", "frames": "1", "overwrite": True}, loose=True),
+    "Scene.write": Call(
+        {"pattern": "one/%04d.png", "frames": "1", "overwrite": True}, of=SCENE.write, loose=True),
     "scene.toml.load": Call({"path": "scene.toml"}),
     "scene.toml.save": Call({"scene": SCENE, "path": "saved.toml"}),
     "scene.fingerprint.fingerprint": Call({"scene": SCENE}),

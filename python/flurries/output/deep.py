@@ -89,7 +89,7 @@ def _before(scene: Scene, number: float, there: Array | None, edge: float) -> di
 
 def _layers(scene: Scene, number: float) -> dict[str, Array]:
     """Return the layers of a frame, without what else is known of them."""
-    t = number if scene.lap is None else scene.lap.place(number)
+    t = scene.time_of(number)
     (seen,) = truth(scene.program, t, [None], everything(scene.shape), known=False)
     return seen.layers
 

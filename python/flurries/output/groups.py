@@ -15,6 +15,7 @@ from flurries.frame import estimate
 from flurries.output.cluster import cluster, required
 from flurries.output.crew import on_one_core, results
 from flurries.scene.numbers import frames_of
+from flurries.scene.rendering import Rendering
 from flurries.scene.scene import Scene, expect_scene
 
 __all__ = ["grouped", "to_dask"]
@@ -48,7 +49,8 @@ def grouped(scene: Scene, frames: Any) -> list[list[int]]:
     TypeError, ValueError
         For what is no scene, or names no frames.
     """
-    wanted = frames_of(expect_scene(scene), frames)
+    scene = expect_scene(scene)
+    wanted = frames_of(scene, frames)
     # A plate may be damaged, and is a small part of the cost.
     plain = scene.replace(background="#808080", foreground=None)
     files = _FILE * scene.shape[0] * scene.shape[1]
@@ -57,7 +59,7 @@ def grouped(scene: Scene, frames: Any) -> list[list[int]]:
     return [wanted[first : first + size] for first in range(0, len(wanted), size)]
 
 
-def to_dask(scene: Scene, frames: Any = None, *, group: int | None = None) -> Any:
+def to_dask(scene: Rendering, frames: Any = None, *, group: int | None = None) -> Any:
     """Return the frames of a scene as a lazy array.
 
     Parameters
@@ -89,7 +91,8 @@ def to_dask(scene: Scene, frames: Any = None, *, group: int | None = None) -> An
     """
     dask = required("dask")
     array = required("dask.array")
-    wanted = frames_of(expect_scene(scene), frames)
+    scene = expect_scene(scene)
+    wanted = frames_of(scene, frames)
     height, width = scene.shape
     # The background decides.
     dtype = scene.replace(effects=()).render(wanted[0], region=np.s_[:1, :1]).dtype

@@ -111,7 +111,7 @@ def write_points(
 def points_at(scene: Scene, names: dict[str, Any], number: float) -> dict[str, Points]:
     """Return the flakes of each effect that has any, by its name."""
     program = scene.program
-    t = number if scene.lap is None else scene.lap.place(number)
+    t = scene.time_of(number)
     effects = list(names)
     found = {}
     for part in program.parts:
@@ -146,7 +146,7 @@ def _set_points(prim: Any, points: Points, time: float, UsdGeom: Any, Vt: Any) -
 def _set_camera(camera: Any, pose: Any, scene: Scene, number: int, Gf: Any) -> None:
     """Set the camera as it looks at a frame."""
     program = scene.program
-    t = float(number if scene.lap is None else scene.lap.place(number))
+    t = scene.time_of(number)
     eye = program.camera(None, t)
     height, width = scene.shape
     turn = _UP[:, None] * eye.matrix() * _UP

@@ -8,7 +8,8 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -31,12 +32,13 @@ from flurries.output.sequence import Progress, run
 from flurries.output.store import Disk
 from flurries.scene.numbers import Frames as Numbers
 from flurries.scene.numbers import frames_of
+from flurries.scene.rendering import Rendering
 from flurries.scene.scene import Scene, expect_scene
 
 if TYPE_CHECKING:
     from distributed import Client
 
-__all__ = ["Summary", "write"]
+__all__ = ["Summary"]
 
 
 @dataclass(frozen=True)
@@ -71,136 +73,29 @@ class Summary:
 
 
 def write(
-    scene: Scene,
+    scene: Rendering,
     pattern: str | Path,
     frames: Numbers = None,
+    output: Mapping[str, Any] = MappingProxyType({}),
     *,
-    bits: int | str | None = None,
-    codec: str | None = None,
-    motion: str | None = None,
-    colorspace: str | None = None,
-    compression: str | None = None,
-    layers: bool | None = None,
-    alone: bool | None = None,
-    deep: bool | None = None,
     eyes: Mapping[str, Camera] | None = None,
     overwrite: bool = False,
-    damaged: Literal["stop", "skip", "hold"] | None = None,
-    sound: bool | None = None,
-    manifest: bool | None = None,
-    quality: Literal["high", "medium", "draft"] | None = None,
     dask: Client | str | bool | None = None,
     dask_patience: float = 60.0,
     progress: Progress | None = None,
 ) -> Summary:
-    """Render frames to files.
+    """Render frames to files; see :meth:`flurries.Scene.write`.
 
-    Of arguments that are also fields of :class:`flurries.Output` those that are not given are the
-    scene's own.
-
-    Several processes, on one machine or many, may write one sequence: each makes the frames that
-    no other is making, and returns when all are there. One that is killed loses the frames that it
-    was at, which the others or the next run make again; no file is ever half-written.
-
-    Parameters
-    ----------
-    scene : Scene
-        What to render.
-    pattern : str or path
-        ``frames/%04d.png`` (also ``####`` and ``$F4``) or ``.exr``, ``.tif``, ``.jpg``: one file a
-        frame, each written under a temporary name, checked and renamed. A name that ends in .mp4,
-        .mov, .webm or .mkv is a video. One that ends in .usd, .usda or .usdc is a USD stage with
-        the flakes as points, see `flurries.output.points.write_points`. A picture's name without a
-        token is a still: one frame. For all of these: what is there already and is of this very
-        scene stays, and is made again if it is damaged or if the background's file has changed
-        since; anything else is refused. Pictures also go to a url, such as
-        ``s3://bucket/frames/%04d.png``, through fsspec (``flurries[stores]`` and the store's own
-        driver), where the same holds.
-    frames : str, int or iterable of int, optional
-        "1-60", "1-100x2", "7", or numbers; not negative: those of the background's files. If not
-        given, all that the background has, else the camera or the depth, else three seconds from 1
-        on.
-    bits : 8, 10, 16, "half" or "float", optional
-        Of a color: in EXR "half" or "float", in PNG 8 or 16, in TIFF also "float", in DPX 8, 10 or
-        16, in a film what its codec has. If not given, half in EXR, 10 in DPX, and else what the
-        background has: a film that holds fewer is refused. A background of fewer bits is mixed in
-        16, so that the weather has their steps.
-    codec : str, optional
-        Of a film: "h264", "h265", "vp9", "ffv1", "prores-hq", "prores-4444" (with alpha for
-        `alone`) or "dnxhr"; the extension's own if not given.
-    motion : {"y-down", "y-up"}
-        Which way the second number of motion vectors in layers counts.
-    colorspace : str, optional
-        What is written, by its name in ``$OCIO``; the scene's own if not given. EXR holds linear
-        ones, formats of integers and films those that are encoded; layers stay in the light that
-        they were mixed in.
-    compression : {"zip", "zips", "piz", "rle", "none", "dwaa", "dwab"}
-        How an EXR packs its pixels. The last two lose bits that are hard to see, and take half the
-        bytes or less of a frame of snow; they are not for layers and eyes.
-    layers : bool
-        EXR only: everything that is known of the frame as named channels beside the composite, see
-        `flurries.output.contents.planes`.
-    alone : bool
-        The weather alone as RGBA, without background and foreground's picture: premultiplied linear
-        light in EXR, straight display values in PNG and in a film of ProRes 4444.
-    deep : bool
-        EXR only: the weather alone as deep samples in linear light, with the depths between which
-        each lies, see `flurries.output.deep.deep_of`. The frame is drawn 32 times.
-    eyes : mapping of str to Camera, optional
-        EXR only: the views of these eyes, such as ``{"left": ..., "right": ...}``, one part of the
-        file for each.
-    overwrite : bool
-        Replace what is there, whatever it is.
-    damaged : {"stop", "skip", "hold"}
-        What becomes of a frame whose background is missing or damaged: an error, left out, or
-        rendered over the last good background before it.
-    sound : bool
-        Keep the sound of a film that is the background in a video, where the frames follow each
-        other at the film's own rate.
-    manifest : bool
-        Write ``flurries.json`` beside a sequence: the frame, the scene, the size and the SHA-256 of
-        each file, see `flurries.output.manifest`.
-    quality : {"high", "medium", "draft"}
-        Of a video.
-    dask : True, str or distributed.Client, optional
-        Render on a Dask cluster: one made on this machine, the one whose scheduler answers at an
-        address such as ``tcp://host:8786``, or a client's. Workers write where this process would;
-        one that dies loses nothing. Needs ``flurries[dask]``.
-    dask_patience : float
-        How long to wait while the cluster has no worker, seconds.
-    progress : callable, optional
-        Wraps the frames, as tqdm does.
-
-    Returns
-    -------
-    Summary
-
-    Raises
-    ------
-    ValueError
-        For an unusable pattern or range, a frame number that background, depth, foreground or
-        camera does not have, or where something else is in the way.
-    OSError
-        If something cannot be written; no half-written file stays. If files that serve all frames
-        change meanwhile; if files that workers have written are not here.
-    TimeoutError
-        If a cluster has no worker for longer than `dask_patience`.
+    `output` has the fields of :class:`flurries.Output` that are not the scene's own.
     """
-    expect_scene(scene)
+    scene = expect_scene(scene)
     started = time.monotonic()
     flag("overwrite", overwrite)
-    asked = scene.output.given({
-        "bits": bits, "codec": codec, "motion": motion, "colorspace": colorspace,
-        "compression": compression, "layers": layers, "alone": alone, "deep": deep,
-        "damaged": damaged,
-        "sound": sound, "manifest": manifest, "quality": quality,
-    })  # fmt: skip
+    asked = scene.output.given(output)
     store, text = store_of(os.fspath(pattern))
     text = with_percent(text)
     if Path(text).suffix.lower() in USD:
-        wanted = _points_of(
-            scene, frames, store, text, bits, codec, layers, alone, deep, eyes, dask
-        )
+        wanted = _points_of(scene, frames, store, text, {**output, "eyes": eyes, "dask": dask})
         bar = progress if progress is not None else _silent
         done = write_points(scene, Path(text), wanted, bar, overwrite=overwrite)
         return Summary(done.written, done.kept, [Path(text)], seconds=time.monotonic() - started)
@@ -224,8 +119,8 @@ def write(
     scene.require(wanted, gaps=asked.damaged == "stop")
     kind, packed = asked.kind, asked.compression
     # The scene's own codec is for films, and its compression for what is packed so.
-    codec = asked.codec if target.is_video else codec
-    if compression is None and (
+    codec = asked.codec if target.is_video else output.get("codec")
+    if output.get("compression") is None and (
         kind in ("layers", "deep") or eyes or not text.lower().endswith(".exr")
     ):
         packed = "zip"
@@ -263,10 +158,12 @@ def write(
     return Summary(done.written, done.kept, files, done.skipped, done.held, seconds, heard)
 
 
-def _points_of(scene: Scene, frames: Numbers, store: Any, text: str, *other: Any) -> list[int]:
+def _points_of(
+    scene: Scene, frames: Numbers, store: Any, text: str, options: Mapping[str, Any]
+) -> list[int]:
     """Return the frames of a stage of points, or refuse what a stage has not."""
     names = ("bits", "codec", "layers", "alone", "deep", "eyes", "dask")
-    given = [name for name, value in zip(names, other, strict=True) if value not in (None, False)]
+    given = [name for name in names if options.get(name) not in (None, False)]
     if given:
         raise ValueError(f"{text}: a USD stage holds points; it takes no {' and no '.join(given)}")
     if not isinstance(store, Disk) or "%" in text:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import operator
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -12,7 +12,10 @@ from flurries._contract import integer, real
 from flurries.frame.bands import whole
 from flurries.frame.effect import Effect
 from flurries.frame.visible import Window
+from flurries.io.sequences import MOST_FRAMES
 from flurries.light.lamp import Lamp
+
+_One = TypeVar("_One")
 
 # A file of a few kilobytes could ask for more than anybody would wait for.
 MOST_EFFECTS = 1000
@@ -32,6 +35,18 @@ def parse_size(size: object) -> tuple[int, int]:
         raise TypeError(f"size must be (width, height), got {size!r}")
     width, height = (operator.index(integer("size", v, low=1, high=2**17)) for v in size)
     return width, height
+
+
+def one_or_none(name: str, value: Any, kind: type[_One]) -> _One | None:
+    """Return an object of flurries' own, or None where there is none; refuse others."""
+    if value is not None and not isinstance(value, kind):
+        raise TypeError(f"{name} must be a flurries.{kind.__name__}, got {value!r}")
+    return value
+
+
+def number_or_none(name: str, value: Any, *, low: int) -> int | None:
+    """Return a frame number, or None where there is none; refuse others."""
+    return None if value is None else integer(name, value, low=low, high=MOST_FRAMES)
 
 
 def parse_tolerance(value: object) -> float:

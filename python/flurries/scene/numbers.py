@@ -12,7 +12,7 @@ from flurries._contract import integer
 from flurries.io import frame_range
 
 if TYPE_CHECKING:
-    from flurries.scene.scene import Scene
+    from flurries.scene.rendering import Rendering
 
 # Which frames: "1-60", a number, numbers, or all there are.
 Frames: TypeAlias = str | int | Iterable[int] | None
@@ -21,7 +21,7 @@ Frames: TypeAlias = str | int | Iterable[int] | None
 DEFAULT_SECONDS = 3.0
 
 
-def frames_of(scene: Scene, frames: Frames) -> list[int]:
+def frames_of(scene: Rendering, frames: Frames) -> list[int]:
     """Return frame numbers, each once, in the order asked for.
 
     If none are asked for, one round of a scene that repeats, else those of the background's files;

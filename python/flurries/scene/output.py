@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import inspect
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields, replace
-from typing import Any, Literal
+from typing import Any, Literal, TypeAlias, TypedDict, TypeVar
 
 from flurries._contract import choice, flag, suggesting
 from flurries.io.films.codecs import CODECS, QUALITIES
@@ -16,11 +17,36 @@ MOTION = {
     "y-up": "px per frame, x right, y up",
 }
 
+Bits: TypeAlias = Literal[8, 10, 16, "half", "float"]
+Motion: TypeAlias = Literal["y-down", "y-up"]
+Compression: TypeAlias = Literal["zip", "zips", "piz", "rle", "none", "dwaa", "dwab"]
+Quality: TypeAlias = Literal["high", "medium", "draft"]
+Damaged: TypeAlias = Literal["stop", "skip", "hold"]
+
+_Method = TypeVar("_Method", bound=Callable[..., Any])
+
 BITS = (8, 10, 16, "half", "float")
 DAMAGED = ("stop", "skip", "hold")
 
 # What a file may hold in place of the composite.
 KINDS = ("alone", "layers", "deep")
+
+
+class OutputFields(TypedDict, total=False):
+    """The fields of `Output` as keywords, for type checkers; None is the scene's own."""
+
+    bits: Bits | None
+    codec: str | None
+    motion: Motion | None
+    colorspace: str | None
+    compression: Compression | None
+    quality: Quality | None
+    layers: bool | None
+    alone: bool | None
+    deep: bool | None
+    damaged: Damaged | None
+    sound: bool | None
+    manifest: bool | None
 
 
 @suggesting
@@ -34,31 +60,42 @@ class Output:
     Parameters
     ----------
     bits : 8, 10, 16, "half" or "float", optional
-        Of a color, as far as the file holds them. If not given, half in EXR, 10 in DPX, and else
-        what the background has.
+        Of a color: in EXR "half" or "float", in PNG 8 or 16, in TIFF also "float", in DPX 8, 10 or
+        16, in a film what its codec has. If not given, half in EXR, 10 in DPX, and else what the
+        background has: a film that holds fewer is refused. A background of fewer bits is mixed in
+        16, so that the weather has their steps.
     codec : str, optional
-        Of a film: "h264", "h265", "vp9", "ffv1", "prores-hq", "prores-4444" or "dnxhr"; the
-        extension's own if not given.
+        Of a film: "h264", "h265", "vp9", "ffv1", "prores-hq", "prores-4444" (with alpha for
+        `alone`) or "dnxhr"; the extension's own if not given.
     motion : {"y-down", "y-up"}
         Which way the second number of motion vectors in layers counts.
     colorspace : str, optional
-        What is written, by its name in ``$OCIO``; the scene's own if not given.
+        What is written, by its name in ``$OCIO``; the scene's own if not given. EXR holds linear
+        ones, formats of integers and films those that are encoded; layers stay in the light that
+        they were mixed in.
     compression : {"zip", "zips", "piz", "rle", "none", "dwaa", "dwab"}
-        How an EXR packs its pixels; the last two are lossy.
+        How an EXR packs its pixels. The last two lose bits that are hard to see, and take half the
+        bytes or less of a frame of snow; they are not for layers and eyes.
     quality : {"high", "medium", "draft"}
         Of a film.
     layers : bool
-        EXR only: the weather, depth and motion as channels beside the composite.
+        EXR only: everything that is known of the frame as named channels beside the composite, see
+        `flurries.output.contents.planes`.
     alone : bool
-        The weather alone as RGBA.
+        The weather alone as RGBA, without background and foreground's picture: premultiplied linear
+        light in EXR, straight display values in PNG and in a film of ProRes 4444.
     deep : bool
-        EXR only: the weather alone as deep samples, see :func:`flurries.output.deep.deep_of`.
+        EXR only: the weather alone as deep samples in linear light, with the depths between which
+        each lies, see `flurries.output.deep.deep_of`. The frame is drawn 32 times.
     damaged : {"stop", "skip", "hold"}
-        What becomes of frames whose background is missing or damaged.
+        What becomes of a frame whose background is missing or damaged: an error, left out, or
+        rendered over the last good background before it.
     sound : bool
-        Keep the sound of a background film.
+        Keep the sound of a film that is the background in a film, where the frames follow each
+        other at its own rate.
     manifest : bool
-        Write ``flurries.json`` beside a sequence.
+        Write ``flurries.json`` beside a sequence: the frame, the scene, the size and the SHA-256 of
+        each file, see `flurries.output.manifest`.
 
     Raises
     ------
@@ -73,16 +110,16 @@ class Output:
     'float'
     """
 
-    bits: Literal[8, 10, 16, "half", "float"] | None = None
+    bits: Bits | None = None
     codec: str | None = None
-    motion: Literal["y-down", "y-up"] = "y-down"
+    motion: Motion = "y-down"
     colorspace: str | None = None
-    compression: Literal["zip", "zips", "piz", "rle", "none", "dwaa", "dwab"] = "zip"
-    quality: Literal["high", "medium", "draft"] = "high"
+    compression: Compression = "zip"
+    quality: Quality = "high"
     layers: bool = False
     alone: bool = False
     deep: bool = False
-    damaged: Literal["stop", "skip", "hold"] = "stop"
+    damaged: Damaged = "stop"
     sound: bool = True
     manifest: bool = True
 
@@ -122,3 +159,22 @@ class Output:
         """Return the values that differ from their defaults."""
         values = {f.name: getattr(self, f.name) for f in fields(self)}
         return {f.name: values[f.name] for f in fields(self) if values[f.name] != f.default}
+
+
+def takes_output(write: _Method) -> _Method:
+    """Let ``**output`` of a method stand for the fields of `Output`, in its signature and page."""
+    own = inspect.signature(write)
+    *given, rest = own.parameters.values()
+    options = [
+        rest.replace(
+            name=f.name, kind=rest.KEYWORD_ONLY, default=None,
+            annotation=f"{f.type.removesuffix(' | None')} | None",
+        )
+        for f in fields(Output)
+    ]  # fmt: skip
+    vars(write)["__signature__"] = own.replace(parameters=[*given, *options])
+    # Without docstrings, as under python -OO, there is nothing to join.
+    page, fields_of = inspect.getdoc(write) or "", inspect.getdoc(Output) or "----------\n"
+    listed = fields_of.split("----------\n", 1)[1].split("\n\nRaises")[0]
+    write.__doc__ = page.replace("**output\n    The fields of :class:`Output`.", listed)
+    return write

@@ -1,0 +1,376 @@
+"""What a scene makes: frames as arrays, for one eye or two, as files, and what that costs."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal, TypeAlias, overload
+
+from flurries._contract import Array, real
+from flurries.camera.lens import Camera
+from flurries.camera.optics import Lens
+from flurries.camera.path import CameraPath
+from flurries.frame.lap import Lap
+from flurries.frame.picture import images
+from flurries.frame.program import Program
+from flurries.frame.truth import Rendered, truth
+from flurries.io.colorspace import ColorSpace
+from flurries.light.lamp import Lamp
+from flurries.light.sun import Sun
+from flurries.scene.arguments import parse_region, parse_tolerance
+from flurries.scene.files import Sources
+from flurries.scene.loop import Looped, looped_scene
+from flurries.scene.numbers import Frames, frames_of
+from flurries.scene.output import OutputFields, takes_output
+from flurries.stereo import eyes
+
+if TYPE_CHECKING:
+    import dask.array
+    from distributed import Client
+    from typing_extensions import Unpack
+
+    from flurries.frame.report import Plan
+    from flurries.output.write import Summary
+
+Region: TypeAlias = tuple[slice, slice]
+
+
+class Rendering(Sources):
+    """The part of a scene that makes its frames."""
+
+    effects: tuple[Any, ...]
+    tolerance: float
+    period: int | None
+    seed: int
+    sun: Sun | None
+    lights: tuple[Lamp, ...]
+    lens: Lens | None
+    space: str
+    colorspace: str | None
+    _path: CameraPath
+    # What was found in the background, such as its light: also of scenes derived from this one.
+    _found: dict[tuple[str, int], Any]
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """(H, W) of a frame."""
+        width, height = self.size
+        return height, width
+
+    @cached_property
+    def color(self) -> ColorSpace | None:
+        """The background's color space, where it is said."""
+        return None if self.colorspace is None else ColorSpace.of("colorspace", self.colorspace)
+
+    @property
+    def linear(self) -> bool:
+        """Whether layers are mixed in linear light."""
+        if self.space == "auto":
+            lit = bool(self.lights) or any(
+                getattr(effect, "lit_by_places", False) for effect in self.effects
+            )
+            return lit or self._backdrop.encoding == "linear"
+        return self.space == "linear"
+
+    def _in_frame(self, camera: Camera) -> Camera:
+        """Return a camera of the display window as one of the frame."""
+        if self._backdrop.display is None:
+            return camera
+        left, top, width, height = self._backdrop.display
+        x, y = (width / 2, height / 2) if camera.center is None else camera.center
+        return camera.derive(center=(left + x, top + y))
+
+    @property
+    def lap(self) -> Lap | None:
+        """Which frames come over and over, of a scene with a `period`."""
+        if self.period is None:
+            return None
+        return Lap(0 if self.range is None else self.range[0], self.period)
+
+    def time_of(self, t: float) -> float:
+        """Return the time that is shown at `t`: another one where a scene has a `period`."""
+        time = real("t", t)
+        return time if self.lap is None else self.lap.place(time)
+
+    @cached_property
+    def _looped(self) -> Looped:
+        assert self.lap is not None
+        return looped_scene(
+            self.lap, effects=self.effects, path=self._path, lights=self.lights, lens=self.lens,
+            seed=self.seed, fps=self.fps, moves=self.frames is not None,
+        )  # fmt: skip
+
+    @property
+    def bent(self) -> tuple[str, ...]:
+        """What was changed for a scene with a `period` to begin again, in words."""
+        return () if self.period is None else self._looped.bent
+
+    @cached_property
+    def program(self) -> Program:
+        """What runs for each frame, resolved when it is first asked for."""
+        parts = (self.effects, self._path, self.lights, self.lens)
+        effects, path, lights, lens = parts if self.period is None else self._looped[:4]
+        return Program(
+            effects=effects,
+            shape=self.shape,
+            fps=self.fps,
+            path=path,
+            seed=self.seed,
+            sun=self.sun,
+            backdrop=self._backdrop,
+            distance=self._distance,
+            mattes=self._mattes,
+            linear=self.linear,
+            primaries=None if self.color is None else self.color.working.from_rec709(),
+            lights=lights,
+            lens=lens,
+            lap=self.lap,
+            found=self._found,
+        )
+
+    @overload
+    def render(
+        self, t: float, *, eye: Camera | None = None, layers: Literal[False] = False,
+        region: Region | None = None, tolerance: float | None = None,
+    ) -> Array: ...  # fmt: skip
+
+    @overload
+    def render(
+        self, t: float, *, eye: Camera | None = None, layers: Literal[True],
+        region: Region | None = None, tolerance: float | None = None,
+    ) -> Rendered: ...  # fmt: skip
+
+    @overload
+    def render(
+        self, t: float, *, eye: Camera | None = None, layers: bool,
+        region: Region | None = None, tolerance: float | None = None,
+    ) -> Array | Rendered: ...  # fmt: skip
+
+    def render(
+        self,
+        t: float,
+        *,
+        eye: Camera | None = None,
+        layers: bool = False,
+        region: Region | None = None,
+        tolerance: float | None = None,
+    ) -> Array | Rendered:
+        """Return the frame at `t`.
+
+        Parameters
+        ----------
+        t : float
+            Frame number, any float: that of the background's files, a film's first frame being 0
+            or `start`. A background that moves shows its frame floor(t).
+        eye : Camera, optional
+            Another eye, in place of the path's camera, that moves and turns with the path; the
+            background stays.
+        layers : bool
+            Return a :class:`Rendered` with the layers apart.
+        region : (rows, cols), optional
+            Two slices, as from ``np.s_[100:200, 50:80]``: only that part, with the whole's bits.
+        tolerance : float, optional
+            How far any value may be off, of full scale, from the frame without a tolerance; the
+            scene's own if not given. Spent where it saves most time by a fixed cost model, so that
+            all machines choose alike; `plan` says on what. Layers are exact.
+
+        Returns
+        -------
+        (H, W, 3), or the region's; (H, W, 4) where the background has alpha
+            uint8 or uint16 where the background is, else float32. The same bits whatever else was
+            rendered before, in any process and with any number of threads. Processors with other
+            vector instructions may differ in the last bits, but not in the reproducible mode
+            (:func:`flurries.set_reproducible`).
+        """
+        if eye is not None and not isinstance(eye, Camera):
+            raise TypeError(f"eye must be a Camera, got {eye!r}")
+        (seen,) = self._see(t, [eye], layers, region, tolerance)
+        return seen
+
+    def _see(
+        self,
+        t: float,
+        views: Sequence[Camera | None],
+        layers: bool,
+        region: Region | None,
+        tolerance: float | None,
+    ) -> Sequence[Array | Rendered]:
+        """Return what each eye sees, None being the path's camera."""
+        time, window = self.time_of(t), parse_region(region, self.shape)
+        if self.camera.extend == "stop":
+            self.require([math.floor(time)], gaps=False)
+        limit = self.tolerance if tolerance is None else parse_tolerance(tolerance)
+        views = [None if eye is None else self._in_frame(eye) for eye in views]
+        if layers:
+            return truth(self.program, time, views, window)
+        return images(self.program, time, views, window, limit)
+
+    @overload
+    def stereo(
+        self, t: float, *, distance: float, convergence: float | None = None,
+        layers: Literal[False] = False, region: Region | None = None,
+        tolerance: float | None = None,
+    ) -> tuple[Array, Array]: ...  # fmt: skip
+
+    @overload
+    def stereo(
+        self, t: float, *, distance: float, convergence: float | None = None,
+        layers: Literal[True], region: Region | None = None, tolerance: float | None = None,
+    ) -> tuple[Rendered, Rendered]: ...  # fmt: skip
+
+    def stereo(
+        self,
+        t: float,
+        *,
+        distance: float,
+        convergence: float | None = None,
+        layers: bool = False,
+        region: Region | None = None,
+        tolerance: float | None = None,
+    ) -> tuple[Array | Rendered, Array | Rendered]:
+        """Return the frame at `t` as the left and the right eye see it.
+
+        The weather lies in depth; the background and what stands in front of the weather are flat
+        pictures at the depth of convergence, the same for both.
+
+        Parameters
+        ----------
+        t, layers, region, tolerance
+            See :meth:`render`.
+        distance, convergence : float
+            See :func:`flurries.stereo.eyes`.
+
+        Returns
+        -------
+        left, right
+            Each with the bits that :meth:`render` returns for that eye; what does not depend on the
+            eye is found once for both. One and the same at distance 0.
+
+        Warns
+        -----
+        UserWarning
+            If an effect's texture begins so near that its disparity is half a wavelength or more:
+            it is then ambiguous, and only flakes tell the depth.
+        """
+        pair = eyes(self.camera.camera, distance=distance, convergence=convergence)
+        for index, effect in enumerate(self.effects):
+            warned = getattr(effect, "warn_ambiguous", None)
+            if warned is not None:
+                warned(self.shape, self.camera.camera.focal, distance, index)
+        if pair[0] == pair[1]:
+            (both,) = self._see(t, pair[:1], layers, region, tolerance)
+            return both, both
+        left, right = self._see(t, pair, layers, region, tolerance)
+        return left, right
+
+    def depth_at(self, t: float) -> Array | None:
+        """Return the background's planar depth at `t`, (H, W) float32, or None.
+
+        World units, infinity where nothing stands. A sequence of depths goes by frames as the
+        background does.
+        """
+        return None if self._distance is None else self.program.depth_at(self.time_of(t))
+
+    def plan(self, frames: Frames = None, *, tolerance: float | None = None) -> Plan:
+        """Return what rendering costs: its steps, their sizes and times, and what is left out.
+
+        Parameters
+        ----------
+        frames : str, int or iterable of int, optional
+            As for :meth:`write`; of a long film a few frames stand for all.
+        tolerance : float, optional
+            As for :meth:`render`: the plan says what it is spent on, and the error to expect.
+
+        Returns
+        -------
+        Plan
+            To print, to show in a notebook, or as JSON.
+        """
+        from flurries.frame.estimate import plan_of
+
+        limit = self.tolerance if tolerance is None else parse_tolerance(tolerance)
+        return plan_of(self.program, frames_of(self, frames), limit)
+
+    @takes_output
+    def write(
+        self,
+        pattern: str | Path,
+        frames: Frames = None,
+        *,
+        eyes: Mapping[str, Camera] | None = None,
+        overwrite: bool = False,
+        dask: Client | str | bool | None = None,
+        dask_patience: float = 60.0,
+        progress: Callable[[Iterable[int]], Iterable[int]] | None = None,
+        **output: Unpack[OutputFields],
+    ) -> Summary:
+        """Render frames to files: a sequence, a film or a still.
+
+        Several processes, on one machine or many, may write one sequence: each makes the frames
+        that no other is making, and returns when all are there. One that is killed loses the frames
+        that it was at, which the others or the next run make again; no file is ever half-written.
+        Arguments that are fields of :class:`Output` and are not given are those of the scene's own.
+
+        Parameters
+        ----------
+        pattern : str or path
+            ``frames/%04d.png`` (also ``####`` and ``$F4``) or ``.exr``, ``.tif``, ``.jpg``: one
+            file a frame, each written under a temporary name, checked and renamed. A name that ends
+            in .mp4, .mov, .webm or .mkv is a video. One that ends in .usd, .usda or .usdc is a USD
+            stage with the flakes as points, see `flurries.output.points.write_points`. A picture's
+            name without a token is a still: one frame. For all of these: what is there already and
+            is of this very scene stays, and is made again if it is damaged or if the background's
+            file has changed since; anything else is refused. Pictures also go to a url, such as
+            ``s3://bucket/frames/%04d.png``, through fsspec (``flurries[stores]`` and the store's
+            own driver), where the same holds.
+        frames : str, int or iterable of int, optional
+            "1-60", "1-100x2", "7", or numbers; not negative: those of the background's files. For a
+            still one number will do. If not given, all that the background has, else the camera or
+            the depth, else three seconds from 1 on.
+        eyes : mapping of str to Camera, optional
+            EXR only: the views of these eyes, such as ``{"left": ..., "right": ...}``, one part of
+            the file for each.
+        overwrite : bool
+            Replace what is there, whatever it is.
+        dask : True, str or distributed.Client, optional
+            Render on a Dask cluster: one made on this machine, the one whose scheduler answers at
+            an address such as ``tcp://host:8786``, or a client's. Workers write where this process
+            would; one that dies loses nothing. Needs ``flurries[dask]``.
+        dask_patience : float
+            How long to wait while the cluster has no worker, seconds.
+        progress : callable, optional
+            Wraps the frames, as tqdm does.
+        **output
+            The fields of :class:`Output`.
+
+        Returns
+        -------
+        Summary
+            What was written, what was there, and the files.
+
+        Raises
+        ------
+        ValueError, TypeError
+            For an unusable pattern or range, a frame number that background, depth, foreground or
+            camera does not have, or where something else is in the way.
+        OSError
+            If something cannot be read or written; no half-written file stays. If files that serve
+            all frames change meanwhile; if files that workers have written are not here.
+        TimeoutError
+            If a cluster has no worker for longer than `dask_patience`.
+        """
+        from flurries.output.write import write
+
+        return write(
+            self, pattern, frames, output, eyes=eyes, overwrite=overwrite, dask=dask,
+            dask_patience=dask_patience, progress=progress,
+        )  # fmt: skip
+
+    def to_dask(self, frames: Frames = None, *, group: int | None = None) -> dask.array.Array:
+        """Return frames as a lazy Dask array; see :func:`flurries.output.groups.to_dask`."""
+        from flurries.output.groups import to_dask
+
+        made: dask.array.Array = to_dask(self, frames, group=group)
+        return made
