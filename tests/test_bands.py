@@ -85,9 +85,12 @@ def same(first: Any, second: Any) -> bool:
     return all(np.array_equal(a, b, equal_nan=True) for a, b in zip(first, second, strict=True))
 
 
+# Each effect in three kinds of scene, and each kind with three effects.
+PAIRS = [(a, b) for i, a in enumerate(EFFECTS) for j, b in enumerate(SCENES) if i % 4 == j % 4]
+
+
 @pytest.mark.filterwarnings("ignore:.*ambiguous")
-@pytest.mark.parametrize("kind", SCENES)
-@pytest.mark.parametrize("name", EFFECTS)
+@pytest.mark.parametrize("name, kind", PAIRS)
 def test_bands_have_the_bits_of_the_whole(name: str, kind: str, low: Callable[[], None]):
     effect = EFFECTS[name]
     scene = fl.Scene(effects=[effect], **SCENES[kind])
@@ -105,9 +108,8 @@ def test_bands_have_the_bits_of_the_whole(name: str, kind: str, low: Callable[[]
     whole = frames()
     low()
     scene, several = (fl.Scene(effects=s.effects, **SCENES[kind]) for s in (scene, several))
-    for count in (1, 3):
-        fl.set_threads(count)
-        assert same(frames(), whole), count
+    fl.set_threads(3)
+    assert same(frames(), whole)
 
 
 @dataclass(frozen=True)

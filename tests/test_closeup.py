@@ -173,18 +173,3 @@ def test_round_flakes_are_asked_for():
     plain = flakes()
     snow = replace(plain.effects[0], shape="round")
     assert not np.array_equal(plain.replace(effects=[snow]).render(0), plain.render(0))
-
-
-@pytest.mark.parametrize(
-    ("given", "message"),
-    [
-        ({"focus": 0.0}, "focus must be"),
-        ({"focus": 2.0, "f_stop": -1.0}, "f_stop must be"),
-        ({"focus": 2.0, "blades": 2}, "blades must be 0 or from 3 on"),
-        ({"focus": 2.0, "sensor": 0.0}, "sensor must be"),
-        ({"focus": math.nan}, "focus must be"),
-    ],
-)
-def test_a_lens_refuses(given: dict[str, float], message: str):
-    with pytest.raises(ValueError, match=message):
-        fl.Lens(**given)  # type: ignore[arg-type]

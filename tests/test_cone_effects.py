@@ -90,7 +90,7 @@ def test_a_keyed_shutter(effect, camera, tmp_path):
     early, later = ([s.render(t, layers=True).alpha for s in (shown, number(t))] for t in (8, 19))
     assert np.abs(early[0] - early[1]).max() < 1e-5 < 1e-4 < np.abs(later[0] - later[1]).max()
     # The phase is the sum of small steps, from the first time of the film on.
-    times = np.linspace(0.0, 25.0, 25 * 400 + 1)
+    times = np.linspace(0.0, 25.0, 25 * 80 + 1)
     states = [keyed.parts.texture.state(frame_of(shown, t)) for t in 0.5 * (times[1:] + times[:-1])]
     tile = 2.0 * math.pi * effect.radius / effect.repeats
     gone = sum(s.speed / (tile * s.stretch) for s in states) * (times[1] - times[0]) / shown.fps
@@ -256,7 +256,7 @@ def test_snow_in_front_is_the_same_as_snows_flakes():
 
 
 @pytest.mark.parametrize("kind", [fl.ConeRain, fl.ConeSnow])
-def test_presets_files_and_refusals(kind, tmp_path):
+def test_presets_and_files(kind, tmp_path):
     alphas = []
     for name in kind.PRESETS:
         shown = scene(kind.preset(name, tile=64))
@@ -270,42 +270,6 @@ def test_presets_files_and_refusals(kind, tmp_path):
         kind.preset("none")
     with pytest.raises(TypeError, match="no field 'speed'"):
         kind.preset(next(iter(kind.PRESETS)), speed=1)
-    for change, message in [
-        ({"amount": 2.0}, "amount must be from 0 to 1"),
-        ({"damping": -0.1}, "damping must be from 0 to 1"),
-        ({"radius": 0.0}, "radius must be greater than 0"),
-        ({"repeats": 0}, "repeats must be from 1"),
-        ({"slope": -1.0}, "slope must be from 0"),
-        ({"tile": 4}, "tile must be from 16"),
-        ({"shutter": -1.0}, "shutter must be at least 0"),
-        ({"shutter": fl.Keys([(0, 0.5), (9, -1.0)])}, "shutter must be at least 0"),
-        ({"shutter": fl.Keys([(0, (0.5, 0.5))])}, "shutter must be keyed with numbers"),
-        ({"gain": math.nan}, "gain must be finite"),
-        ({"wind": (0, 0)}, "wind must be 3 numbers"),
-    ]:
-        with pytest.raises(ValueError, match=message):
-            kind(**change)
-    with pytest.raises(TypeError, match="conserve must be True or False"):
-        kind(conserve=1)
-
-
-def test_refusals_of_their_own():
-    for change, message in [
-        ({"drops": -1}, "drops must be from 0"),
-        ({"drop_size": 0.0}, "drop_size must be greater than 0"),
-        ({"drop_length": 3.0}, "drop_length must be at most half a tile"),
-        ({"spread": 2.0}, "spread must be from 0 to 1"),
-    ]:
-        with pytest.raises(ValueError, match=message):
-            fl.ConeRain(**change)
-    for change, message in [
-        ({"texture_flakes": 10**6}, "texture_flakes must be from 0"),
-        ({"flakes": -1}, "flakes must be from 0"),
-        ({"flake_size": (0.02, 0.01)}, "flake_size must be 0 < smallest"),
-        ({"flake_opacity": 1.5}, "flake_opacity must be from 0 to 1"),
-    ]:
-        with pytest.raises(ValueError, match=message):
-            fl.ConeSnow(**change)
 
 
 def test_a_wind_with_gusts_counts_by_its_mean():

@@ -151,33 +151,6 @@ def test_an_empty_texture_and_one_texel():
         np.testing.assert_allclose(alpha, wanted, atol=1e-6)
 
 
-PROGRAM = """
-import sys
-import numpy as np
-from flurries import cone
-from flurries.camera import Camera
-tile = cone.snow_tile(64, seed=1)
-parts = []
-for axis in ((0.2, 1, 0.1), (0.05, 0.1, 1.0)):
-    for offset in ((0, 0, 0), (0.05, 0, 0)):
-        view = Camera(90.0, offset=offset)
-        parts.append(cone.layers((75, 101), view, tile, axis=axis, phase=0.3, radius=2.0))
-np.save(sys.argv[1], np.concatenate([part.ravel() for part in parts]))
-"""
-
-
-def test_vector_levels_agree(tmp_path):
-    results = {}
-    for level in ("avx512", "avx2", "portable"):
-        file = tmp_path / f"{level}.npy"
-        environment = {**os.environ, "FLURRIES_SIMD": level}
-        subprocess.run([sys.executable, "-c", PROGRAM, file], env=environment, check=True)
-        results[level] = np.load(file)
-    assert results["avx512"].tobytes() == results["avx2"].tobytes()
-    # A place rounded otherwise is 1e-7 of a tile off, 1e-4 of a texel.
-    assert np.abs(results["avx512"] - results["portable"]).max() < 1e-3
-
-
 VIEWS = """
 import pickle
 import sys
@@ -190,14 +163,14 @@ for axis in ((0.2, 1, 0.1), (0.05, 0.1, 1.0)):
     for offset in ((0, 0, 0), (0.05, 0, 0)):
         for focal, roll in ((90.0, 0.0), (90.0, 0.8), (700.0, 0.3), (30.0, 1.5)):
             view = Camera(focal, offset=offset, rotation=(0.0, 0.0, roll))
-            for texture in textures:
-                for gains in (1.0, (3.0, 0.5, 0.2, 1.0)):
-                    look = {"axis": axis, "phase": 0.3, "radius": 2.0, "gains": gains}
-                    parts.append(cone.layers((75, 101), view, texture, **look))
-                    kept = cone.Mapping((75, 101), view, axis=axis, radius=2.0)
-                    for mapping in (kept, pickle.loads(pickle.dumps(kept))):
-                        again = cone.layers((75, 101), view, texture, **look, mapping=mapping)
-                        assert again.tobytes() == parts[-1].tobytes()
+            for texture, gains in zip(textures, (1.0, (3.0, 0.5, 0.2, 1.0))):
+                look = {"axis": axis, "phase": 0.3, "radius": 2.0, "gains": gains}
+                parts.append(cone.layers((75, 101), view, texture, **look))
+                kept = cone.Mapping((75, 101), view, axis=axis, radius=2.0)
+                kept = pickle.loads(pickle.dumps(kept))
+                again = cone.layers((75, 101), view, texture, **look, mapping=kept)
+                assert again.tobytes() == parts[-1].tobytes()
+            textures.reverse()
 np.save(sys.argv[1], np.concatenate([part.ravel() for part in parts]))
 """
 

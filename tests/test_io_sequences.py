@@ -177,6 +177,9 @@ def test_without_the_check_patterns_reach_outside():
     """The control: names made by the operator alone."""
     outside = 0
     for text in hostile_patterns():
+        if "999" in text:
+            # A name of a billion letters.
+            continue
         try:
             name = text % 7
         except (TypeError, ValueError, OverflowError, MemoryError, KeyError):

@@ -54,8 +54,11 @@ def step(one: Any, other: Any) -> float:
     return float(np.sqrt(np.mean((one.astype(float) - other.astype(float)) ** 2)))
 
 
-@pytest.mark.parametrize("weather", WEATHERS)
-@pytest.mark.parametrize("camera", CAMERAS)
+# Each weather stands still and moves one way.
+MOVES = [(w, c) for i, w in enumerate(WEATHERS) for c in {"still", ["turning", "flying"][i % 2]}]
+
+
+@pytest.mark.parametrize("weather, camera", sorted(MOVES))
 def test_the_last_and_the_first_frame_differ_as_others_do(weather: str, camera: str):
     scene = made(WEATHERS[weather](), CAMERAS[camera]())
     film = [scene.render(t) for t in range(FRAMES + 1)]

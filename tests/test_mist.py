@@ -225,38 +225,6 @@ def test_amount_fades_and_nothing_is_nothing():
             assert not cover(scene(nothing, sun=sun)).any()
 
 
-@pytest.mark.parametrize(
-    ("name", "value", "kind"),
-    [
-        ("amount", 1.5, ValueError),
-        ("count", -1, ValueError),
-        ("count", 10.0, TypeError),
-        ("count", 10**9, ValueError),
-        ("visibility", 0.0, ValueError),
-        ("radius", 0.0, ValueError),
-        ("density", 2.0, ValueError),
-        ("color", 2.0, ValueError),
-        ("color", "blue", ValueError),
-        ("wind", (1.0, 2.0), ValueError),
-        ("box", 0.0, ValueError),
-        ("box", (1.0, 2.0), ValueError),
-        ("center", (1.0, 2.0), ValueError),
-        ("depths", (3.0, 2.0), ValueError),
-        ("depths", 3.0, TypeError),
-        ("footprint", "ball", ValueError),
-        ("near", 0.0, ValueError),
-        ("lit", 1, TypeError),
-        ("forward", -0.1, ValueError),
-        ("scatter", "mie", ValueError),
-        ("asymmetry", 1.0, ValueError),
-        ("seed", 0.5, TypeError),
-    ],
-)
-def test_refusals_name_the_argument(name, value, kind):
-    with pytest.raises(kind, match=name):
-        fl.Mist(**{name: value})
-
-
 def test_presets_refuse_what_they_do_not_know():
     with pytest.raises(ValueError, match="preset"):
         fl.Mist.preset("smog")

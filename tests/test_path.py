@@ -131,27 +131,6 @@ def test_the_callers_array_is_his():
         path.position[0] = 1.0
 
 
-NAN = float("nan")
-REFUSED: dict[str, list[Any]] = {
-    "camera": [None, 300.0, "x"],
-    "velocity": [
-        1.0, (1.0, 2.0), "abc", (NAN, 0, 0), (0, 0, float("inf")), [[1, 2, 3]], (None, 0, 0),
-        fl.Keys([(0, 1.0)]), fl.Keys([(0, (1.0, 2.0))]), [(1,), (1, 2), 3],
-    ],
-    "position": [
-        1.0, (1.0, 2.0, 3.0), "x", np.zeros((0, 3)), np.zeros((4, 2)), np.zeros((2, 2, 3)),
-        [(0, 0, NAN)], fl.Keys([(0, 1.0)]), [(0, 0, 0), (1, 2)],
-    ],
-}  # fmt: skip
-
-
-@every(("name", "number"), [(n, i) for n in REFUSED for i in range(len(REFUSED[n]))])
-def test_refusals_name_the_argument(name: str, number: int):
-    arguments: dict[str, Any] = {"camera": LENS, name: REFUSED[name][number]}
-    with pytest.raises((TypeError, ValueError), match=name):
-        fl.CameraPath(**arguments)
-
-
 def test_both_ways_at_once_are_refused():
     with pytest.raises(ValueError, match="position and velocity"):
         fl.CameraPath(LENS, position=PLACES, velocity=(0, 0, 0))

@@ -8,6 +8,7 @@ import platform
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +18,7 @@ import pytest
 import flurries as fl
 from flurries import _core
 from flurries.cli import main
-from same_bits import KERNELS, SCENES, digest
+from same_bits import KERNELS, SCENES, of_kernels, of_scenes
 
 HERE = Path(__file__).parent
 # An old processor for everything beside the kernels: the C library, NumPy and its linear algebra.
@@ -30,13 +31,15 @@ OLD = {
 FROM_THE_C_LIBRARY = {"field, large tile, float64", "inverse_transform, float64"}
 
 
-def hashes(what: str, **environment: str) -> dict[str, str]:
+@cache
+def hashes(**environment: str) -> dict[str, dict[str, str]]:
+    """Hashes of the kernels and of the scenes in a process of its own; each is run once."""
     done = subprocess.run(
-        [sys.executable, str(HERE / "same_bits.py"), what], text=True, capture_output=True,
+        [sys.executable, str(HERE / "same_bits.py")], text=True, capture_output=True,
         env={**os.environ, **environment}, timeout=300,
     )  # fmt: skip
     assert done.returncode == 0, done.stderr
-    found: dict[str, str] = json.loads(done.stdout)
+    found: dict[str, dict[str, str]] = json.loads(done.stdout)
     return found
 
 
@@ -52,50 +55,48 @@ def as_before() -> Iterator[None]:
     fl.set_reproducible(before)
 
 
-@pytest.mark.parametrize("what", ["kernels", "scenes"])
-def test_every_level_gives_the_same_bits(what: str, record_property: Callable[[str, object], None]):
-    names = {"kernels": KERNELS, "scenes": SCENES}[what]
-    want = hashes(what, FLURRIES_REPRODUCIBLE="1")
-    assert set(want) == set(names) and len(set(want.values())) >= len(names) - 1
+ON = {"FLURRIES_REPRODUCIBLE": "1"}
+
+
+def test_every_level_gives_the_same_bits(record_property: Callable[[str, object], None]):
+    found = hashes(**ON)
+    for what, names in (("kernels", KERNELS), ("scenes", SCENES)):
+        want = found[what]
+        assert set(want) == set(names) and len(set(want.values())) >= len(names) - 1
+        record_property("figure", f"{len(want)} {what}: 0 of 4 runs differ")
     for environment in (
         {"FLURRIES_SIMD": "avx2"},
         {"FLURRIES_SIMD": "portable"},
         {"FLURRIES_NUM_THREADS": "5"},
     ):
-        assert hashes(what, FLURRIES_REPRODUCIBLE="1", **environment) == want, environment
-    record_property("figure", f"{len(want)} {what}: 0 of 4 runs differ")
+        assert hashes(**ON, **environment) == found, environment
 
 
-@pytest.mark.parametrize("what", ["kernels", "scenes"])
-def test_without_the_mode_levels_differ(what: str):
+def test_without_the_mode_levels_differ():
     """The control: fused products round once."""
     if not has_fma():
         pytest.skip("this processor has no fused product")
-    fused, apart = hashes(what), hashes(what, FLURRIES_SIMD="portable")
-    assert sum(fused[name] != apart[name] for name in fused) >= 5
+    fused, apart = hashes(FLURRIES_REPRODUCIBLE="0"), hashes(FLURRIES_SIMD="portable")
+    for what in ("kernels", "scenes"):
+        assert sum(fused[what][name] != apart[what][name] for name in fused[what]) >= 5
 
 
-@pytest.mark.parametrize("what", ["kernels", "scenes"])
-def test_an_old_processor_gives_the_same_bits(
-    what: str, record_property: Callable[[str, object], None]
-):
-    want = hashes(what, FLURRIES_REPRODUCIBLE="1")
-    got = hashes(what, FLURRIES_REPRODUCIBLE="1", FLURRIES_SIMD="portable", **OLD)
-    different = {name for name in want if got[name] != want[name]}
-    assert different <= FROM_THE_C_LIBRARY
-    record_property("figure", f"{len(want) - len(different)} of {len(want)} {what} the same")
+def test_an_old_processor_gives_the_same_bits(record_property: Callable[[str, object], None]):
+    want, got = hashes(**ON), hashes(**ON, FLURRIES_SIMD="portable", **OLD)
+    for what in ("kernels", "scenes"):
+        different = {name for name in want[what] if got[what][name] != want[what][name]}
+        assert different <= FROM_THE_C_LIBRARY
+        same = len(want[what]) - len(different)
+        record_property("figure", f"{same} of {len(want[what])} {what} the same")
 
 
 def test_switching_is_as_starting_so():
     """Nothing that one mode keeps is used by the other."""
-    said = {mode: hashes("kernels", FLURRIES_REPRODUCIBLE=mode) for mode in ("0", "1")}
-    frames = {mode: hashes("scenes", FLURRIES_REPRODUCIBLE=mode) for mode in ("0", "1")}
     for mode in ("0", "1", "0", "1"):
         fl.set_reproducible(mode == "1")
         assert fl.reproducible() is (mode == "1")
-        assert {name: digest(call()) for name, call in KERNELS.items()} == said[mode]
-        for name, scene in SCENES.items():
-            assert digest([scene.render(t) for t in (0, 7.25, 1000)]) == frames[mode][name]
+        want = hashes(FLURRIES_REPRODUCIBLE=mode)
+        assert {"kernels": of_kernels(), "scenes": of_scenes()} == want
 
 
 def test_it_is_as_right():

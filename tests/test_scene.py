@@ -355,59 +355,27 @@ def test_regions_that_are_none_are_refused(region: Any):
         SCENES["keyed"].render(0, region=region)
 
 
-# Each field of Snow: good values besides the default, and what is out of its range.
-FIELDS: dict[str, tuple[Any, list[Any]]] = {
-    "amount": (0.5, [-0.1, 1.1]), "fall": (2.0, []), "wind": ((1.0, 2.0, 3.0), [(1.0, 2.0), 1.0]),
-    "color": ((0.1, 0.2, 0.3), [-0.1, 1.1, (0.5, 0.5), (0.0, 0.0, 2.0), [[1.0], [1.0, 2.0]]]),
-    "haze": (0.5, [-0.1, 1.1]), "shutter": (0.0, [-0.1]), "texture": (0.0, [-0.1, 1.1]),
-    "mean": (-0.5, []), "spread": (1.0, [0.0, -1.0]), "power": (1.0, [0.0, -1.0]),
-    "exponent": (1.0, []), "near_depth": (5.0, [0.0, -1.0]),
-    "depth_mode": ("pixel", ["Tile"]),
-    "wavelengths": ((2.0, 6.0), [(1.9, 4.0), (4.0, 4.0), (5.0, 4.0), (4.0,), 4.0]),
-    "tile": (16, [4, -1, 2**15 + 1, 16.0]), "overlap": (3, [-1, 2**15 + 1, 3.0]),
-    "blend": ("linear", ["smooth"]), "alias": ("cut", ["Cut"]), "jitter": (True, [1, 0]),
-    "flakes": (7, [-1, 100_000_001, 7.0]), "flake_opacity": (0.5, [-0.1, 1.1]),
-    "flake_size": ((0.01, 0.01), [(0.0, 1.0), (0.02, 0.01), (0.1,), 0.1]),
-    "flake_density": (4.5, [-0.1, 1e7, "many"]), "look": ("v1", ["v0", 1]),
-    "sway": ((0.1, 1.0), [(1.0,), 1.0]), "seed": (3, [2**63, -(2**63) - 1, 1.0]),
+# Each field of Snow: a good value besides the default.
+FIELDS: dict[str, Any] = {
+    "amount": 0.5, "fall": 2.0, "wind": (1.0, 2.0, 3.0), "color": (0.1, 0.2, 0.3), "haze": 0.5,
+    "shutter": 0.0, "texture": 0.0, "mean": -0.5, "spread": 1.0, "power": 1.0, "exponent": 1.0,
+    "near_depth": 5.0, "depth_mode": "pixel", "wavelengths": (2.0, 6.0), "tile": 16, "overlap": 3,
+    "blend": "linear", "alias": "cut", "jitter": True, "flakes": 7, "flake_opacity": 0.5,
+    "flake_size": (0.01, 0.01), "flake_density": 4.5, "look": "v1", "sway": (0.1, 1.0), "seed": 3,
 }  # fmt: skip
-MAY_BE_NONE = {"wavelengths", "tile", "overlap", "seed", "flake_density"}
 KEYED = {"amount", "fall", "wind", "color", "haze", "shutter", "texture", "mean", "spread",
          "power", "flake_opacity"}  # fmt: skip
 
 
 def test_no_field_of_snow_is_forgotten():
     assert set(FIELDS) == {field.name for field in dataclasses.fields(Snow)}
-    for name, (good, _) in FIELDS.items():
+    for name, good in FIELDS.items():
         assert getattr(Snow(**{name: good}), name) == good
-
-
-def wrong_values(name: str) -> list[Any]:
-    good, outside = FIELDS[name]
-    bad: list[Any] = [*outside, "x", b"1", 1j, {}, object(), [[]], Keys([(0, (1.0, 2.0))])]
-    if name not in MAY_BE_NONE:
-        bad.append(None)
-    for number in (np.nan, np.inf, -np.inf):
-        bad.append((*good[:-1], number) if isinstance(good, tuple) else number)
-    if name not in KEYED:
-        bad.append(Keys([(0, 1.0), (1, 2.0)]))
-    elif name not in ("wind", "color"):
-        bad += [Keys([(0, 0.5), (1, value)]) for value in outside]
-        bad.append(True)
-    return bad
-
-
-@pytest.mark.parametrize("name", FIELDS)
-def test_snow_refuses_by_name(name: str):
-    for value in wrong_values(name):
-        with pytest.raises((TypeError, ValueError), match=name):
-            Snow(**{name: value})
-            pytest.fail(f"accepted: {value!r}")
 
 
 @pytest.mark.parametrize("name", sorted(KEYED))
 def test_what_may_be_keyed_is(name: str):
-    good = FIELDS[name][0]
+    good = FIELDS[name]
     snow = Snow(**{name: Keys([(0, good), (10, good)]), **({} if name == "flakes" else FEW)})
     plain = Snow(**{name: good, **FEW})
     first, second = (Scene((W, H), effects=[s]).render(4).astype(int) for s in (snow, plain))

@@ -175,33 +175,6 @@ def test_a_file_with_a_hole_is_named(folder: Path):
         scene.render(0)
 
 
-MAPS: dict[str, tuple[dict[str, Any], str]] = {
-    "near 0": ({"near": 0.0, "far": 1.0}, "near"),
-    "near NaN": ({"near": np.nan, "far": 1.0}, "near"),
-    "backwards": ({"near": 3.0, "far": 2.0}, "far"),
-    "far inf": ({"near": 3.0, "far": np.inf}, "far"),
-    "white": ({**MAP, "white": "black"}, "white"), "law": ({**MAP, "law": "log"}, "law"),
-    "near text": ({"near": "1", "far": 2.0}, "near"),
-    "far none": ({"near": 1.0, "far": None}, "far"),
-}  # fmt: skip
-
-
-@pytest.mark.parametrize("name", MAPS)
-def test_a_map_refuses_by_name(name: str):
-    arguments, word = MAPS[name]
-    with pytest.raises((ValueError, TypeError), match=rf"^{word}"):
-        fl.DepthMap(GREY, **arguments)
-
-
-@pytest.mark.parametrize(
-    "source", [None, 3, GREY.astype(int), np.zeros((4, 0), np.uint8), GREY / 200.0, GREY / np.nan,
-               np.dstack([GREY] * 3)], ids=range(7)
-)  # fmt: skip
-def test_a_map_refuses_sources(source: Any):
-    with pytest.raises((ValueError, TypeError), match=r"^source"):
-        fl.DepthMap(source, **MAP)
-
-
 # The sun -----------------------------------------------------------------------------------------
 
 
@@ -214,22 +187,6 @@ def test_the_sun():
     assert pickle.loads(pickle.dumps(sun)) == sun
     with pytest.raises(TypeError, match=r"sun must be a flurries\.Sun"):
         fl.Scene((W, H), sun=(0, 1, 0))  # type: ignore[arg-type]
-
-
-SUNS: dict[str, tuple[tuple[Any, ...], str]] = {
-    "nowhere": (((0.0, 0.0, 0.0),), "direction"), "two": (((1.0, 0.0),), "direction"),
-    "NaN": (((1.0, np.nan, 0.0),), "direction"), "bright": (((0, 1, 0), 1.5), "color"),
-    "dark": (((0, 1, 0), (0.5, -0.1, 0.5)), "color"), "text": (((0, 1, 0), "white"), "color"),
-    "ambient": (((0, 1, 0), 1.0, 1.5), "ambient"),
-    "ambient none": (((0, 1, 0), 1.0, None), "ambient"),
-}  # fmt: skip
-
-
-@pytest.mark.parametrize("name", SUNS)
-def test_a_sun_refuses_by_name(name: str):
-    arguments, word = SUNS[name]
-    with pytest.raises((ValueError, TypeError), match=rf"^{word}"):
-        fl.Sun(*arguments)
 
 
 # Scene files -------------------------------------------------------------------------------------

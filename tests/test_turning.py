@@ -442,20 +442,6 @@ def test_bad_files_are_told(name: str, tmp_path: Path):
         fl.CameraPath.load(file, LENS)
 
 
-ODD: dict[str, Any] = {
-    "shape": np.zeros((4, 2)), "none": np.zeros((0, 3)), "one vector": (0.0, 0.1, 0.0), "text": "x",
-    "long quaternions": 2.0 * quaternions(TURNS), "zero quaternions": np.zeros((3, 4)),
-    "mirrored": -TURNS.as_matrix(), "sheared": TURNS.as_matrix() + 0.1, "NaN": [(0.0, np.nan, 0.0)],
-    "keyed pairs": Keys([(0, (0.0, 1.0))]), "keyed numbers": Keys([(0, 1.0)]), "a dict": {},
-}  # fmt: skip
-
-
-@every("name", ODD)
-def test_orientations_that_are_none_are_refused(name: str):
-    with pytest.raises((TypeError, ValueError), match="orientation"):
-        Path_(LENS, orientation=ODD[name])
-
-
 def test_a_turning_path_belongs_to_itself():
     mine = TURNS.as_rotvec()
     path = Path_(LENS, orientation=mine)

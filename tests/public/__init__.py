@@ -160,11 +160,16 @@ def listed() -> dict[str, Callable[..., Any]]:
 
 def calls() -> dict[str, Call]:
     """Return a call of each; files that they read are those of `scenes.write_files`."""
-    from public import arrays, scenes
+    from public import arrays, refused, scenes
 
     functions = listed()
     return {
-        name: replace(call, of=call.of or functions.get(name), strict=name in arrays.CALLS)
+        name: replace(
+            call,
+            of=call.of or functions.get(name),
+            strict=name in arrays.CALLS,
+            refused={**call.refused, **refused.OUTSIDE.get(name, {})},
+        )
         for name, call in {**arrays.CALLS, **scenes.CALLS}.items()
         if _here(name)
     }

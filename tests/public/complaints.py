@@ -132,8 +132,8 @@ def of_layouts(call: Call) -> Iterator[str]:
                 kept = plain.dtype if plain.dtype.kind == "f" or picture else np.dtype(float)
                 if call.keeps == argument and want[0].dtype != kept:
                     yield f"{what}: comes back as {want[0].dtype}"
-            for layout, made in LAYOUTS.items():
-                array = made(plain)
+            for layout in LAYOUTS if dtype in ("u1", "f4", "f8") else ("strided", "big-endian"):
+                array = LAYOUTS[layout](plain)
                 before = array.copy()
                 got = outcome(call, **{argument: array})
                 taken += not isinstance(got, Exception)
@@ -149,7 +149,7 @@ def of_layouts(call: Call) -> Iterator[str]:
             # A list may come back as one.
             if not near([row(rows)], [row(outcome(call))], call.within):
                 yield f"{argument} as a list: {rows!r:.80}"
-        if taken < 2 * len(LAYOUTS):
+        if taken < len(LAYOUTS):
             yield f"{argument}: nothing but refusals"
 
 

@@ -43,7 +43,7 @@ class Slab(NamedTuple):
         Flakes that are drawn in a tile, and that there are.
     coverage : float
         Of all of them in a tile, px2.
-    diameters : list of float
+    diameters : tuple of float
         Quantiles of their images at even shares, px.
     streak : (x, y)
         Pixels that they move by while the shutter is open.
@@ -52,7 +52,7 @@ class Slab(NamedTuple):
     drawn: float
     number: float
     coverage: float
-    diameters: list[float]
+    diameters: tuple[float, ...]
     streak: tuple[float, float]
 
 
@@ -93,35 +93,22 @@ Streaks = tuple[tuple[float, float], ...]
 
 
 @lru_cache(maxsize=2)
-def _sharp(
-    layers: tuple[Layer, ...],
-    film: Film,
-    opacity: float,
-    seed: int,
+def _waves(
+    slabs: tuple[Slab, ...],
+    tile: int,
+    law: tuple[int, float, int],
     rungs: tuple[float, ...],
-    scale: float,
-    streaks: Streaks | None,
 ) -> tuple[Array, Float64]:
-    """Return waves of the patterns as a lens without an opening sees them, and mean depths."""
-    tile, number = film.tile, PATTERNS[film.tile]
-    places = PLACES[tile]
-    slabs = []
-    for index, (_, slab) in enumerate(layers):
-        count = slab.count / scale**2
-        slabs.append(
-            Slab(
-                drawn=min(count, MOST_A_PIXEL[tile] * tile**2),
-                number=count,
-                coverage=slab.coverage,
-                diameters=(scale * slab.diameters).tolist(),
-                streak=(0.0, 0.0) if streaks is None else streaks[index],
-            )
-        )
-    shape = (len(rungs), len(slabs), number, places, tile, tile // 2 + 1)
+    """Return waves of the patterns as a lens without an opening sees them, and mean depths.
+
+    All is asked for by value: another scene of the same weather finds what the first one made.
+    """
+    shear, opacity, seed = law
+    shape = (len(rungs), len(slabs), PATTERNS[tile], PLACES[tile], tile, tile // 2 + 1)
     made = np.empty(shape, np.complex64)
     depths: list[float] = []
     for rung, out in zip(rungs, made, strict=True):
-        depths = _core.flake_population(out, slabs, (film.shear, opacity, rung, seed))
+        depths = _core.flake_population(out, slabs, (shear, opacity, rung, seed))
     return made, np.array(depths)
 
 
@@ -151,7 +138,17 @@ def patterns_of(
     """
     tile, number = film.tile, PATTERNS[film.tile]
     places = PLACES[tile]
-    made, depths = _sharp(layers, film, opacity, seed, rungs, scale, streaks)
+    slabs = tuple(
+        Slab(
+            drawn=min(count := slab.count / scale**2, MOST_A_PIXEL[tile] * tile**2),
+            number=count,
+            coverage=slab.coverage,
+            diameters=tuple((scale * slab.diameters).tolist()),
+            streak=(0.0, 0.0) if streaks is None else streaks[index],
+        )
+        for index, (_, slab) in enumerate(layers)
+    )
+    made, depths = _waves(slabs, tile, (film.shear, opacity, seed), rungs)
     sharp = np.ones(len(layers))
     if circles:
         factors = np.stack([disc_factor(tile, film.shear / tile, circle) for circle in circles])

@@ -1,0 +1,127 @@
+"""Values of the right type that are refused all the same: out of range, or the wrong way round.
+
+Added to what the calls themselves refuse. Whatever is refused everywhere (no number, not finite, no
+name, a wrong type) is in `values.HOSTILE`.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+import flurries as fl
+
+NAN, INF = float("nan"), float("inf")
+Keys = fl.Keys
+SHARE = (-0.1, 1.1, Keys([(0, 0.5), (1, 1.1)]), Keys([(0, (1.0, 2.0))]))
+POSITIVE = (0.0, -1.0)
+VECTOR = ((1.0, 2.0), 1.0, (NAN, 0, 0), Keys([(0, 1.0)]), Keys([(0, (1.0, 2.0))]))
+COLOR = (
+    -0.1, 1.1, (0.5, 0.5), (0.0, 0.0, 2.0), (0.0, 0.0, NAN), [[1.0], [1.0, 2.0]], "white"
+)  # fmt: skip
+SIZES = ((0.0, 1.0), (0.02, 0.01), (0.1,), 0.1, (0.01, INF))
+KEYED = Keys([(0, 1.0), (1, 2.0)])
+COUNT = (-1, 100_000_001, 7.0, KEYED)
+
+TENT: dict[str, tuple[Any, ...]] = {
+    "amount": SHARE, "fall": (Keys([(0, (1.0, 2.0))]),), "wind": VECTOR, "color": COLOR,
+    "haze": SHARE, "shutter": (-0.1, Keys([(0, 0.5), (1, -0.1)])), "texture": SHARE,
+    "spread": POSITIVE, "power": POSITIVE, "near_depth": (*POSITIVE, KEYED),
+    "depth_mode": ("Tile", "row"),
+    "tile": (4, -1, 2**15 + 1, 16.0), "overlap": (-1, 2**15 + 1, 3.0), "blend": ("smooth",),
+    "alias": ("Cut", "hard"), "jitter": (1, 0, KEYED), "sway": ((1.0,), 1.0, (NAN, 1.0)),
+    "look": ("v0",), "exponent": (KEYED,),
+    "wavelengths": ((1.9, 4.0), (4.0, 4.0), (5.0, 4.0), (4.0,), 4.0, (2.0, INF), KEYED),
+}  # fmt: skip
+CONE: dict[str, tuple[Any, ...]] = {
+    "amount": SHARE, "damping": (-0.1, 1.1), "radius": POSITIVE, "repeats": (0,), "slope": (-1.0,),
+    "tile": (4,), "shutter": (-1.0, Keys([(0, 0.5), (9, -1.0)]), Keys([(0, (0.5, 0.5))])),
+    "wind": ((0, 0),), "conserve": (1,),
+}  # fmt: skip
+
+OUTSIDE: dict[str, dict[str, tuple[Any, ...]]] = {
+    "TentSnow": {
+        **TENT, "flakes": COUNT, "flake_opacity": SHARE, "flake_size": SIZES,
+        "flake_density": (-0.1, 1e7, "many"),
+    },
+    "TentRain": {
+        **TENT, "drops": COUNT, "drop_size": SIZES, "drop_depth": POSITIVE, "gain": (-1.0, 1e5),
+        "renormalise": (1,),
+    },
+    "Snow": {
+        "flake_size": ((0.01, 0.005, 0.02),), "density": (-1.0,), "method": ("drawn",),
+        "emission": (1.5,), "look": ("v1",),
+    },
+    "Mist": {
+        "amount": SHARE, "count": (-1, 10.0, 10**9), "visibility": (0.0,), "radius": (0.0,),
+        "density": (2.0,), "color": (2.0, "blue"), "wind": ((1.0, 2.0),), "box": (0.0, (1.0, 2.0)),
+        "center": ((1.0, 2.0),), "depths": ((3.0, 2.0), 3.0), "footprint": ("ball",), "lit": (1,),
+        "forward": (-0.1,), "scatter": ("mie",), "asymmetry": (1.0,), "structure": (-0.1, 2.1),
+        "falloff": (0.0,),
+    },
+    "ConeRain": {
+        **CONE, "drops": (-1,), "drop_size": (0.0,), "drop_length": (3.0,), "spread": (-1.0, 2.0),
+    },
+    "ConeSnow": {
+        **CONE, "texture_flakes": (10**6,), "flakes": (-1,), "flake_size": ((0.02, 0.01),),
+        "flake_opacity": (1.5,),
+    },
+    "Wind": {
+        "mean": VECTOR, "gusts": (-1.0,), "swirl": (-0.1,), "scale": POSITIVE, "modes": (0, 1.5),
+        "profile": ([(1.0, (1.0, 2.0))], [(-1.0, 1.0)], [(2, 1.0), (1, 1.0)], 3.0, []),
+        "field": (np.zeros((3, 3)), np.full((2, 2, 2, 3), NAN), np.zeros((0, 2, 2, 3)),
+                  np.ones((4, 5, 6, 7, 2))),
+        "spacing": (0.0,), "duration": (-1.0,),
+    },
+    "Keys": {
+        "keys": (
+            [], 5, "ab", [(0,)], [(0, 1, 2)], [(0, 1), (0, 2)], [(1, 1), (0, 2)], [(NAN, 1)],
+            [(INF, 1)], [("0", 1)], [(None, 1)], [(True, 1)], [(0, NAN)], [(0, 1), (1, INF)],
+            [(0, "x")], [(0, None)], [(0, True)], [(0, 1j)], [(0, (1, NAN))], [(0, ())],
+            [(0, [[1]])], [(0, 1), (1, (1, 2))], [(0, (1,)), (1, (1, 2))], {0: 1},
+        ),
+    },
+    "CameraPath": {
+        "camera": (300.0, None), "velocity": (*VECTOR, [[1, 2, 3]], [(1,), (1, 2), 3]),
+        "position": (1.0, (1.0, 2.0, 3.0), "x", np.zeros((0, 3)), np.zeros((4, 2)),
+                     np.zeros((2, 2, 3)), [(0, 0, NAN)], Keys([(0, 1.0)]), [(0, 0, 0), (1, 2)]),
+        "orientation": (np.zeros((4, 2)), np.zeros((0, 3)), (0.0, 0.1, 0.0), "x", {},
+                        np.full((3, 4), 2.0), np.zeros((3, 4)), -np.stack([np.eye(3)] * 3),
+                        np.stack([np.eye(3)] * 3) + 0.1, [(0.0, NAN, 0.0)],
+                        Keys([(0, (0.0, 1.0))]), Keys([(0, 1.0)])),
+    },
+    "DepthMap": {
+        "near": (0.0, "1"), "far": (1.0, INF), "white": ("black",), "law": ("log",),
+        "source": (3, np.ones((4, 4), int), np.zeros((4, 0), np.uint8), np.full((4, 4), 2.0),
+                   np.full((4, 4), NAN), np.ones((4, 4, 3))),
+    },
+    "Sun": {
+        "direction": ((0.0, 0.0, 0.0), (1.0, 0.0), (1.0, NAN, 0.0)), "ambient": (1.5,),
+        "color": (1.5, (0.5, -0.1, 0.5), "white"),
+    },
+    "Lens": {
+        "focus": (0.0,), "f_stop": (-1.0,), "blades": (2,), "sensor": (0.0,),
+    },
+    "Lamp": {
+        "place": ((0, 0), (0, 0, NAN)), "power": (-1.0,), "color": ((-1, 0, 0),), "radius": (0.0,),
+    },
+    "hybrid.Population": {
+        "density": (0.0,), "radius": ((0.03, 0.01), (0.0, 0.01), 0.01), "opacity": (0.0, 1.1),
+        "depth": ((2.0, 2.0), (-1.0, 2.0), (1.0, INF)),
+    },
+    "hybrid.statistics": {
+        "edges": ((2.0,), (4.0, 2.0), (1.0, 4.0), (2.0, 2.0**20)), "focal": (-1.0,),
+        "population": (3.0,),
+    },
+    "hybrid.simulate": {
+        "camera": (None,), "displacement": ((1.0, 2.0),), "dtype": (int,), "shutter": (-1.0,),
+        "population": (fl.hybrid.Population(density=1e12, radius=(0.01, 0.02), depth=(1.0, 8.0)),),
+    },
+    "spectral.flake_patterns": {
+        "tile": (0, 32.0), "counts": ([-1.0] * 2, [], [1.0]),
+        "diameters": ([[1.0, 2.0]], [[2.0, 1.0]] * 2, [[0.0, 1.0]] * 2, [[1.0, 1e6]] * 2),
+        "opacity": (1.5,), "patterns": (0,), "dtype": (np.float32,),
+    },
+    "gas.alpha": {"smooth": (0.0, 7.9, -3.0)},
+}  # fmt: skip
