@@ -8,7 +8,7 @@
 # make asan    the kernels' tests and random calls under AddressSanitizer: a nightly toolchain and gcc
 # make audit   licences, sources and known holes of all crates, licences of all packages: cargo-deny
 # make test-lowest    the suite with the lowest versions that pyproject.toml lets in
-# make test-browser   test the viewer in a real browser: chromium, from apt where it is missing
+# make test-browser   test the viewer and the site's search in a real browser: chromium, from apt where it is missing
 #
 # Both make a virtual environment in .venv and need Python 3.10 or newer, a Rust toolchain and the
 # package registries. PYTHON=python3.12 make test chooses another Python.
@@ -62,7 +62,7 @@ test-browser: $(VENV)/.tools
 	@command -v chromium >/dev/null || command -v google-chrome >/dev/null \
 		|| { command -v apt-get >/dev/null && apt-get install --yes --no-install-recommends chromium; } \
 		|| { echo "missing: chromium (on Debian: apt install chromium)"; exit 1; }
-	$(BIN)/maturin develop --release --quiet --extras test,browser
+	$(BIN)/maturin develop --release --quiet --extras test,browser,docs
 	$(BIN)/python -m pytest --quiet tests/browser
 
 # The programs that take our files: Debian's by apt-get, Blender and OpenEXR from PyPI (400 MB) where this

@@ -229,7 +229,9 @@ def test_help_and_version_go_to_stdout(run: Run):
         (["render", "--help"], "%04d"), (["render", "-h"], "1-90 at 30"),
     ):  # fmt: skip
         code, out, err = run(*arguments)
-        assert (code, err) == (0, "") and word in out
+        assert (code, err) == (0, "") and word in out and "None" not in out
+    places = [out.index(f"  --{kind} ") for kind in ("snow", "rain", "mist", "tent-snow")]
+    assert places == sorted(places), "what most users want comes first"
 
 
 # What it offers ----------------------------------------------------------------------------------
@@ -303,6 +305,7 @@ def test_knobs_choose_the_weather(run: Run):
     both = want(fl.Mist(severity=2), fl.Rain(severity=2))
     assert np.array_equal(made("--mist", "--rain", "--severity", "2"), both)
     assert np.array_equal(made("--snow", "severity=3"), want(Snow(severity=3)))
+    assert np.array_equal(made("--snow", "big flakes"), want(Snow.preset("big flakes")))
     # What does not look like a preset is the picture, also behind a bare option.
     assert run("render", "--snow", "plate.png", "-o", "b.png", "--frames", "4")[0] == 0
     assert np.array_equal(pixels("b.png"), want(Snow()))

@@ -3,7 +3,7 @@
     python docs/site/build.py                 # as `make docs`: notebooks are run, their outputs shown
     python docs/site/build.py --quick         # as CI: notebooks without outputs, stills for films
 
-Every warning is an error, and so is a link that leads nowhere. Nothing is loaded from elsewhere.
+Every warning is an error, and so is a link that leads nowhere or a type that is Any. Nothing is loaded from elsewhere.
 """
 
 from __future__ import annotations
@@ -25,6 +25,8 @@ import notebooks
 import pictures
 import reference
 import scenes
+import searching
+import untyped
 
 ROOT = Path(__file__).resolve().parents[2]
 DOCS = ROOT / "docs"
@@ -59,6 +61,7 @@ def main() -> None:
     commands.write(stage / "reference")
     say("notebooks as they are" if options.quick else "running notebooks")
     notebooks.write(ROOT / "notebooks", stage / "notebooks", run=not options.quick)
+    searching.index(stage)
     say("pages")
     made = ROOT / "build" / "html"
     shutil.rmtree(made, ignore_errors=True)
@@ -68,6 +71,8 @@ def main() -> None:
     lost = links.lost(made)
     if lost:
         sys.exit("links that lead nowhere, or out of the site:\n" + "\n".join(lost))
+    if vague := untyped.untyped(made):
+        sys.exit("types that say nothing:\n" + "\n".join(vague))
     shutil.rmtree(options.output, ignore_errors=True)
     made.rename(options.output)
     count = len(links.pages_of(options.output))

@@ -2,6 +2,7 @@
 
 import os
 from importlib.metadata import version as version_of
+from pathlib import Path
 
 project = "flurries"
 copyright = "The flurries authors"
@@ -17,6 +18,7 @@ html_theme = "pydata_sphinx_theme"
 html_title = "flurries"
 html_static_path = ["static"]
 html_css_files = ["site.css"]
+html_search_scorer = str(Path(__file__).parent / "scorer.js")
 # Pages without others below them.
 html_sidebars = {
     name: []

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import re
+import shlex
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import Any, TypeVar
 
@@ -70,10 +71,11 @@ def option(
         As of `click.option`.
     """
     notes = []
-    if unset is not None or "default" in more:
-        notes.append(f"default: {unset or more['default']}")
+    usual = unset if unset is not None else more.get("default")
+    if usual is not None:
+        notes.append(f"default: {usual}")
     if example is not None:
-        notes.append(f"such as {names[0]} {example}")
+        notes.append(f"such as {names[0]} {shlex.quote(example)}")
     return click.option(*names, help=f"{help} [{'; '.join(notes)}]" if notes else help, **more)
 
 
@@ -124,7 +126,7 @@ def weather_options(presets: Mapping[str, Sequence[str]]) -> Iterator[Callable[[
         yield option(
             f"--{name}",
             cls=Bare,
-            pattern=r"\w[\w-]*|\w+=.*",
+            pattern=r"\w[\w -]*|\w+=.*",
             words=known,
             metavar="PRESET",
             unset="none",
@@ -218,5 +220,10 @@ def voice(function: Callable[..., Any]) -> Callable[..., Any]:
     run.__dict__.update(function.__dict__)
     return join(
         option("-q", "--quiet", is_flag=True, help="no progress, only warnings and errors"),
-        option("-v", "--verbose", is_flag=True, help="more words: costs, and where an error is"),
+        option(
+            "-v",
+            "--verbose",
+            is_flag=True,
+            help="also what a frame costs, and where in the code an error is",
+        ),
     )(run)

@@ -63,13 +63,12 @@ NAMED = 10
 @option("--motion", type=click.Choice(tuple(MOTION)), example="y-up",
         unset="the scene's, else y-down",
         help="which way motion vectors of --layers count")  # fmt: skip
-@option(
-    "--layers", is_flag=True, default=None, help="EXR with the weather, depth and motion as layers"
-)
-@option("--alone", is_flag=True, default=None,
+@option("--layers", is_flag=True, default=None, unset="the scene's, else without",
+        help="EXR with the weather, depth and motion as layers")  # fmt: skip
+@option("--alone", is_flag=True, default=None, unset="the scene's, else with the picture",
         help="only the weather, as RGBA; .exr, .png, .tif, or "
         "a .mov of --codec prores-4444")  # fmt: skip
-@option("--deep", is_flag=True, default=None,
+@option("--deep", is_flag=True, default=None, unset="the scene's, else with the picture",
         help="only the weather, as deep samples of an EXR")  # fmt: skip
 @option("--quality", type=click.Choice(QUALITIES), unset="the scene's, else high",
         help="of a video", example="draft")  # fmt: skip

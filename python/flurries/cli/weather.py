@@ -24,7 +24,11 @@ KINDS: dict[str, type[Any]] = {
     "mist": Mist, "cone-snow": ConeSnow, "snow": Snow, "cone-rain": ConeRain, "rain": Rain,
     "tent-snow": TentSnow, "tent-rain": TentRain,
 }  # fmt: skip
-PRESETS = {kind: tuple(effect.PRESETS) for kind, effect in KINDS.items()}
+# In the order of the help: what most users want comes first.
+PRESETS = {
+    kind: tuple(KINDS[kind].PRESETS)
+    for kind in ("snow", "rain", "mist", "tent-snow", "tent-rain", "cone-snow", "cone-rain")
+}
 
 # Options that are an effect's arguments of these names.
 KNOBS = {"severity": "severity", "rate": "rate_mm_h"}
