@@ -27,7 +27,7 @@ def write(folder: Path) -> None:
     for name in COMMANDS:
         command = commands.get_command(root, name)
         assert command is not None
-        context = click.Context(command, info_name=name, parent=root, max_content_width=96)
+        context = click.Context(command, info_name=name, parent=root, **command.context_settings)
         context.terminal_width = 96
         parts.append(f"## flurries {name}\n\n```text\n{command.get_help(context)}\n```\n")
     (folder / "commands.md").write_text("\n".join(parts), encoding="utf-8")
