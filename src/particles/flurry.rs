@@ -174,7 +174,8 @@ mod tests {
         let (count, cancel) = (4000, Cancel::new());
         let mut points = Array2::zeros((count, 3));
         let way = Array2::from_shape_vec((1, 3), way.to_vec()).unwrap();
-        positions(points.view_mut(), torus, 5, way.view(), 1.0, Some(sway), &cancel).unwrap();
+        positions(points.view_mut(), torus, (5, None), way.view(), 1.0, Some(sway), &cancel)
+            .unwrap();
         let mut shown = Array1::zeros(count);
         edge_fade(shown.view_mut(), points.view(), torus, &cancel).unwrap();
         let mut sizes = vec![0.0; count];

@@ -9,11 +9,16 @@ use super::splat::{Flakes, Source, check_lens};
 use super::sprite::{Lens, REACH, Sprite};
 use crate::base::cover::pixels;
 use crate::base::error::{Cancel, Error};
+use crate::base::normal::most;
 use crate::base::pool;
 use crate::base::real::Real;
+use crate::base::simd::{PORTABLE, dispatch};
 
 /// Rows of one item of work.
 const BAND: usize = 16;
+
+/// Pixels of a row that are worked on together.
+const LANES: usize = 8;
 
 /// What is the greatest value but for rounding.
 const SURELY: f64 = 1.01;
@@ -53,7 +58,7 @@ pub fn ids<M: Real>(
         if let Some(sprite) = flake.and_then(|flake| Sprite::of(&flake, lens)) {
             let half = 0.5 * sprite.length;
             let middle = [0, 1].map(|axis| sprite.start[axis] + half * sprite.along[axis]);
-            let most = SURELY * alpha_at(&sprite, middle, 0.0);
+            let most = SURELY * alpha_at(&sprite, middle);
             shown.push(Shown { sprite, most, index: index as i32 });
         }
     }
@@ -74,7 +79,7 @@ pub fn ids<M: Real>(
         cancel.check()?;
         band.fill(NONE);
         let top = number * BAND;
-        let mut best = vec![0.0_f64; band.len()];
+        let (mut best, mut alphas) = (vec![0.0_f64; band.len()], vec![0.0_f64; width + LANES]);
         for place in places {
             let Shown { sprite, most, index } = &shown[place as usize];
             let (low, high) = sprite.bounds();
@@ -85,21 +90,21 @@ pub fn ids<M: Real>(
             for row in rows {
                 let y = (top + row) as f64 + 0.5;
                 let Some(columns) = columns(sprite, [low[0], high[0]], y, width) else { continue };
-                for column in columns {
-                    let best = &mut best[row * width + column];
-                    if *most < *best {
-                        continue;
-                    }
-                    let hidden = depth.as_ref().is_some_and(|map| {
-                        f64::from(map[[top + row, column]].wide() as f32)
-                            < f64::from(sprite.depth as f32)
-                    });
-                    if hidden {
-                        continue;
-                    }
-                    let alpha = alpha_at(sprite, [column as f64 + 0.5, y], *best);
+                let best = &mut best[row * width..][columns.clone()];
+                if best.iter().all(|best| most < best) {
+                    continue;
+                }
+                let alphas = &mut alphas[..columns.len().next_multiple_of(LANES)];
+                alphas_of(sprite, (columns.start as f64 + 0.5, y), alphas);
+                for ((column, &alpha), best) in columns.zip(&*alphas).zip(best) {
                     let shown = &mut band[[row, column]];
-                    if alpha > *best || (alpha == *best && alpha > 0.0 && *index < *shown) {
+                    let more = alpha > *best || (alpha == *best && alpha > 0.0 && *index < *shown);
+                    // As the pixels are drawn: in float32.
+                    let hidden = || match &depth {
+                        Some(map) => (map[[top + row, column]].wide() as f32) < sprite.depth as f32,
+                        None => false,
+                    };
+                    if more && !hidden() {
                         *best = alpha;
                         *shown = *index;
                     }
@@ -130,32 +135,55 @@ fn columns(sprite: &Sprite, [low, high]: [f64; 2], y: f64, width: usize) -> Opti
     pixels(low.max(on_line - beside), high.min(on_line + beside), width)
 }
 
-/// The opacity of one flake at a point of the picture: the definition, without a table or a tile. Where
-/// it is surely less than `enough`, perhaps 0 in its place.
-fn alpha_at(sprite: &Sprite, [x, y]: [f64; 2], enough: f64) -> f64 {
-    let (x, y) = ((x - sprite.start[0]) / sprite.sigma, (y - sprite.start[1]) / sprite.sigma);
-    let [ux, uy] = sprite.along;
-    let length = sprite.length / sprite.sigma;
-    let (along, across) = (x * ux + y * uy, y * ux - x * uy);
-    if length == 0.0 {
-        return sprite.amplitude * profile::gaussian(along) * profile::gaussian(across);
+/// The opacities of one flake at points of a row, a pixel apart, as many as fill
+/// vectors: the definition, without a table or a tile.
+#[inline(always)]
+fn alphas_with<const LEVEL: u8>(sprite: &Sprite, (first, y): (f64, f64), alphas: &mut [f64]) {
+    let (sigma, amplitude, [ux, uy]) = (sprite.sigma, sprite.amplitude, sprite.along);
+    let y = (y - sprite.start[1]) / sigma;
+    let (length, square) = (sprite.length / sigma, sprite.square());
+    let [wide_x, wide_y] = profile::widening([length * ux, length * uy]);
+    let swept = amplitude * std::f64::consts::FRAC_PI_2.sqrt() / length;
+    let down = profile::rim(((y - 0.5 * length * uy) / wide_y).abs());
+    // Whole vectors: rows of small flakes are shorter than one. A closure would lose the instructions.
+    for (block, alphas) in alphas.chunks_exact_mut(LANES).enumerate() {
+        let (mut x, mut along, mut across) = ([0.0; LANES], [0.0; LANES], [0.0; LANES]);
+        for k in 0..LANES {
+            x[k] = (first + (block * LANES + k) as f64 - sprite.start[0]) / sigma;
+            along[k] = x[k] * ux + y * uy;
+            across[k] = y * ux - x[k] * uy;
+        }
+        if length == 0.0 {
+            for k in 0..LANES {
+                alphas[k] = amplitude * profile::gaussian(along[k]) * profile::gaussian(across[k]);
+            }
+            continue;
+        }
+        for k in 0..LANES {
+            alphas[k] = swept * bare(across[k]) * profile::swept(along[k], length - along[k]);
+        }
+        if square {
+            for k in 0..LANES {
+                alphas[k] *= profile::rim(((x[k] - 0.5 * length * ux) / wide_x).abs()) * down;
+            }
+        } else {
+            for k in 0..LANES {
+                let end = profile::rim(most(-along[k], along[k] - length));
+                alphas[k] *= profile::rim(across[k].abs()) * end;
+            }
+        }
     }
-    let ends = if sprite.square() {
-        let [wide_x, wide_y] = profile::widening([length * ux, length * uy]);
-        profile::rim(((x - 0.5 * length * ux) / wide_x).abs())
-            * profile::rim(((y - 0.5 * length * uy) / wide_y).abs())
-    } else {
-        profile::rim(across.abs()) * profile::rim((-along).max(along - length))
-    };
-    if ends == 0.0 {
-        return 0.0;
-    }
-    let beside = sprite.amplitude * bare(across);
-    if SURELY * beside < enough {
-        return 0.0;
-    }
-    let swept = profile::swept(along, length - along) * std::f64::consts::FRAC_PI_2.sqrt() / length;
-    beside * swept * ends
+}
+
+dispatch! {
+    fn alphas_of(sprite: &Sprite, first: (f64, f64), alphas: &mut [f64]) = alphas_with
+}
+
+/// The same at one point.
+fn alpha_at(sprite: &Sprite, [x, y]: [f64; 2]) -> f64 {
+    let mut alpha = [0.0; LANES];
+    alphas_with::<PORTABLE>(sprite, (x, y), &mut alpha);
+    alpha[0]
 }
 
 #[cfg(test)]
@@ -186,7 +214,7 @@ mod tests {
             ids(found.view_mut(), &flakes, &LENS, None::<ArrayView2<f32>>, &Cancel::new()).unwrap();
             let sprite = Sprite::of(&flakes.get(0).unwrap(), &LENS).unwrap();
             for ((row, column), &value) in alpha.indexed_iter() {
-                let own = alpha_at(&sprite, [column as f64 + 0.5, row as f64 + 0.5], 0.0);
+                let own = alpha_at(&sprite, [column as f64 + 0.5, row as f64 + 0.5]);
                 assert!((own - value).abs() < 1e-12, "{own} {value}");
                 assert_eq!(found[[row, column]] == 0, own > 0.0);
             }

@@ -151,14 +151,14 @@ impl Carried {
     }
 }
 
-/// The positions of the flakes `first..first + n`, (n, 3), at `time`, sway included.
+/// The positions of the flakes of some `numbers`, or of the first n, (n, 3), at `time`, sway included.
 ///
 /// `velocity` is flake minus world, one row for all flakes or one per flake. The offset from the
 /// centre lies in [-B/2, B/2) before the sway is added and before the sum with c is rounded.
 pub fn positions(
     mut out: ArrayViewMut2<f64>,
     torus: &Torus,
-    seed: i64,
+    (seed, numbers): (i64, Option<ArrayView1<i64>>),
     velocity: ArrayView2<f64>,
     time: f64,
     sway: Option<Sway>,
@@ -166,6 +166,9 @@ pub fn positions(
 ) -> Result<(), Error> {
     finite("time", time)?;
     let count = out.nrows();
+    if numbers.is_some_and(|numbers| numbers.len() != count) {
+        return Err(Error::invalid("numbers", "must be one for each row"));
+    }
     if velocity.ncols() != 3 || ![1, count].contains(&velocity.nrows()) {
         return Err(Error::invalid("velocity", "must be (3,) or one row for each flake"));
     }
@@ -184,7 +187,7 @@ pub fn positions(
                 Some(drift) => drift,
                 None => drift(velocity.row(index), time, torus)?,
             };
-            let flake = stream.word(index as i64);
+            let flake = stream.word(numbers.map_or(index as i64, |numbers| numbers[index]));
             for axis in 0..3 {
                 let side = torus.sides[axis];
                 let start = side * flake.word(axis as i64).unit();
@@ -291,7 +294,8 @@ mod tests {
     fn at(count: usize, torus: &Torus, velocity: [f64; 3], time: f64) -> Array2<f64> {
         let mut out = Array2::zeros((count, 3));
         let velocity = Array2::from_shape_vec((1, 3), velocity.to_vec()).unwrap();
-        positions(out.view_mut(), torus, 5, velocity.view(), time, None, &Cancel::new()).unwrap();
+        positions(out.view_mut(), torus, (5, None), velocity.view(), time, None, &Cancel::new())
+            .unwrap();
         out
     }
 
@@ -355,8 +359,16 @@ mod tests {
         let mut swinging = Array2::zeros((64, 3));
         let velocity = array![[0.0, 1.0, 0.0]];
         let cancel = Cancel::new();
-        positions(swinging.view_mut(), &torus, 5, velocity.view(), 9.0, Some(sway), &cancel)
-            .unwrap();
+        positions(
+            swinging.view_mut(),
+            &torus,
+            (5, None),
+            velocity.view(),
+            9.0,
+            Some(sway),
+            &cancel,
+        )
+        .unwrap();
         let mut offsets = Array2::zeros((64, 3));
         sway_offsets(offsets.view_mut(), 5, 9.0, sway, &cancel).unwrap();
         let still = at(64, &torus, [0.0, 1.0, 0.0], 9.0);
@@ -381,9 +393,16 @@ mod tests {
         let torus = Torus::new([2.0; 3], [0.0; 3]).unwrap();
         let mut out = Array2::zeros((1, 3));
         let velocity = array![[1e200, 0.0, 0.0]];
-        let error =
-            positions(out.view_mut(), &torus, 5, velocity.view(), 1e200, None, &Cancel::new())
-                .unwrap_err();
+        let error = positions(
+            out.view_mut(),
+            &torus,
+            (5, None),
+            velocity.view(),
+            1e200,
+            None,
+            &Cancel::new(),
+        )
+        .unwrap_err();
         assert!(error.to_string().starts_with("velocity"), "{error}");
         assert!(Torus::new([0.0, 1.0, 1.0], [0.0; 3]).is_err());
     }

@@ -29,8 +29,9 @@ pub(super) fn swaying(sway: Option<(f64, f64)>) -> Option<Sway> {
     sway.map(|(amplitude, angular_frequency)| Sway { amplitude, angular_frequency })
 }
 
-/// Fills `out` (n, 3) with the positions of flakes 0..n at `time`.
+/// Fills `out` (n, 3) with the positions of flakes 0..n at `time`, or of those of some `numbers` (n,).
 #[pyfunction]
+#[pyo3(signature = (out, sides, center, seed, velocity, time, sway, numbers=None))]
 #[expect(clippy::too_many_arguments, reason = "the Python layer passes plain values")]
 pub fn particle_positions(
     py: Python<'_>,
@@ -41,11 +42,13 @@ pub fn particle_positions(
     velocity: PyReadonlyArray2<'_, f64>,
     time: f64,
     sway: Option<(f64, f64)>,
+    numbers: Option<PyReadonlyArray1<'_, i64>>,
 ) -> PyResult<()> {
     let (out, velocity) = (out.as_array_mut(), velocity.as_array());
+    let seeds = (seed, numbers.as_ref().map(|numbers| numbers.as_array()));
     gate::run(py, 60.0 * out.nrows() as f64, |cancel| {
         let torus = Torus::new(sides, center)?;
-        torus::positions(out, &torus, seed, velocity, time, swaying(sway), cancel)
+        torus::positions(out, &torus, seeds, velocity, time, swaying(sway), cancel)
     })
 }
 

@@ -253,11 +253,15 @@ class Field:
             np.ascontiguousarray(part, np.float32)
             for part in (down[top:bottom], across[left:right].T)
         )
-        x, y, z = (
-            (rows @ plane.astype(np.float32)) @ columns
-            for plane in (motion[..., 0], motion[..., 1], depth)
-        )
-        return np.stack([x, y], axis=-1), z
+        moves = np.empty((bottom - top, right - left, 2), np.float32)
+        far = np.empty(moves.shape[:2], np.float32)
+        for plane, out in (
+            (motion[..., 0], moves[..., 0]), (motion[..., 1], moves[..., 1]), (depth, far),
+        ):  # fmt: skip
+            # Shares of tiles sum to 1.
+            alike = plane.min() == plane.max()
+            out[...] = plane[0, 0] if alike else rows @ plane.astype(np.float32) @ columns
+        return moves, far
 
 
 @lru_cache(maxsize=64)

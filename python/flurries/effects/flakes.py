@@ -198,8 +198,9 @@ class Flakes:
         self, frame: Frame, later: Frame, amount: float, ways: tuple[Way, Way], numbers: Array
     ) -> tuple[Array, Array]:
         """Return motion (n, 2) and depth (n,) of flakes by their numbers in the box."""
-        points, velocity, _ = self._places(frame, ways[0]).of(numbers)
-        after, _, known = self._places(later, ways[1]).of(numbers)
+        some = numbers.astype(np.int64)
+        points, velocity, _ = self._places(frame, ways[0], some).of(some)
+        after, _, known = self._places(later, ways[1], some).of(some)
         start, depth = project(points, frame.camera, frame.shape)
         end, ahead = project(after, later.camera, later.shape)
         way = end - start
@@ -315,13 +316,16 @@ class Flakes:
             window=frame.window,
         )
 
-    def _places(self, frame: Frame, way: Way) -> Places:
+    def _places(
+        self, frame: Frame, way: Way, numbers: npt.NDArray[np.int64] | None = None
+    ) -> Places:
         box, middle = self.box(frame), np.array([0.0, 0.0, 0.5 * self.reach])
         if frame.path.turns:
             middle = frame.camera.matrix() @ (0.0, 0.0, min(box.ball, self.reach))
         return place_flakes(
-            frame, self.motion, way, self.count(frame), box.sides, middle, self.reach, self.sway
-        )
+            frame, self.motion, way, self.count(frame), box.sides, middle, self.reach, self.sway,
+            numbers,
+        )  # fmt: skip
 
     def _list(self, frame: Frame, amount: float, way: Way) -> Listed:
         """Return the flakes to draw one by one: any wind, any camera."""

@@ -89,8 +89,9 @@ def place_flakes(
     middle: Float64,
     reach: float,
     sway: tuple[float, float],
+    numbers: npt.NDArray[np.int64] | None = None,
 ) -> Places:
-    """Return the flakes of a box around `middle`, in the eye's axes or, turning, the house's."""
+    """Return the flakes of a box around `middle`, in the eye's axes; or some by number."""
     path, turns, wind = frame.path, frame.path.turns, motion.varied
     moved = -way.moved
     if turns:
@@ -101,13 +102,14 @@ def place_flakes(
     box = tuple(sides.tolist()), tuple(middle.tolist()), frame.seed
     swing = (sway[0], sway[1] * frame.t / frame.fps)
 
+    which, count = numbers, count if numbers is None else len(numbers)
+
     def placed(moved: Float64) -> Float64:
         rows = np.empty((count, 3))
-        particle_positions(rows, *box, moved.reshape(-1, 3), 1.0, swing)
+        particle_positions(rows, *box, moved.reshape(-1, 3), 1.0, swing, numbers)
         return rows
 
     points = placed(moved)
-    which = None
     if wind is not None and wind.profile is not None and count:
         more, rate = flakes_in_profile(motion, frame, points[:, 2])
         points, velocity = placed(moved + more), velocity + rate
@@ -119,10 +121,11 @@ def place_flakes(
         shown = shown * _edge_fade(points, deep, (0.0, 0.0, 0.5 * reach))
     if wind is not None and wind.waves is not None and count:
         # Only those that may come into view are worth their waves.
-        which = _near_view(frame, points, reach, 3.0 * wind.waves.spread())
-        points, shown = points[which], shown[which]
+        near = _near_view(frame, points, reach, 3.0 * wind.waves.spread())
+        points, shown = points[near], shown[near]
         more, rate = flakes_in_waves(motion, frame, points)
-        velocity = velocity[which] if len(velocity) > 1 else velocity
+        velocity = velocity[near] if len(velocity) > 1 else velocity
+        which = near if which is None else which[near]
         points, velocity = points + more, velocity + rate
     if turns:
         velocity = velocity - np.cross(frame.spin(), points)

@@ -11,6 +11,9 @@ from flurries.spectral.request import Request
 from flurries.spectral.tables import band_amplitude, temporal_gain
 from flurries.spectral.tiles import tile_starts
 
+# Tiles whose waves are looked at together.
+_TILES = 64
+
 
 def tile_motion(now: Request, later: Request) -> tuple[Float64, Float64]:
     """Return how the field of each tile moves from one frame to another, and its wavelength.
@@ -45,30 +48,36 @@ def tile_motion(now: Request, later: Request) -> tuple[Float64, Float64]:
     wide.append(np.broadcast_to(shortest, (rows, cols)).reshape(-1, 1))
     # Tiles of a camera that does not come nearer are all alike.
     kinds, which = np.unique(np.concatenate(wide, axis=1), axis=0, return_inverse=True)
-    found = np.array([_fitted(now, kind, rings) for kind in kinds])[which.ravel()]
+    # So many at a time that their waves stay in a cache.
+    some = [kinds[first : first + _TILES] for first in range(0, len(kinds), _TILES)]
+    found = np.concatenate([_fitted(now, part, rings) for part in some])[which.ravel()]
     return found[:, :2].reshape(rows, cols, 2), found[:, 2].reshape(rows, cols)
 
 
-def _fitted(now: Request, kind: Float64, rings: int) -> Float64:
-    """Return motion x, y and wavelength of one tile."""
+def _fitted(now: Request, kinds: Float64, rings: int) -> Float64:
+    """Return motion x, y and wavelength of tiles, (n, 3)."""
     k, power, length, ring = _waves(
         now.tile, now.wavelengths, now.exponent, tuple(now.ring_edges.tolist()), rings
     )
-    moved, velocity, shifted, turned = kind[:-1].reshape(4, rings, 2)
-    near = (length / now.wavelengths[1])[:, None]
-    kept = np.where(length > kind[-1], power, 0.0)
-    rate = np.einsum("wi,wi->w", k, near * velocity[ring] + turned[ring])
+    moved, velocity, shifted, turned = (
+        # How far each wave goes along its own direction, (n, waves).
+        np.einsum("nwi,wi->nw", part[:, ring], k)
+        for part in kinds[:, :-1].reshape(-1, 4, rings, 2).swapaxes(0, 1)
+    )
+    near = length / now.wavelengths[1]
+    kept = np.where(length > kinds[:, -1:], power, 0.0)
+    rate = np.ascontiguousarray(near * velocity + turned)
     gain = temporal_gain(rate, alias=now.alias, soft_from=now.soft_from, shutter=now.shutter)
     weight = kept * gain**2
-    if weight.sum() <= 1e-9 * power.sum():
-        # Blurred away, or no air: what it would be.
-        weight = kept if kept.any() else power
-    gradients = np.einsum("w,wi,wj->ij", weight, k, k)
-    ways = near * moved[ring] + shifted[ring]
-    pull = np.einsum("w,wi,w->i", weight, k, np.einsum("wi,wi->w", k, ways))
-    motion = np.linalg.lstsq(gradients, pull, rcond=1e-9)[0]
+    # Blurred away, or no air: what it would be.
+    none = weight.sum(axis=1) <= 1e-9 * power.sum()
+    weight[none] = np.where(kept[none].any(axis=1)[:, None], kept[none], power)
+    products = (k[:, :, None] * k[:, None]).reshape(-1, 4)
+    gradients = (weight @ products).reshape(-1, 2, 2)
+    pull = (weight * (near * moved + shifted)) @ k
+    motion = np.linalg.pinv(gradients, rcond=1e-9, hermitian=True) @ pull[..., None]
     steep = weight @ (1.0 / length**2)
-    return np.array([*motion, (weight @ (1.0 / length)) / steep])
+    return np.concatenate([motion[..., 0], ((weight @ (1.0 / length)) / steep)[:, None]], axis=1)
 
 
 @lru_cache(maxsize=4)
