@@ -150,7 +150,7 @@ lint: $(VENV)/.tools
 
 # Ratios, sizes, the machine's limits, and a build for this processor beside the portable one.
 performance: $(VENV)/.tools
-	$(BIN)/python benches/performance.py --native --page docs/internals/performance.md
+	$(BIN)/python benches/performance.py --page docs/internals/performance.md
 
 bench: $(VENV)/.tools
 	$(BIN)/python benches/speed.py

@@ -1,9 +1,10 @@
 """Writes docs/internals/performance.md: what a frame costs, by size and by what a machine can do.
 
-    python benches/performance.py [--runs N] [--native] [--page docs/internals/performance.md]
+    python benches/performance.py [--runs N] [--against FOLDER] [--native] [--page PAGE]
 
-Each instruction set runs in a process of its own; rows of one table come from one run. `--native`
-also builds the kernels for this processor alone and compares: three minutes more.
+Each instruction set runs in a process of its own; rows of one table come from one run. `--against`
+measures another tree's package (its folder `python`), too, and prints its figures in brackets.
+`--native` also builds the kernels for this processor alone and compares: three minutes more.
 """
 
 from __future__ import annotations
@@ -25,6 +26,7 @@ import flurries as fl
 
 sys.path.insert(0, str(Path(__file__).parent))
 import flakes
+import layers
 import rivals
 import speed
 
@@ -48,9 +50,9 @@ def rows(one: Times, two: Times) -> list[tuple[str, float]]:
     plain = "scene: plain texture, uint8 RGB"
     return [
         ("texture / copy of the alpha, warm", ratio(texture, speed.COPY)),
-        ("the same, two threads", ratio(texture, speed.COPY, two)),
+        ("texture / copy of the alpha, warm, two threads", ratio(texture, speed.COPY, two)),
         ("texture / copy of the alpha, cold", ratio(texture, speed.COLD)),
-        ("the same, two threads", two[texture][0] / one[speed.COLD][0]),
+        ("texture / copy of the alpha, cold, two threads", two[texture][0] / one[speed.COLD][0]),
         ("plain NumPy / texture", ratio("texture, plain NumPy", texture)),
         ("tuned SciPy, 2 workers / texture", ratio("texture, tuned SciPy, 2 workers", texture)),
         ("uint8 scene, plain texture / copy of the alpha, warm", ratio(plain, speed.COPY)),
@@ -306,7 +308,7 @@ def page(options: argparse.Namespace) -> str:
     lines = [
         "# Speed",
         "",
-        "<!-- python benches/performance.py --native --page docs/internals/performance.md -->",
+        "<!-- python benches/performance.py --page docs/internals/performance.md -->",
         "",
         f"Measured on a machine of {os.cpu_count()} cores, load {os.getloadavg()[0]:.1f} at the",
         f"start. Times are the least of {options.runs} runs in turns; ratios are within one run.",
@@ -318,17 +320,26 @@ def page(options: argparse.Namespace) -> str:
         "again, out of the third-level cache; a cold one goes round through half a gigabyte: the",
         "floor of a picture that is in no cache.",
     ]
+    if options.against:
+        lines.append("In brackets: the release before.")
     measured: Times = {}
     for level in speed.levels():
         one, two = (speed.measured(level, threads, options.runs) for threads in (1, 2))
         measured = measured or one
+        old = {}
+        if options.against:
+            given = max(options.runs // 2, 2), options.against
+            old = dict(rows(*(speed.measured(level, threads, *given) for threads in (1, 2))))
         lines += [
             "",
             f"### {level}",
             "",
             "| what | measured |",
             "| --- | --- |",
-            *(f"| {name} | {value:.2f} |" for name, value in rows(one, two)),
+            *(
+                f"| {name} | {value:.2f}{f' ({old[name]:.2f})' if name in old else ''} |"
+                for name, value in rows(one, two)
+            ),
         ]
     lines += [
         "",
@@ -348,6 +359,14 @@ def page(options: argparse.Namespace) -> str:
         name = "texture: build for this processor / portable build"
         around.append((name, native(options.runs)))
     lines += [f"| {name} | {value:.2f} |" for name, value in around]
+    lines += [
+        "",
+        "## Whole frames",
+        "1024 x 768 over uint8, one thread, processor time: a frame in milliseconds, and over it",
+        "the same with layers, before a depth, and for both eyes (`python benches/layers.py`).",
+        "",
+        *layers.table(max(options.runs // 3, 3), options.against),
+    ]
     found = sweeps(max(options.runs // 3, 3))
     picture = ROOT / "docs" / "images" / "performance.png" if options.page else None
     if picture is not None:
@@ -396,6 +415,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--runs", type=int, default=25)
     parser.add_argument("--native", action="store_true")
+    parser.add_argument("--against")
     parser.add_argument("--page")
     options = parser.parse_args()
     start = time.perf_counter()

@@ -1,4 +1,4 @@
-"""Two eyes: whole scenes, and what one complex transform for both would save. Ratios in one run.
+"""Two eyes: what one complex transform for both would save. Ratios in one run.
 
 python benches/stereo.py
 """
@@ -14,7 +14,6 @@ from scipy import fft
 import flurries as fl
 
 ROUNDS = 25
-ROUNDS_OF_SCENES = 8
 
 
 def best(work: dict[str, Callable[[], object]]) -> dict[str, float]:
@@ -57,41 +56,7 @@ def frames(tile: int) -> None:
     print(f"tiles of {tile} px: both eyes / one {found['both'] / found['one']:.2f}")
 
 
-def scenes() -> None:
-    """Whole scenes for two eyes against one, in processor time."""
-    fl.set_threads(1)
-    rng = np.random.default_rng(1)
-    picture = rng.integers(0, 255, (768, 1024, 3)).astype(np.uint8)
-    rows = np.arange(768.0)[:, None]
-    ground = np.where(rows > 400, 3.0 + 200.0 / np.maximum(rows - 399.0, 1.0), np.inf)
-    deep = np.broadcast_to(ground, (768, 1024)).astype(np.float32)
-    path = fl.CameraPath(fl.Camera(900.0), velocity=(0.0, 0.0, 1.0))
-    heavy = fl.TentSnow.preset
-    kinds = {
-        "texture": [heavy("heavy", flakes=0)],
-        "flakes": [heavy("heavy", texture=0.0)],
-        "snow": [heavy("heavy")],
-        "fog": [fl.Mist.preset("fog")],
-        "fog and snow": [fl.Mist.preset("fog"), heavy("heavy")],
-    }
-    for name, effects in kinds.items():
-        for about, depth in (("flat", None), ("with depth", deep)):
-            shown = fl.Scene(None, picture, camera=path, effects=effects, depth=depth)
-            times: tuple[list[float], list[float]] = ([], [])
-            for t in range(ROUNDS_OF_SCENES):
-                for eyes, least in enumerate(times):
-                    start = time.process_time()
-                    if eyes:
-                        shown.stereo(t, distance=0.02, convergence=4.0)
-                    else:
-                        shown.render(t)
-                    least.append(time.process_time() - start)
-            one, two = (1e3 * min(found) for found in times)
-            print(f"{name}, {about}: one eye {one:.1f} ms, both / one {two / one:.2f}")
-
-
 if __name__ == "__main__":
-    scenes()
     for pixels in (64, 128, 512):
         transforms(pixels)
     for pixels in (64, 512):

@@ -1,0 +1,118 @@
+"""What whole frames cost with layers, with a scene's depth and for a second eye: ratios in one run.
+
+    python benches/layers.py [--rounds N] [--against FOLDER]
+
+Scenes of 1024 x 768 on one thread, in processor time, the least of many turns. `--against` runs the
+same with another tree's package (its folder `python`), and prints a column more.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+import flurries as fl
+
+SHAPE = (768, 1024)
+EYES = {"distance": 0.02, "convergence": 4.0}
+
+
+def scenes(*, flying: bool) -> dict[str, tuple[fl.Scene, fl.Scene]]:
+    """Return scenes by name, each without and with a depth that differs from pixel to pixel."""
+    picture = np.random.default_rng(1).integers(0, 255, (*SHAPE, 3)).astype(np.uint8)
+    y, x = np.mgrid[: SHAPE[0], : SHAPE[1]].astype(np.float32)
+    ground = np.where(y > 400, 3.0 + 200.0 / np.maximum(y - 399.0, 1.0), 400.0)
+    depth = (ground * (1.0 + 0.2 * np.sin(x / 40.0) * np.cos(y / 31.0))).astype(np.float32)
+    path = fl.CameraPath(fl.Camera(900.0), velocity=(0.0, 0.0, 1.0 if flying else 0.0))
+    kinds = {
+        "fl.Snow": [fl.Snow.preset("heavy")],
+        "fl.TentSnow": [fl.TentSnow.preset("heavy")],
+        "fl.Mist": [fl.Mist.preset("fog")],
+        "fl.Mist and fl.TentSnow": [fl.Mist.preset("fog"), fl.TentSnow.preset("heavy")],
+    }
+    if not flying:
+        # A still camera's mist does not change: it is kept.
+        kinds = {name: kind for name, kind in kinds.items() if "Mist" not in name}
+    flat = {n: fl.Scene(None, picture, camera=path, effects=kind) for n, kind in kinds.items()}
+    return {name: (scene, scene.replace(depth=depth)) for name, scene in flat.items()}
+
+
+def ratios(flat: fl.Scene, deep: fl.Scene, rounds: int) -> list[float]:
+    """Return ms of a frame; over it layers, depth, both eyes; and both before a depth over one."""
+    calls: list[Callable[[float], object]] = [
+        flat.render,
+        lambda t: flat.render(t, layers=True),
+        deep.render,
+        lambda t: flat.stereo(t, **EYES),
+        lambda t: deep.stereo(t, **EYES),
+    ]
+    times: list[list[float]] = [[] for _ in calls]
+    for t in range(rounds + 1):
+        for call, taken in zip(calls, times, strict=True):
+            start = time.process_time()
+            call(float(t))
+            # The first turn makes what a film has once.
+            if t:
+                taken.append(1e3 * (time.process_time() - start))
+    one, layers, depth, both, both_deep = (min(taken) for taken in times)
+    return [one, layers / one, depth / one, both / one, both_deep / depth]
+
+
+def measured(rounds: int) -> dict[str, list[float]]:
+    """Return the ratios of all scenes by name."""
+    fl.set_threads(1)
+    return {
+        f"{name}, {about}": ratios(*pair, rounds)
+        for flying, about in ((False, "still"), (True, "flying"))
+        for name, pair in scenes(flying=flying).items()
+    }
+
+
+def elsewhere(folder: str, rounds: int) -> dict[str, list[float]]:
+    """Return the ratios that another tree's package has."""
+    code = f"import json, layers; print(json.dumps(layers.measured({rounds})))"
+    paths = os.pathsep.join([folder, str(Path(__file__).resolve().parent)])
+    environment = {**os.environ, "PYTHONPATH": paths, "OPENBLAS_NUM_THREADS": "1"}
+    command = [sys.executable, "-c", code]
+    done = subprocess.run(command, env=environment, capture_output=True, text=True, check=True)
+    found: dict[str, list[float]] = json.loads(done.stdout)
+    return found
+
+
+def table(rounds: int, against: str | None = None) -> list[str]:
+    """Return the lines of a table; in brackets what another tree has."""
+    # A process of its own, in which NumPy's matrix products wake no other thread.
+    here = elsewhere(str(Path(fl.__file__).parents[1]), rounds)
+    other = elsewhere(against, rounds) if against else {}
+    lines = [
+        "| scene | ms | `layers=True` | with depth | both eyes | both eyes, with depth |",
+        "| --- | --- | --- | --- | --- | --- |",
+    ]
+    for name, found in here.items():
+        cells = [
+            f"{value:.2f}" + (f" ({other[name][k]:.2f})" if name in other else "")
+            for k, value in enumerate(found)
+        ]
+        lines.append(f"| {name} | {' | '.join(cells)} |")
+    return lines
+
+
+def main() -> None:
+    """Print the table."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--rounds", type=int, default=12)
+    parser.add_argument("--against")
+    options = parser.parse_args()
+    print("\n".join(table(options.rounds, options.against)))
+
+
+if __name__ == "__main__":
+    main()
