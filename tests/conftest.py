@@ -8,6 +8,9 @@ from collections.abc import Callable, Iterator
 
 import pytest
 
+# Threads of linear algebra that wait for work spin, beside the other workers and our own threads.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
 # A run that a script puts into the background ignores Ctrl-C, and so would all that tests start.
 if signal.getsignal(signal.SIGINT) == signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)

@@ -147,34 +147,3 @@ def test_layouts_and_dtypes_of_patterns():
         np.repeat(SPECTRA, 2, axis=3)[..., ::2],
     ):
         assert np.array_equal(DEPTH(SHAPE, other, **GIVEN), want)
-
-
-BAD: list[tuple[str, dict[str, Any]]] = [
-    ("patterns", {"patterns": SPECTRA[0]}),
-    ("patterns", {"patterns": SPECTRA[..., :-1]}),
-    ("patterns", {"patterns": np.where(SPECTRA[1, 1, 3, 3] == SPECTRA, np.nan, SPECTRA)}),
-    ("patterns", {"patterns": np.where(SPECTRA[1, 1, 3, 3] == SPECTRA, np.inf, SPECTRA)}),
-    ("patterns", {"patterns": "snow"}),
-    ("drift", {"drift": [(0.0, 1.0)]}),
-    ("drift", {"drift": np.zeros((4, 5, 2, 2))}),
-    ("drift", {"drift": np.full((2, 2), np.nan)}),
-    ("velocity", {"shutter": 0.5}),
-    ("velocity", {"velocity": [1.0, 2.0]}),
-    ("shutter", {"velocity": np.zeros((2, 2)), "shutter": -0.5}),
-    ("gain", {"gain": [1.0]}),
-    ("gain", {"gain": [1.0, np.inf]}),
-    ("shear", {"shear": np.nan}),
-    ("shear", {"shear": 2.0}),
-    ("seed", {"seed": 0.5}),
-    ("overlap", {"overlap": 32}),
-    ("dtype", {"dtype": np.float16}),
-    ("shape", {"shape": (0, 4)}),
-    ("out", {"out": np.zeros((3, 3), np.float32)}),
-]
-
-
-@pytest.mark.parametrize(("name", "wrong"), BAD)
-def test_refusals_name_the_argument(name: str, wrong: dict[str, Any]):
-    given = {"shape": SHAPE, "patterns": SPECTRA, **GIVEN, **wrong}
-    with pytest.raises((TypeError, ValueError), match=name):
-        DEPTH(given.pop("shape"), given.pop("patterns"), **given)

@@ -208,7 +208,7 @@ def client(monkeypatch: Any) -> Iterator[Any]:
             frames[i : i + 3] for i in range(0, len(frames), 3)
         ])  # fmt: skip
     with (
-        distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=":0",
+        distributed.LocalCluster(n_workers=1, threads_per_worker=2, dashboard_address=":0",
                                  silence_logs=50) as local,
         distributed.Client(local, set_as_default=False) as client,
     ):  # fmt: skip

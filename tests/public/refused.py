@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 import flurries as fl
+from public.arrays import PATTERNS as SPECTRA
 
 NAN, INF = float("nan"), float("inf")
 Keys = fl.Keys
@@ -83,7 +84,7 @@ OUTSIDE: dict[str, dict[str, tuple[Any, ...]]] = {
         ),
     },
     "CameraPath": {
-        "camera": (300.0, None), "velocity": (*VECTOR, [[1, 2, 3]], [(1,), (1, 2), 3]),
+        "camera": (300.0, None),
         "position": (1.0, (1.0, 2.0, 3.0), "x", np.zeros((0, 3)), np.zeros((4, 2)),
                      np.zeros((2, 2, 3)), [(0, 0, NAN)], Keys([(0, 1.0)]), [(0, 0, 0), (1, 2)]),
         "orientation": (np.zeros((4, 2)), np.zeros((0, 3)), (0.0, 0.1, 0.0), "x", {},
@@ -91,6 +92,7 @@ OUTSIDE: dict[str, dict[str, tuple[Any, ...]]] = {
                         np.stack([np.eye(3)] * 3) + 0.1, [(0.0, NAN, 0.0)],
                         Keys([(0, (0.0, 1.0))]), Keys([(0, 1.0)])),
     },
+    "CameraPath(velocity)": {"velocity": (*VECTOR, [[1, 2, 3]], [(1,), (1, 2), 3])},
     "DepthMap": {
         "near": (0.0, "1"), "far": (1.0, INF), "white": ("black",), "law": ("log",),
         "source": (3, np.ones((4, 4), int), np.zeros((4, 0), np.uint8), np.full((4, 4), 2.0),
@@ -122,6 +124,22 @@ OUTSIDE: dict[str, dict[str, tuple[Any, ...]]] = {
         "tile": (0, 32.0), "counts": ([-1.0] * 2, [], [1.0]),
         "diameters": ([[1.0, 2.0]], [[2.0, 1.0]] * 2, [[0.0, 1.0]] * 2, [[1.0, 1e6]] * 2),
         "opacity": (1.5,), "patterns": (0,), "dtype": (np.float32,),
+    },
+    "spectral.optical_depth": {
+        "patterns": (SPECTRA[0], SPECTRA[..., :-1], np.full_like(SPECTRA, NAN),
+                     np.full_like(SPECTRA, INF), "snow"),
+        "drift": ([(0.0, 1.0)], np.zeros((4, 5, 2, 2)), np.full((2, 2), NAN)),
+        "velocity": ([1.0, 2.0], None), "shutter": (-0.5,), "gain": ([1.0], [1.0, INF]),
+        "shear": (2.0,), "overlap": (-1, 16, 1.5), "dtype": (np.float16,), "shape": ((0, 4),),
+    },
+    "augment.Fog.apply": {
+        "image": (np.zeros((4, 4), np.int32), np.zeros((0, 4)), np.zeros(4), np.zeros((24, 30, 2)),
+                  np.zeros((24, 30, 4))),
+        "depth": (0.0, -1.0, "near", np.full((24, 30), -1.0), np.zeros((24, 30)),
+                  np.full((24, 30), NAN), np.full((24, 30), 5), np.full((30, 24), 5.0),
+                  np.full((24, 30, 1), 5.0), [[1.0, 2.0]], np.array(5.0)),
+        "boxes": ([[1, 2, 3]], [[5, 5, 1, 9]], [[0, 0, NAN, 3]]),
+        "flow": (np.zeros((24, 30)), np.zeros((24, 30, 2), int)),
     },
     "gas.alpha": {"smooth": (0.0, 7.9, -3.0)},
 }  # fmt: skip

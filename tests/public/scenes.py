@@ -75,6 +75,9 @@ CALLS: dict[str, Call] = {
     "CameraPath": Call(
         {"camera": LENS, "position": POINTS[:3], "orientation": 0.1 * POINTS[:3]},
         then=lambda way: (way.place(1.5, fps=30.0), way.turn(1.5))),
+    "CameraPath(velocity)": Call(
+        {"camera": LENS, "velocity": (0.0, 0.0, 1.0)}, of=fl.CameraPath,
+        then=lambda way: way.place(1.5, fps=30.0)),
     "Keys": Call({"keys": [(0, 1.0), (9, 2.0)]}),
     "Sun": Call({}),
     "Lamp": Call({"place": (1.0, -2.0, 6.0)}),

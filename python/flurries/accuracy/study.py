@@ -82,7 +82,7 @@ TABLE = (
     Axis(look.blend, "Overlap and blend law, 512 x 512", "of the contrast",
          "contrast 1 everywhere, from the weights; and no waves finer than the band"),
     Axis(look.shutter, "Shutter by sinc or by sub-frames, 256 x 256", "in sigma, rms",
-         "64 Gauss-Legendre nodes over the exposure"),
+         "16 Gauss-Legendre nodes over the exposure"),
     Axis(layers.flakes, "2,000 flakes of 0.3 to 2 px, 512 x 512", "of opacity, rms",
          "each flake's Gaussian integrated over the pixels, float64"),
     Axis(layers.composite, "Six layers in 8 bits or in floats, 512 x 512", "of 255, largest",
