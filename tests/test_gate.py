@@ -185,7 +185,7 @@ def rate(call):
 frame = lambda: fl.spectral.alpha((1200, 1200), drift=(1.0, 9.0), seed=1, overlap=60)
 frame()
 thread = threading.Thread(target=work); thread.start()
-print(rate(lambda: time.sleep(0.3)), rate(frame), rate(lambda: sum(range(30_000_000))))
+print(rate(lambda: time.sleep(0.3)), rate(frame), rate(lambda: sum(range(12_000_000))))
 stop = True
 thread.join()
 """

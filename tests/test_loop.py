@@ -79,7 +79,7 @@ def test_without_a_period_the_film_goes_on():
 
 
 def test_as_much_is_there_at_all_times():
-    scene = made(fl.Snow(density=20.0, fall=1.4, haze=0.2))
+    scene = made(fl.Snow(density=20.0, fall=1.4, haze=0.2, far=30.0))
     means = [scene.render(t, layers=True).alpha.mean() for t in range(0, FRAMES, 3)]
     assert np.ptp(means) < 0.02 * np.mean(means)
     # An even veil is there once, not in parts: at any time what it is without a loop.

@@ -172,7 +172,7 @@ def test_the_texture_stands_for_the_flakes_that_it_replaces():
     """Mean, deviation and likeness to the next frame, over two seeds; near flakes are the same."""
     sums = {}
     for method in ("hybrid", "simulated"):
-        scenes = [_scene(method, scene_seed=seed, far=25.0) for seed in range(2)]
+        scenes = [_scene(method, scene_seed=seed, far=20.0) for seed in range(2)]
         first = [_alpha(scene) for scene in scenes]
         after = [_alpha(scene, 8.0) for scene in scenes]
         like = [np.corrcoef(a.ravel(), b.ravel())[0, 1] for a, b in zip(first, after, strict=True)]
