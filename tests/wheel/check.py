@@ -46,7 +46,7 @@ IN_ARCHIVE = re.compile(
     r"(PKG-INFO|Cargo\.(toml|lock)|pyproject\.toml|rustfmt\.toml|Makefile|\.gitignore"
     r"|(README|CHANGELOG|CONTRIBUTING)\.md|CITATION\.cff|deny\.toml|LICENSE[\w-]*"
     r"|(src|crates)/.*\.(rs|toml)|python/flurries/.*\.(py|pyi|js|css|html|jpg|typed)"
-    r"|(tests|docs|benches|examples|notebooks)/.*\.(py|rs|md|txt|ipynb|npz|npy|png|jpg|css|exr|json|toml))"
+    r"|(tests|docs|benches|examples|notebooks)/.*\.(py|rs|md|txt|ipynb|npz|npy|png|jpg|css|js|exr|json|toml))"
 )
 
 
