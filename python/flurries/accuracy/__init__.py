@@ -6,6 +6,7 @@ forms. Plots need the extra ``flurries[plots]``.
 """
 
 from flurries.accuracy.page import write
-from flurries.accuracy.study import AXES, Axis, Point, Study, study
+from flurries.accuracy.study import AXES, Point, Study, study
+from flurries.accuracy.ways import Axis
 
 __all__ = ["AXES", "Axis", "Point", "Study", "study", "write"]

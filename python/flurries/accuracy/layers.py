@@ -13,15 +13,16 @@ from flurries import composite as mixing
 from flurries import cone as drum
 from flurries import gas, particles, spectral
 from flurries._contract import Array
-from flurries.accuracy.ways import Way, both, largest, rms
+from flurries.accuracy.ways import Way, axis, both, largest, rms
 from flurries.camera.lens import Camera
 from flurries.effects import TentSnow
 from flurries.effects.checks import DepthMode
 from flurries.scene.scene import Scene
 
 
+@axis("of opacity, rms", "each flake's Gaussian integrated over the pixels, float64")
 def flakes() -> Iterator[Way]:
-    """Yield footprints that keep their energy, and point samples as people write them."""
+    """2,000 flakes of 0.3 to 2 px, 512 x 512."""
     shape, eye = (512, 512), Camera(600.0)
     rng = np.random.default_rng(4)
     depth = rng.uniform(4.0, 20.0, 2000)
@@ -64,8 +65,9 @@ def _sampled(cut: float, y: Array, x: Array, s: float) -> Array:
     return np.asarray(np.exp(-square / (2.0 * s * s)) * (square <= (cut * s) ** 2))
 
 
+@axis("of 255, largest", "the same layers in float64, one after the other")
 def composite() -> Iterator[Way]:
-    """Yield six layers over a picture, rounded after each of them or not."""
+    """Six layers in 8 bits or in floats, 512 x 512."""
     shape = (512, 512)
     picture = np.random.default_rng(1).integers(0, 256, (*shape, 3), np.uint8)
     layer = partial(spectral.alpha, shape, mean=0.1, dtype=np.float64)
@@ -101,8 +103,9 @@ def _cloud(count: int) -> Array:
     return np.asarray(box + np.array([0.0, 0.0, 5.5]))
 
 
+@axis("of opacity, mean", "the line integral through every particle at every pixel, float64")
 def footprint() -> Iterator[Way]:
-    """Yield the models of a particle's footprint."""
+    """Footprints of gas, 300 particles, 320 x 240."""
     centers = _cloud(300)
     centers = centers[centers[:, 2] > 3.2]
     exact = _line_integrals(centers, 0.45, 0.4)
@@ -136,8 +139,9 @@ def _rays(shape: tuple[int, int], focal: float, down: float, right: float) -> Ar
     return np.asarray(rays / np.linalg.norm(rays, axis=-1, keepdims=True))
 
 
+@axis("of opacity, largest", "no early stop, float64")
 def stop() -> Iterator[Way]:
-    """Yield front to back until what is behind can no longer be seen."""
+    """Stopping early in gas, 2,000 particles, 320 x 240."""
     make = partial(gas.alpha, GAS, _cloud(2000), 0.6, 0.8, LENS)
     off = largest(make(error=None, dtype=np.float64))
     for error in (1e-1, 1e-2, 1.0 / 255.0, 1e-3, 1e-4):
@@ -145,8 +149,9 @@ def stop() -> Iterator[Way]:
     yield Way("to the end, float32", partial(make, error=None), off)
 
 
+@axis("of opacity, rms", "16 x 16 samples in each pixel, nearest texels")
 def cone() -> Iterator[Way]:
-    """Yield the box over a pixel's jacobian, with and without samples, and nearest texels."""
+    """Filter of the double cone, 240 x 180."""
     tile = drum.rain_tile(512, seed=4, dtype=np.float64)
     off = rms(_nearest(tile, 16))
 
@@ -186,8 +191,9 @@ def _nearest(tile: Array, count: int) -> Array:
     return total / count**2
 
 
+@axis("of opacity, rms", "96 pictures of walls at one depth each, taken pixel by pixel")
 def depth() -> Iterator[Way]:
-    """Yield a floor that goes away, and the texture that it hides."""
+    """Depth by tile or by pixel, 320 x 240."""
     floor = np.repeat(np.geomspace(120.0, 8.0, 240, dtype=np.float32)[:, None], 320, axis=1)
 
     def alpha(mode: DepthMode, depth: Any) -> Array:

@@ -13,7 +13,7 @@ from flurries import spectral
 from flurries._contract import Array
 from flurries.accuracy import reference
 from flurries.accuracy.texture import DRIFT
-from flurries.accuracy.ways import Way, both, rms
+from flurries.accuracy.ways import Way, axis, both, rms
 from flurries.spectral.tiles import Blend
 
 SHAPE = (512, 512)
@@ -48,8 +48,9 @@ def lattice(size: int, band: tuple[float, float]) -> Array:
     return np.asarray(np.cos(2.0 * np.pi * np.outer(LAGS, np.fft.fftfreq(size))) @ along)
 
 
+@axis("of the autocorrelation, rms", "the four-octave 1/f band in the continuum: an integral of J0")
 def octaves() -> Iterator[Way]:
-    """Yield half an octave to four, the longest wave the same."""
+    """Octaves of waves, 512 x 512."""
     off = rms(continuum(2.0, 32.0))
     for count in (0.5, 1.0, 2.0, 3.0, 4.0):
         band = (32.0 / 2.0**count, 32.0)
@@ -57,15 +58,19 @@ def octaves() -> Iterator[Way]:
                    wavelengths=band)  # fmt: skip
 
 
+@axis("of the autocorrelation, rms", "the same band in the continuum")
 def tile() -> Iterator[Way]:
-    """Yield larger and larger tiles, which have more waves and more directions."""
+    """Size of the tile, 512 x 512."""
     off = rms(continuum(4.0, 32.0))
     for size in (32, 48, 64, 96, 128, 256, 512):
         yield _way(f"tile {size}", off(lattice(size, (4.0, 32.0))), tile=size, overlap=size // 6)
 
 
+@axis(
+    "of the contrast", "contrast 1 everywhere, from the weights; and no waves finer than the band"
+)
 def blend() -> Iterator[Way]:
-    """Yield both laws and several overlaps."""
+    """Overlap and blend law, 512 x 512."""
     for law, overlaps in (("power", (0, 4, 10, 20, 32)), ("linear", (4, 10, 20, 32))):
         for overlap in overlaps:
             how: dict[str, Any] = {"overlap": overlap, "blend": law}
@@ -99,8 +104,9 @@ def _leaked(overlap: int, blend: Blend) -> float:
     return float(np.sqrt(fine / total))
 
 
+@axis("in sigma, rms", "16 Gauss-Legendre nodes over the exposure")
 def shutter() -> Iterator[Way]:
-    """Yield the exposure as one factor for each wave, and as a mean of sub-frames."""
+    """Shutter by sinc or by sub-frames, 256 x 256."""
     shape, velocity = (256, 256), np.array([2.0, 8.0])
     # Waves turn by a quarter of a cycle at most: 16 nodes are exact to the last bits.
     nodes, weights = np.polynomial.legendre.leggauss(16)

@@ -1,38 +1,27 @@
-"""The table of axes, and measuring: ways are called in turn, so that a busy moment meets all."""
+"""Measuring: ways are called in turn, so that a busy moment meets all of them."""
 
 from __future__ import annotations
 
 import statistics
 import time
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
 from flurries._contract import choice, integer
 from flurries.accuracy import layers, look, texture
-from flurries.accuracy.ways import Way
+from flurries.accuracy.ways import KNOWN, Axis, Way
+
+# In the order of the page.
+AXES: dict[str, Axis] = {
+    axis.name: axis
+    for module in (texture, look, layers)
+    for axis in KNOWN
+    if axis.make.__module__ == module.__name__
+}
 
 # Fewer runs say little about a median.
 FEWEST_RUNS = 20
-
-
-@dataclass(frozen=True)
-class Axis:
-    """One thing that can be made in several ways: what varies, the error's unit, its reference."""
-
-    make: Callable[[], Iterator[Way]]
-    title: str
-    unit: str
-    reference: str
-
-    @property
-    def name(self) -> str:
-        """What the command line calls it."""
-        return self.make.__name__
-
-    def ways(self) -> list[Way]:
-        """Return the ways; makes the reference, which may take seconds."""
-        return list(self.make())
 
 
 @dataclass(frozen=True)
@@ -61,43 +50,6 @@ class Study:
         """Return it as JSON has it."""
         about = {name: getattr(self.axis, name) for name in ("name", "title", "unit", "reference")}
         return {**about, "points": [asdict(point) for point in self.points]}
-
-
-EXTENDED = "phases and transform in extended precision"
-TABLE = (
-    Axis(texture.precision, "Precision and kernels of the texture, 512 x 512", "in sigma, largest",
-         EXTENDED),
-    Axis(texture.transform, "Transforms of one tile", "in sigma, largest",
-         "the inverse transform in extended precision, of the same tile"),
-    Axis(texture.modes, "The same bits on every processor, texture of 512 x 512",
-         "in sigma, largest", EXTENDED),
-    Axis(texture.phase, "Ways to advance 392 phases, after 10^5 frames", "in cycles, largest",
-         "rate times time in extended precision"),
-    Axis(texture.film, "2-D method against 3-D method, 64 x 64", "in sigma, rms",
-         "the 2-D sum with unrounded rates, in extended precision"),
-    Axis(look.octaves, "Octaves of waves, 512 x 512", "of the autocorrelation, rms",
-         "the four-octave 1/f band in the continuum: an integral of J0"),
-    Axis(look.tile, "Size of the tile, 512 x 512", "of the autocorrelation, rms",
-         "the same band in the continuum"),
-    Axis(look.blend, "Overlap and blend law, 512 x 512", "of the contrast",
-         "contrast 1 everywhere, from the weights; and no waves finer than the band"),
-    Axis(look.shutter, "Shutter by sinc or by sub-frames, 256 x 256", "in sigma, rms",
-         "16 Gauss-Legendre nodes over the exposure"),
-    Axis(layers.flakes, "2,000 flakes of 0.3 to 2 px, 512 x 512", "of opacity, rms",
-         "each flake's Gaussian integrated over the pixels, float64"),
-    Axis(layers.composite, "Six layers in 8 bits or in floats, 512 x 512", "of 255, largest",
-         "the same layers in float64, one after the other"),
-    Axis(layers.footprint, "Footprints of gas, 300 particles, 320 x 240", "of opacity, mean",
-         "the line integral through every particle at every pixel, float64"),
-    Axis(layers.stop, "Stopping early in gas, 2,000 particles, 320 x 240", "of opacity, largest",
-         "no early stop, float64"),
-    Axis(layers.cone, "Filter of the double cone, 240 x 180", "of opacity, rms",
-         "16 x 16 samples in each pixel, nearest texels"),
-    Axis(layers.depth, "Depth by tile or by pixel, 320 x 240", "of opacity, rms",
-         "96 pictures of walls at one depth each, taken pixel by pixel"),
-)  # fmt: skip
-
-AXES: dict[str, Axis] = {axis.name: axis for axis in TABLE}
 
 
 def study(

@@ -12,14 +12,15 @@ from flurries import spectral
 from flurries._contract import Array
 from flurries._threads import reproducible, set_reproducible
 from flurries.accuracy import reference
-from flurries.accuracy.ways import KINDS, Way, both, largest, rms
+from flurries.accuracy.ways import KINDS, Way, axis, both, largest, rms
 
 BAND = (4.0, 32.0)
 DRIFT = np.array([37.25, 411.5])
 
 
+@axis("in sigma, largest", "phases and transform in extended precision")
 def precision() -> Iterator[Way]:
-    """Yield whole frames, frames step by step, and what a reader of the paper writes in NumPy."""
+    """Precision and kernels of the texture, 512 x 512."""
     shape = (512, 512)
     off = largest(reference.field(shape, drift=DRIFT, seed=7))
     yield from both("field", partial(spectral.field, shape, drift=DRIFT, seed=7), off)
@@ -58,8 +59,9 @@ def _plain(shape: tuple[int, int], dtype: Any) -> Array:
     return spectral.blend_tiles(tiles, shape)
 
 
+@axis("in sigma, largest", "the inverse transform in extended precision, of the same tile")
 def transform() -> Iterator[Way]:
-    """Yield tiles fused and from tables, and NumPy's."""
+    """Transforms of one tile."""
     for size in (64, 256):
         shape = (size, size)
         off = largest(reference.torus(size, 3, DRIFT, BAND))
@@ -78,8 +80,9 @@ def _numpy(amplitude: Array, phase: Array) -> Array:
     return np.asarray(np.fft.irfft2(spectrum, s=phase.shape, norm="forward"))
 
 
+@axis("in sigma, largest", "phases and transform in extended precision")
 def modes() -> Iterator[Way]:
-    """Yield both modes where few waves are summed, and where many are transformed."""
+    """The same bits on every processor, texture of 512 x 512."""
     shape = (512, 512)
     for tile, overlap, band in ((64, 10, BAND), (256, 20, (2.0, 64.0))):
         about: dict[str, Any] = {"drift": DRIFT, "seed": 7, "tile": tile, "overlap": overlap}
@@ -99,8 +102,9 @@ def _in_mode(on: bool, make: Any, dtype: Any) -> Any:
         set_reproducible(before)
 
 
+@axis("in cycles, largest", "rate times time in extended precision")
 def phase(frames: int = 100_000) -> Iterator[Way]:
-    """Yield the closed form, running sums and rotors; the time is that of a frame."""
+    """Ways to advance 392 phases, after 10^5 frames."""
     ky, kx, length = reference.waves(64)
     inside = (reference.amplitude(64, BAND) > 0) & ((kx > 0) | ((kx == 0) & (ky > 0)))
     rate = reference.Long(0.1) * (0.28 * kx + 0.96 * ky)[inside] / length[inside]
@@ -137,8 +141,9 @@ def _turned(step: Array, frames: int) -> Array:
     return np.asarray(np.angle(at.astype(np.complex128)) / (2 * np.pi))
 
 
+@axis("in sigma, rms", "the 2-D sum with unrounded rates, in extended precision")
 def film() -> Iterator[Way]:
-    """Yield frames of the 2-D method, and the 3-D method's films of several lengths."""
+    """2-D method against 3-D method, 64 x 64."""
     velocity, count = np.array([0.5, 2.0]), 32
     off = rms(np.stack([reference.torus(64, 5, velocity * t, BAND) for t in range(count)]))
 
