@@ -60,8 +60,8 @@ pub struct Tile<'a, P> {
     pub light: Option<&'a mut [Plane<P>; 3]>,
     /// Where its pixels lie.
     pub sheet: Sheet,
-    /// Room for the pixels' rays, filled where a particle needs them.
-    pub rays: &'a mut Rays<P, TILE>,
+    /// Room for the pixels' rays, filled where a particle needs them; None if none does.
+    pub rays: Option<&'a mut Rays<P, TILE>>,
     /// What stands in the picture.
     pub ground: Option<&'a Ground<'a, P, TILE>>,
     /// What changes slowly is drawn here.
@@ -123,7 +123,9 @@ fn draw_with<P: Normal, const LEVEL: u8>(
         } else {
             batch.draw::<LEVEL>(tile);
             if sprite.form == Form::Ray && !filled {
-                tile.rays.fill::<LEVEL>(&tile.sheet);
+                if let Some(rays) = &mut tile.rays {
+                    rays.fill::<LEVEL>(&tile.sheet);
+                }
                 filled = true;
             }
             alone::<P, LEVEL>(tile, sprite, look, spans, cut, color);
@@ -262,14 +264,14 @@ fn alone<P: Normal, const LEVEL: u8>(
 ) {
     let vectors =
         (sprite.form != Form::Ray).then(|| vectors::<P, LEVEL>(tile, sprite, look, spans));
-    let source = match &vectors {
-        None => Source::Ray,
-        Some((across, down, scale)) => Source::Product(&across.0, &down.0, *scale),
+    let source = match (&vectors, &tile.rays) {
+        (Some((across, down, scale)), _) => Source::Product(&across.0, &down.0, *scale),
+        (None, Some(rays)) => Source::Ray(rays),
+        (None, None) => return,
     };
-    let rays = &*tile.rays;
     let light =
         tile.light.as_deref_mut().map(|[red, green, blue]| [&mut red.0, &mut green.0, &mut blue.0]);
     let through = &mut tile.through.0;
-    let mut canvas = Canvas { sheet: &tile.sheet, rays, ground: tile.ground, through, light };
+    let mut canvas = Canvas { sheet: &tile.sheet, ground: tile.ground, through, light };
     canvas.draw::<LEVEL>(&source, sprite, look, spans, cut, color);
 }

@@ -168,7 +168,6 @@ impl<P: Normal> Lattice<P> {
         let ground = Ground { depth: &self.depth, range: [0.0, f64::INFINITY] };
         let mut canvas = Canvas {
             sheet: &self.sheet,
-            rays: &self.rays,
             ground: (cut.wall != Wall::None).then_some(&ground),
             through: &mut self.through,
             light: color.is_some().then_some([red, green, blue]),
@@ -176,7 +175,7 @@ impl<P: Normal> Lattice<P> {
         let whole = [[0, SIDE]; 2];
         let color = color.unwrap_or([P::zero(); 3]);
         if sprite.form == Form::Ray {
-            canvas.draw::<LEVEL>(&Source::Ray, sprite, look, whole, cut, color);
+            canvas.draw::<LEVEL>(&Source::Ray(&self.rays), sprite, look, whole, cut, color);
             return;
         }
         let mut vectors = [[P::zero(); SIDE]; 2];

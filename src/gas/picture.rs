@@ -9,7 +9,7 @@ use super::cut::Ground;
 use super::draw::{Drawing, Plane, TILE, Tile, draw};
 use super::lattice::{self, Lattice};
 use super::rays::{Rays, Sheet};
-use super::sprite::{Eye, Sprite};
+use super::sprite::{Eye, Form, Sprite};
 use crate::base::error::{Cancel, Error, collected, pushed};
 use crate::base::normal::{Normal, least, most};
 use crate::base::pool;
@@ -49,6 +49,8 @@ pub struct Picture<'a, P, M> {
     pub colored: bool,
     /// Whether a particle changes so slowly that it is drawn on a lattice.
     pub smooth: bool,
+    /// Whether a particle's footprint is computed from each pixel's ray.
+    pub by_ray: bool,
     /// Depth of what stands in the picture.
     pub depth: Option<ArrayView2<'a, M>>,
     /// The pixels' type.
@@ -60,7 +62,7 @@ pub struct Scratch<P> {
     through: Box<[Plane<P>; 1]>,
     light: Option<Box<[Plane<P>; 3]>>,
     depth: Option<Box<[Plane<P>; 1]>>,
-    rays: Box<[Rays<P, TILE>; 1]>,
+    rays: Option<Box<[Rays<P, TILE>; 1]>>,
     lattice: Option<Box<Lattice<P>>>,
 }
 
@@ -84,8 +86,8 @@ impl<P: Normal, M: Real> Picture<'_, P, M> {
         let light = if self.colored { Some(boxed(nothing())?) } else { None };
         let depth = if self.depth.is_some() { Some(boxed(nothing())?) } else { None };
         let lattice = if self.smooth { Some(lattice::boxed()?) } else { None };
-        let (through, rays) = (boxed::<_, 1>(nothing())?, boxed::<_, 1>(Rays::none())?);
-        Ok(Scratch { through, light, depth, rays, lattice })
+        let rays = if self.by_ray { Some(boxed(Rays::none())?) } else { None };
+        Ok(Scratch { through: boxed(nothing())?, light, depth, rays, lattice })
     }
 
     /// Draws the tile whose corner is at `origin` (x, y).
@@ -120,7 +122,7 @@ impl<P: Normal, M: Real> Picture<'_, P, M> {
             through: &mut scratch.through[0],
             light: scratch.light.as_deref_mut(),
             sheet: Sheet::of(self.eye, corner, 1.0, TILE),
-            rays: &mut scratch.rays[0],
+            rays: scratch.rays.as_mut().map(|rays| &mut rays[0]),
             ground: ground.as_ref(),
             lattice,
         };
@@ -174,6 +176,7 @@ fn further<P: Normal>(last: P, before: P) -> P {
 pub struct Touched {
     bands: Bands,
     smooth: bool,
+    by_ray: bool,
     colored: bool,
 }
 
@@ -183,7 +186,8 @@ impl Touched {
         let colored = colors.iter().any(|color| *color != colors[0]);
         let order = order(sprites, colored)?;
         let smooth = order.iter().any(|&place| sprites[place as usize].smooth);
-        Ok(Self { bands: Bands::of(sprites, &order, height)?, smooth, colored })
+        let by_ray = order.iter().any(|&place| sprites[place as usize].form == Form::Ray);
+        Ok(Self { bands: Bands::of(sprites, &order, height)?, smooth, by_ray, colored })
     }
 
     /// The frame of `shape` as an eye sees it.
@@ -194,9 +198,10 @@ impl Touched {
         drawing: Drawing<'a>,
         depth: Option<ArrayView2<'a, M>>,
     ) -> Picture<'a, P, M> {
-        let Self { bands, smooth, colored } = self;
+        let Self { bands, smooth, by_ray, colored } = self;
         let pixel = std::marker::PhantomData;
-        Picture { shape, eye, drawing, bands, colored: *colored, smooth: *smooth, depth, pixel }
+        let (colored, smooth, by_ray) = (*colored, *smooth, *by_ray);
+        Picture { shape, eye, drawing, bands, colored, smooth, by_ray, depth, pixel }
     }
 }
 

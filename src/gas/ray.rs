@@ -20,8 +20,6 @@ pub struct Opacity<P> {
 pub struct Canvas<'a, P, const N: usize> {
     /// Where its samples lie.
     pub sheet: &'a Sheet,
-    /// The samples' rays; filled before a particle wants them.
-    pub rays: &'a Rays<P, N>,
     /// What stands in the picture.
     pub ground: Option<&'a Ground<'a, P, N>>,
     /// What is let through.
@@ -33,7 +31,7 @@ pub struct Canvas<'a, P, const N: usize> {
 /// Where a particle's opacity comes from.
 pub enum Source<'a, P, const N: usize> {
     /// From each sample's ray.
-    Ray,
+    Ray(&'a Rays<P, N>),
     /// The product of two vectors, across and down the sheet, as a scale turns it into opacities.
     Product(&'a [P; N], &'a [P; N], Scale<P>),
 }
@@ -55,15 +53,16 @@ impl<P: Normal, const N: usize> Canvas<'_, P, N> {
         let facing = sprite.model == Footprint::Viewpoint;
         let forms = Forms::of(sprite, self.sheet);
         let ends = (cut != Cut::CLEAR).then(|| Ends::of(sprite, look, cut));
-        let by_ray = matches!(source, Source::Ray);
+        let rays = if let Source::Ray(rays) = source { Some(*rays) } else { None };
         for row in rows[0]..rows[1] {
-            let touched = if by_ray { forms.touched(row, columns[1]) } else { Some(columns) };
+            let touched =
+                if rays.is_some() { forms.touched(row, columns[1]) } else { Some(columns) };
             let Some([first, last]) = touched else { continue };
             let beside = forms.row::<P>(row);
             for part in first.max(columns[0]) / PART..last.div_ceil(PART) {
                 let mut opacity = match source {
-                    Source::Ray => {
-                        let passing = beside.passing::<N, LEVEL>(self.rays, row, part, facing);
+                    Source::Ray(rays) => {
+                        let passing = beside.passing::<N, LEVEL>(rays, row, part, facing);
                         gauss::<P, LEVEL>(passing.squared, passing.lean, scale, square)
                     }
                     Source::Product(across, down, scale) => {
@@ -72,7 +71,7 @@ impl<P: Normal, const N: usize> Canvas<'_, P, N> {
                 };
                 let span = part * PART..(part + 1) * PART;
                 if let Some(ends) = &ends {
-                    let length = by_ray.then(|| self.rays.lengths(row, part));
+                    let length = rays.map(|rays| rays.lengths(row, part));
                     let ground = self.ground.map(|ground| part_of(&ground.depth[row], part));
                     ends.shorten::<P, LEVEL>(&mut opacity, length, ground);
                 }
