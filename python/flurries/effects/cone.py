@@ -25,7 +25,7 @@ from flurries.effects.checks import (
     sizes,
 )
 from flurries.effects.color import Color
-from flurries.effects.described import Described
+from flurries.effects.composed import Composed
 from flurries.effects.double_cone import FARTHEST, DoubleCone, tile_metres
 from flurries.effects.flakes import Flakes
 from flurries.effects.knobs import preset
@@ -33,9 +33,6 @@ from flurries.effects.motion import Motion
 from flurries.effects.precipitation import Precipitation
 from flurries.effects.presets import CONE_RAIN, CONE_SNOW, ConeRainLook, ConeSnowLook
 from flurries.effects.veil import Veil
-from flurries.frame.layer import Layer
-from flurries.frame.needs import Needs
-from flurries.frame.view import Frame
 from flurries.motion.keys import Number, Vector
 from flurries.motion.wind import Wind
 
@@ -68,7 +65,7 @@ _SNOW: dict[str, Check] = {
 
 @suggesting
 @dataclass(frozen=True, kw_only=True)
-class ConeRain(metaclass=Described):
+class ConeRain(Composed):
     """Rain on a double cone: the cost of a frame does not depend on how heavy it is.
 
     Numbers marked "keyed" may vary over time: give :class:`flurries.Keys`. Lengths are metres.
@@ -197,18 +194,10 @@ class ConeRain(metaclass=Described):
             veil=Veil(self.haze, FARTHEST * self.radius),
         )
 
-    def needs(self, frame: Frame) -> Needs:
-        """Return what a frame takes: its steps, and what is left out."""
-        return self.parts.needs(frame)
-
-    def render(self, frame: Frame) -> Layer | tuple[Layer, ...]:
-        """Return the layer of a frame."""
-        return self.parts.render(frame)
-
 
 @suggesting
 @dataclass(frozen=True, kw_only=True)
-class ConeSnow(metaclass=Described):
+class ConeSnow(Composed):
     """Snow on a double cone, with flakes that sway in front.
 
     A texture falls in step; light snow jitters, and the paper leaves it to particles. So do we:
@@ -321,14 +310,6 @@ class ConeSnow(metaclass=Described):
             flakes=flakes,
             veil=Veil(self.haze, FARTHEST * self.radius),
         )
-
-    def needs(self, frame: Frame) -> Needs:
-        """Return what a frame takes: its steps, and what is left out."""
-        return self.parts.needs(frame)
-
-    def render(self, frame: Frame) -> Layer | tuple[Layer, ...]:
-        """Return the layer of a frame."""
-        return self.parts.render(frame)
 
 
 @lru_cache(maxsize=8)

@@ -7,8 +7,8 @@ from functools import cached_property, partial
 from typing import Any, ClassVar
 
 from flurries.effects.checks import DepthMode, settle
-from flurries.effects.color import LOCAL, PlacedColor
-from flurries.effects.described import Described
+from flurries.effects.color import PlacedColor
+from flurries.effects.composed import Composed
 from flurries.effects.flake_texture import FlakeTexture
 from flurries.effects.keyed import Mixture
 from flurries.effects.knobs import knobs, preset
@@ -22,9 +22,6 @@ from flurries.effects.population_looks import (
     severity_of,
 )
 from flurries.effects.precipitation import Precipitation
-from flurries.frame.layer import Layer
-from flurries.frame.needs import Needs
-from flurries.frame.view import Frame
 from flurries.light.phase import DROPS
 from flurries.motion.keys import Keys, Number, Vector, as_number
 from flurries.motion.wind import Wind
@@ -36,7 +33,7 @@ from flurries.particles.precipitation import drop_speed
     rate_mm_h=lambda value, _: rain_of_rate(rate_of(value, "rain")),
 )
 @dataclass(frozen=True, kw_only=True)
-class Rain(metaclass=Described):
+class Rain(Composed):
     """Rain, made of drops.
 
     One population fills the air: near drops are drawn as streaks, far ones are a texture of drops.
@@ -158,16 +155,3 @@ class Rain(metaclass=Described):
             optics=DROPS,
             shape="drop" if self.shape == "natural" else "round",
         )
-
-    @property
-    def lit_by_places(self) -> bool:
-        """Whether its color differs over the frame: light of that kind is mixed as light."""
-        return isinstance(self.color, str) and self.color == LOCAL
-
-    def needs(self, frame: Frame) -> Needs:
-        """Return what a frame takes: its steps, and what is left out."""
-        return self.parts.needs(frame)
-
-    def render(self, frame: Frame) -> Layer | tuple[Layer, ...]:
-        """Return the layer of a frame."""
-        return self.parts.render(frame)

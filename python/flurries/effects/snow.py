@@ -7,8 +7,8 @@ from functools import cached_property
 from typing import Any, ClassVar
 
 from flurries.effects.checks import DepthMode, settle
-from flurries.effects.color import LOCAL, PlacedColor
-from flurries.effects.described import Described
+from flurries.effects.color import PlacedColor
+from flurries.effects.composed import Composed
 from flurries.effects.flake_texture import FlakeTexture
 from flurries.effects.keyed import Mixture
 from flurries.effects.knobs import knobs, preset
@@ -22,9 +22,6 @@ from flurries.effects.population_looks import (
     snow_of_severity,
 )
 from flurries.effects.precipitation import Precipitation
-from flurries.frame.layer import Layer
-from flurries.frame.needs import Needs
-from flurries.frame.view import Frame
 from flurries.motion.keys import Keys, Number, Vector
 from flurries.motion.wind import Wind
 from flurries.particles.precipitation import snow_speed
@@ -35,7 +32,7 @@ from flurries.particles.precipitation import snow_speed
     rate_mm_h=lambda value, given: snow_of_rate(rate_of(value, "snow"), given),
 )
 @dataclass(frozen=True, kw_only=True)
-class Snow(metaclass=Described):
+class Snow(Composed):
     """Falling snow, made of flakes.
 
     One population fills the air: near flakes are drawn, far ones are a texture with the phases of
@@ -167,16 +164,3 @@ class Snow(metaclass=Described):
             depth_mode=self.depth_mode,
             shape="aggregate" if self.shape == "natural" else "round",
         )
-
-    @property
-    def lit_by_places(self) -> bool:
-        """Whether its color differs over the frame: light of that kind is mixed as light."""
-        return isinstance(self.color, str) and self.color == LOCAL
-
-    def needs(self, frame: Frame) -> Needs:
-        """Return what a frame takes: its steps, and what is left out."""
-        return self.parts.needs(frame)
-
-    def render(self, frame: Frame) -> Layer | tuple[Layer, ...]:
-        """Return the layer of a frame."""
-        return self.parts.render(frame)

@@ -12,7 +12,7 @@ from dataclasses import InitVar, dataclass
 from functools import cached_property
 from typing import Any, ClassVar
 
-from flurries._contract import Array, flag, real
+from flurries._contract import flag, real
 from flurries.effects.checks import (
     TENT,
     DepthMode,
@@ -25,7 +25,7 @@ from flurries.effects.checks import (
     sizes,
 )
 from flurries.effects.color import Color
-from flurries.effects.described import Described
+from flurries.effects.composed import Tented
 from flurries.effects.field import Field
 from flurries.effects.flakes import Flakes
 from flurries.effects.knobs import knobs, preset
@@ -35,9 +35,6 @@ from flurries.effects.precipitation import Precipitation
 from flurries.effects.presets import RAIN, TentRainLook
 from flurries.effects.texture import Texture
 from flurries.effects.veil import Veil
-from flurries.frame.layer import Layer, Light
-from flurries.frame.needs import Needs
-from flurries.frame.view import Frame
 from flurries.motion.keys import Number, Vector
 from flurries.motion.wind import Wind
 from flurries.spectral.tables import Aliasing
@@ -59,7 +56,7 @@ _CHECKS = {
     rate_mm_h=lambda value, _: rain_of_rate(rate_of(value, "rain")) | {"drops": None},
 )
 @dataclass(frozen=True, kw_only=True)
-class TentRain(metaclass=Described):
+class TentRain(Tented):
     """Rain.
 
     Numbers marked "keyed" may vary over time: give :class:`flurries.Keys`. Lengths are metres.
@@ -222,21 +219,3 @@ class TentRain(metaclass=Described):
             flakes=drops,
             veil=Veil(self.haze, field.far_depth),
         )
-
-    def needs(self, frame: Frame) -> Needs:
-        """Return what a frame takes: its steps, and what is left out."""
-        return self.parts.needs(frame)
-
-    def render(self, frame: Frame) -> Layer | tuple[Layer, ...]:
-        """Return the layer of a frame."""
-        return self.parts.render(frame)
-
-    def over(self, frame: Frame, behind: Array, light: Light) -> Array | None:
-        """Return the layer over a picture in one pass, or None where there is no such way."""
-        return self.parts.over(frame, behind, light)
-
-    def warn_ambiguous(
-        self, shape: tuple[int, int], focal: float, distance: float, index: int
-    ) -> None:
-        """Warn if two eyes see the texture half a wavelength apart or more."""
-        self.parts.texture.warn_ambiguous(shape, focal, distance, index)
