@@ -24,13 +24,19 @@ __all__ = ["join", "over", "snow"]
 
 PAPER_WHITE = 250 / 255
 
-_WORKING = {
-    "uint8": (np.uint8, np.uint8),
-    "uint16": (np.uint16, np.uint16),
-    "float16": (np.float32, np.float16),
-    "float32": (np.float32, np.float32),
-    "float64": (np.float64, np.float64),
+# What kernels read, by the dtype that came.
+_WORKING: dict[np.dtype[Any], np.dtype[Any]] = {
+    np.dtype(np.uint8): np.dtype(np.uint8),
+    np.dtype(np.uint16): np.dtype(np.uint16),
+    np.dtype(np.float16): np.dtype(np.float32),
+    np.dtype(np.float32): np.dtype(np.float32),
+    np.dtype(np.float64): np.dtype(np.float64),
 }
+
+
+def _native(dtype: np.dtype[Any]) -> np.dtype[Any]:
+    """Return the dtype with the machine's order of bytes."""
+    return dtype if dtype.isnative else dtype.newbyteorder("=")
 
 
 def _background(background: object, channels: Sequence[int]) -> tuple[Array, Array]:
@@ -39,8 +45,8 @@ def _background(background: object, channels: Sequence[int]) -> tuple[Array, Arr
         given = np.asarray(background)
     except ValueError:
         raise ValueError("background must be a rectangular array, got a ragged one") from None
-    name = given.dtype.newbyteorder("=").name
-    if name not in _WORKING:
+    working = _WORKING.get(_native(given.dtype))
+    if working is None:
         raise TypeError(
             f"background must be uint8, uint16, float16, float32 or float64, got {given.dtype}"
         )
@@ -54,12 +60,12 @@ def _background(background: object, channels: Sequence[int]) -> tuple[Array, Arr
     if 0 in planes.shape:
         raise ValueError(f"background must not be empty, got shape {given.shape}")
     warn_of_levels("background", planes, "divide it by 255")
-    return aligned(planes, _WORKING[name][0]), given
+    return aligned(planes, working), given
 
 
 def _result(given: Array, planes: Array, out: Array | None, *inputs: Array) -> tuple[Array, Array]:
     """Return the array to give back, and the (H, W, C) array that the kernel writes."""
-    kept = np.dtype(_WORKING[given.dtype.newbyteorder("=").name][1])
+    kept = _native(given.dtype)
     result = output(out, given.shape, kept, given, *inputs)
     wide = result if kept == planes.dtype else np.empty(given.shape, planes.dtype)
     return result, wide

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
 import numpy.typing as npt
 
@@ -142,20 +144,43 @@ def tile_middles(
     shape: tuple[int, int], camera: Camera, tile: tuple[int, int], overlap: int
 ) -> tuple[Float64, Float64]:
     """Return where the middles of tiles are, px from the principal point: across, and down."""
-    cx, cy = camera.principal(shape)
-    x = starts(shape[1], tile[1], overlap) + tile[1] / 2 - cx
-    y = starts(shape[0], tile[0], overlap) + tile[0] / 2 - cy
-    return np.asarray(x, np.float64), np.asarray(y, np.float64)
+    return _middles(shape, camera.principal(shape), tile, overlap)
+
+
+@lru_cache(maxsize=32)
+def _middles(
+    shape: tuple[int, int], center: tuple[float, float], tile: tuple[int, int], overlap: int
+) -> tuple[Float64, Float64]:
+    """Return the same, read-only: they are those of all frames."""
+    found = []
+    for axis in (1, 0):
+        first = starts(shape[axis], tile[axis], overlap)
+        middles = np.asarray(first + tile[axis] / 2 - center[1 - axis], np.float64)
+        middles.flags.writeable = False
+        found.append(middles)
+    return found[0], found[1]
 
 
 def drift_at(
-    x: Float64, y: Float64, displacement: Float64, camera: Camera, near: float, result: Float64
+    x: Float64,
+    y: Float64,
+    displacement: Float64,
+    camera: Camera,
+    near: float,
+    result: Float64 | None = None,
 ) -> Float64:
-    """Fill `result` (y, x, 2) with the drift of `tile_drift` at places from the principal point."""
-    p = displacement + np.array(camera.offset)
+    """Return the drift of `tile_drift` at places from the principal point, (y, x, 2) in `result`.
+
+    Without a `result` to be filled it is (1, 1, 2) where all places move alike.
+    """
+    right, down, ahead = (displacement + camera.offset).tolist()
     fx, fy = camera.focals
-    result[..., 0] = (p[2] * x - fx * p[0])[None, :] / near
-    result[..., 1] = (p[2] * y - fy * p[1])[:, None] / near
+    if result is None:
+        if ahead == 0.0:
+            return np.array([[[-fx * right / near, -fy * down / near]]])
+        result = np.empty((len(y), len(x), 2))
+    result[..., 0] = (ahead * x - fx * right)[None, :] / near
+    result[..., 1] = (ahead * y - fy * down)[:, None] / near
     return result
 
 

@@ -150,8 +150,10 @@ class Field:
             )
             shift = shift + grown
             shift_rate = grows if shift_rate is _STILL else shift_rate + grows
-        drift = drift_at(x, y, moved, camera, self.near_depth, np.empty(grid))[:, :, None]
-        velocity = drift_at(x, y, rate, camera, self.near_depth, np.empty(grid))[:, :, None]
+        # One for all tiles before a camera that does not come nearer.
+        drift, velocity = (
+            drift_at(x, y, gone, camera, self.near_depth)[:, :, None] for gone in (moved, rate)
+        )
         edges = _NONE if layout.edges is None else layout.edges
         if layout.edges is not None:
             extra = self._ring_drift(frame, x, y, layout.edges)
@@ -160,7 +162,7 @@ class Field:
             layout.warn_small()
         if band[1] > max(tile):
             warn_long(tile, band, stacklevel=4)
-        cycles = float(np.abs(drift).max()) / band[1]
+        cycles = max(float(drift.max()), -float(drift.min())) / band[1]
         if cycles > FAR:
             warn_far(cycles, stacklevel=4)
         return Request(

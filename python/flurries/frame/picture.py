@@ -178,7 +178,7 @@ def _narrow(ask: Ask, part: Window) -> Frame:
     if part == frame.window or not ask.needs.by_rows:
         return frame
     run = None if frame.run is None else replace(frame.run, key=(frame.run.key, part))
-    return replace(frame, window=part, run=run)
+    return frame.derive(window=part, run=run)
 
 
 def _by_places(ask: Ask) -> bool:

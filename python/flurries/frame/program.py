@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
@@ -215,8 +215,7 @@ class Program:
             key = (part.place, camera, window, dtype is None, *settings.values())
             kept = self._kept if self.settled else None
             run = Run({step.name: step for step in needs.steps}, kept, key, visible, settings)
-            frame = replace(
-                base,
+            frame = base.derive(
                 seed=part.seed,
                 run=run,
                 whole=dtype is None,

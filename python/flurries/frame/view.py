@@ -99,6 +99,13 @@ class Frame:
     nearer: Deep | None = field(default=None, compare=False, repr=False)
     shared: Shared | None = field(default=None, compare=False, repr=False)
 
+    def derive(self, **changes: Any) -> Frame:
+        """Return this view with other values, which `replace` does at ten times the cost."""
+        made = object.__new__(Frame)
+        made.__dict__.update(self.__dict__)
+        made.__dict__.update(changes)
+        return made
+
     def steps_of(self, effect: Any) -> Run:
         """Return what runs the steps of an effect: the plan's, or all that the effect needs."""
         if self.run is not None:
