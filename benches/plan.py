@@ -465,11 +465,13 @@ def flakes(runs: int) -> dict[str, float]:
 
 def others(runs: int) -> dict[str, float]:
     """Return nanoseconds of gas for each pixel that it covers, and of a cone for each pixel."""
-    fog = fl.Mist.preset("fog", wind=(0.3, 0.0, 0.0))
+    fog, bank = (fl.Mist.preset(name, wind=(0.3, 0.0, 0.0)) for name in ("fog", "bank"))
     asks = {}
     for name, effect, sun in (
         ("gas pixel", fog, None),
         ("lit gas pixel", fog, fl.Sun((0.3, 1.0, 0.2))),
+        ("slice pixel", bank, None),
+        ("lit slice pixel", bank, fl.Sun((0.3, 1.0, 0.2))),
         ("cone pixel", fl.ConeRain(), None),
     ):
         scene = fl.Scene((SIZE, SIZE), effects=[effect], sun=sun)

@@ -1,64 +1,12 @@
 //! Light that differs over the picture: the mean light of a plate's cells, a layer whose color lies
-//! between cells, and linear light written as bytes.
+//! between cells.
 
 use ndarray::{ArrayView2, ArrayView3, ArrayViewMut3, Axis};
 
+use super::coding::Coding;
 use crate::base::error::{Cancel, Error};
 use crate::base::pool;
-
-/// How bytes are read as linear light and written again.
-pub struct Coding<'a> {
-    /// The light of each of the 256 values.
-    pub light: &'a [f32],
-    /// The least light of each value from 1 to 255.
-    pub edges: &'a [f32],
-}
-
-/// Even steps of light by which a value is looked up first.
-const STEPS: usize = 4096;
-
-impl Coding<'_> {
-    fn check(&self) -> Result<(), Error> {
-        let sorted = self.edges.windows(2).all(|pair| pair[1] - pair[0] > 1.001 / STEPS as f32);
-        if self.light.len() == 256 && self.edges.len() == 255 && sorted {
-            Ok(())
-        } else {
-            Err(Error::Internal("no coding of bytes looks like that".into()))
-        }
-    }
-
-    /// Tables to look bytes up in.
-    fn tables(&self) -> Tables {
-        let mut tables = Tables { first: [0; STEPS + 1], edges: [f32::INFINITY; 256] };
-        tables.edges[..255].copy_from_slice(self.edges);
-        let mut level = 0;
-        for (step, first) in tables.first.iter_mut().enumerate() {
-            let light = step as f32 / STEPS as f32;
-            while level < 255 && self.edges[level] <= light {
-                level += 1;
-            }
-            *first = level as u8;
-        }
-        tables
-    }
-}
-
-/// Tables to look bytes up in.
-struct Tables {
-    /// The value at which each step of light begins: no step holds two edges, even at black.
-    first: [u8; STEPS + 1],
-    edges: [f32; 256],
-}
-
-impl Tables {
-    /// The byte of a light: clipped, NaN is 0.
-    #[inline(always)]
-    fn byte(&self, light: f32) -> u8 {
-        let light = light.clamp(0.0, 1.0);
-        let level = self.first[((light * STEPS as f32) as usize).min(STEPS)];
-        level + u8::from(self.edges[usize::from(level)] <= light)
-    }
-}
+use crate::base::simd::dispatch;
 
 /// What a cell of a plate sums up.
 pub trait Light: Copy + Sync + Send {
@@ -145,41 +93,54 @@ pub struct Grid<'a> {
     pub first: (usize, usize),
 }
 
-/// A place between two cells: the first one, and how far it is to the second.
-#[derive(Clone, Copy)]
-struct Between {
-    first: usize,
-    second: usize,
-    part: f32,
+/// Pixels between the same two cells: these, and how far each is from the first to the second.
+struct Run {
+    cells: [usize; 2],
+    parts: Vec<f32>,
 }
 
 impl Grid<'_> {
-    fn between(&self, pixel: usize, count: usize) -> Between {
+    /// The cells before and after a pixel, and its place between them.
+    fn between(&self, pixel: usize, count: usize) -> ([usize; 2], f32) {
         let last = count.saturating_sub(1);
         let place = ((pixel as f64 + 0.5) / self.cell - 0.5).clamp(0.0, last as f64);
         let first = place.floor() as usize;
-        Between { first, second: (first + 1).min(last), part: (place - first as f64) as f32 }
+        ([first, (first + 1).min(last)], (place - first as f64) as f32)
     }
 
-    fn across(&self, width: usize) -> Vec<Between> {
+    fn across(&self, width: usize) -> Vec<Run> {
         let count = self.colors.dim().1;
-        (0..width).map(|x| self.between(self.first.1 + x, count)).collect()
+        let mut runs: Vec<Run> = Vec::new();
+        for x in 0..width {
+            let (cells, part) = self.between(self.first.1 + x, count);
+            match runs.last_mut() {
+                Some(run) if run.cells == cells => run.parts.push(part),
+                _ => runs.push(Run { cells, parts: vec![part] }),
+            }
+        }
+        runs
     }
 
     /// The colors of a row of pixels of the layer.
-    fn row(&self, row: usize, across: &[Between], line: &mut Vec<[f32; 3]>, out: &mut [[f32; 3]]) {
+    fn row(&self, row: usize, across: &[Run], line: &mut Vec<[f32; 3]>, out: &mut [[f32; 3]]) {
         let (rows, columns, _) = self.colors.dim();
-        let at = self.between(self.first.0 + row, rows);
+        if rows == 1 && columns == 1 && !line.is_empty() {
+            // One color: that of the row before.
+            return;
+        }
+        let ([above, below], part) = self.between(self.first.0 + row, rows);
         line.clear();
         line.extend((0..columns).map(|column| {
             std::array::from_fn(|channel| {
-                let low = self.colors[[at.first, column, channel]];
-                low + at.part * (self.colors[[at.second, column, channel]] - low)
+                let low = self.colors[[above, column, channel]];
+                low + part * (self.colors[[below, column, channel]] - low)
             })
         }));
-        for (out, at) in out.iter_mut().zip(across) {
-            let (low, high) = (line[at.first], line[at.second]);
-            *out = std::array::from_fn(|c| low[c] + at.part * (high[c] - low[c]));
+        let mut rest = out;
+        for run in across {
+            let (pixels, after) = rest.split_at_mut(run.parts.len());
+            blend(pixels, &run.parts, line[run.cells[0]], line[run.cells[1]]);
+            rest = after;
         }
     }
 
@@ -190,6 +151,21 @@ impl Grid<'_> {
         }
         Ok(())
     }
+}
+
+#[inline(always)]
+fn blend_with<const LEVEL: u8>(out: &mut [[f32; 3]], parts: &[f32], low: [f32; 3], high: [f32; 3]) {
+    let step = [high[0] - low[0], high[1] - low[1], high[2] - low[2]];
+    for (out, &part) in out.iter_mut().zip(parts) {
+        for c in 0..3 {
+            out[c] = low[c] + part * step[c];
+        }
+    }
+}
+
+dispatch! {
+    /// Colors between two.
+    fn blend(out: &mut [[f32; 3]], parts: &[f32], low: [f32; 3], high: [f32; 3]) = blend_with
 }
 
 /// What is laid over a picture.
@@ -209,7 +185,10 @@ pub fn over(
     lit: &Lit<'_>,
     cancel: &Cancel,
 ) -> Result<(), Error> {
-    laid(out, back, lit, cancel, |value| value, |light| light)
+    laid(out, back, lit, cancel, |out, back, layer| {
+        out.copy_from_slice(back);
+        layer.over(out);
+    })
 }
 
 /// Lays it over bytes, in linear light.
@@ -220,11 +199,56 @@ pub fn over_bytes(
     coding: &Coding<'_>,
     cancel: &Cancel,
 ) -> Result<(), Error> {
-    coding.check()?;
-    let tables = coding.tables();
-    let mut lights = [0.0_f32; 256];
-    lights.copy_from_slice(coding.light);
-    laid(out, back, lit, cancel, |value: u8| lights[usize::from(value)], |light| tables.byte(light))
+    let tables = coding.tables()?;
+    laid(out, back, lit, cancel, |out, back, layer| {
+        // A few pixels at a time, which stay in the cache.
+        let mut light = [0.0_f32; 3 * PIXELS];
+        for (part, (out, back)) in
+            out.chunks_mut(3 * PIXELS).zip(back.chunks(3 * PIXELS)).enumerate()
+        {
+            let light = &mut light[..out.len()];
+            tables.decode(light, back);
+            layer.from(part * PIXELS).over(light);
+            tables.encode(out, light);
+        }
+    })
+}
+
+/// Pixels of a row that are read, mixed and written at a time.
+const PIXELS: usize = 256;
+
+/// A layer along a row of pixels, or from one of them on.
+struct Along<'a> {
+    alpha: &'a [f32],
+    colors: &'a [[f32; 3]],
+    glow: Option<&'a [[f32; 3]]>,
+}
+
+impl Along<'_> {
+    fn from(&self, x: usize) -> Along<'_> {
+        Along {
+            alpha: &self.alpha[x..],
+            colors: &self.colors[x..],
+            glow: self.glow.map(|glow| &glow[x..]),
+        }
+    }
+
+    /// Lays it over linear light. What nothing lies over keeps its bits.
+    fn over(&self, light: &mut [f32]) {
+        let (light, _) = light.as_chunks_mut::<3>();
+        let pixels = light.iter_mut().zip(self.alpha).zip(self.colors);
+        for (x, ((light, &cover), color)) in pixels.enumerate() {
+            let more = self.glow.map_or([0.0; 3], |glow| glow[x]);
+            if cover == 0.0 && more == [0.0; 3] {
+                continue;
+            }
+            for c in 0..3 {
+                // Where it is opaque what is behind may be anything, NaN too.
+                let through = if cover == 1.0 { 0.0 } else { (1.0 - cover) * light[c] };
+                light[c] = through + (cover * color[c] + more[c]);
+            }
+        }
+    }
 }
 
 fn laid<S: Copy + Send + Sync>(
@@ -232,8 +256,7 @@ fn laid<S: Copy + Send + Sync>(
     back: ArrayView3<'_, S>,
     lit: &Lit<'_>,
     cancel: &Cancel,
-    read: impl Fn(S) -> f32 + Sync,
-    write: impl Fn(f32) -> S + Sync,
+    lay: impl Fn(&mut [S], &[S], &Along<'_>) + Sync,
 ) -> Result<(), Error> {
     let (height, width, channels) = out.dim();
     let same = back.dim() == out.dim() && lit.alpha.dim() == (height, width) && channels == 3;
@@ -250,27 +273,15 @@ fn laid<S: Copy + Send + Sync>(
         for (row, mut out) in band.outer_iter_mut().enumerate() {
             let row = 32 * number + row;
             lit.grid.row(row, &across, &mut line, &mut colors);
-            let out = out.as_slice_mut().ok_or_else(layout)?;
-            let back = back.index_axis_move(Axis(0), row);
-            let back = back.to_slice().ok_or_else(layout)?;
-            let alpha = lit.alpha.index_axis(Axis(0), row);
+            let alpha = lit.alpha.index_axis_move(Axis(0), row);
+            let alpha = alpha.to_slice().ok_or_else(layout)?;
             let glow = lit.glow.map(|glow| glow.index_axis_move(Axis(0), row));
             let glow = glow.as_ref().map(|glow| glow.to_slice().ok_or_else(layout)).transpose()?;
-            let pixels = out.chunks_exact_mut(3).zip(back.chunks_exact(3));
-            for (x, (out, back)) in pixels.enumerate() {
-                let cover = alpha[x];
-                let more = glow.map_or([0.0; 3], |g| [g[3 * x], g[3 * x + 1], g[3 * x + 2]]);
-                if cover == 0.0 && more == [0.0; 3] {
-                    // What nothing lies over keeps its bits.
-                    out.copy_from_slice(back);
-                    continue;
-                }
-                for c in 0..3 {
-                    let light = cover * colors[x][c] + more[c];
-                    let through = if cover == 1.0 { 0.0 } else { (1.0 - cover) * read(back[c]) };
-                    out[c] = write(through + light);
-                }
-            }
+            let glow = glow.map(|glow| glow.as_chunks::<3>().0);
+            let back = back.index_axis_move(Axis(0), row);
+            let back = back.to_slice().ok_or_else(layout)?;
+            let along = Along { alpha, colors: &colors, glow };
+            lay(out.as_slice_mut().ok_or_else(layout)?, back, &along);
         }
         Ok(())
     })
@@ -323,51 +334,10 @@ pub fn add_behind(
     })
 }
 
-/// Writes linear light as bytes.
-pub fn bytes(
-    out: &mut [u8],
-    light: &[f32],
-    coding: &Coding<'_>,
-    cancel: &Cancel,
-) -> Result<(), Error> {
-    coding.check()?;
-    if out.len() != light.len() {
-        return Err(Error::Internal("bytes and light differ in number".into()));
-    }
-    let tables = coding.tables();
-    let tasks: Vec<_> = out.chunks_mut(1 << 16).zip(light.chunks(1 << 16)).collect();
-    pool::for_each(tasks, |(out, light)| {
-        cancel.check()?;
-        for (out, &light) in out.iter_mut().zip(light) {
-            *out = tables.byte(light);
-        }
-        Ok(())
-    })
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
     use ndarray::{Array2, Array3};
-
-    fn coding() -> (Vec<f32>, Vec<f32>) {
-        let law = |v: f32| if v < 0.04 { v / 12.92 } else { ((v + 0.055) / 1.055).powf(2.4) };
-        let light: Vec<f32> = (0..256).map(|v| law(v as f32 / 255.0)).collect();
-        let edges = (0..255).map(|v| law((v as f32 + 0.5) / 255.0)).collect();
-        (light, edges)
-    }
-
-    #[test]
-    fn bytes_survive_their_light() {
-        let (light, edges) = coding();
-        let coding = Coding { light: &light, edges: &edges };
-        let mut out = vec![7_u8; 256];
-        bytes(&mut out, &light, &coding, &Cancel::new()).unwrap();
-        assert!(out.iter().enumerate().all(|(value, &byte)| value == usize::from(byte)));
-        let mut odd = vec![9_u8; 3];
-        bytes(&mut odd, &[f32::NAN, -1.0, f32::INFINITY], &coding, &Cancel::new()).unwrap();
-        assert_eq!(odd, [0, 0, 255]);
-    }
 
     #[test]
     fn an_even_grid_is_one_color() {

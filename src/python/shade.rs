@@ -7,7 +7,8 @@ use pyo3::prelude::*;
 use super::frame::Picture;
 use super::gate;
 use crate::base::error::Error;
-use crate::frame::shade::{self, Coding, Grid, Lit};
+use crate::frame::coding::{self, Coding};
+use crate::frame::shade::{self, Grid, Lit};
 
 /// Colors at the middles of cells: (colors, side of a cell, first row, first column).
 type Shade<'py> = (PyReadonlyArray3<'py, f32>, f64, usize, usize);
@@ -132,5 +133,5 @@ pub fn encode_bytes(
 ) -> PyResult<()> {
     let coding = Coding { light: light.as_slice()?, edges: edges.as_slice()? };
     let (out, values) = (out.as_slice_mut()?, values.as_slice()?);
-    gate::run(py, 3.0 * values.len() as f64, |cancel| shade::bytes(out, values, &coding, cancel))
+    gate::run(py, 3.0 * values.len() as f64, |cancel| coding::bytes(out, values, &coding, cancel))
 }

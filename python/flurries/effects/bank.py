@@ -35,6 +35,9 @@ HALVES = 2
 # A bank's density is a Gaussian with this many sigma to a side of its box, and ends at 1.5 sides.
 SIGMAS = 3.6
 
+# Pixels of the cells in which the sun's light is found.
+CELL = 16
+
 # The sine of the lowest sun: light that comes in flatter takes no longer way through mist.
 LOWEST = 0.1
 
@@ -101,7 +104,8 @@ class Bank:
     def cost(self, frame: Frame, *, lit: bool) -> Cost:
         """Return what a frame's slices take."""
         slices, pixels = len(self._edges(frame)) - 1, frame.shape[0] * frame.shape[1]
-        work = {"gas pixel": (4.0 if lit else 2.5) * slices * pixels, "mask pixel": float(pixels)}
+        name = "lit slice pixel" if lit else "slice pixel"
+        work = {name: float(slices * pixels), "mask pixel": float(pixels)}
         return Cost(work, f"{slices} slices", 4 * pixels, 40 * pixels)
 
     def _whole(
@@ -144,7 +148,7 @@ class Bank:
 
     def _lit(self, frame: Frame, extinction: float, base: Base | None) -> tuple[Array, Array]:
         """Return opacity and light where the sun lights it, as bright as `base`, or lamps do."""
-        slopes, grid = _Rays.of(frame).slopes, _Rays.coarse(frame)
+        slopes, grid = _Rays.of(frame).slopes, _Rays.cells(frame)
         through = np.ones(frame.shape, np.float32)
         light = np.zeros((*frame.shape, 3), np.float32)
         phase = None if base is None else self._phase(frame, grid)
@@ -218,17 +222,16 @@ class Bank:
         reaches = np.exp((self.scatter.forward - 1.0) * way) * phase
         white = (1.0 - sun.ambient) * srgb_to_linear(np.asarray(sun.color, np.float64))
         colors = sun.ambient * base.dim + reaches[..., None] * (white * base.sunny)
-        inside = colors[MARGIN:-MARGIN, MARGIN:-MARGIN]
-        return Shade(np.ascontiguousarray(inside, np.float32), float(COARSE), (0, 0))
+        return Shade(colors.astype(np.float32), float(CELL), (0, 0))
 
     def _sunward(self, frame: Frame, rays: _Rays, depth: float) -> Array:
-        """Return the way of the sun's light to a depth through the mean gas, on the coarse grid.
+        """Return the way of the sun's light to a depth through the mean gas, (rows, columns).
 
         In metres of gas of the extinction. What the structure adds evens out along the way: a lump
         that shaded itself would be a dark hole in a bright cloud.
         """
         assert frame.sun is not None
-        sun, way = frame.sun.unit(), np.zeros(coarse_shape(frame), np.float32)
+        sun, way = frame.sun.unit(), np.zeros((len(rays.y), rays.x.size), np.float32)
         if self.center is not None:
             # Through a Gaussian it is the tail of the normal law over its density (Mills' ratio).
             slant = -sun * SIGMAS / np.array(self.sides)
@@ -280,6 +283,12 @@ class _Rays:
     def coarse(frame: Frame) -> _Rays:
         """Return those of the coarse samples."""
         down, across = ((np.arange(count) - MARGIN + 0.5) * COARSE for count in coarse_shape(frame))
+        return _Rays._at(frame, down, across)
+
+    @staticmethod
+    def cells(frame: Frame) -> _Rays:
+        """Return those of the cells in which the sun's light is found."""
+        down, across = ((np.arange(-(-side // CELL)) + 0.5) * CELL for side in frame.shape)
         return _Rays._at(frame, down, across)
 
     @staticmethod

@@ -335,6 +335,11 @@ class Mist(metaclass=Described):
         density = float(value_at(self.amount, t)) * self.particle_density(t)
         return gas.extinction(self.particles_in_box(), self._volume, self.radius, density)
 
+    @property
+    def lit_by_places(self) -> bool:
+        """Whether it has the light of its picture: that is mixed as light."""
+        return isinstance(self.color, str) and self.color == LOCAL
+
     def needs(self, frame: Frame) -> Needs:
         """Return what a frame takes: one step, "gas", or "lit gas" with its colors and a sort."""
         cloud, density = self.parts, self.particle_density(frame.t)
@@ -424,6 +429,8 @@ class Mist(metaclass=Described):
             layer = Layer(self.NAME, alpha, rgb=light)
         elif light is not None:
             layer = Layer(self.NAME, alpha, color, shade=even_shade(frame, color), glow=light)
+        elif local:
+            layer = Layer(self.NAME, alpha, color, shade=even_shade(frame, color))
         else:
             layer = Layer(self.NAME, alpha, color)
         if not frame.whole:

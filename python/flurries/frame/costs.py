@@ -38,6 +38,9 @@ NANOSECONDS: dict[str, tuple[str, float]] = {
     "gas placed": ("kernel", 100.0),
     "gas pixel": ("kernel", 6.05),
     "lit gas pixel": ("kernel", 6.3),
+    # ... with structure, each pixel of a slice.
+    "slice pixel": ("kernel", 3.9),
+    "lit slice pixel": ("kernel", 12.0),
     # The four layers of a double cone, for each pixel.
     "cone pixel": ("kernel", 4.5),
     # Planes and pictures, for each pixel.
