@@ -36,7 +36,7 @@ HALVES = 2
 SIGMAS = 3.6
 
 # Pixels of the cells in which the sun's light is found.
-CELL = 16
+CELL = 8
 
 # The sine of the lowest sun: light that comes in flatter takes no longer way through mist.
 LOWEST = 0.1
