@@ -143,6 +143,8 @@ def test_the_side_to_the_sun_is_bright_by_the_gas_before_it():
     peak = 3.6**3 / (2.0 * np.pi) ** 1.5
     before = cloud.extinction() * peak * np.exp(-0.5 * squared).sum(axis=2) * (s[1] - s[0])
     inside = found.alpha > 0.1 * found.alpha.max()
+    # Beyond the outermost cells' middles the light is theirs.
+    inside[:, :4] = inside[:, -4:] = False
     light = found.image[..., 0][inside] / found.alpha[inside]
     np.testing.assert_allclose(light, np.exp(-before)[inside], atol=0.02)
     assert light.min() < 0.1 and light.max() > 0.7

@@ -10,14 +10,14 @@ import numpy as np
 from flurries import gas
 from flurries._contract import Float64
 
-# Asymmetry of snow's crystals and aggregates in visible light: Räisänen et al. 2015 (The Cryosphere
-# 9, 1277) find 0.77 to 0.78 for a habit mix that matches measured blowing snow, Kokhanovsky and
-# Zege 2004 (Applied Optics 43, 1589) 0.75 for fractal grains.
+# Asymmetry of snow's crystals and aggregates in visible light, a choice of ours that is less than
+# that of drops, since rough crystals scatter wider: "Parameterization of single-scattering properties of snow",
+# Räisänen et al. 2015 (The Cryosphere 9, 1277), fits rough droxtals, aggregates of plates and
+# distorted fractals to angular measurements of blowing snow.
 SNOW = 0.76
 
-# Of water drops much larger than a wavelength, without the diffraction peak, which goes on straight
-# ahead with what it was taken from: geometric optics at an index of 1.33 (van de Hulst 1957,
-# section 12.34).
+# Of water drops, a choice of ours: cloud droplets have some .85 in visible light ("Asymmetry
+# factor", Glossary of Meteorology, American Meteorological Society), larger ones a little more.
 WATER = 0.87
 
 
@@ -36,7 +36,9 @@ class Optics(NamedTuple):
     albedo: float
 
 
-# What fresh snow sends back of the light that falls on it (Warren 1982, Reviews of Geophysics 20).
+# Ice hardly absorbs visible light: pure snow sends back .96 to .99 of it, with soot down to .15
+# less (Warren and Wiscombe 1980, "A model for the spectral albedo of snow. II", J. Atmos. Sci. 37,
+# 2734). A flake's .9 is a choice of ours among these.
 FLAKES = Optics(SNOW, 0.9)
 DROPS = Optics(WATER, 1.0)
 

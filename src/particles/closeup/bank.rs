@@ -3,8 +3,9 @@
 //! Crystals are flat six-armed dendrites of random directions. One after the other they stick to the
 //! aggregate where a random point of it touches a random point of the crystal: cluster on crystal, as in
 //! Westbrook, Ball, Field and Heymsfield 2004 (Geophys. Res. Lett. 31, L15104), whose aggregates have a
-//! fractal dimension near 2 and a projected aspect ratio of .6 to .7; the camera of Garrett and Yuter
-//! 2014 (Geophys. Res. Lett. 41, 6515) finds .6 on average. What a ray passes of ice makes a silhouette
+//! fractal dimension near 2 and a mean projected aspect ratio of .6; Korolev and Isaac 2003, Brandes et al.
+//! 2007 and Garrett et al. 2015 observe .6 to .8 (so compared in J. Atmos. Sci. 76, 2019,
+//! JAS-D-19-0066). Which crystals, how many and how opaque is a choice of ours. What a ray passes of ice makes a silhouette
 //! translucent at its rim. All views of an aggregate have the area of a disc of its diameter.
 
 use std::sync::OnceLock;
