@@ -11,9 +11,9 @@ from flurries import gas
 from flurries._contract import Float64
 
 # Asymmetry of snow's crystals and aggregates in visible light, a choice of ours that is less than
-# that of drops, since rough crystals scatter wider: "Parameterization of single-scattering properties of snow",
-# Räisänen et al. 2015 (The Cryosphere 9, 1277), fits rough droxtals, aggregates of plates and
-# distorted fractals to angular measurements of blowing snow.
+# that of drops, since rough crystals scatter wider: Räisänen et al. 2015, "Parameterization of
+# single-scattering properties of snow" (The Cryosphere 9, 1277), fit rough droxtals, aggregates of
+# plates and distorted fractals to angular measurements of blowing snow.
 SNOW = 0.76
 
 # Of water drops, a choice of ours: cloud droplets have some .85 in visible light ("Asymmetry
