@@ -1,9 +1,8 @@
 """What whole frames cost with layers, with a scene's depth and for a second eye: ratios in one run.
 
-    python benches/layers.py [--rounds N] [--against FOLDER]
+    python benches/layers.py [--rounds N]
 
-Scenes of 1024 x 768 on one thread, in processor time, the least of many turns. `--against` runs the
-same with another tree's package (its folder `python`), and prints a column more.
+Scenes of 1024 x 768 on one thread, in processor time, the least of many turns.
 """
 
 from __future__ import annotations
@@ -76,32 +75,21 @@ def measured(rounds: int) -> dict[str, list[float]]:
     }
 
 
-def elsewhere(folder: str, rounds: int) -> dict[str, list[float]]:
-    """Return the ratios that another tree's package has."""
+def table(rounds: int) -> list[str]:
+    """Return the lines of a table, measured in a process of its own."""
+    # In this one NumPy's matrix products would wake other threads.
     code = f"import json, layers; print(json.dumps(layers.measured({rounds})))"
-    paths = os.pathsep.join([folder, str(Path(__file__).resolve().parent)])
-    environment = {**os.environ, "PYTHONPATH": paths, "OPENBLAS_NUM_THREADS": "1"}
-    command = [sys.executable, "-c", code]
-    done = subprocess.run(command, env=environment, capture_output=True, text=True, check=True)
-    found: dict[str, list[float]] = json.loads(done.stdout)
-    return found
-
-
-def table(rounds: int, against: str | None = None) -> list[str]:
-    """Return the lines of a table; in brackets what another tree has."""
-    # A process of its own, in which NumPy's matrix products wake no other thread.
-    here = elsewhere(str(Path(fl.__file__).parents[1]), rounds)
-    other = elsewhere(against, rounds) if against else {}
+    environment = {**os.environ, "OPENBLAS_NUM_THREADS": "1"}
+    done = subprocess.run(
+        [sys.executable, "-c", code], env=environment, cwd=Path(__file__).parent,
+        capture_output=True, text=True, check=True,
+    )  # fmt: skip
     lines = [
         "| scene | ms | `layers=True` | with depth | both eyes | both eyes, with depth |",
         "| --- | --- | --- | --- | --- | --- |",
     ]
-    for name, found in here.items():
-        cells = [
-            f"{value:.2f}" + (f" ({other[name][k]:.2f})" if name in other else "")
-            for k, value in enumerate(found)
-        ]
-        lines.append(f"| {name} | {' | '.join(cells)} |")
+    for name, found in json.loads(done.stdout).items():
+        lines.append(f"| {name} | {' | '.join(f'{value:.2f}' for value in found)} |")
     return lines
 
 
@@ -109,9 +97,8 @@ def main() -> None:
     """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--rounds", type=int, default=12)
-    parser.add_argument("--against")
     options = parser.parse_args()
-    print("\n".join(table(options.rounds, options.against)))
+    print("\n".join(table(options.rounds)))
 
 
 if __name__ == "__main__":

@@ -1,9 +1,9 @@
 """Writes docs/internals/performance.md: what a frame costs, by size and by what a machine can do.
 
-    python benches/performance.py [--runs N] [--against FOLDER] [--native] [--page PAGE]
+    python benches/performance.py [--runs N] [--against TREE] [--native] [--page PAGE]
 
 Each instruction set runs in a process of its own; rows of one table come from one run. `--against`
-measures another tree's package (its folder `python`), too, and prints its figures in brackets.
+measures another tree, by its own bench, and prints its figures in brackets.
 `--native` also builds the kernels for this processor alone and compares: three minutes more.
 """
 
@@ -49,6 +49,8 @@ def rows(one: Times, two: Times) -> list[tuple[str, float]]:
     hybrid = "30,000 discs, texture and uint8 composite"
     plain = "scene: plain texture, uint8 RGB"
     return [
+        *((f"{name}, ms", one[name][0]) for name in (texture, discs, hybrid)),
+        ("texture, two threads, ms", two[texture][0]),
         ("texture / copy of the alpha, warm", ratio(texture, speed.COPY)),
         ("texture / copy of the alpha, warm, two threads", ratio(texture, speed.COPY, two)),
         ("texture / copy of the alpha, cold", ratio(texture, speed.COLD)),
@@ -328,8 +330,10 @@ def page(options: argparse.Namespace) -> str:
         measured = measured or one
         old = {}
         if options.against:
-            given = max(options.runs // 2, 2), options.against
-            old = dict(rows(*(speed.measured(level, threads, *given) for threads in (1, 2))))
+            given = options.runs, options.against
+            before, both = (speed.measured(level, threads, *given) for threads in (1, 2))
+            # One floor for both.
+            old = dict(rows({**before, speed.COLD: one[speed.COLD]}, both))
         lines += [
             "",
             f"### {level}",
@@ -365,7 +369,7 @@ def page(options: argparse.Namespace) -> str:
         "1024 x 768 over uint8, one thread, processor time: a frame in milliseconds, and over it",
         "the same with layers, before a depth, and for both eyes (`python benches/layers.py`).",
         "",
-        *layers.table(max(options.runs // 3, 3), options.against),
+        *layers.table(max(options.runs // 3, 3)),
     ]
     found = sweeps(max(options.runs // 3, 3))
     picture = ROOT / "docs" / "images" / "performance.png" if options.page else None

@@ -145,17 +145,16 @@ def timed(calls: Calls, runs: int, *, warm: int = 2) -> dict[str, tuple[float, f
     return {name: (min(values), statistics.median(values)) for name, values in times.items()}
 
 
-def measured(
-    level: str, threads: int, runs: int, folder: str = ""
-) -> dict[str, tuple[float, float]]:
+def measured(level: str, threads: int, runs: int, tree: str = "") -> dict[str, tuple[float, float]]:
     """Return the times of one instruction set, from a process that has only that.
 
-    Of the package in `folder`, another tree's, if one is given.
+    Of another tree, by its own bench, if its root is given.
     """
-    command = [sys.executable, __file__, "--one", str(threads), "--runs", str(runs)]
+    script = f"{tree}/benches/speed.py" if tree else __file__
+    command = [sys.executable, script, "--one", str(threads), "--runs", str(runs)]
     environment = {**os.environ, "FLURRIES_SIMD": level, "OPENBLAS_NUM_THREADS": "1"}
-    if folder:
-        environment["PYTHONPATH"] = folder
+    if tree:
+        environment["PYTHONPATH"] = f"{tree}/python"
     done = subprocess.run(command, env=environment, check=True, capture_output=True, text=True)
     found: dict[str, tuple[float, float]] = json.loads(done.stdout)
     return found
