@@ -241,10 +241,9 @@ def test_every_flake_has_the_disparity_of_its_depth(kind: str):
     picture = np.zeros(shape, np.uint8)
     _, _, *layers = weather.pair(picture, picture, index=0, distance=apart, return_layer=True)
     for eye, layer in zip(eyes, layers, strict=True):
-        left = 1.0
-        for plane in eye.planes():
-            left = left * (1.0 - plane.astype(np.float64))
-        assert np.abs(1.0 - left - layer[..., 3]).max() < 1e-5
+        whole = np.empty(shape, np.float32)
+        eye.join(whole)
+        assert np.abs(whole - layer[..., 3]).max() < 1e-5
 
 
 def test_the_texture_of_two_eyes_has_its_disparity():
@@ -541,7 +540,8 @@ def test_flakes_stay_behind_what_is_nearer():
     assert more == pytest.approx(1.0 / (0.5 + 0.5 * 1.3 / 9.3), rel=0.02)
     many = replace(air, falling=replace(air.falling, depth=more * air.falling.depth))
     dense = many.alpha(view, snow._distances(200.0, view), time=0.0, veil=0.0)
-    assert np.allclose(half[:, 66:], dense[:, 66:], atol=1e-5)
+    # Layers by themselves and all at once are kept in 16 bits each.
+    assert np.allclose(half[:, 66:], dense[:, 66:], atol=2e-4)
     assert half[:, :62].mean() < 0.5 * dense[:, :62].mean()
 
 

@@ -10,6 +10,9 @@ import numpy as np
 import pytest
 
 import flurries as fl
+from flurries import _core
+from flurries.augment import sheets
+from flurries.augment.air import Here
 from flurries.augment.flakes import NEAREST, Cloud, Flakes, flakes_at
 from twin_particles import mix64
 
@@ -120,3 +123,52 @@ def test_there_are_none_of_too_few():
     few = Cloud(density=1e-6, **ALL, sizes=(0.01, 0.3), opacity=0.8)
     arguments = {"seed": 1, "velocity": np.zeros(3), "time": 0.0, "exposure": 0.0, "eyes": 0.0}
     assert flakes_at(few, SHAPE, fl.Camera(300.0), **arguments) is None
+
+
+@pytest.mark.parametrize("kind", ["Snowfall", "Rainfall"])
+def test_a_sheet_goes_on_at_its_ends(kind: str):
+    """What a row or column differs by from the next is at the ends as it is within."""
+    weather = getattr(fl.augment, kind)(severity=4, seed=1, wind=1.0)
+    here = Here(weather._air(weather.record(index=0)), view := weather._view((250, 300)),
+                weather._distances(None, view), 0.0)  # fmt: skip
+    assert here.part is not None
+    for layer in (None, 0):
+        plane = here.part.sheet(layer).values.astype(float)
+        for axis in (0, 1):
+            steps = np.abs(plane - np.roll(plane, 1, axis)).mean(1 - axis)
+            assert steps[0] < 1.5 * steps[1:].mean(), (layer, axis)
+
+
+def test_layers_of_sheets_are_their_sum_and_nothing_depends_on_what_is_kept():
+    weather = fl.augment.Rainfall(severity=4, seed=1)
+    dark = np.zeros((96, 130))
+    first = weather(dark, index=5)
+    sheets._KEPT.clear()
+    assert (weather(dark, index=5) == first).all()
+    here = Here(weather._air(weather.record(index=5)), view := weather._view(dark.shape),
+                weather._distances(None, view), 0.0)  # fmt: skip
+    assert here.part is not None
+    planes = [np.empty(dark.shape, np.float32) for _ in range(2)]
+    _core.sheet_fall(planes[0], [here.part.read()])
+    _core.sheet_fall(planes[1], [here.part.read(k) for k in range(3)])
+    # Each is kept in 16 bits.
+    assert np.abs(planes[0] - planes[1]).max() < 2e-4 < planes[0].std()
+
+
+@pytest.mark.parametrize("wind", [-2.0, 2.0])
+def test_streaks_of_sheets_lie_along_the_wind(wind: float):
+    """The long axis of how alike a place and those around it are."""
+    weather = fl.augment.Rainfall(severity=4, wind=wind, fall=6.0, exposure=0.03, seed=2)
+    here = Here(weather._air(weather.record(index=0)), view := weather._view((256, 256)),
+                weather._distances(None, view), 0.0)  # fmt: skip
+    assert here.part is not None
+    plane = np.empty((256, 256), np.float32)
+    _core.sheet_fall(plane, [here.part.read()])
+    power = np.abs(np.fft.rfft2(plane - plane.mean(), s=(512, 512))) ** 2
+    alike = np.fft.fftshift(np.fft.irfft2(power))[216:297, 216:297]
+    alike = np.where(alike > 0.15 * alike.max(), alike, 0.0)
+    y, x = np.mgrid[-40:41, -40:41]
+    across, down, both = ((alike * part).sum() for part in (x * x, y * y, x * y))
+    angle = 0.5 * math.atan2(2.0 * both, down - across)
+    # Half of a step of directions, and what one sheet of so few streaks differs by.
+    assert angle == pytest.approx(math.atan2(wind, 6.0), abs=0.05 + 0.02)

@@ -88,6 +88,7 @@ __all__ = [
     "shade_behind",
     "shade_light",
     "shade_over",
+    "sheet_fall",
     "smooth",
     "snow",
     "snowfall",
@@ -219,6 +220,16 @@ def volume(out: _Array, film: Film, times: _Float64) -> int: ...
 def snow(out: _Array, background: _Array, alpha: _Array, intensity: list[float]) -> None: ...
 def over(out: _Array, background: _Array, layer: _Array) -> None: ...
 def join(out: _Array, layers: list[_Array], haze: float, matte: _Array | None = None) -> None: ...
+
+_Sheet = tuple[_Array, tuple[int, int], tuple[bool, bool], tuple[float, float], _Array | None]
+
+def sheet_fall(
+    out: _Array,
+    sheets: list[_Sheet],
+    drawn: tuple[_Array, int] | None = None,
+    veil: _Array | None = None,
+    haze: float = 0.0,
+) -> None: ...
 def plate_cells(out: _Array, picture: _Array, table: _Array, cell: int) -> None: ...
 def shade_over(
     out: _Array,
@@ -352,8 +363,8 @@ def particle_crossing(
     parts: _Array,
     seed: int,
     stream: int,
-    depths: list[float],
-    sums: list[float],
+    depths: _Float64,
+    sums: _Float64,
     view: tuple[float, float, float, float, float],
     way: tuple[float, float],
     sway: tuple[float, float],

@@ -6,4 +6,5 @@ pub mod mix;
 pub mod onepass;
 pub mod sample;
 pub mod shade;
+pub mod sheet;
 pub mod veil;

@@ -1,6 +1,6 @@
 //! Flakes of the weather for data sets.
 
-use numpy::PyReadwriteArray2;
+use numpy::{PyReadonlyArray1, PyReadwriteArray2};
 use pyo3::prelude::*;
 
 use super::gate;
@@ -18,8 +18,8 @@ pub fn particle_crossing(
     mut parts: PyReadwriteArray2<'_, f64>,
     seed: i64,
     stream: i64,
-    depths: Vec<f64>,
-    sums: Vec<f64>,
+    depths: PyReadonlyArray1<'_, f64>,
+    sums: PyReadonlyArray1<'_, f64>,
     view: (f64, f64, f64, f64, f64),
     way: [f64; 2],
     sway: (f64, f64),
@@ -28,12 +28,13 @@ pub fn particle_crossing(
     fade: (f64, f64),
 ) -> PyResult<usize> {
     let (width, height, focal, room, soft) = view;
+    let (depths, sums) = (depths.as_slice()?, sums.as_slice()?);
     let (points, parts) = (points.as_array_mut(), parts.as_array_mut());
     // Some 50 ns for each.
     gate::run(py, 50.0 * points.nrows() as f64, move |cancel| {
         let law = Crossing {
-            depths: &depths,
-            sums: &sums,
+            depths,
+            sums,
             size: [width, height],
             focal,
             room: (room, soft),

@@ -20,6 +20,7 @@ mod particles;
 mod random;
 mod scan;
 mod shade;
+mod sheet;
 mod spectral;
 mod threads;
 mod volume;
@@ -68,6 +69,8 @@ mod core {
     use super::scan::{all_finite, all_within};
     #[pymodule_export]
     use super::shade::{encode_bytes, plate_cells, shade_behind, shade_light, shade_over};
+    #[pymodule_export]
+    use super::sheet::sheet_fall;
     #[pymodule_export]
     use super::spectral::{
         FieldBands, advance_phase, band_amplitude, blend_tiles, field, field_bands, field_take,

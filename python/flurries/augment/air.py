@@ -5,6 +5,7 @@ from __future__ import annotations
 import threading
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -12,10 +13,11 @@ from flurries import _core
 from flurries._contract import Array, Float64
 from flurries.augment.calibration import extinction
 from flurries.augment.distance import Distances
-from flurries.augment.falling import Falling
+from flurries.augment.falling import Falling, before
 from flurries.augment.flakes import NEAREST, Flakes, flakes_at
 from flurries.augment.patches import Patches
-from flurries.augment.texture import Texture, reach_of, texture_of, tile_of
+from flurries.augment.sheets import Part, part_of
+from flurries.augment.texture import Texture, base_of, texture_of, tile_of
 from flurries.camera.lens import Camera
 from flurries.spectral.flakes import Request
 
@@ -94,18 +96,14 @@ class Air:
         if self.loss <= 0.0:
             return np.zeros(view.shape, np.float32)
         here = Here(self, view, distances, time, fps)
-        thick = here.extinction if veil is None else veil
-        planes = here.planes()
-        haze, plane = here.veil(thick)
-        if plane is not None:
-            planes.append(plane)
-        if not planes:
-            return np.full(view.shape, haze, np.float32)
-        if len(planes) == 1 and haze == 0.0:
-            return planes[0] if passing else planes[0].copy()
-        found = scratch("alpha", view.shape) if passing else np.empty(view.shape, np.float32)
-        _core.join(found, planes, haze)
-        return found
+        haze, plane = here.veil(here.extinction if veil is None else veil)
+        if here.texture is None and here.flakes is None:
+            if plane is None:
+                return np.full(view.shape, haze, np.float32)
+            return plane if passing else plane.copy()
+        out = scratch("alpha", view.shape) if passing else np.empty(view.shape, np.float32)
+        here.join(out, haze, plane)
+        return out
 
     @cached_property
     def way(self) -> float:
@@ -129,6 +127,8 @@ class Here:
     ----------
     flakes : Flakes or None
     texture : Texture or None
+    part : Part or None
+        Of kept sheets, which the texture of a picture by itself is.
     """
 
     def __init__(
@@ -138,20 +138,26 @@ class Here:
         self.fps = fps
         self.flakes: Flakes | None = None
         self.texture: Texture | None = None
+        self.part: Part | None = None
         if air.falling is not None and air.loss > 0.0:
             self._fall(air.falling)
 
     def _fall(self, falling: Falling) -> None:
         air, view = self.air, self.view
         denser = self._denser(falling)
-        falling = falling.before(view.shape, denser)
-        focal, tile = view.camera.focal, tile_of(view.shape)
+        falling = before(falling, max(view.shape), denser)
+        focal = view.camera.focal
         fastest = 0.0 if self.fps is None else float(np.hypot(*air.velocity)) / self.fps
-        least = focal / tile * max(2.0 * view.eyes / _DISPARITY, fastest / _FASTEST)
-        reach = reach_of(falling, air.way, view.shape, focal, least)
-        self.texture = texture_of(falling, air.way, view.shape, focal, reach)
+        least = 0.0
+        if fastest or view.eyes:
+            far = max(2.0 * view.eyes / _DISPARITY, fastest / _FASTEST)
+            least = focal / tile_of(view.shape) * far
+        base = base_of(falling, air.way, view.shape, focal, least)
+        self.texture = texture_of(base, falling, air.way)
+        if self.texture is not None and self.fps is None and not view.eyes:
+            self.part = part_of(self.texture, view.shape, air.velocity, air.seed)
         self.flakes = flakes_at(
-            falling.cloud(air.way, reach), view.shape, view.camera, seed=air.seed,
+            falling.cloud(air.way, base.reach), view.shape, view.camera, seed=air.seed,
             velocity=np.array([*air.velocity, 0.0]), time=self.time, exposure=air.exposure,
             eyes=view.eyes,
         )  # fmt: skip
@@ -195,14 +201,36 @@ class Here:
         _core.veil(found, plane, thick, field)
         return 0.0, found
 
-    def planes(self) -> list[Array]:
-        """Return the opacities of the texture and of what is drawn, (H, W) float32 each."""
-        found = []
-        if self.texture is not None:
-            found.append(self._textured(self.texture))
-        if self.flakes is not None:
-            found.append(self.dense(self.drawn(self.flakes), self.flakes.times))
-        return found
+    def join(self, out: Array, haze: float = 0.0, veil: Array | None = None) -> None:
+        """Write the opacity of all that falls, and of a veil."""
+        drawn = None if self.flakes is None else self.drawn(self.flakes)
+        times = 1 if self.flakes is None else self.flakes.times
+        if self.texture is None or self.part is not None:
+            own = None if drawn is None else (drawn, times.bit_length() - 1)
+            _core.sheet_fall(out, self._sheets(), own, veil, haze)
+            return
+        planes = [self._textured(self.texture)]
+        if drawn is not None:
+            planes.append(self.dense(drawn, times))
+        _core.join(out, planes if veil is None else [*planes, veil], haze)
+
+    def _sheets(self) -> list[Any]:
+        if self.part is None or self.texture is None:
+            return []
+        if self.distances.beyond(self.texture.far):
+            return [self.part.read()]
+        count = len(self.texture.patterns.slabs)
+        return [self.part.read(k, self.mask(self.texture, k)) for k in range(count)]
+
+    def layer(self, texture: Texture, index: int) -> Array:
+        """Return the opacity of one of the texture's layers, (H, W) float32."""
+        mask = None if self.distances.beyond(texture.far) else self.mask(texture, index)
+        plane = np.empty(self.view.shape, np.float32)
+        if self.part is not None:
+            _core.sheet_fall(plane, [self.part.read(index, mask)])
+            return plane
+        own = texture.layers(self.request(texture))[index]
+        return texture.drawn(own, opacity=True, mask=mask, out=plane, add=False)
 
     def _textured(self, texture: Texture) -> Array:
         out = scratch("texture", self.view.shape)
@@ -246,7 +274,8 @@ class Here:
         shown: Array | None = None
         if plane.shape[1] == 1:
             # A depth for each row: of a flake, that of its own.
-            shown = flakes.points[:, 2] <= plane[self._rows(flakes, len(plane)), 0]
+            rows = self._rows(flakes, len(plane)) if len(plane) > 1 else 0
+            shown = flakes.points[:, 2] <= plane[rows, 0]
             plane = None
         opacity = flakes.opacity if scale is None else flakes.opacity * scale
         points, radius = flakes.points, flakes.radius
@@ -274,8 +303,6 @@ class Here:
         return plane
 
     def _rows(self, flakes: Flakes, count: int) -> Array:
-        if count == 1:
-            return np.zeros(len(flakes.points), np.int64)
         height, focal = self.view.shape[0], self.view.camera.focal
         y = flakes.points[:, 1] / flakes.points[:, 2] * focal + 0.5 * height
         return np.clip(y, 0.0, count - 1.0).astype(np.int64)

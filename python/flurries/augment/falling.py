@@ -69,36 +69,39 @@ class Falling:
     sway: tuple[float, float] = (0.0, 0.0)
     veil: float = 0.0
 
-    def before(self, shape: tuple[int, int], times: float) -> Falling:
-        """Return what falls before a picture of a size in pixels, so many times as much of it."""
-        dense = max(_SMALL / max(*shape, _SMALL // 8), 1.0) ** _SHARPER
-        if dense == times == 1.0:
-            return self
-        return replace(
-            self, depth=times * self.depth, middle=dense * self.middle, streak=dense * self.streak
-        )
-
     def thick(self, way: float) -> float:
         """Return the optical depth of a resting one's middle, for streaks of a way in metres."""
         return max(self.middle, self.streak * way / (_SWEPT * self.sizes[1]))
 
-    def covered(self, way: float) -> float:
-        """Return what one covers, over the product of its middle's optical depth and its area."""
-        return covered_by(self.thick(way), way, self.sizes[1])
+    def seen(self, way: float) -> tuple[float, float, float]:
+        """Return what streaks of a way in metres are like.
+
+        Returns
+        -------
+        thick : float
+            Optical depth of a resting one's middle.
+        covered : float
+            What one covers, over the product of that and its area.
+        density : float
+            How many there are per cubic metre.
+        """
+        thick = self.thick(way)
+        covered = covered_by(thick, way, self.sizes[1])
+        each = thick * covered * 0.25 * math.pi * _moment(self.sizes)
+        return thick, covered, self.depth / (each * (self.far - self.near))
 
     def density(self, way: float) -> float:
         """Return how many there are per cubic metre."""
-        each = self.thick(way) * self.covered(way) * 0.25 * math.pi * _moment(self.sizes)
-        return self.depth / (each * (self.far - self.near))
+        return self.seen(way)[2]
 
     def cloud(self, way: float, reach: float) -> Cloud:
         """Return those that are drawn."""
-        thick = self.thick(way)
+        thick, covered, density = self.seen(way)
         # A power of two, since opacities of copies are squared; so many that each is thin.
         times = 2 ** max(math.ceil(math.log2(2.0 * thick)), 1)
         return Cloud(
-            self.density(way), self.near, reach, self.far, _quantiles(self.sizes), thick / times,
-            times, self.covered(way), self.sway,
+            density, self.near, reach, self.far, _quantiles(self.sizes), thick / times,
+            times, covered, self.sway,
         )  # fmt: skip
 
     def reach(self, way: float, focal: float, tile: int, *, least: float) -> float:
@@ -120,6 +123,18 @@ class Falling:
         sparse = 3.0 * LEAST_IN_TILE / (7.0 * self.density(way)) * (focal / tile) ** 2
         wanted = max(sparse ** (1.0 / 3.0), large, least, 1.3 * self.near)
         return self.far if wanted > 0.7 * self.far else wanted
+
+
+@lru_cache(maxsize=256)
+def before(falling: Falling, longer: int, times: float) -> Falling:
+    """Return what falls before a picture of a longer side in px, so many times as much of it."""
+    dense = max(_SMALL / max(longer, _SMALL // 8), 1.0) ** _SHARPER
+    if dense == times == 1.0:
+        return falling
+    return replace(
+        falling, depth=times * falling.depth, middle=dense * falling.middle,
+        streak=dense * falling.streak,
+    )  # fmt: skip
 
 
 def covered_by(thick: float, way: float, diameter: float) -> float:
@@ -145,6 +160,8 @@ def ein(x: float) -> float:
     for k in range(1, 60):
         term *= -x / k
         total -= term / k
+        if abs(term) < 1e-17 * total:
+            break
     return total
 
 

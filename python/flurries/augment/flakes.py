@@ -9,6 +9,7 @@ None is wasted outside the view, and each has its exact motion.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 
@@ -108,6 +109,8 @@ class Flakes:
 
     def before(self, depth: Float64) -> Float64:
         """Return what they leave of the light from depths, (n,): exp of minus what they cover."""
+        if len(depth) == 1:
+            return np.exp([-self.cover[self.points[:, 2] < depth[0]].sum()])
         order = np.argsort(self.points[:, 2])
         covered = np.concatenate([[0.0], np.cumsum(self.cover[order])])
         return np.asarray(np.exp(-covered[np.searchsorted(self.points[order, 2], depth)]))
@@ -142,11 +145,10 @@ def flakes_at(
     room = 2.0 * cloud.sizes[-1] + speed * exposure + cloud.sway[0] + eyes
     soft = 4.0 * max(width, height) / 1024.0 + 4.0
     end = min((1.0 + FADE) * cloud.reach, cloud.far)
-    table = cloud.near + (end - cloud.near) * _DEPTHS
-    margin = 2.0 * (room * focal / table + soft)
-    density = table**2 * (width + margin) * (height + margin)
-    density *= drawn_share(table, cloud.reach, cloud.far)
-    sums = np.concatenate([[0.0], np.cumsum(0.5 * (density[1:] + density[:-1]))])
+    table, squares = _law(cloud.near, end, cloud.reach, cloud.far)
+    # The picture and its margins at a depth, in powers of that: (w + a / z) (h + a / z) z^2.
+    w, h, a = width + 2.0 * soft, height + 2.0 * soft, 2.0 * room * focal
+    sums = (w * h) * squares[0] + (a * (w + h)) * squares[1] + (a * a) * squares[2]
     step = (end - cloud.near) / (len(table) - 1)
     number = round(cloud.density * float(sums[-1]) * step / focal**2)
     if number < 1:
@@ -154,7 +156,7 @@ def flakes_at(
     points, parts = np.empty((number, 3)), np.empty((number, 4))
     scale = max(width, height) / 1024.0
     seen = _core.particle_crossing(
-        points, parts, seed, _STREAM, table.tolist(), sums.tolist(),
+        points, parts, seed, _STREAM, table, sums,
         (width, height, focal, room, soft),
         (float(velocity[0] * time), float(velocity[1] * time)),
         (cloud.sway[0], cloud.sway[1] * time), list(cloud.sizes), cloud.opacity,
@@ -164,3 +166,13 @@ def flakes_at(
     cover *= cloud.times * cloud.covered
     swing = cloud.sway[0] * cloud.sway[1]
     return Flakes(points[:seen], radius, opacity, velocity, cover, angle, swing, cloud.times)
+
+
+@lru_cache(maxsize=64)
+def _law(near: float, end: float, reach: float, far: float) -> tuple[Float64, Float64]:
+    """Return depths, and the sums up to each of the share that is drawn times z^2, z and 1."""
+    table = near + (end - near) * _DEPTHS
+    powers = drawn_share(table, reach, far) * np.stack([table**2, table, np.ones(len(table))])
+    sums = np.zeros(powers.shape)
+    np.cumsum(0.5 * (powers[:, 1:] + powers[:, :-1]), axis=1, out=sums[:, 1:])
+    return table, sums

@@ -8,6 +8,7 @@ from flurries import _core
 from flurries._contract import Array, _came, aligned, warn_of_levels
 
 DTYPES = ("uint8", "uint16", "float16", "float32", "float64")
+_TYPES = frozenset(np.dtype(name).type for name in DTYPES)
 
 
 def picture_of(name: str, value: object) -> Array:
@@ -44,7 +45,7 @@ def _numbers(name: str, value: object) -> Array:
         given = np.asarray(value)
     except ValueError:
         raise ValueError(f"{name} must be a rectangular array, got {_came(value)}") from None
-    if given.dtype.newbyteorder("=").name not in DTYPES:
+    if given.dtype.type not in _TYPES:
         raise TypeError(f"{name} must be {', '.join(DTYPES[:-1])} or {DTYPES[-1]}, got "
                         f"{_came(value)}")  # fmt: skip
     if 0 in given.shape:

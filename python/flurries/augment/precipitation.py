@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any, ClassVar
 
 import numpy as np
 
 from flurries._contract import real
 from flurries.augment.air import Air
-from flurries.augment.calibration import contrast_loss
+from flurries.augment.calibration import Profile, contrast_loss
 from flurries.augment.draws import Range, range_of
 from flurries.augment.falling import Falling
 from flurries.augment.weather import Weather
@@ -42,10 +43,9 @@ class Precipitation(Weather):
 
     def _of(self, record: dict[str, Any], **look: Any) -> Air:
         """Return the air of a record, whose flakes have a look."""
-        loss = contrast_loss(record["amount"], profile=record["profile"], weather=look["kind"])
-        veil = record["veil"]
-        depth = math.log1p(-veil * loss) - math.log1p(-loss) if loss > 0.0 else 0.0
-        falls = Falling(depth=depth, veil=veil, **look) if depth > 1e-9 else None
+        loss, falls = _falling_of(
+            record["amount"], record["profile"], record["veil"], tuple(look.items())
+        )
         return Air(
             seed=record["weather_seed"],
             loss=loss,
@@ -53,6 +53,17 @@ class Precipitation(Weather):
             exposure=record["exposure"],
             falling=falls,
         )
+
+
+@lru_cache(maxsize=256)
+def _falling_of(
+    amount: float, profile: Profile, veil: float, look: tuple[tuple[str, Any], ...]
+) -> tuple[float, Falling | None]:
+    """Return the loss of contrast of an amount, and what falls."""
+    own = dict(look)
+    loss = contrast_loss(amount, profile=profile, weather=own["kind"])
+    depth = math.log1p(-veil * loss) - math.log1p(-loss) if loss > 0.0 else 0.0
+    return loss, Falling(depth=depth, veil=veil, **own) if depth > 1e-9 else None
 
 
 def at(amount: float, levels: tuple[float, ...]) -> float:

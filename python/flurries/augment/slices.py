@@ -6,7 +6,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from flurries import _core
 from flurries._contract import Array, Float64
 from flurries.augment.air import Air, Here, View
 from flurries.augment.distance import Distances
@@ -88,7 +87,7 @@ def labels_of(
     # Each layer of the texture ends at no opacity by itself, so that slices together are a little
     # denser than the picture's own sum: they are shares of that.
     whole = np.empty(shape, np.float32)
-    _core.join(whole, here.planes() or [np.zeros(shape, np.float32)], 0.0)
+    here.join(whole)
     share = np.divide(whole, alpha, out=np.zeros(shape, np.float32), where=alpha > _THIN)
     return Labels(share * alpha, share[..., None] * motion, share * nearness, most)
 
@@ -103,12 +102,8 @@ def slices(here: Here, fps: float) -> list[Slice]:
         found += [_means(here, flakes.part(slab == k), fps) for k in np.unique(slab)]
     if here.texture is not None:
         focal, speed = here.view.camera.focal, np.asarray(here.air.velocity)
-        whole = here.distances.beyond(here.texture.far)
-        for index, layer in enumerate(here.texture.layers(here.request(here.texture))):
-            depth = float(here.texture.patterns.depths[index])
-            mask = None if whole else here.mask(here.texture, index)
-            plane = np.empty(here.view.shape, np.float32)
-            here.texture.drawn(layer, opacity=True, mask=mask, out=plane, add=False)
+        for index, depth in enumerate(here.texture.patterns.depths.tolist()):
+            plane = here.layer(here.texture, index)
             step = (speed * (focal / depth / fps)).astype(np.float32)
             near = np.minimum(np.float32(depth), here.distances.plane)
             found.append(Slice(plane, step.reshape(1, 1, 2), near))

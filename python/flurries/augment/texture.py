@@ -10,6 +10,7 @@ import math
 from dataclasses import dataclass
 from functools import lru_cache
 from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 
@@ -22,7 +23,7 @@ from flurries.spectral.flakes import Request, choices, patterns_of, prepare
 # How much the torus of a pattern is sheared.
 _SHEAR = 5 / 13
 
-_OVERLAP = 10
+OVERLAP = 10
 _PATTERNS = 6
 
 # Layers are coarse: nothing comes nearer here, so that they only differ in how they move.
@@ -32,7 +33,7 @@ _RATIO = 2.2
 _DENSITY = 2.0**0.5
 _REACH = 1.25
 _FOCAL = 1.06
-_WAY = 1.3
+WAY = 1.3
 _THICK = 1.15
 
 # Opacity of the middle of a pattern's flakes.
@@ -55,13 +56,35 @@ _SAMPLE = 4
 # A shorter way leaves no streak, metres.
 _LEAST_WAY = 1e-3
 
-_SEED = 7004
+SEED = 7004
 
 
 def tile_of(shape: tuple[int, int]) -> int:
     """Return the size of tiles: some four to eight along the picture's longer side."""
     longer = max(shape)
     return 64 if longer <= 320 else 128 if longer <= 1280 else 256
+
+
+class Rungs(NamedTuple):
+    """What textures are kept by: whole powers of ratios, but the look and the tile.
+
+    Attributes
+    ----------
+    look : (kind, sizes, far)
+    density : int
+        Flakes per cubic metre.
+    tile : int
+        Pixels.
+    reach, lens, way, thick : int
+    """
+
+    look: tuple[str, tuple[float, float, float], float]
+    density: int
+    tile: int
+    reach: int
+    lens: int
+    way: int
+    thick: int
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,6 +103,10 @@ class Patterns:
     coverage : (L,)
         Of a tile by the patterns' flakes, square pixels.
     prepared : PreparedFlakes
+    focal : float
+        Pixels.
+    mean : float
+        Mean optical depth.
     """
 
     tile: int
@@ -88,6 +115,8 @@ class Patterns:
     slabs: list[Slab]
     coverage: Float64
     prepared: _core.PreparedFlakes
+    focal: float
+    mean: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,9 +135,13 @@ class Texture:
     gains : (L,)
         Of layers whose flakes are less than a pixel wide: spread over one they are thinner, and
         would cover more.
+    own : float
+        Mean optical depth of patterns with these gains.
     lift : float
         What the mean of the optical depth is multiplied by, so that the mean opacity is right:
         blended tiles are less than 0 here and there, which is taken for 0.
+    rungs : Rungs, optional
+        That everything but `more`, `opaque` and `covered` follows from.
     """
 
     patterns: Patterns
@@ -116,7 +149,25 @@ class Texture:
     opaque: float
     covered: float
     gains: Float64
+    own: float
     lift: float = 1.0
+    rungs: Rungs | None = None
+
+    @property
+    def gain(self) -> float:
+        """What all layers' gains are multiplied by."""
+        return math.sqrt(self.more) * self.opaque
+
+    @property
+    def mean(self) -> float:
+        """Mean optical depth."""
+        return self.lift * self.more * self.opaque * self.own
+
+    @property
+    def shares(self) -> Float64:
+        """Of the mean by layer, (L,)."""
+        covered = self.gains * self.patterns.coverage
+        return np.asarray(covered / covered.sum())
 
     @property
     def far(self) -> float:
@@ -126,9 +177,7 @@ class Texture:
     @property
     def left(self) -> float:
         """What all of it leaves of the light."""
-        found = self.patterns
-        total = float(found.coverage.sum())
-        return math.exp(-self.more * self.opaque * self.covered / found.tile**2 * total)
+        return math.exp(-self.more * self.opaque * self.covered * self.patterns.mean)
 
     def before(self, depth: Float64) -> Float64:
         """Return what it leaves of the light from depths."""
@@ -152,21 +201,19 @@ class Texture:
             Metres (x, y) while the shutter is open.
         """
         found = self.patterns
-        tiles = tuple(_core.tile_count(length, found.tile, _OVERLAP) for length in shape)
+        tiles = tuple(_core.tile_count(length, found.tile, OVERLAP) for length in shape)
         count = len(found.depths)
         chosen = choices(seed, tiles, layers=count, patterns=_PATTERNS, tile=found.tile)  # type: ignore[arg-type]
         pixels = (focal / found.depths)[:, None]
-        total = float(self.gains @ found.coverage)
-        mean = self.lift * self.more * self.opaque / found.tile**2 * total
         return Request(
             shape=shape,
-            overlap=_OVERLAP,
+            overlap=OVERLAP,
             pattern=chosen.pattern,
-            gain=(math.sqrt(self.more) * self.opaque * self.gains).reshape(1, 1, count),
+            gain=(self.gain * self.gains).reshape(1, 1, count),
             shift=chosen.shift + pixels * moved,
             streak=(pixels * streak).reshape(1, 1, count, 2) if streak.any() else None,
             mirror=chosen.mirror,
-            mean=np.array([[mean]]),
+            mean=np.array([[self.mean]]),
             window=(0, shape[0], 0, shape[1]),
         )
 
@@ -179,10 +226,8 @@ class Texture:
 
     def layers(self, request: Request) -> list[Request]:
         """Return each layer's own request."""
-        found = self.patterns
-        covered = self.gains * found.coverage
-        shares, own = covered / covered.sum(), []
-        for index in range(len(found.depths)):
+        shares, own = self.shares, []
+        for index in range(len(shares)):
             one = slice(index, index + 1)
             blur = request.streak
             own.append(request._replace(
@@ -195,33 +240,59 @@ class Texture:
         return own
 
 
-def texture_of(
-    falling: Falling, way: float, shape: tuple[int, int], focal: float, reach: float
-) -> Texture | None:
-    """Return the texture of what falls beyond a depth; None where all of it is drawn."""
-    if reach >= falling.far:
-        return None
-    density = falling.density(way)
-    rung = round(math.log(density) / math.log(_DENSITY))
-    lens = round(math.log(focal) / math.log(_FOCAL))
-    same = falling.kind, falling.sizes, falling.far
-    step = round(math.log(reach) / math.log(_REACH))
-    found = _patterns_of(same, rung, lens, tile_of(shape), step)
-    far = round(math.log(max(way, _LEAST_WAY)) / math.log(_WAY))
-    thick, covered = falling.thick(way), falling.covered(way)
-    dense = round(math.log(thick) / math.log(_THICK))
-    gains, lift = _settled(found, lens, far, dense, falling.sizes[1])
-    return Texture(found, density / found.density, thick / _MIDDLE, covered, gains, lift)
+class Base(NamedTuple):
+    """What the textures of like weather share: all that a rung of the way decides.
+
+    Attributes
+    ----------
+    reach : float
+        Depth up to which flakes are drawn, metres.
+    patterns : Patterns or None
+        None where all flakes are drawn.
+    gains, own, lift, rungs
+        As in the texture.
+    """
+
+    reach: float
+    patterns: Patterns | None
+    gains: Float64
+    own: float
+    lift: float
+    rungs: Rungs
 
 
-def reach_of(
+def base_of(
     falling: Falling, way: float, shape: tuple[int, int], focal: float, least: float
-) -> float:
-    """Return the depth up to which flakes are drawn, on a rung: that of the texture's patterns."""
-    wanted = falling.reach(way, focal, tile_of(shape), least=least)
-    if wanted >= falling.far:
-        return falling.far
-    return min(_REACH ** math.ceil(math.log(wanted) / math.log(_REACH) - 0.3), falling.far)
+) -> Base:
+    """Return what is drawn and what is a texture, of streaks of a way in metres."""
+    rung = round(math.log(max(way, _LEAST_WAY)) / math.log(WAY))
+    return _base_of(falling, rung, tile_of(shape), focal, least)
+
+
+@lru_cache(maxsize=256)
+def _base_of(falling: Falling, far: int, tile: int, focal: float, least: float) -> Base:
+    way = WAY**far
+    reach = falling.reach(way, focal, tile, least=least)
+    step = math.ceil(math.log(reach) / math.log(_REACH) - 0.3)
+    reach = falling.far if reach >= falling.far else min(_REACH**step, falling.far)
+    rung = round(math.log(falling.density(way)) / math.log(_DENSITY))
+    lens = round(math.log(focal) / math.log(_FOCAL))
+    dense = round(math.log(falling.thick(way)) / math.log(_THICK))
+    rungs = Rungs((falling.kind, falling.sizes, falling.far), rung, tile, step, lens, far, dense)
+    if reach >= falling.far:
+        return Base(reach, None, np.zeros(0), 0.0, 1.0, rungs)
+    found = _patterns_of(rungs.look, rung, lens, tile, step)
+    return Base(reach, found, *_settled(found, lens, far, dense, falling.sizes[1]), rungs)
+
+
+def texture_of(base: Base, falling: Falling, way: float) -> Texture | None:
+    """Return the texture of what falls beyond the reach; None where all of it is drawn."""
+    found = base.patterns
+    if found is None:
+        return None
+    thick, covered, density = falling.seen(way)
+    more, opaque = density / found.density, thick / _MIDDLE
+    return Texture(found, more, opaque, covered, base.gains, base.own, base.lift, base.rungs)
 
 
 @lru_cache(maxsize=48)
@@ -247,7 +318,7 @@ def _patterns_of(
         weights.append(_mean_square(edges) / _mean_square(soft))
     made = patterns_of(
         tile, counts=counts, diameters=sizes, opacity=_MIDDLE, patterns=_PATTERNS,
-        shear=_SHEAR, seed=_SEED,
+        shear=_SHEAR, seed=SEED,
     )  # fmt: skip
     parts = made.reshape(len(slabs), _PARTS, *made.shape[1:])
     # As dense as before they were made wider; all together are brought to their coverage below.
@@ -256,10 +327,11 @@ def _patterns_of(
         mean = float(summed[index, 0, 0, 0].real)
         summed[index] *= slab.coverage / mean / wider[index]
         summed[index, :, 0, 0] = slab.coverage
+    coverage = np.array([slab.coverage for slab in slabs])
     return Patterns(
-        tile, density, np.array([slab.depth for slab in slabs]), slabs,
-        np.array([slab.coverage for slab in slabs]),
+        tile, density, np.array([slab.depth for slab in slabs]), slabs, coverage,
         prepare(np.ascontiguousarray(summed), shear=_SHEAR, dtype=np.float32),
+        focal, float(coverage.sum()) / tile**2,
     )  # fmt: skip
 
 
@@ -271,27 +343,28 @@ def _mean_square(edges: Float64) -> Float64:
 @lru_cache(maxsize=1024)
 def _settled(
     patterns: Patterns, lens: int, far: int, dense: int, diameter: float
-) -> tuple[Float64, float]:
-    """Return the gains and the lift that make a texture cover what its flakes do.
+) -> tuple[Float64, float, float]:
+    """Return the gains, their mean depth and the lift that make a texture cover what its flakes do.
 
     The numbers are rungs, of flakes of a mean diameter.
     """
-    way, focal, thick = _WAY**far, _FOCAL**lens, _THICK**dense
+    way, focal, thick = WAY**far, _FOCAL**lens, _THICK**dense
     covered = covered_by(thick, way, diameter)
     gains = np.array([
         _gain_of(slab, thick, way * focal / slab.depth, covered) for slab in patterns.slabs
     ])  # fmt: skip
-    texture = Texture(patterns, 1.0, thick / _MIDDLE, covered, gains)
+    own = float((gains * patterns.coverage).sum()) / patterns.tile**2
+    texture = Texture(patterns, 1.0, thick / _MIDDLE, covered, gains, own)
     size = _SAMPLE * patterns.tile
     streak = np.array([0.0, way])
-    asked = texture.request((size, size), focal, seed=_SEED, moved=np.zeros(2), streak=streak)
+    asked = texture.request((size, size), focal, seed=SEED, moved=np.zeros(2), streak=streak)
     depth = np.empty((size, size), np.float32)
     texture.drawn(asked, opacity=False, out=depth, add=False)
     mean, lift = float(asked.mean[0, 0]), 1.0
     for _ in range(3):
         left = float(np.exp(-np.maximum(depth + (lift - 1.0) * mean, 0.0)).mean(dtype=np.float64))
         lift += math.log(left / texture.left) / mean
-    return gains, lift
+    return gains, own, lift
 
 
 def _gain_of(slab: Slab, thick: float, streak: float, covered: float) -> float:
