@@ -221,11 +221,11 @@ def snow(out: _Array, background: _Array, alpha: _Array, intensity: list[float])
 def over(out: _Array, background: _Array, layer: _Array) -> None: ...
 def join(out: _Array, layers: list[_Array], haze: float, matte: _Array | None = None) -> None: ...
 
-_Sheet = tuple[_Array, tuple[int, int], tuple[bool, bool], tuple[float, float], _Array | None]
+_SheetPart = tuple[_Array, tuple[int, int], tuple[bool, bool], tuple[float, float], _Array | None]
 
 def sheet_fall(
     out: _Array,
-    sheets: list[_Sheet],
+    sheets: list[_SheetPart],
     drawn: tuple[_Array, int] | None = None,
     veil: _Array | None = None,
     haze: float = 0.0,

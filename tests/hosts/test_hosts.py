@@ -20,6 +20,7 @@ from kornia.augmentation import (
     AugmentationSequential,
     RandomGaussianNoise,
     RandomHorizontalFlip,
+    VideoSequential,
 )
 from PIL import Image
 from snowed import PHOTOGRAPH, Snowed
@@ -166,6 +167,21 @@ def test_kornia_pictures_are_the_plain_weather(kind: str):
         want = weather(batch[number].permute(1, 2, 0).numpy(), index=index)
         assert np.array_equal(seen[number].permute(1, 2, 0).numpy(), want)
     assert len(set(indices)) == 3
+
+
+def test_kornia_weather_moves_in_clips_unless_it_is_the_same():
+    torch.manual_seed(3)
+    clips = torch.zeros(2, 3, 3, 48, 64)
+    snow = flk.Snowfall(severity=5, p=1.0, fps=24.0)
+    seen = VideoSequential(snow, data_format="BTCHW", same_on_frame=True)(clips)
+    for clip, drawn in zip(seen, snow.records[::3], strict=True):
+        frames = clips[0].permute(0, 2, 3, 1).numpy()
+        wanted = fl.augment.replay(drawn).clip(frames, fps=24.0)
+        assert np.array_equal(clip.permute(0, 2, 3, 1).numpy(), wanted)
+        assert not np.array_equal(wanted[0], wanted[1])
+    still = flk.Snowfall(severity=5, p=1.0, same=True)
+    seen = VideoSequential(still, data_format="BTCHW", same_on_frame=True)(clips)
+    assert (seen == seen[:, :1]).all() and not (seen[0] == seen[1]).all()
 
 
 def test_kornia_replays_its_parameters():

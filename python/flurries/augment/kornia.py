@@ -13,18 +13,23 @@ weather's opacity are channels beside the colors, which flips and crops move wit
     seen = K.AugmentationSequential(snow, K.RandomHorizontalFlip())(batch)  # r, g, b, metres, zeros
     colors, alpha, drawn = seen[:, :3], seen[:, 4], snow.records
 
+In ``K.VideoSequential(Snowfall(p=1.0), same_on_frame=True)`` a clip has one weather, which moves;
+with ``same=True`` it stands still.
+
 The weather is made on the CPU. Gradients go through to the picture, by what of each pixel is seen.
 """
 
 from __future__ import annotations
 
+import itertools
 from typing import TYPE_CHECKING, Any, ClassVar
 
+import numpy as np
 import torch
 from kornia.augmentation import IntensityAugmentationBase2D
 
 from flurries import augment
-from flurries._contract import Array, integer
+from flurries._contract import Array, flag, integer, rate_of
 from flurries.augment import tensors
 from flurries.augment.signature import FallingFields, FogFields, suggests
 from flurries.augment.weather import Weather
@@ -52,6 +57,10 @@ class _Augmentation(IntensityAugmentationBase2D):  # type: ignore[misc]
         Which channel of the input is the depth in metres, see :class:`flurries.augment.Snowfall`.
     alpha_channel : int, optional
         Which channel comes back with the opacity of the weather over what it held, zeros at first.
+    fps : float
+        Frames per second of the clips of ``VideoSequential(..., same_on_frame=True)``.
+    same : bool
+        Whether weather stands still in them.
     weather : dict
         Fields of its kind.
     """
@@ -60,13 +69,14 @@ class _Augmentation(IntensityAugmentationBase2D):  # type: ignore[misc]
 
     def __init__(
         self, p: float, same_on_batch: bool, keepdim: bool, depth_channel: int | None,
-        alpha_channel: int | None, weather: Mapping[str, Any],
+        alpha_channel: int | None, fps: float, same: bool, weather: Mapping[str, Any],
     ) -> None:  # fmt: skip
         super().__init__(p=p, same_on_batch=same_on_batch, keepdim=keepdim)
         self.depth_channel = _channel("depth_channel", depth_channel)
         self.alpha_channel = _channel("alpha_channel", alpha_channel)
         if depth_channel is not None and depth_channel == alpha_channel:
             raise ValueError(f"alpha_channel must not be depth_channel, {depth_channel}")
+        self.fps, self.same = rate_of(fps), flag("same", same)
         self.weather = self.KIND(**weather)
 
     @property
@@ -109,7 +119,7 @@ class _Augmentation(IntensityAugmentationBase2D):  # type: ignore[misc]
         layers: list[Array] = []
 
         def batch(planes: Array) -> tuple[Array, Array]:
-            seen, layer = self.weather.batch(planes, index=wanted, depth=depth, return_layer=True)
+            seen, layer = self._painted(planes, wanted, depth)
             layers.append(layer[..., 3])
             return seen, layer
 
@@ -125,6 +135,26 @@ class _Augmentation(IntensityAugmentationBase2D):  # type: ignore[misc]
             result[:, self.alpha_channel] = 1.0 - (1.0 - before) * (1.0 - opacity)
         return result
 
+    def _painted(self, planes: Array, wanted: list[int], depth: Any) -> tuple[Array, Array]:
+        """Return pictures in their weathers, and the layers; frames of a clip one after another.
+
+        Frames that `VideoSequential` gives have one index for each clip.
+        """
+        if self.same or self.same_on_batch or len(set(wanted)) == len(wanted):
+            found: tuple[Array, Array] = self.weather.batch(
+                planes, index=wanted, depth=depth, return_layer=True
+            )
+            return found
+        parts, first = [], 0
+        for index, frames in itertools.groupby(wanted):
+            last = first + len(list(frames))
+            own = None if depth is None else depth[first:last]
+            parts.append(self.weather.clip(
+                planes[first:last], index=index, fps=self.fps, depth=own, return_layer=True
+            ))  # fmt: skip
+            first = last
+        return np.concatenate([seen for seen, _ in parts]), np.concatenate([a for _, a in parts])
+
 
 def _channel(name: str, value: int | None) -> int | None:
     return None if value is None else integer(name, value, low=0, high=1 << 20)
@@ -139,9 +169,12 @@ class Snowfall(_Augmentation):
     def __init__(
         self, *, p: float = 0.5, same_on_batch: bool = False, keepdim: bool = False,
         depth_channel: int | None = None, alpha_channel: int | None = None,
+        fps: float = 30.0, same: bool = False,
         **weather: Unpack[FallingFields],
     ) -> None:  # fmt: skip
-        super().__init__(p, same_on_batch, keepdim, depth_channel, alpha_channel, weather)
+        super().__init__(
+            p, same_on_batch, keepdim, depth_channel, alpha_channel, fps, same, weather
+        )
 
 
 @suggests
@@ -153,9 +186,12 @@ class Rainfall(_Augmentation):
     def __init__(
         self, *, p: float = 0.5, same_on_batch: bool = False, keepdim: bool = False,
         depth_channel: int | None = None, alpha_channel: int | None = None,
+        fps: float = 30.0, same: bool = False,
         **weather: Unpack[FallingFields],
     ) -> None:  # fmt: skip
-        super().__init__(p, same_on_batch, keepdim, depth_channel, alpha_channel, weather)
+        super().__init__(
+            p, same_on_batch, keepdim, depth_channel, alpha_channel, fps, same, weather
+        )
 
 
 @suggests
@@ -167,6 +203,9 @@ class Fog(_Augmentation):
     def __init__(
         self, *, p: float = 0.5, same_on_batch: bool = False, keepdim: bool = False,
         depth_channel: int | None = None, alpha_channel: int | None = None,
+        fps: float = 30.0, same: bool = False,
         **weather: Unpack[FogFields],
     ) -> None:  # fmt: skip
-        super().__init__(p, same_on_batch, keepdim, depth_channel, alpha_channel, weather)
+        super().__init__(
+            p, same_on_batch, keepdim, depth_channel, alpha_channel, fps, same, weather
+        )
