@@ -24,6 +24,6 @@ def scenes(method: str, seed: int) -> fl.Scene:
 def test_ours_are_the_numbers_of_drawn_flakes_and_a_gaussian_fails():
     # Not among them the Euler number at the median, which is 1.1 to 1.3 of that of drawn flakes.
     held = {name for name in LIMITS if name != "Euler 50"}
-    ours, drawn, noise = compared(scenes, 4, control=True)
+    ours, drawn, noise = compared(scenes, 4)
     assert not held & set(missed(ours, drawn)), {n: (ours[n], drawn[n]) for n in LIMITS}
     assert len(held & set(missed(noise, drawn))) >= 4

@@ -309,7 +309,8 @@ def particle_exact(
     velocity: _Float64,
     shutter: float,
     lens: tuple[float, float, float, tuple[float, float, float], float],
-    depth: npt.NDArray[Any] | None,
+    origin: tuple[int, int],
+    depth: npt.NDArray[Any] | None = None,
 ) -> None: ...
 def png_chunk(
     rows: npt.NDArray[np.uint8],

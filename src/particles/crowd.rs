@@ -180,13 +180,14 @@ impl Source for Crowd {
     fn get(&self, index: usize) -> Option<Flake> {
         let (class, index) = self.class(index)?;
         let flake = class.carried.flake(index);
-        let [aside, ahead] = class.carried.swing(flake);
-        let [x, y, z] = std::array::from_fn(|axis| class.carried.along(flake, axis));
-        let place = [x + aside, y, z + ahead];
-        let point = turned(&self.turn, place);
-        if !self.seen(point) {
+        let [x, y, z] = class.carried.place(flake);
+        // The view has room for the swing.
+        if !self.seen(turned(&self.turn, [x, y, z])) {
             return None;
         }
+        let [aside, ahead] = class.carried.swing(flake);
+        let place = [x + aside, y, z + ahead];
+        let point = turned(&self.turn, place);
         let rank = (index as f64 + 0.5) / class.count as f64;
         let [near, in_full, from, far] = class.shown;
         let depth = point[2];

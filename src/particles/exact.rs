@@ -5,7 +5,7 @@
 //! pixel's square; one that moves is the mean of that over the exposure. Energy is kept wherever the
 //! flake lies, and opacities join as those of independent flakes: alpha = 1 - prod(1 - alpha_i).
 
-use ndarray::{ArrayView2, ArrayViewMut2, Axis};
+use ndarray::{ArrayView2, ArrayViewMut2, Axis, s};
 
 use super::splat::{Source, check_lens};
 use super::sprite::{Lens, RIM_SHARE, Sprite};
@@ -13,23 +13,17 @@ use crate::base::error::{Cancel, Error, pushed};
 use crate::base::pool;
 use crate::base::real::Real;
 use crate::base::sampling::LEAST_SIGMA;
+use crate::base::simd::{dispatch, multiply_add};
 
 /// Rows of one item of work.
-const BAND: usize = 16;
+const BAND: usize = 64;
 
 /// The image ends here, in sigma; beyond lie 4e-8 of its energy.
 const REACH: f64 = 5.5;
 
-/// A motion is summed by panels of this many sigma, with the nodes and weights of Gauss and Legendre.
-const PANEL: f64 = 2.0;
-const NODES: [(f64, f64); 6] = [
-    (-0.932_469_514_203_152, 0.171_324_492_379_170_4),
-    (-0.661_209_386_466_264_5, 0.360_761_573_048_138_6),
-    (-0.238_619_186_083_196_9, 0.467_913_934_572_691),
-    (0.238_619_186_083_196_9, 0.467_913_934_572_691),
-    (0.661_209_386_466_264_5, 0.360_761_573_048_138_6),
-    (0.932_469_514_203_152, 0.171_324_492_379_170_4),
-];
+/// Nodes of Gauss and Legendre for the mean over a way of so many sigma at most: right to 2e-7 of the
+/// middle. A longer way is summed by panels of the last length.
+const RULES: [(f64, usize); 4] = [(1.0, 4), (2.0, 6), (3.4, 8), (5.0, 10)];
 
 /// A flake's image.
 struct Image {
@@ -57,19 +51,21 @@ impl Image {
         }
     }
 
-    /// First and last pixel along an axis, the last one left out, of a picture so long.
-    fn pixels(&self, axis: usize, length: usize) -> (usize, usize) {
-        let end = self.start[axis] + self.way[axis];
+    /// First and last pixel along an axis, the last one left out, of those from `first` to `end`.
+    fn pixels(&self, axis: usize, (first, end): (usize, usize)) -> (usize, usize) {
+        let last = self.start[axis] + self.way[axis];
         let room = REACH * self.sigma + 0.5;
-        let low = (self.start[axis].min(end) - room).floor().clamp(0.0, length as f64);
-        let high = (self.start[axis].max(end) + room).ceil().clamp(0.0, length as f64);
+        let low = (self.start[axis].min(last) - room).floor().clamp(first as f64, end as f64);
+        let high = (self.start[axis].max(last) + room).ceil().clamp(first as f64, end as f64);
         (low as usize, high as usize)
     }
 }
 
-/// Draws the alpha of flakes into `out`, (H, W); where `depth` is nearer than a flake it is hidden.
+/// Draws the alpha of flakes into `out`, the rows and columns of a frame from `origin` on; where `depth`,
+/// of the same pixels, is nearer than a flake it is hidden.
 pub fn draw<P: Real, M: Real>(
     mut out: ArrayViewMut2<'_, P>,
+    origin: (usize, usize),
     flakes: &impl Source,
     lens: &Lens,
     depth: Option<ArrayView2<'_, M>>,
@@ -81,6 +77,8 @@ pub fn draw<P: Real, M: Real>(
     if depth.as_ref().is_some_and(|map| map.dim() != (height, width)) {
         return Err(Error::invalid("depth", format!("must have shape {:?}", (height, width))));
     }
+    let (rows, columns) = ((origin.0, origin.0 + height), (origin.1, origin.1 + width));
+    let tables = Tables::new();
     let mut images = Vec::new();
     let mut bands: Vec<Vec<u32>> = vec![Vec::new(); height.div_ceil(BAND)];
     for index in 0..flakes.len() {
@@ -90,11 +88,12 @@ pub fn draw<P: Real, M: Real>(
         let Some(flake) = flakes.get(index) else { continue };
         let Some(sprite) = Sprite::of(&flake, lens) else { continue };
         let image = Image::of(&sprite, flake.radius, lens.focal);
-        let (left, right) = image.pixels(0, width);
-        let (top, bottom) = image.pixels(1, height);
+        let (left, right) = image.pixels(0, columns);
+        let (top, bottom) = image.pixels(1, rows);
         if left >= right || top >= bottom {
             continue;
         }
+        let (top, bottom) = (top - origin.0, bottom - origin.0);
         let number = u32::try_from(images.len())
             .map_err(|_| Error::invalid("density", "makes more than 2^32 flakes in view"))?;
         pushed(&mut images, image)?;
@@ -102,21 +101,20 @@ pub fn draw<P: Real, M: Real>(
             pushed(band, number)?;
         }
     }
-    let (images, bands) = (&images, &bands);
-    let rows = out.axis_chunks_iter_mut(Axis(0), BAND).enumerate();
-    pool::for_each(rows, |(number, mut band)| {
-        let first = number * BAND;
+    let (images, bands, tables) = (&images, &bands, &tables);
+    let items = out.axis_chunks_iter_mut(Axis(0), BAND).enumerate();
+    pool::for_each(items, |(number, mut band)| {
+        let (first, rows) = (number * BAND, band.nrows());
+        let hides: Vec<f64> = depth
+            .iter()
+            .flat_map(|map| map.slice(s![first..first + rows, ..]).into_iter().map(|z| z.wide()))
+            .collect();
+        let first = origin.0 + first;
         let mut left = vec![1.0_f64; band.len()];
-        let mut image = Footprint::default();
-        for (count, &flake) in bands[number].iter().enumerate() {
-            if count % 4096 == 0 {
-                cancel.check()?;
-            }
-            let flake = &images[flake as usize];
-            image.of(flake, first, band.nrows(), width);
-            image.dim(&mut left, first, width, |row, column| {
-                depth.as_ref().is_some_and(|map| map[[row, column]].wide() < flake.depth)
-            });
+        let mut image = Footprint::new((first, first + rows), columns);
+        for flakes in bands[number].chunks(4096) {
+            cancel.check()?;
+            dim(&mut left, &hides, &mut image, flakes, images, tables);
         }
         for (pixel, left) in band.iter_mut().zip(&left) {
             *pixel = P::of(1.0 - left);
@@ -125,97 +123,214 @@ pub fn draw<P: Real, M: Real>(
     })
 }
 
+dispatch! {
+    /// Dims what is left of the light of a band's pixels by some flakes; where `hides` is nearer, or
+    /// empty, nothing hides them.
+    fn dim(
+        left: &mut [f64],
+        hides: &[f64],
+        image: &mut Footprint,
+        flakes: &[u32],
+        images: &[Image],
+        tables: &Tables,
+    ) = dim_with
+}
+
+#[inline(always)]
+fn dim_with<const LEVEL: u8>(
+    left: &mut [f64],
+    hides: &[f64],
+    image: &mut Footprint,
+    flakes: &[u32],
+    images: &[Image],
+    tables: &Tables,
+) {
+    for &flake in flakes {
+        let flake = &images[flake as usize];
+        image.of::<LEVEL>(flake, tables);
+        image.dim(left, hides, flake.depth);
+    }
+}
+
 /// The opacities of one flake over the pixels of a band.
-#[derive(Default)]
 struct Footprint {
-    across: Vec<f64>,
-    alpha: Vec<f64>,
+    // Pixels of the band, first and end.
+    band: [(usize, usize); 2],
+    // Of the flake.
     columns: (usize, usize),
     rows: (usize, usize),
+    across: Vec<f64>,
+    down: Vec<f64>,
+    alpha: Vec<f64>,
 }
 
 impl Footprint {
-    fn of(&mut self, image: &Image, first: usize, height: usize, width: usize) {
-        self.columns = image.pixels(0, width);
-        let (top, bottom) = image.pixels(1, first + height);
-        self.rows = (top.max(first), bottom.max(top.max(first)));
+    fn new(rows: (usize, usize), columns: (usize, usize)) -> Self {
+        let [across, down, alpha] = [(); 3].map(|()| Vec::new());
+        Self { band: [columns, rows], columns, rows, across, down, alpha }
+    }
+
+    #[inline(always)]
+    fn of<const LEVEL: u8>(&mut self, image: &Image, tables: &Tables) {
+        self.columns = image.pixels(0, self.band[0]);
+        self.rows = image.pixels(1, self.band[1]);
         let wide = self.columns.1 - self.columns.0;
         self.alpha.clear();
         self.alpha.resize(wide * (self.rows.1 - self.rows.0), 0.0);
         let length = (image.way[0] * image.way[0] + image.way[1] * image.way[1]).sqrt();
         if length == 0.0 {
-            self.add(image, image.start, 1.0);
+            self.add::<LEVEL>(image, image.start, 1.0, &tables.normal);
             return;
         }
-        let panels = (length / (PANEL * image.sigma)).ceil().max(1.0);
+        let panels = (length / (RULES[RULES.len() - 1].0 * image.sigma)).ceil().max(1.0);
+        let way = length / (panels * image.sigma);
+        let rule = RULES.iter().position(|(longest, _)| way <= *longest).unwrap_or(RULES.len() - 1);
         for panel in 0..panels as usize {
-            for (node, weight) in NODES {
-                let part = (panel as f64 + 0.5 * (1.0 + node)) / panels;
-                let place = [0, 1].map(|axis| image.start[axis] + part * image.way[axis]);
-                self.add(image, place, 0.5 * weight / panels);
+            for &(node, weight) in &tables.rules[rule] {
+                let part = (panel as f64 + node) / panels;
+                let x = image.start[0] + part * image.way[0];
+                let y = image.start[1] + part * image.way[1];
+                self.add::<LEVEL>(image, [x, y], weight / panels, &tables.normal);
             }
         }
     }
 
     /// Adds the image of a flake that stands at a place for a part of the exposure.
-    fn add(&mut self, image: &Image, [x, y]: [f64; 2], part: f64) {
+    #[inline(always)]
+    fn add<const LEVEL: u8>(&mut self, image: &Image, place: [f64; 2], part: f64, normal: &Normal) {
         let room = REACH * image.sigma + 0.5;
-        let (left, right) = self.columns;
-        let from = ((x - room).floor().max(left as f64) as usize).min(right);
-        let to = ((x + room).ceil().max(left as f64) as usize).min(right);
-        self.across.clear();
-        self.across.extend((from..to).map(|column| within(column, x, image.sigma)));
-        let wide = right - left;
-        for row in self.rows.0..self.rows.1 {
-            if (row as f64 + 0.5 - y).abs() > room + 0.5 {
-                continue;
-            }
-            let down = part * image.energy * within(row, y, image.sigma);
-            let line = (row - self.rows.0) * wide + from - left;
+        let among = |place: f64, (low, high): (usize, usize)| {
+            let from = ((place - room).max(low as f64) as usize).min(high);
+            (from, ((place + room).ceil().max(low as f64) as usize).min(high))
+        };
+        let (from, to) = among(place[0], self.columns);
+        let (top, bottom) = among(place[1], self.rows);
+        normal.shares::<LEVEL>(&mut self.across, place[0], image.sigma, (from, to));
+        normal.shares::<LEVEL>(&mut self.down, place[1], image.sigma, (top, bottom));
+        let wide = self.columns.1 - self.columns.0;
+        for (row, share) in (top..bottom).zip(&self.down) {
+            let down = part * image.energy * share;
+            let line = (row - self.rows.0) * wide + from - self.columns.0;
             for (alpha, across) in self.alpha[line..].iter_mut().zip(&self.across) {
-                *alpha += down * across;
+                *alpha = multiply_add::<f64, LEVEL>(down, *across, *alpha);
             }
         }
     }
 
-    fn dim(
-        &self,
-        left: &mut [f64],
-        first: usize,
-        width: usize,
-        hidden: impl Fn(usize, usize) -> bool,
-    ) {
-        let (start, end) = self.columns;
+    #[inline(always)]
+    fn dim(&self, left: &mut [f64], hides: &[f64], depth: f64) {
+        let ((start, end), (from, to)) = (self.columns, self.band[0]);
         let wide = end - start;
         for row in self.rows.0..self.rows.1 {
-            let line = (row - first) * width;
+            let line = (row - self.band[1].0) * (to - from) + start - from;
             let alphas = &self.alpha[(row - self.rows.0) * wide..][..wide];
-            for (column, alpha) in (start..end).zip(alphas) {
-                if !hidden(row, column) {
-                    left[line + column] *= 1.0 - alpha.min(1.0);
+            let left = &mut left[line..][..wide];
+            if hides.is_empty() {
+                for (left, alpha) in left.iter_mut().zip(alphas) {
+                    *left *= 1.0 - alpha.min(1.0);
+                }
+                continue;
+            }
+            for ((left, alpha), wall) in left.iter_mut().zip(alphas).zip(&hides[line..]) {
+                if *wall >= depth {
+                    *left *= 1.0 - alpha.min(1.0);
                 }
             }
         }
     }
 }
 
-/// The share of a Gaussian at `place` that lies within a pixel, along one axis.
-fn within(pixel: usize, place: f64, sigma: f64) -> f64 {
-    let scale = std::f64::consts::FRAC_1_SQRT_2 / sigma;
-    let (low, high) = ((pixel as f64 - place) * scale, (pixel as f64 + 1.0 - place) * scale);
-    // In the tails by the difference of what is beyond, which keeps its digits.
-    if low > 0.0 {
-        0.5 * (libm::erfc(low) - libm::erfc(high))
-    } else if high < 0.0 {
-        0.5 * (libm::erfc(-high) - libm::erfc(-low))
-    } else {
-        0.5 * (libm::erf(high) - libm::erf(low))
+/// What all images are summed with.
+struct Tables {
+    normal: Normal,
+    // Places and weights on the way from 0 to 1, of each of RULES.
+    rules: [Vec<(f64, f64)>; RULES.len()],
+}
+
+impl Tables {
+    fn new() -> Self {
+        Self { normal: Normal::new(), rules: RULES.map(|(_, number)| gauss_legendre(number)) }
+    }
+}
+
+/// Nodes and weights for the mean over the interval from 0 to 1.
+fn gauss_legendre(number: usize) -> Vec<(f64, f64)> {
+    let node = |index: usize| {
+        let count = number as f64;
+        let mut x = libm::cos(std::f64::consts::PI * (index as f64 + 0.75) / (count + 0.5));
+        let mut slope = 1.0;
+        // Newton's steps towards a zero of the polynomial of Legendre.
+        for _ in 0..8 {
+            let (mut below, mut value) = (1.0, x);
+            for k in 1..number {
+                let k = k as f64;
+                (below, value) = (value, ((2.0 * k + 1.0) * x * value - k * below) / (k + 1.0));
+            }
+            slope = count * (x * value - below) / (x * x - 1.0);
+            x -= value / slope;
+        }
+        (0.5 * (1.0 + x), 1.0 / ((1.0 - x * x) * slope * slope))
+    };
+    (0..number).map(node).collect()
+}
+
+/// Steps of a table for each deviation, and deviations that it reaches: beyond lie 1e-9.
+const STEPS: usize = 64;
+const LAST: usize = 6;
+
+/// The normal distribution's integral, read from a table: an error function takes ten times as long.
+struct Normal([[f64; 2]; 2 * LAST * STEPS + 1]);
+
+impl Normal {
+    /// At even steps the integral and the density.
+    fn new() -> Self {
+        Self(std::array::from_fn(|index| {
+            let z = index as f64 / STEPS as f64 - LAST as f64;
+            let density = libm::exp(-0.5 * z * z) / std::f64::consts::TAU.sqrt();
+            [0.5 * libm::erfc(-z * std::f64::consts::FRAC_1_SQRT_2), density]
+        }))
+    }
+
+    /// The integral up to z, to 3e-12: Taylor's series about the nearest step.
+    #[inline(always)]
+    fn upto<const LEVEL: u8>(&self, z: f64) -> f64 {
+        let z = z.clamp(-(LAST as f64), LAST as f64);
+        let index = ((z + LAST as f64) * STEPS as f64 + 0.5) as u32 as usize;
+        let [integral, density] = self.0[index.min(2 * LAST * STEPS)];
+        let near = index as f64 / STEPS as f64 - LAST as f64;
+        let rest = z - near;
+        let square = near * near;
+        let add = multiply_add::<f64, LEVEL>;
+        let series = add(rest, near * (3.0 - square) / 24.0, (square - 1.0) / 6.0);
+        let series = add(rest, add(rest, series, -0.5 * near), 1.0);
+        add(density * rest, series, integral)
+    }
+
+    /// Fills `shares` with those of a Gaussian about a place that lie within pixels, along one axis.
+    #[inline(always)]
+    fn shares<const LEVEL: u8>(
+        &self,
+        shares: &mut Vec<f64>,
+        place: f64,
+        sigma: f64,
+        (from, to): (usize, usize),
+    ) {
+        let scale = 1.0 / sigma;
+        let start = (from as f64 - place) * scale;
+        shares.clear();
+        let mut before = self.upto::<LEVEL>(start);
+        for edge in 1..=to.saturating_sub(from) {
+            let after = self.upto::<LEVEL>(multiply_add::<f64, LEVEL>(edge as f64, scale, start));
+            shares.push(after - before);
+            before = after;
+        }
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::base::simd::PORTABLE;
     use crate::particles::splat::Flakes;
     use ndarray::{Array2, array};
 
@@ -232,8 +347,31 @@ mod tests {
             velocity: velocity.view(),
             shutter: 1.0,
         };
-        draw(out.view_mut(), &flakes, &LENS, None::<ArrayView2<f32>>, &Cancel::new()).unwrap();
+        draw(out.view_mut(), (0, 0), &flakes, &LENS, None::<ArrayView2<f32>>, &Cancel::new())
+            .unwrap();
         out
+    }
+
+    #[test]
+    fn the_table_is_the_integral() {
+        let normal = Normal::new();
+        for k in -70_000..=70_000 {
+            let z = f64::from(k) * 1e-4;
+            let wanted = 0.5 * libm::erfc(-z * std::f64::consts::FRAC_1_SQRT_2);
+            let off = (normal.upto::<PORTABLE>(z) - wanted).abs();
+            assert!(off < if z.abs() < 6.0 { 3e-12 } else { 1e-9 }, "{z} {off:e}");
+        }
+    }
+
+    #[test]
+    fn rules_are_exact_for_powers() {
+        for (_, number) in RULES {
+            for power in 0..2 * number as i32 {
+                let sum: f64 =
+                    gauss_legendre(number).iter().map(|(x, weight)| weight * x.powi(power)).sum();
+                assert!((sum * f64::from(power + 1) - 1.0).abs() < 1e-12, "{number} {power} {sum}");
+            }
+        }
     }
 
     #[test]

@@ -31,6 +31,8 @@ struct BoxRequest {
     #[pyo3(attribute)]
     way: [f64; 3],
     #[pyo3(attribute)]
+    order: [usize; 3],
+    #[pyo3(attribute)]
     sway: (f64, f64),
     #[pyo3(attribute)]
     travel: [f64; 3],
@@ -98,9 +100,10 @@ impl CrowdRequest {
 impl BoxRequest {
     fn class(&self) -> Result<Class, Error> {
         let torus = Torus::new(self.sides, self.center)?;
+        let carried = Carried::new(torus, self.seed, self.way, 1.0, swaying(Some(self.sway)))?;
         Ok(Class {
             count: self.number,
-            carried: Carried::new(torus, self.seed, self.way, 1.0, swaying(Some(self.sway)))?,
+            carried: carried.renewed(self.order)?,
             seed: self.seed,
             law: Law { range: self.sizes, slope: self.slope },
             travel: self.travel,
@@ -165,7 +168,8 @@ pub fn crowd_list<'py>(
     Ok(PyArray1::from_vec(py, rows))
 }
 
-/// Draws the alpha of a population's flakes into `out` (H, W), each with its exact image.
+/// Draws the alpha of a population's flakes into `out`, the request's window (h, w), each with its exact
+/// image. `depth` is of the window, too.
 #[pyfunction]
 #[pyo3(signature = (out, request, depth=None))]
 pub fn crowd_exact(
@@ -175,11 +179,14 @@ pub fn crowd_exact(
     depth: Option<Plane<'_>>,
 ) -> PyResult<()> {
     let (crowd, lens) = (request.crowd(None)?, request.lens());
-    gate::each_precision!(out, view => exactly(py, view, &crowd, &lens, &depth))
+    let [top, _, left, _] = request.window;
+    gate::each_precision!(out, view => exactly(py, (view, (top, left)), &crowd, &lens, &depth))
 }
 
-/// Draws the alpha of listed flakes into `out` (H, W), each with its exact image.
+/// Draws the alpha of listed flakes into `out` (h, w), the pixels of a frame from the row and the column
+/// `origin` on, each with its exact image. `depth` is of the same pixels.
 #[pyfunction]
+#[pyo3(signature = (out, points, radius, opacity, velocity, shutter, lens, origin, depth=None))]
 #[expect(clippy::too_many_arguments, reason = "the Python layer passes plain values")]
 pub fn particle_exact(
     py: Python<'_>,
@@ -190,16 +197,20 @@ pub fn particle_exact(
     velocity: PyReadonlyArray2<'_, f64>,
     shutter: f64,
     lens: (f64, f64, f64, [f64; 3], f64),
+    origin: (usize, usize),
     depth: Option<Plane<'_>>,
 ) -> PyResult<()> {
     let lens = lens_of(lens);
     let flakes: Flakes<'_> = flakes_of(&points, &radius, &opacity, &velocity, shutter);
-    gate::each_precision!(out, view => exactly(py, view, &flakes, &lens, &depth))
+    gate::each_precision!(out, view => exactly(py, (view, origin), &flakes, &lens, &depth))
 }
+
+/// The pixels to draw, and the row and the column of the first.
+type Part<'a, P> = (ArrayViewMut2<'a, P>, (usize, usize));
 
 fn exactly<P: Real>(
     py: Python<'_>,
-    out: ArrayViewMut2<P>,
+    out: Part<'_, P>,
     flakes: &impl Source,
     lens: &Lens,
     depth: &Option<Plane<'_>>,
@@ -213,12 +224,11 @@ fn exactly<P: Real>(
 
 fn before<P: Real, M: Real>(
     py: Python<'_>,
-    out: ArrayViewMut2<P>,
+    (out, origin): Part<'_, P>,
     flakes: &impl Source,
     lens: &Lens,
     depth: Option<ArrayView2<M>>,
 ) -> PyResult<()> {
-    // Error functions at each pixel's edges, along each row and column of an image.
     let nanoseconds = 10.0 * splat::estimate(out.dim(), flakes, lens);
-    gate::run(py, nanoseconds, |cancel| exact::draw(out, flakes, lens, depth, cancel))
+    gate::run(py, nanoseconds, |cancel| exact::draw(out, origin, flakes, lens, depth, cancel))
 }

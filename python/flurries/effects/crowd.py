@@ -14,6 +14,7 @@ from flurries import _core
 from flurries._contract import Array, Float64
 from flurries._core import SortedFlakes
 from flurries.camera.path import CameraPath
+from flurries.camera.rotation import rotation_matrix
 from flurries.effects.flakes import lens_of, project
 from flurries.effects.gusts import flakes_in_profile, flakes_in_waves
 from flurries.effects.motion import Motion, Way
@@ -22,7 +23,7 @@ from flurries.frame.needs import Cost, LeftOut, Needs, Step, has_keys, omission
 from flurries.frame.view import Frame
 from flurries.light.phase import Optics
 from flurries.motion.keys import value_at
-from flurries.particles.crowd import Box, Closeup, Crowd
+from flurries.particles.crowd import Box, Closeup, Crowd, Triple
 
 # What a class adds to the seed: boxes of one population must not be copies of each other.
 _CLASS = 0x632BE59BD9B4E019
@@ -107,7 +108,7 @@ class DrawnFlakes:
             return near
         far = frame.once_each(self, "far", lambda: self._exact(frame.around, amount))
         both = np.empty_like(near)
-        _core.join(both, [near, np.ascontiguousarray(frame.crop(far))], 0.0)
+        _core.join(both, [near, frame.part_of(far)], 0.0)
         return both
 
     def lit(self, frame: Frame, amount: float, way: Way, optics: Optics) -> tuple[Array, Array]:
@@ -160,16 +161,19 @@ class DrawnFlakes:
         return _core.crowd_sort_pair(frame.shape, crowd, lens_of(right, frame.shape))
 
     def _exact(self, frame: Frame, amount: float) -> Array:
-        """Return the opacity of what the texture would stand for, flake by flake, (H, W)."""
-        whole = replace(frame, window=(0, frame.shape[0], 0, frame.shape[1]))
-        result = np.empty(frame.shape, np.float32)
+        """Return the opacity of what the texture would stand for, flake by flake, (h, w)."""
+        top, bottom, left, right = frame.window
+        result = np.empty((bottom - top, right - left), np.float32)
+        depth = None if frame.depth is None else np.ascontiguousarray(frame.crop(frame.depth))
         if self._alike:
-            _core.crowd_exact(result, self.crowd(whole, amount, beyond=True), frame.depth)
+            _core.crowd_exact(result, self.crowd(frame, amount, beyond=True), depth)
             return result
-        rows = self.listed(whole, amount, beyond=True)
+        rows = self.listed(frame, amount, beyond=True)
         points, radius, opacity, travel = (np.ascontiguousarray(part) for part in rows[:4])
         lens = lens_of(frame.camera, frame.shape)
-        _core.particle_exact(result, points, radius, opacity, travel, 1.0, lens, frame.depth)
+        _core.particle_exact(
+            result, points, radius, opacity, travel, 1.0, lens, (top, left), depth
+        )
         return result
 
     def crowd(self, frame: Frame, amount: float, *, beyond: bool = False) -> Crowd:
@@ -254,6 +258,7 @@ class DrawnFlakes:
             frame.t, fps=frame.fps, fall=share.motion.fall, wind=share.motion.mean_wind
         )
         axes = frame.camera.matrix()
+        rotation = (0.0, 0.0, 0.0) if path.turns else frame.camera.rotation
         center = np.array([0.0, 0.0, room.middle])
         travel = -exposure * stretch @ (rate @ axes)
         heights = np.linspace(-shown[3], shown[3], HEIGHTS)
@@ -267,6 +272,7 @@ class DrawnFlakes:
             center=_triple(axes @ center if path.turns else center),
             seed=seed,
             way=_triple(-moved if path.turns else -moved @ axes),
+            order=_order(share.motion, path, frame.fps, rotation, room.sides),
             sway=(weather.sway[0], weather.sway[1] * frame.t / frame.fps),
             travel=_triple(travel),
             sizes=(share.size.smallest, share.size.largest),
@@ -405,6 +411,17 @@ def _room(drawn: DrawnFlakes, shape: tuple[int, int], path: CameraPath, depth: f
         side = 2.0 * (ball + room)
         return Room((side, side, side), min(ball, depth))
     return Room((across + 2.0 * room, down + 2.0 * room, depth), 0.5 * depth)
+
+
+@lru_cache(maxsize=256)
+def _order(
+    motion: Motion, path: CameraPath, fps: float, rotation: Triple, sides: Triple
+) -> tuple[int, int, int]:
+    """Return the axes of a box, that which the air of frame 0 passes in the least time first."""
+    _, rate = path.relative(0.0, fps=fps, fall=motion.fall, wind=motion.mean_wind)
+    share = np.abs(rate @ rotation_matrix(rotation)) / sides
+    first, second, third = sorted((1, 0, 2), key=lambda axis: -share[axis])
+    return first, second, third
 
 
 def _triple(values: Float64) -> tuple[float, float, float]:

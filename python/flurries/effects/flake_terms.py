@@ -18,6 +18,10 @@ from flurries.spectral.flakes import choices
 # Amounts that patterns are kept for, where the amount of flakes changes.
 LADDER = (0.0, 0.125, 0.25, 0.5, 0.75, 1.0)
 
+# Generations change over this part of the time that each is alone: two at a time are more and fainter
+# flakes than there are.
+CHANGE = 0.3
+
 # Golden and other sections, for rows, columns, layers and seeds: tiles must not pulse together.
 _SECTIONS = (0.6180339887, 0.7548776662, 0.5698402910, 0.1234567)
 
@@ -80,7 +84,7 @@ def terms_of(
     if film.comes:
         place = place + flight.turns
         first = np.floor(place)
-        part = place - first
+        part = np.clip(1.0 - (1.0 - (place - first)) / CHANGE, 0.0, 1.0)
     else:
         first = np.floor(place)
         # Only the last length of them gives way to the next generation.

@@ -35,6 +35,11 @@ from flurries.trace import count
 # Before a scene's depth layers that lie near each other are one group, of so many.
 GROUPS = 4
 
+# Blurred streaks are longer by this factor. Flakes below a pixel have waves beyond half a cycle that
+# pixels show as longer ones, and a blur by the longer wave takes too little of them: in the finest
+# octave 7 % less of the squared streak.
+LONGER = 1.035
+
 # Focal lengths of a zoom have patterns of their own in steps of this ratio.
 _FOCAL_STEP = 1.05
 
@@ -81,7 +86,7 @@ class FlakeTexture:
                 made = frame.once_each(
                     self, "texture", lambda: self._made(whole, film, patterns, amount)
                 )
-                return np.ascontiguousarray(whole_crop(made, whole, frame))
+                return frame.part_of(made)
             bands = frame.once_each(
                 self,
                 "texture",
@@ -161,7 +166,7 @@ class FlakeTexture:
             pattern=terms.pattern,
             gain=np.ascontiguousarray(terms.gain),
             shift=terms.shift,
-            streak=np.ascontiguousarray(streak[:, :, again]) if blurred else None,
+            streak=LONGER * streak[:, :, again] if blurred else None,
             mirror=terms.mirror,
             mean=np.ascontiguousarray(mean.sum(axis=2) / film.tile**2),
             window=window,
@@ -340,10 +345,3 @@ def _seen_before(layers: Sequence[Layer], depth: Array) -> Float64:
     for _, slab in layers:
         before += slab.coverage * slab.before(edges)
     return np.interp(depth, edges, before / whole)
-
-
-def whole_crop(made: Array, whole: Frame, frame: Frame) -> Array:
-    """Return the part of a frame's window out of that of a larger one."""
-    top, _, left, _ = whole.window
-    rows = slice(frame.window[0] - top, frame.window[1] - top)
-    return made[rows, frame.window[2] - left : frame.window[3] - left]

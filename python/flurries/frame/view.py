@@ -165,6 +165,12 @@ class Frame:
         top, bottom, left, right = self.window
         return plane[top:bottom, left:right]
 
+    def part_of(self, made: Array) -> Array:
+        """Return the window out of a plane of `around`, C order."""
+        top, _, left, _ = self.around.window
+        first, end, start, stop = self.window
+        return np.ascontiguousarray(made[first - top : end - top, start - left : stop - left])
+
     def later(self, step: float = 1.0) -> Frame:
         """Return what the same eye is asked `step` frames later, without depth and light."""
         after, camera = self.t + step, self.camera

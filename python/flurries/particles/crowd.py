@@ -22,6 +22,9 @@ class Box(NamedTuple):
         Of places, sway and sizes.
     way : (3,)
         Flake minus camera since frame 0, in the box's axes, metres.
+    order : (3,)
+        The axes, that along which the air passes fastest first: a flake that comes in again along
+        one is at a new place along those after it.
     sway : (amplitude, angle)
         Metres, radians.
     travel : (3,)
@@ -41,6 +44,7 @@ class Box(NamedTuple):
     center: Triple
     seed: int
     way: Triple
+    order: tuple[int, int, int]
     sway: tuple[float, float]
     travel: Triple
     sizes: tuple[float, float]

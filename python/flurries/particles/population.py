@@ -30,7 +30,7 @@ LEAST_IN_TILE = 8.0
 SLAB_RATIO = 1.41
 
 # Over this part of its depth the hand-over goes from all drawn to all synthesized.
-FADE = 0.15
+FADE = 0.08
 
 
 @dataclass(frozen=True)
