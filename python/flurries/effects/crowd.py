@@ -171,9 +171,7 @@ class DrawnFlakes:
         rows = self.listed(frame, amount, beyond=True)
         points, radius, opacity, travel = (np.ascontiguousarray(part) for part in rows[:4])
         lens = lens_of(frame.camera, frame.shape)
-        _core.particle_exact(
-            result, points, radius, opacity, travel, 1.0, lens, (top, left), depth
-        )
+        _core.particle_exact(result, points, radius, opacity, travel, 1.0, lens, (top, left), depth)
         return result
 
     def crowd(self, frame: Frame, amount: float, *, beyond: bool = False) -> Crowd:

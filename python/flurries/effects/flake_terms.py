@@ -18,8 +18,8 @@ from flurries.spectral.flakes import choices
 # Amounts that patterns are kept for, where the amount of flakes changes.
 LADDER = (0.0, 0.125, 0.25, 0.5, 0.75, 1.0)
 
-# Generations change over this part of the time that each is alone: two at a time are more and fainter
-# flakes than there are.
+# Generations change over this part of the time of each: two at a time are more and fainter flakes
+# than there are.
 CHANGE = 0.3
 
 # Golden and other sections, for rows, columns, layers and seeds: tiles must not pulse together.

@@ -35,9 +35,9 @@ from flurries.trace import count
 # Before a scene's depth layers that lie near each other are one group, of so many.
 GROUPS = 4
 
-# Blurred streaks are longer by this factor. Flakes below a pixel have waves beyond half a cycle that
-# pixels show as longer ones, and a blur by the longer wave takes too little of them: in the finest
-# octave 7 % less of the squared streak.
+# Blurred streaks are longer by this factor. Flakes below a pixel have waves beyond half a cycle,
+# which pixels show as longer ones, and a blur of the longer wave takes too little of them: in the
+# finest octave 7 % less of the squared streak.
 LONGER = 1.035
 
 # Focal lengths of a zoom have patterns of their own in steps of this ratio.
