@@ -250,13 +250,13 @@ INTRO = """# Statistics of snow: the texture against all flakes drawn
 
 Made by `python benches/flakes_statistics.py --write`, which also says what each number is. Presets
 of `fl.Snow` by the method "hybrid" over `method="simulated"`, means over seeds: quotients, and for
-"after" (the correlation of pixels with themselves so many frames later) differences. Behind ± stands
+"after" (the correlation of pixels with themselves so many frames later) differences. Behind ± is
 the standard error, what chance makes of it. A star marks what misses its limit. The focal length is
 1.2 of the width; "flying" is 2 m/s forward at 30 frames a second. Seeds take turns at the six parts
-of a picture 1920 px wide. The Euler number of a level is that of the pixels above each picture's own
-percentile, a topological number of the picture: how opaque it is the other rows say. "At common
-levels" both are cut at the percentiles of the drawn one, and there a hundredth of the area more is a
-tenth of the number at the median.
+of a picture 1920 px wide. The Euler number of a level is that of the pixels above each picture's
+own percentile, a topological number of the picture: how opaque it is the other rows say. "At common
+levels" both are cut at the percentiles of the drawn one, and there a hundredth of the area more is
+a tenth of the number at the median.
 
 """
 
