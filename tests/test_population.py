@@ -94,7 +94,7 @@ def test_slabs_cover_what_the_air_beyond_the_drawn_flakes_does():
         assert focal * one.largest / reach / math.sqrt(8.0) <= HANDOVER_SIGMA * (1 + 1e-12)
         slabs = slabs_of(population, one, focal, tile, reach=reach, far=far)
         depth = (rng.random(1_000_000) * (far**3 - reach**3) + reach**3) ** (1 / 3)
-        part = np.clip((depth / reach - 1.0) / 0.15, 0.0, 1.0)
+        part = np.clip((depth / reach - 1.0) / 0.08, 0.0, 1.0)
         share = part * part * (3.0 - 2.0 * part)
         low, high = sizes.below(one.smallest), sizes.below(one.largest)
         size = sizes.quantile(low + rng.random(1_000_000) * (high - low))
