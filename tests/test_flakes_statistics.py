@@ -18,7 +18,8 @@ from flakes_statistics import LIMITS, compared, missed
 def scenes(method: str, seed: int) -> fl.Scene:
     """A part of a wide picture, and few enough flakes that all of them can be drawn.
 
-    Over 16 seeds the area above .5 is .958 of that of drawn flakes; of the first four, by chance, .88.
+    Over 16 seeds the area above .5 is .958 of that of drawn flakes; of the first four, by chance,
+    .88.
     """
     snow = fl.Snow(density=60.0, far=22.0, method=method)
     return fl.Scene((240, 160), "#000000", fl.Camera(768.0), [snow], seed=4 + seed)
