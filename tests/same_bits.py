@@ -146,6 +146,9 @@ SCENES: dict[str, fl.Scene] = {
         effects=[fl.Mist(count=300, color=0.7, wind=(0.5, 0.0, 0.0))],
     ),
     "cone": fl.Scene(None, PLATE, effects=[fl.ConeSnow(tile=128), fl.ConeRain(tile=128)]),
+    "flakes": fl.Scene(
+        None, PLATE, camera=PATH, effects=[fl.Snow.preset("heavy"), fl.Rain.preset("rain")]
+    ),
 }  # fmt: skip
 
 

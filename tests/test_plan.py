@@ -361,12 +361,29 @@ def test_gas_that_stands_still_is_made_once():
         assert trace.calls[name] == 1
         for image, t in zip(images, (0, 4, 9), strict=True):
             assert np.array_equal(image, scene.replace(fps=30.0).render(t))
-        for change in ({"wind": (0.1, 0.0, 0.0)}, {"color": "ambient"},
-                       {"amount": fl.Keys([(0, 0.5), (9, 1.0)])}):  # fmt: skip
+        # The background's light is the color of what is kept; the sun's light is made of it.
+        grows = fl.Keys([(0, 0.5), (9, 1.0)])
+        for change, calls in (({"wind": (0.1, 0.0, 0.0)}, 2), ({"amount": grows}, 2),
+                              ({"color": "ambient"}, 2 if sun else 1)):  # fmt: skip
             moving = scene.replace(effects=[replace(cloud, **change)])
             with fl.trace.tracing() as trace:
                 moving.render(0), moving.render(4)
-            assert trace.calls[name] == 2
+            assert trace.calls[name] == calls
+
+
+def test_gas_that_is_kept_has_the_light_of_each_frame(tmp_path):
+    for number, level in enumerate((40, 200)):
+        fl.io.write_picture(tmp_path / f"{number}.png", np.full((H, W, 3), level, np.uint8))
+    cloud = fl.Mist.preset("clouds", center=(0.0, 0.0, 6.0), color="ambient")
+    scene = fl.Scene(None, str(tmp_path / "%d.png"), effects=[cloud])
+    with fl.trace.tracing() as trace:
+        dark, bright = (scene.render(t) for t in (0, 1))
+    assert trace.calls["gas"] == 1
+    alone = (scene.replace(fps=30.0).render(t, layers=True) for t in (0, 1))
+    for image, whole in zip((dark, bright), alone, strict=True):
+        assert np.abs(image - whole.image.astype(float)).max() <= 1
+    covered = whole.alpha > 0.5
+    assert dark[covered].mean() < 0.5 * bright[covered].mean()
 
 
 def test_a_cone_without_light_is_only_a_veil():

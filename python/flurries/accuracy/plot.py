@@ -41,14 +41,14 @@ def _sheet(studies: list[Study], file: Path) -> Path:
     for ax in grid.flat[len(studies) :]:
         ax.set_visible(False)
     for ax, study in zip(grid.flat, studies, strict=False):
-        _draw(ax, study)
+        draw(ax, study)
     figure.tight_layout()
     figure.savefig(file, metadata={"Software": None})
     plt.close(figure)
     return file
 
 
-def _draw(ax: Any, study: Study) -> None:
+def draw(ax: Any, study: Study) -> None:
     """Draw a study: dots at the fastest run, and the settings in a list that lines lead to."""
     points = sorted(study.points, key=lambda point: point.error)
     best = [point for point in points if point.best]
