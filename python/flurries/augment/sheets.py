@@ -15,7 +15,7 @@ import numpy as np
 from flurries import _core
 from flurries._contract import Array
 from flurries.augment.draws import uniforms
-from flurries.augment.texture import OVERLAP, SEED, WAY, Rungs, Texture
+from flurries.augment.texture import SEED, WAY, Rungs, Texture, overlap_of
 
 # Bytes of all sheets of a process, at most: the oldest go.
 _MOST = 64 << 20
@@ -95,11 +95,12 @@ class Part(NamedTuple):
     def _made(self, layer: int | None) -> Sheet:
         texture, rungs = self.texture, self.rungs
         rows, cols, step = self.key
-        size = tuple((rungs.tile - OVERLAP) * count for count in (rows, cols))
+        overlap = overlap_of(rungs.tile)
+        size = tuple((rungs.tile - overlap) * count for count in (rows, cols))
         way = WAY**rungs.way
         streak = way * np.array([math.sin(step * self.turn), math.cos(step * self.turn)])
         asked = texture.request(
-            (size[0] + OVERLAP, size[1] + OVERLAP), texture.patterns.focal, seed=SEED,
+            (size[0] + overlap, size[1] + overlap), texture.patterns.focal, seed=SEED,
             moved=np.zeros(2), streak=streak,
         )._replace(
             mean=np.array([[_MEANS * texture.own]]), gain=texture.gains.reshape(1, 1, -1)
@@ -133,17 +134,19 @@ def part_of(
     u = uniforms(seed, _STREAM, 3)
     half, side = bool(u[2] < 0.5), x * y < 0.0
     # A picture may be larger than its sheet by what tiles share, which then stands at both ends.
-    rows, cols = (_core.tile_count(length, rungs.tile, OVERLAP) for length in shape)
-    stride = rungs.tile - OVERLAP
+    overlap = overlap_of(rungs.tile)
+    rows, cols = (_core.tile_count(length, rungs.tile, overlap) for length in shape)
+    stride = rungs.tile - overlap
     place = int(u[0] * stride * rows), int(u[1] * stride * cols)
     return Part(texture, rungs, (rows, cols, step), turn, place, (half, half ^ side))
 
 
 def _joined(plane: Array, tile: int) -> Array:
     """Return a plane whose last rows are blended into its first as two tiles are, without them."""
-    shares = np.empty((2 * tile - OVERLAP, 2))
-    _core.tile_shares(shares, tile, OVERLAP, "power")
-    shared = np.sqrt(shares[tile - OVERLAP : tile, :, None]).astype(np.float32)
-    found: Array = plane[:-OVERLAP].copy()
-    found[:OVERLAP] = shared[:, 1] * plane[:OVERLAP] + shared[:, 0] * plane[-OVERLAP:]
+    overlap = overlap_of(tile)
+    shares = np.empty((2 * tile - overlap, 2))
+    _core.tile_shares(shares, tile, overlap, "power")
+    shared = np.sqrt(shares[tile - overlap : tile, :, None]).astype(np.float32)
+    found: Array = plane[:-overlap].copy()
+    found[:overlap] = shared[:, 1] * plane[:overlap] + shared[:, 0] * plane[-overlap:]
     return found

@@ -23,7 +23,6 @@ from flurries.spectral.flakes import Request, choices, patterns_of, prepare
 # How much the torus of a pattern is sheared.
 _SHEAR = 5 / 13
 
-OVERLAP = 10
 _PATTERNS = 6
 
 # Layers are coarse: nothing comes nearer here, so that they only differ in how they move.
@@ -63,6 +62,11 @@ def tile_of(shape: tuple[int, int]) -> int:
     """Return the size of tiles: some four to eight along the picture's longer side."""
     longer = max(shape)
     return 64 if longer <= 320 else 128 if longer <= 1280 else 256
+
+
+def overlap_of(tile: int) -> int:
+    """Return how many pixels tiles share: streaks that all end within a few make a line."""
+    return 3 * tile // 16
 
 
 class Rungs(NamedTuple):
@@ -201,13 +205,14 @@ class Texture:
             Metres (x, y) while the shutter is open.
         """
         found = self.patterns
-        tiles = tuple(_core.tile_count(length, found.tile, OVERLAP) for length in shape)
+        overlap = overlap_of(found.tile)
+        tiles = tuple(_core.tile_count(length, found.tile, overlap) for length in shape)
         count = len(found.depths)
         chosen = choices(seed, tiles, layers=count, patterns=_PATTERNS, tile=found.tile)  # type: ignore[arg-type]
         pixels = (focal / found.depths)[:, None]
         return Request(
             shape=shape,
-            overlap=OVERLAP,
+            overlap=overlap,
             pattern=chosen.pattern,
             gain=(self.gain * self.gains).reshape(1, 1, count),
             shift=chosen.shift + pixels * moved,
