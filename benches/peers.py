@@ -175,8 +175,8 @@ def page(times: Times, failures: list[str], lines: list[str], runs: int) -> str:
         " the picture draws no snow and is listed, but does not count.\n",
         "Every peer that draws anything counts: rain of albumentations is a few hundred straight"
         " lines of one grey and slant over a blurred picture. Ours is called 64 times before it is"
-        " timed: it keeps sheets of far flakes, and pictures whose sheet is not there yet take two"
-        " to four times as long.\n",
+        " timed: it keeps sheets of far flakes, and pictures whose sheet is not there yet take"
+        " longer.\n",
         "## Verdict\n",
         *(f"- {line}" for line in lines),
     ]

@@ -175,9 +175,12 @@ def test_streaks_of_sheets_lie_along_the_wind(wind: float):
 
 
 def test_streaks_do_not_end_in_lines():
-    # Where the tiles of a texture shared 10 px, streaks of 60 ended there together: .085.
-    plain, steps = np.full((480, 900, 3), 110, np.uint8), np.zeros(479)
-    for seed in range(12):
-        rain = fl.augment.Rainfall(severity=4, seed=seed)(plain)[..., 0].astype(float)
-        steps += np.abs(np.diff(rain, axis=0)).mean(axis=1)
-    assert steps.std() < 0.07 * steps.mean()
+    """Rows where tiles of a sheet meet, against all rows: 2.4 where they share 10 px."""
+    weather = fl.augment.Rainfall(severity=4, seed=1)
+    here = Here(weather._air(weather.record(index=0)), view := weather._view((600, 900)),
+                weather._distances(None, view), 0.0)  # fmt: skip
+    assert here.part is not None
+    plane = here.part.sheet(None).values.astype(float)
+    steps = np.abs(plane - np.roll(plane, 1, 0)).mean(axis=1)
+    tiles = steps.reshape(here.part.key[0], -1).mean(axis=0)
+    assert tiles.max() < 1.8 * tiles.mean()
