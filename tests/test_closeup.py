@@ -173,3 +173,15 @@ def test_round_flakes_are_asked_for():
     plain = flakes()
     snow = replace(plain.effects[0], shape="round")
     assert not np.array_equal(plain.replace(effects=[snow]).render(0), plain.render(0))
+
+
+def test_nothing_of_shapes_and_lens_where_they_are_not_asked_for():
+    def asked(lens: fl.Lens | None, **fields: Any) -> tuple[bool, bool]:
+        shown = fl.Scene((96, 64), effects=[fl.Snow(**fields)], lens=lens)
+        frame = shown.program.views(3.0)[0][1]
+        near = shown.effects[0].parts.flakes.closeup(frame)
+        return near is not None, near is not None and near.blur is not None
+
+    assert asked(None, shape="round") == (False, False)
+    assert asked(None) == (True, False)
+    assert asked(fl.Lens(focus=2.0), shape="round") == (True, True)

@@ -100,7 +100,8 @@ impl Sheet<'_> {
     fn read(&self, row: usize, mut out: &mut [f32]) {
         let (rows, cols) = self.values.dim();
         let from = self.place[0] % rows;
-        let row = if self.back[0] { (from + rows - row % rows) % rows } else { (from + row) % rows };
+        let row =
+            if self.back[0] { (from + rows - row % rows) % rows } else { (from + row) % rows };
         let Some(values) = self.values.row(row).to_slice() else { return };
         let mut at = self.place[1] % cols;
         while !out.is_empty() {
@@ -216,7 +217,8 @@ mod tests {
     #[test]
     fn it_is_the_product_of_what_each_leaves() {
         let (height, width, rows, cols) = (9, 150, 5, 37);
-        let values = Array2::from_shape_fn((rows, cols), |(i, j)| ((31 * i + 7 * j) % 90) as i16 - 40);
+        let values =
+            Array2::from_shape_fn((rows, cols), |(i, j)| ((31 * i + 7 * j) % 90) as i16 - 40);
         let plane = |k: usize| {
             Array2::from_shape_fn((height, width), |(i, j)| ((k * i + j) % 17) as f32 / 20.0)
         };
@@ -252,8 +254,8 @@ mod tests {
                 for ((i, j), &got) in out.indexed_iter() {
                     let depth: f64 = sheets.iter().map(|sheet| at(sheet, i, j)).sum();
                     let left = (1.0 - f64::from(drawn[(i, j)])).powi(8);
-                    let wanted =
-                        1.0 - 0.9 * left * (1.0 - f64::from(veil[(i, j)])) * (-depth.max(0.0)).exp();
+                    let wanted = 1.0
+                        - 0.9 * left * (1.0 - f64::from(veil[(i, j)])) * (-depth.max(0.0)).exp();
                     assert!((f64::from(got) - wanted).abs() < 2e-6, "{got} {wanted}");
                 }
             }
