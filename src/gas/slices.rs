@@ -3,11 +3,6 @@
 //! Pixels follow from the three coarse samples around them on each axis by the quadratic spline, which
 //! has no corners for ghosts of the grid to stick to.
 
-#![expect(
-    clippy::needless_range_loop,
-    reason = "an index over lanes of a fixed count is what vectorises without closures"
-)]
-
 use ndarray::{ArrayView2, ArrayView3, ArrayViewMut2, Axis};
 
 use crate::base::error::{Cancel, Error, zeroed};
