@@ -149,7 +149,13 @@ SCENES: dict[str, fl.Scene] = {
     "flakes": fl.Scene(
         None, PLATE, camera=PATH, effects=[fl.Snow.preset("heavy"), fl.Rain.preset("rain")]
     ),
+    "still": fl.Scene(None, PLATE, effects=[fl.Mist(count=300), fl.Mist.preset("bank")]),
 }  # fmt: skip
+# What a data set's pictures share is made once for a process.
+WEATHERS: dict[str, Any] = {
+    "snowfall": fl.augment.Snowfall(severity=3),
+    "rainfall": fl.augment.Rainfall(severity=3),
+}
 
 
 def digest(array: Any) -> str:
@@ -162,7 +168,8 @@ def of_kernels() -> dict[str, str]:
 
 
 def of_scenes(frames: tuple[float, ...] = (0, 7.25, 1000)) -> dict[str, str]:
-    return {name: digest([scene.render(t) for t in frames]) for name, scene in SCENES.items()}
+    found = {name: digest([scene.render(t) for t in frames]) for name, scene in SCENES.items()}
+    return found | {name: digest(weather(PLATE, index=1)) for name, weather in WEATHERS.items()}
 
 
 if __name__ == "__main__":

@@ -18,7 +18,7 @@ import pytest
 import flurries as fl
 from flurries import _core
 from flurries.cli import main
-from same_bits import KERNELS, SCENES, of_kernels, of_scenes
+from same_bits import KERNELS, SCENES, WEATHERS, of_kernels, of_scenes
 
 HERE = Path(__file__).parent
 # An old processor for everything beside the kernels: the C library, NumPy and its linear algebra.
@@ -60,7 +60,7 @@ ON = {"FLURRIES_REPRODUCIBLE": "1"}
 
 def test_every_level_gives_the_same_bits(record_property: Callable[[str, object], None]):
     found = hashes(**ON)
-    for what, names in (("kernels", KERNELS), ("scenes", SCENES)):
+    for what, names in (("kernels", KERNELS), ("scenes", [*SCENES, *WEATHERS])):
         want = found[what]
         assert set(want) == set(names) and len(set(want.values())) >= len(names) - 1
         record_property("figure", f"{len(want)} {what}: 0 of 4 runs differ")

@@ -14,6 +14,7 @@ import numpy as np
 
 from flurries import _core
 from flurries._contract import Array
+from flurries._threads import reproducible
 from flurries.augment.draws import uniforms
 from flurries.augment.texture import SEED, WAY, Rungs, Texture, overlap_of
 
@@ -80,7 +81,7 @@ class Part(NamedTuple):
 
     def sheet(self, layer: int | None) -> Sheet:
         """Return a sheet of all layers or of one."""
-        key = (self.rungs, *self.key, layer)
+        key = (self.rungs, *self.key, layer, reproducible())
         # Taken out and put in again: the dict's order is that of use. No lock, which a fork in
         # another thread would leave closed; two that make the same sheet make the same bits.
         found = _KEPT.pop(key, None)

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from functools import lru_cache
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -16,6 +15,7 @@ import numpy as np
 
 from flurries import _core
 from flurries._contract import Array, Float64
+from flurries._threads import kept_by_mode
 from flurries.augment.falling import Falling, covered_by, ein, population_of
 from flurries.particles.population import Slab, slabs_of
 from flurries.spectral.flakes import Request, choices, patterns_of, prepare
@@ -274,7 +274,7 @@ def base_of(
     return _base_of(falling, rung, tile_of(shape), focal, least)
 
 
-@lru_cache(maxsize=256)
+@kept_by_mode(256)
 def _base_of(falling: Falling, far: int, tile: int, focal: float, least: float) -> Base:
     way = WAY**far
     reach = falling.reach(way, focal, tile, least=least)
@@ -300,7 +300,7 @@ def texture_of(base: Base, falling: Falling, way: float) -> Texture | None:
     return Texture(found, more, opaque, covered, base.gains, base.own, base.lift, base.rungs)
 
 
-@lru_cache(maxsize=48)
+@kept_by_mode(48)
 def _patterns_of(
     look: tuple[str, tuple[float, float, float], float], rung: int, lens: int, tile: int,
     step: int,
@@ -345,7 +345,7 @@ def _mean_square(edges: Float64) -> Float64:
     return np.asarray((edges[:-1] ** 2 + edges[:-1] * edges[1:] + edges[1:] ** 2) / 3.0)
 
 
-@lru_cache(maxsize=1024)
+@kept_by_mode(1024)
 def _settled(
     patterns: Patterns, lens: int, far: int, dense: int, diameter: float
 ) -> tuple[Float64, float, float]:

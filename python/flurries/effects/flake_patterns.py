@@ -8,13 +8,13 @@ depths; as that averages depths and not opacities, a gain sets right what they c
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
 
 from flurries import _core
 from flurries._contract import Array, Float64
+from flurries._threads import kept_by_mode
 from flurries.effects.defocus import disc_factor
 from flurries.effects.gain import STREAKS, gains_of
 from flurries.effects.weather import Film, Layer
@@ -92,7 +92,7 @@ class Patterns:
 Streaks = tuple[tuple[float, float], ...]
 
 
-@lru_cache(maxsize=2)
+@kept_by_mode(2)
 def _waves(
     slabs: tuple[Slab, ...],
     tile: int,
@@ -112,7 +112,7 @@ def _waves(
     return made, np.array(depths)
 
 
-@lru_cache(maxsize=4)
+@kept_by_mode(4)
 def patterns_of(
     layers: tuple[Layer, ...],
     film: Film,

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
 from typing import Literal, TypeAlias, get_args
 
 import numpy as np
 
 from flurries import gas
 from flurries._contract import Array, Float64
+from flurries._threads import kept_by_mode
 from flurries.frame.view import Frame
 from flurries.io.color import srgb_to_linear
 from flurries.light.phase import DROPS, Optics
@@ -82,7 +82,7 @@ class Scatter:
         return _light_in(places, density, radius, (x, y, z), self.forward)
 
 
-@lru_cache(maxsize=8)
+@kept_by_mode(8)
 def _light_in(
     centers: bytes, density: bytes, radius: float, way: tuple[float, float, float], forward: float
 ) -> Float64:

@@ -15,6 +15,7 @@ import numpy as np
 
 from flurries import _core
 from flurries._contract import Array
+from flurries._threads import reproducible
 from flurries.camera.lens import Camera
 from flurries.camera.optics import Lens
 from flurries.camera.path import CameraPath
@@ -212,7 +213,9 @@ class Program:
         found = []
         for part, needs in runs:
             settings = choice.settings.get(part.place, {})
-            key = (part.place, camera, window, dtype is None, *settings.values())
+            key = (
+                part.place, camera, window, dtype is None, reproducible(), *settings.values(),
+            )  # fmt: skip
             kept = self._kept if self.settled else None
             run = Run({step.name: step for step in needs.steps}, kept, key, visible, settings)
             frame = base.derive(
