@@ -80,8 +80,8 @@ class Base(NamedTuple):
     @staticmethod
     def airlight(plate: PlateLight) -> Base:
         """Return those of white gas in the light of a plate: as bright as its sky, one color."""
-        grey = np.full(3, SUN * plate.surround.mean())
-        return Base(plate.surround, grey)
+        grey = np.full(3, SUN * plate.sky.mean())
+        return Base(plate.sky, grey)
 
 
 def _first(frame: Frame) -> tuple[int, int]:

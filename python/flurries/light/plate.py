@@ -15,9 +15,10 @@ from flurries.light.phase import within
 # Cells along the longer side of a picture: light is sampled no finer.
 CELLS = 96
 
-# What is outside the picture shines as its brighter part does, the sky where there is one; lamps,
-# which are small, are left out of it.
+# Of what is outside the picture the upper half shines as the picture's brighter part does, the sky
+# where there is one, without lamps, which are small; the lower half as its darker part, the ground.
 _BRIGHTER = (0.75, 0.98)
+_DARKER = 0.5
 
 # Light within the first angle (radians) comes from behind a flake, within the second from around.
 _NARROW, _WIDE = math.radians(6.0), math.radians(25.0)
@@ -37,27 +38,32 @@ class PlateLight:
         Mean linear light of squares of the picture.
     cell : int
         Their side, px.
-    surround : (3,)
-        Linear light from outside the picture.
+    sky : (3,)
+        Linear light from above, outside the picture.
+    ground : (3,)
+        Linear light from below, outside the picture.
     """
 
     cells: Float64
     cell: int
-    surround: Float64
+    sky: Float64
+    ground: Float64
 
     def local(self, focal: float, *, asymmetry: float, albedo: float) -> Float64:
         """Return the radiance of flakes before each cell, (rows, columns, 3) linear light.
 
         The albedo times the light from all sides, weighed by Henyey and Greenstein: what lies
-        behind a flake, what lies around it, and what is outside the picture. Over an even picture
-        of radiance L it is albedo times L.
+        behind a flake, what lies around it, and what is outside the picture, half of it sky and half
+        ground: flakes are darker than the sky behind them and brighter than the ground. Over an
+        even picture of radiance L it is albedo times L.
         """
         behind = within(asymmetry, _NARROW)
         around = within(asymmetry, _WIDE) - behind
         rest = 1.0 - behind - around
         near = self.blurred(focal, _NARROW_SIGMA)
         wide = self.blurred(focal, _WIDE_SIGMA)
-        return np.asarray(albedo * (behind * near + around * wide + rest * self.surround))
+        outside = 0.5 * (self.sky + self.ground)
+        return np.asarray(albedo * (behind * near + around * wide + rest * outside))
 
     def veil(self, focal: float) -> Float64:
         """Return the light of fog before each cell, (rows, columns, 3) linear light.
@@ -66,7 +72,7 @@ class PlateLight:
         as bright as what it hides, or brighter where the surroundings are.
         """
         wide = self.blurred(focal, _WIDE_SIGMA)
-        even = 0.5 * (wide + self.surround)
+        even = 0.5 * (wide + self.sky)
         return np.maximum(even, self.blurred(focal, _NARROW_SIGMA))
 
     def blurred(self, focal: float, sigma: float) -> Float64:
@@ -114,8 +120,8 @@ def plate_light(picture: Array, encoding: str) -> PlateLight:
     if not cover.any() or not light.any():
         # Black is no picture: what is laid over it is meant for one later.
         cells = np.ones_like(cells)
-    bright = cells.reshape(-1, 3).sum(axis=1)
-    low, high = np.quantile(bright, _BRIGHTER)
-    chosen = (bright >= low) & (bright <= high)
-    surround = cells.reshape(-1, 3)[chosen].mean(axis=0)
-    return PlateLight(cells, cell, surround)
+    places = cells.reshape(-1, 3)
+    bright = places.sum(axis=1)
+    middle, low, high = np.quantile(bright, (_DARKER, *_BRIGHTER))
+    sky = places[(bright >= low) & (bright <= high)].mean(axis=0)
+    return PlateLight(cells, cell, sky, places[bright <= middle].mean(axis=0))
