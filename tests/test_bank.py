@@ -150,6 +150,32 @@ def test_the_side_to_the_sun_is_bright_by_the_gas_before_it():
     assert light.min() < 0.1 and light.max() > 0.7
 
 
+def test_the_sky_lights_the_top_and_dims_below_it():
+    plate = np.full((160, 200, 3), 0.3, np.float32)
+    about = {"camera": fl.Camera(FOCAL), "depth": 20.0}
+
+    def color(mist):
+        scene = fl.Scene(None, plate, effects=[mist], **about)
+        layer = scene.render(0.0, layers=True).layers["mist"].astype(np.float64)
+        part = scene.render(0.0, region=np.s_[40:80, 90:150])
+        np.testing.assert_array_equal(part, scene.render(0.0)[40:80, 90:150])
+        shown = layer[..., 3] > 1e-4
+        return np.where(shown, layer[..., 1] / np.maximum(layer[..., 3], 1e-4) / 0.3, 1.0)
+
+    slab = {"visibility": 10.0, "top": -0.5, "falloff": 0.05, "depths": (15.0, 20.0), "box": 40.0}
+    even = color(fl.Mist(structure=1e-9, **slab))
+    # Far below its top there is the mean gas above: 1 - .45 (1 - exp(-.5)); at the top the sky.
+    assert np.abs(even[-1] - (1.0 - 0.45 * (1.0 - np.exp(-0.5)))).max() < 1e-3
+    assert np.abs(even[:20] - 1.0).max() < 0.01 and np.diff(even, axis=0).max() < 1e-4
+    stirred = color(fl.Mist(structure=1.1, **slab))
+    assert stirred.min() > 0.55 - 1e-6 and stirred.max() < 1.0 + 1e-6
+    assert stirred[140:].std() > 0.02
+    # Gas without a top, and gas with a color of its own, have one.
+    assert np.abs(color(fl.Mist(visibility=10.0, structure=1.1)) - 1.0).max() < 1e-4
+    own = color(fl.Mist(visibility=10.0, structure=1.1, top=-0.5, color=1.0))
+    assert np.ptp(own[60:]) < 1e-4
+
+
 @pytest.mark.parametrize("name", ["valley", "ground", "bank", "cumulus"])
 def test_presets_are_mist_with_structure(name, tmp_path):
     effect = fl.Mist.preset(name)

@@ -19,6 +19,7 @@ from flurries import _core, gas
 from flurries._contract import Array, Float64
 from flurries.effects.bank_texture import COARSE, MARGIN, coarse_shape, long_waves, short_waves
 from flurries.effects.lighting import Base, add_behind, lamp_shade, whole
+from flurries.effects.skylight import Skylight
 from flurries.effects.sunlight import Scatter
 from flurries.frame.layer import Shade
 from flurries.frame.needs import Cost
@@ -83,23 +84,18 @@ class Bank:
 
     def draw(
         self, frame: Frame, extinction: float, base: Base, *, lit: bool
-    ) -> tuple[Array, Array | None]:
-        """Return opacity over the window (h, w), and light (h, w, 3) times opacity or None.
+    ) -> tuple[Array, Array | None, Skylight]:
+        """Return opacity over the window (h, w), light (h, w, 3) times opacity or None, the sky's.
 
         Where the sun lights it that is all of its light, of a gas that is as bright as `base` where
-        it is lit in full; else it is what lamps add.
-
-        Parameters
-        ----------
-        base : Shade
-            Counted from the frame's first pixel.
+        it is lit in full; else it is what lamps add to the sky's.
         """
-        alpha, light = frame.once_each(
+        alpha, light, sky = frame.once_each(
             self, "bank", lambda: self._whole(frame, extinction, base, lit=lit)
         )
         window = np.s_[frame.window[0] : frame.window[1], frame.window[2] : frame.window[3]]
         plane = np.ascontiguousarray(alpha[window])
-        return plane, None if light is None else np.ascontiguousarray(light[window])
+        return plane, None if light is None else np.ascontiguousarray(light[window]), sky
 
     def cost(self, frame: Frame, *, lit: bool) -> Cost:
         """Return what a frame's slices take."""
@@ -110,17 +106,19 @@ class Bank:
 
     def _whole(
         self, frame: Frame, extinction: float, base: Base, *, lit: bool
-    ) -> tuple[Array, Array | None]:
-        """Return opacity and light of the whole frame."""
+    ) -> tuple[Array, Array | None, Skylight]:
+        """Return opacity and light of the whole frame, and its share of the sky's light."""
+        sky = Skylight(frame, extinction, has_top=self.top is not None or self.center is not None)
         if lit or frame.lights:
-            return self._lit(frame, extinction, base if lit else None)
+            return *self._lit(frame, extinction, base if lit else None, sky), sky
         slopes, depth = _Rays.of(frame).slopes, frame.depth
         total = np.zeros(frame.shape, np.float32)
         for edges, dense, detail in self._groups(frame, extinction):
             _core.gas_slices(total, dense, edges, detail, depth, slopes)
+            sky.add(edges, dense)
         # In float32 the exponential is on vector lanes, that less one is not.
         np.exp(np.negative(total, out=total), out=total)
-        return np.subtract(np.float32(1.0), total, out=total), None
+        return np.subtract(np.float32(1.0), total, out=total), None, sky
 
     def _groups(
         self, frame: Frame, extinction: float
@@ -146,13 +144,16 @@ class Bank:
             detail = short_waves(*waves, [places[number] for number in numbers], half, fine)
             yield edges[numbers[0] : numbers[-1] + 2].tolist(), dense, detail
 
-    def _lit(self, frame: Frame, extinction: float, base: Base | None) -> tuple[Array, Array]:
+    def _lit(
+        self, frame: Frame, extinction: float, base: Base | None, sky: Skylight
+    ) -> tuple[Array, Array]:
         """Return opacity and light where the sun lights it, as bright as `base`, or lamps do."""
         slopes, grid = _Rays.of(frame).slopes, _Rays.cells(frame)
         through = np.ones(frame.shape, np.float32)
         light = np.zeros((*frame.shape, 3), np.float32)
         phase = None if base is None else self._phase(frame, grid)
         for edges, dense, detail in self._groups(frame, extinction):
+            sky.add(edges, dense)
             for number in range(len(dense)):
                 ends = edges[number : number + 2]
                 place = 0.5 * (ends[0] + ends[1])

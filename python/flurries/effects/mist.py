@@ -412,25 +412,25 @@ class Mist(metaclass=Described):
         color = (red, green, blue) if local else color_at(self.color, frame)
         density = value_at(self.amount, frame.t) * self.particle_density(frame.t)
         step = "lit gas" if lit or frame.lights else "gas"
+        shade, thick = even_shade(frame, color), self.extinction(frame.t)
+        top, bottom, left, right = frame.window
+        alpha, light = np.zeros((bottom - top, right - left), np.float32), None
         if self.structure > 0.0:
-            drawn = run(
-                step, lambda: self.bank.draw(frame, self.extinction(frame.t), base, lit=lit)
-            )
+            made = run(step, lambda: self.bank.draw(frame, thick, base, lit=lit))
+            if made is not None:
+                alpha, light, sky = made
+                # What is kept of a picture has the light of the next.
+                shade = sky.shade(frame, base.dim) if local else shade
         else:
             drawn = run(step, lambda: self.parts.draw(frame, density, base, lit=lit))
-        if drawn is None:
-            top, bottom, left, right = frame.window
-            drawn = np.zeros((bottom - top, right - left), np.float32), None
-        alpha, light = drawn
+            alpha, light = drawn or (alpha, light)
         if lit and light is not None and self.structure > 0.0:
             # All of its light is a glow, which is mixed as light.
             layer = Layer(self.NAME, alpha, color, shade=even_shade(frame, BLACK), glow=light)
         elif lit and light is not None:
             layer = Layer(self.NAME, alpha, rgb=light)
-        elif light is not None:
-            layer = Layer(self.NAME, alpha, color, shade=even_shade(frame, color), glow=light)
-        elif local:
-            layer = Layer(self.NAME, alpha, color, shade=even_shade(frame, color))
+        elif light is not None or local:
+            layer = Layer(self.NAME, alpha, color, shade=shade, glow=light)
         else:
             layer = Layer(self.NAME, alpha, color)
         if not frame.whole:

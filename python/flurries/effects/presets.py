@@ -139,11 +139,11 @@ MIST: dict[str, dict[str, Any]] = {
 # a bank drifts around it; a cumulus wants a `center`.
 BANKS: dict[str, dict[str, Any]] = {
     "valley": {
-        "visibility": 250.0, "structure": 1.1, "box": (400.0, 400.0, 400.0),
+        "visibility": 700.0, "structure": 1.1, "box": (400.0, 400.0, 400.0),
         "top": -6.0, "falloff": 5.0, "wind": (1.0, 0.0, 0.0),
     },
     "ground": {
-        "visibility": 50.0, "structure": 1.1, "box": (80.0, 80.0, 80.0),
+        "visibility": 150.0, "structure": 1.1, "box": (80.0, 80.0, 80.0),
         "top": -1.0, "falloff": 0.5, "wind": (0.4, 0.0, 0.0),
     },
     "bank": {

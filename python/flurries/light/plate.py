@@ -53,7 +53,7 @@ class PlateLight:
         """Return the radiance of flakes before each cell, (rows, columns, 3) linear light.
 
         The albedo times the light from all sides, weighed by Henyey and Greenstein: what lies
-        behind a flake, what lies around it, and what is outside the picture, half of it sky and half
+        behind a flake, what lies around it, and what is outside the picture, half of it sky, half
         ground: flakes are darker than the sky behind them and brighter than the ground. Over an
         even picture of radiance L it is albedo times L.
         """
