@@ -26,7 +26,8 @@ import flurries as fl
 from flurries.camera import Camera
 from flurries.effects.layout import Tiling, operations, torus_for
 from flurries.frame import calibration, costs
-from flurries.frame.needs import Needs, Step
+from flurries.frame.effect import renderer_of
+from flurries.frame.needs import Needs, Step, needs_of
 from flurries.spectral.operations import tile_work
 
 SIZE = 1024
@@ -70,7 +71,7 @@ class Everything:
         """Return the layer with nothing saved."""
         assert frame.run is not None
         run = replace(frame.run, kept=None, visible=None)
-        return self.effect.render(replace(frame, run=run))
+        return renderer_of(self.effect).render(replace(frame, run=run))
 
 
 def savings() -> dict[str, tuple[fl.Scene, fl.Scene]]:
@@ -476,10 +477,10 @@ def others(runs: int) -> dict[str, float]:
     ):
         scene = fl.Scene((SIZE, SIZE), effects=[effect], sun=sun)
         asks[name] = scene.program.views(3.0)[0]
-    calls = {name: (lambda e=e, f=f: e.render(f)) for name, (e, f) in asks.items()}
+    calls = {name: (lambda e=e, f=f: renderer_of(e).render(f)) for name, (e, f) in asks.items()}
     found = least(calls, max(runs // 3, 3))
     return {
-        name: 1e6 * found[name] / effect.needs(frame).steps[0].cost().work[name]
+        name: 1e6 * found[name] / needs_of(effect, frame).steps[0].cost().work[name]
         for name, (effect, frame) in asks.items()
     }
 

@@ -17,7 +17,8 @@ import flurries as fl
 from flurries.camera import Camera
 from flurries.effects.layout import Tiling, torus_for
 from flurries.frame import calibration
-from flurries.frame.needs import Cost, LeftOut, Needs, Step
+from flurries.frame.effect import renderer_of
+from flurries.frame.needs import Cost, LeftOut, Needs, Step, needs_of
 
 W, H = 200, 150
 RNG = np.random.default_rng(41)
@@ -46,7 +47,8 @@ class Everything:
 
     def render(self, frame: fl.Frame) -> Any:
         assert frame.run is not None
-        return self.effect.render(replace(frame, run=replace(frame.run, kept=None, visible=None)))
+        run = replace(frame.run, kept=None, visible=None)
+        return renderer_of(self.effect).render(replace(frame, run=run))
 
 
 def both(effect: Any, picture: Any = BYTES, **more: Any) -> tuple[fl.Scene, fl.Scene]:
@@ -125,10 +127,10 @@ def test_the_bound_on_faint_flakes_holds():
         effect = fl.TentSnow(amount=amount, texture=0.0, haze=0.0, seed=3)
         scene = fl.Scene(None, BYTES, effects=[effect])
         frame = scene.program.views(4.0)[0][1]
-        most = effect.needs(frame).most
+        most = needs_of(effect, frame).most
         seen = max(float(scene.render(t, layers=True).alpha.max()) for t in range(0, 40, 4))
         assert seen <= most + 1e-7
-    assert effect.needs(frame).most == 1.0 or amount < 0.09
+    assert needs_of(effect, frame).most == 1.0 or amount < 0.09
 
 
 def test_tiles_behind_a_matte_are_not_made():

@@ -7,16 +7,14 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from flurries._contract import real, suggestion, vector
+from flurries.frame.needs import PARTS
 from flurries.frame.view import Frame
 from flurries.io.color import linear_to_srgb, parse_hex, srgb_to_linear
 from flurries.motion.keys import Keys, value_at
 
 # One grey, (r, g, b) or "#rrggbb", display values, plain or keyed; or "ambient", the light of the
-# background.
+# background; of some effects "local", that light by places.
 Color: TypeAlias = float | tuple[float, float, float] | Keys | str
-
-# The same, or "local", that light by places.
-PlacedColor: TypeAlias = Color
 
 # What `color` says instead of a color: the background's own light.
 AMBIENT = "ambient"
@@ -46,6 +44,18 @@ def as_color(value: object, words: tuple[str, ...] = (AMBIENT,)) -> Any:
         return real("color", value, low=0.0, high=1.0)
     parts = vector("color", value, 3).tolist()
     return tuple(real("color", part, low=0.0, high=1.0) for part in parts)
+
+
+def is_local(color: object) -> bool:
+    """Whether a color is the plate's light by places; layers are then mixed in linear light."""
+    return isinstance(color, str) and color == LOCAL
+
+
+def reads_of(color: object) -> frozenset[str]:
+    """Return what an effect of a color reads of the scene, its depth included."""
+    if is_local(color):
+        return PARTS - {"ambient"} | {"plate"}
+    return PARTS if isinstance(color, str) else PARTS - {"ambient"}
 
 
 def color_at(color: Any, frame: Frame) -> tuple[float, float, float]:

@@ -25,7 +25,7 @@ from flurries.effects.checks import (
     sizes,
 )
 from flurries.effects.color import Color
-from flurries.effects.composed import Composed
+from flurries.effects.described import Described
 from flurries.effects.double_cone import FARTHEST, DoubleCone, tile_metres
 from flurries.effects.flakes import Flakes
 from flurries.effects.knobs import preset
@@ -65,7 +65,7 @@ _SNOW: dict[str, Check] = {
 
 @suggesting
 @dataclass(frozen=True, kw_only=True)
-class ConeRain(Composed):
+class ConeRain(metaclass=Described):
     """Rain on a double cone: the cost of a frame does not depend on how heavy it is.
 
     Numbers marked "keyed" may vary over time: give :class:`flurries.Keys`. Lengths are metres.
@@ -197,7 +197,7 @@ class ConeRain(Composed):
 
 @suggesting
 @dataclass(frozen=True, kw_only=True)
-class ConeSnow(Composed):
+class ConeSnow(metaclass=Described):
     """Snow on a double cone, with flakes that sway in front.
 
     A texture falls in step; light snow jitters, and the paper leaves it to particles. So do we:

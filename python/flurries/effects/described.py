@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 # What frames ask of an effect, and users do not.
-INNER = {"KNOBS", "NAME", "lit_by_places", "needs", "over", "parts", "render", "warn_ambiguous"}
+INNER = {"KNOBS", "NAME", "needs", "parts", "render"}
 
 
 class Described(type):

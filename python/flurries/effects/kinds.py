@@ -46,7 +46,8 @@ def register(kind: str, effect: type[Any]) -> None:
         What ``kind`` says in a scene's TOML file: at most 64 lower case letters, digits and "_".
         One that was registered before is replaced.
     effect : class
-        A dataclass with a method ``render(frame)`` that returns a :class:`Layer`.
+        A dataclass with ``parts``, or with a method ``render(frame)`` that returns a
+        :class:`Layer`.
 
     Raises
     ------
@@ -65,8 +66,9 @@ def register(kind: str, effect: type[Any]) -> None:
         )
     if kind in OURS:
         raise ValueError(f"kind must not be one of flurries' own, got {_came(kind)}")
-    if not (isinstance(effect, type) and is_dataclass(effect) and hasattr(effect, "render")):
-        raise TypeError(f"effect must be a dataclass with a method render, got {effect!r}")
+    shows = hasattr(effect, "render") or hasattr(effect, "parts")
+    if not (isinstance(effect, type) and is_dataclass(effect) and shows):
+        raise TypeError(f"effect must be a dataclass with parts or a method render, got {effect!r}")
     _registered[kind] = effect
 
 

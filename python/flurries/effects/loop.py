@@ -19,6 +19,7 @@ from flurries.effects.rain import Rain
 from flurries.effects.snow import Snow
 from flurries.effects.tent_rain import TentRain
 from flurries.effects.tent_snow import TentSnow
+from flurries.frame.effect import renderer_of
 from flurries.frame.lap import Lap
 from flurries.frame.layer import Layer
 from flurries.frame.needs import Needs, needs_of
@@ -72,7 +73,7 @@ class Earlier:
 
     def render(self, frame: Frame) -> Layer | tuple[Layer, ...]:
         """Return its layer."""
-        made: Layer | tuple[Layer, ...] = self.effect.render(self._then(frame))
+        made: Layer | tuple[Layer, ...] = renderer_of(self.effect).render(self._then(frame))
         return made
 
     def _then(self, frame: Frame) -> Frame:

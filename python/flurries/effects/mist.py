@@ -14,7 +14,7 @@ from flurries._contract import choice, flag, integer, real, seed_of, suggestion,
 from flurries.effects.bank import Bank
 from flurries.effects.checks import Check, length, one_of, optional, part, settle, share
 from flurries.effects.cloud import MOST, Cloud
-from flurries.effects.color import AMBIENT, LOCAL, PlacedColor, as_color, color_at
+from flurries.effects.color import AMBIENT, LOCAL, Color, as_color, color_at, reads_of
 from flurries.effects.described import Described
 from flurries.effects.knobs import knobs
 from flurries.effects.lighting import Base, even_shade
@@ -23,7 +23,7 @@ from flurries.effects.presets import BANKS, MIST, MistLook
 from flurries.effects.sunlight import SCATTER, Law, Scatter
 from flurries.frame.costs import nanoseconds
 from flurries.frame.layer import Layer
-from flurries.frame.needs import PARTS, Cost, LeftOut, Needs, Saving, Step, has_keys
+from flurries.frame.needs import Cost, LeftOut, Needs, Saving, Step, has_keys
 from flurries.frame.view import Frame
 from flurries.gas.splatting import FOOTPRINTS, Footprint
 from flurries.gas.visibility import count_for_visibility
@@ -183,7 +183,7 @@ class Mist(metaclass=Described):
     visibility: Number | None = None
     radius: float | None = None
     density: Number = 0.4
-    color: PlacedColor = "local"
+    color: Color = "local"
     wind: Vector = (0.0, 0.0, 0.0)
     box: float | Sequence[float] | None = None
     center: Sequence[float] | None = None
@@ -335,11 +335,6 @@ class Mist(metaclass=Described):
         density = float(value_at(self.amount, t)) * self.particle_density(t)
         return gas.extinction(self.particles_in_box(), self._volume, self.radius, density)
 
-    @property
-    def lit_by_places(self) -> bool:
-        """Whether it has the light of its picture: that is mixed as light."""
-        return isinstance(self.color, str) and self.color == LOCAL
-
     def needs(self, frame: Frame) -> Needs:
         """Return what a frame takes: one step, "gas", or "lit gas" with its colors and a sort."""
         cloud, density = self.parts, self.particle_density(frame.t)
@@ -364,7 +359,7 @@ class Mist(metaclass=Described):
                     ),
                 ),
                 (LeftOut(f"{self.NAME}: particles", "it has structure, and is drawn in slices"),),
-                self._reads,
+                reads_of(self.color),
                 most=1.0,
                 brightest=bright,
             )
@@ -384,19 +379,12 @@ class Mist(metaclass=Described):
         return Needs(
             (Step("lit gas" if lit else "gas", cost, once=still),),
             () if lit else (LeftOut(f"{self.NAME}: sort", "its particles have one color"),),
-            self._reads,
+            reads_of(self.color),
             most=min(most * cloud.filled(frame)[1], 1.0),
             by_rows=True,
             savings=(stop,),
             brightest=bright,
         )
-
-    @property
-    def _reads(self) -> frozenset[str]:
-        """What it reads of the scene."""
-        if self.color == LOCAL:
-            return PARTS - {"ambient"} | {"plate"}
-        return PARTS if self.color == AMBIENT else PARTS - {"ambient"}
 
     def _base(self, frame: Frame) -> Base:
         if self.color == LOCAL and frame.plate is not None:

@@ -10,13 +10,13 @@ import numpy as np
 from flurries import _core
 from flurries._contract import Array
 from flurries._core import SortedFlakes
-from flurries.effects.color import LOCAL, bright, color_at
+from flurries.effects.color import bright, color_at, is_local, reads_of
 from flurries.effects.lighting import add_behind, even_shade, local_shade, veil_layer
 from flurries.effects.motion import Motion, Way
 from flurries.effects.passes import passes_of
 from flurries.effects.texture import Texture
 from flurries.frame.layer import Layer, Light
-from flurries.frame.needs import PARTS, Cost, LeftOut, Needs, Step
+from flurries.frame.needs import Cost, LeftOut, Needs, Step
 from flurries.frame.view import Frame
 from flurries.light.phase import FLAKES, Optics
 from flurries.motion.keys import Keys, Number, value_at
@@ -137,7 +137,7 @@ class Precipitation(Generic[_Back]):
                 for needs in asked
                 for one in needs.left_out
             ),
-            self._reads,
+            reads_of(self.color),
             most=1.0 - clear,
             in_one_pass=asked[0].in_one_pass,
             by_rows=True,
@@ -146,14 +146,7 @@ class Precipitation(Generic[_Back]):
 
     @property
     def _local(self) -> bool:
-        return isinstance(self.color, str) and self.color == LOCAL
-
-    @property
-    def _reads(self) -> frozenset[str]:
-        """What it reads of the scene."""
-        if self._local:
-            return PARTS - {"ambient"} | {"plate"}
-        return PARTS if isinstance(self.color, str) else PARTS - {"ambient"}
+        return is_local(self.color)
 
     def render(self, frame: Frame) -> Layer | tuple[Layer, ...]:
         """Return the layer of a frame; of local light the veil is one of its own, behind."""

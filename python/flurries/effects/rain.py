@@ -7,8 +7,8 @@ from functools import cached_property, partial
 from typing import Any, ClassVar
 
 from flurries.effects.checks import DepthMode, settle
-from flurries.effects.color import PlacedColor
-from flurries.effects.composed import Composed
+from flurries.effects.color import Color
+from flurries.effects.described import Described
 from flurries.effects.flake_texture import FlakeTexture
 from flurries.effects.keyed import Mixture
 from flurries.effects.knobs import knobs, preset
@@ -33,7 +33,7 @@ from flurries.particles.precipitation import drop_speed
     rate_mm_h=lambda value, _: rain_of_rate(rate_of(value, "rain")),
 )
 @dataclass(frozen=True, kw_only=True)
-class Rain(Composed):
+class Rain(metaclass=Described):
     """Rain, made of drops.
 
     One population fills the air: near drops are drawn as streaks, far ones are a texture of drops.
@@ -101,7 +101,7 @@ class Rain(Composed):
     emission: Number = 1.0
     fall: Number | None = None
     wind: Vector | Wind = (0.6, 0.0, 0.0)
-    color: PlacedColor = "ambient"
+    color: Color = "ambient"
     haze: Number = 0.0
     shutter: Number = 0.5
     near: float = 0.4

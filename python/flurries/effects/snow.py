@@ -7,8 +7,8 @@ from functools import cached_property
 from typing import Any, ClassVar
 
 from flurries.effects.checks import DepthMode, settle
-from flurries.effects.color import PlacedColor
-from flurries.effects.composed import Composed
+from flurries.effects.color import Color
+from flurries.effects.described import Described
 from flurries.effects.flake_texture import FlakeTexture
 from flurries.effects.keyed import Mixture
 from flurries.effects.knobs import knobs, preset
@@ -32,7 +32,7 @@ from flurries.particles.precipitation import snow_speed
     rate_mm_h=lambda value, given: snow_of_rate(rate_of(value, "snow"), given),
 )
 @dataclass(frozen=True, kw_only=True)
-class Snow(Composed):
+class Snow(metaclass=Described):
     """Falling snow, made of flakes.
 
     One population fills the air: near flakes are drawn, far ones are a texture with the phases of
@@ -114,7 +114,7 @@ class Snow(Composed):
     emission: Number = 1.0
     fall: Number | None = None
     wind: Vector | Wind = (0.3, 0.0, 0.0)
-    color: PlacedColor = "ambient"
+    color: Color = "ambient"
     haze: Number = 0.0
     shutter: Number = 0.5
     sway: tuple[float, float] = (0.02, 4.0)

@@ -25,7 +25,7 @@ from flurries.effects.checks import (
     sizes,
 )
 from flurries.effects.color import Color
-from flurries.effects.composed import Tented
+from flurries.effects.described import Described
 from flurries.effects.field import Field
 from flurries.effects.flakes import Flakes
 from flurries.effects.knobs import knobs, preset
@@ -56,7 +56,7 @@ _CHECKS = {
     rate_mm_h=lambda value, _: rain_of_rate(rate_of(value, "rain")) | {"drops": None},
 )
 @dataclass(frozen=True, kw_only=True)
-class TentRain(Tented):
+class TentRain(metaclass=Described):
     """Rain.
 
     Numbers marked "keyed" may vary over time: give :class:`flurries.Keys`. Lengths are metres.

@@ -24,7 +24,7 @@ from flurries.effects.checks import (
     sizes,
 )
 from flurries.effects.color import Color
-from flurries.effects.composed import Tented
+from flurries.effects.described import Described
 from flurries.effects.field import Field
 from flurries.effects.flakes import Flakes
 from flurries.effects.knobs import knobs, preset
@@ -54,7 +54,7 @@ _CHECKS = {
     rate_mm_h=lambda value, _: snow_of_rate(rate_of(value, "snow")) | {"flakes": None},
 )
 @dataclass(frozen=True, kw_only=True)
-class TentSnow(Tented):
+class TentSnow(metaclass=Described):
     """Falling snow.
 
     Numbers marked "keyed" may vary over time: give :class:`flurries.Keys`. Lengths are metres when

@@ -3,16 +3,39 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Any, Protocol, TypeAlias
 
 if TYPE_CHECKING:
     from flurries.frame.layer import Layer
     from flurries.frame.view import Frame
 
 
-class Effect(Protocol):
-    """Anything that shows something in a frame: one of flurries' effects, or one of your own."""
+class Renders(Protocol):
+    """Anything that shows something in a frame."""
 
     def render(self, frame: Frame, /) -> Layer | Sequence[Layer]:
-        """Return what a frame shows of the effect."""
+        """Return what a frame shows of it."""
         ...
+
+
+class Composed(Protocol):
+    """Anything that says what it is made of."""
+
+    @property
+    def parts(self) -> Renders:
+        """What renders it."""
+        ...
+
+
+# One of flurries' effects, or one of your own.
+Effect: TypeAlias = Renders | Composed
+
+
+def renderer_of(effect: Any) -> Any:
+    """Return what renders an effect, and says what it needs: itself, or its parts.
+
+    None for what is no effect.
+    """
+    own = callable(getattr(effect, "render", None))
+    found = effect if own else getattr(effect, "parts", None)
+    return found if callable(getattr(found, "render", None)) else None

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import numpy as np
 
 from flurries.frame.costs import nanoseconds
+from flurries.frame.effect import renderer_of
 from flurries.frame.visible import Visible
 from flurries.motion.keys import Keys
 from flurries.trace import stage
@@ -103,7 +104,7 @@ def omission(step: Step, error: float) -> Saving:
 
 def needs_of(effect: Any, frame: Frame) -> Needs:
     """Return what an effect says that it needs, or all there is if it does not say."""
-    own = getattr(effect, "needs", None)
+    own = getattr(renderer_of(effect), "needs", None)
     if own is None:
         ambient = getattr(effect, "color", None) == "ambient"
         return Needs(

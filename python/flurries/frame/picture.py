@@ -142,10 +142,10 @@ class Picture:
     def _over(self, part: Window, over: Array, cover: Array | None, into: Array | None) -> Array:
         """Return all layers over what lies behind them, the last one in `into` if it can be."""
         for number, ask in enumerate(self.asks):
-            effect, frame = ask.part.effect, _narrow(ask, part)
+            frame = _narrow(ask, part)
             alone = cover is None and into is None and frame.nearer is None
             if alone and not frame.banded and over.shape[2] == 3:
-                one_pass = getattr(effect, "over", None)
+                one_pass = getattr(ask.part.renderer, "over", None)
                 done = None if one_pass is None else one_pass(frame, over, self.mix.light)
                 if done is not None:
                     over = done
@@ -164,10 +164,10 @@ class Picture:
             ready, self._ready = self._ready, None
             return ready
         if frame.window == part:
-            return draw(ask.part.effect, frame)
+            return draw(ask.part.renderer, frame)
         # One that may draw all of it for any part draws it once.
         if number not in self._drawn:
-            self._drawn[number] = draw(ask.part.effect, frame)
+            self._drawn[number] = draw(ask.part.renderer, frame)
         place = within(part, frame.window)
         return tuple(_cut(layer, place) for layer in self._drawn[number])
 
@@ -198,7 +198,7 @@ def _cut(layer: Layer, place: Window) -> Layer:
 
 
 def draw(effect: Any, frame: Frame) -> tuple[Layer, ...]:
-    """Return the layers of an effect, before what stands in the air with its own depth too."""
+    """Return an effect's layers, before what stands in the air with its own depth too."""
     nearer = frame.nearer
     if nearer is None:
         return _drawn(effect, frame)

@@ -20,6 +20,7 @@ from flurries.camera.lens import Camera
 from flurries.camera.optics import Lens
 from flurries.camera.path import CameraPath
 from flurries.frame.bands import most_bands, whole
+from flurries.frame.effect import renderer_of
 from flurries.frame.lap import Lap
 from flurries.frame.matte import Deep, Front
 from flurries.frame.mixing import Mix
@@ -46,6 +47,8 @@ class Part(NamedTuple):
     ----------
     effect : effect
         Itself.
+    renderer : object
+        What renders it: itself, or its parts.
     place : int
         Its number in the scene.
     seed : int
@@ -55,6 +58,7 @@ class Part(NamedTuple):
     """
 
     effect: Any
+    renderer: Any
     place: int
     seed: int
     needs: Needs | None
@@ -151,7 +155,7 @@ class Program:
             needs = None if needs.varies else needs
         own = getattr(effect, "seed", None)
         seed = effect_seed(self.seed, index) if own is None else own
-        self.parts.append(Part(effect, index, seed, needs))
+        self.parts.append(Part(effect, renderer_of(effect), index, seed, needs))
 
     def mix(self, plate: Array | None = None, *, table: bool = False) -> Mix:
         """Return the light that layers are mixed in, over a plate of the background."""

@@ -10,7 +10,7 @@ import numpy as np
 
 from flurries._contract import integer, real
 from flurries.frame.bands import whole
-from flurries.frame.effect import Effect
+from flurries.frame.effect import Effect, renderer_of
 from flurries.frame.visible import Window
 from flurries.io.sequences import MOST_FRAMES
 from flurries.light.lamp import Lamp
@@ -83,12 +83,12 @@ def require_few(effects: Sequence[object]) -> None:
 
 def effects_of(given: Effect | Sequence[Effect]) -> tuple[Effect, ...]:
     """Return the effects of a scene, or refuse what is none."""
-    listed: Any = (given,) if callable(getattr(given, "render", None)) else given
+    listed: Any = (given,) if renderer_of(given) is not None else given
     if not isinstance(listed, (list, tuple)):
         raise TypeError(f"effects must be a sequence of effects, got {listed!r}")
     require_few(listed)
     for index, effect in enumerate(listed):
-        if isinstance(effect, type) or not callable(getattr(effect, "render", None)):
+        if isinstance(effect, type) or renderer_of(effect) is None:
             raise TypeError(f"effects[{index}] must be an effect, got {effect!r}")
     return tuple(listed)
 

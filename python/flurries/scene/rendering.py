@@ -12,6 +12,9 @@ from flurries._contract import Array, real
 from flurries.camera.lens import Camera
 from flurries.camera.optics import Lens
 from flurries.camera.path import CameraPath
+from flurries.effects.color import is_local
+from flurries.effects.texture import Texture
+from flurries.frame.effect import renderer_of
 from flurries.frame.lap import Lap
 from flurries.frame.picture import images
 from flurries.frame.program import Program
@@ -68,10 +71,8 @@ class Rendering(Sources):
     def linear(self) -> bool:
         """Whether layers are mixed in linear light."""
         if self.space == "auto":
-            lit = bool(self.lights) or any(
-                getattr(effect, "lit_by_places", False) for effect in self.effects
-            )
-            return lit or self._backdrop.encoding == "linear"
+            local = any(is_local(getattr(effect, "color", None)) for effect in self.effects)
+            return local or bool(self.lights) or self._backdrop.encoding == "linear"
         return self.space == "linear"
 
     def _in_frame(self, camera: Camera) -> Camera:
@@ -256,9 +257,9 @@ class Rendering(Sources):
         """
         pair = eyes(self.camera.camera, distance=distance, convergence=convergence)
         for index, effect in enumerate(self.effects):
-            warned = getattr(effect, "warn_ambiguous", None)
-            if warned is not None:
-                warned(self.shape, self.camera.camera.focal, distance, index)
+            texture = getattr(renderer_of(effect), "texture", None)
+            if isinstance(texture, Texture):
+                texture.warn_ambiguous(self.shape, self.camera.camera.focal, distance, index)
         if pair[0] == pair[1]:
             (both,) = self._see(t, pair[:1], layers, region, tolerance)
             return both, both
