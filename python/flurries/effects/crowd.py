@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Any, NamedTuple, TypeAlias
@@ -18,6 +19,7 @@ from flurries.camera.rotation import rotation_matrix
 from flurries.effects.flakes import lens_of, project
 from flurries.effects.gusts import flakes_in_profile, flakes_in_waves
 from flurries.effects.motion import Motion, Way
+from flurries.effects.passes import Other
 from flurries.effects.weather import FAR_FADE, HEIGHTS, NEAR_FADE, Film, Share, Weather
 from flurries.frame.needs import Cost, LeftOut, Needs, Step, has_keys, omission
 from flurries.frame.view import Frame
@@ -355,21 +357,22 @@ class DrawnFlakes:
         return whole.once_each(self, "listed", lambda: self.listed(whole, amount))
 
     def passes(
-        self, frame: Frame, later: Frame, amount: float, ways: tuple[Way, Way], numbers: Array
-    ) -> tuple[Array, Array]:
-        """Return motion (n, 2) and depth (n,) of flakes by their numbers."""
+        self, frame: Frame, amount: float, way: Way, others: Sequence[Other], numbers: Array
+    ) -> tuple[list[Array], Array]:
+        """Return motions to other frames (n, 2) and depth (n,) of flakes by their numbers."""
         points, _, _, travel, known = self._whole(frame, amount)
         stretch = np.array([1.0, frame.camera.aspect, 1.0])
         at = np.minimum(np.searchsorted(known, numbers), max(len(known) - 1, 0))
         points, travel = points[at] / stretch, travel[at] / stretch
         exposure = value_at(self.weather.motion.shutter, frame.t)
         start, depth = project(points, frame.camera, frame.shape)
-        if exposure > 0.0:
-            speed = travel / exposure
-        else:
-            speed = np.broadcast_to(-ways[0].rate, points.shape)
-        end, _ = project(points + (later.t - frame.t) * speed, later.camera, later.shape)
-        return (end - start).astype(np.float32), depth.astype(np.float32)
+        resting = np.broadcast_to(-way.rate, points.shape)
+        speed = travel / exposure if exposure > 0.0 else resting
+        motions = []
+        for other, _ in others:
+            end, _ = project(points + (other.t - frame.t) * speed, other.camera, other.shape)
+            motions.append((end - start).astype(np.float32))
+        return motions, depth.astype(np.float32)
 
     def _cost(self, frame: Frame, amount: float) -> Cost:
         placed = 0.0

@@ -7,10 +7,10 @@ never changes a bit.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -21,7 +21,7 @@ from flurries.camera.lens import Camera
 from flurries.camera.path import CameraPath
 from flurries.cone.sheet import wrapped
 from flurries.effects.motion import Motion, Way, air_course, camera_course
-from flurries.effects.passes import plane_motion, rays
+from flurries.effects.passes import Other, plane_motion, rays
 from flurries.frame.lap import Lap
 from flurries.frame.needs import Cost, LeftOut, Needs, Step
 from flurries.frame.view import Frame
@@ -90,8 +90,8 @@ class DoubleCone:
         """
         return _beyond(_path(self, path, fps), fps, lap)
 
-    def passes(self, frame: Frame, later: Frame, way: Way, next_way: Way) -> tuple[Array, Array]:
-        """Return motion (h, w, 2) and depth (h, w) of what the window shows, means of the layers.
+    def passes(self, frame: Frame, way: Way, others: Sequence[Other]) -> tuple[list[Array], Array]:
+        """Return motions to other frames (h, w, 2) and depth (h, w), means of the layers.
 
         A layer lies where a pixel's ray meets its cone; each is weighed by what it shows before
         those behind it.
@@ -111,9 +111,12 @@ class DoubleCone:
             shown += share
             through *= 1.0 - alpha
         far = np.where(shown > 1e-6, depth / np.maximum(shown, 1e-6), np.inf)
-        moved = later.displacement(fall=self.motion.fall, wind=self.motion.mean_wind)
-        moved = moved - frame.displacement(fall=self.motion.fall, wind=self.motion.mean_wind)
-        return plane_motion(far, frame, later, moved), far.astype(np.float32)
+        air: Any = {"fall": self.motion.fall, "wind": self.motion.mean_wind}
+        motions = [
+            plane_motion(far, frame, other, other.displacement(**air) - frame.displacement(**air))
+            for other, _ in others
+        ]
+        return motions, far.astype(np.float32)
 
     def alpha(self, frame: Frame, amount: float, way: Way) -> Array:
         """Return the joint alpha of the layers over the window, (h, w) float32."""

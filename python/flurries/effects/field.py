@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Any
@@ -16,10 +17,11 @@ from flurries.camera.tiles import drift_at, shift_at, tile_middles
 from flurries.effects.gusts import wind_at
 from flurries.effects.layout import LARGEST_TILE, Layout, Tiling, streaks_tile, torus_for
 from flurries.effects.motion import Motion, Way
+from flurries.effects.passes import Other
 from flurries.effects.resolution import TUNED
 from flurries.frame.view import Frame
 from flurries.motion.wind import Wind
-from flurries.spectral.motion import tile_motion
+from flurries.spectral.motion import tile_motions
 from flurries.spectral.request import Request
 from flurries.spectral.tables import FAR, Aliasing, warn_far, warn_long, wave_depth
 from flurries.spectral.tiles import power_shares
@@ -233,8 +235,8 @@ class Field:
         )
         return drift, velocity
 
-    def passes(self, frame: Frame, later: Frame, way: Way, next_way: Way) -> tuple[Array, Array]:
-        """Return motion (h, w, 2) and depth (h, w) over the window, from those of its tiles."""
+    def passes(self, frame: Frame, way: Way, others: Sequence[Other]) -> tuple[list[Array], Array]:
+        """Return motions to other frames (h, w, 2) and depth (h, w), from those of the tiles."""
         layout = self.layout(frame)
         (tall, wide), overlap = layout.tiling
         longest = layout.band[1]
@@ -243,8 +245,8 @@ class Field:
             with np.errstate(divide="ignore"):
                 ends = layout.farthest(frame.depth).astype(np.float64)
                 shortest = wave_depth(ends, near_depth=self.near_depth, longest=longest)
-        motion, length = tile_motion(
-            self.request(frame, way, shortest), self.request(later, next_way)
+        motions, length = tile_motions(
+            self.request(frame, way, shortest), [self.request(*other) for other in others]
         )
         depth = wave_depth(length, near_depth=self.near_depth, longest=longest)
         top, bottom, left, right = frame.window
@@ -255,11 +257,12 @@ class Field:
             np.ascontiguousarray(part, np.float32)
             for part in (down[top:bottom], across[left:right].T)
         )
-        moves = np.empty((bottom - top, right - left, 2), np.float32)
-        far = np.empty(moves.shape[:2], np.float32)
-        for plane, out in (
-            (motion[..., 0], moves[..., 0]), (motion[..., 1], moves[..., 1]), (depth, far),
-        ):  # fmt: skip
+        far = np.empty((bottom - top, right - left), np.float32)
+        moves = [np.empty((*far.shape, 2), np.float32) for _ in others]
+        planes = [(depth, far)]
+        for motion, move in zip(motions, moves, strict=True):
+            planes += [(motion[..., axis], move[..., axis]) for axis in range(2)]
+        for plane, out in planes:
             # Shares of tiles sum to 1.
             alike = plane.min() == plane.max()
             out[...] = plane[0, 0] if alike else rows @ plane.astype(np.float32) @ columns

@@ -23,6 +23,7 @@ from flurries.effects.flake_terms import LADDER, Flight, terms_of, tile_counts
 from flurries.effects.gusts import flakes_in_profile
 from flurries.effects.lighting import lamp_shade
 from flurries.effects.motion import Way
+from flurries.effects.passes import Other
 from flurries.effects.weather import Film, Layer, Weather
 from flurries.frame.layer import Shade
 from flurries.frame.needs import Cost, LeftOut, Needs, Step, has_keys, omission
@@ -239,10 +240,10 @@ class FlakeTexture:
         weights = np.array([layer.slab.coverage for layer in layers])
         return lamp_shade(frame, depths, weights, optics)
 
-    def passes(self, frame: Frame, later: Frame, way: Way, next_way: Way) -> tuple[Array, Array]:
-        """Return motion (h, w, 2) and depth (h, w) of what the window shows of the texture.
+    def passes(self, frame: Frame, way: Way, others: Sequence[Other]) -> tuple[list[Array], Array]:
+        """Return motions to other frames (h, w, 2) and depth (h, w) of what the window shows.
 
-        Both are means over the layers, each weighed by what it covers.
+        They are means over the layers, each weighed by what it covers.
         """
         film = self.weather.film(frame)
         layers = self._layers(film)
@@ -269,10 +270,11 @@ class FlakeTexture:
                 _, rate, _ = flow_of(frame, share, *grid)
                 motion += rate.along * float((part / depths[own]).sum()) + rate.shift * part.sum()
                 motion += felt
-        step = later.t - frame.t
-        moves = np.empty((len(y), len(x), 2), np.float32)
-        for axis in range(2):
-            moves[..., axis] = step * motions[axis if len(motions) > 1 else 0][..., axis]
+        moves = [np.empty((len(y), len(x), 2), np.float32) for _ in others]
+        for move, (other, _) in zip(moves, others, strict=True):
+            for axis in range(2):
+                motion = motions[axis if len(motions) > 1 else 0]
+                move[..., axis] = (other.t - frame.t) * motion[..., axis]
         depth = np.full((len(y), len(x)), float(coverage @ depths / coverage.sum()), np.float32)
         if frame.depth is not None:
             depth = np.minimum(depth, frame.crop(frame.depth))

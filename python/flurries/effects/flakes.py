@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import NamedTuple
@@ -16,6 +17,7 @@ from flurries._core import SortedFlakes
 from flurries.camera.lens import Camera
 from flurries.camera.path import CameraPath
 from flurries.effects.motion import Motion, Way
+from flurries.effects.passes import Other
 from flurries.effects.places import FADE_IN, SHOWN, SIZES, Listed, Places, list_flakes, place_flakes
 from flurries.effects.resolution import TUNED
 from flurries.frame.needs import Cost, LeftOut, Needs, Step, has_keys, omission
@@ -195,24 +197,26 @@ class Flakes:
         return np.append(rows.numbers, -1).astype(np.int32)[shown]
 
     def passes(
-        self, frame: Frame, later: Frame, amount: float, ways: tuple[Way, Way], numbers: Array
-    ) -> tuple[Array, Array]:
-        """Return motion (n, 2) and depth (n,) of flakes by their numbers in the box."""
+        self, frame: Frame, amount: float, way: Way, others: Sequence[Other], numbers: Array
+    ) -> tuple[list[Array], Array]:
+        """Return motions to other frames (n, 2) and depth (n,) of flakes by their numbers."""
         some = numbers.astype(np.int64)
-        points, velocity, _ = self._places(frame, ways[0], some).of(some)
-        after, _, known = self._places(later, ways[1], some).of(some)
+        points, velocity, _ = self._places(frame, way, some).of(some)
         start, depth = project(points, frame.camera, frame.shape)
-        end, ahead = project(after, later.camera, later.shape)
-        way = end - start
-        # One that flies past the eye before the next frame, or comes back at the other side of the
-        # box: as fast as now.
-        half = 0.5 * float(self.box(frame).sides.min())
-        jumps = np.abs(after - points).max(axis=1, initial=0.0) > half
-        gone = ~known | (ahead <= NEAR) | jumps
-        local = points[gone] - np.array(frame.camera.offset)
-        speed, z = (later.t - frame.t) * velocity[gone], local[:, 2:]
-        way[gone] = frame.camera.focals * (speed[:, :2] - speed[:, 2:] * local[:, :2] / z) / z
-        return way.astype(np.float32), depth.astype(np.float32)
+        local, half = points - frame.camera.offset, 0.5 * float(self.box(frame).sides.min())
+        motions = []
+        for other, its_way in others:
+            after, _, known = self._places(other, its_way, some).of(some)
+            end, ahead = project(after, other.camera, other.shape)
+            motion = end - start
+            # One that flies past the eye before the next frame, or comes back at the other side of
+            # the box: as fast as now.
+            jumps = np.abs(after - points).max(axis=1, initial=0.0) > half
+            gone = ~known | (ahead <= NEAR) | jumps
+            speed, (x_y, z) = (other.t - frame.t) * velocity[gone], np.split(local[gone], [2], 1)
+            motion[gone] = frame.camera.focals * (speed[:, :2] - speed[:, 2:] * x_y / z) / z
+            motions.append(motion.astype(np.float32))
+        return motions, depth.astype(np.float32)
 
     def needs(self, frame: Frame, amount: float) -> Needs:
         """Return their one step, or why there is none."""

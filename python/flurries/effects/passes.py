@@ -21,6 +21,13 @@ NEAREST = 1e-3
 _ROWS = 32
 
 
+class Other(NamedTuple):
+    """A frame beside the one that is made, and how the air moves in it."""
+
+    frame: Frame
+    way: Way
+
+
 class Passes(NamedTuple):
     """What a layer says of its pixels besides their color; see `Layer`."""
 
@@ -55,20 +62,18 @@ def passes_of(
     coverage = np.zeros(shape, np.float32) if front is None else np.ascontiguousarray(front)
     ids: Array = np.full(shape, -1, np.int32)
     with stage("passes"):
-        others = [frame.later(step) for step in STEPS]
-        ways = [(way, moves.way(other)) for other in others]
+        others = [Other(other, moves.way(other)) for other in map(frame.later, STEPS)]
         if texture is not None and behind is not None:
-            pairs = zip(others, ways, strict=True)
-            found = [texture.passes(frame, other, *both) for other, both in pairs]
-            motions, depth = [one[0] for one in found], found[0][1]
+            motions, depth = texture.passes(frame, way, others)
         if front is not None:
             ids = frame.crop(flakes.ids(frame, amount, way))
             through: Any = 0.0 if behind is None else behind * (1.0 - front)
             shown = np.nonzero((ids >= 0) & (front > through))
             numbers, which = _distinct(ids[shown])
-            for motion, other, both in zip(motions, others, ways, strict=True):
-                steps, far = flakes.passes(frame, other, amount, both, numbers)
-                motion[shown], depth[shown] = steps[which], far[which]
+            found, far = flakes.passes(frame, amount, way, others, numbers)
+            depth[shown] = far[which]
+            for motion, steps in zip(motions, found, strict=True):
+                motion[shown] = steps[which]
         if frame.depth is not None:
             # What shows lies before the scene, wherever its layer's mean is.
             scene = frame.crop(frame.depth)

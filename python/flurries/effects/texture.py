@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import warnings
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -12,6 +13,7 @@ from flurries.effects.field import Field, Map
 from flurries.effects.layout import tiles_cost, tiles_touched
 from flurries.effects.motion import Way
 from flurries.effects.occlusion import before_scene
+from flurries.effects.passes import Other
 from flurries.effects.resolution import map_at, power_share
 from flurries.frame.needs import Cost, LeftOut, Needs, Step, has_keys, omission
 from flurries.frame.view import Frame
@@ -79,9 +81,9 @@ class Texture:
             return self.field.pixels(frame, way, mapped, keep)
         return before_scene(self.field, frame, way, mapped, keep, self.depth_mode)
 
-    def passes(self, frame: Frame, later: Frame, way: Way, next_way: Way) -> tuple[Array, Array]:
-        """Return motion (h, w, 2) and depth (h, w) of what the window shows of it."""
-        return self.field.passes(frame, later, way, next_way)
+    def passes(self, frame: Frame, way: Way, others: Sequence[Other]) -> tuple[list[Array], Array]:
+        """Return motions to other frames (h, w, 2) and depth (h, w) of what the window shows."""
+        return self.field.passes(frame, way, others)
 
     def _cost(self, frame: Frame) -> Cost:
         field = self.field
@@ -125,5 +127,5 @@ class Texture:
             f"which is ambiguous from 0.5 on; take near_depth above "
             f"{2.0 * cycles * self.field.near_depth:.3g}, or longer waves, or eyes closer together",
             UserWarning,
-            stacklevel=4,
+            stacklevel=3,
         )

@@ -51,7 +51,7 @@ class Rendered:
         down, so that what is at p now will be at ``p + motion``. Of a flake, its place in the
         picture at t + 1 minus that at t; of the texture, the one vector for each tile that predicts
         the next frame best (the drift of the wavelength where it has its gradients, see
-        `flurries.spectral.motion.tile_motion`), interpolated between tiles as they are blended.
+        `flurries.spectral.motion.tile_motions`), interpolated between tiles as they are blended.
         Flake or texture as in `depths`; 0 where nothing is.
     backwards : dict of str to (h, w, 2) float32
         In the same way to the frame before, t - 1: what is at p now was at ``p + backward``.
@@ -131,7 +131,7 @@ def _truth(
     parts = [
         layer
         for ask in program.asks(t, camera, window, None)
-        for layer in draw(ask.part.effect, replace(ask.frame, shared=shared, whole=known))
+        for layer in draw(ask.part.renderer, replace(ask.frame, shared=shared, whole=known))
     ]
     whole_front = program.front(t)
     front = None if whole_front is None else whole_front.window(window)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import lru_cache
 
 import numpy as np
@@ -15,24 +16,25 @@ from flurries.spectral.tiles import tile_starts
 _TILES = 64
 
 
-def tile_motion(now: Request, later: Request) -> tuple[Float64, Float64]:
-    """Return how the field of each tile moves from one frame to another, and its wavelength.
+def tile_motions(now: Request, others: Sequence[Request]) -> tuple[list[Float64], Float64]:
+    """Return how the field of each tile moves from one frame to others, and its wavelength.
 
     Waves of a texture that stands for many depths move at many speeds. The vector is that of the
-    shift that predicts the later frame best, to first order: the least squares of the waves' phase
+    shift that predicts the other frame best, to first order: the least squares of the waves' phase
     errors, ``sum a^2 (k . (v - v_k))^2``, over the waves with their amplitudes a as the alias law,
     the shutter and the scene's depth leave them. Without wind that varies over depth it is the
     drift of the wavelength L at which the field has its gradients, ``L = sum a^2 k / sum a^2 k^2``.
 
     Parameters
     ----------
-    now, later : Request
-        Two frames of one texture.
+    now : Request
+    others : sequence of Request
+        Other frames of the same texture.
 
     Returns
     -------
-    motion : (rows, cols, 2) float64
-        Pixels, (x, y), y down: what is at p in the first frame is at p + motion in the other.
+    motions : list of (rows, cols, 2) float64
+        To each of them: pixels, (x, y), y down; what is at p in `now` is at p + motion there.
     wavelength : (rows, cols) float64
         L in pixels; the longest where nothing is left of a tile.
     """
@@ -41,7 +43,9 @@ def tile_motion(now: Request, later: Request) -> tuple[Float64, Float64]:
         for n, m in zip(now.shape, now.tile, strict=True)
     )
     shortest = np.zeros((1, 1)) if now.shortest is None else now.shortest
-    parts = [later.drift - now.drift, now.velocity, later.shift - now.shift, now.shift_rate]
+    parts = [now.velocity, now.shift_rate]
+    for other in others:
+        parts += [other.drift - now.drift, other.shift - now.shift]
     rings = max(part.shape[2] for part in parts)
     whole = (rows, cols, rings, 2)
     wide = [np.broadcast_to(part, whole).reshape(rows * cols, -1) for part in parts]
@@ -51,18 +55,19 @@ def tile_motion(now: Request, later: Request) -> tuple[Float64, Float64]:
     # So many at a time that their waves stay in a cache.
     some = [kinds[first : first + _TILES] for first in range(0, len(kinds), _TILES)]
     found = np.concatenate([_fitted(now, part, rings) for part in some])[which.ravel()]
-    return found[:, :2].reshape(rows, cols, 2), found[:, 2].reshape(rows, cols)
+    pairs = found[:, :-1].reshape(rows, cols, len(others), 2)
+    return list(np.moveaxis(pairs, 2, 0)), found[:, -1].reshape(rows, cols)
 
 
 def _fitted(now: Request, kinds: Float64, rings: int) -> Float64:
-    """Return motion x, y and wavelength of tiles, (n, 3)."""
+    """Return motions x, y to each other frame, and the wavelength, of tiles: (n, 2 others + 1)."""
     k, power, length, ring = _waves(
         now.tile, now.wavelengths, now.exponent, tuple(now.ring_edges.tolist()), rings
     )
-    moved, velocity, shifted, turned = (
+    velocity, turned, *ways = (
         # How far each wave goes along its own direction, (n, waves).
         np.einsum("nwi,wi->nw", part[:, ring], k)
-        for part in kinds[:, :-1].reshape(-1, 4, rings, 2).swapaxes(0, 1)
+        for part in np.moveaxis(kinds[:, :-1].reshape(len(kinds), -1, rings, 2), 1, 0)
     )
     near = length / now.wavelengths[1]
     kept = np.where(length > kinds[:, -1:], power, 0.0)
@@ -74,10 +79,13 @@ def _fitted(now: Request, kinds: Float64, rings: int) -> Float64:
     weight[none] = np.where(kept[none].any(axis=1)[:, None], kept[none], power)
     products = (k[:, :, None] * k[:, None]).reshape(-1, 4)
     gradients = (weight @ products).reshape(-1, 2, 2)
-    pull = (weight * (near * moved + shifted)) @ k
-    motion = np.linalg.pinv(gradients, rcond=1e-9, hermitian=True) @ pull[..., None]
+    inverse = np.linalg.pinv(gradients, rcond=1e-9, hermitian=True)
+    found = []
+    for moved, shifted in zip(ways[::2], ways[1::2], strict=True):
+        pull = (weight * (near * moved + shifted)) @ k
+        found.append((inverse @ pull[..., None])[..., 0])
     steep = weight @ (1.0 / length**2)
-    return np.concatenate([motion[..., 0], ((weight @ (1.0 / length)) / steep)[:, None]], axis=1)
+    return np.concatenate([*found, ((weight @ (1.0 / length)) / steep)[:, None]], axis=1)
 
 
 @lru_cache(maxsize=4)
