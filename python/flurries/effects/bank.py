@@ -18,14 +18,13 @@ import numpy as np
 from flurries import _core, gas
 from flurries._contract import Array, Float64
 from flurries.effects.bank_texture import COARSE, MARGIN, coarse_shape, long_waves, short_waves
+from flurries.effects.cloud import Cloud
 from flurries.effects.lighting import Base, add_behind, lamp_shade, whole
 from flurries.effects.skylight import Skylight
-from flurries.effects.sunlight import Scatter
 from flurries.frame.layer import Shade
 from flurries.frame.needs import Cost
 from flurries.frame.view import Frame
 from flurries.io.color import srgb_to_linear
-from flurries.motion.keys import Vector
 
 # Slices of what lies around the camera, and of a bank that is looked at from outside.
 AROUND, OUTSIDE = 4, 6
@@ -49,16 +48,9 @@ class Bank:
 
     Attributes
     ----------
-    wind : Vector
-        Metres per second, house axes.
-    sides : (3,)
-        Of its box, metres.
-    center : (3,), optional
-        Its middle in the world; it goes with the camera, and all around it, if not given.
-    depths : (near, far), optional
-        Only what lies between, metres.
-    near : float
-        Where it begins, metres.
+    cloud : Cloud
+        The particles that it stands for: it has their box, wind and light. Without a center it is
+        all around the camera.
     extinction : float
         That by which slices are chosen, per metre: a slice takes as much of the light as another.
     structure : float
@@ -67,20 +59,13 @@ class Bank:
         Height in the world above which it thins, metres, up; endless if not given.
     falloff : float
         How fast it thins there, metres.
-    scatter : Scatter
-        How it is lit.
     """
 
-    wind: Vector
-    sides: tuple[float, float, float]
-    center: tuple[float, float, float] | None
-    depths: tuple[float, float] | None
-    near: float
+    cloud: Cloud
     extinction: float
     structure: float
     top: float | None
     falloff: float
-    scatter: Scatter
 
     def draw(
         self, frame: Frame, extinction: float, base: Base, *, lit: bool
@@ -108,7 +93,8 @@ class Bank:
         self, frame: Frame, extinction: float, base: Base, *, lit: bool
     ) -> tuple[Array, Array | None, Skylight]:
         """Return opacity and light of the whole frame, and its share of the sky's light."""
-        sky = Skylight(frame, extinction, has_top=self.top is not None or self.center is not None)
+        has_top = self.top is not None or self.cloud.center is not None
+        sky = Skylight(frame, extinction, has_top=has_top)
         if lit or frame.lights:
             return *self._lit(frame, extinction, base if lit else None, sky), sky
         slopes, depth = _Rays.of(frame).slopes, frame.depth
@@ -130,8 +116,8 @@ class Bank:
         rays, edges = _Rays.coarse(frame), self._edges(frame)
         places = (0.5 * (edges[:-1] + edges[1:])).tolist()
         # A bank has no waves that are longer than itself.
-        outer = math.inf if self.center is None else min(self.sides)
-        waves = frame, self.wind, self.structure, outer
+        outer = math.inf if self.cloud.center is None else min(self.cloud.sides)
+        waves = frame, self.cloud.wind, self.structure, outer
         fine = np.empty(frame.shape, np.float32)
         for half, part in enumerate(np.array_split(np.arange(len(places)), HALVES)):
             numbers = part.tolist()
@@ -166,26 +152,26 @@ class Bank:
                     sunny = self._sunny(frame, grid, place, extinction, base, phase)
                     add_behind(light, taken, sunny, None)
                 if frame.lights:
-                    glow = lamp_shade(whole(frame), [place], [1.0], self.scatter.optics)
+                    glow = lamp_shade(whole(frame), [place], [1.0], self.cloud.scatter.optics)
                     add_behind(light, taken, glow, None)
                 through = passed
         return np.subtract(np.float32(1.0), through, out=through), light
 
     def _edges(self, frame: Frame) -> Float64:
         """Return where slices begin and end, planar depth."""
-        if self.center is None:
-            low, high, count = self.near, self.sides[2], AROUND
+        if self.cloud.center is None:
+            low, high, count = self.cloud.near, self.cloud.sides[2], AROUND
         else:
-            away = np.array(self.center) - frame.path.place(frame.t, fps=frame.fps)
+            away = np.array(self.cloud.center) - frame.path.place(frame.t, fps=frame.fps)
             middle = float(frame.to_camera(away)[2])
-            reach = 0.75 * float(np.linalg.norm(self.sides)) / math.sqrt(3.0) * 1.2
-            low, high, count = max(middle - reach, self.near), middle + reach, OUTSIDE
-        if self.depths is not None:
-            low, high = max(low, self.depths[0]), min(high, self.depths[1])
+            reach = 0.75 * float(np.linalg.norm(self.cloud.sides)) / math.sqrt(3.0) * 1.2
+            low, high, count = max(middle - reach, self.cloud.near), middle + reach, OUTSIDE
+        if self.cloud.depths is not None:
+            low, high = max(low, self.cloud.depths[0]), min(high, self.cloud.depths[1])
         if not high > low:
             return np.zeros(1)
         share = np.arange(count + 1) / count
-        if self.center is not None or self.extinction <= 0.0:
+        if self.cloud.center is not None or self.extinction <= 0.0:
             return low + (high - low) * share
         taken = -np.expm1(-self.extinction * (high - low))
         return np.append(low - np.log1p(-share[:-1] * taken) / self.extinction, high)
@@ -193,7 +179,7 @@ class Bank:
     def _density(self, frame: Frame, rays: _Rays, depth: float) -> Any:
         """Return the mean density at a depth, of the extinction, for each ray or row of them."""
         density: Any = np.float32(1.0)
-        if self.center is not None:
+        if self.cloud.center is not None:
             squared = sum(part * part for part in self._from_middle(frame, rays, depth))
             # The Gaussian holds as much gas as the box did.
             peak = SIGMAS**3 / math.tau**1.5
@@ -206,13 +192,12 @@ class Bank:
     def _phase(self, frame: Frame, rays: _Rays) -> Any:
         """Return the phase function of the sun's light towards the eye."""
         assert frame.sun is not None
-        if self.scatter.kind == "even":
+        scatter = self.cloud.scatter
+        if scatter.kind == "even":
             return 1.0
         way, x, y = frame.to_camera(frame.sun.unit()), rays.x, rays.y
         cosine = -(x * way[0] + y * way[1] + way[2]) / np.sqrt(1.0 + x * x + y * y)
-        return gas.phase(
-            np.clip(cosine, -1.0, 1.0), kind=self.scatter.kind, asymmetry=self.scatter.asymmetry
-        )
+        return gas.phase(np.clip(cosine, -1.0, 1.0), kind=scatter.kind, asymmetry=scatter.asymmetry)
 
     def _sunny(
         self, frame: Frame, rays: _Rays, depth: float, extinction: float, base: Base, phase: Any
@@ -220,7 +205,7 @@ class Bank:
         """Return the light of a slice of opaque gas."""
         assert frame.sun is not None
         sun, way = frame.sun, extinction * self._sunward(frame, rays, depth)
-        reaches = np.exp((self.scatter.forward - 1.0) * way) * phase
+        reaches = np.exp((self.cloud.scatter.forward - 1.0) * way) * phase
         white = (1.0 - sun.ambient) * srgb_to_linear(np.asarray(sun.color, np.float64))
         colors = sun.ambient * base.dim + reaches[..., None] * (white * base.sunny)
         return Shade(colors.astype(np.float32), float(CELL), (0, 0))
@@ -233,9 +218,9 @@ class Bank:
         """
         assert frame.sun is not None
         sun, way = frame.sun.unit(), np.zeros((len(rays.y), rays.x.size), np.float32)
-        if self.center is not None:
+        if self.cloud.center is not None:
             # Through a Gaussian it is the tail of the normal law over its density (Mills' ratio).
-            slant = -sun * SIGMAS / np.array(self.sides)
+            slant = -sun * SIGMAS / np.array(self.cloud.sides)
             along = np.linalg.norm(slant)
             parts = self._from_middle(frame, rays, depth)
             place = sum(part * to for part, to in zip(parts, slant / along, strict=True))
@@ -250,11 +235,11 @@ class Bank:
 
     def _from_middle(self, frame: Frame, rays: _Rays, depth: float) -> list[Any]:
         """Return how far from the bank's middle rays are at a depth, house axes, in sigma."""
-        assert self.center is not None
+        assert self.cloud.center is not None
         place = frame.path.place(frame.t, fps=frame.fps)
         return [
-            (place[axis] + rays.along(axis) * depth - self.center[axis])
-            * (SIGMAS / self.sides[axis])
+            (place[axis] + rays.along(axis) * depth - self.cloud.center[axis])
+            * (SIGMAS / self.cloud.sides[axis])
             for axis in range(3)
         ]
 

@@ -3,41 +3,26 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import InitVar, dataclass, fields, replace
+from dataclasses import InitVar, dataclass, fields
 from functools import cached_property, partial
 from typing import Any, ClassVar
 
 import numpy as np
 
-from flurries import gas
 from flurries._contract import choice, flag, integer, real, seed_of, suggestion, vector
 from flurries.effects.bank import Bank
-from flurries.effects.checks import Check, length, one_of, optional, part, settle, share
+from flurries.effects.checks import Check, length, one_of, optional, part, part_of, settle, share
 from flurries.effects.cloud import MOST, Cloud
-from flurries.effects.color import AMBIENT, LOCAL, Color, as_color, color_at, reads_of
+from flurries.effects.color import AMBIENT, LOCAL, Color, as_color
 from flurries.effects.described import Described
+from flurries.effects.filling import Filling, values_of
 from flurries.effects.knobs import knobs
-from flurries.effects.lighting import Base, even_shade
 from flurries.effects.looks import LOOKS, mist_density, severity_of
 from flurries.effects.presets import BANKS, MIST, MistLook
 from flurries.effects.sunlight import SCATTER, Law, Scatter
-from flurries.frame.costs import nanoseconds
-from flurries.frame.layer import Layer
-from flurries.frame.needs import Cost, LeftOut, Needs, Saving, Step, has_keys
-from flurries.frame.view import Frame
+from flurries.effects.vapor import Vapor
 from flurries.gas.splatting import FOOTPRINTS, Footprint
-from flurries.gas.visibility import count_for_visibility
-from flurries.io.color import linear_to_srgb
-from flurries.motion.keys import Keys, Number, Vector, as_number, as_vector, value_at
-from flurries.trace import stage
-
-# The steepest place of the sRGB encoding, at black: display values per linear light.
-STEEPEST = 12.92
-
-# How many times as bright as white lamps may make it.
-LAMPS = 100.0
-
-BLACK = (0.0, 0.0, 0.0)
+from flurries.motion.keys import Number, Vector, as_number, as_vector, value_at
 
 # The paper's fog: a radius of .45 in a box of 5.
 RADIUS = 0.09
@@ -78,8 +63,8 @@ def _of_severity(value: object, given: Mapping[str, Any]) -> dict[str, Any]:
     if "density" in given:
         raise TypeError("severity and density say the same: give one of them")
     box = Mist(**given)
-    beta = gas.extinction(box.count or 0, box._volume, box.parts.radius, 1.0)
-    return {"density": mist_density(severity, beta * box.parts.through)}
+    thick = box.filling.extinction(1.0) * box.parts.cloud.through
+    return {"density": mist_density(severity, thick)}
 
 
 def _of_visibility(value: object, given: Mapping[str, Any]) -> dict[str, Any]:
@@ -215,51 +200,38 @@ class Mist(metaclass=Described):
         settle(self, _CHECKS)
         if self.top is not None and self.structure == 0.0:
             raise ValueError("top is of mist with structure: give a structure above 0 as well")
-        for t in _times(self.density, self.visibility):
-            self.particle_density(t)
-        self.particles_in_box()
+        self.filling.require()
 
     @cached_property
-    def parts(self) -> Cloud:
-        """What it is made of: one cloud of particles."""
-        sides, center, depths, radius = self.box, self.center, self.depths, self.radius
-        return Cloud(
-            wind=self.wind,
-            sides=sides,  # type: ignore[arg-type]
-            center=center,  # type: ignore[arg-type]
-            depths=depths,  # type: ignore[arg-type]
-            count=self.particles_in_box(),
-            radius=radius,  # type: ignore[arg-type]
-            footprint=self.footprint,
-            near=self.near,
+    def filling(self) -> Filling:
+        """How much gas it is."""
+        return Filling(
+            asked=self.count,
+            visibility=self.visibility,
+            opacity=self.density,
+            radius=self.radius,  # type: ignore[arg-type]
+            volume=float(np.prod(self.box)),  # type: ignore[arg-type]
+        )
+
+    @cached_property
+    def parts(self) -> Vapor:
+        """What it is made of."""
+        filling, bank = self.filling, None
+        cloud = part_of(
+            Cloud,
+            self,
+            sides=self.box,
+            count=filling.count,
             scatter=Scatter(self.scatter, self.asymmetry, self.forward),
         )
-
-    @cached_property
-    def bank(self) -> Bank:
-        """What it is made of where it has structure."""
-        return Bank(
-            wind=self.wind,
-            sides=self.box,  # type: ignore[arg-type]
-            center=self.center,  # type: ignore[arg-type]
-            depths=self.depths,  # type: ignore[arg-type]
-            near=self.near,
-            extinction=gas.extinction(
-                self.particles_in_box(), self._volume, self.parts.radius, self.particle_density(0.0)
-            ),
-            structure=self.structure,
-            top=self.top,
-            falloff=self.falloff,
-            scatter=self.parts.scatter,
-        )
-
-    @property
-    def _volume(self) -> float:
-        return float(np.prod(self.box))  # type: ignore[arg-type]
+        if self.structure > 0.0:
+            thick = filling.extinction(filling.density(0.0))
+            bank = part_of(Bank, self, cloud=cloud, extinction=thick)
+        return part_of(Vapor, self, name=self.NAME, filling=filling, cloud=cloud, bank=bank)
 
     def _sides(self) -> tuple[float, float, float]:
         if self.box is None:
-            far = 5.0 if self.visibility is None else REACH * max(_values(self.visibility))
+            far = 5.0 if self.visibility is None else REACH * max(values_of(self.visibility))
             return (far, far, far)
         if np.ndim(self.box) == 0:
             side = real("box", self.box, above=0.0)
@@ -293,142 +265,18 @@ class Mist(metaclass=Described):
             values.pop("count", None)
             if "radius" in values and "box" not in changes and "radius" not in changes:
                 values["radius"] = (
-                    values["radius"] / 5.0 * REACH * max(_values(changes["visibility"]))
+                    values["radius"] / 5.0 * REACH * max(values_of(changes["visibility"]))
                 )
         return cls(**{**values, **changes})
 
     def particles_in_box(self) -> int:
         """Return how many particles the box of the given sides holds."""
-        if self.count is not None:
-            return self.count
-        # Of keyed values the pair that needs the most.
-        assert self.visibility is not None and self.radius is not None
-        least, most = min(_values(self.visibility)), max(_values(self.density))
-        if most == 0.0:
-            return 0
-        count = count_for_visibility(least, self._volume, self.radius, most)
-        if count > MOST:
-            raise ValueError(
-                f"visibility: {least:g} m wants {count} particles of radius {self.radius:g} in the "
-                f"box, at most {MOST} are drawn; a larger radius wants fewer"
-            )
-        return count
-
-    def particle_density(self, t: float) -> float:
-        """Return the opacity of a particle's middle at `t`, without `amount`."""
-        density = float(value_at(self.density, t))
-        if self.visibility is None:
-            return density
-        far = float(value_at(self.visibility, t))
-        if self.count is None:
-            return density * min(_values(self.visibility)) / far
-        assert self.radius is not None
-        try:
-            return gas.density_for_visibility(far, max(self.count, 1), self._volume, self.radius)
-        except ValueError as error:
-            text = str(error).replace("distance", "visibility", 1)
-            raise ValueError(text) from None
+        return self.filling.count
 
     def extinction(self, t: float = 0.0) -> float:
         """Return beta at `t`, per metre; see :func:`flurries.gas.extinction`."""
-        assert self.radius is not None
-        density = float(value_at(self.amount, t)) * self.particle_density(t)
-        return gas.extinction(self.particles_in_box(), self._volume, self.radius, density)
-
-    def needs(self, frame: Frame) -> Needs:
-        """Return what a frame takes: one step, "gas", or "lit gas" with its colors and a sort."""
-        cloud, density = self.parts, self.particle_density(frame.t)
-        most = value_at(self.amount, frame.t) * density
-        if most == 0.0 or cloud.count == 0:
-            return Needs((), (LeftOut(self.NAME, "it has no density"),), most=0.0)
-        lit = self._is_lit(frame) or bool(frame.lights)
-        bright = LAMPS if frame.lights else 1.0
-        bright = max(bright, cloud.scatter.brightest if self._is_lit(frame) else 1.0)
-        # The background's light may change from frame to frame; without a sun or lamps it is no
-        # more than the color of what is kept.
-        moves = has_keys(self) or np.any(value_at(self.wind, 0.0))
-        still = not (moves or frame.lights or (lit and isinstance(self.color, str)))
-
-        if self.structure > 0.0:
-            return Needs(
-                (
-                    Step(
-                        "lit gas" if lit else "gas",
-                        partial(self.bank.cost, frame, lit=lit),
-                        once=still,
-                    ),
-                ),
-                (LeftOut(f"{self.NAME}: particles", "it has structure, and is drawn in slices"),),
-                reads_of(self.color),
-                most=1.0,
-                brightest=bright,
-            )
-
-        def cost(error: float | None = None) -> Cost:
-            thickness = self.extinction(frame.t) * cloud.through
-            return cloud.cost(frame, thickness, lit=lit, error=error)
-
-        stop = Saving(
-            "error",
-            "particles behind what is opaque but for the error",
-            # Colors of lit gas are encoded straight: they err as much as opacity does at black.
-            1.0 + STEEPEST if lit else 1.0,
-            lambda error: nanoseconds(cost().work) - nanoseconds(cost(error).work),
-            setting=True,
-        )
-        return Needs(
-            (Step("lit gas" if lit else "gas", cost, once=still),),
-            () if lit else (LeftOut(f"{self.NAME}: sort", "its particles have one color"),),
-            reads_of(self.color),
-            most=min(most * cloud.filled(frame)[1], 1.0),
-            by_rows=True,
-            savings=(stop,),
-            brightest=bright,
-        )
-
-    def _base(self, frame: Frame) -> Base:
-        if self.color == LOCAL and frame.plate is not None:
-            return Base.airlight(frame.plate)
-        return Base.even(color_at(self.color, frame))
-
-    def render(self, frame: Frame) -> Layer:
-        """Return the layer of a frame."""
-        run, lit = frame.run or frame.steps_of(self), self._is_lit(frame)
-        local = self.color == LOCAL and frame.plate is not None
-        base = self._base(frame)
-        red, green, blue = linear_to_srgb(base.dim).tolist()
-        color = (red, green, blue) if local else color_at(self.color, frame)
-        density = value_at(self.amount, frame.t) * self.particle_density(frame.t)
-        step = "lit gas" if lit or frame.lights else "gas"
-        shade, thick = even_shade(frame, color), self.extinction(frame.t)
-        top, bottom, left, right = frame.window
-        alpha, light = np.zeros((bottom - top, right - left), np.float32), None
-        if self.structure > 0.0:
-            made = run(step, lambda: self.bank.draw(frame, thick, base, lit=lit))
-            if made is not None:
-                alpha, light, sky = made
-                # What is kept of a picture has the light of the next.
-                shade = sky.shade(frame, base.dim) if local else shade
-        else:
-            drawn = run(step, lambda: self.parts.draw(frame, density, base, lit=lit))
-            alpha, light = drawn or (alpha, light)
-        if lit and light is not None and self.structure > 0.0:
-            # All of its light is a glow, which is mixed as light.
-            layer = Layer(self.NAME, alpha, color, shade=even_shade(frame, BLACK), glow=light)
-        elif lit and light is not None:
-            layer = Layer(self.NAME, alpha, rgb=light)
-        elif light is not None or local:
-            layer = Layer(self.NAME, alpha, color, shade=shade, glow=light)
-        else:
-            layer = Layer(self.NAME, alpha, color)
-        if not frame.whole:
-            return layer
-        with stage("passes"):
-            motion, backward, depth = self.parts.passes(frame, density)
-        return replace(layer, motion=motion, backward=backward, depth=depth)
-
-    def _is_lit(self, frame: Frame) -> bool:
-        return self.lit and frame.sun is not None
+        filling = self.filling
+        return filling.extinction(float(value_at(self.amount, t)) * filling.density(t))
 
 
 def _depths(depths: Any) -> tuple[float, float]:
@@ -440,13 +288,3 @@ def _depths(depths: Any) -> tuple[float, float]:
         raise ValueError(f"depths must be near < far, far may be infinite, got {depths!r}")
     # The near plane itself is the camera's affair.
     return (near if near > 0.0 else -np.inf), far
-
-
-def _values(number: Any) -> list[float]:
-    return [float(v) for _, v in number.keys] if isinstance(number, Keys) else [float(number)]
-
-
-def _times(*numbers: Any) -> list[float]:
-    """Return the frames at which keyed numbers have keys, or 0."""
-    keyed = [t for number in numbers if isinstance(number, Keys) for t, _ in number.keys]
-    return keyed or [0.0]
