@@ -208,7 +208,8 @@ pub fn over_bytes(
         {
             let light = &mut light[..out.len()];
             tables.decode(light, back);
-            layer.from(part * PIXELS).over(light);
+            let layer = layer.from(part * PIXELS);
+            lay_finite(light, layer.alpha, layer.colors, layer.glow);
             tables.encode(out, light);
         }
     })
@@ -249,6 +250,41 @@ impl Along<'_> {
             }
         }
     }
+}
+
+#[inline(always)]
+fn lay_finite_with<const LEVEL: u8>(
+    light: &mut [f32],
+    alpha: &[f32],
+    colors: &[[f32; 3]],
+    glow: Option<&[[f32; 3]]>,
+) {
+    let (light, _) = light.as_chunks_mut::<3>();
+    let (alpha, colors) = (&alpha[..light.len()], &colors[..light.len()]);
+    if let Some(glow) = glow {
+        let glow = &glow[..light.len()];
+        for (((light, &cover), color), more) in light.iter_mut().zip(alpha).zip(colors).zip(glow) {
+            for c in 0..3 {
+                light[c] = (1.0 - cover) * light[c] + (cover * color[c] + more[c]);
+            }
+        }
+        return;
+    }
+    for ((light, &cover), color) in light.iter_mut().zip(alpha).zip(colors) {
+        for c in 0..3 {
+            light[c] = (1.0 - cover) * light[c] + cover * color[c];
+        }
+    }
+}
+
+dispatch! {
+    /// Lays a layer over light that is finite, with the bits of `Along::over`.
+    fn lay_finite(
+        light: &mut [f32],
+        alpha: &[f32],
+        colors: &[[f32; 3]],
+        glow: Option<&[[f32; 3]]>
+    ) = lay_finite_with
 }
 
 fn laid<S: Copy + Send + Sync>(

@@ -61,8 +61,7 @@ class Skylight:
         """Take slices behind the others, (n, rows, columns) extinction on the coarse grid."""
         if not self.has_top:
             return
-        for number, dense in enumerate(density):
-            mean = self._means(dense)
+        for number, mean in enumerate(self._means(density)):
             thick = np.clip(self.ground - edges[number], 0.0, edges[number + 1] - edges[number])
             passed = self.through * np.exp(-mean * thick)
             taken = self.through - passed
@@ -76,14 +75,14 @@ class Skylight:
         colors = ((self.bright / self.seen)[..., None] * light).astype(np.float32)
         return Shade(colors, float(self.cell), (frame.window[0], frame.window[2]))
 
-    def _means(self, dense: Array) -> Float64:
-        """Return the means of cells."""
-        inside = dense[MARGIN:-MARGIN, MARGIN:-MARGIN]
-        step = self.cell // COARSE
-        sides = zip(self.size, inside.shape, strict=True)
-        inside = np.pad(inside, [(0, count * step - side) for count, side in sides], "edge")
-        cells = inside.reshape(self.size[0], step, self.size[1], step)
-        return np.asarray(cells.mean(axis=(1, 3), dtype=np.float64))
+    def _means(self, density: Array) -> Float64:
+        """Return the means of cells, (n, rows, columns)."""
+        means = density[:, MARGIN:-MARGIN, MARGIN:-MARGIN]
+        for axis in (1, 2):
+            firsts = np.arange(0, means.shape[axis], self.cell // COARSE)
+            counts = np.diff(firsts, append=means.shape[axis]).reshape(-1, *(1,) * (2 - axis))
+            means = np.add.reduceat(means, firsts, axis=axis) / counts
+        return np.asarray(means, np.float64)
 
 
 @lru_cache(maxsize=8)
