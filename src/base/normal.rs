@@ -24,24 +24,12 @@ pub trait Normal: Real {
 
     /// erfc(u / sqrt 2) for u >= 0, small relative error even in the tail, with the products of a level.
     fn tail_at<const LEVEL: u8>(u: Self) -> Self;
-
-    /// The same, the same bits at every level.
-    #[inline(always)]
-    fn tail(u: Self) -> Self {
-        Self::tail_at::<PORTABLE>(u)
-    }
 }
 
-/// A polynomial, highest power first, as two half as long in x^2: Horner's one long chain of
-/// dependent operations would leave most of the processor idle.
+/// A polynomial, highest power first, as two half as long in x^2, with the products of a level: Horner's
+/// one long chain of dependent operations would leave most of the processor idle.
 #[inline(always)]
-pub fn polynomial<P: Real, const N: usize>(coefficients: [P; N], x: P) -> P {
-    polynomial_at::<P, N, PORTABLE>(coefficients, x)
-}
-
-/// The same with the products of a level.
-#[inline(always)]
-fn polynomial_at<P: Real, const N: usize, const LEVEL: u8>(coefficients: [P; N], x: P) -> P {
+pub fn polynomial_at<P: Real, const N: usize, const LEVEL: u8>(coefficients: [P; N], x: P) -> P {
     let squared = x * x;
     let (mut first, mut second) = (coefficients[0], coefficients[1]);
     let mut i = 2;
@@ -218,9 +206,9 @@ mod tests {
     #[test]
     fn tails_are_right_relative_to_themselves() {
         for (u, want) in TAIL {
-            let wide = f64::tail(u) / want - 1.0;
+            let wide = f64::tail_at::<PORTABLE>(u) / want - 1.0;
             assert!(wide.abs() < 8e-15, "{u}: {wide:e}");
-            let narrow = f64::from(f32::tail(u as f32)) / want - 1.0;
+            let narrow = f64::from(f32::tail_at::<PORTABLE>(u as f32)) / want - 1.0;
             assert!(narrow.abs() < 3e-6, "{u}: {narrow:e}");
             assert!((narrow * want).abs() < 2e-7, "{u}: {narrow:e}");
         }

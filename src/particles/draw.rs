@@ -101,23 +101,28 @@ pub(super) fn begin(first: usize, count: usize, lanes: usize) -> (usize, usize) 
     (first.min(TILE - blocks * lanes), blocks)
 }
 
-/// T *= 1 - alpha for one block of a row, hidden where the map is nearer.
+/// T *= 1 - alpha for lanes of a row, hidden where the map is nearer.
 #[inline(always)]
-pub(super) fn multiply<P: Profile, const N: usize, const LEVEL: u8>(
+pub(super) fn multiply<P: Profile, const LEVEL: u8>(
     transmittance: &mut [f64; PIXELS],
     map: Option<&[P; PIXELS]>,
     depth: P,
     at: usize,
-    alpha: &mut [P; N],
+    alpha: &[P; LANES],
 ) {
+    let mut seen = [0.0; LANES];
     if let Some(map) = map {
-        let map: &[P; N] = map[at..at + N].try_into().expect("a block lies in the tile");
-        for k in 0..N {
+        let map: &[P; LANES] = map[at..at + LANES].try_into().expect("lanes lie in the tile");
+        for k in 0..LANES {
             // NaN in the map hides nothing.
-            alpha[k] = if map[k] < depth { P::zero() } else { alpha[k] };
+            seen[k] = if map[k] < depth { 0.0 } else { alpha[k].wide() };
+        }
+    } else {
+        for k in 0..LANES {
+            seen[k] = alpha[k].wide();
         }
     }
-    rows::<P, LEVEL>(&mut transmittance[at..at + N], P::one(), alpha);
+    rows::<LEVEL>(&mut transmittance[at..at + LANES], 1.0, &seen);
 }
 
 #[inline(always)]
@@ -145,7 +150,7 @@ fn disc<P: Profile, const LEVEL: u8>(
             let (start, scale) =
                 if k < 2 * LANES { (first_x, P::one()) } else { (first_y, amplitude) };
             let offset = P::of((k % (2 * LANES)) as f64);
-            values[k] = scale * profile::gaussian(start + offset * step);
+            values[k] = scale * profile::gaussian::<P, LEVEL>(start + offset * step);
         }
         let (across, down) = values.split_at(2 * LANES);
         if blocks == 1 {
@@ -154,8 +159,8 @@ fn disc<P: Profile, const LEVEL: u8>(
             outer::<P, { 2 * LANES }, LEVEL>(transmittance, &place, 1, across, down);
         }
     } else {
-        let across = axis::<P>(first_x, step, P::one(), blocks);
-        let down = axis::<P>(first_y, step, amplitude, row_blocks);
+        let across = axis::<P, LEVEL>(first_x, step, P::one(), blocks);
+        let down = axis::<P, LEVEL>(first_y, step, amplitude, row_blocks);
         outer::<P, LANES, LEVEL>(transmittance, &place, blocks, &across, &down);
     }
 }
@@ -179,33 +184,38 @@ fn outer<P: Profile, const N: usize, const LEVEL: u8>(
     down: &[P],
 ) {
     for block in 0..blocks {
-        let profile: &[P; N] = across[block * N..(block + 1) * N].try_into().expect("whole blocks");
+        let mut profile = [0.0; N];
+        for k in 0..N {
+            profile[k] = across[block * N + k].wide();
+        }
         for row in place.rows.start..place.rows.end {
-            let weight = down[row - place.top];
+            let weight = down[row - place.top].wide();
             let at = row * TILE + place.left + block * N;
-            if place.map.is_none() {
-                rows::<P, LEVEL>(&mut transmittance[at..at + N], weight, profile);
+            let Some(map) = place.map else {
+                rows::<LEVEL>(&mut transmittance[at..at + N], weight, &profile);
                 continue;
-            }
-            let mut alpha = [P::zero(); N];
+            };
+            let map: &[P; N] = map[at..at + N].try_into().expect("lanes lie in the tile");
+            let mut seen = profile;
             for k in 0..N {
-                alpha[k] = weight * profile[k];
+                // NaN in the map hides nothing.
+                seen[k] = if map[k] < place.depth { 0.0 } else { seen[k] };
             }
-            multiply::<P, N, LEVEL>(transmittance, place.map, place.depth, at, &mut alpha);
+            rows::<LEVEL>(&mut transmittance[at..at + N], weight, &seen);
         }
     }
 }
 
 /// The profile at `start`, `start + step`, ... for `blocks` blocks.
 #[inline(always)]
-fn axis<P: Profile>(start: P, step: P, scale: P, blocks: usize) -> [P; TILE] {
+fn axis<P: Profile, const LEVEL: u8>(start: P, step: P, scale: P, blocks: usize) -> [P; TILE] {
     let mut values = [P::zero(); TILE];
     for block in 0..blocks {
         let values: &mut [P; LANES] =
             (&mut values[block * LANES..(block + 1) * LANES]).try_into().expect("whole blocks");
         for k in 0..LANES {
             let offset = P::of((block * LANES + k) as f64);
-            values[k] = scale * profile::gaussian(start + offset * step);
+            values[k] = scale * profile::gaussian::<P, LEVEL>(start + offset * step);
         }
     }
     values

@@ -155,12 +155,16 @@ fn alphas_with<const LEVEL: u8>(sprite: &Sprite, (first, y): (f64, f64), alphas:
         }
         if length == 0.0 {
             for k in 0..LANES {
-                alphas[k] = amplitude * profile::gaussian(along[k]) * profile::gaussian(across[k]);
+                alphas[k] = amplitude
+                    * profile::gaussian::<_, PORTABLE>(along[k])
+                    * profile::gaussian::<_, PORTABLE>(across[k]);
             }
             continue;
         }
         for k in 0..LANES {
-            alphas[k] = swept * bare(across[k]) * profile::swept(along[k], length - along[k]);
+            alphas[k] = swept
+                * bare::<_, PORTABLE>(across[k])
+                * profile::swept::<_, PORTABLE>(along[k], length - along[k]);
         }
         if square {
             for k in 0..LANES {

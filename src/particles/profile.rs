@@ -13,8 +13,8 @@
 //! inwards. For short segments the difference of nearly equal numbers loses digits; there
 //! G = exp(-x^2/2) sum_n (L/2)^2n / (2n+1)! He_2n(x), x from the middle, is used instead.
 
-use super::dim::Dim;
-use crate::base::normal::{Normal, least, most, polynomial};
+use crate::base::normal::{Normal, least, most, polynomial_at};
+use crate::base::simd::{PORTABLE, multiply_add};
 
 /// Where the end of the footprint begins, in sigma.
 const RIM: f64 = 3.0;
@@ -23,25 +23,69 @@ const RIM: f64 = 3.0;
 pub const TERMS: usize = 7;
 
 /// What the profiles need of a pixel's precision beyond [`Normal`].
-pub trait Profile: Normal + Dim {
+pub trait Profile: Normal {
     /// Segments shorter than this many sigma use the series. The first term left out is below
     /// (L/2)^14 * 1.0e-7 there, and the difference of error functions loses 2.5 eps / L above.
     const SHORT: f64;
+
+    /// erf(u / sqrt 2), for any u; its error is that of 1, also where it is small.
+    fn erf<const LEVEL: u8>(u: Self) -> Self;
 }
 
 impl Profile for f32 {
     const SHORT: f64 = 2.0;
+
+    #[inline(always)]
+    fn erf<const LEVEL: u8>(u: f32) -> f32 {
+        // erf(u / sqrt 2) / u as a polynomial in u^2, for u^2 / 5.25^2 from 0 to 1 brought to -1..1.
+        const END: f32 = 5.25;
+        let u = most(least(u, END), -END);
+        let squared = multiply_add::<_, LEVEL>(u * u, 2.0 / (END * END), -1.0);
+        u * polynomial_at::<_, 15, LEVEL>(
+            [
+                0.00047987315,
+                -0.0013131567,
+                0.0013295539,
+                -0.002079102,
+                0.005784607,
+                -0.010897002,
+                0.016835816,
+                -0.025550522,
+                0.03707727,
+                -0.05008386,
+                0.064062886,
+                -0.07952683,
+                0.09929157,
+                -0.13425364,
+                0.2693187,
+            ],
+            squared,
+        )
+    }
 }
 
 impl Profile for f64 {
     const SHORT: f64 = 0.45;
+
+    #[inline(always)]
+    fn erf<const LEVEL: u8>(u: f64) -> f64 {
+        let inside = 1.0 - f64::tail_at::<LEVEL>(u.abs());
+        if u < 0.0 { -inside } else { inside }
+    }
 }
 
 /// The end of the footprint: 1 up to 3 sigma, 0 from 4 sigma on; any u, also a negative one.
 #[inline(always)]
 pub fn rim<P: Profile>(u: P) -> P {
+    rim_at::<P, PORTABLE>(u)
+}
+
+/// The same with the products of a level.
+#[inline(always)]
+pub fn rim_at<P: Profile, const LEVEL: u8>(u: P) -> P {
     let t = least(most(u - P::of(RIM), P::zero()), P::one());
-    P::one() - t * t * (P::of(3.0) - (t + t))
+    let slope = multiply_add::<P, LEVEL>(t, P::of(-2.0), P::of(3.0));
+    multiply_add::<P, LEVEL>(-(t * t), slope, P::one())
 }
 
 /// By how much a segment (its extents in sigma) widens a Gaussian's standard deviation on each axis.
@@ -52,9 +96,9 @@ pub fn widening(extents: [f64; 2]) -> [f64; 2] {
 
 /// The Gaussian, without its rim; held beyond 6 sigma, where the rim is zero.
 #[inline(always)]
-pub fn bare<P: Profile>(u: P) -> P {
+pub fn bare<P: Profile, const LEVEL: u8>(u: P) -> P {
     let u = least(u.abs(), P::of(6.0));
-    P::exp_negative(P::of(-0.5) * u * u)
+    P::exp_at::<LEVEL>(P::of(-0.5) * u * u)
 }
 
 /// The Gaussian that ends, at a distance u from its middle.
@@ -62,35 +106,21 @@ pub fn bare<P: Profile>(u: P) -> P {
 /// Past the end the exponent is held at 4 sigma: the rim makes it zero, and a power of two that ran
 /// out of its range would make it anything.
 #[inline(always)]
-pub fn gaussian<P: Profile>(u: P) -> P {
+pub fn gaussian<P: Profile, const LEVEL: u8>(u: P) -> P {
     let u = least(u.abs(), P::of(4.0));
-    P::exp_negative(P::of(-0.5) * u * u) * rim(u)
+    P::exp_at::<LEVEL>(P::of(-0.5) * u * u) * rim_at::<P, LEVEL>(u)
 }
 
-/// G for segments of `P::SHORT` and longer, without its factor sqrt(pi/2) / L: the two error
-/// functions of the distances inwards from the ends. `erfc` alone enters, so tails do not cancel.
+/// G for segments of `P::SHORT` and longer, without its factor sqrt(pi/2) / L: the error functions of
+/// the distances inwards from the two ends.
 #[inline(always)]
-pub fn swept<P: Profile>(from_start: P, from_end: P) -> P {
-    let (near, far) = (P::tail(from_start.abs()), P::tail(from_end.abs()));
-    let outside = least(from_start, from_end) < P::zero();
-    let near = if from_start < P::zero() { near } else { -near };
-    let far = if from_end < P::zero() { far } else { -far };
-    let base = if outside { P::zero() } else { P::of(2.0) };
-    base + (near + far)
+pub fn swept<P: Profile, const LEVEL: u8>(from_start: P, from_end: P) -> P {
+    P::erf::<LEVEL>(from_start) + P::erf::<LEVEL>(from_end)
 }
 
-/// The same near one end, where the other is saturated.
-#[inline(always)]
-pub fn swept_end<P: Profile>(from_end: P) -> P {
-    let tail = P::tail(from_end.abs());
-    if from_end < P::zero() { tail } else { P::of(2.0) - tail }
-}
-
-/// The series of G for a short segment, as a polynomial in x^2 (highest power first):
-/// G = exp(-x^2/2) * polynomial(x^2).
-pub fn series(length: f64) -> [f64; TERMS] {
-    // He_2n by descending powers of x^2.
-    const HERMITE: [[f64; TERMS]; TERMS] = [
+/// He_2n / (2n+1)! by descending powers of x^2.
+const HERMITE: [[f64; TERMS]; TERMS] = {
+    let mut rows = [
         [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0],
         [0.0, 0.0, 0.0, 0.0, 0.0, 1.0, -1.0],
         [0.0, 0.0, 0.0, 0.0, 1.0, -6.0, 3.0],
@@ -99,15 +129,29 @@ pub fn series(length: f64) -> [f64; TERMS] {
         [0.0, 1.0, -45.0, 630.0, -3150.0, 4725.0, -945.0],
         [1.0, -66.0, 1485.0, -13860.0, 51975.0, -62370.0, 10395.0],
     ];
-    let squared_half = 0.25 * length * length;
-    let mut coefficients = [0.0; TERMS];
-    let mut factor = 1.0;
-    for (n, row) in HERMITE.iter().enumerate() {
-        if n > 0 {
-            factor *= squared_half / ((2 * n) * (2 * n + 1)) as f64;
+    let mut factorial = 1.0;
+    let mut n = 1;
+    while n < TERMS {
+        factorial *= (2 * n * (2 * n + 1)) as f64;
+        let mut k = 0;
+        while k < TERMS {
+            rows[n][k] /= factorial;
+            k += 1;
         }
-        for (sum, term) in coefficients.iter_mut().zip(row) {
-            *sum += factor * term;
+        n += 1;
+    }
+    rows
+};
+
+/// The series of G for a short segment, as a polynomial in x^2 (highest power first):
+/// G = exp(-x^2/2) * polynomial(x^2).
+#[inline(always)]
+pub fn series(length: f64) -> [f64; TERMS] {
+    let squared_half = 0.25 * length * length;
+    let mut coefficients = HERMITE[TERMS - 1];
+    for n in (0..TERMS - 1).rev() {
+        for k in 0..TERMS {
+            coefficients[k] = coefficients[k] * squared_half + HERMITE[n][k];
         }
     }
     coefficients
@@ -116,29 +160,35 @@ pub fn series(length: f64) -> [f64; TERMS] {
 /// A short segment's image at `x` along it from its middle and `q` across, without its rim: both
 /// Gaussians in one. Far outside the rim the exponent is held where it stays in range.
 #[inline(always)]
-pub fn swept_short<P: Profile>(x: P, q: P, half: P, series: [P; TERMS]) -> P {
+pub fn swept_short<P: Profile, const LEVEL: u8>(x: P, q: P, half: P, series: [P; TERMS]) -> P {
     let x = least(x.abs(), half + P::of(6.0));
     let q = least(q.abs(), P::of(6.0));
     let squared = x * x;
-    P::exp_negative(P::of(-0.5) * (squared + q * q)) * polynomial(series, squared)
+    let both = multiply_add::<P, LEVEL>(q, q, squared);
+    P::exp_at::<LEVEL>(P::of(-0.5) * both) * polynomial_at::<P, TERMS, LEVEL>(series, squared)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::base::simd::AVX2;
+
+    fn plain<P: Profile>(u: P) -> P {
+        gaussian::<P, PORTABLE>(u)
+    }
 
     #[test]
     fn the_ended_gaussian_has_no_step_and_loses_little() {
         let steps = 1 << 16;
         let width = 8.0 / f64::from(steps);
-        let values: Vec<f64> = (0..=steps).map(|i| gaussian(-4.0 + width * f64::from(i))).collect();
+        let values: Vec<f64> = (0..=steps).map(|i| plain(-4.0 + width * f64::from(i))).collect();
         let integral = values.iter().sum::<f64>() * width;
         let lost = 1.0 - integral / std::f64::consts::TAU.sqrt();
         assert!((lost - 6.31e-4).abs() < 1e-6, "{lost}");
         let jump = values.windows(2).map(|pair| (pair[1] - pair[0]).abs()).fold(0.0, f64::max);
         assert!(jump < 0.61 * width, "{jump}");
-        assert_eq!((gaussian(4.0), gaussian(4.5_f32), gaussian(-1e30_f32)), (0.0, 0.0, 0.0));
-        assert_eq!(gaussian(2.9), f64::exp_negative(-0.5 * 2.9 * 2.9));
+        assert_eq!((plain(4.0), plain(4.5_f32), plain(-1e30_f32)), (0.0, 0.0, 0.0));
+        assert_eq!(plain(2.9), f64::exp_negative(-0.5 * 2.9 * 2.9));
     }
 
     /// G by Simpson's rule over the segment: the definition.
@@ -171,9 +221,10 @@ mod tests {
                 let x = (0.5 * length + 3.0) * f64::from(i) / 60.0;
                 let half = 0.5 * length;
                 let got = if length < P::SHORT {
-                    swept_short(P::of(x), P::zero(), P::of(half), coefficients).wide()
+                    swept_short::<P, PORTABLE>(P::of(x), P::zero(), P::of(half), coefficients)
+                        .wide()
                 } else {
-                    swept(P::of(half + x), P::of(half - x)).wide() * scale
+                    swept::<P, PORTABLE>(P::of(half + x), P::of(half - x)).wide() * scale
                 };
                 (got - by_quadrature(x, length)).abs()
             })
@@ -192,13 +243,15 @@ mod tests {
     }
 
     #[test]
-    fn one_end_alone_is_both_with_the_other_saturated() {
-        for i in -40..=90 {
-            let a = f64::from(i) / 10.0;
-            let both = swept(a, f64::SATURATED);
-            assert!((swept_end(a) - both).abs() < 1e-15, "{a}");
-            let both = swept(a as f32, f32::SATURATED as f32);
-            assert!((swept_end(a as f32) - both).abs() < 1.3e-7, "{a}");
+    fn error_functions_are_right_to_rounding() {
+        for k in -900..=900 {
+            let u = f64::from(k) / 100.0;
+            let wanted = libm::erf(u * std::f64::consts::FRAC_1_SQRT_2);
+            assert!((f64::erf::<PORTABLE>(u) - wanted).abs() < 5e-16, "{u}");
+            let narrow = [f32::erf::<PORTABLE>(u as f32), f32::erf::<AVX2>(u as f32)];
+            for narrow in narrow {
+                assert!((f64::from(narrow) - wanted).abs() < 3.2e-7, "{u} {narrow}");
+            }
         }
     }
 
@@ -207,7 +260,7 @@ mod tests {
         // The negative control: without the series, f32 at L = 1e-4.
         let half = 0.5e-4_f32;
         let scale = std::f64::consts::FRAC_PI_2.sqrt() / 1e-4;
-        let got = f64::from(swept(1.0 + half, half - 1.0)) * scale;
+        let got = f64::from(swept::<_, PORTABLE>(1.0 + half, half - 1.0)) * scale;
         assert!((got - by_quadrature(1.0, 1e-4)).abs() > 1e-5);
     }
 }

@@ -1,8 +1,8 @@
 //! A flake that moves during the exposure, drawn into one tile.
 //!
-//! Its footprint is tilted, so its pixels are computed one by one, but only those inside its rectangle,
-//! row by row, and the part between the two ends, where nothing changes along the way, does without
-//! error functions.
+//! Its footprint is tilted, so its pixels are computed one by one, in blocks of two rows: most streaks
+//! are a few pixels wide, and a block of one row would be filled by a third. A block that lies between
+//! the two ends, where nothing changes along the way, does without error functions.
 
 #![expect(
     clippy::needless_range_loop,
@@ -15,15 +15,81 @@ use super::draw::{PIXELS, begin, multiply};
 use super::profile::{self, Profile, TERMS};
 use super::sprite::{REACH, Sprite};
 use crate::base::cover::pixels;
+use crate::base::normal::{least, most};
 
-/// What is the same for all pixels of a streak.
+/// Rows of a block, and its pixels: a register of float32.
+const ROWS: usize = 2;
+const BLOCK: usize = ROWS * LANES;
+
+/// What the loop over a block's pixels computes along the way.
+///
+/// The series of a short segment.
+const SHORT: u8 = 0;
+/// Both error functions.
+const LONG: u8 = 1;
+/// Neither, since both ends are far.
+const MIDDLE: u8 = 2;
+
+/// A number that is linear in the pixel's place: at a block's first pixel, and what each lane adds.
+#[derive(Clone, Copy)]
+struct Linear<P> {
+    right: f64,
+    down: f64,
+    steps: [P; BLOCK],
+}
+
+impl<P: Profile> Linear<P> {
+    #[inline(always)]
+    fn new(right: f64, down: f64) -> Self {
+        let mut steps = [P::zero(); BLOCK];
+        let (x, y) = (P::of(right), P::of(down));
+        for k in 0..BLOCK {
+            steps[k] = P::of((k % LANES) as f64) * x + P::of((k / LANES) as f64) * y;
+        }
+        Self { right, down, steps }
+    }
+
+    #[inline(always)]
+    fn at(&self, [x, y]: [f64; 2]) -> f64 {
+        x * self.right + y * self.down
+    }
+}
+
+/// What is the same for all pixels of a streak, lengths in sigma.
 struct Sweep<P> {
-    /// Steps per pixel to the right, in sigma: along the streak and across it.
-    step_along: P,
-    step_across: P,
+    along: Linear<P>,
+    across: Linear<P>,
     amplitude: P,
     half: P,
     series: [P; TERMS],
+    /// The two numbers of a pixel by which the footprint ends, and how far from 0 its rims begin: across
+    /// and along, or those of the pixel axes.
+    ends: [Linear<P>; 2],
+    room: P,
+}
+
+/// The columns of a row between two parallel slanted lines: from `low` to `high`, plus `slope` per row.
+struct Strip {
+    slope: f64,
+    low: f64,
+    high: f64,
+}
+
+impl Strip {
+    const ALL: Self = Self { slope: 0.0, low: f64::NEG_INFINITY, high: f64::INFINITY };
+
+    /// Where |`right` x + `down` y - `middle`| <= `reach` in one of a block's rows, of which y is the
+    /// first.
+    #[inline(always)]
+    fn new(right: f64, down: f64, middle: f64, reach: f64) -> Self {
+        if right.abs() < 1e-9 {
+            return Self::ALL;
+        }
+        let by = 1.0 / right;
+        let (slope, middle, half) = (-down * by, middle * by, reach * by.abs());
+        let last = slope * (ROWS - 1) as f64;
+        Self { slope, low: middle - half + last.min(0.0), high: middle + half + last.max(0.0) }
+    }
 }
 
 #[inline(always)]
@@ -33,186 +99,146 @@ pub(super) fn streak<P: Profile, const LEVEL: u8>(
     sprite: &Sprite,
     origin: [f64; 2],
 ) {
-    const BLOCK: usize = 2 * LANES;
     let (low, high) = sprite.bounds();
     let Some(rows) = pixels(low[1] - origin[1], high[1] - origin[1], TILE) else { return };
-    let [x, y] = [sprite.start[0] - origin[0], sprite.start[1] - origin[1]];
     let [ux, uy] = sprite.along;
     let inverse = 1.0 / sprite.sigma;
-    let reach = REACH * sprite.sigma;
     let length = sprite.length * inverse;
     let short = length < P::SHORT;
-    let amplitude = if short {
-        sprite.amplitude
-    } else {
-        sprite.amplitude * std::f64::consts::FRAC_PI_2.sqrt() / length
-    };
-    let coefficients = if short { profile::series(length) } else { [0.0; TERMS] };
-    let mut series = [P::zero(); TERMS];
-    for k in 0..TERMS {
-        series[k] = P::of(coefficients[k]);
-    }
-    let sweep = Sweep {
-        step_along: P::of(ux * inverse),
-        step_across: P::of(-uy * inverse),
-        amplitude: P::of(amplitude),
-        half: P::of(0.5 * length),
-        series,
-    };
-    let depth = P::of(sprite.depth);
-    // A square footprint's middle, and its axes in units of its own spread along each.
     let square = sprite.square();
-    let [middle_x, middle_y] = [0.5 * sprite.length * ux, 0.5 * sprite.length * uy];
-    let [wide_x, wide_y] = profile::widening([length * ux, length * uy]);
-    let (by_wide_x, by_wide_y) = (inverse / wide_x, inverse / wide_y);
-    // Where a row (h below the start) meets the tilted rectangle: two slanted strips.
-    let (by_x, by_y) = (1.0 / ux, 1.0 / uy);
-    for row in rows {
-        let h = row as f64 + 0.5 - y;
-        let (mut left, mut right) = (f64::NEG_INFINITY, f64::INFINITY);
-        if square {
-            (left, right) = (low[0] - sprite.start[0], high[0] - sprite.start[0]);
-        } else if uy.abs() > 1e-9 {
-            let middle = h * ux * by_y;
-            let half = reach * by_y.abs();
-            (left, right) = (middle - half, middle + half);
+    // From the middle of the way.
+    let half_way = 0.5 * sprite.length;
+    let x = sprite.start[0] + half_way * ux - origin[0];
+    let y = sprite.start[1] + half_way * uy - origin[1];
+    let along = Linear::new(ux * inverse, uy * inverse);
+    let across = Linear::new(-uy * inverse, ux * inverse);
+    let mut sweep = Sweep {
+        along,
+        across,
+        amplitude: P::of(sprite.amplitude),
+        half: P::of(0.5 * length),
+        series: [P::zero(); TERMS],
+        ends: [across, along],
+        room: P::of(0.5 * length),
+    };
+    if short {
+        let series = profile::series(length);
+        for k in 0..TERMS {
+            sweep.series[k] = P::of(series[k]);
         }
-        if !square && ux.abs() > 1e-9 {
-            let middle = (0.5 * sprite.length - h * uy) * by_x;
-            let half = (0.5 * sprite.length + reach) * by_x.abs();
-            left = left.max(middle - half);
-            right = right.min(middle + half);
-        }
-        let Some(columns) = pixels(x + left, x + right, TILE) else { continue };
-        let (first, blocks) = begin(columns.start, columns.len(), BLOCK);
-        for block in 0..blocks {
-            let column = first + block * BLOCK;
-            let right = column as f64 + 0.5 - x;
-            let from_start = (right * ux + h * uy) * inverse;
-            let across = (h * ux - right * uy) * inverse;
-            let mut alpha = [P::zero(); BLOCK];
-            let along = from_start - 0.5 * length;
-            let rims = if square {
-                let (x, y) = ((right - middle_x) * by_wide_x, (h - middle_y) * by_wide_y);
-                [
-                    Rim { start: P::of(x), step: P::of(by_wide_x), half: P::zero() },
-                    Rim { start: P::of(y), step: P::zero(), half: P::zero() },
-                ]
-            } else {
-                [
-                    Rim { start: P::of(across), step: sweep.step_across, half: P::zero() },
-                    Rim { start: P::of(along), step: sweep.step_along, half: sweep.half },
-                ]
-            };
-            if short {
-                blurred_short(&sweep, along, across, &mut alpha);
-                end(&rims, &mut alpha);
-            } else if square {
-                blurred_square(&sweep, from_start, length - from_start, across, &mut alpha);
-                end(&rims, &mut alpha);
-            } else {
-                blurred(&sweep, from_start, length - from_start, across, &mut alpha);
-            }
-            let at = row * TILE + column;
-            multiply::<P, BLOCK, LEVEL>(transmittance, map, depth, at, &mut alpha);
-        }
-    }
-}
-
-#[inline(always)]
-fn blurred_short<P: Profile, const N: usize>(
-    sweep: &Sweep<P>,
-    along: f64,
-    across: f64,
-    alpha: &mut [P; N],
-) {
-    let (x, q) = (P::of(along), P::of(across));
-    for k in 0..N {
-        let offset = P::of(k as f64);
-        alpha[k] = sweep.amplitude
-            * profile::swept_short(
-                x + offset * sweep.step_along,
-                q + offset * sweep.step_across,
-                sweep.half,
-                sweep.series,
-            );
-    }
-}
-
-/// One of the two directions in which a footprint ends: from `half` around 0, in sigma.
-struct Rim<P> {
-    start: P,
-    step: P,
-    half: P,
-}
-
-#[inline(always)]
-fn end<P: Profile, const N: usize>(rims: &[Rim<P>; 2], alpha: &mut [P; N]) {
-    for k in 0..N {
-        let offset = P::of(k as f64);
-        let [a, b] = rims;
-        let a = profile::rim((a.start + offset * a.step).abs() - a.half);
-        let b = profile::rim((b.start + offset * b.step).abs() - b.half);
-        alpha[k] *= a * b;
-    }
-}
-
-/// In float64 the series ends before footprints turn from square to tilted.
-#[inline(always)]
-fn blurred_square<P: Profile, const N: usize>(
-    sweep: &Sweep<P>,
-    from_start: f64,
-    from_end: f64,
-    across: f64,
-    alpha: &mut [P; N],
-) {
-    let (a, b, q) = (P::of(from_start), P::of(from_end), P::of(across));
-    for k in 0..N {
-        let offset = P::of(k as f64);
-        let step = offset * sweep.step_along;
-        let bare = profile::bare(q + offset * sweep.step_across);
-        alpha[k] = sweep.amplitude * bare * profile::swept(a + step, b - step);
-    }
-}
-
-#[inline(always)]
-fn blurred<P: Profile, const N: usize>(
-    sweep: &Sweep<P>,
-    from_start: f64,
-    from_end: f64,
-    across: f64,
-    alpha: &mut [P; N],
-) {
-    let q = P::of(across);
-    for k in 0..N {
-        alpha[k] = sweep.amplitude * profile::gaussian(q + P::of(k as f64) * sweep.step_across);
-    }
-    // The least distances from the ends that any lane has.
-    let last = sweep.step_along.wide() * (N - 1) as f64;
-    let (least_a, least_b) = (from_start + last.min(0.0), from_end - last.max(0.0));
-    let (a, b) = (P::of(from_start), P::of(from_end));
-    if least_a >= P::SATURATED && least_b >= P::SATURATED {
-        for k in 0..N {
-            alpha[k] = alpha[k] + alpha[k];
-        }
-    } else if least_b >= P::SATURATED {
-        one_end(a, sweep.step_along, alpha);
-    } else if least_a >= P::SATURATED {
-        one_end(b, -sweep.step_along, alpha);
     } else {
-        for k in 0..N {
-            let step = P::of(k as f64) * sweep.step_along;
-            let (a, b) = (a + step, b - step);
-            let nearest = if a < b { a } else { b };
-            alpha[k] *= profile::swept(a, b) * profile::rim(-nearest);
+        let scale = 0.5 * std::f64::consts::TAU.sqrt() / length;
+        sweep.amplitude = P::of(sprite.amplitude * scale);
+    }
+    let strips = if square {
+        let [wide_x, wide_y] = profile::widening([length * ux, length * uy]);
+        sweep.ends = [Linear::new(inverse / wide_x, 0.0), Linear::new(0.0, inverse / wide_y)];
+        sweep.room = P::zero();
+        [
+            Strip { slope: 0.0, low: low[0] - origin[0] - x, high: high[0] - origin[0] - x },
+            Strip::ALL,
+        ]
+    } else {
+        let reach = REACH * sprite.sigma;
+        [Strip::new(uy, -ux, 0.0, reach), Strip::new(ux, uy, 0.0, half_way + reach)]
+    };
+    // The way from a block's first pixel to its farthest ones.
+    let (right, down) = (along.right * (LANES - 1) as f64, along.down * (ROWS - 1) as f64);
+    let (least, most) = (right.min(0.0) + down.min(0.0), right.max(0.0) + down.max(0.0));
+    let middle = 0.5 * length - P::SATURATED;
+    let depth = P::of(sprite.depth);
+    let (top, blocks) = begin(rows.start, rows.len(), ROWS);
+    let spans = spans(&strips, [x, y], top, blocks);
+    for (i, &[left, right]) in spans[..blocks].iter().enumerate() {
+        if left >= right {
+            continue;
+        }
+        let row = top + i * ROWS;
+        let h = row as f64 + 0.5 - y;
+        let (left, blocks) = begin(left as usize, (right - left) as usize, LANES);
+        for column in (left..left + blocks * LANES).step_by(LANES) {
+            let place = [column as f64 + 0.5 - x, h];
+            let way = along.at(place);
+            let alpha = if short {
+                if square {
+                    block::<P, SHORT, true, LEVEL>(&sweep, place)
+                } else {
+                    block::<P, SHORT, false, LEVEL>(&sweep, place)
+                }
+            } else if square {
+                block::<P, LONG, true, LEVEL>(&sweep, place)
+            } else if way + least >= -middle && way + most <= middle {
+                block::<P, MIDDLE, false, LEVEL>(&sweep, place)
+            } else {
+                block::<P, LONG, false, LEVEL>(&sweep, place)
+            };
+            for (i, alpha) in alpha.chunks_exact(LANES).enumerate() {
+                let alpha = alpha.try_into().expect("a block has whole rows");
+                let at = (row + i) * TILE + column;
+                multiply::<P, LEVEL>(transmittance, map, depth, at, alpha);
+            }
         }
     }
 }
 
+/// The first pixel of each of `count` rows of blocks from the row `top` on, and the one behind the last:
+/// found for all before the first is drawn, since a block that waited for its columns would leave the
+/// processor idle.
 #[inline(always)]
-fn one_end<P: Profile, const N: usize>(start: P, step: P, alpha: &mut [P; N]) {
-    for k in 0..N {
-        let from_end = start + P::of(k as f64) * step;
-        alpha[k] *= profile::swept_end(from_end) * profile::rim(-from_end);
+fn spans(
+    [first, second]: &[Strip; 2],
+    [x, y]: [f64; 2],
+    top: usize,
+    count: usize,
+) -> [[u32; 2]; TILE / ROWS] {
+    /// Added, it leaves the nearest whole number in the low bits.
+    const ROUND: f64 = 6_755_399_441_055_744.0;
+    let limit = TILE as f64;
+    let mut spans = [[0; 2]; TILE / ROWS];
+    for (chunk, spans) in spans.chunks_exact_mut(LANES).enumerate().take(count.div_ceil(LANES)) {
+        let spans: &mut [[u32; 2]; LANES] = spans.try_into().expect("whole chunks");
+        let start = (top + chunk * LANES * ROWS) as f64 + 0.5 - y;
+        for i in 0..LANES {
+            let h = start + (i * ROWS) as f64;
+            let left = most(first.low + h * first.slope, second.low + h * second.slope);
+            let right = least(first.high + h * first.slope, second.high + h * second.slope);
+            // A pixel's centre on the border or not: it sees nothing there.
+            let left = least(most(x + left, 0.0), limit) + ROUND;
+            let right = least(most(x + right, 0.0), limit) + ROUND;
+            spans[i] = [left.to_bits() as u32, right.to_bits() as u32];
+        }
     }
+    spans
+}
+
+/// The alphas of a block whose first pixel's centre is at `place` from the middle of the way.
+#[inline(always)]
+fn block<P: Profile, const KIND: u8, const SQUARE: bool, const LEVEL: u8>(
+    sweep: &Sweep<P>,
+    place: [f64; 2],
+) -> [P; BLOCK] {
+    let Sweep { along, across, ends, .. } = sweep;
+    let (p, q) = (P::of(along.at(place)), P::of(across.at(place)));
+    let [a, b] = [P::of(ends[0].at(place)), P::of(ends[1].at(place))];
+    let mut alpha = [P::zero(); BLOCK];
+    for k in 0..BLOCK {
+        let (p, q) = (p + along.steps[k], q + across.steps[k]);
+        let shape = match KIND {
+            SHORT => profile::swept_short::<P, LEVEL>(p, q, sweep.half, sweep.series),
+            LONG => {
+                profile::bare::<P, LEVEL>(q)
+                    * profile::swept::<P, LEVEL>(sweep.half + p, sweep.half - p)
+            }
+            _ => profile::bare::<P, LEVEL>(q) * P::of(2.0),
+        };
+        let (a, b) = if SQUARE { (a + ends[0].steps[k], b + ends[1].steps[k]) } else { (q, p) };
+        let rim = profile::rim_at::<P, LEVEL>(a.abs());
+        let rim = if KIND == MIDDLE {
+            rim
+        } else {
+            rim * profile::rim_at::<P, LEVEL>(b.abs() - sweep.room)
+        };
+        alpha[k] = sweep.amplitude * shape * rim;
+    }
+    alpha
 }

@@ -252,9 +252,10 @@ def splat(
 
     Notes
     -----
-    The order of the flakes does not matter beyond rounding, and the bits depend on neither the
-    thread count nor the instruction set. Transmittance is accumulated in float64: 1e5 layers are
-    right to 1e-6. float32 differs from float64 by less than 4e-6 where flakes overlap.
+    The order of the flakes does not matter beyond rounding, and the bits do not depend on the
+    thread count; other vector instructions may change the last ones, unless
+    :func:`flurries.set_reproducible` keeps them. Transmittance is accumulated in float64: 1e5
+    layers are right to 1e-6. float32 differs from float64 by less than 4e-6 where flakes overlap.
 
     The footprint is the Gaussian (or its integral) inside 3 sigma_e and goes smoothly to 0 at
     4 sigma_e, along and across the motion (along x and y if that is shorter than sigma_e). Its
