@@ -19,6 +19,8 @@ from scipy.special import j0
 
 import flurries as fl
 from flurries.camera import Camera
+from flurries.frame.bands import whole
+from flurries.frame.truth import truth
 from flurries.frame.view import Frame
 
 Floats = NDArray[np.float64]
@@ -54,6 +56,12 @@ def scene(snow: fl.TentSnow | dict[str, Any], size: int = SIZE, **about: Any) ->
 
 def picture(shown: fl.Scene, t: float, **options: Any) -> Floats:
     return shown.render(t, **options)[..., 0].astype(np.float64)
+
+
+def cover(shown: fl.Scene, t: float) -> NDArray[np.float32]:
+    """The opacity of all layers, without their motion and depth, which take as long again."""
+    (seen,) = truth(shown.program, shown.time_of(t), [None], whole(shown.shape), known=False)
+    return seen.alpha
 
 
 def band_shift(

@@ -7,6 +7,7 @@ import pytest
 
 import flurries as fl
 from every import every
+from measure import cover
 
 FOCAL = 600.0
 
@@ -15,7 +16,7 @@ def depth_of(effect, shape=(256, 256), t=0.0, *, seed=0, **about):
     """Return the optical depth, (H, W) float64."""
     about = {"camera": fl.Camera(FOCAL), **about}
     shown = fl.Scene(None, np.zeros((*shape, 3), np.float32), effects=[effect], seed=seed, **about)
-    alpha = shown.render(t, layers=True).alpha.astype(np.float64)
+    alpha = cover(shown, t).astype(np.float64)
     return -np.log1p(-alpha)
 
 

@@ -15,6 +15,7 @@ from flurries import _core
 from flurries.camera.optics import Blur
 from flurries.effects.defocus import disc_factor
 from flurries.particles.crowd import Closeup
+from measure import cover
 
 Array = np.ndarray[Any, Any]
 SHAPE = (300, 400)
@@ -154,7 +155,7 @@ def test_a_lens_keeps_what_snow_covers():
     sums = [0.0, 0.0]
     for frame in range(0, 80, 20):
         for index, film in enumerate((sharp, sharp.replace(lens=fl.Lens(focus=3.0, f_stop=2.0)))):
-            alpha = film.render(frame, layers=True).alpha
+            alpha = cover(film, frame)
             sums[index] += float(-np.log1p(-np.minimum(alpha, 0.999)).mean())
     assert abs(sums[1] / sums[0] - 1.0) < 0.05
 

@@ -12,6 +12,7 @@ import pytest
 import flurries as fl
 from flurries import cone
 from flurries.frame.view import Frame
+from measure import cover
 
 SIZE = (120, 90)
 FLYING = fl.CameraPath(
@@ -87,7 +88,7 @@ def test_a_keyed_shutter(effect, camera, tmp_path):
         assert got.speed == pytest.approx(want.speed, abs=1e-9)
         assert got.stretch == pytest.approx(want.stretch, rel=1e-9)
     # As long as nothing has changed the picture is, too, but for the last bits of the phase.
-    early, later = ([s.render(t, layers=True).alpha for s in (shown, number(t))] for t in (8, 19))
+    early, later = ([cover(s, t) for s in (shown, number(t))] for t in (8, 19))
     assert np.abs(early[0] - early[1]).max() < 1e-5 < 1e-4 < np.abs(later[0] - later[1]).max()
     # The phase is the sum of small steps, from the first time of the film on.
     times = np.linspace(0.0, 25.0, 25 * 80 + 1)
@@ -220,8 +221,8 @@ def test_the_scenes_depth_hides_what_is_behind():
     depth = np.full((90, 120), np.inf, np.float32)
     depth[:, 60:] = 0.5
     effect = fl.ConeSnow(tile=64, haze=0.0, flakes=0, texture_flakes=400)
-    free = scene(effect).render(4, layers=True).alpha
-    behind = scene(effect, depth=depth).render(4, layers=True).alpha
+    free = cover(scene(effect), 4)
+    behind = cover(scene(effect, depth=depth), 4)
     np.testing.assert_array_equal(behind[:, :60], free[:, :60])
     assert free[:, 60:].max() > 0.02 and behind[:, 60:].max() == 0.0
 
@@ -231,14 +232,12 @@ def test_amounts_and_colors():
     none = scene(fl.ConeRain(tile=64, amount=0.0)).render(3)
     np.testing.assert_array_equal(none, scene(fl.ConeRain(tile=64, gain=0.0, haze=0.0)).render(3))
     assert (none == none[0, 0]).all()
-    more = [scene(fl.ConeRain(tile=64, haze=0.0, amount=a)).render(3, layers=True).alpha.mean()
+    more = [cover(scene(fl.ConeRain(tile=64, haze=0.0, amount=a)), 3).mean()
             for a in (0.25, 0.5, 1.0)]  # fmt: skip
     assert more == sorted(more) and more[0] > 0
     keyed = fl.ConeRain(tile=64, haze=0.0, amount=fl.Keys([(0, 0.0), (6, 1.0)]))
-    half = scene(keyed).render(3, layers=True).alpha
-    np.testing.assert_array_equal(
-        half, scene(fl.ConeRain(tile=64, haze=0.0, amount=0.5)).render(3, layers=True).alpha
-    )
+    half = cover(scene(keyed), 3)
+    np.testing.assert_array_equal(half, cover(scene(fl.ConeRain(tile=64, haze=0.0, amount=0.5)), 3))
     red = fl.Scene(SIZE, "#000000", effects=[fl.ConeRain(color=(1.0, 0.0, 0.0))]).render(3)
     assert red[..., 0].max() > 20 and red[..., 1:].max() == 0
     assert scene(rain, seed=1).render(3).tobytes() != scene(rain, seed=2).render(3).tobytes()
@@ -250,9 +249,7 @@ def test_snow_in_front_is_the_same_as_snows_flakes():
                     fall=effect.fall,
                     wind=effect.wind, shutter=effect.shutter, flake_size=effect.flake_size,
                     flake_opacity=effect.flake_opacity, sway=effect.sway)  # fmt: skip
-    np.testing.assert_array_equal(
-        scene(effect).render(8, layers=True).alpha, scene(alone).render(8, layers=True).alpha
-    )
+    np.testing.assert_array_equal(cover(scene(effect), 8), cover(scene(alone), 8))
 
 
 @pytest.mark.parametrize("kind", [fl.ConeRain, fl.ConeSnow])
@@ -264,7 +261,7 @@ def test_presets_and_files(kind, tmp_path):
         loaded = fl.Scene.load(tmp_path / "scene.toml")
         assert loaded.effects == shown.effects
         assert loaded.render(4).tobytes() == shown.render(4).tobytes()
-        alphas.append(shown.render(4, layers=True).alpha.mean())
+        alphas.append(cover(shown, 4).mean())
     assert alphas == sorted(alphas)
     with pytest.raises(ValueError, match="preset must be one of"):
         kind.preset("none")

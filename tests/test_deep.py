@@ -13,6 +13,7 @@ import flurries as fl
 from flurries import io
 from flurries.io.layers.deep import Deep, read_deep, write_deep
 from flurries.output import deep
+from measure import cover
 
 H, W = 36, 48
 DISC = (np.hypot(*(np.mgrid[:H, :W] - np.array([[[18.0]], [[24.0]]]))) < 8).astype(np.float32)
@@ -61,7 +62,7 @@ def test_samples_over_each_other_are_the_weather_alone(name: str, tmp_path: Path
 def test_of_two_effects_the_opacity_is_that_of_both(tmp_path: Path):
     both = scene(FOG, SNOW)
     both.write(tmp_path / "deep.exr", 3, deep=True)
-    alpha = both.render(3, layers=True).alpha
+    alpha = cover(both, 3)
     np.testing.assert_allclose(over(read_deep(tmp_path / "deep.exr"))[..., 3], alpha, atol=4e-3)
 
 
@@ -76,8 +77,8 @@ def test_samples_lie_where_their_air_is():
     near = ends <= edge * 1.0001
     through = np.ones(samples.counts.size)
     np.multiply.at(through, pixels[near], 1.0 - samples.values[near, 3])
-    before = shown.replace(depth=float(edge)).render(3, layers=True).alpha
-    far = shown.replace(depth=float(2.0 * edge)).render(3, layers=True).alpha
+    before = cover(shown.replace(depth=float(edge)), 3)
+    far = cover(shown.replace(depth=float(2.0 * edge)), 3)
     # What is too faint for a sample of its own goes into the next one.
     np.testing.assert_allclose(1.0 - through.reshape(H, W), before, atol=3e-3)
     assert np.abs(1.0 - through.reshape(H, W) - far).max() > 0.05, "another wall would be seen"

@@ -12,6 +12,7 @@ import flurries as fl
 from flurries.cli import demo
 from flurries.frame.view import Frame
 from flurries.io import open_background, read_layers, read_picture
+from measure import cover
 
 SIZE = 128
 
@@ -101,10 +102,7 @@ def test_the_pictures_flow_away_from_the_focus():
     normal, target = np.zeros((3, 3)), np.zeros(3)
     rows, cols = np.mgrid[0:256, 0:256] + 0.5
     for t in range(1, 13):
-        planes = [
-            gaussian_filter(scene.render(t + s, layers=True).alpha.astype(float), 2.0)
-            for s in (-0.05, 0.05)
-        ]
+        planes = [gaussian_filter(cover(scene, t + s).astype(float), 2.0) for s in (-0.05, 0.05)]
         change = (planes[1] - planes[0]) / 0.1
         dy, dx = np.gradient(0.5 * (planes[0] + planes[1]))
         # dI/dt = -g ((x - px) I_x + (y - py) I_y): linear in g, g px and g py.

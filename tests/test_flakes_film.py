@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 
 import flurries as fl
+from measure import cover
 
 
 def alpha(scene: fl.Scene, t: float) -> np.ndarray:
-    return scene.render(t, layers=True).alpha.astype(np.float64)
+    return cover(scene, t).astype(np.float64)
 
 
 def memory(film: list[np.ndarray], most: int) -> np.ndarray:

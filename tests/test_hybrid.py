@@ -16,7 +16,20 @@ import pytest
 
 import flurries as fl
 import measure
-from measure import FLAKES, FOCAL, LONGEST, NEAR, SIZE, STEPS, TEXTURE, TORUS, WAVES, picture, scene
+from measure import (
+    FLAKES,
+    FOCAL,
+    LONGEST,
+    NEAR,
+    SIZE,
+    STEPS,
+    TEXTURE,
+    TORUS,
+    WAVES,
+    cover,
+    picture,
+    scene,
+)
 
 LENS = fl.camera.Camera(FOCAL)
 MOTIONS = [
@@ -228,10 +241,10 @@ def test_flakes_in_view_are_all_flakes(effect: Any, z: float, times: tuple[float
     # depth takes, though it is the same at every depth.
     path = fl.CameraPath(fl.camera.Camera(300.0, center=(90.0, 150.0)), velocity=(1.0, -0.3, z))
     shown = fl.Scene((256, 200), (0.0, 0.0, 0.0), camera=path, effects=[effect], seed=3)
-    few = [shown.render(t, layers=True).alpha for t in times]
+    few = [cover(shown, t) for t in times]
     same = fl.Wind(effect.wind, profile=[(0.0, 1.0)])
     shown = shown.replace(effects=[replace(effect, wind=same)])
-    all_of_them = [shown.render(t, layers=True).alpha for t in times]
+    all_of_them = [cover(shown, t) for t in times]
     assert max(alpha.max() for alpha in few) > 0.05
     np.testing.assert_allclose(few, all_of_them, rtol=0.0, atol=4e-6)
 

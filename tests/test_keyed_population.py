@@ -9,6 +9,7 @@ import pytest
 
 import flurries as fl
 from flurries.effects.keyed import product
+from measure import cover
 
 Array = np.ndarray[Any, Any]
 
@@ -19,7 +20,7 @@ def film(effect: Any) -> fl.Scene:
 
 def depth_of(effect: Any, frames: range) -> float:
     scene = film(effect)
-    alphas = [scene.render(t, layers=True).alpha for t in frames]
+    alphas = [cover(scene, t) for t in frames]
     return float(np.mean([-np.log1p(-np.minimum(a, 0.999)).mean() for a in alphas]))
 
 

@@ -16,6 +16,7 @@ from scipy import integrate
 import flurries as fl
 from flurries.cli import main
 from flurries.effects.resolution import map_at, power_share
+from measure import cover
 
 LOSS = {1: 0.06, 2: 0.14, 3: 0.25, 4: 0.38, 5: 0.55}
 KINDS = [fl.TentSnow, fl.TentRain, fl.Mist]
@@ -73,7 +74,7 @@ def test_more_falls_at_a_higher_rate(kind: Any):
     seen = []
     for rate in (0.2, 0.7, 2.0, 6.0, 15.0, 40.0):
         scene = fl.Scene((256, 192), effects=[kind(rate_mm_h=rate)])
-        seen.append(float(scene.render(3, layers=True).alpha.mean()))
+        seen.append(float(cover(scene, 3).mean()))
     assert (np.diff(seen) > 0.0).all(), seen
 
 
@@ -82,7 +83,7 @@ def test_a_density_is_the_same_behind_any_lens():
     covers = []
     for focal, size in ((300.0, (256, 192)), (600.0, (256, 192)), (307.2, (256, 256))):
         scene = fl.Scene(size, effects=[snow], camera=fl.Camera(focal))
-        alphas = [scene.replace(seed=s).render(3, layers=True).alpha.mean() for s in range(6)]
+        alphas = [cover(scene.replace(seed=s), 3).mean() for s in range(6)]
         covers.append(np.mean(alphas))
     # Flakes behind a pixel are as many whatever the lens; the nearest and largest ones fade.
     assert np.ptp(covers) < 0.15 * np.mean(covers)
@@ -170,7 +171,7 @@ def boxed(alpha: np.ndarray, times: int) -> np.ndarray:
 
 def opacities(effect: Any, width: int, count: int) -> np.ndarray:
     scenes = [fl.Scene((width, width), effects=[effect], seed=seed) for seed in range(count)]
-    return np.stack([s.render(3, layers=True).alpha.astype(np.float64) for s in scenes])
+    return np.stack([cover(s, 3).astype(np.float64) for s in scenes])
 
 
 # (effect, error of the mean, of the standard deviation). Streaks of rain at 256 px have waves of

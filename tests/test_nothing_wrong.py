@@ -22,7 +22,7 @@ from flurries._threads import scope
 from flurries.cli import main
 from flurries.io import read_picture, read_video, remove_leftovers, write_picture
 from flurries.io.atomic import owner_of_new_files
-from flurries.output import groups, manifest, write
+from flurries.output import crew, groups, manifest, write
 from flurries.scene.fingerprint import BITS
 
 W, H = 1024, 800
@@ -206,6 +206,8 @@ def test_16_4_no_success_without_the_files(client: Any, tmp_path: Path, monkeypa
         (tmp_path / place / "out").mkdir(parents=True)
     monkeypatch.chdir(tmp_path / "here")
     client.run(os.chdir, str(tmp_path / "there"))
+    # What is late comes within seconds, or never.
+    monkeypatch.setattr(crew, "_LATE", 0.3)
     with pytest.raises(OSError, match=r"\.png: a worker has written it, but here it is not"):
         SMALL.write("/proc/self/cwd/out/%d.png", "1-3", dask=client, manifest=False)
     assert len(contents(tmp_path / "there" / "out")) == 3
@@ -241,6 +243,15 @@ async def serve():
 asyncio.run(serve())
 """
 
+# The command line, which waits a second for a scheduler.
+IMPATIENT = """
+import sys
+from flurries.cli import main
+from flurries.output import cluster
+cluster._GREETING = 1.0
+sys.exit(main(sys.argv[1:]))
+"""
+
 
 def test_16_9_a_scheduler_that_dies_is_one_sentence(tmp_path: Path):
     server = subprocess.Popen(
@@ -248,8 +259,8 @@ def test_16_9_a_scheduler_that_dies_is_one_sentence(tmp_path: Path):
         text=True,
     )  # fmt: skip
     assert server.stdout is not None
-    words = ["#304050", "--snow", "heavy", "--size", "640x480", "--frames", "1-4000", "--quiet"]
-    command = [sys.executable, "-m", "flurries", "render", *words, "-o", "out/%d.png"]
+    words = ["#304050", "--snow", "heavy", "--size", "320x240", "--frames", "1-4000", "--quiet"]
+    command = [sys.executable, "-c", IMPATIENT, "render", *words, "-o", "out/%d.png"]
     run = subprocess.Popen(
         [*command, "--dask", server.stdout.readline().strip()], cwd=tmp_path, text=True,
         stdout=subprocess.PIPE, stderr=subprocess.PIPE,
@@ -270,15 +281,8 @@ def test_16_9_a_scheduler_that_dies_is_one_sentence(tmp_path: Path):
 
 @pytest.mark.parametrize("where", ["tcp://127.0.0.1:9", "nonsense", "http://x", "tcp://[::"])
 def test_16_9_an_address_that_is_none_is_one_sentence(where: str, tmp_path: Path):
-    code = """
-import sys
-from flurries.cli import main
-from flurries.output import cluster
-cluster._GREETING = 1.0
-sys.exit(main(sys.argv[1:]))
-"""
     words = ["render", "#304050", "--snow", "heavy", "--frames", "1", "-o", tmp_path / "%d.png"]
-    done = python(code, *words, f"--dask={where}")
+    done = python(IMPATIENT, *words, f"--dask={where}")
     assert done.returncode == 2 and done.stdout == ""
     assert len(done.stderr.splitlines()) == 1 and where in done.stderr, done.stderr
 

@@ -22,6 +22,7 @@ from flurries.particles.precipitation import (
     snow_speed,
 )
 from flurries.particles.sizes import Sizes
+from measure import cover
 
 LENS = (300.0, 40.0, 30.0, (0.0, 0.0, 0.0), 0.1)
 SHAPE = (60, 80)
@@ -164,7 +165,7 @@ def _scene(method: str, *, shape: tuple[int, int] = (160, 200), **fields: Any) -
 
 
 def _alpha(scene: fl.Scene, t: float = 7.0) -> np.ndarray:
-    found: np.ndarray = scene.render(t, layers=True).alpha
+    found: np.ndarray = cover(scene, t)
     return found
 
 
@@ -305,7 +306,7 @@ def test_drawn_flakes_never_come_back_alike(
     scene = fl.Scene((48, 36), "#000000", path, [snow], seed=3)
 
     def seen(t: float) -> np.ndarray:
-        return scene.render(t, layers=True).alpha.ravel()
+        return cover(scene, t).ravel()
 
     first = seen(0.0)
     assert first.std() > 0.2

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import flurries as fl
+from measure import cover
 
 LENS = fl.Camera(300.0)
 SHAPE = (192, 256)
@@ -78,7 +79,7 @@ def test_all_flakes_drawn_and_the_texture_feel_one_profile():
             snow = fl.Snow(method=method, wind=wind, density=25.0, far=22.0, fall=0.2,
                                sway=(0.0, 1.0))  # fmt: skip
             shown = fl.Scene((160, 120), camera=fl.Camera(150.0), effects=[snow], seed=seed)
-            film = [shown.render(20 + lag, layers=True).alpha.astype(float) for lag in (0, *lags)]
+            film = [cover(shown, 20 + lag).astype(float) for lag in (0, *lags)]
             rows.append([np.corrcoef(film[0].ravel(), one.ravel())[0, 1] for one in film[1:]])
             means.append(film[0].mean())
         return np.mean(rows, axis=0), float(np.mean(means))

@@ -12,6 +12,7 @@ import flurries as fl
 from flurries.effects.occlusion import share_before
 from flurries.effects.wall import wall_maps
 from flurries.io import linear_to_srgb, srgb_to_linear
+from measure import cover
 
 Snow, Scene = fl.TentSnow, fl.Scene
 W, H = 256, 192
@@ -71,7 +72,7 @@ def test_the_waves_before_a_wall_keep_their_contrast_and_the_mean_its_share(look
 
     def pictures(depth: float | None) -> list[np.ndarray]:
         scenes = [Scene((320, 320), depth=depth, effects=[snow], seed=s) for s in range(4)]
-        return [scene.render(5.0, layers=True).alpha.astype(float) for scene in scenes]
+        return [cover(scene, 5.0).astype(float) for scene in scenes]
 
     def contrast(alphas: list[np.ndarray]) -> float:
         return math.sqrt(np.mean([(np.abs(np.fft.fft2(a)) ** 2)[waves].mean() for a in alphas]))

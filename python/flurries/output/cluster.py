@@ -82,7 +82,7 @@ class _Watch:
     def look(self) -> None:
         """Raise an error if the scheduler is gone, or no worker has been there for too long."""
         with self.told():
-            there = self.client.sync(self.client.scheduler.ncores, callback_timeout=10)
+            there = self.client.sync(self.client.scheduler.ncores, callback_timeout=_GREETING)
         now = self._looked = time.monotonic()
         self._threads = sum(there.values())
         if there:
@@ -128,7 +128,7 @@ def _client(where: Any, count: int | None) -> Iterator[Any]:
             # in giving up.
             with ThreadPoolExecutor(1) as aside:
                 aside.submit(asyncio.run, _greet(where)).result()
-            client = distributed.Client(where, timeout="10s", set_as_default=False)
+            client = distributed.Client(where, timeout=_GREETING, set_as_default=False)
         except (OSError, ValueError, TypeError) as error:
             raise OSError(f"dask: no scheduler answers at {where}") from error
         log = logging.getLogger("distributed.client")
