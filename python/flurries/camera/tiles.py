@@ -53,7 +53,9 @@ def tile_drift(
     moved = vector("displacement", displacement, 3)
     x, y = tile_middles(size, view, *tile_of(tile, overlap))
     result = output(out, (len(y), len(x), 2), np.dtype(np.float64))
-    return drift_at(x, y, moved, view, near, result)
+    drift_at(x, y, moved + view.offset, view.focals, result)
+    result /= near
+    return result
 
 
 def tile_shift(
@@ -165,22 +167,30 @@ def drift_at(
     x: Float64,
     y: Float64,
     displacement: Float64,
-    camera: Camera,
-    near: float,
+    focals: tuple[float, float],
     result: Float64 | None = None,
 ) -> Float64:
-    """Return the drift of `tile_drift` at places from the principal point, (y, x, 2) in `result`.
+    """Return how a picture moves times the depth, pixels times metres: (y, x, 2), in `result`.
 
     Without a `result` to be filled it is (1, 1, 2) where all places move alike.
+
+    Parameters
+    ----------
+    x, y : (n,), (m,)
+        Pixels from the principal point.
+    displacement : (3,)
+        Of the eye against the air, camera axes, metres.
+    focals : (x, y)
+        Pixels.
     """
-    right, down, ahead = (displacement + camera.offset).tolist()
-    fx, fy = camera.focals
+    right, down, ahead = displacement.tolist()
+    fx, fy = focals
     if result is None:
         if ahead == 0.0:
-            return np.array([[[-fx * right / near, -fy * down / near]]])
+            return np.array([[[-fx * right, -fy * down]]])
         result = np.empty((len(y), len(x), 2))
-    result[..., 0] = (ahead * x - fx * right)[None, :] / near
-    result[..., 1] = (ahead * y - fy * down)[:, None] / near
+    result[..., 0] = (ahead * x - fx * right)[None, :]
+    result[..., 1] = (ahead * y - fy * down)[:, None]
     return result
 
 

@@ -6,14 +6,14 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from typing import Any
 
 import numpy as np
 
 from flurries import _core
 from flurries._contract import Array, Float64
 from flurries.camera.path import CameraPath
-from flurries.camera.tiles import drift_at, shift_at, tile_middles
+from flurries.camera.tiles import tile_middles
+from flurries.effects.flow import flow_of
 from flurries.effects.gusts import wind_at
 from flurries.effects.layout import LARGEST_TILE, Layout, Tiling, streaks_tile, torus_for
 from flurries.effects.motion import Motion, Way
@@ -31,7 +31,6 @@ from flurries.trace import count
 Map = tuple[float, float, float, float]
 
 _NONE = np.empty(0)
-_STILL = np.zeros((1, 1, 1, 2))
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -126,36 +125,13 @@ class Field:
 
     def request(self, frame: Frame, way: Way, shortest: Float64 | None = None) -> Request:
         """Return the field of a frame as the kernel reads it."""
-        shape, camera, path = frame.shape, frame.camera, frame.path
+        shape, camera = frame.shape, frame.camera
         layout = self.layout(frame)
         (tile, overlap), band = layout.tiling, layout.band
         x, y = tile_middles(shape, camera, tile, overlap)
-        grid = (len(y), len(x), 2)
-        moved = self.motion.travel(frame) if layout.turns or layout.zooms else way.moved
-        # A velocity has no eye: take away what drift_at adds for one.
-        rate = way.rate - camera.offset
-        shift: Any = np.array(camera.center_shift).reshape(1, 1, 1, 2)
-        shift_rate = _STILL
-        if layout.turns:
-            # An eye beside the axis is carried round it; its place in the air stays that of the
-            # camera plus the offset, so that two eyes keep their disparities.
-            rate = rate + np.cross(frame.spin(), camera.offset)
-            shift, shift_rate = (
-                shift_at(x, y, angle, camera, np.empty(grid))[:, :, None]
-                for angle in (frame.rotation(), frame.spin())
-            )
-            shift = shift + camera.center_shift
-        if layout.zooms:
-            grown, grows = (
-                part * np.stack(np.meshgrid(x, y), axis=-1)[:, :, None]
-                for part in path.zoom(frame.t)
-            )
-            shift = shift + grown
-            shift_rate = grows if shift_rate is _STILL else shift_rate + grows
-        # One for all tiles before a camera that does not come nearer.
-        drift, velocity = (
-            drift_at(x, y, gone, camera, self.near_depth)[:, :, None] for gone in (moved, rate)
-        )
+        now, rate, _ = flow_of(frame, self.motion, way, x, y)
+        drift = now.along[:, :, None] / self.near_depth
+        velocity = rate.along[:, :, None] / self.near_depth
         edges = _NONE if layout.edges is None else layout.edges
         if layout.edges is not None:
             extra = self._ring_drift(frame, x, y, layout.edges)
@@ -179,9 +155,9 @@ class Field:
             ring_edges=edges,
             ring_gains=_NONE,
             drift=drift,
-            shift=shift,
+            shift=now.shift[:, :, None],
             velocity=velocity,
-            shift_rate=shift_rate,
+            shift_rate=rate.shift[:, :, None],
             alias=self.alias,
             soft_from=0.4,
             shutter=way.shutter,
@@ -317,6 +293,4 @@ def _layout(
         rings = max(round(finer * math.log2(band[1] / band[0])), 1)
         edges = np.asarray(band[0] * (band[1] / band[0]) ** (np.arange(rings + 1) / rings))
     small = field.tile is not None and field.tile < needed
-    return Layout(
-        torus or tiling, why, shape, band, edges, needed if small else 0.0, path.turns, path.zooms
-    )
+    return Layout(torus or tiling, why, shape, band, edges, needed if small else 0.0)

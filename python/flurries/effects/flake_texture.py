@@ -17,9 +17,9 @@ from flurries._contract import Array, Float64
 from flurries.camera.tiles import tile_middles
 from flurries.effects.checks import DepthMode
 from flurries.effects.defocus import circles_of
-from flurries.effects.flake_flow import flow_of, gusts_of
 from flurries.effects.flake_patterns import LONGEST_STREAK, Patterns, Streaks, patterns_of
 from flurries.effects.flake_terms import LADDER, Flight, terms_of, tile_counts
+from flurries.effects.flow import flow_of, gusts_of
 from flurries.effects.gusts import flakes_in_profile
 from flurries.effects.lighting import lamp_shade
 from flurries.effects.motion import Way
@@ -179,7 +179,10 @@ class FlakeTexture:
     ) -> tuple[Float64, Float64, Float64]:
         """Return the layers' displacements and streaks (rows, cols, L, 2), px, and generations."""
         layers = film.layers
-        flows = {id(share): flow_of(frame, share, x, y) for share in film.shares}
+        flows = {
+            id(share): flow_of(frame, share.motion, share.motion.way(frame), x, y)
+            for share in film.shares
+        }
         shape = (len(y), len(x), len(layers))
         moved, streak, turns = np.empty((*shape, 2)), np.empty((*shape, 2)), np.empty(shape)
         exposure = value_at(self.weather.motion.shutter, frame.t)
@@ -267,7 +270,7 @@ class FlakeTexture:
                 _, rates = flakes_in_profile(share.motion, frame, depths[own])
                 felt = (part / depths[own]) @ rates[:, :2] * np.array(frame.camera.focals)
             for motion, grid in zip(motions, grids, strict=True):
-                _, rate, _ = flow_of(frame, share, *grid)
+                _, rate, _ = flow_of(frame, share.motion, share.motion.way(frame), *grid)
                 motion += rate.along * float((part / depths[own]).sum()) + rate.shift * part.sum()
                 motion += felt
         moves = [np.empty((len(y), len(x), 2), np.float32) for _ in others]

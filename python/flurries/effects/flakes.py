@@ -358,9 +358,9 @@ class Flakes:
 
 def lens_of(camera: Camera, shape: tuple[int, int]) -> Lens:
     """Return a camera as the kernel takes it, everything as much higher as pixels are."""
+    offset = _triple(np.array([1.0, camera.aspect, 1.0]) * camera.offset)
     x, y = camera.principal(shape)
-    ahead = np.array([1.0, camera.aspect, 1.0]) * camera.offset
-    return camera.focal, x, y, _triple(ahead), NEAR
+    return camera.focal, x, y, offset, NEAR
 
 
 @lru_cache(maxsize=64)

@@ -54,8 +54,6 @@ class Layout(NamedTuple):
         Wavelengths between rings, for a wind that differs from place to place.
     needed : float
         The tile that the motion needs, where a smaller one was asked for; else 0.
-    turns, zooms : bool
-        Whether the camera of the film ever does.
     """
 
     tiling: Tiling
@@ -64,8 +62,6 @@ class Layout(NamedTuple):
     band: tuple[float, float]
     edges: Float64 | None
     needed: float
-    turns: bool
-    zooms: bool
 
     @property
     def grid(self) -> tuple[int, int]:
