@@ -60,6 +60,9 @@ __all__ = [
     "inverse_transform",
     "join",
     "lamp_light",
+    "layer_finish",
+    "layer_rgba",
+    "layer_seen",
     "opacity",
     "over",
     "particle_crossing",
@@ -223,6 +226,16 @@ def join(out: _Array, layers: list[_Array], haze: float, matte: _Array | None = 
 
 _SheetPart = tuple[_Array, tuple[int, int], tuple[bool, bool], tuple[float, float], _Array | None]
 
+def layer_seen(planes: tuple[_Array, _Array, _Array | None]) -> npt.NDArray[np.int32]: ...
+def layer_rgba(out: _Array, alpha: _Array, color: Sequence[float]) -> None: ...
+def layer_finish(
+    forward: _Array,
+    backward: _Array,
+    depth: _Array,
+    alpha: _Array,
+    scene: _Array | None = None,
+    flakes: tuple[tuple[_Array, _Array, _Array | None], _Array, _Array] | None = None,
+) -> None: ...
 def sheet_fall(
     out: _Array,
     sheets: list[_SheetPart],
@@ -342,6 +355,7 @@ def particle_draw(
     flakes: SortedFlakes,
     window: tuple[int, int, int, int],
     depth: _Array | None = None,
+    numbers: _Array | None = None,
 ) -> None: ...
 def particle_sway_offsets(
     out: _Float64, seed: int, time: float, sway: tuple[float, float]

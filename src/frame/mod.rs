@@ -7,4 +7,5 @@ pub mod onepass;
 pub mod sample;
 pub mod shade;
 pub mod sheet;
+pub mod shown;
 pub mod veil;

@@ -5,7 +5,9 @@
 //! binning is parallel, a run stays in the L2 cache, and a tile that walks the runs one after another
 //! meets its flakes in the same order on any machine.
 
+use std::iter::Zip;
 use std::ops::Range;
+use std::slice::Iter;
 
 use super::project::Group;
 use super::sprite::{Flake, Lens, Sprite};
@@ -59,6 +61,9 @@ impl Grid {
     }
 }
 
+/// Sprites with their flakes' numbers.
+pub type Numbered<'a> = Zip<Iter<'a, Sprite>, Iter<'a, i32>>;
+
 /// The sprites of one run of flakes, by tile.
 ///
 /// They are copied into the order in which tiles read them. An index instead would make every flake
@@ -67,9 +72,12 @@ impl Grid {
 pub struct Bins {
     /// The sprites of tile k are sprites[starts[k]..starts[k + 1]], by index of the flake.
     sprites: Vec<Sprite>,
+    /// Their flakes' numbers.
+    numbers: Vec<i32>,
     starts: Vec<u32>,
     /// Those that span many tiles, by index.
     large: Vec<Sprite>,
+    large_numbers: Vec<i32>,
     /// The next free place of each tile.
     next: Vec<u32>,
 }
@@ -77,7 +85,7 @@ pub struct Bins {
 /// Buffers that one run leaves to the next.
 #[derive(Default)]
 pub struct Scratch {
-    projected: Vec<Sprite>,
+    projected: Vec<(Sprite, i32)>,
     /// (tile, place in `projected`)
     pairs: Vec<(u32, u32)>,
 }
@@ -87,18 +95,19 @@ pub struct Sorter<'a> {
     /// The tiles.
     pub grid: &'a Grid,
     large: &'a mut Vec<Sprite>,
+    large_numbers: &'a mut Vec<i32>,
     starts: &'a mut Vec<u32>,
     pairs: &'a mut Vec<(u32, u32)>,
-    projected: &'a mut Vec<Sprite>,
+    projected: &'a mut Vec<(Sprite, i32)>,
 }
 
 impl Sorter<'_> {
     /// Adds a sprite to the tiles that it reaches.
     #[inline(always)]
-    pub fn place(&mut self, sprite: Option<Sprite>) -> Result<(), Error> {
+    pub fn place(&mut self, sprite: Option<Sprite>, number: i32) -> Result<(), Error> {
         let Some(sprite) = sprite else { return Ok(()) };
         let Some((rows, columns)) = self.grid.reached(&sprite) else { return Ok(()) };
-        self.add(sprite, rows, columns)
+        self.add(sprite, number, rows, columns)
     }
 
     /// Adds a sprite to those of these rows and columns of tiles that it can touch.
@@ -106,13 +115,16 @@ impl Sorter<'_> {
     pub fn add(
         &mut self,
         sprite: Sprite,
+        number: i32,
         rows: Range<usize>,
         columns: Range<usize>,
     ) -> Result<(), Error> {
-        let Self { grid, large, starts, pairs, projected } = self;
+        let Self { grid, large, large_numbers, starts, pairs, projected } = self;
         if rows.len() * columns.len() > MOST_TILES {
             reserve(large, 1)?;
             large.push(sprite);
+            reserve(large_numbers, 1)?;
+            large_numbers.push(number);
             return Ok(());
         }
         reserve(pairs, MOST_TILES)?;
@@ -126,35 +138,39 @@ impl Sorter<'_> {
                 }
             }
         }
-        projected.push(sprite);
+        projected.push((sprite, number));
         Ok(())
     }
 }
 
 impl Bins {
-    /// Projects the flakes of a run and sorts them by tile, in place of those of another run.
+    /// Projects the flakes of a run, numbered from `first` on, and sorts them by tile, in place of those of
+    /// another run.
     #[inline(always)]
     pub fn fill<const LEVEL: u8>(
         &mut self,
         flakes: impl ExactSizeIterator<Item = Option<Flake>>,
+        first: usize,
         lens: &Lens,
         grid: &Grid,
         scratch: &mut Scratch,
     ) -> Result<(), Error> {
-        let Self { sprites, starts, large, next } = self;
+        let Self { sprites, numbers, starts, large, large_numbers, next } = self;
         let Scratch { projected, pairs } = scratch;
         projected.clear();
         pairs.clear();
         reserve(projected, flakes.len())?;
         reserve(pairs, flakes.len())?;
         large.clear();
+        large_numbers.clear();
         starts.clear();
         reserve(starts, grid.len() + 1)?;
         starts.resize(grid.len() + 1, 0);
-        let mut sorter = Sorter { grid, large, starts, pairs, projected };
+        let mut sorter = Sorter { grid, large, large_numbers, starts, pairs, projected };
         let mut group = Group::default();
-        for flake in flakes.flatten() {
-            if group.push(&flake) {
+        for (flake, number) in flakes.zip(first..) {
+            let Some(flake) = flake else { continue };
+            if group.push(&flake, number as i32) {
                 group.project::<LEVEL>(lens, &mut sorter)?;
             }
         }
@@ -165,12 +181,14 @@ impl Bins {
         // What another run left there is written over.
         reserve(sprites, pairs.len().saturating_sub(sprites.len()))?;
         sprites.resize(pairs.len(), Sprite::NONE);
+        reserve(numbers, pairs.len().saturating_sub(numbers.len()))?;
+        numbers.resize(pairs.len(), 0);
         next.clear();
         reserve(next, grid.len())?;
         next.extend_from_slice(&starts[..grid.len()]);
         for &(tile, place) in pairs.iter() {
             let slot = &mut next[tile as usize];
-            sprites[*slot as usize] = projected[place as usize];
+            (sprites[*slot as usize], numbers[*slot as usize]) = projected[place as usize];
             *slot += 1;
         }
         Ok(())
@@ -180,18 +198,20 @@ impl Bins {
     pub fn bytes(&self) -> usize {
         size_of::<Sprite>() * (self.sprites.capacity() + self.large.capacity())
             + size_of::<u32>() * (self.starts.capacity() + self.next.capacity())
+            + size_of::<i32>() * (self.numbers.capacity() + self.large_numbers.capacity())
     }
 
-    /// The sprites that lie in few tiles, of which this is one.
+    /// The sprites that lie in few tiles, of which this is one, with their flakes' numbers.
     #[inline]
-    pub fn small(&self, tile: usize) -> &[Sprite] {
-        &self.sprites[self.starts[tile] as usize..self.starts[tile + 1] as usize]
+    pub fn small(&self, tile: usize) -> Numbered<'_> {
+        let range = self.starts[tile] as usize..self.starts[tile + 1] as usize;
+        self.sprites[range.clone()].iter().zip(&self.numbers[range])
     }
 
     /// The sprites that lie in many tiles, perhaps in this one.
     #[inline]
-    pub fn large(&self) -> &[Sprite] {
-        &self.large
+    pub fn large(&self) -> Numbered<'_> {
+        self.large.iter().zip(&self.large_numbers)
     }
 }
 
@@ -268,9 +288,9 @@ mod tests {
                     let flakes = flakes[run].iter().copied().map(Some);
                     let scratch = &mut scratch;
                     match level {
-                        AVX512 => bins.fill::<AVX512>(flakes, &LENS, &grid, scratch),
-                        AVX2 => bins.fill::<AVX2>(flakes, &LENS, &grid, scratch),
-                        _ => bins.fill::<PORTABLE>(flakes, &LENS, &grid, scratch),
+                        AVX512 => bins.fill::<AVX512>(flakes, 0, &LENS, &grid, scratch),
+                        AVX2 => bins.fill::<AVX2>(flakes, 0, &LENS, &grid, scratch),
+                        _ => bins.fill::<PORTABLE>(flakes, 0, &LENS, &grid, scratch),
                     }
                     .unwrap();
                     bins
@@ -290,6 +310,7 @@ mod tests {
                     let met: Vec<Sprite> = bins
                         .iter()
                         .flat_map(|bins| if large { bins.large() } else { bins.small(tile) })
+                        .map(|(sprite, _)| sprite)
                         .filter(kept)
                         .copied()
                         .collect();

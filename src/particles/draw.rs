@@ -15,7 +15,8 @@
 )]
 
 use super::bins::{Bins, Grid, TILE, touches};
-use super::dim::{LANES, rows};
+use super::canvas::{Canvas, Numbered};
+use super::dim::LANES;
 use super::profile::{self, Profile};
 use super::sprite::{REACH, Sprite};
 use super::streak::streak;
@@ -44,9 +45,45 @@ dispatch! {
     ) -> Result<(), Error> = draw_with
 }
 
+dispatch! {
+    /// The same, with the number of the flake that shows most at every pixel.
+    pub fn draw_numbered<P: Profile>(
+        canvas: &mut Numbered,
+        depth: Option<&[P; PIXELS]>,
+        runs: &[Bins],
+        grid: &Grid,
+        tile: usize,
+        cancel: &Cancel,
+    ) -> Result<(), Error> = numbered_with
+}
+
 #[inline(always)]
 fn draw_with<P: Profile, const LEVEL: u8>(
     transmittance: &mut [f64; PIXELS],
+    depth: Option<&[P; PIXELS]>,
+    runs: &[Bins],
+    grid: &Grid,
+    tile: usize,
+    cancel: &Cancel,
+) -> Result<(), Error> {
+    all::<P, _, LEVEL>(transmittance, depth, runs, grid, tile, cancel)
+}
+
+#[inline(always)]
+fn numbered_with<P: Profile, const LEVEL: u8>(
+    canvas: &mut Numbered,
+    depth: Option<&[P; PIXELS]>,
+    runs: &[Bins],
+    grid: &Grid,
+    tile: usize,
+    cancel: &Cancel,
+) -> Result<(), Error> {
+    all::<P, _, LEVEL>(canvas, depth, runs, grid, tile, cancel)
+}
+
+#[inline(always)]
+fn all<P: Profile, C: Canvas, const LEVEL: u8>(
+    canvas: &mut C,
     depth: Option<&[P; PIXELS]>,
     runs: &[Bins],
     grid: &Grid,
@@ -58,7 +95,7 @@ fn draw_with<P: Profile, const LEVEL: u8>(
     for bins in runs {
         let mut drawn = 0_usize;
         for (list, whole) in [(bins.small(tile), true), (bins.large(), false)] {
-            for sprite in list {
+            for (sprite, &number) in list {
                 if !whole && !touches(sprite, row, column) {
                     continue;
                 }
@@ -66,7 +103,8 @@ fn draw_with<P: Profile, const LEVEL: u8>(
                 if drawn.is_multiple_of(LOOK) {
                     cancel.check()?;
                 }
-                one::<P, LEVEL>(transmittance, depth, sprite, origin);
+                canvas.next(number);
+                one::<P, _, LEVEL>(canvas, depth, sprite, origin);
             }
         }
         cancel.check()?;
@@ -76,16 +114,16 @@ fn draw_with<P: Profile, const LEVEL: u8>(
 
 /// One sprite by itself.
 #[inline(always)]
-pub(super) fn one<P: Profile, const LEVEL: u8>(
-    transmittance: &mut [f64; PIXELS],
+pub(super) fn one<P: Profile, C: Canvas, const LEVEL: u8>(
+    canvas: &mut C,
     depth: Option<&[P; PIXELS]>,
     sprite: &Sprite,
     origin: [f64; 2],
 ) {
     if sprite.length == 0.0 {
-        disc::<P, LEVEL>(transmittance, depth, sprite, origin);
+        disc::<P, C, LEVEL>(canvas, depth, sprite, origin);
     } else {
-        streak::<P, LEVEL>(transmittance, depth, sprite, origin);
+        streak::<P, C, LEVEL>(canvas, depth, sprite, origin);
     }
 }
 
@@ -101,10 +139,10 @@ pub(super) fn begin(first: usize, count: usize, lanes: usize) -> (usize, usize) 
     (first.min(TILE - blocks * lanes), blocks)
 }
 
-/// T *= 1 - alpha for lanes of a row, hidden where the map is nearer.
+/// Lanes of a row, hidden where the map is nearer.
 #[inline(always)]
-pub(super) fn multiply<P: Profile, const LEVEL: u8>(
-    transmittance: &mut [f64; PIXELS],
+pub(super) fn multiply<P: Profile, C: Canvas, const LEVEL: u8>(
+    canvas: &mut C,
     map: Option<&[P; PIXELS]>,
     depth: P,
     at: usize,
@@ -122,12 +160,12 @@ pub(super) fn multiply<P: Profile, const LEVEL: u8>(
             seen[k] = alpha[k].wide();
         }
     }
-    rows::<LEVEL>(&mut transmittance[at..at + LANES], 1.0, &seen);
+    canvas.take::<LANES, LEVEL>(at, 1.0, &seen);
 }
 
 #[inline(always)]
-fn disc<P: Profile, const LEVEL: u8>(
-    transmittance: &mut [f64; PIXELS],
+fn disc<P: Profile, C: Canvas, const LEVEL: u8>(
+    canvas: &mut C,
     map: Option<&[P; PIXELS]>,
     sprite: &Sprite,
     origin: [f64; 2],
@@ -154,14 +192,14 @@ fn disc<P: Profile, const LEVEL: u8>(
         }
         let (across, down) = values.split_at(2 * LANES);
         if blocks == 1 {
-            outer::<P, LANES, LEVEL>(transmittance, &place, 1, across, down);
+            outer::<P, C, LANES, LEVEL>(canvas, &place, 1, across, down);
         } else {
-            outer::<P, { 2 * LANES }, LEVEL>(transmittance, &place, 1, across, down);
+            outer::<P, C, { 2 * LANES }, LEVEL>(canvas, &place, 1, across, down);
         }
     } else {
         let across = axis::<P, LEVEL>(first_x, step, P::one(), blocks);
         let down = axis::<P, LEVEL>(first_y, step, amplitude, row_blocks);
-        outer::<P, LANES, LEVEL>(transmittance, &place, blocks, &across, &down);
+        outer::<P, C, LANES, LEVEL>(canvas, &place, blocks, &across, &down);
     }
 }
 
@@ -176,8 +214,8 @@ struct Place<'a, P> {
 
 /// The product of the two axes, `blocks` blocks of N columns.
 #[inline(always)]
-fn outer<P: Profile, const N: usize, const LEVEL: u8>(
-    transmittance: &mut [f64; PIXELS],
+fn outer<P: Profile, C: Canvas, const N: usize, const LEVEL: u8>(
+    canvas: &mut C,
     place: &Place<'_, P>,
     blocks: usize,
     across: &[P],
@@ -192,7 +230,7 @@ fn outer<P: Profile, const N: usize, const LEVEL: u8>(
             let weight = down[row - place.top].wide();
             let at = row * TILE + place.left + block * N;
             let Some(map) = place.map else {
-                rows::<LEVEL>(&mut transmittance[at..at + N], weight, &profile);
+                canvas.take::<N, LEVEL>(at, weight, &profile);
                 continue;
             };
             let map: &[P; N] = map[at..at + N].try_into().expect("lanes lie in the tile");
@@ -201,7 +239,7 @@ fn outer<P: Profile, const N: usize, const LEVEL: u8>(
                 // NaN in the map hides nothing.
                 seen[k] = if map[k] < place.depth { 0.0 } else { seen[k] };
             }
-            rows::<LEVEL>(&mut transmittance[at..at + N], weight, &seen);
+            canvas.take::<N, LEVEL>(at, weight, &seen);
         }
     }
 }

@@ -10,7 +10,7 @@
 //! | [`draw`] | flakes drawn into one tile |
 //! | [`sorted`] | flakes projected and sorted once, for pictures of any part of a frame |
 //! | [`splat`] | the image of many flakes |
-//! | [`ids`] | which flake a pixel shows |
+//! | `canvas` | what flakes are drawn on: transmittance, and which flake a pixel shows |
 //! | [`crossing`] | flakes that cross the picture of a camera at rest |
 //! | [`view`] | what an eye sees |
 //! | [`closeup`] | near flakes with a shape, flakes out of focus, flakes in the light of lamps |
@@ -20,6 +20,7 @@
 //! | [`flurry`] | the flakes of a box, each placed and looked at as it is drawn |
 
 pub mod bins;
+mod canvas;
 pub mod closeup;
 pub mod crossing;
 pub mod crowd;
@@ -27,7 +28,6 @@ mod dim;
 mod draw;
 pub mod exact;
 pub mod flurry;
-pub mod ids;
 pub mod looks;
 pub mod profile;
 mod project;

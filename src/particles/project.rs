@@ -29,6 +29,7 @@ pub struct Group {
     travel: [Numbers; 3],
     radius: Numbers,
     opacity: Numbers,
+    number: [i32; MOST],
     moving: bool,
 }
 
@@ -52,7 +53,7 @@ struct Images {
 impl Group {
     /// Adds a flake, and says whether there is room for no other one.
     #[inline(always)]
-    pub fn push(&mut self, flake: &Flake) -> bool {
+    pub fn push(&mut self, flake: &Flake, number: i32) -> bool {
         let at = self.count;
         for axis in 0..3 {
             self.point[axis][at] = flake.point[axis];
@@ -60,6 +61,7 @@ impl Group {
         }
         self.radius[at] = flake.radius;
         self.opacity[at] = flake.opacity;
+        self.number[at] = number;
         self.moving |= flake.travel != [0.0; 3];
         self.count += 1;
         self.count == MOST
@@ -81,11 +83,11 @@ impl Group {
             let in_front = (images.ends[0][at] >= lens.near) & (images.ends[1][at] >= lens.near);
             if !in_front {
                 let crossing = if self.moving { Sprite::of(&self.flake(at), lens) } else { None };
-                sorter.place(crossing)?;
+                sorter.place(crossing, self.number[at])?;
             } else if self.moving {
-                sorter.place(images.moving(at))?;
+                sorter.place(images.moving(at), self.number[at])?;
             } else if let Some((sprite, rows, columns)) = images.resting(at) {
-                sorter.add(sprite, rows, columns)?;
+                sorter.add(sprite, self.number[at], rows, columns)?;
             }
         }
         (self.count, self.moving) = (0, false);

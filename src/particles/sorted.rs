@@ -8,7 +8,8 @@ use std::ops::Range;
 use ndarray::{ArrayView2, ArrayViewMut2, Axis, s};
 
 use super::bins::{Bins, Grid, Scratch, TILE};
-use super::draw::{PIXELS, draw};
+use super::canvas::{NONE, Numbered};
+use super::draw::{PIXELS, draw, draw_numbered};
 use super::profile::Profile;
 use super::spare;
 use super::splat::{Source, check_lens};
@@ -91,17 +92,8 @@ impl Sorted {
         depth: Option<ArrayView2<'_, M>>,
         cancel: &Cancel,
     ) -> Result<(), Error> {
-        let shape = self.grid.shape;
-        let [top, bottom, left, right] = part;
-        if !(top <= bottom && bottom <= shape.0 && left <= right && right <= shape.1)
-            || out.dim() != (bottom - top, right - left)
-        {
-            return Err(Error::Internal("the part is not one of the frame, or not out's".into()));
-        }
-        if depth.as_ref().is_some_and(|depth| depth.dim() != shape) {
-            return Err(Error::invalid("depth", format!("must have shape {shape:?}")));
-        }
-        let tiles = tiles(out, (top, left), self.grid.columns)?;
+        self.check(out.dim(), part, depth.as_ref())?;
+        let tiles = tiles(out, (part[0], part[2]), self.grid.columns)?;
         pool::for_each(tiles, |(tile, (row, column), pixels)| {
             cancel.check()?;
             let map: Option<[P; PIXELS]> =
@@ -111,6 +103,67 @@ impl Sorted {
             store(pixels, &transmittance, row, column).ok_or_else(layout)?;
             Ok(())
         })
+    }
+
+    /// The same, and writes the number of the flake whose own alpha is the greatest at each pixel into
+    /// `numbers`, or [`NONE`](super::canvas::NONE), and that alpha into `most`; all of the part's shape.
+    pub fn draw_numbered<P: Profile, M: Real>(
+        &self,
+        out: ArrayViewMut2<'_, P>,
+        numbers: ArrayViewMut2<'_, i32>,
+        most: Option<ArrayViewMut2<'_, P>>,
+        part: Part,
+        depth: Option<ArrayView2<'_, M>>,
+        cancel: &Cancel,
+    ) -> Result<(), Error> {
+        for shape in [out.dim(), numbers.dim(), most.as_ref().map_or(out.dim(), |most| most.dim())]
+        {
+            self.check(shape, part, depth.as_ref())?;
+        }
+        let (first, columns) = ((part[0], part[2]), self.grid.columns);
+        let own = tiles(numbers, first, columns)?;
+        let mut most =
+            most.map(|most| tiles(most, first, columns)).transpose()?.into_iter().flatten();
+        let mut parts = Vec::new();
+        for (tile, own) in tiles(out, first, columns)?.into_iter().zip(own) {
+            pushed(&mut parts, (tile, own.2, most.next().map(|most| most.2)))?;
+        }
+        pool::for_each(parts, |((tile, (row, column), pixels), mut own, most)| {
+            cancel.check()?;
+            let map: Option<[P; PIXELS]> =
+                depth.as_ref().map(|map| map_of_tile(map, &self.grid, tile));
+            let mut canvas = Numbered::new();
+            draw_numbered(&mut canvas, map.as_ref(), &self.runs, &self.grid, tile, cancel)?;
+            store(pixels, &canvas.through, row, column).ok_or_else(layout)?;
+            // A flake so faint that the pixel's opacity is rounded to 0 is not seen.
+            for (number, &through) in canvas.numbers.iter_mut().zip(&canvas.through) {
+                *number = if P::of(1.0 - through) > P::zero() { *number } else { NONE };
+            }
+            copy(&mut own, &canvas.numbers, (row, column), |number| number);
+            if let Some(mut most) = most {
+                copy(&mut most, &canvas.most, (row, column), P::of);
+            }
+            Ok(())
+        })
+    }
+
+    fn check<M>(
+        &self,
+        out: (usize, usize),
+        part: Part,
+        depth: Option<&ArrayView2<'_, M>>,
+    ) -> Result<(), Error> {
+        let shape = self.grid.shape;
+        let [top, bottom, left, right] = part;
+        if !(top <= bottom && bottom <= shape.0 && left <= right && right <= shape.1)
+            || out != (bottom - top, right - left)
+        {
+            return Err(Error::Internal("the part is not one of the frame, or not out's".into()));
+        }
+        if depth.is_some_and(|depth| depth.dim() != shape) {
+            return Err(Error::invalid("depth", format!("must have shape {shape:?}")));
+        }
+        Ok(())
     }
 
     /// The same for columns of one row of tiles, in the calling thread; `out` has a line of that many
@@ -187,19 +240,20 @@ fn fill_with<S: Source, const LEVEL: u8>(
     grid: &Grid,
     scratch: &mut Scratch,
 ) -> Result<(), Error> {
-    bins.fill::<LEVEL>(range.map(|index| flakes.get(index)), lens, grid, scratch)
+    let first = range.start;
+    bins.fill::<LEVEL>(range.map(|index| flakes.get(index)), first, lens, grid, scratch)
 }
 
 /// A tile's number, where in it the part begins, and its pixels.
-type Tile<'o, P> = (usize, (usize, usize), ArrayViewMut2<'o, P>);
+type Tile<'o, A> = (usize, (usize, usize), ArrayViewMut2<'o, A>);
 
 /// The part of a picture from `first` (row, column) on cut into its tiles; those at its border are
 /// smaller.
-fn tiles<P: Profile>(
-    out: ArrayViewMut2<'_, P>,
+fn tiles<A>(
+    out: ArrayViewMut2<'_, A>,
     first: (usize, usize),
     columns: usize,
-) -> Result<Vec<Tile<'_, P>>, Error> {
+) -> Result<Vec<Tile<'_, A>>, Error> {
     let mut tiles = Vec::new();
     let mut rest = out;
     let mut y = first.0;
@@ -231,6 +285,18 @@ fn map_of_tile<P: Profile, M: Real>(map: &ArrayView2<M>, grid: &Grid, tile: usiz
         }
     }
     values
+}
+
+/// Copies a tile's pixels from (row, column) on.
+fn copy<A, B: Copy>(
+    pixels: &mut ArrayViewMut2<'_, A>,
+    tile: &[B; PIXELS],
+    (row, column): (usize, usize),
+    of: impl Fn(B) -> A,
+) {
+    for (mut line, own) in pixels.rows_mut().into_iter().zip(tile.chunks_exact(TILE).skip(row)) {
+        line.iter_mut().zip(&own[column..]).for_each(|(pixel, &own)| *pixel = of(own));
+    }
 }
 
 fn layout() -> Error {

@@ -10,6 +10,7 @@
 )]
 
 use super::bins::TILE;
+use super::canvas::Canvas;
 use super::dim::LANES;
 use super::draw::{PIXELS, begin, multiply};
 use super::profile::{self, Profile, TERMS};
@@ -93,8 +94,8 @@ impl Strip {
 }
 
 #[inline(always)]
-pub(super) fn streak<P: Profile, const LEVEL: u8>(
-    transmittance: &mut [f64; PIXELS],
+pub(super) fn streak<P: Profile, C: Canvas, const LEVEL: u8>(
+    canvas: &mut C,
     map: Option<&[P; PIXELS]>,
     sprite: &Sprite,
     origin: [f64; 2],
@@ -175,7 +176,7 @@ pub(super) fn streak<P: Profile, const LEVEL: u8>(
             for (i, alpha) in alpha.chunks_exact(LANES).enumerate() {
                 let alpha = alpha.try_into().expect("a block has whole rows");
                 let at = (row + i) * TILE + column;
-                multiply::<P, LEVEL>(transmittance, map, depth, at, alpha);
+                multiply::<P, C, LEVEL>(canvas, map, depth, at, alpha);
             }
         }
     }

@@ -21,6 +21,7 @@ mod random;
 mod scan;
 mod shade;
 mod sheet;
+mod shown;
 mod spectral;
 mod threads;
 mod volume;
@@ -71,6 +72,8 @@ mod core {
     use super::shade::{encode_bytes, plate_cells, shade_behind, shade_light, shade_over};
     #[pymodule_export]
     use super::sheet::sheet_fall;
+    #[pymodule_export]
+    use super::shown::{layer_finish, layer_rgba, layer_seen};
     #[pymodule_export]
     use super::spectral::{
         FieldBands, advance_phase, band_amplitude, blend_tiles, field, field_bands, field_take,

@@ -1,13 +1,13 @@
 //! Flakes: positions, fades, the image.
 
-use numpy::ndarray::{ArrayView2, ArrayViewMut2};
+use numpy::ndarray::{Array2, ArrayView2, ArrayViewMut2};
 use numpy::{
     PyReadonlyArray1, PyReadonlyArray2, PyReadwriteArray1, PyReadwriteArray2, PyReadwriteArray3,
 };
 use pyo3::prelude::*;
 
 use super::gate::{self, Plane, PlaneMut, each_map};
-use crate::base::error::Error;
+use crate::base::error::{Error, collected};
 use crate::base::lamps::Lamps;
 use crate::base::real::Real;
 use crate::base::sampling::integrated;
@@ -17,7 +17,6 @@ use crate::particles::closeup::lit;
 use crate::particles::closeup::near::{self, Closeup, Split};
 use crate::particles::closeup::patch::{Kind, Patch, Tumble};
 use crate::particles::flurry::{Flurry, Placed};
-use crate::particles::ids;
 use crate::particles::looks::{self, Looks};
 use crate::particles::profile::Profile;
 use crate::particles::sorted::Sorted;
@@ -158,9 +157,17 @@ fn shown<M: Real>(
     lens: &Lens,
     depth: Option<ArrayView2<M>>,
 ) -> PyResult<()> {
-    // One lane where the splat has many.
-    let nanoseconds = 20.0 * splat::estimate(out.dim(), flakes, lens);
-    gate::run(py, nanoseconds, |cancel| ids::ids(out, flakes, lens, depth, cancel))
+    let nanoseconds = 2.0 * splat::estimate(out.dim(), flakes, lens);
+    let (height, width) = out.dim();
+    gate::run(py, nanoseconds, |cancel| {
+        if i32::try_from(flakes.len()).is_err() {
+            return Err(Error::invalid("points", "must be fewer than 2^31"));
+        }
+        let sorted = Sorted::of(flakes, lens, (height, width), cancel)?;
+        let mut alpha = filled((height, width), 0.0_f64)?;
+        let whole = [0, height, 0, width];
+        sorted.draw_numbered(alpha.view_mut(), out, None, whole, depth, cancel)
+    })
 }
 
 /// A box of flakes that all move alike, as the effect has settled it; the attributes of its request.
@@ -310,25 +317,45 @@ pub fn particle_sort_listed(
 }
 
 /// Draws the alpha of flakes into `out` (h, w), the part `window` (top, bottom, left, right) of their
-/// frame; `depth` is the whole frame's.
+/// frame; `depth` is the whole frame's. `numbers` (h, w), where given, gets the number of the flake whose own
+/// alpha is the greatest, -1 where there is none.
 #[pyfunction]
-#[pyo3(signature = (out, flakes, window, depth=None))]
+#[pyo3(signature = (out, flakes, window, depth=None, numbers=None))]
 pub fn particle_draw(
     py: Python<'_>,
     mut out: PyReadwriteArray2<'_, f32>,
     flakes: &SortedFlakes,
     window: [usize; 4],
     depth: Option<PyReadonlyArray2<'_, f32>>,
+    mut numbers: Option<PyReadwriteArray2<'_, i32>>,
 ) -> PyResult<()> {
     let out = out.as_array_mut();
     let depth = depth.as_ref().map(|map| map.as_array());
+    let numbers = numbers.as_mut().map(|numbers| numbers.as_array_mut());
     let (height, width) = flakes.sorted.shape();
     let share = out.len() as f64 / (height as f64 * width as f64).max(1.0);
     gate::run(py, flakes.nanoseconds * share, |cancel| {
-        let mut out = out;
-        flakes.sorted.draw(out.view_mut(), window, depth, cancel)?;
-        near::draw(out, &flakes.patches, window, depth, cancel)
+        let (mut out, patches, sorted) = (out, &flakes.patches[..], &flakes.sorted);
+        match numbers {
+            None => sorted.draw(out.view_mut(), window, depth, cancel)?,
+            Some(numbers) if patches.is_empty() => {
+                sorted.draw_numbered(out.view_mut(), numbers, None, window, depth, cancel)?;
+            }
+            Some(mut numbers) => {
+                let mut most = filled(numbers.dim(), 0.0_f32)?;
+                let (own, greatest) = (numbers.view_mut(), Some(most.view_mut()));
+                sorted.draw_numbered(out.view_mut(), own, greatest, window, depth, cancel)?;
+                near::number(numbers, most.view_mut(), patches, window, depth, cancel)?;
+            }
+        }
+        near::draw(out, patches, window, depth, cancel)
     })
+}
+
+/// A plane of one value, or an error where there is no memory for it.
+fn filled<A: Copy>(shape: (usize, usize), value: A) -> Result<Array2<A>, Error> {
+    let values = collected(std::iter::repeat_n(value, shape.0 * shape.1))?;
+    Array2::from_shape_vec(shape, values).map_err(|error| Error::Internal(error.to_string()))
 }
 
 /// Draws opacity and premultiplied light of flakes under lamps into `out` (h, w) and `glow` (h, w, 3).

@@ -16,7 +16,7 @@ from flurries._contract import Array, Float64
 from flurries._core import SortedFlakes
 from flurries.camera.path import CameraPath
 from flurries.camera.rotation import rotation_matrix
-from flurries.effects.flakes import lens_of, project
+from flurries.effects.flakes import draw_numbered, draw_sorted, lens_of, project
 from flurries.effects.gusts import flakes_in_profile, flakes_in_waves
 from flurries.effects.motion import Motion, Way
 from flurries.effects.passes import Other
@@ -103,9 +103,10 @@ class DrawnFlakes:
 
     def alpha(self, frame: Frame, amount: float, way: Way) -> Array:
         """Return the opacity of the flakes over the window, (h, w) float32."""
-        top, bottom, left, right = frame.window
-        near = np.empty((bottom - top, right - left), np.float32)
-        _core.particle_draw(near, self.sort(frame, amount, way), frame.window, frame.depth)
+        if frame.whole:
+            near = self._numbered(frame, amount, way)[0]
+        else:
+            near = draw_sorted(frame, self.sort(frame, amount, way))
         if not self.weather.simulated:
             return near
         far = frame.once_each(self, "far", lambda: self._exact(frame.around, amount))
@@ -150,7 +151,7 @@ class DrawnFlakes:
         crowd = self.crowd(frame, amount)
         if self._alike:
             return _core.crowd_sort(frame.shape, crowd)
-        rows = self.listed(frame, amount)
+        rows = self._listed(frame, amount)
         points, radius, opacity, way = (np.ascontiguousarray(part) for part in rows[:4])
         return _core.particle_sort_listed(
             frame.shape, points, radius, opacity, way, 1.0, crowd.lens, crowd.closeup, rows[4]
@@ -339,28 +340,28 @@ class DrawnFlakes:
         return np.asarray(found[beside[0] & beside[1]])
 
     def ids(self, frame: Frame, amount: float, way: Way) -> npt.NDArray[np.int32]:
-        """Return which flake each pixel of the whole frame shows, (H, W); -1 for none.
+        """Return which flake each pixel of the window shows, (h, w); -1 for none.
 
         Its number is the same in every frame.
         """
-        points, radius, opacity, travel, numbers = self._whole(frame, amount)
-        shown = np.empty(frame.shape, np.int32)
-        given = (np.ascontiguousarray(part) for part in (points, radius, opacity, travel))
-        place, size, cover, way_now = given
-        lens = lens_of(frame.camera, frame.shape)
-        _core.particle_ids(shown, place, size, cover, way_now, 1.0, lens, frame.depth)
-        return np.append(numbers, -1).astype(np.int32)[shown]
+        return self._numbered(frame, amount, way)[1]
 
-    def _whole(self, frame: Frame, amount: float) -> Listed:
-        """Return the flakes of the whole frame, listed once for ids and both motions."""
-        whole = replace(frame, window=(0, frame.shape[0], 0, frame.shape[1]))
-        return whole.once_each(self, "listed", lambda: self.listed(whole, amount))
+    def _numbered(self, frame: Frame, amount: float, way: Way) -> tuple[Array, Array]:
+        def make() -> tuple[Array, Array]:
+            known = None if self._alike else self._listed(frame, amount)[4]
+            return draw_numbered(frame, self.sort(frame, amount, way), known)
+
+        # One frame is asked for twice where something stands in the air, with two depths.
+        return frame.once_each(self, f"numbered before {id(frame.depth)}", make)
+
+    def _listed(self, frame: Frame, amount: float) -> Listed:
+        return frame.once_each(self, "listed", lambda: self.listed(frame, amount))
 
     def passes(
         self, frame: Frame, amount: float, way: Way, others: Sequence[Other], numbers: Array
     ) -> tuple[list[Array], Array]:
         """Return motions to other frames (n, 2) and depth (n,) of flakes by their numbers."""
-        points, _, _, travel, known = self._whole(frame, amount)
+        points, _, _, travel, known = self._listed(frame, amount)
         stretch = np.array([1.0, frame.camera.aspect, 1.0])
         at = np.minimum(np.searchsorted(known, numbers), max(len(known) - 1, 0))
         points, travel = points[at] / stretch, travel[at] / stretch

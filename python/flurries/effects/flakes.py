@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -171,10 +171,9 @@ class Flakes:
 
     def alpha(self, frame: Frame, amount: float, way: Way) -> Array:
         """Return the opacity of the flakes over the window, (h, w) float32."""
-        top, bottom, left, right = frame.window
-        result = np.empty((bottom - top, right - left), np.float32)
-        _core.particle_draw(result, self.sort(frame, amount, way), frame.window, frame.depth)
-        return result
+        if frame.whole:
+            return self._numbered(frame, amount, way)[0]
+        return draw_sorted(frame, self.sort(frame, amount, way))
 
     def sort(self, frame: Frame, amount: float, way: Way) -> SortedFlakes:
         """Return the flakes, to be drawn in any band of the frame."""
@@ -188,13 +187,23 @@ class Flakes:
         return frame.once_each(self, "flakes", lambda: self._sort(frame, amount, way))
 
     def ids(self, frame: Frame, amount: float, way: Way) -> npt.NDArray[np.int32]:
-        """Return which flake each pixel of the whole frame shows, (H, W); -1 for none.
+        """Return which flake each pixel of the window shows, (h, w); -1 for none.
 
         Its number in the box is the same in every frame.
         """
-        rows, shown = self._list(frame, amount, way), np.empty(frame.shape, np.int32)
-        _core.particle_ids(shown, *self._given(frame, rows, way), frame.depth)
-        return np.append(rows.numbers, -1).astype(np.int32)[shown]
+        return self._numbered(frame, amount, way)[1]
+
+    def _numbered(self, frame: Frame, amount: float, way: Way) -> tuple[Array, Array]:
+        def make() -> tuple[Array, Array]:
+            alike = self.box(frame).alike
+            known = None if alike else self._listed(frame, amount, way).numbers
+            return draw_numbered(frame, self.sort(frame, amount, way), known)
+
+        # One frame is asked for twice where something stands in the air, with two depths.
+        return frame.once_each(self, f"numbered before {id(frame.depth)}", make)
+
+    def _listed(self, frame: Frame, amount: float, way: Way) -> Listed:
+        return frame.once_each(self, "listed", lambda: self._list(frame, amount, way))
 
     def passes(
         self, frame: Frame, amount: float, way: Way, others: Sequence[Other], numbers: Array
@@ -285,7 +294,7 @@ class Flakes:
         if self.box(frame).alike:
             return _core.particle_sort(frame.shape, self._flurry(frame, amount, way))
         return _core.particle_sort_listed(
-            frame.shape, *self._given(frame, self._list(frame, amount, way), way)
+            frame.shape, *self._given(frame, self._listed(frame, amount, way), way)
         )
 
     def _sort_pair(
@@ -354,6 +363,27 @@ class Flakes:
             points, velocity = points * higher, velocity * higher
         opacity = rows.weight * value_at(self.opacity, frame.t)
         return points, rows.radius, opacity, velocity, way.shutter, lens
+
+
+def draw_sorted(frame: Frame, flakes: SortedFlakes, numbers: Array | None = None) -> Array:
+    """Return the opacity of flakes over the window; `numbers` gets those that show most."""
+    top, bottom, left, right = frame.window
+    result = np.empty((bottom - top, right - left), np.float32)
+    _core.particle_draw(result, flakes, frame.window, frame.depth, numbers)
+    return result
+
+
+def draw_numbered(
+    frame: Frame, flakes: SortedFlakes, known: npt.NDArray[Any] | None
+) -> tuple[Array, Array]:
+    """Return the opacity of flakes, and the number of the one that each pixel shows, -1 for none.
+
+    Of flakes that were sorted from a list `known` has the numbers of its rows.
+    """
+    top, bottom, left, right = frame.window
+    shown = np.empty((bottom - top, right - left), np.int32)
+    alpha = draw_sorted(frame, flakes, shown)
+    return alpha, shown if known is None else np.append(known, -1).astype(np.int32)[shown]
 
 
 def lens_of(camera: Camera, shape: tuple[int, int]) -> Lens:

@@ -6,6 +6,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from flurries import _core
 from flurries._contract import Array, Float64
 from flurries.effects.motion import Motion, Way
 from flurries.frame.view import Frame
@@ -46,6 +47,7 @@ def passes_of(
     amount: float,
     way: Way,
     planes: tuple[Array | None, Array | None],
+    alpha: Array,
 ) -> Passes:
     """Return motion to both sides, depth, coverage and ids of the window; see `Layer`.
 
@@ -53,33 +55,32 @@ def passes_of(
     ----------
     planes : (h, w), each optional
         Opacities of texture and flakes, as far as there are any; flakes are in front.
+    alpha : (h, w)
+        Of the whole layer: where it is 0 nothing moves, and the depth is infinite.
     """
     top, bottom, left, right = frame.window
     shape = (bottom - top, right - left)
     behind, front = planes
-    motions = [np.zeros((*shape, 2), np.float32) for _ in STEPS]
-    depth = np.full(shape, np.inf, np.float32)
-    coverage = np.zeros(shape, np.float32) if front is None else np.ascontiguousarray(front)
-    ids: Array = np.full(shape, -1, np.int32)
     with stage("passes"):
         others = [Other(other, moves.way(other)) for other in map(frame.later, STEPS)]
         if texture is not None and behind is not None:
-            motions, depth = texture.passes(frame, way, others)
-        if front is not None:
-            ids = frame.crop(flakes.ids(frame, amount, way))
-            through: Any = 0.0 if behind is None else behind * (1.0 - front)
-            shown = np.nonzero((ids >= 0) & (front > through))
-            numbers, which = _distinct(ids[shown])
-            found, far = flakes.passes(frame, amount, way, others, numbers)
-            depth[shown] = far[which]
-            for motion, steps in zip(motions, found, strict=True):
-                motion[shown] = steps[which]
-        if frame.depth is not None:
-            # What shows lies before the scene, wherever its layer's mean is.
-            scene = frame.crop(frame.depth)
-            depth = np.where(np.isfinite(depth), np.minimum(depth, scene), depth)
-    forward, backward = motions
-    return Passes(forward, backward, np.ascontiguousarray(depth), coverage, ids)
+            (forward, backward), depth = texture.passes(frame, way, others)
+        else:
+            forward, backward = (np.zeros((*shape, 2), np.float32) for _ in others)
+            depth = np.full(shape, np.inf, np.float32)
+        # What shows lies before the scene, wherever its layer's mean is.
+        scene = None if frame.depth is None else np.ascontiguousarray(frame.crop(frame.depth))
+        if front is None:
+            coverage, ids = np.zeros(shape, np.float32), np.full(shape, -1, np.int32)
+            _core.layer_finish(forward, backward, depth, alpha, scene)
+        else:
+            coverage, ids = np.ascontiguousarray(front), flakes.ids(frame, amount, way)
+            shown = ids, coverage, behind
+            numbers = _core.layer_seen(shown)
+            ways, far = flakes.passes(frame, amount, way, others, numbers)
+            said = np.column_stack([*ways, far])
+            _core.layer_finish(forward, backward, depth, alpha, scene, (shown, numbers, said))
+    return Passes(forward, backward, depth, coverage, ids)
 
 
 def screen(points: Float64, frame: Frame) -> tuple[Float64, Float64]:
@@ -147,14 +148,3 @@ def rays(frame: Frame) -> Float64:
     y, x = np.mgrid[top:bottom, left:right] + 0.5
     across, down = (x - center[0]) / focals[0], (y - center[1]) / focals[1]
     return np.stack([across, down, np.ones_like(across)], axis=-1)
-
-
-def _distinct(ids: Array) -> tuple[Array, Array]:
-    """Return the different numbers among ids, sorted, and of each id its place among them.
-
-    As `np.unique`, which sorts a picture's worth of ids; they are small, so a table is faster.
-    """
-    there = np.zeros(int(ids.max(initial=-1)) + 1, bool)
-    there[ids] = True
-    places = np.cumsum(there) - 1
-    return np.flatnonzero(there).astype(ids.dtype), places[ids]

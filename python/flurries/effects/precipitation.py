@@ -189,7 +189,7 @@ class Precipitation(Generic[_Back]):
         known = back is None or hasattr(back, "passes")
         if not frame.whole or (flakes is None and back is None) or not known:
             return (*far, layer) if far else layer
-        passes = passes_of(back, flakes, self.motion, frame, amount, way, (behind, front))
+        passes = passes_of(back, flakes, self.motion, frame, amount, way, (behind, front), alpha)
         layer = replace(
             layer,
             motion=passes.motion,

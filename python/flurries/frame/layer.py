@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from flurries import _core
 from flurries._contract import Array
 
 # From a display color to the light that layers are mixed in, one number per channel.
@@ -84,10 +85,7 @@ class Layer:
     def rgba(self, color: Any) -> Array:
         """Return (h, w, 4) float32, premultiplied with `color` (3,)."""
         result = np.empty((*self.alpha.shape, 4), np.float32)
-        # By planes: a loop over three channels inside one over pixels is several times slower.
-        for channel, light in enumerate(np.asarray(color, np.float32)):
-            np.multiply(self.alpha, light, out=result[..., channel])
-        result[..., 3] = self.alpha
+        _core.layer_rgba(result, np.ascontiguousarray(self.alpha), color)
         return result
 
 

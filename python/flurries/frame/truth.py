@@ -62,7 +62,7 @@ class Rendered:
         none. A flake keeps its number from frame to frame, and from eye to eye.
     motion : (h, w, 2) float32 or None
         Of the layers together: at every pixel that of the layer that shows most, 0 where that one
-        does not know.
+        does not know. Of one layer it is the layer's own array.
     backward : (h, w, 2) float32 or None
         In the same way to the frame before.
     weather_depth : (h, w) float32 or None
@@ -203,6 +203,8 @@ def _chosen(planes: Sequence[Array | None], most: Sequence[Array], unknown: floa
     known = next((plane for plane in planes if plane is not None), None)
     if known is None:
         return None
+    if len(planes) == 1:
+        return known
     found = np.full_like(known, unknown, order="C")
     for plane, shows in zip(planes, most, strict=True):
         if plane is not None:

@@ -311,7 +311,7 @@ def ids(
 
     Notes
     -----
-    Time grows with the boxes around the flakes' footprints, about ten times that of `splat`.
+    Time grows with the flakes' footprints, and is about that of `splat` in float64.
     """
     size = shape_of("shape", shape)
     flakes, inputs = settled(

@@ -61,31 +61,35 @@ def tile_motions(now: Request, others: Sequence[Request]) -> tuple[list[Float64]
 
 def _fitted(now: Request, kinds: Float64, rings: int) -> Float64:
     """Return motions x, y to each other frame, and the wavelength, of tiles: (n, 2 others + 1)."""
-    k, power, length, ring = _waves(
+    k, power, length, ring, sums = _waves(
         now.tile, now.wavelengths, now.exponent, tuple(now.ring_edges.tolist()), rings
     )
-    velocity, turned, *ways = (
-        # How far each wave goes along its own direction, (n, waves).
-        np.einsum("nwi,wi->nw", part[:, ring], k)
-        for part in np.moveaxis(kinds[:, :-1].reshape(len(kinds), -1, rings, 2), 1, 0)
-    )
     near = length / now.wavelengths[1]
-    kept = np.where(length > kinds[:, -1:], power, 0.0)
-    rate = np.ascontiguousarray(near * velocity + turned)
+    velocity, turned, *ways = np.moveaxis(kinds[:, :-1].reshape(len(kinds), -1, rings, 2), 1, 0)
+    rate = np.empty((len(kinds), len(k)))
+    for which in range(rings):
+        own = ring == which if rings > 1 else slice(None)
+        # Not a product of matrices: two terms wake the threads of BLAS.
+        drifts, shifts = velocity[:, which, :, None], turned[:, which, :, None]
+        kx, ky = k[own].T
+        rate[:, own] = drifts[:, 0] * (near[own] * kx) + drifts[:, 1] * (near[own] * ky)
+        if shifts.any():
+            rate[:, own] += shifts[:, 0] * kx + shifts[:, 1] * ky
     gain = temporal_gain(rate, alias=now.alias, soft_from=now.soft_from, shutter=now.shutter)
+    kept = np.where(length > kinds[:, -1:], power, 0.0)
     weight = kept * gain**2
     # Blurred away, or no air: what it would be.
     none = weight.sum(axis=1) <= 1e-9 * power.sum()
     weight[none] = np.where(kept[none].any(axis=1)[:, None], kept[none], power)
-    products = (k[:, :, None] * k[:, None]).reshape(-1, 4)
-    gradients = (weight @ products).reshape(-1, 2, 2)
-    inverse = np.linalg.pinv(gradients, rcond=1e-9, hermitian=True)
+    summed = weight @ sums
+    # Of each ring sum a^2 k k^T, and the same times the part of the drift that its waves go.
+    gradients, carried = summed[:, 2:].reshape(len(kinds), 2, rings, 2, 2).swapaxes(0, 1)
+    inverse = np.linalg.pinv(gradients.sum(axis=1), rcond=1e-9, hermitian=True)
     found = []
     for moved, shifted in zip(ways[::2], ways[1::2], strict=True):
-        pull = (weight * (near * moved + shifted)) @ k
-        found.append((inverse @ pull[..., None])[..., 0])
-    steep = weight @ (1.0 / length**2)
-    return np.concatenate([*found, ((weight @ (1.0 / length)) / steep)[:, None]], axis=1)
+        pull = (carried @ moved[..., None] + gradients @ shifted[..., None]).sum(axis=1)
+        found.append((inverse @ pull)[..., 0])
+    return np.concatenate([*found, (summed[:, :1] / summed[:, 1:2])], axis=1)
 
 
 @lru_cache(maxsize=4)
@@ -95,8 +99,11 @@ def _waves(
     exponent: float,
     edges: tuple[float, ...],
     rings: int,
-) -> tuple[Float64, Float64, Float64, np.ndarray]:
-    """Return the waves of the band, half a plane: vectors (n, 2), power, wavelength, ring."""
+) -> tuple[Float64, Float64, Float64, np.ndarray, Float64]:
+    """Return the waves of the band, half a plane: vectors (n, 2), power, wavelength, ring.
+
+    And what is summed over them with their weights, a column each, (n, 2 + 8 rings).
+    """
     power = band_amplitude(tile, wavelengths=wavelengths, exponent=exponent) ** 2
     ky, kx = np.meshgrid(np.fft.fftfreq(tile[0]), np.fft.fftfreq(tile[1]), indexing="ij")
     half = (power > 0.0) & ((ky > 0.0) | ((ky == 0.0) & (kx > 0.0)))
@@ -105,4 +112,10 @@ def _waves(
     ring = np.zeros(len(k), np.intp)
     if rings > 1:
         ring = np.clip(np.searchsorted(edges, length, side="left") - 1, 0, rings - 1)
-    return k, power[half], length, ring
+    products = (k[:, :, None] * k[:, None]).reshape(-1, 1, 1, 4)
+    # By ring, for waves as they are and times the part of the drift that they go.
+    parts = np.stack([np.ones_like(length), length / wavelengths[1]], axis=1)[:, :, None, None]
+    own = (ring[:, None] == np.arange(rings))[:, None, :, None]
+    tables = (products * parts * own).reshape(len(k), -1)
+    sums = np.column_stack([1.0 / length, 1.0 / length**2, tables])
+    return k, power[half], length, ring, sums

@@ -163,7 +163,7 @@ fn sprites_with<const LEVEL: u8>(
         cancel.check()?;
         let bins: &Bins = bins;
         for (list, whole) in [(bins.small(number), true), (bins.large(), false)] {
-            for sprite in list {
+            for (sprite, _) in list {
                 if !whole && !touches(sprite, tile.row, tile.column) {
                     continue;
                 }
@@ -171,7 +171,7 @@ fn sprites_with<const LEVEL: u8>(
                 let range =
                     |axis: usize| pixels(low[axis] - origin[axis], high[axis] - origin[axis], TILE);
                 let (Some(columns), Some(rows)) = (range(0), range(1)) else { continue };
-                one::<f32, LEVEL>(scratch, tile.map, sprite, origin);
+                one::<f32, _, LEVEL>(scratch, tile.map, sprite, origin);
                 let color = scene.color(scene.place(sprite));
                 for row in rows {
                     let line = row * TILE;

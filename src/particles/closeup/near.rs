@@ -81,7 +81,8 @@ impl<'a, S: Source> Split<'a, S> {
                     blur: closeup.blur,
                     tumble: closeup.tumble,
                 };
-                *patch = Patch::of(number(*index), flake, lens, &look, shape);
+                *patch = Patch::of(number(*index), flake, lens, &look, shape)
+                    .map(|patch| Patch { index: *index as i32, ..patch });
             }
             Ok(())
         })?;
@@ -165,4 +166,32 @@ pub fn draw(
         }
         Ok(())
     })
+}
+
+/// Writes the flake of each picture into `numbers` where its alpha is above the greatest so far, `most`, or as
+/// great and it comes first; both are of a part of the frame.
+pub fn number(
+    mut numbers: ArrayViewMut2<'_, i32>,
+    mut most: ArrayViewMut2<'_, f32>,
+    patches: &[Patch],
+    part: Part,
+    depth: Option<ArrayView2<'_, f32>>,
+    cancel: &Cancel,
+) -> Result<(), Error> {
+    let [top, bottom, left, right] = part;
+    for patch in patches {
+        cancel.check()?;
+        let (upper, lower) = patch.bounds(1, usize::MAX >> 1);
+        for y in upper.max(top)..lower.min(bottom) {
+            patch.row(y, left..right, |x, alpha| {
+                let at = [y - top, x - left];
+                let first = alpha == most[at] && patch.index < numbers[at];
+                let hidden = depth.is_some_and(|map| map[[y, x]] < patch.depth as f32);
+                if (alpha > most[at] || first) && alpha > 0.0 && !hidden {
+                    (most[at], numbers[at]) = (alpha, patch.index);
+                }
+            });
+        }
+    }
+    Ok(())
 }

@@ -44,6 +44,8 @@ pub struct Look {
 pub struct Patch {
     /// What the flake is known by, the same in all frames.
     pub number: i64,
+    /// Its place among the flakes of its source.
+    pub index: i32,
     /// Pixels a texel is wide: 1, 2, 4, ...
     pub scale: usize,
     /// The first texel's first pixel, (x, y).
@@ -144,6 +146,7 @@ impl Patch {
         let size = [0, 1].map(|axis| (high[axis] - low[axis]) as usize);
         let mut patch = Self {
             number,
+            index: 0,
             scale,
             origin: low.map(|v| v as i64 * scale as i64),
             size,
