@@ -8,8 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from flurries._contract import Array
+from flurries.effects.veil import veil_needs
 from flurries.effects.weather import Weather
-from flurries.frame.needs import Cost, LeftOut, Needs, Step, omission
+from flurries.frame.needs import Needs
 from flurries.frame.view import Frame
 from flurries.motion.keys import Number, value_at
 
@@ -32,15 +33,7 @@ class Haze:
     def needs(self, frame: Frame, amount: float) -> Needs:
         """Return its step before a scene with a depth; without one it takes nothing."""
         haze = amount * float(value_at(self.haze, frame.t))
-        deep = frame.deep or frame.depth is not None
-        if haze == 0.0 and not deep:
-            return Needs((), (LeftOut("veil", "its opacity is 0"),), most=0.0)
-        if not deep:
-            return Needs((), most=haze)
-        top, bottom, left, right = frame.window
-        pixels = (bottom - top) * (right - left)
-        step = Step("veil", lambda: Cost({"veil pixel": pixels}, "", 4 * pixels, 8 * pixels))
-        return Needs((step,), most=1.0 - 1e-6, savings=(omission(step, 1.0 - 1e-6),))
+        return veil_needs(frame, haze, before=1.0 - 1e-6)
 
     def alpha(self, frame: Frame, amount: float) -> Array:
         """Return the opacity before the scene's depth over the window, (h, w) float32."""

@@ -11,12 +11,12 @@ import numpy as np
 from flurries._contract import Float64, seed_of, vector
 from flurries.effects.checks import (
     DEPTH_MODES,
-    DepthMode,
     length,
     one_of,
     optional,
     pair,
     part,
+    part_of,
     share,
     wind,
 )
@@ -29,7 +29,7 @@ from flurries.effects.motion import Motion
 from flurries.effects.precipitation import Precipitation
 from flurries.effects.weather import Weather, times
 from flurries.light.phase import FLAKES, Optics
-from flurries.motion.keys import Keys, Number, Vector, as_number
+from flurries.motion.keys import Keys, Number, as_number
 from flurries.motion.wind import Wind
 from flurries.particles.population import Population
 from flurries.particles.sizes import Sizes
@@ -84,73 +84,69 @@ def size_law(name: str, value: object) -> Any:
 
 
 def parts_of(
-    name: str, *, sizes: Any, amount: Number, **given: Any
-) -> Precipitation[FlakeTexture] | Mixture:
-    """Return what an effect of a population is made of; of keyed sizes, a population for each."""
+    effect: Any, *, sizes: Any, speed: Callable[[Float64], Float64], shape: str,
+    sway: tuple[float, float] = (0.0, 0.0), gain: Number = 1.0, optics: Optics = FLAKES,
+) -> Precipitation[FlakeTexture] | Mixture:  # fmt: skip
+    """Return what snow or rain is made of; of keyed sizes, a population for each.
+
+    Parameters
+    ----------
+    effect : Snow or Rain
+        What both have is read from its fields.
+    sizes : (smallest, mean, largest) or Keys
+        Diameters, metres.
+    speed : callable
+        From diameters to speeds of fall.
+    shape : {"aggregate", "drop", "round"}
+        Of what is near the camera.
+    """
+
+    def made(size: Any, amount: Number) -> Precipitation[FlakeTexture]:
+        laws = Sizes.with_mean(*size), speed
+        return _part_of(effect, laws, amount, sway, shape, gain, optics)
+
     if not isinstance(sizes, Keys):
-        return _part_of(name, sizes=Sizes.with_mean(*sizes), amount=amount, **given)
-    return Mixture(
-        [
-            _part_of(name, sizes=Sizes.with_mean(*size), amount=product(amount, share), **given)
-            for size, share in shares_of(sizes)
-        ]
-    )
+        return made(sizes, effect.amount)
+    return Mixture([made(size, product(effect.amount, part)) for size, part in shares_of(sizes)])
 
 
 def _part_of(
-    name: str,
-    *,
-    sizes: Sizes,
-    density: Number,
-    opacity: float,
-    speed: Callable[[Float64], Float64],
-    fall: Number | None,
-    wind: Vector | Wind,
-    shutter: Number,
-    sway: tuple[float, float],
+    effect: Any,
+    laws: tuple[Sizes, Callable[[Float64], Float64]],
     amount: Number,
-    emission: Number,
-    cloud: float,
-    near: float,
-    far: float,
-    haze: Number,
-    color: Any,
-    gain: Number = 1.0,
-    method: str,
-    depth_mode: DepthMode,
-    optics: Optics = FLAKES,
-    shape: str = "round",
+    sway: tuple[float, float],
+    shape: str,
+    gain: Number,
+    optics: Optics,
 ) -> Precipitation[FlakeTexture]:
-    """Return what an effect of a population is made of."""
-    if isinstance(wind, Wind) and wind.profile is not None and isinstance(emission, Keys):
+    """Return what an effect is made of, with sizes that are not keyed."""
+    wind, (sizes, speed) = effect.wind, laws
+    if isinstance(wind, Wind) and wind.profile is not None and isinstance(effect.emission, Keys):
         # Flakes are there or not by the heights that they fell through.
         raise ValueError("emission: cannot be keyed in a wind with a profile over depth")
     # The air holds as many as there ever are; fewer are shown where the density is less.
-    most = highest(density)
-    if isinstance(density, Keys):
-        amount = product(amount, times(density, 1.0 / most)) if most > 0.0 else 0.0
+    most = highest(effect.density)
+    if isinstance(effect.density, Keys):
+        amount = product(amount, times(effect.density, 1.0 / most)) if most > 0.0 else 0.0
     mean = float(speed(np.array([sizes.mean]))[0])
-    motion = Motion(mean if fall is None else fall, wind, shutter)
-    weather = Weather(
-        population=Population(most, sizes, opacity, speed),
+    motion = Motion(mean if effect.fall is None else effect.fall, wind, effect.shutter)
+    weather = part_of(
+        Weather,
+        effect,
+        population=Population(most, sizes, effect.opacity, speed),
         motion=motion,
-        emission=emission,
-        cloud=cloud,
         sway=sway,
-        near=near,
-        far=far,
-        simulated=method == "simulated",
+        simulated=effect.method == "simulated",
         shape=shape,
     )
-    texture = FlakeTexture(weather, depth_mode, isinstance(amount, Keys))
     return Precipitation(
-        name=name,
+        name=effect.NAME,
         amount=amount,
-        color=color,
+        color=effect.color,
         brightness=gain,
         optics=optics,
         motion=motion,
-        texture=texture,
+        texture=FlakeTexture(weather, effect.depth_mode, isinstance(amount, Keys)),
         flakes=DrawnFlakes(weather),
-        veil=Haze(weather, haze),
+        veil=Haze(weather, effect.haze),
     )

@@ -133,25 +133,10 @@ class Rain(metaclass=Described):
     def parts(self) -> Precipitation[FlakeTexture] | Mixture:
         """What it is made of."""
         return parts_of(
-            self.NAME,
+            self,
             sizes=self.drop_size,
-            density=self.density,
-            opacity=self.opacity,
             speed=drop_speed,
-            fall=self.fall,
-            wind=self.wind,
-            shutter=self.shutter,
-            sway=(0.0, 0.0),
-            amount=self.amount,
-            emission=self.emission,
-            cloud=self.cloud,
-            near=self.near,
-            far=self.far,
-            haze=self.haze,
-            color=self.color,
-            gain=self.gain,
-            method=self.method,
-            depth_mode=self.depth_mode,
-            optics=DROPS,
             shape="drop" if self.shape == "natural" else "round",
+            gain=self.gain,
+            optics=DROPS,
         )

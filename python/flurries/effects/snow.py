@@ -144,23 +144,9 @@ class Snow(metaclass=Described):
     def parts(self) -> Precipitation[FlakeTexture] | Mixture:
         """What it is made of."""
         return parts_of(
-            self.NAME,
+            self,
             sizes=self.flake_size,
-            density=self.density,
-            opacity=self.opacity,
             speed=snow_speed,
-            fall=self.fall,
-            wind=self.wind,
-            shutter=self.shutter,
-            sway=self.sway,
-            amount=self.amount,
-            emission=self.emission,
-            cloud=self.cloud,
-            near=self.near,
-            far=self.far,
-            haze=self.haze,
-            color=self.color,
-            method=self.method,
-            depth_mode=self.depth_mode,
             shape="aggregate" if self.shape == "natural" else "round",
+            sway=self.sway,
         )

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from flurries._contract import Array
+from flurries.frame.bands import area
 from flurries.frame.needs import Cost, LeftOut, Needs, Step, omission
 from flurries.frame.view import Frame
 from flurries.motion.keys import Number, value_at
@@ -34,20 +35,26 @@ class Veil:
     def needs(self, frame: Frame, amount: float) -> Needs:
         """Return its step before a scene with a depth; without one it takes nothing."""
         haze = self.opacity(frame, amount)
-        if haze == 0.0:
-            return Needs((), (LeftOut("veil", "its opacity is 0"),), most=0.0)
-        if not frame.deep and frame.depth is None:
-            return Needs((), most=haze)
-        top, bottom, left, right = frame.window
-        pixels = (bottom - top) * (right - left)
-        step = Step("veil", lambda: Cost({"veil pixel": pixels}, "", 4 * pixels, 8 * pixels))
-        return Needs((step,), most=haze, savings=(omission(step, haze),))
+        return veil_needs(frame, haze, before=haze)
 
     def alpha(self, frame: Frame, amount: float) -> Array:
         """Return the opacity before the scene's depth over the window, (h, w) float32."""
         depth, haze = frame.depth, self.opacity(frame, amount)
         assert depth is not None
         return frame.here(self, "veil", lambda: haze_before(frame.crop(depth), haze, self.far))
+
+
+def veil_needs(frame: Frame, haze: float, before: float) -> Needs:
+    """Return the needs of a veil of an opacity, and of the largest one before a scene's depth."""
+    deep = frame.deep or frame.depth is not None
+    most = before if deep else haze
+    if most == 0.0:
+        return Needs((), (LeftOut("veil", "its opacity is 0"),), most=0.0)
+    if not deep:
+        return Needs((), most=haze)
+    pixels = area(frame.window)
+    step = Step("veil", lambda: Cost({"veil pixel": pixels}, "", 4 * pixels, 8 * pixels))
+    return Needs((step,), most=most, savings=(omission(step, most),))
 
 
 def haze_before(depth: Array, haze: float, far: float) -> Array:
