@@ -62,9 +62,9 @@ def eyes(
     Parameters
     ----------
     camera : Camera
-        What stands between them.
+        The camera between the eyes.
     distance : float
-        From eye to eye, world units, 0 or more; people's are 0.065 m apart.
+        Distance between the eyes, world units, 0 or more; people's eyes are 0.065 m apart.
     convergence : float, optional
         Depth in world units that both eyes see at one place of the picture; nearer things come out
         of it. If not given the eyes look straight ahead and infinity is there.
@@ -79,7 +79,7 @@ def eyes(
     Raises
     ------
     ValueError, TypeError
-        For a negative distance, a convergence that is not positive, or what is no camera.
+        If the distance is negative, the convergence is not positive, or `camera` is not a camera.
 
     Examples
     --------
@@ -117,7 +117,8 @@ def anaglyph(
     Parameters
     ----------
     left, right : (H, W, 3)
-        What the eyes see: floats in linear light, or uint8 or uint16 sRGB; both alike.
+        Pictures of the two eyes: floats in linear light, or uint8 or uint16 sRGB; both of one shape
+        and dtype.
     matrix : {"lsq2001", "lcd2009"}
         Dubois' projection of 2001, or the one for flat screens of 2009.
     out : like `left`, optional
@@ -173,9 +174,9 @@ def side_by_side(
     Parameters
     ----------
     left, right : (H, W) or (H, W, C)
-        What the eyes see: uint8, uint16 or float, both alike.
+        Pictures of the two eyes: uint8, uint16 or float, both of one shape and dtype.
     cross : bool
-        The right eye's picture first, for looking at with crossed eyes.
+        Whether the right eye's picture comes first, for crossed eyes.
     squeeze : bool
         Halve both widths, as frame-packed video wants it; W must be even. Pairs of pixels become
         their mean in the pictures' own values.
@@ -185,7 +186,7 @@ def side_by_side(
     Returns
     -------
     (H, 2 W, ...) array, or (H, W, ...)
-        Of the dtype of the inputs.
+        Both pictures, in the dtype of the inputs.
 
     Raises
     ------
@@ -212,7 +213,7 @@ def over_under(
     Returns
     -------
     (2 H, W, ...) array, or (H, W, ...)
-        Of the dtype of the inputs.
+        Both pictures, in the dtype of the inputs.
 
     Raises
     ------

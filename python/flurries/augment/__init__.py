@@ -1,7 +1,7 @@
-"""Weather for data sets: snow, rain and fog on arrays, with labels that know about it.
+"""Weather for data sets: snow, rain and fog on arrays, with labels.
 
-Nothing of it is imported by ``import flurries``; ``fl.augment`` brings it in. The same weather as
-transforms of other libraries: :mod:`flurries.augment.albumentations`,
+``import flurries`` alone does not import it; the first use of ``fl.augment`` does. The same weather
+as transforms of other libraries: :mod:`flurries.augment.albumentations`,
 :mod:`flurries.augment.torchvision`, :mod:`flurries.augment.kornia`, each imported when asked for.
 """
 

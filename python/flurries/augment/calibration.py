@@ -42,9 +42,10 @@ def contrast_loss(
     amount : float
         0 to 1. Severity n is the amount n / 5.
     profile : {"natural", "hard"}
-        Weather as it is, or as hard as the corruptions of published benchmarks.
+        "natural" is weather as it is, "hard" takes as much as the corruptions of published
+        benchmarks.
     weather : {"snow", "rain", "fog"}
-        Of the hard profile.
+        The weather that the hard profile is of.
 
     Returns
     -------

@@ -93,7 +93,8 @@ def corrupt(
     severity : int, "1-5", "2,4" or several
         See :func:`flurries.augment.contrast_loss`.
     profile : {"natural", "hard"}
-        Weather as it is, or as hard as the corruptions of published benchmarks.
+        "natural" is weather as it is, "hard" takes as much as the corruptions of published
+        benchmarks.
     seed : int
     workers : int, optional
         Processes; as many as there are cores if not given. 1 works in this one.

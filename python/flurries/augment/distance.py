@@ -25,17 +25,17 @@ _BEND = 0.1
 
 @dataclass(frozen=True, kw_only=True)
 class Ground:
-    """A plane with a horizon: the depth of a picture of which nobody said it.
+    """A plane with a horizon: a depth for pictures whose depth is unknown.
 
     Parameters
     ----------
     horizon : float
-        Where it lies, as a share of the picture's height from the top.
+        Place of the horizon, as a share of the picture's height from the top.
     height : float
-        Of the camera above the plane, metres.
+        Height of the camera above the plane, metres.
     far : float
-        Depth of all that is above the horizon, metres: between that of a sky and that of what
-        stands before it, since nobody knows.
+        Depth of everything above the horizon, metres. The default lies between the depth of a sky
+        and that of things in front of it.
 
     Raises
     ------
@@ -45,8 +45,8 @@ class Ground:
     Notes
     -----
     A row y px below the horizon is at ``1 / (y / (focal height) + 1 / far)``, with the bend at the
-    horizon rounded over a tenth of the picture's height. It is plausible for pictures taken
-    outdoors at eye level, and nothing more: give the depth where it is known.
+    horizon rounded over a tenth of the picture's height. This is plausible for pictures that are
+    taken outdoors at eye level. Give the depth where it is known.
     """
 
     horizon: float = 0.45
@@ -67,7 +67,7 @@ class Ground:
 
     @classmethod
     def from_depth(cls, depth: npt.ArrayLike, *, focal: float = 1.2) -> Ground:
-        """Return the plane that a depth shows: for pictures of the same camera without one.
+        """Return the plane that a depth shows, for other pictures of the same camera.
 
         Parameters
         ----------
@@ -79,13 +79,13 @@ class Ground:
         Returns
         -------
         Ground
-            Its `far` is the median of what is known in the upper quarter, or that of a sky.
+            Its `far` is the median of the known depths in the upper quarter, or the depth of a sky.
 
         Raises
         ------
         ValueError, TypeError
-            For an argument that is not as described, or if the lower rows are no plane: less than
-            nine tenths of how their nearness varies is explained by one.
+            For an argument that is not as described, or if the lower rows do not show a plane: a
+            plane explains less than nine tenths of the variance of their nearness.
 
         Notes
         -----

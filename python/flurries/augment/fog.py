@@ -33,12 +33,12 @@ class Fog(Weather):
     amount, severity, profile, ground, focal, white, seed, weather_seed
         See :class:`Snowfall`.
     visibility : number or range, optional
-        In place of both: the distance in metres at which 5 % of a contrast is left. For depths in
-        metres; an amount is worked out for each picture from its own depths.
+        Distance in metres at which 5 % of a contrast is left, in place of amount and severity.
+        Depths must be in metres; the amount of each picture follows from its own depths.
     patches : number or range
-        How uneven it is: standard deviation of the extinction against its mean, 0 to 1.
+        Standard deviation of the extinction divided by its mean, 0 to 1; 0 is even fog.
     wind : number or range
-        How fast the largest patches drift to the right, picture lengths per second.
+        Speed of the largest patches to the right, lengths of the picture's longer side per second.
     color : number, range or (r, g, b)
         The light that fog scatters towards the camera, display values, 0 to 1.
 

@@ -20,38 +20,39 @@ SEEN = 0.5
 
 @dataclass(frozen=True, eq=False)
 class Weathered:
-    """A picture with weather, and what there is to know about it.
+    """A picture with weather, and its labels.
 
     Attributes
     ----------
     image : array
-        Of the shape and dtype of the picture that came.
+        The picture with weather, of the shape and dtype of the picture given.
     alpha : (H, W) float32
         Opacity of the weather, 0 to 1.
     color : (r, g, b)
-        Its display values, 0 to 1.
+        Color of the weather, display values, 0 to 1.
     record : dict
-        What :func:`flurries.augment.replay` makes the same weather of; plain numbers and words.
+        Plain numbers and words from which :func:`flurries.augment.replay` makes the same weather.
     boxes, masks : as they came
-        Weather moves nothing in the picture.
+        The boxes and masks given: weather moves nothing in the picture.
     occlusion : (n,) float64 or None
         The mean opacity over each box, 0 to 1.
     coverage : (n,) float64 or None
-        The mean opacity over each box of what falls, without a veil.
+        The mean opacity of flakes or drops over each box, without a veil.
     visibility : (n,) float64 or None
         The share of each box in which more than half of the light is the picture's own.
     flow : (H, W, 2) float32 or None
-        The label, with the weather's own motion where flakes, drops or the texture hide more than
-        half. Pixels per frame.
+        The flow given, with the weather's own motion where flakes, drops or the texture hide more
+        than half. Pixels per frame.
     depth : (H, W) float32 or None
-        The depth that came, with the weather's own where they hide more than half. Metres. A veil
-        is nowhere in particular, and counts for neither. Holes that came, NaN or 0, stay so.
+        The depth given, with the weather's own where they hide more than half. Metres. A veil has
+        no depth and no motion. Holes in the depth given, NaN or 0, stay holes.
     soft_flow, soft_depth : like `flow` and `depth`, or None
-        Means of what is seen by how much of it is seen; of the depth, the harmonic one.
+        Means of picture and weather, weighted by what is seen of each; for the depth the harmonic
+        mean.
     motion : (H, W, 2) float32 or None
-        How the weather moves, pixels (x, y) per frame: what is densest at a pixel.
+        Motion of the weather, pixels (x, y) per frame: at each pixel of what is densest there.
     falling : (H, W, 4) float32 or None
-        What falls as a layer of its own, without a veil: motion (x, y) in pixels per frame,
+        Flakes or drops as a layer of their own, without a veil: motion (x, y) in pixels per frame,
         nearness (one over the depth, 1/m), opacity; the first three premultiplied with the fourth.
     """
 
@@ -156,9 +157,8 @@ def occlusion(alpha: npt.ArrayLike, boxes: npt.ArrayLike) -> Float64:
     alpha : (H, W)
         Opacity, 0 to 1, float.
     boxes : (n, 4)
-        (x0, y0, x1, y1) in pixels, x0 <= x1 and y0 <= y1; pixel (row i, column j) covers
-        [j, j + 1) x [i, i + 1). Parts of pixels count as parts, what lies outside the picture not
-        at all.
+        (x0, y0, x1, y1) in pixels, x0 <= x1 and y0 <= y1; pixel (row i, column j) covers [j, j + 1)
+        x [i, i + 1). Parts of pixels count as parts, what lies outside the picture does not count.
 
     Returns
     -------

@@ -32,11 +32,11 @@ class Rainfall(Precipitation):
     amount, severity, profile, veil, ground, focal, white, seed, weather_seed
         See :class:`Snowfall`.
     wind : number or range
-        Sideways, metres per second; to the right if positive.
+        Wind across the view, metres per second; to the right if positive.
     fall : number or range
         Fall speed, metres per second: 4 for drizzle, 9 for the largest drops.
     exposure : number or range
-        Seconds that the shutter is open: how long the streaks are.
+        Seconds that the shutter is open; a longer exposure makes longer streaks.
     color : number, range or (r, g, b)
         Display values, 0 to 1.
 
@@ -48,8 +48,8 @@ class Rainfall(Precipitation):
     Notes
     -----
     One population of drops as in :class:`flurries.Rain`: the near streaks are drawn, the others a
-    texture. Drops are drawn as if several times as large as they are, and as bright as the light
-    that they gather makes them: real ones are smeared to near invisibility.
+    texture. Drops are drawn several times as large as real ones, and as bright as the light that
+    they gather: real drops are hardly visible.
 
     Examples
     --------

@@ -31,35 +31,35 @@ class Snowfall(Precipitation):
     Parameters
     ----------
     amount : number or range, optional
-        How much, 0 to 1, the same at every size of the picture: it says how much of the picture's
-        contrast is lost, see :func:`flurries.augment.contrast_loss`. (0.2, 0.8) if neither it nor
-        `severity` is given.
+        Strength, 0 to 1: how much of the picture's contrast is lost at any size of the picture, see
+        :func:`flurries.augment.contrast_loss`. (0.2, 0.8) if neither it nor `severity` is given.
     severity : int or (low, high), optional
-        In place of `amount`, in five steps: 1 to 5.
+        Strength in five steps, 1 to 5, in place of `amount`.
     profile : {"natural", "hard"}
-        Weather as it is, or as hard as the corruptions of published benchmarks.
+        "natural" is weather as it is, "hard" takes as much as the corruptions of published
+        benchmarks.
     veil : float
-        Share of the opacity that an even veil holds, 0 to 1; what falls holds the rest. 0 is no
-        veil at all.
+        Share of the opacity that an even veil has, 0 to 1; flakes or drops have the rest. 0 is no
+        veil.
     wind : number or range
-        Sideways, metres per second; to the right if positive.
+        Wind across the view, metres per second; to the right if positive.
     fall : number or range
         Fall speed, metres per second.
     exposure : number or range
         Seconds that the shutter is open.
     color : number, range or (r, g, b)
-        Display values, 0 to 1: a grey, or a color as it is.
+        Display values, 0 to 1: a grey or a color.
     ground : Ground or None
-        The depth of pictures of which none is given. None: as far as the sky everywhere. A
+        Depth of pictures for which none is given. With None everything is as far away as the sky. A
         :class:`Ground` is a plane with a horizon, for pictures that show one.
     focal : float
         Focal length, in lengths of the picture's longer side.
     white : float
-        What float pictures call white; integers have their full scale.
+        Value of white in float pictures; in integers it is their full scale.
     seed : int, optional
-        Of all draws. Without it each call draws anew, whatever process it is in.
+        Seed of all draws. Without it each call draws anew, in every process.
     weather_seed : int, optional
-        Of the weather itself; drawn for each index if not given.
+        Seed of the weather itself; drawn for each index if not given.
 
     Raises
     ------
@@ -69,8 +69,8 @@ class Snowfall(Precipitation):
     Notes
     -----
     One population of flakes as in :class:`flurries.Snow`: the near ones are drawn, the others a
-    texture of flakes. How many there are makes the amount; a veil takes what they leave of the
-    wanted loss, ``docs/augment.md``.
+    texture of flakes. Their number follows from the amount; a veil takes the rest of the loss of
+    contrast, ``docs/augment.md``.
 
     Examples
     --------

@@ -460,7 +460,7 @@ class Weather(ABC):
 
 
 def replay(record: Mapping[str, Any]) -> Weather:
-    """Return the weather that makes what was recorded.
+    """Return the weather that a record describes.
 
     Parameters
     ----------

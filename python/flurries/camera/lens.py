@@ -42,15 +42,15 @@ class Camera:
     center : (cx, cy), optional
         Principal point in pixels; (W/2, H/2) of the picture if not given.
     offset : (x, y, z)
-        Place of this eye in the camera's axes, world units.
+        Place of the eye in the camera's axes, world units.
     center_shift : (x, y)
-        Added to the principal point, pixels (convergence of two eyes).
+        Shift of the principal point, pixels (convergence of two eyes).
     rotation : (x, y, z)
         Orientation as a rotation vector: axis times angle in radians, right-handed in the axes x
         right, y down, z forward; (0, 0.1, 0) looks to the right.
     aspect : float
         Focal length down over focal length across, fy / fx, of pixels that are not square or of
-        calibrated cameras. Snow and rain know it; flakes stay round in pixels.
+        calibrated cameras. Flakes stay round in pixels.
 
     Raises
     ------
@@ -76,7 +76,7 @@ class Camera:
         settle(self, "aspect", real("aspect", self.aspect, low=0.05, high=20.0))
 
     def derive(self, **changes: Any) -> Camera:
-        """Return the camera with some values changed, which are known to be right: unchecked."""
+        """Return the camera with some values changed, without checks."""
         made = object.__new__(Camera)
         made.__dict__.update(self.__dict__, **changes)
         return made

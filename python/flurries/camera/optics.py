@@ -25,7 +25,7 @@ class Blur(NamedTuple):
     blades : int
         Of the opening; 0 for a round one.
     turn : float
-        Of the opening, radians.
+        Rotation of the opening, radians.
     """
 
     strength: float
@@ -54,9 +54,9 @@ class Lens:
         Width of the sensor, metres: with the camera's focal length in pixels it says the focal
         length in metres.
     blades : int
-        Of the opening: 5 or more make discs with corners; 0 a round one.
+        Number of blades of the opening: 5 or more make discs with corners, 0 makes round discs.
     turn : float
-        Of the opening, radians.
+        Rotation of the opening, radians.
 
     Raises
     ------

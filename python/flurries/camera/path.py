@@ -62,8 +62,8 @@ class CameraPath:
         Focal length in pixels, in place of the camera's, for a lens that zooms: one for each frame
         from 0 on, or keyed; linear between them, held outside.
     extend : {"on", "stop"}
-        Outside its frames the path goes on with the first and the last rate; or a scene refuses
-        such frames, or holds the camera, as its own `extend` says. Files are "stop".
+        "on": outside its frames the path goes on with the first and the last rate. "stop": the
+        scene's own `extend` decides. Paths from files have "stop".
 
     Raises
     ------

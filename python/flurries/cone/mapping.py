@@ -37,7 +37,7 @@ Chart: TypeAlias = tuple[Array, Array, Array, Array, Array]
 
 
 class Mapping:
-    """Where every pixel looks in the textures: all of a frame that does not scroll.
+    """The point of the textures that every pixel sees: the part of a frame that does not scroll.
 
     It depends on the lens and rotation of the camera, on the axis, the stretch and the slope; while
     these stand still one mapping serves all frames. :func:`layers` makes one where none is given,
@@ -48,11 +48,12 @@ class Mapping:
     shape, camera, axis, stretch, slope, repeats
         See :func:`flurries.cone.layer`.
     radius : float
-        Of the first layer's cone, for a camera with an `offset`; see there.
+        Radius of the first layer's cone, world units; it matters for a camera with an `offset`
+        only.
     multiples : sequence of int
-        How often each layer repeats the first one: 1, 2, 4, 8.
+        Repetitions of each layer over those of the first: 1, 2, 4, 8.
     rows : (start, stop), optional
-        Only these rows of the picture, with the bits of the whole.
+        Only these rows of the picture; they have the same bits as in the whole picture.
     depth : (H, W) array, optional
         Planar depth of what stands in the picture, world units; a layer behind it is hidden. Needs
         `radius`.

@@ -76,12 +76,12 @@ def elongation(
     Parameters
     ----------
     speed : float or (n,)
-        Of the drops relative to the camera, metres per second; the sign does not matter. As
+        Speed of the drops relative to the camera, metres per second; the sign does not matter. As
         printed: the length of Vec, metres per frame.
     exposure : float
         Seconds, 0 or more.
     length : float
-        Of a drop, metres, more than 0. As printed: S_streak, pixels.
+        Length of a drop, metres, more than 0. As printed: S_streak, pixels.
     published : bool
         As printed: ``1 / (S_f E) = 1 + C S_f |Vec| / S_streak``: depends on the frame rate, makes
         far streaks shorter than perspective does, and a larger S_streak gives shorter streaks.
@@ -117,7 +117,7 @@ def scroll(
     pixel: float = 1.0,
     scale: float = 1.0,
 ) -> Float64:
-    """Return how far the texture comes in a time (Eq. 3).
+    """Return the distance that the texture moves in a time (Eq. 3).
 
     Parameters
     ----------

@@ -39,18 +39,18 @@ _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(16)
 
 @dataclass(frozen=True)
 class State:
-    """What :func:`flurries.cone.layer` needs of one moment.
+    """The arguments of :func:`flurries.cone.layer` at one moment.
 
     Attributes
     ----------
     axis : (x, y, z)
-        Of length 1, house axes.
+        Axis of length 1, house axes.
     phase : float
-        Tiles, in [0, 1).
+        Phase in tiles, in [0, 1).
     stretch : float
-        How many times as long as a drop its streak is.
+        Length of a streak over the length of its drop.
     speed : float
-        Along the axis, metres per second; negative where the drops go against it.
+        Speed along the axis, metres per second; negative where the drops go against it.
     """
 
     axis: tuple[float, float, float]
@@ -68,13 +68,13 @@ class Path:
     times : (n,) float64
         Seconds, not decreasing.
     axis : (n, 3) float64
-        Of length 1, house axes.
+        Axis of length 1, house axes.
     phase : (n,) float64
-        Tiles, in [0, 1).
+        Phase in tiles, in [0, 1).
     stretch : (n,) float64
         1 or more.
     speed : (n,) float64
-        Along the axis, metres per second.
+        Speed along the axis, metres per second.
     """
 
     times: Float64
@@ -154,11 +154,11 @@ def path(
         Seconds, 0 or more; one at each time is linear between them. As one that grows makes streaks
         longer, the phase goes slower by as much, so that drops at the equator keep their speed.
     length : float
-        Of a drop, metres, more than 0.
+        Length of a drop, metres, more than 0.
     radius : float
-        R0, of the first layer's cone, metres.
+        R0, radius of the first layer's cone, metres.
     repeats : int
-        Tiles of the first layer around.
+        Number of tiles around the first layer.
     still : float
         Metres per second, more than 0: what is slower has no direction.
     published : bool

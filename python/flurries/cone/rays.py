@@ -26,7 +26,7 @@ FARTHEST_EYE = 0.5
 
 @dataclass(frozen=True)
 class Rays:
-    """What every pixel sees of the cone.
+    """The point of the cone that every pixel sees.
 
     Attributes
     ----------
@@ -54,7 +54,7 @@ def frame(axis: npt.ArrayLike) -> tuple[Float64, Float64, Float64]:
     Parameters
     ----------
     axis : (3,)
-        Of any length but 0, house axes.
+        Direction in the house axes, of any length but 0.
 
     Returns
     -------
@@ -65,7 +65,7 @@ def frame(axis: npt.ArrayLike) -> tuple[Float64, Float64, Float64]:
     Raises
     ------
     ValueError, TypeError
-        If the axis is no direction.
+        If the axis is not a direction.
     """
     basis = _core.cone_basis(direction("axis", axis))
     first, second, third = (np.array(part) for part in basis)

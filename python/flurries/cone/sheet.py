@@ -64,27 +64,27 @@ def layer(
     axis : (3,)
         Direction in which the drops go, seen from the camera, house axes; from :func:`path`.
     phase : float
-        How far the texture has come along the axis, tiles; from :func:`path`.
+        Distance that the texture has moved along the axis, tiles; from :func:`path`.
     stretch : float
         L, how many times as long a drop is along the axis as in the tile, more than 0.
     slope : float
         k, radius over height of the cone, 0 or more; 0 is a cylinder.
     repeats : int
-        Tiles around, 1 to 4096; a whole number, so that there is no seam.
+        Number of tiles around the cone, 1 to 4096.
     offset : (x, y)
-        Tiles, to set layers of one texture apart.
+        Shift of the texture in tiles, so that layers of one texture differ.
     gain : float
         Factor of the opacity, 0 or more.
     conserve : bool
         Divide the opacity by `stretch`: longer streaks are fainter, and the light of a drop stays
         the same. False keeps streaks bright.
     radius : float
-        Of the cone, world units; matters for a camera with an `offset` only, which sees a cone of
-        that size from beside its middle (two eyes).
+        Radius of the cone, world units. It matters for a camera with an `offset` only, which sees a
+        cone of that size from beside its middle (two eyes).
     dtype : float32 or float64
-        Of the result.
+        Type of the result.
     out : (H, W) array of that dtype, optional
-        Where to write.
+        Array to write into and return.
 
     Returns
     -------

@@ -72,7 +72,7 @@ def layers(
     shape, camera, axis, phase, stretch, slope, repeats, conserve, radius, dtype, out
         See :func:`flurries.cone.layer`.
     tile : Texture or (n, n)
-        Give a :class:`Texture` for many frames; one that is made of an array here is thrown away.
+        Give a :class:`Texture` for many frames: from an array a new one is made at each call.
     multiples : sequence of int
         One for each layer, increasing.
     offsets : (layers, 2), optional
@@ -80,10 +80,11 @@ def layers(
     gains : float or (layers,)
         Factors of the opacity, 0 or more.
     mapping : Mapping, optional
-        Of this shape, axis and the like, to be used again while they stand still. What it was made
-        with counts, and `rows` and `depth` are its own.
+        A mapping of the same shape, camera and axis, to be used again while these stay the same.
+        Its own `rows` and `depth` count.
     rows : (start, stop), optional
-        Only these rows of the picture, or of the mapping, with the bits of the whole.
+        Only these rows of the picture, or of the mapping; they have the same bits as in the whole
+        picture.
 
     Returns
     -------

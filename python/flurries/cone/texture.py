@@ -24,7 +24,7 @@ MOST_WORDS = 1 << 26
 
 
 class Texture:
-    """A toroidal texture with what was filtered of it, to be used for many frames.
+    """A toroidal texture and its filtered copies, for use in many frames.
 
     Parameters
     ----------

@@ -53,17 +53,17 @@ def rain_tile(
     drops : int
         How many.
     width : float
-        Of a drop, two sigma of a Gaussian, tiles.
+        Width of a drop, two sigma of a Gaussian, tiles.
     length : float
-        Of a drop along the axis, tiles, 0 to 0.5; the cone's `stretch` makes it longer.
+        Length of a drop along the axis, tiles, 0 to 0.5; the cone's `stretch` makes it longer.
     spread : float
-        How much sizes differ, 0 to 1: from ``1 - spread / 2`` to ``1 + spread / 2`` times as large.
+        Spread of sizes, 0 to 1: drops are ``1 - spread / 2`` to ``1 + spread / 2`` times as large.
     opacity : float
-        Of a drop's middle, 0 to 1, differing by as much.
+        Opacity in the middle of a drop, 0 to 1, with the same spread.
     dtype : float32 or float64
-        Of the result.
+        Type of the result.
     out : (n, n) array of that dtype, optional
-        Where to write.
+        Array to write into and return.
 
     Returns
     -------
@@ -179,9 +179,9 @@ def tile_of(
     invert : bool
         Dark drops on a light ground.
     dtype : float32 or float64
-        Of the result.
+        Type of the result.
     out : (n, n) array of that dtype, optional
-        Where to write.
+        Array to write into and return.
 
     Returns
     -------

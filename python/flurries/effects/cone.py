@@ -73,47 +73,47 @@ class ConeRain(metaclass=Described):
     Parameters
     ----------
     amount : float
-        How much of it all, 0 to 1. Keyed.
+        Strength of the whole effect, 0 to 1. Keyed.
     fall : float
         Fall speed, metres per second. Keyed.
     wind : (x, y, z) or Wind
-        Air velocity, metres per second, x right, y down, z away from the camera. Keyed. Of a
-        :class:`flurries.Wind` its mean: a cone has one axis.
+        Air velocity, metres per second, x right, y down, z away from the camera. Keyed. A
+        :class:`flurries.Wind` counts with its mean velocity, because a cone has one axis.
     color : float, (r, g, b), "#rrggbb" or "ambient"
         Display values, 0 to 1. Keyed. "ambient" as in :class:`TentSnow`.
     haze : float
-        Opacity of an even veil, 0 to 1; before a scene with a depth, of the veil before the
+        Opacity of an even veil, 0 to 1; in a scene with a depth, of the veil in front of the
         farthest rain. Keyed.
     shutter : float
         Exposure in frames, centred on the frame: how long the streaks are. Keyed: streaks grow and
         shrink about the cone's equator, and drops keep their speed there.
     gain : float
-        How many times as much light a drop scatters as an opaque one of its size hides.
+        Light that a drop scatters, divided by the light that an opaque drop of its size hides.
     conserve : bool
         Longer streaks are fainter. False keeps them bright.
     drops : int
-        In a tile; the farther layers show more of them, as many times as they are smaller.
+        Drops in a tile of the texture. A farther layer shows the tile smaller and more often.
     drop_size : float
         Width in metres.
     drop_length : float
-        Length in metres without any exposure. A streak is
-        ``drop_length + speed * shutter / fps`` long.
+        Length of a resting drop in metres. A streak is ``drop_length + speed * shutter / fps``
+        long.
     spread : float
         How much drops differ in size and opacity, 0 to 1.
     damping : float
         How much of the camera's motion tilts the cone, 0 to 1; 1 is what is seen.
     radius : float
-        Of the nearest cone, metres; the others are 2, 4 and 8 times as large.
+        Radius of the nearest cone, metres; the other cones are 2, 4 and 8 times as large.
     repeats : int
-        Tiles of the nearest layer around.
+        Number of tiles around the nearest cone.
     slope : float
         Radius over height of the cone; 0 is a cylinder, in exact perspective.
     tile : int
-        Texels of the texture to a side, 16 to 2048.
+        Side of the texture's tile in texels, 16 to 2048.
     look : {"v1"}
-        Version of the looks: what presets mean.
+        Version of the presets.
     seed : int, optional
-        Of this effect; the scene's if not given.
+        Seed of this effect; the scene's seed if not given.
 
     Raises
     ------
@@ -170,7 +170,7 @@ class ConeRain(metaclass=Described):
 
     @cached_property
     def parts(self) -> Precipitation[DoubleCone]:
-        """What it is made of."""
+        """The parts of the effect."""
         motion = Motion(self.fall, self.wind, self.shutter)
         metres = tile_metres(self.radius, self.repeats)
         sheet = part_of(
@@ -200,8 +200,8 @@ class ConeRain(metaclass=Described):
 class ConeSnow(metaclass=Described):
     """Snow on a double cone, with flakes that sway in front.
 
-    A texture falls in step; light snow jitters, and the paper leaves it to particles. So do we:
-    `flakes` of them fall before the cone, by the same fall and wind.
+    All flakes of a texture move alike, but light snow sways; particles show that, as in the paper.
+    `flakes` of them fall in front of the cone, with the same fall speed and wind.
 
     Numbers marked "keyed" may vary over time: give :class:`flurries.Keys`. Lengths are metres.
 
@@ -216,13 +216,14 @@ class ConeSnow(metaclass=Described):
     texture_flakes : int
         Flakes in a tile of the cone's texture; 0 leaves the cone out.
     flakes : int
-        Flakes drawn one by one up to `radius`; 0 draws none.
+        Number of flakes that are drawn one by one up to the depth `radius`; 0 draws none.
     flake_size : (smallest, largest)
-        Diameters in metres, of both.
+        Smallest and largest diameter in metres, of the flakes in the texture and of those in front.
     flake_opacity : float
-        Of a flake's middle, 0 to 1.
+        Opacity in the middle of a flake, 0 to 1.
     sway : (amplitude, rate)
-        Metres, and radians per second: each flake in front swings on its own.
+        Amplitude in metres and rate in radians per second. Each flake in front swings with a phase
+        of its own.
 
     Raises
     ------
@@ -275,7 +276,7 @@ class ConeSnow(metaclass=Described):
 
     @cached_property
     def parts(self) -> Precipitation[DoubleCone]:
-        """What it is made of."""
+        """The parts of the effect."""
         motion = Motion(self.fall, self.wind, self.shutter)
         small, large = self.flake_size
         mean = 0.5 * (small + large)

@@ -37,14 +37,14 @@ _registered: dict[str, type[Any]] = {}
 def register(kind: str, effect: type[Any]) -> None:
     """Give an effect of your own a name in scene files.
 
-    A package does without the call: it names its effects as entry points of the group
+    A package does not need the call: it names its effects as entry points of the group
     "flurries.effects", ``ash = "my_package:Ash"``.
 
     Parameters
     ----------
     kind : str
-        What ``kind`` says in a scene's TOML file: at most 64 lower case letters, digits and "_".
-        One that was registered before is replaced.
+        Value of ``kind`` in a scene's TOML file: at most 64 lower case letters, digits and "_". One
+        that was registered before is replaced.
     effect : class
         A dataclass with ``parts``, or with a method ``render(frame)`` that returns a
         :class:`Layer`.
@@ -52,7 +52,7 @@ def register(kind: str, effect: type[Any]) -> None:
     Raises
     ------
     ValueError, TypeError
-        If the kind is one of flurries' own or no name, or the class is no effect.
+        If the kind is a name of flurries' own effects or not a name, or the class is not an effect.
 
     Examples
     --------

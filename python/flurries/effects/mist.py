@@ -76,7 +76,7 @@ def _of_visibility(value: object, given: Mapping[str, Any]) -> dict[str, Any]:
 @knobs(severity=_of_severity, visibility_m=_of_visibility)
 @dataclass(frozen=True, kw_only=True)
 class Mist(metaclass=Described):
-    """Gas that one sees into: mist, fog, clouds.
+    """Mist, fog and clouds.
 
     Numbers marked "keyed" may vary over time: give :class:`flurries.Keys`. Lengths are metres when
     the camera's places are.
@@ -84,29 +84,29 @@ class Mist(metaclass=Described):
     Parameters
     ----------
     amount : float
-        How much of it, 0 to 1; scales the density. Keyed.
+        Strength of the effect, 0 to 1; scales the density. Keyed.
     count : int, optional
         Particles in the box. If neither this nor `visibility` is given, the fog's 1200.
     visibility : float, optional
-        In place of a count: the distance in metres at which a black object keeps 5 % of its
-        contrast, by :func:`flurries.gas.count_for_visibility`. Keyed: the density follows. With
-        `count` the density follows from both, in place of `density`.
+        Distance in metres at which a black object keeps 5 % of its contrast, in place of a count
+        (:func:`flurries.gas.count_for_visibility`). Keyed: the density follows. With `count` the
+        density follows from both, in place of `density`.
     radius : float, optional
-        Three sigma of a particle, metres; 0.09 of the box if not given.
+        Radius of a particle, three sigma, metres; 0.09 of the box if not given.
     density : float
-        Opacity of a particle's middle, 0 to 1. Keyed.
+        Opacity in the middle of a particle, 0 to 1. Keyed.
     color : float, (r, g, b), "#rrggbb", "ambient" or "local"
         Display values, 0 to 1. Keyed. "ambient" is white in the background's own light. "local" is
-        one color for the picture, that of its sky: fog is no smoke, and as dark as the night. The
-        paper's presets have colors of their own.
+        one color for the picture, that of its sky: fog is never darker than the sky, and at night
+        it is dark. The paper's presets have colors of their own.
     wind : (x, y, z)
         Air velocity, metres per second, x right, y down, z away from the camera. Keyed.
     box : float or (x, y, z), optional
         Sides of the box that the gas fills, metres. If not given, 5, or 1.2 times the visibility.
     center : (x, y, z), optional
-        The middle of the box in the world, house axes, metres. If not given, the box goes with the
-        camera, which stands inside; it is then made as wide as the view at its far end, with as
-        many particles more.
+        Middle of the box in the world, house axes, metres. If not given, the box goes with the
+        camera, which stands inside. It is then as wide as the view at its far end, and holds more
+        particles at the same density.
     depths : (near, far), optional
         Only the gas between these depths, metres: one effect can stand behind flakes, and another
         of the same seed in front of them.
@@ -116,31 +116,32 @@ class Mist(metaclass=Described):
     near : float
         Depth before which nothing is drawn, metres.
     lit : bool
-        Whether the scene's sun shades the gas and the gas itself. Lamps shine on it in any case.
+        Whether the scene's sun lights the gas, and the gas shades itself. Lamps light it in any
+        case.
     forward : float
         Share of the sun's light that a particle passes on to those behind it, 0 to 1.
     scatter : {"rayleigh", "henyey", "even"}
-        Where light is scattered to, see :func:`flurries.gas.phase`.
+        The phase function, see :func:`flurries.gas.phase`.
     asymmetry : float
-        Of "henyey", -0.99 to 0.99.
+        Asymmetry of "henyey", -0.99 to 0.99.
     structure : float
-        Detail at every scale, from a bank's size down to 4 px: the root mean square of the
-        logarithm of the density of a slice of the gas, 0 to 2. The gas is then no particles but a
-        bank with soft ends whose mean extinction is the same. 0 is the paper's gas.
+        Detail at every scale, from the size of the bank down to 4 px: the root mean square of the
+        logarithm of the density in a slice of the gas, 0 to 2. The gas is then not made of
+        particles: it is a bank with soft ends and the same mean extinction. 0 is the paper's gas.
     top : float, optional
-        With `structure`: height in the world above which the mist thins, metres, up; the camera
-        begins at 0. Endless if not given.
+        Height above which the mist thins, metres above the camera at frame 0, with `structure`.
+        Without it the mist has no top.
     falloff : float
-        How fast it thins there: over this many metres its density falls from .73 to .27.
+        Height in metres over which the density falls from .73 to .27 at the top.
     look : {"v1"}
-        Version of the looks, as in :class:`TentSnow`.
+        Version of the presets, as in :class:`TentSnow`.
     seed : int, optional
-        Of this effect; the scene's if not given.
+        Seed of this effect; the scene's seed if not given.
     severity : int, optional
-        One knob: 1 to 5 take 6, 14, 25, 38 and 55 % of the contrast of what lies behind the box.
-        Sets `density`. No field: what it makes is written out.
+        1 to 5 take 6, 14, 25, 38 and 55 % of the contrast of what lies behind the box. Sets
+        `density`; scene files hold that and not the severity.
     visibility_m : float, optional
-        One knob: the `visibility`, in metres.
+        Another name of `visibility`.
 
     Raises
     ------
@@ -204,7 +205,7 @@ class Mist(metaclass=Described):
 
     @cached_property
     def filling(self) -> Filling:
-        """How much gas it is."""
+        """The gas that fills the box."""
         return Filling(
             asked=self.count,
             visibility=self.visibility,
@@ -215,7 +216,7 @@ class Mist(metaclass=Described):
 
     @cached_property
     def parts(self) -> Vapor:
-        """What it is made of."""
+        """The parts of the effect."""
         filling, bank = self.filling, None
         cloud = part_of(
             Cloud,

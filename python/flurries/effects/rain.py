@@ -46,24 +46,24 @@ class Rain(metaclass=Described):
     drop_size : (smallest, mean, largest)
         Diameters in metres, exponentially distributed. Keyed, as in :class:`Snow`.
     opacity : float
-        Of a resting drop's middle, 0 to 1.
+        Opacity in the middle of a resting drop, 0 to 1.
     gain : float
-        How much more light a drop sends than `color`: it gathers that of the whole sky ahead, which
-        is brighter than most of what is behind it. Keyed.
+        Light that a drop sends, divided by `color`. A drop gathers the light of the whole sky
+        ahead, which is brighter than most of what is behind the drop. Keyed.
     amount : float
-        Share of the drops that are there, 0 to 1. Keyed.
+        Share of the drops that are shown, 0 to 1. Keyed.
     emission : float
         Share of the drops that begin to fall, 0 to 1. Keyed.
     fall : float, optional
-        Fall speed of a drop of the mean size, metres per second; the others follow. If not given,
-        that of drops of the size. Keyed.
+        Fall speed of a drop of the mean size, metres per second; larger drops fall faster. If not
+        given, the measured speed of drops of this size. Keyed.
     wind : (x, y, z) or Wind
         Air velocity, metres per second, x right, y down, z away from the camera. Keyed.
     color : float, (r, g, b), "#rrggbb", "ambient" or "local"
-        Display values, 0 to 1. Keyed. As in :class:`Snow`; what is "local" is the light that a drop
-        bends towards the camera, and `gain` does not count.
+        Display values, 0 to 1. Keyed. As in :class:`Snow`; "local" is the light that a drop bends
+        towards the camera, and `gain` does not count.
     haze : float
-        Opacity of an even veil besides the drops, 0 to 1. Keyed.
+        Opacity of an even veil beside the drops, 0 to 1. Keyed.
     shutter : float
         Exposure in frames, centred on the frame: how long the streaks are. Keyed.
     near, far : float
@@ -71,15 +71,14 @@ class Rain(metaclass=Described):
     cloud : float
         Height above the camera in metres at which drops begin to fall, for `emission`.
     shape : {"natural", "round"}
-        What a drop is near the camera: flattened by its fall, with a rim through which little light
-        comes; or a round dot.
+        Shape of a drop near the camera: "natural" is flattened by its fall, with a rim through
+        which little light comes; "round" is a round dot.
     method, depth_mode, look, seed
         As in :class:`Snow`.
     severity : int, optional
-        One knob, 1 to 5. No field: what it makes is written out.
+        1 to 5. Sets other fields; scene files hold those and not the severity.
     rate_mm_h : float, optional
-        One knob: the rate in mm/h. Sets `density` and `drop_size`, so that the drops carry just
-        this rate.
+        Rate of rain in mm/h. Sets `density` and `drop_size` so that the drops carry this rate.
 
     Raises
     ------
@@ -131,7 +130,7 @@ class Rain(metaclass=Described):
 
     @cached_property
     def parts(self) -> Precipitation[FlakeTexture] | Mixture:
-        """What it is made of."""
+        """The parts of the effect."""
         return parts_of(
             self,
             sizes=self.drop_size,

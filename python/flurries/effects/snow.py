@@ -47,15 +47,15 @@ class Snow(metaclass=Described):
         Diameters in metres, exponentially distributed: many small ones, few large ones.
         Keyed: between two keys the flakes of one size go, one by one, as those of the other come.
     opacity : float
-        Of a flake's middle, 0 to 1.
+        Opacity in the middle of a flake, 0 to 1.
     amount : float
-        Share of the flakes that are there, 0 to 1: less of it makes them fewer, not fainter. Keyed.
+        Share of the flakes that are shown, 0 to 1. Flakes become fewer, not fainter. Keyed.
     emission : float
-        Share of the flakes that begin to fall, 0 to 1. Keyed to 0 it makes snow stop falling: what
-        is in the air falls on. Keyed.
+        Share of the flakes that begin to fall, 0 to 1. Keyed: with keys that end at 0 snow stops
+        falling, and flakes that are in the air fall on.
     fall : float, optional
         Fall speed of a flake of the mean size in still air, metres per second; larger ones fall
-        faster. If not given, that of aggregates of the size. Keyed.
+        faster. If not given, the measured speed of aggregates of this size. Keyed.
     wind : (x, y, z) or Wind
         Air velocity, metres per second, x right, y down, z away from the camera. Keyed; or
         :class:`flurries.Wind`, with gusts, swirls and differences over depth.
@@ -66,33 +66,34 @@ class Snow(metaclass=Described):
         is then mixed in linear light, and a display picture, a linear one and an EXR of one place
         get the same snow.
     haze : float
-        Opacity of an even veil besides the flakes, 0 to 1. Keyed.
+        Opacity of an even veil beside the flakes, 0 to 1. Keyed.
     shutter : float
         Exposure in frames, 0 to 1 for a usual camera, centred on the frame. Keyed.
     sway : (amplitude, rate)
-        Metres, and radians per second: each near flake swings on its own.
+        Amplitude in metres and rate in radians per second. Each near flake swings with a phase of
+        its own.
     near, far : float
-        Depths in metres between which flakes are shown. Before a scene that stands farther away a
+        Depths in metres between which flakes are shown. Where the background is farther away, a
         veil has the extinction of the flakes beyond `far`.
     cloud : float
         Height above the camera in metres at which flakes begin to fall, for `emission`.
     method : {"hybrid", "simulated"}
-        "simulated" draws every flake one by one, which takes its time.
+        "simulated" draws every flake one by one, which is slow.
     depth_mode : {"pixel", "tile"}
-        How exactly the texture follows the scene's depth; by tiles it is faster, and leaks over the
-        border of near things by up to a tile.
+        Whether the texture follows the scene's depth at every pixel or by tiles. By tiles is
+        faster, and snow leaks over the border of near things by up to a tile.
     shape : {"natural", "round"}
-        What a flake is whose image has a sigma above some 3 pixels: an aggregate of crystals that
-        tumbles as it falls, or a round dot as those that are farther.
+        Shape of a flake whose image has a sigma above some 3 pixels: "natural" is an aggregate of
+        crystals that tumbles as it falls, "round" a round dot like farther flakes.
     look : {"v2"}
-        Version of the looks: what presets and knobs mean.
+        Version of the presets and of `severity` and `rate_mm_h`.
     seed : int, optional
-        Of this effect; the scene's if not given.
+        Seed of this effect; the scene's seed if not given.
     severity : int, optional
-        One knob, 1 to 5. No field: what it makes is written out.
+        1 to 5. Sets other fields; scene files hold those and not the severity.
     rate_mm_h : float, optional
-        One knob: the liquid-equivalent rate of snowfall in mm/h. Sets `density` and `flake_size`,
-        so that the flakes carry just this rate.
+        Liquid-equivalent rate of snowfall in mm/h. Sets `density` and `flake_size` so that the
+        flakes carry this rate.
 
     Raises
     ------
@@ -142,7 +143,7 @@ class Snow(metaclass=Described):
 
     @cached_property
     def parts(self) -> Precipitation[FlakeTexture] | Mixture:
-        """What it is made of."""
+        """The parts of the effect."""
         return parts_of(
             self,
             sizes=self.flake_size,

@@ -64,7 +64,7 @@ class TentRain(metaclass=Described):
     Parameters
     ----------
     amount : float
-        How much of it all, 0 to 1; scales drops, texture and haze. Keyed.
+        Strength of the whole effect, 0 to 1; scales drops, texture and haze. Keyed.
     fall : float
         Fall speed, metres per second: 3 for drizzle, 9 for the largest drops. Keyed.
     wind : (x, y, z) or Wind
@@ -73,14 +73,15 @@ class TentRain(metaclass=Described):
     color : float, (r, g, b), "#rrggbb" or "ambient"
         Display values, 0 to 1. Keyed. "ambient" as in :class:`TentSnow`.
     haze : float
-        Opacity of an even veil, 0 to 1; before a scene with a depth, of the veil before the
-        farthest rain. Keyed. Most of what tells rain on a bright picture.
+        Opacity of an even veil, 0 to 1; in a scene with a depth, of the veil in front of the
+        farthest rain. Keyed. On a bright picture the veil is most of what shows that it rains.
     shutter : float
         Exposure in frames, centred on the frame: how long the streaks are. Keyed.
     texture : float
         Largest opacity of the texture, 0 to 1; 0 leaves it out. Keyed.
     mean, spread, power : float
-        The texture's map to opacity, see :func:`flurries.spectral.opacity`. Keyed.
+        Parameters of the map from the texture to opacity, see :func:`flurries.spectral.opacity`.
+        Keyed.
     exponent : float
         Slope of the texture's spectrum.
     wavelengths : (shortest, longest), optional
@@ -89,15 +90,15 @@ class TentRain(metaclass=Described):
     near_depth : float
         Depth in metres that the longest wave stands for.
     tile, overlap : int, optional
-        The texture's tiles in pixels. If not given, as large as streaks need to move. One that is
-        too small for it is used with a warning.
+        The texture's tiles in pixels. If not given, tiles are large enough for the streaks to move.
+        A smaller tile is used with a warning.
     blend : {"power", "linear"}
         See :func:`flurries.spectral.blend_tiles`.
     alias : {"cut", "soft", "keep"}
-        What becomes of waves too fast for the frame rate, see
+        What happens to waves that are too fast for the frame rate, see
         :func:`flurries.spectral.temporal_filter`.
     renormalise : bool
-        Give the waves that are left the contrast that all had.
+        Give the remaining waves the contrast that all waves had together.
     jitter : bool
         Spread the directions of the texture's waves, so that none stands still.
     depth_mode : {"tile", "pixel"}
@@ -111,20 +112,19 @@ class TentRain(metaclass=Described):
     drop_depth : float
         Depth in metres up to which drops are drawn.
     gain : float
-        How many times as much light a drop scatters as an opaque disc of its size hides. Real drops
-        are smeared to near invisibility.
+        Light that a drop scatters, divided by the light that an opaque disc of its size hides. With
+        1 the streaks are hardly visible, as those of real drops.
     look : {"v1"}
         As in :class:`TentSnow`.
     seed : int, optional
-        Of this effect; the scene's if not given.
+        Seed of this effect; the scene's seed if not given.
     severity : int, optional
-        One knob: 1 to 5 take 6, 14, 25, 38 and 55 % of a picture's contrast. Sets `drop_density`,
-        `drop_size`, `fall`, `texture`, `mean` and `haze`, those that are not given. No field: what
-        it makes is written out.
+        1 to 5 take 6, 14, 25, 38 and 55 % of a picture's contrast. Sets `drop_density`,
+        `drop_size`, `fall`, `texture`, `mean` and `haze`, those that are not given; scene files
+        hold these and not the severity.
     rate_mm_h : float, optional
-        One knob: the rate of rain in mm/h; drizzle 3, rain 10, a downpour 25. Sets the same fields:
-        the drops of Marshall and Palmer's law, and a veil with the extinction of all of them over
-        60 m.
+        Rate of rain in mm/h: drizzle 3, rain 10, a downpour 25. Sets the same fields: the drops of
+        Marshall and Palmer's law, and a veil with the extinction of all of them over 60 m.
 
     Raises
     ------
@@ -193,7 +193,7 @@ class TentRain(metaclass=Described):
 
     @cached_property
     def parts(self) -> Precipitation[Texture]:
-        """What it is made of."""
+        """The parts of the effect."""
         motion = Motion(self.fall, self.wind, self.shutter)
         field = part_of(Field, self, motion=motion, tuned=(2.0, 12.0), streaks=True)
         texture = part_of(Texture, self, field=field, opacity=self.texture)

@@ -63,28 +63,29 @@ class TentSnow(metaclass=Described):
     Parameters
     ----------
     amount : float
-        How much of it all, 0 to 1; scales flakes, texture and haze. Keyed.
+        Strength of the whole effect, 0 to 1; scales flakes, texture and haze. Keyed.
     fall : float
         Fall speed in still air, metres per second. Keyed.
     wind : (x, y, z) or Wind
         Air velocity, metres per second, x right, y down, z away from the camera. Keyed; or
         :class:`flurries.Wind`, with gusts, swirls and differences over depth. Waves exactly across
         the motion stand still, which shows when the wind is 0 or in a simple ratio to the fall
-        (1:3, 1:4): take a ratio beside it, or `jitter`.
+        (1:3, 1:4): choose another ratio, or `jitter`.
     color : float, (r, g, b), "#rrggbb" or "ambient"
         Display values, 0 to 1. Keyed. "ambient": as bright as white is in the light of the
         background, see :func:`flurries.light.ambient.ambient_light`.
     haze : float
-        Opacity of an even veil, 0 to 1; before a scene with a depth, of the veil before the
+        Opacity of an even veil, 0 to 1; in a scene with a depth, of the veil in front of the
         farthest snow. Keyed.
     shutter : float
         Exposure in frames, 0 to 1 for a usual camera, centred on the frame. Keyed.
     texture : float
         Largest opacity of the texture, 0 to 1; 0 leaves it out. Keyed.
     mean, spread, power : float
-        The texture's map to opacity, see :func:`flurries.spectral.opacity`. Keyed.
+        Parameters of the map from the texture to opacity, see :func:`flurries.spectral.opacity`.
+        Keyed.
     exponent : float
-        Slope of the texture's spectrum: less makes dots, more makes cotton.
+        Slope of the texture's spectrum: small values make dots, large values make soft clumps.
     wavelengths : (shortest, longest), optional
         The texture's band in pixels. If not given, (3, 24) on a picture 1024 px wide, in proportion
         on others, not under 2 px.
@@ -96,13 +97,13 @@ class TentSnow(metaclass=Described):
     blend : {"power", "linear"}
         See :func:`flurries.spectral.blend_tiles`.
     alias : {"soft", "cut", "keep"}
-        What becomes of waves too fast for the frame rate, see
+        What happens to waves that are too fast for the frame rate, see
         :func:`flurries.spectral.temporal_filter`.
     jitter : bool
         Spread the directions of the texture's waves, so that none stands still.
     depth_mode : {"tile", "pixel"}
-        How exactly the texture follows the scene's depth: by its tiles, or octaves of it by every
-        pixel, which takes as many times as long as there are octaves.
+        Whether the texture follows the scene's depth by tiles or, octave by octave, at every pixel.
+        "pixel" takes as many times as long as there are octaves.
     flakes : int
         Flakes in view between the camera and `near_depth`; 0 draws none.
     flake_density : float, optional
@@ -110,21 +111,22 @@ class TentSnow(metaclass=Described):
     flake_size : (smallest, largest)
         Diameters in metres.
     flake_opacity : float
-        Of a flake's middle, 0 to 1. Keyed.
+        Opacity in the middle of a flake, 0 to 1. Keyed.
     sway : (amplitude, rate)
-        Metres, and radians per second: each flake swings on its own.
+        Amplitude in metres and rate in radians per second. Each flake swings with a phase of its
+        own.
     look : {"v1"}
-        Version of the looks: what presets and knobs mean, and how a picture of another size shows
-        them.
+        Version of the presets and of `severity` and `rate_mm_h`, and of how pictures of other sizes
+        show them.
     seed : int, optional
-        Of this effect; the scene's if not given.
+        Seed of this effect; the scene's seed if not given.
     severity : int, optional
-        One knob: 1 to 5 take 6, 14, 25, 38 and 55 % of a picture's contrast. Sets `flake_density`,
+        1 to 5 take 6, 14, 25, 38 and 55 % of a picture's contrast. Sets `flake_density`,
         `flake_size`, `texture`, `mean`, `spread`, `exponent`, `fall` and `haze`, those that are not
-        given. No field: what it makes is written out.
+        given; scene files hold these and not the severity.
     rate_mm_h : float, optional
-        One knob: the liquid-equivalent rate of snowfall in mm/h; light snow is less than 1, heavy
-        more than 5. Sets the same fields.
+        Liquid-equivalent rate of snowfall in mm/h; light snow is less than 1, heavy more than 5.
+        Sets the same fields.
 
     Raises
     ------
@@ -185,7 +187,7 @@ class TentSnow(metaclass=Described):
 
     @cached_property
     def parts(self) -> Precipitation[Texture]:
-        """What it is made of."""
+        """The parts of the effect."""
         motion = Motion(self.fall, self.wind, self.shutter)
         field = part_of(Field, self, motion=motion, tuned=(3.0, 24.0))
         texture = part_of(Texture, self, field=field, opacity=self.texture)

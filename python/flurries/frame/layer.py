@@ -46,7 +46,7 @@ class Layer:
     Attributes
     ----------
     name : str
-        What it is: letters, digits and "_", parts joined by "." as in layers of an EXR.
+        Name of the layer: letters, digits and "_", parts joined by "." as in layers of an EXR.
     alpha : (h, w) float32
         Opacity over the window, 0 to 1.
     color : (r, g, b)
@@ -55,19 +55,19 @@ class Layer:
         Color of each pixel, linear light multiplied by alpha. Light without opacity (a glow) shows
         in linear light only: display values have no way to add it.
     depth : (h, w) float32, optional
-        Where it is: planar depth in world units, for files with layers; infinity where nothing is.
+        Planar depth in world units; infinity where nothing is.
     motion : (h, w, 2) float32, optional
-        How what the pixel shows moves until the next frame: pixels, (x, y), y down.
+        Motion of what the pixel shows until the next frame: pixels, (x, y), y down.
     backward : (h, w, 2) float32, optional
-        How it came here from the frame before: its place one frame earlier minus that now.
+        Its place one frame earlier minus its place now, in the same way.
     coverage : (h, w) float32, optional
         Opacity of what is drawn one by one, flakes and drops, without texture and veil.
     ids : (h, w) int32, optional
         The number of the flake or drop that shows most, the same in every frame; -1 for none.
     shade : Shade, optional
-        In place of `color`: one that differs slowly over the frame.
+        A color that changes slowly over the frame, in place of `color`.
     glow : (h, w, 3) float32, optional
-        With `shade`: light besides, linear and multiplied by opacities.
+        Additional light beside that of `shade`, linear and multiplied by opacity.
     """
 
     name: str

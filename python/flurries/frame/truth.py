@@ -24,12 +24,13 @@ from flurries.trace import stage
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Rendered:
-    """A frame with what it is made of.
+    """A frame with its layers.
 
     Layers are in front of the background and behind the foreground, back to front, premultiplied,
     in the light of the composite: in float32 ``foreground over (layers over background)`` is the
-    image, before it is rounded to integers. Of layers that have one name the second is called
-    "name2", and so on. What a layer does not know it leaves out.
+    image, before it is rounded to integers. If two layers have one name, the second is called
+    "name2", and so on. A layer without depth, motion or numbers is missing in the dictionaries of
+    these.
 
     Attributes
     ----------
@@ -47,29 +48,29 @@ class Rendered:
         texture's is the depth that its wavelength of `motions` stands for. Infinity where nothing
         is. A veil (haze) has none.
     motions : dict of str to (h, w, 2) float32
-        How what each layer shows moves from this frame, t, to t + 1: pixels, (x, y), x right, y
-        down, so that what is at p now will be at ``p + motion``. Of a flake, its place in the
-        picture at t + 1 minus that at t; of the texture, the one vector for each tile that predicts
-        the next frame best (the drift of the wavelength where it has its gradients, see
+        Motion of what each layer shows from this frame, t, to t + 1: pixels, (x, y), x right, y
+        down. What is at p now will be at ``p + motion``. Of a flake, its place in the picture at t
+        + 1 minus that at t; of the texture, the one vector for each tile that predicts the next
+        frame best (the drift of the wavelength where it has its gradients, see
         `flurries.spectral.motion.tile_motions`), interpolated between tiles as they are blended.
         Flake or texture as in `depths`; 0 where nothing is.
     backwards : dict of str to (h, w, 2) float32
-        In the same way to the frame before, t - 1: what is at p now was at ``p + backward``.
+        Motion to the frame before, t - 1: what is at p now was at ``p + backward``.
     coverages : dict of str to (h, w) float32
         Opacity of what is drawn one by one, flakes and drops, without texture and veil.
     ids : dict of str to (h, w) int32
         The number of the flake or drop with the greatest opacity of its own at the pixel, -1 for
         none. A flake keeps its number from frame to frame, and from eye to eye.
     motion : (h, w, 2) float32 or None
-        Of the layers together: at every pixel that of the layer that shows most, 0 where that one
-        does not know. Of one layer it is the layer's own array.
+        Motion of the layers together: at every pixel that of the layer that shows most, 0 where
+        that layer has none. With a single layer it is the layer's own array.
     backward : (h, w, 2) float32 or None
         In the same way to the frame before.
     weather_depth : (h, w) float32 or None
-        In the same way of their depths, infinity where the layer that shows most has none.
+        Depth of the layer that shows most at every pixel, infinity where that layer has none.
     background : (h, w, 3 or 4) float32
-        In the light of the composite, multiplied by alpha; with the pictures that stand in the air
-        with a depth of their own, over which the weather lies.
+        The background in the light of the composite, multiplied by alpha; foregrounds with a depth
+        of their own, which stand in the weather, are part of it.
     foreground : (h, w, 4) float32 or None
         The foreground's picture, premultiplied; None without one. A mask is in the layers already.
     linear : bool

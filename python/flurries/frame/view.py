@@ -28,7 +28,7 @@ _Made = TypeVar("_Made")
 
 @dataclass(frozen=True)
 class Frame:
-    """One eye's view of the air at one time: all that an effect may depend on.
+    """One eye's view of the air at one time. An effect may depend on nothing else.
 
     Attributes
     ----------
@@ -43,14 +43,14 @@ class Frame:
     camera : Camera
         The eye as it is at `t`: its rotation is from its own axes to the house's then.
     path : CameraPath
-        Its way.
+        The camera's path.
     seed : int
         The effect's own.
     depth : (H, W) float32 or None
         Planar depth of the background in world units, of the whole frame; infinity where nothing
         stands, None where nobody said. Read-only.
     sun : Sun or None
-        What shines.
+        The scene's sun.
     ambient : (r, g, b) or None
         Display values of white in the background's own light, where an effect's color is
         "ambient".
@@ -59,9 +59,9 @@ class Frame:
     lights : tuple of Lamp
         Lamps of the scene.
     lens : Lens or None
-        That what falls is seen through; None is sharp everywhere.
+        The lens that the weather is seen through; without one everything is sharp.
     lap : Lap or None
-        Of a film that begins again: which frames come over and over; `t` is one of them.
+        The loop of a film that repeats; `t` is a frame of it.
     run : Run or None
         What the plan lets the effect do; None where a frame was made without a plan.
     settled : bool
@@ -74,8 +74,7 @@ class Frame:
         What stands in the air with its own depth, of the whole frame; an effect is asked twice
         then, once with it in `depth`, and need not look at it.
     shared : Shared or None
-        Where both eyes are asked for, or the bands of a large frame one after the other: what need
-        not be found for each.
+        Results that both eyes, or the bands of a large frame, share.
     """
 
     shape: tuple[int, int]
@@ -147,7 +146,7 @@ class Frame:
 
     @property
     def eye(self) -> int:
-        """Which of two eyes sees it, 0 or 1."""
+        """The number of the eye, 0 or 1."""
         return int(self.shared is not None and self.camera != self.shared.cameras[0])
 
     @property

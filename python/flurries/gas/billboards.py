@@ -43,7 +43,7 @@ def projection_error(
     form : {"exact", "printed"}
         "printed" evaluates the paper's Eqs 11 and 12 as they stand.
     out : (n, 2) float64, optional
-        Where to write.
+        Array to write into and return.
 
     Returns
     -------
@@ -121,7 +121,7 @@ def parallax_error(
     form : {"exact", "printed"}
         "printed" takes the difference of the paper's Eqs 11 and 12 for the two eyes.
     out : (n, 2) float64, optional
-        Where to write.
+        Array to write into and return.
 
     Returns
     -------

@@ -23,19 +23,19 @@ def light(
     forward: float = 0.5,
     out: Float64 | None = None,
 ) -> Float64:
-    """Return how much light of a direction reaches each particle: self-shadowing.
+    """Return the share of the light that reaches each particle through the others (self-shadowing).
 
     Parameters
     ----------
     centers, radius, density
         As in :func:`flurries.gas.splat`.
     direction : (3,)
-        The way the light travels, in the axes of `centers`; any length.
+        Direction in which the light travels, in the axes of `centers`; any length.
     forward : float
-        Share of the light that a particle takes from those behind it that it scatters on forward,
-        0 (shadow alone) to 1 (no shadow).
+        Share of the light taken by a particle that it scatters forward again, 0 (full shadow) to 1
+        (no shadow).
     out : (n,) float64, optional
-        Where to write.
+        Array to write into and return.
 
     Returns
     -------

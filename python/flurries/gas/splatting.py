@@ -91,7 +91,7 @@ def splat(
     radius : float or (n,)
         Three sigma, world units, positive.
     density : float or (n,)
-        Opacity of a particle's middle, 0 to 1.
+        Opacity in the middle of a particle, 0 to 1.
     color : float, (3,), (n,) or (n, 3)
         Linear light; one grey number, one color, a grey or a color for each particle (three
         numbers are one color). If all particles have one color, they need no order and cost
@@ -139,9 +139,9 @@ def splat(
         for gas that is near. Each errs by at most 41 / smooth^4 + .033 / smooth of its density,
         at 24 px by .0015 of it. At least 8; all pixels are computed if not given.
     dtype : float32 or float64, optional
-        Of the result.
+        Type of the result.
     out : (H, W, 4) array of that dtype, optional
-        Where to write.
+        Array to write into and return.
 
     Returns
     -------
@@ -209,7 +209,7 @@ def alpha(
 error, smooth, dtype
         As in :func:`splat`.
     out : (H, W) array of that dtype, optional
-        Where to write.
+        Array to write into and return.
 
     Returns
     -------

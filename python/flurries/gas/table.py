@@ -17,11 +17,11 @@ def footprint_table(size: int, *, intervals: int = 100, out: Float64 | None = No
     size : int
         n, 1 to 8192. With an even n no entry lies at the origin.
     intervals : int
-        Of the composite trapezoid rule along the line, from -3 to 3 sigma, 1 to 1,000,000. The
-        kernel is separable, so the rule is a common factor and the scaled table does not depend on
-        it.
+        Intervals of the composite trapezoid rule along the line, from -3 to 3 sigma, 1 to
+        1,000,000. The kernel is separable, so the rule is a common factor and the scaled table does
+        not depend on it.
     out : (n, n) float64, optional
-        Where to write.
+        Array to write into and return.
 
     Returns
     -------

@@ -28,18 +28,18 @@ AREAS = {
 def extinction(
     count: float, volume: float, radius: float, density: float, *, edge: str = "taper"
 ) -> float:
-    """Return how much of the light a gas takes out over a length.
+    """Return the extinction of a gas, which is the light that it takes out per length.
 
     Parameters
     ----------
     count : float
         Particles.
     volume : float
-        Of the space that they fill evenly, world units cubed.
+        Volume that the particles fill evenly, world units cubed.
     radius : float
-        Three sigma, world units.
+        Radius of a particle, three sigma, world units.
     density : float
-        Opacity of a particle's middle, 0 to 1.
+        Opacity in the middle of a particle, 0 to 1.
     edge : {"taper", "square", "disc"}
         How footprints end: "disc" for `edge` "square" of the models "viewpoint" and "volume".
 
@@ -76,7 +76,7 @@ def _area(edge: str, radius: float) -> float:
 
 
 def visibility(beta: float, *, contrast: float = 0.05) -> float:
-    """Return the distance at which a black object keeps a contrast to the fog before it.
+    """Return the distance at which a black object keeps a given contrast to fog.
 
     Parameters
     ----------

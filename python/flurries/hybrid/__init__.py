@@ -1,8 +1,8 @@
 """Flakes that fill space, drawn one by one, and their statistics in closed form.
 
-A :class:`Population` says what snow is in space. :func:`simulate` draws every flake of it, and
-:func:`statistics` says what that looks like on average. The snow of scenes, near flakes drawn and
-far ones synthesized, is :class:`flurries.Snow`.
+A :class:`Population` describes snow in space. :func:`simulate` draws all of its flakes, and
+:func:`statistics` returns the mean statistics of such a picture. The snow of scenes, near flakes
+drawn and far ones synthesized, is :class:`flurries.Snow`.
 """
 
 from __future__ import annotations

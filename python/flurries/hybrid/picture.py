@@ -63,7 +63,7 @@ def simulate(
     depth : (H, W), optional
         Depth of what stands in the picture, world units; it hides the flakes behind it.
     dtype : float32 or float64
-        Of the result.
+        Type of the result.
     out : (H, W), optional
         Array to write into and return.
 

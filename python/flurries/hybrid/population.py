@@ -21,19 +21,20 @@ DEPTHS, RADII = 96, 8
 
 @dataclass(frozen=True, kw_only=True)
 class Population:
-    """Snow as it is in space: how many flakes, how large, between which depths.
+    """Snow in space: number and size of the flakes, and the depths that they lie between.
 
     Parameters
     ----------
     density : float
         Flakes per cubic world unit (per cubic metre, as a rule).
     radius : (smallest, largest)
-        World units, evenly spread; a third of it is the Gaussian's sigma, see
+        Radii in world units, evenly spread; a third of the radius is the Gaussian's sigma, see
         :func:`flurries.particles.splat`.
     opacity : float
-        Of the centre of a large flake, above 0 and at most 1.
+        Opacity in the centre of a large flake, above 0 and at most 1.
     depth : (near, far)
-        World units. Over a tenth of either end the flakes fade, so that none pops.
+        Depths in world units. Flakes fade over a tenth of the range at either end, so that none
+        pops.
 
     Raises
     ------

@@ -40,7 +40,7 @@ class Spectrum(NamedTuple):
 
 
 class Octaves(NamedTuple):
-    """What :func:`statistics` gives."""
+    """The result of :func:`statistics`."""
 
     mean_opacity: float
     power: Float64
@@ -112,7 +112,7 @@ def statistics(
     population : Population
         The flakes.
     focal : float
-        Of the camera, pixels.
+        Focal length of the camera, pixels.
     edges : (n + 1,)
         Increasing wavelengths, pixels, 2 to 128.
 

@@ -58,7 +58,7 @@ def replacing(path: str | os.PathLike[str]) -> Iterator[Path]:
     Yields
     ------
     Path
-        Where to write. The file exists and is empty.
+        Array to write into and return. The file exists and is empty.
 
     Raises
     ------

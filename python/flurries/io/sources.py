@@ -49,11 +49,11 @@ class Source(ABC):
     aspect : float
         Width of a pixel over its height.
     encoding : {"display", "linear"}
-        What the pixels mean.
+        Encoding of the pixels.
     damaged : {"stop", "hold"}
-        What becomes of a frame that cannot be read.
+        What happens to a frame that cannot be read.
     held : set of int
-        Frames asked for so far for which an earlier one stood in.
+        Frames, of those asked for so far, that were replaced by an earlier one.
     """
 
     spec: str

@@ -23,27 +23,27 @@ _ROW = 13
 class Lamp:
     """Light that falls on flakes and drops.
 
-    With a `place` alone it shines to all sides, with a `direction` and an `angle` besides it is a
-    spot, and with a `direction` alone it is a sun.
+    A lamp with a `place` alone shines to all sides. With a `place`, a `direction` and an `angle` it
+    is a spot. With a `direction` alone it is a sun.
 
     Parameters
     ----------
     place : (x, y, z), optional
-        House axes, metres: x right, y down, z forward of the camera at frame 0. Keyed.
+        Place in the house axes, metres: x right, y down, z forward of the camera at frame 0. Keyed.
     direction : (x, y, z), optional
-        The way its light goes, of any length but 0. Keyed.
+        Direction in which the light travels, of any length but 0. Keyed.
     angle : float, optional
-        Of a spot's cone from rim to rim, radians.
+        Angle of a spot's cone from rim to rim, radians.
     soft : float
         Share of the cone over which it fades at its rim, 0 to 1.
     color : float or (r, g, b)
-        Linear light. Keyed.
+        Color in linear light. Keyed.
     power : float
         Radiant intensity: light of paper white times square metres per steradian, so that a white
-        wall at 1 m, lit straight on, is power / pi as bright as paper white. Of a sun the
+        wall at 1 m, lit straight on, is power / pi as bright as paper white. For a sun it is the
         irradiance. Keyed.
     radius : float
-        Of the lamp itself, metres: nothing is lit more than at its surface.
+        Radius of the lamp itself, metres. Nothing is lit more brightly than the lamp's surface.
     carried : bool
         Whether place and direction are in the camera's axes and go with it, as headlights do.
 

@@ -16,14 +16,14 @@ __all__ = ["Sun"]
 @suggesting
 @dataclass(frozen=True)
 class Sun:
-    """Light from far away, for effects that are lit.
+    """A sun: light from far away for gas that is lit.
 
     Parameters
     ----------
     direction : (x, y, z)
-        The way the light travels, in house axes (x right, y down, z forward of a camera that is not
-        turned); (0, 1, 0) shines from straight above, (0, 0, 1) from behind the camera, (0, 0, -1)
-        into it. Of any length but 0.
+        Direction in which the light travels, in house axes (x right, y down, z forward of a camera
+        that is not turned); (0, 1, 0) shines from straight above, (0, 0, 1) from behind the camera,
+        (0, 0, -1) into it. Of any length but 0.
     color : float, (r, g, b) or "#rrggbb"
         Display values, 0 to 1.
     ambient : float

@@ -21,7 +21,7 @@ __all__ = ["Course", "Keys", "Number", "Vector", "as_number", "as_vector"]
 
 @dataclass(frozen=True)
 class Keys:
-    """A number or a vector given at some frames, linear between them.
+    """A number or a vector that changes over time: given at some frames, linear between them.
 
     Parameters
     ----------
@@ -93,7 +93,7 @@ class Keys:
         return _plain(values[i] + part * (values[i + 1] - values[i]))
 
     def slope(self, t: float, *, extend: bool = False) -> Any:
-        """Return the change per frame at `t`, at a key that of the piece behind it."""
+        """Return the change per frame at `t`; at a key, the change after it."""
         t = real("t", t)
         frames, values = self._frames, self._values
         if len(frames) == 1 or (not extend and not frames[0] <= t < frames[-1]):

@@ -37,28 +37,29 @@ class Wind:
     Parameters
     ----------
     mean : (x, y, z) or Keys
-        Velocity everywhere, metres per second, house axes: x right, y down, z away.
+        Mean velocity, metres per second, house axes: x right, y down, z away.
     gusts : float
         Speed (root mean square) of large waves that travel with the mean wind, metres per second.
     swirl : float
-        The same of small eddies, metres per second.
+        Speed (root mean square) of small eddies, metres per second.
     scale : float
-        Size of the largest eddies, metres; gusts are 2 to 8 of it long, swirls down to a quarter.
+        Size of the largest eddies, metres. Gusts are 2 to 8 times as long, the smallest swirls a
+        quarter of it.
     profile : sequence of (depth, value) or Keys, optional
         How the mean changes with the depth in front of the camera, metres: numbers are factors of
-        the mean, vectors (x, y, z) are added to it. Linear between, held outside. Counts across the
-        view only, and for a camera that does not turn.
+        the mean, vectors (x, y, z) are added to it. Linear between, held outside. Only the part
+        across the view counts, and the camera must not turn.
     field : (nz, ny, nx, 3) or (nt, nz, ny, nx, 3) array, optional
         A velocity field of your own, metres per second, house axes, added to the rest: samples of
         one period in space (and time), of which the strongest `modes` waves are kept.
     spacing : float
         Metres between samples of `field`.
     duration : float
-        Seconds of its period in time.
+        Period of `field` in time, seconds.
     modes : int
         How many waves of `field` are kept.
     seed : int, optional
-        Of gusts and swirls; the same seed is the same air for every effect.
+        Seed of gusts and swirls; with the same seed all effects share the same air.
 
     Raises
     ------
@@ -149,18 +150,18 @@ class Wind:
 
     @property
     def waves(self) -> Waves | None:
-        """The waves of gusts, swirls and the field; None where the wind is the same all over."""
+        """The waves of gusts, swirls and the field; None where the wind is the same everywhere."""
         waves: Waves | None = self._waves
         return waves
 
     @property
     def uniform(self) -> bool:
-        """Whether it blows alike everywhere."""
+        """Whether the wind is the same everywhere."""
         return self.profile is None and self._waves is None
 
     @property
     def steady(self) -> Vector:
-        """The mean with that of `field`."""
+        """The mean velocity, that of `field` included."""
         if self.field is None:
             return self.mean
         own = self.field.reshape(-1, 3).mean(axis=0)

@@ -38,7 +38,7 @@ class Content:
     bits : 8, 10, 16, "half", "float" or None
         Of a color; what the format and the background have if None.
     codec : str or None
-        Of a film.
+        Quality of a film.
     motion : {"y-down", "y-up"}
         Which way the second number of motion vectors counts.
     compression : str

@@ -71,7 +71,7 @@ def positions(
         amplitude * (sin(w t + phi1), 0, sin(w t + phi2)) after the wrap, the phases hashed per
         flake. See `sway_offsets`.
     out : (count, 3) float64, optional
-        Where to write.
+        Array to write into and return.
 
     Returns
     -------
@@ -126,7 +126,7 @@ def sway_offsets(
     sway : (float, float)
         ``(amplitude, angular_frequency)``, world units and radians per unit of time.
     out : (count, 3) float64, optional
-        Where to write.
+        Array to write into and return.
 
     Returns
     -------
@@ -169,7 +169,7 @@ def edge_fade(
     center : (3,), optional
         c, the middle of the box, world units.
     out : (n,) float64, optional
-        Where to write.
+        Array to write into and return.
 
     Returns
     -------
@@ -223,7 +223,7 @@ def splat(
     camera : Camera
         Its focal length, principal point and offset are used.
     opacity : float or (n,)
-        Of the centre of a large resting flake, 0 to 1.
+        Opacity in the centre of a large resting flake, 0 to 1.
     velocity : (3,) or (n, 3), optional
         Flake minus camera, world units per frame. Without it flakes rest.
     shutter : float, optional
@@ -235,9 +235,9 @@ def splat(
         Depth of what stands in the picture, world units; infinity is the sky. Where it is nearer
         than the flake (at the middle of its clipped path), the flake is hidden. NaN hides nothing.
     dtype : float32 or float64, optional
-        Of the result.
+        Type of the result.
     out : (H, W) array of that dtype, optional
-        Where to write.
+        Array to write into and return.
 
     Returns
     -------
@@ -296,7 +296,7 @@ def ids(
     shape, points, radius, camera, opacity, velocity, shutter, near, depth
         As given to `splat`.
     out : (H, W) int32, optional
-        Where to write.
+        Array to write into and return.
 
     Returns
     -------

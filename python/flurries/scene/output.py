@@ -54,32 +54,32 @@ class OutputFields(TypedDict, total=False):
 class Output:
     """How the frames of a scene are written.
 
-    Arguments of :meth:`Scene.write` and options of the command line come before these. A codec is
-    for films and a compression for EXR: other files are written without.
+    Arguments of :meth:`Scene.write` and options of the command line replace these values. A codec
+    counts for films only, a compression for EXR only.
 
     Parameters
     ----------
     bits : 8, 10, 16, "half" or "float", optional
-        Of a color: in EXR "half" or "float", in PNG 8 or 16, in TIFF also "float", in DPX 8, 10 or
-        16, in a film what its codec has. If not given, half in EXR, 10 in DPX, and else what the
-        background has: a film that holds fewer is refused. A background of fewer bits is mixed in
-        16, so that the weather has their steps.
+        Bits of a color: in EXR "half" or "float", in PNG 8 or 16, in TIFF also "float", in DPX 8,
+        10 or 16, in a film what its codec has. If not given, half in EXR, 10 in DPX, and else what
+        the background has: a film that holds fewer is refused. A background of fewer bits is mixed
+        in 16, so that the weather has their steps.
     codec : str, optional
-        Of a film: "h264", "h265", "vp9", "ffv1", "prores-hq", "prores-4444" (with alpha for
+        Codec of a film: "h264", "h265", "vp9", "ffv1", "prores-hq", "prores-4444" (with alpha for
         `alone`) or "dnxhr"; the extension's own if not given.
     motion : {"y-down", "y-up"}
-        Which way the second number of motion vectors in layers counts.
+        Whether the second number of motion vectors in layers counts down or up.
     colorspace : str, optional
-        What is written, by its name in ``$OCIO``; the scene's own if not given. EXR holds linear
-        ones, formats of integers and films those that are encoded; layers stay in the light that
-        they were mixed in.
+        Color space of the files, by its name in ``$OCIO``; the scene's own if not given. EXR holds
+        linear ones, formats of integers and films those that are encoded; layers stay in the light
+        that they were mixed in.
     compression : {"zip", "zips", "piz", "rle", "none", "dwaa", "dwab"}
         How an EXR packs its pixels. The last two lose bits that are hard to see, and take half the
         bytes or less of a frame of snow; they are not for layers and eyes.
     quality : {"high", "medium", "draft"}
-        Of a film.
+        Quality of a film.
     layers : bool
-        EXR only: everything that is known of the frame as named channels beside the composite, see
+        EXR only: all layers, depths and motions as named channels beside the composite, see
         `flurries.output.contents.planes`.
     alone : bool
         The weather alone as RGBA, without background and foreground's picture: premultiplied linear
@@ -88,8 +88,8 @@ class Output:
         EXR only: the weather alone as deep samples in linear light, with the depths between which
         each lies, see `flurries.output.deep.deep_of`. The frame is drawn 32 times.
     damaged : {"stop", "skip", "hold"}
-        What becomes of a frame whose background is missing or damaged: an error, left out, or
-        rendered over the last good background before it.
+        What happens to a frame whose background is missing or damaged: "stop" is an error, "skip"
+        leaves the frame out, "hold" renders it over the last good background before it.
     sound : bool
         Keep the sound of a film that is the background in a film, where the frames follow each
         other at its own rate.

@@ -65,13 +65,13 @@ DEFAULT_FOCAL = 1.2
 @suggesting
 @dataclass(frozen=True, eq=False, init=False, repr=False)
 class Scene(Rendering):
-    """What a film is made of: a background, a camera's way, and the weather.
+    """A background, a camera and the weather: all that a film is made of.
 
     Parameters
     ----------
     size : (width, height), optional
-        Of the frame in pixels; the background's own if not given. Files and colors are fitted to
-        it (scaled to cover, cut at the sides); an array must have it.
+        Size of the frame in pixels; the background's own if not given. Files and colors are fitted
+        to it (scaled to cover, cut at the sides); an array must have it.
     background : path, "#rrggbb", (r, g, b) floats, array, or source
         A picture, an image sequence (``plate.%04d.png``), or a video file; a color; an array
         (H, W, 3) of uint8, uint16 or float. Integers hold display values, floats linear light. With
@@ -82,10 +82,9 @@ class Scene(Rendering):
     effects : sequence
         The weather, back to front; 1,000 at most.
     fps : float, optional
-        Frames per second; where seconds become frames. A background film's own if not given, else
-        30.
+        Frames per second. If not given, the rate of a film in the background, else 30.
     seed : int
-        Of all random numbers; each effect draws its own from it.
+        Seed of all random numbers; each effect draws its own numbers.
     foreground : path, array or Foreground, or a list of them, optional
         What stands in front of the weather: a mask (H, W) of the background's own pixels, 1 in
         front; or a picture with alpha (H, W, 4), straight for integers, premultiplied for floats.
@@ -95,21 +94,23 @@ class Scene(Rendering):
         Where layers are mixed. "auto": integers in display values as the paper does, floats in
         linear light.
     depth : float, array, path or DepthMap, optional
-        How far away what stands in the background is, planar depth in world units: a wall at one
-        depth; an array (H, W) of float with infinity where nothing stands; an EXR or float TIFF, or
-        a sequence of them, with a channel "Z" or "depth"; or a grey picture, see :class:`DepthMap`.
-        Files are fitted to the frame as the background is, each pixel with the depth of one.
+        Planar depth of the background in world units: a wall at one depth; an array (H, W) of float
+        with infinity where nothing stands; an EXR or float TIFF, or a sequence of them, with a
+        channel "Z" or "depth"; or a grey picture, see :class:`DepthMap`. Files are fitted to the
+        frame as the background is, each pixel with the depth of one.
     sun : Sun, optional
-        What shines on the gas.
+        The sun that lights gas.
     lights : sequence of Lamp
-        What shines on flakes and drops; the frame is then mixed in linear light.
+        Lamps that light flakes and drops; the frame is then mixed in linear light.
     lens : Lens, optional
-        With an opening: flakes and drops out of its focus are soft. Everything is sharp without.
+        A lens with an opening: flakes and drops that are out of focus are soft. Without a lens
+        everything is sharp.
     tolerance : float
-        How far values of a frame may be off, of full scale, if it saves time; see `render`.
+        Largest error of a frame, of full scale, that is allowed where it saves time; see `render`.
     extend : {"stop", "hold", "loop"}
-        What stands for a frame number that a sequence, a film or a camera's file does not have: an
-        error, its first or last frame, or its frames over again (a camera cannot loop).
+        What happens at a frame number that a sequence, a film or a camera's file does not have:
+        "stop" is an error, "hold" takes the first or last frame, "loop" begins again (not for
+        cameras).
     colorspace : str, optional
         The background's color space by its name in ``$OCIO`` or the built-in configuration, such as
         "ACEScg". Layers are mixed in it if it is linear, else in the configuration's scene_linear,
@@ -119,7 +120,7 @@ class Scene(Rendering):
         The number of the first frame of films, which have no numbers of their own. If not given
         that of the background's files, else 0.
     period : int, optional
-        After so many frames the film begins again, without a jump; see `loop`.
+        Number of frames after which the film begins again without a jump; see `loop`.
     output : Output, optional
         How frames are written where :meth:`write` does not say.
 
@@ -233,7 +234,7 @@ class Scene(Rendering):
 
     @property
     def display(self) -> Display:
-        """Where the display window lies in the frame: (left, top, width, height), px.
+        """The display window in the frame: (left, top, width, height), px.
 
         All of it, but for a background with overscan. Cameras count from its first pixel.
         """
@@ -254,7 +255,7 @@ class Scene(Rendering):
         return replace(self, **changes)
 
     def derive(self, **changes: Any) -> Scene:
-        """Return the scene with some attributes changed, which are known to be right: unchecked."""
+        """Return the scene with some attributes changed, without checks."""
         made = object.__new__(Scene)
         # What runs belongs to the scene that it was found for.
         if "camera" in changes:
@@ -297,7 +298,7 @@ class Scene(Rendering):
         return self if self.deep else self.derive(_backdrop=self._backdrop.fine())
 
     def anew(self) -> Scene:
-        """Return the scene with all files to be read again, whatever is kept of them."""
+        """Return the scene with nothing kept of its files: all are read again."""
         # A copy of an opened source forgets its pictures.
         given = self.background
         return self.replace(background=copy(given) if hasattr(given, "spec") else given)

@@ -150,7 +150,7 @@ def flake_patterns(
         of deviation d / sqrt(8), not under 0.3 px, whose integral is ``opacity * pi d^2 / 4``,
         averaged over each pixel's square.
     opacity : float
-        Of a flake's middle, 0 to 1.
+        Opacity in the middle of a flake, 0 to 1.
     patterns : int
         P, patterns of each layer.
     shear : float

@@ -22,11 +22,11 @@ def view(scene: Scene, *, size: int = 512, save: str = "tuned.toml") -> Viewer:
     Parameters
     ----------
     scene : Scene
-        What the sliders start from; it is not changed.
+        The scene that the sliders start from; it is not changed.
     size : int
         Pixels of the longer side of the picture, 16 to 4096. More is slower.
     save : path
-        Where the button "Save" writes the scene as TOML, over what was there.
+        File that the button "Save" writes the scene to, as TOML; it replaces an older file.
 
     Returns
     -------
@@ -38,7 +38,7 @@ def view(scene: Scene, *, size: int = 512, save: str = "tuned.toml") -> Viewer:
     ImportError
         Without anywidget.
     TypeError, ValueError
-        For what is no scene, or a size out of range.
+        If `scene` is not a scene, or `size` is out of range.
 
     Notes
     -----

@@ -49,7 +49,7 @@ class VideoWriter:
         Frames per second, above 0 and at most 1000. 23.976, 29.97 and 59.94 mean 24000/1001 and
         so on.
     quality : {"high", "medium", "draft"}
-        What the codec may throw away; FFV1 throws nothing away.
+        Quality of a codec that loses detail; FFV1 loses nothing.
     sound : flurries.io.films.sound.Sound, optional
         A part of another film's sound to go with the pictures; copied where the new file can hold
         it as it is, else encoded as AAC, Opus (WebM) or FLAC (Matroska).
@@ -63,8 +63,8 @@ class VideoWriter:
     alpha : bool
         Whether frames have it, straight; "prores-4444" alone holds it.
     tags : Tags, optional
-        What the film says of its colors, pixels and time code; sRGB display values in square pixels
-        if not given.
+        Colors, pixel aspect and time code in the film's header; sRGB display values in square
+        pixels if not given.
 
     Raises
     ------

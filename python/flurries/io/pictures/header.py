@@ -28,7 +28,7 @@ _DTYPES = {"half": "float16", "float": "float32"}
 
 @dataclass(frozen=True)
 class Header:
-    """What a picture says about itself.
+    """The header of a picture.
 
     Attributes
     ----------
@@ -41,13 +41,13 @@ class Header:
     encoding : str
         ``"linear"`` for float pixels, ``"display"`` for integers.
     metadata : dict
-        What flurries wrote into it, keys without ``flurries:``; empty for other pictures.
+        Metadata that flurries wrote, keys without ``flurries:``; empty for other pictures.
     display : (left, top, width, height) or None
         Where the display window lies in what `size` says, px; None where it is all of it.
     aspect : float
         Width of a pixel over its height.
     rate : Fraction or None
-        Frames a second, if it says so.
+        Frames per second, if the header has them.
     moves : bool
         Whether it holds several pictures to be shown after each other, as GIF and WebP may.
     """

@@ -36,22 +36,22 @@ _TIME = "smpte:TimeCode"
 
 @dataclass(frozen=True)
 class Slate:
-    """What a plate says of itself.
+    """The header of a plate, to be handed on to frames.
 
     Attributes
     ----------
     attributes : tuple of (name, type, value)
         As OpenImageIO calls them.
     encoding : {"display", "linear"}
-        What the plate's numbers are, which its attributes about color are about.
+        Encoding of the plate's numbers.
     origin : (x, y)
         Where its first pixel lies, px.
     display : (x, y, width, height) or None
         Its display window; None where that is all of the picture.
     rate : Fraction or None
-        Frames a second, if it says so.
+        Frames per second, if the header has them.
     bits : int or None
-        Of a color, if it says so.
+        Bits of a color, if the plate's header has them.
     colored : bool
         Whether colors are in the plate's own space still.
     """
@@ -65,7 +65,7 @@ class Slate:
     colored: bool = True
 
     def value(self, name: str) -> Any:
-        """Return what an attribute says, or None."""
+        """Return the value of an attribute, or None."""
         return next((value for known, _, value in self.attributes if known == name), None)
 
     @property
