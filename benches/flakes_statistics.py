@@ -1,10 +1,10 @@
 """Hybrid snow against every flake drawn, in numbers: ``python benches/flakes_statistics.py``.
 
-For each preset, size and camera the quotients ours / drawn of mean, deviation, skewness, excess
-kurtosis, areas above an opacity, power by octave (finest first) and Euler number, and how much the
-correlation of pixels with themselves some frames later differs. A star marks what misses its limit.
-A Gaussian field with the mean, the deviation and the spectrum of the drawn picture is judged, too:
-it must fail.
+For each preset, size and camera the quotients ours / drawn of mean, deviation, skewness, kurtosis
+(of a Gaussian 3), areas above an opacity, power by octave (finest first) and Euler number, and how
+much the correlation of pixels with themselves some frames later differs. A star marks what misses
+its limit. A Gaussian field with the mean, the deviation and the spectrum of the drawn picture is
+judged, too: it must fail.
 
 The Euler number of a level p is that of the pixels above a picture's own p-th percentile, since
 mean, deviation and areas judge how opaque a picture is; "at common levels" both pictures are cut at
@@ -79,7 +79,7 @@ def numbers(picture: Picture, common: Picture) -> Numbers:
         "mean": picture.mean(),
         "deviation": deviation,
         "skewness": (away**3).mean() / deviation**3,
-        "kurtosis": (away**4).mean() / deviation**4 - 3.0,
+        "kurtosis": (away**4).mean() / deviation**4,
         "above .3": (picture > 0.3).mean(),
         "above .5": (picture > 0.5).mean(),
     }

@@ -117,6 +117,14 @@ def test_two_generations_share_a_layer():
     # The next generation of one is the first of the other.
     later = flakes.choices(4, TILES, layers=LAYERS, patterns=NUMBER, tile=TILE, generation=old + 1)
     assert np.array_equal(later.pattern, parts[1].pattern)
+    # Terms that name their layers are those of the layers.
+    again = flakes.choices(
+        4, TILES, layers=LAYERS, patterns=NUMBER, tile=TILE, terms=[LAYERS - 1, 0, 0],
+        generation=np.repeat(old[..., :1], 3, axis=2),
+    )  # fmt: skip
+    assert np.array_equal(again.pattern[..., 1], parts[0].pattern[..., 0])
+    assert np.array_equal(again.shift[..., 2, :], parts[0].shift[..., 0, :])
+    assert np.array_equal(again.pattern[..., 0] // NUMBER, np.full((ROWS, COLS), LAYERS - 1))
 
 
 def test_the_public_function_is_a_thin_case():

@@ -186,6 +186,7 @@ def flake_choices(
     generation: npt.NDArray[np.int64] | None = None,
     moved: _Float64 | None = None,
     placed: bool = False,
+    layer: Sequence[int] | None = None,
 ) -> None: ...
 def flake_population(
     out: npt.NDArray[np.complex64],

@@ -207,9 +207,10 @@ pub fn flake_mix(
 /// What each tile takes by `seed`: `pattern` (rows, cols, layers) of `patterns` for each layer,
 /// `shift` (rows, cols, layers, 2) in a tile of so many pixels, `mirror` (rows, cols). `moved` (rows,
 /// cols, layers, 2), or (1, 1, ..) for all tiles, is added to the shifts. With `placed` patterns stand
-/// at places within a pixel, as [`flake_population`] makes them, and the shift is what is left.
+/// at places within a pixel, as [`flake_population`] makes them, and the shift is what is left. With
+/// `layer` the arrays hold terms of these layers in place of one of each.
 #[pyfunction]
-#[pyo3(signature = (pattern, shift, mirror, seed, patterns, tile, generation=None, moved=None, placed=false))]
+#[pyo3(signature = (pattern, shift, mirror, seed, patterns, tile, generation=None, moved=None, placed=false, layer=None))]
 #[expect(clippy::too_many_arguments, reason = "arrays of one request")]
 pub fn flake_choices(
     mut pattern: PyReadwriteArray3<'_, i32>,
@@ -221,12 +222,16 @@ pub fn flake_choices(
     generation: Option<PyReadonlyArray3<'_, i64>>,
     moved: Option<PyReadonlyArray4<'_, f64>>,
     placed: bool,
+    layer: Option<Vec<usize>>,
 ) -> PyResult<()> {
     let (mut pattern, mut shift) = (pattern.as_array_mut(), shift.as_array_mut());
     let mut mirror = mirror.as_array_mut();
     let generation = generation.as_ref().map(|generation| generation.as_array());
     let (rows, cols, layers) = pattern.dim();
-    let alike = shift.dim() == (rows, cols, layers, 2) && mirror.dim() == (rows, cols);
+    let layer = layer.unwrap_or_else(|| (0..layers).collect());
+    let alike = layer.len() == layers
+        && shift.dim() == (rows, cols, layers, 2)
+        && mirror.dim() == (rows, cols);
     if !alike || generation.is_some_and(|array| array.dim() != pattern.dim()) || patterns == 0 {
         return Err(Error::invalid("pattern", "must have the shape of the others").into());
     }
@@ -238,20 +243,20 @@ pub fn flake_choices(
     for ((row, col), mirror) in mirror.indexed_iter_mut() {
         *mirror = mirrored(seed, (row, col));
     }
-    for ((row, col, layer), index) in pattern.indexed_iter_mut() {
-        let generation = generation.map_or(0, |array| array[(row, col, layer)]);
-        let found = choice(seed, layer, (row, col), generation, patterns, tile);
+    for ((row, col, term), index) in pattern.indexed_iter_mut() {
+        let generation = generation.map_or(0, |array| array[(row, col, term)]);
+        let found = choice(seed, layer[term], (row, col), generation, patterns, tile);
         let at = if one { (0, 0) } else { (row, col) };
-        let along = |axis| moved.map_or(0.0, |moved| moved[(at.0, at.1, layer, axis)]);
+        let along = |axis| moved.map_or(0.0, |moved| moved[(at.0, at.1, term, axis)]);
         let mut place_of = (0, [found.shift[0] + along(0), found.shift[1] + along(1)]);
-        let mut number = layer * patterns + found.pattern;
+        let mut number = layer[term] * patterns + found.pattern;
         if placed {
             place_of = place(place_of.1, mirror[(row, col)]);
             number = number * FINE * FINE + place_of.0;
         }
         *index = number as i32;
-        shift[(row, col, layer, 0)] = place_of.1[0];
-        shift[(row, col, layer, 1)] = place_of.1[1];
+        shift[(row, col, term, 0)] = place_of.1[0];
+        shift[(row, col, term, 1)] = place_of.1[1];
     }
     Ok(())
 }

@@ -28,10 +28,10 @@ PLACES = {63: 16, 128: 16, 256: 1}
 
 # Flakes of a layer that are drawn for each pixel of a tile, at most. Of more, whose images are
 # small, a part is drawn, and what differs from the mean is made as large as that of all.
-MOST_A_PIXEL = {63: 1.0, 128: 0.3, 256: 0.1}
+MOST_A_PIXEL = {63: 1.0, 128: 0.6, 256: 0.1}
 
 # Streaks up to so many pixels are drawn into patterns.
-LONGEST_STREAK = 6.0
+LONGEST_STREAK = 24.0
 
 
 class Slab(NamedTuple):

@@ -11,6 +11,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import numpy.typing as npt
 
 from flurries import _core
 from flurries._contract import Array, Float64
@@ -18,13 +19,13 @@ from flurries.camera.tiles import tile_middles
 from flurries.effects.checks import DepthMode
 from flurries.effects.defocus import circles_of
 from flurries.effects.flake_patterns import LONGEST_STREAK, Patterns, Streaks, patterns_of
-from flurries.effects.flake_terms import LADDER, Flight, terms_of, tile_counts
+from flurries.effects.flake_terms import LADDER, Flight, stops_of, terms_of, tile_counts
 from flurries.effects.flow import flow_of, gusts_of
 from flurries.effects.gusts import flakes_in_profile
 from flurries.effects.lighting import lamp_shade
 from flurries.effects.motion import Way
 from flurries.effects.passes import Other
-from flurries.effects.weather import Film, Layer, Weather
+from flurries.effects.weather import WRAPS, Film, Layer, Weather
 from flurries.frame.layer import Shade
 from flurries.frame.needs import Cost, LeftOut, Needs, Step, has_keys, omission
 from flurries.frame.view import Frame
@@ -123,7 +124,7 @@ class FlakeTexture:
         if film.constant:
             # All tiles move alike.
             x, y = x[:1], y[:1]
-        moved, streak, turns = self._motion(frame, film, x, y)
+        moved, streak, turns, pace = self._motion(frame, film, x, y)
         if frame.depth is not None and self.depth_mode == "tile":
             there = there * self._seen_by_tiles(frame, film, layers)
         gains = np.ones((1, 1, len(layers)))
@@ -136,17 +137,23 @@ class FlakeTexture:
                 np.ascontiguousarray(part.transpose(1, 0, 2, 3)[..., ::-1])
                 for part in (moved, streak)
             )
-            turns, there, gains = (part.transpose(1, 0, 2) for part in (turns, there, gains))
+            turns, pace, there, gains = (
+                part.transpose(1, 0, 2) for part in (turns, pace, there, gains)
+            )
         tiles = tile_counts(frame.shape[::-1] if film.across else frame.shape, film)
+        # Where streaks are drawn into patterns their flakes are shown once.
+        drawn = patterns.gains is None
+        lengths = np.hypot(streak[..., 0], streak[..., 1]).max(axis=(0, 1))
+        stops = stops_of(np.zeros_like(lengths) if drawn else lengths, patterns.places > 1)
         terms = terms_of(
-            Flight(moved, turns, there, gains),
+            Flight(moved, turns, pace, there, gains, streak),
             film,
             patterns,
             tiles,
             frame.seed,
             self._rungs(amount),
+            stops,
         )
-        number = terms.pattern.shape[2]
         mean = (there if len(self._rungs(amount)) > 1 else self._rungs(amount)[0]) * gains
         mean = mean * patterns.depths
         height, width = frame.shape
@@ -154,20 +161,19 @@ class FlakeTexture:
         window, shape = (top, bottom, left, right), (height, width)
         if film.across:
             window, shape = (left, right, top, bottom), (width, height)
-        blurred = patterns.gains is not None and bool(streak.any())
+        streak = LONGER * (streak * stops.blurred[:, None])[:, :, terms.layer]
         before = None
         if self._cut(frame):
             assert frame.depth is not None
             depth = frame.depth.T if film.across else frame.depth
-            before = _before(layers, depth, number, mean / film.tile**2)
-        again = np.arange(number) % len(layers)
+            before = _before(layers, depth, terms.layer, mean / film.tile**2)
         return Request(
             shape=shape,
             overlap=film.overlap,
             pattern=terms.pattern,
             gain=np.ascontiguousarray(terms.gain),
             shift=terms.shift,
-            streak=LONGER * streak[:, :, again] if blurred else None,
+            streak=streak if stops.blurred.any() else None,
             mirror=terms.mirror,
             mean=np.ascontiguousarray(mean.sum(axis=2) / film.tile**2),
             window=window,
@@ -176,26 +182,32 @@ class FlakeTexture:
 
     def _motion(
         self, frame: Frame, film: Film, x: Float64, y: Float64
-    ) -> tuple[Float64, Float64, Float64]:
-        """Return the layers' displacements and streaks (rows, cols, L, 2), px, and generations."""
+    ) -> tuple[Float64, Float64, Float64, Float64]:
+        """Return the layers' displacements and streaks, px, generations, and these per frame."""
         layers = film.layers
         flows = {
             id(share): flow_of(frame, share.motion, share.motion.way(frame), x, y)
             for share in film.shares
         }
         shape = (len(y), len(x), len(layers))
-        moved, streak, turns = np.empty((*shape, 2)), np.empty((*shape, 2)), np.empty(shape)
+        moved, streak = np.empty((*shape, 2)), np.empty((*shape, 2))
+        turns, pace = np.empty(shape), np.empty(shape)
+        wrap = WRAPS * film.tile
         exposure = value_at(self.weather.motion.shutter, frame.t)
         for index, (share, slab) in enumerate(layers):
             now, rate, nearer = flows[id(share)]
             moved[:, :, index] = now.along / slab.depth + now.shift
-            streak[:, :, index] = exposure * (rate.along / slab.depth + rate.shift)
-            turns[:, :, index] = 2.0 * nearer / (slab.far - slab.near)
+            speed = rate.along / slab.depth + rate.shift
+            streak[:, :, index] = exposure * speed
+            passage = 0.5 * (slab.far - slab.near)
+            turns[:, :, index] = nearer / passage
+            comes = abs(float(share.motion.way(frame).rate[2])) / passage
+            pace[:, :, index] = comes + np.abs(speed[..., 0 if film.across else 1]) / wrap
             if self.weather.motion.varied is not None:
                 extra = gusts_of(frame, share, slab.depth, x, y)
                 moved[:, :, index] += extra[0]
                 streak[:, :, index] += exposure * extra[1]
-        return moved, streak, turns
+        return moved, streak, turns, pace
 
     def _there(self, frame: Frame, film: Film, amount: float, x: Float64, y: Float64) -> Float64:
         """Return which part of each layer's flakes is there, (rows, cols, L) or (1, 1, L)."""
@@ -302,7 +314,7 @@ class FlakeTexture:
         if not film.constant:
             return None
         zero = np.zeros(1)
-        _, streak, _ = self._motion(frame, film, zero, zero)
+        streak = self._motion(frame, film, zero, zero)[1]
         lengths = np.hypot(streak[0, 0, :, 0], streak[0, 0, :, 1])
         if lengths.max(initial=0.0) > LONGEST_STREAK:
             return None
@@ -326,8 +338,10 @@ class FlakeTexture:
         return Cost(work, size, 4 * plane, 8 * plane)
 
 
-def _before(layers: Sequence[Layer], depth: Array, number: int, mean: Float64) -> Before:
-    """Return so many terms of layers before a scene, grouped by their depths."""
+def _before(
+    layers: Sequence[Layer], depth: Array, term: npt.NDArray[np.int64], mean: Float64
+) -> Before:
+    """Return terms of layers before a scene, grouped by their depths."""
     order = np.argsort([slab.depth for _, slab in layers], kind="stable")
     groups = [part for part in np.array_split(order, GROUPS) if len(part)]
     edges = np.array(sorted({edge for _, slab in layers for edge in (slab.near, slab.far)}))
@@ -336,7 +350,7 @@ def _before(layers: Sequence[Layer], depth: Array, number: int, mean: Float64) -
         group[part] = index
     return Before(
         depth=depth,
-        group=np.resize(group, number),
+        group=group[term],
         edges=edges,
         shares=np.stack([_seen_before([layers[i] for i in part], edges) for part in groups]),
         mean=np.stack([mean[..., part].sum(axis=2) for part in groups], axis=-1),

@@ -21,7 +21,9 @@ from flurries.frame.view import Frame
 from flurries.motion.keys import Keys, Number, value_at
 from flurries.particles.population import (
     FADE,
+    HANDOVER_SIGMA,
     LEAST_IN_TILE,
+    SIGMA_OF_DIAMETER,
     Population,
     SizeClass,
     Slab,
@@ -46,6 +48,10 @@ MOST_DRAWN = 3_000_000
 # Of a tile, the part that neighbours share. Power blending lifts the mean of sparse snow there, by
 # 1.3 % of all at a ninth and by .7 % at a fifteenth.
 OVERLAP = 14
+
+# Flakes of all classes in a tile, below which neighbours share half as much: there blending lifts
+# the mean, and seams of so few flakes cannot be seen.
+SPARSE = 2000.0
 
 # A layer changes its patterns after so many lengths of a torus.
 WRAPS = 12
@@ -221,8 +227,11 @@ def _film(
     ]
     extra = 0.0 if motion.varied is None else motion.varied.fastest_extra() / fps
     fastest = [each.fastest(path, fps) + extra for _, each in classes]
+    # As far as the largest flakes are drawn in any case, all may be.
+    reach = focal * classes[-1][0].largest * SIGMA_OF_DIAMETER / HANDOVER_SIGMA
     for tile in TILES:
-        if max(fastest) * 2.0 * focal / tile <= _sparse(classes, focal, tile) or tile >= min(shape):
+        drawn = max(reach, _sparse(classes, focal, tile))
+        if max(fastest) * 2.0 * focal / tile <= drawn or tile >= min(shape):
             break
     # Nothing is nearer than the near depth: there the texture must not begin before it.
     least = min(NEAR_FADE * weather.near, weather.far)
@@ -252,7 +261,8 @@ def _film(
             x, y, _ = course.values[0] @ matrix_of(rotation)
             slopes.append(float(y / x if across else x / y) if x or y else 0.0)
     shear = shear_for(tile, tuple(slopes[1:] if constant else slopes[:1]))
-    return Film(tuple(shares), tile, tile // OVERLAP, across, spreads, constant, shear)
+    overlap = tile // OVERLAP if in_tile >= SPARSE else tile // (2 * OVERLAP)
+    return Film(tuple(shares), tile, overlap, across, spreads, constant, shear)
 
 
 def shear_for(tile: int, slopes: tuple[float, ...]) -> int:

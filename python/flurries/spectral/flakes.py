@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -265,6 +266,7 @@ def choices(
     generation: npt.NDArray[np.int64] | None = None,
     moved: Float64 | None = None,
     placed: bool = False,
+    terms: Sequence[int] | None = None,
 ) -> Choices:
     """Return which pattern each tile takes for each layer, where, and whether upside down.
 
@@ -283,16 +285,21 @@ def choices(
     placed : bool
         Whether patterns stand at 16 places within a pixel, as ``_core.flake_population`` makes
         them: the nearest place is taken, and whole pixels are left of the shift.
+    terms : sequence of int, optional
+        Layers of the terms that are asked for; all arrays then have these in place of the layers.
 
     Returns
     -------
     Choices
         ``pattern`` and ``shift`` for L terms.
     """
-    pattern = np.empty((*tiles, layers), np.int32)
-    shift = np.empty((*tiles, layers, 2))
+    number = layers if terms is None else len(terms)
+    pattern = np.empty((*tiles, number), np.int32)
+    shift = np.empty((*tiles, number, 2))
     mirror = np.empty(tiles, np.bool_)
-    _core.flake_choices(pattern, shift, mirror, seed, patterns, tile, generation, moved, placed)
+    _core.flake_choices(
+        pattern, shift, mirror, seed, patterns, tile, generation, moved, placed, terms
+    )
     return Choices(pattern, shift, mirror)
 
 
