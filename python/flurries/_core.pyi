@@ -6,8 +6,7 @@ import numpy.typing as npt
 
 from flurries.cone.rays import Pose
 from flurries.effects.flake_patterns import Slab as FlakeSlab
-from flurries.effects.flakes import Flurry
-from flurries.particles.crowd import Closeup, Crowd
+from flurries.particles.crowd import Closeup, Crowd, Flurry
 from flurries.spectral.flakes import Request as FlakeRequest
 from flurries.spectral.request import Request
 from flurries.spectral.volume import Film

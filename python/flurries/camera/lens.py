@@ -136,11 +136,19 @@ def project(
     given = _rows("points", points, 3)
     view = expect_camera(camera, stretched=True)
     size = shape_of("shape", shape)
-    local = given @ view.matrix() - np.array(view.offset)
+    px, depth = seen_at(given @ view.matrix() - np.array(view.offset), view, size)
+    px[depth <= 0.0] = np.nan
+    return px, depth
+
+
+def seen_at(local: Float64, camera: Camera, shape: tuple[int, int]) -> tuple[Float64, Float64]:
+    """Return where points (n, 3) from the eye, in its axes, are seen, (n, 2) px; and their depth.
+
+    Also of points behind the eye, which are seen upside down.
+    """
     depth = np.ascontiguousarray(local[:, 2])
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-        px = view.focals * local[:, :2] / depth[:, None] + np.array(view.principal(size))
-    px[depth <= 0.0] = np.nan
+        px = camera.focals * local[:, :2] / depth[:, None] + np.array(camera.principal(shape))
     return px, depth
 
 

@@ -11,7 +11,7 @@ import numpy as np
 from flurries import _core
 from flurries._contract import Array, Float64
 from flurries.effects.lighting import Base
-from flurries.effects.passes import STEPS, plane_motion, screen
+from flurries.effects.passes import NEAREST, STEPS, plane_motion
 from flurries.effects.sunlight import Scatter
 from flurries.frame.needs import Cost
 from flurries.frame.view import Frame
@@ -156,7 +156,7 @@ class Cloud:
         top, bottom, left, right = frame.window
         layer = np.zeros((bottom - top, right - left, 4), np.float32)
         if len(points) > 0:
-            far = screen(points, frame)[1]
+            far = np.maximum(points[:, 2] - frame.camera.offset[2], NEAREST)
             gas = sorted_gas(
                 frame.shape, points, self.radius, shown, far, frame.camera,
                 footprint=self.footprint, near=self.near, near_mode="exact", depth=frame.depth,

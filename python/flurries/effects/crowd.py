@@ -14,9 +14,18 @@ import numpy.typing as npt
 from flurries import _core
 from flurries._contract import Array, Float64
 from flurries._core import SortedFlakes
+from flurries.camera.lens import seen_at
 from flurries.camera.path import CameraPath
 from flurries.camera.rotation import rotation_matrix
-from flurries.effects.flakes import draw_numbered, draw_sorted, lens_of, project
+from flurries.effects.drawing import (
+    MOST_IN_BOX,
+    draw_numbered,
+    draw_sorted,
+    gust_room,
+    lens_of,
+    sight_of,
+    triple,
+)
 from flurries.effects.gusts import flakes_in_profile, flakes_in_waves
 from flurries.effects.motion import Motion, Way
 from flurries.effects.passes import Other
@@ -42,9 +51,6 @@ _WHOLE_BOX = 1e9
 
 # Places, radii, opacities, ways during the exposure and numbers of flakes.
 Listed: TypeAlias = tuple[Float64, Float64, Float64, Float64, npt.NDArray[np.int64]]
-
-# Larger boxes would take all memory that there is for their numbers.
-MOST_IN_BOX = 420_000_000
 
 
 class Room(NamedTuple):
@@ -213,7 +219,7 @@ class DrawnFlakes:
             opacity=weather.population.opacity,
             turn=_rows3(turn),
             spread=_rows3(spread),
-            down=_triple(down if path.turns else down @ axes),
+            down=triple(down if path.turns else down @ axes),
             heights=(-deepest, deepest),
             room=room,
             lens=lens_of(camera, frame.shape),
@@ -270,12 +276,12 @@ class DrawnFlakes:
         box = Box(
             number=count,
             sides=room.sides,
-            center=_triple(axes @ center if path.turns else center),
+            center=triple(axes @ center if path.turns else center),
             seed=seed,
-            way=_triple(-moved if path.turns else -moved @ axes),
+            way=triple(-moved if path.turns else -moved @ axes),
             order=_order(share.motion, path, frame.fps, rotation, room.sides),
             sway=(weather.sway[0], weather.sway[1] * frame.t / frame.fps),
-            travel=_triple(travel),
+            travel=triple(travel),
             sizes=(share.size.smallest, share.size.largest),
             slope=weather.population.sizes.slope,
             shown=shown,
@@ -366,12 +372,13 @@ class DrawnFlakes:
         at = np.minimum(np.searchsorted(known, numbers), max(len(known) - 1, 0))
         points, travel = points[at] / stretch, travel[at] / stretch
         exposure = value_at(self.weather.motion.shutter, frame.t)
-        start, depth = project(points, frame.camera, frame.shape)
+        start, depth = seen_at(points - frame.camera.offset, frame.camera, frame.shape)
         resting = np.broadcast_to(-way.rate, points.shape)
         speed = travel / exposure if exposure > 0.0 else resting
         motions = []
         for other, _ in others:
-            end, _ = project(points + (other.t - frame.t) * speed, other.camera, other.shape)
+            moved = points + (other.t - frame.t) * speed - other.camera.offset
+            end, _ = seen_at(moved, other.camera, other.shape)
             motions.append((end - start).astype(np.float32))
         return motions, depth.astype(np.float32)
 
@@ -397,19 +404,11 @@ class DrawnFlakes:
 @lru_cache(maxsize=256)
 def _room(drawn: DrawnFlakes, shape: tuple[int, int], path: CameraPath, depth: float) -> Room:
     """Return the box of what a film sees up to a depth: nothing of its walls is ever seen."""
-    height, width = shape
-    lens = path.widest
-    cx, cy = lens.principal(shape)
-    fx, fy = (depth / focal for focal in lens.focals)
-    # The path's camera counts, so that both eyes see the same flakes, with room for their distance;
-    # and the farther side of a lens that is off the middle, since the box is centred on the axis.
-    across, down = 2.0 * max(cx, width - cx) * fx, 2.0 * max(cy, height - cy) * fy
-    wind = drawn.weather.motion.varied
-    room = 0.0 if wind is None or wind.waves is None else 1.5 * wind.waves.spread()
+    # With room for the distance of two eyes.
+    across, down, ball = sight_of(path, shape, depth)
+    room = gust_room(drawn.weather.motion)
     room += _MARGIN + drawn.weather.sway[0] + drawn.weather.population.sizes.largest
     if path.turns:
-        corner = 0.25 * (across**2 + down**2)
-        ball = max(0.5 * (depth + corner / depth), math.sqrt(corner))
         side = 2.0 * (ball + room)
         return Room((side, side, side), min(ball, depth))
     return Room((across + 2.0 * room, down + 2.0 * room, depth), 0.5 * depth)
@@ -426,10 +425,5 @@ def _order(
     return first, second, third
 
 
-def _triple(values: Float64) -> tuple[float, float, float]:
-    x, y, z = (float(value) for value in values)
-    return x, y, z
-
-
 def _rows3(matrix: Float64) -> Any:
-    return tuple(_triple(row) for row in matrix)
+    return tuple(triple(row) for row in matrix)

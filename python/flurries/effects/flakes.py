@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -14,8 +13,18 @@ import numpy.typing as npt
 from flurries import _core
 from flurries._contract import Array, Float64
 from flurries._core import SortedFlakes
-from flurries.camera.lens import Camera
+from flurries.camera.lens import seen_at
 from flurries.camera.path import CameraPath
+from flurries.effects.drawing import (
+    MOST_IN_BOX,
+    NEAR,
+    draw_numbered,
+    draw_sorted,
+    gust_room,
+    lens_of,
+    sight_of,
+    triple,
+)
 from flurries.effects.motion import Motion, Way
 from flurries.effects.passes import Other
 from flurries.effects.places import FADE_IN, SHOWN, SIZES, Listed, Places, list_flakes, place_flakes
@@ -23,65 +32,11 @@ from flurries.effects.resolution import TUNED
 from flurries.frame.needs import Cost, LeftOut, Needs, Step, has_keys, omission
 from flurries.frame.view import Frame
 from flurries.motion.keys import Number, value_at
+from flurries.particles.crowd import Flurry, Lens
 from flurries.particles.looks import image_of
-
-# Nothing nearer than this is drawn, metres; what `particles.splat` has for a default.
-NEAR = 0.1
-
-# What the most flakes in view need behind a centred lens; a small scene must not ask for more work.
-MOST_IN_BOX = 420_000_000
 
 # Pixels that are drawn together.
 RUN = 32
-
-Triple = tuple[float, float, float]
-Lens = tuple[float, float, float, Triple, float]
-
-
-class Flurry(NamedTuple):
-    """A box of flakes that all move alike, as the kernel reads it: its fields go by name.
-
-    Attributes
-    ----------
-    number : int
-        Flakes in the box.
-    sides, center : (3,)
-        The box in the eye's axes, metres.
-    seed : int
-        Of places, sway and sizes.
-    way, travel : (3,)
-        Metres since frame 0, and during the exposure.
-    sway : (amplitude, angle)
-        Metres, radians.
-    radius : (smallest, largest)
-        Metres.
-    opacity, amount, fade_in : float
-        Of a flake's middle; the share of flakes that is there; over which the last ones fade in.
-    largest : (low, high)
-        Sigma in pixels from which flakes fade, and at which they are gone.
-    sizes : int
-        Stream of the numbers that their sizes are.
-    lens : (focal, cx, cy, offset, near)
-        See :class:`flurries.Camera`.
-    window : (top, bottom, left, right)
-        Pixels; the rest of the frame may lack flakes.
-    """
-
-    number: int
-    sides: Triple
-    center: Triple
-    seed: int
-    way: Triple
-    sway: tuple[float, float]
-    travel: Triple
-    radius: tuple[float, float]
-    opacity: float
-    amount: float
-    fade_in: float
-    largest: tuple[float, float]
-    sizes: int
-    lens: Lens
-    window: tuple[int, int, int, int]
 
 
 class Box(NamedTuple):
@@ -211,12 +166,12 @@ class Flakes:
         """Return motions to other frames (n, 2) and depth (n,) of flakes by their numbers."""
         some = numbers.astype(np.int64)
         points, velocity, _ = self._places(frame, way, some).of(some)
-        start, depth = project(points, frame.camera, frame.shape)
         local, half = points - frame.camera.offset, 0.5 * float(self.box(frame).sides.min())
+        start, depth = seen_at(local, frame.camera, frame.shape)
         motions = []
         for other, its_way in others:
             after, _, known = self._places(other, its_way, some).of(some)
-            end, ahead = project(after, other.camera, other.shape)
+            end, ahead = seen_at(after - other.camera.offset, other.camera, other.shape)
             motion = end - start
             # One that flies past the eye before the next frame, or comes back at the other side of
             # the box: as fast as now.
@@ -310,17 +265,17 @@ class Flakes:
         """Return the box of flakes before the frame's camera."""
         # Everything is as much higher as pixels are.
         stretch = np.array([1.0, frame.camera.aspect, 1.0])
-        box = self.box(frame)
+        box, number, opacity = self.box(frame), self.count(frame), value_at(self.opacity, frame.t)
         return Flurry(
-            number=self.count(frame),
-            sides=_triple(stretch * box.sides),
+            number=number,
+            sides=triple(stretch * box.sides),
             center=(0.0, 0.0, 0.5 * self.reach),
             seed=frame.seed,
-            way=_triple(-stretch * way.moved),
+            way=triple(-stretch * way.moved),
             sway=(self.sway[0], self.sway[1] * frame.t / frame.fps),
-            travel=_triple(way.shutter * stretch * -way.rate),
+            travel=triple(way.shutter * stretch * -way.rate),
             radius=(0.5 * self.sizes[0], 0.5 * self.sizes[1]),
-            opacity=value_at(self.opacity, frame.t),
+            opacity=opacity,
             amount=amount,
             fade_in=FADE_IN,
             largest=box.largest,
@@ -365,54 +320,18 @@ class Flakes:
         return points, rows.radius, opacity, velocity, way.shutter, lens
 
 
-def draw_sorted(frame: Frame, flakes: SortedFlakes, numbers: Array | None = None) -> Array:
-    """Return the opacity of flakes over the window; `numbers` gets those that show most."""
-    top, bottom, left, right = frame.window
-    result = np.empty((bottom - top, right - left), np.float32)
-    _core.particle_draw(result, flakes, frame.window, frame.depth, numbers)
-    return result
-
-
-def draw_numbered(
-    frame: Frame, flakes: SortedFlakes, known: npt.NDArray[Any] | None
-) -> tuple[Array, Array]:
-    """Return the opacity of flakes, and the number of the one that each pixel shows, -1 for none.
-
-    Of flakes that were sorted from a list `known` has the numbers of its rows.
-    """
-    top, bottom, left, right = frame.window
-    shown = np.empty((bottom - top, right - left), np.int32)
-    alpha = draw_sorted(frame, flakes, shown)
-    return alpha, shown if known is None else np.append(known, -1).astype(np.int32)[shown]
-
-
-def lens_of(camera: Camera, shape: tuple[int, int]) -> Lens:
-    """Return a camera as the kernel takes it, everything as much higher as pixels are."""
-    offset = _triple(np.array([1.0, camera.aspect, 1.0]) * camera.offset)
-    x, y = camera.principal(shape)
-    return camera.focal, x, y, offset, NEAR
-
-
 @lru_cache(maxsize=64)
 def _box(flakes: Flakes, shape: tuple[int, int], path: CameraPath) -> Box:
     height, width = shape
-    reach, lens = flakes.reach, path.widest
-    cx, cy = lens.principal(shape)
-    # The path's camera counts, so that both eyes see the same flakes; and the farther side of a
-    # lens that is off the middle, since the box is centred on the axis.
-    fx, fy = (reach / focal for focal in lens.focals)
-    across, down = 2.0 * max(cx, width - cx) * fx, 2.0 * max(cy, height - cy) * fy
-    corner = 0.25 * (across**2 + down**2)
-    ball = max(0.5 * (reach + corner / reach), math.sqrt(corner))
-    # Gusts carry flakes aside: with few exceptions so far. One that is carried farther is missed at
-    # the view's border; none ever jumps, since flakes are faded out where the box wraps.
-    wind = flakes.motion.varied
-    room = 0.0 if wind is None or wind.waves is None else 1.5 * wind.waves.spread()
+    reach, wind = flakes.reach, flakes.motion.varied
+    across, down, ball = sight_of(path, shape, reach)
+    room = gust_room(flakes.motion)
     # The outer 15 % of the box fade; the view's far corners stay inside of that.
     sides = np.array([across / SHOWN + 2.0 * room, down / SHOWN + 2.0 * room, reach])
     if path.turns:
         sides = np.full(3, 2.0 * ball / SHOWN + 2.0 * room)
     # The view is a pyramid: a third of the prism around it.
+    fx, fy = (reach / focal for focal in path.widest.focals)
     view = width * fx * height * fy * reach / 3.0
     alike = wind is None and not (path.turns or path.zooms)
     low, high = (limit * (width / TUNED) for limit in flakes.largest)
@@ -432,16 +351,3 @@ def _count(flakes: Flakes, shape: tuple[int, int], path: CameraPath) -> int:
             f"center is so far off the middle; at most {MOST_IN_BOX} are drawn"
         )
     return count
-
-
-def _triple(values: Float64) -> Triple:
-    x, y, z = values.tolist()
-    return x, y, z
-
-
-def project(points: Float64, camera: Camera, shape: tuple[int, int]) -> tuple[Float64, Float64]:
-    """Return where points in the eye's axes are seen, (n, 2) px, and their depth."""
-    local = points - np.array(camera.offset)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        px = camera.focals * local[:, :2] / local[:, 2:] + np.array(camera.principal(shape))
-    return px, local[:, 2]

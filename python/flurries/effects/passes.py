@@ -83,15 +83,6 @@ def passes_of(
     return Passes(forward, backward, depth, coverage, ids)
 
 
-def screen(points: Float64, frame: Frame) -> tuple[Float64, Float64]:
-    """Return pixels (n, 2) and depths (n,) of points in the eye's axes, from the camera's place."""
-    camera = frame.camera
-    local = points - np.array(camera.offset)
-    depth = np.maximum(local[:, 2], NEAREST)
-    place = np.array(camera.focals) * local[:, :2] / depth[:, None]
-    return place + np.array(camera.principal(frame.shape)), depth
-
-
 def plane_motion(depth: Array, frame: Frame, other: Frame, moved: Float64) -> Array:
     """Return how what a window shows at depths moves to another frame, (h, w, 2) float32 pixels.
 

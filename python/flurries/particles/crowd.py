@@ -113,3 +113,49 @@ class Crowd(NamedTuple):
     lens: Lens
     window: tuple[int, int, int, int]
     closeup: Closeup | None = None
+
+
+class Flurry(NamedTuple):
+    """A box of flakes that all move alike, as the kernel reads it: its fields go by name.
+
+    Attributes
+    ----------
+    number : int
+        Flakes in the box.
+    sides, center : (3,)
+        The box in the eye's axes, metres.
+    seed : int
+        Of places, sway and sizes.
+    way, travel : (3,)
+        Metres since frame 0, and during the exposure.
+    sway : (amplitude, angle)
+        Metres, radians.
+    radius : (smallest, largest)
+        Metres.
+    opacity, amount, fade_in : float
+        Of a flake's middle; the share of flakes that is there; over which the last ones fade in.
+    largest : (low, high)
+        Sigma in pixels from which flakes fade, and at which they are gone.
+    sizes : int
+        Stream of the numbers that their sizes are.
+    lens : (focal, cx, cy, offset, near)
+        See :class:`flurries.Camera`.
+    window : (top, bottom, left, right)
+        Pixels; the rest of the frame may lack flakes.
+    """
+
+    number: int
+    sides: Triple
+    center: Triple
+    seed: int
+    way: Triple
+    sway: tuple[float, float]
+    travel: Triple
+    radius: tuple[float, float]
+    opacity: float
+    amount: float
+    fade_in: float
+    largest: tuple[float, float]
+    sizes: int
+    lens: Lens
+    window: tuple[int, int, int, int]
