@@ -33,7 +33,7 @@ WEATHERS: dict[str, Callable[[], Any]] = {
     "snow": lambda: fl.Snow(density=20.0, fall=1.4, haze=0.2, far=30.0),
     "rain": lambda: fl.Rain(far=20.0),
     "mist": lambda: fl.Mist.preset("fog", wind=(1.5, 0.0, 0.3)),
-    "valley": lambda: fl.Mist.preset("valley", wind=(1.5, 0.0, 0.3), color=0.9),
+    "valley": lambda: fl.Mist.preset("valley", visibility=250.0, wind=(1.5, 0.0, 0.3), color=0.9),
     "tent snow": lambda: fl.TentSnow(flakes=300),
     "tent rain": lambda: fl.TentRain(),
     "cone snow": lambda: fl.ConeSnow.preset("heavy"),
