@@ -20,32 +20,37 @@ impl Blur {
         self.strength * (self.focus - 1.0 / depth).abs()
     }
 
-    /// Whether a place in units of the circle's radius lies in the opening, with an edge of `soft` units.
-    fn inside(&self, x: f64, y: f64, soft: f64) -> f64 {
-        let edge = if self.blades < 3 {
-            1.0 - libm::sqrt(x * x + y * y)
-        } else {
-            // The distance from the nearest side of a polygon of the same area.
-            let step = std::f64::consts::TAU / self.blades as f64;
-            let half = 0.5 * step;
-            let radius = libm::sqrt(std::f64::consts::TAU / (self.blades as f64 * libm::sin(step)));
-            let angle = libm::atan2(y, x) - self.turn;
-            let within = angle - step * libm::round(angle / step);
-            radius * libm::cos(half) - libm::sqrt(x * x + y * y) * libm::cos(within)
-        };
-        (edge / soft + 0.5).clamp(0.0, 1.0)
+    /// The sides of the opening in units of the circle's radius: how far they are, and where they face.
+    fn sides(&self) -> (f64, Vec<[f64; 2]>) {
+        // A polygon of the circle's area.
+        let step = std::f64::consts::TAU / self.blades as f64;
+        let radius = libm::sqrt(std::f64::consts::TAU / (self.blades as f64 * libm::sin(step)));
+        let facing = (0..self.blades).map(|blade| {
+            let angle = self.turn + step * blade as f64;
+            [libm::cos(angle), libm::sin(angle)]
+        });
+        (radius * libm::cos(0.5 * step), facing.collect())
     }
 
     /// The opening of a circle of `diameter` texels: rows of (x, y, weight) that sum to 1.
     pub fn taps(&self, diameter: f64) -> Vec<(isize, isize, f32)> {
         let radius = 0.5 * diameter;
         let reach = libm::ceil(1.5 * radius + 1.0) as isize;
+        let (away, sides) = if self.blades < 3 { (1.0, Vec::new()) } else { self.sides() };
+        let soft = (1.0 / radius).min(2.0);
         let mut taps = Vec::new();
         let mut sum = 0.0;
         for y in -reach..=reach {
             for x in -reach..=reach {
-                let weight =
-                    self.inside(x as f64 / radius, y as f64 / radius, (1.0 / radius).min(2.0));
+                let (u, v) = (x as f64 / radius, y as f64 / radius);
+                let far = if sides.is_empty() {
+                    libm::sqrt(u * u + v * v)
+                } else {
+                    let along = |side: &[f64; 2]| u * side[0] + v * side[1];
+                    sides.iter().map(along).fold(f64::NEG_INFINITY, f64::max)
+                };
+                // An edge of one texel.
+                let weight = ((away - far) / soft + 0.5).clamp(0.0, 1.0);
                 if weight > 0.0 {
                     sum += weight;
                     taps.push((x, y, weight));

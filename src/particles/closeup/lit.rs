@@ -3,7 +3,7 @@
 
 use ndarray::{ArrayView2, ArrayViewMut2, ArrayViewMut3};
 
-use super::patch::Patch;
+use super::patch::{Line, Patch};
 use crate::base::cover::pixels;
 use crate::base::error::{Cancel, Error};
 use crate::base::lamps::Lamps;
@@ -106,6 +106,7 @@ impl Scene<'_> {
 
     fn patches_in(&self, tile: &Tile<'_>, through: &mut [f64; PIXELS], sums: &mut Sums) {
         let (top, left) = (tile.row * TILE, tile.column * TILE);
+        let mut room = Line::default();
         for patch in self.patches {
             let (upper, lower) = patch.bounds(1, usize::MAX >> 1);
             let (first, end) = patch.bounds(0, usize::MAX >> 1);
@@ -114,14 +115,15 @@ impl Scene<'_> {
             }
             let color = self.color(patch.point);
             for y in upper.max(top)..lower.min(top + TILE) {
-                patch.row(y, left..left + TILE, |x, alpha| {
-                    let at = (y - top) * TILE + x - left;
+                let (x, alphas) = patch.row(y, left..left + TILE, &mut room);
+                let first = (y - top) * TILE + x - left;
+                for (at, &alpha) in (first..).zip(alphas) {
                     let hidden = tile.map.is_some_and(|map| map[at] < patch.depth as f32);
                     if !hidden && alpha > 0.0 {
                         through[at] *= f64::from(1.0 - alpha);
                         (0..4).for_each(|c| sums[at][c] += alpha * color[c]);
                     }
-                });
+                }
             }
         }
     }

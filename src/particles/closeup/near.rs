@@ -5,9 +5,10 @@ use std::sync::Mutex;
 use ndarray::{ArrayView2, ArrayViewMut2, Axis};
 
 use super::aperture::Blur;
-use super::patch::{Kind, Look, Patch, Tumble};
+use super::patch::{Kind, Line, Look, Patch, Tumble};
 use crate::base::error::{Cancel, Error, collected};
 use crate::base::pool;
+use crate::base::simd::dispatch;
 use crate::base::smooth::smoothstep;
 use crate::particles::sorted::Part;
 use crate::particles::splat::Source;
@@ -148,6 +149,7 @@ pub fn draw(
         cancel.check()?;
         let first = top + number * BAND;
         let end = first + band.nrows();
+        let mut room = Line::default();
         for patch in patches {
             let (upper, lower) = patch.bounds(1, usize::MAX >> 1);
             for y in upper.max(first)..lower.min(end) {
@@ -155,13 +157,18 @@ pub fn draw(
                 let line = line
                     .as_slice_mut()
                     .ok_or_else(|| Error::Internal("rows are not contiguous".into()))?;
-                patch.row(y, left..right, |x, alpha| {
-                    let hidden = depth.is_some_and(|map| map[[y, x]] < patch.depth as f32);
-                    if !hidden {
-                        let out = &mut line[x - left];
-                        *out += alpha * (1.0 - *out);
-                    }
-                });
+                let (x, alphas) = patch.row(y, left..right, &mut room);
+                let line = &mut line[x - left..][..alphas.len()];
+                let Some(map) = depth else {
+                    join(line, alphas);
+                    continue;
+                };
+                let map = map.index_axis_move(Axis(0), y);
+                for ((out, alpha), &ground) in line.iter_mut().zip(alphas).zip(map.iter().skip(x)) {
+                    // NaN hides nothing.
+                    let hidden = ground < patch.depth as f32;
+                    *out += if hidden { 0.0 } else { alpha * (1.0 - *out) };
+                }
             }
         }
         Ok(())
@@ -179,19 +186,33 @@ pub fn number(
     cancel: &Cancel,
 ) -> Result<(), Error> {
     let [top, bottom, left, right] = part;
+    let mut room = Line::default();
     for patch in patches {
         cancel.check()?;
         let (upper, lower) = patch.bounds(1, usize::MAX >> 1);
         for y in upper.max(top)..lower.min(bottom) {
-            patch.row(y, left..right, |x, alpha| {
+            let (x, alphas) = patch.row(y, left..right, &mut room);
+            for (x, &alpha) in (x..).zip(alphas) {
                 let at = [y - top, x - left];
                 let first = alpha == most[at] && patch.index < numbers[at];
                 let hidden = depth.is_some_and(|map| map[[y, x]] < patch.depth as f32);
                 if (alpha > most[at] || first) && alpha > 0.0 && !hidden {
                     (most[at], numbers[at]) = (alpha, patch.index);
                 }
-            });
+            }
         }
     }
     Ok(())
+}
+
+#[inline(always)]
+fn join_with<const LEVEL: u8>(out: &mut [f32], alphas: &[f32]) {
+    for (out, alpha) in out.iter_mut().zip(alphas) {
+        *out += alpha * (1.0 - *out);
+    }
+}
+
+dispatch! {
+    /// Joins opacities with those that are there.
+    fn join(out: &mut [f32], alphas: &[f32]) = join_with
 }

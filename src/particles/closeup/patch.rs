@@ -1,5 +1,7 @@
 //! One flake's picture: its silhouette, moved during the exposure, through the opening of a lens.
 
+use std::ops::Range;
+
 use super::aperture::Blur;
 use super::bank::{Bank, SHAPES};
 use super::near::VARIANCE_OF_DISC;
@@ -335,40 +337,61 @@ impl Patch {
         (first.clamp(0, limit as i64) as usize, end.clamp(0, limit as i64) as usize)
     }
 
-    /// Calls `draw` with the column and the opacity of each pixel of a row of the frame.
-    #[inline(always)]
-    pub fn row(&self, y: usize, columns: std::ops::Range<usize>, mut draw: impl FnMut(usize, f32)) {
+    /// The first column of a row of the frame that it reaches, and the opacities from there on.
+    pub fn row<'a>(
+        &self,
+        y: usize,
+        columns: Range<usize>,
+        line: &'a mut Line,
+    ) -> (usize, &'a [f32]) {
         let [across, down] = self.size;
         let (first, end) = self.bounds(0, usize::MAX >> 1);
-        let columns = columns.start.max(first)..columns.end.min(end);
+        let (first, end) = (columns.start.max(first), columns.end.min(end));
         let offset = y as i64 - self.origin[1];
-        if offset < 0 || offset >= (down * self.scale) as i64 {
-            return;
+        if offset < 0 || offset >= (down * self.scale) as i64 || first >= end {
+            return (first, &[]);
         }
+        let from = (first as i64 - self.origin[0]) as usize;
         if self.scale == 1 {
-            let line = &self.alpha[offset as usize * across..][..across];
-            for x in columns {
-                draw(x, line[(x as i64 - self.origin[0]) as usize]);
-            }
-            return;
+            line.pixels.clear();
+            let texels = &self.alpha[offset as usize * across..][..across];
+            line.pixels.extend_from_slice(&texels[from..from + end - first]);
+            return (first, &line.pixels);
         }
+        // Linear between the middles of texels, first down, then across.
         let side = self.scale as f32;
-        let between = |pixel: i64, count: usize| {
-            let place = ((pixel as f32 + 0.5) / side - 0.5).clamp(0.0, (count - 1) as f32);
-            let first = (place as usize).min(count.saturating_sub(2));
-            (first, place - first as f32)
-        };
-        let (row, b) = between(offset, down);
+        let place = ((offset as f32 + 0.5) / side - 0.5).clamp(0.0, (down - 1) as f32);
+        let row = place as usize;
         let upper = &self.alpha[row * across..][..across];
         let lower = &self.alpha[(row + 1).min(down - 1) * across..][..across];
-        for x in columns {
-            let (column, a) = between(x as i64 - self.origin[0], across);
-            let next = (column + 1).min(across - 1);
-            let top = upper[column] + a * (upper[next] - upper[column]);
-            let below = lower[column] + a * (lower[next] - lower[column]);
-            draw(x, top + b * (below - top));
+        let part = place - row as f32;
+        line.texels.clear();
+        line.texels.push(0.0);
+        line.texels.extend(upper.iter().zip(lower).map(|(a, b)| a + part * (b - a)));
+        // Beyond the outermost it is as there.
+        line.texels[0] = line.texels[1];
+        line.texels.push(line.texels[across]);
+        line.parts.clear();
+        line.parts.extend((0..self.scale).map(|pixel| (pixel as f32 + 0.5) / side));
+        // Pixels of a run lie between the same two texels.
+        let (from, end) = (from + self.scale / 2, from + self.scale / 2 + end - first);
+        let run = from / self.scale;
+        line.pixels.clear();
+        for pair in line.texels[run..].windows(2).take((end - 1) / self.scale + 1 - run) {
+            let step = pair[1] - pair[0];
+            line.pixels.extend(line.parts.iter().map(|part| pair[0] + part * step));
         }
+        let skipped = from - run * self.scale;
+        (first, &line.pixels[skipped..skipped + end - from])
     }
+}
+
+/// Room for a row of a patch.
+#[derive(Default)]
+pub struct Line {
+    texels: Vec<f32>,
+    parts: Vec<f32>,
+    pixels: Vec<f32>,
 }
 
 #[cfg(test)]
@@ -378,9 +401,10 @@ mod tests {
     const LENS: Lens = Lens { focal: 800.0, center: [200.0; 2], offset: [0.0; 3], near: 0.1 };
 
     fn energy(patch: &Patch) -> f64 {
-        let mut sum = 0.0;
+        let (mut sum, mut line) = (0.0, Line::default());
         for y in 0..400 {
-            patch.row(y, 0..400, |_, alpha| sum += f64::from(alpha));
+            let row = patch.row(y, 0..400, &mut line).1;
+            sum += row.iter().map(|&alpha| f64::from(alpha)).sum::<f64>();
         }
         sum
     }
