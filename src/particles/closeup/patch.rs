@@ -349,7 +349,7 @@ impl Patch {
         let (first, end) = (columns.start.max(first), columns.end.min(end));
         let offset = y as i64 - self.origin[1];
         if offset < 0 || offset >= (down * self.scale) as i64 || first >= end {
-            return (first, &[]);
+            return (columns.start, &[]);
         }
         let from = (first as i64 - self.origin[0]) as usize;
         if self.scale == 1 {
