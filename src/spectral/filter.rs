@@ -3,8 +3,11 @@
 use ndarray::{ArrayView2, ArrayViewMut2, Zip};
 
 use super::band::Sum;
+use super::spectrum::LANES;
 use super::tent::Motion;
 use crate::base::error::{Error, finite};
+use crate::base::normal::{least, most};
+use crate::base::simd::multiply_add;
 
 /// A rate of half a cycle per frame has no direction, so it counts as aliased; the margin keeps
 /// rounding from deciding for waves that lie exactly on it.
@@ -98,9 +101,9 @@ impl TemporalFilter {
 
 /// Rates to the factors of the filter, in place: [`TemporalFilter::gain`] on lanes.
 #[inline(always)]
-pub(super) fn fill_gains(filter: TemporalFilter, values: &mut [f64]) {
+pub(super) fn fill_gains<const LEVEL: u8>(filter: TemporalFilter, values: &mut [f64]) {
     // Polynomials cover what a usual shutter sees; beyond that each wave takes the exact way.
-    let reach = values.iter().fold(0.0_f64, |most, r| most.max(r.abs()));
+    let reach = reach(values);
     if filter.shutter * if filter.alias == Alias::Keep { reach } else { 0.5 } > 0.5 {
         values.iter_mut().for_each(|value| *value = filter.gain(*value));
         return;
@@ -114,36 +117,61 @@ pub(super) fn fill_gains(filter: TemporalFilter, values: &mut [f64]) {
         values.fill(1.0);
     } else if !fades {
         for value in values {
-            *value = short_sinc(*value * filter.shutter);
+            *value = short_sinc::<LEVEL>(*value * filter.shutter);
         }
     } else {
+        // The cut fades within nothing.
+        let soft = filter.alias == Alias::Soft;
+        let (from, by) =
+            if soft { (filter.soft_from, 0.5 / (0.5 - filter.soft_from)) } else { (0.5, 0.0) };
         for value in values {
-            let kept = filter.alias_gain(*value);
+            let speed = value.abs();
+            let fade = short_cos::<LEVEL>(least(most(speed - from, 0.0) * by, 0.5));
+            let kept = if speed < NYQUIST { fade * fade } else { 0.0 };
             // An aliased rate has gain 0 already, but its polynomial must not be infinite.
-            *value = kept * short_sinc((*value * filter.shutter).abs().min(0.5));
+            *value = kept * short_sinc::<LEVEL>(least(speed * filter.shutter, 0.5));
         }
     }
 }
 
+/// cos(pi x) for |x| <= 1/2, to 1e-15.
+#[inline(always)]
+fn short_cos<const LEVEL: u8>(x: f64) -> f64 {
+    series::<12, LEVEL>(x, 0)
+}
+
+/// The largest of some rates, whatever their sign. Of each lane first: one after the other they would
+/// wait for each other.
+#[inline(always)]
+fn reach(values: &[f64]) -> f64 {
+    let mut reach = [0.0_f64; 4 * LANES];
+    let lanes = values.chunks_exact(reach.len());
+    let rest = lanes.remainder().iter().fold(0.0, |reach, rate| most(rate.abs(), reach));
+    for rates in lanes {
+        for i in 0..reach.len() {
+            reach[i] = most(rates[i].abs(), reach[i]);
+        }
+    }
+    reach.into_iter().fold(rest, most)
+}
+
 /// sin(pi x) / (pi x) for |x| <= 1/2, to 1e-15.
 #[inline(always)]
-fn short_sinc(x: f64) -> f64 {
+fn short_sinc<const LEVEL: u8>(x: f64) -> f64 {
+    series::<10, LEVEL>(x, 1)
+}
+
+/// 1 - s / ((1 + o)(2 + o)) + s^2 / ((1 + o) .. (4 + o)) - ..., s = (pi x)^2.
+#[inline(always)]
+fn series<const TERMS: usize, const LEVEL: u8>(x: f64, offset: usize) -> f64 {
     let square = (std::f64::consts::PI * x) * (std::f64::consts::PI * x);
-    // 1 - s/6 + s^2/120 - ...: each coefficient is the last one over -(2n)(2n + 1).
-    const C: [f64; 10] = {
-        let mut c = [1.0; 10];
-        let mut n = 1;
-        while n < 10 {
-            c[n] = -c[n - 1] / ((2 * n) * (2 * n + 1)) as f64;
-            n += 1;
-        }
-        c
-    };
-    let mut sum = C[9];
-    let mut n = 9;
-    while n > 0 {
-        n -= 1;
-        sum = sum * square + C[n];
+    let mut c = [1.0; TERMS];
+    for n in 1..TERMS {
+        c[n] = -c[n - 1] / ((2 * n - 1 + offset) * (2 * n + offset)) as f64;
+    }
+    let mut sum = c[TERMS - 1];
+    for n in (0..TERMS - 1).rev() {
+        sum = multiply_add::<f64, LEVEL>(sum, square, c[n]);
     }
     sum
 }
@@ -180,6 +208,7 @@ pub fn temporal_filter(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::base::simd::PORTABLE;
 
     const SOFT: TemporalFilter =
         TemporalFilter { alias: Alias::Soft, soft_from: 0.4, shutter: 0.0 };
@@ -189,9 +218,9 @@ mod tests {
         for i in 1..=500 {
             let x = f64::from(i) / 1000.0;
             let angle = std::f64::consts::PI * x;
-            assert!((short_sinc(x) - angle.sin() / angle).abs() < 1e-15, "{x}");
+            assert!((short_sinc::<PORTABLE>(x) - angle.sin() / angle).abs() < 1e-15, "{x}");
         }
-        assert_eq!(short_sinc(0.0), 1.0);
+        assert_eq!(short_sinc::<PORTABLE>(0.0), 1.0);
     }
 
     #[test]
@@ -202,7 +231,7 @@ mod tests {
                 for reach in [0.2, 0.9] {
                     let rates: Vec<f64> = (-50..=50).map(|i| f64::from(i) / 50.0 * reach).collect();
                     let mut gains = rates.clone();
-                    fill_gains(filter, &mut gains);
+                    fill_gains::<PORTABLE>(filter, &mut gains);
                     for (rate, gain) in rates.into_iter().zip(gains) {
                         assert!((gain - filter.gain(rate)).abs() < 2e-15, "{filter:?} {rate}");
                     }

@@ -7,6 +7,7 @@ use super::opacity::Opacity;
 use super::spectrum::Power;
 use crate::base::error::{Error, collected, zeroed};
 use crate::base::real::Real;
+use crate::base::simd::dispatch;
 
 /// Of each row of tiles that still touches the picture, the tiles' values mixed across.
 pub struct Lift<T> {
@@ -22,6 +23,18 @@ pub struct Lift<T> {
     block: Vec<T>,
     /// The last tile's power and what it lost: the next one's are often the same.
     known: (Power, f64),
+}
+
+dispatch! {
+    /// Adds a row of tiles' values with their share.
+    fn add_share<T: Real>(out: &mut [T], line: &[T], share: T) = add_share_with
+}
+
+#[inline(always)]
+fn add_share_with<T: Real, const LEVEL: u8>(out: &mut [T], line: &[T], share: T) {
+    for (out, &value) in out.iter_mut().zip(line) {
+        *out += share * value;
+    }
 }
 
 /// What is added to a block.
@@ -99,9 +112,7 @@ impl<T: Real> Lift<T> {
             out.fill(T::zero());
             for (row, share) in touching {
                 let line = &lines[row % lines.len()];
-                for (out, &value) in out.iter_mut().zip(&line[cols.start - self.origin..]) {
-                    *out += share * value;
-                }
+                add_share(out, &line[cols.start - self.origin..], share);
             }
             count += cols.len();
         }

@@ -13,7 +13,7 @@ use crate::base::real::Real;
 use crate::base::simd::dispatch;
 
 /// Places that a loop advances by: one AVX-512 register of float64.
-const LANES: usize = 8;
+pub const LANES: usize = 8;
 
 /// Places in a row for so many columns: whole lanes.
 pub const fn columns_padded(columns: usize) -> usize {
@@ -214,9 +214,7 @@ impl Columns {
             self.bend(whole, part, tent, phase);
         }
         if self.gains(draw.jitter, motion, values) {
-            for (rounded, gain) in values.rounded.iter_mut().zip(values.gain.iter()) {
-                *rounded = T::of(*gain);
-            }
+            round(&values.gain, &mut values.rounded);
         }
         let shift = motion.place.first().map_or([0.0; 2], |motion| motion.shift);
         let rows = values.row_phase.iter_mut().zip(&self.row_frequency).zip(&self.row_offset);
@@ -337,15 +335,25 @@ fn gain_lanes_with<const LEVEL: u8>(
     wavelength: &[f64],
     values: &mut [f64],
 ) -> Power {
-    fill_gains(filter, values);
+    fill_gains::<LEVEL>(filter, values);
+    let limited =
+        |amplitude: f64, wavelength: f64| if wavelength > shortest { amplitude } else { 0.0 };
+    for (value, (amplitude, wavelength)) in values.iter_mut().zip(amplitude.iter().zip(wavelength))
+    {
+        *value *= limited(*amplitude, *wavelength);
+    }
+    // One sum after the other: of two in one loop the compiler makes no vectors.
     let (mut present, mut kept) = ([0.0; LANES], [0.0; LANES]);
-    let places = amplitude.chunks_exact(LANES).zip(wavelength.chunks_exact(LANES));
-    for (values, (amplitude, wavelength)) in values.chunks_exact_mut(LANES).zip(places) {
+    for values in values.chunks_exact(LANES) {
         for i in 0..LANES {
-            let full = if wavelength[i] > shortest { amplitude[i] } else { 0.0 };
-            values[i] *= full;
-            present[i] += full * full;
             kept[i] += values[i] * values[i];
+        }
+    }
+    let places = amplitude.chunks_exact(LANES).zip(wavelength.chunks_exact(LANES));
+    for (amplitude, wavelength) in places {
+        for i in 0..LANES {
+            let full = limited(amplitude[i], wavelength[i]);
+            present[i] += full * full;
         }
     }
     Power { present: 2.0 * present.iter().sum::<f64>(), kept: 2.0 * kept.iter().sum::<f64>() }
@@ -392,6 +400,18 @@ dispatch! {
         wavelength: &[f64],
         values: &mut [f64],
     ) -> Power = gain_lanes_with
+}
+
+/// Amplitudes in the pixels' precision.
+#[inline(always)]
+fn round_with<T: Real, const LEVEL: u8>(gain: &[f64], rounded: &mut [T]) {
+    for (rounded, gain) in rounded.iter_mut().zip(gain) {
+        *rounded = T::of(*gain);
+    }
+}
+
+dispatch! {
+    fn round<T: Real>(gain: &[f64], rounded: &mut [T]) = round_with
 }
 
 dispatch! {
