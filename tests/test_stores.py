@@ -25,7 +25,7 @@ from flurries.cli import main
 from flurries.io import write_picture
 from flurries.io.atomic import owner_of_new_files
 from flurries.output import bucket as buckets
-from flurries.output import groups, manifest, write
+from flurries.output import crew, groups, manifest, write
 from flurries.output.bucket import Bucket, store_of
 
 SCENE = fl.Scene((96, 64), "#304050", effects=fl.TentSnow.preset("heavy", flakes=100))
@@ -215,14 +215,17 @@ def client(monkeypatch: Any) -> Iterator[Any]:
         yield client
 
 
-def test_16_14_workers_write_to_s3(server: Server, client: Any, whole: dict[str, bytes]):
+def test_16_14_workers_write_to_s3(
+    server: Server, client: Any, whole: dict[str, bytes], monkeypatch: pytest.MonkeyPatch
+):
     place = f"s3://films/{uuid.uuid4().hex}"
     assert len(SCENE.write(f"{place}/%04d.png", "1-12", dask=client).written) == 12
     assert contents(place) == whole
     named(place)[0].rm_file(named(place)[1] + "/0004.png")
     assert SCENE.write(f"{place}/%04d.png", "1-12", dask=client).written == [4]
     assert contents(place) == whole
-    # A store that each worker has for itself is no success.
+    # A store that each worker has for itself is no success. What is late comes soon, or never.
+    monkeypatch.setattr(crew, "_LATE", 0.3)
     with pytest.raises(OSError, match=r"memory:///apart/0.*\.png: a worker has written it, but"):
         SCENE.write("memory://apart/%04d.png", "1-12", dask=client, manifest=False)
 

@@ -29,7 +29,7 @@ SCENE = fl.Scene((64, 48), "#203040", effects=[fl.TentSnow(flakes=50)])
 @pytest.fixture
 def server(tmp_path: Path) -> Iterator[Server]:
     served = Server(SCENE, save=tmp_path / "tuned.toml")
-    runner = threading.Thread(target=served.serve_forever, daemon=True)
+    runner = threading.Thread(target=served.serve_forever, args=(0.01,), daemon=True)
     runner.start()
     yield served
     served.shutdown()

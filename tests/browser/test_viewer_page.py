@@ -50,7 +50,7 @@ def scene() -> fl.Scene:
 @pytest.fixture
 def server(tmp_path: Path) -> Iterator[Server]:
     served = Server(scene(), size=512, save=tmp_path / "tuned.toml")
-    runner = threading.Thread(target=served.serve_forever, daemon=True)
+    runner = threading.Thread(target=served.serve_forever, args=(0.01,), daemon=True)
     runner.start()
     yield served
     served.shutdown()
@@ -183,7 +183,7 @@ def test_what_cannot_be_saved_is_said(page: Page, server: Server, tmp_path: Path
 def test_a_scene_file_is_tuned_and_saved(browser: Any, tmp_path: Path):
     fl.Scene((320, 240), "#203040", effects=[fl.TentSnow(flakes=500)]).save(tmp_path / "a.toml")
     served = Server(fl.Scene.load(tmp_path / "a.toml"), save=tmp_path / "b.toml")
-    runner = threading.Thread(target=served.serve_forever, daemon=True)
+    runner = threading.Thread(target=served.serve_forever, args=(0.01,), daemon=True)
     runner.start()
     tab = browser.new_page(viewport={"width": 900, "height": 900})
     tab.goto(served.url)
@@ -276,7 +276,7 @@ def test_a_lamp_a_lens_and_a_depth(browser: Any, tmp_path: Path):
         fl.Scene(None, picture, effects=[fl.Snow.preset("heavy")], depth=depth),
         save=tmp_path / "mine.toml",
     )
-    runner = threading.Thread(target=served.serve_forever, daemon=True)
+    runner = threading.Thread(target=served.serve_forever, args=(0.01,), daemon=True)
     runner.start()
     tab = browser.new_page(viewport={"width": 900, "height": 940})
     tab.goto(served.url)
@@ -308,7 +308,7 @@ def test_twenty_pictures_a_second_at_512_px(browser: Any, capsys: pytest.Capture
     for effect in (fl.Snow.preset("moderate"), fl.TentSnow.preset("moderate")):
         picture = fl.io.photograph(size=(512, 512))
         served = Server(fl.Scene(None, picture, effects=[effect]), size=512)
-        runner = threading.Thread(target=served.serve_forever, daemon=True)
+        runner = threading.Thread(target=served.serve_forever, args=(0.01,), daemon=True)
         runner.start()
         tab = browser.new_page(viewport={"width": 900, "height": 940})
         tab.goto(served.url)

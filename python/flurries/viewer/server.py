@@ -51,6 +51,8 @@ class Server(ThreadingHTTPServer):
     """
 
     daemon_threads = True
+    # With fewer a page's lines that come together wait a second or more for their turn.
+    request_queue_size = 2 * MOST_LINES
     redirect: Path | None = None
 
     def __init__(self, scene: Scene, *, port: int = 0, **options: Any) -> None:
