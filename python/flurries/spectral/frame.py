@@ -8,10 +8,9 @@ import numpy.typing as npt
 from flurries import _core
 from flurries._contract import Array, flag, float_dtype, output
 from flurries.spectral.own import own_field, own_of
-from flurries.spectral.request import NOWHERE, Request, request
+from flurries.spectral.request import NOWHERE, request
 from flurries.spectral.tables import Aliasing
 from flurries.spectral.tiles import Blend, opacity, opacity_map
-from flurries.trace import count
 
 
 def _known(
@@ -21,11 +20,6 @@ def _known(
     if velocity is None and rate is not None and drift is NOWHERE:
         return NOWHERE
     return velocity
-
-
-def _window_shape(asked: Request) -> tuple[int, int]:
-    top, bottom, left, right = asked.window
-    return bottom - top, right - left
 
 
 def field(
@@ -234,23 +228,3 @@ def alpha(
     whole = np.empty(asked.shape, result.dtype)
     own_field(asked, own, whole)
     return opacity(whole, mean=mean, spread=spread, power=power, amount=amount, out=result)
-
-
-def alpha_of(
-    asked: Request,
-    mapped: tuple[float, float, float, float],
-    *,
-    preserve_mean: bool = False,
-    dtype: npt.DTypeLike = np.float32,
-) -> Array:
-    """Opacity of a settled request's window; what the scene calls."""
-    result = np.empty(_window_shape(asked), float_dtype(dtype))
-    count("tiles", _core.field(result, asked, mapped, preserve_mean))
-    return result
-
-
-def field_of(asked: Request, *, dtype: npt.DTypeLike = np.float32) -> Array:
-    """Field of a settled request's window."""
-    result = np.empty(_window_shape(asked), float_dtype(dtype))
-    count("tiles", _core.field(result, asked))
-    return result
