@@ -195,6 +195,15 @@ def test_16_7_a_float_picture_of_levels_is_warned_of(tmp_path: Path, way: str):
             fl.composite.over(levels, np.zeros((48, 64, 4), np.float32))
 
 
+def test_16_7_a_function_of_a_script_is_warned_too():
+    """Its frames have no package: the warning was an AttributeError there."""
+    code = "def ask(fl, plate):\n    return fl.Scene(None, plate)"
+    script: dict[str, Any] = {"__name__": "__main__", "__package__": None}
+    exec(code, script)
+    with pytest.warns(UserWarning, match="values up to 200"):
+        script["ask"](fl, np.full((4, 4, 3), 200.0, np.float32))
+
+
 def test_16_7_bright_light_is_not():
     """A lamp, a snow field in the sun, and a picture of 0 to 1: warnings are errors here."""
     light = np.random.default_rng(2).random((48, 64, 3)).astype(np.float32)

@@ -258,3 +258,39 @@ def test_a_mistake_is_told_with_its_line(name: str, folder: Path):
     with pytest.raises((ValueError, TypeError), match=words) as caught:
         fl.Scene.load("scene.toml")
     assert "scene.toml" in str(caught.value) and f"line {line}" in str(caught.value)
+
+
+@pytest.mark.parametrize("way", ["array", "file", "transform"])
+@pytest.mark.parametrize(
+    "unit, said", [("inverse", "farther than 1 m; flurries.DepthMap"), ("mm", "divide millimetres")]
+)
+def test_depths_that_are_hardly_metres_are_warned_of(
+    tmp_path: Path, way: str, unit: str, said: str
+):
+    metres = RNG.uniform(1.0, 6.0, (H, W)).astype(np.float32)
+    given = 1.0 / metres if unit == "inverse" else 1000.0 * metres
+    write_layers(tmp_path / "z.exr", {"depth": given})
+    with pytest.warns(UserWarning, match=f"depth is taken as metres: .*{said}"):
+        if way == "array":
+            fl.Scene((W, H), depth=given)
+        elif way == "file":
+            depth(tmp_path / "z.exr")
+        else:
+            fl.augment.Fog(seed=1)(np.zeros((H, W, 3), np.uint8), depth=given)
+
+
+def test_near_and_far_metres_are_not():
+    """A desk, a wall, mountains under the sky, and a map of greys: warnings are errors here."""
+    desk = RNG.uniform(0.3, 1.5, (H, W)).astype(np.float32)
+    hills = RNG.uniform(500.0, 5000.0, (H, W)).astype(np.float32)
+    hills[:9] = np.inf
+    for given in (desk, np.full((H, W), 0.7, np.float32), np.full((H, W), 900.0), hills):
+        fl.Scene((W, H), depth=given)
+    fl.Scene((W, H), depth=fl.DepthMap(GREY, near=0.2, far=0.9))
+
+
+def test_lengths_in_other_units_are_warned_of():
+    with pytest.warns(UserWarning, match="focal length of 35 px for a picture 1920 px wide"):
+        fl.Scene((1920, 1080), camera=fl.Camera(35.0))
+    with pytest.warns(UserWarning, match="flake_size is taken as metres"):
+        fl.Snow(flake_size=(1.0, 5.0, 20.0))

@@ -40,6 +40,10 @@ _MANY = 4096
 # Of a picture so many rows and columns are looked at; brighter light than this is rare.
 _SAMPLES = 256
 _LARGEST_LIGHT = 16.0
+
+# Depths beyond the first and up to the second are those of millimetres in 16 bits.
+_FARTHEST_NEAR = 200.0
+_MOST_MILLIMETRES = 65535.0
 _DOUBLE = float(np.finfo(np.float64).max)
 
 
@@ -301,6 +305,11 @@ def pixels(name: str, value: object, *, ndim: int) -> tuple[Array, np.dtype[Any]
     return aligned(array, working), kept
 
 
+def warn(message: str) -> None:
+    """Warn the first caller outside this package."""
+    warnings.warn(message, UserWarning, stacklevel=_outside())
+
+
 def warn_of_levels(name: str, picture: Array, advice: str) -> None:
     """Warn of a float picture that holds levels up to 255 where 1 is white.
 
@@ -314,22 +323,45 @@ def warn_of_levels(name: str, picture: Array, advice: str) -> None:
     with np.errstate(invalid="ignore"):
         top, mean = float(sample.max()), float(sample.mean())
     if _LARGEST_LIGHT < top <= 255.0 and mean > 1.0:
-        warnings.warn(
+        warn(
             f"{name} is a float picture of values up to {top:g}, and its white is taken as 1; "
-            f"{advice} if that is its white",
-            UserWarning,
-            stacklevel=_outside(),
+            f"{advice} if that is its white"
         )
 
 
 def _outside() -> int:
     """Return how far up the first caller outside this package is, as a warning counts it."""
     frame, level = sys._getframe(1), 1
-    while frame.f_back is not None and frame.f_globals.get("__package__", "").startswith(
+    # A script's frames have no package: theirs is None.
+    while frame.f_back is not None and str(frame.f_globals.get("__package__")).startswith(
         "flurries"
     ):
         frame, level = frame.f_back, level + 1
     return level
+
+
+def warn_of_units(name: str, plane: Array) -> None:
+    """Warn of depths that are hardly metres: all within 1, or all of some hundreds and thousands.
+
+    The first are inverse depths or greys, as networks that see in one picture give them; the others
+    are millimetres. Both are silent otherwise: weather is nowhere, or everywhere alike.
+    """
+    rows, columns = (max(length // _SAMPLES, 1) for length in plane.shape)
+    sample = plane[::rows, ::columns]
+    sample = sample[sample > 0.0]  # Others are holes.
+    near, far = float(sample.min(initial=np.inf)), float(sample.max(initial=0.0))
+    if far < 2.0 * near or far == np.inf:
+        return
+    if far <= 1.0:
+        message = (
+            "nothing is farther than 1 m; flurries.DepthMap makes depth of inverse depth or greys"
+        )
+    elif near > _FARTHEST_NEAR and far <= _MOST_MILLIMETRES:
+        message = f"nothing is nearer than {_FARTHEST_NEAR:g} m; divide millimetres by 1000"
+    else:
+        return
+    # Without numbers of the frame: a sequence is warned of once.
+    warn(f"{name} is taken as metres: {message}")
 
 
 def depths(name: str, array: Array) -> Array:

@@ -10,7 +10,7 @@ from typing import Any, TypeAlias
 import numpy as np
 import numpy.typing as npt
 
-from flurries._contract import Array, Float64, depths, real, rectangular
+from flurries._contract import Array, Float64, depths, real, rectangular, warn_of_units
 from flurries.io.color import to_unit
 from flurries.scene.depth import DepthMap
 
@@ -217,6 +217,8 @@ def distances_of(
             plane = given.astype(np.float32)
     if plane.shape != shape:
         raise ValueError(f"depth must have shape {shape}, got {plane.shape}")
+    if not isinstance(depth, DepthMap):
+        warn_of_units("depth", plane)
     holes: Array = np.isnan(plane) | (plane == 0.0)
     came = plane if holes.any() else None
     plane = depths("depth", plane if came is None else filled(plane, holes))

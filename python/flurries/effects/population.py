@@ -8,7 +8,7 @@ from typing import Any, Literal, TypeAlias, get_args
 
 import numpy as np
 
-from flurries._contract import Float64, seed_of, vector
+from flurries._contract import Float64, seed_of, vector, warn
 from flurries.effects.checks import (
     DEPTH_MODES,
     length,
@@ -64,6 +64,10 @@ POPULATION: dict[str, Any] = {
 }
 
 
+# Metres: flakes and drops of a larger mean are sizes in another unit.
+_LARGEST_MEAN = 0.2
+
+
 def size_law(name: str, value: object) -> Any:
     """Return (smallest, mean, largest) diameters in metres, plain or keyed, or refuse them."""
     if isinstance(value, Keys):
@@ -80,6 +84,8 @@ def size_law(name: str, value: object) -> Any:
             f"{name} must be 0 < smallest < mean < largest in metres, or three times the same, "
             f"got {(low, mean, high)}"
         ) from None
+    if mean > _LARGEST_MEAN:
+        warn(f"{name} is taken as metres: {low:g}, {mean:g} and {high:g} m are no flakes or drops")
     return low, mean, high
 
 

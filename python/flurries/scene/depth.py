@@ -9,7 +9,7 @@ from typing import Any, Literal, TypeAlias, get_args
 
 import numpy as np
 
-from flurries._contract import Array, choice, depths, real, rectangular
+from flurries._contract import Array, choice, depths, real, rectangular, warn_of_units
 from flurries.io import fit_nearest, open_background, open_depth
 from flurries.io.color import to_unit
 from flurries.io.pictures.reader import luminance
@@ -203,7 +203,9 @@ def distance_of(
             "greys become depths through DepthMap"
         )
     _require_shape(name, given.shape, shape)
-    return Distance(_read_only(depths(name, np.array(given, np.float32, order="C"))))
+    plane = depths(name, np.array(given, np.float32, order="C"))
+    warn_of_units(name, plane)
+    return Distance(_read_only(plane))
 
 
 def _require_shape(name: str, got: tuple[int, ...], wanted: tuple[int, int]) -> None:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
 import numpy as np
 
-from flurries._contract import Array, choice, integer, rate_of, seed_of, suggesting
+from flurries._contract import Array, choice, integer, rate_of, seed_of, suggesting, warn
 from flurries.camera.extent import holding
 from flurries.camera.lens import Camera
 from flurries.camera.optics import Lens
@@ -60,6 +60,9 @@ DEFAULT_FPS = 30.0
 
 # A focal length in picture widths, where none is given: 45 degrees across.
 DEFAULT_FOCAL = 1.2
+
+# Widths of a picture. A shorter focal length sees 160 degrees and more: its unit is hardly pixels.
+SHORTEST_FOCAL = 1 / 12
 
 
 @suggesting
@@ -216,6 +219,12 @@ class Scene(Rendering):
         numbers["display"] = found.display
         usual = Camera(DEFAULT_FOCAL * self.display[2], aspect=found.aspect)
         settle("camera", as_path(usual if camera is None else camera, usual.focal))
+        if self.camera.widest.focal < SHORTEST_FOCAL * self.display[2]:
+            warn(
+                f"camera has a focal length of {self.camera.widest.focal:g} px for a picture "
+                f"{self.display[2]} px wide; lengths in millimetres are multiplied by the width in "
+                "pixels over that of the sensor"
+            )
         path = holding(self.camera) if self._holds else self.camera
         settle("_path", replace(path, camera=self._in_frame(path.camera)))
         several = isinstance(foreground, (list, tuple))

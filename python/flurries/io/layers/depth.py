@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from flurries._contract import depths
+from flurries._contract import depths, warn_of_units
 from flurries.io.color import Array
 from flurries.io.files import Budget
 from flurries.io.pictures.header import Opened, opened_picture
@@ -51,6 +51,7 @@ def read_depth(
         part, channel = _channel_of(opened)
         plane = opened.read([channel], "float", part=part)
         shown = np.ascontiguousarray(opened.shown(plane, np.inf)[..., 0])
+    warn_of_units("depth", shown)
     return depths(f"{opened.path}: depth", shown)
 
 
