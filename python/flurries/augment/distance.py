@@ -115,7 +115,7 @@ class Ground:
         horizons = np.arange(0.0, 0.95, 0.005)
         for share in (0.75, 1.0):
             below = np.stack([_below(rows, horizon, height) for horizon in horizons])
-            slopes = (below @ near) / (below**2).sum(axis=1)
+            slopes = (below * near).sum(axis=1) / (below**2).sum(axis=1)
             errors = (near - slopes[:, None] * below) ** 2
             best = int(errors.sum(axis=1).argmin())
             kept = errors[best] <= np.quantile(errors[best], share)
