@@ -159,10 +159,13 @@ pub fn finish(
             };
             let (ahead, behind) = (ahead.as_chunks_mut::<2>().0, behind.as_chunks_mut::<2>().0);
             // First, since a flake may be too faint for the layer's alpha and still have its number.
-            let pixels = ahead.iter_mut().zip(&mut *behind).zip(&mut *depth);
-            for (((ahead, behind), depth), &alpha) in pixels.zip(line(&alpha, at)?) {
-                if alpha <= 0.0 {
-                    (*ahead, *behind, *depth) = ([0.0; 2], [0.0; 2], f32::INFINITY);
+            let alpha = line(&alpha, at)?;
+            if alpha.iter().filter(|&&alpha| alpha <= 0.0).count() > 0 {
+                let pixels = ahead.iter_mut().zip(&mut *behind).zip(&mut *depth);
+                for (((ahead, behind), depth), &alpha) in pixels.zip(alpha) {
+                    if alpha <= 0.0 {
+                        (*ahead, *behind, *depth) = ([0.0; 2], [0.0; 2], f32::INFINITY);
+                    }
                 }
             }
             if let Some(Flakes { shown, said, .. }) = flakes {

@@ -139,23 +139,22 @@ fn standing<'a, P: Normal, M: Real>(
 ) -> Ground<'a, P, TILE> {
     let height = (map.nrows() - top).min(TILE);
     let width = (map.ncols() - left).min(TILE);
-    let (mut nearest, mut farthest) = ([P::infinity(); TILE], [P::neg_infinity(); TILE]);
-    for (row, values) in depth.iter_mut().enumerate().take(height) {
-        let stands = map.row(top + row);
-        let stands = stands.iter().skip(left).take(width);
-        values.iter_mut().zip(stands).for_each(|(value, stands)| *value = P::of(stands.wide()));
+    let mut stands = [[0.0; TILE]; TILE];
+    for (values, row) in stands.iter_mut().zip(map.outer_iter().skip(top)) {
+        match row.to_slice() {
+            Some(row) => widen(&mut values[..width], &row[left..left + width]),
+            None => values.iter_mut().zip(row.iter().skip(left)).for_each(|(v, m)| *v = m.wide()),
+        }
+        // No other depths than those inside.
+        let last = values[width - 1];
+        values[width..].fill(last);
+    }
+    let range = stand(&mut depth[..height], &stands[..height]);
+    for values in &mut depth[..height] {
         for column in width..TILE {
             values[column] = further(values[column - 1], values[column.max(2) - 2]);
         }
-        for k in 0..width {
-            nearest[k] = least(values[k], nearest[k]);
-            farthest[k] = most(values[k], farthest[k]);
-        }
     }
-    let range = [
-        nearest.iter().fold(f64::INFINITY, |a, b| a.min(b.wide())),
-        farthest.iter().fold(f64::NEG_INFINITY, |a, b| a.max(b.wide())),
-    ];
     for row in height..TILE {
         let (done, rest) = depth.split_at_mut(row);
         let (last, before) = (&done[row - 1], &done[row.max(2) - 2]);
@@ -164,6 +163,40 @@ fn standing<'a, P: Normal, M: Real>(
         }
     }
     Ground { depth, range }
+}
+
+dispatch! {
+    /// Depths in float64.
+    fn widen<M: Real>(values: &mut [f64], stands: &[M]) = widen_with
+}
+
+#[inline(always)]
+fn widen_with<M: Real, const LEVEL: u8>(values: &mut [f64], stands: &[M]) {
+    values.iter_mut().zip(stands).for_each(|(value, stands)| *value = stands.wide());
+}
+
+dispatch! {
+    /// Rows of depths in the samples' type, and the nearest and the farthest of them.
+    fn stand<P: Normal>(depth: &mut [[P; TILE]], stands: &[[f64; TILE]]) -> [f64; 2] = stand_with
+}
+
+#[inline(always)]
+fn stand_with<P: Normal, const LEVEL: u8>(
+    depth: &mut [[P; TILE]],
+    stands: &[[f64; TILE]],
+) -> [f64; 2] {
+    let (mut nearest, mut farthest) = ([P::infinity(); TILE], [P::neg_infinity(); TILE]);
+    for (values, stands) in depth.iter_mut().zip(stands) {
+        for k in 0..TILE {
+            values[k] = P::of(stands[k]);
+            nearest[k] = least(values[k], nearest[k]);
+            farthest[k] = most(values[k], farthest[k]);
+        }
+    }
+    [
+        nearest.iter().fold(f64::INFINITY, |a, b| a.min(b.wide())),
+        farthest.iter().fold(f64::NEG_INFINITY, |a, b| a.max(b.wide())),
+    ]
 }
 
 /// A straight line's next number after two.

@@ -1,20 +1,12 @@
 //! Opacities of one particle along the rays of a sheet, row by row: the models that look at each ray, and
 //! what is cut off.
 
-use super::cut::{Cut, Ends, Ground};
+use super::cut::{Cut, Ends, Ground, Share};
 use super::footprint::{Edge, RIM, Scale};
-use super::rays::{Forms, PART, Part, Rays, Sheet};
+use super::rays::{Forms, PART, Part, Passing, Rays, Sheet};
 use super::sprite::{Footprint, Look, Sprite};
 use crate::base::normal::{Normal, most};
 use crate::base::simd::multiply_add;
-
-/// Opacities of a part of a row, and how its rays lean (see [`super::rays::Passing`]).
-pub struct Opacity<P> {
-    /// 0 to 1.
-    pub alpha: Part<P>,
-    /// In sigma.
-    pub lean: Part<P>,
-}
 
 /// A sheet of N x N samples on which particles are drawn.
 pub struct Canvas<'a, P, const N: usize> {
@@ -52,7 +44,7 @@ impl<P: Normal, const N: usize> Canvas<'_, P, N> {
         let square = look.edge == Edge::Square;
         let facing = sprite.model == Footprint::Viewpoint;
         let forms = Forms::of(sprite, self.sheet);
-        let ends = (cut != Cut::CLEAR).then(|| Ends::of(sprite, look, cut));
+        let ends = (cut != Cut::CLEAR).then(|| Ends::<P>::of(sprite, look, cut));
         let rays = if let Source::Ray(rays) = source { Some(*rays) } else { None };
         for row in rows[0]..rows[1] {
             let touched =
@@ -60,29 +52,40 @@ impl<P: Normal, const N: usize> Canvas<'_, P, N> {
             let Some([first, last]) = touched else { continue };
             let beside = forms.row::<P>(row);
             for part in first.max(columns[0]) / PART..last.div_ceil(PART) {
-                let mut opacity = match source {
-                    Source::Ray(rays) => {
-                        let passing = beside.passing::<N, LEVEL>(rays, row, part, facing);
-                        gauss::<P, LEVEL>(passing.squared, passing.lean, scale, square)
-                    }
+                // No closure: it would lose the instructions.
+                let mut passing = Passing::<P>::none();
+                if let Some(rays) = rays {
+                    passing = beside.passing::<N, LEVEL>(rays, row, part, facing);
+                }
+                let mut share = Share::Whole;
+                if let Some(ends) = &ends {
+                    let length = rays.map(|rays| rays.lengths(row, part));
+                    let ground = self.ground.map(|ground| part_of(&ground.depth[row], part));
+                    share = ends.share::<LEVEL>(&passing.lean, length, ground);
+                }
+                if let Share::Hidden = share {
+                    continue;
+                }
+                let mut alpha = match source {
+                    Source::Ray(_) => gauss::<P, LEVEL>(passing.squared, scale, square),
                     Source::Product(across, down, scale) => {
                         product::<P, N, LEVEL>(across, scale.gain * down[row], scale.floor, part)
                     }
                 };
-                let span = part * PART..(part + 1) * PART;
-                if let Some(ends) = &ends {
-                    let length = rays.map(|rays| rays.lengths(row, part));
-                    let ground = self.ground.map(|ground| part_of(&ground.depth[row], part));
-                    ends.shorten::<P, LEVEL>(&mut opacity, length, ground);
+                if let Share::Part(share) = &share {
+                    for k in 0..PART {
+                        alpha[k] *= share[k];
+                    }
                 }
+                let span = part * PART..(part + 1) * PART;
                 let through = part_of_mut(&mut self.through[row], part);
                 match &mut self.light {
-                    None => dim::<P, LEVEL>(through, &opacity.alpha),
+                    None => dim::<P, LEVEL>(through, &alpha),
                     Some(light) => {
                         let [red, green, blue] = light;
                         let planes = [&mut red[row], &mut green[row], &mut blue[row]]
                             .map(|plane| &mut plane[span.clone()]);
-                        lit::<P, LEVEL>(through, planes, &opacity.alpha, color);
+                        lit::<P, LEVEL>(through, planes, &alpha, color);
                     }
                 }
             }
@@ -102,12 +105,7 @@ fn part_of_mut<P, const N: usize>(row: &mut [P; N], part: usize) -> &mut Part<P>
 
 /// Opacities from squared distances.
 #[inline(always)]
-fn gauss<P: Normal, const LEVEL: u8>(
-    squared: Part<P>,
-    lean: Part<P>,
-    scale: Scale<P>,
-    square: bool,
-) -> Opacity<P> {
+fn gauss<P: Normal, const LEVEL: u8>(squared: Part<P>, scale: Scale<P>, square: bool) -> Part<P> {
     let mut alpha = [P::zero(); PART];
     for k in 0..PART {
         let g = P::exp_at::<LEVEL>(most(P::of(-0.5) * squared[k], P::of(-80.0)));
@@ -118,7 +116,7 @@ fn gauss<P: Normal, const LEVEL: u8>(
             alpha[k] = if squared[k] > P::of(9.0) { P::zero() } else { alpha[k] };
         }
     }
-    Opacity { alpha, lean }
+    alpha
 }
 
 /// Opacities from the two vectors.
@@ -128,13 +126,13 @@ fn product<P: Normal, const N: usize, const LEVEL: u8>(
     gain: P,
     floor: P,
     part: usize,
-) -> Opacity<P> {
+) -> Part<P> {
     let across = part_of(across, part);
     let mut alpha = [P::zero(); PART];
     for k in 0..PART {
         alpha[k] = most(multiply_add::<P, LEVEL>(gain, across[k], -floor), P::zero());
     }
-    Opacity { alpha, lean: [P::zero(); PART] }
+    alpha
 }
 
 /// T -= T alpha. Subtracting and not multiplying by a rounded 1 - alpha keeps many faint layers right.

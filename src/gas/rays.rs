@@ -211,6 +211,14 @@ impl Forms {
     }
 }
 
+impl<P: Normal> Passing<P> {
+    /// Of no ray.
+    #[inline(always)]
+    pub fn none() -> Self {
+        Self { squared: [P::zero(); PART], lean: [P::zero(); PART] }
+    }
+}
+
 impl<P: Normal> Beside<P> {
     /// A part's rays beside the particle; `facing` measures the distance on a billboard that faces the
     /// eye, where it is the tangent and not the sine of the angle.
@@ -226,7 +234,7 @@ impl<P: Normal> Beside<P> {
         let (sx, inverse) = (&rays.across[at..at + PART], &rays.inverse[row][at..at + PART]);
         let sx: &Part<P> = sx.try_into().expect("PART of them");
         let inverse: &Part<P> = inverse.try_into().expect("PART of them");
-        let mut passing = Passing { squared: [P::zero(); PART], lean: [P::zero(); PART] };
+        let mut passing = Passing::none();
         let first = self.first * self.first;
         for k in 0..PART {
             let place = lane::<P>(at + k);

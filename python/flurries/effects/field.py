@@ -235,13 +235,14 @@ class Field:
         )
         far = np.empty((bottom - top, right - left), np.float32)
         moves = [np.empty((*far.shape, 2), np.float32) for _ in others]
-        planes = [(depth, far)]
-        for motion, move in zip(motions, moves, strict=True):
-            planes += [(motion[..., axis], move[..., axis]) for axis in range(2)]
+        planes = [(depth[..., None], far[..., None]), *zip(motions, moves, strict=True)]
         for plane, out in planes:
-            # Shares of tiles sum to 1.
-            alike = plane.min() == plane.max()
-            out[...] = plane[0, 0] if alike else rows @ plane.astype(np.float32) @ columns
+            if (plane == plane[:1, :1]).all():
+                # Shares of tiles sum to 1.
+                out[...] = plane[0, 0]
+                continue
+            part = np.moveaxis(np.moveaxis(plane, 2, 1).astype(np.float32) @ columns, 1, 2)
+            np.matmul(rows, part.reshape(len(part), -1), out=out.reshape(len(out), -1))
         return moves, far
 
 
