@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pickle
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -294,3 +295,23 @@ def test_lengths_in_other_units_are_warned_of():
         fl.Scene((1920, 1080), camera=fl.Camera(35.0))
     with pytest.warns(UserWarning, match="flake_size is taken as metres"):
         fl.Snow(flake_size=(1.0, 5.0, 20.0))
+
+
+@pytest.mark.parametrize("mode", ["tile", "pixel"])
+def test_a_depth_that_stays_and_one_that_changes_have_the_same_frames(mode: str):
+    # What is found of a depth is kept while it stays: never for another depth, time or map.
+    near, far = np.full((60, 80), 6.0, np.float32), np.full((60, 80), 40.0, np.float32)
+    near[:30] = 90.0
+    effect = fl.TentSnow(fall=0.4, wind=(0.1, 0.0, 0.0), flakes=40, depth_mode=mode, seed=3)
+    grown = fl.Keys([(0.0, 0.1), (9.0, 0.4)])
+    frames = []
+    for depth, haze in ((near, 0.2), (far, 0.2), (near, grown)):
+        made = fl.Scene((80, 60), "#304050", effects=replace(effect, haze=haze), depth=depth)
+        frames.append([made.render(t) for t in (1, 2, 1)])
+        again = made.replace(depth=depth.copy())
+        assert all(
+            np.array_equal(a, again.render(t)) for a, t in zip(frames[-1], (1, 2, 1), strict=True)
+        )
+        assert np.array_equal(frames[-1][0], frames[-1][2])
+    assert not np.array_equal(frames[0][0], frames[1][0])
+    assert not np.array_equal(frames[0][0], frames[2][0])

@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from functools import lru_cache, partial
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -20,6 +20,7 @@ from flurries._contract import Array, Float64
 from flurries.effects.field import Field, Map
 from flurries.effects.motion import Way
 from flurries.effects.wall import wall_maps
+from flurries.frame.standing import standing
 from flurries.frame.view import Frame
 from flurries.spectral.contrast import kept_power, mean_opacity
 from flurries.spectral.tables import band_amplitude, wave_depth
@@ -87,7 +88,8 @@ def _by_tile(field: Field, frame: Frame, way: Way, mapped: Map, keep: bool) -> A
         exact = tuple(some) if len(some) <= _FEW else ()
         return _remap(field, frame, way, mapped, there, exact, left)
 
-    return _opacity(waves, frame.here(field, "map", remap), mapped, keep)
+    key = _map_key(field, frame, way, mapped)
+    return _opacity(waves, standing(frame, field, "map", key, remap), mapped, keep)
 
 
 def _by_pixel(field: Field, frame: Frame, way: Way, mapped: Map, keep: bool) -> Array:
@@ -102,7 +104,7 @@ def _by_pixel(field: Field, frame: Frame, way: Way, mapped: Map, keep: bool) -> 
         nearer = _waves_before(field, frame, way, number, octaves, edges[number + 1])
         # The root of the share of an octave's power; the same for both eyes.
         root = partial(_root_share, depth, edges[number], edges[number + 1])
-        part = frame.here(field, f"octave {number}", root)
+        part = standing(frame, field, f"octave {number}", octaves, root)
         total += part * (nearer if before is None else nearer - before)
         before = nearer
     ends = np.append(wave_depth(edges[:-1], near_depth=near, longest=longest), 0.0)
@@ -117,7 +119,19 @@ def _by_pixel(field: Field, frame: Frame, way: Way, mapped: Map, keep: bool) -> 
         return air, left(air)
 
     remap = partial(_remap, field, frame, way, mapped, there, (), left)
-    return _opacity(total, frame.here(field, "map", remap), mapped, keep)
+    key = _map_key(field, frame, way, mapped)
+    return _opacity(total, standing(frame, field, "map", key, remap), mapped, keep)
+
+
+def _cycles(field: Field, frame: Frame, way: Way) -> float:
+    """Return how fast the longest wave turns; rounding of a frame's time makes no other map."""
+    return round(field.cycles(frame, way), 9)
+
+
+def _map_key(field: Field, frame: Frame, way: Way, mapped: Map) -> tuple[Any, ...]:
+    """Return what the map of a depth is made of besides the depth."""
+    layout = field.layout(frame)
+    return mapped, _cycles(field, frame, way), way.shutter, layout.tiling, layout.band
 
 
 class Remap(NamedTuple):
@@ -160,7 +174,7 @@ def _remap(
     (_, tall), (_, wide) = _axes(field, frame)
     seams = field.blend != "power"
     least = float(tall.min() * wide.min()) if seams else 1.0
-    kept = kept_power(field.cycles(frame, way), field.alias, shutter=way.shutter)
+    kept = kept_power(_cycles(field, frame, way), field.alias, shutter=way.shutter)
     deviation = max(0.5 / spread * math.sqrt(kept), 1e-6)
     maps = wall_maps((mean, deviation, exponent), least, exact, left)
     full, blurred = (

@@ -9,6 +9,7 @@ import numpy as np
 from flurries._contract import Array
 from flurries.frame.bands import area
 from flurries.frame.needs import Cost, LeftOut, Needs, Step, omission
+from flurries.frame.standing import standing
 from flurries.frame.view import Frame
 from flurries.motion.keys import Number, value_at
 
@@ -41,7 +42,9 @@ class Veil:
         """Return the opacity before the scene's depth over the window, (h, w) float32."""
         depth, haze = frame.depth, self.opacity(frame, amount)
         assert depth is not None
-        return frame.here(self, "veil", lambda: haze_before(frame.crop(depth), haze, self.far))
+        return standing(
+            frame, self, "veil", haze, lambda: haze_before(frame.crop(depth), haze, self.far)
+        )
 
 
 def veil_needs(frame: Frame, haze: float, before: float) -> Needs:
