@@ -28,7 +28,16 @@ LENS = (300.0, 40.0, 30.0, (0.0, 0.0, 0.0), 0.1)
 SHAPE = (60, 80)
 
 
-@pytest.mark.parametrize("law", [(0.002, 0.004, 0.03), (0.002, 0.014, 0.03), (0.002, 0.027, 0.03)])
+@pytest.mark.parametrize(
+    "law",
+    [
+        (0.002, 0.004, 0.03),
+        (0.002, 0.014, 0.03),
+        (0.002, 0.027, 0.03),
+        # It ends long before the largest.
+        (0.001, 0.0018, 0.04),
+    ],
+)
 def test_sizes_have_their_mean_and_law(law: tuple[float, float, float]):
     sizes = Sizes.with_mean(*law)
     shares = (np.arange(400_000) + 0.5) / 400_000

@@ -75,7 +75,9 @@ class Sizes:
         whole = width * self.slope
         if abs(whole) < 1e-9:
             return np.asarray(self.smallest + at * width)
-        inside = -np.log1p(at * math.expm1(-whole)) / self.slope
+        # Of a law that ends long before the largest diameter the last one is infinite, and clipped.
+        with np.errstate(divide="ignore"):
+            inside = -np.log1p(at * math.expm1(-whole)) / self.slope
         return np.asarray(np.clip(self.smallest + inside, self.smallest, self.largest))
 
     def nodes(self, low: float, high: float) -> tuple[Float64, Float64]:
