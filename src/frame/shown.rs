@@ -79,7 +79,7 @@ impl Shown<'_> {
 
 /// A row of a plane.
 fn line<'a, A>(plane: &ArrayView2<'a, A>, row: usize) -> Result<&'a [A], Error> {
-    plane.clone().index_axis_move(Axis(0), row).to_slice().ok_or_else(broken)
+    (*plane).index_axis_move(Axis(0), row).to_slice().ok_or_else(broken)
 }
 
 fn broken() -> Error {

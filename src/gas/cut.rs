@@ -166,8 +166,8 @@ impl<P: Normal> Ends<P> {
             near = !clear;
         }
         if let Some(ground) = ground.filter(|_| wall != Wall::None) {
-            for k in 0..PART {
-                to[k] = ((ground[k] - self.depth[0]) - self.depth[1]) * self.inverse;
+            for (to, &ground) in to.iter_mut().zip(ground) {
+                *to = ((ground - self.depth[0]) - self.depth[1]) * self.inverse;
             }
             if let (Wall::Ray | Wall::RayHard, Some(length)) = (wall, length) {
                 for k in 0..PART {
@@ -175,9 +175,9 @@ impl<P: Normal> Ends<P> {
                 }
             }
             let (mut hidden, mut clear) = (true, true);
-            for k in 0..PART {
-                hidden &= to[k] < -settled;
-                clear &= to[k] > settled;
+            for &to in to.iter() {
+                hidden &= to < -settled;
+                clear &= to > settled;
             }
             if hidden {
                 return Share::Hidden;

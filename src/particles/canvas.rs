@@ -1,11 +1,6 @@
 //! What the flakes of a tile are drawn on: transmittance, alone or with the number of the flake that shows
 //! most.
 
-#![expect(
-    clippy::needless_range_loop,
-    reason = "an index over lanes of a fixed count is what vectorises without closures"
-)]
-
 use super::dim::rows;
 use super::draw::PIXELS;
 
