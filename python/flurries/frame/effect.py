@@ -21,8 +21,9 @@ class Renders(Protocol):
 class Composed(Protocol):
     """Anything that says what it is made of."""
 
+    # `Renders` in truth: pyright does not look into the cached property that effects have.
     @property
-    def parts(self) -> Renders:
+    def parts(self) -> object:
         """What renders it."""
         ...
 
