@@ -233,6 +233,11 @@ SECTIONS: dict[str, list[Row]] = {
              "test_io_pictures.py::test_integers_come_back_exactly"),
             ("test_io_atomic.py::test_a_picture_that_reads_back_wrong_is_not_kept",)),
     ],
+    "Laws": [
+        Row("Rates and extinctions of snow and rain, in rendered frames",
+            "as asked within 2 % and two standard errors: five rates, walls at 20, 60 and 200 m",
+            ("soak/test_soak_population.py::test_rates_and_extinctions_are_shown_as_asked",)),
+    ],
 }  # fmt: skip
 
 

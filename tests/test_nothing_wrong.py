@@ -227,7 +227,10 @@ def test_16_9_without_workers_it_says_so_and_stops(tmp_path: Path):
         ):
             SMALL.write(tmp_path / "%d.png", "1-2", dask=local.scheduler_address, dask_patience=1.0)
         assert time.monotonic() - started < 20
-        with pytest.raises(TimeoutError, match="no worker"):
+        with (
+            pytest.warns(UserWarning, match=r"waiting for a worker"),
+            pytest.raises(TimeoutError, match="no worker"),
+        ):
             SMALL.write(tmp_path / "a.mkv", "1-2", dask=local.scheduler_address, dask_patience=0.5)
     assert not list(tmp_path.iterdir())
 

@@ -45,9 +45,6 @@ impl Cut {
     pub const CLEAR: Self = Self { near: false, wall: Wall::None };
 }
 
-/// See [`settled`].
-const SETTLED: f64 = 3.5;
-
 /// What cuts a particle off; the ranges of the sheet settle it for most. None if all of it is hidden.
 pub fn cut<P: Normal>(
     sprite: &Sprite,
@@ -74,7 +71,7 @@ pub fn cut<P: Normal>(
         }
     }
     let Some([nearest, farthest]) = ground else { return Some(cut) };
-    let saturated = settled::<P>(look) * sprite.sigma;
+    let saturated = P::SATURATED * sprite.sigma;
     if look.hard && sprite.model != Footprint::Viewpoint {
         let level = P::of(depth).wide();
         if farthest <= level {
@@ -137,7 +134,7 @@ impl<P: Normal> Ends<P> {
             depth: [first, P::of(depth - first.wide())],
             inverse: P::of(inverse),
             near: P::of((look.near - depth) * inverse),
-            settled: P::of(settled::<P>(look)),
+            settled: P::of(P::SATURATED),
             cut,
         }
     }
@@ -221,13 +218,6 @@ impl<P: Normal> Ends<P> {
         }
         Share::Part(share)
     }
-}
-
-/// Sigma from its middle at which a particle counts as whole or hidden before what stands in the picture:
-/// where the normal law has reached 0 or 1 to the samples' last bits; in a picture that may be made on the
-/// lattice, which errs by .0015, where .0002 is left.
-fn settled<P: Normal>(look: &Look) -> f64 {
-    if look.smooth.is_finite() { SETTLED } else { P::SATURATED }
 }
 
 /// The normal law up to u.

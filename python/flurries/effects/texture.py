@@ -111,9 +111,13 @@ class Texture:
             return cost
         pixels = (window[1] - window[0]) * (window[3] - window[2])
         work: dict[str, Any] = {**cost.work, "limited pixel": passes * pixels}
-        scratch = cost.scratch + (32 if passes > 1 else 16) * pixels
+        # The map of a depth that stays is left there, see `standing`; in bands it is made anew.
+        left = 0 if frame.banded else 12 * pixels
+        scratch = cost.scratch + (32 if passes > 1 else 16) * pixels - left
         # The waves, and what the depth leaves of them, are there when the means are looked up.
-        return replace(cost, work=work, scratch=max(scratch, TABLE_BYTES + 8 * pixels))
+        return replace(
+            cost, work=work, kept=cost.kept + left, scratch=max(scratch, TABLE_BYTES + 8 * pixels)
+        )
 
     def warn_ambiguous(
         self, shape: tuple[int, int], focal: float, distance: float, index: int

@@ -91,15 +91,15 @@ class _Watch:
         self._alone = now if self._alone is None else self._alone
         waited = now - self._alone
         address = self.client.scheduler.address
-        if waited >= self.patience:
-            raise TimeoutError(
-                f"dask: no worker at {address} for {waited:.0f} s; start one, or wait longer"
-            )
         if waited >= min(_QUIET, self.patience / 2) and not self._said:
             self._said = True
             warnings.warn(
                 f"dask: waiting for a worker at {address}, {self.patience:g} s at most",
                 stacklevel=2,
+            )
+        if waited >= self.patience:
+            raise TimeoutError(
+                f"dask: no worker at {address} for {waited:.0f} s; start one, or wait longer"
             )
 
     @contextmanager
