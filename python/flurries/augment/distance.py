@@ -1,4 +1,4 @@
-"""How far away what a picture shows is: given, or a plane with a horizon where nobody said."""
+"""The depth of a picture: given, or a plane with a horizon."""
 
 from __future__ import annotations
 

@@ -41,7 +41,7 @@ __all__ = ["Alpha", "Depth", "Fog", "Rainfall", "Records", "Snowfall"]
 
 
 class Depth(tv_tensors.Mask):  # type: ignore[misc]
-    """How far away what a picture shows is, (H, W) floats in metres.
+    """The depth of a picture, (H, W) floats in metres.
 
     In the sample beside the picture it goes through flips and crops as a mask does, and the
     weather of these transforms lies before it.
