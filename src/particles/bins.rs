@@ -10,7 +10,8 @@ use std::ops::Range;
 use std::slice::Iter;
 
 use super::project::Group;
-use super::sprite::{Flake, Lens, Sprite};
+use super::splat::Source;
+use super::sprite::{Lens, Sprite};
 use crate::base::cover::pixels;
 use crate::base::error::Error;
 
@@ -144,13 +145,12 @@ impl Sorter<'_> {
 }
 
 impl Bins {
-    /// Projects the flakes of a run, numbered from `first` on, and sorts them by tile, in place of those of
-    /// another run.
+    /// Projects the flakes of a run and sorts them by tile, in place of those of another run.
     #[inline(always)]
     pub fn fill<const LEVEL: u8>(
         &mut self,
-        flakes: impl ExactSizeIterator<Item = Option<Flake>>,
-        first: usize,
+        flakes: &impl Source,
+        run: Range<usize>,
         lens: &Lens,
         grid: &Grid,
         scratch: &mut Scratch,
@@ -159,8 +159,8 @@ impl Bins {
         let Scratch { projected, pairs } = scratch;
         projected.clear();
         pairs.clear();
-        reserve(projected, flakes.len())?;
-        reserve(pairs, flakes.len())?;
+        reserve(projected, run.len())?;
+        reserve(pairs, run.len())?;
         large.clear();
         large_numbers.clear();
         starts.clear();
@@ -168,12 +168,12 @@ impl Bins {
         starts.resize(grid.len() + 1, 0);
         let mut sorter = Sorter { grid, large, large_numbers, starts, pairs, projected };
         let mut group = Group::default();
-        for (flake, number) in flakes.zip(first..) {
-            let Some(flake) = flake else { continue };
+        flakes.each(run, &mut |number, flake| {
             if group.push(&flake, number as i32) {
                 group.project::<LEVEL>(lens, &mut sorter)?;
             }
-        }
+            Ok(())
+        })?;
         group.project::<LEVEL>(lens, &mut sorter)?;
         for tile in 0..grid.len() {
             starts[tile + 1] += starts[tile];
@@ -235,11 +235,24 @@ fn reserve<T>(buffer: &mut Vec<T>, more: usize) -> Result<(), Error> {
 
 #[cfg(test)]
 mod tests {
+    use super::super::sprite::Flake;
     use super::*;
     use crate::base::random::Hash;
     use crate::base::simd::{AVX2, AVX512, Level, PORTABLE};
 
     const LENS: Lens = Lens { focal: 100.0, center: [0.0; 2], offset: [0.0; 3], near: 0.1 };
+
+    struct List(Vec<Flake>);
+
+    impl Source for List {
+        fn len(&self) -> usize {
+            self.0.len()
+        }
+
+        fn get(&self, index: usize) -> Option<Flake> {
+            Some(self.0[index])
+        }
+    }
 
     fn flakes(count: usize) -> Vec<Flake> {
         let unit = |i: usize, word: i64| Hash::seeded(1).word(i as i64).word(word).unit();
@@ -285,12 +298,11 @@ mod tests {
                 .into_iter()
                 .map(|run| {
                     let mut bins = Bins::default();
-                    let flakes = flakes[run].iter().copied().map(Some);
-                    let scratch = &mut scratch;
+                    let (flakes, scratch) = (&List(flakes.clone()), &mut scratch);
                     match level {
-                        AVX512 => bins.fill::<AVX512>(flakes, 0, &LENS, &grid, scratch),
-                        AVX2 => bins.fill::<AVX2>(flakes, 0, &LENS, &grid, scratch),
-                        _ => bins.fill::<PORTABLE>(flakes, 0, &LENS, &grid, scratch),
+                        AVX512 => bins.fill::<AVX512>(flakes, run, &LENS, &grid, scratch),
+                        AVX2 => bins.fill::<AVX2>(flakes, run, &LENS, &grid, scratch),
+                        _ => bins.fill::<PORTABLE>(flakes, run, &LENS, &grid, scratch),
                     }
                     .unwrap();
                     bins

@@ -3,6 +3,9 @@
 //! Each class fills a box of its own, as deep as its largest flakes are drawn. Nothing fades at the
 //! walls: the view ends inside them, and what lies beyond a class's depth is the texture's.
 
+use std::ops::Range;
+
+use super::block::{Eye, each_seen};
 use super::splat::Source;
 use super::sprite::Flake;
 use super::torus::Carried;
@@ -20,23 +23,28 @@ const FADE_IN: f64 = 0.1;
 /// The exponential law of diameters, exp(-slope D) between two of them.
 #[derive(Debug, Clone, Copy)]
 pub struct Law {
-    /// Smallest and largest diameter, world units.
-    pub range: (f64, f64),
-    /// Per world unit.
-    pub slope: f64,
+    range: (f64, f64),
+    slope: f64,
+    // exp(-slope times their difference) less 1, or 0 where they are as many of all.
+    whole: f64,
 }
 
 impl Law {
+    /// The law between the smallest and the largest diameter, world units; `slope` per world unit.
+    pub fn new(range: (f64, f64), slope: f64) -> Self {
+        let whole = slope * (range.1 - range.0);
+        // libm rather than std: the same bits with every C library.
+        Self { range, slope, whole: if whole.abs() < 1e-9 { 0.0 } else { libm::expm1(-whole) } }
+    }
+
     /// The diameter that a share of them is smaller than.
     #[inline(always)]
     fn quantile(&self, share: f64) -> f64 {
         let (low, high) = self.range;
-        let whole = self.slope * (high - low);
-        if whole.abs() < 1e-9 {
+        if self.whole == 0.0 {
             return low + share * (high - low);
         }
-        // libm rather than std: the same bits with every C library.
-        let inside = -libm::log1p(share * libm::expm1(-whole)) / self.slope;
+        let inside = -libm::log1p(share * self.whole) / self.slope;
         (low + inside).clamp(low, high)
     }
 }
@@ -153,9 +161,29 @@ impl Crowd {
         if sound { Ok(self) } else { Err(Error::Internal("no crowd looks like that".into())) }
     }
 
-    fn seen(&self, point: [f64; 3]) -> bool {
-        let holds = |view: &View| (0..2).all(|axis| view.holds(axis, point[axis], point[2]));
-        holds(&self.view) || self.aside.as_ref().is_some_and(holds)
+    /// A flake of a class, at its place before the sway, unless it does not show.
+    #[inline(always)]
+    fn flake(&self, class: &Class, index: usize, [x, y, z]: [f64; 3]) -> Option<Flake> {
+        // The view has room for the swing.
+        let [aside, ahead] = class.carried.swing(class.carried.flake(index));
+        let place = [x + aside, y, z + ahead];
+        let point = turned(&self.turn, place);
+        let rank = (index as f64 + 0.5) / class.count as f64;
+        let [near, in_full, from, far] = class.shown;
+        let depth = point[2];
+        let shown = ramp(near, in_full, depth) * (1.0 - ramp(from, far, depth));
+        let weight = shown * there(rank, self.heights.amount(&class.amounts, place));
+        if weight <= 0.0 {
+            return None;
+        }
+        let share = Hash::seeded(class.seed).word(SIZES).word(index as i64).unit();
+        let grown = turned(&self.spread, point);
+        Some(Flake {
+            point,
+            radius: RADIUS_OF_DIAMETER * class.law.quantile(share),
+            opacity: weight * self.opacity,
+            travel: std::array::from_fn(|axis| class.travel[axis] + grown[axis]),
+        })
     }
 
     /// The class of a flake, and its number in it.
@@ -179,31 +207,37 @@ impl Source for Crowd {
     #[inline(always)]
     fn get(&self, index: usize) -> Option<Flake> {
         let (class, index) = self.class(index)?;
-        let flake = class.carried.flake(index);
-        let [x, y, z] = class.carried.place(flake);
-        // The view has room for the swing.
-        if !self.seen(turned(&self.turn, [x, y, z])) {
-            return None;
+        let place = class.carried.place(index);
+        self.sees(place).then(|| self.flake(class, index, place))?
+    }
+
+    #[inline(always)]
+    fn each(
+        &self,
+        range: Range<usize>,
+        see: &mut impl FnMut(usize, Flake) -> Result<(), Error>,
+    ) -> Result<(), Error> {
+        let mut start = 0;
+        for class in &self.classes {
+            let end = range.end.min(start + class.count).saturating_sub(start);
+            let own = range.start.saturating_sub(start).min(end)..end;
+            each_seen(&class.carried, self, own, |index, place| {
+                match self.flake(class, index, place) {
+                    Some(flake) => see(start + index, flake),
+                    None => Ok(()),
+                }
+            })?;
+            start += class.count;
         }
-        let [aside, ahead] = class.carried.swing(flake);
-        let place = [x + aside, y, z + ahead];
+        Ok(())
+    }
+}
+
+impl Eye for Crowd {
+    #[inline(always)]
+    fn sees(&self, place: [f64; 3]) -> bool {
         let point = turned(&self.turn, place);
-        let rank = (index as f64 + 0.5) / class.count as f64;
-        let [near, in_full, from, far] = class.shown;
-        let depth = point[2];
-        let shown = ramp(near, in_full, depth) * (1.0 - ramp(from, far, depth));
-        let weight = shown * there(rank, self.heights.amount(&class.amounts, place));
-        if weight <= 0.0 {
-            return None;
-        }
-        let share = Hash::seeded(class.seed).word(SIZES).word(index as i64).unit();
-        let grown = turned(&self.spread, point);
-        Some(Flake {
-            point,
-            radius: RADIUS_OF_DIAMETER * class.law.quantile(share),
-            opacity: weight * self.opacity,
-            travel: std::array::from_fn(|axis| class.travel[axis] + grown[axis]),
-        })
+        self.view.sees(point) | self.aside.as_ref().is_some_and(|view| view.sees(point))
     }
 }
 
@@ -223,14 +257,14 @@ mod tests {
 
     #[test]
     fn sizes_follow_their_law() {
-        let law = Law { range: (0.002, 0.03), slope: 300.0 };
+        let law = Law::new((0.002, 0.03), 300.0);
         let n = 100_000;
         let mean = (0..n).map(|i| law.quantile((f64::from(i) + 0.5) / f64::from(n))).sum::<f64>()
             / f64::from(n);
         // 1/slope + low - (high - low) / (exp(slope (high - low)) - 1)
         let wanted = 1.0 / 300.0 + 0.002 - 0.028 / (8.4_f64.exp() - 1.0);
         assert!((mean - wanted).abs() < 1e-8, "{mean} {wanted}");
-        let even = Law { range: (0.01, 0.03), slope: 0.0 };
+        let even = Law::new((0.01, 0.03), 0.0);
         assert!((even.quantile(0.25) - 0.015).abs() < 1e-15);
     }
 

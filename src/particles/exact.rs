@@ -18,6 +18,9 @@ use crate::base::simd::{dispatch, multiply_add};
 /// Rows of one item of work.
 const BAND: usize = 64;
 
+/// Flakes that are placed between two looks at whether to stop.
+const RUN: usize = 1 << 16;
+
 /// The image ends here, in sigma; beyond lie 4e-8 of its energy.
 const REACH: f64 = 5.5;
 
@@ -81,25 +84,26 @@ pub fn draw<P: Real, M: Real>(
     let tables = Tables::new();
     let mut images = Vec::new();
     let mut bands: Vec<Vec<u32>> = vec![Vec::new(); height.div_ceil(BAND)];
-    for index in 0..flakes.len() {
-        if index % 65_536 == 0 {
-            cancel.check()?;
-        }
-        let Some(flake) = flakes.get(index) else { continue };
-        let Some(sprite) = Sprite::of(&flake, lens) else { continue };
-        let image = Image::of(&sprite, flake.radius, lens.focal);
-        let (left, right) = image.pixels(0, columns);
-        let (top, bottom) = image.pixels(1, rows);
-        if left >= right || top >= bottom {
-            continue;
-        }
-        let (top, bottom) = (top - origin.0, bottom - origin.0);
-        let number = u32::try_from(images.len())
-            .map_err(|_| Error::invalid("density", "makes more than 2^32 flakes in view"))?;
-        pushed(&mut images, image)?;
-        for band in &mut bands[top / BAND..bottom.div_ceil(BAND)] {
-            pushed(band, number)?;
-        }
+    let count = flakes.len();
+    for start in (0..count).step_by(RUN) {
+        cancel.check()?;
+        flakes.each(start..(start + RUN).min(count), &mut |_, flake| {
+            let Some(sprite) = Sprite::of(&flake, lens) else { return Ok(()) };
+            let image = Image::of(&sprite, flake.radius, lens.focal);
+            let (left, right) = image.pixels(0, columns);
+            let (top, bottom) = image.pixels(1, rows);
+            if left >= right || top >= bottom {
+                return Ok(());
+            }
+            let (top, bottom) = (top - origin.0, bottom - origin.0);
+            let number = u32::try_from(images.len())
+                .map_err(|_| Error::invalid("density", "makes more than 2^32 flakes in view"))?;
+            pushed(&mut images, image)?;
+            for band in &mut bands[top / BAND..bottom.div_ceil(BAND)] {
+                pushed(band, number)?;
+            }
+            Ok(())
+        })?;
     }
     let (images, bands, tables) = (&images, &bands, &tables);
     let items = out.axis_chunks_iter_mut(Axis(0), BAND).enumerate();

@@ -3,6 +3,9 @@
 //! The box holds several times as many flakes as the picture shows. Doing step after step for all of
 //! them, through arrays, costs more than drawing those that are seen.
 
+use std::ops::Range;
+
+use super::block::{Eye, each_seen};
 use super::looks::{Looks, presence, sigma, size_fade};
 use super::splat::Source;
 use super::sprite::{Flake, Lens};
@@ -65,10 +68,33 @@ impl Flurry {
         Ok(self)
     }
 
+    /// A flake at its place before the sway, unless it does not show.
     #[inline(always)]
-    fn seen(&self, axis: usize, place: f64, z: f64) -> bool {
-        self.view.holds(axis, place, z)
-            || self.aside.as_ref().is_some_and(|view| view.holds(axis, place, z))
+    fn flake(&self, index: usize, [x, y, z]: [f64; 3]) -> Option<Flake> {
+        let Looks { radius, opacity, amount, fade_in, largest, .. } = self.looks;
+        let there = presence(index, self.count, amount, fade_in);
+        if there == 0.0 {
+            return None;
+        }
+        let [aside, ahead] = self.carried.swing(self.carried.flake(index));
+        let point = [x + aside, y, z + ahead];
+        let size = self.sizes.word(index as i64).unit();
+        let radius = radius.0 + size * (radius.1 - radius.0);
+        let sharp = size_fade(sigma(self.focal, radius, point[2]), largest);
+        let weight = there * self.carried.shown(point) * sharp;
+        (weight > 0.0).then_some(Flake {
+            point,
+            radius,
+            opacity: weight * opacity,
+            travel: self.travel,
+        })
+    }
+}
+
+impl Eye for Flurry {
+    #[inline(always)]
+    fn sees(&self, place: [f64; 3]) -> bool {
+        self.view.sees(place) | self.aside.as_ref().is_some_and(|view| view.sees(place))
     }
 }
 
@@ -88,10 +114,11 @@ impl Placed {
             flakes.chunks_mut(RUN).enumerate(),
             |(run, flakes): (usize, &mut [Option<Flake>])| {
                 cancel.check()?;
-                for (index, flake) in (run * RUN..).zip(flakes) {
-                    *flake = source.get(index);
-                }
-                Ok(())
+                let start = run * RUN;
+                source.each(start..start + flakes.len(), &mut |index, flake| {
+                    flakes[index - start] = Some(flake);
+                    Ok(())
+                })
             },
         )?;
         Ok(Self(flakes))
@@ -116,32 +143,19 @@ impl Source for Flurry {
 
     #[inline(always)]
     fn get(&self, index: usize) -> Option<Flake> {
-        let Looks { radius, opacity, amount, fade_in, largest, .. } = self.looks;
-        let there = presence(index, self.count, amount, fade_in);
-        if there == 0.0 {
-            return None;
-        }
-        let flake = self.carried.flake(index);
-        let z = self.carried.along(flake, 2);
-        let x = self.carried.along(flake, 0);
-        if !self.seen(0, x, z) {
-            return None;
-        }
-        let y = self.carried.along(flake, 1);
-        if !self.seen(1, y, z) {
-            return None;
-        }
-        let [aside, ahead] = self.carried.swing(flake);
-        let point = [x + aside, y, z + ahead];
-        let size = self.sizes.word(index as i64).unit();
-        let radius = radius.0 + size * (radius.1 - radius.0);
-        let sharp = size_fade(sigma(self.focal, radius, point[2]), largest);
-        let weight = there * self.carried.shown(point) * sharp;
-        (weight > 0.0).then_some(Flake {
-            point,
-            radius,
-            opacity: weight * opacity,
-            travel: self.travel,
+        let place = self.carried.place(index);
+        self.sees(place).then(|| self.flake(index, place))?
+    }
+
+    #[inline(always)]
+    fn each(
+        &self,
+        range: Range<usize>,
+        see: &mut impl FnMut(usize, Flake) -> Result<(), Error>,
+    ) -> Result<(), Error> {
+        each_seen(&self.carried, self, range, |index, place| match self.flake(index, place) {
+            Some(flake) => see(index, flake),
+            None => Ok(()),
         })
     }
 }

@@ -17,9 +17,11 @@
 //! | [`crowd`] | the flakes of a population, by classes of size |
 //! | [`exact`] | flakes drawn one by one with their exact images, as a judge |
 //! | [`looks`] | how many flakes are there, how large they are, which are too large |
+//! | `block` | flakes placed by vectors, those out of view dropped |
 //! | [`flurry`] | the flakes of a box, each placed and looked at as it is drawn |
 
 pub mod bins;
+mod block;
 mod canvas;
 pub mod closeup;
 pub mod crossing;

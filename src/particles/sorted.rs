@@ -240,8 +240,7 @@ fn fill_with<S: Source, const LEVEL: u8>(
     grid: &Grid,
     scratch: &mut Scratch,
 ) -> Result<(), Error> {
-    let first = range.start;
-    bins.fill::<LEVEL>(range.map(|index| flakes.get(index)), first, lens, grid, scratch)
+    bins.fill::<LEVEL>(flakes, range, lens, grid, scratch)
 }
 
 /// A tile's number, where in it the part begins, and its pixels.

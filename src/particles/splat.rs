@@ -1,5 +1,7 @@
 //! The image of many flakes of one color: alpha = 1 - prod(1 - alpha_i), whatever their order.
 
+use std::ops::Range;
+
 use ndarray::{ArrayView1, ArrayView2, ArrayViewMut2};
 
 use super::profile::Profile;
@@ -36,6 +38,21 @@ pub trait Source: Sync {
 
     /// A flake, or None if it is known not to be seen.
     fn get(&self, index: usize) -> Option<Flake>;
+
+    /// Hands on those of a range that may be seen, in their order.
+    #[inline(always)]
+    fn each(
+        &self,
+        range: Range<usize>,
+        see: &mut impl FnMut(usize, Flake) -> Result<(), Error>,
+    ) -> Result<(), Error> {
+        for index in range {
+            if let Some(flake) = self.get(index) {
+                see(index, flake)?;
+            }
+        }
+        Ok(())
+    }
 
     /// Refuses what cannot be drawn.
     fn check(&self) -> Result<(), Error> {

@@ -148,33 +148,34 @@ impl Carried {
         self.stream.word(index as i64)
     }
 
-    /// Where a flake is along an axis, before the sway.
+    /// Where N flakes from `first` on are, by axis, before the sway.
     #[inline(always)]
-    pub fn along(&self, flake: Hash, axis: usize) -> f64 {
-        let side = self.torus.sides[axis];
-        let start = side * flake.word(axis as i64).unit();
-        self.torus.center[axis] + wrap(start + self.moved[axis], side)
+    pub fn places<const N: usize>(&self, first: usize) -> [[f64; N]; 3] {
+        let mut lives: [Hash; N] = std::array::from_fn(|i| self.flake(first + i));
+        let mut places = [[0.0; N]; 3];
+        let order = self.order.unwrap_or([0, 1, 2]);
+        for axis in order {
+            let (side, center) = (self.torus.sides[axis], self.torus.center[axis]);
+            let renews = self.order.is_some() && axis != order[2];
+            for (place, life) in places[axis].iter_mut().zip(&mut lives) {
+                let at = side * life.word(axis as i64).unit() + self.moved[axis];
+                let offset = wrap(at, side);
+                *place = center + offset;
+                if renews {
+                    let passed = self.turns[axis] + ((at - offset) / side + 0.5).floor() as i64;
+                    // Not a branch, so that it is done for a vector of flakes.
+                    let next = life.word(LIVES + axis as i64).word(passed);
+                    *life = if passed == 0 { *life } else { next };
+                }
+            }
+        }
+        places
     }
 
     /// Where a flake is, before the sway.
     #[inline(always)]
-    pub fn place(&self, flake: Hash) -> [f64; 3] {
-        let Some(order) = self.order else {
-            return std::array::from_fn(|axis| self.along(flake, axis));
-        };
-        let mut place = [0.0; 3];
-        let mut life = flake;
-        for axis in order {
-            let (side, center) = (self.torus.sides[axis], self.torus.center[axis]);
-            let at = side * life.word(axis as i64).unit() + self.moved[axis];
-            let offset = wrap(at, side);
-            place[axis] = center + offset;
-            let passed = self.turns[axis] + ((at - offset) / side).round() as i64;
-            if passed != 0 {
-                life = life.word(LIVES + axis as i64).word(passed);
-            }
-        }
-        place
+    pub fn place(&self, index: usize) -> [f64; 3] {
+        self.places::<1>(index).map(|[place]| place)
     }
 
     /// What the sway adds, along x and z.
@@ -376,7 +377,7 @@ mod tests {
         let place = |way: [f64; 3], index: usize| {
             let carried =
                 Carried::new(torus, 5, way, 1.0, None).unwrap().renewed([1, 0, 2]).unwrap();
-            carried.place(carried.flake(index))
+            carried.place(index)
         };
         let mut sums = [0.0; 3];
         for index in 0..2000 {

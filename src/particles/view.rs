@@ -29,16 +29,23 @@ impl View {
         }
     }
 
+    /// Whether a place may be seen.
     #[inline(always)]
+    pub fn sees(&self, [x, y, z]: [f64; 3]) -> bool {
+        self.holds(0, x, z) & self.holds(1, y, z)
+    }
+
     /// Whether a place may be seen along an axis, 0 or 1, at a depth.
-    pub fn holds(&self, axis: usize, place: f64, z: f64) -> bool {
+    #[inline(always)]
+    fn holds(&self, axis: usize, place: f64, z: f64) -> bool {
         let (place, z) = (place - self.offset[axis], z - self.offset[2]);
         // The room shifts each plane outwards, whichever way it leans.
         let (near, far) = (z - self.room, z + self.room);
         let reach =
             |slope: f64, deep: f64, shallow: f64| slope * if slope > 0.0 { deep } else { shallow };
-        far > 0.0
-            && place >= -reach(-self.low[axis], far, near) - self.room
-            && place <= reach(self.high[axis], far, near) + self.room
+        // Without branches, so that it is asked for a vector of places.
+        (far > 0.0)
+            & (place >= -reach(-self.low[axis], far, near) - self.room)
+            & (place <= reach(self.high[axis], far, near) + self.room)
     }
 }

@@ -105,7 +105,7 @@ impl BoxRequest {
             count: self.number,
             carried: carried.renewed(self.order)?,
             seed: self.seed,
-            law: Law { range: self.sizes, slope: self.slope },
+            law: Law::new(self.sizes, self.slope),
             travel: self.travel,
             shown: self.shown,
             amounts: self.amounts.clone(),
@@ -142,6 +142,9 @@ pub fn crowd_sort_pair(
     Ok((first?, second?))
 }
 
+/// Flakes that are listed between two looks at whether to stop.
+const RUN: usize = 1 << 16;
+
 /// Lists the flakes that may be seen, nine numbers each: place, radius, opacity, way during the
 /// exposure, number.
 #[pyfunction]
@@ -152,16 +155,17 @@ pub fn crowd_list<'py>(
     let crowd = request.crowd(None)?;
     let rows = gate::run(py, 100.0 * crowd.len() as f64, |cancel| {
         let mut rows: Vec<f64> = Vec::new();
-        for index in 0..crowd.len() {
-            if index % 65_536 == 0 {
-                cancel.check()?;
-            }
-            let Some(flake) = crowd.get(index) else { continue };
-            let [x, y, z] = flake.point;
-            let [a, b, c] = flake.travel;
-            for value in [x, y, z, flake.radius, flake.opacity, a, b, c, index as f64] {
-                pushed(&mut rows, value)?;
-            }
+        let count = crowd.len();
+        for start in (0..count).step_by(RUN) {
+            cancel.check()?;
+            crowd.each(start..(start + RUN).min(count), &mut |index, flake| {
+                let [x, y, z] = flake.point;
+                let [a, b, c] = flake.travel;
+                for value in [x, y, z, flake.radius, flake.opacity, a, b, c, index as f64] {
+                    pushed(&mut rows, value)?;
+                }
+                Ok(())
+            })?;
         }
         Ok(rows)
     })?;

@@ -18,7 +18,7 @@ from flurries.particles.looks import smoothstep
 from flurries.particles.sizes import Sizes
 
 # Sigma of a flake's image from which it is drawn, px: a texture of waves resolves less.
-HANDOVER_SIGMA = 1.0
+HANDOVER_SIGMA = 1.2
 
 # A flake's image of diameter d is a Gaussian of d / sqrt(8): its integral is opacity pi d^2 / 4.
 SIGMA_OF_DIAMETER = 1.0 / math.sqrt(8.0)

@@ -1,5 +1,6 @@
 //! Which flakes are near or out of focus, and their pictures over a frame.
 
+use std::ops::Range;
 use std::sync::Mutex;
 
 use ndarray::{ArrayView2, ArrayViewMut2, Axis};
@@ -102,7 +103,26 @@ impl<S: Source> Source for Split<'_, S> {
 
     #[inline(always)]
     fn get(&self, index: usize) -> Option<Flake> {
-        let flake = self.source.get(index)?;
+        self.rest(index, self.source.get(index)?)
+    }
+
+    #[inline(always)]
+    fn each(
+        &self,
+        range: Range<usize>,
+        see: &mut impl FnMut(usize, Flake) -> Result<(), Error>,
+    ) -> Result<(), Error> {
+        self.source.each(range, &mut |index, flake| match self.rest(index, flake) {
+            Some(rest) => see(index, rest),
+            None => Ok(()),
+        })
+    }
+}
+
+impl<S: Source> Split<'_, S> {
+    /// What of a flake is a sprite, if anything; else it is kept back.
+    #[inline(always)]
+    fn rest(&self, index: usize, flake: Flake) -> Option<Flake> {
         let depth = (flake.point[2] - self.lens.offset[2]).max(self.lens.near);
         let sigma = self.lens.focal * flake.radius / (3.0 * depth);
         let closeup = self.closeup;
