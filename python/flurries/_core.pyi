@@ -87,7 +87,7 @@ __all__ = [
     "set_reproducible",
     "set_scope",
     "set_threads",
-    "shade_behind",
+    "shade_add",
     "shade_light",
     "shade_over",
     "sheet_fall",
@@ -259,11 +259,10 @@ def shade_light(
     colors: tuple[_Array, float, int, int],
     glow: _Array | None = None,
 ) -> None: ...
-def shade_behind(
+def shade_add(
     glow: _Array,
     alpha: _Array,
     colors: tuple[_Array, float, int, int],
-    front: _Array | None = None,
 ) -> None: ...
 def encode_bytes(out: _Array, values: _Array, light: _Array, edges: _Array) -> None: ...
 def veil(
@@ -342,6 +341,7 @@ def particle_draw_lit(
     lamps: _Float64,
     optics: tuple[float, float],
     depth: _Array | None = None,
+    behind: tuple[_Array, tuple[_Array, float, int, int]] | None = None,
 ) -> None: ...
 def lamp_light(
     out: _Float64,

@@ -4,6 +4,8 @@
 //! per steradian, so that light of radiance L from all sides makes a particle of radiance albedo * L.
 
 use super::error::Error;
+use super::simd::dispatch;
+use super::smooth::smoothstep;
 
 /// A lamp in the eye's axes.
 #[derive(Debug, Clone, Copy)]
@@ -58,41 +60,79 @@ impl Lamps {
     }
 
     /// The radiance of a particle at a place.
-    #[inline]
     pub fn at(&self, point: [f64; 3]) -> [f64; 3] {
-        let back: [f64; 3] = std::array::from_fn(|axis| self.eye[axis] - point[axis]);
-        let away = dot(back, back).sqrt();
-        let g = self.asymmetry;
-        let top = self.albedo * (1.0 - g * g) / (4.0 * std::f64::consts::PI);
-        let mut sum = [0.0; 3];
-        for lamp in &self.lamps {
-            let (way, irradiance) = match lamp.place {
-                None => (lamp.way, 1.0),
-                Some(place) => {
-                    let from: [f64; 3] = std::array::from_fn(|axis| point[axis] - place[axis]);
-                    let square = dot(from, from);
-                    let distance = square.sqrt().max(1e-9);
-                    let way = from.map(|part| part / distance);
-                    let (inner, outer) = lamp.cone;
-                    let inside = if inner <= -1.0 {
-                        1.0
-                    } else {
-                        let part = (dot(way, lamp.way) - outer) / (inner - outer).max(1e-9);
-                        super::smooth::smoothstep(part)
-                    };
-                    (way, inside / square.max(lamp.radius * lamp.radius))
-                }
-            };
-            if irradiance == 0.0 {
-                continue;
-            }
-            let cosine = if away > 0.0 { dot(way, back) / away } else { 1.0 };
-            let base = 1.0 + g * g - 2.0 * g * cosine;
-            let radiance = top / (base * base.sqrt()) * irradiance;
-            (0..3).for_each(|c| sum[c] += radiance * lamp.color[c]);
-        }
-        sum
+        block(self, &point.map(|part| [part])).map(|[sum]| sum)
     }
+}
+
+/// Particles at a time.
+const LANES: usize = 8;
+
+dispatch! {
+    /// Fills `out` with the radiances of particles at places.
+    pub fn light(lamps: &Lamps, points: &[[f64; 3]], out: &mut [[f64; 3]]) = light_with
+}
+
+#[inline(always)]
+fn light_with<const LEVEL: u8>(lamps: &Lamps, points: &[[f64; 3]], out: &mut [[f64; 3]]) {
+    for (points, out) in points.chunks(LANES).zip(out.chunks_mut(LANES)) {
+        let mut lanes = [[1.0; LANES]; 3];
+        for (k, point) in points.iter().enumerate() {
+            (0..3).for_each(|axis| lanes[axis][k] = point[axis]);
+        }
+        let found = block(lamps, &lanes);
+        for (k, out) in out.iter_mut().enumerate() {
+            (0..3).for_each(|c| out[c] = found[c][k]);
+        }
+    }
+}
+
+/// The radiances of N particles: red, green and blue. Loops over lanes are plain ones, which vectorise.
+#[inline(always)]
+fn block<const N: usize>(lamps: &Lamps, points: &[[f64; N]; 3]) -> [[f64; N]; 3] {
+    let g = lamps.asymmetry;
+    let top = lamps.albedo * (1.0 - g * g) / (4.0 * std::f64::consts::PI);
+    let (mut back, mut away) = ([[0.0; N]; 3], [0.0; N]);
+    for k in 0..N {
+        for axis in 0..3 {
+            back[axis][k] = lamps.eye[axis] - points[axis][k];
+        }
+        away[k] = dot(at(&back, k), at(&back, k)).sqrt();
+    }
+    let mut sum = [[0.0; N]; 3];
+    for lamp in &lamps.lamps {
+        let (mut way, mut irradiance) = (lamp.way.map(|part| [part; N]), [1.0; N]);
+        if let Some(place) = lamp.place {
+            let (inner, outer) = lamp.cone;
+            let (soft, least) = ((inner - outer).max(1e-9), lamp.radius * lamp.radius);
+            for k in 0..N {
+                let from = [0, 1, 2].map(|axis| points[axis][k] - place[axis]);
+                let square = dot(from, from);
+                let distance = square.sqrt().max(1e-9);
+                for axis in 0..3 {
+                    way[axis][k] = from[axis] / distance;
+                }
+                let part = (dot(at(&way, k), lamp.way) - outer) / soft;
+                let inside = if inner <= -1.0 { 1.0 } else { smoothstep(part) };
+                irradiance[k] = inside / square.max(least);
+            }
+        }
+        for k in 0..N {
+            let along = dot(at(&way, k), at(&back, k)) / away[k];
+            let cosine = if away[k] > 0.0 { along } else { 1.0 };
+            let base = 1.0 + g * g - 2.0 * g * cosine;
+            let radiance = top / (base * base.sqrt()) * irradiance[k];
+            for c in 0..3 {
+                sum[c][k] += radiance * lamp.color[c];
+            }
+        }
+    }
+    sum
+}
+
+#[inline(always)]
+fn at<const N: usize>(lanes: &[[f64; N]; 3], k: usize) -> [f64; 3] {
+    [lanes[0][k], lanes[1][k], lanes[2][k]]
 }
 
 #[inline(always)]

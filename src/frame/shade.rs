@@ -331,43 +331,75 @@ pub fn light(mut out: ArrayViewMut3<'_, f32>, lit: &Lit<'_>, cancel: &Cancel) ->
     over(out, back.view(), lit, cancel)
 }
 
-/// Adds to `glow` (H, W, 3) the light of what lies behind flakes: its opacity times a color, as far as
-/// `front` lets it through.
-pub fn add_behind(
+/// Adds to `glow` (H, W, 3) the light of what has a color: its opacity times that.
+pub fn add(
     mut glow: ArrayViewMut3<'_, f32>,
     behind: &Lit<'_>,
-    front: Option<ArrayView2<'_, f32>>,
     cancel: &Cancel,
 ) -> Result<(), Error> {
-    let (height, width, _) = glow.dim();
-    if behind.alpha.dim() != (height, width)
-        || front.is_some_and(|front| front.dim() != (height, width))
-    {
-        return Err(Error::Internal("a layer and its light differ in size".into()));
-    }
-    behind.grid.check()?;
-    let layout = || Error::Internal("rows are not contiguous".into());
-    let across = behind.grid.across(width);
+    let behind = Behind::of(behind, (glow.dim().0, glow.dim().1))?;
     let tasks: Vec<_> = glow.axis_chunks_iter_mut(Axis(0), 32).enumerate().collect();
-    pool::for_each(tasks, |(number, mut band)| {
+    pool::for_each(tasks, |(number, band)| {
         cancel.check()?;
+        behind.add(32 * number, band, None)
+    })
+}
+
+/// What lies behind flakes, with the light that it has.
+pub struct Behind<'a, 'b> {
+    lit: &'a Lit<'b>,
+    across: Vec<Run>,
+}
+
+impl<'a, 'b> Behind<'a, 'b> {
+    /// Of a layer before a picture of `shape`.
+    pub fn of(lit: &'a Lit<'b>, shape: (usize, usize)) -> Result<Self, Error> {
+        if lit.alpha.dim() != shape {
+            return Err(Error::Internal("a layer and its light differ in size".into()));
+        }
+        lit.grid.check()?;
+        Ok(Self { lit, across: lit.grid.across(shape.1) })
+    }
+
+    /// Adds its light to rows from `first` on, as far as `front`, the opacity of these rows, lets it through.
+    pub fn add(
+        &self,
+        first: usize,
+        mut glow: ArrayViewMut3<'_, f32>,
+        front: Option<ArrayView2<'_, f32>>,
+    ) -> Result<(), Error> {
+        let layout = || Error::Internal("rows are not contiguous".into());
+        let width = glow.dim().1;
         let (mut line, mut colors) = (Vec::new(), vec![[0.0_f32; 3]; width]);
-        for (row, mut glow) in band.outer_iter_mut().enumerate() {
-            let row = 32 * number + row;
-            behind.grid.row(row, &across, &mut line, &mut colors);
-            let alpha = behind.alpha.index_axis_move(Axis(0), row);
-            let alpha = alpha.to_slice().ok_or_else(layout)?;
-            let front = front.map(|front| front.index_axis_move(Axis(0), row));
-            let front = front.as_ref().map(|row| row.to_slice().ok_or_else(layout)).transpose()?;
-            let (glow, _) = glow.as_slice_mut().ok_or_else(layout)?.as_chunks_mut::<3>();
-            for (x, ((glow, color), &cover)) in glow.iter_mut().zip(&colors).zip(alpha).enumerate()
-            {
-                let cover = cover * front.map_or(1.0, |front| 1.0 - front[x]);
-                (0..3).for_each(|c| glow[c] += cover * color[c]);
+        let mut cover = vec![0.0_f32; width];
+        for (row, mut glow) in glow.outer_iter_mut().enumerate() {
+            self.lit.grid.row(first + row, &self.across, &mut line, &mut colors);
+            let alpha = self.lit.alpha.index_axis_move(Axis(0), first + row);
+            cover.copy_from_slice(alpha.to_slice().ok_or_else(layout)?);
+            if let Some(front) = front {
+                let front = front.index_axis_move(Axis(0), row);
+                let front = front.to_slice().ok_or_else(layout)?;
+                cover.iter_mut().zip(front).for_each(|(cover, front)| *cover *= 1.0 - front);
             }
+            let (glow, _) = glow.as_slice_mut().ok_or_else(layout)?.as_chunks_mut::<3>();
+            add_light(glow, &colors, &cover);
         }
         Ok(())
-    })
+    }
+}
+
+#[inline(always)]
+fn add_light_with<const LEVEL: u8>(glow: &mut [[f32; 3]], colors: &[[f32; 3]], cover: &[f32]) {
+    for ((glow, color), cover) in glow.iter_mut().zip(colors).zip(cover) {
+        for c in 0..3 {
+            glow[c] += cover * color[c];
+        }
+    }
+}
+
+dispatch! {
+    /// Adds colors times opacities.
+    fn add_light(glow: &mut [[f32; 3]], colors: &[[f32; 3]], cover: &[f32]) = add_light_with
 }
 
 #[cfg(test)]

@@ -69,7 +69,7 @@ mod core {
     #[pymodule_export]
     use super::scan::{all_finite, all_within};
     #[pymodule_export]
-    use super::shade::{encode_bytes, plate_cells, shade_behind, shade_light, shade_over};
+    use super::shade::{encode_bytes, plate_cells, shade_add, shade_light, shade_over};
     #[pymodule_export]
     use super::sheet::sheet_fall;
     #[pymodule_export]

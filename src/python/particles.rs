@@ -7,11 +7,13 @@ use numpy::{
 use pyo3::prelude::*;
 
 use super::gate::{self, Plane, PlaneMut, each_map};
+use super::shade::{Shade, grid};
 use crate::base::error::{Error, collected};
-use crate::base::lamps::Lamps;
+use crate::base::lamps::{Lamps, light};
 use crate::base::real::Real;
 use crate::base::sampling::integrated;
 use crate::base::smooth::smoothstep;
+use crate::frame::shade::{Behind, Lit};
 use crate::particles::closeup::aperture::Blur;
 use crate::particles::closeup::lit;
 use crate::particles::closeup::near::{self, Closeup, Split};
@@ -358,9 +360,10 @@ fn filled<A: Copy>(shape: (usize, usize), value: A) -> Result<Array2<A>, Error> 
     Array2::from_shape_vec(shape, values).map_err(|error| Error::Internal(error.to_string()))
 }
 
-/// Draws opacity and premultiplied light of flakes under lamps into `out` (h, w) and `glow` (h, w, 3).
+/// Draws opacity and premultiplied light of flakes under lamps into `out` (h, w) and `glow` (h, w, 3), and
+/// adds the light of a layer behind them: its opacity and colors.
 #[pyfunction]
-#[pyo3(signature = (out, glow, flakes, window, lamps, optics, depth=None))]
+#[pyo3(signature = (out, glow, flakes, window, lamps, optics, depth=None, behind=None))]
 #[expect(clippy::too_many_arguments, reason = "the Python layer passes plain values")]
 pub fn particle_draw_lit(
     py: Python<'_>,
@@ -371,6 +374,7 @@ pub fn particle_draw_lit(
     lamps: PyReadonlyArray2<'_, f64>,
     optics: (f64, f64),
     depth: Option<PyReadonlyArray2<'_, f32>>,
+    behind: Option<(PyReadonlyArray2<'_, f32>, Shade<'_>)>,
 ) -> PyResult<()> {
     let (out, glow) = (out.as_array_mut(), glow.as_array_mut());
     let depth = depth.as_ref().map(|map| map.as_array());
@@ -379,8 +383,17 @@ pub fn particle_draw_lit(
     let share = out.len() as f64 / (height as f64 * width as f64).max(1.0);
     let (sorted, patches) = (&flakes.sorted, &flakes.patches[..]);
     let lit = lit::Scene { sorted, patches, lens: flakes.lens, lamps: &lamps };
+    let behind = behind.as_ref().map(|(alpha, shade)| Lit {
+        alpha: alpha.as_array(),
+        grid: grid(shade),
+        glow: None,
+    });
+    let behind = behind.as_ref().map(|behind| Behind::of(behind, out.dim())).transpose()?;
     gate::run(py, 3.0 * flakes.nanoseconds * share, |cancel| {
-        lit.draw(out, glow, window, depth, cancel)
+        lit.draw(out, glow, window, depth, cancel, |row, alpha, glow| match &behind {
+            Some(behind) => behind.add(row, glow, Some(alpha)),
+            None => Ok(()),
+        })
     })
 }
 
@@ -397,9 +410,7 @@ pub fn lamp_light(
     let lamps = Lamps::of(lamps.as_slice()?, optics.0, optics.1, eye)?;
     let (out, points) = (out.as_slice_mut()?, points.as_slice()?);
     gate::run(py, 40.0 * points.len() as f64, |_| {
-        for (out, point) in out.chunks_exact_mut(3).zip(points.chunks_exact(3)) {
-            out.copy_from_slice(&lamps.at([point[0], point[1], point[2]]));
-        }
+        light(&lamps, points.as_chunks().0, out.as_chunks_mut().0);
         Ok(())
     })
 }

@@ -11,9 +11,9 @@ use crate::frame::coding::{self, Coding};
 use crate::frame::shade::{self, Grid, Lit};
 
 /// Colors at the middles of cells: (colors, side of a cell, first row, first column).
-type Shade<'py> = (PyReadonlyArray3<'py, f32>, f64, usize, usize);
+pub(super) type Shade<'py> = (PyReadonlyArray3<'py, f32>, f64, usize, usize);
 
-fn grid<'a>(shade: &'a Shade<'_>) -> Grid<'a> {
+pub(super) fn grid<'a>(shade: &'a Shade<'_>) -> Grid<'a> {
     Grid { colors: shade.0.as_array(), cell: shade.1, first: (shade.2, shade.3) }
 }
 
@@ -104,22 +104,17 @@ pub fn shade_light(
     gate::run(py, 20.0 * lit.alpha.len() as f64, |cancel| shade::light(out, &lit, cancel))
 }
 
-/// Adds the light of a layer that lies behind another to `glow` (H, W, 3).
+/// Adds the light of a layer to `glow` (H, W, 3).
 #[pyfunction]
-#[pyo3(signature = (glow, alpha, colors, front=None))]
-pub fn shade_behind(
+pub fn shade_add(
     py: Python<'_>,
     mut glow: PyReadwriteArray3<'_, f32>,
     alpha: PyReadonlyArray2<'_, f32>,
     colors: Shade<'_>,
-    front: Option<PyReadonlyArray2<'_, f32>>,
 ) -> PyResult<()> {
     let behind = Lit { alpha: alpha.as_array(), grid: grid(&colors), glow: None };
-    let front = front.as_ref().map(|front| front.as_array());
     let glow = glow.as_array_mut();
-    gate::run(py, 10.0 * behind.alpha.len() as f64, |cancel| {
-        shade::add_behind(glow, &behind, front, cancel)
-    })
+    gate::run(py, 10.0 * behind.alpha.len() as f64, |cancel| shade::add(glow, &behind, cancel))
 }
 
 /// Writes linear light (n,) as bytes; see `Coding`.

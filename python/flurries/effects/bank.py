@@ -19,7 +19,7 @@ from flurries import _core, gas
 from flurries._contract import Array, Float64
 from flurries.effects.bank_texture import COARSE, MARGIN, coarse_shape, long_waves, short_waves
 from flurries.effects.cloud import Cloud
-from flurries.effects.lighting import Base, add_behind, lamp_shade, whole
+from flurries.effects.lighting import Base, add_light, lamp_shade, whole
 from flurries.effects.skylight import Skylight
 from flurries.frame.layer import Shade
 from flurries.frame.needs import Cost
@@ -150,10 +150,10 @@ class Bank:
                 taken = np.subtract(through, passed, out=through)
                 if base is not None:
                     sunny = self._sunny(frame, grid, place, extinction, base, phase)
-                    add_behind(light, taken, sunny, None)
+                    add_light(light, taken, sunny)
                 if frame.lights:
                     glow = lamp_shade(whole(frame), [place], [1.0], self.cloud.scatter.optics)
-                    add_behind(light, taken, glow, None)
+                    add_light(light, taken, glow)
                 through = passed
         return np.subtract(np.float32(1.0), through, out=through), light
 

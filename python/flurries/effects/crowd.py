@@ -30,6 +30,7 @@ from flurries.effects.gusts import flakes_in_profile, flakes_in_waves
 from flurries.effects.motion import Motion, Way
 from flurries.effects.passes import Other
 from flurries.effects.weather import FAR_FADE, HEIGHTS, NEAR_FADE, Film, Share, Weather
+from flurries.frame.layer import Shade
 from flurries.frame.needs import Cost, LeftOut, Needs, Step, has_keys, omission
 from flurries.frame.view import Frame
 from flurries.light.phase import Optics
@@ -120,14 +121,26 @@ class DrawnFlakes:
         _core.join(both, [near, frame.part_of(far)], 0.0)
         return both
 
-    def lit(self, frame: Frame, amount: float, way: Way, optics: Optics) -> tuple[Array, Array]:
-        """Return opacity and light of the flakes under the frame's lamps, (h, w) and (h, w, 3)."""
+    def lit(
+        self,
+        frame: Frame,
+        amount: float,
+        way: Way,
+        optics: Optics,
+        behind: tuple[Array, Shade] | None,
+    ) -> tuple[Array, Array]:
+        """Return opacity and light of the flakes under the frame's lamps, (h, w) and (h, w, 3).
+
+        The light of what lies behind them, an opacity and its colors, is added to theirs.
+        """
         top, bottom, left, right = frame.window
         near = np.empty((bottom - top, right - left), np.float32)
         glow = np.empty((*near.shape, 3), np.float32)
         flakes = self.sort(frame, amount, way)
         lamps = frame.lamps()
-        _core.particle_draw_lit(near, glow, flakes, frame.window, lamps, optics, frame.depth)
+        under = None if behind is None else (behind[0], behind[1].given())
+        window, depth = frame.window, frame.depth
+        _core.particle_draw_lit(near, glow, flakes, window, lamps, optics, depth, under)
         return near, glow
 
     def closeup(self, frame: Frame) -> Closeup | None:

@@ -8,6 +8,7 @@ depths; as that averages depths and not opacities, a gain sets right what they c
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -112,7 +113,6 @@ def _waves(
     return made, np.array(depths)
 
 
-@kept_by_mode(4)
 def patterns_of(
     layers: tuple[Layer, ...],
     film: Film,
@@ -136,9 +136,16 @@ def patterns_of(
     circles : tuple of float
         Circles of confusion of each layer, px; () where all are sharp.
     """
-    tile, number = film.tile, PATTERNS[film.tile]
-    places = PLACES[tile]
-    slabs = tuple(
+    slabs = _slabs_of(layers, film.tile, scale, streaks)
+    law = (film.shear, opacity, seed)
+    return _patterns(slabs, film.tile, law, rungs, streaks is None, circles)
+
+
+@lru_cache(maxsize=16)
+def _slabs_of(
+    layers: tuple[Layer, ...], tile: int, scale: float, streaks: Streaks | None
+) -> tuple[Slab, ...]:
+    return tuple(
         Slab(
             drawn=min(count := slab.count / scale**2, MOST_A_PIXEL[tile] * tile**2),
             number=count,
@@ -148,24 +155,38 @@ def patterns_of(
         )
         for index, (_, slab) in enumerate(layers)
     )
-    made, depths = _waves(slabs, tile, (film.shear, opacity, seed), rungs)
-    sharp = np.ones(len(layers))
+
+
+@kept_by_mode(4)
+def _patterns(
+    slabs: tuple[Slab, ...],
+    tile: int,
+    law: tuple[int, float, int],
+    rungs: tuple[float, ...],
+    resting: bool,
+    circles: tuple[float, ...],
+) -> Patterns:
+    """Return patterns by value, as their waves are: scenes of the same weather share them."""
+    (shear, opacity, _), places = law, PLACES[tile]
+    diameters = np.array([slab.diameters for slab in slabs])
+    made, depths = _waves(slabs, tile, law, rungs)
+    sharp = np.ones(len(slabs))
     if circles:
-        factors = np.stack([disc_factor(tile, film.shear / tile, circle) for circle in circles])
+        factors = np.stack([disc_factor(tile, shear / tile, circle) for circle in circles])
         wide = 0.5 * np.array(circles) ** 2
-        square = np.array([((scale * slab.diameters) ** 2).mean() for _, slab in layers])
+        square = (diameters**2).mean(axis=1)
         sharp = square / (square + wide)
         # Blurred depths cover as much as they sum up to: of opacities, not of sharp depths.
-        area = np.array([slab.coverage for _, slab in layers]) / np.maximum(depths, 1e-12)
+        area = np.array([slab.coverage for slab in slabs]) / np.maximum(depths, 1e-12)
         share = sharp + (1.0 - sharp) * area
         factors = (factors * share[:, None, None]).astype(np.float32)
         made = made * factors[None, :, None, None]
         depths = depths * share
     ready = prepare(
-        made.reshape(-1, places, tile, tile // 2 + 1), shear=film.shear / tile, dtype=np.float32
+        made.reshape(-1, places, tile, tile // 2 + 1), shear=shear / tile, dtype=np.float32
     )
     gains = None
-    if streaks is None:
-        gains = np.stack([gains_of(scale * slab.diameters[::8], opacity) for _, slab in layers])
+    if resting:
+        gains = np.stack([gains_of(own[::8], opacity) for own in diameters])
         gains = 1.0 + (gains - 1.0) * sharp[:, None]
-    return Patterns(ready, depths, gains, number, places)
+    return Patterns(ready, depths, gains, PATTERNS[tile], places)

@@ -125,7 +125,6 @@ def lamp_shade(
     return Shade(colors, cell, _first(frame))
 
 
-def add_behind(glow: Array, alpha: Array, shade: Shade, front: Array | None) -> None:
-    """Add the light of a texture behind flakes to theirs, (h, w, 3)."""
-    front = None if front is None else np.ascontiguousarray(front)
-    _core.shade_behind(glow, np.ascontiguousarray(alpha), shade.given(), front)
+def add_light(glow: Array, alpha: Array, shade: Shade) -> None:
+    """Add the light of a layer of an opacity to what there is, (h, w, 3)."""
+    _core.shade_add(glow, np.ascontiguousarray(alpha), shade.given())

@@ -11,11 +11,11 @@ from flurries import _core
 from flurries._contract import Array
 from flurries._core import SortedFlakes
 from flurries.effects.color import bright, color_at, is_local, reads_of
-from flurries.effects.lighting import add_behind, even_shade, local_shade, veil_layer
+from flurries.effects.lighting import add_light, even_shade, local_shade, veil_layer
 from flurries.effects.motion import Motion, Way
 from flurries.effects.passes import passes_of
 from flurries.effects.texture import Texture
-from flurries.frame.layer import Layer, Light
+from flurries.frame.layer import Layer, Light, Shade
 from flurries.frame.needs import Cost, LeftOut, Needs, Step
 from flurries.frame.view import Frame
 from flurries.light.phase import FLAKES, Optics
@@ -159,9 +159,12 @@ class Precipitation(Generic[_Back]):
         glow: Array | None = None
         lit: Any = flakes if frame.lights and hasattr(flakes, "lit") else None
         if lit is not None:
-            both = run("flakes", lambda: lit.lit(frame, amount, way, self.optics))
+            under = self._under(frame, behind)
+            both = run("flakes", lambda: lit.lit(frame, amount, way, self.optics, under))
             front, glow = (None, None) if both is None else both
-            glow = self._glow(frame, glow, behind, front)
+            if glow is None and under is not None:
+                glow = np.zeros((*under[0].shape, 3), np.float32)
+                add_light(glow, *under)
         elif flakes is not None:
             front = run("flakes", lambda: flakes.alpha(frame, amount, way))
         planes = [np.ascontiguousarray(one) for one in (behind, front) if one is not None]
@@ -200,18 +203,13 @@ class Precipitation(Generic[_Back]):
         )
         return (*far, layer) if far else layer
 
-    def _glow(
-        self, frame: Frame, glow: Array | None, behind: Array | None, front: Array | None
-    ) -> Array | None:
-        """Return the light of lamps on flakes and on the texture behind them, (h, w, 3)."""
+    def _under(self, frame: Frame, behind: Array | None) -> tuple[Array, Shade] | None:
+        """Return the texture behind the flakes and the light of lamps on it."""
         back: Any = self.texture
         if behind is None or not hasattr(back, "lamp_shade"):
-            return glow
-        glow = np.zeros((*behind.shape, 3), np.float32) if glow is None else glow
+            return None
         with stage("lamps"):
-            shade = back.lamp_shade(frame, self.optics)
-            add_behind(glow, behind, shade, front)
-        return glow
+            return np.ascontiguousarray(behind), back.lamp_shade(frame, self.optics)
 
     def over(self, frame: Frame, behind: Array, light: Light) -> Array | None:
         """Return the layer over a picture, with the bits of `render`, in one pass.

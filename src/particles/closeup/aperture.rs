@@ -1,5 +1,7 @@
 //! A lens: the circle of confusion by depth, and its opening as a kernel of texels.
 
+use super::spread::Tap;
+
 /// A lens with a finite opening.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Blur {
@@ -20,44 +22,70 @@ impl Blur {
         self.strength * (self.focus - 1.0 / depth).abs()
     }
 
-    /// The sides of the opening in units of the circle's radius: how far they are, and where they face.
-    fn sides(&self) -> (f64, Vec<[f64; 2]>) {
-        // A polygon of the circle's area.
-        let step = std::f64::consts::TAU / self.blades as f64;
-        let radius = libm::sqrt(std::f64::consts::TAU / (self.blades as f64 * libm::sin(step)));
-        let facing = (0..self.blades).map(|blade| {
-            let angle = self.turn + step * blade as f64;
-            [libm::cos(angle), libm::sin(angle)]
-        });
-        (radius * libm::cos(0.5 * step), facing.collect())
-    }
-
-    /// The opening of a circle of `diameter` texels: rows of (x, y, weight) that sum to 1.
-    pub fn taps(&self, diameter: f64) -> Vec<(isize, isize, f32)> {
-        let radius = 0.5 * diameter;
-        let reach = libm::ceil(1.5 * radius + 1.0) as isize;
-        let (away, sides) = if self.blades < 3 { (1.0, Vec::new()) } else { self.sides() };
+    /// The opening of a circle of `diameter` texels as copies of a picture, whose weights sum to 1. One
+    /// narrower than a texel counts in part.
+    pub fn taps(&self, diameter: f64) -> Vec<Tap> {
+        let part = diameter.min(1.0);
+        let radius = 0.5 * diameter.max(1.0);
+        let (away, sides) = self.sides();
+        let reach = (self.corner() * radius + 1.0).ceil() as isize;
+        let places: Vec<f32> = (-reach..=reach).map(|x| (x as f64 / radius) as f32).collect();
         let soft = (1.0 / radius).min(2.0);
-        let mut taps = Vec::new();
+        // The border is soft: one texel wide.
+        let inside = |far: f32| ((away - f64::from(far)) / soft + 0.5).clamp(0.0, 1.0);
+        let mut taps = Vec::with_capacity(places.len() * places.len() + 1);
+        let mut far = vec![0.0_f32; places.len()];
         let mut sum = 0.0;
-        for y in -reach..=reach {
-            for x in -reach..=reach {
-                let (u, v) = (x as f64 / radius, y as f64 / radius);
-                let far = if sides.is_empty() {
-                    libm::sqrt(u * u + v * v)
-                } else {
-                    let along = |side: &[f64; 2]| u * side[0] + v * side[1];
-                    sides.iter().map(along).fold(f64::NEG_INFINITY, f64::max)
-                };
-                // An edge of one texel.
-                let weight = ((away - far) / soft + 0.5).clamp(0.0, 1.0);
+        for (y, &v) in (-reach..).zip(&places) {
+            if sides.is_empty() {
+                far.iter_mut().zip(&places).for_each(|(far, &u)| *far = (u * u + v * v).sqrt());
+            } else {
+                far.fill(f32::NEG_INFINITY);
+                for &[a, b] in &sides {
+                    let down = v * b;
+                    for (far, &u) in far.iter_mut().zip(&places) {
+                        let along = u * a + down;
+                        *far = if along > *far { along } else { *far };
+                    }
+                }
+            }
+            for (x, &far) in (-reach..).zip(&far) {
+                let weight = inside(far);
                 if weight > 0.0 {
                     sum += weight;
-                    taps.push((x, y, weight));
+                    taps.push(Tap { x, y, weight: weight as f32 });
                 }
             }
         }
-        taps.into_iter().map(|(x, y, weight)| (x, y, (weight / sum) as f32)).collect()
+        let factor = (part / sum) as f32;
+        for tap in &mut taps {
+            let whole = if (tap.x, tap.y) == (0, 0) { 1.0 - part as f32 } else { 0.0 };
+            tap.weight = factor * tap.weight + whole;
+        }
+        taps
+    }
+
+    /// How far the corners of the opening are from its middle, in radii of the circle: that of a polygon with
+    /// the circle's area.
+    pub fn corner(&self) -> f64 {
+        if self.blades < 3 {
+            return 1.0;
+        }
+        let step = std::f64::consts::TAU / self.blades as f64;
+        libm::sqrt(step / libm::sin(step))
+    }
+
+    /// How far the sides of the opening are, and where they face; none for a round one.
+    fn sides(&self) -> (f64, Vec<[f32; 2]>) {
+        if self.blades < 3 {
+            return (1.0, Vec::new());
+        }
+        let step = std::f64::consts::TAU / self.blades as f64;
+        let facing = (0..self.blades).map(|blade| {
+            let angle = self.turn + step * blade as f64;
+            [libm::cos(angle) as f32, libm::sin(angle) as f32]
+        });
+        (self.corner() * libm::cos(0.5 * step), facing.collect())
     }
 }
 
@@ -70,11 +98,11 @@ mod tests {
         for blades in [0, 5, 6, 9] {
             let lens = Blur { strength: 1.0, focus: 0.1, blades, turn: 0.2 };
             let taps = lens.taps(40.0);
-            let most = taps.iter().map(|tap| tap.2).fold(0.0, f32::max);
+            let most = taps.iter().map(|tap| tap.weight).fold(0.0, f32::max);
             let area = 1.0 / f64::from(most);
             let wanted = std::f64::consts::PI * 400.0;
             assert!((area / wanted - 1.0).abs() < 0.02, "{blades} {area}");
-            let sum: f64 = taps.iter().map(|tap| f64::from(tap.2)).sum();
+            let sum: f64 = taps.iter().map(|tap| f64::from(tap.weight)).sum();
             assert!((sum - 1.0).abs() < 1e-6);
         }
         assert!(Blur { strength: 8.0, focus: 0.5, blades: 0, turn: 0.0 }.circle(2.0).abs() < 1e-15);

@@ -1,21 +1,21 @@
 //! Flakes with the light of lamps: opacity, and the light that they send, which does not depend on
 //! their order: the mean of the flakes' radiances, each weighed by its own opacity.
 
-use ndarray::{ArrayView2, ArrayViewMut2, ArrayViewMut3};
+use std::cell::Cell;
+
+use ndarray::{ArrayView2, ArrayViewMut2, ArrayViewMut3, s};
 
 use super::patch::{Line, Patch};
-use crate::base::cover::pixels;
 use crate::base::error::{Cancel, Error};
-use crate::base::lamps::Lamps;
+use crate::base::lamps::{Lamps, light};
 use crate::base::pool;
 use crate::base::simd::dispatch;
-use crate::particles::bins::{Bins, Grid, TILE, touches};
+use crate::particles::bins::{TILE, touches};
+use crate::particles::canvas::Canvas;
+use crate::particles::dim::rows;
 use crate::particles::draw::{PIXELS, one};
 use crate::particles::sorted::{Part, Sorted};
 use crate::particles::sprite::{Lens, Sprite};
-
-/// What a tile adds up: the light of each pixel, and the sum of opacities.
-type Sums = [[f32; 4]; PIXELS];
 
 /// A frame's flakes and their lamps.
 pub struct Scene<'a> {
@@ -29,8 +29,14 @@ pub struct Scene<'a> {
     pub lamps: &'a Lamps,
 }
 
+thread_local! {
+    /// Light of a band of rows.
+    static BAND: Cell<Vec<f32>> = Cell::default();
+}
+
 impl Scene<'_> {
-    /// Draws opacity and premultiplied light of a part of the frame.
+    /// Draws opacity and premultiplied light of a part of the frame. `finish` gets the first row of the part,
+    /// opacity and light of each band of rows as soon as it is drawn.
     pub fn draw(
         &self,
         mut out: ArrayViewMut2<'_, f32>,
@@ -38,6 +44,7 @@ impl Scene<'_> {
         part: Part,
         depth: Option<ArrayView2<'_, f32>>,
         cancel: &Cancel,
+        finish: impl Fn(usize, ArrayView2<'_, f32>, ArrayViewMut3<'_, f32>) -> Result<(), Error> + Sync,
     ) -> Result<(), Error> {
         let [top, bottom, left, right] = part;
         let shape = self.sorted.shape();
@@ -48,7 +55,6 @@ impl Scene<'_> {
         {
             return Err(Error::Internal("the part is not one of the frame, or not out's".into()));
         }
-        let grid = self.sorted.grid();
         let mut tiles = Vec::new();
         let rows = top / TILE..bottom.div_ceil(TILE);
         for row in rows {
@@ -59,39 +65,40 @@ impl Scene<'_> {
             glow = rest;
             tiles.push((row, upper, plane, light));
         }
+        let colors = self.colors(self.patches.iter().map(|patch| patch.point));
         pool::for_each(tiles, |(row, upper, mut plane, mut light)| {
-            let mut scratch: Box<[f64; PIXELS]> = Box::new([1.0; PIXELS]);
-            let mut through: Box<[f64; PIXELS]> = Box::new([1.0; PIXELS]);
-            let mut sums: Box<Sums> = Box::new([[0.0; 4]; PIXELS]);
+            // Tiles are written into a band that stays in the cache, and that goes row by row to the frame.
+            let mut kept = BAND.take();
+            kept.resize(light.len(), 0.0);
+            let mut band =
+                ArrayViewMut3::from_shape(light.dim(), &mut kept).map_err(|_| layout())?;
+            let mut canvas = Lit::new();
             for column in left / TILE..right.div_ceil(TILE) {
                 cancel.check()?;
-                through.fill(1.0);
-                sums.fill([0.0; 4]);
+                canvas.clear();
                 let map = depth.as_ref().map(|map| self.sorted.map_of(map, row, column));
                 let tile = Tile { row, column, map: map.as_ref() };
-                sprites(self, &tile, &mut scratch, &mut through, &mut sums, grid, cancel)?;
-                self.patches_in(&tile, &mut through, &mut sums);
+                sprites(self, &tile, &mut canvas, cancel)?;
+                pictures(self, &colors, &tile, &mut canvas);
                 let (first, end) = ((column * TILE).max(left), ((column + 1) * TILE).min(right));
-                for (y, mut line) in plane.outer_iter_mut().enumerate() {
-                    for x in first..end {
-                        let at = (upper + y - row * TILE) * TILE + x - column * TILE;
-                        let alpha = 1.0 - through[at];
-                        line[x - left] = alpha as f32;
-                        let [r, g, b, sum] = sums[at];
-                        let share = if sum > 0.0 { alpha as f32 / sum } else { 0.0 };
-                        for (c, part) in [r, g, b].into_iter().enumerate() {
-                            light[[y, x - left, c]] = share * part;
-                        }
-                    }
-                }
+                let from = (upper - row * TILE, first - column * TILE);
+                let columns = s![.., first - left..end - left];
+                let glow = band.slice_mut(s![.., first - left..end - left, ..]);
+                store(plane.slice_mut(columns), glow, &canvas, from).ok_or_else(layout)?;
             }
+            finish(upper - top, plane.view(), band.view_mut())?;
+            light.assign(&band);
+            BAND.set(kept);
             Ok(())
         })
     }
 
-    fn color(&self, point: [f64; 3]) -> [f32; 4] {
-        let [r, g, b] = self.lamps.at(point);
-        [r as f32, g as f32, b as f32, 1.0]
+    /// The light of flakes at places in the axes of the eye, and 1, by which opacities are counted.
+    fn colors(&self, places: impl Iterator<Item = [f64; 3]>) -> Vec<[f32; 4]> {
+        let places: Vec<_> = places.collect();
+        let mut found = vec![[0.0; 3]; places.len()];
+        light(self.lamps, &places, &mut found);
+        found.into_iter().map(|[r, g, b]| [r as f32, g as f32, b as f32, 1.0]).collect()
     }
 
     /// The place of a sprite in the axes of its flake.
@@ -103,30 +110,10 @@ impl Scene<'_> {
         };
         [at(0), at(1), sprite.depth + lens.offset[2]]
     }
+}
 
-    fn patches_in(&self, tile: &Tile<'_>, through: &mut [f64; PIXELS], sums: &mut Sums) {
-        let (top, left) = (tile.row * TILE, tile.column * TILE);
-        let mut room = Line::default();
-        for patch in self.patches {
-            let (upper, lower) = patch.bounds(1, usize::MAX >> 1);
-            let (first, end) = patch.bounds(0, usize::MAX >> 1);
-            if end <= left || first >= left + TILE || lower <= top || upper >= top + TILE {
-                continue;
-            }
-            let color = self.color(patch.point);
-            for y in upper.max(top)..lower.min(top + TILE) {
-                let (x, alphas) = patch.row(y, left..left + TILE, &mut room);
-                let first = (y - top) * TILE + x - left;
-                for (at, &alpha) in (first..).zip(alphas) {
-                    let hidden = tile.map.is_some_and(|map| map[at] < patch.depth as f32);
-                    if !hidden && alpha > 0.0 {
-                        through[at] *= f64::from(1.0 - alpha);
-                        (0..4).for_each(|c| sums[at][c] += alpha * color[c]);
-                    }
-                }
-            }
-        }
-    }
+fn layout() -> Error {
+    Error::Internal("rows are not contiguous".into())
 }
 
 /// A tile of the frame.
@@ -136,57 +123,154 @@ struct Tile<'a> {
     map: Option<&'a [f32; PIXELS]>,
 }
 
+/// What a tile adds up: transmittance, the light of each pixel's flakes, and their opacities; and the color
+/// of the flake that is drawn.
+struct Lit {
+    through: [f64; PIXELS],
+    sums: [[f32; PIXELS]; 4],
+    color: [f32; 4],
+}
+
+impl Lit {
+    fn new() -> Box<Self> {
+        Box::new(Self { through: [1.0; PIXELS], sums: [[0.0; PIXELS]; 4], color: [0.0; 4] })
+    }
+
+    fn clear(&mut self) {
+        self.through.fill(1.0);
+        self.sums.iter_mut().for_each(|sum| sum.fill(0.0));
+    }
+
+    #[inline(always)]
+    fn add(&mut self, at: usize, alphas: &[f32]) {
+        for (sum, color) in self.sums.iter_mut().zip(self.color) {
+            for (sum, alpha) in sum[at..at + alphas.len()].iter_mut().zip(alphas) {
+                *sum += alpha * color;
+            }
+        }
+    }
+}
+
+impl Canvas for Lit {
+    #[inline(always)]
+    fn next(&mut self, _: i32) {}
+
+    #[inline(always)]
+    fn take<const N: usize, const LEVEL: u8>(
+        &mut self,
+        at: usize,
+        weight: f64,
+        profile: &[f64; N],
+    ) {
+        rows::<LEVEL>(&mut self.through[at..at + N], weight, profile);
+        let alphas: [f32; N] = std::array::from_fn(|k| (weight * profile[k]) as f32);
+        self.add(at, &alphas);
+    }
+}
+
 dispatch! {
-    /// Draws a tile's sprites, each alone, and adds its light.
-    fn sprites(
-        scene: &Scene<'_>,
-        tile: &Tile<'_>,
-        scratch: &mut [f64; PIXELS],
-        through: &mut [f64; PIXELS],
-        sums: &mut Sums,
-        grid: &Grid,
-        cancel: &Cancel,
-    ) -> Result<(), Error> = sprites_with
+    /// Draws a tile's sprites.
+    fn sprites(scene: &Scene<'_>, tile: &Tile<'_>, lit: &mut Lit, cancel: &Cancel)
+        -> Result<(), Error> = sprites_with
 }
 
 #[inline(always)]
 fn sprites_with<const LEVEL: u8>(
     scene: &Scene<'_>,
     tile: &Tile<'_>,
-    scratch: &mut [f64; PIXELS],
-    through: &mut [f64; PIXELS],
-    sums: &mut Sums,
-    grid: &Grid,
+    lit: &mut Lit,
     cancel: &Cancel,
 ) -> Result<(), Error> {
+    let grid = scene.sorted.grid();
     let number = tile.row * grid.columns + tile.column;
     let origin = [(tile.column * TILE) as f64, (tile.row * TILE) as f64];
     for bins in scene.sorted.runs() {
         cancel.check()?;
-        let bins: &Bins = bins;
-        for (list, whole) in [(bins.small(number), true), (bins.large(), false)] {
-            for (sprite, _) in list {
-                if !whole && !touches(sprite, tile.row, tile.column) {
-                    continue;
-                }
-                let (low, high) = sprite.bounds();
-                let range =
-                    |axis: usize| pixels(low[axis] - origin[axis], high[axis] - origin[axis], TILE);
-                let (Some(columns), Some(rows)) = (range(0), range(1)) else { continue };
-                one::<f32, _, LEVEL>(scratch, tile.map, sprite, origin);
-                let color = scene.color(scene.place(sprite));
-                for row in rows {
-                    let line = row * TILE;
-                    for at in line + columns.start..line + columns.end {
-                        let left = scratch[at];
-                        scratch[at] = 1.0;
-                        through[at] *= left;
-                        let alpha = (1.0 - left) as f32;
-                        (0..4).for_each(|c| sums[at][c] += alpha * color[c]);
-                    }
-                }
-            }
+        let large = bins.large().filter(|(sprite, _)| touches(sprite, tile.row, tile.column));
+        let drawn: Vec<&Sprite> =
+            bins.small(number).chain(large).map(|(sprite, _)| sprite).collect();
+        let colors = scene.colors(drawn.iter().map(|sprite| scene.place(sprite)));
+        for (sprite, color) in drawn.into_iter().zip(colors) {
+            lit.color = color;
+            one::<f32, _, LEVEL>(lit, tile.map, sprite, origin);
         }
     }
     Ok(())
+}
+
+dispatch! {
+    /// Draws the pictures of flakes, of these colors, as far as they reach into a tile.
+    fn pictures(scene: &Scene<'_>, colors: &[[f32; 4]], tile: &Tile<'_>, lit: &mut Lit) = pictures_with
+}
+
+#[inline(always)]
+fn pictures_with<const LEVEL: u8>(
+    scene: &Scene<'_>,
+    colors: &[[f32; 4]],
+    tile: &Tile<'_>,
+    lit: &mut Lit,
+) {
+    let (top, left) = (tile.row * TILE, tile.column * TILE);
+    let (mut room, mut seen) = (Line::default(), [0.0; TILE]);
+    for (patch, &color) in scene.patches.iter().zip(colors) {
+        let (upper, lower) = patch.bounds(1, usize::MAX >> 1);
+        let (first, end) = patch.bounds(0, usize::MAX >> 1);
+        if end <= left || first >= left + TILE || lower <= top || upper >= top + TILE {
+            continue;
+        }
+        lit.color = color;
+        for y in upper.max(top)..lower.min(top + TILE) {
+            let (x, alphas) = patch.row(y, left..left + TILE, &mut room);
+            let at = (y - top) * TILE + x - left;
+            let seen = &mut seen[..alphas.len()];
+            seen.copy_from_slice(alphas);
+            if let Some(map) = tile.map {
+                for (seen, &ground) in seen.iter_mut().zip(&map[at..]) {
+                    *seen = if ground < patch.depth as f32 { 0.0 } else { *seen };
+                }
+            }
+            for (through, &alpha) in lit.through[at..].iter_mut().zip(&*seen) {
+                *through *= f64::from(1.0 - alpha);
+            }
+            lit.add(at, seen);
+        }
+    }
+}
+
+dispatch! {
+    /// Writes opacity and premultiplied light of a tile's pixels from (row, column) on.
+    fn store(
+        out: ArrayViewMut2<'_, f32>,
+        glow: ArrayViewMut3<'_, f32>,
+        lit: &Lit,
+        from: (usize, usize),
+    ) -> Option<()> = store_with
+}
+
+#[inline(always)]
+fn store_with<const LEVEL: u8>(
+    mut out: ArrayViewMut2<'_, f32>,
+    mut glow: ArrayViewMut3<'_, f32>,
+    lit: &Lit,
+    (row, column): (usize, usize),
+) -> Option<()> {
+    let [red, green, blue, whole] = &lit.sums;
+    for (y, (mut out, mut glow)) in out.outer_iter_mut().zip(glow.outer_iter_mut()).enumerate() {
+        let out = out.as_slice_mut()?;
+        let (glow, _) = glow.as_slice_mut()?.as_chunks_mut::<3>();
+        let start = (row + y) * TILE + column;
+        let own = start..start + out.len();
+        let mut shares = [0.0_f32; TILE];
+        let shares = &mut shares[..out.len()];
+        let sums = lit.through[own.clone()].iter().zip(&whole[own.clone()]);
+        for ((out, share), (through, &sum)) in out.iter_mut().zip(&mut *shares).zip(sums) {
+            *out = (1.0 - through) as f32;
+            *share = if sum > 0.0 { *out / sum } else { 0.0 };
+        }
+        let colors = red[own.clone()].iter().zip(&green[own.clone()]).zip(&blue[own]);
+        for ((glow, share), ((red, green), blue)) in glow.iter_mut().zip(shares).zip(colors) {
+            *glow = [*share * red, *share * green, *share * blue];
+        }
+    }
+    Some(())
 }

@@ -9,6 +9,8 @@
 //! | --- | --- |
 //! | [`bank`] | silhouettes of aggregates, made by rule, turned and made smaller |
 //! | [`aperture`] | the circle of confusion, and the opening of a lens as a kernel |
+//! | [`shape`] | a flake at rest and in focus |
+//! | [`spread`] | what its way and the opening make of that |
 //! | [`patch`] | one flake's picture |
 //! | [`near`] | which flakes are drawn so, and all of them over a frame |
 //! | [`lit`] | flakes drawn with the light of lamps |
@@ -18,3 +20,5 @@ pub mod bank;
 pub mod lit;
 pub mod near;
 pub mod patch;
+pub mod shape;
+pub mod spread;

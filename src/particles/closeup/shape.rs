@@ -1,0 +1,147 @@
+//! A flake at rest and in focus, as texels: an aggregate that tumbles, a drop, or a dot.
+
+use super::bank::{Bank, SHAPES};
+use super::patch::{Kind, Look};
+use crate::base::random::Hash;
+use crate::base::sampling::sampled;
+use crate::particles::sprite::Flake;
+
+/// A dot ends here, in sigma.
+pub const DOT: f64 = 4.0;
+
+/// Below this diameter in texels every flake is a dot.
+const LEAST: f64 = 2.5;
+
+/// Turns per second around the vertical axis, at least and at most.
+const TURNS: (f64, f64) = (0.1, 0.6);
+
+/// Where texels lie: (across, down), and the flake's middle among them.
+#[derive(Debug, Clone, Copy)]
+pub struct Place {
+    /// Texels across and down.
+    pub size: [usize; 2],
+    /// The middle, x and y.
+    pub middle: [f64; 2],
+}
+
+/// A Gaussian; `sigma` in texels.
+pub fn dot(place: &Place, sigma: f64) -> Vec<f32> {
+    let sigma = sampled(sigma * sigma).sqrt();
+    let [across, down] = [0, 1].map(|axis| line(place.size[axis], place.middle[axis], sigma));
+    let row = |weight: &f32| {
+        let weight = *weight;
+        across.iter().map(move |part| weight * part)
+    };
+    down.iter().flat_map(row).collect()
+}
+
+/// A Gaussian at the middles of texels, each from the one before: exp(-(u + 1)^2 / 2) over exp(-u^2 / 2) is
+/// a power of e whose exponent falls evenly.
+fn line(count: usize, middle: f64, sigma: f64) -> Vec<f32> {
+    let mut values = vec![0.0; count];
+    let within = |v: f64| v.ceil().clamp(0.0, count as f64) as usize;
+    let first = within(middle - 0.5 - DOT * sigma);
+    let end = within(middle - 0.5 + DOT * sigma);
+    let step = 1.0 / sigma;
+    let start = (first as f64 + 0.5 - middle) * step;
+    let mut value = libm::exp(-0.5 * start * start);
+    let mut factor = libm::exp(-step * (start + 0.5 * step));
+    let change = libm::exp(-step * step);
+    for out in values.iter_mut().take(end).skip(first) {
+        *out = value as f32;
+        value *= factor;
+        factor *= change;
+    }
+    values
+}
+
+/// The silhouette of a flake that is known by a number; `diameter` in texels.
+pub fn silhouette(
+    place: &Place,
+    diameter: f64,
+    number: i64,
+    flake: &Flake,
+    look: &Look,
+) -> Vec<f32> {
+    match look.kind {
+        _ if diameter < LEAST => dot(place, diameter / 8.0_f64.sqrt()),
+        Kind::Dot => dot(place, diameter / 8.0_f64.sqrt()),
+        Kind::Drop => drop(place, diameter, 2.0 * flake.radius * 2.0_f64.sqrt() / 3.0),
+        Kind::Aggregate => aggregate(place, diameter, number, look),
+    }
+}
+
+/// An aggregate of crystals, as far as it has tumbled.
+fn aggregate(place: &Place, diameter: f64, number: i64, look: &Look) -> Vec<f32> {
+    let tumble = look.tumble;
+    let unit = |word: i64| Hash::seeded(tumble.seed).word(number).word(0x7475_6D62 + word).unit();
+    let phase = unit(0) + (0.3 + unit(1)) * tumble.seconds;
+    let swing = 0.6 * libm::sin(std::f64::consts::TAU * phase);
+    let angle = std::f64::consts::TAU * unit(2) + swing;
+    let sign = if unit(4) < 0.5 { -1.0 } else { 1.0 };
+    let turns = unit(5) + sign * (TURNS.0 + (TURNS.1 - TURNS.0) * unit(3)) * tumble.seconds;
+    let shape = (unit(6) * SHAPES as f64) as usize;
+    let view = Bank::get().look(shape, turns, 1.0 / diameter);
+    let (sine, cosine) = (libm::sin(angle) as f32, libm::cos(angle) as f32);
+    // Nothing lies in the corners of a view.
+    filled(place, diameter, 0.5 * view.side, |x, y| {
+        view.at(cosine * x + sine * y, cosine * y - sine * x)
+    })
+}
+
+/// A drop of a diameter in metres: what it does not let through.
+fn drop(place: &Place, diameter: f64, own: f64) -> Vec<f32> {
+    let ratio = axis_ratio(own);
+    // Axes of a drop of the same area, in diameters.
+    let (wide, high) = ((0.5 / ratio.sqrt()) as f32, (0.5 * ratio.sqrt()) as f32);
+    filled(place, diameter, 0.5 / ratio.sqrt() + 1.0 / diameter, |x, y| {
+        let (u, v) = (x / wide, y / high);
+        let share = (u * u + v * v).sqrt();
+        let edge = ((1.0 - share) * 0.5 * diameter as f32 + 0.5).clamp(0.0, 1.0);
+        edge * through(f64::from(share.min(0.97))) as f32
+    })
+}
+
+/// Texels of what there is at a place in diameters from the middle, up to `reach` diameters away.
+fn filled(place: &Place, diameter: f64, reach: f64, value: impl Fn(f32, f32) -> f32) -> Vec<f32> {
+    let [columns, rows] = place.size;
+    let mut alpha = vec![0.0; columns * rows];
+    let inverse = (1.0 / diameter) as f32;
+    let [cx, cy] = place.middle.map(|v| v as f32 - 0.5);
+    let reach = (reach * diameter) as f32;
+    let range = |middle: f32, count: usize| {
+        let limit = count as f32;
+        let first = (middle - reach).floor().clamp(0.0, limit) as usize;
+        first..(middle + reach + 1.0).ceil().clamp(0.0, limit) as usize
+    };
+    for row in range(cy, rows) {
+        let y = (row as f32 - cy) * inverse;
+        for column in range(cx, columns) {
+            alpha[row * columns + column] = value((column as f32 - cx) * inverse, y);
+        }
+    }
+    alpha
+}
+
+/// The part that a drop lets through at a distance from its middle, in radii: twice through its
+/// surface, by Fresnel's law at an index of 1.333.
+fn through(share: f64) -> f64 {
+    if share >= 1.0 {
+        return 0.0;
+    }
+    let index = 1.333;
+    let inside = share / index;
+    let (a, b) = (libm::sqrt(1.0 - share * share), libm::sqrt(1.0 - inside * inside));
+    let across = (a - index * b) / (a + index * b);
+    let along = (index * a - b) / (index * a + b);
+    let passed = 1.0 - 0.5 * (across * across + along * along);
+    passed * passed
+}
+
+/// Height over width of a falling drop of a diameter in metres: Brandes, Zhang and Vivekanandan 2002
+/// (J. Appl. Meteor. 41, 674), a fit to measurements in wind tunnels and of oscillating drops.
+fn axis_ratio(diameter: f64) -> f64 {
+    let d = (1e3 * diameter).clamp(0.5, 8.0);
+    let ratio = 0.9951 + d * (0.0251 + d * (-0.03644 + d * (0.005_303 - d * 0.000_249_2)));
+    ratio.clamp(0.4, 1.0)
+}

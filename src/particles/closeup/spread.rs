@@ -1,0 +1,201 @@
+//! Copies of a picture, each moved by whole texels and weighed, summed: what a way and an opening do to it.
+
+use crate::base::simd::dispatch;
+
+/// A copy: moved by (x, y) texels.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Tap {
+    /// To the right.
+    pub x: isize,
+    /// Down.
+    pub y: isize,
+    /// The weight.
+    pub weight: f32,
+}
+
+/// The copies of a picture that moves along a way in texels, centred; their weights sum to 1. From the top
+/// down, each place once.
+pub fn along(way: [f64; 2]) -> Vec<Tap> {
+    let length = way[0].abs().max(way[1].abs());
+    let count = length.ceil().max(2.0) as usize;
+    let reach = way.map(|part| (0.5 * part.abs()).ceil() as isize);
+    let columns = 2 * reach[0] as usize + 2;
+    let mut weights = vec![0.0_f32; columns * (2 * reach[1] as usize + 2)];
+    for k in 0..count {
+        let share = (k as f64 + 0.5) / count as f64 - 0.5;
+        let [x, y] = way.map(|part| share * part);
+        let (a, b) = ((x - x.floor()) as f32, (y - y.floor()) as f32);
+        let (left, top) = (x.floor() as isize + reach[0], y.floor() as isize + reach[1]);
+        let at = top as usize * columns + left as usize;
+        weights[at] += (1.0 - a) * (1.0 - b);
+        weights[at + 1] += a * (1.0 - b);
+        weights[at + columns] += (1.0 - a) * b;
+        weights[at + columns + 1] += a * b;
+    }
+    let place =
+        |at: usize| [(at % columns) as isize - reach[0], (at / columns) as isize - reach[1]];
+    let met = weights.iter().enumerate().filter(|(_, weight)| **weight > 0.0);
+    met.map(|(at, &weight)| {
+        let [x, y] = place(at);
+        Tap { x, y, weight: weight / count as f32 }
+    })
+    .collect()
+}
+
+/// The rows and columns of a picture that hold anything: (top, bottom, left, right).
+fn used(picture: &[f32], columns: usize) -> Option<[usize; 4]> {
+    let (mut rows, mut left, mut right) = (None, columns, 0);
+    for (row, line) in picture.chunks_exact(columns).enumerate() {
+        let Some(first) = line.iter().position(|&v| v != 0.0) else { continue };
+        let last = line.iter().rposition(|&v| v != 0.0).unwrap_or(first);
+        let top = rows.map_or(row, |(top, _)| top);
+        rows = Some((top, row + 1));
+        (left, right) = (left.min(first), right.max(last + 1));
+    }
+    rows.map(|(top, bottom)| [top, bottom, left, right])
+}
+
+/// The sum of a picture's copies, in the same size; what leaves it is lost. `taps` go from the top down.
+pub fn spread(picture: &[f32], columns: usize, taps: &[Tap]) -> Vec<f32> {
+    let mut out = vec![0.0; picture.len()];
+    let xs = taps.iter().map(|tap| tap.x);
+    let (Some([top, bottom, left, right]), Some(least), Some(most)) =
+        (used(picture, columns), xs.clone().min(), xs.max())
+    else {
+        return out;
+    };
+    // What is used, with room for the copies' blocks on both sides.
+    let side = (most - least) as usize;
+    let blocks = (right - left + side).div_ceil(LANES);
+    let stride = side + blocks * LANES;
+    let mut source = vec![0.0; stride * (bottom - top)];
+    for (to, row) in source.chunks_exact_mut(stride).zip(top..bottom) {
+        let from = &picture[row * columns + left..row * columns + right];
+        to[side..side + from.len()].copy_from_slice(from);
+    }
+    // The first column that a copy reaches.
+    let first = left as isize + least;
+    let steps: Vec<Step> = taps
+        .iter()
+        .map(|tap| Step {
+            down: tap.y,
+            to: most - tap.x - tap.y * stride as isize,
+            weight: tap.weight,
+        })
+        .collect();
+    let work = Work { source: &source, stride, rows: [top, bottom], first, blocks, steps: &steps };
+    sum(&mut out, columns, &work);
+    out
+}
+
+/// Columns that are summed at a time.
+const LANES: usize = 16;
+
+/// A copy's place in the source: `to` is how far its first block is from the source's row of the same number
+/// as the outcome's.
+struct Step {
+    down: isize,
+    to: isize,
+    weight: f32,
+}
+
+/// What is summed.
+struct Work<'a> {
+    /// Rows of `stride` texels.
+    source: &'a [f32],
+    stride: usize,
+    /// The picture's rows that they are.
+    rows: [usize; 2],
+    /// The first column of the outcome that is not empty, and how many blocks are not.
+    first: isize,
+    blocks: usize,
+    /// From the top down.
+    steps: &'a [Step],
+}
+
+dispatch! {
+    /// Sums the copies, block by block.
+    fn sum(out: &mut [f32], columns: usize, work: &Work<'_>) = sum_with
+}
+
+#[inline(always)]
+fn sum_with<const LEVEL: u8>(out: &mut [f32], columns: usize, work: &Work<'_>) {
+    let &Work { source, stride, rows: [top, bottom], first, blocks, steps } = work;
+    for (y, line) in out.chunks_exact_mut(columns).enumerate() {
+        let y = y as isize;
+        let start = steps.partition_point(|step| y - step.down >= bottom as isize);
+        let end = steps.partition_point(|step| y - step.down >= top as isize);
+        let (pairs, last) = steps[start..end].as_chunks::<2>();
+        for block in 0..blocks {
+            let from = (y - top as isize) * stride as isize + (block * LANES) as isize;
+            let add = |sum: &mut [f32; LANES], step: &Step| {
+                let from = &source[(from + step.to) as usize..][..LANES];
+                for k in 0..LANES {
+                    sum[k] += step.weight * from[k];
+                }
+            };
+            // Two sums, which do not wait for each other.
+            let (mut even, mut odd) = ([0.0; LANES], [0.0; LANES]);
+            for [one, other] in pairs {
+                add(&mut even, one);
+                add(&mut odd, other);
+            }
+            last.iter().for_each(|step| add(&mut even, step));
+            for k in 0..LANES {
+                even[k] += odd[k];
+            }
+            let column = first + (block * LANES) as isize;
+            let skipped = (-column).clamp(0, LANES as isize) as usize;
+            let at = (column + skipped as isize) as usize;
+            let end = line.len().min(at + LANES - skipped);
+            let Some(to) = line.get_mut(at..end) else { break };
+            to.copy_from_slice(&even[skipped..][..to.len()]);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn copies_are_where_they_were_moved_to() {
+        let (columns, rows) = (41, 13);
+        let picture: Vec<f32> = (0..columns * rows)
+            .map(|at| {
+                let inside = (3..9).contains(&(at / columns)) && (7..29).contains(&(at % columns));
+                if inside { (at % 17) as f32 - 4.0 } else { 0.0 }
+            })
+            .collect();
+        let mut taps = along([13.0, -4.3]);
+        taps.extend([(-9, 4), (2, 5)].map(|(x, y)| Tap { x, y, weight: 0.3 }));
+        let found = spread(&picture, columns, &taps);
+        for (at, &value) in found.iter().enumerate() {
+            let (x, y) = ((at % columns) as isize, (at / columns) as isize);
+            let wanted: f64 = taps
+                .iter()
+                .map(|tap| {
+                    let (x, y) = (x - tap.x, y - tap.y);
+                    let inside =
+                        (0..columns as isize).contains(&x) && (0..rows as isize).contains(&y);
+                    let from =
+                        if inside { picture[y as usize * columns + x as usize] } else { 0.0 };
+                    f64::from(from) * f64::from(tap.weight)
+                })
+                .sum();
+            assert!((f64::from(value) - wanted).abs() < 1e-5, "{x} {y}");
+        }
+    }
+
+    #[test]
+    fn a_way_is_centred_and_whole() {
+        for way in [[0.3, 0.0], [5.0, 2.5], [-7.3, 11.1], [0.0, -40.0]] {
+            let taps = along(way);
+            let sum = |of: &dyn Fn(&Tap) -> f64| -> f64 { taps.iter().map(of).sum() };
+            assert!((sum(&|tap| f64::from(tap.weight)) - 1.0).abs() < 1e-6);
+            assert!(sum(&|tap| tap.x as f64 * f64::from(tap.weight)).abs() < 1e-5);
+            assert!(sum(&|tap| tap.y as f64 * f64::from(tap.weight)).abs() < 1e-5);
+            assert!(taps.iter().zip(&taps[1..]).all(|(a, b)| (a.y, a.x) < (b.y, b.x)));
+        }
+    }
+}
