@@ -12,6 +12,7 @@ import flurries as fl
 from flurries.effects.occlusion import share_before
 from flurries.effects.wall import wall_maps
 from flurries.io import linear_to_srgb, srgb_to_linear
+from flurries.light.ambient import ambient_light
 from measure import cover
 
 Snow, Scene = fl.TentSnow, fl.Scene
@@ -247,6 +248,16 @@ def test_ambient_snow_has_the_background_s_light():
         seen = Scene(None, display, effects=[snow]).render(0)[50, 50] / 255.0
         if level < 0.5:
             assert srgb_to_linear(seen.astype(np.float64)) == pytest.approx(white, rel=0.03)
+
+
+def test_ambient_light_of_integers_is_the_mean_over_their_pixels():
+    rng = np.random.default_rng(3)
+    for dtype in (np.uint8, np.uint16):
+        picture = rng.integers(0, np.iinfo(dtype).max // 4, (37, 41, 3)).astype(dtype)
+        light = srgb_to_linear(picture / np.float64(np.iinfo(dtype).max))
+        white = light.reshape(-1, 3).mean(axis=0) * (0.9 / 0.18)
+        want = linear_to_srgb(white / max(1.0, white.max()))
+        assert ambient_light(picture, "display") == pytest.approx(want, rel=1e-6)
 
 
 def test_ambient_of_a_region_is_that_of_the_whole():

@@ -19,8 +19,9 @@ use crate::base::simd::reproducible;
 const KEPT: usize = 32;
 const KEPT_WAVES: usize = 150_000;
 
-/// Bands of more waves are planned anew each time: their plans take megabytes, their frames long.
-const MOST_WAVES: usize = 30_000;
+/// Bands of more waves are planned anew each time: their plans take many megabytes, their frames long.
+/// A tile of rain has 85,000 waves.
+const MOST_WAVES: usize = 100_000;
 
 /// The transform and the weights (down, across) of a frame.
 pub struct Parts<T: Real> {

@@ -235,7 +235,8 @@ class VideoWriter:
             array = np.pad(array, ((0, pad_down), (0, pad_right), (0, 0)), mode="edge")
         kind = {(1, 3): "rgb24", (2, 3): "rgb48le", (1, 4): "rgba", (2, 4): "rgba64le"}
         format = kind[array.dtype.itemsize, array.shape[2]]
-        image = VideoFrame.from_ndarray(np.ascontiguousarray(array), format=format)
+        # No copy: `array` outlives the frame, of which the reformatter makes another.
+        image = VideoFrame.from_numpy_buffer(np.ascontiguousarray(array), format=format)
         wishes = dict(SCALING)
         if not self._codec.rgb:
             wishes["dst_colorspace"] = _MATRICES.get(self._tags.matrix, Colorspace.ITU709)
@@ -334,7 +335,8 @@ def _comment_and_count(path: Path) -> tuple[str, int]:
     require_library()
     import av
 
-    with av.open(str(path.absolute())) as container:
+    # Its header and packets say all: without this H.264 is decoded as it is opened, for 100 ms.
+    with av.open(str(path.absolute()), options={"skip_frame": "all"}) as container:
         said = {key.lower(): text for key, text in container.metadata.items()}
         stream = container.streams.video[0]
         count = sum(1 for packet in container.demux(stream) if packet.size)
