@@ -7,10 +7,11 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.ndimage import uniform_filter1d
 
 import flurries as fl
 from flurries import _core
-from flurries.effects.gain import gains_of
+from flurries.effects.gain import STREAKS, gains_of, part_shown
 from flurries.particles.population import HANDOVER_SIGMA, Population, reach_of, slabs_of
 from flurries.particles.precipitation import (
     drop_mass,
@@ -131,6 +132,31 @@ def test_a_gain_makes_blurred_depths_cover_what_flakes_do():
     found = gains_of(np.full(3, math.sqrt(8.0)), 0.9)[-1]
     assert found == pytest.approx(small / float(spence(1.0 - small)), rel=0.01)
     assert np.abs(faint - 1.0).max() < 0.01
+
+
+@pytest.mark.parametrize(("thin", "streak"), [(1.0, 0.0), (1.0, 16.0), (0.3, 4.0), (0.3, 16.0)])
+def test_gains_make_blurred_depths_cover_what_flakes_do(thin, streak):
+    diameter, opacity, step = 8.0, 0.9, 0.05
+    raw = diameter / np.sqrt(8.0)
+    sigma = np.hypot(raw, np.sqrt(1.0 / 12.0))
+    x, y = np.arange(-30.0, 30.0, step), np.arange(0.0, 16.0, step)
+    hidden = opacity * (raw / sigma) ** 2 * np.exp(-0.5 * (x[:, None] ** 2 + y**2) / sigma**2)
+    depth = -np.log1p(-thin * hidden) / thin
+    if streak:
+        depth = uniform_filter1d(depth, round(streak / step), axis=0, mode="constant")
+    gains = gains_of(np.full(33, diameter), opacity, thin)
+    gain = gains[np.searchsorted(STREAKS, streak)]
+    shown = -np.expm1(-gain * depth).sum() / hidden.sum()
+    assert shown == pytest.approx(1.0, abs=4e-3)
+
+
+def test_the_part_that_a_streak_shows_is_the_mean_of_a_gaussian():
+    sigma, way = 2.0, 6.0
+    at = (np.arange(2000) + 0.5) / 2000.0 * way - 0.5 * way
+    want = np.exp(-0.5 * at**2 / (sigma**2 + 1.0 / 12.0)).mean()
+    assert part_shown(np.full(9, sigma * np.sqrt(8.0)), way) == pytest.approx(want, rel=2e-3)
+    assert part_shown(np.full(9, 4.0), 0.0) == 1.0
+
 
 
 def _slow_alpha(points: Any, radius: Any, opacity: Any, travel: Any) -> np.ndarray:

@@ -90,6 +90,8 @@ pub struct SlabRequest {
     diameters: Vec<f64>,
     #[pyo3(attribute)]
     streak: [f64; 2],
+    #[pyo3(attribute)]
+    thin: f64,
 }
 
 /// Patterns (L, P, 1 or 16, M, M/2 + 1) of a population, at places within a pixel. `law` is (shear in
@@ -116,6 +118,7 @@ pub fn flake_population(
                 coverage: slab.coverage,
                 diameters: &slab.diameters,
                 streak: slab.streak,
+                thin: slab.thin.clamp(1e-3, 1.0),
             })
             .collect();
         population(out, &slabs, law, cancel)

@@ -17,7 +17,7 @@ from flurries import _core
 from flurries._contract import Array, Float64
 from flurries._threads import kept_by_mode
 from flurries.effects.defocus import disc_factor
-from flurries.effects.gain import STREAKS, gains_of
+from flurries.effects.gain import STREAKS, gains_of, part_shown
 from flurries.effects.weather import Film, Layer
 from flurries.spectral.flakes import prepare
 
@@ -48,6 +48,8 @@ class Slab(NamedTuple):
         Quantiles of their images at even shares, px.
     streak : (x, y)
         Pixels that they move by while the shutter is open.
+    thin : float
+        The part of a flake that a pixel shows where the pattern is moved instead, 0 to 1.
     """
 
     drawn: float
@@ -55,6 +57,7 @@ class Slab(NamedTuple):
     coverage: float
     diameters: tuple[float, ...]
     streak: tuple[float, float]
+    thin: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,6 +116,11 @@ def _waves(
     return made, np.array(depths)
 
 
+def _thin(diameters: Float64, streak: float) -> float:
+    """Return the part of flakes that moved patterns show, in steps that few films differ in."""
+    return max(round(part_shown(diameters, streak), 1), 0.05)
+
+
 def patterns_of(
     layers: tuple[Layer, ...],
     film: Film,
@@ -121,6 +129,7 @@ def patterns_of(
     rungs: tuple[float, ...],
     scale: float,
     streaks: Streaks | None,
+    exposure: float,
     circles: tuple[float, ...] = (),
 ) -> Patterns:
     """Return the patterns of a film.
@@ -132,18 +141,24 @@ def patterns_of(
     scale : float
         Of the images, for a lens that has zoomed since the layers were made.
     streaks : tuple of (x, y), optional
-        Of each layer, px; without them flakes rest.
+        Of each layer, px; without them flakes rest, and patterns are moved.
+    exposure : float
+        Of the film's first frame, frames.
     circles : tuple of float
         Circles of confusion of each layer, px; () where all are sharp.
     """
-    slabs = _slabs_of(layers, film.tile, scale, streaks)
+    slabs = _slabs_of(layers, film.tile, scale, streaks, exposure)
     law = (film.shear, opacity, seed)
     return _patterns(slabs, film.tile, law, rungs, streaks is None, circles)
 
 
 @lru_cache(maxsize=16)
 def _slabs_of(
-    layers: tuple[Layer, ...], tile: int, scale: float, streaks: Streaks | None
+    layers: tuple[Layer, ...],
+    tile: int,
+    scale: float,
+    streaks: Streaks | None,
+    exposure: float,
 ) -> tuple[Slab, ...]:
     return tuple(
         Slab(
@@ -152,8 +167,9 @@ def _slabs_of(
             coverage=slab.coverage,
             diameters=tuple((scale * slab.diameters).tolist()),
             streak=(0.0, 0.0) if streaks is None else streaks[index],
+            thin=1.0 if streaks else _thin(slab.diameters, exposure * share.flow / slab.depth),
         )
-        for index, (_, slab) in enumerate(layers)
+        for index, (share, slab) in enumerate(layers)
     )
 
 
@@ -187,6 +203,7 @@ def _patterns(
     )
     gains = None
     if resting:
-        gains = np.stack([gains_of(own[::8], opacity) for own in diameters])
+        each = zip(diameters, slabs, strict=True)
+        gains = np.stack([gains_of(own[::8], opacity, slab.thin) for own, slab in each])
         gains = 1.0 + (gains - 1.0) * sharp[:, None]
     return Patterns(ready, depths, gains, PATTERNS[tile], places)

@@ -305,8 +305,9 @@ class FlakeTexture:
         streaks = self._streaks(frame, film)
         circles = circles_of(frame.blur, [layer.slab.depth for layer in film.layers])
         rungs = self._rungs(amount)
+        exposure = value_at(self.weather.motion.shutter, 0.0)
         return patterns_of(
-            film.layers, film, self._opacity, frame.seed, rungs, scale, streaks, circles
+            film.layers, film, self._opacity, frame.seed, rungs, scale, streaks, exposure, circles
         )
 
     def _streaks(self, frame: Frame, film: Film) -> Streaks | None:

@@ -79,12 +79,16 @@ class Share:
         Depth up to which its flakes are drawn, metres.
     slabs : list of Slab
         What the texture stands for beyond; none where all are drawn.
+    flow : float
+        How far a flake moves in a frame, as a rule over a film and its picture: pixels times metres
+        of depth.
     """
 
     size: SizeClass
     motion: Motion
     reach: float
     slabs: tuple[Slab, ...]
+    flow: float = 0.0
 
     @property
     def end(self) -> float:
@@ -242,7 +246,8 @@ def _film(
     shares = []
     for (one, own), reach in zip(classes, reaches, strict=True):
         slabs = slabs_of(population, one, focal, tile, reach=reach, far=weather.far)
-        shares.append(Share(one, own, reach, tuple(slabs)))
+        flow = _flow(own, shape, path, rotation, focal, fps)
+        shares.append(Share(one, own, reach, tuple(slabs), flow))
     in_tile = sum(slab.count for share in shares for slab in share.slabs)
     height, width = shape
     view = width * height / focal**2 * weather.far**3 / 3.0
@@ -263,6 +268,22 @@ def _film(
     shear = shear_for(tile, tuple(slopes[1:] if constant else slopes[:1]))
     overlap = tile // OVERLAP if in_tile >= SPARSE else tile // (2 * OVERLAP)
     return Film(tuple(shares), tile, overlap, across, spreads, constant, shear)
+
+
+def _flow(
+    motion: Motion,
+    shape: tuple[int, int],
+    path: CameraPath,
+    rotation: tuple[float, float, float],
+    focal: float,
+    fps: float,
+) -> float:
+    """Return the root of the mean square of the flow over a picture, at the film's speeds."""
+    course = relative_course(path, fps, motion.fall, motion.mean_wind)
+    x, y, z = (course.values @ matrix_of(rotation)).T
+    # Of what comes nearer a point flows outwards, as far as it is from the middle.
+    corner = (shape[0] ** 2 + shape[1] ** 2) / 12.0
+    return float(np.sqrt(np.mean(focal**2 * (x**2 + y**2) + corner * z**2)))
 
 
 def shear_for(tile: int, slopes: tuple[float, ...]) -> int:

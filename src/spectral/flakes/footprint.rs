@@ -2,7 +2,8 @@
 //!
 //! A flake hides the part a of a pixel: its Gaussian, which moves while the shutter is open, averaged
 //! over the pixel's square. Its depth is -ln(1 - a), so that depths add up to the joint opacity
-//! 1 - prod(1 - a) of independent flakes.
+//! 1 - prod(1 - a) of independent flakes. Where a pattern is moved while the shutter is open, its flakes
+//! hide the less for it: their depths are those of the thinner ones, -ln(1 - q a) / q.
 
 use std::f64::consts::{FRAC_1_SQRT_2, FRAC_PI_4};
 
@@ -33,8 +34,9 @@ pub struct Footprint {
 }
 
 impl Footprint {
-    /// Of a flake whose image has a diameter in pixels, and moves by `streak` (x, y) meanwhile.
-    pub fn new(diameter: f64, opacity: f64, streak: [f64; 2]) -> Self {
+    /// Of a flake whose image has a diameter in pixels, and moves by `streak` (x, y) meanwhile; `thin`, above
+    /// 0 and up to 1, is the part q of it that a moved pattern shows in a pixel.
+    pub fn new(diameter: f64, opacity: f64, streak: [f64; 2], thin: f64) -> Self {
         let sigma = (diameter / 8_f64.sqrt()).max(LEAST_SIGMA);
         let coverage = opacity * FRAC_PI_4 * diameter * diameter;
         let fine = FINE as f64;
@@ -52,7 +54,7 @@ impl Footprint {
                 }
             }
         }
-        let depths = hidden.iter().map(|hidden: &f64| -(-hidden.min(MOST)).ln_1p());
+        let depths = hidden.iter().map(|hidden: &f64| -(-thin * hidden.min(MOST)).ln_1p() / thin);
         let depth = depths.clone().sum::<f64>() / (fine * fine);
         Self { reach, values: depths.map(|depth| depth as f32).collect(), depth, coverage }
     }
@@ -91,7 +93,7 @@ mod tests {
         for (diameter, streak) in
             [(0.4, [0.0, 0.0]), (1.5, [0.6, -1.1]), (2.8, [0.0, 0.0]), (2.8, [3.0, 5.0])]
         {
-            let made = Footprint::new(diameter, 0.9, streak);
+            let made = Footprint::new(diameter, 0.9, streak, 1.0);
             let wide = 2 * made.reach[0] + 1;
             for (dx, dy) in [(0, 0), (1, 0), (-2, 3), (0, 5)] {
                 let at = |reach: usize, d: i32| (reach as i32 + d) as usize;
@@ -106,5 +108,16 @@ mod tests {
             assert!((sum / made.coverage - 1.0).abs() < 1e-3, "{sum} {}", made.coverage);
             assert!(made.depth > made.coverage);
         }
+    }
+
+    #[test]
+    fn thin_depths_are_of_what_a_pattern_that_is_moved_shows() {
+        let (whole, thin) = ([1.0, 0.2]).map(|q| Footprint::new(2.8, 0.9, [0.0; 2], q)).into();
+        for (whole, thin) in whole.values.iter().zip(&thin.values) {
+            let hidden = 1.0 - (-f64::from(*whole)).exp();
+            let want = -(1.0 - 0.2 * hidden).ln() / 0.2;
+            assert!((f64::from(*thin) - want).abs() < 1e-5, "{thin} {want}");
+        }
+        assert!(thin.coverage < thin.depth && thin.depth < whole.depth);
     }
 }

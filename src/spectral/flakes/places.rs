@@ -55,6 +55,8 @@ pub struct Slab<'a> {
     pub diameters: &'a [f64],
     /// Pixels (x, y) that they move by while the shutter is open.
     pub streak: [f64; 2],
+    /// The part of a flake that a pixel shows where the pattern is moved instead, see [`Footprint`].
+    pub thin: f64,
 }
 
 impl Slab<'_> {
@@ -78,7 +80,7 @@ impl<'a> Sized<'a> {
         let (least, most) = (slab.diameter(0.0), slab.diameter(1.0));
         let footprints = (0..SIZES).map(|i| {
             let part = i as f64 / (SIZES - 1) as f64;
-            Footprint::new(least + part * (most - least), opacity, slab.streak)
+            Footprint::new(least + part * (most - least), opacity, slab.streak, slab.thin)
         });
         Self { slab, footprints: footprints.collect() }
     }
@@ -320,7 +322,7 @@ mod tests {
         for (diameter, streak, at) in
             [(0.5, [0.0, 0.0], (59, 1)), (2.5, [3.0, 4.0], (2, 58)), (9.0, [0.0, 0.0], (20, 20))]
         {
-            let footprint = Footprint::new(diameter, 0.8, streak);
+            let footprint = Footprint::new(diameter, 0.8, streak, 1.0);
             let mut torus = torus();
             torus.stamp(&footprint, at);
             for place in [(0, 0), (2, 0), (0, 1), (1, 2)] {
@@ -346,8 +348,14 @@ mod tests {
     #[test]
     fn every_pattern_has_the_mean_of_its_flakes() {
         let sizes = [0.4, 0.7, 2.0];
-        let slab =
-            Slab { drawn: 20.5, count: 20.5, coverage: 9.0, diameters: &sizes, streak: [0.0, 1.0] };
+        let slab = Slab {
+            drawn: 20.5,
+            count: 20.5,
+            coverage: 9.0,
+            diameters: &sizes,
+            streak: [0.0, 1.0],
+            thin: 1.0,
+        };
         let mut out = Array5::<Complex<f32>>::zeros((1, 3, 16, 15, 8));
         let depth = population(out.view_mut(), &[slab], LAW, &Cancel::new()).unwrap()[0];
         assert!(depth > 9.0 && depth < 14.0);
