@@ -158,7 +158,6 @@ def test_the_part_that_a_streak_shows_is_the_mean_of_a_gaussian():
     assert part_shown(np.full(9, 4.0), 0.0) == 1.0
 
 
-
 def _slow_alpha(points: Any, radius: Any, opacity: Any, travel: Any) -> np.ndarray:
     """1 - prod(1 - alpha_i), each alpha the mean of 64 moments of a Gaussian over pixels."""
     erf = np.vectorize(math.erf)

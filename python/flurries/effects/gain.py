@@ -1,9 +1,9 @@
 """The gain by which optical depths that a shutter blurs cover as much as the flakes do.
 
 A flake that hides a part a of a pixel has the depth -ln(1 - a). A pattern that is moved while the
-shutter is open shows only a part q of each flake in a pixel, so that its depths are those of thinner
-flakes, -ln(1 - q a) / q: of resting ones the mean along the way would be too much in the middle, as
-the logarithm is convex, and too little beside it. The gain g makes the integral of
+shutter is open shows only a part q of each flake in a pixel, so its depths are those of thinner
+flakes, -ln(1 - q a) / q: the mean of resting ones along the way would be too much in the middle and
+too little beside it, as the logarithm is convex. The gain g makes the integral of
 1 - exp(-g mean depth) that of a for all lengths of streaks. It is 1 for a resting flake where q is
 1, and near 1 where q is that of the streak.
 """
@@ -95,21 +95,24 @@ def _table(part: int) -> Float64:
     bell = np.exp(-0.5 * (along[:, None] ** 2 + across[None, :] ** 2))
     found = np.ones((len(_PEAKS), len(_LENGTHS)))
     for row, peak in enumerate(_PEAKS[1:], start=1):
-        depth = -np.log1p(-thin * peak * bell) / thin
+        hidden = peak * bell
+        depth = -np.log1p(-thin * hidden) / thin
         upto = np.concatenate(
             [np.zeros((1, 20)), np.cumsum(0.5 * (depth[1:] + depth[:-1]), axis=0)]
         )
         upto *= step
-        wanted = peak * np.sqrt(2.0 * np.pi) * (weights @ np.exp(-0.5 * across**2))
-        for column, length in enumerate(np.maximum(_LENGTHS, step)):
-            at = np.linspace(-6.0 - 0.5 * length, 6.0 + 0.5 * length, 257)
-            ends = [
-                np.stack(
-                    [np.interp(at + side * 0.5 * length, along, one) for one in upto.T], axis=1
-                )
-                for side in (1.0, -1.0)
-            ]
-            mean = (ends[0] - ends[1]) / length
+        wanted = float((hidden @ weights).sum()) * step
+        for column, length in enumerate(_LENGTHS):
+            at, mean = along, depth
+            if length > 0.0:
+                at = np.linspace(-6.0 - 0.5 * length, 6.0 + 0.5 * length, 257)
+                ends = [
+                    np.stack(
+                        [np.interp(at + side * 0.5 * length, along, one) for one in upto.T], axis=1
+                    )
+                    for side in (1.0, -1.0)
+                ]
+                mean = (ends[0] - ends[1]) / length
             share = (at[1] - at[0]) * weights
             gain = 1.0
             for _ in range(_STEPS):
@@ -117,5 +120,6 @@ def _table(part: int) -> Float64:
                 gain -= float(((1.0 - left) @ share).sum() - wanted) / float(
                     ((mean * left) @ share).sum()
                 )
-            found[row, column] = gain
+            # Of what the sums round, nothing: a resting flake's gain is 1.
+            found[row, column] = round(gain, 12)
     return found
