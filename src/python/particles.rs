@@ -10,6 +10,7 @@ use super::gate::{self, Plane, PlaneMut, each_map};
 use super::shade::{Shade, grid};
 use crate::base::error::{Error, collected};
 use crate::base::lamps::{Lamps, light};
+use crate::base::pool;
 use crate::base::real::Real;
 use crate::base::sampling::integrated;
 use crate::base::smooth::smoothstep;
@@ -410,8 +411,13 @@ pub fn lamp_light(
     let lamps = Lamps::of(lamps.as_slice()?, optics.0, optics.1, eye)?;
     let (out, points) = (out.as_slice_mut()?, points.as_slice()?);
     gate::run(py, 40.0 * points.len() as f64, |_| {
-        light(&lamps, points.as_chunks().0, out.as_chunks_mut().0);
-        Ok(())
+        let (points, out): (&[[f64; 3]], &mut [[f64; 3]]) =
+            (points.as_chunks().0, out.as_chunks_mut().0);
+        let tasks: Vec<_> = points.chunks(4096).zip(out.chunks_mut(4096)).collect();
+        pool::for_each(tasks, |(points, out)| {
+            light(&lamps, points, out);
+            Ok(())
+        })
     })
 }
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import threading
 from dataclasses import dataclass
 from functools import cached_property
@@ -51,6 +52,12 @@ class View:
     shape: tuple[int, int]
     camera: Camera
     eyes: float = 0.0
+
+    @cached_property
+    def lens(self) -> tuple[float, float, float, tuple[float, float, float], float]:
+        """The camera as kernels read it: focal length and middle, px, place, and nearest depth."""
+        x, y = self.camera.principal(self.shape)
+        return self.camera.focal, x, y, self.camera.offset, 0.5 * NEAREST
 
 
 @dataclass(frozen=True)
@@ -105,7 +112,7 @@ class Air:
         here.join(out, haze, plane)
         return out
 
-    @cached_property
+    @property
     def way(self) -> float:
         """Metres that what falls moves by while the shutter is open."""
         return float(np.hypot(*self.velocity)) * self.exposure
@@ -129,6 +136,8 @@ class Here:
     texture : Texture or None
     part : Part or None
         Of kept sheets, which the texture of a picture by itself is.
+    open : bool
+        Whether nothing stands in what falls.
     """
 
     def __init__(
@@ -139,6 +148,7 @@ class Here:
         self.flakes: Flakes | None = None
         self.texture: Texture | None = None
         self.part: Part | None = None
+        self.open = air.falling is not None and distances.beyond(air.falling.far)
         if air.falling is not None and air.loss > 0.0:
             self._fall(air.falling)
 
@@ -152,19 +162,21 @@ class Here:
         if fastest or view.eyes:
             far = max(2.0 * view.eyes / _DISPARITY, fastest / _FASTEST)
             least = focal / tile_of(view.shape) * far
-        base = base_of(falling, air.way, view.shape, focal, least)
-        self.texture = texture_of(base, falling, air.way)
+        way = air.way
+        base = base_of(falling, way, view.shape, focal, least)
+        streaks = falling.streaks(way)
+        self.texture = texture_of(base, streaks)
         if self.texture is not None and self.fps is None and not view.eyes:
             self.part = part_of(self.texture, view.shape, air.velocity, air.seed)
         self.flakes = flakes_at(
-            falling.cloud(air.way, base.reach), view.shape, view.camera, seed=air.seed,
+            falling.cloud(streaks, base.reach), view.shape, view.camera, seed=air.seed,
             velocity=np.array([*air.velocity, 0.0]), time=self.time, exposure=air.exposure,
             eyes=view.eyes,
         )  # fmt: skip
 
     def _denser(self, falling: Falling) -> float:
         """Return how many times as dense what falls is before a picture that ends before it."""
-        if self.distances.beyond(falling.far):
+        if self.open:
             return 1.0
         deep = falling.far - falling.near
         before = np.clip((self.distances.quantiles - falling.near) / deep, 0.0, 1.0)
@@ -178,13 +190,18 @@ class Here:
             return air.fixed
         if air.falling is not None and air.falling.veil == 0.0:
             return 0.0
-        depth = self.distances.quantiles
+        depth, texture, flakes = self.distances.quantiles, self.texture, self.flakes
+        if self.open and air.patches is None:
+            # What all of it leaves.
+            left = 1.0 if texture is None else texture.left
+            left *= 1.0 if flakes is None else math.exp(-float(np.add.reduce(flakes.cover)))
+            return max(math.log(left / (1.0 - air.loss)) / float(depth[0]), 0.0)
         clear = np.ones(len(depth))
-        if self.texture is not None:
-            whole = self.distances.beyond(self.texture.far)
-            clear *= self.texture.left if whole else self.texture.before(depth)
-        if self.flakes is not None:
-            clear *= self.flakes.before(depth)
+        if texture is not None:
+            whole = self.distances.beyond(texture.far)
+            clear *= texture.left if whole else texture.before(depth)
+        if flakes is not None:
+            clear *= flakes.before(depth)
         density = np.ones(1) if air.patches is None else air.patches.densities()
         return extinction(air.loss, depth, clear[:, None], density)
 
@@ -272,7 +289,9 @@ class Here:
         plane: Array | None = self.distances.plane
         assert plane is not None
         shown: Array | None = None
-        if plane.shape[1] == 1:
+        if self.open:
+            plane = None
+        elif plane.shape[1] == 1:
             # A depth for each row: of a flake, that of its own.
             rows = self._rows(flakes, len(plane)) if len(plane) > 1 else 0
             shown = flakes.points[:, 2] <= plane[rows, 0]
@@ -284,11 +303,8 @@ class Here:
         # Everything was made here, so it goes to the kernel without the checks of `particles`.
         thin = scale is not None
         result: Array = np.empty(view.shape) if thin else scratch("drawn", view.shape)
-        x, y = view.camera.principal(view.shape)
-        lens = (view.camera.focal, x, y, view.camera.offset, 0.5 * NEAREST)
-        velocity = flakes.velocity[None, :]
-        exposure = self.air.exposure
-        _core.particle_splat(result, points, radius, opacity, velocity, exposure, lens, plane)
+        velocity, exposure = flakes.velocity[None, :], self.air.exposure
+        _core.particle_splat(result, points, radius, opacity, velocity, exposure, view.lens, plane)
         return result
 
     @staticmethod

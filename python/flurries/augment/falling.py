@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 from functools import lru_cache
+from typing import NamedTuple
 
 from flurries.augment.flakes import NEAREST, Cloud
 from flurries.particles.population import LEAST_IN_TILE, Population, SizeClass
@@ -32,6 +33,24 @@ _WIDEST = 0.08
 _SMALL, _SHARPER = 512, 0.6
 
 SPEEDS = {"snow": snow_speed, "rain": drop_speed}
+
+
+class Streaks(NamedTuple):
+    """What flakes that move while the shutter is open are like.
+
+    Attributes
+    ----------
+    thick : float
+        Optical depth of a resting one's middle.
+    covered : float
+        What one covers, over the product of that and its area.
+    density : float
+        How many there are per cubic metre.
+    """
+
+    thick: float
+    covered: float
+    density: float
 
 
 @dataclass(frozen=True)
@@ -73,30 +92,16 @@ class Falling:
         """Return the optical depth of a resting one's middle, for streaks of a way in metres."""
         return max(self.middle, self.streak * way / (_SWEPT * self.sizes[1]))
 
-    def seen(self, way: float) -> tuple[float, float, float]:
-        """Return what streaks of a way in metres are like.
-
-        Returns
-        -------
-        thick : float
-            Optical depth of a resting one's middle.
-        covered : float
-            What one covers, over the product of that and its area.
-        density : float
-            How many there are per cubic metre.
-        """
+    def streaks(self, way: float) -> Streaks:
+        """Return what streaks of a way in metres are like."""
         thick = self.thick(way)
         covered = covered_by(thick, way, self.sizes[1])
         each = thick * covered * 0.25 * math.pi * _moment(self.sizes)
-        return thick, covered, self.depth / (each * (self.far - self.near))
+        return Streaks(thick, covered, self.depth / (each * (self.far - self.near)))
 
-    def density(self, way: float) -> float:
-        """Return how many there are per cubic metre."""
-        return self.seen(way)[2]
-
-    def cloud(self, way: float, reach: float) -> Cloud:
+    def cloud(self, streaks: Streaks, reach: float) -> Cloud:
         """Return those that are drawn."""
-        thick, covered, density = self.seen(way)
+        thick, covered, density = streaks
         # A power of two, since opacities of copies are squared; so many that each is thin.
         times = 2 ** max(math.ceil(math.log2(2.0 * thick)), 1)
         return Cloud(
@@ -120,7 +125,7 @@ class Falling:
         """
         large = focal * self.sizes[2] / math.sqrt(8.0) / (_WIDEST * tile)
         # As many in a tile as a texture must have, in a slab whose far end is twice as far.
-        sparse = 3.0 * LEAST_IN_TILE / (7.0 * self.density(way)) * (focal / tile) ** 2
+        sparse = 3.0 * LEAST_IN_TILE / (7.0 * self.streaks(way).density) * (focal / tile) ** 2
         wanted = max(sparse ** (1.0 / 3.0), large, least, 1.3 * self.near)
         return self.far if wanted > 0.7 * self.far else wanted
 

@@ -66,6 +66,7 @@ def _falling_of(
     return loss, Falling(depth=depth, veil=veil, **own) if depth > 1e-9 else None
 
 
+@lru_cache(maxsize=256)
 def at(amount: float, levels: tuple[float, ...]) -> float:
     """Return a number of a look that is given at the amounts 0.2, 0.4, ..., 1."""
     return float(np.interp(5.0 * amount, range(1, 6), levels))

@@ -16,7 +16,7 @@ import numpy as np
 from flurries import _core
 from flurries._contract import Array, Float64
 from flurries._threads import kept_by_mode
-from flurries.augment.falling import Falling, covered_by, ein, population_of
+from flurries.augment.falling import Falling, Streaks, covered_by, ein, population_of
 from flurries.particles.population import Slab, slabs_of
 from flurries.spectral.flakes import Request, choices, patterns_of, prepare
 
@@ -280,7 +280,7 @@ def _base_of(falling: Falling, far: int, tile: int, focal: float, least: float) 
     reach = falling.reach(way, focal, tile, least=least)
     step = math.ceil(math.log(reach) / math.log(_REACH) - 0.3)
     reach = falling.far if reach >= falling.far else min(_REACH**step, falling.far)
-    rung = round(math.log(falling.density(way)) / math.log(_DENSITY))
+    rung = round(math.log(falling.streaks(way).density) / math.log(_DENSITY))
     lens = round(math.log(focal) / math.log(_FOCAL))
     dense = round(math.log(falling.thick(way)) / math.log(_THICK))
     rungs = Rungs((falling.kind, falling.sizes, falling.far), rung, tile, step, lens, far, dense)
@@ -290,13 +290,16 @@ def _base_of(falling: Falling, far: int, tile: int, focal: float, least: float) 
     return Base(reach, found, *_settled(found, lens, far, dense, falling.sizes[1]), rungs)
 
 
-def texture_of(base: Base, falling: Falling, way: float) -> Texture | None:
+def texture_of(base: Base, streaks: Streaks) -> Texture | None:
     """Return the texture of what falls beyond the reach; None where all of it is drawn."""
     found = base.patterns
     if found is None:
         return None
-    thick, covered, density = falling.seen(way)
-    more, opaque = density / found.density, thick / _MIDDLE
+    more, opaque, covered = (
+        streaks.density / found.density,
+        streaks.thick / _MIDDLE,
+        streaks.covered,
+    )
     return Texture(found, more, opaque, covered, base.gains, base.own, base.lift, base.rungs)
 
 

@@ -115,12 +115,12 @@ def lamp_shade(
     y = ((np.arange(rows) + 0.5) * cell - cy) / fy
     eye = np.array(frame.camera.offset)
     lamps = frame.lamps()
-    total = np.zeros((rows * columns, 3))
     across, down = np.meshgrid(x, y)
     ahead = np.stack([across, down, np.ones_like(across)], axis=-1).reshape(-1, 3)
+    points = np.asarray(depths).reshape(-1, 1, 1) * ahead + eye
+    found = radiance(points.reshape(-1, 3), lamps, optics, eye).reshape(points.shape)
     shares = np.asarray(weights) / np.sum(weights)
-    for depth, weight in zip(np.asarray(depths).tolist(), shares.tolist(), strict=True):
-        total += weight * radiance(depth * ahead + eye, lamps, optics, eye)
+    total = (shares[:, None, None] * found).sum(axis=0)
     colors = total.reshape(rows, columns, 3).astype(np.float32)
     return Shade(colors, cell, _first(frame))
 

@@ -260,17 +260,16 @@ fn store_with<const LEVEL: u8>(
         let (glow, _) = glow.as_slice_mut()?.as_chunks_mut::<3>();
         let start = (row + y) * TILE + column;
         let own = start..start + out.len();
-        let mut shares = [0.0_f32; TILE];
-        let shares = &mut shares[..out.len()];
-        let sums = lit.through[own.clone()].iter().zip(&whole[own.clone()]);
-        for ((out, share), (through, &sum)) in out.iter_mut().zip(&mut *shares).zip(sums) {
-            *out = (1.0 - through) as f32;
-            *share = if sum > 0.0 { *out / sum } else { 0.0 };
-        }
+        let through = &lit.through[own.clone()];
+        let sums = through.iter().zip(&whole[own.clone()]);
         let colors = red[own.clone()].iter().zip(&green[own.clone()]).zip(&blue[own]);
-        for ((glow, share), ((red, green), blue)) in glow.iter_mut().zip(shares).zip(colors) {
-            *glow = [*share * red, *share * green, *share * blue];
+        // Opacity twice: one that is kept for the light would be waited for, behind the stores to `out`.
+        for ((glow, (through, &sum)), ((red, green), blue)) in glow.iter_mut().zip(sums).zip(colors)
+        {
+            let share = if sum > 0.0 { (1.0 - through) as f32 / sum } else { 0.0 };
+            *glow = [share * red, share * green, share * blue];
         }
+        out.iter_mut().zip(through).for_each(|(out, through)| *out = (1.0 - through) as f32);
     }
     Some(())
 }
