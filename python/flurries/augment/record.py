@@ -1,0 +1,174 @@
+"""What a weather for data sets is told, what is drawn from that, and the record of it."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, fields
+from functools import lru_cache
+from typing import Any, ClassVar, TypeVar
+
+import numpy as np
+import numpy.typing as npt
+
+from flurries._contract import Array, choice, integer, real
+from flurries.augment.air import Air, View
+from flurries.augment.calibration import PROFILES, Profile
+from flurries.augment.distance import SKY, Depth, Distances, Ground, distances_of, ground_of
+from flurries.augment.draws import Range, between, index_of, own_index, range_of, uniforms
+from flurries.augment.pictures import picture_of
+from flurries.camera.lens import Camera
+
+VERSION = 2
+SEVERITY = (1, 5)
+DEFAULT_AMOUNT = (0.2, 0.8)
+
+_Kind = TypeVar("_Kind", bound="Recorded")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Recorded(ABC):
+    """The fields of a weather, which are described in the weathers themselves."""
+
+    amount: Range | None = None
+    severity: int | tuple[int, int] | None = None
+    profile: Profile = "natural"
+    color: Range | tuple[float, float, float] = (0.9, 1.0)
+    ground: Ground | None = None
+    focal: float = 1.2
+    white: float = 1.0
+    seed: int | None = None
+    weather_seed: int | None = None
+
+    # Numbers that are drawn, in the order of their random numbers: (name, limits).
+    DRAWN: ClassVar[tuple[str, ...]] = ()
+
+    def __post_init__(self) -> None:
+        settle = object.__setattr__
+        if self.amount is not None and self.severity is not None:
+            raise ValueError("amount and severity must not both be given")
+        if self.severity is not None:
+            given = self.severity
+            levels = given if isinstance(given, (tuple, list, np.ndarray)) else (given, given)
+            low, high = range_of("severity", tuple(levels), low=SEVERITY[0], high=SEVERITY[1])
+            if low != int(low) or high != int(high):
+                raise TypeError(f"severity must be an integer or two, got {given!r}")
+            settle(self, "severity", (int(low), int(high)))
+        settle(self, "profile", choice("profile", self.profile, PROFILES))
+        if self.amount is not None:
+            settle(self, "amount", range_of("amount", self.amount, low=0.0, high=1.0))
+        if isinstance(self.color, (tuple, list, np.ndarray)) and len(self.color) == 3:
+            rgb = tuple(real("color", c, low=0.0, high=1.0) for c in self.color)
+            settle(self, "color", rgb)
+        else:
+            settle(self, "color", range_of("color", self.color, low=0.0, high=1.0))
+        settle(self, "ground", ground_of(self.ground))
+        settle(self, "focal", real("focal", self.focal, low=0.05, high=1e3))
+        settle(self, "white", real("white", self.white, low=1e-30, high=1e30))
+        for name in ("seed", "weather_seed"):
+            value = getattr(self, name)
+            if value is not None:
+                settle(self, name, integer(name, value, low=-(2**63), high=2**63 - 1))
+
+    def record(self, image: npt.ArrayLike | None = None, *, index: int | None = None) -> Any:
+        """Return what a call draws, as plain numbers and words.
+
+        Parameters
+        ----------
+        image : array, optional
+            Needed where the index comes from the picture itself.
+        index : int, optional
+            As for a call.
+
+        Returns
+        -------
+        dict
+            For :func:`flurries.augment.replay`; holds in JSON.
+
+        Raises
+        ------
+        ValueError
+            Without an index or a picture; and without an index or a seed, since each call then
+            draws anew: `apply` returns the record of what it drew.
+        """
+        if index is None and self.seed is None and self.weather_seed is None:
+            raise ValueError("index must be given: without it and a seed each call draws anew")
+        if index is None and image is None:
+            raise ValueError("index or image must be given")
+        return self._drawn(None if image is None else picture_of("image", image), index)
+
+    @classmethod
+    def replay(cls: type[_Kind], record: Mapping[str, Any]) -> _Kind:
+        """Return the weather that makes what was recorded, whatever the index.
+
+        Raises
+        ------
+        ValueError, TypeError
+            If it is no record of this weather.
+        """
+        if not isinstance(record, Mapping):
+            raise TypeError(f"record must be a dict, got {type(record).__name__}")
+        values = dict(record)
+        kind, version = values.pop("transform", None), values.pop("version", None)
+        if kind != cls.__name__ or version != VERSION:
+            raise ValueError(
+                f"record must be of a {cls.__name__}, version {VERSION}, got {kind!r}, {version!r}"
+            )
+        ground = values.pop("ground", None)
+        known = {f.name for f in fields(cls)} - {"severity", "seed", "ground"}
+        if set(values) != known:
+            odd = sorted(set(values) ^ known)
+            raise ValueError(f"record must hold {sorted(known)}, differs in {odd}")
+        values["color"] = tuple(values["color"])
+        return cls(ground=ground, **values)
+
+    def _drawn(self, image: Array | None, index: int | None) -> dict[str, Any]:
+        """Return the record of a call."""
+        if index is not None:
+            number = index_of(index)
+        elif self.seed is None and self.weather_seed is not None:
+            number = 0
+        else:
+            assert image is not None
+            number = own_index(self.seed, image)
+        u = uniforms(self.seed or 0, number, 4 + len(self.DRAWN))
+        if self.severity is not None:
+            low, high = self.severity  # type: ignore[misc]
+            amount = (low + int(u[1] * (high - low + 1))) / SEVERITY[1]
+        else:
+            amount = between(self.amount or DEFAULT_AMOUNT, u[1])
+        if len(self.color) == 3:  # type: ignore[arg-type]
+            color: Any = self.color
+        else:
+            color = (between(self.color, u[2]),) * 3
+        own = self.weather_seed
+        record: dict[str, Any] = {
+            "transform": type(self).__name__,
+            "version": VERSION,
+            "amount": amount,
+            "profile": self.profile,
+            "color": color,
+            "ground": None if self.ground is None else asdict(self.ground),
+            "focal": self.focal,
+            "white": self.white,
+            "weather_seed": int(u[0] * 2**53) if own is None else own,
+        }
+        for slot, name in enumerate(self.DRAWN):
+            record[name] = between(getattr(self, name), u[4 + slot])
+        return record
+
+    @abstractmethod
+    def _air(self, record: dict[str, Any]) -> Air:
+        """Return the air that a record describes."""
+
+    def _view(self, shape: tuple[int, ...], aside: float = 0.0, eyes: float = 0.0) -> View:
+        return _view_of((shape[0], shape[1]), self.focal, aside, eyes)
+
+    def _distances(self, depth: Depth, view: View) -> Distances:
+        far = SKY if self.ground is None else self.ground.far
+        return distances_of(depth, view.shape, self.ground, view.camera.focal, far)
+
+
+@lru_cache(maxsize=32)
+def _view_of(shape: tuple[int, int], focal: float, aside: float, eyes: float) -> View:
+    return View(shape, Camera(focal * max(shape), offset=(aside, 0.0, 0.0)), eyes)
