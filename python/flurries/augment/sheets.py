@@ -29,6 +29,9 @@ _TURN = (0.1, 0.5)
 # tiles go to some means below it.
 _MEANS = 4.0
 
+# The largest number of a sheet.
+_LARGEST = 32767.0
+
 _STREAM = 7005
 
 _KEPT: dict[Any, Sheet] = {}
@@ -94,6 +97,21 @@ class Part(NamedTuple):
         return found
 
     def _made(self, layer: int | None) -> Sheet:
+        if layer is None:
+            plane = self._depths(None)
+            unit = max(float(np.abs(plane).max()), 1e-9) / _LARGEST
+            return Sheet(_rounded(plane / np.float32(unit)), unit)
+        # In the unit of all, and the last is what the others leave of all: rounded layers by
+        # themselves would not sum up to them.
+        whole = self.sheet(None)
+        if layer < len(self.texture.shares) - 1:
+            return Sheet(_rounded(self._depths(layer) / np.float32(whole.unit)), whole.unit)
+        rest = whole.values.astype(np.int32)
+        for before in range(layer):
+            rest -= self.sheet(before).values
+        return Sheet(_rounded(rest), whole.unit)
+
+    def _depths(self, layer: int | None) -> Array:
         texture, rungs = self.texture, self.rungs
         rows, cols, step = self.key
         overlap = overlap_of(rungs.tile)
@@ -111,9 +129,13 @@ class Part(NamedTuple):
         whole = np.empty(asked.shape, np.float32)
         texture.drawn(asked, opacity=False, out=whole, add=False)
         whole -= np.float32(asked.mean[0, 0])
-        plane = _joined(_joined(whole, rungs.tile).T, rungs.tile).T
-        unit = max(float(np.abs(plane).max()), 1e-9) / 32767.0
-        return Sheet(np.ascontiguousarray(np.rint(plane / np.float32(unit)), np.int16), unit)
+        found: Array = _joined(_joined(whole, rungs.tile).T, rungs.tile).T
+        return found
+
+
+def _rounded(values: Array) -> Array:
+    kept = np.clip(np.rint(values), -_LARGEST, _LARGEST)
+    return np.ascontiguousarray(kept, np.int16)
 
 
 def part_of(
