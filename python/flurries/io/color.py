@@ -90,7 +90,8 @@ def linear_to_srgb(values: npt.ArrayLike) -> Array:
 def to_unit(pixels: Array) -> Array:
     """Return integer pixels as float32 from 0 to 1; float pixels as float32 or float64."""
     if pixels.dtype.kind == "u":
-        unit: Array = pixels.astype(np.float32) / np.float32(np.iinfo(pixels.dtype).max)
+        largest = np.float32(np.iinfo(pixels.dtype).max)
+        unit: Array = np.divide(pixels, largest, dtype=np.float32)
         return unit
     return pixels.astype(np.float32) if pixels.dtype.itemsize == 2 else pixels
 
