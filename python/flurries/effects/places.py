@@ -50,6 +50,10 @@ class Places(NamedTuple):
         """Return points and velocities of flakes by number, and whether they may be in view."""
         if len(self.points) == 0:
             return np.zeros((len(numbers), 3)), np.zeros((len(numbers), 3)), numbers < 0
+        if self.which is numbers:
+            # They were placed for this question.
+            whole = np.broadcast_to(self.velocity, self.points.shape)
+            return self.points, whole, np.ones(len(numbers), bool)
         known = np.arange(len(self.points)) if self.which is None else self.which
         at = np.minimum(np.searchsorted(known, numbers), len(known) - 1)
         speeds = np.broadcast_to(self.velocity, self.points.shape)
