@@ -122,8 +122,8 @@ fn block<const N: usize>(lamps: &Lamps, points: &[[f64; N]; 3]) -> [[f64; N]; 3]
             let cosine = if away[k] > 0.0 { along } else { 1.0 };
             let base = 1.0 + g * g - 2.0 * g * cosine;
             let radiance = top / (base * base.sqrt()) * irradiance[k];
-            for c in 0..3 {
-                sum[c][k] += radiance * lamp.color[c];
+            for (sum, color) in sum.iter_mut().zip(lamp.color) {
+                sum[k] += radiance * color;
             }
         }
     }

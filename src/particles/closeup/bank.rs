@@ -43,12 +43,12 @@ pub struct Bank {
 }
 
 /// A silhouette between two neighbouring views, at one size.
-pub struct Look<'a> {
-    pixels: [&'a [f32]; 2],
+pub struct Silhouette {
+    /// Opacities, 0 to 1, row by row; what is behind the last row is not looked at.
+    texels: [f32; SIDE * SIDE],
     count: usize,
     /// Diameters along the side.
     pub side: f64,
-    part: f32,
 }
 
 static BANK: OnceLock<Bank> = OnceLock::new();
@@ -71,7 +71,8 @@ impl Bank {
 
     /// An aggregate seen from an angle, in turns; texels are at least `texel` diameters wide, or the
     /// finest.
-    pub fn look(&self, shape: usize, turns: f64, texel: f64) -> Look<'_> {
+    #[inline]
+    pub fn look(&self, shape: usize, turns: f64, texel: f64) -> Silhouette {
         let place = (turns - turns.floor()) * VIEWS as f64;
         let first = (place as usize).min(VIEWS - 1);
         let part = place - first as f64;
@@ -82,33 +83,34 @@ impl Bank {
         while level + 1 < LEVELS && side / ((SIDE >> (level + 1)) as f64) <= texel {
             level += 1;
         }
-        let pixels = [&a.levels[level][..], &b.levels[level][..]];
-        Look { pixels, count: SIDE >> level, side, part: part as f32 }
+        let mut seen = Silhouette { texels: [0.0; SIDE * SIDE], count: SIDE >> level, side };
+        let views = a.levels[level].iter().zip(&b.levels[level]);
+        for (texel, (a, b)) in seen.texels.iter_mut().zip(views) {
+            *texel = a + part as f32 * (b - a);
+        }
+        seen
     }
 }
 
-impl Look<'_> {
-    /// Its opacity, 0 to 1, at a place in diameters from its middle.
+impl Silhouette {
+    /// Its opacity, 0 to 1, at a place in diameters from its middle. Without branches, and with indices that
+    /// need no look at their bounds, so that it is asked for a vector of places.
     #[inline(always)]
     pub fn at(&self, x: f32, y: f32) -> f32 {
         let scale = self.count as f32 / self.side as f32;
         let half = 0.5 * self.count as f32 - 0.5;
         let (u, v) = (x * scale + half, y * scale + half);
         let last = (self.count - 1) as f32;
-        if !(u >= 0.0 && v >= 0.0 && u < last && v < last) {
-            return 0.0;
-        }
-        let (column, row) = (u as usize, v as usize);
+        let inside = (u >= 0.0) & (v >= 0.0) & (u < last) & (v < last);
+        let (u, v) = if inside { (u, v) } else { (0.0, 0.0) };
+        let (column, row) = (u as i32, v as i32);
         let (a, b) = (u - column as f32, v - row as f32);
-        let at = row * self.count + column;
-        let sample = |pixels: &[f32]| {
-            let upper = pixels[at] + a * (pixels[at + 1] - pixels[at]);
-            let lower = pixels[at + self.count];
-            let lower = lower + a * (pixels[at + self.count + 1] - lower);
-            upper + b * (lower - upper)
-        };
-        let [first, second] = self.pixels.map(sample);
-        first + self.part * (second - first)
+        let at = (row * self.count as i32 + column) as usize;
+        let texel = |at: usize| self.texels[at & (SIDE * SIDE - 1)];
+        let upper = texel(at) + a * (texel(at + 1) - texel(at));
+        let lower = texel(at + self.count);
+        let lower = lower + a * (texel(at + self.count + 1) - lower);
+        if inside { upper + b * (lower - upper) } else { 0.0 }
     }
 }
 
@@ -227,7 +229,7 @@ mod tests {
     use super::*;
 
     /// Area in squared diameters, and aspect ratio by second moments, of a look.
-    fn measured(look: &Look<'_>) -> (f64, f64) {
+    fn measured(look: &Silhouette) -> (f64, f64) {
         let (n, reach) = (160, 1.6_f32);
         let (mut sums, step) = ([0.0_f64; 4], 2.0 * reach / n as f32);
         for i in 0..n * n {

@@ -6,6 +6,7 @@ use super::aperture::Blur;
 use super::near::VARIANCE_OF_DISC;
 use super::shape::{DOT, Place, dot, silhouette};
 use super::spread::{along, spread};
+use crate::base::simd::dispatch;
 use crate::particles::sprite::{Flake, Lens, RIM_SHARE, Sprite};
 
 /// What a flake looks like from near.
@@ -76,9 +77,20 @@ const MARGIN: f64 = 2.0;
 /// A way in texels that is shorter moves nothing.
 const SHORT: f64 = 0.25;
 
-/// Makes the sum of a picture `energy`.
-fn normalize(alpha: &mut [f32], energy: f64) {
-    let sum: f64 = alpha.iter().map(|&v| f64::from(v)).sum();
+dispatch! {
+    /// Makes the sum of a picture `energy`.
+    fn normalize(alpha: &mut [f32], energy: f64) = normalize_with
+}
+
+#[inline(always)]
+fn normalize_with<const LEVEL: u8>(alpha: &mut [f32], energy: f64) {
+    // Sixteen sums, which do not wait for each other.
+    let mut sums = [0.0_f64; 16];
+    let (runs, rest) = alpha.as_chunks::<16>();
+    for run in runs {
+        sums.iter_mut().zip(run).for_each(|(sum, &v)| *sum += f64::from(v));
+    }
+    let sum = sums.iter().sum::<f64>() + rest.iter().map(|&v| f64::from(v)).sum::<f64>();
     let factor = (energy / sum) as f32;
     alpha.iter_mut().for_each(|v| *v *= factor);
 }

@@ -1,9 +1,10 @@
 //! A flake at rest and in focus, as texels: an aggregate that tumbles, a drop, or a dot.
 
-use super::bank::{Bank, SHAPES};
+use super::bank::{Bank, SHAPES, Silhouette};
 use super::patch::{Kind, Look};
 use crate::base::random::Hash;
 use crate::base::sampling::sampled;
+use crate::base::simd::dispatch;
 use crate::particles::sprite::Flake;
 
 /// A dot ends here, in sigma.
@@ -81,57 +82,103 @@ fn aggregate(place: &Place, diameter: f64, number: i64, look: &Look) -> Vec<f32>
     let sign = if unit(4) < 0.5 { -1.0 } else { 1.0 };
     let turns = unit(5) + sign * (TURNS.0 + (TURNS.1 - TURNS.0) * unit(3)) * tumble.seconds;
     let shape = (unit(6) * SHAPES as f64) as usize;
-    let view = Bank::get().look(shape, turns, 1.0 / diameter);
-    let (sine, cosine) = (libm::sin(angle) as f32, libm::cos(angle) as f32);
+    let seen = Bank::get().look(shape, turns, 1.0 / diameter);
     // Nothing lies in the corners of a view.
-    filled(place, diameter, 0.5 * view.side, |x, y| {
-        view.at(cosine * x + sine * y, cosine * y - sine * x)
-    })
+    let reach = 0.5 * seen.side;
+    let turn = [libm::cos(angle) as f32, libm::sin(angle) as f32];
+    filled(place, diameter, reach, &Turned { seen: &seen, turn })
+}
+
+/// What has an opacity at a place in diameters from a flake's middle.
+trait Shape: Sync {
+    fn at(&self, x: f32, y: f32) -> f32;
+}
+
+/// A silhouette, turned by an angle of (cosine, sine).
+struct Turned<'a> {
+    seen: &'a Silhouette,
+    turn: [f32; 2],
+}
+
+impl Shape for Turned<'_> {
+    #[inline(always)]
+    fn at(&self, x: f32, y: f32) -> f32 {
+        let [cosine, sine] = self.turn;
+        self.seen.at(cosine * x + sine * y, cosine * y - sine * x)
+    }
+}
+
+/// A drop: its half axes in diameters, and texels in a diameter.
+struct Refracting {
+    axes: [f32; 2],
+    diameter: f32,
+}
+
+impl Shape for Refracting {
+    #[inline(always)]
+    fn at(&self, x: f32, y: f32) -> f32 {
+        let (u, v) = (x / self.axes[0], y / self.axes[1]);
+        let share = (u * u + v * v).sqrt();
+        let edge = ((1.0 - share) * 0.5 * self.diameter + 0.5).clamp(0.0, 1.0);
+        edge * through(f64::from(share.min(0.97))) as f32
+    }
 }
 
 /// A drop of a diameter in metres: what it does not let through.
 fn drop(place: &Place, diameter: f64, own: f64) -> Vec<f32> {
     let ratio = axis_ratio(own);
-    // Axes of a drop of the same area, in diameters.
-    let (wide, high) = ((0.5 / ratio.sqrt()) as f32, (0.5 * ratio.sqrt()) as f32);
-    filled(place, diameter, 0.5 / ratio.sqrt() + 1.0 / diameter, |x, y| {
-        let (u, v) = (x / wide, y / high);
-        let share = (u * u + v * v).sqrt();
-        let edge = ((1.0 - share) * 0.5 * diameter as f32 + 0.5).clamp(0.0, 1.0);
-        edge * through(f64::from(share.min(0.97))) as f32
-    })
+    // Axes of a drop of the same area.
+    let axes = [0.5 / ratio.sqrt(), 0.5 * ratio.sqrt()].map(|axis| axis as f32);
+    let shape = Refracting { axes, diameter: diameter as f32 };
+    filled(place, diameter, 0.5 / ratio.sqrt() + 1.0 / diameter, &shape)
 }
 
-/// Texels of what there is at a place in diameters from the middle, up to `reach` diameters away.
-fn filled(place: &Place, diameter: f64, reach: f64, value: impl Fn(f32, f32) -> f32) -> Vec<f32> {
+/// Texels of a shape that reaches so many diameters from its middle.
+fn filled(place: &Place, diameter: f64, reach: f64, shape: &impl Shape) -> Vec<f32> {
     let [columns, rows] = place.size;
     let mut alpha = vec![0.0; columns * rows];
-    let inverse = (1.0 / diameter) as f32;
-    let [cx, cy] = place.middle.map(|v| v as f32 - 0.5);
+    let middle = place.middle.map(|v| v as f32 - 0.5);
     let reach = (reach * diameter) as f32;
     let range = |middle: f32, count: usize| {
         let limit = count as f32;
         let first = (middle - reach).floor().clamp(0.0, limit) as usize;
         first..(middle + reach + 1.0).ceil().clamp(0.0, limit) as usize
     };
-    for row in range(cy, rows) {
-        let y = (row as f32 - cy) * inverse;
-        for column in range(cx, columns) {
-            alpha[row * columns + column] = value((column as f32 - cx) * inverse, y);
-        }
+    let inverse = (1.0 / diameter) as f32;
+    for row in range(middle[1], rows) {
+        let across = range(middle[0], columns);
+        let start = across.start as f32 - middle[0];
+        let line = &mut alpha[row * columns..][across];
+        paint(line, start, (row as f32 - middle[1]) * inverse, inverse, shape);
     }
     alpha
 }
 
-/// The part that a drop lets through at a distance from its middle, in radii: twice through its
-/// surface, by Fresnel's law at an index of 1.333.
-fn through(share: f64) -> f64 {
-    if share >= 1.0 {
-        return 0.0;
+dispatch! {
+    /// Paints a line of a shape from so many texels right of its middle on, `y` and a texel in diameters.
+    fn paint<S: Shape>(line: &mut [f32], start: f32, y: f32, texel: f32, shape: &S) = paint_with
+}
+
+#[inline(always)]
+fn paint_with<S: Shape, const LEVEL: u8>(
+    line: &mut [f32],
+    start: f32,
+    y: f32,
+    texel: f32,
+    shape: &S,
+) {
+    for (column, out) in line.iter_mut().enumerate() {
+        *out = shape.at((column as f32 + start) * texel, y);
     }
+}
+
+/// The part that a drop lets through at a distance from its middle, in radii, below 1: twice through its
+/// surface, by Fresnel's law at an index of 1.333.
+#[inline(always)]
+fn through(share: f64) -> f64 {
     let index = 1.333;
     let inside = share / index;
-    let (a, b) = (libm::sqrt(1.0 - share * share), libm::sqrt(1.0 - inside * inside));
+    let (a, b) = ((1.0 - share * share).sqrt(), (1.0 - inside * inside).sqrt());
     let across = (a - index * b) / (a + index * b);
     let along = (index * a - b) / (index * a + b);
     let passed = 1.0 - 0.5 * (across * across + along * along);
