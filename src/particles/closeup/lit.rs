@@ -1,8 +1,6 @@
 //! Flakes with the light of lamps: opacity, and the light that they send, which does not depend on
 //! their order: the mean of the flakes' radiances, each weighed by its own opacity.
 
-use std::cell::Cell;
-
 use ndarray::{ArrayView2, ArrayViewMut2, ArrayViewMut3, s};
 
 use super::patch::{Line, Patch};
@@ -27,11 +25,6 @@ pub struct Scene<'a> {
     pub lens: Lens,
     /// The lamps.
     pub lamps: &'a Lamps,
-}
-
-thread_local! {
-    /// Light of a band of rows.
-    static BAND: Cell<Vec<f32>> = Cell::default();
 }
 
 impl Scene<'_> {
@@ -67,11 +60,6 @@ impl Scene<'_> {
         }
         let colors = self.colors(self.patches.iter().map(|patch| patch.point));
         pool::for_each(tiles, |(row, upper, mut plane, mut light)| {
-            // Tiles are written into a band that stays in the cache, and that goes row by row to the frame.
-            let mut kept = BAND.take();
-            kept.resize(light.len(), 0.0);
-            let mut band =
-                ArrayViewMut3::from_shape(light.dim(), &mut kept).map_err(|_| layout())?;
             let mut canvas = Lit::new();
             for column in left / TILE..right.div_ceil(TILE) {
                 cancel.check()?;
@@ -83,13 +71,10 @@ impl Scene<'_> {
                 let (first, end) = ((column * TILE).max(left), ((column + 1) * TILE).min(right));
                 let from = (upper - row * TILE, first - column * TILE);
                 let columns = s![.., first - left..end - left];
-                let glow = band.slice_mut(s![.., first - left..end - left, ..]);
+                let glow = light.slice_mut(s![.., first - left..end - left, ..]);
                 store(plane.slice_mut(columns), glow, &canvas, from).ok_or_else(layout)?;
             }
-            finish(upper - top, plane.view(), band.view_mut())?;
-            light.assign(&band);
-            BAND.set(kept);
-            Ok(())
+            finish(upper - top, plane.view(), light)
         })
     }
 
