@@ -244,8 +244,27 @@ def table(name: str, value: object, *, ndim: int | None = 2, finite: bool = True
     if ndim is not None and array.ndim != ndim:
         raise ValueError(f"{name} must have {ndim} dimensions, got {_came(value)}")
     if finite and not _within(array, math.inf):
-        raise ValueError(f"{name} must be finite, got NaN or infinity in {_came(array)}")
+        require(name, array, np.isfinite(array), "finite")
     return array
+
+
+def require(name: str, array: Array, good: Array, wanted: str) -> None:
+    """Refuse an array that is not `good` everywhere, by its first number that is not."""
+    if not good.all():
+        place = [int(index) for index in np.unravel_index(int(good.argmin()), good.shape)]
+        raise ValueError(f"{name} must be {wanted}, got {array[tuple(place)]:g} at {place}")
+
+
+def shares(name: str, array: Array) -> None:
+    """Refuse float32 or float64 outside 0 to 1; NaN is outside, too."""
+    if not _core.all_within(array.ravel(), 0.0, 1.0):
+        require(name, array, (array >= 0.0) & (array <= 1.0), "from 0 to 1 everywhere")
+
+
+def finite(name: str, array: Array) -> None:
+    """Refuse float32 or float64 that hold NaN or infinity."""
+    if not _core.all_finite(array.ravel()):
+        require(name, array, np.isfinite(array), "finite")
 
 
 def moderate(name: str, array: Float64) -> Float64:
@@ -366,12 +385,8 @@ def warn_of_units(name: str, plane: Array) -> None:
 
 def depths(name: str, array: Array) -> Array:
     """Return depths, each greater than 0; infinity is the sky, and NaN is refused."""
-    if not (array > 0.0).all():
-        worst = "NaN" if np.isnan(array).any() else f"{array.min():g}"
-        raise ValueError(
-            f"{name} must be greater than 0 everywhere, and infinity where nothing stands, "
-            f"got {worst}"
-        )
+    wanted = "greater than 0 everywhere, and infinity where nothing stands"
+    require(name, array, array > 0.0, wanted)
     return array
 
 

@@ -13,9 +13,11 @@ from flurries._contract import (
     Array,
     _came,
     aligned,
+    finite,
     output,
     pixels,
     real,
+    shares,
     vector,
     warn_of_levels,
 )
@@ -115,19 +117,13 @@ def snow(
     cover, _ = pixels("alpha", alpha, ndim=2)
     if cover.shape != planes.shape[:2]:
         raise ValueError(f"alpha must have shape {planes.shape[:2]}, got {cover.shape}")
-    _require_cover("alpha", cover)
+    shares("alpha", cover)
     color = _intensity(intensity, planes.shape[2])
     result, wide = _result(given, planes, out, cover)
     _core.snow(wide.reshape(planes.shape), planes, cover, color)
     if wide is not result:
         result[...] = wide
     return result
-
-
-def _require_cover(name: str, cover: Array) -> None:
-    """Refuse an opacity outside 0 to 1; NaN is outside, too."""
-    if not _core.all_within(cover.ravel(), 0.0, 1.0):
-        raise ValueError(f"{name} must be from 0 to 1 everywhere")
 
 
 def _intensity(intensity: Any, channels: int) -> list[float]:
@@ -161,9 +157,8 @@ def over(background: npt.ArrayLike, layer: npt.ArrayLike, *, out: Array | None =
     front, _ = pixels("layer", layer, ndim=3)
     if front.shape != (*planes.shape[:2], 4):
         raise ValueError(f"layer must have shape {(*planes.shape[:2], 4)}, got {front.shape}")
-    _require_cover("layer: alpha", front[..., 3])
-    if not _core.all_finite(front.reshape(-1)):
-        raise ValueError("layer must be finite, got NaN or infinity")
+    shares("layer: alpha", front[..., 3])
+    finite("layer", front)
     result, wide = _result(given, planes, out, front)
     _core.over(wide, planes, front)
     if wide is not result:
@@ -212,14 +207,14 @@ def join(
             )
         planes.append(plane)
     for index, plane in enumerate(planes):
-        _require_cover(f"layers[{index}]", plane)
+        shares(f"layers[{index}]", plane)
     veil = real("haze", haze, low=0.0, high=1.0)
     front = None
     if matte is not None:
         front = aligned(pixels("matte", matte, ndim=2)[0], first.dtype)
         if front.shape != first.shape:
             raise ValueError(f"matte must have shape {first.shape}, got {front.shape}")
-        _require_cover("matte", front)
+        shares("matte", front)
     result = output(out, first.shape, kept, *planes, *([] if front is None else [front]))
     wide = result if kept == first.dtype else np.empty(first.shape, first.dtype)
     _core.join(wide, planes, veil, front)

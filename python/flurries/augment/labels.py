@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
-from flurries._contract import Array, Float64, pixels, rectangular, table
+from flurries._contract import Array, Float64, pixels, rectangular, shares, table
 
 if TYPE_CHECKING:
     from flurries.augment.slices import Labels
@@ -171,8 +171,7 @@ def occlusion(alpha: npt.ArrayLike, boxes: npt.ArrayLike) -> Float64:
         For an argument that is not as described.
     """
     plane, _ = pixels("alpha", alpha, ndim=2)
-    if not (plane.min() >= 0.0 and plane.max() <= 1.0):
-        raise ValueError("alpha must be from 0 to 1 everywhere")
+    shares("alpha", plane)
     corners = boxes_of(boxes)
     height, width = plane.shape
     sums = np.zeros((height + 1, width + 1))
@@ -205,8 +204,13 @@ def boxes_of(boxes: npt.ArrayLike) -> Float64:
         return np.empty((0, 4))
     if corners.ndim != 2 or corners.shape[1] != 4:
         raise ValueError(f"boxes must have shape (n, 4), got {corners.shape}")
-    if (corners[:, :2] > corners[:, 2:]).any():
-        raise ValueError("boxes must be (x0, y0, x1, y1) with x0 <= x1 and y0 <= y1")
+    turned = (corners[:, :2] > corners[:, 2:]).any(axis=1)
+    if turned.any():
+        first = int(turned.argmax())
+        raise ValueError(
+            "boxes must be (x0, y0, x1, y1) with x0 <= x1 and y0 <= y1, "
+            f"got {tuple(corners[first].tolist())} at [{first}]"
+        )
     return corners
 
 

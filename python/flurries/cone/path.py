@@ -19,6 +19,7 @@ from flurries._contract import (
     moderate,
     real,
     rectangular,
+    require,
     table,
 )
 from flurries.cone.motion import elongation, scroll, travel
@@ -190,8 +191,10 @@ def path(
     ...                       axis=state.axis, phase=state.phase, stretch=state.stretch)
     """
     moments = moderate("times", table("times", times, ndim=1))
-    if len(moments) == 0 or (np.diff(moments) < 0.0).any():
-        raise ValueError("times must not be empty and not decrease")
+    if len(moments) == 0:
+        raise ValueError("times must hold at least one time, got none")
+    rising = np.diff(moments, prepend=moments[0]) >= 0.0
+    require("times", moments, rising, "no less than the time before")
     count = len(moments)
     rows = [_rows(name, value, count) for name, value in (("drop", drop), ("camera", camera))]
     around = integer("repeats", repeats, low=1, high=MOST_REPEATS)

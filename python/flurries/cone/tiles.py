@@ -16,6 +16,7 @@ from flurries._contract import (
     output,
     real,
     rectangular,
+    require,
     seed_of,
 )
 from flurries._contract import pixels as pixels_of
@@ -218,8 +219,8 @@ def _brightness(picture: npt.ArrayLike) -> Float64:
     scale = {"u1": 255.0, "u2": 65535.0}.get(array.dtype.str[1:], 1.0)
     values, _ = pixels_of("picture", array, ndim=array.ndim)
     values = np.asarray(values, np.float64) / scale
-    if not (np.isfinite(values).all() and values.min() >= 0.0 and values.max() <= 1.0):
-        raise ValueError("picture must hold values from 0 to 1, or uint8, or uint16")
+    whole = (values >= 0.0) & (values <= 1.0)
+    require("picture", values, whole, "from 0 to 1 everywhere, or uint8, or uint16")
     if values.ndim == 2:
         return values
     if values.shape[2] not in (3, 4):

@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from flurries import _core
-from flurries._contract import Array, Float64, choice, output, real, table, vector
+from flurries._contract import Array, Float64, choice, output, real, require, table, vector
 from flurries.gas.splatting import gas_of
 
 __all__ = ["light", "phase"]
@@ -91,8 +91,7 @@ def phase(cosine: npt.ArrayLike, *, kind: str = "rayleigh", asymmetry: float = 0
         If an argument is not as described; the message names it.
     """
     c = table("cosine", cosine, ndim=None)
-    if c.size and np.abs(c).max() > 1.0 + 1e-9:
-        raise ValueError("cosine must be from -1 to 1")
+    require("cosine", c, np.abs(c) <= 1.0 + 1e-9, "from -1 to 1")
     if choice("kind", kind, ("rayleigh", "henyey")) == "rayleigh":
         return np.asarray(0.75 * (1.0 + c * c))
     g = real("asymmetry", asymmetry, low=-0.99, high=0.99)

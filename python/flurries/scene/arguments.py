@@ -8,7 +8,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from flurries._contract import integer, real
+from flurries._contract import _came, integer, real
 from flurries.frame.bands import whole
 from flurries.frame.effect import Effect, renderer_of
 from flurries.frame.visible import Window
@@ -29,10 +29,15 @@ def parse_size(size: object) -> tuple[int, int]:
     if isinstance(size, str):
         parts = size.lower().split("x")
         if len(parts) != 2 or not all(part.strip().isdigit() for part in parts):
-            raise ValueError(f"size must be (width, height) or 'WIDTHxHEIGHT', got {size!r}")
+            raise ValueError(
+                f"size must be (width, height) or 'WIDTHxHEIGHT', got {_came(size)}; "
+                "a picture is background="
+            )
         size = tuple(map(int, parts))
     if not isinstance(size, (tuple, list, np.ndarray)) or len(size) != 2:
-        raise TypeError(f"size must be (width, height), got {size!r}")
+        raise TypeError(
+            f"size must be (width, height), got {_came(size)}; a picture is background="
+        )
     width, height = (operator.index(integer("size", v, low=1, high=2**17)) for v in size)
     return width, height
 
@@ -40,7 +45,7 @@ def parse_size(size: object) -> tuple[int, int]:
 def one_or_none(name: str, value: Any, kind: type[_One]) -> _One | None:
     """Return an object of flurries' own, or None where there is none; refuse others."""
     if value is not None and not isinstance(value, kind):
-        raise TypeError(f"{name} must be a flurries.{kind.__name__}, got {value!r}")
+        raise TypeError(f"{name} must be a flurries.{kind.__name__}, got {_came(value)}")
     return value
 
 

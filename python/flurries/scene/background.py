@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from flurries._contract import Array, rectangular, table, warn_of_levels
+from flurries._contract import Array, rectangular, require, table, warn_of_levels
 from flurries.io import fit, open_background
 from flurries.io.color import parse_hex
 from flurries.io.colorspace import ColorSpace
@@ -217,8 +217,8 @@ def _of_array(background: Any, size: tuple[int, int] | None) -> Backdrop:
     kind = given.dtype.kind
     if kind == "f" and given.shape[2] == 4:
         cover = given[..., 3]
-        if not bool(((cover >= 0.0) & (cover <= 1.0)).all()):
-            raise ValueError("background: alpha must be from 0 to 1 everywhere")
+        whole = (cover >= 0.0) & (cover <= 1.0)
+        require("background: alpha", cover, whole, "from 0 to 1 everywhere")
     warn_of_levels("background", given, "divide them by 255")
     own = (given.shape[1], given.shape[0])
     if size is not None and size != own:

@@ -9,7 +9,7 @@ from typing import Any, Literal, TypeAlias, get_args
 
 import numpy as np
 
-from flurries._contract import Array, choice, depths, real, rectangular, warn_of_units
+from flurries._contract import Array, choice, depths, real, rectangular, require, warn_of_units
 from flurries.io import fit_nearest, open_background, open_depth
 from flurries.io.color import to_unit
 from flurries.io.pictures.reader import luminance
@@ -108,8 +108,8 @@ def _greys(source: Any) -> Array:
         )
     if given.ndim != 2 or 0 in given.shape:
         raise ValueError(f"source must have shape (H, W), got {given.shape}")
-    if given.dtype.kind == "f" and not ((given >= 0.0) & (given <= 1.0)).all():
-        raise ValueError("source must be from 0 to 1 everywhere")
+    if given.dtype.kind == "f":
+        require("source", given, (given >= 0.0) & (given <= 1.0), "from 0 to 1 everywhere")
     copy = np.array(given, order="C")
     copy.flags.writeable = False
     return copy

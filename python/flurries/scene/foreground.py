@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from flurries._contract import Array, rectangular, warn_of_levels
+from flurries._contract import Array, finite, rectangular, shares, warn_of_levels
 from flurries.frame.matte import Deep, Front, Matte
 from flurries.io import fit, open_background
 from flurries.io.pictures.reader import Picture, luminance
@@ -229,10 +229,8 @@ def _of_array(value: Any, shape: tuple[int, int]) -> tuple[Array, bool]:
     scale = 1.0 / float(np.iinfo(given.dtype).max) if given.dtype.kind == "u" else 1.0
     plane = np.array(given, dtype=np.float32, order="C") * np.float32(scale)
     cover = plane if plane.ndim == 2 else plane[..., 3]
-    if not bool(((cover >= 0.0) & (cover <= 1.0)).all()):
-        raise ValueError("foreground: alpha must be from 0 to 1 everywhere")
-    if not np.isfinite(plane).all():
-        raise ValueError("foreground must be finite, got NaN or infinity")
+    shares("foreground: alpha", cover)
+    finite("foreground", plane)
     if plane.ndim == 3:
         warn_of_levels("foreground", plane, "divide them by 255")
     return plane, whole

@@ -13,6 +13,7 @@ from flurries._contract import (
     Array,
     Float64,
     choice,
+    finite,
     float_dtype,
     integer,
     output,
@@ -179,7 +180,7 @@ def blend_tiles(
     Langer 2004, section 7; ``docs/internals/deviations.md``, 16.
     """
     given, kept = pixels("tiles", tiles, ndim=4)
-    _require_finite("tiles", given)
+    finite("tiles", given)
     size = shape_of("shape", shape)
     _, shared = tile_of((given.shape[2], given.shape[3]), overlap)
     law = choice("blend", blend, BLEND)
@@ -200,11 +201,6 @@ def _in_working_dtype(
         fill(wide)
         result[...] = wide
     return result
-
-
-def _require_finite(name: str, array: Array) -> None:
-    if not _core.all_finite(array.reshape(-1)):
-        raise ValueError(f"{name} must be finite, got NaN or infinity")
 
 
 def opacity(
@@ -246,7 +242,7 @@ def opacity(
     """
     frames = rectangular("field", field)
     given, kept = pixels("field", frames, ndim=3 if frames.ndim == 3 else 2)
-    _require_finite("field", given)
+    finite("field", given)
     mapped = opacity_map(mean, spread, power, amount)
     result = output(out, given.shape, kept, given)
     width = given.shape[-1]
