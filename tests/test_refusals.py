@@ -61,3 +61,13 @@ def test_the_first_bad_number_is_named_with_its_place(call, message):
 def test_a_picture_given_as_the_size_is_told_its_argument(picture):
     with pytest.raises((TypeError, ValueError), match=r"size must be .*; a picture is background="):
         fl.Scene(picture)
+
+
+def test_a_normalized_picture_is_warned_of_and_a_plate_is_not():
+    few = PICTURE.copy()
+    few[0, 0] = -0.2
+    normalized = (PICTURE - 0.6) / 0.2
+    snowfall = fl.augment.Snowfall(severity=2)
+    with pytest.warns(UserWarning, match="image is below 0 in 100% of its values"):
+        snowfall(normalized, index=1)
+    snowfall(few, index=1)

@@ -41,6 +41,10 @@ _MANY = 4096
 _SAMPLES = 256
 _LARGEST_LIGHT = 16.0
 
+# Colors outside a plate's primaries are a little below 0, and few: more is no light.
+_DARKEST = 0.1
+_MOST_BELOW = 0.1
+
 # Depths beyond the first and up to the second are those of millimetres in 16 bits.
 _FARTHEST_NEAR = 200.0
 _MOST_MILLIMETRES = 65535.0
@@ -330,10 +334,11 @@ def warn(message: str) -> None:
 
 
 def warn_of_levels(name: str, picture: Array, advice: str) -> None:
-    """Warn of a float picture that holds levels up to 255 where 1 is white.
+    """Warn of a float picture that holds levels up to 255 where 1 is white, or was normalized.
 
-    Weather over it would be nearly black. Judged by an even sample: its largest number is above 16
-    and no more than 255, and its mean above 1, as that of no picture of light is but in bright sun.
+    Weather over the first would be nearly black. Judged by an even sample: its largest number is
+    above 16 and no more than 255, and its mean above 1, as that of no picture of light is but in
+    bright sun.
     """
     if picture.dtype.kind != "f" or not picture.size:
         return
@@ -341,10 +346,16 @@ def warn_of_levels(name: str, picture: Array, advice: str) -> None:
     sample = np.asarray(picture[::rows, ::columns], np.float64)
     with np.errstate(invalid="ignore"):
         top, mean = float(sample.max()), float(sample.mean())
+        below = float((sample < -_DARKEST).mean())
     if _LARGEST_LIGHT < top <= 255.0 and mean > 1.0:
         warn(
             f"{name} is a float picture of values up to {top:g}, and its white is taken as 1; "
             f"{advice} if that is its white"
+        )
+    elif below > _MOST_BELOW:
+        warn(
+            f"{name} is below 0 in {below:.0%} of its values, as pictures that were normalized "
+            "for a network are; weather comes before that"
         )
 
 
