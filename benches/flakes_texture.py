@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 
 import flurries as fl
-from flurries.spectral import flakes
+from flurries.spectral import flake_frames
 
 SHAPE = (1024, 1024)
 SHEAR = 0.382
@@ -47,9 +47,9 @@ def frame(layers: int, *, blurred: bool = False, flakes_per_tile: float = 3300.0
     drift = rng.normal(0.0, 50.0, (*TILES, layers, 2))
     streak = rng.normal(0.0, 1.5, drift.shape) if blurred else None
     out = np.empty(SHAPE, np.float32)
-    ready = flakes.prepare(found, shear=SHEAR, dtype=np.float32)
-    chosen = flakes.choices(1, TILES, layers=layers, patterns=8, tile=64)
-    request = flakes.Request(
+    ready = flake_frames.prepare(found, shear=SHEAR, dtype=np.float32)
+    chosen = flake_frames.choices(1, TILES, layers=layers, patterns=8, tile=64)
+    request = flake_frames.Request(
         shape=SHAPE, overlap=10, pattern=chosen.pattern, gain=np.ones((1, 1, layers)),
         shift=chosen.shift + drift, streak=streak, mirror=chosen.mirror,
         mean=np.array([[float(found[:, 0, 0, 0].real.sum()) / 64**2]]),
@@ -62,7 +62,7 @@ def frame(layers: int, *, blurred: bool = False, flakes_per_tile: float = 3300.0
             SHAPE, found, drift=drift, **shutter, shear=SHEAR, seed=1, out=out
         )
 
-    return public, lambda: flakes.frame_of(ready, request, opacity=True, out=out)
+    return public, lambda: flake_frames.frame_of(ready, request, opacity=True, out=out)
 
 
 def paper() -> Callable[[], object]:

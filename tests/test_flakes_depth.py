@@ -11,7 +11,7 @@ import pytest
 import flurries as fl
 import twin
 import twin_flakes
-from flurries.spectral import flakes
+from flurries.spectral import flake_frames
 
 DEPTH = fl.spectral.optical_depth
 
@@ -99,7 +99,7 @@ GIVEN: dict[str, Any] = {"drift": DRIFT, "shear": 0.382, "seed": 9, "overlap": 1
 
 def test_tiles_choose_by_the_hash():
     # Patterns, torus shifts and mirror images of a tile, put together from the choices.
-    choice = flakes.choices(9, (5, 5), layers=2, patterns=8, tile=32)
+    choice = flake_frames.choices(9, (5, 5), layers=2, patterns=8, tile=32)
     assert {True, False} == set(choice.mirror.ravel())
     spectra = SPECTRA.astype(np.complex128)
     mean = float(spectra[:, 0, 0, 0].real.sum()) / 32**2

@@ -12,6 +12,7 @@ import flurries as fl
 import twin
 import twin_flakes
 from flurries import _core
+from flurries.spectral import flake_frames as frames
 from flurries.spectral import flakes
 
 SHAPE, TILE, OVERLAP, SHEAR, LAYERS, NUMBER = (83, 97), 24, 7, 0.382, 2, 3
@@ -28,23 +29,23 @@ MEANS = SPECTRA[:, 0, 0, 0].real / TILE**2
 
 
 def ready(spectra: np.ndarray = SPECTRA, dtype: Any = np.float64) -> _core.PreparedFlakes:
-    return flakes.prepare(spectra, shear=SHEAR, dtype=dtype)
+    return frames.prepare(spectra, shear=SHEAR, dtype=dtype)
 
 
-def request(**changes: Any) -> flakes.Request:
-    chosen = flakes.choices(4, TILES, layers=LAYERS, patterns=NUMBER, tile=TILE)
-    return flakes.Request(
+def request(**changes: Any) -> frames.Request:
+    chosen = frames.choices(4, TILES, layers=LAYERS, patterns=NUMBER, tile=TILE)
+    return frames.Request(
         shape=SHAPE, overlap=OVERLAP, pattern=chosen.pattern, gain=np.ones((1, 1, LAYERS)),
         shift=chosen.shift + DRIFT, streak=None, mirror=chosen.mirror,
         mean=np.array([[MEANS.sum()]]), window=(0, SHAPE[0], 0, SHAPE[1]),
     )._replace(**changes)  # fmt: skip
 
 
-def depth(asked: flakes.Request, **options: Any) -> np.ndarray:
-    return flakes.frame_of(ready(), asked, opacity=False, dtype=np.float64, **options)
+def depth(asked: frames.Request, **options: Any) -> np.ndarray:
+    return frames.frame_of(ready(), asked, opacity=False, dtype=np.float64, **options)
 
 
-def slow(asked: flakes.Request, spectra: np.ndarray = SPECTRA) -> np.ndarray:
+def slow(asked: frames.Request, spectra: np.ndarray = SPECTRA) -> np.ndarray:
     """The request by the twin: tile by tile, term by term."""
     flat = spectra.reshape(-1, *spectra.shape[2:]).copy()
     flat[:, 0, 0] = 0.0
@@ -92,9 +93,9 @@ def test_requests_are_the_direct_sum(name: str):
     asked = request(**REQUESTS[name])
     want = slow(asked)
     assert np.abs(depth(asked) - want).max() < 1e-10
-    opacity = flakes.frame_of(ready(), asked, opacity=True, dtype=np.float64)
+    opacity = frames.frame_of(ready(), asked, opacity=True, dtype=np.float64)
     assert np.abs(opacity - (1.0 - np.exp(-want))).max() < 1e-10
-    single = flakes.frame_of(ready(dtype=np.float32), asked, opacity=True)
+    single = frames.frame_of(ready(dtype=np.float32), asked, opacity=True)
     assert np.abs(single - opacity).max() < 2e-5
 
 
@@ -103,7 +104,7 @@ def test_two_generations_share_a_layer():
     old = RNG.integers(-5, 1000, (ROWS, COLS, LAYERS))
     frac = RNG.random((ROWS, COLS, LAYERS))
     parts = [
-        flakes.choices(4, TILES, layers=LAYERS, patterns=NUMBER, tile=TILE, generation=old + which)
+        frames.choices(4, TILES, layers=LAYERS, patterns=NUMBER, tile=TILE, generation=old + which)
         for which in (0, 1)
     ]
     assert np.array_equal(parts[0].mirror, parts[1].mirror)
@@ -115,10 +116,10 @@ def test_two_generations_share_a_layer():
     )
     assert np.abs(depth(asked) - slow(asked)).max() < 1e-10
     # The next generation of one is the first of the other.
-    later = flakes.choices(4, TILES, layers=LAYERS, patterns=NUMBER, tile=TILE, generation=old + 1)
+    later = frames.choices(4, TILES, layers=LAYERS, patterns=NUMBER, tile=TILE, generation=old + 1)
     assert np.array_equal(later.pattern, parts[1].pattern)
     # Terms that name their layers are those of the layers.
-    again = flakes.choices(
+    again = frames.choices(
         4, TILES, layers=LAYERS, patterns=NUMBER, tile=TILE, terms=[LAYERS - 1, 0, 0],
         generation=np.repeat(old[..., :1], 3, axis=2),
     )  # fmt: skip
@@ -145,7 +146,7 @@ def test_windows_and_bands_have_the_bits_of_the_whole(name: str, threads: Callab
             part = asked._replace(window=window)
             want = whole[top:bottom, left:right]
             assert np.array_equal(depth(part), want)
-            bands = flakes.bands_of(ready(), part, opacity=False)
+            bands = frames.bands_of(ready(), part, opacity=False)
             for first in range(top, bottom, 5):
                 out = np.full((min(5, bottom - first), right - left), np.nan)
                 _core.flake_take(bands, out, first)
@@ -164,7 +165,7 @@ def test_groups_of_layers_before_a_wall():
     masks = RNG.random((2, *SHAPE))
     out = depth(near, mask=masks[0])
     assert np.abs(out - masks[0] * slow(near)).max() < 1e-10
-    flakes.frame_of(ready(), far, opacity=True, mask=masks[1], dtype=np.float64, out=out, add=True)
+    frames.frame_of(ready(), far, opacity=True, mask=masks[1], dtype=np.float64, out=out, add=True)
     want = 1.0 - np.exp(-masks[0] * slow(near) - masks[1] * slow(far))
     assert np.abs(out - want).max() < 1e-10
 
@@ -176,7 +177,7 @@ def test_layers_before_a_scene_that_cuts_them():
     far = RNG.uniform(1.0, 10.0, SHAPE).astype(np.float32)
     # Tiles before which all is seen, and behind which nothing is.
     far[:40, :50], far[40:, 50:] = np.inf, 1.5
-    before = flakes.Before(far, np.array([0, 1], np.int32), edges, shares, mean)
+    before = frames.Before(far, np.array([0, 1], np.int32), edges, shares, mean)
     asked = request(before=before)
     want = np.zeros(SHAPE)
     for group, share in enumerate(shares):
@@ -196,7 +197,7 @@ def test_an_amount_between_two_rungs():
     half = flakes.patterns_of(TILE, **LAW, amount=0.5)
     mixed = _core.flake_mix(ready(half), ready(), 0.6)
     asked = request(mean=np.array([[0.8 * MEANS.sum()]]))
-    got = flakes.frame_of(mixed, asked, opacity=False, dtype=np.float64)
+    got = frames.frame_of(mixed, asked, opacity=False, dtype=np.float64)
     want = slow(asked, 0.4 * half + 0.6 * SPECTRA)
     assert np.abs(got - want).max() < 1e-10
     assert np.allclose(mixed.means, 0.8 * SPECTRA[..., 0, 0].real.ravel())
@@ -214,7 +215,7 @@ BAD: dict[str, dict[str, Any]] = {
     "window": {"window": (0, 84, 0, 97)},
     "overlap": {"overlap": TILE},
     **{
-        name: {"before": flakes.Before(
+        name: {"before": frames.Before(
             np.ones(SHAPE, np.float32), np.zeros(LAYERS, np.int32), np.array([1.0, 2.0]),
             np.array([[0.0, 1.0]]), np.ones((1, 1, 1)),
         )._replace(**{name: value})}
@@ -234,4 +235,4 @@ def test_requests_that_do_not_fit_are_refused(name: str):
 
 def test_the_dtype_is_that_of_the_prepared():
     with pytest.raises(ValueError, match="out"):
-        flakes.frame_of(ready(), request(), opacity=False, dtype=np.float32)
+        frames.frame_of(ready(), request(), opacity=False, dtype=np.float32)

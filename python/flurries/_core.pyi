@@ -7,7 +7,7 @@ import numpy.typing as npt
 from flurries.cone.rays import Pose
 from flurries.effects.flake_patterns import Slab as FlakeSlab
 from flurries.particles.crowd import Closeup, Crowd, Flurry
-from flurries.spectral.flakes import Request as FlakeRequest
+from flurries.spectral.flake_frames import Request as FlakeRequest
 from flurries.spectral.request import Request
 from flurries.spectral.volume import Film
 

@@ -20,7 +20,7 @@ from flurries.augment.patches import Patches
 from flurries.augment.sheets import Part, part_of
 from flurries.augment.texture import Texture, base_of, texture_of, tile_of
 from flurries.camera.lens import Camera
-from flurries.spectral.flakes import Request
+from flurries.spectral.flake_frames import Request
 
 FPS = 30.0
 

@@ -18,7 +18,8 @@ from flurries._contract import Array, Float64
 from flurries._threads import kept_by_mode
 from flurries.augment.falling import Falling, Streaks, covered_by, ein, population_of
 from flurries.particles.population import Slab, slabs_of
-from flurries.spectral.flakes import Request, choices, patterns_of, prepare
+from flurries.spectral.flake_frames import Request, choices, prepare
+from flurries.spectral.flakes import patterns_of
 
 # How much the torus of a pattern is sheared.
 _SHEAR = 5 / 13

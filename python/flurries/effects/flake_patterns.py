@@ -19,7 +19,7 @@ from flurries._threads import kept_by_mode
 from flurries.effects.defocus import disc_factor
 from flurries.effects.gain import STREAKS, gains_of, part_shown
 from flurries.effects.weather import Film, Layer
-from flurries.spectral.flakes import prepare
+from flurries.spectral.flake_frames import prepare
 
 # Patterns of each layer, by the tile: a larger one repeats less.
 PATTERNS = {63: 8, 128: 4, 256: 4}

@@ -13,7 +13,7 @@ from flurries import _core
 from flurries._contract import Float64
 from flurries.effects.flake_patterns import Patterns
 from flurries.effects.weather import WRAPS, Film
-from flurries.spectral.flakes import choices
+from flurries.spectral.flake_frames import choices
 
 # Amounts that patterns are kept for, where the amount of flakes changes.
 LADDER = (0.0, 0.125, 0.25, 0.5, 0.75, 1.0)
@@ -77,7 +77,7 @@ class Stops(NamedTuple):
 
 
 class Terms(NamedTuple):
-    """Arrays of a :class:`flurries.spectral.flakes.Request`, and the layer of each term."""
+    """Arrays of a :class:`flurries.spectral.flake_frames.Request`, and the layer of each term."""
 
     layer: npt.NDArray[np.int64]
     pattern: npt.NDArray[np.int32]

@@ -31,7 +31,7 @@ from flurries.frame.needs import Cost, LeftOut, Needs, Step, has_keys, omission
 from flurries.frame.view import Frame
 from flurries.light.phase import Optics
 from flurries.motion.keys import value_at
-from flurries.spectral.flakes import Before, Request, bands_of, frame_of
+from flurries.spectral.flake_frames import Before, Request, bands_of, frame_of
 from flurries.trace import count
 
 # Before a scene's depth layers that lie near each other are one group, of so many.
