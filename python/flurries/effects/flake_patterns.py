@@ -121,6 +121,7 @@ def _thin(diameters: Float64, streak: float) -> float:
     return max(round(part_shown(diameters, streak), 1), 0.05)
 
 
+@kept_by_mode(2)
 def patterns_of(
     layers: tuple[Layer, ...],
     film: Film,

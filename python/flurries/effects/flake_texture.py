@@ -185,25 +185,22 @@ class FlakeTexture:
     ) -> tuple[Float64, Float64, Float64, Float64]:
         """Return the layers' displacements and streaks, px, generations, and these per frame."""
         layers = film.layers
-        flows = {
-            id(share): flow_of(frame, share.motion, share.motion.way(frame), x, y)
-            for share in film.shares
-        }
         shape = (len(y), len(x), len(layers))
         moved, streak = np.empty((*shape, 2)), np.empty((*shape, 2))
         turns, pace = np.empty(shape), np.empty(shape)
         wrap = WRAPS * film.tile
         exposure = value_at(self.weather.motion.shutter, frame.t)
-        for index, (share, slab) in enumerate(layers):
-            now, rate, nearer = flows[id(share)]
-            moved[:, :, index] = now.along / slab.depth + now.shift
-            speed = rate.along / slab.depth + rate.shift
-            streak[:, :, index] = exposure * speed
-            passage = 0.5 * (slab.far - slab.near)
-            turns[:, :, index] = nearer / passage
-            comes = abs(float(share.motion.way(frame).rate[2])) / passage
-            pace[:, :, index] = comes + np.abs(speed[..., 0 if film.across else 1]) / wrap
-            if self.weather.motion.varied is not None:
+        for share, own, depths, passages in film.classes:
+            way = share.motion.way(frame)
+            now, rate, nearer = flow_of(frame, share.motion, way, x, y)
+            moved[:, :, own] = now.along[:, :, None] / depths + now.shift[:, :, None]
+            speed = rate.along[:, :, None] / depths + rate.shift[:, :, None]
+            streak[:, :, own] = exposure * speed
+            turns[:, :, own] = nearer / passages
+            comes = abs(float(way.rate[2])) / passages
+            pace[:, :, own] = comes + np.abs(speed[..., 0 if film.across else 1]) / wrap
+        if self.weather.motion.varied is not None:
+            for index, (share, slab) in enumerate(layers):
                 extra = gusts_of(frame, share, slab.depth, x, y)
                 moved[:, :, index] += extra[0]
                 streak[:, :, index] += exposure * extra[1]

@@ -12,6 +12,7 @@ from functools import cached_property, lru_cache
 from typing import NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 
 from flurries._contract import Float64
 from flurries.camera.path import CameraPath
@@ -141,6 +142,17 @@ class Film:
         """The layers of the texture, near ones first."""
         found = [Layer(share, slab) for share in self.shares for slab in share.slabs]
         return tuple(sorted(found, key=lambda layer: layer.slab.depth))
+
+    @cached_property
+    def classes(self) -> list[tuple[Share, npt.NDArray[np.int64], Float64, Float64]]:
+        """Shares with the numbers, the depths (n, 1) and the half passages (n,) of their layers."""
+        found = []
+        for share in self.shares:
+            own = np.array([n for n, layer in enumerate(self.layers) if layer.share is share], int)
+            slabs = [self.layers[n].slab for n in own]
+            depths = np.array([[slab.depth] for slab in slabs])
+            found.append((share, own, depths, np.array([0.5 * (s.far - s.near) for s in slabs])))
+        return [one for one in found if len(one[1])]
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
