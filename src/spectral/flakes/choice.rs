@@ -40,10 +40,11 @@ pub fn choice(
 pub fn place(shift: [f64; 2], mirror: bool) -> (usize, [f64; 2]) {
     let fine = FINE as f64;
     let flips = [1.0, if mirror { -1.0 } else { 1.0 }];
-    let steps = [0, 1].map(|axis| (flips[axis] * shift[axis] * fine).round());
-    let [i, j] = steps.map(|steps| steps.rem_euclid(fine));
-    let whole = |axis: usize, place: f64| flips[axis] * ((steps[axis] - place) / fine).round();
-    (FINE * j as usize + i as usize, [whole(0, i), whole(1, j)])
+    let steps = [0, 1].map(|axis| (flips[axis] * shift[axis] * fine + 0.5).floor());
+    // Whole numbers, and a power of two: all of this is exact.
+    let pixels = steps.map(|steps| (steps / fine).floor());
+    let [i, j] = [0, 1].map(|axis| (steps[axis] - fine * pixels[axis]) as usize);
+    (FINE * j + i, [flips[0] * pixels[0], flips[1] * pixels[1]])
 }
 
 /// Whether all layers of the tile (row, column) are mirrored: the shear of a tile is one.
