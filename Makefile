@@ -120,7 +120,7 @@ peers:
 hard-cases: $(VENV)/.tools
 	PYTHONPATH=tests $(BIN)/python tests/make_hard_cases.py
 
-# Error against time of every approximation: docs/internals/accuracy.md and its plots, some ten minutes.
+# Error against time of every approximation: docs/internals/accuracy.md and its plots, about a minute.
 accuracy: $(VENV)/.tools
 	$(BIN)/flurries accuracy -o docs/images/accuracy --page docs/internals/accuracy.md
 

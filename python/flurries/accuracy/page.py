@@ -6,6 +6,7 @@ import json
 import os
 import platform
 from pathlib import Path
+from typing import Any
 
 from flurries._threads import threads
 from flurries.accuracy import plot
@@ -62,12 +63,17 @@ def write(
     target, sheet = Path(folder), None if page is None else Path(page)
     target.mkdir(parents=True, exist_ok=True)
     data = target / "accuracy.json"
-    text = json.dumps([study.plain() for study in studies], indent=1)
-    data.write_text(text + "\n", encoding="utf-8")
+    data.write_text(json.dumps([plain(study) for study in studies], indent=1) + "\n")
     if sheet is not None:
         way = Path(os.path.relpath(target, sheet.parent)).as_posix()
         sheet.write_text(markdown(studies, way), encoding="utf-8")
     return [data, *plot.save(studies, target), *([] if sheet is None else [sheet])]
+
+
+def plain(study: Study) -> dict[str, Any]:
+    """Return a study as JSON has it."""
+    about = {name: value for name, value in vars(study.axis).items() if name != "ways"}
+    return {**about, "points": [vars(point) for point in study.points]}
 
 
 def markdown(studies: list[Study], plots: str) -> str:

@@ -17,16 +17,14 @@ MAIN = ("precision", "shutter", "flakes", "composite", "footprint", "octaves")
 
 
 def save(studies: list[Study], folder: Path) -> list[Path]:
-    """Write a plot for each study, and one of the first six to look at; return the files."""
+    """Write a plot for each study, and one of six to look at; return the files."""
     try:
         import matplotlib
     except ImportError:
         raise ImportError("plots need matplotlib: pip install 'flurries[plots]'") from None
     matplotlib.use("Agg", force=False)
-    found = {study.axis.name: study for study in studies}
-    first = list(dict.fromkeys(name for name in (*MAIN, *found) if name in found))[:6]
-    sheets = {name: [study] for name, study in found.items()}
-    sheets["accuracy"] = [found[name] for name in first]
+    first = [study for study in studies if study.axis.name in MAIN] or studies[:6]
+    sheets = {study.axis.name: [study] for study in studies} | {"accuracy": first}
     return [_sheet(drawn, folder / f"{name}.png") for name, drawn in sheets.items()]
 
 

@@ -1,8 +1,12 @@
-"""The axes of the texture's arithmetic: precision, transforms, modes, phases, the two methods."""
+"""The axes of the texture's arithmetic: precision, modes, the shutter, the two methods.
+
+The reference is the sum of waves in extended precision. It takes the table of hashed phases from
+the package, since that is data, and nothing else.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from functools import partial
 from typing import Any
 
@@ -11,145 +15,105 @@ import numpy as np
 from flurries import spectral
 from flurries._contract import Array
 from flurries._threads import reproducible, set_reproducible
-from flurries.accuracy import reference
-from flurries.accuracy.ways import KINDS, Way, axis, both, largest, rms
+from flurries.accuracy.ways import Way, axis, both, largest, rms
 
-BAND = (4.0, 32.0)
+Long = np.longdouble
+HALF_TURN = np.arctan2(Long(0), Long(-1))
+
+SIZE, BAND = 256, (4.0, 32.0)
 DRIFT = np.array([37.25, 411.5])
+frame: Callable[..., Array] = partial(spectral.field, (SIZE, SIZE), seed=7, tile=SIZE, overlap=0)
+
+
+def amplitude(size: int, band: tuple[float, float]) -> tuple[Array, Array, Array]:
+    """Return 1/|k| in the band, squares summing to 1, and (ky, kx) / |k|, in fftfreq order."""
+    k = np.fft.fftfreq(size, 1.0 / size).astype(Long)
+    ky, kx = np.meshgrid(k, k, indexing="ij")
+    length = np.hypot(ky, kx)
+    length[0, 0] = 1
+    inside = (length * Long(band[0]) < size) & (length * Long(band[1]) >= size)
+    inside[0, 0] = False
+    share = inside / length
+    return share / np.sqrt(np.sum(share**2)), ky / length, kx / length
+
+
+def torus(size: int, seed: int, drift: Array, band: tuple[float, float] = BAND) -> Array:
+    """Return a tile after a drift (x, y) px of the longest wave: the real part of its sum."""
+    share, down, right = amplitude(size, band)
+    moved = (Long(drift[0]) * right + Long(drift[1]) * down) / Long(band[1])
+    turns = spectral.random_phase((size, size), seed=seed).astype(Long) - moved
+    angle = 2 * HALF_TURN * (turns - np.floor(turns))
+    spectrum = share * (np.cos(angle) + 1j * np.sin(angle))
+    return np.asarray(np.fft.ifft2(spectrum, norm="forward").real)
 
 
 @axis("in sigma, largest", "phases and transform in extended precision")
 def precision() -> Iterator[Way]:
-    """Precision and kernels of the texture, 512 x 512."""
-    shape = (512, 512)
-    off = largest(reference.field(shape, drift=DRIFT, seed=7))
-    yield from both("field", partial(spectral.field, shape, drift=DRIFT, seed=7), off)
-    yield from both("step by step", partial(_steps, shape), off)
-    yield from both("plain NumPy", partial(_plain, shape), off)
+    """Precision, kernels and modes of the texture, one tile of 256 px."""
+    off = largest(torus(SIZE, 7, DRIFT))
+    fused = partial(frame, drift=DRIFT)
+    yield from both("field", fused, off)
+    yield from both("field, reproducible", partial(_reproducible, fused), off)
+    yield from both("step by step", _steps, off)
+    yield from both("plain NumPy", _plain, off)
 
 
-def _starts(shape: tuple[int, int]) -> Array:
-    """Return the phases of all tiles at time 0, (rows, cols, 64, 64)."""
-    rows, cols = (range(len(spectral.tile_starts(length))) for length in shape)
-    start = partial(spectral.random_phase, (64, 64), seed=7)
-    return np.array([[start(tile=(row, col)) for col in cols] for row in rows])
-
-
-def _steps(shape: tuple[int, int], dtype: Any) -> Array:
-    starts, amplitude = _starts(shape), spectral.band_amplitude((64, 64))
-    tiles = np.empty(starts.shape, dtype)
-    for place in np.ndindex(*starts.shape[:2]):
-        phase = spectral.advance_phase(starts[place], DRIFT)
-        spectral.inverse_transform(amplitude, phase, dtype=dtype, out=tiles[place])
-    return spectral.blend_tiles(tiles, shape)
-
-
-def _plain(shape: tuple[int, int], dtype: Any) -> Array:
-    """Return a frame all in one precision, the phase too."""
-    ky = np.fft.fftfreq(64).astype(dtype)[:, None]
-    kx = np.fft.rfftfreq(64).astype(dtype)[None, :]
-    length = np.hypot(ky, kx)
-    length[0, 0] = 1
-    moved = (DRIFT[0].astype(dtype) * kx + DRIFT[1].astype(dtype) * ky) / (length * dtype(32))
-    amplitude = spectral.band_amplitude((64, 64))[:, :33].astype(dtype)
-    turns = (2 * np.pi * (_starts(shape)[..., :33].astype(dtype) - moved)).astype(dtype)
-    spectrum = amplitude * (np.cos(turns) + 1j * np.sin(turns))
-    whole = spectrum.astype(np.result_type(dtype, np.complex64))
-    tiles = np.fft.irfft2(whole, s=(64, 64), norm="forward").astype(dtype)
-    return spectral.blend_tiles(tiles, shape)
-
-
-@axis("in sigma, largest", "the inverse transform in extended precision, of the same tile")
-def transform() -> Iterator[Way]:
-    """Transforms of one tile."""
-    for size in (64, 256):
-        shape = (size, size)
-        off = largest(reference.torus(size, 3, DRIFT, BAND))
-        amplitude = spectral.band_amplitude(shape)
-        phase = spectral.advance_phase(spectral.random_phase(shape, seed=3), DRIFT)
-        whole = partial(spectral.field, shape, drift=DRIFT, seed=3, tile=size, overlap=0)
-        tables = partial(spectral.inverse_transform, amplitude, phase)
-        yield from both(f"{size} px fused", whole, off)
-        yield from both(f"{size} px from tables", tables, off)
-        yield Way(f"{size} px numpy.fft.irfft2, float64", partial(_numpy, amplitude, phase), off)
-
-
-def _numpy(amplitude: Array, phase: Array) -> Array:
-    half = (slice(None), slice(len(phase) // 2 + 1))
-    spectrum = amplitude[half] * np.exp(2j * np.pi * phase[half])
-    return np.asarray(np.fft.irfft2(spectrum, s=phase.shape, norm="forward"))
-
-
-@axis("in sigma, largest", "phases and transform in extended precision")
-def modes() -> Iterator[Way]:
-    """The same bits on every processor, texture of 512 x 512."""
-    shape = (512, 512)
-    for tile, overlap, band in ((64, 10, BAND), (256, 20, (2.0, 64.0))):
-        about: dict[str, Any] = {"drift": DRIFT, "seed": 7, "tile": tile, "overlap": overlap}
-        off = largest(reference.field(shape, band=band, **about))
-        frame = partial(spectral.field, shape, wavelengths=band, **about)
-        for on, mark in ((False, ""), (True, ", reproducible")):
-            for way in both(f"{band[0]:g} to {band[1]:g} px", partial(_in_mode, on, frame), off):
-                yield way._replace(setting=way.setting + mark)
-
-
-def _in_mode(on: bool, make: Any, dtype: Any) -> Any:
+def _reproducible(make: Any, dtype: Any) -> Any:
     before = reproducible()
-    set_reproducible(on)
+    set_reproducible(True)
     try:
         return make(dtype=dtype)
     finally:
         set_reproducible(before)
 
 
-@axis("in cycles, largest", "rate times time in extended precision")
-def phase(frames: int = 100_000) -> Iterator[Way]:
-    """Ways to advance 392 phases, after 10^5 frames."""
-    ky, kx, length = reference.waves(64)
-    inside = (reference.amplitude(64, BAND) > 0) & ((kx > 0) | ((kx == 0) & (ky > 0)))
-    rate = reference.Long(0.1) * (0.28 * kx + 0.96 * ky)[inside] / length[inside]
-
-    def off(cycles: Array) -> float:
-        rest = np.asarray(cycles, reference.Long) - rate * frames
-        return float(np.max(np.abs(rest - np.round(rest))))
-
-    for kind, turn in zip(KINDS, (np.complex64, np.complex128), strict=True):
-        own = rate.astype(kind)
-        step = np.exp(2j * np.pi * rate.astype(np.float64)).astype(turn)
-        yield Way(f"closed form, {kind.__name__}", partial(_reduced, own, frames), off)
-        yield Way(f"running sum, {kind.__name__}", partial(_summed, own, frames), off, frames)
-        yield Way(f"rotor, {turn.__name__}", partial(_turned, step, frames), off, frames)
+def _steps(dtype: Any) -> Array:
+    shape = (SIZE, SIZE)
+    phase = spectral.advance_phase(spectral.random_phase(shape, seed=7), DRIFT)
+    return spectral.inverse_transform(spectral.band_amplitude(shape), phase, dtype=dtype)
 
 
-def _reduced(rate: Array, frames: int) -> Array:
-    turns = rate * rate.dtype.type(frames)
-    return np.asarray(turns - np.rint(turns))
+def _plain(dtype: Any) -> Array:
+    """Return a tile all in one precision, the phase too."""
+    half = (slice(None), slice(SIZE // 2 + 1))
+    share, down, right = (part[half].astype(dtype) for part in amplitude(SIZE, BAND))
+    moved = (DRIFT[0].astype(dtype) * right + DRIFT[1].astype(dtype) * down) / dtype(BAND[1])
+    start = spectral.random_phase((SIZE, SIZE), seed=7)[half]
+    turns = (2 * np.pi * (start - moved)).astype(dtype)
+    spectrum = share * (np.cos(turns) + 1j * np.sin(turns))
+    whole = spectrum.astype(np.result_type(dtype, np.complex64))
+    return np.fft.irfft2(whole, s=(SIZE, SIZE), norm="forward").astype(dtype)
 
 
-def _summed(rate: Array, frames: int) -> Array:
-    at = np.zeros_like(rate)
-    for _ in range(frames):
-        at += rate
-        at -= np.rint(at)
-    return at
+@axis("in sigma, rms", "16 Gauss-Legendre nodes over the exposure")
+def shutter() -> Iterator[Way]:
+    """Shutter by sinc or by sub-frames, 256 x 256."""
+    velocity = np.array([2.0, 8.0])
+    # Waves turn by a quarter of a cycle at most: 16 nodes are exact to the last bits.
+    nodes, weights = np.polynomial.legendre.leggauss(16)
+    moments = (torus(SIZE, 7, DRIFT + velocity * n / 2) for n in nodes)
+    off = rms(np.asarray(sum(w / 2 * one for w, one in zip(weights, moments, strict=True))))
 
+    def parts(count: int) -> Array:
+        total = np.zeros((SIZE, SIZE), np.float32)
+        for at in (np.arange(count) + 0.5) / count - 0.5:
+            total += frame(drift=DRIFT + velocity * at)
+        return np.asarray(total / np.float32(count))
 
-def _turned(step: Array, frames: int) -> Array:
-    at = np.ones_like(step)
-    for _ in range(frames):
-        at *= step
-    return np.asarray(np.angle(at.astype(np.complex128)) / (2 * np.pi))
+    yield from both("sinc", partial(frame, drift=DRIFT, velocity=velocity, shutter=1.0), off)
+    for count in (1, 2, 4, 8, 16, 64):
+        yield Way(f"{count} sub-frames", partial(parts, count), off)
 
 
 @axis("in sigma, rms", "the 2-D sum with unrounded rates, in extended precision")
 def film() -> Iterator[Way]:
     """2-D method against 3-D method, 64 x 64."""
     velocity, count = np.array([0.5, 2.0]), 32
-    off = rms(np.stack([reference.torus(64, 5, velocity * t, BAND) for t in range(count)]))
+    off = rms(np.stack([torus(64, 5, velocity * t) for t in range(count)]))
 
     def flat(dtype: Any) -> Array:
-        frame = partial(spectral.field, (64, 64), seed=5, overlap=0, dtype=dtype)
-        return np.stack([frame(drift=velocity * t) for t in range(count)])
+        one = partial(spectral.field, (64, 64), seed=5, overlap=0, dtype=dtype)
+        return np.stack([one(drift=velocity * t) for t in range(count)])
 
     yield from (way._replace(per=count) for way in both("2-D", flat, off))
     for length in (32, 64, 128, 256):

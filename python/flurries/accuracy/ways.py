@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from flurries._contract import Array
-
-KINDS: tuple[Any, ...] = (np.float32, np.float64)
 
 
 class Way(NamedTuple):
@@ -27,36 +25,21 @@ class Way(NamedTuple):
 class Axis:
     """One thing that can be made in several ways: what varies, the error's unit, its reference."""
 
-    make: Callable[[], Iterator[Way]]
+    name: str
     title: str
     unit: str
     reference: str
-
-    @property
-    def name(self) -> str:
-        """What the command line calls it."""
-        return self.make.__name__
-
-    def ways(self) -> list[Way]:
-        """Return the ways; makes the reference, which may take seconds."""
-        return list(self.make())
+    ways: Callable[[], Iterator[Way]] = field(repr=False)
 
 
-# All that can be measured, in the order in which it is defined.
-KNOWN: list[Axis] = []
-
-
-def axis(
-    unit: str, reference: str
-) -> Callable[[Callable[..., Iterator[Way]]], Callable[..., Iterator[Way]]]:
+def axis(unit: str, reference: str) -> Callable[[Callable[[], Iterator[Way]]], Axis]:
     """Make an axis of a function that yields ways; its docstring is the title."""
 
-    def listed(make: Callable[..., Iterator[Way]]) -> Callable[..., Iterator[Way]]:
-        title = (make.__doc__ or make.__name__).removesuffix(".")
-        KNOWN.append(Axis(make, title, unit, reference))
-        return make
+    def made(ways: Callable[[], Iterator[Way]]) -> Axis:
+        title = (ways.__doc__ or ways.__name__).removesuffix(".")
+        return Axis(ways.__name__, title, unit, reference, ways)
 
-    return listed
+    return made
 
 
 def largest(reference: Array) -> Callable[[Any], float]:
@@ -71,5 +54,5 @@ def rms(reference: Array) -> Callable[[Any], float]:
 
 def both(setting: str, make: Callable[..., Any], error: Callable[[Any], float]) -> Iterator[Way]:
     """Yield a way in float32 and in float64."""
-    for kind in KINDS:
+    for kind in (np.float32, np.float64):
         yield Way(f"{setting}, {kind.__name__}", partial(make, dtype=kind), error)

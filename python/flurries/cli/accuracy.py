@@ -28,7 +28,7 @@ from flurries.cli.words import Words
 def accuracy(
     words: Words, axes: tuple[str, ...], only_list: bool, output: str, runs: int, page: str | None
 ) -> None:
-    """Measure the error of each approximation against its time; all in some ten minutes.
+    """Measure the error of each approximation against its time; all in about a minute.
 
     Prints the files: numbers, plots, and on request a page. Plots need flurries[plots].
     """
