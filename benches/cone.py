@@ -165,35 +165,18 @@ def fall_speeds() -> None:
 
 def plot(curves: dict[str, list[float]], file: str) -> None:
     """Draw the cost against the density, both logarithmic."""
-    from PIL import Image, ImageDraw
+    from matplotlib import pyplot as plt
 
-    width, height, left, bottom = 720, 460, 70, 50
-    picture = Image.new("RGB", (width, height), "white")
-    draw = ImageDraw.Draw(picture)
-    low, high = -1, math.ceil(math.log10(max(map(max, curves.values()))))
-    ends = math.log10(COUNTS[0]), math.log10(COUNTS[-1])
-
-    def place(count: float, milliseconds: float) -> tuple[float, float]:
-        x = (math.log10(count) - ends[0]) / (ends[1] - ends[0])
-        y = (math.log10(milliseconds) - low) / (high - low)
-        return left + x * (width - left - 130), height - bottom - y * (height - bottom - 30)
-
-    for decade in range(low, high + 1):
-        y = place(COUNTS[0], 10.0**decade)[1]
-        draw.line([(left, y), (width - 130, y)], fill="#d8d8d8")
-        draw.text((12, y - 6), f"{10.0**decade:g} ms", fill="black")
-    for count in COUNTS:
-        x = place(count, 10.0**low)[0]
-        draw.line([(x, 30), (x, height - bottom)], fill="#eeeeee")
-        draw.text((x - 16, height - bottom + 8), f"{count}", fill="black")
-    draw.text((width // 2 - 60, height - 22), "flakes in view", fill="black")
+    figure, ax = plt.subplots(figsize=(7.2, 4.4), dpi=100)
     for (name, curve), color in zip(curves.items(), ("#0060c0", "#c04000"), strict=True):
-        points = [place(count, value) for count, value in zip(COUNTS, curve, strict=True)]
-        draw.line(points, fill=color, width=3)
-        for x, y in points:
-            draw.ellipse([x - 4, y - 4, x + 4, y + 4], fill=color)
-        draw.text((points[-1][0] + 10, points[-1][1] - 6), name, fill=color)
-    picture.save(file)
+        ax.plot(COUNTS, curve, "o-", color=color)
+        ax.annotate(name, (COUNTS[-1], curve[-1]), xytext=(8, -3), textcoords="offset points")
+    ax.set(xscale="log", yscale="log", xlabel="flakes in view", ylabel="ms of processor time")
+    ax.set_ylim(0.5 * min(map(min, curves.values())))
+    ax.grid(True, color="#e4eaf0")
+    ax.spines[["top", "right"]].set_visible(False)
+    figure.tight_layout()
+    figure.savefig(file, metadata={"Software": None})
 
 
 def main() -> None:

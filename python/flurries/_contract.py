@@ -352,7 +352,7 @@ def warn_of_levels(name: str, picture: Array, advice: str) -> None:
             f"{name} is a float picture of values up to {top:g}, and its white is taken as 1; "
             f"{advice} if that is its white"
         )
-    elif below > _MOST_BELOW:
+    elif below > _MOST_BELOW and top <= _LARGEST_LIGHT:
         warn(
             f"{name} is below 0 in {below:.0%} of its values, as pictures that were normalized "
             "for a network are; weather comes before that"
