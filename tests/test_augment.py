@@ -378,7 +378,7 @@ def test_bad_fields_are_refused_by_name(kind: str, name: str):
 ])  # fmt: skip
 def test_an_unknown_field_is_answered_with_the_nearest(name: str, nearest: str):
     for kind in KINDS.values():
-        with pytest.raises(TypeError, match=f"no argument {name}; did you mean {nearest}"):
+        with pytest.raises(TypeError, match=f"no argument {name}; did you mean '{nearest}'"):
             kind(**{name: 1})
     with pytest.raises(TypeError, match="it has amount"):
         Snowfall(xyz=1)  # type: ignore[call-arg]

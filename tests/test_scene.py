@@ -395,3 +395,9 @@ def test_presets_are_named_and_changed():
         Snow.preset("heavy", flaks=3)
     with pytest.raises(TypeError):
         Snow(0.5)  # keywords only
+
+
+@pytest.mark.parametrize("argument", ["background", "depth", "foreground"])
+def test_a_missing_file_is_told_with_its_argument(argument: str):
+    with pytest.raises(FileNotFoundError, match=rf"{argument}: No such file .*none\.exr"):
+        fl.Scene(None if argument == "background" else (8, 8), **{argument: "none.exr"})

@@ -98,6 +98,7 @@ def test_help_of_an_effect_shows_fields_and_what_users_call(kind: type[Any]):
 
 
 @pytest.mark.parametrize(("call", "near"), [
+    (lambda: fl.Snow("heavy"), "Snow takes its fields by name; a preset is Snow.preset('heavy')"),
     (lambda: fl.Snow(denisty=3.0), "Snow has no 'denisty'; did you mean 'density'?"),
     (lambda: fl.TentSnow(flake=3), "TentSnow has no 'flake'; did you mean 'flakes'?"),
     (lambda: fl.ConeRain(drop=3), "ConeRain has no 'drop'; did you mean 'drops'?"),

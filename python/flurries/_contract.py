@@ -151,9 +151,14 @@ def suggesting(kind: type[_Kind]) -> type[_Kind]:
     """Let a class refuse an argument that it does not know with the nearest one that it knows."""
     plain: Any = kind.__init__
     known = tuple(inspect.signature(plain).parameters)[1:]
+    by_name = inspect.getfullargspec(plain).args == ["self"]
 
     @functools.wraps(plain)
     def init(self: Any, *others: Any, **given: Any) -> None:
+        if others and by_name:
+            call = f"{kind.__name__}.preset({others[0]!r:.40})"
+            hint = f"; a preset is {call}" if isinstance(others[0], str) else ""
+            raise TypeError(f"{kind.__name__} takes its fields by name{hint}")
         for name in given:
             if name not in known:
                 raise TypeError(f"{kind.__name__} has no {name!r}{suggestion(name, known)}")

@@ -271,7 +271,7 @@ def test_what_is_empty_or_short_stays_so():
 @pytest.mark.parametrize("module", [fla, flt, flk])
 @pytest.mark.parametrize("kind", KINDS)
 def test_names_that_nobody_knows_are_answered(module: object, kind: str):
-    with pytest.raises(TypeError, match="did you mean severity"):
+    with pytest.raises(TypeError, match="did you mean 'severity'"):
         getattr(module, kind)(severty=3)
     with pytest.raises(TypeError, match="seed belongs to the pipeline"):
         getattr(module, kind)(seed=3)

@@ -8,11 +8,11 @@ types of keywords, which say to type checkers what a transform of another librar
 from __future__ import annotations
 
 import dataclasses
-import difflib
 import functools
 import inspect
 from typing import Any, TypedDict, TypeVar
 
+from flurries._contract import suggestion
 from flurries.augment.calibration import Profile
 from flurries.augment.distance import Ground
 from flurries.augment.draws import Range
@@ -83,6 +83,5 @@ def unknown(call: str, name: str, known: list[str]) -> str:
     """Return what is wrong with a name."""
     if name == "seed":
         return f"{call} has no argument seed: seed belongs to the pipeline that draws for it"
-    near = difflib.get_close_matches(name, known, 1)
-    hint = f"did you mean {near[0]}?" if near else f"it has {', '.join(known)}"
-    return f"{call} has no argument {name}; {hint}"
+    hint = suggestion(name, known) or f"; it has {', '.join(known)}"
+    return f"{call} has no argument {name}{hint}"

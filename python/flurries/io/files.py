@@ -9,6 +9,8 @@ from __future__ import annotations
 import errno
 import os
 import stat
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -99,6 +101,16 @@ def path_text(name: str, path: str | os.PathLike[str]) -> str:
     if not text or "\0" in text:
         raise ValueError(f"{name} must name a file, got {text!r:.60}")
     return text
+
+
+@contextmanager
+def missing_named(name: str) -> Iterator[None]:
+    """Say of a file that is not there which argument names it."""
+    try:
+        yield
+    except FileNotFoundError as error:
+        said = f"{name}: {error.strerror or error}"
+        raise FileNotFoundError(error.errno, said, error.filename) from None
 
 
 def plain_file(path: str | os.PathLike[str]) -> Path:

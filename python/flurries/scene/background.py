@@ -12,6 +12,7 @@ from flurries._contract import Array, rectangular, require, table, warn_of_level
 from flurries.io import fit, open_background
 from flurries.io.color import parse_hex
 from flurries.io.colorspace import ColorSpace
+from flurries.io.files import missing_named
 from flurries.scene.numbered import Numbered
 from flurries.scene.overscan import Display
 
@@ -157,7 +158,8 @@ def backdrop(
     if isinstance(background, str) and background.startswith("#"):
         return _plain(parse_hex("background", background), np.dtype(np.uint8), size)
     if isinstance(background, (str, os.PathLike)):
-        opened = open_background(background, overscan=True)
+        with missing_named("background"):
+            opened = open_background(background, overscan=True)
         if opened.display is not None and size not in (None, tuple(opened.size)):
             # Another size that is asked for is one of the display window.
             opened = open_background(background)

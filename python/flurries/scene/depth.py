@@ -12,6 +12,7 @@ import numpy as np
 from flurries._contract import Array, choice, depths, real, rectangular, require, warn_of_units
 from flurries.io import fit_nearest, open_background, open_depth
 from flurries.io.color import to_unit
+from flurries.io.files import missing_named
 from flurries.io.pictures.reader import luminance
 from flurries.scene.numbered import Numbered
 from flurries.scene.overscan import Display, placed
@@ -190,9 +191,11 @@ def distance_of(
         if isinstance(value.source, np.ndarray):
             _require_shape(f"{name}: source", value.source.shape, shape)
             return Distance(_read_only(value.depth_of(to_unit(value.source))))
-        return of_files(open_background(value.source, overscan=display is not None), value)
+        with missing_named(name):
+            return of_files(open_background(value.source, overscan=display is not None), value)
     if isinstance(value, (str, os.PathLike)):
-        return of_files(open_depth(value, overscan=display is not None), None)
+        with missing_named(name):
+            return of_files(open_depth(value, overscan=display is not None), None)
     if not isinstance(value, (dict, set, list, tuple)) and np.ndim(value) == 0:
         wall = real(name, value, above=0.0)
         return Distance(_read_only(np.full(shape, wall, np.float32)))

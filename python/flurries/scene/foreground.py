@@ -12,6 +12,7 @@ import numpy as np
 from flurries._contract import Array, finite, rectangular, shares, warn_of_levels
 from flurries.frame.matte import Deep, Front, Matte
 from flurries.io import fit, open_background
+from flurries.io.files import missing_named
 from flurries.io.pictures.reader import Picture, luminance
 from flurries.scene.depth import Distance, distance_of
 from flurries.scene.numbered import Numbered
@@ -189,7 +190,8 @@ def mattes_of(
         name = "foreground" if number == 1 else f"foreground {number}"
         matte: Any
         if isinstance(one.source, (str, os.PathLike)):
-            source = open_background(one.source, overscan=display is not None)
+            with missing_named(name):
+                source = open_background(one.source, overscan=display is not None)
             files = Numbered.of(name, source, extend=extend, start=start)
             matte = _Moving(files, shape, display)
             if matte.still:

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-import difflib
 import re
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
+
+from flurries._contract import suggestion
 
 
 class SceneText:
@@ -33,10 +34,9 @@ class SceneText:
             raise TypeError(f"{self.where(*keys)}: {keys[0]} must be a table")
         for key in value:
             if key not in known:
-                near = difflib.get_close_matches(key, known, n=1, cutoff=0.5)
-                hint = f"did you mean {near[0]!r}?" if near else f"known are {', '.join(known)}"
+                hint = suggestion(key, known) or f"; known are {', '.join(known)}"
                 place = self.where(*keys, key)
-                raise ValueError(f"{place}: unknown key {key[:60]!r} in {name}; {hint}")
+                raise ValueError(f"{place}: unknown key {key[:60]!r} in {name}{hint}")
         return dict(value)
 
     @contextmanager
