@@ -17,7 +17,7 @@ import flurries as fl
 from flurries import _core
 from flurries.camera import Camera
 from flurries.effects.layout import Tiling, torus_for
-from flurries.frame import calibration, standing
+from flurries.frame import calibration, planes, standing
 from flurries.frame.effect import renderer_of
 from flurries.frame.needs import Cost, LeftOut, Needs, Step, needs_of
 from flurries.spectral.request import request
@@ -527,7 +527,9 @@ def test_frames_are_refused_by_name(frames: Any):
         fl.Scene((8, 8)).plan(frames)
 
 
-def test_bytes_are_foreseen():
+def test_bytes_are_foreseen(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(planes, "MOST", 0)
+    planes._free.clear()
     matte = np.zeros((H, W), np.float32)
     matte[90:] = 1.0
     picture = np.tile(BYTES, (3, 3, 1))

@@ -14,6 +14,7 @@ from flurries._core import SortedFlakes
 from flurries.camera.lens import Camera
 from flurries.camera.path import CameraPath
 from flurries.effects.motion import Motion
+from flurries.frame.planes import plane
 from flurries.frame.view import Frame
 from flurries.particles.crowd import Lens, Triple
 
@@ -68,7 +69,7 @@ def gust_room(motion: Motion) -> float:
 def draw_sorted(frame: Frame, flakes: SortedFlakes, numbers: Array | None = None) -> Array:
     """Return the opacity of flakes over the window; `numbers` gets those that show most."""
     top, bottom, left, right = frame.window
-    result = np.empty((bottom - top, right - left), np.float32)
+    result = plane((bottom - top, right - left))
     _core.particle_draw(result, flakes, frame.window, frame.depth, numbers)
     return result
 
@@ -81,7 +82,7 @@ def draw_numbered(
     Of flakes that were sorted from a list `known` has the numbers of its rows.
     """
     top, bottom, left, right = frame.window
-    shown = np.empty((bottom - top, right - left), np.int32)
+    shown = plane((bottom - top, right - left), np.int32)
     alpha = draw_sorted(frame, flakes, shown)
     return alpha, shown if known is None else np.append(known, -1).astype(np.int32)[shown]
 

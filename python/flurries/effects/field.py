@@ -19,6 +19,7 @@ from flurries.effects.layout import LARGEST_TILE, Layout, Tiling, streaks_tile, 
 from flurries.effects.motion import Motion, Way
 from flurries.effects.passes import Other
 from flurries.effects.resolution import TUNED
+from flurries.frame.planes import plane
 from flurries.frame.view import Frame
 from flurries.motion.wind import Wind
 from flurries.spectral.motion import tile_motions
@@ -109,7 +110,7 @@ class Field:
             The wavelengths in pixels up to which waves of tiles are left out.
         """
         top, bottom, left, right = frame.window
-        result = np.empty((bottom - top, right - left), np.float32)
+        result = plane((bottom - top, right - left))
         if frame.shared is None or frame.shared.bands == 1:
             count("tiles", _core.field(result, self.request(frame, way, shortest), mapped, keep))
             return result
@@ -233,16 +234,15 @@ class Field:
             np.ascontiguousarray(part, np.float32)
             for part in (down[top:bottom], across[left:right].T)
         )
-        far = np.empty((bottom - top, right - left), np.float32)
-        moves = [np.empty((*far.shape, 2), np.float32) for _ in others]
-        planes = [(depth[..., None], far[..., None]), *zip(motions, moves, strict=True)]
-        for plane, out in planes:
-            if (plane == plane[:1, :1]).all():
+        far = plane((bottom - top, right - left))
+        moves = [plane((*far.shape, 2)) for _ in others]
+        for given, out in [(depth[..., None], far[..., None]), *zip(motions, moves, strict=True)]:
+            if (given == given[:1, :1]).all():
                 # Shares of tiles sum to 1. Rows are copied: pair by pair it takes twice as long.
-                out[0] = plane[0, 0]
+                out[0] = given[0, 0]
                 out[1:] = out[0]
                 continue
-            part = np.moveaxis(np.moveaxis(plane, 2, 1).astype(np.float32) @ columns, 1, 2)
+            part = np.moveaxis(np.moveaxis(given, 2, 1).astype(np.float32) @ columns, 1, 2)
             np.matmul(rows, part.reshape(len(part), -1), out=out.reshape(len(out), -1))
         return moves, far
 

@@ -17,6 +17,7 @@ from flurries.effects.passes import passes_of
 from flurries.effects.texture import Texture
 from flurries.frame.layer import Layer, Light, Shade
 from flurries.frame.needs import Cost, LeftOut, Needs, Step
+from flurries.frame.planes import plane
 from flurries.frame.view import Frame
 from flurries.light.phase import FLAKES, Optics
 from flurries.motion.keys import Keys, Number, value_at
@@ -178,7 +179,8 @@ class Precipitation(Generic[_Back]):
             far = [veil_layer(f"{self.name}.veil", frame, haze if before is None else before)]
             haze = 0.0
         top, bottom, left, right = frame.window
-        alpha = np.zeros((bottom - top, right - left), np.float32)
+        alpha = plane((bottom - top, right - left))
+        alpha.fill(0.0)
         with stage("join"):
             _core.join(alpha, planes or [np.zeros_like(alpha)], haze)
         if self._local:

@@ -10,6 +10,7 @@ import numpy as np
 
 from flurries import _core
 from flurries._contract import Array
+from flurries.frame.planes import plane
 
 # From a display color to the light that layers are mixed in, one number per channel.
 Light = Callable[[tuple[float, float, float]], list[float]]
@@ -84,7 +85,7 @@ class Layer:
 
     def rgba(self, color: Any) -> Array:
         """Return (h, w, 4) float32, premultiplied with `color` (3,)."""
-        result = np.empty((*self.alpha.shape, 4), np.float32)
+        result = plane((*self.alpha.shape, 4))
         _core.layer_rgba(result, np.ascontiguousarray(self.alpha), color)
         return result
 
@@ -108,20 +109,20 @@ def layers_of(answer: object, effect: object, shape: tuple[int, int]) -> tuple[L
             "coverage": (layer.coverage, shape),
             "ids": (layer.ids, shape),
         }
-        for name, (plane, wanted) in planes.items():
-            if plane is None and name != "alpha":
+        for name, (given, wanted) in planes.items():
+            if given is None and name != "alpha":
                 continue
-            kind = getattr(plane, "dtype", type(plane).__name__)
+            kind = getattr(given, "dtype", type(given).__name__)
             own = np.dtype(np.int32 if name == "ids" else np.float32)
-            if not isinstance(plane, np.ndarray) or kind != own or plane.shape != wanted:
+            if not isinstance(given, np.ndarray) or kind != own or given.shape != wanted:
                 raise TypeError(
                     f"effects: {name} of the layer {layer.name!r} must be {own} of shape "
-                    f"{wanted}, got {kind} of shape {np.shape(plane)}"
+                    f"{wanted}, got {kind} of shape {np.shape(given)}"
                 )
-        parts = {name: plane for name, (plane, _) in planes.items() if plane is not None}
-        if not all(plane.flags.c_contiguous for plane in parts.values()):
+        parts = {name: given for name, (given, _) in planes.items() if given is not None}
+        if not all(part.flags.c_contiguous for part in parts.values()):
             # Windows cut out of a whole frame; kernels read rows that follow each other.
-            parts = {name: np.ascontiguousarray(plane) for name, plane in parts.items()}
+            parts = {name: np.ascontiguousarray(part) for name, part in parts.items()}
             layer = replace(layer, **parts)
         layers.append(layer)
     return tuple(layers)

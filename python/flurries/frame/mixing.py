@@ -11,6 +11,7 @@ import numpy as np
 from flurries import _core
 from flurries._contract import Array
 from flurries.frame.layer import Layer
+from flurries.frame.planes import plane
 from flurries.io.color import (
     decoding_table,
     encode_bytes,
@@ -91,7 +92,8 @@ class Mix:
 
     def plate(self, picture: Array) -> Array:
         """Return the background in the light that layers are mixed in, float32."""
-        return to_single(to_unit(self.decode(picture)))
+        light = self.decode(picture)
+        return to_single(to_unit(light, plane(light.shape) if light.dtype.kind == "u" else None))
 
     def encode(self, working: Array, picture: Array, into: Array | None = None) -> Array:
         """Return the composite in the background's own encoding and dtype, in `into` if given."""

@@ -153,9 +153,9 @@ def _truth(
     names: dict[str, Layer] = {}
     for part in parts:
         names[free_name(part.name, names)] = part
-    cover: Array = np.zeros(plate.shape[:2], np.float32)
-    for number, part in enumerate(parts):
-        cover = part.alpha if number == 0 else 1.0 - (1.0 - cover) * (1.0 - part.alpha)
+    cover = parts[0].alpha if parts else np.zeros(plate.shape[:2], np.float32)
+    for part in parts[1:]:
+        cover = 1.0 - (1.0 - cover) * (1.0 - part.alpha)
     most = _most([part.alpha for part in parts])
     depth = None if program.distance is None else program.depth_at(t)
     return Rendered(

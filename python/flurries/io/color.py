@@ -87,11 +87,11 @@ def linear_to_srgb(values: npt.ArrayLike) -> Array:
     return np.where(linear <= 0.0031308, linear * 12.92, power).astype(linear.dtype, copy=False)
 
 
-def to_unit(pixels: Array) -> Array:
+def to_unit(pixels: Array, out: Array | None = None) -> Array:
     """Return integer pixels as float32 from 0 to 1; float pixels as float32 or float64."""
     if pixels.dtype.kind == "u":
         largest = np.float32(np.iinfo(pixels.dtype).max)
-        unit: Array = np.divide(pixels, largest, dtype=np.float32)
+        unit: Array = np.divide(pixels, largest, out=out, dtype=np.float32)
         return unit
     return pixels.astype(np.float32) if pixels.dtype.itemsize == 2 else pixels
 
