@@ -298,10 +298,11 @@ def print_estimates(runs: int) -> None:
     every = scenes()
     fl.set_threads(1)
     # Calibrated in the same run, between the scenes: the machine is as busy for both.
-    calls = {name: call for name, (call, _) in calibration.samples().items()}
+    samples = calibration.samples()
+    calls = {kind: call for kind, (call, _) in samples.items()}
     calls.update({name: (lambda s=scene: s.render(3)) for name, scene in every.items()})
     found = least(calls, runs)
-    factors = calibration.factors({n: 1e6 * found[n] for n in calibration.samples()})
+    factors = {kind: found[kind] / model for kind, (_, model) in samples.items()}
     calibration.measure = lambda: factors
     calibration.scales(again=True)
     print("this machine against the model:", {k: round(v, 2) for k, v in factors.items()})
@@ -403,6 +404,8 @@ def print_constants(runs: int) -> None:
         runs,
     )
     found["jittered bin"] = 1e6 * (each["jitter"] - each["plain"]) / work["tile bin"]
+    weather, _ = calibration.samples()["kernel"]
+    found["weather"] = 1e6 * least({"weather": weather}, runs)["weather"]
     found.update(flakes(runs))
     found.update(mixing(runs))
     found.update(others(runs))
@@ -521,9 +524,9 @@ def mixing(runs: int) -> dict[str, float]:
         "flat": lambda: plane(snow.parts.texture, open_air),
         "copied byte": PICTURE.copy,
         "veil pixel": lambda: haze_before(depth, 0.1, 100.0),
-        "byte pixel": lambda: Mix(False, "display").over(PICTURE, layer),
-        "word pixel": lambda: Mix(False, "display").over(word, layer),
-        "float pixel": lambda: Mix(True, "linear").over(LIGHT, layer),
+        "8 bit pixel": lambda: Mix(False, "display").over(PICTURE, layer),
+        "16 bit pixel": lambda: Mix(False, "display").over(word, layer),
+        "32 bit pixel": lambda: Mix(True, "linear").over(LIGHT, layer),
         "to": lambda: there.decode(PICTURE),
         "from": lambda: there.encode(bright, PICTURE),
         "table": lambda: replace(there, table=True).encode(bright, PICTURE),
@@ -533,11 +536,10 @@ def mixing(runs: int) -> dict[str, float]:
     result = {name: value / pixels for name, value in times.items() if name in costs.NANOSECONDS}
     result["array number"] = times["array number"] / values.size
     both = times["one pass"] - times["plane"] + times["joined pixel"]
-    result["fused pixel"] = max(both - times["byte pixel"], 0.0) / pixels
+    result["fused pixel"] = max(both - times["8 bit pixel"], 0.0) / pixels
     result["limited pixel"] = (times["deep"] - times["flat"]) / pixels
     result["joined pixel"] = times["joined pixel"] / 2.0 / pixels
     result["copied byte"] = times["copied byte"] / PICTURE.nbytes
-    result["encoded pixel"] = (times["to"] + times["from"]) / 2.0 / pixels
     result["encoded value"] = times["from"] / PICTURE.size
     result["decoded value"] = times["to"] / PICTURE.size
     result["looked up value"] = times["table"] / PICTURE.size

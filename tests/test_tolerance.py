@@ -15,8 +15,8 @@ import flurries as fl
 from flurries.cli import main
 from flurries.frame import calibration
 from flurries.frame import tolerance as spending
-from flurries.frame.costs import NANOSECONDS
-from flurries.frame.needs import Cost, Needs, Saving, Step
+from flurries.frame.costs import NANOSECONDS, milliseconds
+from flurries.frame.needs import Cost, Needs, Step
 from flurries.frame.tolerance import TABLE, Light, choose
 from flurries.io.color import linear_to_srgb, looked_up, to_integer
 
@@ -144,7 +144,7 @@ def test_a_law_that_lies_is_found(monkeypatch: pytest.MonkeyPatch):
 
     def lying(*given: Any, **more: Any) -> Light:
         light = of(*given, **more)
-        return light._replace(reach=0.01 * light.reach)
+        return light._replace(factor=0.01 * light.factor)
 
     monkeypatch.setattr(spending.Light, "of", staticmethod(lying))
     broken = 0
@@ -250,7 +250,7 @@ def test_the_table_errs_as_little_as_it_says(bits: int):
 
 
 def test_integers_count_steps():
-    byte = Light(same=True, step=1 / 255, reach=1.0, slope=1.0)
+    byte = Light(same=True, step=1 / 255, factor=1.0)
     # An altered layer errs by a whole step however little; one that is left out by the nearest.
     assert byte.price(layer=1e-4) == pytest.approx(1 / 255)
     assert byte.price(gone=1e-4) == byte.price() == 0.0
@@ -283,19 +283,18 @@ def asking(*savings: tuple[str, float, float], whole: float = 1.0) -> Needs:
     def cost(milliseconds: float) -> Cost:
         return Cost({"array number": 1e6 * milliseconds / NANOSECONDS["array number"][1]})
 
-    each = tuple(Saving(n, f"no {n}", e, lambda _, ms=ms: 1e6 * ms) for n, e, ms in savings)
-    steps = tuple(Step(name, lambda ms=ms: cost(ms)) for name, _, ms in savings)
-    return Needs(steps, savings=each, most=whole)
+    steps = tuple(Step(name, lambda ms=ms: cost(ms), error=e) for name, e, ms in savings)
+    return Needs(steps, most=whole)
 
 
 def test_the_budget_goes_where_most_time_is_saved():
-    light = Light(same=True, step=0.0, reach=1.0, slope=1.0)
+    light = Light(same=True, step=0.0, factor=1.0)
 
     def taken(tolerance: float, *needs: Needs) -> set[tuple[int, str]]:
         asked = [(place, f"effect{place}", one) for place, one in enumerate(needs)]
         found = choose(asked, light, tolerance, values=1)
         assert found.error <= tolerance
-        return {(i, name) for i, names in found.without.items() for name in names}
+        return set(found.without)
 
     a = asking(("x", 0.5, 10.0), ("y", 0.3, 7.0), whole=0.65)
     b = asking(("z", 0.3, 6.0))
@@ -308,12 +307,12 @@ def test_the_budget_goes_where_most_time_is_saved():
     assert taken(0.79, replace(a, most=1.0), b) == {(0, "y"), (1, "z")}
     # The best of many, against all combinations tried one by one.
     many = [asking(("x", 0.01 * (i + 1), 5.0), ("y", 0.02, 1.0 + i)) for i in range(6)]
-    items = [(s.error, s.saved(0.0)) for one in many for s in one.savings]
+    saved = {(i, s.name): milliseconds(s.cost().work) for i, n in enumerate(many) for s in n.steps}
+    items = [(s.error, saved[i, s.name]) for i, one in enumerate(many) for s in one.steps]
     best = max(
-        sum(ns for _, ns in some)
+        sum(ms for _, ms in some)
         for count in range(len(items) + 1)
         for some in combinations(items, count)
         if sum(error for error, _ in some) <= 0.1 + 1e-12
     )
-    saved = {(i, s.name): s.saved(0.0) for i, one in enumerate(many) for s in one.savings}
     assert sum(saved[one] for one in taken(0.1, *many)) == pytest.approx(best)

@@ -248,8 +248,8 @@ class Cloud:
 
 def allowed_error(frame: Frame) -> float:
     """Return what is let through where nothing more is drawn."""
-    allowed = {} if frame.run is None else frame.run.settings
-    return max(allowed.get("error", 0.0), FINISHED["float32"])
+    allowed = 0.0 if frame.run is None else frame.run.error
+    return max(allowed, FINISHED["float32"])
 
 
 def _normal(u: Float64) -> Float64:

@@ -31,7 +31,7 @@ from flurries.effects.motion import Motion, Way
 from flurries.effects.passes import Other
 from flurries.effects.weather import FAR_FADE, HEIGHTS, NEAR_FADE, Film, Share, Weather
 from flurries.frame.layer import Shade
-from flurries.frame.needs import Cost, LeftOut, Needs, Step, has_keys, omission
+from flurries.frame.needs import Cost, LeftOut, Needs, Step, has_keys
 from flurries.frame.view import Frame
 from flurries.light.phase import Optics
 from flurries.motion.keys import value_at
@@ -91,9 +91,9 @@ class DrawnFlakes:
         # Shapes tumble.
         shaped = weather.shape != "round"
         still = still and not shaped and not has_keys(weather.emission)
-        step = Step("flakes", lambda: self._cost(frame, amount), once=still)
         most = min(1.0, amount * self.number_in_view(frame) * weather.population.opacity)
-        return Needs((step,), most=most, savings=(omission(step, most),))
+        step = Step("flakes", lambda: self._cost(frame, amount), still, most)
+        return Needs((step,), most=most)
 
     def number_in_view(self, frame: Frame) -> float:
         """Return how many flakes are drawn in view, on average."""

@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 import numpy.typing as npt
@@ -27,7 +28,7 @@ from flurries.effects.motion import Way
 from flurries.effects.passes import Other
 from flurries.effects.weather import WRAPS, Film, Layer, Weather
 from flurries.frame.layer import Shade
-from flurries.frame.needs import Cost, LeftOut, Needs, Step, has_keys, omission
+from flurries.frame.needs import Cost, LeftOut, Needs, Step, has_keys
 from flurries.frame.planes import plane
 from flurries.frame.view import Frame
 from flurries.light.phase import Optics
@@ -74,9 +75,9 @@ class FlakeTexture:
             why = "all flakes are drawn one by one"
             return Needs((), (LeftOut("texture", why),), most=0.0)
         still = frame.settled and self.weather.motion.still and not has_keys(self.weather.emission)
-        step = Step("texture", lambda: self._cost(frame, film, len(layers)), once=still)
         most = 1.0 - 1e-6
-        return Needs((step,), most=most, savings=(omission(step, most),))
+        cost = partial(self._cost, frame, film, len(layers))
+        return Needs((Step("texture", cost, still, most),), most=most)
 
     def alpha(self, frame: Frame, amount: float, way: Way) -> Array:
         """Return its opacity over the window, (h, w) float32."""

@@ -29,7 +29,7 @@ from flurries.effects.motion import Motion, Way
 from flurries.effects.passes import Other
 from flurries.effects.places import FADE_IN, SHOWN, SIZES, Listed, Places, list_flakes, place_flakes
 from flurries.effects.resolution import TUNED
-from flurries.frame.needs import Cost, LeftOut, Needs, Step, has_keys, omission
+from flurries.frame.needs import Cost, LeftOut, Needs, Step, has_keys
 from flurries.frame.view import Frame
 from flurries.motion.keys import Number, value_at
 from flurries.particles.crowd import Flurry, Lens
@@ -189,7 +189,6 @@ class Flakes:
             why = "there are none" if self.empty else "their opacity is 0"
             return Needs((), (LeftOut(self.name, why),), most=0.0)
         still = frame.settled and self.motion.still and 0.0 in self.sway and not has_keys(self)
-        step = Step("flakes", lambda: self._cost(frame, amount), once=still)
         most = 1.0
         if amount < FADE_IN:
             # Of rank r from 0 to 1 a flake shows by (amount - 0.9 r) / 0.1: the first, and the
@@ -198,7 +197,8 @@ class Flakes:
                 2.0 * FADE_IN * (1.0 - FADE_IN)
             )
             most = min(shown * opacity, 1.0)
-        return Needs((step,), most=most, savings=(omission(step, most),))
+        step = Step("flakes", lambda: self._cost(frame, amount), still, most)
+        return Needs((step,), most=most)
 
     def footprints(self, frame: Frame) -> tuple[float, float]:
         """Return how many flakes are drawn, and runs of pixels in their rows, on average."""

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from flurries._contract import Array, Float64
-from flurries.frame.costs import nanoseconds
+from flurries.frame.costs import milliseconds
 from flurries.frame.needs import Cost
 from flurries.spectral.operations import smooth, tile_work, tiles_touching
 from flurries.spectral.tiles import starts
@@ -146,9 +146,9 @@ def torus_for(
     """
     whole = (0, shape[0], 0, shape[1])
     torus = Tiling(shape, 0)
-    tiles = nanoseconds(operations(shape, whole, tiling, wavelengths))
-    one = nanoseconds(operations(shape, whole, torus, wavelengths))
-    said = f"by the cost model {1e-6 * tiles:.3g} ms in tiles, {1e-6 * one:.3g} ms as one torus"
+    tiles = milliseconds(operations(shape, whole, tiling, wavelengths))
+    one = milliseconds(operations(shape, whole, torus, wavelengths))
+    said = f"by the cost model {tiles:.3g} ms in tiles, {one:.3g} ms as one torus"
     if min(shape) < max(tiling.tile) or min(shape) < least:
         return None, "the frame is smaller than a tile"
     if not all(smooth(n) for n in shape):
@@ -184,11 +184,9 @@ def tiles_cost(
         size = f"{total - hidden} tiles of {height} px"
     else:
         size = f"{total - hidden} tiles of {width} x {height} px"
-    # The drift, the velocity and the like of every tile; the stripes' sums are the kernel's own.
-    grid = math.prod(tiles_touched(shape, (0, shape[0], 0, shape[1]), tiling))
     return Cost(
         work={name: passes * number for name, number in work.items()},
         size=size,
         kept=4 * pixels,
-        scratch=4 * 16 * grid + (8 * pixels if passes > 1 else 0),
+        scratch=8 * pixels if passes > 1 else 0,
     )

@@ -142,7 +142,6 @@ class Precipitation(Generic[_Back]):
             most=1.0 - clear,
             in_one_pass=asked[0].in_one_pass,
             by_rows=True,
-            savings=tuple(saving for needs in asked for saving in needs.savings),
         )
 
     @property

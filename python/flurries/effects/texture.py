@@ -15,7 +15,7 @@ from flurries.effects.motion import Way
 from flurries.effects.occlusion import before_scene
 from flurries.effects.passes import Other
 from flurries.effects.resolution import map_at, power_share
-from flurries.frame.needs import Cost, LeftOut, Needs, Step, has_keys, omission
+from flurries.frame.needs import Cost, LeftOut, Needs, Step, has_keys
 from flurries.frame.view import Frame
 from flurries.motion.keys import Number, value_at
 from flurries.spectral.contrast import TABLE_BYTES, kept_power
@@ -51,14 +51,9 @@ class Texture:
         if opacity == 0.0:
             return Needs((), (LeftOut("texture", "its opacity is 0"),), most=0.0)
         still = frame.settled and self.field.motion.still and not has_keys(self)
-        step = Step("texture", lambda: self._cost(frame), once=still)
         deep = frame.deep or frame.depth is not None
-        return Needs(
-            (step,),
-            most=opacity,
-            savings=(omission(step, opacity),),
-            in_one_pass=not (still or deep),
-        )
+        step = Step("texture", lambda: self._cost(frame), still, opacity)
+        return Needs((step,), most=opacity, in_one_pass=not (still or deep))
 
     def map(self, frame: Frame, amount: float, way: Way) -> Map:
         """Return mean, spread, power and amount of the map to opacity at the picture's size."""

@@ -13,9 +13,8 @@ from flurries.effects.cloud import Cloud
 from flurries.effects.color import color_at, is_local, reads_of
 from flurries.effects.filling import Filling
 from flurries.effects.lighting import Base, even_shade
-from flurries.frame.costs import nanoseconds
 from flurries.frame.layer import Layer
-from flurries.frame.needs import Cost, LeftOut, Needs, Saving, Step, has_keys
+from flurries.frame.needs import Cost, LeftOut, Needs, Step, has_keys
 from flurries.frame.tolerance import STEEPEST
 from flurries.frame.view import Frame
 from flurries.io.color import linear_to_srgb
@@ -84,21 +83,15 @@ class Vapor:
             thickness = self.filling.extinction(density) * cloud.through
             return cloud.cost(frame, thickness, lit=lit, error=error)
 
-        stop = Saving(
-            "error",
-            "particles behind what is opaque but for the error",
-            # Colors of lit gas are encoded straight: they err as much as opacity does at black.
-            1.0 + STEEPEST if lit else 1.0,
-            lambda error: nanoseconds(cost().work) - nanoseconds(cost(error).work),
-            setting=True,
-        )
+        # Colors of lit gas are encoded straight: they err as much as opacity does at black.
+        each = 1.0 + STEEPEST if lit else 1.0
+        spares = "particles behind what is opaque but for the error"
         return Needs(
-            (step(cost),),
+            (step(cost, error=each, spares=spares),),
             () if lit else (LeftOut(f"{self.name}: sort", "its particles have one color"),),
             reads_of(self.color),
             most=min(density * cloud.filled(frame)[1], 1.0),
             by_rows=True,
-            savings=(stop,),
             brightest=bright,
         )
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from flurries._contract import Array
 from flurries.frame.bands import area
-from flurries.frame.needs import Cost, LeftOut, Needs, Step, omission
+from flurries.frame.needs import Cost, LeftOut, Needs, Step
 from flurries.frame.standing import standing
 from flurries.frame.view import Frame
 from flurries.motion.keys import Number, value_at
@@ -56,8 +56,8 @@ def veil_needs(frame: Frame, haze: float, before: float) -> Needs:
     if not deep:
         return Needs((), most=haze)
     pixels = area(frame.window)
-    step = Step("veil", lambda: Cost({"veil pixel": pixels}, "", 4 * pixels, 8 * pixels))
-    return Needs((step,), most=most, savings=(omission(step, most),))
+    cost = Cost({"veil pixel": pixels}, "", 4 * pixels, 8 * pixels)
+    return Needs((Step("veil", lambda: cost, error=most),), most=most)
 
 
 def haze_before(depth: Array, haze: float, far: float) -> Array:

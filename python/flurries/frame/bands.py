@@ -28,11 +28,6 @@ def bands_of(window: Window) -> list[Window]:
     return [(max(cut, top), min(cut + rows, bottom), left, right) for cut in cuts]
 
 
-def most_bands(shape: tuple[int, int]) -> int:
-    """Return how many bands a frame has, and no window of it more."""
-    return len(bands_of(whole(shape))) + 1
-
-
 def whole(shape: tuple[int, int]) -> Window:
     """Return the window of a whole frame of (H, W)."""
     return 0, shape[0], 0, shape[1]

@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
-from flurries.frame.costs import nanoseconds
 from flurries.frame.effect import renderer_of
 from flurries.frame.visible import Visible
 from flurries.motion.keys import Keys
@@ -50,22 +49,18 @@ class Cost:
 
 @dataclass(frozen=True)
 class Step:
-    """A part of an effect's work that can be left out or kept."""
+    """A part of an effect's work that can be left out, kept, or done less exactly."""
 
     name: str  # What the trace calls it.
-    cost: Callable[[], Cost] = Cost  # Asked for by plans and tolerances, else never by rendering.
+    # Asked for by plans and tolerances, else never by rendering. One that may err is given by how
+    # much, or nothing.
+    cost: Callable[..., Cost] = Cost
     once: bool = False  # Whether all frames have the same, for a camera and depth that stand still.
-
-
-@dataclass(frozen=True)
-class Saving:
-    """Something that an effect can do without, or less exactly, and the error that it makes."""
-
-    name: str  # Of the step that is left out, or of the setting in `Run.settings`.
-    what: str  # For people.
-    error: float  # Of an opacity at most without the step; of a setting, for each unit of it.
-    saved: Callable[[float], float]  # The nanoseconds that an error saves by the cost model.
-    setting: bool = False
+    # The most that an opacity is off without it; None where a tolerance must not leave it out.
+    error: float | None = None
+    # What a tolerance saves if the step may err by `Run.error`, for people. Such a step is not left
+    # out, and `error` is for each unit of `Run.error`.
+    spares: str = ""
 
 
 @dataclass(frozen=True)
@@ -85,7 +80,6 @@ class Needs:
     # Whether the needs differ over time although nothing of the effect is keyed, such as for a
     # cloud that the camera passes.
     varies: bool = False
-    savings: tuple[Saving, ...] = ()  # What a tolerance may spend, beside the effect as a whole.
     brightest: float = 1.0  # The largest of the colors' values, at least 1.
 
     def without(self, names: frozenset[str]) -> Needs:
@@ -95,11 +89,6 @@ class Needs:
         left = tuple(step for step in self.steps if step.name not in names)
         one_pass = self.in_one_pass and bool(left) and left[0].name == "texture"
         return replace(self, steps=left, in_one_pass=one_pass)
-
-
-def omission(step: Step, error: float) -> Saving:
-    """Return the saving of leaving out a step."""
-    return Saving(step.name, f"no {step.name}", error, lambda _: nanoseconds(step.cost().work))
 
 
 def needs_of(effect: Any, frame: Frame) -> Needs:
@@ -131,24 +120,23 @@ def has_keys(value: Any, depth: int = 3) -> bool:
 
 
 class Kept:
-    """Results that are the same in every frame, of which each has so many bands; the last few."""
+    """Results that are the same in every frame: the last few."""
 
-    def __init__(self, bands: int = 1) -> None:
+    def __init__(self, most: int) -> None:
         self._made: dict[Any, Any] = {}
-        self._most = 4 * bands
+        self._most = most
 
-    def get(self, key: Any) -> Any:
-        """Return what was made for a key, or None."""
-        return self._made.get(key)
-
-    def put(self, key: Any, made: Any) -> None:
-        """Keep a result; what is shared is read-only."""
-        for part in (made, getattr(made, "alpha", None), getattr(made, "rgb", None)):
-            if isinstance(part, np.ndarray):
-                part.flags.writeable = False
-        # A new dictionary each time: other threads may be reading the old one.
-        rest = list(self._made.items())[-(self._most - 1) :]
-        self._made = {**dict(rest), key: made}
+    def once(self, key: Any, make: Callable[[], _Made]) -> _Made:
+        """Return what was made for a key, now or before; it is shared, and so read-only."""
+        if (found := self._made.get(key)) is None:
+            found = make()
+            for part in (found, getattr(found, "alpha", None), getattr(found, "rgb", None)):
+                if isinstance(part, np.ndarray):
+                    part.flags.writeable = False
+            # A new dictionary each time: other threads may be reading the old one.
+            rest = list(self._made.items())[1 - self._most :]
+            self._made = {**dict(rest), key: found}
+        return found
 
 
 @dataclass(frozen=True)
@@ -160,7 +148,7 @@ class Run:
     kept: Kept | None = None
     key: Any = None
     visible: Visible | None = None  # Where anything of the effect can be seen; None is everywhere.
-    settings: Mapping[str, float] = field(default_factory=dict)  # What a tolerance allows.
+    error: float = 0.0  # By how much a step may err that says so.
 
     def keeps(self, name: str) -> bool:
         """Whether the step is made once for all frames."""
@@ -169,14 +157,12 @@ class Run:
 
     def __call__(self, name: str, make: Callable[[], _Made]) -> _Made | None:
         """Return what the step makes, or None where it is left out."""
-        step = self.steps.get(name)
-        if step is None:
+        if name not in self.steps:
             return None
+
+        def run() -> _Made:
+            with stage(name):
+                return make()
+
         kept = self.kept if self.keeps(name) else None
-        if kept is not None and (found := kept.get((self.key, name))) is not None:
-            return found  # type: ignore[no-any-return]
-        with stage(name):
-            made = make()
-        if kept is not None:
-            kept.put((self.key, name), made)
-        return made
+        return run() if kept is None else kept.once((self.key, name), run)

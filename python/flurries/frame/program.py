@@ -19,7 +19,7 @@ from flurries._threads import reproducible
 from flurries.camera.lens import Camera
 from flurries.camera.optics import Lens
 from flurries.camera.path import CameraPath
-from flurries.frame.bands import most_bands, whole
+from flurries.frame.bands import bands_of, whole
 from flurries.frame.effect import renderer_of
 from flurries.frame.lap import Lap
 from flurries.frame.matte import Deep, Front
@@ -137,7 +137,7 @@ class Program:
         self.settled = self.path.still and fixed
         self.deep = self.distance is not None or (self.mattes is not None and self.mattes.deep)
         self.settled = self.settled and not (has_keys(self.lens) or has_keys(self.lights))
-        self._kept = Kept(most_bands(self.shape))
+        self._kept = Kept(4 * len(bands_of(whole(self.shape))) + 4)
         self._visible: tuple[Front | None, dict[float, Visible | None]] = (None, {})
         self._light: Light | None = None
         self._choices: dict[Any, Choice] = {}
@@ -204,7 +204,7 @@ class Program:
         base = self.frame(t, camera, window)
         runs = []
         for part, needs in self._parts_in(base, dtype):
-            rest = needs.without(choice.without.get(part.place, frozenset()))
+            rest = needs.without(choice.gone(part.place))
             if rest.steps:
                 runs.append((part, rest))
         reads = frozenset[str]().union(*(needs.reads for _, needs in runs)) if read else ()
@@ -216,12 +216,10 @@ class Program:
         plate = self._plate(t) if "plate" in reads else None
         found = []
         for part, needs in runs:
-            settings = choice.settings.get(part.place, {})
-            key = (
-                part.place, camera, window, dtype is None, reproducible(), *settings.values(),
-            )  # fmt: skip
+            error = dict(choice.errors).get(part.place, 0.0)
+            key = (part.place, camera, window, dtype is None, reproducible(), error)
             kept = self._kept if self.settled else None
-            run = Run({step.name: step for step in needs.steps}, kept, key, visible, settings)
+            run = Run({step.name: step for step in needs.steps}, kept, key, visible, error)
             frame = base.derive(
                 seed=part.seed,
                 run=run,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import base64
 import html
 import io
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 
@@ -49,11 +49,13 @@ def figure(picture: Array) -> str:
     return f"<img style='max-width:100%' src='data:image/jpeg;base64,{data}'>"
 
 
-def listing(rows: Iterable[tuple[str, str]]) -> str:
-    """Return names and what they stand for as a table of HTML."""
-    cells = "".join(
-        f"<tr><td style='padding:2px 10px'><b>{html.escape(name)}</b></td>"
-        f"<td style='padding:2px 10px;text-align:left'>{html.escape(text)}</td></tr>"
-        for name, text in rows
+def listing(rows: Iterable[Sequence[str]]) -> str:
+    """Return rows of text, with what they are about first, as a table of HTML."""
+    cell = "<td style='padding:2px 10px;text-align:left'>"
+    lines = (
+        f"<tr>{cell}<b>{html.escape(row[0])}</b></td>"
+        + "".join(f"{cell}{html.escape(text)}</td>" for text in row[1:])
+        + "</tr>"
+        for row in rows
     )
-    return f"<table>{cells}</table>"
+    return f"<table>{''.join(lines)}</table>"
