@@ -114,18 +114,6 @@ def _fields(effect):
             if f.name != "count"}  # fmt: skip
 
 
-def test_a_frame_is_pure_and_a_region_has_its_bits(threads):
-    plate = np.random.default_rng(1).integers(0, 255, (90, 130, 3)).astype(np.uint8)
-    effect = fl.Mist.preset("valley", wind=(1.0, 0.2, 0.5), top=2.0)
-    shown = fl.Scene(None, plate, effects=[effect], sun=fl.Sun(), depth=70.0)
-    want = shown.render(17)
-    shown.render(3)
-    np.testing.assert_array_equal(shown.render(17, region=np.s_[10:40, 50:90]), want[10:40, 50:90])
-    for count in (1, 2):
-        threads(count)
-        np.testing.assert_array_equal(shown.render(17), want)
-
-
 def test_the_side_to_the_sun_is_bright_by_the_gas_before_it():
     """Of a cloud in a slice of its own: all of its light against the way to the sun, summed."""
     sides, center = (20.0, 12.0, 16.0), (0.0, 0.0, 60.0)

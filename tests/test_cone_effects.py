@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import pickle
 from dataclasses import replace
 
 import numpy as np
@@ -38,28 +37,6 @@ def frame_of(shown, t):
     path = shown.camera
     return Frame(shape=shown.shape, window=(0, height, 0, width), t=t, fps=shown.fps,
                  camera=path.pose(path.camera, t), path=path, seed=shown.seed)  # fmt: skip
-
-
-@pytest.mark.parametrize("effect", EFFECTS, ids=["rain", "snow"])
-@pytest.mark.parametrize("camera", [None, FLYING, TURNING], ids=["still", "flying", "turning"])
-def test_a_frame_alone_is_a_frame_in_sequence(effect, camera):
-    shown = scene(effect, camera=camera)
-    times = [0, 1, 2, 2.5, 19, 20, 21, 50, -3]
-    forward = [shown.render(t) for t in times]
-    assert len({frame.tobytes() for frame in forward}) == len(times)
-    for i in np.random.default_rng(0).permutation(len(times)):
-        assert shown.render(times[i]).tobytes() == forward[i].tobytes()
-    # Another scene of the same content, and one that comes from another process.
-    again = pickle.loads(pickle.dumps(scene(effect, camera=camera)))
-    for t, frame in zip(times, forward, strict=True):
-        assert again.render(t).tobytes() == frame.tobytes()
-
-
-@pytest.mark.parametrize("effect", EFFECTS, ids=["rain", "snow"])
-def test_what_is_kept_changes_no_bit(effect):
-    shown = scene(effect)
-    kept = [shown.render(t).tobytes() for t in (5, 5, 5, 6, 6)]
-    assert kept[0] == kept[1] == kept[2] and kept[3] == kept[4] != kept[0]
 
 
 @pytest.mark.parametrize("effect", EFFECTS, ids=["rain", "snow"])
@@ -102,15 +79,6 @@ def test_a_keyed_shutter(effect, camera, tmp_path):
     again = fl.Scene.load(tmp_path / "scene.toml")
     assert again.effects == shown.effects
     assert again.render(19).tobytes() == shown.render(19).tobytes()
-
-
-@pytest.mark.parametrize("effect", EFFECTS, ids=["rain", "snow"])
-@pytest.mark.parametrize("camera", [None, FLYING], ids=["still", "flying"])
-def test_a_part_has_the_bits_of_the_whole(effect, camera):
-    shown = scene(effect, camera=camera)
-    whole = shown.render(21)
-    part = shown.render(21, region=np.s_[33:80, 17:90])
-    np.testing.assert_array_equal(part, whole[33:80, 17:90])
 
 
 def test_the_cone_moves_as_the_flakes_do():

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -122,14 +121,6 @@ def test_a_larger_picture_keeps_its_tiles():
     large = DEPTH((90, 140), SPECTRA, drift=[(1, 2), (3, 4)], seed=3, shear=0.382)
     # Up to the first tile that the small one lacks.
     assert np.array_equal(small[:54, :54], large[:54, :54])
-
-
-def test_bits_do_not_depend_on_threads(threads: Callable[[int], None]):
-    found = []
-    for count in (1, 2, 3, 7):
-        threads(count)
-        found.append(DEPTH(SHAPE, SPECTRA, **GIVEN, velocity=DRIFT, shutter=0.1))
-    assert all(np.array_equal(found[0], other) for other in found[1:])
 
 
 def test_out_is_filled_and_returned():

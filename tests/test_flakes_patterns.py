@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -124,14 +123,6 @@ def test_precisions_agree():
     law = {"counts": [50], "diameters": [[0.5, 2]], "shear": 0.382, "seed": 1}
     wide = MAKE(33, **law, dtype=np.complex128)
     assert np.array_equal(MAKE(33, **law), wide.astype(np.complex64))
-
-
-def test_threads_do_not_change_bits(threads: Callable[[int], None]):
-    law = {"counts": [50, 9], "diameters": [[0.5, 2], [1, 3]], "shear": 0.382, "seed": 1}
-    threads(1)
-    one = MAKE(33, **law)
-    threads(3)
-    assert np.array_equal(one, MAKE(33, **law))
 
 
 def test_fewer_flakes_are_among_more():

@@ -93,16 +93,6 @@ def test_what_stands_in_the_gas_cuts_it_as_ever(footprint, occlusion):
     assert error < 0.5 / 255 and np.abs(1.0 - free - alpha).max() > 0.2
 
 
-def test_bits_do_not_depend_on_the_threads(threads):
-    rng = np.random.default_rng(7)
-    centers = rng.uniform(-2.5, 2.5, (400, 3))
-    results = []
-    for count in (1, 2):
-        threads(count)
-        results.append(fl.gas.alpha(SHAPE, centers, 0.4, 0.4, CAMERA, smooth=SMOOTH))
-    np.testing.assert_array_equal(*results)
-
-
 def test_no_seam_between_tiles():
     """Second differences across the border of tiles are as small as beside it."""
     rng = np.random.default_rng(8)

@@ -148,22 +148,6 @@ def test_jpeg_and_hdr_are_near(tmp_path, shape):
     assert found.pixels.max() > 10
 
 
-@pytest.mark.parametrize("layout", ["reversed", "fortran", "strided", "big-endian", "read-only"])
-@pytest.mark.parametrize("name", ["a.exr", "a.png"])
-def test_any_layout_in_memory(tmp_path, layout, name):
-    pixels = noise((20, 30, 4)) if name == "a.exr" else levels((20, 30, 4), np.uint16)
-    given = {
-        "reversed": pixels[::-1].copy()[::-1],
-        "fortran": np.asfortranarray(pixels),
-        "strided": np.repeat(pixels, 2, axis=1)[:, ::2],
-        "big-endian": pixels.astype(pixels.dtype.newbyteorder(">")),
-        "read-only": np.broadcast_to(pixels, pixels.shape),
-    }[layout]
-    write_picture(tmp_path / name, given, half=False)
-    write_picture(tmp_path / f"c{name}", pixels, half=False)
-    assert (tmp_path / name).read_bytes() == (tmp_path / f"c{name}").read_bytes()
-
-
 def test_float64_and_float16(tmp_path):
     exact = noise((9, 9, 3)).astype(np.float64) / 3
     exact[0, 0] = [1e300, -1e300, np.inf]
@@ -322,24 +306,6 @@ def test_metadata_come_back(tmp_path):
     assert spec.get_string_attribute("flurries:seed") == str(-(2**63))
     write_picture(tmp_path / "b.exr", np.zeros((4, 4, 3)))
     assert read_header(tmp_path / "b.exr").metadata == {}
-
-
-def test_bad_metadata_are_refused(tmp_path):
-    for metadata, error in [
-        ({"a b": 1}, ValueError),
-        ({"": 1}, ValueError),
-        ({"x" * 61: 1}, ValueError),
-        ({"a": None}, TypeError),
-        ({"a": b"x"}, TypeError),
-        ({1: "a"}, TypeError),
-        ({"a": "x\0y"}, ValueError),
-        ({"DateTime": "yesterday"}, ValueError),
-    ]:
-        with pytest.raises(error, match="metadata"):
-            write_picture(tmp_path / "a.exr", np.zeros((4, 4)), metadata=metadata)
-    with pytest.raises(ValueError, match="do not fit"):
-        write_picture(tmp_path / "a.jpg", np.zeros((4, 4)), metadata={"scene": "x" * 70_000})
-    assert not any(tmp_path.iterdir())
 
 
 @pytest.mark.parametrize("name", ["a.exr", "a.png", "a.tif", "a.jpg", "a.hdr"])
@@ -591,60 +557,24 @@ def test_layers_come_back(tmp_path):
         assert same_bits(read_layers(tmp_path / "b.exr")[name], layer)
 
 
-def test_bad_layers_are_refused(tmp_path):
-    good = np.zeros((4, 5, 3), np.float32)
-    for layers, error in [
-        ({}, ValueError),
-        ({"a": good, "b": good[:3]}, ValueError),
-        ({"a": np.zeros((4, 5, 5), np.float32)}, ValueError),
-        ({"a": np.zeros((4, 0), np.float32)}, ValueError),
-        ({"a": good.astype(np.uint8)}, TypeError),
-        ({"a b": good}, ValueError),
-        ({"": good}, ValueError),
-        ({".a": good}, ValueError),
-        ({"a..b": good}, ValueError),
-    ]:
-        with pytest.raises(error, match="layer"):
-            write_layers(tmp_path / "a.exr", layers)
-    with pytest.raises(ValueError, match=r"only \.exr"):
-        write_layers(tmp_path / "a.png", {"rgba": good})
-    assert not any(tmp_path.iterdir())
-
-
 # Refusals
 
 
-def test_bad_arguments_are_refused(tmp_path):
-    good = np.zeros((4, 5, 3), np.uint8)
-    path = tmp_path / "a.png"
-    for error, match, arguments, options in [
-        (ValueError, r"\.exr, \.hdr, .*not as '\.xyz'", ("a.xyz", good), {}),
-        (ValueError, r"not as ''", ("a", good), {}),
-        (TypeError, "pixels must be uint8", (path, good.astype(np.int32)), {}),
-        (TypeError, "pixels must be uint8", (path, good > 0), {}),
-        (TypeError, "pixels must be uint8", (path, [[1, 2], [3, 4]]), {}),
-        (ValueError, "pixels must be", (path, good[..., :2]), {}),
-        (ValueError, "pixels must be", (path, good[0, 0]), {}),
-        (ValueError, "pixels must be", (path, good[:0]), {}),
-        (ValueError, "pixels must be", (path, np.zeros((2, 2, 2, 2))), {}),
-        (ValueError, "alpha must be", (path, good), {"alpha": np.zeros((5, 4))}),
-        (
-            ValueError,
-            "alpha must be left out",
-            (path, np.zeros((4, 5, 4))),
-            {"alpha": good[..., 0]},
-        ),
-        (TypeError, "alpha must be", (path, good), {"alpha": good[..., 0] > 0}),
-        (ValueError, "encoding must be", (path, good), {"encoding": "sRGB"}),
-        (ValueError, "bits must be", (path, good), {"bits": 12}),
-        (ValueError, "bits must be 8 for jpeg", (tmp_path / "a.jpg", good), {"bits": 16}),
-        (ValueError, "quality must be", (path, good), {"quality": 101}),
-        (ValueError, "compression must be", (path, good), {"compression": "htj2k"}),
-        (ValueError, "holds no alpha", (tmp_path / "a.jpg", np.zeros((4, 5, 4))), {}),
-        (ValueError, "holds no alpha", (tmp_path / "a.hdr", np.zeros((4, 5, 4))), {}),
+def test_what_a_format_cannot_hold_is_refused(tmp_path):
+    good, four = np.zeros((4, 5, 3), np.uint8), np.zeros((4, 5, 4))
+    for name, pixels, match, options in [
+        ("a.xyz", good, r"\.exr, \.hdr, .*not as '\.xyz'", {}),
+        ("a", good, "not as ''", {}),
+        ("a.jpg", good, "bits must be 8 for jpeg", {"bits": 16}),
+        ("a.jpg", four, "holds no alpha", {}),
+        ("a.hdr", four, "holds no alpha", {}),
+        ("a.png", four, "alpha must be left out", {"alpha": good[..., 0]}),
+        ("a.jpg", good, "do not fit", {"metadata": {"scene": "x" * 70_000}}),
     ]:
-        with pytest.raises(error, match=match):
-            write_picture(*arguments, **options)
+        with pytest.raises(ValueError, match=match):
+            write_picture(tmp_path / name, pixels, **options)
+    with pytest.raises(ValueError, match=r"only \.exr"):
+        write_layers(tmp_path / "a.png", {"rgba": four})
     assert not any(tmp_path.iterdir())
 
 
@@ -751,30 +681,6 @@ def test_without_the_guards_half_a_jpeg_is_half_grey(tmp_path):
     assert np.ptp(found[-8:], axis=(0, 1)).max() == 0
     with pytest.raises(OSError, match="Premature end"):
         read_picture(tmp_path / "a.jpg")
-
-
-def test_changed_bytes_give_an_error_or_a_full_picture(tmp_path):
-    random = np.random.default_rng(11)
-    for path in specimens(tmp_path):
-        data, errors = path.read_bytes(), 0
-        changed = path.with_stem("changed")
-        # Half of the changes where formats keep what they say about themselves.
-        places = [*random.integers(0, 300, 15), *random.integers(0, len(data), 15)]
-        for place in places:
-            bad = bytearray(data)
-            bad[place] ^= 1 << int(random.integers(8))
-            changed.write_bytes(bad)
-            try:
-                picture = read_picture(changed)
-                read_header(changed)
-                assert picture.pixels.shape == (*picture.size[::-1], 3)
-            except (OSError, ValueError) as error:
-                assert changed.name in str(error)
-                errors += 1
-        changed.unlink()
-        if path.suffix == ".png":
-            # PNG carries checksums: nothing but the comments may change unnoticed.
-            assert errors >= 24, path.name
 
 
 def test_errors_do_not_spill_over_to_the_next_picture(tmp_path):
@@ -897,24 +803,6 @@ def test_fit_mixes_no_color_from_where_there_is_nothing():
     assert fitted[seen][:, 0].min() >= 254
 
 
-def test_fit_refuses_what_it_does_not_know():
-    good = np.zeros((4, 5, 3), np.uint8)
-    for error, match, arguments in [
-        (TypeError, "pixels must be", (good.astype(int), (2, 2))),
-        (ValueError, "pixels must be", (good[..., :2], (2, 2))),
-        (ValueError, "pixels must be", (good[:0], (2, 2))),
-        (ValueError, "size must be", (good, (0, 2))),
-        (ValueError, "size must be", (good, (2, 2, 2))),
-        (ValueError, "size must be", (good, (2, 10**6))),
-        (TypeError, "size must be", (good, (2.0, 2))),
-        (ValueError, "how must be", (good, (2, 2), "fill")),
-    ]:
-        with pytest.raises(error, match=match):
-            fit(*arguments)
-    with pytest.raises(ValueError, match="encoding must be"):
-        fit(good, (2, 2), encoding="gamma")
-
-
 # Processes
 
 
@@ -973,8 +861,3 @@ def test_forked_children_read_and_write(tmp_path):
     assert [os.waitpid(child, 0)[1] for child in children] == [0] * 10
     made = {hashlib.sha256(path.read_bytes()).digest() for path in tmp_path.iterdir()}
     assert len(made) == 1
-
-
-def test_importing_costs_neither_library():
-    code = "import sys, flurries.io; print(*({'av', 'OpenImageIO', 'PIL'} & set(sys.modules)))"
-    assert run(code) == ""

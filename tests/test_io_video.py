@@ -194,26 +194,6 @@ def test_frame_rates_reach_the_file(tmp_path):
 # What is refused, and what is left behind
 
 
-def test_bad_arguments_are_refused(tmp_path):
-    path = tmp_path / "a.mp4"
-    for error, match, arguments, options in [
-        (ValueError, r"\.mp4, \.mov, \.webm, \.mkv, not '\.avi'", ("a.avi", (8, 8), 24), {}),
-        (ValueError, "not ''", ("a", (8, 8), 24), {}),
-        (ValueError, "size must be", (path, (0, 8), 24), {}),
-        (ValueError, "size must be", (path, (8,), 24), {}),
-        (ValueError, "size must be", (path, (8.0, 8), 24), {}),
-        (ValueError, "size must be", (path, (8, 20_000), 24), {}),
-        (ValueError, "fps must be", (path, (8, 8), 0), {}),
-        (ValueError, "fps must be", (path, (8, 8), float("nan")), {}),
-        (ValueError, "fps must be", (path, (8, 8), 1e9), {}),
-        (TypeError, "fps must be", (path, (8, 8), "24"), {}),
-        (ValueError, "quality must be", (path, (8, 8), 24), {"quality": "best"}),
-    ]:
-        with pytest.raises(error, match=match):
-            VideoWriter(*arguments, **options)
-    assert not any(tmp_path.iterdir())
-
-
 @pytest.mark.parametrize("extension", ["mp4", "webm", "mkv"])
 def test_an_exception_leaves_the_old_video(tmp_path, extension):
     path = tmp_path / f"a.{extension}"
@@ -239,6 +219,8 @@ def test_an_exception_leaves_the_old_video(tmp_path, extension):
 
 def test_a_video_needs_a_frame_and_a_block(tmp_path):
     path = tmp_path / "a.mp4"
+    with pytest.raises(ValueError, match=r"\.mp4, \.mov, \.webm, \.mkv, not '\.avi'"):
+        VideoWriter(tmp_path / "a.avi", (8, 8), 24)
     with (
         pytest.raises(ValueError, match=r"a\.mp4: .*at least one frame"),
         VideoWriter(path, (8, 8), 24),
@@ -262,26 +244,6 @@ def test_odd_targets_are_refused(tmp_path):
         with pytest.raises(OSError, match=name), VideoWriter(tmp_path / name, (8, 8), 24):
             pass
     assert len(list(tmp_path.iterdir())) == 2
-
-
-def test_a_full_disk_is_an_error_and_leaves_the_old_video(tmp_path):
-    path = write(tmp_path / "a.mkv", film(2))
-    before = digest(path)
-    child = os.fork()
-    if child == 0:
-        import resource
-
-        resource.setrlimit(resource.RLIMIT_FSIZE, (20_000, resource.RLIM_INFINITY))
-        code = 1
-        try:
-            write(path, film(20))
-        except OSError as error:
-            code = 0 if "a.mkv" in str(error) else 2
-        finally:
-            os._exit(code)
-    assert os.waitpid(child, 0)[1] == 0
-    assert digest(path) == before
-    assert only(path)
 
 
 def test_a_video_that_lacks_frames_is_not_kept(tmp_path, monkeypatch):
@@ -482,31 +444,6 @@ def test_without_the_guard_half_a_webm_is_a_shorter_film(tmp_path):
         assert 0 < sum(1 for _ in container.decode(video=0)) < 12
     with pytest.raises(OSError, match="cut short"):
         check_structure(path)
-
-
-@pytest.mark.parametrize("extension", ["mp4", "webm", "mkv", "avi"])
-def test_changed_bytes_give_an_error_or_full_frames(tmp_path, extension):
-    path = tmp_path / f"a.{extension}"
-    if extension == "avi":
-        encode(path, "mpeg4", film(12))
-    else:
-        write(path, film(12))
-    data, random = path.read_bytes(), np.random.default_rng(3)
-    changed = tmp_path / f"changed.{extension}"
-    for place in [*random.integers(0, 400, 8), *random.integers(0, len(data), 8)]:
-        bad = bytearray(data)
-        bad[place] ^= 1 << int(random.integers(8))
-        changed.write_bytes(bad)
-        try:
-            source = open_background(changed)
-        except (OSError, ValueError) as error:
-            assert changed.name in str(error)
-            continue
-        for number in range(source.count):
-            try:
-                assert source.frame(number).pixels.shape == (*source.size[::-1], 3)
-            except OSError as error:
-                assert changed.name in str(error)
 
 
 def test_damage_in_h264_is_told_for_the_same_frames_in_any_order(tmp_path):

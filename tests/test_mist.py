@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import pickle
 from dataclasses import replace
 from typing import Any
 
@@ -39,19 +38,6 @@ def test_presets_have_the_papers_numbers(name):
     alpha = cover(scene(effect))
     # One draw of it. The view goes through 4.4 units of it or so, and its far end fades.
     assert abs(-math.log(1 - alpha.mean()) / (beta * 4.2) - 1) < 0.4
-
-
-def test_a_frame_is_pure_and_a_region_has_its_bits(threads):
-    shown = scene(fl.Mist.preset("fog", wind=(0.5, 0.1, -0.2)), depth=4.0, sun=fl.Sun())
-    want = shown.render(17)
-    shown.render(3)
-    part = shown.render(17, region=np.s_[10:40, 50:90])
-    np.testing.assert_array_equal(part, want[10:40, 50:90])
-    for count in (1, 3):
-        threads(count)
-        np.testing.assert_array_equal(shown.render(17), want)
-    again = pickle.loads(pickle.dumps(shown))
-    np.testing.assert_array_equal(again.render(17), want)
 
 
 def test_visibility_is_what_one_sees():

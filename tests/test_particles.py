@@ -105,18 +105,6 @@ def test_the_offset_stays_in_the_half_open_box(seed, box, rate, time):
     assert (points < box / 2).all()
 
 
-def test_a_flake_that_stands_on_a_wall_is_on_the_lower_one():
-    # Brought to the wall exactly, flake by flake, from both sides.
-    box = 4.0
-    start = particles.positions(200, box, seed=5, **STILL)
-    for wall in (-2.0, 2.0):
-        velocity = wall - start
-        points = particles.positions(200, box, seed=5, velocity=velocity, time=1.0)
-        assert (points >= -2.0).all()
-        assert (points < 2.0).all()
-        assert (points == -2.0).any()
-
-
 def test_seeds_and_axes_differ():
     a = particles.positions(100, 2.0, seed=0, **STILL)
     b = particles.positions(100, 2.0, seed=-1, **STILL)

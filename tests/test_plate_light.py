@@ -132,19 +132,6 @@ def test_bytes_round_as_the_formula():
     assert encode_bytes(odd).tolist() == [0, 255, 0]
 
 
-def test_a_region_a_layer_and_a_band_have_the_whole_s_bits():
-    byte = np.rint(255.0 * picture()).astype(np.uint8)
-    film = scene(byte, fl.Snow.preset("heavy", color="local", haze=0.1), depth=30.0)
-    whole = film.render(11)
-    part = film.render(11, region=np.s_[60:150, 30:200])
-    assert np.array_equal(part, whole[60:150, 30:200])
-    assert np.array_equal(film.render(11, layers=True).image, whole)
-    large = np.rint(255.0 * np.kron(picture(), np.ones((5, 5, 1)))).astype(np.uint8)
-    banded = scene(large, fl.Snow.preset("light", color="local"))
-    part = banded.render(2, region=np.s_[500:700, 300:600])
-    assert np.array_equal(part, banded.render(2)[500:700, 300:600])
-
-
 def test_nothing_of_it_where_it_is_not_asked_for():
     byte = np.rint(255.0 * picture()).astype(np.uint8)
     plain = scene(byte, fl.Snow(color=0.9))

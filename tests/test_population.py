@@ -266,24 +266,6 @@ def test_snow_that_stops_falls_on_and_leaves_from_the_top():
     assert top < 0.8 * bottom
 
 
-def test_a_window_and_a_second_thread_have_the_bits_of_the_whole():
-    camera = fl.CameraPath(fl.Camera(240.0), velocity=(0.3, 0.0, 2.0))
-    for scene in (
-        _scene("hybrid"),
-        _scene("hybrid", camera=camera),
-        _scene("hybrid", wind=(8, 0, 0)),
-    ):
-        whole = scene.render(7.5)
-        part = scene.render(7.5, region=np.s_[40:90, 30:150])
-        assert np.array_equal(part, whole[40:90, 30:150])
-        before = fl.threads()
-        try:
-            fl.set_threads(1)
-            assert np.array_equal(scene.render(7.5), whole)
-        finally:
-            fl.set_threads(before)
-
-
 def test_eyes_see_flakes_by_their_depth():
     left, right = _scene("hybrid", density=200.0).stereo(3.0, distance=0.06)
     assert not np.array_equal(left, right)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
@@ -154,51 +153,6 @@ def test_a_video_holds_the_frames(ending: str, tmp_path: Path):
         assert away < 0.3 * other, "and of no other frame"
 
 
-@pytest.mark.parametrize("ending", ["png", "tif", "jpg", "exr"])
-def test_again_makes_only_what_is_missing(ending: str, scene: fl.Scene, tmp_path: Path):
-    pattern = tmp_path / f"%04d.{ending}"
-    scene.write(pattern, "1-4")
-    first = contents(tmp_path)
-    stamps = {p: p.stat().st_mtime_ns for p in tmp_path.glob("*." + ending)}
-    again = scene.replace().write(pattern, "1-4")
-    assert (again.written, again.kept) == ([], [1, 2, 3, 4])
-    assert {p: p.stat().st_mtime_ns for p in tmp_path.glob("*." + ending)} == stamps
-    (tmp_path / f"0002.{ending}").unlink()
-    more = scene.write(pattern, "1-5")
-    assert (more.written, more.kept) == ([2, 5], [1, 3, 4])
-    assert {n: v for n, v in contents(tmp_path).items() if "5" not in n} == first
-
-
-@pytest.mark.parametrize(
-    "change", [{"seed": 1}, {"effects": [Snow.preset("light")]}, {"space": "linear"}, {"fps": 25.0}]
-)
-def test_another_scene_is_never_mixed_in(change: Any, scene: fl.Scene, tmp_path: Path):
-    pattern = tmp_path / "%04d.png"
-    scene.write(pattern, "1-3")
-    (tmp_path / "0001.png").unlink()
-    before = contents(tmp_path)
-    with pytest.raises(ValueError, match=r"0002\.png is there already"):
-        scene.replace(**change).write(pattern, "1-3")
-    assert contents(tmp_path) == before
-    done = scene.replace(**change).write(pattern, "1-3", overwrite=True)
-    assert done.written == [1, 2, 3]
-    assert scene.replace(**change).write(pattern, "1-3").kept == [1, 2, 3]
-
-
-@pytest.mark.parametrize("ending", ["png", "exr", "jpg", "tif"])
-def test_a_damaged_frame_is_not_taken_for_done(ending: str, scene: fl.Scene, tmp_path: Path):
-    scene.write(tmp_path / f"%04d.{ending}", "1-2")
-    target = tmp_path / f"0002.{ending}"
-    whole = target.read_bytes()
-    target.write_bytes(whole[: len(whole) // 2])
-    try:
-        done = scene.write(tmp_path / f"%04d.{ending}", "1-2")
-    except (ValueError, OSError) as error:
-        assert target.name in str(error)  # refused by name, or made again: both are honest
-    else:
-        assert done.written == [2] and target.read_bytes() == whole
-
-
 @pytest.mark.parametrize("kind", ["photograph", "other frame", "half", "layers"])
 def test_what_is_in_the_way_stays(kind: str, bright: fl.Scene, tmp_path: Path):
     target = tmp_path / "0002.exr"
@@ -246,61 +200,6 @@ def test_frames_that_were_not_named(tmp_path: Path):
     still = Scene((8, 8), "#102030", fps=1.5)
     assert still.write(tmp_path / "still" / "%d.png").written == [1, 2, 3, 4, 5]  # 3 s and a bit
     assert still.write(tmp_path / "one.png").written == [1]
-
-
-@pytest.mark.parametrize(
-    ("frames", "want"),
-    [("7", [7]), ([3, 1, 3], [3, 1]), (range(2), [0, 1]), ("1-3,9", [1, 2, 3, 9])],
-    ids=str,
-)
-def test_ways_to_name_frames(frames: Any, want: list[int], tmp_path: Path):
-    seen: list[int] = []
-
-    def progress(numbers: Iterable[int]) -> Iterable[int]:
-        for number in numbers:
-            seen.append(number)
-            yield number
-
-    done = Scene((8, 8), "#102030").write(tmp_path / "%d.png", frames, progress=progress)
-    assert done.written == seen == want
-
-
-HOSTILE = ["", " ", ".png", "%d", "a", "a/", "%d%d.png", "%s.png", "%x.png", "%f.png", "%.png",
-           "%%.png", "%-4d.png", "%+d.png", "% d.png", "%4d.png", "%*d.png", "%99d.png",
-           "%099d.png", "%(x)d.png", "%n.png", "{0}%s.png", "%d/%d.png", "%d/a.png", "a%/b%d.png",
-           "a\n%d.png", "a\0%d.png", "%d\x7f.png", "..", ".", "%d.xyz", "%d.png.gz", "%d.toml",
-           "a.gif", "%d.mp4", "a%%.webm", "%d.", "..\\%d.png", "%1$d.png", "%d.exr/..",
-           "%013d.png", "%000d.png", "~%d.psd"]  # fmt: skip
-
-
-@pytest.mark.parametrize("pattern", HOSTILE, ids=ascii)
-def test_hostile_patterns(
-    pattern: str, scene: fl.Scene, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-):
-    (tmp_path / "in").mkdir()
-    monkeypatch.chdir(tmp_path / "in")
-    with pytest.raises((ValueError, OSError)) as caught:
-        scene.write(pattern, "1-2")
-    assert len(str(caught.value)) < 300
-    assert sorted(p.name for p in tmp_path.rglob("*")) == ["in"], "nothing was made"
-
-
-BAD: dict[str, tuple[str, dict[str, Any]]] = {
-    "no frames": ("frames", {"frames": []}), "negative": ("frames", {"frames": [-1]}),
-    "backwards": ("frames", {"frames": "5-1"}), "garbage": ("frames", {"frames": "x"}),
-    "a fraction": ("frames", {"frames": [1.5]}), "a bool": ("frames", {"frames": [True]}),
-    "half": ("half", {"half": 1}), "layers of PNG": ("layers", {"layers": True}),
-    "overwrite": ("overwrite", {"overwrite": "yes"}), "a number": ("frames", {"frames": 1.5}),
-    "too many": ("frames", {"frames": "0-99999999"}), "text": ("frames", {"frames": ["1"]}),
-}  # fmt: skip
-
-
-@pytest.mark.parametrize("name", BAD)
-def test_bad_options_name_themselves(name: str, scene: fl.Scene, tmp_path: Path):
-    argument, options = BAD[name]
-    with pytest.raises((TypeError, ValueError), match=argument):
-        scene.write(tmp_path / "a" / "%d.png", **{"frames": "1", **options})
-    assert not list(tmp_path.iterdir())
 
 
 @pytest.mark.parametrize("target", ["folder", "link", "file as a folder"])

@@ -129,14 +129,6 @@ def test_pixels_follow_edges_that_tiles_cannot():
 
 
 @pytest.mark.parametrize("mode", MODES)
-def test_a_region_has_the_bits_of_the_whole(mode: str):
-    depth = np.random.default_rng(3).uniform(1.0, 120.0, (H, W)).astype(np.float32)
-    snow = Snow.preset("heavy", depth_mode=mode, flakes=500)
-    part = np.s_[40:111, 30:177]
-    assert np.array_equal(alpha(snow, depth, region=part), alpha(snow, depth)[part])
-
-
-@pytest.mark.parametrize("mode", MODES)
 def test_blur_keeps_the_mean_before_a_wall_too(mode: str):
     fast = {"flakes": 0, "haze": 0.0, "mean": 0.05, "spread": 2.0, "wind": (4.0, 0.0, 0.0),
             "fall": 3.0, "depth_mode": mode}  # fmt: skip

@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 import json
 import os
-import signal
 import subprocess
 import sys
 import threading
@@ -128,30 +127,6 @@ def test_threads_claim_like_processes(tmp_path: Path):
     assert len(held) == 320 and not list(tmp_path.iterdir())
 
 
-# Two in the course of a run, and two beside another process; hundreds in tests/soak.
-@pytest.mark.parametrize("number", range(4))
-def test_killed_at_any_time_and_resumed(number: int, tmp_path: Path, whole: dict[str, bytes]):
-    (tmp_path / "out").mkdir()
-    after = int(np.random.default_rng(number).integers(0, 45))
-    running = [start(tmp_path, "1-60") for _ in range(1 + number % 2)]
-    end = time.monotonic() + 60
-    while len(list((tmp_path / "out").glob("*.png"))) < after and time.monotonic() < end:
-        time.sleep(0.001)
-    running[0].send_signal(signal.SIGKILL)
-    running[0].communicate()
-    left = contents(tmp_path / "out")
-    if len(running) == 1:
-        final = {n: data for n, data in left.items() if not n.startswith(".")}
-        assert all(whole[n] == data for n, data in final.items() if n != "flurries.json"), "partial"
-        assert len(final) < 60 or after > 40
-    for process in running[1:]:
-        # The other one makes all, also what the dead one was at.
-        assert process.communicate(timeout=60) and process.returncode == 0
-        assert contents(tmp_path / "out").items() >= whole.items() - {("flurries.json", b"")}
-    SCENE.write(tmp_path / "out" / "%04d.png", "1-60")
-    assert contents(tmp_path / "out") == whole, "same bits, nothing left over"
-
-
 def test_the_two_modes_are_never_mixed(tmp_path: Path):
     SCENE.write(tmp_path / "%d.png", "1-2")
     fl.set_reproducible(True)
@@ -270,11 +245,6 @@ def test_it_holds_the_last_good_frame(damaged: fl.Scene, tmp_path: Path):
     for number, plate in ((1, 0), (3, 2), (4, 4)):
         want = damaged.replace(background=np.roll(PLATE, plate, axis=1)).render(number)
         assert np.array_equal(read_picture(tmp_path / "out" / f"{number}.png").pixels, want)
-
-
-def test_a_policy_that_is_none(tmp_path: Path):
-    with pytest.raises(ValueError, match="damaged"):
-        SCENE.write(tmp_path / "%d.png", "1", damaged="ignore")
 
 
 # Sound -------------------------------------------------------------------------------------------

@@ -113,13 +113,3 @@ def test_a_vanishing_spread_is_a_threshold():
     # z/(2 spread) at z = 0 is 0 for any spread above 0, so the opacity there stays mean^2.
     got = fl.spectral.opacity(np.array([[-1.0, 0.0, 1.0]]), spread=5e-324)
     assert np.array_equal(got, [[0.0, 0.25, 1.0]])
-
-
-def test_frames_in_any_order_are_the_same():
-    # A frame is a pure function of its arguments: no state is left behind by other frames.
-    def frame(t: int) -> bytes:
-        return fl.spectral.field((90, 70), drift=(1.1 * t, 2.3 * t), seed=2).tobytes()
-
-    forward = [frame(t) for t in range(30)]
-    order = np.random.default_rng(5).permutation(30)
-    assert all(frame(int(t)) == forward[t] for t in order)

@@ -24,6 +24,17 @@ COLOR = (
 SIZES = ((0.0, 1.0), (0.02, 0.01), (0.1,), 0.1, (0.01, INF))
 KEYED = Keys([(0, 1.0), (1, 2.0)])
 COUNT = (-1, 100_000_001, 7.0, KEYED)
+LEVELS = np.zeros((4, 5, 3), np.uint8)
+LIGHT = np.zeros((4, 5, 3), np.float32)
+METADATA = ({"a b": 1}, {"": 1}, {"x" * 61: 1}, {"a": None}, {"a": b"x"}, {1: "a"}, {"a": "x\0y"},
+            {"DateTime": "yesterday"})  # fmt: skip
+WEATHER: dict[str, tuple[Any, ...]] = {
+    "amount": (-0.1, 1.1, NAN, "x", type(None), (0.5, 0.2), (0.1, 0.2, 0.3), [[0, 1]]),
+    "severity": (0, 6, 1.5, (3, 2), INF, "3", (1, 2, 3)), "wind": (NAN, 1e9, (1, -1), "w"),
+    "color": (-1.0, 2.0, (0.1, 0.2, 3.0), "white", (1, 2)), "ground": (3, "flat", type),
+    "focal": (0.0, -1.0, INF, "f"), "white": (0.0, NAN), "seed": (1.5, "s", 2**63, True),
+    "weather_seed": (1.5, 2**63),
+}  # fmt: skip
 
 TENT: dict[str, tuple[Any, ...]] = {
     "amount": SHARE, "fall": (Keys([(0, (1.0, 2.0))]),), "wind": VECTOR, "color": COLOR,
@@ -32,13 +43,13 @@ TENT: dict[str, tuple[Any, ...]] = {
     "depth_mode": ("Tile", "row"),
     "tile": (4, -1, 2**15 + 1, 16.0), "overlap": (-1, 2**15 + 1, 3.0), "blend": ("smooth",),
     "alias": ("Cut", "hard"), "jitter": (1, 0, KEYED), "sway": ((1.0,), 1.0, (NAN, 1.0)),
-    "look": ("v0",), "exponent": (KEYED,),
+    "look": ("v0",), "exponent": (KEYED,), "severity": (0, 6, 2.5), "rate_mm_h": (0.0, NAN, "much"),
     "wavelengths": ((1.9, 4.0), (4.0, 4.0), (5.0, 4.0), (4.0,), 4.0, (2.0, INF), KEYED),
 }  # fmt: skip
 CONE: dict[str, tuple[Any, ...]] = {
     "amount": SHARE, "damping": (-0.1, 1.1), "radius": POSITIVE, "repeats": (0,), "slope": (-1.0,),
     "tile": (4,), "shutter": (-1.0, Keys([(0, 0.5), (9, -1.0)]), Keys([(0, (0.5, 0.5))])),
-    "wind": ((0, 0),), "conserve": (1,),
+    "wind": ((0, 0),), "conserve": (1,), "look": ("v0",),
 }  # fmt: skip
 
 OUTSIDE: dict[str, dict[str, tuple[Any, ...]]] = {
@@ -59,7 +70,7 @@ OUTSIDE: dict[str, dict[str, tuple[Any, ...]]] = {
         "density": (2.0,), "color": (2.0, "blue"), "wind": ((1.0, 2.0),), "box": (0.0, (1.0, 2.0)),
         "center": ((1.0, 2.0),), "depths": ((3.0, 2.0), 3.0), "footprint": ("ball",), "lit": (1,),
         "forward": (-0.1,), "scatter": ("mie",), "asymmetry": (1.0,), "structure": (-0.1, 2.1),
-        "falloff": (0.0,),
+        "falloff": (0.0,), "visibility_m": (-3.0,), "look": ("v0",),
     },
     "ConeRain": {
         **CONE, "drops": (-1,), "drop_size": (0.0,), "drop_length": (3.0,), "spread": (-1.0, 2.0),
@@ -141,5 +152,39 @@ OUTSIDE: dict[str, dict[str, tuple[Any, ...]]] = {
         "boxes": ([[1, 2, 3]], [[5, 5, 1, 9]], [[0, 0, NAN, 3]]),
         "flow": (np.zeros((24, 30)), np.zeros((24, 30, 2), int)),
     },
+    **{f"augment.{kind}": WEATHER for kind in ("Snowfall", "Rainfall", "Fog")},
     "gas.alpha": {"smooth": (0.0, 7.9, -3.0)},
+    "camera.tile_shift": {"rotation": ((0.0, 1.0), (0.0, NAN, 0.0), "x", None)},
+    "set_threads": {"n": (0, -1, 257, [2])},
+    "Scene": {
+        "size": ((0, 5), (5,), "5", "axb", (2.0, 3.0), (90, 71), (2**17 + 1, 4)),
+        "background": ("#12", LEVELS[..., :2], LEVELS.astype(int), LEVELS[:0], None),
+        "camera": (3.0, "x", object()), "effects": (["snow"], [None], [fl.TentSnow], [1]),
+        "fps": (0, -1.0, NAN, INF, "24", True), "seed": (2**63, 1.0, "1", None, True),
+        "space": ("srgb", 1, None),
+        "foreground": (LIGHT[..., 0], np.full((24, 30), 2.0), np.full((24, 30), NAN), {}, 5),
+    },
+    "Scene.write": {
+        "damaged": ("ignore",), "layers": (True,), "overwrite": ("yes",),
+        "frames": ([], [-1], "5-1", "x", [1.5], [True], 1.5, "0-99999999", ["1"]),
+    },
+    "io.fit": {
+        "pixels": (LEVELS.astype(int), LEVELS[..., :2], LEVELS[:0]), "how": ("fill",),
+        "size": ((0, 2), (2, 2, 2), (2, 10**6), (2.0, 2)), "encoding": ("gamma",),
+    },
+    "io.write_picture": {
+        "pixels": (LEVELS.astype(np.int32), LEVELS > 0, [[1, 2], [3, 4]], LEVELS[..., :2],
+                   LEVELS[0, 0], LEVELS[:0], np.zeros((2, 2, 2, 2))),
+        "alpha": (np.zeros((5, 4)), LEVELS[..., 0] > 0), "encoding": ("sRGB",), "bits": (12,),
+        "quality": (101,), "compression": ("htj2k",), "metadata": METADATA,
+    },
+    "io.write_layers": {
+        "layers": ({}, {"a": LIGHT, "b": LIGHT[:3]}, {"a": np.zeros((4, 5, 5), np.float32)},
+                   {"a": LIGHT[:, :0]}, {"a": LEVELS}, {"a b": LIGHT}, {"": LIGHT}, {".a": LIGHT},
+                   {"a..b": LIGHT}),
+    },
+    "io.VideoWriter": {
+        "size": ((0, 8), (8,), (8.0, 8), (8, 20_000)), "fps": (0, NAN, 1e9, "24"),
+        "quality": ("best",),
+    },
 }  # fmt: skip

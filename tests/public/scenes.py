@@ -139,6 +139,10 @@ CALLS: dict[str, Call] = {
     "io.write_picture": Call(
         {"path": "out.exr", "pixels": PICTURE, "alpha": COVER}, pictures=("pixels", "alpha"),
         light=True, then=lambda _: io.read_picture("out.exr").pixels, loose=True),
+    "io.write_picture(png)": Call(
+        {"path": "out.png", "pixels": PICTURE, "alpha": COVER}, of=io.write_picture,
+        pictures=("pixels", "alpha"),
+        light=True, then=lambda _: io.read_picture("out.png").pixels, loose=True),
     "io.write_layers": Call({"path": "out2.exr", "layers": {"rgba": LAYER}}, loose=True),
     "io.write_views": Call(
         {"path": "out3.exr", "left": PICTURE, "right": PICTURE}, floats=("left", "right"),
@@ -162,11 +166,13 @@ CALLS: dict[str, Call] = {
     "augment.Snowfall()": Call(
         {**PLATE, "depth": DEPTH, "return_layer": True},
         of=augment.Snowfall(severity=1, seed=1).__call__, pictures=("image",), floats=("depth",),
+        keeps="image",
         takes={"depth": ("NaN",)}),
     "augment.Rainfall()": Call(
-        PLATE, of=augment.Rainfall(severity=2, seed=1).__call__, pictures=("image",)),
+        PLATE, of=augment.Rainfall(severity=2, seed=1).__call__, pictures=("image",),
+        keeps="image"),
     "augment.Fog()": Call(
-        PLATE, of=FOG.__call__, pictures=("image",)),
+        PLATE, of=FOG.__call__, pictures=("image",), keeps="image"),
     "augment.Fog.apply": Call(
         {**PLATE, "depth": DEPTH, "boxes": np.array([[1.0, 2.0, 20.0, 21.0]]),
          "flow": np.zeros((*SHAPE, 2)), "motion": True}, of=FOG.apply, pictures=("image",),
@@ -183,9 +189,9 @@ CALLS: dict[str, Call] = {
     "trace.count": Call({"name": "flakes", "number": 3}, words=("name",), loose=True),
     "trace.stage": Call({"name": "texture"}, words=("name",), loose=True),
     "trace.tracing": Call({}),
-    "augment.Snowfall": Call({"severity": 2}, loose=True),
-    "augment.Rainfall": Call({"severity": 2}, loose=True),
-    "augment.Fog": Call({"severity": 2}, loose=True),
+    "augment.Snowfall": Call({}, loose=True),
+    "augment.Rainfall": Call({}, loose=True),
+    "augment.Fog": Call({}, loose=True),
     "augment.Ground": Call({}),
     "augment.contrast_loss": Call({"amount": 0.5}),
     "augment.occlusion": Call(

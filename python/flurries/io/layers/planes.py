@@ -159,16 +159,16 @@ def read_layers(path: str | os.PathLike[str], *, budget: Budget | None = None) -
 def _checked_layer(name: str, values: npt.ArrayLike) -> Array:
     if not isinstance(name, str) or not _NAME.fullmatch(name):
         raise ValueError(
-            f"layer name {name!r} must be letters, digits and '_', parts joined by '.'"
+            f"layers: the name {name!r} must be letters, digits and '_', parts joined by '.'"
         )
     array = np.asarray(values)
     if array.dtype.kind != "f":
-        raise TypeError(f"layer {name!r} must hold floats, got {array.dtype}")
+        raise TypeError(f"layers: {name!r} must hold floats, got {array.dtype}")
     if array.ndim == 2:
         array = array[..., np.newaxis]
     if array.ndim != 3 or not 1 <= array.shape[2] <= 4 or 0 in array.shape:
         raise ValueError(
-            f"layer {name!r} must be (H, W), (H, W, 2), (H, W, 3) or (H, W, 4), "
+            f"layers: {name!r} must be (H, W), (H, W, 2), (H, W, 3) or (H, W, 4), "
             f"got {np.shape(values)}"
         )
     return array
