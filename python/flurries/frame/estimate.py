@@ -88,40 +88,37 @@ class _Frame:
     def __init__(
         self, program: Program, t: float, tolerance: float, factors: Mapping[str, float]
     ) -> None:
-        self.program, self.factors = program, factors
-        self.choice, self.mix = program.choice(t, tolerance), program.mix()
+        self.program, self.factors, self.mix = program, factors, program.mix()
+        self.choice, self.front = program.choice(t, tolerance), program.front(t)
         self.steps: list[PlannedStep] = []
         self.left_out: list[LeftOut] = []
         self.dtype: np.dtype[Any] = program.backdrop.frame(t).dtype
-        self.front = program.front(t)
-        everything = whole(program.shape)
-        self.window = program.open_part(everything, self.front, self.choice.hidden)
+        self.item = self.dtype.itemsize if self.mix.same else 4
+        self.window = program.open_part(whole(program.shape), self.front, self.choice.hidden)
         asks = self._asks(t)
-        bands = bands_in(everything, asks, self.mix, self.front)
+        bands = bands_in(whole(program.shape), asks, self.mix, self.front)
         # The one that has most of the weather.
         self.band = max(bands, key=lambda band: area(common(band, self.window or band)))
         self.banded = len(bands) > 1
-        self._add_scene(asks)
+        self._add_scene(frozenset[str]().union(*(ask.needs.reads for ask in asks)))
         names: list[str] = []
         held = []
         for ask in asks:
             names.append(free_name(ask.part.name, names))
             held.append(self._add_effect(names[-1], ask))
-        self._add("composite", self._composite(asks))
+        self._add_composite(asks)
         self.bytes = self._peak(held)
 
     def _add(self, name: str, cost: Cost, *, once: bool = False) -> None:
-        time = milliseconds(cost.work, self.factors)
-        taken = cost.kept + cost.scratch
-        self.steps.append(PlannedStep(name, cost.size, time, taken, once=once))
+        time, size = milliseconds(cost.work, self.factors), cost.kept + cost.scratch
+        self.steps.append(PlannedStep(name, cost.size, time, size, once=once))
 
     def _asks(self, t: float) -> list[Ask]:
         """Return the effects that run, and note why others do not."""
         program, choice = self.program, self.choice
         if self.window is None:
-            if program.parts:
-                why = "they are behind what stands in front"
-                self.left_out.append(LeftOut("all effects", why))
+            why = "they are behind what stands in front"
+            self.left_out += [LeftOut("all effects", why)] if program.parts else []
             return []
         camera = program.camera(None, t)
         asks = program.asks(t, camera, self.window, self.dtype, choice, read=False)
@@ -130,19 +127,14 @@ class _Frame:
             if part.place in shown:
                 continue
             needs = part.needs or needs_of(part.effect, program.frame(t, camera, self.window))
-            if choice.gone(part.place):
-                self.left_out.append(LeftOut(part.name, "within the tolerance"))
-            elif needs.steps:
-                why = f"it changes a value by {needs.most:.2g} at most: no step"
-                self.left_out.append(LeftOut(part.name, why))
-            else:
-                self.left_out += needs.left_out
+            faint = f"it changes a value by {needs.most:.2g} at most: no step"
+            why = "within the tolerance" if choice.gone(part.place) else faint
+            self.left_out += [LeftOut(part.name, why)] if needs.steps else needs.left_out
         return asks
 
-    def _add_scene(self, asks: Sequence[Ask]) -> None:
+    def _add_scene(self, reads: frozenset[str]) -> None:
         """Add the steps that make what effects lie over, and what they read."""
         program, (height, width) = self.program, self.program.shape
-        reads = frozenset[str]().union(*(ask.needs.reads for ask in asks))
         decoded = {"decoded pixel": height * width}
         size = f"{width} x {height} px, {self.dtype.name}"
         self._add("frame", Cost({"frame": 1.0}))
@@ -185,23 +177,22 @@ class _Frame:
         # Planes of single steps go; the last one is the layer.
         return last, most
 
-    def _composite(self, asks: Sequence[Ask]) -> Cost:
-        """Return what mixing the layers costs."""
+    def _add_composite(self, asks: Sequence[Ask]) -> None:
+        """Add the step that mixes the layers."""
         layers, pixels, inner = len(asks), area(whole(self.program.shape)), area(self.window)
-        item = self.dtype.itemsize if self.mix.same else 4
-        fused = sum(map(self._in_one_pass, asks))
         work = {
             "layer": layers,
-            "fused pixel": fused * inner,
-            f"{8 * item} bit pixel": layers * inner,
+            "fused pixel": sum(map(self._in_one_pass, asks)) * inner,
+            f"{8 * self.item} bit pixel": layers * inner,
             "array pixel": 0 if self.front is None else 2 * layers * inner,
         }
         if layers == 0 or inner < pixels:
-            work["copied byte"] = 3 * item * (pixels + (2 * inner if layers else 0))
+            work["copied byte"] = 3 * self.item * (pixels + (2 * inner if layers else 0))
         if not self.mix.same:
             back = "looked up value" if self.choice.table else "encoded value"
             work |= {"decoded value": 3 * pixels, back: 3 * pixels}
-        return Cost(work, f"{layers} layer{'s' * (layers != 1)}", 3 * item * pixels)
+        size = f"{layers} layer{'s' * (layers != 1)}"
+        self._add("composite", Cost(work, size, 3 * self.item * pixels))
 
     def _peak(self, held: list[tuple[int, int]]) -> int:
         """Return the most bytes that are held at one time, of effects' layers and planes.
@@ -209,19 +200,17 @@ class _Frame:
         Of a frame that is made in bands it is those of a band, and the frame itself.
         """
         part = None if self.window is None else common(self.band, self.window)
-        same, matte = self.mix.same, self.front is not None
-        item = self.dtype.itemsize if same else 4
-        picture, inside = 3 * item * area(self.band), 3 * item * area(part)
-        result = 3 * self.dtype.itemsize * area(whole(self.program.shape))
+        inside, result = 3 * self.item * area(part), 3 * self.dtype.itemsize
+        result *= area(whole(self.program.shape))
         # The background in the light of the mix; encoding it takes more.
-        light = 0 if same else picture
-        turning = 0 if same else _TURNED * min(CHUNK, 3 * area(self.band))
+        light = 0 if self.mix.same else 12 * area(self.band)
+        turning = 0 if self.mix.same else _TURNED * min(CHUNK, 3 * area(self.band))
         # A matte makes two planes: of what it leaves, which goes, and of the layer behind it.
-        plane = 4 * area(part) if matte else 0
+        plane = 0 if self.front is None else 4 * area(part)
         peak, behind = light + turning, light
         for layer, most in held:
             peak = max(peak, behind + max(most, layer + max(2 * plane, plane + inside)))
-            behind = inside + (light if matte else 0)
+            behind = inside + (light if plane else 0)
         done = result if self.banded else 0
-        end = behind + turning + (0 if same else result - done)
+        end = behind + turning + (0 if self.mix.same else result - done)
         return max(done + max(peak, end), result)
