@@ -88,18 +88,6 @@ def test_small_and_large_turns(turn: float):
         assert np.all(np.isnan(seen))
 
 
-@every("omega", [(0.0, 0.0, 0.0), (0.01, -0.02, 0.005)])
-@every("name", CAMERAS)
-def test_image_velocity_is_the_twins(name: str, omega):
-    camera, slow = both(name)
-    random = np.random.default_rng(3)
-    where, depth = random.uniform(0, 640, (20, 2)), random.uniform(1, 20, 20)
-    arguments = (where, depth, (0.1, -0.2, 0.4))
-    got = fl.camera.image_velocity(*arguments, camera, SHAPE, rotation=omega)
-    assert got.shape == (20, 2) and got.dtype == np.float64
-    assert np.abs(got - twin.image_velocity(*arguments, slow, SHAPE, rotation=omega)).max() < 1e-11
-
-
 @every("omega", [(0.0, 0.0, 0.0), (0.02, 0.0, 0.0), (0.01, -0.02, 0.03)])
 @every("velocity", [(0.3, 0.0, 0.0), (0.0, -0.2, 0.5), (0.1, 0.2, -0.4)])
 @every("name", CAMERAS)
@@ -130,15 +118,6 @@ def test_still_snow_and_falling_snow():
     # Falling snow is a camera that rises: 0.5 down at depth 3 is 100 px down.
     falling = fl.camera.image_velocity([(10.0, 20.0)], [3.0], (0.0, -0.5, 0.0), camera, SHAPE)
     assert falling[0] == pytest.approx((0.0, 100.0), abs=1e-12)
-
-
-def test_speed_is_inversely_proportional_to_depth():
-    camera = fl.camera.Camera(600.0)
-    depth = np.geomspace(1.0, 1e4, 30)
-    where = np.full((30, 2), 77.0)
-    speed = fl.camera.image_velocity(where, depth, (0.2, 0.1, 0.6), camera, SHAPE)
-    slope = np.polyfit(np.log(depth), np.log(np.hypot(*speed.T)), 1)[0]
-    assert slope == pytest.approx(-1.0, abs=1e-12)
 
 
 @every(("tile", "overlap"), [(64, 10), (64, 0), (48, 47), (31, 10), (512, 10)])
@@ -212,14 +191,6 @@ def test_drift_is_linear_in_the_displacement():
     sum_ = fl.camera.tile_drift(SHAPE, (0.25, 1.25, 4.0), camera, near_depth=2.0)
     assert np.abs(one + two - sum_).max() < 1e-11
     assert not np.any(fl.camera.tile_drift(SHAPE, (0.0, 0.0, 0.0), camera, near_depth=2.0))
-
-
-def test_second_eye_is_a_displacement():
-    # The right eye's drift is less by K lam_max = f b/Z_near, here 13 px.
-    one = fl.camera.tile_drift(SHAPE, (0.1, 0.2, 0.5), fl.camera.Camera(600.0), near_depth=3.0)
-    right = fl.camera.Camera(600.0, offset=(0.065, 0.0, 0.0))
-    other = fl.camera.tile_drift(SHAPE, (0.1, 0.2, 0.5), right, near_depth=3.0)
-    assert np.abs(other - one - (-13.0, 0.0)).max() < 1e-12
 
 
 def test_camera_is_frozen_and_comparable():

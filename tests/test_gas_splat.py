@@ -105,15 +105,6 @@ def test_colors_come_in_order(footprint):
         np.testing.assert_allclose(got[..., 3], want[..., 3], rtol=0, atol=LIMITS[dtype])
 
 
-def test_equal_depths_keep_the_order_of_indices():
-    centers = np.array([[0.0, 0.0, 3.0]] * 6)
-    color = np.eye(3)[[0, 1, 2, 1, 0, 2]]
-    got = fl.gas.splat((41, 41), centers, 1.0, 0.7, color, fl.Camera(40.0), dtype=np.float64)
-    want = twin.layer((41, 41), centers, 1.0, 0.7, color, 40.0)
-    np.testing.assert_allclose(got, want, rtol=0, atol=1e-13)
-    assert got[20, 20, 0] > 2 * got[20, 20, 1]
-
-
 def test_one_color_needs_no_order():
     arguments = cloud(200)
     turned = [a[::-1] for a in arguments]
@@ -204,15 +195,6 @@ def test_footprints_larger_than_the_picture():
         options = {"footprint": footprint, "near_mode": "cull"}
         through = check(arguments, options, fl.Camera(600.0), (50, 70))
         assert through.max() < 0.9
-
-
-def test_what_stands_exactly_at_the_particle_hides_it():
-    depth = np.full((41, 41), 3.0)
-    assert one((0, 0, 3.0), depth=depth, occlusion="hard").max() == 0
-    beyond = np.nextafter(depth, 4)
-    assert one((0, 0, 3.0), depth=beyond, occlusion="hard").max() == pytest.approx(0.4)
-    # Soft: half of it lies before the wall.
-    assert one((0, 0, 3.0), depth=depth).max() == pytest.approx(0.2, abs=1e-12)
 
 
 @every("footprint", MODELS)

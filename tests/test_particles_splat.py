@@ -190,20 +190,6 @@ def test_a_flake_through_the_eye_plane_keeps_seven_tenths():
         np.testing.assert_allclose(moving, 0.7 * resting, rtol=1e-11, atol=3e-16)
 
 
-def test_what_is_too_near_or_behind_gives_nothing():
-    points = [(0, 0, 0.0999), (0, 0, 0), (0.1, 0, -3), (0, 0, -0.5)]
-    velocity = [(0, 0, 0), (0, 0, 0.1), (5, 0, 0), (0, 0, 1.0)]
-    alpha = particles.splat(
-        (40, 40), points, 0.1, Camera(FOCAL), opacity=1, velocity=velocity, shutter=1.0
-    )
-    assert (alpha == 0).all()
-    # The negative control: with a nearer plane two of them are seen.
-    alpha = particles.splat(
-        (40, 40), points, 0.1, Camera(FOCAL), opacity=1, velocity=velocity, shutter=1.0, near=0.01
-    )
-    assert alpha.max() > 0
-
-
 @every("dtype", [np.float32, np.float64])
 @every("near", [0.1, 1e-12, 1e-300])
 def test_huge_flakes_and_endless_streaks_are_finite(dtype, near):
@@ -253,24 +239,6 @@ def test_flakes_on_the_border_are_the_middle_of_a_larger_picture():
     )
     # 70 and 50 px off: tiles fall elsewhere, pixels agree to rounding.
     np.testing.assert_allclose(cut, large[50:144, 70:170], rtol=0, atol=1e-12)
-
-
-def test_coincident_flakes_multiply():
-    n, opacity = 100_000, 1e-5
-    points = np.broadcast_to((0.0, 0.0, 1.0), (n, 3))
-    single = particles.splat(
-        (9, 9), points[:1], 0.1, Camera(FOCAL), opacity=opacity, dtype=np.float64
-    )
-    want = -np.expm1(n * np.log1p(-single))
-    for dtype in (np.float32, np.float64):
-        got = particles.splat((9, 9), points, 0.1, Camera(FOCAL), opacity=opacity, dtype=dtype)
-        np.testing.assert_allclose(1 - got, 1 - want, rtol=0, atol=1e-6)
-    # The negative control: a float32 transmittance is wrong by more.
-    through = np.float32(1)
-    layer = np.float32(1) - np.float32(single[4, 4])
-    for _ in range(n):
-        through *= layer
-    assert abs(float(through) - (1 - want[4, 4])) > 1e-4
 
 
 def test_the_order_of_flakes_does_not_matter():

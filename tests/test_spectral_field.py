@@ -132,73 +132,6 @@ def test_every_layout_is_the_twins(shape, tile: int, overlap: int, blend: str, d
     assert np.abs(got - want).max() <= LIMIT[dtype]
 
 
-@every("option", [o for o in OPTIONS if "ring" not in o and "jitter" not in o])
-@every(("shape", "tile", "overlap"), [((130, 100), 64, 10), ((70, 45), 31, 24)])
-def test_field_is_the_composition_of_its_steps(shape, tile: int, overlap: int, option: str):
-    rows, cols = grid(shape, tile, overlap)
-    band, size = wavelengths_for(tile), (tile, tile)
-    options = {"drift": (5.0, -11.0), **OPTIONS[option](rows, cols)}
-    got = fl.spectral.field(
-        shape, seed=99, tile=tile, overlap=overlap, wavelengths=band, dtype=np.float64, **options
-    )
-    exponent, blend = options.get("exponent", 1.0), options.get("blend", "power")
-    filter_ = {k: v for k, v in options.items() if k in ("soft_from", "shutter")}
-    tiles = np.zeros((rows, cols, tile, tile))
-    for row, col in np.ndindex(rows, cols):
-
-        def mine(name: str, where: tuple[int, int] = (row, col), asked: dict = options):
-            value = np.asarray(asked.get(name, (0.0, 0.0)))
-            return value[where] if value.ndim == 3 else value
-
-        amplitude = fl.spectral.band_amplitude(size, wavelengths=band, exponent=exponent)
-        if "shortest" in options:
-            amplitude[~twin.longer_than(size, float(options["shortest"][row, col]))] = 0.0
-        amplitude = fl.spectral.temporal_filter(
-            amplitude, mine("velocity"), shift_rate=mine("shift_rate"), **filter_,
-            alias=options.get("alias", "keep"), wavelength_max=band[1],
-        )  # fmt: skip
-        phase = fl.spectral.random_phase(size, seed=99, tile=(row, col))
-        phase = fl.spectral.advance_phase(
-            phase, mine("drift"), shift=mine("shift"), wavelength_max=band[1]
-        )
-        tiles[row, col] = fl.spectral.inverse_transform(amplitude, phase, dtype=np.float64)
-    blended = fl.spectral.blend_tiles(tiles, shape, overlap=overlap, blend=blend)
-    assert np.abs(got - blended).max() <= 1e-12
-
-
-@pytest.mark.parametrize("tile", [(16, 24), (31, 12)])
-def test_tiles_that_are_not_square(tile: tuple[int, int]):
-    options = {"drift": (5.0, 3.0), "shift": (1.0, 2.0), "seed": 4, "tile": tile, "overlap": 6}
-    options |= {"wavelengths": (2.5, 12.0), "velocity": (4.0, 4.0), "alias": "cut", "jitter": True}
-    got = fl.spectral.field((50, 61), **options, dtype=np.float64)
-    assert np.abs(got - twin.field((50, 61), **options, direct=True)).max() <= 1e-12
-
-
-@pytest.mark.parametrize("size", [16, 31, 64, 100])
-def test_one_tile_without_overlap_is_a_torus(size: int):
-    # Mean 0, variance 1, and the same standard deviation in every frame, to rounding.
-    stds = []
-    for t in (0.0, 1.0, 17.5, 1e4, -3.0):
-        z = fl.spectral.field(
-            (size, size), drift=(1.3 * t, 2.9 * t), seed=1, tile=size, overlap=0,
-            wavelengths=(3.0, min(size, 32.0)), dtype=np.float64,
-        )  # fmt: skip
-        assert abs(z.mean()) < 1e-13
-        stds.append(z.std())
-    assert abs(stds[0] ** 2 - 1.0) < 1e-13
-    assert np.ptp(stds) < 1e-14
-
-
-def test_variance_of_a_torus_in_float32():
-    stds = [
-        fl.spectral.field((64, 64), drift=(0.7 * t, 1.9 * t), seed=1, overlap=0)
-        .astype(np.float64)
-        .std()
-        for t in range(100)
-    ]
-    assert np.abs(np.array(stds) - 1.0).max() < 1e-6
-
-
 def test_defaults_of_field():
     spelled = fl.spectral.field(
         (80, 90), drift=(1.0, 2.0), shift=(0.0, 0.0), seed=5, tile=64, overlap=10,
@@ -217,25 +150,6 @@ def test_shortest_keeps_the_normaliser():
     assert cut.var() == pytest.approx(1 / 3, abs=0.01)
     full = fl.spectral.field((256, 256), **options)
     assert np.mean(cut * full) == pytest.approx(cut.var(), abs=1e-12)
-
-
-def test_closed_path_returns_the_frame():
-    camera = fl.camera.Camera(600.0)
-    steps = np.array([(0.5, 0.25, 1.0), (-0.75, 0.0, 2.0), (0.25, -0.25, -3.0)])
-    frames = []
-    for place in np.vstack([np.zeros(3), np.cumsum(steps, axis=0)]):
-        drift = fl.camera.tile_drift((130, 130), place, camera, near_depth=3.0)
-        frames.append(fl.spectral.field((130, 130), drift=drift, seed=8))
-    assert np.array_equal(frames[0], frames[-1])
-    assert not np.array_equal(frames[0], frames[1])
-
-
-@pytest.mark.parametrize("frame", [0, 1_000_000])
-def test_a_late_frame_is_as_exact_as_the_first(frame: int):
-    # float64 holds the drift of 3.2e6 px to 5e-10 px; through sum(amp) = 24 that is 1e-9.
-    drift = (0.8 * frame, 3.1 * frame)
-    got = fl.spectral.field((100, 100), drift=drift, seed=1, dtype=np.float64)
-    assert np.abs(got - twin.field((100, 100), drift=drift, seed=1)).max() < 2e-9
 
 
 def test_gains_are_not_taken_from_the_call_before():

@@ -42,16 +42,6 @@ def weights_of(shape: twin.Shape, tile: int, overlap: int, blend: str) -> np.nda
     return np.array(pictures)
 
 
-@every("blend", ["power", "linear"])
-@every("overlap", [0, 1, 5, 10, 15])
-@every("shape", [(1, 1), (15, 15), (16, 16), (17, 17), (33, 15), (1, 40)])
-def test_weights_add_up(shape: twin.Shape, overlap: int, blend: str):
-    weights = weights_of(shape, 16, overlap, blend)
-    assert weights.min() >= 0.0
-    total = np.sum(weights**2 if blend == "power" else weights, axis=0)
-    assert np.abs(total - 1.0).max() < 1e-14
-
-
 @every(("dtype", "limit"), [(np.float64, 1e-14), (np.float32, 2e-6)])
 @every("blend", ["power", "linear"])
 @every(

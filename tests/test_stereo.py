@@ -10,8 +10,7 @@ import pytest
 
 import flurries as fl
 import measure
-from every import every
-from measure import FLAKES, FOCAL, LONGEST, NEAR, SIZE, TEXTURE, TORUS, scene
+from measure import FLAKES, FOCAL, LONGEST, NEAR, TEXTURE, TORUS, scene
 
 Camera, Snow, Scene = fl.Camera, fl.TentSnow, fl.Scene
 LENS = Camera(FOCAL)
@@ -39,25 +38,6 @@ def test_eyes_are_cameras_moved_aside():
     want = 600.0 * 0.07 * (1.0 / points[:, 2] - 0.25)
     assert (seen[0] - seen[1])[:, 0] == pytest.approx(want, abs=1e-11)
     assert (seen[0] - seen[1])[:, 1] == pytest.approx(0.0, abs=1e-12)
-
-
-ODD: list[tuple[Any, dict[str, Any], str]] = [
-    (3.0, {"distance": 0.1}, "camera"), (LENS, {"distance": -0.1}, "distance"),
-    (LENS, {"distance": np.nan}, "distance"), (LENS, {"distance": "x"}, "distance"),
-    (LENS, {"distance": 0.1, "convergence": 0.0}, "convergence"),
-    (LENS, {"distance": 0.1, "convergence": -2.0}, "convergence"),
-    (LENS, {"distance": 0.1, "convergence": np.inf}, "convergence"),
-]  # fmt: skip
-
-
-@every("number", range(len(ODD)))
-def test_eyes_refuse_by_name(number: int):
-    camera, about, name = ODD[number]
-    with pytest.raises((TypeError, ValueError), match=name):
-        fl.stereo.eyes(camera, **about)
-    if isinstance(camera, Camera):
-        with pytest.raises((TypeError, ValueError), match=name):
-            Scene((64, 48), effects=[Snow(flakes=10)]).stereo(0, **about)
 
 
 @pytest.mark.parametrize("t", [0.0, 5.0, 1000.25])
@@ -151,21 +131,6 @@ def test_an_ambiguous_texture_is_told():
         shown(2.0, texture=0.0, flakes=10).stereo(0, distance=0.065)
     with pytest.warns(UserWarning, match=r"effects\[0\]: .*0\.61 cycles.*near_depth above 2\.44"):
         shown(2.0).stereo(0, distance=0.065)
-
-
-def test_the_second_eye_is_a_camera_moved_aside():
-    # One complex transform for both, L + i R, is a sum of two real ones: what it would give.
-    shape, distance = (64, 64), 0.05
-    amplitude = fl.spectral.band_amplitude(shape)
-    phase = fl.spectral.random_phase(shape, seed=4)
-    shift = -FOCAL * distance / NEAR
-    both = [fl.spectral.advance_phase(phase, (side * shift, 0.0)) for side in (-0.5, 0.5)]
-    left, right = (amplitude * np.exp(2j * np.pi * p) for p in both)
-    together = np.fft.ifft2(left + 1j * right) * left.size
-    for part, one in zip((together.real, together.imag), both, strict=True):
-        field = fl.spectral.inverse_transform(amplitude, one, dtype=np.float64)
-        assert np.abs(field - part).max() < 1e-13
-    assert SIZE > 64
 
 
 SHARED: list[tuple[str, list[Any]]] = [

@@ -47,50 +47,6 @@ def test_by_ray_models_have_it_where_particles_are_small():
         assert abs(right - left + f * apart / 6.0) < 0.01
 
 
-def test_the_texture_has_the_disparity_of_the_depth_it_stands_for():
-    # A far texture, whose disparity is well under half a wave: K = f I / (near lambda) = .047.
-    camera = fl.Camera(300.0)
-    pair = stereo.eyes(camera, distance=0.5)
-    near, longest = 100.0, 32.0
-    shape = (256, 256)
-    fields = [
-        fl.spectral.field(
-            shape, seed=3, tile=256, overlap=0, wavelengths=(8.0, longest), dtype=np.float64,
-            drift=fl.camera.tile_drift(shape, (0, 0, 0), eye, near_depth=near, tile=256, overlap=0),
-            shift=eye.center_shift,
-        )
-        for eye in pair
-    ]  # fmt: skip
-    a, b = (np.fft.rfft2(field) for field in fields)
-    fy, fx = np.fft.fftfreq(256)[:, None], np.fft.rfftfreq(256)[None]
-    size = np.hypot(fy, fx)
-    for wavelength in (30.0, 16.0, 9.0):
-        ring = (np.abs(size * wavelength - 1) < 0.06) & (np.abs(fx) > 0.5 * size)
-        step = -np.angle((b * a.conj())[ring]) / (2 * np.pi)
-        moved = (step / np.broadcast_to(fx, size.shape)[ring]).mean()
-        depth = near * longest / wavelength
-        assert abs(moved + 300.0 * 0.5 / depth) < 0.08 * 300.0 * 0.5 / depth
-
-
-def test_eyes():
-    camera = fl.Camera(500.0, offset=(0.1, 0.2, 0.3), center_shift=(4.0, 5.0))
-    left, right = stereo.eyes(camera, distance=0.06)
-    assert left.offset == (0.07, 0.2, 0.3) and right.offset == (0.13, 0.2, 0.3)
-    assert left.center_shift == right.center_shift == (4.0, 5.0)
-    left, right = stereo.eyes(camera, distance=0.06, convergence=2.0)
-    assert left.center_shift == (4.0 - 7.5, 5.0) and right.center_shift == (4.0 + 7.5, 5.0)
-    point = np.array([[0.1, 0.2, 2.3]])  # at the distance of convergence from the eyes
-    a, b = (fl.camera.project(point, eye, SHAPE)[0] for eye in (left, right))
-    np.testing.assert_allclose(a, b, atol=1e-12)
-    same = stereo.eyes(camera, distance=0.0)
-    assert same == (camera, camera)
-    for name, value in (("distance", -1.0), ("convergence", 0.0)):
-        with pytest.raises(ValueError, match=name):
-            stereo.eyes(camera, **{"distance": 0.06, name: value})
-    with pytest.raises(TypeError, match="camera"):
-        stereo.eyes(500.0, distance=0.06)
-
-
 # Anaglyphs --------------------------------------------------------------------------------------
 
 # In linear light.

@@ -10,7 +10,7 @@ import mpmath
 import numpy as np
 
 import flurries as fl
-from hard.case import Case, refused, worst
+from hard.case import Case, worst
 
 C, P = fl.camera, fl.particles
 EYE = fl.Camera(600.0)
@@ -243,24 +243,6 @@ def behind_a_wall(offset: float) -> Any:
     return measure
 
 
-def flakes_not_finite(dtype: Any) -> float:
-    calls: list[Any] = []
-    for v in (math.nan, math.inf):
-        calls += [
-            lambda v=v: P.positions(3, v, seed=1, velocity=(0, 0, 0), time=0.0),
-            lambda v=v: P.positions(3, 1.0, seed=1, velocity=(v, 0, 0), time=0.0),
-            lambda v=v: P.positions(3, 1.0, seed=1, velocity=(0, 0, 0), time=v),
-            lambda v=v: P.splat((4, 4), [[0, 0, v]], 0.1, EYE, opacity=0.5),
-            lambda v=v: P.splat((4, 4), [[0, 0, 1]], v, EYE, opacity=0.5),
-            lambda v=v: P.splat((4, 4), [[0, 0, 1]], 0.1, EYE, opacity=v),
-            lambda v=v: P.splat((4, 4), [[0, 0, 1]], 0.1, EYE, opacity=0.5, shutter=v),
-            lambda v=v: fl.Camera(v),
-            lambda v=v: fl.Keys([(0, v)]),
-            lambda v=v: fl.Scene((4, 4)).render(v),
-        ]
-    return refused(*calls)
-
-
 # Compositing --------------------------------------------------------------------------------------
 
 
@@ -408,8 +390,6 @@ CASES = [
     Case("a wall nearer by 1e-6 hides a flake", behind_a_wall(-1e-6), 0.0, 0.0, WALL,
          "the depth map"),
     Case("a wall behind does not", behind_a_wall(1e-6), 1.0, 0.0, WALL, "the depth map"),
-    Case("NaN and infinity: refused", flakes_not_finite, 20.0, 0.0, "a count",
-         "every number is checked"),
     *[
         Case(f"bytes that change under alpha 0, background {v:g}", transparent(v), 0.0, 0.0, WALL,
              "b + a (s - b) would lose bits of b")

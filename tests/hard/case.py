@@ -47,17 +47,6 @@ class Case:
         return self.tolerance
 
 
-def refused(*calls: Callable[[], Any]) -> float:
-    """Return how many of the calls raise ValueError or TypeError."""
-    count = 0
-    for call in calls:
-        try:
-            call()
-        except (ValueError, TypeError):
-            count += 1
-    return float(count)
-
-
 def worst(difference: Any) -> float:
     """Return the largest absolute value, as float64; infinity for what is not finite."""
     array = np.abs(np.asarray(difference, dtype=np.float64))

@@ -9,7 +9,7 @@ import mpmath
 import numpy as np
 
 import flurries as fl
-from hard.case import EPS, Case, refused, worst
+from hard.case import EPS, Case, worst
 
 K = fl.cone
 EYE = fl.Camera(100.0)
@@ -110,21 +110,6 @@ def through_zero(dtype: Any) -> float:
     return float((axes[1:] * axes[:-1]).sum(axis=1).min())
 
 
-def bad_input(dtype: Any) -> float:
-    tile = np.ones((8, 8), dtype)
-    calls = [
-        lambda: K.frame((0.0, 0.0, 0.0)),
-        lambda: K.frame((math.nan, 1.0, 0.0)),
-        lambda: K.layer(SHAPE, EYE, tile, axis=(0, 0, 0), phase=0.0),
-        lambda: K.layer(SHAPE, EYE, tile, axis=(0, 1, 0), phase=math.inf),
-        lambda: K.layer(SHAPE, EYE, tile, axis=(0, 1, 0), phase=0.0, repeats=0),
-        lambda: K.layer(SHAPE, EYE, tile, axis=(0, 1, 0), phase=0.0, stretch=0.0),
-        lambda: K.elongation(1.0, length=0.0),
-        lambda: K.path([1.0, 0.0], np.zeros((2, 3))),
-    ]
-    return refused(*calls)
-
-
 CASES = [
     *[
         Case(f"the frame of the axis {axis} is orthonormal", upright(axis), 0.0, 1e-15, "4 eps",
@@ -159,5 +144,4 @@ CASES = [
     ],
     Case("the axis while the motion turns round: least cosine", through_zero, 1.0, 1e-12, "4 eps",
          "the axis keeps its side and the speed turns negative"),
-    Case("bad input: refused", bad_input, 8.0, 0.0, "a count", "every number is checked"),
 ]  # fmt: skip

@@ -12,7 +12,7 @@ import numpy as np
 
 import flurries as fl
 import twin
-from hard.case import EPS, Case, refused, worst
+from hard.case import EPS, Case, worst
 
 S = fl.spectral
 M = (64, 64)
@@ -148,15 +148,6 @@ def share_between(low: float, high: float) -> Any:
     return measure
 
 
-def too_small(dtype: Any) -> float:
-    return refused(*[lambda n=n: S.band_amplitude((n, n)) for n in (1, 2, 3, 4)])
-
-
-def no_band(dtype: Any) -> float:
-    bands = ((8.0, 8.0), (32.0, 4.0), (1.9, 8.0), (0.0, 8.0), (-4.0, 8.0))
-    return refused(*[lambda b=b: S.band_amplitude(M, wavelengths=b) for b in bands])
-
-
 # Aliasing and the shutter -------------------------------------------------------------------------
 
 
@@ -272,42 +263,10 @@ def power_weights(dtype: Any) -> float:
     return worst(total - 1.0)
 
 
-def threads_differ(dtype: Any) -> float:
-    before = fl.threads()
-    pictures = []
-    try:
-        for count in (1, 2, 3, 8):
-            fl.set_threads(count)
-            pictures.append(S.field((300, 200), drift=(5.0, 1.0), seed=6, dtype=dtype))
-    finally:
-        fl.set_threads(before)
-    return float(sum(np.count_nonzero(p != pictures[0]) for p in pictures))
-
-
 def growth(dtype: Any) -> float:
     small, large = (S.field(s, drift=(5.0, 1.0), seed=6, dtype=dtype)
                     for s in ((200, 200), (300, 400)))  # fmt: skip
     return float(np.count_nonzero(small[:150, :150] != large[:150, :150]))
-
-
-def not_finite(dtype: Any) -> float:
-    bad = (math.nan, math.inf, -math.inf)
-    calls: list[Any] = []
-    for v in bad:
-        calls += [
-            lambda v=v: S.field(M, drift=(v, 0.0), seed=1),
-            lambda v=v: S.field(M, drift=(0.0, 0.0), shift=(0.0, v), seed=1),
-            lambda v=v: S.field(M, drift=(0.0, 0.0), velocity=(v, 0.0), alias="cut", seed=1),
-            lambda v=v: S.field(M, drift=(0.0, 0.0), velocity=(1.0, 0.0), shutter=v, seed=1),
-            lambda v=v: S.field(M, drift=(0.0, 0.0), exponent=v, seed=1),
-            lambda v=v: S.field(M, drift=(0.0, 0.0), wavelengths=(4.0, v), seed=1),
-            lambda v=v: S.tent_rate(M, (v, 0.0)),
-            lambda v=v: S.advance_phase(np.zeros(M), (v, 0.0)),
-            lambda v=v: S.advance_phase(np.full(M, v), (0.0, 0.0)),
-            lambda v=v: S.opacity(np.zeros(M), mean=v),
-            lambda v=v: S.opacity(np.zeros(M), spread=v),
-        ]
-    return refused(*calls)
 
 
 BINS = "a count"
@@ -368,9 +327,6 @@ CASES = [
              "amplitudes fall as 1/k")
         for low, high in ((16.0, 32.0), (8.0, 16.0), (4.0, 8.0))
     ],
-    Case("tiles of 1 to 4 px hold no wave: refused", too_small, 4.0, 0.0, BINS,
-         "an empty band is an error"),
-    Case("bands without waves: refused", no_band, 5.0, 0.0, BINS, "2 <= shortest < longest"),
     Case("exactly half a cycle, straight down: power kept", kept(0.5, math.pi / 2),
          1.0 - lattice(64, 4.0, 32.0, True) / lattice(64, 4.0, 32.0, False), 1e-12,
          "the waves on the axis go: a lattice sum", "the equal case is cut"),
@@ -409,9 +365,6 @@ CASES = [
     ],
     Case("squares of the power weights sum to 1", power_weights, 0.0, (1e-6, 1e-14), "8 eps",
          "square roots of weights that sum to 1"),
-    Case("pixels that differ between 1, 2, 3 and 8 threads", threads_differ, 0.0, 0.0, "exact",
-         "a fixed order of sums"),
     Case("pixels that differ when the picture grows", growth, 0.0, 0.0, "exact",
          "phases are keyed by tile"),
-    Case("NaN and infinity: refused", not_finite, 33.0, 0.0, BINS, "every number is checked"),
 ]  # fmt: skip

@@ -155,6 +155,9 @@ OUTSIDE: dict[str, dict[str, tuple[Any, ...]]] = {
     **{f"augment.{kind}": WEATHER for kind in ("Snowfall", "Rainfall", "Fog")},
     "gas.alpha": {"smooth": (0.0, 7.9, -3.0)},
     "camera.tile_shift": {"rotation": ((0.0, 1.0), (0.0, NAN, 0.0), "x", None)},
+    "stereo.eyes": {
+        "camera": (3.0,), "distance": (-0.1, NAN, "x"), "convergence": (0.0, -2.0, INF),
+    },
     "set_threads": {"n": (0, -1, 257, [2])},
     "Scene": {
         "size": ((0, 5), (5,), "5", "axb", (2.0, 3.0), (90, 71), (2**17 + 1, 4)),
