@@ -42,7 +42,7 @@ def fuzz(what: str, *words: str | int) -> dict[str, float]:
 
 @pytest.mark.parametrize("name", FORMATS)
 def test_damaged_pictures(name: str, tmp_path: Path, record_property: Record):
-    from test_io_pictures import specimens
+    from test_io_damage import specimens
 
     specimens(tmp_path)
     count = times(8000, 40)

@@ -1,0 +1,52 @@
+"""Pictures to write and to compare: noise, levels, and an EXR straight from OpenImageIO."""
+
+import numpy as np
+import OpenImageIO as oiio
+
+from flurries.io import read_picture
+
+
+def write_exr(path, pixels, names, *, data=(0, 0), display=None, kind="float"):
+    """An EXR straight from OpenImageIO."""
+    height, width, channels = pixels.shape
+    spec = oiio.ImageSpec(width, height, channels, kind)
+    spec.channelnames = names
+    spec.x, spec.y = data
+    if display:
+        spec.full_x, spec.full_y, spec.full_width, spec.full_height = display
+    output = oiio.ImageOutput.create("x.exr")
+    assert output.open(str(path), spec), output.geterror()
+    assert output.write_image(pixels), output.geterror()
+    assert output.close()
+
+
+def noise(shape, seed=0):
+    """Light from below 0 to well above 1."""
+    return np.random.default_rng(seed).normal(1.0, 3.0, shape).astype(np.float32)
+
+
+def levels(shape, dtype, seed=0):
+    return np.random.default_rng(seed).integers(0, np.iinfo(dtype).max + 1, shape, dtype)
+
+
+def as_read(pixels):
+    """What a reader gives for an array that was written: colors in three channels, alpha."""
+    array = pixels[..., np.newaxis] if pixels.ndim == 2 else pixels
+    color = array[..., :3] if array.shape[2] >= 3 else np.repeat(array, 3, axis=2)
+    return color, array[..., 3] if array.shape[2] == 4 else None
+
+
+def same_bits(a, b):
+    return a.dtype == b.dtype and a.shape == b.shape and a.tobytes() == b.tobytes()
+
+
+def assert_reads_as(path, color, alpha, encoding):
+    picture = read_picture(path)
+    assert same_bits(picture.pixels, np.ascontiguousarray(color))
+    assert picture.encoding == encoding
+    assert picture.size == (color.shape[1], color.shape[0])
+    assert picture.pixels.flags.c_contiguous
+    if alpha is None:
+        assert picture.alpha is None
+    else:
+        assert same_bits(picture.alpha, np.ascontiguousarray(alpha))

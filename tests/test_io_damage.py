@@ -1,0 +1,199 @@
+"""Pictures that are none, broke off or claim too much; and processes that read and write them."""
+
+import hashlib
+import os
+import struct
+import subprocess
+import sys
+import zlib
+
+import numpy as np
+import OpenImageIO as oiio
+import pytest
+import skimage.data
+import skimage.transform
+import tifffile
+from PIL import Image
+
+from flurries.io import (
+    Budget,
+    fit,
+    read_header,
+    read_layers,
+    read_mask,
+    read_picture,
+    srgb_to_linear,
+    write_picture,
+)
+from pictures import noise, write_exr
+
+
+def test_files_that_are_no_pictures(tmp_path):
+    (tmp_path / "empty.png").touch()
+    (tmp_path / "text.txt").write_text("no picture\n" * 30)
+    (tmp_path / "text.png").write_text("no picture\n" * 30)
+    (tmp_path / "picture.null").write_text("no picture\n" * 30)
+    (tmp_path / "folder.png").mkdir()
+    os.mkfifo(tmp_path / "fifo.png")
+    for name, error in [
+        ("missing.png", FileNotFoundError),
+        ("empty.png", OSError),
+        ("text.txt", ValueError),
+        ("text.png", OSError),
+        ("picture.null", ValueError),
+        ("folder.png", IsADirectoryError),
+        ("fifo.png", OSError),
+    ]:
+        for function in (read_picture, read_mask, read_header, read_layers):
+            with pytest.raises(error, match=name):
+                function(tmp_path / name)
+    for path in ("", "a\0b.png"):
+        with pytest.raises(ValueError, match="path must name a file"):
+            read_picture(path)
+    with pytest.raises(OSError):
+        read_picture("/dev/zero")
+    # The control: the null format reads any text as a black picture.
+    assert oiio.ImageInput.open(str(tmp_path / "picture.null")).read_image("float").shape[0] == 1024
+
+
+def chunk(name, data):
+    return struct.pack(">I", len(data)) + name + data + struct.pack(">I", zlib.crc32(name + data))
+
+
+def test_a_picture_that_claims_to_be_huge_is_refused_before_it_is_read(tmp_path):
+    header = struct.pack(">IIBBBBB", 300_000, 300_000, 8, 2, 0, 0, 0)
+    parts = [(b"IHDR", header), (b"IDAT", zlib.compress(bytes(99))), (b"IEND", b"")]
+    (tmp_path / "a.png").write_bytes(
+        b"\x89PNG\r\n\x1a\n" + b"".join(chunk(name, data) for name, data in parts)
+    )
+    with pytest.raises(OSError, match=r"a\.png"):
+        read_picture(tmp_path / "a.png")
+    window = (0, 0, 2**20, 2**20)
+    write_exr(tmp_path / "a.exr", noise((4, 4, 3)), ("R", "G", "B"), display=window)
+    with pytest.raises(OSError, match=r"a\.exr: .*1048576 x 1048576"):
+        read_picture(tmp_path / "a.exr")
+    write_picture(tmp_path / "b.png", np.zeros((10, 11), np.uint8))
+    with pytest.raises(OSError, match="11 x 10"):
+        read_picture(tmp_path / "b.png", budget=Budget(pixels=100))
+
+
+def specimens(folder):
+    """Pictures in the formats of film and photography, from us and from others."""
+    photograph = np.ascontiguousarray(skimage.data.astronaut()[90:186, 180:276])
+    image = Image.fromarray(photograph)
+    light = srgb_to_linear(photograph / np.float32(255))
+    write_picture(folder / "ours.png", photograph)
+    write_picture(folder / "ours.jpg", photograph)
+    write_picture(folder / "ours.tif", photograph)
+    write_picture(folder / "zip.exr", light)
+    write_picture(folder / "none.exr", light, compression="none")
+    write_picture(folder / "piz.exr", light, compression="piz")
+    write_picture(folder / "ours.hdr", light)
+    image.save(folder / "others.png")
+    image.save(folder / "progressive.jpg", progressive=True, quality=90)
+    image.save(folder / "lzw.tif", compression="tiff_lzw")
+    tifffile.imwrite(folder / "first.tif", photograph, photometric="rgb")  # directory in front
+    image.save(folder / "others.webp", lossless=True)
+    return sorted(folder.iterdir())
+
+
+def test_a_picture_that_broke_off_is_an_error(tmp_path):
+    tried = 0
+    for path in specimens(tmp_path):
+        data, whole = path.read_bytes(), read_picture(path).pixels
+        cut = path.with_stem("cut")
+        for length in [1, *(len(data) * n // 16 for n in range(1, 16)), len(data) - 20]:
+            cut.write_bytes(data[:length])
+            with pytest.raises((OSError, ValueError), match=r"cut\."):
+                read_picture(cut)
+            tried += 1
+        # The last bytes may be a trailer that nobody needs: then all pixels must be right.
+        cut.write_bytes(data[:-1])
+        try:
+            assert np.array_equal(read_picture(cut).pixels, whole), path.name
+        except (OSError, ValueError) as error:
+            assert cut.name in str(error)
+        cut.unlink()
+    assert tried == 12 * 17
+
+
+def test_without_the_guards_half_a_jpeg_is_half_grey(tmp_path):
+    """The control: the decoder calls it a success."""
+    photograph = np.ascontiguousarray(skimage.data.astronaut()[90:186, 180:276])
+    write_picture(tmp_path / "a.jpg", photograph)
+    data = (tmp_path / "a.jpg").read_bytes()
+    (tmp_path / "a.jpg").write_bytes(data[: len(data) // 2])
+    found = oiio.ImageInput.open(str(tmp_path / "a.jpg")).read_image("uint8")
+    assert found.shape == photograph.shape
+    assert np.ptp(found[-8:], axis=(0, 1)).max() == 0
+    with pytest.raises(OSError, match="Premature end"):
+        read_picture(tmp_path / "a.jpg")
+
+
+def test_errors_do_not_spill_over_to_the_next_picture(tmp_path):
+    write_picture(tmp_path / "good.jpg", np.zeros((8, 8, 3), np.uint8))
+    (tmp_path / "bad.jpg").write_bytes((tmp_path / "good.jpg").read_bytes()[:200])
+    for _ in range(3):
+        with pytest.raises(OSError):
+            read_picture(tmp_path / "bad.jpg")
+        assert read_picture(tmp_path / "good.jpg").size == (8, 8)
+    assert oiio.geterror() == ""
+
+
+CODE = """
+import os, sys
+import numpy as np
+{prepare}
+from flurries.io import fit, write_picture, read_picture
+before = len(os.listdir("/proc/self/task"))
+pixels = np.random.default_rng(0).random((300, 300, 3)).astype(np.float32)
+write_picture(sys.argv[1], pixels)
+read_picture(sys.argv[1])
+fit(pixels, (50, 50))
+{control}
+print(len(os.listdir("/proc/self/task")) - before)
+"""
+
+
+POOL = """
+import OpenImageIO
+OpenImageIO.attribute("exr_threads", 3)
+write_picture(sys.argv[1], pixels)
+"""
+
+
+def run(code, *arguments):
+    return subprocess.run(
+        [sys.executable, "-c", code, *map(str, arguments)],
+        capture_output=True,
+        text=True,
+        check=True,
+        env={**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)},
+    ).stdout.strip()
+
+
+def test_pictures_need_no_threads(tmp_path):
+    """A pool of threads would be lost in a forked child, which then waits for it for ever."""
+    assert run(CODE.format(prepare="", control=""), tmp_path / "a.exr") == "0"
+    # The control: OpenEXR's pool does show in the count.
+    assert int(run(CODE.format(prepare="", control=POOL), tmp_path / "a.exr")) > 0
+
+
+def test_forked_children_read_and_write(tmp_path):
+    pixels = noise((100, 100, 3))
+    write_picture(tmp_path / "parent.exr", pixels)
+    children = []
+    for number in range(10):
+        child = os.fork()
+        if child == 0:
+            code = 1
+            try:
+                write_picture(tmp_path / f"{number}.exr", pixels)
+                fit(read_picture(tmp_path / "parent.exr").pixels, (30, 30))
+                code = 0
+            finally:
+                os._exit(code)
+        children.append(child)
+    assert [os.waitpid(child, 0)[1] for child in children] == [0] * 10
+    made = {hashlib.sha256(path.read_bytes()).digest() for path in tmp_path.iterdir()}
+    assert len(made) == 1

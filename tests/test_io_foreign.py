@@ -1,0 +1,195 @@
+"""Pictures that others wrote: palettes, orientations, windows, channels, parts, masks."""
+
+import numpy as np
+import OpenImageIO as oiio
+import pytest
+import skimage.data
+import skimage.transform
+import tifffile
+from PIL import Image, ImageOps
+
+from flurries.io import (
+    read_header,
+    read_mask,
+    read_picture,
+    write_picture,
+)
+from pictures import assert_reads_as, levels, noise, write_exr
+
+
+def test_grey_palettes_bits_and_ink(tmp_path):
+    photograph = np.ascontiguousarray(skimage.data.astronaut()[:48, 200:264])
+    image = Image.fromarray(photograph)
+    cases = {
+        "grey.png": (image.convert("L"), {}),
+        "bits.png": (image.convert("1"), {}),
+        "palette.png": (image.quantize(16), {}),
+        "grey-alpha.png": (image.convert("LA"), {}),
+        "progressive.jpg": (image, {"progressive": True}),
+        "grey.jpg": (image.convert("L"), {"quality": 100}),
+        "lzw.tif": (image, {"compression": "tiff_lzw"}),
+        "plain.webp": (image, {"lossless": True}),
+        "plain.tga": (image, {}),
+        "plain.bmp": (image, {}),
+    }
+    for name, (written, options) in cases.items():
+        written.save(tmp_path / name, **options)
+        picture = read_picture(tmp_path / name)
+        wanted = np.asarray(Image.open(tmp_path / name).convert("RGB"))
+        error = np.abs(picture.pixels.astype(int) - wanted)
+        assert error.max() <= (3 if name.endswith("jpg") else 0), name
+        assert picture.pixels.dtype == np.uint8
+        assert picture.encoding == "display"
+    image.convert("CMYK").save(tmp_path / "ink.tif")
+    assert read_picture(tmp_path / "ink.tif").pixels.shape == photograph.shape
+
+
+def test_straight_alpha_of_other_formats_stays_straight(tmp_path):
+    pixels = levels((20, 30, 4), np.uint8)
+    image = Image.fromarray(pixels)
+    options = {"a.webp": {"lossless": True, "exact": True}}
+    for name in ("a.png", "a.webp", "a.tga", "a.bmp", "a.tif"):
+        image.save(tmp_path / name, **options.get(name, {}))
+        picture = read_picture(tmp_path / name)
+        assert not picture.premultiplied, name
+        np.testing.assert_array_equal(picture.pixels, pixels[..., :3], name)
+        np.testing.assert_array_equal(np.rint(picture.alpha * 255), pixels[..., 3], name)
+
+
+@pytest.mark.parametrize("orientation", range(1, 9))
+def test_orientation_is_honoured(tmp_path, orientation):
+    pixels = levels((6, 9, 3), np.uint8)
+    pixels[:3, :4] = 200
+    tags = Image.Exif()
+    tags[0x0112] = orientation
+    Image.fromarray(pixels).save(tmp_path / "a.jpg", exif=tags, quality=100, subsampling=0)
+    upright = np.asarray(ImageOps.exif_transpose(Image.open(tmp_path / "a.jpg")))
+    picture = read_picture(tmp_path / "a.jpg")
+    assert np.abs(picture.pixels.astype(int) - upright).max() <= 2
+    assert read_header(tmp_path / "a.jpg").size == picture.size == upright.shape[1::-1]
+    tag = [(274, "H", 1, orientation, True)]
+    tifffile.imwrite(tmp_path / "a.tif", pixels, photometric="rgb", extratags=tag)
+    np.testing.assert_array_equal(
+        read_picture(tmp_path / "a.tif").pixels, turned(pixels, orientation)
+    )
+
+
+def turned(pixels, orientation):
+    """The standard's own words: where the first row and the first column of the file belong."""
+    row_is, column_is = {
+        1: ("top", "left"),
+        2: ("top", "right"),
+        3: ("bottom", "right"),
+        4: ("bottom", "left"),
+        5: ("left", "top"),
+        6: ("right", "top"),
+        7: ("right", "bottom"),
+        8: ("left", "bottom"),
+    }[orientation]
+    if row_is in ("left", "right"):
+        pixels = pixels.swapaxes(0, 1)
+        row_is, column_is = column_is, row_is
+    if row_is == "bottom":
+        pixels = pixels[::-1]
+    return pixels[:, ::-1] if column_is == "right" else pixels
+
+
+@pytest.mark.parametrize(
+    ("data", "display"),
+    [
+        ((2, 1), (0, 0, 12, 9)),  # smaller than the display
+        ((-3, -2), (0, 0, 4, 3)),  # larger: overscan
+        ((5, -1), (-2, 3, 9, 4)),  # partly outside, origin not at 0
+        ((100, 100), (0, 0, 5, 6)),  # not in it at all
+    ],
+)
+def test_the_display_window_is_what_comes(tmp_path, data, display):
+    pixels = np.abs(noise((7, 8, 4)))
+    write_exr(tmp_path / "a.exr", pixels, ("R", "G", "B", "A"), data=data, display=display)
+    left, top, width, height = display
+    canvas = np.zeros((300, 300, 4), np.float32)
+    canvas[data[1] + 50 : data[1] + 57, data[0] + 50 : data[0] + 58] = pixels
+    wanted = canvas[top + 50 : top + 50 + height, left + 50 : left + 50 + width]
+    assert_reads_as(tmp_path / "a.exr", wanted[..., :3], wanted[..., 3], "linear")
+    assert read_header(tmp_path / "a.exr").size == (width, height)
+
+
+def test_the_right_channels_are_found(tmp_path):
+    pixels = noise((5, 6, 5))
+    cases = [
+        (("A", "B", "G", "R", "Z"), (3, 2, 1), 0),
+        (("depth.Z", "snow.A", "B", "G", "R"), (4, 3, 2), None),
+        (("snow.B", "snow.G", "snow.R", "snow.A", "x"), (2, 1, 0), 3),
+        (("Y", "A", "p", "q", "r"), (0, 0, 0), 1),
+        (("one", "two", "three", "four", "five"), None, None),
+    ]
+    for names, color, alpha in cases:
+        write_exr(tmp_path / "a.exr", pixels, names)
+        picture = read_picture(tmp_path / "a.exr")
+        if color:
+            np.testing.assert_array_equal(picture.pixels, pixels[..., list(color)])
+        if alpha is None:
+            assert picture.alpha is None
+        else:
+            np.testing.assert_array_equal(picture.alpha, pixels[..., alpha])
+
+
+def test_the_part_with_colors_is_found(tmp_path):
+    path = str(tmp_path / "parts.exr")
+    depth, color = noise((5, 6, 1)), noise((5, 6, 3))
+    specs = [oiio.ImageSpec(6, 5, 1, "float"), oiio.ImageSpec(6, 5, 3, "float")]
+    specs[0].channelnames = ("Z",)
+    for name, spec in zip(("depth", "beauty"), specs, strict=True):
+        spec.attribute("oiio:subimagename", name)
+    output = oiio.ImageOutput.create(path)
+    assert output.open(path, specs)
+    assert output.write_image(depth)
+    assert output.open(path, specs[1], "AppendSubimage")
+    assert output.write_image(color)
+    assert output.close()
+    assert_reads_as(path, color, None, "linear")
+
+
+def test_pictures_of_other_kinds_are_refused(tmp_path):
+    write_exr(tmp_path / "chroma.exr", noise((4, 4, 3)), ("Y", "RY", "BY"))
+    with pytest.raises(ValueError, match=r"chroma\.exr: .*luminance and chroma"):
+        read_picture(tmp_path / "chroma.exr")
+    spec = oiio.ImageSpec(2, 2, 2, "float")
+    spec.channelnames, spec.deep = ("Z", "A"), True
+    deep = oiio.DeepData()
+    deep.init(spec)
+    output = oiio.ImageOutput.create("x.exr")
+    assert output.open(str(tmp_path / "deep.exr"), spec)
+    assert output.write_deep_image(deep)
+    output.close()
+    with pytest.raises(ValueError, match=r"deep\.exr: deep pictures"):
+        read_picture(tmp_path / "deep.exr")
+
+
+def test_unusual_numbers(tmp_path):
+    whole = np.arange(12, dtype=np.uint32).reshape(3, 4) * 300_000_000
+    tifffile.imwrite(tmp_path / "wide.tif", whole)
+    picture = read_picture(tmp_path / "wide.tif")
+    assert picture.encoding == "display"
+    np.testing.assert_allclose(picture.pixels[..., 0], whole / (2**32 - 1), rtol=1e-6)
+    doubles = noise((3, 4, 3)).astype(np.float64)
+    tifffile.imwrite(tmp_path / "double.tif", doubles, photometric="rgb")
+    assert_reads_as(tmp_path / "double.tif", doubles.astype(np.float32), None, "linear")
+
+
+def test_masks(tmp_path):
+    grey = np.arange(256, dtype=np.uint8).reshape(16, 16)
+    write_picture(tmp_path / "grey.png", grey)
+    np.testing.assert_array_equal(read_mask(tmp_path / "grey.png"), grey / np.float32(255))
+    color = levels((16, 16, 3), np.uint8)
+    write_picture(tmp_path / "color.png", color)
+    wanted = color / 255 @ [0.2126, 0.7152, 0.0722]
+    np.testing.assert_allclose(read_mask(tmp_path / "color.png"), wanted, atol=1e-6)
+    write_picture(tmp_path / "alpha.png", color, alpha=grey)
+    np.testing.assert_array_equal(read_mask(tmp_path / "alpha.png"), grey / np.float32(255))
+    wild = np.array([[np.nan, np.inf, -3.0, 0.25, 9.0]], np.float32)
+    write_picture(tmp_path / "wild.exr", wild, half=False)
+    np.testing.assert_array_equal(read_mask(tmp_path / "wild.exr"), [[0, 1, 0, 0.25, 1]])
+    half = np.linspace(0, 1, 50, dtype=np.float32).reshape(5, 10)
+    write_picture(tmp_path / "mask.png", half, encoding="display", bits=16)
+    np.testing.assert_allclose(read_mask(tmp_path / "mask.png"), half, atol=1 / 131070)

@@ -1,0 +1,262 @@
+"""Films are read in any order, by any process, and what is damaged is told."""
+
+import os
+import pickle
+import struct
+import threading
+
+import av
+import numpy as np
+import pytest
+
+from films import EXTENSIONS, encode, film, write
+from flurries.io import open_background, read_video, write_picture
+from flurries.io.films.reader import VideoReader
+from flurries.io.structure import check_structure
+
+STREAMS = {
+    "groups.mp4": ("libx264", {"g": "8", "bf": "3"}),
+    "open.mp4": ("libx264", {"g": "8", "bf": "3", "x264-params": "open-gop=1"}),
+    "open.ts": ("libx264", {"g": "8", "bf": "3", "x264-params": "open-gop=1"}),
+    "refresh.mkv": ("libx264", {"g": "8", "x264-params": "intra-refresh=1"}),
+    "hidden.webm": ("libvpx-vp9", {"g": "8", "auto-alt-ref": "1", "lag-in-frames": "12"}),
+    "old.avi": ("mpeg4", {"g": "8", "b": "4000000"}),
+    "reordered.avi": ("libx264", {"g": "8", "bf": "3"}),
+    "old.mpg": ("mpeg2video", {"g": "8", "bf": "2", "b": "4000000"}),
+    "intra.mp4": ("libx264", {"g": "1"}),
+}
+
+
+@pytest.mark.parametrize("name", STREAMS)
+def test_random_access_gives_the_frames_of_sequential_access(tmp_path, name):
+    codec, options = STREAMS[name]
+    path = encode(tmp_path / name, codec, film(45), options=options)
+    frames = list(read_video(path))
+    assert len(frames) == 45
+    # Each frame is its own: waves move by three pixels.
+    likeness = [[np.abs(a.astype(int) - b).mean() for b in film(45)] for a in frames[::11]]
+    assert np.argmin(likeness, axis=1).tolist() == list(range(0, 45, 11))
+    source = open_background(path)
+    for number in np.random.default_rng(5).integers(0, 45, 60):
+        np.testing.assert_array_equal(source.frame(int(number)).pixels, frames[number])
+
+
+def test_seeking_to_where_the_decoder_is_not_matters(tmp_path):
+    """The control: a decoder that starts within a group gives other pixels."""
+    path = encode(tmp_path / "a.mp4", "libx264", film(40), options={"g": "40", "bf": "0"})
+    frames = list(read_video(path))
+    with av.open(str(path)) as container:
+        stream = container.streams.video[0]
+        packets = [packet for packet in container.demux(stream) if packet.size]
+        images = [image for packet in packets[20:] for image in packet.decode()]
+    found = images[0].to_ndarray(format="rgb24") if images else np.zeros_like(frames[20])
+    assert not np.array_equal(found, frames[20])
+
+
+def test_reading_in_order_does_not_seek(tmp_path, monkeypatch):
+    path = encode(tmp_path / "a.mp4", "libx264", film(40), options={"g": "8", "bf": "3"})
+    jumps = []
+    original = VideoReader._go_to
+    monkeypatch.setattr(
+        VideoReader, "_go_to", lambda self, key: jumps.append(key) or original(self, key)
+    )
+    source = open_background(path)
+    for number in range(40):
+        source.frame(number)
+        source.frame(number)
+    assert jumps == []
+    # Forwards within a group neither, and beyond it to the last key frame before the target.
+    source.frame(0)
+    source.frame(5)
+    source.frame(37)
+    assert jumps == [0, 32]
+
+
+def test_before_and_behind_the_film(tmp_path):
+    path = write(tmp_path / "a.mkv", film(6))
+    source = open_background(path)
+    frames = list(film(6))
+    for number, wanted in [(-3, 0), (0, 0), (5, 5), (6, 5), (10**9, 5)]:
+        np.testing.assert_array_equal(source.frame(number).pixels, frames[wanted])
+    with pytest.raises(TypeError):
+        source.frame(1.5)
+    with pytest.raises(ValueError, match="read-only"):
+        source.frame(0).pixels[:] = 0
+
+
+@pytest.mark.parametrize("quarters", [0, 1, 2, 3])
+def test_rotation_is_honoured(tmp_path, quarters):
+    path = encode(tmp_path / "a.mp4", "libx264", film(2), options={"crf": "10"})
+    # The matrix of the track header, as a telephone writes it: 16.16 fixed point, clockwise.
+    cosine, sine = [(1, 0), (0, 1), (-1, 0), (0, -1)][quarters]
+    data = bytearray(path.read_bytes())
+    place = data.index(b"tkhd") + 4 + 40
+    assert struct.unpack(">9i", data[place : place + 36])[0] == 0x10000
+    one = 0x10000
+    matrix = (cosine * one, sine * one, 0, -sine * one, cosine * one, 0, 0, 0, 0x40000000)
+    data[place : place + 36] = struct.pack(">9i", *matrix)
+    path.write_bytes(data)
+    source = open_background(path)
+    wanted = np.rot90(next(film(1)), -quarters)
+    assert source.size == wanted.shape[1::-1]
+    assert np.abs(source.frame(0).pixels.astype(int) - wanted).mean() < 4
+
+
+def test_sources_pickle_and_come_back(tmp_path):
+    path = write(tmp_path / "a.mp4", film(12))
+    source = open_background(path)
+    third = source.frame(3).pixels
+    data = pickle.dumps(source)
+    assert len(data) < 1024
+    other = pickle.loads(data)
+    assert (other.size, other.count, other.fps) == (source.size, 12, 24)
+    np.testing.assert_array_equal(other.frame(3).pixels, third)
+    source.close()
+    np.testing.assert_array_equal(source.frame(3).pixels, third)
+
+
+def test_threads_share_a_video(tmp_path):
+    path = encode(tmp_path / "a.mp4", "libx264", film(30), options={"g": "6"})
+    frames, source, wrong = list(read_video(path)), open_background(path), []
+
+    def look(seed):
+        for number in np.random.default_rng(seed).integers(0, 30, 20):
+            if not np.array_equal(source.frame(int(number)).pixels, frames[number]):
+                wrong.append(number)
+
+    threads = [threading.Thread(target=look, args=(seed,)) for seed in range(6)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert not wrong
+
+
+def test_children_and_their_parent_read_one_video(tmp_path):
+    path = encode(tmp_path / "a.mp4", "libx264", film(30), options={"g": "6"})
+    frames, source = list(read_video(path)), open_background(path)
+    source.frame(7)
+    children = []
+    for seed in range(6):
+        child = os.fork()
+        if child == 0:
+            numbers = np.random.default_rng(seed).integers(0, 30, 15)
+            good = all(np.array_equal(source.frame(int(n)).pixels, frames[n]) for n in numbers)
+            os._exit(0 if good else 1)
+        children.append(child)
+    for number in range(8, 30):
+        np.testing.assert_array_equal(source.frame(number).pixels, frames[number])
+    assert [os.waitpid(child, 0)[1] for child in children] == [0] * 6
+
+
+@pytest.mark.parametrize("extension", [*EXTENSIONS, "avi"])
+def test_a_video_that_broke_off_is_an_error(tmp_path, extension):
+    path = tmp_path / f"a.{extension}"
+    if extension == "avi":
+        encode(path, "mpeg4", film(12))
+    else:
+        write(path, film(12))
+    data = path.read_bytes()
+    cut = tmp_path / f"cut.{extension}"
+    for length in [0, 1, 9, *(len(data) * n // 12 for n in range(1, 12)), len(data) - 1]:
+        cut.write_bytes(data[:length])
+        with pytest.raises(OSError, match=r"cut\."):
+            list(read_video(cut))
+        with pytest.raises(OSError, match=r"cut\."):
+            open_background(cut)
+
+
+def test_without_the_guard_half_a_webm_is_a_shorter_film(tmp_path):
+    """The control: the library calls it a success."""
+    path = write(tmp_path / "a.webm", film(12))
+    data = path.read_bytes()
+    path.write_bytes(data[: len(data) * 3 // 4])
+    with av.open(str(path)) as container:
+        assert 0 < sum(1 for _ in container.decode(video=0)) < 12
+    with pytest.raises(OSError, match="cut short"):
+        check_structure(path)
+
+
+def test_damage_in_h264_is_told_for_the_same_frames_in_any_order(tmp_path):
+    options = {"g": "8", "bf": "3", "mbtree": "0"}
+    path = encode(tmp_path / "a.mp4", "libx264", film(40), options=options)
+    frames, data = list(read_video(path)), path.read_bytes()
+    start, told, random = data.index(b"mdat") + 1000, 0, np.random.default_rng(8)
+    for place in random.integers(start, len(data) - 4000, 6):
+        bad = bytearray(data)
+        bad[place : place + 50] = random.bytes(50)
+        path.write_bytes(bad)
+        source = open_background(path)
+
+        def look(number, source=source):
+            try:
+                return source.frame(number).pixels
+            except OSError as error:
+                assert "is damaged" in str(error)
+                return None
+
+        ordered = [look(number) for number in range(40)]
+        damaged = [number for number, found in enumerate(ordered) if found is None]
+        told += bool(damaged)
+        # Frames before the damage, and those of the groups behind it, are whole.
+        if damaged:
+            spared = [n for n in range(40) if n // 8 not in {d // 8 for d in damaged}]
+            assert all(np.array_equal(ordered[n], frames[n]) for n in spared[:8])
+        source.close()
+        for number in np.random.default_rng(9).permutation(40):
+            found = look(int(number))
+            assert (found is None) == (ordered[number] is None)
+            assert found is None or np.array_equal(found, ordered[number])
+        held = open_background(path, damaged="hold")
+        for number in damaged[:3]:
+            earlier = max(n for n in range(number) if ordered[n] is not None)
+            np.testing.assert_array_equal(held.frame(number).pixels, ordered[earlier])
+    assert told >= 4
+
+
+def test_files_that_are_no_videos(tmp_path):
+    write_picture(tmp_path / "picture.png", np.zeros((8, 8, 3), np.uint8))
+    (tmp_path / "picture.mp4").write_bytes((tmp_path / "picture.png").read_bytes())
+    (tmp_path / "text.mp4").write_text("no film\n" * 50)
+    (tmp_path / "text.dat").write_text("no film\n" * 50)
+    (tmp_path / "folder.mp4").mkdir()
+    os.mkfifo(tmp_path / "fifo.mp4")
+    for name, error in [
+        ("missing.mp4", FileNotFoundError),
+        ("picture.mp4", OSError),
+        ("text.mp4", OSError),
+        ("text.dat", ValueError),
+        ("folder.mp4", IsADirectoryError),
+        ("fifo.mp4", OSError),
+    ]:
+        with pytest.raises(error, match=name):
+            list(read_video(tmp_path / name))
+    with pytest.raises(ValueError, match="path must name a file"):
+        list(read_video(""))
+
+
+def test_sound_alone_is_no_video(tmp_path):
+    path = tmp_path / "sound.mp4"
+    with av.open(str(path), "w") as container:
+        stream = container.add_stream("aac", rate=44100)
+        sound = av.AudioFrame.from_ndarray(np.zeros((1, 4096), np.float32), "fltp", "mono")
+        sound.sample_rate = 44100
+        container.mux(stream.encode(sound))
+        container.mux(stream.encode())
+    with pytest.raises(ValueError, match=r"sound\.mp4: the file holds no video"):
+        open_background(path)
+
+
+def test_scripts_that_name_other_files_are_not_followed(tmp_path):
+    victim = write(tmp_path / "victim.mkv", film(3))
+    script = "ffconcat version 1.0\nfile victim.mkv\n"
+    playlist = "#EXTM3U\n#EXT-X-TARGETDURATION:1\n#EXTINF:1,\nvictim.ts\n#EXT-X-ENDLIST\n"
+    encode(tmp_path / "victim.ts", "libx264", film(3))
+    for name, text in [("a.mkv", script), ("b.mkv", playlist), ("c.m3u8", playlist)]:
+        (tmp_path / name).write_text(text)
+        with pytest.raises((OSError, ValueError), match=name):
+            open_background(tmp_path / name)
+    # The control: the library by itself follows the script.
+    with av.open(str(tmp_path / "a.mkv")) as container:
+        assert container.streams.video[0].width == 96
+    assert victim.exists()

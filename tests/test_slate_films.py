@@ -1,0 +1,175 @@
+"""What a film says of itself goes through: codes of time, tags, bits."""
+
+from __future__ import annotations
+
+from fractions import Fraction
+from pathlib import Path
+from typing import Any
+
+import av
+import numpy as np
+import pytest
+
+import flurries as fl
+from flurries import io
+from flurries.io.films.tags import Tags
+from flurries.io.timecode import TimeCode
+from test_slate import SNOW, H, W
+
+CODECS = {"h264": ("mp4", 8), "h265": ("mp4", 10), "prores-hq": ("mov", 10), "ffv1": ("mkv", 10)}
+
+
+def pictures(path: Path) -> np.ndarray:
+    film = io.open_background(path)
+    return np.stack([film.frame(number).pixels for number in range(4)])
+
+
+@pytest.mark.parametrize("codec", CODECS)
+def test_a_film_at_amount_0_is_what_the_codec_makes_of_the_plate(codec: str, tmp_path: Path):
+    ending, bits = CODECS[codec]
+    tags = Tags(primaries=1, transfer=1, matrix=1)
+    tall, wide = 96, 128
+    rows, columns = np.mgrid[:tall, :wide] / 40.0
+    plate, ours, again = (tmp_path / f"{name}.{ending}" for name in ("plate", "ours", "again"))
+    with io.VideoWriter(plate, (wide, tall), 24, codec=codec, bits=bits, tags=tags) as film:
+        for number in range(4):
+            wave = np.stack([np.sin(k * rows + columns + 0.3 * number) for k in (1, 2, 3)], axis=2)
+            levels = (0.5 + 0.4 * wave) * (255 if bits == 8 else 65535)
+            film.write(levels.astype(np.uint8 if bits == 8 else np.uint16))
+    none = [fl.Snow.preset("heavy", amount=0.0)]
+    fl.Scene(None, plate, effects=none).write(ours, codec=codec, bits=bits)
+    before = pictures(plate)
+    with io.VideoWriter(again, (wide, tall), 24, codec=codec, bits=bits, tags=tags) as film:
+        for picture in before:
+            film.write(picture)
+    # The codec's own error, of the very pictures that the plate's film shows.
+    lost = pictures(again).astype(float) - before
+    np.testing.assert_array_equal(pictures(ours), pictures(again))
+    assert np.abs(pictures(ours).astype(float) - before).max() <= np.abs(lost).max()
+
+
+def test_time_codes_count_as_clocks_do():
+    rate = Fraction(30000, 1001)
+    drop = TimeCode.of_text("00:00:59;29", rate)
+    assert drop is not None and drop.later(1).text == "00:01:00;02"
+    assert TimeCode.of_text("00:09:59;29", rate).later(1).text == "00:10:00;00"
+    # 29.97 frames a second for an hour are an hour but for 4 ms.
+    assert TimeCode.of_text("00:00:00;00", rate).later(107892).text == "01:00:00;00"
+    code = TimeCode.of_text("23:59:59:23", Fraction(24))
+    assert code is not None and code.later(1).text == "00:00:00:00"
+    for text in ("01:02:03:04", "19:59:48:17"):
+        one = TimeCode.of_text(text, Fraction(24))
+        assert one is not None and one.text == text
+        assert TimeCode.of_word(one.word, Fraction(24)) == one
+    assert TimeCode.of_word(0x01020304, Fraction(24)).text == "01:02:03:04"
+    assert TimeCode.of_text("noon", Fraction(24)) is None
+
+
+CODE = TimeCode.of_text("10:20:30:05", Fraction(24))
+
+
+FILMS: dict[str, tuple[str, dict[str, Any], Tags]] = {
+    "709": ("a.mp4", {}, Tags(primaries=1, transfer=1, matrix=1, timecode=CODE)),
+    "601": ("a.mp4", {}, Tags(primaries=6, transfer=6, matrix=6)),
+    "full range": ("a.mp4", {}, Tags(primaries=1, transfer=1, matrix=1, full=True)),
+    "anamorphic": ("a.mov", {}, Tags(aspect=Fraction(2), timecode=CODE)),
+    "ten bits": ("a.mp4", {"codec": "h265", "bits": 10}, Tags(primaries=9, transfer=14, matrix=9)),
+    "ten bits h264": ("a.mp4", {"bits": 10}, Tags(primaries=9, transfer=14, matrix=9)),
+    "prores": ("a.mov", {"codec": "prores-hq"}, Tags(primaries=9, transfer=1, matrix=9)),
+    "vp9": ("a.webm", {}, Tags(primaries=1, transfer=1, matrix=1)),
+    "ffv1 16": ("a.mkv", {"bits": 16}, Tags(primaries=9, transfer=13, timecode=CODE)),
+}
+
+
+def film(path: Path, tags: Tags, given: dict[str, Any]) -> None:
+    # Twice as large as plates: H.265 has no room in less than 64 px.
+    down, across = 2 * H, 2 * W
+    y, x = np.mgrid[:down, :across]
+    shade = np.stack([x / across, y / down, (x + y) / (down + across)], -1)
+    with io.VideoWriter(path, (across, down), 24, tags=tags, **given) as writer:
+        for level in range(3):
+            deep = (0.2 + 0.2 * level + 0.3 * shade) * (255 if writer.bits == 8 else 65535)
+            writer.write(deep.astype(np.uint8 if writer.bits == 8 else np.uint16))
+
+
+@pytest.mark.parametrize("name", FILMS)
+def test_what_a_film_says_goes_through(name: str, tmp_path: Path):
+    file, given, tags = FILMS[name]
+    film(tmp_path / file, tags, given)
+    codec = {"codec": given["codec"]} if "codec" in given else {}
+    scene = fl.Scene(None, tmp_path / file, effects=SNOW)
+    before = io.open_background(tmp_path / file).tags
+    assert (before.primaries, before.full, before.aspect) == (
+        tags.primaries if tags.primaries != 2 else 1, tags.full or file.endswith("mkv"), tags.aspect
+    )  # fmt: skip
+    out = tmp_path / f"out{Path(file).suffix}"
+    scene.write(out, **codec)
+    assert io.open_background(out).tags == before
+    assert scene.pixel_aspect == scene.camera.camera.aspect == float(tags.aspect)
+    if tags.timecode is not None:
+        scene.write(tmp_path / f"later{out.suffix}", "1-2", **codec)
+        later = io.open_background(tmp_path / f"later{out.suffix}").tags.timecode
+        assert later == tags.timecode.later(1)
+    # Amount 0 is the film within what the codec loses.
+    plain = fl.Scene(None, tmp_path / file)
+    plain.write(tmp_path / f"plain{out.suffix}", **codec)
+    one, other = (
+        list(io.read_video(path)) for path in (tmp_path / file, tmp_path / f"plain{out.suffix}")
+    )
+    scale = 255.0 / np.iinfo(one[0].dtype).max
+    assert one[0].dtype == other[0].dtype
+    for a, b in zip(one, other, strict=True):
+        gone = np.abs(a.astype(float) - b) * scale
+        assert gone.max() < 8.0 and gone.mean() < 1.5
+
+
+def test_a_film_of_ten_bits_is_not_made_one_of_eight(tmp_path: Path):
+    film(tmp_path / "ten.mp4", Tags(), {"bits": 10})
+    scene = fl.Scene(None, tmp_path / "ten.mp4", effects=SNOW)
+    assert scene.render(0).dtype == np.uint16
+    with pytest.raises(ValueError, match=r"the film has 10 bits, the new one at most 8: bits="):
+        scene.write(tmp_path / "out.webm")
+    scene.write(tmp_path / "out.webm", bits=8)
+    scene.write(tmp_path / "out.mp4")
+    assert io.open_background(tmp_path / "out.mp4").tags.bits == 10
+
+
+@pytest.mark.parametrize("transfer", [16, 18])
+def test_hdr_is_refused(transfer: int, tmp_path: Path):
+    film(tmp_path / "hdr.mp4", Tags(primaries=9, transfer=transfer, matrix=9), {"bits": 10})
+    with pytest.raises(ValueError, match=r"is HDR \((PQ|HLG)\)"):
+        fl.Scene(None, tmp_path / "hdr.mp4")
+
+
+def test_interlaced_film_is_refused(tmp_path: Path):
+    path = tmp_path / "fields.mp4"
+    with av.open(str(path), "w") as made:
+        stream = made.add_stream("libx264", rate=25, options={"x264-params": "tff=1"})
+        stream.width, stream.height, stream.pix_fmt = 64, 64, "yuv420p"
+        stream.codec_context.flags |= 0x40000  # AV_CODEC_FLAG_INTERLACED_DCT
+        for level in range(3):
+            frame = av.VideoFrame.from_ndarray(np.full((64, 64, 3), 40 * level, np.uint8), "rgb24")
+            made.mux(stream.encode(frame))
+        made.mux(stream.encode())
+    for use in ({"background": path}, {"size": (64, 64), "foreground": path}):
+        with pytest.raises(ValueError, match="is interlaced"):
+            fl.Scene(**use)
+
+
+def test_snow_alone_in_prores_4444(tmp_path: Path):
+    scene = fl.Scene((64, 48), "#000000", effects=SNOW)
+    scene.write(tmp_path / "snow.mov", "1-2", alone=True, codec="prores-4444")
+    with av.open(str(tmp_path / "snow.mov")) as made:
+        frame = next(made.decode(video=0))
+        assert frame.format.name.startswith("yuva444p")
+        rgba = frame.to_ndarray(format="rgba64le") / 65535.0
+    truth = scene.render(1, layers=True)
+    assert np.abs(rgba[..., 3] - truth.alpha).max() < 0.03
+    with pytest.raises(ValueError, match="alone needs codec='prores-4444'"):
+        scene.write(tmp_path / "b.mp4", "1-2", alone=True)
+
+
+def test_a_picture_too_small_for_h265_is_refused(tmp_path: Path):
+    """Its library wrote past its own memory there, and ended the process."""
+    with pytest.raises(ValueError, match=r"codec h265 needs 64 px in width or height, got 48 x 48"):
+        io.VideoWriter(tmp_path / "a.mp4", (48, 48), 24, codec="h265")

@@ -1,0 +1,157 @@
+"""Wind over depth and gusts, measured on frames, in files and in copies."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import flurries as fl
+import measure
+from flurries.effects.gusts import flakes_in_waves
+from flurries.scene.fingerprint import fingerprint
+from measure import FLAKES, FOCAL, LONGEST, NEAR, SIZE, TEXTURE, TORUS, WAVES, picture, scene
+from test_wind import GRID, LENS, WINDS, Keys, Snow, Wind, one
+
+SHEAR = [(NEAR, (1.0, 0.0, 0.0)), (4 * NEAR, (-1.5, 0.4, 0.0))]
+
+
+def test_measured_on_frames_each_band_has_the_wind_of_its_depth():
+    wind = Wind((0.3, 0.0, 0.0), profile=SHEAR)
+    shown = scene({**TEXTURE, **TORUS, "wind": wind})
+    for t in (3.0, 50.0):
+        pair = picture(shown, t), picture(shown, t + 1.0)
+        for wavelength in WAVES:
+            moved, mean = measure.band_shift([pair], wavelength, 0.04)
+            depth = NEAR * LONGEST / mean
+            own = [np.interp(depth, [NEAR, 4 * NEAR], [a, b]) for a, b in ((1.0, -1.5), (0.0, 0.4))]
+            want = np.array([0.3 + own[0], 1.4 + own[1]]) * FOCAL / 30.0 / depth
+            ratio, turn = measure.against(moved, want)
+            # Rings are a quarter octave wide, and each stands for one depth.
+            assert abs(ratio - 1.0) < 0.05 and abs(turn) < 5.0
+        # The calm texture moves otherwise.
+        ratio, turn = measure.against(moved, np.array([0.3, 1.4]) * FOCAL / 30.0 / depth)
+        assert abs(turn) > 20.0
+
+
+def flake_motion(shown: fl.Scene, t: float, step: float) -> tuple[np.ndarray, np.ndarray]:
+    """Places (n, 3) of lone flakes and their motion measured on two frames, px per frame."""
+    frames = picture(shown, t), picture(shown, t + step)
+    frame = one(shown, t)
+    points, _, fade, _ = shown.effects[0].parts.flakes.places(frame)
+    points = points[(fade > 0.0) & (points[:, 2] > 2.0)]
+    px = points[:, :2] * FOCAL / points[:, 2:] + SIZE / 2.0
+    rows = []
+    for i in np.flatnonzero(measure.lone(px) & (points[:, 2] < 0.85 * NEAR)):
+        a = measure.centroid(frames[0], px[i])
+        rows.append((measure.centroid(frames[1], a) - a) / step)
+    chosen = measure.lone(px) & (points[:, 2] < 0.85 * NEAR)
+    return points[chosen], np.array(rows)
+
+
+def undisturbed(shown: fl.Scene, points: np.ndarray, t: float) -> np.ndarray:
+    """Where flakes would be without gusts: the inverse of their displacement."""
+
+    base = points.copy()
+    for _ in range(80):
+        base = points - flakes_in_waves(shown.effects[0].parts.motion, one(shown, t), base)[0]
+    return base
+
+
+@pytest.mark.parametrize("kind", ["profile", "gusts", "flying"])
+def test_measured_on_frames_flakes_have_the_wind_of_their_place(kind: str):
+    profile = [(3.0, (2.0, 0.0, 0.0)), (10.0, (-2.0, 0.5, 0.0))]
+    path = fl.CameraPath(LENS, velocity=(0.0, 0.0, 2.0)) if kind == "flying" else LENS
+    wind = WINDS["both"] if kind == "gusts" else Wind((0.3, 0.0, 0.0), profile=profile)
+    off = []
+    for seed in range(4):
+        shown = scene({**FLAKES, "wind": wind}, camera=path, seed=seed)
+        points, moved = flake_motion(shown, 40.0, 0.25)
+        air = np.tile(wind.mean, (len(points), 1))
+        if kind == "gusts":
+            air = wind.velocity(undisturbed(shown, points, 40.0), 40.125 / 30.0)
+        else:
+            for axis in range(3):
+                ends = [v[axis] for _, v in profile]
+                air[:, axis] += np.interp(points[:, 2], [3.0, 10.0], ends)
+        air[:, 1] += 1.4
+        if kind == "flying":
+            air[:, 2] -= 2.0
+        want = (
+            FOCAL / 30.0 * (air[:, :2] - points[:, :2] / points[:, 2:] * air[:, 2:]) / points[:, 2:]
+        )
+        off.append(np.linalg.norm(moved - want, axis=1) / np.linalg.norm(want, axis=1).mean())
+    off = np.concatenate(off)
+    assert len(off) >= 10
+    assert np.median(off) < 0.02 and np.quantile(off, 0.8) < 0.06
+
+
+def test_a_profile_wants_a_camera_that_does_not_turn():
+    path = fl.CameraPath(LENS, orientation=[(0, 0, 0), (0, 0.01, 0)])
+    for part in ({"flakes": 10, "texture": 0.0}, {"flakes": 0}):
+        shown = fl.Scene((64, 48), camera=path, effects=[Snow(wind=Wind(profile=SHEAR), **part)])
+        with pytest.raises(ValueError, match="wind: a profile"):
+            shown.render(3)
+
+
+SCENES = {
+    "gusts": {"wind": Wind((1.0, 0.0, 0.0), gusts=1.5, swirl=0.5)},
+    "profile": {"wind": Wind((1.0, 0.0, 0.0), profile=SHEAR)},
+    "field": {"wind": Wind((0.5, 0.0, 0.0), field=GRID, spacing=2.0, duration=4.0)},
+}
+
+
+@pytest.mark.parametrize("name", ["gusts", "profile"])
+def test_nothing_pops(name: str):
+    shown = scene({**FLAKES, "flakes": 1500, **SCENES[name]}, size=256)
+
+    def frame(t: float) -> np.ndarray:
+        return picture(shown, t)
+
+    assert measure.smooth(measure.largest_changes(frame, np.array([0.0, 17.3, 55.1])))
+
+
+def test_density_stays():
+    calm = np.mean([picture(scene({**FLAKES, "flakes": 2500}, seed=s, size=256), 9.0).mean()
+                    for s in range(4)])  # fmt: skip
+    for snow in SCENES["gusts"], SCENES["profile"]:
+        means = [picture(scene({**FLAKES, "flakes": 2500, **snow}, seed=s, size=256), 90.0).mean()
+                 for s in range(4)]  # fmt: skip
+        assert np.mean(means) == pytest.approx(calm, rel=0.12)
+
+
+def test_a_calm_wind_is_no_wind():
+    for wind in (Wind((0.4, 0.1, 0.0)), Wind((0.4, 0.1, 0.0), gusts=0.0, swirl=0.0)):
+        assert wind.waves is None
+        frames = [fl.Scene((90, 70), effects=[Snow(wind=w, flakes=300)]).render(9)
+                  for w in (wind, wind.mean)]  # fmt: skip
+        assert np.array_equal(*frames)
+
+
+@pytest.mark.parametrize("kind", ["gusts", "profile", "keyed profile"])
+def test_scene_files_keep_the_wind(kind: str, tmp_path: Path):
+    wind = {"gusts": Wind(Keys([(0, (1, 0, 0)), (9, (2, 0, 0))]), gusts=0.5, swirl=0.25, seed=9),
+            "profile": Wind(profile=SHEAR),
+            "keyed profile": Wind((1, 0, 0), profile=[(1, 0.5), (9, 2)])}  # fmt: skip
+    shown = fl.Scene((64, 48), effects=[Snow(wind=wind[kind], flakes=50)])
+    shown.save(tmp_path / "scene.toml")
+    again = fl.Scene.load(tmp_path / "scene.toml")
+    assert again.effects == shown.effects and fingerprint(again) == fingerprint(shown)
+    assert np.array_equal(again.render(3), shown.render(3))
+
+
+def test_a_wind_by_hand_and_its_mistakes(tmp_path: Path):
+    file = tmp_path / "scene.toml"
+    head = "[[effects]]\nkind = 'snow'\n"
+    file.write_text(head + "wind = {mean = [1, 0, 0], gusts = 0.5}\n")
+    assert fl.Scene.load(file).effects[0].wind == Wind((1, 0, 0), gusts=0.5)
+    for text, words in (("wind = {mean = [1, 0, 0], gust = 0.5}", "line 3.*'gust'.*'gusts'"),
+                        ("wind = {gusts = -1}", "line 3.*gusts"),
+                        ("wind = {profile = {keys = [[1, [0, 1]]]}}", "line 3.*profile"),
+                        ):  # fmt: skip
+        file.write_text(head + text + "\n")
+        with pytest.raises(ValueError, match=words):
+            fl.Scene.load(file)
+    with pytest.raises(ValueError, match="wind: a field"):
+        fl.Scene((64, 48), effects=[Snow(wind=Wind(field=GRID))]).save(file)
