@@ -25,7 +25,7 @@ import numpy as np
 import flurries as fl
 from flurries.camera import Camera
 from flurries.effects.layout import Tiling, operations, torus_for
-from flurries.frame import calibration, costs
+from flurries.frame import calibration, costs, planes, standing
 from flurries.frame.effect import renderer_of
 from flurries.frame.needs import Needs, Step, needs_of
 from flurries.spectral.operations import tile_work
@@ -285,7 +285,10 @@ def scenes() -> dict[str, fl.Scene]:
 
 def peak(scene: fl.Scene) -> int:
     """Return the most bytes that Python's and NumPy's memory grows by for a frame."""
+    planes.MOST = 0  # Else what an earlier frame gave back is not counted.
     scene.render(2)
+    planes._free.clear()
+    standing._KEPT.clear()
     tracemalloc.start()
     scene.render(3)
     most = tracemalloc.get_traced_memory()[1]

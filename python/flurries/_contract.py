@@ -187,6 +187,10 @@ def shape_of(name: str, value: object) -> tuple[int, int]:
     return height, width
 
 
+# A texture's tiles where nobody says: their pixels, and those that neighbours share.
+TILE, OVERLAP = 64, 10
+
+
 def tile_of(tile: object, overlap: object) -> tuple[tuple[int, int], int]:
     """Return the tile as (rows, cols) and the overlap, 0 <= overlap < tile."""
     if type(tile) is int and type(overlap) is int and 0 <= overlap < tile <= 2**15:

@@ -9,9 +9,8 @@ from statistics import NormalDist
 
 import numpy as np
 
-from flurries import _core
+from flurries import spectral
 from flurries._contract import Array, Float64
-from flurries.spectral.request import request
 
 # Points of the field along the longer side; its waves have 16 to 120 of them.
 _POINTS = 120
@@ -56,13 +55,11 @@ class Patches:
         cell = max(shape) / _POINTS
         size = (math.ceil(shape[0] / cell) + 2, math.ceil(shape[1] / cell) + 2)
         drift = (np.asarray(self.wind) * time) * _POINTS
-        asked = request(
-            size, drift=drift, seed=seed, tile=_TILE, overlap=_TILE // 4,
-            wavelengths=_BAND, exponent=1.5,
+        made = spectral.field(
+            size, drift=drift, seed=seed, tile=_TILE, overlap=_TILE // 4, wavelengths=_BAND,
+            exponent=1.5,
         )  # fmt: skip
-        field = np.empty(size, np.float32)
-        _core.field(field, asked)
-        return field, cell, self.strength
+        return made, cell, self.strength
 
 
 @lru_cache(maxsize=1)

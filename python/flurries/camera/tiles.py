@@ -7,7 +7,17 @@ from functools import lru_cache
 import numpy as np
 import numpy.typing as npt
 
-from flurries._contract import SMALLEST, Float64, output, real, shape_of, tile_of, vector
+from flurries._contract import (
+    OVERLAP,
+    SMALLEST,
+    TILE,
+    Float64,
+    output,
+    real,
+    shape_of,
+    tile_of,
+    vector,
+)
 from flurries.camera.lens import Camera, expect_camera, rotational
 from flurries.spectral.tiles import starts
 
@@ -20,8 +30,8 @@ def tile_drift(
     camera: Camera,
     *,
     near_depth: float,
-    tile: int | tuple[int, int] = 64,
-    overlap: int = 10,
+    tile: int | tuple[int, int] = TILE,
+    overlap: int = OVERLAP,
     out: Float64 | None = None,
 ) -> Float64:
     """Drift of every tile of :func:`flurries.spectral.field` for a moving camera.
@@ -63,8 +73,8 @@ def tile_shift(
     rotation: npt.ArrayLike,
     camera: Camera,
     *,
-    tile: int | tuple[int, int] = 64,
-    overlap: int = 10,
+    tile: int | tuple[int, int] = TILE,
+    overlap: int = OVERLAP,
     out: Float64 | None = None,
 ) -> Float64:
     """Shift of every tile of :func:`flurries.spectral.field` for a turning camera.
@@ -104,8 +114,8 @@ def tile_zoom(
     growth: float,
     camera: Camera,
     *,
-    tile: int | tuple[int, int] = 64,
-    overlap: int = 10,
+    tile: int | tuple[int, int] = TILE,
+    overlap: int = OVERLAP,
     out: Float64 | None = None,
 ) -> Float64:
     """Shift of every tile of :func:`flurries.spectral.field` for a lens that zooms.

@@ -21,7 +21,8 @@ from flurries.camera.tiles import tile_drift, tile_shift
 from flurries.effects.motion import comes_nearer
 from flurries.frame.view import Frame
 from flurries.motion.keys import Vector
-from flurries.spectral.request import request
+from flurries.spectral.request import NOWHERE, request
+from flurries.spectral.tables import SOFT_FROM
 
 # Amplitudes fall as k^(-11/6), their squares as k^(-11/3), down to waves of 4 px.
 EXPONENT, SHORTEST = 11.0 / 6.0, 4.0
@@ -176,8 +177,10 @@ def _field(
         edges = np.geomspace(*band, RINGS + 1)
         gains = _gain(np.sqrt(edges[1:] * edges[:-1]), scale * outer)
     asked = request(
-        shape, drift=(0.0, 0.0), shift=shift_at(frame), seed=seed, wavelengths=band,
-        exponent=EXPONENT, tile=tiles[0], overlap=tiles[1], ring_edges=edges, ring_gains=gains,
+        shape, drift=NOWHERE, shift=shift_at(frame), seed=seed, tile=tiles[0], overlap=tiles[1],
+        wavelengths=band, exponent=EXPONENT, velocity=None, shift_rate=None, alias="keep",
+        soft_from=SOFT_FROM, shutter=0.0, jitter=False, shortest=None, ring_edges=edges,
+        ring_gains=gains, blend="power", enveloped=False,
     )  # fmt: skip
     lap = frame.lap
     if lap is not None:

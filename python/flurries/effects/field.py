@@ -24,7 +24,7 @@ from flurries.frame.view import Frame
 from flurries.motion.wind import Wind
 from flurries.spectral.motion import tile_motions
 from flurries.spectral.request import Request
-from flurries.spectral.tables import FAR, Aliasing, warn_far, warn_long, wave_depth
+from flurries.spectral.tables import FAR, SOFT_FROM, Aliasing, warn_far, warn_long, wave_depth
 from flurries.spectral.tiles import power_shares
 from flurries.trace import count
 
@@ -160,7 +160,7 @@ class Field:
             velocity=velocity,
             shift_rate=rate.shift[:, :, None],
             alias=self.alias,
-            soft_from=0.4,
+            soft_from=SOFT_FROM,
             shutter=way.shutter,
             shortest=self._limits(frame, layout, shortest),
             window=frame.window,

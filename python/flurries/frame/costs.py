@@ -51,7 +51,7 @@ NANOSECONDS: dict[str, tuple[str, float]] = {
     "joined pixel": ("kernel", 0.2),
     # A square root, and a texture with flakes of 512 px: by these two machines are compared.
     "array number": ("array", 1.05),
-    "weather": ("kernel", 782000),
+    "weather": ("kernel", 1460000),
     "copied byte": ("array", 0.062),
     "array pixel": ("array", 0.135),
     "veil pixel": ("array", 2.26),

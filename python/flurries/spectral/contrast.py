@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from flurries._contract import Float64
-from flurries.spectral.tables import temporal_gain
+from flurries.spectral.tables import SOFT_FROM, temporal_gain
 
 _ANGLES = 4096
 
@@ -16,7 +16,9 @@ _TABLE = (129, 1801)
 TABLE_BYTES = 8 * _TABLE[0] * _TABLE[1]
 
 
-def kept_power(cycles: float, alias: str, *, soft_from: float = 0.4, shutter: float = 0.0) -> float:
+def kept_power(
+    cycles: float, alias: str, *, soft_from: float = SOFT_FROM, shutter: float = 0.0
+) -> float:
     """Return the share of the power of a large tile that aliasing and the shutter leave.
 
     A wave whose direction makes an angle b with the motion turns at c cos b cycles a frame,

@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from flurries._contract import flag
-from flurries.spectral.tables import Aliasing
+from flurries.spectral.tables import BANDS, SOFT_FROM, Aliasing
 from flurries.spectral.tiles import opacity, opacity_map
 from flurries.spectral.volume import film, rendered
 
@@ -30,10 +30,10 @@ def export_loop(
     velocity: npt.ArrayLike,
     *,
     seed: int,
-    wavelengths: tuple[float, float] = (4.0, 32.0),
+    wavelengths: tuple[float, float] = BANDS["paper"],
     exponent: float = 1.0,
     alias: Aliasing = "keep",
-    soft_from: float = 0.4,
+    soft_from: float = SOFT_FROM,
     shutter: float = 0.0,
     jitter: bool = False,
     mean: float = 0.5,

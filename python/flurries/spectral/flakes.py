@@ -11,6 +11,7 @@ from flurries import _core
 from flurries._contract import (
     LARGEST,
     MOST_ELEMENTS,
+    OVERLAP,
     Array,
     Float64,
     _came,
@@ -194,7 +195,7 @@ def optical_depth(
     gain: npt.ArrayLike | None = None,
     shear: float = 0.0,
     seed: int | None,
-    overlap: int = 10,
+    overlap: int = OVERLAP,
     dtype: npt.DTypeLike = np.float32,
     out: Array | None = None,
 ) -> Array:

@@ -6,10 +6,10 @@ import numpy as np
 import numpy.typing as npt
 
 from flurries import _core
-from flurries._contract import Array, flag, float_dtype, output
+from flurries._contract import OVERLAP, TILE, Array, flag, float_dtype, output
 from flurries.spectral.own import own_field, own_of
 from flurries.spectral.request import NOWHERE, request
-from flurries.spectral.tables import Aliasing
+from flurries.spectral.tables import BANDS, SOFT_FROM, Aliasing
 from flurries.spectral.tiles import Blend, opacity, opacity_map
 
 
@@ -28,14 +28,14 @@ def field(
     drift: npt.ArrayLike = NOWHERE,
     shift: npt.ArrayLike = NOWHERE,
     seed: int,
-    tile: int | tuple[int, int] = 64,
-    overlap: int = 10,
-    wavelengths: tuple[float, float] = (4.0, 32.0),
+    tile: int | tuple[int, int] = TILE,
+    overlap: int = OVERLAP,
+    wavelengths: tuple[float, float] = BANDS["paper"],
     exponent: float = 1.0,
     velocity: npt.ArrayLike | None = None,
     shift_rate: npt.ArrayLike | None = None,
     alias: Aliasing = "keep",
-    soft_from: float = 0.4,
+    soft_from: float = SOFT_FROM,
     shutter: float = 0.0,
     jitter: bool = False,
     shortest: npt.ArrayLike | None = None,
@@ -160,14 +160,14 @@ def alpha(
     drift: npt.ArrayLike = NOWHERE,
     shift: npt.ArrayLike = NOWHERE,
     seed: int,
-    tile: int | tuple[int, int] = 64,
-    overlap: int = 10,
-    wavelengths: tuple[float, float] = (4.0, 32.0),
+    tile: int | tuple[int, int] = TILE,
+    overlap: int = OVERLAP,
+    wavelengths: tuple[float, float] = BANDS["paper"],
     exponent: float = 1.0,
     velocity: npt.ArrayLike | None = None,
     shift_rate: npt.ArrayLike | None = None,
     alias: Aliasing = "keep",
-    soft_from: float = 0.4,
+    soft_from: float = SOFT_FROM,
     shutter: float = 0.0,
     jitter: bool = False,
     shortest: npt.ArrayLike | None = None,

@@ -86,29 +86,25 @@ def request(
     shape: tuple[int, int],
     *,
     drift: npt.ArrayLike,
-    shift: npt.ArrayLike = NOWHERE,
+    shift: npt.ArrayLike,
     seed: int,
-    tile: int | tuple[int, int] = 64,
-    overlap: int = 10,
-    wavelengths: tuple[float, float] = (4.0, 32.0),
-    exponent: float = 1.0,
-    velocity: npt.ArrayLike | None = None,
-    shift_rate: npt.ArrayLike | None = None,
-    alias: Aliasing = "keep",
-    soft_from: float = 0.4,
-    shutter: float = 0.0,
-    jitter: bool = False,
-    shortest: npt.ArrayLike | None = None,
-    ring_edges: npt.ArrayLike | None = None,
-    ring_gains: npt.ArrayLike | None = None,
-    blend: Blend = "power",
-    window: tuple[int, int, int, int] | None = None,
-    enveloped: bool = False,
+    tile: int | tuple[int, int],
+    overlap: int,
+    wavelengths: tuple[float, float],
+    exponent: float,
+    velocity: npt.ArrayLike | None,
+    shift_rate: npt.ArrayLike | None,
+    alias: Aliasing,
+    soft_from: float,
+    shutter: float,
+    jitter: bool,
+    shortest: npt.ArrayLike | None,
+    ring_edges: npt.ArrayLike | None,
+    ring_gains: npt.ArrayLike | None,
+    blend: Blend,
+    enveloped: bool,
 ) -> Request:
-    """Settle the arguments of :func:`field`; `window` is (top, bottom, left, right) in pixels.
-
-    With `enveloped` the band is not what waves there are.
-    """
+    """Settle the arguments of `field`; with `enveloped` its waves are not those of the band."""
     size = shape_of("shape", shape)
     tile_size, shared = tile_of(tile, overlap)
     band = band_of(wavelengths)
@@ -159,5 +155,5 @@ def request(
         soft_from=real("soft_from", soft_from),
         shutter=exposure,
         shortest=limits,
-        window=(0, size[0], 0, size[1]) if window is None else window,
+        window=(0, size[0], 0, size[1]),
     )

@@ -37,6 +37,8 @@ ALIAS = get_args(Aliasing)
 BANDS: Mapping[str, tuple[float, float]] = MappingProxyType(
     {"paper": (4.0, 32.0), "slides": (2.0, 16.0)}
 )
+# Cycles per frame from which "soft" fades waves out, where nobody says.
+SOFT_FROM = 0.4
 FLOAT64 = np.dtype(np.float64)
 
 # Cycles of drift up to which phases are right to 2e-5 cycles; at 1e16 nothing is left of them.
@@ -133,7 +135,7 @@ def velocity_from_paper(
 def band_amplitude(
     shape: tuple[int, int],
     *,
-    wavelengths: tuple[float, float] = (4.0, 32.0),
+    wavelengths: tuple[float, float] = BANDS["paper"],
     exponent: float = 1.0,
     out: Float64 | None = None,
 ) -> Float64:
@@ -289,7 +291,7 @@ def temporal_filter(
     *,
     shift_rate: npt.ArrayLike = (0.0, 0.0),
     alias: Aliasing = "cut",
-    soft_from: float = 0.4,
+    soft_from: float = SOFT_FROM,
     shutter: float = 0.0,
     renormalise: bool = False,
     wavelength_max: float = 32.0,
@@ -341,7 +343,7 @@ def temporal_filter(
 
 
 def temporal_gain(
-    rate: npt.ArrayLike, *, alias: str, soft_from: float = 0.4, shutter: float = 0.0
+    rate: npt.ArrayLike, *, alias: str, soft_from: float = SOFT_FROM, shutter: float = 0.0
 ) -> Float64:
     """Factors of the amplitudes of waves of these rates, cycles per frame.
 

@@ -10,6 +10,8 @@ import numpy.typing as npt
 
 from flurries import _core
 from flurries._contract import (
+    OVERLAP,
+    TILE,
     Array,
     Float64,
     choice,
@@ -71,7 +73,7 @@ def inverse_transform(
     return result
 
 
-def tile_starts(length: int, *, tile: int = 64, overlap: int = 10) -> npt.NDArray[np.intp]:
+def tile_starts(length: int, *, tile: int = TILE, overlap: int = OVERLAP) -> npt.NDArray[np.intp]:
     """First pixel of each tile along one axis.
 
     Parameters
@@ -150,7 +152,7 @@ def blend_tiles(
     tiles: npt.ArrayLike,
     shape: tuple[int, int],
     *,
-    overlap: int = 10,
+    overlap: int = OVERLAP,
     blend: Blend = "power",
     out: Array | None = None,
 ) -> Array:

@@ -27,7 +27,7 @@ from flurries._contract import (
     table,
     vector,
 )
-from flurries.spectral.tables import ALIAS, Aliasing, band_of, warn_long
+from flurries.spectral.tables import ALIAS, BANDS, SOFT_FROM, Aliasing, band_of, warn_long
 
 Cells: TypeAlias = Literal["one", "overlap"]
 CELLS = get_args(Cells)
@@ -61,7 +61,7 @@ def film(
     wavelengths: tuple[float, float],
     exponent: float = 1.0,
     alias: Aliasing = "keep",
-    soft_from: float = 0.4,
+    soft_from: float = SOFT_FROM,
     shutter: float = 0.0,
     jitter: bool = False,
     cells: Cells = "one",
@@ -128,7 +128,7 @@ def volume(
     velocity: npt.ArrayLike,
     *,
     seed: int,
-    wavelengths: tuple[float, float] = (4.0, 32.0),
+    wavelengths: tuple[float, float] = BANDS["paper"],
     cells: Cells = "one",
     dtype: npt.DTypeLike = np.float32,
     out: Array | None = None,
@@ -207,10 +207,10 @@ def loop(
     *,
     seed: int,
     time: npt.ArrayLike | None = None,
-    wavelengths: tuple[float, float] = (4.0, 32.0),
+    wavelengths: tuple[float, float] = BANDS["paper"],
     exponent: float = 1.0,
     alias: Aliasing = "keep",
-    soft_from: float = 0.4,
+    soft_from: float = SOFT_FROM,
     shutter: float = 0.0,
     jitter: bool = False,
     dtype: npt.DTypeLike = np.float32,
