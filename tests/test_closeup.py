@@ -13,6 +13,7 @@ import pytest
 import flurries as fl
 from flurries import _core
 from flurries.camera.optics import Blur
+from flurries.effects.boxes import closeup_of
 from flurries.effects.defocus import disc_factor
 from flurries.particles.crowd import Closeup
 from measure import cover
@@ -180,7 +181,7 @@ def test_nothing_of_shapes_and_lens_where_they_are_not_asked_for():
     def asked(lens: fl.Lens | None, **fields: Any) -> tuple[bool, bool]:
         shown = fl.Scene((96, 64), effects=[fl.Snow(**fields)], lens=lens)
         frame = shown.program.views(3.0)[0][1]
-        near = shown.effects[0].parts.flakes.closeup(frame)
+        near = closeup_of(shown.effects[0].parts.flakes.weather, frame)
         return near is not None, near is not None and near.blur is not None
 
     assert asked(None, shape="round") == (False, False)

@@ -10,8 +10,6 @@ import functools
 import inspect
 import math
 import operator
-import sys
-import warnings
 from collections.abc import Iterable, Mapping, Sequence
 from difflib import get_close_matches
 from typing import Any, TypeAlias, TypeVar
@@ -36,18 +34,6 @@ SMALLEST = 1e-100
 
 # From so many numbers on a kernel looks at them sooner than NumPy does.
 _MANY = 4096
-
-# Of a picture so many rows and columns are looked at; brighter light than this is rare.
-_SAMPLES = 256
-_LARGEST_LIGHT = 16.0
-
-# Colors outside a plate's primaries are a little below 0, and few: more is no light.
-_DARKEST = 0.1
-_MOST_BELOW = 0.1
-
-# Depths beyond the first and up to the second are those of millimetres in 16 bits.
-_FARTHEST_NEAR = 200.0
-_MOST_MILLIMETRES = 65535.0
 _DOUBLE = float(np.finfo(np.float64).max)
 
 
@@ -335,72 +321,6 @@ def pixels(name: str, value: object, *, ndim: int) -> tuple[Array, np.dtype[Any]
     else:
         raise TypeError(f"{name} must be float16, float32 or float64, got {_came(value)}")
     return aligned(array, working), kept
-
-
-def warn(message: str) -> None:
-    """Warn the first caller outside this package."""
-    warnings.warn(message, UserWarning, stacklevel=_outside())
-
-
-def warn_of_levels(name: str, picture: Array, advice: str) -> None:
-    """Warn of a float picture that holds levels up to 255 where 1 is white, or was normalized.
-
-    Weather over the first would be nearly black. Judged by an even sample: its largest number is
-    above 16 and no more than 255, and its mean above 1, as that of no picture of light is but in
-    bright sun.
-    """
-    if picture.dtype.kind != "f" or not picture.size:
-        return
-    rows, columns = (max(length // _SAMPLES, 1) for length in picture.shape[:2])
-    sample = np.asarray(picture[::rows, ::columns], np.float64)
-    with np.errstate(invalid="ignore"):
-        top, mean = float(sample.max()), float(sample.mean())
-        below = float((sample < -_DARKEST).mean())
-    if _LARGEST_LIGHT < top <= 255.0 and mean > 1.0:
-        warn(
-            f"{name} is a float picture of values up to {top:g}, and its white is taken as 1; "
-            f"{advice} if that is its white"
-        )
-    elif below > _MOST_BELOW and top <= _LARGEST_LIGHT:
-        warn(
-            f"{name} is below 0 in {below:.0%} of its values, as pictures that were normalized "
-            "for a network are; weather comes before that"
-        )
-
-
-def _outside() -> int:
-    """Return how far up the first caller outside this package is, as a warning counts it."""
-    frame, level = sys._getframe(1), 1
-    # A script's frames have no package: theirs is None.
-    while frame.f_back is not None and str(frame.f_globals.get("__package__")).startswith(
-        "flurries"
-    ):
-        frame, level = frame.f_back, level + 1
-    return level
-
-
-def warn_of_units(name: str, plane: Array) -> None:
-    """Warn of depths that are hardly metres: all within 1, or all of some hundreds and thousands.
-
-    The first are inverse depths or greys, as networks that see in one picture give them; the others
-    are millimetres. Both are silent otherwise: weather is nowhere, or everywhere alike.
-    """
-    rows, columns = (max(length // _SAMPLES, 1) for length in plane.shape)
-    sample = plane[::rows, ::columns]
-    sample = sample[sample > 0.0]  # Others are holes.
-    near, far = float(sample.min(initial=np.inf)), float(sample.max(initial=0.0))
-    if far < 2.0 * near or far == np.inf:
-        return
-    if far <= 1.0:
-        message = (
-            "nothing is farther than 1 m; flurries.DepthMap makes depth of inverse depth or greys"
-        )
-    elif near > _FARTHEST_NEAR and far <= _MOST_MILLIMETRES:
-        message = f"nothing is nearer than {_FARTHEST_NEAR:g} m; divide millimetres by 1000"
-    else:
-        return
-    # Without numbers of the frame: a sequence is warned of once.
-    warn(f"{name} is taken as metres: {message}")
 
 
 def depths(name: str, array: Array) -> Array:

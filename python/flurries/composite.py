@@ -9,18 +9,8 @@ import numpy as np
 import numpy.typing as npt
 
 from flurries import _core
-from flurries._contract import (
-    Array,
-    _came,
-    aligned,
-    finite,
-    output,
-    pixels,
-    real,
-    shares,
-    vector,
-    warn_of_levels,
-)
+from flurries._contract import Array, _came, aligned, finite, output, pixels, real, shares, vector
+from flurries._warnings import warn_of_levels
 
 __all__ = ["join", "over", "snow"]
 

@@ -10,7 +10,8 @@ from typing import Any, TypeAlias
 import numpy as np
 import numpy.typing as npt
 
-from flurries._contract import Array, Float64, depths, real, rectangular, warn_of_units
+from flurries._contract import Array, Float64, depths, real, rectangular
+from flurries._warnings import warn_of_units
 from flurries.io.color import to_unit
 from flurries.scene.depth import DepthMap
 

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from flurries import _core
-from flurries._contract import Array, _came, aligned, warn_of_levels
+from flurries._contract import Array, _came, aligned
+from flurries._warnings import warn_of_levels
 
 DTYPES = ("uint8", "uint16", "float16", "float32", "float64")
 _TYPES = frozenset(np.dtype(name).type for name in DTYPES)

@@ -8,7 +8,8 @@ from typing import Any, Literal, TypeAlias, get_args
 
 import numpy as np
 
-from flurries._contract import Float64, seed_of, vector, warn
+from flurries._contract import Float64, seed_of, vector
+from flurries._warnings import warn
 from flurries.effects.checks import (
     DEPTH_MODES,
     length,

@@ -8,7 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from flurries._contract import Array, rectangular, require, table, warn_of_levels
+from flurries._contract import Array, rectangular, require, table
+from flurries._warnings import warn_of_levels
 from flurries.io import fit, open_background
 from flurries.io.color import parse_hex
 from flurries.io.colorspace import ColorSpace

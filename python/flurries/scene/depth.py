@@ -9,7 +9,8 @@ from typing import Any, Literal, TypeAlias, get_args
 
 import numpy as np
 
-from flurries._contract import Array, choice, depths, real, rectangular, require, warn_of_units
+from flurries._contract import Array, choice, depths, real, rectangular, require
+from flurries._warnings import warn_of_units
 from flurries.io import fit_nearest, open_background, open_depth
 from flurries.io.color import to_unit
 from flurries.io.files import missing_named

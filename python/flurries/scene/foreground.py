@@ -9,7 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from flurries._contract import Array, finite, rectangular, shares, warn_of_levels
+from flurries._contract import Array, finite, rectangular, shares
+from flurries._warnings import warn_of_levels
 from flurries.frame.matte import Deep, Front, Matte
 from flurries.io import fit, open_background
 from flurries.io.files import missing_named

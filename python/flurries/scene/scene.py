@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
 import numpy as np
 
-from flurries._contract import Array, choice, integer, rate_of, seed_of, suggesting, warn
+from flurries._contract import Array, choice, integer, rate_of, seed_of, suggesting
+from flurries._warnings import warn
 from flurries.camera.extent import holding
 from flurries.camera.lens import Camera
 from flurries.camera.optics import Lens

@@ -9,7 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from flurries._contract import depths, warn_of_units
+from flurries._contract import depths
+from flurries._warnings import warn_of_units
 from flurries.io.color import Array
 from flurries.io.files import Budget
 from flurries.io.pictures.header import Opened, opened_picture
