@@ -25,9 +25,9 @@ from flurries.frame.lap import Lap
 from flurries.frame.matte import Deep, Front
 from flurries.frame.mixing import Mix
 from flurries.frame.needs import Kept, LeftOut, Needs, Run, has_keys, needs_of
-from flurries.frame.tolerance import EXACT, LEVELS, STEEPEST, Choice, Light, choose
+from flurries.frame.tolerance import EXACT, STEEPEST, Choice, Light, choose
 from flurries.frame.view import Frame
-from flurries.frame.visible import Visible, Window
+from flurries.frame.visible import Window
 from flurries.light.ambient import ambient_light
 from flurries.light.lamp import Lamp
 from flurries.light.plate import PlateLight, plate_light
@@ -105,7 +105,7 @@ class Program:
     primaries : (3, 3) or None
         See `Mix`.
     found : dict
-        What was found in the background, which all scenes that were derived from one share.
+        What was found in the background's last frame; all scenes derived from one share it.
     parts : list of Part
         The effects that show something, back to front.
     left_out : list of LeftOut
@@ -128,7 +128,7 @@ class Program:
     lights: tuple[Lamp, ...] = ()
     lens: Lens | None = None
     lap: Lap | None = None
-    found: dict[tuple[str, int], Any] = field(default_factory=dict)
+    found: dict[str, tuple[int, Any]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         self.parts: list[Part] = []
@@ -138,10 +138,8 @@ class Program:
         self.deep = self.distance is not None or (self.mattes is not None and self.mattes.deep)
         self.settled = self.settled and not (has_keys(self.lens) or has_keys(self.lights))
         self._kept = Kept(4 * len(bands_of(whole(self.shape))) + 4)
-        self._visible: tuple[Front | None, dict[float, Visible | None]] = (None, {})
         self._light: Light | None = None
         self._choices: dict[Any, Choice] = {}
-        self._shares: list[tuple[float, float]] | None = None
         for index, effect in enumerate(self.effects):
             self._add(index, effect)
 
@@ -211,7 +209,7 @@ class Program:
         depth = self.depth_at(t) if "depth" in reads else None
         ambient = self._ambient(t) if "ambient" in reads else None
         front = self.front(t) if runs else None
-        visible = None if dtype is None else self.visible(front, choice.hidden)
+        visible = None if front is None or dtype is None else front.visible(choice.hidden)
         nearer: Deep | None = None if front is None or not read else front.deep
         plate = self._plate(t) if "plate" in reads else None
         found = []
@@ -273,30 +271,12 @@ class Program:
             return self._choices[key]
         asked = [(part.place, part.name, needs) for part, needs in runs]
         values = 3 * self.shape[0] * self.shape[1]
-        found = choose(asked, light, tolerance, values=values, shares=self.shares(t))
+        front = self.front(t)
+        shares = () if front is None else front.shares
+        found = choose(asked, light, tolerance, values=values, shares=shares)
         if key is not None:
             self._choices = {key: found}
         return found
-
-    def shares(self, t: float) -> list[tuple[float, float]]:
-        """Return levels of opacity, each with the share of the frame that lets no more through.
-
-        What lets nothing through does not count, and of levels with one share the least stands.
-        """
-        if self._shares is None:
-            found: dict[float, float] = {}
-            front = self.front(t)
-            hides = None if front is None else front.hides
-            if hides is not None:
-                through = np.sort(1.0 - hides[hides < 1.0], axis=None)
-                for level in LEVELS:
-                    count = np.searchsorted(through, np.float32(level), side="right")
-                    found.setdefault(float(count) / (self.shape[0] * self.shape[1]), level)
-            shares = [(level, share) for share, level in found.items() if share > 0.0]
-            if self.mattes is not None and not self.mattes.still:
-                return shares
-            self._shares = shares
-        return self._shares
 
     def front(self, t: float) -> Front | None:
         """Return what stands in front of the weather at `t`."""
@@ -309,26 +289,8 @@ class Program:
         """Return the part of a window in which the weather can be seen at all."""
         if not self.parts:
             return None
-        visible = self.visible(front, hidden)
+        visible = None if front is None else front.visible(hidden)
         return window if visible is None else visible.within(window)
-
-    def visible(self, front: Front | None, hidden: float = 0.0) -> Visible | None:
-        """Return where the weather can be seen in the composite; None is everywhere.
-
-        Not where all but `hidden` of it is covered.
-        """
-        if front is None or front.hides is None:
-            return None
-        of, known = self._visible
-        known = known if of is front else {}
-        if hidden not in known:
-            cover = front.hides
-            some = bool((cover >= np.float32(1.0 - hidden)).any())
-            found = Visible(cover, hidden) if some else None
-            # Of tolerances the last one; a new dictionary: other threads may read the old one.
-            known = {**({0.0: known[0.0]} if 0.0 in known else {}), hidden: found}
-            self._visible = front, known
-        return known[hidden]
 
     def depth_at(self, t: float) -> Array | None:
         """Return the background's depth at `t`, (H, W) float32, or None."""
@@ -350,20 +312,16 @@ class Program:
 
     def _of_plate(self, find: Callable[[Array, str], _Found], t: float) -> _Found:
         """Return what is found in the background at `t`; in one that never changes, once."""
-        key, kept = (find.__name__, math.floor(t)), self.found
-        if self.backdrop.count is None:
-            key = (find.__name__, 0)
-        answer: _Found | None = kept.get(key)
-        if answer is None:
+        number = 0 if self.backdrop.count is None else math.floor(t)
+        there = self.found.get(find.__name__)
+        if there is None or there[0] != number:
             picture = self.backdrop.frame(t)
             if self.primaries is not None:
                 # Effects' colors are of Rec. 709's primaries.
                 back = (picture[..., :3] @ np.linalg.inv(self.primaries)).astype(np.float32)
                 picture = np.concatenate([back, picture[..., 3:]], axis=2)
-            answer = find(picture, self.backdrop.encoding)
-            for old in [other for other in list(kept) if other[0] == find.__name__]:
-                kept.pop(old, None)
-            kept[key] = answer
+            there = self.found[find.__name__] = number, find(picture, self.backdrop.encoding)
+        answer: _Found = there[1]
         return answer
 
 

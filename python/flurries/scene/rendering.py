@@ -54,7 +54,7 @@ class Rendering(Sources):
     colorspace: str | None
     _path: CameraPath
     # What was found in the background, such as its light: also of scenes derived from this one.
-    _found: dict[tuple[str, int], Any]
+    _found: dict[str, tuple[int, Any]]
 
     @property
     def shape(self) -> tuple[int, int]:

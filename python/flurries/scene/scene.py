@@ -163,7 +163,7 @@ class Scene(Rendering):
     _backdrop: Backdrop = field(init=False)
     _mattes: Mattes | None = field(init=False)
     # What was found in the background, such as its light: also of scenes derived from this one.
-    _found: dict[tuple[str, int], Any] = field(init=False, compare=False)
+    _found: dict[str, tuple[int, Any]] = field(init=False, compare=False)
     _distance: Distance | None = field(init=False)
     _path: CameraPath = field(init=False)
 
