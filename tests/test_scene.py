@@ -339,6 +339,44 @@ def test_presets_are_named_and_changed():
 
 
 @pytest.mark.parametrize("argument", ["background", "depth", "foreground"])
-def test_a_missing_file_is_told_with_its_argument(argument: str):
+def test_a_file_that_is_missing_or_unreadable_is_told_with_its_argument(
+    argument: str, tmp_path: Path
+):
+    size = None if argument == "background" else (8, 8)
     with pytest.raises(FileNotFoundError, match=rf"{argument}: No such file .*none\.exr"):
-        fl.Scene(None if argument == "background" else (8, 8), **{argument: "none.exr"})
+        fl.Scene(size, **{argument: "none.exr"})
+    with pytest.raises(IsADirectoryError, match=rf"{argument}: Is a folder"):
+        fl.Scene(size, **{argument: tmp_path})
+    (tmp_path / "text.png").write_text("no picture")
+    with pytest.raises(OSError, match=rf"^{argument}: .*text\.png: the picture cannot be read"):
+        fl.Scene(size, **{argument: tmp_path / "text.png"})
+
+
+@pytest.mark.parametrize(
+    ("call", "hint"),
+    [
+        (lambda: fl.Snow(preset="heavy"), r"did you mean Snow\.preset\('heavy'\)\?"),
+        (lambda: fl.Lens(5.0, fstop=2.8), "did you mean 'f_stop'"),
+        (lambda: fl.Lamp((0.0, 0.0, 5.0), colr=1.0), "did you mean 'color'"),
+        (lambda: fl.DepthMap("a.png", near=1.0, farr=9.0), "did you mean 'far'"),
+        (lambda: fl.Foreground("a.png", deph=1.0), "did you mean 'depth'"),
+        (lambda: fl.Scene((8, 8)).write("a.png", overwrit=True), "did you mean 'overwrite'"),
+        (lambda: fl.Scene((8, 8), effects=["snow"]), r"effects\[0\] .* such as Snow\(\)"),
+    ],
+)
+def test_a_mistyped_argument_is_told_what_was_meant(call: Callable[[], object], hint: str):
+    with pytest.raises(TypeError, match=hint):
+        call()
+
+
+def test_a_file_without_a_format_says_that_its_snow_is_the_old_one(tmp_path: Path):
+    file = tmp_path / "scene.toml"
+    text = 'size = [8, 8]\n[camera]\npath = "none.csv"\n[[effects]]\nkind = "snow"\n'
+    file.write_text(text)
+    with pytest.raises(FileNotFoundError, match="camera: path: No such file"):
+        fl.Scene.load(file)
+    file.write_text('size = [8, 8]\n[[effects]]\nkind = "snow"\npreset = "sleet"\n')
+    with pytest.raises(ValueError, match=r"line 4: preset .*; without format = 2"):
+        fl.Scene.load(file)
+    file.write_text("format = 2\n" + file.read_text())
+    assert isinstance(fl.Scene.load(file).effects[0], fl.Snow)

@@ -32,7 +32,7 @@ def test_write_of_a_scene_has_the_options_of_an_output_and_says_them_all():
         assert own[name].default is None and own[name].kind is own[name].KEYWORD_ONLY
     doc = inspect.getdoc(fl.Scene.write) or ""
     assert [name for name in own if name != "self" and f"\n{name} : " not in doc] == []
-    with pytest.raises(TypeError, match="Output has no 'bitts'; did you mean 'bits'"):
+    with pytest.raises(TypeError, match="write has no 'bitts'; did you mean 'bits'"):
         SCENE.write("frame.png", 1, bitts=8)
 
 

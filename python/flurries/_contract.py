@@ -147,7 +147,10 @@ def suggesting(kind: type[_Kind]) -> type[_Kind]:
             raise TypeError(f"{kind.__name__} takes its fields by name{hint}")
         for name in given:
             if name not in known:
-                raise TypeError(f"{kind.__name__} has no {name!r}{suggestion(name, known)}")
+                hint = suggestion(name, known)
+                if name == "preset" and hasattr(kind, "preset"):
+                    hint = f"; did you mean {kind.__name__}.preset({given[name]!r:.40})?"
+                raise TypeError(f"{kind.__name__} has no {name!r}{hint}")
         plain(self, *others, **given)
 
     kind.__init__ = init  # type: ignore[method-assign]

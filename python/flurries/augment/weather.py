@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy.typing as npt
 
-from flurries._contract import Array, flag, output, rate_of, real
+from flurries._contract import Array, choice, flag, output, rate_of, real
 from flurries.augment.air import FPS
 from flurries.augment.distance import Depth
 from flurries.augment.labels import Weathered, boxes_of, flow_of, layer_of, weathered
@@ -166,9 +166,7 @@ def replay(record: Mapping[str, Any]) -> Weather:
         name: lambda name=name: getattr(importlib.import_module("flurries.augment"), name)  # type: ignore[misc]
         for name in ("Snowfall", "Rainfall", "Fog")
     }
-    kind = record.get("transform")
-    if kind not in kinds:
-        raise ValueError(f"record: transform must be one of {', '.join(kinds)}, got {kind!r}")
+    kind = choice("record: transform", record.get("transform"), tuple(kinds))
     return kinds[kind]().replay(record)
 
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from functools import partial
 from typing import NamedTuple
 
-from flurries._contract import integer, real
+from flurries._contract import integer, real, suggesting
 from flurries.motion.keys import Number, as_number, value_at
 
 __all__ = ["Lens"]
@@ -38,6 +38,7 @@ class Blur(NamedTuple):
         return self.strength * abs(self.focus - 1.0 / depth)
 
 
+@suggesting
 @dataclass(frozen=True)
 class Lens:
     """A lens of finite opening: flakes and drops that are not in focus are soft, large and faint.

@@ -7,7 +7,7 @@ from dataclasses import is_dataclass
 from importlib.metadata import EntryPoint, entry_points
 from typing import Any
 
-from flurries._contract import _came, suggestion
+from flurries._contract import _came, choice
 from flurries.effects.cone import ConeRain, ConeSnow
 from flurries.effects.mist import Mist
 from flurries.effects.rain import Rain
@@ -82,9 +82,7 @@ def class_of(kind: object) -> type[Any]:
         found: type[Any] = others[kind].load()
         register(kind, found)
         return found
-    names = ", ".join(map(repr, sorted({*known, *others}, key=[*known, *others].index)))
-    near = suggestion(kind, (*known, *others)) if isinstance(kind, str) else ""
-    raise ValueError(f"kind must be one of {names}, got {_came(kind)}{near}")
+    return known[choice("kind", kind, tuple(dict.fromkeys((*known, *others))))]
 
 
 def kind_of(effect: object) -> str | None:

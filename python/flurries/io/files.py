@@ -104,13 +104,16 @@ def path_text(name: str, path: str | os.PathLike[str]) -> str:
 
 
 @contextmanager
-def missing_named(name: str) -> Iterator[None]:
-    """Say of a file that is not there which argument names it."""
+def file_of(name: str) -> Iterator[None]:
+    """Say of a file that is missing or cannot be read which argument names it."""
     try:
         yield
-    except FileNotFoundError as error:
-        said = f"{name}: {error.strerror or error}"
-        raise FileNotFoundError(error.errno, said, error.filename) from None
+    except OSError as error:
+        if error.strerror:
+            error.strerror = f"{name}: {error.strerror}"
+        else:
+            error.args = (f"{name}: {error}",)
+        raise
 
 
 def plain_file(path: str | os.PathLike[str]) -> Path:

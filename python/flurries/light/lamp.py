@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from flurries import _core
-from flurries._contract import Float64, flag, real, vector
+from flurries._contract import Float64, flag, real, suggesting, vector
 from flurries.light.phase import Optics
 from flurries.motion.keys import Keys, Number, as_number, as_vector, value_at
 
@@ -19,6 +19,7 @@ __all__ = ["Lamp"]
 _ROW = 13
 
 
+@suggesting
 @dataclass(frozen=True)
 class Lamp:
     """Light that falls on flakes and drops.

@@ -14,11 +14,12 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from flurries._contract import Float64, real, table, vector
+from flurries._contract import Float64, real, suggesting, table, vector
 
 __all__ = ["Course", "Keys", "Number", "Vector", "as_number", "as_vector"]
 
 
+@suggesting
 @dataclass(frozen=True)
 class Keys:
     """A number or a vector that changes over time: given at some frames, linear between them.

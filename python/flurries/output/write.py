@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 import os
 import time
 from collections.abc import Iterable, Mapping, Sequence
@@ -13,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from flurries._contract import flag
+from flurries._contract import flag, suggestion
 from flurries.camera.lens import Camera
 from flurries.io import Pattern
 from flurries.io.colorspace import ColorSpace
@@ -90,6 +91,10 @@ def write(
     """
     scene = expect_scene(scene)
     started = time.monotonic()
+    known = tuple(inspect.signature(Rendering.write).parameters)[1:]
+    for name in output:
+        if name not in known:
+            raise TypeError(f"write has no {name!r}{suggestion(name, known)}")
     flag("overwrite", overwrite)
     asked = scene.output.given(output)
     store, text = store_of(os.fspath(pattern))

@@ -94,7 +94,7 @@ def effects_of(given: Effect | Sequence[Effect]) -> tuple[Effect, ...]:
     require_few(listed)
     for index, effect in enumerate(listed):
         if isinstance(effect, type) or renderer_of(effect) is None:
-            raise TypeError(f"effects[{index}] must be an effect, got {effect!r}")
+            raise TypeError(f"effects[{index}] must be an effect such as Snow(), got {effect!r}")
     return tuple(listed)
 
 

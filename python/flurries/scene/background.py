@@ -13,7 +13,7 @@ from flurries._warnings import warn_of_levels
 from flurries.io import fit, open_background
 from flurries.io.color import parse_hex
 from flurries.io.colorspace import ColorSpace
-from flurries.io.files import missing_named
+from flurries.io.files import file_of
 from flurries.scene.numbered import Numbered
 from flurries.scene.overscan import Display
 
@@ -159,7 +159,7 @@ def backdrop(
     if isinstance(background, str) and background.startswith("#"):
         return _plain(parse_hex("background", background), np.dtype(np.uint8), size)
     if isinstance(background, (str, os.PathLike)):
-        with missing_named("background"):
+        with file_of("background"):
             opened = open_background(background, overscan=True)
         if opened.display is not None and size not in (None, tuple(opened.size)):
             # Another size that is asked for is one of the display window.

@@ -9,11 +9,11 @@ from typing import Any, Literal, TypeAlias, get_args
 
 import numpy as np
 
-from flurries._contract import Array, choice, depths, real, rectangular, require
+from flurries._contract import Array, choice, depths, real, rectangular, require, suggesting
 from flurries._warnings import warn_of_units
 from flurries.io import fit_nearest, open_background, open_depth
 from flurries.io.color import to_unit
-from flurries.io.files import missing_named
+from flurries.io.files import file_of
 from flurries.io.pictures.reader import luminance
 from flurries.scene.numbered import Numbered
 from flurries.scene.overscan import Display, placed
@@ -26,6 +26,7 @@ Law: TypeAlias = Literal["linear", "inverse"]
 _LAWS = get_args(Law)
 
 
+@suggesting
 @dataclass(frozen=True, eq=False)
 class DepthMap:
     """A grey picture that stands for depth, such as one painted by hand.
@@ -192,10 +193,10 @@ def distance_of(
         if isinstance(value.source, np.ndarray):
             _require_shape(f"{name}: source", value.source.shape, shape)
             return Distance(_read_only(value.depth_of(to_unit(value.source))))
-        with missing_named(name):
+        with file_of(name):
             return of_files(open_background(value.source, overscan=display is not None), value)
     if isinstance(value, (str, os.PathLike)):
-        with missing_named(name):
+        with file_of(name):
             return of_files(open_depth(value, overscan=display is not None), None)
     if not isinstance(value, (dict, set, list, tuple)) and np.ndim(value) == 0:
         wall = real(name, value, above=0.0)

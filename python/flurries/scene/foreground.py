@@ -9,11 +9,11 @@ from typing import Any
 
 import numpy as np
 
-from flurries._contract import Array, finite, rectangular, shares
+from flurries._contract import Array, finite, rectangular, shares, suggesting
 from flurries._warnings import warn_of_levels
 from flurries.frame.matte import Deep, Front, Matte
 from flurries.io import fit, open_background
-from flurries.io.files import missing_named
+from flurries.io.files import file_of
 from flurries.io.pictures.reader import Picture, luminance
 from flurries.scene.depth import Distance, distance_of
 from flurries.scene.numbered import Numbered
@@ -24,6 +24,7 @@ __all__ = ["Foreground"]
 MOST_MATTES = 64
 
 
+@suggesting
 @dataclass(frozen=True, eq=False)
 class Foreground:
     """What stands in front of the weather, with its own depth.
@@ -191,7 +192,7 @@ def mattes_of(
         name = "foreground" if number == 1 else f"foreground {number}"
         matte: Any
         if isinstance(one.source, (str, os.PathLike)):
-            with missing_named(name):
+            with file_of(name):
                 source = open_background(one.source, overscan=display is not None)
             files = Numbered.of(name, source, extend=extend, start=start)
             matte = _Moving(files, shape, display)

@@ -8,6 +8,7 @@ from fractions import Fraction
 import numpy as np
 
 from flurries import _core
+from flurries._contract import choice
 
 # Threads of an encoder, at least. x264's result depends on their number a little: machines with no
 # more cores than these make the same bytes, and in the reproducible mode all do.
@@ -128,9 +129,7 @@ def encoder_for(
     ValueError
         If the file cannot hold the codec, or the codec so many bits or alpha.
     """
-    name = _USUAL[suffix] if codec is None else codec
-    if name not in CODECS:
-        raise ValueError(f"codec must be one of {', '.join(CODECS)}, got {name!r}")
+    name = _USUAL[suffix] if codec is None else choice("codec", codec, tuple(CODECS))
     kind = CODECS[name]
     if suffix not in kind.suffixes:
         raise ValueError(f"codec {name} goes into {', '.join(kind.suffixes)}, not {suffix}")
@@ -186,9 +185,7 @@ def bits_for(suffix: str, codec: str | None, least: int) -> int:
     ValueError
         If the codec has too few.
     """
-    kind = CODECS.get(_USUAL[suffix] if codec is None else codec)
-    if kind is None:
-        raise ValueError(f"codec must be one of {', '.join(CODECS)}, got {codec!r}")
+    kind = CODECS[_USUAL[suffix] if codec is None else choice("codec", codec, tuple(CODECS))]
     enough = [bits for bits in kind.pixels if bits >= least]
     if not enough:
         raise ValueError(

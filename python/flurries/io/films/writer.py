@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from flurries._contract import choice
 from flurries.io.atomic import replacing
 from flurries.io.films.codecs import QUALITIES, Encoder, encoder_for, encoder_threads, frame_rate
 from flurries.io.films.index import SCALING
@@ -108,8 +109,7 @@ class VideoWriter:
             raise ValueError(
                 f"{self.path}: videos are written as {', '.join(VIDEO_EXTENSIONS)}, not {suffix!r}"
             )
-        if quality not in QUALITIES:
-            raise ValueError(f"quality must be one of {', '.join(QUALITIES)}, got {quality!r}")
+        choice("quality", quality, QUALITIES)
         self.size = _checked_size(size)
         self.fps = frame_rate(fps)
         self.count = 0

@@ -10,7 +10,7 @@ from typing import Any, Literal, TypeAlias, get_args
 import numpy as np
 import numpy.typing as npt
 
-from flurries._contract import rectangular
+from flurries._contract import choice, rectangular
 from flurries.io.color import Array, linear_to_srgb, to_integer, to_linear, to_unit
 from flurries.io.oiio import last_error, openimageio
 
@@ -73,8 +73,7 @@ def fit(
     ):
         raise ValueError(f"pixels must be (H, W) or (H, W, 1, 3 or 4), got {array.shape}")
     width, height = _checked_size(size)
-    if how not in _MODES:
-        raise ValueError(f"how must be one of {', '.join(_MODES)}, got {how!r}")
+    choice("how", how, _MODES)
     integers = array.dtype.kind == "u"
     if encoding is None:
         encoding = "display" if integers else "linear"

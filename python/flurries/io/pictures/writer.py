@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from flurries._contract import choice
 from flurries.io.color import (
     Array,
     to_display,
@@ -157,10 +158,7 @@ def write_picture(
         premultiplied = color.dtype.kind == "f"
     if bits not in (None, 8, 10, 16):
         raise ValueError(f"bits must be 8, 10 or 16, got {bits!r}")
-    if compression not in COMPRESSIONS:
-        raise ValueError(
-            f"compression must be one of {', '.join(COMPRESSIONS)}, got {compression!r}"
-        )
+    choice("compression", compression, tuple(COMPRESSIONS))
     if not isinstance(quality, (int, np.integer)) or not 1 <= quality <= 100:
         raise ValueError(f"quality must be an integer from 1 to 100, got {quality!r}")
     if opacity is not None and not form.alpha:

@@ -14,7 +14,7 @@ from flurries.camera.lens import Camera
 from flurries.camera.optics import Lens
 from flurries.camera.path import CameraPath
 from flurries.effects.kinds import class_of
-from flurries.io.files import read_text
+from flurries.io.files import file_of, read_text
 from flurries.light.lamp import Lamp
 from flurries.light.sun import Sun
 from flurries.motion.keys import Keys
@@ -62,8 +62,15 @@ def load(path: str | os.PathLike[str]) -> Scene:
         raise ValueError(f"{file}: not a TOML file: {error}") from None
     scene = SceneText(file, text)
     with scene.errors(("format",)):
-        values = upgrade(values)
-    return _scene(scene, values)
+        upgraded = upgrade(values)
+    try:
+        return _scene(scene, upgraded)
+    except (ValueError, TypeError) as error:
+        # Whoever writes a file by hand may not know that its snow is another one.
+        if upgraded == values or type(error) not in (ValueError, TypeError):
+            raise
+        hint = "without format = 2 at its top this is a file of version 0.1"
+        raise type(error)(f"{error}; {hint}") from None
 
 
 def _scene(text: SceneText, values: dict[str, Any]) -> Scene:
@@ -193,9 +200,11 @@ def _camera(text: SceneText, table: Any, scene: Scene) -> CameraPath:
         if file.suffix.lower() != ".csv":
             if zoom is not None:
                 raise ValueError(f"{text.where('camera', 'focal')}: focal must be a number here")
-            loaded = load_camera(file, (height, width), camera=Camera(**values))
+            with file_of("camera: path"):
+                loaded = load_camera(file, (height, width), camera=Camera(**values))
             return loaded if ending is None else replace(loaded, extend=ending)
-        way, ending = read_path(file), ending or "stop"
+        with file_of("camera: path"):
+            way, ending = read_path(file), ending or "stop"
     if zoom is not None:
         way["focal"] = zoom
     with text.errors(table, "camera"):
