@@ -26,18 +26,11 @@ def save(name: str, picture: np.ndarray, width: int) -> None:
     io.write_picture(IMAGES / name, io.fit(picture, (width, height)), quality=85)
 
 
-def three() -> None:
-    """The demo's still camera: few flakes, many flakes, few flakes and the texture."""
-    scenes = demo.three(demo.photograph(1024))
-    save("three.jpg", np.hstack([scene.render(30) for scene in scenes]), 1536)
-
-
 def flight() -> None:
-    """The demo's flying camera: a still, a contact sheet, a difference and a mean of frames."""
+    """The demo's flying camera: a contact sheet, a difference and a mean of frames."""
     picture = demo.photograph(1024)
     scene = demo.flight(picture)
     frames = [scene.render(t) for t in range(1, 31)]
-    save("flight.jpg", frames[14], 768)
     rows = [np.hstack([frames[10 * row + 3 * col] for col in range(3)]) for row in range(2)]
     save("flight_contact.jpg", np.vstack(rows), 1200)
     step = frames[1].astype(float) - frames[0]
@@ -52,19 +45,18 @@ def looks() -> None:
     for photograph in (data.rocket(), data.astronaut(), data.coffee()):
         picture = io.fit(photograph, (1024, 1024))
         region = np.s_[300:700, 300:700]
-        scenes = [fl.Scene(None, picture, effects=[fl.TentSnow.preset(name)]) for name in PRESETS]
+        scenes = [fl.Scene(None, picture, effects=[fl.Snow.preset(name)]) for name in PRESETS]
         rows.append(np.hstack([scene.render(31, region=region) for scene in scenes]))
     save("looks.jpg", np.vstack(rows), 1600)
 
 
 def paper() -> None:
-    """The paper's own map beside ours."""
+    """The paper's own map, its texture as we map it, and a texture of flakes."""
     picture = demo.photograph(1024)
-    region = np.s_[300:700, 250:750]
-    scenes = [
-        fl.Scene(None, picture, effects=[fl.TentSnow.preset(n)]) for n in ("paper", "moderate")
-    ]
-    save("paper.jpg", np.hstack([scene.render(31, region=region) for scene in scenes]), 1000)
+    region = np.s_[300:700, 250:650]
+    looks = [fl.TentSnow.preset("paper"), fl.TentSnow.preset("heavy"), fl.Snow.preset("heavy")]
+    scenes = [fl.Scene(None, picture, effects=[look]) for look in looks]
+    save("paper.jpg", np.hstack([scene.render(31, region=region) for scene in scenes]), 1200)
 
 
 def sizes() -> None:
@@ -86,11 +78,9 @@ def severity() -> None:
         scenes = [fl.Scene(None, picture, effects=[effect]) for effect in effects]
         return np.hstack([scene.render(3, region=region) for scene in scenes])
 
-    rows = [
-        row([kind(severity=n) for n in range(1, 6)]) for kind in (fl.TentSnow, fl.TentRain, fl.Mist)
-    ]
-    rows.append(row([fl.TentSnow(rate_mm_h=rate) for rate in (0.3, 1.0, 3.0, 8.0, 20.0)]))
-    rows.append(row([fl.TentRain(rate_mm_h=rate) for rate in (1.0, 4.0, 10.0, 25.0, 80.0)]))
+    rows = [row([kind(severity=n) for n in range(1, 6)]) for kind in (fl.Snow, fl.Rain, fl.Mist)]
+    rows.append(row([fl.Snow(rate_mm_h=rate) for rate in (0.3, 1.0, 3.0, 8.0, 20.0)]))
+    rows.append(row([fl.Rain(rate_mm_h=rate) for rate in (1.0, 4.0, 10.0, 25.0, 80.0)]))
     save("severity.jpg", np.vstack(rows), 1400)
 
 
@@ -168,7 +158,7 @@ def jitter() -> None:
 
 
 RAINS = ("drizzle", "rain", "downpour")
-ALL = (three, flight, looks, paper, sizes, severity, rain, wind, depth, stereo, jitter)
+ALL = (flight, looks, paper, sizes, severity, rain, wind, depth, stereo, jitter)
 
 if __name__ == "__main__":
     for make in ALL:

@@ -242,14 +242,27 @@ def test_ambient_snow_has_the_background_s_light():
             assert srgb_to_linear(seen.astype(np.float64)) == pytest.approx(white, rel=0.03)
 
 
-def test_ambient_light_of_integers_is_the_mean_over_their_pixels():
+def test_ambient_light_is_as_bright_as_the_mean_and_has_the_tint_of_what_is_grey():
     rng = np.random.default_rng(3)
     for dtype in (np.uint8, np.uint16):
         picture = rng.integers(0, np.iinfo(dtype).max // 4, (37, 41, 3)).astype(dtype)
         light = srgb_to_linear(picture / np.float64(np.iinfo(dtype).max))
-        white = light.reshape(-1, 3).mean(axis=0) * (0.9 / 0.18)
+        mean, tint = np.zeros(3), np.zeros(3)
+        for pixel in light.reshape(-1, 3):
+            mean += pixel / (37 * 41)
+            tint += pixel * (min(pixel) / max(max(pixel), 1e-30) + 1e-6)
+        white = tint * (mean.sum() / tint.sum()) * (0.9 / 0.18)
         want = linear_to_srgb(white / max(1.0, white.max()))
-        assert ambient_light(picture, "display") == pytest.approx(want, rel=1e-6)
+        assert ambient_light(picture, "display") == pytest.approx(want, rel=2e-6)
+
+
+def test_a_red_coat_is_no_red_light():
+    picture = np.full((60, 60, 3), 120, np.uint8)
+    picture[10:50, 20:] = 200, 30, 10
+    red, green, blue = ambient_light(picture, "display")
+    assert red < 1.02 * blue and red < 1.02 * green
+    # A picture of one color says that its light has it.
+    assert ambient_light(np.full((9, 9, 3), (60, 20, 10), np.uint8), "display")[2] < 0.4
 
 
 def test_ambient_of_a_region_is_that_of_the_whole():

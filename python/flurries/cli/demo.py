@@ -1,8 +1,9 @@
-"""`flurries demo`: the two experiments of Langer 2004 on a photograph.
+"""`flurries demo`: the two experiments of Langer 2004 on a photograph, with today's snow.
 
-(a) A still camera, three pictures side by side as in their Fig. 2: few flakes; many flakes; few
-flakes and the texture. (b) A camera that flies forward and upward through heavy snow (their Fig. 3
-and 5): the snow streams away from the focus of expansion.
+(a) A still camera, three pictures side by side: few flakes; the same flakes before the paper's
+texture, as in their Fig. 2; and heavy `Snow`, whose texture is made of flakes. (b) A camera that
+flies forward and upward through it (their Fig. 3 and 5): the snow streams away from the focus of
+expansion.
 """
 
 from __future__ import annotations
@@ -17,17 +18,16 @@ from flurries.camera.lens import Camera
 from flurries.camera.path import CameraPath
 from flurries.cli.options import FILE, THREADS, command, option, voice
 from flurries.cli.words import Words, stages
-from flurries.effects import TentSnow
+from flurries.effects import Snow, TentSnow
 from flurries.io import VideoWriter, write_picture
 from flurries.scene.scene import DEFAULT_FOCAL, Scene
 from flurries.trace import Trace, stage, tracing
 
 FPS = 30.0
-FEW, MANY = 2000, 16000
+FEW = 2000
 
 # Metres per second, forward and upward; with the fall it puts the focus of expansion into the sky.
 FLIGHT = (0.0, -0.3, 5.0)
-FLIGHT_FALL = 1.0
 
 
 @command("flurries demo", "flurries demo --size 512 --frames 30 -o small")
@@ -40,8 +40,8 @@ FLIGHT_FALL = 1.0
 def demo(words: Words, output: str, size: int, frames: int) -> None:
     """Let it snow on a photograph: two films, two stills, and an EXR with layers.
 
-    three.* has few flakes, many flakes, and few flakes with the texture behind them; flight.* a
-    camera that flies through heavy snow. Prints the files.
+    three.* has few flakes, the same with the paper's texture behind them, and heavy snow of flakes
+    near and far; flight.* a camera that flies through it. Prints the files.
     """
     for file in run(output, size=size, frames=frames, words=words):
         print(file)
@@ -74,11 +74,11 @@ def photograph(size: int) -> Array:
 
 
 def three(picture: Array, *, seed: int = 1) -> list[Scene]:
-    """Return the three scenes of experiment (a): few flakes, many, few with the texture."""
-    looks = [
+    """Return the three scenes of experiment (a): few flakes, the paper's texture, flakes."""
+    looks: list[Snow | TentSnow] = [
         TentSnow.preset("heavy", flakes=FEW, texture=0.0, haze=0.0),
-        TentSnow.preset("heavy", flakes=MANY, texture=0.0, haze=0.0),
         TentSnow.preset("heavy", flakes=FEW),
+        Snow.preset("heavy"),
     ]
     size = (picture.shape[1], picture.shape[0])
     return [Scene(size, picture, effects=[look], fps=FPS, seed=seed) for look in looks]
@@ -88,10 +88,7 @@ def flight(picture: Array, *, seed: int = 1) -> Scene:
     """Return the scene of experiment (b)."""
     size = (picture.shape[1], picture.shape[0])
     camera = CameraPath(Camera(DEFAULT_FOCAL * size[0]), velocity=FLIGHT)
-    # The faster the camera, the farther off the texture must begin for the frame rate to follow it.
-    snow = TentSnow.preset(
-        "heavy", fall=FLIGHT_FALL, wind=(0.0, 0.0, 0.0), near_depth=20.0, flakes=20_000
-    )
+    snow = Snow.preset("heavy", wind=(0.0, 0.0, 0.0))
     return Scene(size, picture, camera, [snow], fps=FPS, seed=seed)
 
 

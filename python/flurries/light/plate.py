@@ -91,15 +91,10 @@ def _gaussian(count: int, sigma: float) -> Float64:
     return np.asarray(matrix / matrix.sum(axis=1, keepdims=True))
 
 
-def plate_light(picture: Array, encoding: str) -> PlateLight:
-    """Return the light of a picture.
+def cell_sums(picture: Array, encoding: str) -> tuple[Array, int]:
+    """Return the linear light of squares of a picture and what covers them, and the squares' side.
 
-    Parameters
-    ----------
-    picture : (H, W, 3 or 4)
-        Of a background's dtype; what is transparent counts as far as it shows.
-    encoding : {"display", "linear"}
-        What its numbers mean. What is not finite does not count.
+    Sums over pixels, (rows, columns, 4) float32; what is not finite does not count.
     """
     height, width = picture.shape[:2]
     cell = max(math.ceil(max(height, width) / CELLS), 1)
@@ -112,6 +107,20 @@ def plate_light(picture: Array, encoding: str) -> PlateLight:
         picture = np.concatenate([to_linear(picture[..., :3], encoding), *alpha], axis=2)
         picture = np.ascontiguousarray(picture, np.float32)
     _core.plate_cells(sums, np.ascontiguousarray(picture), table, cell)
+    return sums, cell
+
+
+def plate_light(picture: Array, encoding: str) -> PlateLight:
+    """Return the light of a picture.
+
+    Parameters
+    ----------
+    picture : (H, W, 3 or 4)
+        Of a background's dtype; what is transparent counts as far as it shows.
+    encoding : {"display", "linear"}
+        What its numbers mean. What is not finite does not count.
+    """
+    sums, cell = cell_sums(picture, encoding)
     cover = sums[..., 3:].astype(np.float64)
     light = np.maximum(sums[..., :3].astype(np.float64), 0.0)
     mean = light.sum(axis=(0, 1)) / max(float(cover.sum()), 1e-12)
