@@ -14,6 +14,7 @@ import OpenImageIO as oiio
 import skimage.data
 
 import twin
+import twin_camera
 
 FRAMES = Path(__file__).parent / "frames"
 WHITE = 250.0 / 255.0
@@ -28,7 +29,8 @@ FIELDS: dict[str, tuple[twin.Shape, dict[str, Any]]] = {
     ),
     "forward_flight": (
         (160, 160),
-        {"drift": twin.tile_drift((160, 160), (0.3, -1.0, 6.0), twin.Camera(160.0), near_depth=3.0),
+        {"drift": twin_camera.tile_drift(
+            (160, 160), (0.3, -1.0, 6.0), twin_camera.Camera(160.0), near_depth=3.0),
          "shift": (3.25, -8.5), "seed": 2**63 - 1},
     ),
     "blurred_and_cut": (

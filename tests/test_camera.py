@@ -11,6 +11,7 @@ from scipy.spatial.transform import Rotation
 
 import flurries as fl
 import twin
+import twin_camera
 from every import every
 
 SHAPE = (480, 640)
@@ -27,8 +28,8 @@ CAMERAS: dict[str, dict[str, Any]] = {
 }  # fmt: skip
 
 
-def both(name: str) -> tuple[fl.camera.Camera, twin.Camera]:
-    return fl.camera.Camera(**CAMERAS[name]), twin.Camera(**CAMERAS[name])
+def both(name: str) -> tuple[fl.camera.Camera, twin_camera.Camera]:
+    return fl.camera.Camera(**CAMERAS[name]), twin_camera.Camera(**CAMERAS[name])
 
 
 def points(count: int = 50) -> np.ndarray:
@@ -40,7 +41,7 @@ def points(count: int = 50) -> np.ndarray:
 def test_project_is_the_twins(name: str):
     camera, slow = both(name)
     px, depth = fl.camera.project(points(), camera, SHAPE)
-    want_px, want_depth = twin.project(points(), slow, SHAPE)
+    want_px, want_depth = twin_camera.project(points(), slow, SHAPE)
     assert px.shape == (50, 2) and depth.shape == (50,)
     assert px.dtype == depth.dtype == np.float64
     assert np.abs(depth - want_depth).max() < 1e-14
@@ -127,7 +128,7 @@ def test_tile_drift_is_the_twins(name: str, tile: int, overlap: int):
     options = {"near_depth": 3.0, "tile": tile, "overlap": overlap}
     shape = (100, 130) if overlap == 47 else SHAPE
     got = fl.camera.tile_drift(shape, (0.5, -2.0, 1.0), camera, **options)
-    want = twin.tile_drift(shape, (0.5, -2.0, 1.0), slow, **options)
+    want = twin_camera.tile_drift(shape, (0.5, -2.0, 1.0), slow, **options)
     assert got.shape == want.shape and got.dtype == np.float64
     assert np.abs(got - want).max() < 1e-12 * np.abs(want).max()
 

@@ -280,8 +280,8 @@ def test_knobs_choose_the_weather(run: Run):
         assert code == 0, err
         return pixels("a.png")
 
-    def want(*effects: Any) -> np.ndarray:
-        return Scene(None, PLATE, effects=effects).render(4)
+    def want(*effects: Any, **about: Any) -> np.ndarray:
+        return Scene(None, PLATE, effects=effects, **about).render(4)
 
     assert np.array_equal(made("--severity", "3"), want(Snow(severity=3)))
     assert np.array_equal(made("--rate", "2.5"), want(Snow(rate_mm_h=2.5)))
@@ -291,6 +291,20 @@ def test_knobs_choose_the_weather(run: Run):
     assert np.array_equal(made("--mist", "--rain", "--severity", "2"), both)
     assert np.array_equal(made("--snow", "severity=3"), want(Snow(severity=3)))
     assert np.array_equal(made("--snow", "big flakes"), want(Snow.preset("big flakes")))
+    wind = {"wind": (1.0, 0.0, 0.0)}
+    blown = want(fl.Mist.preset("fog", **wind), fl.Rain.preset("downpour", **wind))
+    assert np.array_equal(made("--mist", "fog", "--rain", "downpour", "--wind", "1,0,0"), blown)
+    cones = want(fl.ConeSnow.preset("light"), fl.ConeRain.preset("downpour"))
+    assert np.array_equal(made("--cone-rain", "downpour", "--cone-snow", "light"), cones)
+    far = want(fl.Mist.preset("mist", visibility=30.0))
+    assert np.array_equal(made("--mist", "mist", "--visibility", "30"), far)
+    near = want(fl.Rain.preset("downpour"), depth=2.5)
+    assert np.array_equal(made("--rain", "downpour", "--depth", "2.5"), near)
+    rows = "".join(f"0,0,{n},0,{0.01 * n},0\n" for n in range(5))
+    Path("way.csv").write_text(f"x,y,z,rx,ry,rz\n{rows}")
+    way = CameraPath.load("way.csv", LENS)
+    turned = want(fl.Rain.preset("rain"), camera=way)
+    assert np.array_equal(made("--rain", "rain", "--camera", "way.csv"), turned)
     # What does not look like a preset is the picture, also behind a bare option.
     assert run("render", "--snow", "plate.png", "-o", "b.png", "--frames", "4")[0] == 0
     assert np.array_equal(pixels("b.png"), want(Snow()))
@@ -441,6 +455,14 @@ def mistakes() -> dict[str, tuple[list[str], str]]:
     every["bad command"] = (["rendr"], "'rendr'; did you mean 'render'?")
     every["near option"] = ([*RENDER, "--fames", "3"], "--frames")
     every["near preset"] = (["plan", "plate.png", "--rain", "drizle"], "mean 'drizzle'?")
+    plate = ["render", "plate.png", "-o", "a.png"]
+    every["no mist"] = ([*plate, "--visibility", "30"], "--mist")
+    every["no such mist"] = ([*plate, "--mist", "smog"], "fog")
+    every["no such cone"] = ([*plate, "--cone-rain", "none"], "downpour")
+    every["no such rain"] = ([*plate, "--rain", "shower"], "'drizzle'")
+    two = [*plate, "--rain", "rain", "--camera", "way.csv", "--fly", "0,0,1"]
+    every["two cameras"] = (two, "--camera and --fly")
+    every["no depth"] = ([*plate, "--rain", "rain", "--depth", "nope.exr"], "nope.exr")
     every["near kind"] = (["plan", "kind.toml"], "line 2.*mean 'snow'?")
     every["near weather"] = (["corrupt", ".", "../w", "--weather", "sonw"], "mean 'snow'?")
     every["near axis"] = (["accuracy", "blnd"], "mean 'blend'?")

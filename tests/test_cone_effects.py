@@ -241,18 +241,3 @@ def test_a_wind_with_gusts_counts_by_its_mean():
     gusty = fl.ConeRain(tile=64, wind=fl.Wind(mean=(2.0, 0.0, 0.0)))
     plain = fl.ConeRain(tile=64, wind=(2.0, 0.0, 0.0))
     np.testing.assert_array_equal(scene(gusty).render(5), scene(plain).render(5))
-
-
-def test_from_the_command_line(tmp_path):
-    from flurries.cli import main
-
-    out = tmp_path / "frame.png"
-    assert main(["render", "#203040", "--cone-rain", "downpour", "--cone-snow", "light", "--size",
-                 "64x48", "--frames", "3", "-o", str(out), "--quiet"]) == 0  # fmt: skip
-    from flurries import io
-
-    picture = io.read_picture(out) if hasattr(io, "read_picture") else None
-    assert out.exists() and (picture is None or np.asarray(picture.pixels).std() > 0)
-    assert (
-        main(["render", "#203040", "--cone-rain", "none", "--size", "64x48", "-o", str(out)]) == 2
-    )

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 
-import mpmath
 import numpy as np
 import pytest
 from scipy.special import ndtr
@@ -122,36 +121,6 @@ def test_the_table_is_the_closed_form_whatever_the_quadrature(size):
         # Scaled by the origin's value, not by the largest entry: the even table's trap.
         step = 6 / (size - 1)
         assert abs(table.max() - math.exp(-step * step / 4)) < 1e-15
-
-
-def test_the_quadrature_is_the_papers():
-    # Trapezoid with 100 intervals is 8.0e-6 short of the integral.
-    w = np.linspace(-3, 3, 101)
-    line = np.exp(-w * w / 2)
-    with mpmath.workdps(30):
-        exact = float(mpmath.quad(lambda t: mpmath.exp(-t * t / 2), [-3, 0, 3]))
-    trapezoid = (line.sum() - 0.5 * (line[0] + line[-1])) * 0.06
-    assert abs(exact - 2.4998608894830947) < 1e-15
-    assert abs(trapezoid / exact - 1 + 8.0e-6) < 1e-7
-
-
-@pytest.mark.parametrize("size", [65, 129, 257])
-def test_lookup_errors_of_the_table(size):
-    table = fl.gas.footprint_table(size)
-    x = np.random.default_rng(1).uniform(-3, 3, (2, 200_000))
-    place = (x + 3) * (size - 1) / 6
-    exact = np.exp(-(x**2).sum(axis=0) / 2)
-    near = np.rint(place).astype(int)
-    nearest = np.abs(table[near[0], near[1]] - exact).max()
-    low = np.minimum(place.astype(int), size - 2)
-    u, v = place - low
-    i, j = low
-    bilinear = (table[i, j] * (1 - u) * (1 - v) + table[i + 1, j] * u * (1 - v)
-                + table[i, j + 1] * (1 - u) * v + table[i + 1, j + 1] * u * v)  # fmt: skip
-    assert 0.9 * 2.574 / (size - 1) < nearest <= 2.574 / (size - 1)
-    assert np.abs(bilinear - exact).max() <= 9 / (size - 1) ** 2
-    floor = np.abs(table[i, j] - exact).max()
-    assert floor > 1.8 * nearest  # integer division, as printed
 
 
 def test_whole_pixel_patches_move_the_middle():

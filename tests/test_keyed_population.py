@@ -11,8 +11,6 @@ import flurries as fl
 from flurries.effects.keyed import product
 from measure import cover
 
-Array = np.ndarray[Any, Any]
-
 
 def film(effect: Any) -> fl.Scene:
     return fl.Scene((192, 128), (0.0, 0.0, 0.0), effects=[effect], seed=3)

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import flurries as fl
-from flurries import _core, cli, stereo
+from flurries import _core, stereo
 
 SIZE = (96, 72)
 FOCAL = 100.0
@@ -211,13 +211,6 @@ def test_amount_fades_and_nothing_is_nothing():
             assert not cover(scene(nothing, sun=sun)).any()
 
 
-def test_presets_refuse_what_they_do_not_know():
-    with pytest.raises(ValueError, match="preset"):
-        fl.Mist.preset("smog")
-    with pytest.raises(TypeError, match="hight"):
-        fl.Mist.preset("fog", hight=3)
-
-
 def test_scene_files(tmp_path):
     shown = fl.Scene(SIZE, "#203040", camera=fl.Camera(FOCAL), effects=[
         fl.Mist.preset("fog", wind=fl.Keys([(0, (0, 0, 0)), (9, (1, 0, 0))]), depths=(2, math.inf)),
@@ -232,27 +225,6 @@ def test_scene_files(tmp_path):
     assert "mist" in text
     with pytest.raises(ValueError, match=r"line 4.*density"):
         fl.Scene.load(tmp_path / "b.toml")
-
-
-def test_the_command_line(tmp_path, capsys):
-    out = str(tmp_path / "%04d.png")
-    options = ["--size", "96x72", "--quiet", "--frames", "0-1"]
-    assert (
-        cli.main(["render", "#203040", "-o", out, "--mist", "fog", "--wind", "1,0,0", *options])
-        == 0
-    )
-    first, second = (fl.io.read_picture(tmp_path / f"000{n}.png").pixels for n in (0, 1))
-    assert np.abs(first.astype(int) - second).max() > 0
-    want = fl.Scene(SIZE, "#203040", effects=[fl.Mist.preset("fog", wind=(1.0, 0, 0))]).render(1)
-    np.testing.assert_array_equal(second, want)
-    still = str(tmp_path / "far.png")
-    assert cli.main(["render", "#203040", "-o", still, "--mist", "mist", "--visibility", "30",
-                     *options[:-2]]) == 0  # fmt: skip
-    capsys.readouterr()
-    assert cli.main(["render", "#203040", "-o", still, "--visibility", "30"]) == 2
-    assert "--mist" in capsys.readouterr().err
-    assert cli.main(["render", "#203040", "-o", still, "--mist", "smog"]) == 2
-    assert "fog" in capsys.readouterr().err
 
 
 def plates() -> dict[str, np.ndarray]:

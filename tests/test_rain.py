@@ -14,9 +14,7 @@ from scipy.integrate import quad
 
 import flurries as fl
 import measure
-from flurries.cli import main
 from flurries.effects.layout import streaks_tile
-from flurries.io import read_picture
 from flurries.scene.fingerprint import fingerprint
 from flurries.spectral.contrast import kept_power, mean_opacity
 
@@ -266,31 +264,3 @@ def test_scenes_with_rain_are_saved(tmp_path: Path):
     (tmp_path / "bad.toml").write_text("[[effects]]\nkind = 'rain'\nflakes = 3\n")
     with pytest.raises(ValueError, match=r"line 3.*flakes.*'tent_rain'"):
         Scene.load(tmp_path / "bad.toml")
-
-
-def test_the_command_line_rains(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
-    file = str(tmp_path / "out.png")
-    common = ["render", "#203040", "-o", file, "--size", "96x64", "--quiet", "--frames", "3"]
-    assert main([*common, "--rain", "downpour", "--snow", "light", "--wind", "1,0,0"]) == 0
-    effects = [fl.Snow.preset("light", wind=(1.0, 0.0, 0.0)),
-               fl.Rain.preset("downpour", wind=(1.0, 0.0, 0.0))]  # fmt: skip
-    want = Scene((96, 64), "#203040", effects=effects).render(3)
-    assert np.array_equal(read_picture(file).pixels, want)
-    assert main([*common, "--overwrite", "--rain", "downpour", "--depth", "2.5"]) == 0
-    near = Scene((96, 64), "#203040", effects=[fl.Rain.preset("downpour")], depth=2.5).render(3)
-    assert np.array_equal(read_picture(file).pixels, near)
-    way = tmp_path / "way.csv"
-    rows = (f"0,0,{n},0,{0.01 * n},0\n" for n in range(4))
-    way.write_text("x,y,z,rx,ry,rz\n" + "".join(rows))
-    assert main([*common, "--overwrite", "--rain", "rain", "--camera", str(way)]) == 0
-    path = fl.CameraPath.load(way, Camera(1.2 * 96))
-    turned = Scene((96, 64), "#203040", path, effects=[fl.Rain.preset("rain")]).render(3)
-    assert np.array_equal(read_picture(file).pixels, turned)
-    capsys.readouterr()
-    for wrong, words in (
-        ([], "--rain PRESET"), (["--rain", "shower"], "'drizzle'"),
-        (["--rain", "rain", "--camera", str(way), "--fly", "0,0,1"], "--camera and --fly"),
-        (["--rain", "rain", "--depth", "nope.exr"], "nope.exr"),
-    ):  # fmt: skip
-        assert main([*common, "--overwrite", *wrong]) == 2
-        assert words in capsys.readouterr().err

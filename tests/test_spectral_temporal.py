@@ -11,7 +11,6 @@ from every import every
 from flurries.spectral.tables import temporal_gain, wave_depth
 
 M = (64, 64)
-DOWN = (0.0, 32.0)  # px per frame of the 32 px wave, that is one cycle per frame, times c below
 
 
 def kept(c: float, theta: float, *, size: int = 64, **options) -> float:

@@ -30,18 +30,6 @@ def test_nineteen_tiles():
     assert len(got) == 19 and got[-1] + 64 - 1024 == 12
 
 
-def weights_of(shape: twin.Shape, tile: int, overlap: int, blend: str) -> np.ndarray:
-    """(tiles, H, W): the weight picture of each tile, by blending one tile of ones at a time."""
-    rows = len(twin.tile_starts(shape[0], tile=tile, overlap=overlap))
-    cols = len(twin.tile_starts(shape[1], tile=tile, overlap=overlap))
-    pictures = []
-    for row, col in np.ndindex(rows, cols):
-        tiles = np.zeros((rows, cols, tile, tile))
-        tiles[row, col] = 1.0
-        pictures.append(fl.spectral.blend_tiles(tiles, shape, overlap=overlap, blend=blend))
-    return np.array(pictures)
-
-
 @every(("dtype", "limit"), [(np.float64, 1e-14), (np.float32, 2e-6)])
 @every("blend", ["power", "linear"])
 @every(

@@ -10,6 +10,7 @@ import pytest
 from scipy import integrate, stats
 
 import twin
+import twin_camera
 from every import every
 
 MASK = 2**64 - 1
@@ -113,9 +114,9 @@ def test_axis_weights_add_up(length: int, overlap: int, blend: str):
 
 
 def test_rotation_matrix_is_right_handed_and_orthonormal():
-    turn = twin.rotation_matrix((0.0, 0.0, np.pi / 2))
+    turn = twin_camera.rotation_matrix((0.0, 0.0, np.pi / 2))
     assert np.allclose(turn @ [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], atol=1e-15)
-    turn = twin.rotation_matrix((0.3, -0.2, 0.9))
+    turn = twin_camera.rotation_matrix((0.3, -0.2, 0.9))
     assert np.allclose(turn.T @ turn, np.eye(3), atol=1e-15)
     assert np.isclose(np.linalg.det(turn), 1.0)
 

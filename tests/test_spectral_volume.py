@@ -54,14 +54,6 @@ def test_the_spectrum_is_conjugate_symmetric_and_small():
     assert np.array_equal(held.sum(axis=2), (twin.band_amplitude((40, 40)) > 0.0).astype(int))
 
 
-def test_floor_of_x_plus_a_half_would_not_be_real():
-    # Negative control of rint: half-way rates must round to odd pairs.
-    rate = np.array([[0.25, -0.25]])
-    assert np.array_equal(twin_volume.nearest(rate, 2), [[0, 0]])
-    floor = np.floor(rate * 2 + 0.5)
-    assert floor[0, 0] != -floor[0, 1]
-
-
 # Against the 2-D method ---------------------------------------------------------------------------
 
 
