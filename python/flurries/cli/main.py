@@ -116,7 +116,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except BrokenPipeError:
         return _close_pipe()
     except KeyboardInterrupt:
-        say("stopped; finished frames stay, run again to go on")
+        say("stopped; finished files stay, run again to go on")
         return INTERRUPTED
     except Exception as error:
         if {"-v", "--verbose"} & set(given):

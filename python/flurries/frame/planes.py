@@ -33,8 +33,9 @@ class _Lent:
         self.__array_interface__ = {"shape": shape, "typestr": kind, "data": place, "version": 3}
 
     def __del__(self, free: deque[npt.NDArray[np.uint8]] = _free) -> None:
-        free.append(self.memory)
-        with suppress(IndexError):  # Other threads take and give at the same time.
+        # Ctrl-C may come before it has memory; other threads take and give at the same time.
+        with suppress(AttributeError, IndexError):
+            free.append(self.memory)
             while sum(one.nbytes for one in free.copy()) > MOST:
                 free.popleft()
 
