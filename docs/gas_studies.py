@@ -233,8 +233,7 @@ def pictures() -> None:
         rows.append(np.hstack(row))
     save("gas_tower.jpg", np.vstack(rows), 1100)
 
-    cloud = fl.Mist(count=2600, radius=0.45, density=0.5, color=0.98, center=(0, -1.2, 8.0),
-                    box=(6.5, 3.0, 5.0), forward=0.45, scatter="henyey", asymmetry=0.2)  # fmt: skip
+    cloud = fl.Mist.preset("cumulus", center=(4, -7, 34), box=(24, 9, 16), visibility=8, color=0.98)
     lit = []
     for sun in (None, fl.Sun((0.5, 1.0, 0.2), (1.0, 0.97, 0.9), 0.18)):
         scene = fl.Scene(None, picture, camera=fl.Camera(f), depth=far, sun=sun, effects=[cloud],
