@@ -3,31 +3,24 @@
 from __future__ import annotations
 
 import fcntl
-import importlib
 import os
 import pty
-import re
 import select
-import shlex
-import signal
 import struct
 import subprocess
 import sys
 import termios
-import time
 import warnings
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-import click
 import numpy as np
 import OpenImageIO as oiio
 import pytest
 
 import flurries as fl
 from flurries.cli import main
-from flurries.cli.main import COMMANDS
 from flurries.cli.words import lines
 from flurries.io import VideoWriter, open_background, read_picture, write_picture
 
@@ -208,68 +201,7 @@ def test_a_film_gives_its_own_rate_and_length(run: Run, here: Path):
     assert np.array_equal(pixels("a/2.png"), scene.render(2))
 
 
-def test_help_and_version_go_to_stdout(run: Run):
-    for arguments, word in (
-        (["--version"], fl.__version__), (["-V"], fl.__version__), (["--help"], "corrupt"),
-        (["render", "--help"], "%04d"), (["render", "-h"], "1-90 at 30"),
-    ):  # fmt: skip
-        code, out, err = run(*arguments)
-        assert (code, err) == (0, "") and word in out and "None" not in out
-    places = [out.index(f"  --{kind} ") for kind in ("snow", "rain", "mist", "tent-snow")]
-    assert places == sorted(places), "what most users want comes first"
-
-
 # What it offers ----------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("name", COMMANDS)
-def test_help_says_each_option_its_default_and_an_example(name: str, run: Run):
-    command = getattr(importlib.import_module(f"flurries.cli.{name}"), name)
-    options = [one for one in command.params if isinstance(one, click.Option)]
-    code, out, _ = run(name, "--help")
-    words = " ".join(out.split())
-    assert code == 0 and command.help.split(".")[0].split()[0] in words
-    for one in options:
-        assert " ".join(one.help.split())[:30].rsplit(" ", 1)[0] in words
-        if not one.is_flag:
-            assert "such as -" in one.help and ("default: " in one.help or one.required), one.opts
-    assert command.examples and all(line in out for line in command.examples)
-    assert {"-q", "-v"} <= {way for one in options for way in one.opts} or name == "completion"
-
-
-@pytest.mark.parametrize("name", [n for n in COMMANDS if n not in ("demo", "view", "accuracy")])
-def test_the_examples_of_the_help_run(name: str, run: Run, here: Path):
-    Path("photos").mkdir()
-    write_picture("photos/a.png", PLATE[:32, :48])
-    write_picture("photo.jpg", PLATE)
-    for number in (1, 2):
-        write_picture(f"plate.{number:04d}.exr", (PLATE / 255.0).astype(np.float32))
-    Path("shot.usda").write_text(
-        '#usda 1.0\ndef Camera "camera" {\nfloat horizontalAperture = 24\n'
-        "float verticalAperture = 16\n}\n"
-    )
-    if name == "check":
-        assert run(*RENDER[:-1], "frames/%04d.png", "--frames", "1")[0] == 0
-    command = getattr(importlib.import_module(f"flurries.cli.{name}"), name)
-    for line in command.examples:
-        words = shlex.split(line.split(" #")[0].split(">")[0].strip())
-        words = shlex.split(words[1].strip("$()")) if words[0] == "eval" else words
-        assert words[0] == "flurries"
-        still = "%" not in line and line.endswith(".png")
-        short = ["--frames", "1" if still else "1-2"] if name == "render" else []
-        code, _, err = run(*words[1:], *short)
-        assert code == 0, (line, err)
-
-
-def test_the_commands_are_imported_one_by_one(here: Path):
-    code = (
-        "import sys; from flurries.cli import main; assert main(['--help']) == 0;"
-        "assert 'flurries.scene' not in sys.modules and 'flurries.cli.render' not in sys.modules;"
-        "assert main(['texture', '-h']) == 0; assert 'flurries.viewer' not in sys.modules"
-    )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
-    assert done.returncode == 0, done.stderr
-    assert all(name in done.stdout for name in COMMANDS)
 
 
 def test_knobs_choose_the_weather(run: Run):
@@ -308,44 +240,6 @@ def test_knobs_choose_the_weather(run: Run):
     # What does not look like a preset is the picture, also behind a bare option.
     assert run("render", "--snow", "plate.png", "-o", "b.png", "--frames", "4")[0] == 0
     assert np.array_equal(pixels("b.png"), want(Snow()))
-
-
-COMPLETIONS = {
-    "a command": (["ren"], {"render"}),
-    "an option": (["render", "--sev"], {"--severity"}),
-    "a preset": (["render", "photo.jpg", "--snow", "h"], {"heavy"}),
-    "a choice": (["render", "--quality", "d"], {"draft"}),
-    "an axis": (["accuracy", "sh"], {"shutter"}),
-    "a look": (["texture", "--look", "b"], {"blizzard"}),
-    "nothing": (["render", "--nothing-like-it"], set()),
-}
-
-
-@pytest.mark.parametrize("name", COMPLETIONS)
-@pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])
-def test_shells_complete(
-    shell: str, name: str, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
-):
-    words, found = COMPLETIONS[name]
-    line = " ".join(["flurries", *words])
-    monkeypatch.setenv("_FLURRIES_COMPLETE", f"{shell}_complete")
-    monkeypatch.setenv("COMP_WORDS", line)
-    monkeypatch.setenv("COMP_CWORD", words[-1] if shell == "fish" else str(len(words)))
-    monkeypatch.setattr(sys, "argv", ["flurries"])
-    assert main() == 0
-    out = capfd.readouterr().out
-    values = set(re.split(r"[,\t\n]", out))
-    assert found <= values and ("heavy" in values) is (name == "a preset")
-
-
-@pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])
-def test_the_script_for_a_shell(shell: str, run: Run):
-    code, out, err = run("completion", shell)
-    assert (code, err) == (0, "") and f"_FLURRIES_COMPLETE={shell}_complete" in out
-    if shell == "bash":
-        # The shell itself takes it, and knows the command afterwards.
-        done = subprocess.run(["bash", "-c", f"{out}\ncomplete -p flurries"], capture_output=True)
-        assert b"-F _flurries_completion" in done.stdout, done.stderr
 
 
 # How much it says --------------------------------------------------------------------------------
@@ -419,129 +313,4 @@ def test_a_defect_is_a_sentence_too(run: Run, monkeypatch: pytest.MonkeyPatch):
 # How it says no ----------------------------------------------------------------------------------
 
 
-def mistakes() -> dict[str, tuple[list[str], str]]:
-    """Each: the arguments, and a word that the one line must hold."""
-    options = [
-        ("--size", "size", ["0x0", "abc", "131073x4", "5", "-5x5"]),
-        ("--amount", "amount", ["nan", "2", "-0.1", "x"]),
-        ("--wind", "wind", ["nan,0,0", "1,2", "a,b,c", "1e999,0,0"]),
-        ("--fly", "", ["0,nan,0", "1"]),
-        ("--frames", "frames", ["one", "5-1", "-3", "1-5x0", "1-", ""]),
-        ("--seed", "seed", [str(2**63), "1.5", "x"]),
-        ("--fps", "fps", ["0", "nan", "-24"]),
-        ("--threads", "", ["0", "257", "two"]),
-        ("--foreground", "no.png", ["no.png"]),
-        ("--flakes", "--flakes", ["3"]),
-        ("--quality", "quality", ["best"]),
-    ]
-    patterns = ["plate.png/%d.png", "plate.png/a/%d.png", "%d/%d.png", "%s.png", "a%d%d.png", "a",
-                "a/", "", "%d.xyz", "a\n%d.png", "plate.png", "%d.toml", "."]  # fmt: skip
-    inputs = {
-        "missing": ["no.png", "no.png"], "damaged": ["cut.png", "cut.png"],
-        "no picture": ["text.png", "text.png"], "empty": ["empty.png", "empty.png"],
-        "a folder": [".", "folder"], "unknown key": ["bad.toml", "line 1.*fpps.*fps"],
-        "no scene": ["no.toml", "no.toml"], "bad TOML": ["worse.toml", "worse.toml"],
-        "deep TOML": ["deep.toml", "deep.toml"], "no sequence": ["no.%d.png", "no.%d.png"],
-    }  # fmt: skip
-    every = {f"{o} {v}": ([*RENDER, o, v], word) for o, word, vs in options for v in vs}
-    every["layers of PNG"] = ([*RENDER, "--layers"], "layers")
-    every |= {f"to {p!r}": ([*RENDER[:-1], p, "--frames", "1"], "") for p in patterns}
-    for name, (given, word) in inputs.items():
-        every[name] = (["render", given, "--snow", "light", "-o", "out/%d.png"], word)
-    every["preset"] = (["render", "plate.png", "--snow", "hevy", "-o", "a.png"], "hevy")
-    every["no snow"] = (["render", "plate.png", "-o", "a.png"], "--snow")
-    every["no output"] = (["render", "plate.png", "--snow", "light"], "output")
-    every["no command"] = ([], "COMMAND")
-    every["bad command"] = (["rendr"], "'rendr'; did you mean 'render'?")
-    every["near option"] = ([*RENDER, "--fames", "3"], "--frames")
-    every["near preset"] = (["plan", "plate.png", "--rain", "drizle"], "mean 'drizzle'?")
-    plate = ["render", "plate.png", "-o", "a.png"]
-    every["no mist"] = ([*plate, "--visibility", "30"], "--mist")
-    every["no such mist"] = ([*plate, "--mist", "smog"], "fog")
-    every["no such cone"] = ([*plate, "--cone-rain", "none"], "downpour")
-    every["no such rain"] = ([*plate, "--rain", "shower"], "'drizzle'")
-    two = [*plate, "--rain", "rain", "--camera", "way.csv", "--fly", "0,0,1"]
-    every["two cameras"] = (two, "--camera and --fly")
-    every["no depth"] = ([*plate, "--rain", "rain", "--depth", "nope.exr"], "nope.exr")
-    every["near kind"] = (["plan", "kind.toml"], "line 2.*mean 'snow'?")
-    every["near weather"] = (["corrupt", ".", "../w", "--weather", "sonw"], "mean 'snow'?")
-    every["near axis"] = (["accuracy", "blnd"], "mean 'blend'?")
-    every["two ways"] = ([*RENDER, "--severity", "3"], "severity")
-    every["no such knob"] = (["plan", "plate.png", "--mist", "--rate", "3"], "--rate.*--snow")
-    every["which weather"] = (["plan", "scene.toml", "--severity", "3"], "--severity.*--rain")
-    every["video rate"] = ([*RENDER[:-1], "a.mp4", "--frames", "1", "--fps", "5000"], "fps")
-    every["demo size"] = (["demo", "-o", "d", "--size", "3"], "size")
-    every["demo frames"] = (["demo", "-o", "d", "--frames", "0"], "frames")
-    return every
-
-
-MISTAKES = mistakes()
-
-
-@pytest.mark.parametrize("name", MISTAKES, ids=ascii)
-def test_a_mistake_is_one_sentence(name: str, run: Run, here: Path):
-    Path("cut.png").write_bytes(Path("plate.png").read_bytes()[:3000])
-    Path("text.png").write_text("no picture at all")
-    Path("empty.png").touch()
-    Path("bad.toml").write_text("fpps = 25\n")
-    Path("kind.toml").write_text("[[effects]]\nkind = 'sonw'\n")
-    Path("worse.toml").write_text("size = [1,\n")
-    Path("deep.toml").write_text("size = " + "[" * 20000)
-    before = sorted(here.rglob("*"))
-    contents = files(here)
-    arguments, word = MISTAKES[name]
-    code, out, err = run(*arguments)
-    assert (code, out) == (2, "")
-    assert err.startswith("flurries: ") and err.count("\n") == 1 and err.endswith("\n"), err
-    assert "Traceback" not in err and len(err) < 600
-    assert all(part in err for part in word.split(".*"))
-    assert sorted(here.rglob("*")) == before, "something was left"
-    assert files(here) == contents
-
-
 # When it is stopped ------------------------------------------------------------------------------
-
-
-def start(here: Path, *arguments: str, **more: Any) -> subprocess.Popen[str]:
-    return subprocess.Popen(
-        [sys.executable, "-m", "flurries", *arguments],
-        cwd=here, text=True, stdout=subprocess.PIPE, stderr=subprocess.PIPE, **more,
-    )  # fmt: skip
-
-
-def wait_for(count: int, folder: Path, process: subprocess.Popen[str]) -> None:
-    """Wait until so many frames are there."""
-    end = time.monotonic() + 60
-    while len(list(folder.glob("[0-9]*"))) < count and time.monotonic() < end:
-        assert process.poll() is None, process.communicate()
-        time.sleep(0.002)
-
-
-def test_ctrl_c_keeps_what_is_done_and_goes_on(here: Path):
-    process = start(here, *RENDER, "--frames", "1-5000")
-    wait_for(3, here / "out", process)
-    process.send_signal(signal.SIGINT)
-    out, err = process.communicate(timeout=60)
-    assert process.returncode == 130, err
-    assert "Traceback" not in err and "flurries: stopped" in err and out == ""
-    done = sorted(p.name for p in (here / "out").glob("*.png"))
-    assert not list((here / "out").glob(".*"))
-    assert 3 <= len(done) < 5000 and done == [f"{n:04d}.png" for n in range(1, len(done) + 1)]
-    last = len(done) + 2
-    process = start(here, *RENDER, "--frames", f"1-{last}")
-    _, err = process.communicate(timeout=60)
-    assert f"2 frames rendered, {len(done)} were there already" in err
-    scene = Scene(None, PLATE, effects=[Snow.preset("light")])
-    for number in (1, len(done), last):
-        assert np.array_equal(pixels(here / "out" / f"{number:04d}.png"), scene.render(number))
-
-
-def test_ctrl_c_leaves_no_half_a_film(here: Path):
-    process = start(here, *RENDER[:-1], "out/film.mp4", "--frames", "1-5000")
-    end = time.monotonic() + 60
-    while not list(here.glob("out/.*")) and time.monotonic() < end:
-        time.sleep(0.002)
-    process.send_signal(signal.SIGINT)
-    _, err = process.communicate(timeout=60)
-    assert process.returncode == 130, err
-    assert not list((here / "out").iterdir())

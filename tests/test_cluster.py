@@ -14,7 +14,6 @@ from pathlib import Path
 from typing import Any
 
 import dask
-import distributed
 import numpy as np
 import pytest
 
@@ -22,7 +21,8 @@ import flurries as fl
 from flurries.cli import main
 from flurries.frame import estimate
 from flurries.io import open_background, write_picture
-from flurries.output import cluster, groups, manifest, write
+from flurries.output import cluster, groups, manifest
+from workers import group, workers
 
 SCENE = fl.Scene((96, 64), "#304050", effects=fl.TentSnow.preset("heavy", flakes=100))
 
@@ -48,22 +48,14 @@ SLOW = SCENE.replace(effects=[fl.TentSnow.preset("heavy", flakes=100), Slow()])
 @pytest.fixture(scope="module")
 def client() -> Iterator[Any]:
     # Groups of a few frames, so that there is something to lose.
-    with (
-        dask.config.set({"distributed.scheduler.allowed-failures": 2}),
-        distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=":0",
-                                 silence_logs=50) as local,
-        distributed.Client(local, set_as_default=False) as client,
-    ):  # fmt: skip
+    with dask.config.set({"distributed.scheduler.allowed-failures": 2}), workers(2) as client:
         client.run(sys.path.insert, 0, str(Path(__file__).parent))
         yield client
 
 
 @pytest.fixture
 def small_groups(monkeypatch: pytest.MonkeyPatch) -> None:
-    for module in (write, groups):
-        monkeypatch.setattr(module, "grouped", lambda scene, frames: [
-            frames[i : i + 4] for i in range(0, len(frames), 4)
-        ])  # fmt: skip
+    group(4, monkeypatch)
 
 
 def contents(folder: Path) -> dict[str, bytes]:

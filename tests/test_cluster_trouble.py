@@ -18,15 +18,13 @@ import pytest
 import flurries as fl
 from flurries._threads import scope
 from flurries.io import read_picture
-from flurries.output import crew, groups, manifest, write
+from flurries.output import crew, manifest
 from test_nothing_wrong import SMALL, contents, python
+from workers import group, workers
 
 
 def test_16_3_tasks_on_one_worker_keep_their_modes(tmp_path: Path, monkeypatch: Any):
-    for module in (write, groups):
-        monkeypatch.setattr(module, "grouped", lambda scene, frames: [
-            frames[i : i + 2] for i in range(0, len(frames), 2)
-        ])  # fmt: skip
+    group(2, monkeypatch)
     # float32 light shows the last bit in some of many pixels.
     light = np.random.default_rng(0).random((64, 96, 3), np.float32)
     scene = fl.Scene(None, light, effects=[fl.ConeSnow(tile=64), fl.TentSnow(flakes=100)])
@@ -40,11 +38,7 @@ def test_16_3_tasks_on_one_worker_keep_their_modes(tmp_path: Path, monkeypatch: 
 
     for plain in modes:
         frames(None, plain)
-    with (
-        distributed.LocalCluster(n_workers=1, threads_per_worker=4, dashboard_address=":0",
-                                 silence_logs=50) as local,
-        distributed.Client(local, set_as_default=False) as client,
-    ):  # fmt: skip
+    with workers(1, 4) as client:
         both = [threading.Thread(target=frames, args=(client, plain)) for plain in modes]
         for thread in both:
             thread.start()
@@ -73,11 +67,7 @@ def test_16_3_a_scope_is_its_threads_alone():
 
 @pytest.fixture
 def client() -> Iterator[Any]:
-    with (
-        distributed.LocalCluster(n_workers=1, threads_per_worker=1, dashboard_address=":0",
-                                 silence_logs=50) as local,
-        distributed.Client(local, set_as_default=False) as client,
-    ):  # fmt: skip
+    with workers(1) as client:
         yield client
 
 

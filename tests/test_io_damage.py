@@ -25,7 +25,7 @@ from flurries.io import (
     srgb_to_linear,
     write_picture,
 )
-from pictures import noise, write_exr
+from stills import noise, write_exr
 
 
 def test_files_that_are_no_pictures(tmp_path):

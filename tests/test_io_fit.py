@@ -9,7 +9,7 @@ from flurries.io import (
     fit,
     linear_to_srgb,
 )
-from pictures import same_bits
+from stills import same_bits
 
 
 def smooth(height, width):

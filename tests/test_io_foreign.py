@@ -14,7 +14,7 @@ from flurries.io import (
     read_picture,
     write_picture,
 )
-from pictures import assert_reads_as, levels, noise, write_exr
+from stills import assert_reads_as, levels, noise, write_exr
 
 
 def test_grey_palettes_bits_and_ink(tmp_path):

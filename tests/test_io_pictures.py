@@ -16,7 +16,7 @@ from flurries.io import (
     write_layers,
     write_picture,
 )
-from pictures import as_read, assert_reads_as, levels, noise, same_bits
+from stills import as_read, assert_reads_as, levels, noise, same_bits
 
 # Newer Pythons warn when a process with threads is forked, which is what these tests are about.
 pytestmark = pytest.mark.filterwarnings("ignore:.*fork.*:DeprecationWarning")

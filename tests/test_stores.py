@@ -13,7 +13,6 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-import distributed
 import fsspec
 import numpy as np
 import pytest
@@ -25,8 +24,9 @@ from flurries.cli import main
 from flurries.io import write_picture
 from flurries.io.atomic import owner_of_new_files
 from flurries.output import bucket as buckets
-from flurries.output import crew, groups, manifest, write
+from flurries.output import crew, manifest
 from flurries.output.bucket import Bucket, store_of
+from workers import group, workers
 
 SCENE = fl.Scene((96, 64), "#304050", effects=fl.TentSnow.preset("heavy", flakes=100))
 KEYS = {"AWS_ACCESS_KEY_ID": "a", "AWS_SECRET_ACCESS_KEY": "b", "AWS_DEFAULT_REGION": "us-east-1"}
@@ -158,10 +158,10 @@ def test_16_14_several_share_a_store_and_make_each_frame_once(place: str, whole:
     def work() -> None:
         done.append(SCENE.write(f"{place}/%04d.png", "1-12"))
 
-    both = [threading.Thread(target=work) for _ in range(3)]
-    for thread in both:
+    three = [threading.Thread(target=work) for _ in range(3)]
+    for thread in three:
         thread.start()
-    for thread in both:
+    for thread in three:
         thread.join(120)
     assert sorted(n for each in done for n in each.written) == list(range(1, 13))
     assert contents(place) == whole
@@ -203,15 +203,8 @@ def test_16_14_claims_of_the_dead_are_taken_over(kind: str, request: Any, monkey
 
 @pytest.fixture
 def client(monkeypatch: Any) -> Iterator[Any]:
-    for module in (write, groups):
-        monkeypatch.setattr(module, "grouped", lambda scene, frames: [
-            frames[i : i + 3] for i in range(0, len(frames), 3)
-        ])  # fmt: skip
-    with (
-        distributed.LocalCluster(n_workers=1, threads_per_worker=2, dashboard_address=":0",
-                                 silence_logs=50) as local,
-        distributed.Client(local, set_as_default=False) as client,
-    ):  # fmt: skip
+    group(3, monkeypatch)
+    with workers(1, 2) as client:
         yield client
 
 
@@ -248,9 +241,8 @@ def test_16_14_a_store_that_vanishes(server: Server, whole: dict[str, bytes]):
     finally:
         server.start()
     there = contents(place)
-    assert {name: data for name, data in there.items() if name.endswith("png")}.items() <= (
-        whole.items()
-    )
+    frames = {name: data for name, data in there.items() if name.endswith("png")}
+    assert frames.items() <= whole.items()
     # What was claimed is this process's own, as it would be that of any that still works.
     for name in there:
         if name.startswith("."):
@@ -385,16 +377,13 @@ def test_16_14_a_read_only_disk(tmp_path: Path):
 # What is no store ---------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
-    ("target", "words"),
-    [
-        ("s3://films/film.mp4", "a video is written to this machine"),
-        ("simplecache::s3://films/%04d.png", "name the store itself"),
-        ("nothing://films/%04d.png", "Protocol not known: nothing"),
-        ("memory://a/frame%s.png", "must hold one frame token"),
-        ("memory:///%04d/x.png", "must not hold '%' in a folder"),
-    ],
-)
+@pytest.mark.parametrize(("target", "words"), [
+    ("s3://films/film.mp4", "a video is written to this machine"),
+    ("simplecache::s3://films/%04d.png", "name the store itself"),
+    ("nothing://films/%04d.png", "Protocol not known: nothing"),
+    ("memory://a/frame%s.png", "must hold one frame token"),
+    ("memory:///%04d/x.png", "must not hold '%' in a folder"),
+])  # fmt: skip
 def test_16_14_a_url_that_cannot_be_is_one_sentence(target: str, words: str, capsys: Any):
     code = main(["render", "#304050", "--snow", "heavy", "--frames", "1", "-o", target])
     err = capsys.readouterr().err

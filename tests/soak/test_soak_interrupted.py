@@ -14,13 +14,13 @@ from pathlib import Path
 from typing import Any
 
 import dask
-import distributed
 import numpy as np
 import pytest
 from length import times
 
 import flurries as fl
-from flurries.output import manifest, write
+from flurries.output import manifest
+from workers import group, workers
 
 Record = Callable[[str, object], None]
 FRAMES = "1-24"
@@ -206,19 +206,12 @@ def test_dask_workers_killed(
     from test_cluster import SLOW  # its effect takes a while, so that kills come in between
 
     count, random = times(50), np.random.default_rng(2)
-    monkeypatch.setattr(write, "grouped", lambda scene, frames: [
-        frames[i : i + 4] for i in range(0, len(frames), 4)
-    ])  # fmt: skip
+    group(4, monkeypatch)
     SLOW.write(tmp_path / "whole" / "%04d.png", "1-32")
     want, during = contents(tmp_path / "whole"), 0
     for number in range(count):
         # A cluster for each: one that has lost many workers is slow to replace them.
-        with (
-            dask.config.set({"distributed.scheduler.allowed-failures": 5}),
-            distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=":0",
-                                     silence_logs=50) as local,
-            distributed.Client(local, set_as_default=False) as client,
-        ):  # fmt: skip
+        with dask.config.set({"distributed.scheduler.allowed-failures": 5}), workers(2) as client:
             client.wait_for_workers(2, timeout=120)
             client.run(sys.path.insert, 0, str(Path(__file__).parents[1]))
             pids = list(client.run(os.getpid).values())

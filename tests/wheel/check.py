@@ -30,7 +30,7 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[2]
 
 # What tests of the suite need beside the package, without the tools that build it.
-NEEDS = ["pytest", "pytest-xdist", "hypothesis", "mpmath", "sympy", "scipy", "matplotlib",
+NEEDS = ["pytest", "pytest-xdist", "hypothesis", "mpmath", "scipy", "matplotlib",
          "dask[array,distributed]", "av", "usd-core", "scikit-image"]  # fmt: skip
 SMOKE = ["spectral_twin", "spectral_frames", "particles", "gas_splat", "cone_layer", "composite",
          "augment", "scene", "io_pictures", "simd", "cli", "public"]  # fmt: skip

@@ -1,0 +1,119 @@
+"""What the command line offers: help, examples that run, completion in shells."""
+
+from __future__ import annotations
+
+import importlib
+import re
+import shlex
+import subprocess
+import sys
+from pathlib import Path
+
+import click
+import numpy as np
+import pytest
+
+import flurries as fl
+from flurries.cli import main
+from flurries.cli.main import COMMANDS
+from flurries.io import write_picture
+from test_cli import PLATE, RENDER, Run, here, run
+
+
+def test_help_and_version_go_to_stdout(run: Run):
+    for arguments, word in (
+        (["--version"], fl.__version__), (["-V"], fl.__version__), (["--help"], "corrupt"),
+        (["render", "--help"], "%04d"), (["render", "-h"], "1-90 at 30"),
+    ):  # fmt: skip
+        code, out, err = run(*arguments)
+        assert (code, err) == (0, "") and word in out and "None" not in out
+    places = [out.index(f"  --{kind} ") for kind in ("snow", "rain", "mist", "tent-snow")]
+    assert places == sorted(places), "what most users want comes first"
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_help_says_each_option_its_default_and_an_example(name: str, run: Run):
+    command = getattr(importlib.import_module(f"flurries.cli.{name}"), name)
+    options = [one for one in command.params if isinstance(one, click.Option)]
+    code, out, _ = run(name, "--help")
+    words = " ".join(out.split())
+    assert code == 0 and command.help.split(".")[0].split()[0] in words
+    for one in options:
+        assert " ".join(one.help.split())[:30].rsplit(" ", 1)[0] in words
+        if not one.is_flag:
+            assert "such as -" in one.help and ("default: " in one.help or one.required), one.opts
+    assert command.examples and all(line in out for line in command.examples)
+    assert {"-q", "-v"} <= {way for one in options for way in one.opts} or name == "completion"
+
+
+@pytest.mark.parametrize("name", [n for n in COMMANDS if n not in ("demo", "view", "accuracy")])
+def test_the_examples_of_the_help_run(name: str, run: Run, here: Path):
+    Path("photos").mkdir()
+    write_picture("photos/a.png", PLATE[:32, :48])
+    write_picture("photo.jpg", PLATE)
+    for number in (1, 2):
+        write_picture(f"plate.{number:04d}.exr", (PLATE / 255.0).astype(np.float32))
+    Path("shot.usda").write_text(
+        '#usda 1.0\ndef Camera "camera" {\nfloat horizontalAperture = 24\n'
+        "float verticalAperture = 16\n}\n"
+    )
+    if name == "check":
+        assert run(*RENDER[:-1], "frames/%04d.png", "--frames", "1")[0] == 0
+    command = getattr(importlib.import_module(f"flurries.cli.{name}"), name)
+    for line in command.examples:
+        words = shlex.split(line.split(" #")[0].split(">")[0].strip())
+        words = shlex.split(words[1].strip("$()")) if words[0] == "eval" else words
+        assert words[0] == "flurries"
+        still = "%" not in line and line.endswith(".png")
+        short = ["--frames", "1" if still else "1-2"] if name == "render" else []
+        code, _, err = run(*words[1:], *short)
+        assert code == 0, (line, err)
+
+
+def test_the_commands_are_imported_one_by_one(here: Path):
+    code = (
+        "import sys; from flurries.cli import main; assert main(['--help']) == 0;"
+        "assert 'flurries.scene' not in sys.modules and 'flurries.cli.render' not in sys.modules;"
+        "assert main(['texture', '-h']) == 0; assert 'flurries.viewer' not in sys.modules"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    assert all(name in done.stdout for name in COMMANDS)
+
+
+COMPLETIONS = {
+    "a command": (["ren"], {"render"}),
+    "an option": (["render", "--sev"], {"--severity"}),
+    "a preset": (["render", "photo.jpg", "--snow", "h"], {"heavy"}),
+    "a choice": (["render", "--quality", "d"], {"draft"}),
+    "an axis": (["accuracy", "sh"], {"shutter"}),
+    "a look": (["texture", "--look", "b"], {"blizzard"}),
+    "nothing": (["render", "--nothing-like-it"], set()),
+}
+
+
+@pytest.mark.parametrize("name", COMPLETIONS)
+@pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])
+def test_shells_complete(
+    shell: str, name: str, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+):
+    words, found = COMPLETIONS[name]
+    line = " ".join(["flurries", *words])
+    monkeypatch.setenv("_FLURRIES_COMPLETE", f"{shell}_complete")
+    monkeypatch.setenv("COMP_WORDS", line)
+    monkeypatch.setenv("COMP_CWORD", words[-1] if shell == "fish" else str(len(words)))
+    monkeypatch.setattr(sys, "argv", ["flurries"])
+    assert main() == 0
+    out = capfd.readouterr().out
+    values = set(re.split(r"[,\t\n]", out))
+    assert found <= values and ("heavy" in values) is (name == "a preset")
+
+
+@pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])
+def test_the_script_for_a_shell(shell: str, run: Run):
+    code, out, err = run("completion", shell)
+    assert (code, err) == (0, "") and f"_FLURRIES_COMPLETE={shell}_complete" in out
+    if shell == "bash":
+        # The shell itself takes it, and knows the command afterwards.
+        done = subprocess.run(["bash", "-c", f"{out}\ncomplete -p flurries"], capture_output=True)
+        assert b"-F _flurries_completion" in done.stdout, done.stderr

@@ -1,0 +1,140 @@
+"""The command line says no in one sentence, and leaves nothing half done when it is stopped."""
+
+from __future__ import annotations
+
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from test_cli import PLATE, RENDER, Run, Scene, Snow, files, here, pixels, run
+
+
+def mistakes() -> dict[str, tuple[list[str], str]]:
+    """Each: the arguments, and a word that the one line must hold."""
+    options = [
+        ("--size", "size", ["0x0", "abc", "131073x4", "5", "-5x5"]),
+        ("--amount", "amount", ["nan", "2", "-0.1", "x"]),
+        ("--wind", "wind", ["nan,0,0", "1,2", "a,b,c", "1e999,0,0"]),
+        ("--fly", "", ["0,nan,0", "1"]),
+        ("--frames", "frames", ["one", "5-1", "-3", "1-5x0", "1-", ""]),
+        ("--seed", "seed", [str(2**63), "1.5", "x"]),
+        ("--fps", "fps", ["0", "nan", "-24"]),
+        ("--threads", "", ["0", "257", "two"]),
+        ("--foreground", "no.png", ["no.png"]),
+        ("--flakes", "--flakes", ["3"]),
+        ("--quality", "quality", ["best"]),
+    ]
+    patterns = ["plate.png/%d.png", "plate.png/a/%d.png", "%d/%d.png", "%s.png", "a%d%d.png", "a",
+                "a/", "", "%d.xyz", "a\n%d.png", "plate.png", "%d.toml", "."]  # fmt: skip
+    inputs = {
+        "missing": ["no.png", "no.png"], "damaged": ["cut.png", "cut.png"],
+        "no picture": ["text.png", "text.png"], "empty": ["empty.png", "empty.png"],
+        "a folder": [".", "folder"], "unknown key": ["bad.toml", "line 1.*fpps.*fps"],
+        "no scene": ["no.toml", "no.toml"], "bad TOML": ["worse.toml", "worse.toml"],
+        "deep TOML": ["deep.toml", "deep.toml"], "no sequence": ["no.%d.png", "no.%d.png"],
+    }  # fmt: skip
+    every = {f"{o} {v}": ([*RENDER, o, v], word) for o, word, vs in options for v in vs}
+    every["layers of PNG"] = ([*RENDER, "--layers"], "layers")
+    every |= {f"to {p!r}": ([*RENDER[:-1], p, "--frames", "1"], "") for p in patterns}
+    for name, (given, word) in inputs.items():
+        every[name] = (["render", given, "--snow", "light", "-o", "out/%d.png"], word)
+    every["preset"] = (["render", "plate.png", "--snow", "hevy", "-o", "a.png"], "hevy")
+    every["no snow"] = (["render", "plate.png", "-o", "a.png"], "--snow")
+    every["no output"] = (["render", "plate.png", "--snow", "light"], "output")
+    every["no command"] = ([], "COMMAND")
+    every["bad command"] = (["rendr"], "'rendr'; did you mean 'render'?")
+    every["near option"] = ([*RENDER, "--fames", "3"], "--frames")
+    every["near preset"] = (["plan", "plate.png", "--rain", "drizle"], "mean 'drizzle'?")
+    plate = ["render", "plate.png", "-o", "a.png"]
+    every["no mist"] = ([*plate, "--visibility", "30"], "--mist")
+    every["no such mist"] = ([*plate, "--mist", "smog"], "fog")
+    every["no such cone"] = ([*plate, "--cone-rain", "none"], "downpour")
+    every["no such rain"] = ([*plate, "--rain", "shower"], "'drizzle'")
+    two = [*plate, "--rain", "rain", "--camera", "way.csv", "--fly", "0,0,1"]
+    every["two cameras"] = (two, "--camera and --fly")
+    every["no depth"] = ([*plate, "--rain", "rain", "--depth", "nope.exr"], "nope.exr")
+    every["near kind"] = (["plan", "kind.toml"], "line 2.*mean 'snow'?")
+    every["near weather"] = (["corrupt", ".", "../w", "--weather", "sonw"], "mean 'snow'?")
+    every["near axis"] = (["accuracy", "blnd"], "mean 'blend'?")
+    every["two ways"] = ([*RENDER, "--severity", "3"], "severity")
+    every["no such knob"] = (["plan", "plate.png", "--mist", "--rate", "3"], "--rate.*--snow")
+    every["which weather"] = (["plan", "scene.toml", "--severity", "3"], "--severity.*--rain")
+    every["video rate"] = ([*RENDER[:-1], "a.mp4", "--frames", "1", "--fps", "5000"], "fps")
+    every["demo size"] = (["demo", "-o", "d", "--size", "3"], "size")
+    every["demo frames"] = (["demo", "-o", "d", "--frames", "0"], "frames")
+    return every
+
+
+MISTAKES = mistakes()
+
+
+@pytest.mark.parametrize("name", MISTAKES, ids=ascii)
+def test_a_mistake_is_one_sentence(name: str, run: Run, here: Path):
+    Path("cut.png").write_bytes(Path("plate.png").read_bytes()[:3000])
+    Path("text.png").write_text("no picture at all")
+    Path("empty.png").touch()
+    Path("bad.toml").write_text("fpps = 25\n")
+    Path("kind.toml").write_text("[[effects]]\nkind = 'sonw'\n")
+    Path("worse.toml").write_text("size = [1,\n")
+    Path("deep.toml").write_text("size = " + "[" * 20000)
+    before = sorted(here.rglob("*"))
+    contents = files(here)
+    arguments, word = MISTAKES[name]
+    code, out, err = run(*arguments)
+    assert (code, out) == (2, "")
+    assert err.startswith("flurries: ") and err.count("\n") == 1 and err.endswith("\n"), err
+    assert "Traceback" not in err and len(err) < 600
+    assert all(part in err for part in word.split(".*"))
+    assert sorted(here.rglob("*")) == before, "something was left"
+    assert files(here) == contents
+
+
+def start(here: Path, *arguments: str, **more: Any) -> subprocess.Popen[str]:
+    return subprocess.Popen(
+        [sys.executable, "-m", "flurries", *arguments],
+        cwd=here, text=True, stdout=subprocess.PIPE, stderr=subprocess.PIPE, **more,
+    )  # fmt: skip
+
+
+def wait_for(count: int, folder: Path, process: subprocess.Popen[str]) -> None:
+    """Wait until so many frames are there."""
+    end = time.monotonic() + 60
+    while len(list(folder.glob("[0-9]*"))) < count and time.monotonic() < end:
+        assert process.poll() is None, process.communicate()
+        time.sleep(0.002)
+
+
+def test_ctrl_c_keeps_what_is_done_and_goes_on(here: Path):
+    process = start(here, *RENDER, "--frames", "1-5000")
+    wait_for(3, here / "out", process)
+    process.send_signal(signal.SIGINT)
+    out, err = process.communicate(timeout=60)
+    assert process.returncode == 130, err
+    assert "Traceback" not in err and "flurries: stopped" in err and out == ""
+    done = sorted(p.name for p in (here / "out").glob("*.png"))
+    assert not list((here / "out").glob(".*"))
+    assert 3 <= len(done) < 5000 and done == [f"{n:04d}.png" for n in range(1, len(done) + 1)]
+    last = len(done) + 2
+    process = start(here, *RENDER, "--frames", f"1-{last}")
+    _, err = process.communicate(timeout=60)
+    assert f"2 frames rendered, {len(done)} were there already" in err
+    scene = Scene(None, PLATE, effects=[Snow.preset("light")])
+    for number in (1, len(done), last):
+        assert np.array_equal(pixels(here / "out" / f"{number:04d}.png"), scene.render(number))
+
+
+def test_ctrl_c_leaves_no_half_a_film(here: Path):
+    process = start(here, *RENDER[:-1], "out/film.mp4", "--frames", "1-5000")
+    end = time.monotonic() + 60
+    while not list(here.glob("out/.*")) and time.monotonic() < end:
+        time.sleep(0.002)
+    process.send_signal(signal.SIGINT)
+    _, err = process.communicate(timeout=60)
+    assert process.returncode == 130, err
+    assert not list((here / "out").iterdir())
