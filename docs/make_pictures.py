@@ -100,6 +100,19 @@ def rain() -> None:
     save("rain.jpg", np.vstack(rows), 1320)
 
 
+def drops() -> None:
+    """The presets of rain made of drops on a dark and a bright photograph, 1:1."""
+    rows = []
+    for photograph, region in (
+        (data.rocket(), np.s_[250:650, 280:780]),
+        (data.astronaut(), np.s_[300:700, 250:750]),
+    ):
+        picture = io.fit(photograph, (1024, 1024))
+        scenes = [fl.Scene(None, picture, effects=[fl.Rain.preset(name)]) for name in RAINS]
+        rows.append(np.hstack([scene.render(31, region=region) for scene in scenes]))
+    save("drops.jpg", np.vstack(rows), 1500)
+
+
 def wind() -> None:
     """Traces of flakes: in an even wind, in one that turns over depth, in gusts and swirls."""
     black = np.zeros((640, 640, 3), np.uint8)
@@ -158,7 +171,7 @@ def jitter() -> None:
 
 
 RAINS = ("drizzle", "rain", "downpour")
-ALL = (flight, looks, paper, sizes, severity, rain, wind, depth, stereo, jitter)
+ALL = (flight, looks, paper, sizes, severity, rain, drops, wind, depth, stereo, jitter)
 
 if __name__ == "__main__":
     for make in ALL:
