@@ -278,7 +278,7 @@ def moderate(name: str, array: Float64) -> Float64:
 
 
 def bounded(name: str, value: object) -> Float64:
-    """Return what `moderate` of `table` does, of any shape, by one look at the numbers."""
+    """Return an array of any shape, checked as by `moderate` of `table`, in one look."""
     array = table(name, value, ndim=None, finite=False)
     if not _within(array, LARGEST):
         return moderate(name, table(name, array, ndim=None))

@@ -13,7 +13,7 @@ __all__ = ["Trace", "count", "stage", "tracing"]
 
 @dataclass
 class Trace:
-    """What ran.
+    """The steps that ran.
 
     Attributes
     ----------

@@ -75,7 +75,7 @@ def blend() -> Iterator[Way]:
 
 
 def _uneven(**how: Any) -> float:
-    """Return how far the deviation of independent tiles is from 1: from the squared weights."""
+    """Return the distance of independent tiles' deviation from 1, by the squared weights."""
     length = 256
     count = len(spectral.tile_starts(length, overlap=how["overlap"]))
     share = np.zeros(length)

@@ -267,7 +267,7 @@ class Here:
         return out
 
     def request(self, texture: Texture) -> Request:
-        """Return what the texture of this moment is."""
+        """Return the request for the texture at this moment."""
         air, camera = self.air, self.view.camera
         speed = np.asarray(air.velocity)
         return texture.request(
@@ -276,7 +276,7 @@ class Here:
         )  # fmt: skip
 
     def mask(self, texture: Texture, index: int) -> Array:
-        """Return which part of a layer lies before what is seen, (H, W) float32."""
+        """Return the share of a layer that lies before the picture's depth, (H, W) float32."""
         part = texture.patterns.slabs[index].before(np.asarray(self.distances.plane, np.float64))
         return np.ascontiguousarray(np.broadcast_to(part, self.view.shape), np.float32)
 

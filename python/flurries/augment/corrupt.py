@@ -44,7 +44,7 @@ _CHUNK = 8
 
 @dataclass(frozen=True)
 class Corrupted:
-    """What was made.
+    """The pictures that were made.
 
     Attributes
     ----------
@@ -244,11 +244,11 @@ class _Pictures:
     _last: tuple[str, str, Any] = ("", "", None)
 
     def path_of(self, index: int) -> Path:
-        """Return where a picture goes."""
+        """Return the path that a picture is written to."""
         return self.folder / _path(self.parts[index])
 
     def mark_of(self, index: int) -> Mark:
-        """Return what a picture must say of itself."""
+        """Return the mark that a picture must bear."""
         name, kind, level = self.parts[index]
         content = self._hashes[self.source / name]
         scale = "" if self.profile == "natural" else f"-{self.profile}"
@@ -284,7 +284,7 @@ class _Pictures:
         )  # fmt: skip
 
     def notes(self, index: int) -> dict[str, Any]:
-        """Return what the manifest says of a picture."""
+        """Return the manifest's notes of a picture."""
         name, kind, level = self.parts[index]
         record = self._record(index)
         return {"source": name, "weather": kind, "severity": level, "record": record}
@@ -306,7 +306,7 @@ class _Pictures:
 
 
 def _path(part: tuple[str, str, int]) -> str:
-    """Return where a picture goes, from the folder of the set."""
+    """Return a picture's path from the folder of the set."""
     name, kind, level = part
     return (Path(kind) / str(level) / _kept(name)).as_posix()
 

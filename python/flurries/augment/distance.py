@@ -128,7 +128,7 @@ class Ground:
 
 
 def _below(rows: Array, horizon: float, height: int) -> Float64:
-    """Return how many pixels below the horizon rows are, with the bend rounded."""
+    """Return the pixels of rows below the horizon, with the bend rounded."""
     bend = _BEND * height
     return np.asarray(bend * np.logaddexp(0.0, (rows + 0.5 - horizon * height) / bend))
 

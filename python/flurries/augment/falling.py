@@ -93,14 +93,14 @@ class Falling:
         return max(self.middle, self.streak * way / (_SWEPT * self.sizes[1]))
 
     def streaks(self, way: float) -> Streaks:
-        """Return what streaks of a way in metres are like."""
+        """Return the streaks of a way in metres."""
         thick = self.thick(way)
         covered = covered_by(thick, way, self.sizes[1])
         each = thick * covered * 0.25 * math.pi * _moment(self.sizes)
         return Streaks(thick, covered, self.depth / (each * (self.far - self.near)))
 
     def cloud(self, streaks: Streaks, reach: float) -> Cloud:
-        """Return those that are drawn."""
+        """Return the flakes that are drawn."""
         thick, covered, density = streaks
         # A power of two, since opacities of copies are squared; so many that each is thin.
         times = 2 ** max(math.ceil(math.log2(2.0 * thick)), 1)
@@ -132,7 +132,7 @@ class Falling:
 
 @lru_cache(maxsize=256)
 def before(falling: Falling, longer: int, times: float) -> Falling:
-    """Return what falls before a picture of a longer side in px, so many times as much of it."""
+    """Return the flakes before a picture of a longer side in px, some times as many of them."""
     dense = max(_SMALL / max(longer, _SMALL // 8), 1.0) ** _SHARPER
     if dense == times == 1.0:
         return falling
@@ -143,7 +143,7 @@ def before(falling: Falling, longer: int, times: float) -> Falling:
 
 
 def covered_by(thick: float, way: float, diameter: float) -> float:
-    """Return what a flake covers, over what it would if it were thin.
+    """Return the area that a flake covers over that of a thin one.
 
     A Gaussian of optical depth p in its middle covers Ein(p) / p of that.
     """
@@ -154,7 +154,7 @@ def covered_by(thick: float, way: float, diameter: float) -> float:
 def population_of(
     kind: str, sizes: tuple[float, float, float], density: float, opacity: float
 ) -> tuple[Population, SizeClass]:
-    """Return what falls as the population that a texture is made of, and its one class of size."""
+    """Return the flakes as the population that a texture is made of, and its one class of size."""
     found = Population(density, _law(sizes), opacity, SPEEDS[kind])
     return found, found.classes(1)[0]
 

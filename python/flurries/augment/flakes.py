@@ -103,12 +103,12 @@ class Flakes:
         )  # fmt: skip
 
     def rates(self) -> Float64:
-        """Return how fast each moves, (2, n) metres per second."""
+        """Return the particles' velocities, (2, n) metres per second."""
         own = np.stack([self.swing * np.cos(self.angle), np.zeros_like(self.angle)])
         return np.asarray(self.velocity[:2, None] + own)
 
     def before(self, depth: Float64) -> Float64:
-        """Return what they leave of the light from depths, (n,): exp of minus what they cover."""
+        """Return the share of light from depths (n,) that passes: exp of minus the cover."""
         if len(depth) == 1:
             return np.exp([-self.cover[self.points[:, 2] < depth[0]].sum()])
         order = np.argsort(self.points[:, 2])

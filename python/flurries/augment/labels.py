@@ -150,7 +150,7 @@ def thicker(weather: Weather, given: Any, fps: float, depth: Any) -> Array:
 
 
 def occlusion(alpha: npt.ArrayLike, boxes: npt.ArrayLike) -> Float64:
-    """Return how much of each box the weather hides.
+    """Return the share of each box that the weather hides.
 
     Parameters
     ----------

@@ -43,7 +43,7 @@ class Patches:
         return np.asarray(np.maximum(1.0 + self.strength * _normal(), 0.0))
 
     def motion(self, shape: tuple[int, int], fps: float) -> Float64:
-        """Return how the patches move, (2,) pixels per frame: the mean of their waves."""
+        """Return the patches' motion, (2,) pixels per frame: the mean of their waves."""
         mean = math.sqrt(_BAND[0] / _BAND[1])
         return np.asarray(self.wind) * (mean * max(shape) / fps)
 

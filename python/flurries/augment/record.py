@@ -71,7 +71,7 @@ class Recorded(ABC):
                 settle(self, name, integer(name, value, low=-(2**63), high=2**63 - 1))
 
     def record(self, image: npt.ArrayLike | None = None, *, index: int | None = None) -> Any:
-        """Return what a call draws, as plain numbers and words.
+        """Return the draws of a call, as plain numbers and words.
 
         Parameters
         ----------

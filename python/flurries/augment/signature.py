@@ -21,7 +21,7 @@ _Kind = TypeVar("_Kind", bound=type)
 
 
 class Fields(TypedDict, total=False):
-    """What every weather takes in a pipeline: all but its `seed`, which the pipeline has."""
+    """Arguments of every weather in a pipeline: all but its `seed`, which the pipeline has."""
 
     amount: Range | None
     severity: int | tuple[int, int] | None
@@ -35,7 +35,7 @@ class Fields(TypedDict, total=False):
 
 
 class FallingFields(Fields, total=False):
-    """What snow and rain take."""
+    """Arguments of snow and rain."""
 
     veil: float
     fall: Range
@@ -43,7 +43,7 @@ class FallingFields(Fields, total=False):
 
 
 class FogFields(Fields, total=False):
-    """What fog takes."""
+    """Arguments of fog."""
 
     visibility: Range | None
     patches: Range
@@ -80,7 +80,7 @@ def suggests(kind: _Kind) -> _Kind:
 
 
 def unknown(call: str, name: str, known: list[str]) -> str:
-    """Return what is wrong with a name."""
+    """Return the complaint about an unknown argument."""
     if name == "seed":
         return f"{call} has no argument seed: seed belongs to the pipeline that draws for it"
     hint = suggestion(name, known) or f"; it has {', '.join(known)}"

@@ -59,7 +59,7 @@ class Labels(NamedTuple):
 def labels_of(
     air: Air, view: View, distances: Distances, *, time: float, fps: float, film: bool = True
 ) -> Labels:
-    """Return what falls before a picture, a film's frame or one by itself.
+    """Return the labels of the flakes before a picture, a film's frame or one by itself.
 
     Fog moves as the mean of its patches and is nowhere in particular.
     """

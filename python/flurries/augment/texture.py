@@ -66,7 +66,7 @@ def tile_of(shape: tuple[int, int]) -> int:
 
 
 def overlap_of(tile: int) -> int:
-    """Return how many pixels tiles share: streaks that all end within a few make a line."""
+    """Return the overlap of tiles, pixels: streaks that all end within a few make a line."""
     return 3 * tile // 16
 
 
@@ -185,7 +185,7 @@ class Texture:
         return math.exp(-self.more * self.opaque * self.covered * self.patterns.mean)
 
     def before(self, depth: Float64) -> Float64:
-        """Return what it leaves of the light from depths."""
+        """Return the share of light from depths that the texture lets through."""
         found = self.patterns
         total = np.zeros(len(depth))
         for slab, covered in zip(found.slabs, found.coverage, strict=True):
@@ -270,7 +270,7 @@ class Base(NamedTuple):
 def base_of(
     falling: Falling, way: float, shape: tuple[int, int], focal: float, least: float
 ) -> Base:
-    """Return what is drawn and what is a texture, of streaks of a way in metres."""
+    """Return the base of streaks of a way in metres: the flakes drawn, and those of a texture."""
     rung = round(math.log(max(way, _LEAST_WAY)) / math.log(WAY))
     return _base_of(falling, rung, tile_of(shape), focal, least)
 

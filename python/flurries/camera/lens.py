@@ -161,7 +161,7 @@ def image_velocity(
     *,
     rotation: npt.ArrayLike = (0.0, 0.0, 0.0),
 ) -> Float64:
-    """How the image of points of the air moves.
+    """Velocities of the images of points of the air.
 
     Parameters
     ----------

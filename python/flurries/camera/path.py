@@ -175,7 +175,7 @@ class CameraPath:
         return np.eye(3) if self._turning is None else self._turning.at(t)
 
     def spin(self, t: float) -> Float64:
-        """Return how fast it turns at `t`, (3,) radians per frame, house axes, right-handed."""
+        """Return the spin at `t`, (3,) radians per frame, house axes, right-handed."""
         if self._turning is None:
             return np.zeros(3)
         return np.asarray(self._turning.at(t) @ self._turning.rate(t))
@@ -304,7 +304,7 @@ class CameraPath:
 
 
 def air_moved(t: float, *, fps: float, fall: Number, wind: Vector) -> Float64:
-    """Return how far what falls in the wind has come since frame 0, house axes, (3,)."""
+    """Return the way of flakes in the wind since frame 0, house axes, (3,)."""
     moved = integral_to(wind, t) / fps
     moved[1] += float(integral_to(fall, t)) / fps
     return np.asarray(moved)

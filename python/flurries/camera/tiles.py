@@ -155,7 +155,7 @@ def tile_zoom(
 def tile_middles(
     shape: tuple[int, int], camera: Camera, tile: tuple[int, int], overlap: int
 ) -> tuple[Float64, Float64]:
-    """Return where the middles of tiles are, px from the principal point: across, and down."""
+    """Return the middles of tiles, px from the principal point: across, and down."""
     return _middles(shape, camera.principal(shape), tile, overlap)
 
 
@@ -180,7 +180,7 @@ def drift_at(
     focals: tuple[float, float],
     result: Float64 | None = None,
 ) -> Float64:
-    """Return how a picture moves times the depth, pixels times metres: (y, x, 2), in `result`.
+    """Return a picture's motion times the depth, pixels times metres: (y, x, 2), in `result`.
 
     Without a `result` to be filled it is (1, 1, 2) where all places move alike.
 

@@ -81,7 +81,7 @@ class Turning:
         return Integral.of(partial(_areas, self, course), knots)
 
     def pieces(self, inside: Float64) -> Any:
-        """Return which pieces times (m,) lie in."""
+        """Return the indices of the pieces that times (m,) lie in."""
         found = np.searchsorted(self.frames, inside, side="right") - 1
         return np.clip(found, 0, len(self.rates) - 1)
 

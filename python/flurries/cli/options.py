@@ -80,7 +80,7 @@ def option(
 
 
 def offer(words: Iterable[str]) -> Callable[[Any, Any, str], list[str]]:
-    """Return what completes the start of one of some words in a shell."""
+    """Return a function that completes the start of one of some words in a shell."""
     return lambda context, option, start: [word for word in words if word.startswith(start)]
 
 
@@ -95,7 +95,7 @@ class Bare(click.Option):
 
 
 def numbers(length: int) -> Callable[[str], tuple[float, ...]]:
-    """Return what reads several numbers with commas: "1,0,0"."""
+    """Return a reader of several numbers with commas: "1,0,0"."""
 
     def read(text: str) -> tuple[float, ...]:
         try:

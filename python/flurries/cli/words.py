@@ -59,7 +59,7 @@ class Words:
             say(text)
 
     def progress(self, noun: str) -> Callable[[Iterable[Any]], Iterable[Any]]:
-        """Return what shows the progress of a loop: a bar on a terminal, lines in a log."""
+        """Return the progress of a loop: a bar on a terminal, lines in a log."""
         if self.quiet:
             return iter
         if not sys.stderr.isatty():

@@ -108,7 +108,7 @@ class Mapping:
         return across, along, fade, state, footprints_of(wide, given, course)
 
     def _before(self, depth: npt.ArrayLike, radius: float) -> Array:
-        """Return how many layers, nearest first, stand before the depth map."""
+        """Return the number of layers, nearest first, that stand before the depth map."""
         first = real("radius", radius, above=0.0)
         map_, _ = pixels_of("depth", depth, ndim=2)
         if map_.shape != self.shape:

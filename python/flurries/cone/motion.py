@@ -27,7 +27,7 @@ def travel(
     published: bool = False,
     dt: npt.ArrayLike = FRAME,
 ) -> Float64:
-    """Return how precipitation moves relative to the camera (Eq. 1).
+    """Return the motion of precipitation relative to the camera (Eq. 1).
 
     Parameters
     ----------
@@ -71,7 +71,7 @@ def elongation(
     pixel: float = 1.0,
     scale: float = 1.0,
 ) -> Float64:
-    """Return how many times as long as a drop its streak is (Eq. 2).
+    """Return the length of a drop's streak over that of the drop (Eq. 2).
 
     Parameters
     ----------

@@ -81,7 +81,7 @@ def rays(
     radius: float = math.inf,
     points_px: npt.ArrayLike | None = None,
 ) -> Rays:
-    """Return what every pixel sees of a double cone.
+    """Return the places on a double cone that the pixels see.
 
     Parameters
     ----------
@@ -130,7 +130,7 @@ def rays(
 def pose(
     shape: tuple[int, int], camera: Camera, axis: npt.ArrayLike, slope: float, radius: float
 ) -> Pose:
-    """Return what a kernel needs to know of a camera in a cone."""
+    """Return the pose of a camera in a cone, as a kernel takes it."""
     view = expect_camera(camera)
     x, y = view.principal(shape)
     cone = real("slope", slope, low=0.0, high=1e6)

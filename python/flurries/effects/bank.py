@@ -83,7 +83,7 @@ class Bank:
         return plane, None if light is None else np.ascontiguousarray(light[window]), sky
 
     def cost(self, frame: Frame, *, lit: bool) -> Cost:
-        """Return what a frame's slices take."""
+        """Return the cost of a frame's slices."""
         slices, pixels = len(self._edges(frame)) - 1, frame.shape[0] * frame.shape[1]
         name = "lit slice pixel" if lit else "slice pixel"
         work = {name: float(slices * pixels), "mask pixel": float(pixels)}
@@ -158,7 +158,7 @@ class Bank:
         return np.subtract(np.float32(1.0), through, out=through), light
 
     def _edges(self, frame: Frame) -> Float64:
-        """Return where slices begin and end, planar depth."""
+        """Return the edges of slices, planar depth."""
         if self.cloud.center is None:
             low, high, count = self.cloud.near, self.cloud.sides[2], AROUND
         else:
@@ -261,19 +261,19 @@ class _Rays:
 
     @staticmethod
     def of(frame: Frame) -> _Rays:
-        """Return those of the pixels."""
+        """Return the rays of the pixels."""
         height, width = frame.shape
         return _Rays._at(frame, np.arange(height) + 0.5, np.arange(width) + 0.5)
 
     @staticmethod
     def coarse(frame: Frame) -> _Rays:
-        """Return those of the coarse samples."""
+        """Return the rays of the coarse samples."""
         down, across = ((np.arange(count) - MARGIN + 0.5) * COARSE for count in coarse_shape(frame))
         return _Rays._at(frame, down, across)
 
     @staticmethod
     def cells(frame: Frame) -> _Rays:
-        """Return those of the cells in which the sun's light is found."""
+        """Return the rays of the cells in which the sun's light is found."""
         down, across = ((np.arange(-(-side // CELL)) + 0.5) * CELL for side in frame.shape)
         return _Rays._at(frame, down, across)
 
@@ -290,7 +290,7 @@ class _Rays:
         return self.x[0], np.ascontiguousarray(self.y[:, 0])
 
     def along(self, axis: int) -> Any:
-        """Return how far rays go along a house axis for a depth of 1, (H, W), a row or a column."""
+        """Return the way of rays along a house axis for a depth of 1, (H, W), a row or a column."""
         across, down, ahead = self.matrix[axis].astype(np.float32)
         # Plain zeros keep a camera that is not rolled at a row or a column.
         sideways = across * self.x if across else 0.0

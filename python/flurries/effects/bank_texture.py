@@ -97,7 +97,7 @@ def short_waves(
 
 
 def coarse_shape(frame: Frame) -> tuple[int, int]:
-    """Return how many coarse samples there are, (rows, columns)."""
+    """Return the shape of the coarse samples, (rows, columns)."""
     height, width = (-(-side // COARSE) + 2 * MARGIN for side in frame.shape)
     return height, width
 
@@ -152,7 +152,7 @@ def _quick(side: int) -> int:
 
 
 def _rest(size: int) -> int:
-    """Return what is left of a size without its factors 2, 3 and 5."""
+    """Return a size divided by all its factors 2, 3 and 5."""
     for factor in (2, 3, 5):
         while size % factor == 0:
             size //= factor
@@ -194,7 +194,7 @@ def _shift(
     frame: Frame, wind: Vector, depth: float, shape: tuple[int, int], tiles: tuple[Any, int],
     scale: float,
 ) -> Float64:  # fmt: skip
-    """Return how far what is at a depth has moved at each tile of a grid, (rows, cols, 2)."""
+    """Return the shift of the gas at a depth at each tile of a grid, (rows, cols, 2)."""
     eye = frame.camera
     camera = eye if scale == 1.0 else _coarse(eye, frame.shape, scale)
     sizes: dict[str, Any] = {"tile": tiles[0], "overlap": tiles[1]}

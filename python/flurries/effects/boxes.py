@@ -159,7 +159,7 @@ def _box(
 
 
 def closeup_of(weather: Weather, frame: Frame) -> Closeup | None:
-    """Return how flakes look from near; None where all are sharp round dots."""
+    """Return the looks of flakes from near; None where all are sharp round dots."""
     blur = frame.blur
     if weather.shape == "round" and blur is None:
         return None

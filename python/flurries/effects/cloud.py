@@ -177,7 +177,7 @@ class Cloud:
         return motions[0], motions[1], np.ascontiguousarray(depth)
 
     def cost(self, frame: Frame, thickness: float, *, lit: bool, error: float | None) -> Cost:
-        """Return what a frame's particles and the pixels that they cover take.
+        """Return the cost of a frame's particles and of the pixels that they cover.
 
         Parameters
         ----------
@@ -247,7 +247,7 @@ class Cloud:
 
 
 def allowed_error(frame: Frame) -> float:
-    """Return what is let through where nothing more is drawn."""
+    """Return the share of light that may still pass where nothing more is drawn."""
     allowed = 0.0 if frame.run is None else frame.run.error
     return max(allowed, FINISHED["float32"])
 

@@ -52,7 +52,7 @@ def is_local(color: object) -> bool:
 
 
 def reads_of(color: object) -> frozenset[str]:
-    """Return what an effect of a color reads of the scene, its depth included."""
+    """Return the parts of a scene that an effect of a color reads, its depth included."""
     if is_local(color):
         return PARTS - {"ambient"} | {"plate"}
     return PARTS if isinstance(color, str) else PARTS - {"ambient"}

@@ -65,7 +65,7 @@ class DrawnFlakes:
         return Needs((step,), most=most)
 
     def number_in_view(self, frame: Frame) -> float:
-        """Return how many flakes are drawn in view, on average."""
+        """Return the number of flakes that are drawn in view, on average."""
         height, width = frame.shape
         focal = frame.camera.focal
         film = self.weather.film(frame)
@@ -214,7 +214,7 @@ class DrawnFlakes:
         return np.asarray(found[beside[0] & beside[1]])
 
     def ids(self, frame: Frame, amount: float, way: Way) -> npt.NDArray[np.int32]:
-        """Return which flake each pixel of the window shows, (h, w); -1 for none.
+        """Return the number of the flake that each pixel of the window shows, (h, w); -1 for none.
 
         Its number is the same in every frame.
         """

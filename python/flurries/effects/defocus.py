@@ -31,7 +31,7 @@ def circles_of(blur: Blur | None, depths: list[float]) -> tuple[float, ...]:
 
 @lru_cache(maxsize=64)
 def disc_factor(tile: int, shear: float, circle: float) -> Float64:
-    """Return what a disc of a diameter in px leaves of the waves of a pattern, (M, M // 2 + 1).
+    """Return the gains of a pattern's waves by a disc of a diameter in px, (M, M // 2 + 1).
 
     2 J1(x) / x of x = pi * circle * |k|: the Fourier transform of an even disc whose integral is 1.
     Its mean is 1 at wave 0, so that what a layer covers stays.

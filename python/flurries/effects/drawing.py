@@ -27,7 +27,7 @@ MOST_IN_BOX = 420_000_000
 
 
 class Sight(NamedTuple):
-    """What a film sees up to a depth.
+    """The part of the air that a film sees up to a depth.
 
     Attributes
     ----------
@@ -43,7 +43,7 @@ class Sight(NamedTuple):
 
 
 def sight_of(path: CameraPath, shape: tuple[int, int], depth: float) -> Sight:
-    """Return what a film of a shape sees up to a depth.
+    """Return the sight of a film of a shape up to a depth.
 
     The path's camera counts, so that both eyes see the same flakes; and the farther side of a lens
     that is off the middle, since boxes are centred on the axis.
@@ -57,7 +57,7 @@ def sight_of(path: CameraPath, shape: tuple[int, int], depth: float) -> Sight:
 
 
 def gust_room(motion: Motion) -> float:
-    """Return how far gusts carry flakes aside, with few exceptions, metres.
+    """Return the distance that gusts carry flakes aside, with few exceptions, metres.
 
     One that is carried farther is missed at the view's border; none ever jumps, since flakes are
     faded out where the box wraps.

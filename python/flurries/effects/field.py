@@ -74,7 +74,7 @@ class Field:
         return float(wave_depth([shortest], near_depth=self.near_depth, longest=longest)[0])
 
     def cycles(self, frame: Frame, way: Way) -> float:
-        """Return how fast the middle of the longest wave's tent turns, cycles per frame."""
+        """Return the rate of the middle of the longest wave's tent, cycles per frame."""
         fx, fy = frame.camera.focals
         speed = float(np.hypot(fx * way.rate[0], fy * way.rate[1])) / self.near_depth
         return speed / self.band(frame.shape)[1]

@@ -209,7 +209,7 @@ class FlakeTexture:
         return moved, streak, turns, pace
 
     def _there(self, frame: Frame, film: Film, amount: float, x: Float64, y: Float64) -> Float64:
-        """Return which part of each layer's flakes is there, (rows, cols, L) or (1, 1, L)."""
+        """Return the share of each layer's flakes that is there, (rows, cols, L) or (1, 1, L)."""
         weather = self.weather
         if weather.steady:
             return np.full((1, 1, len(film.layers)), amount * float(weather.emission))  # type: ignore[arg-type]
@@ -235,7 +235,7 @@ class FlakeTexture:
     keyed_amount: bool = False
 
     def _seen_by_tiles(self, frame: Frame, film: Film, layers: Sequence[Layer]) -> Float64:
-        """Return which part of each layer lies before the farthest of tiles."""
+        """Return the share of each layer that lies before the farthest of tiles."""
         assert frame.depth is not None
         x, y = tile_middles(frame.shape, frame.camera, (film.tile, film.tile), film.overlap)
         cx, cy = frame.camera.principal(frame.shape)
@@ -360,7 +360,7 @@ def _before(
 
 
 def _seen_before(layers: Sequence[Layer], depth: Array) -> Float64:
-    """Return which part of some layers' optical depth lies before depths, 0 to 1."""
+    """Return the share of some layers' optical depth that lies before depths, 0 to 1."""
     edges = np.array(sorted({edge for _, slab in layers for edge in (slab.near, slab.far)}))
     whole = sum(slab.coverage for _, slab in layers)
     before = np.zeros(len(edges))

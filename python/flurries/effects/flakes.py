@@ -113,15 +113,15 @@ class Flakes:
         return _box(self, frame.shape, frame.path)
 
     def count(self, frame: Frame) -> int:
-        """Return how many flakes the box holds, so that the view has as many as were asked for."""
+        """Return the number of flakes in the box, so that the view has the number asked for."""
         return _count(self, frame.shape, frame.path)
 
     def number_in_view(self, frame: Frame) -> float:
-        """Return how many flakes are in view."""
+        """Return the number of flakes in view."""
         return self.number if self.density is None else self.density * self.box(frame).view
 
     def places(self, frame: Frame) -> Places:
-        """Return where the flakes of a frame are, how fast they go, and how much they show."""
+        """Return the places of a frame's flakes, their velocities and the shares that are shown."""
         return self._places(frame, self.motion.way(frame))
 
     def alpha(self, frame: Frame, amount: float, way: Way) -> Array:
@@ -142,7 +142,7 @@ class Flakes:
         return frame.once_each(self, "flakes", lambda: self._sort(frame, amount, way))
 
     def ids(self, frame: Frame, amount: float, way: Way) -> npt.NDArray[np.int32]:
-        """Return which flake each pixel of the window shows, (h, w); -1 for none.
+        """Return the number of the flake that each pixel of the window shows, (h, w); -1 for none.
 
         Its number in the box is the same in every frame.
         """
@@ -201,7 +201,7 @@ class Flakes:
         return Needs((step,), most=most)
 
     def footprints(self, frame: Frame) -> tuple[float, float]:
-        """Return how many flakes are drawn, and runs of pixels in their rows, on average."""
+        """Return the numbers of flakes drawn and of runs of pixels in their rows, on average."""
         way = self.motion.way(frame)
         # Depths of equal numbers of flakes: the view is a pyramid.
         depth = self.reach * ((np.arange(64) + 0.5) / 64.0) ** (1.0 / 3.0)
@@ -255,7 +255,7 @@ class Flakes:
     def _sort_pair(
         self, frame: Frame, amount: float, way: Way
     ) -> tuple[SortedFlakes, SortedFlakes]:
-        """Return what two eyes see, each flake placed once."""
+        """Return the layers of two eyes, each flake placed once."""
         assert frame.shared is not None
         left, right = frame.shared.cameras
         asked = self._flurry(replace(frame, camera=left), amount, way)

@@ -69,7 +69,7 @@ def flow_of(
 def gusts_of(
     frame: Frame, share: Share, depth: float, x: Float64, y: Float64
 ) -> tuple[Float64, Float64]:
-    """Return what a wind that differs adds at a depth: pixels, and per frame, (rows, cols, 2)."""
+    """Return the flow that uneven wind adds at a depth: pixels, and per frame, (rows, cols, 2)."""
     fx, fy = frame.camera.focals
     across, down = np.meshgrid(x / fx, y / fy)
     ahead = depth * np.stack([across, down, np.ones_like(across)], axis=-1)

@@ -42,7 +42,7 @@ _TOGETHER = 4096
 
 
 def wind_at(motion: Motion, frame: Frame, ahead: Float64) -> tuple[Float64, Float64]:
-    """Return how the air at places of the view has moved and moves beyond the mean wind.
+    """Return the air's way and velocity at places of the view beyond the mean wind.
 
     Parameters
     ----------
@@ -119,13 +119,13 @@ def _varied(motion: Motion) -> Wind:
 
 
 def _phasor(waves: Waves, frame: Frame, time: float) -> _Complex:
-    """Return what the waves' amplitudes are multiplied by at a time, for metres per frame."""
+    """Return the factors of the waves' amplitudes at a time, for metres per frame."""
     turned = np.exp(-1j * waves.omega * time / frame.fps) / frame.fps
     return np.asarray(turned, np.complex128)
 
 
 def _way_phasor(waves: Waves, frame: Frame, way: Integral, sums: Integral) -> _Complex:
-    """Return what the amplitudes are multiplied by for the way of what is at a place now."""
+    """Return the factors of the amplitudes for the way of a flake that is at a place now."""
     parts = sums.to(frame.t)
     half = len(parts) // 2
     back = np.exp(-1j * (waves.k @ way.to(frame.t)))
@@ -179,7 +179,7 @@ def _block(view: _View, sign: int, number: int) -> Float64:
 
 
 def _profile_at(wind: Wind, frame: Frame, depth: Float64) -> tuple[Float64, Float64]:
-    """Return what the profile does at fixed depths (n,): displacement and velocity, (n, 3)."""
+    """Return the profile's displacement and velocity at fixed depths (n,), each (n, 3)."""
     if wind.profile is None:
         return np.zeros((len(depth), 3)), np.zeros((len(depth), 3))
     if frame.path.turns:

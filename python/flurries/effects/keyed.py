@@ -76,7 +76,7 @@ class Mixture:
         return [(index, part) for index, part in enumerate(self.parts) if shown[index]]
 
     def needs(self, frame: Frame) -> Needs:
-        """Return what a frame takes: the steps of all populations that are there."""
+        """Return the needs of a frame: the steps of all populations that are there."""
         asked = [part.needs(frame) for _, part in self._now(frame)]
         if not asked:
             why = "its amount is 0"

@@ -102,7 +102,7 @@ def streaks_tile(cycles: float, band: tuple[float, float]) -> float:
 def tiles_touched(
     shape: tuple[int, int], window: tuple[int, int, int, int], tiling: Tiling
 ) -> tuple[int, int]:
-    """Return how many tiles touch a window, down and across."""
+    """Return the numbers of tiles that touch a window, down and across."""
     top, bottom, left, right = window
     (height, width), shared = tiling
     return (
@@ -168,7 +168,7 @@ def tiles_cost(
     passes: int = 1,
     jitter: bool = False,
 ) -> Cost:
-    """Return what a texture costs; `hidden` tiles are not made."""
+    """Return the cost of a texture; `hidden` tiles are not made."""
     down, across = tiles_touched(shape, window, tiling)
     total = max(down * across, 1)
     work = operations(

@@ -73,7 +73,7 @@ class Base(NamedTuple):
 
     @staticmethod
     def even(color: tuple[float, float, float]) -> Base:
-        """Return those of gas of a color, display values."""
+        """Return the shades of gas of a color, display values."""
         light = srgb_to_linear(np.asarray(color, np.float64))
         return Base(light, light)
 

@@ -182,7 +182,7 @@ def mist_density(severity: int, thickness: float) -> float:
 
 
 def covered(density: float, sizes: tuple[float, ...], reach: float, opacity: float) -> float:
-    """Return what particles cover of a picture up to a depth: less large ones that fade.
+    """Return the share of a picture that particles cover up to a depth: less large ones that fade.
 
     A Gaussian disc of three sigma a radius covers 2 pi sigma^2, and as many of them are behind a
     pixel whatever the lens.

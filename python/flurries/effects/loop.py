@@ -68,7 +68,7 @@ class Earlier:
         return getattr(self.effect, "NAME", "")
 
     def needs(self, frame: Frame) -> Needs:
-        """Return what the effect took."""
+        """Return the needs of the effect."""
         return needs_of(self.effect, self._then(frame))
 
     def render(self, frame: Frame) -> Layer | tuple[Layer, ...]:

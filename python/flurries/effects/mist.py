@@ -271,7 +271,7 @@ class Mist(metaclass=Described):
         return cls(**{**values, **changes})
 
     def particles_in_box(self) -> int:
-        """Return how many particles the box of the given sides holds."""
+        """Return the number of particles in the box of the given sides."""
         return self.filling.count
 
     def extinction(self, t: float = 0.0) -> float:

@@ -119,7 +119,7 @@ def relative_course(path: CameraPath, fps: float, fall: Number, wind: Vector) ->
 
 @lru_cache(maxsize=32)
 def air_course(fps: float, fall: Number, wind: Vector) -> Course:
-    """Return what falls in the wind."""
+    """Return the course of flakes in the wind."""
     return sum_of([course_of(wind, 1.0 / fps), fall_course(fall, 1.0 / fps)])
 
 

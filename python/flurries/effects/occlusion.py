@@ -124,12 +124,12 @@ def _by_pixel(field: Field, frame: Frame, way: Way, mapped: Map, keep: bool) -> 
 
 
 def _cycles(field: Field, frame: Frame, way: Way) -> float:
-    """Return how fast the longest wave turns; rounding of a frame's time makes no other map."""
+    """Return the rate of the longest wave; rounding of a frame's time makes no other map."""
     return round(field.cycles(frame, way), 9)
 
 
 def _map_key(field: Field, frame: Frame, way: Way, mapped: Map) -> tuple[Any, ...]:
-    """Return what the map of a depth is made of besides the depth."""
+    """Return the values that the map of a depth is made of, besides the depth."""
     layout = field.layout(frame)
     return mapped, _cycles(field, frame, way), way.shutter, layout.tiling, layout.band
 

@@ -30,7 +30,7 @@ class Other(NamedTuple):
 
 
 class Passes(NamedTuple):
-    """What a layer says of its pixels besides their color; see `Layer`."""
+    """Depth, motion and ids of a layer's pixels; see `Layer`."""
 
     motion: Array
     backward: Array

@@ -170,7 +170,7 @@ def list_flakes(
 def in_window(
     frame: Frame, points: Float64, velocity: Float64, shutter: float, radius: float
 ) -> npt.NDArray[np.bool_]:
-    """Return which flakes may touch the frame's window during the exposure, (n,) bool.
+    """Return the flakes that may touch the frame's window during the exposure, (n,) bool.
 
     With f x + (c - left) z + R > 0 for the left side, and so on: linear in the place, so that a
     path whose two ends fail fails everywhere, clipped at the near plane or not. R holds a flake of
@@ -201,7 +201,7 @@ def in_window(
 
 
 def _near_view(frame: Frame, points: Float64, reach: float, room: float) -> npt.NDArray[np.intp]:
-    """Return which points are in view or at most so many metres beside it."""
+    """Return the indices of points that are in view or at most so many metres beside it."""
     camera = frame.camera
     cx, cy = camera.principal(frame.shape)
     x, y, z = (points - camera.offset).T
@@ -215,7 +215,7 @@ def _near_view(frame: Frame, points: Float64, reach: float, room: float) -> npt.
 
 
 def _edge_fade(points: Float64, sides: Any, middle: Any) -> Float64:
-    """Return how much of each flake is shown, so that none pops where the box wraps."""
+    """Return the share of each flake that is shown, so that none pops where the box wraps."""
     shown = np.empty(len(points))
     particle_edge_fade(shown, points, sides, middle)
     return shown

@@ -94,7 +94,7 @@ def parts_of(
     effect: Any, *, sizes: Any, speed: Callable[[Float64], Float64], shape: str,
     sway: tuple[float, float] = (0.0, 0.0), gain: Number = 1.0, optics: Optics = FLAKES,
 ) -> Precipitation[FlakeTexture] | Mixture:  # fmt: skip
-    """Return what snow or rain is made of; of keyed sizes, a population for each.
+    """Return the parts of snow or rain; of keyed sizes, a population for each.
 
     Parameters
     ----------
@@ -126,7 +126,7 @@ def _part_of(
     gain: Number,
     optics: Optics,
 ) -> Precipitation[FlakeTexture]:
-    """Return what an effect is made of, with sizes that are not keyed."""
+    """Return the parts of an effect, with sizes that are not keyed."""
     wind, (sizes, speed) = effect.wind, laws
     if isinstance(wind, Wind) and wind.profile is not None and isinstance(effect.emission, Keys):
         # Flakes are there or not by the heights that they fell through.

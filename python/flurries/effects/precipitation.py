@@ -104,7 +104,7 @@ class Precipitation(Generic[_Back]):
     optics: Optics = FLAKES
 
     def needs(self, frame: Frame) -> Needs:
-        """Return what a frame takes: the parts' steps, and "join", which makes them one plane."""
+        """Return the needs of a frame: the parts' steps, and "join", which makes them one plane."""
         amount = value_at(self.amount, frame.t)
         if amount == 0.0:
             return Needs((), (LeftOut(self.name, "its amount is 0"),), most=0.0)

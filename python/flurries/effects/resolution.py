@@ -107,7 +107,7 @@ def map_at(mean: float, spread: float, power: float, share: float) -> tuple[floa
 
 
 def _errors(guess: Float64, power: float, of: float, target: tuple[float, float]) -> Float64:
-    """Return how far a map is off, in logarithms: both moments may be small."""
+    """Return the errors of a map, in logarithms: both moments may be small."""
     mean, variance = _moments(float(guess[0]), math.exp(min(float(guess[1]), 5.0)), power, of)
     wanted, spread = target
     return np.array(

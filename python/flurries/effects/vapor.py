@@ -58,7 +58,7 @@ class Vapor:
     bank: Bank | None
 
     def needs(self, frame: Frame) -> Needs:
-        """Return what a frame takes: one step, "gas", or "lit gas" with its colors and a sort."""
+        """Return the needs of a frame: one step, "gas", or "lit gas" with its colors and a sort."""
         cloud, density = self.cloud, self._density(frame)
         if density == 0.0 or cloud.count == 0:
             return Needs((), (LeftOut(self.name, "it has no density"),), most=0.0)

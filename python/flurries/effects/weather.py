@@ -196,7 +196,7 @@ class Weather:
         return _film(self, frame.shape, path, rotation, focal, frame.fps)
 
     def amounts(self, frame: Frame, share: Share, amount: float, heights: Float64) -> Float64:
-        """Return which part of a class's flakes is there at heights below the eye, metres.
+        """Return the share of a class's flakes that is there at heights below the eye, metres.
 
         A flake at height h left the cloud (cloud + h) / fall seconds ago, and is there if it began
         to fall.

@@ -45,7 +45,7 @@ def area(window: Window | None) -> int:
 
 
 def common(first: Window, second: Window) -> Window | None:
-    """Return what two windows have in common, or None."""
+    """Return the part that two windows have in common, or None."""
     top, left = max(first[0], second[0]), max(first[2], second[2])
     bottom, right = min(first[1], second[1]), min(first[3], second[3])
     return (top, bottom, left, right) if top < bottom and left < right else None

@@ -30,7 +30,7 @@ RUNS = 150
 
 
 def _file() -> Path:
-    """Return where the factors are kept: ``FLURRIES_CACHE``, or as the system has it."""
+    """Return the file of the factors: in ``FLURRIES_CACHE``, or where the system keeps caches."""
     places = {"win32": "~/AppData/Local", "darwin": "~/Library/Caches"}
     folder = os.environ.get("XDG_CACHE_HOME") or places.get(sys.platform, "~/.cache")
     own = os.environ.get("FLURRIES_CACHE") or Path(folder).expanduser() / "flurries"

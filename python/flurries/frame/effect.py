@@ -14,7 +14,7 @@ class Renders(Protocol):
     """Anything that shows something in a frame."""
 
     def render(self, frame: Frame, /) -> Layer | Sequence[Layer]:
-        """Return what a frame shows of it."""
+        """Return the layer or layers of the effect in a frame."""
         ...
 
 
@@ -33,7 +33,7 @@ Effect: TypeAlias = Renders | Composed
 
 
 def renderer_of(effect: Any) -> Any:
-    """Return what renders an effect, and says what it needs: itself, or its parts.
+    """Return the object that renders an effect and says what it needs: itself, or its parts.
 
     None for what is no effect.
     """

@@ -28,7 +28,7 @@ _TURNED = 20
 
 
 def seconds(program: Program, numbers: Sequence[int], tolerance: float = 0.0) -> float:
-    """Return what a frame takes by the fixed model, on one thread: the same on all machines."""
+    """Return the time of a frame by the fixed model, on one thread: the same on all machines."""
     frames = _frames(program, numbers, tolerance, {})
     steps = [step for frame in frames for step in frame.steps if not step.once]
     return 1e-3 * sum(step.milliseconds for step in steps) / len(frames)

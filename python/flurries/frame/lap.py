@@ -29,5 +29,5 @@ class Lap(NamedTuple):
         return self.first + (t - self.first) % self.frames
 
     def part(self, t: float) -> float:
-        """Return how much of the round has passed, 0 to 1."""
+        """Return the share of the round that has passed, 0 to 1."""
         return (t - self.first) / self.frames

@@ -175,7 +175,7 @@ class Front:
         return {}
 
     def visible(self, hidden: float = 0.0) -> Visible | None:
-        """Return where the weather can be seen in the composite; None is everywhere.
+        """Return the pixels where the weather can be seen in the composite; None is everywhere.
 
         Not where all but `hidden` of it is covered.
         """

@@ -37,7 +37,7 @@ class LeftOut:
 
 @dataclass(frozen=True)
 class Cost:
-    """What a step takes."""
+    """The cost of a step."""
 
     # How many of which operations; `flurries.frame.costs` has their times.
     work: Mapping[str, float] = field(default_factory=dict)
@@ -92,7 +92,7 @@ class Needs:
 
 
 def needs_of(effect: Any, frame: Frame) -> Needs:
-    """Return what an effect says that it needs, or all there is if it does not say."""
+    """Return the needs that an effect states, or all there is if it states none."""
     own = getattr(renderer_of(effect), "needs", None)
     if own is None:
         ambient = getattr(effect, "color", None) == "ambient"

@@ -24,7 +24,7 @@ from flurries.trace import stage
 def images(
     program: Program, t: float, eyes: Sequence[Camera | None], window: Window, tolerance: float
 ) -> list[Array]:
-    """Return what each eye sees of a window; None is the path's own camera.
+    """Return the picture of a window for each eye; None is the path's own camera.
 
     The eyes' bands are made in turn, so that the second finds what the first has made.
     """

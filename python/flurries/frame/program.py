@@ -255,7 +255,7 @@ class Program:
         return shown
 
     def choice(self, t: float, tolerance: float) -> Choice:
-        """Return what a tolerance is spent on at `t`: the same for every window and eye."""
+        """Return the choice for a tolerance at `t`: the same for every window and eye."""
         if tolerance == 0.0 or not self.parts:
             return EXACT
         if self._light is None or self.backdrop.count is not None:
@@ -279,7 +279,7 @@ class Program:
         return found
 
     def front(self, t: float) -> Front | None:
-        """Return what stands in front of the weather at `t`."""
+        """Return the mattes in front of the weather at `t`."""
         if self.mattes is None:
             return None
         found: Front = self.mattes.frame(t)

@@ -103,7 +103,7 @@ class Light(NamedTuple):
         return self.step * (up + math.floor((gone + ROUNDING) / self.step + 0.5))
 
     def error(self, price: float) -> float:
-        """Return how far values of the frame are off, at most, for prices together."""
+        """Return the largest error of the frame's values for prices together."""
         if self.step == 0.0 or self.same or price == 0.0:
             return price
         return self.step * math.ceil((price + ROUNDING) / self.step)

@@ -214,7 +214,7 @@ class Frame:
         return self.to_camera(self.path.rotation(self.t))
 
     def spin(self) -> Float64:
-        """Return how fast the eye turns, (3,) radians per frame in its own axes, right-handed."""
+        """Return the eye's spin, (3,) radians per frame in its own axes, right-handed."""
         return self.to_camera(self.path.spin(self.t))
 
     def to_camera(self, vectors: Float64) -> Float64:

@@ -41,7 +41,7 @@ class Visible:
         )
 
     def tiles(self, tile: tuple[int, int], overlap: int) -> npt.NDArray[np.bool_]:
-        """Return which tiles have a visible pixel, (rows, cols)."""
+        """Return the tiles that have a visible pixel, (rows, cols) bool."""
         found = self._tiles.get((tile, overlap))
         if found is None:
             height, width = self._seen.shape

@@ -30,7 +30,7 @@ def projection_error(
     form: Form = "exact",
     out: Float64 | None = None,
 ) -> Float64:
-    """Return how far the right edge of a billboard is off on the viewplane.
+    """Return the error of a billboard's right edge on the viewplane.
 
     Parameters
     ----------
@@ -110,7 +110,7 @@ def parallax_error(
     form: Form = "exact",
     out: Float64 | None = None,
 ) -> Float64:
-    """Return how far the parallax of a billboard's right edge is off.
+    """Return the error of the parallax of a billboard's right edge.
 
     Parameters
     ----------

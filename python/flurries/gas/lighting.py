@@ -68,7 +68,7 @@ def light(
 
 
 def phase(cosine: npt.ArrayLike, *, kind: str = "rayleigh", asymmetry: float = 0.6) -> Array:
-    """Return how much light a gas scatters by an angle, over the mean of all directions.
+    """Return the light that a gas scatters by an angle, over the mean of all directions.
 
     Parameters
     ----------

@@ -327,7 +327,7 @@ def manner_of(
     smooth: float | None,
     kind: np.dtype[Any],
 ) -> _Manner:
-    """Return how gas is drawn as plain values."""
+    """Return the manner in which gas is drawn, as plain values."""
     limit = FINISHED[kind.name] if error is None else real("error", error, low=0.0, high=0.999)
     return (
         choice("footprint", footprint, FOOTPRINTS),

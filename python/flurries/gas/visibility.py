@@ -149,7 +149,7 @@ def count_for_visibility(
     contrast: float = 0.05,
     edge: Edge = "taper",
 ) -> int:
-    """Return how many particles give a visibility, rounded.
+    """Return the number of particles that gives a visibility, rounded.
 
     Parameters
     ----------

@@ -62,7 +62,7 @@ class Population:
             settle(name, (low, high))
 
     def fade(self, depth: Float64) -> Float64:
-        """Return how much of a flake at each depth is shown, 0 to 1."""
+        """Return the share of a flake at each depth that is shown, 0 to 1."""
         near, far = self.depth
         return np.asarray(
             smoothstep((depth - near) / (FADE * near)) * smoothstep((far - depth) / (FADE * far))

@@ -141,7 +141,7 @@ def _require_plain(status: os.stat_result, path: Path) -> None:
 
 
 def read_bytes(path: str | os.PathLike[str], most: int, kind: str) -> bytes:
-    """Return what is in a file of at most `most` bytes.
+    """Return the contents of a file of at most `most` bytes.
 
     Parameters
     ----------

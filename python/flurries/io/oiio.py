@@ -86,7 +86,7 @@ def _let_threads_go() -> None:
 
 
 def last_error(*holders: Any) -> str:
-    """Return what OpenImageIO has to say about the last failure, on one line, and clear it.
+    """Return OpenImageIO's message about the last failure, on one line, and clear it.
 
     Messages pile up in the object that failed and in a global list, and an unread one would be
     taken for the next file's.

@@ -64,7 +64,7 @@ class Span:
         return [number for number in wanted if not self.first <= number <= self.last]
 
     def complaint(self, wanted: Iterable[int]) -> str:
-        """Return what to say of numbers outside."""
+        """Return the complaint about numbers outside."""
         numbers = list(wanted)
         noun = "frame" if len(numbers) == 1 else "frames"
         return (

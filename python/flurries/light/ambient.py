@@ -17,7 +17,7 @@ _LEAST = 1e-6
 
 
 def ambient_light(picture: Array, encoding: str) -> tuple[float, float, float]:
-    """Return how bright white snow is in the light that a picture was taken in.
+    """Return the brightness of white snow in the light that a picture was taken in.
 
     Parameters
     ----------

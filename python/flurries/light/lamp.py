@@ -142,7 +142,7 @@ def _as_light(value: Any) -> Any:
 
 
 def radiance(points: Float64, rows: Float64, optics: Optics, eye: Float64) -> Float64:
-    """Return what particles at points (n, 3) send to an eye, (n, 3) linear light.
+    """Return the light that particles at points (n, 3) send to an eye, (n, 3) linear light.
 
     Parameters
     ----------

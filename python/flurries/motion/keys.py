@@ -85,7 +85,7 @@ class Keys:
         return self.value(real("t", t), extend=extend)
 
     def value(self, t: float, *, extend: bool = False) -> Any:
-        """Return what `at` does, for a time that is checked."""
+        """Return the value at a time that is checked."""
         frames, values = self._frames, self._values
         if len(frames) == 1 or (not extend and not frames[0] <= t <= frames[-1]):
             return _plain(values[0] if t < frames[0] else values[-1])

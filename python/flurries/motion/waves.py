@@ -58,7 +58,7 @@ class Waves:
         return result
 
     def spread(self) -> float:
-        """Return how far it carries flakes to and fro, root mean square, metres."""
+        """Return the way that flakes are carried to and fro, root mean square, metres."""
         power = 0.5 * np.sum(np.abs(self.a) ** 2, axis=1)
         return float(np.sqrt(np.sum(power[self.own > 0.0] / self.own[self.own > 0.0] ** 2)))
 

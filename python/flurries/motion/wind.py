@@ -196,7 +196,7 @@ class Wind:
         return found
 
     def extra(self, depth: Float64) -> tuple[Float64, Float64]:
-        """Return what the profile adds at depths (n,): a factor of the mean, a velocity (n, 3)."""
+        """Return the profile at depths (n,): a factor of the mean, and a velocity (n, 3)."""
         none = np.zeros((len(depth), 3))
         if self.profile is None:
             return np.zeros(len(depth)), none

@@ -74,7 +74,7 @@ class _Watch:
     _said: bool = False
 
     def threads(self) -> int:
-        """Return how many tasks run at once, asked for once a second."""
+        """Return the number of tasks that run at once, asked for once a second."""
         if time.monotonic() - self._looked > 1.0:
             self.look()
         return self._threads

@@ -28,7 +28,7 @@ _MOST_IDS = 2**24
 
 @dataclass(frozen=True)
 class Content:
-    """What to render and write of a frame.
+    """The contents of a frame's files, and how they are encoded.
 
     Attributes
     ----------
@@ -71,7 +71,7 @@ class Content:
         return "-".join(words)
 
     def render(self, scene: Scene, number: int) -> Any:
-        """Return what `save` takes: a frame, or one for each eye."""
+        """Return a frame for `save`, or one for each eye."""
         layers = self.kind != "composite"
         if self.kind == "deep":
             return deep_of(scene, number)

@@ -163,7 +163,7 @@ def _rendered(
 
 
 def _sound(scene: Scene, frames: list[int], skip: bool) -> tuple[str, Sound | None]:
-    """Return what becomes of the background's sound, and the part of it that belongs to frames."""
+    """Return the fate of the background's sound, and the part of it that belongs to frames."""
     film = scene.film
     if film is None or not has_sound(film.spec):
         return "none", None

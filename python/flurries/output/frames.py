@@ -61,7 +61,7 @@ class Frames:
         return Path(self.pattern) if still else Pattern(self.pattern).path(index)
 
     def mark_of(self, index: int) -> Mark:
-        """Return what the file of a frame must say."""
+        """Return the mark that the file of a frame must bear."""
         return Mark(self._mark, index, self.inputs.of(index), self.inputs.names)
 
     def make(self, index: int) -> Any:

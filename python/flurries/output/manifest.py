@@ -105,7 +105,7 @@ def entries_of(paths: Iterable[Path]) -> dict[str, dict[str, Any]]:
 
 
 def entry(path: Path, said: dict[str, Any]) -> dict[str, Any]:
-    """Return what a manifest says of a file: what its header says, its size and its hash."""
+    """Return a manifest's entry of a file: the mark in its header, its size and its hash."""
     said = {key: value for key, value in said.items() if key not in ("DateTime", "version", "seed")}
     numbers = {key: int(said[key]) for key in ("frame", "bits") if str(said.get(key)).isdigit()}
     return {**said, **numbers, "bytes": path.stat().st_size, "sha256": hash_of(path)}

@@ -28,7 +28,7 @@ class Refused(ValueError):
 
 @dataclass(frozen=True)
 class Mark:
-    """What a file says of how it was made.
+    """The note in a file of how it was made.
 
     Attributes
     ----------

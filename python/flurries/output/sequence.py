@@ -47,16 +47,16 @@ class Job(Protocol):
         """Return the file of an index."""
 
     def mark_of(self, index: int) -> Mark:
-        """Return what that file must say of how it was made."""
+        """Return the mark that the file must bear."""
 
     def make(self, index: int) -> Any:
-        """Return what goes into it; None if it is left out."""
+        """Return the contents of the file; None if it is left out."""
 
     def save(self, path: Path, made: Any, header: dict[str, Any]) -> None:
         """Write it."""
 
     def notes(self, index: int) -> dict[str, Any]:
-        """Return what the manifest says of it besides."""
+        """Return the manifest's further notes of the file."""
 
     def stands_in(self, index: int) -> bool:
         """Whether what it was made of is that of an earlier one."""
@@ -91,7 +91,7 @@ Spread: TypeAlias = "Callable[[Job, list[int], Entries, Progress, Done], None]"
 
 
 def name_of(job: Job, index: int) -> str:
-    """Return how the manifest calls a file: its way from the folder."""
+    """Return a file's name in the manifest: its way from the folder."""
     return job.path_of(index).relative_to(job.folder).as_posix()
 
 
@@ -210,7 +210,7 @@ class _Work:
         return others
 
     def _made(self, index: int) -> tuple[Mark, Any] | None:
-        """Return what goes into a file, and its mark; None if there is nothing to be done."""
+        """Return a file's contents and its mark; None if there is nothing to be done."""
         mark = self.job.mark_of(index)
         if self._is_kept(index, mark):
             # Made by another since we looked.

@@ -32,7 +32,7 @@ class Store(Protocol):
     """Where files are kept; a path is the file's way in it."""
 
     def name_of(self, path: Path) -> Path | str:
-        """Return what a user calls the file."""
+        """Return the user's name for the file."""
 
     def require_usable(self, path: Path) -> None:
         """Raise OSError where no such file can be written."""

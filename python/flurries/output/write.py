@@ -44,7 +44,7 @@ __all__ = ["Summary"]
 
 @dataclass(frozen=True)
 class Summary:
-    """What was written.
+    """The frames and files of a call of `write`.
 
     Attributes
     ----------

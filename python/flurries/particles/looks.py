@@ -12,7 +12,7 @@ from flurries._contract import Float64
 
 
 def image_of(sigma: npt.ArrayLike) -> tuple[Float64, Float64]:
-    """Return how flakes are drawn: variances, px^2, and what is left of their middles' opacities.
+    """Return the images of flakes: variances, px^2, and the factors of their middles' opacities.
 
     Parameters
     ----------
@@ -42,7 +42,7 @@ def smoothstep(t: npt.ArrayLike) -> Float64:
 
 
 def presence(index: npt.ArrayLike, *, count: int, amount: float, fade_in: float) -> Float64:
-    """Return how much of flakes is there, 0 to 1: of `count`, the first `amount` of them.
+    """Return the presence of flakes, 0 to 1: of `count`, the first `amount` of them.
 
     Parameters
     ----------
@@ -60,7 +60,7 @@ def presence(index: npt.ArrayLike, *, count: int, amount: float, fade_in: float)
 
 
 def size_fade(sigma: npt.ArrayLike, limits: tuple[float, float]) -> Float64:
-    """Return how much is shown of flakes: all up to the first limit, nothing from the second on.
+    """Return the shown share of flakes: all up to the first limit, nothing from the second on.
 
     Parameters
     ----------

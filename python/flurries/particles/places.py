@@ -41,7 +41,7 @@ def positions(
     sway: tuple[float, float] | None = None,
     out: Float64 | None = None,
 ) -> Float64:
-    """Return where the flakes are at a time: stateless, in a box that wraps around a centre.
+    """Return the places of the flakes at a time: stateless, in a box that wraps around a centre.
 
     p = c + wrap(B u + v t - c), wrap(x) = x - B floor(x / B + 1/2), with u uniform in [0, 1)^3,
     hashed from the seed and the flake's index. The density is the same everywhere in the box, at
@@ -105,7 +105,7 @@ def sway_offsets(
     sway: tuple[float, float],
     out: Float64 | None = None,
 ) -> Float64:
-    """Return what `positions` adds for the sway at a time.
+    """Return the offsets that `positions` adds for the sway at a time.
 
     The difference over an exposure, divided by it, is the sway's part of a flake's velocity:
     ``(sway_offsets(n, time=t + s/2, ...) - sway_offsets(n, time=t - s/2, ...)) / s``.
@@ -153,7 +153,7 @@ def edge_fade(
     center: npt.ArrayLike = (0.0, 0.0, 0.0),
     out: Float64 | None = None,
 ) -> Float64:
-    """Return how much of each flake is shown, so that none pops where the box wraps.
+    """Return the share of each flake that is shown, so that none pops where the box wraps.
 
     Parameters
     ----------

@@ -124,7 +124,7 @@ def reach_of(each: SizeClass, focal: float, tile: int, *, fastest: float, far: f
 
 
 def drawn_share(depth: Float64, reach: float, far: float) -> Float64:
-    """Return which part of the flakes at depths is drawn, 1 near to 0 far; all up to `far`."""
+    """Return the share of the flakes at depths that is drawn, 1 near to 0 far; all up to `far`."""
     if reach >= far:
         return np.where(np.asarray(depth) <= far, 1.0, 0.0)
     return 1.0 - smoothstep((np.asarray(depth, np.float64) / reach - 1.0) / FADE)
@@ -159,7 +159,7 @@ class Slab:
     nearer: Float64
 
     def before(self, depth: Float64) -> Float64:
-        """Return which part of the coverage lies before depths, 0 to 1."""
+        """Return the share of the coverage that lies before depths, 0 to 1."""
         at = np.linspace(self.near, self.far, len(self.nearer))
         return np.interp(depth, at, self.nearer)
 

@@ -122,7 +122,7 @@ def ids(
     depth: npt.ArrayLike | None = None,
     out: npt.NDArray[np.int32] | None = None,
 ) -> npt.NDArray[np.int32]:
-    """Return which flake each pixel shows.
+    """Return the number of the flake that each pixel shows.
 
     Parameters
     ----------

@@ -31,7 +31,7 @@ class Sources:
     _distance: Distance | None
 
     def slate(self, t: float) -> Slate:
-        """Return what the background's frame floor(t) says of itself, at the scene's rate."""
+        """Return the slate of the background's frame floor(t), at the scene's rate."""
         rate = frame_rate(self.fps)
         files = self._backdrop.files
         if files is None or not isinstance(files.source, Source):

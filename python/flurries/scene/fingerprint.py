@@ -140,7 +140,7 @@ class Inputs:
 
 
 def _values(scene: Scene) -> dict[str, Any]:
-    """Return what may be files or arrays, as `Scene.files` calls it."""
+    """Return the values that may be files or arrays, by their names in `Scene.files`."""
     found = {"background": scene.background, "depth": scene.depth}
     mattes = [] if scene.foreground is None else listed(scene.foreground)
     for number, matte in enumerate(mattes, 1):

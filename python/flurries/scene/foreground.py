@@ -27,7 +27,7 @@ MOST_MATTES = 64
 @suggesting
 @dataclass(frozen=True, eq=False)
 class Foreground:
-    """What stands in front of the weather, with its own depth.
+    """A picture in front of the weather, with its own depth.
 
     Parameters
     ----------
@@ -128,7 +128,7 @@ class Mattes:
         return any(far is not None for _, far in self.parts)
 
     def frame(self, t: float) -> Front:
-        """Return what stands in front at frame floor(t); the very same object while it is kept."""
+        """Return the mattes at frame floor(t); the very same object while it is kept."""
         found = [
             (*part.frame(t), None if far is None else far.frame(t)) for part, far in self.parts
         ]
@@ -184,7 +184,7 @@ def mattes_of(
     start: int | None,
     display: Display | None = None,
 ) -> Mattes | None:
-    """Return what stands in front, of a scene's `foreground` argument."""
+    """Return the mattes of a scene's `foreground` argument."""
     if value is None or (isinstance(value, (list, tuple)) and len(value) == 0):
         return None
     parts = []

@@ -19,7 +19,7 @@ from flurries.motion.keys import Keys
 
 
 class Looped(NamedTuple):
-    """What a scene that repeats is made of.
+    """The parts of a scene that repeats.
 
     Attributes
     ----------

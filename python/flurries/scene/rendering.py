@@ -198,7 +198,7 @@ class Rendering(Sources):
         region: Region | None,
         tolerance: float | None,
     ) -> Sequence[Array | Rendered]:
-        """Return what each eye sees, None being the path's camera."""
+        """Return the frame or the layers of each eye, None being the path's camera."""
         time, window = self.time_of(t), parse_region(region, self.shape)
         if self.camera.extend == "stop":
             self.require([math.floor(time)], gaps=False)
@@ -275,7 +275,7 @@ class Rendering(Sources):
         return None if self._distance is None else self.program.depth_at(self.time_of(t))
 
     def plan(self, frames: Frames = None, *, tolerance: float | None = None) -> Plan:
-        """Return what rendering costs: its steps, their sizes and times, and what is left out.
+        """Return the plan of rendering: its steps, their sizes and times, and what is left out.
 
         Parameters
         ----------

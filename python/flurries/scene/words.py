@@ -46,7 +46,7 @@ def _frame(scene: Scene) -> np.ndarray:
 
 
 def camera_of(path: CameraPath) -> str:
-    """Return what a camera does, and its focal length."""
+    """Return a camera's motion in words, and its focal length."""
     moves = path.position is not None or path.velocity is not None
     does = [word for word, yes in (
         ("moving", moves), ("turning", path.turns), ("zooming", path.zooms)

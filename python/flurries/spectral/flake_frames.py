@@ -122,7 +122,7 @@ def choices(
     placed: bool = False,
     terms: Sequence[int] | None = None,
 ) -> Choices:
-    """Return which pattern each tile takes for each layer, where, and whether upside down.
+    """Return the choices of each tile for each layer: a pattern, its place, and upside down or not.
 
     Parameters
     ----------

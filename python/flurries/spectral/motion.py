@@ -17,7 +17,7 @@ _TILES = 64
 
 
 def tile_motions(now: Request, others: Sequence[Request]) -> tuple[list[Float64], Float64]:
-    """Return how the field of each tile moves from one frame to others, and its wavelength.
+    """Return the motion of each tile's field from one frame to others, and its wavelength.
 
     Waves of a texture that stands for many depths move at many speeds. The vector is that of the
     shift that predicts the other frame best, to first order: the least squares of the waves' phase

@@ -43,7 +43,7 @@ def own_of(
     rate: npt.ArrayLike | None,
     time: float,
 ) -> Own | None:
-    """Return what the caller gives in place of band and tent; None where nothing is given."""
+    """Return the caller's own band and tent; None where nothing is given."""
     now = real("time", time, low=-LARGEST, high=LARGEST)
     if rate is None and now != 0.0:
         raise ValueError(f"time must be 0 without rate, since drift says the rest, got {now:g}")
@@ -149,7 +149,7 @@ def _of_tile(name: str, value: npt.ArrayLike, tile: tuple[int, int]) -> Float64:
 
 
 def _mirrored(waves: Float64) -> Float64:
-    """Return what stands at -k, for every k in fftfreq order."""
+    """Return the value at -k for every k, in fftfreq order."""
     return np.roll(waves[::-1, ::-1], 1, axis=(0, 1))
 
 

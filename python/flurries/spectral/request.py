@@ -49,7 +49,7 @@ class Request(NamedTuple):
     lap: tuple[Float64, Float64, float] | None = None
 
     def arrays(self) -> list[Float64]:
-        """Return those of its values that are arrays, and perhaps the caller's own."""
+        """Return the values that are arrays, and perhaps the caller's own."""
         return [value for value in self if isinstance(value, np.ndarray)]
 
 

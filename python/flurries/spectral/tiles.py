@@ -106,7 +106,7 @@ def tile_starts(length: int, *, tile: int = TILE, overlap: int = OVERLAP) -> npt
 
 
 def starts(length: int, tile: int, overlap: int) -> npt.NDArray[np.intp]:
-    """Return what `tile_starts` does, for numbers that are checked."""
+    """Return the first pixels of tiles, for numbers that are checked."""
     count = _core.tile_count(length, tile, overlap)
     return np.arange(count, dtype=np.intp) * (tile - overlap)
 

@@ -19,7 +19,7 @@ _FEWEST, _MOST = 32, 56
 
 @dataclass(frozen=True)
 class Chart:
-    """What the texture of one tile is made of.
+    """The spectrum and the tent of one tile.
 
     Attributes
     ----------

@@ -43,7 +43,7 @@ class Control:
     choices: tuple[str, ...] = ()
 
     def plain(self) -> dict[str, Any]:
-        """Return it as JSON has it."""
+        """Return the control as JSON has it."""
         return asdict(self)
 
     def checked(self, value: Any) -> Any:

@@ -121,7 +121,7 @@ def names(scene: Scene) -> list[str]:
 
 
 def fall_of(effect: Any) -> Any:
-    """Return how fast what an effect shows falls; a population as its flakes do, unless it says."""
+    """Return the speed at which an effect falls; a population's is its flakes', unless it says."""
     fall = getattr(effect, "fall", 0.0)
     return effect.parts.motion.fall if fall is None else fall
 
@@ -137,7 +137,7 @@ def applied(scene: Scene, values: Mapping[str, Any]) -> Scene:
 
 
 def settings(scene: Scene, values: Mapping[str, Any]) -> dict[str, Any]:
-    """Return what was touched, as arguments of a scene: effects, camera, and perhaps others.
+    """Return the touched rows as arguments of a scene: effects, camera, and perhaps others.
 
     Parameters
     ----------
@@ -232,7 +232,7 @@ def _takes_gusts(effect: Any) -> bool:
 
 
 def _air(effect: Any) -> tuple[float, float, float]:
-    """Return what the air with all that falls in it does at frame 0, metres per second."""
+    """Return the velocity of the air and of all that falls in it at frame 0, metres per second."""
     wind = effect.wind.mean if isinstance(effect.wind, Wind) else effect.wind
     x, y, z = (float(v) for v in np.asarray(value_at(wind, 0.0)))
     return x, y + float(value_at(fall_of(effect), 0.0)), z

@@ -94,7 +94,7 @@ class Server(ThreadingHTTPServer):
 
     @property
     def url(self) -> str:
-        """Where it is."""
+        """The address of the page."""
         return f"http://127.0.0.1:{self.server_port}/{self.token}/"
 
 
@@ -128,7 +128,7 @@ class _Handler(BaseHTTPRequestHandler):
         self._send(status, packed(head, buffers), "application/octet-stream")
 
     def _body(self) -> bytes:
-        """Return what was sent; nothing where its length is not said or is none."""
+        """Return the body of a request; nothing where its length is not said or is none."""
         said = self.headers.get_all("Content-Length", [])
         # Other digits than ASCII's, thousands of digits and two lengths come only from strangers.
         if len(said) == 1 and re.fullmatch("[0-9]{1,9}", said[0]) and int(said[0]) <= MOST_BYTES:
@@ -138,7 +138,7 @@ class _Handler(BaseHTTPRequestHandler):
         return b""
 
     def _name(self) -> str | None:
-        """Return what is asked for behind the token; None for strangers."""
+        """Return the path behind the token; None for strangers."""
         host = self.headers.get("Host", "")
         known = {f"{name}:{self.server.server_port}" for name in ("127.0.0.1", "localhost")}
         _, token, *rest = [*self.path.split("?")[0].split("/", 2), ""]

@@ -66,7 +66,7 @@ class Session:
         self._lock = threading.Lock()
 
     def describe(self, values: Mapping[str, Any] | None = None) -> dict[str, Any]:
-        """Return what the page is built from, as JSON has it, with the looks that were chosen."""
+        """Return the page's parts, as JSON has them, with the looks that were chosen."""
         height, width = self._preview.scene.shape
         controls = controls_of(self.scene, values)
         return {

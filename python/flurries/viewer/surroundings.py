@@ -50,7 +50,7 @@ def surroundings(scene: Scene) -> list[Control]:
 
 
 def surrounded(scene: Scene, values: Mapping[str, Any]) -> dict[str, Any]:
-    """Return what of the scene changes with the rows that were touched."""
+    """Return the parts of the scene that change with the rows that were touched."""
     changes: dict[str, Any] = {}
     if values.get(f"{LAMP}.on") == ON:
         changes["lights"] = (*scene.lights, _lamp(values))

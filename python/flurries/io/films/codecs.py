@@ -39,7 +39,7 @@ QUALITIES = tuple(_X264)
 
 @dataclass(frozen=True)
 class Codec:
-    """What a codec can hold.
+    """The pixels and files that a codec can hold.
 
     Attributes
     ----------
@@ -107,7 +107,7 @@ class Encoder:
 
 
 def encoder_threads() -> int:
-    """Return how many threads an encoder gets: by the cores, or always as many."""
+    """Return the number of an encoder's threads: by the cores, or always as many."""
     if _core.reproducible():
         return THREADS
     return min(max(_core.threads(), THREADS), _MOST_THREADS)

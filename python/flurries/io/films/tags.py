@@ -18,7 +18,7 @@ _FULL = 2
 
 @dataclass(frozen=True)
 class Tags:
-    """What a film says of itself.
+    """The tags of a film.
 
     Attributes
     ----------
@@ -52,7 +52,7 @@ class Tags:
 
     @staticmethod
     def of(container: Any, stream: Any, frame: Any) -> Tags:
-        """Return what a container, its stream and its first frame say."""
+        """Return the tags of a container, its stream and its first frame."""
         context = stream.codec_context
 
         def said(name: str) -> int:

@@ -155,7 +155,7 @@ def read_deep(path: str | os.PathLike[str]) -> Deep:
 
 
 def read_deep_header(path: str | os.PathLike[str]) -> dict[str, str]:
-    """Return what a deep EXR says under ``flurries:``.
+    """Return the values under ``flurries:`` in the header of a deep EXR.
 
     Raises
     ------

@@ -327,7 +327,7 @@ def reader_of(path: Path, budget: Budget) -> Any:
 def find_channels(
     names: Sequence[str], count: int, stated_alpha: int = -1
 ) -> tuple[tuple[int, ...], int | None]:
-    """Return where the colors (one or three channels) and the alpha are.
+    """Return the channels of the colors (one or three) and of the alpha.
 
     Named channels count first: R, G, B and A, then Y and A, then the same names of the first layer
     that has them. OpenImageIO's own note about alpha may point at a layer's, or past the end.

@@ -103,7 +103,7 @@ def _chunk(name: bytes, data: bytes) -> bytes:
 
 
 def _chunks_before_pixels(target: str, temporary: Path, specification: Any) -> bytes:
-    """Return what a header becomes in a PNG, without its first chunk, the size."""
+    """Return the chunks of a header in a PNG, without the first one, the size."""
     library = openimageio()
     one = library.ImageSpec(specification)
     one.width = one.height = one.full_width = one.full_height = 1

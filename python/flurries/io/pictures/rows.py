@@ -140,7 +140,7 @@ def _output(target: str, temporary: Path) -> Iterator[Any]:
 
 
 def _rows(specification: Any) -> int:
-    """Return how many rows of a picture are written together."""
+    """Return the number of rows of a picture that are written together."""
     rows = _ROWS if specification.width <= _WIDE else _FEWER
     return max(rows, _BLOCK_ROWS * _core.threads())
 

@@ -105,7 +105,7 @@ def _background(name: str, value: Any, folder: Path | None) -> Any:
 
 
 def _mattes(value: Any, folder: Path | None, leave_out: tuple[str, ...]) -> Any:
-    """Return what stands in front: a file, or a table for each."""
+    """Return the foreground: a file, or a table for each."""
     tables = []
     for number, matte in enumerate(listed(value), 1):
         name = "foreground" if number == 1 else f"foreground{number}"
