@@ -306,10 +306,7 @@ def test_six_effects_of_amount_0_are_the_empty_scene():
     assert abs(peaks[0] - peaks[1]) < 4096
 
 
-def test_an_unread_depth_is_not_read(tmp_path: Path):
-    class Broken:
-        size, count, encoding = (W, H), 3, "linear"
-
+def test_an_unread_depth_is_not_read():
     scene = fl.Scene(None, BYTES, effects=[fl.TentSnow(amount=0.0)], depth=30.0)
     assert "depth" not in traced(scene)[1].calls
     assert left_out(scene)["depth"] == "nothing reads it"
@@ -325,6 +322,10 @@ def test_amounts_that_are_keyed_count_frame_by_frame():
     plan = scene.plan("0-20")
     assert 0.0 < next(s.share for s in plan.steps if s.name == "snow: texture") < 1.0
     assert "% of frames" in left_out(scene, "0-20")["snow"]
+    # A long film is not looked at frame by frame, but no key of it is missed.
+    burst = fl.TentSnow(amount=fl.Keys([(100, 0.0), (103, 1.0), (106, 0.0)]))
+    steps = fl.Scene(None, BYTES, effects=[burst]).plan("0-999").steps
+    assert "snow: texture" in {step.name for step in steps}
 
 
 def test_gas_of_one_color_is_not_sorted():
@@ -468,6 +469,20 @@ class Priced(Own):
 
 
 @dataclass(frozen=True)
+class Careless(Own):
+    """Somebody's effect that writes to what is kept for it."""
+
+    def needs(self, frame: fl.Frame) -> Needs:
+        return Needs((Step("paint", once=True),))
+
+    def render(self, frame: fl.Frame) -> fl.Layer:
+        layer = frame.steps_of(self)("paint", lambda: Own.render(self, frame))
+        assert layer is not None
+        layer.alpha[...] *= 0.5
+        return layer
+
+
+@dataclass(frozen=True)
 class Wrong(Own):
     def needs(self, frame: fl.Frame) -> Any:
         return ["paint"]
@@ -481,6 +496,8 @@ def test_effects_of_others():
         "frame", "background", "own", "priced: paint", "composite",
     ]  # fmt: skip
     assert left_out(scene)["priced"] == "its amount is 0"
+    with pytest.raises(ValueError, match="read-only"):
+        fl.Scene(None, BYTES, effects=[Careless()]).render(0)
     with pytest.raises(TypeError, match=r"Wrong\.needs must return Needs, got list"):
         fl.Scene(None, BYTES, effects=[Wrong()]).render(0)
 
@@ -584,8 +601,12 @@ def test_a_calibration_is_measured_once_and_scales_times_alone(
     tmp_path: Path, cache: Path, monkeypatch: pytest.MonkeyPatch
 ):
     scene = fl.Scene(None, BYTES, effects=[fl.TentSnow()])
-    first = scene.plan(3)
+    count = fl.threads()
+    for threads in (3, count):
+        fl.set_threads(threads)
+        first = scene.plan(3)
     stored = json.loads((cache / "calibration.json").read_text())
+    assert len(stored) == 1 + (count != 3)
     monkeypatch.setattr(calibration, "measure", lambda: pytest.fail("measured again"))
     # The same file somewhere else: read, as by another process.
     for name, times in (("same", 1.0), ("slow", 10.0)):

@@ -13,6 +13,7 @@ import pytest
 
 import flurries as fl
 from flurries.cli import main
+from flurries.effects.keyed import Mixture
 from flurries.frame import calibration
 from flurries.frame import tolerance as spending
 from flurries.frame.costs import NANOSECONDS, milliseconds
@@ -109,6 +110,20 @@ def test_the_error_stays_within_the_tolerance(number: int):
         else:
             # Both frames are rounded, some layers one over another.
             assert found <= choice.error + 4.0 * 2.0**-24 * max(float(np.abs(exact).max()), 1.0)
+
+
+def test_lamps_make_more_of_an_error():
+    mist = fl.Mist(count=300, amount=1e-4, density=0.3, wind=(0.1, 0.0, 0.0))
+    lamp = fl.Lamp((0.3, 0.0, 2.0), power=1e4, radius=0.05)
+    scene = fl.Scene(None, np.zeros((H, W, 3), np.float32), effects=[mist], lights=[lamp])
+    assert scene.render(5).max() > 0.02 and off(scene, 1e-2) <= 1e-2
+
+
+def test_a_population_that_hardly_shows_does_not_take_another_with_it():
+    # As between two keys of a size: the flakes of one go as those of the other come.
+    snows = Mixture([fl.TentSnow(amount=amount, flakes=0).parts for amount in (1.0, 1e-6)])
+    scene = fl.Scene(None, np.zeros((H, W, 3), np.float32), effects=[snows])
+    assert off(scene, 1e-2) <= 1e-2 < 0.1 < scene.render(5).max()
 
 
 def test_more_tolerance_never_saves_less():

@@ -205,12 +205,9 @@ class _Frame:
         # The background in the light of the mix; encoding it takes more.
         light = 0 if self.mix.same else 12 * area(self.band)
         turning = 0 if self.mix.same else _TURNED * min(CHUNK, 3 * area(self.band))
-        # A matte makes two planes: of what it leaves, which goes, and of the layer behind it.
-        plane = 0 if self.front is None else 4 * area(part)
         peak, behind = light + turning, light
         for layer, most in held:
-            peak = max(peak, behind + max(most, layer + max(2 * plane, plane + inside)))
-            behind = inside + (light if plane else 0)
+            peak, behind = max(peak, behind + max(most, layer + inside)), inside
         done = result if self.banded else 0
         end = behind + turning + (0 if self.mix.same else result - done)
         return max(done + max(peak, end), result)
