@@ -133,12 +133,6 @@ def test_tile_drift_is_the_twins(name: str, tile: int, overlap: int):
     assert np.abs(got - want).max() < 1e-12 * np.abs(want).max()
 
 
-def test_tile_drift_default_tiles():
-    camera = fl.camera.Camera(600.0)
-    spelled = fl.camera.tile_drift(SHAPE, (1, 2, 3), camera, near_depth=3.0, tile=64, overlap=10)
-    assert np.array_equal(fl.camera.tile_drift(SHAPE, (1, 2, 3), camera, near_depth=3.0), spelled)
-
-
 @pytest.mark.parametrize("wavelength", [32.0, 16.0, 5.0])
 def test_a_wave_moves_like_a_particle_at_its_depth(wavelength: float):
     # lambda = f S/Z, so that the wave's speed is Eq. 8 at Z = Z_near lam_max/lambda.

@@ -312,13 +312,11 @@ for number in itertools.count():
 """
 
 
-def start(code, *arguments):
+def start(code, *arguments, **more):
     return subprocess.Popen(
-        [sys.executable, "-c", code, *map(str, arguments)],
-        stdout=subprocess.PIPE,
-        text=True,
-        env={**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)},
-    )
+        [sys.executable, "-c", code, *map(str, arguments)], text=True, stdout=subprocess.PIPE,
+        env={**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}, **more,
+    )  # fmt: skip
 
 
 def test_killed_writers_leave_no_partial_picture(tmp_path):
@@ -347,17 +345,13 @@ from flurries.io import replacing
 with replacing(sys.argv[1]) as temporary:
     temporary.write_bytes(b"half")
     print(temporary, flush=True)
-    sys.stdin.read() if len(sys.argv) > 2 else input()
+    input()
 """
 
 
 def test_leftovers_of_the_dead_are_removed_and_those_of_the_living_are_not(tmp_path):
     path = tmp_path / "a.png"
-    command = [sys.executable, "-c", HOLDER, str(path)]
-    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
-    with subprocess.Popen(
-        command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, env=environment
-    ) as writer:
+    with start(HOLDER, path, stdin=subprocess.PIPE) as writer:
         temporary = Path(writer.stdout.readline().strip())
         assert remove_leftovers(tmp_path) == []
         assert temporary.read_bytes() == b"half"

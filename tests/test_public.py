@@ -131,6 +131,28 @@ def test_options_are_keyword_only():
                     assert parameter.kind is parameter.KEYWORD_ONLY, f"{name}: {parameter.name}"
 
 
+# What a texture has that is asked for no more; the papers' numbers.
+USUAL: dict[str, Any] = {
+    "drift": (0.0, 0.0), "shift": (0.0, 0.0), "tile": 64, "overlap": 10, "exponent": 1.0,
+    "wavelengths": (4.0, 32.0), "wavelength_max": 32.0, "alias": "keep", "soft_from": 0.4,
+    "shutter": 0.0, "jitter": False, "blend": "power", "mean": 0.5, "spread": 3.0, "power": 2.0,
+    "amount": 1.0, "preserve_mean": False, "renormalise": False, "dtype": np.float32,
+}  # fmt: skip
+UNUSUAL = {"temporal_filter alias": "cut", "random_phase tile": (0, 0)}
+
+
+def test_defaults_are_the_papers():
+    spectral = {name: getattr(fl.spectral, name) for name in (
+        "field", "alpha", "opacity", "temporal_filter", "tent_rate", "band_amplitude",
+        "random_phase", "blend_tiles", "inverse_transform",
+    )}  # fmt: skip
+    for name, function in {**spectral, "tile_drift": fl.camera.tile_drift}.items():
+        for key, parameter in inspect.signature(function).parameters.items():
+            if key in USUAL and parameter.default is not parameter.empty:
+                wanted = UNUSUAL.get(f"{name} {key}", USUAL[key])
+                assert parameter.default == wanted, f"{name}: {key}"
+
+
 # Its aspects -------------------------------------------------------------------------------------
 
 

@@ -132,16 +132,6 @@ def test_every_layout_is_the_twins(shape, tile: int, overlap: int, blend: str, d
     assert np.abs(got - want).max() <= LIMIT[dtype]
 
 
-def test_defaults_of_field():
-    spelled = fl.spectral.field(
-        (80, 90), drift=(1.0, 2.0), shift=(0.0, 0.0), seed=5, tile=64, overlap=10,
-        wavelengths=(4.0, 32.0), exponent=1.0, velocity=None, shift_rate=None, alias="keep",
-        soft_from=0.4, shutter=0.0, jitter=False, shortest=None, blend="power", dtype=np.float32,
-    )  # fmt: skip
-    got = fl.spectral.field((80, 90), drift=(1.0, 2.0), seed=5)
-    assert got.dtype == np.float32 and np.array_equal(got, spelled)
-
-
 def test_shortest_keeps_the_normaliser():
     # The kept variance is log(Z_bg/Z_near)/log 8, here one octave of three, and the
     # waves that stay are the same: a near wall shows less snow, not other snow.

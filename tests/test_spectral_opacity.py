@@ -31,12 +31,6 @@ def test_opacity_is_the_twins(options: dict, dtype: type, limit: float):
     assert np.abs(got - twin.opacity(z, **options)).max() <= limit
 
 
-def test_defaults_of_opacity():
-    z = np.random.default_rng(1).normal(size=(20, 20))
-    spelled = fl.spectral.opacity(z, mean=0.5, spread=3.0, power=2.0, amount=1.0)
-    assert np.array_equal(fl.spectral.opacity(z), spelled)
-
-
 def test_statistics_of_the_default_opacity():
     # With k = 3, 400 tiles: mean .27764, std .17061. By Parseval every tile's unclipped mean
     # is exactly 1/4 + 1/36 and clipping only lowers it, by 1.4e-4 on average: nearly all tiles stay
@@ -91,16 +85,6 @@ def test_alpha_is_opacity_of_field(dtype: type, limit: float, power: float):
     assert np.abs(got - want).max() <= limit
     slow = twin.opacity(twin.field((70, 45), **FIELD), **MAPPED, power=power)
     assert np.abs(got - slow).max() <= limit
-
-
-def test_defaults_of_alpha():
-    got = fl.spectral.alpha((80, 90), drift=(1.0, 2.0), seed=5)
-    spelled = fl.spectral.alpha(
-        (80, 90), drift=(1.0, 2.0), seed=5, exponent=1.0, mean=0.5, spread=3.0, power=2.0,
-        amount=1.0, preserve_mean=False, dtype=np.float32,
-    )  # fmt: skip
-    assert np.array_equal(got, spelled)
-    assert got.dtype == np.float32
 
 
 def blurred(c: float, shutter: float, seed: int, **options) -> np.ndarray:

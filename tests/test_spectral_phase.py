@@ -28,11 +28,6 @@ def test_random_phase_of_other_tiles(tile: tuple[int, int]):
     assert not np.array_equal(got, fl.spectral.random_phase((16, 16), seed=-3))
 
 
-def test_random_phase_default_tile_and_numpy_seed():
-    got = fl.spectral.random_phase((16, 16), seed=np.int64(5))
-    assert np.array_equal(got, fl.spectral.random_phase((16, 16), seed=5, tile=(0, 0)))
-
-
 @every("wavelength_max", [32.0, 20.0])
 @every("shift", [(0.0, 0.0), (3.25, -7.5)])
 @every("shape", SHAPES)

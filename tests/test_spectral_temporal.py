@@ -43,16 +43,6 @@ def test_temporal_filter_is_the_twins(
     assert np.array_equal(got == 0.0, want == 0.0)
 
 
-def test_defaults_are_cut_without_shutter():
-    amplitude = twin.band_amplitude(M)
-    got = fl.spectral.temporal_filter(amplitude, (0.0, 20.0))
-    spelled = fl.spectral.temporal_filter(
-        amplitude, (0.0, 20.0), shift_rate=(0.0, 0.0), alias="cut", soft_from=0.4, shutter=0.0,
-        renormalise=False, wavelength_max=32.0,
-    )  # fmt: skip
-    assert np.array_equal(got, spelled)
-
-
 @pytest.mark.parametrize(("c", "printed"), [(1.0, 0.334), (2.0, 0.162), (4.0, 0.082), (8.0, 0.042)])
 def test_kept_share(c: float, printed: float):
     # Theory (2/pi) asin(1/(2c)); the lattice at M = 512 stays within 0.005 of it.

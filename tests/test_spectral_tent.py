@@ -39,11 +39,6 @@ def test_tent_sign_and_size():
     assert along == pytest.approx(-5.0 / 32.0, abs=1e-16)
 
 
-def test_tent_default_wavelength_max():
-    default = fl.spectral.tent_rate((16, 16), (1.0, 2.0))
-    assert np.array_equal(default, fl.spectral.tent_rate((16, 16), (1.0, 2.0), wavelength_max=32.0))
-
-
 @pytest.mark.parametrize("size", [5, 7])
 def test_one_wavelength_is_a_translation(size: int):
     # Only the waves of one wavelength along the axes: the tent's step moves them as a whole by
@@ -117,12 +112,6 @@ def test_band_is_half_open(edge: float, wave: tuple[int, int]):
     assert coarse[wave] == 0.0 and fine[wave] > 0.0
     assert not np.any((coarse > 0) & (fine > 0))
     assert np.array_equal((coarse > 0) | (fine > 0), whole > 0)
-
-
-def test_default_band_and_dc():
-    default = fl.spectral.band_amplitude((64, 64))
-    assert np.array_equal(default, fl.spectral.band_amplitude((64, 64), wavelengths=(4.0, 32.0)))
-    assert default[0, 0] == 0.0
 
 
 def test_a_band_longer_than_the_tile_warns():

@@ -53,12 +53,6 @@ def test_one_tile_is_itself():
         assert np.array_equal(got, tiles[0, 0, :13])
 
 
-def test_default_blend():
-    tiles = np.random.default_rng(0).standard_normal((2, 1, 64, 64))
-    spelled = fl.spectral.blend_tiles(tiles, (90, 64), overlap=10, blend="power")
-    assert np.array_equal(fl.spectral.blend_tiles(tiles, (90, 64)), spelled)
-
-
 # 5 x 5 tiles give 16 corners and 40 edges: with 400 seeds, 6400 nearly independent values at the
 # corners, standard error of their variance 1.8 %; whole 10 x 10 patches and the edges do better.
 STARTS = np.arange(1, 5) * 54

@@ -73,8 +73,3 @@ def test_one_bad_twiddle_would_be_seen(shape: twin.Shape):
         error = (columns @ twiddle[which]).real - exact
         errors.append(np.sqrt(np.mean(error**2) / np.mean(exact**2)))
     assert errors[0] < 5e-7 < errors[1]
-
-
-def test_default_dtype_is_float32():
-    amplitude, phase = symmetric((8, 8))
-    assert fl.spectral.inverse_transform(amplitude, phase).dtype == np.float32

@@ -145,14 +145,6 @@ def plane_rate(shape: Shape, shift: ArrayLike) -> Floats:
     return -(nx * px + ny * py)
 
 
-def velocity_from_paper(
-    C: float, theta: float, *, period: float, wavelength_max: float = 32.0
-) -> tuple[float, float]:
-    """The longest wave moves c*wavelength_max px per frame along theta, c = C/period cycles."""
-    speed = C / period * wavelength_max
-    return speed * np.cos(theta), speed * np.sin(theta)
-
-
 def advance_phase(
     phase: ArrayLike,
     drift: ArrayLike,

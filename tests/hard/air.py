@@ -287,14 +287,6 @@ def rounding(dtype: Any) -> float:
 _HALVES = (Fraction(1, 2), Fraction(-1, 2))
 
 
-def bad_pixels(dtype: Any) -> float:
-    """Pixels that are NaN after 3 of 64 were."""
-    picture = np.ones((8, 8, 3), dtype)
-    picture[1, 2] = picture[5, 5] = picture[7, 0] = math.nan
-    got = fl.composite.snow(picture, np.full((8, 8), 0.5, dtype))
-    return float(np.isnan(got).any(axis=2).sum())
-
-
 def lamp(dtype: Any) -> float:
     """A lamp of 1e30 under alpha 1/2: half of it and half the snow, relative."""
     got = fl.composite.snow(np.full((1, 1, 3), 1e30, dtype), np.full((1, 1), 0.5, dtype))
@@ -398,7 +390,5 @@ CASES = [
     Case("alpha 1 over anything is the snow", opaque, 0.0, 0.0, WALL, "(1 - a) b is 0 at 1"),
     Case("uint8 that is not the nearest, of 65,792", rounding, 0.0, 0.0, "a count",
          "rounding, not cutting"),
-    Case("pixels that are NaN after 3 were", bad_pixels, 3.0, 0.0, "a count",
-         "no pixel looks at another"),
     Case("half of a lamp of 1e30", lamp, 1.0, (1e-7, 1e-15), "2 eps", "no range is assumed"),
 ]  # fmt: skip
