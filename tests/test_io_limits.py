@@ -154,7 +154,7 @@ def test_16_8_twenty_thousand_effects(tmp_path: Path):
     effect = '[[effects]]\nkind = "snow"\n'
     (tmp_path / "a.toml").write_text("size = [64, 48]\n" + effect * 20_000)
     words = said("fl.Scene.load(sys.argv[1])", tmp_path / "a.toml")
-    assert words.endswith("a.toml, line 2: effects must be at most 1000, got 20000")
+    assert "a.toml, line 2: effects must be at most 1000, got 20000" in words
     with pytest.raises(ValueError, match="effects must be at most 1000, got 1001"):
         fl.Scene((64, 48), effects=[fl.TentRain()] * 1001)
     (tmp_path / "a.toml").write_text("size = [64, 48]\n" + effect * 1000)
