@@ -112,7 +112,7 @@ class Path:
         gone = _gone(start, end, t - times[i], self.axis[i], (first, last)) / self._tile
         stretch = 1.0 + last * abs(speed)
         x, y, z = axis.tolist()
-        return State((x, y, z), wrapped(self.phase[i] + gone), stretch, speed)
+        return State((x, y, z), wrapped(self.phase[i] + gone), float(stretch), float(speed))
 
     def _state(self, i: int) -> State:
         x, y, z = self.axis[i].tolist()
