@@ -208,9 +208,7 @@ def client(monkeypatch: Any) -> Iterator[Any]:
         yield client
 
 
-def test_16_14_workers_write_to_s3(
-    server: Server, client: Any, whole: dict[str, bytes], monkeypatch: pytest.MonkeyPatch
-):
+def test_16_14_workers_write_to_s3(server: Server, client: Any, whole: Any, monkeypatch: Any):
     place = f"s3://films/{uuid.uuid4().hex}"
     assert len(SCENE.write(f"{place}/%04d.png", "1-12", dask=client).written) == 12
     assert contents(place) == whole

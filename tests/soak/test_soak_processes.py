@@ -48,46 +48,17 @@ started.wait()
     assert bad == []
 
 
-MEMORY = """
-import gc
-import flurries as fl
-scene = fl.Scene((160, 120), "#304050", effects=[fl.TentSnow.preset("heavy", flakes=300)])
-def resident():
-    gc.collect()
-    with open("/proc/self/status") as file:
-        return next(int(line.split()[1]) for line in file if line.startswith("VmRSS"))
-kept = []
-def run(frames):
-    for t in frames:
-        scene.render(t)
-        kept.append(bytes(LEAK))
-run(range(300))
-before = resident()
-run(range(300, 300 + COUNT))
-print(resident() - before)
-"""
-
-
-def grown(frames: int, leak: int) -> int:
-    code = MEMORY.replace("LEAK", str(leak)).replace("COUNT", str(frames))
-    done = subprocess.run(
-        [sys.executable, "-c", code], text=True, capture_output=True, timeout=600,
-        env={**os.environ, "FLURRIES_NUM_THREADS": "2"},
-    )  # fmt: skip
-    return int(done.stdout)
-
-
 def test_memory_over_ten_thousand_frames(record_property: Record):
     frames = times(10_000)
     # A list of 10,000 empty byte strings is 80 KiB of it.
-    growth = grown(frames, 0)
+    growth = test_gate.grown(frames, 0)
     record_property("figure", f"{growth} KiB in {frames} frames")
     assert growth <= 1024
 
 
 def test_a_leak_is_seen(record_property: Record):
     frames = times(2000, 300)
-    growth = grown(frames, 8192)
+    growth = test_gate.grown(frames, 8192)
     record_property("figure", f"8 KiB a frame: {growth} KiB in {frames} frames")
     assert growth > 1024
 
