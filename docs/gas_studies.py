@@ -67,7 +67,7 @@ def ladder() -> None:
             axis.annotate(model, (part, errors[model].mean()), xytext=(5, 4),
                           textcoords="offset points", fontsize=8)  # fmt: skip
         axis.set_title(view, fontsize=10)
-        axis.set(xlabel="time over volume's", xlim=(0.06, 2.5))
+        axis.set(xlabel="time over volume's", xlim=(0.04, 2.5))
         axis.set_xticks([0.1, 0.2, 0.5, 1.0, 2.0], ["0.1", "0.2", "0.5", "1", "2"])
         axis.minorticks_off()
         axis.grid(alpha=0.3)
