@@ -20,54 +20,32 @@ use crate::particles::view::View;
 /// One class of size: the attributes of `flurries.particles.crowd.Box`.
 #[derive(FromPyObject)]
 struct BoxRequest {
-    #[pyo3(attribute)]
     number: usize,
-    #[pyo3(attribute)]
     sides: [f64; 3],
-    #[pyo3(attribute)]
     center: [f64; 3],
-    #[pyo3(attribute)]
     seed: i64,
-    #[pyo3(attribute)]
     way: [f64; 3],
-    #[pyo3(attribute)]
     order: [usize; 3],
-    #[pyo3(attribute)]
     sway: (f64, f64),
-    #[pyo3(attribute)]
     travel: [f64; 3],
-    #[pyo3(attribute)]
     sizes: (f64, f64),
-    #[pyo3(attribute)]
     slope: f64,
-    #[pyo3(attribute)]
     shown: [f64; 4],
-    #[pyo3(attribute)]
     amounts: Vec<f64>,
 }
 
 /// All classes before one lens: the attributes of `flurries.particles.crowd.Crowd`.
 #[derive(FromPyObject)]
 pub struct CrowdRequest {
-    #[pyo3(attribute)]
     boxes: Vec<BoxRequest>,
-    #[pyo3(attribute)]
     opacity: f64,
-    #[pyo3(attribute)]
     turn: [[f64; 3]; 3],
-    #[pyo3(attribute)]
     spread: [[f64; 3]; 3],
-    #[pyo3(attribute)]
     down: [f64; 3],
-    #[pyo3(attribute)]
     heights: (f64, f64),
-    #[pyo3(attribute)]
     room: f64,
-    #[pyo3(attribute)]
     lens: (f64, f64, f64, [f64; 3], f64),
-    #[pyo3(attribute)]
     window: [usize; 4],
-    #[pyo3(attribute)]
     closeup: Option<CloseupRequest>,
 }
 

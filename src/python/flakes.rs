@@ -80,17 +80,11 @@ pub fn flake_patterns(
 /// A slab of a population, as the Python layer has it.
 #[derive(FromPyObject)]
 pub struct SlabRequest {
-    #[pyo3(attribute)]
     drawn: f64,
-    #[pyo3(attribute)]
     number: f64,
-    #[pyo3(attribute)]
     coverage: f64,
-    #[pyo3(attribute)]
     diameters: Vec<f64>,
-    #[pyo3(attribute)]
     streak: [f64; 2],
-    #[pyo3(attribute)]
     thin: f64,
 }
 
@@ -267,40 +261,25 @@ pub fn flake_choices(
 /// A frame of the texture as the Python layer has settled it; the attributes of its request.
 #[derive(FromPyObject)]
 pub struct FlakeRequest<'py> {
-    #[pyo3(attribute)]
     shape: (usize, usize),
-    #[pyo3(attribute)]
     overlap: usize,
-    #[pyo3(attribute)]
     pattern: PyReadonlyArray3<'py, i32>,
-    #[pyo3(attribute)]
     gain: PyReadonlyArray3<'py, f64>,
-    #[pyo3(attribute)]
     shift: PyReadonlyArray4<'py, f64>,
-    #[pyo3(attribute)]
     streak: Option<PyReadonlyArray4<'py, f64>>,
-    #[pyo3(attribute)]
     mirror: PyReadonlyArray2<'py, bool>,
-    #[pyo3(attribute)]
     mean: PyReadonlyArray2<'py, f64>,
-    #[pyo3(attribute)]
     window: (usize, usize, usize, usize),
-    #[pyo3(attribute)]
     before: Option<WallRequest<'py>>,
 }
 
 /// A scene before which the texture lies; the attributes of its request.
 #[derive(FromPyObject)]
 pub struct WallRequest<'py> {
-    #[pyo3(attribute)]
     depth: PyReadonlyArray2<'py, f32>,
-    #[pyo3(attribute)]
     group: PyReadonlyArray1<'py, i32>,
-    #[pyo3(attribute)]
     edges: PyReadonlyArray1<'py, f64>,
-    #[pyo3(attribute)]
     shares: PyReadonlyArray2<'py, f64>,
-    #[pyo3(attribute)]
     mean: PyReadonlyArray3<'py, f64>,
 }
 

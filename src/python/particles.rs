@@ -176,35 +176,20 @@ fn shown<M: Real>(
 /// A box of flakes that all move alike, as the effect has settled it; the attributes of its request.
 #[derive(FromPyObject)]
 pub struct FlurryRequest {
-    #[pyo3(attribute)]
     number: usize,
-    #[pyo3(attribute)]
     sides: [f64; 3],
-    #[pyo3(attribute)]
     center: [f64; 3],
-    #[pyo3(attribute)]
     seed: i64,
-    #[pyo3(attribute)]
     way: [f64; 3],
-    #[pyo3(attribute)]
     sway: (f64, f64),
-    #[pyo3(attribute)]
     travel: [f64; 3],
-    #[pyo3(attribute)]
     radius: (f64, f64),
-    #[pyo3(attribute)]
     opacity: f64,
-    #[pyo3(attribute)]
     amount: f64,
-    #[pyo3(attribute)]
     fade_in: f64,
-    #[pyo3(attribute)]
     largest: (f64, f64),
-    #[pyo3(attribute)]
     sizes: i64,
-    #[pyo3(attribute)]
     lens: (f64, f64, f64, [f64; 3], f64),
-    #[pyo3(attribute)]
     window: [usize; 4],
 }
 
@@ -424,15 +409,10 @@ pub fn lamp_light(
 /// Flakes from near: the attributes of `flurries.particles.crowd.Closeup`.
 #[derive(FromPyObject)]
 pub struct CloseupRequest {
-    #[pyo3(attribute)]
     kind: String,
-    #[pyo3(attribute)]
     switch: (f64, f64),
-    #[pyo3(attribute)]
     blur: Option<(f64, f64, usize, f64)>,
-    #[pyo3(attribute)]
     seed: i64,
-    #[pyo3(attribute)]
     seconds: f64,
 }
 

@@ -217,45 +217,25 @@ pub const fn opacity_map((mean, spread, power, amount): (f64, f64, f64, f64)) ->
 /// A frame of the field as the Python layer has settled it; the attributes of its request.
 #[derive(FromPyObject)]
 pub struct Request<'py> {
-    #[pyo3(attribute)]
     shape: (usize, usize),
-    #[pyo3(attribute)]
     tile: (usize, usize),
-    #[pyo3(attribute)]
     overlap: usize,
-    #[pyo3(attribute)]
     blend: String,
-    #[pyo3(attribute)]
     wavelengths: (f64, f64),
-    #[pyo3(attribute)]
     exponent: f64,
-    #[pyo3(attribute)]
     seed: i64,
-    #[pyo3(attribute)]
     jitter: bool,
-    #[pyo3(attribute)]
     ring_edges: PyReadonlyArray1<'py, f64>,
-    #[pyo3(attribute)]
     ring_gains: PyReadonlyArray1<'py, f64>,
-    #[pyo3(attribute)]
     drift: PyReadonlyArray4<'py, f64>,
-    #[pyo3(attribute)]
     shift: PyReadonlyArray4<'py, f64>,
-    #[pyo3(attribute)]
     velocity: PyReadonlyArray4<'py, f64>,
-    #[pyo3(attribute)]
     shift_rate: PyReadonlyArray4<'py, f64>,
-    #[pyo3(attribute)]
     alias: String,
-    #[pyo3(attribute)]
     soft_from: f64,
-    #[pyo3(attribute)]
     shutter: f64,
-    #[pyo3(attribute)]
     shortest: Option<PyReadonlyArray2<'py, f64>>,
-    #[pyo3(attribute)]
     window: (usize, usize, usize, usize),
-    #[pyo3(attribute)]
     lap: Option<(PyReadonlyArray4<'py, f64>, PyReadonlyArray4<'py, f64>, f64)>,
 }
 

@@ -16,27 +16,16 @@ const PIXEL: f64 = 10.0;
 /// A film that repeats, as the Python layer has settled it; the attributes of its request.
 #[derive(FromPyObject)]
 pub struct Film {
-    #[pyo3(attribute)]
     frames: usize,
-    #[pyo3(attribute)]
     shape: (usize, usize),
-    #[pyo3(attribute)]
     drift: [f64; 2],
-    #[pyo3(attribute)]
     seed: i64,
-    #[pyo3(attribute)]
     wavelengths: (f64, f64),
-    #[pyo3(attribute)]
     exponent: f64,
-    #[pyo3(attribute)]
     alias: String,
-    #[pyo3(attribute)]
     soft_from: f64,
-    #[pyo3(attribute)]
     shutter: f64,
-    #[pyo3(attribute)]
     jitter: bool,
-    #[pyo3(attribute)]
     cells: String,
 }
 
