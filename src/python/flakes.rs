@@ -10,7 +10,7 @@ use numpy::{
 };
 use pyo3::prelude::*;
 
-use super::gate::{self, Plane, PlaneMut, arrays};
+use super::gate::{self, Plane, PlaneMut, alike, arrays, either};
 use crate::base::error::{Cancel, Error};
 use crate::base::normal::Normal;
 use crate::spectral::field::Window;
@@ -30,21 +30,15 @@ const PIXEL: f64 = 3.0;
 
 arrays! {
     /// Spectra of either precision, to be written.
-    pub enum SpectraMut by try_readwrite {
-        /// complex64
-        Single: PyArray4<Complex<f32>> => PyReadwriteArray4<'py, Complex<f32>>,
-        /// complex128
-        Double: PyArray4<Complex<f64>> => PyReadwriteArray4<'py, Complex<f64>>,
+    pub enum SpectraMut by try_readwrite, PyArray4 as PyReadwriteArray4 {
+        Single: Complex<f32>, Double: Complex<f64>
     }
 }
 
 arrays! {
     /// Spectra of either precision.
-    pub enum Spectra by try_readonly {
-        /// complex64
-        Single: PyArray3<Complex<f32>> => PyReadonlyArray3<'py, Complex<f32>>,
-        /// complex128
-        Double: PyArray3<Complex<f64>> => PyReadonlyArray3<'py, Complex<f64>>,
+    pub enum Spectra by try_readonly, PyArray3 as PyReadonlyArray3 {
+        Single: Complex<f32>, Double: Complex<f64>
     }
 }
 
@@ -59,22 +53,13 @@ pub fn flake_patterns(
 ) -> PyResult<()> {
     let counts = counts.as_slice().map_err(|_| Error::invalid("counts", "must be contiguous"))?;
     let (diameters, (shear, opacity, amount, seed)) = (diameters.as_array(), law);
-    let law = |tile| Law { tile, shear, opacity, amount, seed };
-    let work = |patterns: usize| counts.iter().sum::<f64>() * patterns as f64 * FLAKE;
-    match out {
-        SpectraMut::Single(mut out) => {
-            let out = out.as_array_mut();
-            let (_, number, tile, _) = out.dim();
-            let run = move |cancel: &Cancel| patterns(out, counts, diameters, law(tile), cancel);
-            gate::run(py, work(number), run)
-        }
-        SpectraMut::Double(mut out) => {
-            let out = out.as_array_mut();
-            let (_, number, tile, _) = out.dim();
-            let run = move |cancel: &Cancel| patterns(out, counts, diameters, law(tile), cancel);
-            gate::run(py, work(number), run)
-        }
-    }
+    either!(SpectraMut mut out = out => {
+        let out = out.as_array_mut();
+        let (_, number, tile, _) = out.dim();
+        let work = counts.iter().sum::<f64>() * number as f64 * FLAKE;
+        let law = Law { tile, shear, opacity, amount, seed };
+        gate::run(py, work, move |cancel| patterns(out, counts, diameters, law, cancel))
+    })
 }
 
 /// A slab of a population, as the Python layer has it.
@@ -136,19 +121,13 @@ impl PreparedFlakes {
     /// Coverage of a tile of each pattern, square pixels.
     #[getter]
     fn means(&self) -> Vec<f64> {
-        match &self.patterns {
-            Either::Single(patterns) => patterns.means().to_vec(),
-            Either::Double(patterns) => patterns.means().to_vec(),
-        }
+        either!(Either patterns = &self.patterns => patterns.means().to_vec())
     }
 
     /// Size of a tile, pixels.
     #[getter]
     fn tile(&self) -> usize {
-        match &self.patterns {
-            Either::Single(patterns) => patterns.tile,
-            Either::Double(patterns) => patterns.tile,
-        }
+        either!(Either patterns = &self.patterns => patterns.tile)
     }
 }
 
@@ -160,25 +139,15 @@ pub fn flake_prepare(
     shear: f64,
     double: bool,
 ) -> PyResult<PreparedFlakes> {
-    let patterns = match (&spectra, double) {
-        (Spectra::Single(spectra), false) => {
-            let spectra = spectra.as_array();
-            Either::Single(Arc::new(gate::run(py, 0.0, move |_| Prepared::new(spectra, shear))?))
-        }
-        (Spectra::Single(spectra), true) => {
-            let spectra = spectra.as_array();
+    either!(Spectra spectra = &spectra => {
+        let spectra = spectra.as_array();
+        let patterns = if double {
             Either::Double(Arc::new(gate::run(py, 0.0, move |_| Prepared::new(spectra, shear))?))
-        }
-        (Spectra::Double(spectra), false) => {
-            let spectra = spectra.as_array();
+        } else {
             Either::Single(Arc::new(gate::run(py, 0.0, move |_| Prepared::new(spectra, shear))?))
-        }
-        (Spectra::Double(spectra), true) => {
-            let spectra = spectra.as_array();
-            Either::Double(Arc::new(gate::run(py, 0.0, move |_| Prepared::new(spectra, shear))?))
-        }
-    };
-    Ok(PreparedFlakes { patterns })
+        };
+        Ok(PreparedFlakes { patterns })
+    })
 }
 
 /// Patterns between two prepared sets: (1 - weight) of the first, `weight` of the second.
@@ -430,15 +399,8 @@ pub fn flake_take(
 ) -> PyResult<()> {
     let FlakeBands { bands, nanoseconds, least } = bands;
     let work = |rows: usize| (rows as f64).max(*least) * *nanoseconds;
-    match (out, bands) {
-        (PlaneMut::Single(mut out), EitherBands::Single(bands)) => {
-            let out = out.as_array_mut();
-            gate::run(py, work(out.nrows()), |cancel| bands.take(first, out, cancel))
-        }
-        (PlaneMut::Double(mut out), EitherBands::Double(bands)) => {
-            let out = out.as_array_mut();
-            gate::run(py, work(out.nrows()), |cancel| bands.take(first, out, cancel))
-        }
-        _ => Err(Error::invalid("out", "must have the dtype of the patterns' frames").into()),
-    }
+    alike!([Single, Double] PlaneMut mut out = out, EitherBands bands = bands => {
+        let out = out.as_array_mut();
+        gate::run(py, work(out.nrows()), |cancel| bands.take(first, out, cancel))
+    }, else Error::invalid("out", "must have the dtype of the patterns' frames"))
 }

@@ -3,7 +3,7 @@
 use numpy::{PyArray3, PyReadonlyArray2, PyReadonlyArray3, PyReadwriteArray2, PyReadwriteArray3};
 use pyo3::prelude::*;
 
-use super::gate::{self, Plane, PlaneMut, arrays};
+use super::gate::{self, Plane, PlaneMut, alike, arrays, either};
 use crate::base::error::Error;
 use crate::base::real::Real;
 use crate::frame::veil::{self as fog, Patches};
@@ -14,40 +14,21 @@ const VALUE: f64 = 0.3;
 
 arrays! {
     /// A background of any supported dtype.
-    pub enum Picture by try_readonly {
-        /// uint8
-        Byte: PyArray3<u8> => PyReadonlyArray3<'py, u8>,
-        /// uint16
-        Word: PyArray3<u16> => PyReadonlyArray3<'py, u16>,
-        /// float32
-        Single: PyArray3<f32> => PyReadonlyArray3<'py, f32>,
-        /// float64
-        Double: PyArray3<f64> => PyReadonlyArray3<'py, f64>,
+    pub enum Picture by try_readonly, PyArray3 as PyReadonlyArray3 {
+        Byte: u8, Word: u16, Single: f32, Double: f64
     }
 }
 
 arrays! {
     /// An output of the same dtypes.
-    pub enum PictureMut by try_readwrite {
-        /// uint8
-        Byte: PyArray3<u8> => PyReadwriteArray3<'py, u8>,
-        /// uint16
-        Word: PyArray3<u16> => PyReadwriteArray3<'py, u16>,
-        /// float32
-        Single: PyArray3<f32> => PyReadwriteArray3<'py, f32>,
-        /// float64
-        Double: PyArray3<f64> => PyReadwriteArray3<'py, f64>,
+    pub enum PictureMut by try_readwrite, PyArray3 as PyReadwriteArray3 {
+        Byte: u8, Word: u16, Single: f32, Double: f64
     }
 }
 
 arrays! {
     /// RGBA of either precision.
-    pub enum Layer by try_readonly {
-        /// float32
-        Single: PyArray3<f32> => PyReadonlyArray3<'py, f32>,
-        /// float64
-        Double: PyArray3<f64> => PyReadonlyArray3<'py, f64>,
-    }
+    pub enum Layer by try_readonly, PyArray3 as PyReadonlyArray3 { Single: f32, Double: f64 }
 }
 
 fn mismatch() -> PyErr {
@@ -72,28 +53,13 @@ pub fn snow(
     ) -> PyResult<()> {
         let (out, back) = (out.as_array_mut(), background.as_array());
         let work = VALUE * out.len() as f64;
-        match alpha {
-            Plane::Single(alpha) => {
-                let alpha = alpha.as_array();
-                gate::run(py, work, move |cancel| {
-                    composite::snow(out, back, alpha, intensity, cancel)
-                })
-            }
-            Plane::Double(alpha) => {
-                let alpha = alpha.as_array();
-                gate::run(py, work, move |cancel| {
-                    composite::snow(out, back, alpha, intensity, cancel)
-                })
-            }
-        }
+        either!(Plane alpha = alpha => {
+            let alpha = alpha.as_array();
+            gate::run(py, work, move |cancel| composite::snow(out, back, alpha, intensity, cancel))
+        })
     }
-    match (out, background) {
-        (PictureMut::Byte(out), Picture::Byte(back)) => run(py, out, &back, &alpha, &intensity),
-        (PictureMut::Word(out), Picture::Word(back)) => run(py, out, &back, &alpha, &intensity),
-        (PictureMut::Single(out), Picture::Single(back)) => run(py, out, &back, &alpha, &intensity),
-        (PictureMut::Double(out), Picture::Double(back)) => run(py, out, &back, &alpha, &intensity),
-        _ => Err(mismatch()),
-    }
+    alike!([Byte, Word, Single, Double] PictureMut out = out, Picture back = background =>
+        run(py, out, &back, &alpha, &intensity), else mismatch())
 }
 
 /// A premultiplied layer over a background.
@@ -112,24 +78,13 @@ pub fn over(
     ) -> PyResult<()> {
         let (out, back) = (out.as_array_mut(), background.as_array());
         let work = VALUE * out.len() as f64;
-        match layer {
-            Layer::Single(layer) => {
-                let layer = layer.as_array();
-                gate::run(py, work, move |cancel| composite::over(out, back, layer, cancel))
-            }
-            Layer::Double(layer) => {
-                let layer = layer.as_array();
-                gate::run(py, work, move |cancel| composite::over(out, back, layer, cancel))
-            }
-        }
+        either!(Layer layer = layer => {
+            let layer = layer.as_array();
+            gate::run(py, work, move |cancel| composite::over(out, back, layer, cancel))
+        })
     }
-    match (out, background) {
-        (PictureMut::Byte(out), Picture::Byte(back)) => run(py, out, &back, &layer),
-        (PictureMut::Word(out), Picture::Word(back)) => run(py, out, &back, &layer),
-        (PictureMut::Single(out), Picture::Single(back)) => run(py, out, &back, &layer),
-        (PictureMut::Double(out), Picture::Double(back)) => run(py, out, &back, &layer),
-        _ => Err(mismatch()),
-    }
+    alike!([Byte, Word, Single, Double] PictureMut out = out, Picture back = background =>
+        run(py, out, &back, &layer), else mismatch())
 }
 
 /// Joint opacity of layers of one color.

@@ -2,12 +2,12 @@
 
 use numpy::ndarray::ArrayView2;
 use numpy::{
-    PyArray2, PyArray3, PyReadonlyArray1, PyReadonlyArray2, PyReadonlyArray3, PyReadwriteArray1,
+    PyArray3, PyReadonlyArray1, PyReadonlyArray2, PyReadonlyArray3, PyReadwriteArray1,
     PyReadwriteArray2, PyReadwriteArray3,
 };
 use pyo3::prelude::*;
 
-use super::gate::{self, Plane, PlaneMut, arrays, each_map};
+use super::gate::{self, Plane, PlaneMut, arrays, each_map, either};
 use crate::base::error::Error;
 use crate::base::normal::Normal;
 use crate::base::real::Real;
@@ -22,12 +22,7 @@ use crate::gas::sprite::{Eye, Footprint, Look, NearMode, Sprite};
 
 arrays! {
     /// RGBA of either precision, to be written.
-    pub enum LayerMut by try_readwrite {
-        /// float32
-        Single: PyArray3<f32> => PyReadwriteArray3<'py, f32>,
-        /// float64
-        Double: PyArray3<f64> => PyReadwriteArray3<'py, f64>,
-    }
+    pub enum LayerMut by try_readwrite, PyArray3 as PyReadwriteArray3 { Single: f32, Double: f64 }
 }
 
 /// (focal, cx, cy, offset)
@@ -93,14 +88,9 @@ pub fn gas_splat(
         colors: &colors,
     };
     let (eye, look) = (eye_of(lens), look_of(manner)?);
-    match out {
-        LayerMut::Single(out) => {
-            each_map!(&depth, map => layer(py, out, &cloud, &eye, &look, map))
-        }
-        LayerMut::Double(out) => {
-            each_map!(&depth, map => layer(py, out, &cloud, &eye, &look, map))
-        }
-    }
+    either!(LayerMut out = out => {
+        each_map!(&depth, map => layer(py, out, &cloud, &eye, &look, map))
+    })
 }
 
 fn layer<P: Normal + numpy::Element, M: Real>(
@@ -186,14 +176,13 @@ pub fn gas_sort(
     Ok(SortedGas { shape, sprites, touched, colors, eye, look, nanoseconds })
 }
 
-arrays! {
-    /// An alpha, or RGBA, to be written.
-    pub enum GasMut by try_readwrite {
-        /// Alpha (h, w).
-        Alpha: PyArray2<f32> => PyReadwriteArray2<'py, f32>,
-        /// Premultiplied linear RGBA (h, w, 4).
-        Light: PyArray3<f32> => PyReadwriteArray3<'py, f32>,
-    }
+/// An alpha (h, w), or premultiplied linear RGBA (h, w, 4), to be written.
+#[derive(FromPyObject)]
+pub enum GasMut<'py> {
+    /// Alpha (h, w).
+    Alpha(PyReadwriteArray2<'py, f32>),
+    /// Premultiplied linear RGBA (h, w, 4).
+    Light(PyReadwriteArray3<'py, f32>),
 }
 
 /// Draws the part `window` (top, bottom, left, right) of a gas into `out`, (h, w) or (h, w, 4); `depth`

@@ -130,13 +130,13 @@ pub fn each<T: Element + Copy>(
 macro_rules! arrays {
     (
         $(#[$meta:meta])*
-        $visibility:vis enum $name:ident by $borrow:ident {
-            $($(#[$doc:meta])* $variant:ident: $array:ty => $held:ty,)+
+        $visibility:vis enum $name:ident by $borrow:ident, $array:ident as $held:ident {
+            $($variant:ident: $element:ty),+ $(,)?
         }
     ) => {
         $(#[$meta])*
         $visibility enum $name<'py> {
-            $($(#[$doc])* $variant($held),)+
+            $(#[doc = stringify!($element)] $variant($held<'py, $element>),)+
         }
 
         impl<'a, 'py> pyo3::FromPyObject<'a, 'py> for $name<'py> {
@@ -145,12 +145,13 @@ macro_rules! arrays {
             fn extract(object: pyo3::Borrowed<'a, 'py, pyo3::PyAny>) -> pyo3::PyResult<Self> {
                 use numpy::PyArrayMethods;
                 $(
-                    if let Ok(array) = object.cast::<$array>() {
+                    if let Ok(array) = object.cast::<$array<$element>>() {
                         return Ok(Self::$variant(array.$borrow()?));
                     }
                 )+
                 Err(pyo3::exceptions::PyTypeError::new_err(concat!(
-                    "an array must be one of ", $(stringify!($array), "; ",)+ "and is not"
+                    "an array must be one of ",
+                    $(stringify!($array), "<", stringify!($element), ">; ",)+ "and is not"
                 )))
             }
         }
@@ -160,23 +161,39 @@ pub(crate) use arrays;
 
 arrays! {
     /// A frame-sized output of either precision, allocated through NumPy by the Python layer.
-    pub enum PlaneMut by try_readwrite {
-        /// float32
-        Single: PyArray2<f32> => PyReadwriteArray2<'py, f32>,
-        /// float64
-        Double: PyArray2<f64> => PyReadwriteArray2<'py, f64>,
-    }
+    pub enum PlaneMut by try_readwrite, PyArray2 as PyReadwriteArray2 { Single: f32, Double: f64 }
 }
 
 arrays! {
     /// A frame-sized input of either precision.
-    pub enum Plane by try_readonly {
-        /// float32
-        Single: PyArray2<f32> => PyReadonlyArray2<'py, f32>,
-        /// float64
-        Double: PyArray2<f64> => PyReadonlyArray2<'py, f64>,
-    }
+    pub enum Plane by try_readonly, PyArray2 as PyReadonlyArray2 { Single: f32, Double: f64 }
 }
+
+/// Runs `$body` with what a value of either precision holds.
+macro_rules! either {
+    ($of:ident $held:pat = $value:expr => $body:expr) => {
+        match $value {
+            $of::Single($held) => $body,
+            $of::Double($held) => $body,
+        }
+    };
+}
+pub(crate) use either;
+
+/// Runs `$body` with what two values of one type hold, or fails where their types differ.
+macro_rules! alike {
+    (
+        [$($variant:ident),+]
+        $of:ident $first:pat = $one:expr, $with:ident $second:pat = $other:expr => $body:expr,
+        else $error:expr $(,)?
+    ) => {
+        match ($one, $other) {
+            $(($of::$variant($first), $with::$variant($second)) => $body,)+
+            _ => Err(PyErr::from($error)),
+        }
+    };
+}
+pub(crate) use alike;
 
 /// Runs `$body` with `$view`, the mutable view of an output of either precision.
 macro_rules! each_precision {

@@ -4,7 +4,7 @@ use numpy::{PyReadonlyArray2, PyReadonlyArray3, PyReadwriteArray3};
 use pyo3::prelude::*;
 
 use super::frame::{Picture, PictureMut};
-use super::gate;
+use super::gate::{self, alike};
 use super::particles::SortedFlakes;
 use super::spectral::{Request, estimate, opacity_map};
 use crate::base::error::Error;
@@ -47,13 +47,9 @@ pub fn snowfall(
     flakes: Option<Flakes<'_>>,
 ) -> PyResult<usize> {
     let asked = Asked { request, map, preserve_mean, haze, intensity, flakes };
-    match (out, background) {
-        (PictureMut::Byte(out), Picture::Byte(back)) => run(py, out, &back, &asked),
-        (PictureMut::Word(out), Picture::Word(back)) => run(py, out, &back, &asked),
-        (PictureMut::Single(out), Picture::Single(back)) => run(py, out, &back, &asked),
-        (PictureMut::Double(out), Picture::Double(back)) => run(py, out, &back, &asked),
-        _ => Err(Error::invalid("out", "must have the dtype of the background").into()),
-    }
+    alike!([Byte, Word, Single, Double] PictureMut out = out, Picture back = background =>
+        run(py, out, &back, &asked),
+        else Error::invalid("out", "must have the dtype of the background"))
 }
 
 fn run<S: Sample + numpy::Element>(

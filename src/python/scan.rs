@@ -10,12 +10,7 @@ use crate::base::scan;
 
 arrays! {
     /// A flat array of either precision.
-    pub enum Flat by try_readonly {
-        /// float32
-        Single: PyArray1<f32> => PyReadonlyArray1<'py, f32>,
-        /// float64
-        Double: PyArray1<f64> => PyReadonlyArray1<'py, f64>,
-    }
+    pub enum Flat by try_readonly, PyArray1 as PyReadonlyArray1 { Single: f32, Double: f64 }
 }
 
 /// Whether all numbers are finite.

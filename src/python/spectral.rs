@@ -1,11 +1,12 @@
 //! `flurries.spectral`: tables, steps and whole frames.
 
 use numpy::{
-    PyReadonlyArray1, PyReadonlyArray2, PyReadonlyArray4, PyReadwriteArray1, PyReadwriteArray2,
+    PyArray4, PyReadonlyArray1, PyReadonlyArray2, PyReadonlyArray4, PyReadwriteArray1,
+    PyReadwriteArray2,
 };
 use pyo3::prelude::*;
 
-use super::gate::{self, Plane, PlaneMut, each_precision};
+use super::gate::{self, Plane, PlaneMut, alike, arrays, each_precision};
 use crate::base::error::Error;
 use crate::base::pool;
 use crate::base::real::Real;
@@ -137,13 +138,9 @@ pub fn tile_shares(
     Ok(row.fill_shares(out, Blend::named(blend)?)?)
 }
 
-/// Tiles of either precision.
-#[derive(FromPyObject)]
-pub enum Tiles<'py> {
-    /// float32
-    Single(PyReadonlyArray4<'py, f32>),
-    /// float64
-    Double(PyReadonlyArray4<'py, f64>),
+arrays! {
+    /// Tiles of either precision.
+    pub enum Tiles by try_readonly, PyArray4 as PyReadonlyArray4 { Single: f32, Double: f64 }
 }
 
 /// The blend of a grid of tiles; both arrays of one precision.
@@ -156,17 +153,10 @@ pub fn blend_tiles(
     blend: &str,
 ) -> PyResult<()> {
     let blend = Blend::named(blend)?;
-    match (out, tiles) {
-        (PlaneMut::Single(mut out), Tiles::Single(tiles)) => {
-            let (out, tiles) = (out.as_array_mut(), tiles.as_array());
-            gate::run(py, 0.0, move |_| blend_kernel(out, tiles, overlap, blend))
-        }
-        (PlaneMut::Double(mut out), Tiles::Double(tiles)) => {
-            let (out, tiles) = (out.as_array_mut(), tiles.as_array());
-            gate::run(py, 0.0, move |_| blend_kernel(out, tiles, overlap, blend))
-        }
-        _ => Err(Error::invalid("out", "must have the dtype of the tiles").into()),
-    }
+    alike!([Single, Double] PlaneMut mut out = out, Tiles tiles = tiles => {
+        let (out, tiles) = (out.as_array_mut(), tiles.as_array());
+        gate::run(py, 0.0, move |_| blend_kernel(out, tiles, overlap, blend))
+    }, else Error::invalid("out", "must have the dtype of the tiles"))
 }
 
 /// The opacity of a field; both arrays of one precision.
@@ -178,15 +168,9 @@ pub fn opacity(
     map: (f64, f64, f64, f64),
 ) -> PyResult<()> {
     let map = opacity_map(map).checked("exponent")?;
-    match (out, field) {
-        (PlaneMut::Single(mut out), Plane::Single(field)) => {
-            map_plane(py, out.as_array_mut(), field.as_array(), map)
-        }
-        (PlaneMut::Double(mut out), Plane::Double(field)) => {
-            map_plane(py, out.as_array_mut(), field.as_array(), map)
-        }
-        _ => Err(Error::invalid("out", "must have the dtype of the field").into()),
-    }
+    alike!([Single, Double] PlaneMut mut out = out, Plane field = field =>
+        map_plane(py, out.as_array_mut(), field.as_array(), map),
+        else Error::invalid("out", "must have the dtype of the field"))
 }
 
 fn map_plane<T: Real>(
