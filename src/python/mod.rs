@@ -14,9 +14,11 @@ mod flakes;
 mod frame;
 mod gas;
 mod gate;
+mod laws;
 mod lookup;
 mod onepass;
 mod particles;
+mod patterns;
 mod random;
 mod scan;
 mod shade;
@@ -45,10 +47,7 @@ mod core {
     #[pymodule_export]
     use super::encode::{png_chunk, to_half};
     #[pymodule_export]
-    use super::flakes::{
-        FlakeBands, PreparedFlakes, flake_bands, flake_choices, flake_frame, flake_mix,
-        flake_patterns, flake_population, flake_prepare, flake_take,
-    };
+    use super::flakes::{FlakeBands, flake_bands, flake_choices, flake_frame, flake_take};
     #[pymodule_export]
     use super::frame::{join, over, snow, veil};
     #[pymodule_export]
@@ -56,13 +55,20 @@ mod core {
     #[pymodule_export]
     use super::gate::InternalError;
     #[pymodule_export]
+    use super::laws::{
+        lamp_light, particle_edge_fade, particle_image, particle_positions, particle_presence,
+        particle_size_fade, particle_sway_offsets, particle_variance, smooth,
+    };
+    #[pymodule_export]
     use super::onepass::snowfall;
     #[pymodule_export]
     use super::particles::{
-        SortedFlakes, lamp_light, particle_draw, particle_draw_lit, particle_edge_fade,
-        particle_ids, particle_image, particle_positions, particle_presence, particle_size_fade,
-        particle_sort, particle_sort_listed, particle_sort_pair, particle_splat,
-        particle_sway_offsets, particle_variance, smooth,
+        SortedFlakes, particle_draw, particle_draw_lit, particle_ids, particle_sort,
+        particle_sort_listed, particle_sort_pair, particle_splat,
+    };
+    #[pymodule_export]
+    use super::patterns::{
+        PreparedFlakes, flake_mix, flake_patterns, flake_population, flake_prepare,
     };
     #[pymodule_export]
     use super::random::uniform;

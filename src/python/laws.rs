@@ -1,0 +1,141 @@
+//! Laws of flakes, a number or a point for each: places, fades, the width of an image, light of lamps.
+
+use numpy::{PyReadonlyArray1, PyReadonlyArray2, PyReadwriteArray1, PyReadwriteArray2};
+use pyo3::prelude::*;
+
+use super::gate;
+use super::particles::swaying;
+use crate::base::lamps::{Lamps, light};
+use crate::base::pool;
+use crate::base::sampling::integrated;
+use crate::base::smooth::smoothstep;
+use crate::particles::looks;
+use crate::particles::sprite::image_of;
+use crate::particles::torus::{self, Sway, Torus};
+
+/// Fills `out` (n, 3) with the positions of flakes 0..n at `time`, or of those of some `numbers` (n,).
+#[pyfunction]
+#[pyo3(signature = (out, sides, center, seed, velocity, time, sway, numbers=None))]
+#[expect(clippy::too_many_arguments, reason = "the Python layer passes plain values")]
+pub fn particle_positions(
+    py: Python<'_>,
+    mut out: PyReadwriteArray2<'_, f64>,
+    sides: [f64; 3],
+    center: [f64; 3],
+    seed: i64,
+    velocity: PyReadonlyArray2<'_, f64>,
+    time: f64,
+    sway: Option<(f64, f64)>,
+    numbers: Option<PyReadonlyArray1<'_, i64>>,
+) -> PyResult<()> {
+    let (out, velocity) = (out.as_array_mut(), velocity.as_array());
+    let seeds = (seed, numbers.as_ref().map(|numbers| numbers.as_array()));
+    gate::run(py, 60.0 * out.nrows() as f64, |cancel| {
+        let torus = Torus::new(sides, center)?;
+        torus::positions(out, &torus, seeds, velocity, time, swaying(sway), cancel)
+    })
+}
+
+/// Fills `out` (n, 3) with what the sway adds to the positions of flakes 0..n at `time`.
+#[pyfunction]
+pub fn particle_sway_offsets(
+    py: Python<'_>,
+    mut out: PyReadwriteArray2<'_, f64>,
+    seed: i64,
+    time: f64,
+    sway: (f64, f64),
+) -> PyResult<()> {
+    let out = out.as_array_mut();
+    let sway = Sway { amplitude: sway.0, angular_frequency: sway.1 };
+    gate::run(py, 60.0 * out.nrows() as f64, |cancel| {
+        torus::sway_offsets(out, seed, time, sway, cancel)
+    })
+}
+
+/// Fills `out` (n,) with how much of each point is shown: less near the walls of the box.
+#[pyfunction]
+pub fn particle_edge_fade(
+    py: Python<'_>,
+    mut out: PyReadwriteArray1<'_, f64>,
+    points: PyReadonlyArray2<'_, f64>,
+    sides: [f64; 3],
+    center: [f64; 3],
+) -> PyResult<()> {
+    let (out, points) = (out.as_array_mut(), points.as_array());
+    gate::run(py, 10.0 * out.len() as f64, |cancel| {
+        torus::edge_fade(out, points, &Torus::new(sides, center)?, cancel)
+    })
+}
+
+/// Fills `out` (n, 3) with the radiance that particles at points send to an eye.
+#[pyfunction]
+pub fn lamp_light(
+    py: Python<'_>,
+    mut out: PyReadwriteArray2<'_, f64>,
+    points: PyReadonlyArray2<'_, f64>,
+    lamps: PyReadonlyArray2<'_, f64>,
+    optics: (f64, f64),
+    eye: [f64; 3],
+) -> PyResult<()> {
+    let lamps = Lamps::of(lamps.as_slice()?, optics.0, optics.1, eye)?;
+    let (out, points) = (out.as_slice_mut()?, points.as_slice()?);
+    gate::run(py, 40.0 * points.len() as f64, |_| {
+        let (points, out): (&[[f64; 3]], &mut [[f64; 3]]) =
+            (points.as_chunks().0, out.as_chunks_mut().0);
+        let tasks: Vec<_> = points.chunks(4096).zip(out.chunks_mut(4096)).collect();
+        pool::for_each(tasks, |(points, out)| {
+            light(&lamps, points, out);
+            Ok(())
+        })
+    })
+}
+
+/// Fills `variance` with sigma_e^2 of the images of flakes of these sigmas, px, and `share` with their
+/// middles' opacities over the flakes' own; (n,) each.
+#[pyfunction]
+pub fn particle_image(
+    mut variance: PyReadwriteArray1<'_, f64>,
+    mut share: PyReadwriteArray1<'_, f64>,
+    sigma: PyReadonlyArray1<'_, f64>,
+) -> PyResult<()> {
+    gate::each(&mut variance, &sigma, |sigma| image_of(sigma * sigma).0)?;
+    gate::each(&mut share, &sigma, |sigma| image_of(sigma * sigma).1)
+}
+
+/// Fills `out` (n,) with the variances of the integrated images of flakes of these sigmas, px.
+#[pyfunction]
+pub fn particle_variance(
+    mut out: PyReadwriteArray1<'_, f64>,
+    sigma: PyReadonlyArray1<'_, f64>,
+) -> PyResult<()> {
+    gate::each(&mut out, &sigma, integrated)
+}
+
+/// Fills `out` (n,) with 0 below 0, 1 above 1 and the cubic between.
+#[pyfunction]
+pub fn smooth(mut out: PyReadwriteArray1<'_, f64>, t: PyReadonlyArray1<'_, f64>) -> PyResult<()> {
+    gate::each(&mut out, &t, smoothstep)
+}
+
+/// Fills `out` (n,) with how much of the flakes of these indices, of `count`, is there.
+#[pyfunction]
+pub fn particle_presence(
+    mut out: PyReadwriteArray1<'_, f64>,
+    index: PyReadonlyArray1<'_, i64>,
+    count: usize,
+    amount: f64,
+    fade_in: f64,
+) -> PyResult<()> {
+    gate::each(&mut out, &index, |index| looks::presence(index as usize, count, amount, fade_in))
+}
+
+/// Fills `out` (n,) with how much is shown of flakes of these sigmas, px: all up to the first limit,
+/// nothing from the second on.
+#[pyfunction]
+pub fn particle_size_fade(
+    mut out: PyReadwriteArray1<'_, f64>,
+    sigma: PyReadonlyArray1<'_, f64>,
+    limits: (f64, f64),
+) -> PyResult<()> {
+    gate::each(&mut out, &sigma, |sigma| looks::size_fade(sigma, limits))
+}
