@@ -54,7 +54,7 @@ def warn_of_levels(name: str, picture: Array, advice: str) -> None:
 
 
 def _outside() -> int:
-    """Return how far up the first caller outside this package is, as a warning counts it."""
+    """Return the stack level of the first caller outside this package, as a warning counts it."""
     frame, level = sys._getframe(1), 1
     # A script's frames have no package: theirs is None.
     while frame.f_back is not None and str(frame.f_globals.get("__package__")).startswith(

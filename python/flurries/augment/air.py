@@ -175,7 +175,7 @@ class Here:
         )  # fmt: skip
 
     def _denser(self, falling: Falling) -> float:
-        """Return how many times as dense what falls is before a picture that ends before it."""
+        """Return the factor of the flakes' density before a picture that ends nearer."""
         if self.open:
             return 1.0
         deep = falling.far - falling.near

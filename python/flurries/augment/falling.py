@@ -36,7 +36,7 @@ SPEEDS = {"snow": snow_speed, "rain": drop_speed}
 
 
 class Streaks(NamedTuple):
-    """What flakes that move while the shutter is open are like.
+    """The streaks of flakes that move while the shutter is open.
 
     Attributes
     ----------

@@ -30,7 +30,7 @@ _DEPTHS = np.linspace(0.0, 1.0, 129)
 
 @dataclass(frozen=True)
 class Cloud:
-    """How many particles there are, and what they are like.
+    """The particles of a weather: their density, depths and sizes.
 
     Attributes
     ----------

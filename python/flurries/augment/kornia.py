@@ -81,7 +81,7 @@ class _Augmentation(IntensityAugmentationBase2D):  # type: ignore[misc]
 
     @property
     def records(self) -> list[Any]:
-        """What was drawn for each picture of the last batch, None where nothing was.
+        """The draws for each picture of the last batch, None where nothing was drawn.
 
         For :func:`flurries.augment.replay`.
         """

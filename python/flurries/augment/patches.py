@@ -23,7 +23,7 @@ _QUANTILES = 33
 
 @dataclass(frozen=True)
 class Patches:
-    """How uneven a fog is.
+    """The unevenness of a fog.
 
     Attributes
     ----------

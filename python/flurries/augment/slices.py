@@ -19,7 +19,7 @@ _THIN = 1e-4
 
 
 class Slice(NamedTuple):
-    """What falls at about one depth.
+    """The flakes at about one depth.
 
     Attributes
     ----------
@@ -36,7 +36,7 @@ class Slice(NamedTuple):
 
 
 class Labels(NamedTuple):
-    """What falls at each pixel, the nearer slices before the farther ones.
+    """The flakes at each pixel, the nearer slices before the farther ones.
 
     Attributes
     ----------

@@ -71,7 +71,7 @@ def overlap_of(tile: int) -> int:
 
 
 class Rungs(NamedTuple):
-    """What textures are kept by: whole powers of ratios, but the look and the tile.
+    """The key of kept textures: whole powers of ratios, except the look and the tile.
 
     Attributes
     ----------
@@ -126,7 +126,7 @@ class Patterns:
 
 @dataclass(frozen=True, eq=False)
 class Texture:
-    """What of a weather is a texture.
+    """The part of a weather that is a texture.
 
     Attributes
     ----------
@@ -160,7 +160,7 @@ class Texture:
 
     @property
     def gain(self) -> float:
-        """What all layers' gains are multiplied by."""
+        """The factor of all layers' gains."""
         return math.sqrt(self.more) * self.opaque
 
     @property
@@ -181,7 +181,7 @@ class Texture:
 
     @property
     def left(self) -> float:
-        """What all of it leaves of the light."""
+        """The share of light that all of the texture lets through."""
         return math.exp(-self.more * self.opaque * self.covered * self.patterns.mean)
 
     def before(self, depth: Float64) -> Float64:
@@ -247,7 +247,7 @@ class Texture:
 
 
 class Base(NamedTuple):
-    """What the textures of like weather share: all that a rung of the way decides.
+    """The part that textures of like weather share: all that a rung of the way decides.
 
     Attributes
     ----------

@@ -49,7 +49,7 @@ class Depth(tv_tensors.Mask):  # type: ignore[misc]
 
 
 class Alpha(tv_tensors.Mask):  # type: ignore[misc]
-    """How opaque the weather before a picture is, (H, W) float32; of a video (T, H, W).
+    """The opacity of the weather before a picture, (H, W) float32; of a video (T, H, W).
 
     In the sample beside the picture, zeros at first, it comes back with the opacity of the weather;
     several weathers add up as layers do. It goes through flips and crops as a mask does, so that
@@ -68,7 +68,7 @@ class Alpha(tv_tensors.Mask):  # type: ignore[misc]
 
 
 class Records(list[Any]):
-    """What was drawn: each weather appends its own, for :func:`flurries.augment.replay`."""
+    """The draws: each weather appends its own, for :func:`flurries.augment.replay`."""
 
 
 class _Transform(v2.Transform):  # type: ignore[misc]

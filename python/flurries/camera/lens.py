@@ -142,7 +142,7 @@ def project(
 
 
 def seen_at(local: Float64, camera: Camera, shape: tuple[int, int]) -> tuple[Float64, Float64]:
-    """Return where points (n, 3) from the eye, in its axes, are seen, (n, 2) px; and their depth.
+    """Return the images, (n, 2) px, of points (n, 3) from the eye in its axes; and their depths.
 
     Also of points behind the eye, which are seen upside down.
     """

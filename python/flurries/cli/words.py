@@ -40,7 +40,7 @@ def plain_warnings() -> Iterator[None]:
 
 @dataclass(frozen=True)
 class Words:
-    """How much a command says.
+    """The words of a command: fewer when quiet, more when verbose.
 
     Attributes
     ----------

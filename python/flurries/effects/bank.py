@@ -234,7 +234,7 @@ class Bank:
         return way
 
     def _from_middle(self, frame: Frame, rays: _Rays, depth: float) -> list[Any]:
-        """Return how far from the bank's middle rays are at a depth, house axes, in sigma."""
+        """Return the distance of rays at a depth from the bank's middle, house axes, in sigma."""
         assert self.cloud.center is not None
         place = frame.path.place(frame.t, fps=frame.fps)
         return [

@@ -70,7 +70,7 @@ class Cloud:
 
     @property
     def through(self) -> float:
-        """How far one looks through the box, its fading rims half, metres."""
+        """The way of a look through the box, its fading rims half, metres."""
         if self.center is not None:
             return self.sides[2] * (1.0 - RIM)
         return max(self.sides[2] * (1.0 - 1.5 * RIM) - self.radius, 0.0)

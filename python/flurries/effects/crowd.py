@@ -74,7 +74,7 @@ class DrawnFlakes:
 
     @property
     def motion(self) -> Motion:
-        """What moves a flake of the mean size."""
+        """The motion of a flake of the mean size."""
         return self.weather.motion
 
     def alpha(self, frame: Frame, amount: float, way: Way) -> Array:

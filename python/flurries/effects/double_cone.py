@@ -211,7 +211,7 @@ def tile_metres(radius: float, repeats: int) -> float:
 
 
 class Pose(NamedTuple):
-    """What a chart of a cone depends on: two frames of one pose share it."""
+    """The values that a chart of a cone depends on: two frames of one pose share it."""
 
     shape: tuple[int, int]
     camera: Camera

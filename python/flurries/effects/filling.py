@@ -36,7 +36,7 @@ class Filling:
 
     @cached_property
     def count(self) -> int:
-        """How many particles there are."""
+        """The number of particles."""
         if self.asked is not None:
             return self.asked
         # Of keyed values the pair that needs the most.

@@ -84,7 +84,7 @@ class Patterns:
 
     @property
     def each(self) -> int:
-        """How many of those that are ready a layer has."""
+        """The number of ready patterns that a layer has."""
         return self.number * self.places
 
     def gain(self, index: int, streak: Float64) -> Float64:

@@ -31,7 +31,7 @@ _SECTIONS = (0.6180339887, 0.7548776662, 0.5698402910, 0.1234567)
 
 
 class Flight(NamedTuple):
-    """How layers move at tiles; an axis of one tile stands for all that are alike.
+    """The motion of layers at tiles; an axis of one tile stands for all that are alike.
 
     Attributes
     ----------
@@ -57,7 +57,7 @@ class Flight(NamedTuple):
 
 
 class Stops(NamedTuple):
-    """Where flakes are shown on their way while the shutter is open, n of all layers.
+    """The places of flakes on their way while the shutter is open, n of all layers.
 
     Attributes
     ----------

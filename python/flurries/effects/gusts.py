@@ -154,7 +154,7 @@ def _ahead_while_turning(waves: Waves, frame: Frame, depths: Float64) -> Float64
 
 
 class _View(NamedTuple):
-    """What a camera that turns sees of waves, straight ahead at some depths."""
+    """The waves before a camera that turns, straight ahead at some depths."""
 
     waves: Waves
     path: CameraPath

@@ -68,7 +68,7 @@ class Mixture:
 
     @property
     def motion(self) -> Any:
-        """What moves the flakes of the first key."""
+        """The motion of the flakes of the first key."""
         return self.parts[0].motion
 
     def _now(self, frame: Frame) -> list[tuple[int, Precipitation[Any]]]:

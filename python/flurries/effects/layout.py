@@ -65,7 +65,7 @@ class Layout(NamedTuple):
 
     @property
     def grid(self) -> tuple[int, int]:
-        """How many tiles there are, down and across."""
+        """The numbers of tiles, down and across."""
         (height, width), ((tall, wide), overlap) = self.shape, self.tiling
         return len(starts(height, tall, overlap)), len(starts(width, wide, overlap))
 

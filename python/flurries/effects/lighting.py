@@ -58,7 +58,7 @@ SUN = 2.0
 
 
 class Base(NamedTuple):
-    """How bright a gas is, linear light.
+    """The brightness of a gas, linear light.
 
     Attributes
     ----------
@@ -79,7 +79,7 @@ class Base(NamedTuple):
 
     @staticmethod
     def airlight(plate: PlateLight) -> Base:
-        """Return those of white gas in the light of a plate: as bright as its sky, one color."""
+        """Return the shades of white gas in a plate's light: as bright as its sky, one color."""
         grey = np.full(3, SUN * plate.sky.mean())
         return Base(plate.sky, grey)
 

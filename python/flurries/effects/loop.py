@@ -64,7 +64,7 @@ class Earlier:
 
     @property
     def NAME(self) -> str:
-        """What people call it."""
+        """The effect's name for people."""
         return getattr(self.effect, "NAME", "")
 
     def needs(self, frame: Frame) -> Needs:

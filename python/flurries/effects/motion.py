@@ -17,7 +17,7 @@ from flurries.motion.wind import Wind
 
 
 class Way(NamedTuple):
-    """How the camera moves through what falls, by the mean wind, in the eye's axes.
+    """The camera's motion through the flakes, by the mean wind, in the eye's axes.
 
     Attributes
     ----------
@@ -34,7 +34,7 @@ class Way(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Motion:
-    """What falls in a wind, and how long the shutter is open.
+    """The fall of flakes in a wind, and the time that the shutter is open.
 
     Attributes
     ----------

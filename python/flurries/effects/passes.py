@@ -84,7 +84,7 @@ def passes_of(
 
 
 def plane_motion(depth: Array, frame: Frame, other: Frame, moved: Float64) -> Array:
-    """Return how what a window shows at depths moves to another frame, (h, w, 2) float32 pixels.
+    """Return the motion to another frame of a window's depths, (h, w, 2) float32 pixels.
 
     Of a pixel's ray r, (a, b, 1), and its depth d the point there is d M r + c in the other
     frame's eye. Its image there minus that here, focal (X / Z - a), is made of X - a Z, in which
@@ -133,7 +133,7 @@ def plane_motion(depth: Array, frame: Frame, other: Frame, moved: Float64) -> Ar
 
 
 def rays(frame: Frame) -> Float64:
-    """Return where each pixel of the window looks, (h, w, 3) in the eye's axes, with z = 1."""
+    """Return the ray of each pixel of the window, (h, w, 3) in the eye's axes, with z = 1."""
     top, bottom, left, right = frame.window
     center, focals = frame.camera.principal(frame.shape), frame.camera.focals
     y, x = np.mgrid[top:bottom, left:right] + 0.5

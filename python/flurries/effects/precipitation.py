@@ -25,7 +25,7 @@ from flurries.trace import count, stage
 
 
 class Backdrop(Protocol):
-    """What lies behind the flakes: a :class:`Texture`, a cone's sheet, or a part of one's own."""
+    """The part behind the flakes: a :class:`Texture`, a cone's sheet, or a part of one's own."""
 
     @property
     def name(self) -> str:
@@ -39,7 +39,7 @@ class Backdrop(Protocol):
 
 
 class Front(Protocol):
-    """What is drawn in front: :class:`Flakes`, or the near flakes of a population."""
+    """The part in front: :class:`Flakes`, or the near flakes of a population."""
 
     def needs(self, frame: Frame, amount: float) -> Needs:
         """Return its step with the cost, or why there is none, and the largest opacity."""
@@ -52,7 +52,7 @@ class Front(Protocol):
 
 
 class Cover(Protocol):
-    """What lies over all: a :class:`Veil`, or that of a population."""
+    """The part over all: a :class:`Veil`, or that of a population."""
 
     @property
     def haze(self) -> Number:

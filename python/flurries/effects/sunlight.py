@@ -20,7 +20,7 @@ SCATTER = get_args(Law)
 
 @dataclass(frozen=True, eq=False)
 class Scatter:
-    """What particles do with light.
+    """The scattering of light by particles.
 
     Attributes
     ----------
@@ -46,7 +46,7 @@ class Scatter:
 
     @property
     def optics(self) -> Optics:
-        """What they do with the light of lamps."""
+        """The optics of the particles, for the light of lamps."""
         return Optics(self.asymmetry, 1.0) if self.kind == "henyey" else DROPS
 
     def colors(

@@ -75,7 +75,7 @@ def measure() -> dict[str, float]:
 
 
 def samples() -> dict[str, tuple[Callable[[], object], float]]:
-    """Return what is timed of each kind of work, with its milliseconds by the model."""
+    """Return the samples of each kind of work to be timed, with their milliseconds by the model."""
     drops = np.random.default_rng(1).uniform((-2.5, -2.5, 5.0), (2.5, 2.5, 5.001), (4000, 3))
     values = np.linspace(0.5, 1.5, 1 << 16)
     roots = np.empty_like(values)

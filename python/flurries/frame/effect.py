@@ -24,7 +24,7 @@ class Composed(Protocol):
     # `Renders` in truth: pyright does not look into the cached property that effects have.
     @property
     def parts(self) -> object:
-        """What renders it."""
+        """The parts that render the effect."""
         ...
 
 

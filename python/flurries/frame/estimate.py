@@ -83,7 +83,7 @@ def _frames(
 
 
 class _Frame:
-    """What one frame takes: its steps, what is left out, and the most bytes held at a time."""
+    """The cost of one frame: its steps, those left out, and the most bytes held at a time."""
 
     def __init__(
         self, program: Program, t: float, tolerance: float, factors: Mapping[str, float]

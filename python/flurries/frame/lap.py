@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 
 class Lap(NamedTuple):
-    """Which frames of a film come over and over.
+    """The frames of a film that come over and over.
 
     Attributes
     ----------

@@ -35,7 +35,7 @@ class Shade:
     first: tuple[int, int]
 
     def given(self, colors: Array | None = None) -> tuple[Array, float, int, int]:
-        """Return it as kernels read it, with other colors if given."""
+        """Return the shade as kernels read it, with other colors if given."""
         chosen = self.colors if colors is None else colors
         return np.ascontiguousarray(chosen, np.float32), float(self.cell), *self.first
 
@@ -91,7 +91,7 @@ class Layer:
 
 
 def layers_of(answer: object, effect: object, shape: tuple[int, int]) -> tuple[Layer, ...]:
-    """Return what an effect rendered as layers, or refuse what is none."""
+    """Return the result of an effect as layers, or refuse anything else."""
     layers = []
     for layer in answer if isinstance(answer, (tuple, list)) else (answer,):
         if not isinstance(layer, Layer):

@@ -37,7 +37,7 @@ class Matte:
 
     @property
     def hides(self) -> Array:
-        """How much of the weather nobody sees, (H, W): behind the mask or under the picture."""
+        """The unseen share of the weather, (H, W): behind the mask or under the picture."""
         if self.light is None:
             return self.cover
         return np.asarray(np.maximum(self.cover, self.light[..., 3]))
@@ -154,7 +154,7 @@ class Front:
 
     @cached_property
     def cover(self) -> Array | None:
-        """Where the masks hide the weather, (H, W); None without masks."""
+        """The share of the weather that masks hide, (H, W); None without masks."""
         found: Array | None = None
         for matte in self.flat:
             if matte.light is None:
@@ -163,7 +163,7 @@ class Front:
 
     @cached_property
     def hides(self) -> Array | None:
-        """How much of the weather nobody sees, (H, W); None where all of it can be seen."""
+        """The share of the weather that nobody sees, (H, W); None where all of it can be seen."""
         found: Array | None = None
         for matte in self.flat:
             hidden = matte.hides

@@ -65,7 +65,7 @@ class Step:
 
 @dataclass(frozen=True)
 class Needs:
-    """What an effect needs for a frame."""
+    """The needs of an effect for a frame: its steps."""
 
     steps: tuple[Step, ...]  # In their order. None: the effect shows nothing, and is not rendered.
     left_out: tuple[LeftOut, ...] = ()
@@ -127,7 +127,7 @@ class Kept:
         self._most = most
 
     def once(self, key: Any, make: Callable[[], _Made]) -> _Made:
-        """Return what was made for a key, now or before; it is shared, and so read-only."""
+        """Return the object made for a key, now or before; it is shared, and so read-only."""
         if (found := self._made.get(key)) is None:
             found = make()
             for part in (found, getattr(found, "alpha", None), getattr(found, "rgb", None)):
@@ -156,7 +156,7 @@ class Run:
         return step is not None and step.once and self.kept is not None
 
     def __call__(self, name: str, make: Callable[[], _Made]) -> _Made | None:
-        """Return what the step makes, or None where it is left out."""
+        """Return the product of the step, or None where it is left out."""
         if name not in self.steps:
             return None
 

@@ -68,7 +68,7 @@ def bands_in(window: Window, asks: Sequence[Ask], mix: Mix, front: Front | None)
 
 
 class Picture:
-    """What one eye sees, while it is put together.
+    """The picture of one eye, while it is put together.
 
     Parameters
     ----------

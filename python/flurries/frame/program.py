@@ -65,7 +65,7 @@ class Part(NamedTuple):
 
     @property
     def name(self) -> str:
-        """What people call it."""
+        """The name of the effect for people."""
         return getattr(self.effect, "NAME", "") or type(self.effect).__name__.lower()
 
 
@@ -89,7 +89,7 @@ class Ask(NamedTuple):
 
 @dataclass(eq=False, kw_only=True)
 class Program:
-    """What runs for each frame of a scene. What is not told here is as in the scene.
+    """The steps that run for each frame of a scene. All else is as in the scene.
 
     Attributes
     ----------

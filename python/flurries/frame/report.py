@@ -25,7 +25,7 @@ class PlannedStep:
 
 @dataclass(frozen=True)
 class Plan:
-    """What rendering a scene takes; printing it gives a table.
+    """The cost of rendering a scene; printing it gives a table.
 
     Attributes
     ----------

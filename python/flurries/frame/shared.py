@@ -12,7 +12,7 @@ _Key = tuple[int, int, str]
 
 
 class Shared:
-    """What the eyes and the bands of rows of one frame have in common while they are made.
+    """The objects that eyes and bands of rows of one frame share while they are made.
 
     Attributes
     ----------
@@ -34,7 +34,7 @@ class Shared:
         self._at = window
 
     def once(self, key: _Key, owner: object, make: Callable[[], _Made]) -> _Made:
-        """Return what `make` returned for this effect, seed and name, or make it."""
+        """Return the object of this effect, seed and name, made by `make` the first time."""
         if key not in self._known:
             self._known[key] = owner, make()
         made: _Made = self._known[key][1]

@@ -44,7 +44,7 @@ _MOST_KEPT = 500
 
 @dataclass(frozen=True)
 class Spent:
-    """What a tolerance is spent on."""
+    """A saving that a tolerance is spent on."""
 
     what: str
     error: float  # The most that an opacity is off.
@@ -52,7 +52,7 @@ class Spent:
 
 
 class Choice(NamedTuple):
-    """What is done less exactly in a frame; the sum of two, field by field, is both of them."""
+    """The approximations of a frame; the sum of two, field by field, is both of them."""
 
     error: float = 0.0  # The most that a value of the frame may differ, of full scale.
     saved: float = 0.0  # Milliseconds by the cost model.
@@ -71,7 +71,7 @@ EXACT = Choice()
 
 
 class Light(NamedTuple):
-    """How errors of opacities become errors of a frame."""
+    """The law by which errors of opacities become errors of a frame."""
 
     same: bool  # Whether layers are mixed in the light that the background holds.
     step: float  # Of a picture of integers, of full scale; 0 of floats.
@@ -79,7 +79,7 @@ class Light(NamedTuple):
 
     @staticmethod
     def of(picture: Array, linear: bool, encoding: str) -> Light:
-        """Return how errors count over a background, with layers mixed in linear light or not."""
+        """Return the law over a background, with layers mixed in linear light or not."""
         same = linear == (encoding == "linear")
         if picture.dtype.kind == "u" and picture.shape[2] == 3:
             return Light(same, 1.0 / float(np.iinfo(picture.dtype).max), 1.0 if same else STEEPEST)
@@ -95,7 +95,7 @@ class Light(NamedTuple):
         return Light(same, 0.0, slope * (high - low))
 
     def price(self, layer: float = 0.0, gone: float = 0.0) -> float:
-        """Return what an effect's errors take: where it is laid over the picture, and is not."""
+        """Return the price of an effect's errors: where it is laid over the picture, and is not."""
         if self.step == 0.0 or not self.same:
             return self.factor * (layer + gone)
         # A layer that errs is rounded up or down; one that is gone leaves an integer.

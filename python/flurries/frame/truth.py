@@ -115,7 +115,7 @@ def truth(
     *,
     known: bool = True,
 ) -> list[Rendered]:
-    """Return what each eye sees of a window, whole and exact, with the layers apart.
+    """Return the picture of a window for each eye, whole and exact, with the layers apart.
 
     Without `known` there are colors and opacities alone, no motion, depth, coverage and ids.
     """

@@ -106,7 +106,7 @@ class Frame:
         return made
 
     def steps_of(self, effect: Any) -> Run:
-        """Return what runs the steps of an effect: the plan's, or all that the effect needs."""
+        """Return the runner of an effect's steps: the plan's, or all that the effect needs."""
         if self.run is not None:
             return self.run
         return Run({step.name: step for step in needs_of(effect, self).steps})

@@ -19,7 +19,7 @@ SIGMA = 0.75
 
 
 class Particles(NamedTuple):
-    """What :func:`flurries.gas.splat` takes: middles (n, 3), a radius, densities (n,)."""
+    """Arguments of :func:`flurries.gas.splat`: middles (n, 3), a radius, densities (n,)."""
 
     centers: Float64
     radius: float

@@ -67,7 +67,7 @@ class ColorSpace:
 
     @property
     def working(self) -> ColorSpace:
-        """Where layers are mixed over a picture in this space: itself if it is linear."""
+        """The space in which layers are mixed over a picture: this one if it is linear."""
         return self if self.linear else ColorSpace.of("the role scene_linear of $OCIO", _WORKING)
 
     def convert(self, pixels: Array, target: ColorSpace) -> Array:

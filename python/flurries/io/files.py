@@ -34,7 +34,7 @@ def _limit(variable: str, default: int) -> int:
 
 @dataclass(frozen=True)
 class Budget:
-    """How large a picture, or a frame of a film, may be that is read.
+    """The largest size of a picture, or of a film's frame, that is read.
 
     Larger ones are refused by what their header claims, before anything is decoded.
 

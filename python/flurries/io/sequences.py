@@ -96,7 +96,7 @@ def with_percent(text: str) -> str:
 
 @dataclass(frozen=True)
 class Pattern:
-    """Where frames go: a name with one frame token, ``frames/%04d.exr``, or a video.
+    """The files of frames: a name with one frame token, ``frames/%04d.exr``, or a video.
 
     Parameters
     ----------

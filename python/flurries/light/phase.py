@@ -22,7 +22,7 @@ WATER = 0.87
 
 
 class Optics(NamedTuple):
-    """What particles do with light.
+    """The optics of particles: how they scatter light.
 
     Attributes
     ----------

@@ -59,7 +59,7 @@ class Content:
 
     @property
     def mark(self) -> str:
-        """What tells files of one scene but other content apart."""
+        """The mark that tells files of one scene but other content apart."""
         words = ["half" if self.bits is None else str(self.bits), self.kind]
         words += [word for word in (self.codec,) if word is not None]
         words += ["y-up"] if self.motion == "y-up" and self.kind == "layers" else []
@@ -136,7 +136,7 @@ class Content:
 
     @property
     def _encoding(self) -> str:
-        """What the numbers of the color space that is written are."""
+        """The encoding of the numbers in the color space that is written."""
         assert self.space is not None
         return "linear" if self.space.linear else "display"
 

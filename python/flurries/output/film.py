@@ -105,7 +105,7 @@ def write_film(
 
 
 def _mark(job: Frames, frames: list[int], quality: str, part: Sound | None) -> tuple[str, str]:
-    """Return what a film says of itself: a hash of its scene, and one of what it is made of."""
+    """Return a film's mark: a hash of its scene, and one of the files that it is made of."""
     first = replace(job.mark_of(frames[0]), inputs="", frame=0)
     heard = part and (part.start, part.length)
     scene = repr((first, frames, quality, heard, job.skip))
@@ -129,7 +129,7 @@ def _is_there(path: Path, mark: tuple[str, str], count: int) -> bool:
 
 
 def _tags(scene: Scene, first: int) -> Tags:
-    """Return what a film says of itself, as the background does."""
+    """Return a film's tags: those of the background, where it is a film."""
     film = scene.film
     code = scene.slate(first).timecode
     if film is None:

@@ -75,7 +75,7 @@ class Frames:
         self.content.save(self.scene, path, made, {**header, "seed": self.scene.seed})
 
     def notes(self, index: int) -> dict[str, Any]:
-        """Nothing besides."""
+        """Return nothing: a frame has no further notes."""
         return {}
 
     def stands_in(self, index: int) -> bool:

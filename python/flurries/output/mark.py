@@ -50,7 +50,7 @@ class Mark:
 
     @property
     def header(self) -> dict[str, Any]:
-        """What goes into a file's header and into the manifest."""
+        """The entries of a file's header and of the manifest."""
         return {key: value for key, value in asdict(self).items() if value != ""}
 
     def is_of(self, said: Mapping[str, Any]) -> bool:

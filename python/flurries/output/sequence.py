@@ -64,7 +64,7 @@ class Job(Protocol):
 
 @dataclass
 class Done:
-    """What became of files, by their indices."""
+    """The files made, kept and left out, by their indices."""
 
     written: list[int] = field(default_factory=list)
     kept: list[int] = field(default_factory=list)

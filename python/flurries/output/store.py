@@ -29,7 +29,7 @@ class Held(Protocol):
 
 
 class Store(Protocol):
-    """Where files are kept; a path is the file's way in it."""
+    """A place where files are kept; a path is the file's way in it."""
 
     def name_of(self, path: Path) -> Path | str:
         """Return the user's name for the file."""

@@ -54,7 +54,7 @@ class Box(NamedTuple):
 
 
 class Closeup(NamedTuple):
-    """How flakes look from near and out of focus.
+    """The looks of flakes from near and out of focus.
 
     Attributes
     ----------

@@ -79,7 +79,7 @@ class Population:
 
     @property
     def extinction(self) -> float:
-        """What a ray loses for each metre: density times the mean area that a flake covers."""
+        """The loss of a ray for each metre: density times the mean area that a flake covers."""
         return self.density * self.opacity * 0.25 * math.pi * self.sizes.moment(2.0)
 
     def classes(self, count: int) -> list[SizeClass]:

@@ -77,7 +77,7 @@ class Backdrop:
 
     @property
     def files(self) -> Numbered | None:
-        """Where it comes from, where that is a source."""
+        """The files of the background, where it is a source."""
         return getattr(self.source, "files", None)
 
 

@@ -139,7 +139,7 @@ class Distance:
 
     @property
     def files(self) -> Numbered | None:
-        """Where it comes from, where that is files."""
+        """The files of the depth, where it has any."""
         return None if isinstance(self.source, np.ndarray) else self.source.files
 
     def frame(self, t: float) -> Array:

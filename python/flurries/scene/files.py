@@ -54,7 +54,7 @@ class Sources:
 
     @property
     def frames(self) -> int | None:
-        """How many frames the background has; None for a still."""
+        """The number of the background's frames; None for a still."""
         return self._backdrop.count
 
     @property

@@ -52,7 +52,7 @@ class OutputFields(TypedDict, total=False):
 @suggesting
 @dataclass(frozen=True, kw_only=True)
 class Output:
-    """How the frames of a scene are written.
+    """The way in which a scene's frames are written.
 
     Arguments of :meth:`Scene.write` and options of the command line replace these values. A codec
     counts for films only, a compression for EXR only.
@@ -142,7 +142,7 @@ class Output:
 
     @property
     def kind(self) -> str:
-        """What a file holds: "composite", "alone", "layers" or "deep"."""
+        """The contents of a file: "composite", "alone", "layers" or "deep"."""
         return next((kind for kind in KINDS if getattr(self, kind)), "composite")
 
     def given(self, values: Mapping[str, Any]) -> Output:

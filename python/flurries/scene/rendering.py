@@ -105,12 +105,12 @@ class Rendering(Sources):
 
     @property
     def bent(self) -> tuple[str, ...]:
-        """What was changed for a scene with a `period` to begin again, in words."""
+        """The changes to a scene with a `period` so that it begins again, in words."""
         return () if self.period is None else self._looped.bent
 
     @cached_property
     def program(self) -> Program:
-        """What runs for each frame, resolved when it is first asked for."""
+        """The program of each frame, resolved when it is first asked for."""
         parts = (self.effects, self._path, self.lights, self.lens)
         effects, path, lights, lens = parts if self.period is None else self._looped[:4]
         return Program(

@@ -178,7 +178,7 @@ def _description(target: Any) -> Path:
 
 
 def _as_stored(alphas: npt.NDArray[Any], stored: str) -> npt.NDArray[Any]:
-    """Return what the files shall hold, so that the mean is theirs."""
+    """Return the values that the files shall hold, so that the mean is theirs."""
     from flurries.io.color import to_half, to_integer
 
     if stored.startswith("uint"):

@@ -38,7 +38,7 @@ class Before(NamedTuple):
 
 
 class Request(NamedTuple):
-    """Which patterns stand where in a window of a frame, as the kernel reads it.
+    """The patterns of a frame's window and their places, as the kernel reads them.
 
     Arrays begin with (rows, cols), the tiles of the whole frame, or with (1, 1) or (rows, 1) or
     (1, cols) where tiles are alike; n is the number of terms of a tile. A term is a pattern of
@@ -81,7 +81,7 @@ class Request(NamedTuple):
 
 
 class Choices(NamedTuple):
-    """What tiles take by a seed: arrays of a :class:`Request`."""
+    """The choices of tiles by a seed: arrays of a :class:`Request`."""
 
     pattern: npt.NDArray[np.int32]
     shift: Float64

@@ -95,7 +95,7 @@ class Encoder:
 
     @property
     def halved(self) -> tuple[int, int]:
-        """What width and height must be multiples of."""
+        """The numbers that width and height must be multiples of."""
         return 2 if "420" in self.pixels or "422" in self.pixels else 1, (
             2 if "420" in self.pixels else 1
         )

@@ -36,7 +36,7 @@ SCALING: dict[str, Any] = {"interpolation": 4 | 0x2000 | 0x40000 | 0x80000, "thr
 
 @dataclass(frozen=True)
 class FrameIndex:
-    """Where the frames of a video are.
+    """The places of the frames in a video.
 
     Frames are numbered in the order of showing, and stored in the order of decoding: a frame shown
     early may build on one shown later, which then is stored before it.

@@ -64,7 +64,7 @@ class VideoReader:
 
     @property
     def count(self) -> int:
-        """How many frames there are."""
+        """The number of frames."""
         return len(self._index.times)
 
     def close(self) -> None:

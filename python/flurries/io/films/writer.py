@@ -298,7 +298,7 @@ _MATRICES = {1: 1, 4: 4, 5: 5, 6: 5, 7: 7, 9: 9, 10: 9}
 
 
 def _settled(tags: Tags, codec: Encoder) -> Tags:
-    """Return what a film says, with BT.709 where nothing is said, or sRGB where RGB is stored."""
+    """Return a film's tags, with BT.709 where there is none, or sRGB where RGB is stored."""
 
     def said(value: int, usual: int) -> int:
         return usual if value in (0, UNSPECIFIED) else value

@@ -121,7 +121,7 @@ class Opened:
 
     @property
     def display(self) -> tuple[int, int, int, int] | None:
-        """Where the display window lies in the picture with its overscan; None without any."""
+        """The display window's place in the picture with its overscan; None without any."""
         left, top, width, height = self.window
         first, above, across, down = self.frame_window
         found = (left - first, top - above, width, height)
@@ -219,7 +219,7 @@ class Opened:
         return found
 
     def shown(self, values: Array, outside: float = 0.0) -> Array:
-        """Return what the user sees of stored values (h, w, c): the display window, upright.
+        """Return the shown part of stored values (h, w, c): the display window, upright.
 
         With `overscan` all that is stored beside. Pixels that are not stored get the value
         `outside`.

@@ -32,7 +32,7 @@ from flurries.io.pictures.slate import Slate
 
 @dataclass(frozen=True)
 class _Format:
-    """What a file format can hold."""
+    """The bits, floats and alpha that a file format can hold."""
 
     name: str
     bits: tuple[int, ...] = ()
@@ -42,7 +42,7 @@ class _Format:
 
     @property
     def kinds(self) -> tuple[int | str, ...]:
-        """What a color may be: numbers of bits, or "half" and "float"."""
+        """The kinds of a color: numbers of bits, or "half" and "float"."""
         floats = ("half", "float") if self.name == "openexr" else ("float",) * self.floats
         return (*self.bits, *floats)
 
