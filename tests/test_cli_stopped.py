@@ -59,6 +59,8 @@ def mistakes() -> dict[str, tuple[list[str], str]]:
     two = [*plate, "--rain", "rain", "--camera", "way.csv", "--fly", "0,0,1"]
     every["two cameras"] = (two, "--camera and --fly")
     every["no depth"] = ([*plate, "--rain", "rain", "--depth", "nope.exr"], "nope.exr")
+    every["near quality"] = ([*RENDER, "--quality", "hihg"], "mean 'high'?")
+    every["no camera"] = ([*RENDER, "--camera", "no.chan"], "no.chan: camera: No such file")
     every["near kind"] = (["plan", "kind.toml"], "line 2.*mean 'snow'?")
     every["near weather"] = (["corrupt", ".", "../w", "--weather", "sonw"], "mean 'snow'?")
     every["near axis"] = (["accuracy", "blnd"], "mean 'blend'?")

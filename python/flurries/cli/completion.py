@@ -6,7 +6,7 @@ import click
 from click.shell_completion import get_completion_class
 
 from flurries.cli.main import COMPLETE, commands
-from flurries.cli.options import command
+from flurries.cli.options import OneOf, command
 
 
 @command(
@@ -14,7 +14,7 @@ from flurries.cli.options import command
     'eval "$(flurries completion zsh)"     # in ~/.zshrc',
     "flurries completion fish > ~/.config/fish/completions/flurries.fish",
 )
-@click.argument("shell", type=click.Choice(("bash", "zsh", "fish")))
+@click.argument("shell", type=OneOf(("bash", "zsh", "fish")))
 def completion(shell: str) -> None:
     """Print the script that teaches a shell to complete flurries."""
     kind = get_completion_class(shell)

@@ -6,7 +6,7 @@ import click
 
 from flurries.augment import corrupt as sets
 from flurries.augment.calibration import Profile
-from flurries.cli.options import FILE, OVERWRITE, command, dask, option, voice
+from flurries.cli.options import FILE, OVERWRITE, OneOf, command, dask, option, voice
 from flurries.cli.words import Words, count, say
 
 FAILED = 2
@@ -22,7 +22,7 @@ FAILED = 2
         help="snow, rain or fog, or several with commas")  # fmt: skip
 @option("--severity", default="1-5", metavar="RANGE", help="how bad the weather is, from 1 to 5",
         example="2,4")  # fmt: skip
-@option("--profile", type=click.Choice(["natural", "hard"]), default="natural",
+@option("--profile", type=OneOf(["natural", "hard"]), default="natural",
         help="weather as it is, or as hard as published corruptions", example="hard")  # fmt: skip
 @option("--seed", type=int, default=0, metavar="N", example="7",
         help="which of all sets of this kind")  # fmt: skip

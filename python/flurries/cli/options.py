@@ -10,10 +10,23 @@ from typing import Any, TypeVar
 
 import click
 
+from flurries._contract import suggestion
 from flurries._threads import set_reproducible, set_threads
 from flurries.cli.words import Words
 
 Function = TypeVar("Function", bound=Callable[..., Any])
+
+
+class OneOf(click.Choice):  # type: ignore[type-arg]  # not generic in click 8.1
+    """A word out of some; the refusal of another one suggests the nearest."""
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """Return the word."""
+        try:
+            return super().convert(value, param, ctx)
+        except click.BadParameter as error:
+            text = error.message.rstrip(".") + suggestion(str(value), self.choices)
+            raise click.BadParameter(text, ctx, param) from None
 
 
 class Command(click.Command):

@@ -13,6 +13,7 @@ from flurries.cli.options import (
     OVERWRITE,
     REPRODUCIBLE,
     THREADS,
+    OneOf,
     command,
     dask,
     option,
@@ -47,20 +48,20 @@ NAMED = 10
 @FRAMES
 @scene_options
 @OVERWRITE
-@option("--bits", type=click.Choice([*map(str, BITS)]), example="float",
+@option("--bits", type=OneOf([*map(str, BITS)]), example="float",
         unset="the scene's, else half in EXR, else the picture's",
         help="of a color: half or float in EXR, 8 or 16 in PNG "
         "and TIFF, 8, 10 or 16 in DPX and in a video, as its codec has them")  # fmt: skip
 @option("--float", "full", is_flag=True, help="the same as --bits float")
 @option("--compression", unset="the scene's, else zip", example="dwaa",
-        type=click.Choice(tuple(COMPRESSIONS)),
+        type=OneOf(tuple(COMPRESSIONS)),
         help="how EXR packs pixels; dwaa and dwab lose what is hard to see")  # fmt: skip
 @option("--output-colorspace", metavar="NAME", example="sRGB - Display",
         unset="the scene's, else --colorspace", help="color space of what is written")  # fmt: skip
-@option("--codec", type=click.Choice(tuple(CODECS)), example="prores-hq",
+@option("--codec", type=OneOf(tuple(CODECS)), example="prores-hq",
         unset="the scene's, else that of the video's name",
         help="of a video; prores-4444 has alpha for --alone")  # fmt: skip
-@option("--motion", type=click.Choice(tuple(MOTION)), example="y-up",
+@option("--motion", type=OneOf(tuple(MOTION)), example="y-up",
         unset="the scene's, else y-down",
         help="which way motion vectors of --layers count")  # fmt: skip
 @option("--layers", is_flag=True, default=None, unset="the scene's, else without",
@@ -70,9 +71,9 @@ NAMED = 10
         "a .mov of --codec prores-4444")  # fmt: skip
 @option("--deep", is_flag=True, default=None, unset="the scene's, else with the picture",
         help="only the weather, as deep samples of an EXR")  # fmt: skip
-@option("--quality", type=click.Choice(QUALITIES), unset="the scene's, else high",
+@option("--quality", type=OneOf(QUALITIES), unset="the scene's, else high",
         help="of a video", example="draft")  # fmt: skip
-@option("--damaged", type=click.Choice(DAMAGED), unset="the scene's, else stop", example="hold",
+@option("--damaged", type=OneOf(DAMAGED), unset="the scene's, else stop", example="hold",
         help="where the background's frame is missing or damaged: stop, leave the frame out and "
         "exit with 3, or hold the last good one")  # fmt: skip
 @option("--no-sound", is_flag=True, help="a video without the film's sound")

@@ -6,7 +6,17 @@ from typing import Any
 
 import click
 
-from flurries.cli.options import FILE, OVERWRITE, THREADS, command, numbers, offer, option, voice
+from flurries.cli.options import (
+    FILE,
+    OVERWRITE,
+    THREADS,
+    OneOf,
+    command,
+    numbers,
+    offer,
+    option,
+    voice,
+)
 from flurries.cli.words import Words
 from flurries.effects import TentSnow
 from flurries.scene.arguments import parse_size
@@ -29,7 +39,7 @@ from flurries.spectral import BANDS, export_loop
         shell_complete=offer(TentSnow.PRESETS), example="heavy")  # fmt: skip
 @option("--shutter", type=float, default=0.0, metavar="S", help="exposure in frames", example="0.5")
 @option("--seed", type=int, default=1, metavar="N", help="which of all loops", example="7")
-@option("--bits", type=click.Choice(("8", "16")), unset="8; a .tif of floats", example="16",
+@option("--bits", type=OneOf(("8", "16")), unset="8; a .tif of floats", example="16",
         help="of integer files")  # fmt: skip
 @option("--half", is_flag=True, help="EXR with 16 bits a value, not 32")
 @OVERWRITE

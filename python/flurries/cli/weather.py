@@ -11,9 +11,10 @@ import click
 
 from flurries.camera import importers
 from flurries.camera.path import CameraPath
-from flurries.cli.options import FILE, join, numbers, option, weather_options
+from flurries.cli.options import FILE, OneOf, join, numbers, option, weather_options
 from flurries.effects import ConeRain, ConeSnow, Mist, Rain, Snow, TentRain, TentSnow
 from flurries.io import open_background
+from flurries.io.files import file_of
 from flurries.io.spans import EXTEND
 from flurries.scene.arguments import parse_size
 from flurries.scene.foreground import Foreground
@@ -63,7 +64,7 @@ scene_options: Callable[[Any], Any] = join(
            unset="none", multiple=True,
            help="mask or picture in front of the weather, a sequence or a film; at its distance "
            "where @METRES is given; may be repeated"),
-    option("--extend", type=click.Choice(EXTEND), example="hold", unset="the scene's, else stop",
+    option("--extend", type=OneOf(EXTEND), example="hold", unset="the scene's, else stop",
            help="frame numbers that the picture's files, depth, foreground or camera lack: stop, "
            "hold the first or last, or loop"),
     option("--start", type=int, metavar="N", example="1001", unset="that of the files, else 0",
@@ -115,7 +116,8 @@ def _scene_of(source: str, options: dict[str, Any]) -> Scene:
         return scene.replace(camera=CameraPath(scene.camera.camera, velocity=options["fly"]))
     if options["camera"] is not None:
         shape = scene.display[3], scene.display[2]
-        way = importers.load(options["camera"], shape, camera=scene.camera.camera)
+        with file_of("camera"):
+            way = importers.load(options["camera"], shape, camera=scene.camera.camera)
         return scene.replace(camera=way)
     return scene
 
