@@ -41,7 +41,7 @@ def drawn(
     radius = np.array([diameter * 3.0 / math.sqrt(8.0)])
     closeup = Closeup(kind, (2.5, 3.5), blur, 3, seconds)
     flakes = _core.particle_sort_listed(
-        SHAPE, points, radius, np.array([0.9]), np.array([travel]), 1.0, LENS, closeup,
+        SHAPE, (points, radius, np.array([0.9]), np.array([travel]), 1.0), LENS, closeup,
         np.array([number]),
     )  # fmt: skip
     out = np.empty(SHAPE, np.float32)

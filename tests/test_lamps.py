@@ -47,7 +47,7 @@ def test_a_drawn_flake_has_that_radiance(place: tuple[float, float, float]):
     lens = (150.0, 80.0, 60.0, (0.0, 0.0, 0.0), 0.1)
     point = np.array([place])
     flakes = _core.particle_sort_listed(
-        SHAPE, point, np.array([0.05]), np.array([0.8]), np.zeros((1, 3)), 1.0, lens
+        SHAPE, (point, np.array([0.05]), np.array([0.8]), np.zeros((1, 3)), 1.0), lens
     )
     alpha, glow = np.empty(SHAPE, np.float32), np.empty((*SHAPE, 3), np.float32)
     lamps = rows(fl.Lamp((0.7, -1.0, 5.0), power=9.0))

@@ -187,7 +187,7 @@ def test_exact_drawing_is_the_sum_over_flakes():
     travel = rng.uniform(-0.1, 0.1, (200, 3)) * (1.0, 1.0, 0.0)
     travel[::4] = 0.0
     got = np.empty(SHAPE)
-    _core.particle_exact(got, points, radius, opacity, travel, 1.0, LENS, (0, 0), None)
+    _core.particle_exact(got, (points, radius, opacity, travel, 1.0), LENS, (0, 0), None)
     np.testing.assert_allclose(got, _slow_alpha(points, radius, opacity, travel), atol=1e-6)
 
 

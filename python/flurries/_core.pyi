@@ -6,6 +6,7 @@ import numpy.typing as npt
 
 from flurries.cone.rays import Pose
 from flurries.effects.flake_patterns import Slab as FlakeSlab
+from flurries.gas.splatting import Gas
 from flurries.particles.crowd import Closeup, Crowd, Flurry
 from flurries.spectral.flake_frames import Request as FlakeRequest
 from flurries.spectral.request import Request
@@ -110,6 +111,8 @@ __all__ = [
 
 _Array = npt.NDArray[Any]
 _Float64 = npt.NDArray[np.float64]
+_Lens = tuple[float, float, float, tuple[float, float, float], float]
+_Listed = tuple[_Float64, _Float64, _Float64, _Float64, float]
 _Map = tuple[float, float, float, float]
 _Sheet = tuple[int, int, int, float, float]
 
@@ -292,16 +295,12 @@ def particle_sort(shape: tuple[int, int], request: Flurry) -> SortedFlakes: ...
 def particle_sort_pair(
     shape: tuple[int, int],
     request: Flurry,
-    lens: tuple[float, float, float, tuple[float, float, float], float],
+    lens: _Lens,
 ) -> tuple[SortedFlakes, SortedFlakes]: ...
 def particle_sort_listed(
     shape: tuple[int, int],
-    points: _Float64,
-    radius: _Float64,
-    opacity: _Float64,
-    velocity: _Float64,
-    shutter: float,
-    lens: tuple[float, float, float, tuple[float, float, float], float],
+    flakes: _Listed,
+    lens: _Lens,
     closeup: Closeup | None = None,
     numbers: npt.NDArray[np.int64] | None = None,
 ) -> SortedFlakes: ...
@@ -309,18 +308,14 @@ def crowd_sort(shape: tuple[int, int], request: Crowd) -> SortedFlakes: ...
 def crowd_sort_pair(
     shape: tuple[int, int],
     request: Crowd,
-    lens: tuple[float, float, float, tuple[float, float, float], float],
+    lens: _Lens,
 ) -> tuple[SortedFlakes, SortedFlakes]: ...
 def crowd_list(request: Crowd) -> _Float64: ...
 def crowd_exact(out: _Array, request: Crowd, depth: _Array | None = None) -> None: ...
 def particle_exact(
     out: npt.NDArray[Any],
-    points: _Float64,
-    radius: _Float64,
-    opacity: _Float64,
-    velocity: _Float64,
-    shutter: float,
-    lens: tuple[float, float, float, tuple[float, float, float], float],
+    flakes: _Listed,
+    lens: _Lens,
     origin: tuple[int, int],
     depth: npt.NDArray[Any] | None = None,
 ) -> None: ...
@@ -389,22 +384,14 @@ def particle_crossing(
 ) -> int: ...
 def particle_ids(
     out: npt.NDArray[np.int32],
-    points: _Float64,
-    radius: _Float64,
-    opacity: _Float64,
-    velocity: _Float64,
-    shutter: float,
-    lens: tuple[float, float, float, tuple[float, float, float], float],
+    flakes: _Listed,
+    lens: _Lens,
     depth: npt.NDArray[Any] | None,
 ) -> None: ...
 def particle_splat(
     out: npt.NDArray[Any],
-    points: _Float64,
-    radius: _Float64,
-    opacity: _Float64,
-    velocity: _Float64,
-    shutter: float,
-    lens: tuple[float, float, float, tuple[float, float, float], float],
+    flakes: _Listed,
+    lens: _Lens,
     depth: npt.NDArray[Any] | None,
 ) -> None: ...
 def cone_basis(
@@ -455,9 +442,7 @@ def cone_stack(
 def cone_tile(out: _Array, drops: _Float64) -> None: ...
 def gas_splat(
     out: _Array,
-    centers: _Float64,
-    radius: _Float64,
-    density: _Float64,
+    gas: Gas,
     colors: _Float64,
     lens: tuple[float, float, float, tuple[float, float, float]],
     manner: tuple[str, str, float, str, bool, float, float],
@@ -465,9 +450,7 @@ def gas_splat(
 ) -> None: ...
 def gas_alpha(
     out: _Array,
-    centers: _Float64,
-    radius: _Float64,
-    density: _Float64,
+    gas: Gas,
     lens: tuple[float, float, float, tuple[float, float, float]],
     manner: tuple[str, str, float, str, bool, float, float],
     depth: _Array | None,
@@ -479,9 +462,7 @@ class SortedGas:
 
 def gas_sort(
     shape: tuple[int, int],
-    centers: _Float64,
-    radius: _Float64,
-    density: _Float64,
+    gas: Gas,
     colors: _Float64,
     lens: tuple[float, float, float, tuple[float, float, float]],
     manner: tuple[str, str, float, str, bool, float, float],
@@ -502,9 +483,7 @@ def gas_slices(
 ) -> None: ...
 def gas_light(
     out: _Float64,
-    centers: _Float64,
-    radius: _Float64,
-    density: _Float64,
+    gas: Gas,
     direction: tuple[float, float, float],
     forward: float,
 ) -> None: ...

@@ -1,18 +1,18 @@
 //! Populations of flakes: placed, sorted for drawing, listed, drawn exactly.
 
-use numpy::ndarray::{ArrayView2, ArrayViewMut2};
-use numpy::{PyArray1, PyReadonlyArray1, PyReadonlyArray2};
+use numpy::PyArray1;
+use numpy::ndarray::ArrayViewMut2;
 use pyo3::prelude::*;
 
 use super::gate::{self, Plane, PlaneMut};
-use super::particles::{CloseupRequest, SortedFlakes, flakes_of, lens_of, swaying};
+use super::particles::{CloseupRequest, LensValues, Listed, SortedFlakes, lens_of, swaying};
 use crate::base::error::{Error, pushed};
 use crate::base::real::Real;
 use crate::particles::closeup::near::Closeup;
 use crate::particles::crowd::{Class, Crowd, Heights, Law};
 use crate::particles::exact;
 use crate::particles::flurry::Placed;
-use crate::particles::splat::{self, Flakes, Source};
+use crate::particles::splat::{self, Source};
 use crate::particles::sprite::Lens;
 use crate::particles::torus::{Carried, Torus};
 use crate::particles::view::View;
@@ -44,7 +44,7 @@ pub struct CrowdRequest {
     down: [f64; 3],
     heights: (f64, f64),
     room: f64,
-    lens: (f64, f64, f64, [f64; 3], f64),
+    lens: LensValues,
     window: [usize; 4],
     closeup: Option<CloseupRequest>,
 }
@@ -108,7 +108,7 @@ pub fn crowd_sort_pair(
     py: Python<'_>,
     shape: (usize, usize),
     request: CrowdRequest,
-    lens: (f64, f64, f64, [f64; 3], f64),
+    lens: LensValues,
 ) -> PyResult<(SortedFlakes, SortedFlakes)> {
     let lenses = [request.lens(), lens_of(lens)];
     let both = request.crowd(Some(&lenses[1]))?;
@@ -168,22 +168,16 @@ pub fn crowd_exact(
 /// Draws the alpha of listed flakes into `out` (h, w), the pixels of a frame from the row and the column
 /// `origin` on, each with its exact image. `depth` is of the same pixels.
 #[pyfunction]
-#[pyo3(signature = (out, points, radius, opacity, velocity, shutter, lens, origin, depth=None))]
-#[expect(clippy::too_many_arguments, reason = "the Python layer passes plain values")]
+#[pyo3(signature = (out, flakes, lens, origin, depth=None))]
 pub fn particle_exact(
     py: Python<'_>,
     out: PlaneMut<'_>,
-    points: PyReadonlyArray2<'_, f64>,
-    radius: PyReadonlyArray1<'_, f64>,
-    opacity: PyReadonlyArray1<'_, f64>,
-    velocity: PyReadonlyArray2<'_, f64>,
-    shutter: f64,
-    lens: (f64, f64, f64, [f64; 3], f64),
+    flakes: Listed<'_>,
+    lens: LensValues,
     origin: (usize, usize),
     depth: Option<Plane<'_>>,
 ) -> PyResult<()> {
-    let lens = lens_of(lens);
-    let flakes: Flakes<'_> = flakes_of(&points, &radius, &opacity, &velocity, shutter);
+    let (flakes, lens) = (flakes.flakes(), lens_of(lens));
     gate::each_precision!(out, view => exactly(py, (view, origin), &flakes, &lens, &depth))
 }
 
@@ -192,25 +186,13 @@ type Part<'a, P> = (ArrayViewMut2<'a, P>, (usize, usize));
 
 fn exactly<P: Real>(
     py: Python<'_>,
-    out: Part<'_, P>,
+    (out, origin): Part<'_, P>,
     flakes: &impl Source,
     lens: &Lens,
     depth: &Option<Plane<'_>>,
 ) -> PyResult<()> {
-    match depth {
-        None => before(py, out, flakes, lens, None::<ArrayView2<f32>>),
-        Some(Plane::Single(map)) => before(py, out, flakes, lens, Some(map.as_array())),
-        Some(Plane::Double(map)) => before(py, out, flakes, lens, Some(map.as_array())),
-    }
-}
-
-fn before<P: Real, M: Real>(
-    py: Python<'_>,
-    (out, origin): Part<'_, P>,
-    flakes: &impl Source,
-    lens: &Lens,
-    depth: Option<ArrayView2<M>>,
-) -> PyResult<()> {
     let nanoseconds = 10.0 * splat::estimate(out.dim(), flakes, lens);
-    gate::run(py, nanoseconds, |cancel| exact::draw(out, origin, flakes, lens, depth, cancel))
+    gate::each_map!(depth, map => {
+        gate::run(py, nanoseconds, |cancel| exact::draw(out, origin, flakes, lens, map, cancel))
+    })
 }

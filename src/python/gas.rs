@@ -25,6 +25,25 @@ arrays! {
     pub enum LayerMut by try_readwrite, PyArray3 as PyReadwriteArray3 { Single: f32, Double: f64 }
 }
 
+/// Particles: the attributes of `flurries.gas.splatting.Gas`.
+#[derive(FromPyObject)]
+pub struct Gas<'py> {
+    centers: PyReadonlyArray2<'py, f64>,
+    radius: PyReadonlyArray1<'py, f64>,
+    density: PyReadonlyArray1<'py, f64>,
+}
+
+impl Gas<'_> {
+    fn cloud<'a>(&'a self, colors: &'a [[f64; 3]]) -> Cloud<'a> {
+        Cloud {
+            centers: self.centers.as_array(),
+            radius: self.radius.as_array(),
+            density: self.density.as_array(),
+            colors,
+        }
+    }
+}
+
 /// (focal, cx, cy, offset)
 type Lens = (f64, f64, f64, [f64; 3]);
 
@@ -68,25 +87,17 @@ fn colors_of(colors: &PyReadonlyArray2<'_, f64>) -> PyResult<Vec<[f64; 3]>> {
 
 /// Draws premultiplied linear RGBA of a gas into `out` (H, W, 4).
 #[pyfunction]
-#[expect(clippy::too_many_arguments, reason = "the Python layer passes plain values")]
 pub fn gas_splat(
     py: Python<'_>,
     out: LayerMut<'_>,
-    centers: PyReadonlyArray2<'_, f64>,
-    radius: PyReadonlyArray1<'_, f64>,
-    density: PyReadonlyArray1<'_, f64>,
+    gas: Gas<'_>,
     colors: PyReadonlyArray2<'_, f64>,
     lens: Lens,
     manner: Manner,
     depth: Option<Plane<'_>>,
 ) -> PyResult<()> {
     let colors = colors_of(&colors)?;
-    let cloud = Cloud {
-        centers: centers.as_array(),
-        radius: radius.as_array(),
-        density: density.as_array(),
-        colors: &colors,
-    };
+    let cloud = gas.cloud(&colors);
     let (eye, look) = (eye_of(lens), look_of(manner)?);
     either!(LayerMut out = out => {
         each_map!(&depth, map => layer(py, out, &cloud, &eye, &look, map))
@@ -109,23 +120,15 @@ fn layer<P: Normal + numpy::Element, M: Real>(
 
 /// Draws the alpha of a gas into `out` (H, W).
 #[pyfunction]
-#[expect(clippy::too_many_arguments, reason = "the Python layer passes plain values")]
 pub fn gas_alpha(
     py: Python<'_>,
     out: PlaneMut<'_>,
-    centers: PyReadonlyArray2<'_, f64>,
-    radius: PyReadonlyArray1<'_, f64>,
-    density: PyReadonlyArray1<'_, f64>,
+    gas: Gas<'_>,
     lens: Lens,
     manner: Manner,
     depth: Option<Plane<'_>>,
 ) -> PyResult<()> {
-    let cloud = Cloud {
-        centers: centers.as_array(),
-        radius: radius.as_array(),
-        density: density.as_array(),
-        colors: &[[0.0; 3]],
-    };
+    let cloud = gas.cloud(&[[0.0; 3]]);
     let (eye, look) = (eye_of(lens), look_of(manner)?);
     cloud.check()?;
     gate::each_precision!(out, view => {
@@ -151,21 +154,17 @@ pub struct SortedGas {
 
 /// Sorts a gas for frames of `shape` (H, W).
 #[pyfunction]
-#[expect(clippy::too_many_arguments, reason = "the Python layer passes plain values")]
 pub fn gas_sort(
     py: Python<'_>,
     shape: (usize, usize),
-    centers: PyReadonlyArray2<'_, f64>,
-    radius: PyReadonlyArray1<'_, f64>,
-    density: PyReadonlyArray1<'_, f64>,
+    gas: Gas<'_>,
     colors: PyReadonlyArray2<'_, f64>,
     lens: Lens,
     manner: Manner,
 ) -> PyResult<SortedGas> {
     let colors = colors_of(&colors)?;
     let (eye, look) = (eye_of(lens), look_of(manner)?);
-    let (centers, radius, density) = (centers.as_array(), radius.as_array(), density.as_array());
-    let cloud = Cloud { centers, radius, density, colors: &colors };
+    let cloud = gas.cloud(&colors);
     splat::check_all::<f32>(shape, &cloud, &eye, &look, None)?;
     let nanoseconds = splat::estimate(shape, &cloud, &eye, &look);
     let (sprites, touched) = gate::run(py, nanoseconds, |cancel| {
@@ -223,18 +222,11 @@ pub fn gas_draw(
 pub fn gas_light(
     py: Python<'_>,
     mut out: PyReadwriteArray1<'_, f64>,
-    centers: PyReadonlyArray2<'_, f64>,
-    radius: PyReadonlyArray1<'_, f64>,
-    density: PyReadonlyArray1<'_, f64>,
+    gas: Gas<'_>,
     direction: [f64; 3],
     forward: f64,
 ) -> PyResult<()> {
-    let cloud = Cloud {
-        centers: centers.as_array(),
-        radius: radius.as_array(),
-        density: density.as_array(),
-        colors: &[[0.0; 3]],
-    };
+    let cloud = gas.cloud(&[[0.0; 3]]);
     let out = out.as_array_mut();
     let count = cloud.centers.nrows() as f64;
     gate::run(py, 5.0 * count * count, |cancel| {

@@ -26,38 +26,42 @@ pub(super) fn swaying(sway: Option<(f64, f64)>) -> Option<Sway> {
     sway.map(|(amplitude, angular_frequency)| Sway { amplitude, angular_frequency })
 }
 
-pub(super) fn flakes_of<'a>(
-    points: &'a PyReadonlyArray2<'_, f64>,
-    radius: &'a PyReadonlyArray1<'_, f64>,
-    opacity: &'a PyReadonlyArray1<'_, f64>,
-    velocity: &'a PyReadonlyArray2<'_, f64>,
-    shutter: f64,
-) -> Flakes<'a> {
-    Flakes {
-        points: points.as_array(),
-        radius: radius.as_array(),
-        opacity: opacity.as_array(),
-        velocity: velocity.as_array(),
-        shutter,
+/// Flakes of which arrays are given: points, radius, opacity, velocity, shutter.
+#[derive(FromPyObject)]
+pub struct Listed<'py>(
+    PyReadonlyArray2<'py, f64>,
+    PyReadonlyArray1<'py, f64>,
+    PyReadonlyArray1<'py, f64>,
+    PyReadonlyArray2<'py, f64>,
+    f64,
+);
+
+impl Listed<'_> {
+    pub(super) fn flakes(&self) -> Flakes<'_> {
+        let Self(points, radius, opacity, velocity, shutter) = self;
+        Flakes {
+            points: points.as_array(),
+            radius: radius.as_array(),
+            opacity: opacity.as_array(),
+            velocity: velocity.as_array(),
+            shutter: *shutter,
+        }
     }
 }
 
-/// Draws the alpha of the flakes into `out` (H, W). `lens` is (focal, cx, cy, offset, near).
+/// (focal, cx, cy, offset, near)
+pub(super) type LensValues = (f64, f64, f64, [f64; 3], f64);
+
+/// Draws the alpha of the flakes into `out` (H, W).
 #[pyfunction]
-#[expect(clippy::too_many_arguments, reason = "the Python layer passes plain values")]
 pub fn particle_splat(
     py: Python<'_>,
     out: PlaneMut<'_>,
-    points: PyReadonlyArray2<'_, f64>,
-    radius: PyReadonlyArray1<'_, f64>,
-    opacity: PyReadonlyArray1<'_, f64>,
-    velocity: PyReadonlyArray2<'_, f64>,
-    shutter: f64,
-    lens: (f64, f64, f64, [f64; 3], f64),
+    flakes: Listed<'_>,
+    lens: LensValues,
     depth: Option<Plane<'_>>,
 ) -> PyResult<()> {
-    let lens = lens_of(lens);
-    let flakes = flakes_of(&points, &radius, &opacity, &velocity, shutter);
+    let (flakes, lens) = (flakes.flakes(), lens_of(lens));
     gate::each_precision!(out, view => {
         each_map!(&depth, map => drawn(py, view, &flakes, &lens, map))
     })
@@ -76,20 +80,14 @@ fn drawn<P: Profile, M: Real>(
 
 /// Writes the index of the flake that each pixel shows into `out` (H, W), -1 where there is none.
 #[pyfunction]
-#[expect(clippy::too_many_arguments, reason = "the Python layer passes plain values")]
 pub fn particle_ids(
     py: Python<'_>,
     mut out: PyReadwriteArray2<'_, i32>,
-    points: PyReadonlyArray2<'_, f64>,
-    radius: PyReadonlyArray1<'_, f64>,
-    opacity: PyReadonlyArray1<'_, f64>,
-    velocity: PyReadonlyArray2<'_, f64>,
-    shutter: f64,
-    lens: (f64, f64, f64, [f64; 3], f64),
+    flakes: Listed<'_>,
+    lens: LensValues,
     depth: Option<Plane<'_>>,
 ) -> PyResult<()> {
-    let lens = lens_of(lens);
-    let flakes = flakes_of(&points, &radius, &opacity, &velocity, shutter);
+    let (flakes, lens) = (flakes.flakes(), lens_of(lens));
     let out = out.as_array_mut();
     each_map!(&depth, map => shown(py, out, &flakes, &lens, map))
 }
@@ -130,7 +128,7 @@ pub struct FlurryRequest {
     fade_in: f64,
     largest: (f64, f64),
     sizes: i64,
-    lens: (f64, f64, f64, [f64; 3], f64),
+    lens: LensValues,
     window: [usize; 4],
 }
 
@@ -154,7 +152,7 @@ impl FlurryRequest {
     }
 }
 
-pub(super) fn lens_of((focal, x, y, offset, near): (f64, f64, f64, [f64; 3], f64)) -> Lens {
+pub(super) fn lens_of((focal, x, y, offset, near): LensValues) -> Lens {
     Lens { focal, center: [x, y], offset, near }
 }
 
@@ -212,7 +210,7 @@ pub fn particle_sort_pair(
     py: Python<'_>,
     shape: (usize, usize),
     request: FlurryRequest,
-    lens: (f64, f64, f64, [f64; 3], f64),
+    lens: LensValues,
 ) -> PyResult<(SortedFlakes, SortedFlakes)> {
     let lenses = [request.lens(), lens_of(lens)];
     let both = request.flurry()?.seen_from(&lenses[1], request.window)?;
@@ -225,24 +223,18 @@ pub fn particle_sort_pair(
 
 /// Sorts flakes of which arrays are given, see `particle_splat`, for frames of `shape` (H, W).
 #[pyfunction]
-#[pyo3(signature = (shape, points, radius, opacity, velocity, shutter, lens, closeup=None, numbers=None))]
-#[expect(clippy::too_many_arguments, reason = "the Python layer passes plain values")]
+#[pyo3(signature = (shape, flakes, lens, closeup=None, numbers=None))]
 pub fn particle_sort_listed(
     py: Python<'_>,
     shape: (usize, usize),
-    points: PyReadonlyArray2<'_, f64>,
-    radius: PyReadonlyArray1<'_, f64>,
-    opacity: PyReadonlyArray1<'_, f64>,
-    velocity: PyReadonlyArray2<'_, f64>,
-    shutter: f64,
-    lens: (f64, f64, f64, [f64; 3], f64),
+    flakes: Listed<'_>,
+    lens: LensValues,
     closeup: Option<CloseupRequest>,
     numbers: Option<PyReadonlyArray1<'_, i64>>,
 ) -> PyResult<SortedFlakes> {
-    let flakes = flakes_of(&points, &radius, &opacity, &velocity, shutter);
     let closeup = closeup.map(|request| request.closeup()).transpose()?;
     let numbers = numbers.as_ref().map(|numbers| numbers.as_slice()).transpose()?;
-    SortedFlakes::of(py, shape, &flakes, &lens_of(lens), closeup.as_ref(), numbers)
+    SortedFlakes::of(py, shape, &flakes.flakes(), &lens_of(lens), closeup.as_ref(), numbers)
 }
 
 /// Draws the alpha of flakes into `out` (h, w), the part `window` (top, bottom, left, right) of their

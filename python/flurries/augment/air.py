@@ -303,8 +303,8 @@ class Here:
         # Everything was made here, so it goes to the kernel without the checks of `particles`.
         thin = scale is not None
         result: Array = np.empty(view.shape) if thin else scratch("drawn", view.shape)
-        velocity, exposure = flakes.velocity[None, :], self.air.exposure
-        _core.particle_splat(result, points, radius, opacity, velocity, exposure, view.lens, plane)
+        given = points, radius, opacity, flakes.velocity[None, :], self.air.exposure
+        _core.particle_splat(result, given, view.lens, plane)
         return result
 
     @staticmethod

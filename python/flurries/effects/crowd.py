@@ -134,7 +134,7 @@ class DrawnFlakes:
         rows = self._listed(frame, amount)
         points, radius, opacity, way = (np.ascontiguousarray(part) for part in rows[:4])
         return _core.particle_sort_listed(
-            frame.shape, points, radius, opacity, way, 1.0, crowd.lens, crowd.closeup, rows[4]
+            frame.shape, (points, radius, opacity, way, 1.0), crowd.lens, crowd.closeup, rows[4]
         )
 
     def _sort_pair(self, frame: Frame, amount: float) -> tuple[SortedFlakes, SortedFlakes]:
@@ -153,8 +153,8 @@ class DrawnFlakes:
             return result
         rows = self.listed(frame, amount, beyond=True)
         points, radius, opacity, travel = (np.ascontiguousarray(part) for part in rows[:4])
-        lens = lens_of(frame.camera, frame.shape)
-        _core.particle_exact(result, points, radius, opacity, travel, 1.0, lens, (top, left), depth)
+        given, lens = (points, radius, opacity, travel, 1.0), lens_of(frame.camera, frame.shape)
+        _core.particle_exact(result, given, lens, (top, left), depth)
         return result
 
     def listed(self, frame: Frame, amount: float, *, beyond: bool = False) -> Listed:

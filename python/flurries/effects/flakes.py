@@ -309,15 +309,15 @@ class Flakes:
 
     def _given(
         self, frame: Frame, rows: Listed, way: Way
-    ) -> tuple[Float64, Float64, Float64, Float64, float, Lens]:
-        """Return a list of flakes as the kernels read it."""
+    ) -> tuple[tuple[Float64, Float64, Float64, Float64, float], Lens]:
+        """Return a list of flakes and the lens before them, as the kernels read them."""
         stretch, lens = frame.camera.aspect, lens_of(frame.camera, frame.shape)
         points, velocity = rows.points, rows.velocity
         if stretch != 1.0:
             higher = np.array([1.0, stretch, 1.0])
             points, velocity = points * higher, velocity * higher
         opacity = rows.weight * value_at(self.opacity, frame.t)
-        return points, rows.radius, opacity, velocity, way.shutter, lens
+        return (points, rows.radius, opacity, velocity, way.shutter), lens
 
 
 @lru_cache(maxsize=64)

@@ -63,7 +63,7 @@ def light(
     share = real("forward", forward, low=0.0, high=1.0)
     result = output(out, (len(gas.centers),), np.dtype(np.float64), *vars(gas).values())
     x, y, z = (way / length).tolist()
-    _core.gas_light(result, gas.centers, gas.radius, gas.density, (x, y, z), share)
+    _core.gas_light(result, gas, (x, y, z), share)
     return result
 
 

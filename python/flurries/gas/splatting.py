@@ -179,7 +179,7 @@ def splat(
     ground = ground_of(depth, size)
     inputs = [gas.centers, gas.radius, gas.density, colors]
     result = output(out, (*size, 4), kind, *inputs, *([] if ground is None else [ground]))
-    _core.gas_splat(result, gas.centers, gas.radius, gas.density, colors, lens, manner, ground)
+    _core.gas_splat(result, gas, colors, lens, manner, ground)
     return result
 
 
@@ -229,7 +229,7 @@ error, smooth, dtype
     ground = ground_of(depth, size)
     inputs = [gas.centers, gas.radius, gas.density, *([] if ground is None else [ground])]
     result = output(out, size, kind, *inputs)
-    _core.gas_alpha(result, gas.centers, gas.radius, gas.density, lens, manner, ground)
+    _core.gas_alpha(result, gas, lens, manner, ground)
     return result
 
 
@@ -259,7 +259,7 @@ def sorted_gas(
     manner = manner_of(footprint, "taper", near, near_mode, "soft", error, smooth, kind)
     ground_of(depth, size)
     lens = lens_of(camera, size)
-    return _core.gas_sort(size, gas.centers, gas.radius, gas.density, colors, lens, manner)
+    return _core.gas_sort(size, gas, colors, lens, manner)
 
 
 def gas_of(centers: npt.ArrayLike, radius: npt.ArrayLike, density: npt.ArrayLike) -> Gas:

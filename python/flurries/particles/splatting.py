@@ -193,4 +193,4 @@ def settled(
         stretch = np.array([1.0, aspect, 1.0])
         place, rate = place * stretch, rate * stretch
     lens = (camera.focal, x, y, (eye_x, aspect * eye_y, eye_z), closest)
-    return (place, width, cover, rate, exposure, lens, map_), inputs
+    return ((place, width, cover, rate, exposure), lens, map_), inputs
