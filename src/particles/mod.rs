@@ -16,6 +16,7 @@
 //! | [`closeup`] | near flakes with a shape, flakes out of focus, flakes in the light of lamps |
 //! | [`crowd`] | the flakes of a population, by classes of size |
 //! | [`exact`] | flakes drawn one by one with their exact images, as a judge |
+//! | `integrals` | what exact images are summed with |
 //! | [`looks`] | how many flakes are there, how large they are, which are too large |
 //! | `block` | flakes placed by vectors, those out of view dropped |
 //! | [`flurry`] | the flakes of a box, each placed and looked at as it is drawn |
@@ -30,6 +31,7 @@ mod dim;
 mod draw;
 pub mod exact;
 pub mod flurry;
+mod integrals;
 pub mod looks;
 pub mod profile;
 mod project;

@@ -8,7 +8,9 @@ use super::frame::Picture;
 use super::gate;
 use crate::base::error::Error;
 use crate::frame::coding::{self, Coding};
-use crate::frame::shade::{self, Grid, Lit};
+use crate::frame::grid::Grid;
+use crate::frame::plate;
+use crate::frame::shade::{self, Lit};
 
 /// Colors at the middles of cells: (colors, side of a cell, first row, first column).
 pub(super) type Shade<'py> = (PyReadonlyArray3<'py, f32>, f64, usize, usize);
@@ -29,7 +31,7 @@ pub fn plate_cells(
     let out = out.as_array_mut();
     let table = table.as_array();
     let table = table.to_slice().ok_or_else(|| Error::Internal("layout".into()))?;
-    fn run<S: shade::Light>(
+    fn run<S: plate::Light>(
         py: Python<'_>,
         out: numpy::ndarray::ArrayViewMut3<'_, f32>,
         picture: ArrayView3<'_, S>,
@@ -37,7 +39,7 @@ pub fn plate_cells(
         cell: usize,
     ) -> PyResult<()> {
         let work = 2.0 * picture.len() as f64;
-        gate::run(py, work, move |cancel| shade::cells(out, picture, table, cell, cancel))
+        gate::run(py, work, move |cancel| plate::cells(out, picture, table, cell, cancel))
     }
     match picture {
         Picture::Byte(plate) if table.len() == 256 => run(py, out, plate.as_array(), table, cell),

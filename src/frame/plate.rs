@@ -1,0 +1,81 @@
+//! The mean light of a plate, cell by cell.
+
+use ndarray::{ArrayView3, ArrayViewMut3, Axis};
+
+use crate::base::error::{Cancel, Error};
+use crate::base::pool;
+
+/// What a cell of a plate sums up.
+pub trait Light: Copy + Sync + Send {
+    /// Linear light times `cover`, by the table of integers; `straight` where that is still to be done.
+    fn light(self, table: &[f32], cover: f32) -> f32;
+    /// An opacity, 0 to 1.
+    fn cover(self) -> f32;
+}
+
+macro_rules! integer_light {
+    ($integer:ty) => {
+        impl Light for $integer {
+            #[inline(always)]
+            fn light(self, table: &[f32], cover: f32) -> f32 {
+                table[usize::from(self)] * cover
+            }
+            #[inline(always)]
+            fn cover(self) -> f32 {
+                f32::from(self) / f32::from(<$integer>::MAX)
+            }
+        }
+    };
+}
+integer_light!(u8);
+integer_light!(u16);
+
+impl Light for f32 {
+    #[inline(always)]
+    fn light(self, _: &[f32], _: f32) -> f32 {
+        self
+    }
+    #[inline(always)]
+    fn cover(self) -> f32 {
+        self
+    }
+}
+
+/// Fills `out` (rows, columns, 4) with the sums of linear light over cells of `cell` pixels, and of
+/// what covers them. Pixels that are not finite do not count.
+pub fn cells<S: Light>(
+    mut out: ArrayViewMut3<'_, f32>,
+    picture: ArrayView3<'_, S>,
+    table: &[f32],
+    cell: usize,
+    cancel: &Cancel,
+) -> Result<(), Error> {
+    let (height, width, channels) = picture.dim();
+    let rows = height.div_ceil(cell.max(1));
+    if cell == 0 || out.dim() != (rows, width.div_ceil(cell), 4) || !(3..=4).contains(&channels) {
+        return Err(Error::Internal("the cells do not fit the picture".into()));
+    }
+    let most = S::cover as fn(S) -> f32;
+    let tasks: Vec<_> = out.axis_iter_mut(Axis(0)).enumerate().collect();
+    pool::for_each(tasks, |(row, mut sums)| {
+        cancel.check()?;
+        sums.fill(0.0);
+        for y in row * cell..((row + 1) * cell).min(height) {
+            let line = picture.index_axis(Axis(0), y);
+            for (column, mut sum) in sums.outer_iter_mut().enumerate() {
+                let mut found = [0.0_f32; 4];
+                for x in column * cell..((column + 1) * cell).min(width) {
+                    let cover = if channels == 4 { most(line[[x, 3]]) } else { 1.0 };
+                    let rgb: [f32; 3] =
+                        std::array::from_fn(|channel| line[[x, channel]].light(table, cover));
+                    if rgb.iter().all(|v| v.is_finite()) {
+                        (0..3).for_each(|channel| found[channel] += rgb[channel]);
+                        found[3] += cover;
+                    }
+                }
+                (0..4).for_each(|channel| sum[channel] += found[channel]);
+            }
+        }
+        Ok(())
+    })
+}
