@@ -11,8 +11,7 @@
 
 #![expect(unsafe_code, reason = "sums that stay in registers, by `Lanes`")]
 
-use std::f64::consts::TAU;
-
+use super::cosines::{LANES, Symmetry, Tables, by_sum, even, in_blocks, mirrored, padded};
 use super::spectrum::columns_padded;
 use super::waves::Waves;
 use crate::base::aligned::Aligned;
@@ -20,9 +19,6 @@ use crate::base::error::Error;
 use crate::base::lanes::Lanes;
 use crate::base::real::Real;
 use crate::base::simd::{AVX2, AVX512, dispatch};
-
-/// Sums that stand together in a table: one AVX-512 register of float32, or two of float64.
-const LANES: usize = 16;
 
 /// Cosine and sine tables of a tile and a band.
 pub struct Dense<T> {
@@ -34,102 +30,12 @@ pub struct Dense<T> {
     across: Tables<T>,
 }
 
-/// What the sums along one axis are multiplied by.
-struct Tables<T> {
-    /// How the pixels of the axis share their sums.
-    symmetry: Symmetry,
-    /// Values of k, made even in number by one more of zeros.
-    terms: usize,
-    /// In the first pass, for each sum the cosines of all k, then the sines. In the second, blocks of
-    /// LANES sums; in a block for each k the cosines, then the sines.
-    values: Aligned<T>,
-}
-
-/// How many pixels a sum makes.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Symmetry {
-    /// Pixels i and n-1-i.
-    Halves,
-    /// Also n/2-1-i and n/2+i.
-    Quarters,
-}
-
-impl Symmetry {
-    /// The better one for n pixels.
-    const fn of(n: usize) -> Self {
-        if n.is_multiple_of(4) && padded(n / 4) < padded(n.div_ceil(2)) {
-            Self::Quarters
-        } else {
-            Self::Halves
-        }
-    }
-
-    /// Sums for n pixels.
-    const fn sums(self, n: usize) -> usize {
-        match self {
-            Self::Halves => n.div_ceil(2),
-            Self::Quarters => n / 4,
-        }
-    }
-}
-
-/// n, or one more.
-const fn even(n: usize) -> usize {
-    n + n % 2
-}
-
-const fn padded(n: usize) -> usize {
-    n.div_ceil(LANES) * LANES
-}
-
-/// Where the first pass has the cosine of sum i and index k, and how far behind it the sine.
-const fn by_sum(i: usize, k: usize, terms: usize) -> (usize, usize) {
-    (2 * terms * i + k, terms)
-}
-
-/// The same for the second pass.
-const fn in_blocks(i: usize, k: usize, terms: usize) -> (usize, usize) {
-    (i / LANES * 2 * LANES * terms + k * 2 * LANES + i % LANES, LANES)
-}
-
-/// Columns kx > 0 stand for their mirrors as well.
-const fn mirrored(k: usize) -> f64 {
-    if k > 0 { 2.0 } else { 1.0 }
-}
-
 /// Work space: the spectrum folded to what cosines and sines are multiplied by, and the rows of each
 /// column between the passes.
 pub struct Work<T> {
     pub(super) cos: Aligned<T>,
     pub(super) sin: Aligned<T>,
     between: Aligned<T>,
-}
-
-impl<T: Real> Tables<T> {
-    /// For n pixels and `count` values of k; `place(i, k, terms)` is where the cosine of sum i stands,
-    /// and how far behind it the sine.
-    fn new(
-        n: usize,
-        count: usize,
-        weight: impl Fn(usize) -> f64,
-        place: impl Fn(usize, usize, usize) -> (usize, usize),
-    ) -> Result<Self, Error> {
-        let symmetry = Symmetry::of(n);
-        let terms = even(count);
-        let sums = symmetry.sums(n);
-        let mut values = Aligned::zeroed(2 * terms * padded(sums))?;
-        for i in 0..sums {
-            for k in 0..count {
-                // Reduced as an integer first: exact for any size.
-                let turns = ((2 * i + 1) * k % (2 * n)) as f64 / (2 * n) as f64;
-                let (sin, cos) = libm::sincos(TAU * turns);
-                let (at, further) = place(i, k, terms);
-                values[at] = T::of(weight(k) * cos);
-                values[at + further] = T::of(weight(k) * sin);
-            }
-        }
-        Ok(Self { symmetry, terms, values })
-    }
 }
 
 impl<T: Real> Dense<T> {
@@ -509,6 +415,8 @@ dispatch! {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::f64::consts::TAU;
+
     use crate::spectral::band::Band;
     use crate::spectral::spectrum::Columns;
 

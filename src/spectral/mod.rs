@@ -8,6 +8,7 @@
 
 pub mod band;
 mod carry;
+mod cosines;
 pub mod dense;
 pub mod field;
 pub mod filter;
