@@ -500,6 +500,7 @@ def mixing(runs: int) -> dict[str, float]:
     planes = [RNG.random((SIZE, SIZE), np.float32) for _ in range(2)]
     depth = planes[0] * 50
     layer = fl.Layer("a", planes[0])
+    colored = replace(layer, rgb=0.8 * planes[0][..., None] * np.ones(3, np.float32))
     word = PICTURE.astype(np.uint16) * 257
     values = np.linspace(0.5, 1.5, 1 << 16)
     roots = np.empty_like(values)
@@ -529,6 +530,7 @@ def mixing(runs: int) -> dict[str, float]:
         "veil pixel": lambda: haze_before(depth, 0.1, 100.0),
         "8 bit pixel": lambda: Mix(False, "display").over(PICTURE, layer),
         "16 bit pixel": lambda: Mix(False, "display").over(word, layer),
+        "colored pixel": lambda: Mix(False, "display").over(PICTURE, colored),
         "32 bit pixel": lambda: Mix(True, "linear").over(LIGHT, layer),
         "to": lambda: there.decode(PICTURE),
         "from": lambda: there.encode(bright, PICTURE),

@@ -59,6 +59,8 @@ NANOSECONDS: dict[str, tuple[str, float]] = {
     "fused pixel": ("kernel", 0.17),
     "16 bit pixel": ("kernel", 0.45),
     "32 bit pixel": ("kernel", 0.85),
+    # Of a layer with a linear color at each pixel, mixed in display values.
+    "colored pixel": ("array", 43.0),
     "decoded pixel": ("array", 8.0),
     # Integers of display values to linear light, and back by the formula, or by a table.
     "decoded value": ("array", 1.2),
