@@ -77,6 +77,7 @@ class Vapor:
                 reads_of(self.color),
                 most=1.0,
                 brightest=bright,
+                colored=lit,
             )
 
         def cost(error: float | None = None) -> Cost:
@@ -93,6 +94,7 @@ class Vapor:
             most=min(density * cloud.filled(frame)[1], 1.0),
             by_rows=True,
             brightest=bright,
+            colored=lit,
         )
 
     def render(self, frame: Frame) -> Layer:

@@ -187,8 +187,7 @@ class _Frame:
             "array pixel": 0 if self.front is None else 2 * layers * inner,
         }
         if not self.mix.linear:
-            lit = [any(s.name == "lit gas" for s in ask.needs.steps) for ask in asks]
-            work["colored pixel"] = sum(lit) * inner
+            work["colored pixel"] = sum(ask.needs.colored for ask in asks) * inner
         if layers == 0 or inner < pixels:
             work["copied byte"] = 3 * self.item * (pixels + (2 * inner if layers else 0))
         if not self.mix.same:

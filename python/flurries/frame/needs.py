@@ -81,6 +81,7 @@ class Needs:
     # cloud that the camera passes.
     varies: bool = False
     brightest: float = 1.0  # The largest of the colors' values, at least 1.
+    colored: bool = False  # Whether the layer has a linear color at each pixel, not one for all.
 
     def without(self, names: frozenset[str]) -> Needs:
         """Return the needs less some steps."""

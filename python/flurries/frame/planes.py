@@ -1,8 +1,8 @@
 """Planes of a frame in memory that an earlier frame has given back.
 
-The system hands out fresh memory page by page and clears it: a quarter of the time of a frame with
-layers. What a dropped frame held is kept here, up to a limit, and used again once no array and no
-view of it is left.
+The system hands out fresh memory page by page and clears it, which a frame with layers waits for.
+What a dropped frame held is kept here, up to a limit, and used again once no array and no view of
+it is left.
 """
 
 from __future__ import annotations
@@ -20,7 +20,8 @@ from flurries._contract import Array
 # Bytes: smaller arrays come from the heap anyway; what is more than the most goes to the system.
 LEAST, MOST = 1 << 20, 1 << 28
 
-# The newest last: memory that is still in the cache is taken first.
+# Memory is taken from the right, where the newest is; what does not fit goes to the left. There is
+# no lock: `_Lent.__del__` may run in the middle of anything, and a deque's own steps are whole.
 _free: deque[npt.NDArray[np.uint8]] = deque()
 
 
