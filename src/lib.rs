@@ -8,6 +8,7 @@
 //! | [`base`] | errors, random numbers, threads, vectors: what every subject stands on | |
 //! | [`spectral`] | the tent, the band, phases, tiles, one frame of the field | Langer 2004, sections 4-7 |
 //! | [`particles`] | the box of flakes, their image | Langer 2004, sections 6-7 |
+//! | [`falling`] | flakes that live in the world: cells, drawing, texture | |
 //! | [`air`] | plane waves of wind | Langer 2004, section 8 |
 //! | [`cone`] | textures on a double cone around the camera | Wang 2004 |
 //! | [`gas`] | splatted mist, fog and clouds | Johnson 2005 |
@@ -21,6 +22,7 @@ pub mod air;
 pub mod base;
 pub mod cone;
 pub mod encode;
+pub mod falling;
 pub mod frame;
 pub mod gas;
 pub mod particles;
