@@ -51,7 +51,7 @@ def frame(layers: int, *, blurred: bool = False, flakes_per_tile: float = 3300.0
     chosen = flake_frames.choices(1, TILES, layers=layers, patterns=8, tile=64)
     request = flake_frames.Request(
         shape=SHAPE, overlap=10, pattern=chosen.pattern, gain=np.ones((1, 1, layers)),
-        shift=chosen.shift + drift, streak=streak, mirror=chosen.mirror,
+        shift=chosen.shift + drift, streak=streak,
         mean=np.array([[float(found[:, 0, 0, 0].real.sum()) / 64**2]]),
         window=(0, SHAPE[0], 0, SHAPE[1]),
     )  # fmt: skip

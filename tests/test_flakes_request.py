@@ -36,7 +36,7 @@ def request(**changes: Any) -> frames.Request:
     chosen = frames.choices(4, TILES, layers=LAYERS, patterns=NUMBER, tile=TILE)
     return frames.Request(
         shape=SHAPE, overlap=OVERLAP, pattern=chosen.pattern, gain=np.ones((1, 1, LAYERS)),
-        shift=chosen.shift + DRIFT, streak=None, mirror=chosen.mirror,
+        shift=chosen.shift + DRIFT, streak=None,
         mean=np.array([[MEANS.sum()]]), window=(0, SHAPE[0], 0, SHAPE[1]),
     )._replace(**changes)  # fmt: skip
 
@@ -58,11 +58,9 @@ def slow(asked: frames.Request, spectra: np.ndarray = SPECTRA) -> np.ndarray:
     tiles, means = np.empty((2, ROWS, COLS, TILE, TILE))
     for at in np.ndindex(TILES):
         numbers = each["pattern"][at]
-        flip = (1.0, -1.0) if each["mirror"][at] else (1.0, 1.0)
-        streak = each["streak"][at] * flip if asked.streak is not None else np.zeros((terms, 2))
+        streak = each["streak"][at] if asked.streak is not None else np.zeros((terms, 2))
         gains = np.where(numbers >= 0, each["gain"][at], 0.0)
-        tile = twin_flakes.tile_of(flat[numbers], each["shift"][at] * flip, streak, gains, SHEAR)
-        tiles[at] = tile[::-1] if each["mirror"][at] else tile
+        tiles[at] = twin_flakes.tile_of(flat[numbers], each["shift"][at], streak, gains, SHEAR)
         means[at] = each["mean"][at]
     # Means mix by weights that sum to 1: the squares of those of the power law.
     down, across = (twin.axis_weights(n, TILE, OVERLAP, "power") for n in SHAPE)
@@ -84,7 +82,6 @@ REQUESTS: dict[str, dict[str, Any]] = {
         "mean": RNG.uniform(0.0, 0.3, TILES),
     },
     "nothing at all": {"pattern": np.full((1, 1, LAYERS), -1, np.int32), "mean": np.zeros((1, 1))},
-    "upside down": {"mirror": np.ones((1, 1), np.bool_)},
 }  # fmt: skip
 
 
@@ -107,7 +104,6 @@ def test_two_generations_share_a_layer():
         frames.choices(4, TILES, layers=LAYERS, patterns=NUMBER, tile=TILE, generation=old + which)
         for which in (0, 1)
     ]
-    assert np.array_equal(parts[0].mirror, parts[1].mirror)
     assert not np.array_equal(parts[0].shift, parts[1].shift)
     asked = request(
         pattern=np.concatenate([part.pattern for part in parts], 2),
@@ -210,7 +206,6 @@ BAD: dict[str, dict[str, Any]] = {
     "gain": {"gain": np.ones((1, 1, LAYERS + 1))},
     "shift": {"shift": DRIFT[:-1]},
     "streak": {"streak": np.zeros((1, 1, LAYERS, 3))},
-    "mirror": {"mirror": np.zeros((2, 1), np.bool_)},
     "mean": {"mean": np.zeros((ROWS, COLS + 1))},
     "window": {"window": (0, 84, 0, 97)},
     "overlap": {"overlap": TILE},

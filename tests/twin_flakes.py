@@ -78,7 +78,7 @@ def optical_depth(
     shear: float = 0.0,
     overlap: int = 10,
 ) -> np.ndarray:
-    """A frame in which every tile has pattern 0, unmirrored and unshifted."""
+    """A frame in which every tile has pattern 0, unshifted."""
     layers, _, tile, _ = spectra.shape
     rows, cols = (len(twin.tile_starts(n, tile=tile, overlap=overlap)) for n in shape)
 

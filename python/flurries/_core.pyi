@@ -181,7 +181,6 @@ def flake_mix(first: PreparedFlakes, second: PreparedFlakes, weight: float) -> P
 def flake_choices(
     pattern: npt.NDArray[np.int32],
     shift: _Float64,
-    mirror: npt.NDArray[np.bool_],
     seed: int,
     patterns: int,
     tile: int,

@@ -4,8 +4,8 @@ use std::sync::Arc;
 
 use ndarray::{ArrayView2, ArrayViewMut2};
 use numpy::{
-    PyReadonlyArray1, PyReadonlyArray2, PyReadonlyArray3, PyReadonlyArray4, PyReadwriteArray2,
-    PyReadwriteArray3, PyReadwriteArray4,
+    PyReadonlyArray1, PyReadonlyArray2, PyReadonlyArray3, PyReadonlyArray4, PyReadwriteArray3,
+    PyReadwriteArray4,
 };
 use pyo3::prelude::*;
 
@@ -15,7 +15,7 @@ use crate::base::error::{Cancel, Error};
 use crate::base::normal::Normal;
 use crate::spectral::field::Window;
 use crate::spectral::flakes::bands::Bands;
-use crate::spectral::flakes::choice::{choice, mirrored, place};
+use crate::spectral::flakes::choice::{choice, place};
 use crate::spectral::flakes::footprint::FINE;
 use crate::spectral::flakes::frame::{Finish, Frame, Terms};
 use crate::spectral::flakes::prepared::Prepared;
@@ -25,17 +25,16 @@ use crate::spectral::flakes::wall::Wall;
 const PIXEL: f64 = 3.0;
 
 /// What each tile takes by `seed`: `pattern` (rows, cols, layers) of `patterns` for each layer,
-/// `shift` (rows, cols, layers, 2) in a tile of so many pixels, `mirror` (rows, cols). `moved` (rows,
-/// cols, layers, 2), or (1, 1, ..) for all tiles, is added to the shifts. With `placed` patterns stand
+/// `shift` (rows, cols, layers, 2) in a tile of so many pixels. `moved` (rows, cols, layers, 2), or
+/// (1, 1, ..) for all tiles, is added to the shifts. With `placed` patterns stand
 /// at places within a pixel, as [`flake_population`] makes them, and the shift is what is left. With
 /// `layer` the arrays hold terms of these layers in place of one of each.
 #[pyfunction]
-#[pyo3(signature = (pattern, shift, mirror, seed, patterns, tile, generation=None, moved=None, placed=false, layer=None))]
+#[pyo3(signature = (pattern, shift, seed, patterns, tile, generation=None, moved=None, placed=false, layer=None))]
 #[expect(clippy::too_many_arguments, reason = "arrays of one request")]
 pub fn flake_choices(
     mut pattern: PyReadwriteArray3<'_, i32>,
     mut shift: PyReadwriteArray4<'_, f64>,
-    mut mirror: PyReadwriteArray2<'_, bool>,
     seed: i64,
     patterns: usize,
     tile: usize,
@@ -45,13 +44,10 @@ pub fn flake_choices(
     layer: Option<Vec<usize>>,
 ) -> PyResult<()> {
     let (mut pattern, mut shift) = (pattern.as_array_mut(), shift.as_array_mut());
-    let mut mirror = mirror.as_array_mut();
     let generation = generation.as_ref().map(|generation| generation.as_array());
     let (rows, cols, layers) = pattern.dim();
     let layer = layer.unwrap_or_else(|| (0..layers).collect());
-    let alike = layer.len() == layers
-        && shift.dim() == (rows, cols, layers, 2)
-        && mirror.dim() == (rows, cols);
+    let alike = layer.len() == layers && shift.dim() == (rows, cols, layers, 2);
     if !alike || generation.is_some_and(|array| array.dim() != pattern.dim()) || patterns == 0 {
         return Err(Error::invalid("pattern", "must have the shape of the others").into());
     }
@@ -59,9 +55,6 @@ pub fn flake_choices(
     let one = moved.is_some_and(|moved| moved.dim() == (1, 1, layers, 2));
     if moved.is_some_and(|moved| moved.dim() != shift.dim()) && !one {
         return Err(Error::invalid("moved", "must have the shape of `shift`").into());
-    }
-    for ((row, col), mirror) in mirror.indexed_iter_mut() {
-        *mirror = mirrored(seed, (row, col));
     }
     for ((row, col, term), index) in pattern.indexed_iter_mut() {
         let generation = generation.map_or(0, |array| array[(row, col, term)]);
@@ -71,7 +64,7 @@ pub fn flake_choices(
         let mut place_of = (0, [found.shift[0] + along(0), found.shift[1] + along(1)]);
         let mut number = layer[term] * patterns + found.pattern;
         if placed {
-            place_of = place(place_of.1, mirror[(row, col)]);
+            place_of = place(place_of.1);
             number = number * FINE * FINE + place_of.0;
         }
         *index = number as i32;
@@ -90,7 +83,6 @@ pub struct FlakeRequest<'py> {
     gain: PyReadonlyArray3<'py, f64>,
     shift: PyReadonlyArray4<'py, f64>,
     streak: Option<PyReadonlyArray4<'py, f64>>,
-    mirror: PyReadonlyArray2<'py, bool>,
     mean: PyReadonlyArray2<'py, f64>,
     window: (usize, usize, usize, usize),
     before: Option<WallRequest<'py>>,
@@ -125,7 +117,6 @@ impl FlakeRequest<'_> {
             gain: self.gain.as_array(),
             shift: self.shift.as_array(),
             streak: self.streak.as_ref().map(|streak| streak.as_array()),
-            mirror: self.mirror.as_array(),
             mean: self.mean.as_array(),
         }
     }

@@ -109,7 +109,7 @@ fn transform_with<T: Real, const LEVEL: u8>(
 pub(super) fn passes_on<T: Real, const LEVEL: u8>(
     dense: &Dense<T>,
     work: &mut Work<T>,
-    turns: Option<Turns<'_, T>>,
+    turns: Option<&[T]>,
     pixels: &mut [T],
 ) {
     // As many sums at once as the registers hold, with their four accumulators each. The bits are the
@@ -121,23 +121,12 @@ pub(super) fn passes_on<T: Real, const LEVEL: u8>(
     }
 }
 
-/// What turns the waves of each row between the passes: a cosine for each place of a row, then sines.
-#[derive(Clone, Copy)]
-pub(super) struct Turns<'t, T> {
-    pub(super) values: &'t [T],
-    /// Whether they are those of the last row first.
-    pub(super) upward: bool,
-}
-
-/// Multiplies each row of `between`, whose imaginary parts have their signs changed, by
-/// cos - i sin.
+/// Multiplies each row of `between`, whose imaginary parts have their signs changed, by cos - i sin:
+/// `turns` has a cosine for each place of a row, then sines.
 #[inline(always)]
-fn turn_rows<T: Real, V: Lanes<T>>(between: &mut [T], turns: Turns<'_, T>, stride: usize) {
-    let rows = between.len() / (2 * stride);
-    assert!(turns.values.len() == between.len() && stride.is_multiple_of(V::N));
-    for (y, line) in between.chunks_exact_mut(2 * stride).enumerate() {
-        let from = if turns.upward { rows - 1 - y } else { y };
-        let turns = &turns.values[2 * stride * from..][..2 * stride];
+fn turn_rows<T: Real, V: Lanes<T>>(between: &mut [T], turns: &[T], stride: usize) {
+    assert!(turns.len() == between.len() && stride.is_multiple_of(V::N));
+    for (line, turns) in between.chunks_exact_mut(2 * stride).zip(turns.chunks_exact(2 * stride)) {
         for at in (0..stride).step_by(V::N) {
             // SAFETY: `at` + N is at most `stride`, and both rows have twice as many values.
             unsafe {
@@ -156,7 +145,7 @@ fn turn_rows<T: Real, V: Lanes<T>>(between: &mut [T], turns: Turns<'_, T>, strid
 fn passes<T: Real, V: Lanes<T>, const ROWS: usize>(
     dense: &Dense<T>,
     work: &mut Work<T>,
-    turns: Option<Turns<'_, T>>,
+    turns: Option<&[T]>,
     pixels: &mut [T],
 ) {
     let (sums, rows) = (dense.down.symmetry.sums(dense.tile.0), dense.tile.0);

@@ -218,7 +218,6 @@ class Texture:
             gain=(self.gain * self.gains).reshape(1, 1, count),
             shift=chosen.shift + pixels * moved,
             streak=(pixels * streak).reshape(1, 1, count, 2) if streak.any() else None,
-            mirror=chosen.mirror,
             mean=np.array([[self.mean]]),
             window=(0, shape[0], 0, shape[1]),
         )

@@ -83,7 +83,6 @@ class Terms(NamedTuple):
     pattern: npt.NDArray[np.int32]
     gain: Float64
     shift: Float64
-    mirror: npt.NDArray[np.bool_]
 
 
 def tile_counts(shape: tuple[int, int], film: Film) -> tuple[int, int]:
@@ -165,14 +164,13 @@ def terms_of(
             gain.append(factor)
             shift.append(taken.shift)
     if len(pattern) == 1:
-        return Terms(layer, pattern[0], gain[0], shift[0], taken.mirror)
+        return Terms(layer, pattern[0], gain[0], shift[0])
     widest = np.broadcast_shapes(*(one.shape for one in gain))
     return Terms(
         np.tile(layer, len(pattern)),
         np.concatenate(pattern, axis=2),
         np.concatenate([np.broadcast_to(one, widest) for one in gain], axis=2),
         np.concatenate(shift, axis=2),
-        taken.mirror,
     )
 
 

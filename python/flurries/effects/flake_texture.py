@@ -176,7 +176,6 @@ class FlakeTexture:
             gain=np.ascontiguousarray(terms.gain),
             shift=terms.shift,
             streak=streak if stops.blurred.any() else None,
-            mirror=terms.mirror,
             mean=np.ascontiguousarray(mean.sum(axis=2) / film.tile**2),
             window=window,
             before=before,

@@ -302,7 +302,7 @@ def shear_for(tile: int, slopes: tuple[float, ...]) -> int:
     """Return the shear in pixels of a torus whose flakes meet themselves least.
 
     A flake that falls by n tiles is back where it was if it has moved aside by a whole number of
-    tiles and n times the shear, or minus that where a tile is upside down.
+    tiles and n times the shear.
 
     Parameters
     ----------
@@ -311,9 +311,7 @@ def shear_for(tile: int, slopes: tuple[float, ...]) -> int:
     """
     turns = np.arange(1, WRAPS + 1)
     shears = np.arange(1, tile)
-    off = np.concatenate(
-        [turns[:, None] * (slope * tile + side * shears) for slope in slopes for side in (1, -1)]
-    )
+    off = np.concatenate([turns[:, None] * (slope * tile - shears) for slope in slopes])
     off = np.abs(off - tile * np.round(off / tile)).min(axis=0)
     return int(shears[np.argmax(off)])
 

@@ -58,8 +58,6 @@ class Request(NamedTuple):
         Pixels (x, y) that it is moved by, shift of the torus and displacement together.
     streak : (rows, cols, n, 2) float64 or None
         Pixels (x, y) that it moves by while the shutter is open.
-    mirror : (rows, cols) bool
-        Whether the tile's patterns are upside down. They move as those of other tiles do.
     mean : (rows, cols) float64
         Mean optical depth of the tile.
     window : (top, bottom, left, right)
@@ -74,7 +72,6 @@ class Request(NamedTuple):
     gain: Float64
     shift: Float64
     streak: Float64 | None
-    mirror: npt.NDArray[np.bool_]
     mean: Float64
     window: tuple[int, int, int, int]
     before: Before | None = None
@@ -85,7 +82,6 @@ class Choices(NamedTuple):
 
     pattern: npt.NDArray[np.int32]
     shift: Float64
-    mirror: npt.NDArray[np.bool_]
 
 
 def prepare(patterns: Array, *, shear: float, dtype: npt.DTypeLike) -> _core.PreparedFlakes:
@@ -122,7 +118,7 @@ def choices(
     placed: bool = False,
     terms: Sequence[int] | None = None,
 ) -> Choices:
-    """Return the choices of each tile for each layer: a pattern, its place, and upside down or not.
+    """Return the choices of each tile for each layer: a pattern and its place.
 
     Parameters
     ----------
@@ -132,8 +128,8 @@ def choices(
     layers, patterns, tile : int
         L, P and M of the patterns.
     generation : (rows, cols, L) int64, optional
-        Number of the generation that passes through a layer; another one has other patterns. All
-        generations of a tile share its mirror. None is 0 everywhere.
+        Number of the generation that passes through a layer; another one has other patterns.
+        None is 0 everywhere.
     moved : (rows, cols, L, 2) or (1, 1, L, 2), optional
         Displacements of the layers, pixels (x, y), to be added to the shifts.
     placed : bool
@@ -150,11 +146,8 @@ def choices(
     number = layers if terms is None else len(terms)
     pattern = np.empty((*tiles, number), np.int32)
     shift = np.empty((*tiles, number, 2))
-    mirror = np.empty(tiles, np.bool_)
-    _core.flake_choices(
-        pattern, shift, mirror, seed, patterns, tile, generation, moved, placed, terms
-    )
-    return Choices(pattern, shift, mirror)
+    _core.flake_choices(pattern, shift, seed, patterns, tile, generation, moved, placed, terms)
+    return Choices(pattern, shift)
 
 
 def frame_of(

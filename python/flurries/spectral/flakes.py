@@ -219,8 +219,8 @@ def optical_depth(
     shear : float
         That of the patterns.
     seed : int or None
-        Any int64: tiles take a pattern, a mirror image and a shift of the torus by a hash of (seed,
-        layer, tile row, tile column). With None each takes pattern 0 as it is.
+        Any int64: tiles take a pattern and a shift of the torus by a hash of (seed, layer, tile
+        row, tile column). With None each takes pattern 0 as it is.
     overlap : int
         Pixels shared by neighbours, less than M.
     dtype : float32 or float64
@@ -281,7 +281,6 @@ def optical_depth(
         chosen = Choices(
             (np.arange(layers, dtype=np.int32) * number).reshape(1, 1, -1),
             np.zeros((1, 1, layers, 2)),
-            np.zeros((1, 1), np.bool_),
         )
     else:
         chosen = choices(seed_of(seed), (rows, cols), layers=layers, patterns=number, tile=tile)
@@ -293,7 +292,6 @@ def optical_depth(
         gain=gains.reshape(1, 1, -1),
         shift=chosen.shift + drifts,
         streak=streak,
-        mirror=chosen.mirror,
         mean=np.array([[float(gains @ means) / tile**2]]),
         window=(0, size[0], 0, size[1]),
     )

@@ -24,7 +24,6 @@ struct Stored {
     gain: Array3<f64>,
     shift: Array4<f64>,
     streak: Option<Array4<f64>>,
-    mirror: Array2<bool>,
     mean: Array2<f64>,
 }
 
@@ -35,7 +34,6 @@ impl Stored {
             gain: terms.gain.to_owned(),
             shift: terms.shift.to_owned(),
             streak: terms.streak.as_ref().map(|streak| streak.to_owned()),
-            mirror: terms.mirror.to_owned(),
             mean: terms.mean.to_owned(),
         }
     }
@@ -46,7 +44,6 @@ impl Stored {
             gain: self.gain.view(),
             shift: self.shift.view(),
             streak: self.streak.as_ref().map(|streak| streak.view()),
-            mirror: self.mirror.view(),
             mean: self.mean.view(),
         }
     }
@@ -181,7 +178,7 @@ impl<T: Normal> Bands<T> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::spectral::flakes::choice::{choice, mirrored};
+    use crate::spectral::flakes::choice::choice;
     use crate::spectral::flakes::twin;
     use ndarray::s;
 
@@ -205,7 +202,6 @@ mod tests {
                     found(row, col, layer).shift[i]
                 }),
                 streak: Some(Array4::from_elem((1, 1, 2, 2), 1.5)),
-                mirror: Array2::from_shape_fn((rows, cols), |at| mirrored(3, at)),
                 mean: Array2::from_shape_fn((rows, 1), |(row, _)| 0.01 * (1 + row) as f64),
             };
             let terms = stored.terms();
@@ -257,7 +253,6 @@ mod tests {
             gain: Array3::from_elem((1, 1, 1), 3.0),
             shift: Array4::zeros((1, 1, 1, 2)),
             streak: None,
-            mirror: Array2::from_elem((1, 1), false),
             mean: Array2::from_elem((1, 1), 0.2),
         };
         let terms = stored.terms();

@@ -1,11 +1,12 @@
-//! Which pattern a tile takes, where, and whether in a mirror: hashes of what the tile is.
+//! Which pattern a tile takes, and where: hashes of what the tile is.
+//!
+//! No tile is mirrored: streaks that are drawn into patterns would lean to the other side there.
 
 use super::footprint::FINE;
 use crate::base::random::Hash;
 
 /// What the numbers are for, so that they differ from those of other uses of a seed.
 const PATTERN: i64 = 0x666c_616b_6531;
-const MIRROR: i64 = 0x666c_616b_6532;
 
 /// A layer's pattern in a tile.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -35,22 +36,14 @@ pub fn choice(
     }
 }
 
-/// The place within a pixel that is nearest to a shift, and the whole pixels that are left; `mirror`
-/// turns a tile upside down, and its patterns' places with it.
-pub fn place(shift: [f64; 2], mirror: bool) -> (usize, [f64; 2]) {
+/// The place within a pixel that is nearest to a shift, and the whole pixels that are left.
+pub fn place(shift: [f64; 2]) -> (usize, [f64; 2]) {
     let fine = FINE as f64;
-    let flips = [1.0, if mirror { -1.0 } else { 1.0 }];
-    let steps = [0, 1].map(|axis| (flips[axis] * shift[axis] * fine + 0.5).floor());
+    let steps = shift.map(|along| (along * fine + 0.5).floor());
     // Whole numbers, and a power of two: all of this is exact.
     let pixels = steps.map(|steps| (steps / fine).floor());
     let [i, j] = [0, 1].map(|axis| (steps[axis] - fine * pixels[axis]) as usize);
-    (FINE * j + i, [flips[0] * pixels[0], flips[1] * pixels[1]])
-}
-
-/// Whether all layers of the tile (row, column) are mirrored: the shear of a tile is one.
-pub fn mirrored(seed: i64, (row, col): (usize, usize)) -> bool {
-    let hash = Hash::seeded(seed).word(MIRROR).word(row as i64).word(col as i64);
-    hash.bits() >> 63 == 1
+    (FINE * j + i, pixels)
 }
 
 #[cfg(test)]
@@ -60,32 +53,27 @@ mod tests {
     #[test]
     fn places_are_the_nearest() {
         for (x, y) in [(0.0, 0.0), (0.4, 0.1), (-7.3, 12.9), (1e9 + 0.7, -2.6)] {
-            for mirror in [false, true] {
-                let (place, left) = place([x, y], mirror);
-                let (i, j) = ((place % 4) as f64 / 4.0, (place / 4) as f64 / 4.0);
-                let flip = if mirror { -1.0 } else { 1.0 };
-                // The place and whole pixels make the shift, but for an eighth of a pixel.
-                let most = 0.125 + 1e-6;
-                assert!((left[0] + i - x).abs() < most && (left[1] + flip * j - y).abs() < most);
-                assert!(left.iter().all(|left| *left == left.round()), "{x} {y} {left:?}");
-            }
+            let (place, left) = place([x, y]);
+            let (i, j) = ((place % 4) as f64 / 4.0, (place / 4) as f64 / 4.0);
+            // The place and whole pixels make the shift, but for an eighth of a pixel.
+            let most = 0.125 + 1e-6;
+            assert!((left[0] + i - x).abs() < most && (left[1] + j - y).abs() < most);
+            assert!(left.iter().all(|left| *left == left.round()), "{x} {y} {left:?}");
         }
     }
 
     #[test]
     fn choices_are_spread_evenly() {
-        let (mut counts, mut mirrors) = ([0; 8], 0);
+        let mut counts = [0; 8];
         for row in 0..64 {
             for col in 0..64 {
                 let found = choice(5, 2, (row, col), 0, 8, 64);
                 assert!(found.shift.iter().all(|s| (0.0..64.0).contains(s)));
                 counts[found.pattern] += 1;
-                mirrors += usize::from(mirrored(5, (row, col)));
             }
         }
         // Five standard deviations of a binomial count of 4096.
         assert!(counts.iter().all(|&n| (n - 512_i64).abs() < 106), "{counts:?}");
-        assert!(mirrors.abs_diff(2048) < 160, "{mirrors}");
         let found = |generation| choice(5, 2, (3, 4), generation, 8, 64);
         assert_ne!(found(0).shift, found(1).shift);
     }

@@ -47,8 +47,6 @@ pub struct Terms<'a> {
     pub shift: ArrayView4<'a, f64>,
     /// (.., n, 2): pixels (x, y) that they move by while the shutter is open.
     pub streak: Option<ArrayView4<'a, f64>>,
-    /// Whether a tile is upside down.
-    pub mirror: ArrayView2<'a, bool>,
     /// Mean optical depth.
     pub mean: ArrayView2<'a, f64>,
 }
@@ -81,7 +79,6 @@ impl Terms<'_> {
         if let Some(streak) = &self.streak {
             fit("streak", streak.shape(), &[count, 2])?;
         }
-        fit("mirror", self.mirror.shape(), &[])?;
         fit("mean", self.mean.shape(), &[])?;
         match self.pattern.iter().find(|&&index| index >= patterns as i32) {
             Some(index) => {
@@ -121,10 +118,6 @@ impl Terms<'_> {
 
     fn blurred(&self) -> bool {
         self.streak.as_ref().is_some_and(|streak| streak.iter().any(|&length| length != 0.0))
-    }
-
-    fn mirrored(&self, tile: (usize, usize)) -> bool {
-        self.mirror[at(self.mirror.dim(), tile)]
     }
 
     fn mean(&self, tile: (usize, usize)) -> f64 {
@@ -240,7 +233,7 @@ impl<'a, 't, T: Normal> Frame<'a, 't, T> {
             if terms.is_empty() {
                 pixels.fill(T::zero());
             } else {
-                render(self.patterns, terms, self.terms.mirrored(tile), scratch, pixels);
+                render(self.patterns, terms, scratch, pixels);
             }
             Ok::<_, Error>(())
         };

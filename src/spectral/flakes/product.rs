@@ -16,7 +16,7 @@ use crate::base::error::Error;
 use crate::base::lanes::Lanes;
 use crate::base::real::Real;
 use crate::base::simd::{AVX2, AVX512, dispatch};
-use crate::spectral::dense::{Turns, Work, passes_on};
+use crate::spectral::dense::{Work, passes_on};
 
 /// One pattern in a tile.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -71,19 +71,16 @@ pub(super) fn turns<T: Real, const LEVEL: u8>(cos: &mut [T], sin: &mut [T], cycl
     }
 }
 
-/// Fills `pixels` with the tile of some terms, without their mean; `mirrored` is upside down.
+/// Fills `pixels` with the tile of some terms, without their mean.
 #[inline(always)]
 fn render_with<T: Real, const LEVEL: u8>(
     patterns: &Prepared<T>,
     terms: &[Term],
-    mirrored: bool,
     scratch: &mut Scratch<T>,
     pixels: &mut [T],
 ) {
     let (tile, half, stride) = (patterns.tile as f64, patterns.half, patterns.dense.stride());
-    // Upside down is a motion upside down, and the first pixel row last.
-    let flip = if mirrored { -1.0 } else { 1.0 };
-    let slant = |[x, y]: [f64; 2]| [(x - patterns.shear * flip * y) / tile, flip * y / tile];
+    let slant = |[x, y]: [f64; 2]| [(x - patterns.shear * y) / tile, y / tile];
     // The transform samples half a pixel off.
     let half_pixel = 0.5 / tile;
     let blurred = terms.iter().any(|term| term.streak != [0.0; 2]);
@@ -99,12 +96,11 @@ fn render_with<T: Real, const LEVEL: u8>(
         }
     }
     match LEVEL {
-        AVX512 => sum::<T, T::Avx512, LEVEL>(patterns, terms, blurred, mirrored, scratch),
-        AVX2 => sum::<T, T::Avx2, LEVEL>(patterns, terms, blurred, mirrored, scratch),
-        _ => sum::<T, T::Portable, LEVEL>(patterns, terms, blurred, mirrored, scratch),
+        AVX512 => sum::<T, T::Avx512, LEVEL>(patterns, terms, blurred, scratch),
+        AVX2 => sum::<T, T::Avx2, LEVEL>(patterns, terms, blurred, scratch),
+        _ => sum::<T, T::Portable, LEVEL>(patterns, terms, blurred, scratch),
     }
-    let turns = Turns { values: &patterns.turns, upward: mirrored };
-    let turns = (patterns.shear != 0.0).then_some(turns);
+    let turns = (patterns.shear != 0.0).then_some(&patterns.turns[..]);
     passes_on::<T, LEVEL>(&patterns.dense, &mut scratch.work, turns, pixels);
 }
 
@@ -121,7 +117,6 @@ fn sum<T: Real, V: Lanes<T>, const LEVEL: u8>(
     patterns: &Prepared<T>,
     terms: &[Term],
     blurred: bool,
-    mirrored: bool,
     scratch: &mut Scratch<T>,
 ) {
     let (half, stride) = (patterns.half, patterns.dense.stride());
@@ -131,7 +126,6 @@ fn sum<T: Real, V: Lanes<T>, const LEVEL: u8>(
     assert!(across.len() >= 2 * stride * terms.len() && down.len() >= 2 * half * terms.len());
     assert!(!blurred || blur.rows.len() >= 2 * stride * terms.len());
     assert!(work.cos.len() >= 2 * stride * half && work.sin.len() >= 2 * stride * half);
-    let sign = T::of(if mirrored { -1.0 } else { 1.0 });
     for b in 0..half {
         if blurred {
             blur.row::<LEVEL>(b, terms.len(), (stride, half));
@@ -164,13 +158,12 @@ fn sum<T: Real, V: Lanes<T>, const LEVEL: u8>(
                     total.sum = plus(total.sum, moved.sum, turn);
                     total.difference = plus(total.difference, moved.difference, turn);
                 }
-                let sign = V::splat(sign);
                 let place = 2 * stride * b + at;
                 let (cos, sin) = (work.cos.as_mut_ptr(), work.sin.as_mut_ptr());
                 total.sum[0].store(cos.add(place));
                 total.sum[1].store(cos.add(place + stride));
-                total.difference[0].mul(sign).store(sin.add(place));
-                total.difference[1].mul(sign).store(sin.add(place + stride));
+                total.difference[0].store(sin.add(place));
+                total.difference[1].store(sin.add(place + stride));
             }
         }
     }
@@ -217,8 +210,7 @@ dispatch! {
     pub fn render<T: Real>(
         patterns: &Prepared<T>,
         terms: &[Term],
-        mirrored: bool,
-        scratch: &mut Scratch<T>,
+            scratch: &mut Scratch<T>,
         pixels: &mut [T],
     ) = render_with
 }
@@ -242,16 +234,14 @@ mod tests {
     fn a_tile_is_the_direct_sum() {
         for tile in [1, 2, 3, 4, 7, 12, 16, 33, 64] {
             let spectra = twin::spectra(3, tile);
-            for (shear, mirrored, streak) in
-                [(0.0, false, 0.0), (0.382, false, 0.7), (-0.6, true, 0.0), (0.3, true, -2.5)]
-            {
+            for (shear, streak) in [(0.0, 0.0), (0.382, 0.7), (-0.6, 0.0), (0.3, -2.5)] {
                 let ready = Prepared::<f64>::new(spectra.view(), shear).unwrap();
                 // Buffers that other tiles have used.
                 let mut scratch = Scratch::new(&ready, 3, true).unwrap();
                 let mut pixels = vec![f64::NAN; tile * tile];
-                render(&ready, &terms(9.0), !mirrored, &mut scratch, &mut pixels);
-                render(&ready, &terms(streak), mirrored, &mut scratch, &mut pixels);
-                let want = twin::tile(&spectra, &terms(streak), shear, mirrored);
+                render(&ready, &terms(9.0), &mut scratch, &mut pixels);
+                render(&ready, &terms(streak), &mut scratch, &mut pixels);
+                let want = twin::tile(&spectra, &terms(streak), shear);
                 let scale = want.iter().fold(1.0_f64, |m, x| m.max(x.abs()));
                 for (got, want) in pixels.iter().zip(&want) {
                     assert!((got - want).abs() < 1e-11 * scale, "{tile} {shear} {got} {want}");
@@ -259,7 +249,7 @@ mod tests {
                 let ready = Prepared::<f32>::new(spectra.view(), shear).unwrap();
                 let mut scratch = Scratch::new(&ready, 3, true).unwrap();
                 let mut pixels = vec![f32::NAN; tile * tile];
-                render(&ready, &terms(streak), mirrored, &mut scratch, &mut pixels);
+                render(&ready, &terms(streak), &mut scratch, &mut pixels);
                 for (got, want) in pixels.iter().zip(&want) {
                     assert!((f64::from(*got) - want).abs() < 3e-6 * scale, "{tile} {shear}");
                 }

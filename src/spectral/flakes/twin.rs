@@ -17,16 +17,10 @@ pub fn spectra(number: usize, tile: usize) -> Array3<Complex<f64>> {
 }
 
 /// The real part of the sum over all waves but the mean and those of half a cycle, by the definition.
-pub fn tile(
-    spectra: &Array3<Complex<f64>>,
-    terms: &[Term],
-    shear: f64,
-    mirrored: bool,
-) -> Array2<f64> {
+pub fn tile(spectra: &Array3<Complex<f64>>, terms: &[Term], shear: f64) -> Array2<f64> {
     let (_, tile, columns) = spectra.dim();
     let m = tile as f64;
     let one = |pattern: ArrayView2<'_, Complex<f64>>, term: &Term, x: f64, y: f64| {
-        let flip = if mirrored { -1.0 } else { 1.0 };
         let mut sum = 0.0;
         for a in 0..columns {
             for b in 0..tile {
@@ -35,7 +29,7 @@ pub fn tile(
                 }
                 let signed = if 2 * b > tile { b as f64 - m } else { b as f64 };
                 let (kx, ky) = (a as f64 / m, (signed - shear * a as f64) / m);
-                let along = |[x, y]: [f64; 2]| kx * x + ky * flip * y;
+                let along = |[x, y]: [f64; 2]| kx * x + ky * y;
                 let u = std::f64::consts::PI * along(term.streak);
                 let blur = if u == 0.0 { 1.0 } else { u.sin() / u };
                 let (sin, cos) = (TAU * (kx * x + ky * y - along(term.shift))).sin_cos();
@@ -46,7 +40,6 @@ pub fn tile(
         term.gain * sum / (m * m)
     };
     Array2::from_shape_fn((tile, tile), |(y, x)| {
-        let y = if mirrored { tile - 1 - y } else { y };
         let each = terms.iter();
         each.map(|term| {
             one(spectra.index_axis(ndarray::Axis(0), term.pattern), term, x as f64, y as f64)
