@@ -49,6 +49,7 @@ if TYPE_CHECKING:
     from flurries.motion.wind import Wind
     from flurries.scene import Scene
     from flurries.scene.depth import DepthMap
+    from flurries.scene.flakes import flakes
     from flurries.scene.foreground import Foreground
     from flurries.scene.output import Output
     from flurries.viewer import view
@@ -83,6 +84,7 @@ __all__ = [
     "camera",
     "composite",
     "cone",
+    "flakes",
     "gas",
     "hybrid",
     "io",
@@ -107,6 +109,7 @@ _FROM = {
     "DepthMap": "scene.depth",
     "Foreground": "scene.foreground",
     "Output": "scene.output",
+    "flakes": "scene.flakes",
     "Frame": "frame.view",
     "Keys": "motion.keys",
     "Layer": "frame.layer",

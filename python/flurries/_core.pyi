@@ -7,6 +7,7 @@ import numpy.typing as npt
 from flurries.cone.rays import Pose
 from flurries.effects.flake_patterns import Slab as FlakeSlab
 from flurries.gas.splatting import Gas
+from flurries.effects.air import Air
 from flurries.particles.crowd import Closeup, Crowd, Flurry
 from flurries.spectral.flake_frames import Request as FlakeRequest
 from flurries.spectral.request import Request
@@ -17,6 +18,7 @@ __all__ = [
     "FlakeBands",
     "InternalError",
     "PreparedFlakes",
+    "BallImages",
     "SortedFlakes",
     "SortedGas",
     "advance_phase",
@@ -35,6 +37,8 @@ __all__ = [
     "cone_stack",
     "cone_table",
     "cone_tile",
+    "fall",
+    "flake_rows",
     "crowd_exact",
     "crowd_list",
     "crowd_sort",
@@ -303,6 +307,11 @@ def particle_sort_listed(
     closeup: Closeup | None = None,
     numbers: npt.NDArray[np.int64] | None = None,
 ) -> SortedFlakes: ...
+class BallImages:
+    def __new__(cls, opacity: float) -> BallImages: ...
+
+def fall(request: Air) -> SortedFlakes: ...
+def flake_rows(flakes: SortedFlakes) -> tuple[npt.NDArray[np.uint64], _Float64, _Float64]: ...
 def crowd_sort(shape: tuple[int, int], request: Crowd) -> SortedFlakes: ...
 def crowd_sort_pair(
     shape: tuple[int, int],

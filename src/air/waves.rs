@@ -14,7 +14,7 @@ const LANES: usize = 64;
 const RUN: usize = 4096;
 
 /// Sums of at most this many numbers at each point.
-pub const MOST_CHANNELS: usize = 6;
+pub const MOST_CHANNELS: usize = 15;
 
 /// `out[i, c] = sum_m re[m, c] cos(2 pi k_m . p_i) - im[m, c] sin(2 pi k_m . p_i)`.
 ///

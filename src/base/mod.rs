@@ -7,6 +7,7 @@
 //! | [`pool`] | the thread pool, safe across fork |
 //! | [`scope`] | what one call asks for: threads, a mode |
 //! | [`aligned`] | buffers that start at a cache line |
+//! | [`ball`] | the opacity of a flake: a ball of even density |
 //! | [`cover`] | which pixels an interval covers |
 //! | [`smooth`] | the cubic by which things fade |
 //! | [`sampling`] | Gaussians sampled at pixel centres |
@@ -17,6 +18,7 @@
 //! | [`lanes`] | vectors as values, for loops that need them |
 
 pub mod aligned;
+pub mod ball;
 pub mod cover;
 pub mod error;
 pub mod lamps;

@@ -2,6 +2,10 @@
 //!
 //! | module | what |
 //! | --- | --- |
-//! | [`ball`] | the opacity of a flake: a ball of even density |
 
-pub mod ball;
+pub mod air;
+pub mod cells;
+pub mod draw;
+pub mod law;
+pub mod list;
+pub mod sight;

@@ -155,26 +155,40 @@ impl Bins {
         grid: &Grid,
         scratch: &mut Scratch,
     ) -> Result<(), Error> {
+        self.sort(run.len(), grid, scratch, |sorter| {
+            let mut group = Group::default();
+            flakes.each(run, &mut |number, flake| {
+                if group.push(&flake, number as i32) {
+                    group.project::<LEVEL>(lens, sorter)?;
+                }
+                Ok(())
+            })?;
+            group.project::<LEVEL>(lens, sorter)
+        })
+    }
+
+    /// Sorts some `count` sprites that `place` hands to the sorter, in place of those of another run.
+    #[inline(always)]
+    pub fn sort(
+        &mut self,
+        count: usize,
+        grid: &Grid,
+        scratch: &mut Scratch,
+        place: impl FnOnce(&mut Sorter<'_>) -> Result<(), Error>,
+    ) -> Result<(), Error> {
         let Self { sprites, numbers, starts, large, large_numbers, next } = self;
         let Scratch { projected, pairs } = scratch;
         projected.clear();
         pairs.clear();
-        reserve(projected, run.len())?;
-        reserve(pairs, run.len())?;
+        reserve(projected, count)?;
+        reserve(pairs, count)?;
         large.clear();
         large_numbers.clear();
         starts.clear();
         reserve(starts, grid.len() + 1)?;
         starts.resize(grid.len() + 1, 0);
         let mut sorter = Sorter { grid, large, large_numbers, starts, pairs, projected };
-        let mut group = Group::default();
-        flakes.each(run, &mut |number, flake| {
-            if group.push(&flake, number as i32) {
-                group.project::<LEVEL>(lens, &mut sorter)?;
-            }
-            Ok(())
-        })?;
-        group.project::<LEVEL>(lens, &mut sorter)?;
+        place(&mut sorter)?;
         for tile in 0..grid.len() {
             starts[tile + 1] += starts[tile];
         }

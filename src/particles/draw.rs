@@ -14,6 +14,7 @@
     reason = "an index over lanes of a fixed count is what vectorises without closures"
 )]
 
+use super::balls::{Balls, ball};
 use super::bins::{Bins, Grid, TILE, touches};
 use super::canvas::{Canvas, Numbered};
 use super::dim::LANES;
@@ -40,6 +41,7 @@ dispatch! {
         depth: Option<&[P; PIXELS]>,
         runs: &[Bins],
         grid: &Grid,
+        balls: Option<&Balls>,
         tile: usize,
         cancel: &Cancel,
     ) -> Result<(), Error> = draw_with
@@ -52,6 +54,7 @@ dispatch! {
         depth: Option<&[P; PIXELS]>,
         runs: &[Bins],
         grid: &Grid,
+        balls: Option<&Balls>,
         tile: usize,
         cancel: &Cancel,
     ) -> Result<(), Error> = numbered_with
@@ -63,10 +66,11 @@ fn draw_with<P: Profile, const LEVEL: u8>(
     depth: Option<&[P; PIXELS]>,
     runs: &[Bins],
     grid: &Grid,
+    balls: Option<&Balls>,
     tile: usize,
     cancel: &Cancel,
 ) -> Result<(), Error> {
-    all::<P, _, LEVEL>(transmittance, depth, runs, grid, tile, cancel)
+    all::<P, _, LEVEL>(transmittance, depth, runs, grid, balls, tile, cancel)
 }
 
 #[inline(always)]
@@ -75,10 +79,11 @@ fn numbered_with<P: Profile, const LEVEL: u8>(
     depth: Option<&[P; PIXELS]>,
     runs: &[Bins],
     grid: &Grid,
+    balls: Option<&Balls>,
     tile: usize,
     cancel: &Cancel,
 ) -> Result<(), Error> {
-    all::<P, _, LEVEL>(canvas, depth, runs, grid, tile, cancel)
+    all::<P, _, LEVEL>(canvas, depth, runs, grid, balls, tile, cancel)
 }
 
 #[inline(always)]
@@ -87,6 +92,7 @@ fn all<P: Profile, C: Canvas, const LEVEL: u8>(
     depth: Option<&[P; PIXELS]>,
     runs: &[Bins],
     grid: &Grid,
+    balls: Option<&Balls>,
     tile: usize,
     cancel: &Cancel,
 ) -> Result<(), Error> {
@@ -104,7 +110,7 @@ fn all<P: Profile, C: Canvas, const LEVEL: u8>(
                     cancel.check()?;
                 }
                 canvas.next(number);
-                one::<P, _, LEVEL>(canvas, depth, sprite, origin);
+                one::<P, _, LEVEL>(canvas, depth, sprite, origin, balls);
             }
         }
         cancel.check()?;
@@ -119,8 +125,11 @@ pub(super) fn one<P: Profile, C: Canvas, const LEVEL: u8>(
     depth: Option<&[P; PIXELS]>,
     sprite: &Sprite,
     origin: [f64; 2],
+    balls: Option<&Balls>,
 ) {
-    if sprite.length == 0.0 {
+    if let Some(balls) = balls {
+        ball::<P, C, LEVEL>(canvas, depth, sprite, origin, balls);
+    } else if sprite.length == 0.0 {
         disc::<P, C, LEVEL>(canvas, depth, sprite, origin);
     } else {
         streak::<P, C, LEVEL>(canvas, depth, sprite, origin);

@@ -7,6 +7,7 @@
 //! | `project` | several flakes' images at once, by vectors |
 //! | [`profile`] | the Gaussian with an end, and its motion blur |
 //! | [`bins`] | which flakes touch which tile of the picture |
+//! | [`balls`] | images of balls, integrated over pixels and along a way |
 //! | [`draw`] | flakes drawn into one tile |
 //! | [`sorted`] | flakes projected and sorted once, for pictures of any part of a frame |
 //! | [`splat`] | the image of many flakes |
@@ -21,6 +22,7 @@
 //! | `block` | flakes placed by vectors, those out of view dropped |
 //! | [`flurry`] | the flakes of a box, each placed and looked at as it is drawn |
 
+pub mod balls;
 pub mod bins;
 mod block;
 mod canvas;

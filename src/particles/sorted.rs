@@ -4,16 +4,18 @@
 
 use std::cell::Cell;
 use std::ops::Range;
+use std::sync::Arc;
 
 use ndarray::{ArrayView2, ArrayViewMut2, Axis, s};
 
+use super::balls::Balls;
 use super::bins::{Bins, Grid, Scratch, TILE};
 use super::canvas::{NONE, Numbered};
 use super::draw::{PIXELS, draw, draw_numbered};
 use super::profile::Profile;
 use super::spare;
 use super::splat::{Source, check_lens};
-use super::sprite::Lens;
+use super::sprite::{Lens, Sprite};
 use crate::base::error::{Cancel, Error, pushed};
 use crate::base::pool;
 use crate::base::real::Real;
@@ -37,6 +39,8 @@ pub type Part = [usize; 4];
 pub struct Sorted {
     runs: Vec<Bins>,
     grid: Grid,
+    /// What sprites are the images of; None where they are Gaussians.
+    balls: Option<Arc<Balls>>,
 }
 
 impl Drop for Sorted {
@@ -56,7 +60,33 @@ impl Sorted {
         flakes.check()?;
         check_lens(lens)?;
         let grid = Grid::over(shape);
-        Ok(Self { runs: binned(flakes, lens, &grid, cancel)?, grid })
+        let runs = binned(flakes.len(), &grid, cancel, |bins, range, scratch| {
+            fill(bins, flakes, range, lens, &grid, scratch)
+        })?;
+        Ok(Self { runs, grid, balls: None })
+    }
+
+    /// Sorts images of balls, each with its number.
+    pub fn of_balls(
+        sprites: &[(Sprite, i32)],
+        balls: Arc<Balls>,
+        shape: (usize, usize),
+        cancel: &Cancel,
+    ) -> Result<Self, Error> {
+        let grid = Grid::over(shape);
+        let runs = binned(sprites.len(), &grid, cancel, |bins, range, scratch| {
+            bins.sort(range.len(), &grid, scratch, |sorter| {
+                sprites[range]
+                    .iter()
+                    .try_for_each(|&(sprite, number)| sorter.place(Some(sprite), number))
+            })
+        })?;
+        Ok(Self { runs, grid, balls: Some(balls) })
+    }
+
+    /// What its sprites are the images of; None where they are Gaussians.
+    pub fn balls(&self) -> Option<&Balls> {
+        self.balls.as_deref()
     }
 
     /// Size of the frame, px.
@@ -99,7 +129,15 @@ impl Sorted {
             let map: Option<[P; PIXELS]> =
                 depth.as_ref().map(|map| map_of_tile(map, &self.grid, tile));
             let mut transmittance = [1.0; PIXELS];
-            draw(&mut transmittance, map.as_ref(), &self.runs, &self.grid, tile, cancel)?;
+            draw(
+                &mut transmittance,
+                map.as_ref(),
+                &self.runs,
+                &self.grid,
+                self.balls(),
+                tile,
+                cancel,
+            )?;
             store(pixels, &transmittance, row, column).ok_or_else(layout)?;
             Ok(())
         })
@@ -133,7 +171,15 @@ impl Sorted {
             let map: Option<[P; PIXELS]> =
                 depth.as_ref().map(|map| map_of_tile(map, &self.grid, tile));
             let mut canvas = Numbered::new();
-            draw_numbered(&mut canvas, map.as_ref(), &self.runs, &self.grid, tile, cancel)?;
+            draw_numbered(
+                &mut canvas,
+                map.as_ref(),
+                &self.runs,
+                &self.grid,
+                self.balls(),
+                tile,
+                cancel,
+            )?;
             store(pixels, &canvas.through, row, column).ok_or_else(layout)?;
             // A flake so faint that the pixel's opacity is rounded to 0 is not seen.
             for (number, &through) in canvas.numbers.iter_mut().zip(&canvas.through) {
@@ -184,7 +230,15 @@ impl Sorted {
             let end = ((at / TILE + 1) * TILE).min(columns.end);
             let tile = row * self.grid.columns + at / TILE;
             let mut transmittance = [1.0; PIXELS];
-            draw::<P>(&mut transmittance, None, &self.runs, &self.grid, tile, cancel)?;
+            draw::<P>(
+                &mut transmittance,
+                None,
+                &self.runs,
+                &self.grid,
+                self.balls(),
+                tile,
+                cancel,
+            )?;
             let pixels = out.slice_mut(s![.., at - columns.start..end - columns.start]);
             store(pixels, &transmittance, 0, at % TILE).ok_or_else(layout)?;
             at = end;
@@ -194,12 +248,11 @@ impl Sorted {
 }
 
 fn binned(
-    flakes: &impl Source,
-    lens: &Lens,
+    count: usize,
     grid: &Grid,
     cancel: &Cancel,
+    fill: impl Fn(&mut Bins, Range<usize>, &mut Scratch) -> Result<(), Error> + Sync,
 ) -> Result<Vec<Bins>, Error> {
-    let count = flakes.len();
     // A run of this length keeps the tables of tiles (one per run) small beside the flakes.
     let length = RUN.max(grid.len()).min(LONGEST_RUN);
     let mut runs = spare::take(count.div_ceil(length));
@@ -211,7 +264,7 @@ fn binned(
             cancel.check()?;
             let start = (item * together + i) * length;
             let range = start..(start + length).min(count);
-            fill(bins, flakes, range, lens, grid, &mut scratch)?;
+            fill(bins, range, &mut scratch)?;
         }
         SCRATCH.set(scratch);
         Ok(())

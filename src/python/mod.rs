@@ -10,6 +10,7 @@ mod cone;
 mod crossing;
 mod crowd;
 mod encode;
+mod falling;
 mod flakes;
 mod frame;
 mod gas;
@@ -46,6 +47,8 @@ mod core {
     use super::crowd::{crowd_exact, crowd_list, crowd_sort, crowd_sort_pair, particle_exact};
     #[pymodule_export]
     use super::encode::{png_chunk, to_half};
+    #[pymodule_export]
+    use super::falling::{BallImages, fall, flake_rows};
     #[pymodule_export]
     use super::flakes::{FlakeBands, flake_bands, flake_choices, flake_frame, flake_take};
     #[pymodule_export]

@@ -9,6 +9,7 @@ use super::shade::{Shade, grid};
 use crate::base::error::{Error, collected};
 use crate::base::lamps::Lamps;
 use crate::base::real::Real;
+use crate::falling::list::List;
 use crate::frame::shade::{Behind, Lit};
 use crate::particles::closeup::aperture::Blur;
 use crate::particles::closeup::lit;
@@ -165,6 +166,8 @@ pub struct SortedFlakes {
     lens: Lens,
     /// A rough estimate of drawing all of them.
     pub(super) nanoseconds: f64,
+    /// The flakes themselves, where they live in the world.
+    pub(super) list: Option<List>,
 }
 
 impl SortedFlakes {
@@ -190,7 +193,18 @@ impl SortedFlakes {
             let sorted = Sorted::of(&split, lens, shape, cancel)?;
             Ok((sorted, split.patches(shape, cancel)?))
         })?;
-        Ok(Self { sorted, patches, lens: *lens, nanoseconds })
+        Ok(Self { sorted, patches, lens: *lens, nanoseconds, list: None })
+    }
+
+    /// The images of a list of flakes.
+    pub(super) fn listed(
+        sorted: Sorted,
+        patches: Vec<Patch>,
+        lens: Lens,
+        nanoseconds: f64,
+        list: List,
+    ) -> Self {
+        Self { sorted, patches, lens, nanoseconds, list: Some(list) }
     }
 }
 

@@ -26,6 +26,7 @@ from flurries.effects.gusts import flakes_in_profile
 from flurries.effects.lighting import lamp_shade
 from flurries.effects.motion import Way
 from flurries.effects.passes import Other
+from flurries.effects.sheets import read_sheets
 from flurries.effects.weather import WRAPS, Film, Layer, Weather
 from flurries.frame.layer import Shade
 from flurries.frame.needs import Cost, LeftOut, Needs, Step, has_keys
@@ -82,6 +83,8 @@ class FlakeTexture:
     def alpha(self, frame: Frame, amount: float, way: Way) -> Array:
         """Return its opacity over the window, (h, w) float32."""
         film = self.weather.film(frame)
+        if film.rigid:
+            return read_sheets(self.weather, frame, film, amount)
         patterns = self._patterns(frame, film, amount)
         # Of what the scene cuts tiles are made again for each band.
         if frame.banded and not self._cut(frame):

@@ -8,7 +8,7 @@ metres per frame, in the eye's axes.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from functools import lru_cache
 from typing import NamedTuple
 
@@ -100,17 +100,68 @@ def flakes_in_profile(motion: Motion, frame: Frame, depth: Float64) -> tuple[Flo
     return np.stack([np.interp(depth, nodes, total[:, a]) for a in range(3)], axis=1), rate
 
 
-def flakes_in_waves(motion: Motion, frame: Frame, points: Float64) -> tuple[Float64, Float64]:
-    """Return displacement and velocity of flakes at places (n, 3) by gusts and swirls.
+def wave_weights(motion: Motion, frames: Sequence[Frame], start: Float64) -> Float64:
+    """Return what gusts and swirls have done to flakes at frames, as sums of waves, metres.
 
-    The places are those without them.
+    Parameters
+    ----------
+    frames : sequence of Frame
+        Of one film.
+    start : (3,)
+        The place in the flakes' air that places are counted from.
+
+    Returns
+    -------
+    (m, 6 n) float64
+        The displacement at x from there is the sum over waves of ``re cos(k . x) - im sin(k . x)``,
+        three numbers for each frame: the real parts, then the imaginary ones.
     """
     waves = _varied(motion).waves
     assert waves is not None
-    world = frame.path.place(frame.t, fps=frame.fps) + points @ frame.camera.matrix().T
-    parts = carry(waves, air_course(frame.fps, motion.fall, motion.mean_wind), frame.fps)
-    both = waves.at(world, _way_phasor(waves, frame, *parts), _phasor(waves, frame, frame.t))
-    return frame.to_camera(both[:, :3]), frame.to_camera(both[:, 3:])
+    fps = frames[0].fps
+    _, sums = carry(waves, air_course(fps, motion.fall, motion.mean_wind), fps)
+    there = np.exp(1j * (waves.k @ start)) / fps
+    parts = []
+    for frame in frames:
+        found = sums.to(frame.t)
+        half = len(found) // 2
+        parts.append(waves.a * ((found[:half] + 1j * found[half:]) * there)[:, None])
+    weights = np.concatenate(parts, axis=1)
+    return np.ascontiguousarray(np.concatenate([weights.real, weights.imag], axis=1))
+
+
+def carried_by_profile(motion: Motion, frame: Frame, ahead: Float64) -> Float64:
+    """Return how far a wind of depth has carried flakes since frame 0, (n, 2) metres, x and y.
+
+    Parameters
+    ----------
+    ahead : (n,)
+        Where they are at the frame: along the house's z from the camera's place, metres. The depth
+        of the wind is counted from the camera's place at frame 0.
+    """
+    wind, steady, t = _varied(motion), motion.mean_wind, frame.t
+    first = frame.path.place(0.0, fps=frame.fps)[2]
+    depth = ahead + (frame.path.place(t, fps=frame.fps)[2] - first)
+    blowing, course = course_of(steady), air_course(frame.fps, motion.fall, steady)
+    if not (course.values[:, 2].any() or _slopes(course).any()):
+        factor, own = wind.extra(depth)
+        moved = factor[:, None] * (integral_to(steady, t) / frame.fps) + own * (t / frame.fps)
+        return np.asarray(moved[:, :2])
+    # One that comes nearer has felt the wind of every depth that it came through.
+    way = _way_of(course)
+    nearer = float(way.to(t)[2])
+    felt = np.zeros((len(depth), 3))
+    for times, lengths in _middles(t):
+        was = depth + (way.at(times)[:, 2] - nearer)[:, None]
+        factor, own = wind.extra(was.ravel())
+        mean, _ = blowing.line(times, times)
+        felt += np.einsum("t,tn,ta->na", lengths, factor.reshape(was.shape), mean)
+        felt += np.einsum("t,tna->na", lengths, own.reshape(*was.shape, 3))
+    return np.asarray(felt[:, :2] / frame.fps)
+
+
+def _slopes(course: Course) -> Float64:
+    return np.zeros(1) if course.slopes is None else course.slopes[:, 2]
 
 
 def _varied(motion: Motion) -> Wind:

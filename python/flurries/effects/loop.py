@@ -69,14 +69,15 @@ class Earlier:
 
     def needs(self, frame: Frame) -> Needs:
         """Return the needs of the effect."""
-        return needs_of(self.effect, self._then(frame))
+        return needs_of(self.effect, self.then(frame))
 
     def render(self, frame: Frame) -> Layer | tuple[Layer, ...]:
         """Return its layer."""
-        made: Layer | tuple[Layer, ...] = renderer_of(self.effect).render(self._then(frame))
+        made: Layer | tuple[Layer, ...] = renderer_of(self.effect).render(self.then(frame))
         return made
 
-    def _then(self, frame: Frame) -> Frame:
+    def then(self, frame: Frame) -> Frame:
+        """Return the frame of the earlier round."""
         then = frame.later(-self.frames)
         turns = frame.path.turns or frame.path.zooms
         return replace(

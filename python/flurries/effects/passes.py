@@ -71,15 +71,18 @@ def passes_of(
         # What shows lies before the scene, wherever its layer's mean is.
         scene = None if frame.depth is None else np.ascontiguousarray(frame.crop(frame.depth))
         if front is None:
-            coverage, ids = np.zeros(shape, np.float32), np.full(shape, -1, np.int32)
+            coverage, ids = np.zeros(shape, np.float32), np.full(shape, -1, np.int64)
             _core.layer_finish(forward, backward, depth, alpha, scene)
         else:
-            coverage, ids = np.ascontiguousarray(front), flakes.ids(frame, amount, way)
-            shown = ids, coverage, behind
+            coverage = np.ascontiguousarray(front)
+            rows = flakes.numbered(frame, amount)[1]
+            shown = rows, coverage, behind
             numbers = _core.layer_seen(shown)
-            ways, far = flakes.passes(frame, amount, way, others, numbers)
+            ways, far = flakes.passes(frame, amount, numbers)
             said = np.column_stack([*ways, far])
             _core.layer_finish(forward, backward, depth, alpha, scene, (shown, numbers, said))
+            known = flakes.rows(frame, amount).ids.astype(np.int64)
+            ids = np.append(known, -1)[rows]
     return Passes(forward, backward, depth, coverage, ids)
 
 

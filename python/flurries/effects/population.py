@@ -22,7 +22,7 @@ from flurries.effects.checks import (
     wind,
 )
 from flurries.effects.color import AMBIENT, LOCAL, as_color
-from flurries.effects.crowd import DrawnFlakes
+from flurries.effects.drawn import DrawnFlakes
 from flurries.effects.flake_texture import FlakeTexture
 from flurries.effects.haze import Haze
 from flurries.effects.keyed import Mixture, highest, product, shares_of
@@ -145,6 +145,7 @@ def _part_of(
         sway=sway,
         simulated=effect.method == "simulated",
         shape=shape,
+        keyed=isinstance(amount, Keys),
     )
     return Precipitation(
         name=effect.NAME,

@@ -27,6 +27,7 @@ from flurries.effects.checks import (
 from flurries.effects.color import Color
 from flurries.effects.described import Described
 from flurries.effects.field import Field
+from flurries.effects.drawn import DrawnFlakes
 from flurries.effects.flakes import Flakes
 from flurries.effects.knobs import knobs, preset
 from flurries.effects.looks import rain_of_rate, rain_of_severity, rate_of, severity_of
@@ -201,7 +202,6 @@ class TentRain(metaclass=Described):
         wider = math.sqrt(self.gain)
         drops = Flakes(
             motion=motion,
-            name="drops",
             number=self.drops,
             density=self.drop_density,
             reach=self.drop_depth,
@@ -216,6 +216,6 @@ class TentRain(metaclass=Described):
             name=self.NAME,
             motion=motion,
             texture=texture,
-            flakes=drops,
+            flakes=DrawnFlakes(drops),
             veil=Veil(self.haze, field.far_depth),
         )

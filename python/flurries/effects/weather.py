@@ -7,6 +7,8 @@ wind from here, so that nothing changes where one takes over from the other.
 
 from __future__ import annotations
 
+import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from typing import NamedTuple
@@ -18,8 +20,10 @@ from flurries._contract import Float64
 from flurries.camera.path import CameraPath
 from flurries.camera.rotation import rotation_matrix as matrix_of
 from flurries.effects.motion import Motion, relative_course
+from flurries.frame.needs import has_keys
 from flurries.frame.view import Frame
 from flurries.motion.keys import Keys, Number, value_at
+from flurries.particles.sizes import Sizes
 from flurries.particles.population import (
     FADE,
     HANDOVER_SIGMA,
@@ -36,15 +40,8 @@ from flurries.particles.population import (
 # small one is odd, so that no waves of half a cycle are left out: without them small flakes ring.
 TILES = (63, 128, 256)
 
-# Flakes of all classes in a tile, below which the texture would show its seams: then all are drawn.
-# Power blending lifts the mean there by 5 % at some 50 flakes, and not at all at 500.
-LEAST_IN_ALL = 200.0
-
 # Classes of size: each falls at a speed of its own.
 CLASSES = 2
-
-# More than this are not drawn one by one, but where the method is to draw all.
-MOST_DRAWN = 3_000_000
 
 # Of a tile, the part that neighbours share. Power blending lifts the mean of sparse snow there, by
 # 1.3 % of all at a ninth and by .7 % at a fifteenth.
@@ -53,6 +50,16 @@ OVERLAP = 14
 # Flakes of all classes in a tile, below which neighbours share half as much: there blending lifts
 # the mean, and seams of so few flakes cannot be seen.
 SPARSE = 2000.0
+
+# Drawn flakes for each pixel, before sheets take over; and flakes up to the far end for each pixel, of
+# which all are drawn.
+DRAWN, FEW = 0.002, 0.004
+
+# Diameter in px of the largest flake of a sheet.
+LARGEST = 14.0
+
+# Layers of sheets.
+LAYERS = 20
 
 # A layer changes its patterns after so many lengths of a torus.
 WRAPS = 12
@@ -125,6 +132,8 @@ class Film:
         Whether the air ever comes nearer the camera or recedes.
     constant : bool
         Whether a layer passes all tiles alike, and at one speed always.
+    rigid : bool
+        Whether all places of a layer move alike and always so: then sheets are read.
     shear : int
         Pixels to the side at which a flake that leaves a tile's torus below comes in above.
     """
@@ -136,6 +145,7 @@ class Film:
     comes: bool
     constant: bool
     shear: int
+    rigid: bool = False
 
     @cached_property
     def layers(self) -> tuple[Layer, ...]:
@@ -176,6 +186,8 @@ class Weather:
         Whether every flake is drawn.
     shape : {"aggregate", "drop", "round"}
         What flakes are near the camera.
+    keyed : bool
+        Whether the amount of flakes changes.
     """
 
     population: Population
@@ -187,13 +199,15 @@ class Weather:
     far: float
     simulated: bool
     shape: str = "round"
+    keyed: bool = False
 
     def film(self, frame: Frame) -> Film:
         """Return the shares of the film that a frame belongs to."""
         path = frame.path
         rotation = (0.0, 0.0, 0.0) if path.turns else frame.camera.rotation
         focal = frame.camera.focal if not path.zooms else path.longest_focal
-        return _film(self, frame.shape, path, rotation, focal, frame.fps)
+        lens = frame.lens is not None and has_keys(frame.lens)
+        return _film(self, frame.shape, path, rotation, focal, frame.fps, lens)
 
     def amounts(self, frame: Frame, share: Share, amount: float, heights: Float64) -> Float64:
         """Return the share of a class's flakes that is there at heights below the eye, metres.
@@ -206,6 +220,26 @@ class Weather:
         fall = max(float(value_at(share.motion.fall, frame.t)), 1e-3)
         left = frame.t - frame.fps * np.maximum(self.cloud + heights, 0.0) / fall
         return amount * np.array([self.emission.at(float(time)) for time in left])
+
+    @property
+    def law(self) -> Sizes:
+        """The law of their diameters."""
+        return self.population.sizes
+
+    def opacity_at(self, t: float) -> float:
+        """Return the mean opacity over the disc of a resting flake, at a frame."""
+        return self.population.opacity
+
+    def shares(self, frame: Frame) -> tuple[Share, ...]:
+        """Return the classes of size."""
+        return self.film(frame).shares
+
+    def shown(self, share: Share, frame: Frame) -> tuple[float, float, float, float]:
+        """Return the depths between which drawn flakes fade in, and out again, metres."""
+        near = (self.near, self.near * NEAR_FADE)
+        if share.reach >= self.far:
+            return (*near, self.far * (1.0 - FAR_FADE), self.far * (1.0 + FAR_FADE))
+        return (*near, share.reach, share.end)
 
     @property
     def steady(self) -> bool:
@@ -228,6 +262,7 @@ def _film(
     rotation: tuple[float, float, float],
     focal: float,
     fps: float,
+    blurred: bool,
 ) -> Film:
     population, motion = weather.population, weather.motion
     if population.density == 0.0:
@@ -241,13 +276,38 @@ def _film(
         (one, Motion(times(motion.fall, one.fall / mean), motion.wind, motion.shutter))
         for one in population.classes(CLASSES if varied else 1)
     ]
+    if weather.simulated or _few(weather, path):
+        drawn = tuple(Share(one, own, weather.far, ()) for one, own in classes)
+        return Film(drawn, TILES[0], TILES[0] // OVERLAP, False, False, False, 0)
+    spreads = motion.spreads(path, rotation)
+    constant = (
+        not (spreads or path.zooms)
+        and motion.varied is None
+        and not isinstance(motion.shutter, Keys)
+        and all(
+            len(relative_course(path, fps, own.fall, own.mean_wind).knots) == 0
+            for _, own in classes
+        )
+    )
+    if constant and weather.steady and not weather.keyed and not blurred:
+        reach = hand_over(weather, focal)
+        edges = layer_edges(reach, weather.far, LAYERS // len(classes))
+        shares = [
+            Share(
+                one, own, reach,
+                tuple(slabs_of(population, one, focal, 1, reach=reach, far=weather.far, edges=edges)),
+                _flow(own, shape, path, rotation, focal, fps),
+            )
+            for one, own in classes
+        ]  # fmt: skip
+        return Film(tuple(shares), 1, 0, False, False, True, 0, rigid=True)
     extra = 0.0 if motion.varied is None else motion.varied.fastest_extra() / fps
     fastest = [each.fastest(path, fps) + extra for _, each in classes]
     # As far as the largest flakes are drawn in any case, all may be.
     reach = focal * classes[-1][0].largest * SIGMA_OF_DIAMETER / HANDOVER_SIGMA
     for tile in TILES:
-        drawn = max(reach, _sparse(classes, focal, tile))
-        if max(fastest) * 2.0 * focal / tile <= drawn or tile >= min(shape):
+        drawn_to = max(reach, _sparse(classes, focal, tile))
+        if max(fastest) * 2.0 * focal / tile <= drawn_to or tile >= min(shape):
             break
     # Nothing is nearer than the near depth: there the texture must not begin before it.
     least = min(NEAR_FADE * weather.near, weather.far)
@@ -261,25 +321,53 @@ def _film(
         flow = _flow(own, shape, path, rotation, focal, fps)
         shares.append(Share(one, own, reach, tuple(slabs), flow))
     in_tile = sum(slab.count for share in shares for slab in share.slabs)
-    height, width = shape
-    view = width * height / focal**2 * weather.far**3 / 3.0
-    if in_tile < LEAST_IN_ALL and population.density * view < MOST_DRAWN:
-        shares = [Share(one.size, one.motion, weather.far, ()) for one in shares]
     _, rate = path.relative(0.0, fps=fps, fall=motion.fall, wind=motion.mean_wind)
     rate = rate @ matrix_of(rotation)
-    spreads = motion.spreads(path, rotation)
     across = bool(abs(rate[0]) > abs(rate[1]))
-    constant = not spreads and motion.varied is None and not isinstance(motion.shutter, Keys)
     slopes = [0.0]
     if constant:
         for _, own in classes:
             course = relative_course(path, fps, own.fall, own.mean_wind)
-            constant = constant and len(course.knots) == 0
             x, y, _ = course.values[0] @ matrix_of(rotation)
             slopes.append(float(y / x if across else x / y) if x or y else 0.0)
     shear = shear_for(tile, tuple(slopes[1:] if constant else slopes[:1]))
     overlap = tile // OVERLAP if in_tile >= SPARSE else tile // (2 * OVERLAP)
     return Film(tuple(shares), tile, overlap, across, spreads, constant, shear)
+
+
+def hand_over(weather: Weather, focal: float) -> float:
+    """Return the depth up to which flakes are drawn where sheets are what lies beyond, metres.
+
+    Slabs end at fixed depths, 2^(1/4) apart. Where the drawn flakes are a share of the pixels, their
+    cost is that share at any size of the picture; a sheet's flakes have an end.
+    """
+
+    def edge(depth: float, towards: Callable[[float], float]) -> float:
+        return float(2.0 ** (0.25 * towards(4.0 * math.log2(depth))))
+
+    cost = (3.0 * DRAWN * focal**2 / weather.population.density) ** (1.0 / 3.0)
+    large = weather.population.sizes.largest * focal / LARGEST
+    near = max(edge(cost, math.floor), edge(max(large, NEAR_FADE * weather.near), math.ceil))
+    return min(near, weather.far)
+
+
+def layer_edges(near: float, far: float, count: int) -> Float64:
+    """Return depths between layers: even in the mean of their flakes' speed and of what they cover.
+
+    What a layer covers goes with its thickness, and speed in the picture with one over the depth.
+    """
+    if near >= far:
+        return np.array([near, far])
+    depths = np.geomspace(near, far, 1025)
+    speed = (1.0 / near - 1.0 / depths) / (1.0 / near - 1.0 / far)
+    share = 0.5 * (speed + (depths - near) / (far - near))
+    return np.interp(np.linspace(0.0, 1.0, count + 1), share, depths)
+
+
+def _few(weather: Weather, path: CameraPath) -> bool:
+    """Whether all flakes are so few for each pixel that they are drawn."""
+    fx, fy = path.widest.focals
+    return weather.population.density * weather.far**3 / (3.0 * fx * fy) < FEW
 
 
 def _flow(

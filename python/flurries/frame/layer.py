@@ -63,7 +63,7 @@ class Layer:
         Its place one frame earlier minus its place now, in the same way.
     coverage : (h, w) float32, optional
         Opacity of what is drawn one by one, flakes and drops, without texture and veil.
-    ids : (h, w) int32, optional
+    ids : (h, w) int64, optional
         The number of the flake or drop that shows most, the same in every frame; -1 for none.
     shade : Shade, optional
         A color that changes slowly over the frame, in place of `color`.
@@ -113,7 +113,7 @@ def layers_of(answer: object, effect: object, shape: tuple[int, int]) -> tuple[L
             if given is None and name != "alpha":
                 continue
             kind = getattr(given, "dtype", type(given).__name__)
-            own = np.dtype(np.int32 if name == "ids" else np.float32)
+            own = np.dtype(np.int64 if name == "ids" else np.float32)
             if not isinstance(given, np.ndarray) or kind != own or given.shape != wanted:
                 raise TypeError(
                     f"effects: {name} of the layer {layer.name!r} must be {own} of shape "

@@ -58,7 +58,7 @@ class Rendered:
         Motion to the frame before, t - 1: what is at p now was at ``p + backward``.
     coverages : dict of str to (h, w) float32
         Opacity of what is drawn one by one, flakes and drops, without texture and veil.
-    ids : dict of str to (h, w) int32
+    ids : dict of str to (h, w) int64
         The number of the flake or drop with the greatest opacity of its own at the pixel, -1 for
         none. A flake keeps its number from frame to frame, and from eye to eye.
     motion : (h, w, 2) float32 or None

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from flurries._contract import Array
-from flurries.effects.points import Points, points_of, step_after
+from flurries.effects.points import STEP, drawn_of, step_after, velocities
 from flurries.frame.mixing import free_name
 from flurries.io.atomic import replacing
 from flurries.io.usd import require_usd
@@ -84,16 +84,16 @@ def write_points(
     prims: dict[str, Any] = {}
     total = 0
     for number in progress(frames):
-        for name, points in points_at(scene, names, number).items():
+        for name, (flakes, speed) in points_at(scene, names, number).items():
             if name not in prims:
                 prims[name] = UsdGeom.Points.Define(stage, f"/flurries/{name}")
-            total += len(points.ids)
+            total += len(flakes)
             if total > MOST_POINTS:
                 raise ValueError(
                     f"{path}: more than {MOST_POINTS} points up to frame {number}; take fewer "
                     "frames, or a population with a smaller far or density"
                 )
-            _set_points(prims[name], points, float(number), UsdGeom, Vt)
+            _set_points(prims[name], flakes, speed, float(number), UsdGeom, Vt)
         _set_camera(camera, pose, scene, number, Gf)
     if not prims:
         raise ValueError(
@@ -108,21 +108,24 @@ def write_points(
     return Done(written=list(frames))
 
 
-def points_at(scene: Scene, names: dict[str, Any], number: float) -> dict[str, Points]:
-    """Return the flakes of each effect that has any, by its name."""
+def points_at(scene: Scene, names: dict[str, Any], number: float) -> dict[str, Any]:
+    """Return the flakes of each effect that has any and their velocities, by its name."""
     program = scene.program
     t = scene.time_of(number)
     effects = list(names)
     found = {}
     for part in program.parts:
         frame = replace(program.frame(t), seed=part.seed)
-        points = points_of(part.effect, frame, step_after(frame, partial(program.camera, None)))
-        if points is not None:
-            found[effects[part.place]] = points
+        later = step_after(frame, partial(program.camera, None))
+        now, then = drawn_of(part.effect, frame), drawn_of(part.effect, later)
+        if now is not None and then is not None:
+            found[effects[part.place]] = now, velocities(now, then, STEP / scene.fps)
     return found
 
 
-def _set_points(prim: Any, points: Points, time: float, UsdGeom: Any, Vt: Any) -> None:
+def _set_points(
+    prim: Any, flakes: Array, speed: Array, time: float, UsdGeom: Any, Vt: Any
+) -> None:
     """Set a frame's flakes."""
 
     def vectors(values: Array) -> Any:
@@ -131,15 +134,16 @@ def _set_points(prim: Any, points: Points, time: float, UsdGeom: Any, Vt: Any) -
     def numbers(values: Array) -> Any:
         return Vt.FloatArray.FromNumpy(np.ascontiguousarray(values, np.float32))
 
-    places = vectors(points.places)
-    widths = numbers(points.widths)
+    places = vectors(flakes["place"])
+    widths = numbers(flakes["diameter"])
     prim.GetPointsAttr().Set(places, time)
-    prim.GetVelocitiesAttr().Set(vectors(points.velocities), time)
+    prim.GetVelocitiesAttr().Set(vectors(speed), time)
     prim.GetWidthsAttr().Set(widths, time)
-    prim.GetIdsAttr().Set(Vt.Int64Array.FromNumpy(np.ascontiguousarray(points.ids)), time)
+    ids = np.ascontiguousarray(flakes["id"].astype(np.int64))
+    prim.GetIdsAttr().Set(Vt.Int64Array.FromNumpy(ids), time)
     prim.SetWidthsInterpolation(UsdGeom.Tokens.vertex)
     opacity = prim.CreateDisplayOpacityPrimvar(UsdGeom.Tokens.vertex)
-    opacity.Set(numbers(points.opacities), time)
+    opacity.Set(numbers(flakes["opacity"]), time)
     prim.GetExtentAttr().Set(UsdGeom.Points.ComputeExtent(places, widths), time)
 
 

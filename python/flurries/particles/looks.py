@@ -41,37 +41,6 @@ def smoothstep(t: npt.ArrayLike) -> Float64:
     return _of_each(_core.smooth, t)
 
 
-def presence(index: npt.ArrayLike, *, count: int, amount: float, fade_in: float) -> Float64:
-    """Return the presence of flakes, 0 to 1: of `count`, the first `amount` of them.
-
-    Parameters
-    ----------
-    index : array of int
-        Of any shape.
-    count : int
-        Flakes in the box.
-    amount, fade_in : float
-        Share that is there, and the share of them over which the last ones fade.
-    """
-    given = np.ascontiguousarray(index, np.int64)
-    there = np.empty(given.shape)
-    _core.particle_presence(there.reshape(-1), given.reshape(-1), count, amount, fade_in)
-    return there
-
-
-def size_fade(sigma: npt.ArrayLike, limits: tuple[float, float]) -> Float64:
-    """Return the shown share of flakes: all up to the first limit, nothing from the second on.
-
-    Parameters
-    ----------
-    sigma : array
-        ``f radius / (3 z)`` of flakes, px, of any shape.
-    limits : (low, high)
-        Sigmas, px.
-    """
-    return _of_each(_core.particle_size_fade, sigma, limits)
-
-
 def _of_each(law: Callable[..., None], given: npt.ArrayLike, *more: object) -> Float64:
     values = np.ascontiguousarray(given, np.float64)
     out = np.empty(values.shape)

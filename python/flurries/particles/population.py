@@ -178,6 +178,7 @@ def slabs_of(
     reach: float,
     far: float,
     ratio: float = SLAB_RATIO,
+    edges: Float64 | None = None,
 ) -> list[Slab]:
     """Return the layers of a class from where it is no longer drawn, near ones first.
 
@@ -191,11 +192,14 @@ def slabs_of(
         Depths at which the texture begins and ends, metres.
     ratio : float
         The far end of a slab over its near end, at most.
+    edges : (n,), optional
+        Depths at which slabs end, in place of a ratio.
     """
     if reach >= far or each.density == 0.0:
         return []
-    number = max(math.ceil(math.log(far / reach) / math.log(ratio)), 1)
-    edges = reach * (far / reach) ** (np.arange(number + 1) / number)
+    if edges is None:
+        number = max(math.ceil(math.log(far / reach) / math.log(ratio)), 1)
+        edges = reach * (far / reach) ** (np.arange(number + 1) / number)
     diameters, share = population.sizes.nodes(each.smallest, each.largest)
     share = share / share.sum()
     found = []

@@ -177,7 +177,7 @@ fn sprites_with<const LEVEL: u8>(
         let colors = scene.colors(drawn.iter().map(|sprite| scene.place(sprite)));
         for (sprite, color) in drawn.into_iter().zip(colors) {
             lit.color = color;
-            one::<f32, _, LEVEL>(lit, tile.map, sprite, origin);
+            one::<f32, _, LEVEL>(lit, tile.map, sprite, origin, scene.sorted.balls());
         }
     }
     Ok(())

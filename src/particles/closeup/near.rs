@@ -29,10 +29,10 @@ pub struct Closeup {
 }
 
 /// Circles of confusion in px between which a blurred sprite gives way to a disc.
-const DISC: (f64, f64) = (6.0, 9.0);
+pub const DISC: (f64, f64) = (6.0, 9.0);
 
 /// Of a disc of diameter c the variance along an axis is c^2 / 16.
-pub(super) const VARIANCE_OF_DISC: f64 = 1.0 / 16.0;
+pub const VARIANCE_OF_DISC: f64 = 1.0 / 16.0;
 
 /// A source of flakes that keeps back those which are drawn as pictures.
 pub struct Split<'a, S> {

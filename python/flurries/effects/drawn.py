@@ -1,0 +1,189 @@
+"""The near flakes of a population, drawn one by one; or all of them, where the method says so."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from flurries import _core
+from flurries._contract import Array, Float64
+from flurries._core import SortedFlakes
+from flurries.effects.air import air_of
+from flurries.effects.flakes import Flakes
+from flurries.effects.motion import Motion, Way
+from flurries.effects.passes import STEPS
+from flurries.effects.weather import Weather
+from flurries.frame.layer import Shade
+from flurries.frame.needs import Cost, LeftOut, Needs, Step, has_keys
+from flurries.frame.planes import plane
+from flurries.frame.view import Frame
+from flurries.light.phase import Optics
+from flurries.motion.keys import value_at
+
+
+class Rows(NamedTuple):
+    """The flakes of a frame.
+
+    Attributes
+    ----------
+    ids : (n,) uint64
+        The same in every frame, eye and window.
+    points : (n, 3)
+        In the camera's axes, metres.
+    pixels : (n, 2)
+        Where they are seen, (x, y).
+    depths : (n,)
+        From the eye, metres.
+    diameters : (n,)
+        Metres.
+    shares : (n,)
+        How much of each is there, 0 to 1.
+    others : (n, k, 2)
+        Where they are seen at `STEPS` frames from this one; NaN behind the eye.
+    """
+
+    ids: npt.NDArray[np.uint64]
+    points: Float64
+    pixels: Float64
+    depths: Float64
+    diameters: Float64
+    shares: Float64
+    others: Float64
+
+
+@dataclass(frozen=True, eq=False)
+class DrawnFlakes:
+    """The flakes that are drawn.
+
+    Attributes
+    ----------
+    weather : Weather or Flakes
+    """
+
+    weather: Weather | Flakes
+
+    name = "flakes"
+
+    def needs(self, frame: Frame, amount: float) -> Needs:
+        """Return their one step, or why there is none."""
+        weather = self.weather
+        if self.number_in_view(frame) == 0.0 or weather.opacity_at(frame.t) == 0.0:
+            return Needs((), (LeftOut("flakes", "there are none"),), most=0.0)
+        still = frame.settled and weather.motion.still and 0.0 in weather.sway
+        # Shapes tumble.
+        still = still and weather.shape == "round" and not has_keys(weather)
+        most = min(1.0, amount * self.number_in_view(frame) * weather.opacity_at(frame.t))
+        step = Step("flakes", lambda: self._cost(frame, amount), still, most)
+        return Needs((step,), most=most)
+
+    def number_in_view(self, frame: Frame) -> float:
+        """Return the number of flakes that are drawn in view, on average."""
+        height, width = frame.shape
+        fx, fy = frame.camera.focals
+        view = width * height / (3.0 * fx * fy)
+        return view * sum(s.size.density * s.reach**3 for s in self.weather.shares(frame))
+
+    @property
+    def motion(self) -> Motion:
+        """The motion of a flake of the mean size."""
+        return self.weather.motion
+
+    def alpha(self, frame: Frame, amount: float, way: Way) -> Array:
+        """Return the opacity of the flakes over the window, (h, w) float32."""
+        if frame.whole:
+            return self.numbered(frame, amount)[0]
+        top, bottom, left, right = frame.window
+        result = plane((bottom - top, right - left))
+        _core.particle_draw(result, self.sort(frame, amount, way), frame.window, frame.depth, None)
+        return result
+
+    def lit(
+        self,
+        frame: Frame,
+        amount: float,
+        way: Way,
+        optics: Optics,
+        behind: tuple[Array, Shade] | None,
+    ) -> tuple[Array, Array]:
+        """Return opacity and light of the flakes under the frame's lamps, (h, w) and (h, w, 3).
+
+        The light of what lies behind them, an opacity and its colors, is added to theirs.
+        """
+        top, bottom, left, right = frame.window
+        near = np.empty((bottom - top, right - left), np.float32)
+        glow = np.empty((*near.shape, 3), np.float32)
+        flakes = self.sort(frame, amount, way)
+        lamps = frame.lamps()
+        under = None if behind is None else (behind[0], behind[1].given())
+        window, depth = frame.window, frame.depth
+        _core.particle_draw_lit(near, glow, flakes, window, lamps, optics, depth, under)
+        return near, glow
+
+    def sort(self, frame: Frame, amount: float, way: Way | None = None) -> SortedFlakes:
+        """Return the flakes, to be drawn in any band of the frame."""
+
+        def make() -> SortedFlakes:
+            return _core.fall(
+                air_of(self.weather, frame, amount, steps=STEPS if frame.whole else ())
+            )
+
+        return frame.once_each(self, "flakes", make)
+
+    def numbered(self, frame: Frame, amount: float) -> tuple[Array, npt.NDArray[np.int32]]:
+        """Return the opacity of the window, and the row of the flake that each pixel shows most.
+
+        Rows count in `rows`; -1 where there is none.
+        """
+
+        def make() -> tuple[Array, Array]:
+            top, bottom, left, right = frame.window
+            result = plane((bottom - top, right - left))
+            shown = plane(result.shape, np.int32)
+            flakes = self.sort(frame, amount)
+            _core.particle_draw(result, flakes, frame.window, frame.depth, shown)
+            return result, shown
+
+        # One frame is asked for twice where something stands in the air, with two depths.
+        return frame.once_each(self, f"numbered before {id(frame.depth)}", make)
+
+    def rows(self, frame: Frame, amount: float) -> Rows:
+        """Return the flakes that the frame's window may show."""
+
+        def make() -> Rows:
+            ids, rows, others = _core.flake_rows(self.sort(frame, amount))
+            return Rows(
+                ids, rows[:, :3], rows[:, 3:5], rows[:, 5], rows[:, 6], rows[:, 7],
+                others.reshape(len(ids), -1, 2),
+            )  # fmt: skip
+
+        return frame.once_each(self, "rows", make)
+
+    def passes(
+        self, frame: Frame, amount: float, numbers: npt.NDArray[np.int32]
+    ) -> tuple[list[Array], Array]:
+        """Return motions to `STEPS` (n, 2) and depth (n,) of flakes by their rows."""
+        rows = self.rows(frame, amount)
+        motion = rows.others[numbers] - rows.pixels[numbers][:, None]
+        # One that is behind the eye in one of the frames goes on as from the other.
+        for one, other in ((0, 1), (1, 0)):
+            gone = np.isnan(motion[:, one])
+            motion[:, one] = np.where(gone, -motion[:, other], motion[:, one])
+        motion = np.nan_to_num(motion)
+        ways = [np.ascontiguousarray(motion[:, i], np.float32) for i in range(len(STEPS))]
+        return ways, rows.depths[numbers].astype(np.float32)
+
+    def _cost(self, frame: Frame, amount: float) -> Cost:
+        drawn = amount * self.number_in_view(frame)
+        name = "streak" if value_at(self.weather.motion.shutter, frame.t) > 0.0 else "disc"
+        top, bottom, left, right = frame.window
+        pixels = (bottom - top) * (right - left)
+        work = {
+            "flake placed": 2.0 * drawn,
+            name: drawn,
+            f"{name} run": 12.0 * drawn,
+            "mask pixel": float(frame.shape[0] * frame.shape[1]),
+        }
+        return Cost(work, f"{drawn:.0f} {name}", 4 * pixels, 0)

@@ -1,0 +1,311 @@
+//! The flakes of a frame: every one that its view may show, evaluated at the frame's times.
+//!
+//! Where a flake is at a time, seen by the eye of that time, is one function, [`Places`]. Its streak is that
+//! function while the shutter is open, its motion the same at other frames; nothing is extrapolated.
+
+use ndarray::{ArrayView2, ArrayViewMut2};
+
+use super::air::{Air, CLOSE, Class, NOW, OPEN, Vector};
+use super::cells::{Born, Cells, side};
+use super::law::{presence, ramp};
+use super::sight::{Line, Sight};
+use crate::air::waves;
+use crate::base::error::{Cancel, Error, collected, pushed};
+use crate::base::pool;
+use crate::base::real::Real;
+use crate::base::simd::PORTABLE;
+
+/// Cells of one item of work, some.
+const RUN: u32 = 512;
+
+/// A flake that may be seen.
+#[derive(Debug, Clone, Copy)]
+pub struct Flake {
+    /// The same wherever it is seen, 53 bits.
+    pub id: u64,
+    /// In the camera's axes, metres.
+    pub point: Vector,
+    /// Where it is seen now, and when the shutter opens and closes, px.
+    pub seen: [[f64; 2]; 3],
+    /// The depths then, from the eye, metres.
+    pub depths: [f64; 3],
+    /// Metres.
+    pub diameter: f64,
+    /// How much of it is there, 0 to 1.
+    pub share: f64,
+}
+
+/// Flakes, and where each is seen at the times that follow the exposure's, px.
+#[derive(Default)]
+pub struct List {
+    /// In an order that depends on neither threads nor window.
+    pub flakes: Vec<Flake>,
+    /// Time after time for each flake; NaN where it is behind the eye.
+    pub others: Vec<[f64; 2]>,
+}
+
+impl List {
+    /// The flakes of all classes that may be seen in the window.
+    pub fn of(air: &Air, cancel: &Cancel) -> Result<Self, Error> {
+        let sights: Vec<Sight> = air.classes.iter().map(|class| Sight::of(air, class)).collect();
+        let mut lines = Vec::new();
+        for (number, sight) in sights.iter().enumerate() {
+            sight.lines(air, number, &mut lines)?;
+        }
+        let runs = runs(&lines)?;
+        let mut parts = collected(runs.iter().map(|_| Self::default()))?;
+        let tasks = parts.iter_mut().zip(runs);
+        pool::for_each(tasks, |(part, lines): (&mut Self, &[Line])| {
+            cancel.check()?;
+            part.add(air, &sights, lines, cancel)
+        })?;
+        let mut all = parts.into_iter();
+        let Some(mut first) = all.next() else { return Ok(Self::default()) };
+        for part in all {
+            reserve(&mut first.flakes, part.flakes.len())?;
+            first.flakes.extend_from_slice(&part.flakes);
+            reserve(&mut first.others, part.others.len())?;
+            first.others.extend_from_slice(&part.others);
+        }
+        Ok(first)
+    }
+
+    /// Adds the flakes of some lines of cells, all of one class.
+    fn add(
+        &mut self,
+        air: &Air,
+        sights: &[Sight],
+        lines: &[Line],
+        cancel: &Cancel,
+    ) -> Result<(), Error> {
+        let Some(first) = lines.first() else { return Ok(()) };
+        let (class, sight) = (&air.classes[first.class], &sights[first.class]);
+        let cells = Cells::new(air.seed, class.number);
+        let mut found: Vec<(Places<'_>, Born)> = Vec::new();
+        for line in lines {
+            for step in 0..i64::from(line.count) {
+                let mut cell = line.first;
+                cell[line.axis] += step;
+                let mut failed = Ok(());
+                let places = Places::new(air, class, line.level, cell);
+                cells.each(line.level, cell, sight.below, |born| {
+                    if failed.is_err() || !sight.sees(places.resting(NOW, &born), 0.0) {
+                        return;
+                    }
+                    failed = if class.waves.is_empty() {
+                        self.see(&places, &born, None)
+                    } else {
+                        pushed(&mut found, (places, born))
+                    };
+                });
+                failed?;
+            }
+        }
+        let blown = blown(air, class, &found, cancel)?;
+        for ((places, born), own) in found.iter().zip(blown.chunks_exact(3 * air.eyes.len())) {
+            self.see(places, born, Some(own))?;
+        }
+        Ok(())
+    }
+
+    /// Adds a flake, if any of it shows, and where it is at the other times.
+    #[inline]
+    fn see(
+        &mut self,
+        places: &Places<'_>,
+        born: &Born,
+        blown: Option<&[f64]>,
+    ) -> Result<(), Error> {
+        let Some(flake) = places.flake(born, blown) else { return Ok(()) };
+        pushed(&mut self.flakes, flake)?;
+        for time in CLOSE + 1..places.air.eyes.len() {
+            let (px, depth) = places.air.eyes[time].seen(places.point(time, born, blown));
+            pushed(&mut self.others, if depth > 0.0 { px } else { [f64::NAN; 2] })?;
+        }
+        Ok(())
+    }
+}
+
+/// Lines cut into runs of one class with some cells each.
+fn runs(lines: &[Line]) -> Result<Vec<&[Line]>, Error> {
+    let mut runs = Vec::new();
+    let (mut start, mut cells) = (0, 0);
+    for (index, line) in lines.iter().enumerate() {
+        cells += line.count;
+        let last = index + 1 == lines.len();
+        if last || cells >= RUN || lines[index + 1].class != line.class {
+            pushed(&mut runs, &lines[start..=index])?;
+            (start, cells) = (index + 1, 0);
+        }
+    }
+    Ok(runs)
+}
+
+/// How far the waves of the wind have carried flakes at all times: three numbers for each time and flake.
+fn blown(
+    air: &Air,
+    class: &Class,
+    found: &[(Places<'_>, Born)],
+    cancel: &Cancel,
+) -> Result<Vec<f64>, Error> {
+    if class.waves.is_empty() || found.is_empty() {
+        return Ok(Vec::new());
+    }
+    let channels = 3 * air.eyes.len();
+    let mut points = collected(std::iter::repeat_n(0.0, 3 * found.len()))?;
+    for (point, (places, born)) in points.chunks_exact_mut(3).zip(found) {
+        point.copy_from_slice(&places.in_air(NOW, born));
+    }
+    let mut out = collected(std::iter::repeat_n(0.0, channels * found.len()))?;
+    let shape = |error: ndarray::ShapeError| Error::Internal(error.to_string());
+    let waves = air.waves.len() / 3;
+    waves::sum(
+        ArrayViewMut2::from_shape((found.len(), channels), &mut out).map_err(shape)?,
+        ArrayView2::from_shape((found.len(), 3), &points).map_err(shape)?,
+        ArrayView2::from_shape((waves, 3), &air.waves).map_err(shape)?,
+        ArrayView2::from_shape((waves, 2 * channels), &class.waves).map_err(shape)?,
+        cancel,
+    )?;
+    Ok(out)
+}
+
+/// The places of a cell's flakes.
+#[derive(Clone, Copy)]
+struct Places<'a> {
+    air: &'a Air,
+    class: &'a Class,
+    /// The cell's first corner relative to the camera in the air at the frame's time, metres.
+    corner: Vector,
+    side: f64,
+}
+
+impl<'a> Places<'a> {
+    fn new(air: &'a Air, class: &'a Class, level: i32, cell: [i64; 3]) -> Self {
+        let side = side(level);
+        let corner = std::array::from_fn(|a| {
+            // Whole cells apart from the camera's first: no bits are lost however far the air has moved.
+            let base = (class.at[NOW][a] / side).floor();
+            (cell[a] - base as i64) as f64 * side - (class.at[NOW][a] - base * side)
+        });
+        Self { air, class, corner, side }
+    }
+
+    /// Relative to the camera in the air of a time.
+    #[inline]
+    fn in_air(&self, time: usize, born: &Born) -> Vector {
+        std::array::from_fn(|a| {
+            self.corner[a] + born.inside[a] * self.side
+                - (self.class.at[time][a] - self.class.at[NOW][a])
+        })
+    }
+
+    /// The same, carried by a wind of depth: a cell as a whole, by its middle.
+    #[inline]
+    fn resting(&self, time: usize, born: &Born) -> Vector {
+        let mut place = self.in_air(time, born);
+        if let Some(profile) = self.class.profile.get(time) {
+            let moved = self.class.at[time][2] - self.class.at[NOW][2];
+            let middle = self.corner[2] + 0.5 * self.side - moved;
+            place[0] += profile[0].at(middle);
+            place[1] += profile[1].at(middle);
+        }
+        place
+    }
+
+    /// In the camera's axes at a time, with the sway and what the waves of the wind have done.
+    #[inline]
+    fn point(&self, time: usize, born: &Born, blown: Option<&[f64]>) -> Vector {
+        let mut place = self.resting(time, born);
+        if self.air.sway != 0.0 {
+            let angle = self.class.swung[time];
+            let angle = angle - angle.floor();
+            for (a, phase) in [(0, born.phases[0]), (2, born.phases[1])] {
+                let cycles = angle + phase;
+                let turned = f64::turn::<PORTABLE>(cycles - cycles.round_ties_even());
+                place[a] += self.air.sway * turned.im;
+            }
+        }
+        if let Some(blown) = blown {
+            for a in 0..3 {
+                place[a] += blown[3 * time + a];
+            }
+        }
+        self.air.eyes[time].turned(place)
+    }
+
+    /// The flake, if any of it shows.
+    #[inline]
+    fn flake(&self, born: &Born, blown: Option<&[f64]>) -> Option<Flake> {
+        let (air, class) = (self.air, self.class);
+        let point = self.point(NOW, born, blown);
+        let eye = &air.eyes[NOW];
+        let depth = point[2] - eye.offset[2];
+        if depth < air.near {
+            return None;
+        }
+        let [near, whole, from, far] = class.shown;
+        let mut share = ramp(near, whole, point[2]) * (1.0 - ramp(from, far, point[2]));
+        if share <= 0.0 {
+            return None;
+        }
+        let height = self.height(born);
+        let amount = class.amount.at(height);
+        let rank = born.arrival / class.density;
+        let (first, last) = class.ranks;
+        share *= presence(rank, amount * last)
+            - if first > 0.0 { presence(rank, amount * first) } else { 0.0 };
+        if share <= 0.0 {
+            return None;
+        }
+        let mut seen = [eye.seen(point).0; 3];
+        let mut depths = [depth; 3];
+        for time in [OPEN, CLOSE] {
+            let there = self.point(time, born, blown);
+            let other = &air.eyes[time];
+            let z = there[2] - other.offset[2];
+            if z < air.near {
+                // Through the plane before the eye: as far as that, and for so long.
+                let part = ((depth - air.near) / (depth - z)).clamp(0.0, 1.0);
+                share *= 0.5 + 0.5 * part;
+                let there: Vector = std::array::from_fn(|a| {
+                    let own = point[a] - eye.offset[a];
+                    own + part * (there[a] - other.offset[a] - own) + other.offset[a]
+                });
+                seen[time] = other.seen([there[0], there[1], air.near + other.offset[2]]).0;
+                depths[time] = air.near;
+            } else {
+                (seen[time], depths[time]) = other.seen(there);
+            }
+        }
+        let diameter = class.sizes.quantile(born.share);
+        let reach = 0.5 * eye.focal[0] * diameter / depths.iter().copied().fold(depth, f64::min)
+            + eye.focal[0] * air.room / depth
+            + 2.0;
+        let [top, bottom, left, right] = air.window.map(|v| v as f64);
+        let within = |axis: usize, low: f64, high: f64| {
+            let all = seen.map(|px| px[axis]);
+            let least = all.iter().copied().fold(f64::INFINITY, f64::min);
+            let most = all.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+            most + reach >= low && least - reach <= high
+        };
+        (within(0, left, right) && within(1, top, bottom)).then_some(Flake {
+            id: born.id,
+            point,
+            seen,
+            depths,
+            diameter,
+            share,
+        })
+    }
+
+    /// Below the camera, metres.
+    #[inline]
+    fn height(&self, born: &Born) -> f64 {
+        self.corner[1] + born.inside[1] * self.side
+    }
+}
+
+fn reserve<T>(values: &mut Vec<T>, more: usize) -> Result<(), Error> {
+    let bytes = (values.len() + more) * size_of::<T>();
+    values.try_reserve(more).map_err(|_| Error::Memory { bytes })
+}
