@@ -1,4 +1,4 @@
-"""Fully simulated snow, and what is known of it in closed form.
+"""Flakes drawn by `fl.particles`, and what is known of them in closed form.
 
 The judge of the closed form is the picture of every flake. Bands of wavelengths are measured on
 windowed pictures, with a window and a lattice of the test's own.
@@ -15,11 +15,10 @@ from scipy import integrate
 
 import flurries as fl
 import measure
-from flurries.hybrid.population import seen
-from flurries.hybrid.statistics import correlation
+from twin_space import Space, correlation, seen, simulate, statistics
 
 FOCAL, SIZE = 1229.0, 1024
-SNOW = fl.hybrid.Population(density=110.0, radius=(0.006, 0.014), opacity=0.9, depth=(1.5, 24.0))
+SNOW = Space(density=110.0, radius=(0.006, 0.014), opacity=0.9, depth=(1.5, 24.0))
 EDGES = (2.0, 4.0, 8.0, 16.0, 32.0)
 LENS = fl.Camera(FOCAL)
 STEP = 0.2 * 1.5 / FOCAL  # the nearest flake moves by a fifth of a pixel
@@ -52,7 +51,7 @@ def of_pictures(draw, seeds: int = SEEDS) -> tuple[float, np.ndarray, np.ndarray
 
 
 def simulated(seed: int, way: float) -> np.ndarray:
-    return fl.hybrid.simulate((SIZE, SIZE), SNOW, LENS, seed=seed, displacement=(-way, 0.0, 0.0))
+    return simulate((SIZE, SIZE), SNOW, LENS, seed=seed, displacement=(-way, 0.0, 0.0))
 
 
 @pytest.fixture(scope="module")
@@ -64,7 +63,7 @@ def truth() -> tuple[float, np.ndarray, np.ndarray]:
 
 
 def test_the_closed_form_is_that_of_the_pictures(truth):
-    found = fl.hybrid.statistics(SNOW, FOCAL, edges=EDGES)
+    found = statistics(SNOW, FOCAL, edges=EDGES)
     mean, power, speed = truth
     # Four pictures: measured within 1 and 2 %.
     assert found.mean_opacity == pytest.approx(mean, rel=0.02)
@@ -80,7 +79,7 @@ def test_coverage_without_fades_is_a_formula():
     squares = (0.006**2 + 0.006 * 0.014 + 0.014**2) / 3.0
     depth = 24.0 - 1.5 - 0.5 * (0.15 + 2.4)
     covered = 110.0 * 2.0 * np.pi * 0.9 * squares / 9.0 * depth
-    found = fl.hybrid.statistics(SNOW, FOCAL).mean_opacity
+    found = statistics(SNOW, FOCAL).mean_opacity
     assert found == pytest.approx(-math.expm1(-covered), rel=2e-3)
 
 
@@ -116,14 +115,12 @@ def test_the_overlap_is_campbells_integral():
 
 # Pictures -----------------------------------------------------------------------------------------
 
-FEW = fl.hybrid.Population(density=30.0, radius=(0.01, 0.03), opacity=0.8, depth=(1.0, 8.0))
+FEW = Space(density=30.0, radius=(0.01, 0.03), opacity=0.8, depth=(1.0, 8.0))
 SMALL = fl.Camera(150.0)
 
 
 def few(place: np.ndarray, **options) -> np.ndarray:
-    return fl.hybrid.simulate(
-        (90, 120), FEW, SMALL, seed=5, displacement=place, dtype=np.float64, **options
-    )
+    return simulate((90, 120), FEW, SMALL, seed=5, displacement=place, **options)
 
 
 @pytest.mark.parametrize("axis", [0, 1, 2])
@@ -134,15 +131,13 @@ def test_no_flake_pops_where_the_box_wraps(axis: int, camera: fl.Camera):
     times = np.random.default_rng(1).uniform(0.0, 60.0, 20)
 
     def frame(t: float) -> np.ndarray:
-        return fl.hybrid.simulate(
-            (90, 120), FEW, camera, seed=5, displacement=t * way, dtype=np.float64
-        )
+        return simulate((90, 120), FEW, camera, seed=5, displacement=t * way)
 
     assert measure.smooth(measure.largest_changes(frame, times))
 
 
 def test_without_the_fade_flakes_pop(monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr(fl.hybrid.Population, "fade", lambda _, depth: np.ones_like(depth))
+    monkeypatch.setattr(Space, "fade", lambda _, depth: np.ones_like(depth))
     times = np.random.default_rng(1).uniform(0.0, 60.0, 20)
     steps = measure.largest_changes(lambda t: few(np.array([0.0, 0.0, 0.1 * t])), times)
     assert not measure.smooth(steps)
@@ -151,7 +146,7 @@ def test_without_the_fade_flakes_pop(monkeypatch: pytest.MonkeyPatch):
 def test_an_eye_is_a_place():
     # Two eyes see the same flakes, and so does a camera that goes there.
     aside = fl.Camera(150.0, offset=(0.2, -0.1, 0.0))
-    there = fl.hybrid.simulate((90, 120), FEW, aside, seed=5, dtype=np.float64)
+    there = simulate((90, 120), FEW, aside, seed=5)
     assert np.abs(there - few(np.array([0.2, -0.1, 0.0]))).max() < 1e-9
     assert np.abs(there - few(np.zeros(3))).max() > 0.1
 
@@ -162,10 +157,9 @@ def test_neither_speed_nor_shutter_moves_a_flake():
 
 
 def test_flakes_move_as_their_depth_says():
-    slab = fl.hybrid.Population(density=0.5, radius=(0.05, 0.05), depth=(4.0, 5.0))
+    slab = Space(density=0.5, radius=(0.05, 0.05), depth=(4.0, 5.0))
     first, second = (
-        fl.hybrid.simulate((90, 120), slab, SMALL, seed=3, displacement=(way, 0.0, 0.0))
-        for way in (0.0, 0.5)
+        simulate((90, 120), slab, SMALL, seed=3, displacement=(way, 0.0, 0.0)) for way in (0.0, 0.5)
     )
     assert min(first.max(), second.max()) > 0.3
     # Camera to the right: the content to the left, by f 0.5 / Z, 15 to 19 px.

@@ -161,7 +161,6 @@ OBJECTS: dict[str, Any] = {
     "cone.Texture": fl.cone.Texture(fl.cone.snow_tile(16, seed=1)),
     "cone.Mapping": fl.cone.Mapping((9, 8), fl.Camera(8.0), axis=(0.0, 1.0, 0.0)),
     "cone.Path": fl.cone.path([0.0, 1.0], (0.0, 8.0, 0.0)),
-    "hybrid.Population": fl.hybrid.Population(density=0.5, radius=(0.006, 0.014), depth=(1.5, 24)),
     **{type(effect).__name__: effect for effect in EFFECTS},
 }
 # What a frame is made of while it is made: functions' own arguments and results, held by nobody.
@@ -199,8 +198,6 @@ def seen(name: str, value: Any) -> bytes:
         return bytes(fl.cone.layers((9, 8), camera, tile, axis=axis, phase=0.2, mapping=value))
     if name == "cone.Path":
         return repr(value.at(0.5)).encode()
-    if name == "hybrid.Population":
-        return bytes(fl.hybrid.simulate((9, 8), value, camera, seed=1))
     return repr(value).encode()
 
 

@@ -125,7 +125,7 @@ def test_options_are_keyword_only():
     """After the arrays: whoever writes numbers in a row cannot mean the wrong one."""
     for name, function in listed().items():
         module = name.split(".")[0]
-        if module in ("spectral", "particles", "gas", "cone", "composite", "stereo", "hybrid"):
+        if module in ("spectral", "particles", "gas", "cone", "composite", "stereo"):
             for parameter in inspect.signature(function).parameters.values():
                 if parameter.default is not parameter.empty and "Like" not in parameter.annotation:
                     assert parameter.kind is parameter.KEYWORD_ONLY, f"{name}: {parameter.name}"

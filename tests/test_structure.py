@@ -22,7 +22,7 @@ LEVELS = (
     # A camera is an argument of the array modules.
     ("camera.lens", "camera.rotation"),
     ("spectral", "particles", "gas", "cone", "composite", "stereo"),
-    ("camera", "motion", "light", "hybrid"),
+    ("camera", "motion", "light"),
     ("frame",),
     ("effects",),
     ("scene",),

@@ -40,7 +40,6 @@ PATTERNS: dict[str, Any] = {
     "counts": [50, 9], "diameters": [[0.5, 2.0], [1.0, 3.0]], "shear": 0.382, "seed": 1,
 }  # fmt: skip
 WAVES = {np.float32: np.complex64, np.float64: np.complex128}
-SNOW = fl.hybrid.Population(density=30.0, radius=(0.01, 0.03), opacity=0.8, depth=(1.0, 8.0))
 
 FIELDS: dict[str, dict[str, Any]] = {
     "plain": {"shape": SHAPE},
@@ -83,8 +82,6 @@ KERNELS: dict[str, Callable[[Any], Any]] = {
     "optical_depth": lambda dtype: S.optical_depth(
         SHAPE, S.flake_patterns(64, **PATTERNS), drift=[(3.0, -9.0)] * 2, shear=0.382, seed=5,
         velocity=[(1.0, 4.0)] * 2, shutter=0.5, overlap=9, dtype=dtype),
-    "simulate": lambda dtype: fl.hybrid.simulate(
-        (90, 120), SNOW, fl.Camera(150.0), seed=5, displacement=(1.0, 2.0, 3.0), dtype=dtype),
     "cone.layer": lambda dtype: fl.cone.layer(SHAPE, LENS, TILE, **ROUND, dtype=dtype),
     "cone.layers": lambda dtype: fl.cone.layers(SHAPE, LENS, TILE, **ROUND, dtype=dtype),
     "composite": lambda dtype: (

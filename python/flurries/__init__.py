@@ -1,7 +1,7 @@
 """Falling snow, synthesized in the frequency domain, with particles on top.
 
 Arrays in, arrays out: :mod:`flurries.spectral`, :mod:`flurries.camera`, :mod:`flurries.particles`,
-:mod:`flurries.gas`, :mod:`flurries.hybrid`, :mod:`flurries.composite`, :mod:`flurries.stereo`.
+:mod:`flurries.gas`, :mod:`flurries.composite`, :mod:`flurries.stereo`.
 Pictures and film: :class:`Scene` and its effects.
 """
 
@@ -20,7 +20,6 @@ if TYPE_CHECKING:
         composite,
         cone,
         gas,
-        hybrid,
         io,
         particles,
         spectral,
@@ -86,7 +85,6 @@ __all__ = [
     "cone",
     "flakes",
     "gas",
-    "hybrid",
     "io",
     "particles",
     "register",

@@ -37,7 +37,7 @@ PARTS = {f"effects.{name}" for name in (
 RESULTS = {
     "Frame", "InternalError", "Layer", "Rendered", "augment.Weathered", "augment.corrupt.Corrupted",
     "cone.Path", "cone.Rays", "cone.State", "gas.grid.Particles",
-    "hybrid.Octaves", "io.Header", "io.Picture", "io.Source", "io.layers.deep.Deep",
+    "io.Header", "io.Picture", "io.Source", "io.layers.deep.Deep",
     "output.write.Summary", "trace.Trace", "accuracy.Axis", "accuracy.Point", "accuracy.Study",
 }  # fmt: skip
 

@@ -26,7 +26,6 @@ TILE = fl.cone.snow_tile(16, seed=1, dtype=np.float64)
 PATTERNS = fl.spectral.flake_patterns(
     16, counts=[4, 9], diameters=[[1, 2], [1, 3]], patterns=2, shear=0.382, seed=1
 )
-AIR = fl.hybrid.Population(density=0.02, radius=(0.01, 0.02), depth=(1.0, 12.0))
 NO_COVER = (COVER + 1.0, COVER - 1.0, COVER[:1])
 NO_PICTURES = (np.zeros((*SHAPE, 2)), np.zeros(SHAPE, np.int64))
 MATRICES = np.stack([np.eye(4)] * 3)
@@ -187,16 +186,6 @@ CALLS: dict[str, Call] = {
                          "radius": (-0.1, [0.1] * 3)}, **HIDES,
     ),
     "particles.ids": Call(FLAKES, within=0.0, **HIDES),
-    "hybrid.Population": Call(
-        {"density": 0.02, "radius": (0.01, 0.02), "depth": (1.0, 12.0)}
-    ),
-    "hybrid.statistics": Call(
-        {"population": AIR, "focal": 40.0, "edges": np.array([2.0, 4.0, 8.0])}
-    ),
-    "hybrid.simulate": Call(
-        {**SIGHT, "population": AIR, "seed": 1, "displacement": ASIDE, "velocity": DOWN,
-         "depth": DEPTH}, **HIDES,
-    ),
     "gas.splat": Call(
         {**SIGHT, **GAS, "color": RNG.random((COUNT, 3)), "depth": DEPTH},
         refused={**NO_GAS, "color": (np.ones(4), np.inf), "depth": (DEPTH.T,),

@@ -119,18 +119,6 @@ OUTSIDE: dict[str, dict[str, tuple[Any, ...]]] = {
     "Lamp": {
         "place": ((0, 0), (0, 0, NAN)), "power": (-1.0,), "color": ((-1, 0, 0),), "radius": (0.0,),
     },
-    "hybrid.Population": {
-        "density": (0.0,), "radius": ((0.03, 0.01), (0.0, 0.01), 0.01), "opacity": (0.0, 1.1),
-        "depth": ((2.0, 2.0), (-1.0, 2.0), (1.0, INF)),
-    },
-    "hybrid.statistics": {
-        "edges": ((2.0,), (4.0, 2.0), (1.0, 4.0), (2.0, 2.0**20)), "focal": (-1.0,),
-        "population": (3.0,),
-    },
-    "hybrid.simulate": {
-        "camera": (None,), "displacement": ((1.0, 2.0),), "dtype": (int,), "shutter": (-1.0,),
-        "population": (fl.hybrid.Population(density=1e12, radius=(0.01, 0.02), depth=(1.0, 8.0)),),
-    },
     "spectral.flake_patterns": {
         "tile": (0, 32.0), "counts": ([-1.0] * 2, [], [1.0]),
         "diameters": ([[1.0, 2.0]], [[2.0, 1.0]] * 2, [[0.0, 1.0]] * 2, [[1.0, 1e6]] * 2),

@@ -1,0 +1,152 @@
+"""What falling snow must keep by itself: identities, motion, sizes of picture, bounds, costs.
+
+`fl.flakes(scene, t)` lists the flakes that a frame draws: `id`, `place` in the house's axes from
+the camera's place at frame 0, `pixel`, `depth`, `diameter`, `opacity`.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import numpy as np
+from falling_cases import FPS, Case, pictures
+
+import flurries as fl
+import judges
+from twin_falling import View
+
+
+def verdict(name: str, off: float, limit: float) -> str:
+    """Return a line."""
+    return f"- {name}: {off:.4g}, limit {limit:g}, {'pass' if off <= limit else 'miss'}"
+
+
+def sizes() -> Iterator[str]:
+    """Compare a picture of 256 px with one of 2048 px made smaller, in light and in heavy snow."""
+    for weather in ("light", "heavy"):
+        made = []
+        for width, seeds in ((256, 12), (2048, 3)):
+            case, step = Case("still", weather, 0.0, width), width // 256
+            each = []
+            for seed in range(seeds):
+                for full in pictures(case.scene(seed), (0.0, 90.0, 180.0)):
+                    rows, cols = (n // step for n in full.shape)
+                    small = full.reshape(rows, step, cols, step).mean(axis=(1, 3))
+                    each.append((small.mean(), small.std()))
+            made.append(np.mean(each, axis=0))
+        mean, deviation = np.abs(made[0] / made[1] - 1.0)
+        yield verdict(f"256 px against 2048 px made smaller, {weather}: mean", mean, 0.01)
+        yield verdict(f"256 px against 2048 px made smaller, {weather}: deviation", deviation, 0.03)
+
+
+WILD: dict[str, tuple[dict[str, Any], float]] = {
+    "wind of 1,000 m/s": ({"wind": (1000.0, 0.0, 0.0)}, 5.0),
+    "fall of 1,000 m/s": ({"fall": 1000.0}, 5.0),
+    "sway of 1,000 m/s": ({"sway": (250.0, 4.0)}, 5.0),
+    "10^9 frames": ({}, 1e9),
+    "density of 0": ({"density": 0.0}, 5.0),
+    "density of .01": ({"density": 0.01}, 5.0),
+    "density of 10^5": ({"density": 1e5}, 5.0),
+}
+
+
+def bounded() -> Iterator[str]:
+    """Time wild scenes at 48 x 36 px; a refusal is an answer, too."""
+    for name, (fields, t) in WILD.items():
+        begun = time.perf_counter()
+        try:
+            scene = fl.Scene((48, 36), "#000000", effects=[fl.Snow(**fields)], seed=1)
+            scene.render(t)
+            how = ""
+        except (ValueError, TypeError):
+            how = ", refused"
+        yield verdict(f"{name}{how}, seconds", time.perf_counter() - begun, 1.0)
+
+
+def cost(widths: tuple[int, ...]) -> Iterator[str]:
+    """Compare the time of a pixel in pictures of all sizes, less 1 ms a frame."""
+    for weather in ("light", "heavy"):
+        each = []
+        for width in widths:
+            case = Case("still", weather, 0.0, width)
+            scene = fl.Scene(case.size, "#000000", fl.Camera(1.2 * width), [case.effect()], seed=1)
+            took = []
+            for n in range(4):
+                begun = time.perf_counter()
+                scene.render(float(n))
+                took.append(time.perf_counter() - begun)
+            each.append(max(min(took[1:]) - 1e-3, 1e-5) / math.prod(case.size) * 1e9)
+        shown = ", ".join(f"{w}: {ns:.1f}" for w, ns in zip(widths, each, strict=True))
+        name = f"ns a pixel, {weather} ({shown}), dearest over cheapest"
+        yield verdict(name, max(each) / min(each), 1.5)
+
+
+def identities(flakes: Callable[[fl.Scene, float], np.ndarray]) -> Iterator[str]:
+    """Compare the flakes of larger pictures, of parts, of another eye and of half the size."""
+    t, lens = 40.0, 576.0
+    snow = fl.Snow.preset("heavy", shape="round")
+
+    def seen(size: tuple[int, int], focal: float = lens, **camera: Any) -> np.ndarray:
+        view = fl.Camera(focal, **camera)
+        return flakes(fl.Scene(size, "#000000", view, [snow], seed=1), t)
+
+    whole = judges.inside(seen((480, 360)), (0.0, 0.0), (480.0, 360.0))
+    over = judges.inside(seen((600, 440)), (60.0, 40.0), (540.0, 400.0))
+    yield verdict(f"overscan, strangers of {len(whole)}", judges.strangers(whole, over), 0)
+    part = seen((240, 180), center=(120.0, 90.0))
+    inner = judges.inside(whole, (120.0, 90.0), (360.0, 270.0))
+    part = judges.inside(part, (0.0, 0.0), (240.0, 180.0))
+    yield verdict(f"crop, strangers of {len(inner)}", judges.strangers(inner, part), 0)
+    eye = seen((600, 440), offset=(0.06, 0.0, 0.0))
+    # What is nearer than .6 m may have left the other eye's picture.
+    own = whole[whole["depth"] > 0.6]
+    yield verdict("other eye, strangers", judges.strangers(own, eye, whole=False), 0)
+    half = judges.inside(seen((240, 180), 0.5 * lens), (0.0, 0.0), (240.0, 180.0))
+    yield verdict("half size, strangers", judges.strangers(half, whole, whole=False), 0)
+
+
+def motions(flakes: Callable[[fl.Scene, float], np.ndarray]) -> Iterator[str]:
+    """Compare where flakes are seen with the twin's camera, and motion with where they go."""
+    t, lens = 20.0, fl.Camera(576.0)
+    gusts = fl.Wind((1.0, 0.0, 0.0), gusts=1.0)
+    turn = fl.Keys([(0.0, (0.0, 0.0, 0.0)), (900.0, (0.0, 6.0, 0.0))])
+    about: dict[str, tuple[dict[str, Any], dict[str, Any], dict[str, Any]]] = {
+        "sway": ({}, {}, {}),
+        "forward": ({"velocity": (0.5, 0.0, 2.0)}, {"velocity": (0.5, 0.0, 2.0)}, {}),
+        "turning": ({"orientation": turn}, {"spin": 6.0 / 900.0 * FPS}, {}),
+        "gusts": ({}, {}, {"wind": gusts}),
+        "zoom": (
+            {"focal": fl.Keys([(0.0, 576.0), (100.0, 1152.0)])},
+            {"zoom": math.log(1.0 + t / 100.0) * FPS / t},
+            {},
+        ),
+    }
+    for name, (way, view, fields) in about.items():
+        snow = fl.Snow.preset("light", shape="round", **fields)
+        path = fl.CameraPath(lens, **way)
+        scene = fl.Scene((480, 360), "#000000", path, [snow], seed=1, fps=FPS)
+        now, then = flakes(scene, t), flakes(scene, t + 1.0)
+        twin = View(size=(480, 360), focal=576.0, fps=FPS, **view)
+        away = twin.project(now["place"].T, t)[0].T - now["pixel"]
+        yield verdict(f"{name}: places in the picture, px", float(np.abs(away).max()), 1e-3)
+        layers = scene.render(t, layers=True)
+        (ids,), (motion,) = layers.ids.values(), layers.motions.values()
+        listed = np.isin(ids.ravel().astype(np.int64), now["id"].astype(np.int64))
+        numbers, first = np.unique(ids.ravel()[listed], return_index=True)
+        own = now[np.argsort(now["id"])]
+        own = own[np.isin(own["id"].astype(np.int64), numbers.astype(np.int64))]
+        off = judges.motion_off(motion.reshape(-1, 2)[listed][first], own, then)
+        yield verdict(f"{name}: motion of {len(own)} flakes, px", off, 1e-3)
+
+
+def contracts(*, quick: bool) -> list[str]:
+    """Return the lines of all."""
+    widths = (64, 256, 1024, 2048) if quick else (64, 256, 1024, 2048, 4096, 7680)
+    lines = [*sizes(), *bounded(), *cost(widths)]
+    flakes = getattr(fl, "flakes", None)
+    if flakes is None:
+        return [*lines, "- identities and motion: not judged, since fl.flakes is not there"]
+    return [*lines, *identities(flakes), *motions(flakes)]

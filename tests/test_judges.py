@@ -1,0 +1,152 @@
+"""Every judge of falling snow finds its imitation out, and lets flakes drawn one by one pass."""
+
+from __future__ import annotations
+
+import math
+from functools import cache
+
+import numpy as np
+import pytest
+
+import judges
+from twin_falling import View, film
+from twin_law import Law
+
+SNOW = Law(density=60.0, sizes=(0.003, 0.007, 0.022), near=2.0, far=20.0)
+AIR = View(size=(256, 192), focal=400.0, wind=(1.5, 0.0, 0.0), sway=(0.02, 4.0))
+TIMES = (0.0, 1.0, 2.0, 3.0, 4.0, 6.0, 8.0, 10.0)
+TILE = 63
+
+
+@cache
+def drawn(seed: int = 1, view: View = AIR) -> np.ndarray:
+    return film(SNOW, view, TIMES, seed)
+
+
+def flow(at: np.ndarray, near: np.ndarray, start: float, end: float) -> np.ndarray:
+    way = (end - start) / AIR.fps * AIR.focal * near
+    fall = float(SNOW.speed(np.array([SNOW.sizes[1]]))[0])
+    return at + np.stack([AIR.wind[0] * way, fall * way])
+
+
+def test_numbers_of_a_gaussian_field_are_not_those_of_flakes():
+    ours, other = judges.numbers(drawn(1)[0]), judges.numbers(drawn(2)[0])
+    noise = judges.numbers(judges.gaussian(drawn(1)[0], 1))
+    for name in ("skewness", "kurtosis", "Euler 99", "Euler 99.8"):
+        assert abs(other[name] / ours[name] - 1.0) < 0.3
+        assert abs(noise[name] / ours[name] - 1.0) > 0.3
+
+
+def test_euler_counts_pieces_and_holes():
+    picture = np.zeros((20, 20), bool)
+    picture[2:9, 2:9] = True
+    picture[4:6, 4:6] = False
+    picture[12:14, 12:14] = picture[14:16, 14:16] = True
+    assert judges.euler(picture) == 1.0
+
+
+def slant(pictures: np.ndarray) -> np.ndarray:
+    return judges.direction(sum(judges.slopes(picture) for picture in pictures))
+
+
+def test_a_mirrored_tile_leans_the_other_way():
+    # Streaks of a wind of 3 m/s and a fall of 1, in all blocks alike.
+    pictures = np.concatenate([drawn(seed, View(**{**AIR.__dict__, "wind": (3.0, 0.0, 0.0)}))[::3]
+                               for seed in (1, 2)])  # fmt: skip
+    known = slant(pictures)
+    assert (known < -0.1).all()
+    assert judges.turned(known, known) == 0.0
+    mirrored = pictures.copy()
+    mirrored[:, 64:128, 64:128] = mirrored[:, 64:128, 64:128][:, :, ::-1]
+    assert judges.turned(slant(mirrored), known) == pytest.approx(1.0 / known.size)
+
+
+def killed() -> np.ndarray:
+    """A film of tiles, each with flakes of its own: what leaves a tile is gone."""
+    films, found = [drawn(seed) for seed in range(1, 5)], drawn(1).copy()
+    for row in range(0, 192, TILE):
+        for col in range(0, 256, TILE):
+            part = np.s_[:, row : row + TILE, col : col + TILE]
+            found[part] = films[(row // TILE + 2 * (col // TILE)) % 4][part]
+    return found
+
+
+def life(pictures: np.ndarray) -> float:
+    return float(judges.alive(pictures, TIMES, flow, (4.0, 20.0))[0].mean())
+
+
+def test_flakes_live():
+    assert np.mean([life(drawn(seed)) for seed in (1, 2)]) > 0.55
+
+
+def test_flakes_that_die_at_the_borders_of_tiles_are_missed():
+    assert life(killed()) < 0.8 * life(drawn(1))
+    # Of pictures that have nothing to do with each other nearly none is followed.
+    strange = np.array([drawn(1)[0]] + [drawn(seed)[n] for n, seed in enumerate((2, 3, 4) * 2)])
+    assert life(np.concatenate([strange, drawn(2)[7:]])) < 0.2
+
+
+def test_life_by_rows():
+    lives = np.repeat([True, False], 50)
+    rows = np.linspace(0.0, 0.8, 100)
+    assert judges.by_rows(lives, rows, 2).tolist() == [1.0, 0.0]
+
+
+def test_a_sheet_of_one_speed_keeps_its_shape():
+    picture = drawn(1)[0]
+    sheet = np.roll(picture, (9, 17), axis=(0, 1))
+    assert judges.largest(picture, drawn(1)[-1]) < 0.5
+    assert judges.largest(picture, sheet) > 0.8
+    # And it is found at its shift.
+    found = judges.correlations(picture, sheet, (64, 64))
+    assert np.unravel_index(np.argmax(found), found.shape) == (64 + 9, 64 + 17)
+
+
+def test_a_picture_of_one_tile_repeats():
+    picture = drawn(1)[0]
+    assert judges.repeated(picture) < 0.3
+    assert judges.repeated(np.tile(picture[:64, :64], (3, 4))) > 0.9
+    # What lies within the lobe is a flake and its streak.
+    assert judges.repeated(picture, lobe=1) > judges.repeated(picture)
+
+
+def flakes(size: tuple[int, int], box: tuple[int, int]) -> np.ndarray:
+    """A list of flakes in a box of so many px, seen in a picture of a size around its middle."""
+    found = np.zeros(400, [("id", np.uint64), ("place", float, 3), ("pixel", float, 2)])
+    place = np.random.default_rng(1).random((400, 3)) - 0.5
+    found["id"], found["place"] = np.arange(400), place * (*box, 1.0)
+    found["pixel"] = found["place"][:, :2] + 0.5 * np.array(size)
+    return judges.inside(found, (0.0, 0.0), size)
+
+
+def test_a_box_as_large_as_the_picture_holds_strangers():
+    def cut(seen: np.ndarray) -> np.ndarray:
+        return judges.inside(seen, (10.0, 5.0), (70.0, 45.0))
+
+    small, large = flakes((60, 40), (200, 200)), flakes((80, 50), (200, 200))
+    assert len(small) > 10 and judges.strangers(small, cut(large)) == 0
+    assert judges.strangers(flakes((60, 40), (60, 40)), cut(flakes((80, 50), (80, 50)))) > 100
+
+
+def test_one_that_is_missing_counts_if_lists_are_whole():
+    seen = flakes((60, 40), (200, 200))
+    assert judges.strangers(seen[1:], seen, whole=False) == 0
+    assert judges.strangers(seen[1:], seen) == 1
+    assert judges.strangers(seen, seen[1:], whole=False) == 1
+
+
+def test_an_extrapolated_motion_is_off_in_a_zoom():
+    zoom = View(size=(256, 192), focal=400.0, velocity=(1.0, 0.0, 2.0), zoom=0.3)
+    rng = np.random.default_rng(3)
+    places = np.stack([*rng.uniform(-1.0, 1.0, (2, 50)), rng.uniform(2.0, 9.0, 50)])
+
+    def seen(t: float) -> np.ndarray:
+        found = np.zeros(50, [("id", np.uint64), ("pixel", float, 2)])
+        found["id"], found["pixel"] = np.arange(50), zoom.project(places, t)[0].T
+        return found
+
+    now, then = seen(9.0), seen(10.0)
+    assert judges.motion_off(then["pixel"] - now["pixel"], now, then[::-1]) < 1e-9
+    exposed = (seen(9.25)["pixel"] - seen(8.75)["pixel"]) / 0.5
+    assert judges.motion_off(exposed, now, then) > 0.05
+    assert math.isnan(judges.motion_off(exposed, now, then[:0]))

@@ -1,0 +1,114 @@
+"""How many flakes there are, how large and how fast: the laws of the literature, written once more.
+
+Diameters follow an exponential law between a smallest and a largest one (Gunn and Marshall 1958;
+Marshall and Palmer 1948). Every flake falls at its own speed, D in mm: aggregates at .8 D^.16 m/s
+(Locatelli and Hobbs 1974), drops at 9.65 - 10.3 exp(-.6 D) (Atlas, Srivastava and Sekhon 1973).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from twin_footprints import Floats
+
+
+@dataclass(frozen=True, kw_only=True)
+class Law:
+    """A population: how many, how large and how fast.
+
+    Attributes
+    ----------
+    density : float
+        1/m3.
+    sizes : (smallest, mean, largest)
+        Diameters, metres.
+    opacity : float
+        Mean over a flake's disc.
+    kind : {"snow", "rain"}
+        Which speeds.
+    fall : float or None
+        Speed of a flake of the mean size, m/s; None is that of the kind.
+    near, far : float
+        Depths that hold flakes, metres.
+    fades : (near, far)
+        Flakes come in from near to near times the first, and go over the second on both sides of
+        far.
+    """
+
+    density: float
+    sizes: tuple[float, float, float]
+    opacity: float = 0.9
+    kind: str = "snow"
+    fall: float | None = None
+    near: float = 0.4
+    far: float = 60.0
+    fades: tuple[float, float] = (1.25, 0.07)
+
+    def slope(self) -> float:
+        """Return s of exp(-s D): halve an interval until the mean is right."""
+        small, mean, large = self.sizes
+        low, high = -700.0 / (large - small), 700.0 / (large - small)
+        for _ in range(200):
+            s = 0.5 * (low + high)
+            x = s * (large - small)
+            got = 0.5 if abs(x) < 1e-6 else 1.0 / x - 1.0 / math.expm1(x)
+            low, high = (s, high) if small + got * (large - small) > mean else (low, s)
+        return 0.5 * (low + high)
+
+    def below(self, diameter: Floats) -> Floats:
+        """Return the share of smaller flakes."""
+        small, _, large = self.sizes
+        s = self.slope()
+        return np.asarray(np.expm1(-s * (diameter - small)) / np.expm1(-s * (large - small)))
+
+    def diameters(self, share: Floats) -> Floats:
+        """Return the diameters that shares of the flakes are below."""
+        small, mean, large = self.sizes
+        if small == large:
+            return np.full_like(share, mean)
+        s = self.slope()
+        return small - np.log1p(share * math.expm1(-s * (large - small))) / s
+
+    def speed(self, diameter: Floats) -> Floats:
+        """Return the speed of fall, m/s."""
+
+        def own(d: Floats) -> Floats:
+            mm = 1e3 * np.asarray(d)
+            if self.kind == "rain":
+                return np.maximum(9.65 - 10.3 * np.exp(-0.6 * mm), 0.1)
+            return np.asarray(0.8 * mm**0.16)
+
+        return own(diameter) * (1.0 if self.fall is None else self.fall / own(self.sizes[1]))
+
+    def shown(self, depth: Floats) -> Floats:
+        """Return the share of a flake that is shown at depths."""
+        near, far = np.array([1.0, self.fades[0]]) * self.near, self.fades[1] * self.far
+
+        def smooth(x: Floats) -> Floats:
+            x = np.clip(x, 0.0, 1.0)
+            return x * x * (3.0 - 2.0 * x)
+
+        there = smooth((depth - near[0]) / (near[1] - near[0]))
+        return there * (1.0 - smooth((depth - self.far + far) / (2.0 * far)))
+
+    def extinction(self) -> float:
+        """Return what a ray loses for each metre, 1/m: density times covered area."""
+        d = self.diameters((np.arange(20000) + 0.5) / 20000)
+        return self.density * self.opacity * 0.25 * math.pi * float((d**2).mean())
+
+
+def rain_of(rate: float) -> tuple[float, tuple[float, float, float]]:
+    """Return density and sizes of rain of mm/h: N ~ exp(-4.1 R^-.21 D), D from .5 to 6 mm.
+
+    The density is such that the drops carry the rate.
+    """
+    mm = np.linspace(0.5, 6.0, 200_001)
+    number = np.exp(-4.1 * rate**-0.21 * mm)
+    number /= number.sum()
+    speed = 9.65 - 10.3 * np.exp(-0.6 * mm)
+    # A cubic millimetre of water is a milligram; kilograms a square metre are millimetres.
+    carried = 3600.0 * 1e-6 * math.pi / 6.0 * float((number * mm**3 * speed).sum())
+    return rate / carried, (5e-4, 1e-3 * float((number * mm).sum()), 6e-3)
