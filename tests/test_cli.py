@@ -41,8 +41,8 @@ def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     write_picture("mask.png", MASK)
     write_picture("light.exr", (PLATE / 50.0).astype(np.float32))
     Path("scene.toml").write_text(
-        "background = 'plate.png'\nfps = 25\nseed = 4\n[camera]\nfocal = 100\n"
-        "[[effects]]\nkind = 'snow'\npreset = 'light'\nflakes = 100\n"
+        "format = 3\nbackground = 'plate.png'\nfps = 25\nseed = 4\n[camera]\nfocal = 100\n"
+        "[[effects]]\nkind = 'tent_snow'\npreset = 'light'\nflakes = 100\n"
     )
     return tmp_path
 

@@ -35,7 +35,7 @@ def mistakes() -> dict[str, tuple[list[str], str]]:
     inputs = {
         "missing": ["no.png", "no.png"], "damaged": ["cut.png", "cut.png"],
         "no picture": ["text.png", "text.png"], "empty": ["empty.png", "empty.png"],
-        "a folder": [".", "folder"], "unknown key": ["bad.toml", "line 1.*fpps.*fps"],
+        "a folder": [".", "folder"], "unknown key": ["bad.toml", "line 2.*fpps.*fps"],
         "no scene": ["no.toml", "no.toml"], "bad TOML": ["worse.toml", "worse.toml"],
         "deep TOML": ["deep.toml", "deep.toml"], "no sequence": ["no.%d.png", "no.%d.png"],
     }  # fmt: skip
@@ -61,7 +61,8 @@ def mistakes() -> dict[str, tuple[list[str], str]]:
     every["no depth"] = ([*plate, "--rain", "rain", "--depth", "nope.exr"], "nope.exr")
     every["near quality"] = ([*RENDER, "--quality", "hihg"], "mean 'high'?")
     every["no camera"] = ([*RENDER, "--camera", "no.chan"], "no.chan: camera: No such file")
-    every["near kind"] = (["plan", "kind.toml"], "line 2.*mean 'snow'?")
+    every["near kind"] = (["plan", "kind.toml"], "line 3.*mean 'snow'?")
+    every["old file"] = (["plan", "old.toml"], "old.toml.*format must be 3")
     every["near weather"] = (["corrupt", ".", "../w", "--weather", "sonw"], "mean 'snow'?")
     every["near axis"] = (["accuracy", "blnd"], "mean 'blend'?")
     every["two ways"] = ([*RENDER, "--severity", "3"], "severity")
@@ -81,8 +82,9 @@ def test_a_mistake_is_one_sentence(name: str, run: Run, here: Path):
     Path("cut.png").write_bytes(Path("plate.png").read_bytes()[:3000])
     Path("text.png").write_text("no picture at all")
     Path("empty.png").touch()
-    Path("bad.toml").write_text("fpps = 25\n")
-    Path("kind.toml").write_text("[[effects]]\nkind = 'sonw'\n")
+    Path("bad.toml").write_text("format = 3\nfpps = 25\n")
+    Path("kind.toml").write_text("format = 3\n[[effects]]\nkind = 'sonw'\n")
+    Path("old.toml").write_text("[[effects]]\nkind = 'snow'\n")
     Path("worse.toml").write_text("size = [1,\n")
     Path("deep.toml").write_text("size = " + "[" * 20000)
     before = sorted(here.rglob("*"))

@@ -102,7 +102,7 @@ def test_16_8_a_small_file_that_claims_many_pixels(
     if function == "Scene":
         code = "fl.Scene((64, 48), sys.argv[1]).render(0)"
     elif function == "fl.Scene.load":
-        (hostile / "scene.toml").write_text(f'size = [64, 48]\nforeground = "{name}"\n')
+        (hostile / "scene.toml").write_text(f'format = 3\nsize = [64, 48]\nforeground = "{name}"\n')
         code = "fl.Scene.load(sys.argv[1])"
         path = hostile / "scene.toml"
     words = said(code, path)
@@ -141,23 +141,23 @@ def test_16_8_a_key_of_40_kb_of_dots(tmp_path: Path, text: str):
 def test_16_8_dots_elsewhere_are_none_of_a_key(tmp_path: Path):
     dots = "a." * 100
     (tmp_path / "a.toml").write_text(
-        f'# {dots}\nsize = [64, 48]\nbackground = "#102030" # {dots}\n[camera]\n'
+        f'# {dots}\nformat = 3\nsize = [64, 48]\nbackground = "#102030" # {dots}\n[camera]\n'
         f"velocity = {{keys = [{', '.join(f'[{n}.5, [0.5, 1.5, 2.5]]' for n in range(50))}]}}\n"
     )
     assert fl.Scene.load(tmp_path / "a.toml").size == (64, 48)
-    (tmp_path / "a.toml").write_text(f'background = """{dots}"""\n')
+    (tmp_path / "a.toml").write_text(f'format = 3\nbackground = """{dots}"""\n')
     with pytest.raises(FileNotFoundError):
         fl.Scene.load(tmp_path / "a.toml")
 
 
 def test_16_8_twenty_thousand_effects(tmp_path: Path):
     effect = '[[effects]]\nkind = "snow"\n'
-    (tmp_path / "a.toml").write_text("size = [64, 48]\n" + effect * 20_000)
+    (tmp_path / "a.toml").write_text("format = 3\n" + effect * 20_000)
     words = said("fl.Scene.load(sys.argv[1])", tmp_path / "a.toml")
     assert "a.toml, line 2: effects must be at most 1000, got 20000" in words
     with pytest.raises(ValueError, match="effects must be at most 1000, got 1001"):
         fl.Scene((64, 48), effects=[fl.TentRain()] * 1001)
-    (tmp_path / "a.toml").write_text("size = [64, 48]\n" + effect * 1000)
+    (tmp_path / "a.toml").write_text("format = 3\n" + effect * 1000)
     assert len(fl.Scene.load(tmp_path / "a.toml").effects) == 1000
 
 
@@ -218,7 +218,7 @@ def test_16_8_what_is_no_plain_file_is_not_read(
 def test_16_8_a_link_to_a_plain_file_is_read(tmp_path: Path):
     write_picture(tmp_path / "a.png", np.zeros((4, 5, 3), np.uint8))
     (tmp_path / "b.png").symlink_to("a.png")
-    (tmp_path / "a.toml").write_text('background = "b.png"\n')
+    (tmp_path / "a.toml").write_text('format = 3\nbackground = "b.png"\n')
     (tmp_path / "b.toml").symlink_to("a.toml")
     assert fl.Scene.load(tmp_path / "b.toml").size == (5, 4)
 

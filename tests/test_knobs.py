@@ -135,8 +135,8 @@ def test_a_knob_leaves_what_is_given_and_is_written_out(kind: Any, tmp_path: Pat
     scene.save(tmp_path / "scene.toml")
     assert 'look = "v1"' in (tmp_path / "scene.toml").read_text()
     assert fl.Scene.load(tmp_path / "scene.toml").effects == (plain,)
-    kinds = {fl.TentSnow: "snow", fl.TentRain: "rain", fl.Mist: "mist"}
-    text = f'size = [32, 24]\n[[effects]]\nkind = "{kinds[kind]}"\nseverity = 3\n'
+    kinds = {fl.TentSnow: "tent_snow", fl.TentRain: "tent_rain", fl.Mist: "mist"}
+    text = f'format = 3\n[[effects]]\nkind = "{kinds[kind]}"\nseverity = 3\n'
     (tmp_path / "own.toml").write_text(text)
     assert fl.Scene.load(tmp_path / "own.toml").effects == (plain,)
 

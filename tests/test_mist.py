@@ -221,9 +221,11 @@ def test_scene_files(tmp_path):
     assert again.effects == shown.effects
     np.testing.assert_array_equal(again.render(7), shown.render(7))
     text = (tmp_path / "a.toml").read_text().replace("density", "densty")
-    (tmp_path / "b.toml").write_text('[[effects]]\nkind = "mist"\npreset = "fog"\ndensty = 0.3\n')
+    (tmp_path / "b.toml").write_text(
+        'format = 3\n[[effects]]\nkind = "mist"\npreset = "fog"\ndensty = 0.3\n'
+    )
     assert "mist" in text
-    with pytest.raises(ValueError, match=r"line 4.*density"):
+    with pytest.raises(ValueError, match=r"line 5.*density"):
         fl.Scene.load(tmp_path / "b.toml")
 
 

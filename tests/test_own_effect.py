@@ -54,8 +54,8 @@ def test_the_page_makes_frames_files_and_eyes(page: dict[str, Any], tmp_path: Pa
 
 
 def test_a_kind_is_strict_about_its_keys(page: dict[str, Any], tmp_path: Path):
-    for line, wanted in (("colr = 0.5", "line 3.*color"), ("preset = 'dark'", "line 3.*preset")):
-        (tmp_path / "bad.toml").write_text(f"[[effects]]\nkind = 'ash'\n{line}\n")
+    for line, wanted in (("colr = 0.5", "line 4.*color"), ("preset = 'dark'", "line 4.*preset")):
+        (tmp_path / "bad.toml").write_text(f"format = 3\n[[effects]]\nkind = 'ash'\n{line}\n")
         with pytest.raises(ValueError, match=wanted):
             fl.Scene.load(tmp_path / "bad.toml")
 
@@ -79,7 +79,7 @@ def test_an_installed_package_names_its_effects(tmp_path: Path, monkeypatch: pyt
     (told / "METADATA").write_text("Name: my_package\nVersion: 1.0\n")
     (told / "entry_points.txt").write_text("[flurries.effects]\nash = my_package:Ash\n")
     monkeypatch.syspath_prepend(str(tmp_path))
-    (tmp_path / "scene.toml").write_text("size = [64, 48]\n[[effects]]\nkind = 'ash'\n")
+    (tmp_path / "scene.toml").write_text("format = 3\nsize = [64, 48]\n[[effects]]\nkind = 'ash'\n")
     try:
         scene = fl.Scene.load(tmp_path / "scene.toml")
         assert scene.effects == (sys.modules["my_package"].Ash(),)

@@ -259,8 +259,9 @@ def test_scenes_with_rain_are_saved(tmp_path: Path):
     again = Scene.load(tmp_path / "scene.toml")
     assert again.effects == scene.effects and fingerprint(again) == fingerprint(scene)
     assert np.array_equal(again.render(3), scene.render(3))
-    (tmp_path / "hand.toml").write_text("[[effects]]\nkind = 'rain'\npreset = 'drizzle'\n")
+    head = "format = 3\n[[effects]]\nkind = 'tent_rain'\n"
+    (tmp_path / "hand.toml").write_text(f"{head}preset = 'drizzle'\n")
     assert Scene.load(tmp_path / "hand.toml").effects == (Rain.preset("drizzle"),)
-    (tmp_path / "bad.toml").write_text("[[effects]]\nkind = 'rain'\nflakes = 3\n")
-    with pytest.raises(ValueError, match=r"line 3.*flakes.*'tent_rain'"):
+    (tmp_path / "bad.toml").write_text(f"{head}flakes = 3\n")
+    with pytest.raises(ValueError, match=r"line 4.*flakes.*'tent_rain'"):
         Scene.load(tmp_path / "bad.toml")

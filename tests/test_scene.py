@@ -367,16 +367,3 @@ def test_a_file_that_is_missing_or_unreadable_is_told_with_its_argument(
 def test_a_mistyped_argument_is_told_what_was_meant(call: Callable[[], object], hint: str):
     with pytest.raises(TypeError, match=hint):
         call()
-
-
-def test_a_file_without_a_format_says_that_its_snow_is_the_old_one(tmp_path: Path):
-    file = tmp_path / "scene.toml"
-    text = 'size = [8, 8]\n[camera]\npath = "none.csv"\n[[effects]]\nkind = "snow"\n'
-    file.write_text(text)
-    with pytest.raises(FileNotFoundError, match="camera: path: No such file"):
-        fl.Scene.load(file)
-    file.write_text('size = [8, 8]\n[[effects]]\nkind = "snow"\npreset = "sleet"\n')
-    with pytest.raises(ValueError, match=r"line 4: preset .*; without format = 2"):
-        fl.Scene.load(file)
-    file.write_text("format = 2\n" + file.read_text())
-    assert isinstance(fl.Scene.load(file).effects[0], fl.Snow)

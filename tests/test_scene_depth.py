@@ -250,10 +250,10 @@ MISTAKES: dict[str, tuple[str, int, str]] = {
 @pytest.mark.parametrize("name", MISTAKES)
 def test_a_mistake_is_told_with_its_line(name: str, folder: Path):
     text, line, words = MISTAKES[name]
-    (folder / "scene.toml").write_text(text)
+    (folder / "scene.toml").write_text(f"format = 3\n{text}")
     with pytest.raises((ValueError, TypeError), match=words) as caught:
         fl.Scene.load("scene.toml")
-    assert "scene.toml" in str(caught.value) and f"line {line}" in str(caught.value)
+    assert "scene.toml" in str(caught.value) and f"line {1 + line}" in str(caught.value)
 
 
 @pytest.mark.parametrize("way", ["array", "file", "transform"])

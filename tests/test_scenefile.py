@@ -137,7 +137,7 @@ def test_what_a_text_cannot_hold_is_refused(folder: Path):
 
 def load(folder: Path, text: str | bytes) -> fl.Scene:
     file = folder / "scene.toml"
-    file.write_bytes(text if isinstance(text, bytes) else text.encode())
+    file.write_bytes(b"format = 3\n" + (text if isinstance(text, bytes) else text.encode()))
     return Scene.load(file)
 
 
@@ -151,7 +151,7 @@ def test_a_file_by_hand(folder: Path):
         [camera]
         velocity = {keys = [[0, [0, 0, 1]], [10, [0, 0, 2]]]}
         [[effects]]
-        kind = "snow"
+        kind = "tent_snow"
         preset = "heavy"
         flakes = 50
         amount = {keys = [[0, 0.0], [10, 1.0]]}
@@ -164,8 +164,8 @@ def test_a_file_by_hand(folder: Path):
     assert load(folder, "").size == Scene().size
 
 
-SNOW = "[[effects]]\nkind = 'snow'\n"
-# The text, the line that the message must name, and words that it must hold.
+SNOW = "[[effects]]\nkind = 'tent_snow'\n"
+# The text below its format, the line that the message must name, and words that it must hold.
 MISTAKES: dict[str, tuple[str | bytes, int | None, str]] = {
     "unknown key": ("size = [6, 4]\nbackgroud = '#000000'\n", 2, "backgroud.*'background'"),
     "unknown, nothing near": ("size = [6, 4]\nzzzzz = 1\n", 2, "zzzzz.*known are size"),
@@ -201,7 +201,7 @@ MISTAKES: dict[str, tuple[str | bytes, int | None, str]] = {
     "color": ("background = '#12'\n", 1, "background"),
     "missing picture": ("background = 'nope.png'\n", None, "nope.png"),
     "bad TOML": ("size = [6, 4\n", None, "TOML"),
-    "twice": ("seed = 1\nseed = 2\n", 2, "TOML.*line 2"),
+    "twice": ("seed = 1\nseed = 2\n", 2, "TOML.*line 3"),
     "not UTF-8": (b"background = '\xff'\n", None, "TOML"),
     "NUL": ("background = 'a\0b'\n", None, "TOML"),
     "deep": ("size = " + "[" * 20000 + "]" * 20000, None, "TOML"),
@@ -220,7 +220,7 @@ def test_a_mistake_is_told_with_its_place(name: str, folder: Path):
         assert "scene.toml" in message
     assert len(message) < 1000 and "\n" not in message
     if line is not None:
-        assert f"line {line}" in message
+        assert f"line {1 + line}" in message
 
 
 def test_a_plain_reader_takes_what_we_refuse():
@@ -235,7 +235,33 @@ def test_a_plain_reader_takes_what_we_refuse():
 
 
 def test_a_file_of_just_a_mebibyte_is_read(folder: Path):
-    assert load(folder, "#" * ((1 << 20) - 1) + "\n").size == Scene().size
+    assert load(folder, "#" * ((1 << 20) - 1 - len("format = 3\n")) + "\n").size == Scene().size
+
+
+OLD: dict[str, tuple[str, str]] = {
+    "none": ("size = [8, 8]\n", "scene.toml: format must be 3, got none: write format = 3"),
+    "another": ("size = [8, 8]\nformat = 2\n", "scene.toml, line 2: format must be 3, got 2"),
+    "a fraction": ("format = 3.0\n", "line 1: format must be 3, got 3.0"),
+    "a text": ("format = '3'\n", "line 1: format must be 3, got '3'"),
+    "true": ("format = true\n", "line 1: format must be 3, got True"),
+    "before a key that is wrong": ("colour = 1\n", "format must be 3, .* color for colour"),
+    "of snow that was another": (SNOW.replace("tent_", ""), "tent_snow and tent_rain for snow"),
+}
+
+
+@pytest.mark.parametrize("name", OLD)
+def test_a_file_of_another_format_says_how_to_convert_it(name: str, tmp_path: Path):
+    text, words = OLD[name]
+    file = tmp_path / "scene.toml"
+    file.write_text(text)
+    with pytest.raises(ValueError, match=words) as caught:
+        Scene.load(file)
+    assert str(file) in str(caught.value) and "\n" not in str(caught.value)
+
+
+def test_what_is_saved_says_its_format(tmp_path: Path):
+    Scene((8, 8)).save(tmp_path / "scene.toml")
+    assert (tmp_path / "scene.toml").read_text().startswith("format = 3\n")
 
 
 @pytest.mark.parametrize("name", ["missing.toml", "sub"])

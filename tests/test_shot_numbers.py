@@ -155,7 +155,7 @@ def test_scene_files_hold_the_numbers(shot: Path):
     assert (again.extend, again.start, again.range) == ("hold", 7, (1001, 1008))
     assert again.camera.extend == "stop"
     Path("scene.toml").write_text(
-        'background = "plate.####.png"\nextend = "loop"\n'
+        'format = 3\nbackground = "plate.####.png"\nextend = "loop"\n'
         '[[foreground]]\nsource = "matte.####.png"\ndepth = 3.5\n'
         '[[foreground]]\nsource = "plate.####.png"\n'
         '[foreground.depth]\nsource = "matte.####.png"\nnear = 1.0\nfar = 9.0\n'

@@ -64,7 +64,7 @@ def test_a_wrong_key_is_told_with_its_line(tmp_path: Path):
         "layers = 1": "line 3: layers must be True or False",
         "layers = true\nalone = true": "line 4: alone and layers must not both be given",
     }.items():
-        file.write_text(f"size = [40, 30]\n[output]\n{line}\n")
+        file.write_text(f"format = 3\n[output]\n{line}\n")
         with pytest.raises((ValueError, TypeError), match=re.escape(said)):
             fl.Scene.load(file)
     with pytest.raises(TypeError, match=r"output must be a flurries\.Output"):

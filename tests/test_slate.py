@@ -135,7 +135,9 @@ def test_pixels_that_are_not_square_stretch_the_lens(tmp_path: Path):
     plate(tmp_path / "plate.exr", ["PixelAspectRatio"])
     scene = fl.Scene(None, tmp_path / "plate.exr")
     assert scene.pixel_aspect == scene.camera.camera.aspect == 2.0
-    (tmp_path / "scene.toml").write_text('background = "plate.exr"\n[camera]\nfocal = 50.0\n')
+    (tmp_path / "scene.toml").write_text(
+        'format = 3\nbackground = "plate.exr"\n[camera]\nfocal = 50.0\n'
+    )
     assert fl.Scene.load(tmp_path / "scene.toml").camera.camera.aspect == 2.0
 
 

@@ -104,7 +104,9 @@ def test_16_6_a_film_keeps_its_rate_and_its_sound(
 
     monkeypatch.chdir(tmp_path)
     film_with_sound(tmp_path / "plate.mp4", "aac", frames=12)
-    Path("scene.toml").write_text('background = "plate.mp4"\n[[effects]]\nkind = "snow"\n')
+    Path("scene.toml").write_text(
+        'format = 3\nbackground = "plate.mp4"\n[[effects]]\nkind = "snow"\n'
+    )
     if way == "command":
         assert main(["render", "plate.mp4", "--snow", "light", "-o", "out.mp4"]) == 0
     elif way == "command with a scene":
@@ -124,7 +126,7 @@ def test_16_6_a_rate_that_is_given_counts_and_30_where_there_is_none(tmp_path: P
     scene = fl.Scene(None, tmp_path / "plate.mp4", fps=25)
     assert scene.fps == 25.0
     assert "20 frames a second" in scene.write(tmp_path / "a.mp4").sound
-    (tmp_path / "scene.toml").write_text('background = "plate.mp4"\nfps = 12\n')
+    (tmp_path / "scene.toml").write_text('format = 3\nbackground = "plate.mp4"\nfps = 12\n')
     assert fl.Scene.load(tmp_path / "scene.toml").fps == 12.0
     assert fl.Scene((64, 48)).fps == fl.Scene(None, np.zeros((4, 5, 3))).fps == 30.0
     # A scene that was saved plays as it did.

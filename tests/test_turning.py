@@ -217,7 +217,7 @@ def test_a_csv_is_a_path(tmp_path: Path):
     assert fl.CameraPath.load(file, LENS).orientation is None
     file.write_text(CSV)
     (tmp_path / "scene.toml").write_text(
-        "size = [50, 40]\n[camera]\nfocal = 60\npath = 'way.csv'\n"
+        "format = 3\nsize = [50, 40]\n[camera]\nfocal = 60\npath = 'way.csv'\n"
     )
     shown = fl.Scene.load(tmp_path / "scene.toml")
     assert np.abs(shown.camera.turn(10.0) - fl.CameraPath.load(file, LENS).turn(10.0)).max() == 0.0

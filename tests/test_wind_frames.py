@@ -143,12 +143,12 @@ def test_scene_files_keep_the_wind(kind: str, tmp_path: Path):
 
 def test_a_wind_by_hand_and_its_mistakes(tmp_path: Path):
     file = tmp_path / "scene.toml"
-    head = "[[effects]]\nkind = 'snow'\n"
+    head = "format = 3\n[[effects]]\nkind = 'tent_snow'\n"
     file.write_text(head + "wind = {mean = [1, 0, 0], gusts = 0.5}\n")
     assert fl.Scene.load(file).effects[0].wind == Wind((1, 0, 0), gusts=0.5)
-    for text, words in (("wind = {mean = [1, 0, 0], gust = 0.5}", "line 3.*'gust'.*'gusts'"),
-                        ("wind = {gusts = -1}", "line 3.*gusts"),
-                        ("wind = {profile = {keys = [[1, [0, 1]]]}}", "line 3.*profile"),
+    for text, words in (("wind = {mean = [1, 0, 0], gust = 0.5}", "line 4.*'gust'.*'gusts'"),
+                        ("wind = {gusts = -1}", "line 4.*gusts"),
+                        ("wind = {profile = {keys = [[1, [0, 1]]]}}", "line 4.*profile"),
                         ):  # fmt: skip
         file.write_text(head + text + "\n")
         with pytest.raises(ValueError, match=words):

@@ -34,7 +34,7 @@ renders it, `fl.Scene.load` and `scene.save` read and write it. A key that is no
 nearest known one.
 
 ```toml
-format = 2
+format = 3
 size = [1280, 720]
 background = "plate.%04d.exr"
 fps = 24.0
@@ -54,7 +54,7 @@ amount = {keys = [[0, 0.0], [48, 1.0]]}
 wind = {mean = [1.0, 0.0, 0.0], gusts = 0.8}
 ```
 
-`format = 2` is this version's; a file without it is one of version 0.1. A number that may vary is `{keys = [[frame, value],
+`format = 3` must be there. A number that may vary is `{keys = [[frame, value],
 ...]}`, linear between its keys and held outside. Files are named from the scene file's own folder. Each
 `[[effects]]` table has a `kind`, may have a `preset`, and then any of the fields below.
 """

@@ -25,8 +25,18 @@ from flurries.scene.foreground import Foreground
 from flurries.scene.output import Output
 from flurries.scene.scene import DEFAULT_FOCAL, Scene
 from flurries.scene.toml.place import SceneText, require_short_keys
-from flurries.scene.toml.tables import DEPTH, LAMP, LENS, OPENING, OUTPUT, SCENE, SUN, WAY, WIND
-from flurries.scene.toml.version import upgrade
+from flurries.scene.toml.tables import (
+    DEPTH,
+    FORMAT,
+    LAMP,
+    LENS,
+    OPENING,
+    OUTPUT,
+    SCENE,
+    SUN,
+    WAY,
+    WIND,
+)
 
 if sys.version_info >= (3, 11):
     import tomllib
@@ -49,8 +59,8 @@ def load(path: str | os.PathLike[str]) -> Scene:
     FileNotFoundError, OSError
         If the file cannot be read.
     ValueError, TypeError
-        If it is not TOML, has an unknown key (named with its line and the nearest known one), or a
-        value that the scene refuses.
+        If it is not TOML or not of format 3, has an unknown key (named with its line and the
+        nearest known one), or a value that the scene refuses.
     """
     file = Path(path)
     text = read_text(file, MOST_BYTES, "TOML scene file")
@@ -61,16 +71,19 @@ def load(path: str | os.PathLike[str]) -> Scene:
         # Also numbers of thousands of digits, and brackets nested as deep.
         raise ValueError(f"{file}: not a TOML file: {error}") from None
     scene = SceneText(file, text)
-    with scene.errors(("format",)):
-        upgraded = upgrade(values)
-    try:
-        return _scene(scene, upgraded)
-    except (ValueError, TypeError) as error:
-        # Whoever writes a file by hand may not know that its snow is another one.
-        if upgraded == values or type(error) not in (ValueError, TypeError):
-            raise
-        hint = "without format = 2 at its top this is a file of version 0.1"
-        raise type(error)(f"{error}; {hint}") from None
+    _require_format(scene, values.pop("format", None))
+    return _scene(scene, values)
+
+
+def _require_format(text: SceneText, version: object) -> None:
+    if type(version) is int and version == FORMAT:
+        return
+    given = "none" if version is None else repr(version)[:60]
+    raise ValueError(
+        f"{text.where('format')}: format must be {FORMAT}, got {given}: write format = {FORMAT} at "
+        "the top, and in a file that had no format (version 0.1) the kinds tent_snow and tent_rain "
+        "for snow and rain, and color for colour"
+    )
 
 
 def _scene(text: SceneText, values: dict[str, Any]) -> Scene:

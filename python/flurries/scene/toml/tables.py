@@ -12,6 +12,9 @@ from flurries.motion.wind import FIELDS
 from flurries.scene.output import Output
 from flurries.scene.scene import Scene
 
+# The number that files say, raised where an older file would mean something else.
+FORMAT = 3
+
 SCENE = tuple(f.name for f in fields(Scene) if f.init)
 SUN = tuple(f.name for f in fields(Sun))
 DEPTH = ("source", "near", "far", "white", "law")
