@@ -19,6 +19,7 @@ __all__ = [
     "InternalError",
     "PreparedFlakes",
     "BallImages",
+    "FlakeSheet",
     "SortedFlakes",
     "SortedGas",
     "advance_phase",
@@ -38,6 +39,7 @@ __all__ = [
     "cone_table",
     "cone_tile",
     "fall",
+    "sheet_read",
     "flake_rows",
     "crowd_exact",
     "crowd_list",
@@ -307,6 +309,30 @@ def particle_sort_listed(
     closeup: Closeup | None = None,
     numbers: npt.NDArray[np.int64] | None = None,
 ) -> SortedFlakes: ...
+class FlakeSheet:
+    def __new__(
+        cls,
+        seed: int,
+        period: tuple[int, int],
+        count: float,
+        diameters: list[float],
+        streak: tuple[float, float],
+        circle: float,
+        opacity: float,
+        ranks: tuple[float, float],
+    ) -> FlakeSheet: ...
+    @property
+    def bytes(self) -> int: ...
+    @property
+    def mean(self) -> float: ...
+
+def sheet_read(
+    out: _Array,
+    origin: tuple[int, int],
+    sheets: Sequence[tuple[FlakeSheet, tuple[float, float], float, float, float]],
+    depth: _Array | None,
+    opacity: bool,
+) -> None: ...
 class BallImages:
     def __new__(cls, opacity: float) -> BallImages: ...
 

@@ -20,7 +20,7 @@ use crate::base::cover::pixels;
 use crate::base::error::{Error, collected};
 
 /// The radii of the first and the last table, px, and tables from a radius to its double.
-pub const LEAST: f64 = 0.5;
+pub const LEAST: f64 = 0.2;
 const MOST: f64 = 8.0;
 const STEPS: f64 = 8.0;
 

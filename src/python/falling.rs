@@ -2,16 +2,19 @@
 
 use std::sync::Arc;
 
-use numpy::{PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray2};
+use numpy::{PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray2, PyReadwriteArray2};
 use pyo3::prelude::*;
 
 use super::gate;
 use super::particles::{CloseupRequest, SortedFlakes};
+use crate::base::ball::middle_depth;
 use crate::base::error::{Error, collected};
 use crate::falling::air::{Air, Class, Eye};
 use crate::falling::draw::{Images, balls_of, lens_of};
 use crate::falling::law::{Sizes, Table};
+use crate::falling::layers::{self, Layer};
 use crate::falling::list::List;
+use crate::falling::sheet::{Law, Sheet};
 use crate::particles::balls::Balls;
 
 /// The images of balls of one opacity, made once.
@@ -170,4 +173,69 @@ pub fn flake_rows<'py>(py: Python<'py>, flakes: &SortedFlakes) -> PyResult<Rows<
         PyArray1::from_vec(py, rows).reshape([count, 8])?,
         PyArray1::from_vec(py, others).reshape([count, 2 * times])?,
     ))
+}
+
+/// Far flakes of one layer on a torus; see [`Law`].
+#[pyclass(frozen, module = "flurries._core")]
+pub struct FlakeSheet(Sheet);
+
+#[pymethods]
+impl FlakeSheet {
+    #[new]
+    #[expect(clippy::too_many_arguments, reason = "the Python layer passes plain values")]
+    fn new(
+        seed: u64,
+        period: (usize, usize),
+        count: f64,
+        diameters: Vec<f32>,
+        streak: [f64; 2],
+        circle: f64,
+        opacity: f64,
+        ranks: (f64, f64),
+    ) -> PyResult<Self> {
+        let tau0 = middle_depth(opacity)?;
+        let law = Law { seed, period, count, diameters, streak, circle, tau0, ranks };
+        Ok(Self(Sheet::new(law)?))
+    }
+
+    /// Bytes that it keeps.
+    #[getter]
+    fn bytes(&self) -> usize {
+        self.0.bytes()
+    }
+
+    /// Mean optical depth.
+    #[getter]
+    fn mean(&self) -> f64 {
+        self.0.mean()
+    }
+}
+
+/// A sheet, the displacement (x, y) px of its flakes, a gain, and the depths between which it lies.
+type LayerValues<'py> = (PyRef<'py, FlakeSheet>, [f64; 2], f32, f32, f32);
+
+/// Writes the optical depth of sheets over `out` (h, w), or their opacity. `origin` is the row and the column
+/// of the first pixel from the principal point; `depth` (h, w) is that of the scene.
+#[pyfunction]
+pub fn sheet_read(
+    py: Python<'_>,
+    mut out: PyReadwriteArray2<'_, f32>,
+    origin: [i64; 2],
+    sheets: Vec<LayerValues<'_>>,
+    depth: Option<PyReadonlyArray2<'_, f32>>,
+    opacity: bool,
+) -> PyResult<()> {
+    let given: Vec<Layer<'_>> = sheets
+        .iter()
+        .map(|(sheet, shift, gain, near, far)| Layer {
+            sheet: &sheet.0,
+            shift: *shift,
+            gain: *gain,
+            near: *near,
+            far: *far,
+        })
+        .collect();
+    let (out, depth) = (out.as_array_mut(), depth.as_ref().map(|depth| depth.as_array()));
+    let nanoseconds = 0.3 * (out.len() * given.len()) as f64;
+    gate::run(py, nanoseconds, |cancel| layers::read(out, origin, &given, depth, opacity, cancel))
 }

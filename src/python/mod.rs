@@ -48,7 +48,7 @@ mod core {
     #[pymodule_export]
     use super::encode::{png_chunk, to_half};
     #[pymodule_export]
-    use super::falling::{BallImages, fall, flake_rows};
+    use super::falling::{BallImages, FlakeSheet, fall, flake_rows, sheet_read};
     #[pymodule_export]
     use super::flakes::{FlakeBands, flake_bands, flake_choices, flake_frame, flake_take};
     #[pymodule_export]
