@@ -3,5 +3,11 @@
 //! | module | what |
 //! | --- | --- |
 //! | [`ball`] | the opacity of a flake: a ball of even density |
+//! | [`layers`] | sheets read into a picture |
+//! | [`sheet`] | far flakes of a layer on a torus |
+//! | `stamp` | what a flake of a sheet adds to pixels |
 
 pub mod ball;
+pub mod layers;
+pub mod sheet;
+mod stamp;

@@ -1,0 +1,512 @@
+//! Sheets: far flakes of one layer (a slab of depth, a class of size) on a torus, read at places.
+//!
+//! A sheet is made by stamping its flakes, each the same hash of (seed, cell, number), and kept as
+//! optical depth in bytes at up to 16 places within a pixel: place (i, j) shows the same flakes moved by
+//! (i/4, j/4) px, so that nothing boils from place to place. A place is made when it is first read.
+//! Bytes saturate; their sums don't depend on an order, and so not on the number of threads.
+
+#![expect(
+    unsafe_code,
+    reason = "reads places that are published through atomic pointers, since a lock could be held at a fork"
+)]
+
+use std::sync::atomic::{AtomicPtr, Ordering};
+
+use super::stamp::{Stamps, WIDTH};
+use crate::base::error::{Cancel, Error, pushed, zeroed};
+use crate::base::pool;
+use crate::base::random::{Hash, mix64};
+
+/// The most sizes.
+const MOST_SIZES: usize = 24;
+
+/// Rows and columns of a cell, about: what flakes are stamped on stays in the first cache, and flakes
+/// that follow one another seldom lie on one another, where a read would wait for a write.
+const CELL: (usize, usize) = (32, 128);
+
+/// Flakes that are counted at once, at most on average: the table of the law of Poisson stays short.
+const COUNTED: f64 = 32.0;
+
+/// Parts of a torus that are stamped apart.
+const PARTS: usize = 16;
+
+/// What a sheet shows.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Law {
+    /// Of the flakes.
+    pub seed: u64,
+    /// Rows and columns of the torus.
+    pub period: (usize, usize),
+    /// Flakes for each pixel, on average and of all ranks.
+    pub count: f64,
+    /// Diameters in pixels; each stands for an equal share of the flakes.
+    pub diameters: Vec<f32>,
+    /// Pixels, x and y, by which a flake moves during the exposure, half before and half after.
+    pub streak: [f64; 2],
+    /// Diameter in pixels of the disc of defocus; 0 is sharp.
+    pub circle: f64,
+    /// Optical depth in the middle of a resting flake.
+    pub tau0: f64,
+    /// Only flakes with a rank from the first up to the second, of 0 to 1, are shown.
+    pub ranks: (f64, f64),
+}
+
+impl Law {
+    fn check(&self) -> Result<(), Error> {
+        let within = |argument, value: f64, low: f64, most: f64| {
+            if (low..=most).contains(&value) {
+                return Ok(());
+            }
+            let words = format!("must be from {low} to {most}, got {value}");
+            Err(Error::invalid(argument, words))
+        };
+        let (rows, cols) = self.period;
+        if !(1..=1 << 20).contains(&rows) || !(1..=1 << 20).contains(&cols) {
+            return Err(Error::invalid("period", "must be from 1 to 2^20 on each axis"));
+        }
+        if !(1..=MOST_SIZES).contains(&self.diameters.len()) {
+            let words = format!("must be 1 to {MOST_SIZES}, got {}", self.diameters.len());
+            return Err(Error::invalid("diameters", words));
+        }
+        for &diameter in &self.diameters {
+            within("diameters", diameter.into(), 1e-6, 16.0)?;
+        }
+        for way in self.streak {
+            within("streak", way, -256.0, 256.0)?;
+        }
+        within("count", self.count, 0.0, 1000.0)?;
+        within("circle", self.circle, 0.0, 32.0)?;
+        within("tau0", self.tau0, 0.0, 20.0)?;
+        within("ranks", self.ranks.0, 0.0, 1.0)?;
+        within("ranks", self.ranks.1, self.ranks.0, 1.0)
+    }
+
+    /// Flakes that are shown for each pixel, on average.
+    fn shown(&self) -> f64 {
+        self.count * (self.ranks.1 - self.ranks.0)
+    }
+}
+
+/// Where flakes are: cells of one size, which need not be whole pixels.
+struct Cells {
+    hash: Hash,
+    /// Number of cells.
+    rows: usize,
+    cols: usize,
+    /// Quarters of a pixel in a cell, in parts of 2^-32.
+    steps: [u64; 2],
+    /// Each cell's flakes are counted so often, by the distribution of their number.
+    counts: usize,
+    below: Vec<f64>,
+    sizes: u64,
+    ranks: Option<(f64, f64)>,
+}
+
+impl Cells {
+    fn new(law: &Law) -> Result<Self, Error> {
+        let (rows, cols) = (law.period.0.div_ceil(CELL.0), law.period.1.div_ceil(CELL.1));
+        let step = |length: usize, cells: usize| ((4 * length as u64) << 32) / cells as u64;
+        let mean = law.count * law.period.0 as f64 * law.period.1 as f64 / (rows * cols) as f64;
+        let counts = libm::ceil(mean / COUNTED).max(1.0);
+        let mean = mean / counts;
+        let (mut share, mut sum, mut below) = (libm::exp(-mean), 0.0, Vec::new());
+        // The rest is less than a step of what numbers are hashed to.
+        while (below.len() as f64) < mean || share > 1e-18 {
+            sum += share;
+            pushed(&mut below, sum)?;
+            share *= mean / below.len() as f64;
+        }
+        Ok(Self {
+            hash: Hash::seeded(law.seed as i64),
+            rows,
+            cols,
+            steps: [step(law.period.0, rows), step(law.period.1, cols)],
+            counts: counts as usize,
+            below,
+            sizes: law.diameters.len() as u64,
+            ranks: (law.ranks != (0.0, 1.0)).then_some(law.ranks),
+        })
+    }
+
+    /// The flakes of a cell that are shown: row and column in quarters of a pixel, and size.
+    #[inline(always)]
+    fn each(&self, cell: usize, mut flake: impl FnMut(usize, usize, usize)) {
+        let hash = self.hash.word(cell as i64);
+        let number = |count: usize| {
+            let unit = hash.word(-1 - count as i64).unit();
+            self.below.partition_point(|&below| below <= unit)
+        };
+        let number: usize = (0..self.counts).map(number).sum();
+        let from =
+            [(cell / self.cols) as u64 * self.steps[0], (cell % self.cols) as u64 * self.steps[1]];
+        // 22 bits for each coordinate, 20 for the size.
+        let place = |axis: usize, bits: u64| {
+            ((from[axis] + ((bits * self.steps[axis]) >> 22)) >> 32) as usize
+        };
+        for index in 0..number {
+            let bits = hash.word(index as i64).bits();
+            if let Some((low, high)) = self.ranks {
+                let rank = (mix64(bits) >> 11) as f64 / 9_007_199_254_740_992.0;
+                if rank < low || rank >= high {
+                    continue;
+                }
+            }
+            let size = ((bits & 0xF_FFFF) * self.sizes) >> 20;
+            flake(place(0, bits >> 42), place(1, (bits >> 20) & 0x3F_FFFF), size as usize);
+        }
+    }
+}
+
+/// One layer's flakes on a torus.
+pub struct Sheet {
+    pub(super) law: Law,
+    cells: Cells,
+    pub(super) stamps: Stamps,
+    /// Row by row of places; null until it is made.
+    places: [AtomicPtr<Vec<u8>>; 16],
+}
+
+impl Sheet {
+    /// A sheet of which no place is made yet.
+    pub fn new(law: Law) -> Result<Self, Error> {
+        law.check()?;
+        let (cells, stamps) = (Cells::new(&law)?, Stamps::new(&law, law.shown())?);
+        let places = [const { AtomicPtr::new(std::ptr::null_mut()) }; 16];
+        Ok(Self { law, cells, stamps, places })
+    }
+
+    /// Bytes of the places that are kept now.
+    pub fn bytes(&self) -> usize {
+        let made = self.places.iter().filter(|place| !place.load(Ordering::Relaxed).is_null());
+        made.count() * self.law.period.0 * self.law.period.1
+    }
+
+    /// The mean optical depth.
+    pub fn mean(&self) -> f64 {
+        self.law.shown() * self.stamps.total
+    }
+
+    /// The bytes of place `4 i + j`, where flakes lie i/4 px lower and j/4 px further right.
+    pub fn place(&self, number: usize, cancel: &Cancel) -> Result<&[u8], Error> {
+        let slot = &self.places[number];
+        // SAFETY: a slot holds null or a box that is dropped with the sheet, which is borrowed.
+        if let Some(made) = unsafe { slot.load(Ordering::Acquire).as_ref() } {
+            return Ok(made);
+        }
+        let null = std::ptr::null_mut();
+        let fresh = Box::into_raw(Box::new(self.made(number, cancel)?));
+        match slot.compare_exchange(null, fresh, Ordering::AcqRel, Ordering::Acquire) {
+            // SAFETY: just published, and dropped with the sheet.
+            Ok(_) => Ok(unsafe { &*fresh }),
+            Err(winner) => {
+                // SAFETY: ours was never published, so this is its only owner.
+                drop(unsafe { Box::from_raw(fresh) });
+                // SAFETY: as above, of another thread's.
+                Ok(unsafe { &*winner })
+            }
+        }
+    }
+
+    fn made(&self, number: usize, cancel: &Cancel) -> Result<Vec<u8>, Error> {
+        let ((rows, cols), stamps) = (self.law.period, &self.stamps);
+        let (stride, each, (above, left)) = (stamps.stride, stamps.each, stamps.reach);
+        let (down, right) = (number / 4, number % 4);
+        let mut parts = Vec::new();
+        for cells in pool::split(self.cells.rows, PARTS) {
+            let pixel = |cells: usize| ((cells as u64 * self.cells.steps[0]) >> 34) as usize;
+            let top = pixel(cells.start) as i64 - above as i64;
+            // Moved within its pixel, a flake may lie one row further.
+            let tall = pixel(cells.end) - pixel(cells.start) + 2 + 2 * above;
+            pushed(&mut parts, (cells, top, zeroed::<u16>(tall * stride)?))?;
+        }
+        pool::for_each(parts.iter_mut(), |(cells, top, sums)| {
+            let (sums, top) = (&mut sums[..], *top);
+            for cell in cells.start * self.cells.cols..cells.end * self.cells.cols {
+                cancel.check()?;
+                self.cells.each(cell, |y, x, size| {
+                    let (y, x) = (y + down, x + right);
+                    let pixel = ((y >> 2) as i64 - top) as usize * stride + (x >> 2) + left;
+                    let stamp = 16 * size + 4 * (y & 3) + (x & 3);
+                    for (offset, piece) in &stamps.pieces[stamp * each..][..each] {
+                        let at = pixel.wrapping_add_signed(*offset);
+                        let out = &mut sums[at..at + WIDTH];
+                        // All before any is written, which makes one instruction of it.
+                        let sum: [u16; WIDTH] =
+                            std::array::from_fn(|i| out[i].saturating_add(piece[i]));
+                        out.copy_from_slice(&sum);
+                    }
+                });
+            }
+            Ok(())
+        })?;
+        let (mut out, mut line) = (zeroed::<u8>(rows * cols)?, zeroed::<u16>(cols)?);
+        for (row, out) in (0..).zip(out.chunks_mut(cols)) {
+            // Half a step is added, so that bytes are rounded.
+            line.fill(128);
+            for (_, top, sums) in &parts {
+                let first = (row - top).rem_euclid(rows as i64) as usize;
+                for mut from in sums.chunks(stride).skip(first).step_by(rows) {
+                    let mut col = (-(left as i64)).rem_euclid(cols as i64) as usize;
+                    while !from.is_empty() {
+                        let run = from.len().min(cols - col);
+                        for (sum, &from) in line[col..col + run].iter_mut().zip(from) {
+                            *sum = sum.saturating_add(from);
+                        }
+                        (from, col) = (&from[run..], 0);
+                    }
+                }
+            }
+            for (out, &sum) in out.iter_mut().zip(&line) {
+                *out = (sum >> 8) as u8;
+            }
+        }
+        Ok(out)
+    }
+}
+
+impl Drop for Sheet {
+    fn drop(&mut self) {
+        for place in &mut self.places {
+            let made = *place.get_mut();
+            if !made.is_null() {
+                // SAFETY: came from a box, and no borrow of the sheet is left.
+                drop(unsafe { Box::from_raw(made) });
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use ndarray::Array2;
+
+    use super::super::ball::{mean_opacity, opacity_at};
+    use super::super::layers::{Layer, read};
+    use super::super::stamp::spread;
+    use super::*;
+
+    static CANCEL: Cancel = Cancel::new();
+
+    fn law(count: f64, diameters: &[f32], streak: [f64; 2], period: (usize, usize)) -> Law {
+        let (diameters, ranks) = (diameters.to_vec(), (0.0, 1.0));
+        Law { seed: 7, period, count, diameters, streak, circle: 0.0, tau0: 4.3, ranks }
+    }
+
+    fn flakes(sheet: &Sheet) -> Vec<(usize, usize, usize)> {
+        let mut list = Vec::new();
+        for cell in 0..sheet.cells.rows * sheet.cells.cols {
+            sheet.cells.each(cell, |y, x, size| list.push((y, x, size)));
+        }
+        list
+    }
+
+    /// A flake at a place in its pixel: points of it, moments and points of the disc put into pixels
+    /// one by one. `disc` is what it is drawn as, with the light of its diameter.
+    fn drawn(law: &Law, diameter: f64, disc: f64, at: [f64; 2]) -> Vec<(i64, i64, f64)> {
+        let fine = 24.0_f64.max(24.0 / disc).ceil();
+        let moments = (law.streak[0].hypot(law.streak[1]) * 24.0).ceil() as i32 + 1;
+        let discs = if law.circle > 0.0 { 400 } else { 1 };
+        let reach = 0.5 * (law.streak[0].abs().max(law.streak[1].abs()) + law.circle + disc);
+        let half = reach as i64 + 2;
+        let side = 2 * half as usize;
+        let (mut pixels, mut sum) = (vec![0.0; side * side], 0.0);
+        let middle = |i: i32, n: i32| (f64::from(i) + 0.5) / f64::from(n) - 0.5;
+        let places = |at: f64| {
+            let place = move |i: i32| (f64::from(i) + 0.5) / fine;
+            (((at - disc) * fine) as i32 - 1..((at + disc) * fine) as i32 + 1).map(place)
+        };
+        for (y, x) in places(at[1]).flat_map(|y| places(at[0]).map(move |x| (y, x))) {
+            let opacity = opacity_at(2.0 * (y - at[1]).hypot(x - at[0]) / disc, law.tau0);
+            sum += opacity * f64::from(moments * discs);
+            for (k, d) in (0..moments).flat_map(|k| (0..discs).map(move |d| (k, d))) {
+                let time = middle(k, moments);
+                let turn = 2.399_963_229_728_653 * f64::from(d);
+                let off = 0.5 * law.circle * ((f64::from(d) + 0.5) / f64::from(discs)).sqrt();
+                let y = y + time * law.streak[1] + off * turn.sin() + half as f64;
+                let x = x + time * law.streak[0] + off * turn.cos() + half as f64;
+                if opacity > 0.0 {
+                    pixels[y as usize * side + x as usize] += opacity;
+                }
+            }
+        }
+        let energy = mean_opacity(law.tau0) * std::f64::consts::FRAC_PI_4 * diameter * diameter;
+        let value = |(index, &value): (usize, &f64)| {
+            let (row, col) = ((index / side) as i64 - half, (index % side) as i64 - half);
+            (value > 0.0).then(|| (row, col, -(-value * energy / sum).ln_1p()))
+        };
+        pixels.iter().enumerate().filter_map(value).collect()
+    }
+
+    /// The optical depth of all flakes, moved by whole quarters, summed in double precision.
+    fn direct(sheet: &Sheet, moved: (usize, usize)) -> Array2<f64> {
+        let (rows, cols) = sheet.law.period;
+        let mut stamps = Vec::new();
+        for &diameter in &sheet.law.diameters {
+            let diameter = f64::from(diameter);
+            for place in 0..16 {
+                let at = [place % 4, place / 4].map(|quarter| (f64::from(quarter) + 0.5) / 4.0);
+                stamps.push(drawn(&sheet.law, diameter, spread(diameter), at));
+            }
+        }
+        let mut out = Array2::zeros((rows, cols));
+        for (y, x, size) in flakes(sheet) {
+            let (y, x) = (y + moved.0, x + moved.1);
+            for (row, col, depth) in &stamps[16 * size + 4 * (y % 4) + x % 4] {
+                let row = (y as i64 / 4 + row).rem_euclid(rows as i64) as usize;
+                let col = (x as i64 / 4 + col).rem_euclid(cols as i64) as usize;
+                out[(row, col)] += depth;
+            }
+        }
+        out
+    }
+
+    fn plain<'a>(sheet: &'a Sheet, shift: [f64; 2]) -> Layer<'a> {
+        Layer { sheet, shift, gain: 1.0, near: 0.0, far: 1.0 }
+    }
+
+    fn picture(shape: (usize, usize), origin: [i64; 2], layers: &[Layer<'_>]) -> Array2<f32> {
+        let mut out = Array2::from_elem(shape, f32::NAN);
+        read(out.view_mut(), origin, layers, None, false, &CANCEL).unwrap();
+        out
+    }
+
+    #[test]
+    fn a_sheet_is_its_flakes_drawn_one_by_one() {
+        let cases = [
+            (3.0, 0.15, [0.0, 0.0], 0.0),
+            (3.0, 0.15, [0.3, 7.0], 0.0),
+            (3.0, 0.15, [-42.0, 43.0], 0.0),
+            (0.05, 1.0, [0.0, 0.0], 0.0),
+            (0.05, 1.0, [0.6, 0.8], 0.0),
+            (0.05, 1.0, [-5.0, 4.9], 0.0),
+            (0.05, 1.0, [60.0, 0.0], 0.0),
+            (0.05, 0.7, [0.0, 0.0], 3.0),
+            (0.002, 3.0, [0.0, 0.0], 0.0),
+            (0.002, 3.0, [2.0, -6.7], 0.0),
+            (0.002, 3.0, [31.0, 51.0], 0.0),
+        ];
+        for (count, diameter, streak, circle) in cases {
+            let sheet =
+                Sheet::new(Law { circle, ..law(count, &[diameter], streak, (190, 230)) }).unwrap();
+            let got = picture((190, 230), [0, 0], &[plain(&sheet, [0.0; 2])]).mapv(f64::from);
+            let want = direct(&sheet, (0, 0));
+            let (mean, deviation) = (got.mean().unwrap(), got.std(0.0));
+            let off = (mean / want.mean().unwrap() - 1.0, deviation / want.std(0.0) - 1.0);
+            assert!(off.0.abs() < 3e-3 && off.1.abs() < 1e-2, "{count} {streak:?}: {off:?}");
+            let noise = 5.0 / (count * 190.0 * 230.0).sqrt();
+            assert!((sheet.mean() / mean - 1.0).abs() < noise, "{} {mean}", sheet.mean());
+        }
+    }
+
+    #[test]
+    fn the_deviation_is_that_of_flakes_anywhere() {
+        for diameter in [0.1_f32, 0.15, 0.25, 0.4, 0.55, 0.8, 1.0, 1.7] {
+            for streak in [[0.0, 0.0], [0.0, 1.0], [2.0, 2.0]] {
+                let sheet = Sheet::new(law(0.05, &[diameter], streak, (64, 64))).unwrap();
+                let unit = f64::from(sheet.stamps.unit);
+                let square = |&steps: &u16| (-f64::from(steps) / 256.0 * unit).exp_m1().powi(2);
+                let got = sheet.stamps.pieces.iter().flat_map(|piece| &piece.1).map(square);
+                let got = got.sum::<f64>() / 16.0;
+                let wide = f64::from(diameter);
+                let want = (0..576).flat_map(|place| {
+                    let at = [place % 24, place / 24].map(|part| (f64::from(part) + 0.5) / 24.0);
+                    drawn(&sheet.law, wide, wide, at)
+                });
+                let want = want.map(|pixel| (-pixel.2).exp_m1().powi(2)).sum::<f64>() / 576.0;
+                let off = (got / want).sqrt() - 1.0;
+                // A streak leaves less to make up for in the disc.
+                let limit = if streak == [0.0, 0.0] { 1e-2 } else { 1.5e-2 };
+                assert!(off.abs() < limit, "{diameter} {streak:?}: {off}");
+            }
+        }
+    }
+
+    #[test]
+    fn pictures_are_read_anywhere() {
+        let sheet = Sheet::new(law(0.02, &[0.8, 1.6], [1.0, -2.0], (37, 53))).unwrap();
+        let shifts =
+            [[0.0, 0.0], [0.25, 0.5], [-0.75, 100.1], [1e12 + 0.25, -1e12], [-9e15, 3e300]];
+        for (shift, origin) in shifts.into_iter().zip([[0, 0], [-5, 1000], [7, -3], [0, 0], [1, 1]])
+        {
+            let quarters = |shift: f64, period: usize| {
+                ((4.0 * shift).round() % (4 * period) as f64 + (4 * period) as f64) as usize
+            };
+            let want = direct(&sheet, (quarters(shift[1], 37), quarters(shift[0], 53)));
+            let got = picture((75, 1100), origin, &[plain(&sheet, shift)]);
+            for ((row, col), &got) in got.indexed_iter() {
+                let row = (row as i64 + origin[0]).rem_euclid(37) as usize;
+                let col = (col as i64 + origin[1]).rem_euclid(53) as usize;
+                let off = (f64::from(got) - want[(row, col)]).abs();
+                assert!(off < 0.04, "{shift:?} {row} {col}: {off}");
+            }
+        }
+        assert_eq!(sheet.bytes() % (37 * 53), 0);
+        for shift in [f64::NAN, f64::INFINITY, 1e308] {
+            let layers = [plain(&sheet, [shift, 0.0])];
+            let out = &mut Array2::zeros((4, 4));
+            let error = read(out.view_mut(), [0, 0], &layers, None, false, &CANCEL).unwrap_err();
+            assert!(error.to_string().starts_with("shift"));
+        }
+    }
+
+    #[test]
+    fn flakes_are_poisson_and_split_by_rank() {
+        let whole = Sheet::new(law(0.4, &[0.5, 1.0, 1.5], [0.0; 2], (1000, 1000))).unwrap();
+        let list = flakes(&whole);
+        let mut counts = Array2::<f64>::zeros((100, 100));
+        list.iter().for_each(|&(y, x, _)| counts[(y / 40, x / 40)] += 1.0);
+        assert!((counts.mean().unwrap() / 40.0 - 1.0).abs() < 5.0 / 400_000_f64.sqrt());
+        assert!((counts.var(0.0) / 40.0 - 1.0).abs() < 5.0 * (2.0 / 10_000_f64).sqrt());
+        for size in 0..3 {
+            let share = list.iter().filter(|flake| flake.2 == size).count() as f64 / 400_000.0;
+            assert!((share - 1.0 / 3.0).abs() < 5e-3, "{size} {share}");
+        }
+        let part = |ranks| Sheet::new(Law { ranks, ..whole.law.clone() }).unwrap();
+        let parts = [part((0.0, 0.5)), part((0.5, 1.0))];
+        let mut both = [flakes(&parts[0]), flakes(&parts[1])].concat();
+        assert!((flakes(&parts[0]).len() as f64 / 200_000.0 - 1.0).abs() < 0.02);
+        let mut list = list;
+        list.sort_unstable();
+        both.sort_unstable();
+        assert_eq!(list, both);
+        let read = |layers: &[Layer<'_>]| picture((200, 200), [0, 0], layers).mapv(f64::from);
+        let whole = read(&[plain(&whole, [0.5, 0.5])]);
+        let parts = read(&parts.each_ref().map(|part| plain(part, [0.5, 0.5])));
+        assert!((whole.mean().unwrap() / parts.mean().unwrap() - 1.0).abs() < 2e-3);
+    }
+
+    #[test]
+    fn threads_that_come_together_get_one_place() {
+        let sheet = Sheet::new(law(0.2, &[1.0], [0.0; 2], (300, 300))).unwrap();
+        let place = || sheet.place(5, &CANCEL).unwrap().as_ptr() as usize;
+        let all = std::thread::scope(|scope| {
+            let all: Vec<_> = (0..4).map(|_| scope.spawn(place)).collect();
+            all.into_iter().map(|one| one.join().unwrap()).collect::<Vec<_>>()
+        });
+        assert!(all.iter().all(|&one| one == all[0]));
+        assert_eq!(sheet.bytes(), 300 * 300);
+        let cancel = Cancel::new();
+        cancel.raise();
+        assert_eq!(sheet.place(6, &cancel), Err(Error::Cancelled));
+    }
+
+    #[test]
+    fn laws_outside_their_ranges_are_refused() {
+        let good = law(0.1, &[1.0], [0.0; 2], (32, 32));
+        let wrong = [
+            ("count", Law { count: f64::NAN, ..good.clone() }),
+            ("period", Law { period: (0, 32), ..good.clone() }),
+            ("diameters", Law { diameters: vec![], ..good.clone() }),
+            ("diameters", Law { diameters: vec![f32::NAN], ..good.clone() }),
+            ("streak", Law { streak: [0.0, 1e9], ..good.clone() }),
+            ("circle", Law { circle: -1.0, ..good.clone() }),
+            ("tau0", Law { tau0: f64::INFINITY, ..good.clone() }),
+            ("ranks", Law { ranks: (0.7, 0.2), ..good.clone() }),
+        ];
+        for (argument, law) in wrong {
+            assert!(Sheet::new(law).err().unwrap().to_string().starts_with(argument));
+        }
+        let empty = Sheet::new(Law { count: 0.0, tau0: 0.0, ..good }).unwrap();
+        assert_eq!(picture((5, 5), [0, 0], &[plain(&empty, [0.0; 2])]), Array2::zeros((5, 5)));
+    }
+}

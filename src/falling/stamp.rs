@@ -1,0 +1,313 @@
+//! What a flake of a sheet adds to pixels: its optical depth, in whole steps.
+//!
+//! A pixel's opacity `a` is a ball's ([`super::ball`]), averaged over the pixel, the disc of defocus and
+//! the way that the flake goes during the exposure. What is added is -ln(1 - a): the sum over flakes is
+//! then the optical depth of the same flakes drawn one by one.
+//!
+//! Flakes lie in the middles of quarter pixels. With the eighth of a pixel as the cell, a pixel is whole
+//! cells seen from any of them, and its mean over a ball at rest is exact.
+
+use super::ball::{mean_opacity, opacity_at};
+use super::sheet::Law;
+use crate::base::error::{Error, pushed, zeroed};
+
+/// Pixels that are added to at once.
+pub(super) const WIDTH: usize = 8;
+
+/// Stamps are added up in parts of a byte's step: long streaks leave less than a step in a pixel.
+const FINE: f64 = 256.0;
+
+/// Cells for each pixel.
+const CELLS: f64 = 8.0;
+
+/// Discs that spread over pixels from middles of quarter pixels as flakes of 0, 0.1, .. 1 px do from
+/// anywhere: the mean over places of the sum of the squares of a flake's shares is the same. Without it
+/// flakes of 0.25 px, which no edge of a pixel would cut, have a deviation 7 % too large.
+const SPREAD: [f64; 11] =
+    [0.262, 0.296, 0.330, 0.366, 0.410, 0.468, 0.552, 0.694, 0.829, 0.909, 0.992];
+
+/// The diameter of the disc that stands for a flake.
+pub(super) fn spread(diameter: f64) -> f64 {
+    let place = 10.0 * diameter;
+    if place >= 10.0 {
+        return diameter;
+    }
+    let (index, rest) = (place as usize, place - libm::floor(place));
+    SPREAD[index] + rest * (SPREAD[index + 1] - SPREAD[index])
+}
+
+/// Rows of numbers without the zeros at their ends.
+struct Rows {
+    /// Of the first row.
+    top: i64,
+    /// Where each begins, and its numbers.
+    spans: Vec<(i64, std::ops::Range<usize>)>,
+    values: Vec<f32>,
+}
+
+impl Rows {
+    fn new(top: i64, dense: &[f32], cols: usize) -> Result<Self, Error> {
+        let mut rows = Self { top, spans: Vec::new(), values: Vec::new() };
+        for row in dense.chunks(cols) {
+            let first = row.iter().position(|&value| value != 0.0).unwrap_or(0);
+            let last = row.iter().rposition(|&value| value != 0.0).map_or(first, |last| last + 1);
+            let from = rows.values.len();
+            let bytes = 4 * (from + last - first);
+            rows.values.try_reserve(last - first).map_err(|_| Error::Memory { bytes })?;
+            rows.values.extend_from_slice(&row[first..last]);
+            pushed(&mut rows.spans, (first as i64 + top, from..rows.values.len()))?;
+        }
+        Ok(rows)
+    }
+
+    fn row(&self, row: i64) -> (i64, &[f32]) {
+        match usize::try_from(row - self.top).ok().and_then(|row| self.spans.get(row)) {
+            Some((first, span)) => (*first, &self.values[span.clone()]),
+            None => (0, &[]),
+        }
+    }
+}
+
+/// The share of the exposure and of the disc of defocus for which a point of the flake lies within a
+/// pixel, by the cells that it is away from the pixel's middle; columns of even and of odd number apart.
+fn weights(law: &Law) -> Result<[Rows; 2], Error> {
+    let (streak, radius) = (law.streak, 0.5 * CELLS * law.circle);
+    let reach =
+        |length: f64| libm::ceil(0.5 * CELLS * (1.0 + length.abs() + law.circle)) as i64 + 2;
+    // Even, so that halves of it hold columns of both kinds.
+    let half = reach(streak[0]).max(reach(streak[1]));
+    let half = half + (half & 1);
+    let side = 2 * half as usize;
+    let mut sharp = zeroed::<f32>(side * side)?;
+    let middle = |index: usize| (index as f64 + 0.5 - half as f64) / CELLS;
+    // Times at which a coordinate lies within the pixel.
+    let within = |at: f64, way: f64| {
+        if way == 0.0 {
+            return if at.abs() < 0.5 { (-0.5, 0.5) } else { (0.0, 0.0) };
+        }
+        let (a, b) = ((at - 0.5) / way, (at + 0.5) / way);
+        (a.min(b).max(-0.5), a.max(b).min(0.5))
+    };
+    for (row, out) in sharp.chunks_mut(side).enumerate() {
+        let y = within(middle(row), streak[1]);
+        for (col, out) in out.iter_mut().enumerate().filter(|_| y.1 > y.0) {
+            let x = within(middle(col), streak[0]);
+            *out = (x.1.min(y.1) - x.0.max(y.0)).max(0.0) as f32;
+        }
+    }
+    if radius > 0.0 {
+        sharp = defocused(&sharp, side, radius)?;
+    }
+    let parity = |odd: usize| {
+        let dense: Vec<f32> = sharp.iter().skip(odd).step_by(2).copied().collect();
+        let mut rows = Rows::new(-half, &dense, side / 2)?;
+        // Columns count in pairs.
+        rows.spans.iter_mut().for_each(|span| span.0 += half / 2);
+        Ok(rows)
+    };
+    Ok([parity(0)?, parity(1)?])
+}
+
+/// The mean over a disc, row of the disc by row, from running sums.
+fn defocused(sharp: &[f32], side: usize, radius: f64) -> Result<Vec<f32>, Error> {
+    let reach = libm::ceil(radius + 0.5) as i64;
+    let chord = |row: i64| {
+        let half = |part: i64| {
+            let y = row as f64 + (part as f64 + 0.5) / 8.0 - 0.5;
+            libm::sqrt((radius * radius - y * y).max(0.0))
+        };
+        (0..8).map(half).sum::<f64>() / 8.0
+    };
+    let chords: Vec<f64> = (-reach..=reach).map(chord).collect();
+    let share = 1.0 / (2.0 * chords.iter().sum::<f64>());
+    let mut out = zeroed::<f32>(side * side)?;
+    let mut sums = zeroed::<f64>(side + 1)?;
+    for (row, line) in sharp.chunks(side).enumerate() {
+        for (col, &value) in line.iter().enumerate() {
+            sums[col + 1] = sums[col] + f64::from(value);
+        }
+        if sums[side] == 0.0 {
+            continue;
+        }
+        let upto = |at: f64| {
+            let at = at.clamp(0.0, side as f64);
+            let (whole, rest) = (at as usize, at - libm::floor(at));
+            sums[whole] + rest * (sums[(whole + 1).min(side)] - sums[whole])
+        };
+        for (&chord, to) in chords.iter().zip(row as i64 - reach..) {
+            if chord == 0.0 || !(0..side as i64).contains(&to) {
+                continue;
+            }
+            let out = &mut out[to as usize * side..][..side];
+            for (col, out) in out.iter_mut().enumerate() {
+                let at = col as f64 + 0.5;
+                *out += (share * (upto(at + chord) - upto(at - chord))) as f32;
+            }
+        }
+    }
+    Ok(out)
+}
+
+/// The opacity by the sine of the angle under which light meets the ball.
+struct Profile([f32; 257], f64);
+
+impl Profile {
+    fn new(tau0: f64) -> Self {
+        let at = |i: usize| {
+            let w = i as f64 / 256.0;
+            opacity_at(libm::sqrt(1.0 - w * w), tau0) as f32
+        };
+        Self(std::array::from_fn(at), tau0)
+    }
+
+    /// Opacity times area in each cell, rows after rows, and half of their number.
+    fn cells(&self, diameter: f64) -> Result<(Vec<f32>, usize), Error> {
+        let radius = 0.5 * CELLS * spread(diameter);
+        let half = libm::ceil(radius) as usize;
+        let parts = 24_usize.div_ceil(2 * half).max(2);
+        let mut cells = zeroed::<f32>(4 * half * half)?;
+        let step = 1.0 / parts as f64;
+        let away = |i: usize| {
+            let at = (i as f64 + 0.5) * step - half as f64;
+            at * at / (radius * radius)
+        };
+        let mut sum = 0.0;
+        for row in 0..2 * half * parts {
+            let y = away(row);
+            for col in 0..2 * half * parts {
+                let inside = 1.0 - y - away(col);
+                if inside > 0.0 {
+                    let place = 256.0 * inside.sqrt() as f32;
+                    let index = (place as usize).min(255);
+                    let (a, b) = (self.0[index], self.0[index + 1]);
+                    let value = a + (place - index as f32) * (b - a);
+                    cells[row / parts * 2 * half + col / parts] += value;
+                    sum += f64::from(value);
+                }
+            }
+        }
+        let energy = mean_opacity(self.1) * std::f64::consts::FRAC_PI_4 * diameter * diameter;
+        let scale = if sum > 0.0 { (energy / sum) as f32 } else { 0.0 };
+        cells.iter_mut().for_each(|cell| *cell *= scale);
+        Ok((cells, half))
+    }
+}
+
+/// The optical depth that a flake adds to pixels, on the lattice of quarters: `n` of a pixel and a
+/// flake is 4 times the pixel's number less the flake's place in quarters.
+fn depths(weights: &[Rows; 2], profile: &Profile, diameter: f64) -> Result<Rows, Error> {
+    let (cells, half) = profile.cells(diameter)?;
+    let (cells_half, tall) = (half as i64, -weights[0].top);
+    let reach = (tall + cells_half) / 2 + 3;
+    let side = 2 * reach as usize;
+    let mut dense = zeroed::<f32>(side * side)?;
+    for (cy, cells) in (-cells_half..).zip(cells.chunks(2 * half)) {
+        for (n, out) in (-reach..).zip(dense.chunks_mut(side)) {
+            for (cx, &cell) in (-cells_half..).zip(cells) {
+                // From the middle of cell c to a pixel's middle at (2 n + 3) / 8 lie 2 n + 2 - c cells
+                // and a half.
+                let (first, values) = weights[(cx & 1) as usize].row(2 * n + 2 - cy);
+                let from = first - 1 + (cx + (cx & 1)) / 2 + reach;
+                if cell == 0.0 {
+                    continue;
+                }
+                for (out, value) in out[from as usize..].iter_mut().zip(values) {
+                    *out += cell * value;
+                }
+            }
+        }
+    }
+    for value in dense.iter_mut().filter(|value| **value != 0.0) {
+        *value = -libm::log1p(-f64::from(*value).min(1.0 - 1e-9)) as f32;
+    }
+    Rows::new(-reach, &dense, side)
+}
+
+/// Steps in a row, from a row and a column on, counted from the flake's pixel.
+type Piece = (i32, i32, [u16; WIDTH]);
+
+/// The stamps of all diameters and of all places within a pixel.
+pub(super) struct Stamps {
+    /// Optical depth of a step of bytes.
+    pub(super) unit: f32,
+    /// The mean over flakes of what one adds to all pixels.
+    pub(super) total: f64,
+    /// Rows above and below, and columns left and right, that stamps need about a flake's pixel.
+    pub(super) reach: (usize, usize),
+    /// Where they begin, in pixels from the flake's: 16 stamps for each diameter, row by row.
+    pub(super) pieces: Vec<(isize, [u16; WIDTH])>,
+    /// Pixels from row to row of what is stamped on.
+    pub(super) stride: usize,
+    /// Pieces of a stamp, of each as many: a loop of another length each time is mispredicted, which takes
+    /// longer than to add zeros.
+    pub(super) each: usize,
+}
+
+impl Stamps {
+    /// `count` flakes are shown for each pixel.
+    pub(super) fn new(law: &Law, count: f64) -> Result<Self, Error> {
+        let (weights, profile) = (weights(law)?, Profile::new(law.tau0));
+        let mut images = Vec::new();
+        for &diameter in &law.diameters {
+            pushed(&mut images, depths(&weights, &profile, f64::from(diameter))?)?;
+        }
+        let share = 1.0 / (16.0 * images.len() as f64);
+        let all = || images.iter().flat_map(|image| &image.values).map(|&value| f64::from(value));
+        let total = share * all().sum::<f64>();
+        let deviation = libm::sqrt(count * share * all().map(|value| value * value).sum::<f64>());
+        let largest = all().fold(0.0, f64::max);
+        // Room for two of the brightest flakes, of which nothing is seen beyond 6.5, and for what seldom
+        // adds up.
+        let room = (2.1 * largest).min(largest.max(6.5)).max(count * total + 8.0 * deviation);
+        let unit = (room / 255.0).max(1e-20) as f32;
+        let mut stamps = Vec::new();
+        for image in &images {
+            for place in 0..16 {
+                let place = (place / 4, place % 4);
+                pushed(&mut stamps, stamp(image, place, f64::from(unit))?)?;
+            }
+        }
+        let each = stamps.iter().map(Vec::len).max().unwrap_or(0);
+        let far = |(rows, cols): (i32, i32), &(row, col, _): &Piece| {
+            (rows.max(row.abs()), cols.max(-col).max(col + WIDTH as i32))
+        };
+        // Zeros that fill up begin at the flake's pixel.
+        let reach = stamps.iter().flatten().fold((0, WIDTH as i32), far);
+        let reach = (reach.0 as usize, reach.1 as usize);
+        // An odd number of cache lines: rows do not share places of the cache.
+        let stride = 32 * ((law.period.1 + 2 * reach.1 + 1).div_ceil(32) | 1);
+        let mut pieces = Vec::new();
+        for stamp in &stamps {
+            let filled = stamp.iter().copied().chain(std::iter::repeat((0, 0, [0; WIDTH])));
+            for (row, col, piece) in filled.take(each) {
+                pushed(&mut pieces, (row as isize * stride as isize + col as isize, piece))?;
+            }
+        }
+        Ok(Self { unit, total, reach, pieces, stride, each })
+    }
+}
+
+/// The stamp of a flake at a place, in quarters, within its pixel.
+fn stamp(image: &Rows, (y, x): (i64, i64), unit: f64) -> Result<Vec<Piece>, Error> {
+    let mut pieces: Vec<Piece> = Vec::new();
+    let bottom = image.top + image.spans.len() as i64;
+    for row in (image.top + y).div_euclid(4)..=(bottom + y).div_euclid(4) {
+        let (first, values) = image.row(4 * row - y);
+        let skipped = (-x - first).rem_euclid(4);
+        let col = (first + skipped + x) / 4;
+        for (col, &value) in (col..).zip(values.iter().skip(skipped as usize).step_by(4)) {
+            let (row, col) = (row as i32, col as i32);
+            let steps = libm::floor(f64::from(value) / unit * FINE + 0.5) as u16;
+            if steps == 0 {
+                continue;
+            }
+            if !pieces.last().is_some_and(|&(y, x, _)| y == row && col - x < WIDTH as i32) {
+                pushed(&mut pieces, (row, col, [0; WIDTH]))?;
+            }
+            if let Some((_, x, piece)) = pieces.last_mut() {
+                piece[(col - *x) as usize] = steps;
+            }
+        }
+    }
+    Ok(pieces)
+}
