@@ -6,6 +6,8 @@ use _core::base::error::Cancel;
 use _core::base::pool;
 use _core::base::random::Hash;
 use _core::base::real::Real;
+use _core::falling::layers::{Layer, read};
+use _core::falling::sheet::{Law, Sheet};
 use _core::frame::composite::snow;
 use _core::particles::splat::{Flakes, splat};
 use _core::particles::sprite::Lens;
@@ -84,6 +86,48 @@ fn discs(bencher: Bencher<'_, '_>, count: usize) {
     bencher.counter(ItemsCount::new(count)).bench_local(|| {
         let none = None::<ArrayView2<'_, f32>>;
         splat(out.view_mut(), &flakes, &lens, none, &Cancel::new()).expect("flakes");
+    });
+}
+
+fn sheet(seed: u64) -> Sheet {
+    let law = Law {
+        seed,
+        period: (SIDE - 16, SIDE - 24),
+        count: 0.05,
+        diameters: (0..16).map(|i| 0.6 + 0.05 * i as f32).collect(),
+        streak: [0.5, 2.0],
+        circle: 0.0,
+        tau0: 4.3,
+        ranks: (0.0, 1.0),
+    };
+    Sheet::new(law).expect("a law")
+}
+
+/// One place of a sheet of 50,000 far flakes.
+#[divan::bench]
+fn sheet_made(bencher: Bencher<'_, '_>) {
+    bencher.counter(ItemsCount::new(50_000_usize)).with_inputs(|| sheet(1)).bench_local_refs(
+        |sheet| {
+            sheet.place(0, &Cancel::new()).expect("a place");
+        },
+    );
+}
+
+/// The opacity of sheets whose places are made.
+#[divan::bench(args = [10, 20])]
+fn sheets(bencher: Bencher<'_, '_>, count: usize) {
+    let sheets: Vec<_> = (0..count).map(|i| sheet(i as u64)).collect();
+    let layer = |(i, sheet)| Layer {
+        sheet,
+        shift: [37.5 * i as f64, 61.25 * i as f64],
+        gain: 1.0,
+        near: i as f32,
+        far: i as f32 + 1.0,
+    };
+    let layers: Vec<_> = sheets.iter().enumerate().map(layer).collect();
+    let mut out = Array2::zeros((SIDE, SIDE));
+    bencher.counter(ItemsCount::new(SIDE * SIDE)).bench_local(|| {
+        read(out.view_mut(), [-512; 2], &layers, None, true, &Cancel::new()).expect("a picture");
     });
 }
 

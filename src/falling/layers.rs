@@ -54,7 +54,7 @@ impl<'a> Sight<'a> {
     fn new(layer: &Layer<'a>, origin: [i64; 2], cancel: &Cancel) -> Result<Self, Error> {
         finite("gain", layer.gain.into())?;
         finite("near", layer.near.into())?;
-        if !(layer.far >= layer.near) {
+        if layer.far < layer.near || layer.far.is_nan() {
             let words = format!("must be {} or more, got {}", layer.near, layer.far);
             return Err(Error::invalid("far", words));
         }
@@ -224,7 +224,7 @@ mod tests {
     use crate::base::scope::Scope;
     use crate::base::simd::PORTABLE;
 
-    const CANCEL: Cancel = Cancel::new();
+    static CANCEL: Cancel = Cancel::new();
 
     /// Three layers before a wall with gaps, of pictures of 70 x 1300.
     fn scene(sheets: &[Sheet]) -> (Vec<Layer<'_>>, Array2<f32>) {

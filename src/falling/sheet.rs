@@ -280,12 +280,12 @@ impl Drop for Sheet {
 mod tests {
     use ndarray::Array2;
 
+    use super::super::ball::{mean_opacity, opacity_at};
     use super::super::layers::{Layer, read};
     use super::super::stamp::spread;
-    use super::crate::base::ball::{mean_opacity, opacity_at};
     use super::*;
 
-    const CANCEL: Cancel = Cancel::new();
+    static CANCEL: Cancel = Cancel::new();
 
     fn law(count: f64, diameters: &[f32], streak: [f64; 2], period: (usize, usize)) -> Law {
         let (diameters, ranks) = (diameters.to_vec(), (0.0, 1.0));
@@ -466,7 +466,8 @@ mod tests {
         let mut both = [flakes(&parts[0]), flakes(&parts[1])].concat();
         assert!((flakes(&parts[0]).len() as f64 / 200_000.0 - 1.0).abs() < 0.02);
         let mut list = list;
-        (list.sort_unstable(), both.sort_unstable());
+        list.sort_unstable();
+        both.sort_unstable();
         assert_eq!(list, both);
         let read = |layers: &[Layer<'_>]| picture((200, 200), [0, 0], layers).mapv(f64::from);
         let whole = read(&[plain(&whole, [0.5, 0.5])]);

@@ -7,8 +7,8 @@
 //! Flakes lie in the middles of quarter pixels. With the eighth of a pixel as the cell, a pixel is whole
 //! cells seen from any of them, and its mean over a ball at rest is exact.
 
+use super::ball::{mean_opacity, opacity_at};
 use super::sheet::Law;
-use crate::base::ball::{mean_opacity, opacity_at};
 use crate::base::error::{Error, pushed, zeroed};
 
 /// Pixels that are added to at once.
