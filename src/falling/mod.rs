@@ -2,12 +2,22 @@
 //!
 //! | module | what |
 //! | --- | --- |
-//! | [`ball`] | the opacity of a flake: a ball of even density |
-//! | [`layers`] | sheets read into a picture |
+//! | [`law`] | how large flakes are, and how many of them show |
+//! | [`cells`] | where flakes are: hashes of a cell of the air |
+//! | [`air`] | a frame's request: classes of size, the eye at several times, the wind |
+//! | [`sight`] | which cells the view sees |
+//! | [`list`] | the flakes of a frame, evaluated at its times |
+//! | [`draw`] | their images |
 //! | [`sheet`] | far flakes of a layer on a torus |
 //! | `stamp` | what a flake of a sheet adds to pixels |
+//! | [`layers`] | sheets read into a picture |
 
-pub mod ball;
+pub mod air;
+pub mod cells;
+pub mod draw;
+pub mod law;
 pub mod layers;
+pub mod list;
 pub mod sheet;
+pub mod sight;
 mod stamp;

@@ -280,9 +280,9 @@ impl Drop for Sheet {
 mod tests {
     use ndarray::Array2;
 
-    use super::super::ball::{mean_opacity, opacity_at};
     use super::super::layers::{Layer, read};
     use super::super::stamp::spread;
+    use super::crate::base::ball::{mean_opacity, opacity_at};
     use super::*;
 
     static CANCEL: Cancel = Cancel::new();

@@ -1,14 +1,14 @@
 //! What a flake of a sheet adds to pixels: its optical depth, in whole steps.
 //!
-//! A pixel's opacity `a` is a ball's ([`super::ball`]), averaged over the pixel, the disc of defocus and
+//! A pixel's opacity `a` is a ball's ([`crate::base::ball`]), averaged over the pixel, the disc of defocus and
 //! the way that the flake goes during the exposure. What is added is -ln(1 - a): the sum over flakes is
 //! then the optical depth of the same flakes drawn one by one.
 //!
 //! Flakes lie in the middles of quarter pixels. With the eighth of a pixel as the cell, a pixel is whole
 //! cells seen from any of them, and its mean over a ball at rest is exact.
 
-use super::ball::{mean_opacity, opacity_at};
 use super::sheet::Law;
+use crate::base::ball::{mean_opacity, opacity_at};
 use crate::base::error::{Error, pushed, zeroed};
 
 /// Pixels that are added to at once.
