@@ -282,8 +282,8 @@ mod tests {
 
     use super::super::layers::{Layer, read};
     use super::super::stamp::spread;
-    use super::crate::base::ball::{mean_opacity, opacity_at};
     use super::*;
+    use crate::base::ball::{mean_opacity, opacity_at};
 
     static CANCEL: Cancel = Cancel::new();
 
@@ -507,6 +507,9 @@ mod tests {
             assert!(Sheet::new(law).err().unwrap().to_string().starts_with(argument));
         }
         let empty = Sheet::new(Law { count: 0.0, tau0: 0.0, ..good }).unwrap();
-        assert_eq!(picture((5, 5), [0, 0], &[plain(&empty, [0.0; 2])]), Array2::zeros((5, 5)));
+        assert_eq!(
+            picture((5, 5), [0, 0], &[plain(&empty, [0.0; 2])]),
+            Array2::<f32>::zeros((5, 5))
+        );
     }
 }
