@@ -8,7 +8,6 @@ from flurries.cone.rays import Pose
 from flurries.effects.flake_patterns import Slab as FlakeSlab
 from flurries.gas.splatting import Gas
 from flurries.effects.air import Air
-from flurries.particles.crowd import Closeup, Crowd, Flurry
 from flurries.spectral.flake_frames import Request as FlakeRequest
 from flurries.spectral.request import Request
 from flurries.spectral.volume import Film
@@ -41,10 +40,6 @@ __all__ = [
     "fall",
     "sheet_read",
     "flake_rows",
-    "crowd_exact",
-    "crowd_list",
-    "crowd_sort",
-    "crowd_sort_pair",
     "encode_bytes",
     "field",
     "field_bands",
@@ -75,15 +70,9 @@ __all__ = [
     "particle_draw",
     "particle_draw_lit",
     "particle_edge_fade",
-    "particle_exact",
     "particle_ids",
     "particle_image",
     "particle_positions",
-    "particle_presence",
-    "particle_size_fade",
-    "particle_sort",
-    "particle_sort_listed",
-    "particle_sort_pair",
     "particle_splat",
     "particle_sway_offsets",
     "particle_variance",
@@ -296,19 +285,6 @@ def particle_positions(
 class SortedFlakes:
     """Flakes of a frame, projected and sorted."""
 
-def particle_sort(shape: tuple[int, int], request: Flurry) -> SortedFlakes: ...
-def particle_sort_pair(
-    shape: tuple[int, int],
-    request: Flurry,
-    lens: _Lens,
-) -> tuple[SortedFlakes, SortedFlakes]: ...
-def particle_sort_listed(
-    shape: tuple[int, int],
-    flakes: _Listed,
-    lens: _Lens,
-    closeup: Closeup | None = None,
-    numbers: npt.NDArray[np.int64] | None = None,
-) -> SortedFlakes: ...
 class FlakeSheet:
     def __new__(
         cls,
@@ -338,21 +314,6 @@ class BallImages:
 
 def fall(request: Air) -> SortedFlakes: ...
 def flake_rows(flakes: SortedFlakes) -> tuple[npt.NDArray[np.uint64], _Float64, _Float64]: ...
-def crowd_sort(shape: tuple[int, int], request: Crowd) -> SortedFlakes: ...
-def crowd_sort_pair(
-    shape: tuple[int, int],
-    request: Crowd,
-    lens: _Lens,
-) -> tuple[SortedFlakes, SortedFlakes]: ...
-def crowd_list(request: Crowd) -> _Float64: ...
-def crowd_exact(out: _Array, request: Crowd, depth: _Array | None = None) -> None: ...
-def particle_exact(
-    out: npt.NDArray[Any],
-    flakes: _Listed,
-    lens: _Lens,
-    origin: tuple[int, int],
-    depth: npt.NDArray[Any] | None = None,
-) -> None: ...
 def png_chunk(
     rows: npt.NDArray[np.uint8],
     above: npt.NDArray[np.uint8],
@@ -392,10 +353,6 @@ def particle_sway_offsets(
 def particle_image(variance: _Float64, share: _Float64, sigma: _Float64) -> None: ...
 def particle_variance(out: _Float64, sigma: _Float64) -> None: ...
 def smooth(out: _Float64, t: _Float64) -> None: ...
-def particle_presence(
-    out: _Float64, index: npt.NDArray[np.int64], count: int, amount: float, fade_in: float
-) -> None: ...
-def particle_size_fade(out: _Float64, sigma: _Float64, limits: tuple[float, float]) -> None: ...
 def particle_edge_fade(
     out: _Float64,
     points: _Float64,

@@ -13,27 +13,16 @@
 //! | [`splat`] | the image of many flakes |
 //! | `canvas` | what flakes are drawn on: transmittance, and which flake a pixel shows |
 //! | [`crossing`] | flakes that cross the picture of a camera at rest |
-//! | [`view`] | what an eye sees |
 //! | [`closeup`] | near flakes with a shape, flakes out of focus, flakes in the light of lamps |
-//! | [`crowd`] | the flakes of a population, by classes of size |
-//! | [`exact`] | flakes drawn one by one with their exact images, as a judge |
-//! | `integrals` | what exact images are summed with |
 //! | [`looks`] | how many flakes are there, how large they are, which are too large |
-//! | `block` | flakes placed by vectors, those out of view dropped |
-//! | [`flurry`] | the flakes of a box, each placed and looked at as it is drawn |
 
 pub mod balls;
 pub mod bins;
-mod block;
 mod canvas;
 pub mod closeup;
 pub mod crossing;
-pub mod crowd;
 mod dim;
 mod draw;
-pub mod exact;
-pub mod flurry;
-mod integrals;
 pub mod looks;
 pub mod profile;
 mod project;
@@ -43,4 +32,3 @@ pub mod splat;
 pub mod sprite;
 mod streak;
 pub mod torus;
-pub mod view;

@@ -13,11 +13,9 @@ use crate::base::smooth::smoothstep;
 /// Separates the flakes' numbers from every other use of the seed.
 const STREAM: i64 = i64::from_be_bytes(*b"flakebox");
 
-/// Words after the flake's index: 0, 1, 2 are the axes of the position, these the sway's phases and its
-/// further lives.
+/// Words after the flake's index: 0, 1, 2 are the axes of the position, these the sway's phases.
 const SWAY_X: i64 = 3;
 const SWAY_Z: i64 = 4;
-const LIVES: i64 = 5;
 
 /// Flakes per item of work.
 const RUN: usize = 4096;
@@ -89,111 +87,6 @@ fn product(argument: &'static str, rate: f64, time: f64) -> Result<(f64, f64), E
 fn reduced(rate: f64, time: f64, side: f64) -> Result<f64, Error> {
     let (rounded, rest) = product("velocity", rate, time)?;
     Ok(rounded % side + rest % side)
-}
-
-/// The flakes of a box at one time, all carried along alike.
-#[derive(Debug, Clone, Copy)]
-pub struct Carried {
-    torus: Torus,
-    // By how much each start is moved before the wrap: reduced by whole boxes, exactly.
-    moved: [f64; 3],
-    // The whole boxes that were left out.
-    turns: [i64; 3],
-    order: Option<[usize; 3]>,
-    stream: Hash,
-    sway: Option<(Sway, f64)>,
-}
-
-impl Carried {
-    /// The flakes of a seed, carried by `velocity` times `time`.
-    pub fn new(
-        torus: Torus,
-        seed: i64,
-        velocity: [f64; 3],
-        time: f64,
-        sway: Option<Sway>,
-    ) -> Result<Self, Error> {
-        finite("time", time)?;
-        let drift = drift(ArrayView1::from(&velocity), time, &torus)?;
-        // The remainder is exact, and so is the quotient, as far as whole numbers are.
-        let turns = |axis: usize| {
-            ((velocity[axis] * time - drift[axis]) / torus.sides[axis]).round() as i64
-        };
-        let angle = sway.map(|sway| sway_angle(sway, time)).transpose()?;
-        Ok(Self {
-            torus,
-            moved: std::array::from_fn(|axis| drift[axis] - torus.center[axis] % torus.sides[axis]),
-            turns: std::array::from_fn(turns),
-            order: None,
-            stream: Hash::seeded(seed).word(STREAM),
-            sway: sway.zip(angle),
-        })
-    }
-
-    /// The same flakes, each at a new place beside when it comes in again where the air comes from; else
-    /// they would all be back after one box. What an axis of `order` counts, those after it are moved by:
-    /// the air should pass fastest along the first.
-    pub fn renewed(self, order: [usize; 3]) -> Result<Self, Error> {
-        let mut axes = order;
-        axes.sort_unstable();
-        if axes != [0, 1, 2] {
-            return Err(Error::Internal(format!("no order of axes is {order:?}")));
-        }
-        Ok(Self { order: Some(order), ..self })
-    }
-
-    /// The numbers of a flake.
-    #[inline(always)]
-    pub const fn flake(&self, index: usize) -> Hash {
-        self.stream.word(index as i64)
-    }
-
-    /// Where N flakes from `first` on are, by axis, before the sway.
-    #[inline(always)]
-    pub fn places<const N: usize>(&self, first: usize) -> [[f64; N]; 3] {
-        let mut lives: [Hash; N] = std::array::from_fn(|i| self.flake(first + i));
-        let mut places = [[0.0; N]; 3];
-        let order = self.order.unwrap_or([0, 1, 2]);
-        for axis in order {
-            let (side, center) = (self.torus.sides[axis], self.torus.center[axis]);
-            let renews = self.order.is_some() && axis != order[2];
-            for (place, life) in places[axis].iter_mut().zip(&mut lives) {
-                let at = side * life.word(axis as i64).unit() + self.moved[axis];
-                let offset = wrap(at, side);
-                *place = center + offset;
-                if renews {
-                    let passed = self.turns[axis] + ((at - offset) / side + 0.5).floor() as i64;
-                    // Not a branch, so that it is done for a vector of flakes.
-                    let next = life.word(LIVES + axis as i64).word(passed);
-                    *life = if passed == 0 { *life } else { next };
-                }
-            }
-        }
-        places
-    }
-
-    /// Where a flake is, before the sway.
-    #[inline(always)]
-    pub fn place(&self, index: usize) -> [f64; 3] {
-        self.places::<1>(index).map(|[place]| place)
-    }
-
-    /// What the sway adds, along x and z.
-    #[inline(always)]
-    pub fn swing(&self, flake: Hash) -> [f64; 2] {
-        self.sway.map_or([0.0; 2], |(sway, angle)| swing(flake, sway, angle))
-    }
-
-    /// How far the sway reaches.
-    pub fn reach(&self) -> f64 {
-        self.sway.map_or(0.0, |(sway, _)| sway.amplitude.abs())
-    }
-
-    /// How much of a flake is shown at a point, see [`edge_fade`].
-    #[inline(always)]
-    pub fn shown(&self, point: [f64; 3]) -> f64 {
-        fade(&self.torus, point)
-    }
 }
 
 /// The positions of the flakes of some `numbers`, or of the first n, (n, 3), at `time`, sway included.
@@ -369,41 +262,6 @@ mod tests {
             .filter(|&x| !(-0.05..0.05).contains(&bare(x, 0.1)))
             .count();
         assert!(outside > 0);
-    }
-
-    #[test]
-    fn renewed_flakes_keep_their_place_along_the_first_axis_alone() {
-        let torus = Torus::new([4.0, 5.0, 6.0], [0.3, 0.0, 3.0]).unwrap();
-        let place = |way: [f64; 3], index: usize| {
-            let carried =
-                Carried::new(torus, 5, way, 1.0, None).unwrap().renewed([1, 0, 2]).unwrap();
-            carried.place(index)
-        };
-        let mut sums = [0.0; 3];
-        for index in 0..2000 {
-            let still = place([0.0; 3], index);
-            // Boxes of 5 went by: 7 of them are as exact as 7e9.
-            for way in [35.0, 35e9] {
-                let later = place([0.0, way, 0.0], index);
-                assert!((later[1] - still[1]).abs() < 1e-12);
-                assert!((later[0] - still[0]).abs() > 1e-6 && (later[2] - still[2]).abs() > 1e-6);
-            }
-            // No flake jumps but at a wall: a small step moves it by just that step.
-            let near = place([0.0, 35.01, 0.0], index);
-            let before = place([0.0, 35.0, 0.0], index);
-            let at_wall = before[1] + 0.01 >= 2.5;
-            assert_eq!(
-                (near[1] - before[1] - 0.01).abs() < 1e-12 && near[0] == before[0],
-                !at_wall
-            );
-            let far = place([44.0, 75.0, -61.0], index);
-            (0..3).for_each(|axis| sums[axis] += far[axis] / 2000.0);
-        }
-        // As many everywhere: the mean is the middle.
-        for (sum, middle) in sums.into_iter().zip(torus.center) {
-            assert!((sum - middle).abs() < 0.15, "{sums:?}");
-        }
-        assert!(Carried::new(torus, 5, [0.0; 3], 1.0, None).unwrap().renewed([0, 0, 2]).is_err());
     }
 
     #[test]

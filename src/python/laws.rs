@@ -9,7 +9,6 @@ use crate::base::lamps::{Lamps, light};
 use crate::base::pool;
 use crate::base::sampling::integrated;
 use crate::base::smooth::smoothstep;
-use crate::particles::looks;
 use crate::particles::sprite::image_of;
 use crate::particles::torus::{self, Sway, Torus};
 
@@ -115,27 +114,4 @@ pub fn particle_variance(
 #[pyfunction]
 pub fn smooth(mut out: PyReadwriteArray1<'_, f64>, t: PyReadonlyArray1<'_, f64>) -> PyResult<()> {
     gate::each(&mut out, &t, smoothstep)
-}
-
-/// Fills `out` (n,) with how much of the flakes of these indices, of `count`, is there.
-#[pyfunction]
-pub fn particle_presence(
-    mut out: PyReadwriteArray1<'_, f64>,
-    index: PyReadonlyArray1<'_, i64>,
-    count: usize,
-    amount: f64,
-    fade_in: f64,
-) -> PyResult<()> {
-    gate::each(&mut out, &index, |index| looks::presence(index as usize, count, amount, fade_in))
-}
-
-/// Fills `out` (n,) with how much is shown of flakes of these sigmas, px: all up to the first limit,
-/// nothing from the second on.
-#[pyfunction]
-pub fn particle_size_fade(
-    mut out: PyReadwriteArray1<'_, f64>,
-    sigma: PyReadonlyArray1<'_, f64>,
-    limits: (f64, f64),
-) -> PyResult<()> {
-    gate::each(&mut out, &sigma, |sigma| looks::size_fade(sigma, limits))
 }

@@ -8,7 +8,6 @@ use pyo3::prelude::*;
 mod air;
 mod cone;
 mod crossing;
-mod crowd;
 mod encode;
 mod falling;
 mod flakes;
@@ -44,8 +43,6 @@ mod core {
     #[pymodule_export]
     use super::crossing::particle_crossing;
     #[pymodule_export]
-    use super::crowd::{crowd_exact, crowd_list, crowd_sort, crowd_sort_pair, particle_exact};
-    #[pymodule_export]
     use super::encode::{png_chunk, to_half};
     #[pymodule_export]
     use super::falling::{BallImages, FlakeSheet, fall, flake_rows, sheet_read};
@@ -59,15 +56,14 @@ mod core {
     use super::gate::InternalError;
     #[pymodule_export]
     use super::laws::{
-        lamp_light, particle_edge_fade, particle_image, particle_positions, particle_presence,
-        particle_size_fade, particle_sway_offsets, particle_variance, smooth,
+        lamp_light, particle_edge_fade, particle_image, particle_positions, particle_sway_offsets,
+        particle_variance, smooth,
     };
     #[pymodule_export]
     use super::onepass::snowfall;
     #[pymodule_export]
     use super::particles::{
-        SortedFlakes, particle_draw, particle_draw_lit, particle_ids, particle_sort,
-        particle_sort_listed, particle_sort_pair, particle_splat,
+        SortedFlakes, particle_draw, particle_draw_lit, particle_ids, particle_splat,
     };
     #[pymodule_export]
     use super::patterns::{

@@ -13,15 +13,13 @@ use crate::falling::list::List;
 use crate::frame::shade::{Behind, Lit};
 use crate::particles::closeup::aperture::Blur;
 use crate::particles::closeup::lit;
-use crate::particles::closeup::near::{self, Closeup, Split};
+use crate::particles::closeup::near::{self, Closeup};
 use crate::particles::closeup::patch::{Kind, Patch, Tumble};
-use crate::particles::flurry::{Flurry, Placed};
-use crate::particles::looks::Looks;
 use crate::particles::profile::Profile;
 use crate::particles::sorted::Sorted;
 use crate::particles::splat::{self, Flakes, Source};
 use crate::particles::sprite::Lens;
-use crate::particles::torus::{Carried, Sway, Torus};
+use crate::particles::torus::Sway;
 
 pub(super) fn swaying(sway: Option<(f64, f64)>) -> Option<Sway> {
     sway.map(|(amplitude, angular_frequency)| Sway { amplitude, angular_frequency })
@@ -113,46 +111,6 @@ fn shown<M: Real>(
     })
 }
 
-/// A box of flakes that all move alike, as the effect has settled it; the attributes of its request.
-#[derive(FromPyObject)]
-pub struct FlurryRequest {
-    number: usize,
-    sides: [f64; 3],
-    center: [f64; 3],
-    seed: i64,
-    way: [f64; 3],
-    sway: (f64, f64),
-    travel: [f64; 3],
-    radius: (f64, f64),
-    opacity: f64,
-    amount: f64,
-    fade_in: f64,
-    largest: (f64, f64),
-    sizes: i64,
-    lens: LensValues,
-    window: [usize; 4],
-}
-
-impl FlurryRequest {
-    fn lens(&self) -> Lens {
-        lens_of(self.lens)
-    }
-
-    fn flurry(&self) -> Result<Flurry, Error> {
-        let torus = Torus::new(self.sides, self.center)?;
-        let carried = Carried::new(torus, self.seed, self.way, 1.0, swaying(Some(self.sway)))?;
-        let looks = Looks {
-            radius: self.radius,
-            opacity: self.opacity,
-            amount: self.amount,
-            fade_in: self.fade_in,
-            largest: self.largest,
-            sizes: self.sizes,
-        };
-        Flurry::new(self.number, carried, self.seed, looks, &self.lens(), self.window, self.travel)
-    }
-}
-
 pub(super) fn lens_of((focal, x, y, offset, near): LensValues) -> Lens {
     Lens { focal, center: [x, y], offset, near }
 }
@@ -176,26 +134,6 @@ impl SortedFlakes {
         &self.sorted
     }
 
-    pub(super) fn of(
-        py: Python<'_>,
-        shape: (usize, usize),
-        flakes: &impl Source,
-        lens: &Lens,
-        closeup: Option<&Closeup>,
-        numbers: Option<&[i64]>,
-    ) -> PyResult<Self> {
-        let nanoseconds = splat::estimate(shape, flakes, lens);
-        let (sorted, patches) = gate::run(py, nanoseconds, |cancel| {
-            let Some(closeup) = closeup else {
-                return Ok((Sorted::of(flakes, lens, shape, cancel)?, Vec::new()));
-            };
-            let split = Split::new(flakes, lens, closeup, numbers);
-            let sorted = Sorted::of(&split, lens, shape, cancel)?;
-            Ok((sorted, split.patches(shape, cancel)?))
-        })?;
-        Ok(Self { sorted, patches, lens: *lens, nanoseconds, list: None })
-    }
-
     /// The images of a list of flakes.
     pub(super) fn listed(
         sorted: Sorted,
@@ -206,49 +144,6 @@ impl SortedFlakes {
     ) -> Self {
         Self { sorted, patches, lens, nanoseconds, list: Some(list) }
     }
-}
-
-/// Sorts a box of flakes, each placed as it is needed, for frames of `shape` (H, W).
-#[pyfunction]
-pub fn particle_sort(
-    py: Python<'_>,
-    shape: (usize, usize),
-    request: FlurryRequest,
-) -> PyResult<SortedFlakes> {
-    SortedFlakes::of(py, shape, &request.flurry()?, &request.lens(), None, None)
-}
-
-/// Sorts a box of flakes that two eyes see, each flake placed once. `lens` is the second eye's.
-#[pyfunction]
-pub fn particle_sort_pair(
-    py: Python<'_>,
-    shape: (usize, usize),
-    request: FlurryRequest,
-    lens: LensValues,
-) -> PyResult<(SortedFlakes, SortedFlakes)> {
-    let lenses = [request.lens(), lens_of(lens)];
-    let both = request.flurry()?.seen_from(&lenses[1], request.window)?;
-    let nanoseconds = splat::estimate(shape, &both, &lenses[0]);
-    let placed = gate::run(py, nanoseconds, |cancel| Placed::of(&both, cancel))?;
-    let [first, second] =
-        lenses.map(|lens| SortedFlakes::of(py, shape, &placed, &lens, None, None));
-    Ok((first?, second?))
-}
-
-/// Sorts flakes of which arrays are given, see `particle_splat`, for frames of `shape` (H, W).
-#[pyfunction]
-#[pyo3(signature = (shape, flakes, lens, closeup=None, numbers=None))]
-pub fn particle_sort_listed(
-    py: Python<'_>,
-    shape: (usize, usize),
-    flakes: Listed<'_>,
-    lens: LensValues,
-    closeup: Option<CloseupRequest>,
-    numbers: Option<PyReadonlyArray1<'_, i64>>,
-) -> PyResult<SortedFlakes> {
-    let closeup = closeup.map(|request| request.closeup()).transpose()?;
-    let numbers = numbers.as_ref().map(|numbers| numbers.as_slice()).transpose()?;
-    SortedFlakes::of(py, shape, &flakes.flakes(), &lens_of(lens), closeup.as_ref(), numbers)
 }
 
 /// Draws the alpha of flakes into `out` (h, w), the part `window` (top, bottom, left, right) of their
