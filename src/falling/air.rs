@@ -56,6 +56,8 @@ pub struct Class {
     pub sizes: Sizes,
     /// Depths between which they fade in, and between which they fade out again, metres.
     pub shown: [f64; 4],
+    /// Whether the first two are those of the largest flake, and a smaller one's are nearer as it is smaller.
+    pub by_size: bool,
     /// Shares of `density` that are there by the height below the camera, metres.
     pub amount: Table,
     /// Of those shares the flakes of ranks between two parts are shown.

@@ -244,7 +244,10 @@ impl<'a> Places<'a> {
             return None;
         }
         let [near, whole, from, far] = class.shown;
-        let mut share = ramp(near, whole, point[2]) * (1.0 - ramp(from, far, point[2]));
+        let diameter = class.sizes.quantile(born.share);
+        let nearer = if class.by_size { diameter / class.sizes.range.1 } else { 1.0 };
+        let mut share =
+            ramp(near * nearer, whole * nearer, point[2]) * (1.0 - ramp(from, far, point[2]));
         if share <= 0.0 {
             return None;
         }
@@ -277,7 +280,6 @@ impl<'a> Places<'a> {
                 (seen[time], depths[time]) = other.seen(there);
             }
         }
-        let diameter = class.sizes.quantile(born.share);
         let reach = 0.5 * eye.focal[0] * diameter / depths.iter().copied().fold(depth, f64::min)
             + eye.focal[0] * air.room / depth
             + 2.0;

@@ -75,7 +75,7 @@ impl Sight {
             high,
             lean,
             room,
-            near: class.shown[0],
+            near: if class.by_size { 0.0 } else { class.shown[0] },
             far: class.shown[3],
             below: class.density * last_rank(most).min(1.0),
         }

@@ -72,6 +72,8 @@ class Class(NamedTuple):
         Of the law exp(-slope D), per metre.
     shown : (4,)
         Depths between which they fade in, and between which they fade out again, metres.
+    by_size : bool
+        Whether smaller flakes than the largest fade in nearer, as they are smaller.
     heights : (low, high)
         Below the camera, metres: the places of `amounts`.
     amounts : list of float
@@ -95,6 +97,7 @@ class Class(NamedTuple):
     sizes: tuple[float, float]
     slope: float
     shown: tuple[float, float, float, float]
+    by_size: bool
     heights: tuple[float, float]
     amounts: list[float]
     ranks: tuple[float, float]
@@ -251,6 +254,7 @@ def _class(
         sizes=(share.size.smallest, share.size.largest),
         slope=weather.law.slope,
         shown=weather.shown(share, now),
+        by_size=isinstance(weather, Flakes),
         heights=(-deepest, deepest),
         amounts=weather.amounts(now, share, amount, heights).tolist(),
         ranks=(0.0, 1.0),

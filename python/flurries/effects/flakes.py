@@ -44,8 +44,8 @@ class Flakes:
     sway : (amplitude, rate)
         Metres, and radians per second.
     largest : (low, high)
-        Sigma of the largest one's image on a picture 1024 px wide at the depths between which all
-        fade towards the camera: out-of-focus puffs look like dirt.
+        Sigma of images on a picture 1024 px wide between which flakes fade: out-of-focus puffs look
+        like dirt.
     """
 
     motion: Motion
@@ -77,7 +77,7 @@ class Flakes:
         return _shares(self, frame.shape, frame.path)
 
     def shown(self, share: Share, frame: Frame) -> tuple[float, float, float, float]:
-        """Return the depths between which they fade in, and out again, metres."""
+        """Return the depths between which the largest fade in, and all out again, metres."""
         scale = frame.shape[1] / TUNED
         large = frame.camera.focal * self.sizes[1] / (6.0 * scale)
         low, high = (large / limit for limit in self.largest)
