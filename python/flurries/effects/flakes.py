@@ -22,6 +22,9 @@ from flurries.particles.sizes import Sizes
 # The most opaque ball there is: its middle lets through a ten-millionth.
 _MOST_OPAQUE = 0.99
 
+# Sizes of these looks are six deviations of a Gaussian wide; a ball that covers as much is smaller.
+_BALL = math.sqrt(8.0) / 6.0
+
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Flakes:
@@ -38,7 +41,7 @@ class Flakes:
     reach : float
         Depth up to which there are any, metres.
     sizes : (smallest, largest)
-        Diameters, metres, as many of each.
+        Widths, metres, as many of each: six times the deviation of a Gaussian that covers as much.
     opacity : Number
         Mean over the disc of a resting one.
     sway : (amplitude, rate)
@@ -63,10 +66,9 @@ class Flakes:
 
     @cached_property
     def law(self) -> Sizes:
-        """The law of their diameters."""
-        small, large = self.sizes
-        middle = 0.5 * (small + large)
-        return Sizes(small, middle, large)
+        """The law of their diameters as balls."""
+        small, large = (_BALL * size for size in self.sizes)
+        return Sizes(small, 0.5 * (small + large), large)
 
     def opacity_at(self, t: float) -> float:
         """Return the opacity at a frame."""
@@ -94,7 +96,7 @@ def _shares(flakes: Flakes, shape: tuple[int, int], path: CameraPath) -> tuple[S
     # The view is a pyramid: a third of the prism around it.
     view = width * height * flakes.reach**3 / (3.0 * fx * fy)
     density = flakes.number / view if flakes.density is None else flakes.density
-    small, large = flakes.sizes
+    small, large = flakes.law.smallest, flakes.law.largest
     square = (small**2 + small * large + large**2) / 3.0
     fall = float(value_at(flakes.motion.fall, 0.0))
     one = SizeClass(density, small, large, square, fall)
