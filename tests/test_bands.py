@@ -199,7 +199,7 @@ def test_nothing_is_made_once_for_each_band(
     camera: Any, low: Callable[[], None], monkeypatch: pytest.MonkeyPatch
 ):
     sorts: list[str] = []
-    for name in ("particle_sort", "particle_sort_listed"):
+    for name in ("fall",):
         kernel = getattr(_core, name)
 
         def counted(*args: Any, kernel: Any = kernel, name: str = name) -> Any:
@@ -221,20 +221,6 @@ def test_nothing_is_made_once_for_each_band(
         made.append(list(sorts))
         sorts.clear()
     assert counts[0] == counts[1] and made[0] == made[1] and len(made[0]) == 2
-
-
-@pytest.mark.filterwarnings("ignore:.*ambiguous")
-def test_both_eyes_place_flakes_once(low: Callable[[], None], monkeypatch: pytest.MonkeyPatch):
-    sorts: list[Any] = []
-    kernel = _core.particle_sort_pair
-    monkeypatch.setattr(
-        _core, "particle_sort_pair", lambda *args: sorts.append(args) or kernel(*args)
-    )
-    scene = fl.Scene(None, BYTES, effects=[fl.TentSnow(), fl.ConeSnow()], space="linear")
-    low()
-    scene.stereo(3.0, distance=0.065)
-    # Of the snow, and of the flakes before the cone.
-    assert len(sorts) == 2
 
 
 def test_a_film_of_bands_is_a_film_of_frames(low: Callable[[], None]):
