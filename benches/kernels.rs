@@ -93,6 +93,7 @@ fn sheet(seed: u64) -> Sheet {
     let law = Law {
         seed,
         period: (SIDE - 16, SIDE - 24),
+        shear: 300,
         count: 0.05,
         diameters: (0..16).map(|i| 0.6 + 0.05 * i as f32).collect(),
         streak: [0.5, 2.0],
@@ -121,6 +122,7 @@ fn sheets(bencher: Bencher<'_, '_>, count: usize) {
         sheet,
         shift: [37.5 * i as f64, 61.25 * i as f64],
         gain: 1.0,
+        base: 0.0,
         near: i as f32,
         far: i as f32 + 1.0,
     };

@@ -290,6 +290,7 @@ class FlakeSheet:
         cls,
         seed: int,
         period: tuple[int, int],
+        shear: int,
         count: float,
         diameters: list[float],
         streak: tuple[float, float],
@@ -305,7 +306,9 @@ class FlakeSheet:
 def sheet_read(
     out: _Array,
     origin: tuple[int, int],
-    sheets: Sequence[tuple[FlakeSheet, tuple[float, float], float, float, float]],
+    sheets: Sequence[
+        tuple[FlakeSheet, tuple[float, float], tuple[float, float], float, float]
+    ],
     depth: _Array | None,
     opacity: bool,
 ) -> None: ...

@@ -14,6 +14,9 @@ use crate::base::normal::{Normal, least, most};
 use crate::base::pool;
 use crate::base::simd::{dispatch, multiply_add};
 
+/// Rounds of a torus that are told apart, at least.
+const FARTHEST: f64 = 1e9;
+
 /// Beyond this optical depth nothing is left to see.
 const OPAQUE: f32 = 80.0;
 
@@ -28,8 +31,10 @@ pub struct Layer<'a> {
     pub sheet: &'a Sheet,
     /// Pixels, x and y, by which they have moved.
     pub shift: [f64; 2],
-    /// Factor of the optical depth.
+    /// Factor of the optical depth, and what is added to it.
     pub gain: f32,
+    /// See `gain`.
+    pub base: f32,
     /// Depths between which they lie, evenly.
     pub near: f32,
     /// See `near`.
@@ -41,9 +46,11 @@ struct Sight<'a> {
     bytes: &'a [u8],
     /// Of the torus; and the pixel of it that the picture's first one reads.
     period: (usize, usize),
+    shear: usize,
     from: (usize, usize),
-    /// Optical depth of a step.
+    /// Optical depth of a step, and of none.
     gain: f32,
+    base: f32,
     near: f32,
     far: f32,
     /// Of the slab's share before a wall.
@@ -53,6 +60,7 @@ struct Sight<'a> {
 impl<'a> Sight<'a> {
     fn new(layer: &Layer<'a>, origin: [i64; 2], cancel: &Cancel) -> Result<Self, Error> {
         finite("gain", layer.gain.into())?;
+        finite("base", layer.base.into())?;
         finite("near", layer.near.into())?;
         if layer.far < layer.near || layer.far.is_nan() {
             let words = format!("must be {} or more, got {}", layer.near, layer.far);
@@ -60,21 +68,29 @@ impl<'a> Sight<'a> {
         }
         let sheet = layer.sheet;
         let period = sheet.law.period;
-        // The place within a pixel, and the pixel that is read.
+        // The place within a pixel, and the pixel that is read, as far as the torus and how often it has
+        // wrapped before.
         let axis = |shift: f64, period: usize, origin: i64| {
             let period = period as i64;
             let quarters = finite("shift", libm::floor(4.0 * shift + 0.5))?;
-            let quarters = libm::fmod(quarters, 4.0 * period as f64) as i64;
-            let pixel = origin.rem_euclid(period) - quarters.div_euclid(4);
-            Ok((quarters.rem_euclid(4) as usize, pixel.rem_euclid(period) as usize))
+            let most = 4.0 * period as f64 * FARTHEST;
+            let quarters = libm::fmod(quarters, most) as i64;
+            let pixel = origin - quarters.div_euclid(4);
+            let (at, rounds) = (pixel.rem_euclid(period), pixel.div_euclid(period));
+            Ok((quarters.rem_euclid(4) as usize, at as usize, rounds))
         };
-        let (down, row) = axis(layer.shift[1], period.0, origin[0])?;
-        let (right, col) = axis(layer.shift[0], period.1, origin[1])?;
+        let (down, row, rounds) = axis(layer.shift[1], period.0, origin[0])?;
+        let (right, col, _) = axis(layer.shift[0], period.1, origin[1])?;
+        let (shear, cols) = (sheet.law.shear, period.1 as i64);
+        let aside = (rounds.rem_euclid(cols) * shear as i64).rem_euclid(cols);
+        let col = (col as i64 - aside).rem_euclid(cols) as usize;
         Ok(Self {
             bytes: sheet.place(4 * down + right, cancel)?,
             period,
+            shear,
             from: (row, col),
             gain: layer.gain * sheet.stamps.unit,
+            base: layer.base,
             near: layer.near,
             far: layer.far,
             slope: 1.0 / (layer.far - layer.near),
@@ -134,15 +150,19 @@ fn block_with<const LEVEL: u8>(
     depth: Option<&[f32]>,
     opacity: bool,
 ) {
-    out.fill(0.0);
+    // Without walls all layers' bases are one number.
+    let bases = if depth.is_none() { sights.iter().map(|sight| sight.base).sum() } else { 0.0 };
+    out.fill(bases);
     let mut bounds = [(f32::INFINITY, f32::INFINITY); BLOCK / RUN];
     for (bound, depth) in bounds.iter_mut().zip(depth.unwrap_or(&[]).chunks(RUN)) {
         *bound = nearest_and_farthest(depth);
     }
     for sight in sights {
-        let row = (sight.from.0 + at.0) % sight.period.0;
+        let (row, rounds) =
+            ((sight.from.0 + at.0) % sight.period.0, (sight.from.0 + at.0) / sight.period.0);
         let bytes = &sight.bytes[row * sight.period.1..][..sight.period.1];
-        let mut col = (sight.from.1 + at.1) % sight.period.1;
+        let aside = rounds * sight.shear % sight.period.1;
+        let mut col = (sight.from.1 + at.1 + sight.period.1 - aside) % sight.period.1;
         let mut done = 0;
         while done < out.len() {
             let mut run = (out.len() - done).min(bytes.len() - col);
@@ -163,6 +183,9 @@ fn block_with<const LEVEL: u8>(
             let (out, bytes) = (&mut out[done..done + run], &bytes[col..col + run]);
             for (out, &byte) in out.iter_mut().zip(bytes) {
                 *out = multiply_add::<f32, LEVEL>(f32::from(byte), sight.gain, *out);
+            }
+            if depth.is_some() && sight.base != 0.0 {
+                out.iter_mut().for_each(|out| *out += sight.base);
             }
             (done, col) = (done + run, (col + run) % sight.period.1);
         }
@@ -202,6 +225,7 @@ fn weighed<const LEVEL: u8>(out: &mut [f32], bytes: &[u8], depth: &[f32], sight:
         let share = most(least((depth - sight.near) * sight.slope, 1.0), 0.0);
         let share = if depth < sight.far { share } else { 1.0 };
         *out = multiply_add::<f32, LEVEL>(f32::from(byte), sight.gain * share, *out);
+        *out += sight.base * share;
     }
 }
 
@@ -231,7 +255,14 @@ mod tests {
         let layer = |(i, sheet)| {
             let i: usize = i;
             let near = 2.0 + i as f32;
-            Layer { sheet, shift: [i as f64 * 7.3, -2.0], gain: 0.7, near, far: near + 1.0 }
+            Layer {
+                sheet,
+                shift: [i as f64 * 7.3, -2.0],
+                gain: 0.7,
+                base: 0.0,
+                near,
+                far: near + 1.0,
+            }
         };
         let depth = Array2::from_shape_fn((70, 1300), |(row, col)| match (row + col) % 11 {
             0 if row % 3 == 0 => f32::NAN,
@@ -245,6 +276,7 @@ mod tests {
         let law = |i: usize| Law {
             seed: i as u64,
             period: (150 + i, 400 - 31 * i),
+            shear: 0,
             count: 0.2,
             diameters: vec![0.6, 1.2],
             streak: [1.0, 2.0],

@@ -37,6 +37,9 @@ pub struct Law {
     pub seed: u64,
     /// Rows and columns of the torus.
     pub period: (usize, usize),
+    /// Columns to the right at which a flake that leaves the torus below comes in again above: one that falls
+    /// straight down meets its own place no more.
+    pub shear: usize,
     /// Flakes for each pixel, on average and of all ranks.
     pub count: f64,
     /// Diameters in pixels; each stands for an equal share of the flakes.
@@ -73,6 +76,9 @@ impl Law {
         }
         for way in self.streak {
             within("streak", way, -256.0, 256.0)?;
+        }
+        if self.shear >= cols {
+            return Err(Error::invalid("shear", "must be less than the columns"));
         }
         within("count", self.count, 0.0, 1000.0)?;
         within("circle", self.circle, 0.0, 32.0)?;
@@ -245,8 +251,12 @@ impl Sheet {
             line.fill(128);
             for (_, top, sums) in &parts {
                 let first = (row - top).rem_euclid(rows as i64) as usize;
-                for mut from in sums.chunks(stride).skip(first).step_by(rows) {
-                    let mut col = (-(left as i64)).rem_euclid(cols as i64) as usize;
+                let below = (top + first as i64).div_euclid(rows as i64);
+                for (round, mut from) in
+                    (below..).zip(sums.chunks(stride).skip(first).step_by(rows))
+                {
+                    let aside = left as i64 + round * self.law.shear as i64;
+                    let mut col = (-aside).rem_euclid(cols as i64) as usize;
                     while !from.is_empty() {
                         let run = from.len().min(cols - col);
                         for (sum, &from) in line[col..col + run].iter_mut().zip(from) {
@@ -289,7 +299,7 @@ mod tests {
 
     fn law(count: f64, diameters: &[f32], streak: [f64; 2], period: (usize, usize)) -> Law {
         let (diameters, ranks) = (diameters.to_vec(), (0.0, 1.0));
-        Law { seed: 7, period, count, diameters, streak, circle: 0.0, tau0: 4.3, ranks }
+        Law { seed: 7, period, shear: 0, count, diameters, streak, circle: 0.0, tau0: 4.3, ranks }
     }
 
     fn flakes(sheet: &Sheet) -> Vec<(usize, usize, usize)> {
@@ -352,8 +362,10 @@ mod tests {
         for (y, x, size) in flakes(sheet) {
             let (y, x) = (y + moved.0, x + moved.1);
             for (row, col, depth) in &stamps[16 * size + 4 * (y % 4) + x % 4] {
-                let row = (y as i64 / 4 + row).rem_euclid(rows as i64) as usize;
-                let col = (x as i64 / 4 + col).rem_euclid(cols as i64) as usize;
+                let (down, right) = (y as i64 / 4 + row, x as i64 / 4 + col);
+                let aside = down.div_euclid(rows as i64) * sheet.law.shear as i64;
+                let row = down.rem_euclid(rows as i64) as usize;
+                let col = (right - aside).rem_euclid(cols as i64) as usize;
                 out[(row, col)] += depth;
             }
         }
@@ -361,7 +373,7 @@ mod tests {
     }
 
     fn plain<'a>(sheet: &'a Sheet, shift: [f64; 2]) -> Layer<'a> {
-        Layer { sheet, shift, gain: 1.0, near: 0.0, far: 1.0 }
+        Layer { sheet, shift, gain: 1.0, base: 0.0, near: 0.0, far: 1.0 }
     }
 
     fn picture(shape: (usize, usize), origin: [i64; 2], layers: &[Layer<'_>]) -> Array2<f32> {
@@ -450,6 +462,25 @@ mod tests {
     }
 
     #[test]
+    fn what_leaves_below_comes_in_above_and_aside() {
+        let law = Law { shear: 20, ..law(0.02, &[0.8, 1.6], [1.0, -2.0], (37, 53)) };
+        let sheet = Sheet::new(law).unwrap();
+        let want = direct(&sheet, (0, 0));
+        let got = picture((80, 60), [-4, 3], &[plain(&sheet, [0.0, 0.0])]);
+        for ((row, col), &got) in got.indexed_iter() {
+            let (row, col) = (row as i64 - 4, col as i64 + 3);
+            let aside = row.div_euclid(37) * 20;
+            let at = (row.rem_euclid(37) as usize, (col - aside).rem_euclid(53) as usize);
+            assert!((f64::from(got) - want[at]).abs() < 0.04, "{row} {col}");
+        }
+        for rounds in [1, -3, 1_000_003] {
+            let moved = plain(&sheet, [20.0 * rounds as f64 + 0.5, 37.0 * rounds as f64]);
+            let again = picture((80, 60), [-4, 3], &[moved]);
+            assert_eq!(again, picture((80, 60), [-4, 3], &[plain(&sheet, [0.5, 0.0])]), "{rounds}");
+        }
+    }
+
+    #[test]
     fn flakes_are_poisson_and_split_by_rank() {
         let whole = Sheet::new(law(0.4, &[0.5, 1.0, 1.5], [0.0; 2], (1000, 1000))).unwrap();
         let list = flakes(&whole);
@@ -496,6 +527,7 @@ mod tests {
         let wrong = [
             ("count", Law { count: f64::NAN, ..good.clone() }),
             ("period", Law { period: (0, 32), ..good.clone() }),
+            ("shear", Law { shear: 1 << 20, ..good.clone() }),
             ("diameters", Law { diameters: vec![], ..good.clone() }),
             ("diameters", Law { diameters: vec![f32::NAN], ..good.clone() }),
             ("streak", Law { streak: [0.0, 1e9], ..good.clone() }),

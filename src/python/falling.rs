@@ -188,6 +188,7 @@ impl FlakeSheet {
     fn new(
         seed: u64,
         period: (usize, usize),
+        shear: usize,
         count: f64,
         diameters: Vec<f32>,
         streak: [f64; 2],
@@ -196,7 +197,7 @@ impl FlakeSheet {
         ranks: (f64, f64),
     ) -> PyResult<Self> {
         let tau0 = middle_depth(opacity)?;
-        let law = Law { seed, period, count, diameters, streak, circle, tau0, ranks };
+        let law = Law { seed, period, shear, count, diameters, streak, circle, tau0, ranks };
         Ok(Self(Sheet::new(law)?))
     }
 
@@ -213,8 +214,9 @@ impl FlakeSheet {
     }
 }
 
-/// A sheet, the displacement (x, y) px of its flakes, a gain, and the depths between which it lies.
-type LayerValues<'py> = (PyRef<'py, FlakeSheet>, [f64; 2], f32, f32, f32);
+/// A sheet, the displacement (x, y) px of its flakes, a gain and what is added, and the depths between which it
+/// lies.
+type LayerValues<'py> = (PyRef<'py, FlakeSheet>, [f64; 2], (f32, f32), f32, f32);
 
 /// Writes the optical depth of sheets over `out` (h, w), or their opacity. `origin` is the row and the column
 /// of the first pixel from the principal point; `depth` (h, w) is that of the scene.
@@ -229,10 +231,11 @@ pub fn sheet_read(
 ) -> PyResult<()> {
     let given: Vec<Layer<'_>> = sheets
         .iter()
-        .map(|(sheet, shift, gain, near, far)| Layer {
+        .map(|(sheet, shift, (gain, base), near, far)| Layer {
             sheet: &sheet.0,
             shift: *shift,
             gain: *gain,
+            base: *base,
             near: *near,
             far: *far,
         })

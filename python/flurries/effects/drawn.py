@@ -156,7 +156,7 @@ class DrawnFlakes:
             ids, rows, others = _core.flake_rows(self.sort(frame, amount))
             return Rows(
                 ids, rows[:, :3], rows[:, 3:5], rows[:, 5], rows[:, 6], rows[:, 7],
-                others.reshape(len(ids), -1, 2),
+                others.reshape(len(ids), -1 if len(ids) else len(STEPS), 2),
             )  # fmt: skip
 
         return frame.once_each(self, "rows", make)

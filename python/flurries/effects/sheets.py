@@ -34,6 +34,12 @@ _FAINT, _SOONER, _LEAST = 0.012, 0.4, 96
 # Bytes that sheets of a process take at most, and what a sheet takes at least: the oldest go.
 MOST_BYTES = 256 << 20
 
+# The part of a sheet's columns by which a flake that leaves it below comes in again aside.
+_SHEAR = 0.382
+
+# Flakes for each pixel of a sheet at most.
+_MOST_FLAKES = 12.0
+
 # Sizes of flakes in a sheet.
 _SIZES = 24
 
@@ -53,10 +59,12 @@ def read_sheets(weather: Weather, frame: Frame, film: Film, amount: float) -> Ar
     # What lies between whole pixels is a part of the way.
     moved = moved - np.array([left - x - column, top - y - row])
     sheets = sheets_of(weather, frame, film, streaks, amount)
-    layers = [
-        (sheet, (float(u), float(v)), 1.0, slab.near, slab.far)
-        for sheet, (u, v), (_, slab) in zip(sheets, moved, film.layers, strict=True)
-    ]
+    layers = []
+    for sheet, (u, v), (_, slab) in zip(sheets, moved, film.layers, strict=True):
+        # Of very many flakes some are made, and what differs from their mean is made stronger.
+        many = max(slab.count / film.tile**2 / _MOST_FLAKES, 1.0)
+        factors = math.sqrt(many), (many - math.sqrt(many)) * sheet.mean
+        layers.append((sheet, (float(u), float(v)), factors, slab.near, slab.far))
     depth = None if frame.depth is None else np.ascontiguousarray(frame.crop(frame.depth))
     _core.sheet_read(result, (row, column), layers, depth, True)
     return result
@@ -101,8 +109,9 @@ def sheets_of(
         )  # fmt: skip
         sheet = _kept.pop(key, None)
         if sheet is None:
+            count = min(slab.count / film.tile**2, _MOST_FLAKES)
             sheet = _core.FlakeSheet(
-                hash_of(frame.seed, number), (rows, columns), slab.count / film.tile**2,
+                hash_of(frame.seed, number), (rows, columns), round(_SHEAR * columns), count,
                 _diameters(slab.diameters), (u, v), circles[number], opacity, (0.0, emission),
             )  # fmt: skip
         # Out and in again: the order is that of use.
