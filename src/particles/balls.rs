@@ -1,8 +1,9 @@
 //! Images of balls, integrated over pixels and along a way: tables by radius, made once an opacity.
 //!
-//! A table is of one radius in pixels; a ball of a radius near it looks its places up in the scale of the
-//! table's, which makes the pixel over which it is integrated wrong by 4 % at most. A ball smaller than
-//! [`LEAST`] is one of that radius and as much fainter; beyond [`MOST`] a pixel is small beside it.
+//! A table is of one radius in pixels. A large ball of a radius near it looks its places up in the scale of
+//! the table's, which makes the pixel over which it is integrated wrong by 4 % at most; a small one is as
+//! large as the table's and as much fainter or stronger. A ball smaller than [`LEAST`] is one of that radius;
+//! beyond [`MOST`] a pixel is small beside it.
 
 #![expect(
     clippy::needless_range_loop,
@@ -27,13 +28,24 @@ const STEPS: f64 = 8.0;
 /// A pixel's corner is so far from its middle, with a little more: a ball reaches so far beyond its radius.
 const MARGIN: f64 = 0.75;
 
-/// Entries of a table for each pixel: along the way, and across it, where the nearest one is taken.
-const ALONG: usize = 8;
-const ACROSS: usize = 16;
+/// Entries of a table for each pixel across the way, where the nearest one is taken; along it there are half as
+/// many. A small ball ends within less of a pixel.
+fn entries(radius: f64) -> usize {
+    if radius < 0.8 {
+        64
+    } else if radius < 2.5 {
+        32
+    } else {
+        16
+    }
+}
 
 /// A way in px below which two places of the resting ball stand for it; below the second, one.
 const SHORT: f64 = 1.0;
 const NONE: f64 = 0.03;
+
+/// Below this radius the pixel's width counts more than the ball's.
+const SMALL: f64 = 2.0;
 
 /// Of a way the places that integrate a cubic exactly, from its middle, in its lengths.
 const GAUSS: f64 = 0.288_675_134_594_812_9;
@@ -48,6 +60,9 @@ struct Table {
     radius: f64,
     /// The radius and the margin.
     reach: f64,
+    /// Entries for each pixel.
+    along: f64,
+    across: f64,
     /// By distance across the way and along it: the resting image.
     rest: Vec<f32>,
     /// Its integral along the way, from before the ball on, px.
@@ -104,7 +119,7 @@ impl Table {
     fn new(radius: f64, mean: f64, profile: &[f32]) -> Self {
         let reach = radius + MARGIN;
         // Cells in which the ball's opacity is constant, at least twelve in a radius, and whole in a pixel.
-        let fine = if radius < 1.0 { 32 } else { ACROSS };
+        let fine = entries(radius);
         let side = 1.0 / fine as f64;
         let half = (radius * fine as f64).ceil() as usize;
         // One quarter of the ball; sums from its middle on, along both axes.
@@ -131,30 +146,30 @@ impl Table {
             let sign = (x.signum() * y.signum()) as f64;
             sign * sums[row * width + column] * factor
         };
-        let columns = (2.0 * reach * ALONG as f64).ceil() as usize + 2;
-        let rows = (reach * ACROSS as f64).ceil() as usize + 1;
+        let (each, along) = (fine as f64, 0.5 * fine as f64);
+        let columns = (2.0 * reach * along).ceil() as usize + 2;
+        let rows = (reach * each).ceil() as usize + 1;
         let length = (columns * rows).next_power_of_two();
         let (mut rest, mut swept) = (vec![0.0_f32; length], vec![0.0_f32; length]);
-        let (along, across) = ((fine / ALONG) as i64, (fine / ACROSS) as i64);
         let pixel = fine as i64 / 2;
-        let middle = (reach * ALONG as f64).round() as i64;
+        let middle = (reach * along).round() as i64;
         for row in 0..rows {
-            let y = row as i64 * across;
+            let y = row as i64;
             let mut total = 0.0;
             let mut before = 0.0;
             for column in 0..columns {
-                let x = (column as i64 - middle) * along;
+                let x = (column as i64 - middle) * 2;
                 let corner = |dx: i64, dy: i64| quarter(x + dx, y + dy);
                 let value = corner(pixel, pixel) - corner(-pixel, pixel) - corner(pixel, -pixel)
                     + corner(-pixel, -pixel);
-                total += 0.5 * (value + before) / ALONG as f64;
+                total += 0.5 * (value + before) / along;
                 before = value;
                 rest[row * columns + column] = value as f32;
                 swept[row * columns + column] = total as f32;
             }
         }
-        let reach = middle as f64 / ALONG as f64;
-        Self { radius, reach, rest, swept, columns, rows, mask: length - 1 }
+        let reach = middle as f64 / along;
+        Self { radius, reach, along, across: each, rest, swept, columns, rows, mask: length - 1 }
     }
 }
 
@@ -197,7 +212,11 @@ pub(super) fn ball<P: Profile, C: Canvas, const LEVEL: u8>(
     let wide = REACH * sprite.sigma;
     let radius = wide - MARGIN;
     let table = balls.table(radius);
-    let scale = table.radius / radius;
+    // Of a small ball the pixel is most of the image: it keeps its width, and the amplitude makes up for the radius.
+    let small = table.radius < SMALL;
+    let scale = if small { 1.0 } else { table.radius / radius };
+    let whole =
+        if small { sprite.amplitude * (radius / table.radius).powi(2) } else { sprite.amplitude };
     let resting = sprite.length < SHORT;
     let [ux, uy] = if resting { [1.0, 0.0] } else { sprite.along };
     let length = if resting { 0.0 } else { sprite.length };
@@ -206,11 +225,10 @@ pub(super) fn ball<P: Profile, C: Canvas, const LEVEL: u8>(
         sprite.start[axis] - origin[axis] + if resting { middle * sprite.along[axis] } else { 0.0 }
     });
     // Along the way in entries of the table, from its first one on.
-    let (step, across) = (scale * ALONG as f64, scale * ACROSS as f64);
-    let first = table.reach * ALONG as f64;
+    let (step, across) = (scale * table.along, scale * table.across);
+    let first = table.reach * table.along;
     let depth = P::of(sprite.depth);
-    let amplitude =
-        if resting { sprite.amplitude } else { sprite.amplitude / (length * scale) } as f32;
+    let amplitude = if resting { whole } else { whole / (length * scale) } as f32;
     for row in rows {
         let h = row as f64 + 0.5 - y;
         // Columns whose places lie beside the way, and between its ends.
@@ -269,6 +287,43 @@ pub(super) fn ball<P: Profile, C: Canvas, const LEVEL: u8>(
                 }
             }
             multiply::<P, C, LEVEL>(canvas, map, depth, row * TILE + column, &alpha);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::base::ball::{mean_opacity, middle_depth};
+
+    /// The sum of a sprite's opacities over a tile.
+    fn energy(balls: &Balls, sprite: &Sprite) -> f64 {
+        let mut through = [1.0; PIXELS];
+        ball::<f32, _, { crate::base::simd::PORTABLE }>(
+            &mut through,
+            None,
+            sprite,
+            [0.0; 2],
+            balls,
+        );
+        through.iter().map(|through| 1.0 - through).sum()
+    }
+
+    #[test]
+    fn a_ball_covers_what_it_should_wherever_it_lies_and_moves() {
+        let tau0 = middle_depth(0.6).unwrap();
+        let balls = Balls::new(tau0).unwrap();
+        for radius in [0.05, 0.21, 0.33, 0.5, 0.9, 1.7, 3.1, 4.9, 7.3, 12.0] {
+            let mut worst: f64 = 0.0;
+            for step in 0..12 {
+                let at = [31.0 + 0.083 * f64::from(step), 32.0 - 0.137 * f64::from(step)];
+                for way in [[0.0, 0.0], [0.3, 0.2], [0.9, -0.1], [3.0, 4.0], [-6.0, 0.5]] {
+                    let sprite = Balls::sprite(at, way, radius, 0.7, 1.0).unwrap();
+                    let wanted = 0.7 * mean_opacity(tau0) * std::f64::consts::PI * radius * radius;
+                    worst = worst.max((energy(&balls, &sprite) / wanted - 1.0).abs());
+                }
+            }
+            assert!(worst < 0.011, "{radius}: {worst}");
         }
     }
 }

@@ -8,7 +8,7 @@ from typing import Any, Literal, TypeAlias, get_args
 
 import numpy as np
 
-from flurries._contract import Float64, seed_of, vector
+from flurries._contract import Float64, real, seed_of, vector
 from flurries._warnings import warn
 from flurries.effects.checks import (
     DEPTH_MODES,
@@ -45,7 +45,7 @@ SHAPES = get_args(Shape)
 # What the fields of a population may be.
 POPULATION: dict[str, Any] = {
     "density": partial(as_number, low=0.0, high=1e6),
-    "opacity": part,
+    "opacity": lambda name, value: real(name, value, low=0.0, high=0.99),
     "amount": share,
     "emission": share,
     "fall": optional(as_number),
@@ -57,6 +57,7 @@ POPULATION: dict[str, Any] = {
     "near": length,
     "far": length,
     "cloud": length,
+    "handover": optional(length),
     "method": one_of(METHODS),
     "depth_mode": one_of(DEPTH_MODES),
     "shape": one_of(SHAPES),

@@ -73,7 +73,7 @@ class Rain(metaclass=Described):
     shape : {"natural", "round"}
         Shape of a drop near the camera: "natural" is flattened by its fall, with a rim through
         which little light comes; "round" is a round dot.
-    method, depth_mode, look, seed
+    handover, method, depth_mode, look, seed
         As in :class:`Snow`.
     severity : int, optional
         1 to 5. Sets other fields; scene files hold those and not the severity.
@@ -106,6 +106,7 @@ class Rain(metaclass=Described):
     near: float = 0.4
     far: float = 40.0
     cloud: float = 10.0
+    handover: float | None = None
     method: Method = "hybrid"
     depth_mode: DepthMode = "pixel"
     shape: Shape = "natural"

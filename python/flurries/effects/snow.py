@@ -77,6 +77,9 @@ class Snow(metaclass=Described):
         veil has the extinction of the flakes beyond `far`.
     cloud : float
         Height above the camera in metres at which flakes begin to fall, for `emission`.
+    handover : float, optional
+        Depth in metres up to which flakes are drawn one by one, if they are at rest or all move
+        alike. If not given, it follows from the density and the focal length.
     method : {"hybrid", "simulated"}
         "simulated" draws every flake one by one, which is slow.
     depth_mode : {"pixel", "tile"}
@@ -122,6 +125,7 @@ class Snow(metaclass=Described):
     near: float = 0.4
     far: float = 60.0
     cloud: float = 10.0
+    handover: float | None = None
     method: Method = "hybrid"
     depth_mode: DepthMode = "pixel"
     shape: Shape = "natural"

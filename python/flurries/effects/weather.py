@@ -188,6 +188,8 @@ class Weather:
         What flakes are near the camera.
     keyed : bool
         Whether the amount of flakes changes.
+    handover : float, optional
+        Depth up to which they are drawn where sheets lie beyond, metres.
     """
 
     population: Population
@@ -200,6 +202,7 @@ class Weather:
     simulated: bool
     shape: str = "round"
     keyed: bool = False
+    handover: float | None = None
 
     def film(self, frame: Frame) -> Film:
         """Return the shares of the film that a frame belongs to."""
@@ -341,6 +344,9 @@ def hand_over(weather: Weather, focal: float) -> float:
     Slabs end at fixed depths, 2^(1/4) apart. Where the drawn flakes are a share of the pixels, their
     cost is that share at any size of the picture; a sheet's flakes have an end.
     """
+
+    if weather.handover is not None:
+        return min(max(weather.handover, NEAR_FADE * weather.near), weather.far)
 
     def edge(depth: float, towards: Callable[[float], float]) -> float:
         return float(2.0 ** (0.25 * towards(4.0 * math.log2(depth))))
