@@ -27,7 +27,6 @@ from flurries.effects.checks import (
 from flurries.effects.color import Color
 from flurries.effects.described import Described
 from flurries.effects.double_cone import FARTHEST, DoubleCone, tile_metres
-from flurries.effects.drawn import DrawnFlakes
 from flurries.effects.flakes import Flakes
 from flurries.effects.knobs import preset
 from flurries.effects.motion import Motion
@@ -309,7 +308,7 @@ class ConeSnow(metaclass=Described):
             name=self.NAME,
             motion=motion,
             texture=sheet,
-            flakes=DrawnFlakes(flakes),
+            flakes=flakes,
             veil=Veil(self.haze, FARTHEST * self.radius),
         )
 
