@@ -271,6 +271,14 @@ def test_all_ways_to_a_flake_name_it_alike(tmp_path: Path):
     assert (apart <= focal * radius / found["depth"] + 1.5).all()
 
 
+def test_air_without_a_flake_in_view():
+    scene = fl.Scene((8, 8), "#203040", effects=fl.Snow(density=0.001))
+    assert len(fl.flakes(scene)) == 0
+    assert (scene.render(0, layers=True).ids["snow"] == -1).all()
+    with pytest.raises(ValueError, match="t: has carried"):
+        fl.flakes(scene, 1e19)
+
+
 def test_points_are_the_flakes(tmp_path: Path):
     usd = pytest.importorskip("pxr.Usd", reason="usd-core is missing: flurries[usd]")
     geometry = pytest.importorskip("pxr.UsdGeom")

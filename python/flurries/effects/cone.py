@@ -220,7 +220,8 @@ class ConeSnow(metaclass=Described):
     flake_size : (smallest, largest)
         Smallest and largest diameter in metres, of the flakes in the texture and of those in front.
     flake_opacity : float
-        Opacity in the middle of a flake, 0 to 1.
+        Opacity of a flake, 0 to 1: the mean over the disc of those in front, .99 at most, and that
+        of the middle of those in the texture.
     sway : (amplitude, rate)
         Amplitude in metres and rate in radians per second. Each flake in front swings with a phase
         of its own.

@@ -111,7 +111,7 @@ class TentSnow(metaclass=Described):
     flake_size : (smallest, largest)
         Diameters in metres.
     flake_opacity : float
-        Opacity in the middle of a flake, 0 to 1. Keyed.
+        Mean opacity over the disc of a flake at rest, 0 to 1; .99 at most is drawn. Keyed.
     sway : (amplitude, rate)
         Amplitude in metres and rate in radians per second. Each flake swings with a phase of its
         own.

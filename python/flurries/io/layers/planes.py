@@ -204,7 +204,7 @@ def _checked_layer(name: str, values: npt.ArrayLike) -> Array:
             f"layers: the name {name!r} must be letters, digits and '_', parts joined by '.'"
         )
     array = np.asarray(values)
-    if array.dtype.kind != "f" and array.dtype not in (np.int64, np.uint64):
+    if array.dtype.kind != "f" and not (array.dtype.kind in "iu" and array.dtype.itemsize == 8):
         raise TypeError(f"layers: {name!r} must hold floats or 64-bit integers, got {array.dtype}")
     if array.ndim == 2:
         array = array[..., np.newaxis]
