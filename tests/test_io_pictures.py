@@ -322,6 +322,34 @@ def test_layers_come_back(tmp_path):
         assert same_bits(read_layers(tmp_path / "b.exr")[name], layer)
 
 
+def test_whole_numbers_come_back_to_the_bit(tmp_path):
+    numbers = np.random.default_rng(1).integers(0, 2**63 - 1, (70, 9))
+    # Bits of NaNs, infinities and the smallest float; both ends.
+    edges = [0, 1, 0x7F800001, 0xFF800000, 2**31, 2**32 - 1, 2**32, 2**53 - 1, 2**63 - 1]
+    numbers.flat[: len(edges)] = edges
+    layers = {"rgba": noise((70, 9, 4)), "snow.id": numbers, "depth": noise((70, 9))}
+    for name, given in {"a": layers, "b": {"snow.id": numbers.astype(np.uint64)}}.items():
+        path = tmp_path / f"{name}.exr"
+        write_layers(path, given)
+        spec = oiio.ImageInput.open(str(path)).spec()
+        kinds = {n: str(spec.channelformat(i)) for i, n in enumerate(spec.channelnames)}
+        assert kinds["snow.id"] == kinds["snow.id.hi"] == "uint"
+        reader = oiio.ImageInput.open(str(path))
+        for channel, wanted in (("snow.id", numbers & 0xFFFFFFFF), ("snow.id.hi", numbers >> 32)):
+            place = spec.channelindex(channel)
+            got = reader.read_scanlines(0, 0, 0, 70, 0, place, place + 1, "uint")[..., 0]
+            np.testing.assert_array_equal(got, wanted)
+        found = read_layers(path)
+        assert found.keys() == given.keys() and found["snow.id"].dtype == np.int64
+        np.testing.assert_array_equal(found["snow.id"], numbers)
+    for wrong, match in ((-numbers, "from 0"), (np.full((4, 4), 2**63, np.uint64), "from 0"),
+                         (np.dstack([numbers] * 2), r"\(H, W\)")):  # fmt: skip
+        with pytest.raises(ValueError, match=match):
+            write_layers(tmp_path / "c.exr", {"id": wrong})
+    with pytest.raises(TypeError, match="64-bit"):
+        write_layers(tmp_path / "c.exr", {"id": numbers.astype(np.int32)})
+
+
 # Refusals
 
 

@@ -234,19 +234,67 @@ def test_channels_are_called_as_compositors_call_them(tmp_path: Path):
         named |= {f"{layer}.{c}" for c in "RGBA"}
         named |= {f"{layer}.{c}" for c in ("depth.Z", "forward.u", "forward.v")}
         named |= {f"{layer}.backward.{c}" for c in "uv"}
-        named |= {f"{layer}.coverage.A", f"{layer}.id.Y"}
+        named |= {f"{layer}.coverage.A", f"{layer}.id", f"{layer}.id.hi"}
     assert set(types) == named
-    precise = {name for name in named if name[-1] in "ZuvY"}
+    precise = {name for name in named if name[-1] in "Zuv"}
+    numbers = {name for name in named if ".id" in name}
     assert {types[name] for name in precise} == {"float"}
-    assert {types[name] for name in named - precise} == {"half"}
+    assert {types[name] for name in numbers} == {"uint"}
+    assert {types[name] for name in named - precise - numbers} == {"half"}
     said = read_header(tmp_path / "a.exr").metadata
     assert said["version"] == fl.__version__ and (said["seed"], said["frame"]) == ("9", "12")
     assert said["light"] == "linear" and "y down" in said["motion"] and len(said["scene"]) > 16
     whole, read = scene.render(12, layers=True), read_layers(tmp_path / "a.exr")
     assert np.array_equal(read["snow.forward"], whole.motions["snow"])
     assert np.array_equal(read["forward"], whole.motion)
-    assert np.array_equal(read["rain.id"] - 1, whole.ids["rain"])
+    assert np.array_equal(read["rain.id"], np.maximum(whole.ids["rain"], 0))
     assert np.array_equal(read["rain.depth"], whole.depths["rain"])
+
+
+def test_all_ways_to_a_flake_name_it_alike(tmp_path: Path):
+    scene = fl.Scene((W, H), LIGHT, effects=fl.Snow.preset("heavy"), fps=24.0)
+    flakes = fl.flakes(scene, 12)
+    ids = scene.render(12, layers=True).ids["snow"]
+    scene.write(tmp_path / "a.exr", 12, layers=True)
+    shown = set(np.unique(ids).tolist()) - {-1}
+    # As floats these would not be told apart.
+    assert len(shown) > 50 and max(shown) > 2**48
+    assert shown <= set(flakes["id"].tolist())
+    assert np.array_equal(read_layers(tmp_path / "a.exr")["snow.id"], np.maximum(ids, 0))
+    rows, columns = np.nonzero(ids >= 0)
+    order = np.argsort(flakes["id"])
+    found = flakes[order[np.searchsorted(flakes["id"], ids[rows, columns], sorter=order)]]
+    apart = np.hypot(*(found["pixel"] - np.c_[columns, rows] - 0.5).T)
+    focal = scene.camera.camera.focal
+    # A flake reaches to its rim, and as far as it goes while the shutter is open.
+    radius = 0.5 * found["diameter"] + 0.05
+    assert (apart <= focal * radius / found["depth"] + 1.5).all()
+
+
+def test_air_without_a_flake_in_view():
+    scene = fl.Scene((8, 8), "#203040", effects=fl.Snow(density=0.001))
+    assert len(fl.flakes(scene)) == 0
+    assert (scene.render(0, layers=True).ids["snow"] == -1).all()
+    with pytest.raises(ValueError, match="t: has carried"):
+        fl.flakes(scene, 1e19)
+
+
+def test_points_are_the_flakes(tmp_path: Path):
+    usd = pytest.importorskip("pxr.Usd", reason="usd-core is missing: flurries[usd]")
+    geometry = pytest.importorskip("pxr.UsdGeom")
+    scene = fl.Scene((W, H), LIGHT, effects=fl.Snow.preset("heavy"), fps=24.0)
+    flakes = np.sort(fl.flakes(scene, 12), order="id")
+    scene.write(tmp_path / "a.usda", 12)
+    # Of a stage that nobody holds the points are gone.
+    stage = usd.Stage.Open(str(tmp_path / "a.usda"))
+    points = geometry.Points(stage.GetPrimAtPath("/flurries/snow"))
+    ids = np.array(points.GetIdsAttr().Get(12))
+    order = np.argsort(ids)
+    assert np.array_equal(ids[order], flakes["id"].astype(np.int64))
+    places = np.array(points.GetPointsAttr().Get(12))[order] * [1, -1, -1]
+    assert np.abs(places - flakes["place"]).max() < 1e-5
+    shown = scene.render(12, layers=True).ids["snow"]
+    assert set(np.unique(shown).tolist()) - {-1} <= set(ids.tolist())
 
 
 @pytest.mark.parametrize("layers", [True, False])
@@ -263,6 +311,8 @@ def test_two_eyes_are_two_views(layers: bool, tmp_path: Path):
         spec = buffer.spec()
         assert (buffer.nsubimages, spec["view"], spec["oiio:subimagename"]) == (2, name, name)
         assert ("snow.forward.u" in spec.channelnames) == layers
+        kinds = {n: str(spec.channelformat(i)) for i, n in enumerate(spec.channelnames)}
+        assert kinds.get("snow.id.hi") == ("uint" if layers else None)
         assert spec["flurries:frame"] == "4"
         got = oiio.ImageBufAlgo.channels(buffer, ("R", "G", "B")).get_pixels(oiio.FLOAT)
         assert np.array_equal(got, scene.render(4, eye=eyes[name]))

@@ -9,7 +9,7 @@ import pytest
 
 ROOT = Path(__file__).parents[1]
 SOURCES = sorted((ROOT / "src").rglob("*.rs"))
-SUBJECTS = {"air", "cone", "encode", "gas", "particles", "spectral"}
+SUBJECTS = {"air", "cone", "encode", "falling", "gas", "particles", "spectral"}
 
 # What a folder may read besides itself.
 BELOW = {
@@ -18,6 +18,7 @@ BELOW = {
     "python": {"base", "frame", *SUBJECTS},
     "lib.rs": set(),
     **{subject: {"base"} for subject in SUBJECTS},
+    "falling": {"air", "base", "particles"},
 }
 
 

@@ -11,6 +11,9 @@ pub const OPEN: usize = 1;
 /// When it closes.
 pub const CLOSE: usize = 2;
 
+/// Metres by which the air is carried at most.
+const FARTHEST: f64 = 1e15;
+
 /// Vectors of three.
 pub type Vector = [f64; 3];
 
@@ -103,6 +106,11 @@ impl Air {
     /// Refuses what no caller means.
     pub fn checked(self) -> Result<Self, Error> {
         let times = self.eyes.len();
+        // Cells are numbered by whole numbers of 64 bits.
+        if !self.classes.iter().flat_map(|class| &class.at).flatten().all(|v| v.abs() < FARTHEST) {
+            let words = format!("has carried the air by {FARTHEST:e} m or more");
+            return Err(Error::invalid("t", words));
+        }
         let finite = |values: &[f64]| values.iter().all(|v| v.is_finite());
         let sound = times > CLOSE
             && (0.0..=1.0).contains(&self.opacity)
@@ -120,8 +128,6 @@ impl Air {
                     && (0.0..=DENSEST).contains(&class.density)
                     && class.shown.iter().all(|v| v.is_finite())
                     && class.at.len() == times
-                    // Cells are numbered by whole numbers of 64 bits.
-                    && class.at.iter().flatten().all(|v| v.abs() < 1e15)
                     && class.swung.len() == times
                     && finite(&class.swung)
                     && !class.amount.values.is_empty()
@@ -129,7 +135,11 @@ impl Air {
                     && finite(&class.waves)
                     && (class.waves.is_empty() || class.waves.len() == 2 * times * self.waves.len())
                     && (class.profile.is_empty() || class.profile.len() == times)
-                    && class.profile.iter().flatten().all(|table| !table.values.is_empty() && finite(&table.values))
+                    && class
+                        .profile
+                        .iter()
+                        .flatten()
+                        .all(|table| !table.values.is_empty() && finite(&table.values))
             });
         if sound { Ok(self) } else { Err(Error::Internal("no air looks like that".into())) }
     }

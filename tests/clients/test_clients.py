@@ -135,6 +135,9 @@ def test_the_module_of_openexr_reads_windows_and_channels(shot: Path):
             assert channels[name].pixels.shape == (H, W), name
         ours = io.read_layers(shot / "layers.exr")
         np.testing.assert_array_equal(channels["snow2.depth.Z"].pixels, ours["snow2.depth"])
+        lower, upper = (channels[f"snow.id{half}"].pixels for half in ("", ".hi"))
+        assert lower.dtype == upper.dtype == np.uint32 and upper.max() > 0
+        np.testing.assert_array_equal(lower + (upper.astype(np.int64) << 32), ours["snow.id"])
 
 
 def test_the_module_of_openexr_counts_deep_samples(tmp_path: Path):

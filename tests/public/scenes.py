@@ -63,6 +63,7 @@ STACK = np.stack([PICTURE] * 2)
 
 CALLS: dict[str, Call] = {
     # What a scene is made of, and one.
+    "flakes": Call({"scene": SCENE, "t": 3.0}, then=lambda found: found["place"]),
     "Scene": Call(
         {"background": PICTURE, "depth": DEPTH, "foreground": COVER,
          "effects": [fl.TentSnow(flakes=50)]},

@@ -27,7 +27,6 @@ from flurries.effects.checks import (
 from flurries.effects.color import Color
 from flurries.effects.described import Described
 from flurries.effects.double_cone import FARTHEST, DoubleCone, tile_metres
-from flurries.effects.drawn import DrawnFlakes
 from flurries.effects.flakes import Flakes
 from flurries.effects.knobs import preset
 from flurries.effects.motion import Motion
@@ -221,7 +220,8 @@ class ConeSnow(metaclass=Described):
     flake_size : (smallest, largest)
         Smallest and largest diameter in metres, of the flakes in the texture and of those in front.
     flake_opacity : float
-        Opacity in the middle of a flake, 0 to 1.
+        Opacity of a flake, 0 to 1: the mean over the disc of those in front, .99 at most, and that
+        of the middle of those in the texture.
     sway : (amplitude, rate)
         Amplitude in metres and rate in radians per second. Each flake in front swings with a phase
         of its own.
@@ -309,7 +309,7 @@ class ConeSnow(metaclass=Described):
             name=self.NAME,
             motion=motion,
             texture=sheet,
-            flakes=DrawnFlakes(flakes),
+            flakes=flakes,
             veil=Veil(self.haze, FARTHEST * self.radius),
         )
 

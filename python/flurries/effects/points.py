@@ -41,9 +41,9 @@ def drawn_of(effect: Any, frame: Frame) -> npt.NDArray[Any] | None:
     parts = getattr(effect, "parts", None)
     found = []
     for part in getattr(parts, "parts", [parts]):
-        if not (isinstance(part, Precipitation) and isinstance(part.flakes, DrawnFlakes)):
+        if not (isinstance(part, Precipitation) and isinstance(part.front, DrawnFlakes)):
             continue
-        flakes = part.flakes
+        flakes = part.front
         rows = flakes.rows(frame, float(value_at(part.amount, frame.t)))
         made = np.empty(len(rows.ids), FLAKE)
         # The camera may be beside its eyes.

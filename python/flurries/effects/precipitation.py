@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any, Generic, Protocol, TypeVar
 
 import numpy as np
@@ -11,6 +12,8 @@ from flurries import _core
 from flurries._contract import Array
 from flurries._core import SortedFlakes
 from flurries.effects.color import bright, color_at, is_local, reads_of
+from flurries.effects.drawn import DrawnFlakes
+from flurries.effects.flakes import Flakes
 from flurries.effects.lighting import add_light, even_shade, local_shade, veil_layer
 from flurries.effects.motion import Motion, Way
 from flurries.effects.passes import passes_of
@@ -39,7 +42,7 @@ class Backdrop(Protocol):
 
 
 class Front(Protocol):
-    """The part in front: :class:`Flakes`, or the near flakes of a population."""
+    """The part in front: flakes that are drawn, or a part of one's own."""
 
     def needs(self, frame: Frame, amount: float) -> Needs:
         """Return its step with the cost, or why there is none, and the largest opacity."""
@@ -88,7 +91,8 @@ class Precipitation(Generic[_Back]):
         What moves them.
     texture : Backdrop or None
         Behind the flakes.
-    flakes : Front, optional
+    flakes : Flakes or Front, optional
+        In front of it.
     veil : Cover
         Over all.
     """
@@ -98,17 +102,22 @@ class Precipitation(Generic[_Back]):
     color: Any
     motion: Motion
     texture: _Back
-    flakes: Front | None = None
+    flakes: Flakes | Front | None = None
     veil: Cover
     brightness: Number = 1.0
     optics: Optics = FLAKES
+
+    @cached_property
+    def front(self) -> Front | None:
+        """The part that draws the flakes."""
+        return DrawnFlakes(self.flakes) if isinstance(self.flakes, Flakes) else self.flakes
 
     def needs(self, frame: Frame) -> Needs:
         """Return the needs of a frame: the parts' steps, and "join", which makes them one plane."""
         amount = value_at(self.amount, frame.t)
         if amount == 0.0:
             return Needs((), (LeftOut(self.name, "its amount is 0"),), most=0.0)
-        parts = [part for part in (self.texture, self.flakes, self.veil) if part is not None]
+        parts = [part for part in (self.texture, self.front, self.veil) if part is not None]
         asked = [part.needs(frame, amount) for part in parts]
         clear = float(np.prod([1.0 - needs.most for needs in asked]))
         if clear == 1.0:
@@ -123,7 +132,7 @@ class Precipitation(Generic[_Back]):
         if self._local:
             work = {"shaded pixel": float(pixels)}
             steps.append(Step("local light", lambda: Cost(work, "cells of the plate")))
-        if frame.lights and hasattr(self.flakes, "lit"):
+        if frame.lights and hasattr(self.front, "lit"):
             lamps = {"lit pixel": float(pixels * (1 + len(frame.lights)))}
             size = f"{len(frame.lights)} lamps"
             steps.append(Step("lamps", lambda: Cost(lamps, size, 12 * pixels)))
@@ -152,7 +161,7 @@ class Precipitation(Generic[_Back]):
         """Return the layer of a frame; of local light the veil is one of its own, behind."""
         amount, haze, run = self._now(frame)
         way = self.motion.way(frame)
-        texture, flakes, veil = self.texture, self.flakes, self.veil
+        texture, flakes, veil = self.texture, self.front, self.veil
         behind = front = None
         if texture is not None:
             behind = run(texture.name, lambda: texture.alpha(frame, amount, way))
@@ -217,7 +226,7 @@ class Precipitation(Generic[_Back]):
 
         None where that pass has no way to do it: no texture, or a scene that ends.
         """
-        texture, flakes = self.texture, self.flakes
+        texture, flakes = self.texture, self.front
         if frame.depth is not None or frame.lights or not isinstance(texture, Texture):
             return None
         amount, haze, run = self._now(frame)

@@ -46,7 +46,7 @@ class Rain(metaclass=Described):
     drop_size : (smallest, mean, largest)
         Diameters in metres, exponentially distributed. Keyed, as in :class:`Snow`.
     opacity : float
-        Opacity in the middle of a resting drop, 0 to 1.
+        Mean opacity over the disc of a drop at rest, 0 to 0.99.
     gain : float
         Light that a drop sends, divided by `color`. A drop gathers the light of the whole sky
         ahead, which is brighter than most of what is behind the drop. Keyed.

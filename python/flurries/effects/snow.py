@@ -47,7 +47,8 @@ class Snow(metaclass=Described):
         Diameters in metres, exponentially distributed: many small ones, few large ones.
         Keyed: between two keys the flakes of one size go, one by one, as those of the other come.
     opacity : float
-        Opacity in the middle of a flake, 0 to 1.
+        Mean opacity over the disc of a flake at rest, 0 to 0.99: one of diameter D covers
+        ``opacity * pi / 4 * D**2``.
     amount : float
         Share of the flakes that are shown, 0 to 1. Flakes become fewer, not fainter. Keyed.
     emission : float

@@ -27,7 +27,6 @@ from flurries.effects.checks import (
 from flurries.effects.color import Color
 from flurries.effects.described import Described
 from flurries.effects.field import Field
-from flurries.effects.drawn import DrawnFlakes
 from flurries.effects.flakes import Flakes
 from flurries.effects.knobs import knobs, preset
 from flurries.effects.looks import rain_of_rate, rain_of_severity, rate_of, severity_of
@@ -216,6 +215,6 @@ class TentRain(metaclass=Described):
             name=self.NAME,
             motion=motion,
             texture=texture,
-            flakes=DrawnFlakes(drops),
+            flakes=drops,
             veil=Veil(self.haze, field.far_depth),
         )

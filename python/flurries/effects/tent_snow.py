@@ -26,7 +26,6 @@ from flurries.effects.checks import (
 from flurries.effects.color import Color
 from flurries.effects.described import Described
 from flurries.effects.field import Field
-from flurries.effects.drawn import DrawnFlakes
 from flurries.effects.flakes import Flakes
 from flurries.effects.knobs import knobs, preset
 from flurries.effects.looks import rate_of, severity_of, snow_of_rate, snow_of_severity
@@ -112,7 +111,7 @@ class TentSnow(metaclass=Described):
     flake_size : (smallest, largest)
         Diameters in metres.
     flake_opacity : float
-        Opacity in the middle of a flake, 0 to 1. Keyed.
+        Mean opacity over the disc of a flake at rest, 0 to 1; .99 at most is drawn. Keyed.
     sway : (amplitude, rate)
         Amplitude in metres and rate in radians per second. Each flake swings with a phase of its
         own.
@@ -207,6 +206,6 @@ class TentSnow(metaclass=Described):
             name=self.NAME,
             motion=motion,
             texture=texture,
-            flakes=DrawnFlakes(flakes),
+            flakes=flakes,
             veil=Veil(self.haze, field.far_depth),
         )

@@ -22,9 +22,6 @@ from flurries.output.deep import deep_of
 from flurries.scene.output import MOTION
 from flurries.scene.scene import Scene
 
-# The largest id that a float tells from its neighbours.
-_MOST_IDS = 2**24
-
 
 @dataclass(frozen=True)
 class Content:
@@ -179,9 +176,8 @@ def planes(rendered: Rendered, *, up: bool = False) -> dict[str, Array]:
         ``rgba``, the composite in linear light with alpha 1; each layer by its name, and the
         ``background`` and ``foreground`` that it lies between, in the light of the composite;
         ``NAME.depth``, ``NAME.forward``, ``NAME.backward``, ``NAME.coverage`` and ``NAME.id``
-        (flakes counted from 1, 0 for none; as a float holds no more than 2^24 apart, the remainder
-        by that); of the layers together ``alpha``, ``forward``, ``backward`` and ``weather.depth``;
-        and ``depth``, the background's.
+        (int64, 0 where there is no flake); of the layers together ``alpha``, ``forward``,
+        ``backward`` and ``weather.depth``; and ``depth``, the background's.
     """
 
     def turned(motion: Array | None) -> Any:
@@ -204,7 +200,7 @@ def planes(rendered: Rendered, *, up: bool = False) -> dict[str, Array]:
         found[f"{name}.backward"] = turned(plane)
     found.update({f"{name}.coverage": plane for name, plane in rendered.coverages.items()})
     for name, ids in rendered.ids.items():
-        found[f"{name}.id"] = ((ids.astype(np.int64) + 1) % _MOST_IDS).astype(np.float32)
+        found[f"{name}.id"] = np.maximum(ids, 0)
     return found
 
 

@@ -67,7 +67,7 @@ class Population:
     sizes : Sizes
         Of their diameters, metres.
     opacity : float
-        Of a resting flake's middle, 0 to 1.
+        Mean over a resting flake's disc, 0 to 1.
     speed : callable
         Fall speed in m/s of diameters in metres.
     """

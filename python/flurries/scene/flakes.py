@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from flurries.effects.points import FLAKE, drawn_of
-from flurries.scene.scene import Scene
+from flurries.scene.scene import Scene, expect_scene
 
 
 def flakes(scene: Scene, t: float = 0.0) -> npt.NDArray[Any]:
@@ -43,6 +43,7 @@ def flakes(scene: Scene, t: float = 0.0) -> npt.NDArray[Any]:
     >>> bool((flakes["depth"] > 0.3).all())
     True
     """
+    expect_scene(scene)
     program, time = scene.program, scene.time_of(t)
     frame = program.frame(time)
     found = [drawn_of(part.effect, replace(frame, seed=part.seed)) for part in program.parts]

@@ -15,7 +15,8 @@ from flurries.io.color import Array, to_half, to_single
 from flurries.io.files import Budget
 from flurries.io.oiio import openimageio
 from flurries.io.pictures import metadata as header
-from flurries.io.pictures.header import opened_picture
+from flurries.io.pictures.header import Opened, opened_picture
+from flurries.io.pictures.integers import UINT, integers_of
 from flurries.io.pictures.rows import Band, write_bands
 from flurries.io.pictures.slate import Slate
 from flurries.io.pictures.writer import format_of, packing
@@ -30,7 +31,9 @@ _SINGLE = {"depth": "Z", "alpha": "A", "mask": "A", "coverage": "A"}
 # Vectors from this frame to the next are called so by compositing programs.
 _FLOW = ("forward", "backward")
 # What a half is too coarse for.
-_PRECISE = ("depth", "id")
+_PRECISE = ("depth",)
+# The upper 32 bits of whole numbers are a channel beside that of the lower ones.
+_UPPER = ".hi"
 
 
 def write_layers(
@@ -52,10 +55,12 @@ def write_layers(
         becomes the channels R, G, B, A; others get their name in front, ``snow.R``. An array
         (H, W, 3) or (H, W, 4) is a color, (H, W, 2) a vector with the channels X and Y, or u and v
         where the name ends in "forward" or "backward", and (H, W) a number: ``depth.Z``,
-        ``alpha.A``, ``mask.A``, ``coverage.A``, else ``name.Y``.
+        ``alpha.A``, ``mask.A``, ``coverage.A``, else ``name.Y``. An array (H, W) of int64 or
+        uint64, 0 to 2^63 - 1, is two channels of type uint: ``name``, its lower 32 bits, and
+        ``name.hi``, the upper ones.
     half : bool, default True
-        Store colors and masks as half. Depths, vectors and ids always have 32 bits: as half, a
-        depth of 3 km is known to 2 m.
+        Store colors and masks as half. Depths and vectors always have 32 bits: as half, a depth of
+        3 km is known to 2 m.
     metadata : mapping, optional
         As `write_picture`.
     slate : Slate, optional
@@ -66,7 +71,7 @@ def write_layers(
     ValueError
         If a name or a shape is not as above, sizes differ, or `path` does not end in .exr.
     TypeError
-        If an array does not hold floats.
+        If an array does not hold floats, or integers of 64 bits.
     OSError
         If the file cannot be written or does not read back.
     """
@@ -86,15 +91,19 @@ def require_exr(path: str | os.PathLike[str], content: str) -> None:
 
 def part_of(layers: Mapping[str, npt.ArrayLike], half: bool) -> tuple[Any, Band]:
     """Return layers as `write_layers` takes them as a part of a file, see `write_parts`."""
-    planes: dict[str, tuple[Array, bool]] = {}
+    planes: dict[str, tuple[Array, str]] = {}
     sizes = set()
     for name, values in mapping("layers", layers).items():
         array = _checked_layer(name, values)
         sizes.add(array.shape[:2])
+        if array.dtype.kind in "iu":
+            lower, upper = _halves(name, array)
+            planes[name], planes[name + _UPPER] = (lower, UINT), (upper, UINT)
+            continue
         last = name.rpartition(".")[2]
         precise = not half or last in _PRECISE or array.shape[2] == 2
         for number, channel in enumerate(_channels(name, array.shape[2])):
-            planes[channel] = (array[..., number], precise)
+            planes[channel] = (array[..., number], "float" if precise else "half")
     if not planes:
         raise ValueError("layers must not be empty")
     if len(sizes) > 1:
@@ -103,14 +112,16 @@ def part_of(layers: Mapping[str, npt.ArrayLike], half: bool) -> tuple[Any, Band]
     def band(first: int, last: int) -> Array:
         # One type for all: halves are rounded here, so that the check compares what is stored.
         rows = [
-            to_single(plane[first:last] if precise else to_half(plane[first:last]))
-            for plane, precise in planes.values()
+            plane[first:last].view(np.float32)
+            if kind == UINT
+            else to_single(to_half(plane[first:last]) if kind == "half" else plane[first:last])
+            for plane, kind in planes.values()
         ]
         return np.stack(rows, axis=-1)
 
     library = openimageio()
     height, width = sizes.pop()
-    kinds = ["float" if precise else "half" for _, precise in planes.values()]
+    kinds = [kind for _, kind in planes.values()]
     # Where all channels are alike the common type counts, not the list of theirs.
     specification = library.ImageSpec(width, height, len(planes), max(kinds, key=kinds.count))
     specification.channelnames = tuple(planes)
@@ -134,6 +145,8 @@ def read_layers(path: str | os.PathLike[str], *, budget: Budget | None = None) -
     -------
     dict of str to ndarray
         float32, (H, W) for single channels and (H, W, C) else; the display window is not applied.
+        Each channel of type uint is a plane of its own by its whole name, (H, W) int64, and
+        ``name`` and ``name.hi`` are one.
 
     Raises
     ------
@@ -142,18 +155,47 @@ def read_layers(path: str | os.PathLike[str], *, budget: Budget | None = None) -
     """
     with opened_picture(path, budget) as opened:
         spec = opened.specification
+        found: dict[str, Array] = _integers(opened)
+        numbers = integers_of(spec)
         places: dict[str, list[int]] = {}
         for place, name in enumerate(spec.channelnames):
-            places.setdefault(name.rpartition(".")[0] or MAIN, []).append(place)
+            if name not in numbers:
+                places.setdefault(name.rpartition(".")[0] or MAIN, []).append(place)
         for group in places.values():
             group.sort(key=lambda place: _ORDER.find(spec.channelnames[place][-1:]))
-        found: dict[str, Array] = {}
-        for rows, band in opened.bands(range(spec.nchannels), "float"):
+        planes: dict[str, Array] = {}
+        for rows, band in opened.bands(range(spec.nchannels), "float") if places else ():
             for name, group in places.items():
-                if name not in found:
-                    found[name] = np.empty((spec.height, spec.width, len(group)), np.float32)
-                found[name][rows] = band[..., group]
-    return {name: plane[..., 0] if plane.shape[2] == 1 else plane for name, plane in found.items()}
+                if name not in planes:
+                    planes[name] = np.empty((spec.height, spec.width, len(group)), np.float32)
+                planes[name][rows] = band[..., group]
+    for name, plane in planes.items():
+        found[name] = plane[..., 0] if plane.shape[2] == 1 else plane
+    return found
+
+
+def _integers(opened: Opened) -> dict[str, Array]:
+    """Return the whole numbers of a picture, (H, W) int64, lower and upper halves as one."""
+    numbers = integers_of(opened.specification)
+    found = {}
+    for name, place in numbers.items():
+        if not (name.endswith(_UPPER) and name.removesuffix(_UPPER) in numbers):
+            found[name] = opened.read([place], UINT)[..., 0].astype(np.int64)
+            upper = numbers.get(name + _UPPER)
+            if upper is not None:
+                found[name] |= opened.read([upper], UINT)[..., 0].astype(np.int64) << 32
+    return found
+
+
+def _halves(name: str, numbers: Array) -> tuple[Array, Array]:
+    """Return the lower and the upper 32 bits of whole numbers, (H, W) uint32."""
+    if numbers.shape[2:] != (1,):
+        raise ValueError(f"layers: {name!r} holds integers and must be (H, W), got several numbers")
+    plane = numbers[..., 0]
+    if int(plane.min()) < 0 or int(plane.max()) >= 2**63:
+        raise ValueError(f"layers: {name!r} must hold numbers from 0 to 2^63 - 1")
+    wide = plane.astype(np.uint64)
+    return wide.astype(np.uint32), (wide >> np.uint64(32)).astype(np.uint32)
 
 
 def _checked_layer(name: str, values: npt.ArrayLike) -> Array:
@@ -162,8 +204,8 @@ def _checked_layer(name: str, values: npt.ArrayLike) -> Array:
             f"layers: the name {name!r} must be letters, digits and '_', parts joined by '.'"
         )
     array = np.asarray(values)
-    if array.dtype.kind != "f":
-        raise TypeError(f"layers: {name!r} must hold floats, got {array.dtype}")
+    if array.dtype.kind != "f" and not (array.dtype.kind in "iu" and array.dtype.itemsize == 8):
+        raise TypeError(f"layers: {name!r} must hold floats or 64-bit integers, got {array.dtype}")
     if array.ndim == 2:
         array = array[..., np.newaxis]
     if array.ndim != 3 or not 1 <= array.shape[2] <= 4 or 0 in array.shape:

@@ -23,7 +23,7 @@ from flurries.io.structure import check_structure
 _CHUNK, _ROWS = 1 << 20, 256
 
 # NumPy's names for the types of numbers, where OpenImageIO's are others.
-_DTYPES = {"half": "float16", "float": "float32"}
+_DTYPES = {"half": "float16", "float": "float32", "uint": "uint32"}
 
 
 @dataclass(frozen=True)
@@ -170,7 +170,7 @@ class Opened:
         ----------
         channels : sequence of int
             Places in the file, in the order that is wanted.
-        kind : {"uint8", "uint16", "float"}
+        kind : {"uint8", "uint16", "uint", "float"}
             What the numbers become.
         part : int, optional
             The one with the colors if not given.

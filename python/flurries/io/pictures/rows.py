@@ -20,6 +20,7 @@ from flurries import _core
 from flurries.io.atomic import replacing
 from flurries.io.color import Array
 from flurries.io.oiio import last_error, let_open, openimageio, packing_threads
+from flurries.io.pictures.integers import as_floats, declare_integers
 from flurries.io.pictures.seal import seal
 
 # A whole number of the strips and blocks in which EXR and TIFF compress; of wide pictures, whose
@@ -56,7 +57,8 @@ def write_bands(
     specification : ImageSpec
         Its size, channels, types and header.
     band : callable
-        Returns rows [first, last) as an array (rows, W, channels) in one type.
+        Returns rows [first, last) as an array (rows, W, channels) in one type; whole numbers of an
+        EXR as floats of the same bits.
     lossless : bool
         Whether what is read back must be the same bits.
 
@@ -79,12 +81,14 @@ def write_parts(
         If it cannot be written, or does not read back as what was written.
     """
     target = os.fspath(path)
+    plain = [(as_floats(specification), band) for specification, band in parts]
     with replacing(path) as temporary:
-        checksums = _write(target, temporary, parts)
+        checksums = _write(target, temporary, plain)
         if temporary.suffix.lower() in (".tif", ".tiff"):
             seal(temporary)
-        for number, ((specification, _), sums) in enumerate(zip(parts, checksums, strict=True)):
+        for number, ((specification, _), sums) in enumerate(zip(plain, checksums, strict=True)):
             _verify(target, temporary, specification, sums, lossless=lossless, part=number)
+        declare_integers(temporary, [specification for specification, _ in parts])
 
 
 def write_whole(path: str | os.PathLike[str], specification: Any, data: bytes) -> None:
