@@ -38,7 +38,7 @@ def test_overscan_and_crop_show_the_same_flakes():
         small, large = (plain, other) if len(other) > len(plain) else (other, plain)
         assert np.isin(inside(small, 0.0, 100, 80)["id"], large["id"]).all()
         here, there = both(plain, other)
-        assert len(here) > 20
+        assert len(here) > 10
         assert np.abs(here["place"] - there["place"]).max() < 1e-9
         assert np.abs(there["pixel"] - here["pixel"] - moved).max() < 1e-6
         assert (here["diameter"] == there["diameter"]).all()
@@ -93,13 +93,15 @@ GUSTS = fl.Wind((1.0, 0.0, 0.2), gusts=0.8, swirl=0.4)
 @pytest.mark.parametrize("wind", [(1.0, 0.0, 0.0), GUSTS], ids=["even", "gusts"])
 @pytest.mark.parametrize("camera", MOVING)
 def test_motion_is_where_flakes_will_be(camera: str, wind: object):
-    shown = scene(fl.Snow(density=40.0, wind=wind, seed=5), camera=MOVING[camera])
+    # All drawn, so that no texture has a share in what a pixel shows.
+    snow = fl.Snow(density=12.0, wind=wind, seed=5, near=1.5, far=8.0, method="simulated")
+    shown = scene(snow, camera=MOVING[camera])
     t = 12.0
     seen = shown.render(t, layers=True)
     now = fl.flakes(shown, t)
     ids = seen.ids["snow"]
-    alone = (ids >= 0) & (seen.coverages["snow"] > 0.99 * seen.alpha) & (seen.alpha > 0.2)
-    assert alone.sum() > 50
+    alone = (ids >= 0) & (seen.alpha > 0.05)
+    assert alone.sum() > 500
     for step, motion in ((1.0, seen.motions["snow"]), (-1.0, seen.backwards["snow"])):
         other = fl.flakes(shown, t + step)
         here, there = both(now, other)
@@ -108,14 +110,16 @@ def test_motion_is_where_flakes_will_be(camera: str, wind: object):
         assert known.mean() > 0.7
         want = np.array([way[int(i)] for i in ids[alone][known]])
         off = np.abs(motion[alone][known] - want).max(axis=1)
-        # The texture behind has a share of at most a hundredth.
-        assert np.quantile(off, 0.95) < 1e-3 + 0.02 * np.abs(want).max()
+        assert off.max() < 1e-3
 
 
 def test_a_loop_ends_where_it_began_and_gives_way_one_by_one():
-    shown = scene(loop=24)
+    shown = scene().loop(24)
     first, last = shown.render(0), shown.render(24)
     assert np.array_equal(first, last) and not np.array_equal(first, shown.render(12))
+    # Those that have gone over to the next round are not shown in this one.
+    half = fl.flakes(shown, 12)
+    assert len(np.unique(half["id"])) > 0.9 * len(half) > 20
 
 
 @pytest.mark.parametrize(
@@ -171,5 +175,6 @@ def test_a_flake_is_a_ball_over_pixels():
         through *= 1.0 - share * ball.reshape(H, fine, W, fine).mean(axis=(1, 3))
     alpha = shown.render(0, layers=True).alpha
     assert alpha.max() > 0.3
-    assert np.abs(alpha - (1.0 - through)).max() < 0.02
+    # Radii of tables are 4 % apart.
+    assert np.abs(alpha - (1.0 - through)).max() < 0.03
     assert alpha.sum() == pytest.approx((1.0 - through).sum(), rel=0.01)

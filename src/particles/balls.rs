@@ -1,7 +1,7 @@
 //! Images of balls, integrated over pixels and along a way: tables by radius, made once an opacity.
 //!
 //! A table is of one radius in pixels. A large ball of a radius near it looks its places up in the scale of
-//! the table's, which makes the pixel over which it is integrated wrong by 4 % at most; a small one is as
+//! the table's, which makes the pixel over which it is integrated wrong by 2 % at most; a small one is as
 //! large as the table's and as much fainter or stronger. A ball smaller than [`LEAST`] is one of that radius;
 //! beyond [`MOST`] a pixel is small beside it.
 
@@ -23,7 +23,7 @@ use crate::base::error::{Error, collected};
 /// The radii of the first and the last table, px, and tables from a radius to its double.
 pub const LEAST: f64 = 0.2;
 const MOST: f64 = 8.0;
-const STEPS: f64 = 8.0;
+const STEPS: f64 = 16.0;
 
 /// A pixel's corner is so far from its middle, with a little more: a ball reaches so far beyond its radius.
 const MARGIN: f64 = 0.75;

@@ -237,7 +237,10 @@ def _class(
         each.path.relative(each.t, fps=each.fps, fall=motion.fall, wind=motion.mean_wind)[0]
         for each in frames
     ]
-    deepest = share.end
+    deepest, part = share.end, 0.0
+    if now.lap is not None and weather.keyed:
+        # The round that goes has lost those of low ranks, which the next one shows.
+        part = min(now.lap.part(now.t), 1.0 - 1e-9)
     heights = np.linspace(-deepest, deepest, 1 if weather.steady else HEIGHTS)
     profile: list[tuple[list[float], list[float]]] = []
     if wind is not None and wind.profile is not None:
@@ -256,8 +259,10 @@ def _class(
         shown=weather.shown(share, now),
         by_size=isinstance(weather, Flakes),
         heights=(-deepest, deepest),
-        amounts=weather.amounts(now, share, amount, heights).tolist(),
-        ranks=(0.0, 1.0),
+        amounts=np.minimum(
+            weather.amounts(now, share, amount, heights) / (1.0 - part), 1.0
+        ).tolist(),
+        ranks=(part, 1.0),
         at=[(float(x), float(y), float(z)) for x, y, z in at],
         swung=[weather.sway[1] * each.t / (2.0 * math.pi * each.fps) for each in frames],
         waves=waves,

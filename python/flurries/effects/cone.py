@@ -33,7 +33,7 @@ from flurries.effects.motion import Motion
 from flurries.effects.precipitation import Precipitation
 from flurries.effects.presets import CONE_RAIN, CONE_SNOW, ConeRainLook, ConeSnowLook
 from flurries.effects.veil import Veil
-from flurries.motion.keys import Number, Vector
+from flurries.motion.keys import Keys, Number, Vector
 from flurries.motion.wind import Wind
 
 _CONE: dict[str, Check] = {
@@ -297,6 +297,7 @@ class ConeSnow(metaclass=Described):
         )  # fmt: skip
         flakes = Flakes(
             motion=motion,
+            keyed=isinstance(self.amount, Keys),
             number=self.flakes,
             reach=self.radius,
             sizes=self.flake_size,

@@ -49,6 +49,8 @@ class Flakes:
     largest : (low, high)
         Sigma of images on a picture 1024 px wide between which flakes fade: out-of-focus puffs look
         like dirt.
+    keyed : bool
+        Whether the amount of flakes changes.
     """
 
     motion: Motion
@@ -59,6 +61,7 @@ class Flakes:
     opacity: Number
     sway: tuple[float, float] = (0.0, 0.0)
     largest: tuple[float, float] = (3.5, 6.0)
+    keyed: bool = False
 
     shape: ClassVar[str] = "round"
     steady: ClassVar[bool] = True

@@ -34,6 +34,9 @@ _FAINT, _SOONER, _LEAST = 0.012, 0.4, 96
 # Bytes that sheets of a process take at most, and what a sheet takes at least: the oldest go.
 MOST_BYTES = 256 << 20
 
+# Streaks of a sheet are at most so long along an axis, px.
+_LONGEST = 128.0
+
 # The part of a sheet's columns by which a flake that leaves it below comes in again aside.
 _SHEAR = 0.382
 
@@ -96,7 +99,8 @@ def sheets_of(
     emission = amount * float(weather.emission)  # type: ignore[arg-type]
     for number, (_, slab) in enumerate(film.layers):
         # Rounding of a frame's time must not make other sheets.
-        u, v = (round(float(way), 4) for way in streaks[number])
+        # Longer streaks are as faint as can be seen.
+        u, v = (min(max(round(float(way), 4), -_LONGEST), _LONGEST) for way in streaks[number])
         sooner = _SOONER if faint[number] else 1.0
         own = 1.0 + 0.2 * ((0.618_034 * (number + 1)) % 1.0)
         rows, columns = (

@@ -35,7 +35,7 @@ from flurries.effects.precipitation import Precipitation
 from flurries.effects.presets import RAIN, TentRainLook
 from flurries.effects.texture import Texture
 from flurries.effects.veil import Veil
-from flurries.motion.keys import Number, Vector
+from flurries.motion.keys import Keys, Number, Vector
 from flurries.motion.wind import Wind
 from flurries.spectral.tables import Aliasing
 from flurries.spectral.tiles import Blend
@@ -201,6 +201,7 @@ class TentRain(metaclass=Described):
         wider = math.sqrt(self.gain)
         drops = Flakes(
             motion=motion,
+            keyed=isinstance(self.amount, Keys),
             number=self.drops,
             density=self.drop_density,
             reach=self.drop_depth,

@@ -34,7 +34,7 @@ from flurries.effects.precipitation import Precipitation
 from flurries.effects.presets import SNOW, TentSnowLook
 from flurries.effects.texture import Texture
 from flurries.effects.veil import Veil
-from flurries.motion.keys import Number, Vector
+from flurries.motion.keys import Keys, Number, Vector
 from flurries.motion.wind import Wind
 from flurries.spectral.tables import Aliasing
 from flurries.spectral.tiles import Blend
@@ -193,6 +193,7 @@ class TentSnow(metaclass=Described):
         texture = part_of(Texture, self, field=field, opacity=self.texture)
         flakes = Flakes(
             motion=motion,
+            keyed=isinstance(self.amount, Keys),
             number=self.flakes,
             density=self.flake_density,
             reach=self.near_depth,
