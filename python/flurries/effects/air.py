@@ -8,7 +8,6 @@ looks there.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from functools import lru_cache
 from typing import Any, NamedTuple
 
@@ -16,13 +15,16 @@ import numpy as np
 
 from flurries import _core
 from flurries._contract import Float64
-from flurries._threads import kept_by_mode
-from flurries.effects.gusts import carried_by_profile, wave_weights
-from flurries.effects.flakes import Flakes
-from flurries.effects.weather import HEIGHTS, Share, Weather
+from flurries._threads import reproducible
+from flurries.camera.lens import Camera
 from flurries.camera.optics import Blur
+from flurries.camera.path import CameraPath
+from flurries.effects.flakes import Flakes
+from flurries.effects.gusts import carried_by_profile, wave_weights
+from flurries.effects.motion import relative_course
+from flurries.effects.weather import HEIGHTS, Share, Weather
 from flurries.frame.view import Frame
-from flurries.motion.keys import value_at
+from flurries.motion.keys import Number, Vector, value_at
 
 # Nothing nearer than this is drawn, metres; what `particles.splat` has for a default.
 NEAREST = 0.1
@@ -175,108 +177,125 @@ class Air(NamedTuple):
     closeup: Closeup | None
 
 
-def air_of(weather: Weather | Flakes, frame: Frame, amount: float, *, steps: Sequence[float] = ()) -> Air:
+def air_of(
+    weather: Weather | Flakes, frame: Frame, amount: float, *, steps: tuple[float, ...] = ()
+) -> Air:
     """Return the flakes that are drawn before a frame's camera.
 
     Parameters
     ----------
     amount : float
         Share of the population, 0 to 1.
-    steps : sequence of float
+    steps : tuple of float
         Frames after this one at which places are asked for, besides those of the exposure.
     """
-    exposure = value_at(weather.motion.shutter, frame.t)
-    whole = frame.around
-    frames = [whole, *(whole.later(s) for s in (-0.5 * exposure, 0.5 * exposure, *steps))]
+    exposure, path = value_at(weather.motion.shutter, frame.t), frame.path
+    after = (0.0, -0.5 * exposure, 0.5 * exposure, *steps)
+    times = [frame.t + step for step in after]
+    if path.turns or path.zooms:
+        eyes = [_eye(frame.later(step).camera if step else frame.camera, frame) for step in after]
+    else:
+        eyes = [_eye(frame.camera, frame)] * len(after)
     blur, wind = frame.blur, weather.motion.varied
     shares = weather.shares(frame)
     room = 0.0
     if blur is not None:
         # As far as a flake out of focus reaches, at its own depth.
-        near, deepest = max(weather.near, 1e-3), max((share.end for share in shares), default=1.0)
+        near, deepest = max(weather.near, 1e-3), max((one.end for one in shares), default=1.0)
         widest = max(depth * blur.circle(depth) for depth in (near, deepest))
         room = 0.75 * widest / frame.camera.focal
-    waves = None if wind is None or wind.waves is None else _cycles(wind.waves)
+    closeup = None
+    if weather.shape != "round" or blur is not None:
+        closeup = Closeup(weather.shape, SWITCH, blur, frame.seed, frame.t / frame.fps)
     opacity = weather.opacity_at(frame.t)
     return Air(
         seed=frame.seed,
         opacity=opacity,
-        images=images_of(opacity),
+        images=_images(opacity, reproducible()),
         classes=[
-            _class(weather, frames, number, share, amount) for number, share in enumerate(shares)
+            _class(weather, frame, times, number, share, amount)
+            for number, share in enumerate(shares)
         ],
-        eyes=[_eye(each) for each in frames],
+        eyes=eyes,
         sway=weather.sway[0],
-        waves=waves,
+        waves=None if wind is None or wind.waves is None else _cycles(wind.waves),
         shape=frame.shape,
-        window=frame.window if frame.shared is None else whole.window,
+        window=frame.window if frame.shared is None else frame.shared.window,
         room=room,
         near=NEAREST,
-        closeup=_closeup(weather, frame),
+        closeup=closeup,
     )
 
 
-@kept_by_mode(8)
-def images_of(opacity: float) -> _core.BallImages:
-    """Return the images of flakes of an opacity."""
+@lru_cache(maxsize=8)
+def _images(opacity: float, _: bool) -> _core.BallImages:
     return _core.BallImages(opacity)
 
 
-def _eye(frame: Frame) -> Eye:
-    camera = frame.camera
-    return Eye(
-        camera.matrix().T.tolist(), camera.focals, camera.principal(frame.shape), camera.offset
-    )
+def _eye(camera: Camera, frame: Frame) -> Eye:
+    turn = camera.matrix().T.tolist()
+    return Eye(turn, camera.focals, camera.principal(frame.shape), camera.offset)
 
 
 def _class(
-    weather: Weather | Flakes, frames: list[Frame], number: int, share: Share, amount: float
-) -> Class:
-    now, motion, wind = frames[0], share.motion, weather.motion.varied
-    at = [
-        each.path.relative(each.t, fps=each.fps, fall=motion.fall, wind=motion.mean_wind)[0]
-        for each in frames
-    ]
+    weather: Weather | Flakes, frame: Frame, times: list[float], number: int, share: Share,
+    amount: float,
+) -> Class:  # fmt: skip
+    motion, wind, path, fps = share.motion, weather.motion.varied, frame.path, frame.fps
+    fall, mean = motion.fall, motion.mean_wind
+    line = _line(path, fps, fall, mean)
+    if line is None:
+        found = [path.relative(t, fps=fps, fall=fall, wind=mean)[0].tolist() for t in times]
+    else:
+        found = [[start + rate * t for start, rate in zip(*line, strict=True)] for t in times]
+    at: list[_Triple] = [(x, y, z) for x, y, z in found]
     deepest, part = share.end, 0.0
-    if now.lap is not None and weather.keyed:
+    if frame.lap is not None and weather.keyed:
         # The round that goes has lost those of low ranks, which the next one shows.
-        part = min(now.lap.part(now.t), 1.0 - 1e-9)
+        part = min(frame.lap.part(frame.t), 1.0 - 1e-9)
     heights = np.linspace(-deepest, deepest, 1 if weather.steady else HEIGHTS)
+    there = weather.amounts(frame, share, amount, heights) / (1.0 - part)
     profile: list[tuple[list[float], list[float]]] = []
     if wind is not None and wind.profile is not None:
         ahead = np.linspace(0.0, deepest, _DEPTHS)
-        for each in frames:
-            moved = carried_by_profile(motion, each, ahead)
+        for t in times:
+            moved = carried_by_profile(motion, path, fps, t, ahead)
             profile.append((moved[:, 0].tolist(), moved[:, 1].tolist()))
     waves = None
     if wind is not None and wind.waves is not None:
-        waves = wave_weights(motion, frames, at[0])
+        waves = wave_weights(motion, fps, times, np.array(at[0]))
+    turns = weather.sway[1] / (2.0 * math.pi * fps)
     return Class(
         number=number,
         density=share.size.density,
         sizes=(share.size.smallest, share.size.largest),
         slope=weather.law.slope,
-        shown=weather.shown(share, now),
+        shown=weather.shown(share, frame),
         by_size=isinstance(weather, Flakes),
         heights=(-deepest, deepest),
-        amounts=np.minimum(
-            weather.amounts(now, share, amount, heights) / (1.0 - part), 1.0
-        ).tolist(),
+        amounts=np.minimum(there, 1.0).tolist(),
         ranks=(part, 1.0),
-        at=[(float(x), float(y), float(z)) for x, y, z in at],
-        swung=[weather.sway[1] * each.t / (2.0 * math.pi * each.fps) for each in frames],
+        at=at,
+        swung=[turns * t for t in times],
         waves=waves,
         depths=(0.0, deepest),
         profile=profile,
     )
 
 
-def _closeup(weather: Weather | Flakes, frame: Frame) -> Closeup | None:
-    """Return the looks of flakes from near; None where all are sharp round dots."""
-    blur = frame.blur
-    if weather.shape == "round" and blur is None:
+@lru_cache(maxsize=64)
+def _line(
+    path: CameraPath, fps: float, fall: Number, wind: Vector
+) -> tuple[list[float], list[float]] | None:
+    """Return place and velocity per frame of a camera in air that it passes evenly, at frame 0.
+
+    None where its velocity changes.
+    """
+    course = relative_course(path, fps, fall, wind)
+    if len(course.knots) or (course.slopes is not None and course.slopes.any()):
         return None
-    return Closeup(weather.shape, SWITCH, blur, frame.seed, frame.t / frame.fps)
+    start, rate = path.relative(0.0, fps=fps, fall=fall, wind=wind)
+    return start.tolist(), rate.tolist()
 
 
 @lru_cache(maxsize=32)

@@ -100,13 +100,15 @@ def flakes_in_profile(motion: Motion, frame: Frame, depth: Float64) -> tuple[Flo
     return np.stack([np.interp(depth, nodes, total[:, a]) for a in range(3)], axis=1), rate
 
 
-def wave_weights(motion: Motion, frames: Sequence[Frame], start: Float64) -> Float64:
-    """Return what gusts and swirls have done to flakes at frames, as sums of waves, metres.
+def wave_weights(
+    motion: Motion, fps: float, times: Sequence[float], start: Float64
+) -> Float64:
+    """Return what gusts and swirls have done to flakes at some frames, as sums of waves, metres.
 
     Parameters
     ----------
-    frames : sequence of Frame
-        Of one film.
+    times : sequence of float
+        Frame numbers.
     start : (3,)
         The place in the flakes' air that places are counted from.
 
@@ -118,19 +120,20 @@ def wave_weights(motion: Motion, frames: Sequence[Frame], start: Float64) -> Flo
     """
     waves = _varied(motion).waves
     assert waves is not None
-    fps = frames[0].fps
     _, sums = carry(waves, air_course(fps, motion.fall, motion.mean_wind), fps)
     there = np.exp(1j * (waves.k @ start)) / fps
     parts = []
-    for frame in frames:
-        found = sums.to(frame.t)
+    for t in times:
+        found = sums.to(t)
         half = len(found) // 2
         parts.append(waves.a * ((found[:half] + 1j * found[half:]) * there)[:, None])
     weights = np.concatenate(parts, axis=1)
     return np.ascontiguousarray(np.concatenate([weights.real, weights.imag], axis=1))
 
 
-def carried_by_profile(motion: Motion, frame: Frame, ahead: Float64) -> Float64:
+def carried_by_profile(
+    motion: Motion, path: CameraPath, fps: float, t: float, ahead: Float64
+) -> Float64:
     """Return how far a wind of depth has carried flakes since frame 0, (n, 2) metres, x and y.
 
     Parameters
@@ -139,13 +142,12 @@ def carried_by_profile(motion: Motion, frame: Frame, ahead: Float64) -> Float64:
         Where they are at the frame: along the house's z from the camera's place, metres. The depth
         of the wind is counted from the camera's place at frame 0.
     """
-    wind, steady, t = _varied(motion), motion.mean_wind, frame.t
-    first = frame.path.place(0.0, fps=frame.fps)[2]
-    depth = ahead + (frame.path.place(t, fps=frame.fps)[2] - first)
-    blowing, course = course_of(steady), air_course(frame.fps, motion.fall, steady)
+    wind, steady = _varied(motion), motion.mean_wind
+    depth = ahead + (path.place(t, fps=fps)[2] - path.place(0.0, fps=fps)[2])
+    blowing, course = course_of(steady), air_course(fps, motion.fall, steady)
     if not (course.values[:, 2].any() or _slopes(course).any()):
         factor, own = wind.extra(depth)
-        moved = factor[:, None] * (integral_to(steady, t) / frame.fps) + own * (t / frame.fps)
+        moved = factor[:, None] * (integral_to(steady, t) / fps) + own * (t / fps)
         return np.asarray(moved[:, :2])
     # One that comes nearer has felt the wind of every depth that it came through.
     way = _way_of(course)
@@ -157,7 +159,7 @@ def carried_by_profile(motion: Motion, frame: Frame, ahead: Float64) -> Float64:
         mean, _ = blowing.line(times, times)
         felt += np.einsum("t,tn,ta->na", lengths, factor.reshape(was.shape), mean)
         felt += np.einsum("t,tna->na", lengths, own.reshape(*was.shape, 3))
-    return np.asarray(felt[:, :2] / frame.fps)
+    return np.asarray(felt[:, :2] / fps)
 
 
 def _slopes(course: Course) -> Float64:

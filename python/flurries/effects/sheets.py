@@ -10,15 +10,18 @@ from __future__ import annotations
 
 import math
 from collections import OrderedDict
-from typing import Any
+from functools import lru_cache
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from flurries import _core
 from flurries._contract import Array, Float64
 from flurries._threads import reproducible
+from flurries.camera.optics import Blur
+from flurries.camera.path import CameraPath
+from flurries.camera.rotation import rotation_matrix
 from flurries.effects.defocus import circles_of
-from flurries.effects.flow import flow_of
 from flurries.effects.weather import Film, Weather
 from flurries.frame.planes import plane
 from flurries.frame.view import Frame
@@ -51,78 +54,102 @@ _STREAM = 0x5368656574
 _kept: OrderedDict[Any, _core.FlakeSheet] = OrderedDict()
 
 
+class Standing(NamedTuple):
+    """What is the same in all frames of a film.
+
+    Attributes
+    ----------
+    keys : list of tuple
+        The arguments of each layer's sheet.
+    start, rate : (L, 2)
+        Displacements of the layers at frame 0 and per frame, px, for an eye on the axis.
+    aside : (L,)
+        Pixels by which layers move for a metre of the eye aside.
+    many : (L,)
+        Flakes of a layer for each that its sheet has, or 1.
+    depths : list of (near, far)
+        Metres.
+    """
+
+    keys: list[Any]
+    start: Float64
+    rate: Float64
+    aside: Float64
+    many: Float64
+    depths: list[tuple[float, float]]
+
+
 def read_sheets(weather: Weather, frame: Frame, film: Film, amount: float) -> Array:
     """Return the opacity of the far flakes over the window, (h, w) float32."""
     top, bottom, left, right = frame.window
     result = plane((bottom - top, right - left))
-    cx, cy = frame.camera.principal(frame.shape)
-    x, y = cx - frame.camera.center_shift[0], cy - frame.camera.center_shift[1]
-    row, column = math.floor(top - y), math.floor(left - x)
-    moved, streaks = _motion(weather, frame, film)
+    camera, blur = frame.camera, frame.blur
+    shown = amount * float(weather.emission)  # type: ignore[arg-type]
+    known = _standing(
+        weather, film, frame.path, frame.fps, camera.focals, camera.rotation, frame.seed, shown,
+        value_at(weather.motion.shutter, frame.t), blur, reproducible(),
+    )  # fmt: skip
+    x, y = camera.principal(frame.shape)
+    u, v = camera.center_shift
+    row, column = math.floor(top - y + v), math.floor(left - x + u)
+    moved = known.start + frame.t * known.rate
+    moved -= known.aside[:, None] * np.array(camera.offset[:2]) * (1.0, camera.aspect)
     # What lies between whole pixels is a part of the way.
-    moved = moved - np.array([left - x - column, top - y - row])
-    sheets = sheets_of(weather, frame, film, streaks, amount)
-    layers = []
-    for sheet, (u, v), (_, slab) in zip(sheets, moved, film.layers, strict=True):
-        # Of very many flakes some are made, and what differs from their mean is made stronger.
-        many = max(slab.count / film.tile**2 / _MOST_FLAKES, 1.0)
-        factors = math.sqrt(many), (many - math.sqrt(many)) * sheet.mean
-        layers.append((sheet, (float(u), float(v)), factors, slab.near, slab.far))
+    moved += (u - (left - x + u - column), v - (top - y + v - row))
+    layers, bytes_kept = [], 0
+    for key, way, many, (near, far) in zip(
+        known.keys, moved.tolist(), known.many.tolist(), known.depths, strict=True
+    ):
+        # Out and in again: the order is that of use.
+        sheet = _kept.pop(key, None) or _core.FlakeSheet(*key[1:])
+        _kept[key] = sheet
+        root = math.sqrt(many)
+        layers.append((sheet, way, (root, (many - root) * sheet.mean), near, far))
     depth = None if frame.depth is None else np.ascontiguousarray(frame.crop(frame.depth))
     _core.sheet_read(result, (row, column), layers, depth, True)
+    for sheet in list(_kept.values()):
+        bytes_kept += sheet.bytes
+    # What has not been asked for longest goes; what the frame reads stays.
+    while bytes_kept > MOST_BYTES and len(_kept) > len(layers):
+        bytes_kept -= _kept.popitem(last=False)[1].bytes
     return result
 
 
-def _motion(weather: Weather, frame: Frame, film: Film) -> tuple[Float64, Float64]:
-    """Return the layers' displacements since frame 0 and their streaks, px, (L, 2) each."""
-    moved, streak = np.empty((len(film.layers), 2)), np.empty((len(film.layers), 2))
-    exposure, zero = value_at(weather.motion.shutter, frame.t), np.zeros(1)
-    for share, own, depths, _ in film.classes:
-        way = share.motion.way(frame)
-        now, rate, _ = flow_of(frame, share.motion, way, zero, zero)
-        moved[own] = now.along[0] / depths + now.shift[0]
-        streak[own] = exposure * (rate.along[0] / depths + rate.shift[0])
-    return moved, streak
-
-
-def sheets_of(
-    weather: Weather, frame: Frame, film: Film, streaks: Float64, amount: float
-) -> list[_core.FlakeSheet]:
-    """Return the sheet of each layer."""
-    focals = frame.camera.focals
-    depths = [layer.slab.depth for layer in film.layers]
-    circles = circles_of(frame.blur, depths) or (0.0,) * len(depths)
+@lru_cache(maxsize=32)
+def _standing(
+    weather: Weather, film: Film, path: CameraPath, fps: float, focals: tuple[float, float],
+    rotation: tuple[float, float, float], seed: int, amount: float, exposure: float,
+    blur: Blur | None, mode: bool,
+) -> Standing:  # fmt: skip
+    slabs = [layer.slab for layer in film.layers]
+    depths = np.array([slab.depth for slab in slabs])
+    circles = circles_of(blur, depths.tolist()) or (0.0,) * len(slabs)
+    start, rate = np.empty((len(slabs), 2)), np.empty((len(slabs), 2))
+    for number, (share, slab) in enumerate(film.layers):
+        motion = share.motion
+        found = path.relative(0.0, fps=fps, fall=motion.fall, wind=motion.mean_wind)
+        for out, way in zip((start, rate), found, strict=True):
+            # The picture moves the other way than the camera.
+            out[number] = -np.array(focals) * (way @ rotation_matrix(rotation))[:2] / slab.depth
     # Of the same mean the variance goes with what one flake covers.
-    power = np.array([slab.coverage * float(np.mean(slab.diameters**2)) for _, slab in film.layers])
+    power = np.array([slab.coverage * float(np.mean(slab.diameters**2)) for slab in slabs])
     faint = power < _FAINT * power.sum()
-    found, opacity = [], weather.opacity_at(frame.t)
-    emission = amount * float(weather.emission)  # type: ignore[arg-type]
-    for number, (_, slab) in enumerate(film.layers):
-        # Rounding of a frame's time must not make other sheets.
-        # Longer streaks are as faint as can be seen.
-        u, v = (min(max(round(float(way), 4), -_LONGEST), _LONGEST) for way in streaks[number])
-        sooner = _SOONER if faint[number] else 1.0
-        own = 1.0 + 0.2 * ((0.618_034 * (number + 1)) % 1.0)
+    many = np.array([max(slab.count / film.tile**2 / _MOST_FLAKES, 1.0) for slab in slabs])
+    keys = []
+    for number, slab in enumerate(slabs):
+        own = (1.0 + 0.2 * ((0.618_034 * (number + 1)) % 1.0)) * (_SOONER if faint[number] else 1.0)
         rows, columns = (
-            max(round(sooner * own * part * focals[1 - axis]), _LEAST)
-            for axis, part in enumerate(_PERIOD)
+            max(round(own * part * focals[1 - axis]), _LEAST) for axis, part in enumerate(_PERIOD)
         )
-        key = (
-            frame.seed, number, slab.near, slab.far, slab.count, focals, opacity, emission, u, v,
-            circles[number], rows, columns, reproducible(),
-        )  # fmt: skip
-        sheet = _kept.pop(key, None)
-        if sheet is None:
-            count = min(slab.count / film.tile**2, _MOST_FLAKES)
-            sheet = _core.FlakeSheet(
-                hash_of(frame.seed, number), (rows, columns), round(_SHEAR * columns), count,
-                _diameters(slab.diameters), (u, v), circles[number], opacity, (0.0, emission),
-            )  # fmt: skip
-        # Out and in again: the order is that of use.
-        _kept[key] = sheet
-        found.append(sheet)
-    _trim(len(found))
-    return found
+        # Longer streaks are as faint as can be seen.
+        u, v = np.clip(exposure * rate[number], -_LONGEST, _LONGEST).tolist()
+        keys.append((
+            mode, hash_of(seed, number), (rows, columns), round(_SHEAR * columns),
+            slab.count / film.tile**2 / many[number], tuple(_diameters(slab.diameters)),
+            (u, v), circles[number], weather.population.opacity, (0.0, amount),
+        ))  # fmt: skip
+    ends = [(slab.near, slab.far) for slab in slabs]
+    return Standing(keys, start, rate, focals[0] / depths, many, ends)
 
 
 def hash_of(seed: int, number: int) -> int:
@@ -138,14 +165,3 @@ def _diameters(quantiles: Float64) -> list[float]:
                      np.arange(len(quantiles)), quantiles)  # fmt: skip
     squares = 0.5 * (fine[1:] ** 2 + fine[:-1] ** 2)
     return np.sqrt(squares.reshape(_SIZES, -1).mean(axis=1)).tolist()
-
-
-def _trim(now: int) -> None:
-    """Let go of what has not been asked for longest, but for the last `now`."""
-    total = sum(sheet.bytes for sheet in list(_kept.values()))
-    while total > MOST_BYTES and len(_kept) > now:
-        try:
-            _, oldest = _kept.popitem(last=False)
-        except KeyError:
-            return
-        total -= oldest.bytes
