@@ -27,15 +27,19 @@ from flurries.frame.planes import plane
 from flurries.frame.view import Frame
 from flurries.motion.keys import value_at
 
-# Rows and columns of a sheet over the focal length in pixels; a layer has up to a fifth more.
-_PERIOD = (0.6, 0.9)
+# Rows and columns of a sheet over the focal length in pixels; a layer has up to a fifth more. At most so
+# many pixels: a larger picture shows a sheet more than once.
+_PERIOD, _LARGEST = (0.82, 0.86), 5_000_000
 
 # A layer with less than this share of the variance of all may come back within the picture, so much
 # sooner, and at least after so many pixels.
 _FAINT, _SOONER, _LEAST = 0.012, 0.4, 96
 
-# Bytes that sheets of a process take at most, and what a sheet takes at least: the oldest go.
-MOST_BYTES = 256 << 20
+# Bytes that all sheets of a process take at most, but for those of one frame, and those of one film.
+MOST_BYTES, FILM_BYTES = 512 << 20, 384 << 20
+
+# Pixels a frame above which a layer is read at half pixels, and at whole ones: it moves by many.
+_FAST = (3.0, 12.0)
 
 # Streaks of a sheet are at most so long along an axis, px.
 _LONGEST = 128.0
@@ -67,6 +71,8 @@ class Standing(NamedTuple):
         Pixels by which layers move for a metre of the eye aside.
     many : (L,)
         Flakes of a layer for each that its sheet has, or 1.
+    places : (L, 1)
+        At which it is read along a pixel: 1, 2 or 4.
     depths : list of (near, far)
         Metres.
     """
@@ -76,6 +82,7 @@ class Standing(NamedTuple):
     rate: Float64
     aside: Float64
     many: Float64
+    places: Float64
     depths: list[tuple[float, float]]
 
 
@@ -96,6 +103,7 @@ def read_sheets(weather: Weather, frame: Frame, film: Film, amount: float) -> Ar
     moved -= known.aside[:, None] * np.array(camera.offset[:2]) * (1.0, camera.aspect)
     # What lies between whole pixels is a part of the way.
     moved += (u - (left - x + u - column), v - (top - y + v - row))
+    moved = np.round(moved * known.places) / known.places
     layers, bytes_kept = [], 0
     for key, way, many, (near, far) in zip(
         known.keys, moved.tolist(), known.many.tolist(), known.depths, strict=True
@@ -135,12 +143,15 @@ def _standing(
     power = np.array([slab.coverage * float(np.mean(slab.diameters**2)) for slab in slabs])
     faint = power < _FAINT * power.sum()
     many = np.array([max(slab.count / film.tile**2 / _MOST_FLAKES, 1.0) for slab in slabs])
-    keys = []
+    keys, areas = [], []
     for number, slab in enumerate(slabs):
         own = (1.0 + 0.2 * ((0.618_034 * (number + 1)) % 1.0)) * (_SOONER if faint[number] else 1.0)
         rows, columns = (
             max(round(own * part * focals[1 - axis]), _LEAST) for axis, part in enumerate(_PERIOD)
         )
+        smaller = min(math.sqrt(_LARGEST / (rows * columns)), 1.0)
+        rows, columns = round(smaller * rows), round(smaller * columns)
+        areas.append(rows * columns)
         # Longer streaks are as faint as can be seen.
         u, v = np.clip(exposure * rate[number], -_LONGEST, _LONGEST).tolist()
         keys.append((
@@ -149,7 +160,17 @@ def _standing(
             (u, v), circles[number], weather.population.opacity, (0.0, amount),
         ))  # fmt: skip
     ends = [(slab.near, slab.far) for slab in slabs]
-    return Standing(keys, start, rate, focals[0] / depths, many, ends)
+    places = _places(np.hypot(*rate.T), np.array(areas))
+    return Standing(keys, start, rate, focals[0] / depths, many, places[:, None], ends)
+
+
+def _places(speed: Float64, areas: Float64) -> Float64:
+    """Return the places along a pixel of layers of a speed, px a frame: fewer of the fastest."""
+    places = np.select([speed >= _FAST[1], speed >= _FAST[0]], [1.0, 2.0], 4.0)
+    for number in np.argsort(-speed, kind="stable"):
+        while places[number] > 1.0 and (places**2 * areas).sum() > FILM_BYTES:
+            places[number] /= 2.0
+    return places
 
 
 def hash_of(seed: int, number: int) -> int:

@@ -58,8 +58,8 @@ DRAWN, FEW = 0.002, 0.004
 # Diameter in px of the largest flake of a sheet.
 LARGEST = 14.0
 
-# Layers of sheets.
-LAYERS = 20
+# Layers of sheets of small flakes and of large ones, which make most of the contrast.
+LAYERS = (8, 16)
 
 # A layer changes its patterns after so many lengths of a torus.
 WRAPS = 12
@@ -294,14 +294,18 @@ def _film(
     )
     if constant and weather.steady and not weather.keyed and not blurred:
         reach = hand_over(weather, focal)
-        edges = layer_edges(reach, weather.far, LAYERS // len(classes))
         shares = [
             Share(
                 one, own, reach,
-                tuple(slabs_of(population, one, focal, 1, reach=reach, far=weather.far, edges=edges)),
+                tuple(
+                    slabs_of(
+                        population, one, focal, 1, reach=reach, far=weather.far,
+                        edges=layer_edges(reach, weather.far, count),
+                    )
+                ),
                 _flow(own, shape, path, rotation, focal, fps),
             )
-            for one, own in classes
+            for (one, own), count in zip(classes, LAYERS[-len(classes) :], strict=True)
         ]  # fmt: skip
         return Film(tuple(shares), 1, 0, False, False, True, 0, rigid=True)
     extra = 0.0 if motion.varied is None else motion.varied.fastest_extra() / fps
@@ -358,15 +362,17 @@ def hand_over(weather: Weather, focal: float) -> float:
 
 
 def layer_edges(near: float, far: float, count: int) -> Float64:
-    """Return depths between layers: even in the mean of their flakes' speed and of what they cover.
+    """Return depths between layers: of even parts of speed, for the most part, and of coverage.
 
-    What a layer covers goes with its thickness, and speed in the picture with one over the depth.
+    Speed in the picture goes with one over the depth, and so does the variance up to a depth; what a
+    layer covers goes with its thickness. A layer moves as a whole: one with much of the variance or
+    with flakes of many speeds would be seen to.
     """
     if near >= far:
         return np.array([near, far])
     depths = np.geomspace(near, far, 1025)
     speed = (1.0 / near - 1.0 / depths) / (1.0 / near - 1.0 / far)
-    share = 0.5 * (speed + (depths - near) / (far - near))
+    share = 0.75 * speed + 0.25 * (depths - near) / (far - near)
     return np.interp(np.linspace(0.0, 1.0, count + 1), share, depths)
 
 
