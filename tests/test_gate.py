@@ -332,8 +332,6 @@ def test_memory_stays_flat(leak: int):
 HUGE = {
     "frame": "fl.Scene((100_000, 100_000))",
     "flakes": "fl.Scene((64, 64), effects=[fl.TentSnow(flakes=2 * 10**7, texture=0.0)]).render(0)",
-    "lens far off": "fl.Scene((64, 64), camera=fl.camera.Camera(60.0, center=(1e6, 32.0)), "
-                    "effects=[fl.TentSnow(texture=0.0)]).render(0)",
     "field": "fl.spectral.field((2**16, 2**16), drift=(0, 0), seed=1)",
     "tile": "fl.spectral.field((64, 64), drift=(0, 0), seed=1, tile=2**15, overlap=0)",
     "tile of the scene":

@@ -232,15 +232,10 @@ def test_the_picture_moves_with_the_air(part: dict[str, Any], wind: Any, fall: f
     assert best[axis] > 0 and abs(best[1 - axis]) <= best[axis]
 
 
-@pytest.mark.parametrize("center", [(1e6, 35.0), (-1e5, 1e5), (1e9, 1e9)])
-def test_a_lens_far_off_the_middle_is_no_endless_work(center: tuple[float, float]):
-    # The box of flakes reaches to the lens's axis: refused, or within what `flakes` may ask for.
-    snow, most = Snow(flakes=1000), Snow(flakes=100_000_000)
-    middle = frame_of(Scene((W, H), camera=Camera(100.0), effects=[most]), 0.0)
-    try:
-        scene = Scene((W, H), camera=Camera(100.0, center=center), effects=[snow])
-        count = snow.parts.flakes.count(frame_of(scene, 0.0))
-    except ValueError as error:
-        assert "center" in str(error) or "flakes" in str(error)
-    else:
-        assert count <= most.parts.flakes.count(middle)
+def test_a_lens_far_off_the_middle_is_no_endless_work():
+    def shown(center: tuple[float, float]) -> fl.Scene:
+        return Scene((W, H), camera=Camera(100.0, center=center), effects=[Snow(flakes=1000)])
+
+    shown((1e6, 35.0)).render(0)
+    with pytest.raises(ValueError, match="cells of flakes"):
+        shown((1e9, 1e9)).render(0)

@@ -56,11 +56,13 @@ def random_scene(number: int) -> fl.Scene:
     for _ in range(rng.integers(1, 4)):
         what = rng.choice(["snow", "rain", "mist", "thick", "cone"])
         common = {"amount": amount(), "color": color(), "seed": int(rng.integers(1000))}
+        # A flake that is there shows whole, however few there are.
+        number = 400 if common["amount"] > 0.01 else 0
         if what == "snow":
             haze = float(10.0 ** rng.uniform(-6.0, -1.0))
-            made.append(fl.TentSnow(**common, haze=haze, flakes=500, texture=amount()))
+            made.append(fl.TentSnow(**common, haze=haze, flakes=number, texture=amount()))
         elif what == "rain":
-            made.append(fl.TentRain(**common, drops=300, texture=amount()))
+            made.append(fl.TentRain(**common, drops=number, texture=amount()))
         elif what == "mist":
             made.append(fl.Mist(**common, count=400))
         elif what == "thick":

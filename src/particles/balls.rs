@@ -139,7 +139,9 @@ impl Table {
             }
         }
         let whole = sums[width * width - 1] * 4.0 * side * side;
-        let factor = mean * std::f64::consts::PI * radius * radius / whole * side * side;
+        // Of clear balls nothing is 0 / 0.
+        let scale = if whole > 0.0 { mean / whole } else { 0.0 };
+        let factor = scale * std::f64::consts::PI * radius * radius * side * side;
         // The integral over a rectangle from the middle on, the signs as those of its sides.
         let quarter = |x: i64, y: i64| {
             let [column, row] = [x, y].map(|v| (v.unsigned_abs() as usize).min(half));

@@ -75,9 +75,9 @@ class DrawnFlakes:
         still = frame.settled and weather.motion.still and 0.0 in weather.sway
         # Shapes tumble.
         still = still and weather.shape == "round" and not has_keys(weather)
-        most = min(1.0, amount * self.number_in_view(frame) * weather.opacity_at(frame.t))
-        step = Step("flakes", lambda: self._cost(frame, amount), still, most)
-        return Needs((step,), most=most)
+        # However few there are, one that is there shows whole.
+        step = Step("flakes", lambda: self._cost(frame, amount), still, 1.0)
+        return Needs((step,), most=1.0)
 
     def number_in_view(self, frame: Frame) -> float:
         """Return the number of flakes that are drawn in view, on average."""
