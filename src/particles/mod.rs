@@ -12,7 +12,6 @@
 //! | [`sorted`] | flakes projected and sorted once, for pictures of any part of a frame |
 //! | [`splat`] | the image of many flakes |
 //! | `canvas` | what flakes are drawn on: transmittance, and which flake a pixel shows |
-//! | [`crossing`] | flakes that cross the picture of a camera at rest |
 //! | [`view`] | what an eye sees |
 //! | [`closeup`] | near flakes with a shape, flakes out of focus, flakes in the light of lamps |
 //! | [`crowd`] | the flakes of a population, by classes of size |
@@ -27,7 +26,6 @@ pub mod bins;
 mod block;
 mod canvas;
 pub mod closeup;
-pub mod crossing;
 pub mod crowd;
 mod dim;
 mod draw;

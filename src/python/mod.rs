@@ -7,7 +7,6 @@ use pyo3::prelude::*;
 
 mod air;
 mod cone;
-mod crossing;
 mod crowd;
 mod encode;
 mod falling;
@@ -23,7 +22,6 @@ mod patterns;
 mod random;
 mod scan;
 mod shade;
-mod sheet;
 mod shown;
 mod spectral;
 mod threads;
@@ -41,8 +39,6 @@ mod core {
         cone_basis, cone_chart, cone_footprints, cone_layer, cone_moving, cone_needed, cone_rays,
         cone_shown, cone_stack, cone_table, cone_tile,
     };
-    #[pymodule_export]
-    use super::crossing::particle_crossing;
     #[pymodule_export]
     use super::crowd::{crowd_exact, crowd_list, crowd_sort, crowd_sort_pair, particle_exact};
     #[pymodule_export]
@@ -79,8 +75,6 @@ mod core {
     use super::scan::{all_finite, all_within};
     #[pymodule_export]
     use super::shade::{encode_bytes, plate_cells, shade_add, shade_light, shade_over};
-    #[pymodule_export]
-    use super::sheet::sheet_fall;
     #[pymodule_export]
     use super::shown::{layer_finish, layer_rgba, layer_seen};
     #[pymodule_export]

@@ -103,7 +103,8 @@ def sheets_of(
         if sheet is None:
             sheet = _core.FlakeSheet(
                 hash_of(frame.seed, number), (rows, columns), slab.count / film.tile**2,
-                _diameters(slab.diameters), (u, v), circles[number], opacity, (0.0, emission),
+                diameters_of(slab.diameters, _SIZES), (u, v), circles[number], opacity,
+                (0.0, emission),
             )  # fmt: skip
         # Out and in again: the order is that of use.
         _kept[key] = sheet
@@ -119,12 +120,19 @@ def hash_of(seed: int, number: int) -> int:
     return int(draw[0] * 2**53)
 
 
-def _diameters(quantiles: Float64) -> list[float]:
-    """Return diameters that stand for even shares of flakes and cover what those do, px."""
-    fine = np.interp(np.linspace(0.0, len(quantiles) - 1.0, 64 * _SIZES + 1),
+def diameters_of(quantiles: Float64, count: int) -> list[float]:
+    """Return so many diameters that stand for even shares of flakes and cover what those do, px.
+
+    Parameters
+    ----------
+    quantiles : (n,)
+        Of diameters at even shares.
+    """
+    fine = np.interp(np.linspace(0.0, len(quantiles) - 1.0, 64 * count + 1),
                      np.arange(len(quantiles)), quantiles)  # fmt: skip
     squares = 0.5 * (fine[1:] ** 2 + fine[:-1] ** 2)
-    return np.sqrt(squares.reshape(_SIZES, -1).mean(axis=1)).tolist()
+    found: list[float] = np.sqrt(squares.reshape(count, -1).mean(axis=1)).tolist()
+    return found
 
 
 def _trim(now: int) -> None:
