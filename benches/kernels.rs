@@ -6,7 +6,7 @@ use _core::base::error::Cancel;
 use _core::base::pool;
 use _core::base::random::Hash;
 use _core::base::real::Real;
-use _core::falling::layers::{Layer, read};
+use _core::falling::layers::{Layer, Others, read};
 use _core::falling::sheet::{Law, Sheet};
 use _core::frame::composite::snow;
 use _core::particles::splat::{Flakes, splat};
@@ -129,7 +129,8 @@ fn sheets(bencher: Bencher<'_, '_>, count: usize) {
     let layers: Vec<_> = sheets.iter().enumerate().map(layer).collect();
     let mut out = Array2::zeros((SIDE, SIDE));
     bencher.counter(ItemsCount::new(SIDE * SIDE)).bench_local(|| {
-        read(out.view_mut(), [-512; 2], &layers, None, true, &Cancel::new()).expect("a picture");
+        read(out.view_mut(), [-512; 2], &layers, None, Some(Others::default()), &Cancel::new())
+            .expect("a picture");
     });
 }
 

@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 import flurries as fl
+from flurries import _core
 from flurries.augment import Fog, Rainfall, Snowfall
 from flurries.augment.air import Here
 
@@ -151,87 +152,62 @@ def test_channels_that_come_first_are_named():
         Snowfall()(np.zeros((2, 40, 50, 3), np.uint8))
 
 
-def test_two_eyes_see_one_snow():
-    # A flake at z is displaced by focal * distance / z, and nothing else differs: rows agree.
-    snow = Snowfall(amount=0.06, seed=3, veil=0.0)
-    picture = np.zeros((256, 256), np.uint8)
-    _, _, left, right = snow.pair(picture, picture, index=0, distance=0.1, return_layer=True)
-    view = snow._view((256, 256), 0.0, 0.05)
-    here = Here(snow._air(snow.record(index=0)), view, snow._distances(None, view), 0.0)
-    assert here.flakes is not None
-    x, y, z = here.flakes.points.T
-    focal = view.camera.focal
-    column, row = 128 + focal * x / z, 128 + focal * y / z
-    shift = focal * 0.05 / z
-    large = (focal * here.flakes.radius / z > 3.0) & (
-        here.flakes.opacity > 0.9 * here.flakes.opacity.max()
-    )
-    inside = (column - shift > 2) & (column + shift < 254) & (row > 2) & (row < 254) & large
-    at = [
-        layer[row[inside].astype(int), (column + sign * shift)[inside].astype(int), 3]
-        for layer, sign in ((left, 1.0), (right, -1.0))
-    ]
-    # Where a flake's middle is there is something, in both eyes, at its own disparity.
-    assert inside.sum() >= 10 and min(values.min() for values in at) > 0.15
-    assert left[..., 3].mean() < 0.03
-    same = snow.pair(picture, picture, index=0, distance=0.0)
-    assert np.array_equal(same[0], same[1])
+def seen_by_eyes(weather: Any, shape: tuple[int, int], apart: float) -> list[Here]:
+    """The air before both eyes."""
+    air = weather._air(weather.record(index=0))
+    views = [weather._view(shape, side * apart, 0.5 * apart) for side in (-0.5, 0.5)]
+    return [Here(air, view, weather._distances(None, view), 0.0) for view in views]
 
 
 @pytest.mark.parametrize("kind", ["snow", "rain"])
 def test_every_flake_has_the_disparity_of_its_depth(kind: str):
-    """Drawn one by one for each eye: the centers of their pixels are focal * distance / z apart."""
+    """Both eyes see the same flakes, focal * distance / z apart, and draw them there."""
     weather, apart, shape = KINDS[kind](severity=2, seed=3, veil=0.0), 0.1, (192, 256)
-    air = weather._air(weather.record(index=0))
-    views = [weather._view(shape, side * apart, 0.5 * apart) for side in (-0.5, 0.5)]
-    eyes = [Here(air, view, weather._distances(None, view), 0.0) for view in views]
-    flakes = eyes[0].flakes
-    assert flakes is not None and eyes[1].flakes is not None
-    assert np.array_equal(flakes.points, eyes[1].flakes.points)
-    columns = np.arange(shape[1]) + 0.5
-    errors, depths = [], []
-    for number in range(len(flakes.points)):
-        one = flakes.part(np.arange(len(flakes.points)) == number)
-        z = float(one.points[0, 2])
-        places = []
-        for eye in eyes:
-            plane = eye.drawn(one).astype(np.float64)
-            rim = plane[:, [0, 1, -2, -1]].sum() + plane[[0, 1, -2, -1]].sum()
-            if plane.sum() > 0.05 and rim == 0.0:
-                places.append(float((plane.sum(axis=0) * columns).sum() / plane.sum()))
-        if len(places) == 2:
-            errors.append(places[0] - places[1] - views[0].camera.focal * apart / z)
-            depths.append(z)
-    assert len(errors) >= 20 and np.ptp(depths) > 0.5
-    # Centers of discs on whole pixels, whose parts of pixels are sampled.
-    assert np.abs(errors).max() < 0.15 and abs(np.mean(errors)) < 0.02
-    # What pair() gives is these flakes and the texture, each with its own disparity.
+    eyes = seen_by_eyes(weather, shape, apart)
+    both = []
+    for eye in eyes:
+        request = eye.request()
+        assert request is not None
+        ids, rows, _ = _core.flake_rows(_core.fall(request))
+        both.append(dict(zip(ids.tolist(), rows, strict=True)))
+    common = [(both[0][number], both[1][number]) for number in both[0] if number in both[1]]
+    assert len(common) >= 20
+    for left, right in common:
+        assert np.array_equal(left[:3], right[:3])
+        wanted = eyes[0].view.camera.focal * apart / left[2]
+        assert left[3] - right[3] == pytest.approx(wanted, abs=1e-9) and left[4] == right[4]
+    # What pair() gives is these flakes and the sheets, each with its own disparity.
     picture = np.zeros(shape, np.uint8)
     _, _, *layers = weather.pair(picture, picture, index=0, distance=apart, return_layer=True)
     for eye, layer in zip(eyes, layers, strict=True):
         whole = np.empty(shape, np.float32)
-        eye.join(whole)
-        assert np.abs(whole - layer[..., 3]).max() < 1e-5
+        eye.write(whole)
+        assert np.array_equal(whole, layer[..., 3])
+        # Where the middle of a large flake is there is something.
+        large = [
+            row for row in both[eyes.index(eye)].values()
+            if 2 < row[3] < 254 and 2 < row[4] < 190 and row[7] == 1.0
+            and eye.view.camera.focal * row[6] / row[2] > 4.0
+        ]  # fmt: skip
+        there = [whole[int(row[4]), int(row[3])] for row in large]
+        assert kind == "rain" or (len(there) >= 5 and min(there) > 0.15)
+    same = weather.pair(picture, picture, index=0, distance=0.0)
+    assert np.array_equal(same[0], same[1])
 
 
-def test_the_texture_of_two_eyes_has_its_disparity():
+def test_sheets_before_two_eyes_have_their_disparity():
     """By correlation: what one eye sees, moved by a layer's disparity, is what the other sees."""
-    snow = Snowfall(severity=5, seed=3, veil=0.0)
-    air = snow._air(snow.record(index=0))
-    both = []
-    for side in (-0.5, 0.5):
-        view = snow._view((256, 256), side * 0.1, 0.05)
-        here = Here(air, view, snow._distances(None, view), 0.0)
-        texture = here.texture
-        assert texture is not None
-        plane = np.empty((256, 256), np.float32)
-        both.append([
-            texture.drawn(layer, opacity=False, out=plane, add=False).copy()
-            for layer in texture.layers(here.request(texture))
-        ])  # fmt: skip
-    for depth, left, right in zip(texture.patterns.depths, *both, strict=True):
-        wanted = view.camera.focal * 0.1 / depth
-        # The tiles' own share of the plane stays where it is; so columns near their middles.
+    eyes = seen_by_eyes(Snowfall(severity=5, seed=3, veil=0.0), (256, 256), 0.1)
+    sheets = eyes[0].sheets
+    assert sheets is not None and len(sheets.sheets) > 3
+    for number, depth in enumerate(sheets.depths[:, 0]):
+        planes = []
+        for eye in eyes:
+            plane = np.empty((256, 256), np.float32)
+            _core.sheet_read(plane, (0, 0), [eye.layers[number]], None, False)
+            planes.append(plane - plane.mean())
+        left, right = planes
+        wanted = eyes[0].view.camera.focal * 0.1 / depth
         best = max(range(40), key=lambda d: float((left[:, d:] * right[:, : 256 - d]).mean()))
         assert abs(best - wanted) <= 1.0, (depth, wanted, best)
 

@@ -66,7 +66,6 @@ __all__ = [
     "layer_seen",
     "opacity",
     "over",
-    "particle_crossing",
     "particle_draw",
     "particle_draw_lit",
     "particle_edge_fade",
@@ -86,7 +85,6 @@ __all__ = [
     "shade_add",
     "shade_light",
     "shade_over",
-    "sheet_fall",
     "smooth",
     "snow",
     "snowfall",
@@ -221,8 +219,6 @@ def snow(out: _Array, background: _Array, alpha: _Array, intensity: list[float])
 def over(out: _Array, background: _Array, layer: _Array) -> None: ...
 def join(out: _Array, layers: list[_Array], haze: float, matte: _Array | None = None) -> None: ...
 
-_SheetPart = tuple[_Array, tuple[int, int], tuple[bool, bool], tuple[float, float], _Array | None]
-
 def layer_seen(planes: tuple[_Array, _Array, _Array | None]) -> npt.NDArray[np.int32]: ...
 def layer_rgba(out: _Array, alpha: _Array, color: Sequence[float]) -> None: ...
 def layer_finish(
@@ -232,13 +228,6 @@ def layer_finish(
     alpha: _Array,
     scene: _Array | None = None,
     flakes: tuple[tuple[_Array, _Array, _Array | None], _Array, _Array] | None = None,
-) -> None: ...
-def sheet_fall(
-    out: _Array,
-    sheets: list[_SheetPart],
-    drawn: tuple[_Array, int] | None = None,
-    veil: _Array | None = None,
-    haze: float = 0.0,
 ) -> None: ...
 def plate_cells(out: _Array, picture: _Array, table: _Array, cell: int) -> None: ...
 def shade_over(
@@ -302,6 +291,7 @@ class FlakeSheet:
     def bytes(self) -> int: ...
     @property
     def mean(self) -> float: ...
+    def left(self, gains: list[float]) -> list[float]: ...
 
 def sheet_read(
     out: _Array,
@@ -311,6 +301,9 @@ def sheet_read(
     ],
     depth: _Array | None,
     opacity: bool,
+    drawn: tuple[_Array, float] | None = None,
+    veil: _Array | None = None,
+    haze: float = 0.0,
 ) -> None: ...
 class BallImages:
     def __new__(cls, opacity: float) -> BallImages: ...
@@ -362,20 +355,6 @@ def particle_edge_fade(
     sides: tuple[float, float, float],
     center: tuple[float, float, float],
 ) -> None: ...
-def particle_crossing(
-    points: _Array,
-    parts: _Array,
-    seed: int,
-    stream: int,
-    depths: _Float64,
-    sums: _Float64,
-    view: tuple[float, float, float, float, float],
-    way: tuple[float, float],
-    sway: tuple[float, float],
-    sizes: list[float],
-    opacity: float,
-    fade: tuple[float, float],
-) -> int: ...
 def particle_ids(
     out: npt.NDArray[np.int32],
     flakes: _Listed,

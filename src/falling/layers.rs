@@ -10,7 +10,7 @@ use ndarray::{ArrayView2, ArrayViewMut2, Axis};
 
 use super::sheet::Sheet;
 use crate::base::error::{Cancel, Error, finite, pushed};
-use crate::base::normal::{Normal, least, most};
+use crate::base::normal::{Normal, least, most, polynomial_at};
 use crate::base::pool;
 use crate::base::simd::{dispatch, multiply_add};
 
@@ -39,6 +39,31 @@ pub struct Layer<'a> {
     pub near: f32,
     /// See `near`.
     pub far: f32,
+}
+
+/// What hides the picture besides sheets.
+#[derive(Clone, Copy, Default)]
+pub struct Others<'a> {
+    /// Opacities of flakes that are drawn, and the factor of their optical depth.
+    pub drawn: Option<(ArrayView2<'a, f32>, f32)>,
+    /// Opacities of a veil.
+    pub veil: Option<ArrayView2<'a, f32>>,
+    /// Opacity of an even veil.
+    pub haze: f32,
+}
+
+impl<'a> Others<'a> {
+    fn planes(&self) -> impl Iterator<Item = ArrayView2<'a, f32>> {
+        self.drawn.map(|drawn| drawn.0).into_iter().chain(self.veil)
+    }
+}
+
+/// [`Others`] along some pixels of a row.
+#[derive(Clone, Copy, Default)]
+struct Beside<'a> {
+    drawn: Option<(&'a [f32], f32)>,
+    veil: Option<&'a [f32]>,
+    haze: f32,
 }
 
 /// A layer at the place that a picture reads.
@@ -98,22 +123,25 @@ impl<'a> Sight<'a> {
     }
 }
 
-/// Writes the sum of the layers' optical depths, or with `opacity` what it hides, 1 - exp(-sum).
+/// Writes the sum of the layers' optical depths, or with `others` what all of it hides: 1 - exp(-sum) of
+/// sheets alone.
 ///
 /// `origin` is the row and column of the first pixel, counted from where sheets hang. A layer shows what
 /// lies before the `depth` of a pixel, of the shape of `out`; NaN hides nothing.
-pub fn read(
+pub fn read<'a>(
     mut out: ArrayViewMut2<'_, f32>,
     origin: [i64; 2],
     layers: &[Layer<'_>],
-    depth: Option<ArrayView2<'_, f32>>,
-    opacity: bool,
+    depth: Option<ArrayView2<'a, f32>>,
+    others: Option<Others<'a>>,
     cancel: &Cancel,
 ) -> Result<(), Error> {
     let layout = || Error::Internal("planes must be contiguous and of one shape".into());
-    if depth.is_some_and(|depth| depth.dim() != out.dim()) {
+    let beside = others.iter().flat_map(Others::planes);
+    if depth.into_iter().chain(beside).any(|plane| plane.dim() != out.dim()) {
         return Err(layout());
     }
+    let (drawn, veil) = others.map_or((None, None), |others| (others.drawn, others.veil));
     let mut sights = Vec::new();
     for layer in layers {
         pushed(&mut sights, Sight::new(layer, origin, cancel)?)?;
@@ -128,18 +156,29 @@ pub fn read(
         for (row, mut out) in rows.zip(part.rows_mut()) {
             cancel.check()?;
             let out = out.as_slice_mut().ok_or_else(layout)?;
-            let depth = match &depth {
-                Some(depth) => Some(depth.row(row).to_slice().ok_or_else(layout)?),
-                None => None,
-            };
+            let (depth, veil) = (line(depth.as_ref(), row)?, line(veil.as_ref(), row)?);
+            let drawn = line(drawn.as_ref().map(|drawn| &drawn.0), row)?.zip(drawn);
             for (index, out) in out.chunks_mut(BLOCK).enumerate() {
-                let col = index * BLOCK;
-                let depth = depth.map(|depth| &depth[col..col + out.len()]);
-                block(out, (row, col), &sights, depth, opacity);
+                let own = index * BLOCK..index * BLOCK + out.len();
+                let beside = others.map(|others| Beside {
+                    drawn: drawn.map(|(line, (_, gain))| (&line[own.clone()], gain)),
+                    veil: veil.map(|line| &line[own.clone()]),
+                    haze: others.haze,
+                });
+                block(out, (row, own.start), &sights, depth.map(|depth| &depth[own]), beside);
             }
         }
         Ok(())
     })
+}
+
+/// A row of a plane.
+fn line<'p>(
+    plane: Option<&'p ArrayView2<'_, f32>>,
+    row: usize,
+) -> Result<Option<&'p [f32]>, Error> {
+    let layout = || Error::Internal("planes must be contiguous".into());
+    plane.map(|plane| plane.row(row).to_slice().ok_or_else(layout)).transpose()
 }
 
 #[inline(always)]
@@ -148,7 +187,7 @@ fn block_with<const LEVEL: u8>(
     at: (usize, usize),
     sights: &[Sight<'_>],
     depth: Option<&[f32]>,
-    opacity: bool,
+    beside: Option<Beside<'_>>,
 ) {
     // Without walls all layers' bases are one number.
     let bases = if depth.is_none() { sights.iter().map(|sight| sight.base).sum() } else { 0.0 };
@@ -190,12 +229,44 @@ fn block_with<const LEVEL: u8>(
             (done, col) = (done + run, (col + run) % sight.period.1);
         }
     }
-    if opacity {
-        for out in out {
-            let sum = most(least(*out, OPAQUE), 0.0);
-            *out = 1.0 - f32::exp_at::<LEVEL>(-sum);
+    let Some(beside) = beside else { return };
+    if let Some((drawn, gain)) = beside.drawn {
+        for (out, &drawn) in out.iter_mut().zip(drawn) {
+            *out -= gain * ln::<LEVEL>(1.0 - drawn);
         }
     }
+    let clear = 1.0 - beside.haze;
+    match beside.veil {
+        Some(veil) => {
+            for (out, &veil) in out.iter_mut().zip(veil) {
+                *out = 1.0 - clear * (1.0 - veil) * left::<LEVEL>(*out);
+            }
+        }
+        None => {
+            for out in out {
+                *out = 1.0 - clear * left::<LEVEL>(*out);
+            }
+        }
+    }
+}
+
+/// The light that an optical depth leaves.
+#[inline(always)]
+fn left<const LEVEL: u8>(depth: f32) -> f32 {
+    f32::exp_at::<LEVEL>(-most(least(depth, OPAQUE), 0.0))
+}
+
+/// The natural logarithm of a number from 0 to 1, and a large negative number of 0.
+///
+/// 2 artanh(y) of y = (m - 1) / (m + 1), for a mantissa m from the root of 1/2 to that of 2.
+#[inline(always)]
+fn ln<const LEVEL: u8>(x: f32) -> f32 {
+    let bits = most(x, 1e-36).to_bits();
+    let steps = bits.wrapping_sub(0x3F35_04F3) as i32 >> 23;
+    let m = f32::from_bits(bits.wrapping_sub((steps << 23) as u32));
+    let y = (m - 1.0) / (m + 1.0);
+    let odd = polynomial_at::<f32, 5, LEVEL>([2.0 / 9.0, 2.0 / 7.0, 0.4, 2.0 / 3.0, 2.0], y * y);
+    multiply_add::<f32, LEVEL>(steps as f32, std::f32::consts::LN_2, y * odd)
 }
 
 /// Of a run of depths; NaN hides nothing, as what is infinitely far.
@@ -235,7 +306,7 @@ dispatch! {
         at: (usize, usize),
         sights: &[Sight<'_>],
         depth: Option<&[f32]>,
-        opacity: bool,
+        beside: Option<Beside<'_>>,
     ) = block_with
 }
 
@@ -292,10 +363,11 @@ mod tests {
         let sheets = sheets();
         let (layers, depth) = scene(&sheets);
         let mut out = Array2::zeros(depth.dim());
-        read(out.view_mut(), [0, 0], &layers, Some(depth.view()), true, &CANCEL).unwrap();
+        read(out.view_mut(), [0, 0], &layers, Some(depth.view()), Some(Others::default()), &CANCEL)
+            .unwrap();
         let alone = |&layer: &Layer<'_>| {
             let mut out = Array2::from_elem(depth.dim(), f32::NAN);
-            read(out.view_mut(), [0, 0], &[layer], None, false, &CANCEL).unwrap();
+            read(out.view_mut(), [0, 0], &[layer], None, None, &CANCEL).unwrap();
             out
         };
         let each: Vec<_> = layers.iter().map(alone).collect();
@@ -310,6 +382,29 @@ mod tests {
     }
 
     #[test]
+    fn it_hides_what_the_product_of_all_does() {
+        let sheets = sheets();
+        let (layers, _) = scene(&sheets);
+        let plane =
+            |k: usize| Array2::from_shape_fn((9, 1150), |(i, j)| ((k * i + j) % 17) as f32 / 16.0);
+        let (drawn, veil) = (plane(3), plane(5));
+        let mut sum = Array2::zeros(drawn.dim());
+        read(sum.view_mut(), [0, 0], &layers, None, None, &CANCEL).unwrap();
+        for gain in [1.0, 2.7, 40.0] {
+            let both =
+                Others { drawn: Some((drawn.view(), gain)), veil: Some(veil.view()), haze: 0.1 };
+            let mut out = Array2::zeros(drawn.dim());
+            read(out.view_mut(), [0, 0], &layers, None, Some(both), &CANCEL).unwrap();
+            for (at, &got) in out.indexed_iter() {
+                let flakes = (1.0 - f64::from(drawn[at])).powf(gain.into());
+                let left = 0.9 * (1.0 - f64::from(veil[at])) * flakes;
+                let wanted = 1.0 - left * (-f64::from(sum[at])).exp();
+                assert!((f64::from(got) - wanted).abs() < 1e-6, "{at:?} {got} {wanted}");
+            }
+        }
+    }
+
+    #[test]
     fn bits_do_not_depend_on_threads_windows_or_vectors() {
         let run = |threads, reproducible| {
             let scope = Scope { threads: Some(threads), reproducible: Some(reproducible) };
@@ -317,10 +412,26 @@ mod tests {
             let sheets = sheets();
             let (layers, depth) = scene(&sheets);
             let mut whole = Array2::zeros(depth.dim());
-            read(whole.view_mut(), [3, -9], &layers, Some(depth.view()), true, &CANCEL).unwrap();
+            read(
+                whole.view_mut(),
+                [3, -9],
+                &layers,
+                Some(depth.view()),
+                Some(Others::default()),
+                &CANCEL,
+            )
+            .unwrap();
             let window = s![13..60, 101..1207];
             let (mut part, depth) = (Array2::zeros((47, 1106)), depth.slice(window).to_owned());
-            read(part.view_mut(), [16, 92], &layers, Some(depth.view()), true, &CANCEL).unwrap();
+            read(
+                part.view_mut(),
+                [16, 92],
+                &layers,
+                Some(depth.view()),
+                Some(Others::default()),
+                &CANCEL,
+            )
+            .unwrap();
             assert_eq!(part, whole.slice(window));
             whole
         };
@@ -332,7 +443,13 @@ mod tests {
             layers.iter().map(|layer| Sight::new(layer, [3, -9], &CANCEL).unwrap()).collect();
         for (row, depth) in depth.rows().into_iter().enumerate() {
             let (mut out, depth) = ([0.0; BLOCK], &depth.to_slice().unwrap()[..BLOCK]);
-            block_with::<PORTABLE>(&mut out, (row, 0), &sights, Some(depth), true);
+            block_with::<PORTABLE>(
+                &mut out,
+                (row, 0),
+                &sights,
+                Some(depth),
+                Some(Beside::default()),
+            );
             assert_eq!(reproducible.row(row).as_slice().unwrap()[..BLOCK], out);
         }
     }

@@ -13,7 +13,7 @@
 use std::sync::atomic::{AtomicPtr, Ordering};
 
 use super::stamp::{Stamps, WIDTH};
-use crate::base::error::{Cancel, Error, pushed, zeroed};
+use crate::base::error::{Cancel, Error, collected, pushed, zeroed};
 use crate::base::pool;
 use crate::base::random::{Hash, mix64};
 
@@ -72,7 +72,7 @@ impl Law {
             return Err(Error::invalid("diameters", words));
         }
         for &diameter in &self.diameters {
-            within("diameters", diameter.into(), 1e-6, 16.0)?;
+            within("diameters", diameter.into(), 1e-6, 32.0)?;
         }
         for way in self.streak {
             within("streak", way, -256.0, 256.0)?;
@@ -190,6 +190,20 @@ impl Sheet {
     /// The mean optical depth.
     pub fn mean(&self) -> f64 {
         self.law.shown() * self.stamps.total
+    }
+
+    /// The mean light that the sheet leaves, for factors of its optical depth.
+    pub fn left(&self, gains: &[f64], cancel: &Cancel) -> Result<Vec<f64>, Error> {
+        let (bytes, unit) = (self.place(0, cancel)?, f64::from(self.stamps.unit));
+        let mut counts = [0_u32; 256];
+        bytes.iter().for_each(|&byte| counts[usize::from(byte)] += 1);
+        let mean = |gain: &f64| {
+            let light = |(byte, &count): (usize, &u32)| {
+                f64::from(count) * libm::exp(-gain * unit * byte as f64)
+            };
+            counts.iter().enumerate().map(light).sum::<f64>() / bytes.len() as f64
+        };
+        collected(gains.iter().map(mean))
     }
 
     /// The bytes of place `4 i + j`, where flakes lie i/4 px lower and j/4 px further right.
@@ -378,7 +392,7 @@ mod tests {
 
     fn picture(shape: (usize, usize), origin: [i64; 2], layers: &[Layer<'_>]) -> Array2<f32> {
         let mut out = Array2::from_elem(shape, f32::NAN);
-        read(out.view_mut(), origin, layers, None, false, &CANCEL).unwrap();
+        read(out.view_mut(), origin, layers, None, None, &CANCEL).unwrap();
         out
     }
 
@@ -456,7 +470,7 @@ mod tests {
         for shift in [f64::NAN, f64::INFINITY, 1e308] {
             let layers = [plain(&sheet, [shift, 0.0])];
             let out = &mut Array2::zeros((4, 4));
-            let error = read(out.view_mut(), [0, 0], &layers, None, false, &CANCEL).unwrap_err();
+            let error = read(out.view_mut(), [0, 0], &layers, None, None, &CANCEL).unwrap_err();
             assert!(error.to_string().starts_with("shift"));
         }
     }

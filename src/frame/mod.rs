@@ -8,6 +8,5 @@ pub mod onepass;
 pub mod plate;
 pub mod sample;
 pub mod shade;
-pub mod sheet;
 pub mod shown;
 pub mod veil;

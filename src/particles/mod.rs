@@ -12,18 +12,14 @@
 //! | [`sorted`] | flakes projected and sorted once, for pictures of any part of a frame |
 //! | [`splat`] | the image of many flakes |
 //! | `canvas` | what flakes are drawn on: transmittance, and which flake a pixel shows |
-//! | [`crossing`] | flakes that cross the picture of a camera at rest |
 //! | [`closeup`] | near flakes with a shape, flakes out of focus, flakes in the light of lamps |
-//! | [`looks`] | how many flakes are there, how large they are, which are too large |
 
 pub mod balls;
 pub mod bins;
 mod canvas;
 pub mod closeup;
-pub mod crossing;
 mod dim;
 mod draw;
-pub mod looks;
 pub mod profile;
 mod project;
 pub mod sorted;

@@ -12,7 +12,7 @@ use crate::base::error::{Error, collected};
 use crate::falling::air::{Air, Class, Eye};
 use crate::falling::draw::{Images, balls_of, lens_of};
 use crate::falling::law::{Sizes, Table};
-use crate::falling::layers::{self, Layer};
+use crate::falling::layers::{self, Layer, Others};
 use crate::falling::list::List;
 use crate::falling::sheet::{Law, Sheet};
 use crate::particles::balls::Balls;
@@ -212,6 +212,11 @@ impl FlakeSheet {
     fn mean(&self) -> f64 {
         self.0.mean()
     }
+
+    /// The mean light that it leaves, for factors of its optical depth.
+    fn left(&self, py: Python<'_>, gains: Vec<f64>) -> PyResult<Vec<f64>> {
+        gate::run(py, UNKNOWN, |cancel| self.0.left(&gains, cancel))
+    }
 }
 
 /// A sheet, the displacement (x, y) px of its flakes, a gain and what is added, and the depths between which it
@@ -219,8 +224,11 @@ impl FlakeSheet {
 type LayerValues<'py> = (PyRef<'py, FlakeSheet>, [f64; 2], (f32, f32), f32, f32);
 
 /// Writes the optical depth of sheets over `out` (h, w), or their opacity. `origin` is the row and the column
-/// of the first pixel from the principal point; `depth` (h, w) is that of the scene.
+/// of the first pixel from the principal point; `depth` (h, w) is that of the scene. To an opacity add drawn
+/// flakes, which are an opacity and a factor of their optical depth, a veil, and the opacity of an even one.
 #[pyfunction]
+#[pyo3(signature = (out, origin, sheets, depth, opacity, drawn=None, veil=None, haze=0.0))]
+#[expect(clippy::too_many_arguments, reason = "the Python layer passes plain values")]
 pub fn sheet_read(
     py: Python<'_>,
     mut out: PyReadwriteArray2<'_, f32>,
@@ -228,6 +236,9 @@ pub fn sheet_read(
     sheets: Vec<LayerValues<'_>>,
     depth: Option<PyReadonlyArray2<'_, f32>>,
     opacity: bool,
+    drawn: Option<(PyReadonlyArray2<'_, f32>, f32)>,
+    veil: Option<PyReadonlyArray2<'_, f32>>,
+    haze: f32,
 ) -> PyResult<()> {
     let given: Vec<Layer<'_>> = sheets
         .iter()
@@ -241,6 +252,11 @@ pub fn sheet_read(
         })
         .collect();
     let (out, depth) = (out.as_array_mut(), depth.as_ref().map(|depth| depth.as_array()));
-    let nanoseconds = 0.3 * (out.len() * given.len()) as f64;
-    gate::run(py, nanoseconds, |cancel| layers::read(out, origin, &given, depth, opacity, cancel))
+    let others = opacity.then(|| Others {
+        drawn: drawn.as_ref().map(|(plane, gain)| (plane.as_array(), *gain)),
+        veil: veil.as_ref().map(|plane| plane.as_array()),
+        haze,
+    });
+    let nanoseconds = 0.3 * (out.len() * (given.len() + 1)) as f64;
+    gate::run(py, nanoseconds, |cancel| layers::read(out, origin, &given, depth, others, cancel))
 }

@@ -7,7 +7,6 @@ use pyo3::prelude::*;
 
 mod air;
 mod cone;
-mod crossing;
 mod encode;
 mod falling;
 mod flakes;
@@ -22,7 +21,6 @@ mod patterns;
 mod random;
 mod scan;
 mod shade;
-mod sheet;
 mod shown;
 mod spectral;
 mod threads;
@@ -40,8 +38,6 @@ mod core {
         cone_basis, cone_chart, cone_footprints, cone_layer, cone_moving, cone_needed, cone_rays,
         cone_shown, cone_stack, cone_table, cone_tile,
     };
-    #[pymodule_export]
-    use super::crossing::particle_crossing;
     #[pymodule_export]
     use super::encode::{png_chunk, to_half};
     #[pymodule_export]
@@ -75,8 +71,6 @@ mod core {
     use super::scan::{all_finite, all_within};
     #[pymodule_export]
     use super::shade::{encode_bytes, plate_cells, shade_add, shade_light, shade_over};
-    #[pymodule_export]
-    use super::sheet::sheet_fall;
     #[pymodule_export]
     use super::shown::{layer_finish, layer_rgba, layer_seen};
     #[pymodule_export]

@@ -25,8 +25,8 @@ _STEPS = 60
 # similarity that corruptions do which results are published with: 0.66 to 0.42 and for fog 0.79 to
 # 0.63, in even steps, of ten photographs of 512 px (tests/test_augment_similarity.py).
 _HARD = {
-    "snow": (0.0, 0.108, 0.142, 0.177, 0.215, 0.267),
-    "rain": (0.0, 0.12, 0.163, 0.222, 0.288, 0.368),
+    "snow": (0.0, 0.062, 0.077, 0.099, 0.124, 0.152),
+    "rain": (0.0, 0.092, 0.121, 0.161, 0.208, 0.262),
     "fog": (0.0, 0.31, 0.38, 0.45, 0.53, 0.6),
 }
 PROFILES = ("natural", "hard")
@@ -51,7 +51,7 @@ def contrast_loss(
     -------
     float
         Natural: 0.06, 0.14, 0.25, 0.38 and 0.55 for the severities 1 to 5, linear between. Hard:
-        snow 0.108 to 0.267, rain 0.12 to 0.368, fog 0.31 to 0.6.
+        snow 0.062 to 0.152, rain 0.092 to 0.262, fog 0.31 to 0.6.
 
     Raises
     ------

@@ -188,6 +188,13 @@ class Distances:
         """Return (H, W) float32."""
         return np.broadcast_to(self.plane, shape)
 
+    def full(self, shape: tuple[int, int]) -> Array:
+        """Return (H, W) float32, contiguous."""
+        kept = vars(self).get("_full")
+        if kept is None or kept.shape != shape:
+            kept = vars(self)["_full"] = np.ascontiguousarray(self.whole(shape))
+        return np.asarray(kept)
+
 
 def distances_of(
     depth: Depth, shape: tuple[int, int], ground: Ground | None, focal: float, far: float

@@ -1,55 +1,53 @@
-"""What falls, as one population: how much of it there is, what is drawn and what is a texture.
+"""What falls, as one population: how many flakes or drops there are, and how dense each is.
 
-A drawn flake costs time by itself and a texture by the pixel, whatever stands in it. So as few are
-drawn as a texture allows: those that are too large for its tiles, too few in one, or too fast.
+All are balls of one opacity, whose optical depth is multiplied: near ones are drawn, far ones are
+sheets, and both take that factor.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import NamedTuple
 
-from flurries.augment.flakes import NEAREST, Cloud
-from flurries.particles.population import LEAST_IN_TILE, Population, SizeClass
-from flurries.particles.precipitation import drop_speed, snow_speed
+import numpy as np
+
+from flurries._contract import Float64
 from flurries.particles.sizes import Sizes
 
-# A disc of `particles` ends at three deviations, and a flake's deviation is d / sqrt(8).
-_DISC = 3.0 / math.sqrt(2.0)
-
-# Diameters at even shares that drawn flakes take theirs from.
-_SHARES = 24
-
-# A streak's middle over its resting flake's: sqrt(2 pi / 8) diameters over the way.
-_SWEPT = math.sqrt(2.0 * math.pi / 8.0)
-
-# The largest deviation of a flake's image in a texture, as a share of its tile.
-_WIDEST = 0.08
+# Optical depth of the middle of all balls, before it is multiplied; and the mean opacity over the
+# disc of such a ball, 1 - 2 (1 - (1 + t) exp(-t)) / t^2.
+MIDDLE = 1.5
+OPACITY = 1.0 - 2.0 * (1.0 - (1.0 + MIDDLE) * math.exp(-MIDDLE)) / MIDDLE**2
 
 # Pixels smooth the flakes of pictures smaller than this, and by what power of the size they are
 # denser there, and fewer, so that a severity takes as much of the structure at every size.
-_SMALL, _SHARPER = 512, 0.6
+SMALL, _SHARPER = 768, 1.1
 
-SPEEDS = {"snow": snow_speed, "rain": drop_speed}
+# Cells of a ball's diameter across and along its way, and sizes, by which its cover is integrated.
+_ACROSS, _ALONG, _SIZES = 24, 64, 8
+
+# Steps of the factor and of the way, as ratios, between which the cover is interpolated.
+_STEP = 1.25
+
+# A shorter way over the diameter leaves no streak.
+_REST = 1.0 / _ALONG
 
 
-class Streaks(NamedTuple):
-    """The streaks of flakes that move while the shutter is open.
+class Look(NamedTuple):
+    """Flakes that move while the shutter is open.
 
     Attributes
     ----------
-    thick : float
-        Optical depth of a resting one's middle.
-    covered : float
-        What one covers, over the product of that and its area.
+    gain : float
+        Factor of the optical depth of their balls.
     density : float
         How many there are per cubic metre.
     """
 
-    thick: float
-    covered: float
+    gain: float
     density: float
 
 
@@ -59,81 +57,57 @@ class Falling:
 
     Attributes
     ----------
-    kind : {"snow", "rain"}
     depth : float
         Optical depth of all of them: what they take of the light is ``1 - exp(-depth)``.
     sizes : (smallest, mean, largest)
         Diameters, metres.
     middle : float
         Optical depth of a resting one's middle.
+    near, far : float
+        Metres. Around the near depth they fade in.
     streak : float
         Optical depth of the middle of a streak that a mean one leaves, at least. A drop is a lens:
         it sends the light of half the sky, so that its streak is brighter than its width and way
         make it.
-    near, far : float
-        Metres.
     sway : (amplitude, rate)
         Metres, and radians per second, of those that are drawn.
     veil : float
         Share of the weather's opacity that an even veil holds.
     """
 
-    kind: str
     depth: float
     sizes: tuple[float, float, float]
     middle: float
+    near: float
     far: float
-    near: float = NEAREST
     streak: float = 0.0
     sway: tuple[float, float] = (0.0, 0.0)
     veil: float = 0.0
 
-    def thick(self, way: float) -> float:
-        """Return the optical depth of a resting one's middle, for streaks of a way in metres."""
-        return max(self.middle, self.streak * way / (_SWEPT * self.sizes[1]))
+    @property
+    def thickness(self) -> float:
+        """Optical depth per metre."""
+        return self.depth / (self.far - self.near)
 
-    def streaks(self, way: float) -> Streaks:
-        """Return the streaks of a way in metres."""
-        thick = self.thick(way)
-        covered = covered_by(thick, way, self.sizes[1])
-        each = thick * covered * 0.25 * math.pi * _moment(self.sizes)
-        return Streaks(thick, covered, self.depth / (each * (self.far - self.near)))
+    def look(self, way: float) -> Look:
+        """Return the flakes of a way in metres."""
+        gain, ratio = self.middle / MIDDLE, max(way / self.sizes[1], _REST)
+        if self.streak > 0.0:
+            wanted = self.streak * ratio / math.hypot(1.0, ratio)
+            gain = max(gain, -wanted / math.log1p(-_brightest(ratio)))
+        each = 0.25 * math.pi * square(self.sizes) * _covered(self.sizes, gain, ratio)
+        return Look(gain, self.thickness / each)
 
-    def cloud(self, streaks: Streaks, reach: float) -> Cloud:
-        """Return the flakes that are drawn."""
-        thick, covered, density = streaks
-        # A power of two, since opacities of copies are squared; so many that each is thin.
-        times = 2 ** max(math.ceil(math.log2(2.0 * thick)), 1)
-        return Cloud(
-            density, self.near, reach, self.far, _quantiles(self.sizes), thick / times,
-            times, covered, self.sway,
-        )  # fmt: skip
-
-    def reach(self, way: float, focal: float, tile: int, *, least: float) -> float:
-        """Return the depth up to which they are drawn, metres.
-
-        Parameters
-        ----------
-        way : float
-            Metres that one falls while the shutter is open.
-        focal : float
-            Pixels.
-        tile : int
-            Of the texture, pixels.
-        least : float
-            Metres.
-        """
-        large = focal * self.sizes[2] / math.sqrt(8.0) / (_WIDEST * tile)
-        # As many in a tile as a texture must have, in a slab whose far end is twice as far.
-        sparse = 3.0 * LEAST_IN_TILE / (7.0 * self.streaks(way).density) * (focal / tile) ** 2
-        wanted = max(sparse ** (1.0 / 3.0), large, least, 1.3 * self.near)
-        return self.far if wanted > 0.7 * self.far else wanted
+    def before(self, depth: Float64) -> Float64:
+        """Return the share of light from depths (n,) that passes."""
+        way = np.clip(depth, self.near, self.far) - self.near
+        return np.exp(-self.thickness * way)
 
 
 @lru_cache(maxsize=256)
-def before(falling: Falling, longer: int, times: float) -> Falling:
+def seen_by(falling: Falling, longer: float, times: float) -> Falling:
     """Return the flakes before a picture of a longer side in px, some times as many of them."""
-    dense = max(_SMALL / max(longer, _SMALL // 8), 1.0) ** _SHARPER
+    dense = max(SMALL / max(longer, SMALL // 12), 1.0) ** _SHARPER
     if dense == times == 1.0:
         return falling
     return replace(
@@ -142,45 +116,66 @@ def before(falling: Falling, longer: int, times: float) -> Falling:
     )  # fmt: skip
 
 
-def covered_by(thick: float, way: float, diameter: float) -> float:
-    """Return the area that a flake covers over that of a thin one.
-
-    A Gaussian of optical depth p in its middle covers Ein(p) / p of that.
-    """
-    p = thick / math.hypot(1.0, way / (_SWEPT * diameter))
-    return ein(p) / p
-
-
-def population_of(
-    kind: str, sizes: tuple[float, float, float], density: float, opacity: float
-) -> tuple[Population, SizeClass]:
-    """Return the flakes as the population that a texture is made of, and its one class of size."""
-    found = Population(density, _law(sizes), opacity, SPEEDS[kind])
-    return found, found.classes(1)[0]
-
-
-def ein(x: float) -> float:
-    """Return the integral of (1 - exp(-t)) / t from 0 to x, by its series: x is at most some 10."""
-    term, total = 1.0, 0.0
-    for k in range(1, 60):
-        term *= -x / k
-        total -= term / k
-        if abs(term) < 1e-17 * total:
-            break
-    return total
-
-
 @lru_cache(maxsize=64)
-def _moment(sizes: tuple[float, float, float]) -> float:
-    return _law(sizes).moment(2.0)
-
-
-@lru_cache(maxsize=64)
-def _law(sizes: tuple[float, float, float]) -> Sizes:
+def law_of(sizes: tuple[float, float, float]) -> Sizes:
+    """Return the law of diameters between a smallest and a largest that have a mean."""
     return Sizes.with_mean(*sizes)
 
 
 @lru_cache(maxsize=64)
-def _quantiles(sizes: tuple[float, float, float]) -> tuple[float, ...]:
-    law = _law(sizes)
-    return tuple(_DISC * float(law.quantile(k / (_SHARES - 1))) for k in range(_SHARES))
+def square(sizes: tuple[float, float, float]) -> float:
+    """Return the mean of the squares of diameters."""
+    return law_of(sizes).moment(2.0)
+
+
+def _brightest(ratio: float) -> float:
+    """Return the opacity of the middle of a streak that is some diameters long."""
+    chord = _balls()[-1]
+    steps = max(round(0.5 * _ALONG * min(ratio, 1.0)), 1)
+    half = chord[_ALONG // 2 + steps] - chord[_ALONG // 2]
+    return float(2.0 * half / max(ratio, 2.0 * steps / _ALONG))
+
+
+def _covered(sizes: tuple[float, float, float], gain: float, ratio: float) -> float:
+    """Return the area that flakes cover over that of their discs, of a way over their mean size."""
+    places = [math.log(value) / math.log(_STEP) for value in (gain, ratio)]
+    (i, u), (j, v) = ((math.floor(place), place % 1.0) for place in places)
+    rows = [
+        (1.0 - u) * _covered_at(sizes, i, k) + u * _covered_at(sizes, i + 1, k) for k in (j, j + 1)
+    ]
+    return math.exp((1.0 - v) * rows[0] + v * rows[1])
+
+
+@lru_cache(maxsize=4096)
+def _covered_at(sizes: tuple[float, float, float], gain: int, ratio: int) -> float:
+    """Return the logarithm of what is covered, at whole steps of the factor and of the way."""
+    factor, way, total = _STEP**gain, sizes[1] * _STEP**ratio, 0.0
+    shares = (np.arange(_SIZES) + 0.5) / _SIZES
+    diameters: Sequence[float] = law_of(sizes).quantile(shares).tolist()
+    sums = _balls()
+    for diameter in diameters:
+        length = way / diameter
+        window = min(max(round(_ALONG * length), 1), _ALONG)
+        # Opacity at places along the way: the ball's share of the time there.
+        padded = np.pad(sums, ((0, 0), (window, window)), mode="edge")
+        swept = padded[:, window:] - padded[:, :-window]
+        swept /= length if length > 1.0 else window / _ALONG
+        hidden = -np.expm1(factor * np.log1p(-swept))
+        area = hidden.sum() / _ALONG + max(length - 1.0, 0.0) * hidden[:, window].sum()
+        total += diameter**2 * 2.0 * float(area) * 0.5 / _ACROSS
+    return math.log(total / (0.25 * math.pi * sum(d * d for d in diameters)))
+
+
+@lru_cache(maxsize=1)
+def _balls() -> Float64:
+    """Return integrals of a ball's opacity along its chords, up to places on them.
+
+    Of a ball of diameter 1; the outermost chord first, that through the middle last.
+    """
+    x = (np.arange(_ACROSS)[::-1] + 0.5) / (2.0 * _ACROSS)
+    y = (np.arange(_ALONG) + 0.5) / _ALONG - 0.5
+    inside = np.maximum(1.0 - 4.0 * (x[:, None] ** 2 + y**2), 0.0)
+    opacity = -np.expm1(-MIDDLE * np.sqrt(inside))
+    sums = np.zeros((_ACROSS, _ALONG + 1))
+    np.cumsum(opacity / _ALONG, axis=1, out=sums[:, 1:])
+    return sums

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Literal, TypeAlias
 
 import numpy as np
 
@@ -17,6 +18,12 @@ from flurries.augment.falling import Falling
 from flurries.augment.weather import Weather
 
 _SPEED = (-100.0, 100.0)
+
+# Rungs of the amount from 0 to 1, which sheets are kept for.
+_RUNGS = 10
+
+# What makes the look of flakes of an amount: arguments of `Falling`.
+Looks: TypeAlias = Callable[[float], dict[str, Any]]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -41,29 +48,30 @@ class Precipitation(Weather):
     def _drawn(self, image: Any, index: int | None) -> dict[str, Any]:
         return {**super()._drawn(image, index), "veil": self.veil}
 
-    def _of(self, record: dict[str, Any], **look: Any) -> Air:
-        """Return the air of a record, whose flakes have a look."""
-        loss, falls = _falling_of(
-            record["amount"], record["profile"], record["veil"], tuple(look.items())
-        )
+    def _of(self, record: dict[str, Any], kind: Literal["snow", "rain"], look: Looks) -> Air:
+        """Return the air of a record, whose flakes look as their amount says."""
+        amount, own = record["amount"], (record["profile"], record["veil"], kind, look)
+        loss, falling = _falling_of(amount, *own)
+        # Sheets are kept for some amounts, the severities among them.
+        _, rung = _falling_of(max(round(_RUNGS * amount), 1) / _RUNGS, *own)
         return Air(
             seed=record["weather_seed"],
             loss=loss,
             velocity=(record["wind"], record["fall"]),
             exposure=record["exposure"],
-            falling=falls,
+            falling=falling,
+            rung=rung,
         )
 
 
 @lru_cache(maxsize=256)
 def _falling_of(
-    amount: float, profile: Profile, veil: float, look: tuple[tuple[str, Any], ...]
+    amount: float, profile: Profile, veil: float, kind: Literal["snow", "rain"], look: Looks
 ) -> tuple[float, Falling | None]:
     """Return the loss of contrast of an amount, and what falls."""
-    own = dict(look)
-    loss = contrast_loss(amount, profile=profile, weather=own["kind"])
+    loss = contrast_loss(amount, profile=profile, weather=kind)
     depth = math.log1p(-veil * loss) - math.log1p(-loss) if loss > 0.0 else 0.0
-    return loss, Falling(depth=depth, veil=veil, **own) if depth > 1e-9 else None
+    return loss, Falling(depth=depth, veil=veil, **look(amount)) if depth > 1e-9 else None
 
 
 @lru_cache(maxsize=256)

@@ -12,11 +12,11 @@ from flurries.augment.signature import suggests
 
 # Diameters in metres: smallest, mean and largest. Several times those of drops, whose streaks no
 # picture of a data set would show.
-SIZES = (0.003, 0.005, 0.014)
+SIZES = (0.004, 0.007, 0.020)
 NEAR, FAR = 0.7, 10.0
 
 # Optical depth of a mean streak's middle at the severities 1 to 5.
-STREAK = (0.35, 0.45, 0.55, 0.75, 1.2)
+STREAK = (0.18, 0.23, 0.28, 0.38, 0.6)
 
 
 @suggests
@@ -66,7 +66,8 @@ class Rainfall(Precipitation):
     exposure: Range = (0.015, 0.03)
 
     def _air(self, record: dict[str, Any]) -> Air:
-        return self._of(
-            record, kind="rain", sizes=SIZES, near=NEAR, far=FAR, middle=0.9,
-            streak=at(record["amount"], STREAK),
-        )  # fmt: skip
+        return self._of(record, "rain", _look)
+
+
+def _look(amount: float) -> dict[str, Any]:
+    return {"sizes": SIZES, "near": NEAR, "far": FAR, "middle": 0.9, "streak": at(amount, STREAK)}

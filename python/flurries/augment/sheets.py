@@ -1,175 +1,290 @@
-"""Textures of pictures by themselves, made once and read from another place on for each picture.
+"""Far flakes of pictures: sheets that are kept, one for each layer, read from places of their own.
 
-A picture of a data set is followed by no other, so that its far flakes need not be its own: they
-are part of a sheet that goes on at its ends, of a streak whose way is about that of the picture's
-flakes. A sheet costs what one picture's own texture would, and takes the memory of half of one.
+Pictures of about one weather share sheets: each reads every layer from a random place on, so that
+what two pictures see has nothing in common. Sheets are of rungs of the amount, of the focal length
+and of the way; what a picture's weather differs by from its rungs its gains make up for.
 """
 
 from __future__ import annotations
 
 import math
+from collections import OrderedDict
+from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from flurries import _core
-from flurries._contract import Array
+from flurries._contract import Float64
 from flurries._threads import reproducible
 from flurries.augment.draws import uniforms
-from flurries.augment.texture import SEED, WAY, Rungs, Texture, overlap_of
+from flurries.augment.falling import OPACITY, Falling, Look, law_of, seen_by, square
+from flurries.effects.sheets import diameters_of, hash_of
+from flurries.effects.weather import layer_edges
+from flurries.particles.population import FADE, Population, SizeClass, slabs_of
 
 # Bytes of all sheets of a process, at most: the oldest go.
-_MOST = 64 << 20
+MOST_BYTES = 64 << 20
 
-# The least and the most between two directions of streaks, radians; between them, the end of a
-# streak is off by a quarter of a flake's diameter.
-_TURN = (0.1, 0.5)
+LAYERS = 6
 
-# Means that are added while a sheet is made, and taken off again: frames end at 0, and blended
-# tiles go to some means below it.
-_MEANS = 4.0
+# Rungs, as ratios.
+_FOCAL, _WAY, _TIMES = 1.06, 1.6, 2.0**0.5
 
-# The largest number of a sheet.
-_LARGEST = 32767.0
+# A shorter way over the mean diameter leaves no streak in sheets.
+_REST = 0.35
 
+# Between two directions of streaks, radians, at least and at most, and times the ratio of a flake's
+# diameter to its way.
+_TURN, _TURNS = (0.16, 0.7), 1.5
+
+# Flakes that are drawn for each pixel of a picture, by itself and of a film or pair; pictures by
+# themselves that are no larger than sheets have all their flakes from them.
+_DRAWN, _DRAWN_MOVING, _SHEETS_ALONE = 0.0001, 0.0015, 600
+
+# Diameter in px of the largest flakes of sheets, and their longest streak.
+_LARGEST, _LONGEST = 30.0, 192.0
+
+# Pixels of a sheet's sides, before a layer's own factor, how much larger than the picture they are
+# at most, and the flakes that it has at least.
+_SIDE, _LARGER, _FLAKES = (240.0, 512.0), 1.0, 60.0
+
+# Sizes of flakes in a sheet.
+_SIZES = 4
+
+# Flakes for each pixel of a sheet at most: of a picture of a few pixels they cannot be told apart.
+_MOST = 100.0
+
+# Factors of the optical depth for which the light that sheets leave is known, about their own.
+_GAINS = 1.4 ** np.arange(-8.0, 9.0)
+
+SEED = 7004
 _STREAM = 7005
 
-_KEPT: dict[Any, Sheet] = {}
+_kept: OrderedDict[Any, Sheets] = OrderedDict()
 
 
-class Sheet(NamedTuple):
-    """Optical depth without its mean.
-
-    Attributes
-    ----------
-    values : (H, W) int16
-    unit : float
-        Optical depth of 1.
-    """
-
-    values: Array
-    unit: float
-
-
-class Part(NamedTuple):
-    """A picture's part of sheets.
+class Rungs(NamedTuple):
+    """What decides sheets.
 
     Attributes
     ----------
-    texture : Texture
-    rungs : Rungs
-    key : tuple
-        Of the sheets: tiles (rows, columns), and the direction of streaks in steps.
-    turn : float
-        A step, radians.
-    place : (row, column)
-        Of the picture's first pixel.
-    back : (rows, columns)
-        Whether each is read backwards.
+    falling : Falling
+        Of a rung of the amount.
+    times, lens, way, turn : int
+        Numbers of rungs: of how many more flakes there are, of the focal length, of the way, and of
+        the direction, whose steps the way decides.
+    ratio : float
+        Focal length over the picture's longer side.
+    moving : bool
+        Whether the picture is of a film or pair.
+    alone : bool
+        Whether sheets are larger than the picture, which then has no drawn flakes.
     """
 
-    texture: Texture
-    rungs: Rungs
-    key: tuple[int, int, int]
-    turn: float
-    place: tuple[int, int]
-    back: tuple[bool, bool]
-
-    def read(self, layer: int | None = None, mask: Array | None = None) -> Any:
-        """Return all of it or one layer, as `_core.sheet_fall` reads it."""
-        texture = self.texture
-        sheet = self.sheet(layer)
-        mean = texture.mean if layer is None else texture.mean * float(texture.shares[layer])
-        return sheet.values, self.place, self.back, (texture.gain * sheet.unit, mean), mask
-
-    def sheet(self, layer: int | None) -> Sheet:
-        """Return a sheet of all layers or of one."""
-        key = (self.rungs, *self.key, layer, reproducible())
-        # Taken out and put in again: the dict's order is that of use. No lock, which a fork in
-        # another thread would leave closed; two that make the same sheet make the same bits.
-        found = _KEPT.pop(key, None)
-        if found is None:
-            found = self._made(layer)
-            room = _MOST - found.values.nbytes
-            while _KEPT and sum(sheet.values.nbytes for sheet in list(_KEPT.values())) > room:
-                _KEPT.pop(next(iter(_KEPT)), None)
-        _KEPT[key] = found
-        return found
-
-    def _made(self, layer: int | None) -> Sheet:
-        if layer is None:
-            plane = self._depths(None)
-            unit = max(float(np.abs(plane).max()), 1e-9) / _LARGEST
-            return Sheet(_rounded(plane / np.float32(unit)), unit)
-        # In the unit of all, and the last is what the others leave of all: rounded layers by
-        # themselves would not sum up to them.
-        whole = self.sheet(None)
-        if layer < len(self.texture.shares) - 1:
-            return Sheet(_rounded(self._depths(layer) / np.float32(whole.unit)), whole.unit)
-        rest = whole.values.astype(np.int32)
-        for before in range(layer):
-            rest -= self.sheet(before).values
-        return Sheet(_rounded(rest), whole.unit)
-
-    def _depths(self, layer: int | None) -> Array:
-        texture, rungs = self.texture, self.rungs
-        rows, cols, step = self.key
-        overlap = overlap_of(rungs.tile)
-        size = tuple((rungs.tile - overlap) * count for count in (rows, cols))
-        way = WAY**rungs.way
-        streak = way * np.array([math.sin(step * self.turn), math.cos(step * self.turn)])
-        asked = texture.request(
-            (size[0] + overlap, size[1] + overlap), texture.patterns.focal, seed=SEED,
-            moved=np.zeros(2), streak=streak,
-        )._replace(
-            mean=np.array([[_MEANS * texture.own]]), gain=texture.gains.reshape(1, 1, -1)
-        )  # fmt: skip
-        if layer is not None:
-            asked = texture.layers(asked)[layer]
-        whole = np.empty(asked.shape, np.float32)
-        texture.drawn(asked, opacity=False, out=whole, add=False)
-        whole -= np.float32(asked.mean[0, 0])
-        found: Array = _joined(_joined(whole, rungs.tile).T, rungs.tile).T
-        return found
+    falling: Falling
+    times: int
+    lens: int
+    way: int
+    turn: int
+    ratio: float
+    moving: bool
+    alone: bool
 
 
-def _rounded(values: Array) -> Array:
-    kept = np.clip(np.rint(values), -_LARGEST, _LARGEST)
-    return np.ascontiguousarray(kept, np.int16)
+@dataclass(frozen=True, eq=False)
+class Sheets:
+    """The sheets of all layers of one rung.
+
+    Attributes
+    ----------
+    reach : float
+        Depth up to which flakes are drawn, metres.
+    sheets : list of FlakeSheet
+        None where all are drawn.
+    edges : list of (near, far)
+        Metres.
+    depths : (L, 1)
+        That layers move as, metres.
+    periods : (L, 2)
+        Pixels, across and down.
+    thickness : (n,)
+        Logarithms of optical depths per metre, at even steps.
+    gains : (n, L)
+        Factors of the sheets' optical depth that bring these about.
+    """
+
+    reach: float
+    sheets: list[_core.FlakeSheet]
+    edges: list[tuple[float, float]]
+    depths: Float64
+    periods: Float64
+    thickness: Float64
+    gains: Float64
+
+    @property
+    def bytes(self) -> int:
+        """What is kept of them now."""
+        return sum(sheet.bytes for sheet in self.sheets)
+
+    def layers(
+        self, falling: Falling, focal: float, seed: int, moved: Float64 | None
+    ) -> list[tuple[_core.FlakeSheet, tuple[float, float], tuple[float, float], float, float]]:
+        """Return the layers before a picture as `_core.sheet_read` reads them.
+
+        Parameters
+        ----------
+        moved : (2,), optional
+            Metres (x, y) by which they are away from where they begin; None for a picture by
+            itself, which reads whole pixels.
+        """
+        count = len(self.sheets)
+        if count == 0:
+            return []
+        shift = np.floor(uniforms(seed, _STREAM, 2 * count).reshape(count, 2) * self.periods)
+        if moved is not None:
+            shift += focal / self.depths * moved
+        # Between two steps, and as at the nearest one beyond them but for their ratio.
+        first, last = self.thickness[0], self.thickness[-1]
+        wanted = math.log(falling.thickness)
+        place = (wanted - first) / (last - first) * (len(self.thickness) - 1)
+        step = min(max(int(place), 0), len(self.thickness) - 2)
+        part = min(max(place - step, 0.0), 1.0)
+        gains = self.gains[step] + part * (self.gains[step + 1] - self.gains[step])
+        if place < 0.0:
+            gains = gains * math.exp(wanted - first)
+        return [
+            (sheet, (x, y), (gain, 0.0), near, far)
+            for sheet, (x, y), gain, (near, far) in zip(
+                self.sheets, shift.tolist(), gains.tolist(), self.edges, strict=True
+            )
+        ]  # fmt: skip
 
 
-def part_of(
-    texture: Texture, shape: tuple[int, int], velocity: tuple[float, float], seed: int
-) -> Part:
-    """Return the part of sheets that a picture's far flakes are.
+def sheets_of(
+    rung: Falling,
+    times: float,
+    velocity: tuple[float, float],
+    way: float,
+    longer: int,
+    focal: float,
+    moving: bool,
+) -> Sheets:
+    """Return the sheets of a weather.
 
     Parameters
     ----------
+    rung : Falling
+        What falls at the rung of the weather's amount.
+    times : float
+        How many more there are before a picture that ends near.
     velocity : (x, y)
-        Of what falls, in any unit.
+        In any unit.
+    way : float
+        Metres while the shutter is open.
+    longer : int
+        Side of the picture, pixels.
+    focal : float
+        Pixels.
+    moving : bool
+        Whether the picture is of a film or pair.
     """
-    rungs = texture.rungs
-    assert rungs is not None
-    turn = min(max(rungs.look[1][1] / WAY**rungs.way, _TURN[0]), _TURN[1])
-    x, y = velocity
-    step = round(math.atan2(abs(x), abs(y)) / turn)
-    # Streaks to the other side are the same sheet in a mirror; turned by half, streaks stay.
-    u = uniforms(seed, _STREAM, 3)
-    half, side = bool(u[2] < 0.5), x * y < 0.0
-    # A picture may be larger than its sheet by what tiles share, which then stands at both ends.
-    overlap = overlap_of(rungs.tile)
-    rows, cols = (_core.tile_count(length, rungs.tile, overlap) for length in shape)
-    stride = rungs.tile - overlap
-    place = int(u[0] * stride * rows), int(u[1] * stride * cols)
-    return Part(texture, rungs, (rows, cols, step), turn, place, (half, half ^ side))
-
-
-def _joined(plane: Array, tile: int) -> Array:
-    """Return a plane whose last rows are blended into its first as two tiles are, without them."""
-    overlap = overlap_of(tile)
-    shares = np.empty((2 * tile - overlap, 2))
-    _core.tile_shares(shares, tile, overlap, "power")
-    shared = np.sqrt(shares[tile - overlap : tile, :, None]).astype(np.float32)
-    found: Array = plane[:-overlap].copy()
-    found[:overlap] = shared[:, 1] * plane[:overlap] + shared[:, 0] * plane[-overlap:]
+    number, turn = 0, 0
+    ratio = way / rung.sizes[1]
+    if ratio > _REST:
+        number = 1 + round(math.log(ratio / _REST) / math.log(_WAY))
+        turn = round(math.atan2(*velocity) / _turn_of(number))
+    rungs = Rungs(
+        rung, round(math.log(times) / math.log(_TIMES)), round(math.log(focal) / math.log(_FOCAL)),
+        number, turn, focal / longer, moving, longer <= _SHEETS_ALONE and not moving,
+    )  # fmt: skip
+    key = (rungs, reproducible())
+    # Taken out and put in again: the dict's order is that of use. No lock, which a fork in another
+    # thread would leave closed; two that make the same sheets make the same bits.
+    found = _kept.pop(key, None)
+    if found is None:
+        found = _made(rungs)
+        _trim(MOST_BYTES - found.bytes)
+    elif moving:
+        # Places of sheets are made as they are visited.
+        _trim(MOST_BYTES - found.bytes)
+    _kept[key] = found
     return found
+
+
+def _turn_of(way: int) -> float:
+    """Return the step between directions of streaks of a way."""
+    return min(max(_TURNS / (_REST * _WAY ** (way - 1)), _TURN[0]), _TURN[1])
+
+
+def _trim(room: int) -> None:
+    total = sum(sheets.bytes for sheets in list(_kept.values()))
+    while _kept and total > room:
+        try:
+            _, oldest = _kept.popitem(last=False)
+        except KeyError:
+            return
+        total -= oldest.bytes
+
+
+def _made(rungs: Rungs) -> Sheets:
+    focal = _FOCAL**rungs.lens
+    longer = focal / rungs.ratio
+    falling = seen_by(rungs.falling, longer, _TIMES**rungs.times)
+    way = falling.sizes[1] * _REST * _WAY ** (rungs.way - 1) if rungs.way else 0.0
+    look = falling.look(way)
+    reach = _reach_of(falling, look, way, longer, focal, rungs)
+    none = np.zeros((0, 2))
+    if reach >= falling.far:
+        return Sheets(falling.far, [], [], none, none, np.zeros(2), none)
+    law, mean = law_of(falling.sizes), square(falling.sizes)
+    one = SizeClass(look.density, law.smallest, law.largest, mean, 0.0)
+    population = Population(look.density, law, OPACITY, np.ones_like)
+    slabs = slabs_of(
+        population, one, focal, 1, reach=reach, far=falling.far,
+        edges=layer_edges(reach, falling.far, LAYERS),
+    )  # fmt: skip
+    angle = rungs.turn * _turn_of(rungs.way)
+    sheets, periods, gains = [], [], []
+    # What lies beyond the steps is as rare as amounts beside their rungs.
+    thickness = math.log(falling.thickness) + np.linspace(-1.2, 1.2, 25)
+    metres = np.array([slab.coverage for slab in slabs]) / (
+        look.density * OPACITY * 0.25 * math.pi * mean
+    )
+    most = min(max(_LARGER * longer, _SIDE[0]), _SIDE[1])
+    for number, slab in enumerate(slabs):
+        least = math.sqrt(_FLAKES / max(slab.count, 1e-9))
+        side = min(max(least, _SIDE[0]), most) * (1.0 + 0.2 * ((0.618_034 * (number + 1)) % 1.0))
+        rows, columns = round(side), round(side * (1.0 + 0.1 * ((0.414_214 * (number + 1)) % 1.0)))
+        length = way * focal / slab.depth
+        sheet = _core.FlakeSheet(
+            hash_of(SEED, number), (rows, columns), 0, min(slab.count, _MOST),
+            diameters_of(slab.diameters, _SIZES),
+            (length * math.sin(angle), length * math.cos(angle)), 0.0, OPACITY, (0.0, 1.0),
+        )  # fmt: skip
+        factors = look.gain * _GAINS
+        taken = -np.log(sheet.left(factors.tolist()))
+        wanted = thickness + math.log(metres[number])
+        gains.append(np.exp(np.interp(wanted, np.log(taken), np.log(factors))))
+        sheets.append(sheet)
+        periods.append((columns, rows))
+    return Sheets(
+        reach, sheets, [(slab.near, slab.far) for slab in slabs],
+        np.array([[slab.depth] for slab in slabs]), np.array(periods, np.float64), thickness,
+        np.stack(gains, axis=1),
+    )  # fmt: skip
+
+
+def _reach_of(
+    falling: Falling, look: Look, way: float, longer: float, focal: float, rungs: Rungs
+) -> float:
+    """Return the depth up to which flakes are drawn, metres."""
+    images = max(falling.sizes[2] * focal / _LARGEST, way * focal / _LONGEST)
+    # Beyond it sheets fade in: half of the way they take all.
+    first = falling.near / (1.0 + 0.5 * FADE)
+    if rungs.alone and images <= first:
+        return first
+    share = _DRAWN_MOVING if rungs.moving else _DRAWN
+    cost = (3.0 * share * focal**2 / look.density) ** (1.0 / 3.0)
+    reach = max(cost, images, 1.5 * falling.near)
+    return falling.far if reach > 0.8 * falling.far else reach

@@ -2,20 +2,19 @@
 
 from __future__ import annotations
 
+import itertools
 from typing import NamedTuple
 
 import numpy as np
 
-from flurries._contract import Array, Float64
+from flurries import _core
+from flurries._contract import Array
 from flurries.augment.air import Air, Here, View
 from flurries.augment.distance import Distances
-from flurries.augment.flakes import NEAREST, Flakes
+from flurries.effects.air import Air as Request
 
 # Depths that drawn flakes are sorted into.
 _SLABS = 12
-
-# Opacities so small that those that overlap add up, to a part in ten thousand.
-_THIN = 1e-4
 
 
 class Slice(NamedTuple):
@@ -72,10 +71,7 @@ def labels_of(
     )  # fmt: skip
     if air.loss > 0.0 and air.patches is not None:
         most.motion[...] = air.patches.motion(shape, fps)
-    if air.loss <= 0.0 or air.falling is None:
-        return Labels(alpha, motion, nearness, most)
-    here = Here(air, view, distances, time, fps if film else None)
-    for part in slices(here, fps):
+    for part in slices(Here(air, view, distances, time, fps if film else None), fps):
         weight = (1.0 - alpha) * part.opacity
         motion += weight[..., None] * part.motion
         nearness += weight / part.depth
@@ -84,43 +80,44 @@ def labels_of(
         most.opacity[seen] = part.opacity[seen]
         most.motion[seen] = np.broadcast_to(part.motion, (*shape, 2))[seen]
         most.depth[seen] = np.broadcast_to(part.depth, shape)[seen]
-    # Each layer of the texture ends at no opacity by itself, so that slices together are a little
-    # denser than the picture's own sum: they are shares of that.
-    whole = np.empty(shape, np.float32)
-    here.join(whole)
-    share = np.divide(whole, alpha, out=np.zeros(shape, np.float32), where=alpha > _THIN)
-    return Labels(share * alpha, share[..., None] * motion, share * nearness, most)
+    return Labels(alpha, motion, nearness, most)
 
 
 def slices(here: Here, fps: float) -> list[Slice]:
     """Return all that falls, near slices first."""
     found = []
-    if here.flakes is not None and len(here.flakes.points):
-        flakes = here.flakes
-        edges = np.geomspace(NEAREST, 1.001 * float(flakes.points[:, 2].max()), _SLABS + 1)
-        slab = np.searchsorted(edges, flakes.points[:, 2], side="right")
-        found += [_means(here, flakes.part(slab == k), fps) for k in np.unique(slab)]
-    if here.texture is not None:
+    request = here.request(steps=(-0.5 / fps, 0.5 / fps))
+    if request is not None:
+        (one,) = request.classes
+        first, full, last, end = one.shown
+        inner = np.geomspace(full, last, _SLABS + 1)[1:-1].tolist()
+        bounds = [(first, full), *((edge, edge) for edge in inner), (last, end)]
+        for near, far in itertools.pairwise(bounds):
+            part = _drawn(here, request._replace(classes=[one._replace(shown=(*near, *far))]))
+            found += [] if part is None else [part]
+    sheets = here.sheets
+    if sheets is not None:
         focal, speed = here.view.camera.focal, np.asarray(here.air.velocity)
-        for index, depth in enumerate(here.texture.patterns.depths.tolist()):
-            plane = here.layer(here.texture, index)
+        for layer, depth in zip(here.layers, sheets.depths[:, 0].tolist(), strict=True):
+            plane = np.empty(here.view.shape, np.float32)
+            _core.sheet_read(plane, (0, 0), [layer], here.depth, True)
             step = (speed * (focal / depth / fps)).astype(np.float32)
             near = np.minimum(np.float32(depth), here.distances.plane)
             found.append(Slice(plane, step.reshape(1, 1, 2), near))
     return found
 
 
-def _means(here: Here, flakes: Flakes, fps: float) -> Slice:
-    """Return drawn flakes of about one depth: their opacity, and their means by it."""
-    pixels: Float64 = here.view.camera.focal / flakes.points[:, 2]
-    # Drawn so thin that opacities add up, each flake as dense as its number is large.
-    thin = here.drawn(flakes, scale=np.full(len(pixels), _THIN))
-    means = []
-    for values in (*(flakes.rates() * pixels / fps), pixels):
-        low, span = float(values.min()), float(np.ptp(values)) or 1.0
-        dense = here.drawn(flakes, scale=_THIN * (values - low) / span)
-        share = np.divide(dense, thin, out=np.zeros_like(dense), where=thin > 0.0)
-        means.append((low + span * share).astype(np.float32))
-    cover = here.dense(here.drawn(flakes), flakes.times)
-    cover = np.where(thin > 0.0, cover, np.float32(0.0))
-    return Slice(cover, np.stack(means[:2], axis=-1), here.view.camera.focal / means[2])
+def _drawn(here: Here, request: Request) -> Slice | None:
+    """Return some of the drawn flakes: at each pixel the one that it shows most says how fast."""
+    flakes = _core.fall(request)
+    _, rows, others = _core.flake_rows(flakes)
+    if len(rows) == 0:
+        return None
+    shape = here.view.shape
+    plane, number = np.empty(shape, np.float32), np.empty(shape, np.int32)
+    _core.particle_draw(plane, flakes, request.window, here.depth, number)
+    opacity = np.empty(shape, np.float32)
+    _core.sheet_read(opacity, (0, 0), [], None, True, (plane, here.gain))
+    motion = (others[:, 2:] - others[:, :2]).astype(np.float32)
+    # A pixel without any has no opacity either.
+    return Slice(opacity, motion[number], rows[:, 5].astype(np.float32)[number])

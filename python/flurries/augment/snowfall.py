@@ -12,12 +12,12 @@ from flurries.augment.signature import suggests
 
 # Diameters in metres: smallest, mean and largest. Wet flakes of heavy snowfall, since smaller ones
 # are less than a pixel in most pictures of data sets.
-SIZES = (0.005, 0.011, 0.030)
-NEAR, FAR = 0.7, 10.0
+SIZES = (0.006, 0.014, 0.036)
+NEAR, FAR = 1.0, 10.0
 
 # Optical depth of a flake's middle at the severities 1 to 5: the more flakes overlap, the denser
 # they are, so that they do not drown in each other.
-MIDDLE = (0.8, 1.0, 1.3, 1.9, 3.0)
+MIDDLE = (0.4, 0.5, 0.65, 0.95, 1.5)
 
 
 @suggests
@@ -87,7 +87,11 @@ class Snowfall(Precipitation):
     exposure: Range = (0.005, 0.02)
 
     def _air(self, record: dict[str, Any]) -> Air:
-        return self._of(
-            record, kind="snow", sizes=SIZES, near=NEAR, far=FAR,
-            middle=at(record["amount"], MIDDLE), sway=(0.02, 4.0),
-        )  # fmt: skip
+        return self._of(record, "snow", _look)
+
+
+def _look(amount: float) -> dict[str, Any]:
+    return {
+        "sizes": SIZES, "near": NEAR, "far": FAR, "middle": at(amount, MIDDLE),
+        "sway": (0.02, 4.0),
+    }  # fmt: skip

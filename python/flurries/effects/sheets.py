@@ -156,7 +156,7 @@ def _standing(
         u, v = np.clip(exposure * rate[number], -_LONGEST, _LONGEST).tolist()
         keys.append((
             mode, hash_of(seed, number), (rows, columns), round(_SHEAR * columns),
-            slab.count / film.tile**2 / many[number], tuple(_diameters(slab.diameters)),
+            slab.count / film.tile**2 / many[number], tuple(diameters_of(slab.diameters, _SIZES)),
             (u, v), circles[number], weather.population.opacity, (0.0, amount),
         ))  # fmt: skip
     ends = [(slab.near, slab.far) for slab in slabs]
@@ -180,9 +180,16 @@ def hash_of(seed: int, number: int) -> int:
     return int(draw[0] * 2**53)
 
 
-def _diameters(quantiles: Float64) -> list[float]:
-    """Return diameters that stand for even shares of flakes and cover what those do, px."""
-    fine = np.interp(np.linspace(0.0, len(quantiles) - 1.0, 64 * _SIZES + 1),
+def diameters_of(quantiles: Float64, count: int) -> list[float]:
+    """Return so many diameters that stand for even shares of flakes and cover what those do, px.
+
+    Parameters
+    ----------
+    quantiles : (n,)
+        Of diameters at even shares.
+    """
+    fine = np.interp(np.linspace(0.0, len(quantiles) - 1.0, 64 * count + 1),
                      np.arange(len(quantiles)), quantiles)  # fmt: skip
     squares = 0.5 * (fine[1:] ** 2 + fine[:-1] ** 2)
-    return np.sqrt(squares.reshape(_SIZES, -1).mean(axis=1)).tolist()
+    found: list[float] = np.sqrt(squares.reshape(count, -1).mean(axis=1)).tolist()
+    return found

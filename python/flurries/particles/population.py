@@ -168,6 +168,8 @@ class Slab:
 # images: many, since the few largest flakes make most of the contrast.
 _DEPTHS, _STEPS, _QUANTILES = 32, 33, 257
 
+_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(_DEPTHS)
+
 
 def slabs_of(
     population: Population,
@@ -204,10 +206,9 @@ def slabs_of(
     share = share / share.sum()
     found = []
     for near, end in zip(edges[:-1].tolist(), edges[1:].tolist(), strict=True):
-        nodes, weights = np.polynomial.legendre.leggauss(_DEPTHS)
-        depths = 0.5 * (near + end) + 0.5 * (end - near) * nodes
+        depths = 0.5 * (near + end) + 0.5 * (end - near) * _NODES
         left = 1.0 - drawn_share(depths, reach, far)
-        volume = 0.5 * (end - near) * weights * depths**2 * left * (tile / focal) ** 2
+        volume = 0.5 * (end - near) * _WEIGHTS * depths**2 * left * (tile / focal) ** 2
         count = each.density * float(volume.sum())
         images = (focal * diameters[None, :] / depths[:, None]).ravel()
         weight = (volume[:, None] * share[None, :]).ravel()
