@@ -127,7 +127,8 @@ fn sheets(bencher: Bencher<'_, '_>, count: usize) {
     let layers: Vec<_> = sheets.iter().enumerate().map(layer).collect();
     let mut out = Array2::zeros((SIDE, SIDE));
     bencher.counter(ItemsCount::new(SIDE * SIDE)).bench_local(|| {
-        read(out.view_mut(), [-512; 2], &layers, None, true, &Cancel::new()).expect("a picture");
+        read(out.view_mut(), [-512; 2], &layers, None, Some(Default::default()), &Cancel::new())
+            .expect("a picture");
     });
 }
 
