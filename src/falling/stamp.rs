@@ -203,14 +203,18 @@ fn depths(weights: &[Rows; 2], profile: &Profile, diameter: f64) -> Result<Rows,
     let mut dense = zeroed::<f32>(side * side)?;
     for (cy, cells) in (-cells_half..).zip(cells.chunks(2 * half)) {
         for (n, out) in (-reach..).zip(dense.chunks_mut(side)) {
+            // From the middle of cell c to a pixel's middle at (2 n + 3) / 8 lie 2 n + 2 - c cells and
+            // a half.
+            let both = [weights[0].row(2 * n + 2 - cy), weights[1].row(2 * n + 2 - cy)];
+            if both.iter().all(|(_, values)| values.is_empty()) {
+                continue;
+            }
             for (cx, &cell) in (-cells_half..).zip(cells) {
-                // From the middle of cell c to a pixel's middle at (2 n + 3) / 8 lie 2 n + 2 - c cells
-                // and a half.
-                let (first, values) = weights[(cx & 1) as usize].row(2 * n + 2 - cy);
-                let from = first - 1 + (cx + (cx & 1)) / 2 + reach;
                 if cell == 0.0 {
                     continue;
                 }
+                let (first, values) = both[(cx & 1) as usize];
+                let from = first - 1 + (cx + (cx & 1)) / 2 + reach;
                 for (out, value) in out[from as usize..].iter_mut().zip(values) {
                     *out += cell * value;
                 }

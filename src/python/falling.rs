@@ -167,7 +167,7 @@ pub fn flake_rows<'py>(py: Python<'py>, flakes: &SortedFlakes) -> PyResult<Rows<
         let [u, v] = flake.seen[0];
         rows.extend_from_slice(&[x, y, z, u, v, flake.depths[0], flake.diameter, flake.share]);
     }
-    let times = if count == 0 { 0 } else { list.others.len() / count };
+    let times = list.others.len().checked_div(count).unwrap_or(0);
     let others =
         collected(list.others.iter().flatten().copied().collect::<Vec<f64>>().into_iter())?;
     Ok((

@@ -15,7 +15,7 @@ import numpy as np
 
 from flurries import _core
 from flurries._contract import Float64
-from flurries._threads import reproducible
+from flurries._threads import kept_by_mode
 from flurries.camera.lens import Camera
 from flurries.camera.optics import Blur
 from flurries.camera.path import CameraPath
@@ -211,7 +211,7 @@ def air_of(
     return Air(
         seed=frame.seed,
         opacity=opacity,
-        images=_images(opacity, reproducible()),
+        images=images_of(opacity),
         classes=[
             _class(weather, frame, times, number, share, amount)
             for number, share in enumerate(shares)
@@ -227,8 +227,9 @@ def air_of(
     )
 
 
-@lru_cache(maxsize=8)
-def _images(opacity: float, _: bool) -> _core.BallImages:
+@kept_by_mode(8)
+def images_of(opacity: float) -> _core.BallImages:
+    """Return the images of flakes of an opacity."""
     return _core.BallImages(opacity)
 
 

@@ -100,9 +100,7 @@ def flakes_in_profile(motion: Motion, frame: Frame, depth: Float64) -> tuple[Flo
     return np.stack([np.interp(depth, nodes, total[:, a]) for a in range(3)], axis=1), rate
 
 
-def wave_weights(
-    motion: Motion, fps: float, times: Sequence[float], start: Float64
-) -> Float64:
+def wave_weights(motion: Motion, fps: float, times: Sequence[float], start: Float64) -> Float64:
     """Return what gusts and swirls have done to flakes at some frames, as sums of waves, metres.
 
     Parameters

@@ -123,9 +123,7 @@ def points_at(scene: Scene, names: dict[str, Any], number: float) -> dict[str, A
     return found
 
 
-def _set_points(
-    prim: Any, flakes: Array, speed: Array, time: float, UsdGeom: Any, Vt: Any
-) -> None:
+def _set_points(prim: Any, flakes: Array, speed: Array, time: float, UsdGeom: Any, Vt: Any) -> None:
     """Set a frame's flakes."""
 
     def vectors(values: Array) -> Any:
