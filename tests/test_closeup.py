@@ -9,13 +9,13 @@ from typing import Any
 
 import numpy as np
 import pytest
+from flurries.effects.boxes import closeup_of
+from flurries.particles.crowd import Closeup
 
 import flurries as fl
 from flurries import _core
 from flurries.camera.optics import Blur
-from flurries.effects.boxes import closeup_of
 from flurries.effects.defocus import disc_factor
-from flurries.particles.crowd import Closeup
 from measure import cover
 
 Array = np.ndarray[Any, Any]

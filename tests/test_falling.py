@@ -1,4 +1,4 @@
-"""Flakes live in the world: the same ones in every window, lens, eye and frame, moved by evaluation."""
+"""Flakes live in the world: the same ones in every window, eye and frame, moved by evaluation."""
 
 from __future__ import annotations
 

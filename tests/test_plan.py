@@ -18,7 +18,7 @@ from flurries.camera import Camera
 from flurries.effects.layout import Tiling, torus_for
 from flurries.frame import calibration, planes, standing
 from flurries.frame.effect import renderer_of
-from flurries.frame.needs import Cost, LeftOut, Needs, Step, needs_of
+from flurries.frame.needs import Cost, LeftOut, Needs, Step
 
 W, H = 200, 150
 RNG = np.random.default_rng(41)

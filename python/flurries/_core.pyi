@@ -5,20 +5,20 @@ import numpy as np
 import numpy.typing as npt
 
 from flurries.cone.rays import Pose
+from flurries.effects.air import Air
 from flurries.effects.flake_patterns import Slab as FlakeSlab
 from flurries.gas.splatting import Gas
-from flurries.effects.air import Air
 from flurries.spectral.flake_frames import Request as FlakeRequest
 from flurries.spectral.request import Request
 from flurries.spectral.volume import Film
 
 __all__ = [
+    "BallImages",
     "FieldBands",
     "FlakeBands",
+    "FlakeSheet",
     "InternalError",
     "PreparedFlakes",
-    "BallImages",
-    "FlakeSheet",
     "SortedFlakes",
     "SortedGas",
     "advance_phase",
@@ -37,10 +37,8 @@ __all__ = [
     "cone_stack",
     "cone_table",
     "cone_tile",
-    "fall",
-    "sheet_read",
-    "flake_rows",
     "encode_bytes",
+    "fall",
     "field",
     "field_bands",
     "field_take",
@@ -51,6 +49,7 @@ __all__ = [
     "flake_patterns",
     "flake_population",
     "flake_prepare",
+    "flake_rows",
     "flake_take",
     "gas_alpha",
     "gas_draw",
@@ -85,6 +84,7 @@ __all__ = [
     "shade_add",
     "shade_light",
     "shade_over",
+    "sheet_read",
     "smooth",
     "snow",
     "snowfall",
@@ -273,6 +273,7 @@ def particle_positions(
 class SortedFlakes:
     """Flakes of a frame, projected and sorted."""
 
+@final
 class FlakeSheet:
     def __new__(
         cls,
@@ -303,6 +304,7 @@ def sheet_read(
     haze: float = 0.0,
 ) -> None: ...
 
+@final
 class BallImages:
     def __new__(cls, opacity: float) -> BallImages: ...
 

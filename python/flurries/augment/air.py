@@ -229,7 +229,8 @@ class Here:
         fade = falling.near * (1.0 - _NEAR_FADE), falling.near * (1.0 + _NEAR_FADE)
         one = Class(
             number=0, density=self.density, sizes=(law.smallest, law.largest), slope=law.slope,
-            shown=(*fade, reach, end), by_size=False, heights=(-end, end), amounts=[1.0], ranks=(0.0, 1.0),
+            shown=(*fade, reach, end), by_size=False, heights=(-end, end), amounts=[1.0],
+            ranks=(0.0, 1.0),
             at=[(-x * t, -y * t, 0.0) for t in times],
             swung=[falling.sway[1] * t / (2.0 * math.pi) for t in times],
             waves=None, depths=(0.0, end), profile=[],

@@ -16,7 +16,6 @@ from flurries.effects.checks import (
     one_of,
     optional,
     pair,
-    part,
     part_of,
     share,
     wind,

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from functools import cached_property
 from typing import Any, Generic, Protocol, TypeVar
 
 import numpy as np

@@ -27,15 +27,15 @@ from flurries.frame.planes import plane
 from flurries.frame.view import Frame
 from flurries.motion.keys import value_at
 
-# Rows and columns of a sheet over the focal length in pixels; a layer has up to a fifth more. At most so
-# many pixels: a larger picture shows a sheet more than once.
+# Rows and columns of a sheet over the focal length in pixels; a layer has up to a fifth more. At
+# most so many pixels: a larger picture shows a sheet more than once.
 _PERIOD, _LARGEST = (0.82, 0.86), 5_000_000
 
 # A layer with less than this share of the variance of all may come back within the picture, so much
 # sooner, and at least after so many pixels.
 _FAINT, _SOONER, _LEAST = 0.012, 0.4, 96
 
-# Bytes that all sheets of a process take at most, but for those of one frame, and those of one film.
+# Bytes that all sheets of a process take at most, but for those of one frame, and those of a film.
 MOST_BYTES, FILM_BYTES = 512 << 20, 384 << 20
 
 # Pixels a frame above which a layer is read at half pixels, and at whole ones: it moves by many.

@@ -23,7 +23,6 @@ from flurries.effects.motion import Motion, relative_course
 from flurries.frame.needs import has_keys
 from flurries.frame.view import Frame
 from flurries.motion.keys import Keys, Number, value_at
-from flurries.particles.sizes import Sizes
 from flurries.particles.population import (
     FADE,
     HANDOVER_SIGMA,
@@ -35,13 +34,14 @@ from flurries.particles.population import (
     reach_of,
     slabs_of,
 )
+from flurries.particles.sizes import Sizes
 
 # Tiles of the texture, px: the least one whose layers move by less than half of it in a frame. The
 # small one is odd, so that no waves of half a cycle are left out: without them small flakes ring.
 TILES = (63, 128, 256)
 
-# Classes of size: each falls at a speed of its own.
-CLASSES = 2
+# Classes of size: each falls at a speed of its own. Tiles have two, each of two of the others.
+CLASSES, TILE_CLASSES = 4, 2
 
 # Of a tile, the part that neighbours share. Power blending lifts the mean of sparse snow there, by
 # 1.3 % of all at a ninth and by .7 % at a fifteenth.
@@ -51,15 +51,15 @@ OVERLAP = 14
 # the mean, and seams of so few flakes cannot be seen.
 SPARSE = 2000.0
 
-# Drawn flakes for each pixel, before sheets take over; and flakes up to the far end for each pixel, of
-# which all are drawn.
+# Drawn flakes for each pixel, before sheets take over; and flakes up to the far end for each pixel,
+# of which all are drawn.
 DRAWN, FEW = 0.002, 0.004
 
 # Diameter in px of the largest flake of a sheet.
 LARGEST = 14.0
 
-# Layers of sheets of small flakes and of large ones, which make most of the contrast.
-LAYERS = (8, 16)
+# Layers of sheets of each class; large flakes make most of the contrast.
+LAYERS = (3, 5, 8, 10)
 
 # A layer changes its patterns after so many lengths of a torus.
 WRAPS = 12
@@ -124,6 +124,9 @@ class Film:
     Attributes
     ----------
     shares : tuple of Share
+        Of what the texture stands for.
+    drawn : tuple of Share
+        Of what is drawn: the same ones, or parts of them.
     tile, overlap : int
         Of the texture, px.
     across : bool
@@ -139,6 +142,7 @@ class Film:
     """
 
     shares: tuple[Share, ...]
+    drawn: tuple[Share, ...]
     tile: int
     overlap: int
     across: bool
@@ -235,7 +239,7 @@ class Weather:
 
     def shares(self, frame: Frame) -> tuple[Share, ...]:
         """Return the classes of size."""
-        return self.film(frame).shares
+        return self.film(frame).drawn
 
     def shown(self, share: Share, frame: Frame) -> tuple[float, float, float, float]:
         """Return the depths between which drawn flakes fade in, and out again, metres."""
@@ -272,16 +276,19 @@ def _film(
         # Nothing to be shared out: one class, all of it drawn.
         (one,) = population.classes(1)
         none = (Share(one, motion, weather.far, ()),)
-        return Film(none, TILES[0], TILES[0] // OVERLAP, False, False, False, 0)
+        return Film(none, none, TILES[0], TILES[0] // OVERLAP, False, False, False, 0)
     mean = float(population.speed(np.array([population.sizes.mean]))[0])
     varied = population.sizes.largest > population.sizes.smallest
-    classes = [
-        (one, Motion(times(motion.fall, one.fall / mean), motion.wind, motion.shutter))
-        for one in population.classes(CLASSES if varied else 1)
-    ]
+    fine, classes = (
+        [
+            (one, Motion(times(motion.fall, one.fall / mean), motion.wind, motion.shutter))
+            for one in population.classes(count if varied else 1)
+        ]
+        for count in (CLASSES, TILE_CLASSES)
+    )
     if weather.simulated or _few(weather, path):
-        drawn = tuple(Share(one, own, weather.far, ()) for one, own in classes)
-        return Film(drawn, TILES[0], TILES[0] // OVERLAP, False, False, False, 0)
+        drawn = tuple(Share(one, own, weather.far, ()) for one, own in fine)
+        return Film(drawn, drawn, TILES[0], TILES[0] // OVERLAP, False, False, False, 0)
     spreads = motion.spreads(path, rotation)
     constant = (
         not (spreads or path.zooms)
@@ -305,9 +312,9 @@ def _film(
                 ),
                 _flow(own, shape, path, rotation, focal, fps),
             )
-            for (one, own), count in zip(classes, LAYERS[-len(classes) :], strict=True)
+            for (one, own), count in zip(fine, LAYERS[-len(fine) :], strict=True)
         ]  # fmt: skip
-        return Film(tuple(shares), 1, 0, False, False, True, 0, rigid=True)
+        return Film(tuple(shares), tuple(shares), 1, 0, False, False, True, 0, rigid=True)
     extra = 0.0 if motion.varied is None else motion.varied.fastest_extra() / fps
     fastest = [each.fastest(path, fps) + extra for _, each in classes]
     # As far as the largest flakes are drawn in any case, all may be.
@@ -339,14 +346,18 @@ def _film(
             slopes.append(float(y / x if across else x / y) if x or y else 0.0)
     shear = shear_for(tile, tuple(slopes[1:] if constant else slopes[:1]))
     overlap = tile // OVERLAP if in_tile >= SPARSE else tile // (2 * OVERLAP)
-    return Film(tuple(shares), tile, overlap, across, spreads, constant, shear)
+    each = len(fine) // len(classes)
+    drawn = tuple(
+        Share(one, own, shares[number // each].reach, ()) for number, (one, own) in enumerate(fine)
+    )
+    return Film(tuple(shares), drawn, tile, overlap, across, spreads, constant, shear)
 
 
 def hand_over(weather: Weather, focal: float) -> float:
     """Return the depth up to which flakes are drawn where sheets are what lies beyond, metres.
 
-    Slabs end at fixed depths, 2^(1/4) apart. Where the drawn flakes are a share of the pixels, their
-    cost is that share at any size of the picture; a sheet's flakes have an end.
+    Slabs end at fixed depths, 2^(1/4) apart. Where the drawn flakes are a share of the pixels,
+    their cost is that share at any size of the picture; a sheet's flakes have an end.
     """
 
     if weather.handover is not None:
@@ -364,9 +375,9 @@ def hand_over(weather: Weather, focal: float) -> float:
 def layer_edges(near: float, far: float, count: int) -> Float64:
     """Return depths between layers: of even parts of speed, for the most part, and of coverage.
 
-    Speed in the picture goes with one over the depth, and so does the variance up to a depth; what a
-    layer covers goes with its thickness. A layer moves as a whole: one with much of the variance or
-    with flakes of many speeds would be seen to.
+    Speed in the picture goes with one over the depth, and so does the variance up to a depth; what
+    a layer covers goes with its thickness. A layer moves as a whole: one with much of the variance
+    or with flakes of many speeds would be seen to.
     """
     if near >= far:
         return np.array([near, far])
