@@ -21,7 +21,6 @@ import flurries as fl
 from flurries.camera import Camera
 from flurries.frame.bands import whole
 from flurries.frame.truth import truth
-from flurries.frame.view import Frame
 
 Floats = NDArray[np.float64]
 Times = Sequence[tuple[float, float]]
@@ -29,11 +28,12 @@ Times = Sequence[tuple[float, float]]
 SIZE, NEAR, LONGEST = 512, 12.0, 32.0
 FOCAL = 1.2 * SIZE
 BOTH = {"haze": 0.0, "shutter": 0.0, "color": 1.0, "near_depth": NEAR}
-# A map that only clips beyond 3 sigma, and flakes that are all small enough to be shown in full.
+# A map that only clips beyond 3 sigma, and flakes of some pixels: where a smaller one's light has its
+# middle is no clearer than its pixels.
 TEXTURE = {**BOTH, "flakes": 0, "texture": 1.0, "mean": 0.5, "spread": 3.0, "power": 1.0,
            "wavelengths": (4.0, LONGEST)}  # fmt: skip
 FLAKES = {**BOTH, "texture": 0.0, "flakes": 60, "sway": (0.0, 0.0), "flake_opacity": 1.0,
-          "flake_size": (0.03, 0.03)}  # fmt: skip
+          "flake_size": (0.1, 0.1)}  # fmt: skip
 # One tile: the picture is a torus, whose Fourier bins are the waves themselves.
 TORUS = {"tile": SIZE, "overlap": 0}
 # Waves that stand for 16, 32 and 64 m.
@@ -103,19 +103,6 @@ def centroid(image: Floats, start: Floats) -> Floats:
     return at
 
 
-def places(shown: fl.Scene, t: float) -> Floats:
-    """Where the flakes are, but for their sway, camera axes, (n, 3): all of the box."""
-    height, width = shown.shape
-    snow, camera = shown.effects[0], shown.camera.camera
-    frame = Frame(shape=shown.shape, window=(0, height, 0, width), t=t, fps=shown.fps,
-                  camera=camera, path=shown.camera, seed=shown.seed)  # fmt: skip
-    flakes = snow.parts.flakes
-    return fl.particles.positions(
-        flakes.count(frame), flakes.box(frame).sides, seed=shown.seed, time=1.0,
-        velocity=-snow.parts.motion.way(frame).moved, center=(0.0, 0.0, snow.near_depth / 2),
-    )  # fmt: skip
-
-
 def on_screen(points: Floats, camera: Camera) -> Floats:
     """(n, 2) pixels of points in camera axes; none of them may lie in the plane of the eye."""
     return points[:, :2] * (camera.focal / points[:, 2:]) + camera.principal((SIZE, SIZE))
@@ -128,20 +115,26 @@ def lone(px: Floats) -> NDArray[np.bool_]:
     return (apart.min(axis=1) > ALONE) & (np.minimum(px, SIZE - px).min(axis=1) > 2.0 * REACH)
 
 
+def lone_flakes(shown: fl.Scene, t: float) -> NDArray[Any]:
+    """The drawn flakes that stand alone, and not near the ends of their air, where they fade."""
+    flakes, near = fl.flakes(shown, t), shown.effects[0].near_depth
+    inside = (flakes["depth"] > 0.25 * near) & (flakes["depth"] < 0.85 * near)
+    return flakes[lone(flakes["pixel"]) & inside]
+
+
 def flake_shifts(shown: fl.Scene, t: float, step: float, eye: Any = None) -> Floats:
     """Rows (depth, x, y, dx, dy), half-way, of the lone flakes on the frames at t and t + step.
 
     With an `eye` the second frame is what that one sees.
     """
     first, second = picture(shown, t), picture(shown, t + step, eye=eye)
-    start = on_screen(places(shown, t), shown.camera.camera)
-    depth, near = places(shown, t + 0.5 * step)[:, 2], shown.effects[0].near_depth
-    # Not near the ends of the box, where flakes fade.
+    start, later = lone_flakes(shown, t), fl.flakes(shown, t + step)
+    _, here, there = np.intersect1d(start["id"], later["id"], return_indices=True)
     rows = []
-    for i in np.flatnonzero(lone(start) & (depth > 0.25 * near) & (depth < 0.9 * near)):
-        a = centroid(first, start[i])
+    for at, one, other in zip(start["pixel"][here], start[here], later[there], strict=True):
+        a = centroid(first, at)
         b = centroid(second, a)
-        rows.append([depth[i], *(a + b) / 2, *b - a])
+        rows.append([0.5 * (one["depth"] + other["depth"]), *(a + b) / 2, *b - a])
     return np.array(rows)
 
 

@@ -27,7 +27,10 @@ PROFILE = fl.Wind((0.2, 0.0, 0.0), profile=[(8.0, 0.8), (40.0, 1.5)])
 SCENES: dict[str, dict[str, Any]] = {
     "texture and flakes": {"effects": fl.TentSnow(fall=0.4, wind=(0.15, 0, 0), flakes=1500)},
     "texture": {"effects": fl.TentSnow(fall=0.6, wind=(0.2, 0, 0), flakes=0)},
-    "flakes": {"effects": fl.TentSnow(fall=0.5, wind=(0.2, 0, 0), texture=0.0, flakes=1500)},
+    # Large, since spreading a small one over four pixels makes it another.
+    "flakes": {
+        "effects": fl.TentSnow(fall=0.5, wind=(0.2, 0, 0), texture=0.0, flake_size=(0.03, 0.1))
+    },
     "forwards": {
         "effects": fl.TentSnow(fall=0.3, wind=(0.1, 0, 0), flakes=1500),
         "camera": fl.CameraPath(fl.Camera(600.0), velocity=(0.0, 0.0, 1.0)),

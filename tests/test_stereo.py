@@ -70,14 +70,8 @@ def test_flakes_have_their_own_disparity():
     products = []
     for seed in range(6):
         shown = scene(FLAKES, camera=LENS, seed=seed)
-        left, right = fl.stereo.eyes(LENS, distance=0.06)
-        first, second = (measure.picture(shown, 5.0, eye=eye) for eye in (left, right))
-        points = measure.places(shown, 5.0)
-        px = measure.on_screen(points, left) - (FOCAL * -0.03 / points[:, 2:]) * (1, 0)
-        near = measure.lone(px) & (points[:, 2] > 0.25 * NEAR) & (points[:, 2] < 0.9 * NEAR)
-        for i in np.flatnonzero(near):
-            a = measure.centroid(first, px[i])
-            products.append((measure.centroid(second, a) - a) * points[i, 2])
+        rows = measure.flake_shifts(shown, 5.0, 0.0, Camera(FOCAL, offset=(0.06, 0.0, 0.0)))
+        products.extend(rows[:, 3:] * rows[:, :1])
     assert len(products) > 20
     assert np.median(products, axis=0) == pytest.approx(
         (-FOCAL * 0.06, 0.0), abs=0.02 * FOCAL * 0.06

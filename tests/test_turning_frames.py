@@ -122,35 +122,15 @@ def test_a_wrong_turn_would_be_seen():
         assert abs(rotation - 1.0) > 0.05 or rest > 0.06
 
 
-def flake_rows(shown: fl.Scene, t: float, step: float) -> np.ndarray:
-    """(depth, x, y, dx, dy) of lone flakes, tracked on the frames; half-way."""
-    frames = picture(shown, t), picture(shown, t + step)
-    frame = one(shown, t)
-    snow = shown.effects[0]
-    points, _, fade, _ = snow.parts.flakes.places(frame)
-    start = points[(points[:, 2] > 0.1) & (fade > 0.0)]
-    px = start[:, :2] * FOCAL / start[:, 2:] + SIZE / 2.0
-    inside = (np.abs(px - SIZE / 2.0) < SIZE).all(axis=1)
-    start, px = start[inside], px[inside]
-    rows = []
-    for i in np.flatnonzero(measure.lone(px) & (start[:, 2] > 0.25 * NEAR)):
-        if start[i, 2] > 0.85 * NEAR:
-            continue
-        a = measure.centroid(frames[0], px[i])
-        b = measure.centroid(frames[1], a)
-        rows.append([start[i, 2], *(a + b) / 2, *b - a])
-    return np.array(rows)
-
-
 def test_flakes_move_as_the_camera_turns_and_moves():
-    step = 0.25
+    step, way = 0.25, Path_(Camera(FOCAL), **MOVING)
     for t in (5.0, 60.0):
         rows = np.concatenate([
-            flake_rows(scene(FLAKES, camera=Path_(Camera(FOCAL), **MOVING), seed=seed), t, step)
+            measure.flake_shifts(scene(FLAKES, camera=way, seed=seed), t, step)
             for seed in range(6)
         ])  # fmt: skip
         assert len(rows) >= 15
-        shown = scene(FLAKES, camera=Path_(Camera(FOCAL), **MOVING))
+        shown = scene(FLAKES, camera=way)
         turned, moved = expected(shown, t + 0.5 * step, rows[:, 1:3])
         want = turned + moved / rows[:, :1]
         off = np.linalg.norm(rows[:, 3:] / step - want, axis=1) / np.linalg.norm(want, axis=1)
