@@ -28,8 +28,8 @@ Times = Sequence[tuple[float, float]]
 SIZE, NEAR, LONGEST = 512, 12.0, 32.0
 FOCAL = 1.2 * SIZE
 BOTH = {"haze": 0.0, "shutter": 0.0, "color": 1.0, "near_depth": NEAR}
-# A map that only clips beyond 3 sigma, and flakes of some pixels: where a smaller one's light has its
-# middle is no clearer than its pixels.
+# A map that only clips beyond 3 sigma, and flakes of some pixels: the middle of a smaller one's light
+# is no clearer than its pixels.
 TEXTURE = {**BOTH, "flakes": 0, "texture": 1.0, "mean": 0.5, "spread": 3.0, "power": 1.0,
            "wavelengths": (4.0, LONGEST)}  # fmt: skip
 FLAKES = {**BOTH, "texture": 0.0, "flakes": 60, "sway": (0.0, 0.0), "flake_opacity": 1.0,
@@ -242,9 +242,11 @@ def stood(snow: fl.TentSnow, times: Floats) -> float:
     return float(frames.mean(axis=0).std() / frames.std(axis=(1, 2)).mean())
 
 
-def largest_changes(frame: Callable[[float], Floats], times: Floats) -> Floats:
+def largest_changes(
+    frame: Callable[[float], Floats], times: Floats, steps: Sequence[float] = STEPS
+) -> Floats:
     """Per step, the largest change of a pixel within it, from any of the times on."""
-    changes = [[abs(frame(t + step) - now).max() for step in STEPS]
+    changes = [[abs(frame(t + step) - now).max() for step in steps]
                for t, now in ((t, frame(t)) for t in times)]  # fmt: skip
     return np.max(changes, axis=0)
 

@@ -175,12 +175,3 @@ def test_the_image_of_a_flake_is_the_twins():
     drawn = particles.splat((1, 1), [[0.0, 0.0, 1.0]], 0.03, fl.Camera(100.0), opacity=0.5,
                             dtype=np.float64)  # fmt: skip
     np.testing.assert_allclose(drawn[0, 0], 0.5 * share[1, 1], rtol=1e-12)
-
-
-def test_the_first_flakes_are_there_and_too_large_ones_are_not():
-    there = looks.presence(np.arange(1000), count=1000, amount=0.4, fade_in=0.1)
-    rank = (np.arange(1000) + 0.5) / 1000
-    np.testing.assert_allclose(there, np.clip((0.4 - 0.9 * rank) / 0.1, 0, 1), atol=1e-14)
-    t = np.clip((np.array([[1.0, 3.5], [4.0, 7.0]]) - 3.5) / 2.5, 0, 1)
-    shown = looks.size_fade([[1.0, 3.5], [4.0, 7.0]], (3.5, 6.0))
-    np.testing.assert_allclose(shown, 1 - 3 * t**2 + 2 * t**3, atol=1e-15)

@@ -144,7 +144,8 @@ def test_flakes_move_as_the_camera_turns_and_moves():
 def test_streaks_follow_the_turn():
     # A whole frame of exposure is the mean of flakes at many instants.
     way = {"orientation": Keys([(0, (0, 0, 0)), (100, (0.0, 1.5, 0.5))])}
-    base = {**FLAKES, "fall": 0.0, "wind": (0.0, 0.0, 0.0), "flakes": 40, "flake_opacity": 0.3}
+    base = {**FLAKES, "fall": 0.0, "wind": (0.0, 0.0, 0.0), "flakes": 40, "flake_opacity": 0.3,
+            "flake_size": (0.03, 0.03)}  # fmt: skip
     path = Path_(Camera(FOCAL), **way)
     blurred = picture(scene({**base, "shutter": 0.8}, camera=path), 7.0)
     sharp = scene(base, camera=path)
