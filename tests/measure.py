@@ -28,8 +28,8 @@ Times = Sequence[tuple[float, float]]
 SIZE, NEAR, LONGEST = 512, 12.0, 32.0
 FOCAL = 1.2 * SIZE
 BOTH = {"haze": 0.0, "shutter": 0.0, "color": 1.0, "near_depth": NEAR}
-# A map that only clips beyond 3 sigma, and flakes of some pixels: the middle of a smaller one's light
-# is no clearer than its pixels.
+# A map that only clips beyond 3 sigma, and flakes of some pixels: the middle of a smaller one's
+# light is no clearer than its pixels.
 TEXTURE = {**BOTH, "flakes": 0, "texture": 1.0, "mean": 0.5, "spread": 3.0, "power": 1.0,
            "wavelengths": (4.0, LONGEST)}  # fmt: skip
 FLAKES = {**BOTH, "texture": 0.0, "flakes": 60, "sway": (0.0, 0.0), "flake_opacity": 1.0,

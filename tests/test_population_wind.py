@@ -24,43 +24,31 @@ def scene(shape: tuple[int, int] = SHAPE, **fields: Any) -> fl.Scene:
     return fl.Scene(shape[::-1], camera=LENS, effects=[snow])
 
 
-def flakes(shown: fl.Scene, t: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return places and numbers of the drawn flakes of a frame."""
-    points, _, _, _, numbers = shown.effects[0].parts.flakes.listed(
-        shown.program.views(t)[0][1], 1.0
-    )
-    return points, numbers
-
-
 def test_flakes_move_with_the_wind_of_their_depth():
     shown = scene(WIDE, wind=fl.Wind((0.3, 0.0, 0.2), profile=PROFILE), fall=1.5,
                   flake_size=(0.008, 0.008, 0.008))  # fmt: skip
-    early, first = flakes(shown, 30.0)
-    late, second = flakes(shown, 30.5)
-    both, one, other = np.intersect1d(first, second, return_indices=True)
-    assert len(both) > 100
-    # Half a frame, without those that the box takes round.
-    moved = (late[other] - early[one]) * 60.0
-    near = np.abs(moved).max(axis=1) < 60.0
-    assert near.mean() > 0.99
-    depth = early[one][near, 2]
+    early, late = fl.flakes(shown, 30.0), fl.flakes(shown, 30.5)
+    _, one, other = np.intersect1d(early["id"], late["id"], return_indices=True)
+    assert len(one) > 100
+    moved = (late["place"][other] - early["place"][one]) * 60.0
+    depth = early["depth"][one]
     for axis, mean in enumerate((0.3, 1.5)):
         want = mean + np.interp(depth, *zip(*((z, v[axis]) for z, v in PROFILE), strict=True))
         # The air comes nearer at .2 m/s: what a flake felt on its way was other depths' wind.
-        assert moved[near, axis] == pytest.approx(want, abs=0.35)
-        assert np.median(np.abs(moved[near, axis] - want)) < 0.05
-    assert moved[near, 2] == pytest.approx(np.full(near.sum(), 0.2), abs=1e-6)
+        assert moved[:, axis] == pytest.approx(want, abs=0.35)
+        assert np.median(np.abs(moved[:, axis] - want)) < 0.05
+    assert moved[:, 2] == pytest.approx(0.2, abs=1e-6)
 
 
 @pytest.mark.parametrize("t", [3000.0, -400.0])
 def test_a_profile_leaves_as_many_flakes_in_view(t: float):
-    # However far it has carried them: the view before and after, in a box that wraps.
+    # However far it has carried them.
     shown = scene(WIDE, wind=fl.Wind((0.3, 0.0, 0.0), profile=PROFILE))
 
     def seen(t: float) -> np.ndarray:
-        points, _ = flakes(shown, t)
-        inside = (np.abs(points[:, :2]) < 0.5 * points[:, 2:] * [384 / 300, 288 / 300]).all(axis=1)
-        return np.histogram(points[inside, 2], [1.0, 2.0, 3.0, 4.0])[0]
+        found = fl.flakes(shown, t)
+        inside = ((found["pixel"] > 0.0) & (found["pixel"] < WIDE[::-1])).all(axis=1)
+        return np.histogram(found["depth"][inside], [1.0, 2.0, 3.0, 4.0])[0]
 
     still, later = seen(0.0), seen(t)
     assert still.sum() > 140

@@ -196,19 +196,15 @@ def test_texture_and_drops_fall_alike():
         Rain(**{**BARE, **slow, "tile": 512, "overlap": 0}), camera=Camera(measure.FOCAL)
     )
     pair = tuple(texture.render(t)[..., 0].astype(float) for t in (7.0, 8.0))
-    drops = {"drops": 60, "drop_size": (0.03, 0.03), "gain": 1.0, "texture": 0.0, "haze": 0.0,
+    drops = {"drops": 60, "drop_size": (0.1, 0.1), "gain": 1.0, "texture": 0.0, "haze": 0.0,
              "color": 1.0, "drop_depth": measure.NEAR}  # fmt: skip
     found = []
     for seed in range(4):
         scene = black(Rain(**{**slow, **drops}), camera=Camera(measure.FOCAL), seed=seed)
         frames = [scene.render(t)[..., 0].astype(float) for t in (7.0, 8.0)]
-        points, _, shown, _ = scene.effects[0].parts.flakes.places(one(scene, 7.0))
-        points = points[(shown > 0.0) & (points[:, 2] > 2.0)]
-        px = points[:, :2] * measure.FOCAL / points[:, 2:] + 256.0
-        for i in np.flatnonzero(measure.lone(px)):
-            if 3.0 < points[i, 2] < 10.5:
-                at = measure.centroid(frames[0], px[i])
-                found.append((measure.centroid(frames[1], at) - at) * points[i, 2])
+        for drop in measure.lone_flakes(scene, 7.0):
+            at = measure.centroid(frames[0], drop["pixel"])
+            found.append((measure.centroid(frames[1], at) - at) * drop["depth"])
     assert len(found) >= 10
     for band in measure.parallax(pair):
         ratio, turn = measure.against(band, np.median(found, axis=0))
@@ -219,14 +215,12 @@ def test_texture_and_drops_fall_alike():
 def test_drops_are_streaks_as_long_as_the_shutter(shutter: float):
     rain = Rain(texture=0.0, haze=0.0, drops=400, shutter=shutter, wind=(0.0, 0.0, 0.0), color=1.0)
     scene = black(rain, (640, 640), camera=Camera(700.0))
-    points, _, shown, _ = rain.parts.flakes.places(one(scene, 3.0))
-    inside = (shown > 0.5) & (np.abs(points[:, 2] - 6.0) < 1.5)
-    alpha = scene.render(3.0)[..., 0].astype(float)
-    px = points[:, :2] * 700.0 / points[:, 2:] + 320.0
-    lengths = []
+    drops, alpha = fl.flakes(scene, 3.0), scene.render(3.0)[..., 0].astype(float)
+    inside = (drops["opacity"] > 0.3) & (np.abs(drops["depth"] - 6.0) < 1.5)
+    px, lengths = drops["pixel"], []
     for i in np.flatnonzero(inside & (np.abs(px - 320.0) < 240.0).all(axis=1)):
         x, y = px[i]
-        wanted = shutter * 8.0 / 30.0 * 700.0 / points[i, 2]
+        wanted = shutter * 8.0 / 30.0 * 700.0 / drops["depth"][i]
         near = (np.abs(px[:, 0] - x) < 4.0) & (np.abs(px[:, 1] - y) < 1.5 * wanted)
         if near.sum() > 1:
             continue

@@ -38,7 +38,7 @@ def test_what_is_beyond_all_snow_changes_nothing(mode: str):
         fl.TentRain(depth_mode=mode, drops=500, overlap=16),
     ):
         want = alpha(snow, None)
-        far = max(snow.parts.texture.field.far_depth, snow.parts.flakes.reach)
+        far = max(snow.parts.texture.field.far_depth, snow.near_depth)
         for depth in (np.full((H, W), np.inf), 1.001 * far):
             got = alpha(snow, depth)
             assert np.array_equal(got, want) or np.abs(got - want).max() < 1e-7
