@@ -52,8 +52,8 @@ def test_a_tolerance_is_kept(monkeypatch, capsys):
 
 
 def test_a_frame_with_layers_goes_a_short_way_through_the_code(monkeypatch, capsys):
-    # A third of the 711 changes of file and a fifteenth of the 450 checks that it once took.
+    # Of snow made of flakes: two thirds of the 371 changes of file that it once took.
     out = run("calls", monkeypatch=monkeypatch, capsys=capsys)
     (line,) = (line for line in out.splitlines() if line.startswith("flakes with layers"))
     _, _, changes, checks = map(int, line.split()[3:])
-    assert changes <= 237 and checks <= 30
+    assert changes <= 250 and checks <= 30

@@ -90,7 +90,7 @@ def test_a_density_is_the_same_behind_any_lens():
     wide = fl.Scene((256, 192), effects=[snow], camera=fl.Camera(100.0))
     frame = wide.program.frame(0.0)
     view = 2.56 * 1.92 * 12.0**3 / 3.0
-    assert snow.parts.flakes.number_in_view(frame) == pytest.approx(20.0 * view)
+    assert snow.parts.front.number_in_view(frame) == pytest.approx(20.0 * view)
 
 
 def test_visibility_in_metres_is_visibility():

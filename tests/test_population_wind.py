@@ -63,7 +63,7 @@ def test_all_flakes_drawn_and_the_texture_feel_one_profile():
 
     def memory(method: str, wind: Any) -> tuple[np.ndarray, float]:
         rows, means = [], []
-        for seed in range(2):
+        for seed in range(4):
             snow = fl.Snow(method=method, wind=wind, density=25.0, far=22.0, fall=0.2,
                                sway=(0.0, 1.0))  # fmt: skip
             shown = fl.Scene((160, 120), camera=fl.Camera(150.0), effects=[snow], seed=seed)

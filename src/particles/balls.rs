@@ -45,7 +45,7 @@ const SHORT: f64 = 1.0;
 const NONE: f64 = 0.03;
 
 /// Below this radius the pixel's width counts more than the ball's.
-const SMALL: f64 = 2.0;
+const SMALL: f64 = 1.0;
 
 /// Of a way the places that integrate a cubic exactly, from its middle, in its lengths.
 const GAUSS: f64 = 0.288_675_134_594_812_9;
@@ -263,12 +263,12 @@ pub(super) fn ball<P: Profile, C: Canvas, const LEVEL: u8>(
                 let ahead = looked_up(table, &table.swept, &places, 0.0);
                 let behind = looked_up(table, &table.swept, &places, (-length * step) as f32);
                 for k in 0..LANES {
-                    alpha[k] = P::of(f64::from((ahead[k] - behind[k]) * amplitude));
+                    alpha[k] = P::of(f64::from(((ahead[k] - behind[k]) * amplitude).min(1.0)));
                 }
             } else if sprite.length < NONE {
                 let seen = looked_up(table, &table.rest, &places, 0.0);
                 for k in 0..LANES {
-                    alpha[k] = P::of(f64::from(seen[k] * amplitude));
+                    alpha[k] = P::of(f64::from((seen[k] * amplitude).min(1.0)));
                 }
             } else {
                 let [dx, dy] = sprite.along.map(|part| GAUSS * sprite.length * part);
@@ -285,7 +285,7 @@ pub(super) fn ball<P: Profile, C: Canvas, const LEVEL: u8>(
                     }
                 }
                 for k in 0..LANES {
-                    alpha[k] = P::of(f64::from(sum[k] * amplitude));
+                    alpha[k] = P::of(f64::from((sum[k] * amplitude).min(1.0)));
                 }
             }
             multiply::<P, C, LEVEL>(canvas, map, depth, row * TILE + column, &alpha);
