@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import re
 from pathlib import Path
 from typing import Any
@@ -14,6 +13,7 @@ from pxr import Gf, Usd, UsdGeom
 import flurries as fl
 from flurries.camera import importers
 from flurries.cli.main import main
+from twin_footprints import Canvas
 
 H, W = 60, 80
 FRAMES = range(1001, 1006)
@@ -158,22 +158,16 @@ def values(path: Path, frame: int) -> dict[str, np.ndarray]:
     return {name: np.array(attribute.Get(frame)) for name, attribute in names.items()}
 
 
-def sprites(at: np.ndarray, sigma: np.ndarray, opacity: np.ndarray) -> np.ndarray:
-    """Return the alpha of round flakes: Gaussians integrated over each pixel."""
-    clear = np.ones((H, W))
-    erf = np.vectorize(math.erf)
-    floor = np.maximum(sigma, 0.3)
-    opacity = opacity * (sigma / floor) ** 2
-    for (x, y), s, o in zip(at, floor, opacity, strict=True):
-        across = np.diff(erf((np.arange(W + 1) - x) / (s * math.sqrt(2.0))))
-        down = np.diff(erf((np.arange(H + 1) - y) / (s * math.sqrt(2.0))))
-        clear *= 1.0 - o * (math.pi * s * s / 2.0) * np.outer(down, across)
-    return 1.0 - clear
+def balls(at: np.ndarray, diameter: np.ndarray, opacity: np.ndarray) -> np.ndarray:
+    """Return the alpha of round flakes that rest, by the twin."""
+    canvas = Canvas((H, W), 0.9)
+    canvas.add(np.broadcast_to(at.T, (3, 2, len(at))), diameter, opacity / 0.9)
+    return canvas.alpha()
 
 
 @pytest.mark.parametrize("turning", [False, True])
 def test_points_land_on_the_pixels_where_they_are_drawn(turning: bool, tmp_path: Path):
-    """Judged by usd-core's frustum and a sum of Gaussians."""
+    """Judged by usd-core's frustum and a sum of balls."""
     angles = fl.Keys([(0, (0.0, 0.0, 0.0)), (20, (0.1, 0.2, -0.3))])
     way = fl.CameraPath(WAY.camera, velocity=WAY.velocity, orientation=angles) if turning else WAY
     scene = scene_of(camera=way)
@@ -187,15 +181,15 @@ def test_points_land_on_the_pixels_where_they_are_drawn(turning: bool, tmp_path:
         ahead = np.array(view.frustum.ComputeViewDirection())
         depth = (found["points"] - np.array(view.frustum.GetPosition())) @ ahead
         focal = W * view.focalLength / view.horizontalAperture
-        sigma = focal * found["widths"] / depth / math.sqrt(8.0)
+        diameter = focal * found["widths"] / depth
         drawn = scene.render(frame, layers=True).alpha
-        wanted = sprites(at, sigma, found["opacity"])
-        assert drawn.max() > 0.5 and (drawn > 0.05).mean() > 0.05
-        # A sprite's law is kept within .012 in its middle; a tenth of a pixel aside is seen.
-        assert np.abs(drawn - wanted).max() < 0.012
-        assert np.abs(drawn - wanted).mean() < 5e-4
-        aside = sprites(at + 0.1, sigma, found["opacity"])
-        assert np.abs(drawn - aside).max() > 0.03
+        wanted = balls(at, diameter, found["opacity"])
+        assert drawn.max() > 0.5 and (drawn > 0.05).mean() > 0.04
+        # Tables of balls have steps; a tenth of a pixel aside is seen.
+        assert np.abs(drawn - wanted).max() < 0.08
+        assert np.abs(drawn - wanted).mean() < 1e-3
+        aside = balls(at + 0.1, diameter, found["opacity"])
+        assert np.abs(drawn - aside).mean() > 2.5e-3
 
 
 def test_velocities_lead_to_the_next_frame(tmp_path: Path):
