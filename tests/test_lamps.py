@@ -43,9 +43,9 @@ def test_radiance_at_three_places(optics: Optics):
 
 def test_drawn_flakes_have_that_radiance():
     lamp = fl.Lamp((0.7, -1.0, 5.0), power=9.0)
-    snow = fl.TentSnow(
-        texture=0.0, haze=0.0, flakes=12, color=0.0, flake_size=(0.3, 0.3), wind=(0.0, 0.0, 0.0),
-        fall=0.0, sway=(0.0, 1.0), near_depth=5.0,
+    snow = fl.Snow(
+        density=1.5, flake_size=(0.08, 0.08, 0.08), color=0.0, wind=(0.0, 0.0, 0.0), fall=0.0,
+        near=1.0, far=5.0, shape="round", method="simulated",
     )  # fmt: skip
     scene = fl.Scene((160, 120), "#000000", camera=fl.Camera(150.0), effects=[snow],
                      lights=[lamp], space="linear", seed=2)  # fmt: skip

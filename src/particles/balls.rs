@@ -47,6 +47,9 @@ const NONE: f64 = 0.03;
 /// Below this radius the pixel's width counts more than the ball's.
 const SMALL: f64 = 1.0;
 
+/// A ball that is stronger than its table's may come out above 1; something passes any.
+const OPAQUE: f32 = 1.0 - 1e-6;
+
 /// Of a way the places that integrate a cubic exactly, from its middle, in its lengths.
 const GAUSS: f64 = 0.288_675_134_594_812_9;
 
@@ -263,12 +266,12 @@ pub(super) fn ball<P: Profile, C: Canvas, const LEVEL: u8>(
                 let ahead = looked_up(table, &table.swept, &places, 0.0);
                 let behind = looked_up(table, &table.swept, &places, (-length * step) as f32);
                 for k in 0..LANES {
-                    alpha[k] = P::of(f64::from(((ahead[k] - behind[k]) * amplitude).min(1.0)));
+                    alpha[k] = P::of(f64::from(((ahead[k] - behind[k]) * amplitude).min(OPAQUE)));
                 }
             } else if sprite.length < NONE {
                 let seen = looked_up(table, &table.rest, &places, 0.0);
                 for k in 0..LANES {
-                    alpha[k] = P::of(f64::from((seen[k] * amplitude).min(1.0)));
+                    alpha[k] = P::of(f64::from((seen[k] * amplitude).min(OPAQUE)));
                 }
             } else {
                 let [dx, dy] = sprite.along.map(|part| GAUSS * sprite.length * part);
@@ -285,7 +288,7 @@ pub(super) fn ball<P: Profile, C: Canvas, const LEVEL: u8>(
                     }
                 }
                 for k in 0..LANES {
-                    alpha[k] = P::of(f64::from((sum[k] * amplitude).min(1.0)));
+                    alpha[k] = P::of(f64::from((sum[k] * amplitude).min(OPAQUE)));
                 }
             }
             multiply::<P, C, LEVEL>(canvas, map, depth, row * TILE + column, &alpha);
@@ -326,6 +329,23 @@ mod tests {
                 }
             }
             assert!(worst < 0.011, "{radius}: {worst}");
+        }
+    }
+    #[test]
+    fn no_ball_is_more_than_opaque() {
+        let balls = Balls::new(middle_depth(0.99).unwrap()).unwrap();
+        for step in 0..200 {
+            let radius = 0.2 * libm::exp2(f64::from(step) / 37.0);
+            let sprite = Balls::sprite([32.5, 32.5], [0.0, 0.0], radius, 1.0, 1.0).unwrap();
+            let mut through = [1.0; PIXELS];
+            ball::<f32, _, { crate::base::simd::PORTABLE }>(
+                &mut through,
+                None,
+                &sprite,
+                [0.0; 2],
+                &balls,
+            );
+            assert!(through.iter().all(|&through| through > 0.0), "{radius}");
         }
     }
 }

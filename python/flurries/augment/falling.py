@@ -24,7 +24,7 @@ OPACITY = 1.0 - 2.0 * (1.0 - (1.0 + MIDDLE) * math.exp(-MIDDLE)) / MIDDLE**2
 
 # Pixels smooth the flakes of pictures smaller than this, and by what power of the size they are
 # denser there, and fewer, so that a severity takes as much of the structure at every size.
-SMALL, _SHARPER = 768, 1.1
+SMALL, _SHARPER = 768, 1.15
 
 # Cells of a ball's diameter across and along its way, and sizes, by which its cover is integrated.
 _ACROSS, _ALONG, _SIZES = 24, 64, 8
