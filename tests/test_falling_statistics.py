@@ -31,23 +31,23 @@ def picture(method: str, seed: int) -> np.ndarray:
     return scene.render(10.0, layers=True).alpha.astype(np.float64)
 
 
-def means(pictures: list[np.ndarray]) -> dict[str, float]:
-    each = [judges.numbers(one) for one in pictures]
-    return {name: float(np.mean([one[name] for one in each])) for name in each[0]}
-
-
 def test_ours_are_the_numbers_of_drawn_flakes_and_a_gaussian_fails():
-    drawn = [picture("simulated", seed) for seed in range(4)]
-    noise = [judges.gaussian(one, seed) for seed, one in enumerate(drawn)]
-    known = means(drawn)
+    drawn = [picture("simulated", seed) for seed in range(6)]
+    known = [judges.numbers(one) for one in drawn]
 
-    def missed(found: dict[str, float]) -> set[str]:
+    def missed(pictures: list[np.ndarray]) -> set[str]:
+        """Which numbers are off by more than their limits and three errors of their means."""
+        found, missed = [judges.numbers(one) for one in pictures], set()
         # Not the Euler number at the median: near 0, a quotient says little.
-        held = {name: limit for name, limit in QUOTIENTS.items() if name != "Euler 50"}
-        return {n for n, limit in held.items() if abs(found[n] / known[n] - 1.0) > limit}
+        for name in QUOTIENTS.keys() - {"Euler 50"}:
+            a, b = (np.array([one[name] for one in each]) for each in (found, known))
+            error = np.hypot(a.std(), b.std()) / np.sqrt(len(b))
+            if abs(a.mean() - b.mean()) > QUOTIENTS[name] * abs(b.mean()) + 3.0 * error:
+                missed.add(name)
+        return missed
 
-    assert not missed(means([picture("hybrid", seed) for seed in range(4)]))
-    assert len(missed(means(noise))) >= 4
+    assert not missed([picture("hybrid", seed) for seed in range(6)])
+    assert len(missed([judges.gaussian(one, seed) for seed, one in enumerate(drawn)])) >= 4
 
 
 def test_a_case_is_judged_and_the_twin_passes_itself(monkeypatch: pytest.MonkeyPatch):
