@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,10 +10,9 @@ import pytest
 
 import flurries as fl
 import measure
-from flurries.effects.gusts import flakes_in_waves
 from flurries.scene.fingerprint import fingerprint
 from measure import FLAKES, FOCAL, LONGEST, NEAR, SIZE, TEXTURE, TORUS, WAVES, picture, scene
-from test_wind import GRID, LENS, WINDS, Keys, Snow, Wind, one
+from test_wind import GRID, LENS, WINDS, Keys, Snow, Wind
 
 SHEAR = [(NEAR, (1.0, 0.0, 0.0)), (4 * NEAR, (-1.5, 0.4, 0.0))]
 
@@ -35,28 +35,14 @@ def test_measured_on_frames_each_band_has_the_wind_of_its_depth():
         assert abs(turn) > 20.0
 
 
-def flake_motion(shown: fl.Scene, t: float, step: float) -> tuple[np.ndarray, np.ndarray]:
-    """Places (n, 3) of lone flakes and their motion measured on two frames, px per frame."""
-    frames = picture(shown, t), picture(shown, t + step)
-    frame = one(shown, t)
-    points, _, fade, _ = shown.effects[0].parts.flakes.places(frame)
-    points = points[(fade > 0.0) & (points[:, 2] > 2.0)]
-    px = points[:, :2] * FOCAL / points[:, 2:] + SIZE / 2.0
-    rows = []
-    for i in np.flatnonzero(measure.lone(px) & (points[:, 2] < 0.85 * NEAR)):
-        a = measure.centroid(frames[0], px[i])
-        rows.append((measure.centroid(frames[1], a) - a) / step)
-    chosen = measure.lone(px) & (points[:, 2] < 0.85 * NEAR)
-    return points[chosen], np.array(rows)
-
-
-def undisturbed(shown: fl.Scene, points: np.ndarray, t: float) -> np.ndarray:
-    """Where flakes would be without gusts: the inverse of their displacement."""
-
-    base = points.copy()
-    for _ in range(80):
-        base = points - flakes_in_waves(shown.effects[0].parts.motion, one(shown, t), base)[0]
-    return base
+def undisturbed(shown: fl.Scene, points: np.ndarray) -> np.ndarray:
+    """Where the flakes at points would be in the mean wind alone."""
+    snow = shown.effects[0]
+    calm = shown.replace(effects=[replace(snow, wind=snow.wind.mean)])
+    here, there = (fl.flakes(one, 40.125) for one in (shown, calm))
+    nearest = [np.abs(here["place"] - point).sum(axis=1).argmin() for point in points]
+    order = np.argsort(there["id"])
+    return there["place"][order][np.searchsorted(there["id"][order], here["id"][nearest])]
 
 
 @pytest.mark.parametrize("kind", ["profile", "gusts", "flying"])
@@ -67,10 +53,12 @@ def test_measured_on_frames_flakes_have_the_wind_of_their_place(kind: str):
     off = []
     for seed in range(4):
         shown = scene({**FLAKES, "wind": wind}, camera=path, seed=seed)
-        points, moved = flake_motion(shown, 40.0, 0.25)
+        depth, x, y, *moved = measure.flake_shifts(shown, 40.0, 0.25).T
+        points = np.stack([x - SIZE / 2.0, y - SIZE / 2.0, np.full_like(x, FOCAL)], axis=1)
+        points *= depth[:, None] / FOCAL
         air = np.tile(wind.mean, (len(points), 1))
         if kind == "gusts":
-            air = wind.velocity(undisturbed(shown, points, 40.0), 40.125 / 30.0)
+            air = wind.velocity(undisturbed(shown, points), 40.125 / 30.0)
         else:
             for axis in range(3):
                 ends = [v[axis] for _, v in profile]
@@ -81,7 +69,7 @@ def test_measured_on_frames_flakes_have_the_wind_of_their_place(kind: str):
         want = (
             FOCAL / 30.0 * (air[:, :2] - points[:, :2] / points[:, 2:] * air[:, 2:]) / points[:, 2:]
         )
-        off.append(np.linalg.norm(moved - want, axis=1) / np.linalg.norm(want, axis=1).mean())
+        off.append(np.linalg.norm(np.transpose(moved) / 0.25 - want, axis=1) / np.linalg.norm(want, axis=1).mean())
     off = np.concatenate(off)
     assert len(off) >= 10
     assert np.median(off) < 0.02 and np.quantile(off, 0.8) < 0.06
