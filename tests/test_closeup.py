@@ -9,12 +9,11 @@ from typing import Any
 
 import numpy as np
 import pytest
-from flurries.effects.boxes import closeup_of
-from flurries.particles.crowd import Closeup
 
 import flurries as fl
 from flurries import _core
 from flurries.camera.optics import Blur
+from flurries.effects.air import Air, Class, Closeup, Eye, air_of, images_of
 from flurries.effects.defocus import disc_factor
 from measure import cover
 
@@ -37,13 +36,27 @@ def drawn(
     number: int = 7,
 ) -> Array:
     """Return the opacity of one flake, diameters and depths in metres."""
-    points = np.array([[place[0], place[1], depth]])
-    radius = np.array([diameter * 3.0 / math.sqrt(8.0)])
     closeup = Closeup(kind, (2.5, 3.5), blur, 3, seconds)
-    flakes = _core.particle_sort_listed(
-        SHAPE, (points, radius, np.array([0.9]), np.array([travel]), 1.0), LENS, closeup,
-        np.array([number]),
-    )  # fmt: skip
+    eye = Eye(np.eye(3).tolist(), (FOCAL, FOCAL), (200.0, 150.0), (0.0, 0.0, 0.0))
+
+    def flakes_at(camera: Array, shown: tuple[float, float, float, float]) -> Any:
+        # Of a camera in the air where the shutter is half open, opens and closes.
+        ways = [tuple((camera + part * np.array(travel)).tolist()) for part in (0.0, 0.5, -0.5)]
+        one = Class(
+            number=0, density=0.02, sizes=(diameter, diameter), slope=0.0, shown=shown,
+            by_size=False, heights=(-1.0, 1.0), amounts=[1.0], ranks=(0.0, 1.0), at=ways,
+            swung=[0.0] * 3, waves=None, depths=(0.0, 1.0), profile=[],
+        )  # fmt: skip
+        return _core.fall(Air(
+            seed=number, opacity=0.9, images=images_of(0.9), classes=[one], eyes=[eye] * 3,
+            sway=0.0, waves=None, shape=SHAPE, window=(0, SHAPE[0], 0, SHAPE[1]), room=2.0,
+            near=0.05, closeup=closeup,
+        ))  # fmt: skip
+
+    # A flake of the air, and the camera where that flake lies at the place; no other is as deep.
+    known = _core.flake_rows(flakes_at(np.zeros(3), (0.1, 0.1, 60.0, 60.0)))[1][0, :3]
+    near, far = depth - 1e-6, depth + 1e-6
+    flakes = flakes_at(known - (*place, depth), (near, near, far, far))
     out = np.empty(SHAPE, np.float32)
     _core.particle_draw(out, flakes, (0, *SHAPE[:1], 0, SHAPE[1]), None)
     return out
@@ -181,7 +194,7 @@ def test_nothing_of_shapes_and_lens_where_they_are_not_asked_for():
     def asked(lens: fl.Lens | None, **fields: Any) -> tuple[bool, bool]:
         shown = fl.Scene((96, 64), effects=[fl.Snow(**fields)], lens=lens)
         frame = shown.program.views(3.0)[0][1]
-        near = closeup_of(shown.effects[0].parts.flakes.weather, frame)
+        near = air_of(shown.effects[0].parts.flakes.weather, frame, 1.0).closeup
         return near is not None, near is not None and near.blur is not None
 
     assert asked(None, shape="round") == (False, False)

@@ -10,7 +10,6 @@ import pytest
 from scipy.ndimage import uniform_filter1d
 
 import flurries as fl
-from flurries import _core
 from flurries.effects.gain import STREAKS, gains_of, part_shown
 from flurries.particles.population import HANDOVER_SIGMA, Population, reach_of, slabs_of
 from flurries.particles.precipitation import (
@@ -156,39 +155,6 @@ def test_the_part_that_a_streak_shows_is_the_mean_of_a_gaussian():
     want = np.exp(-0.5 * at**2 / (sigma**2 + 1.0 / 12.0)).mean()
     assert part_shown(np.full(9, sigma * np.sqrt(8.0)), way) == pytest.approx(want, rel=2e-3)
     assert part_shown(np.full(9, 4.0), 0.0) == 1.0
-
-
-def _slow_alpha(points: Any, radius: Any, opacity: Any, travel: Any) -> np.ndarray:
-    """1 - prod(1 - alpha_i), each alpha the mean of 64 moments of a Gaussian over pixels."""
-    erf = np.vectorize(math.erf)
-    left = np.ones(SHAPE)
-    focal, cx, cy = LENS[:3]
-    nodes, weights = np.polynomial.legendre.leggauss(64)
-    for point, r, rho, way in zip(points, radius, opacity, travel, strict=True):
-        sigma = max(focal * r / (3.0 * point[2]), 0.3)
-        energy = rho * 2.0 * math.pi * (focal * r / (3.0 * point[2])) ** 2
-        alpha = np.zeros(SHAPE)
-        for node, weight in zip(nodes, weights, strict=True):
-            place = point + 0.5 * node * way
-            x, y = cx + focal * place[0] / place[2], cy + focal * place[1] / place[2]
-            across, down = (
-                0.5 * np.diff(erf((np.arange(n + 1) - at) / (sigma * math.sqrt(2.0))))
-                for n, at in ((SHAPE[1], x), (SHAPE[0], y))
-            )
-            alpha += 0.5 * weight * energy * np.outer(down, across)
-        left *= 1.0 - alpha
-    return 1.0 - left
-
-
-def test_exact_drawing_is_the_sum_over_flakes():
-    rng = np.random.default_rng(5)
-    points = rng.uniform([-1.4, -1.0, 4.0], [1.4, 1.0, 14.0], (200, 3))
-    radius, opacity = rng.uniform(0.002, 0.05, 200), rng.uniform(0.2, 0.9, 200)
-    travel = rng.uniform(-0.1, 0.1, (200, 3)) * (1.0, 1.0, 0.0)
-    travel[::4] = 0.0
-    got = np.empty(SHAPE)
-    _core.particle_exact(got, (points, radius, opacity, travel, 1.0), LENS, (0, 0), None)
-    np.testing.assert_allclose(got, _slow_alpha(points, radius, opacity, travel), atol=1e-6)
 
 
 def _scene(method: str, *, shape: tuple[int, int] = (160, 200), **fields: Any) -> fl.Scene:

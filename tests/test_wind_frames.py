@@ -69,7 +69,10 @@ def test_measured_on_frames_flakes_have_the_wind_of_their_place(kind: str):
         want = (
             FOCAL / 30.0 * (air[:, :2] - points[:, :2] / points[:, 2:] * air[:, 2:]) / points[:, 2:]
         )
-        off.append(np.linalg.norm(np.transpose(moved) / 0.25 - want, axis=1) / np.linalg.norm(want, axis=1).mean())
+        off.append(
+            np.linalg.norm(np.transpose(moved) / 0.25 - want, axis=1)
+            / np.linalg.norm(want, axis=1).mean()
+        )
     off = np.concatenate(off)
     assert len(off) >= 10
     assert np.median(off) < 0.02 and np.quantile(off, 0.8) < 0.06
