@@ -76,7 +76,6 @@ def test_all_flakes_drawn_and_the_texture_feel_one_profile():
     drawn, wanted = memory("simulated", wind)
     steady, _ = memory("hybrid", (0.2, 0.0, 0.0))
     assert mean == pytest.approx(wanted, rel=0.02)
-    # Tiles have two speeds of fall where drawn flakes have four.
     assert np.abs(ours - drawn).max() < 0.04, (ours, drawn)
     assert steady[0] - ours[0] > 0.1, (steady, ours)
 

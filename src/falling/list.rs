@@ -8,7 +8,7 @@ use ndarray::{ArrayView2, ArrayViewMut2};
 use super::air::{Air, CLOSE, Class, NOW, OPEN, Vector};
 use super::cells::{Born, Cells, side};
 use super::law::{presence, ramp};
-use super::sight::{Line, Sight};
+use super::sight::{Line, Sight, parts};
 use crate::air::waves;
 use crate::base::error::{Cancel, Error, collected, pushed};
 use crate::base::pool;
@@ -90,9 +90,12 @@ impl List {
                 let mut cell = line.first;
                 cell[line.axis] += step;
                 let mut failed = Ok(());
-                let places = Places::new(air, class, line.level, cell);
+                let places = Places::new(air, class, line.level, cell, line.part);
                 cells.each(line.level, cell, sight.below, |born| {
-                    if failed.is_err() || !sight.sees(places.resting(NOW, &born), 0.0) {
+                    if failed.is_err()
+                        || !places.holds(&born)
+                        || !sight.sees(places.resting(NOW, &born), 0.0)
+                    {
                         return;
                     }
                     failed = if class.waves.is_empty() {
@@ -180,17 +183,27 @@ struct Places<'a> {
     /// The cell's first corner relative to the camera in the air at the frame's time, metres.
     corner: Vector,
     side: f64,
+    /// Which part of the cell along the house's z, and of how many.
+    part: (u32, u32),
 }
 
 impl<'a> Places<'a> {
-    fn new(air: &'a Air, class: &'a Class, level: i32, cell: [i64; 3]) -> Self {
+    fn new(air: &'a Air, class: &'a Class, level: i32, cell: [i64; 3], part: u32) -> Self {
         let side = side(level);
+        let part = (part, parts(class, side));
         let corner = std::array::from_fn(|a| {
             // Whole cells apart from the camera's first: no bits are lost however far the air has moved.
             let base = (class.at[NOW][a] / side).floor();
             (cell[a] - base as i64) as f64 * side - (class.at[NOW][a] - base * side)
         });
-        Self { air, class, corner, side }
+        Self { air, class, corner, side, part }
+    }
+
+    /// Whether a flake of the cell is in the part.
+    #[inline]
+    fn holds(&self, born: &Born) -> bool {
+        let (part, parts) = self.part;
+        parts == 1 || (born.inside[2] * f64::from(parts)) as u32 == part
     }
 
     /// Relative to the camera in the air of a time.
@@ -202,13 +215,15 @@ impl<'a> Places<'a> {
         })
     }
 
-    /// The same, carried by a wind of depth: a cell as a whole, by its middle.
+    /// The same, carried by a wind of depth: a part of a cell as a whole, by its middle.
     #[inline]
     fn resting(&self, time: usize, born: &Born) -> Vector {
         let mut place = self.in_air(time, born);
         if let Some(profile) = self.class.profile.get(time) {
             let moved = self.class.at[time][2] - self.class.at[NOW][2];
-            let middle = self.corner[2] + 0.5 * self.side - moved;
+            let (part, parts) = self.part;
+            let middle = (f64::from(part) + 0.5) / f64::from(parts);
+            let middle = self.corner[2] + middle * self.side - moved;
             place[0] += profile[0].at(middle);
             place[1] += profile[1].at(middle);
         }

@@ -28,6 +28,16 @@ pub struct Line {
     pub axis: usize,
     /// How many cells there are.
     pub count: u32,
+    /// Of the parts of the cells along the house's z.
+    pub part: u32,
+}
+
+/// Metres along the house's z that a wind of depth carries as a whole.
+const THIN: f64 = 0.25;
+
+/// Parts into which cells are cut along the house's z, each of which a wind of depth carries by itself.
+pub fn parts(class: &Class, side: f64) -> u32 {
+    if class.profile.is_empty() { 1 } else { (side / THIN).max(1.0) as u32 }
 }
 
 /// What the eye sees of a class.
@@ -125,7 +135,7 @@ impl Sight {
             return Ok(());
         }
         // Layers of cells are cut across the axis that the view is most along; a wind of depth carries each
-        // layer along the house's z by itself.
+        // part of a layer along the house's z by itself.
         let ahead = self.eye.turn[2];
         let deep = if class.profile.is_empty() {
             (0..3).fold(0, |best, a| if ahead[a].abs() > ahead[best].abs() { a } else { best })
@@ -137,6 +147,8 @@ impl Sight {
         let mut flakes = 0.0;
         for level in levels(self.below) {
             let side = side(level);
+            let parts = parts(class, side);
+            let thick = side / f64::from(parts);
             let room = self.room + 1e-9 * side;
             let base = class.at[NOW].map(|v| (v / side).floor());
             let rest: Vector = std::array::from_fn(|a| class.at[NOW][a] - base[a] * side);
@@ -150,13 +162,14 @@ impl Sight {
             if (layers.end - layers.start) as f64 > MOST {
                 return Err(too_many());
             }
-            for layer in layers {
-                let from = layer as f64 * side - rest[deep];
-                let [low, high] = bounds(&corners, deep, Some((from - room, from + side + room)));
+            for (layer, part) in layers.flat_map(|layer| (0..parts).map(move |part| (layer, part)))
+            {
+                let from = layer as f64 * side + f64::from(part) * thick - rest[deep];
+                let [low, high] = bounds(&corners, deep, Some((from - room, from + thick + room)));
                 if low[across] > high[across] {
                     continue;
                 }
-                let carried = Self::carried(class, from + 0.5 * side);
+                let carried = Self::carried(class, from + 0.5 * thick);
                 let rows = cells(
                     down,
                     low[down] - room - carried[down],
@@ -172,14 +185,15 @@ impl Sight {
                 if flakes > MOST {
                     return Err(too_many());
                 }
-                let reach = 0.5 * 3.0_f64.sqrt() * side;
+                let reach = 0.5 * (2.0 * side * side + thick * thick).sqrt();
                 for row in rows {
                     let mut line: Option<(i64, i64)> = None;
                     for column in columns.clone() {
                         let mut place = [0.0; 3];
-                        for (a, cell) in [(deep, layer), (down, row), (across, column)] {
+                        for (a, cell) in [(down, row), (across, column)] {
                             place[a] = (cell as f64 + 0.5) * side - rest[a] + carried[a];
                         }
+                        place[deep] = from + 0.5 * thick;
                         if self.sees(place, reach) {
                             line = Some((line.map_or(column, |(first, _)| first), column + 1));
                         }
@@ -190,7 +204,9 @@ impl Sight {
                         cell[a] = base[a] as i64 + own;
                     }
                     let count = (end - first) as u32;
-                    pushed(lines, Line { class: number, level, first: cell, axis: across, count })?;
+                    let line =
+                        Line { class: number, level, first: cell, axis: across, count, part };
+                    pushed(lines, line)?;
                 }
             }
         }

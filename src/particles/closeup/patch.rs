@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use super::aperture::Blur;
 use super::near::VARIANCE_OF_DISC;
-use super::shape::{DOT, Place, dot, silhouette};
+use super::shape::{DOT, Place, ball, silhouette};
 use super::spread::{along, spread};
 use crate::base::simd::dispatch;
 use crate::particles::sprite::{Flake, Lens, RIM_SHARE, Sprite};
@@ -151,7 +151,7 @@ impl Patch {
         }
         normalize(&mut alpha, look.share * energy);
         if look.share < 1.0 {
-            let mut sprite = dot(&place, wide / side);
+            let mut sprite = ball(&place, wide / side * 8.0_f64.sqrt());
             normalize(&mut sprite, (1.0 - look.share) * energy);
             alpha.iter_mut().zip(&sprite).for_each(|(a, b)| *a += b);
         }
