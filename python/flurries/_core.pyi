@@ -84,6 +84,7 @@ __all__ = [
     "shade_add",
     "shade_light",
     "shade_over",
+    "sheet_bent",
     "sheet_read",
     "smooth",
     "snow",
@@ -293,6 +294,12 @@ class FlakeSheet:
     def mean(self) -> float: ...
     def left(self, gains: list[float]) -> list[float]: ...
 
+def sheet_bent(
+    out: _Array,
+    corner: tuple[int, int],
+    groups: Sequence[tuple[Sequence[tuple[FlakeSheet, _Array]], _Array, float, float]],
+    depth: _Array | None,
+) -> None: ...
 def sheet_read(
     out: _Array,
     origin: tuple[int, int],

@@ -252,7 +252,7 @@ fn block_with<const LEVEL: u8>(
 
 /// The light that an optical depth leaves.
 #[inline(always)]
-fn left<const LEVEL: u8>(depth: f32) -> f32 {
+pub(super) fn left<const LEVEL: u8>(depth: f32) -> f32 {
     f32::exp_at::<LEVEL>(-most(least(depth, OPAQUE), 0.0))
 }
 
@@ -353,6 +353,7 @@ mod tests {
             streak: [1.0, 2.0],
             circle: 0.0,
             tau0: 4.3,
+            thin: 1.0,
             ranks: (0.0, 1.0),
         };
         (0..3).map(|i| Sheet::new(law(i)).unwrap()).collect()

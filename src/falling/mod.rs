@@ -10,9 +10,11 @@
 //! | [`draw`] | their images |
 //! | [`sheet`] | far flakes of a layer on a torus |
 //! | `stamp` | what a flake of a sheet adds to pixels |
-//! | [`layers`] | sheets read into a picture |
+//! | [`layers`] | sheets read into a picture whose places all move alike |
+//! | [`bent`] | the same where they don't |
 
 pub mod air;
+pub mod bent;
 pub mod cells;
 pub mod draw;
 pub mod law;

@@ -50,6 +50,8 @@ pub struct Law {
     pub circle: f64,
     /// Optical depth in the middle of a resting flake.
     pub tau0: f64,
+    /// The part of a flake that a pixel shows where what is read is blurred afterwards; 1 where it is not.
+    pub thin: f64,
     /// Only flakes with a rank from the first up to the second, of 0 to 1, are shown.
     pub ranks: (f64, f64),
 }
@@ -83,6 +85,7 @@ impl Law {
         within("count", self.count, 0.0, 1000.0)?;
         within("circle", self.circle, 0.0, 32.0)?;
         within("tau0", self.tau0, 0.0, 20.0)?;
+        within("thin", self.thin, 1e-3, 1.0)?;
         within("ranks", self.ranks.0, 0.0, 1.0)?;
         within("ranks", self.ranks.1, self.ranks.0, 1.0)
     }
@@ -313,7 +316,7 @@ mod tests {
 
     fn law(count: f64, diameters: &[f32], streak: [f64; 2], period: (usize, usize)) -> Law {
         let (diameters, ranks) = (diameters.to_vec(), (0.0, 1.0));
-        Law { seed: 7, period, shear: 0, count, diameters, streak, circle: 0.0, tau0: 4.3, ranks }
+        Law { seed: 7, period, shear: 0, count, diameters, streak, circle: 0.0, tau0: 4.3, thin: 1.0, ranks }
     }
 
     fn flakes(sheet: &Sheet) -> Vec<(usize, usize, usize)> {

@@ -195,7 +195,15 @@ impl Profile {
 
 /// The optical depth that a flake adds to pixels, on the lattice of quarters: `n` of a pixel and a
 /// flake is 4 times the pixel's number less the flake's place in quarters.
-fn depths(weights: &[Rows; 2], profile: &Profile, diameter: f64) -> Result<Rows, Error> {
+///
+/// Of a flake of which a part `thin` is seen at a time the depth is that of so thin a flake, over the part: blurred
+/// along a way that shows a pixel this part, it covers what the flake does.
+fn depths(
+    weights: &[Rows; 2],
+    profile: &Profile,
+    diameter: f64,
+    thin: f64,
+) -> Result<Rows, Error> {
     let (cells, half) = profile.cells(diameter)?;
     let (cells_half, tall) = (half as i64, -weights[0].top);
     let reach = (tall + cells_half) / 2 + 3;
@@ -222,7 +230,7 @@ fn depths(weights: &[Rows; 2], profile: &Profile, diameter: f64) -> Result<Rows,
         }
     }
     for value in dense.iter_mut().filter(|value| **value != 0.0) {
-        *value = -libm::log1p(-f64::from(*value).min(1.0 - 1e-9)) as f32;
+        *value = (-libm::log1p(-(thin * f64::from(*value)).min(1.0 - 1e-9)) / thin) as f32;
     }
     Rows::new(-reach, &dense, side)
 }
@@ -253,7 +261,7 @@ impl Stamps {
         let (weights, profile) = (weights(law)?, Profile::new(law.tau0));
         let mut images = Vec::new();
         for &diameter in &law.diameters {
-            pushed(&mut images, depths(&weights, &profile, f64::from(diameter))?)?;
+            pushed(&mut images, depths(&weights, &profile, f64::from(diameter), law.thin)?)?;
         }
         let share = 1.0 / (16.0 * images.len() as f64);
         let all = || images.iter().flat_map(|image| &image.values).map(|&value| f64::from(value));

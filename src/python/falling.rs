@@ -2,7 +2,9 @@
 
 use std::sync::Arc;
 
-use numpy::{PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray2, PyReadwriteArray2};
+use numpy::{
+    PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray2, PyReadonlyArray3, PyReadwriteArray2,
+};
 use pyo3::prelude::*;
 
 use super::gate;
@@ -10,6 +12,7 @@ use super::particles::{CloseupRequest, SortedFlakes};
 use crate::base::ball::middle_depth;
 use crate::base::error::{Error, collected};
 use crate::falling::air::{Air, Class, Eye};
+use crate::falling::bent::{self, Bent, Group};
 use crate::falling::draw::{Images, balls_of, lens_of};
 use crate::falling::law::{Sizes, Table};
 use crate::falling::layers::{self, Layer, Others};
@@ -184,6 +187,7 @@ pub struct FlakeSheet(Sheet);
 #[pymethods]
 impl FlakeSheet {
     #[new]
+    #[pyo3(signature = (seed, period, shear, count, diameters, streak, circle, opacity, ranks, thin=1.0))]
     #[expect(clippy::too_many_arguments, reason = "the Python layer passes plain values")]
     fn new(
         seed: u64,
@@ -195,9 +199,10 @@ impl FlakeSheet {
         circle: f64,
         opacity: f64,
         ranks: (f64, f64),
+        thin: f64,
     ) -> PyResult<Self> {
         let tau0 = middle_depth(opacity)?;
-        let law = Law { seed, period, shear, count, diameters, streak, circle, tau0, ranks };
+        let law = Law { seed, period, shear, count, diameters, streak, circle, tau0, thin, ranks };
         Ok(Self(Sheet::new(law)?))
     }
 
@@ -259,4 +264,37 @@ pub fn sheet_read(
     });
     let nanoseconds = 0.3 * (out.len() * (given.len() + 1)) as f64;
     gate::run(py, nanoseconds, |cancel| layers::read(out, origin, &given, depth, others, cancel))
+}
+
+/// The sheets of one depth with their nodes, the ways at the nodes, and the depths between which they lie.
+type GroupValues<'py> = (
+    Vec<(PyRef<'py, FlakeSheet>, PyReadonlyArray3<'py, f32>)>,
+    PyReadonlyArray3<'py, f32>,
+    f32,
+    f32,
+);
+
+/// Writes the opacity of sheets over `out` (h, w), whose first pixel's row and column in the picture are
+/// `corner`, as [`Group`] has them. `depth` (h, w) is that of the scene.
+#[pyfunction]
+pub fn sheet_bent(
+    py: Python<'_>,
+    mut out: PyReadwriteArray2<'_, f32>,
+    corner: [usize; 2],
+    groups: Vec<GroupValues<'_>>,
+    depth: Option<PyReadonlyArray2<'_, f32>>,
+) -> PyResult<()> {
+    fn group<'a>((sheets, ways, near, far): &'a GroupValues<'_>) -> Group<'a> {
+        let bent = |each: &'a (PyRef<'_, FlakeSheet>, PyReadonlyArray3<'_, f32>)| Bent {
+            sheet: &each.0.0,
+            nodes: each.1.as_array(),
+        };
+        let sheets = sheets.iter().map(bent).collect();
+        Group { sheets, ways: ways.as_array(), near: *near, far: *far }
+    }
+    let given: Vec<Group<'_>> = groups.iter().map(group).collect();
+    let (out, depth) = (out.as_array_mut(), depth.as_ref().map(|depth| depth.as_array()));
+    let number: usize = given.iter().map(|group| group.sheets.len() + 4).sum();
+    let nanoseconds = 0.5 * (out.len() * number) as f64;
+    gate::run(py, nanoseconds, |cancel| bent::read(out, corner, &given, depth, cancel))
 }

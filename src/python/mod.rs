@@ -41,7 +41,7 @@ mod core {
     #[pymodule_export]
     use super::encode::{png_chunk, to_half};
     #[pymodule_export]
-    use super::falling::{BallImages, FlakeSheet, fall, flake_rows, sheet_read};
+    use super::falling::{BallImages, FlakeSheet, fall, flake_rows, sheet_bent, sheet_read};
     #[pymodule_export]
     use super::flakes::{FlakeBands, flake_bands, flake_choices, flake_frame, flake_take};
     #[pymodule_export]

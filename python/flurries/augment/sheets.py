@@ -259,7 +259,7 @@ def _made(rungs: Rungs) -> Sheets:
         length = way * focal / slab.depth
         sheet = _core.FlakeSheet(
             hash_of(SEED, number), (rows, columns), 0, min(slab.count, _MOST),
-            diameters_of(slab.diameters, _SIZES),
+            diameters_of(slab, _SIZES).tolist(),
             (length * math.sin(angle), length * math.cos(angle)), 0.0, OPACITY, (0.0, 1.0),
         )  # fmt: skip
         factors = look.gain * _GAINS

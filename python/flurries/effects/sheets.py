@@ -26,6 +26,7 @@ from flurries.effects.weather import Film, Weather
 from flurries.frame.planes import plane
 from flurries.frame.view import Frame
 from flurries.motion.keys import value_at
+from flurries.particles.population import Slab
 
 # Rows and columns of a sheet over the focal length in pixels; a layer has up to a fifth more. At
 # most so many pixels: a larger picture shows a sheet more than once.
@@ -45,7 +46,7 @@ _FAST = (3.0, 12.0)
 _LONGEST = 128.0
 
 # The part of a sheet's columns by which a flake that leaves it below comes in again aside.
-_SHEAR = 0.382
+SHEAR = 0.382
 
 # Flakes for each pixel of a sheet at most.
 _MOST_FLAKES = 12.0
@@ -59,7 +60,7 @@ _kept: OrderedDict[Any, _core.FlakeSheet] = OrderedDict()
 
 
 class Standing(NamedTuple):
-    """What is the same in all frames of a film.
+    """What is the same in all frames of a film whose places all move alike.
 
     Attributes
     ----------
@@ -73,8 +74,6 @@ class Standing(NamedTuple):
         Flakes of a layer for each that its sheet has, or 1.
     places : (L, 1)
         At which it is read along a pixel: 1, 2 or 4.
-    depths : list of (near, far)
-        Metres.
     """
 
     keys: list[Any]
@@ -83,7 +82,6 @@ class Standing(NamedTuple):
     aside: Float64
     many: Float64
     places: Float64
-    depths: list[tuple[float, float]]
 
 
 def read_sheets(weather: Weather, frame: Frame, film: Film, amount: float) -> Array:
@@ -104,23 +102,35 @@ def read_sheets(weather: Weather, frame: Frame, film: Film, amount: float) -> Ar
     # What lies between whole pixels is a part of the way.
     moved += (u - (left - x + u - column), v - (top - y + v - row))
     moved = np.round(moved * known.places) / known.places
-    layers, bytes_kept = [], 0
-    for key, way, many, (near, far) in zip(
-        known.keys, moved.tolist(), known.many.tolist(), known.depths, strict=True
+    layers = []
+    for sheet, way, many, (_, slab) in zip(
+        kept(known.keys), moved.tolist(), known.many.tolist(), film.layers, strict=True
     ):
+        root = math.sqrt(many)
+        gain = root, (many - root) * sheet.mean
+        layers.append((sheet, way, gain, slab.near, slab.far))
+    depth = None if frame.depth is None else np.ascontiguousarray(frame.crop(frame.depth))
+    _core.sheet_read(result, (row, column), layers, depth, True)
+    trim(len(layers))
+    return result
+
+
+def kept(keys: list[Any]) -> list[_core.FlakeSheet]:
+    """Return the sheets of some arguments, made where they are not yet."""
+    found = []
+    for key in keys:
         # Out and in again: the order is that of use.
         sheet = _kept.pop(key, None) or _core.FlakeSheet(*key[1:])
         _kept[key] = sheet
-        root = math.sqrt(many)
-        layers.append((sheet, way, (root, (many - root) * sheet.mean), near, far))
-    depth = None if frame.depth is None else np.ascontiguousarray(frame.crop(frame.depth))
-    _core.sheet_read(result, (row, column), layers, depth, True)
-    for sheet in list(_kept.values()):
-        bytes_kept += sheet.bytes
-    # What has not been asked for longest goes; what the frame reads stays.
-    while bytes_kept > MOST_BYTES and len(_kept) > len(layers):
-        bytes_kept -= _kept.popitem(last=False)[1].bytes
-    return result
+        found.append(sheet)
+    return found
+
+
+def trim(used: int) -> None:
+    """Drop what has not been asked for longest, but for the last so many."""
+    size = sum(sheet.bytes for sheet in list(_kept.values()))
+    while size > MOST_BYTES and len(_kept) > used:
+        size -= _kept.popitem(last=False)[1].bytes
 
 
 @lru_cache(maxsize=32)
@@ -139,29 +149,52 @@ def _standing(
         for out, way in zip((start, rate), found, strict=True):
             # The picture moves the other way than the camera.
             out[number] = -np.array(focals) * (way @ rotation_matrix(rotation))[:2] / slab.depth
+    # Longer streaks are as faint as can be seen.
+    streaks = np.clip(exposure * rate, -_LONGEST, _LONGEST).tolist()
+    many = many_of(film)
+    areas = areas_of(film, focals)
+    keys = [
+        key_of(weather, slab, seed, number, areas[number], many[number], streaks[number],
+               circles[number], amount, mode)
+        for number, slab in enumerate(slabs)
+    ]  # fmt: skip
+    pixels = np.array([rows * columns for rows, columns in areas])
+    places = _places(np.hypot(*rate.T), pixels)
+    return Standing(keys, start, rate, focals[0] / depths, many, places[:, None])
+
+
+def many_of(film: Film) -> Float64:
+    """Return the flakes of each layer for each that its sheet has, or 1."""
+    return np.array([max(layer.slab.count / _MOST_FLAKES, 1.0) for layer in film.layers])
+
+
+def areas_of(film: Film, focals: tuple[float, float]) -> list[tuple[int, int]]:
+    """Return rows and columns of each layer's sheet, for focal lengths in pixels."""
+    slabs = [layer.slab for layer in film.layers]
     # Of the same mean the variance goes with what one flake covers.
     power = np.array([slab.coverage * float(np.mean(slab.diameters**2)) for slab in slabs])
-    faint = power < _FAINT * power.sum()
-    many = np.array([max(slab.count / film.tile**2 / _MOST_FLAKES, 1.0) for slab in slabs])
-    keys, areas = [], []
-    for number, slab in enumerate(slabs):
-        own = (1.0 + 0.2 * ((0.618_034 * (number + 1)) % 1.0)) * (_SOONER if faint[number] else 1.0)
+    found = []
+    for number, faint in enumerate((power < _FAINT * power.sum()).tolist()):
+        own = (1.0 + 0.2 * ((0.618_034 * (number + 1)) % 1.0)) * (_SOONER if faint else 1.0)
         rows, columns = (
             max(round(own * part * focals[1 - axis]), _LEAST) for axis, part in enumerate(_PERIOD)
         )
         smaller = min(math.sqrt(_LARGEST / (rows * columns)), 1.0)
-        rows, columns = round(smaller * rows), round(smaller * columns)
-        areas.append(rows * columns)
-        # Longer streaks are as faint as can be seen.
-        u, v = np.clip(exposure * rate[number], -_LONGEST, _LONGEST).tolist()
-        keys.append((
-            mode, hash_of(seed, number), (rows, columns), round(_SHEAR * columns),
-            slab.count / film.tile**2 / many[number], tuple(diameters_of(slab.diameters, _SIZES)),
-            (u, v), circles[number], weather.population.opacity, (0.0, amount),
-        ))  # fmt: skip
-    ends = [(slab.near, slab.far) for slab in slabs]
-    places = _places(np.hypot(*rate.T), np.array(areas))
-    return Standing(keys, start, rate, focals[0] / depths, many, places[:, None], ends)
+        found.append((round(smaller * rows), round(smaller * columns)))
+    return found
+
+
+def key_of(
+    weather: Weather, slab: Slab, seed: int, number: int, area: tuple[int, int], many: float,
+    streak: list[float], circle: float, amount: float, mode: bool, scale: float = 1.0,
+    thin: float = 1.0,
+) -> Any:  # fmt: skip
+    """Return the arguments of a layer's sheet, for images larger by a scale."""
+    diameters = tuple((scale * diameters_of(slab)).tolist())
+    return (
+        mode, hash_of(seed, number), area, round(SHEAR * area[1]), slab.count / many / scale**2,
+        diameters, tuple(streak), circle, weather.population.opacity, (0.0, amount), thin,
+    )  # fmt: skip
 
 
 def _places(speed: Float64, areas: Float64) -> Float64:
@@ -180,16 +213,11 @@ def hash_of(seed: int, number: int) -> int:
     return int(draw[0] * 2**53)
 
 
-def diameters_of(quantiles: Float64, count: int) -> list[float]:
-    """Return so many diameters that stand for even shares of flakes and cover what those do, px.
-
-    Parameters
-    ----------
-    quantiles : (n,)
-        Of diameters at even shares.
-    """
+@lru_cache(maxsize=256)
+def diameters_of(slab: Slab, count: int = _SIZES) -> Float64:
+    """Return so many diameters that stand for even shares of flakes and cover what those do, px."""
+    quantiles = slab.diameters
     fine = np.interp(np.linspace(0.0, len(quantiles) - 1.0, 64 * count + 1),
                      np.arange(len(quantiles)), quantiles)  # fmt: skip
     squares = 0.5 * (fine[1:] ** 2 + fine[:-1] ** 2)
-    found: list[float] = np.sqrt(squares.reshape(count, -1).mean(axis=1)).tolist()
-    return found
+    return np.asarray(np.sqrt(squares.reshape(count, -1).mean(axis=1)))

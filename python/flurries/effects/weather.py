@@ -1,7 +1,7 @@
 """A population in the air of a film: which flakes are drawn, and which the texture stands for.
 
-What is near is drawn flake by flake up to the depth that `reach_of` says for each class of size;
-beyond it the class is synthesized in slabs of depth. Both take density, sizes, opacity, fall and
+What is near is drawn flake by flake up to the depth that `hand_over` says; beyond it each class of
+size is synthesized in slabs of depth. Both take density, sizes, opacity, fall and
 wind from here, so that nothing changes where one takes over from the other.
 """
 
@@ -18,38 +18,16 @@ import numpy.typing as npt
 
 from flurries._contract import Float64
 from flurries.camera.path import CameraPath
-from flurries.camera.rotation import rotation_matrix as matrix_of
 from flurries.effects.motion import Motion, relative_course
 from flurries.frame.needs import has_keys
 from flurries.frame.view import Frame
 from flurries.motion.keys import Keys, Number, value_at
-from flurries.particles.population import (
-    FADE,
-    HANDOVER_SIGMA,
-    LEAST_IN_TILE,
-    SIGMA_OF_DIAMETER,
-    Population,
-    SizeClass,
-    Slab,
-    reach_of,
-    slabs_of,
-)
+from flurries.particles.population import FADE, Population, SizeClass, Slab, slabs_of
 from flurries.particles.sizes import Sizes
 
-# Tiles of the texture, px: the least one whose layers move by less than half of it in a frame. The
-# small one is odd, so that no waves of half a cycle are left out: without them small flakes ring.
-TILES = (63, 128, 256)
-
-# Classes of size: each falls at a speed of its own. Tiles have two, each of two of the others.
-CLASSES, TILE_CLASSES = 4, 2
-
-# Of a tile, the part that neighbours share. Power blending lifts the mean of sparse snow there, by
-# 1.3 % of all at a ninth and by .7 % at a fifteenth.
-OVERLAP = 14
-
-# Flakes of all classes in a tile, below which neighbours share half as much: there blending lifts
-# the mean, and seams of so few flakes cannot be seen.
-SPARSE = 2000.0
+# Classes of size: each falls at a speed of its own. Where places move in their own ways the texture
+# has fewer, each of some of the others.
+CLASSES, BENT_CLASSES = 4, 2
 
 # Drawn flakes for each pixel, before sheets take over; and flakes up to the far end for each pixel,
 # of which all are drawn.
@@ -59,10 +37,7 @@ DRAWN, FEW = 0.002, 0.004
 LARGEST = 14.0
 
 # Layers of sheets of each class; large flakes make most of the contrast.
-LAYERS = (3, 5, 8, 10)
-
-# A layer changes its patterns after so many lengths of a torus.
-WRAPS = 12
+LAYERS, BENT_LAYERS = (3, 5, 8, 10), 6
 
 # Depth in units of the near one over which flakes fade in before the lens.
 NEAR_FADE = 1.25
@@ -85,18 +60,14 @@ class Share:
         With the fall speed of the class.
     reach : float
         Depth up to which its flakes are drawn, metres.
-    slabs : list of Slab
+    slabs : tuple of Slab
         What the texture stands for beyond; none where all are drawn.
-    flow : float
-        How far a flake moves in a frame, as a rule over a film and its picture: pixels times metres
-        of depth.
     """
 
     size: SizeClass
     motion: Motion
     reach: float
     slabs: tuple[Slab, ...]
-    flow: float = 0.0
 
     @property
     def end(self) -> float:
@@ -127,28 +98,15 @@ class Film:
         Of what the texture stands for.
     drawn : tuple of Share
         Of what is drawn: the same ones, or parts of them.
-    tile, overlap : int
-        Of the texture, px.
-    across : bool
-        Whether the film moves more along the rows than along the columns.
     comes : bool
-        Whether the air ever comes nearer the camera or recedes.
-    constant : bool
-        Whether a layer passes all tiles alike, and at one speed always.
+        Whether the air ever comes nearer the camera or recedes, turns or grows.
     rigid : bool
-        Whether all places of a layer move alike and always so: then sheets are read.
-    shear : int
-        Pixels to the side at which a flake that leaves a tile's torus below comes in above.
+        Whether all places of a layer move alike and always so, and nothing of it changes.
     """
 
     shares: tuple[Share, ...]
     drawn: tuple[Share, ...]
-    tile: int
-    overlap: int
-    across: bool
-    comes: bool
-    constant: bool
-    shear: int
+    comes: bool = False
     rigid: bool = False
 
     @cached_property
@@ -156,17 +114,6 @@ class Film:
         """The layers of the texture, near ones first."""
         found = [Layer(share, slab) for share in self.shares for slab in share.slabs]
         return tuple(sorted(found, key=lambda layer: layer.slab.depth))
-
-    @cached_property
-    def classes(self) -> list[tuple[Share, npt.NDArray[np.int64], Float64, Float64]]:
-        """Shares with the numbers, the depths (n, 1) and the half passages (n,) of their layers."""
-        found = []
-        for share in self.shares:
-            own = np.array([n for n, layer in enumerate(self.layers) if layer.share is share], int)
-            slabs = [self.layers[n].slab for n in own]
-            depths = np.array([[slab.depth] for slab in slabs])
-            found.append((share, own, depths, np.array([0.5 * (s.far - s.near) for s in slabs])))
-        return [one for one in found if len(one[1])]
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -214,7 +161,7 @@ class Weather:
         rotation = (0.0, 0.0, 0.0) if path.turns else frame.camera.rotation
         focal = frame.camera.focal if not path.zooms else path.longest_focal
         lens = frame.lens is not None and has_keys(frame.lens)
-        return _film(self, frame.shape, path, rotation, focal, frame.fps, lens)
+        return _film(self, path, rotation, focal, frame.fps, lens)
 
     def amounts(self, frame: Frame, share: Share, amount: float, heights: Float64) -> Float64:
         """Return the share of a class's flakes that is there at heights below the eye, metres.
@@ -263,94 +210,52 @@ def times(number: Number, factor: float) -> Number:
 
 @lru_cache(maxsize=64)
 def _film(
-    weather: Weather,
-    shape: tuple[int, int],
-    path: CameraPath,
-    rotation: tuple[float, float, float],
-    focal: float,
-    fps: float,
-    blurred: bool,
-) -> Film:
+    weather: Weather, path: CameraPath, rotation: tuple[float, float, float], focal: float,
+    fps: float, blurred: bool,
+) -> Film:  # fmt: skip
     population, motion = weather.population, weather.motion
     if population.density == 0.0:
         # Nothing to be shared out: one class, all of it drawn.
         (one,) = population.classes(1)
         none = (Share(one, motion, weather.far, ()),)
-        return Film(none, none, TILES[0], TILES[0] // OVERLAP, False, False, False, 0)
+        return Film(none, none)
     mean = float(population.speed(np.array([population.sizes.mean]))[0])
     varied = population.sizes.largest > population.sizes.smallest
-    fine, classes = (
-        [
+
+    def classes(count: int) -> list[tuple[SizeClass, Motion]]:
+        return [
             (one, Motion(times(motion.fall, one.fall / mean), motion.wind, motion.shutter))
             for one in population.classes(count if varied else 1)
         ]
-        for count in (CLASSES, TILE_CLASSES)
-    )
+
+    fine = classes(CLASSES)
     if weather.simulated or _few(weather, path):
         drawn = tuple(Share(one, own, weather.far, ()) for one, own in fine)
-        return Film(drawn, drawn, TILES[0], TILES[0] // OVERLAP, False, False, False, 0)
-    spreads = motion.spreads(path, rotation)
+        return Film(drawn, drawn)
+    comes = motion.spreads(path, rotation)
     constant = (
-        not (spreads or path.zooms)
+        not (comes or weather.keyed or blurred or isinstance(motion.shutter, Keys))
+        and weather.steady
         and motion.varied is None
-        and not isinstance(motion.shutter, Keys)
         and all(
-            len(relative_course(path, fps, own.fall, own.mean_wind).knots) == 0
-            for _, own in classes
+            len(relative_course(path, fps, own.fall, own.mean_wind).knots) == 0 for _, own in fine
         )
     )
-    if constant and weather.steady and not weather.keyed and not blurred:
-        reach = hand_over(weather, focal)
-        shares = [
-            Share(
-                one, own, reach,
-                tuple(
-                    slabs_of(
-                        population, one, focal, 1, reach=reach, far=weather.far,
-                        edges=layer_edges(reach, weather.far, count),
-                    )
-                ),
-                _flow(own, shape, path, rotation, focal, fps),
-            )
-            for (one, own), count in zip(fine, LAYERS[-len(fine) :], strict=True)
-        ]  # fmt: skip
-        return Film(tuple(shares), tuple(shares), 1, 0, False, False, True, 0, rigid=True)
-    extra = 0.0 if motion.varied is None else motion.varied.fastest_extra() / fps
-    fastest = [each.fastest(path, fps) + extra for _, each in classes]
-    # As far as the largest flakes are drawn in any case, all may be.
-    reach = focal * classes[-1][0].largest * SIGMA_OF_DIAMETER / HANDOVER_SIGMA
-    for tile in TILES:
-        drawn_to = max(reach, _sparse(classes, focal, tile))
-        if max(fastest) * 2.0 * focal / tile <= drawn_to or tile >= min(shape):
-            break
-    # Nothing is nearer than the near depth: there the texture must not begin before it.
-    least = min(NEAR_FADE * weather.near, weather.far)
-    reaches = [
-        max(reach_of(one, focal, tile, fastest=speed, far=weather.far), least)
-        for (one, _), speed in zip(classes, fastest, strict=True)
-    ]
-    shares = []
-    for (one, own), reach in zip(classes, reaches, strict=True):
-        slabs = slabs_of(population, one, focal, tile, reach=reach, far=weather.far)
-        flow = _flow(own, shape, path, rotation, focal, fps)
-        shares.append(Share(one, own, reach, tuple(slabs), flow))
-    in_tile = sum(slab.count for share in shares for slab in share.slabs)
-    _, rate = path.relative(0.0, fps=fps, fall=motion.fall, wind=motion.mean_wind)
-    rate = rate @ matrix_of(rotation)
-    across = bool(abs(rate[0]) > abs(rate[1]))
-    slopes = [0.0]
+    reach = hand_over(weather, focal)
+
+    def shared(each: list[tuple[SizeClass, Motion]], layers: tuple[int, ...]) -> tuple[Share, ...]:
+        found = []
+        for (one, own), count in zip(each, layers[-len(each) :], strict=True):
+            edges = layer_edges(reach, weather.far, count)
+            slabs = slabs_of(population, one, focal, 1, reach=reach, far=weather.far, edges=edges)
+            found.append(Share(one, own, reach, tuple(slabs)))
+        return tuple(found)
+
     if constant:
-        for _, own in classes:
-            course = relative_course(path, fps, own.fall, own.mean_wind)
-            x, y, _ = course.values[0] @ matrix_of(rotation)
-            slopes.append(float(y / x if across else x / y) if x or y else 0.0)
-    shear = shear_for(tile, tuple(slopes[1:] if constant else slopes[:1]))
-    overlap = tile // OVERLAP if in_tile >= SPARSE else tile // (2 * OVERLAP)
-    each = len(fine) // len(classes)
-    drawn = tuple(
-        Share(one, own, shares[number // each].reach, ()) for number, (one, own) in enumerate(fine)
-    )
-    return Film(tuple(shares), drawn, tile, overlap, across, spreads, constant, shear)
+        shares = shared(fine, LAYERS)
+        return Film(shares, shares, rigid=True)
+    drawn = tuple(Share(one, own, reach, ()) for one, own in fine)
+    return Film(shared(classes(BENT_CLASSES), BENT_CLASSES * (BENT_LAYERS,)), drawn, comes)
 
 
 def hand_over(weather: Weather, focal: float) -> float:
@@ -391,43 +296,3 @@ def _few(weather: Weather, path: CameraPath) -> bool:
     """Whether all flakes are so few for each pixel that they are drawn."""
     fx, fy = path.widest.focals
     return weather.population.density * weather.far**3 / (3.0 * fx * fy) < FEW
-
-
-def _flow(
-    motion: Motion,
-    shape: tuple[int, int],
-    path: CameraPath,
-    rotation: tuple[float, float, float],
-    focal: float,
-    fps: float,
-) -> float:
-    """Return the root of the mean square of the flow over a picture, at the film's speeds."""
-    course = relative_course(path, fps, motion.fall, motion.mean_wind)
-    x, y, z = (course.values @ matrix_of(rotation)).T
-    # Of what comes nearer a point flows outwards, as far as it is from the middle.
-    corner = (shape[0] ** 2 + shape[1] ** 2) / 12.0
-    return float(np.sqrt(np.mean(focal**2 * (x**2 + y**2) + corner * z**2)))
-
-
-def shear_for(tile: int, slopes: tuple[float, ...]) -> int:
-    """Return the shear in pixels of a torus whose flakes meet themselves least.
-
-    A flake that falls by n tiles is back where it was if it has moved aside by a whole number of
-    tiles and n times the shear.
-
-    Parameters
-    ----------
-    slopes : tuple of float
-        How far flakes move aside for each pixel down.
-    """
-    turns = np.arange(1, WRAPS + 1)
-    shears = np.arange(1, tile)
-    off = np.concatenate([turns[:, None] * (slope * tile - shears) for slope in slopes])
-    off = np.abs(off - tile * np.round(off / tile)).min(axis=0)
-    return int(shears[np.argmax(off)])
-
-
-def _sparse(classes: list[tuple[SizeClass, Motion]], focal: float, tile: int) -> float:
-    """Return the least depth at which the largest class fills a tile, metres."""
-    most = max(one.density for one, _ in classes)
-    return float((LEAST_IN_TILE / (0.6 * most * (tile / focal) ** 2)) ** (1.0 / 3.0))

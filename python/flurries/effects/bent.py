@@ -1,0 +1,447 @@
+"""Far flakes whose places move in their own ways: a camera that goes ahead, turns or zooms, gusts.
+
+The flakes of a layer lie on planes in the air, one behind the other, as far apart as the layer is
+thick. The camera sees the plane that is within its layer, a sheet at its depth, and gives it up for
+the next one as it comes too near. Which planes there are follows from where the camera is and how it
+looks, not from a time; what a pixel sees of one is a place on it, which a lattice of nodes says for
+the opening and the close of the shutter.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Iterator, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from flurries import _core
+from flurries._contract import Array, Float64
+from flurries._threads import reproducible
+from flurries.effects.defocus import circles_of
+from flurries.effects.gusts import carried_by_profile, wave_weights
+from flurries.effects.motion import Motion
+from flurries.effects.sheets import SHEAR, areas_of, kept, key_of, many_of, trim
+from flurries.effects.weather import Film, Layer, Weather
+from flurries.frame.planes import plane
+from flurries.frame.view import Frame
+from flurries.motion.keys import value_at
+from flurries.particles.population import Slab
+
+# Pixels from node to node, as the kernel has them; the first ones lie so far before the picture.
+_APART = 64
+
+# A plane is seen from so much before to so much behind its layer's depth, at least.
+_LEAST = 1.17
+
+# Radians that a camera turns, and by which logarithm a lens zooms, before other planes are seen. A
+# whole number of the first make a round.
+_TURN, _ZOOM = math.tau / 36.0, math.log(1.15)
+
+# A plane gives way to the next within so many frames, or at most this part of its time.
+_CHANGE, _LONGEST_CHANGE = 3.0, 0.3
+
+# Less than this of a plane is not seen.
+_LEAST_SEEN = 0.02
+
+# Amounts that sheets are kept for, where the amount of flakes changes.
+LADDER = (0.0, 0.125, 0.25, 0.5, 0.75, 1.0)
+
+# Flakes of a sheet at most: all its places are made at once.
+_FLAKES = 80_000.0
+
+# Rays that run along a plane are taken to meet it so far aside.
+_SLANT = 0.1
+
+# Pixels that a streak is long at most, along an axis.
+LONGEST = 120.0
+
+_PHASES = (0.6180339887, 0.7548776662, 0.5698402910, 0.4331)
+
+
+class _Eyes(NamedTuple):
+    """The camera as the shutter opens, and as it closes.
+
+    Attributes
+    ----------
+    rays : (2, R, C, 3)
+        Of the nodes, house axes, with a depth of 1.
+    eye : (2, L, 3)
+        Places of the eye in the air of each layer, house axes, metres.
+    rate : (L, 3)
+        Metres per frame.
+    pixel : float
+        Width of a pixel at a depth of 1.
+    """
+
+    rays: Float64
+    eye: Float64
+    rate: Float64
+    pixel: float
+
+
+class _Planes(NamedTuple):
+    """The planes that are seen of some layers.
+
+    Attributes
+    ----------
+    layer : (n,) int
+    weight : (n,)
+        Of its deviation.
+    axes : (n, 3, 3)
+        Rows turn house axes into the plane's.
+    at : (n,)
+        Along its axis in the air, metres.
+    focal : (n,)
+        That its sheet is made for, over the longest.
+    which : (n, k) int
+        Numbers of the plane among its like.
+    """
+
+    layer: npt.NDArray[np.int64]
+    weight: Float64
+    axes: Float64
+    at: Float64
+    focal: Float64
+    which: npt.NDArray[np.int64]
+
+
+class _Group(NamedTuple):
+    """The sheets between two depths.
+
+    Attributes
+    ----------
+    sheets : list of (sheet, nodes)
+        Nodes are (R, C, 4) float32, as the kernel has them.
+    ways : (R, C, 2) float32
+        Pixels that flakes move by during the exposure.
+    near, far : float
+        Metres.
+    """
+
+    sheets: list[tuple[_core.FlakeSheet, Array]]
+    ways: Array
+    near: float
+    far: float
+
+
+def read_bent(weather: Weather, frame: Frame, film: Film, amount: float, varies: bool) -> Array:
+    """Return the opacity of the far flakes over the window, (h, w) float32.
+
+    Parameters
+    ----------
+    varies : bool
+        Whether the amount is keyed.
+    """
+    groups = frame.once_each(
+        weather, "bent", lambda: _groups(weather, frame, film, amount, varies)
+    )
+    top, bottom, left, right = frame.window
+    result = plane((bottom - top, right - left))
+    depth = None if frame.depth is None else np.ascontiguousarray(frame.crop(frame.depth))
+    _core.sheet_bent(result, (top, left), groups, depth)
+    trim(sum(len(group.sheets) for group in groups))
+    return result
+
+
+def _groups(
+    weather: Weather, frame: Frame, film: Film, amount: float, varies: bool
+) -> list[_Group]:
+    """Return the sheets of a frame by their depths."""
+    eyes = _eyes(weather, frame, film)
+    half = 0.5 * value_at(weather.motion.shutter, frame.t)
+    moved = _blown(weather, frame, film, eyes, (frame.t - half, frame.t + half))
+    rungs = _rungs(weather, frame, film, amount, varies, eyes)
+    slabs = [layer.slab for layer in film.layers]
+    depths = np.array([slab.depth for slab in slabs])
+    power = [slab.coverage * float(np.mean(slab.diameters**2)) for slab in slabs]
+    circles = circles_of(frame.blur, depths.tolist()) or (0.0,) * len(slabs)
+    many, longest = many_of(film), frame.path.longest_focal
+    focals = np.array(frame.camera.focals) * (longest / frame.camera.focal)
+    areas = [
+        _smaller(area, slab.count / most)
+        for area, slab, most in zip(areas_of(film, tuple(focals)), slabs, many, strict=True)
+    ]
+    seen = [
+        (planes, index, *_source(eyes, moved, planes, index, focals / depths[layer]))
+        for planes in _planes_of(frame, film, eyes)
+        for index, layer in enumerate(planes.layer.tolist())
+    ]
+    found: dict[float, tuple[list[Any], Float64, float]] = {}
+    for slab in slabs:
+        own = [one for one in seen if slabs[one[0].layer[one[1]]].near == slab.near]
+        if slab.near in found or not own:
+            continue
+        shares = [float(p.weight[i]) ** 2 * power[p.layer[i]] for p, i, _, _ in own]
+        ways = sum(share * (u[1] - u[0]) / grown
+                   for share, (_, _, u, grown) in zip(shares, own, strict=True)) / sum(shares)
+        found[slab.near] = own, ways, slab.far
+    groups = []
+    for near, (each, ways, far) in found.items():
+        sheets = []
+        for planes, index, u, _ in each:
+            layer, weight = int(planes.layer[index]), float(planes.weight[index])
+            slab, area = slabs[layer], areas[layer]
+            at = 0.5 * (u[0] + u[1]) + _jump(frame.seed, layer, planes.which[index], area)
+            shear, root = round(SHEAR * area[1]), math.sqrt(many[layer])
+            at -= np.floor(at[0, 0, 1] / area[0]) * np.array((shear, area[0]))
+            at[..., 0] -= area[1] * np.floor(at[0, 0, 0] / area[1])
+            thin = _part_seen(slab, ways)
+            for rung, part in rungs[layer]:
+                (sheet,) = kept([key_of(
+                    weather, slab, frame.seed, layer, area, many[layer], [0.0, 0.0],
+                    circles[layer], rung, reproducible(), float(planes.focal[index]), thin,
+                )])  # fmt: skip
+                node = np.empty((*at.shape[:2], 4), np.float32)
+                node[..., :2], node[..., 2] = at, weight * root * part
+                # Planes that give way to each other have the deviation of one, and so have some flakes
+                # that stand for many; the mean is made up for.
+                node[..., 3] = (weight**2 * many[layer] - weight * root) * part * sheet.mean
+                sheets.append((sheet, node))
+        ways = np.clip(ways, -LONGEST, LONGEST).astype(np.float32)
+        groups.append(_Group(sheets, ways, near, far))
+    return groups
+
+
+def _part_seen(slab: Slab, ways: Float64) -> float:
+    """Return the part of a flake that a pixel shows at a time, in steps: 1 where it rests."""
+    length = float(np.hypot(*ways.reshape(-1, 2).T).mean())
+    # What a flake that covers the layer's mean area is wide, in a pixel's box.
+    wide = math.sqrt(float(np.mean(slab.diameters**4) / np.mean(slab.diameters**2)) + 0.8)
+    part = wide / math.hypot(wide, length)
+    return float(2.0 ** (0.5 * round(2.0 * math.log2(part))))
+
+
+def _smaller(area: tuple[int, int], count: float) -> tuple[int, int]:
+    """Return rows and columns of a sheet of at most so many flakes."""
+    part = min(math.sqrt(_FLAKES / max(count * area[0] * area[1], 1.0)), 1.0)
+    return max(round(part * area[0]), 96), max(round(part * area[1]), 96)
+
+
+def _jump(seed: int, layer: int, which: npt.NDArray[np.int64], area: tuple[int, int]) -> Float64:
+    """Return the place of a plane on its sheet, px (x, y)."""
+    if not which.any():
+        return np.zeros(2)
+    draws, stream = np.empty(2), layer
+    for number in which.tolist():
+        stream = (stream * 1_000_003 + number) % (1 << 61)
+    _core.uniform(draws, seed, stream)
+    return np.floor(draws * (area[1], area[0]))
+
+
+def _eyes(weather: Weather, frame: Frame, film: Film) -> _Eyes:
+    half = 0.5 * value_at(weather.motion.shutter, frame.t)
+    times = (frame.t - half, frame.t + half)
+    bends = frame.path.turns or frame.path.zooms
+    cameras = [frame.later(t - frame.t).camera if bends else frame.camera for t in times]
+    height, width = (math.ceil(length / _APART) + 3 for length in frame.shape)
+    rays, each = np.ones((2, height, width, 3)), np.empty((2, len(film.shares), 3))
+    rates = np.empty((len(film.shares), 3))
+    for number, (t, camera) in enumerate(zip(times, cameras, strict=True)):
+        for axis, middle in enumerate(camera.principal(frame.shape)):
+            nodes = _APART * np.arange(-1, (width, height)[axis] - 1)
+            at = (nodes - middle) / camera.focals[axis]
+            rays[number, ..., axis] = at if axis == 0 else at[:, None]
+        axes = camera.matrix()
+        rays[number] = rays[number] @ axes.T
+        offset = axes @ np.array(camera.offset)
+        for index, share in enumerate(film.shares):
+            way, rates[index] = frame.path.relative(
+                t, fps=frame.fps, fall=share.motion.fall, wind=share.motion.mean_wind
+            )
+            each[number, index] = way + offset
+    own = [film.shares.index(layer.share) for layer in film.layers]
+    return _Eyes(rays, each[:, own], rates[own], 1.0 / frame.camera.focal)
+
+
+def _planes_of(frame: Frame, film: Film, eyes: _Eyes) -> Iterator[_Planes]:
+    """Yield the planes that are seen: one of each layer, and those that give way or come."""
+    path, camera, depths = frame.path, frame.camera, [layer.slab.depth for layer in film.layers]
+    layers = np.arange(len(depths))
+    # Angles, and the zoom: places of the camera among poses that planes are made for.
+    places: list[tuple[Float64, float, int]] = []
+    if path.turns:
+        before, after = (_angles(frame.later(step).camera.matrix()) for step in (-0.5, 0.5))
+        for angle, rate in zip(_angles(camera.matrix()), after - before, strict=True):
+            rate = (rate + math.pi) % math.tau - math.pi
+            places.append((np.full(len(layers), angle / _TURN), abs(rate) / _TURN, 36))
+    if path.zooms:
+        grown = math.log(camera.focal / path.longest_focal)
+        places.append((np.full(len(layers), grown / _ZOOM), abs(path.zoom(frame.t)[1]) / _ZOOM, 0))
+    phases = [(part * (layers + 1.0)) % 1.0 for part in _PHASES]
+    known = [_place(at - phase, pace) for (at, pace, _), phase in zip(places, phases, strict=False)]
+    for taken in itertools.product((0, 1), repeat=len(places)):
+        weight, which, middles = np.ones(len(layers)), [], []
+        for one, (first, share), (_, _, round_), phase in zip(
+            taken, known, places, phases, strict=False
+        ):
+            number = first + one
+            weight = weight * (np.sin if one else np.cos)(0.5 * math.pi * share)
+            which.append(number % round_ if round_ else number)
+            middles.append(number + 0.5 + phase)
+        axes = np.broadcast_to(camera.matrix().T, (len(layers), 3, 3))
+        if path.turns:
+            axes = np.stack([_axes(*(_TURN * angle[n] for angle in middles[:3])) for n in layers])
+        focal = np.exp(_ZOOM * middles[-1]) if path.zooms else np.ones(len(layers))
+        yield from _ahead(film, eyes, layers, weight, axes, focal, which)
+
+
+def _ahead(
+    film: Film, eyes: _Eyes, layers: npt.NDArray[np.int64], weight: Float64, axes: Float64,
+    focal: Float64, which: list[npt.NDArray[np.int64]],
+) -> Iterator[_Planes]:  # fmt: skip
+    """Yield planes by where the camera is along their axes."""
+    depths = np.array([layer.slab.depth for layer in film.layers])
+    eye = 0.5 * (eyes.eye[0] + eyes.eye[1])
+    along = np.einsum("la,la->l", axes[:, 2], eye)
+    if not film.comes:
+        yield _Planes(layers, weight, axes, along + depths, focal, np.zeros((len(layers), 1), int))
+        return
+    ends = np.array([(layer.slab.near, layer.slab.far) for layer in film.layers])
+    wide = np.maximum(np.sqrt(ends[:, 1] / ends[:, 0]), _LEAST)
+    thick = depths * (wide - 1.0 / wide)
+    pace = np.abs(np.einsum("la,la->l", axes[:, 2], eyes.rate)) / thick
+    phase = (0.6180339887 * (layers + 1.0)) % 1.0
+    first, share = _place(along / thick - phase, pace)
+    for one in (0, 1):
+        own = weight * (np.sin if one else np.cos)(0.5 * math.pi * share)
+        seen = own > _LEAST_SEEN
+        number = first + one
+        at = depths + 0.5 * thick + (number + phase) * thick
+        table = np.stack([number, *which], axis=1)
+        if seen.any():
+            yield _Planes(layers[seen], own[seen], axes[seen], at[seen], focal[seen], table[seen])
+
+
+def _place(at: Float64, pace: Float64 | float) -> tuple[npt.NDArray[np.int64], Float64]:
+    """Return the number of the plane at places, and how far it has given way to the next, 0 to 1."""
+    first = np.floor(at)
+    change = np.clip(_CHANGE * np.asarray(pace), 1e-9, _LONGEST_CHANGE)
+    return first.astype(np.int64), np.clip(1.0 - (1.0 - (at - first)) / change, 0.0, 1.0)
+
+
+def _angles(matrix: Float64) -> Float64:
+    """Return yaw, pitch and roll of a camera's axes, radians."""
+    x, y, z = matrix[:, 2]
+    yaw, pitch = math.atan2(x, z), math.atan2(-y, math.hypot(x, z))
+    right, down, _ = _axes(yaw, pitch, 0.0)
+    return np.array((yaw, pitch, math.atan2(matrix[:, 0] @ down, matrix[:, 0] @ right)))
+
+
+def _axes(yaw: float, pitch: float, roll: float) -> Float64:
+    """Return the axes (right, down, ahead) of a camera by its angles, as rows."""
+    a, b, c, d = math.cos(yaw), math.sin(yaw), math.cos(pitch), math.sin(pitch)
+    right, ahead = np.array((a, 0.0, -b)), np.array((c * b, -d, c * a))
+    down = np.cross(ahead, right)
+    e, f = math.cos(roll), math.sin(roll)
+    return np.stack([e * right + f * down, e * down - f * right, ahead])
+
+
+def _source(
+    eyes: _Eyes, moved: Float64 | None, planes: _Planes, index: int, scale: Float64
+) -> tuple[Float64, float]:
+    """Return what the nodes see of a plane, less their own places, (2, R, C, 2) px (x, y).
+
+    And the pixels of the sheet for each of the picture's.
+    """
+    axes, layer = planes.axes[index], planes.layer[index]
+    ray = eyes.rays @ axes.T
+    eye = eyes.eye[:, layer] @ axes.T
+    ahead = (planes.at[index] - eye[:, 2])[:, None, None, None]
+    scale = planes.focal[index] * scale
+    grown = float(ahead.mean() * scale[0] * eyes.pixel)
+    blown = None if moved is None else moved[layer] @ axes.T
+    if blown is not None:
+        ahead = ahead + blown[..., 2:]
+    at = eye[:, None, None, :2] + ahead * (ray[..., :2] / np.maximum(ray[..., 2:], _SLANT))
+    if blown is not None:
+        at = at - blown[..., :2]
+    at = at * scale
+    at[..., 0] -= _APART * np.arange(-1, at.shape[2] - 1)
+    at[..., 1] -= _APART * np.arange(-1, at.shape[1] - 1)[:, None]
+    return np.asarray(at), grown
+
+
+def _blown(
+    weather: Weather, frame: Frame, film: Film, eyes: _Eyes, times: tuple[float, float]
+) -> Float64 | None:
+    """Return how far uneven wind has carried what the nodes see, (L, 2, R, C, 3) metres."""
+    wind = weather.motion.varied
+    if wind is None:
+        return None
+    found = np.zeros((len(film.layers), *eyes.rays.shape))
+    for number, (share, slab) in enumerate(film.layers):
+        ahead = slab.depth * eyes.rays.mean(axis=0)
+        if wind.profile is not None:
+            deep = np.array([slab.depth * frame.camera.matrix()[2, 2]])
+            for which, t in enumerate(times):
+                moved = carried_by_profile(share.motion, frame.path, frame.fps, t, deep)
+                found[number, which, ..., :2] += moved[0]
+        if wind.waves is not None:
+            found[number] += _waving(share.motion, frame, times, eyes.eye[:, number].mean(axis=0), ahead)
+    return found
+
+
+def _waving(
+    motion: Motion, frame: Frame, times: tuple[float, float], eye: Float64, ahead: Float64
+) -> Float64:
+    """Return what gusts have done to the flakes at places from the eye, (2, R, C, 3)."""
+    waves = motion.varied.waves  # type: ignore[union-attr]
+    assert waves is not None
+    weights = wave_weights(motion, frame.fps, times, eye)
+    cycles = np.ascontiguousarray(waves.k / math.tau)
+    points = ahead.reshape(-1, 3)
+    moved = np.zeros((len(points), 6))
+    # Of the flake that is there now: where it was at rest.
+    for _ in range(2):
+        rest = points - 0.5 * (moved[:, :3] + moved[:, 3:])
+        moved = np.empty_like(moved)
+        _core.wind_waves(moved, np.ascontiguousarray(rest), cycles, weights)
+    return np.stack([moved[:, :3], moved[:, 3:]]).reshape(2, *ahead.shape)
+
+
+def _rungs(
+    weather: Weather, frame: Frame, film: Film, amount: float, varies: bool, eyes: _Eyes
+) -> list[list[tuple[float, Float64]]]:
+    """Return the amounts of each layer that sheets are read for, with their shares at the nodes."""
+    if weather.steady and not varies:
+        return [[(amount * float(weather.emission), np.ones((1, 1)))]] * len(film.layers)  # type: ignore[arg-type]
+    ladder, found = np.array(LADDER), []
+    for share, slab in film.layers:
+        heights = slab.depth * eyes.rays.mean(axis=0)[..., 1]
+        there = weather.amounts(frame, share, amount, heights.ravel()).reshape(heights.shape)
+        shares = [np.interp(there, ladder, np.eye(len(ladder))[n]) for n in range(len(ladder))]
+        found.append([
+            (rung, part) for rung, part in zip(LADDER, shares, strict=True) if rung and part.any()
+        ])  # fmt: skip
+    return found
+
+
+def moved_by_wind(
+    weather: Weather, layers: Sequence[Layer], weights: Float64, frame: Frame, other: Frame
+) -> Array:
+    """Return how uneven wind moves the window's pixels to another frame, (h, w, 2) float32.
+
+    The mean over layers, each weighed by its parallax.
+    """
+    film = weather.film(frame)
+    found = _blown(weather, frame, film, _eyes(weather, frame, film), (frame.t, other.t))
+    assert found is not None
+    mean = np.einsum("l,lrca->rca", weights / weights.sum(), found[:, 1] - found[:, 0])
+    depths = np.array([layer.slab.depth for layer in layers])
+    nearness = float((weights / weights.sum()) @ (1.0 / depths))
+    seen = other.to_camera(mean)[..., :2] * np.array(other.camera.focals) * nearness
+    top, bottom, left, right = frame.window
+    rows = np.arange(top, bottom) + 0.5
+    columns = np.arange(left, right) + 0.5
+    at = [_APART * np.arange(-1, length - 1) for length in seen.shape[:2]]
+    result = np.empty((len(rows), len(columns), 2), np.float32)
+    for axis in range(2):
+        across = np.stack([np.interp(columns, at[1], line) for line in seen[..., axis]])
+        down = rows / _APART + 1.0
+        low = np.minimum(down.astype(int), len(across) - 2)
+        part = (down - low)[:, None]
+        result[..., axis] = across[low] + part * (across[low + 1] - across[low])
+    return result
