@@ -68,21 +68,7 @@ def command(*examples: str) -> Callable[[Callable[..., Any]], Command]:
 def option(
     *names: str, help: str, example: str | None = None, unset: str | None = None, **more: Any
 ) -> Callable[[Function], Function]:
-    """Return a decorator that adds an option.
-
-    Parameters
-    ----------
-    names : str
-        ``"-o"``, ``"--output"``.
-    help : str
-        What the option does.
-    example : str, optional
-        A value that makes sense; every option that takes a value has one.
-    unset : str, optional
-        What holds where the option is not given and has no plain default.
-    more
-        As of `click.option`.
-    """
+    """Return a decorator that adds an option."""
     notes = []
     usual = unset if unset is not None else more.get("default")
     if usual is not None:

@@ -20,13 +20,7 @@ _SPARE = 1 << 26
 
 @contextmanager
 def roomy(file: Path, most: int) -> Iterator[str]:
-    """Yield a name to write at most so many bytes to, which are then in a file; 0 for no matter.
-
-    Raises
-    ------
-    OSError
-        At the end, if the file could not be written.
-    """
+    """Yield a name to write at most so many bytes to, which are then in a file; 0 for no matter."""
     if not (most and sys.platform.startswith("linux")) or _has_room(file, most):
         yield str(file)
         return

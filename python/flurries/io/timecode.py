@@ -15,20 +15,10 @@ _DROP = 1 << 6
 
 @dataclass(frozen=True)
 class TimeCode:
-    """A time code, as a number of frames since midnight.
+    """A time code, as a number of frames since midnight."""
 
-    Attributes
-    ----------
-    frames : int
-        From 0.
-    nominal : int
-        Frames that a second counts: 24, 25, 30, 60.
-    drop : bool
-        Whether numbers are left out so that the clock keeps pace with 29.97 frames a second.
-    """
-
-    frames: int
-    nominal: int
+    frames: int  # From 0.
+    nominal: int  # Frames that a second counts: 24, 25, 30, 60.
     drop: bool = False
 
     @staticmethod

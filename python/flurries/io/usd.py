@@ -6,13 +6,7 @@ from typing import Any
 
 
 def require_usd() -> tuple[Any, Any, Any, Any, Any]:
-    """Return usd-core's modules Gf, Sdf, Usd, UsdGeom and Vt.
-
-    Raises
-    ------
-    ImportError
-        If they are not there; the message says how to get them.
-    """
+    """Return usd-core's modules Gf, Sdf, Usd, UsdGeom and Vt."""
     try:
         from pxr import Gf, Sdf, Usd, UsdGeom, Vt
     except ImportError:

@@ -25,34 +25,15 @@ from flurries.scene.scene import Scene
 
 @dataclass(frozen=True)
 class Content:
-    """The contents of a frame's files, and how they are encoded.
+    """The contents of a frame's files, and how they are encoded."""
 
-    Attributes
-    ----------
-    kind : {"composite", "alone", "layers", "deep"}
-        The picture; the weather as RGBA; everything that is known, as named channels; or the
-        weather as deep samples.
-    bits : 8, 10, 16, "half", "float" or None
-        Of a color; what the format and the background have if None.
-    codec : str or None
-        Quality of a film.
-    motion : {"y-down", "y-up"}
-        Which way the second number of motion vectors counts.
-    compression : str
-        How an EXR is packed, as `flurries.io.write_picture` takes it.
-    space : ColorSpace or None
-        What is written, of a scene that says its own.
-    eyes : mapping of str to Camera, optional
-        Views instead of the one of the path's camera.
-    """
-
-    kind: str = "composite"
-    bits: int | str | None = None
-    codec: str | None = None
-    motion: str = "y-down"
-    eyes: Mapping[str, Camera] | None = None
-    compression: str = "zip"
-    space: ColorSpace | None = None
+    kind: str = "composite"  # The picture, or of the weather "alone", "layers" or "deep".
+    bits: int | str | None = None  # Of a color; what the format and the background have if None.
+    codec: str | None = None  # Of a film.
+    motion: str = "y-down"  # Which way the second number of motion vectors counts.
+    eyes: Mapping[str, Camera] | None = None  # Views instead of the one of the path's camera.
+    compression: str = "zip"  # How an EXR is packed, as `flurries.io.write_picture` takes it.
+    space: ColorSpace | None = None  # What is written, of a scene that says its own.
 
     @property
     def mark(self) -> str:
@@ -162,23 +143,7 @@ class Content:
 
 
 def planes(rendered: Rendered, *, up: bool = False) -> dict[str, Array]:
-    """Return a frame as the layers of an EXR, see `flurries.io.write_layers`.
-
-    Parameters
-    ----------
-    rendered : Rendered
-    up : bool
-        Whether the second number of motion vectors counts upwards.
-
-    Returns
-    -------
-    dict of str to array
-        ``rgba``, the composite in linear light with alpha 1; each layer by its name, and the
-        ``background`` and ``foreground`` that it lies between, in the light of the composite;
-        ``NAME.depth``, ``NAME.forward``, ``NAME.backward``, ``NAME.coverage`` and ``NAME.id``
-        (int64, 0 where there is no flake); of the layers together ``alpha``, ``forward``,
-        ``backward`` and ``weather.depth``; and ``depth``, the background's.
-    """
+    """Return a frame as the layers of an EXR, see `flurries.io.write_layers`."""
 
     def turned(motion: Array | None) -> Any:
         return motion * np.array([1.0, -1.0], np.float32) if up and motion is not None else motion
@@ -222,13 +187,7 @@ def _light(image: Array) -> Array:
 
 
 def without_alpha(image: Array, path: object) -> Array:
-    """Return an image for a file that holds no alpha.
-
-    Raises
-    ------
-    ValueError
-        If something is transparent in it.
-    """
+    """Return an image for a file that holds no alpha."""
     if image.shape[2] == 3:
         return image
     if not (to_unit(image[..., 3]) == 1.0).all():

@@ -31,24 +31,12 @@ _LATE = 5.0
 
 @dataclass(frozen=True)
 class Crew:
-    """Who does the work of one `shared` thing in tasks.
+    """Who does the work of one `shared` thing in tasks."""
 
-    Attributes
-    ----------
-    submit : callable
-        Takes a task and its arguments after the shared one; returns a future.
-    threads : callable
-        Says how many tasks run at once.
-    look : callable
-        Is called while no task ends; raises where none can end any more.
-    remote : bool
-        Whether files that were written may be on another machine.
-    """
-
-    submit: Callable[..., Any]
-    threads: Callable[[], int]
-    look: Callable[[], None]
-    remote: bool
+    submit: Callable[..., Any]  # Takes a task and its arguments after the shared one.
+    threads: Callable[[], int]  # Says how many tasks run at once.
+    look: Callable[[], None]  # Is called while no task ends; raises where none can end any more.
+    remote: bool  # Whether files that were written may be on another machine.
 
 
 def make(

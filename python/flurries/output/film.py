@@ -40,15 +40,7 @@ def write_film(
     dask: Any,
     patience: float,
 ) -> tuple[Done, str]:
-    """Render frames into a video, unless the very same one is there.
-
-    Returns
-    -------
-    done : Done
-        Frames that are in it, and those whose background cannot be read.
-    heard : str
-        What became of the sound, see `Summary`.
-    """
+    """Render frames into a video, unless the very same one is there."""
     scene, path, done = job.scene, Path(job.pattern), Done()
     assert scene.size is not None
     _require_other_file(scene, path)

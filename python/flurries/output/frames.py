@@ -17,31 +17,15 @@ from flurries.scene.scene import Scene
 
 @dataclass
 class Frames:
-    """A `Job` of one scene's frames.
+    """A `Job` of one scene's frames."""
 
-    Attributes
-    ----------
-    scene : Scene
-        What to render. Its files are read again, whatever it has kept of them.
-    content : Content
-        What a file holds.
-    pattern : str
-        The files' names; without a token the name of one still.
-    store : Store
-        Where the files are kept; on this machine if not given.
-    overwrite, listed : bool
-        See `flurries.output.sequence.Job`.
-    skip : bool
-        Whether frames whose background cannot be read are left out.
-    """
-
-    scene: Scene
-    content: Content
-    pattern: str
-    store: Store = field(default_factory=Disk)
+    scene: Scene  # What to render. Its files are read again, whatever it has kept of them.
+    content: Content  # What a file holds.
+    pattern: str  # The files' names; without a token the name of one still.
+    store: Store = field(default_factory=Disk)  # Where the files are kept.
     overwrite: bool = False
-    listed: bool = True
-    skip: bool = False
+    listed: bool = True  # See `flurries.output.sequence.Job`.
+    skip: bool = False  # Whether frames whose background cannot be read are left out.
     tolerant: bool = False
     folder: Path = field(init=False)
     inputs: Inputs = field(init=False)

@@ -36,32 +36,7 @@ MOST_POINTS = 100_000_000
 def write_points(
     scene: Scene, path: Path, frames: Sequence[int], progress: Progress, *, overwrite: bool
 ) -> Done:
-    """Write the flakes that are in view, and the camera, to a USD stage.
-
-    The stage has y up and metres, and its time codes are frame numbers. Each snow or rain is a
-    ``Points`` below ``/flurries`` with velocities (m/s), widths (m), ids and opacities; a frame has
-    the flakes that are in view then, whatever stands before them.
-
-    Parameters
-    ----------
-    scene : Scene
-    path : Path
-        ``.usd``, ``.usda`` or ``.usdc``.
-    frames : sequence of int
-    progress : callable
-        Wraps the frames.
-    overwrite : bool
-        Replace what is there, whatever it is.
-
-    Raises
-    ------
-    ImportError
-        If usd-core is not installed (``flurries[usd]``).
-    ValueError
-        If no effect has flakes, if there are too many, or something else is in the way.
-    OSError
-        If the file cannot be written; no half-written one stays.
-    """
+    """Write the flakes that are in view, and the camera, to a USD stage."""
     Gf, Sdf, Usd, UsdGeom, Vt = require_usd()
     names: dict[str, Any] = {}
     for effect in scene.effects:

@@ -13,32 +13,16 @@ Kind: TypeAlias = Literal["slider", "choice", "color"]
 
 @dataclass(frozen=True)
 class Control:
-    """One row of the page.
+    """One row of the page."""
 
-    Attributes
-    ----------
-    key : str
-        Place of the effect and field ("0.amount"), or "camera.forward", or "eyes".
-    group, label, unit : str
-        Where it stands, and what it says.
-    low, high, step : float
-        A slider's range, in `unit`.
-    value : float or str
-        Where it stands now: a number, one of `choices`, or "#rrggbb".
-    kind : {"slider", "choice", "color"}
-        A color may be one of `choices`, too.
-    choices : tuple of str
-        What a choice is between.
-    """
-
-    key: str
+    key: str  # Place of the effect and field ("0.amount"), or "camera.forward", or "eyes".
     group: str
     label: str
     unit: str
     low: float
     high: float
     step: float
-    value: float | str
+    value: float | str  # Where it stands now: a number, one of `choices`, or "#rrggbb".
     kind: Kind = "slider"
     choices: tuple[str, ...] = ()
 

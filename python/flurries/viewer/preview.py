@@ -19,14 +19,7 @@ _SCALED = {"tile": 8, "overlap": 0}
 
 
 class Preview:
-    """A scene made small once, to be shown with changing effects and cameras.
-
-    Parameters
-    ----------
-    scene : Scene
-    most : int
-        Pixels of the longer side, 16 to 4096. A smaller scene keeps its size.
-    """
+    """A scene made small once, to be shown with changing effects and cameras."""
 
     def __init__(self, scene: Scene, most: int) -> None:
         limit = integer("size", most, low=16, high=4096)

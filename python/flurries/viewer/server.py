@@ -39,16 +39,7 @@ _FULL = b"HTTP/1.1 503 Service Unavailable\r\nContent-Length: 0\r\nConnection: c
 
 
 class Server(ThreadingHTTPServer):
-    """A viewer at `url` until `shutdown` is called.
-
-    Parameters
-    ----------
-    scene : Scene
-    port : int
-        0 for any that is free.
-    size, save
-        See :func:`flurries.viewer.view`.
-    """
+    """A viewer at `url` until `shutdown` is called."""
 
     daemon_threads = True
     # With fewer a page's lines that come together wait a second or more for their turn.
@@ -162,11 +153,7 @@ class _Handler(BaseHTTPRequestHandler):
 
 
 def open_page(server: Server) -> None:
-    """Show a viewer's page in the browser, without the token in any list of processes.
-
-    A browser's command line can be read by all users of a machine. It gets a file that nobody else
-    can read and that leads to the page; the file goes when the server is closed.
-    """
+    """Show a viewer's page in the browser, without the token in any list of processes."""
     descriptor, path = tempfile.mkstemp(prefix="flurries-", suffix=".html")
     with os.fdopen(descriptor, "w", encoding="utf-8") as file:
         address = html.escape(server.url)

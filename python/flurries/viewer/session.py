@@ -42,16 +42,7 @@ _Air: TypeAlias = tuple[float, list[Any]]
 
 
 class Session:
-    """A scene that is being looked at.
-
-    Parameters
-    ----------
-    scene : Scene
-    size : int
-        Pixels of the longer side of the pictures.
-    save : path
-        Where the button writes the scene. Written over, since it is what the button is for.
-    """
+    """A scene that is being looked at."""
 
     def __init__(self, scene: Scene, *, size: int = 512, save: str | Path = "tuned.toml") -> None:
         if not isinstance(scene, Scene):
@@ -190,13 +181,9 @@ def packed(head: Mapping[str, Any], buffers: list[bytes]) -> bytes:
 def _carried(
     scene: Scene, t: float, before: _Air | None, index: int
 ) -> tuple[Scene, list[Any] | None]:
-    """Return the scene moved so that the air goes on from where it was, and where it is now.
-
-    A frame is a function of the scene and t: with another speed the air would jump to where that
-    speed had brought it by now. Under the hand it must go on from where it was `before`; what comes
-    after follows from the scene. There is one camera to move, so the effect at `index`, which is
-    under the hand, decides.
-    """
+    """Return the scene moved so that the air goes on from where it was, and where it is now."""
+    # With another speed the air would jump to where that speed had brought it by now. There is one
+    # camera to move, so the effect at `index`, which is under the hand, decides.
     path: CameraPath = scene.camera
     if path.turns or not any(map(moves, scene.effects)):
         return scene, None

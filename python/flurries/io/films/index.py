@@ -36,30 +36,13 @@ SCALING: dict[str, Any] = {"interpolation": 4 | 0x2000 | 0x40000 | 0x80000, "thr
 
 @dataclass(frozen=True)
 class FrameIndex:
-    """The places of the frames in a video.
+    """The places of the frames in a video."""
 
-    Frames are numbered in the order of showing, and stored in the order of decoding: a frame shown
-    early may build on one shown later, which then is stored before it.
-
-    Attributes
-    ----------
-    times : sequence of int
-        When each frame is shown; its number instead where the file does not tell.
-    keys : sequence of int
-        The frames that build on no other, ascending.
-    order : sequence of int
-        Each frame's place in the file.
-    counted : bool
-        Whether the file does not tell times.
-    seekable : bool
-        Whether the file can be entered at a key frame.
-    """
-
-    times: Sequence[int]
-    keys: Sequence[int]
-    order: Sequence[int]
-    counted: bool = False
-    seekable: bool = True
+    times: Sequence[int]  # When each frame is shown.
+    keys: Sequence[int]  # The frames that build on no other, ascending.
+    order: Sequence[int]  # Each frame's place in the file.
+    counted: bool = False  # Whether the file does not tell times.
+    seekable: bool = True  # Whether the file can be entered at a key frame.
 
     def __post_init__(self) -> None:
         numbers = {time: number for number, time in enumerate(self.times)}
@@ -90,20 +73,7 @@ class FrameIndex:
 
 
 def open_video(path: Path, budget: Budget | None = None) -> tuple[Any, Any]:
-    """Open a video; return the container and its first video stream.
-
-    Frames of more pixels than the budget allows are refused: those that the header claims now, and
-    those of another size by the decoder.
-
-    Raises
-    ------
-    OSError
-        If it cannot be read.
-    ValueError
-        If it is not a video of a known format.
-    ImportError
-        Without PyAV.
-    """
+    """Open a video; return the container and its first video stream."""
     require_library()
     import av
 
@@ -139,13 +109,7 @@ def open_video(path: Path, budget: Budget | None = None) -> tuple[Any, Any]:
 
 
 def index_frames(path: Path, budget: Budget | None = None) -> FrameIndex:
-    """Read through a video and note its frames.
-
-    Raises
-    ------
-    OSError
-        If it is damaged or holds no frames.
-    """
+    """Read through a video and note its frames."""
     import av
 
     container, stream = open_video(path, budget)

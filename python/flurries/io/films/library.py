@@ -4,13 +4,7 @@ from __future__ import annotations
 
 
 def require_library() -> None:
-    """Refuse to go on without PyAV.
-
-    Raises
-    ------
-    ImportError
-        If it is not installed; the message says how to get it.
-    """
+    """Refuse to go on without PyAV."""
     try:
         import av  # noqa: F401
     except ImportError as error:

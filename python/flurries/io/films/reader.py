@@ -24,24 +24,7 @@ _UNSPECIFIED = 2  # AVCOL_SPC_UNSPECIFIED
 
 
 class VideoReader:
-    """Decodes a video's frames as RGB, uint8 or uint16 by its bits; for one thread at a time.
-
-    Parameters
-    ----------
-    path : str or path
-        The video.
-    budget : Budget, optional
-        How large a frame may be; ``Budget()`` if not given.
-
-    Raises
-    ------
-    FileNotFoundError
-        If there is no such file.
-    OSError
-        If it is empty, cut short or damaged.
-    ValueError
-        If it is not a video of a known format.
-    """
+    """Decodes a video's frames as RGB, uint8 or uint16 by its bits; for one thread at a time."""
 
     def __init__(self, path: str | os.PathLike[str], *, budget: Budget | None = None) -> None:
         self.path, self._budget = plain_file(path), Budget.of(budget)
@@ -73,13 +56,7 @@ class VideoReader:
         self._container.close()
 
     def frame(self, number: int) -> Array:
-        """Return frame `number`, from 0, as (H, W, 3) uint8 or uint16, turned upright.
-
-        Raises
-        ------
-        OSError
-            If it, or a frame that it builds on, is damaged as far as the decoder can tell.
-        """
+        """Return frame `number`, from 0, as (H, W, 3) uint8 or uint16, turned upright."""
         if not 0 <= number < self.count:
             raise IndexError(f"{self.path}: there is no frame {number} among {self.count}")
         key = self._index.key_of(number)

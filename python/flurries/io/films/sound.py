@@ -25,21 +25,11 @@ _LAYOUTS = {1: "mono", 2: "stereo", 6: "5.1", 8: "7.1"}
 
 @dataclass(frozen=True)
 class Sound:
-    """A part of a film's sound.
+    """A part of a film's sound."""
 
-    Attributes
-    ----------
-    path : str
-        The film.
-    start : Fraction
-        Seconds after the film's first picture.
-    length : Fraction
-        Seconds.
-    """
-
-    path: str
-    start: Fraction
-    length: Fraction
+    path: str  # The film.
+    start: Fraction  # Seconds after the film's first picture.
+    length: Fraction  # Seconds.
 
 
 def has_sound(path: str | os.PathLike[str]) -> bool:
@@ -52,19 +42,7 @@ def has_sound(path: str | os.PathLike[str]) -> bool:
 
 
 class SoundTrack:
-    """Carries a film's first sound track into a container that is being written.
-
-    Copied sound is cut between its packets, about every 20 ms; encoded sound at the sample.
-
-    Parameters
-    ----------
-    sound : Sound
-        Which part.
-    container : av.container.OutputContainer
-        Where to; pictures may have been announced, but none be written yet.
-    suffix : str
-        The new file's extension, which decides whether sound must be encoded anew.
-    """
+    """Carries a film's first sound track into a container that is being written."""
 
     def __init__(self, sound: Sound, container: Any, suffix: str) -> None:
         if not has_sound(sound.path):

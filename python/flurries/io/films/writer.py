@@ -320,10 +320,7 @@ def _settled(tags: Tags, codec: Encoder) -> Tags:
 
 
 def comment_of(path: Path) -> tuple[str, int]:
-    """Return the comment in a video's header, empty if there is none, and how many frames it has.
-
-    None of them where it is damaged.
-    """
+    """Return the comment in a video's header and its number of frames; of a damaged one neither."""
     try:
         check_structure(path)
         return _comment_and_count(path)

@@ -155,13 +155,7 @@ def read_deep(path: str | os.PathLike[str]) -> Deep:
 
 
 def read_deep_header(path: str | os.PathLike[str]) -> dict[str, str]:
-    """Return the values under ``flurries:`` in the header of a deep EXR.
-
-    Raises
-    ------
-    OSError, ValueError
-        If the file cannot be read.
-    """
+    """Return the values under ``flurries:`` in the header of a deep EXR."""
     reader = reader_of(plain_file(path), Budget())
     try:
         return header.get(reader.spec())

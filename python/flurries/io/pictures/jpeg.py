@@ -20,17 +20,7 @@ _LONGEST_TEXT = 60_000
 def encode_jpeg(
     pixels: Array, quality: int, strings: Mapping[str, str], profile: bytes | None = None
 ) -> bytes:
-    """Return a baseline JPEG of (H, W, 1) or (H, W, 3) uint8, colors not subsampled.
-
-    `profile` is an ICC profile.
-
-    Raises
-    ------
-    OSError
-        If a side is longer than 65500 px, or the encoder fails otherwise.
-    ValueError
-        If the metadata do not fit.
-    """
+    """Return a baseline JPEG of (H, W, 1) or (H, W, 3) uint8, colors not subsampled."""
     from PIL import Image
 
     image = Image.fromarray(pixels[..., 0] if pixels.shape[2] == 1 else pixels)

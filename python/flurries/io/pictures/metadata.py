@@ -25,15 +25,7 @@ _MOMENT = re.compile(r"[0-9]{4}:[0-9]{2}:[0-9]{2} [0-9]{2}:[0-9]{2}:[0-9]{2}")
 
 
 def checked(metadata: Mapping[str, object] | None) -> dict[str, str]:
-    """Return the metadata as strings, keys without the prefix, ``DateTime`` always among them.
-
-    Raises
-    ------
-    TypeError
-        If a value is not a string or a number.
-    ValueError
-        If a key or ``DateTime`` is not written as it should be.
-    """
+    """Return the metadata as strings, keys without the prefix, ``DateTime`` always among them."""
     strings = {"DateTime": FIXED_MOMENT}
     for given, value in mapping("metadata", {} if metadata is None else metadata).items():
         if not isinstance(given, str):

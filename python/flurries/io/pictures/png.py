@@ -36,26 +36,7 @@ _BLOCK = 1 << 20
 def write_png(
     path: str | os.PathLike[str], specification: Any, band: Callable[[int, int], Array]
 ) -> None:
-    """Write a PNG whose rows `band(first, last)` makes, atomically, and verify it.
-
-    Each stripe of rows is inflated and compared as it is made; the file is read back and compared
-    with the checksums of the bytes that were handed to it.
-
-    Parameters
-    ----------
-    path : str or path
-        The picture to make or replace.
-    specification : ImageSpec
-        Its size, channels, type and header.
-    band : callable
-        Returns rows [first, last) as an array (rows, W, channels), uint8 or uint16, not multiplied
-        by alpha.
-
-    Raises
-    ------
-    OSError
-        If it cannot be written, or does not read back as what was written.
-    """
+    """Write a PNG whose rows `band(first, last)` makes, atomically, and verify it."""
     target = os.fspath(path)
     with replacing(path) as temporary:
         before = _chunks_before_pixels(target, temporary, specification)

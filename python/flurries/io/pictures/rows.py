@@ -48,38 +48,14 @@ def write_bands(
     *,
     lossless: bool,
 ) -> None:
-    """Write a picture whose rows `band(first, last)` makes, atomically, and verify it.
-
-    Parameters
-    ----------
-    path : str or path
-        The picture to make or replace.
-    specification : ImageSpec
-        Its size, channels, types and header.
-    band : callable
-        Returns rows [first, last) as an array (rows, W, channels) in one type; whole numbers of an
-        EXR as floats of the same bits.
-    lossless : bool
-        Whether what is read back must be the same bits.
-
-    Raises
-    ------
-    OSError
-        If it cannot be written, or does not read back as what was written.
-    """
+    """Write a picture whose rows `band(first, last)` makes, atomically, and verify it."""
     write_parts(path, [(specification, band)], lossless=lossless)
 
 
 def write_parts(
     path: str | os.PathLike[str], parts: Sequence[tuple[Any, Band]], *, lossless: bool = True
 ) -> None:
-    """Write a picture of several parts, each as `write_bands` takes it.
-
-    Raises
-    ------
-    OSError
-        If it cannot be written, or does not read back as what was written.
-    """
+    """Write a picture of several parts, each as `write_bands` takes it."""
     target = os.fspath(path)
     plain = [(as_floats(specification), band) for specification, band in parts]
     with replacing(path) as temporary:
@@ -92,13 +68,7 @@ def write_parts(
 
 
 def write_whole(path: str | os.PathLike[str], specification: Any, data: bytes) -> None:
-    """Write a picture that is encoded already, atomically, and verify its size and channels.
-
-    Raises
-    ------
-    OSError
-        If it cannot be written, or does not read back.
-    """
+    """Write a picture that is encoded already, atomically, and verify its size and channels."""
     unknown = [(np.dtype(np.uint8), 0)] * -(-specification.height // _rows(specification))
     with replacing(path) as temporary:
         temporary.write_bytes(data)
