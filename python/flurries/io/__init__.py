@@ -14,8 +14,13 @@ from flurries.io.files import Budget
 from flurries.io.films.reader import read_video
 from flurries.io.films.writer import VideoWriter
 from flurries.io.layers.depth import open_depth, read_depth
-from flurries.io.layers.planes import read_layers, write_layers
-from flurries.io.layers.views import read_views, write_layer_views, write_views
+from flurries.io.layers.planes import (
+    read_layers,
+    read_views,
+    write_layer_views,
+    write_layers,
+    write_views,
+)
 from flurries.io.photographs import photograph
 from flurries.io.pictures.fitting import fit, fit_nearest
 from flurries.io.pictures.header import Header, read_header

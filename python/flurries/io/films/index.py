@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import Any
 
 from flurries.io.files import Budget
-from flurries.io.films.library import require_library
 
 READABLE = (
     *(".mp4", ".m4v", ".mov", ".webm", ".mkv", ".avi"),
@@ -32,6 +31,17 @@ _SEEKLESS = ("mpegts",)
 # How pixel formats are converted: bicubic (4), chroma interpolated in full (0x2000), rounded
 # exactly (0x40000), the same bits on every processor (0x80000), and in the calling thread.
 SCALING: dict[str, Any] = {"interpolation": 4 | 0x2000 | 0x40000 | 0x80000, "threads": 1}
+
+
+def require_library() -> None:
+    """Refuse to go on without PyAV, which is an extra: pictures do without it."""
+    try:
+        import av  # noqa: F401
+    except ImportError as error:
+        raise ImportError(
+            "films need PyAV, which flurries' extra [video] brings: pip install 'flurries[video]', "
+            f"or pip install av ({error})"
+        ) from None
 
 
 @dataclass(frozen=True)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -24,9 +25,7 @@ from flurries.io.color import (
 from flurries.io.oiio import openimageio
 from flurries.io.pictures import metadata as header
 from flurries.io.pictures import seal
-from flurries.io.pictures.jpeg import encode_jpeg
-from flurries.io.pictures.png import write_png
-from flurries.io.pictures.rows import write_bands, write_whole
+from flurries.io.pictures.rows import write_parts, write_whole
 from flurries.io.pictures.slate import Slate
 
 
@@ -62,6 +61,12 @@ _FORMATS = {
     ".tif": _Format("tiff", bits=(8, 16), floats=True),
     ".tiff": _Format("tiff", bits=(8, 16), floats=True),
 }
+
+# PNG's filter that stores each pixel's difference from the one before, as libpng counts them.
+_SUB = 0x10
+
+_DESCRIPTION, _SOFTWARE, _MOMENT = 0x010E, 0x0131, 0x0132  # Tags of EXIF.
+_LONGEST_TEXT = 60_000
 
 # How EXR packs pixels, and whether all bits survive it.
 COMPRESSIONS = {
@@ -177,7 +182,7 @@ def write_picture(
     if form.name == "jpeg":
         try:
             profile = said.profile if said.encoding == "display" else None
-            data = encode_jpeg(band(0, color.shape[0]), int(quality), strings, profile)
+            data = _encode_jpeg(band(0, color.shape[0]), int(quality), strings, profile)
         except OSError as error:
             raise OSError(f"{os.fspath(path)}: cannot be encoded: {error}") from error
         write_whole(path, specification, data)
@@ -192,10 +197,34 @@ def write_picture(
     elif form.name in ("png", "tiff") and stored in ("uint8", "uint16"):
         specification.attribute("oiio:UnassociatedAlpha", 1)
     if form.name == "png":
-        write_png(path, specification, band)
-        return
+        # Flakes are noise: more effort takes four times as long for a tenth fewer bytes.
+        specification.attribute("png:compressionLevel", 1)
+        specification.attribute("png:filter", _SUB)
     lossless = form.lossless and (form.name != "openexr" or COMPRESSIONS[compression])
-    write_bands(path, specification, band, lossless=lossless)
+    write_parts(path, [(specification, band)], lossless=lossless)
+
+
+def _encode_jpeg(
+    pixels: Array, quality: int, strings: Mapping[str, str], profile: bytes | None
+) -> bytes:
+    """Return a baseline JPEG of (H, W, 1 or 3) uint8, colors not subsampled."""
+    # OpenImageIO's writer leaves errors to libjpeg's own handler, and that one ends the process:
+    # a full disk would take the whole program with it. Pillow encodes to memory and raises.
+    from PIL import Image
+
+    image = Image.fromarray(pixels[..., 0] if pixels.shape[2] == 1 else pixels)
+    tags = Image.Exif()
+    text = header.description(strings)
+    if len(text) > _LONGEST_TEXT:
+        raise ValueError(f"metadata of {len(text)} characters do not fit into a JPEG; use EXR")
+    if text:
+        tags[_DESCRIPTION] = text
+    tags[_SOFTWARE], tags[_MOMENT] = "flurries", strings["DateTime"]
+    buffer = io.BytesIO()
+    image.save(
+        buffer, "JPEG", quality=quality, subsampling=0, exif=tags.tobytes(), icc_profile=profile
+    )
+    return buffer.getvalue()
 
 
 def format_of(path: str | os.PathLike[str]) -> _Format:
