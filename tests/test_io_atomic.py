@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 from flurries._threads import scope
-from flurries.io import atomic, read_picture, remove_leftovers, replacing, write_picture
+from flurries.io import read_picture, remove_leftovers, replacing, write_picture
 from flurries.io.pictures import rows
 
 OLD = b"the old file"
@@ -369,15 +369,3 @@ def test_only_our_own_leftovers_are_removed(tmp_path):
         (tmp_path / name).write_bytes(b"x")
     assert remove_leftovers(tmp_path) == []
     assert len(names(tmp_path)) == 3
-
-
-def test_a_forked_child_leaves_the_block_without_touching_the_file(target):
-    with replacing(target) as temporary:
-        temporary.write_bytes(b"new")
-        child = os.fork()
-        if child == 0:
-            # What unwinding the block does in the child.
-            atomic._remove(temporary, os.getppid())
-            os._exit(0)
-        os.waitpid(child, 0)
-    assert target.read_bytes() == b"new"

@@ -241,22 +241,6 @@ def test_pictures_of_a_source_cannot_be_changed(sequence):
         picture.pixels[0, 0] = 1
 
 
-def test_few_pictures_are_kept(sequence):
-    read = []
-    source = open_background(sequence)
-    original = source.read
-    source.read = lambda path: read.append(path) or original(path)
-    for number in (0, 0, 1, 0, 1, 2, 2, 0):
-        source.frame(number)
-    assert len(read) == 3
-    for number in range(6):
-        source.frame(number)
-    assert len(source._kept) <= 3
-    source.close()
-    assert not source._kept
-    assert (source.frame(4).pixels == 102).all()
-
-
 def test_missing_and_damaged_frames_are_errors_that_name_them(sequence):
     folder = sequence.parent
     (folder / "plate.0100.png").unlink()

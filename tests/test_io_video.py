@@ -195,15 +195,6 @@ def test_a_video_needs_a_frame_and_a_block(tmp_path):
     assert len(list(read_video(path))) == 1
 
 
-def test_odd_targets_are_refused(tmp_path):
-    (tmp_path / "folder.mp4").mkdir()
-    os.mkfifo(tmp_path / "fifo.mp4")
-    for name in ("folder.mp4", "fifo.mp4", "no/such/folder.mp4"):
-        with pytest.raises(OSError, match=name), VideoWriter(tmp_path / name, (8, 8), 24):
-            pass
-    assert len(list(tmp_path.iterdir())) == 2
-
-
 def test_a_video_that_lacks_frames_is_not_kept(tmp_path, monkeypatch):
     path = tmp_path / "a.mp4"
     original = VideoWriter._finish
@@ -234,9 +225,3 @@ def test_a_forked_child_does_not_disturb_the_video(tmp_path, leaves_by):
                 assert os.waitpid(child, 0)[1] == 0
     assert len(list(read_video(path))) == 10
     assert only(path)
-
-
-# Any frame in any order
-
-
-# Damage
