@@ -44,9 +44,7 @@ def let_open(size: int) -> None:
 _packing = threading.RLock()
 if hasattr(os, "register_at_fork"):
     os.register_at_fork(
-        before=_packing.acquire,
-        after_in_parent=_packing.release,
-        after_in_child=_packing.release,
+        before=_packing.acquire, after_in_parent=_packing.release, after_in_child=_packing.release
     )
 
 

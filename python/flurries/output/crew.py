@@ -99,11 +99,7 @@ def _require_here(job: Job, done: Done) -> None:
 
 
 def results(
-    crew: Crew,
-    task: Callable[[list[int]], Any],
-    groups: list[list[int]],
-    *,
-    in_order: bool = False,
+    crew: Crew, task: Callable[[list[int]], Any], groups: list[list[int]], *, in_order: bool = False
 ) -> Iterator[tuple[list[int], Any]]:
     """Do a task for each group; yield groups and results as they come, or in order."""
     waiting = iter(groups)

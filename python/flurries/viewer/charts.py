@@ -60,11 +60,7 @@ def chart(scene: Scene, t: float, index: int, at: tuple[float, float]) -> Chart 
     band = (max(shortest, 2.0), min(longest, float(side)))
     amplitude = spectral.band_amplitude(size, wavelengths=band, exponent=asked.exponent)
     left_over = spectral.temporal_filter(
-        amplitude,
-        velocity,
-        alias=asked.alias,
-        shutter=asked.shutter,
-        wavelength_max=longest,
+        amplitude, velocity, alias=asked.alias, shutter=asked.shutter, wavelength_max=longest
     )
     power = left_over**2 / np.max(amplitude**2)
     power[amplitude == 0.0] = math.nan

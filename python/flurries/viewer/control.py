@@ -13,16 +13,16 @@ Kind: TypeAlias = Literal["slider", "choice", "color"]
 
 @dataclass(frozen=True)
 class Control:
-    """One row of the page."""
+    """One row of the page; a slider's range is in its unit, a color may be one of the choices."""
 
     key: str  # Place of the effect and field ("0.amount"), or "camera.forward", or "eyes".
     group: str
     label: str
-    unit: str
-    low: float
-    high: float
-    step: float
-    value: float | str  # Where it stands now: a number, one of `choices`, or "#rrggbb".
+    unit: str = ""
+    low: float = 0.0
+    high: float = 0.0
+    step: float = 0.0
+    value: float | str = 0.0  # Where it stands now: a number, one of `choices`, or "#rrggbb".
     kind: Kind = "slider"
     choices: tuple[str, ...] = ()
 
@@ -43,12 +43,12 @@ class Control:
 
 def choice_of(key: str, group: str, label: str, choices: tuple[str, ...], value: str) -> Control:
     """Return a choice between words."""
-    return Control(key, group, label, "", 0.0, 0.0, 0.0, value, "choice", choices)
+    return Control(key, group, label, value=value, kind="choice", choices=choices)
 
 
 def color_of(key: str, group: str, label: str, value: str, words: tuple[str, ...] = ()) -> Control:
     """Return a color, or one of some words that stand for one."""
-    return Control(key, group, label, "", 0.0, 0.0, 0.0, value, "color", words)
+    return Control(key, group, label, value=value, kind="color", choices=words)
 
 
 def hex_of(parts: Any) -> str:

@@ -165,10 +165,7 @@ class Session:
         self.values = dict(_mapping(ask.get("values", {})))
         tuned = self.tuned
         save(tuned, self.save_path)
-        return {
-            "saved": str(self.save_path),
-            "text": self.save_path.read_text(encoding="utf-8"),
-        }
+        return {"saved": str(self.save_path), "text": self.save_path.read_text(encoding="utf-8")}
 
 
 def packed(head: Mapping[str, Any], buffers: list[bytes]) -> bytes:

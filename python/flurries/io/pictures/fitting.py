@@ -23,11 +23,7 @@ _MODES = get_args(Fit)
 
 
 def fit(
-    pixels: npt.ArrayLike,
-    size: Sequence[int],
-    how: Fit = "cover",
-    *,
-    encoding: str | None = None,
+    pixels: npt.ArrayLike, size: Sequence[int], how: Fit = "cover", *, encoding: str | None = None
 ) -> Array:
     """Resize a picture to `size`, through a Lanczos filter of three lobes.
 

@@ -13,15 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from flurries._contract import choice
-from flurries.io.color import (
-    Array,
-    to_display,
-    to_half,
-    to_integer,
-    to_linear,
-    to_single,
-    to_unit,
-)
+from flurries.io.color import Array, to_display, to_half, to_integer, to_linear, to_single, to_unit
 from flurries.io.oiio import openimageio
 from flurries.io.pictures import metadata as header
 from flurries.io.pictures import seal
