@@ -46,7 +46,6 @@ class Words:
     verbose: bool = False  # Also the plan, and the time of each stage.
 
     def say(self, text: object) -> None:
-        """Write one line, unless quiet."""
         if not self.quiet:
             say(text)
 

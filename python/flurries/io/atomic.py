@@ -214,7 +214,6 @@ def _why_full(temporary: Path) -> OSError | None:
 
 
 def _reserve(target: Path) -> Path:
-    """Make the temporary file."""
     # The name does not grow with the target's, so a name at the length limit still has room.
     suffix = target.suffix if len(target.suffix) <= 16 else ""
     while True:

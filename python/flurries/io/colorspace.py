@@ -33,7 +33,6 @@ class ColorSpace:
 
     @staticmethod
     def of(argument: str, name: object) -> ColorSpace:
-        """Return a color space by a name of it."""
         if not isinstance(name, str):
             raise TypeError(f"{argument} must be the name of a color space, got {name!r}")
         if len(name) > 200:
@@ -101,7 +100,6 @@ class ColorSpace:
 
 @lru_cache(maxsize=4)
 def _config(path: str) -> Any:
-    """Return the configuration of a path, or the built-in one."""
     config = openimageio().ColorConfig(path)
     if words := config.geterror():
         raise ValueError(f"$OCIO cannot be read: {words}")

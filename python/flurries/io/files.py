@@ -88,7 +88,6 @@ class Budget:
 
 
 def path_text(name: str, path: str | os.PathLike[str]) -> str:
-    """Return a path as text that may name a file."""
     text = os.fspath(path)
     if not isinstance(text, str):
         raise TypeError(f"{name} must be a string or a path, got {type(path).__name__}")
@@ -127,7 +126,6 @@ def _require_plain(status: os.stat_result, path: Path) -> None:
 
 
 def read_bytes(path: str | os.PathLike[str], most: int, kind: str) -> bytes:
-    """Return the contents of a file of at most `most` bytes."""
     found = plain_file(path)
     # The name may lead elsewhere by now: a FIFO must not be waited for, nor a device be read.
     flags = os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0)

@@ -32,7 +32,6 @@ _LIMIT, _LONGEST = "limits:imagesize_MB", 500
 
 
 def let_open(size: int) -> None:
-    """Let OpenImageIO open pictures of so many bytes."""
     # Some formats are decoded when they are opened, so its own limit must hold them back. It is one
     # for the whole process and only grows: a thread may be opening a larger picture.
     library, wanted = openimageio(), -(-size // 2**20)

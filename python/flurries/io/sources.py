@@ -139,7 +139,6 @@ class Source(ABC):
             raise error
 
     def _take(self, header: Header) -> None:
-        """Take what the first picture says."""
         self.size, self.encoding, self.display = header.size, header.encoding, header.display
         self.aspect = header.aspect
         self.fps = None if header.rate is None else float(header.rate)
@@ -186,14 +185,12 @@ class PictureSource(Source):
         self._take(read_header(self.file(0), overscan=overscan))
 
     def file(self, i: int) -> Path:
-        """Return the file that holds frame `i`, see `frame`."""
         path = Path(self.spec)
         if self.pattern is None:
             return path
         return path.parent / self.pattern.path(self.first + self._number(i))
 
     def gaps(self, span: Sequence[int]) -> list[int]:
-        """Return the numbers, of some that lie between the first and the last, without a file."""
         if self.pattern is None:
             return []
         there = set(self.pattern.existing(str(Path(self.spec).parent)))
@@ -247,7 +244,6 @@ class VideoSource(Source):
             raise ValueError(f"{spec} is {refused}")
 
     def close(self) -> None:
-        """Close the file; asking for a frame opens it again."""
         super().close()
         with self._own_lock():
             reader, self._reader = self._reader, None

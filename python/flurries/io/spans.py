@@ -19,8 +19,6 @@ def words_of(frames: Iterable[int]) -> str:
 
 @dataclass(frozen=True)
 class Span:
-    """The numbers that something has."""
-
     name: str  # What has them, for messages: "depth depth.%04d.exr".
     first: int
     last: int
@@ -28,7 +26,6 @@ class Span:
 
     @property
     def words(self) -> str:
-        """The numbers as people write them."""
         return f"{self.first}" if self.first == self.last else f"{self.first}-{self.last}"
 
     def number(self, wanted: int) -> int:
@@ -48,7 +45,6 @@ class Span:
         return [number for number in wanted if not self.first <= number <= self.last]
 
     def complaint(self, wanted: Iterable[int]) -> str:
-        """Return the complaint about numbers outside."""
         numbers = list(wanted)
         noun = "frame" if len(numbers) == 1 else "frames"
         return (

@@ -65,7 +65,6 @@ class TimeCode:
 
     @property
     def parts(self) -> tuple[int, int, int, int]:
-        """Hours, minutes, seconds and frames."""
         count = self.frames
         if self.drop:
             skipped = self.nominal // 15
@@ -77,13 +76,11 @@ class TimeCode:
 
     @property
     def text(self) -> str:
-        """Such as "01:00:00:00"."""
         hours, minutes, seconds, frames = self.parts
         return f"{hours:02d}:{minutes:02d}:{seconds:02d}{';' if self.drop else ':'}{frames:02d}"
 
     @property
     def word(self) -> int:
-        """As OpenEXR's headers have it."""
         digits = ((part // 10 << 4) | part % 10 for part in self.parts)
         word = sum(two << place for two, place in zip(digits, _PLACES, strict=True))
         return word | (_DROP if self.drop else 0)

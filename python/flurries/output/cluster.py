@@ -32,7 +32,6 @@ _QUIET = 10.0
 def cluster(
     shared: Any, where: Any, patience: float = 60.0, count: int | None = None
 ) -> Iterator[Crew]:
-    """Yield a crew of Dask's workers."""
     patience = real("patience", patience, low=0.0)
     with _client(where, count) as client:
         # A task that makes it again if its worker dies, as data sent to a worker would not be.

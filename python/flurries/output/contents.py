@@ -37,7 +37,6 @@ class Content:
 
     @property
     def mark(self) -> str:
-        """The mark that tells files of one scene but other content apart."""
         words = ["half" if self.bits is None else str(self.bits), self.kind]
         words += [word for word in (self.codec,) if word is not None]
         words += ["y-up"] if self.motion == "y-up" and self.kind == "layers" else []
@@ -114,7 +113,6 @@ class Content:
 
     @property
     def _encoding(self) -> str:
-        """The encoding of the numbers in the color space that is written."""
         assert self.space is not None
         return "linear" if self.space.linear else "display"
 
@@ -196,7 +194,6 @@ def without_alpha(image: Array, path: object) -> Array:
 
 
 def display_levels(image: Array, bits: int) -> Array:
-    """Return (H, W, 3) uint8 or uint16 display values of a rendered image."""
     if image.dtype.itemsize * 8 == bits and image.dtype.kind == "u":
         return image
     return to_integer(to_display(image, "display" if image.dtype.kind == "u" else "linear"), bits)

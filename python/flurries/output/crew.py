@@ -178,7 +178,6 @@ def _with_shared(task: Callable[..., Any], *arguments: Any) -> Any:
 
 @contextmanager
 def processes(shared: Any, count: int) -> Iterator[Crew]:
-    """Yield a crew of processes."""
     # Spawned, not forked: what the caller's threads hold is not carried along.
     context = multiprocessing.get_context("spawn")
     with ProcessPoolExecutor(count, context, _begin, (shared,)) as pool:

@@ -97,7 +97,6 @@ def write_film(
 
 
 def _mark(job: Frames, frames: list[int], quality: str, part: Sound | None) -> tuple[str, str]:
-    """Return a film's mark: a hash of its scene, and one of the files that it is made of."""
     first = replace(job.mark_of(frames[0]), inputs="", frame=0)
     heard = part and (part.start, part.length)
     scene = repr((first, frames, quality, heard, job.skip))
@@ -175,7 +174,6 @@ def _sound(scene: Scene, frames: list[int], skip: bool) -> tuple[str, Sound | No
 
 
 def _require_other_file(scene: Scene, path: Path) -> None:
-    """Refuse to write a film over the one that is being read."""
     film = scene.film
     if film is not None and path.exists() and path.samefile(film.spec):
         raise ValueError(f"{path} is the scene's own background; choose another name")

@@ -40,30 +40,24 @@ class Frames:
         self._mark = f"{settings(self.scene)}-{self.content.mark}{mode}"
 
     def path_of(self, index: int) -> Path:
-        """Return the file of a frame."""
         still = "%" not in Path(self.pattern).name
         return Path(self.pattern) if still else Pattern(self.pattern).path(index)
 
     def mark_of(self, index: int) -> Mark:
-        """Return the mark that the file of a frame must bear."""
         return Mark(self._mark, index, self.inputs.of(index), self.inputs.names)
 
     def make(self, index: int) -> Any:
-        """Return a frame, or None where it is left out."""
         if self.skip and not is_readable(self.scene, index):
             return None
         return self.content.render(self.scene, index)
 
     def save(self, path: Path, made: Any, header: dict[str, Any]) -> None:
-        """Write a frame."""
         self.content.save(self.scene, path, made, {**header, "seed": self.scene.seed})
 
     def notes(self, index: int) -> dict[str, Any]:
-        """Return nothing: a frame has no further notes."""
         return {}
 
     def stands_in(self, index: int) -> bool:
-        """Whether the background of a frame is that of an earlier one."""
         return index in self.scene.held
 
 

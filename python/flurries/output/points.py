@@ -99,8 +99,6 @@ def points_at(scene: Scene, names: dict[str, Any], number: float) -> dict[str, A
 
 
 def _set_points(prim: Any, flakes: Array, speed: Array, time: float, UsdGeom: Any, Vt: Any) -> None:
-    """Set a frame's flakes."""
-
     def vectors(values: Array) -> Any:
         return Vt.Vec3fArray.FromNumpy(np.ascontiguousarray(values * _UP, np.float32))
 
@@ -121,7 +119,6 @@ def _set_points(prim: Any, flakes: Array, speed: Array, time: float, UsdGeom: An
 
 
 def _set_camera(camera: Any, pose: Any, scene: Scene, number: int, Gf: Any) -> None:
-    """Set the camera as it looks at a frame."""
     program = scene.program
     t = scene.time_of(number)
     eye = program.camera(None, t)

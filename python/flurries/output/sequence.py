@@ -63,14 +63,12 @@ class Done:
     entries: dict[int, dict[str, Any]] = field(default_factory=dict)
 
     def add(self, other: Done) -> None:
-        """Add what became of others."""
         for name in ("written", "kept", "skipped", "held"):
             getattr(self, name).extend(getattr(other, name))
         self.failed.update(other.failed)
         self.entries.update(other.entries)
 
     def sort(self, indices: list[int]) -> None:
-        """Bring it into the order of the indices."""
         order = {index: place for place, index in enumerate(indices)}
         for numbers in (self.written, self.kept, self.skipped, self.held):
             numbers.sort(key=order.__getitem__)
@@ -118,8 +116,6 @@ def make(job: Job, indices: list[int], known: Entries, progress: Progress, done:
 
 @dataclass(frozen=True)
 class _Work:
-    """A job in this process."""
-
     job: Job
     known: Entries
     done: Done

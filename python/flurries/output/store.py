@@ -66,11 +66,9 @@ class Store:
         yield path
 
     def hash_of(self, path: Path) -> str | None:
-        """Return the SHA-256 of a file, or None where there is none."""
         return hash_of(path) if path.is_file() else None
 
     def read_list(self, folder: Path) -> dict[str, Entry]:
-        """Return the entries of a folder's manifest."""
         return manifest.read(folder)
 
     def add_to_list(self, folder: Path, entries: dict[str, Entry]) -> None:
@@ -112,7 +110,6 @@ class Bucket(Store):
     protocol: str  # "s3", "memory", ...
 
     def name_of(self, path: Path) -> str:
-        """Return the url of a file."""
         return str(self.system.unstrip_protocol(path.as_posix()))
 
     @contextmanager
@@ -128,14 +125,12 @@ class Bucket(Store):
             raise OSError(said) from error
 
     def require_usable(self, path: Path) -> None:
-        """Make the folder where the store has folders."""
         with self._named(path):
             if self.protocol not in _WHOLE:
                 self.system.makedirs(path.parent.as_posix(), exist_ok=True)
 
     @contextmanager
     def fetched(self, path: Path) -> Iterator[Path]:
-        """Yield a copy of a file on this machine, or the name of none."""
         with tempfile.TemporaryDirectory(prefix="flurries-") as room:
             local = Path(room) / path.name
             with self._named(path), suppress(FileNotFoundError):
@@ -144,7 +139,6 @@ class Bucket(Store):
 
     @contextmanager
     def placing(self, path: Path) -> Iterator[Path]:
-        """Yield where to write a file; at the end it is sent, and read back."""
         with tempfile.TemporaryDirectory(prefix="flurries-") as room:
             local = Path(room) / path.name
             try:
@@ -174,7 +168,6 @@ class Bucket(Store):
             raise
 
     def hash_of(self, path: Path) -> str | None:
-        """Return the SHA-256 of a file, or None where there is none."""
         with self._named(path):
             try:
                 return hashlib.sha256(self.system.cat_file(path.as_posix())).hexdigest()
@@ -182,7 +175,6 @@ class Bucket(Store):
                 return None
 
     def tidy(self, folder: Path) -> None:
-        """Remove what processes of this machine that have ended left under hidden names."""
         with self._named(folder), suppress(FileNotFoundError):
             for key in self.system.ls(folder.as_posix(), detail=False):
                 name = Path(key).name
@@ -191,7 +183,6 @@ class Bucket(Store):
                         self.system.rm_file(key)
 
     def read_list(self, folder: Path) -> dict[str, Entry]:
-        """Return the entries of a folder's manifest."""
         path = folder / manifest.NAME
         with self._named(path):
             try:
@@ -211,14 +202,12 @@ class Bucket(Store):
         return found
 
     def add_to_list(self, folder: Path, entries: dict[str, Entry]) -> None:
-        """Add entries to a folder's manifest."""
         text = manifest.text_of({**self.read_list(folder), **entries})
         with self.placing(folder / manifest.NAME) as local:
             local.write_text(text, encoding="utf-8")
 
 
 def store_of(place: str) -> tuple[Store, str]:
-    """Return the store of a path or url, and the way in it."""
     if "://" not in place:
         return Disk(), place
     if "::" in place:

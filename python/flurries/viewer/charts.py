@@ -19,8 +19,6 @@ _FEWEST, _MOST = 32, 56
 
 @dataclass(frozen=True)
 class Chart:
-    """The spectrum and the tent of one tile."""
-
     rate: Array  # Cycles per frame of each wave.
     power: Array  # Squared amplitude of each wave over the largest without aliasing and shutter.
     velocity: tuple[float, float]  # Pixels per frame of the longest wave.

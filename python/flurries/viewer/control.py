@@ -27,7 +27,6 @@ class Control:
     choices: tuple[str, ...] = ()
 
     def plain(self) -> dict[str, Any]:
-        """Return the control as JSON has it."""
         return asdict(self)
 
     def checked(self, value: Any) -> Any:
@@ -42,7 +41,6 @@ class Control:
 
 
 def choice_of(key: str, group: str, label: str, choices: tuple[str, ...], value: str) -> Control:
-    """Return a choice between words."""
     return Control(key, group, label, value=value, kind="choice", choices=choices)
 
 

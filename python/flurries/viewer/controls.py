@@ -129,7 +129,6 @@ def moves(effect: Any) -> bool:
 
 
 def applied(scene: Scene, values: Mapping[str, Any]) -> Scene:
-    """Return the scene with what was touched; see `settings`."""
     return scene.replace(**settings(scene, values))
 
 

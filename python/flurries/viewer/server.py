@@ -66,7 +66,6 @@ class Server(ThreadingHTTPServer):
         self.shutdown_request(request)
 
     def process_request_thread(self, request: Any, client_address: Any) -> None:
-        """Answer all that comes on a line."""
         try:
             super().process_request_thread(request, client_address)
         finally:
@@ -85,7 +84,6 @@ class Server(ThreadingHTTPServer):
 
     @property
     def url(self) -> str:
-        """The address of the page."""
         return f"http://127.0.0.1:{self.server_port}/{self.token}/"
 
 
@@ -163,7 +161,6 @@ def open_page(server: Server) -> None:
 
 
 def serve(server: Server) -> None:
-    """Answer until Ctrl-C."""
     try:
         server.serve_forever(poll_interval=0.2)
     except KeyboardInterrupt:

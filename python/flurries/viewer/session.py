@@ -99,7 +99,6 @@ class Session:
 
     @property
     def tuned(self) -> Scene:
-        """The scene as the sliders stand."""
         return applied(self.scene, {k: v for k, v in self.values.items() if k != EYES})
 
     def _frame(self, ask: Mapping[str, Any]) -> tuple[dict[str, Any], list[bytes]]:
@@ -156,7 +155,6 @@ class Session:
         return stereo.anaglyph(left, right)
 
     def _film(self, ask: Mapping[str, Any]) -> dict[str, Any]:
-        """Write three seconds as the page shows them: small, from frame 1 on."""
         values = _mapping(ask.get("values", {}))
         shown = self._preview.shown(settings(self.scene, values))
         return {"film": str(film(shown, self.save_path))}

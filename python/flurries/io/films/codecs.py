@@ -78,7 +78,6 @@ class Encoder:
 
     @property
     def rgb(self) -> bool:
-        """Whether red, green and blue are stored."""
         return self.pixels.startswith(("bgr", "gbr"))
 
 

@@ -64,12 +64,10 @@ class FrameIndex:
         object.__setattr__(self, "_reach", reach)
 
     def number_at(self, time: int | None) -> int | None:
-        """Return the frame that is shown at exactly this time."""
         found: int | None = vars(self)["_numbers"].get(time)
         return found
 
     def key_of(self, number: int) -> int:
-        """Return the key frame that decoding of a frame begins with."""
         return self.keys[bisect_right(self.keys, number) - 1]
 
     def reach_of(self, number: int) -> int:
@@ -83,7 +81,6 @@ class FrameIndex:
 
 
 def open_video(path: Path, budget: Budget | None = None) -> tuple[Any, Any]:
-    """Open a video; return the container and its first video stream."""
     require_library()
     import av
 
@@ -119,7 +116,6 @@ def open_video(path: Path, budget: Budget | None = None) -> tuple[Any, Any]:
 
 
 def index_frames(path: Path, budget: Budget | None = None) -> FrameIndex:
-    """Read through a video and note its frames."""
     import av
 
     container, stream = open_video(path, budget)

@@ -47,11 +47,9 @@ class VideoReader:
 
     @property
     def count(self) -> int:
-        """The number of frames."""
         return len(self._index.times)
 
     def close(self) -> None:
-        """Close the file."""
         self._ready.clear()
         self._container.close()
 
@@ -151,7 +149,6 @@ def read_video(path: str | os.PathLike[str], *, budget: Budget | None = None) ->
 
 
 def _to_rgb(frame: Any) -> Array:
-    """Return a decoded frame as RGB, upright."""
     from av.video.reformatter import Colorspace
 
     wishes = dict(SCALING)

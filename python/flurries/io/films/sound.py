@@ -25,15 +25,12 @@ _LAYOUTS = {1: "mono", 2: "stereo", 6: "5.1", 8: "7.1"}
 
 @dataclass(frozen=True)
 class Sound:
-    """A part of a film's sound."""
-
     path: str  # The film.
     start: Fraction  # Seconds after the film's first picture.
     length: Fraction  # Seconds.
 
 
 def has_sound(path: str | os.PathLike[str]) -> bool:
-    """Whether a film has sound that can be read."""
     container, _ = open_video(plain_file(path))
     try:
         return any(stream.codec_context is not None for stream in container.streams.audio)
@@ -78,11 +75,9 @@ class SoundTrack:
             self._next = next(self._packets, None)
 
     def finish(self) -> None:
-        """Write the rest."""
         self.write_up_to(self._to + 1)
 
     def close(self) -> None:
-        """Close the film that the sound comes from."""
         with suppress(Exception):
             self._source.close()
 

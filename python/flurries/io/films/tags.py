@@ -18,8 +18,6 @@ _FULL = 2
 
 @dataclass(frozen=True)
 class Tags:
-    """The tags of a film."""
-
     primaries: int = UNSPECIFIED
     transfer: int = UNSPECIFIED
     matrix: int = UNSPECIFIED  # As ITU-T H.273 counts them; 2 is not said.
@@ -31,12 +29,10 @@ class Tags:
 
     @property
     def hdr(self) -> str | None:
-        """The name of a curve that is no display's."""
         return _HDR.get(self.transfer)
 
     @staticmethod
     def of(container: Any, stream: Any, frame: Any) -> Tags:
-        """Return the tags of a container, its stream and its first frame."""
         context = stream.codec_context
 
         def said(name: str) -> int:

@@ -173,7 +173,6 @@ class VideoWriter:
             self._encode(self._converted(array))
 
     def _encode(self, picture: Any) -> None:
-        """Append a frame of the video library's."""
         for packet in self._stream.encode(picture):
             self._container.mux(packet)
         if self._track is not None:

@@ -182,13 +182,11 @@ def _read(path: Path) -> tuple[Any, Any]:
 
 
 def _counts(data: Any, specification: Any) -> Array:
-    """Return the samples of each pixel."""
     shape = specification.height, specification.width
     return np.array([data.samples(pixel) for pixel in range(shape[0] * shape[1])]).reshape(shape)
 
 
 def _band(library: Any, kinds: list[Any], counts: Array, values: Array) -> Any:
-    """Return rows as OpenImageIO takes them."""
     data = library.DeepData()
     data.init(counts.size, len(CHANNELS), kinds, list(CHANNELS))
     flat = counts.ravel().tolist()

@@ -54,7 +54,6 @@ def read_depth(
 
 
 def _channel_of(opened: Opened) -> tuple[int, int]:
-    """Return part and channel of the depth."""
     specs = opened.parts()
     for ending in (False, True):
         for wanted in _NAMES:

@@ -259,7 +259,6 @@ def read_views(
 
 
 def require_exr(path: str | os.PathLike[str], content: str) -> None:
-    """Refuse another format for what only EXR holds."""
     if format_of(path).name != "openexr":
         raise ValueError(f"{os.fspath(path)}: only .exr holds {content}")
 
@@ -350,7 +349,6 @@ def _checked_layer(name: str, values: npt.ArrayLike) -> Array:
 
 
 def _channels(name: str, count: int) -> list[str]:
-    """Return the channel names of one layer."""
     if count == 1:
         own = [_SINGLE.get(name.rpartition(".")[2], "Y")]
     elif count == 2:

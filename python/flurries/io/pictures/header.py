@@ -95,7 +95,6 @@ class Opened:
 
     @property
     def orientation(self) -> int:
-        """The EXIF orientation, 1 to 8."""
         stated = self.specification.get_int_attribute("Orientation", 1)
         return stated if 1 <= stated <= 8 else 1
 
@@ -136,7 +135,6 @@ class Opened:
 
     @property
     def size(self) -> tuple[int, int]:
-        """(width, height) as the user sees it."""
         _, _, width, height = self.frame_window
         return (height, width) if self.orientation >= 5 else (width, height)
 
@@ -276,7 +274,6 @@ def opened_picture(
 
 
 def reader_of(path: Path, budget: Budget) -> Any:
-    """Return OpenImageIO's reader of a picture."""
     library = openimageio()
     let_open(budget.bytes)
     wishes = library.ImageSpec()
@@ -337,7 +334,6 @@ RATES = ("framesPerSecond", "FramesPerSecond")
 
 
 def rate_of(specification: Any) -> Fraction | None:
-    """Return the frames a second that a picture's header names, or None."""
     for name in RATES:
         value = specification.getattribute(name)
         if value is None:

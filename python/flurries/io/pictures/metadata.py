@@ -62,7 +62,6 @@ def description(strings: Mapping[str, str]) -> str:
 
 
 def put(specification: Any, strings: Mapping[str, str], format_name: str) -> None:
-    """Write checked metadata into the header of a picture that is about to be made."""
     specification.attribute("DateTime", strings["DateTime"])
     specification.attribute("Software", "flurries")
     if format_name in ("openexr", "png"):

@@ -113,7 +113,6 @@ def _write(target: str, temporary: Path, parts: Sequence[tuple[Any, Band]]) -> l
 
 @contextmanager
 def _output(target: str, temporary: Path) -> Iterator[Any]:
-    """Yield a writer, and close it whatever happens."""
     output = openimageio().ImageOutput.create(str(temporary))
     if output is None:
         raise ValueError(f"{target}: cannot be written: {last_error()}")
@@ -130,7 +129,6 @@ def _output(target: str, temporary: Path) -> Iterator[Any]:
 
 
 def _rows(specification: Any) -> int:
-    """Return the number of rows of a picture that are written together."""
     rows = _ROWS if specification.width <= _WIDE else _FEWER
     return max(rows, _BLOCK_ROWS * _core.threads())
 

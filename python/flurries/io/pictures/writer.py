@@ -39,7 +39,6 @@ class _Format:
 
     @property
     def only_floats(self) -> bool:
-        """Whether it holds no integers."""
         return self.floats and not self.bits
 
 
@@ -220,7 +219,6 @@ def _encode_jpeg(
 
 
 def format_of(path: str | os.PathLike[str]) -> _Format:
-    """Return the format that a file's extension names."""
     suffix = Path(path).suffix.lower()
     if suffix not in _FORMATS:
         raise ValueError(
@@ -297,7 +295,6 @@ def _converted(
 
 
 def _stored(values: Array, stored: str) -> Array:
-    """Return values in the type of the file."""
     if values.dtype.name == stored:
         return values
     unit = to_unit(values)
