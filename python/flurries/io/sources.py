@@ -278,10 +278,8 @@ def open_background(
     damaged : {"stop", "hold"}
         Whether a frame that is missing or damaged is an error, or the last good frame before it
         stands in for it.
-    budget : Budget, optional
-        As `read_picture`; for each frame.
-    overscan : bool
-        As `read_picture`; a film has none.
+    budget, overscan
+        As `read_picture`; for each frame, and of pictures alone.
 
     Returns
     -------
@@ -328,9 +326,7 @@ def open_depth(
     ----------
     spec : str or path
         ``depth.exr`` or ``depth.%04d.exr``; see :func:`read_depth`.
-    budget : Budget, optional
-        As `read_picture`.
-    overscan : bool
+    budget, overscan
         As `read_picture`.
 
     Returns

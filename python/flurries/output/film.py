@@ -19,7 +19,7 @@ from flurries.io.films.codecs import bits_for, frame_rate
 from flurries.io.films.sound import Sound, has_sound
 from flurries.io.films.tags import Tags
 from flurries.io.films.writer import comment_of
-from flurries.output.frames import Frames, is_readable
+from flurries.output.contents import Frames, is_readable
 from flurries.output.groups import images
 from flurries.output.mark import Refused
 from flurries.output.sequence import Done, Progress

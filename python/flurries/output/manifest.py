@@ -12,7 +12,7 @@ from typing import Any
 from flurries import __version__
 from flurries.io import read_header, read_picture
 from flurries.io.files import read_text
-from flurries.io.pictures.seal import is_broken
+from flurries.io.pictures.metadata import is_broken
 from flurries.scene.fingerprint import hash_of
 
 NAME = "flurries.json"

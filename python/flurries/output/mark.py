@@ -9,7 +9,7 @@ from typing import Any
 
 from flurries.io import read_header, read_picture
 from flurries.io.layers.deep import read_deep, read_deep_header
-from flurries.io.pictures.seal import is_broken
+from flurries.io.pictures.metadata import is_broken
 from flurries.output import manifest
 from flurries.scene.fingerprint import BITS, hash_of
 

@@ -12,10 +12,10 @@ from typing import Any
 import numpy as np
 
 from flurries._contract import Array
+from flurries.camera.importers.usd import require_usd
 from flurries.effects.points import STEP, drawn_of, step_after, velocities
 from flurries.frame.mixing import free_name
 from flurries.io.atomic import replacing
-from flurries.io.usd import require_usd
 from flurries.output.mark import Refused
 from flurries.output.sequence import Done, Progress
 from flurries.scene.fingerprint import fingerprint

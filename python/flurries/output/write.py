@@ -21,10 +21,9 @@ from flurries.io.colorspace import ColorSpace
 from flurries.io.pictures.writer import format_of
 from flurries.io.sequences import VIDEO_EXTENSIONS, with_percent
 from flurries.output.cluster import cluster
-from flurries.output.contents import Content
+from flurries.output.contents import Content, Frames
 from flurries.output.crew import make
 from flurries.output.film import write_film
-from flurries.output.frames import Frames
 from flurries.output.groups import grouped
 from flurries.output.points import EXTENSIONS as USD
 from flurries.output.points import write_points

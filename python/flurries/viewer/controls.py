@@ -18,8 +18,7 @@ from flurries.motion.keys import Keys, value_at
 from flurries.motion.wind import FIELDS, Wind
 from flurries.scene.scene import Scene
 from flurries.viewer.charts import field_of
-from flurries.viewer.control import Control
-from flurries.viewer.dress import COLOR, color_control, dressed, preset_of
+from flurries.viewer.control import COLOR, Control, color_control, dressed, preset_of
 from flurries.viewer.surroundings import surrounded, surroundings
 
 DIRECTION, SPEED, GUSTS, SEED = "direction", "speed", "gusts", "seed"

@@ -28,9 +28,7 @@ def read_depth(
     path : str or path
         EXR or TIFF with a float channel named "Z" or "depth", alone or at the end of a layer's name
         (``ViewLayer.Depth.Z``), in any part; or with a single float channel.
-    budget : Budget, optional
-        As `read_picture`.
-    overscan : bool
+    budget, overscan
         As `read_picture`.
 
     Returns

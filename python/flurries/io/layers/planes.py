@@ -64,9 +64,7 @@ def write_layers(
     half : bool, default True
         Store colors and masks as half. Depths and vectors always have 32 bits: as half, a depth of
         3 km is known to 2 m.
-    metadata : mapping, optional
-        As `write_picture`.
-    slate : Slate, optional
+    metadata, slate
         As `write_picture`.
 
     Raises
@@ -104,12 +102,8 @@ def write_layer_views(
         The layers of each view, as `write_layers` takes them: usually of "left" and "right". Each
         view becomes a part of the file that is called as the view and says so in its header, as
         stereo programs expect it.
-    half : bool, default True
-        As `write_layers`.
-    metadata : mapping, optional
-        As `write_picture`; in the header of each part.
-    slate : Slate, optional
-        As `write_picture`; in the header of each part.
+    half, metadata, slate
+        As `write_layers`; in the header of each part.
 
     Raises
     ------
@@ -190,8 +184,7 @@ def read_layers(path: str | os.PathLike[str], *, budget: Budget | None = None) -
 
     Parameters
     ----------
-    path : str or path
-    budget : Budget, optional
+    path, budget
         As `read_picture`.
 
     Returns

@@ -22,7 +22,7 @@ from flurries.io.atomic import replacing
 from flurries.io.color import Array
 from flurries.io.oiio import last_error, let_open, openimageio, packing_threads
 from flurries.io.pictures.integers import as_floats, declare_integers
-from flurries.io.pictures.seal import seal
+from flurries.io.pictures.metadata import seal
 
 # A whole number of the strips and blocks in which EXR and TIFF compress; of wide pictures, whose
 # rows take much memory, fewer.

@@ -141,8 +141,7 @@ def read_slate(path: str | os.PathLike[str], *, budget: Budget | None = None) ->
 
     Parameters
     ----------
-    path : str or path
-    budget : Budget, optional
+    path, budget
         As `read_picture`.
 
     Returns

@@ -16,7 +16,6 @@ from flurries._contract import choice
 from flurries.io.color import Array, to_display, to_half, to_integer, to_linear, to_single, to_unit
 from flurries.io.oiio import openimageio
 from flurries.io.pictures import metadata as header
-from flurries.io.pictures import seal
 from flurries.io.pictures.rows import write_parts, write_whole
 from flurries.io.pictures.slate import Slate
 
@@ -162,7 +161,7 @@ def write_picture(
 
     # Whoever says how a picture was made wants to know whether it is still that.
     if form.name in ("jpeg", "tiff") and len(strings) > 1:
-        strings[seal.KEY] = seal.PLACE
+        strings[header.KEY] = header.PLACE
 
     def band(first: int, last: int) -> Array:
         rows = None if opacity is None else opacity[first:last]
