@@ -18,7 +18,8 @@ from flurries.io import Pattern, write_layer_views, write_layers, write_picture
 from flurries.io.color import to_display, to_integer, to_linear, to_unit, unmultiply
 from flurries.io.colorspace import ColorSpace
 from flurries.io.layers.deep import write_deep
-from flurries.io.pictures.writer import format_of
+from flurries.io.pictures.slate import Slate
+from flurries.io.pictures.writer import Format, format_of
 from flurries.output.deep import deep_of
 from flurries.output.mark import Mark
 from flurries.output.store import Disk, Store
@@ -72,7 +73,7 @@ class Content:
     def save(self, scene: Scene, path: Path, frame: Any, metadata: dict[str, Any]) -> None:
         """Write a rendered frame, with what the background says of itself."""
         form = format_of(path)
-        half, bits = self.bits != "float", self.bits if isinstance(self.bits, int) else None
+        half = self.bits != "float"
         slate = scene.slate(int(metadata["frame"]))
         if self.space is not None and scene.color is not None:
             apart = self.kind in ("layers", "deep") or self.eyes
@@ -94,31 +95,29 @@ class Content:
             write_layer_views(path, views, **more)
         elif self.kind == "layers":
             write_layers(path, self._planes(scene, frame), **more)
-        elif self.kind == "alone":
-            encoding = "linear" if scene.linear else "display"
-            if bits is None and self.bits != "float" and form.bits and not form.only_floats:
-                bits = 16 if scene.deep else 8
-            pixels = weather(frame)
-            if self.space is not None:
-                pixels, encoding = self._colored(scene, pixels), self._encoding
-            packed = self.compression
-            write_picture(path, pixels, encoding=encoding, bits=bits, compression=packed, **more)
         else:
-            frame = frame if form.alpha else without_alpha(frame, path)
-            if bits is None and form.name == "dpx":
-                bits = slate.bits if slate.bits in form.bits else 10
-            encoding = None
+            alone, encoding = self.kind == "alone", None
+            pixels = frame if form.alpha or alone else without_alpha(frame, path)
+            if alone:
+                pixels, encoding = weather(frame), "linear" if scene.linear else "display"
             if self.space is not None:
-                frame, encoding = self._colored(scene, frame), self._encoding
-                if bits is None and form.bits and not form.only_floats and encoding == "display":
-                    bits = slate.bits if slate.bits in form.bits else 8
-            packed = self.compression
-            write_picture(path, frame, encoding=encoding, bits=bits, compression=packed, **more)
+                pixels = self._colored(scene, pixels)
+                encoding = "linear" if self.space.linear else "display"
+            more["bits"] = self._bits_in(form, slate, encoding, deep=scene.deep)
+            write_picture(path, pixels, encoding=encoding, compression=self.compression, **more)
 
-    @property
-    def _encoding(self) -> str:
-        assert self.space is not None
-        return "linear" if self.space.linear else "display"
+    def _bits_in(
+        self, form: Format, slate: Slate, encoding: str | None, *, deep: bool
+    ) -> int | None:
+        """Return the bits of a color of a picture; None where the pixels decide."""
+        if isinstance(self.bits, int) or not form.bits:
+            return self.bits if isinstance(self.bits, int) else None
+        if self.kind == "alone":
+            return None if self.bits == "float" else 16 if deep else 8
+        known = slate.bits if slate.bits in form.bits else None
+        if form.name == "dpx":
+            return known or 10
+        return known or 8 if self.space is not None and encoding == "display" else None
 
     def _colored(self, scene: Scene, pixels: Array) -> Array:
         """Return premultiplied light of the scene's working space in what is written."""

@@ -21,7 +21,7 @@ from flurries.io.pictures.slate import Slate
 
 
 @dataclass(frozen=True)
-class _Format:
+class Format:
     """The bits, floats and alpha that a file format can hold."""
 
     name: str
@@ -36,20 +36,16 @@ class _Format:
         floats = ("half", "float") if self.name == "openexr" else ("float",) * self.floats
         return (*self.bits, *floats)
 
-    @property
-    def only_floats(self) -> bool:
-        return self.floats and not self.bits
-
 
 _FORMATS = {
-    ".dpx": _Format("dpx", bits=(8, 10, 16), alpha=False),
-    ".exr": _Format("openexr", floats=True),
-    ".hdr": _Format("hdr", floats=True, alpha=False, lossless=False),
-    ".jpeg": _Format("jpeg", bits=(8,), alpha=False, lossless=False),
-    ".jpg": _Format("jpeg", bits=(8,), alpha=False, lossless=False),
-    ".png": _Format("png", bits=(8, 16)),
-    ".tif": _Format("tiff", bits=(8, 16), floats=True),
-    ".tiff": _Format("tiff", bits=(8, 16), floats=True),
+    ".dpx": Format("dpx", bits=(8, 10, 16), alpha=False),
+    ".exr": Format("openexr", floats=True),
+    ".hdr": Format("hdr", floats=True, alpha=False, lossless=False),
+    ".jpeg": Format("jpeg", bits=(8,), alpha=False, lossless=False),
+    ".jpg": Format("jpeg", bits=(8,), alpha=False, lossless=False),
+    ".png": Format("png", bits=(8, 16)),
+    ".tif": Format("tiff", bits=(8, 16), floats=True),
+    ".tiff": Format("tiff", bits=(8, 16), floats=True),
 }
 
 # PNG's filter that stores each pixel's difference from the one before, as libpng counts them.
@@ -217,7 +213,7 @@ def _encode_jpeg(
     return buffer.getvalue()
 
 
-def format_of(path: str | os.PathLike[str]) -> _Format:
+def format_of(path: str | os.PathLike[str]) -> Format:
     suffix = Path(path).suffix.lower()
     if suffix not in _FORMATS:
         raise ValueError(
@@ -256,7 +252,7 @@ def _numbers(name: str, values: npt.ArrayLike) -> Array:
     return array.astype(array.dtype.newbyteorder("="), copy=False)
 
 
-def _stored_type(form: _Format, dtype: np.dtype[Any], *, half: bool, bits: int | None) -> str:
+def _stored_type(form: Format, dtype: np.dtype[Any], *, half: bool, bits: int | None) -> str:
     """Return the type in the file, as OpenImageIO calls it."""
     if not form.bits or (form.floats and dtype.kind == "f" and bits is None):
         return "half" if form.name == "openexr" and half else "float"
