@@ -21,7 +21,7 @@ import flurries as fl
 from flurries.cli import main
 from flurries.frame import estimate
 from flurries.io import open_background, write_picture
-from flurries.output import cluster, groups
+from flurries.output import groups
 from flurries.output.store import check
 from workers import group, workers
 
@@ -199,11 +199,9 @@ def test_the_command_line_makes_a_cluster(tmp_path: Path, monkeypatch: pytest.Mo
     assert contents(Path("a")) == contents(Path("b"))
 
 
-@pytest.mark.parametrize("where", ["tcp://127.0.0.1:9", "nonsense", 7])
-def test_no_cluster_there(where: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr(cluster, "_GREETING", 0.5)
-    with pytest.raises((OSError, TypeError), match="dask"):
-        SCENE.write(tmp_path / "%d.png", "1", dask=where)
+def test_no_cluster_there(tmp_path: Path):
+    with pytest.raises(TypeError, match="dask"):
+        SCENE.write(tmp_path / "%d.png", "1", dask=7)
     assert not list(tmp_path.iterdir())
 
 

@@ -122,22 +122,12 @@ def test_odd_sizes_get_one_more_row_or_column(tmp_path, size, extension):
         assert np.abs(back.astype(int) - padded).max() <= (0 if extension == "mkv" else 14)
 
 
-@pytest.mark.parametrize(
-    ("given", "fraction"),
-    [
-        (24, Fraction(24)),
-        (25.0, Fraction(25)),
-        (23.976, Fraction(24000, 1001)),
-        (23.98, Fraction(24000, 1001)),
-        (29.97, Fraction(30000, 1001)),
-        (59.94, Fraction(60000, 1001)),
-        (Fraction(30000, 1001), Fraction(30000, 1001)),
-        (12.5, Fraction(25, 2)),
-        (0.5, Fraction(1, 2)),
-        (np.float32(24), Fraction(24)),
-        (1000, Fraction(1000)),
-    ],
-)
+@pytest.mark.parametrize(("given", "fraction"), [
+    (24, Fraction(24)), (25.0, Fraction(25)), (23.976, Fraction(24000, 1001)),
+    (23.98, Fraction(24000, 1001)), (29.97, Fraction(30000, 1001)), (59.94, Fraction(60000, 1001)),
+    (Fraction(30000, 1001), Fraction(30000, 1001)), (12.5, Fraction(25, 2)), (0.5, Fraction(1, 2)),
+    (np.float32(24), Fraction(24)), (1000, Fraction(1000)),
+])  # fmt: skip
 def test_frame_rates(given, fraction):
     assert frame_rate(given) == fraction
 
