@@ -54,7 +54,7 @@ def replacing(path: str | os.PathLike[str]) -> Iterator[Path]:
     Yields
     ------
     Path
-        Array to write into and return. The file exists and is empty.
+        Where to write to. The file exists and is empty.
 
     Raises
     ------
