@@ -59,17 +59,6 @@ class Deep:
         object.__setattr__(self, "counts", counts.astype(np.int64))
         object.__setattr__(self, "values", values.astype(np.float32))
 
-    def flat(self) -> Array:
-        """Return (H, W, 4): the samples of each pixel over each other."""
-        shape, pixels = self.counts.shape, np.repeat(np.arange(self.counts.size), self.counts.flat)
-        place = np.arange(len(pixels)) - (np.cumsum(self.counts) - self.counts.ravel())[pixels]
-        whole = np.zeros((self.counts.size, 4))
-        for number in range(int(self.counts.max(initial=0))):
-            at = place == number
-            here = pixels[at]
-            whole[here] += (1.0 - whole[here, 3:]) * self.values[at, :4]
-        return whole.reshape(*shape, 4).astype(np.float32)
-
 
 def write_deep(
     path: str | os.PathLike[str],
