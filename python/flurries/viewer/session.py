@@ -21,7 +21,6 @@ from flurries import stereo
 from flurries._contract import Array, integer, real
 from flurries.camera.path import CameraPath
 from flurries.frame.show import jpeg, on_screen
-from flurries.frame.view import Frame
 from flurries.motion.keys import Keys
 from flurries.motion.wind import Wind
 from flurries.scene.scene import Scene
@@ -199,27 +198,13 @@ def _carried(
 
 def _places(scene: Scene, t: float) -> list[Any]:
     """Return camera minus air for each effect that moves, three numbers each."""
-    frame = _moment(scene, t)
+    frame = scene.program.frame(t)
     return [
         frame.displacement(fall=fall_of(effect), wind=_wind_of(effect)).tolist()
         if moves(effect)
         else None
         for effect in scene.effects
     ]
-
-
-def _moment(scene: Scene, t: float) -> Frame:
-    height, width = scene.shape
-    path: CameraPath = scene.camera
-    return Frame(
-        shape=scene.shape,
-        window=(0, height, 0, width),
-        t=t,
-        fps=scene.fps,
-        camera=path.camera,
-        path=path,
-        seed=scene.seed,
-    )
 
 
 def _wind_of(effect: Any) -> Any:
