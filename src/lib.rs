@@ -13,7 +13,7 @@
 //! | [`cone`] | textures on a double cone around the camera | Wang 2004 |
 //! | [`gas`] | splatted mist, fog and clouds | Johnson 2005 |
 //! | [`frame`] | compositing; texture, flakes and veil over a picture in one pass | Langer 2004, Eq. 7 |
-//! | [`encode`] | half floats, rows of a PNG | |
+//! | [`encode`] | half floats | |
 //! | `python` | the binding, behind the feature of that name | |
 
 #![deny(unsafe_code)]

@@ -112,15 +112,14 @@ LEFT = """
   and flurries says so at import.
 - In the reproducible mode, float64 fields of tiles large enough for a Fourier transform follow the
   C library's sine, whose last bit may differ between processors without and with fused products.
-- Folders on a network: where locks reach all machines (NFS 4, most cluster file systems) each frame
-  is made once. Where each machine has locks of its own, or none are there, a frame may be made more
-  than once, each time whole and with the same bits. Hidden files that a process has left are
-  removed by its own machine at once, and by others when they have not changed for an hour; the
-  clocks of machine and folder must agree within that. Without locks, processes that write other
-  frames into one folder may lose each other's lines of `flurries.json`; the next run of either adds
-  its own again.
-- Stores behind a url: where no conditional writes are there, as without locks. A process that is
-  killed may leave its copy of a frame in the system's temporary folder.
+- Several processes at the same frames: each may make all of them, each time whole and with the same
+  bits; who shares out work is `--frames` or Dask. Hidden files that a process has left are removed
+  by its own machine at once, and by others when they have not changed for an hour; the clocks of
+  machine and folder must agree within that. Where a folder has no locks, and in stores behind a
+  url, processes that end at the same moment may lose each other's lines of `flurries.json`; the
+  next run of either adds its own again.
+- A process that is killed while it writes to a store may leave its copy of a frame in the system's
+  temporary folder, and where the store shows halves a hidden object.
 - Frames of an earlier version with other bits are refused, never replaced unasked.
 - `make asan` puts the kernels' tests and random calls under AddressSanitizer, `make audit` looks at
   licences and known holes, `make test-lowest` runs the suite with the oldest libraries; none of

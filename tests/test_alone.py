@@ -36,13 +36,6 @@ def test_a_png_holds_straight_display_values(tmp_path: Path):
     assert np.abs(layer.alpha - scene.render(7, layers=True).alpha).max() <= 0.5 / 255 + 1e-6
 
 
-def test_frames_alone_are_not_taken_for_composites(tmp_path: Path):
-    scene = fl.Scene(None, LIGHT, effects=[SNOW])
-    scene.write(tmp_path / "%d.exr", "7", alone=True)
-    with pytest.raises(ValueError, match=r"7\.exr"):
-        scene.write(tmp_path / "%d.exr", "7")
-
-
 @pytest.mark.parametrize("name", ["film.mp4", "%d.jpg"])
 def test_what_has_no_alpha_is_refused(name: str, tmp_path: Path):
     with pytest.raises(ValueError, match="alone"):

@@ -22,7 +22,7 @@ import pytest
 import flurries as fl
 from flurries.cli import main
 from flurries.cli.words import lines
-from flurries.io import VideoWriter, open_background, read_picture, write_picture
+from flurries.io import read_picture, write_picture
 
 CameraPath, Camera, Scene, Snow = fl.CameraPath, fl.camera.Camera, fl.Scene, fl.Snow
 W, H = 96, 64
@@ -139,14 +139,6 @@ def test_size_and_threads(run: Run, here: Path):
     assert np.array_equal(pixels("1.png"), want)
 
 
-@pytest.mark.parametrize("ending", ["mp4", "webm", "mkv"])
-def test_a_film(ending: str, run: Run, here: Path):
-    code, out, _ = run(*RENDER[:-1], f"film.{ending}", "--frames", "1-4", "--fps", "10")
-    assert (code, out) == (0, f"film.{ending}\n")
-    film = open_background(here / f"film.{ending}")
-    assert (film.count, film.fps, film.size) == (4, 10.0, (W, H))
-
-
 @pytest.mark.parametrize("ending", ["png", "jpg", "exr"])
 def test_a_still(ending: str, run: Run, here: Path):
     code, out, _ = run(*RENDER[:-1], f"still.{ending}", "--frames", "6")
@@ -189,16 +181,6 @@ def test_a_scene_file(run: Run, here: Path):
     assert run(*[w.replace("a/", "d/") for w in command], "--size", "48x32")[0] == 0
     small = scene.replace(size=(48, 32), camera=Camera(50.0))
     assert np.array_equal(pixels("d/4.png"), small.render(4))
-
-
-def test_a_film_gives_its_own_rate_and_length(run: Run, here: Path):
-    with VideoWriter("plate.mkv", (W, H), 12) as video:
-        for shift in range(3):
-            video.write(np.roll(PLATE, shift, axis=0))
-    code, out, _ = run("render", "plate.mkv", "--snow", "light", "-o", "a/%d.png")
-    assert (code, out.split()) == (0, ["a/0.png", "a/1.png", "a/2.png"])
-    scene = Scene(None, "plate.mkv", effects=[Snow.preset("light")], fps=12.0)
-    assert np.array_equal(pixels("a/2.png"), scene.render(2))
 
 
 # What it offers ----------------------------------------------------------------------------------
@@ -308,9 +290,3 @@ def test_a_defect_is_a_sentence_too(run: Run, monkeypatch: pytest.MonkeyPatch):
     code, out, err = run(*RENDER, "--frames", "1")
     assert (code, out, err.count("\n")) == (1, "", 1)
     assert "KeyError: 'lost'" in err and "defect" in err
-
-
-# How it says no ----------------------------------------------------------------------------------
-
-
-# When it is stopped ------------------------------------------------------------------------------

@@ -5,10 +5,7 @@ import pytest
 import skimage.data
 import skimage.transform
 
-from flurries.io import (
-    fit,
-    linear_to_srgb,
-)
+from flurries.io import fit, linear_to_srgb
 from stills import same_bits
 
 
@@ -32,10 +29,7 @@ def test_fit_puts_things_where_geometry_says(size, how):
     # scikit-image counts from pixel centres: the middle of the frame is the middle of the picture.
     map_back = skimage.transform.AffineTransform(
         scale=(1 / across, 1 / down),
-        translation=(
-            79.5 - (width - 1) / 2 / across,
-            49.5 - (height - 1) / 2 / down,
-        ),
+        translation=(79.5 - (width - 1) / 2 / across, 49.5 - (height - 1) / 2 / down),
     )
     wanted = skimage.transform.warp(
         picture, map_back, output_shape=(height, width), order=3, mode="edge"

@@ -8,12 +8,7 @@ import skimage.transform
 import tifffile
 from PIL import Image, ImageOps
 
-from flurries.io import (
-    read_header,
-    read_mask,
-    read_picture,
-    write_picture,
-)
+from flurries.io import read_header, read_mask, read_picture, write_picture
 from stills import assert_reads_as, levels, noise, write_exr
 
 

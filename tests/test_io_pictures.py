@@ -282,9 +282,6 @@ def test_bytes_depend_on_nothing_but_the_arguments(tmp_path, name):
         assert (tmp_path / name).read_bytes() != data
 
 
-# Reading what others wrote
-
-
 # Layers
 
 
@@ -369,12 +366,3 @@ def test_what_a_format_cannot_hold_is_refused(tmp_path):
     with pytest.raises(ValueError, match=r"only \.exr"):
         write_layers(tmp_path / "a.png", {"rgba": four})
     assert not any(tmp_path.iterdir())
-
-
-# Damage
-
-
-# Fitting
-
-
-# Processes

@@ -16,23 +16,12 @@ pytestmark = pytest.mark.filterwarnings("ignore:.*fork.*:DeprecationWarning")
 # Frames
 
 
-@pytest.mark.parametrize(
-    ("text", "frames"),
-    [
-        ("7", [7]),
-        ("0", [0]),
-        ("1-3", [1, 2, 3]),
-        ("5-5", [5]),
-        ("1-10x4", [1, 5, 9]),
-        ("1-9x4", [1, 5, 9]),
-        ("1-3x9", [1]),
-        ("0008-0010", [8, 9, 10]),
-        ("1-3,10,20-24x2", [1, 2, 3, 10, 20, 22, 24]),
-        ("10, 1-2", [10, 1, 2]),
-        ("1-5,3-7", [1, 2, 3, 4, 5, 6, 7]),
-        ("999999999", [999999999]),
-    ],
-)
+@pytest.mark.parametrize(("text", "frames"), [
+    ("7", [7]), ("0", [0]), ("1-3", [1, 2, 3]), ("5-5", [5]), ("1-10x4", [1, 5, 9]),
+    ("1-9x4", [1, 5, 9]), ("1-3x9", [1]), ("0008-0010", [8, 9, 10]),
+    ("1-3,10,20-24x2", [1, 2, 3, 10, 20, 22, 24]), ("10, 1-2", [10, 1, 2]),
+    ("1-5,3-7", [1, 2, 3, 4, 5, 6, 7]), ("999999999", [999999999]),
+])  # fmt: skip
 def test_frames_are_read(text, frames):
     assert frame_range(text) == frames
 
@@ -70,19 +59,12 @@ def test_the_most_frames_are_allowed():
 # Patterns
 
 
-@pytest.mark.parametrize(
-    ("text", "frame", "path"),
-    [
-        ("%04d.exr", 7, "0007.exr"),
-        ("out/snow.%04d.exr", 12345, "out/snow.12345.exr"),
-        ("/a/b/f%d.png", 3, "/a/b/f3.png"),
-        ("f_%06d_left.png", 3, "f_000003_left.png"),
-        ("../f.%02d.tif", 0, "../f.00.tif"),
-        ("100 %d.png", np.int64(4), "100 4.png"),
-        ("snow.mp4", 9, "snow.mp4"),
-        ("out/snow.MOV", 0, "out/snow.MOV"),
-    ],
-)
+@pytest.mark.parametrize(("text", "frame", "path"), [
+    ("%04d.exr", 7, "0007.exr"), ("out/snow.%04d.exr", 12345, "out/snow.12345.exr"),
+    ("/a/b/f%d.png", 3, "/a/b/f3.png"), ("f_%06d_left.png", 3, "f_000003_left.png"),
+    ("../f.%02d.tif", 0, "../f.00.tif"), ("100 %d.png", np.int64(4), "100 4.png"),
+    ("snow.mp4", 9, "snow.mp4"), ("out/snow.MOV", 0, "out/snow.MOV"),
+])  # fmt: skip
 def test_patterns(text, frame, path):
     pattern = Pattern(text)
     assert pattern.path(frame) == Path(path)
@@ -239,22 +221,6 @@ def test_pictures_of_a_source_cannot_be_changed(sequence):
     picture = open_background(sequence).frame(0)
     with pytest.raises(ValueError, match="read-only"):
         picture.pixels[0, 0] = 1
-
-
-def test_few_pictures_are_kept(sequence):
-    read = []
-    source = open_background(sequence)
-    original = source.read
-    source.read = lambda path: read.append(path) or original(path)
-    for number in (0, 0, 1, 0, 1, 2, 2, 0):
-        source.frame(number)
-    assert len(read) == 3
-    for number in range(6):
-        source.frame(number)
-    assert len(source._kept) <= 3
-    source.close()
-    assert not source._kept
-    assert (source.frame(4).pixels == 102).all()
 
 
 def test_missing_and_damaged_frames_are_errors_that_name_them(sequence):

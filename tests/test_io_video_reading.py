@@ -11,7 +11,6 @@ import pytest
 
 from films import EXTENSIONS, encode, film, write
 from flurries.io import open_background, read_video, write_picture
-from flurries.io.films.reader import VideoReader
 from flurries.io.structure import check_structure
 
 STREAMS = {
@@ -51,37 +50,6 @@ def test_seeking_to_where_the_decoder_is_not_matters(tmp_path):
         images = [image for packet in packets[20:] for image in packet.decode()]
     found = images[0].to_ndarray(format="rgb24") if images else np.zeros_like(frames[20])
     assert not np.array_equal(found, frames[20])
-
-
-def test_reading_in_order_does_not_seek(tmp_path, monkeypatch):
-    path = encode(tmp_path / "a.mp4", "libx264", film(40), options={"g": "8", "bf": "3"})
-    jumps = []
-    original = VideoReader._go_to
-    monkeypatch.setattr(
-        VideoReader, "_go_to", lambda self, key: jumps.append(key) or original(self, key)
-    )
-    source = open_background(path)
-    for number in range(40):
-        source.frame(number)
-        source.frame(number)
-    assert jumps == []
-    # Forwards within a group neither, and beyond it to the last key frame before the target.
-    source.frame(0)
-    source.frame(5)
-    source.frame(37)
-    assert jumps == [0, 32]
-
-
-def test_before_and_behind_the_film(tmp_path):
-    path = write(tmp_path / "a.mkv", film(6))
-    source = open_background(path)
-    frames = list(film(6))
-    for number, wanted in [(-3, 0), (0, 0), (5, 5), (6, 5), (10**9, 5)]:
-        np.testing.assert_array_equal(source.frame(number).pixels, frames[wanted])
-    with pytest.raises(TypeError):
-        source.frame(1.5)
-    with pytest.raises(ValueError, match="read-only"):
-        source.frame(0).pixels[:] = 0
 
 
 @pytest.mark.parametrize("quarters", [0, 1, 2, 3])
@@ -219,15 +187,11 @@ def test_files_that_are_no_videos(tmp_path):
     (tmp_path / "picture.mp4").write_bytes((tmp_path / "picture.png").read_bytes())
     (tmp_path / "text.mp4").write_text("no film\n" * 50)
     (tmp_path / "text.dat").write_text("no film\n" * 50)
-    (tmp_path / "folder.mp4").mkdir()
-    os.mkfifo(tmp_path / "fifo.mp4")
     for name, error in [
         ("missing.mp4", FileNotFoundError),
         ("picture.mp4", OSError),
         ("text.mp4", OSError),
         ("text.dat", ValueError),
-        ("folder.mp4", IsADirectoryError),
-        ("fifo.mp4", OSError),
     ]:
         with pytest.raises(error, match=name):
             list(read_video(tmp_path / name))

@@ -20,6 +20,7 @@ from flurries.cli import main
 from flurries.io import read_picture, read_video, remove_leftovers, write_picture
 from flurries.io.atomic import owner_of_new_files
 from flurries.output import manifest
+from flurries.output.store import check
 from flurries.scene.fingerprint import BITS
 
 W, H = 1024, 800
@@ -73,7 +74,7 @@ def test_16_1_a_retouched_plate_makes_its_frames_again(plate: Path, tmp_path: Pa
         assert np.array_equal(got, fl.Scene(None, plate, effects=SNOW).render(number))
         assert got[393:405].mean() < 0.5 * got[420:440].mean(), "the black rows"
     assert scene.write(out / "%d.png", "1-4").kept == [1, 2, 3, 4]
-    assert manifest.check(out) == []
+    assert check(out) == (4, [])
 
 
 def test_16_1_a_plate_that_changes_meanwhile_ends_the_run(plate: Path, tmp_path: Path):
@@ -130,12 +131,6 @@ def test_16_2_frames_of_another_version_are_kept_only_with_its_bits(tmp_path: Pa
     assert SMALL.write(tmp_path / "%d.png", "1-2", overwrite=True).written == [1, 2]
     assert python(VERSION, "9.9", 0, tmp_path).stdout.split() == ["1", "2"]
     assert json.loads((tmp_path / manifest.NAME).read_text())["files"]["1.png"]["bits"] == BITS
-
-
-# 3: the mode is the call's ------------------------------------------------------------------------
-
-
-# 4, 9: clusters -----------------------------------------------------------------------------------
 
 
 # 5: damaged is made again, foreign is refused -----------------------------------------------------
@@ -255,12 +250,6 @@ def test_16_10_processes_do_not_end_each_other(locks: str, tmp_path: Path):
     killed(locks, 3, tmp_path)
 
 
-def test_16_10_a_claim_without_a_name_is_left_over(tmp_path: Path):
-    # Its process was killed between making it and writing its name.
-    (tmp_path / f".flurries-{'0' * 24}-claim").touch()
-    assert len(remove_leftovers(tmp_path)) == 1
-
-
 def test_16_10_leftovers_of_other_machines_stay_for_an_hour(tmp_path: Path):
     own = owner_of_new_files()
     dead = subprocess.Popen(["true"])
@@ -269,13 +258,12 @@ def test_16_10_leftovers_of_other_machines_stay_for_an_hour(tmp_path: Path):
     other = "0" * 10 + own[-6:]
     for owner in (own, gone, other):
         (tmp_path / f".flurries-{owner}01234567.png").write_bytes(b"x")
-        (tmp_path / f".flurries-{owner}0123456c-claim").write_bytes(owner.encode())
     removed = {path.name for path in remove_leftovers(tmp_path)}
-    assert removed == {f".flurries-{gone}01234567.png", f".flurries-{gone}0123456c-claim"}
+    assert removed == {f".flurries-{gone}01234567.png"}
     for path in tmp_path.iterdir():
         os.utime(path, (time.time() - 3700,) * 2)
     removed = {path.name for path in remove_leftovers(tmp_path)}
-    assert removed == {f".flurries-{other}01234567.png", f".flurries-{other}0123456c-claim"}
+    assert removed == {f".flurries-{other}01234567.png"}
 
 
 # 11: a list that is damaged -----------------------------------------------------------------------

@@ -153,17 +153,9 @@ def test_a_video_holds_the_frames(ending: str, tmp_path: Path):
         assert away < 0.3 * other, "and of no other frame"
 
 
-@pytest.mark.parametrize("kind", ["photograph", "other frame", "half", "layers"])
-def test_what_is_in_the_way_stays(kind: str, bright: fl.Scene, tmp_path: Path):
-    target = tmp_path / "0002.exr"
+@pytest.mark.parametrize("options", [{"bits": "float"}, {"layers": True}, {"alone": True}])
+def test_other_contents_in_the_way_stay(options: dict[str, Any], bright: fl.Scene, tmp_path: Path):
     bright.write(tmp_path / "%04d.exr", "1-2")
-    options: dict[str, Any] = {}
-    if kind == "photograph":
-        write_picture(target, BYTES)
-    elif kind == "other frame":
-        target.write_bytes((tmp_path / "0001.exr").read_bytes())
-    else:
-        options = {"bits": "float"} if kind == "half" else {"layers": True}
     before = contents(tmp_path)
     with pytest.raises(ValueError, match=r"000[12]\.exr is there already"):
         bright.write(tmp_path / "%04d.exr", "1-3", **options)

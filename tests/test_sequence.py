@@ -1,14 +1,8 @@
-"""Sequences that cannot be lost: several processes, kills, manifests, damaged plates, sound."""
+"""Sequences that cannot be lost: marks, manifests, damaged plates."""
 
 from __future__ import annotations
 
-import contextlib
 import json
-import os
-import subprocess
-import sys
-import threading
-import time
 from pathlib import Path
 from typing import Any
 
@@ -19,110 +13,12 @@ import flurries as fl
 from flurries.cli import main
 from flurries.io import read_picture, read_video, write_picture
 from flurries.output import manifest
-from flurries.output.claims import awaited, claimed
 from flurries.output.mark import Mark
+from flurries.output.store import check
 
 W, H = 66, 50
 PLATE = np.random.default_rng(3).integers(0, 220, (H, W, 3)).astype(np.uint8)
 SCENE = fl.Scene((96, 64), "#304050", effects=fl.TentSnow.preset("heavy", flakes=100))
-PROGRAM = """
-import sys
-import flurries as fl
-scene = fl.Scene((96, 64), "#304050", effects=fl.TentSnow.preset("heavy", flakes=100))
-done = scene.write("out/%04d.png", sys.argv[1])
-print(*done.written)
-"""
-
-
-def start(folder: Path, frames: str, program: str = PROGRAM) -> subprocess.Popen[str]:
-    return subprocess.Popen(
-        [sys.executable, "-c", program, frames], cwd=folder, text=True,
-        stdout=subprocess.PIPE, stderr=subprocess.PIPE,
-        env={**os.environ, "FLURRIES_NUM_THREADS": "1"},
-    )  # fmt: skip
-
-
-def contents(folder: Path) -> dict[str, bytes]:
-    found = {}
-    for path in folder.iterdir():
-        # Another process may take its claim away meanwhile.
-        with contextlib.suppress(FileNotFoundError):
-            found[path.name] = path.read_bytes()
-    return found
-
-
-@pytest.fixture(scope="module")
-def whole(tmp_path_factory: pytest.TempPathFactory) -> dict[str, bytes]:
-    folder = tmp_path_factory.mktemp("whole")
-    SCENE.write(folder / "%04d.png", "1-60")
-    return contents(folder)
-
-
-# Several processes -------------------------------------------------------------------------------
-
-
-def test_processes_share_a_folder(tmp_path: Path, whole: dict[str, bytes]):
-    (tmp_path / "out").mkdir()
-    running = [start(tmp_path, "1-60") for _ in range(3)]
-    made: list[int] = []
-    for process in running:
-        out, err = process.communicate(timeout=100)
-        assert process.returncode == 0, err
-        assert len(list((tmp_path / "out").glob("*.png"))) == 60, "each returns when all are there"
-        made += map(int, out.split())
-    assert sorted(made) == list(range(1, 61)), "each frame once"
-    assert contents(tmp_path / "out") == whole
-
-
-def test_a_process_that_stands_still_is_waited_for_and_one_that_dies_is_not(
-    tmp_path: Path, whole: dict[str, bytes]
-):
-    (tmp_path / "out").mkdir()
-    claim = claimed(tmp_path / "out" / "0002.png")
-    assert claim is not None and claimed(tmp_path / "out" / "0002.png") is None
-    process = start(tmp_path, "1-3")
-    end = time.monotonic() + 60
-    while not (tmp_path / "out" / "0003.png").exists() and time.monotonic() < end:
-        time.sleep(0.01)
-    time.sleep(0.2)
-    assert process.poll() is None and not (tmp_path / "out" / "0002.png").exists()
-    claim.release()
-    assert process.communicate(timeout=60)[0].split() == ["1", "2", "3"]
-    # The system frees what a killed process held.
-    holder = subprocess.Popen(
-        [sys.executable, "-c", "import sys, time; from pathlib import Path\n"
-         "from flurries.output.claims import claimed\n"
-         "held = claimed(Path('out/0004.png')); print(held, flush=True); time.sleep(60)"],
-        cwd=tmp_path, stdout=subprocess.PIPE, text=True,
-    )  # fmt: skip
-    assert holder.stdout is not None and holder.stdout.readline()
-    assert claimed(tmp_path / "out" / "0004.png") is None
-    holder.kill()
-    holder.communicate()
-    assert start(tmp_path, "1-4").communicate(timeout=60)[0].split() == ["4"]
-    assert all(whole[n] == data for n, data in contents(tmp_path / "out").items() if "png" in n)
-    assert not list((tmp_path / "out").glob(".*"))
-
-
-def test_threads_claim_like_processes(tmp_path: Path):
-    target, held = tmp_path / "a.png", []
-    ready = threading.Barrier(8)
-
-    def work() -> None:
-        ready.wait()
-        for _ in range(20):
-            claim = awaited(target)
-            held.append(1)
-            assert sum(held) == 1, "two at once"
-            held.append(-1)
-            claim.release()
-
-    threads = [threading.Thread(target=work) for _ in range(8)]
-    for thread in threads:
-        thread.start()
-    for thread in threads:
-        thread.join(60)
-    assert len(held) == 320 and not list(tmp_path.iterdir())
 
 
 def test_the_two_modes_are_never_mixed(tmp_path: Path):
@@ -139,7 +35,7 @@ def test_the_two_modes_are_never_mixed(tmp_path: Path):
 
 def test_without_the_mark_scenes_would_be_mixed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     """The control: frames that do not say whose they are."""
-    monkeypatch.setattr(Mark, "settled", lambda self, path, said: {} if path.exists() else None)
+    monkeypatch.setattr(Mark, "settled", lambda self, path, *_: {} if path.exists() else None)
     other = SCENE.replace(seed=9)
     SCENE.write(tmp_path / "%d.png", "1-2")
     assert other.write(tmp_path / "%d.png", "1-3").kept == [1, 2]
@@ -160,12 +56,12 @@ def test_the_manifest_has_a_hash_of_each_frame(tmp_path: Path, capsys: Any):
         data = (tmp_path / name).read_bytes()
         assert entry["sha256"] == hashlib.sha256(data).hexdigest() and entry["bytes"] == len(data)
         assert entry["frame"] == int(name[:4])
-    assert manifest.check(tmp_path) == [] and main(["check", str(tmp_path)]) == 0
+    assert check(tmp_path)[1] == [] and main(["check", str(tmp_path)]) == 0
     (tmp_path / "0003.png").unlink()
     data = bytearray((tmp_path / "0004.exr").read_bytes())
     data[-1] ^= 1
     (tmp_path / "0004.exr").write_bytes(data)
-    wrong = manifest.check(tmp_path)
+    wrong = check(tmp_path)[1]
     assert len(wrong) == 2 and "0003.png is missing" in wrong[0] and "changed" in wrong[1]
     capsys.readouterr()
     assert main(["check", str(tmp_path)]) == 3
@@ -174,7 +70,7 @@ def test_the_manifest_has_a_hash_of_each_frame(tmp_path: Path, capsys: Any):
     (tmp_path / manifest.NAME).unlink()
     SCENE.write(tmp_path / "%04d.png", "1-3")
     assert list(manifest.read(tmp_path)) == ["0001.png", "0002.png", "0003.png"]
-    assert manifest.check(tmp_path) == []
+    assert check(tmp_path)[1] == []
 
 
 @pytest.mark.parametrize("text", ["mine", "[]", '{"files": {}}', "\xff", "[" * 100_000])
@@ -187,14 +83,14 @@ def test_somebody_elses_file_stays(text: str, tmp_path: Path):
     SCENE.write(tmp_path / "%d.png", "1", manifest=False)
     SCENE.write(tmp_path / "still.png", "1")
     with pytest.raises(FileNotFoundError):
-        manifest.check(tmp_path.parent)
+        check(tmp_path.parent)
 
 
 def test_a_damaged_list_of_ours_is_made_again(tmp_path: Path):
     SCENE.write(tmp_path / "%d.png", "1")
     (tmp_path / manifest.NAME).write_text(json.dumps({"flurries": "0", "files": [1]}))
     SCENE.write(tmp_path / "%d.png", "1")
-    assert manifest.check(tmp_path) == [] and list(manifest.read(tmp_path)) == ["1.png"]
+    assert check(tmp_path)[1] == [] and list(manifest.read(tmp_path)) == ["1.png"]
 
 
 # Damaged backgrounds -----------------------------------------------------------------------------
@@ -243,35 +139,3 @@ def test_it_holds_the_last_good_frame(damaged: fl.Scene, tmp_path: Path):
     for number, plate in ((1, 0), (3, 2), (4, 4)):
         want = damaged.replace(background=np.roll(PLATE, plate, axis=1)).render(number)
         assert np.array_equal(read_picture(tmp_path / "out" / f"{number}.png").pixels, want)
-
-
-# Sound -------------------------------------------------------------------------------------------
-
-
-INTERRUPTED = """
-import fcntl, os, sys
-from pathlib import Path
-from flurries.output import claims
-place, step = sys.argv[1:]
-module = fcntl if step == "flock" else os
-real = getattr(module, step)
-def interrupted(*a, **k):
-    setattr(module, step, real)
-    # What it returns is lost, as where Ctrl-C comes right behind it.
-    real(*a, **k)
-    raise KeyboardInterrupt
-setattr(module, step, interrupted)
-claims.claimed(Path(place) / "0001.png").release()
-"""
-
-
-@pytest.mark.parametrize("step", ["open", "flock", "fstat", "unlink", "close"])
-def test_ctrl_c_at_any_step_of_a_claim_leaves_nothing(step: str, tmp_path: Path):
-    command = [sys.executable, "-c", INTERRUPTED, str(tmp_path), step]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=100)
-    assert "KeyboardInterrupt" in done.stderr and done.stderr.count("Traceback") == 1
-    assert not list(tmp_path.iterdir())
-    # The lock is gone too.
-    claim = claimed(tmp_path / "0001.png")
-    assert claim is not None
-    claim.release()

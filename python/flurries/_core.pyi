@@ -75,7 +75,6 @@ __all__ = [
     "particle_sway_offsets",
     "particle_variance",
     "plate_cells",
-    "png_chunk",
     "random_phase",
     "reproducible",
     "set_reproducible",
@@ -317,14 +316,6 @@ class BallImages:
 
 def fall(request: Air) -> SortedFlakes: ...
 def flake_rows(flakes: SortedFlakes) -> tuple[npt.NDArray[np.uint64], _Float64, _Float64]: ...
-def png_chunk(
-    rows: npt.NDArray[np.uint8],
-    above: npt.NDArray[np.uint8],
-    pixel: int,
-    wide: bool,
-    checksum: int,
-    last: bool,
-) -> tuple[bytes, int]: ...
 def to_half(out: npt.NDArray[np.uint16], values: npt.NDArray[np.float32]) -> None: ...
 def particle_draw_lit(
     out: _Array,

@@ -1,4 +1,3 @@
-//! Pixels as files hold them, where a library's own way is slow: half floats, and the rows of a PNG.
+//! Pixels as files hold them, where a library's own way is slow: half floats.
 
 pub mod half;
-pub mod png;

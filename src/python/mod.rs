@@ -39,7 +39,7 @@ mod core {
         cone_shown, cone_stack, cone_table, cone_tile,
     };
     #[pymodule_export]
-    use super::encode::{png_chunk, to_half};
+    use super::encode::to_half;
     #[pymodule_export]
     use super::falling::{BallImages, FlakeSheet, fall, flake_rows, sheet_bent, sheet_read};
     #[pymodule_export]

@@ -56,54 +56,29 @@ def damaged(data: bytes, random: Any) -> bytes:
     return bytes(bad)
 
 
-def pictures(folder: Path, count: int, *names: str) -> Iterator[Callable[[], Any]]:
-    random = np.random.default_rng(5)
-    originals = [(folder / name).read_bytes() for name in names]
-    for number in range(count):
-        name = names[number % len(names)]
-        path = folder / f"damaged{Path(name).suffix}"
-        path.write_bytes(damaged(originals[number % len(names)], random))
-
-        def read(path: Path = path) -> None:
-            try:
-                picture = read_picture(path)
-                read_header(path)
-            except (OSError, ValueError) as error:
-                assert path.name in str(error), error
-                raise
-            assert picture.pixels.shape == (*picture.size[::-1], 3), picture.pixels.shape
-
-        yield read
+# What is written over a part of a scene file.
+WORDS = [b"nan", b"inf", b"1e999", b"-1", b"9" * 30, b"[[", b"]", b'"', b"'''", b"=", b"\n[",
+         b"{", b"true", b"\xff", b"\0", b"../../x.png", b"#" * 50, b"0x7fffffff",
+         b"9" * 400, b"0x" + b"f" * 400, b"a." * 200, b"[" * 2000]  # fmt: skip
 
 
-def scenes(folder: Path, count: int) -> Iterator[Callable[[], Any]]:
-    random = np.random.default_rng(6)
-    path = folder / "scene.toml"
-    camera = fl.CameraPath(fl.Camera(80.0), velocity=(0.0, 0.0, 1.0))
-    wind = fl.Wind((1.0, 0.0, 0.3), gusts=0.6)
-    effects = [
-        fl.TentSnow(wind=wind),
-        fl.TentRain(),
-        fl.Mist(count=40),
-        fl.ConeSnow(),
-        fl.ConeRain(),
-    ]
-    fl.Scene((96, 64), "#304050", camera, effects, sun=fl.Sun()).save(path)
-    text = path.read_bytes()
-    words = [b"nan", b"inf", b"1e999", b"-1", b"9" * 30, b"[[", b"]", b'"', b"'''", b"=", b"\n[",
-             b"{", b"true", b"\xff", b"\0", b"../../x.png", b"#" * 50, b"0x7fffffff",
-             b"9" * 400, b"0x" + b"f" * 400, b"a." * 200, b"[" * 2000]  # fmt: skip
-    for _ in range(count):
-        if random.integers(2):
-            bad = bytearray(text)
-            for _ in range(int(random.integers(1, 4))):
-                place = int(random.integers(len(bad)))
-                width = int(random.integers(0, 8))
-                bad[place : place + width] = words[int(random.integers(len(words)))]
-            path.write_bytes(bytes(bad))
-        else:
-            path.write_bytes(damaged(text, random))
-        yield lambda: fl.Scene.load(path)
+def misspelt(text: bytes, random: Any) -> bytes:
+    """With a few words in place of others."""
+    bad = bytearray(text)
+    for _ in range(int(random.integers(1, 4))):
+        place, width = int(random.integers(len(bad))), int(random.integers(0, 8))
+        bad[place : place + width] = WORDS[int(random.integers(len(WORDS)))]
+    return bytes(bad)
+
+
+def picture(path: Path) -> None:
+    try:
+        found = read_picture(path)
+        read_header(path)
+    except (OSError, ValueError) as error:
+        assert path.name in str(error), error
+        raise
+    assert found.pixels.shape == (*found.size[::-1], 3), found.pixels.shape
 
 
 def films(path: Path) -> None:
@@ -113,7 +88,7 @@ def films(path: Path) -> None:
     source.close()
 
 
-def all_kinds(folder: Path, count: int) -> Iterator[Callable[[], Any]]:
+def jobs(folder: Path, count: int) -> Iterator[Callable[[], Any]]:
     """Yield jobs for mutants of every kind of file that is read, each in turn."""
     random = np.random.default_rng(7)
     light = random.random((40, 56, 4)).astype(np.float32)
@@ -129,7 +104,12 @@ def all_kinds(folder: Path, count: int) -> Iterator[Callable[[], Any]]:
         with VideoWriter(folder / name, (56, 40), 24) as film:
             for shift in range(6):
                 film.write(np.roll(levels, shift, axis=1))
-    scene = fl.Scene((56, 40), "#304050", effects=[fl.TentSnow(), fl.TentRain()], sun=fl.Sun())
+    camera = fl.CameraPath(fl.Camera(80.0), velocity=(0.0, 0.0, 1.0))
+    wind = fl.Wind((1.0, 0.0, 0.3), gusts=0.6)
+    effects = [
+        fl.TentSnow(wind=wind), fl.TentRain(), fl.Mist(count=40), fl.ConeSnow(), fl.ConeRain()
+    ]  # fmt: skip
+    scene = fl.Scene((56, 40), "#304050", camera, effects, sun=fl.Sun())
     scene.save(folder / "a.toml")
     scene.write(folder / "out" / "%d.png", "1-3")
     (folder / "out" / manifest.NAME).rename(folder / "a.json")
@@ -139,9 +119,9 @@ def all_kinds(folder: Path, count: int) -> Iterator[Callable[[], Any]]:
     (folder / "colmap" / "cameras.txt").write_text("1 PINHOLE 56 40 50 50 28 20\n")
     (folder / "a.images").write_text("1 1 0 0 0 0 0 0 1 a1.png\n\n2 1 0 0 0 0 0 1 1 a2.png\n\n")
     kinds: list[tuple[str, str, Callable[[Path], Any]]] = [
-        ("a.exr", "bad.exr", read_picture), ("a.png", "bad.png", read_picture),
-        ("a.jpg", "bad.jpg", read_picture), ("a.tif", "bad.tif", read_picture),
-        ("a.hdr", "bad.hdr", read_picture), ("a.exr", "bad.exr", read_mask),
+        ("a.exr", "bad.exr", picture), ("a.png", "bad.png", picture),
+        ("a.jpg", "bad.jpg", picture), ("a.tif", "bad.tif", picture),
+        ("a.hdr", "bad.hdr", picture), ("a.exr", "bad.exr", read_mask),
         ("depth.exr", "bad.exr", read_depth), ("depth.exr", "bad.exr", read_layers),
         ("views.exr", "bad.exr", read_views), ("a.mp4", "bad.mp4", films),
         ("a.mkv", "bad.mkv", films), ("a.webm", "bad.webm", films),
@@ -158,7 +138,8 @@ def all_kinds(folder: Path, count: int) -> Iterator[Callable[[], Any]]:
         read(folder / name)
     for number in range(count):
         _, name, read = kinds[number % len(kinds)]
-        (folder / name).write_bytes(damaged(originals[number % len(kinds)], random))
+        spoil = misspelt if name == "bad.toml" and random.integers(2) else damaged
+        (folder / name).write_bytes(spoil(originals[number % len(kinds)], random))
         yield lambda read=read, path=folder / name: read(path)
 
 
@@ -166,19 +147,14 @@ def manifest_of(path: Path) -> None:
     manifest.read(path.parent)
 
 
-def main(what: str, folder: str, count: str, *names: str) -> None:
+def main(folder: str, count: str) -> None:
     warnings.simplefilter("ignore")
     signal.signal(signal.SIGALRM, signal.SIG_DFL)
     resource.setrlimit(resource.RLIMIT_AS, (MOST_MEMORY, MOST_MEMORY))
     tried = errors = 0
     slowest, complaints = 0.0, []
-    jobs: Iterator[Callable[[], Any]]
-    if what == "pictures":
-        jobs = pictures(Path(folder), int(count), *names)
-    else:
-        jobs = {"scenes": scenes, "all": all_kinds}[what](Path(folder), int(count))
     before = 0
-    for job in jobs:
+    for job in jobs(Path(folder), int(count)):
         signal.alarm(LONGEST)
         started = time.process_time()
         try:

@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import click
 
 from flurries.cli.options import FILE, command, voice
 from flurries.cli.words import Words, count, say
-from flurries.output.bucket import check as check_all
-from flurries.output.bucket import store_of
+from flurries.output.store import check as check_all
 
 DIFFERENT = 3
 
@@ -19,12 +16,10 @@ DIFFERENT = 3
 @voice
 def check(words: Words, folder: str) -> int:
     """Compare the frames of a folder, or behind a url, with their flurries.json."""
-    wrong = check_all(folder)
+    files, wrong = check_all(folder)
     for sentence in wrong:
         say(sentence)
     if wrong:
         return DIFFERENT
-    store, place = store_of(folder)
-    files = len(store.read_list(Path(place)))
     words.say(f"{count(files, 'file')} {'is' if files == 1 else 'are'} what the manifest says")
     return 0

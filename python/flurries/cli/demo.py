@@ -85,7 +85,6 @@ def three(picture: Array, *, seed: int = 1) -> list[Scene]:
 
 
 def flight(picture: Array, *, seed: int = 1) -> Scene:
-    """Return the scene of experiment (b)."""
     size = (picture.shape[1], picture.shape[0])
     camera = CameraPath(Camera(DEFAULT_FOCAL * size[0]), velocity=FLIGHT)
     snow = Snow.preset("heavy", wind=(0.0, 0.0, 0.0))

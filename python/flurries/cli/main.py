@@ -40,18 +40,15 @@ class Commands(click.Group):
     """The commands, imported one by one."""
 
     def list_commands(self, ctx: click.Context) -> list[str]:
-        """Return the names in the order of the help."""
         return list(COMMANDS)
 
     def get_command(self, ctx: click.Context, name: str) -> click.Command | None:
-        """Import a command."""
         if name not in COMMANDS:
             return None
         found: click.Command = getattr(importlib.import_module(f"flurries.cli.{name}"), name)
         return found
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
-        """Ask for a command where there is none."""
         if not args and not ctx.resilient_parsing:
             raise click.UsageError(f"COMMAND is missing: {', '.join(COMMANDS)}", ctx)
         return super().parse_args(ctx, args)
@@ -68,7 +65,6 @@ class Commands(click.Group):
         return super().resolve_command(ctx, args)
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
-        """Write the table; the commands need not be imported for it."""
         with formatter.section("Commands"):
             formatter.write_dl(list(COMMANDS.items()))
 

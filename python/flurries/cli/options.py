@@ -21,7 +21,6 @@ class OneOf(click.Choice):  # type: ignore[type-arg]  # not generic in click 8.1
     """A word out of some; the refusal of another one suggests the nearest."""
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
-        """Return the word."""
         try:
             return super().convert(value, param, ctx)
         except click.BadParameter as error:
@@ -53,7 +52,6 @@ class Command(click.Command):
         return super().parse_args(ctx, joined)
 
     def format_epilog(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
-        """Write the examples."""
         with formatter.section("Examples"):
             for line in self.examples:
                 formatter.write(f"{'':{formatter.current_indent}}{line}\n")
@@ -68,21 +66,6 @@ def command(*examples: str) -> Callable[[Callable[..., Any]], Command]:
 def option(
     *names: str, help: str, example: str | None = None, unset: str | None = None, **more: Any
 ) -> Callable[[Function], Function]:
-    """Return a decorator that adds an option.
-
-    Parameters
-    ----------
-    names : str
-        ``"-o"``, ``"--output"``.
-    help : str
-        What the option does.
-    example : str, optional
-        A value that makes sense; every option that takes a value has one.
-    unset : str, optional
-        What holds where the option is not given and has no plain default.
-    more
-        As of `click.option`.
-    """
     notes = []
     usual = unset if unset is not None else more.get("default")
     if usual is not None:
@@ -174,7 +157,6 @@ OVERWRITE = option(
 
 
 def dask(unset: str) -> Callable[[Function], Function]:
-    """Return the option that works on a cluster."""
     return option(
         "--dask", cls=Bare, pattern=r"\w+://.*|[\w.-]+:\d+", metavar="ADDRESS", unset=unset,
         help="work on a Dask cluster: the scheduler at an address, or without one a cluster made "

@@ -125,7 +125,6 @@ def render(
 
 
 def describe(summary: Summary) -> str:
-    """Return a summary in words."""
     made = len(summary.written)
     parts = [f"{count(made, 'frame')} rendered"]
     if kept := len(summary.kept):

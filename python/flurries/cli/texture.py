@@ -67,7 +67,6 @@ def texture(
 
 
 def _band(text: str) -> tuple[float, float]:
-    """Return the shortest and the longest wave."""
     if text in BANDS:
         return BANDS[text]
     try:

@@ -14,8 +14,7 @@ from flurries.viewer.server import Server, open_page, serve
 
 
 @command(
-    "flurries view photo.jpg --snow heavy",
-    "flurries view scene.toml --port 8080 --no-browser",
+    "flurries view photo.jpg --snow heavy", "flurries view scene.toml --port 8080 --no-browser"
 )
 @scene_options
 @option("--save", metavar="FILE", type=FILE, example="tuned.toml", unset="NAME-tuned.toml beside "

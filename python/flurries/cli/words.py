@@ -40,21 +40,12 @@ def plain_warnings() -> Iterator[None]:
 
 @dataclass(frozen=True)
 class Words:
-    """The words of a command: fewer when quiet, more when verbose.
+    """The words of a command: fewer when quiet, more when verbose."""
 
-    Attributes
-    ----------
-    quiet : bool
-        Only warnings and errors.
-    verbose : bool
-        Also the plan, and the time of each stage.
-    """
-
-    quiet: bool = False
-    verbose: bool = False
+    quiet: bool = False  # Only warnings and errors.
+    verbose: bool = False  # Also the plan, and the time of each stage.
 
     def say(self, text: object) -> None:
-        """Write one line, unless quiet."""
         if not self.quiet:
             say(text)
 

@@ -23,11 +23,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-if sys.platform != "win32":
-    import fcntl
-
 PREFIX = ".flurries-"
-TOKEN_LENGTH = 24
 
 # Of a token: the machine and the process.
 _OWNER = 16
@@ -58,7 +54,7 @@ def replacing(path: str | os.PathLike[str]) -> Iterator[Path]:
     Yields
     ------
     Path
-        Array to write into and return. The file exists and is empty.
+        Where to write to. The file exists and is empty.
 
     Raises
     ------
@@ -149,8 +145,11 @@ def remove_leftovers(folder: str | os.PathLike[str]) -> list[Path]:
     """
     removed = []
     for found in sorted(Path(folder).glob(f"{PREFIX}{'?' * _OWNER}*")):
-        if _is_left(found) and remove_abandoned(found):
-            removed.append(found)
+        if _is_left(found):
+            # Another process may be tidying up too.
+            with contextlib.suppress(OSError):
+                found.unlink()
+                removed.append(found)
     return removed
 
 
@@ -170,24 +169,22 @@ def _is_left(file: Path) -> bool:
     """Whether whoever was at a hidden file is gone."""
     try:
         found = file.lstat()
-        if not stat.S_ISREG(found.st_mode):
-            return False
-        # The name of a claim is the same for all who want the file; what is in it is not.
-        claim = file.name.endswith("-claim")
-        owner = file.read_bytes()[:_OWNER].decode() if claim else file.name[len(PREFIX) :][:_OWNER]
-    except (OSError, ValueError):
+    except OSError:
         return False
-    if not owner:
-        # A claim whose process was killed before it wrote its name, or is about to write it: that
-        # one holds the lock or, where locks tell nothing, asks for the file again.
-        return True
-    ended = has_ended(owner)
+    if not stat.S_ISREG(found.st_mode):
+        return False
+    ended = has_ended(file.name)
     return time.time() - found.st_mtime > HOUR if ended is None else ended
 
 
-def has_ended(owner: str) -> bool | None:
-    """Return whether an owner of hidden files has ended, or None of another machine's."""
-    own = owner_of_new_files()
+def hidden_name(suffix: str) -> str:
+    """Return a name for a file that is being written: whose it is, and a random part."""
+    return f"{PREFIX}{owner_of_new_files()}{os.urandom(4).hex()}{suffix}"
+
+
+def has_ended(name: str) -> bool | None:
+    """Return whether the owner of a hidden file has ended, or None of another machine's."""
+    own, owner = owner_of_new_files(), name[len(PREFIX) :][:_OWNER]
     if sys.platform != "win32" and len(owner) == _OWNER and owner[:-6] == own[:-6]:
         with contextlib.suppress(ValueError):
             return not _is_alive(int(owner[-6:], 16))
@@ -217,12 +214,10 @@ def _why_full(temporary: Path) -> OSError | None:
 
 
 def _reserve(target: Path) -> Path:
-    """Make the temporary file."""
     # The name does not grow with the target's, so a name at the length limit still has room.
     suffix = target.suffix if len(target.suffix) <= 16 else ""
     while True:
-        token = owner_of_new_files() + os.urandom((TOKEN_LENGTH - _OWNER) // 2).hex()
-        temporary = target.with_name(f"{PREFIX}{token}{suffix}")
+        temporary = target.with_name(hidden_name(suffix))
         _unfinished[temporary] = os.getpid()
         flags = os.O_RDWR | os.O_CREAT | os.O_EXCL | getattr(os, "O_CLOEXEC", 0)
         try:
@@ -236,28 +231,6 @@ def _reserve(target: Path) -> Path:
             raise OSError(error.errno, error.strerror, str(target)) from error
         else:
             return temporary
-
-
-def remove_abandoned(temporary: Path) -> bool:
-    """Remove a hidden file of ours that nobody holds; return whether it was one."""
-    if sys.platform == "win32":
-        with contextlib.suppress(OSError):
-            temporary.unlink()
-            return True
-        return False
-    try:
-        descriptor = os.open(temporary, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK)
-    except OSError:
-        return False
-    try:
-        # Held until it is gone, so that nobody takes it up in between.
-        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        temporary.unlink()
-    except OSError:
-        return False
-    finally:
-        os.close(descriptor)
-    return True
 
 
 def _flush(path: Path) -> None:

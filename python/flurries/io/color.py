@@ -126,10 +126,7 @@ def to_integer(values: Array, bits: int) -> Array:
 
 
 def looked_up(values: Array, bits: int) -> Array:
-    """Return linear light as integers of display values, by a table of 65536 entries.
-
-    Before rounding it errs by 1e-4 at most, at black.
-    """
+    """Return linear light as integers of display values, by a table: off by 1e-4 at most."""
     level = np.clip(values, 0.0, 1.0)
     level *= np.float32(65535.0)
     # Half up: the cast cuts.

@@ -26,28 +26,13 @@ _WORKING = "scene_linear"
 
 @dataclass(frozen=True)
 class ColorSpace:
-    """A color space of the configuration.
+    """A color space of the configuration."""
 
-    Attributes
-    ----------
-    name : str
-        Its name there.
-    linear : bool
-        Whether its numbers are in proportion to light.
-    """
-
-    name: str
-    linear: bool
+    name: str  # Its name there.
+    linear: bool  # Whether its numbers are in proportion to light.
 
     @staticmethod
     def of(argument: str, name: object) -> ColorSpace:
-        """Return a color space by a name of it.
-
-        Raises
-        ------
-        ValueError, TypeError
-            If there is none of this name; the message names the nearest.
-        """
         if not isinstance(name, str):
             raise TypeError(f"{argument} must be the name of a color space, got {name!r}")
         if len(name) > 200:
@@ -93,10 +78,7 @@ class ColorSpace:
         return np.concatenate([colors * cover, cover], axis=2)
 
     def decode(self, pixels: Array) -> Array:
-        """Return a picture of this space as premultiplied light of its working space.
-
-        Integers are straight, floats premultiplied.
-        """
+        """Return a picture of this space as premultiplied light of its working space."""
         unit = np.asarray(to_unit(pixels), np.float32)
         if pixels.shape[2] == 4 and pixels.dtype.kind == "u":
             unit = np.concatenate([unit[..., :3] * unit[..., 3:], unit[..., 3:]], axis=2)
@@ -118,7 +100,6 @@ class ColorSpace:
 
 @lru_cache(maxsize=4)
 def _config(path: str) -> Any:
-    """Return the configuration of a path, or the built-in one."""
     config = openimageio().ColorConfig(path)
     if words := config.geterror():
         raise ValueError(f"$OCIO cannot be read: {words}")

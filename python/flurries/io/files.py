@@ -88,13 +88,6 @@ class Budget:
 
 
 def path_text(name: str, path: str | os.PathLike[str]) -> str:
-    """Return a path as text that may name a file.
-
-    Raises
-    ------
-    TypeError, ValueError
-        If it is not a string or a path, is empty, or holds a NUL byte.
-    """
     text = os.fspath(path)
     if not isinstance(text, str):
         raise TypeError(f"{name} must be a string or a path, got {type(path).__name__}")
@@ -117,15 +110,7 @@ def file_of(name: str) -> Iterator[None]:
 
 
 def plain_file(path: str | os.PathLike[str]) -> Path:
-    """Return `path` as a Path if it is a file that can be read; links count as what they lead to.
-
-    Raises
-    ------
-    FileNotFoundError, IsADirectoryError, PermissionError, OSError
-        If it is missing, a folder, not readable, or a FIFO, a socket or a device.
-    TypeError, ValueError
-        As `path_text`.
-    """
+    """Return `path` as a Path if it can be read; links count as what they lead to."""
     found = Path(path_text("path", path))
     _require_plain(found.stat(), found)  # FileNotFoundError names the file by itself.
     if not os.access(found, os.R_OK):
@@ -141,21 +126,6 @@ def _require_plain(status: os.stat_result, path: Path) -> None:
 
 
 def read_bytes(path: str | os.PathLike[str], most: int, kind: str) -> bytes:
-    """Return the contents of a file of at most `most` bytes.
-
-    Parameters
-    ----------
-    path : str or path
-    most : int
-        More bytes are refused, and not read.
-    kind : str
-        What such a file is, for the message: "scene file".
-
-    Raises
-    ------
-    OSError, TypeError, ValueError
-        As `plain_file`; ValueError also for a file that is larger.
-    """
     found = plain_file(path)
     # The name may lead elsewhere by now: a FIFO must not be waited for, nor a device be read.
     flags = os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0)
@@ -176,13 +146,7 @@ def read_bytes(path: str | os.PathLike[str], most: int, kind: str) -> bytes:
 
 
 def read_text(path: str | os.PathLike[str], most: int, kind: str) -> str:
-    """Return the UTF-8 text of a file of at most `most` bytes, without a byte order mark.
-
-    Raises
-    ------
-    OSError, TypeError, ValueError
-        As `read_bytes`; ValueError also for other bytes.
-    """
+    """Return the UTF-8 text of a file of at most `most` bytes, without a byte order mark."""
     data = read_bytes(path, most, kind)
     try:
         return data.decode("utf-8-sig").replace("\r\n", "\n")

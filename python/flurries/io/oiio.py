@@ -16,16 +16,12 @@ from flurries import _core
 
 @lru_cache(maxsize=1)
 def openimageio() -> Any:
-    """Import OpenImageIO and return the module, without its threads.
-
-    Its pools of threads are global, and a forked child inherits them without the threads: writing
-    an EXR then waits for ever, and so does the end of the process. Workers of data loaders are such
-    children. So everything happens in the calling thread, which lets go of the GIL: several frames
-    in several threads still use all cores. A large EXR has threads of its own while it is written,
-    see `packing_threads`.
-    """
+    """Import OpenImageIO and return the module, without its threads."""
     import OpenImageIO as library
 
+    # Its pools are global, and a forked child inherits them without the threads: writing an EXR
+    # then waits for ever. So all happens in the calling thread, which lets go of the GIL; a large
+    # EXR has threads while it is written, see `packing_threads`.
     library.attribute("threads", 1)
     library.attribute("exr_threads", -1)
     library.attribute(_LIMIT, 1)
@@ -36,11 +32,8 @@ _LIMIT, _LONGEST = "limits:imagesize_MB", 500
 
 
 def let_open(size: int) -> None:
-    """Let OpenImageIO open pictures of so many bytes.
-
-    Some formats are decoded when they are opened, so its own limit must hold them back. The limit
-    is one for the whole process and only grows: a thread may be opening a larger picture.
-    """
+    # Some formats are decoded when they are opened, so its own limit must hold them back. It is one
+    # for the whole process and only grows: a thread may be opening a larger picture.
     library, wanted = openimageio(), -(-size // 2**20)
     if wanted > library.get_int_attribute(_LIMIT):
         library.attribute(_LIMIT, min(wanted, 2**31 - 1))
@@ -50,19 +43,15 @@ def let_open(size: int) -> None:
 _packing = threading.RLock()
 if hasattr(os, "register_at_fork"):
     os.register_at_fork(
-        before=_packing.acquire,
-        after_in_parent=_packing.release,
-        after_in_child=_packing.release,
+        before=_packing.acquire, after_in_parent=_packing.release, after_in_child=_packing.release
     )
 
 
 @contextmanager
 def packing_threads() -> Iterator[None]:
-    """Let EXR be packed by as many threads as kernels use; they are gone at the end of the block.
-
-    OpenEXR has one pool, so one picture at a time has them; others are packed by their callers.
-    """
+    """Let EXR be packed by as many threads as kernels use, until the end of the block."""
     count = _core.threads()
+    # OpenEXR has one pool, so one picture at a time has them; others are packed by their callers.
     if count == 1 or not _packing.acquire(blocking=False):
         yield
         return
@@ -86,11 +75,9 @@ def _let_threads_go() -> None:
 
 
 def last_error(*holders: Any) -> str:
-    """Return OpenImageIO's message about the last failure, on one line, and clear it.
-
-    Messages pile up in the object that failed and in a global list, and an unread one would be
-    taken for the next file's.
-    """
+    """Return OpenImageIO's message about the last failure, on one line, and clear it."""
+    # Messages pile up in the object that failed and in a global list, and an unread one would be
+    # taken for the next file's.
     messages = []
     for holder in (*holders, openimageio()):
         try:

@@ -78,11 +78,7 @@ def _short(text: str) -> str:
 
 
 def with_percent(text: str) -> str:
-    """Return a file's name with the frame token of compositing programs as ``%04d``.
-
-    ``####`` has a digit for each "#", ``$F4`` is Houdini's; a name with another number of tokens
-    comes back as it is.
-    """
+    """Return a file's name with the frame token of compositing programs as ``%04d``."""
     folder, name = os.path.split(text)
     if "%" in name or len(found := _OTHER_TOKENS.findall(name)) != 1:
         return text

@@ -18,6 +18,7 @@ from flurries.io.color import Encoding
 from flurries.io.files import Budget, path_text
 from flurries.io.films.index import READABLE
 from flurries.io.films.reader import VideoReader
+from flurries.io.layers.depth import read_depth, require_depth
 from flurries.io.pictures.header import Header, read_header
 from flurries.io.pictures.reader import Picture, read_picture
 from flurries.io.sequences import Pattern, with_percent
@@ -138,7 +139,6 @@ class Source(ABC):
             raise error
 
     def _take(self, header: Header) -> None:
-        """Take what the first picture says."""
         self.size, self.encoding, self.display = header.size, header.encoding, header.display
         self.aspect = header.aspect
         self.fps = None if header.rate is None else float(header.rate)
@@ -164,61 +164,49 @@ class Source(ABC):
 
 
 # What reads a picture of a still or a sequence.
-Reader: TypeAlias = "Callable[[str | Path], Picture]"
+Reader: TypeAlias = "Callable[[Path], Picture]"
 
 
-class StillSource(Source):
-    """One picture for all frames."""
+class PictureSource(Source):
+    """One picture for all frames, or a file for each; frame 0 has the lowest number."""
 
-    def __init__(self, spec: str, damaged: str, read: Reader, overscan: bool = False) -> None:
-        super().__init__(spec, damaged)
-        self.read, self.first_file, self.overscan = read, Path(spec), overscan
-        self._take(read_header(spec, overscan=overscan))
-
-    def _read(self, number: int) -> Picture:
-        return self.read(self.spec)
-
-
-class SequenceSource(Source):
-    """A picture file per frame; frame 0 is the file with the lowest number."""
-
-    def __init__(self, spec: str, damaged: str, read: Reader, overscan: bool = False) -> None:
-        super().__init__(spec, damaged)
+    def __init__(self, path: Path, damaged: str, read: Reader, overscan: bool = False) -> None:
+        super().__init__(str(path), damaged)
         self.read, self.overscan = read, overscan
         # Only the name is a pattern: a folder may be called "50%".
-        self.folder, name = os.path.split(spec)
-        self.pattern = Pattern(name)
-        numbers = self.pattern.existing(self.folder)
-        if not numbers:
-            raise FileNotFoundError(errno.ENOENT, "No frame of this sequence is there", spec)
-        self.first = numbers[0]
-        self.count = numbers[-1] - numbers[0] + 1
-        self.first_file = self._path(self.first)
-        self._take(read_header(self.first_file, overscan=overscan))
+        self.pattern = Pattern(path.name) if _is_pattern(path) else None
+        if self.pattern is not None:
+            numbers = self.pattern.existing(str(path.parent))
+            if not numbers:
+                raise FileNotFoundError(
+                    errno.ENOENT, "No frame of this sequence is there", str(path)
+                )
+            self.first, self.count = numbers[0], numbers[-1] - numbers[0] + 1
+        self._take(read_header(self.file(0), overscan=overscan))
 
     def file(self, i: int) -> Path:
-        """Return the file that holds frame `i`, see `frame`."""
-        return self._path(self.first + self._number(i))
+        path = Path(self.spec)
+        if self.pattern is None:
+            return path
+        return path.parent / self.pattern.path(self.first + self._number(i))
 
     def gaps(self, span: Sequence[int]) -> list[int]:
-        """Return the numbers, of some that lie between the first and the last, without a file."""
-        there = set(self.pattern.existing(self.folder))
+        if self.pattern is None:
+            return []
+        there = set(self.pattern.existing(str(Path(self.spec).parent)))
         return [number for number in span if number not in there]
 
-    def _path(self, frame: int) -> Path:
-        return Path(self.folder) / self.pattern.path(frame)
-
     def _read(self, number: int) -> Picture:
-        frame = self.first + number
-        path = self._path(frame)
+        path, frame = self.file(number), self.first + number
+        if self.pattern is None:
+            return self.read(path)
         if not path.exists():
             raise FileNotFoundError(errno.ENOENT, f"Frame {frame} is missing", str(path))
         try:
             picture = self.read(path)
-        except OSError as error:
-            raise OSError(f"frame {frame}: {error}") from error
-        except ValueError as error:
-            raise ValueError(f"frame {frame}: {error}") from error
+        except (OSError, ValueError) as error:
+            kind = OSError if isinstance(error, OSError) else ValueError
+            raise kind(f"frame {frame}: {error}") from error
         if picture.size != self.size or picture.encoding != self.encoding:
             raise OSError(
                 f"frame {frame}: {path} is {picture.size[0]} x {picture.size[1]} px, "
@@ -242,21 +230,20 @@ class VideoSource(Source):
         self.size, self.count, self.fps = reader.size, reader.count, reader.fps
         self.tags = reader.tags
         self.aspect = float(self.tags.aspect)
-        if self.tags.interlaced:
+        refused = (
+            "interlaced, two moments in a frame: make it progressive first, such as by ffmpeg's "
+            "filter bwdif"
+            if self.tags.interlaced
+            else f"HDR ({self.tags.hdr}), whose values are no display values: convert it to an EXR "
+            "sequence first"
+            if self.tags.hdr is not None
+            else None
+        )
+        if refused is not None:
             reader.close()
-            raise ValueError(
-                f"{spec} is interlaced, two moments in a frame: make it progressive first, such as "
-                "by ffmpeg's filter bwdif"
-            )
-        if self.tags.hdr is not None:
-            reader.close()
-            raise ValueError(
-                f"{spec} is HDR ({self.tags.hdr}), whose values are no display values: convert it "
-                "to an EXR sequence first"
-            )
+            raise ValueError(f"{spec} is {refused}")
 
     def close(self) -> None:
-        """Close the file; asking for a frame opens it again."""
         super().close()
         with self._own_lock():
             reader, self._reader = self._reader, None
@@ -291,10 +278,8 @@ def open_background(
     damaged : {"stop", "hold"}
         Whether a frame that is missing or damaged is an error, or the last good frame before it
         stands in for it.
-    budget : Budget, optional
-        As `read_picture`; for each frame.
-    overscan : bool
-        As `read_picture`; a film has none.
+    budget, overscan
+        As `read_picture`; for each frame, and of pictures alone.
 
     Returns
     -------
@@ -318,21 +303,7 @@ def open_background(
     if path.suffix.lower() in READABLE and not _is_pattern(path):
         return VideoSource(str(path), damaged, budget)
     read = partial(read_picture, budget=budget, overscan=overscan)
-    return open_pictures("background", spec, read, damaged, overscan=overscan)
-
-
-def open_pictures(
-    name: str,
-    spec: str | os.PathLike[str],
-    read: Reader,
-    damaged: str = "stop",
-    *,
-    overscan: bool = False,
-) -> StillSource | SequenceSource:
-    """Open a still or a numbered sequence, whose files `read` reads; `name` is the argument's."""
-    path = _place(name, spec)
-    kind = SequenceSource if _is_pattern(path) else StillSource
-    return kind(str(path), damaged, read, overscan)
+    return PictureSource(path, damaged, read, overscan)
 
 
 def _place(name: str, spec: str | os.PathLike[str]) -> Path:
@@ -344,3 +315,35 @@ def _place(name: str, spec: str | os.PathLike[str]) -> Path:
 def _is_pattern(path: Path) -> bool:
     # A file whose own name holds a '%' is that file.
     return "%" in path.name and not path.exists()
+
+
+def open_depth(
+    spec: str | os.PathLike[str], *, budget: Budget | None = None, overscan: bool = False
+) -> Source:
+    """Open depth: a picture, or a numbered sequence of pictures.
+
+    Parameters
+    ----------
+    spec : str or path
+        ``depth.exr`` or ``depth.%04d.exr``; see :func:`read_depth`.
+    budget, overscan
+        As `read_picture`.
+
+    Returns
+    -------
+    Source
+        Its pictures' pixels are (H, W) float32.
+
+    Raises
+    ------
+    FileNotFoundError, OSError, ValueError
+        As :func:`read_depth`.
+    """
+    read = partial(_depth, budget=budget, overscan=overscan)
+    source = PictureSource(_place("depth", spec), "stop", read, overscan)
+    require_depth(source.file(0), budget)
+    return source
+
+
+def _depth(path: Path, *, budget: Budget | None, overscan: bool) -> Picture:
+    return Picture(read_depth(path, budget=budget, overscan=overscan), None, "linear", str(path))

@@ -19,36 +19,17 @@ def words_of(frames: Iterable[int]) -> str:
 
 @dataclass(frozen=True)
 class Span:
-    """The numbers that something has.
-
-    Attributes
-    ----------
-    name : str
-        What has them, for messages: "depth depth.%04d.exr".
-    first, last : int
-        Both included.
-    extend : {"stop", "hold", "loop"}
-        What stands for a number outside.
-    """
-
-    name: str
+    name: str  # What has them, for messages: "depth depth.%04d.exr".
     first: int
     last: int
-    extend: str = "stop"
+    extend: str = "stop"  # What stands for a number outside.
 
     @property
     def words(self) -> str:
-        """The numbers as people write them."""
         return f"{self.first}" if self.first == self.last else f"{self.first}-{self.last}"
 
     def number(self, wanted: int) -> int:
-        """Return the number, from first to last, that stands for a number.
-
-        Raises
-        ------
-        ValueError
-            If nothing does.
-        """
+        """Return the number, from first to last, that stands for a number."""
         if self.first <= wanted <= self.last:
             return wanted
         if self.extend == "stop":
@@ -64,7 +45,6 @@ class Span:
         return [number for number in wanted if not self.first <= number <= self.last]
 
     def complaint(self, wanted: Iterable[int]) -> str:
-        """Return the complaint about numbers outside."""
         numbers = list(wanted)
         noun = "frame" if len(numbers) == 1 else "frames"
         return (

@@ -19,11 +19,7 @@ _BLOCK = 2**20
 
 
 def check_structure(path: Path) -> None:
-    """Raise OSError if the file at `path` is empty, cut short, or, for PNG, damaged.
-
-    Known are PNG, with the checksum of every part that matters, MP4 and MOV, WebM and Matroska,
-    AVI. Other files pass: their decoders notice by themselves.
-    """
+    """Raise OSError if the file at `path` is empty, cut short, or, for PNG, damaged."""
     size = path.stat().st_size
     if size == 0:
         raise OSError(f"{path}: the file is empty")

@@ -15,20 +15,10 @@ _DROP = 1 << 6
 
 @dataclass(frozen=True)
 class TimeCode:
-    """A time code, as a number of frames since midnight.
+    """A time code, as a number of frames since midnight."""
 
-    Attributes
-    ----------
-    frames : int
-        From 0.
-    nominal : int
-        Frames that a second counts: 24, 25, 30, 60.
-    drop : bool
-        Whether numbers are left out so that the clock keeps pace with 29.97 frames a second.
-    """
-
-    frames: int
-    nominal: int
+    frames: int  # From 0.
+    nominal: int  # Frames that a second counts: 24, 25, 30, 60.
     drop: bool = False
 
     @staticmethod
@@ -75,7 +65,6 @@ class TimeCode:
 
     @property
     def parts(self) -> tuple[int, int, int, int]:
-        """Hours, minutes, seconds and frames."""
         count = self.frames
         if self.drop:
             skipped = self.nominal // 15
@@ -87,13 +76,11 @@ class TimeCode:
 
     @property
     def text(self) -> str:
-        """Such as "01:00:00:00"."""
         hours, minutes, seconds, frames = self.parts
         return f"{hours:02d}:{minutes:02d}:{seconds:02d}{';' if self.drop else ':'}{frames:02d}"
 
     @property
     def word(self) -> int:
-        """As OpenEXR's headers have it."""
         digits = ((part // 10 << 4) | part % 10 for part in self.parts)
         word = sum(two << place for two, place in zip(digits, _PLACES, strict=True))
         return word | (_DROP if self.drop else 0)

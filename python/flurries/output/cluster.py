@@ -32,19 +32,6 @@ _QUIET = 10.0
 def cluster(
     shared: Any, where: Any, patience: float = 60.0, count: int | None = None
 ) -> Iterator[Crew]:
-    """Yield a crew of Dask's workers.
-
-    Parameters
-    ----------
-    shared : object
-        What tasks share; sent once.
-    where : True, "", str or distributed.Client
-        A cluster made on this machine, a scheduler's address, or a client.
-    patience : float
-        How long to wait while there are no workers, seconds.
-    count : int, optional
-        Workers of a cluster made here; as many as there are cores if not given.
-    """
     patience = real("patience", patience, low=0.0)
     with _client(where, count) as client:
         # A task that makes it again if its worker dies, as data sent to a worker would not be.

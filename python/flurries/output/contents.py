@@ -1,62 +1,47 @@
-"""What is in a frame's file: the composite, the weather alone, or all layers; one eye or two."""
+"""A scene's frames as files: the composite, the weather alone, or all layers; one eye or two."""
 
 from __future__ import annotations
 
 import hashlib
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from flurries._contract import Array
+from flurries._threads import reproducible
 from flurries.camera.lens import Camera
 from flurries.frame.truth import Rendered
-from flurries.io import write_layer_views, write_layers, write_picture
+from flurries.io import Pattern, write_layer_views, write_layers, write_picture
 from flurries.io.color import to_display, to_integer, to_linear, to_unit, unmultiply
 from flurries.io.colorspace import ColorSpace
 from flurries.io.layers.deep import write_deep
-from flurries.io.pictures.writer import format_of
+from flurries.io.pictures.slate import Slate
+from flurries.io.pictures.writer import Format, format_of
 from flurries.output.deep import deep_of
+from flurries.output.mark import Mark
+from flurries.output.store import Disk, Store
+from flurries.scene.fingerprint import Inputs, settings
 from flurries.scene.output import MOTION
 from flurries.scene.scene import Scene
 
 
 @dataclass(frozen=True)
 class Content:
-    """The contents of a frame's files, and how they are encoded.
+    """The contents of a frame's files, and how they are encoded."""
 
-    Attributes
-    ----------
-    kind : {"composite", "alone", "layers", "deep"}
-        The picture; the weather as RGBA; everything that is known, as named channels; or the
-        weather as deep samples.
-    bits : 8, 10, 16, "half", "float" or None
-        Of a color; what the format and the background have if None.
-    codec : str or None
-        Quality of a film.
-    motion : {"y-down", "y-up"}
-        Which way the second number of motion vectors counts.
-    compression : str
-        How an EXR is packed, as `flurries.io.write_picture` takes it.
-    space : ColorSpace or None
-        What is written, of a scene that says its own.
-    eyes : mapping of str to Camera, optional
-        Views instead of the one of the path's camera.
-    """
-
-    kind: str = "composite"
-    bits: int | str | None = None
-    codec: str | None = None
-    motion: str = "y-down"
-    eyes: Mapping[str, Camera] | None = None
-    compression: str = "zip"
-    space: ColorSpace | None = None
+    kind: str = "composite"  # The picture, or of the weather "alone", "layers" or "deep".
+    bits: int | str | None = None  # Of a color; what the format and the background have if None.
+    codec: str | None = None  # Of a film.
+    motion: str = "y-down"  # Which way the second number of motion vectors counts.
+    eyes: Mapping[str, Camera] | None = None  # Views instead of the one of the path's camera.
+    compression: str = "zip"  # How an EXR is packed, as `flurries.io.write_picture` takes it.
+    space: ColorSpace | None = None  # What is written, of a scene that says its own.
 
     @property
     def mark(self) -> str:
-        """The mark that tells files of one scene but other content apart."""
         words = ["half" if self.bits is None else str(self.bits), self.kind]
         words += [word for word in (self.codec,) if word is not None]
         words += ["y-up"] if self.motion == "y-up" and self.kind == "layers" else []
@@ -88,7 +73,7 @@ class Content:
     def save(self, scene: Scene, path: Path, frame: Any, metadata: dict[str, Any]) -> None:
         """Write a rendered frame, with what the background says of itself."""
         form = format_of(path)
-        half, bits = self.bits != "float", self.bits if isinstance(self.bits, int) else None
+        half = self.bits != "float"
         slate = scene.slate(int(metadata["frame"]))
         if self.space is not None and scene.color is not None:
             apart = self.kind in ("layers", "deep") or self.eyes
@@ -110,32 +95,29 @@ class Content:
             write_layer_views(path, views, **more)
         elif self.kind == "layers":
             write_layers(path, self._planes(scene, frame), **more)
-        elif self.kind == "alone":
-            encoding = "linear" if scene.linear else "display"
-            if bits is None and self.bits != "float" and form.bits and not form.only_floats:
-                bits = 16 if scene.deep else 8
-            pixels = weather(frame)
-            if self.space is not None:
-                pixels, encoding = self._colored(scene, pixels), self._encoding
-            packed = self.compression
-            write_picture(path, pixels, encoding=encoding, bits=bits, compression=packed, **more)
         else:
-            frame = frame if form.alpha else without_alpha(frame, path)
-            if bits is None and form.name == "dpx":
-                bits = slate.bits if slate.bits in form.bits else 10
-            encoding = None
+            alone, encoding = self.kind == "alone", None
+            pixels = frame if form.alpha or alone else without_alpha(frame, path)
+            if alone:
+                pixels, encoding = weather(frame), "linear" if scene.linear else "display"
             if self.space is not None:
-                frame, encoding = self._colored(scene, frame), self._encoding
-                if bits is None and form.bits and not form.only_floats and encoding == "display":
-                    bits = slate.bits if slate.bits in form.bits else 8
-            packed = self.compression
-            write_picture(path, frame, encoding=encoding, bits=bits, compression=packed, **more)
+                pixels = self._colored(scene, pixels)
+                encoding = "linear" if self.space.linear else "display"
+            more["bits"] = self._bits_in(form, slate, encoding, deep=scene.deep)
+            write_picture(path, pixels, encoding=encoding, compression=self.compression, **more)
 
-    @property
-    def _encoding(self) -> str:
-        """The encoding of the numbers in the color space that is written."""
-        assert self.space is not None
-        return "linear" if self.space.linear else "display"
+    def _bits_in(
+        self, form: Format, slate: Slate, encoding: str | None, *, deep: bool
+    ) -> int | None:
+        """Return the bits of a color of a picture; None where the pixels decide."""
+        if isinstance(self.bits, int) or not form.bits:
+            return self.bits if isinstance(self.bits, int) else None
+        if self.kind == "alone":
+            return None if self.bits == "float" else 16 if deep else 8
+        known = slate.bits if slate.bits in form.bits else None
+        if form.name == "dpx":
+            return known or 10
+        return known or 8 if self.space is not None and encoding == "display" else None
 
     def _colored(self, scene: Scene, pixels: Array) -> Array:
         """Return premultiplied light of the scene's working space in what is written."""
@@ -162,23 +144,7 @@ class Content:
 
 
 def planes(rendered: Rendered, *, up: bool = False) -> dict[str, Array]:
-    """Return a frame as the layers of an EXR, see `flurries.io.write_layers`.
-
-    Parameters
-    ----------
-    rendered : Rendered
-    up : bool
-        Whether the second number of motion vectors counts upwards.
-
-    Returns
-    -------
-    dict of str to array
-        ``rgba``, the composite in linear light with alpha 1; each layer by its name, and the
-        ``background`` and ``foreground`` that it lies between, in the light of the composite;
-        ``NAME.depth``, ``NAME.forward``, ``NAME.backward``, ``NAME.coverage`` and ``NAME.id``
-        (int64, 0 where there is no flake); of the layers together ``alpha``, ``forward``,
-        ``backward`` and ``weather.depth``; and ``depth``, the background's.
-    """
+    """Return a frame as the layers of an EXR, see `flurries.io.write_layers`."""
 
     def turned(motion: Array | None) -> Any:
         return motion * np.array([1.0, -1.0], np.float32) if up and motion is not None else motion
@@ -222,13 +188,7 @@ def _light(image: Array) -> Array:
 
 
 def without_alpha(image: Array, path: object) -> Array:
-    """Return an image for a file that holds no alpha.
-
-    Raises
-    ------
-    ValueError
-        If something is transparent in it.
-    """
+    """Return an image for a file that holds no alpha."""
     if image.shape[2] == 3:
         return image
     if not (to_unit(image[..., 3]) == 1.0).all():
@@ -237,7 +197,6 @@ def without_alpha(image: Array, path: object) -> Array:
 
 
 def display_levels(image: Array, bits: int) -> Array:
-    """Return (H, W, 3) uint8 or uint16 display values of a rendered image."""
     if image.dtype.itemsize * 8 == bits and image.dtype.kind == "u":
         return image
     return to_integer(to_display(image, "display" if image.dtype.kind == "u" else "linear"), bits)
@@ -250,3 +209,58 @@ def straight_levels(rendered: Rendered, bits: int) -> Array:
     colors = unmultiply(layer[..., :3], cover)
     colors = to_display(colors, "linear" if rendered.linear else "display")
     return to_integer(np.concatenate([colors, cover], axis=2), bits)
+
+
+@dataclass
+class Frames:
+    """A `Job` of one scene's frames."""
+
+    scene: Scene  # What to render. Its files are read again, whatever it has kept of them.
+    content: Content  # What a file holds.
+    pattern: str  # The files' names; without a token the name of one still.
+    store: Store = field(default_factory=Disk)  # Where the files are kept.
+    overwrite: bool = False
+    listed: bool = True  # See `flurries.output.sequence.Job`.
+    skip: bool = False  # Whether frames whose background cannot be read are left out.
+    tolerant: bool = False
+    folder: Path = field(init=False)
+    inputs: Inputs = field(init=False)
+    _mark: str = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.scene = self.scene.anew()
+        self.folder = Path(self.pattern).parent
+        self.inputs = Inputs(self.scene)
+        # Frames of the two modes are never mixed.
+        mode = "-reproducible" if reproducible() else ""
+        self._mark = f"{settings(self.scene)}-{self.content.mark}{mode}"
+
+    def path_of(self, index: int) -> Path:
+        still = "%" not in Path(self.pattern).name
+        return Path(self.pattern) if still else Pattern(self.pattern).path(index)
+
+    def mark_of(self, index: int) -> Mark:
+        return Mark(self._mark, index, self.inputs.of(index), self.inputs.names)
+
+    def make(self, index: int) -> Any:
+        if self.skip and not is_readable(self.scene, index):
+            return None
+        return self.content.render(self.scene, index)
+
+    def save(self, path: Path, made: Any, header: dict[str, Any]) -> None:
+        self.content.save(self.scene, path, made, {**header, "seed": self.scene.seed})
+
+    def notes(self, index: int) -> dict[str, Any]:
+        return {}
+
+    def stands_in(self, index: int) -> bool:
+        return index in self.scene.held
+
+
+def is_readable(scene: Scene, number: int) -> bool:
+    """Whether background and depth of a frame can be read."""
+    try:
+        scene.look(number)
+    except (OSError, ValueError):
+        return False
+    return True

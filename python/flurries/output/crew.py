@@ -31,24 +31,12 @@ _LATE = 5.0
 
 @dataclass(frozen=True)
 class Crew:
-    """Who does the work of one `shared` thing in tasks.
+    """Who does the work of one `shared` thing in tasks."""
 
-    Attributes
-    ----------
-    submit : callable
-        Takes a task and its arguments after the shared one; returns a future.
-    threads : callable
-        Says how many tasks run at once.
-    look : callable
-        Is called while no task ends; raises where none can end any more.
-    remote : bool
-        Whether files that were written may be on another machine.
-    """
-
-    submit: Callable[..., Any]
-    threads: Callable[[], int]
-    look: Callable[[], None]
-    remote: bool
+    submit: Callable[..., Any]  # Takes a task and its arguments after the shared one.
+    threads: Callable[[], int]  # Says how many tasks run at once.
+    look: Callable[[], None]  # Is called while no task ends; raises where none can end any more.
+    remote: bool  # Whether files that were written may be on another machine.
 
 
 def make(
@@ -111,11 +99,7 @@ def _require_here(job: Job, done: Done) -> None:
 
 
 def results(
-    crew: Crew,
-    task: Callable[[list[int]], Any],
-    groups: list[list[int]],
-    *,
-    in_order: bool = False,
+    crew: Crew, task: Callable[[list[int]], Any], groups: list[list[int]], *, in_order: bool = False
 ) -> Iterator[tuple[list[int], Any]]:
     """Do a task for each group; yield groups and results as they come, or in order."""
     waiting = iter(groups)
@@ -194,7 +178,6 @@ def _with_shared(task: Callable[..., Any], *arguments: Any) -> Any:
 
 @contextmanager
 def processes(shared: Any, count: int) -> Iterator[Crew]:
-    """Yield a crew of processes."""
     # Spawned, not forked: what the caller's threads hold is not carried along.
     context = multiprocessing.get_context("spawn")
     with ProcessPoolExecutor(count, context, _begin, (shared,)) as pool:

@@ -24,18 +24,7 @@ MOST_SAMPLES = 1 << 24
 
 
 def deep_of(scene: Scene, number: float) -> Deep:
-    """Return the weather of a frame as deep samples, without background and foreground's picture.
-
-    The air is cut into slices by depth, and the scene is rendered before a wall at the end of each:
-    a sample is what a slice adds to the opacity, and lies from where the sample before it ends to
-    the slice's end. Samples over each other are each effect's layer, within 1e-4. Of two effects
-    the nearer sample covers, whatever their order in the scene.
-
-    Raises
-    ------
-    ValueError
-        If there are more samples than `MOST_SAMPLES`.
-    """
+    """Return the weather of a frame as deep samples, without background and foreground."""
     there = scene.depth_at(number)
     limit = np.full(scene.shape, 2.0 * LAST, np.float32)
     if there is not None:

@@ -19,7 +19,7 @@ from flurries.io.films.codecs import bits_for, frame_rate
 from flurries.io.films.sound import Sound, has_sound
 from flurries.io.films.tags import Tags
 from flurries.io.films.writer import comment_of
-from flurries.output.frames import Frames, is_readable
+from flurries.output.contents import Frames, is_readable
 from flurries.output.groups import images
 from flurries.output.mark import Refused
 from flurries.output.sequence import Done, Progress
@@ -40,15 +40,7 @@ def write_film(
     dask: Any,
     patience: float,
 ) -> tuple[Done, str]:
-    """Render frames into a video, unless the very same one is there.
-
-    Returns
-    -------
-    done : Done
-        Frames that are in it, and those whose background cannot be read.
-    heard : str
-        What became of the sound, see `Summary`.
-    """
+    """Render frames into a video, unless the very same one is there."""
     scene, path, done = job.scene, Path(job.pattern), Done()
     assert scene.size is not None
     _require_other_file(scene, path)
@@ -105,7 +97,6 @@ def write_film(
 
 
 def _mark(job: Frames, frames: list[int], quality: str, part: Sound | None) -> tuple[str, str]:
-    """Return a film's mark: a hash of its scene, and one of the files that it is made of."""
     first = replace(job.mark_of(frames[0]), inputs="", frame=0)
     heard = part and (part.start, part.length)
     scene = repr((first, frames, quality, heard, job.skip))
@@ -183,7 +174,6 @@ def _sound(scene: Scene, frames: list[int], skip: bool) -> tuple[str, Sound | No
 
 
 def _require_other_file(scene: Scene, path: Path) -> None:
-    """Refuse to write a film over the one that is being read."""
     film = scene.film
     if film is not None and path.exists() and path.samefile(film.spec):
         raise ValueError(f"{path} is the scene's own background; choose another name")

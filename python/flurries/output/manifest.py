@@ -5,18 +5,15 @@ from __future__ import annotations
 import json
 import os
 import warnings
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
 from flurries import __version__
-from flurries.io import read_header, read_picture, replacing
+from flurries.io import read_header, read_picture
 from flurries.io.files import read_text
-from flurries.io.pictures.seal import is_broken
-from flurries.output.claims import awaited
+from flurries.io.pictures.metadata import is_broken
 from flurries.scene.fingerprint import hash_of
-
-__all__ = ["NAME", "check", "read"]
 
 NAME = "flurries.json"
 
@@ -27,27 +24,7 @@ _HEAD = '{\n "flurries": "'
 
 
 def read(folder: str | os.PathLike[str]) -> dict[str, dict[str, Any]]:
-    """Return the entries of a folder's manifest by the names of the files.
-
-    Returns
-    -------
-    dict of str to dict
-        ``frame``, ``scene`` and what else the file's own header says, ``bytes`` and ``sha256`` of
-        each file. None of them where there is no manifest. Where one of ours is empty or cut short,
-        what the frames in the folder say of themselves.
-
-    Raises
-    ------
-    ValueError
-        If ``flurries.json`` is something else.
-    OSError
-        If it cannot be read, or is no plain file.
-
-    Warns
-    -----
-    UserWarning
-        If the manifest is empty or cut short.
-    """
+    """Return the entries of a folder's manifest by the names of the files."""
     path = Path(folder) / NAME
     try:
         text = read_text(path, MOST_BYTES, "manifest")
@@ -58,13 +35,7 @@ def read(folder: str | os.PathLike[str]) -> dict[str, dict[str, Any]]:
 
 
 def parse(text: str, path: Path | str) -> dict[str, dict[str, Any]] | None:
-    """Return the entries in a manifest's text; None, with a warning, where it is cut short.
-
-    Raises
-    ------
-    ValueError
-        If it is something else.
-    """
+    """Return the entries in a manifest's text; None, with a warning, where it is cut short."""
     try:
         found = json.loads(text)
     except (ValueError, RecursionError):
@@ -111,60 +82,7 @@ def entry(path: Path, said: dict[str, Any]) -> dict[str, Any]:
     return {**said, **numbers, "bytes": path.stat().st_size, "sha256": hash_of(path)}
 
 
-def update(folder: Path, entries: dict[str, dict[str, Any]]) -> None:
-    """Add entries to a folder's manifest; safe beside other processes that do so too."""
-    target = folder / NAME
-    claim = awaited(target)
-    try:
-        text = text_of({**read(folder), **entries})
-        with replacing(target) as temporary:
-            temporary.write_text(text, encoding="utf-8")
-    finally:
-        claim.release()
-
-
 def text_of(entries: dict[str, dict[str, Any]]) -> str:
     """Return the text of a manifest: the same whatever order entries came in."""
     ordered = {name: dict(sorted(said.items())) for name, said in sorted(entries.items())}
     return json.dumps({"flurries": __version__, "files": ordered}, indent=1) + "\n"
-
-
-def check(folder: str | os.PathLike[str]) -> list[str]:
-    """Compare the files of a folder with its manifest.
-
-    Returns
-    -------
-    list of str
-        One sentence for each file that is missing or has changed; none if all is well.
-
-    Raises
-    ------
-    FileNotFoundError
-        If the folder has no manifest.
-    ValueError, OSError
-        If ``flurries.json`` is none, or something cannot be read.
-    """
-    place = Path(folder)
-    if not (place / NAME).exists():
-        raise FileNotFoundError(f"{place / NAME}: no manifest is there")
-
-    def told(name: str) -> str | None:
-        path = place / name
-        inside = path.resolve().is_relative_to(place.resolve())
-        return hash_of(path) if inside and path.is_file() else None
-
-    return differences(read(place), place, told)
-
-
-def differences(
-    entries: dict[str, dict[str, Any]], place: Path | str, told: Callable[[str], str | None]
-) -> list[str]:
-    """Return a sentence for each file that is not what its entry says; `told` gives hashes."""
-    wrong = []
-    for name, said in entries.items():
-        found = told(name)
-        if found is None:
-            wrong.append(f"{place}/{name} is missing")
-        elif found != said.get("sha256"):
-            wrong.append(f"{place}/{name} has changed")
-    return wrong

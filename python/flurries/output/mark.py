@@ -9,7 +9,7 @@ from typing import Any
 
 from flurries.io import read_header, read_picture
 from flurries.io.layers.deep import read_deep, read_deep_header
-from flurries.io.pictures.seal import is_broken
+from flurries.io.pictures.metadata import is_broken
 from flurries.output import manifest
 from flurries.scene.fingerprint import BITS, hash_of
 
@@ -28,25 +28,13 @@ class Refused(ValueError):
 
 @dataclass(frozen=True)
 class Mark:
-    """The note in a file of how it was made.
+    """The note in a file of how it was made."""
 
-    Attributes
-    ----------
-    scene : str
-        What tells its kind from others': the scene, what is in a file, the mode.
-    frame : int
-        Which of them it is.
-    inputs, names : str
-        Hashes of the files that it was made of: of their bytes, and of what they are called.
-    bits : int
-        See :data:`flurries.scene.fingerprint.BITS`.
-    """
-
-    scene: str
-    frame: int
+    scene: str  # What tells its kind from others': the scene, what is in a file, the mode.
+    frame: int  # Which of them it is.
     inputs: str = ""
-    names: str = ""
-    bits: int = BITS
+    names: str = ""  # Hashes of what the files that it was made of hold, and are called.
+    bits: int = BITS  # See :data:`flurries.scene.fingerprint.BITS`.
 
     @property
     def header(self) -> dict[str, Any]:
@@ -58,27 +46,9 @@ class Mark:
         return all(str(said.get(key, "")) == str(value) for key, value in asdict(self).items())
 
     def settled(
-        self, path: Path, said: Mapping[str, Any] | None, name: str | None = None
+        self, path: Path, said: Mapping[str, Any] | None, name: Path | str | None = None
     ) -> dict[str, Any] | None:
-        """Return the manifest's entry of a file that is there and right.
-
-        None where it is to be made: nothing is there, or it is damaged, or what it was made of has
-        changed since.
-
-        Parameters
-        ----------
-        path : Path
-            The file.
-        said : mapping, optional
-            What the manifest says of it.
-        name : str, optional
-            What a user calls it, if not by its path.
-
-        Raises
-        ------
-        Refused
-            If it is of another scene, of another version with other bits, or nothing of ours.
-        """
+        """Return the manifest's entry of a file that is there and right."""
         if not path.exists():
             return None
         listed = said is not None and self.is_of(said)

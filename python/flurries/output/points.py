@@ -12,10 +12,10 @@ from typing import Any
 import numpy as np
 
 from flurries._contract import Array
+from flurries.camera.importers.usd import require_usd
 from flurries.effects.points import STEP, drawn_of, step_after, velocities
 from flurries.frame.mixing import free_name
 from flurries.io.atomic import replacing
-from flurries.io.usd import require_usd
 from flurries.output.mark import Refused
 from flurries.output.sequence import Done, Progress
 from flurries.scene.fingerprint import fingerprint
@@ -36,32 +36,7 @@ MOST_POINTS = 100_000_000
 def write_points(
     scene: Scene, path: Path, frames: Sequence[int], progress: Progress, *, overwrite: bool
 ) -> Done:
-    """Write the flakes that are in view, and the camera, to a USD stage.
-
-    The stage has y up and metres, and its time codes are frame numbers. Each snow or rain is a
-    ``Points`` below ``/flurries`` with velocities (m/s), widths (m), ids and opacities; a frame has
-    the flakes that are in view then, whatever stands before them.
-
-    Parameters
-    ----------
-    scene : Scene
-    path : Path
-        ``.usd``, ``.usda`` or ``.usdc``.
-    frames : sequence of int
-    progress : callable
-        Wraps the frames.
-    overwrite : bool
-        Replace what is there, whatever it is.
-
-    Raises
-    ------
-    ImportError
-        If usd-core is not installed (``flurries[usd]``).
-    ValueError
-        If no effect has flakes, if there are too many, or something else is in the way.
-    OSError
-        If the file cannot be written; no half-written one stays.
-    """
+    """Write the flakes that are in view, and the camera, to a USD stage."""
     Gf, Sdf, Usd, UsdGeom, Vt = require_usd()
     names: dict[str, Any] = {}
     for effect in scene.effects:
@@ -124,8 +99,6 @@ def points_at(scene: Scene, names: dict[str, Any], number: float) -> dict[str, A
 
 
 def _set_points(prim: Any, flakes: Array, speed: Array, time: float, UsdGeom: Any, Vt: Any) -> None:
-    """Set a frame's flakes."""
-
     def vectors(values: Array) -> Any:
         return Vt.Vec3fArray.FromNumpy(np.ascontiguousarray(values * _UP, np.float32))
 
@@ -146,7 +119,6 @@ def _set_points(prim: Any, flakes: Array, speed: Array, time: float, UsdGeom: An
 
 
 def _set_camera(camera: Any, pose: Any, scene: Scene, number: int, Gf: Any) -> None:
-    """Set the camera as it looks at a frame."""
     program = scene.program
     t = scene.time_of(number)
     eye = program.camera(None, t)

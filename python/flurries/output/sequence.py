@@ -1,4 +1,4 @@
-"""Files that are made one by one: what is there stays, what others make is left to them."""
+"""Files that are made one by one: what is there and right stays."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from flurries._threads import reproducible, threads
 from flurries.io.pictures.writer import format_of
 from flurries.output import manifest
 from flurries.output.mark import Mark, Refused
-from flurries.output.store import Held, Store
+from flurries.output.store import Store
 
 # Files that are encoded while the next is made, at most; each holds a picture in memory.
 MOST_WRITERS = 8
@@ -24,24 +24,13 @@ Entries: TypeAlias = dict[str, dict[str, Any]]
 
 
 class Job(Protocol):
-    """Files that can be made in any order, by anybody: the frames of a scene, or a set of pictures.
+    """Files that can be made in any order, by anybody: frames of a scene, or a set of pictures."""
 
-    Attributes
-    ----------
-    store : Store
-        Where they are kept.
-    folder : Path
-        In which, or below which, all of them lie; it gets the manifest.
-    overwrite, listed, tolerant : bool
-        Whether files that are there are made again; whether the folder gets a manifest; whether one
-        that fails is left out, or stops the others.
-    """
-
-    store: Store
-    folder: Path
-    overwrite: bool
-    listed: bool
-    tolerant: bool
+    store: Store  # Where they are kept.
+    folder: Path  # In which, or below which, all of them lie; it gets the manifest.
+    overwrite: bool  # Whether files that are there are made again.
+    listed: bool  # Whether the folder gets a manifest.
+    tolerant: bool  # Whether a file that fails is left out, or stops the others.
 
     def path_of(self, index: int) -> Path:
         """Return the file of an index."""
@@ -74,14 +63,12 @@ class Done:
     entries: dict[int, dict[str, Any]] = field(default_factory=dict)
 
     def add(self, other: Done) -> None:
-        """Add what became of others."""
         for name in ("written", "kept", "skipped", "held"):
             getattr(self, name).extend(getattr(other, name))
         self.failed.update(other.failed)
         self.entries.update(other.entries)
 
     def sort(self, indices: list[int]) -> None:
-        """Bring it into the order of the indices."""
         order = {index: place for place, index in enumerate(indices)}
         for numbers in (self.written, self.kept, self.skipped, self.held):
             numbers.sort(key=order.__getitem__)
@@ -96,19 +83,7 @@ def name_of(job: Job, index: int) -> str:
 
 
 def run(job: Job, indices: list[int], progress: Progress, spread: Spread | None = None) -> Done:
-    """Make the files that are missing, and list them.
-
-    Parameters
-    ----------
-    job : Job
-        What to make.
-    indices : list of int
-        Which of them.
-    progress : callable
-        Wraps the indices.
-    spread : callable, optional
-        Who makes them, as `make`, which is what this process does by itself.
-    """
+    """Make the files that are missing, and list them."""
     first = job.path_of(indices[0])
     # Before anything is made: a format that can be written, in a place that can be.
     format_of(first)
@@ -135,17 +110,12 @@ def run(job: Job, indices: list[int], progress: Progress, spread: Spread | None 
 def make(job: Job, indices: list[int], known: Entries, progress: Progress, done: Done) -> None:
     """Make the files that are missing in this process; `known` is what the manifest says."""
     work = _Work(job, known, done)
-    wanted = [index for index in indices if not work.is_settled(index)]
-    others = work.round(progress(wanted), job.store.claimed)
-    # What others were making should be there by now, unless they were killed.
-    work.round(others, job.store.awaited)
+    work.make(progress([index for index in indices if not work.is_settled(index)]))
     done.held += [index for index in done.written if job.stands_in(index)]
 
 
 @dataclass(frozen=True)
 class _Work:
-    """A job in this process."""
-
     job: Job
     known: Entries
     done: Done
@@ -179,35 +149,23 @@ class _Work:
                 raise
             self.done.failed[index] = f"{type(error).__name__}: {error}"
 
-    def round(self, indices: Iterable[int], claiming: Callable[[Path], Held | None]) -> list[int]:
-        """Make the files that can be claimed; return the others."""
-        others = []
+    def make(self, indices: Iterable[int]) -> None:
+        """Make files; while one is written, the next is made."""
         # Writers work as this thread does.
         setting = threads(), reproducible()
         count = min(max(threads(), 2), MOST_WRITERS)
         with ThreadPoolExecutor(count, "writer", _core.set_scope, setting) as writers:
             pending: list[Future[None]] = []
             for index in indices:
-                claim = claiming(self.job.path_of(index))
-                if claim is None:
-                    others.append(index)
-                    continue
                 made: tuple[Mark, Any] | None = None
-                try:
-                    with self._excused(index):
-                        made = self._made(index)
-                    while len(pending) >= count:
-                        pending.pop(0).result()
-                except BaseException:
-                    claim.release()
-                    raise
-                if made is None:
-                    claim.release()
-                else:
-                    pending.append(writers.submit(self._save, index, *made, claim))
+                with self._excused(index):
+                    made = self._made(index)
+                while len(pending) >= count:
+                    pending.pop(0).result()
+                if made is not None:
+                    pending.append(writers.submit(self._save, index, *made))
             for written in pending:
                 written.result()
-        return others
 
     def _made(self, index: int) -> tuple[Mark, Any] | None:
         """Return a file's contents and its mark; None if there is nothing to be done."""
@@ -224,14 +182,10 @@ class _Work:
             raise OSError(f"{name}: what it is made of changed meanwhile; run again")
         return mark, made
 
-    def _save(self, index: int, mark: Mark, made: Any, claim: Held) -> None:
-        path = self.job.path_of(index)
-        try:
-            with self._excused(index):
-                with self.job.store.placing(path) as place:
-                    self.job.save(place, made, {**mark.header, "version": __version__})
-                    entry = manifest.entry(place, mark.header)
-                self.done.entries[index] = {**entry, **self.job.notes(index)}
-                self.done.written.append(index)
-        finally:
-            claim.release()
+    def _save(self, index: int, mark: Mark, made: Any) -> None:
+        with self._excused(index):
+            with self.job.store.placing(self.job.path_of(index)) as place:
+                self.job.save(place, made, {**mark.header, "version": __version__})
+                entry = manifest.entry(place, mark.header)
+            self.done.entries[index] = {**entry, **self.job.notes(index)}
+            self.done.written.append(index)

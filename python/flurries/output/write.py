@@ -20,17 +20,15 @@ from flurries.io import Pattern
 from flurries.io.colorspace import ColorSpace
 from flurries.io.pictures.writer import format_of
 from flurries.io.sequences import VIDEO_EXTENSIONS, with_percent
-from flurries.output.bucket import store_of
 from flurries.output.cluster import cluster
-from flurries.output.contents import Content
+from flurries.output.contents import Content, Frames
 from flurries.output.crew import make
 from flurries.output.film import write_film
-from flurries.output.frames import Frames
 from flurries.output.groups import grouped
 from flurries.output.points import EXTENSIONS as USD
 from flurries.output.points import write_points
 from flurries.output.sequence import Progress, run
-from flurries.output.store import Disk
+from flurries.output.store import Disk, store_of
 from flurries.scene.numbers import Frames as Numbers
 from flurries.scene.numbers import frames_of
 from flurries.scene.rendering import Rendering
@@ -85,10 +83,7 @@ def write(
     dask_patience: float = 60.0,
     progress: Progress | None = None,
 ) -> Summary:
-    """Render frames to files; see :meth:`flurries.Scene.write`.
-
-    `output` has the fields of :class:`flurries.Output` that are not the scene's own.
-    """
+    """Render frames to files; see :meth:`flurries.Scene.write`."""
     scene = expect_scene(scene)
     started = time.monotonic()
     known = tuple(inspect.signature(Rendering.write).parameters)[1:]

@@ -19,32 +19,12 @@ _FEWEST, _MOST = 32, 56
 
 @dataclass(frozen=True)
 class Chart:
-    """The spectrum and the tent of one tile.
-
-    Attributes
-    ----------
-    rate : (n, n) float32
-        Cycles per frame of each wave; frequencies from -1/2 to 1/2 cycles per pixel, dc in the
-        middle, y down.
-    power : (n, n) float32
-        Squared amplitude of each wave over the largest without aliasing and shutter; NaN outside
-        the band.
-    velocity : (vx, vy)
-        Pixels per frame of the longest wave.
-    band : (shortest, longest)
-        Pixels.
-    tile : (left, top, size)
-        The tile in pixels.
-    kept : float
-        Share of the power that aliasing and shutter leave.
-    """
-
-    rate: Array
-    power: Array
-    velocity: tuple[float, float]
-    band: tuple[float, float]
-    tile: tuple[int, int, int]
-    kept: float
+    rate: Array  # Cycles per frame of each wave.
+    power: Array  # Squared amplitude of each wave over the largest without aliasing and shutter.
+    velocity: tuple[float, float]  # Pixels per frame of the longest wave.
+    band: tuple[float, float]  # Pixels.
+    tile: tuple[int, int, int]  # The tile in pixels.
+    kept: float  # Share of the power that aliasing and shutter leave.
 
 
 def field_of(effect: object) -> Field | None:
@@ -53,23 +33,7 @@ def field_of(effect: object) -> Field | None:
 
 
 def chart(scene: Scene, t: float, index: int, at: tuple[float, float]) -> Chart | None:
-    """Return the chart of the tile of an effect at a place of the picture.
-
-    Parameters
-    ----------
-    scene : Scene
-    t : float
-        Frame number.
-    index : int
-        Of the effect.
-    at : (x, y)
-        Shares of the width and height, 0 to 1.
-
-    Returns
-    -------
-    Chart or None
-        None for an effect without a texture.
-    """
+    """Return the chart of the tile of an effect at a place of the picture."""
     if not 0 <= index < len(scene.effects):
         return None
     effect = scene.effects[index]
@@ -94,11 +58,7 @@ def chart(scene: Scene, t: float, index: int, at: tuple[float, float]) -> Chart 
     band = (max(shortest, 2.0), min(longest, float(side)))
     amplitude = spectral.band_amplitude(size, wavelengths=band, exponent=asked.exponent)
     left_over = spectral.temporal_filter(
-        amplitude,
-        velocity,
-        alias=asked.alias,
-        shutter=asked.shutter,
-        wavelength_max=longest,
+        amplitude, velocity, alias=asked.alias, shutter=asked.shutter, wavelength_max=longest
     )
     power = left_over**2 / np.max(amplitude**2)
     power[amplitude == 0.0] = math.nan

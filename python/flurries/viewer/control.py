@@ -1,49 +1,49 @@
-"""What a page shows for one number, choice or color of a scene, and what it may send back."""
+"""What a page shows for one number, choice or color of a scene, and what it may send back.
+
+Looks by name and colors of effects are such rows.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from typing import Any, Literal, TypeAlias
 
+import numpy as np
+
 from flurries._contract import choice, real
+from flurries.effects.color import AMBIENT, LOCAL
 from flurries.io.color import parse_hex
+from flurries.motion.keys import Keys, value_at
+from flurries.scene.scene import Scene
 
 Kind: TypeAlias = Literal["slider", "choice", "color"]
+
+PRESET, COLOR = "preset", "color"
+
+# The look that a scene came with.
+GIVEN = "as given"
+
+# Effects whose colors may differ from place to place.
+_PLACED = ("Snow", "Rain")
 
 
 @dataclass(frozen=True)
 class Control:
-    """One row of the page.
+    """One row of the page; a slider's range is in its unit, a color may be one of the choices."""
 
-    Attributes
-    ----------
-    key : str
-        Place of the effect and field ("0.amount"), or "camera.forward", or "eyes".
-    group, label, unit : str
-        Where it stands, and what it says.
-    low, high, step : float
-        A slider's range, in `unit`.
-    value : float or str
-        Where it stands now: a number, one of `choices`, or "#rrggbb".
-    kind : {"slider", "choice", "color"}
-        A color may be one of `choices`, too.
-    choices : tuple of str
-        What a choice is between.
-    """
-
-    key: str
+    key: str  # Place of the effect and field ("0.amount"), or "camera.forward", or "eyes".
     group: str
     label: str
-    unit: str
-    low: float
-    high: float
-    step: float
-    value: float | str
+    unit: str = ""
+    low: float = 0.0
+    high: float = 0.0
+    step: float = 0.0
+    value: float | str = 0.0  # Where it stands now: a number, one of `choices`, or "#rrggbb".
     kind: Kind = "slider"
     choices: tuple[str, ...] = ()
 
     def plain(self) -> dict[str, Any]:
-        """Return the control as JSON has it."""
         return asdict(self)
 
     def checked(self, value: Any) -> Any:
@@ -58,15 +58,62 @@ class Control:
 
 
 def choice_of(key: str, group: str, label: str, choices: tuple[str, ...], value: str) -> Control:
-    """Return a choice between words."""
-    return Control(key, group, label, "", 0.0, 0.0, 0.0, value, "choice", choices)
+    return Control(key, group, label, value=value, kind="choice", choices=choices)
 
 
 def color_of(key: str, group: str, label: str, value: str, words: tuple[str, ...] = ()) -> Control:
     """Return a color, or one of some words that stand for one."""
-    return Control(key, group, label, "", 0.0, 0.0, 0.0, value, "color", words)
+    return Control(key, group, label, value=value, kind="color", choices=words)
 
 
 def hex_of(parts: Any) -> str:
     """Return "#rrggbb" of three display values, 0 to 1."""
     return "#" + "".join(f"{round(255 * min(max(float(part), 0.0), 1.0)):02x}" for part in parts)
+
+
+def dressed(scene: Scene, values: Mapping[str, Any]) -> Scene:
+    """Return the scene with the looks by name that were chosen, before any slider counts."""
+    chosen = {
+        index: _look(scene, index, values[f"{index}.{PRESET}"])
+        for index in range(len(scene.effects))
+        if values.get(f"{index}.{PRESET}", GIVEN) != GIVEN
+    }
+    if not chosen:
+        return scene
+    effects = tuple(chosen.get(index, effect) for index, effect in enumerate(scene.effects))
+    return scene.derive(effects=effects)
+
+
+def _look(scene: Scene, index: int, name: Any) -> Any:
+    effect: Any = scene.effects[index]
+    looks = preset_of(scene, index, {})
+    if looks is None:
+        raise ValueError(f"values must have keys of sliders, got '{index}.{PRESET}'")
+    kept = {"seed": effect.seed} if getattr(effect, "seed", None) is not None else {}
+    return type(effect).preset(looks.checked(name), **kept)
+
+
+def preset_of(
+    scene: Scene, index: int, values: Mapping[str, Any], group: str = ""
+) -> Control | None:
+    """Return the choice of an effect's look; None where it has none."""
+    names = tuple(getattr(scene.effects[index], "PRESETS", ()))
+    if not names:
+        return None
+    key = f"{index}.{PRESET}"
+    stands = values.get(key, GIVEN)
+    return choice_of(key, group, "Preset", (GIVEN, *names), stands if stands in names else GIVEN)
+
+
+def color_control(index: int, group: str, effect: Any) -> Control | None:
+    """Return the color of an effect at frame 0; None where it has none."""
+    color = getattr(effect, COLOR, None)
+    if color is None:
+        return None
+    words = (AMBIENT, LOCAL) if type(effect).__name__ in _PLACED else (AMBIENT,)
+    if isinstance(color, str):
+        stands = color
+    else:
+        now = np.broadcast_to(value_at(color, 0.0) if isinstance(color, Keys) else color, 3)
+        stands = hex_of(now)
+    return color_of(f"{index}.{COLOR}", group, "Color", stands, words)

@@ -18,8 +18,7 @@ from flurries.motion.keys import Keys, value_at
 from flurries.motion.wind import FIELDS, Wind
 from flurries.scene.scene import Scene
 from flurries.viewer.charts import field_of
-from flurries.viewer.control import Control
-from flurries.viewer.dress import COLOR, color_control, dressed, preset_of
+from flurries.viewer.control import COLOR, Control, color_control, dressed, preset_of
 from flurries.viewer.surroundings import surrounded, surroundings
 
 DIRECTION, SPEED, GUSTS, SEED = "direction", "speed", "gusts", "seed"
@@ -56,10 +55,7 @@ _FASTEST_CAMERA = 12.0
 
 
 def controls_of(scene: Scene, values: Mapping[str, Any] | None = None) -> list[Control]:
-    """Return the rows of a scene, each where the scene stands at frame 0.
-
-    With looks by name among the `values`, where those stand.
-    """
+    """Return the rows of a scene, each where the scene stands at frame 0."""
     chosen = values or {}
     scene = dressed(scene, chosen)
     found: list[Control] = []
@@ -132,25 +128,11 @@ def moves(effect: Any) -> bool:
 
 
 def applied(scene: Scene, values: Mapping[str, Any]) -> Scene:
-    """Return the scene with what was touched; see `settings`."""
     return scene.replace(**settings(scene, values))
 
 
 def settings(scene: Scene, values: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the touched rows as arguments of a scene: effects, camera, and perhaps others.
-
-    Parameters
-    ----------
-    scene : Scene
-    values : mapping
-        Numbers and words by the keys of `controls_of`, in its units. A look by name comes first,
-        what else was touched of the effect after it.
-
-    Raises
-    ------
-    ValueError, TypeError
-        For a key that no slider has, or a value outside its range.
-    """
+    """Return the touched rows as arguments of a scene: effects, camera, and perhaps others."""
     known = {control.key: control for control in controls_of(scene, values)}
     checked: dict[str, Any] = {}
     for key, value in values.items():

@@ -17,13 +17,7 @@ LENGTH = 3.0
 
 
 def save(scene: Scene, path: Path) -> None:
-    """Write a scene to a TOML file, and pictures that were given as arrays beside it.
-
-    Raises
-    ------
-    ValueError, OSError
-        If the scene cannot be written.
-    """
+    """Write a scene to a TOML file, and pictures that were given as arrays beside it."""
     files: dict[str, Any] = {}
     for name in ("background", "foreground"):
         array = getattr(scene, name)

@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from flurries._contract import Array, integer
-from flurries.io import fit
+from flurries._contract import integer
+from flurries.io import fit, fit_nearest
 from flurries.scene.depth import DepthMap
 from flurries.scene.scene import Scene
 
@@ -19,14 +19,7 @@ _SCALED = {"tile": 8, "overlap": 0}
 
 
 class Preview:
-    """A scene made small once, to be shown with changing effects and cameras.
-
-    Parameters
-    ----------
-    scene : Scene
-    most : int
-        Pixels of the longer side, 16 to 4096. A smaller scene keeps its size.
-    """
+    """A scene made small once, to be shown with changing effects and cameras."""
 
     def __init__(self, scene: Scene, most: int) -> None:
         limit = integer("size", most, low=16, high=4096)
@@ -77,23 +70,14 @@ def _picture(value: Any, size: tuple[int, int]) -> Any:
     if not isinstance(value, np.ndarray):
         return value
     if value.ndim == 2:
-        return _sampled(value, size)
+        return fit_nearest(value, size)
     return fit(value, size, "stretch")
 
 
 def _depth(value: Any, size: tuple[int, int]) -> Any:
     if isinstance(value, np.ndarray) and value.ndim == 2:
-        return _sampled(value, size)
+        return fit_nearest(value, size)
     if isinstance(value, DepthMap) and isinstance(value.source, np.ndarray):
         law = {key: getattr(value, key) for key in ("near", "far", "white", "law")}
-        return DepthMap(_sampled(value.source, size), **law)
+        return DepthMap(fit_nearest(value.source, size), **law)
     return value
-
-
-def _sampled(plane: Array, size: tuple[int, int]) -> Array:
-    """Return every n-th pixel: means of depths stand for places where nothing is."""
-    rows, cols = (
-        ((np.arange(wanted) + 0.5) * (length / wanted)).astype(np.intp)
-        for wanted, length in zip(size[::-1], plane.shape, strict=True)
-    )
-    return np.ascontiguousarray(plane[np.ix_(rows, cols)])

@@ -39,16 +39,7 @@ _FULL = b"HTTP/1.1 503 Service Unavailable\r\nContent-Length: 0\r\nConnection: c
 
 
 class Server(ThreadingHTTPServer):
-    """A viewer at `url` until `shutdown` is called.
-
-    Parameters
-    ----------
-    scene : Scene
-    port : int
-        0 for any that is free.
-    size, save
-        See :func:`flurries.viewer.view`.
-    """
+    """A viewer at `url` until `shutdown` is called."""
 
     daemon_threads = True
     # With fewer a page's lines that come together wait a second or more for their turn.
@@ -75,7 +66,6 @@ class Server(ThreadingHTTPServer):
         self.shutdown_request(request)
 
     def process_request_thread(self, request: Any, client_address: Any) -> None:
-        """Answer all that comes on a line."""
         try:
             super().process_request_thread(request, client_address)
         finally:
@@ -94,7 +84,6 @@ class Server(ThreadingHTTPServer):
 
     @property
     def url(self) -> str:
-        """The address of the page."""
         return f"http://127.0.0.1:{self.server_port}/{self.token}/"
 
 
@@ -162,11 +151,7 @@ class _Handler(BaseHTTPRequestHandler):
 
 
 def open_page(server: Server) -> None:
-    """Show a viewer's page in the browser, without the token in any list of processes.
-
-    A browser's command line can be read by all users of a machine. It gets a file that nobody else
-    can read and that leads to the page; the file goes when the server is closed.
-    """
+    """Show a viewer's page in the browser, without the token in any list of processes."""
     descriptor, path = tempfile.mkstemp(prefix="flurries-", suffix=".html")
     with os.fdopen(descriptor, "w", encoding="utf-8") as file:
         address = html.escape(server.url)
@@ -176,7 +161,6 @@ def open_page(server: Server) -> None:
 
 
 def serve(server: Server) -> None:
-    """Answer until Ctrl-C."""
     try:
         server.serve_forever(poll_interval=0.2)
     except KeyboardInterrupt:

@@ -21,7 +21,6 @@ from flurries import stereo
 from flurries._contract import Array, integer, real
 from flurries.camera.path import CameraPath
 from flurries.frame.show import jpeg, on_screen
-from flurries.frame.view import Frame
 from flurries.motion.keys import Keys
 from flurries.motion.wind import Wind
 from flurries.scene.scene import Scene
@@ -42,16 +41,7 @@ _Air: TypeAlias = tuple[float, list[Any]]
 
 
 class Session:
-    """A scene that is being looked at.
-
-    Parameters
-    ----------
-    scene : Scene
-    size : int
-        Pixels of the longer side of the pictures.
-    save : path
-        Where the button writes the scene. Written over, since it is what the button is for.
-    """
+    """A scene that is being looked at."""
 
     def __init__(self, scene: Scene, *, size: int = 512, save: str | Path = "tuned.toml") -> None:
         if not isinstance(scene, Scene):
@@ -108,7 +98,6 @@ class Session:
 
     @property
     def tuned(self) -> Scene:
-        """The scene as the sliders stand."""
         return applied(self.scene, {k: v for k, v in self.values.items() if k != EYES})
 
     def _frame(self, ask: Mapping[str, Any]) -> tuple[dict[str, Any], list[bytes]]:
@@ -165,7 +154,6 @@ class Session:
         return stereo.anaglyph(left, right)
 
     def _film(self, ask: Mapping[str, Any]) -> dict[str, Any]:
-        """Write three seconds as the page shows them: small, from frame 1 on."""
         values = _mapping(ask.get("values", {}))
         shown = self._preview.shown(settings(self.scene, values))
         return {"film": str(film(shown, self.save_path))}
@@ -174,10 +162,7 @@ class Session:
         self.values = dict(_mapping(ask.get("values", {})))
         tuned = self.tuned
         save(tuned, self.save_path)
-        return {
-            "saved": str(self.save_path),
-            "text": self.save_path.read_text(encoding="utf-8"),
-        }
+        return {"saved": str(self.save_path), "text": self.save_path.read_text(encoding="utf-8")}
 
 
 def packed(head: Mapping[str, Any], buffers: list[bytes]) -> bytes:
@@ -190,13 +175,9 @@ def packed(head: Mapping[str, Any], buffers: list[bytes]) -> bytes:
 def _carried(
     scene: Scene, t: float, before: _Air | None, index: int
 ) -> tuple[Scene, list[Any] | None]:
-    """Return the scene moved so that the air goes on from where it was, and where it is now.
-
-    A frame is a function of the scene and t: with another speed the air would jump to where that
-    speed had brought it by now. Under the hand it must go on from where it was `before`; what comes
-    after follows from the scene. There is one camera to move, so the effect at `index`, which is
-    under the hand, decides.
-    """
+    """Return the scene moved so that the air goes on from where it was, and where it is now."""
+    # With another speed the air would jump to where that speed had brought it by now. There is one
+    # camera to move, so the effect at `index`, which is under the hand, decides.
     path: CameraPath = scene.camera
     if path.turns or not any(map(moves, scene.effects)):
         return scene, None
@@ -217,27 +198,13 @@ def _carried(
 
 def _places(scene: Scene, t: float) -> list[Any]:
     """Return camera minus air for each effect that moves, three numbers each."""
-    frame = _moment(scene, t)
+    frame = scene.program.frame(t)
     return [
         frame.displacement(fall=fall_of(effect), wind=_wind_of(effect)).tolist()
         if moves(effect)
         else None
         for effect in scene.effects
     ]
-
-
-def _moment(scene: Scene, t: float) -> Frame:
-    height, width = scene.shape
-    path: CameraPath = scene.camera
-    return Frame(
-        shape=scene.shape,
-        window=(0, height, 0, width),
-        t=t,
-        fps=scene.fps,
-        camera=path.camera,
-        path=path,
-        seed=scene.seed,
-    )
 
 
 def _wind_of(effect: Any) -> Any:

@@ -15,7 +15,6 @@ from flurries.camera.importers.matrices import FLIP, path_of
 from flurries.camera.lens import Camera, expect_camera
 from flurries.camera.path import CameraPath
 from flurries.io.files import plain_file
-from flurries.io.usd import require_usd
 
 SUFFIXES = (".usd", ".usda", ".usdc", ".usdz")
 
@@ -29,6 +28,17 @@ _SAME = 1e-5
 _FITS = 0.005
 
 MOST_SAMPLES = 1_000_000
+
+
+def require_usd() -> tuple[Any, Any, Any, Any, Any]:
+    """Return usd-core's modules Gf, Sdf, Usd, UsdGeom and Vt."""
+    try:
+        from pxr import Gf, Sdf, Usd, UsdGeom, Vt
+    except ImportError:
+        raise ImportError(
+            "USD files need usd-core: pip install 'flurries[usd]'", name="pxr"
+        ) from None
+    return Gf, Sdf, Usd, UsdGeom, Vt
 
 
 def read_usd(

@@ -39,21 +39,11 @@ QUALITIES = tuple(_X264)
 
 @dataclass(frozen=True)
 class Codec:
-    """The pixels and files that a codec can hold.
+    """The pixels and files that a codec can hold."""
 
-    Attributes
-    ----------
-    suffixes : tuple of str
-        The files that hold it.
-    pixels : dict of int to str
-        How a picture is stored, by its bits a color; the first is the usual one.
-    alpha : str or None
-        How a picture with alpha is stored.
-    """
-
-    suffixes: tuple[str, ...]
-    pixels: dict[int, str]
-    alpha: str | None = None
+    suffixes: tuple[str, ...]  # The files that hold it.
+    pixels: dict[int, str]  # How a picture is stored, by its bits a color.
+    alpha: str | None = None  # How a picture with alpha is stored.
 
 
 CODECS = {
@@ -70,28 +60,14 @@ _USUAL = {".mp4": "h264", ".mov": "h264", ".webm": "vp9", ".mkv": "ffv1"}
 
 @dataclass(frozen=True)
 class Encoder:
-    """A codec and its settings, as the video library takes them.
+    """A codec and its settings, as the video library takes them."""
 
-    Attributes
-    ----------
-    name : str
-        The library's name of it.
-    pixels : str
-        How a picture is stored.
-    bits : int
-        Of a color.
-    options, container : dict of str to str
-        Settings of the codec and of the file.
-    tag : str or None
-        What the file calls it, where programs know it under one name only.
-    """
-
-    name: str
-    pixels: str
+    name: str  # The library's name of it.
+    pixels: str  # How a picture is stored.
     options: dict[str, str]
-    container: dict[str, str]
-    bits: int = 8
-    tag: str | None = None
+    container: dict[str, str]  # Settings of the codec and of the file.
+    bits: int = 8  # Of a color.
+    tag: str | None = None  # What the file calls it, where programs know it under one name only.
 
     @property
     def halved(self) -> tuple[int, int]:
@@ -102,7 +78,6 @@ class Encoder:
 
     @property
     def rgb(self) -> bool:
-        """Whether red, green and blue are stored."""
         return self.pixels.startswith(("bgr", "gbr"))
 
 
@@ -122,13 +97,7 @@ def encoder_for(
     *,
     alpha: bool = False,
 ) -> Encoder:
-    """Return the encoder for an extension; a number of threads always makes the same bytes.
-
-    Raises
-    ------
-    ValueError
-        If the file cannot hold the codec, or the codec so many bits or alpha.
-    """
+    """Return the encoder for an extension; a number of threads always makes the same bytes."""
     name = _USUAL[suffix] if codec is None else choice("codec", codec, tuple(CODECS))
     kind = CODECS[name]
     if suffix not in kind.suffixes:
@@ -178,13 +147,7 @@ def encoder_for(
 
 
 def bits_for(suffix: str, codec: str | None, least: int) -> int:
-    """Return the fewest bits of a file's codec that hold a film's, or refuse.
-
-    Raises
-    ------
-    ValueError
-        If the codec has too few.
-    """
+    """Return the fewest bits of a file's codec that hold a film's, or refuse."""
     kind = CODECS[_USUAL[suffix] if codec is None else choice("codec", codec, tuple(CODECS))]
     enough = [bits for bits in kind.pixels if bits >= least]
     if not enough:
@@ -196,15 +159,7 @@ def bits_for(suffix: str, codec: str | None, least: int) -> int:
 
 
 def frame_rate(fps: float | Fraction) -> Fraction:
-    """Return a frame rate as a fraction, the rates of television as what they stand for.
-
-    Raises
-    ------
-    ValueError
-        If it is not above 0 and at most 1000.
-    TypeError
-        If it is not a number.
-    """
+    """Return a frame rate as a fraction, the rates of television as what they stand for."""
     if isinstance(fps, bool) or not isinstance(fps, (int, float, Fraction, np.number)):
         raise TypeError(f"fps must be a number, got {fps!r}")
     if not 0 < fps <= 1000:

@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import Any
 
 from flurries.io.files import Budget
-from flurries.io.films.library import require_library
 
 READABLE = (
     *(".mp4", ".m4v", ".mov", ".webm", ".mkv", ".avi"),
@@ -34,32 +33,26 @@ _SEEKLESS = ("mpegts",)
 SCALING: dict[str, Any] = {"interpolation": 4 | 0x2000 | 0x40000 | 0x80000, "threads": 1}
 
 
+def require_library() -> None:
+    """Refuse to go on without PyAV, which is an extra: pictures do without it."""
+    try:
+        import av  # noqa: F401
+    except ImportError as error:
+        raise ImportError(
+            "films need PyAV, which flurries' extra [video] brings: pip install 'flurries[video]', "
+            f"or pip install av ({error})"
+        ) from None
+
+
 @dataclass(frozen=True)
 class FrameIndex:
-    """The places of the frames in a video.
+    """The places of the frames in a video."""
 
-    Frames are numbered in the order of showing, and stored in the order of decoding: a frame shown
-    early may build on one shown later, which then is stored before it.
-
-    Attributes
-    ----------
-    times : sequence of int
-        When each frame is shown; its number instead where the file does not tell.
-    keys : sequence of int
-        The frames that build on no other, ascending.
-    order : sequence of int
-        Each frame's place in the file.
-    counted : bool
-        Whether the file does not tell times.
-    seekable : bool
-        Whether the file can be entered at a key frame.
-    """
-
-    times: Sequence[int]
-    keys: Sequence[int]
-    order: Sequence[int]
-    counted: bool = False
-    seekable: bool = True
+    times: Sequence[int]  # When each frame is shown.
+    keys: Sequence[int]  # The frames that build on no other, ascending.
+    order: Sequence[int]  # Each frame's place in the file.
+    counted: bool = False  # Whether the file does not tell times.
+    seekable: bool = True  # Whether the file can be entered at a key frame.
 
     def __post_init__(self) -> None:
         numbers = {time: number for number, time in enumerate(self.times)}
@@ -71,12 +64,10 @@ class FrameIndex:
         object.__setattr__(self, "_reach", reach)
 
     def number_at(self, time: int | None) -> int | None:
-        """Return the frame that is shown at exactly this time."""
         found: int | None = vars(self)["_numbers"].get(time)
         return found
 
     def key_of(self, number: int) -> int:
-        """Return the key frame that decoding of a frame begins with."""
         return self.keys[bisect_right(self.keys, number) - 1]
 
     def reach_of(self, number: int) -> int:
@@ -90,20 +81,6 @@ class FrameIndex:
 
 
 def open_video(path: Path, budget: Budget | None = None) -> tuple[Any, Any]:
-    """Open a video; return the container and its first video stream.
-
-    Frames of more pixels than the budget allows are refused: those that the header claims now, and
-    those of another size by the decoder.
-
-    Raises
-    ------
-    OSError
-        If it cannot be read.
-    ValueError
-        If it is not a video of a known format.
-    ImportError
-        Without PyAV.
-    """
     require_library()
     import av
 
@@ -139,13 +116,6 @@ def open_video(path: Path, budget: Budget | None = None) -> tuple[Any, Any]:
 
 
 def index_frames(path: Path, budget: Budget | None = None) -> FrameIndex:
-    """Read through a video and note its frames.
-
-    Raises
-    ------
-    OSError
-        If it is damaged or holds no frames.
-    """
     import av
 
     container, stream = open_video(path, budget)

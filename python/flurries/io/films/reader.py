@@ -24,24 +24,7 @@ _UNSPECIFIED = 2  # AVCOL_SPC_UNSPECIFIED
 
 
 class VideoReader:
-    """Decodes a video's frames as RGB, uint8 or uint16 by its bits; for one thread at a time.
-
-    Parameters
-    ----------
-    path : str or path
-        The video.
-    budget : Budget, optional
-        How large a frame may be; ``Budget()`` if not given.
-
-    Raises
-    ------
-    FileNotFoundError
-        If there is no such file.
-    OSError
-        If it is empty, cut short or damaged.
-    ValueError
-        If it is not a video of a known format.
-    """
+    """Decodes a video's frames as RGB, uint8 or uint16 by its bits; for one thread at a time."""
 
     def __init__(self, path: str | os.PathLike[str], *, budget: Budget | None = None) -> None:
         self.path, self._budget = plain_file(path), Budget.of(budget)
@@ -64,22 +47,14 @@ class VideoReader:
 
     @property
     def count(self) -> int:
-        """The number of frames."""
         return len(self._index.times)
 
     def close(self) -> None:
-        """Close the file."""
         self._ready.clear()
         self._container.close()
 
     def frame(self, number: int) -> Array:
-        """Return frame `number`, from 0, as (H, W, 3) uint8 or uint16, turned upright.
-
-        Raises
-        ------
-        OSError
-            If it, or a frame that it builds on, is damaged as far as the decoder can tell.
-        """
+        """Return frame `number`, from 0, as (H, W, 3) uint8 or uint16, turned upright."""
         if not 0 <= number < self.count:
             raise IndexError(f"{self.path}: there is no frame {number} among {self.count}")
         key = self._index.key_of(number)
@@ -174,7 +149,6 @@ def read_video(path: str | os.PathLike[str], *, budget: Budget | None = None) ->
 
 
 def _to_rgb(frame: Any) -> Array:
-    """Return a decoded frame as RGB, upright."""
     from av.video.reformatter import Colorspace
 
     wishes = dict(SCALING)

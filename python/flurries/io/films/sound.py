@@ -25,25 +25,12 @@ _LAYOUTS = {1: "mono", 2: "stereo", 6: "5.1", 8: "7.1"}
 
 @dataclass(frozen=True)
 class Sound:
-    """A part of a film's sound.
-
-    Attributes
-    ----------
-    path : str
-        The film.
-    start : Fraction
-        Seconds after the film's first picture.
-    length : Fraction
-        Seconds.
-    """
-
-    path: str
-    start: Fraction
-    length: Fraction
+    path: str  # The film.
+    start: Fraction  # Seconds after the film's first picture.
+    length: Fraction  # Seconds.
 
 
 def has_sound(path: str | os.PathLike[str]) -> bool:
-    """Whether a film has sound that can be read."""
     container, _ = open_video(plain_file(path))
     try:
         return any(stream.codec_context is not None for stream in container.streams.audio)
@@ -52,19 +39,7 @@ def has_sound(path: str | os.PathLike[str]) -> bool:
 
 
 class SoundTrack:
-    """Carries a film's first sound track into a container that is being written.
-
-    Copied sound is cut between its packets, about every 20 ms; encoded sound at the sample.
-
-    Parameters
-    ----------
-    sound : Sound
-        Which part.
-    container : av.container.OutputContainer
-        Where to; pictures may have been announced, but none be written yet.
-    suffix : str
-        The new file's extension, which decides whether sound must be encoded anew.
-    """
+    """Carries a film's first sound track into a container that is being written."""
 
     def __init__(self, sound: Sound, container: Any, suffix: str) -> None:
         if not has_sound(sound.path):
@@ -100,11 +75,9 @@ class SoundTrack:
             self._next = next(self._packets, None)
 
     def finish(self) -> None:
-        """Write the rest."""
         self.write_up_to(self._to + 1)
 
     def close(self) -> None:
-        """Close the film that the sound comes from."""
         with suppress(Exception):
             self._source.close()
 

@@ -18,41 +18,21 @@ _FULL = 2
 
 @dataclass(frozen=True)
 class Tags:
-    """The tags of a film.
-
-    Attributes
-    ----------
-    primaries, transfer, matrix : int
-        As ITU-T H.273 counts them; 2 is not said.
-    full : bool
-        Whether numbers go from 0 to the largest, not from 16 to 235.
-    aspect : Fraction
-        Width of a pixel over its height.
-    bits : int
-        Of a color.
-    timecode : TimeCode or None
-        Of the first frame.
-    interlaced : bool
-        Whether a frame holds two moments.
-    """
-
     primaries: int = UNSPECIFIED
     transfer: int = UNSPECIFIED
-    matrix: int = UNSPECIFIED
-    full: bool = False
-    aspect: Fraction = Fraction(1)
-    bits: int = 8
-    timecode: TimeCode | None = None
-    interlaced: bool = False
+    matrix: int = UNSPECIFIED  # As ITU-T H.273 counts them; 2 is not said.
+    full: bool = False  # Whether numbers go from 0 to the largest, not from 16 to 235.
+    aspect: Fraction = Fraction(1)  # Width of a pixel over its height.
+    bits: int = 8  # Of a color.
+    timecode: TimeCode | None = None  # Of the first frame.
+    interlaced: bool = False  # Whether a frame holds two moments.
 
     @property
     def hdr(self) -> str | None:
-        """The name of a curve that is no display's."""
         return _HDR.get(self.transfer)
 
     @staticmethod
     def of(container: Any, stream: Any, frame: Any) -> Tags:
-        """Return the tags of a container, its stream and its first frame."""
         context = stream.codec_context
 
         def said(name: str) -> int:

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import os
-import sys
-from contextlib import AbstractContextManager, suppress
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import replace
 from fractions import Fraction
 from pathlib import Path
@@ -17,8 +17,7 @@ import numpy.typing as npt
 from flurries._contract import choice
 from flurries.io.atomic import replacing
 from flurries.io.films.codecs import QUALITIES, Encoder, encoder_for, encoder_threads, frame_rate
-from flurries.io.films.index import SCALING
-from flurries.io.films.library import require_library
+from flurries.io.films.index import SCALING, require_library
 from flurries.io.films.sound import Sound, SoundTrack
 from flurries.io.films.tags import UNSPECIFIED, Tags
 from flurries.io.forks import never_free_in_children
@@ -120,8 +119,7 @@ class VideoWriter:
         self._tags = _settled(tags or Tags(), self._codec)
         if suffix == ".mkv" and self._tags.aspect != 1:
             raise ValueError(f"{self.path}: a .mkv does not keep pixels that are not square")
-        self._replacing: AbstractContextManager[Path] | None = None
-        self._temporary: Path | None = None
+        self._files: ExitStack | None = None
         self._container: Any = None
         self._stream: Any = None
         self._sound = sound
@@ -134,17 +132,15 @@ class VideoWriter:
         return self._codec.bits
 
     def __enter__(self) -> VideoWriter:
-        if self._replacing is not None:
+        if self._files is not None:
             raise RuntimeError(f"{self.path}: a VideoWriter writes one video only")
         never_free_in_children(self)
         self._owner = os.getpid()
-        self._replacing = replacing(self.path)
-        self._temporary = self._replacing.__enter__()
-        try:
-            self._open(self._temporary)
-        except BaseException as error:
-            self._leave(error)
-            raise
+        with ExitStack() as files:
+            self._temporary = files.enter_context(replacing(self.path))
+            files.callback(self._close)
+            self._open()
+            self._files = files.pop_all()
         return self
 
     def __exit__(
@@ -153,17 +149,12 @@ class VideoWriter:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        if os.getpid() != self._owner:
+        if os.getpid() != self._owner or self._files is None:
             return  # A forked child leaves the block: the file is its parent's.
-        if error is not None:
-            self._leave(error)
-            return
-        try:
+        with self._files:
+            if error is not None:
+                raise error
             self._finish()
-        except BaseException as failure:
-            self._leave(failure)
-            raise
-        self._leave(None)
 
     def write(self, frame: npt.ArrayLike) -> None:
         """Append a frame, (H, W, 3), or (H, W, 4) with alpha, uint8 or uint16, display values."""
@@ -176,29 +167,27 @@ class VideoWriter:
         wanted = (height, width, self._channels)
         if array.shape != wanted:
             raise ValueError(f"frame must be {wanted}, got {array.shape}")
-        if self._temporary is not None:
-            # An encoder may hold frames back for long: a file that is being written is not old.
-            os.utime(self._temporary)
-        with self._told():
+        # An encoder may hold frames back for long: a file that is being written is not old.
+        os.utime(self._temporary)
+        with _told(self.path):
             self._encode(self._converted(array))
 
     def _encode(self, picture: Any) -> None:
-        """Append a frame of the video library's."""
         for packet in self._stream.encode(picture):
             self._container.mux(packet)
         if self._track is not None:
             self._track.write_up_to((self.count + 1) / self.fps)
         self.count += 1
 
-    def _open(self, temporary: Path) -> None:
+    def _open(self) -> None:
         import av
         from av.video.reformatter import VideoReformatter
 
         width, height = self.size
         across, down = self._codec.halved
-        with self._told():
+        with _told(self.path):
             self._container = av.open(
-                str(temporary.absolute()), "w", container_options=self._codec.container
+                str(self._temporary.absolute()), "w", container_options=self._codec.container
             )
             if self._comment:
                 self._container.metadata["comment"] = self._comment
@@ -253,43 +242,29 @@ class VideoWriter:
         """Write what the encoder still holds, close the file and count what is in it."""
         if self.count == 0:
             raise ValueError(f"{self.path}: a video needs at least one frame")
-        with self._told():
+        with _told(self.path):
             for packet in self._stream.encode():
                 self._container.mux(packet)
             if self._track is not None:
                 self._track.finish()
             self._container.close()
         self._container = None
-        self._check()
-
-    def _check(self) -> None:
-        assert self._temporary is not None  # _finish is called from __exit__ only.
-        with self._told():
-            try:
-                check_structure(self._temporary)
-            except OSError as error:
-                raise OSError(f"{self.path}: does not read back as a whole video") from error
+        try:
+            check_structure(self._temporary)
+        except OSError as error:
+            raise OSError(f"{self.path}: does not read back as a whole video") from error
+        with _told(self.path):
             _, found = _comment_and_count(self._temporary)
         if found != self.count:
             raise OSError(f"{self.path}: reads back with {found} frames instead of {self.count}")
 
-    def _leave(self, error: BaseException | None) -> None:
-        """Close what is open and let `replacing` rename or remove the file."""
+    def _close(self) -> None:
         container, self._container = self._container, None
-        if container is not None:
-            with suppress(Exception):
+        with suppress(Exception):
+            if container is not None:
                 container.close()
         if self._track is not None:
             self._track.close()
-        assert self._replacing is not None  # Set on entry.
-        if error is None:
-            self._replacing.__exit__(None, None, None)
-        else:
-            with suppress(type(error)):
-                self._replacing.__exit__(type(error), error, error.__traceback__)
-
-    def _told(self) -> _Told:
-        return _Told(self.path)
 
 
 # Matrices of ITU-T H.273 that pictures are turned by, as the video library counts them.
@@ -320,10 +295,7 @@ def _settled(tags: Tags, codec: Encoder) -> Tags:
 
 
 def comment_of(path: Path) -> tuple[str, int]:
-    """Return the comment in a video's header, empty if there is none, and how many frames it has.
-
-    None of them where it is damaged.
-    """
+    """Return the comment in a video's header and its number of frames; of a damaged one neither."""
     try:
         check_structure(path)
         return _comment_and_count(path)
@@ -343,22 +315,16 @@ def _comment_and_count(path: Path) -> tuple[str, int]:
     return said.get("comment", ""), count
 
 
-class _Told(AbstractContextManager[None]):
-    """Turns the video library's errors into OSErrors that name the file."""
+@contextmanager
+def _told(path: Path) -> Iterator[None]:
+    """Turn the video library's errors into OSErrors that name the file."""
+    import av
 
-    def __init__(self, path: Path) -> None:
-        self._path = path
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        av = sys.modules.get("av")
-        if av is not None and isinstance(error, av.FFmpegError):
-            reason = error.strerror or "no reason given"
-            raise OSError(f"{self._path}: the video cannot be written: {reason}") from error
+    try:
+        yield
+    except av.FFmpegError as error:
+        reason = error.strerror or "no reason given"
+        raise OSError(f"{path}: the video cannot be written: {reason}") from error
 
 
 def _checked_size(size: tuple[int, int]) -> tuple[int, int]:

@@ -59,17 +59,6 @@ class Deep:
         object.__setattr__(self, "counts", counts.astype(np.int64))
         object.__setattr__(self, "values", values.astype(np.float32))
 
-    def flat(self) -> Array:
-        """Return (H, W, 4): the samples of each pixel over each other."""
-        shape, pixels = self.counts.shape, np.repeat(np.arange(self.counts.size), self.counts.flat)
-        place = np.arange(len(pixels)) - (np.cumsum(self.counts) - self.counts.ravel())[pixels]
-        whole = np.zeros((self.counts.size, 4))
-        for number in range(int(self.counts.max(initial=0))):
-            at = place == number
-            here = pixels[at]
-            whole[here] += (1.0 - whole[here, 3:]) * self.values[at, :4]
-        return whole.reshape(*shape, 4).astype(np.float32)
-
 
 def write_deep(
     path: str | os.PathLike[str],
@@ -155,13 +144,7 @@ def read_deep(path: str | os.PathLike[str]) -> Deep:
 
 
 def read_deep_header(path: str | os.PathLike[str]) -> dict[str, str]:
-    """Return the values under ``flurries:`` in the header of a deep EXR.
-
-    Raises
-    ------
-    OSError, ValueError
-        If the file cannot be read.
-    """
+    """Return the values under ``flurries:`` in the header of a deep EXR."""
     reader = reader_of(plain_file(path), Budget())
     try:
         return header.get(reader.spec())
@@ -188,13 +171,11 @@ def _read(path: Path) -> tuple[Any, Any]:
 
 
 def _counts(data: Any, specification: Any) -> Array:
-    """Return the samples of each pixel."""
     shape = specification.height, specification.width
     return np.array([data.samples(pixel) for pixel in range(shape[0] * shape[1])]).reshape(shape)
 
 
 def _band(library: Any, kinds: list[Any], counts: Array, values: Array) -> Any:
-    """Return rows as OpenImageIO takes them."""
     data = library.DeepData()
     data.init(counts.size, len(CHANNELS), kinds, list(CHANNELS))
     flat = counts.ravel().tolist()

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -14,8 +13,6 @@ from flurries._warnings import warn_of_units
 from flurries.io.color import Array
 from flurries.io.files import Budget
 from flurries.io.pictures.header import Opened, opened_picture
-from flurries.io.pictures.reader import Picture
-from flurries.io.sources import Source, open_pictures
 
 # What programs call the channel, alone or at the end of a layer's name.
 _NAMES = ("Z", "z", "depth", "Depth", "DEPTH")
@@ -31,9 +28,7 @@ def read_depth(
     path : str or path
         EXR or TIFF with a float channel named "Z" or "depth", alone or at the end of a layer's name
         (``ViewLayer.Depth.Z``), in any part; or with a single float channel.
-    budget : Budget, optional
-        As `read_picture`.
-    overscan : bool
+    budget, overscan
         As `read_picture`.
 
     Returns
@@ -57,7 +52,6 @@ def read_depth(
 
 
 def _channel_of(opened: Opened) -> tuple[int, int]:
-    """Return part and channel of the depth."""
     specs = opened.parts()
     for ending in (False, True):
         for wanted in _NAMES:
@@ -79,38 +73,7 @@ def _is_float(spec: Any, channel: int) -> bool:
     return str(spec.channelformat(channel)) in ("half", "float", "double")
 
 
-def _picture(path: str | Path, *, budget: Budget | None = None, overscan: bool = False) -> Picture:
-    depth = read_depth(path, budget=budget, overscan=overscan)
-    return Picture(depth, None, "linear", str(path))
-
-
-def open_depth(
-    spec: str | os.PathLike[str], *, budget: Budget | None = None, overscan: bool = False
-) -> Source:
-    """Open depth: a picture, or a numbered sequence of pictures.
-
-    Parameters
-    ----------
-    spec : str or path
-        ``depth.exr`` or ``depth.%04d.exr``; see :func:`read_depth`.
-    budget : Budget, optional
-        As `read_picture`.
-    overscan : bool
-        As `read_picture`.
-
-    Returns
-    -------
-    Source
-        Its pictures' pixels are (H, W) float32.
-
-    Raises
-    ------
-    FileNotFoundError, OSError, ValueError
-        As :func:`read_depth`.
-    """
-    read = partial(_picture, budget=budget, overscan=overscan)
-    source = open_pictures("depth", spec, read, overscan=overscan)
-    # A file without depth is refused before any frame is asked for.
-    with opened_picture(source.first_file, budget) as opened:
+def require_depth(path: Path, budget: Budget | None) -> None:
+    """Refuse a file without depth, before any frame is asked for."""
+    with opened_picture(path, budget) as opened:
         _channel_of(opened)
-    return source

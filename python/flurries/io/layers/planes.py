@@ -1,23 +1,23 @@
-"""EXR pictures with named layers, as compositing programs expect them."""
+"""EXR pictures with named layers and views, as compositing and stereo programs expect them."""
 
 from __future__ import annotations
 
 import os
 import re
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, Literal, TypeAlias, get_args
 
 import numpy as np
 import numpy.typing as npt
 
-from flurries._contract import mapping
+from flurries._contract import choice, mapping
 from flurries.io.color import Array, to_half, to_single
 from flurries.io.files import Budget
 from flurries.io.oiio import openimageio
 from flurries.io.pictures import metadata as header
 from flurries.io.pictures.header import Opened, opened_picture
 from flurries.io.pictures.integers import UINT, integers_of
-from flurries.io.pictures.rows import Band, write_bands
+from flurries.io.pictures.rows import Band, write_parts
 from flurries.io.pictures.slate import Slate
 from flurries.io.pictures.writer import format_of, packing
 
@@ -34,6 +34,9 @@ _FLOW = ("forward", "backward")
 _PRECISE = ("depth",)
 # The upper 32 bits of whole numbers are a channel beside that of the lower ones.
 _UPPER = ".hi"
+
+VIEWS = ("left", "right")
+Layout: TypeAlias = Literal["parts", "views"]
 
 
 def write_layers(
@@ -61,9 +64,7 @@ def write_layers(
     half : bool, default True
         Store colors and masks as half. Depths and vectors always have 32 bits: as half, a depth of
         3 km is known to 2 m.
-    metadata : mapping, optional
-        As `write_picture`.
-    slate : Slate, optional
+    metadata, slate
         As `write_picture`.
 
     Raises
@@ -80,11 +81,177 @@ def write_layers(
     specification, band = part_of(layers, half)
     header.put(specification, strings, "openexr")
     said.put(specification, "openexr", "linear")
-    write_bands(path, specification, band, lossless=True)
+    write_parts(path, [(specification, band)])
+
+
+def write_layer_views(
+    path: str | os.PathLike[str],
+    views: Mapping[str, Mapping[str, npt.ArrayLike]],
+    *,
+    half: bool = True,
+    metadata: Mapping[str, object] | None = None,
+    slate: Slate | None = None,
+) -> None:
+    """Write one EXR with several views; atomic and verified as `write_picture`.
+
+    Parameters
+    ----------
+    path : str or path
+        Ends in .exr.
+    views : mapping of str to mapping
+        The layers of each view, as `write_layers` takes them: usually of "left" and "right". Each
+        view becomes a part of the file that is called as the view and says so in its header, as
+        stereo programs expect it.
+    half, metadata, slate
+        As `write_layers`; in the header of each part.
+
+    Raises
+    ------
+    ValueError
+        If a name is no name or the file does not end in .exr, and as `write_layers`.
+    TypeError, OSError
+        As `write_layers`.
+    """
+    require_exr(path, "views")
+    if not mapping("views", views):
+        raise ValueError("views must name at least one view, got none")
+    strings, said = header.checked(metadata), Slate.of(slate)
+    parts = []
+    for name, layers in views.items():
+        if not isinstance(name, str) or not name.isidentifier():
+            raise ValueError(f"views must be called like 'left' and 'right', got {name!r}")
+        specification, band = part_of(layers, half)
+        specification.attribute("view", name)
+        specification.attribute("oiio:subimagename", name)
+        header.put(specification, strings, "openexr")
+        said.put(specification, "openexr", "linear")
+        parts.append((specification, band))
+    write_parts(path, parts)
+
+
+def write_views(
+    path: str | os.PathLike[str],
+    left: npt.ArrayLike,
+    right: npt.ArrayLike,
+    *,
+    layout: Layout = "parts",
+    half: bool = True,
+    metadata: Mapping[str, object] | None = None,
+) -> None:
+    """Write the pictures of two eyes into one EXR; atomic and verified as `write_picture`.
+
+    Parameters
+    ----------
+    path : str or path
+        Ends in .exr.
+    left, right : array
+        (H, W, 3), or (H, W, 4) multiplied by alpha; float, linear light, both of one shape.
+    layout : {"parts", "views"}
+        "parts": two parts, each named and marked as a view, with the channels R, G, B (A).
+        "views": one part with the channels of the left eye as they are and the right eye's as
+        ``right.R``, and the attribute ``multiView``. Programs read the first more often.
+    half : bool, default True
+        Store as half, 16 bits; False stores 32.
+    metadata : mapping, optional
+        As `write_picture`.
+
+    Raises
+    ------
+    ValueError
+        If shapes or the extension are not as above.
+    TypeError
+        If a picture does not hold floats.
+    OSError
+        If the file cannot be written or does not read back.
+    """
+    require_exr(path, "two views")
+    choice("layout", layout, get_args(Layout))
+    eyes = [_checked_eye(name, eye) for name, eye in zip(VIEWS, (left, right), strict=True)]
+    if eyes[0].shape != eyes[1].shape:
+        raise ValueError(f"right must have the shape of left {eyes[0].shape}, got {eyes[1].shape}")
+    if layout == "parts":
+        views = {name: {MAIN: eye} for name, eye in zip(VIEWS, eyes, strict=True)}
+        write_layer_views(path, views, half=half, metadata=metadata)
+        return
+    specification, band = part_of({MAIN: eyes[0], "right": eyes[1]}, half)
+    specification.attribute("multiView", openimageio().TypeDesc("string[2]"), VIEWS)
+    header.put(specification, header.checked(metadata), "openexr")
+    write_parts(path, [(specification, band)])
+
+
+def read_layers(path: str | os.PathLike[str], *, budget: Budget | None = None) -> dict[str, Array]:
+    """Read all layers of an EXR, the inverse of `write_layers`.
+
+    Parameters
+    ----------
+    path, budget
+        As `read_picture`.
+
+    Returns
+    -------
+    dict of str to ndarray
+        float32, (H, W) for single channels and (H, W, C) else; the display window is not applied.
+        Each channel of type uint is a plane of its own by its whole name, (H, W) int64, and
+        ``name`` and ``name.hi`` are one.
+
+    Raises
+    ------
+    FileNotFoundError, OSError, ValueError
+        As `read_picture`.
+    """
+    with opened_picture(path, budget) as opened:
+        spec = opened.specification
+        found: dict[str, Array] = _integers(opened)
+        numbers = integers_of(spec)
+        places: dict[str, list[int]] = {}
+        for place, name in enumerate(spec.channelnames):
+            if name not in numbers:
+                places.setdefault(name.rpartition(".")[0] or MAIN, []).append(place)
+        for group in places.values():
+            group.sort(key=lambda place: _ORDER.find(spec.channelnames[place][-1:]))
+        planes: dict[str, Array] = {}
+        for rows, band in opened.bands(range(spec.nchannels), "float") if places else ():
+            for name, group in places.items():
+                if name not in planes:
+                    planes[name] = np.empty((spec.height, spec.width, len(group)), np.float32)
+                planes[name][rows] = band[..., group]
+    for name, plane in planes.items():
+        found[name] = plane[..., 0] if plane.shape[2] == 1 else plane
+    return found
+
+
+def read_views(
+    path: str | os.PathLike[str], *, budget: Budget | None = None
+) -> tuple[Array, Array]:
+    """Read the pictures of two eyes from an EXR of either layout, the inverse of `write_views`.
+
+    Parameters
+    ----------
+    path : str or path
+    budget : Budget, optional
+        As `read_picture`, for each eye.
+
+    Returns
+    -------
+    left, right : (H, W, 3 or 4) float32
+        Linear light.
+
+    Raises
+    ------
+    FileNotFoundError, OSError, ValueError
+        As `read_picture`; ValueError also if the file does not hold two views.
+    """
+    with opened_picture(path, budget) as opened:
+        parts = opened.parts()
+        names = [part.get_string_attribute("view") for part in parts]
+        if set(VIEWS) <= set(names):
+            return _eye(opened, names.index("left")), _eye(opened, names.index("right"))
+        if tuple(parts[0].getattribute("multiView") or ()) == VIEWS:
+            return _eye(opened, 0), _eye(opened, 0, "right.")
+        raise ValueError(f"{opened.path}: does not hold a left and a right view")
 
 
 def require_exr(path: str | os.PathLike[str], content: str) -> None:
-    """Refuse another format for what only EXR holds."""
     if format_of(path).name != "openexr":
         raise ValueError(f"{os.fspath(path)}: only .exr holds {content}")
 
@@ -132,48 +299,6 @@ def part_of(layers: Mapping[str, npt.ArrayLike], half: bool) -> tuple[Any, Band]
     return specification, band
 
 
-def read_layers(path: str | os.PathLike[str], *, budget: Budget | None = None) -> dict[str, Array]:
-    """Read all layers of an EXR, the inverse of `write_layers`.
-
-    Parameters
-    ----------
-    path : str or path
-    budget : Budget, optional
-        As `read_picture`.
-
-    Returns
-    -------
-    dict of str to ndarray
-        float32, (H, W) for single channels and (H, W, C) else; the display window is not applied.
-        Each channel of type uint is a plane of its own by its whole name, (H, W) int64, and
-        ``name`` and ``name.hi`` are one.
-
-    Raises
-    ------
-    FileNotFoundError, OSError, ValueError
-        As `read_picture`.
-    """
-    with opened_picture(path, budget) as opened:
-        spec = opened.specification
-        found: dict[str, Array] = _integers(opened)
-        numbers = integers_of(spec)
-        places: dict[str, list[int]] = {}
-        for place, name in enumerate(spec.channelnames):
-            if name not in numbers:
-                places.setdefault(name.rpartition(".")[0] or MAIN, []).append(place)
-        for group in places.values():
-            group.sort(key=lambda place: _ORDER.find(spec.channelnames[place][-1:]))
-        planes: dict[str, Array] = {}
-        for rows, band in opened.bands(range(spec.nchannels), "float") if places else ():
-            for name, group in places.items():
-                if name not in planes:
-                    planes[name] = np.empty((spec.height, spec.width, len(group)), np.float32)
-                planes[name][rows] = band[..., group]
-    for name, plane in planes.items():
-        found[name] = plane[..., 0] if plane.shape[2] == 1 else plane
-    return found
-
-
 def _integers(opened: Opened) -> dict[str, Array]:
     """Return the whole numbers of a picture, (H, W) int64, lower and upper halves as one."""
     numbers = integers_of(opened.specification)
@@ -217,7 +342,6 @@ def _checked_layer(name: str, values: npt.ArrayLike) -> Array:
 
 
 def _channels(name: str, count: int) -> list[str]:
-    """Return the channel names of one layer."""
     if count == 1:
         own = [_SINGLE.get(name.rpartition(".")[2], "Y")]
     elif count == 2:
@@ -225,3 +349,21 @@ def _channels(name: str, count: int) -> list[str]:
     else:
         own = ["R", "G", "B", "A"][:count]
     return own if name == MAIN else [f"{name}.{channel}" for channel in own]
+
+
+def _checked_eye(name: str, values: npt.ArrayLike) -> Array:
+    array = np.asarray(values)
+    if array.dtype.kind != "f":
+        raise TypeError(f"{name} must hold floats, got {array.dtype}")
+    if array.ndim != 3 or array.shape[2] not in (3, 4) or 0 in array.shape:
+        raise ValueError(f"{name} must be (H, W, 3) or (H, W, 4), got {array.shape}")
+    return array
+
+
+def _eye(opened: Opened, part: int, prefix: str = "") -> Array:
+    """Return the colors of a part whose names begin with `prefix`, and alpha where there is one."""
+    names = list(opened.reader.spec(part).channelnames)
+    wanted = [prefix + name for name in ("R", "G", "B", "A") if prefix + name in names]
+    if len(wanted) < 3:
+        raise ValueError(f"{opened.path}: a view has no red, green and blue")
+    return opened.read([names.index(name) for name in wanted], "float", part=part)

@@ -23,11 +23,7 @@ _MODES = get_args(Fit)
 
 
 def fit(
-    pixels: npt.ArrayLike,
-    size: Sequence[int],
-    how: Fit = "cover",
-    *,
-    encoding: str | None = None,
+    pixels: npt.ArrayLike, size: Sequence[int], how: Fit = "cover", *, encoding: str | None = None
 ) -> Array:
     """Resize a picture to `size`, through a Lanczos filter of three lobes.
 
@@ -145,17 +141,7 @@ def _checked_size(size: Sequence[int]) -> tuple[int, int]:
 
 
 class _Light:
-    """A picture in linear light multiplied by alpha, the only form that may be averaged.
-
-    Only what OpenImageIO holds of it is whole: the light is made some rows at a time.
-
-    Attributes
-    ----------
-    buffer : ImageBuf
-        The light.
-    low, high : (channels,)
-        Its smallest and largest values that are numbers.
-    """
+    """A picture in linear light multiplied by alpha, made some rows at a time; see `fit`."""
 
     def __init__(self, planes: Array, encoding: str, *, straight: bool) -> None:
         library = openimageio()
@@ -218,11 +204,8 @@ def _resize(light: _Light, width: int, height: int, how: str) -> Array:
 
 
 def _scaled(exact: float, wanted: int) -> int:
-    """Return the scaled length that is nearest to the exact one and has the parity of `wanted`.
-
-    The parity keeps the middle of the picture in the middle of the frame to the last bit; half a
-    pixel of drift would show between a still and a film.
-    """
+    """Return the scaled length that is nearest to the exact one and has the parity of `wanted`."""
+    # The parity keeps the picture's middle in the frame's: half a pixel of drift would show.
     if math.isclose(exact, wanted, rel_tol=1e-9):
         return wanted
     scaled = wanted + 2 * round((exact - wanted) / 2)

@@ -95,7 +95,6 @@ class Opened:
 
     @property
     def orientation(self) -> int:
-        """The EXIF orientation, 1 to 8."""
         stated = self.specification.get_int_attribute("Orientation", 1)
         return stated if 1 <= stated <= 8 else 1
 
@@ -136,7 +135,6 @@ class Opened:
 
     @property
     def size(self) -> tuple[int, int]:
-        """(width, height) as the user sees it."""
         _, _, width, height = self.frame_window
         return (height, width) if self.orientation >= 5 else (width, height)
 
@@ -164,24 +162,7 @@ class Opened:
         part: int | None = None,
         pixel_bytes: int | None = None,
     ) -> Iterator[tuple[slice, Array]]:
-        """Yield channels of a part as stored, some rows at a time: where, and (rows, w, c).
-
-        Parameters
-        ----------
-        channels : sequence of int
-            Places in the file, in the order that is wanted.
-        kind : {"uint8", "uint16", "uint", "float"}
-            What the numbers become.
-        part : int, optional
-            The one with the colors if not given.
-        pixel_bytes : int, optional
-            What the caller makes of a pixel; that of `kind` if not given.
-
-        Raises
-        ------
-        OSError
-            If the budget has no room for all of them, or they are damaged.
-        """
+        """Yield channels of a part as stored, some rows at a time: where, and (rows, w, c)."""
         number = self.part if part is None else part
         spec = self.reader.spec(number)
         size = np.dtype(_DTYPES.get(kind, kind)).itemsize * len(channels)
@@ -219,11 +200,7 @@ class Opened:
         return found
 
     def shown(self, values: Array, outside: float = 0.0) -> Array:
-        """Return the shown part of stored values (h, w, c): the display window, upright.
-
-        With `overscan` all that is stored beside. Pixels that are not stored get the value
-        `outside`.
-        """
+        """Return the shown part of stored values (h, w, c): the display window, upright."""
         left, top, width, height = self.frame_window
         stored_height, stored_width = values.shape[:2]
         if (left, top, width, height) != (0, 0, stored_width, stored_height):
@@ -275,13 +252,7 @@ def read_header(path: str | os.PathLike[str], *, overscan: bool = False) -> Head
 def opened_picture(
     path: str | os.PathLike[str], budget: Budget | None = None, *, overscan: bool = False
 ) -> Iterator[Opened]:
-    """Open a picture, check that it is whole as far as its structure tells, find its colors.
-
-    Raises
-    ------
-    OSError, ValueError
-        If it is no plain file, damaged, no picture, or claims more than the budget allows.
-    """
+    """Open a picture, check that it is whole as far as its structure tells, find its colors."""
     flag("overscan", overscan)
     found = plain_file(path)
     limits = Budget.of(budget)
@@ -303,7 +274,6 @@ def opened_picture(
 
 
 def reader_of(path: Path, budget: Budget) -> Any:
-    """Return OpenImageIO's reader of a picture."""
     library = openimageio()
     let_open(budget.bytes)
     wishes = library.ImageSpec()
@@ -327,11 +297,8 @@ def reader_of(path: Path, budget: Budget) -> Any:
 def find_channels(
     names: Sequence[str], count: int, stated_alpha: int = -1
 ) -> tuple[tuple[int, ...], int | None]:
-    """Return the channels of the colors (one or three) and of the alpha.
-
-    Named channels count first: R, G, B and A, then Y and A, then the same names of the first layer
-    that has them. OpenImageIO's own note about alpha may point at a layer's, or past the end.
-    """
+    """Return the channels of the colors (one or three) and of the alpha, by their names."""
+    # OpenImageIO's own note about alpha may point at a layer's, or past the end.
     places = {name: place for place, name in reversed(list(enumerate(names)))}
     layers = dict.fromkeys(name.rpartition(".")[0] for name in names)
     for prefix in ["", *(f"{layer}." for layer in layers if layer)]:
@@ -367,7 +334,6 @@ RATES = ("framesPerSecond", "FramesPerSecond")
 
 
 def rate_of(specification: Any) -> Fraction | None:
-    """Return the frames a second that a picture's header names, or None."""
     for name in RATES:
         value = specification.getattribute(name)
         if value is None:

@@ -51,20 +51,7 @@ def as_floats(specification: Any) -> Any:
 
 
 def declare_integers(path: Path, specifications: Sequence[Any]) -> None:
-    """Say in the headers of an EXR's parts which channels are whole numbers.
-
-    Parameters
-    ----------
-    path : Path
-        Written as `as_floats` says.
-    specifications : sequence of ImageSpec
-        Of the parts, as they shall be.
-
-    Raises
-    ------
-    OSError
-        If the file does not say so then.
-    """
+    """Say in the headers of an EXR's parts which channels are whole numbers."""
     wanted = [integers_of(specification) for specification in specifications]
     if not any(wanted):
         return

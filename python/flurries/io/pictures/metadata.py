@@ -6,10 +6,13 @@ JSON. Radiance HDR holds none.
 
 from __future__ import annotations
 
+import hashlib
 import json
+import mmap
 import re
 from collections.abc import Mapping
 from numbers import Integral, Real
+from pathlib import Path
 from typing import Any
 
 from flurries._contract import mapping
@@ -24,16 +27,19 @@ _KEY = re.compile(r"[A-Za-z][A-Za-z0-9_.-]{0,59}")
 _MOMENT = re.compile(r"[0-9]{4}:[0-9]{2}:[0-9]{2} [0-9]{2}:[0-9]{2}:[0-9]{2}")
 
 
-def checked(metadata: Mapping[str, object] | None) -> dict[str, str]:
-    """Return the metadata as strings, keys without the prefix, ``DateTime`` always among them.
+# JPEG and TIFF have no checksums: a flipped bit there gives other pixels and no error. So a file
+# has a hash of all its bytes, with zeros in its own place. The metadata that holds it, and what
+# stands there while the file is written:
+KEY = "sha256"
+PLACE = "0" * 64
 
-    Raises
-    ------
-    TypeError
-        If a value is not a string or a number.
-    ValueError
-        If a key or ``DateTime`` is not written as it should be.
-    """
+_BEFORE = f'"{PREFIX}{KEY}": "'.encode()
+# A header stands at the beginning of a JPEG, and wherever it likes in a TIFF.
+_LENGTH = len(PLACE)
+
+
+def checked(metadata: Mapping[str, object] | None) -> dict[str, str]:
+    """Return the metadata as strings, keys without the prefix, ``DateTime`` always among them."""
     strings = {"DateTime": FIXED_MOMENT}
     for given, value in mapping("metadata", {} if metadata is None else metadata).items():
         if not isinstance(given, str):
@@ -70,7 +76,6 @@ def description(strings: Mapping[str, str]) -> str:
 
 
 def put(specification: Any, strings: Mapping[str, str], format_name: str) -> None:
-    """Write checked metadata into the header of a picture that is about to be made."""
     specification.attribute("DateTime", strings["DateTime"])
     specification.attribute("Software", "flurries")
     if format_name in ("openexr", "png"):
@@ -107,9 +112,38 @@ def _found(specification: Any) -> dict[str, str]:
     for attribute in specification.extra_attribs:
         if attribute.name.startswith(PREFIX) and isinstance(attribute.value, str):
             found[attribute.name.removeprefix(PREFIX)] = attribute.value
-    # The file's affair, see `flurries.io.pictures.seal`.
-    found.pop("sha256", None)
+    found.pop(KEY, None)
     moment = specification.get_string_attribute("DateTime")
     if found and moment:
         found["DateTime"] = moment
     return found
+
+
+def seal(path: Path) -> None:
+    """Write the hash into a file that has a place for it."""
+    with path.open("r+b") as file, mmap.mmap(file.fileno(), 0) as data:
+        at = data.find(_BEFORE)
+        if at >= 0:
+            at += len(_BEFORE)
+            data[at : at + _LENGTH] = _hash_without(data, at)
+
+
+def is_broken(path: Path) -> bool:
+    """Whether a file has a hash of itself that is not its own."""
+    if path.stat().st_size == 0:
+        return False
+    with path.open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
+        at = data.find(_BEFORE)
+        if at < 0:
+            return False
+        at += len(_BEFORE)
+        return data[at : at + _LENGTH] != _hash_without(data, at)
+
+
+def _hash_without(data: mmap.mmap, at: int) -> bytes:
+    digest = hashlib.sha256()
+    with memoryview(data) as view, view[:at] as head, view[at + _LENGTH :] as tail:
+        digest.update(head)
+        digest.update(PLACE.encode())
+        digest.update(tail)
+    return digest.hexdigest().encode()

@@ -7,9 +7,10 @@ type is ever made.
 from __future__ import annotations
 
 import os
+import shutil
+import sys
 import zlib
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager, nullcontext
 from pathlib import Path
 from typing import Any, TypeAlias
@@ -21,7 +22,7 @@ from flurries.io.atomic import replacing
 from flurries.io.color import Array
 from flurries.io.oiio import last_error, let_open, openimageio, packing_threads
 from flurries.io.pictures.integers import as_floats, declare_integers
-from flurries.io.pictures.seal import seal
+from flurries.io.pictures.metadata import seal
 
 # A whole number of the strips and blocks in which EXR and TIFF compress; of wide pictures, whose
 # rows take much memory, fewer.
@@ -34,51 +35,21 @@ _BLOCK_ROWS = 16
 # A picture of fewer pixels is not worth threads.
 _LARGE = 1 << 18
 
-# Formats of which any rows can be read without those before.
-_SEPARATE = (".exr", ".tif", ".tiff")
+# Others write to the same disk meanwhile: room for several such files must be there.
+_OTHERS = 8
+_SPARE = 1 << 26
 
 Band: TypeAlias = Callable[[int, int], Array]
 Checksums: TypeAlias = list[tuple[np.dtype[Any], int]]
 
 
-def write_bands(
-    path: str | os.PathLike[str],
-    specification: Any,
-    band: Band,
-    *,
-    lossless: bool,
-) -> None:
-    """Write a picture whose rows `band(first, last)` makes, atomically, and verify it.
-
-    Parameters
-    ----------
-    path : str or path
-        The picture to make or replace.
-    specification : ImageSpec
-        Its size, channels, types and header.
-    band : callable
-        Returns rows [first, last) as an array (rows, W, channels) in one type; whole numbers of an
-        EXR as floats of the same bits.
-    lossless : bool
-        Whether what is read back must be the same bits.
-
-    Raises
-    ------
-    OSError
-        If it cannot be written, or does not read back as what was written.
-    """
-    write_parts(path, [(specification, band)], lossless=lossless)
-
-
 def write_parts(
     path: str | os.PathLike[str], parts: Sequence[tuple[Any, Band]], *, lossless: bool = True
 ) -> None:
-    """Write a picture of several parts, each as `write_bands` takes it.
+    """Write a picture of one or several parts atomically, and verify it.
 
-    Raises
-    ------
-    OSError
-        If it cannot be written, or does not read back as what was written.
+    A part is its header and a function that gives rows [first, last) as an array (rows, W,
+    channels) of one type; whole numbers of an EXR are floats of the same bits.
     """
     target = os.fspath(path)
     plain = [(as_floats(specification), band) for specification, band in parts]
@@ -92,13 +63,7 @@ def write_parts(
 
 
 def write_whole(path: str | os.PathLike[str], specification: Any, data: bytes) -> None:
-    """Write a picture that is encoded already, atomically, and verify its size and channels.
-
-    Raises
-    ------
-    OSError
-        If it cannot be written, or does not read back.
-    """
+    """Write a picture that is encoded already, atomically, and verify its size and channels."""
     unknown = [(np.dtype(np.uint8), 0)] * -(-specification.height // _rows(specification))
     with replacing(path) as temporary:
         temporary.write_bytes(data)
@@ -106,14 +71,35 @@ def write_whole(path: str | os.PathLike[str], specification: Any, data: bytes) -
         _verify(os.fspath(path), temporary, specification, unknown, lossless=False)
 
 
+@contextmanager
+def _roomy(file: Path, specification: Any) -> Iterator[str]:
+    """Yield a name to write a picture to, which is then in the file.
+
+    Where a disk is full, libpng prints words of its own and gives no reason. So where there may be
+    too little room a PNG goes to memory first.
+    """
+    most = specification.image_bytes() * 17 // 16 + (1 << 16)
+    room = _OTHERS * most + _SPARE <= shutil.disk_usage(file.parent).free
+    if room or file.suffix.lower() != ".png" or not sys.platform.startswith("linux"):
+        yield str(file)
+        return
+    memory = os.memfd_create("flurries")
+    try:
+        # Opened by its name, as any file, and gone with its descriptor.
+        yield f"/proc/self/fd/{memory}"
+        with Path(f"/proc/self/fd/{memory}").open("rb") as source, file.open("wb") as target:
+            shutil.copyfileobj(source, target, 1 << 20)
+    finally:
+        os.close(memory)
+
+
 def _write(target: str, temporary: Path, parts: Sequence[tuple[Any, Band]]) -> list[Checksums]:
     """Write all bands of all parts; return the type and the checksum of each."""
     checksums = []
-    name = str(temporary)
     first, *_ = specifications = tuple(specification for specification, _ in parts)
     large = temporary.suffix.lower() == ".exr" and first.width * first.height >= _LARGE
     threads = packing_threads() if large else nullcontext()
-    with threads, _output(target, temporary) as output:
+    with threads, _roomy(temporary, first) as name, _output(target, temporary) as output:
         for number, (specification, band) in enumerate(parts):
             if number:
                 opened = output.open(name, specification, "AppendSubimage")
@@ -127,7 +113,6 @@ def _write(target: str, temporary: Path, parts: Sequence[tuple[Any, Band]]) -> l
 
 @contextmanager
 def _output(target: str, temporary: Path) -> Iterator[Any]:
-    """Yield a writer, and close it whatever happens."""
     output = openimageio().ImageOutput.create(str(temporary))
     if output is None:
         raise ValueError(f"{target}: cannot be written: {last_error()}")
@@ -144,7 +129,6 @@ def _output(target: str, temporary: Path) -> Iterator[Any]:
 
 
 def _rows(specification: Any) -> int:
-    """Return the number of rows of a picture that are written together."""
     rows = _ROWS if specification.width <= _WIDE else _FEWER
     return max(rows, _BLOCK_ROWS * _core.threads())
 
@@ -175,34 +159,6 @@ def _verify(
     """Read the picture back; a full disk or a faulty writer shows here and not next week."""
     let_open(4 * specification.width * specification.height * specification.nchannels)
     step = _rows(specification)
-    bands = [(number * step, *band) for number, band in enumerate(checksums)]
-    large = specification.width * specification.height >= _LARGE
-    count = _core.threads() if large and temporary.suffix.lower() in _SEPARATE else 1
-    # Each of them opens the file for itself.
-    shares = [bands[share::count] for share in range(min(count, len(bands)))]
-
-    def look(share: Sequence[tuple[int, np.dtype[Any], int]]) -> None:
-        _compare(target, temporary, specification, share, lossless=lossless, part=part)
-
-    if len(shares) == 1:
-        look(bands)
-        return
-    with ThreadPoolExecutor(len(shares)) as readers:
-        for done in [readers.submit(look, share) for share in shares]:
-            done.result()
-
-
-def _compare(
-    target: str,
-    temporary: Path,
-    specification: Any,
-    bands: Sequence[tuple[int, np.dtype[Any], int]],
-    *,
-    lossless: bool,
-    part: int,
-) -> None:
-    """Decode bands, each from a first row on, and compare their checksums."""
-    step = _rows(specification)
     library = openimageio()
     wishes = library.ImageSpec()
     wishes.attribute("oiio:UnassociatedAlpha", 1)
@@ -217,8 +173,8 @@ def _compare(
         # EXR keeps channels in alphabetical order, whatever order they were given in.
         order = [stored.channelindex(name) for name in specification.channelnames]
         sorts = sorted(order) == list(range(stored.nchannels)) and order != sorted(order)
-        for first, dtype, checksum in bands:
-            last = min(first + step, stored.height)
+        for number, (dtype, checksum) in enumerate(checksums):
+            first, last = number * step, min((number + 1) * step, stored.height)
             kind = {"float16": "half", "float32": "float"}.get(dtype.name, dtype.name)
             place = stored.y + first, stored.y + last
             rows = reader.read_scanlines(part, 0, *place, 0, 0, stored.nchannels, kind)

@@ -65,12 +65,10 @@ class Slate:
     colored: bool = True
 
     def value(self, name: str) -> Any:
-        """Return the value of an attribute, or None."""
         return next((value for known, _, value in self.attributes if known == name), None)
 
     @property
     def timecode(self) -> TimeCode | None:
-        """The time code."""
         word = self.value(_TIME)
         if word is None or self.rate is None:
             return None
@@ -131,7 +129,6 @@ class Slate:
 
     @property
     def profile(self) -> bytes | None:
-        """The ICC profile."""
         value = self.value("ICCProfile")
         return None if value is None or not self.colored else bytes(value)
 
@@ -144,8 +141,7 @@ def read_slate(path: str | os.PathLike[str], *, budget: Budget | None = None) ->
 
     Parameters
     ----------
-    path : str or path
-    budget : Budget, optional
+    path, budget
         As `read_picture`.
 
     Returns

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -12,26 +13,15 @@ import numpy as np
 import numpy.typing as npt
 
 from flurries._contract import choice
-from flurries.io.color import (
-    Array,
-    to_display,
-    to_half,
-    to_integer,
-    to_linear,
-    to_single,
-    to_unit,
-)
+from flurries.io.color import Array, to_display, to_half, to_integer, to_linear, to_single, to_unit
 from flurries.io.oiio import openimageio
 from flurries.io.pictures import metadata as header
-from flurries.io.pictures import seal
-from flurries.io.pictures.jpeg import encode_jpeg
-from flurries.io.pictures.png import write_png
-from flurries.io.pictures.rows import write_bands, write_whole
+from flurries.io.pictures.rows import write_parts, write_whole
 from flurries.io.pictures.slate import Slate
 
 
 @dataclass(frozen=True)
-class _Format:
+class Format:
     """The bits, floats and alpha that a file format can hold."""
 
     name: str
@@ -46,22 +36,23 @@ class _Format:
         floats = ("half", "float") if self.name == "openexr" else ("float",) * self.floats
         return (*self.bits, *floats)
 
-    @property
-    def only_floats(self) -> bool:
-        """Whether it holds no integers."""
-        return self.floats and not self.bits
-
 
 _FORMATS = {
-    ".dpx": _Format("dpx", bits=(8, 10, 16), alpha=False),
-    ".exr": _Format("openexr", floats=True),
-    ".hdr": _Format("hdr", floats=True, alpha=False, lossless=False),
-    ".jpeg": _Format("jpeg", bits=(8,), alpha=False, lossless=False),
-    ".jpg": _Format("jpeg", bits=(8,), alpha=False, lossless=False),
-    ".png": _Format("png", bits=(8, 16)),
-    ".tif": _Format("tiff", bits=(8, 16), floats=True),
-    ".tiff": _Format("tiff", bits=(8, 16), floats=True),
+    ".dpx": Format("dpx", bits=(8, 10, 16), alpha=False),
+    ".exr": Format("openexr", floats=True),
+    ".hdr": Format("hdr", floats=True, alpha=False, lossless=False),
+    ".jpeg": Format("jpeg", bits=(8,), alpha=False, lossless=False),
+    ".jpg": Format("jpeg", bits=(8,), alpha=False, lossless=False),
+    ".png": Format("png", bits=(8, 16)),
+    ".tif": Format("tiff", bits=(8, 16), floats=True),
+    ".tiff": Format("tiff", bits=(8, 16), floats=True),
 }
+
+# PNG's filter that stores each pixel's difference from the one before, as libpng counts them.
+_SUB = 0x10
+
+_DESCRIPTION, _SOFTWARE, _MOMENT = 0x010E, 0x0131, 0x0132  # Tags of EXIF.
+_LONGEST_TEXT = 60_000
 
 # How EXR packs pixels, and whether all bits survive it.
 COMPRESSIONS = {
@@ -76,11 +67,8 @@ COMPRESSIONS = {
 
 
 def packing(compression: str) -> str:
-    """Return OpenImageIO's name of a compression with its level.
-
-    Zip at its first level takes two thirds of the time of its fourth, which is OpenEXR's own, for 5
-    in 100 more bytes (``python benches/files.py``).
-    """
+    """Return OpenImageIO's name of a compression with its level."""
+    # Zip at level 1 takes two thirds of the time of OpenEXR's level 4, for 5 in 100 more bytes.
     return f"{compression}:1" if compression.startswith("zip") else compression
 
 
@@ -169,7 +157,7 @@ def write_picture(
 
     # Whoever says how a picture was made wants to know whether it is still that.
     if form.name in ("jpeg", "tiff") and len(strings) > 1:
-        strings[seal.KEY] = seal.PLACE
+        strings[header.KEY] = header.PLACE
 
     def band(first: int, last: int) -> Array:
         rows = None if opacity is None else opacity[first:last]
@@ -180,7 +168,7 @@ def write_picture(
     if form.name == "jpeg":
         try:
             profile = said.profile if said.encoding == "display" else None
-            data = encode_jpeg(band(0, color.shape[0]), int(quality), strings, profile)
+            data = _encode_jpeg(band(0, color.shape[0]), int(quality), strings, profile)
         except OSError as error:
             raise OSError(f"{os.fspath(path)}: cannot be encoded: {error}") from error
         write_whole(path, specification, data)
@@ -195,14 +183,37 @@ def write_picture(
     elif form.name in ("png", "tiff") and stored in ("uint8", "uint16"):
         specification.attribute("oiio:UnassociatedAlpha", 1)
     if form.name == "png":
-        write_png(path, specification, band)
-        return
+        # Flakes are noise: more effort takes four times as long for a tenth fewer bytes.
+        specification.attribute("png:compressionLevel", 1)
+        specification.attribute("png:filter", _SUB)
     lossless = form.lossless and (form.name != "openexr" or COMPRESSIONS[compression])
-    write_bands(path, specification, band, lossless=lossless)
+    write_parts(path, [(specification, band)], lossless=lossless)
 
 
-def format_of(path: str | os.PathLike[str]) -> _Format:
-    """Return the format that a file's extension names."""
+def _encode_jpeg(
+    pixels: Array, quality: int, strings: Mapping[str, str], profile: bytes | None
+) -> bytes:
+    """Return a baseline JPEG of (H, W, 1 or 3) uint8, colors not subsampled."""
+    # OpenImageIO's writer leaves errors to libjpeg's own handler, and that one ends the process:
+    # a full disk would take the whole program with it. Pillow encodes to memory and raises.
+    from PIL import Image
+
+    image = Image.fromarray(pixels[..., 0] if pixels.shape[2] == 1 else pixels)
+    tags = Image.Exif()
+    text = header.description(strings)
+    if len(text) > _LONGEST_TEXT:
+        raise ValueError(f"metadata of {len(text)} characters do not fit into a JPEG; use EXR")
+    if text:
+        tags[_DESCRIPTION] = text
+    tags[_SOFTWARE], tags[_MOMENT] = "flurries", strings["DateTime"]
+    buffer = io.BytesIO()
+    image.save(
+        buffer, "JPEG", quality=quality, subsampling=0, exif=tags.tobytes(), icc_profile=profile
+    )
+    return buffer.getvalue()
+
+
+def format_of(path: str | os.PathLike[str]) -> Format:
     suffix = Path(path).suffix.lower()
     if suffix not in _FORMATS:
         raise ValueError(
@@ -241,7 +252,7 @@ def _numbers(name: str, values: npt.ArrayLike) -> Array:
     return array.astype(array.dtype.newbyteorder("="), copy=False)
 
 
-def _stored_type(form: _Format, dtype: np.dtype[Any], *, half: bool, bits: int | None) -> str:
+def _stored_type(form: Format, dtype: np.dtype[Any], *, half: bool, bits: int | None) -> str:
     """Return the type in the file, as OpenImageIO calls it."""
     if not form.bits or (form.floats and dtype.kind == "f" and bits is None):
         return "half" if form.name == "openexr" and half else "float"
@@ -279,7 +290,6 @@ def _converted(
 
 
 def _stored(values: Array, stored: str) -> Array:
-    """Return values in the type of the file."""
     if values.dtype.name == stored:
         return values
     unit = to_unit(values)

@@ -19,7 +19,6 @@ def script() -> str:
 
 
 def style() -> str:
-    """Return its style sheet."""
     return _text("viewer.css")
 
 
