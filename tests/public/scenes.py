@@ -189,7 +189,7 @@ CALLS: dict[str, Call] = {
     "augment.Fog.record": Call({"index": 3}, of=FOG.record),
     "trace.count": Call({"name": "flakes", "number": 3}, words=("name",), loose=True),
     "trace.stage": Call({"name": "texture"}, words=("name",), loose=True),
-    "trace.tracing": Call({}),
+    "trace.tracing": Call({"memory": False}, loose=True),
     "augment.Snowfall": Call({}, loose=True),
     "augment.Rainfall": Call({}, loose=True),
     "augment.Fog": Call({}, loose=True),

@@ -9,7 +9,6 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import partial
 
 import numpy as np
 import numpy.typing as npt
@@ -29,7 +28,7 @@ from flurries.effects.passes import Other
 from flurries.effects.sheets import read_sheets
 from flurries.effects.weather import WRAPS, Film, Layer, Weather
 from flurries.frame.layer import Shade
-from flurries.frame.needs import Cost, LeftOut, Needs, Step, has_keys
+from flurries.frame.needs import LeftOut, Needs, Step, has_keys
 from flurries.frame.planes import plane
 from flurries.frame.view import Frame
 from flurries.light.phase import Optics
@@ -76,9 +75,7 @@ class FlakeTexture:
             why = "all flakes are drawn one by one"
             return Needs((), (LeftOut("texture", why),), most=0.0)
         still = frame.settled and self.weather.motion.still and not has_keys(self.weather.emission)
-        most = 1.0 - 1e-6
-        cost = partial(self._cost, frame, film, len(layers))
-        return Needs((Step("texture", cost, still, most),), most=most)
+        return Needs((Step("texture", once=still),), most=1.0 - 1e-6)
 
     def alpha(self, frame: Frame, amount: float, way: Way) -> Array:
         """Return its opacity over the window, (h, w) float32."""
@@ -325,21 +322,6 @@ class FlakeTexture:
         both = streak[0, 0, :, ::-1] if film.across else streak[0, 0]
         # Rounding of a frame's time must not make other patterns.
         return tuple((round(float(u), 9), round(float(v), 9)) for u, v in both)
-
-    def _cost(self, frame: Frame, film: Film, layers: int) -> Cost:
-        top, bottom, left, right = frame.window
-        step = film.tile - film.overlap
-        tiles = (math.ceil((bottom - top) / step) + 1) * (math.ceil((right - left) / step) + 1)
-        # Few tiles are cut in more than one group.
-        passes = 2 if frame.deep and self.depth_mode == "pixel" else 1
-        terms = layers * (2 if film.comes else 1)
-        plane = (bottom - top) * (right - left)
-        work = {
-            "flake term": float(tiles * terms * film.tile**2 // 2),
-            "flake tile": float(tiles * passes * film.tile**2),
-        }
-        size = f"{tiles} tiles of {film.tile} px, {layers} layers"
-        return Cost(work, size, 4 * plane, 8 * plane)
 
 
 def _before(
