@@ -27,7 +27,7 @@ LEVELS = (
     ("effects",),
     ("scene",),
     ("output",),
-    ("accuracy", "augment", "viewer"),
+    ("augment", "viewer"),
     ("cli", "__main__"),
 )
 

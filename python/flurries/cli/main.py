@@ -28,7 +28,6 @@ COMMANDS = {
     "texture": "snow that repeats in x, y and time, for a game engine",
     "corrupt": "a folder of pictures in weather, for a data set",
     "check": "compare frames with their folder's flurries.json",
-    "accuracy": "error against time of every approximation, measured here",
     "completion": "the shell's completion: bash, zsh or fish",
 }
 
