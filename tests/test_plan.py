@@ -545,6 +545,8 @@ def test_a_plan_probes_the_frames_that_it_says():
 
     assert probed(7) == (7,)
     assert probed("3-12") == (3, 7, 12)
+    early = fl.Keys([(t, 0.5 + 0.01 * t) for t in range(1, 9)])
+    assert {0, 49, 99} < set(probed("0-99", amount=early))
     # A short burst is met, and no more than five frames are rendered.
     burst = fl.Keys([(100, 0.0), (103, 1.0), (106, 0.0)])
     assert {0, 103, 999} <= set(probed("0-999", amount=burst))
@@ -663,9 +665,11 @@ def test_accuracy_is_that_of_the_frame_with_other_hand_overs():
 def test_accuracy_says_where_the_hand_over_has_no_say():
     flight = fl.CameraPath(Camera(200.0), velocity=(0.0, 0.0, 4.0))
     scene = fl.Scene(None, BYTES, effects=[fl.Snow(far=10.0)], camera=flight)
-    found = scene.plan(2, probe=False, accuracy=True).accuracy
-    assert found is not None and "follows from the motion" in found.why
-    assert [one.setting for one in found.settings] == ["as is", "every flake drawn"]
+    again = fl.Scene((64, 48), effects=[fl.Snow(far=10.0)], period=9)
+    for one in (scene, again):
+        found = one.plan(2, probe=False, accuracy=True).accuracy
+        assert found is not None and "follows from the motion" in found.why
+        assert [one.setting for one in found.settings] == ["as is", "every flake drawn"]
     for effects in ([], [fl.TentSnow()], [fl.Snow(method="simulated")]):
         found = fl.Scene(None, BYTES, effects=effects).plan(2, probe=False, accuracy=True).accuracy
         assert found is not None and found.settings == () and "draws near flakes" in found.why

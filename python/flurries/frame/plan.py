@@ -44,27 +44,14 @@ def plan_of(program: Program, numbers: Sequence[int], *, probe: bool = True) -> 
     """Return the plan of a scene's frames; see :meth:`flurries.Scene.plan`."""
     keyed = _keyed(program).intersection(numbers)
     looks = _looks(program, numbers, keyed)
-    probed = _probed(looks, keyed) if probe else ()
+    middle = numbers[(len(numbers) - 1) // 2]
+    probed = _probed(looks, middle, keyed) if probe else ()
     cold, warm = _traces(program, probed)
-    keys = dict.fromkeys(key for look in looks for key in look.steps)
-    names = _names(program)
-    steps = []
-    for key in sorted(keys, key=lambda key: (key == _COMPOSITE, key[0])):
-        name, step = names.get(key[0], ""), key[1]
-        label = step if name in ("", step) else f"{name}: {step}"
-        there = [look for look in looks if key in look.steps]
-        once, size = there[0].steps[key], there[0].sizes.get(key, "")
-        runs = [trace.spans[key] for trace in (cold if once else warm) if key in trace.spans]
-        time = float(np.mean([1e3 * span.seconds for span in runs])) if runs else None
-        most = [trace.spans[key].bytes for trace in cold if key in trace.spans]
-        share = len(there) / len(looks)
-        steps.append(
-            PlannedStep(label, size or _counted(runs), time, max(most, default=None), share, once)
-        )
-    rest = 1e3 * float(np.mean([trace.outside.seconds for trace in warm])) if warm else None
-    total = None if rest is None else rest + sum(
-        step.share * (step.milliseconds or 0.0) for step in steps if not step.once
-    )  # fmt: skip
+    steps = _steps(program, looks, cold, warm)
+    rest = total = None
+    if warm:
+        rest = 1e3 * float(np.mean([trace.outside.seconds for trace in warm]))
+        total = rest + sum(s.share * (s.milliseconds or 0.0) for s in steps if not s.once)
     return Plan(
         size=program.shape[::-1],
         frames=(numbers[0], numbers[-1], len(numbers)),
@@ -76,6 +63,28 @@ def plan_of(program: Program, numbers: Sequence[int], *, probe: bool = True) -> 
         bytes=max((trace.bytes for trace in cold), default=None),
         threads=threads(),
     )
+
+
+def _steps(
+    program: Program, looks: Sequence[_Look], cold: Sequence[Trace], warm: Sequence[Trace]
+) -> list[PlannedStep]:
+    """Return the steps of all frames: what happens once has the times of the first traces."""
+    keys = dict.fromkeys(key for look in looks for key in look.steps)
+    names, found = _names(program), []
+    for key in sorted(keys, key=lambda key: (key == _COMPOSITE, key[0])):
+        name, step = names.get(key[0], ""), key[1]
+        label = step if name in ("", step) else f"{name}: {step}"
+        there = [look for look in looks if key in look.steps]
+        once, size = there[0].steps[key], there[0].sizes.get(key, "")
+        first, runs = (
+            [trace.spans[key] for trace in traces if key in trace.spans]
+            for traces in (cold, cold if once else warm)
+        )
+        time = 1e3 * float(np.mean([span.seconds for span in runs])) if runs else None
+        most = max((span.bytes for span in first), default=None)
+        share = len(there) / len(looks)
+        found.append(PlannedStep(label, size or _counted(runs), time, most, share, once))
+    return found
 
 
 def _names(program: Program) -> dict[int, str]:
@@ -159,9 +168,10 @@ def _left_out(looks: Sequence[_Look]) -> list[LeftOut]:
     return found
 
 
-def _probed(looks: Sequence[_Look], keyed: set[int]) -> tuple[int, ...]:
+def _probed(looks: Sequence[_Look], middle: int, keyed: set[int]) -> tuple[int, ...]:
     """Return the first frame, the middle and the last, those with steps of their own, and keys."""
-    chosen = {looks[i].t: looks[i] for i in (0, len(looks) // 2, -1)}
+    ends = looks[0].t, middle, looks[-1].t
+    chosen = {look.t: look for look in looks if look.t in ends}
     while len(chosen) < PROBED:
         known = {key for look in chosen.values() for key in look.steps}
         rest = [look for look in looks if look.t not in chosen]
@@ -180,17 +190,18 @@ def _traces(program: Program, probed: Sequence[int]) -> tuple[list[Trace], list[
     Of a program of its own, which has kept nothing yet and leaves the scene's alone.
     """
     own = replace(program, found={})
-    found: list[list[Trace]] = []
-    for memory in (True, False):
-        found.append([])
-        for number in probed:
-            if memory:
-                # Memory that is there already would not be seen.
-                planes.forget()
-            with tracing(memory=memory) as trace:
-                images(own, _time(own, number), [None], whole(own.shape))
-            found[-1].append(trace)
-    return found[0], found[1]
+
+    def traced(number: int, *, memory: bool) -> Trace:
+        with tracing(memory=memory) as trace:
+            images(own, _time(own, number), [None], whole(own.shape))
+        return trace
+
+    cold = []
+    for number in probed:
+        # Memory that is there already would not be seen.
+        planes.forget()
+        cold.append(traced(number, memory=True))
+    return cold, [traced(number, memory=False) for number in probed]
 
 
 def _counted(runs: Sequence[Span]) -> str:

@@ -26,6 +26,11 @@ RUNS = 3
 # The percentile above which a pixel has much weather.
 LEVEL = 99.0
 
+NO_SAY = (
+    "in flight, with gusts, turns, zooms or keys, and in a film that begins again the hand-over "
+    "follows from the motion, and `handover` has no say"
+)
+
 
 def accuracy_of(scene: Rendering, number: int) -> Accuracy:
     """Return what a frame takes and looks like with other hand-overs."""
@@ -35,7 +40,7 @@ def accuracy_of(scene: Rendering, number: int) -> Accuracy:
     if not any(mixed):
         why = "no effect of the scene draws near flakes over a texture, as Snow and Rain do"
         return Accuracy(number, (), why)
-    depths = [_depth(effect, frame) if mixes else None
+    depths = [_depth(effect, frame) if mixes and scene.lap is None else None
               for effect, mixes in zip(scene.effects, mixed, strict=True)]  # fmt: skip
     known = any(depth is not None for depth in depths)
     settings = []
@@ -50,8 +55,7 @@ def accuracy_of(scene: Rendering, number: int) -> Accuracy:
     effects = [replace(effect, method="simulated") if mixes else effect
                for effect, mixes in zip(scene.effects, mixed, strict=True)]  # fmt: skip
     settings.append(_setting(scene, number, "every flake drawn", effects))
-    why = "the hand-over follows from the motion, and `handover` has no say"
-    return Accuracy(number, tuple(settings), "" if known else why)
+    return Accuracy(number, tuple(settings), "" if known else NO_SAY)
 
 
 def _depth(effect: Any, frame: Frame) -> float | None:

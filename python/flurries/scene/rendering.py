@@ -293,7 +293,7 @@ class Rendering(Sources):
         plan = plan_of(self.program, numbers, probe=probe)
         if not accuracy:
             return plan
-        return replace(plan, accuracy=accuracy_of(self, numbers[len(numbers) // 2]))
+        return replace(plan, accuracy=accuracy_of(self, numbers[(len(numbers) - 1) // 2]))
 
     @takes_output
     def write(
