@@ -122,7 +122,7 @@ hard-cases: $(VENV)/.tools
 
 # Error against time of every approximation: docs/internals/accuracy.md and its plots, about a minute.
 accuracy: $(VENV)/.tools
-	$(BIN)/flurries accuracy -o docs/images/accuracy --page docs/internals/accuracy.md
+	$(BIN)/python benches/accuracy.py -o docs/images/accuracy --page docs/internals/accuracy.md
 
 # Guards are taken away one at a time; WHAT=python leaves out those that need a build each.
 WHAT ?= all

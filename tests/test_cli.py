@@ -275,7 +275,7 @@ def test_a_reader_that_goes_is_no_error(here: Path):
     reader, writer = os.pipe()
     os.close(reader)
     process = subprocess.Popen(
-        [sys.executable, "-m", "flurries", "accuracy", "--list"],
+        [sys.executable, "-m", "flurries", "completion", "bash"],
         stdout=writer, stderr=subprocess.PIPE,
     )  # fmt: skip
     os.close(writer)

@@ -46,7 +46,7 @@ def test_help_says_each_option_its_default_and_an_example(name: str, run: Run):
     assert {"-q", "-v"} <= {way for one in options for way in one.opts} or name == "completion"
 
 
-@pytest.mark.parametrize("name", [n for n in COMMANDS if n not in ("demo", "view", "accuracy")])
+@pytest.mark.parametrize("name", [n for n in COMMANDS if n not in ("demo", "view")])
 def test_the_examples_of_the_help_run(name: str, run: Run, here: Path):
     Path("photos").mkdir()
     write_picture("photos/a.png", PLATE[:32, :48])
@@ -86,7 +86,6 @@ COMPLETIONS = {
     "an option": (["render", "--sev"], {"--severity"}),
     "a preset": (["render", "photo.jpg", "--snow", "h"], {"heavy"}),
     "a choice": (["render", "--quality", "d"], {"draft"}),
-    "an axis": (["accuracy", "sh"], {"shutter"}),
     "a look": (["texture", "--look", "b"], {"blizzard"}),
     "nothing": (["render", "--nothing-like-it"], set()),
 }

@@ -64,7 +64,6 @@ def mistakes() -> dict[str, tuple[list[str], str]]:
     every["near kind"] = (["plan", "kind.toml"], "line 3.*mean 'snow'?")
     every["old file"] = (["plan", "old.toml"], "old.toml.*format must be 3")
     every["near weather"] = (["corrupt", ".", "../w", "--weather", "sonw"], "mean 'snow'?")
-    every["near axis"] = (["accuracy", "blnd"], "mean 'blend'?")
     every["two ways"] = ([*RENDER, "--severity", "3"], "severity")
     every["no such knob"] = (["plan", "plate.png", "--mist", "--rate", "3"], "--rate.*--snow")
     every["which weather"] = (["plan", "scene.toml", "--severity", "3"], "--severity.*--rain")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib
 import json
 from pathlib import Path
 from typing import Any
@@ -24,10 +23,6 @@ def test_there_are_notebooks():
 @pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
 def test_a_notebook_runs(path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.chdir(tmp_path)
-    # Studies time each way twice in place of twenty times; errors are the same.
-    study = importlib.import_module("flurries.accuracy.study")
-    measure = study.measure
-    monkeypatch.setattr(study, "measure", lambda ways, _: measure(ways, 2))
     namespace: dict[str, Any] = {"__name__": "__main__"}
     for number, cell in enumerate(cells(path), 1):
         exec(compile("".join(cell["source"]), f"{path.name}, cell {number}", "exec"), namespace)

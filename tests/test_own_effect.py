@@ -44,7 +44,7 @@ def test_the_page_makes_frames_files_and_eyes(page: dict[str, Any], tmp_path: Pa
     assert np.array_equal(page["again"].render(12), page["frame"])
     assert page["again"].effects == scene.effects and page["frame"].min() < 0xC0
     assert fingerprint(page["again"]) == fingerprint(scene)
-    steps = str(scene.plan("1-24"))
+    steps = str(scene.plan("1-24", probe=False))
     assert all(f"ash: {step}" in steps for step in ("flakes", "veil", "join"))
     spec = oiio.ImageBuf(str(tmp_path / "ash.0002.exr")).spec()
     assert {"ash.R", "ash.A", "ash.depth.Z", "ash.forward.u", "ash.id"} <= set(spec.channelnames)

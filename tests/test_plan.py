@@ -1,10 +1,11 @@
-"""The plan: what is left out runs no step, and frames have the bits that they have with all."""
+"""The plan: what is left out runs no step and changes no bit, and a trace says what runs."""
 
 from __future__ import annotations
 
 import json
 import subprocess
 import sys
+import time
 import tracemalloc
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -14,24 +15,19 @@ import numpy as np
 import pytest
 
 import flurries as fl
+import judges
 from flurries.camera import Camera
-from flurries.effects.layout import Tiling, torus_for
-from flurries.frame import calibration, planes, standing
+from flurries.frame import plan as planning
+from flurries.frame import planes
 from flurries.frame.effect import renderer_of
-from flurries.frame.needs import Cost, LeftOut, Needs, Step
+from flurries.frame.needs import LeftOut, Needs, Step
+from flurries.scene.accuracy import euler
 
 W, H = 200, 150
 RNG = np.random.default_rng(41)
 BYTES = RNG.integers(0, 256, (H, W, 3)).astype(np.uint8)
 LIGHT = RNG.gamma(1.0, 0.5, (H, W, 3)).astype(np.float32)
 STILL: dict[str, Any] = {"fall": 0.0, "wind": (0.0, 0.0, 0.0), "sway": (0.0, 0.0)}
-
-
-@pytest.fixture(autouse=True)
-def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """A folder for the calibration, so that tests leave nothing in the user's."""
-    monkeypatch.setenv("FLURRIES_CACHE", str(tmp_path / "cache"))
-    return tmp_path / "cache"
 
 
 @dataclass(frozen=True)
@@ -67,7 +63,7 @@ def traced(scene: fl.Scene, t: float = 7.0, **more: Any) -> tuple[Any, fl.trace.
 
 
 def left_out(scene: fl.Scene, frames: Any = 7) -> dict[str, str]:
-    return {one.what: one.why for one in scene.plan(frames).left_out}
+    return {one.what: one.why for one in scene.plan(frames, probe=False).left_out}
 
 
 # What is left out: (effect, more of the scene, steps that must not run, words of the plan)
@@ -242,10 +238,8 @@ def test_what_never_moves_is_made_once(layers: bool):
             assert image.alpha.flags.writeable
             image, want = image.alpha, want.alpha
         assert np.array_equal(image, want)
-    assert {step.name for step in planned.plan("1-5").steps if step.once} == {
-        "snow: texture",
-        "snow: flakes",
-    }
+    once = {step.name for step in planned.plan("1-5", probe=False).steps if step.once}
+    assert once == {"snow: texture", "snow: flakes"}
     # Another eye or another window is another frame; the color may change.
     eye = Camera(100.0)
     assert np.array_equal(planned.render(3, eye=eye), whole.render(3, eye=eye))
@@ -308,12 +302,12 @@ def test_amounts_that_are_keyed_count_frame_by_frame():
     scene = fl.Scene(None, BYTES, effects=[fl.TentSnow(amount=amount)])
     assert "texture" not in traced(scene, 5.0)[1].calls
     assert "texture" in traced(scene, 15.0)[1].calls
-    plan = scene.plan("0-20")
+    plan = scene.plan("0-20", probe=False)
     assert 0.0 < next(s.share for s in plan.steps if s.name == "snow: texture") < 1.0
     assert "% of frames" in left_out(scene, "0-20")["snow"]
     # A long film is not looked at frame by frame, but no key of it is missed.
     burst = fl.TentSnow(amount=fl.Keys([(100, 0.0), (103, 1.0), (106, 0.0)]))
-    steps = fl.Scene(None, BYTES, effects=[burst]).plan("0-999").steps
+    steps = fl.Scene(None, BYTES, effects=[burst]).plan("0-999", probe=False).steps
     assert "snow: texture" in {step.name for step in steps}
 
 
@@ -381,55 +375,6 @@ def test_a_cone_without_light_is_only_a_veil():
     assert not np.array_equal(image, BYTES)
 
 
-# One torus ---------------------------------------------------------------------------------------
-
-
-def test_a_torus_is_taken_where_it_is_cheaper():
-    cheap = Tiling((300, 300), 260)
-    torus, why = torus_for((512, 512), cheap, (8.0, 32.0), 0.0)
-    assert torus == Tiling((512, 512), 0) and "ms" in why
-    assert torus_for((512, 512), Tiling((64, 64), 10), (3.0, 24.0), 0.0)[0] is None
-    assert torus_for((512, 509), cheap, (8.0, 32.0), 0.0)[0] is None, "509 is a prime"
-    assert torus_for((512, 512), cheap, (8.0, 32.0), 600.0)[0] is None
-    assert torus_for((256, 256), cheap, (8.0, 32.0), 0.0)[0] is None
-
-
-# Rain whose streaks need tiles so large that one torus is cheaper.
-WIDE = {"drops": 0, "haze": 0.0, "wavelengths": (4.0, 16.0)}
-
-
-def test_frames_of_a_torus_agree_and_have_equal_statistics():
-    def scene(seed: int, **more: Any) -> fl.Scene:
-        effect = fl.TentRain(**WIDE, seed=seed)
-        return fl.Scene((192, 192), effects=[effect], **more)
-
-    one = scene(1)
-    image, trace = traced(one)
-    assert trace.counts["tiles"] == 1
-    assert "as one torus" in left_out(one)["rain: tiles"]
-    part = np.s_[50:90, 100:130]
-    assert np.array_equal(one.render(7, region=part), image[part])
-    eye = Camera(230.4, offset=(0.1, 0.0, 0.0))
-    assert np.array_equal(one.render(7, eye=eye), one.render(7, eye=eye))
-    # A camera that goes forward, a wind over depth or a depth needs tiles: for the whole film.
-    forward = fl.CameraPath(
-        Camera(200.0), velocity=fl.Keys([(0, (0.0,) * 3), (9, (0.0, 0.0, 1.0))])
-    )
-    for more in ({"camera": forward}, {"depth": 1e4}):
-        assert traced(scene(1, **more), 0.0)[1].counts["tiles"] > 1
-    # Means and variances over seeds: the same law within three standard errors.
-    stats = {}
-    for name, more in (("torus", {}), ("tiles", {"tile": 136, "overlap": 22})):
-        scenes = [
-            fl.Scene((192, 192), effects=[fl.TentRain(**WIDE, **more, seed=s)]) for s in range(24)
-        ]
-        made = [one.render(3, layers=True).alpha.astype(np.float64) for one in scenes]
-        stats[name] = np.array([(a.mean(), a.var(), (a[1:] * a[:-1]).mean()) for a in made])
-    apart = stats["torus"].mean(axis=0) - stats["tiles"].mean(axis=0)
-    error = np.sqrt(sum(s.var(axis=0, ddof=1) / len(s) for s in stats.values()))
-    assert (np.abs(apart) < 3.5 * error).all(), (apart, error)
-
-
 # What others write -------------------------------------------------------------------------------
 
 
@@ -451,10 +396,12 @@ class Priced(Own):
     def needs(self, frame: fl.Frame) -> Needs:
         if self.amount == 0.0:
             return Needs((), (LeftOut("priced", "its amount is 0"),), most=0.0)
-        pixels = frame.shape[0] * frame.shape[1]
-        return Needs(
-            (Step("paint", lambda: Cost({"array pixel": pixels}, "one plane", 4 * pixels)),)
-        )
+        return Needs((Step("paint"),))
+
+    def render(self, frame: fl.Frame) -> fl.Layer:
+        layer = frame.steps_of(self)("paint", lambda: Own.render(self, frame))
+        assert layer is not None
+        return layer
 
 
 @dataclass(frozen=True)
@@ -482,7 +429,7 @@ def test_effects_of_others():
     _, trace = traced(scene)
     assert trace.calls["own"] == 1
     assert [step.name for step in scene.plan(1).steps] == [
-        "frame", "background", "own", "priced: paint", "composite",
+        "background", "own", "priced: paint", "composite",
     ]  # fmt: skip
     assert left_out(scene)["priced"] == "its amount is 0"
     with pytest.raises(ValueError, match="read-only"):
@@ -493,8 +440,163 @@ def test_effects_of_others():
 
 # The plan itself ---------------------------------------------------------------------------------
 
+TURNING = fl.CameraPath(Camera(500.0), orientation=fl.Keys([(0, (0.0,) * 3), (9, (0.0, 0.1, 0.0))]))
+MATTE = np.zeros((H, W), np.float32)
+MATTE[90:] = 1.0
+LAMP = fl.Lamp((0.0, -1.0, 6.0))
+SCENES: dict[str, fl.Scene] = {
+    "empty": fl.Scene(None, BYTES),
+    "floats": fl.Scene(None, LIGHT, effects=[fl.TentSnow.preset("light")]),
+    "two alike": fl.Scene(None, BYTES, effects=[fl.TentSnow(), fl.TentSnow(flakes=0)]),
+    "in linear light": fl.Scene(None, BYTES, effects=[fl.TentSnow()], space="linear"),
+    "a matte": fl.Scene(None, BYTES, effects=[fl.TentSnow()], foreground=MATTE),
+    "all hidden": fl.Scene(None, BYTES, effects=[fl.TentSnow()], foreground=np.ones_like(MATTE)),
+    "a depth": fl.Scene(None, BYTES, effects=[fl.TentSnow(), fl.Rain()], depth=40.0),
+    "turning": fl.Scene(None, BYTES, effects=[fl.TentSnow()], camera=TURNING),
+    "still": fl.Scene(None, BYTES, effects=[fl.TentSnow(**STILL)]),
+    "bands": fl.Scene((1400, 800), effects=[fl.Snow(), fl.TentRain()]),
+    "local light": fl.Scene(None, BYTES, effects=[fl.Snow(color="local")]),
+    "ambient light": fl.Scene(None, BYTES, effects=[fl.Snow(color="ambient")]),
+    "lamps": fl.Scene(None, BYTES, effects=[fl.Snow(), fl.TentSnow()], lights=[LAMP]),
+    "gas": fl.Scene(None, BYTES, effects=[fl.Mist(), fl.Mist.preset("clouds")], sun=fl.Sun()),
+    "a cone": fl.Scene(None, BYTES, effects=[fl.ConeRain(), fl.ConeSnow()]),
+    "sizes that change": fl.Scene(
+        None, BYTES,
+        effects=[fl.Snow(flake_size=fl.Keys([(0, (0.003, 0.007, 0.022)), (9, (0.004,) * 3)]))],
+    ),
+}  # fmt: skip
 
-def test_a_plan_says_the_same_in_all_forms(capsys: pytest.CaptureFixture[str]):
+
+@pytest.mark.parametrize("case", SCENES)
+def test_a_plan_names_the_steps_that_run(case: str):
+    scene = SCENES[case]
+    plan, said = scene.plan(3), scene.plan(3, probe=False)
+    ran = traced(scene.replace(seed=4), 3.0)[1]
+    assert {step.name.rpartition(": ")[2] for step in plan.steps} == set(ran.calls)
+    assert [step.name for step in plan.steps] == [step.name for step in said.steps]
+    assert len({step.name for step in plan.steps}) == len(plan.steps)
+    assert said.left_out == plan.left_out
+    for step in plan.steps:
+        assert step.milliseconds is not None and step.milliseconds > 0.0
+        assert step.bytes is not None and step.bytes >= 0
+    assert plan.rest is not None and plan.milliseconds is not None
+    times = [step.milliseconds or 0.0 for step in plan.steps if not step.once]
+    assert plan.milliseconds == pytest.approx(sum(times) + plan.rest)
+
+
+@dataclass(frozen=True)
+class Large(Own):
+    """An effect whose step takes memory and time that are known, and tells when it was rendered."""
+
+    NAME = "large"
+    rendered: Any = None
+    amount: Any = 1.0
+
+    def needs(self, frame: fl.Frame) -> Needs:
+        amount = self.amount.at(frame.t) if isinstance(self.amount, fl.Keys) else self.amount
+        gone = LeftOut("large", "its amount is 0")
+        return Needs((Step("work"),)) if amount else Needs((), (gone,), most=0.0)
+
+    def render(self, frame: fl.Frame) -> fl.Layer:
+        if self.rendered is not None:
+            self.rendered.append(int(frame.t))
+
+        def work() -> fl.Layer:
+            time.sleep(0.02)
+            assert np.ones(50_000_000, np.uint8)[-1] == 1
+            return Own.render(self, frame)
+
+        layer = frame.steps_of(self)("work", work)
+        assert layer is not None
+        return layer
+
+
+def test_times_and_bytes_are_those_of_the_step():
+    plan = fl.Scene(None, BYTES, effects=[Large(), fl.TentSnow()]).plan("1-9")
+    (step,) = (step for step in plan.steps if step.name == "large: work")
+    assert step.milliseconds is not None and step.milliseconds >= 20.0
+    assert plan.milliseconds is not None and plan.milliseconds >= step.milliseconds
+    assert step.bytes is not None and 50_000_000 <= step.bytes < 50_200_000
+    others = [one.bytes or 0 for one in plan.steps if one is not step]
+    assert max(others) < 1_000_000 and plan.bytes is not None
+    assert step.bytes <= plan.bytes < step.bytes + 4_000_000
+
+
+@pytest.mark.parametrize("case", ["empty", "two alike", "in linear light", "a depth", "turning"])
+def test_bytes_are_those_of_a_frame(case: str):
+    picture = np.tile(BYTES, (3, 3, 1))
+    scene = SCENES[case].replace(background=picture, size=(3 * W, 3 * H))
+    scene.render(2)
+    plan = scene.plan(3)
+    planes.forget()
+    tracemalloc.start()
+    scene.render(3)
+    most = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert plan.bytes == pytest.approx(most, rel=0.1) and most >= picture.nbytes
+
+
+def test_a_plan_probes_the_frames_that_it_says():
+    def probed(frames: Any, **fields: Any) -> tuple[int, ...]:
+        seen: list[int] = []
+        plan = fl.Scene((8, 8), effects=[Large(seen, **fields), fl.Mist()]).plan(frames)
+        assert sorted(seen) == sorted(2 * [t for t in plan.probed if t in seen])
+        return plan.probed
+
+    assert probed(7) == (7,)
+    assert probed("3-12") == (3, 7, 12)
+    early = fl.Keys([(t, 0.5 + 0.01 * t) for t in range(1, 9)])
+    assert {0, 49, 99} < set(probed("0-99", amount=early))
+    # A short burst is met, and no more than five frames are rendered.
+    burst = fl.Keys([(100, 0.0), (103, 1.0), (106, 0.0)])
+    assert {0, 103, 999} <= set(probed("0-999", amount=burst))
+    many = fl.Keys([(t, 0.5 + 0.001 * t) for t in range(0, 90, 5)])
+    assert len(probed("0-99", amount=many)) == planning.PROBED
+
+
+def test_without_a_probe_nothing_runs():
+    @dataclass(frozen=True)
+    class Never(Own):
+        def render(self, frame: fl.Frame) -> fl.Layer:
+            raise AssertionError("rendered")
+
+    with fl.trace.tracing() as trace:
+        plan = fl.Scene(None, BYTES, effects=[Never()]).plan("1-9", probe=False)
+    assert not trace.calls and plan.probed == ()
+    assert plan.milliseconds is plan.bytes is plan.rest is None
+    assert [(step.name, step.milliseconds, step.bytes) for step in plan.steps] == [
+        (name, None, None) for name in ("background", "never", "composite")
+    ]
+    assert "without times" in str(plan)
+
+
+def test_plans_leave_frames_and_traces_alone():
+    def scene() -> fl.Scene:
+        return fl.Scene(None, BYTES, effects=[fl.TentSnow(**STILL), fl.Snow(seed=2)])
+
+    looked = scene()
+    with fl.trace.tracing() as trace:
+        looked.plan(5)
+        assert not trace.calls
+        assert np.array_equal(looked.render(5), scene().render(5))
+    # What never moves is made for the plan, and again for the scene's own first frame.
+    assert trace.calls["texture"] == 4
+
+
+def test_a_trace_gives_each_moment_to_one_stage():
+    with fl.trace.tracing() as trace:
+        began = time.perf_counter()
+        with fl.trace.stage("outer"):
+            with fl.trace.stage("inner"):
+                time.sleep(0.02)
+            fl.trace.count("tiles", 3)
+        total = time.perf_counter() - began
+    assert trace.seconds["inner"] >= 0.02 and trace.counts == {"tiles": 3}
+    assert sum(trace.seconds.values()) <= total
+    assert trace.spans[-1, "outer"].counts == {"tiles": 3}
+
+
+def test_a_plan_says_the_same_in_all_forms():
     scene = fl.Scene(None, BYTES, effects=[fl.TentSnow(), fl.TentRain(amount=0.0)])
     plan = scene.plan("1-40")
     text, values, page = str(plan), json.loads(plan.to_json()), plan._repr_html_()
@@ -502,9 +604,9 @@ def test_a_plan_says_the_same_in_all_forms(capsys: pytest.CaptureFixture[str]):
     assert values["frames"] == {"first": 1, "last": 40, "count": 40}
     assert [one["name"] for one in values["steps"]] == [step.name for step in plan.steps]
     for step in plan.steps:
-        assert step.name in text and step.name in page and step.milliseconds >= 0.0
+        assert step.name in text and step.name in page
+    assert "measured in frames 1, 20, 40" in text
     assert "rain" in text and "its amount is 0" in text and "its amount is 0" in page
-    assert plan.milliseconds == pytest.approx(sum(step.milliseconds for step in plan.steps))
     assert page.count("<table") == page.count("</table>") == 2
     assert "<script" not in fl.Scene((8, 8), effects=[Named()]).plan(1)._repr_html_()
 
@@ -514,125 +616,74 @@ class Named(Own):
     NAME = "<script>"
 
 
-def test_plans_are_pure_and_leave_frames_alone():
-    def scene() -> fl.Scene:
-        return fl.Scene(None, BYTES, effects=[fl.TentSnow()])
-
-    looked = scene()
-    with fl.trace.tracing() as trace:
-        plans = [looked.plan(5).to_dict() for _ in range(2)]
-    assert not trace.calls and plans[0] == plans[1]
-    assert np.array_equal(looked.render(5), scene().render(5))
-
-
 @pytest.mark.parametrize("frames", ["3-1", "x", [], -1, 1.5])
 def test_frames_are_refused_by_name(frames: Any):
     with pytest.raises((ValueError, TypeError), match="frame"):
         fl.Scene((8, 8)).plan(frames)
 
 
-def test_bytes_are_foreseen(monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr(planes, "MOST", 0)
-    planes._free.clear()
-    matte = np.zeros((H, W), np.float32)
-    matte[90:] = 1.0
-    picture = np.tile(BYTES, (3, 3, 1))
-    big = np.tile(matte, (3, 3))
-    scenes = [
-        fl.Scene(None, picture),
-        fl.Scene(None, picture, effects=[fl.TentSnow()]),
-        fl.Scene(None, picture, effects=[fl.TentSnow(texture=0.0, flakes=30000)]),
-        fl.Scene(None, picture, effects=[fl.TentSnow(), fl.TentSnow(flakes=0)]),
-        fl.Scene(None, picture, effects=[fl.TentSnow()], foreground=big),
-        fl.Scene(None, picture, effects=[fl.TentSnow()], space="linear"),
-        fl.Scene(None, picture, effects=[fl.TentSnow()], depth=40.0),
-        fl.Scene(
-            None,
-            picture,
-            effects=[fl.TentSnow(haze=0.0)],
-            camera=fl.CameraPath(
-                Camera(500.0), orientation=fl.Keys([(0, (0.0,) * 3), (9, (0.0, 0.1, 0.0))])
-            ),
-        ),
-        fl.Scene(None, picture, effects=[fl.TentSnow(**STILL)]),
-        fl.Scene(None, np.tile(LIGHT, (3, 3, 1)), effects=[fl.TentSnow.preset("light")]),
-    ]
-    for scene in scenes:
-        scene.render(2)
-        plan = scene.plan(3)
-        standing._KEPT.clear()  # What a depth that stays keeps is made anew, and foreseen.
-        tracemalloc.start()
-        scene.render(3)
-        most = tracemalloc.get_traced_memory()[1]
-        tracemalloc.stop()
-        assert plan.bytes == pytest.approx(most, rel=0.1), str(plan)
-
-
 def test_the_command_line_prints_a_plan(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
     from flurries.cli import main
 
     scene = fl.Scene((64, 48), "#203040", effects=[fl.TentSnow(), fl.TentRain(amount=0.0)])
-    scene.save(tmp_path / "scene.toml")
-    assert main(["plan", str(tmp_path / "scene.toml"), "--frames", "3-9"]) == 0
+    file = str(tmp_path / "scene.toml")
+    scene.save(file)
+    assert main(["plan", file, "--frames", "3-9", "--no-probe"]) == 0
     text = capsys.readouterr().out
-    assert text.strip() == str(fl.Scene.load(tmp_path / "scene.toml").plan("3-9"))
-    assert main(["plan", "#203040", "--snow", "heavy", "--json", "--calibrate"]) == 0
+    assert text.strip() == str(fl.Scene.load(file).plan("3-9", probe=False))
+    assert main(["plan", "#203040", "--snow", "heavy", "--frames", "3", "--json"]) == 0
     values = json.loads(capsys.readouterr().out)
-    assert {"steps", "left_out", "milliseconds", "bytes"} <= set(values)
-    assert main(["plan", str(tmp_path / "scene.toml"), "--frames", "9-3"]) == 2
+    assert values["milliseconds"] > 0.0 and values["bytes"] > 0 and values["probed"] == [3]
+    assert main(["plan", file, "--frames", "3", "--accuracy"]) == 0
+    assert "no effect of the scene draws near flakes over a texture" in capsys.readouterr().out
+    assert main(["plan", file, "--frames", "9-3"]) == 2
     assert "Traceback" not in capsys.readouterr().err
 
 
-# Calibration -------------------------------------------------------------------------------------
+# What accuracy costs -----------------------------------------------------------------------------
 
 
-def test_a_calibration_is_measured_once_and_scales_times_alone(
-    tmp_path: Path, cache: Path, monkeypatch: pytest.MonkeyPatch
-):
-    scene = fl.Scene(None, BYTES, effects=[fl.TentSnow()])
-    count = fl.threads()
-    for threads in (3, count):
-        fl.set_threads(threads)
-        first = scene.plan(3)
-    stored = json.loads((cache / "calibration.json").read_text())
-    assert len(stored) == 1 + (count != 3)
-    monkeypatch.setattr(calibration, "measure", lambda: pytest.fail("measured again"))
-    # The same file somewhere else: read, as by another process.
-    for name, times in (("same", 1.0), ("slow", 10.0)):
-        # A machine ten times as slow takes the same steps.
-        slower = {key: {kind: times * value for kind, value in each.items()}
-                  for key, each in stored.items()}  # fmt: skip
-        (tmp_path / name).mkdir()
-        text = json.dumps(slower)
-        (tmp_path / name / "calibration.json").write_text(text)
-        monkeypatch.setenv("FLURRIES_CACHE", str(tmp_path / name))
-        plan = scene.plan(3)
-        assert plan.milliseconds == pytest.approx(times * first.milliseconds)
-        assert [(s.name, s.size, s.bytes) for s in plan.steps] == [
-            (s.name, s.size, s.bytes) for s in first.steps
-        ]
-        assert plan.left_out == first.left_out
+def test_accuracy_is_that_of_the_frame_with_other_hand_overs():
+    snow = fl.Snow(density=40.0, far=20.0, seed=3)
+    scene = fl.Scene(None, BYTES, effects=[snow, fl.TentRain(seed=1)])
+    found = scene.plan("2-8", probe=False, accuracy=True).accuracy
+    assert found is not None and found.frame == 5 and found.why == ""
+    *near, drawn = found.settings
+    depths = [float(one.setting.split()[2]) for one in near]
+    assert len(near) == 3 and depths[2] == pytest.approx(4.0 * depths[0], rel=0.02)
+    assert drawn.setting == "every flake drawn"
+    every = scene.replace(effects=[replace(snow, method="simulated"), scene.effects[1]])
+    pinned = scene.replace(effects=[replace(snow, handover=depths[2]), scene.effects[1]])
+    for one, same in ((near[1], scene), (drawn, every), (near[2], pinned)):
+        alpha = same.render(5, layers=True).alpha
+        assert one.rms == pytest.approx(float(alpha.std()), rel=5e-3)
+        assert one.euler == pytest.approx(judges.euler(alpha > np.percentile(alpha, 99.0)), rel=0.1)
+    assert all(one.milliseconds > 0.0 for one in found.settings)
+    assert all(one.setting in str(scene.plan(5, probe=False, accuracy=True)) for one in near)
 
 
-@pytest.mark.parametrize("text", ["", "[]", "{}", '{"machine": 3}', "[[1, 2], [3]]", "\0"])
-def test_a_spoilt_calibration_is_made_again(
-    text: str, cache: Path, monkeypatch: pytest.MonkeyPatch
-):
-    cache.mkdir()
-    (cache / "calibration.json").write_text(text)
-    monkeypatch.setattr(calibration, "measure", lambda: {"kernel": 2.0, "array": 3.0})
-    assert calibration.scales() == {"kernel": 2.0, "array": 3.0}
-    stored = json.loads((cache / "calibration.json").read_text())
-    assert {"kernel": 2.0, "array": 3.0} in stored.values()
+def test_accuracy_says_where_the_hand_over_has_no_say():
+    flight = fl.CameraPath(Camera(200.0), velocity=(0.0, 0.0, 4.0))
+    scene = fl.Scene(None, BYTES, effects=[fl.Snow(far=10.0)], camera=flight)
+    again = fl.Scene((64, 48), effects=[fl.Snow(far=10.0)], period=9)
+    for one in (scene, again):
+        found = one.plan(2, probe=False, accuracy=True).accuracy
+        assert found is not None and "follows from the motion" in found.why
+        assert [one.setting for one in found.settings] == ["as is", "every flake drawn"]
+    for effects in ([], [fl.TentSnow()], [fl.Snow(method="simulated")]):
+        found = fl.Scene(None, BYTES, effects=effects).plan(2, probe=False, accuracy=True).accuracy
+        assert found is not None and found.settings == () and "draws near flakes" in found.why
 
 
-def test_a_folder_that_cannot_be_written_is_done_without(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-):
-    (tmp_path / "file").write_text("")
-    monkeypatch.setenv("FLURRIES_CACHE", str(tmp_path / "file" / "cache"))
-    monkeypatch.setattr(calibration, "measure", lambda: {"kernel": 2.0, "array": 3.0})
-    assert calibration.scales() == {"kernel": 2.0, "array": 3.0}
+def test_the_euler_number_counts_pieces_less_holes():
+    above = np.zeros((12, 12), bool)
+    above[1:6, 1:6] = True
+    above[3, 3] = False
+    assert euler(above) == 0
+    above[8, 8] = above[9, 9] = above[1, 9] = True
+    assert euler(above) == 2
+    random = np.random.default_rng(1).random((50, 40)) > 0.6
+    assert euler(random) == judges.euler(random)
 
 
 def test_rendering_asks_no_clock_and_imports_nothing_more():
@@ -646,6 +697,6 @@ scene.render(1)
 new = {name for name in set(sys.modules) - before if name.startswith(("flurries", "Open", "av"))}
 assert not {n for n in new if n.split(".")[1:2] in (["gas"], ["cone"])}, new
 assert not {"OpenImageIO", "av", "skimage", "scipy", "tqdm"} & set(sys.modules)
-assert "flurries.frame.calibration" not in new
+assert not {"flurries.frame.plan", "flurries.scene.accuracy"} & new
 """
     subprocess.run([sys.executable, "-c", code], check=True, timeout=60)

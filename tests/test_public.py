@@ -61,8 +61,6 @@ def _late(*_: Any) -> None:
 def quiet(files: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     """Beside its files, without warnings; one that hangs is a failed test."""
     monkeypatch.chdir(files)
-    # Plots take a second; they have tests of their own.
-    monkeypatch.setattr("flurries.accuracy.plot.save", lambda *_, **__: [])
     signal.signal(signal.SIGALRM, _late)
     signal.alarm(LONGEST)
     try:

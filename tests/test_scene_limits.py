@@ -34,8 +34,7 @@ def alpha(snow: Any, depth: Any, t: float = 5.0, seed: int = 0, **more: Any) -> 
 def test_what_is_beyond_all_snow_changes_nothing(mode: str):
     for snow in (
         Snow(depth_mode=mode, flakes=500),
-        # Tiles, where the plan would take one torus without a depth.
-        fl.TentRain(depth_mode=mode, drops=500, overlap=16),
+        fl.TentRain(depth_mode=mode, drops=500),
     ):
         want = alpha(snow, None)
         far = max(snow.parts.texture.field.far_depth, snow.near_depth)

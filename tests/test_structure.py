@@ -27,13 +27,14 @@ LEVELS = (
     ("effects",),
     ("scene",),
     ("output",),
-    ("accuracy", "augment", "viewer"),
+    ("augment", "viewer"),
     ("cli", "__main__"),
 )
 
 # What a user may call on a scene although it stands above it, imported when it is called.
 DOORS = {
-    ("scene.rendering", "frame.estimate"),
+    ("scene.rendering", "frame.plan"),
+    ("scene.rendering", "scene.accuracy"),
     ("scene.rendering", "output.write"),
     ("scene.rendering", "output.groups"),
     ("scene.scene", "scene.toml"),

@@ -46,5 +46,4 @@ Variables of the environment, read when `flurries` is imported or when they are 
 | `FLURRIES_SIMD` | the vector instructions that kernels use at most: `avx512`, `avx2`, `portable` | what the processor has |
 | `FLURRIES_MAX_PIXELS` | how many pixels a picture that is read may have | see `fl.io.Budget` |
 | `FLURRIES_MAX_BYTES` | how much memory it may take | see `fl.io.Budget` |
-| `FLURRIES_CACHE` | folder in which the speed of this machine is kept, for `flurries plan` | the user's cache folder |
 """

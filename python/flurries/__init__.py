@@ -14,7 +14,6 @@ from flurries._threads import reproducible, set_reproducible, set_threads, threa
 
 if TYPE_CHECKING:
     from flurries import (
-        accuracy,
         augment,
         camera,
         composite,
@@ -78,7 +77,6 @@ __all__ = [
     "TentRain",
     "TentSnow",
     "Wind",
-    "accuracy",
     "augment",
     "camera",
     "composite",

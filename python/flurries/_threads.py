@@ -45,7 +45,7 @@ def set_reproducible(on: bool) -> None:
     Off by default; ``FLURRIES_REPRODUCIBLE=1`` turns it on for a process and those that it starts.
     Without it AVX-512 and AVX2 agree with each other, and processors without either differ from
     them in the last bits. What it costs is measured by
-    ``flurries accuracy precision`` (docs/internals/accuracy.md).
+    ``python benches/accuracy.py precision`` (docs/internals/accuracy.md).
 
     Parameters
     ----------

@@ -1,8 +1,9 @@
-"""What ran, and how long it took: off unless asked for."""
+"""What ran, how long it took and what it allocated: off unless asked for."""
 
 from __future__ import annotations
 
 import time
+import tracemalloc
 from collections.abc import Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
@@ -12,29 +13,98 @@ __all__ = ["Trace", "count", "stage", "tracing"]
 
 
 @dataclass
+class Span:
+    """The runs of one stage of one effect."""
+
+    seconds: float = 0.0  # Without those of stages inside.
+    calls: int = 0
+    bytes: int = 0  # The most above what was there when it began; 0 where memory is not traced.
+    counts: dict[str, int] = field(default_factory=dict)
+
+
 class Trace:
-    """The steps that ran.
+    """The stages that ran.
 
     Attributes
     ----------
-    seconds, calls : dict
-        Of each stage, in the order of their first run.
-    counts : dict of str to int
-        How much was done inside: "tiles" transformed, "particles" drawn.
+    spans : dict of (effect, stage) to Span
+        In the order of their first run. An effect is its number in the scene; -1 is the scene's.
+    outside : Span
+        What ran in no stage.
+    bytes : int
+        The most that was allocated at a time, where memory is traced.
     """
 
-    seconds: dict[str, float] = field(default_factory=dict)
-    calls: dict[str, int] = field(default_factory=dict)
-    counts: dict[str, int] = field(default_factory=dict)
+    def __init__(self, *, memory: bool = False) -> None:
+        self.spans: dict[tuple[int, str], Span] = {}
+        self.bytes = 0
+        self.outside = Span()
+        self._memory, self._effect = memory, -1
+        self._open: list[tuple[Span, int]] = []
+        self._since = time.perf_counter()
+        self._held = tracemalloc.get_traced_memory()[0] if memory else 0
 
-    def add(self, name: str, seconds: float) -> None:
-        """Count one run of a stage."""
-        self.seconds[name] = self.seconds.get(name, 0.0) + seconds
-        self.calls[name] = self.calls.get(name, 0) + 1
+    @property
+    def seconds(self) -> dict[str, float]:
+        """The seconds of each stage, of all effects together."""
+        found: dict[str, float] = {}
+        for (_, name), span in self.spans.items():
+            found[name] = found.get(name, 0.0) + span.seconds
+        return found
 
-    def milliseconds(self, name: str) -> float:
-        """Return the mean of a stage in milliseconds for each run."""
-        return 1e3 * self.seconds[name] / self.calls[name]
+    @property
+    def calls(self) -> dict[str, int]:
+        """How often each stage ran."""
+        found: dict[str, int] = {}
+        for (_, name), span in self.spans.items():
+            found[name] = found.get(name, 0) + span.calls
+        return found
+
+    @property
+    def counts(self) -> dict[str, int]:
+        """How much was done inside: "tiles" transformed, "particles" drawn."""
+        found: dict[str, int] = {}
+        for span in (self.outside, *self.spans.values()):
+            for name, number in span.counts.items():
+                found[name] = found.get(name, 0) + number
+        return found
+
+    def _now(self) -> Span:
+        return self._open[-1][0] if self._open else self.outside
+
+    def _look(self) -> int:
+        """Give the time and the memory since the last look to the stages that are open."""
+        now = time.perf_counter()
+        self._now().seconds += now - self._since
+        held = 0
+        if self._memory:
+            held, most = tracemalloc.get_traced_memory()
+            self.bytes = max(self.bytes, most - self._held)
+            for span, before in self._open:
+                span.bytes = max(span.bytes, most - before)
+            tracemalloc.reset_peak()
+        self._since = now
+        return held
+
+    @contextmanager
+    def _stage(self, name: str) -> Iterator[None]:
+        held = self._look()
+        span = self.spans.setdefault((self._effect, name), Span())
+        span.calls += 1
+        self._open.append((span, held))
+        try:
+            yield
+        finally:
+            self._look()
+            self._open.pop()
+
+    @contextmanager
+    def _of(self, effect: int) -> Iterator[None]:
+        before, self._effect = self._effect, effect
+        try:
+            yield
+        finally:
+            self._effect = before
 
 
 _current: ContextVar[Trace | None] = ContextVar("flurries_trace", default=None)
@@ -44,12 +114,18 @@ def count(name: str, number: int) -> None:
     """Add to what was counted, if anybody traces."""
     trace = _current.get()
     if trace is not None:
-        trace.counts[name] = trace.counts.get(name, 0) + number
+        counts = trace._now().counts
+        counts[name] = counts.get(name, 0) + number
 
 
 @contextmanager
-def tracing() -> Iterator[Trace]:
+def tracing(*, memory: bool = False) -> Iterator[Trace]:
     """Collect the stages that run inside.
+
+    Parameters
+    ----------
+    memory : bool
+        Whether to trace memory as well, with `tracemalloc`, which takes time.
 
     Examples
     --------
@@ -57,15 +133,21 @@ def tracing() -> Iterator[Trace]:
     >>> scene = fl.Scene((64, 48), "#000000", effects=[fl.TentSnow(flakes=0)])
     >>> with fl.trace.tracing() as trace:
     ...     frame = scene.render(3)
-    >>> list(trace.calls)
-    ['background', 'texture', 'composite']
+    >>> sorted(trace.calls)
+    ['background', 'composite', 'texture']
     """
-    trace = Trace()
+    starts = memory and not tracemalloc.is_tracing()
+    if starts:
+        tracemalloc.start()
+    trace = Trace(memory=memory)
     token = _current.set(trace)
     try:
         yield trace
     finally:
         _current.reset(token)
+        trace._look()
+        if starts:
+            tracemalloc.stop()
 
 
 @contextmanager
@@ -75,8 +157,16 @@ def stage(name: str) -> Iterator[None]:
     if trace is None:
         yield
         return
-    start = time.perf_counter()
-    try:
+    with trace._stage(name):
         yield
-    finally:
-        trace.add(name, time.perf_counter() - start)
+
+
+@contextmanager
+def of_effect(number: int) -> Iterator[None]:
+    """Mark the stages inside as those of the scene's effect of a number."""
+    trace = _current.get()
+    if trace is None:
+        yield
+        return
+    with trace._of(number):
+        yield

@@ -181,8 +181,10 @@ pub fn read<'a>(
     let columns = out.ncols();
     let reach = |length: usize, first: usize| (first + length).div_ceil(APART) + 3;
     let nodes = (reach(out.nrows(), corner[0]), reach(columns, corner[1]));
-    let short = |nodes_of: &ArrayView3<'_, f32>| nodes_of.dim().0 < nodes.0 || nodes_of.dim().1 < nodes.1;
-    let each = |group: &Group<'_>| short(&group.ways) || group.sheets.iter().any(|one| short(&one.nodes));
+    let short =
+        |nodes_of: &ArrayView3<'_, f32>| nodes_of.dim().0 < nodes.0 || nodes_of.dim().1 < nodes.1;
+    let each =
+        |group: &Group<'_>| short(&group.ways) || group.sheets.iter().any(|one| short(&one.nodes));
     if depth.is_some_and(|depth| depth.dim() != out.dim()) || groups.iter().any(each) {
         return Err(layout());
     }
@@ -262,7 +264,8 @@ fn sum_with<const LEVEL: u8>(line: &mut [f32], sight: &Sight<'_>, row: usize, fi
             let [x, y, gain, base] = std::array::from_fn(|i| left[i] + part * (right[i] - left[i]));
             let (x, y) = (quarters(x), quarters(y));
             let (aside, down) = (-x & 3, -y & 3);
-            (rows[k], cols[k]) = (at.0 + ((y + down) >> 2), at.1 + ((x + aside) >> 2) + (k * RUN) as i32);
+            (rows[k], cols[k]) =
+                (at.0 + ((y + down) >> 2), at.1 + ((x + aside) >> 2) + (k * RUN) as i32);
             (places[k], gains[k], bases[k]) = (4 * down + aside, gain * sight.unit, base);
         }
         let runs = cell.as_chunks_mut::<RUN>().0.iter_mut().enumerate();

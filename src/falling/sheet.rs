@@ -316,7 +316,18 @@ mod tests {
 
     fn law(count: f64, diameters: &[f32], streak: [f64; 2], period: (usize, usize)) -> Law {
         let (diameters, ranks) = (diameters.to_vec(), (0.0, 1.0));
-        Law { seed: 7, period, shear: 0, count, diameters, streak, circle: 0.0, tau0: 4.3, thin: 1.0, ranks }
+        Law {
+            seed: 7,
+            period,
+            shear: 0,
+            count,
+            diameters,
+            streak,
+            circle: 0.0,
+            tau0: 4.3,
+            thin: 1.0,
+            ranks,
+        }
     }
 
     fn flakes(sheet: &Sheet) -> Vec<(usize, usize, usize)> {

@@ -198,12 +198,7 @@ impl Profile {
 ///
 /// Of a flake of which a part `thin` is seen at a time the depth is that of so thin a flake, over the part: blurred
 /// along a way that shows a pixel this part, it covers what the flake does.
-fn depths(
-    weights: &[Rows; 2],
-    profile: &Profile,
-    diameter: f64,
-    thin: f64,
-) -> Result<Rows, Error> {
+fn depths(weights: &[Rows; 2], profile: &Profile, diameter: f64, thin: f64) -> Result<Rows, Error> {
     let (cells, half) = profile.cells(diameter)?;
     let (cells_half, tall) = (half as i64, -weights[0].top);
     let reach = (tall + cells_half) / 2 + 3;

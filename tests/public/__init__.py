@@ -38,7 +38,7 @@ RESULTS = {
     "Frame", "InternalError", "Layer", "Rendered", "augment.Weathered", "augment.corrupt.Corrupted",
     "cone.Path", "cone.Rays", "cone.State", "gas.grid.Particles",
     "io.Header", "io.Picture", "io.Source", "io.layers.deep.Deep",
-    "output.write.Summary", "trace.Trace", "accuracy.Axis", "accuracy.Point", "accuracy.Study",
+    "output.write.Summary", "trace.Trace",
 }  # fmt: skip
 
 

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 import flurries as fl
-from flurries import accuracy, augment, io
+from flurries import augment, io
 from flurries.io.layers.deep import Deep, write_deep
 from public import Call
 from public.arrays import (
@@ -27,7 +27,6 @@ LEVELS = (255 * PICTURE).astype(np.uint8)
 LAYER = np.dstack([0.5 * PICTURE, np.full(SHAPE, 0.5)])
 SCENE = fl.Scene((32, 24), "#304050", effects=[fl.TentSnow(flakes=20)])
 DEEP = Deep(np.array([[1, 0], [2, 0]]), np.full((3, 6), 0.5, np.float32))
-STUDY = accuracy.Study(accuracy.AXES["blend"], (accuracy.Point("a", 0.1, 1.0, 1.0, 20),))
 PLATE: dict[str, Any] = {"image": PICTURE, "index": 3}
 
 
@@ -188,7 +187,7 @@ CALLS: dict[str, Call] = {
     "augment.Fog.record": Call({"index": 3}, of=FOG.record),
     "trace.count": Call({"name": "flakes", "number": 3}, words=("name",), loose=True),
     "trace.stage": Call({"name": "texture"}, words=("name",), loose=True),
-    "trace.tracing": Call({}),
+    "trace.tracing": Call({"memory": False}, loose=True),
     "augment.Snowfall": Call({}, loose=True),
     "augment.Rainfall": Call({}, loose=True),
     "augment.Fog": Call({}, loose=True),
@@ -200,8 +199,6 @@ CALLS: dict[str, Call] = {
     "augment.corrupt.corrupt": Call(
         {"folder": "pictures", "out": "set", "severity": 1, "workers": 1, "weather": "snow",
          "seed": 1}, heavy=("dask", "workers"), loose=True),
-    "accuracy.study": Call({"names": ()}, heavy=("names",), loose=True),
-    "accuracy.write": Call({"studies": [STUDY], "folder": "study", "page": "study.md"}),
     "output.groups.grouped": Call({"scene": SCENE, "frames": "1-9"}),
     "output.groups.to_dask": Call({"scene": SCENE, "frames": "1-9", "group": 2}),
     "view": Call({"scene": SCENE}, loose=True),

@@ -21,7 +21,7 @@ from flurries.cli.words import Words, stages
 from flurries.effects import Snow, TentSnow
 from flurries.io import VideoWriter, write_picture
 from flurries.scene.scene import DEFAULT_FOCAL, Scene
-from flurries.trace import Trace, stage, tracing
+from flurries.trace import stage, tracing
 
 FPS = 30.0
 FEW = 2000
@@ -95,16 +95,12 @@ def _film(film: Path, scenes: list[Scene], frames: int, words: Words) -> list[Pa
     """Render scenes side by side into a film, with its middle as a still; return both files."""
     still = film.with_suffix(".png")
     size = (sum(scene.shape[1] for scene in scenes), scenes[0].shape[0])
-    total = Trace()
-    with VideoWriter(film, size, FPS) as video:
+    with VideoWriter(film, size, FPS) as video, tracing() as trace:
         for number in words.progress("frame")(range(1, frames + 1)):
-            with tracing() as trace:
-                image = np.hstack([scene.render(number) for scene in scenes])
-                with stage("encode"):
-                    video.write(image)
-            for name, seconds in trace.seconds.items():
-                total.add(name, seconds)
+            image = np.hstack([scene.render(number) for scene in scenes])
+            with stage("encode"):
+                video.write(image)
             if number == (frames + 1) // 2:
                 write_picture(still, image)
-    words.say(f"{film.name}: {stages(total, frames)}")
+    words.say(f"{film.name}: {stages(trace, frames)}")
     return [film, still]

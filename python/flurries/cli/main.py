@@ -22,13 +22,12 @@ DEFECT, MISTAKE, INTERRUPTED, CLOSED_PIPE = 1, 2, 130, 141
 # Each command is a file with a function of its name, imported when it is asked for.
 COMMANDS = {
     "render": "weather over a picture, a film or a scene, to files",
-    "plan": "what rendering costs: steps, times, memory, and what is left out",
+    "plan": "what rendering takes: steps, times, memory, and what is left out",
     "view": "a scene in the browser, with sliders",
     "demo": "snow on a photograph: films, stills, an EXR",
     "texture": "snow that repeats in x, y and time, for a game engine",
     "corrupt": "a folder of pictures in weather, for a data set",
     "check": "compare frames with their folder's flurries.json",
-    "accuracy": "error against time of every approximation, measured here",
     "completion": "the shell's completion: bash, zsh or fish",
 }
 

@@ -74,8 +74,6 @@ scene_options: Callable[[Any], Any] = join(
            "bent for it is said"),
     option("--seed", type=int, metavar="N", example="7", unset="the scene's, else 0",
            help="which of all snowfalls of this kind"),
-    option("--tolerance", type=float, metavar="E", example="0.004", unset="the scene's, else 0",
-           help="how far values of 0 to 1 may be off to save time"),
     option("--size", metavar="WxH", example="1920x1080", unset="the picture's",
            help="size of the frame in pixels"),
     option("--fps", type=float, metavar="F", example="25", unset="the film's or scene's, else 30",
@@ -97,7 +95,7 @@ def scene_of(source: str, **options: Any) -> Scene:
 def _scene_of(source: str, options: dict[str, Any]) -> Scene:
     changes = {
         name: options[name]
-        for name in ("seed", "tolerance", "size", "fps", "extend", "start", "colorspace")
+        for name in ("seed", "size", "fps", "extend", "start", "colorspace")
         if options[name] is not None
     }
     if options["foreground"]:

@@ -22,7 +22,6 @@ from flurries.effects.cloud import Cloud
 from flurries.effects.lighting import Base, add_light, lamp_shade, whole
 from flurries.effects.skylight import Skylight
 from flurries.frame.layer import Shade
-from flurries.frame.needs import Cost
 from flurries.frame.view import Frame
 from flurries.io.color import srgb_to_linear
 
@@ -81,13 +80,6 @@ class Bank:
         window = np.s_[frame.window[0] : frame.window[1], frame.window[2] : frame.window[3]]
         plane = np.ascontiguousarray(alpha[window])
         return plane, None if light is None else np.ascontiguousarray(light[window]), sky
-
-    def cost(self, frame: Frame, *, lit: bool) -> Cost:
-        """Return the cost of a frame's slices."""
-        slices, pixels = len(self._edges(frame)) - 1, frame.shape[0] * frame.shape[1]
-        name = "lit slice pixel" if lit else "slice pixel"
-        work = {name: float(slices * pixels), "mask pixel": float(pixels)}
-        return Cost(work, f"{slices} slices", 4 * pixels, 40 * pixels)
 
     def _whole(
         self, frame: Frame, extinction: float, base: Base, *, lit: bool

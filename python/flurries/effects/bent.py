@@ -34,14 +34,14 @@ from flurries.particles.population import Slab
 _APART = 64
 
 # A plane is seen from so much before to so much behind its layer's depth, at least.
-_LEAST = 1.17
+_LEAST = 1.25
 
 # Radians that a camera turns, and by which logarithm a lens zooms, before other planes are seen. A
 # whole number of the first make a round.
 _TURN, _ZOOM = math.tau / 36.0, math.log(1.15)
 
 # A plane gives way to the next within so many frames, or at most this part of its time.
-_CHANGE, _LONGEST_CHANGE = 3.0, 0.3
+_CHANGE, _LONGEST_CHANGE = 3.0, 0.2
 
 # Less than this of a plane is not seen.
 _LEAST_SEEN = 0.02
@@ -49,8 +49,8 @@ _LEAST_SEEN = 0.02
 # Amounts that sheets are kept for, where the amount of flakes changes.
 LADDER = (0.0, 0.125, 0.25, 0.5, 0.75, 1.0)
 
-# Flakes of a sheet at most: all its places are made at once.
-_FLAKES = 80_000.0
+# Flakes and pixels of a sheet at most: all its places are made at once.
+_FLAKES, _PIXELS = 80_000.0, 700_000.0
 
 # Rays that run along a plane are taken to meet it so far aside.
 _SLANT = 0.1
@@ -135,9 +135,7 @@ def read_bent(weather: Weather, frame: Frame, film: Film, amount: float, varies:
     varies : bool
         Whether the amount is keyed.
     """
-    groups = frame.once_each(
-        weather, "bent", lambda: _groups(weather, frame, film, amount, varies)
-    )
+    groups = frame.once_each(weather, "bent", lambda: _groups(weather, frame, film, amount, varies))
     top, bottom, left, right = frame.window
     result = plane((bottom - top, right - left))
     depth = None if frame.depth is None else np.ascontiguousarray(frame.crop(frame.depth))
@@ -175,8 +173,10 @@ def _groups(
         if slab.near in found or not own:
             continue
         shares = [float(p.weight[i]) ** 2 * power[p.layer[i]] for p, i, _, _ in own]
-        ways = sum(share * (u[1] - u[0]) / grown
-                   for share, (_, _, u, grown) in zip(shares, own, strict=True)) / sum(shares)
+        ways = sum(
+            share * (u[1] - u[0]) / grown
+            for share, (_, _, u, grown) in zip(shares, own, strict=True)
+        ) / sum(shares)
         found[slab.near] = own, ways, slab.far
     groups = []
     for near, (each, ways, far) in found.items():
@@ -215,8 +215,9 @@ def _part_seen(slab: Slab, ways: Float64) -> float:
 
 
 def _smaller(area: tuple[int, int], count: float) -> tuple[int, int]:
-    """Return rows and columns of a sheet of at most so many flakes."""
-    part = min(math.sqrt(_FLAKES / max(count * area[0] * area[1], 1.0)), 1.0)
+    """Return rows and columns of a sheet that is not too large, of so many flakes for each pixel."""
+    pixels = area[0] * area[1]
+    part = math.sqrt(min(_FLAKES / max(count * pixels, 1.0), _PIXELS / pixels, 1.0))
     return max(round(part * area[0]), 96), max(round(part * area[1]), 96)
 
 
@@ -380,7 +381,9 @@ def _blown(
                 moved = carried_by_profile(share.motion, frame.path, frame.fps, t, deep)
                 found[number, which, ..., :2] += moved[0]
         if wind.waves is not None:
-            found[number] += _waving(share.motion, frame, times, eyes.eye[:, number].mean(axis=0), ahead)
+            found[number] += _waving(
+                share.motion, frame, times, eyes.eye[:, number].mean(axis=0), ahead
+            )
     return found
 
 

@@ -13,7 +13,6 @@ from flurries._contract import Array, Float64
 from flurries.effects.lighting import Base
 from flurries.effects.passes import NEAREST, STEPS, plane_motion
 from flurries.effects.sunlight import Scatter
-from flurries.frame.needs import Cost
 from flurries.frame.view import Frame
 from flurries.gas.splatting import FINISHED, sorted_gas
 from flurries.light.lamp import radiance
@@ -176,42 +175,6 @@ class Cloud:
             motions.append(plane_motion(depth, frame, other, moved))
         return motions[0], motions[1], np.ascontiguousarray(depth)
 
-    def cost(self, frame: Frame, thickness: float, *, lit: bool, error: float | None) -> Cost:
-        """Return the cost of a frame's particles and of the pixels that they cover.
-
-        Parameters
-        ----------
-        thickness : float
-            Optical depth of the box.
-        error : float, optional
-            What is let through where nothing more is drawn; the plan's if not given.
-        """
-        sides, count = self.filled(frame)
-        if error is None:
-            error = allowed_error(frame)
-        # Front to back, up to where no more than the error is let through.
-        share = min(-math.log(max(error, 1e-12)) / thickness, 1.0) if thickness > 0.0 else 1.0
-        # Depths of equal numbers of particles, of a box that the camera looks into.
-        depth = sides[2] * (np.arange(64) + 0.5) / 64.0
-        focal, (height, width) = frame.camera.focal, frame.shape
-        wide, high = width * depth / focal, height * depth / focal
-        covered = np.minimum(sides[0] / wide, 1.0) * np.minimum(sides[1] / high, 1.0)
-        inside = np.minimum(wide / sides[0], 1.0) * np.minimum(high / sides[1], 1.0)
-        area = np.minimum((2.0 * focal * self.radius / depth) ** 2, height * width * covered)
-        pixels = height * width
-        # A lattice has 16 x 16 samples for 64 x 64 pixels.
-        area = np.where(focal * self.radius / 3.0 >= SMOOTH * depth, area / 16.0, area)
-        work = {
-            "gas placed": float(count),
-            "lit gas pixel" if lit else "gas pixel": share * count * float((inside * area).mean()),
-            "mask pixel": float(pixels),
-        }
-        size = f"{count} particles"
-        if lit:
-            # Its colors go through the curve to display values; arrays of float32 come and go.
-            return Cost(work, size, 20 * pixels, 66 * pixels)
-        return Cost(work, size, 4 * pixels, 80 * count)
-
     def _sort(
         self, frame: Frame, density: float, base: Base, *, lit: bool
     ) -> tuple[_core.SortedGas, bool]:
@@ -227,7 +190,7 @@ class Cloud:
         given = sorted_gas(
             frame.shape, points, self.radius, shown, colors, frame.camera,
             footprint=self.footprint, near=self.near, near_mode="exact", depth=frame.depth,
-            error=allowed_error(frame), smooth=SMOOTH,
+            error=FINISHED["float32"], smooth=SMOOTH,
         )  # fmt: skip
         return given, colored
 
@@ -244,12 +207,6 @@ class Cloud:
         assert self.depths is not None
         low, high = (_normal((limit - depth) * 3.0 / self.radius) for limit in self.depths)
         return np.asarray(high - low)
-
-
-def allowed_error(frame: Frame) -> float:
-    """Return the share of light that may still pass where nothing more is drawn."""
-    allowed = 0.0 if frame.run is None else frame.run.error
-    return max(allowed, FINISHED["float32"])
 
 
 def _normal(u: Float64) -> Float64:

@@ -23,7 +23,7 @@ from flurries.cone.sheet import wrapped
 from flurries.effects.motion import Motion, Way, air_course, camera_course
 from flurries.effects.passes import Other, plane_motion, rays
 from flurries.frame.lap import Lap
-from flurries.frame.needs import Cost, LeftOut, Needs, Step
+from flurries.frame.needs import LeftOut, Needs, Step
 from flurries.frame.view import Frame
 from flurries.motion.keys import Keys, Number
 
@@ -69,10 +69,7 @@ class DoubleCone:
         if self.gain == 0.0 or self.make is None:
             why = "its gain is 0" if self.gain == 0.0 else "it has no flakes"
             return Needs((), (LeftOut("cone", why),), most=0.0)
-        top, bottom, left, right = frame.window
-        pixels, part = frame.shape[0] * frame.shape[1], (bottom - top) * (right - left)
-        cost = Cost({"cone pixel": pixels}, "4 layers", 4 * part, 4 * (pixels - part))
-        return Needs((Step("cone", lambda: cost),), most=1.0)
+        return Needs((Step("cone"),), most=1.0)
 
     def state(self, frame: Frame) -> cone.State:
         """Return axis, phase and stretch of a frame."""

@@ -17,11 +17,10 @@ from flurries.effects.motion import Motion, Way
 from flurries.effects.passes import STEPS
 from flurries.effects.weather import Weather
 from flurries.frame.layer import Shade
-from flurries.frame.needs import Cost, LeftOut, Needs, Step, has_keys
+from flurries.frame.needs import LeftOut, Needs, Step, has_keys
 from flurries.frame.planes import plane
 from flurries.frame.view import Frame
 from flurries.light.phase import Optics
-from flurries.motion.keys import value_at
 
 
 class Rows(NamedTuple):
@@ -76,8 +75,7 @@ class DrawnFlakes:
         # Shapes tumble.
         still = still and weather.shape == "round" and not has_keys(weather)
         # However few there are, one that is there shows whole.
-        step = Step("flakes", lambda: self._cost(frame, amount), still, 1.0)
-        return Needs((step,), most=1.0)
+        return Needs((Step("flakes", once=still),), most=1.0)
 
     def number_in_view(self, frame: Frame) -> float:
         """Return the number of flakes that are drawn in view, on average."""
@@ -174,16 +172,3 @@ class DrawnFlakes:
         motion = np.nan_to_num(motion)
         ways = [np.ascontiguousarray(motion[:, i], np.float32) for i in range(len(STEPS))]
         return ways, rows.depths[numbers].astype(np.float32)
-
-    def _cost(self, frame: Frame, amount: float) -> Cost:
-        drawn = amount * self.number_in_view(frame)
-        name = "streak" if value_at(self.weather.motion.shutter, frame.t) > 0.0 else "disc"
-        top, bottom, left, right = frame.window
-        pixels = (bottom - top) * (right - left)
-        work = {
-            "flake placed": 2.0 * drawn,
-            name: drawn,
-            f"{name} run": 12.0 * drawn,
-            "mask pixel": float(frame.shape[0] * frame.shape[1]),
-        }
-        return Cost(work, f"{drawn:.0f} {name}", 4 * pixels, 0)

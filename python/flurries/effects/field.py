@@ -15,13 +15,12 @@ from flurries.camera.path import CameraPath
 from flurries.camera.tiles import tile_middles
 from flurries.effects.flow import flow_of
 from flurries.effects.gusts import wind_at
-from flurries.effects.layout import LARGEST_TILE, Layout, Tiling, streaks_tile, torus_for
+from flurries.effects.layout import LARGEST_TILE, Layout, Tiling, streaks_tile
 from flurries.effects.motion import Motion, Way
 from flurries.effects.passes import Other
 from flurries.effects.resolution import TUNED
 from flurries.frame.planes import plane
 from flurries.frame.view import Frame
-from flurries.motion.wind import Wind
 from flurries.spectral.motion import tile_motions
 from flurries.spectral.request import Request
 from flurries.spectral.tables import FAR, SOFT_FROM, Aliasing, warn_far, warn_long, wave_depth
@@ -81,10 +80,8 @@ class Field:
 
     def layout(self, frame: Frame) -> Layout:
         """Return the tiles of the film that a frame belongs to."""
-        camera, deep = frame.camera, frame.deep or frame.depth is not None
-        return _layout(
-            self, frame.shape, frame.path, camera.rotation, camera.focal, frame.fps, deep
-        )
+        camera = frame.camera
+        return _layout(self, frame.shape, frame.path, camera.rotation, camera.focal, frame.fps)
 
     def pixels(
         self,
@@ -255,12 +252,8 @@ def _layout(
     rotation: tuple[float, float, float],
     focal: float,
     fps: float,
-    deep: bool,
 ) -> Layout:
-    """Return the tiles of a film, and why they are not one torus.
-
-    The decision is one for all frames: it must not depend on the time or on the window.
-    """
+    """Return the tiles of a film, the same for all its frames and windows."""
     motion, band = field.motion, field.band(shape)
     spreads = motion.spreads(path, rotation)
     needed = 0.0
@@ -277,17 +270,6 @@ def _layout(
     if field.overlap is not None:
         overlap = min(field.overlap, tile - 1)
     tiling = Tiling((tile, tile), overlap)
-    torus = None
-    if field.tile is not None or field.overlap is not None:
-        why = "the tiles were asked for"
-    elif spreads:
-        why = "the flow differs from tile to tile"
-    elif isinstance(motion.wind, Wind):
-        why = "the wind may differ from tile to tile"
-    elif deep:
-        why = "the depth differs from tile to tile"
-    else:
-        torus, why = torus_for(shape, tiling, band, needed)
     edges = None
     if motion.varied is not None:
         # Rings of a half or a quarter octave.
@@ -295,4 +277,4 @@ def _layout(
         rings = max(round(finer * math.log2(band[1] / band[0])), 1)
         edges = np.asarray(band[0] * (band[1] / band[0]) ** (np.arange(rings + 1) / rings))
     small = field.tile is not None and field.tile < needed
-    return Layout(torus or tiling, why, shape, band, edges, needed if small else 0.0)
+    return Layout(tiling, shape, band, edges, needed if small else 0.0)

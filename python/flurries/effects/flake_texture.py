@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import partial
 
 import numpy as np
 
@@ -17,7 +16,7 @@ from flurries.effects.passes import Other, plane_motion
 from flurries.effects.sheets import read_sheets
 from flurries.effects.weather import Film, Layer, Weather
 from flurries.frame.layer import Shade
-from flurries.frame.needs import Cost, LeftOut, Needs, Step, has_keys
+from flurries.frame.needs import LeftOut, Needs, Step, has_keys
 from flurries.frame.planes import plane
 from flurries.frame.view import Frame
 from flurries.light.phase import Optics
@@ -53,9 +52,7 @@ class FlakeTexture:
             why = "all flakes are drawn one by one"
             return Needs((), (LeftOut("texture", why),), most=0.0)
         still = frame.settled and self.weather.motion.still and not has_keys(self.weather.emission)
-        most = 1.0 - 1e-6
-        cost = partial(self._cost, frame, len(layers))
-        return Needs((Step("texture", cost, still, most),), most=most)
+        return Needs((Step("texture", once=still),), most=1.0 - 1e-6)
 
     def alpha(self, frame: Frame, amount: float, way: Way) -> Array:
         """Return its opacity over the window, (h, w) float32."""
@@ -104,9 +101,3 @@ class FlakeTexture:
             for time in (frame.t, t)
         )
         return np.asarray(there - here)
-
-    def _cost(self, frame: Frame, layers: int) -> Cost:
-        top, bottom, left, right = frame.window
-        pixels = (bottom - top) * (right - left)
-        work = {"flake tile": float(layers * pixels)}
-        return Cost(work, f"{layers} layers", 4 * pixels, 8 * pixels)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -83,8 +83,7 @@ class Mixture:
             return Needs((), (LeftOut(self.parts[0].name, why),), most=0.0)
         clear = float(np.prod([1.0 - needs.most for needs in asked]))
         return Needs(
-            # By a step's name a tolerance would leave it out of all of them.
-            tuple(replace(step, error=None) for needs in asked for step in needs.steps),
+            tuple(step for needs in asked for step in needs.steps),
             tuple(one for needs in asked for one in needs.left_out),
             frozenset[str]().union(*(needs.reads for needs in asked)),
             most=1.0 - clear,

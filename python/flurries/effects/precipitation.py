@@ -19,7 +19,7 @@ from flurries.effects.motion import Motion, Way
 from flurries.effects.passes import passes_of
 from flurries.effects.texture import Texture
 from flurries.frame.layer import Layer, Light, Shade
-from flurries.frame.needs import Cost, LeftOut, Needs, Step
+from flurries.frame.needs import LeftOut, Needs, Step
 from flurries.frame.planes import plane
 from flurries.frame.view import Frame
 from flurries.light.phase import FLAKES, Optics
@@ -35,7 +35,7 @@ class Backdrop(Protocol):
         """Of its step."""
 
     def needs(self, frame: Frame, amount: float) -> Needs:
-        """Return its step with the cost, or why there is none, and the largest opacity."""
+        """Return its step, or why there is none, and the largest opacity."""
 
     def alpha(self, frame: Frame, amount: float, way: Way) -> Array:
         """Return its opacity over the window, (h, w) float32."""
@@ -45,7 +45,7 @@ class Front(Protocol):
     """The part in front: flakes that are drawn, or a part of one's own."""
 
     def needs(self, frame: Frame, amount: float) -> Needs:
-        """Return its step with the cost, or why there is none, and the largest opacity."""
+        """Return its step, or why there is none, and the largest opacity."""
 
     def alpha(self, frame: Frame, amount: float, way: Way) -> Array:
         """Return the opacity of the flakes over the window, (h, w) float32."""
@@ -127,19 +127,11 @@ class Precipitation(Generic[_Back]):
         steps = [
             replace(step, once=step.once and not varies) for needs in asked for step in needs.steps
         ]
-        top, bottom, left, right = frame.window
-        pixels, planes = (bottom - top) * (right - left), max(len(steps), 1)
-        if self._local:
-            work = {"shaded pixel": float(pixels)}
-            steps.append(Step("local light", lambda: Cost(work, "cells of the plate")))
-        if frame.lights and hasattr(self.front, "lit"):
-            lamps = {"lit pixel": float(pixels * (1 + len(frame.lights)))}
-            size = f"{len(frame.lights)} lamps"
-            steps.append(Step("lamps", lambda: Cost(lamps, size, 12 * pixels)))
-        joined = f"{planes} planes"
-        steps.append(
-            Step("join", lambda: Cost({"joined pixel": planes * pixels}, joined, 4 * pixels))
-        )
+        behind = any(step.name == "texture" for step in steps)
+        if frame.lights and hasattr(self.front, "lit") and hasattr(self.texture, "lamp_shade"):
+            steps += [Step("lamps")] if behind else []
+        steps.append(Step("join"))
+        steps += [Step("local light")] if self._local else []
         return Needs(
             tuple(steps),
             tuple(

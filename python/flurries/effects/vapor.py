@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -14,8 +13,7 @@ from flurries.effects.color import color_at, is_local, reads_of
 from flurries.effects.filling import Filling
 from flurries.effects.lighting import Base, even_shade
 from flurries.frame.layer import Layer
-from flurries.frame.needs import Cost, LeftOut, Needs, Step, has_keys
-from flurries.frame.tolerance import STEEPEST
+from flurries.frame.needs import LeftOut, Needs, Step, has_keys
 from flurries.frame.view import Frame
 from flurries.io.color import linear_to_srgb
 from flurries.motion.keys import Number, value_at
@@ -69,32 +67,22 @@ class Vapor:
         # more than the color of what is kept.
         moves = has_keys(self) or np.any(value_at(cloud.wind, 0.0))
         still = not (moves or frame.lights or (lit and isinstance(self.color, str)))
-        step = partial(Step, "lit gas" if lit else "gas", once=still)
+        steps = (Step("lit gas" if lit else "gas", once=still),)
         if self.bank is not None:
             return Needs(
-                (step(partial(self.bank.cost, frame, lit=lit)),),
+                steps,
                 (LeftOut(f"{self.name}: particles", "it has structure, and is drawn in slices"),),
                 reads_of(self.color),
                 most=1.0,
                 brightest=bright,
-                colored=lit,
             )
-
-        def cost(error: float | None = None) -> Cost:
-            thickness = self.filling.extinction(density) * cloud.through
-            return cloud.cost(frame, thickness, lit=lit, error=error)
-
-        # Colors of lit gas are encoded straight: they err as much as opacity does at black.
-        each = 1.0 + STEEPEST if lit else 1.0
-        spares = "particles behind what is opaque but for the error"
         return Needs(
-            (step(cost, error=each, spares=spares),),
+            steps,
             () if lit else (LeftOut(f"{self.name}: sort", "its particles have one color"),),
             reads_of(self.color),
             most=min(density * cloud.filled(frame)[1], 1.0),
             by_rows=True,
             brightest=bright,
-            colored=lit,
         )
 
     def render(self, frame: Frame) -> Layer:

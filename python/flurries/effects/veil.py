@@ -7,8 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from flurries._contract import Array
-from flurries.frame.bands import area
-from flurries.frame.needs import Cost, LeftOut, Needs, Step
+from flurries.frame.needs import LeftOut, Needs, Step
 from flurries.frame.standing import standing
 from flurries.frame.view import Frame
 from flurries.motion.keys import Number, value_at
@@ -55,9 +54,7 @@ def veil_needs(frame: Frame, haze: float, before: float) -> Needs:
         return Needs((), (LeftOut("veil", "its opacity is 0"),), most=0.0)
     if not deep:
         return Needs((), most=haze)
-    pixels = area(frame.window)
-    cost = Cost({"veil pixel": pixels}, "", 4 * pixels, 8 * pixels)
-    return Needs((Step("veil", lambda: cost, error=most),), most=most)
+    return Needs((Step("veil"),), most=most)
 
 
 def haze_before(depth: Array, haze: float, far: float) -> Array:

@@ -12,7 +12,6 @@ from flurries import _core
 from flurries._contract import Array
 from flurries.frame.bands import crop
 from flurries.frame.layer import Layer
-from flurries.frame.tolerance import LEVELS
 from flurries.frame.visible import Visible, Window
 from flurries.io.color import linear_to_srgb, srgb_to_linear, unmultiply
 
@@ -171,35 +170,11 @@ class Front:
         return found
 
     @cached_property
-    def _visible(self) -> dict[float, Visible | None]:
-        return {}
-
-    def visible(self, hidden: float = 0.0) -> Visible | None:
-        """Return the pixels where the weather can be seen in the composite; None is everywhere.
-
-        Not where all but `hidden` of it is covered.
-        """
-        if hidden not in self._visible:
-            found = None
-            if self.hides is not None and (self.hides >= np.float32(1.0 - hidden)).any():
-                found = Visible(self.hides, hidden)
-            self._visible[hidden] = found
-        return self._visible[hidden]
-
-    @cached_property
-    def shares(self) -> list[tuple[float, float]]:
-        """Levels of opacity, each with the share of the frame that lets no more through.
-
-        What lets nothing through does not count, and of levels with one share the least stands.
-        """
-        if self.hides is None:
-            return []
-        found: dict[float, float] = {}
-        through = np.sort(1.0 - self.hides[self.hides < 1.0], axis=None)
-        counts = np.searchsorted(through, np.array(LEVELS, np.float32), side="right")
-        for level, share in zip(LEVELS, (counts / self.hides.size).tolist(), strict=True):
-            found.setdefault(share, level)
-        return [(level, share) for share, level in found.items() if share > 0.0]
+    def visible(self) -> Visible | None:
+        """The pixels where the weather can be seen in the composite; None is everywhere."""
+        if self.hides is None or not (self.hides >= 1.0).any():
+            return None
+        return Visible(self.hides)
 
     @property
     def pictures(self) -> tuple[Matte, ...]:

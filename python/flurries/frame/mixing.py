@@ -17,7 +17,6 @@ from flurries.io.color import (
     encode_bytes,
     encoding_edges,
     linear_to_srgb,
-    looked_up,
     srgb_to_linear,
     to_display,
     to_integer,
@@ -51,8 +50,6 @@ class Mix:
         Whether that is linear light, or display values.
     encoding : "display" or "linear"
         The background's own.
-    table : bool
-        Whether display values of integer pictures are looked up.
     straight : bool
         Whether the background is of integers with alpha, which its colors are not multiplied by. In
         the mix they are, and those of floats are already.
@@ -62,7 +59,6 @@ class Mix:
 
     linear: bool
     encoding: str
-    table: bool = False
     straight: bool = False
     primaries: Array | None = None
 
@@ -126,8 +122,6 @@ class Mix:
             return to_integer(working, 8 * dtype.itemsize) if dtype.kind == "u" else working
         if not self.linear:
             return to_linear(working, "display")
-        if self.table:
-            return looked_up(working, 8 * dtype.itemsize)
         if dtype == np.uint8 and working.dtype == np.float32:
             return encode_bytes(working)
         return to_integer(to_display(working, "linear"), 8 * dtype.itemsize)
@@ -154,8 +148,7 @@ class Mix:
 
     def bytes_of(self, plate: Array) -> bool:
         """Whether a plate of bytes is mixed in linear light."""
-        plain = self.linear and self.encoding == "display" and not self.table
-        plain = plain and self.primaries is None
+        plain = self.linear and self.encoding == "display" and self.primaries is None
         return plain and plate.dtype == np.uint8 and plate.shape[2] == 3
 
     def in_bytes(self, layer: Layer, plate: Array, into: Array | None) -> Array | None:

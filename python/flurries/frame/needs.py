@@ -1,14 +1,14 @@
 """What an effect says about a frame before it is made, and what the plan then lets it do.
 
-An effect has one method for it, ``needs(frame) -> Needs``: its steps with what they cost, what it
-leaves out by itself and why, and which parts of the scene it reads. An effect without the method is
-rendered whenever it is in the scene, and given everything.
+An effect has one method for it, ``needs(frame) -> Needs``: its steps, what it leaves out by itself
+and why, and which parts of the scene it reads. An effect without the method is rendered whenever it
+is in the scene, and given everything.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, fields, is_dataclass, replace
+from dataclasses import dataclass, fields, is_dataclass
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
@@ -36,31 +36,11 @@ class LeftOut:
 
 
 @dataclass(frozen=True)
-class Cost:
-    """The cost of a step."""
-
-    # How many of which operations; `flurries.frame.costs` has their times.
-    work: Mapping[str, float] = field(default_factory=dict)
-    size: str = ""  # For people: "361 tiles of 64 px".
-    kept: int = 0  # Bytes that it leaves for later steps.
-    scratch: int = 0  # Bytes that it takes beyond these while it runs.
-    left_out: tuple[LeftOut, ...] = ()
-
-
-@dataclass(frozen=True)
 class Step:
-    """A part of an effect's work that can be left out, kept, or done less exactly."""
+    """A part of an effect's work that can be left out or kept."""
 
     name: str  # What the trace calls it.
-    # Asked for by plans and tolerances, else never by rendering. One that may err is given by how
-    # much, or nothing.
-    cost: Callable[..., Cost] = Cost
     once: bool = False  # Whether all frames have the same, for a camera and depth that stand still.
-    # The most that an opacity is off without it; None where a tolerance must not leave it out.
-    error: float | None = None
-    # What a tolerance saves if the step may err by `Run.error`, for people. Such a step is not left
-    # out, and `error` is for each unit of `Run.error`.
-    spares: str = ""
 
 
 @dataclass(frozen=True)
@@ -74,22 +54,13 @@ class Needs:
     most: float = 1.0  # The largest opacity.
     # Whether the method `over` lays the effect straight over a picture, without the step "join".
     in_one_pass: bool = False
-    # Whether the effect draws any window by itself, at its share of the whole's cost: a large frame
+    # Whether the effect draws any window by itself, in its share of the whole's time: a large frame
     # is then made in bands of rows. Else the whole is drawn once, and held.
     by_rows: bool = False
     # Whether the needs differ over time although nothing of the effect is keyed, such as for a
     # cloud that the camera passes.
     varies: bool = False
     brightest: float = 1.0  # The largest of the colors' values, at least 1.
-    colored: bool = False  # Whether the layer has a linear color at each pixel, not one for all.
-
-    def without(self, names: frozenset[str]) -> Needs:
-        """Return the needs less some steps."""
-        if not names:
-            return self
-        left = tuple(step for step in self.steps if step.name not in names)
-        one_pass = self.in_one_pass and bool(left) and left[0].name == "texture"
-        return replace(self, steps=left, in_one_pass=one_pass)
 
 
 def needs_of(effect: Any, frame: Frame) -> Needs:
@@ -149,7 +120,6 @@ class Run:
     kept: Kept | None = None
     key: Any = None
     visible: Visible | None = None  # Where anything of the effect can be seen; None is everywhere.
-    error: float = 0.0  # By how much a step may err that says so.
 
     def keeps(self, name: str) -> bool:
         """Whether the step is made once for all frames."""

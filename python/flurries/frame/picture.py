@@ -18,11 +18,11 @@ from flurries.frame.program import Ask, Program
 from flurries.frame.shared import Shared
 from flurries.frame.view import Frame
 from flurries.frame.visible import Window
-from flurries.trace import stage
+from flurries.trace import of_effect, stage
 
 
 def images(
-    program: Program, t: float, eyes: Sequence[Camera | None], window: Window, tolerance: float
+    program: Program, t: float, eyes: Sequence[Camera | None], window: Window
 ) -> list[Array]:
     """Return the picture of a window for each eye; None is the path's own camera.
 
@@ -30,18 +30,16 @@ def images(
     """
     with stage("background"):
         plate = crop(program.backdrop.frame(t), window)
-    choice = program.choice(t, tolerance)
     # Where none of the weather can be seen, none is made.
     whole_front = program.front(t)
-    inner = program.open_part(window, whole_front, choice.hidden)
-    mix = program.mix(plate, table=choice.table)
-    # With alpha, integers show what is less than half a step: in the colors of what is faint.
-    dtype = plate.dtype if plate.shape[2] == 3 else np.dtype(np.float32)
+    inner = program.open_part(window, whole_front)
+    mix = program.mix(plate)
+    dtype = shown_type(plate)
     front = None if whole_front is None else whole_front.window(window)
     cameras = tuple(program.camera(eye, t) for eye in eyes)
     pictures = []
     for camera in cameras:
-        asks = [] if inner is None else program.asks(t, camera, inner, dtype, choice)
+        asks = [] if inner is None else program.asks(t, camera, inner, dtype)
         pictures.append(Picture(asks, mix, plate, front, window, inner))
     bands = bands_in(window, pictures[0].asks, mix, front)
     if inner is not None and (len(eyes) > 1 or len(bands) > 1):
@@ -57,6 +55,14 @@ def images(
         for picture, result in zip(pictures, results, strict=True):
             picture.compose(band, crop(result, within(band, window)))
     return results
+
+
+def shown_type(plate: Array) -> np.dtype[Any]:
+    """Return the type whose steps hide what is faint, of a background.
+
+    With alpha, integers show what is less than half a step: in the colors of what is faint.
+    """
+    return plate.dtype if plate.shape[2] == 3 else np.dtype(np.float32)
 
 
 def bands_in(window: Window, asks: Sequence[Ask], mix: Mix, front: Front | None) -> list[Window]:
@@ -117,7 +123,8 @@ class Picture:
                 if done is not None:
                     return done
             self._ready = made
-        light = mix.decode(plate)
+        with stage("composite"):
+            light = mix.decode(plate)
         if front is not None:
             light = front.behind(light, linear=mix.linear)
         if part is not None and front is None:
@@ -146,7 +153,8 @@ class Picture:
             alone = cover is None and into is None and frame.nearer is None
             if alone and not frame.banded and over.shape[2] == 3:
                 one_pass = getattr(ask.part.renderer, "over", None)
-                done = None if one_pass is None else one_pass(frame, over, self.mix.light)
+                with of_effect(ask.part.place):
+                    done = None if one_pass is None else one_pass(frame, over, self.mix.light)
                 if done is not None:
                     over = done
                     continue
@@ -163,11 +171,12 @@ class Picture:
         if self._ready is not None:
             ready, self._ready = self._ready, None
             return ready
-        if frame.window == part:
-            return draw(ask.part.renderer, frame)
-        # One that may draw all of it for any part draws it once.
-        if number not in self._drawn:
-            self._drawn[number] = draw(ask.part.renderer, frame)
+        with of_effect(ask.part.place):
+            if frame.window == part:
+                return draw(ask.part.renderer, frame)
+            # One that may draw all of it for any part draws it once.
+            if number not in self._drawn:
+                self._drawn[number] = draw(ask.part.renderer, frame)
         place = within(part, frame.window)
         return tuple(_cut(layer, place) for layer in self._drawn[number])
 

@@ -53,6 +53,11 @@ def plane(shape: tuple[int, ...], dtype: npt.DTypeLike = np.float32) -> Array:
     )
 
 
+def forget() -> None:
+    """Give the system what is kept."""
+    _free.clear()
+
+
 def _given_back(size: int) -> npt.NDArray[np.uint8] | None:
     """Return memory of a size that nobody holds any more, or None."""
     with suppress(IndexError):

@@ -25,7 +25,6 @@ from flurries.frame.lap import Lap
 from flurries.frame.matte import Deep, Front
 from flurries.frame.mixing import Mix
 from flurries.frame.needs import Kept, LeftOut, Needs, Run, has_keys, needs_of
-from flurries.frame.tolerance import EXACT, STEEPEST, Choice, Light, choose
 from flurries.frame.view import Frame
 from flurries.frame.visible import Window
 from flurries.light.ambient import ambient_light
@@ -38,6 +37,9 @@ _Found = TypeVar("_Found")
 
 # Half a step of an integer picture, less what rounding in float32 can take.
 HALF_STEP = 0.5 - 1e-3
+
+# The steepest place of the sRGB encoding, at black: display values per linear light.
+STEEPEST = 12.92
 
 
 class Part(NamedTuple):
@@ -79,7 +81,7 @@ class Ask(NamedTuple):
     frame : Frame
         Its window is all of the picture in which the weather can be seen.
     needs : Needs
-        Its steps less those that a tolerance leaves out.
+        Its steps.
     """
 
     part: Part
@@ -138,8 +140,6 @@ class Program:
         self.deep = self.distance is not None or (self.mattes is not None and self.mattes.deep)
         self.settled = self.settled and not (has_keys(self.lens) or has_keys(self.lights))
         self._kept = Kept(4 * len(bands_of(whole(self.shape))) + 4)
-        self._light: Light | None = None
-        self._choices: dict[Any, Choice] = {}
         for index, effect in enumerate(self.effects):
             self._add(index, effect)
 
@@ -155,10 +155,10 @@ class Program:
         seed = effect_seed(self.seed, index) if own is None else own
         self.parts.append(Part(effect, renderer_of(effect), index, seed, needs))
 
-    def mix(self, plate: Array | None = None, *, table: bool = False) -> Mix:
+    def mix(self, plate: Array | None = None) -> Mix:
         """Return the light that layers are mixed in, over a plate of the background."""
         straight = plate is not None and plate.shape[2] == 4 and plate.dtype.kind == "u"
-        return Mix(self.linear, self.backdrop.encoding, table, straight, self.primaries)
+        return Mix(self.linear, self.backdrop.encoding, straight, self.primaries)
 
     def camera(self, eye: Camera | None, t: float) -> Camera:
         """Return an eye, or the path's own camera, as it is at `t`."""
@@ -189,35 +189,29 @@ class Program:
         camera: Camera,
         window: Window,
         dtype: np.dtype[Any] | None,
-        choice: Choice = EXACT,
         *,
         read: bool = True,
     ) -> list[Ask]:
         """Return the effects that run at `t` with their views of the frame, back to front.
 
         A picture of integers, of type `dtype`, does not show what is less than half of a step; of
-        layers, where it is None, every value counts. A `choice` leaves out more. Depth and ambient
-        light are filled in where an effect reads them, unless `read` is False.
+        layers, where it is None, every value counts. Depth and ambient light are filled in where
+        an effect reads them, unless `read` is False.
         """
         base = self.frame(t, camera, window)
-        runs = []
-        for part, needs in self._parts_in(base, dtype):
-            rest = needs.without(choice.gone(part.place))
-            if rest.steps:
-                runs.append((part, rest))
+        runs = self._parts_in(base, dtype)
         reads = frozenset[str]().union(*(needs.reads for _, needs in runs)) if read else ()
         depth = self.depth_at(t) if "depth" in reads else None
         ambient = self._ambient(t) if "ambient" in reads else None
         front = self.front(t) if runs else None
-        visible = None if front is None or dtype is None else front.visible(choice.hidden)
+        visible = None if front is None or dtype is None else front.visible
         nearer: Deep | None = None if front is None or not read else front.deep
         plate = self._plate(t) if "plate" in reads else None
         found = []
         for part, needs in runs:
-            error = dict(choice.errors).get(part.place, 0.0)
-            key = (part.place, camera, window, dtype is None, reproducible(), error)
+            key = (part.place, camera, window, dtype is None, reproducible())
             kept = self._kept if self.settled else None
-            run = Run({step.name: step for step in needs.steps}, kept, key, visible, error)
+            run = Run({step.name: step for step in needs.steps}, kept, key, visible)
             frame = base.derive(
                 seed=part.seed,
                 run=run,
@@ -254,30 +248,6 @@ class Program:
                 total += change
         return shown
 
-    def choice(self, t: float, tolerance: float) -> Choice:
-        """Return the choice for a tolerance at `t`: the same for every window and eye."""
-        if tolerance == 0.0 or not self.parts:
-            return EXACT
-        if self._light is None or self.backdrop.count is not None:
-            picture, encoding = self.backdrop.frame(t), self.backdrop.encoding
-            self._light = Light.of(picture, self.linear, encoding)
-        light, dtype = self._light, self.backdrop.frame(t).dtype
-        runs = self._parts_in(self.frame(t), dtype)
-        # Nothing that counts changes: asked once.
-        fixed = all(part.needs is not None for part, _ in runs)
-        fixed = fixed and (self.mattes is None or self.mattes.still)
-        key = (tolerance, light, tuple(part.place for part, _ in runs)) if fixed else None
-        if key is not None and key in self._choices:
-            return self._choices[key]
-        asked = [(part.place, part.name, needs) for part, needs in runs]
-        values = 3 * self.shape[0] * self.shape[1]
-        front = self.front(t)
-        shares = () if front is None else front.shares
-        found = choose(asked, light, tolerance, values=values, shares=shares)
-        if key is not None:
-            self._choices = {key: found}
-        return found
-
     def front(self, t: float) -> Front | None:
         """Return the mattes in front of the weather at `t`."""
         if self.mattes is None:
@@ -285,11 +255,11 @@ class Program:
         found: Front = self.mattes.frame(t)
         return found
 
-    def open_part(self, window: Window, front: Front | None, hidden: float = 0.0) -> Window | None:
+    def open_part(self, window: Window, front: Front | None) -> Window | None:
         """Return the part of a window in which the weather can be seen at all."""
         if not self.parts:
             return None
-        visible = None if front is None else front.visible(hidden)
+        visible = None if front is None else front.visible
         return window if visible is None else visible.within(window)
 
     def depth_at(self, t: float) -> Array | None:

@@ -8,7 +8,6 @@ from typing import Any
 
 from flurries.frame.needs import LeftOut
 from flurries.frame.show import listing
-from flurries.frame.tolerance import Spent
 
 
 @dataclass(frozen=True)
@@ -17,15 +16,44 @@ class PlannedStep:
 
     name: str  # "snow: texture"; steps of the scene itself have no effect's name.
     size: str  # Of what it makes.
-    milliseconds: float  # Estimated, a mean over the frames.
-    bytes: int  # Allocated by it at its height, at most.
+    milliseconds: float | None  # In a frame in which it runs; None where none was probed.
+    bytes: int | None  # Allocated at its height beyond what was there when it began, at most.
     share: float = 1.0  # Of the frames in which it runs.
     once: bool = False  # Whether it runs for the first frame alone; its time is that one's.
 
 
 @dataclass(frozen=True)
+class Handover:
+    """What a frame of snow or rain costs, and what its weather looks like, in one setting."""
+
+    setting: str  # "hand-over at 3.4 m"
+    milliseconds: float
+    rms: float  # Root mean square of the weather's opacity from its mean.
+    euler: int  # Pieces less holes of the hundredth of the pixels with most weather.
+
+
+@dataclass(frozen=True)
+class Accuracy:
+    """What accuracy costs in a scene.
+
+    Attributes
+    ----------
+    frame : int
+        The frame that was rendered.
+    settings : tuple of Handover
+        From the nearest hand-over to every flake drawn; empty where nothing can be set.
+    why : str
+        Why there are no settings, or fewer.
+    """
+
+    frame: int
+    settings: tuple[Handover, ...]
+    why: str = ""
+
+
+@dataclass(frozen=True)
 class Plan:
-    """The cost of rendering a scene; printing it gives a table.
+    """The steps of rendering a scene; printing it gives a table.
 
     Attributes
     ----------
@@ -37,29 +65,31 @@ class Plan:
         In their order, with a name, milliseconds and bytes.
     left_out : tuple of LeftOut
         What is not done, and why.
-    milliseconds : float
-        Estimated for a frame: the steps together, without what runs once.
-    bytes : int
+    probed : tuple of int
+        The frames that were rendered to measure times and bytes; none without a probe.
+    milliseconds : float or None
+        For a frame: the steps by their shares without what runs once, and `rest`.
+    rest : float or None
+        Milliseconds between the steps.
+    bytes : int or None
         Most that is allocated at one time while a frame is rendered, with the frame; without what
         the scene holds.
     threads : int
         What the times are for.
-    tolerance, error : float
-        That was given, of full scale, and the most that a frame errs by.
-    spent : tuple of Spent
-        What the tolerance is spent on.
+    accuracy : Accuracy or None
+        What accuracy costs, where it was asked for.
     """
 
     size: tuple[int, int]
     frames: tuple[int, int, int]
     steps: tuple[PlannedStep, ...]
     left_out: tuple[LeftOut, ...]
-    milliseconds: float
-    bytes: int
+    probed: tuple[int, ...]
+    milliseconds: float | None
+    rest: float | None
+    bytes: int | None
     threads: int
-    tolerance: float = 0.0
-    error: float = 0.0
-    spent: tuple[Spent, ...] = ()
+    accuracy: Accuracy | None = None
 
     def to_dict(self) -> dict[str, Any]:
         """Return the plan as plain values."""
@@ -82,38 +112,54 @@ class Plan:
 
     def _repr_html_(self) -> str:
         """Return tables, with a bar for each step's share of the time."""
-        longest = max((step.milliseconds for step in self.steps), default=0.0) or 1.0
-        bars = ["█" * round(20.0 * step.milliseconds / longest) for step in self.steps]
+        times = [step.milliseconds or 0.0 for step in self.steps]
+        longest = max(times, default=0.0) or 1.0
+        bars = ["", *("█" * round(20.0 * time / longest) for time in times)]
         (title, steps), *more = self._tables()
-        rows = [(*row, bar) for row, bar in zip(steps, ["", *bars, ""], strict=True)]
+        bars += [""] * (len(steps) - len(bars))
+        rows = [(*row, bar) for row, bar in zip(steps, bars, strict=True)]
         tables = [f"<b>{title}</b>{listing(rows)}" for title, rows in [(title, rows), *more]]
         return f"<div>{''.join(tables)}</div>"
 
     def _tables(self) -> list[tuple[str, list[tuple[str, ...]]]]:
-        """Return the steps, what is left out and what a tolerance is spent on, with titles."""
+        """Return the steps, what is left out and what accuracy costs, with titles."""
         rows = [("step", "what", f"{'ms':>8}", f"{'MiB':>8}", "")]
         for step in self.steps:
             rare = f"in {100.0 * step.share:.0f} % of the frames" if step.share < 1.0 else ""
             when = "once" if step.once else rare
             rows.append((step.name, step.size, *_figures(step.milliseconds, step.bytes), when))
-        first, last, count = self.frames
-        film = f"frames {first} to {last}: {1e-3 * self.milliseconds * count:.3g} s"
-        film = f"frame {first}" if count == 1 else film
-        rows.append(("a frame", film, *_figures(self.milliseconds, self.bytes), ""))
         size = f"{self.size[0]} x {self.size[1]} px"
-        tables: list[tuple[str, list[tuple[str, ...]]]] = [
-            (f"{size}, {self.threads} thread{'s' * (self.threads > 1)}", [*rows])
-        ]
+        title = f"{size}, without times"
+        if self.milliseconds is not None:
+            first, last, count = self.frames
+            film = f"frames {first} to {last}: {1e-3 * self.milliseconds * count:.3g} s"
+            film = f"frame {first}" if count == 1 else film
+            rows.append(("between the steps", "", *_figures(self.rest, None), ""))
+            rows.append(("a frame", film, *_figures(self.milliseconds, self.bytes), ""))
+            title = f"{size}, {self.threads} thread{'s' * (self.threads > 1)}"
+            title += f", measured in frame{'s' * (len(self.probed) > 1)} "
+            title += ", ".join(map(str, self.probed))
+        tables: list[tuple[str, list[tuple[str, ...]]]] = [(title, [*rows])]
         if self.left_out:
             tables.append(("left out", [(one.what, one.why) for one in self.left_out]))
-        if self.tolerance > 0.0:
-            found = f"error at most {self.error:.3g}"
-            found = found if self.spent else "nothing to be saved, no error"
-            why = "opacity off by {0.error:.2g}, {0.milliseconds:.3g} ms saved"
-            saved = [(one.what, why.format(one)) for one in self.spent]
-            tables.append((f"tolerance {self.tolerance:.3g}: {found}", [*saved]))
+        if self.accuracy is not None:
+            tables += _accuracy_tables(self.accuracy)
         return tables
 
 
-def _figures(milliseconds: float, size: float) -> tuple[str, str]:
-    return f"{milliseconds:8.3g}", f"{size / 2.0**20:8.1f}"
+def _figures(milliseconds: float | None, size: float | None) -> tuple[str, str]:
+    return (
+        "" if milliseconds is None else f"{milliseconds:8.3g}",
+        "" if size is None else f"{size / 2.0**20:8.1f}",
+    )
+
+
+def _accuracy_tables(found: Accuracy) -> list[tuple[str, list[tuple[str, ...]]]]:
+    rows: list[tuple[str, ...]] = []
+    if found.settings:
+        rows.append(("setting", f"{'ms':>8}", f"{'RMS':>8}", f"{'Euler':>8}"))
+    for one in found.settings:
+        numbers = f"{one.milliseconds:8.3g}", f"{one.rms:8.4f}", f"{one.euler:8d}"
+        rows.append((one.setting, *numbers))
+    tables = [(f"accuracy, frame {found.frame}", rows)] if rows else []
+    return tables + ([("accuracy", [(found.why,)])] if found.why else [])

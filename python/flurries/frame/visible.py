@@ -18,12 +18,10 @@ class Visible:
     ----------
     cover : (H, W) float32
         Of what stands in front, 1 where it hides all.
-    hidden : float
-        What is let through and yet not seen.
     """
 
-    def __init__(self, cover: Array, hidden: float = 0.0) -> None:
-        self._seen = cover < np.float32(1.0 - hidden)
+    def __init__(self, cover: Array) -> None:
+        self._seen = cover < 1.0
         self._tiles: dict[tuple[tuple[int, int], int], npt.NDArray[np.bool_]] = {}
 
     def within(self, window: Window) -> Window | None:

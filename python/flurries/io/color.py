@@ -125,16 +125,6 @@ def to_integer(values: Array, bits: int) -> Array:
     return levels.astype(np.uint8 if bits == 8 else np.uint16)
 
 
-def looked_up(values: Array, bits: int) -> Array:
-    """Return linear light as integers of display values, by a table: off by 1e-4 at most."""
-    level = np.clip(values, 0.0, 1.0)
-    level *= np.float32(65535.0)
-    # Half up: the cast cuts.
-    level += np.float32(0.5)
-    found: Array = np.take(_encoding_table(bits), level.astype(np.uint16))
-    return found
-
-
 def to_half(values: Array) -> Array:
     """Round floats to half, with the largest half in place of infinity; NaN stays NaN."""
     if values.dtype == np.float32:
@@ -189,14 +179,6 @@ def encode_bytes(light: Array) -> Array:
     flat = np.ascontiguousarray(light, np.float32).reshape(-1)
     _core.encode_bytes(result.reshape(-1), flat, decoding_table(1), encoding_edges())
     return result
-
-
-@lru_cache(maxsize=2)
-def _encoding_table(bits: int) -> Array:
-    """Return the display value of 65536 steps of linear light, as integers of 8 or 16 bits."""
-    table = to_integer(linear_to_srgb(np.arange(65536) / 65535.0), bits)
-    table.flags.writeable = False
-    return table
 
 
 def _floats(name: str, values: npt.ArrayLike) -> Array:

@@ -11,7 +11,6 @@ import numpy as np
 
 from flurries._contract import Array, integer
 from flurries._threads import reproducible
-from flurries.frame import estimate
 from flurries.output.cluster import cluster, required
 from flurries.output.crew import on_one_core, results
 from flurries.scene.numbers import frames_of
@@ -20,18 +19,16 @@ from flurries.scene.scene import Scene, expect_scene
 
 __all__ = ["grouped", "to_dask"]
 
-# A scheduler takes 2 to 10 ms for a task; with this much work in one that is below 2 %.
-SECONDS_OF_A_TASK = 0.5
-
-# Seconds for each pixel that is read and written, beside what rendering takes.
-_FILE = 15e-9
+# Pixels of layers in a task: of most weather half a second's work. A scheduler takes 2 to 10 ms for
+# a task, below 2 % of it.
+PIXELS_OF_A_TASK = 1 << 23
 
 # Frames that a task may give back as arrays, in bytes.
 _MOST_BYTES = 1 << 28
 
 
 def grouped(scene: Scene, frames: Any) -> list[list[int]]:
-    """Return frames in groups of half a second's work or more each, by a fixed cost.
+    """Return frames in groups of half a second's work or so each, by their pixels.
 
     Parameters
     ----------
@@ -51,11 +48,8 @@ def grouped(scene: Scene, frames: Any) -> list[list[int]]:
     """
     scene = expect_scene(scene)
     wanted = frames_of(scene, frames)
-    # A plate may be damaged, and is a small part of the cost.
-    plain = scene.replace(background="#808080", foreground=None)
-    files = _FILE * scene.shape[0] * scene.shape[1]
-    cost = estimate.seconds(plain.program, wanted, scene.tolerance) + files
-    size = max(math.ceil(SECONDS_OF_A_TASK / cost), 1)
+    pixels = scene.shape[0] * scene.shape[1] * max(len(scene.effects), 1)
+    size = math.ceil(PIXELS_OF_A_TASK / pixels)
     return [wanted[first : first + size] for first in range(0, len(wanted), size)]
 
 

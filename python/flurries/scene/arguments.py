@@ -8,7 +8,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from flurries._contract import _came, integer, real
+from flurries._contract import _came, integer
 from flurries.frame.bands import whole
 from flurries.frame.effect import Effect, renderer_of
 from flurries.frame.visible import Window
@@ -52,11 +52,6 @@ def one_or_none(name: str, value: Any, kind: type[_One]) -> _One | None:
 def number_or_none(name: str, value: Any, *, low: int) -> int | None:
     """Return a frame number, or None where there is none; refuse others."""
     return None if value is None else integer(name, value, low=low, high=MOST_FRAMES)
-
-
-def parse_tolerance(value: object) -> float:
-    """Return a tolerance, or refuse it."""
-    return real("tolerance", value, low=0.0, high=1.0)
 
 
 def parse_region(region: Any, shape: tuple[int, int]) -> Window:

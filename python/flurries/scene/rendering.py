@@ -1,9 +1,10 @@
-"""What a scene makes: frames as arrays, for one eye or two, as files, and what that costs."""
+"""What a scene makes: frames as arrays, for one eye or two, as files, and a plan of them."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, TypeAlias, overload
@@ -22,7 +23,7 @@ from flurries.frame.truth import Rendered, truth
 from flurries.io.colorspace import ColorSpace
 from flurries.light.lamp import Lamp
 from flurries.light.sun import Sun
-from flurries.scene.arguments import parse_region, parse_tolerance
+from flurries.scene.arguments import parse_region
 from flurries.scene.files import Sources
 from flurries.scene.loop import Looped, looped_scene
 from flurries.scene.numbers import Frames, frames_of
@@ -44,7 +45,6 @@ class Rendering(Sources):
     """The part of a scene that makes its frames."""
 
     effects: tuple[Any, ...]
-    tolerance: float
     period: int | None
     seed: int
     sun: Sun | None
@@ -134,19 +134,19 @@ class Rendering(Sources):
     @overload
     def render(
         self, t: float, *, eye: Camera | None = None, layers: Literal[False] = False,
-        region: Region | None = None, tolerance: float | None = None,
+        region: Region | None = None,
     ) -> Array: ...  # fmt: skip
 
     @overload
     def render(
         self, t: float, *, eye: Camera | None = None, layers: Literal[True],
-        region: Region | None = None, tolerance: float | None = None,
+        region: Region | None = None,
     ) -> Rendered: ...  # fmt: skip
 
     @overload
     def render(
         self, t: float, *, eye: Camera | None = None, layers: bool,
-        region: Region | None = None, tolerance: float | None = None,
+        region: Region | None = None,
     ) -> Array | Rendered: ...  # fmt: skip
 
     def render(
@@ -156,7 +156,6 @@ class Rendering(Sources):
         eye: Camera | None = None,
         layers: bool = False,
         region: Region | None = None,
-        tolerance: float | None = None,
     ) -> Array | Rendered:
         """Return the frame at `t`.
 
@@ -172,10 +171,6 @@ class Rendering(Sources):
             Return a :class:`Rendered` with the layers apart.
         region : (rows, cols), optional
             Two slices, as from ``np.s_[100:200, 50:80]``: only that part, with the whole's bits.
-        tolerance : float, optional
-            How far any value may be off, of full scale, from the frame without a tolerance; the
-            scene's own if not given. Spent where it saves most time by a fixed cost model, so that
-            all machines choose alike; `plan` says on what. Layers are exact.
 
         Returns
         -------
@@ -187,7 +182,7 @@ class Rendering(Sources):
         """
         if eye is not None and not isinstance(eye, Camera):
             raise TypeError(f"eye must be a Camera, got {eye!r}")
-        (seen,) = self._see(t, [eye], layers, region, tolerance)
+        (seen,) = self._see(t, [eye], layers, region)
         return seen
 
     def _see(
@@ -196,29 +191,26 @@ class Rendering(Sources):
         views: Sequence[Camera | None],
         layers: bool,
         region: Region | None,
-        tolerance: float | None,
     ) -> Sequence[Array | Rendered]:
         """Return the frame or the layers of each eye, None being the path's camera."""
         time, window = self.time_of(t), parse_region(region, self.shape)
         if self.camera.extend == "stop":
             self.require([math.floor(time)], gaps=False)
-        limit = self.tolerance if tolerance is None else parse_tolerance(tolerance)
         views = [None if eye is None else self._in_frame(eye) for eye in views]
         if layers:
             return truth(self.program, time, views, window)
-        return images(self.program, time, views, window, limit)
+        return images(self.program, time, views, window)
 
     @overload
     def stereo(
         self, t: float, *, distance: float, convergence: float | None = None,
         layers: Literal[False] = False, region: Region | None = None,
-        tolerance: float | None = None,
     ) -> tuple[Array, Array]: ...  # fmt: skip
 
     @overload
     def stereo(
         self, t: float, *, distance: float, convergence: float | None = None,
-        layers: Literal[True], region: Region | None = None, tolerance: float | None = None,
+        layers: Literal[True], region: Region | None = None,
     ) -> tuple[Rendered, Rendered]: ...  # fmt: skip
 
     def stereo(
@@ -229,7 +221,6 @@ class Rendering(Sources):
         convergence: float | None = None,
         layers: bool = False,
         region: Region | None = None,
-        tolerance: float | None = None,
     ) -> tuple[Array | Rendered, Array | Rendered]:
         """Return the frame at `t` as the left and the right eye see it.
 
@@ -238,7 +229,7 @@ class Rendering(Sources):
 
         Parameters
         ----------
-        t, layers, region, tolerance
+        t, layers, region
             See :meth:`render`.
         distance, convergence : float
             See :func:`flurries.stereo.eyes`.
@@ -261,9 +252,9 @@ class Rendering(Sources):
             if isinstance(texture, Texture):
                 texture.warn_ambiguous(self.shape, self.camera.camera.focal, distance, index)
         if pair[0] == pair[1]:
-            (both,) = self._see(t, pair[:1], layers, region, tolerance)
+            (both,) = self._see(t, pair[:1], layers, region)
             return both, both
-        left, right = self._see(t, pair, layers, region, tolerance)
+        left, right = self._see(t, pair, layers, region)
         return left, right
 
     def depth_at(self, t: float) -> Array | None:
@@ -274,25 +265,35 @@ class Rendering(Sources):
         """
         return None if self._distance is None else self.program.depth_at(self.time_of(t))
 
-    def plan(self, frames: Frames = None, *, tolerance: float | None = None) -> Plan:
-        """Return the plan of rendering: its steps, their sizes and times, and what is left out.
+    def plan(self, frames: Frames = None, *, probe: bool = True, accuracy: bool = False) -> Plan:
+        """Return the plan of rendering: its steps, their times and memory, and what is left out.
 
         Parameters
         ----------
         frames : str, int or iterable of int, optional
-            As for :meth:`write`; of a long film a few frames stand for all.
-        tolerance : float, optional
-            As for :meth:`render`: the plan says what it is spent on, and the error to expect.
+            As for :meth:`write`. Of a film a few stand for all: the first, the middle and the last,
+            and some where something is keyed.
+        probe : bool
+            Whether to render these frames, at most five, twice each: for their memory, and for
+            their times on this machine. Without it nothing is rendered.
+        accuracy : bool
+            Whether to render the middle one also with the hand-over of :class:`flurries.Snow` and
+            :class:`flurries.Rain` at half, once and twice its depth and with every flake drawn, and
+            say what each takes and looks like.
 
         Returns
         -------
         Plan
             To print, to show in a notebook, or as JSON.
         """
-        from flurries.frame.estimate import plan_of
+        from flurries.frame.plan import plan_of
+        from flurries.scene.accuracy import accuracy_of
 
-        limit = self.tolerance if tolerance is None else parse_tolerance(tolerance)
-        return plan_of(self.program, frames_of(self, frames), limit)
+        numbers = frames_of(self, frames)
+        plan = plan_of(self.program, numbers, probe=probe)
+        if not accuracy:
+            return plan
+        return replace(plan, accuracy=accuracy_of(self, numbers[(len(numbers) - 1) // 2]))
 
     @takes_output
     def write(

@@ -31,7 +31,6 @@ from flurries.scene.arguments import (
     number_or_none,
     one_or_none,
     parse_size,
-    parse_tolerance,
 )
 from flurries.scene.background import Backdrop, backdrop
 from flurries.scene.depth import DepthMap, Distance, distance_of
@@ -109,8 +108,6 @@ class Scene(Rendering):
     lens : Lens, optional
         A lens with an opening: flakes and drops that are out of focus are soft. Without a lens
         everything is sharp.
-    tolerance : float
-        Largest error of a frame, of full scale, that is allowed where it saves time; see `render`.
     extend : {"stop", "hold", "loop"}
         What happens at a frame number that a sequence, a film or a camera's file does not have:
         "stop" is an error, "hold" takes the first or last frame, "loop" begins again (not for
@@ -152,7 +149,6 @@ class Scene(Rendering):
     space: Space
     depth: Depth | None
     sun: Sun | None
-    tolerance: float
     extend: Extend
     start: int | None
     colorspace: str | None
@@ -179,7 +175,6 @@ class Scene(Rendering):
         space: Space = "auto",
         depth: Depth | None = None,
         sun: Sun | None = None,
-        tolerance: float = 0.0,
         extend: Extend = "stop",
         start: int | None = None,
         colorspace: str | None = None,
@@ -193,7 +188,6 @@ class Scene(Rendering):
 
         settle("seed", seed_of(seed))
         settle("space", choice("space", space, SPACES))
-        settle("tolerance", parse_tolerance(tolerance))
         settle("extend", choice("extend", extend, EXTEND))
         settle("start", number_or_none("start", start, low=0))
         settle("colorspace", colorspace)

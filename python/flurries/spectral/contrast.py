@@ -13,7 +13,6 @@ _ANGLES = 4096
 
 # Deviations and values of a table of mean opacities.
 _TABLE = (129, 1801)
-TABLE_BYTES = 8 * _TABLE[0] * _TABLE[1]
 
 
 def kept_power(

@@ -40,8 +40,6 @@ def describe(
             table[name] = getattr(scene, name)
     if scene.space != "auto":
         table["space"] = scene.space
-    if scene.tolerance != 0.0:
-        table["tolerance"] = scene.tolerance
     if scene.depth is not None:
         described = _depth("depth", scene.depth, folder, bare="depth" in leave_out)
         if described is not None:

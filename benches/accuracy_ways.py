@@ -8,8 +8,9 @@ from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 
-from flurries._contract import Array
+Array = npt.NDArray[Any]
 
 
 class Way(NamedTuple):

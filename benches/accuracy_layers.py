@@ -8,16 +8,11 @@ from functools import partial
 from typing import Any
 
 import numpy as np
+from accuracy_ways import Array, Way, axis, both, largest, rms
 
+from flurries import Camera, Scene, TentSnow, gas, particles, spectral
 from flurries import composite as mixing
 from flurries import cone as drum
-from flurries import gas, particles, spectral
-from flurries._contract import Array
-from flurries.accuracy.ways import Way, axis, both, largest, rms
-from flurries.camera.lens import Camera
-from flurries.effects import TentSnow
-from flurries.effects.checks import DepthMode
-from flurries.scene.scene import Scene
 
 
 @axis("of opacity, rms", "each flake's Gaussian integrated over the pixels, float64")
@@ -91,7 +86,7 @@ def composite() -> Iterator[Way]:
         ("float64", picture / 255.0, layers, 255.0),
     ):
         make = partial(chain, start, alphas)
-        yield Way(name, make, lambda made, scale=scale: off(scale * made.astype(np.float64)))  # type: ignore[misc]
+        yield Way(name, make, lambda made, scale=scale: off(scale * made.astype(np.float64)))
     yield Way("joined, then uint8, float32", lambda: mixing.snow(picture, mixing.join(narrow)), off)
 
 
@@ -196,7 +191,7 @@ def depth() -> Iterator[Way]:
     """Depth by tile or by pixel, 320 x 240."""
     floor = np.repeat(np.geomspace(120.0, 8.0, 240, dtype=np.float32)[:, None], 320, axis=1)
 
-    def alpha(mode: DepthMode, depth: Any) -> Array:
+    def alpha(mode: str, depth: Any) -> Array:
         snow = TentSnow(flakes=0, haze=0.0, depth_mode=mode, wavelengths=(2.0, 16.0))
         scene = Scene((320, 240), effects=[snow], depth=depth, seed=3)
         return np.asarray(scene.render(40, layers=True).alpha)
@@ -205,7 +200,7 @@ def depth() -> Iterator[Way]:
     nearest = np.argmin(np.abs(np.log(floor[..., None]) - np.log(levels)), axis=-1)
     walls = np.stack([alpha("tile", float(level)) for level in levels])
     off = rms(np.take_along_axis(walls, nearest[None], axis=0)[0].astype(np.float64))
-    ways: tuple[tuple[str, DepthMode, Any], ...] = (
+    ways: tuple[tuple[str, str, Any], ...] = (
         ("by tile", "tile", floor), ("by pixel", "pixel", floor), ("no depth", "tile", None),
     )  # fmt: skip
     for name, mode, wall in ways:

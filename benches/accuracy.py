@@ -1,0 +1,200 @@
+"""Error against time of every approximation: ``python benches/accuracy.py [AXIS...]``.
+
+References are slow and independent: sums in extended precision, brute force, closed forms.
+``--page FILE`` writes the page in Markdown, with plots in the folder of ``--output``.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import platform
+import statistics
+import time
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import accuracy_layers as layers
+import accuracy_texture as texture
+import matplotlib
+from accuracy_ways import Axis, Way
+
+import flurries as fl
+
+matplotlib.use("Agg")
+from matplotlib import pyplot as plt
+
+# In the order of the page.
+AXES: dict[str, Axis] = {
+    axis.name: axis
+    for axis in (
+        texture.precision, texture.shutter, texture.film,
+        texture.octaves, texture.tile, texture.blend,
+        layers.flakes, layers.composite, layers.footprint, layers.stop, layers.cone, layers.depth,
+    )
+}  # fmt: skip
+
+RUNS = 20
+
+
+class Point(NamedTuple):
+    """One measured way; `best` where nothing else is both faster and as right."""
+
+    setting: str
+    error: float
+    median: float
+    fastest: float
+    best: bool
+
+
+# An axis with its points.
+Study = tuple[Axis, list[Point]]
+
+
+def measure(ways: Sequence[Way], runs: int) -> list[Point]:
+    """Return the error and the times of ways, called in turn: a busy moment meets all of them."""
+    # The first call of each is not timed: it plans, allocates and warms up.
+    errors = [way.error(way.make()) for way in ways]
+    times: list[list[float]] = [[] for _ in ways]
+    for _ in range(runs):
+        for way, spent in zip(ways, times, strict=True):
+            began = time.perf_counter()
+            way.make()
+            spent.append(1e3 * (time.perf_counter() - began) / way.per)
+    best = unbeaten([(error, min(spent)) for error, spent in zip(errors, times, strict=True)])
+    return [
+        Point(way.setting, error, statistics.median(spent), min(spent), front)
+        for way, error, spent, front in zip(ways, errors, times, best, strict=True)
+    ]
+
+
+def unbeaten(costs: Sequence[tuple[float, float]]) -> list[bool]:
+    """Return for each (error, time) whether no other is at most as large in both, and not equal."""
+    return [
+        not any(e <= error and t <= spent and (e, t) != (error, spent) for e, t in costs)
+        for error, spent in costs
+    ]
+
+
+# The page -----------------------------------------------------------------------------------------
+
+_HEAD = """# What accuracy costs
+
+Made by `make accuracy` ({machine}, {threads} threads). For every approximation: its error against
+an independent reference, and the time of a frame. Times belong to that machine and moment: read
+them as ratios within a table. On the orange line lies what nothing else beats in both.
+`python benches/accuracy.py` measures yours, `flurries plan --accuracy` the snow of a scene.
+
+![Error against time, six of the axes]({plots}/accuracy.png)
+"""
+
+_AXIS = """
+## {axis.title}
+
+`python benches/accuracy.py {axis.name}`. Error {axis.unit}. Against: {axis.reference}.
+
+![Error against time]({plots}/{axis.name}.png)
+"""
+
+_TABLE = """
+| setting | error | fastest of {runs}, ms | median, ms | unbeaten |
+| --- | --- | --- | --- | --- |
+"""
+
+
+def table(points: Sequence[Point], runs: int) -> str:
+    """Return the points of an axis, the most accurate first."""
+    return _TABLE.format(runs=runs) + "".join(
+        f"| {p.setting} | {p.error:.2g} | {p.fastest:.3g} | {p.median:.3g} | "
+        f"{'yes' if p.best else ''} |\n"
+        for p in sorted(points, key=lambda p: p.error)
+    )
+
+
+def markdown(studies: Sequence[Study], plots: str, runs: int) -> str:
+    """Return the page; `plots` is the way from it to the folder of the plots."""
+    machine = f"{platform.machine()}, {os.cpu_count()} cores"
+    parts = [_HEAD.format(machine=machine, threads=fl.threads(), plots=plots)]
+    for axis, points in studies:
+        parts += [_AXIS.format(axis=axis, plots=plots), table(points, runs)]
+    return "".join(parts)
+
+
+# Plots --------------------------------------------------------------------------------------------
+
+INK, QUIET, FRONT = "#1d2b3a", "#8fa3b5", "#d2691e"
+
+# An error of 0 has no logarithm.
+LEAST = 1e-17
+
+# What a reader of the README sees first.
+MAIN = ("precision", "shutter", "flakes", "composite", "footprint", "octaves")
+
+
+def plot(studies: Sequence[Study], file: Path) -> None:
+    """Write plots side by side, two in a row."""
+    columns = min(2, len(studies))
+    rows = -(-len(studies) // columns)
+    size = (8.0 * columns, 3.6 * rows)
+    figure, grid = plt.subplots(rows, columns, figsize=size, dpi=90, squeeze=False)
+    for ax in grid.flat[len(studies) :]:
+        ax.set_visible(False)
+    for ax, (axis, points) in zip(grid.flat, studies, strict=False):
+        draw(ax, axis, points)
+    figure.tight_layout()
+    figure.savefig(file, metadata={"Software": None})
+    plt.close(figure)
+
+
+def draw(ax: Any, axis: Axis, points: Sequence[Point]) -> None:
+    """Draw an axis: dots at the fastest run, and the settings in a list that lines lead to."""
+    points = sorted(points, key=lambda point: point.error)
+    best = [point for point in points if point.best]
+    ax.plot([p.fastest for p in best], [max(p.error, LEAST) for p in best], "-", color=FRONT)
+    for number, point in enumerate(points):
+        error, color = max(point.error, LEAST), FRONT if point.best else QUIET
+        ax.plot([point.fastest, point.median], [error, error], "-", color=QUIET)
+        ax.plot(point.fastest, error, "o", color=color, zorder=3)
+        ax.annotate(
+            point.setting, (point.fastest, error), xytext=(1.04, (number + 0.5) / len(points)),
+            textcoords="axes fraction", va="center", fontsize=8,
+            color=INK if point.best else "#61758a",
+            arrowprops={"arrowstyle": "-", "color": color, "lw": 0.4, "relpos": (0.0, 0.5)},
+        )  # fmt: skip
+    ax.set(xscale="log", yscale="log")
+    ax.set_title(axis.title, fontsize=10, color=INK, loc="left")
+    ax.set_xlabel("ms a frame: fastest, and line to the median", fontsize=8, color=INK)
+    ax.set_ylabel(f"error {axis.unit}", fontsize=8, color=INK)
+    ax.tick_params(labelsize=8, colors=INK)
+    ax.grid(True, color="#e4eaf0", linewidth=0.6)
+    ax.set_axisbelow(True)
+    ax.spines[["top", "right"]].set_visible(False)
+
+
+def main() -> None:
+    """Measure axes, print their tables, and write plots and a page where that is asked for."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("axes", nargs="*", metavar="AXIS", help=f"of {', '.join(AXES)}")
+    parser.add_argument("-o", "--output", type=Path, help="folder of the plots")
+    parser.add_argument("--page", type=Path, help="a page in Markdown, with the plots")
+    parser.add_argument("--runs", type=int, default=RUNS)
+    given = parser.parse_args()
+    if given.page is not None and given.output is None:
+        parser.error("--page wants --output")
+    studies = []
+    for name in given.axes or AXES:
+        studies.append((AXES[name], measure(list(AXES[name].ways()), given.runs)))
+        print(f"\n{AXES[name].title}: error {AXES[name].unit}{table(studies[-1][1], given.runs)}")
+    if given.output is not None:
+        given.output.mkdir(parents=True, exist_ok=True)
+        first = [study for study in studies if study[0].name in MAIN] or studies[:6]
+        for name, shown in {**{s[0].name: [s] for s in studies}, "accuracy": first}.items():
+            plot(shown, given.output / f"{name}.png")
+    if given.page is not None:
+        way = Path(os.path.relpath(given.output, given.page.parent)).as_posix()
+        given.page.write_text(markdown(studies, way, given.runs), encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()
