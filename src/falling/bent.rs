@@ -299,17 +299,13 @@ fn sum_with<const LEVEL: u8>(line: &mut [f32], sight: &Sight<'_>, row: usize, fi
 
 /// The taps of a way: how many on each side of the middle, the share of an inner one, and of the last.
 ///
-/// Their variance is that of the way, length^2 / 12.
+/// Their variance is that of the way, length^2 / 12; as many even taps as have no more, and a part of the next.
 #[inline(always)]
 fn taps(length: f32) -> (i32, f32, f32) {
     let square = length * length / 12.0;
-    if length <= 2.0 {
-        let end = 0.5 * square;
-        return (1, 1.0 - 2.0 * end, end);
-    }
-    let m = (0.5 * length).ceil();
+    let m = (0.5 * ((1.0 + length * length).sqrt() - 1.0)).ceil().max(1.0);
     let inner = (m - 1.0) * m * (2.0 * m - 1.0) / 3.0;
-    let end = ((square * (2.0 * m - 1.0) - inner) / (2.0 * (m * m - square))).max(0.0);
+    let end = ((square * (2.0 * m - 1.0) - inner) / (2.0 * (m * m - square))).clamp(0.0, 1.0);
     let share = 1.0 / (2.0 * m - 1.0 + 2.0 * end);
     (m as i32, share, end * share)
 }

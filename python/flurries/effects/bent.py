@@ -33,9 +33,6 @@ from flurries.particles.population import Slab
 # Pixels from node to node, as the kernel has them; the first ones lie so far before the picture.
 _APART = 64
 
-# A plane is seen from so much before to so much behind its layer's depth, at least.
-_LEAST = 1.25
-
 # Radians that a camera turns, and by which logarithm a lens zooms, before other planes are seen. A
 # whole number of the first make a round.
 _TURN, _ZOOM = math.tau / 36.0, math.log(1.15)
@@ -50,7 +47,7 @@ _LEAST_SEEN = 0.02
 LADDER = (0.0, 0.125, 0.25, 0.5, 0.75, 1.0)
 
 # Flakes and pixels of a sheet at most: all its places are made at once.
-_FLAKES, _PIXELS = 80_000.0, 700_000.0
+_FLAKES, _PIXELS = 300_000.0, 700_000.0
 
 # Rays that run along a plane are taken to meet it so far aside.
 _SLANT = 0.1
@@ -301,8 +298,7 @@ def _ahead(
         yield _Planes(layers, weight, axes, along + depths, focal, np.zeros((len(layers), 1), int))
         return
     ends = np.array([(layer.slab.near, layer.slab.far) for layer in film.layers])
-    wide = np.maximum(np.sqrt(ends[:, 1] / ends[:, 0]), _LEAST)
-    thick = depths * (wide - 1.0 / wide)
+    thick = ends[:, 1] - ends[:, 0]
     pace = np.abs(np.einsum("la,la->l", axes[:, 2], eyes.rate)) / thick
     phase = (0.6180339887 * (layers + 1.0)) % 1.0
     first, share = _place(along / thick - phase, pace)
@@ -310,7 +306,7 @@ def _ahead(
         own = weight * (np.sin if one else np.cos)(0.5 * math.pi * share)
         seen = own > _LEAST_SEEN
         number = first + one
-        at = depths + 0.5 * thick + (number + phase) * thick
+        at = ends[:, 1] + (number + phase) * thick
         table = np.stack([number, *which], axis=1)
         if seen.any():
             yield _Planes(layers[seen], own[seen], axes[seen], at[seen], focal[seen], table[seen])

@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property, lru_cache
+from functools import cached_property, lru_cache, partial
 from typing import NamedTuple
 
 import numpy as np
@@ -242,19 +242,21 @@ def _film(
     )
     reach = hand_over(weather, focal)
 
-    def shared(each: list[tuple[SizeClass, Motion]], layers: tuple[int, ...]) -> tuple[Share, ...]:
-        found = []
-        for (one, own), count in zip(each, layers[-len(each) :], strict=True):
-            edges = layer_edges(reach, weather.far, count)
-            slabs = slabs_of(population, one, focal, 1, reach=reach, far=weather.far, edges=edges)
-            found.append(Share(one, own, reach, tuple(slabs)))
-        return tuple(found)
-
+    slabs = partial(slabs_of, population, focal=focal, tile=1, reach=reach, far=weather.far)
     if constant:
-        shares = shared(fine, LAYERS)
+        shares = tuple(
+            Share(one, own, reach,
+                  tuple(slabs(one, edges=layer_edges(reach, weather.far, count))))
+            for (one, own), count in zip(fine, LAYERS[-len(fine) :], strict=True)
+        )  # fmt: skip
         return Film(shares, shares, rigid=True)
-    drawn = tuple(Share(one, own, reach, ()) for one, own in fine)
-    return Film(shared(classes(BENT_CLASSES), BENT_CLASSES * (BENT_LAYERS,)), drawn, comes)
+    # Planes go through their slabs, and are as thick as these are far.
+    edges = np.geomspace(reach, weather.far, BENT_LAYERS + 1)
+    shares = tuple(
+        Share(one, own, reach, tuple(slabs(one, edges=edges, flat=comes)))
+        for one, own in classes(BENT_CLASSES)
+    )
+    return Film(shares, tuple(Share(one, own, reach, ()) for one, own in fine), comes)
 
 
 def hand_over(weather: Weather, focal: float) -> float:

@@ -143,7 +143,7 @@ class Slab:
     count : float
         Mean number of flakes in a tile.
     diameters : (n,)
-        Quantiles of their images' diameters at even shares, px.
+        Of their images, for even shares of the flakes: the root of the mean square of each, px.
     coverage : float
         Mean of what they cover of a tile, px2.
     nearer : (n,)
@@ -164,9 +164,9 @@ class Slab:
         return np.interp(depth, at, self.nearer)
 
 
-# Depths by which a slab's images are counted, steps of depth, and the quantiles that are kept of
-# images: many, since the few largest flakes make most of the contrast.
-_DEPTHS, _STEPS, _QUANTILES = 32, 33, 257
+# Depths by which a slab's images are counted, steps of depth, and the even shares of images: many,
+# since the few largest flakes make most of the contrast.
+_DEPTHS, _STEPS, _SHARES = 32, 33, 264
 
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(_DEPTHS)
 
@@ -181,6 +181,7 @@ def slabs_of(
     far: float,
     ratio: float = SLAB_RATIO,
     edges: Float64 | None = None,
+    flat: bool = False,
 ) -> list[Slab]:
     """Return the layers of a class from where it is no longer drawn, near ones first.
 
@@ -196,6 +197,8 @@ def slabs_of(
         The far end of a slab over its near end, at most.
     edges : (n,), optional
         Depths at which slabs end, in place of a ratio.
+    flat : bool
+        Whether all flakes of a slab are seen at its mean depth, as many as cover as much.
     """
     if reach >= far or each.density == 0.0:
         return []
@@ -210,14 +213,14 @@ def slabs_of(
         left = 1.0 - drawn_share(depths, reach, far)
         volume = 0.5 * (end - near) * _WEIGHTS * depths**2 * left * (tile / focal) ** 2
         count = each.density * float(volume.sum())
+        seen = volume / depths**2
+        depth = float((seen @ depths) / seen.sum())
         images = (focal * diameters[None, :] / depths[:, None]).ravel()
         weight = (volume[:, None] * share[None, :]).ravel()
-        order = np.argsort(images, kind="stable")
-        below = np.cumsum(weight[order])
-        below = (below - 0.5 * weight[order]) / below[-1]
-        table = np.interp(np.linspace(0.0, 1.0, _QUANTILES), below, images[order])
         area = float(weight @ images**2) / float(weight.sum())
-        seen = volume / depths**2
+        if flat:
+            images, weight = focal * diameters / depth, share
+            count *= area / (area := float(weight @ images**2))
         steps = np.linspace(near, end, _STEPS)
         # A flake covers the less the farther it is, and there are as many more: all depths cover
         # alike, but for what is drawn.
@@ -227,11 +230,20 @@ def slabs_of(
             Slab(
                 near,
                 end,
-                float((seen @ depths) / seen.sum()),
+                depth,
                 count,
-                table,
+                _even_shares(images, weight),
                 count * population.opacity * 0.25 * math.pi * area,
                 nearer,
             )
         )
     return found
+
+
+def _even_shares(images: Float64, weight: Float64) -> Float64:
+    """Return the diameter of each even share of images, which covers what the share does."""
+    order = np.argsort(images, kind="stable")
+    below = np.concatenate([[0.0], np.cumsum(weight[order])])
+    squares = np.concatenate([[0.0], np.cumsum(weight[order] * images[order] ** 2)])
+    upto = np.interp(np.linspace(0.0, 1.0, _SHARES + 1), below / below[-1], squares)
+    return np.asarray(np.sqrt(np.diff(upto) * _SHARES / below[-1]))
