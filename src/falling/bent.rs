@@ -160,7 +160,7 @@ impl<'a> Part<'a> {
         for bent in &group.sheets {
             pushed(&mut sights, Sight::new(bent, cancel)?)?;
         }
-        let reach = if longest < REST { 0 } else { (0.5 * longest) as usize + 2 };
+        let reach = if longest < REST { 0 } else { (0.5 * longest) as usize + 3 };
         let (near, far) = (group.near, group.far);
         Ok(Self { sights, ways, near, far, slope: 1.0 / (far - near), reach })
     }
@@ -351,14 +351,16 @@ fn blur_with<const LEVEL: u8>(
             for number in -most..=most {
                 let gain = if number.abs() == most { last } else { inner };
                 let off = slope * number as f32;
-                let whole = off.floor();
-                let next = gain * (off - whole);
-                let (number, whole) = (number as isize, whole as isize);
+                let whole = off.round_ties_even();
+                let (number, whole, part) = (number as isize, whole as isize, off - whole);
                 let at = number * along as isize + whole * aside as isize;
                 let at = first.wrapping_add_signed(at);
-                tap::<LEVEL>(&mut sums, plane, at, gain - next);
-                if next > 0.0 {
-                    tap::<LEVEL>(&mut sums, plane, at + aside, next);
+                // Three pixels across that have the place and no width: two would make the streak wider.
+                tap::<LEVEL>(&mut sums, plane, at, gain * (1.0 - part * part));
+                if part != 0.0 {
+                    let (low, high) = (0.5 * part * (part - 1.0), 0.5 * part * (part + 1.0));
+                    tap::<LEVEL>(&mut sums, plane, at - aside, gain * low);
+                    tap::<LEVEL>(&mut sums, plane, at + aside, gain * high);
                 }
             }
         }
