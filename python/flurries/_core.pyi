@@ -238,6 +238,7 @@ class FlakeSheet:
         circle: float,
         opacity: float,
         ranks: tuple[float, float],
+        thin: float = 1.0,
     ) -> FlakeSheet: ...
     @property
     def bytes(self) -> int: ...

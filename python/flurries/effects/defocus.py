@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from flurries.camera.optics import Blur
 
-# Circles are told apart in steps of this, px: patterns are kept for each.
+# Circles are told apart in steps of this, px: sheets are kept for each.
 STEP = 0.125
 
 # Narrower circles than this, px, blur nothing.
