@@ -32,10 +32,7 @@ _Complex = npt.NDArray[np.complex128]
 # Frames whose sum is kept where nothing closed is known: a film asks for the same ones again.
 BLOCK = 64
 
-# Depths at which a profile is integrated for a camera that comes nearer; linear between.
-_DEPTHS = 65
-
-# Frames that such an integral takes together.
+# Frames that the integral of a profile takes together.
 _TOGETHER = 4096
 
 
