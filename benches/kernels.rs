@@ -99,6 +99,7 @@ fn sheet(seed: u64) -> Sheet {
         streak: [0.5, 2.0],
         circle: 0.0,
         tau0: 4.3,
+        thin: 1.0,
         ranks: (0.0, 1.0),
     };
     Sheet::new(law).expect("a law")

@@ -14,7 +14,6 @@ import flurries as fl
 from flurries import _core
 from flurries.camera.optics import Blur
 from flurries.effects.air import Air, Class, Closeup, Eye, air_of, images_of
-from flurries.effects.defocus import disc_factor
 from measure import cover
 
 Array = np.ndarray[Any, Any]
@@ -143,19 +142,6 @@ def test_a_point_out_of_focus_is_an_even_disc_of_the_circle_s_area(blades: int):
     assert abs(float(inside.sum()) / (0.25 * math.pi * circle**2) - 1.0) < 0.06
     core = image[141:159, 191:209]
     assert float(core.std() / core.mean()) < (0.05 if blades == 0 else 0.12)
-
-
-def test_layers_keep_the_sum_of_a_disc():
-    # The transform of a disc, by summing the disc itself.
-    tile, circle = 64, 9.5
-    fine = (np.arange(-400, 400) + 0.5) / 60.0
-    inside = np.hypot(*np.meshgrid(fine, fine)) <= 0.5 * circle
-    factor = disc_factor(tile, 0.0, circle)
-    for a in (0, 1, 3, 7):
-        wave = np.cos(2.0 * np.pi * a / tile * fine)
-        wanted = float((inside * wave[None, :]).sum() / inside.sum())
-        assert abs(factor[0, a] - wanted) < 3e-3
-    assert factor[0, 0] == 1.0
 
 
 def flakes(**more: Any) -> fl.Scene:

@@ -10,7 +10,7 @@ import pytest
 import flurries as fl
 import twin
 import twin_flakes
-from flurries.spectral import flake_frames
+from flurries import _core
 
 DEPTH = fl.spectral.optical_depth
 
@@ -98,14 +98,15 @@ GIVEN: dict[str, Any] = {"drift": DRIFT, "shear": 0.382, "seed": 9, "overlap": 1
 
 def test_tiles_choose_by_the_hash():
     # Patterns and torus shifts of a tile, put together from the choices.
-    choice = flake_frames.choices(9, (5, 5), layers=2, patterns=8, tile=32)
+    pattern, chosen = np.empty((5, 5, 2), np.int32), np.empty((5, 5, 2, 2))
+    _core.flake_choices(pattern, chosen, 9, 8, 32)
     spectra = SPECTRA.astype(np.complex128)
     mean = float(spectra[:, 0, 0, 0].real.sum()) / 32**2
     tiles = np.empty((5, 5, 32, 32))
     for at in np.ndindex(5, 5):
-        numbers = choice.pattern[at] - 8 * np.arange(2)
+        numbers = pattern[at] - 8 * np.arange(2)
         assert ((numbers >= 0) & (numbers < 8)).all()
-        shift = choice.shift[at] + DRIFT[at]
+        shift = chosen[at] + DRIFT[at]
         taken = spectra[[0, 1], numbers]
         tile = twin_flakes.tile_of(taken, shift, np.zeros((2, 2)), np.ones(2), 0.382)
         tiles[at] = tile - mean

@@ -1,11 +1,10 @@
-"""Snow that falls straight down does not meet itself; streaks are shown at stops on their way."""
+"""Snow that falls straight down does not meet itself."""
 
 from __future__ import annotations
 
 import numpy as np
 
 import flurries as fl
-from flurries.effects.flake_terms import stops_of
 
 SPEED = 2.9
 LAGS = np.array([2, 3, 5, 8, 13, 22, 23, 44, 45, 66, 88, 110, 132, 154, 176, 200])
@@ -41,19 +40,3 @@ def test_a_film_forgets_as_drawn_flakes_do():
 def test_a_square_torus_remembers():
     # The control: after 22 frames, 63.8 px, the same flakes come back.
     assert correlations(0.0)[5] > 0.1
-
-
-def test_stops_spread_as_a_streak_does():
-    # An even streak of length v has the variance v^2 / 12. Those too short to see rest, and those
-    # too long for stops a pixel apart are left to the blur.
-    lengths = np.array([0.1, 0.4, 1.0, 2.5, 7.9, 8.1, 40.0])
-    stops = stops_of(lengths, placed=True)
-    assert stops.blurred.tolist() == [False] * 5 + [True] * 2
-    numbers = np.bincount(stops.layer)
-    assert numbers.tolist() == [1, 2, 2, 3, 8, 1, 1]
-    for layer, number in enumerate(numbers):
-        own = stops.layer == layer
-        along, share = stops.along[own], stops.share[own]
-        assert abs(share.sum() - 1.0) < 1e-15 and abs(share @ along) < 1e-15
-        assert abs(share @ along**2 - (number > 1) / 12.0) < 1e-15
-    assert stops_of(lengths, placed=False).blurred.all()

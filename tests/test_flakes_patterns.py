@@ -10,7 +10,6 @@ import pytest
 
 import flurries as fl
 import twin_flakes
-from flurries.spectral import flakes
 
 MAKE = fl.spectral.flake_patterns
 
@@ -123,15 +122,3 @@ def test_precisions_agree():
     law = {"counts": [50], "diameters": [[0.5, 2]], "shear": 0.382, "seed": 1}
     wide = MAKE(33, **law, dtype=np.complex128)
     assert np.array_equal(MAKE(33, **law), wide.astype(np.complex64))
-
-
-def test_fewer_flakes_are_among_more():
-    # A rung of the ladder of amounts: its mean, and flakes that stand in the whole too.
-    law = {"counts": [40], "diameters": [[3.0, 3.0]], "seed": 3, "dtype": np.complex128}
-    whole = flakes.patterns_of(128, **law)
-    half = flakes.patterns_of(128, **law, amount=0.5)
-    assert np.allclose(half[..., 0, 0], 0.5 * whole[..., 0, 0], rtol=1e-14)
-    assert np.array_equal(flakes.patterns_of(128, **law, amount=1.0), whole)
-    rest = np.fft.irfft2(whole - half, s=(128, 128))
-    assert rest.min() > -0.01 and rest.max() > 0.5
-    assert not flakes.patterns_of(128, **law, amount=0.0).any()

@@ -7,11 +7,9 @@ from typing import Any
 
 import numpy as np
 import pytest
-from scipy.ndimage import uniform_filter1d
 
 import flurries as fl
-from flurries.effects.gain import STREAKS, gains_of, part_shown
-from flurries.particles.population import HANDOVER_SIGMA, Population, reach_of, slabs_of
+from flurries.particles.population import Population, slabs_of
 from flurries.particles.precipitation import (
     drop_mass,
     drop_speed,
@@ -100,9 +98,9 @@ def test_slabs_cover_what_the_air_beyond_the_drawn_flakes_does():
     focal, tile, far = 700.0, 64, 40.0
     rng = np.random.default_rng(3)
     for one in population.classes(2):
-        reach = reach_of(one, focal, tile, fastest=0.05, far=far)
-        assert focal * one.largest / reach / math.sqrt(8.0) <= HANDOVER_SIGMA * (1 + 1e-12)
-        slabs = slabs_of(population, one, focal, tile, reach=reach, far=far)
+        reach = 200.0 * one.largest
+        edges = np.linspace(reach, far, 7)
+        slabs = slabs_of(population, one, focal, tile, reach=reach, far=far, edges=edges)
         depth = (rng.random(1_000_000) * (far**3 - reach**3) + reach**3) ** (1 / 3)
         part = np.clip((depth / reach - 1.0) / 0.08, 0.0, 1.0)
         share = part * part * (3.0 - 2.0 * part)
@@ -112,49 +110,6 @@ def test_slabs_cover_what_the_air_beyond_the_drawn_flakes_does():
         area = number * 0.9 * 0.25 * math.pi * (share * (focal * size / depth) ** 2).mean()
         assert sum(slab.coverage for slab in slabs) == pytest.approx(area, rel=5e-3)
         assert sum(slab.count for slab in slabs) == pytest.approx(number * share.mean(), rel=2e-3)
-        edges = np.array([slabs[0].near, slabs[0].far])
-        np.testing.assert_allclose(slabs[0].before(edges), [0.0, 1.0])
-
-
-def test_a_gain_makes_blurred_depths_cover_what_flakes_do():
-    from scipy.special import spence
-
-    # A resting flake needs none. In a long streak depths are small: the gain is the integral of a
-    # flake's opacity over that of its depth, p / Li2(p) for a Gaussian with p in its middle.
-    sigma2 = 400.0 / 8.0
-    peak = 0.9 * sigma2 / (sigma2 + 1.0 / 12.0)
-    large, faint = gains_of(np.full(3, 20.0), 0.9), gains_of(np.array([0.1, 0.2]), 0.9)
-    assert large[0] == 1.0 and (np.diff(large) <= 0.0).all()
-    limit = peak / float(spence(1.0 - peak))
-    assert gains_of(np.full(3, 1.0), 0.9)[-1] > gains_of(np.full(3, 2.8), 0.9)[-1] > limit
-    small = 0.9 * 1.0 / (1.0 + 1.0 / 12.0)
-    found = gains_of(np.full(3, math.sqrt(8.0)), 0.9)[-1]
-    assert found == pytest.approx(small / float(spence(1.0 - small)), rel=0.01)
-    assert np.abs(faint - 1.0).max() < 0.01
-
-
-@pytest.mark.parametrize(("thin", "streak"), [(1.0, 0.0), (1.0, 16.0), (0.3, 4.0), (0.3, 16.0)])
-def test_gains_make_blurred_depths_cover_what_flakes_do(thin, streak):
-    diameter, opacity, step = 8.0, 0.9, 0.05
-    raw = diameter / np.sqrt(8.0)
-    sigma = np.hypot(raw, np.sqrt(1.0 / 12.0))
-    x, y = np.arange(-30.0, 30.0, step), np.arange(0.0, 16.0, step)
-    hidden = opacity * (raw / sigma) ** 2 * np.exp(-0.5 * (x[:, None] ** 2 + y**2) / sigma**2)
-    depth = -np.log1p(-thin * hidden) / thin
-    if streak:
-        depth = uniform_filter1d(depth, round(streak / step), axis=0, mode="constant")
-    gains = gains_of(np.full(33, diameter), opacity, thin)
-    gain = gains[np.searchsorted(STREAKS, streak)]
-    shown = -np.expm1(-gain * depth).sum() / hidden.sum()
-    assert shown == pytest.approx(1.0, abs=4e-3)
-
-
-def test_the_part_that_a_streak_shows_is_the_mean_of_a_gaussian():
-    sigma, way = 2.0, 6.0
-    at = (np.arange(2000) + 0.5) / 2000.0 * way - 0.5 * way
-    want = np.exp(-0.5 * at**2 / (sigma**2 + 1.0 / 12.0)).mean()
-    assert part_shown(np.full(9, sigma * np.sqrt(8.0)), way) == pytest.approx(want, rel=2e-3)
-    assert part_shown(np.full(9, 4.0), 0.0) == 1.0
 
 
 def _scene(method: str, *, shape: tuple[int, int] = (160, 200), **fields: Any) -> fl.Scene:

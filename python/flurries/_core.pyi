@@ -6,19 +6,16 @@ import numpy.typing as npt
 
 from flurries.cone.rays import Pose
 from flurries.effects.air import Air
-from flurries.effects.flake_patterns import Slab as FlakeSlab
 from flurries.gas.splatting import Gas
-from flurries.spectral.flake_frames import Request as FlakeRequest
+from flurries.spectral.flakes import Request as FlakeRequest
 from flurries.spectral.request import Request
 from flurries.spectral.volume import Film
 
 __all__ = [
     "BallImages",
     "FieldBands",
-    "FlakeBands",
     "FlakeSheet",
     "InternalError",
-    "PreparedFlakes",
     "SortedFlakes",
     "SortedGas",
     "advance_phase",
@@ -42,15 +39,10 @@ __all__ = [
     "field",
     "field_bands",
     "field_take",
-    "flake_bands",
     "flake_choices",
     "flake_frame",
-    "flake_mix",
     "flake_patterns",
-    "flake_population",
-    "flake_prepare",
     "flake_rows",
-    "flake_take",
     "gas_alpha",
     "gas_draw",
     "gas_light",
@@ -73,7 +65,6 @@ __all__ = [
     "particle_positions",
     "particle_splat",
     "particle_sway_offsets",
-    "particle_variance",
     "plate_cells",
     "random_phase",
     "reproducible",
@@ -153,55 +144,16 @@ def field_bands(
     request: Request, map: _Map | None = None, preserve_mean: bool = False
 ) -> FieldBands: ...
 def field_take(bands: FieldBands, out: _Array, first: int) -> int: ...
-
-@final
-class PreparedFlakes:
-    """Patterns of flakes as frames of one precision read them."""
-
-    @property
-    def means(self) -> list[float]: ...
-    @property
-    def tile(self) -> int: ...
-
 def flake_patterns(
     out: _Array,
     counts: _Float64,
     diameters: _Float64,
-    law: tuple[float, float, float, int],
+    law: tuple[float, float, int],
 ) -> None: ...
-def flake_prepare(spectra: _Array, shear: float, double: bool) -> PreparedFlakes: ...
-def flake_mix(first: PreparedFlakes, second: PreparedFlakes, weight: float) -> PreparedFlakes: ...
 def flake_choices(
-    pattern: npt.NDArray[np.int32],
-    shift: _Float64,
-    seed: int,
-    patterns: int,
-    tile: int,
-    generation: npt.NDArray[np.int64] | None = None,
-    moved: _Float64 | None = None,
-    placed: bool = False,
-    layer: Sequence[int] | None = None,
+    pattern: npt.NDArray[np.int32], shift: _Float64, seed: int, patterns: int, tile: int
 ) -> None: ...
-def flake_population(
-    out: npt.NDArray[np.complex64],
-    slabs: Sequence[FlakeSlab],
-    law: tuple[int, float, float, int],
-) -> list[float]: ...
-def flake_frame(
-    out: _Array,
-    patterns: PreparedFlakes,
-    request: FlakeRequest,
-    opacity: bool,
-    add: bool = False,
-    mask: _Array | None = None,
-) -> None: ...
-
-@final
-class FlakeBands:
-    """The rows of a window of the texture of flakes, to be taken from the top down."""
-
-def flake_bands(patterns: PreparedFlakes, request: FlakeRequest, opacity: bool) -> FlakeBands: ...
-def flake_take(bands: FlakeBands, out: _Array, first: int) -> None: ...
+def flake_frame(out: _Array, spectra: _Array, request: FlakeRequest) -> None: ...
 def snowfall(
     out: _Array,
     background: _Array,
@@ -286,6 +238,7 @@ class FlakeSheet:
         circle: float,
         opacity: float,
         ranks: tuple[float, float],
+        thin: float = 1.0,
     ) -> FlakeSheet: ...
     @property
     def bytes(self) -> int: ...
@@ -345,7 +298,6 @@ def particle_sway_offsets(
     out: _Float64, seed: int, time: float, sway: tuple[float, float]
 ) -> None: ...
 def particle_image(variance: _Float64, share: _Float64, sigma: _Float64) -> None: ...
-def particle_variance(out: _Float64, sigma: _Float64) -> None: ...
 def smooth(out: _Float64, t: _Float64) -> None: ...
 def particle_edge_fade(
     out: _Float64,

@@ -13,13 +13,6 @@ pub const LEAST_VARIANCE: f64 = 0.38;
 /// each square: it keeps its energy at any place, so it may be narrower than one that is sampled.
 pub const LEAST_SIGMA: f64 = 0.3;
 
-/// The variance in px^2 of the integrated image of a Gaussian of this sigma.
-#[inline(always)]
-pub fn integrated(sigma: f64) -> f64 {
-    let least = sigma.max(LEAST_SIGMA);
-    least * least + PIXEL_VARIANCE
-}
-
 /// sigma_e^2 of a Gaussian of this variance, px^2.
 #[inline(always)]
 pub fn sampled(variance: f64) -> f64 {

@@ -7,7 +7,6 @@ use super::gate;
 use super::particles::swaying;
 use crate::base::lamps::{Lamps, light};
 use crate::base::pool;
-use crate::base::sampling::integrated;
 use crate::base::smooth::smoothstep;
 use crate::particles::sprite::image_of;
 use crate::particles::torus::{self, Sway, Torus};
@@ -99,15 +98,6 @@ pub fn particle_image(
 ) -> PyResult<()> {
     gate::each(&mut variance, &sigma, |sigma| image_of(sigma * sigma).0)?;
     gate::each(&mut share, &sigma, |sigma| image_of(sigma * sigma).1)
-}
-
-/// Fills `out` (n,) with the variances of the integrated images of flakes of these sigmas, px.
-#[pyfunction]
-pub fn particle_variance(
-    mut out: PyReadwriteArray1<'_, f64>,
-    sigma: PyReadonlyArray1<'_, f64>,
-) -> PyResult<()> {
-    gate::each(&mut out, &sigma, integrated)
 }
 
 /// Fills `out` (n,) with 0 below 0, 1 above 1 and the cubic between.

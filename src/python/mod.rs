@@ -17,7 +17,6 @@ mod laws;
 mod lookup;
 mod onepass;
 mod particles;
-mod patterns;
 mod random;
 mod scan;
 mod shade;
@@ -43,7 +42,7 @@ mod core {
     #[pymodule_export]
     use super::falling::{BallImages, FlakeSheet, fall, flake_rows, sheet_bent, sheet_read};
     #[pymodule_export]
-    use super::flakes::{FlakeBands, flake_bands, flake_choices, flake_frame, flake_take};
+    use super::flakes::{flake_choices, flake_frame, flake_patterns};
     #[pymodule_export]
     use super::frame::{join, over, snow, veil};
     #[pymodule_export]
@@ -53,17 +52,13 @@ mod core {
     #[pymodule_export]
     use super::laws::{
         lamp_light, particle_edge_fade, particle_image, particle_positions, particle_sway_offsets,
-        particle_variance, smooth,
+        smooth,
     };
     #[pymodule_export]
     use super::onepass::snowfall;
     #[pymodule_export]
     use super::particles::{
         SortedFlakes, particle_draw, particle_draw_lit, particle_ids, particle_splat,
-    };
-    #[pymodule_export]
-    use super::patterns::{
-        PreparedFlakes, flake_mix, flake_patterns, flake_population, flake_prepare,
     };
     #[pymodule_export]
     use super::random::uniform;

@@ -2,9 +2,9 @@
 
 The flakes of a layer lie on planes in the air, one behind the other, as far apart as the layer is
 thick. The camera sees the plane that is within its layer, a sheet at its depth, and gives it up for
-the next one as it comes too near. Which planes there are follows from where the camera is and how it
-looks, not from a time; what a pixel sees of one is a place on it, which a lattice of nodes says for
-the opening and the close of the shutter.
+the next one as it comes too near. Which planes there are follows from where the camera is and how
+it looks, not from a time; what a pixel sees of one is a place on it, which a lattice of nodes says
+for the opening and the close of the shutter.
 """
 
 from __future__ import annotations
@@ -193,8 +193,8 @@ def _groups(
                 )])  # fmt: skip
                 node = np.empty((*at.shape[:2], 4), np.float32)
                 node[..., :2], node[..., 2] = at, weight * root * part
-                # Planes that give way to each other have the deviation of one, and so have some flakes
-                # that stand for many; the mean is made up for.
+                # Planes that give way to each other have the deviation of one, and so have some
+                # flakes that stand for many; the mean is made up for.
                 node[..., 3] = (weight**2 * many[layer] - weight * root) * part * sheet.mean
                 sheets.append((sheet, node))
         ways = np.clip(ways, -LONGEST, LONGEST).astype(np.float32)
@@ -212,7 +212,7 @@ def _part_seen(slab: Slab, ways: Float64) -> float:
 
 
 def _smaller(area: tuple[int, int], count: float) -> tuple[int, int]:
-    """Return rows and columns of a sheet that is not too large, of so many flakes for each pixel."""
+    """Return rows and columns of a sheet that is not too large, of flakes for each pixel."""
     pixels = area[0] * area[1]
     part = math.sqrt(min(_FLAKES / max(count * pixels, 1.0), _PIXELS / pixels, 1.0))
     return max(round(part * area[0]), 96), max(round(part * area[1]), 96)
@@ -313,7 +313,7 @@ def _ahead(
 
 
 def _place(at: Float64, pace: Float64 | float) -> tuple[npt.NDArray[np.int64], Float64]:
-    """Return the number of the plane at places, and how far it has given way to the next, 0 to 1."""
+    """Return the number of the plane at places, and how far it has given way to the next."""
     first = np.floor(at)
     change = np.clip(_CHANGE * np.asarray(pace), 1e-9, _LONGEST_CHANGE)
     return first.astype(np.int64), np.clip(1.0 - (1.0 - (at - first)) / change, 0.0, 1.0)

@@ -127,7 +127,7 @@ class Field:
         layout = self.layout(frame)
         (tile, overlap), band = layout.tiling, layout.band
         x, y = tile_middles(shape, camera, tile, overlap)
-        now, rate, _ = flow_of(frame, self.motion, way, x, y)
+        now, rate = flow_of(frame, self.motion, way, x, y)
         drift = now.along[:, :, None] / self.near_depth
         velocity = rate.along[:, :, None] / self.near_depth
         edges = _NONE if layout.edges is None else layout.edges

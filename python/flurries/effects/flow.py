@@ -8,9 +8,7 @@ import numpy as np
 
 from flurries._contract import Float64
 from flurries.camera.tiles import drift_at, shift_at
-from flurries.effects.gusts import wind_at
 from flurries.effects.motion import Motion, Way
-from flurries.effects.weather import Share
 from flurries.frame.view import Frame
 
 _STILL = np.zeros((1, 1, 2))
@@ -31,10 +29,8 @@ class Flow(NamedTuple):
     shift: Float64
 
 
-def flow_of(
-    frame: Frame, motion: Motion, way: Way, x: Float64, y: Float64
-) -> tuple[Flow, Flow, float]:
-    """Return the flow since frame 0 and per frame, and how far the air has come nearer, m.
+def flow_of(frame: Frame, motion: Motion, way: Way, x: Float64, y: Float64) -> tuple[Flow, Flow]:
+    """Return the flow since frame 0 and per frame.
 
     Parameters
     ----------
@@ -63,16 +59,4 @@ def flow_of(
         shift, shift_rate = shift + grown * places, shift_rate + grows * places
     focals = camera.focals
     gone = Flow(drift_at(x, y, moved + camera.offset, focals), shift)
-    return gone, Flow(drift_at(x, y, rate, focals), shift_rate), float(moved[2])
-
-
-def gusts_of(
-    frame: Frame, share: Share, depth: float, x: Float64, y: Float64
-) -> tuple[Float64, Float64]:
-    """Return the flow that uneven wind adds at a depth: pixels, and per frame, (rows, cols, 2)."""
-    fx, fy = frame.camera.focals
-    across, down = np.meshgrid(x / fx, y / fy)
-    ahead = depth * np.stack([across, down, np.ones_like(across)], axis=-1)
-    moved, rate = wind_at(share.motion, frame, ahead)
-    focal = np.array([fx, fy]) / depth
-    return moved[..., :2] * focal, rate[..., :2] * focal
+    return gone, Flow(drift_at(x, y, rate, focals), shift_rate)

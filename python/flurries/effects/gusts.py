@@ -21,8 +21,6 @@ from flurries.effects.motion import (
     Motion,
     air_course,
     camera_course,
-    comes_nearer,
-    relative_course,
 )
 from flurries.frame.view import Frame
 from flurries.motion.keys import Course, Integral, course_of, integral_to, value_at
@@ -34,10 +32,7 @@ _Complex = npt.NDArray[np.complex128]
 # Frames whose sum is kept where nothing closed is known: a film asks for the same ones again.
 BLOCK = 64
 
-# Depths at which a profile is integrated for a camera that comes nearer; linear between.
-_DEPTHS = 65
-
-# Frames that such an integral takes together.
+# Frames that the integral of a profile takes together.
 _TOGETHER = 4096
 
 
@@ -69,35 +64,6 @@ def wind_at(motion: Motion, frame: Frame, ahead: Float64) -> tuple[Float64, Floa
             moved = moved + frame.to_camera(both[:, :3])
             rate = rate + frame.to_camera(both[:, 3:])
     return moved.reshape(ahead.shape), rate.reshape(ahead.shape)
-
-
-def flakes_in_profile(motion: Motion, frame: Frame, depth: Float64) -> tuple[Float64, Float64]:
-    """Return displacement and velocity of flakes at depths (n,) by the profile, (n, 3).
-
-    A flake that comes nearer has felt the wind of every depth that it came through.
-    """
-    wind = _varied(motion)
-    moved, rate = _profile_at(wind, frame, depth)
-    axis = frame.camera.matrix()[:, 2]
-    steady = motion.mean_wind
-    # A profile of one depth is the same at all of them: flakes have felt it wherever they were.
-    alike = wind.profile is None or len(wind.profile.keys) == 1
-    if alike or not comes_nearer(frame.path, axis, motion.fall, steady):
-        return moved, rate
-    way = _way_of(relative_course(frame.path, frame.fps, motion.fall, steady))
-    nearer = float(way.to(frame.t) @ axis)
-    # Where the air at these depths was before: depth plus the camera's way through it is kept.
-    nodes = np.linspace(min(float(depth.min()), 0.0), float(depth.max()), _DEPTHS)
-    blowing = course_of(steady)
-    felt = np.zeros((_DEPTHS, 3))
-    for times, lengths in _middles(frame.t):
-        was = nodes + nearer - (way.at(times) @ axis)[:, None]
-        factor, own = wind.extra(was.ravel())
-        mean, _ = blowing.line(times, times)
-        felt += np.einsum("t,tn,ta->na", lengths, factor.reshape(was.shape), mean)
-        felt += np.einsum("t,tna->na", lengths, own.reshape(*was.shape, 3))
-    total = _across(frame, felt / frame.fps)
-    return np.stack([np.interp(depth, nodes, total[:, a]) for a in range(3)], axis=1), rate
 
 
 def wave_weights(motion: Motion, fps: float, times: Sequence[float], start: Float64) -> Float64:

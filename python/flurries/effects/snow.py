@@ -79,13 +79,12 @@ class Snow(metaclass=Described):
     cloud : float
         Height above the camera in metres at which flakes begin to fall, for `emission`.
     handover : float, optional
-        Depth in metres up to which flakes are drawn one by one, if they are at rest or all move
-        alike. If not given, it follows from the density and the focal length.
+        Depth in metres up to which flakes are drawn one by one. If not given, it follows from the
+        density and the focal length.
     method : {"hybrid", "simulated"}
         "simulated" draws every flake one by one, which is slow.
     depth_mode : {"pixel", "tile"}
-        Whether the texture follows the scene's depth at every pixel or by tiles. By tiles is
-        faster, and snow leaks over the border of near things by up to a tile.
+        Far flakes follow the scene's depth at every pixel in both.
     shape : {"natural", "round"}
         Shape of a flake whose image has a sigma above some 3 pixels: "natural" is an aggregate of
         crystals that tumbles as it falls, "round" a round dot like farther flakes.

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numpy as np
 import numpy.typing as npt
 
@@ -25,24 +23,9 @@ def image_of(sigma: npt.ArrayLike) -> tuple[Float64, Float64]:
     return variance, share
 
 
-def exact_variance(sigma: npt.ArrayLike) -> Float64:
-    """Return the variances, px^2, of flakes that are drawn exactly: integrated over each pixel.
-
-    Parameters
-    ----------
-    sigma : array
-        ``f radius / (3 z)`` of flakes, px, of any shape.
-    """
-    return _of_each(_core.particle_variance, sigma)
-
-
 def smoothstep(t: npt.ArrayLike) -> Float64:
     """Return 0 below 0, 1 above 1, and the cubic that is level at both between; of any shape."""
-    return _of_each(_core.smooth, t)
-
-
-def _of_each(law: Callable[..., None], given: npt.ArrayLike, *more: object) -> Float64:
-    values = np.ascontiguousarray(given, np.float64)
+    values = np.ascontiguousarray(t, np.float64)
     out = np.empty(values.shape)
-    law(out.reshape(-1), values.reshape(-1), *more)
+    _core.smooth(out.reshape(-1), values.reshape(-1))
     return out

@@ -17,18 +17,6 @@ from flurries._contract import Float64
 from flurries.particles.looks import smoothstep
 from flurries.particles.sizes import Sizes
 
-# Sigma of a flake's image from which it is drawn, px: a texture of waves resolves less.
-HANDOVER_SIGMA = 1.2
-
-# A flake's image of diameter d is a Gaussian of d / sqrt(8): its integral is opacity pi d^2 / 4.
-SIGMA_OF_DIAMETER = 1.0 / math.sqrt(8.0)
-
-# Fewer flakes of a layer than this in a tile are drawn: a texture of so few shows its tiles.
-LEAST_IN_TILE = 8.0
-
-# The far end of a slab of depth over its near end, at most.
-SLAB_RATIO = 1.41
-
 # Over this part of its depth the hand-over goes from all drawn to all synthesized.
 FADE = 0.08
 
@@ -101,28 +89,6 @@ class Population:
         return found
 
 
-def reach_of(each: SizeClass, focal: float, tile: int, *, fastest: float, far: float) -> float:
-    """Return the depth up to which a class is drawn, metres, at most `far`.
-
-    Three things ask for drawing: an image too large for the texture, too few flakes in a tile, and
-    a layer that moves by more than half a tile in a frame, which would seem to move backwards.
-
-    Parameters
-    ----------
-    focal : float
-        Pixels.
-    tile : int
-        Pixels.
-    fastest : float
-        Of the flakes past the camera, metres per frame.
-    """
-    large = focal * each.largest * SIGMA_OF_DIAMETER / HANDOVER_SIGMA
-    cube = (SLAB_RATIO**3 - 1.0) / 3.0 * each.density * (tile / focal) ** 2
-    sparse = (LEAST_IN_TILE / cube) ** (1.0 / 3.0)
-    fast = 2.0 * focal * fastest / tile
-    return float(min(max(large, sparse, fast), far))
-
-
 def drawn_share(depth: Float64, reach: float, far: float) -> Float64:
     """Return the share of the flakes at depths that is drawn, 1 near to 0 far; all up to `far`."""
     if reach >= far:
@@ -146,8 +112,6 @@ class Slab:
         Of their images, for even shares of the flakes: the root of the mean square of each, px.
     coverage : float
         Mean of what they cover of a tile, px2.
-    nearer : (n,)
-        Which part of the coverage lies before depths at even steps from `near` to `far`.
     """
 
     near: float
@@ -156,17 +120,11 @@ class Slab:
     count: float
     diameters: Float64
     coverage: float
-    nearer: Float64
-
-    def before(self, depth: Float64) -> Float64:
-        """Return the share of the coverage that lies before depths, 0 to 1."""
-        at = np.linspace(self.near, self.far, len(self.nearer))
-        return np.interp(depth, at, self.nearer)
 
 
-# Depths by which a slab's images are counted, steps of depth, and the even shares of images: many,
-# since the few largest flakes make most of the contrast.
-_DEPTHS, _STEPS, _SHARES = 32, 33, 264
+# Depths by which a slab's images are counted, and the even shares of images: many, since the few
+# largest flakes make most of the contrast.
+_DEPTHS, _SHARES = 32, 264
 
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(_DEPTHS)
 
@@ -179,8 +137,7 @@ def slabs_of(
     *,
     reach: float,
     far: float,
-    ratio: float = SLAB_RATIO,
-    edges: Float64 | None = None,
+    edges: Float64,
     flat: bool = False,
 ) -> list[Slab]:
     """Return the layers of a class from where it is no longer drawn, near ones first.
@@ -193,18 +150,13 @@ def slabs_of(
         Pixels.
     reach, far : float
         Depths at which the texture begins and ends, metres.
-    ratio : float
-        The far end of a slab over its near end, at most.
-    edges : (n,), optional
-        Depths at which slabs end, in place of a ratio.
+    edges : (n,)
+        Depths at which slabs end, from the one to the other.
     flat : bool
         Whether all flakes of a slab are seen at its mean depth, as many as cover as much.
     """
     if reach >= far or each.density == 0.0:
         return []
-    if edges is None:
-        number = max(math.ceil(math.log(far / reach) / math.log(ratio)), 1)
-        edges = reach * (far / reach) ** (np.arange(number + 1) / number)
     diameters, share = population.sizes.nodes(each.smallest, each.largest)
     share = share / share.sum()
     found = []
@@ -221,11 +173,6 @@ def slabs_of(
         if flat:
             images, weight = focal * diameters / depth, share
             count *= area / (area := float(weight @ images**2))
-        steps = np.linspace(near, end, _STEPS)
-        # A flake covers the less the farther it is, and there are as many more: all depths cover
-        # alike, but for what is drawn.
-        middles = 1.0 - drawn_share(0.5 * (steps[1:] + steps[:-1]), reach, far)
-        nearer = np.concatenate([[0.0], np.cumsum(middles)]) / max(float(middles.sum()), 1e-300)
         found.append(
             Slab(
                 near,
@@ -234,7 +181,6 @@ def slabs_of(
                 count,
                 _even_shares(images, weight),
                 count * population.opacity * 0.25 * math.pi * area,
-                nearer,
             )
         )
     return found

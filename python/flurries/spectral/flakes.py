@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -26,7 +27,6 @@ from flurries._contract import (
     table,
     tile_of,
 )
-from flurries.spectral.flake_frames import Choices, Request, choices
 
 # Larger flakes are drawn one by one: in a texture they would cost a second each.
 _LARGEST_FLAKE = 1000.0
@@ -39,6 +39,37 @@ _MOST_GAIN = 1e30
 
 # Some gigabytes of what tiles choose.
 _MOST_TERMS = 2**26
+
+
+class Request(NamedTuple):
+    """A frame as the kernel reads it.
+
+    Arrays of tiles begin with (rows, cols), or with (1, 1) where all tiles are alike.
+
+    Attributes
+    ----------
+    overlap : int
+        Pixels shared by neighbours.
+    shear : float
+    pattern : (rows, cols, L) int32
+        Pattern p of layer l is number ``l P + p``.
+    shift : (rows, cols, L, 2) float64
+        Pixels (x, y) that it is moved by, shift of the torus and displacement together.
+    streak : (rows, cols, L, 2) float64 or None
+        Pixels (x, y) that it moves by while the shutter is open.
+    gain : (L,) float64
+        Factors of patterns without their mean.
+    mean : float
+        Mean optical depth.
+    """
+
+    overlap: int
+    shear: float
+    pattern: npt.NDArray[np.int32]
+    shift: Float64
+    streak: Float64 | None
+    gain: Float64
+    mean: float
 
 
 def complex_dtype(dtype: npt.DTypeLike) -> np.dtype[np.complexfloating]:
@@ -109,29 +140,6 @@ def flake_patterns(
     >>> round(float(drawn.sum() / (0.9 * np.pi / 12 * 7)), 3)
     40.0
     """
-    return patterns_of(
-        tile, counts=counts, diameters=diameters, opacity=opacity, patterns=patterns, shear=shear,
-        seed=seed, dtype=dtype,
-    )  # fmt: skip
-
-
-def patterns_of(
-    tile: int,
-    *,
-    counts: npt.ArrayLike,
-    diameters: npt.ArrayLike,
-    opacity: float = 0.9,
-    patterns: int = 8,
-    shear: float = 0.0,
-    seed: int,
-    amount: float = 1.0,
-    dtype: npt.DTypeLike = np.complex64,
-) -> Array:
-    """Make :func:`flake_patterns` of a share of the flakes: a rung of the ladder of amounts.
-
-    A smaller `amount` shows some of the flakes that a larger one shows, where those stand, and has
-    `amount` times the mean.
-    """
     (size, _), _ = tile_of(integer("tile", tile, low=1, high=2**15), 0)
     numbers = table("counts", counts, ndim=1)
     if not numbers.size or not ((numbers >= 0.0) & (numbers <= 1e9)).all():
@@ -153,8 +161,7 @@ def patterns_of(
     if np.prod(shape, dtype=float) > MOST_ELEMENTS:
         raise ValueError(f"patterns must hold at most {MOST_ELEMENTS} waves, got {shape}")
     result = np.empty(shape, complex_dtype(dtype))
-    share = real("amount", amount, low=0.0, high=1.0)
-    _core.flake_patterns(result, numbers, sizes, (slant, middle, share, seed_of(seed)))
+    _core.flake_patterns(result, numbers, sizes, (slant, middle, seed_of(seed)))
     return result
 
 
@@ -271,29 +278,18 @@ def optical_depth(
     if gains.shape != (layers,) or np.abs(gains).max() > _MOST_GAIN:
         raise ValueError(f"gain must be {layers} numbers up to {_MOST_GAIN:g}, got {_came(gain)}")
     slant = real("shear", shear, low=-_MOST_SHEAR, high=_MOST_SHEAR)
-    precision = float_dtype(dtype)
     given = [spectra, drifts, gains, *([] if speeds is None else [speeds])]
-    result = output(out, size, precision, *given)
-    prepared = _core.flake_prepare(
-        spectra.reshape(-1, *spectra.shape[2:]), slant, precision == np.float64
-    )
+    result = output(out, size, float_dtype(dtype), *given)
     if seed is None:
-        chosen = Choices(
-            (np.arange(layers, dtype=np.int32) * number).reshape(1, 1, -1),
-            np.zeros((1, 1, layers, 2)),
-        )
+        pattern = (np.arange(layers, dtype=np.int32) * number).reshape(1, 1, -1)
+        shift = drifts
     else:
-        chosen = choices(seed_of(seed), (rows, cols), layers=layers, patterns=number, tile=tile)
+        pattern, shift = np.empty((rows, cols, layers), np.int32), np.empty((rows, cols, layers, 2))
+        _core.flake_choices(pattern, shift, seed_of(seed), number, tile)
+        shift += drifts
     means = spectra[:, 0, 0, 0].real.astype(np.float64)
     asked = Request(
-        shape=size,
-        overlap=shared,
-        pattern=chosen.pattern,
-        gain=gains.reshape(1, 1, -1),
-        shift=chosen.shift + drifts,
-        streak=streak,
-        mean=np.array([[float(gains @ means) / tile**2]]),
-        window=(0, size[0], 0, size[1]),
+        shared, slant, pattern, shift, streak, gains, mean=float(gains @ means) / tile**2
     )
-    _core.flake_frame(result, prepared, asked, False)
+    _core.flake_frame(result, spectra.reshape(-1, *spectra.shape[2:]), asked)
     return result

@@ -7,15 +7,11 @@
 //! The torus has the lattice (M, 0), (h, M): a flake that leaves below comes in above h px to the side.
 //! Its waves are k = (a, b - shear a) / M cycles per pixel, shear = h / M, y down.
 
-pub mod bands;
 pub mod blur;
 pub mod choice;
-pub mod footprint;
 pub mod frame;
 pub mod pattern;
-pub mod places;
 pub mod prepared;
 pub mod product;
 #[cfg(test)]
 mod twin;
-pub mod wall;

@@ -19,13 +19,13 @@ use crate::base::sampling::LEAST_SIGMA;
 use crate::base::simd::reproducible;
 
 /// What the numbers of a seed are for.
-pub(super) const PLACES: i64 = 0x666c_616b_6530;
+const PLACES: i64 = 0x666c_616b_6530;
 
 /// Deviations that a sprite reaches: beyond lies less than float64 holds of it.
 const REACH: f64 = 8.3;
 
 /// Flakes between two looks at the flag that ends a long drawing.
-pub(super) const LOOK: usize = 1024;
+const LOOK: usize = 1024;
 
 /// What the patterns of all layers share.
 #[derive(Debug, Clone, Copy)]
@@ -36,8 +36,6 @@ pub struct Law {
     pub shear: f64,
     /// Of a flake's middle.
     pub opacity: f64,
-    /// Share of the flakes that are shown; those of a smaller share are among them.
-    pub amount: f64,
     /// Of the places.
     pub seed: i64,
 }
@@ -63,20 +61,19 @@ impl Layer {
 
 /// Flakes of pattern `index` of `patterns`: floor or ceil of the count, the mean of all as near to it as
 /// whole numbers can be.
-pub(super) fn flakes_of(count: f64, index: usize, patterns: usize) -> usize {
+fn flakes_of(count: f64, index: usize, patterns: usize) -> usize {
     let all = (count * patterns as f64).round() as u128;
     let upto = |n: usize| all * n as u128 / patterns as u128;
     (upto(index + 1) - upto(index)) as usize
 }
 
-/// Which quantile the flake `i` of `n` has: neighbours differ, and so the first of them are as mixed as
-/// all.
-pub(super) fn quantile(i: usize, n: usize, step: usize) -> f64 {
+/// Which quantile the flake `i` of `n` has: neighbours differ.
+fn quantile(i: usize, n: usize, step: usize) -> f64 {
     ((i as u128 * step as u128 % n as u128) as f64 + 0.5) / n as f64
 }
 
 /// A step near the golden section of `n` that meets all of 0 .. n.
-pub(super) fn golden(n: usize) -> usize {
+fn golden(n: usize) -> usize {
     let shares = |mut a: usize, mut b: usize| {
         while b > 0 {
             (a, b) = (b, a % b);
@@ -205,15 +202,14 @@ impl Torus {
         (index, patterns): (usize, usize),
         cancel: &Cancel,
     ) -> Result<(), Error> {
-        let Law { tile, opacity, amount, seed, .. } = self.law;
+        let Law { tile, opacity, seed, .. } = self.law;
         let all = flakes_of(layer.count, index, patterns);
-        let shown = (amount * all as f64).round() as usize;
         let step = golden(all);
         let hash = Hash::seeded(seed).word(PLACES).word(layer.index as i64).word(index as i64);
         let (least, most) = layer.diameters;
         self.pixels.fill(0.0);
         let mut drawn = 0.0;
-        for i in 0..shown {
+        for i in 0..all {
             if i.is_multiple_of(LOOK) {
                 cancel.check()?;
             }
@@ -226,7 +222,7 @@ impl Torus {
         }
         self.transform();
         // The exact mean: a tile that keeps a few per cent more would be seen in the mean of a film.
-        let mean = amount * layer.coverage(opacity);
+        let mean = layer.coverage(opacity);
         let scale = if drawn > 0.0 { mean / drawn } else { 0.0 };
         for ((b, a), value) in out.indexed_iter_mut() {
             let found = self.spectrum[a * tile + b].conj() * scale;
@@ -282,7 +278,7 @@ mod tests {
     use super::*;
     use ndarray::{Array4, array};
 
-    const LAW: Law = Law { tile: 15, shear: 0.3, opacity: 0.8, amount: 1.0, seed: 4 };
+    const LAW: Law = Law { tile: 15, shear: 0.3, opacity: 0.8, seed: 4 };
 
     #[test]
     fn steps_meet_all_quantiles() {

@@ -2,17 +2,15 @@
 //! multiplied by, with the transform's tables.
 //!
 //! S(b) and S(-b) of a column make S(b) + S(-b) and i (S(b) - S(-b)), both conjugate. Waves of mean 0
-//! stand there; the mean is kept apart, since it is not blended.
+//! stand there: the mean is not blended.
 
 #![expect(unsafe_code, reason = "complex numbers as the pairs that they are")]
-
-use std::sync::Arc;
 
 use ndarray::{ArrayView3, Axis};
 use num_complex::Complex;
 
 use crate::base::aligned::Aligned;
-use crate::base::error::{Error, collected, zeroed};
+use crate::base::error::{Error, collected};
 use crate::base::pool;
 use crate::base::real::Real;
 use crate::base::simd::dispatch;
@@ -30,14 +28,12 @@ pub struct Prepared<T> {
     /// Indices a and b of waves are below it.
     pub half: usize,
     /// The two passes.
-    pub dense: Arc<Dense<T>>,
+    pub dense: Dense<T>,
     /// For each row of pixels the cosines and sines of all columns that the shear turns by.
-    pub turns: Arc<Aligned<T>>,
+    pub turns: Aligned<T>,
     /// Pattern by pattern for each b = 0 .. half: real parts of the sum, imaginary ones, then those of
     /// the difference.
     values: Aligned<T>,
-    /// Of each pattern, square pixels.
-    means: Vec<f64>,
 }
 
 impl<T: Real> Prepared<T> {
@@ -50,18 +46,16 @@ impl<T: Real> Prepared<T> {
         }
         // Half a cycle is no index below `half`.
         let half = tile.div_ceil(2);
-        let dense = Arc::new(Dense::square(tile, half)?);
+        let dense = Dense::square(tile, half)?;
         let stride = dense.stride();
         let mut turns = Aligned::zeroed(2 * tile * stride)?;
         shear_turns(&mut turns, shear, tile);
         let size = PARTS * stride * half;
         let mut values = Aligned::zeroed(number * size)?;
-        let mut means = zeroed(number)?;
-        let tasks = values.chunks_exact_mut(size).zip(spectra.axis_iter(Axis(0))).zip(&mut means);
-        pool::for_each(tasks, |((values, spectrum), mean)| {
+        let tasks = values.chunks_exact_mut(size).zip(spectra.axis_iter(Axis(0)));
+        pool::for_each(tasks, |(values, spectrum)| {
             let spectrum = spectrum.to_slice();
             let spectrum = spectrum.ok_or_else(|| Error::Internal("patterns have gaps".into()))?;
-            *mean = spectrum[0].re.wide();
             let numbers = parts(spectrum);
             let trace = match T::own(numbers) {
                 Some(numbers) => fold(values, numbers, (tile, half, stride)),
@@ -75,17 +69,12 @@ impl<T: Real> Prepared<T> {
             }
             Err(Error::invalid("patterns", "must be finite, got NaN or infinity"))
         })?;
-        Ok(Self { tile, shear, half, dense, turns: Arc::new(turns), values, means })
+        Ok(Self { tile, shear, half, dense, turns, values })
     }
 
     /// How many there are.
-    pub const fn len(&self) -> usize {
-        self.means.len()
-    }
-
-    /// Whether there are none.
-    pub const fn is_empty(&self) -> bool {
-        self.means.is_empty()
+    pub fn count(&self) -> usize {
+        self.values.len() / self.size()
     }
 
     /// Numbers of a pattern.
@@ -97,41 +86,6 @@ impl<T: Real> Prepared<T> {
     pub fn pattern(&self, index: usize) -> &[T] {
         &self.values[index * self.size()..(index + 1) * self.size()]
     }
-
-    /// Coverage of each pattern's tile, square pixels.
-    pub fn means(&self) -> &[f64] {
-        &self.means
-    }
-
-    /// Patterns between these and others that are made alike: (1 - weight) of these, `weight` of those.
-    pub fn mixed(&self, other: &Self, weight: f64) -> Result<Self, Error> {
-        let alike = (self.tile, self.len()) == (other.tile, other.len());
-        if !alike || self.shear.to_bits() != other.shear.to_bits() {
-            return Err(Error::invalid("other", "must have as many patterns of the same torus"));
-        }
-        let mut values = Aligned::zeroed(self.values.len())?;
-        mix(&mut values, &self.values, &other.values, T::of(weight));
-        let pairs = self.means.iter().zip(&other.means);
-        Ok(Self {
-            dense: Arc::clone(&self.dense),
-            turns: Arc::clone(&self.turns),
-            values,
-            means: pairs.map(|(a, b)| (1.0 - weight) * a + weight * b).collect(),
-            ..*self
-        })
-    }
-}
-
-#[inline(always)]
-fn mix_with<T: Real, const LEVEL: u8>(out: &mut [T], first: &[T], second: &[T], weight: T) {
-    let rest = T::one() - weight;
-    for ((out, &first), &second) in out.iter_mut().zip(first).zip(second) {
-        *out = rest * first + weight * second;
-    }
-}
-
-dispatch! {
-    fn mix<T: Real>(out: &mut [T], first: &[T], second: &[T], weight: T) = mix_with
 }
 
 /// Real and imaginary parts in turn.
@@ -220,21 +174,6 @@ dispatch! {
 mod tests {
     use super::*;
     use crate::spectral::flakes::twin;
-
-    #[test]
-    fn half_way_is_the_mean_of_both() {
-        let (first, second) = (twin::spectra(2, 9), twin::spectra(2, 9).mapv(|z| z * 3.0));
-        let ready = |spectra: &ndarray::Array3<Complex<f64>>, shear: f64| {
-            Prepared::<f64>::new(spectra.view(), shear).unwrap()
-        };
-        let mixed = ready(&first, 0.2).mixed(&ready(&second, 0.2), 0.25).unwrap();
-        let want = ready(&first.mapv(|z| z * 1.5), 0.2);
-        for (got, want) in mixed.values.iter().zip(want.values.iter()) {
-            assert!((got - want).abs() < 1e-15);
-        }
-        assert!((mixed.means()[1] - want.means()[1]).abs() < 1e-15);
-        assert!(ready(&first, 0.2).mixed(&ready(&second, 0.3), 0.5).is_err());
-    }
 
     #[test]
     fn what_is_not_finite_is_refused() {

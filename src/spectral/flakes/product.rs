@@ -122,7 +122,9 @@ fn sum<T: Real, V: Lanes<T>, const LEVEL: u8>(
     let (half, stride) = (patterns.half, patterns.dense.stride());
     let Scratch { across, down, blur, work } = scratch;
     // What the reads and writes below rely on.
-    assert!(stride.is_multiple_of(V::N) && terms.iter().all(|term| term.pattern < patterns.len()));
+    assert!(
+        stride.is_multiple_of(V::N) && terms.iter().all(|term| term.pattern < patterns.count())
+    );
     assert!(across.len() >= 2 * stride * terms.len() && down.len() >= 2 * half * terms.len());
     assert!(!blurred || blur.rows.len() >= 2 * stride * terms.len());
     assert!(work.cos.len() >= 2 * stride * half && work.sin.len() >= 2 * stride * half);
