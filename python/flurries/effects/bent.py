@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -24,7 +24,7 @@ from flurries.effects.defocus import circles_of
 from flurries.effects.gusts import carried_by_profile, wave_weights
 from flurries.effects.motion import Motion
 from flurries.effects.sheets import SHEAR, areas_of, kept, key_of, many_of, trim
-from flurries.effects.weather import Film, Layer, Weather
+from flurries.effects.weather import Film, Weather
 from flurries.frame.planes import plane
 from flurries.frame.view import Frame
 from flurries.motion.keys import value_at
@@ -418,20 +418,18 @@ def _rungs(
     return found
 
 
-def moved_by_wind(
-    weather: Weather, layers: Sequence[Layer], weights: Float64, frame: Frame, other: Frame
-) -> Array:
+def moved_by_wind(weather: Weather, weights: Float64, frame: Frame, other: Frame) -> Array:
     """Return how uneven wind moves the window's pixels to another frame, (h, w, 2) float32.
 
-    The mean over layers, each weighed by its parallax.
+    The mean over layers, which have weights.
     """
     film = weather.film(frame)
     found = _blown(weather, frame, film, _eyes(weather, frame, film), (frame.t, other.t))
     assert found is not None
-    mean = np.einsum("l,lrca->rca", weights / weights.sum(), found[:, 1] - found[:, 0])
-    depths = np.array([layer.slab.depth for layer in layers])
-    nearness = float((weights / weights.sum()) @ (1.0 / depths))
-    seen = other.to_camera(mean)[..., :2] * np.array(other.camera.focals) * nearness
+    depths = np.array([layer.slab.depth for layer in film.layers])
+    nearness = weights / depths / weights.sum()
+    mean = np.einsum("l,lrca->rca", nearness, found[:, 1] - found[:, 0])
+    seen = other.to_camera(mean)[..., :2] * np.array(other.camera.focals)
     top, bottom, left, right = frame.window
     rows = np.arange(top, bottom) + 0.5
     columns = np.arange(left, right) + 0.5

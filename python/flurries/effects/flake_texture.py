@@ -14,7 +14,7 @@ from flurries.effects.lighting import lamp_shade
 from flurries.effects.motion import Way
 from flurries.effects.passes import Other, plane_motion
 from flurries.effects.sheets import read_sheets
-from flurries.effects.weather import Film, Layer, Weather
+from flurries.effects.weather import Film, Layer, Weather, times
 from flurries.frame.layer import Shade
 from flurries.frame.needs import LeftOut, Needs, Step, has_keys
 from flurries.frame.planes import plane
@@ -74,30 +74,26 @@ class FlakeTexture:
         Depth is the mean over the layers, each weighed by what it covers; they move as flakes at
         the depth whose parallax is the mean one.
         """
-        layers = self._layers(self.weather.film(frame))
+        layers, motion = self._layers(self.weather.film(frame)), self.weather.motion
         weights = np.array([layer.slab.coverage for layer in layers])
         depths = np.array([layer.slab.depth for layer in layers])
         nearness = weights / depths
         top, bottom, left, right = frame.window
         depth = plane((bottom - top, right - left))
-        depth.fill(nearness.sum() ** -1 * weights.sum())
+        depth.fill(weights.sum() / nearness.sum())
+        speeds = np.array([layer.share.size.fall for layer in layers])
+        fall = times(
+            motion.fall, float(nearness @ speeds / nearness.sum() / self.weather.mean_speed)
+        )
+        places = [
+            frame.path.relative(t, fps=frame.fps, fall=fall, wind=motion.mean_wind)[0]
+            for t in (frame.t, *(other.t for other, _ in others))
+        ]
         moves = []
-        for other, _ in others:
-            each = [self._moved(layer, frame, other.t) for layer in layers]
-            moved = nearness @ np.array(each) / nearness.sum()
-            move = plane_motion(depth, frame, other, moved)
-            if self.weather.motion.varied is not None:
-                move += moved_by_wind(self.weather, layers, nearness, frame, other)
+        for (other, _), place in zip(others, places[1:], strict=True):
+            move = plane_motion(depth, frame, other, place - places[0])
+            if motion.varied is not None:
+                move += moved_by_wind(self.weather, weights, frame, other)
             moves.append(move)
         depth.fill(weights @ depths / weights.sum())
         return moves, depth
-
-    @staticmethod
-    def _moved(layer: Layer, frame: Frame, t: float) -> Array:
-        """Return the camera's way through a layer's air to another frame, metres."""
-        fall, wind = layer.share.motion.fall, layer.share.motion.mean_wind
-        here, there = (
-            frame.path.relative(time, fps=frame.fps, fall=fall, wind=wind)[0]
-            for time in (frame.t, t)
-        )
-        return np.asarray(there - here)

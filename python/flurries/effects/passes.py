@@ -105,7 +105,8 @@ def plane_motion(depth: Array, frame: Frame, other: Frame, moved: Float64) -> Ar
     turned = other.to_camera(here.matrix().T) - np.eye(3)
     offset = np.array(here.offset)
     aside = other.to_camera(here.matrix() @ offset - moved) - np.array(there.offset)
-    middle, focals = here.principal(frame.shape), here.focals
+    middle, focals, turns = here.principal(frame.shape), here.focals, frame.path.turns
+    ends, shifted = there.focals, np.subtract(there.principal(frame.shape), middle)
     a = (np.arange(left, right) + 0.5 - middle[0]) / focals[0]
     b = (np.arange(top, bottom)[:, None] + 0.5 - middle[1]) / focals[1]
     motion = np.zeros((*depth.shape, 2), np.float32)
@@ -118,7 +119,7 @@ def plane_motion(depth: Array, frame: Frame, other: Frame, moved: Float64) -> Ar
         down = b[rows]
         x, y, z = (
             (turned[0, i] * a + (turned[1, i] * down + turned[2, i])) * far + aside[i]
-            if frame.path.turns
+            if turns
             else aside[i]
             for i in range(3)
         )
@@ -126,11 +127,10 @@ def plane_motion(depth: Array, frame: Frame, other: Frame, moved: Float64) -> Ar
         # What passes the eye meanwhile: as fast as now.
         scale = np.where(later < 0.5 * far, 1.0 / far, 1.0 / np.maximum(later, NEAREST)) * seen
         for axis, (side, at) in enumerate(((x, a), (y, down))):
-            change = there.focals[axis] * (side - z * at) * scale
-            grown = there.focals[axis] - focals[axis]
-            shifted = there.principal(frame.shape)[axis] - middle[axis]
-            if grown or shifted:
-                change += (grown * at + shifted) * seen
+            change = ends[axis] * (side - z * at) * scale
+            grown = ends[axis] - focals[axis]
+            if grown or shifted[axis]:
+                change += (grown * at + shifted[axis]) * seen
             motion[rows, :, axis] = change
     return motion
 

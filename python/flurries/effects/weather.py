@@ -179,6 +179,11 @@ class Weather:
         """The law of their diameters."""
         return self.population.sizes
 
+    @cached_property
+    def mean_speed(self) -> float:
+        """The fall speed of a flake of the mean size, by the population's law, m/s."""
+        return float(self.population.speed(np.array([self.population.sizes.mean]))[0])
+
     def opacity_at(self, t: float) -> float:
         """Return the mean opacity over the disc of a resting flake, at a frame."""
         return self.population.opacity
@@ -218,7 +223,7 @@ def _film(
         (one,) = population.classes(1)
         none = (Share(one, motion, weather.far, ()),)
         return Film(none, none)
-    mean = float(population.speed(np.array([population.sizes.mean]))[0])
+    mean = weather.mean_speed
     varied = population.sizes.largest > population.sizes.smallest
 
     def classes(count: int) -> list[tuple[SizeClass, Motion]]:
