@@ -145,11 +145,12 @@ def test_a_depth_for_each():
             assert np.array_equal(seen[number], one)
 
 
-def test_channels_that_come_first_are_named():
-    with pytest.raises(ValueError, match="channels come last"):
-        Snowfall()(np.zeros((3, 40, 50), np.uint8))
-    with pytest.raises(ValueError, match=r"\.clip.*\.batch"):
-        Snowfall()(np.zeros((2, 40, 50, 3), np.uint8))
+@pytest.mark.parametrize("shape, words", [
+    ((3, 40, 50), "channels come last"), ((2, 40, 50, 3), r"\.clip.*\.batch"),
+])  # fmt: skip
+def test_channels_that_come_first_are_named(shape: tuple[int, ...], words: str):
+    with pytest.raises(ValueError, match=words):
+        Snowfall()(np.zeros(shape, np.uint8))
 
 
 def seen_by_eyes(weather: Any, shape: tuple[int, int], apart: float) -> list[Here]:
@@ -303,12 +304,3 @@ def test_an_unknown_field_is_answered_with_the_nearest(name: str, nearest: str):
             kind(**{name: 1})
     with pytest.raises(TypeError, match="it has amount"):
         Snowfall(xyz=1)  # type: ignore[call-arg]
-
-
-# How much ----------------------------------------------------------------------------------------
-
-
-# Depth -------------------------------------------------------------------------------------------
-
-
-# Labels ------------------------------------------------------------------------------------------

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 import pytest
@@ -28,87 +29,35 @@ def test_the_scale_of_severities():
         contrast_loss(0.5, profile="easy")  # type: ignore[arg-type]
 
 
-def boxed(plane: np.ndarray, cells: int = 64) -> np.ndarray:
-    """Means over cells of equal area, parts of pixels as parts."""
-    size = plane.shape[0]
-    edges = np.arange(cells + 1) * size / cells
-    sums = np.zeros(size + 1)
-
-    def along(values: np.ndarray) -> np.ndarray:
-        sums = np.concatenate([np.zeros((1, values.shape[1])), np.cumsum(values, axis=0)])
-        first = np.minimum(edges.astype(int), size - 1)
-        at = sums[first] + (edges - first)[:, None] * (sums[first + 1] - sums[first])
-        return np.diff(at, axis=0) * cells / size
-
-    assert sums.shape == (size + 1,)
-    return along(along(plane.astype(np.float64)).T).T
+@EACH
+@pytest.mark.parametrize("severity, size, count", [
+    (1, 64, 12), (1, 512, 6), (3, 64, 12), (3, 224, 8), (3, 2160, 2), (5, 64, 12), (5, 512, 6),
+])  # fmt: skip
+def test_a_severity_takes_its_share_at_every_size(kind: str, severity: int, size: int, count: int):
+    """As contrast of two pictures that is lost; 5 %, and what falls to three standard errors."""
+    dark = np.zeros((size, size))
+    weather = KINDS[kind](severity=severity, seed=1)
+    lost = [
+        1.0 - (weather(dark + 1.0, index=k) - weather(dark, index=k)).mean() for k in range(count)
+    ]
+    error = 3.0 * np.std(lost) / math.sqrt(count)
+    assert np.mean(lost) == pytest.approx(contrast_loss(severity / 5), rel=0.05, abs=error)
 
 
 @EACH
-@pytest.mark.parametrize("severity", [1, 3, 5])
-def test_a_severity_is_the_same_at_every_size(kind: str, severity: int):
-    """Three statistics, box-filtered to cells, agree within 5 % at 64 to 2160 px.
-
-    Flakes differ from size to size, so many pictures are taken. Below 512 px they are fewer and
-    denser on purpose, so that their structure counts for as much (test_augment_similarity.py): by
-    the power 0.6 of the size. The unevenness of what is rarer by n is sqrt(n) times as large, at
-    most; at 64 px cells are no wider than flakes are drawn, and it is not compared.
-    """
-    weather = KINDS[kind](severity=severity, seed=5)
-    found = {}
-    sizes = ((512, 6), (64, 6), (224, 6)) if kind == "fog" else ((512, 6), (64, 12), (224, 8))
-    if severity == 3:
-        # Large ones once: a law of sizes and one of severities.
-        sizes = (*sizes, (2160, 1 if kind == "fog" else 2))
-    cells = 64 if kind == "fog" else 32
-    for size, count in sizes:
-        values = []
-        for index in range(count):
-            dark, bright = np.zeros((size, size)), np.ones((size, size))
-            low, high = (boxed(weather(p, index=index), cells) for p in (dark, bright))
-            alpha = 1.0 - (high - low)
-            # The contrast of two pictures that is lost; the light that is added; its unevenness.
-            values.append([alpha.mean(), low.mean(), alpha.std()])
-        found[size] = np.array(values)
-    for size, values in found.items():
-        # Fog is the same at every size; what falls has other flakes, so its deviations are known
-        # to three standard errors.
-        same = found[512][: len(values) if kind == "fog" else None]
-        want, error = same.mean(axis=0), np.zeros(3)
-        most = np.full(3, 1.05)
-        if kind != "fog":
-            for some in (values, same):
-                error += 3.0 * some.std(axis=0) / np.sqrt(len(some))
-            most[2] = {64: np.inf, 224: 1.05 * (512 / 224) ** 0.3}.get(size, 1.05)
-        got = values.mean(axis=0)
-        assert (got <= most * want + error).all(), size
-        least = np.array([0.95, 0.95, 0.0 if kind != "fog" and size == 64 else 0.95])
-        assert (got >= least * want - error).all(), size
-        assert values[:, 0].mean() == pytest.approx(contrast_loss(severity / 5), rel=0.05)
-
-
-@EACH
-def test_severities_without_a_ground_and_with_depths(kind: str):
-    rng = np.random.default_rng(1)
-    depth = np.exp(rng.uniform(np.log(3.0), np.log(300.0), (256, 256)))
-    for arguments, given in (({"ground": None}, None), ({}, depth), ({}, 40.0)):
-        weather = KINDS[kind](severity=3, seed=2, **arguments)
-        black = np.zeros((256, 256))
-        loss = [
-            1.0 - (weather(black + 1.0, index=k, depth=given)
-                   - weather(black, index=k, depth=given)).mean()
-            for k in range(6)
-        ]  # fmt: skip
-        assert np.mean(loss) == pytest.approx(contrast_loss(0.6), rel=0.05)
-
-
-def test_the_control_of_the_sizes_notices_a_texture_in_pixels():
-    # The same tile of pixels at every size: what the usual libraries do. The statistic sees it.
-    spread = []
-    for size in (64, 512):
-        alpha = fl.spectral.alpha((size, size), drift=(0.0, 0.0), seed=1, mean=0.2, spread=2.0)
-        spread.append(boxed(alpha).std())
-    assert abs(spread[1] / spread[0] - 1.0) > 0.4
+@pytest.mark.parametrize("ground, depth", [
+    (fl.augment.Ground(), None), (None, "steps"), (None, 40.0),
+])  # fmt: skip
+def test_severities_with_grounds_and_depths(kind: str, ground: Any, depth: Any):
+    if depth == "steps":
+        rng = np.random.default_rng(1)
+        depth = np.exp(rng.uniform(np.log(3.0), np.log(300.0), (256, 256)))
+    weather, black = KINDS[kind](severity=3, seed=2, ground=ground), np.zeros((256, 256))
+    lost = [
+        1.0 - (weather(black + 1.0, index=k, depth=depth) - weather(black, index=k, depth=depth))
+        for k in range(6)
+    ]  # fmt: skip
+    assert np.mean(lost) == pytest.approx(contrast_loss(0.6), rel=0.05)
 
 
 @pytest.mark.parametrize("mean", [-0.4, -0.1, 0.0, 0.14, 0.5, 1.2])

@@ -160,24 +160,6 @@ def test_one_bad_picture_stops_nobody(source: Path, tmp_path: Path):
     assert list(made.failed) == ["bad.png"] and len(made.written) == 7
 
 
-def test_links_and_hidden_files_are_left_out(source: Path, tmp_path: Path):
-    (source / "link.png").symlink_to(source / "0.png")
-    (source / ".hidden.png").write_bytes((source / "0.png").read_bytes())
-    made = corrupt(source, tmp_path / "out", severity=1, workers=1)
-    assert len(made.written) == 7
-
-
-def test_what_is_skipped_is_counted(source: Path, tmp_path: Path):
-    (source / "link.png").symlink_to(source / "0.png")
-    (source / ".hidden.png").write_bytes(b"")
-    (source / "LICENSE").write_text("free")
-    made = corrupt(source, tmp_path / "out", severity="2,4", workers=1)
-    assert made.skipped == {
-        ".txt is not read": 1, "a symbolic link": 1, "hidden": 1, "no suffix is not read": 1,
-    }  # fmt: skip
-    assert {path.parts[-2] for path in made.written if path.stem == "0"} == {"2", "4"}
-
-
 def test_profiles_are_two_sets(source: Path, tmp_path: Path):
     out = tmp_path / "out"
     corrupt(source, out, severity=2, workers=1, profile="hard")

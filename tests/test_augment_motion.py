@@ -34,23 +34,15 @@ def moved(alpha: np.ndarray, motion: np.ndarray) -> tuple[np.ndarray, np.ndarray
     return carried.reshape(height, width), there.reshape(height, width)
 
 
-def correlations(weather: Any, fps: float, size: int = 512) -> tuple[float, float]:
-    """Of frame t + 1 with frame t carried along, and with frame t as it was."""
-    picture = np.zeros((size, size), np.uint8)
-    now = weather.apply(picture, index=0, time=1.0, fps=fps, motion=True)
-    then = weather.apply(picture, index=0, time=1.0 + 1.0 / fps, fps=fps)
-    # What is even over the picture moves nowhere and says nothing.
-    carried, there = moved(now.alpha.astype(np.float64) - now.alpha.min(), now.motion)
-    with_vectors = np.corrcoef(carried[there], then.alpha[there])[0, 1]
-    without = np.corrcoef(now.alpha.ravel(), then.alpha.ravel())[0, 1]
-    return float(with_vectors), float(without)
-
-
-@pytest.mark.parametrize("severity", [1, 3, 5])
+@pytest.mark.parametrize("severity", [1, 5])
 @pytest.mark.parametrize("ground", [None, fl.augment.Ground()])
-def test_the_layer_of_a_clip_predicts_the_next(severity: int, ground: Any):
+def test_patches_of_fog_are_carried_by_their_vectors(severity: int, ground: Any):
     weather = fl.augment.Fog(severity=severity, seed=5, ground=ground)
-    assert correlations(weather, 30.0)[0] >= 0.9
+    picture = np.zeros((512, 512), np.uint8)
+    now = weather.apply(picture, index=0, time=1.0, motion=True)
+    then = weather.apply(picture, index=0, time=1.0 + 1.0 / 30.0)
+    carried, there = moved(now.alpha.astype(np.float64) - now.alpha.min(), now.motion)
+    assert np.corrcoef(carried[there], then.alpha[there])[0, 1] >= 0.9
 
 
 @pytest.mark.parametrize("kind", ["Snowfall", "Rainfall"])
@@ -72,28 +64,6 @@ def test_slices_carried_by_their_own_motions_are_the_next_frame(
     inner = np.zeros((512, 512), bool)
     inner[96:-16, 64:-64] = True
     assert np.corrcoef(1.0 - left[inner], then[inner])[0, 1] >= 0.8
-
-
-@pytest.mark.parametrize("kind, fps, least", [
-    # All that falls, without the veil that stands still. Flakes of many depths overlap at a place,
-    # streaks more than flakes, and one vector cannot carry them all: the slices above can.
-    ("Snowfall", 30.0, 0.72), ("Snowfall", 60.0, 0.77),
-    ("Rainfall", 30.0, 0.59), ("Rainfall", 60.0, 0.69),
-])  # fmt: skip
-def test_what_falls_is_carried_by_its_vectors(kind: str, fps: float, least: float):
-    weather = getattr(fl.augment, kind)(severity=3, seed=5)
-    along, still = correlations(weather, fps)
-    assert along >= least
-    assert still < 0.5
-
-
-def test_vectors_that_point_the_other_way_are_noticed():
-    weather = fl.augment.Rainfall(severity=3, seed=5)
-    picture = np.zeros((512, 512), np.uint8)
-    now = weather.apply(picture, index=0, time=1.0, motion=True)
-    then = weather.apply(picture, index=0, time=1.0 + 1.0 / 30.0)
-    carried, there = moved(now.alpha.astype(np.float64) - now.alpha.min(), -now.motion)
-    assert np.corrcoef(carried[there], then.alpha[there])[0, 1] < 0.1
 
 
 def test_weather_drawn_anew_for_each_frame_does_not_move():

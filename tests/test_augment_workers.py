@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import dis
 import multiprocessing
-import sys
 import warnings
 from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
 from typing import Any
@@ -83,41 +81,3 @@ def test_without_a_seed_forked_workers_never_share_a_draw():
 def drawn(weather: Any) -> int:
     number: int = weather.apply(PICTURE[:8, :8]).record["weather_seed"]
     return number
-
-
-def products(code: Any) -> set[str]:
-    """Return how a function asks for products of matrices, which BLAS and its own threads make."""
-    found = {"dot", "matmul", "tensordot", "inner", "vdot", "linalg"} & set(code.co_names)
-    for step in dis.get_instructions(code):
-        if step.argrepr in ("@", "@=") or "MATRIX_MULTIPLY" in step.opname:
-            found.add("@")
-    return found
-
-
-# Sums over some hundred sizes of flakes, once for each population: in the calling thread.
-SUMS = {"classes", "moment", "slabs_of"}
-
-
-def test_no_weather_calls_blas_for_matrices():
-    ran = set()
-
-    def seen(frame: Any, event: str, _: Any) -> None:
-        if event == "call" and "flurries" in frame.f_code.co_filename:
-            ran.add(frame.f_code)
-
-    depth = np.linspace(40.0, 3.0, 120)[:, None] * np.ones((1, 160))
-    sys.setprofile(seen)
-    try:
-        for weather in WEATHERS:
-            weather(PICTURE, index=3)
-            weather(PICTURE, index=3, depth=depth)
-            weather.clip([PICTURE, PICTURE], index=3)
-        fl.augment.Ground.from_depth(depth)
-    finally:
-        sys.setprofile(None)
-    assert len(ran) > 50
-    found = {code.co_name: products(code) for code in ran if products(code)}
-    assert {name: how for name, how in found.items() if name not in SUMS} == {}
-    # The test can fail.
-    assert products((lambda a, b: a @ b).__code__) == {"@"}
-    assert products((lambda a: np.linalg.norm(a)).__code__) == {"linalg"}

@@ -14,8 +14,7 @@ from flurries.augment.calibration import contrast_loss
 from flurries.augment.distance import Ground
 from flurries.augment.fog import Fog
 from flurries.augment.labels import Weathered, occlusion
-from flurries.augment.rainfall import Rainfall
-from flurries.augment.snowfall import Snowfall
+from flurries.augment.precipitation import Rainfall, Snowfall
 from flurries.augment.weather import replay
 
 __all__ = [

@@ -6,7 +6,7 @@ import math
 import threading
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -15,12 +15,14 @@ from flurries._contract import Array
 from flurries.augment.calibration import extinction
 from flurries.augment.distance import Distances
 from flurries.augment.falling import OPACITY, Falling, law_of, seen_by
-from flurries.augment.patches import Patches
 from flurries.augment.sheets import Sheets, sheets_of
 from flurries.camera.lens import Camera
 from flurries.effects.air import NEAREST, Class, Eye, images_of
 from flurries.effects.air import Air as Request
 from flurries.particles.population import FADE
+
+if TYPE_CHECKING:
+    from flurries.augment.fog import Patches
 
 FPS = 30.0
 
@@ -38,49 +40,29 @@ _STILL = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 
 @dataclass(frozen=True)
 class View:
-    """One eye's view.
-
-    Attributes
-    ----------
-    shape : (H, W)
-    camera : Camera
-        Its offset is that of the eye.
-    eyes : float
-        Distance of the farthest eye from the middle, metres.
-    """
+    """One eye's view."""
 
     shape: tuple[int, int]
+    # Its offset is that of the eye.
     camera: Camera
+    # Distance of the farthest eye from the middle, metres.
     eyes: float = 0.0
 
 
 @dataclass(frozen=True)
 class Air:
-    """The weather of a record.
-
-    Attributes
-    ----------
-    loss : float
-        Share of the picture's contrast that all of it takes.
-    velocity : (x, y) metres per second
-        Of what falls, or of the fog's patches.
-    exposure : float
-        Seconds.
-    falling : Falling, optional
-    rung : Falling, optional
-        The same at the rung of its amount, which sheets are made for.
-    patches : Patches, optional
-    fixed : float, optional
-        The veil's extinction per metre, in place of one for the loss.
-    """
+    """The weather of a record: its `loss` is the share of the contrast that all of it takes."""
 
     seed: int
     loss: float
+    # Of what falls, metres per second; and seconds.
     velocity: tuple[float, float]
     exposure: float
     falling: Falling | None = None
+    # The same at the rung of its amount, which sheets are made for.
     rung: Falling | None = None
     patches: Patches | None = None
+    # The veil's extinction per metre, in place of one for the loss.
     fixed: float | None = None
 
     def alpha(
@@ -93,10 +75,7 @@ class Air:
         veil: float | None = None,
         passing: bool = False,
     ) -> Array:
-        """Return the opacity of all of it, (H, W) float32; of a film's frame with its rate.
-
-        If it is `passing`, the next call of this thread writes into it again.
-        """
+        """Return the opacity of all of it, (H, W) float32: a `passing` one until the next call."""
         if self.loss <= 0.0:
             return np.zeros(view.shape, np.float32)
         here = Here(self, view, distances, time, fps)
@@ -125,16 +104,7 @@ def scratch(name: str, shape: tuple[int, int]) -> Array:
 
 
 class Here:
-    """The air of one moment before one picture: flakes that are drawn, sheets of others, a veil.
-
-    Attributes
-    ----------
-    falling : Falling or None
-        What falls before this picture.
-    sheets : Sheets or None
-    open : bool
-        Whether nothing stands in what falls.
-    """
+    """The air of one moment before one picture: drawn flakes, sheets of others, a veil."""
 
     def __init__(
         self, air: Air, view: View, distances: Distances, time: float, fps: float | None = None
@@ -144,6 +114,7 @@ class Here:
         self.sheets: Sheets | None = None
         self.gain, self.density = 1.0, 0.0
         self.moving = fps is not None or view.eyes > 0.0
+        # Whether nothing stands in what falls.
         self.open = air.falling is not None and distances.beyond(air.falling.far)
         if air.falling is None or air.rung is None or air.loss <= 0.0:
             return
@@ -198,10 +169,10 @@ class Here:
         """The sheets where this picture reads them, for `_core.sheet_read`."""
         if self.falling is None or self.sheets is None:
             return []
-        moved = None
+        camera, moved = self.view.camera, None
         if self.moving:
-            moved = np.array(self.air.velocity) * self.time - self.view.camera.offset[:2]
-        return self.sheets.layers(self.falling, self.view.camera.focal, self.air.seed, moved)
+            moved = np.array(self.air.velocity) * self.time - camera.offset[:2]
+        return self.sheets.layers(self.falling, camera.focal, self.air.seed, moved)
 
     def write(self, out: Array, haze: float = 0.0, veil: Array | None = None) -> None:
         """Write the opacity of all that falls, and of a veil."""
@@ -213,13 +184,7 @@ class Here:
         _core.sheet_read(out, (0, 0), self.layers, depth, True, drawn, veil, haze)
 
     def request(self, steps: tuple[float, ...] = ()) -> Request | None:
-        """Return the flakes that are drawn, for `_core.fall`; None if there are none.
-
-        Parameters
-        ----------
-        steps : tuple of float
-            Seconds after this moment at which places are asked for.
-        """
+        """Return the flakes that are drawn, with places at steps of seconds; None without any."""
         falling, sheets, air = self.falling, self.sheets, self.air
         if falling is None or sheets is None or sheets.reach <= falling.near:
             return None

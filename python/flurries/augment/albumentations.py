@@ -35,8 +35,7 @@ from flurries import augment
 from flurries._contract import rate_of
 from flurries.augment.labels import thicker
 from flurries.augment.pictures import mixed
-from flurries.augment.signature import FallingFields, FogFields, suggests
-from flurries.augment.weather import Weather
+from flurries.augment.signature import Fields, suggests
 
 if TYPE_CHECKING:
     from typing_extensions import Unpack
@@ -68,15 +67,15 @@ class _Transform(_host.ImageOnlyTransform):  # type: ignore[misc]
     record_key : str, optional
         The name of a list that comes back with what was drawn appended, for
         :func:`flurries.augment.replay`.
-    weather : dict
+    weather
         Fields of its kind.
     """
 
-    KIND: ClassVar[type[Weather]]
+    KIND: ClassVar[Any]
 
     def __init__(
-        self, p: float, fps: float, depth_key: str | None, alpha_key: str | None,
-        record_key: str | None, weather: Mapping[str, Any],
+        self, p: float = 0.5, fps: float = 30.0, depth_key: str | None = None,
+        alpha_key: str | None = None, record_key: str | None = None, **weather: Unpack[Fields],
     ) -> None:  # fmt: skip
         super().__init__(p=p)
         self.fps = rate_of(fps)
@@ -161,13 +160,6 @@ class Snowfall(_Transform):
 
     KIND = augment.Snowfall
 
-    def __init__(
-        self, p: float = 0.5, fps: float = 30.0, depth_key: str | None = None,
-        alpha_key: str | None = None, record_key: str | None = None,
-        **weather: Unpack[FallingFields],
-    ) -> None:  # fmt: skip
-        super().__init__(p, fps, depth_key, alpha_key, record_key, weather)
-
 
 @suggests
 class Rainfall(_Transform):
@@ -175,23 +167,9 @@ class Rainfall(_Transform):
 
     KIND = augment.Rainfall
 
-    def __init__(
-        self, p: float = 0.5, fps: float = 30.0, depth_key: str | None = None,
-        alpha_key: str | None = None, record_key: str | None = None,
-        **weather: Unpack[FallingFields],
-    ) -> None:  # fmt: skip
-        super().__init__(p, fps, depth_key, alpha_key, record_key, weather)
-
 
 @suggests
 class Fog(_Transform):
     """:class:`flurries.augment.Fog` in a pipeline; all but its `seed`."""
 
     KIND = augment.Fog
-
-    def __init__(
-        self, p: float = 0.5, fps: float = 30.0, depth_key: str | None = None,
-        alpha_key: str | None = None, record_key: str | None = None,
-        **weather: Unpack[FogFields],
-    ) -> None:  # fmt: skip
-        super().__init__(p, fps, depth_key, alpha_key, record_key, weather)

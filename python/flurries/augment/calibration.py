@@ -65,25 +65,10 @@ def contrast_loss(
     return float(np.interp(SEVERITIES * wanted, range(SEVERITIES + 1), losses))
 
 
+# `depth` (n,): of equally many pixels each. `clear` (n, 1): what all but the veil leaves before it.
+# `density` (m,): factors of the extinction, each equally likely at every pixel.
 def extinction(loss: float, depth: Float64, clear: Float64, density: Float64) -> float:
-    """Return the extinction of a veil that brings the mean loss of contrast to what is wanted.
-
-    Parameters
-    ----------
-    loss : float
-        Wanted, 0 to less than 1.
-    depth : (n,)
-        Depths of equally many pixels each, metres.
-    clear : (n, 1)
-        What everything but the veil leaves before each depth.
-    density : (m,)
-        Of the veil, as factors of its extinction, each equally likely at every pixel.
-
-    Returns
-    -------
-    float
-        Per metre; 0 where the rest takes as much already.
-    """
+    """Return the extinction per metre with which a mean loss is what is wanted, or 0."""
     if depth.size == density.size == 1:
         return max(math.log(float(clear[0, 0]) / (1.0 - loss)) / float(depth[0] * density[0]), 0.0)
     way = depth[:, None] * density[None, :]

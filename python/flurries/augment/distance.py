@@ -56,9 +56,12 @@ class Ground:
 
     def __post_init__(self) -> None:
         settle = object.__setattr__
-        settle(self, "horizon", real("horizon", self.horizon, low=-10.0, high=10.0))
-        settle(self, "height", real("height", self.height, low=1e-3, high=1e6))
-        settle(self, "far", real("far", self.far, low=1e-3, high=1e9))
+        for name, low, high in (
+            ("horizon", -10.0, 10.0),
+            ("height", 1e-3, 1e6),
+            ("far", 1e-3, 1e9),
+        ):
+            settle(self, name, real(name, getattr(self, name), low=low, high=high))
 
     def rows(self, shape: tuple[int, int], focal: float) -> Array:
         """Return the depth of each row, (H, 1) float32 metres; `focal` in pixels."""
@@ -151,19 +154,11 @@ SKY = 25.0
 
 @dataclass(frozen=True)
 class Distances:
-    """The depth of one picture.
+    """The depth of one picture."""
 
-    Attributes
-    ----------
-    plane : (H, W), (H, 1) or (1, 1) float32
-        Metres, finite.
-    given : bool
-        Whether the caller said so.
-    came : (H, W) float32 or None
-        What the caller gave, where that has holes.
-    """
-
+    # (H, W), (H, 1) or (1, 1) float32, metres, finite.
     plane: Array
+    # Whether the caller said so; and what the caller gave, (H, W), where that has holes.
     given: bool
     came: Array | None = None
 
@@ -199,12 +194,7 @@ class Distances:
 def distances_of(
     depth: Depth, shape: tuple[int, int], ground: Ground | None, focal: float, far: float
 ) -> Distances:
-    """Return the depth of a picture from the argument `depth`, else from the ground.
-
-    Infinity becomes `far`, or twice the farthest finite depth if that is more. Holes, which are NaN
-    or 0, take the depth of the nearest pixel in their row that has one, the left one of two; rows
-    that are all holes are as the nearest row that is not, the upper one of two.
-    """
+    """Return the depth of a picture, its sky at `far` or at twice the farthest finite depth."""
     if depth is None:
         return _grounded(shape, ground, focal, far)
     if isinstance(depth, DepthMap):
@@ -238,7 +228,7 @@ def distances_of(
 
 
 def filled(plane: Array, holes: Array) -> Array:
-    """Return depths whose holes are filled, as `distances_of` says."""
+    """Return depths with holes filled from their row; rows of holes are as the nearest other."""
     if holes.all():
         raise ValueError("depth must be known somewhere: 0 and NaN are holes, got nothing else")
     rows = np.flatnonzero(~holes.all(axis=1))

@@ -41,12 +41,9 @@ def index_of(index: object) -> int:
 
 
 def own_index(seed: int | None, image: Array) -> int:
-    """Return the index of a call that names none.
-
-    Without a seed a new one at each call, from the system, so that forked workers never share one.
-    With a seed the picture's own: a hash of its shape and of up to 4096 of its values.
-    """
+    """Return the index of a call that names none: of the system, or the picture's own of a seed."""
     if seed is None:
+        # Of the system: forked workers never share one.
         return secrets.randbits(62)
     values = image.reshape(-1) if image.flags.c_contiguous else np.ravel(image)
     sample = np.ascontiguousarray(values[:: max(values.size // _SAMPLES, 1)])

@@ -37,51 +37,32 @@ _REST = 1.0 / _ALONG
 
 
 class Look(NamedTuple):
-    """Flakes that move while the shutter is open.
+    """Flakes that move while the shutter is open."""
 
-    Attributes
-    ----------
-    gain : float
-        Factor of the optical depth of their balls.
-    density : float
-        How many there are per cubic metre.
-    """
-
+    # Factor of the optical depth of their balls; and how many there are per cubic metre.
     gain: float
     density: float
 
 
 @dataclass(frozen=True)
 class Falling:
-    """Flakes or drops between the camera and a depth.
+    """Flakes or drops between the camera and a depth."""
 
-    Attributes
-    ----------
-    depth : float
-        Optical depth of all of them: what they take of the light is ``1 - exp(-depth)``.
-    sizes : (smallest, mean, largest)
-        Diameters, metres.
-    middle : float
-        Optical depth of a resting one's middle.
-    near, far : float
-        Metres. Around the near depth they fade in.
-    streak : float
-        Optical depth of the middle of a streak that a mean one leaves, at least. A drop is a lens:
-        it sends the light of half the sky, so that its streak is brighter than its width and way
-        make it.
-    sway : (amplitude, rate)
-        Metres, and radians per second, of those that are drawn.
-    veil : float
-        Share of the weather's opacity that an even veil holds.
-    """
-
+    # Optical depth of all of them: what they take of the light is 1 - exp(-depth).
     depth: float
+    # Smallest, mean and largest diameter, metres.
     sizes: tuple[float, float, float]
+    # Optical depth of a resting one's middle.
     middle: float
+    # Metres. Around the near depth they fade in.
     near: float
     far: float
+    # Optical depth of the middle of a mean one's streak, at least. A drop is a lens: it sends the
+    # light of half the sky, so that its streak is brighter than its width and way make it.
     streak: float = 0.0
+    # Metres, and radians per second, of those that are drawn.
     sway: tuple[float, float] = (0.0, 0.0)
+    # Share of the weather's opacity that an even veil holds.
     veil: float = 0.0
 
     @property
@@ -168,10 +149,7 @@ def _covered_at(sizes: tuple[float, float, float], gain: int, ratio: int) -> flo
 
 @lru_cache(maxsize=1)
 def _balls() -> Float64:
-    """Return integrals of a ball's opacity along its chords, up to places on them.
-
-    Of a ball of diameter 1; the outermost chord first, that through the middle last.
-    """
+    """Return integrals of the opacity of a ball of diameter 1 along its chords, the middle last."""
     x = (np.arange(_ACROSS)[::-1] + 0.5) / (2.0 * _ACROSS)
     y = (np.arange(_ALONG) + 0.5) / _ALONG - 0.5
     inside = np.maximum(1.0 - 4.0 * (x[:, None] ** 2 + y**2), 0.0)

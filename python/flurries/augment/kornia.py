@@ -31,12 +31,9 @@ from kornia.augmentation import IntensityAugmentationBase2D
 from flurries import augment
 from flurries._contract import Array, flag, integer, rate_of
 from flurries.augment import tensors
-from flurries.augment.signature import FallingFields, FogFields, suggests
-from flurries.augment.weather import Weather
+from flurries.augment.signature import Fields, suggests
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
-
     from typing_extensions import Unpack
 
 __all__ = ["Fog", "Rainfall", "Snowfall"]
@@ -61,15 +58,16 @@ class _Augmentation(IntensityAugmentationBase2D):  # type: ignore[misc]
         Frames per second of the clips of ``VideoSequential(..., same_on_frame=True)``.
     same : bool
         Whether weather stands still in them.
-    weather : dict
+    weather
         Fields of its kind.
     """
 
-    KIND: ClassVar[type[Weather]]
+    KIND: ClassVar[Any]
 
     def __init__(
-        self, p: float, same_on_batch: bool, keepdim: bool, depth_channel: int | None,
-        alpha_channel: int | None, fps: float, same: bool, weather: Mapping[str, Any],
+        self, *, p: float = 0.5, same_on_batch: bool = False, keepdim: bool = False,
+        depth_channel: int | None = None, alpha_channel: int | None = None, fps: float = 30.0,
+        same: bool = False, **weather: Unpack[Fields],
     ) -> None:  # fmt: skip
         super().__init__(p=p, same_on_batch=same_on_batch, keepdim=keepdim)
         self.depth_channel = _channel("depth_channel", depth_channel)
@@ -166,16 +164,6 @@ class Snowfall(_Augmentation):
 
     KIND = augment.Snowfall
 
-    def __init__(
-        self, *, p: float = 0.5, same_on_batch: bool = False, keepdim: bool = False,
-        depth_channel: int | None = None, alpha_channel: int | None = None,
-        fps: float = 30.0, same: bool = False,
-        **weather: Unpack[FallingFields],
-    ) -> None:  # fmt: skip
-        super().__init__(
-            p, same_on_batch, keepdim, depth_channel, alpha_channel, fps, same, weather
-        )
-
 
 @suggests
 class Rainfall(_Augmentation):
@@ -183,29 +171,9 @@ class Rainfall(_Augmentation):
 
     KIND = augment.Rainfall
 
-    def __init__(
-        self, *, p: float = 0.5, same_on_batch: bool = False, keepdim: bool = False,
-        depth_channel: int | None = None, alpha_channel: int | None = None,
-        fps: float = 30.0, same: bool = False,
-        **weather: Unpack[FallingFields],
-    ) -> None:  # fmt: skip
-        super().__init__(
-            p, same_on_batch, keepdim, depth_channel, alpha_channel, fps, same, weather
-        )
-
 
 @suggests
 class Fog(_Augmentation):
     """:class:`flurries.augment.Fog` in a pipeline; all but its `seed`."""
 
     KIND = augment.Fog
-
-    def __init__(
-        self, *, p: float = 0.5, same_on_batch: bool = False, keepdim: bool = False,
-        depth_channel: int | None = None, alpha_channel: int | None = None,
-        fps: float = 30.0, same: bool = False,
-        **weather: Unpack[FogFields],
-    ) -> None:  # fmt: skip
-        super().__init__(
-            p, same_on_batch, keepdim, depth_channel, alpha_channel, fps, same, weather
-        )

@@ -78,51 +78,38 @@ class Weathered:
         return layer_of(self.alpha, self.color)
 
 
-def weathered(
-    *,
-    image: Array,
-    alpha: Array,
-    color: tuple[float, float, float],
-    record: dict[str, Any],
-    boxes: Any,
-    corners: Float64 | None,
-    masks: Any,
-    falls: Labels | None,
-    flow: Array | None,
-    depth: Array | None,
-    came: Array | None,
-    motion: bool,
-) -> Weathered:
-    """Return a picture's labels after the weather: `flow` and `depth` are those before it.
-
-    Holes of the depth that came stay holes.
-    """
+def hidden(
+    alpha: Array, falls: Labels | None, *, corners: Float64 | None, flow: Array | None,
+    depth: Array | None, came: Array | None, motion: bool,
+) -> dict[str, Any]:  # fmt: skip
+    """Return the fields of `Weathered` that follow from labels before it; holes stay holes."""
     found: dict[str, Any] = {}
-    if corners is not None and falls is not None:
+    if falls is None:
+        return found
+    if corners is not None:
         found["occlusion"] = occlusion(alpha, corners)
         found["coverage"] = occlusion(np.clip(falls.alpha, 0.0, 1.0), corners)
         found["visibility"] = occlusion((alpha < SEEN).astype(np.float32), corners)
-    if falls is not None:
-        # A layer of the texture alone may be denser than all of them, which are smoother.
-        seen = (falls.most.opacity > SEEN) & (alpha > SEEN)
-        left = 1.0 - falls.alpha
-        if flow is not None:
-            found["flow"] = np.where(seen[..., None], falls.most.motion, flow).astype(np.float32)
-            found["soft_flow"] = (left[..., None] * flow + falls.motion).astype(np.float32)
-        if depth is not None:
-            nearer = np.where(seen, np.minimum(falls.most.depth, depth), depth)
-            soft = 1.0 / (left / depth + falls.nearness)
-            if came is not None:
-                holes = np.isnan(came) | (came == 0.0)
-                np.copyto(nearer, came, where=holes & ~seen)
-                soft[holes] = came[holes]
-            found["depth"] = nearer.astype(np.float32)
-            found["soft_depth"] = soft.astype(np.float32)
-        if motion:
-            found["motion"] = falls.most.motion
-            parts = (falls.motion, falls.nearness[..., None], falls.alpha[..., None])
-            found["falling"] = np.concatenate(parts, axis=-1)
-    return Weathered(image, alpha, color, record, boxes, masks, **found)
+    # A layer of the texture alone may be denser than all of them, which are smoother.
+    seen = (falls.most.opacity > SEEN) & (alpha > SEEN)
+    left = 1.0 - falls.alpha
+    if flow is not None:
+        found["flow"] = np.where(seen[..., None], falls.most.motion, flow).astype(np.float32)
+        found["soft_flow"] = (left[..., None] * flow + falls.motion).astype(np.float32)
+    if depth is not None:
+        nearer = np.where(seen, np.minimum(falls.most.depth, depth), depth)
+        soft = 1.0 / (left / depth + falls.nearness)
+        if came is not None:
+            holes = np.isnan(came) | (came == 0.0)
+            np.copyto(nearer, came, where=holes & ~seen)
+            soft[holes] = came[holes]
+        found["depth"] = nearer.astype(np.float32)
+        found["soft_depth"] = soft.astype(np.float32)
+    if motion:
+        found["motion"] = falls.most.motion
+        parts = (falls.motion, falls.nearness[..., None], falls.alpha[..., None])
+        found["falling"] = np.concatenate(parts, axis=-1)
+    return found
 
 
 def layer_of(alpha: Array, color: tuple[float, ...]) -> Array:
@@ -142,10 +129,9 @@ def thicker(weather: Weather, given: Any, fps: float, depth: Any) -> Array:
             f"{before.dtype} {before.shape}"
         )
     clear = np.zeros(before.shape, np.float32)
-    if before.ndim == 2:
-        _, layer = weather(clear, depth=depth, return_layer=True)
-    else:
-        _, layer = weather.clip(clear, fps=fps, depth=depth, return_layer=True)
+    how: dict[str, Any] = {} if before.ndim == 2 else {"fps": fps}
+    made = weather.clip if how else weather
+    _, layer = made(clear, depth=depth, return_layer=True, **how)
     return np.asarray(1.0 - (1.0 - before) * (1.0 - layer[..., 3]), before.dtype)
 
 

@@ -11,7 +11,7 @@ from typing import Any, ClassVar, TypeVar
 import numpy as np
 import numpy.typing as npt
 
-from flurries._contract import Array, choice, integer, real
+from flurries._contract import Array, choice, integer, mapping, real
 from flurries.augment.air import Air, View
 from flurries.augment.calibration import PROFILES, Profile
 from flurries.augment.distance import SKY, Depth, Distances, Ground, distances_of, ground_of
@@ -106,9 +106,7 @@ class Recorded(ABC):
         ValueError, TypeError
             If it is no record of this weather.
         """
-        if not isinstance(record, Mapping):
-            raise TypeError(f"record must be a dict, got {type(record).__name__}")
-        values = dict(record)
+        values = dict(mapping("record", record))
         kind, version = values.pop("transform", None), values.pop("version", None)
         if kind != cls.__name__ or version != VERSION:
             raise ValueError(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -53,18 +53,9 @@ class Several(Recorded):
         given = stack_of("frames", frames)
         rate = rate_of(fps)
         start = real("time", time, low=-1e9, high=1e9)
-        record = self._drawn(given[0], index)
-        air = self._air(record)
-        view = self._view(given.shape[1:3])
-        several = _each(depth, len(given))
-        distances = None if several else self._distances(depth, view)
-
-        def layers() -> Iterator[Array]:
-            for number in range(len(given)):
-                far = distances or self._distances(depth[number], view)
-                yield air.alpha(view, far, time=start + number / rate, fps=rate, passing=True)
-
-        return self._stacked(given, layers(), [record] * len(given), return_layer)
+        records = [self._drawn(given[0], index)] * len(given)
+        times = [start + number / rate for number in range(len(given))]
+        return self._stacked(given, records, depth, return_layer, times, rate)
 
     def batch(
         self,
@@ -101,16 +92,7 @@ class Several(Recorded):
                 raise ValueError(f"index must be one or {count} integers, got {len(index)}")
             wanted = [index_of(value) for value in index]
         records = [self._drawn(image, k) for image, k in zip(given, wanted, strict=True)]
-        view = self._view(given.shape[1:3])
-        several = _each(depth, count)
-        distances = None if several else self._distances(depth, view)
-
-        def layers() -> Iterator[Array]:
-            for number, record in enumerate(records):
-                far = distances or self._distances(depth[number], view)
-                yield self._air(record).alpha(view, far, time=0.0, passing=True)
-
-        return self._stacked(given, layers(), records, return_layer)
+        return self._stacked(given, records, depth, return_layer, [0.0] * count)
 
     def pair(
         self,
@@ -143,8 +125,8 @@ class Several(Recorded):
 
         Notes
         -----
-        A flake at depth z has the disparity ``focal * distance / z``, and so have the layers of
-        the texture; nearer than four of its tiles' disparities all flakes are drawn.
+        A flake at depth z has the disparity ``focal * distance / z``, and so have each layer
+        of sheets.
         """
         pictures = (picture_of("left", left), picture_of("right", right))
         layer = flag("return_layer", return_layer)
@@ -175,24 +157,24 @@ class Several(Recorded):
         return (*results, *layers)
 
     def _stacked(
-        self, given: Array, alphas: Iterator[Array], records: list[dict[str, Any]], layers: bool
-    ) -> Any:
-        whole = flag("return_layer", layers)
+        self, given: Array, records: list[dict[str, Any]], depth: Depth, layers: bool,
+        times: list[float], rate: float | None = None,
+    ) -> Any:  # fmt: skip
+        whole, view = flag("return_layer", layers), self._view(given.shape[1:3])
+        # A depth for each of them, or one for all.
+        several = isinstance(depth, (list, tuple)) or getattr(depth, "ndim", 0) == 3
+        if several and len(depth) != len(given):
+            raise ValueError(f"depth must be one or {len(given)} of them, got {len(depth)}")
+        far = None if several else self._distances(depth, view)
         result = np.empty(given.shape, given.dtype.newbyteorder("="))
         planes = np.empty((*given.shape[:3], 4), np.float32) if whole else None
-        for number, (alpha, record) in enumerate(zip(alphas, records, strict=True)):
-            result[number] = mixed(given[number], alpha, record["color"], self.white)
+        for number, (image, record, time) in enumerate(zip(given, records, times, strict=True)):
+            one = far or self._distances(depth[number], view)
+            alpha = self._air(record).alpha(view, one, time=time, fps=rate, passing=True)
+            result[number] = mixed(image, alpha, record["color"], self.white)
             if planes is not None:
                 planes[number] = layer_of(alpha, record["color"])
         return result if planes is None else (result, planes)
-
-
-def _each(depth: Depth, count: int) -> bool:
-    """Whether a depth is given for each of several pictures."""
-    several = isinstance(depth, (list, tuple)) or getattr(depth, "ndim", 0) == 3
-    if several and len(depth) != count:
-        raise ValueError(f"depth must be one or {count} of them, got {len(depth)}")
-    return several
 
 
 def _wrapped(number: int) -> int:

@@ -65,60 +65,37 @@ _kept: OrderedDict[Any, Sheets] = OrderedDict()
 
 
 class Rungs(NamedTuple):
-    """What decides sheets.
-
-    Attributes
-    ----------
-    falling : Falling
-        Of a rung of the amount.
-    times, lens, way, turn : int
-        Numbers of rungs: of how many more flakes there are, of the focal length, of the way, and of
-        the direction, whose steps the way decides.
-    ratio : float
-        Focal length over the picture's longer side.
-    moving : bool
-        Whether the picture is of a film or pair.
-    alone : bool
-        Whether sheets are larger than the picture, which then has no drawn flakes.
-    """
+    """What decides sheets."""
 
     falling: Falling
+    # Numbers of rungs: of how many more flakes there are, of the focal length, of the way, and of
+    # the direction, whose steps the way decides.
     times: int
     lens: int
     way: int
     turn: int
+    # Focal length over the picture's longer side.
     ratio: float
+    # Whether the picture is of a film or pair.
     moving: bool
+    # Whether sheets are larger than the picture, which then has no drawn flakes.
     alone: bool
 
 
 @dataclass(frozen=True, eq=False)
 class Sheets:
-    """The sheets of all layers of one rung.
+    """The sheets of all layers of one rung; none where all flakes are drawn."""
 
-    Attributes
-    ----------
-    reach : float
-        Depth up to which flakes are drawn, metres.
-    sheets : list of FlakeSheet
-        None where all are drawn.
-    edges : list of (near, far)
-        Metres.
-    depths : (L, 1)
-        That layers move as, metres.
-    periods : (L, 2)
-        Pixels, across and down.
-    thickness : (n,)
-        Logarithms of optical depths per metre, at even steps.
-    gains : (n, L)
-        Factors of the sheets' optical depth that bring these about.
-    """
-
+    # Depth up to which flakes are drawn, metres.
     reach: float
     sheets: list[_core.FlakeSheet]
+    # Metres.
     edges: list[tuple[float, float]]
+    # (L, 1) metres that layers move as, and (L, 2) pixels, across and down.
     depths: Float64
     periods: Float64
+    # (n,) logarithms of optical depths per metre, at even steps; and (n, L) factors of the sheets'
+    # optical depth that bring these about.
     thickness: Float64
     gains: Float64
 
@@ -127,17 +104,8 @@ class Sheets:
         """What is kept of them now."""
         return sum(sheet.bytes for sheet in self.sheets)
 
-    def layers(
-        self, falling: Falling, focal: float, seed: int, moved: Float64 | None
-    ) -> list[tuple[_core.FlakeSheet, tuple[float, float], tuple[float, float], float, float]]:
-        """Return the layers before a picture as `_core.sheet_read` reads them.
-
-        Parameters
-        ----------
-        moved : (2,), optional
-            Metres (x, y) by which they are away from where they begin; None for a picture by
-            itself, which reads whole pixels.
-        """
+    def layers(self, falling: Falling, focal: float, seed: int, moved: Float64 | None) -> list[Any]:
+        """Return the layers before a picture, for `_core.sheet_read`, `moved` by metres."""
         count = len(self.sheets)
         if count == 0:
             return []
@@ -162,33 +130,10 @@ class Sheets:
 
 
 def sheets_of(
-    rung: Falling,
-    times: float,
-    velocity: tuple[float, float],
-    way: float,
-    longer: int,
-    focal: float,
-    moving: bool,
-) -> Sheets:
-    """Return the sheets of a weather.
-
-    Parameters
-    ----------
-    rung : Falling
-        What falls at the rung of the weather's amount.
-    times : float
-        How many more there are before a picture that ends near.
-    velocity : (x, y)
-        In any unit.
-    way : float
-        Metres while the shutter is open.
-    longer : int
-        Side of the picture, pixels.
-    focal : float
-        Pixels.
-    moving : bool
-        Whether the picture is of a film or pair.
-    """
+    rung: Falling, times: float, velocity: tuple[float, float], way: float, longer: int,
+    focal: float, moving: bool,
+) -> Sheets:  # fmt: skip
+    """Return the sheets of a weather that goes a `way` in metres while the shutter is open."""
     number, turn = 0, 0
     ratio = way / rung.sizes[1]
     if ratio > _REST:
@@ -204,8 +149,8 @@ def sheets_of(
     found = _kept.pop(key, None)
     if found is None:
         found = _made(rungs)
-        _trim(MOST_BYTES - found.bytes)
-    elif moving:
+        moving = True
+    if moving:
         # Places of sheets are made as they are visited.
         _trim(MOST_BYTES - found.bytes)
     _kept[key] = found

@@ -1,8 +1,7 @@
 """Arguments of weathers and of their transforms for pipelines.
 
 The fields of a weather stand twice: as a dataclass, which checks and documents them, and here as
-types of keywords, which say to type checkers what a transform of another library takes. What
-``help`` shows is made of the first, and ``tests/test_types.py`` compares the two.
+types of keywords for type checkers. What ``help`` shows is made of the first.
 """
 
 from __future__ import annotations
@@ -21,7 +20,7 @@ _Kind = TypeVar("_Kind", bound=type)
 
 
 class Fields(TypedDict, total=False):
-    """Arguments of every weather in a pipeline: all but its `seed`, which the pipeline has."""
+    """Arguments of all weathers in a pipeline: but `seed`, which the pipeline has."""
 
     amount: Range | None
     severity: int | tuple[int, int] | None
@@ -32,37 +31,25 @@ class Fields(TypedDict, total=False):
     white: float
     weather_seed: int | None
     wind: Range
-
-
-class FallingFields(Fields, total=False):
-    """Arguments of snow and rain."""
-
     veil: float
     fall: Range
     exposure: Range
-
-
-class FogFields(Fields, total=False):
-    """Arguments of fog."""
-
     visibility: Range | None
     patches: Range
 
 
 def suggests(kind: _Kind) -> _Kind:
-    """Return a class whose construction answers unknown names with the nearest known one.
-
-    Where it takes ``**weather`` its signature has the fields of the weather `KIND` in place of it.
-    """
-    make = vars(kind)["__init__"]
+    """Return a class whose construction answers unknown names with the nearest known one."""
+    make = getattr(kind, "__init__")  # noqa: B009 - mypy refuses the plain name
     signature = inspect.signature(make)
     given = [p for p in signature.parameters.values() if p.kind is not p.VAR_KEYWORD]
     if len(given) < len(signature.parameters):
+        # In place of **weather it shows the fields of its own weather.
         given += [
             inspect.Parameter(
                 f.name, inspect.Parameter.KEYWORD_ONLY, default=f.default, annotation=f.type
             )
-            for f in dataclasses.fields(vars(kind)["KIND"])
+            for f in dataclasses.fields(getattr(kind, "KIND"))  # noqa: B009
             if f.name != "seed"
         ]
     known = [parameter.name for parameter in given if parameter.name != "self"]
@@ -70,18 +57,16 @@ def suggests(kind: _Kind) -> _Kind:
     @functools.wraps(make)
     def checked(self: Any, *args: Any, **kwargs: Any) -> None:
         for name in kwargs:
+            if name == "seed" and name not in known:
+                raise TypeError(
+                    f"{kind.__name__} has no argument seed: "
+                    "seed belongs to the pipeline that draws for it"
+                )
             if name not in known:
-                raise TypeError(unknown(kind.__name__, name, known))
+                hint = suggestion(name, known) or f"; it has {', '.join(known)}"
+                raise TypeError(f"{kind.__name__} has no argument {name}{hint}")
         make(self, *args, **kwargs)
 
     vars(checked)["__signature__"] = signature.replace(parameters=given)
     setattr(kind, "__init__", checked)  # noqa: B010 - mypy refuses the plain assignment
     return kind
-
-
-def unknown(call: str, name: str, known: list[str]) -> str:
-    """Return the complaint about an unknown argument."""
-    if name == "seed":
-        return f"{call} has no argument seed: seed belongs to the pipeline that draws for it"
-    hint = suggestion(name, known) or f"; it has {', '.join(known)}"
-    return f"{call} has no argument {name}{hint}"

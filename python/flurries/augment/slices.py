@@ -18,50 +18,29 @@ _SLABS = 12
 
 
 class Slice(NamedTuple):
-    """The flakes at about one depth.
-
-    Attributes
-    ----------
-    opacity : (H, W) float32
-    motion : (H, W, 2) or (1, 1, 2)
-        Pixels (x, y) per frame.
-    depth : (H, W) or (1, 1)
-        Metres.
-    """
+    """The flakes at about one depth."""
 
     opacity: Array
+    # (H, W, 2) or (1, 1, 2), pixels (x, y) per frame; (H, W) or (1, 1), metres.
     motion: Array
     depth: Array
 
 
 class Labels(NamedTuple):
-    """The flakes at each pixel, the nearer slices before the farther ones.
-
-    Attributes
-    ----------
-    alpha : (H, W) float32
-        Opacity of all that falls, without a veil.
-    motion : (H, W, 2) float32
-        Pixels (x, y) per frame, premultiplied with the opacity.
-    nearness : (H, W) float32
-        One over the depth, 1/m, premultiplied.
-    most : Slice
-        The slice that is densest at each pixel.
-    """
+    """The flakes at each pixel, the nearer slices before the farther ones, without a veil."""
 
     alpha: Array
+    # Pixels (x, y) per frame, and one over the depth, 1/m; premultiplied with the opacity.
     motion: Array
     nearness: Array
+    # The slice that is densest at each pixel.
     most: Slice
 
 
 def labels_of(
     air: Air, view: View, distances: Distances, *, time: float, fps: float, film: bool = True
 ) -> Labels:
-    """Return the labels of the flakes before a picture, a film's frame or one by itself.
-
-    Fog moves as the mean of its patches and is nowhere in particular.
-    """
+    """Return the labels of the flakes before a picture, a film's frame or one by itself."""
     shape = view.shape
     alpha, nearness = np.zeros(shape, np.float32), np.zeros(shape, np.float32)
     motion = np.zeros((*shape, 2), np.float32)
@@ -70,6 +49,7 @@ def labels_of(
         np.full(shape, np.inf, np.float32),
     )  # fmt: skip
     if air.loss > 0.0 and air.patches is not None:
+        # Fog moves as the mean of its patches and is nowhere in particular.
         most.motion[...] = air.patches.motion(shape, fps)
     for part in slices(Here(air, view, distances, time, fps if film else None), fps):
         weight = (1.0 - alpha) * part.opacity

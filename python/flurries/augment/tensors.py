@@ -9,19 +9,12 @@ import torch
 
 from flurries._contract import Array
 
+# Takes pictures (..., H, W, C) and returns them in weather, and their layers (..., H, W, 4).
 Painted = Callable[[Array], tuple[Array, Array]]
 
 
 def painted(given: torch.Tensor, weather: Painted) -> torch.Tensor:
-    """Return pictures (..., C, H, W) in a weather, as they came: dtype, device and gradient.
-
-    Parameters
-    ----------
-    given : tensor
-    weather : callable
-        Takes pictures (..., H, W, C) and returns them in weather, and their layers
-        (..., H, W, 4).
-    """
+    """Return pictures (..., C, H, W) in a weather, as they came: dtype, device and gradient."""
     channels = given.shape[-3]
     if channels not in (1, 3):
         raise ValueError(

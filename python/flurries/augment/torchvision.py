@@ -29,12 +29,10 @@ from flurries import augment
 from flurries._contract import rate_of, real
 from flurries.augment import tensors
 from flurries.augment.labels import thicker
-from flurries.augment.signature import FallingFields, FogFields, suggests
+from flurries.augment.signature import Fields, suggests
 from flurries.augment.weather import Weather
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
-
     from typing_extensions import Unpack
 
 __all__ = ["Alpha", "Depth", "Fog", "Rainfall", "Records", "Snowfall"]
@@ -80,14 +78,14 @@ class _Transform(v2.Transform):  # type: ignore[misc]
         Probability of the transform.
     fps : float
         Frames per second of videos.
-    weather : dict
+    weather
         Fields of its kind.
     """
 
-    KIND: ClassVar[type[Weather]]
+    KIND: ClassVar[Any]
     _transformed_types = (*v2.Transform._transformed_types, Records)
 
-    def __init__(self, p: float, fps: float, weather: Mapping[str, Any]) -> None:
+    def __init__(self, *, p: float = 1.0, fps: float = 30.0, **weather: Unpack[Fields]) -> None:
         super().__init__()
         self.p = real("p", p, low=0.0, high=1.0)
         self.fps = rate_of(fps)
@@ -172,11 +170,6 @@ class Snowfall(_Transform):
 
     KIND = augment.Snowfall
 
-    def __init__(
-        self, *, p: float = 1.0, fps: float = 30.0, **weather: Unpack[FallingFields]
-    ) -> None:
-        super().__init__(p, fps, weather)
-
 
 @suggests
 class Rainfall(_Transform):
@@ -184,17 +177,9 @@ class Rainfall(_Transform):
 
     KIND = augment.Rainfall
 
-    def __init__(
-        self, *, p: float = 1.0, fps: float = 30.0, **weather: Unpack[FallingFields]
-    ) -> None:
-        super().__init__(p, fps, weather)
-
 
 @suggests
 class Fog(_Transform):
     """:class:`flurries.augment.Fog` in a pipeline; all but its `seed`."""
 
     KIND = augment.Fog
-
-    def __init__(self, *, p: float = 1.0, fps: float = 30.0, **weather: Unpack[FogFields]) -> None:
-        super().__init__(p, fps, weather)

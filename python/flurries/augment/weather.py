@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import importlib
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from typing import Any
 
 import numpy.typing as npt
 
-from flurries._contract import Array, choice, flag, output, rate_of, real
+from flurries._contract import Array, choice, flag, mapping, output, rate_of, real
 from flurries.augment.air import FPS
 from flurries.augment.distance import Depth
-from flurries.augment.labels import Weathered, boxes_of, flow_of, layer_of, weathered
+from flurries.augment.labels import Weathered, boxes_of, flow_of, hidden, layer_of
 from flurries.augment.pictures import mixed, picture_of
 from flurries.augment.several import Several
 from flurries.augment.slices import labels_of
@@ -68,12 +68,16 @@ class Weather(Several):
         given = picture_of("image", image)
         layer = flag("return_layer", return_layer)
         record = self._drawn(given, index)
-        view = self._view(given.shape[:2])
+        view = self._view(given.shape)
         distances = self._distances(depth, view)
         alpha = self._air(record).alpha(
             view, distances, time=_seconds(time), fps=None if time is None else FPS, passing=True
         )
-        seen = _into(out, mixed(given, alpha, record["color"], self.white), given)
+        seen = mixed(given, alpha, record["color"], self.white)
+        if out is not None:
+            result = output(out, seen.shape, seen.dtype, given)
+            result[...] = seen
+            seen = result
         return (seen, layer_of(alpha, record["color"])) if layer else seen
 
     def apply(
@@ -111,27 +115,23 @@ class Weather(Several):
         Weathered
         """
         given = picture_of("image", image)
-        wanted = flag("motion", motion)
-        rate = rate_of(fps)
-        shape = given.shape[:2]
+        wanted, rate = flag("motion", motion), rate_of(fps)
         corners = None if boxes is None else boxes_of(boxes)
-        label = None if flow is None else flow_of(flow, shape)
+        label = None if flow is None else flow_of(flow, given.shape[:2])
         record = self._drawn(given, index)
-        view = self._view(shape)
+        view = self._view(given.shape)
         distances = self._distances(depth, view)
-        air = self._air(record)
-        moment = _seconds(time)
-        film = None if time is None else rate
-        alpha = air.alpha(view, distances, time=moment, fps=film)
+        air, moment, film = self._air(record), _seconds(time), time is not None
+        alpha = air.alpha(view, distances, time=moment, fps=rate if film else None)
         falls = None
         if wanted or label is not None or distances.given or corners is not None:
-            falls = labels_of(air, view, distances, time=moment, fps=rate, film=time is not None)
-        behind = distances.whole(view.shape) if distances.given else None
-        return weathered(
-            image=mixed(given, alpha, record["color"], self.white), alpha=alpha,
-            color=record["color"], record=record, boxes=boxes, corners=corners, masks=masks,
-            falls=falls, flow=label, depth=behind, came=distances.came, motion=wanted,
+            falls = labels_of(air, view, distances, time=moment, fps=rate, film=film)
+        found = hidden(
+            alpha, falls, corners=corners, flow=label, motion=wanted, came=distances.came,
+            depth=distances.whole(view.shape) if distances.given else None,
         )  # fmt: skip
+        seen = mixed(given, alpha, record["color"], self.white)
+        return Weathered(seen, alpha, record["color"], record, boxes, masks, **found)
 
 
 def replay(record: Mapping[str, Any]) -> Weather:
@@ -160,23 +160,11 @@ def replay(record: Mapping[str, Any]) -> Weather:
     >>> bool((again == seen.image).all())
     True
     """
-    if not isinstance(record, Mapping):
-        raise TypeError(f"record must be a dict, got {type(record).__name__}")
-    kinds: dict[str, Callable[[], type[Weather]]] = {
-        name: lambda name=name: getattr(importlib.import_module("flurries.augment"), name)  # type: ignore[misc]
-        for name in ("Snowfall", "Rainfall", "Fog")
-    }
-    kind = choice("record: transform", record.get("transform"), tuple(kinds))
-    return kinds[kind]().replay(record)
+    given = mapping("record", record)
+    name = choice("record: transform", given.get("transform"), ("Snowfall", "Rainfall", "Fog"))
+    kind: type[Weather] = getattr(importlib.import_module("flurries.augment"), name)
+    return kind.replay(given)
 
 
 def _seconds(time: object) -> float:
     return 0.0 if time is None else real("time", time, low=-1e9, high=1e9)
-
-
-def _into(out: Array | None, seen: Array, given: Array) -> Array:
-    if out is None:
-        return seen
-    result = output(out, seen.shape, seen.dtype, given)
-    result[...] = seen
-    return result
