@@ -142,10 +142,8 @@ def project(
 
 
 def seen_at(local: Float64, camera: Camera, shape: tuple[int, int]) -> tuple[Float64, Float64]:
-    """Return the images, (n, 2) px, of points (n, 3) from the eye in its axes; and their depths.
-
-    Also of points behind the eye, which are seen upside down.
-    """
+    """Return the images (n, 2), px, and depths of points from the eye in its axes, (n, 3)."""
+    # Points behind the eye are seen upside down.
     depth = np.ascontiguousarray(local[:, 2])
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         px = camera.focals * local[:, :2] / depth[:, None] + np.array(camera.principal(shape))

@@ -23,26 +23,10 @@ _NOTHING = 1e-9
 def looped_path(
     path: CameraPath, first: int, frames: int, fps: float, *, stays: Axes, tilts: bool
 ) -> tuple[CameraPath, list[str]]:
-    """Return a path whose velocity and turning are those of one round over and over.
-
-    Parameters
-    ----------
-    path : CameraPath
-        Its focal length and velocity, where keyed, end as they begin.
-    first, frames : int
-        The round.
-    fps : float
-    stays : (x, y, z) of bool
-        Along which axes it must end where it began, since something stands in the world.
-    tilts : bool
-        Whether it must look the way that it looked, even if it turns at one rate.
-
-    Returns
-    -------
-    path : CameraPath
-    bent : list of str
-        What was changed, in words.
-    """
+    """Return a path whose rates repeat those of one round, and what was changed, in words."""
+    # Focal length and velocity, where keyed, end as they begin. Along the axes of `stays` the path
+    # must end where it began, since something stands in the world; `tilts`: it must look the way
+    # that it looked, even if it turns at one rate.
     end, bent = first + frames, []
     gone = path.place(end, fps=fps) - path.place(first, fps=fps)
     back = np.where(stays, gone, 0.0)

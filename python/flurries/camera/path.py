@@ -131,7 +131,7 @@ class CameraPath:
 
     @staticmethod
     def load(path: str | os.PathLike[str], camera: Camera) -> CameraPath:
-        """Return the path of a CSV file; see :func:`flurries.camera.csv.read_path`."""
+        """Return the path of a CSV file; see :func:`flurries.camera.importers.load`."""
         return CameraPath(camera, **read_path(path), extend="stop")
 
     @property

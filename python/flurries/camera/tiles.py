@@ -180,19 +180,9 @@ def drift_at(
     focals: tuple[float, float],
     result: Float64 | None = None,
 ) -> Float64:
-    """Return a picture's motion times the depth, pixels times metres: (y, x, 2), in `result`.
-
-    Without a `result` to be filled it is (1, 1, 2) where all places move alike.
-
-    Parameters
-    ----------
-    x, y : (n,), (m,)
-        Pixels from the principal point.
-    displacement : (3,)
-        Of the eye against the air, camera axes, metres.
-    focals : (x, y)
-        Pixels.
-    """
+    """Return motion times depth, px m, (y, x, 2), at places from the principal point."""
+    # For a `displacement` of the eye against the air in camera axes, metres. Without a `result` to
+    # be filled it is (1, 1, 2) where all places move alike.
     right, down, ahead = displacement.tolist()
     fx, fy = focals
     if result is None:

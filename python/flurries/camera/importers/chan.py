@@ -24,28 +24,11 @@ def read_chan(
     scale: float = 1.0,
     start: int | None = None,
 ) -> CameraPath:
-    """Return the camera path of a Nuke ``.chan`` file.
-
-    Parameters
-    ----------
-    path : str or path
-        Lines of ``frame tx ty tz rx ry rz`` and perhaps ``vfov``: degrees, y up, looking along -z.
-    shape : (H, W)
-        Of the pictures; the angle of view is that of their height.
-    camera : Camera, optional
-        The lens, where there is no ``vfov``.
-    order : str
-        Nuke's rotation order: "ZXY", its default, turns about z first and about y last.
-    scale : float
-        Metres to a unit of the file.
-    start : int, optional
-        The number that the file's first frame gets; its own if not given.
-
-    Raises
-    ------
-    FileNotFoundError, OSError, ValueError
-        As `load`.
-    """
+    """Return the camera path of a Nuke ``.chan`` file."""
+    # Lines of `frame tx ty tz rx ry rz` and perhaps `vfov`: degrees, y up, looking along -z. The
+    # angle of view is that of the pictures' height; `camera` is the lens where there is none, and
+    # `start` the number that the first frame gets. Nuke's default order turns about z first and
+    # about y last.
     height, width = shape_of("shape", shape)
     if not isinstance(order, str) or sorted(order) != ["X", "Y", "Z"]:
         raise ValueError(f"order must be one such as 'ZXY', got {order!r}")
