@@ -17,30 +17,15 @@ _LEAST = 1e-6
 
 
 def ambient_light(picture: Array, encoding: str) -> tuple[float, float, float]:
-    """Return the brightness of white snow in the light that a picture was taken in.
-
-    Parameters
-    ----------
-    picture : (H, W, 3 or 4)
-        Of a background's dtype; what is transparent counts as far as it shows.
-    encoding : {"display", "linear"}
-        What its numbers mean.
-
-    Returns
-    -------
-    (r, g, b)
-        Display values, 0 to 1. As bright as the mean of the linear light over 0.18, which is what
-        pictures reflect on average, times 0.9, what snow does; of the tint of what is nearly grey;
-        lowered in one proportion to 1 at most, or in linear light to 0.9 of its brightest twentieth
-        where that is more. What is not finite does not count. White for a picture that is black all
-        over.
-
-    Notes
-    -----
-    The ambient color of Langer 2003's slides, which do not say where it comes from. Each part of
-    the picture (1/96 of its longer side) counts for the tint by its least channel over its largest:
-    a red coat is no red light, and grey ground shows the light's own color.
-    """
+    """Return the brightness (r, g, b) of white snow in the light of a picture (H, W, 3 or 4)."""
+    # Display values, 0 to 1. The ambient color of Langer 2003's slides, which do not say where it
+    # comes from: as bright as the mean of the linear light over 0.18, which is what pictures
+    # reflect on average, times 0.9, what snow does; of the tint of what is nearly grey; lowered in
+    # one proportion to 1 at most, or in linear light to 0.9 of its brightest twentieth where that
+    # is more. White for a picture that is black all over. What is not finite does not count, and
+    # what is transparent as far as it shows.
+    # Each part of the picture (1/96 of its longer side) counts for the tint by its least channel
+    # over its largest: a red coat is no red light, and grey ground shows the light's own color.
     sums = np.maximum(cell_sums(picture, encoding)[0].reshape(-1, 4), 0.0).astype(np.float64)
     light, cover = sums[:, :3], sums[:, 3]
     if not cover.any() or not light.any():

@@ -30,33 +30,19 @@ _WIDE_SIGMA = math.sqrt(0.5 * (_NARROW**2 + _WIDE**2)) / math.sqrt(2.0)
 
 @dataclass(frozen=True, eq=False)
 class PlateLight:
-    """The light of a plate.
+    """The light of a plate, linear."""
 
-    Attributes
-    ----------
-    cells : (rows, columns, 3) float64
-        Mean linear light of squares of the picture.
-    cell : int
-        Their side, px.
-    sky : (3,)
-        Linear light from above, outside the picture.
-    ground : (3,)
-        Linear light from below, outside the picture.
-    """
-
-    cells: Float64
-    cell: int
-    sky: Float64
-    ground: Float64
+    cells: Float64  # (rows, columns, 3) means of squares of the picture.
+    cell: int  # Their side, px.
+    sky: Float64  # (3,) from above, outside the picture.
+    ground: Float64  # (3,) from below, outside.
 
     def local(self, focal: float, *, asymmetry: float, albedo: float) -> Float64:
-        """Return the radiance of flakes before each cell, (rows, columns, 3) linear light.
-
-        The albedo times the light from all sides, weighed by Henyey and Greenstein: what lies
-        behind a flake, what lies around it, and what is outside the picture, half of it sky, half
-        ground: flakes are darker than the sky behind them and brighter than the ground. Over an
-        even picture of radiance L it is albedo times L.
-        """
+        """Return the radiance of flakes before each cell, (rows, columns, 3) linear light."""
+        # The albedo times the light from all sides, weighed by Henyey and Greenstein: what lies
+        # behind a flake, what lies around it, and what is outside the picture, half of it sky, half
+        # ground: flakes are darker than the sky behind them and brighter than the ground. Over an
+        # even picture of radiance L it is albedo times L.
         behind = within(asymmetry, _NARROW)
         around = within(asymmetry, _WIDE) - behind
         rest = 1.0 - behind - around
@@ -66,11 +52,9 @@ class PlateLight:
         return np.asarray(albedo * (behind * near + around * wide + rest * outside))
 
     def veil(self, focal: float) -> Float64:
-        """Return the light of fog before each cell, (rows, columns, 3) linear light.
-
-        Fog loses nothing to absorption, and hides what is behind it by light from all sides: it is
-        as bright as what it hides, or brighter where the surroundings are.
-        """
+        """Return the light of fog before each cell, (rows, columns, 3) linear light."""
+        # Fog loses nothing to absorption, and hides what is behind it by light from all sides: it
+        # is as bright as what it hides, or brighter where the surroundings are.
         wide = self.blurred(focal, _WIDE_SIGMA)
         even = 0.5 * (wide + self.sky)
         return np.maximum(even, self.blurred(focal, _NARROW_SIGMA))
@@ -92,10 +76,8 @@ def _gaussian(count: int, sigma: float) -> Float64:
 
 
 def cell_sums(picture: Array, encoding: str) -> tuple[Array, int]:
-    """Return the linear light of squares of a picture and what covers them, and the squares' side.
-
-    Sums over pixels, (rows, columns, 4) float32; what is not finite does not count.
-    """
+    """Return sums of light and cover over squares, (rows, columns, 4), and their side, px."""
+    # What is not finite does not count.
     height, width = picture.shape[:2]
     cell = max(math.ceil(max(height, width) / CELLS), 1)
     sums = np.empty((-(-height // cell), -(-width // cell), 4), np.float32)
@@ -111,15 +93,7 @@ def cell_sums(picture: Array, encoding: str) -> tuple[Array, int]:
 
 
 def plate_light(picture: Array, encoding: str) -> PlateLight:
-    """Return the light of a picture.
-
-    Parameters
-    ----------
-    picture : (H, W, 3 or 4)
-        Of a background's dtype; what is transparent counts as far as it shows.
-    encoding : {"display", "linear"}
-        What its numbers mean. What is not finite does not count.
-    """
+    """Return the light of a picture; what is transparent counts as far as it shows."""
     sums, cell = cell_sums(picture, encoding)
     cover = sums[..., 3:].astype(np.float64)
     light = np.maximum(sums[..., :3].astype(np.float64), 0.0)
