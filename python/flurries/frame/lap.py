@@ -6,18 +6,10 @@ from typing import NamedTuple
 
 
 class Lap(NamedTuple):
-    """The frames of a film that come over and over.
-
-    Attributes
-    ----------
-    first : int
-        The number of its first frame.
-    frames : int
-        How many there are: frame ``first + frames`` is frame `first` again.
-    """
+    """The frames of a film that come over and over."""
 
     first: int
-    frames: int
+    frames: int  # How many: frame `first + frames` is frame `first` again.
 
     @property
     def end(self) -> int:

@@ -24,10 +24,8 @@ from flurries.trace import of_effect, stage
 def images(
     program: Program, t: float, eyes: Sequence[Camera | None], window: Window
 ) -> list[Array]:
-    """Return the picture of a window for each eye; None is the path's own camera.
-
-    The eyes' bands are made in turn, so that the second finds what the first has made.
-    """
+    """Return the picture of a window for each eye; None is the path's own camera."""
+    # The eyes' bands are made in turn, so that the second finds what the first has made.
     with stage("background"):
         plate = crop(program.backdrop.frame(t), window)
     # Where none of the weather can be seen, none is made.
@@ -58,10 +56,8 @@ def images(
 
 
 def shown_type(plate: Array) -> np.dtype[Any]:
-    """Return the type whose steps hide what is faint, of a background.
-
-    With alpha, integers show what is less than half a step: in the colors of what is faint.
-    """
+    """Return the type whose steps hide what is faint, of a background."""
+    # With alpha, integers show what is less than half a step: in the colors of what is faint.
     return plate.dtype if plate.shape[2] == 3 else np.dtype(np.float32)
 
 

@@ -12,17 +12,9 @@ _Key = tuple[int, int, str]
 
 
 class Shared:
-    """The objects that eyes and bands of rows of one frame share while they are made.
+    """The objects that eyes and bands of rows of one frame share while they are made."""
 
-    Attributes
-    ----------
-    cameras : (eye,) or (left, right)
-        The eyes as they are at the frame's time.
-    window : (top, bottom, left, right)
-        Of all bands together, pixels.
-    bands : int
-        How many there are.
-    """
+    # `cameras` are the eyes as they are at the frame's time, `window` that of all bands together.
 
     def __init__(
         self, cameras: tuple[Camera, ...], window: tuple[int, int, int, int], bands: int = 1

@@ -21,18 +21,9 @@ _KEPT: dict[int, tuple[weakref.ref[Array], dict[Any, Any]]] = {}
 def standing(
     frame: Frame, owner: object, name: str, key: Hashable, make: Callable[[], _Made]
 ) -> _Made:
-    """Return what `make` returns of the frame's depth over its window; of a depth that stays, once.
-
-    Nothing may be written to it afterwards. A frame in bands finds it anew: it would be as large as
-    many of its bands.
-
-    Parameters
-    ----------
-    owner : object
-        What asks for it, and what besides the depth, the window and the key it is made of.
-    key : hashable
-        Numbers that it is made of.
-    """
+    """Return what `make` makes of the frame's depth over its window; if that stays, once."""
+    # Made of the depth, the window, `owner` and `key`. Nothing may be written to it afterwards. A
+    # frame in bands finds it anew: it would be as large as many of its bands.
     depth = frame.depth
     assert depth is not None
     if frame.banded or depth.flags.writeable:

@@ -12,13 +12,7 @@ Window = tuple[int, int, int, int]
 
 
 class Visible:
-    """The pixels that a matte does not hide wholly, and the tiles that have any of them.
-
-    Parameters
-    ----------
-    cover : (H, W) float32
-        Of what stands in front, 1 where it hides all.
-    """
+    """The pixels that a cover (H, W) does not hide wholly, and the tiles that have any of them."""
 
     def __init__(self, cover: Array) -> None:
         self._seen = cover < 1.0
