@@ -22,39 +22,20 @@ _DEFAULT_SIZE = (1024, 768)
 
 @dataclass(frozen=True, eq=False)
 class Backdrop:
-    """A background of one size.
+    """A background of one size."""
 
-    Attributes
-    ----------
-    size : (width, height)
-        Pixels.
-    encoding : "display" or "linear"
-        What its values mean.
-    count : int or None
-        How many frames it has; None for a still.
-    source : array or files
-        Where they come from.
-    fps : float or None
-        Frames per second of a film, or as a picture's header says.
-    display : (left, top, width, height) or None
-        Where the display window lies, of a plate with overscan; None where it is all.
-    aspect : float
-        Width of a pixel over its height.
-    """
-
-    size: tuple[int, int]
-    encoding: str
-    count: int | None
-    source: Any
-    fps: float | None = None
+    size: tuple[int, int]  # (width, height) px.
+    encoding: str  # "display" or "linear".
+    count: int | None  # How many frames it has; None for a still.
+    source: Any  # An array or files.
+    fps: float | None = None  # Of a film, or as a picture's header says.
+    # (left, top, width, height) of the display window in a plate with overscan.
     display: Display | None = None
-    aspect: float = 1.0
+    aspect: float = 1.0  # Width of a pixel over its height.
 
     def frame(self, t: float) -> Array:
-        """Return (H, W, 3), or (H, W, 4) with alpha, of frame floor(t).
-
-        The colors of integers are straight, those of floats are multiplied by alpha.
-        """
+        """Return (H, W, 3), or (H, W, 4) with alpha, of frame floor(t)."""
+        # The colors of integers are straight, those of floats are multiplied by alpha.
         if isinstance(self.source, np.ndarray):
             return self.source
         # The source keeps what it decoded last, so a still is read and fitted once.

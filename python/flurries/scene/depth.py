@@ -120,15 +120,9 @@ def _greys(source: Any) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class Distance:
-    """The depth of a scene's background, of the frame's size, for every frame.
+    """The depth of a scene's background, of the frame's size, for every frame."""
 
-    Attributes
-    ----------
-    source : (H, W) float32 array, or files
-        Where it comes from.
-    """
-
-    source: Any
+    source: Any  # (H, W) float32 array, or files.
 
     @property
     def still(self) -> bool:

@@ -106,15 +106,9 @@ class _Moving:
 
 @dataclass(eq=False)
 class Mattes:
-    """All that stands in front of a scene's weather, for every frame.
+    """All that stands in front of a scene's weather, for every frame."""
 
-    Attributes
-    ----------
-    parts : tuple of (matte, Distance or None)
-        Back to front, each with its depth.
-    """
-
-    parts: tuple[tuple[Any, Distance | None], ...]
+    parts: tuple[tuple[Any, Distance | None], ...]  # Back to front, each matte with its depth.
     _last: tuple[tuple[Any, ...], Front] | None = None
 
     @property

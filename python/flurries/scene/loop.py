@@ -19,24 +19,13 @@ from flurries.motion.keys import Keys
 
 
 class Looped(NamedTuple):
-    """The parts of a scene that repeats.
+    """The parts of a scene that repeats."""
 
-    Attributes
-    ----------
-    effects : tuple of effects
-        Those that draw one by one stand twice, a round apart.
-    path : CameraPath
-    lights : tuple of Lamp
-    lens : Lens or None
-    bent : tuple of str
-        What does not end as it began, and what becomes of it.
-    """
-
-    effects: tuple[Any, ...]
+    effects: tuple[Any, ...]  # Those that draw one by one stand twice, a round apart.
     path: CameraPath
     lights: tuple[Any, ...]
     lens: Any
-    bent: tuple[str, ...]
+    bent: tuple[str, ...]  # What does not end as it began, and what becomes of it.
 
 
 def looped_scene(

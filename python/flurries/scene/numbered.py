@@ -13,28 +13,14 @@ from flurries.io.spans import Span
 
 @dataclass(frozen=True, eq=False)
 class Numbered:
-    """A source of pictures, asked by the numbers of the shot.
+    """A source of pictures, asked by the numbers of the shot."""
 
-    Attributes
-    ----------
-    source : Source
-        The files, whose frames count from 0.
-    span : Span or None
-        Their numbers; None of a still, which serves all.
-    """
-
-    source: Any
-    span: Span | None
+    source: Any  # The files, whose frames count from 0.
+    span: Span | None  # Their numbers; None of a still, which serves all.
 
     @staticmethod
     def of(name: str, source: Any, *, extend: str, start: int | None = None) -> Numbered:
-        """Return a source with its numbers; a film's begin at `start`, as it has none of its own.
-
-        Parameters
-        ----------
-        name : str
-            What it is, for messages: "depth".
-        """
+        """Return a source with its numbers; a film has none of its own: `start`."""
         if source.count is None:
             return Numbered(source, None)
         first = getattr(source, "first", 0)
@@ -45,13 +31,7 @@ class Numbered:
         return Numbered(source, Span(called, first, first + source.count - 1, extend))
 
     def place(self, t: float) -> int:
-        """Return the place in the source, from 0, of frame floor(t).
-
-        Raises
-        ------
-        ValueError
-            If the source has no such number.
-        """
+        """Return the place in the source, from 0, of frame floor(t); ValueError if it has none."""
         if self.span is None:
             return 0
         return self.span.number(math.floor(t)) - self.span.first

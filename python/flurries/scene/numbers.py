@@ -22,12 +22,10 @@ DEFAULT_SECONDS = 3.0
 
 
 def frames_of(scene: Rendering, frames: Frames) -> list[int]:
-    """Return frame numbers, each once, in the order asked for.
-
-    If none are asked for, one round of a scene that repeats, else those of the background's files;
-    of a still those of the first that has numbers of camera, depth and foreground; else three
-    seconds from 1 on.
-    """
+    """Return frame numbers, each once, in the order asked for."""
+    # If none are asked for, one round of a scene that repeats, else those of the background's
+    # files; of a still those of the first that has numbers of camera, depth and foreground; else
+    # three seconds from 1 on.
     if frames is None:
         if scene.lap is not None:
             return list(range(scene.lap.first, scene.lap.end))

@@ -47,21 +47,7 @@ MOST_BYTES = 1 << 20
 
 
 def load(path: str | os.PathLike[str]) -> Scene:
-    """Return the scene of a TOML file.
-
-    Parameters
-    ----------
-    path : path
-        A plain file of at most 1 MiB.
-
-    Raises
-    ------
-    FileNotFoundError, OSError
-        If the file cannot be read.
-    ValueError, TypeError
-        If it is not TOML or not of format 3, has an unknown key (named with its line and the
-        nearest known one), or a value that the scene refuses.
-    """
+    """Return the scene of a TOML file of at most 1 MiB; the message of an error names the line."""
     file = Path(path)
     text = read_text(file, MOST_BYTES, "TOML scene file")
     require_short_keys(file, text)
