@@ -248,10 +248,7 @@ def sorted_gas(
     error: float,
     smooth: float | None,
 ) -> _core.SortedGas:
-    """Return a gas whose parts `gas_draw` draws with the bits of :func:`splat` and :func:`alpha`.
-
-    The arguments are theirs; the depth is only looked at.
-    """
+    """Return a gas whose parts `gas_draw` draws with the bits of `splat` and `alpha`."""
     size = shape_of("shape", shape)
     gas = gas_of(centers, radius, density)
     colors = colors_of(color, len(gas.centers))
