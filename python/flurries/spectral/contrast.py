@@ -18,12 +18,10 @@ _TABLE = (129, 1801)
 def kept_power(
     cycles: float, alias: str, *, soft_from: float = SOFT_FROM, shutter: float = 0.0
 ) -> float:
-    """Return the share of the power of a large tile that aliasing and the shutter leave.
-
-    A wave whose direction makes an angle b with the motion turns at c cos b cycles a frame,
-    whatever its wavelength; `cycles` is c, so that the share is a mean over b. For the cut alone it
-    is (2/pi) asin(1/(2c)) from c = 1/2 on.
-    """
+    """Return the share of the power of a large tile that aliasing and the shutter leave."""
+    # A wave whose direction makes an angle b with the motion turns at c cos b cycles a frame,
+    # whatever its wavelength; `cycles` is c, so that the share is a mean over b. For the cut alone
+    # it is (2/pi) asin(1/(2c)) from c = 1/2 on.
     if cycles <= 0.0:
         return 1.0
     # Equal steps of the rate's angle, only where something is kept: fast motion keeps little.
@@ -37,10 +35,9 @@ def kept_power(
 def mean_opacity(
     variance: Float64, mean: float, spread: float, power: float, *, most: float | None = None
 ) -> Float64:
-    """Return the mean of clip(mean + z / (2 spread), 0, 1)^power for fields of variances (n,).
-
-    `most` is the largest variance of all that are asked for in parts, which decides about the bits.
-    """
+    """Return the mean of clip(mean + z / (2 spread), 0, 1)^power for fields of variances (n,)."""
+    # `most` is the largest variance of all that are asked for in parts, which decides about the
+    # bits.
     deviation = np.sqrt(np.maximum(variance, 0.0)) / (2.0 * spread)
     largest = deviation.max() if most is None else math.sqrt(max(most, 0.0)) / (2.0 * spread)
     # On a table: frames have a variance for every pixel.
