@@ -35,47 +35,23 @@ FADE = 0.08
 
 @dataclass(frozen=True)
 class SizeClass:
-    """Flakes of an interval of sizes, which fall alike.
+    """Flakes of an interval of sizes, which fall alike."""
 
-    Attributes
-    ----------
-    density : float
-        Per cubic metre.
-    smallest, largest : float
-        Diameters, metres.
-    square : float
-        Mean of the squared diameter, m2.
-    fall : float
-        Metres per second in still air: the mean speed, each flake weighed by its area.
-    """
-
-    density: float
-    smallest: float
+    density: float  # Per cubic metre.
+    smallest: float  # Diameters, metres.
     largest: float
-    square: float
-    fall: float
+    square: float  # Mean of the squared diameter, m2.
+    fall: float  # Metres per second in still air: the mean, each flake weighed by its area.
 
 
 @dataclass(frozen=True)
 class Population:
-    """Flakes or drops that fill the air.
+    """Flakes or drops that fill the air."""
 
-    Attributes
-    ----------
-    density : float
-        Per cubic metre.
-    sizes : Sizes
-        Of their diameters, metres.
-    opacity : float
-        Mean over a resting flake's disc, 0 to 1.
-    speed : callable
-        Fall speed in m/s of diameters in metres.
-    """
-
-    density: float
+    density: float  # Per cubic metre.
     sizes: Sizes
-    opacity: float
-    speed: Callable[[Float64], Float64]
+    opacity: float  # Mean over a resting flake's disc.
+    speed: Callable[[Float64], Float64]  # Of the fall in m/s, of diameters in metres.
 
     @property
     def extinction(self) -> float:
@@ -102,20 +78,10 @@ class Population:
 
 
 def reach_of(each: SizeClass, focal: float, tile: int, *, fastest: float, far: float) -> float:
-    """Return the depth up to which a class is drawn, metres, at most `far`.
-
-    Three things ask for drawing: an image too large for the texture, too few flakes in a tile, and
-    a layer that moves by more than half a tile in a frame, which would seem to move backwards.
-
-    Parameters
-    ----------
-    focal : float
-        Pixels.
-    tile : int
-        Pixels.
-    fastest : float
-        Of the flakes past the camera, metres per frame.
-    """
+    """Return the depth up to which a class is drawn, metres, at most `far`."""
+    # Three things ask for drawing: an image too large for the texture, too few flakes in a tile,
+    # and a layer that moves by more than half a tile in a frame, which would seem to move
+    # backwards. `fastest` is that of the flakes past the camera, metres per frame.
     large = focal * each.largest * SIGMA_OF_DIAMETER / HANDOVER_SIGMA
     cube = (SLAB_RATIO**3 - 1.0) / 3.0 * each.density * (tile / focal) ** 2
     sparse = (LEAST_IN_TILE / cube) ** (1.0 / 3.0)
@@ -132,31 +98,15 @@ def drawn_share(depth: Float64, reach: float, far: float) -> Float64:
 
 @dataclass(frozen=True, eq=False)
 class Slab:
-    """A layer of the texture: flakes of one class between two depths.
-
-    Attributes
-    ----------
-    near, far : float
-        Metres.
-    depth : float
-        That it moves as: the mean of the depths of what it covers, metres.
-    count : float
-        Mean number of flakes in a tile.
-    diameters : (n,)
-        Quantiles of their images' diameters at even shares, px.
-    coverage : float
-        Mean of what they cover of a tile, px2.
-    nearer : (n,)
-        Which part of the coverage lies before depths at even steps from `near` to `far`.
-    """
+    """A layer of the texture: flakes of one class between two depths, metres."""
 
     near: float
     far: float
-    depth: float
-    count: float
-    diameters: Float64
-    coverage: float
-    nearer: Float64
+    depth: float  # That it moves as: the mean of the depths of what it covers.
+    count: float  # Mean number of flakes in a tile.
+    diameters: Float64  # (n,) quantiles of their images' diameters at even shares, px.
+    coverage: float  # Mean of what they cover of a tile, px2.
+    nearer: Float64  # (n,) parts of the coverage before depths at even steps from near to far.
 
     def before(self, depth: Float64) -> Float64:
         """Return the share of the coverage that lies before depths, 0 to 1."""
@@ -182,21 +132,9 @@ def slabs_of(
     ratio: float = SLAB_RATIO,
     edges: Float64 | None = None,
 ) -> list[Slab]:
-    """Return the layers of a class from where it is no longer drawn, near ones first.
-
-    Parameters
-    ----------
-    focal : float
-        Pixels.
-    tile : int
-        Pixels.
-    reach, far : float
-        Depths at which the texture begins and ends, metres.
-    ratio : float
-        The far end of a slab over its near end, at most.
-    edges : (n,), optional
-        Depths at which slabs end, in place of a ratio.
-    """
+    """Return the layers of a class from where it is no longer drawn, near ones first."""
+    # Depths `reach` and `far` are where the texture begins and ends; `ratio` is the far end of a
+    # slab over its near end, at most, and `edges` depths at which slabs end instead.
     if reach >= far or each.density == 0.0:
         return []
     if edges is None:
