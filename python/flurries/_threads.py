@@ -91,10 +91,7 @@ def kept_by_mode(most: int) -> Callable[[Callable[_P, _Made]], Callable[_P, _Mad
 
 @contextmanager
 def scope(*, threads: int | None, reproducible: bool | None) -> Iterator[None]:
-    """Give the calls of this thread a number of threads and a mode of their own.
-
-    Tasks that share a process each have theirs; None leaves one to the process.
-    """
+    """Give the calls of this thread a pool and a mode; None leaves them to the process."""
     before = _core.set_scope(threads, reproducible)
     try:
         yield
