@@ -51,11 +51,6 @@ class Camera:
     aspect : float
         Focal length down over focal length across, fy / fx, of pixels that are not square or of
         calibrated cameras. Flakes stay round in pixels.
-
-    Raises
-    ------
-    ValueError, TypeError
-        For a number that is not finite or a focal length that is not positive.
     """
 
     focal: float

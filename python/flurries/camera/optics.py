@@ -47,11 +47,6 @@ class Lens:
     turn : float
         Rotation of the opening, radians.
 
-    Raises
-    ------
-    ValueError, TypeError
-        For a number outside its range; the message names it.
-
     Notes
     -----
     The circle of confusion of a thin lens of focal length F, f-stop N, focused at s, at the depth

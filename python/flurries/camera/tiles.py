@@ -48,8 +48,6 @@ def tile_drift(
         Depth that the longest wave stands for, world units, positive.
     tile, overlap : int
         As given to the field.
-    out : (rows, cols, 2) float64, optional
-        Array to write into and return.
 
     Returns
     -------
@@ -90,8 +88,6 @@ def tile_shift(
         The eye.
     tile, overlap : int
         As given to the field.
-    out : (rows, cols, 2) float64, optional
-        Array to write into and return.
 
     Returns
     -------
@@ -131,8 +127,6 @@ def tile_zoom(
         The eye.
     tile, overlap : int
         As given to the field.
-    out : (rows, cols, 2) float64, optional
-        Array to write into and return.
 
     Returns
     -------
