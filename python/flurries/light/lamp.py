@@ -48,11 +48,6 @@ class Lamp:
     carried : bool
         Whether place and direction are in the camera's axes and go with it, as headlights do.
 
-    Raises
-    ------
-    ValueError, TypeError
-        For a number outside its range, or neither place nor direction; the message names it.
-
     Notes
     -----
     A flake's radiance is albedo * phase function * irradiance: 0.9 and 1 for flakes and drops,
