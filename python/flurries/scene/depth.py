@@ -48,11 +48,6 @@ class DepthMap:
     law : {"linear", "inverse"}
         What is in proportion to the grey: depth, or its inverse.
 
-    Raises
-    ------
-    ValueError, TypeError
-        For an argument that is not as described; the message names it.
-
     Examples
     --------
     >>> import numpy as np, flurries as fl

@@ -87,19 +87,7 @@ class Sources:
         return self.extend == "hold" and extent(self.camera) is not None
 
     def require(self, frames: Sequence[int], *, gaps: bool = True) -> None:
-        """Refuse frame numbers that a file or the camera does not have.
-
-        Parameters
-        ----------
-        frames : sequence of int
-        gaps : bool
-            Whether files that are missing between the first and the last are refused too.
-
-        Raises
-        ------
-        ValueError, FileNotFoundError
-            The message names the numbers that are asked for, and those that are there.
-        """
+        """Refuse frame numbers that a file or the camera does not have; with `gaps`, files missing."""
         for span in self.spans:
             if outside := span.outside(frames):
                 asked = words_of(frames)
@@ -114,13 +102,7 @@ class Sources:
                 )
 
     def look(self, t: float) -> None:
-        """Read background, depth and mattes of a frame, as `render` will.
-
-        Raises
-        ------
-        OSError, ValueError
-            If one of them is missing or damaged.
-        """
+        """Read background, depth and mattes of a frame, as `render` will; raise what it would."""
         time = real("t", t)
         self._backdrop.frame(time)
         if self._distance is not None:
