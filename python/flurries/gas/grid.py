@@ -54,11 +54,6 @@ def particles_of(
         In a uniform volume the mean optical depth of a ray is k L, whatever k. A voxel holds at
         most an optical depth of 5.7 (then its particle is opaque); what is beyond is cut off.
 
-    Raises
-    ------
-    TypeError, ValueError
-        If an argument is not as described; the message names it.
-
     Notes
     -----
     A particle on a grid is not one of a random cloud: rays meet them one after the other in equal

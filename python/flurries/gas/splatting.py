@@ -140,18 +140,11 @@ def splat(
         at 24 px by .0015 of it. At least 8; all pixels are computed if not given.
     dtype : float32 or float64, optional
         Type of the result.
-    out : (H, W, 4) array of that dtype, optional
-        Array to write into and return.
 
     Returns
     -------
     (H, W, 4) array
         Linear RGB multiplied by alpha, and alpha = 1 - prod(1 - alpha_i), 0 to 1.
-
-    Raises
-    ------
-    TypeError, ValueError
-        If an argument is not as described; the message names it.
 
     Notes
     -----
@@ -208,18 +201,11 @@ def alpha(
     shape, centers, radius, density, camera, footprint, edge, near, near_mode, depth, occlusion, \
 error, smooth, dtype
         As in :func:`splat`.
-    out : (H, W) array of that dtype, optional
-        Array to write into and return.
 
     Returns
     -------
     (H, W) array
         1 - prod(1 - alpha_i), 0 to 1. It has the bits of ``splat(..., color=c)[..., 3]``.
-
-    Raises
-    ------
-    TypeError, ValueError
-        If an argument is not as described; the message names it.
     """
     size = shape_of("shape", shape)
     kind = float_dtype(dtype)
