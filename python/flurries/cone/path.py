@@ -68,14 +68,8 @@ class Path:
     ----------
     times : (n,) float64
         Seconds, not decreasing.
-    axis : (n, 3) float64
-        Axis of length 1, house axes.
-    phase : (n,) float64
-        Phase in tiles, in [0, 1).
-    stretch : (n,) float64
-        1 or more.
-    speed : (n,) float64
-        Speed along the axis, metres per second.
+    axis, phase, stretch, speed : (n, 3) or (n,) float64
+        As in :class:`State`.
     """
 
     times: Float64
@@ -172,11 +166,6 @@ def path(
     Returns
     -------
     Path
-
-    Raises
-    ------
-    ValueError, TypeError
-        For an argument that is not as described; the message names it.
 
     Notes
     -----

@@ -30,11 +30,6 @@ class Texture:
     ----------
     tile : (n, n)
         Opacities, 0 to 1; copied.
-
-    Raises
-    ------
-    ValueError, TypeError
-        If the tile is not as described.
     """
 
     def __init__(self, tile: npt.ArrayLike) -> None:
