@@ -76,8 +76,6 @@ def tent_rate(
     loop : int, optional
         Frames after which the film shall repeat: rates are rounded to ``n / loop``, half to even,
         which is odd in k. See :func:`loop`.
-    out : (H, W) float64, optional
-        Array to write into and return.
 
     Returns
     -------
@@ -85,11 +83,6 @@ def tent_rate(
         Cycles per frame of each bin, ``rate = -(a kx' + b ky') / |k'|`` with
         ``(a, b) = velocity / wavelength_max``; at most |velocity| / wavelength_max. Odd in k; 0 at
         dc. On a Nyquist line that axis' part of the numerator is 0, as the real field demands.
-
-    Raises
-    ------
-    ValueError, TypeError
-        For a wrong shape or a number that is not finite.
 
     Notes
     -----
@@ -151,8 +144,6 @@ def band_amplitude(
     exponent : float
         Amplitude ~ ``|k| ** -exponent``; 1 gives every octave the same power, less makes finer
         snow.
-    out : (H, W) float64, optional
-        Array to write into and return.
 
     Returns
     -------
@@ -221,8 +212,6 @@ def random_phase(
         Any int64.
     tile : (row, col)
         Which tile of the grid; int64.
-    out : (H, W) float64, optional
-        Array to write into and return.
 
     Returns
     -------

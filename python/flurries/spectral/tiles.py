@@ -49,8 +49,6 @@ def inverse_transform(
         Amplitudes, and phases in cycles, fftfreq order.
     dtype : float32 or float64
         Precision of the pixels.
-    out : (H, W), optional
-        Array to write into and return.
 
     Returns
     -------
@@ -87,11 +85,6 @@ def tile_starts(length: int, *, tile: int = TILE, overlap: int = OVERLAP) -> npt
     -------
     (n,) int
         0, tile - overlap, ...; the last tile may stick out. 19 for 1024 px and the defaults.
-
-    Raises
-    ------
-    TypeError, ValueError
-        For an argument that is not as described, and for more than 2^22 tiles.
     """
     pixels_ = integer("length", length, low=1, high=2**31 - 1)
     size = integer("tile", tile, low=1, high=2**15)
@@ -156,8 +149,6 @@ def blend_tiles(
         Squares of the weights sum to 1, so that independent fields keep their variance everywhere;
         or the weights themselves do (the paper), and the variance dips to 1/2 at edges and 1/4 at
         corners.
-    out : (H, W), optional
-        Array to write into and return.
 
     Returns
     -------

@@ -158,8 +158,6 @@ def volume(
         (``docs/internals/deviations.md``, 14).
     dtype : float32 or float64
         Precision of the pixels.
-    out : (T, M, M), optional
-        Array to write into and return.
 
     Returns
     -------
@@ -243,19 +241,12 @@ def loop(
         See :func:`field`.
     dtype : float32 or float64
         Precision of the pixels.
-    out : array of the result's shape, optional
-        Array to write into and return.
 
     Returns
     -------
     (T, H, W), (n, H, W) or (H, W) float32 or float64
         All frames, those of an array of times, or that of one time. Mean 0, variance 1 in every
         frame (less what the filter takes).
-
-    Raises
-    ------
-    ValueError, TypeError
-        For an argument that is not as described; the message names it.
 
     Warns
     -----
