@@ -3,6 +3,9 @@
 Arrays in, arrays out: :mod:`flurries.spectral`, :mod:`flurries.camera`, :mod:`flurries.particles`,
 :mod:`flurries.gas`, :mod:`flurries.composite`, :mod:`flurries.stereo`.
 Pictures and film: :class:`Scene` and its effects.
+
+An argument that is not as described is refused by a TypeError or a ValueError that names it. `out`,
+where a function has it, is an array of the result's shape and dtype to write into and return.
 """
 
 from importlib import import_module

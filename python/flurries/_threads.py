@@ -25,11 +25,6 @@ def set_threads(n: int) -> None:
     ----------
     n : int
         1 to 256.
-
-    Raises
-    ------
-    TypeError, ValueError
-        If `n` is not such a number.
     """
     _core.set_threads(integer("n", n, low=1, high=MOST_THREADS))
 
@@ -50,11 +45,6 @@ def set_reproducible(on: bool) -> None:
     Parameters
     ----------
     on : bool
-
-    Raises
-    ------
-    TypeError
-        If `on` is no bool.
 
     Notes
     -----
