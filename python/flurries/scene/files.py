@@ -87,7 +87,7 @@ class Sources:
         return self.extend == "hold" and extent(self.camera) is not None
 
     def require(self, frames: Sequence[int], *, gaps: bool = True) -> None:
-        """Refuse frame numbers that a file or the camera does not have; with `gaps`, files missing."""
+        """Refuse frame numbers that a file or the camera does not have; files missing: `gaps`."""
         for span in self.spans:
             if outside := span.outside(frames):
                 asked = words_of(frames)
