@@ -8,7 +8,6 @@ camera that moves sideways, stands still or flies backwards is no special case.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -89,13 +88,7 @@ class Camera:
 
     def matrix(self) -> Float64:
         """Return R (3, 3): a direction d of the camera's axes is R d in the house axes."""
-        return np.array(_matrix(self.rotation))
-
-
-@lru_cache(maxsize=256)
-def _matrix(rotation: tuple[float, float, float]) -> Float64:
-    # Asked for several times in a frame.
-    return rotation_matrix(rotation)
+        return rotation_matrix(self.rotation)
 
 
 def expect_camera(camera: object, *, stretched: bool = False) -> Camera:

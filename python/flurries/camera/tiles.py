@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from functools import lru_cache
-
 import numpy as np
 import numpy.typing as npt
 
@@ -150,21 +148,10 @@ def tile_middles(
     shape: tuple[int, int], camera: Camera, tile: tuple[int, int], overlap: int
 ) -> tuple[Float64, Float64]:
     """Return the middles of tiles, px from the principal point: across, and down."""
-    return _middles(shape, camera.principal(shape), tile, overlap)
-
-
-@lru_cache(maxsize=32)
-def _middles(
-    shape: tuple[int, int], center: tuple[float, float], tile: tuple[int, int], overlap: int
-) -> tuple[Float64, Float64]:
-    """Return the same, read-only: they are those of all frames."""
-    found = []
-    for axis in (1, 0):
-        first = starts(shape[axis], tile[axis], overlap)
-        middles = np.asarray(first + tile[axis] / 2 - center[1 - axis], np.float64)
-        middles.flags.writeable = False
-        found.append(middles)
-    return found[0], found[1]
+    cx, cy = camera.principal(shape)
+    across = starts(shape[1], tile[1], overlap) + tile[1] / 2 - cx
+    down = starts(shape[0], tile[0], overlap) + tile[0] / 2 - cy
+    return np.asarray(across, np.float64), np.asarray(down, np.float64)
 
 
 def drift_at(
