@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from flurries.io.sources import VideoSource
 from flurries.io.spans import Span
+
+_Made = TypeVar("_Made")
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,3 +55,26 @@ class Numbered:
         numbers = {number: self.span.number(number) for number in wanted}
         missing = set(self.source.gaps(sorted({*numbers.values()})))
         return [number for number, own in numbers.items() if own in missing]
+
+
+class Last:
+    """What was made of the last frame's parts; in a copy or another process it begins anew."""
+
+    def __init__(self) -> None:
+        self.kept: tuple[tuple[Any, ...], Any] | None = None
+
+    def of(self, parts: tuple[Any, ...], make: Callable[[], _Made]) -> _Made:
+        """Return what `make` makes of numbers, or of objects that are the very same."""
+        # Files give the very same picture again while they keep it.
+        kept = self.kept
+        if kept is None or not all(map(_same, parts, kept[0])):
+            kept = self.kept = parts, make()
+        made: _Made = kept[1]
+        return made
+
+    def __reduce__(self) -> tuple[type[Last], tuple[()]]:
+        return Last, ()
+
+
+def _same(one: object, other: object) -> bool:
+    return one is other or (type(one) is int and one == other)
