@@ -117,7 +117,7 @@ class Front:
     flat: tuple[Matte, ...]  # Those before all weather, back to front.
     deep: Deep | None  # Those at a depth.
 
-    @cached_property
+    @property
     def cover(self) -> Array | None:
         """The share of the weather that masks hide, (H, W); None without masks."""
         found: Array | None = None
@@ -126,7 +126,7 @@ class Front:
                 found = matte.cover if found is None else 1.0 - (1.0 - found) * (1.0 - matte.cover)
         return found
 
-    @cached_property
+    @property
     def hides(self) -> Array | None:
         """The share of the weather that nobody sees, (H, W); None where all of it can be seen."""
         found: Array | None = None
@@ -138,9 +138,8 @@ class Front:
     @cached_property
     def visible(self) -> Visible | None:
         """The pixels where the weather can be seen in the composite; None is everywhere."""
-        if self.hides is None or not (self.hides >= 1.0).any():
-            return None
-        return Visible(self.hides)
+        hides = self.hides
+        return None if hides is None or not (hides >= 1.0).any() else Visible(hides)
 
     @property
     def pictures(self) -> tuple[Matte, ...]:

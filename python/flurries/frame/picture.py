@@ -129,7 +129,8 @@ class Picture:
         elif part is not None and front is not None:
             inside = within(part, band)
             over = np.ascontiguousarray(crop(light, inside))
-            cover = None if front.cover is None else crop(front.cover, inside)
+            cover = front.cover
+            cover = None if cover is None else crop(cover, inside)
             over = self._over(part, over, cover, None)
             with stage("composite"):
                 if over.shape == light.shape:

@@ -16,7 +16,6 @@ class Visible:
 
     def __init__(self, cover: Array) -> None:
         self._seen = cover < 1.0
-        self._tiles: dict[tuple[tuple[int, int], int], npt.NDArray[np.bool_]] = {}
 
     def within(self, window: Window) -> Window | None:
         """Return the smallest window that has all visible pixels of one, or None without any."""
@@ -34,13 +33,9 @@ class Visible:
 
     def tiles(self, tile: tuple[int, int], overlap: int) -> npt.NDArray[np.bool_]:
         """Return the tiles that have a visible pixel, (rows, cols) bool."""
-        found = self._tiles.get((tile, overlap))
-        if found is None:
-            height, width = self._seen.shape
-            rows = tile_starts(height, tile=tile[0], overlap=overlap)
-            cols = tile_starts(width, tile=tile[1], overlap=overlap)
-            bands = [self._seen[:, x : x + tile[1]].any(axis=1) for x in cols]
-            columns = np.stack(bands, axis=1)
-            found = np.stack([columns[y : y + tile[0]].any(axis=0) for y in rows])
-            self._tiles = {(tile, overlap): found}
-        return found
+        height, width = self._seen.shape
+        rows = tile_starts(height, tile=tile[0], overlap=overlap)
+        cols = tile_starts(width, tile=tile[1], overlap=overlap)
+        bands = [self._seen[:, x : x + tile[1]].any(axis=1) for x in cols]
+        columns = np.stack(bands, axis=1)
+        return np.stack([columns[y : y + tile[0]].any(axis=0) for y in rows])
