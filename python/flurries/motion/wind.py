@@ -201,16 +201,6 @@ class Wind:
         parts = [np.interp(depth, at, values[:, axis]) for axis in range(3)]
         return np.zeros(len(depth)), np.stack(parts, axis=1)
 
-    def fastest_extra(self) -> float:
-        """Return the largest speed that the profile adds at any depth, m/s."""
-        if self.profile is None:
-            return 0.0
-        factor, own = self.extra(self.profile._frames)
-        steady = self.steady
-        means = steady._values if isinstance(steady, Keys) else np.array([steady])
-        mean = float(np.linalg.norm(means, axis=1).max())
-        return float(max(np.abs(factor).max() * mean, np.linalg.norm(own, axis=1).max()))
-
 
 FIELDS = ("mean", "gusts", "swirl", "scale", "profile", "field", "spacing", "duration", "modes",
           "seed")  # fmt: skip
