@@ -11,15 +11,6 @@ from flurries import _core
 from flurries._contract import Float64
 
 
-def image_of(sigma: npt.ArrayLike) -> tuple[Float64, Float64]:
-    """Return variances, px^2, and opacities' factors of images of flakes."""
-    # `sigma` is f radius / (3 z), px, here and below.
-    given = np.ascontiguousarray(sigma, np.float64)
-    variance, share = np.empty(given.shape), np.empty(given.shape)
-    _core.particle_image(variance.reshape(-1), share.reshape(-1), given.reshape(-1))
-    return variance, share
-
-
 def exact_variance(sigma: npt.ArrayLike) -> Float64:
     """Return the variances, px^2, of flakes drawn exactly: integrated over each pixel."""
     return _of_each(_core.particle_variance, sigma)
