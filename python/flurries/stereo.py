@@ -7,7 +7,6 @@ put on top of each other, things at the distance of convergence coincide.
 from __future__ import annotations
 
 from dataclasses import replace
-from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -285,7 +284,6 @@ def _shown(light: Array, dtype: np.dtype[Any]) -> Array:
     return np.asarray(level - (light < bounds[level]), np.uint8)
 
 
-@lru_cache(maxsize=1)
 def _encoding_table() -> tuple[Array, Array]:
     """Return the 8-bit level of 4096 lights, and the light from which each level is nearest."""
     steps = np.arange(4097) / 4096
