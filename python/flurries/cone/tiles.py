@@ -21,7 +21,7 @@ from flurries._contract import (
 )
 from flurries._contract import pixels as pixels_of
 from flurries.cone.sheet import LARGEST_TILE
-from flurries.particles.looks import smoothstep
+from flurries.particles.population import smoothstep
 
 __all__ = ["rain_tile", "sleet_tile", "snow_tile", "tile_of"]
 

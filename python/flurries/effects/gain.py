@@ -17,7 +17,7 @@ import numpy as np
 from numpy.polynomial.legendre import leggauss
 
 from flurries._contract import Float64
-from flurries.particles.looks import exact_variance
+from flurries.particles.population import exact_variance
 
 # Lengths of streaks that gains are given for, px.
 STREAKS = np.array(

@@ -10,9 +10,8 @@ import numpy as np
 
 from flurries import _core
 from flurries._contract import Array
-from flurries.frame.bands import crop
+from flurries.frame.bands import Visible, Window, crop
 from flurries.frame.layer import Layer
-from flurries.frame.visible import Visible, Window
 from flurries.io.color import linear_to_srgb, srgb_to_linear, unmultiply
 
 

@@ -10,14 +10,12 @@ import numpy as np
 
 from flurries._contract import Array
 from flurries.camera.lens import Camera
-from flurries.frame.bands import bands_of, common, crop, shape_of, within
+from flurries.frame.bands import Window, bands_of, common, crop, shape_of, within
 from flurries.frame.layer import Layer, layers_of
 from flurries.frame.matte import Front
 from flurries.frame.mixing import Mix, behind
 from flurries.frame.program import Ask, Program
-from flurries.frame.shared import Shared
-from flurries.frame.view import Frame
-from flurries.frame.visible import Window
+from flurries.frame.view import Frame, Shared
 from flurries.trace import of_effect, stage
 
 

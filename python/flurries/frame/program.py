@@ -19,17 +19,14 @@ from flurries._threads import reproducible
 from flurries.camera.lens import Camera
 from flurries.camera.optics import Lens
 from flurries.camera.path import CameraPath
-from flurries.frame.bands import bands_of, whole
+from flurries.frame.bands import Window, bands_of, whole
 from flurries.frame.effect import renderer_of
-from flurries.frame.lap import Lap
 from flurries.frame.matte import Deep, Front
 from flurries.frame.mixing import Mix
 from flurries.frame.needs import Kept, LeftOut, Needs, Run, has_keys, needs_of
-from flurries.frame.view import Frame
-from flurries.frame.visible import Window
-from flurries.light.ambient import ambient_light
+from flurries.frame.view import Frame, Lap
 from flurries.light.lamp import Lamp
-from flurries.light.plate import PlateLight, plate_light
+from flurries.light.plate import PlateLight, ambient_light, plate_light
 from flurries.light.sun import Sun
 from flurries.trace import stage
 

@@ -10,14 +10,13 @@ import numpy as np
 
 from flurries._contract import Array
 from flurries.camera.lens import Camera
-from flurries.frame.bands import crop
+from flurries.frame.bands import Window, crop
 from flurries.frame.layer import Layer
 from flurries.frame.mixing import behind, free_name
 from flurries.frame.picture import draw
 from flurries.frame.program import Program
-from flurries.frame.shared import Shared
 from flurries.frame.show import figure, listing
-from flurries.frame.visible import Window
+from flurries.frame.view import Shared
 from flurries.io.color import to_single, to_unit
 from flurries.trace import stage
 

@@ -12,9 +12,10 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+import numpy.typing as npt
 
+from flurries import _core
 from flurries._contract import Float64
-from flurries.particles.looks import smoothstep
 from flurries.particles.sizes import Sizes
 
 # Sigma of a flake's image from which it is drawn, px: a texture of waves resolves less.
@@ -173,3 +174,20 @@ def slabs_of(
             )
         )
     return found
+
+
+def exact_variance(sigma: npt.ArrayLike) -> Float64:
+    """Return the variances, px^2, of flakes drawn exactly: integrated over each pixel."""
+    return _of_each(_core.particle_variance, sigma)
+
+
+def smoothstep(t: npt.ArrayLike) -> Float64:
+    """Return 0 below 0, 1 above 1, and the cubic that is level at both between; of any shape."""
+    return _of_each(_core.smooth, t)
+
+
+def _of_each(law: Callable[..., None], given: npt.ArrayLike, *more: object) -> Float64:
+    values = np.ascontiguousarray(given, np.float64)
+    out = np.empty(values.shape)
+    law(out.reshape(-1), values.reshape(-1), *more)
+    return out

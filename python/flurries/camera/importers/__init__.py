@@ -12,10 +12,9 @@ from pathlib import Path
 
 from flurries._contract import shape_of
 from flurries.camera.csv import read_path
-from flurries.camera.importers.chan import read_chan
 from flurries.camera.importers.colmap import read_colmap
-from flurries.camera.importers.kitti import read_kitti
 from flurries.camera.importers.matrices import from_matrices
+from flurries.camera.importers.text import read_chan, read_kitti
 from flurries.camera.importers.usd import SUFFIXES, read_usd
 from flurries.camera.lens import Camera, expect_camera
 from flurries.camera.path import CameraPath

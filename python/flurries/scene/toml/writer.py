@@ -17,7 +17,7 @@ from flurries.motion.wind import FIELDS, Wind
 from flurries.scene.depth import DepthMap
 from flurries.scene.foreground import listed
 from flurries.scene.scene import Scene, expect_scene
-from flurries.scene.toml.tables import DEPTH, FORMAT, LAMP, LENS, OPENING, SUN, WAY
+from flurries.scene.toml.reader import DEPTH, FORMAT, LAMP, LENS, OPENING, SUN, WAY
 
 
 def describe(
