@@ -77,15 +77,11 @@ def tile_shift(
 
     Parameters
     ----------
-    shape : (H, W)
-        Size of the picture.
+    shape, camera, tile, overlap
+        See :func:`tile_drift`.
     rotation : (3,)
         Radians in camera axes, right-handed (a pan to the right is +y): the rate of turning, or its
         sum over the frames.
-    camera : Camera
-        The eye.
-    tile, overlap : int
-        As given to the field.
 
     Returns
     -------
@@ -116,15 +112,11 @@ def tile_zoom(
 
     Parameters
     ----------
-    shape : (H, W)
-        Size of the picture.
+    shape, camera, tile, overlap
+        See :func:`tile_drift`.
     growth : float
         Relative change of the focal length: its rate per frame, or its sum over the frames, the
         logarithm of the ratio.
-    camera : Camera
-        The eye.
-    tile, overlap : int
-        As given to the field.
 
     Returns
     -------
