@@ -138,8 +138,6 @@ def splat(
         of 13 x 13 samples for 64 x 64 px, wherever nothing stands in them: a fraction of the work
         for gas that is near. Each errs by at most 41 / smooth^4 + .033 / smooth of its density,
         at 24 px by .0015 of it. At least 8; all pixels are computed if not given.
-    dtype : float32 or float64, optional
-        Type of the result.
 
     Returns
     -------
@@ -323,15 +321,13 @@ def manner_of(
     )
 
 
-def ground_of(
-    depth: npt.ArrayLike | None, size: tuple[int, int], *, name: str = "depth"
-) -> Array | None:
+def ground_of(depth: npt.ArrayLike | None, size: tuple[int, int]) -> Array | None:
     """Return the depth of what stands in the picture."""
     if depth is None:
         return None
-    ground, _ = pixels(name, depth, ndim=2)
+    ground, _ = pixels("depth", depth, ndim=2)
     if ground.shape != size:
-        raise ValueError(f"{name} must have shape {size}, got {ground.shape}")
+        raise ValueError(f"depth must have shape {size}, got {ground.shape}")
     if np.isnan(ground.min()):
-        raise ValueError(f"{name} must not be NaN: infinity says that nothing stands there")
+        raise ValueError("depth must not be NaN: infinity says that nothing stands there")
     return ground
