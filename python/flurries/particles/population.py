@@ -130,16 +130,15 @@ def slabs_of(
     *,
     reach: float,
     far: float,
-    ratio: float = SLAB_RATIO,
     edges: Float64 | None = None,
 ) -> list[Slab]:
     """Return the layers of a class from where it is no longer drawn, near ones first."""
-    # Depths `reach` and `far` are where the texture begins and ends; `ratio` is the far end of a
-    # slab over its near end, at most, and `edges` depths at which slabs end instead.
+    # Depths `reach` and `far` are where the texture begins and ends, `edges` those at which slabs
+    # end, where they do not follow from SLAB_RATIO.
     if reach >= far or each.density == 0.0:
         return []
     if edges is None:
-        number = max(math.ceil(math.log(far / reach) / math.log(ratio)), 1)
+        number = max(math.ceil(math.log(far / reach) / math.log(SLAB_RATIO)), 1)
         edges = reach * (far / reach) ** (np.arange(number + 1) / number)
     diameters, share = population.sizes.nodes(each.smallest, each.largest)
     share = share / share.sum()

@@ -67,8 +67,6 @@ def splat(
     depth : (H, W), optional
         Depth of what stands in the picture, world units; infinity is the sky. Where it is nearer
         than the flake (at the middle of its clipped path), the flake is hidden. NaN hides nothing.
-    dtype : float32 or float64, optional
-        Type of the result.
 
     Returns
     -------
