@@ -47,8 +47,6 @@ def inverse_transform(
     ----------
     amplitude, phase : (H, W)
         Amplitudes, and phases in cycles, fftfreq order.
-    dtype : float32 or float64
-        Precision of the pixels.
 
     Returns
     -------

@@ -156,8 +156,6 @@ def volume(
         tent passes through, as the paper says. The latter has more cells at low frequencies, so
         that octaves are not equal any more, and every wave beats
         (``docs/internals/deviations.md``, 14).
-    dtype : float32 or float64
-        Precision of the pixels.
 
     Returns
     -------
@@ -239,8 +237,6 @@ def loop(
         See :func:`temporal_filter`; they act on the rounded rates. Power is not restored.
     jitter : bool
         See :func:`field`.
-    dtype : float32 or float64
-        Precision of the pixels.
 
     Returns
     -------
