@@ -81,8 +81,6 @@ def layer(
     radius : float
         Radius of the cone, world units. It matters for a camera with an `offset` only, which sees a
         cone of that size from beside its middle (two eyes).
-    dtype : float32 or float64
-        Type of the result.
 
     Returns
     -------

@@ -61,8 +61,6 @@ def rain_tile(
         Spread of sizes, 0 to 1: drops are ``1 - spread / 2`` to ``1 + spread / 2`` times as large.
     opacity : float
         Opacity in the middle of a drop, 0 to 1, with the same spread.
-    dtype : float32 or float64
-        Type of the result.
 
     Returns
     -------
@@ -162,8 +160,6 @@ def tile_of(
         picture that is toroidal already.
     invert : bool
         Dark drops on a light ground.
-    dtype : float32 or float64
-        Type of the result.
 
     Returns
     -------
