@@ -68,32 +68,16 @@ def bands_in(window: Window, asks: Sequence[Ask], mix: Mix, front: Front | None)
 
 
 class Picture:
-    """The picture of one eye, while it is put together.
-
-    Parameters
-    ----------
-    asks : list of Ask
-        The effects that lie over the background, back to front.
-    mix : Mix
-        In which light.
-    plate : (h, w, 3 or 4)
-        The background's window.
-    front : Front or None
-        The window of what stands in front.
-    window : (top, bottom, left, right)
-        Pixels.
-    inner : window or None
-        The part in which the weather can be seen.
-    """
+    """The picture of one eye, while it is put together."""
 
     def __init__(
         self,
-        asks: list[Ask],
+        asks: list[Ask],  # The effects that lie over the background, back to front.
         mix: Mix,
-        plate: Array,
+        plate: Array,  # The background's window, and that of what stands in front.
         front: Front | None,
         window: Window,
-        inner: Window | None,
+        inner: Window | None,  # The part in which the weather can be seen.
     ) -> None:
         self.asks, self.mix, self.plate, self.front = asks, mix, plate, front
         self.window, self.inner = window, inner
