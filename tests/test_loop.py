@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import flurries as fl
-from flurries.frame.lap import Lap
+from flurries.frame.view import Lap
 from measure import cover
 
 FRAMES = 24

@@ -12,7 +12,7 @@ import flurries as fl
 from flurries.effects.occlusion import share_before
 from flurries.effects.wall import wall_maps
 from flurries.io import linear_to_srgb, srgb_to_linear
-from flurries.light.ambient import ambient_light
+from flurries.light.plate import ambient_light
 from measure import cover
 
 Snow, Scene = fl.TentSnow, fl.Scene

@@ -56,6 +56,9 @@ INDEX = """# Reference
 Made from the code: what stands here is what `help` says in Python and `--help` on the command line.
 In Python, `fl` is `import flurries as fl`. Arrays are `[row, column]`, x goes right, **y goes down**, z goes
 away from the camera; lengths are metres, angles radians, times frames unless a name says otherwise.
+An argument that is not as described is refused by a `TypeError` or a `ValueError` that names it. `out`, where
+a function has it, is an array of the result's shape and dtype to write into and return. `dtype`
+is the type of its numbers, `np.float32` or `np.float64`.
 """
 
 

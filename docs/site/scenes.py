@@ -14,7 +14,7 @@ from numpydoc.docscrape import ClassDoc
 
 import flurries as fl
 from flurries.effects.kinds import OURS
-from flurries.scene.toml import tables
+from flurries.scene.toml import reader as tables
 
 TABLES = (
     ("The scene", "", fl.Scene, tables.SCENE),

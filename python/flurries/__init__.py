@@ -3,6 +3,10 @@
 Arrays in, arrays out: :mod:`flurries.spectral`, :mod:`flurries.camera`, :mod:`flurries.particles`,
 :mod:`flurries.gas`, :mod:`flurries.composite`, :mod:`flurries.stereo`.
 Pictures and film: :class:`Scene` and its effects.
+
+An argument that is not as described is refused by a TypeError or a ValueError that names it. `out`,
+where a function has it, is an array of the result's shape and dtype to write into and return;
+`dtype` is the type of its numbers, float32 or float64.
 """
 
 from importlib import import_module

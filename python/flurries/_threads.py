@@ -25,11 +25,6 @@ def set_threads(n: int) -> None:
     ----------
     n : int
         1 to 256.
-
-    Raises
-    ------
-    TypeError, ValueError
-        If `n` is not such a number.
     """
     _core.set_threads(integer("n", n, low=1, high=MOST_THREADS))
 
@@ -50,11 +45,6 @@ def set_reproducible(on: bool) -> None:
     Parameters
     ----------
     on : bool
-
-    Raises
-    ------
-    TypeError
-        If `on` is no bool.
 
     Notes
     -----
@@ -91,10 +81,7 @@ def kept_by_mode(most: int) -> Callable[[Callable[_P, _Made]], Callable[_P, _Mad
 
 @contextmanager
 def scope(*, threads: int | None, reproducible: bool | None) -> Iterator[None]:
-    """Give the calls of this thread a number of threads and a mode of their own.
-
-    Tasks that share a process each have theirs; None leaves one to the process.
-    """
+    """Give the calls of this thread a pool and a mode; None leaves them to the process."""
     before = _core.set_scope(threads, reproducible)
     try:
         yield

@@ -28,12 +28,10 @@ def warn(message: str) -> None:
 
 
 def warn_of_levels(name: str, picture: Array, advice: str) -> None:
-    """Warn of a float picture that holds levels up to 255 where 1 is white, or was normalized.
-
-    Weather over the first would be nearly black. Judged by an even sample: its largest number is
-    above 16 and no more than 255, and its mean above 1, as that of no picture of light is but in
-    bright sun.
-    """
+    """Warn of a float picture that holds levels up to 255 where 1 is white, or was normalized."""
+    # Weather over the first would be nearly black. Judged by an even sample: its largest number is
+    # above 16 and no more than 255, and its mean above 1, as that of no picture of light is but in
+    # bright sun.
     if picture.dtype.kind != "f" or not picture.size:
         return
     rows, columns = (max(length // _SAMPLES, 1) for length in picture.shape[:2])
@@ -65,11 +63,9 @@ def _outside() -> int:
 
 
 def warn_of_units(name: str, plane: Array) -> None:
-    """Warn of depths that are hardly metres: all within 1, or all of some hundreds and thousands.
-
-    The first are inverse depths or greys, as networks that see in one picture give them; the others
-    are millimetres. Both are silent otherwise: weather is nowhere, or everywhere alike.
-    """
+    """Warn of depths that are hardly metres: all within 1, or all some hundreds or more."""
+    # The first are inverse depths or greys, as networks that see in one picture give them; the
+    # others are millimetres. Both are silent otherwise: weather is nowhere, or everywhere alike.
     rows, columns = (max(length // _SAMPLES, 1) for length in plane.shape)
     sample = plane[::rows, ::columns]
     sample = sample[sample > 0.0]  # Others are holes.

@@ -173,8 +173,6 @@ def join(
         An even veil, 0 to 1.
     matte : (H, W), optional
         What stands in front of them all: 1 hides them.
-    out : (H, W), optional
-        Array to write into and return.
 
     Returns
     -------

@@ -7,7 +7,6 @@ put on top of each other, things at the distance of convergence coincide.
 from __future__ import annotations
 
 from dataclasses import replace
-from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -121,19 +120,12 @@ def anaglyph(
         and dtype.
     matrix : {"lsq2001", "lcd2009"}
         Dubois' projection of 2001, or the one for flat screens of 2009.
-    out : like `left`, optional
-        Array to write into and return.
 
     Returns
     -------
     (H, W, 3)
         In the dtype and the light of the inputs, clipped once to 0..1 in linear light. Grey stays
         grey: where both eyes see the same grey, so does the anaglyph, to 1e-3.
-
-    Raises
-    ------
-    TypeError, ValueError
-        If an argument is not as described; the message names it.
 
     Notes
     -----
@@ -180,18 +172,11 @@ def side_by_side(
     squeeze : bool
         Halve both widths, as frame-packed video wants it; W must be even. Pairs of pixels become
         their mean in the pictures' own values.
-    out : array, optional
-        Array to write into and return.
 
     Returns
     -------
     (H, 2 W, ...) array, or (H, W, ...)
         Both pictures, in the dtype of the inputs.
-
-    Raises
-    ------
-    TypeError, ValueError
-        If an argument is not as described; the message names it.
     """
     return _packed(left, right, 1, flag("cross", cross), flag("squeeze", squeeze), out)
 
@@ -214,11 +199,6 @@ def over_under(
     -------
     (2 H, W, ...) array, or (H, W, ...)
         Both pictures, in the dtype of the inputs.
-
-    Raises
-    ------
-    TypeError, ValueError
-        If an argument is not as described; the message names it.
     """
     return _packed(left, right, 0, False, flag("squeeze", squeeze), out)
 
@@ -304,7 +284,6 @@ def _shown(light: Array, dtype: np.dtype[Any]) -> Array:
     return np.asarray(level - (light < bounds[level]), np.uint8)
 
 
-@lru_cache(maxsize=1)
 def _encoding_table() -> tuple[Array, Array]:
     """Return the 8-bit level of 4096 lights, and the light from which each level is nearest."""
     steps = np.arange(4097) / 4096

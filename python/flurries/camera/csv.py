@@ -20,30 +20,7 @@ _MOST_BYTES = 1 << 25
 
 
 def read_path(path: str | os.PathLike[str]) -> dict[str, Any]:
-    """Read the places and orientations of a camera.
-
-    Parameters
-    ----------
-    path : str or path
-        A CSV file with a header. Columns, in any order: ``x, y, z``, world units, x right, y down,
-        z forward; ``rx, ry, rz``, a rotation vector in radians, or ``qw, qx, qy, qz``, a unit
-        quaternion; ``focal``, pixels, of a lens that zooms; and ``frame``. Without ``frame`` the
-        rows are the frames 0, 1, 2 and so on; with it they are keys, and frames increase.
-
-    Returns
-    -------
-    dict
-        ``position``, ``orientation`` and ``focal`` as :class:`flurries.CameraPath` takes them,
-        those that the file has.
-
-    Raises
-    ------
-    FileNotFoundError, OSError
-        If the file cannot be read.
-    ValueError
-        If a column is missing or unknown, or an entry is not a finite number; the message names the
-        line.
-    """
+    """Return the `position`, `orientation` and `focal` that a CSV file has, for a `CameraPath`."""
     file, text = os.fspath(path), read_text(path, _MOST_BYTES, "camera path")
     try:
         rows = [row for row in csv.reader(text.splitlines()) if any(map(str.strip, row))]

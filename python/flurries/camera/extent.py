@@ -13,10 +13,7 @@ from flurries.motion.keys import Keys
 
 
 def extent(path: CameraPath) -> tuple[int, int] | None:
-    """Return the first and the last frame of a camera that must not go on by itself, or None.
-
-    Of keys between whole frames, the whole frames that lie between them.
-    """
+    """Return the first and last whole frame of a camera that must not go on by itself, or None."""
     if path.extend != "stop":
         return None
     firsts, lasts = [], []

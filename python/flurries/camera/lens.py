@@ -8,7 +8,6 @@ camera that moves sideways, stands still or flies backwards is no special case.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -51,11 +50,6 @@ class Camera:
     aspect : float
         Focal length down over focal length across, fy / fx, of pixels that are not square or of
         calibrated cameras. Flakes stay round in pixels.
-
-    Raises
-    ------
-    ValueError, TypeError
-        For a number that is not finite or a focal length that is not positive.
     """
 
     focal: float
@@ -94,13 +88,7 @@ class Camera:
 
     def matrix(self) -> Float64:
         """Return R (3, 3): a direction d of the camera's axes is R d in the house axes."""
-        return np.array(_matrix(self.rotation))
-
-
-@lru_cache(maxsize=256)
-def _matrix(rotation: tuple[float, float, float]) -> Float64:
-    # Asked for several times in a frame.
-    return rotation_matrix(rotation)
+        return rotation_matrix(self.rotation)
 
 
 def expect_camera(camera: object, *, stretched: bool = False) -> Camera:
@@ -142,10 +130,8 @@ def project(
 
 
 def seen_at(local: Float64, camera: Camera, shape: tuple[int, int]) -> tuple[Float64, Float64]:
-    """Return the images, (n, 2) px, of points (n, 3) from the eye in its axes; and their depths.
-
-    Also of points behind the eye, which are seen upside down.
-    """
+    """Return the images (n, 2), px, and depths of points from the eye in its axes, (n, 3)."""
+    # Points behind the eye are seen upside down.
     depth = np.ascontiguousarray(local[:, 2])
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         px = camera.focals * local[:, :2] / depth[:, None] + np.array(camera.principal(shape))

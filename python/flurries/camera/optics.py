@@ -14,24 +14,12 @@ __all__ = ["Lens"]
 
 
 class Blur(NamedTuple):
-    """A lens at one time, for a picture of a size.
+    """A lens at one time, for a picture of a size."""
 
-    Attributes
-    ----------
-    strength : float
-        The circle of confusion of a depth z is ``strength * |focus - 1/z|`` pixels wide.
-    focus : float
-        One over the depth in focus, 1/m.
-    blades : int
-        Of the opening; 0 for a round one.
-    turn : float
-        Rotation of the opening, radians.
-    """
-
-    strength: float
-    focus: float
-    blades: int
-    turn: float
+    strength: float  # The circle of confusion is strength * |focus - 1/z| px wide.
+    focus: float  # One over the depth in focus, 1/m.
+    blades: int  # Of the opening; 0 for a round one.
+    turn: float  # Of the opening, radians.
 
     def circle(self, depth: float) -> float:
         """Return the diameter of the circle of confusion at a depth in metres, px."""
@@ -58,11 +46,6 @@ class Lens:
         Number of blades of the opening: 5 or more make discs with corners, 0 makes round discs.
     turn : float
         Rotation of the opening, radians.
-
-    Raises
-    ------
-    ValueError, TypeError
-        For a number outside its range; the message names it.
 
     Notes
     -----

@@ -5,6 +5,7 @@ from __future__ import annotations
 import bisect
 import math
 import os
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from typing import Any
@@ -131,7 +132,7 @@ class CameraPath:
 
     @staticmethod
     def load(path: str | os.PathLike[str], camera: Camera) -> CameraPath:
-        """Return the path of a CSV file; see :func:`flurries.camera.csv.read_path`."""
+        """Return the path of a CSV file; see :func:`flurries.camera.importers.load`."""
         return CameraPath(camera, **read_path(path), extend="stop")
 
     @property
@@ -202,10 +203,12 @@ class CameraPath:
         if not self.turns:
             way = self.place(t, fps=fps) - air_moved(t, fps=fps, fall=fall, wind=wind)
         else:
-            way = self.rig(t) @ _relative_way(self, fps, fall, wind).to(t)
+            way = self.rig(t) @ _kept(_relative_way, self, fps, fall, wind).to(t)
         if self._zoom is None or not self.zooms:
             return np.asarray(way)
-        weighted = self.rig(t) @ _weighted_way(self, fps, fall, wind).to(t) / self._zoom.at(t)
+        weighted = (
+            self.rig(t) @ _kept(_weighted_way, self, fps, fall, wind).to(t) / self._zoom.at(t)
+        )
         axis = self.turn(t)[:, 2]
         return np.asarray(weighted + axis * (axis @ (way - weighted)))
 
@@ -220,7 +223,7 @@ class CameraPath:
         angle = self._turning.at(t) @ self._turning.angle(t)
         if self._zoom is None or not (self.zooms and self.turns):
             return np.asarray(angle)
-        weighted = self._turning.at(t) @ _weighted_turn(self).to(t) / self._zoom.at(t)
+        weighted = self._turning.at(t) @ _kept(_weighted_turn, self).to(t) / self._zoom.at(t)
         axis = self.turn(t)[:, 2]
         return np.asarray(weighted + axis * (axis @ (angle - weighted)))
 
@@ -310,15 +313,19 @@ def air_moved(t: float, *, fps: float, fall: Number, wind: Vector) -> Float64:
     return np.asarray(moved)
 
 
-@lru_cache(maxsize=32)
+@lru_cache(maxsize=96)
+def _kept(make: Callable[..., Integral], *given: Any) -> Integral:
+    """Return an integral along a path; its sums are made once for a film."""
+    return make(*given)
+
+
 def _relative_way(path: CameraPath, fps: float, fall: Number, wind: Vector) -> Integral:
-    """Return P of a camera that turns; its sums are made once for a film."""
+    """Return P of a camera that turns."""
     assert path._turning is not None
     air = course_of(wind, -1.0 / fps), fall_course(fall, -1.0 / fps)
     return path._turning.integral(sum_of([path.course(fps), *air]))
 
 
-@lru_cache(maxsize=32)
 def _weighted_way(path: CameraPath, fps: float, fall: Number, wind: Vector) -> Integral:
     """Return the integral of f R^T v, in the rig's axes."""
     assert path._zoom is not None
@@ -332,7 +339,6 @@ def _weighted_way(path: CameraPath, fps: float, fall: Number, wind: Vector) -> I
     return integral_of(Course(course.knots, course.values @ rig, slopes, course.times))
 
 
-@lru_cache(maxsize=32)
 def _weighted_turn(path: CameraPath) -> Integral:
     """Return the integral of f w, in the rig's axes."""
     assert path._turning is not None and path._zoom is not None

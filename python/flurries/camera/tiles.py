@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from functools import lru_cache
-
 import numpy as np
 import numpy.typing as npt
 
@@ -48,8 +46,6 @@ def tile_drift(
         Depth that the longest wave stands for, world units, positive.
     tile, overlap : int
         As given to the field.
-    out : (rows, cols, 2) float64, optional
-        Array to write into and return.
 
     Returns
     -------
@@ -81,17 +77,11 @@ def tile_shift(
 
     Parameters
     ----------
-    shape : (H, W)
-        Size of the picture.
+    shape, camera, tile, overlap
+        See :func:`tile_drift`.
     rotation : (3,)
         Radians in camera axes, right-handed (a pan to the right is +y): the rate of turning, or its
         sum over the frames.
-    camera : Camera
-        The eye.
-    tile, overlap : int
-        As given to the field.
-    out : (rows, cols, 2) float64, optional
-        Array to write into and return.
 
     Returns
     -------
@@ -122,17 +112,11 @@ def tile_zoom(
 
     Parameters
     ----------
-    shape : (H, W)
-        Size of the picture.
+    shape, camera, tile, overlap
+        See :func:`tile_drift`.
     growth : float
         Relative change of the focal length: its rate per frame, or its sum over the frames, the
         logarithm of the ratio.
-    camera : Camera
-        The eye.
-    tile, overlap : int
-        As given to the field.
-    out : (rows, cols, 2) float64, optional
-        Array to write into and return.
 
     Returns
     -------
@@ -156,21 +140,10 @@ def tile_middles(
     shape: tuple[int, int], camera: Camera, tile: tuple[int, int], overlap: int
 ) -> tuple[Float64, Float64]:
     """Return the middles of tiles, px from the principal point: across, and down."""
-    return _middles(shape, camera.principal(shape), tile, overlap)
-
-
-@lru_cache(maxsize=32)
-def _middles(
-    shape: tuple[int, int], center: tuple[float, float], tile: tuple[int, int], overlap: int
-) -> tuple[Float64, Float64]:
-    """Return the same, read-only: they are those of all frames."""
-    found = []
-    for axis in (1, 0):
-        first = starts(shape[axis], tile[axis], overlap)
-        middles = np.asarray(first + tile[axis] / 2 - center[1 - axis], np.float64)
-        middles.flags.writeable = False
-        found.append(middles)
-    return found[0], found[1]
+    cx, cy = camera.principal(shape)
+    across = starts(shape[1], tile[1], overlap) + tile[1] / 2 - cx
+    down = starts(shape[0], tile[0], overlap) + tile[0] / 2 - cy
+    return np.asarray(across, np.float64), np.asarray(down, np.float64)
 
 
 def drift_at(
@@ -180,19 +153,9 @@ def drift_at(
     focals: tuple[float, float],
     result: Float64 | None = None,
 ) -> Float64:
-    """Return a picture's motion times the depth, pixels times metres: (y, x, 2), in `result`.
-
-    Without a `result` to be filled it is (1, 1, 2) where all places move alike.
-
-    Parameters
-    ----------
-    x, y : (n,), (m,)
-        Pixels from the principal point.
-    displacement : (3,)
-        Of the eye against the air, camera axes, metres.
-    focals : (x, y)
-        Pixels.
-    """
+    """Return motion times depth, px m, (y, x, 2), at places from the principal point."""
+    # For a `displacement` of the eye against the air in camera axes, metres. Without a `result` to
+    # be filled it is (1, 1, 2) where all places move alike.
     right, down, ahead = displacement.tolist()
     fx, fy = focals
     if result is None:

@@ -32,20 +32,11 @@ _TERMS = 9
 
 @dataclass(frozen=True, eq=False)
 class Turning:
-    """An orientation for every time.
+    """An orientation for every time."""
 
-    Attributes
-    ----------
-    frames : (n,) float64
-        Times of the keys, increasing.
-    matrices : (n, 3, 3) float64
-        Rig to house axes at the keys.
-    rates : (max(n - 1, 1), 3) float64
-        Radians per frame between them, in the rig's own axes; the ends go on.
-    """
-
-    frames: Float64
-    matrices: Float64
+    frames: Float64  # (n,) increasing times of the keys.
+    matrices: Float64  # (n, 3, 3) rig to house axes at the keys.
+    # (max(n - 1, 1), 3) radians per frame between them, in the rig's axes; the ends go on.
     rates: Float64
     _angle: Integral = field(init=False, repr=False)
 
@@ -117,10 +108,8 @@ def _areas(
 
 
 def _terms(x: Float64) -> Float64:
-    """Return the four coefficients of [w] and [w]^2 in the integrals of exp and h exp, (4, n).
-
-    (1 - cos x)/x^2, (x - sin x)/x^3, (sin x - x cos x)/x^3, (x^2/2 - x sin x - cos x + 1)/x^4.
-    """
+    """Return the four coefficients of [w] and [w]^2 in the integrals of exp and h exp, (4, n)."""
+    # (1 - cos x)/x^2, (x - sin x)/x^3, (sin x - x cos x)/x^3, (x^2/2 - x sin x - cos x + 1)/x^4.
     result = np.empty((4, len(x)))
     small = np.abs(x) < _SMALL
     y = x[~small]

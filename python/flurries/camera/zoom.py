@@ -22,15 +22,9 @@ _MOST_CUTS = 1_000_000
 
 @dataclass(frozen=True, eq=False)
 class Zoom:
-    """A focal length for every time: linear between keys, held outside.
+    """A focal length for every time: linear between keys, held outside."""
 
-    Attributes
-    ----------
-    keys : Keys
-        Pixels.
-    """
-
-    keys: Keys
+    keys: Keys  # Pixels.
 
     @property
     def moves(self) -> bool:

@@ -57,11 +57,6 @@ class Mapping:
     depth : (H, W) array, optional
         Planar depth of what stands in the picture, world units; a layer behind it is hidden. Needs
         `radius`.
-
-    Raises
-    ------
-    ValueError, TypeError
-        For an argument that is not as described; the message names it.
     """
 
     def __init__(

@@ -46,11 +46,6 @@ def travel(
     (3,) or (n, 3) float64
         ``drop - C_f camera``, metres per second: with damping 1 the velocity of a drop that the
         camera sees. As printed, metres per frame.
-
-    Raises
-    ------
-    ValueError, TypeError
-        For an argument that is not as described.
     """
     fallen, moved = _vectors("drop", drop), _vectors("camera", camera)
     share = real("damping", damping, low=0.0, high=1.0)
@@ -92,11 +87,6 @@ def elongation(
     -------
     () or (n,) float64
         ``1 + |speed| exposure / length``, 1 or more.
-
-    Raises
-    ------
-    ValueError, TypeError
-        For an argument that is not as described.
     """
     pace = np.abs(_numbers("speed", speed))
     drop = real("length", length, above=0.0)
@@ -141,11 +131,6 @@ def scroll(
     () or (n,) float64
         ``speed dt / (tile stretch)``, tiles; the same for all layers, which are farther by as much
         as they are smaller.
-
-    Raises
-    ------
-    ValueError, TypeError
-        For an argument that is not as described.
     """
     pace, step = _numbers("speed", speed), _steps(dt)
     if not flag("published", published):

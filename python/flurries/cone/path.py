@@ -68,14 +68,8 @@ class Path:
     ----------
     times : (n,) float64
         Seconds, not decreasing.
-    axis : (n, 3) float64
-        Axis of length 1, house axes.
-    phase : (n,) float64
-        Phase in tiles, in [0, 1).
-    stretch : (n,) float64
-        1 or more.
-    speed : (n,) float64
-        Speed along the axis, metres per second.
+    axis, phase, stretch, speed : (n, 3) or (n,) float64
+        As in :class:`State`.
     """
 
     times: Float64
@@ -173,11 +167,6 @@ def path(
     -------
     Path
 
-    Raises
-    ------
-    ValueError, TypeError
-        For an argument that is not as described; the message names it.
-
     Notes
     -----
     Wang 2004, Eqs. 1-3, corrected. Phases are computed in float64 and reduced at every time.
@@ -249,12 +238,10 @@ def _tilt(velocity: Float64, last: Float64, still: float) -> tuple[Float64, floa
 def _gone(
     start: Float64, end: Float64, dt: float, axis: Float64, blur: tuple[float, float]
 ) -> float:
-    """Return metres of the texture's scroll over a time in which velocity and blur are linear.
-
-    The integral of ``s |v| / (1 + blur |v|)``, s the sign along `axis`. |v| has a kink, or nearly
-    one, where v is least, and the whole a pole beyond the time at which the blur would be 0: pieces
-    double in length from there on.
-    """
+    """Return metres of the texture's scroll over a time in which velocity and blur are linear."""
+    # The integral of s |v| / (1 + blur |v|), s the sign along `axis`. |v| has a kink, or nearly
+    # one, where v is least, and the whole a pole beyond the time at which the blur would be 0:
+    # pieces double in length from there on.
     change, longer = end - start, blur[1] - blur[0]
     square = float(change @ change)
     edges = {0.0, 1.0}
@@ -277,10 +264,8 @@ def _gone(
 
 
 def _around(place: float, distance: float) -> set[float]:
-    """Return the ends of pieces that double in length from a place on, to both sides.
-
-    `distance` is how far from there the function is not analytic: no need for shorter pieces.
-    """
+    """Return the ends of pieces that double in length from a place on, to both sides."""
+    # `distance` is how far from there the function is not analytic: no need for shorter pieces.
     edges = {place}
     for side in (-1.0, 1.0):
         width = 1.0

@@ -61,11 +61,6 @@ def frame(axis: npt.ArrayLike) -> tuple[Float64, Float64, Float64]:
     axis, first, second : (3,) float64
         Of length 1 and square to each other: x and z, turned by the smallest rotation that brings
         the default axis (0, 1, 0) to the wanted one; x and -z where the axis points straight up.
-
-    Raises
-    ------
-    ValueError, TypeError
-        If the axis is not a direction.
     """
     basis = _core.cone_basis(direction("axis", axis))
     first, second, third = (np.array(part) for part in basis)
@@ -103,11 +98,6 @@ def rays(
     -------
     Rays
         Planes (H, W), or rows (n,) for `points_px`.
-
-    Raises
-    ------
-    ValueError, TypeError
-        For an argument that is not as described.
     """
     size = shape_of("shape", shape)
     given = pose(size, camera, axis, slope, radius)

@@ -81,20 +81,11 @@ def layer(
     radius : float
         Radius of the cone, world units. It matters for a camera with an `offset` only, which sees a
         cone of that size from beside its middle (two eyes).
-    dtype : float32 or float64
-        Type of the result.
-    out : (H, W) array of that dtype, optional
-        Array to write into and return.
 
     Returns
     -------
     (H, W) array
         Alpha, 0 to 1.
-
-    Raises
-    ------
-    ValueError, TypeError
-        For an argument that is not as described; the message names it.
 
     Notes
     -----

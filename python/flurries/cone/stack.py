@@ -91,11 +91,6 @@ def layers(
     (H, W) array
         ``1 - prod(1 - alpha_i)``, 0 to 1; of the wanted rows only.
 
-    Raises
-    ------
-    ValueError, TypeError
-        For an argument that is not as described; the message names it.
-
     Notes
     -----
     float32 looks into tables of 8 bits (of the texture's largest value) that are filtered

@@ -30,11 +30,6 @@ class Texture:
     ----------
     tile : (n, n)
         Opacities, 0 to 1; copied.
-
-    Raises
-    ------
-    ValueError, TypeError
-        If the tile is not as described.
     """
 
     def __init__(self, tile: npt.ArrayLike) -> None:
@@ -69,11 +64,9 @@ class Texture:
 
 
 def _narrowed(width: float, size: int, count: int) -> float:
-    """Return the box, in texels, that looks `width` wide where `count` entries are gone between.
-
-    Going linearly between entries h apart blurs by h^2 / 6 in the mean; a texel's own width is
-    1 / 12. What is left of the variance of a box over texels is that of shares of whole texels.
-    """
+    """Return the box, in texels, that looks `width` wide where `count` entries are gone between."""
+    # Going linearly between entries h apart blurs by h^2 / 6 in the mean; a texel's own width is 1
+    # / 12. What is left of the variance of a box over texels is that of shares of whole texels.
     step = size / count
     wanted = (width**2 + 1.0) / 12.0 - step**2 / 6.0
     low, high = 1.0, max(width, 1.0)

@@ -21,7 +21,7 @@ from flurries._contract import (
 )
 from flurries._contract import pixels as pixels_of
 from flurries.cone.sheet import LARGEST_TILE
-from flurries.particles.looks import smoothstep
+from flurries.particles.population import smoothstep
 
 __all__ = ["rain_tile", "sleet_tile", "snow_tile", "tile_of"]
 
@@ -61,10 +61,6 @@ def rain_tile(
         Spread of sizes, 0 to 1: drops are ``1 - spread / 2`` to ``1 + spread / 2`` times as large.
     opacity : float
         Opacity in the middle of a drop, 0 to 1, with the same spread.
-    dtype : float32 or float64
-        Type of the result.
-    out : (n, n) array of that dtype, optional
-        Array to write into and return.
 
     Returns
     -------
@@ -72,11 +68,6 @@ def rain_tile(
         Opacities, 0 to 1: ``1 - prod(1 - alpha_i)``. Every distance is the shortest around the
         torus, so that the tile has no edge. A drop thinner than a texel is drawn wider and
         fainter, with the same energy.
-
-    Raises
-    ------
-    ValueError, TypeError
-        For an argument that is not as described; the message names it.
 
     Examples
     --------
@@ -106,11 +97,6 @@ def snow_tile(
     """Return a toroidal texture of snowflakes: Gaussian discs.
 
     Parameters and result are those of :func:`rain_tile`; `width` is two sigma of a flake, tiles.
-
-    Raises
-    ------
-    ValueError, TypeError
-        For an argument that is not as described; the message names it.
     """
     texels, count = _size(size), _count("flakes", flakes)
     return _drawn(texels, _sprites(texels, count, seed, width, spread, opacity), dtype, out)
@@ -133,11 +119,6 @@ def sleet_tile(
     """Return a toroidal texture of drops and flakes together.
 
     Parameters and result are those of :func:`rain_tile` and :func:`snow_tile`.
-
-    Raises
-    ------
-    ValueError, TypeError
-        For an argument that is not as described; the message names it.
     """
     texels = _size(size)
     wet, white = _count("drops", drops), _count("flakes", flakes)
@@ -179,20 +160,11 @@ def tile_of(
         picture that is toroidal already.
     invert : bool
         Dark drops on a light ground.
-    dtype : float32 or float64
-        Type of the result.
-    out : (n, n) array of that dtype, optional
-        Array to write into and return.
 
     Returns
     -------
     (n, n) array
         Opacities, 0 to 1.
-
-    Raises
-    ------
-    ValueError, TypeError
-        For an argument that is not as described; the message names it.
     """
     plane = _brightness(picture)
     if flag("invert", invert):

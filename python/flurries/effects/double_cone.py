@@ -22,9 +22,8 @@ from flurries.camera.path import CameraPath
 from flurries.cone.sheet import wrapped
 from flurries.effects.motion import Motion, Way, air_course, camera_course
 from flurries.effects.passes import Other, plane_motion, rays
-from flurries.frame.lap import Lap
 from flurries.frame.needs import LeftOut, Needs, Step
-from flurries.frame.view import Frame
+from flurries.frame.view import Frame, Lap
 from flurries.motion.keys import Keys, Number
 
 # Below this speed, m/s, the air hardly moves relative to the camera; a cone that turned over there

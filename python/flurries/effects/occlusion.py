@@ -20,7 +20,7 @@ from flurries._contract import Array, Float64
 from flurries.effects.field import Field, Map
 from flurries.effects.motion import Way
 from flurries.effects.wall import wall_maps
-from flurries.frame.standing import standing
+from flurries.frame.needs import standing
 from flurries.frame.view import Frame
 from flurries.spectral.contrast import kept_power, mean_opacity
 from flurries.spectral.tables import band_amplitude, wave_depth

@@ -7,8 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from flurries._contract import Array
-from flurries.frame.needs import LeftOut, Needs, Step
-from flurries.frame.standing import standing
+from flurries.frame.needs import LeftOut, Needs, Step, standing
 from flurries.frame.view import Frame
 from flurries.motion.keys import Number, value_at
 

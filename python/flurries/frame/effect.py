@@ -33,10 +33,7 @@ Effect: TypeAlias = Renders | Composed
 
 
 def renderer_of(effect: Any) -> Any:
-    """Return the object that renders an effect and says what it needs: itself, or its parts.
-
-    None for what is no effect.
-    """
+    """Return what renders an effect: itself, or its parts; None for what is no effect."""
     own = callable(getattr(effect, "render", None))
     found = effect if own else getattr(effect, "parts", None)
     return found if callable(getattr(found, "render", None)) else None

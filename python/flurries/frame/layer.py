@@ -18,21 +18,11 @@ Light = Callable[[tuple[float, float, float]], list[float]]
 
 @dataclass(frozen=True, eq=False)
 class Shade:
-    """Colors at the middles of cells of a frame, linear between them.
+    """Colors at the middles of cells of a frame, linear between them."""
 
-    Attributes
-    ----------
-    colors : (rows, columns, 3) float32
-        Linear light.
-    cell : float
-        Side of a cell, px.
-    first : (row, column)
-        The frame's pixel that the layer begins at.
-    """
-
-    colors: Array
-    cell: float
-    first: tuple[int, int]
+    colors: Array  # (rows, columns, 3) float32, linear light.
+    cell: float  # Side, px.
+    first: tuple[int, int]  # (row, column) of the frame that the layer begins at.
 
     def given(self, colors: Array | None = None) -> tuple[Array, float, int, int]:
         """Return the shade as kernels read it, with other colors if given."""

@@ -10,29 +10,18 @@ import numpy as np
 
 from flurries import _core
 from flurries._contract import Array
-from flurries.frame.bands import crop
+from flurries.frame.bands import Visible, Window, crop
 from flurries.frame.layer import Layer
-from flurries.frame.visible import Visible, Window
 from flurries.io.color import linear_to_srgb, srgb_to_linear, unmultiply
 
 
 @dataclass(frozen=True, eq=False)
 class Matte:
-    """A mask or a picture, over the frame or a window of it.
+    """A mask or a picture, over the frame or a window of it."""
 
-    Attributes
-    ----------
-    cover : (H, W) float32
-        Where it hides the weather, 0 to 1.
-    light : (H, W, 4) float32 or None
-        Its own picture, straight display colors and alpha; None for the background's own pixels.
-    linear_light : bool
-        Whether `light` is premultiplied linear light instead.
-    """
-
-    cover: Array
-    light: Array | None
-    linear_light: bool = False
+    cover: Array  # (H, W) float32: where it hides the weather, 0 to 1.
+    light: Array | None  # (H, W, 4) float32, straight display colors; None: the background's own.
+    linear_light: bool = False  # Whether `light` is premultiplied linear light instead.
 
     @property
     def hides(self) -> Array:
@@ -66,21 +55,11 @@ class Matte:
 
 @dataclass(frozen=True, eq=False)
 class Deep:
-    """Mattes that stand at a depth: what is nearer falls in front of them.
+    """Mattes that stand at a depth: what is nearer falls in front of them."""
 
-    Attributes
-    ----------
-    cover : (H, W) float32
-        How much of a pixel they take together, 0 to 1.
-    depth : (H, W) float32
-        Planar depth of the nearest that takes any of the pixel; infinity where none does.
-    pictures : tuple of Matte
-        Those that are pictures, back to front: weather lies over them.
-    """
-
-    cover: Array
-    depth: Array
-    pictures: tuple[Matte, ...]
+    cover: Array  # (H, W) float32: how much of a pixel they take together.
+    depth: Array  # (H, W) float32 of the nearest in the pixel; infinity where none is.
+    pictures: tuple[Matte, ...]  # Those that are pictures, back to front: weather lies over them.
 
     @staticmethod
     def of(parts: Sequence[tuple[Matte, Array]]) -> Deep:
@@ -100,13 +79,7 @@ class Deep:
         return joint
 
     def join(self, whole: Layer, near: Layer, window: Window) -> Layer:
-        """Return a layer of a window behind and beside the mattes, by what is before them.
-
-        Parameters
-        ----------
-        whole, near : Layer
-            Without the mattes, and before them.
-        """
+        """Return a layer by `whole`, without the mattes, and `near`, what is before them."""
         share = crop(self.cover, window)
         taken = share >= 0.5
 
@@ -138,20 +111,12 @@ class Deep:
 
 @dataclass(frozen=True, eq=False)
 class Front:
-    """All that stands in front of the weather in a frame.
+    """All that stands in front of the weather in a frame."""
 
-    Attributes
-    ----------
-    flat : tuple of Matte
-        Those before all weather, back to front.
-    deep : Deep or None
-        Those at a depth.
-    """
+    flat: tuple[Matte, ...]  # Those before all weather, back to front.
+    deep: Deep | None  # Those at a depth.
 
-    flat: tuple[Matte, ...]
-    deep: Deep | None
-
-    @cached_property
+    @property
     def cover(self) -> Array | None:
         """The share of the weather that masks hide, (H, W); None without masks."""
         found: Array | None = None
@@ -160,7 +125,7 @@ class Front:
                 found = matte.cover if found is None else 1.0 - (1.0 - found) * (1.0 - matte.cover)
         return found
 
-    @cached_property
+    @property
     def hides(self) -> Array | None:
         """The share of the weather that nobody sees, (H, W); None where all of it can be seen."""
         found: Array | None = None
@@ -172,9 +137,8 @@ class Front:
     @cached_property
     def visible(self) -> Visible | None:
         """The pixels where the weather can be seen in the composite; None is everywhere."""
-        if self.hides is None or not (self.hides >= 1.0).any():
-            return None
-        return Visible(self.hides)
+        hides = self.hides
+        return None if hides is None or not (hides >= 1.0).any() else Visible(hides)
 
     @property
     def pictures(self) -> tuple[Matte, ...]:

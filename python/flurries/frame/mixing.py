@@ -42,24 +42,15 @@ _BYTES = (
 
 @dataclass(frozen=True)
 class Mix:
-    """The light that layers are mixed in, over a background of an encoding.
+    """The light that layers are mixed in, over a background of an encoding."""
 
-    Attributes
-    ----------
-    linear : bool
-        Whether that is linear light, or display values.
-    encoding : "display" or "linear"
-        The background's own.
-    straight : bool
-        Whether the background is of integers with alpha, which its colors are not multiplied by. In
-        the mix they are, and those of floats are already.
-    primaries : (3, 3) or None
-        Linear light c of Rec. 709's primaries, as effects give it, is c @ primaries in the mix.
-    """
-
-    linear: bool
-    encoding: str
+    linear: bool  # Whether that is linear light, or display values.
+    encoding: str  # The background's own, "display" or "linear".
+    # Whether the background is of integers with alpha, which its colors are not multiplied by. In
+    # the mix they are, and those of floats are already.
     straight: bool = False
+    # (3, 3): linear light c of Rec. 709's primaries, as effects give it, is c @ primaries in the
+    # mix.
     primaries: Array | None = None
 
     @property
@@ -152,10 +143,7 @@ class Mix:
         return plain and plate.dtype == np.uint8 and plate.shape[2] == 3
 
     def in_bytes(self, layer: Layer, plate: Array, into: Array | None) -> Array | None:
-        """Return a layer of a shade over bytes in one pass, with the bits of the way by floats.
-
-        None where that pass has no way to do it.
-        """
+        """Return a layer of a shade over bytes in one pass, with the same bits, or None."""
         if layer.shade is None or not self.bytes_of(plate):
             return None
         fits = into is not None and into.flags.c_contiguous

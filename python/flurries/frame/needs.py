@@ -7,14 +7,17 @@ is in the scene, and given everything.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+import weakref
+from collections.abc import Callable, Hashable, Mapping
 from dataclasses import dataclass, fields, is_dataclass
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
+from flurries._contract import Array
+from flurries._threads import reproducible
+from flurries.frame.bands import Visible
 from flurries.frame.effect import renderer_of
-from flurries.frame.visible import Visible
 from flurries.motion.keys import Keys
 from flurries.trace import stage
 
@@ -137,3 +140,33 @@ class Run:
 
         kept = self.kept if self.keeps(name) else None
         return run() if kept is None else kept.once((self.key, name), run)
+
+
+# Results that are kept of one depth: planes of a picture, most of them.
+_MOST = 8
+
+_KEPT: dict[int, tuple[weakref.ref[Array], dict[Any, Any]]] = {}
+
+
+def standing(
+    frame: Frame, owner: object, name: str, key: Hashable, make: Callable[[], _Made]
+) -> _Made:
+    """Return what `make` makes of the frame's depth over its window; if that stays, once."""
+    # Made of the depth, the window, `owner` and `key`. Nothing may be written to it afterwards. A
+    # frame in bands finds it anew: it would be as large as many of its bands.
+    depth = frame.depth
+    assert depth is not None
+    if frame.banded or depth.flags.writeable:
+        return frame.here(owner, name, make)
+    number = id(depth)
+    there = _KEPT.get(number)
+    if there is None or there[0]() is not depth:
+        there = _KEPT[number] = weakref.ref(depth, lambda _: _KEPT.pop(number, None)), {}
+    kept, place = there[1], (owner, name, key, frame.window, reproducible())
+    if place not in kept:
+        if len(kept) >= _MOST:
+            # The oldest; another thread may have taken it.
+            kept.pop(next(iter(kept), None), None)
+        kept[place] = make()
+    made: _Made = kept[place]
+    return made

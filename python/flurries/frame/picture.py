@@ -10,24 +10,20 @@ import numpy as np
 
 from flurries._contract import Array
 from flurries.camera.lens import Camera
-from flurries.frame.bands import bands_of, common, crop, shape_of, within
+from flurries.frame.bands import Window, bands_of, common, crop, shape_of, within
 from flurries.frame.layer import Layer, layers_of
 from flurries.frame.matte import Front
 from flurries.frame.mixing import Mix, behind
 from flurries.frame.program import Ask, Program
-from flurries.frame.shared import Shared
-from flurries.frame.view import Frame
-from flurries.frame.visible import Window
+from flurries.frame.view import Frame, Shared
 from flurries.trace import of_effect, stage
 
 
 def images(
     program: Program, t: float, eyes: Sequence[Camera | None], window: Window
 ) -> list[Array]:
-    """Return the picture of a window for each eye; None is the path's own camera.
-
-    The eyes' bands are made in turn, so that the second finds what the first has made.
-    """
+    """Return the picture of a window for each eye; None is the path's own camera."""
+    # The eyes' bands are made in turn, so that the second finds what the first has made.
     with stage("background"):
         plate = crop(program.backdrop.frame(t), window)
     # Where none of the weather can be seen, none is made.
@@ -58,10 +54,8 @@ def images(
 
 
 def shown_type(plate: Array) -> np.dtype[Any]:
-    """Return the type whose steps hide what is faint, of a background.
-
-    With alpha, integers show what is less than half a step: in the colors of what is faint.
-    """
+    """Return the type whose steps hide what is faint, of a background."""
+    # With alpha, integers show what is less than half a step: in the colors of what is faint.
     return plate.dtype if plate.shape[2] == 3 else np.dtype(np.float32)
 
 
@@ -74,32 +68,16 @@ def bands_in(window: Window, asks: Sequence[Ask], mix: Mix, front: Front | None)
 
 
 class Picture:
-    """The picture of one eye, while it is put together.
-
-    Parameters
-    ----------
-    asks : list of Ask
-        The effects that lie over the background, back to front.
-    mix : Mix
-        In which light.
-    plate : (h, w, 3 or 4)
-        The background's window.
-    front : Front or None
-        The window of what stands in front.
-    window : (top, bottom, left, right)
-        Pixels.
-    inner : window or None
-        The part in which the weather can be seen.
-    """
+    """The picture of one eye, while it is put together."""
 
     def __init__(
         self,
-        asks: list[Ask],
+        asks: list[Ask],  # The effects that lie over the background, back to front.
         mix: Mix,
-        plate: Array,
+        plate: Array,  # The background's window, and that of what stands in front.
         front: Front | None,
         window: Window,
-        inner: Window | None,
+        inner: Window | None,  # The part in which the weather can be seen.
     ) -> None:
         self.asks, self.mix, self.plate, self.front = asks, mix, plate, front
         self.window, self.inner = window, inner
@@ -133,7 +111,8 @@ class Picture:
         elif part is not None and front is not None:
             inside = within(part, band)
             over = np.ascontiguousarray(crop(light, inside))
-            cover = None if front.cover is None else crop(front.cover, inside)
+            cover = front.cover
+            cover = None if cover is None else crop(cover, inside)
             over = self._over(part, over, cover, None)
             with stage("composite"):
                 if over.shape == light.shape:

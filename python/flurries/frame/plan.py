@@ -185,10 +185,8 @@ def _probed(looks: Sequence[_Look], middle: int, keyed: set[int]) -> tuple[int, 
 
 
 def _traces(program: Program, probed: Sequence[int]) -> tuple[list[Trace], list[Trace]]:
-    """Return traces of the frames: first with their memory, then with times alone.
-
-    Of a program of its own, which has kept nothing yet and leaves the scene's alone.
-    """
+    """Return traces of the frames: first with their memory, then with times alone."""
+    # Of a program of its own, which has kept nothing yet and leaves the scene's alone.
     own = replace(program, found={})
 
     def traced(number: int, *, memory: bool) -> Trace:

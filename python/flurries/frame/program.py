@@ -19,17 +19,14 @@ from flurries._threads import reproducible
 from flurries.camera.lens import Camera
 from flurries.camera.optics import Lens
 from flurries.camera.path import CameraPath
-from flurries.frame.bands import bands_of, whole
+from flurries.frame.bands import Window, bands_of, whole
 from flurries.frame.effect import renderer_of
-from flurries.frame.lap import Lap
 from flurries.frame.matte import Deep, Front
 from flurries.frame.mixing import Mix
 from flurries.frame.needs import Kept, LeftOut, Needs, Run, has_keys, needs_of
-from flurries.frame.view import Frame
-from flurries.frame.visible import Window
-from flurries.light.ambient import ambient_light
+from flurries.frame.view import Frame, Lap
 from flurries.light.lamp import Lamp
-from flurries.light.plate import PlateLight, plate_light
+from flurries.light.plate import PlateLight, ambient_light, plate_light
 from flurries.light.sun import Sun
 from flurries.trace import stage
 
@@ -43,27 +40,13 @@ STEEPEST = 12.92
 
 
 class Part(NamedTuple):
-    """An effect of the scene that shows something at some time.
-
-    Attributes
-    ----------
-    effect : effect
-        Itself.
-    renderer : object
-        What renders it: itself, or its parts.
-    place : int
-        Its number in the scene.
-    seed : int
-        Of its random numbers.
-    needs : Needs or None
-        The same at all times, or None where it has to be asked.
-    """
+    """An effect of the scene that shows something at some time."""
 
     effect: Any
-    renderer: Any
-    place: int
+    renderer: Any  # What renders it: itself, or its parts.
+    place: int  # Its number in the scene.
     seed: int
-    needs: Needs | None
+    needs: Needs | None  # The same at all times, or None where it has to be asked.
 
     @property
     def name(self) -> str:
@@ -72,49 +55,16 @@ class Part(NamedTuple):
 
 
 class Ask(NamedTuple):
-    """An effect that runs, its view of a frame, and what it needs for it.
-
-    Attributes
-    ----------
-    part : Part
-        The effect.
-    frame : Frame
-        Its window is all of the picture in which the weather can be seen.
-    needs : Needs
-        Its steps.
-    """
+    """An effect that runs, its view of a frame, and what it needs for it."""
 
     part: Part
-    frame: Frame
+    frame: Frame  # Its window is all of the picture in which the weather can be seen.
     needs: Needs
 
 
 @dataclass(eq=False, kw_only=True)
 class Program:
-    """The steps that run for each frame of a scene. All else is as in the scene.
-
-    Attributes
-    ----------
-    backdrop : background
-        Has ``frame(t)``, ``encoding`` ("display" or "linear") and ``count`` (None for a still).
-    distance : depth or None
-        Has ``frame(t)`` and ``still``: whether every frame has the same.
-    mattes : mattes or None
-        What stands in front of the weather: has ``frame(t)``, a `Front`, and ``still`` and
-        ``deep``: whether every frame has the same, and whether any of it has a depth.
-    linear : bool
-        Whether layers are mixed in linear light.
-    primaries : (3, 3) or None
-        See `Mix`.
-    found : dict
-        What was found in the background's last frame; all scenes derived from one share it.
-    parts : list of Part
-        The effects that show something, back to front.
-    left_out : list of LeftOut
-        What never runs.
-    settled : bool
-        Whether neither the camera, the depth nor what stands in front ever changes.
-    """
+    """The steps that run for each frame of a scene. All else is as in the scene."""
 
     effects: Sequence[Any]
     shape: tuple[int, int]
@@ -122,14 +72,16 @@ class Program:
     path: CameraPath
     seed: int
     sun: Sun | None
-    backdrop: Any
-    distance: Any
+    backdrop: Any  # Has frame(t), encoding ("display" or "linear") and count (None for a still).
+    distance: Any  # None, or has frame(t) and still: whether every frame has the same.
+    # None, or has frame(t), a `Front`, and still and deep: whether any of it has a depth.
     mattes: Any
-    linear: bool
-    primaries: Array | None = None
+    linear: bool  # Whether layers are mixed in linear light.
+    primaries: Array | None = None  # See `Mix`.
     lights: tuple[Lamp, ...] = ()
     lens: Lens | None = None
     lap: Lap | None = None
+    # In the background's last frame; all scenes derived from one share it.
     found: dict[str, tuple[int, Any]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -192,12 +144,10 @@ class Program:
         *,
         read: bool = True,
     ) -> list[Ask]:
-        """Return the effects that run at `t` with their views of the frame, back to front.
-
-        A picture of integers, of type `dtype`, does not show what is less than half of a step; of
-        layers, where it is None, every value counts. Depth and ambient light are filled in where
-        an effect reads them, unless `read` is False.
-        """
+        """Return the effects that run at `t` with their views of the frame, back to front."""
+        # A picture of integers, of type `dtype`, does not show what is less than half of a step; of
+        # layers, where it is None, every value counts. Depth and ambient light are filled in where
+        # an effect reads them, unless `read` is False.
         base = self.frame(t, camera, window)
         runs = self._parts_in(base, dtype)
         reads = frozenset[str]().union(*(needs.reads for _, needs in runs)) if read else ()

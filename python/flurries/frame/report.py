@@ -34,61 +34,27 @@ class Handover:
 
 @dataclass(frozen=True)
 class Accuracy:
-    """What accuracy costs in a scene.
+    """What accuracy costs in a scene."""
 
-    Attributes
-    ----------
-    frame : int
-        The frame that was rendered.
-    settings : tuple of Handover
-        From the nearest hand-over to every flake drawn; empty where nothing can be set.
-    why : str
-        Why there are no settings, or fewer.
-    """
-
-    frame: int
-    settings: tuple[Handover, ...]
-    why: str = ""
+    frame: int  # That was rendered.
+    settings: tuple[Handover, ...]  # From the nearest hand-over to every flake drawn.
+    why: str = ""  # Why there are no settings, or fewer.
 
 
 @dataclass(frozen=True)
 class Plan:
-    """The steps of rendering a scene; printing it gives a table.
+    """The steps of rendering a scene; printing it gives a table."""
 
-    Attributes
-    ----------
-    size : (width, height)
-        Pixels.
-    frames : (first, last, count)
-        Of the film, or of what was asked for.
-    steps : tuple of PlannedStep
-        In their order, with a name, milliseconds and bytes.
-    left_out : tuple of LeftOut
-        What is not done, and why.
-    probed : tuple of int
-        The frames that were rendered to measure times and bytes; none without a probe.
-    milliseconds : float or None
-        For a frame: the steps by their shares without what runs once, and `rest`.
-    rest : float or None
-        Milliseconds between the steps.
-    bytes : int or None
-        Most that is allocated at one time while a frame is rendered, with the frame; without what
-        the scene holds.
-    threads : int
-        What the times are for.
-    accuracy : Accuracy or None
-        What accuracy costs, where it was asked for.
-    """
-
-    size: tuple[int, int]
-    frames: tuple[int, int, int]
+    size: tuple[int, int]  # (width, height) px.
+    frames: tuple[int, int, int]  # (first, last, count) of the film, or of what was asked for.
     steps: tuple[PlannedStep, ...]
     left_out: tuple[LeftOut, ...]
-    probed: tuple[int, ...]
+    probed: tuple[int, ...]  # The frames that were rendered to measure; none without a probe.
+    # For a frame: the steps by their shares without what runs once, and rest.
     milliseconds: float | None
-    rest: float | None
-    bytes: int | None
-    threads: int
+    rest: float | None  # Milliseconds between the steps.
+    bytes: int | None  # Most at one time while a frame is rendered, without what the scene holds.
+    threads: int  # What the times are for.
     accuracy: Accuracy | None = None
 
     def to_dict(self) -> dict[str, Any]:

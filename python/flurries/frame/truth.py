@@ -10,14 +10,13 @@ import numpy as np
 
 from flurries._contract import Array
 from flurries.camera.lens import Camera
-from flurries.frame.bands import crop
+from flurries.frame.bands import Window, crop
 from flurries.frame.layer import Layer
 from flurries.frame.mixing import behind, free_name
 from flurries.frame.picture import draw
 from flurries.frame.program import Program
-from flurries.frame.shared import Shared
 from flurries.frame.show import figure, listing
-from flurries.frame.visible import Window
+from flurries.frame.view import Shared
 from flurries.io.color import to_single, to_unit
 from flurries.trace import stage
 
@@ -115,10 +114,8 @@ def truth(
     *,
     known: bool = True,
 ) -> list[Rendered]:
-    """Return the picture of a window for each eye, whole and exact, with the layers apart.
-
-    Without `known` there are colors and opacities alone, no motion, depth, coverage and ids.
-    """
+    """Return the picture of a window for each eye, whole and exact, with the layers apart."""
+    # Without `known` there are colors and opacities alone, no motion, depth, coverage and ids.
     cameras = tuple(program.camera(eye, t) for eye in eyes)
     shared = Shared(cameras, window)
     return [_truth(program, t, camera, window, shared, known) for camera in cameras]
@@ -197,10 +194,8 @@ def _most(alphas: Sequence[Array]) -> list[Array]:
 
 
 def _chosen(planes: Sequence[Array | None], most: Sequence[Array], unknown: float) -> Array | None:
-    """Return at every pixel the plane of the layer that shows most; None where no layer has one.
-
-    Where a layer shows most that has no plane, it is `unknown`: another layer's would be wrong.
-    """
+    """Return at every pixel the plane of the layer that shows most; None where no layer has one."""
+    # Where a layer shows most that has no plane, it is `unknown`: another layer's would be wrong.
     known = next((plane for plane in planes if plane is not None), None)
     if known is None:
         return None

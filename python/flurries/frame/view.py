@@ -1,11 +1,11 @@
-"""One eye's view of the air at one time: what an effect is asked with."""
+"""One eye's view of the air at one time: what an effect is asked with, and what eyes share."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from typing import Any, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 
@@ -14,16 +14,74 @@ from flurries.camera.lens import Camera
 from flurries.camera.optics import Blur, Lens
 from flurries.camera.path import CameraPath
 from flurries.camera.rotation import rotation_vector
-from flurries.frame.lap import Lap
 from flurries.frame.matte import Deep
 from flurries.frame.needs import Run, needs_of
-from flurries.frame.shared import Shared
 from flurries.light.lamp import Lamp
 from flurries.light.plate import PlateLight
 from flurries.light.sun import Sun
 from flurries.motion.keys import Number, Vector
 
 _Made = TypeVar("_Made")
+_Key = tuple[int, int, str]
+
+
+class Shared:
+    """The objects that eyes and bands of rows of one frame share while they are made."""
+
+    # `cameras` are the eyes as they are at the frame's time, `window` that of all bands together.
+
+    def __init__(
+        self, cameras: tuple[Camera, ...], window: tuple[int, int, int, int], bands: int = 1
+    ) -> None:
+        self.cameras, self.window, self.bands = cameras, window, bands
+        # With the owner, which must not go while its id is known.
+        self._known: dict[_Key, tuple[object, Any]] = {}
+        self._here: dict[_Key, tuple[object, Any]] = {}
+        self._at = window
+
+    def once(self, key: _Key, owner: object, make: Callable[[], _Made]) -> _Made:
+        """Return the object of this effect, seed and name, made by `make` the first time."""
+        if key not in self._known:
+            self._known[key] = owner, make()
+        made: _Made = self._known[key][1]
+        return made
+
+    def here(
+        self,
+        key: _Key,
+        owner: object,
+        window: tuple[int, int, int, int],
+        make: Callable[[], _Made],
+    ) -> _Made:
+        """Return the same for a window; it is kept for the other eye, until the next window."""
+        if len(self.cameras) == 1:
+            return make()
+        if window != self._at:
+            self._here, self._at = {}, window
+        if key not in self._here:
+            self._here[key] = owner, make()
+        made: _Made = self._here[key][1]
+        return made
+
+
+class Lap(NamedTuple):
+    """The frames of a film that come over and over."""
+
+    first: int
+    frames: int  # How many: frame `first + frames` is frame `first` again.
+
+    @property
+    def end(self) -> int:
+        """The frame that is the first again."""
+        return self.first + self.frames
+
+    def place(self, t: float) -> float:
+        """Return the frame of the first round that a frame is."""
+        return self.first + (t - self.first) % self.frames
+
+    def part(self, t: float) -> float:
+        """Return the share of the round that has passed, 0 to 1."""
+        return (t - self.first) / self.frames
 
 
 @dataclass(frozen=True)

@@ -42,8 +42,6 @@ def projection_error(
         N, the distance of the viewplane, world units. Give the focal length for pixels.
     form : {"exact", "printed"}
         "printed" evaluates the paper's Eqs 11 and 12 as they stand.
-    out : (n, 2) float64, optional
-        Array to write into and return.
 
     Returns
     -------
@@ -51,11 +49,6 @@ def projection_error(
         (e_x, e_y): billboard parallel to the viewplane minus billboard that faces the eye, in the
         unit of `near`. NaN where the edge of the latter does not lie in front of the eye: depth
         D <= 0, or D S <= r C_x.
-
-    Raises
-    ------
-    TypeError, ValueError
-        If an argument is not as described; the message names it.
 
     Notes
     -----
@@ -120,19 +113,12 @@ def parallax_error(
         I, world units, positive.
     form : {"exact", "printed"}
         "printed" takes the difference of the paper's Eqs 11 and 12 for the two eyes.
-    out : (n, 2) float64, optional
-        Array to write into and return.
 
     Returns
     -------
     (n, 2) float64
         The right eye's :func:`projection_error` minus the left eye's, in the unit of `near`; NaN
         where either is.
-
-    Raises
-    ------
-    TypeError, ValueError
-        If an argument is not as described; the message names it.
 
     Notes
     -----

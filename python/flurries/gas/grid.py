@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -54,11 +53,6 @@ def particles_of(
         In a uniform volume the mean optical depth of a ray is k L, whatever k. A voxel holds at
         most an optical depth of 5.7 (then its particle is opaque); what is beyond is cut off.
 
-    Raises
-    ------
-    TypeError, ValueError
-        If an argument is not as described; the message names it.
-
     Notes
     -----
     A particle on a grid is not one of a random cloud: rays meet them one after the other in equal
@@ -91,26 +85,19 @@ def particles_of(
 
 def _density(wanted: Float64) -> Float64:
     """Return the density whose footprint's optical depth over the plane is `wanted` sigma^2."""
-    density = np.clip(wanted / (2.0 * np.pi), 0.0, 1.0)
+    nodes = _nodes()
     # Newton's method on a convex function: from a table's lower end it cannot leave [0, 1].
-    density = np.interp(wanted, *_inverse())
+    grid = 1.0 - np.geomspace(1.0, 1e-9, 513)
+    grid[-1] = 1.0
+    density = np.interp(wanted, _optical_depth(grid, *nodes)[0], grid)
     for _ in range(4):
         for part in np.array_split(np.arange(len(density)), max(1, len(density) // 4096)):
             inside = part[density[part] < 1.0]
-            value, slope = _optical_depth(density[inside])
+            value, slope = _optical_depth(density[inside], *nodes)
             density[inside] = np.clip(density[inside] - (value - wanted[inside]) / slope, 0.0, 1.0)
     return np.asarray(density)
 
 
-@lru_cache(maxsize=1)
-def _inverse() -> tuple[Float64, Float64]:
-    """Return optical depths over the plane, and the densities that reach them."""
-    grid = 1.0 - np.geomspace(1.0, 1e-9, 513)
-    grid[-1] = 1.0
-    return _optical_depth(grid)[0], grid
-
-
-@lru_cache(maxsize=1)
 def _nodes() -> tuple[Float64, Float64]:
     """Return 1 - g at the nodes of an integral over the plane, and their areas."""
     # With s = exp(-q^2/2) the area is 2 pi ds / s, and 1 - g is proportional to 1 - s. The
@@ -122,9 +109,8 @@ def _nodes() -> tuple[Float64, Float64]:
     return w**3 / (1.0 - RIM), 2.0 * np.pi * (0.5 * top * weights) * 3.0 * w * w / s
 
 
-def _optical_depth(density: Float64) -> tuple[Float64, Float64]:
+def _optical_depth(density: Float64, through: Float64, area: Float64) -> tuple[Float64, Float64]:
     """Return the plane integral of -log(1 - density g), tapered, and its slope, in sigma^2."""
-    through, area = _nodes()
     rest = 1.0 - density[:, None]
     # 1 - density g = rest + density (1 - g)
     left = rest + density[:, None] * through

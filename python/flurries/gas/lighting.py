@@ -34,19 +34,12 @@ def light(
     forward : float
         Share of the light taken by a particle that it scatters forward again, 0 (full shadow) to 1
         (no shadow).
-    out : (n,) float64, optional
-        Array to write into and return.
 
     Returns
     -------
     (n,) float64
         0 to 1. In a uniform gas the mean at a depth L along the light is
         exp(-(1 - forward) beta L), beta the :func:`extinction`.
-
-    Raises
-    ------
-    TypeError, ValueError
-        If an argument is not as described; the message names it.
 
     Notes
     -----
@@ -84,11 +77,6 @@ def phase(cosine: npt.ArrayLike, *, kind: str = "rayleigh", asymmetry: float = 0
     -------
     array
         The mean over the sphere is 1.
-
-    Raises
-    ------
-    TypeError, ValueError
-        If an argument is not as described; the message names it.
     """
     c = table("cosine", cosine, ndim=None)
     require("cosine", c, np.abs(c) <= 1.0 + 1e-9, "from -1 to 1")

@@ -138,20 +138,11 @@ def splat(
         of 13 x 13 samples for 64 x 64 px, wherever nothing stands in them: a fraction of the work
         for gas that is near. Each errs by at most 41 / smooth^4 + .033 / smooth of its density,
         at 24 px by .0015 of it. At least 8; all pixels are computed if not given.
-    dtype : float32 or float64, optional
-        Type of the result.
-    out : (H, W, 4) array of that dtype, optional
-        Array to write into and return.
 
     Returns
     -------
     (H, W, 4) array
         Linear RGB multiplied by alpha, and alpha = 1 - prod(1 - alpha_i), 0 to 1.
-
-    Raises
-    ------
-    TypeError, ValueError
-        If an argument is not as described; the message names it.
 
     Notes
     -----
@@ -208,18 +199,11 @@ def alpha(
     shape, centers, radius, density, camera, footprint, edge, near, near_mode, depth, occlusion, \
 error, smooth, dtype
         As in :func:`splat`.
-    out : (H, W) array of that dtype, optional
-        Array to write into and return.
 
     Returns
     -------
     (H, W) array
         1 - prod(1 - alpha_i), 0 to 1. It has the bits of ``splat(..., color=c)[..., 3]``.
-
-    Raises
-    ------
-    TypeError, ValueError
-        If an argument is not as described; the message names it.
     """
     size = shape_of("shape", shape)
     kind = float_dtype(dtype)
@@ -248,10 +232,7 @@ def sorted_gas(
     error: float,
     smooth: float | None,
 ) -> _core.SortedGas:
-    """Return a gas whose parts `gas_draw` draws with the bits of :func:`splat` and :func:`alpha`.
-
-    The arguments are theirs; the depth is only looked at.
-    """
+    """Return a gas whose parts `gas_draw` draws with the bits of `splat` and `alpha`."""
     size = shape_of("shape", shape)
     gas = gas_of(centers, radius, density)
     colors = colors_of(color, len(gas.centers))
@@ -340,15 +321,13 @@ def manner_of(
     )
 
 
-def ground_of(
-    depth: npt.ArrayLike | None, size: tuple[int, int], *, name: str = "depth"
-) -> Array | None:
+def ground_of(depth: npt.ArrayLike | None, size: tuple[int, int]) -> Array | None:
     """Return the depth of what stands in the picture."""
     if depth is None:
         return None
-    ground, _ = pixels(name, depth, ndim=2)
+    ground, _ = pixels("depth", depth, ndim=2)
     if ground.shape != size:
-        raise ValueError(f"{name} must have shape {size}, got {ground.shape}")
+        raise ValueError(f"depth must have shape {size}, got {ground.shape}")
     if np.isnan(ground.min()):
-        raise ValueError(f"{name} must not be NaN: infinity says that nothing stands there")
+        raise ValueError("depth must not be NaN: infinity says that nothing stands there")
     return ground

@@ -20,8 +20,6 @@ def footprint_table(size: int, *, intervals: int = 100, out: Float64 | None = No
         Intervals of the composite trapezoid rule along the line, from -3 to 3 sigma, 1 to
         1,000,000. The kernel is separable, so the rule is a common factor and the scaled table does
         not depend on it.
-    out : (n, n) float64, optional
-        Array to write into and return.
 
     Returns
     -------
@@ -29,11 +27,6 @@ def footprint_table(size: int, *, intervals: int = 100, out: Float64 | None = No
         Entry [j, i] is the integral of exp(-(x^2 + y^2 + z^2)/2) over z at x = -3 + 6 i / (n - 1),
         y likewise from j, over its value at the origin: exp(-(x^2 + y^2)/2), at most 1. A table of
         one entry is the origin.
-
-    Raises
-    ------
-    TypeError, ValueError
-        If an argument is not as described; the message names it.
 
     Notes
     -----

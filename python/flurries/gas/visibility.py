@@ -48,11 +48,6 @@ def extinction(
     float
         beta, per world unit: the mean transmittance over a length L is exp(-beta L).
 
-    Raises
-    ------
-    TypeError, ValueError
-        If an argument is not as described; the message names it.
-
     Notes
     -----
     ``beta = count / volume * density * A * (radius / 3)^2``, A the plane integral of the footprint
@@ -89,11 +84,6 @@ def visibility(beta: float, *, contrast: float = 0.05) -> float:
     -------
     float
         -log(contrast) / beta, world units: 2.996 / beta or 3.912 / beta.
-
-    Raises
-    ------
-    TypeError, ValueError
-        If an argument is not as described; the message names it.
     """
     return _depth(contrast) / real("beta", beta, low=SMALLEST)
 
@@ -163,11 +153,6 @@ def count_for_visibility(
     Returns
     -------
     int
-
-    Raises
-    ------
-    TypeError, ValueError
-        If an argument is not as described; the message names it.
     """
     length = real("distance", distance, low=SMALLEST, high=LARGEST)
     opacity = real("density", density, above=0.0, high=1.0)

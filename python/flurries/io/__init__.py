@@ -64,7 +64,7 @@ __all__ = [
 
 
 def read_path(path: str | os.PathLike[str]) -> dict[str, Any]:
-    """Read the way of a camera from a CSV file: :func:`flurries.camera.csv.read_path`."""
+    """Read the way of a camera from a CSV file; see :func:`flurries.camera.importers.load`."""
     from flurries.camera.csv import read_path as read
 
     return read(path)

@@ -48,11 +48,6 @@ class Lamp:
     carried : bool
         Whether place and direction are in the camera's axes and go with it, as headlights do.
 
-    Raises
-    ------
-    ValueError, TypeError
-        For a number outside its range, or neither place nor direction; the message names it.
-
     Notes
     -----
     A flake's radiance is albedo * phase function * irradiance: 0.9 and 1 for flakes and drops,
@@ -142,18 +137,7 @@ def _as_light(value: Any) -> Any:
 
 
 def radiance(points: Float64, rows: Float64, optics: Optics, eye: Float64) -> Float64:
-    """Return the light that particles at points (n, 3) send to an eye, (n, 3) linear light.
-
-    Parameters
-    ----------
-    points : (n, 3)
-        Camera axes, metres.
-    rows : (m, 13)
-        See :meth:`Lamp.row`.
-    optics : Optics
-    eye : (3,)
-        Camera axes, metres.
-    """
+    """Return the light of particles at points (n, 3) towards an eye, (n, 3); camera axes."""
     found = np.empty((len(points), 3))
     x, y, z = (float(part) for part in eye)
     _core.lamp_light(found, np.ascontiguousarray(points, np.float64), rows, optics, (x, y, z))

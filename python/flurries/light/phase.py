@@ -22,18 +22,10 @@ WATER = 0.87
 
 
 class Optics(NamedTuple):
-    """The optics of particles: how they scatter light.
+    """The optics of particles: how they scatter light."""
 
-    Attributes
-    ----------
-    asymmetry : float
-        Mean cosine of the angle between the light's ways before and after.
-    albedo : float
-        Share of the light that goes on.
-    """
-
-    asymmetry: float
-    albedo: float
+    asymmetry: float  # Mean cosine of the angle between the light's ways before and after.
+    albedo: float  # Share of the light that goes on.
 
 
 # Ice hardly absorbs visible light: pure snow sends back .96 to .99 of it, with soot down to .15
@@ -44,17 +36,7 @@ DROPS = Optics(WATER, 1.0)
 
 
 def phase(asymmetry: float, cosine: Float64) -> Float64:
-    """Return the share of light that goes into a direction, per steradian.
-
-    Henyey and Greenstein 1941; its integral over all directions is 1.
-
-    Parameters
-    ----------
-    asymmetry : float
-        Mean cosine of the angle between the ways before and after, -1 to 1.
-    cosine : (...)
-        Of that angle: 1 is straight on.
-    """
+    """Return the share of light per steradian at a cosine (Henyey and Greenstein 1941)."""
     shape = np.shape(cosine)
     flat = np.ascontiguousarray(np.ravel(cosine), np.float64)
     found = gas.phase(flat, kind="henyey", asymmetry=asymmetry) / (4.0 * math.pi)

@@ -9,7 +9,7 @@ import numpy as np
 
 from flurries import _core
 from flurries._contract import Array, Float64
-from flurries.io.color import decoding_table, to_linear, to_unit
+from flurries.io.color import decoding_table, linear_to_srgb, to_linear, to_unit
 from flurries.light.phase import within
 
 # Cells along the longer side of a picture: light is sampled no finer.
@@ -27,36 +27,29 @@ _NARROW, _WIDE = math.radians(6.0), math.radians(25.0)
 _NARROW_SIGMA = _NARROW / 2.0
 _WIDE_SIGMA = math.sqrt(0.5 * (_NARROW**2 + _WIDE**2)) / math.sqrt(2.0)
 
+# What pictures reflect on average, the grey of exposure meters; and fresh snow.
+_GREY, _SNOW = 0.18, 0.9
+# A black picture is none: snow on it is meant to be laid over one later.
+_BLACK = 1.0, 1.0, 1.0
+# What the most saturated color counts for the tint, so that a picture of one color has one.
+_LEAST = 1e-6
+
 
 @dataclass(frozen=True, eq=False)
 class PlateLight:
-    """The light of a plate.
+    """The light of a plate, linear."""
 
-    Attributes
-    ----------
-    cells : (rows, columns, 3) float64
-        Mean linear light of squares of the picture.
-    cell : int
-        Their side, px.
-    sky : (3,)
-        Linear light from above, outside the picture.
-    ground : (3,)
-        Linear light from below, outside the picture.
-    """
-
-    cells: Float64
-    cell: int
-    sky: Float64
-    ground: Float64
+    cells: Float64  # (rows, columns, 3) means of squares of the picture.
+    cell: int  # Their side, px.
+    sky: Float64  # (3,) from above, outside the picture.
+    ground: Float64  # (3,) from below, outside.
 
     def local(self, focal: float, *, asymmetry: float, albedo: float) -> Float64:
-        """Return the radiance of flakes before each cell, (rows, columns, 3) linear light.
-
-        The albedo times the light from all sides, weighed by Henyey and Greenstein: what lies
-        behind a flake, what lies around it, and what is outside the picture, half of it sky, half
-        ground: flakes are darker than the sky behind them and brighter than the ground. Over an
-        even picture of radiance L it is albedo times L.
-        """
+        """Return the radiance of flakes before each cell, (rows, columns, 3) linear light."""
+        # The albedo times the light from all sides, weighed by Henyey and Greenstein: what lies
+        # behind a flake, what lies around it, and what is outside the picture, half of it sky, half
+        # ground: flakes are darker than the sky behind them and brighter than the ground. Over an
+        # even picture of radiance L it is albedo times L.
         behind = within(asymmetry, _NARROW)
         around = within(asymmetry, _WIDE) - behind
         rest = 1.0 - behind - around
@@ -66,11 +59,9 @@ class PlateLight:
         return np.asarray(albedo * (behind * near + around * wide + rest * outside))
 
     def veil(self, focal: float) -> Float64:
-        """Return the light of fog before each cell, (rows, columns, 3) linear light.
-
-        Fog loses nothing to absorption, and hides what is behind it by light from all sides: it is
-        as bright as what it hides, or brighter where the surroundings are.
-        """
+        """Return the light of fog before each cell, (rows, columns, 3) linear light."""
+        # Fog loses nothing to absorption, and hides what is behind it by light from all sides: it
+        # is as bright as what it hides, or brighter where the surroundings are.
         wide = self.blurred(focal, _WIDE_SIGMA)
         even = 0.5 * (wide + self.sky)
         return np.maximum(even, self.blurred(focal, _NARROW_SIGMA))
@@ -92,10 +83,8 @@ def _gaussian(count: int, sigma: float) -> Float64:
 
 
 def cell_sums(picture: Array, encoding: str) -> tuple[Array, int]:
-    """Return the linear light of squares of a picture and what covers them, and the squares' side.
-
-    Sums over pixels, (rows, columns, 4) float32; what is not finite does not count.
-    """
+    """Return sums of light and cover over squares, (rows, columns, 4), and their side, px."""
+    # What is not finite does not count.
     height, width = picture.shape[:2]
     cell = max(math.ceil(max(height, width) / CELLS), 1)
     sums = np.empty((-(-height // cell), -(-width // cell), 4), np.float32)
@@ -111,15 +100,7 @@ def cell_sums(picture: Array, encoding: str) -> tuple[Array, int]:
 
 
 def plate_light(picture: Array, encoding: str) -> PlateLight:
-    """Return the light of a picture.
-
-    Parameters
-    ----------
-    picture : (H, W, 3 or 4)
-        Of a background's dtype; what is transparent counts as far as it shows.
-    encoding : {"display", "linear"}
-        What its numbers mean. What is not finite does not count.
-    """
+    """Return the light of a picture; what is transparent counts as far as it shows."""
     sums, cell = cell_sums(picture, encoding)
     cover = sums[..., 3:].astype(np.float64)
     light = np.maximum(sums[..., :3].astype(np.float64), 0.0)
@@ -134,3 +115,30 @@ def plate_light(picture: Array, encoding: str) -> PlateLight:
     middle, low, high = np.quantile(bright, (_DARKER, *_BRIGHTER))
     sky = places[(bright >= low) & (bright <= high)].mean(axis=0)
     return PlateLight(cells, cell, sky, places[bright <= middle].mean(axis=0))
+
+
+def ambient_light(picture: Array, encoding: str) -> tuple[float, float, float]:
+    """Return the brightness (r, g, b) of white snow in the light of a picture (H, W, 3 or 4)."""
+    # Display values, 0 to 1. The ambient color of Langer 2003's slides, which do not say where it
+    # comes from: as bright as the mean of the linear light over 0.18, which is what pictures
+    # reflect on average, times 0.9, what snow does; of the tint of what is nearly grey; lowered in
+    # one proportion to 1 at most, or in linear light to 0.9 of its brightest twentieth where that
+    # is more. White for a picture that is black all over. What is not finite does not count, and
+    # what is transparent as far as it shows.
+    # Each part of the picture (1/96 of its longer side) counts for the tint by its least channel
+    # over its largest: a red coat is no red light, and grey ground shows the light's own color.
+    sums = np.maximum(cell_sums(picture, encoding)[0].reshape(-1, 4), 0.0).astype(np.float64)
+    light, cover = sums[:, :3], sums[:, 3]
+    if not cover.any() or not light.any():
+        return _BLACK
+    mean = light.sum(axis=0) / cover.sum()
+    grey = light.min(axis=1) / np.maximum(light.max(axis=1), np.finfo(np.float32).tiny)
+    tint = (grey + _LEAST) @ light
+    white = tint * (float(mean.sum() / tint.sum()) * _SNOW / _GREY)
+    most = 1.0
+    if encoding == "linear":
+        # Light has no end at paper white: before a sky of 5 snow is not grey.
+        shown = light[cover > 0.0] / cover[cover > 0.0, None]
+        most = max(most, _SNOW * float(np.quantile(shown, 0.95)))
+    red, green, blue = linear_to_srgb(white / max(float(white.max()) / most, 1.0)).tolist()
+    return red, green, blue

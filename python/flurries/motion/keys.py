@@ -186,24 +186,12 @@ def integral_to(value: Any, t: float) -> Any:
 
 @dataclass(frozen=True, eq=False)
 class Course:
-    """A vector that is linear in time between knots, and goes on as its end pieces do.
+    """A vector that is linear in time between knots, and goes on as its end pieces do."""
 
-    Attributes
-    ----------
-    knots : (n,) float64
-        Increasing times at which one piece ends and the next begins.
-    values : (n + 1, width) float64
-        Values of the pieces at their `times`.
-    slopes : (n + 1, width) float64, optional
-        Change per frame of each piece; none if left out.
-    times : (n + 1,) float64, optional
-        Where the values hold; needed with slopes.
-    """
-
-    knots: Float64
-    values: Float64
-    slopes: Float64 | None = None
-    times: Float64 | None = None
+    knots: Float64  # (n,) increasing times at which pieces meet.
+    values: Float64  # (n + 1, width), of the pieces at their `times`.
+    slopes: Float64 | None = None  # (n + 1, width) per frame; none if left out.
+    times: Float64 | None = None  # (n + 1,) where the values hold; needed with slopes.
 
     @property
     def constant(self) -> bool:
@@ -256,22 +244,13 @@ Pieces: TypeAlias = Callable[[Float64, Float64, Float64], Float64]
 
 @dataclass(frozen=True, eq=False)
 class Integral:
-    """The integral from frame 0 of a vector that is elementary between knots.
+    """The integral from frame 0 of a vector that is elementary between knots."""
 
-    Attributes
-    ----------
-    pieces : callable
-        ``pieces(start, end, inside)`` gives the integrals (m, width) over intervals (m,) that hold
-        no knot; `inside` is a time that lies in the piece meant.
-    knots : (n,) float64
-        Increasing; 0 is one of them.
-    sums : (n, width) float64
-        Integrals from 0 to them.
-    """
-
+    # pieces(start, end, inside): the integrals (m, width) over intervals (m,) that hold no knot;
+    # `inside` is a time that lies in the piece meant.
     pieces: Pieces
-    knots: Float64
-    sums: Float64
+    knots: Float64  # (n,) increasing; 0 is one of them.
+    sums: Float64  # (n, width), from 0 to them.
 
     @staticmethod
     def of(pieces: Pieces, knots: Float64) -> Integral:

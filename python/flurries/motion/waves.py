@@ -29,24 +29,12 @@ _NODES, _WEIGHTS = (0.5 * part for part in np.polynomial.legendre.leggauss(8))
 
 @dataclass(frozen=True, eq=False)
 class Waves:
-    """Plane waves of velocity: Re sum a exp(i (k . x - omega t)).
+    """Plane waves of velocity: Re sum a exp(i (k . x - omega t))."""
 
-    Attributes
-    ----------
-    k : (m, 3) float64
-        Radians per metre.
-    omega : (m,) float64
-        Radians per second.
-    a : (m, 3) complex128
-        Metres per second.
-    own : (m,) float64
-        How fast each changes for what rides on the mean wind, at least, radians per second.
-    """
-
-    k: Float64
-    omega: Float64
-    a: npt.NDArray[np.complex128]
-    own: Float64
+    k: Float64  # (m, 3) radians per metre.
+    omega: Float64  # (m,) radians per second.
+    a: npt.NDArray[np.complex128]  # (m, 3) metres per second.
+    own: Float64  # (m,) rad/s: how fast each changes for what rides on the mean wind, at least.
 
     def at(self, points: Float64, *factors: npt.NDArray[np.complex128]) -> Float64:
         """Return Re sum a factor exp(i k . x) at points (n, 3), one after the other: (n, 3 f)."""
@@ -122,10 +110,7 @@ def _mirror(count: tuple[int, ...]) -> npt.NDArray[np.intp]:
 
 @lru_cache(maxsize=32)
 def carry(waves: Waves, course: Course, fps: float) -> tuple[Integral, Integral]:
-    """Return the way q of a course, and the integral of exp(i (k . q - w t)) as (real, imaginary).
-
-    The course is a velocity in metres per frame; integrals count frames.
-    """
+    """Return the way q of a course (m per frame), and the integral of exp(i (k . q - w t))."""
 
     def ways(start: Float64, end: Float64, inside: Float64) -> Float64:
         values, _ = course.line(0.5 * (start + end), inside)

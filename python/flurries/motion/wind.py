@@ -61,11 +61,6 @@ class Wind:
     seed : int, optional
         Seed of gusts and swirls; with the same seed all effects share the same air.
 
-    Raises
-    ------
-    ValueError, TypeError
-        For an argument that is not as described; the message names it.
-
     Notes
     -----
     Langer 2004, section 8, asks for such winds. A `field` that never changes carries what falls

@@ -13,7 +13,7 @@ from flurries._contract import Array, integer
 from flurries._threads import reproducible
 from flurries.output.cluster import cluster, required
 from flurries.output.crew import on_one_core, results
-from flurries.scene.numbers import frames_of
+from flurries.scene.files import frames_of
 from flurries.scene.rendering import Rendering
 from flurries.scene.scene import Scene, expect_scene
 

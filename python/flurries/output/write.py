@@ -29,8 +29,8 @@ from flurries.output.points import EXTENSIONS as USD
 from flurries.output.points import write_points
 from flurries.output.sequence import Progress, run
 from flurries.output.store import Disk, store_of
-from flurries.scene.numbers import Frames as Numbers
-from flurries.scene.numbers import frames_of
+from flurries.scene.files import Frames as Numbers
+from flurries.scene.files import frames_of
 from flurries.scene.rendering import Rendering
 from flurries.scene.scene import Scene, expect_scene
 

@@ -65,8 +65,6 @@ def positions(
         ``(amplitude, angular_frequency)``, world units and radians per unit of time: adds
         amplitude * (sin(w t + phi1), 0, sin(w t + phi2)) after the wrap, the phases hashed per
         flake. See `sway_offsets`.
-    out : (count, 3) float64, optional
-        Array to write into and return.
 
     Returns
     -------
@@ -120,18 +118,11 @@ def sway_offsets(
         Any.
     sway : (float, float)
         ``(amplitude, angular_frequency)``, world units and radians per unit of time.
-    out : (count, 3) float64, optional
-        Array to write into and return.
 
     Returns
     -------
     (count, 3) float64
         Row i is amplitude * (sin(w t + phi1), 0, sin(w t + phi2)) of flake i, world units.
-
-    Raises
-    ------
-    TypeError, ValueError
-        If an argument is not as described; the message names it.
 
     Notes
     -----
@@ -163,19 +154,12 @@ def edge_fade(
         B, the sides of the box, world units.
     center : (3,), optional
         c, the middle of the box, world units.
-    out : (n,) float64, optional
-        Array to write into and return.
 
     Returns
     -------
     (n,) float64
         The product over the axes of 1 - smoothstep(0.85, 1, 2 |p - c| / B), from 0 at the walls
         (and outside) to 1; to be multiplied into the opacity.
-
-    Raises
-    ------
-    TypeError, ValueError
-        If an argument is not as described; the message names it.
     """
     place = points_of(points)
     sides, middle = _box(box, center)

@@ -12,9 +12,10 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+import numpy.typing as npt
 
+from flurries import _core
 from flurries._contract import Float64
-from flurries.particles.looks import smoothstep
 from flurries.particles.sizes import Sizes
 
 # Over this part of its depth the hand-over goes from all drawn to all synthesized.
@@ -23,47 +24,23 @@ FADE = 0.08
 
 @dataclass(frozen=True)
 class SizeClass:
-    """Flakes of an interval of sizes, which fall alike.
+    """Flakes of an interval of sizes, which fall alike."""
 
-    Attributes
-    ----------
-    density : float
-        Per cubic metre.
-    smallest, largest : float
-        Diameters, metres.
-    square : float
-        Mean of the squared diameter, m2.
-    fall : float
-        Metres per second in still air: the mean speed, each flake weighed by its area.
-    """
-
-    density: float
-    smallest: float
+    density: float  # Per cubic metre.
+    smallest: float  # Diameters, metres.
     largest: float
-    square: float
-    fall: float
+    square: float  # Mean of the squared diameter, m2.
+    fall: float  # Metres per second in still air: the mean, each flake weighed by its area.
 
 
 @dataclass(frozen=True)
 class Population:
-    """Flakes or drops that fill the air.
+    """Flakes or drops that fill the air."""
 
-    Attributes
-    ----------
-    density : float
-        Per cubic metre.
-    sizes : Sizes
-        Of their diameters, metres.
-    opacity : float
-        Mean over a resting flake's disc, 0 to 1.
-    speed : callable
-        Fall speed in m/s of diameters in metres.
-    """
-
-    density: float
+    density: float  # Per cubic metre.
     sizes: Sizes
-    opacity: float
-    speed: Callable[[Float64], Float64]
+    opacity: float  # Mean over a resting flake's disc.
+    speed: Callable[[Float64], Float64]  # Of the fall in m/s, of diameters in metres.
 
     @property
     def extinction(self) -> float:
@@ -98,28 +75,14 @@ def drawn_share(depth: Float64, reach: float, far: float) -> Float64:
 
 @dataclass(frozen=True, eq=False)
 class Slab:
-    """A layer of the texture: flakes of one class between two depths.
-
-    Attributes
-    ----------
-    near, far : float
-        Metres.
-    depth : float
-        That it moves as: the mean of the depths of what it covers, metres.
-    count : float
-        Mean number of flakes in a tile.
-    diameters : (n,)
-        Of their images, for even shares of the flakes: the root of the mean square of each, px.
-    coverage : float
-        Mean of what they cover of a tile, px2.
-    """
+    """A layer of the texture: flakes of one class between two depths, metres."""
 
     near: float
     far: float
-    depth: float
-    count: float
-    diameters: Float64
-    coverage: float
+    depth: float  # That it moves as: the mean of the depths of what it covers.
+    count: float  # Mean number of flakes in a tile.
+    diameters: Float64  # (n,) px, of even shares of the flakes: each covers what its share does.
+    coverage: float  # Mean of what they cover of a tile, px2.
 
 
 # Depths by which a slab's images are counted, and the even shares of images: many, since the few
@@ -140,21 +103,9 @@ def slabs_of(
     edges: Float64,
     flat: bool = False,
 ) -> list[Slab]:
-    """Return the layers of a class from where it is no longer drawn, near ones first.
-
-    Parameters
-    ----------
-    focal : float
-        Pixels.
-    tile : int
-        Pixels.
-    reach, far : float
-        Depths at which the texture begins and ends, metres.
-    edges : (n,)
-        Depths at which slabs end, from the one to the other.
-    flat : bool
-        Whether all flakes of a slab are seen at its mean depth, as many as cover as much.
-    """
+    """Return the layers of a class from where it is no longer drawn, near ones first."""
+    # `edges` are where slabs end, from `reach` to `far`. All flakes of a flat slab are seen at its
+    # mean depth, as many as cover as much.
     if reach >= far or each.density == 0.0:
         return []
     diameters, share = population.sizes.nodes(each.smallest, each.largest)
@@ -193,3 +144,11 @@ def _even_shares(images: Float64, weight: Float64) -> Float64:
     squares = np.concatenate([[0.0], np.cumsum(weight[order] * images[order] ** 2)])
     upto = np.interp(np.linspace(0.0, 1.0, _SHARES + 1), below / below[-1], squares)
     return np.asarray(np.sqrt(np.diff(upto) * _SHARES / below[-1]))
+
+
+def smoothstep(t: npt.ArrayLike) -> Float64:
+    """Return 0 below 0, 1 above 1, and the cubic that is level at both between; of any shape."""
+    values = np.ascontiguousarray(t, np.float64)
+    out = np.empty(values.shape)
+    _core.smooth(out.reshape(-1), values.reshape(-1))
+    return out

@@ -20,30 +20,16 @@ _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(64)
 
 @dataclass(frozen=True)
 class Sizes:
-    """Diameters between `smallest` and `largest` that have a mean, metres.
-
-    Attributes
-    ----------
-    smallest, mean, largest : float
-        0 < smallest <= mean <= largest; a mean above the middle makes large ones more frequent.
-    slope : float
-        Of the law exp(-slope D), 1/m; found from the mean.
-    """
+    """Diameters between `smallest` and `largest` that have a mean, metres."""
 
     smallest: float
-    mean: float
+    mean: float  # Above the middle it makes large ones more frequent.
     largest: float
-    slope: float = 0.0
+    slope: float = 0.0  # Of the law exp(-slope D), 1/m; found from the mean.
 
     @classmethod
     def with_mean(cls, smallest: float, mean: float, largest: float) -> Sizes:
-        """Return the law that has this mean.
-
-        Raises
-        ------
-        ValueError
-            If no law does: 0 < smallest < mean < largest, or all three the same.
-        """
+        """Return the law that has this mean, between the two or all three the same."""
         if smallest == mean == largest and smallest > 0.0:
             return cls(smallest, mean, largest)
         if not 0.0 < smallest < mean < largest:

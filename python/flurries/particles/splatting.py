@@ -67,21 +67,12 @@ def splat(
     depth : (H, W), optional
         Depth of what stands in the picture, world units; infinity is the sky. Where it is nearer
         than the flake (at the middle of its clipped path), the flake is hidden. NaN hides nothing.
-    dtype : float32 or float64, optional
-        Type of the result.
-    out : (H, W) array of that dtype, optional
-        Array to write into and return.
 
     Returns
     -------
     (H, W) array
         alpha = 1 - prod(1 - alpha_i) at the pixel centres (j + 1/2, i + 1/2), from 0 to 1. The sum
         of one faint flake's alpha is 2 pi opacity sigma^2 within 0.2 %, resting or moving.
-
-    Raises
-    ------
-    TypeError, ValueError
-        If an argument is not as described; the message names it.
 
     Notes
     -----
@@ -128,19 +119,12 @@ def ids(
     ----------
     shape, points, radius, camera, opacity, velocity, shutter, near, depth
         As given to `splat`.
-    out : (H, W) int32, optional
-        Array to write into and return.
 
     Returns
     -------
     (H, W) int32
         The row in `points` of the flake whose own opacity at the pixel's centre is the greatest,
         the first of equals; -1 outside all footprints. A footprint ends where its opacity is 0.
-
-    Raises
-    ------
-    TypeError, ValueError
-        If an argument is not as described; the message names it.
 
     Notes
     -----

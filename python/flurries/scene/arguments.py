@@ -9,9 +9,8 @@ from typing import Any, TypeVar
 import numpy as np
 
 from flurries._contract import _came, integer
-from flurries.frame.bands import whole
+from flurries.frame.bands import Window, whole
 from flurries.frame.effect import Effect, renderer_of
-from flurries.frame.visible import Window
 from flurries.io.sequences import MOST_FRAMES
 from flurries.light.lamp import Lamp
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -14,7 +14,7 @@ from flurries.io import fit, open_background
 from flurries.io.color import parse_hex
 from flurries.io.colorspace import ColorSpace
 from flurries.io.files import file_of
-from flurries.scene.numbered import Numbered
+from flurries.scene.numbered import Last, Numbered
 from flurries.scene.overscan import Display
 
 _DEFAULT_SIZE = (1024, 768)
@@ -22,39 +22,20 @@ _DEFAULT_SIZE = (1024, 768)
 
 @dataclass(frozen=True, eq=False)
 class Backdrop:
-    """A background of one size.
+    """A background of one size."""
 
-    Attributes
-    ----------
-    size : (width, height)
-        Pixels.
-    encoding : "display" or "linear"
-        What its values mean.
-    count : int or None
-        How many frames it has; None for a still.
-    source : array or files
-        Where they come from.
-    fps : float or None
-        Frames per second of a film, or as a picture's header says.
-    display : (left, top, width, height) or None
-        Where the display window lies, of a plate with overscan; None where it is all.
-    aspect : float
-        Width of a pixel over its height.
-    """
-
-    size: tuple[int, int]
-    encoding: str
-    count: int | None
-    source: Any
-    fps: float | None = None
+    size: tuple[int, int]  # (width, height) px.
+    encoding: str  # "display" or "linear".
+    count: int | None  # How many frames it has; None for a still.
+    source: Any  # An array or files.
+    fps: float | None = None  # Of a film, or as a picture's header says.
+    # (left, top, width, height) of the display window in a plate with overscan.
     display: Display | None = None
-    aspect: float = 1.0
+    aspect: float = 1.0  # Width of a pixel over its height.
 
     def frame(self, t: float) -> Array:
-        """Return (H, W, 3), or (H, W, 4) with alpha, of frame floor(t).
-
-        The colors of integers are straight, those of floats are multiplied by alpha.
-        """
+        """Return (H, W, 3), or (H, W, 4) with alpha, of frame floor(t)."""
+        # The colors of integers are straight, those of floats are multiplied by alpha.
         if isinstance(self.source, np.ndarray):
             return self.source
         # The source keeps what it decoded last, so a still is read and fitted once.
@@ -87,7 +68,7 @@ class _Decoded:
 
     source: Any
     space: ColorSpace
-    _last: tuple[Array, Array] | None = None
+    _last: Last = field(default_factory=Last)
 
     @property
     def files(self) -> Numbered | None:
@@ -96,16 +77,12 @@ class _Decoded:
     def frame(self, t: float) -> Array:
         still = isinstance(self.source, np.ndarray)
         pixels: Array = self.source if still else self.source.frame(t)
-        last = self._last
-        if last is not None and last[0] is pixels:
-            return last[1]
+        return self._last.of((pixels,), lambda: self._decoded(pixels))
+
+    def _decoded(self, pixels: Array) -> Array:
         made = self.space.decode(pixels)
         made.flags.writeable = False
-        self._last = (pixels, made)
         return made
-
-    def __getstate__(self) -> dict[str, Any]:
-        return {**self.__dict__, "_last": None}
 
 
 @dataclass
@@ -130,26 +107,22 @@ class _Fitted:
 
     files: Numbered
     size: tuple[int, int]
-    _last: tuple[int, Array] | None = None
+    _last: Last = field(default_factory=Last)
 
     def frame(self, t: float) -> Array:
         place = self.files.place(t)
-        last = self._last
-        if last is not None and last[0] == place:
-            return last[1]
+        return self._last.of((place,), lambda: self._fitted(place))
+
+    def _fitted(self, place: int) -> Array:
         picture = self.files.source.frame(place)
         # A source of somebody's own need not know of alpha.
         bare = getattr(picture, "alpha", None) is None
         pixels: Array = picture.pixels if bare else picture.rgba()
-        if last is None:
+        if self._last.kept is None:
             warn_of_levels("background", pixels, "divide them by 255")
         if (pixels.shape[1], pixels.shape[0]) != self.size:
             pixels = fit(pixels, self.size)
-        self._last = (place, pixels)
         return pixels
-
-    def __getstate__(self) -> dict[str, Any]:
-        return {**self.__dict__, "_last": None}
 
 
 def backdrop(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import os
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, Literal, TypeAlias, get_args
 
 import numpy as np
@@ -15,7 +15,7 @@ from flurries.io import fit_nearest, open_background, open_depth
 from flurries.io.color import to_unit
 from flurries.io.files import file_of
 from flurries.io.pictures.reader import luminance
-from flurries.scene.numbered import Numbered
+from flurries.scene.numbered import Last, Numbered
 from flurries.scene.overscan import Display, placed
 
 __all__ = ["DepthMap"]
@@ -47,11 +47,6 @@ class DepthMap:
         Which end is white.
     law : {"linear", "inverse"}
         What is in proportion to the grey: depth, or its inverse.
-
-    Raises
-    ------
-    ValueError, TypeError
-        For an argument that is not as described; the message names it.
 
     Examples
     --------
@@ -120,15 +115,9 @@ def _greys(source: Any) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class Distance:
-    """The depth of a scene's background, of the frame's size, for every frame.
+    """The depth of a scene's background, of the frame's size, for every frame."""
 
-    Attributes
-    ----------
-    source : (H, W) float32 array, or files
-        Where it comes from.
-    """
-
-    source: Any
+    source: Any  # (H, W) float32 array, or files.
 
     @property
     def still(self) -> bool:
@@ -155,23 +144,17 @@ class _Fitted:
     law: DepthMap | None
     shape: tuple[int, int]
     display: Display | None = None
-    _last: tuple[Any, Array] | None = None
+    _last: Last = field(default_factory=Last)
 
     def frame(self, t: float) -> Array:
         picture = self.files.frame(t)
-        last = self._last
-        # The files give the very same picture again while they keep it.
-        if last is not None and last[0] is picture:
-            return last[1]
+        return self._last.of((picture,), lambda: self._fitted(picture))
+
+    def _fitted(self, picture: Any) -> Array:
         depth = picture.pixels if self.law is None else self.law.depth_of(luminance(picture))
         whole = placed(depth, picture.display, self.shape, self.display, fit_nearest, np.inf)
         # A copy where it is the file's own, which other frames may share.
-        fitted = _read_only(np.array(whole, order="C"))
-        self._last = (picture, fitted)
-        return fitted
-
-    def __getstate__(self) -> dict[str, Any]:
-        return {**self.__dict__, "_last": None}
+        return _read_only(np.array(whole, order="C"))
 
 
 def distance_of(

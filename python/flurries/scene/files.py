@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 import errno
-from collections.abc import Sequence
-from typing import Any
+import math
+from collections.abc import Iterable, Sequence
+from typing import TYPE_CHECKING, Any, TypeAlias
 
-from flurries._contract import real
+import numpy as np
+
+from flurries._contract import integer, real
 from flurries.camera.extent import extent
 from flurries.camera.path import CameraPath
+from flurries.io import frame_range
 from flurries.io.films.codecs import frame_rate
 from flurries.io.pictures.slate import Slate, read_slate
 from flurries.io.sources import Source, VideoSource
@@ -17,6 +21,15 @@ from flurries.scene.background import Backdrop
 from flurries.scene.depth import Distance
 from flurries.scene.foreground import Mattes
 from flurries.scene.numbered import Numbered
+
+if TYPE_CHECKING:
+    from flurries.scene.rendering import Rendering
+
+# Which frames: "1-60", a number, numbers, or all there are.
+Frames: TypeAlias = str | int | Iterable[int] | None
+
+# Three seconds of film, where neither the caller nor the background says how long.
+DEFAULT_SECONDS = 3.0
 
 
 class Sources:
@@ -87,19 +100,7 @@ class Sources:
         return self.extend == "hold" and extent(self.camera) is not None
 
     def require(self, frames: Sequence[int], *, gaps: bool = True) -> None:
-        """Refuse frame numbers that a file or the camera does not have.
-
-        Parameters
-        ----------
-        frames : sequence of int
-        gaps : bool
-            Whether files that are missing between the first and the last are refused too.
-
-        Raises
-        ------
-        ValueError, FileNotFoundError
-            The message names the numbers that are asked for, and those that are there.
-        """
+        """Refuse frame numbers that a file or the camera does not have; files missing: `gaps`."""
         for span in self.spans:
             if outside := span.outside(frames):
                 asked = words_of(frames)
@@ -114,13 +115,7 @@ class Sources:
                 )
 
     def look(self, t: float) -> None:
-        """Read background, depth and mattes of a frame, as `render` will.
-
-        Raises
-        ------
-        OSError, ValueError
-            If one of them is missing or damaged.
-        """
+        """Read background, depth and mattes of a frame, as `render` will; raise what it would."""
         time = real("t", t)
         self._backdrop.frame(time)
         if self._distance is not None:
@@ -151,3 +146,31 @@ class Sources:
     def deep(self) -> bool:
         """Whether the background has more than 8 bits a color."""
         return self._backdrop.deep
+
+
+def frames_of(scene: Rendering, frames: Frames) -> list[int]:
+    """Return frame numbers, each once, in the order asked for."""
+    # If none are asked for, one round of a scene that repeats, else those of the background's
+    # files; of a still those of the first that has numbers of camera, depth and foreground; else
+    # three seconds from 1 on.
+    if frames is None:
+        if scene.lap is not None:
+            return list(range(scene.lap.first, scene.lap.end))
+        if scene.range is not None:
+            return list(range(scene.range[0], scene.range[1] + 1))
+        # The camera is the last of them, and goes before depth and foreground.
+        for span in reversed(scene.spans):
+            return list(range(span.first, span.last + 1))
+        return list(range(1, math.ceil(DEFAULT_SECONDS * scene.fps) + 1))
+    if isinstance(frames, str):
+        numbers: Sequence[int] = frame_range(frames)
+    elif isinstance(frames, (int, np.integer)):
+        numbers = [int(frames)]
+    elif isinstance(frames, Iterable):
+        numbers = list(frames)
+    else:
+        raise TypeError(f"frames must be a range such as '1-60' or integers, got {frames!r}")
+    result = list(dict.fromkeys(integer("frames", n, low=0, high=10**12) for n in numbers))
+    if not result:
+        raise ValueError("frames must name at least one frame, got none")
+    return result

@@ -75,11 +75,10 @@ def hash_of(path: Path) -> str:
 
 @dataclass
 class Hashes:
-    """Hashes of files, found again only where a file has changed since.
+    """Hashes of files, found again only where a file has changed since."""
 
-    Size, time of change and place on the disk say whether it has; a file that changed just before
-    it was hashed is hashed again.
-    """
+    # Size, time of change and place on the disk say whether it has; a file that changed just before
+    # it was hashed is hashed again.
 
     _known: dict[Path, tuple[tuple[int, ...], str]] = field(default_factory=dict)
 
@@ -97,11 +96,10 @@ class Hashes:
 
 
 class Inputs:
-    """The files that a scene's frames are made of.
+    """The files that a scene's frames are made of."""
 
-    What serves all frames, a still or a film, is hashed once, and must stay as it is until the last
-    frame is made, on whatever machine. Of a sequence each frame has its own file.
-    """
+    # What serves all frames, a still or a film, is hashed once, and must stay as it is until the
+    # last frame is made, on whatever machine. Of a sequence each frame has its own file.
 
     def __init__(self, scene: Scene) -> None:
         specs = _specs(scene)
@@ -121,13 +119,7 @@ class Inputs:
         self.names = hashlib.sha256(names.encode()).hexdigest()[:8]
 
     def of(self, number: int) -> str:
-        """Return a hash of what a frame is made of.
-
-        Raises
-        ------
-        OSError
-            If a file that serves all frames is not what it was.
-        """
+        """Return a hash of a frame's inputs; OSError if a file that serves all has changed."""
         for file, before in self._stills.items():
             if self._told(file) != before:
                 raise OSError(f"{file} changed while frames were made of it; run again")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -16,7 +16,7 @@ from flurries.io import fit, open_background
 from flurries.io.files import file_of
 from flurries.io.pictures.reader import Picture, luminance
 from flurries.scene.depth import Distance, distance_of
-from flurries.scene.numbered import Numbered
+from flurries.scene.numbered import Last, Numbered
 from flurries.scene.overscan import Display, placed
 
 __all__ = ["Foreground"]
@@ -84,7 +84,7 @@ class _Moving:
     files: Numbered
     shape: tuple[int, int]
     display: Display | None = None
-    _last: tuple[Any, tuple[Array, bool]] | None = None
+    _last: Last = field(default_factory=Last)
 
     @property
     def still(self) -> bool:
@@ -92,30 +92,15 @@ class _Moving:
 
     def frame(self, t: float) -> tuple[Array, bool]:
         picture = self.files.frame(t)
-        last = self._last
-        # The files give the very same picture again while they keep it.
-        if last is not None and last[0] is picture:
-            return last[1]
-        made = _of_picture(picture, self.shape, self.display)
-        self._last = (picture, made)
-        return made
-
-    def __getstate__(self) -> dict[str, Any]:
-        return {**self.__dict__, "_last": None}
+        return self._last.of((picture,), lambda: _of_picture(picture, self.shape, self.display))
 
 
 @dataclass(eq=False)
 class Mattes:
-    """All that stands in front of a scene's weather, for every frame.
+    """All that stands in front of a scene's weather, for every frame."""
 
-    Attributes
-    ----------
-    parts : tuple of (matte, Distance or None)
-        Back to front, each with its depth.
-    """
-
-    parts: tuple[tuple[Any, Distance | None], ...]
-    _last: tuple[tuple[Any, ...], Front] | None = None
+    parts: tuple[tuple[Any, Distance | None], ...]  # Back to front, each matte with its depth.
+    _last: Last = field(default_factory=Last)
 
     @property
     def still(self) -> bool:
@@ -132,14 +117,9 @@ class Mattes:
         found = [
             (*part.frame(t), None if far is None else far.frame(t)) for part, far in self.parts
         ]
-        last = self._last
-        planes = tuple(plane for each in found for plane in each)
         # Planes that are kept are the very same again.
-        if last is not None and all(a is b for a, b in zip(planes, last[0], strict=True)):
-            return last[1]
-        made = _front(found)
-        self._last = (planes, made)
-        return made
+        planes = tuple(plane for each in found for plane in each)
+        return self._last.of(planes, lambda: _front(found))
 
     def sources(self) -> dict[str, Numbered]:
         """Return the files, by what they are called."""
@@ -151,9 +131,6 @@ class Mattes:
             if far is not None and far.files is not None:
                 found[f"{name} depth"] = far.files
         return found
-
-    def __getstate__(self) -> dict[str, Any]:
-        return {**self.__dict__, "_last": None}
 
 
 def frozen(value: Any) -> Any:

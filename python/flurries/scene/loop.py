@@ -3,40 +3,38 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Any, NamedTuple
 
-from flurries.camera.loop import looped_path
+import numpy as np
+
+from flurries._contract import Float64
 from flurries.camera.path import CameraPath
+from flurries.camera.rotation import quaternions_of, rotation_matrix, rotation_vector
 from flurries.effects.cone import ConeRain, ConeSnow
 from flurries.effects.loop import closed, closed_fields, looped, one_place
 from flurries.effects.mist import Mist
 from flurries.effects.tent_rain import TentRain
 from flurries.effects.tent_snow import TentSnow
-from flurries.frame.lap import Lap
 from flurries.frame.program import effect_seed
+from flurries.frame.view import Lap
 from flurries.motion.keys import Keys
+
+Axes = tuple[bool, bool, bool]
+
+# Metres and radians that are no difference.
+_NOTHING = 1e-9
 
 
 class Looped(NamedTuple):
-    """The parts of a scene that repeats.
+    """The parts of a scene that repeats."""
 
-    Attributes
-    ----------
-    effects : tuple of effects
-        Those that draw one by one stand twice, a round apart.
-    path : CameraPath
-    lights : tuple of Lamp
-    lens : Lens or None
-    bent : tuple of str
-        What does not end as it began, and what becomes of it.
-    """
-
-    effects: tuple[Any, ...]
+    effects: tuple[Any, ...]  # Those that draw one by one stand twice, a round apart.
     path: CameraPath
     lights: tuple[Any, ...]
     lens: Any
-    bent: tuple[str, ...]
+    bent: tuple[str, ...]  # What does not end as it began, and what becomes of it.
 
 
 def looped_scene(
@@ -122,3 +120,81 @@ def _bending(effect: Any, path: CameraPath, fps: float, lap: Lap) -> str:
             f"{0.5 / lap.frames:.2g} cycles a frame more or less"
         )
     return ""
+
+
+def looped_path(
+    path: CameraPath, first: int, frames: int, fps: float, *, stays: Axes, tilts: bool
+) -> tuple[CameraPath, list[str]]:
+    """Return a path whose rates repeat those of one round, and what was changed, in words."""
+    # Focal length and velocity, where keyed, end as they begin. Along the axes of `stays` the path
+    # must end where it began, since something stands in the world; `tilts`: it must look the way
+    # that it looked, even if it turns at one rate.
+    end, bent = first + frames, []
+    gone = path.place(end, fps=fps) - path.place(first, fps=fps)
+    back = np.where(stays, gone, 0.0)
+    far = float(np.linalg.norm(back))
+    moves = path.position is not None or isinstance(path.velocity, Keys)
+    closes = far > _NOTHING
+    if closes:
+        bent.append(
+            f"camera: it ends {far:.3g} from where it began, where lamps or mist stand; its "
+            f"velocity is changed by {far * fps / frames:.3g} a second"
+        )
+    turn = np.zeros(3)
+    turning = path._turning
+    if path.turns and turning is not None:
+        turn = rotation_vector(turning.at(first).T @ turning.at(end))
+        constant = bool((turning.rates == turning.rates[0]).all())
+        if constant and not tilts:
+            turn[:] = 0.0
+        angle = math.degrees(float(np.linalg.norm(turn)))
+        if angle > _NOTHING:
+            bent.append(
+                f"camera: it ends {angle:.3g} degrees from where it looked; its turning is changed "
+                f"by {angle * fps / frames:.3g} degrees a second"
+            )
+    turned = path.turns and (float(np.abs(turn).max()) > _NOTHING or not _one_rate(path))
+    if not (moves or closes or turned):
+        return path, bent
+    # Every frame of a round, and its keys, so that straight pieces stay straight.
+    times = np.arange(float(frames) + 1.0) + first
+    for keyed in (path.position, path.orientation):
+        if isinstance(keyed, Keys):
+            inner = [t for t, _ in keyed.keys if first < t < end]
+            times = np.union1d(times, inner)
+    changes: dict[str, Any] = {"extend": "on"}
+    if moves or closes:
+
+        def place(t: float, rounds: int) -> Float64:
+            part = (t - first) / frames
+            at = path.place(t, fps=fps)
+            return np.asarray(at - part * back + rounds * (gone - back))
+
+        changes["velocity"] = None
+        changes["position"] = Keys(_rounds(times, frames, lambda t, n: tuple(place(t, n))))
+    if turned:
+        rig = path._turning
+        assert rig is not None
+
+        def quaternion(t: float, _: int) -> tuple[float, ...]:
+            less = rotation_matrix(-(t - first) / frames * turn)
+            return tuple(quaternions_of((rig.at(t) @ less)[None])[0].tolist())
+
+        changes["orientation"] = Keys(_rounds(times, frames, quaternion))
+    return replace(path, **changes), bent
+
+
+def _rounds(
+    times: Float64, frames: int, value: Callable[[float, int], tuple[float, ...]]
+) -> list[tuple[float, tuple[float, ...]]]:
+    """Return keys of the round before, this one and the next."""
+    return [
+        (float(t) + n * frames, tuple(float(v) for v in value(float(t), n)))
+        for n in (-1, 0, 1)
+        for t in times[:-1]
+    ]
+
+
+def _one_rate(path: CameraPath) -> bool:
+    turning = path._turning
+    return turning is None or bool((turning.rates == turning.rates[0]).all())

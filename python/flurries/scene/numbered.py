@@ -3,38 +3,27 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from flurries.io.sources import VideoSource
 from flurries.io.spans import Span
 
+_Made = TypeVar("_Made")
+
 
 @dataclass(frozen=True, eq=False)
 class Numbered:
-    """A source of pictures, asked by the numbers of the shot.
+    """A source of pictures, asked by the numbers of the shot."""
 
-    Attributes
-    ----------
-    source : Source
-        The files, whose frames count from 0.
-    span : Span or None
-        Their numbers; None of a still, which serves all.
-    """
-
-    source: Any
-    span: Span | None
+    source: Any  # The files, whose frames count from 0.
+    span: Span | None  # Their numbers; None of a still, which serves all.
 
     @staticmethod
     def of(name: str, source: Any, *, extend: str, start: int | None = None) -> Numbered:
-        """Return a source with its numbers; a film's begin at `start`, as it has none of its own.
-
-        Parameters
-        ----------
-        name : str
-            What it is, for messages: "depth".
-        """
+        """Return a source with its numbers; a film has none of its own: `start`."""
         if source.count is None:
             return Numbered(source, None)
         first = getattr(source, "first", 0)
@@ -45,13 +34,7 @@ class Numbered:
         return Numbered(source, Span(called, first, first + source.count - 1, extend))
 
     def place(self, t: float) -> int:
-        """Return the place in the source, from 0, of frame floor(t).
-
-        Raises
-        ------
-        ValueError
-            If the source has no such number.
-        """
+        """Return the place in the source, from 0, of frame floor(t); ValueError if it has none."""
         if self.span is None:
             return 0
         return self.span.number(math.floor(t)) - self.span.first
@@ -72,3 +55,26 @@ class Numbered:
         numbers = {number: self.span.number(number) for number in wanted}
         missing = set(self.source.gaps(sorted({*numbers.values()})))
         return [number for number, own in numbers.items() if own in missing]
+
+
+class Last:
+    """What was made of the last frame's parts; in a copy or another process it begins anew."""
+
+    def __init__(self) -> None:
+        self.kept: tuple[tuple[Any, ...], Any] | None = None
+
+    def of(self, parts: tuple[Any, ...], make: Callable[[], _Made]) -> _Made:
+        """Return what `make` makes of numbers, or of objects that are the very same."""
+        # Files give the very same picture again while they keep it.
+        kept = self.kept
+        if kept is None or not all(map(_same, parts, kept[0])):
+            kept = self.kept = parts, make()
+        made: _Made = kept[1]
+        return made
+
+    def __reduce__(self) -> tuple[type[Last], tuple[()]]:
+        return Last, ()
+
+
+def _same(one: object, other: object) -> bool:
+    return one is other or (type(one) is int and one == other)

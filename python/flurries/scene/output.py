@@ -97,11 +97,6 @@ class Output:
         Write ``flurries.json`` beside a sequence: the frame, the scene, the size and the SHA-256 of
         each file, see `flurries.output.manifest`.
 
-    Raises
-    ------
-    ValueError, TypeError
-        For a value that is not as described; the message names it.
-
     Examples
     --------
     >>> import flurries as fl
@@ -175,6 +170,6 @@ def takes_output(write: _Method) -> _Method:
     vars(write)["__signature__"] = own.replace(parameters=[*given, *options])
     # Without docstrings, as under python -OO, there is nothing to join.
     page, fields_of = inspect.getdoc(write) or "", inspect.getdoc(Output) or "----------\n"
-    listed = fields_of.split("----------\n", 1)[1].split("\n\nRaises")[0]
+    listed = fields_of.split("----------\n", 1)[1].split("\n\nExamples")[0]
     write.__doc__ = page.replace("**output\n    The fields of :class:`Output`.", listed)
     return write

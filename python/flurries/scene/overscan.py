@@ -20,23 +20,10 @@ def placed(
     fitted: Callable[[Array, tuple[int, int]], Array],
     outside: float,
 ) -> Array:
-    """Return a plane of a depth or a matte for the frame.
-
-    Parameters
-    ----------
-    plane : (h, w) or (h, w, c)
-        With the overscan that its file has.
-    own : display window or None
-        Where its display window lies in it; None where that is all of it.
-    shape : (H, W)
-        Of the frame.
-    display : display window or None
-        Where the frame's lies in the frame.
-    fitted : callable
-        Brings a plane to a size (width, height).
-    outside : float
-        What stands beside the display window where the plane has none.
-    """
+    """Return a plane of a depth or a matte, with the overscan that its file has, for the frame."""
+    # `own` is the display window in the plane and `display` that in the frame, None where it is
+    # all; `fitted` brings a plane to a (width, height), and `outside` stands beside the display
+    # window where the plane has none.
     if plane.shape[:2] == shape:
         return plane
     if own is not None:

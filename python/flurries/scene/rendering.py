@@ -16,17 +16,16 @@ from flurries.camera.path import CameraPath
 from flurries.effects.color import is_local
 from flurries.effects.texture import Texture
 from flurries.frame.effect import renderer_of
-from flurries.frame.lap import Lap
 from flurries.frame.picture import images
 from flurries.frame.program import Program
 from flurries.frame.truth import Rendered, truth
+from flurries.frame.view import Lap
 from flurries.io.colorspace import ColorSpace
 from flurries.light.lamp import Lamp
 from flurries.light.sun import Sun
 from flurries.scene.arguments import parse_region
-from flurries.scene.files import Sources
+from flurries.scene.files import Frames, Sources, frames_of
 from flurries.scene.loop import Looped, looped_scene
-from flurries.scene.numbers import Frames, frames_of
 from flurries.scene.output import OutputFields, takes_output
 from flurries.stereo import eyes
 

@@ -98,8 +98,6 @@ def field(
         See :func:`blend_tiles`.
     dtype : float32 or float64
         Precision of the pixels; geometry and phases are float64 always.
-    out : (H, W), optional
-        Array to write into and return.
 
     Returns
     -------
@@ -107,11 +105,6 @@ def field(
         Field of mean 0 and variance 1 (less what filter and depth limits take), y down. Equals the
         composition of the functions above within rounding, and has the same bits for any number of
         threads. Enlarging the image keeps the pixels away from the old right and bottom borders.
-
-    Raises
-    ------
-    ValueError, TypeError
-        For an argument that is not as described; the message names it.
 
     Notes
     -----
@@ -200,8 +193,6 @@ def alpha(
     preserve_mean : bool
         Add back the mean opacity that `alias` and `shutter` take from each tile: blurring a field
         and squaring it is not blurring its square.
-    out : (H, W), optional
-        Array to write into and return.
 
     Returns
     -------

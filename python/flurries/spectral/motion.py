@@ -17,27 +17,13 @@ _TILES = 64
 
 
 def tile_motions(now: Request, others: Sequence[Request]) -> tuple[list[Float64], Float64]:
-    """Return the motion of each tile's field from one frame to others, and its wavelength.
-
-    Waves of a texture that stands for many depths move at many speeds. The vector is that of the
-    shift that predicts the other frame best, to first order: the least squares of the waves' phase
-    errors, ``sum a^2 (k . (v - v_k))^2``, over the waves with their amplitudes a as the alias law,
-    the shutter and the scene's depth leave them. Without wind that varies over depth it is the
-    drift of the wavelength L at which the field has its gradients, ``L = sum a^2 k / sum a^2 k^2``.
-
-    Parameters
-    ----------
-    now : Request
-    others : sequence of Request
-        Other frames of the same texture.
-
-    Returns
-    -------
-    motions : list of (rows, cols, 2) float64
-        To each of them: pixels, (x, y), y down; what is at p in `now` is at p + motion there.
-    wavelength : (rows, cols) float64
-        L in pixels; the longest where nothing is left of a tile.
-    """
+    """Return the motions, px, of each tile's field to other frames, and its wavelength."""
+    # Waves of a texture that stands for many depths move at many speeds. The vector (rows, cols, 2)
+    # is that of the shift that predicts the other frame best, to first order: the least squares of
+    # the waves' phase errors, sum a^2 (k . (v - v_k))^2, over the waves with their amplitudes a as
+    # the alias law, the shutter and the scene's depth leave them. Without wind that varies over
+    # depth it is the drift of the wavelength L at which the field has its gradients, L = sum a^2 k
+    # / sum a^2 k^2; the longest where nothing is left of a tile.
     rows, cols = (
         len(tile_starts(n, tile=m, overlap=now.overlap))
         for n, m in zip(now.shape, now.tile, strict=True)
@@ -100,10 +86,8 @@ def _waves(
     edges: tuple[float, ...],
     rings: int,
 ) -> tuple[Float64, Float64, Float64, np.ndarray, Float64]:
-    """Return the waves of the band, half a plane: vectors (n, 2), power, wavelength, ring.
-
-    And what is summed over them with their weights, a column each, (n, 2 + 8 rings).
-    """
+    """Return the waves of half the band: vectors, power, wavelength, ring, products."""
+    # The last are what is summed over them with their weights, a column each, (n, 2 + 8 rings).
     power = band_amplitude(tile, wavelengths=wavelengths, exponent=exponent) ** 2
     ky, kx = np.meshgrid(np.fft.fftfreq(tile[0]), np.fft.fftfreq(tile[1]), indexing="ij")
     half = (power > 0.0) & ((ky > 0.0) | ((ky == 0.0) & (kx > 0.0)))

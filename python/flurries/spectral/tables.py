@@ -76,8 +76,6 @@ def tent_rate(
     loop : int, optional
         Frames after which the film shall repeat: rates are rounded to ``n / loop``, half to even,
         which is odd in k. See :func:`loop`.
-    out : (H, W) float64, optional
-        Array to write into and return.
 
     Returns
     -------
@@ -85,11 +83,6 @@ def tent_rate(
         Cycles per frame of each bin, ``rate = -(a kx' + b ky') / |k'|`` with
         ``(a, b) = velocity / wavelength_max``; at most |velocity| / wavelength_max. Odd in k; 0 at
         dc. On a Nyquist line that axis' part of the numerator is 0, as the real field demands.
-
-    Raises
-    ------
-    ValueError, TypeError
-        For a wrong shape or a number that is not finite.
 
     Notes
     -----
@@ -151,8 +144,6 @@ def band_amplitude(
     exponent : float
         Amplitude ~ ``|k| ** -exponent``; 1 gives every octave the same power, less makes finer
         snow.
-    out : (H, W) float64, optional
-        Array to write into and return.
 
     Returns
     -------
@@ -221,8 +212,6 @@ def random_phase(
         Any int64.
     tile : (row, col)
         Which tile of the grid; int64.
-    out : (H, W) float64, optional
-        Array to write into and return.
 
     Returns
     -------
@@ -345,20 +334,8 @@ def temporal_filter(
 def temporal_gain(
     rate: npt.ArrayLike, *, alias: str, soft_from: float = SOFT_FROM, shutter: float = 0.0
 ) -> Float64:
-    """Factors of the amplitudes of waves of these rates, cycles per frame.
-
-    Parameters
-    ----------
-    rate : array
-        Of any shape.
-    alias, soft_from, shutter
-        See :func:`temporal_filter`.
-
-    Returns
-    -------
-    float64 array of the shape of `rate`
-        The alias law's factor, 0 to 1, times the shutter's, whose negative lobes are kept.
-    """
+    """Return the factors of the amplitudes of waves of these rates, cycles per frame."""
+    # The alias law's, 0 to 1, times the shutter's, whose negative lobes are kept.
     given = np.ascontiguousarray(rate, np.float64)
     gain = np.empty(given.shape)
     _core.temporal_gain(gain.reshape(-1), given.reshape(-1), alias, soft_from, shutter)
@@ -366,22 +343,8 @@ def temporal_gain(
 
 
 def wave_depth(wavelength: npt.ArrayLike, *, near_depth: float, longest: float) -> Float64:
-    """Depths that waves stand for: each moves as a flake at its depth does.
-
-    Parameters
-    ----------
-    wavelength : array
-        Pixels, of any shape. Depths in their place give the waves that stand for them.
-    near_depth : float
-        What the longest wave stands for, world units.
-    longest : float
-        The longest wave, pixels.
-
-    Returns
-    -------
-    float64 array of the shape of `wavelength`
-        ``near_depth * longest / wavelength``; infinite for 0, and 0 for what is infinite.
-    """
+    """Return near_depth * longest / wavelength, the depths that waves stand for, or their waves."""
+    # Each moves as a flake at its depth does. Infinite for 0, and 0 for what is infinite.
     given = np.ascontiguousarray(wavelength, np.float64)
     depth = np.empty(given.shape)
     _core.wave_depth(depth.reshape(-1), given.reshape(-1), near_depth, longest)

@@ -47,10 +47,6 @@ def inverse_transform(
     ----------
     amplitude, phase : (H, W)
         Amplitudes, and phases in cycles, fftfreq order.
-    dtype : float32 or float64
-        Precision of the pixels.
-    out : (H, W), optional
-        Array to write into and return.
 
     Returns
     -------
@@ -87,11 +83,6 @@ def tile_starts(length: int, *, tile: int = TILE, overlap: int = OVERLAP) -> npt
     -------
     (n,) int
         0, tile - overlap, ...; the last tile may stick out. 19 for 1024 px and the defaults.
-
-    Raises
-    ------
-    TypeError, ValueError
-        For an argument that is not as described, and for more than 2^22 tiles.
     """
     pixels_ = integer("length", length, low=1, high=2**31 - 1)
     size = integer("tile", tile, low=1, high=2**15)
@@ -114,20 +105,8 @@ def starts(length: int, tile: int, overlap: int) -> npt.NDArray[np.intp]:
 def tile_shares(
     length: int, *, tile: int, overlap: int, blend: str = "power"
 ) -> npt.NDArray[np.float64]:
-    """Each tile's share of each pixel along one axis, as :func:`blend_tiles` has it.
-
-    Parameters
-    ----------
-    length, tile, overlap
-        See :func:`tile_starts`.
-    blend : {"power", "linear"}
-        Shares of the power, whose roots are the weights of the fields; or the weights themselves.
-
-    Returns
-    -------
-    (length, tiles) float64
-        0 to 1; a row sums to 1.
-    """
+    """Return each tile's share of each pixel along an axis, (length, tiles)."""
+    # Of the power for "power", whose roots are the weights of the fields; a row sums to 1.
     count = len(tile_starts(length, tile=tile, overlap=overlap))
     shares = np.empty((length, count))
     _core.tile_shares(shares, tile, overlap, choice("blend", blend, BLEND))
@@ -135,11 +114,9 @@ def tile_shares(
 
 
 def power_shares(length: int, *, tile: int, overlap: int, blend: str) -> tuple[Float64, Float64]:
-    """Return each tile's share of the field's power at each pixel of an axis, and that power.
-
-    Shares (length, tiles) sum to 1 at each pixel. The power (length,), against that in the middle
-    of a tile, is 1 for "power", and falls where tiles overlap for "linear".
-    """
+    """Return each tile's share of the field's power at each pixel of an axis, and that power."""
+    # The power (length,), against that in the middle of a tile, is 1 for "power", and falls where
+    # tiles overlap for "linear".
     weights = tile_shares(length, tile=tile, overlap=overlap, blend=blend)
     if blend == "power":
         return weights, np.ones(length)
@@ -170,8 +147,6 @@ def blend_tiles(
         Squares of the weights sum to 1, so that independent fields keep their variance everywhere;
         or the weights themselves do (the paper), and the variance dips to 1/2 at edges and 1/4 at
         corners.
-    out : (H, W), optional
-        Array to write into and return.
 
     Returns
     -------

@@ -156,10 +156,6 @@ def volume(
         tent passes through, as the paper says. The latter has more cells at low frequencies, so
         that octaves are not equal any more, and every wave beats
         (``docs/internals/deviations.md``, 14).
-    dtype : float32 or float64
-        Precision of the pixels.
-    out : (T, M, M), optional
-        Array to write into and return.
 
     Returns
     -------
@@ -241,21 +237,12 @@ def loop(
         See :func:`temporal_filter`; they act on the rounded rates. Power is not restored.
     jitter : bool
         See :func:`field`.
-    dtype : float32 or float64
-        Precision of the pixels.
-    out : array of the result's shape, optional
-        Array to write into and return.
 
     Returns
     -------
     (T, H, W), (n, H, W) or (H, W) float32 or float64
         All frames, those of an array of times, or that of one time. Mean 0, variance 1 in every
         frame (less what the filter takes).
-
-    Raises
-    ------
-    ValueError, TypeError
-        For an argument that is not as described; the message names it.
 
     Warns
     -----

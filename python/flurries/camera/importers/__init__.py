@@ -12,10 +12,9 @@ from pathlib import Path
 
 from flurries._contract import shape_of
 from flurries.camera.csv import read_path
-from flurries.camera.importers.chan import read_chan
 from flurries.camera.importers.colmap import read_colmap
-from flurries.camera.importers.kitti import read_kitti
 from flurries.camera.importers.matrices import from_matrices
+from flurries.camera.importers.text import read_chan, read_kitti
 from flurries.camera.importers.usd import SUFFIXES, read_usd
 from flurries.camera.lens import Camera, expect_camera
 from flurries.camera.path import CameraPath
@@ -32,8 +31,11 @@ def load(
     ----------
     path : str or path
         ``.chan`` (Nuke), ``.usd``, ``.usda``, ``.usdc`` or ``.usdz`` (Blender, Houdini, Maya),
-        ``.csv`` (see :func:`flurries.camera.csv.read_path`), ``.txt`` with twelve
-        numbers a line (KITTI), or a folder with COLMAP's ``images.txt`` and ``cameras.txt``.
+        ``.txt`` with twelve numbers a line (KITTI), a folder with COLMAP's ``images.txt`` and
+        ``cameras.txt``, or ``.csv`` with a header. Its columns, in any order: ``x, y, z``, world
+        units, x right, y down, z forward; ``rx, ry, rz``, a rotation vector in radians, or ``qw,
+        qx, qy, qz``, a unit quaternion; ``focal``, pixels, of a lens that zooms; and ``frame``.
+        Without ``frame`` the rows are the frames 0, 1, 2 and so on; with it they are keys.
     shape : (H, W)
         Of the pictures to be made.
     camera : Camera, optional

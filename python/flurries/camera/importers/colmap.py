@@ -33,31 +33,11 @@ def read_colmap(
     down: npt.ArrayLike | None = None,
     scale: float = 1.0,
 ) -> CameraPath:
-    """Return the camera path of a COLMAP reconstruction in text.
-
-    Parameters
-    ----------
-    folder : str or path
-        Holds ``images.txt`` and ``cameras.txt``. Images are frames by the numbers that their names
-        end in; if not all do, in the order of their names from 0 on.
-    shape : (H, W)
-        Of the pictures to be made; lenses are scaled to it from the pictures' own size.
-    down : (3,), optional
-        Where things fall, in the reconstruction's axes, which have no relation to the ground: the
-        mean of the cameras' own down if not given.
-    scale : float
-        Metres to a unit of the reconstruction, which has none of its own.
-
-    Raises
-    ------
-    FileNotFoundError, OSError, ValueError
-        As `load`; also where images differ in size, principal point or aspect.
-
-    Warns
-    -----
-    UserWarning
-        If a lens distorts: that is left out, pictures should be undistorted.
-    """
+    """Return the camera path of a COLMAP reconstruction in text, a folder."""
+    # Images are frames by the numbers that their names end in; if not all do, in the order of their
+    # names. The axes have no relation to the ground and no unit: `down` is where things fall, the
+    # mean of the cameras' own if not given, and `scale` metres to a unit. Lenses are scaled to
+    # `shape`.
     place = Path(folder)
     height, width = shape_of("shape", shape)
     lenses = _colmap_lenses(place / "cameras.txt")

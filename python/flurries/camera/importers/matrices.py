@@ -31,31 +31,19 @@ def from_matrices(
     scale: float = 1.0,
     start: int = 0,
 ) -> CameraPath:
-    """Return the camera path of poses, one for each frame.
+    """Return the camera path of poses, one for each frame from `start` on.
 
     Parameters
     ----------
     matrices : (n, 3, 4) or (n, 4, 4)
-        Rotation and place: from the camera's axes to the world's.
+        From the camera's axes to the world's; `inverse` (extrinsics): the other way.
     camera : Camera
-        The lens.
+        The lens; `focal`, (n,) pixels, is that of one that zooms.
     axes : {"x right, y down, z forward", "x right, y up, z back"}
-        Of camera and world: those of OpenCV, KITTI and ROS' optical frames, or of OpenGL, Nuke,
-        Maya and NeRF data. Matrices do not say which, and the wrong one turns the world over, so
-        it must be given.
-    inverse : bool
-        The matrices go from the world's axes to the camera's (extrinsics).
-    focal : (n,), optional
-        Pixels, of a lens that zooms.
+        Of camera and world: of OpenCV, KITTI and ROS' optical frames, or of OpenGL, Nuke, Maya and
+        NeRF data. Matrices do not say which, and the wrong one turns the world over.
     scale : float
         Metres to a unit of the places.
-    start : int
-        The number of the first matrix' frame.
-
-    Raises
-    ------
-    ValueError, TypeError
-        If something is not as described, or a matrix is no rotation.
     """
     poses = moderate("matrices", table("matrices", matrices, ndim=3))
     if poses.shape[1:] not in ((3, 4), (4, 4)) or len(poses) == 0:

@@ -49,9 +49,7 @@ def read_usd(
     prim: str | None = None,
     scale: float = 1.0,
 ) -> CameraPath:
-    """Return the camera path of a USD stage.
-
-    The stage says which axis is up and how long a unit is, and time codes are frame numbers.
+    """Return the camera path of a USD stage, which says its axes and unit; time codes are frames.
 
     Parameters
     ----------
@@ -59,28 +57,13 @@ def read_usd(
         ``.usd``, ``.usda``, ``.usdc`` or ``.usdz``.
     shape : (H, W)
         Of the pictures. Apertures of their shape are their edges, and say how wide a pixel is;
-        those of another shape fit the width.
+        those of another shape fit the width, with a warning.
     camera : Camera, optional
         Its `aspect` is the pictures' own, where the apertures are of another shape.
     prim : str, optional
         The camera, such as ``/shot/camera``, where the stage has several.
     scale : float
         Metres to a metre of the stage.
-
-    Raises
-    ------
-    ImportError
-        If usd-core is not installed (``flurries[usd]``).
-    FileNotFoundError, OSError
-        If the file cannot be read.
-    ValueError
-        If it is no stage, has no or several cameras, an orthographic one, or one whose principal
-        point or pixel aspect changes.
-
-    Warns
-    -----
-    UserWarning
-        If the apertures are of another shape than the picture.
     """
     Gf, _, Usd, UsdGeom, _ = require_usd()
     height, width = shape_of("shape", shape)

@@ -18,50 +18,39 @@ from flurries.io.files import file_of, read_text
 from flurries.light.lamp import Lamp
 from flurries.light.sun import Sun
 from flurries.motion.keys import Keys
-from flurries.motion.wind import Wind
+from flurries.motion.wind import FIELDS, Wind
 from flurries.scene.arguments import require_few
 from flurries.scene.depth import DepthMap
 from flurries.scene.foreground import Foreground
 from flurries.scene.output import Output
 from flurries.scene.scene import DEFAULT_FOCAL, Scene
 from flurries.scene.toml.place import SceneText, require_short_keys
-from flurries.scene.toml.tables import (
-    DEPTH,
-    FORMAT,
-    LAMP,
-    LENS,
-    OPENING,
-    OUTPUT,
-    SCENE,
-    SUN,
-    WAY,
-    WIND,
-)
 
 if sys.version_info >= (3, 11):
     import tomllib
 else:
     import tomli as tomllib
 
+# The number that files say, raised where an older file would mean something else.
+FORMAT = 3
+
+SCENE = tuple(f.name for f in fields(Scene) if f.init)
+SUN = tuple(f.name for f in fields(Sun))
+DEPTH = ("source", "near", "far", "white", "law")
+LAMP = tuple(f.name for f in fields(Lamp))
+OPENING = tuple(f.name for f in fields(Lens))
+OUTPUT = tuple(f.name for f in fields(Output))
+LENS = tuple(f.name for f in fields(Camera))
+WAY = ("position", "velocity", "orientation")
+# A field of velocities is an array, which no text holds.
+WIND = tuple(name for name in FIELDS if name != "field")
+
+
 MOST_BYTES = 1 << 20
 
 
 def load(path: str | os.PathLike[str]) -> Scene:
-    """Return the scene of a TOML file.
-
-    Parameters
-    ----------
-    path : path
-        A plain file of at most 1 MiB.
-
-    Raises
-    ------
-    FileNotFoundError, OSError
-        If the file cannot be read.
-    ValueError, TypeError
-        If it is not TOML or not of format 3, has an unknown key (named with its line and the
-        nearest known one), or a value that the scene refuses.
-    """
+    """Return the scene of a TOML file of at most 1 MiB; the message of an error names the line."""
     file = Path(path)
     text = read_text(file, MOST_BYTES, "TOML scene file")
     require_short_keys(file, text)

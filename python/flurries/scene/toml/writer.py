@@ -17,7 +17,7 @@ from flurries.motion.wind import FIELDS, Wind
 from flurries.scene.depth import DepthMap
 from flurries.scene.foreground import listed
 from flurries.scene.scene import Scene, expect_scene
-from flurries.scene.toml.tables import DEPTH, FORMAT, LAMP, LENS, OPENING, SUN, WAY
+from flurries.scene.toml.reader import DEPTH, FORMAT, LAMP, LENS, OPENING, SUN, WAY
 
 
 def describe(
@@ -139,15 +139,7 @@ def _toml(value: Any) -> Any:
 
 
 def save(scene: Scene, path: str | os.PathLike[str]) -> None:
-    """Write a scene to a TOML file, under a temporary name first.
-
-    Raises
-    ------
-    ValueError
-        If a background or foreground is an array, which a text file cannot hold.
-    OSError
-        If the file cannot be written.
-    """
+    """Write a scene to a TOML file, under a temporary name first."""
     expect_scene(scene)
     import tomli_w
 
