@@ -407,3 +407,151 @@ dispatch! {
 dispatch! {
     fn hidden(out: &mut [f32]) = hidden_with
 }
+
+#[cfg(test)]
+mod tests {
+    use ndarray::{Array2, Array3, s};
+
+    use super::super::layers::{self, Layer, Others};
+    use super::super::sheet::Law;
+    use super::*;
+    use crate::base::scope::Scope;
+
+    static CANCEL: Cancel = Cancel::new();
+
+    fn sheet() -> Sheet {
+        Sheet::new(Law {
+            seed: 3,
+            period: (150, 170),
+            shear: 40,
+            count: 0.05,
+            diameters: vec![0.8, 1.6],
+            streak: [0.0; 2],
+            circle: 0.0,
+            tau0: 4.3,
+            thin: 1.0,
+            ranks: (0.0, 1.0),
+        })
+        .unwrap()
+    }
+
+    /// Nodes of a picture of at most 300 x 200 pixels, where a function says what is seen at a place.
+    fn nodes<const N: usize>(of: impl Fn(f32, f32) -> [f32; N]) -> Array3<f32> {
+        let place = |index: usize| (index as f32 - 1.0) * APART as f32;
+        Array3::from_shape_fn((8, 7, N), |(row, col, i)| of(place(row), place(col))[i])
+    }
+
+    fn picture(
+        sheet: &Sheet,
+        at: &Array3<f32>,
+        way: &Array3<f32>,
+        window: (Range<usize>, Range<usize>),
+        depth: Option<&Array2<f32>>,
+    ) -> Array2<f32> {
+        let mut out = Array2::from_elem((window.0.len(), window.1.len()), f32::NAN);
+        let sheets = vec![Bent { sheet, nodes: at.view() }];
+        let group = Group { sheets, ways: way.view(), near: 2.0, far: 3.0 };
+        let corner = [window.0.start, window.1.start];
+        read(out.view_mut(), corner, &[group], depth.map(|depth| depth.view()), &CANCEL).unwrap();
+        out
+    }
+
+    fn rest() -> Array3<f32> {
+        nodes(|_, _| [0.0, 0.0])
+    }
+
+    #[test]
+    fn nodes_that_are_alike_are_a_shift() {
+        let sheet = sheet();
+        for (x, y) in [(0.0, 0.0), (-3.0, 8.5), (500.5, -700.0)] {
+            let got =
+                picture(&sheet, &nodes(|_, _| [x, y, 0.7, 0.0]), &rest(), (0..300, 0..200), None);
+            let shift = [f64::from(-x), f64::from(-y)];
+            let layer = Layer { sheet: &sheet, shift, gain: 0.7, base: 0.0, near: 0.0, far: 1.0 };
+            let mut want = Array2::zeros((300, 200));
+            let others = Some(Others::default());
+            layers::read(want.view_mut(), [0, 0], &[layer], None, others, &CANCEL).unwrap();
+            assert!((&got - &want).iter().all(|off| off.abs() < 1e-6), "{x} {y}");
+        }
+    }
+
+    #[test]
+    fn windows_and_threads_have_the_bits_of_the_whole() {
+        let sheet = sheet();
+        let at = nodes(|y, x| [0.08 * x + 0.03 * y, -0.05 * y, 0.9, 0.01]);
+        let way = nodes(|y, x| [0.02 * x, 4.0 - 0.03 * y]);
+        let whole = picture(&sheet, &at, &way, (0..300, 0..200), None);
+        for (rows, cols) in [(0..300, 37..101), (130..171, 0..200), (299..300, 199..200)] {
+            let part = whole.slice(s![rows.clone(), cols.clone()]).to_owned();
+            assert_eq!(picture(&sheet, &at, &way, (rows, cols), None), part);
+        }
+        let _entered = Scope { threads: Some(3), reproducible: None }.enter();
+        assert_eq!(picture(&sheet, &at, &way, (0..300, 0..200), None), whole);
+    }
+
+    #[test]
+    fn a_larger_picture_shows_the_flakes_farther_apart() {
+        // Of a picture grown by a tenth the pixel (1.1 y, 1.1 x) shows what (y, x) did.
+        let sheet = sheet();
+        let seen = |grown: f32| {
+            let at = nodes(|y, x| [x / grown - x, y / grown - y, 1.0, 0.0]);
+            picture(&sheet, &at, &rest(), (0..300, 0..200), None)
+        };
+        let (before, after) = (seen(1.0), seen(1.1));
+        let (mut both, mut one, mut other) = (0.0, 0.0, 0.0);
+        for row in 10..260 {
+            for col in 10..170 {
+                let place = |at: usize| ((at as f32 + 0.5) * 1.1) as usize;
+                let (a, b) = (before[(row, col)] - 0.04, after[(place(row), place(col))] - 0.04);
+                (both, one, other) = (both + a * b, one + a * a, other + b * b);
+            }
+        }
+        let alike: f32 = both / (one * other).sqrt();
+        assert!(alike > 0.75, "{alike}");
+        let (a, b) = (before.mean().unwrap(), after.mean().unwrap());
+        assert!((a / b - 1.0).abs() < 0.03, "{a} {b}");
+    }
+
+    #[test]
+    fn taps_spread_as_the_way_does() {
+        for length in [0.3, 1.0, 2.0, 2.83, 3.7, 9.1, 40.0, 120.0_f32] {
+            let (most, inner, last) = taps(length);
+            let each = |tap: i32| f64::from(if tap.abs() == most { last } else { inner });
+            let sum: f64 = (-most..=most).map(each).sum();
+            let square: f64 = (-most..=most).map(|tap| f64::from(tap * tap) * each(tap)).sum();
+            let want = f64::from(length * length) / 12.0;
+            assert!((sum - 1.0).abs() < 1e-5 && (square / want - 1.0).abs() < 1e-4, "{length}");
+        }
+    }
+
+    #[test]
+    fn a_streak_keeps_the_mean_and_a_wall_hides_its_share() {
+        let sheet = sheet();
+        let at = nodes(|_, _| [0.0, 0.0, 1.0, 0.0]);
+        let depths = |picture: &Array2<f32>| picture.mapv(|hidden| -f64::from(-hidden).ln_1p());
+        let (still, moved) = (rest(), nodes(|_, _| [7.0, -4.0]));
+        let whole = depths(&picture(&sheet, &at, &still, (0..150, 0..170), None));
+        let streaked = depths(&picture(&sheet, &at, &moved, (0..150, 0..170), None));
+        assert!((whole.mean().unwrap() / streaked.mean().unwrap() - 1.0).abs() < 0.03);
+        assert!(streaked.std(0.0) < 0.7 * whole.std(0.0));
+        for (depth, share) in [(1.0, 0.0), (2.25, 0.25), (3.0, 1.0), (f32::NAN, 1.0)] {
+            let wall = Array2::from_elem((150, 170), depth);
+            let part = depths(&picture(&sheet, &at, &moved, (0..150, 0..170), Some(&wall)));
+            let off = (&part - &(share * &streaked)).mapv(f64::abs);
+            assert!(off.iter().all(|&off| off < 2e-6), "{depth}");
+        }
+    }
+
+    #[test]
+    fn what_is_no_lattice_is_refused() {
+        let (sheet, way) = (sheet(), rest());
+        let mut out = Array2::zeros((300, 200));
+        let small = Array3::zeros((3, 7, 4));
+        let wild = Array3::from_elem((8, 7, 4), f32::NAN);
+        for at in [&small, &wild] {
+            let sheets = vec![Bent { sheet: &sheet, nodes: at.view() }];
+            let group = Group { sheets, ways: way.view(), near: 2.0, far: 3.0 };
+            assert!(read(out.view_mut(), [0, 0], &[group], None, &CANCEL).is_err());
+        }
+    }
+}

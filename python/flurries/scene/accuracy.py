@@ -27,8 +27,8 @@ RUNS = 3
 LEVEL = 99.0
 
 NO_SAY = (
-    "in flight, with gusts, turns, zooms or keys, and in a film that begins again the hand-over "
-    "follows from the motion, and `handover` has no say"
+    "in a film that begins again, and where flakes are so few that all are drawn, `handover` has "
+    "no say"
 )
 
 
@@ -64,7 +64,7 @@ def _depth(effect: Any, frame: Frame) -> float | None:
     if not isinstance(flakes, DrawnFlakes) or not isinstance(flakes.weather, Weather):
         return None
     film = flakes.weather.film(frame)
-    return film.shares[0].reach if film.rigid else None
+    return film.shares[0].reach if film.layers else None
 
 
 def _setting(scene: Scene, number: int, name: str, effects: Sequence[Any]) -> Handover:
