@@ -1,17 +1,12 @@
 """Far flakes whose places move in their own ways: a camera that goes ahead, turns or zooms, gusts.
 
-The flakes of a layer lie on planes in the air, one behind the other, as far apart as the layer is
-thick. The camera sees the plane that is within its layer, a sheet at its depth, and gives it up for
-the next one as it comes too near. Which planes there are follows from where the camera is and how
-it looks, not from a time; what a pixel sees of one is a place on it, which a lattice of nodes says
-for the opening and the close of the shutter.
+They lie on planes in the air (`effects/poses.py`), each a sheet. What a pixel sees of a plane is a
+place on it, which a lattice of nodes says for the opening and the close of the shutter.
 """
 
 from __future__ import annotations
 
-import itertools
 import math
-from collections.abc import Iterator
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -23,25 +18,13 @@ from flurries._threads import reproducible
 from flurries.effects.defocus import circles_of
 from flurries.effects.gusts import carried_by_profile, wave_weights
 from flurries.effects.motion import Motion
+from flurries.effects.poses import APART, Eyes, Planes, eyes_of, planes_of
 from flurries.effects.sheets import SHEAR, areas_of, kept, key_of, many_of, trim
 from flurries.effects.weather import Film, Weather
 from flurries.frame.planes import plane
 from flurries.frame.view import Frame
 from flurries.motion.keys import value_at
 from flurries.particles.population import Slab
-
-# Pixels from node to node, as the kernel has them; the first ones lie so far before the picture.
-_APART = 64
-
-# Radians that a camera turns, and by which logarithm a lens zooms, before other planes are seen. A
-# whole number of the first make a round.
-_TURN, _ZOOM = math.tau / 36.0, math.log(1.15)
-
-# A plane gives way to the next within so many frames, or at most this part of its time.
-_CHANGE, _LONGEST_CHANGE = 3.0, 0.2
-
-# Less than this of a plane is not seen.
-_LEAST_SEEN = 0.02
 
 # Amounts that sheets are kept for, where the amount of flakes changes.
 LADDER = (0.0, 0.125, 0.25, 0.5, 0.75, 1.0)
@@ -54,55 +37,6 @@ _SLANT = 0.1
 
 # Pixels that a streak is long at most, along an axis.
 LONGEST = 120.0
-
-_PHASES = (0.6180339887, 0.7548776662, 0.5698402910, 0.4331)
-
-
-class _Eyes(NamedTuple):
-    """The camera as the shutter opens, and as it closes.
-
-    Attributes
-    ----------
-    rays : (2, R, C, 3)
-        Of the nodes, house axes, with a depth of 1.
-    eye : (2, L, 3)
-        Places of the eye in the air of each layer, house axes, metres.
-    rate : (L, 3)
-        Metres per frame.
-    pixel : float
-        Width of a pixel at a depth of 1.
-    """
-
-    rays: Float64
-    eye: Float64
-    rate: Float64
-    pixel: float
-
-
-class _Planes(NamedTuple):
-    """The planes that are seen of some layers.
-
-    Attributes
-    ----------
-    layer : (n,) int
-    weight : (n,)
-        Of its deviation.
-    axes : (n, 3, 3)
-        Rows turn house axes into the plane's.
-    at : (n,)
-        Along its axis in the air, metres.
-    focal : (n,)
-        That its sheet is made for, over the longest.
-    which : (n, k) int
-        Numbers of the plane among its like.
-    """
-
-    layer: npt.NDArray[np.int64]
-    weight: Float64
-    axes: Float64
-    at: Float64
-    focal: Float64
-    which: npt.NDArray[np.int64]
 
 
 class _Group(NamedTuple):
@@ -145,7 +79,7 @@ def _groups(
     weather: Weather, frame: Frame, film: Film, amount: float, varies: bool
 ) -> list[_Group]:
     """Return the sheets of a frame by their depths."""
-    eyes = _eyes(weather, frame, film)
+    eyes = eyes_of(weather, frame, film)
     half = 0.5 * value_at(weather.motion.shutter, frame.t)
     moved = _blown(weather, frame, film, eyes, (frame.t - half, frame.t + half))
     rungs = _rungs(weather, frame, film, amount, varies, eyes)
@@ -161,7 +95,7 @@ def _groups(
     ]
     seen = [
         (planes, index, *_source(eyes, moved, planes, index, focals / depths[layer]))
-        for planes in _planes_of(frame, film, eyes)
+        for planes in planes_of(frame, film, eyes)
         for index, layer in enumerate(planes.layer.tolist())
     ]
     found: dict[float, tuple[list[Any], Float64, float]] = {}
@@ -229,115 +163,8 @@ def _jump(seed: int, layer: int, which: npt.NDArray[np.int64], area: tuple[int, 
     return np.floor(draws * (area[1], area[0]))
 
 
-def _eyes(weather: Weather, frame: Frame, film: Film) -> _Eyes:
-    half = 0.5 * value_at(weather.motion.shutter, frame.t)
-    times = (frame.t - half, frame.t + half)
-    bends = frame.path.turns or frame.path.zooms
-    cameras = [frame.later(t - frame.t).camera if bends else frame.camera for t in times]
-    height, width = (math.ceil(length / _APART) + 3 for length in frame.shape)
-    rays, each = np.ones((2, height, width, 3)), np.empty((2, len(film.shares), 3))
-    rates = np.empty((len(film.shares), 3))
-    for number, (t, camera) in enumerate(zip(times, cameras, strict=True)):
-        for axis, middle in enumerate(camera.principal(frame.shape)):
-            nodes = _APART * np.arange(-1, (width, height)[axis] - 1)
-            at = (nodes - middle) / camera.focals[axis]
-            rays[number, ..., axis] = at if axis == 0 else at[:, None]
-        axes = camera.matrix()
-        rays[number] = rays[number] @ axes.T
-        offset = axes @ np.array(camera.offset)
-        for index, share in enumerate(film.shares):
-            way, rates[index] = frame.path.relative(
-                t, fps=frame.fps, fall=share.motion.fall, wind=share.motion.mean_wind
-            )
-            each[number, index] = way + offset
-    own = [film.shares.index(layer.share) for layer in film.layers]
-    return _Eyes(rays, each[:, own], rates[own], 1.0 / frame.camera.focal)
-
-
-def _planes_of(frame: Frame, film: Film, eyes: _Eyes) -> Iterator[_Planes]:
-    """Yield the planes that are seen: one of each layer, and those that give way or come."""
-    path, camera, depths = frame.path, frame.camera, [layer.slab.depth for layer in film.layers]
-    layers = np.arange(len(depths))
-    # Angles, and the zoom: places of the camera among poses that planes are made for.
-    places: list[tuple[Float64, float, int]] = []
-    if path.turns:
-        before, after = (_angles(frame.later(step).camera.matrix()) for step in (-0.5, 0.5))
-        for angle, rate in zip(_angles(camera.matrix()), after - before, strict=True):
-            rate = (rate + math.pi) % math.tau - math.pi
-            places.append((np.full(len(layers), angle / _TURN), abs(rate) / _TURN, 36))
-    if path.zooms:
-        grown = math.log(camera.focal / path.longest_focal)
-        places.append((np.full(len(layers), grown / _ZOOM), abs(path.zoom(frame.t)[1]) / _ZOOM, 0))
-    phases = [(part * (layers + 1.0)) % 1.0 for part in _PHASES]
-    known = [_place(at - phase, pace) for (at, pace, _), phase in zip(places, phases, strict=False)]
-    for taken in itertools.product((0, 1), repeat=len(places)):
-        weight, which, middles = np.ones(len(layers)), [], []
-        for one, (first, share), (_, _, round_), phase in zip(
-            taken, known, places, phases, strict=False
-        ):
-            number = first + one
-            weight = weight * (np.sin if one else np.cos)(0.5 * math.pi * share)
-            which.append(number % round_ if round_ else number)
-            middles.append(number + 0.5 + phase)
-        axes = np.broadcast_to(camera.matrix().T, (len(layers), 3, 3))
-        if path.turns:
-            axes = np.stack([_axes(*(_TURN * angle[n] for angle in middles[:3])) for n in layers])
-        focal = np.exp(_ZOOM * middles[-1]) if path.zooms else np.ones(len(layers))
-        yield from _ahead(film, eyes, layers, weight, axes, focal, which)
-
-
-def _ahead(
-    film: Film, eyes: _Eyes, layers: npt.NDArray[np.int64], weight: Float64, axes: Float64,
-    focal: Float64, which: list[npt.NDArray[np.int64]],
-) -> Iterator[_Planes]:  # fmt: skip
-    """Yield planes by where the camera is along their axes."""
-    depths = np.array([layer.slab.depth for layer in film.layers])
-    eye = 0.5 * (eyes.eye[0] + eyes.eye[1])
-    along = np.einsum("la,la->l", axes[:, 2], eye)
-    if not film.comes:
-        yield _Planes(layers, weight, axes, along + depths, focal, np.zeros((len(layers), 1), int))
-        return
-    ends = np.array([(layer.slab.near, layer.slab.far) for layer in film.layers])
-    thick = ends[:, 1] - ends[:, 0]
-    pace = np.abs(np.einsum("la,la->l", axes[:, 2], eyes.rate)) / thick
-    phase = (0.6180339887 * (layers + 1.0)) % 1.0
-    first, share = _place(along / thick - phase, pace)
-    for one in (0, 1):
-        own = weight * (np.sin if one else np.cos)(0.5 * math.pi * share)
-        seen = own > _LEAST_SEEN
-        number = first + one
-        at = ends[:, 1] + (number + phase) * thick
-        table = np.stack([number, *which], axis=1)
-        if seen.any():
-            yield _Planes(layers[seen], own[seen], axes[seen], at[seen], focal[seen], table[seen])
-
-
-def _place(at: Float64, pace: Float64 | float) -> tuple[npt.NDArray[np.int64], Float64]:
-    """Return the number of the plane at places, and how far it has given way to the next."""
-    first = np.floor(at)
-    change = np.clip(_CHANGE * np.asarray(pace), 1e-9, _LONGEST_CHANGE)
-    return first.astype(np.int64), np.clip(1.0 - (1.0 - (at - first)) / change, 0.0, 1.0)
-
-
-def _angles(matrix: Float64) -> Float64:
-    """Return yaw, pitch and roll of a camera's axes, radians."""
-    x, y, z = matrix[:, 2]
-    yaw, pitch = math.atan2(x, z), math.atan2(-y, math.hypot(x, z))
-    right, down, _ = _axes(yaw, pitch, 0.0)
-    return np.array((yaw, pitch, math.atan2(matrix[:, 0] @ down, matrix[:, 0] @ right)))
-
-
-def _axes(yaw: float, pitch: float, roll: float) -> Float64:
-    """Return the axes (right, down, ahead) of a camera by its angles, as rows."""
-    a, b, c, d = math.cos(yaw), math.sin(yaw), math.cos(pitch), math.sin(pitch)
-    right, ahead = np.array((a, 0.0, -b)), np.array((c * b, -d, c * a))
-    down = np.cross(ahead, right)
-    e, f = math.cos(roll), math.sin(roll)
-    return np.stack([e * right + f * down, e * down - f * right, ahead])
-
-
 def _source(
-    eyes: _Eyes, moved: Float64 | None, planes: _Planes, index: int, scale: Float64
+    eyes: Eyes, moved: Float64 | None, planes: Planes, index: int, scale: Float64
 ) -> tuple[Float64, float]:
     """Return what the nodes see of a plane, less their own places, (2, R, C, 2) px (x, y).
 
@@ -356,13 +183,13 @@ def _source(
     if blown is not None:
         at = at - blown[..., :2]
     at = at * scale
-    at[..., 0] -= _APART * np.arange(-1, at.shape[2] - 1)
-    at[..., 1] -= _APART * np.arange(-1, at.shape[1] - 1)[:, None]
+    at[..., 0] -= APART * np.arange(-1, at.shape[2] - 1)
+    at[..., 1] -= APART * np.arange(-1, at.shape[1] - 1)[:, None]
     return np.asarray(at), grown
 
 
 def _blown(
-    weather: Weather, frame: Frame, film: Film, eyes: _Eyes, times: tuple[float, float]
+    weather: Weather, frame: Frame, film: Film, eyes: Eyes, times: tuple[float, float]
 ) -> Float64 | None:
     """Return how far uneven wind has carried what the nodes see, (L, 2, R, C, 3) metres."""
     wind = weather.motion.varied
@@ -402,7 +229,7 @@ def _waving(
 
 
 def _rungs(
-    weather: Weather, frame: Frame, film: Film, amount: float, varies: bool, eyes: _Eyes
+    weather: Weather, frame: Frame, film: Film, amount: float, varies: bool, eyes: Eyes
 ) -> list[list[tuple[float, Float64]]]:
     """Return the amounts of each layer that sheets are read for, with their shares at the nodes."""
     if weather.steady and not varies:
@@ -424,7 +251,7 @@ def moved_by_wind(weather: Weather, weights: Float64, frame: Frame, other: Frame
     The mean over layers, which have weights.
     """
     film = weather.film(frame)
-    found = _blown(weather, frame, film, _eyes(weather, frame, film), (frame.t, other.t))
+    found = _blown(weather, frame, film, eyes_of(weather, frame, film), (frame.t, other.t))
     assert found is not None
     depths = np.array([layer.slab.depth for layer in film.layers])
     nearness = weights / depths / weights.sum()
@@ -433,11 +260,11 @@ def moved_by_wind(weather: Weather, weights: Float64, frame: Frame, other: Frame
     top, bottom, left, right = frame.window
     rows = np.arange(top, bottom) + 0.5
     columns = np.arange(left, right) + 0.5
-    at = [_APART * np.arange(-1, length - 1) for length in seen.shape[:2]]
+    at = [APART * np.arange(-1, length - 1) for length in seen.shape[:2]]
     result = np.empty((len(rows), len(columns), 2), np.float32)
     for axis in range(2):
         across = np.stack([np.interp(columns, at[1], line) for line in seen[..., axis]])
-        down = rows / _APART + 1.0
+        down = rows / APART + 1.0
         low = np.minimum(down.astype(int), len(across) - 2)
         part = (down - low)[:, None]
         result[..., axis] = across[low] + part * (across[low + 1] - across[low])
