@@ -134,11 +134,15 @@ def motions(flakes: Callable[[fl.Scene, float], np.ndarray]) -> Iterator[str]:
         yield verdict(f"{name}: places in the picture, px", float(np.abs(away).max()), 1e-3)
         layers = scene.render(t, layers=True)
         (ids,), (motion,) = layers.ids.values(), layers.motions.values()
-        listed = np.isin(ids.ravel().astype(np.int64), now["id"].astype(np.int64))
-        numbers, first = np.unique(ids.ravel()[listed], return_index=True)
+        (cover,) = layers.coverages.values()
+        # Of each flake the pixel that it covers most; where it is faint the texture's motion shows.
+        order = np.argsort(-cover.ravel(), kind="stable")
+        order = order[cover.ravel()[order] > 0.3]
+        numbers, first = np.unique(ids.ravel()[order], return_index=True)
         own = now[np.argsort(now["id"])]
-        own = own[np.isin(own["id"].astype(np.int64), numbers.astype(np.int64))]
-        off = judges.motion_off(motion.reshape(-1, 2)[listed][first], own, then)
+        own = own[np.isin(own["id"].astype(np.int64), numbers)]
+        shown = order[first][np.isin(numbers, own["id"].astype(np.int64))]
+        off = judges.motion_off(motion.reshape(-1, 2)[shown], own, then)
         yield verdict(f"{name}: motion of {len(own)} flakes, px", off, 1e-3)
 
 
