@@ -51,7 +51,7 @@ def test_no_tile_is_brighter_than_others_for_ever():
 
     def means(times: range) -> np.ndarray:
         views = [scene.program.views(t)[0][1] for t in times]
-        mean = np.mean([texture.alpha(view, 1.0, None) for view in views], axis=0)
+        mean = np.mean([texture.alpha(view, 1.0) for view in views], axis=0)
         tiles = mean[: rows * step, : cols * step].reshape(rows, step, cols, step)
         return tiles.mean(axis=(1, 3), dtype=np.float64).ravel()
 

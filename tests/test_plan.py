@@ -589,7 +589,7 @@ def test_a_trace_gives_each_moment_to_one_stage():
         with fl.trace.stage("outer"):
             with fl.trace.stage("inner"):
                 time.sleep(0.02)
-            fl.trace.count("tiles", 3)
+            trace.count("tiles", 3)
         total = time.perf_counter() - began
     assert trace.seconds["inner"] >= 0.02 and trace.counts == {"tiles": 3}
     assert sum(trace.seconds.values()) <= total

@@ -87,7 +87,7 @@ def test_the_texture_s_motion_is_that_of_its_layers():
     shown = scene(wind=fl.Wind((0.2, 0.0, 0.0), profile=profile), **fields)
     texture = shown.effects[0].parts.texture
     views = [shown.program.views(t)[0][1] for t in (5.0, 6.0)]
-    (moved, *_), _ = texture.passes(views[0], None, [(views[1], None)])
+    (moved, *_), _ = texture.passes(views[0], [views[1]])
     layers = texture.weather.film(views[0]).layers
     cover = np.array([one.slab.coverage for one in layers])
     depths = np.array([one.slab.depth for one in layers])

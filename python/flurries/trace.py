@@ -5,11 +5,12 @@ from __future__ import annotations
 import time
 import tracemalloc
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from contextvars import ContextVar
 from dataclasses import dataclass, field
+from typing import Any, ClassVar
 
-__all__ = ["Trace", "count", "stage", "tracing"]
+__all__ = ["Trace", "stage", "tracing"]
 
 
 @dataclass
@@ -86,8 +87,14 @@ class Trace:
         self._since = now
         return held
 
+    def count(self, name: str, number: int) -> None:
+        """Add to the counts of the stage that runs."""
+        counts = self._now().counts
+        counts[name] = counts.get(name, 0) + number
+
     @contextmanager
-    def _stage(self, name: str) -> Iterator[None]:
+    def stage(self, name: str) -> Iterator[None]:
+        """Mark a stage of the work."""
         held = self._look()
         span = self.spans.setdefault((self._effect, name), Span())
         span.calls += 1
@@ -99,7 +106,8 @@ class Trace:
             self._open.pop()
 
     @contextmanager
-    def _of(self, effect: int) -> Iterator[None]:
+    def of_effect(self, effect: int) -> Iterator[None]:
+        """Mark the stages inside as those of the scene's effect of a number."""
         before, self._effect = self._effect, effect
         try:
             yield
@@ -107,15 +115,19 @@ class Trace:
             self._effect = before
 
 
-_current: ContextVar[Trace | None] = ContextVar("flurries_trace", default=None)
+class _Off:
+    """Nobody traces: the calls of a trace, at no cost."""
+
+    stage: ClassVar[Any] = nullcontext
+    of_effect: ClassVar[Any] = nullcontext
+
+    def count(self, name: str, number: int) -> None:
+        """Do nothing."""
 
 
-def count(name: str, number: int) -> None:
-    """Add to what was counted, if anybody traces."""
-    trace = _current.get()
-    if trace is not None:
-        counts = trace._now().counts
-        counts[name] = counts.get(name, 0) + number
+_OFF = _Off()
+
+current: ContextVar[Trace | _Off] = ContextVar("flurries_trace", default=_OFF)
 
 
 @contextmanager
@@ -140,33 +152,16 @@ def tracing(*, memory: bool = False) -> Iterator[Trace]:
     if starts:
         tracemalloc.start()
     trace = Trace(memory=memory)
-    token = _current.set(trace)
+    token = current.set(trace)
     try:
         yield trace
     finally:
-        _current.reset(token)
+        current.reset(token)
         trace._look()
         if starts:
             tracemalloc.stop()
 
 
-@contextmanager
-def stage(name: str) -> Iterator[None]:
+def stage(name: str) -> AbstractContextManager[None]:
     """Mark a stage of the work."""
-    trace = _current.get()
-    if trace is None:
-        yield
-        return
-    with trace._stage(name):
-        yield
-
-
-@contextmanager
-def of_effect(number: int) -> Iterator[None]:
-    """Mark the stages inside as those of the scene's effect of a number."""
-    trace = _current.get()
-    if trace is None:
-        yield
-        return
-    with trace._of(number):
-        yield
+    return current.get().stage(name)

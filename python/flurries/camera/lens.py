@@ -8,6 +8,7 @@ camera that moves sideways, stands still or flies backwards is no special case.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -88,7 +89,13 @@ class Camera:
 
     def matrix(self) -> Float64:
         """Return R (3, 3): a direction d of the camera's axes is R d in the house axes."""
-        return rotation_matrix(self.rotation)
+        turned: Float64 = _matrix(self.rotation).copy()
+        return turned
+
+
+@lru_cache(maxsize=64)
+def _matrix(rotation: tuple[float, float, float]) -> Float64:
+    return rotation_matrix(rotation)
 
 
 def expect_camera(camera: object, *, stretched: bool = False) -> Camera:

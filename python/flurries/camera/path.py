@@ -7,7 +7,7 @@ import math
 import os
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from typing import Any
 
 import numpy as np
@@ -141,12 +141,12 @@ class CameraPath:
         moves = self.position is not None or self.velocity is not None
         return not (moves or self.turns or self.zooms)
 
-    @property
+    @cached_property
     def turns(self) -> bool:
         """Whether the camera ever turns."""
         return self._turning is not None and self._turning.moves
 
-    @property
+    @cached_property
     def zooms(self) -> bool:
         """Whether the focal length ever changes."""
         return self._zoom is not None and self._zoom.moves

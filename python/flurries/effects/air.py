@@ -8,6 +8,7 @@ looks there.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from functools import lru_cache
 from typing import Any, NamedTuple
 
@@ -15,16 +16,13 @@ import numpy as np
 
 from flurries import _core
 from flurries._contract import Float64
-from flurries._threads import kept_by_mode
 from flurries.camera.lens import Camera
 from flurries.camera.optics import Blur
-from flurries.camera.path import CameraPath
 from flurries.effects.flakes import Flakes
 from flurries.effects.gusts import carried_by_profile, wave_weights
-from flurries.effects.motion import relative_course
 from flurries.effects.weather import HEIGHTS, Share, Weather
 from flurries.frame.view import Frame
-from flurries.motion.keys import Number, Vector, value_at
+from flurries.motion.keys import Keys, value_at
 
 # Nothing nearer than this is drawn, metres; what `particles.splat` has for a default.
 NEAREST = 0.1
@@ -191,13 +189,12 @@ def air_of(
     """
     exposure, path = value_at(weather.motion.shutter, frame.t), frame.path
     after = (0.0, -0.5 * exposure, 0.5 * exposure, *steps)
-    times = [frame.t + step for step in after]
     if path.turns or path.zooms:
         eyes = [_eye(frame.later(step).camera if step else frame.camera, frame) for step in after]
     else:
         eyes = [_eye(frame.camera, frame)] * len(after)
-    blur, wind = frame.blur, weather.motion.varied
-    shares = weather.shares(frame)
+    blur = None if frame.lens is None else frame.blur
+    shares, wind = weather.shares(frame), weather.motion.varied
     room = 0.0
     if blur is not None:
         # As far as a flake out of focus reaches, at its own depth.
@@ -212,10 +209,7 @@ def air_of(
         seed=frame.seed,
         opacity=opacity,
         images=images_of(opacity),
-        classes=[
-            _class(weather, frame, times, number, share, amount)
-            for number, share in enumerate(shares)
-        ],
+        classes=_classes(weather, frame, [frame.t + step for step in after], shares, amount),
         eyes=eyes,
         sway=weather.sway[0],
         waves=None if wind is None or wind.waves is None else _cycles(wind.waves),
@@ -227,9 +221,13 @@ def air_of(
     )
 
 
-@kept_by_mode(8)
 def images_of(opacity: float) -> _core.BallImages:
     """Return the images of flakes of an opacity."""
+    return _images(opacity, _core.reproducible())
+
+
+@lru_cache(maxsize=8)
+def _images(opacity: float, mode: bool) -> _core.BallImages:
     return _core.BallImages(opacity)
 
 
@@ -238,65 +236,67 @@ def _eye(camera: Camera, frame: Frame) -> Eye:
     return Eye(turn, camera.focals, camera.principal(frame.shape), camera.offset)
 
 
-def _class(
-    weather: Weather | Flakes, frame: Frame, times: list[float], number: int, share: Share,
+def _classes(
+    weather: Weather | Flakes, frame: Frame, times: list[float], shares: Sequence[Share],
     amount: float,
-) -> Class:  # fmt: skip
-    motion, wind, path, fps = share.motion, weather.motion.varied, frame.path, frame.fps
-    fall, mean = motion.fall, motion.mean_wind
-    line = _line(path, fps, fall, mean)
-    if line is None:
-        found = [path.relative(t, fps=fps, fall=fall, wind=mean)[0].tolist() for t in times]
-    else:
-        found = [[start + rate * t for start, rate in zip(*line, strict=True)] for t in times]
-    at: list[_Triple] = [(x, y, z) for x, y, z in found]
-    deepest, part = share.end, 0.0
+) -> list[Class]:  # fmt: skip
+    """Return the classes of size, with the camera's place in the air of each at the times."""
+    path, fps, wind, part = frame.path, frame.fps, weather.motion.varied, 0.0
     if frame.lap is not None and weather.keyed:
         # The round that goes has lost those of low ranks, which the next one shows.
         part = min(frame.lap.part(frame.t), 1.0 - 1e-9)
-    heights = np.linspace(-deepest, deepest, 1 if weather.steady else HEIGHTS)
-    there = weather.amounts(frame, share, amount, heights) / (1.0 - part)
-    profile: list[tuple[list[float], list[float]]] = []
-    if wind is not None and wind.profile is not None:
-        ahead = np.linspace(0.0, deepest, _DEPTHS)
-        for t in times:
-            moved = carried_by_profile(motion, path, fps, t, ahead)
-            profile.append((moved[:, 0].tolist(), moved[:, 1].tolist()))
-    waves = None
-    if wind is not None and wind.waves is not None:
-        waves = wave_weights(motion, fps, times, np.array(at[0]))
-    turns = weather.sway[1] / (2.0 * math.pi * fps)
+    turns, found = weather.sway[1] / (2.0 * math.pi * fps), []
+    lines = [share.motion.line(path, fps) for share in shares]
+    for number, (share, line) in enumerate(zip(shares, lines, strict=True)):
+        ways = (
+            [share.motion.place(path, fps, t) for t in times]
+            if line is None
+            else [[start + rate * t for start, rate in zip(*line, strict=True)] for t in times]
+        )
+        if isinstance(weather.emission, Keys):
+            heights = np.linspace(-share.end, share.end, HEIGHTS)
+            there: Any = weather.amounts(frame, share, amount, heights)
+        else:
+            there = amount * weather.emission
+        made = _settled(weather, share, number, frame.shape[1], frame.camera.focal)._replace(
+            amounts=np.atleast_1d(np.minimum(there / (1.0 - part), 1.0)).tolist(),
+            ranks=(part, 1.0),
+            at=[(x, y, z) for x, y, z in ways],
+            swung=[turns * t for t in times],
+        )
+        if wind is not None and wind.profile is not None:
+            ahead = np.linspace(0.0, share.end, _DEPTHS)
+            moved = [carried_by_profile(share.motion, path, fps, t, ahead).T for t in times]
+            made = made._replace(profile=[(one[0].tolist(), one[1].tolist()) for one in moved])
+        if wind is not None and wind.waves is not None:
+            weights = wave_weights(share.motion, fps, times, np.array(ways[0]))
+            made = made._replace(waves=weights)
+        found.append(made)
+    return found
+
+
+@lru_cache(maxsize=64)
+def _settled(
+    weather: Weather | Flakes, share: Share, number: int, width: int, focal: float
+) -> Class:
+    """Return what is the same of a class in all frames of a film."""
+    deepest = share.end
     return Class(
         number=number,
         density=share.size.density,
         sizes=(share.size.smallest, share.size.largest),
         slope=weather.law.slope,
-        shown=weather.shown(share, frame),
+        shown=weather.shown(share, width, focal),
         by_size=isinstance(weather, Flakes),
         heights=(-deepest, deepest),
-        amounts=np.minimum(there, 1.0).tolist(),
-        ranks=(part, 1.0),
-        at=at,
-        swung=[turns * t for t in times],
-        waves=waves,
+        amounts=[],
+        ranks=(0.0, 1.0),
+        at=[],
+        swung=[],
+        waves=None,
         depths=(0.0, deepest),
-        profile=profile,
+        profile=[],
     )
-
-
-@lru_cache(maxsize=64)
-def _line(
-    path: CameraPath, fps: float, fall: Number, wind: Vector
-) -> tuple[list[float], list[float]] | None:
-    """Return place and velocity per frame of a camera in air that it passes evenly, at frame 0.
-
-    None where its velocity changes.
-    """
-    course = relative_course(path, fps, fall, wind)
-    if len(course.knots) or (course.slopes is not None and course.slopes.any()):
-        return None
-    start, rate = path.relative(0.0, fps=fps, fall=fall, wind=wind)
-    return start.tolist(), rate.tolist()
 
 
 @lru_cache(maxsize=32)

@@ -23,7 +23,7 @@ from flurries.effects.sheets import SHEAR, areas_of, kept, key_of, many_of, trim
 from flurries.effects.weather import Film, Weather
 from flurries.frame.planes import plane
 from flurries.frame.view import Frame
-from flurries.motion.keys import value_at
+from flurries.motion.keys import Keys, value_at
 from flurries.particles.population import Slab
 
 # Amounts that sheets are kept for, where the amount of flakes changes.
@@ -232,8 +232,8 @@ def _rungs(
     weather: Weather, frame: Frame, film: Film, amount: float, varies: bool, eyes: Eyes
 ) -> list[list[tuple[float, Float64]]]:
     """Return the amounts of each layer that sheets are read for, with their shares at the nodes."""
-    if weather.steady and not varies:
-        return [[(amount * float(weather.emission), np.ones((1, 1)))]] * len(film.layers)  # type: ignore[arg-type]
+    if not isinstance(weather.emission, Keys) and not varies:
+        return [[(amount * float(weather.emission), np.ones((1, 1)))]] * len(film.layers)
     ladder, found = np.array(LADDER), []
     for share, slab in film.layers:
         heights = slab.depth * eyes.rays.mean(axis=0)[..., 1]

@@ -20,8 +20,8 @@ from flurries._threads import reproducible
 from flurries.camera.lens import Camera
 from flurries.camera.path import CameraPath
 from flurries.cone.sheet import wrapped
-from flurries.effects.motion import Motion, Way, air_course, camera_course
-from flurries.effects.passes import Other, plane_motion, rays
+from flurries.effects.motion import Motion, air_course, camera_course
+from flurries.effects.passes import plane_motion, rays
 from flurries.frame.needs import LeftOut, Needs, Step
 from flurries.frame.view import Frame, Lap
 from flurries.motion.keys import Keys, Number
@@ -86,7 +86,7 @@ class DoubleCone:
         """
         return _beyond(_path(self, path, fps), fps, lap)
 
-    def passes(self, frame: Frame, way: Way, others: Sequence[Other]) -> tuple[list[Array], Array]:
+    def passes(self, frame: Frame, others: Sequence[Frame]) -> tuple[list[Array], Array]:
         """Return motions to other frames (h, w, 2) and depth (h, w), means of the layers.
 
         A layer lies where a pixel's ray meets its cone; each is weighed by what it shows before
@@ -101,7 +101,7 @@ class DoubleCone:
         depth, through, shown = np.zeros(shape), np.ones(shape), np.zeros(shape)
         for number, gain in enumerate(self.gains):
             gains = tuple(gain if place == number else 0.0 for place in range(len(self.gains)))
-            alpha = replace(self, gains=gains).alpha(frame, 1.0, way)
+            alpha = replace(self, gains=gains).alpha(frame, 1.0)
             share = through * alpha
             depth += share * nearest * 2.0**number
             shown += share
@@ -110,11 +110,11 @@ class DoubleCone:
         air: Any = {"fall": self.motion.fall, "wind": self.motion.mean_wind}
         motions = [
             plane_motion(far, frame, other, other.displacement(**air) - frame.displacement(**air))
-            for other, _ in others
+            for other in others
         ]
         return motions, far.astype(np.float32)
 
-    def alpha(self, frame: Frame, amount: float, way: Way) -> Array:
+    def alpha(self, frame: Frame, amount: float) -> Array:
         """Return the joint alpha of the layers over the window, (h, w) float32."""
         assert self.make is not None
         top, bottom, left, right = frame.window

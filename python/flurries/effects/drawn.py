@@ -13,12 +13,11 @@ from flurries._contract import Array, Float64
 from flurries._core import SortedFlakes
 from flurries.effects.air import air_of
 from flurries.effects.flakes import Flakes
-from flurries.effects.motion import Motion, Way
+from flurries.effects.motion import Motion
 from flurries.effects.passes import STEPS
 from flurries.effects.weather import Weather
 from flurries.frame.layer import Shade
 from flurries.frame.needs import LeftOut, Needs, Step, has_keys
-from flurries.frame.planes import plane
 from flurries.frame.view import Frame
 from flurries.light.phase import Optics
 
@@ -51,6 +50,14 @@ class Rows(NamedTuple):
     diameters: Float64
     shares: Float64
     others: Float64
+
+
+class Seen(NamedTuple):
+    """What pixels show of the flakes: the row of the one that shows most in each, -1 for none."""
+
+    alpha: Array
+    nearest: npt.NDArray[np.int32]
+    rows: Rows
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,20 +96,19 @@ class DrawnFlakes:
         """The motion of a flake of the mean size."""
         return self.weather.motion
 
-    def alpha(self, frame: Frame, amount: float, way: Way) -> Array:
+    def alpha(self, frame: Frame, amount: float) -> Array:
         """Return the opacity of the flakes over the window, (h, w) float32."""
         if frame.whole:
-            return self.numbered(frame, amount)[0]
+            return self.seen(frame, amount).alpha
         top, bottom, left, right = frame.window
-        result = plane((bottom - top, right - left))
-        _core.particle_draw(result, self.sort(frame, amount, way), frame.window, frame.depth, None)
+        result = np.empty((bottom - top, right - left), np.float32)
+        _core.particle_draw(result, self.sort(frame, amount), frame.window, frame.depth, None)
         return result
 
     def lit(
         self,
         frame: Frame,
         amount: float,
-        way: Way,
         optics: Optics,
         behind: tuple[Array, Shade] | None,
     ) -> tuple[Array, Array]:
@@ -113,14 +119,14 @@ class DrawnFlakes:
         top, bottom, left, right = frame.window
         near = np.empty((bottom - top, right - left), np.float32)
         glow = np.empty((*near.shape, 3), np.float32)
-        flakes = self.sort(frame, amount, way)
+        flakes = self.sort(frame, amount)
         lamps = frame.lamps()
         under = None if behind is None else (behind[0], behind[1].given())
         window, depth = frame.window, frame.depth
         _core.particle_draw_lit(near, glow, flakes, window, lamps, optics, depth, under)
         return near, glow
 
-    def sort(self, frame: Frame, amount: float, way: Way | None = None) -> SortedFlakes:
+    def sort(self, frame: Frame, amount: float) -> SortedFlakes:
         """Return the flakes, to be drawn in any band of the frame."""
 
         def make() -> SortedFlakes:
@@ -130,40 +136,26 @@ class DrawnFlakes:
 
         return frame.once_each(self, "flakes", make)
 
-    def numbered(self, frame: Frame, amount: float) -> tuple[Array, npt.NDArray[np.int32]]:
-        """Return the opacity of the window, and the row of the flake that each pixel shows most.
+    def seen(self, frame: Frame, amount: float) -> Seen:
+        """Return what the window's pixels show of the flakes."""
 
-        Rows count in `rows`; -1 where there is none.
-        """
-
-        def make() -> tuple[Array, Array]:
-            top, bottom, left, right = frame.window
-            result = plane((bottom - top, right - left))
-            shown = plane(result.shape, np.int32)
+        def make() -> Seen:
             flakes = self.sort(frame, amount)
-            _core.particle_draw(result, flakes, frame.window, frame.depth, shown)
-            return result, shown
+            top, bottom, left, right = frame.window
+            result = np.empty((bottom - top, right - left), np.float32)
+            nearest = np.empty(result.shape, np.int32)
+            _core.particle_draw(result, flakes, frame.window, frame.depth, nearest)
+            return Seen(result, nearest, _rows_of(flakes))
 
         # One frame is asked for twice where something stands in the air, with two depths.
-        return frame.once_each(self, f"numbered before {id(frame.depth)}", make)
+        return frame.once_each(self, f"seen before {id(frame.depth)}", make)
 
     def rows(self, frame: Frame, amount: float) -> Rows:
         """Return the flakes that the frame's window may show."""
+        return frame.once_each(self, "rows", lambda: _rows_of(self.sort(frame, amount)))
 
-        def make() -> Rows:
-            ids, rows, others = _core.flake_rows(self.sort(frame, amount))
-            return Rows(
-                ids, rows[:, :3], rows[:, 3:5], rows[:, 5], rows[:, 6], rows[:, 7],
-                others.reshape(len(ids), -1 if len(ids) else len(STEPS), 2),
-            )  # fmt: skip
-
-        return frame.once_each(self, "rows", make)
-
-    def passes(
-        self, frame: Frame, amount: float, numbers: npt.NDArray[np.int32]
-    ) -> tuple[list[Array], Array]:
+    def passes(self, rows: Rows, numbers: npt.NDArray[np.int32]) -> tuple[list[Array], Array]:
         """Return motions to `STEPS` (n, 2) and depth (n,) of flakes by their rows."""
-        rows = self.rows(frame, amount)
         motion = rows.others[numbers] - rows.pixels[numbers][:, None]
         # One that is behind the eye in one of the frames goes on as from the other.
         for one, other in ((0, 1), (1, 0)):
@@ -172,3 +164,11 @@ class DrawnFlakes:
         motion = np.nan_to_num(motion)
         ways = [np.ascontiguousarray(motion[:, i], np.float32) for i in range(len(STEPS))]
         return ways, rows.depths[numbers].astype(np.float32)
+
+
+def _rows_of(flakes: SortedFlakes) -> Rows:
+    ids, rows, others = _core.flake_rows(flakes)
+    return Rows(
+        ids, rows[:, :3], rows[:, 3:5], rows[:, 5], rows[:, 6], rows[:, 7],
+        others.reshape(len(ids), -1 if len(ids) else len(STEPS), 2),
+    )  # fmt: skip

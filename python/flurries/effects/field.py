@@ -17,7 +17,6 @@ from flurries.effects.flow import flow_of
 from flurries.effects.gusts import wind_at
 from flurries.effects.layout import LARGEST_TILE, Layout, Tiling, streaks_tile
 from flurries.effects.motion import Motion, Way
-from flurries.effects.passes import Other
 from flurries.effects.resolution import TUNED
 from flurries.frame.planes import plane
 from flurries.frame.view import Frame
@@ -25,7 +24,7 @@ from flurries.spectral.motion import tile_motions
 from flurries.spectral.request import Request
 from flurries.spectral.tables import FAR, SOFT_FROM, Aliasing, warn_far, warn_long, wave_depth
 from flurries.spectral.tiles import power_shares
-from flurries.trace import count
+from flurries.trace import current
 
 # Mean, spread, power and amount of the map from field to opacity.
 Map = tuple[float, float, float, float]
@@ -109,7 +108,9 @@ class Field:
         top, bottom, left, right = frame.window
         result = plane((bottom - top, right - left))
         if frame.shared is None or frame.shared.bands == 1:
-            count("tiles", _core.field(result, self.request(frame, way, shortest), mapped, keep))
+            current.get().count(
+                "tiles", _core.field(result, self.request(frame, way, shortest), mapped, keep)
+            )
             return result
         # Bands are lower than tiles: each is made once, and what it leaves to the next is kept.
         whole = frame.around
@@ -118,7 +119,7 @@ class Field:
             name,
             lambda: _core.field_bands(self.request(whole, way, shortest), mapped, keep),
         )
-        count("tiles", _core.field_take(bands, result, top))
+        current.get().count("tiles", _core.field_take(bands, result, top))
         return result
 
     def request(self, frame: Frame, way: Way, shortest: Float64 | None = None) -> Request:
@@ -209,7 +210,7 @@ class Field:
         )
         return drift, velocity
 
-    def passes(self, frame: Frame, way: Way, others: Sequence[Other]) -> tuple[list[Array], Array]:
+    def passes(self, frame: Frame, others: Sequence[Frame]) -> tuple[list[Array], Array]:
         """Return motions to other frames (h, w, 2) and depth (h, w), from those of the tiles."""
         layout = self.layout(frame)
         (tall, wide), overlap = layout.tiling
@@ -219,9 +220,11 @@ class Field:
             with np.errstate(divide="ignore"):
                 ends = layout.farthest(frame.depth).astype(np.float64)
                 shortest = wave_depth(ends, near_depth=self.near_depth, longest=longest)
-        motions, length = tile_motions(
-            self.request(frame, way, shortest), [self.request(*other) for other in others]
+        now, *later = (
+            self.request(at, self.motion.way(at), None if number else shortest)
+            for number, at in enumerate((frame, *others))
         )
+        motions, length = tile_motions(now, later)
         depth = wave_depth(length, near_depth=self.near_depth, longest=longest)
         top, bottom, left, right = frame.window
         height, width = frame.shape

@@ -11,13 +11,11 @@ from flurries._contract import Array
 from flurries.effects.bent import moved_by_wind, read_bent
 from flurries.effects.checks import DepthMode
 from flurries.effects.lighting import lamp_shade
-from flurries.effects.motion import Way
-from flurries.effects.passes import Other, plane_motion
+from flurries.effects.passes import plane_motion
 from flurries.effects.sheets import read_sheets
 from flurries.effects.weather import Film, Layer, Weather, times
 from flurries.frame.layer import Shade
 from flurries.frame.needs import LeftOut, Needs, Step, has_keys
-from flurries.frame.planes import plane
 from flurries.frame.view import Frame
 from flurries.light.phase import Optics
 
@@ -54,7 +52,7 @@ class FlakeTexture:
         still = frame.settled and self.weather.motion.still and not has_keys(self.weather.emission)
         return Needs((Step("texture", once=still),), most=1.0 - 1e-6)
 
-    def alpha(self, frame: Frame, amount: float, way: Way) -> Array:
+    def alpha(self, frame: Frame, amount: float) -> Array:
         """Return its opacity over the window, (h, w) float32."""
         film = self.weather.film(frame)
         if film.rigid:
@@ -68,7 +66,7 @@ class FlakeTexture:
         weights = np.array([layer.slab.coverage for layer in layers])
         return lamp_shade(frame, depths, weights, optics)
 
-    def passes(self, frame: Frame, way: Way, others: Sequence[Other]) -> tuple[list[Array], Array]:
+    def passes(self, frame: Frame, others: Sequence[Frame]) -> tuple[list[Array], Array]:
         """Return motions to other frames (h, w, 2) and depth (h, w) of what the window shows.
 
         Depth is the mean over the layers, each weighed by what it covers; they move as flakes at
@@ -79,20 +77,20 @@ class FlakeTexture:
         depths = np.array([layer.slab.depth for layer in layers])
         nearness = weights / depths
         top, bottom, left, right = frame.window
-        depth = plane((bottom - top, right - left))
-        depth.fill(weights.sum() / nearness.sum())
+        depth = np.full((bottom - top, right - left), weights.sum() / nearness.sum(), np.float32)
         speeds = np.array([layer.share.size.fall for layer in layers])
         fall = times(
             motion.fall, float(nearness @ speeds / nearness.sum() / self.weather.mean_speed)
         )
+        wind = motion.mean_wind
         places = [
-            frame.path.relative(t, fps=frame.fps, fall=fall, wind=motion.mean_wind)[0]
-            for t in (frame.t, *(other.t for other, _ in others))
+            frame.path.relative(t, fps=frame.fps, fall=fall, wind=wind)[0]
+            for t in (frame.t, *(other.t for other in others))
         ]
-        moves = []
-        for (other, _), place in zip(others, places[1:], strict=True):
+        moves, varied = [], motion.varied is not None
+        for other, place in zip(others, places[1:], strict=True):
             move = plane_motion(depth, frame, other, place - places[0])
-            if motion.varied is not None:
+            if varied:
                 move += moved_by_wind(self.weather, weights, frame, other)
             moves.append(move)
         depth.fill(weights @ depths / weights.sum())

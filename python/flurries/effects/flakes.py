@@ -7,9 +7,6 @@ from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from typing import ClassVar
 
-import numpy as np
-
-from flurries._contract import Float64
 from flurries.camera.path import CameraPath
 from flurries.effects.motion import Motion
 from flurries.effects.resolution import TUNED
@@ -64,7 +61,7 @@ class Flakes:
     keyed: bool = False
 
     shape: ClassVar[str] = "round"
-    steady: ClassVar[bool] = True
+    emission: ClassVar[float] = 1.0
     near: ClassVar[float] = 0.0
 
     @cached_property
@@ -81,16 +78,12 @@ class Flakes:
         """Return them as one class of size."""
         return _shares(self, frame.shape, frame.path)
 
-    def shown(self, share: Share, frame: Frame) -> tuple[float, float, float, float]:
+    def shown(self, share: Share, width: int, focal: float) -> tuple[float, float, float, float]:
         """Return the depths between which the largest fade in, and all out again, metres."""
-        scale = frame.shape[1] / TUNED
-        large = frame.camera.focal * self.sizes[1] / (6.0 * scale)
+        scale = width / TUNED
+        large = focal * self.sizes[1] / (6.0 * scale)
         low, high = (large / limit for limit in self.largest)
         return (high, low, share.reach, share.end)
-
-    def amounts(self, frame: Frame, share: Share, amount: float, heights: Float64) -> Float64:
-        """Return the share of them that is there, the same at all heights."""
-        return np.full(len(heights), amount)
 
 
 @lru_cache(maxsize=64)

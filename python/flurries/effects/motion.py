@@ -74,6 +74,17 @@ class Motion:
         axes = frame.camera.matrix()
         return Way(moved @ axes, rate @ axes, shutter)
 
+    def place(self, path: CameraPath, fps: float, t: float) -> list[float]:
+        """Return the camera's place in the air that falls so, house axes, metres."""
+        found: list[float] = path.relative(t, fps=fps, fall=self.fall, wind=self.mean_wind)[
+            0
+        ].tolist()
+        return found
+
+    def line(self, path: CameraPath, fps: float) -> tuple[list[float], list[float]] | None:
+        """Return that place at frame 0 and what it changes by per frame; None if that changes."""
+        return _line(self, path, fps)
+
     def travel(self, frame: Frame) -> Float64:
         """Return the way since frame 0 as a camera that turns or zooms felt it, eye's axes."""
         return frame.travel(fall=self.fall, wind=self.mean_wind)
@@ -115,6 +126,17 @@ def comes_nearer(path: CameraPath, axis: Float64, fall: Number, wind: Vector) ->
 def relative_course(path: CameraPath, fps: float, fall: Number, wind: Vector) -> Course:
     """Return camera minus what falls."""
     return sum_of([path.course(fps), course_of(wind, -1.0 / fps), fall_course(fall, -1.0 / fps)])
+
+
+@lru_cache(maxsize=64)
+def _line(motion: Motion, path: CameraPath, fps: float) -> tuple[list[float], list[float]] | None:
+    fall, wind = motion.fall, motion.mean_wind
+    # An even fall changes no knot: classes of all speeds find one course.
+    course = relative_course(path, fps, fall if isinstance(fall, Keys) else 0.0, wind)
+    if len(course.knots) or (course.slopes is not None and course.slopes.any()):
+        return None
+    start, rate = path.relative(0.0, fps=fps, fall=fall, wind=wind)
+    return start.tolist(), rate.tolist()
 
 
 @lru_cache(maxsize=32)

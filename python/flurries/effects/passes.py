@@ -8,9 +8,8 @@ import numpy as np
 
 from flurries import _core
 from flurries._contract import Array, Float64
-from flurries.effects.motion import Motion, Way
 from flurries.frame.view import Frame
-from flurries.trace import stage
+from flurries.trace import current
 
 # From a frame to the next one and to the one before.
 STEPS = (1.0, -1.0)
@@ -20,13 +19,6 @@ NEAREST = 1e-3
 
 # Rows of a picture that are worked on together.
 _ROWS = 32
-
-
-class Other(NamedTuple):
-    """A frame beside the one that is made, and how the air moves in it."""
-
-    frame: Frame
-    way: Way
 
 
 class Passes(NamedTuple):
@@ -42,10 +34,8 @@ class Passes(NamedTuple):
 def passes_of(
     texture: Any,
     flakes: Any,
-    moves: Motion,
     frame: Frame,
     amount: float,
-    way: Way,
     planes: tuple[Array | None, Array | None],
     alpha: Array,
 ) -> Passes:
@@ -61,10 +51,10 @@ def passes_of(
     top, bottom, left, right = frame.window
     shape = (bottom - top, right - left)
     behind, front = planes
-    with stage("passes"):
-        others = [Other(other, moves.way(other)) for other in map(frame.later, STEPS)]
+    with current.get().stage("passes"):
+        others = [frame.later(step) for step in STEPS]
         if texture is not None and behind is not None:
-            (forward, backward), depth = texture.passes(frame, way, others)
+            (forward, backward), depth = texture.passes(frame, others)
         else:
             forward, backward = (np.zeros((*shape, 2), np.float32) for _ in others)
             depth = np.full(shape, np.inf, np.float32)
@@ -75,14 +65,13 @@ def passes_of(
             _core.layer_finish(forward, backward, depth, alpha, scene)
         else:
             coverage = np.ascontiguousarray(front)
-            rows = flakes.numbered(frame, amount)[1]
-            shown = rows, coverage, behind
+            _, nearest, rows = flakes.seen(frame, amount)
+            shown = nearest, coverage, behind
             numbers = _core.layer_seen(shown)
-            ways, far = flakes.passes(frame, amount, numbers)
+            ways, far = flakes.passes(rows, numbers)
             said = np.column_stack([*ways, far])
             _core.layer_finish(forward, backward, depth, alpha, scene, (shown, numbers, said))
-            known = flakes.rows(frame, amount).ids.astype(np.int64)
-            ids = np.append(known, -1)[rows]
+            ids = np.append(rows.ids.astype(np.int64), -1)[nearest]
     return Passes(forward, backward, depth, coverage, ids)
 
 
@@ -102,9 +91,9 @@ def plane_motion(depth: Array, frame: Frame, other: Frame, moved: Float64) -> Ar
     """
     top, bottom, left, right = frame.window
     here, there = frame.camera, other.camera
-    turned = other.to_camera(here.matrix().T) - np.eye(3)
-    offset = np.array(here.offset)
-    aside = other.to_camera(here.matrix() @ offset - moved) - np.array(there.offset)
+    own, other_axes = here.matrix(), there.matrix()
+    turned = own.T @ other_axes - np.eye(3)
+    aside = (own @ np.array(here.offset) - moved) @ other_axes - np.array(there.offset)
     middle, focals, turns = here.principal(frame.shape), here.focals, frame.path.turns
     ends, shifted = there.focals, np.subtract(there.principal(frame.shape), middle)
     a = (np.arange(left, right) + 0.5 - middle[0]) / focals[0]

@@ -15,16 +15,15 @@ from flurries.effects.color import bright, color_at, is_local, reads_of
 from flurries.effects.drawn import DrawnFlakes
 from flurries.effects.flakes import Flakes
 from flurries.effects.lighting import add_light, even_shade, local_shade, veil_layer
-from flurries.effects.motion import Motion, Way
+from flurries.effects.motion import Motion
 from flurries.effects.passes import passes_of
 from flurries.effects.texture import Texture
 from flurries.frame.layer import Layer, Light, Shade
 from flurries.frame.needs import LeftOut, Needs, Step
-from flurries.frame.planes import plane
 from flurries.frame.view import Frame
 from flurries.light.phase import FLAKES, Optics
 from flurries.motion.keys import Keys, Number, value_at
-from flurries.trace import count, stage
+from flurries.trace import current
 
 
 class Backdrop(Protocol):
@@ -37,7 +36,7 @@ class Backdrop(Protocol):
     def needs(self, frame: Frame, amount: float) -> Needs:
         """Return its step, or why there is none, and the largest opacity."""
 
-    def alpha(self, frame: Frame, amount: float, way: Way) -> Array:
+    def alpha(self, frame: Frame, amount: float) -> Array:
         """Return its opacity over the window, (h, w) float32."""
 
 
@@ -47,10 +46,10 @@ class Front(Protocol):
     def needs(self, frame: Frame, amount: float) -> Needs:
         """Return its step, or why there is none, and the largest opacity."""
 
-    def alpha(self, frame: Frame, amount: float, way: Way) -> Array:
+    def alpha(self, frame: Frame, amount: float) -> Array:
         """Return the opacity of the flakes over the window, (h, w) float32."""
 
-    def sort(self, frame: Frame, amount: float, way: Way) -> SortedFlakes:
+    def sort(self, frame: Frame, amount: float) -> SortedFlakes:
         """Return the flakes, to be drawn in any band of the frame."""
 
 
@@ -145,29 +144,28 @@ class Precipitation(Generic[_Back]):
             by_rows=True,
         )
 
-    @property
+    @cached_property
     def _local(self) -> bool:
         return is_local(self.color)
 
     def render(self, frame: Frame) -> Layer | tuple[Layer, ...]:
         """Return the layer of a frame; of local light the veil is one of its own, behind."""
         amount, haze, run = self._now(frame)
-        way = self.motion.way(frame)
         texture, flakes, veil = self.texture, self.front, self.veil
         behind = front = None
         if texture is not None:
-            behind = run(texture.name, lambda: texture.alpha(frame, amount, way))
+            behind = run(texture.name, lambda: texture.alpha(frame, amount))
         glow: Array | None = None
         lit: Any = flakes if frame.lights and hasattr(flakes, "lit") else None
         if lit is not None:
             under = self._under(frame, behind)
-            both = run("flakes", lambda: lit.lit(frame, amount, way, self.optics, under))
+            both = run("flakes", lambda: lit.lit(frame, amount, self.optics, under))
             front, glow = (None, None) if both is None else both
             if glow is None and under is not None:
                 glow = np.zeros((*under[0].shape, 3), np.float32)
                 add_light(glow, *under)
         elif flakes is not None:
-            front = run("flakes", lambda: flakes.alpha(frame, amount, way))
+            front = run("flakes", lambda: flakes.alpha(frame, amount))
         planes = [np.ascontiguousarray(one) for one in (behind, front) if one is not None]
         before: Array | None = None
         if frame.depth is not None:
@@ -179,9 +177,8 @@ class Precipitation(Generic[_Back]):
             far = [veil_layer(f"{self.name}.veil", frame, haze if before is None else before)]
             haze = 0.0
         top, bottom, left, right = frame.window
-        alpha = plane((bottom - top, right - left))
-        alpha.fill(0.0)
-        with stage("join"):
+        alpha = np.zeros((bottom - top, right - left), np.float32)
+        with current.get().stage("join"):
             _core.join(alpha, planes or [np.zeros_like(alpha)], haze)
         if self._local:
             shade = run("local light", lambda: local_shade(frame, self.optics))
@@ -194,15 +191,8 @@ class Precipitation(Generic[_Back]):
         known = back is None or hasattr(back, "passes")
         if not frame.whole or (flakes is None and back is None) or not known:
             return (*far, layer) if far else layer
-        passes = passes_of(back, flakes, self.motion, frame, amount, way, (behind, front), alpha)
-        layer = replace(
-            layer,
-            motion=passes.motion,
-            backward=passes.backward,
-            depth=passes.depth,
-            coverage=passes.coverage,
-            ids=passes.ids,
-        )
+        passes = passes_of(back, flakes, frame, amount, (behind, front), alpha)
+        layer = replace(layer, **passes._asdict())
         return (*far, layer) if far else layer
 
     def _under(self, frame: Frame, behind: Array | None) -> tuple[Array, Shade] | None:
@@ -210,7 +200,7 @@ class Precipitation(Generic[_Back]):
         back: Any = self.texture
         if behind is None or not hasattr(back, "lamp_shade"):
             return None
-        with stage("lamps"):
+        with current.get().stage("lamps"):
             return np.ascontiguousarray(behind), back.lamp_shade(frame, self.optics)
 
     def over(self, frame: Frame, behind: Array, light: Light) -> Array | None:
@@ -225,12 +215,11 @@ class Precipitation(Generic[_Back]):
         # A texture that never moves is kept as a plane.
         if "texture" not in run.steps or run.keeps("texture"):
             return None
-        way = self.motion.way(frame)
-        front = None
+        way, front = self.motion.way(frame), None
         if flakes is not None:
-            front = run("flakes", lambda: flakes.sort(frame, amount, way))
+            front = run("flakes", lambda: flakes.sort(frame, amount))
         result = np.empty_like(behind)
-        with stage("texture"):
+        with current.get().stage("texture"):
             made = _core.snowfall(
                 result,
                 behind,
@@ -241,7 +230,7 @@ class Precipitation(Generic[_Back]):
                 light(color_at(self.color, frame)),
                 front,
             )
-            count("tiles", made)
+            current.get().count("tiles", made)
         return result
 
     def _now(self, frame: Frame) -> tuple[float, float, Any]:

@@ -17,13 +17,11 @@ import numpy as np
 
 from flurries import _core
 from flurries._contract import Array, Float64
-from flurries._threads import reproducible
 from flurries.camera.optics import Blur
 from flurries.camera.path import CameraPath
 from flurries.camera.rotation import rotation_matrix
 from flurries.effects.defocus import circles_of
 from flurries.effects.weather import Film, Weather
-from flurries.frame.planes import plane
 from flurries.frame.view import Frame
 from flurries.motion.keys import value_at
 from flurries.particles.population import Slab
@@ -87,12 +85,12 @@ class Standing(NamedTuple):
 def read_sheets(weather: Weather, frame: Frame, film: Film, amount: float) -> Array:
     """Return the opacity of the far flakes over the window, (h, w) float32."""
     top, bottom, left, right = frame.window
-    result = plane((bottom - top, right - left))
-    camera, blur = frame.camera, frame.blur
+    result = np.empty((bottom - top, right - left), np.float32)
+    camera, blur = frame.camera, None if frame.lens is None else frame.blur
     shown = amount * float(weather.emission)  # type: ignore[arg-type]
     known = _standing(
         weather, film, frame.path, frame.fps, camera.focals, camera.rotation, frame.seed, shown,
-        value_at(weather.motion.shutter, frame.t), blur, reproducible(),
+        value_at(weather.motion.shutter, frame.t), blur, _core.reproducible(),
     )  # fmt: skip
     x, y = camera.principal(frame.shape)
     u, v = camera.center_shift
@@ -143,12 +141,12 @@ def _standing(
     depths = np.array([slab.depth for slab in slabs])
     circles = circles_of(blur, depths.tolist()) or (0.0,) * len(slabs)
     start, rate = np.empty((len(slabs), 2)), np.empty((len(slabs), 2))
+    axes = rotation_matrix(rotation)
+    lines = {share: share.motion.line(path, fps) for share in film.shares}
     for number, (share, slab) in enumerate(film.layers):
-        motion = share.motion
-        found = path.relative(0.0, fps=fps, fall=motion.fall, wind=motion.mean_wind)
-        for out, way in zip((start, rate), found, strict=True):
+        for out, way in zip((start, rate), lines[share] or (), strict=True):
             # The picture moves the other way than the camera.
-            out[number] = -np.array(focals) * (way @ rotation_matrix(rotation))[:2] / slab.depth
+            out[number] = -np.array(focals) * (np.array(way) @ axes)[:2] / slab.depth
     # Longer streaks are as faint as can be seen.
     streaks = np.clip(exposure * rate, -_LONGEST, _LONGEST).tolist()
     many = many_of(film)

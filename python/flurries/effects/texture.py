@@ -11,7 +11,6 @@ from flurries._contract import Array
 from flurries.effects.field import Field, Map
 from flurries.effects.motion import Way
 from flurries.effects.occlusion import before_scene
-from flurries.effects.passes import Other
 from flurries.effects.resolution import map_at, power_share
 from flurries.frame.needs import LeftOut, Needs, Step, has_keys
 from flurries.frame.view import Frame
@@ -79,17 +78,18 @@ class Texture:
             spread = max(spread * math.sqrt(kept), 1e-3)
         return mean, spread, power, most
 
-    def alpha(self, frame: Frame, amount: float, way: Way) -> Array:
+    def alpha(self, frame: Frame, amount: float) -> Array:
         """Return its opacity over the window, (h, w) float32, as far as a depth leaves it."""
+        way = self.field.motion.way(frame)
         # What blur takes of the mean is added again; renormalised, it has lost nothing.
         mapped, keep = self.map(frame, amount, way), not self.renormalise
         if frame.depth is None:
             return self.field.pixels(frame, way, mapped, keep)
         return before_scene(self.field, frame, way, mapped, keep, self.depth_mode)
 
-    def passes(self, frame: Frame, way: Way, others: Sequence[Other]) -> tuple[list[Array], Array]:
+    def passes(self, frame: Frame, others: Sequence[Frame]) -> tuple[list[Array], Array]:
         """Return motions to other frames (h, w, 2) and depth (h, w) of what the window shows."""
-        return self.field.passes(frame, way, others)
+        return self.field.passes(frame, others)
 
     def warn_ambiguous(
         self, shape: tuple[int, int], focal: float, distance: float, index: int

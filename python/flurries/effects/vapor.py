@@ -17,7 +17,7 @@ from flurries.frame.needs import LeftOut, Needs, Step, has_keys
 from flurries.frame.view import Frame
 from flurries.io.color import linear_to_srgb
 from flurries.motion.keys import Number, value_at
-from flurries.trace import stage
+from flurries.trace import current
 
 # How many times as bright as white lamps may make it.
 LAMPS = 100.0
@@ -121,7 +121,7 @@ class Vapor:
             layer = Layer(self.name, alpha, color)
         if not frame.whole:
             return layer
-        with stage("passes"):
+        with current.get().stage("passes"):
             motion, backward, depth = self.cloud.passes(frame, density)
         return replace(layer, motion=motion, backward=backward, depth=depth)
 

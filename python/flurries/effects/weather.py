@@ -17,7 +17,7 @@ import numpy as np
 
 from flurries._contract import Float64
 from flurries.camera.path import CameraPath
-from flurries.effects.motion import Motion, relative_course
+from flurries.effects.motion import Motion
 from flurries.frame.needs import has_keys
 from flurries.frame.view import Frame
 from flurries.motion.keys import Keys, Number, value_at
@@ -192,17 +192,12 @@ class Weather:
         """Return the classes of size."""
         return self.film(frame).drawn
 
-    def shown(self, share: Share, frame: Frame) -> tuple[float, float, float, float]:
+    def shown(self, share: Share, width: int, focal: float) -> tuple[float, float, float, float]:
         """Return the depths between which drawn flakes fade in, and out again, metres."""
         near = (self.near, self.near * NEAR_FADE)
         if share.reach >= self.far:
             return (*near, self.far * (1.0 - FAR_FADE), self.far * (1.0 + FAR_FADE))
         return (*near, share.reach, share.end)
-
-    @property
-    def steady(self) -> bool:
-        """Whether as many flakes are there at all heights."""
-        return not isinstance(self.emission, Keys)
 
 
 def times(number: Number, factor: float) -> Number:
@@ -239,11 +234,9 @@ def _film(
     comes = motion.spreads(path, rotation)
     constant = (
         not (comes or weather.keyed or blurred or isinstance(motion.shutter, Keys))
-        and weather.steady
+        and not isinstance(weather.emission, Keys)
         and motion.varied is None
-        and all(
-            len(relative_course(path, fps, own.fall, own.mean_wind).knots) == 0 for _, own in fine
-        )
+        and all(own.line(path, fps) is not None for _, own in fine)
     )
     reach = hand_over(weather, focal)
 

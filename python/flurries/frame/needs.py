@@ -19,7 +19,7 @@ from flurries._threads import reproducible
 from flurries.frame.bands import Visible
 from flurries.frame.effect import renderer_of
 from flurries.motion.keys import Keys
-from flurries.trace import stage
+from flurries.trace import current
 
 if TYPE_CHECKING:
     from flurries.frame.view import Frame
@@ -135,7 +135,7 @@ class Run:
             return None
 
         def run() -> _Made:
-            with stage(name):
+            with current.get().stage(name):
                 return make()
 
         kept = self.kept if self.keeps(name) else None

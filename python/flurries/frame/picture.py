@@ -16,7 +16,7 @@ from flurries.frame.matte import Front
 from flurries.frame.mixing import Mix, behind
 from flurries.frame.program import Ask, Program
 from flurries.frame.view import Frame, Shared
-from flurries.trace import of_effect, stage
+from flurries.trace import current
 
 
 def images(
@@ -24,15 +24,15 @@ def images(
 ) -> list[Array]:
     """Return the picture of a window for each eye; None is the path's own camera."""
     # The eyes' bands are made in turn, so that the second finds what the first has made.
-    with stage("background"):
+    with current.get().stage("background"):
         plate = crop(program.backdrop.frame(t), window)
+    dtype = shown_type(plate)
     # Where none of the weather can be seen, none is made.
     whole_front = program.front(t)
     inner = program.open_part(window, whole_front)
     mix = program.mix(plate)
-    dtype = shown_type(plate)
     front = None if whole_front is None else whole_front.window(window)
-    cameras = tuple(program.camera(eye, t) for eye in eyes)
+    cameras = tuple([program.camera(eye, t) for eye in eyes])
     pictures = []
     for camera in cameras:
         asks = [] if inner is None else program.asks(t, camera, inner, dtype)
@@ -87,21 +87,24 @@ class Picture:
 
     def compose(self, band: Window, into: Array | None) -> Array:
         """Return the composite of a band, written to `into` where that is given."""
-        mix, place = self.mix, within(band, self.window)
-        plate = crop(self.plate, place)
-        front = None if self.front is None else self.front.window(place)
-        part = common(band, self.inner) if self.asks and self.inner is not None else None
+        mix, plate, front, part = self.mix, self.plate, self.front, self.inner
+        if band != self.window:
+            place = within(band, self.window)
+            plate = crop(plate, place)
+            front = None if front is None else front.window(place)
+            part = None if part is None else common(band, part)
+        part = part if self.asks else None
         alone = self.asks[0] if len(self.asks) == 1 and front is None and part == band else None
         # Only what is lit by places may go over bytes at once: else its layer waits in memory.
         if alone is not None and _by_places(alone) and mix.bytes_of(plate):
             made = self._layers(0, alone, _narrow(alone, band), band)
             if len(made) == 1:
-                with stage("composite"):
+                with current.get().stage("composite"):
                     done = mix.in_bytes(made[0], plate, into)
                 if done is not None:
                     return done
             self._ready = made
-        with stage("composite"):
+        with current.get().stage("composite"):
             light = mix.decode(plate)
         if front is not None:
             light = front.behind(light, linear=mix.linear)
@@ -114,13 +117,13 @@ class Picture:
             cover = front.cover
             cover = None if cover is None else crop(cover, inside)
             over = self._over(part, over, cover, None)
-            with stage("composite"):
+            with current.get().stage("composite"):
                 if over.shape == light.shape:
                     light = over
                 else:
                     light = light if light.flags.writeable else light.copy()
                     crop(light, inside)[...] = over
-        with stage("composite"):
+        with current.get().stage("composite"):
             if front is not None:
                 light = front.over(light, linear=mix.linear)
             return mix.encode(light, plate, into)
@@ -130,9 +133,9 @@ class Picture:
         for number, ask in enumerate(self.asks):
             frame = _narrow(ask, part)
             alone = cover is None and into is None and frame.nearer is None
-            if alone and not frame.banded and over.shape[2] == 3:
+            if alone and ask.needs.in_one_pass and not frame.banded and over.shape[2] == 3:
                 one_pass = getattr(ask.part.renderer, "over", None)
-                with of_effect(ask.part.place):
+                with current.get().of_effect(ask.part.place):
                     done = None if one_pass is None else one_pass(frame, over, self.mix.light)
                 if done is not None:
                     over = done
@@ -140,7 +143,7 @@ class Picture:
             layers = self._layers(number, ask, frame, part)
             for place, layer in enumerate(layers):
                 last = number + 1 == len(self.asks) and place + 1 == len(layers)
-                with stage("composite"):
+                with current.get().stage("composite"):
                     shown = layer if cover is None else behind(layer, cover)
                     over = self.mix.over(over, shown, into if last else None)
         return over
@@ -150,7 +153,7 @@ class Picture:
         if self._ready is not None:
             ready, self._ready = self._ready, None
             return ready
-        with of_effect(ask.part.place):
+        with current.get().of_effect(ask.part.place):
             if frame.window == part:
                 return draw(ask.part.renderer, frame)
             # One that may draw all of it for any part draws it once.
@@ -208,5 +211,5 @@ def _drawn(effect: Any, frame: Frame) -> tuple[Layer, ...]:
     if hasattr(effect, "needs"):
         return layers_of(effect.render(frame), effect, shape)
     # One that does not say what it needs is a step by itself.
-    with stage(type(effect).__name__.lower()):
+    with current.get().stage(type(effect).__name__.lower()):
         return layers_of(effect.render(frame), effect, shape)

@@ -15,7 +15,6 @@ import numpy as np
 
 from flurries import _core
 from flurries._contract import Array
-from flurries._threads import reproducible
 from flurries.camera.lens import Camera
 from flurries.camera.optics import Lens
 from flurries.camera.path import CameraPath
@@ -28,7 +27,7 @@ from flurries.frame.view import Frame, Lap
 from flurries.light.lamp import Lamp
 from flurries.light.plate import PlateLight, ambient_light, plate_light
 from flurries.light.sun import Sun
-from flurries.trace import stage
+from flurries.trace import current
 
 _Found = TypeVar("_Found")
 
@@ -159,7 +158,7 @@ class Program:
         plate = self._plate(t) if "plate" in reads else None
         found = []
         for part, needs in runs:
-            key = (part.place, camera, window, dtype is None, reproducible())
+            key = (part.place, camera, window, dtype is None, _core.reproducible())
             kept = self._kept if self.settled else None
             run = Run({step.name: step for step in needs.steps}, kept, key, visible)
             frame = base.derive(
@@ -217,17 +216,17 @@ class Program:
         if self.distance is None:
             # What stands in the air before nothing needs one all the same.
             return np.full(self.shape, np.inf, np.float32) if self.deep else None
-        with stage("depth"):
+        with current.get().stage("depth"):
             depth: Array = self.distance.frame(t)
         return depth
 
     # Of the whole picture, so that a region has the whole's bits.
     def _ambient(self, t: float) -> tuple[float, float, float]:
-        with stage("ambient"):
+        with current.get().stage("ambient"):
             return self._of_plate(ambient_light, t)
 
     def _plate(self, t: float) -> PlateLight:
-        with stage("plate light"):
+        with current.get().stage("plate light"):
             return self._of_plate(plate_light, t)
 
     def _of_plate(self, find: Callable[[Array, str], _Found], t: float) -> _Found:

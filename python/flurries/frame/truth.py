@@ -18,7 +18,7 @@ from flurries.frame.program import Program
 from flurries.frame.show import figure, listing
 from flurries.frame.view import Shared
 from flurries.io.color import to_single, to_unit
-from flurries.trace import stage
+from flurries.trace import current
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -124,7 +124,7 @@ def truth(
 def _truth(
     program: Program, t: float, camera: Camera, window: Window, shared: Shared, known: bool
 ) -> Rendered:
-    with stage("background"):
+    with current.get().stage("background"):
         plate = crop(program.backdrop.frame(t), window)
     parts = [
         layer
@@ -137,7 +137,7 @@ def _truth(
         # A mask keeps the weather from the background's own pixels in front.
         parts = [behind(part, front.cover) for part in parts]
     mix = program.mix(plate)
-    with stage("composite"):
+    with current.get().stage("composite"):
         light = mix.decode(plate)
         if front is not None:
             light = front.behind(light, linear=mix.linear)
