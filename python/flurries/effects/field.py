@@ -89,7 +89,6 @@ class Field:
         mapped: Map | None,
         keep: bool = False,
         *,
-        name: str = "texture",
         shortest: Float64 | None = None,
     ) -> Array:
         """Return opacity over the window without regard to a depth, or the field, (h, w) float32.
@@ -100,26 +99,13 @@ class Field:
             The map to opacity; if not given, the field.
         keep : bool
             Whether the mean opacity that blur takes is added again.
-        name : str
-            Of this one among the effect's textures.
         shortest : (rows, cols), optional
             The wavelengths in pixels up to which waves of tiles are left out.
         """
         top, bottom, left, right = frame.window
         result = plane((bottom - top, right - left))
-        if frame.shared is None or frame.shared.bands == 1:
-            current.get().count(
-                "tiles", _core.field(result, self.request(frame, way, shortest), mapped, keep)
-            )
-            return result
-        # Bands are lower than tiles: each is made once, and what it leaves to the next is kept.
-        whole = frame.around
-        bands = frame.once_each(
-            self,
-            name,
-            lambda: _core.field_bands(self.request(whole, way, shortest), mapped, keep),
-        )
-        current.get().count("tiles", _core.field_take(bands, result, top))
+        made = _core.field(result, self.request(frame, way, shortest), mapped, keep)
+        current.get().count("tiles", made)
         return result
 
     def request(self, frame: Frame, way: Way, shortest: Float64 | None = None) -> Request:

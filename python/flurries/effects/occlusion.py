@@ -252,4 +252,4 @@ def _waves_before(
     shortest = np.zeros(layout.grid)
     if number + 1 < octaves:
         shortest[:] = wave_depth([edge], near_depth=field.near_depth, longest=layout.band[1])
-    return field.pixels(frame, way, None, name=f"texture {number}", shortest=shortest)
+    return field.pixels(frame, way, None, shortest=shortest)

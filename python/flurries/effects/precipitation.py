@@ -10,15 +10,13 @@ import numpy as np
 
 from flurries import _core
 from flurries._contract import Array
-from flurries._core import SortedFlakes
 from flurries.effects.color import bright, color_at, is_local, reads_of
 from flurries.effects.drawn import DrawnFlakes
 from flurries.effects.flakes import Flakes
 from flurries.effects.lighting import add_light, even_shade, local_shade, veil_layer
 from flurries.effects.motion import Motion
 from flurries.effects.passes import passes_of
-from flurries.effects.texture import Texture
-from flurries.frame.layer import Layer, Light, Shade
+from flurries.frame.layer import Layer, Shade
 from flurries.frame.needs import LeftOut, Needs, Step
 from flurries.frame.view import Frame
 from flurries.light.phase import FLAKES, Optics
@@ -48,9 +46,6 @@ class Front(Protocol):
 
     def alpha(self, frame: Frame, amount: float) -> Array:
         """Return the opacity of the flakes over the window, (h, w) float32."""
-
-    def sort(self, frame: Frame, amount: float) -> SortedFlakes:
-        """Return the flakes, to be drawn in any band of the frame."""
 
 
 class Cover(Protocol):
@@ -140,7 +135,6 @@ class Precipitation(Generic[_Back]):
             ),
             reads_of(self.color),
             most=1.0 - clear,
-            in_one_pass=asked[0].in_one_pass,
             by_rows=True,
         )
 
@@ -202,36 +196,6 @@ class Precipitation(Generic[_Back]):
             return None
         with current.get().stage("lamps"):
             return np.ascontiguousarray(behind), back.lamp_shade(frame, self.optics)
-
-    def over(self, frame: Frame, behind: Array, light: Light) -> Array | None:
-        """Return the layer over a picture, with the bits of `render`, in one pass.
-
-        None where that pass has no way to do it: no texture, or a scene that ends.
-        """
-        texture, flakes = self.texture, self.front
-        if frame.depth is not None or frame.lights or not isinstance(texture, Texture):
-            return None
-        amount, haze, run = self._now(frame)
-        # A texture that never moves is kept as a plane.
-        if "texture" not in run.steps or run.keeps("texture"):
-            return None
-        way, front = self.motion.way(frame), None
-        if flakes is not None:
-            front = run("flakes", lambda: flakes.sort(frame, amount))
-        result = np.empty_like(behind)
-        with current.get().stage("texture"):
-            made = _core.snowfall(
-                result,
-                behind,
-                texture.field.request(frame, way),
-                texture.map(frame, amount, way),
-                not texture.renormalise,
-                haze,
-                light(color_at(self.color, frame)),
-                front,
-            )
-            current.get().count("tiles", made)
-        return result
 
     def _now(self, frame: Frame) -> tuple[float, float, Any]:
         """Return amount, haze and what runs the steps of a frame."""

@@ -48,12 +48,10 @@ class Texture:
         if opacity == 0.0:
             return Needs((), (LeftOut("texture", "its opacity is 0"),), most=0.0)
         still = frame.settled and self.field.motion.still and not has_keys(self)
-        deep = frame.deep or frame.depth is not None
         return Needs(
             (Step("texture", once=still),),
             self._hidden(frame),
             most=opacity,
-            in_one_pass=not (still or deep),
         )
 
     def _hidden(self, frame: Frame) -> tuple[LeftOut, ...]:

@@ -15,10 +15,10 @@ from flurries.spectral.tiles import tile_starts
 Window = tuple[int, int, int, int]
 
 # Frames of more pixels than this are made in bands.
-WHOLE = 1 << 20
+WHOLE = 1 << 21
 
 # Pixels of a band, and what its rows are a multiple of: flakes and gas come in tiles of 64 px.
-BAND = 1 << 19
+BAND = 1 << 21
 _ROWS = 64
 
 

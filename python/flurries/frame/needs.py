@@ -55,8 +55,6 @@ class Needs:
     # The scene's "depth" and "ambient" light; "plate" is that light by places.
     reads: frozenset[str] = frozenset()
     most: float = 1.0  # The largest opacity.
-    # Whether the method `over` lays the effect straight over a picture, without the step "join".
-    in_one_pass: bool = False
     # Whether the effect draws any window by itself, in its share of the whole's time: a large frame
     # is then made in bands of rows. Else the whole is drawn once, and held.
     by_rows: bool = False

@@ -61,10 +61,7 @@ def shown_type(plate: Array) -> np.dtype[Any]:
 
 def bands_in(window: Window, asks: Sequence[Ask], mix: Mix, front: Front | None) -> list[Window]:
     """Return the bands that a window is made in; one if no more than the result is held then."""
-    plain = mix.same and front is None
-    if plain and (not asks or (len(asks) == 1 and asks[0].needs.in_one_pass)):
-        return [window]
-    return bands_of(window)
+    return bands_of(window) if asks or front is not None or not mix.same else [window]
 
 
 class Picture:
@@ -132,14 +129,6 @@ class Picture:
         """Return all layers over what lies behind them, the last one in `into` if it can be."""
         for number, ask in enumerate(self.asks):
             frame = _narrow(ask, part)
-            alone = cover is None and into is None and frame.nearer is None
-            if alone and ask.needs.in_one_pass and not frame.banded and over.shape[2] == 3:
-                one_pass = getattr(ask.part.renderer, "over", None)
-                with current.get().of_effect(ask.part.place):
-                    done = None if one_pass is None else one_pass(frame, over, self.mix.light)
-                if done is not None:
-                    over = done
-                    continue
             layers = self._layers(number, ask, frame, part)
             for place, layer in enumerate(layers):
                 last = number + 1 == len(self.asks) and place + 1 == len(layers)

@@ -12,7 +12,7 @@ from flurries.frame import planes
 from flurries.frame.bands import whole
 from flurries.frame.mixing import free_name
 from flurries.frame.needs import LeftOut, needs_of
-from flurries.frame.picture import bands_in, images, shown_type
+from flurries.frame.picture import images, shown_type
 from flurries.frame.program import Ask, Program
 from flurries.frame.report import Plan, PlannedStep
 from flurries.motion.keys import Keys
@@ -116,7 +116,7 @@ def _time(program: Program, number: int) -> float:
 
 def _look(program: Program, number: int) -> _Look:
     t, front = _time(program, number), program.front(_time(program, number))
-    plate, mix = program.backdrop.frame(t), program.mix()
+    plate = program.backdrop.frame(t)
     window = program.open_part(whole(program.shape), front)
     camera, left_out, asks = program.camera(None, t), list[LeftOut](), list[Ask]()
     if window is not None:
@@ -137,16 +137,12 @@ def _look(program: Program, number: int) -> _Look:
         left_out.append(LeftOut("depth", "nothing reads it"))
     light = {"ambient": "ambient", "plate": "plate light"}
     steps |= {(-1, name): False for part, name in light.items() if part in reads}
-    banded = len(bands_in(whole(program.shape), asks, mix, front)) > 1
     for ask in asks:
         # Asked again: what was said for the whole film knows neither this time nor this window.
         needs = needs_of(ask.part.effect, ask.frame)
         left_out += needs.left_out
-        # Over a picture at once, its parts need not be made one plane.
-        over = needs.in_one_pass and not (banded or program.lights) and front is None
         for step in needs.steps:
-            if not (over and step.name == "join"):
-                steps[ask.part.place, step.name] = step.once and ask.frame.settled
+            steps[ask.part.place, step.name] = step.once and ask.frame.settled
     steps[_COMPOSITE] = False
     height, width = program.shape
     layers = f"{len(asks)} layer{'s' * (len(asks) != 1)}"
