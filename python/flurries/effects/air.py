@@ -37,142 +37,64 @@ _Triple = tuple[float, float, float]
 
 
 class Eye(NamedTuple):
-    """An eye at one time.
+    """An eye at one time."""
 
-    Attributes
-    ----------
-    turn : (3, 3)
-        Rows turn house axes into the eye's.
-    focal : (x, y)
-        Pixels.
-    center : (x, y)
-        The principal point, pixels.
-    offset : (3,)
-        The eye in the camera's axes, metres.
-    """
-
-    turn: Any
-    focal: tuple[float, float]
-    center: tuple[float, float]
-    offset: _Triple
+    turn: Any  # (3, 3): rows turn house axes into the eye's.
+    focal: tuple[float, float]  # (x, y): pixels.
+    center: tuple[float, float]  # (x, y): the principal point, pixels.
+    offset: _Triple  # (3,): the eye in the camera's axes, metres.
 
 
 class Class(NamedTuple):
-    """Flakes of an interval of sizes.
+    """Flakes of an interval of sizes."""
 
-    Attributes
-    ----------
-    number : int
-        Of the class in its population.
-    density : float
-        The most there are, per cubic metre.
-    sizes : (smallest, largest)
-        Diameters, metres.
-    slope : float
-        Of the law exp(-slope D), per metre.
-    shown : (4,)
-        Depths between which they fade in, and between which they fade out again, metres.
-    by_size : bool
-        Whether smaller flakes than the largest fade in nearer, as they are smaller.
-    heights : (low, high)
-        Below the camera, metres: the places of `amounts`.
-    amounts : list of float
-        Shares of the density that are there.
-    ranks : (first, last)
-        Of these shares the part that is shown.
-    at : list of (3,)
-        The camera in this class's air at each time, metres.
-    swung : list of float
-        Angles of the sway at each time, cycles.
-    waves : (m, 6 times) float64, optional
-        Displacements by the waves of the wind, real parts first, metres.
-    depths : (near, far)
-        Along the house's z ahead of the camera, metres: the places of `profile`.
-    profile : list of (x, y)
-        How far a wind of depth has carried the air at each time, metres, at even depths.
-    """
-
-    number: int
-    density: float
-    sizes: tuple[float, float]
-    slope: float
+    number: int  # Of the class in its population.
+    density: float  # The most there are, per cubic metre.
+    sizes: tuple[float, float]  # (smallest, largest): diameters, metres.
+    slope: float  # Of the law exp(-slope D), per metre.
+    # (4,): depths between which they fade in, and between which they fade out again, metres.
     shown: tuple[float, float, float, float]
-    by_size: bool
-    heights: tuple[float, float]
-    amounts: list[float]
-    ranks: tuple[float, float]
-    at: list[_Triple]
-    swung: list[float]
+    by_size: bool  # Whether smaller flakes than the largest fade in nearer, as they are smaller.
+    heights: tuple[float, float]  # (low, high): below the camera, metres: the places of `amounts`.
+    amounts: list[float]  # Shares of the density that are there.
+    ranks: tuple[float, float]  # (first, last): of these shares the part that is shown.
+    at: list[_Triple]  # The camera in this class's air at each time, metres.
+    swung: list[float]  # Angles of the sway at each time, cycles.
+    # (m, 6 times) float64, optional: displacements by the waves of the wind, real parts first,
+    # metres.
     waves: Float64 | None
+    # (near, far): along the house's z ahead of the camera, metres: the places of `profile`.
     depths: tuple[float, float]
+    # How far a wind of depth has carried the air at each time, metres, at even depths.
     profile: list[tuple[list[float], list[float]]]
 
 
 class Closeup(NamedTuple):
-    """The looks of flakes from near and out of focus.
+    """The looks of flakes from near and out of focus."""
 
-    Attributes
-    ----------
-    kind : {"aggregate", "drop", "round"}
-        What large ones are.
-    switch : (low, high)
-        Sigma in px between which a round flake gives way to a shape.
-    blur : Blur, optional
-        Of the lens.
-    seed : int
-        Of shapes and tumbling.
-    seconds : float
-        Since frame 0.
-    """
-
-    kind: str
+    kind: str  # What large ones are.
+    # (low, high): sigma in px between which a round flake gives way to a shape.
     switch: tuple[float, float]
-    blur: Blur | None
-    seed: int
-    seconds: float
+    blur: Blur | None  # Of the lens.
+    seed: int  # Of shapes and tumbling.
+    seconds: float  # Since frame 0.
 
 
 class Air(NamedTuple):
-    """The flakes before an eye: at the frame's time, as its shutter opens and closes, and later.
-
-    Attributes
-    ----------
-    seed : int
-    opacity : float
-        Mean over the disc of a resting flake, 0 to 1.
-    images : BallImages
-        Of that opacity.
-    classes : list of Class
-    eyes : list of Eye
-        At each time.
-    sway : float
-        Metres.
-    waves : (m, 3) float64, optional
-        Cycles per metre.
-    shape : (H, W)
-        Of the whole picture, pixels.
-    window : (top, bottom, left, right)
-        The pixels that are wanted.
-    room : float
-        Metres around the view in which blurred flakes may be seen.
-    near : float
-        Metres.
-    closeup : Closeup, optional
-        How flakes look from near.
-    """
+    """The flakes before an eye: at the frame's time, as its shutter opens and closes, and later."""
 
     seed: int
-    opacity: float
-    images: _core.BallImages
+    opacity: float  # Mean over the disc of a resting flake, 0 to 1.
+    images: _core.BallImages  # Of that opacity.
     classes: list[Class]
-    eyes: list[Eye]
-    sway: float
-    waves: Float64 | None
-    shape: tuple[int, int]
-    window: tuple[int, int, int, int]
-    room: float
-    near: float
-    closeup: Closeup | None
+    eyes: list[Eye]  # At each time.
+    sway: float  # Metres.
+    waves: Float64 | None  # (m, 3) float64, optional: cycles per metre.
+    shape: tuple[int, int]  # (H, W): of the whole picture, pixels.
+    window: tuple[int, int, int, int]  # (top, bottom, left, right): the pixels that are wanted.
+    room: float  # Metres around the view in which blurred flakes may be seen.
+    near: float  # Metres.
+    closeup: Closeup | None  # How flakes look from near.
 
 
 def air_of(

@@ -40,22 +40,13 @@ LONGEST = 120.0
 
 
 class _Group(NamedTuple):
-    """The sheets between two depths.
+    """The sheets between two depths."""
 
-    Attributes
-    ----------
-    sheets : list of (sheet, nodes)
-        Nodes are (R, C, 4) float32, as the kernel has them.
-    ways : (R, C, 2) float32
-        Pixels that flakes move by during the exposure.
-    near, far : float
-        Metres.
-    """
-
+    # Nodes are (R, C, 4) float32, as the kernel has them.
     sheets: list[tuple[_core.FlakeSheet, Array]]
-    ways: Array
-    near: float
-    far: float
+    ways: Array  # (R, C, 2) float32: pixels that flakes move by during the exposure.
+    near: float  # Metres.
+    far: float  # Metres.
 
 
 def read_bent(weather: Weather, frame: Frame, film: Film, amount: float, varies: bool) -> Array:

@@ -23,32 +23,15 @@ from flurries.light.phase import Optics
 
 
 class Rows(NamedTuple):
-    """The flakes of a frame.
+    """The flakes of a frame."""
 
-    Attributes
-    ----------
-    ids : (n,) uint64
-        The same in every frame, eye and window.
-    points : (n, 3)
-        In the camera's axes, metres.
-    pixels : (n, 2)
-        Where they are seen, (x, y).
-    depths : (n,)
-        From the eye, metres.
-    diameters : (n,)
-        Metres.
-    shares : (n,)
-        How much of each is there, 0 to 1.
-    others : (n, k, 2)
-        Where they are seen at `STEPS` frames from this one; NaN behind the eye.
-    """
-
-    ids: npt.NDArray[np.uint64]
-    points: Float64
-    pixels: Float64
-    depths: Float64
-    diameters: Float64
-    shares: Float64
+    ids: npt.NDArray[np.uint64]  # (n,) uint64: the same in every frame, eye and window.
+    points: Float64  # (n, 3): in the camera's axes, metres.
+    pixels: Float64  # (n, 2): where they are seen, (x, y).
+    depths: Float64  # (n,): from the eye, metres.
+    diameters: Float64  # (n,): metres.
+    shares: Float64  # (n,): how much of each is there, 0 to 1.
+    # (n, k, 2): where they are seen at `STEPS` frames from this one; NaN behind the eye.
     others: Float64
 
 
@@ -62,12 +45,7 @@ class Seen(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class DrawnFlakes:
-    """The flakes that are drawn.
-
-    Attributes
-    ----------
-    weather : Weather or Flakes
-    """
+    """The flakes that are drawn."""
 
     weather: Weather | Flakes
 

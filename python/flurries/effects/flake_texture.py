@@ -22,20 +22,12 @@ from flurries.light.phase import Optics
 
 @dataclass(frozen=True, eq=False)
 class FlakeTexture:
-    """The texture.
-
-    Attributes
-    ----------
-    weather : Weather
-    depth_mode : {"pixel", "tile"}
-        Of the effect; sheets follow a scene's depth pixel by pixel in any case.
-    keyed_amount : bool
-        Whether the amount changes.
-    """
+    """The texture."""
 
     weather: Weather
+    # Of the effect; sheets follow a scene's depth pixel by pixel in any case.
     depth_mode: DepthMode = "pixel"
-    keyed_amount: bool = False
+    keyed_amount: bool = False  # Whether the amount changes.
 
     name = "texture"
 

@@ -25,40 +25,21 @@ _BALL = math.sqrt(8.0) / 6.0
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Flakes:
-    """Flakes that are all drawn one by one.
+    """Flakes that are all drawn one by one."""
 
-    Attributes
-    ----------
-    motion : Motion
-        What moves them.
-    number : int
-        How many are in view.
-    density : float, optional
-        Per cubic metre, in place of the number in view.
-    reach : float
-        Depth up to which there are any, metres.
-    sizes : (smallest, largest)
-        Widths, metres, as many of each: six times the deviation of a Gaussian that covers as much.
-    opacity : Number
-        Mean over the disc of a resting one.
-    sway : (amplitude, rate)
-        Metres, and radians per second.
-    largest : (low, high)
-        Sigma of images on a picture 1024 px wide between which flakes fade: out-of-focus puffs look
-        like dirt.
-    keyed : bool
-        Whether the amount of flakes changes.
-    """
-
-    motion: Motion
-    number: int
-    density: float | None = None
-    reach: float
+    motion: Motion  # What moves them.
+    number: int  # How many are in view.
+    density: float | None = None  # Per cubic metre, in place of the number in view.
+    reach: float  # Depth up to which there are any, metres.
+    # (smallest, largest): widths, metres, as many of each: six times the deviation of a Gaussian
+    # that covers as much.
     sizes: tuple[float, float]
-    opacity: Number
-    sway: tuple[float, float] = (0.0, 0.0)
+    opacity: Number  # Mean over the disc of a resting one.
+    sway: tuple[float, float] = (0.0, 0.0)  # (amplitude, rate): metres, and radians per second.
+    # (low, high): sigma of images on a picture 1024 px wide between which flakes fade: out-of-
+    # focus puffs look like dirt.
     largest: tuple[float, float] = (3.5, 6.0)
-    keyed: bool = False
+    keyed: bool = False  # Whether the amount of flakes changes.
 
     shape: ClassVar[str] = "round"
     emission: ClassVar[float] = 1.0

@@ -17,18 +17,11 @@ from flurries.motion.keys import Number, value_at
 
 @dataclass(frozen=True, eq=False)
 class Haze:
-    """A veil whose optical depth grows with the way through it.
+    """A veil whose optical depth grows with the way through it."""
 
-    Attributes
-    ----------
-    weather : Weather
-        Beyond its last flakes the veil has the extinction of those that would be there.
-    haze : Number
-        Opacity of what is besides between the camera and the farthest flakes, 0 to 1.
-    """
-
+    # Beyond its last flakes the veil has the extinction of those that would be there.
     weather: Weather
-    haze: Number
+    haze: Number  # Opacity of what is besides between the camera and the farthest flakes, 0 to 1.
 
     def needs(self, frame: Frame, amount: float) -> Needs:
         """Return its step before a scene with a depth; without one it takes nothing."""

@@ -45,13 +45,7 @@ _DRAWN: dict[type[Any], tuple[dict[str, Any], dict[str, Any]]] = {
 
 @dataclass(frozen=True, eq=False)
 class Earlier:
-    """An effect as it was some frames ago, in the light and before the depth of now.
-
-    Attributes
-    ----------
-    effect : effect
-    frames : int
-    """
+    """An effect as it was some frames ago, in the light and before the depth of now."""
 
     effect: Any
     frames: int

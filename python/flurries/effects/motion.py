@@ -17,38 +17,20 @@ from flurries.motion.wind import Wind
 
 
 class Way(NamedTuple):
-    """The camera's motion through the flakes, by the mean wind, in the eye's axes.
+    """The camera's motion through the flakes, by the mean wind, in the eye's axes."""
 
-    Attributes
-    ----------
-    moved, rate : (3,)
-        Camera minus flake since frame 0, metres, and per frame.
-    shutter : float
-        Exposure, frames.
-    """
-
-    moved: Float64
-    rate: Float64
-    shutter: float
+    moved: Float64  # (3,): camera minus flake since frame 0, metres.
+    rate: Float64  # The same per frame.
+    shutter: float  # Exposure, frames.
 
 
 @dataclass(frozen=True, eq=False)
 class Motion:
-    """The fall of flakes in a wind, and the time that the shutter is open.
+    """The fall of flakes in a wind, and the time that the shutter is open."""
 
-    Attributes
-    ----------
-    fall : Number
-        Metres per second in still air, down.
-    wind : Vector or Wind
-        Metres per second, house axes.
-    shutter : Number
-        Exposure, frames.
-    """
-
-    fall: Number
-    wind: Vector | Wind
-    shutter: Number = 0.0
+    fall: Number  # Metres per second in still air, down.
+    wind: Vector | Wind  # Metres per second, house axes.
+    shutter: Number = 0.0  # Exposure, frames.
 
     @property
     def mean_wind(self) -> Vector:

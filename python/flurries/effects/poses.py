@@ -39,50 +39,23 @@ _PHASES = (0.6180339887, 0.7548776662, 0.5698402910, 0.4331)
 
 
 class Eyes(NamedTuple):
-    """The camera as the shutter opens, and as it closes.
+    """The camera as the shutter opens, and as it closes."""
 
-    Attributes
-    ----------
-    rays : (2, R, C, 3)
-        Of the nodes, house axes, with a depth of 1.
-    eye : (2, L, 3)
-        Places of the eye in the air of each layer, house axes, metres.
-    rate : (L, 3)
-        Metres per frame.
-    pixel : float
-        Width of a pixel at a depth of 1.
-    """
-
-    rays: Float64
-    eye: Float64
-    rate: Float64
-    pixel: float
+    rays: Float64  # (2, R, C, 3): of the nodes, house axes, with a depth of 1.
+    eye: Float64  # (2, L, 3): places of the eye in the air of each layer, house axes, metres.
+    rate: Float64  # (L, 3): metres per frame.
+    pixel: float  # Width of a pixel at a depth of 1.
 
 
 class Planes(NamedTuple):
-    """The planes that are seen of some layers.
+    """The planes that are seen of some layers."""
 
-    Attributes
-    ----------
-    layer : (n,) int
-    weight : (n,)
-        Of its deviation.
-    axes : (n, 3, 3)
-        Rows turn house axes into the plane's.
-    at : (n,)
-        Along its axis in the air, metres.
-    focal : (n,)
-        That its sheet is made for, over the longest.
-    which : (n, k) int
-        Numbers of the plane among its like.
-    """
-
-    layer: npt.NDArray[np.int64]
-    weight: Float64
-    axes: Float64
-    at: Float64
-    focal: Float64
-    which: npt.NDArray[np.int64]
+    layer: npt.NDArray[np.int64]  # (n,) int.
+    weight: Float64  # (n,): of its deviation.
+    axes: Float64  # (n, 3, 3): rows turn house axes into the plane's.
+    at: Float64  # (n,): along its axis in the air, metres.
+    focal: Float64  # (n,): that its sheet is made for, over the longest.
+    which: npt.NDArray[np.int64]  # (n, k) int: numbers of the plane among its like.
 
 
 def eyes_of(weather: Weather, frame: Frame, film: Film) -> Eyes:

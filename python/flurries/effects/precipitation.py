@@ -67,38 +67,17 @@ _Back = TypeVar("_Back", bound=Backdrop | None)
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Precipitation(Generic[_Back]):
-    """The parts of an effect, and the layer that they make.
+    """The parts of an effect, and the layer that they make."""
 
-    Attributes
-    ----------
-    name : str
-        Of the layer.
-    amount : Number
-        0 to 1; scales all parts.
-    color : color
-        Of them all, display values.
-    brightness : Number
-        Factor of the color's light.
-    optics : Optics
-        What its particles do with the light of a place, where the color is "local".
-    motion : Motion
-        What moves them.
-    texture : Backdrop or None
-        Behind the flakes.
-    flakes : Flakes or Front, optional
-        In front of it.
-    veil : Cover
-        Over all.
-    """
-
-    name: str
-    amount: Number
-    color: Any
-    motion: Motion
-    texture: _Back
-    flakes: Flakes | Front | None = None
-    veil: Cover
-    brightness: Number = 1.0
+    name: str  # Of the layer.
+    amount: Number  # 0 to 1; scales all parts.
+    color: Any  # Of them all, display values.
+    motion: Motion  # What moves them.
+    texture: _Back  # Behind the flakes.
+    flakes: Flakes | Front | None = None  # In front of it.
+    veil: Cover  # Over all.
+    brightness: Number = 1.0  # Factor of the color's light.
+    # What its particles do with the light of a place, where the color is "local".
     optics: Optics = FLAKES
 
     @cached_property

@@ -58,28 +58,15 @@ _kept: OrderedDict[Any, _core.FlakeSheet] = OrderedDict()
 
 
 class Standing(NamedTuple):
-    """What is the same in all frames of a film whose places all move alike.
+    """What is the same in all frames of a film whose places all move alike."""
 
-    Attributes
-    ----------
-    keys : list of tuple
-        The arguments of each layer's sheet.
-    start, rate : (L, 2)
-        Displacements of the layers at frame 0 and per frame, px, for an eye on the axis.
-    aside : (L,)
-        Pixels by which layers move for a metre of the eye aside.
-    many : (L,)
-        Flakes of a layer for each that its sheet has, or 1.
-    places : (L, 1)
-        At which it is read along a pixel: 1, 2 or 4.
-    """
-
-    keys: list[Any]
+    keys: list[Any]  # The arguments of each layer's sheet.
+    # (L, 2): displacements of the layers at frame 0 and per frame, px, for an eye on the axis.
     start: Float64
     rate: Float64
-    aside: Float64
-    many: Float64
-    places: Float64
+    aside: Float64  # (L,): pixels by which layers move for a metre of the eye aside.
+    many: Float64  # (L,): flakes of a layer for each that its sheet has, or 1.
+    places: Float64  # (L, 1): at which it is read along a pixel: 1, 2 or 4.
 
 
 def read_sheets(weather: Weather, frame: Frame, film: Film, amount: float) -> Array:

@@ -14,18 +14,10 @@ from flurries.motion.keys import Number, value_at
 
 @dataclass(frozen=True, eq=False)
 class Veil:
-    """An even veil.
+    """An even veil."""
 
-    Attributes
-    ----------
-    haze : Number
-        Its opacity before the sky, 0 to 1.
-    far : float
-        The depth from which on it is whole, metres.
-    """
-
-    haze: Number
-    far: float
+    haze: Number  # Its opacity before the sky, 0 to 1.
+    far: float  # The depth from which on it is whole, metres.
 
     def opacity(self, frame: Frame, amount: float) -> float:
         """Return the opacity before the sky."""

@@ -50,23 +50,12 @@ HEIGHTS = 65
 
 @dataclass(frozen=True, eq=False)
 class Share:
-    """A class of size, and how it is shared out.
-
-    Attributes
-    ----------
-    size : SizeClass
-    motion : Motion
-        With the fall speed of the class.
-    reach : float
-        Depth up to which its flakes are drawn, metres.
-    slabs : tuple of Slab
-        What the texture stands for beyond; none where all are drawn.
-    """
+    """A class of size, and how it is shared out."""
 
     size: SizeClass
-    motion: Motion
-    reach: float
-    slabs: tuple[Slab, ...]
+    motion: Motion  # With the fall speed of the class.
+    reach: float  # Depth up to which its flakes are drawn, metres.
+    slabs: tuple[Slab, ...]  # What the texture stands for beyond; none where all are drawn.
 
     @property
     def end(self) -> float:
@@ -75,13 +64,7 @@ class Share:
 
 
 class Layer(NamedTuple):
-    """A slab with the class that it belongs to.
-
-    Attributes
-    ----------
-    share : Share
-    slab : Slab
-    """
+    """A slab with the class that it belongs to."""
 
     share: Share
     slab: Slab
@@ -89,23 +72,12 @@ class Layer(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Film:
-    """The shares of all classes in one film.
+    """The shares of all classes in one film."""
 
-    Attributes
-    ----------
-    shares : tuple of Share
-        Of what the texture stands for.
-    drawn : tuple of Share
-        Of what is drawn: the same ones, or parts of them.
-    comes : bool
-        Whether the air ever comes nearer the camera or recedes, turns or grows.
-    rigid : bool
-        Whether all places of a layer move alike and always so, and nothing of it changes.
-    """
-
-    shares: tuple[Share, ...]
-    drawn: tuple[Share, ...]
-    comes: bool = False
+    shares: tuple[Share, ...]  # Of what the texture stands for.
+    drawn: tuple[Share, ...]  # Of what is drawn: the same ones, or parts of them.
+    comes: bool = False  # Whether the air ever comes nearer the camera or recedes, turns or grows.
+    # Whether all places of a layer move alike and always so, and nothing of it changes.
     rigid: bool = False
 
     @cached_property
@@ -117,41 +89,19 @@ class Film:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Weather:
-    """A population that falls.
-
-    Attributes
-    ----------
-    population : Population
-    motion : Motion
-        Of a flake of the mean size.
-    emission : Number
-        Share of the flakes that begin to fall, 0 to 1.
-    cloud : float
-        Height above the camera at which they begin, metres.
-    sway : (amplitude, rate)
-        Metres, and radians per second.
-    near, far : float
-        Depths between which there are flakes, metres.
-    simulated : bool
-        Whether every flake is drawn.
-    shape : {"aggregate", "drop", "round"}
-        What flakes are near the camera.
-    keyed : bool
-        Whether the amount of flakes changes.
-    handover : float, optional
-        Depth up to which they are drawn where sheets lie beyond, metres.
-    """
+    """A population that falls."""
 
     population: Population
-    motion: Motion
-    emission: Number
-    cloud: float
-    sway: tuple[float, float]
-    near: float
-    far: float
-    simulated: bool
-    shape: str = "round"
-    keyed: bool = False
+    motion: Motion  # Of a flake of the mean size.
+    emission: Number  # Share of the flakes that begin to fall, 0 to 1.
+    cloud: float  # Height above the camera at which they begin, metres.
+    sway: tuple[float, float]  # (amplitude, rate): metres, and radians per second.
+    near: float  # Depths between which there are flakes, metres.
+    far: float  # Depths between which there are flakes, metres.
+    simulated: bool  # Whether every flake is drawn.
+    shape: str = "round"  # What flakes are near the camera.
+    keyed: bool = False  # Whether the amount of flakes changes.
+    # Depth up to which they are drawn where sheets lie beyond, metres.
     handover: float | None = None
 
     def film(self, frame: Frame) -> Film:
