@@ -23,10 +23,6 @@ pub trait Sample: Copy + PartialEq + Send + Sync {
     fn load(self) -> Self::Working;
     /// Clipped and rounded to the nearest integer, ties to even; or a float as it is.
     fn store(value: Self::Working) -> Self;
-    /// Pixels that hold single floats, as these.
-    fn floats(_pixels: &mut [Self]) -> Option<&mut [f32]> {
-        None
-    }
 }
 
 /// Vectors that samples are read into and written from.
@@ -79,9 +75,8 @@ integer_sample!(u8);
 integer_sample!(u16);
 
 macro_rules! float_sample {
-    ($float:ty $(, $floats:item)?) => {
+    ($float:ty) => {
         impl Sample for $float {
-            $($floats)?
             type Working = $float;
             const SCALE: f64 = 1.0;
             const INTEGER: bool = false;
@@ -97,12 +92,7 @@ macro_rules! float_sample {
         }
     };
 }
-float_sample!(
-    f32,
-    fn floats(pixels: &mut [f32]) -> Option<&mut [f32]> {
-        Some(pixels)
-    }
-);
+float_sample!(f32);
 float_sample!(f64);
 
 impl<S: Sample, const N: usize> Samples<S> for Plain<S::Working, N> {

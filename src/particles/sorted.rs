@@ -6,7 +6,7 @@ use std::cell::Cell;
 use std::ops::Range;
 use std::sync::Arc;
 
-use ndarray::{ArrayView2, ArrayViewMut2, Axis, s};
+use ndarray::{ArrayView2, ArrayViewMut2, Axis};
 
 use super::balls::Balls;
 use super::bins::{Bins, Grid, Scratch, TILE};
@@ -211,40 +211,6 @@ impl Sorted {
         }
         Ok(())
     }
-
-    /// The same for columns of one row of tiles, in the calling thread; `out` has a line of that many
-    /// columns for each of its rows.
-    pub fn row_of_tiles<P: Profile>(
-        &self,
-        row: usize,
-        columns: Range<usize>,
-        out: &mut [P],
-        cancel: &Cancel,
-    ) -> Result<(), Error> {
-        let height = TILE.min(self.grid.shape.0 - row * TILE);
-        let wide = columns.len();
-        let mut out = ArrayViewMut2::from_shape((height, wide), &mut out[..height * wide])
-            .map_err(|_| Error::Internal("a strip of flakes has the wrong shape".into()))?;
-        let mut at = columns.start;
-        while at < columns.end {
-            let end = ((at / TILE + 1) * TILE).min(columns.end);
-            let tile = row * self.grid.columns + at / TILE;
-            let mut transmittance = [1.0; PIXELS];
-            draw::<P>(
-                &mut transmittance,
-                None,
-                &self.runs,
-                &self.grid,
-                self.balls(),
-                tile,
-                cancel,
-            )?;
-            let pixels = out.slice_mut(s![.., at - columns.start..end - columns.start]);
-            store(pixels, &transmittance, 0, at % TILE).ok_or_else(layout)?;
-            at = end;
-        }
-        Ok(())
-    }
 }
 
 fn binned(
@@ -387,7 +353,7 @@ mod tests {
     use super::*;
     use crate::base::random::Hash;
     use crate::particles::splat::Flakes;
-    use ndarray::{Array1, Array2, array};
+    use ndarray::{Array1, Array2, array, s};
 
     #[test]
     fn a_part_has_the_bits_of_the_whole() {
@@ -423,13 +389,6 @@ mod tests {
                 let [top, bottom, left, right] = part;
                 assert_eq!(drawn(part, depth), whole.slice(s![top..bottom, left..right]));
             }
-        }
-        let whole = drawn([0, 150, 0, 200], None);
-        for row in 0..3 {
-            let mut strip = vec![f32::NAN; TILE * 131];
-            sorted.row_of_tiles(row, 60..191, &mut strip, &cancel).unwrap();
-            let wanted = whole.slice(s![row * TILE..(row * TILE + TILE).min(150), 60..191]);
-            assert!(wanted.iter().zip(&strip).all(|(a, b)| a == b));
         }
         let mut small = Array2::<f32>::zeros((3, 3));
         assert!(

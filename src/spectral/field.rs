@@ -83,11 +83,6 @@ pub struct Ready<'f, 'a, T: Real> {
 }
 
 impl<T: Real> Ready<'_, '_, T> {
-    /// Size of the frame, px.
-    pub fn shape(&self) -> (usize, usize) {
-        self.field.shape
-    }
-
     /// How many tiles with waves were made so far; those between two workers count twice.
     pub fn transformed(&self) -> usize {
         self.transformed.load(Ordering::Relaxed)

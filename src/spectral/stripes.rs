@@ -11,11 +11,9 @@ use super::field::{Ready, Window};
 use super::lift::{Lift, Lifted};
 use super::opacity::{Block, Opacity};
 use super::spectrum::{Power, TileMotion};
-use super::target::{ByRows, Direct, Floats, InPlace, Target, layout};
 use super::tent::Motion;
 use super::tiles::{Blend, Row};
 use super::waves::Draw;
-use crate::base::aligned::Aligned;
 use crate::base::error::{Cancel, Error, collected};
 use crate::base::pool;
 use crate::base::real::Real;
@@ -29,16 +27,9 @@ pub struct Mapped {
     pub preserve_mean: bool,
 }
 
-/// Bytes of the rows that wait to be finished, beyond which workers share out columns.
-const MOST_STRIPS: usize = 8 << 20;
-
-fn touching(tiles: &Row, pixels: &Range<usize>) -> Range<usize> {
-    tiles.touching(pixels.start, pixels.end)
-}
-
 /// A run of pixels cut at starts of tiles, for each worker one.
 pub(super) fn runs(tiles: &Row, pixels: &Range<usize>) -> Vec<Range<usize>> {
-    let touched = touching(tiles, pixels);
+    let touched = tiles.touching(pixels.start, pixels.end);
     let mut runs = Vec::new();
     for run in pool::split(touched.len(), pool::threads()) {
         let (first, last) = (touched.start + run.start, touched.start + run.end);
@@ -65,69 +56,11 @@ impl<T: Real> Ready<'_, '_, T> {
     ) -> Result<(), Error> {
         self.split(window, out, |rows, part| {
             let out = part.into_slice().ok_or_else(layout)?;
-            let target = Direct { out, first: rows.start, width: window.cols.len() };
-            self.tiles(rows, &window.cols, target, mapped, cancel)
-        })
-    }
-
-    /// The same by rows: `finish(y, values, out row)` for every image row y of the window, where `out`
-    /// has one row per row of it, of any width to a pixel that `finish` understands. `begin` makes one
-    /// for each part of the columns and rows; it meets these from the top down. If `floats` says that
-    /// the result's pixels can hold the values, these wait there.
-    pub fn render_rows<O: Send, F>(
-        &self,
-        window: &Window,
-        out: ArrayViewMut2<'_, O>,
-        mapped: Option<Mapped>,
-        cancel: &Cancel,
-        floats: Floats<T, O>,
-        begin: impl Fn(&Range<usize>) -> Result<F, Error> + Sync + Send,
-    ) -> Result<(), Error>
-    where
-        F: FnMut(usize, &[T], &mut [O]) -> Result<(), Error>,
-    {
-        let each = out.ncols() / window.cols.len().max(1);
-        if floats(&mut []).is_some() && out.is_standard_layout() {
-            return self.split(window, out, |rows, part| {
-                let width = window.cols.len();
-                let out = part.into_slice().ok_or_else(layout)?;
-                let target = InPlace {
-                    row: Aligned::zeroed(width)?,
-                    out,
-                    widths: (width, each * width),
-                    first: rows.start,
-                    floats,
-                    finish: begin(&window.cols)?,
-                };
-                self.tiles(rows, &window.cols, target, mapped, cancel)
-            });
-        }
-        let strips = self.field.tile.0 * window.cols.len() * size_of::<T>() * pool::threads();
-        let across = strips > MOST_STRIPS
-            && touching(&self.across, &window.cols).len()
-                >= touching(&self.down, &window.rows).len();
-        // Strips of columns are no wider together than one of all; strips of rows are one for each.
-        let (rows, cols) = if across {
-            (vec![window.rows.clone()], runs(&self.across, &window.cols))
-        } else {
-            (runs(&self.down, &window.rows), vec![window.cols.clone()])
-        };
-        let (mut tasks, mut below) = (Vec::new(), out);
-        for rows in rows {
-            let (mut part, rest) = below.split_at(Axis(0), rows.len());
-            below = rest;
-            for cols in &cols {
-                let (out, right) = part.split_at(Axis(1), cols.len() * each);
-                part = right;
-                tasks.push((rows.clone(), cols.clone(), out));
+            let mut strip = Strip::new(self, rows, window.cols.clone(), mapped)?;
+            while !strip.ended() {
+                strip.row_of_tiles(self, out, cancel)?;
             }
-        }
-        pool::for_each(tasks, |(rows, cols, out)| {
-            let width = cols.len();
-            let strip = Aligned::zeroed(self.field.tile.0.min(rows.len()) * width)?;
-            let finish = begin(&cols)?;
-            let target = ByRows { strip, width, out, first: rows.start, finish };
-            self.tiles(rows, &cols, target, mapped, cancel)
+            Ok(())
         })
     }
 
@@ -151,21 +84,6 @@ impl<T: Real> Ready<'_, '_, T> {
         pool::for_each(tasks, |(rows, part)| work(rows, part))
     }
 
-    fn tiles(
-        &self,
-        rows: Range<usize>,
-        cols: &Range<usize>,
-        mut target: impl Target<T>,
-        mapped: Option<Mapped>,
-        cancel: &Cancel,
-    ) -> Result<(), Error> {
-        let mut strip = Strip::new(self, rows, cols.clone(), mapped)?;
-        while !strip.ended() {
-            strip.row_of_tiles(self, &mut target, cancel)?;
-        }
-        Ok(())
-    }
-
     /// The rows of tiles, `first` to `last`, that touch image row y, with their share in a mean.
     fn shares(&self, y: usize, first: usize, last: usize) -> impl Iterator<Item = (usize, T)> + '_ {
         let touching = self.down.touching(y, y + 1);
@@ -177,8 +95,12 @@ impl<T: Real> Ready<'_, '_, T> {
     }
 }
 
+pub(super) fn layout() -> Error {
+    Error::Internal("rows are not contiguous".into())
+}
+
 /// A window's rows of tiles, one after the other, with what each leaves to the next.
-pub(super) struct Strip<T: Real> {
+struct Strip<T: Real> {
     rows: Range<usize>,
     cols: Range<usize>,
     /// The rows and columns of tiles that touch it.
@@ -193,7 +115,7 @@ pub(super) struct Strip<T: Real> {
 }
 
 impl<T: Real> Strip<T> {
-    pub(super) fn new(
+    fn new(
         ready: &Ready<'_, '_, T>,
         rows: Range<usize>,
         cols: Range<usize>,
@@ -224,15 +146,15 @@ impl<T: Real> Strip<T> {
     }
 
     /// Whether all rows are finished.
-    pub(super) fn ended(&self) -> bool {
+    fn ended(&self) -> bool {
         self.row == self.touching.0.end
     }
 
-    /// Makes one row of tiles and finishes what no later one touches.
-    pub(super) fn row_of_tiles(
+    /// Makes one row of tiles and finishes what no later one touches, in the strip's rows of `out`.
+    fn row_of_tiles(
         &mut self,
         ready: &Ready<'_, '_, T>,
-        target: &mut impl Target<T>,
+        out: &mut [T],
         cancel: &Cancel,
     ) -> Result<(), Error> {
         let Self { rows, cols, touching, mapped, work, carry, lift, .. } = self;
@@ -265,7 +187,8 @@ impl<T: Real> Strip<T> {
             let right = if last { cols.end } else { (left + step.1).min(cols.end) };
             let inside = left.max(cols.start)..right;
             if !inside.is_empty() && !done.is_empty() {
-                let room = target.room(&done);
+                let first = (done.start - rows.start) * cols.len();
+                let room = &mut out[first..first + done.len() * cols.len()];
                 let from = (done.start - start) * width + inside.start - left;
                 let block = Block {
                     rows: done.len(),
@@ -287,7 +210,7 @@ impl<T: Real> Strip<T> {
         self.next = done.end;
         self.row += 1;
         ready.transformed.fetch_add(made, Ordering::Relaxed);
-        target.done(done)
+        Ok(())
     }
 }
 

@@ -17,8 +17,7 @@ use crate::base::real::Real;
 use crate::base::simd::dispatch;
 use crate::spectral::carry::Carry;
 use crate::spectral::opacity::Block;
-use crate::spectral::stripes::runs;
-use crate::spectral::target::layout;
+use crate::spectral::stripes::{layout, runs};
 use crate::spectral::tiles::{Blend, Row};
 
 /// What tiles show of L layers. Arrays are (rows, cols, ..), an axis of 1 for all tiles alike.
