@@ -131,7 +131,6 @@ def opacity(out: _Array, field: _Array, map: _Map) -> None: ...
 def field(
     out: _Array, request: Request, map: _Map | None = None, preserve_mean: bool = False
 ) -> int: ...
-
 def flake_patterns(
     out: _Array,
     counts: _Float64,
