@@ -124,10 +124,11 @@ hard-cases: $(VENV)/.tools
 accuracy: $(VENV)/.tools
 	$(BIN)/python benches/accuracy.py -o docs/images/accuracy --page docs/internals/accuracy.md
 
-# Guards are taken away one at a time; WHAT=python leaves out those that need a build each.
-WHAT ?= all
+# Changes at random places of the package, each seen by a test: COUNT of them, drawn with SEED.
+COUNT ?= 60
+SEED ?= 1
 mutations: $(VENV)/.tools
-	$(BIN)/python tests/mutations.py $(WHAT)
+	$(BIN)/python tests/mutations.py --count $(COUNT) --seed $(SEED)
 
 # Without the network: pages, gallery, notebooks and a reference made from the code. Warnings and lost
 # links are errors.

@@ -15,8 +15,7 @@ HEAD = """# Hard cases
 
 What is asked at the edges: {count} questions with a known answer, what the answer must be, and what
 was measured when this page was written (`make hard-cases`). `tests/test_hard_cases.py` judges all
-of them on float32 and float64. "Guard" is what a case watches: `make mutations` takes guards away,
-one at a time, and sees a named case fail for each.
+of them on float32 and float64. "Guard" is what a case watches: without it the case fails.
 """
 
 
