@@ -114,7 +114,6 @@ test-wheel: wheel
 # Our weather for data sets beside that of the usual libraries: docs/internals/peers.md.
 peers:
 	$(PYTHON) benches/peers.py --page docs/internals/peers.md
-	.venv-peers/bin/python benches/loaders.py --page docs/internals/peers.md
 
 # The measured value of every hard case beside the expected one: docs/internals/hard-cases.md.
 hard-cases: $(VENV)/.tools
@@ -152,7 +151,7 @@ lint: $(VENV)/.tools
 	$(BIN)/basedpyright
 	$(BIN)/stubtest flurries._core --mypy-config-file pyproject.toml
 
-# Ratios, sizes, the machine's limits, and a build for this processor beside the portable one.
+# Ratios, sizes, whole frames, and what is around the kernels.
 performance: $(VENV)/.tools
 	$(BIN)/python benches/performance.py --page docs/internals/performance.md
 
