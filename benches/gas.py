@@ -52,7 +52,7 @@ def inside(runs: int) -> None:
             row += [1e3 / found[name][0] for name in ("exact", "smooth")]
         print(
             f"  {number} particles r {radius}: all pixels {row[0]:.0f}, {row[2]:.0f} on two"
-            f" threads; lattice {row[1]:.0f}, {row[3]:.0f} (largest error {off:.5f}); the paper {mean}"
+            f" threads; lattice {row[1]:.0f}, {row[3]:.0f} (error {off:.5f}); the paper {mean}"
         )
     fl.set_threads(1)
     plate = np.full((768, 1024, 3), 128, np.uint8)
