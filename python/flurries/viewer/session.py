@@ -11,7 +11,7 @@ import threading
 import time
 import warnings
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any, TypeAlias
 
@@ -66,7 +66,7 @@ class Session:
             "frames": self.scene.frames,
             "effects": names(self.scene),
             "textured": [field_of(effect) is not None for effect in self.scene.effects],
-            "controls": [control.plain() for control in controls],
+            "controls": [asdict(control) for control in controls],
             "save": str(self.save_path),
         }
 
