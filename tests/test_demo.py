@@ -15,6 +15,7 @@ from flurries.io import open_background, read_layers, read_picture
 from measure import cover
 
 SIZE = 128
+PICTURE = demo.photograph(SIZE)
 
 
 @pytest.fixture(scope="module")
@@ -27,9 +28,9 @@ def test_the_films_and_stills(made: tuple[Path, list[Path]]):
     folder, files = made
     names = {"three.mp4", "three.png", "flight.mp4", "flight.png", "flight.exr"}
     assert {p.name for p in files} == {p.name for p in folder.iterdir()} == names
-    scenes = demo.three(demo.photograph(SIZE))
+    scenes = demo.three(PICTURE)
     triple = np.hstack([scene.render(2) for scene in scenes])
-    flying = demo.flight(demo.photograph(SIZE))
+    flying = demo.flight(PICTURE)
     for name, still, size in (
         ("three", triple, (3 * SIZE, SIZE)),
         ("flight", flying.render(2), (SIZE, SIZE)),
@@ -43,15 +44,13 @@ def test_the_films_and_stills(made: tuple[Path, list[Path]]):
 
 def test_the_layers_are_those_of_the_flight(made: tuple[Path, list[Path]]):
     layers = read_layers(made[0] / "flight.exr")
-    want = demo.flight(demo.photograph(SIZE)).replace(space="linear").render(2, layers=True)
+    want = demo.flight(PICTURE).replace(space="linear").render(2, layers=True)
     assert {"rgba", "snow", "snow.depth", "snow.forward", "snow.coverage"} <= set(layers)
     assert np.abs(layers["snow"][..., 3] - want.alpha).max() <= 2.0**-11
 
 
 def test_the_three_looks_differ_as_their_names_say():
-    few, textured, heavy = (
-        scene.render(5, layers=True) for scene in demo.three(demo.photograph(SIZE))
-    )
+    few, textured, heavy = (scene.render(5, layers=True) for scene in demo.three(PICTURE))
     assert 0 < few.alpha.mean() < min(textured.alpha.mean(), heavy.alpha.mean())
     # The same flakes under the texture: nowhere is it clearer.
     assert (textured.alpha >= few.alpha - 1e-6).all()

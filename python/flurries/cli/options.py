@@ -37,14 +37,11 @@ class Command(click.Command):
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
         """Part an option that stands without its value from a word that is none."""
-        bare = {
-            option.opts[0]: option.pattern for option in self.params if isinstance(option, Bare)
-        }
+        bare = {one.opts[0]: one.pattern for one in self.params if isinstance(one, Bare)}
         for name in bare:
             if sum(word.partition("=")[0] == name for word in args) > 1:
-                raise click.UsageError(
-                    f"{name} is given twice, and one would replace the other", ctx
-                )
+                twice = f"{name} is given twice, and one would replace the other"
+                raise click.UsageError(twice, ctx)
         joined = [
             f"{word}=" if word in bare and not bare[word].fullmatch(after) else word
             for word, after in zip(args, [*args, ""][1:], strict=True)
@@ -108,7 +105,6 @@ def numbers(length: int) -> Callable[[str], tuple[float, ...]]:
 
 FILE = click.Path()
 
-
 # What kinds of weather are called in the help, where the option does not say it all.
 WORDS = {
     "cone-snow": "snow drawn on a cone", "cone-rain": "rain drawn on a cone",
@@ -120,16 +116,10 @@ def weather_options(presets: Mapping[str, Sequence[str]]) -> Iterator[Callable[[
     """Yield an option for each kind of weather."""
     for name, known in presets.items():
         yield option(
-            f"--{name}",
-            cls=Bare,
-            pattern=r"\w[\w -]*|\w+=.*",
-            words=known,
-            metavar="PRESET",
-            unset="none",
-            help=f"{WORDS.get(name, name)}: {', '.join(known)}; alone the "
-            "usual look, or that of --severity or --rate",
-            example=known[-1],
-        )
+            f"--{name}", cls=Bare, pattern=r"\w[\w -]*|\w+=.*", words=known, metavar="PRESET",
+            unset="none", example=known[-1], help=f"{WORDS.get(name, name)}: {', '.join(known)}; "
+            "alone the usual look, or that of --severity or --rate",
+        )  # fmt: skip
 
 
 def join(*options: Callable[[Any], Any]) -> Callable[[Function], Function]:
@@ -215,10 +205,6 @@ def voice(function: Callable[..., Any]) -> Callable[..., Any]:
     run.__dict__.update(function.__dict__)
     return join(
         option("-q", "--quiet", is_flag=True, help="no progress, only warnings and errors"),
-        option(
-            "-v",
-            "--verbose",
-            is_flag=True,
-            help="also what a frame costs, and where in the code an error is",
-        ),
-    )(run)
+        option("-v", "--verbose", is_flag=True,
+               help="also what a frame costs, and where in the code an error is"),
+    )(run)  # fmt: skip
