@@ -198,7 +198,7 @@ def _changed(
         across, down = speed * math.cos(angle), speed * math.sin(angle)
         # What falls keeps to falling, and its wind is level.
         falls = hasattr(effect, "fall")
-        mean = (across, 0.0 if falls else down, _air(effect)[2])
+        mean: Any = (across, 0.0 if falls else down, _air(effect)[2])
         changes |= {"fall": down} if falls else {}
         changes["wind"] = Wind(**{**rest, "mean": mean}) if rest else mean
     if GUSTS in own:
