@@ -169,14 +169,6 @@ def test_spectrum_and_tent_are_drawn(page: Page):
     assert page.locator(".fl-note").inner_text() != before
 
 
-def choose(page: Page, key: str, word: str) -> None:
-    page.locator(f"select[data-key='{key}']").select_option(word)
-
-
-def stand(page: Page, key: str) -> str:
-    return str(page.evaluate(f"document.querySelector(`[data-key='{key}']`).value"))
-
-
 def stand(page: Page, key: str) -> str:
     return str(page.evaluate(f"document.querySelector(`[data-key='{key}']`).value"))
 
@@ -248,12 +240,13 @@ def test_a_scene_file_with_lamp_lens_and_depth_is_tuned_and_saved(browser: Any, 
             shown.append(tab.evaluate(PIXELS))
             choose(tab, key, word)
             settle(tab)
+        shown.append(tab.evaluate(PIXELS))
         drag(tab, "0.amount", 0.5)
         SHOTS.mkdir(parents=True, exist_ok=True)
         tab.screenshot(path=SHOTS / "lamp.png", full_page=True)
         tab.click(".fl-save")
         until(tab, "!!document.querySelector('main').dataset.saved")
-    assert len(set(shown)) == 3
+    assert len(set(shown)) == 4
     saved = fl.Scene.load(tmp_path / "b.toml")
     assert len(saved.lights) == 1 and saved.lens is not None and saved.depth is None
     assert abs(saved.effects[0].amount - 0.5) < 0.05
