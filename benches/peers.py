@@ -59,9 +59,10 @@ def main() -> None:
     if options.here:
         times, failures = measure(options.runs)
         lines = verdict(times)
-        print("\n" + "\n".join(lines))
+        text = page(times, failures, lines, options.runs)
+        print(text)
         if options.page:
-            options.page.write_text(page(times, failures, lines, options.runs), encoding="utf-8")
+            options.page.write_text(text, encoding="utf-8")
         return
     python = environment()
     threads = dict.fromkeys(
@@ -110,13 +111,11 @@ def measure(runs: int) -> tuple[Times, list[str]]:
                     if turn:
                         times[name].append(1e3 * (time.process_time() - start))
             found[kind, size, ALONE] = times
-            report(f"{kind}, {size} x {size}, {ALONE}", times)
             times = {
                 name: [in_loader(lambda _, c=call: c(), count)[1] for _ in range(2)]  # type: ignore[misc]
                 for name, call in calls.items()
             }
             found[kind, size, LOADER] = times
-            report(f"{kind}, {size} x {size}, {LOADER}", times)
     return found, failures
 
 
@@ -148,14 +147,6 @@ def in_loader(call: Callable[[int], Any], count: int) -> tuple[float, float]:
     busy = after.children_user + after.children_system
     busy -= before.children_user + before.children_system
     return 1e3 * clock / count, 1e3 * busy / count
-
-
-def report(title: str, times: dict[str, list[float]]) -> None:
-    ours = min(next(iter(times.values())))
-    print(f"\n{title}".ljust(58) + "min ms   median   / ours")
-    for name, values in ranked(times):
-        middle = statistics.median(values)
-        print(f"  {name:52} {min(values):8.2f} {middle:8.2f} {min(values) / ours:8.2f}", flush=True)
 
 
 def ranked(times: dict[str, list[float]]) -> list[tuple[str, list[float]]]:

@@ -110,7 +110,7 @@ Series = dict[str, list[float]]
 
 
 def sweeps(runs: int) -> dict[str, dict[str, Series]]:
-    """Return ms against pixels, tile size, discs, octaves and threads: ours, and the rivals'."""
+    """Return ms against pixels, discs and threads: ours, and the rivals'."""
 
     def series(calls: Calls, runs: int = runs) -> Series:
         times = timed(calls, runs)
@@ -125,14 +125,6 @@ def sweeps(runs: int) -> dict[str, dict[str, Series]]:
             "SciPy, tuned": series({str(n): rivals.Tuned(n) for n in sizes}, 2),
         }
     }
-
-    def tiled(tile: int) -> Callable[[], object]:
-        out = np.empty(speed.SHAPE, np.float32)
-        waves = {"tile": tile, "overlap": tile // 6, "wavelengths": (tile / 16, tile / 2)}
-        return lambda: fl.spectral.alpha(speed.SHAPE, drift=(2.0, 9.0), seed=1, out=out, **waves)
-
-    tiles = {str(n): tiled(n) for n in (32, 64, 128, 256, 512)}
-    found["pixels along a tile"] = {"ours": series(tiles)}
 
     def discs(count: int) -> Callable[[], object]:
         points, radius = rivals.cloud(count, speed.SIZE, 1000.0)
@@ -150,14 +142,6 @@ def sweeps(runs: int) -> dict[str, dict[str, Series]]:
         "np.bincount": series({str(n): scattered(n) for n in counts}, 2),
     }
 
-    def octaves(count: int) -> Callable[[], object]:
-        out = np.empty(speed.SHAPE, np.float32)
-        waves = (32.0 / 2**count, 32.0)
-        return lambda: fl.spectral.alpha(
-            speed.SHAPE, drift=(2.0, 9.0), seed=1, wavelengths=waves, out=out
-        )
-
-    found["octaves of waves"] = {"ours": series({str(n): octaves(n) for n in (1, 2, 3, 4)})}
     calls: Calls = {}
     frame = speed.texture(speed.SHAPE)
     for count in range(1, (os.cpu_count() or 1) + 1):
