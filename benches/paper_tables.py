@@ -150,7 +150,7 @@ def measured(scenes: list[Scenery], runs: int) -> dict[tuple[str, str], float]:
     for columns in ([c for c in COLUMNS if c != "many"], ["many"]):
         turn = count()
         calls = {
-            f"{i} {column}": lambda s=scene, c=column: s.draw(c, next(turn))
+            f"{i} {column}": lambda s=scene, c=column, t=turn: s.draw(c, next(t))
             for i, scene in enumerate(scenes)
             for column in columns
             if scene.draw(column, 0) is not None

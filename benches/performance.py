@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import argparse
 import os
-from collections.abc import Callable
 from pathlib import Path
 
 import layers
@@ -106,49 +105,41 @@ def memory(name: str) -> float:
     return float(alone(MEMORY, name))
 
 
-Series = dict[str, list[float]]
-
-
-def sweeps(runs: int) -> dict[str, dict[str, Series]]:
-    """Return ms against pixels, discs and threads: ours, and the rivals'."""
-
-    def series(calls: Calls, runs: int = runs) -> Series:
-        times = timed(calls, runs)
-        return {"x": [float(x) for x in times], "ms": [least for least, _ in times.values()]}
-
+def sizes(runs: int) -> dict[str, Times]:
+    """Return the times against pixels, discs and threads: ours, and the rivals'."""
     fl.set_threads(1)
-    sizes = (256, 512, 1024, 2048)
-    found = {
-        "pixels along a side": {
-            "ours": series({str(n): speed.texture((n, n)) for n in (128, *sizes, 4096)}),
-            "NumPy": series({str(n): lambda n=n: rivals.straightforward(n) for n in sizes[:3]}, 2),
-            "SciPy, tuned": series({str(n): rivals.Tuned(n) for n in sizes}, 2),
-        }
-    }
-
-    def discs(count: int) -> Callable[[], object]:
-        points, radius = rivals.cloud(count, speed.SIZE, 1000.0)
-        out = np.empty(speed.SHAPE, np.float32)
-        camera = fl.Camera(1000.0)
-        return lambda: fl.particles.splat(speed.SHAPE, points, radius, camera, opacity=0.5, out=out)
-
-    def scattered(count: int) -> Callable[[], object]:
-        points, radius = rivals.cloud(count, speed.SIZE, 1000.0)
-        return lambda: rivals.bincount(points, radius, speed.SIZE, 1000.0)
-
-    counts = (100, 1000, 10_000, 100_000)
-    found["discs of 1-4 px"] = {
-        "ours": series({str(n): discs(n) for n in (*counts, 300_000)}),
-        "np.bincount": series({str(n): scattered(n) for n in counts}, 2),
-    }
-
-    calls: Calls = {}
+    sides, counts = (256, 512, 1024, 2048), (100, 1000, 10_000, 100_000)
+    camera, out = fl.Camera(1000.0), np.empty(speed.SHAPE, np.float32)
+    clouds = {f"{n:,}": rivals.cloud(n, speed.SIZE, 1000.0) for n in counts}
     frame = speed.texture(speed.SHAPE)
-    for count in range(1, (os.cpu_count() or 1) + 1):
-        calls[str(count)] = lambda count=count: (fl.set_threads(count), frame())
-    found["threads"] = {"ours": series(calls)}
+
+    def discs(points: np.ndarray, radius: np.ndarray) -> object:
+        return fl.particles.splat(speed.SHAPE, points, radius, camera, opacity=0.5, out=out)
+
+    def threaded(count: int) -> None:
+        fl.set_threads(count)
+        frame()
+
+    ours: dict[str, Calls] = {
+        "pixels along a side, ours": {str(n): speed.texture((n, n)) for n in (128, *sides, 4096)},
+        "discs of 1-4 px, ours": {n: lambda c=cloud: discs(*c) for n, cloud in clouds.items()},
+        "threads, ours": {
+            str(n): lambda n=n: threaded(n) for n in range(1, (os.cpu_count() or 1) + 1)
+        },
+    }
+    others: dict[str, Calls] = {
+        "pixels along a side, NumPy": {
+            str(n): lambda n=n: rivals.straightforward(n) for n in sides[:3]
+        },
+        "pixels along a side, SciPy, tuned": {str(n): rivals.Tuned(n) for n in sides},
+        "discs of 1-4 px, np.bincount": {
+            n: lambda c=cloud: rivals.bincount(*c, speed.SIZE, 1000.0)
+            for n, cloud in clouds.items()
+        },
+    }
+    found = {name: timed(calls, runs) for name, calls in ours.items()}
     fl.set_threads(1)
-    return found
+    return found | {name: timed(calls, 2) for name, calls in others.items()}
 
 
 def table(found: list[tuple[str, float]]) -> list[str]:
@@ -199,15 +190,14 @@ def page(runs: int) -> str:
         ("peak memory of a texture over its array, MiB", memory("texture")),
         ("peak memory of heavy snow over its array, MiB", memory("scene")),
     ]
-    sizes = []
-    for name, kinds in sweeps(max(runs // 3, 3)).items():
-        for who, values in kinds.items():
-            pairs = (f"{x:,.0f}: {ms:.2f}" for x, ms in zip(*values.values(), strict=True))
-            sizes.append(f"- {name}, {who}, ms: {', '.join(pairs)}")
+    against = []
+    for name, times in sizes(max(runs // 3, 3)).items():
+        pairs = (f"{x}: {least:.2f}" for x, (least, _) in times.items())
+        against.append(f"- {name}, ms: {', '.join(pairs)}")
     return PAGE.format(
         cores=os.cpu_count(), load=os.getloadavg()[0], runs=runs, ratios="\n".join(ratios),
         around="\n".join(table(around)), frames="\n".join(layers.table(max(runs // 3, 3))),
-        sizes="\n".join(sizes),
+        sizes="\n".join(against),
     )  # fmt: skip
 
 
