@@ -11,6 +11,7 @@ from __future__ import annotations
 import argparse
 import math
 import time
+from functools import partial
 
 import numpy as np
 from timing import Calls, timed
@@ -29,24 +30,16 @@ def speed(size: int, runs: int) -> None:
     tile = cone.rain_tile(512, seed=1)
     texture = cone.Texture(tile)
     still = cone.Mapping(shape, camera, axis=AXIS)
-    out, (source, target) = (
-        np.empty(shape, np.float32),
-        np.random.default_rng(0).random((2, *shape), np.float32),
-    )
-    ahead = (0.1, 0.3, 1.0)
+    source = np.random.default_rng(0).random(shape, np.float32)
+    out = np.empty_like(source)
+    layers = partial(cone.layers, shape, camera, texture, axis=AXIS, phase=0.3, out=out)
     calls: Calls = {
-        "copy of the alpha": lambda: np.copyto(target, source),
-        "four layers, camera still": lambda: cone.layers(
-            shape, camera, texture, axis=AXIS, phase=0.3, mapping=still, out=out
-        ),
-        "four layers, camera turning": lambda: cone.layers(
-            shape, camera, texture, axis=AXIS, phase=0.3, out=out
-        ),
-        "four layers, flying ahead": lambda: cone.layers(
-            shape, camera, texture, axis=ahead, phase=0.3, out=out
-        ),
-        "one layer, exact boxes": lambda: cone.layer(
-            shape, camera, tile, axis=AXIS, phase=0.3, out=out
+        "copy of the alpha": lambda: np.copyto(out, source),
+        "four layers, camera still": partial(layers, mapping=still),
+        "four layers, camera turning": layers,
+        "four layers, flying ahead": partial(layers, axis=(0.1, 0.3, 1.0)),
+        "one layer, exact boxes": partial(
+            cone.layer, shape, camera, tile, axis=AXIS, phase=0.3, out=out
         ),
     }
     times = timed(calls, runs, clock=time.process_time)
@@ -70,13 +63,12 @@ def density(size: int, runs: int) -> dict[str, list[float]]:
         points[:, :2] /= 1.2
         # As many in a tile of the texture; what a tile holds does not matter to a look-up.
         texture = cone.Texture(cone.snow_tile(512, seed=1, flakes=count))
+        flakes = partial(fl.particles.splat, opacity=0.9, velocity=(0.01, 0.05, 0.0), shutter=0.5)
         calls: Calls = {
-            "cone": lambda t=texture: cone.layers(
-                shape, camera, t, axis=AXIS, phase=0.3, mapping=still
+            "cone": partial(
+                cone.layers, shape, camera, texture, axis=AXIS, phase=0.3, mapping=still
             ),
-            "particles": lambda p=points: fl.particles.splat(
-                shape, p, 0.01, camera, opacity=0.9, velocity=(0.01, 0.05, 0.0), shutter=0.5
-            ),
+            "particles": partial(flakes, shape, points, 0.01, camera),
         }
         times = timed(calls, max(runs // 3, 3), clock=time.process_time)
         for name, curve in curves.items():

@@ -154,45 +154,42 @@ def dask(unset: str) -> Callable[[Function], Function]:
     )  # fmt: skip
 
 
-def _apply_threads(ctx: click.Context, param: click.Parameter, value: int | None) -> None:
-    if value is not None:
+def _apply(ctx: click.Context, param: click.Parameter, value: Any) -> None:
+    """Set what holds wherever a file is read, and for the workers that it may start."""
+    if value is None or value is False:
+        return
+    if param.name == "threads":
         set_threads(value)
-
-
-def _apply_reproducible(ctx: click.Context, param: click.Parameter, value: bool) -> None:
-    if value:
+    else:
+        os.environ[f"FLURRIES_{str(param.name).upper()}"] = str(int(value))
+    if param.name == "reproducible":
         set_reproducible(True)
-        # For the workers that it may start.
-        os.environ["FLURRIES_REPRODUCIBLE"] = "1"
 
 
 THREADS = option(
-    "--threads", type=int, metavar="N", expose_value=False, callback=_apply_threads,
+    "--threads", type=int, metavar="N", expose_value=False, callback=_apply,
     unset="all cores, or FLURRIES_NUM_THREADS", example="2", help="threads of a frame; the same "
     "pixels come out whatever their number",
 )  # fmt: skip
 
 REPRODUCIBLE = option(
-    "--reproducible", is_flag=True, expose_value=False, callback=_apply_reproducible,
+    "--reproducible", is_flag=True, expose_value=False, callback=_apply,
     help="the same bits on every processor, at some cost of time",
 )  # fmt: skip
-
-
-def _apply_budget(ctx: click.Context, param: click.Parameter, value: int | None) -> None:
-    if value is not None:
-        # Wherever a file is read, and for the workers that it may start.
-        os.environ[f"FLURRIES_{str(param.name).upper()}"] = str(value)
 
 
 def _most(what: str, usual: str, example: str) -> Callable[[Function], Function]:
     return option(
         f"--max-{what}", type=click.IntRange(min=1), metavar="N", expose_value=False,
-        callback=_apply_budget, unset=f"FLURRIES_MAX_{what.upper()}, or {usual}", example=example,
+        callback=_apply, unset=f"FLURRIES_MAX_{what.upper()}, or {usual}", example=example,
         help=f"{what} that a picture may have that is read; larger ones are refused unread",
     )  # fmt: skip
 
 
-BUDGET = join(_most("pixels", "2^28", "600000000"), _most("bytes", "2^32", "8000000000"))
+WORK = join(
+    _most("pixels", "2^28", "600000000"), _most("bytes", "2^32", "8000000000"), THREADS,
+    REPRODUCIBLE,
+)  # fmt: skip
 
 
 def voice(function: Callable[..., Any]) -> Callable[..., Any]:

@@ -113,7 +113,6 @@ def scene_of(source: str, **options: Any) -> Scene:
 
 
 def _new(source: str, changes: dict[str, Any], options: dict[str, Any]) -> Scene:
-    """Return the scene of a picture, a film or a color."""
     kinds = [kind for kind in KINDS if options[kind.replace("-", "_")] is not None]
     if not kinds and any(options[knob] is not None for knob in KNOBS):
         options = {**options, "snow": ""}
@@ -127,7 +126,6 @@ def _new(source: str, changes: dict[str, Any], options: dict[str, Any]) -> Scene
 
 
 def _changed(scene: Scene, changes: dict[str, Any], options: dict[str, Any]) -> Scene:
-    """Return a scene from a file, with the changes of the command line."""
     common = _given(options, FIELDS)
     if effects := _effects(options):
         changes["effects"] = effects
