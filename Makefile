@@ -114,7 +114,6 @@ test-wheel: wheel
 # Our weather for data sets beside that of the usual libraries: docs/internals/peers.md.
 peers:
 	$(PYTHON) benches/peers.py --page docs/internals/peers.md
-	.venv-peers/bin/python benches/loaders.py --page docs/internals/peers.md
 
 # The measured value of every hard case beside the expected one: docs/internals/hard-cases.md.
 hard-cases: $(VENV)/.tools
@@ -124,10 +123,11 @@ hard-cases: $(VENV)/.tools
 accuracy: $(VENV)/.tools
 	$(BIN)/python benches/accuracy.py -o docs/images/accuracy --page docs/internals/accuracy.md
 
-# Guards are taken away one at a time; WHAT=python leaves out those that need a build each.
-WHAT ?= all
+# Changes at random places of the package, each seen by a test: COUNT of them, drawn with SEED.
+COUNT ?= 60
+SEED ?= 1
 mutations: $(VENV)/.tools
-	$(BIN)/python tests/mutations.py $(WHAT)
+	$(BIN)/python tests/mutations.py --count $(COUNT) --seed $(SEED)
 
 # Without the network: pages, gallery, notebooks and a reference made from the code. Warnings and lost
 # links are errors.
@@ -151,7 +151,7 @@ lint: $(VENV)/.tools
 	$(BIN)/basedpyright
 	$(BIN)/stubtest flurries._core --mypy-config-file pyproject.toml
 
-# Ratios, sizes, the machine's limits, and a build for this processor beside the portable one.
+# Ratios, sizes, whole frames, and what is around the kernels.
 performance: $(VENV)/.tools
 	$(BIN)/python benches/performance.py --page docs/internals/performance.md
 

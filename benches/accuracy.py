@@ -15,10 +15,9 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
-import accuracy_layers as layers
-import accuracy_texture as texture
+import accuracy_axes
 import matplotlib
-from accuracy_ways import Axis, Way
+from accuracy_axes import Axis, Way
 
 import flurries as fl
 
@@ -29,9 +28,8 @@ from matplotlib import pyplot as plt
 AXES: dict[str, Axis] = {
     axis.name: axis
     for axis in (
-        texture.precision, texture.shutter, texture.film,
-        texture.octaves, texture.tile, texture.blend,
-        layers.flakes, layers.composite, layers.footprint, layers.stop, layers.cone, layers.depth,
+        accuracy_axes.precision, accuracy_axes.shutter, accuracy_axes.octaves,
+        accuracy_axes.flakes, accuracy_axes.composite, accuracy_axes.footprint,
     )
 }  # fmt: skip
 
@@ -77,8 +75,6 @@ def unbeaten(costs: Sequence[tuple[float, float]]) -> list[bool]:
     ]
 
 
-# The page -----------------------------------------------------------------------------------------
-
 _HEAD = """# What accuracy costs
 
 Made by `make accuracy` ({machine}, {threads} threads). For every approximation: its error against
@@ -86,15 +82,13 @@ an independent reference, and the time of a frame. Times belong to that machine 
 them as ratios within a table. On the orange line lies what nothing else beats in both.
 `python benches/accuracy.py` measures yours, `flurries plan --accuracy` the snow of a scene.
 
-![Error against time, six of the axes]({plots}/accuracy.png)
+![Error against time]({plots}/accuracy.png)
 """
 
 _AXIS = """
 ## {axis.title}
 
 `python benches/accuracy.py {axis.name}`. Error {axis.unit}. Against: {axis.reference}.
-
-![Error against time]({plots}/{axis.name}.png)
 """
 
 _TABLE = """
@@ -117,19 +111,14 @@ def markdown(studies: Sequence[Study], plots: str, runs: int) -> str:
     machine = f"{platform.machine()}, {os.cpu_count()} cores"
     parts = [_HEAD.format(machine=machine, threads=fl.threads(), plots=plots)]
     for axis, points in studies:
-        parts += [_AXIS.format(axis=axis, plots=plots), table(points, runs)]
+        parts += [_AXIS.format(axis=axis), table(points, runs)]
     return "".join(parts)
 
-
-# Plots --------------------------------------------------------------------------------------------
 
 INK, QUIET, FRONT = "#1d2b3a", "#8fa3b5", "#d2691e"
 
 # An error of 0 has no logarithm.
 LEAST = 1e-17
-
-# What a reader of the README sees first.
-MAIN = ("precision", "shutter", "flakes", "composite", "footprint", "octaves")
 
 
 def plot(studies: Sequence[Study], file: Path) -> None:
@@ -188,9 +177,7 @@ def main() -> None:
         print(f"\n{AXES[name].title}: error {AXES[name].unit}{table(studies[-1][1], given.runs)}")
     if given.output is not None:
         given.output.mkdir(parents=True, exist_ok=True)
-        first = [study for study in studies if study[0].name in MAIN] or studies[:6]
-        for name, shown in {**{s[0].name: [s] for s in studies}, "accuracy": first}.items():
-            plot(shown, given.output / f"{name}.png")
+        plot(studies, given.output / "accuracy.png")
     if given.page is not None:
         way = Path(os.path.relpath(given.output, given.page.parent)).as_posix()
         given.page.write_text(markdown(studies, way, given.runs), encoding="utf-8")

@@ -3,7 +3,7 @@
     python benches/cone.py [--runs N] [--size N] [--plot FILE]
 
 Variants take turns on one thread, and processor time is counted, so that a busy machine
-matters less; read the ratios. Where OpenCV can be imported, four of its warps are timed beside.
+matters less; read the ratios.
 """
 
 from __future__ import annotations
@@ -11,65 +11,16 @@ from __future__ import annotations
 import argparse
 import math
 import time
-from collections.abc import Callable
+from functools import partial
 
 import numpy as np
+from timing import Calls, timed
 
 import flurries as fl
 from flurries import cone
 
 AXIS = (0.1, 1.0, 0.05)
 COUNTS = (300, 1000, 3000, 10_000, 30_000, 100_000, 300_000)
-
-
-def least(calls: dict[str, Callable[[], object]], runs: int) -> dict[str, float]:
-    """Return the least time of each call in milliseconds; they take turns."""
-    times = dict.fromkeys(calls, math.inf)
-    for turn in range(runs + 2):
-        for name, call in calls.items():
-            start = time.process_time()
-            call()
-            if turn >= 2:
-                times[name] = min(times[name], 1e3 * (time.process_time() - start))
-    return times
-
-
-def warps(size: int, focal: float, tile: np.ndarray) -> dict[str, Callable[[], object]]:
-    """Return four scrolled textures warped by OpenCV, with kept maps and with new ones."""
-    try:
-        import cv2
-    except ImportError:
-        return {}
-    cv2.setNumThreads(1)
-    axis, first, second = (v.astype(np.float32) for v in cone.frame(AXIS))
-    y, x = (np.mgrid[:size, :size] + 0.5 - size / 2).astype(np.float32)
-    texels = len(tile)
-    # Four copies side by side, since a remap wraps by its border only.
-    wide = np.tile(tile, (2, 2)).astype(np.float32)
-
-    def maps() -> list[tuple[np.ndarray, np.ndarray]]:
-        p, q, s = (v[0] * x + v[1] * y + v[2] * np.float32(focal) for v in (first, second, axis))
-        across, turn = cv2.cartToPolar(p, q)
-        height = s / across
-        u = turn * np.float32(4 * texels / (2 * math.pi))
-        v = height * np.float32(4 * texels / (2 * math.pi))
-        return [(np.mod(k * u, texels), np.mod(k * v, texels)) for k in (1, 2, 4, 8)]
-
-    kept = [cv2.convertMaps(u, v, cv2.CV_16SC2) for u, v in maps()]
-
-    def drawn(charts: list[tuple[np.ndarray, np.ndarray]]) -> np.ndarray:
-        clear = np.ones((size, size), np.float32)
-        for u, v in charts:
-            # The scroll is a roll of the texture by whole texels: cheaper than new maps.
-            rolled = np.roll(wide, 17, axis=0)
-            alpha = cv2.remap(rolled, u, v, cv2.INTER_LINEAR, borderMode=cv2.BORDER_WRAP)
-            clear = cv2.multiply(clear, 1.0 - alpha)
-        return 1.0 - clear
-
-    return {
-        "OpenCV: four warps, kept maps": lambda: drawn(kept),
-        "OpenCV: four warps, new maps": lambda: drawn(maps()),
-    }
 
 
 def speed(size: int, runs: int) -> None:
@@ -79,31 +30,22 @@ def speed(size: int, runs: int) -> None:
     tile = cone.rain_tile(512, seed=1)
     texture = cone.Texture(tile)
     still = cone.Mapping(shape, camera, axis=AXIS)
-    out, (source, target) = (
-        np.empty(shape, np.float32),
-        np.random.default_rng(0).random((2, *shape), np.float32),
-    )
-    ahead = (0.1, 0.3, 1.0)
-    calls: dict[str, Callable[[], object]] = {
-        "copy of the alpha": lambda: np.copyto(target, source),
-        "four layers, camera still": lambda: cone.layers(
-            shape, camera, texture, axis=AXIS, phase=0.3, mapping=still, out=out
+    source = np.random.default_rng(0).random(shape, np.float32)
+    out = np.empty_like(source)
+    layers = partial(cone.layers, shape, camera, texture, axis=AXIS, phase=0.3, out=out)
+    calls: Calls = {
+        "copy of the alpha": lambda: np.copyto(out, source),
+        "four layers, camera still": partial(layers, mapping=still),
+        "four layers, camera turning": layers,
+        "four layers, flying ahead": partial(layers, axis=(0.1, 0.3, 1.0)),
+        "one layer, exact boxes": partial(
+            cone.layer, shape, camera, tile, axis=AXIS, phase=0.3, out=out
         ),
-        "four layers, camera turning": lambda: cone.layers(
-            shape, camera, texture, axis=AXIS, phase=0.3, out=out
-        ),
-        "four layers, flying ahead": lambda: cone.layers(
-            shape, camera, texture, axis=ahead, phase=0.3, out=out
-        ),
-        "one layer, exact boxes": lambda: cone.layer(
-            shape, camera, tile, axis=AXIS, phase=0.3, out=out
-        ),
-        **warps(size, focal, tile),
     }
-    times = least(calls, runs)
-    copy = times["copy of the alpha"]
+    times = timed(calls, runs, clock=time.process_time)
+    copy = times["copy of the alpha"][0]
     print(f"{size} x {size}, one thread, {runs} runs")
-    for name, value in times.items():
+    for name, (value, _) in times.items():
         print(f"  {name:34}{value:9.2f} ms {value / copy:8.1f} copies")
 
 
@@ -121,18 +63,17 @@ def density(size: int, runs: int) -> dict[str, list[float]]:
         points[:, :2] /= 1.2
         # As many in a tile of the texture; what a tile holds does not matter to a look-up.
         texture = cone.Texture(cone.snow_tile(512, seed=1, flakes=count))
-        calls: dict[str, Callable[[], object]] = {
-            "cone": lambda t=texture: cone.layers(
-                shape, camera, t, axis=AXIS, phase=0.3, mapping=still
+        flakes = partial(fl.particles.splat, opacity=0.9, velocity=(0.01, 0.05, 0.0), shutter=0.5)
+        calls: Calls = {
+            "cone": partial(
+                cone.layers, shape, camera, texture, axis=AXIS, phase=0.3, mapping=still
             ),
-            "particles": lambda p=points: fl.particles.splat(
-                shape, p, 0.01, camera, opacity=0.9, velocity=(0.01, 0.05, 0.0), shutter=0.5
-            ),
+            "particles": partial(flakes, shape, points, 0.01, camera),
         }
-        times = least(calls, max(runs // 3, 3))
+        times = timed(calls, max(runs // 3, 3), clock=time.process_time)
         for name, curve in curves.items():
-            curve.append(times[name])
-        print(f"  {count:>8}{times['cone']:>8.2f} ms{times['particles']:>8.2f} ms")
+            curve.append(times[name][0])
+        print(f"  {count:>8}{times['cone'][0]:>8.2f} ms{times['particles'][0]:>8.2f} ms")
     spread = max(curves["cone"]) / min(curves["cone"])
     grown = curves["particles"][-1] / curves["particles"][0]
     print(f"  largest over least: cone {spread:.2f}, particles {grown:.0f}")

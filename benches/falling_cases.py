@@ -42,22 +42,12 @@ WINDS = (0.0, 3.0)
 
 @dataclass(frozen=True)
 class Case:
-    """A scene.
+    """A scene."""
 
-    Attributes
-    ----------
-    camera, weather : str
-        Of `CAMERAS` and `WEATHERS`.
-    wind : float
-        To the right, m/s.
-    width : int
-        Pixels; the height is three quarters of it, the focal length 1.2 of it.
-    """
-
-    camera: str
-    weather: str
-    wind: float
-    width: int = 480
+    camera: str  # Of `CAMERAS`.
+    weather: str  # Of `WEATHERS`.
+    wind: float  # To the right, m/s.
+    width: int = 480  # Pixels; the height is three quarters of it, the focal length 1.2 of it.
 
     def __str__(self) -> str:
         return f"{self.weather}-{self.camera}-{self.wind:g}-{self.width}"

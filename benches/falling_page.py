@@ -7,18 +7,12 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Figure:
-    """How far a figure of the package is off.
-
-    Attributes
-    ----------
-    ours, drawn, off, error, limit : float
-        `off` is what must not be above the limit, `error` its standard error.
-    """
+    """How far a figure of the package is off."""
 
     ours: float
     drawn: float
-    off: float
-    error: float
+    off: float  # Must not be above the limit.
+    error: float  # The standard error of `off`.
     limit: float
 
     @property

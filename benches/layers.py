@@ -9,14 +9,11 @@ from __future__ import annotations
 
 import argparse
 import json
-import os
-import subprocess
-import sys
 import time
-from collections.abc import Callable
-from pathlib import Path
+from itertools import count
 
 import numpy as np
+from timing import Calls, alone, timed
 
 import flurries as fl
 
@@ -46,23 +43,18 @@ def scenes(*, flying: bool) -> dict[str, tuple[fl.Scene, fl.Scene]]:
 
 def ratios(flat: fl.Scene, deep: fl.Scene, rounds: int) -> list[float]:
     """Return ms of a frame; over it layers, depth, both eyes; and both before a depth over one."""
-    calls: list[Callable[[float], object]] = [
-        flat.render,
-        lambda t: flat.render(t, layers=True),
-        deep.render,
-        lambda t: flat.stereo(t, **EYES),
-        lambda t: deep.stereo(t, **EYES),
-    ]
-    times: list[list[float]] = [[] for _ in calls]
-    for t in range(rounds + 1):
-        for call, taken in zip(calls, times, strict=True):
-            start = time.process_time()
-            call(float(t))
-            # The first turn makes what a film has once.
-            if t:
-                taken.append(1e3 * (time.process_time() - start))
-    one, layers, depth, both, both_deep = (min(taken) for taken in times)
-    return [one, layers / one, depth / one, both / one, both_deep / depth]
+    frame = count()
+    calls: Calls = {
+        "one": lambda: flat.render(next(frame)),
+        "layers": lambda: flat.render(next(frame), layers=True),
+        "depth": lambda: deep.render(next(frame)),
+        "both": lambda: flat.stereo(next(frame), **EYES),
+        "both, deep": lambda: deep.stereo(next(frame), **EYES),
+    }
+    one, layers, depth, both, deeper = (
+        least for least, _ in timed(calls, rounds, warm=1, clock=time.process_time).values()
+    )
+    return [one, layers / one, depth / one, both / one, deeper / depth]
 
 
 def measured(rounds: int) -> dict[str, list[float]]:
@@ -76,19 +68,13 @@ def measured(rounds: int) -> dict[str, list[float]]:
 
 
 def table(rounds: int) -> list[str]:
-    """Return the lines of a table, measured in a process of its own."""
-    # In this one NumPy's matrix products would wake other threads.
-    code = f"import json, layers; print(json.dumps(layers.measured({rounds})))"
-    environment = {**os.environ, "OPENBLAS_NUM_THREADS": "1"}
-    done = subprocess.run(
-        [sys.executable, "-c", code], env=environment, cwd=Path(__file__).parent,
-        capture_output=True, text=True, check=True,
-    )  # fmt: skip
+    """Return the lines of a table, measured where NumPy's products wake no other threads."""
     lines = [
         "| scene | ms | `layers=True` | with depth | both eyes | both eyes, with depth |",
         "| --- | --- | --- | --- | --- | --- |",
     ]
-    for name, found in json.loads(done.stdout).items():
+    said = alone(f"import json, layers; print(json.dumps(layers.measured({rounds})))")
+    for name, found in json.loads(said).items():
         lines.append(f"| {name} | {' | '.join(f'{value:.2f}' for value in found)} |")
     return lines
 

@@ -13,13 +13,14 @@ Milliseconds are the least of interleaved runs: read the ratios.
 from __future__ import annotations
 
 import argparse
-import time
 from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import count
 from pathlib import Path
 
 import numpy as np
 from skimage import data
+from timing import timed
 
 import flurries as fl
 from flurries import io
@@ -58,8 +59,6 @@ ROWS = (
         paper=(0.94, 24.6, 121.9, 1.44, 24.6)),
 )  # fmt: skip
 
-# What a frame of few particles and a texture is made of, each timed by itself.
-TERMS = ("drawing", "texture", "window", "two composites")
 COLUMNS = ("basic", "few", "many", "spectral", "few + spectral", "replayed", "few + replayed")
 
 
@@ -112,11 +111,11 @@ class Scenery:
         repeats = [-(-m // n) for n, m in zip(texture.shape, WINDOW, strict=True)]
         return np.ascontiguousarray(np.tile(texture, repeats)[: WINDOW[0], : WINDOW[1]])
 
-    def flakes(self, count: int, t: float) -> np.ndarray:
+    def flakes(self, number: int, t: float) -> np.ndarray:
         """Draw particles at time t, as points that do not blur, like the paper's sprites."""
         box, middle = (12.0, 9.0, 12.0), (0.0, 0.0, 7.0)
         points = fl.particles.positions(
-            count, box, seed=1, velocity=self.motion, time=t, center=middle
+            number, box, seed=1, velocity=self.motion, time=t, center=middle
         )
         fade = fl.particles.edge_fade(points, box, center=middle)
         return fl.particles.splat(WINDOW, points, 0.012, self.camera, opacity=0.9 * fade, near=0.8)
@@ -125,14 +124,12 @@ class Scenery:
         """Return a frame; None where the paper's table has none."""
         if column == "basic":
             return self.picture.copy()
-        if column in TERMS:
-            return self.term(column, float(t))
         planes = []
         if "few" in column or column == "many":
-            count = self.row.many if column == "many" else self.row.few
-            if count is None:
+            number = self.row.many if column == "many" else self.row.few
+            if number is None:
                 return None
-            planes.append(self.flakes(count, float(t)))
+            planes.append(self.flakes(number, float(t)))
         if "spectral" in column:
             planes.append(self.windowed(self.alpha(float(t))))
         if "replayed" in column:
@@ -142,43 +139,26 @@ class Scenery:
             image = fl.composite.snow(image, plane, intensity=WHITE)
         return image
 
-    def term(self, name: str, t: float) -> np.ndarray | None:
-        """Make one part of a frame of few particles and a texture, from those made before it."""
-        if self.row.few is None:
-            return None
-        if name == "drawing":
-            self.drawn = self.flakes(self.row.few, t)
-            return self.drawn
-        if name == "texture":
-            self.sheet = self.alpha(t)
-            return self.sheet
-        if name == "window":
-            self.plane = self.windowed(self.sheet)
-            return self.plane
-        image = fl.composite.snow(self.picture, self.drawn, intensity=WHITE)
-        return fl.composite.snow(image, self.plane, intensity=WHITE)
 
-
-def timed(scenes: list[Scenery], runs: int) -> dict[tuple[str, str], float]:
+def measured(scenes: list[Scenery], runs: int) -> dict[tuple[str, str], float]:
     """Return the least milliseconds of every scene and column; they take turns.
 
     Many particles have turns of their own: of 150,000 not all buffers are kept, and the next frame
     of 30,000 would pay 4 ms for that.
     """
-    least: dict[tuple[str, str], float] = {}
-    usual = [column for column in (*COLUMNS, *TERMS) if column != "many"]
-    for turn, columns in [*((n, usual) for n in range(runs + 1)),
-                          *((n, ["many"]) for n in range(runs + 1))]:  # fmt: skip
-        for scene in scenes:
-            for column in columns:
-                start = time.perf_counter()
-                made = scene.draw(column, turn)
-                taken = 1e3 * (time.perf_counter() - start)
-                # The first turn warms up.
-                if made is not None and turn:
-                    key = scene.row.name, column
-                    least[key] = min(taken, least.get(key, taken))
-    return least
+    found: dict[tuple[str, str], float] = {}
+    for columns in ([c for c in COLUMNS if c != "many"], ["many"]):
+        turn = count()
+        calls = {
+            f"{i} {column}": lambda s=scene, c=column, t=turn: s.draw(c, next(t))
+            for i, scene in enumerate(scenes)
+            for column in columns
+            if scene.draw(column, 0) is not None
+        }
+        for key, (least, _) in timed(calls, runs, warm=1).items():
+            number, _, column = key.partition(" ")
+            found[scenes[int(number)].row.name, column] = least
+    return found
 
 
 def print_tables(times: dict[tuple[str, str], float]) -> None:
@@ -194,13 +174,6 @@ def print_tables(times: dict[tuple[str, str], float]) -> None:
         )
         if row.paper:
             print(f"{'  the paper':18}" + "".join(f"{c:>16.2f}" for c in row.paper))
-    print("\nfew + spectral, and its terms, ms")
-    for row in ROWS:
-        if row.few is not None:
-            parts = [times[row.name, term] for term in TERMS]
-            named = " + ".join(f"{t} {ms:.2f}" for t, ms in zip(TERMS, parts, strict=True))
-            whole = times[row.name, "few + spectral"]
-            print(f"{row.name:18}{whole:.2f} for {named} = {sum(parts):.2f}")
     print(f"\n{'ratios':18}{'many / few':>16}{'hybrid / few':>16}{'hybrid / many':>16}")
     for row in ROWS:
         if row.few is None:
@@ -233,7 +206,7 @@ def main() -> None:
     options = parser.parse_args()
     fl.set_threads(options.threads)
     scenes = [Scenery(row) for row in ROWS]
-    print_tables(timed(scenes, options.runs))
+    print_tables(measured(scenes, options.runs))
     if options.images is not None:
         stills(scenes, options.images)
 

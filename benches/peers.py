@@ -1,15 +1,9 @@
 """Time our weather for data sets against that of the usual libraries, all in one run.
 
-    python benches/peers.py             # makes .venv-peers, installs everyone and us, measures
-    python benches/peers.py --here      # measures in the environment that runs it
-    python benches/peers.py --page docs/internals/peers.md    # also writes the page
+    python benches/peers.py [--here] [--page docs/internals/peers.md]
 
-In single calls, and in a DataLoader with two workers.
-
-One thread each; uint8 RGB, for kornia the float tensor that it wants, made beforehand; variants
-interleaved; minimum and median of many runs, in processor time, so that other work on the machine
-counts little. Ratios within one run are what counts. Whoever cannot be installed or run is
-reported.
+Makes .venv-peers, installs everyone and us and measures there; `--here` in the environment that
+runs it. How it measures says the page. Whoever cannot be installed or run is reported.
 """
 
 from __future__ import annotations
@@ -24,11 +18,11 @@ import sys
 import time
 import traceback
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from functools import partial
+from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
-
-from loaders import in_loader
 
 ROOT = Path(__file__).resolve().parents[1]
 HOME = ROOT / ".venv-peers"
@@ -46,7 +40,8 @@ WARM = 64
 WHITENS = "(no flakes: it whitens)"
 
 Call = Callable[[], Any]
-
+# What kind of weather, by what name, and the call.
+Peers = Iterator[tuple[str, str, Call]]
 
 # Milliseconds of every call, by kind, size and way of running.
 Times = dict[tuple[str, int, str], dict[str, list[float]]]
@@ -61,9 +56,10 @@ def main() -> None:
     if options.here:
         times, failures = measure(options.runs)
         lines = verdict(times)
-        print("\n" + "\n".join(lines))
+        text = page(times, failures, lines, options.runs)
+        print(text)
         if options.page:
-            options.page.write_text(page(times, failures, lines, options.runs), encoding="utf-8")
+            options.page.write_text(text, encoding="utf-8")
         return
     python = environment()
     threads = dict.fromkeys(
@@ -112,22 +108,42 @@ def measure(runs: int) -> tuple[Times, list[str]]:
                     if turn:
                         times[name].append(1e3 * (time.process_time() - start))
             found[kind, size, ALONE] = times
-            report(f"{kind}, {size} x {size}, {ALONE}", times)
             times = {
                 name: [in_loader(lambda _, c=call: c(), count)[1] for _ in range(2)]  # type: ignore[misc]
                 for name, call in calls.items()
             }
             found[kind, size, LOADER] = times
-            report(f"{kind}, {size} x {size}, {LOADER}", times)
     return found, failures
 
 
-def report(title: str, times: dict[str, list[float]]) -> None:
-    ours = min(next(iter(times.values())))
-    print(f"\n{title}".ljust(58) + "min ms   median   / ours")
-    for name, values in ranked(times):
-        middle = statistics.median(values)
-        print(f"  {name:52} {min(values):8.2f} {middle:8.2f} {min(values) / ours:8.2f}", flush=True)
+class Pictures:
+    """A data set whose every item is a call."""
+
+    def __init__(self, call: Callable[[int], Any], count: int) -> None:
+        self.call, self.count = call, count
+
+    def __len__(self) -> int:
+        return self.count
+
+    def __getitem__(self, index: int) -> int:
+        self.call(index)
+        return index
+
+
+def in_loader(call: Callable[[int], Any], count: int) -> tuple[float, float]:
+    """Return the milliseconds a picture takes in a loader of two workers: by the clock, and of
+    the workers' processors, which other work on the machine does not lengthen."""
+    from torch.utils.data import DataLoader
+
+    before, start = os.times(), time.perf_counter()
+    loader = DataLoader(Pictures(call, count), batch_size=16, num_workers=2)  # type: ignore[arg-type]
+    seen = sum(len(batch) for batch in loader)
+    assert seen == count
+    del loader
+    clock, after = time.perf_counter() - start, os.times()
+    busy = after.children_user + after.children_system
+    busy -= before.children_user + before.children_system
+    return 1e3 * clock / count, 1e3 * busy / count
 
 
 def ranked(times: dict[str, list[float]]) -> list[tuple[str, list[float]]]:
@@ -182,8 +198,7 @@ def page(times: Times, failures: list[str], lines: list[str], runs: int) -> str:
         "## Verdict\n",
         *(f"- {line}" for line in lines),
     ]
-    versions = ", ".join(f"{name} {version}" for name, version in installed().items())
-    parts += [f"\n{versions}; {platform.machine()}, {os.cpu_count()} cores, "
+    parts += [f"\n{installed()}; {platform.machine()}, {os.cpu_count()} cores, "
               f"load {os.getloadavg()[0]:.1f}."]  # fmt: skip
     parts += ["\n## What did not run\n", *(f"- {f}" for f in failures or ["Everything ran."])]
     for (kind, size, way), calls in times.items():
@@ -200,16 +215,14 @@ def page(times: Times, failures: list[str], lines: list[str], runs: int) -> str:
     return "\n".join(parts) + "\n"
 
 
-def installed() -> dict[str, str]:
-    from importlib.metadata import PackageNotFoundError, version
-
-    found = {}
+def installed() -> str:
+    found = []
     for name in ("albumentationsx", "imgaug", "imagecorruptions", "kornia", "torch", "numpy"):
         try:
-            found[name] = version(name)
+            found.append(f"{name} {version(name)}")
         except PackageNotFoundError:
-            found[name] = "not here"
-    return found
+            found.append(f"{name} not here")
+    return ", ".join(found)
 
 
 def one_thread() -> None:
@@ -260,73 +273,58 @@ def failed(failures: list[str], size: int, words: str) -> None:
         failures.append(line)
 
 
-def albumentations(picture: Any) -> list[tuple[str, str, Call]]:
+def named(name: str, options: dict[str, str]) -> str:
+    return name + "(" + ", ".join(f'{key}="{value}"' for key, value in options.items()) + ")"
+
+
+def albumentations(picture: Any) -> Peers:
     import albumentations as A
 
-    made = {
-        ("snow", 'RandomSnow(method="texture")'): A.RandomSnow(method="texture", p=1.0),
-        ("snow", f"RandomSnow() {WHITENS}"): A.RandomSnow(p=1.0),
-        ("rain", "RandomRain()"): A.RandomRain(p=1.0),
-        ("rain", 'RandomRain(rain_type="drizzle")'): A.RandomRain(rain_type="drizzle", p=1.0),
-        ("rain", 'RandomRain(rain_type="heavy")'): A.RandomRain(rain_type="heavy", p=1.0),
-        ("rain", 'RandomRain(rain_type="torrential")'): A.RandomRain(rain_type="torrential", p=1.0),
-        ("fog", "RandomFog()"): A.RandomFog(p=1.0),
-        ("fog", "AtmosphericFog()"): A.AtmosphericFog(p=1.0),
-    }
-    return [
-        (kind, f"albumentationsX {name}", lambda t=transform: t(image=picture))
-        for (kind, name), transform in made.items()
-    ]
+    kinds = ("drizzle", "heavy", "torrential")
+    for kind, name, options in (
+        ("snow", "RandomSnow", {"method": "texture"}), ("snow", "RandomSnow", {}),
+        ("rain", "RandomRain", {}), *(("rain", "RandomRain", {"rain_type": k}) for k in kinds),
+        ("fog", "RandomFog", {}), ("fog", "AtmosphericFog", {}),
+    ):  # fmt: skip
+        made = getattr(A, name)(**options, p=1.0)
+        whitens = f" {WHITENS}" if kind == "snow" and not options else ""
+        shown = f"albumentationsX {named(name, options)}{whitens}"
+        yield kind, shown, lambda t=made: t(image=picture)
 
 
-def imgaug(picture: Any) -> list[tuple[str, str, Call]]:
+def imgaug(picture: Any) -> Peers:
     import numpy as np
 
     if "sctypes" not in vars(np):
         # NumPy 2 took away what it is imported with; put back so that it can be timed at all.
-        types = {
+        vars(np)["sctypes"] = {
             "float": [np.float16, np.float32, np.float64],
             "int": [np.int8, np.int16, np.int32, np.int64],
             "uint": [np.uint8, np.uint16, np.uint32, np.uint64],
         }
-        vars(np)["sctypes"] = types
         print("imgaug: runs with np.sctypes put back, which NumPy 2 does not have")
     import imgaug.augmenters as iaa
 
-    made = {
-        ("snow", "Snowflakes()"): iaa.Snowflakes(),
-        ("rain", "Rain()"): iaa.Rain(),
-        ("fog", "Fog()"): iaa.Fog(),
-    }
-    return [
-        (kind, f"imgaug {name}", lambda t=transform: t(image=picture))
-        for (kind, name), transform in made.items()
-    ]
+    for kind, name in (("snow", "Snowflakes"), ("rain", "Rain"), ("fog", "Fog")):
+        made = getattr(iaa, name)()
+        yield kind, f"imgaug {name}()", lambda t=made: t(image=picture)
 
 
-def imagecorruptions(picture: Any) -> list[tuple[str, str, Call]]:
+def imagecorruptions(picture: Any) -> Peers:
     from imagecorruptions import corrupt
 
-    return [
-        (kind, f"imagecorruptions {kind}, severity 3",
-         lambda k=kind: corrupt(picture, corruption_name=k, severity=3))
-        for kind in ("snow", "fog")
-    ]  # fmt: skip
+    for kind in ("snow", "fog"):
+        call = partial(corrupt, picture, corruption_name=kind, severity=3)
+        yield kind, f"imagecorruptions {kind}, severity 3", call
 
 
-def kornia(picture: Any) -> list[tuple[str, str, Call]]:
+def kornia(picture: Any) -> Peers:
     import kornia.augmentation as K
     import torch
 
     batch = torch.from_numpy(picture).permute(2, 0, 1)[None].float() / 255.0
-    made = {
-        ("snow", f"RandomSnow() {WHITENS}"): K.RandomSnow(p=1.0),
-        ("rain", "RandomRain()"): K.RandomRain(p=1.0),
-    }
-    return [
-        (kind, f"kornia {name}", lambda t=transform: t(batch))
-        for (kind, name), transform in made.items()
-    ]
+    yield "snow", f"kornia RandomSnow() {WHITENS}", partial(K.RandomSnow(p=1.0), batch)
+    yield "rain", "kornia RandomRain()", partial(K.RandomRain(p=1.0), batch)
 
 
 if __name__ == "__main__":

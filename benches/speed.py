@@ -11,31 +11,23 @@ from __future__ import annotations
 
 import argparse
 import json
-import os
-import statistics
-import subprocess
-import sys
-import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import rivals
+from timing import Calls, Times, alone, timed
 
 import flurries as fl
 
-sys.path.insert(0, str(Path(__file__).parent))
-import flakes
-import rivals
-
+Call = Callable[[], object]
 SIZE = 1024
 SHAPE = (SIZE, SIZE)
 COPY = "copy of the alpha"
-COLD = "copy of an alpha that is in no cache"
-Calls = dict[str, Callable[[], object]]
 
 
-def texture(shape: tuple[int, int], dtype: Any = np.float32) -> Callable[[], object]:
+def texture(shape: tuple[int, int], dtype: Any = np.float32) -> Call:
     """Return a call that makes a texture's alpha, every tile with a drift of its own."""
     rows, cols = (len(fl.spectral.tile_starts(length)) for length in shape)
     # As before a camera that flies forward.
@@ -64,10 +56,10 @@ def scenes() -> Calls:
     return {name: lambda scene=scene: scene.render(17) for name, scene in found.items()}
 
 
-def hybrid() -> Callable[[], object]:
+def hybrid() -> Call:
     """Return a call for 30,000 discs of 1-4 px and a texture over a uint8 picture, as arrays."""
     picture = np.random.default_rng(0).integers(0, 256, (*SHAPE, 3), np.uint8)
-    points, radius = flakes.cloud(30_000, SIZE, 1000.0)
+    points, radius = rivals.cloud(30_000, SIZE, 1000.0)
     camera = fl.Camera(1000.0)
     discs, both, out = np.empty(SHAPE, np.float32), np.empty(SHAPE, np.float32), picture.copy()
     back = texture(SHAPE)
@@ -85,13 +77,12 @@ def variants() -> Calls:
     """Return what is timed, by the name in the table."""
     source = np.random.default_rng(0).random(SHAPE, np.float32)
     target = np.empty_like(source)
-    points, radius = flakes.cloud(150_000, SIZE, 1000.0)
+    points, radius = rivals.cloud(150_000, SIZE, 1000.0)
     camera, discs = fl.Camera(1000.0), np.empty(SHAPE, np.float32)
     torus = np.empty((512, 512), np.float32)
     wheel = {"tile": 512, "overlap": 0, "drift": (3.0, 9.0), "seed": 1, "out": torus}
     return {
         COPY: lambda: np.copyto(target, source),
-        COLD: cold_copy(),
         "texture": texture(SHAPE),
         "texture, float64": texture(SHAPE, np.float64),
         "texture, 1920 x 1080": texture((1080, 1920)),
@@ -107,57 +98,27 @@ def variants() -> Calls:
 
 def rivals_of() -> Calls:
     """Return what others do, by the name of the row that it stands beside."""
-    points, radius = flakes.cloud(150_000, SIZE, 1000.0)
+    points, radius = rivals.cloud(150_000, SIZE, 1000.0)
     return {
         "texture, plain NumPy": rivals.straightforward,
         "texture, tuned SciPy, 2 workers": rivals.Tuned(),
         "texture, 512 x 512, one tile, NumPy": rivals.torus,
-        "150,000 discs, np.bincount": lambda: flakes.bincount(points, radius, SIZE, 1000.0),
+        "150,000 discs, np.bincount": lambda: rivals.bincount(points, radius, SIZE, 1000.0),
     }
 
 
-def cold_copy() -> Callable[[], object]:
-    """Return a call that copies an alpha that is in no cache to a place that is in none.
-
-    A copy of the same two arrays again and again is no floor: they stay in the third-level cache,
-    where a picture that a program goes on with is not. So copies go round through half a gigabyte.
-    """
-    planes = np.ones((128, *SHAPE), np.float32)
-    turn = iter(range(0, 1 << 62, 2))
-
-    def copy() -> None:
-        place = next(turn) % len(planes)
-        np.copyto(planes[place + 1], planes[place])
-
-    return copy
-
-
-def timed(calls: Calls, runs: int, *, warm: int = 2) -> dict[str, tuple[float, float]]:
-    """Return the minimum and the median of each call, ms, the calls in turns."""
-    times: dict[str, list[float]] = {name: [] for name in calls}
-    for turn in range(runs + warm):
-        for name, call in calls.items():
-            start = time.perf_counter()
-            call()
-            # The first turns warm caches and page in the outputs.
-            if turn >= warm:
-                times[name].append(1e3 * (time.perf_counter() - start))
-    return {name: (min(values), statistics.median(values)) for name, values in times.items()}
-
-
-def measured(level: str, threads: int, runs: int, tree: str = "") -> dict[str, tuple[float, float]]:
-    """Return the times of one instruction set, from a process that has only that.
-
-    Of another tree, by its own bench, if its root is given.
-    """
-    script = f"{tree}/benches/speed.py" if tree else __file__
-    command = [sys.executable, script, "--one", str(threads), "--runs", str(runs)]
-    environment = {**os.environ, "FLURRIES_SIMD": level, "OPENBLAS_NUM_THREADS": "1"}
-    if tree:
-        environment["PYTHONPATH"] = f"{tree}/python"
-    done = subprocess.run(command, env=environment, check=True, capture_output=True, text=True)
-    found: dict[str, tuple[float, float]] = json.loads(done.stdout)
+def measured(level: str, threads: int, runs: int) -> Times:
+    """Return the times of one instruction set, from a process that has only that."""
+    code = "import sys, speed; speed.one(*map(int, sys.argv[1:]))"
+    found: Times = json.loads(alone(code, str(threads), str(runs), FLURRIES_SIMD=level))
     return found
+
+
+def one(threads: int, runs: int) -> None:
+    """Print the times of this process as JSON."""
+    fl.set_threads(threads)
+    others = timed(rivals_of(), max(runs // 8, 2), warm=1) if threads == 1 else {}
+    print(json.dumps({**timed(variants(), runs), **others}))
 
 
 def levels() -> list[str]:
@@ -170,13 +131,7 @@ def main() -> None:
     """Print the tables."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--runs", type=int, default=25)
-    parser.add_argument("--one", type=int, help=argparse.SUPPRESS)
     options = parser.parse_args()
-    if options.one:
-        fl.set_threads(options.one)
-        others = timed(rivals_of(), max(options.runs // 8, 2), warm=1) if options.one == 1 else {}
-        print(json.dumps({**timed(variants(), options.runs), **others}))
-        return
     for level in levels():
         for threads in (1, 2):
             times = measured(level, threads, options.runs)

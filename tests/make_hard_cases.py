@@ -15,8 +15,7 @@ HEAD = """# Hard cases
 
 What is asked at the edges: {count} questions with a known answer, what the answer must be, and what
 was measured when this page was written (`make hard-cases`). `tests/test_hard_cases.py` judges all
-of them on float32 and float64. "Guard" is what a case watches: `make mutations` takes guards away,
-one at a time, and sees a named case fail for each.
+of them on float32 and float64. "Guard" is what a case watches: without it the case fails.
 """
 
 
@@ -30,25 +29,20 @@ def number(value: float) -> str:
 def row(case: Case) -> str:
     cells = [case.name, number(case.expected)]
     for dtype in (np.float32, np.float64):
-        measured = case.measure(dtype)
-        ok = abs(measured - case.expected) <= case.allowed(dtype)
-        cells.append(
-            f"{number(measured)} (± {number(case.allowed(dtype))})" + ("" if ok else " **wrong**")
-        )
-    return "| " + " | ".join([*cells, case.because, case.guard]) + " |"
+        measured, allowed = case.measure(dtype), case.allowed(dtype)
+        wrong = "" if abs(measured - case.expected) <= allowed else " **wrong**"
+        cells.append(f"{number(measured)} (± {number(allowed)}){wrong}")
+    return "| " + " | ".join([*cells, case.because, case.guard]) + " |\n"
 
 
 def page() -> str:
-    count = sum(map(len, TABLES.values()))
-    parts = [HEAD.format(count=count)]
+    text = HEAD.format(count=sum(map(len, TABLES.values())))
     for subject, cases in TABLES.items():
-        parts += [f"\n## {subject}\n",
-                  "| question | expected | float32 | float64 | tolerance from | guard |",
-                  "| --- | --- | --- | --- | --- | --- |"]  # fmt: skip
-        parts += [row(case) for case in cases]
-    return "\n".join(parts) + "\n"
+        text += f"\n## {subject}\n\n"
+        text += "| question | expected | float32 | float64 | tolerance from | guard |\n"
+        text += "| --- | --- | --- | --- | --- | --- |\n" + "".join(map(row, cases))
+    return text
 
 
 if __name__ == "__main__":
     PAGE.write_text(page(), encoding="utf-8")
-    print(f"{PAGE.name}: {sum(map(len, TABLES.values()))} cases")

@@ -16,8 +16,7 @@ import twin
 sys.path.insert(0, str(Path(__file__).parents[1] / "benches"))
 
 import accuracy
-from accuracy_texture import continuum, lattice, torus
-from accuracy_ways import Way, largest, rms
+from accuracy_axes import Way, continuum, largest, lattice, rms, torus
 
 PAGE = Path(__file__).parents[1] / "docs" / "internals" / "accuracy.md"
 
@@ -87,10 +86,10 @@ def test_the_bench_writes_plots_and_a_page(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ):
     out, page = tmp_path / "out", tmp_path / "page.md"
-    asked = ["accuracy", "blend", "--runs", "2", "-o", str(out), "--page", str(page)]
+    asked = ["accuracy", "octaves", "--runs", "2", "-o", str(out), "--page", str(page)]
     monkeypatch.setattr(sys, "argv", asked)
     accuracy.main()
-    assert capsys.readouterr().out.count("| power, overlap 10 |") == 1
-    assert {file.name for file in out.iterdir()} == {"blend.png", "accuracy.png"}
-    assert page.read_text().count("| power, overlap 10 |") == 1
-    assert "(out/blend.png)" in page.read_text()
+    assert capsys.readouterr().out.count("| 4 octaves, tile 128 |") == 1
+    assert {file.name for file in out.iterdir()} == {"accuracy.png"}
+    assert page.read_text().count("| 4 octaves, tile 128 |") == 1
+    assert "(out/accuracy.png)" in page.read_text()

@@ -2,24 +2,13 @@
 
 from __future__ import annotations
 
-import importlib.util
+import importlib
 import sys
 from pathlib import Path
-from types import ModuleType
 
 import pytest
 
-BENCHES = Path(__file__).parents[1] / "benches"
-
-
-def load(name: str) -> ModuleType:
-    found = importlib.util.spec_from_file_location(name, BENCHES / f"{name}.py")
-    assert found is not None and found.loader is not None
-    module = importlib.util.module_from_spec(found)
-    # Dataclasses look their module up.
-    sys.modules[name] = module
-    found.loader.exec_module(module)
-    return module
+sys.path.insert(0, str(Path(__file__).parents[1] / "benches"))
 
 
 @pytest.fixture(autouse=True)
@@ -29,7 +18,7 @@ def same_threads(threads) -> None:
 
 def run(name: str, *arguments: str, monkeypatch: pytest.MonkeyPatch, capsys) -> str:
     monkeypatch.setattr(sys, "argv", [name, *arguments])
-    load(name).main()
+    importlib.import_module(name).main()
     return capsys.readouterr().out
 
 

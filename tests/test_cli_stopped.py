@@ -44,48 +44,49 @@ def mistakes() -> dict[str, tuple[list[str], str]]:
     every |= {f"to {p!r}": ([*RENDER[:-1], p, "--frames", "1"], "") for p in patterns}
     for name, (given, word) in inputs.items():
         every[name] = (["render", given, "--snow", "light", "-o", "out/%d.png"], word)
-    every["preset"] = (["render", "plate.png", "--snow", "hevy", "-o", "a.png"], "hevy")
-    every["no snow"] = (["render", "plate.png", "-o", "a.png"], "--snow")
-    every["no output"] = (["render", "plate.png", "--snow", "light"], "output")
-    every["no command"] = ([], "COMMAND")
-    every["bad command"] = (["rendr"], "'rendr'; did you mean 'render'?")
-    every["near option"] = ([*RENDER, "--fames", "3"], "--frames")
-    every["near preset"] = (["plan", "plate.png", "--rain", "drizle"], "mean 'drizzle'?")
     plate = ["render", "plate.png", "-o", "a.png"]
-    every["no mist"] = ([*plate, "--visibility", "30"], "--mist")
-    every["no such mist"] = ([*plate, "--mist", "smog"], "fog")
-    every["no such cone"] = ([*plate, "--cone-rain", "none"], "downpour")
-    every["no such rain"] = ([*plate, "--rain", "shower"], "'drizzle'")
-    two = [*plate, "--rain", "rain", "--camera", "way.csv", "--fly", "0,0,1"]
-    every["two cameras"] = (two, "--camera and --fly")
-    every["no depth"] = ([*plate, "--rain", "rain", "--depth", "nope.exr"], "nope.exr")
-    every["near quality"] = ([*RENDER, "--quality", "hihg"], "mean 'high'?")
-    every["no camera"] = ([*RENDER, "--camera", "no.chan"], "no.chan: camera: No such file")
-    every["near kind"] = (["plan", "kind.toml"], "line 3.*mean 'snow'?")
-    every["old file"] = (["plan", "old.toml"], "old.toml.*format must be 3")
-    every["near weather"] = (["corrupt", ".", "../w", "--weather", "sonw"], "mean 'snow'?")
-    every["two ways"] = ([*RENDER, "--severity", "3"], "severity")
-    every["no such knob"] = (["plan", "plate.png", "--mist", "--rate", "3"], "--rate.*--snow")
-    every["which weather"] = (["plan", "scene.toml", "--severity", "3"], "--severity.*--rain")
-    every["video rate"] = ([*RENDER[:-1], "a.mp4", "--frames", "1", "--fps", "5000"], "fps")
-    every["demo size"] = (["demo", "-o", "d", "--size", "3"], "size")
-    every["demo frames"] = (["demo", "-o", "d", "--frames", "0"], "frames")
+    plan = ["plan", "plate.png"]
+    every |= {
+        "preset": ([*plate, "--snow", "hevy"], "hevy"),
+        "no snow": (plate, "--snow"),
+        "no output": (["render", "plate.png", "--snow", "light"], "output"),
+        "no command": ([], "COMMAND"),
+        "bad command": (["rendr"], "'rendr'; did you mean 'render'?"),
+        "near option": ([*RENDER, "--fames", "3"], "--frames"),
+        "near preset": ([*plan, "--rain", "drizle"], "mean 'drizzle'?"),
+        "no mist": ([*plate, "--visibility", "30"], "--mist"),
+        "no such cone": ([*plate, "--cone-rain", "none"], "downpour"),
+        "two cameras": ([*RENDER, "--camera", "a.csv", "--fly", "0,0,1"], "--camera and --fly"),
+        "no depth": ([*RENDER, "--depth", "nope.exr"], "nope.exr"),
+        "near quality": ([*RENDER, "--quality", "hihg"], "mean 'high'?"),
+        "no camera": ([*RENDER, "--camera", "no.chan"], "no.chan: camera: No such file"),
+        "near kind": (["plan", "kind.toml"], "line 3.*mean 'snow'?"),
+        "old file": (["plan", "old.toml"], "old.toml.*format must be 3"),
+        "near weather": (["corrupt", ".", "../w", "--weather", "sonw"], "mean 'snow'?"),
+        "two ways": ([*RENDER, "--severity", "3"], "severity"),
+        "no such knob": ([*plan, "--mist", "--rate", "3"], "--rate.*--snow"),
+        "which weather": (["plan", "scene.toml", "--severity", "3"], "--severity.*--rain"),
+        "video rate": ([*RENDER[:-1], "a.mp4", "--frames", "1", "--fps", "5000"], "fps"),
+        "demo size": (["demo", "-o", "d", "--size", "3"], "size"),
+        "view": (["view", "missing.toml", "--no-browser"], "missing.toml"),
+        "view port": (["view", "plate.png", "--snow", "--port", "x"], "--port"),
+    }
     return every
 
 
 MISTAKES = mistakes()
+BROKEN = {
+    "text.png": "no picture at all", "empty.png": "", "bad.toml": "format = 3\nfpps = 25\n",
+    "kind.toml": "format = 3\n[[effects]]\nkind = 'sonw'\n", "worse.toml": "size = [1,\n",
+    "old.toml": "[[effects]]\nkind = 'snow'\n", "deep.toml": "size = " + "[" * 20000,
+}  # fmt: skip
 
 
 @pytest.mark.parametrize("name", MISTAKES, ids=ascii)
 def test_a_mistake_is_one_sentence(name: str, run: Run, here: Path):
     Path("cut.png").write_bytes(Path("plate.png").read_bytes()[:3000])
-    Path("text.png").write_text("no picture at all")
-    Path("empty.png").touch()
-    Path("bad.toml").write_text("format = 3\nfpps = 25\n")
-    Path("kind.toml").write_text("format = 3\n[[effects]]\nkind = 'sonw'\n")
-    Path("old.toml").write_text("[[effects]]\nkind = 'snow'\n")
-    Path("worse.toml").write_text("size = [1,\n")
-    Path("deep.toml").write_text("size = " + "[" * 20000)
+    for file, text in BROKEN.items():
+        Path(file).write_text(text)
     before = sorted(here.rglob("*"))
     contents = files(here)
     arguments, word = MISTAKES[name]

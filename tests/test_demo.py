@@ -11,11 +11,11 @@ from scipy.ndimage import gaussian_filter
 
 import flurries as fl
 from flurries.cli import demo
-from flurries.frame.view import Frame
 from flurries.io import open_background, read_layers, read_picture
 from measure import cover
 
 SIZE = 128
+PICTURE = demo.photograph(SIZE)
 
 
 @pytest.fixture(scope="module")
@@ -24,17 +24,13 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, list[Path]]:
     return folder, demo.run(folder, size=SIZE, frames=4)
 
 
-def test_all_files_are_there_and_nothing_else(made: tuple[Path, list[Path]]):
+def test_the_films_and_stills(made: tuple[Path, list[Path]]):
     folder, files = made
     names = {"three.mp4", "three.png", "flight.mp4", "flight.png", "flight.exr"}
     assert {p.name for p in files} == {p.name for p in folder.iterdir()} == names
-
-
-def test_the_films_and_stills(made: tuple[Path, list[Path]]):
-    folder, _ = made
-    scenes = demo.three(demo.photograph(SIZE))
+    scenes = demo.three(PICTURE)
     triple = np.hstack([scene.render(2) for scene in scenes])
-    flying = demo.flight(demo.photograph(SIZE))
+    flying = demo.flight(PICTURE)
     for name, still, size in (
         ("three", triple, (3 * SIZE, SIZE)),
         ("flight", flying.render(2), (SIZE, SIZE)),
@@ -44,28 +40,23 @@ def test_the_films_and_stills(made: tuple[Path, list[Path]]):
         assert np.array_equal(read_picture(folder / f"{name}.png").pixels, still)
         shown = film.frame(1).pixels.astype(int)  # the second of the film is frame 2
         assert np.abs(shown - still).mean() < 12
-        assert (
-            np.abs(shown - still).mean() < np.abs(film.frame(3).pixels.astype(int) - still).mean()
-        )
 
 
 def test_the_layers_are_those_of_the_flight(made: tuple[Path, list[Path]]):
     layers = read_layers(made[0] / "flight.exr")
-    want = demo.flight(demo.photograph(SIZE)).replace(space="linear").render(2, layers=True)
+    want = demo.flight(PICTURE).replace(space="linear").render(2, layers=True)
     assert {"rgba", "snow", "snow.depth", "snow.forward", "snow.coverage"} <= set(layers)
     assert np.abs(layers["snow"][..., 3] - want.alpha).max() <= 2.0**-11
 
 
 def test_the_three_looks_differ_as_their_names_say():
-    few, textured, heavy = (
-        scene.render(5, layers=True) for scene in demo.three(demo.photograph(SIZE))
-    )
+    few, textured, heavy = (scene.render(5, layers=True) for scene in demo.three(PICTURE))
     assert 0 < few.alpha.mean() < min(textured.alpha.mean(), heavy.alpha.mean())
     # The same flakes under the texture: nowhere is it clearer.
     assert (textured.alpha >= few.alpha - 1e-6).all()
 
 
-FALL, CALM = 1.0, (0.0, 0.0, 0.0)
+FALL = 1.0
 
 
 def focus(scene: fl.Scene) -> np.ndarray:
@@ -76,28 +67,11 @@ def focus(scene: fl.Scene) -> np.ndarray:
     return np.array([width / 2 + focal * x / z, height / 2 + focal * y / z])
 
 
-def test_the_request_spreads_from_the_focus():
-    scene = demo.flight(demo.photograph(256))
-    point = focus(scene)
-    assert 0 < point[1] < 100 and point[0] == 128.0, "it lies in the sky"
-    snow = fl.TentSnow.preset("heavy", fall=FALL, wind=CALM, near_depth=20.0)
-    frame = Frame(shape=(256, 256), window=(0, 256, 0, 256), t=1.0, fps=scene.fps,
-                  camera=scene.camera.camera, path=scene.camera, seed=1)  # fmt: skip
-    field = snow.parts.texture.field
-    asked = field.request(frame, field.motion.way(frame))
-    step = asked.tile[0] - asked.overlap
-    rows, cols = asked.drift.shape[:2]
-    y, x = (np.arange(n) * step + asked.tile[0] / 2 for n in (rows, cols))
-    rate = demo.FLIGHT[2] / demo.FPS / snow.near_depth  # of growth, in each frame
-    want = np.stack(np.meshgrid(x - point[0], y - point[1]), axis=-1) * rate
-    assert np.abs(asked.drift[:, :, 0] - want).max() < 1e-10
-    assert np.abs(asked.velocity[:, :, 0] - want).max() < 1e-10
-
-
 def test_the_pictures_flow_away_from_the_focus():
     # Least squares over the whole picture: the brightness of snow, near and far, small steps, and
     # the flow of Eq. 8: growth times the way from the focus, one unknown growth for all depths.
     scene = demo.flight(demo.photograph(256))
+    assert 0 < focus(scene)[1] < 100 and focus(scene)[0] == 128.0, "it lies in the sky"
     snow = replace(scene.effects[0], fall=FALL, shutter=0.0, sway=(0.0, 1.0))
     scene = scene.replace(effects=[snow])
     normal, target = np.zeros((3, 3)), np.zeros(3)
@@ -117,10 +91,7 @@ def test_the_pictures_flow_away_from_the_focus():
     assert np.linalg.norm(found - 128.0) > 30.0, "and not from the middle of the picture"
 
 
-@pytest.mark.parametrize(
-    ("name", "bad"), [("size", 63), ("size", 8193), ("size", 64.0), ("size", "64"),
-                      ("frames", 0), ("frames", 1.5), ("frames", None)]
-)  # fmt: skip
+@pytest.mark.parametrize(("name", "bad"), [("size", 63), ("size", "64"), ("frames", 1.5)])
 def test_refusals_make_nothing(name: str, bad: object, tmp_path: Path):
     with pytest.raises((TypeError, ValueError), match=name):
         demo.run(tmp_path / "new", **{name: bad})

@@ -29,17 +29,25 @@ def modules() -> Iterator[str]:
             yield found.name
 
 
-def run_examples(module: object) -> doctest.TestResults:
-    return doctest.testmod(module, verbose=False, optionflags=doctest.ELLIPSIS)  # type: ignore[arg-type]
-
-
 def run_blocks(text: str) -> int:
     """Run the marked blocks of a page, one after the other in one namespace; say how many."""
-    namespace: dict[str, object] = {"__name__": "readme"}
+    namespace: dict[str, object] = {"__name__": "page"}
     blocks = RUN.findall(text)
     for number, block in enumerate(blocks, 1):
         exec(compile(block, f"block {number}", "exec"), namespace)
     return len(blocks)
+
+
+# Modules whose text has an example, and pages with Python; those of tests of their own apart
+# (test_own_effect.py, test_shot_tasks.py).
+EXAMPLES = sorted(
+    name for name in modules()
+    if ">>> " in Path(str(importlib.util.find_spec(name).origin)).read_text("utf-8", "ignore")  # type: ignore[union-attr]
+)  # fmt: skip
+RUNNING = [
+    page for page in (README, *sorted((README.parent / "docs").glob("*.md")))
+    if "```python" in page.read_text("utf-8") and page.name not in ("your-own-effect.md", "shot.md")
+]  # fmt: skip
 
 
 @pytest.fixture(autouse=True)
@@ -48,72 +56,21 @@ def elsewhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
 
 
-def with_examples() -> list[str]:
-    """Return the modules whose text has an example."""
-    files = {name: importlib.util.find_spec(name).origin for name in modules()}  # type: ignore[union-attr]
-    return sorted(
-        name for name, file in files.items()
-        if str(file).endswith(".py") and ">>> " in Path(str(file)).read_text("utf-8")
-    )  # fmt: skip
-
-
-@pytest.mark.parametrize("name", with_examples())
+@pytest.mark.parametrize("name", EXAMPLES)
 def test_docstring_examples(name: str):
-    ran = run_examples(importlib.import_module(name))
+    ran = doctest.testmod(importlib.import_module(name), optionflags=doctest.ELLIPSIS)
     assert ran.attempted > 0 and ran.failed == 0
 
 
-def test_there_are_examples_to_run():
-    assert len(with_examples()) > 20
+@pytest.mark.parametrize("page", RUNNING, ids=lambda page: page.stem)
+def test_the_readme_and_pages_for_users_run(page: Path):
+    text = page.read_text(encoding="utf-8")
+    assert run_blocks(text) == text.count("```python")
 
 
-def test_a_wrong_example_is_noticed(capsys: pytest.CaptureFixture[str]):
-    import types
-
-    module = types.ModuleType("wrong", ">>> 1 + 1\n3\n")
-    assert run_examples(module) == (1, 1)
-    assert "Expected" in capsys.readouterr().out
-
-
-def test_the_readme_runs():
-    text = README.read_text(encoding="utf-8")
-    assert run_blocks(text) == text.count("```python") >= 2
-
-
-# `test_own_effect.py` runs the page on effects of one's own and looks at what comes out.
-# Run by tests of their own: test_own_effect.py, test_shot_tasks.py.
-APART = {"your-own-effect.md", "shot.md"}
-RUNNING = [
-    "start.md",
-    "concepts.md",
-    "film.md",
-    "camera.md",
-    "depth.md",
-    "gas.md",
-    "light.md",
-    "stereo.md",
-    "augment.md",
-    "looks.md",
-    "plan.md",
-    "snow.md",
-]
-
-
-@pytest.mark.parametrize("name", RUNNING)
-def test_a_page_for_users_runs(name: str):
-    text = (README.parent / "docs" / name).read_text(encoding="utf-8")
-    assert run_blocks(text) == text.count("```python") >= 1
-
-
-def test_all_pages_for_users_with_python_run():
-    pages = (README.parent / "docs").glob("*.md")
-    found = {page.name for page in pages if "```python" in page.read_text(encoding="utf-8")}
-    assert found == {*RUNNING, *APART}
-
-
-def test_the_readme_reader_runs_blocks_in_order():
-    page = "```python\nx = 1\n```\nwords\n```text\nx = 1 / 0\n```\n"
-    page += "```python\nassert x == {}\n```\n"
+def test_there_is_something_to_run_in_order():
+    assert len(EXAMPLES) > 20 and len(RUNNING) > 10
+    page = "```python\nx = 1\n```\nwords\n```python\nassert x == {}\n```\n"
     assert run_blocks(page.format(1)) == 2
     with pytest.raises(AssertionError):
         run_blocks(page.format(2))

@@ -34,13 +34,3 @@ def test_a_wrong_answer_would_be_seen():
         case = Case("wrong", lambda dtype, m=measured: m, 1.0, 1e-3, "")
         with pytest.raises(AssertionError):
             test_hard_case(subject="control", case=case)
-
-
-def test_every_guard_stands_where_it_is_taken_away():
-    import mutations
-
-    for folder, guards in (
-        ("python/flurries", mutations.PYTHON + mutations.CONTRACT), ("src", mutations.RUST),
-    ):  # fmt: skip
-        for guard in guards:
-            mutations.patched((mutations.ROOT / folder / guard.file).read_text("utf-8"), guard)

@@ -21,14 +21,7 @@ import pytest
 import flurries as fl
 from flurries._contract import rectangular
 from public import Call, calls, listed
-from public.complaints import (
-    of_arguments,
-    of_layouts,
-    of_no_arrays,
-    of_output,
-    of_sizes,
-    sizes_of,
-)
+from public.complaints import of_arguments, of_layouts, of_no_arrays, of_output, of_sizes, sizes_of
 from public.scenes import write_files
 
 Array = npt.NDArray[Any]
@@ -72,9 +65,6 @@ def quiet(files: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
         # What calls of these two left behind must not reach other tests.
         fl.set_threads(2)
         fl.set_reproducible(False)
-
-
-# The list ----------------------------------------------------------------------------------------
 
 
 def test_everything_public_has_a_call():
@@ -151,9 +141,6 @@ def test_defaults_are_the_papers():
                 assert parameter.default == wanted, f"{name}: {key}"
 
 
-# Its aspects -------------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize("name", OF_ARRAYS)
 def test_arrays_of_every_layout_and_dtype(name: str):
     assert list(of_layouts(TABLE[name])) == []
@@ -181,9 +168,6 @@ def test_arguments(name: str, capsys: pytest.CaptureFixture[str]):
 def test_sizes_beyond_the_memory(name: str):
     """An answer, a refusal or MemoryError; an abort ends the run."""
     assert list(of_sizes(TABLE[name])) == []
-
-
-# Controls ----------------------------------------------------------------------------------------
 
 
 def twice(

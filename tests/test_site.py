@@ -19,7 +19,6 @@ sys.path.insert(0, str(ROOT / "docs" / "site"))
 import absolute  # noqa: E402
 import links  # noqa: E402
 import searching  # noqa: E402
-import untyped  # noqa: E402
 
 
 def test_a_lost_link_a_lost_place_and_a_strange_load_are_seen(tmp_path: Path):
@@ -31,23 +30,6 @@ def test_a_lost_link_a_lost_place_and_a_strange_load_are_seen(tmp_path: Path):
     assert links.lost(tmp_path) == [
         "a.html: b.html#gone", "a.html: c.html", "a.html: loads https://elsewhere/x.png",
     ]  # fmt: skip
-
-
-def test_a_type_that_says_nothing_is_seen(tmp_path: Path):
-    (tmp_path / "reference").mkdir()
-    (tmp_path / "reference" / "a.html").write_text(
-        '<dt class="sig py"><span>f</span>(x: <span>Any</span>)</dt> <p>Any number.</p>'
-        '<span class="classifier">list of Any</span><span class="classifier">int</span>'
-    )
-    assert untyped.untyped(tmp_path) == ["a.html: f(x: Any)", "a.html: list of Any"]
-
-
-def test_words_for_the_search_become_entries_and_keywords():
-    page = "# A film\n<!-- search: seamless loop, gif -->\n\nIt snows.\n"
-    text = searching.with_entries(page)
-    assert text and 'keywords: "gif, loop, seamless"' in text
-    assert "# A film\n\n```{index} ! seamless loop, ! gif\n```\n\nIt snows." in text
-    assert searching.with_entries("# A film\n\nIt snows.\n") is None
 
 
 def test_every_variable_that_the_code_reads_has_a_row():

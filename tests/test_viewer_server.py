@@ -56,6 +56,11 @@ def test_the_page_and_all_that_it_loads(server: Server):
     assert set(named) == {"viewer.css", "page.js"}
     for name in (*named, "viewer.js"):
         assert asked(server, f"/{server.token}/{name}")[0] == 200
+    # No other page may frame or read it, and no other machine ask.
+    assert "frame-ancestors 'none'" in headers["Content-Security-Policy"]
+    assert headers["Referrer-Policy"] == "no-referrer"
+    assert headers["Access-Control-Allow-Origin"] is None
+    assert server.socket.getsockname()[0] == "127.0.0.1" and len(server.token) >= 32
 
 
 def test_a_question_is_answered(server: Server):
@@ -66,55 +71,31 @@ def test_a_question_is_answered(server: Server):
     assert data[4 + length :][:3] == b"\xff\xd8\xff"
 
 
-@pytest.mark.parametrize(
-    "path",
-    [
-        "/", "/ask", "/x/", "/x/ask", "/{t}x/ask", "/{t}/../ask", "/{t}/server.py",
-        "/{t}/../server.py", "/{t}/%2e%2e/server.py", "/{t}//etc/passwd", "/{t}/page.html/x",
-    ],
-)  # fmt: skip
-@pytest.mark.parametrize("body", [None, b"{}"], ids=["get", "post"])
-def test_strangers_get_nothing(server: Server, path: str, body: bytes | None):
-    assert asked(server, path.format(t=server.token), body)[0] == 404
+STRANGE = ("/", "/ask", "/x/ask", "/{t}x/ask", "/{t}/../server.py", "/{t}/%2e%2e/server.py",
+           "/{t}//etc/passwd", "/{t}/page.html/x")  # fmt: skip
 
 
-@pytest.mark.parametrize("host", ["evil.example", "evil.example:80", "127.0.0.1", ""])
-def test_a_foreign_name_that_points_here_gets_nothing(server: Server, host: str):
-    assert asked(server, f"/{server.token}/", host=host)[0] == 404
-    assert asked(server, f"/{server.token}/ask", b"{}", host=host)[0] == 404
-
-
-def test_it_listens_to_this_machine_alone(server: Server):
-    assert server.socket.getsockname()[0] == "127.0.0.1"
-    other = Server(SCENE)
-    other.server_close()
-    assert len(server.token) >= 32 and other.token != server.token
+def test_strangers_and_foreign_names_get_nothing(server: Server):
+    for body in (None, b"{}"):
+        for path in STRANGE:
+            assert asked(server, path.format(t=server.token), body)[0] == 404, path
+        for host in ("evil.example", "evil.example:80", "127.0.0.1", ""):
+            assert asked(server, f"/{server.token}/ask", body, host)[0] == 404, host
 
 
 @pytest.mark.parametrize("body", [b"", b"{", b"[" * 5000, b"\xff", b"x" * (MOST_BYTES + 1)])
-def test_what_is_no_question_is_refused(server: Server, body: bytes):
+def test_what_is_no_question_is_refused(
+    server: Server, body: bytes, capfd: pytest.CaptureFixture[str]
+):
+    with socket.create_connection(("127.0.0.1", server.server_port)) as line:
+        line.sendall(f"POST /{server.token}/ask HTTP/1.1\r\nHost: 127".encode())
     try:
         assert asked(server, f"/{server.token}/ask", body)[0] == 400
     except ConnectionError:
         assert len(body) > MOST_BYTES  # it hung up without reading all of it
     # And it goes on.
     assert asked(server, f"/{server.token}/ask", b"{}")[0] == 200
-
-
-def test_a_line_that_breaks_off_is_no_error(server: Server, capfd: pytest.CaptureFixture[str]):
-    for _ in range(3):
-        line = socket.create_connection(("127.0.0.1", server.server_port))
-        line.sendall(f"POST /{server.token}/ask HTTP/1.1\r\nHost: 127".encode())
-        line.close()
-    assert asked(server, f"/{server.token}/")[0] == 200
     assert "Traceback" not in capfd.readouterr().err
-
-
-def test_no_other_page_may_frame_or_read_it(server: Server):
-    headers = asked(server, f"/{server.token}/")[2]
-    assert "frame-ancestors 'none'" in headers["Content-Security-Policy"]
-    assert headers["Referrer-Policy"] == "no-referrer"
-    assert headers["Access-Control-Allow-Origin"] is None
 
 
 @pytest.mark.parametrize("field", ["t", "effect", "chart", "at", "values"])
@@ -199,14 +180,3 @@ def test_the_command(tmp_path: Path):
         assert json.loads(data[4:])["save"] == "night-tuned.toml"
         running.send_signal(2)
         assert running.wait(timeout=20) == 0
-
-
-@pytest.mark.parametrize(
-    ("words", "said"),
-    [(["missing.toml"], "missing.toml"), (["#000000"], "weather"), (["a.toml", "--port", "x"], "")],
-)
-def test_mistakes_end_with_2(words: list[str], said: str, capsys: pytest.CaptureFixture[str]):
-    from flurries.cli import main
-
-    assert main(["view", *words]) == 2
-    assert said in capsys.readouterr().err

@@ -15,8 +15,8 @@ use crate::base::error::{Error, zeroed};
 use crate::base::real::Real;
 
 /// How many multiply-adds of the dense passes cost as much as one floating-point operation of an FFT:
-/// they run on full vectors from the first cache. `cargo bench --bench transform` measures it; it lies
-/// between 1.2 and 3.8, high where the size is no power of two.
+/// they run on full vectors from the first cache. Measured between 1.2 and 3.8
+/// (benches/history.md), high where the size is no power of two.
 const DENSE_ADVANTAGE: f64 = 1.5;
 
 /// Floating-point operations of the FFT's way: complex along y for the columns of the band, then every

@@ -15,30 +15,14 @@ EPS = {np.float32: float(np.finfo(np.float32).eps), np.float64: float(np.finfo(n
 
 @dataclass(frozen=True)
 class Case:
-    """One question with a known answer.
-
-    Attributes
-    ----------
-    name : str
-        What is asked.
-    measure : callable
-        dtype -> the measured number.
-    expected : float
-        The answer, from a formula or a count and never from our own kernels.
-    tolerance : float or (float32, float64)
-        How far the measured number may be off; 0 demands equality.
-    because : str
-        Where the tolerance comes from.
-    guard : str
-        What breaks it when it is taken away.
-    """
+    """One question with a known answer."""
 
     name: str
-    measure: Measure
-    expected: float
-    tolerance: float | tuple[float, float]
-    because: str
-    guard: str = ""
+    measure: Measure  # dtype -> the measured number.
+    expected: float  # From a formula or a count, never from our own kernels.
+    tolerance: float | tuple[float, float]  # Of both or of (float32, float64); 0 demands equality.
+    because: str  # Where the tolerance comes from.
+    guard: str = ""  # What breaks it when it is taken away.
 
     def allowed(self, dtype: Any) -> float:
         """Return the tolerance for a dtype."""

@@ -44,64 +44,29 @@ RESULTS = {
 
 @dataclass(frozen=True)
 class Call:
-    """A call that is taken, and what the signature does not say of it.
+    """A call that is taken, and what the signature does not say of it."""
 
-    Attributes
-    ----------
-    given : dict
-        Every argument by its name, arrays as contiguous float64.
-    of : callable, optional
-        What is called, where it is not the public function itself.
-    then : callable, optional
-        What makes arrays of the answer, where it is an object.
-    refused : dict of tuple
-        Values of the right type that are refused all the same, by argument; in place of
-        `values.OUT_OF_RANGE`.
-    pictures : tuple of str
-        Arrays that are pictures: integers mean levels of their full scale, floats themselves.
-    light : bool
-        Whether levels mean display values, and floats light.
-    keeps : str
-        The array whose float dtype the answer keeps.
-    takes : dict of tuple of str
-        What else than numbers an array may be, by argument: see `values.no_arrays`.
-    floats : tuple of str
-        Arrays of which integers are refused.
-    within : float
-        How far answers of float32 may be from those of float64, relative to the largest.
-    infinite : tuple of str
-        Numbers that may be infinite.
-    words : tuple of str
-        Strings that are no choice of a few.
-    unused : tuple of str
-        Arguments that mean nothing beside the others given, and are not looked at.
-    loose : bool
-        Whether a wrong type may be taken or refused in Python's own words: by what is not arrays.
-    heavy : tuple of str
-        Arguments of which a large number, or none at all, is an order for that much work.
-    both : dict of str
-        Arrays that must be alike: whoever changes the one changes the other.
-    strict : bool
-        Whether all refusals are short and name an argument, not only those of a wrong type.
-    """
-
-    given: dict[str, Any]
-    of: Callable[..., Any] | None = None
-    then: Callable[[Any], Any] = lambda made: made
+    given: dict[str, Any]  # Every argument by its name, arrays as contiguous float64.
+    of: Callable[..., Any] | None = None  # What is called, if not the public function itself.
+    then: Callable[[Any], Any] = lambda made: made  # Makes arrays of an answer that is an object.
+    # Refused all the same, by argument; in place of `values.OUT_OF_RANGE`.
     refused: dict[str, tuple[Any, ...]] = field(default_factory=dict)
+    # Arrays whose integers mean levels of their full scale.
     pictures: tuple[str, ...] = ()
-    light: bool = False
-    keeps: str = ""
+    light: bool = False  # Whether levels mean display values, and floats light.
+    keeps: str = ""  # The array whose float dtype the answer keeps.
+    # What else than numbers an array may be: see `values.no_arrays`.
     takes: dict[str, tuple[str, ...]] = field(default_factory=dict)
-    floats: tuple[str, ...] = ()
-    within: float = 2e-5
-    infinite: tuple[str, ...] = ()
-    words: tuple[str, ...] = ()
-    unused: tuple[str, ...] = ()
-    loose: bool = False
+    floats: tuple[str, ...] = ()  # Arrays of which integers are refused.
+    within: float = 2e-5  # Of float32's answers from float64's, relative to the largest.
+    infinite: tuple[str, ...] = ()  # Numbers that may be infinite.
+    words: tuple[str, ...] = ()  # Strings that are no choice of a few.
+    unused: tuple[str, ...] = ()  # Not looked at beside the other arguments.
+    loose: bool = False  # A wrong type may be taken, or refused in Python's own words.
+    # A large number of them, or none at all, is an order for that much work.
     heavy: tuple[str, ...] = ()
-    both: dict[str, str] = field(default_factory=dict)
-    strict: bool = False
+    both: dict[str, str] = field(default_factory=dict)  # Arrays that must be alike.
+    strict: bool = False  # All refusals are short and name an argument, whatever the type.
 
     def __call__(self, **changes: Any) -> Any:
         assert self.of is not None

@@ -14,21 +14,8 @@ from typing import Any
 
 import numpy as np
 
-from public import Call
-from public.values import (
-    DTYPES,
-    HOSTILE,
-    LAYOUTS,
-    OUT_OF_RANGE,
-    SHAPES,
-    SIZES,
-    backwards,
-    may_be,
-    misaligned,
-    no_arrays,
-    read_only,
-    strided,
-)
+from public import Call, values
+from public.values import LAYOUTS, backwards, misaligned, read_only, strided
 
 REFUSALS = (TypeError, ValueError)
 
@@ -111,7 +98,7 @@ def of_layouts(call: Call) -> Iterator[str]:
         taken = 0
         if not outcome(call):
             yield "an answer without numbers: nothing is compared"
-        for dtype in DTYPES:
+        for dtype in values.DTYPES:
             plain = converted(value, dtype, picture)
             full = float(np.iinfo(plain.dtype).max) if picture and plain.dtype.kind == "u" else 1.0
             what = f"{argument} {dtype}"
@@ -157,7 +144,7 @@ def of_no_arrays(call: Call) -> Iterator[str]:
     for argument, value in call.arrays.items():
         takes = call.takes.get(argument, ("NaN",) if argument in call.pictures else ())
         both = call.both.get(argument, argument)
-        for what, array in no_arrays(value).items():
+        for what, array in values.no_arrays(value).items():
             if what.removeprefix("one ") in takes:
                 continue
             try:
@@ -267,9 +254,9 @@ def values_for(call: Call, argument: str) -> Iterator[tuple[Any, bool]]:
     parameter = call.parameters[argument]
     kind = str(parameter.annotation)
     if argument not in call.unused:
-        for value in call.refused.get(argument, OUT_OF_RANGE.get(argument, ())):
+        for value in call.refused.get(argument, values.OUT_OF_RANGE.get(argument, ())):
             yield value, True
-    for value in HOSTILE:
+    for value in values.HOSTILE:
         if argument in call.heavy and (value is None or _is_large(value) or _is_word(value)):
             continue
         if kind.startswith("Sequence[str]") and isinstance(value, np.ndarray):
@@ -278,7 +265,7 @@ def values_for(call: Call, argument: str) -> Iterator[tuple[Any, bool]]:
             # A cluster, or a search for one: `test_cluster.py` has both. A client that found none
             # may be tidied up while the next cluster starts, and Dask then waits for itself.
             continue
-        must = not may_be(kind, value)
+        must = not values.may_be(kind, value)
         if isinstance(value, str) and not must:
             files = "PathLike" in kind or "Path" in kind
             must = not (files or argument in call.words or "Any" in kind)
@@ -299,7 +286,7 @@ def _is_large(value: Any) -> bool:
 Values = Callable[[Call, str], Iterator[tuple[Any, bool]]]
 
 
-def of_arguments(call: Call, values: Values = values_for) -> Iterator[str]:
+def of_arguments(call: Call, tried: Values = values_for) -> Iterator[str]:
     """Try values for every argument that is no array, with little memory."""
     every = tuple(call.parameters)
     call()
@@ -307,7 +294,7 @@ def of_arguments(call: Call, values: Values = values_for) -> Iterator[str]:
         if argument == "out":
             continue
         of_array = ((value, True) for value in call.refused.get(argument, ()))
-        for value, must in of_array if argument in call.arrays else values(call, argument):
+        for value, must in of_array if argument in call.arrays else tried(call, argument):
             with little_memory():
                 found = _of_value(call, argument, value, must)
             if found:
@@ -352,9 +339,9 @@ def sizes_of(call: Call) -> Iterator[tuple[str, Any]]:
     for argument, value in call.given.items():
         if argument not in NO_SIZES and argument not in call.heavy:
             if isinstance(value, int) and not isinstance(value, bool):
-                yield from ((argument, size) for size in SIZES)
+                yield from ((argument, size) for size in values.SIZES)
             if isinstance(value, tuple) and len(value) == 2 and all(type(v) is int for v in value):
-                yield from ((argument, shape) for shape in SHAPES)
+                yield from ((argument, shape) for shape in values.SHAPES)
 
 
 def of_sizes(call: Call) -> Iterator[str]:

@@ -11,17 +11,7 @@ import flurries as fl
 from flurries import augment, io
 from flurries.io.layers.deep import Deep, write_deep
 from public import Call
-from public.arrays import (
-    ASIDE,
-    COVER,
-    DEPTH,
-    LENS,
-    MATRICES,
-    OTHER,
-    PICTURE,
-    POINTS,
-    SHAPE,
-)
+from public.arrays import ASIDE, COVER, DEPTH, LENS, MATRICES, OTHER, PICTURE, POINTS, SHAPE
 
 LEVELS = (255 * PICTURE).astype(np.uint8)
 LAYER = np.dstack([0.5 * PICTURE, np.full(SHAPE, 0.5)])

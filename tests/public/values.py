@@ -138,12 +138,6 @@ def _is_row(value: Any, of: Callable[[Any], bool], length: int | None) -> bool:
     return all(of(one) for one in value)
 
 
-def may_be(kind: str, value: Any) -> bool:
-    """Say whether a value can be of a type, as signatures spell it."""
-    kind = kind.removeprefix("InitVar[").removesuffix("]") if "InitVar" in kind else kind
-    return any(_may_be(part, value) for part in parts(kind))
-
-
 def parts(kind: str) -> list[str]:
     """Return the alternatives of a type."""
     found, depth = [""], 0
@@ -156,49 +150,37 @@ def parts(kind: str) -> list[str]:
     return [part.strip() for part in found]
 
 
-def _may_be(kind: str, value: Any) -> bool:
-    if kind == "None":
-        return value is None
-    if kind == "bool":
-        return isinstance(value, (bool, np.bool_))
-    if kind == "int":
-        return _is_integer(value)
-    if kind in ("float", "Number", "Fraction"):
-        return _is_number(value)
-    if kind == "str":
-        return isinstance(value, str)
-    if kind == "tuple[int, int]":
-        return _is_row(value, _is_integer, 2)
-    if kind == "tuple[float, float]":
-        return _is_row(value, _is_number, 2)
-    if kind == "tuple[float, float, float]":
-        return _is_row(value, _is_number, 3)
-    if kind == "Vector":
-        return _is_row(value, _is_number, None)
-    if kind == "Range":
-        return _is_number(value) or _is_row(value, _is_number, 2)
-    if kind == "npt.DTypeLike":
-        # A number is as good as its type.
-        return isinstance(value, np.float64)
-    if kind in OBJECTS or kind.startswith("Mapping["):
-        return isinstance(value, dict)
+# What may be of a type, as signatures spell it.
+TYPES: dict[str, Callable[[Any], bool]] = {
+    "None": lambda value: value is None,
+    "bool": lambda value: isinstance(value, (bool, np.bool_)),
+    "int": _is_integer,
+    **dict.fromkeys(("float", "Number", "Fraction"), _is_number),
+    "str": lambda value: isinstance(value, str),
+    "tuple[int, int]": lambda value: _is_row(value, _is_integer, 2),
+    "tuple[float, float]": lambda value: _is_row(value, _is_number, 2),
+    "tuple[float, float, float]": lambda value: _is_row(value, _is_number, 3),
+    "Vector": lambda value: _is_row(value, _is_number, None),
+    "Range": lambda value: _is_number(value) or _is_row(value, _is_number, 2),
+    # A number is as good as its type.
+    "npt.DTypeLike": lambda value: isinstance(value, np.float64),
+    # Classes, of which none is among the hostile values.
+    **dict.fromkeys(
+        ("Camera", "Scene", "Budget", "Population", "Match", "Ground", "Lamp", "Lens", "Output",
+         "Sun", "Mapping", "Texture", "Wind"), lambda value: isinstance(value, dict),
+    ),
     # Of what is left, sequences and such, only the plainest is known.
-    return not isinstance(value, (bool, complex)) or kind in ("Any", "Depth")
+    "Any": lambda value: True, "Depth": lambda value: True,
+}  # fmt: skip
 
 
-# Classes, of which none is among the hostile values.
-OBJECTS = (
-    "Camera",
-    "Scene",
-    "Budget",
-    "Population",
-    "Match",
-    "Ground",
-    "Lamp",
-    "Lens",
-    "Output",
-    "Sun",
-    "Mapping",
-    "Texture",
-    "Wind",
-)
+def may_be(kind: str, value: Any) -> bool:
+    """Say whether a value can be of a type."""
+    kind = kind.removeprefix("InitVar[").removesuffix("]") if "InitVar" in kind else kind
+
+    def one(part: str) -> bool:
+        if part.startswith("Mapping["):
+            return isinstance(value, dict)
+        return TYPES.get(part, lambda v: not isinstance(v, (bool, complex)))(value)
+
+    return any(one(part) for part in parts(kind))

@@ -69,7 +69,6 @@ def run(
 
 
 def photograph(size: int) -> Array:
-    """Return the demo's photograph, (size, size, 3) uint8."""
     return io.photograph("rocket", size=(size, size))
 
 
@@ -80,15 +79,13 @@ def three(picture: Array, *, seed: int = 1) -> list[Scene]:
         TentSnow.preset("heavy", flakes=FEW),
         Snow.preset("heavy"),
     ]
-    size = (picture.shape[1], picture.shape[0])
-    return [Scene(size, picture, effects=[look], fps=FPS, seed=seed) for look in looks]
+    return [Scene(None, picture, effects=[look], fps=FPS, seed=seed) for look in looks]
 
 
 def flight(picture: Array, *, seed: int = 1) -> Scene:
-    size = (picture.shape[1], picture.shape[0])
-    camera = CameraPath(Camera(DEFAULT_FOCAL * size[0]), velocity=FLIGHT)
+    camera = CameraPath(Camera(DEFAULT_FOCAL * picture.shape[1]), velocity=FLIGHT)
     snow = Snow.preset("heavy", wind=(0.0, 0.0, 0.0))
-    return Scene(size, picture, camera, [snow], fps=FPS, seed=seed)
+    return Scene(None, picture, camera, [snow], fps=FPS, seed=seed)
 
 
 def _film(film: Path, scenes: list[Scene], frames: int, words: Words) -> list[Path]:

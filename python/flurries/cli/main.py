@@ -7,6 +7,7 @@ import os
 import sys
 import traceback
 from collections.abc import Sequence
+from pathlib import Path
 
 import click
 from click.shell_completion import shell_complete
@@ -42,10 +43,8 @@ class Commands(click.Group):
         return list(COMMANDS)
 
     def get_command(self, ctx: click.Context, name: str) -> click.Command | None:
-        if name not in COMMANDS:
-            return None
-        found: click.Command = getattr(importlib.import_module(f"flurries.cli.{name}"), name)
-        return found
+        module = importlib.import_module(f"flurries.cli.{name}") if name in COMMANDS else None
+        return getattr(module, name, None)
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
         if not args and not ctx.resilient_parsing:
@@ -55,12 +54,9 @@ class Commands(click.Group):
     def resolve_command(
         self, ctx: click.Context, args: list[str]
     ) -> tuple[str | None, click.Command | None, list[str]]:
-        """Find the command that is asked for, or say which one is like it."""
         if args[0] not in COMMANDS and not args[0].startswith("-"):
-            raise click.UsageError(
-                f"COMMAND must be one of {', '.join(COMMANDS)}, got {args[0]!r}"
-                f"{suggestion(args[0], COMMANDS)}", ctx
-            )  # fmt: skip
+            found = f"got {args[0]!r}{suggestion(args[0], COMMANDS)}"
+            raise click.UsageError(f"COMMAND must be one of {', '.join(COMMANDS)}, {found}", ctx)
         return super().resolve_command(ctx, args)
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
@@ -93,9 +89,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     Returns
     -------
     int
-        0; 2 for a user's mistake or a file that fails; 3 if frames were skipped, or if files are
-        not what their manifest says; 130 after Ctrl-C; 141 where the reader of a pipe has gone;
-        1 for a defect of flurries.
+        As ``flurries --help`` says; 141 where the reader of a pipe has gone.
     """
     given = list(sys.argv[1:] if arguments is None else arguments)
     try:
@@ -109,7 +103,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except click.exceptions.Exit as done:
         return done.exit_code
     except BrokenPipeError:
-        return _close_pipe()
+        # Let Python end in peace where the reader of stdout has gone, as `head` does.
+        with Path(os.devnull).open("w") as nowhere:
+            os.dup2(nowhere.fileno(), sys.stdout.fileno())
+        return CLOSED_PIPE
     except KeyboardInterrupt:
         say("stopped; finished files stay, run again to go on")
         return INTERRUPTED
@@ -132,14 +129,6 @@ def explain(error: Exception) -> tuple[str, int]:
         # The library's own refusals are sentences that name the argument or the file.
         return str(error) or type(error).__name__, MISTAKE
     return f"{type(error).__name__}: {error} (a defect of flurries; --verbose says where)", DEFECT
-
-
-def _close_pipe() -> int:
-    """Let Python end in peace where the reader of stdout has gone, as `head` does."""
-    nowhere = os.open(os.devnull, os.O_WRONLY)
-    os.dup2(nowhere, sys.stdout.fileno())
-    os.close(nowhere)
-    return CLOSED_PIPE
 
 
 if __name__ == "__main__":

@@ -37,14 +37,11 @@ class Command(click.Command):
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
         """Part an option that stands without its value from a word that is none."""
-        bare = {
-            option.opts[0]: option.pattern for option in self.params if isinstance(option, Bare)
-        }
+        bare = {one.opts[0]: one.pattern for one in self.params if isinstance(one, Bare)}
         for name in bare:
             if sum(word.partition("=")[0] == name for word in args) > 1:
-                raise click.UsageError(
-                    f"{name} is given twice, and one would replace the other", ctx
-                )
+                twice = f"{name} is given twice, and one would replace the other"
+                raise click.UsageError(twice, ctx)
         joined = [
             f"{word}=" if word in bare and not bare[word].fullmatch(after) else word
             for word, after in zip(args, [*args, ""][1:], strict=True)
@@ -108,7 +105,6 @@ def numbers(length: int) -> Callable[[str], tuple[float, ...]]:
 
 FILE = click.Path()
 
-
 # What kinds of weather are called in the help, where the option does not say it all.
 WORDS = {
     "cone-snow": "snow drawn on a cone", "cone-rain": "rain drawn on a cone",
@@ -120,16 +116,10 @@ def weather_options(presets: Mapping[str, Sequence[str]]) -> Iterator[Callable[[
     """Yield an option for each kind of weather."""
     for name, known in presets.items():
         yield option(
-            f"--{name}",
-            cls=Bare,
-            pattern=r"\w[\w -]*|\w+=.*",
-            words=known,
-            metavar="PRESET",
-            unset="none",
-            help=f"{WORDS.get(name, name)}: {', '.join(known)}; alone the "
-            "usual look, or that of --severity or --rate",
-            example=known[-1],
-        )
+            f"--{name}", cls=Bare, pattern=r"\w[\w -]*|\w+=.*", words=known, metavar="PRESET",
+            unset="none", example=known[-1], help=f"{WORDS.get(name, name)}: {', '.join(known)}; "
+            "alone the usual look, or that of --severity or --rate",
+        )  # fmt: skip
 
 
 def join(*options: Callable[[Any], Any]) -> Callable[[Function], Function]:
@@ -164,45 +154,42 @@ def dask(unset: str) -> Callable[[Function], Function]:
     )  # fmt: skip
 
 
-def _apply_threads(ctx: click.Context, param: click.Parameter, value: int | None) -> None:
-    if value is not None:
+def _apply(ctx: click.Context, param: click.Parameter, value: Any) -> None:
+    """Set what holds wherever a file is read, and for the workers that it may start."""
+    if value is None or value is False:
+        return
+    if param.name == "threads":
         set_threads(value)
-
-
-def _apply_reproducible(ctx: click.Context, param: click.Parameter, value: bool) -> None:
-    if value:
+    else:
+        os.environ[f"FLURRIES_{str(param.name).upper()}"] = str(int(value))
+    if param.name == "reproducible":
         set_reproducible(True)
-        # For the workers that it may start.
-        os.environ["FLURRIES_REPRODUCIBLE"] = "1"
 
 
 THREADS = option(
-    "--threads", type=int, metavar="N", expose_value=False, callback=_apply_threads,
+    "--threads", type=int, metavar="N", expose_value=False, callback=_apply,
     unset="all cores, or FLURRIES_NUM_THREADS", example="2", help="threads of a frame; the same "
     "pixels come out whatever their number",
 )  # fmt: skip
 
 REPRODUCIBLE = option(
-    "--reproducible", is_flag=True, expose_value=False, callback=_apply_reproducible,
+    "--reproducible", is_flag=True, expose_value=False, callback=_apply,
     help="the same bits on every processor, at some cost of time",
 )  # fmt: skip
-
-
-def _apply_budget(ctx: click.Context, param: click.Parameter, value: int | None) -> None:
-    if value is not None:
-        # Wherever a file is read, and for the workers that it may start.
-        os.environ[f"FLURRIES_{str(param.name).upper()}"] = str(value)
 
 
 def _most(what: str, usual: str, example: str) -> Callable[[Function], Function]:
     return option(
         f"--max-{what}", type=click.IntRange(min=1), metavar="N", expose_value=False,
-        callback=_apply_budget, unset=f"FLURRIES_MAX_{what.upper()}, or {usual}", example=example,
+        callback=_apply, unset=f"FLURRIES_MAX_{what.upper()}, or {usual}", example=example,
         help=f"{what} that a picture may have that is read; larger ones are refused unread",
     )  # fmt: skip
 
 
-BUDGET = join(_most("pixels", "2^28", "600000000"), _most("bytes", "2^32", "8000000000"))
+WORK = join(
+    _most("pixels", "2^28", "600000000"), _most("bytes", "2^32", "8000000000"), THREADS,
+    REPRODUCIBLE,
+)  # fmt: skip
 
 
 def voice(function: Callable[..., Any]) -> Callable[..., Any]:
@@ -215,10 +202,6 @@ def voice(function: Callable[..., Any]) -> Callable[..., Any]:
     run.__dict__.update(function.__dict__)
     return join(
         option("-q", "--quiet", is_flag=True, help="no progress, only warnings and errors"),
-        option(
-            "-v",
-            "--verbose",
-            is_flag=True,
-            help="also what a frame costs, and where in the code an error is",
-        ),
-    )(run)
+        option("-v", "--verbose", is_flag=True,
+               help="also what a frame costs, and where in the code an error is"),
+    )(run)  # fmt: skip

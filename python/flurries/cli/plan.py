@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from flurries.cli.options import BUDGET, FRAMES, REPRODUCIBLE, THREADS, command, option, voice
+from flurries.cli.options import FRAMES, WORK, command, option, voice
 from flurries.cli.weather import scene_of, scene_options
 from flurries.cli.words import Words
 
@@ -19,9 +19,7 @@ from flurries.cli.words import Words
 @option("--json", "as_json", is_flag=True, help="JSON in place of a table")
 @option("--no-probe", is_flag=True, help="render nothing: the steps, without times and memory")
 @option("--accuracy", is_flag=True, help="also what more and fewer drawn flakes take and look like")
-@BUDGET
-@THREADS
-@REPRODUCIBLE
+@WORK
 @voice
 def plan(
     words: Words, frames: str | None, as_json: bool, no_probe: bool, accuracy: bool, **given: Any

@@ -6,19 +6,7 @@ from typing import Any
 
 import click
 
-from flurries.cli.options import (
-    BUDGET,
-    FILE,
-    FRAMES,
-    OVERWRITE,
-    REPRODUCIBLE,
-    THREADS,
-    OneOf,
-    command,
-    dask,
-    option,
-    voice,
-)  # fmt: skip
+from flurries.cli.options import FILE, FRAMES, OVERWRITE, WORK, OneOf, command, dask, option, voice
 from flurries.cli.weather import scene_of, scene_options
 from flurries.cli.words import Words, count, say, stages
 from flurries.io.films.codecs import CODECS, QUALITIES
@@ -81,9 +69,7 @@ NAMED = 10
 @dask("the threads of this machine")
 @option("--dask-patience", type=float, default=60.0, metavar="SECONDS", example="600",
         help="how long to wait while the cluster has no worker")  # fmt: skip
-@BUDGET
-@THREADS
-@REPRODUCIBLE
+@WORK
 @voice
 def render(
     words: Words, output: str, frames: str | None, overwrite: bool, bits: str | None,

@@ -7,7 +7,7 @@ from typing import Any
 
 import click
 
-from flurries.cli.options import BUDGET, FILE, REPRODUCIBLE, THREADS, command, option, voice
+from flurries.cli.options import FILE, WORK, command, option, voice
 from flurries.cli.weather import scene_of, scene_options
 from flurries.cli.words import Words
 from flurries.viewer.server import Server, open_page, serve
@@ -24,9 +24,7 @@ from flurries.viewer.server import Server, open_page, serve
 @option("--port", type=click.IntRange(0, 65535), default=0, metavar="N",
         help="port of the page; 0 takes any that is free", example="8080")  # fmt: skip
 @option("--no-browser", is_flag=True, help="only print the address")
-@BUDGET
-@THREADS
-@REPRODUCIBLE
+@WORK
 @voice
 def view(
     words: Words, save: str | None, pixels: int, port: int, no_browser: bool, **given: Any

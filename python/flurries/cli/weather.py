@@ -88,16 +88,7 @@ scene_options: Callable[[Any], Any] = join(
 
 def scene_of(source: str, **options: Any) -> Scene:
     """Return the scene that `scene_options` describe."""
-    scene = _scene_of(source, options)
-    return scene if options["loop"] is None else scene.loop(options["loop"])
-
-
-def _scene_of(source: str, options: dict[str, Any]) -> Scene:
-    changes = {
-        name: options[name]
-        for name in ("seed", "size", "fps", "extend", "start", "colorspace")
-        if options[name] is not None
-    }
+    changes = _given(options, ("seed", "size", "fps", "extend", "start", "colorspace"))
     if options["foreground"]:
         changes["foreground"] = [_matte(text) for text in options["foreground"]]
     if options["linear"]:
@@ -110,18 +101,18 @@ def _scene_of(source: str, options: dict[str, Any]) -> Scene:
         scene = _changed(Scene.load(source), changes, options)
     else:
         scene = _new(source, changes, options)
+    lens = scene.camera.camera
     if options["fly"] is not None:
-        return scene.replace(camera=CameraPath(scene.camera.camera, velocity=options["fly"]))
-    if options["camera"] is not None:
-        shape = scene.display[3], scene.display[2]
+        scene = scene.replace(camera=CameraPath(lens, velocity=options["fly"]))
+    elif options["camera"] is not None:
         with file_of("camera"):
-            way = importers.load(options["camera"], shape, camera=scene.camera.camera)
-        return scene.replace(camera=way)
-    return scene
+            shape = scene.display[3], scene.display[2]
+            way = importers.load(options["camera"], shape, camera=lens)
+        scene = scene.replace(camera=way)
+    return scene if options["loop"] is None else scene.loop(options["loop"])
 
 
 def _new(source: str, changes: dict[str, Any], options: dict[str, Any]) -> Scene:
-    """Return the scene of a picture, a film or a color."""
     kinds = [kind for kind in KINDS if options[kind.replace("-", "_")] is not None]
     if not kinds and any(options[knob] is not None for knob in KNOBS):
         options = {**options, "snow": ""}
@@ -135,7 +126,6 @@ def _new(source: str, changes: dict[str, Any], options: dict[str, Any]) -> Scene
 
 
 def _changed(scene: Scene, changes: dict[str, Any], options: dict[str, Any]) -> Scene:
-    """Return a scene from a file, with the changes of the command line."""
     common = _given(options, FIELDS)
     if effects := _effects(options):
         changes["effects"] = effects

@@ -17,7 +17,6 @@ EVERY = 10.0
 
 
 def say(text: object) -> None:
-    """Write one line to stderr."""
     print(f"flurries: {' '.join(str(text).split())}", file=sys.stderr)
 
 
@@ -79,7 +78,6 @@ def lines(items: Any, noun: str, *, every: float = EVERY) -> Iterator[Any]:
 
 
 def stages(trace: Trace, frames: int) -> str:
-    """Return the time of each stage in words."""
     spent = {name: 1e3 * seconds / frames for name, seconds in trace.seconds.items()}
     parts = ", ".join(f"{name} {time:.1f}" for name, time in spent.items())
     return f"{sum(spent.values()):.1f} ms a frame: {parts}"

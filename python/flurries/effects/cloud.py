@@ -22,7 +22,7 @@ from flurries.motion.keys import Vector
 RIM = 0.075
 
 # Sigma (px) from which particles are drawn on a lattice: each errs by at most .0015 of its density,
-# and a frame by less than half a step of 8 bits (docs/internals/accuracy.md).
+# and a frame by less than half a step of 8 bits (docs/gas.md).
 SMOOTH = 24.0
 
 # Where a film begins again: the stream of the order in which particles give way, and over which

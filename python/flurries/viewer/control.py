@@ -1,12 +1,9 @@
-"""What a page shows for one number, choice or color of a scene, and what it may send back.
-
-Looks by name and colors of effects are such rows.
-"""
+"""What a page shows for one number, choice or color of a scene, and what it may send back."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from typing import Any, Literal, TypeAlias
 
 import numpy as np
@@ -43,9 +40,6 @@ class Control:
     kind: Kind = "slider"
     choices: tuple[str, ...] = ()
 
-    def plain(self) -> dict[str, Any]:
-        return asdict(self)
-
     def checked(self, value: Any) -> Any:
         """Return a value that came from a page, if it is one that this row can have."""
         name = f"values[{self.key!r}]"
@@ -66,31 +60,22 @@ def color_of(key: str, group: str, label: str, value: str, words: tuple[str, ...
     return Control(key, group, label, value=value, kind="color", choices=words)
 
 
-def hex_of(parts: Any) -> str:
-    """Return "#rrggbb" of three display values, 0 to 1."""
-    return "#" + "".join(f"{round(255 * min(max(float(part), 0.0), 1.0)):02x}" for part in parts)
-
-
 def dressed(scene: Scene, values: Mapping[str, Any]) -> Scene:
     """Return the scene with the looks by name that were chosen, before any slider counts."""
-    chosen = {
-        index: _look(scene, index, values[f"{index}.{PRESET}"])
-        for index in range(len(scene.effects))
-        if values.get(f"{index}.{PRESET}", GIVEN) != GIVEN
-    }
-    if not chosen:
+    effects = {}
+    for index, effect in enumerate(scene.effects):
+        name = values.get(f"{index}.{PRESET}", GIVEN)
+        if name == GIVEN:
+            continue
+        looks = preset_of(scene, index, {})
+        if looks is None:
+            raise ValueError(f"values must have keys of sliders, got '{index}.{PRESET}'")
+        seed = getattr(effect, "seed", None)
+        kept = {} if seed is None else {"seed": seed}
+        effects[index] = type(effect).preset(looks.checked(name), **kept)
+    if not effects:
         return scene
-    effects = tuple(chosen.get(index, effect) for index, effect in enumerate(scene.effects))
-    return scene.derive(effects=effects)
-
-
-def _look(scene: Scene, index: int, name: Any) -> Any:
-    effect: Any = scene.effects[index]
-    looks = preset_of(scene, index, {})
-    if looks is None:
-        raise ValueError(f"values must have keys of sliders, got '{index}.{PRESET}'")
-    kept = {"seed": effect.seed} if getattr(effect, "seed", None) is not None else {}
-    return type(effect).preset(looks.checked(name), **kept)
+    return scene.derive(effects=tuple(effects.get(i, e) for i, e in enumerate(scene.effects)))
 
 
 def preset_of(
@@ -98,11 +83,10 @@ def preset_of(
 ) -> Control | None:
     """Return the choice of an effect's look; None where it has none."""
     names = tuple(getattr(scene.effects[index], "PRESETS", ()))
-    if not names:
-        return None
     key = f"{index}.{PRESET}"
     stands = values.get(key, GIVEN)
-    return choice_of(key, group, "Preset", (GIVEN, *names), stands if stands in names else GIVEN)
+    now = stands if stands in names else GIVEN
+    return choice_of(key, group, "Preset", (GIVEN, *names), now) if names else None
 
 
 def color_control(index: int, group: str, effect: Any) -> Control | None:
@@ -111,9 +95,8 @@ def color_control(index: int, group: str, effect: Any) -> Control | None:
     if color is None:
         return None
     words = (AMBIENT, LOCAL) if type(effect).__name__ in _PLACED else (AMBIENT,)
-    if isinstance(color, str):
-        stands = color
-    else:
+    stands = color
+    if not isinstance(color, str):
         now = np.broadcast_to(value_at(color, 0.0) if isinstance(color, Keys) else color, 3)
-        stands = hex_of(now)
+        stands = "#" + "".join(f"{round(255 * part):02x}" for part in np.clip(now, 0.0, 1.0))
     return color_of(f"{index}.{COLOR}", group, "Color", stands, words)

@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 
-from flurries.camera.path import CameraPath
 from flurries.io import write_layers, write_picture
 from flurries.scene.scene import Scene
 
@@ -42,7 +41,10 @@ def python_of(scene: Scene) -> str:
     """Return Python that makes a scene; arrays are called `picture` and `depth`."""
     lines = ["import flurries as fl", ""]
     effects = [f"    {call(effect)}," for effect in scene.effects]
-    lines += ["effects = [", *effects, "]", _camera(scene.camera)]
+    path = scene.camera
+    own = [name for name in ("velocity", "orientation", "focal") if getattr(path, name) is not None]
+    way = "".join(f", {name}={call(getattr(path, name))}" for name in own)
+    lines += ["effects = [", *effects, "]", f"camera = fl.CameraPath({call(path.camera)}{way})"]
     given = scene.background
     background = "picture" if isinstance(given, np.ndarray) else repr(str(given))
     more = "" if scene.seed == 0 else f", seed={scene.seed}"
@@ -60,25 +62,17 @@ def python_of(scene: Scene) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _camera(path: CameraPath) -> str:
-    own = [name for name in ("velocity", "orientation", "focal") if getattr(path, name) is not None]
-    more = "".join(f", {name}={call(getattr(path, name))}" for name in own)
-    return f"camera = fl.CameraPath({call(path.camera)}{more})"
-
-
 def call(value: Any) -> str:
     """Return the call that makes an effect or a wind, with the fields that are not usual."""
     if isinstance(value, tuple) and any(map(is_dataclass, value)):
         return "(" + "".join(f"{call(part)}, " for part in value) + ")"
     if not is_dataclass(value):
         return f"fl.{value!r}" if type(value).__name__ == "Keys" else _plain(value)
+    shown = [f for f in fields(value) if f.init and f.repr and not f.name.startswith("_")]
     given = [
         f"{f.name}={call(getattr(value, f.name))}"
-        for f in fields(value)
-        if f.init
-        and f.repr
-        and not f.name.startswith("_")
-        and repr(getattr(value, f.name)) != repr(f.default)
+        for f in shown
+        if repr(getattr(value, f.name)) != repr(f.default)
     ]
     return f"fl.{type(value).__name__}({', '.join(given)})"
 

@@ -24,7 +24,7 @@ from typing import Any
 
 from flurries.scene.scene import Scene
 from flurries.viewer.session import Session, packed
-from flurries.viewer.web import PAGES
+from flurries.viewer.web import PAGES, text_of
 
 _KINDS = {"html": "text/html", "js": "text/javascript", "css": "text/css"}
 _POLICY = "default-src 'self'; img-src 'self' blob: data:; frame-ancestors 'none'"
@@ -53,7 +53,6 @@ class Server(ThreadingHTTPServer):
         super().__init__(("127.0.0.1", port), _Handler)
 
     def process_request(self, request: Any, client_address: Any) -> None:
-        """Answer in a thread of its own, or say that there are too many."""
         if self._free.acquire(blocking=False):
             try:
                 super().process_request(request, client_address)
@@ -72,7 +71,6 @@ class Server(ThreadingHTTPServer):
             self._free.release()
 
     def server_close(self) -> None:
-        """Close the viewer, and remove the file that led a browser to it."""
         super().server_close()
         if self.redirect is not None:
             self.redirect.unlink(missing_ok=True)
@@ -95,12 +93,11 @@ class _Handler(BaseHTTPRequestHandler):
     timeout = 20
 
     def do_GET(self) -> None:
-        name = self._name()
-        text = None if name is None else PAGES.get(name or "page.html")
-        if text is None:
+        page = "page.html" if self._name() == "" else self._name()
+        if page not in PAGES:
             return self._send(404, b"not found\n", "text/plain")
-        kind = _KINDS[(name or "page.html").rsplit(".")[-1]]
-        self._send(200, text().encode(), f"{kind}; charset=utf-8")
+        kind = _KINDS[page.rsplit(".")[-1]]
+        self._send(200, text_of(page).encode(), f"{kind}; charset=utf-8")
 
     def do_POST(self) -> None:
         body = self._body()

@@ -11,14 +11,14 @@ import threading
 import time
 import warnings
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any, TypeAlias
 
 import numpy as np
 
 from flurries import stereo
-from flurries._contract import Array, integer, real
+from flurries._contract import Array, choice, integer, real
 from flurries.camera.path import CameraPath
 from flurries.frame.show import jpeg, on_screen
 from flurries.motion.keys import Keys
@@ -31,7 +31,6 @@ from flurries.viewer.preview import Preview
 
 # Where two eyes meet, if nothing else says so: in front of the far flakes, behind the nearest.
 CONVERGENCE = 6.0
-
 
 # Pages whose air is remembered; an older one begins again from the closed form.
 MOST_PAGES = 16
@@ -67,7 +66,7 @@ class Session:
             "frames": self.scene.frames,
             "effects": names(self.scene),
             "textured": [field_of(effect) is not None for effect in self.scene.effects],
-            "controls": [control.plain() for control in controls],
+            "controls": [asdict(control) for control in controls],
             "save": str(self.save_path),
         }
 
@@ -76,23 +75,26 @@ class Session:
         try:
             if not isinstance(ask, Mapping):
                 raise TypeError(f"ask must be an object, got {type(ask).__name__}")
-            kind = ask.get("kind", "frame")
+            values = ask.get("values", {})
+            if not isinstance(values, Mapping):
+                raise TypeError(f"values must be an object, got {type(values).__name__}")
+            kinds = ("frame", "save", "python", "film", "describe")
+            kind = choice("kind", ask.get("kind", "frame"), kinds)
             with self._lock, warnings.catch_warnings():
                 warnings.simplefilter("ignore", UserWarning)
-                if kind == "describe":
-                    return self.describe(_mapping(ask.get("values", {}))), []
-                if kind == "save":
-                    return self._save(ask), []
-                if kind == "python":
-                    self.values = dict(_mapping(ask.get("values", {})))
-                    return {"text": python_of(self.tuned)}, []
-                if kind == "film":
-                    return self._film(ask), []
                 if kind == "frame":
-                    return self._frame(ask)
-            raise ValueError(
-                f"kind must be 'frame', 'save', 'python', 'film' or 'describe', got {kind!r}"
-            )
+                    return self._frame(ask, values)
+                if kind == "describe":
+                    return self.describe(values), []
+                if kind == "film":
+                    shown = self._preview.shown(settings(self.scene, values))
+                    return {"film": str(film(shown, self.save_path))}, []
+                self.values = dict(values)
+                if kind == "python":
+                    return {"text": python_of(self.tuned)}, []
+                save(self.tuned, self.save_path)
+                text = self.save_path.read_text(encoding="utf-8")
+                return {"saved": str(self.save_path), "text": text}, []
         except (ValueError, TypeError, OSError, MemoryError, OverflowError) as error:
             return {"error": " ".join(str(error).split()) or type(error).__name__}, []
 
@@ -100,9 +102,10 @@ class Session:
     def tuned(self) -> Scene:
         return applied(self.scene, {k: v for k, v in self.values.items() if k != EYES})
 
-    def _frame(self, ask: Mapping[str, Any]) -> tuple[dict[str, Any], list[bytes]]:
+    def _frame(
+        self, ask: Mapping[str, Any], values: Mapping[str, Any]
+    ) -> tuple[dict[str, Any], list[bytes]]:
         began = time.perf_counter()
-        values = _mapping(ask.get("values", {}))
         asked = real("t", ask.get("t", 0.0))
         # Pages count from 0, plates from where their files do.
         now = asked + (0 if self.scene.range is None else self.scene.range[0])
@@ -116,7 +119,11 @@ class Session:
             raise ValueError("page must be a short text")
         before = None if ask.get("begin", True) else self._air.get(page)
         scene, places = _carried(scene, now, before, index)
-        self._remember(page, now, places)
+        self._air.pop(page, None)
+        if places is not None:
+            self._air[page] = (now, places)
+        while len(self._air) > MOST_PAGES:
+            del self._air[next(iter(self._air))]
         picture = self._eyes(scene, now, float(values.get(EYES, 0.0)) / 1000.0)
         head: dict[str, Any] = {"t": asked}
         buffers = [jpeg(picture)]
@@ -126,24 +133,12 @@ class Session:
             place = integer("chart", ask.get("chart", index), low=0, high=last)
             found = chart(scene, now, place, (x, y))
             if found is not None:
-                head["chart"] = {
-                    "side": found.rate.shape[0],
-                    "velocity": found.velocity,
-                    "band": found.band,
-                    "tile": found.tile,
-                    "kept": found.kept,
-                }
+                shown = ("velocity", "band", "tile", "kept")
+                head["chart"] = {name: getattr(found, name) for name in shown}
+                head["chart"]["side"] = found.rate.shape[0]
                 buffers += [found.rate.tobytes(), found.power.tobytes()]
         head["ms"] = round(1e3 * (time.perf_counter() - began), 2)
         return head, buffers
-
-    def _remember(self, page: str, t: float, places: list[Any] | None) -> None:
-        """Keep where the air of a page was; of the last few pages."""
-        self._air.pop(page, None)
-        if places is not None:
-            self._air[page] = (t, places)
-        while len(self._air) > MOST_PAGES:
-            del self._air[next(iter(self._air))]
 
     def _eyes(self, scene: Scene, t: float, distance: float) -> Array:
         """Return the picture as uint8 display values, for one eye or red-cyan glasses."""
@@ -152,17 +147,6 @@ class Session:
         pair = stereo.eyes(scene.camera.camera, distance=distance, convergence=CONVERGENCE)
         left, right = (on_screen(scene.render(t, eye=eye)) for eye in pair)
         return stereo.anaglyph(left, right)
-
-    def _film(self, ask: Mapping[str, Any]) -> dict[str, Any]:
-        values = _mapping(ask.get("values", {}))
-        shown = self._preview.shown(settings(self.scene, values))
-        return {"film": str(film(shown, self.save_path))}
-
-    def _save(self, ask: Mapping[str, Any]) -> dict[str, Any]:
-        self.values = dict(_mapping(ask.get("values", {})))
-        tuned = self.tuned
-        save(tuned, self.save_path)
-        return {"saved": str(self.save_path), "text": self.save_path.read_text(encoding="utf-8")}
 
 
 def packed(head: Mapping[str, Any], buffers: list[bytes]) -> bytes:
@@ -199,20 +183,9 @@ def _carried(
 def _places(scene: Scene, t: float) -> list[Any]:
     """Return camera minus air for each effect that moves, three numbers each."""
     frame = scene.program.frame(t)
-    return [
-        frame.displacement(fall=fall_of(effect), wind=_wind_of(effect)).tolist()
-        if moves(effect)
-        else None
-        for effect in scene.effects
-    ]
 
+    def place(effect: Any) -> Any:
+        wind = effect.wind.steady if isinstance(effect.wind, Wind) else effect.wind
+        return frame.displacement(fall=fall_of(effect), wind=wind).tolist()
 
-def _wind_of(effect: Any) -> Any:
-    wind = effect.wind
-    return wind.steady if isinstance(wind, Wind) else wind
-
-
-def _mapping(value: Any) -> Mapping[str, Any]:
-    if not isinstance(value, Mapping):
-        raise TypeError(f"wants an object, got {type(value).__name__}")
-    return value
+    return [place(effect) if moves(effect) else None for effect in scene.effects]

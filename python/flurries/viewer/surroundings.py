@@ -21,7 +21,12 @@ LAMP, DEPTH, OPENING = "lamp", "scene.depth", "lens"
 _FLAKES = ("Snow", "Rain", "TentSnow", "TentRain")
 
 # A street lamp: beside the way, above the head, some steps away.
-_LAMP = {"x": 1.0, "height": 1.5, "distance": 6.0, "power": 40.0}
+_LAMP = {
+    "x": ("Place across", "m", -6.0, 6.0, 0.1, 1.0),
+    "height": ("Height", "m", -3.0, 6.0, 0.1, 1.5),
+    "distance": ("Distance", "m", 0.5, 30.0, 0.1, 6.0),
+    "power": ("Power", "", 0.0, 300.0, 1.0, 40.0),
+}
 
 
 def surroundings(scene: Scene) -> list[Control]:
@@ -30,10 +35,7 @@ def surroundings(scene: Scene) -> list[Control]:
     if any(type(effect).__name__ in _FLAKES for effect in scene.effects):
         found += [
             choice_of(f"{LAMP}.on", LAMP, "Lamp", (OFF, ON), OFF),
-            Control(f"{LAMP}.x", LAMP, "Place across", "m", -6.0, 6.0, 0.1, _LAMP["x"]),
-            Control(f"{LAMP}.height", LAMP, "Height", "m", -3.0, 6.0, 0.1, _LAMP["height"]),
-            Control(f"{LAMP}.distance", LAMP, "Distance", "m", 0.5, 30.0, 0.1, _LAMP["distance"]),
-            Control(f"{LAMP}.power", LAMP, "Power", "", 0.0, 300.0, 1.0, _LAMP["power"]),
+            *(Control(f"{LAMP}.{name}", LAMP, *row) for name, row in _LAMP.items()),
             color_of(f"{LAMP}.color", LAMP, "Color", "#ffd9a0"),
         ]
         lens = scene.lens
@@ -53,7 +55,13 @@ def surrounded(scene: Scene, values: Mapping[str, Any]) -> dict[str, Any]:
     """Return the parts of the scene that change with the rows that were touched."""
     changes: dict[str, Any] = {}
     if values.get(f"{LAMP}.on") == ON:
-        changes["lights"] = (*scene.lights, _lamp(values))
+        x, height, distance, power = (
+            float(values.get(f"{LAMP}.{name}", row[-1])) for name, row in _LAMP.items()
+        )
+        display = np.array(parse_hex("color", values.get(f"{LAMP}.color", "#ffd9a0"))) / 255.0
+        light = tuple(round(float(part), 4) for part in srgb_to_linear(display))
+        lamp = Lamp((x, -height, distance), color=light, power=power)
+        changes["lights"] = (*scene.lights, lamp)
     touched = {name: values.get(f"{OPENING}.{name}") for name in ("on", "focus", "f_stop")}
     if any(value is not None for value in touched.values()):
         stands = {row.key: row.value for row in surroundings(scene)} | dict(values)
@@ -65,10 +73,3 @@ def surrounded(scene: Scene, values: Mapping[str, Any]) -> dict[str, Any]:
     if values.get(DEPTH) == OFF:
         changes["depth"] = None
     return changes
-
-
-def _lamp(values: Mapping[str, Any]) -> Lamp:
-    x, height, distance, power = (float(values.get(f"{LAMP}.{n}", _LAMP[n])) for n in _LAMP)
-    display = np.array(parse_hex("color", values.get(f"{LAMP}.color", "#ffd9a0"))) / 255.0
-    light = tuple(round(float(part), 4) for part in srgb_to_linear(display))
-    return Lamp((x, -height, distance), color=light, power=power)

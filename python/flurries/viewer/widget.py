@@ -10,20 +10,14 @@ import traitlets
 
 from flurries.scene.scene import Scene
 from flurries.viewer.session import Session
-from flurries.viewer.web import script, style
+from flurries.viewer.web import text_of
 
 
 class Viewer(anywidget.AnyWidget):
-    """Sliders, a picture that follows them, the spectrum and the tent.
+    """Sliders, a picture that follows them, the spectrum and the tent."""
 
-    Attributes
-    ----------
-    scene : Scene
-        The scene as the sliders stand now.
-    """
-
-    _esm = script()
-    _css = style()
+    _esm = text_of("viewer.js")
+    _css = text_of("viewer.css")
     about = traitlets.Dict().tag(sync=True)
 
     def __init__(self, scene: Scene, **options: Any) -> None:

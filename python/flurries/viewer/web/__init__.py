@@ -2,29 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from functools import partial
 from pathlib import Path
 
-_HERE = Path(__file__).parent
-
-
-def _text(*names: str) -> str:
-    return "\n".join((_HERE / name).read_text(encoding="utf-8") for name in names)
-
-
-def script() -> str:
-    """Return the module that draws the viewer: what draws charts and the rest, as one."""
-    return _text("draw.js", "viewer.js")
-
-
-def style() -> str:
-    return _text("viewer.css")
-
-
-PAGES: dict[str, Callable[[], str]] = {
-    "page.html": partial(_text, "page.html"),
-    "page.js": partial(_text, "page.js"),
-    "viewer.js": script,
-    "viewer.css": style,
+# The files of each page; the module that draws the viewer is two.
+PAGES = {
+    "page.html": ("page.html",),
+    "page.js": ("page.js",),
+    "viewer.js": ("draw.js", "viewer.js"),
+    "viewer.css": ("viewer.css",),
 }
+
+
+def text_of(page: str) -> str:
+    files = (Path(__file__).with_name(name) for name in PAGES[page])
+    return "\n".join(file.read_text(encoding="utf-8") for file in files)
