@@ -62,19 +62,6 @@ def test_project_by_hand():
     assert np.array_equal(depth, [2.0, 2.0, 4.0, 0.0, -1.0])
 
 
-def test_a_camera_that_turns_right_sees_things_move_left():
-    # Right-handed about y (down): the view turns from z towards x.
-    turned = fl.camera.Camera(100.0, rotation=(0.0, 0.1, 0.0))
-    px, _ = fl.camera.project([(0.0, 0.0, 2.0)], turned, (200, 300))
-    assert px[0] == pytest.approx((150.0 - 100.0 * np.tan(0.1), 100.0), abs=1e-12)
-
-
-def test_second_eye_and_convergence():
-    right = fl.camera.Camera(600.0, offset=(0.065, 0.0, 0.0), center_shift=(4.0, 0.0))
-    px, _ = fl.camera.project([(0.0, 0.0, 3.0)], right, SHAPE)
-    assert px[0] == pytest.approx((320.0 - 600.0 * 0.065 / 3.0 + 4.0, 240.0), abs=1e-12)
-
-
 @every("turn", [1e-12, 1e-9, 1e-6, np.pi, 7.0])
 def test_small_and_large_turns(turn: float):
     # The rotation matrix at angles where a careless formula divides 0 by 0.
@@ -176,16 +163,6 @@ def test_tile_directions(path: str):
     plain = np.arctan(want[..., 1] / want[..., 0])
     plain = np.stack([np.cos(plain), np.sin(plain)], axis=-1)
     assert (angle_between(got, plain).max() < 1e-12) == bool(np.all(want[..., 0] > 0.0))
-
-
-def test_drift_is_linear_in_the_displacement():
-    # So the phase is a function of the camera's position, and a closed path ends where it began.
-    camera = fl.camera.Camera(600.0)
-    one = fl.camera.tile_drift(SHAPE, (0.5, 0.25, 1.0), camera, near_depth=2.0)
-    two = fl.camera.tile_drift(SHAPE, (-0.25, 1.0, 3.0), camera, near_depth=2.0)
-    sum_ = fl.camera.tile_drift(SHAPE, (0.25, 1.25, 4.0), camera, near_depth=2.0)
-    assert np.abs(one + two - sum_).max() < 1e-11
-    assert not np.any(fl.camera.tile_drift(SHAPE, (0.0, 0.0, 0.0), camera, near_depth=2.0))
 
 
 def test_camera_is_frozen_and_comparable():

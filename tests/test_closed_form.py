@@ -134,34 +134,3 @@ def test_no_flake_pops_where_the_box_wraps(axis: int, camera: fl.Camera):
         return simulate((90, 120), FEW, camera, seed=5, displacement=t * way)
 
     assert measure.smooth(measure.largest_changes(frame, times))
-
-
-def test_without_the_fade_flakes_pop(monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr(Space, "fade", lambda _, depth: np.ones_like(depth))
-    times = np.random.default_rng(1).uniform(0.0, 60.0, 20)
-    steps = measure.largest_changes(lambda t: few(np.array([0.0, 0.0, 0.1 * t])), times)
-    assert not measure.smooth(steps)
-
-
-def test_an_eye_is_a_place():
-    # Two eyes see the same flakes, and so does a camera that goes there.
-    aside = fl.Camera(150.0, offset=(0.2, -0.1, 0.0))
-    there = simulate((90, 120), FEW, aside, seed=5)
-    assert np.abs(there - few(np.array([0.2, -0.1, 0.0]))).max() < 1e-9
-    assert np.abs(there - few(np.zeros(3))).max() > 0.1
-
-
-def test_neither_speed_nor_shutter_moves_a_flake():
-    fast = few(np.zeros(3), velocity=(0.5, 0.3, 0.2), shutter=1e-9)
-    assert np.abs(fast - few(np.zeros(3))).max() < 1e-6
-
-
-def test_flakes_move_as_their_depth_says():
-    slab = Space(density=0.5, radius=(0.05, 0.05), depth=(4.0, 5.0))
-    first, second = (
-        simulate((90, 120), slab, SMALL, seed=3, displacement=(way, 0.0, 0.0)) for way in (0.0, 0.5)
-    )
-    assert min(first.max(), second.max()) > 0.3
-    # Camera to the right: the content to the left, by f 0.5 / Z, 15 to 19 px.
-    lags = [np.sum(first[:, k:] * second[:, : 120 - k]) for k in range(60)]
-    assert 15 <= np.argmax(lags) <= 19

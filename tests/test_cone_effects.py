@@ -41,15 +41,6 @@ def frame_of(shown, t):
 
 @pytest.mark.parametrize("effect", EFFECTS, ids=["rain", "snow"])
 @pytest.mark.parametrize("camera", [None, FLYING], ids=["still", "flying"])
-def test_keys_of_one_shutter_are_the_number(effect, camera):
-    keyed = replace(effect, shutter=fl.Keys([(4, effect.shutter), (11.5, effect.shutter)]))
-    for t in (-3, 5, 11.7, 40):
-        number = scene(effect, camera=camera).render(t)
-        assert scene(keyed, camera=camera).render(t).tobytes() == number.tobytes()
-
-
-@pytest.mark.parametrize("effect", EFFECTS, ids=["rain", "snow"])
-@pytest.mark.parametrize("camera", [None, FLYING], ids=["still", "flying"])
 def test_a_keyed_shutter(effect, camera, tmp_path):
     keys = fl.Keys([(0, 0.2), (10, 0.2), (20.5, 1.5), (33, 0.0)])
     keyed = replace(effect, shutter=keys)
@@ -167,22 +158,6 @@ def test_the_fall_speed_does_not_depend_on_the_frame_rate(stutter):
         step = (moving.phase[2] - moving.phase[1]) * moving.stretch[2]
         printed.append(step * fps * moving.stretch[2])
     assert printed[0] / printed[1] > 1.7
-
-
-def test_two_eyes():
-    camera = fl.Camera(140.0)
-    shown = scene(fl.ConeRain(haze=0.0, tile=128, wind=(0, 0, 0)), camera=camera)
-    left, right = (fl.Camera(140.0, offset=(x, 0, 0)) for x in (-0.1, 0.1))
-    a, b, middle = (shown.render(9, eye=eye)[..., 1].astype(float) for eye in (left, right, camera))
-    assert (a != b).any() and (a != middle).any()
-
-    # The right eye's picture is the left one's moved to the left, by f b / R of the layers.
-    def alike(shift):
-        return np.corrcoef(a[:, 30:90].ravel(), b[:, 30 - shift : 90 - shift].ravel())[0, 1]
-
-    best = max(range(-12, 13), key=alike)
-    # 140 * .2 / (3, 6, 12, 24) is 9.3, 4.7, 2.3, 1.2 px.
-    assert 1 <= best <= 9
 
 
 def test_the_scenes_depth_hides_what_is_behind():

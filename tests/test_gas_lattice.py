@@ -44,12 +44,6 @@ def test_one_particle_errs_by_no_more_than_it_says(footprint, sigma):
     assert sigma > 25.0 or worst > 0.3 * bound(1.0, sigma)
 
 
-def test_narrow_particles_are_drawn_as_ever():
-    place = [[0.1, 0.05, 3.0]]
-    error, _ = apart(place, 3.0 * 23.5 * 3.0 / FOCAL, 1.0)
-    assert error == 0.0
-
-
 @pytest.mark.parametrize("seed", range(3))
 @every("colored", [False, True])
 def test_inside_the_gas_half_a_step_of_8_bits_is_never_reached(seed, colored):

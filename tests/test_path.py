@@ -48,21 +48,6 @@ def test_place_is_the_integral_of_rate(name: str, span: tuple[float, float]):
         assert moved[axis] == pytest.approx(want, abs=1e-9)
 
 
-@every("name", PATHS)
-def test_what_comes_is_three_float64(name: str):
-    for t in (-5.5, 0, 3, 1e6):
-        for vector in (PATHS[name].place(t, fps=FPS), PATHS[name].rate(t, fps=FPS)):
-            assert vector.shape == (3,) and vector.dtype == np.float64
-            assert np.isfinite(vector).all()
-
-
-def test_a_still_camera():
-    still = PATHS["still"]
-    assert still.still and not still.goes_along(FORWARD)
-    assert not any(PATHS[name].still for name in PATHS if name != "still")
-    assert still.place(77.7, fps=FPS).tolist() == [0.0, 0.0, 0.0]
-
-
 def test_an_array_is_a_place_for_each_frame():
     path = PATHS["array"]
     for i, place in enumerate(PLACES):

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Any
-
 import numpy as np
 import pytest
 
@@ -52,72 +49,6 @@ def grid(shape: twin.Shape, tile: int, overlap: int) -> tuple[int, int]:
 def per_tile(rows: int, cols: int, *rings: int) -> np.ndarray:
     """A different vector for every tile, up to 20 px."""
     return np.random.default_rng(3).uniform(-20.0, 20.0, (rows, cols, *rings, 2))
-
-
-# What a frame can be asked for, each as a function of the number of tiles.
-OPTIONS: dict[str, Callable[[int, int], dict[str, Any]]] = {
-    "plain": lambda r, c: {},
-    "drift per tile": lambda r, c: {"drift": per_tile(r, c)},
-    "shift": lambda r, c: {"shift": (3.7, -12.1)},
-    "shift per tile": lambda r, c: {"shift": per_tile(r, c)},
-    "velocity changes nothing": lambda r, c: {"velocity": (40.0, 3.0)},
-    "cut": lambda r, c: {"alias": "cut", "velocity": (9.0, 14.0)},
-    "cut per tile": lambda r, c: {"alias": "cut", "velocity": per_tile(r, c)},
-    "cut with pan": lambda r, c: {
-        "alias": "cut", "velocity": (9.0, 14.0), "shift_rate": (1.5, -0.8)
-    },
-    "cut with pan per tile": lambda r, c: {
-        "alias": "cut", "velocity": (2.0, 4.0), "shift_rate": per_tile(r, c) / 5
-    },
-    "soft": lambda r, c: {"alias": "soft", "velocity": (9.0, 10.0), "soft_from": 0.25},
-    "shutter": lambda r, c: {"velocity": (9.0, 14.0), "shutter": 0.7},
-    "shutter with pan": lambda r, c: {
-        "velocity": per_tile(r, c), "shift_rate": (1.0, 2.0), "shutter": 1.3
-    },
-    "cut and shutter": lambda r, c: {"alias": "cut", "velocity": (20.0, 1.0), "shutter": 1.0},
-    "jitter": lambda r, c: {"jitter": True},
-    "jitter and cut": lambda r, c: {
-        "jitter": True, "alias": "cut", "velocity": (12.0, 11.0), "shutter": 0.5
-    },
-    "linear": lambda r, c: {"blend": "linear"},
-    "exponent": lambda r, c: {"exponent": 0.4},
-    "shortest": lambda r, c: {
-        "shortest": np.random.default_rng(1).uniform(2.0, 7.5, (r, c))
-    },
-    "sky beside walls": lambda r, c: {"shortest": 8.0 * (np.indices((r, c)).sum(0) % 2)},
-    "far wall and no snow": lambda r, c: {"shortest": np.where(np.eye(r, c), 64.0, 4.0)},
-    "rings": lambda r, c: {
-        "drift": [(8.0, 1.0), (-3.0, 5.0), (0.0, 30.0)], "ring_edges": [2.0, 4.0, 7.0, 32.0]
-    },
-    "rings inside the band": lambda r, c: {
-        "drift": [(8.0, 1.0), (-3.0, 5.0)], "ring_edges": [3.5, 5.0, 6.0]
-    },
-    "rings per tile": lambda r, c: {
-        "drift": per_tile(r, c, 3), "ring_edges": [2.0, 4.0, 7.0, 32.0], "jitter": True
-    },
-    "ring gains": lambda r, c: {
-        "ring_edges": [2.0, 4.0, 7.0, 32.0], "ring_gains": [0.2, 3.0, 1.0], "exponent": 0.5
-    },
-    "gains that silence a ring": lambda r, c: {
-        "drift": [(8.0, 1.0), (-3.0, 5.0)], "ring_edges": [2.0, 4.0, 32.0], "ring_gains": [0, 1]
-    },
-    "rings cut": lambda r, c: {
-        "drift": per_tile(r, c, 2), "velocity": [(30.0, 0.0), (5.0, 9.0)],
-        "ring_edges": [2.0, 5.0, 32.0], "alias": "cut", "shutter": 0.5
-    },
-}  # fmt: skip
-
-
-@every("dtype", [np.float64, np.float32])
-@every("option", OPTIONS)
-@every(("shape", "tile", "overlap"), [((33, 20), 17, 1), ((20, 25), 9, 4)])
-def test_field_is_the_cosine_sum(shape, tile: int, overlap: int, option: str, dtype: type):
-    # Every option, against the direct sum.
-    options = {"drift": (5.0, -11.0), **OPTIONS[option](*grid(shape, tile, overlap))}
-    options |= {"seed": -7, "tile": tile, "overlap": overlap, "wavelengths": wavelengths_for(tile)}
-    got = fl.spectral.field(shape, **options, dtype=dtype)
-    assert got.dtype == dtype and got.shape == shape and got.flags.c_contiguous
-    assert np.abs(got - twin.field(shape, **options, direct=True)).max() <= LIMIT[dtype]
 
 
 @every("dtype", [np.float64, np.float32])

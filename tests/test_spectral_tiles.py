@@ -25,11 +25,6 @@ def test_tile_starts(length: int, overlap: int):
     assert len(got) == 1 or got[-2] + 64 < length
 
 
-def test_nineteen_tiles():
-    got = fl.spectral.tile_starts(1024)
-    assert len(got) == 19 and got[-1] + 64 - 1024 == 12
-
-
 @every(("dtype", "limit"), [(np.float64, 1e-14), (np.float32, 2e-6)])
 @every("blend", ["power", "linear"])
 @every(
@@ -44,13 +39,6 @@ def test_blend_is_the_twins(shape, size, overlap: int, blend: str, dtype: type, 
     got = fl.spectral.blend_tiles(tiles, shape, overlap=overlap, blend=blend)
     assert got.dtype == dtype and got.shape == shape
     assert np.abs(got - twin.blend_tiles(tiles, shape, overlap=overlap, blend=blend)).max() < limit
-
-
-def test_one_tile_is_itself():
-    tiles = np.random.default_rng(0).standard_normal((1, 1, 16, 16))
-    for blend in ("power", "linear"):
-        got = fl.spectral.blend_tiles(tiles, (13, 16), overlap=7, blend=blend)
-        assert np.array_equal(got, tiles[0, 0, :13])
 
 
 # 5 x 5 tiles give 16 corners and 40 edges: with 400 seeds, 6400 nearly independent values at the
@@ -104,15 +92,6 @@ def test_growing_the_picture_keeps_old_pixels(old, new, overlap: int, blend: str
     kept = tuple(slice(0, min(n, c * (64 - overlap))) for n, c in zip(old, counts, strict=True))
     assert before[kept].size > 0
     assert np.array_equal(before[kept], after[kept])
-
-
-def test_neighbouring_tiles_are_independent():
-    # Correlation of two 64 x 64 tiles of about 160 independent values each; 200 pairs, mean square.
-    z = fl.spectral.field((64, 64 * 201), drift=(0.0, 0.0), seed=3, overlap=0, dtype=np.float64)
-    tiles = z.reshape(64, 201, 64).transpose(1, 0, 2).reshape(201, -1)
-    neighbours = np.mean(tiles[1:] * tiles[:-1], axis=1)
-    assert np.abs(np.mean(neighbours)) < 0.02
-    assert np.abs(neighbours).max() < 0.35
 
 
 @pytest.mark.parametrize("blend", ["power", "linear"])

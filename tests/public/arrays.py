@@ -68,7 +68,6 @@ NO_TILE: dict[str, tuple[Any, ...]] = {
     "tile": (np.zeros((4, 5)), np.full((4, 4), 2.0), np.zeros(4)),
 }  # fmt: skip
 COSINE = {"cosine": 2.0 * RNG.random(5) - 1.0}
-SPEED = {"speed": np.array([1.0, 4.0])}
 ROUND: dict[str, Any] = {
     "times": np.array([0.0, 1.0, 3.0]), "drop": np.array([[0.0, 8.0, 0.0]] * 3),
     "camera": np.array([[0.0, 0.0, 1.0], [0.0, 0.0, 2.0], [1.0, 0.0, 2.0]]),
@@ -249,13 +248,6 @@ CALLS: dict[str, Call] = {
         then=lambda made: fl.cone.layers(SHAPE, LENS, TILE, axis=DOWN, phase=0.0, mapping=made),
         **HIDES,
     ),
-    "cone.elongation": Call(
-        SPEED, unused=("pixel", "scale"), takes={"speed": ("empty",)}
-    ),
-    "cone.elongation(published)": Call(
-        {**SPEED, "published": True}, of=fl.cone.elongation, unused=("exposure",),
-        takes={"speed": ("empty",)},
-    ),
     "cone.frame": Call({"axis": ASIDE}),
     "cone.rays": Call(
         {**SIGHT, "axis": ASIDE, "points_px": 20.0 * RNG.random((5, 2))},
@@ -283,14 +275,6 @@ CALLS: dict[str, Call] = {
     ),
     "cone.path(published)": Call(
         {**ROUND, "published": True}, of=fl.cone.path, unused=("exposure", "still")
-    ),
-    "cone.scroll": Call(
-        {**SPEED, "dt": np.array([1.0, 2.0]), "stretch": np.array([1.0, 2.0])},
-        unused=("streak", "pixel", "scale"), refused={"tile": (0.0, -1.0)},
-    ),
-    "cone.scroll(published)": Call(
-        {**SPEED, "dt": np.array([1.0, 2.0]), "published": True}, of=fl.cone.scroll,
-        unused=("stretch", "tile"),
     ),
     "cone.travel": Call(
         {"drop": np.stack([8.0 * DOWN] * 2), "camera": ASIDE, "dt": np.array([0.1, 0.2]),

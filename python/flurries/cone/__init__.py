@@ -10,7 +10,7 @@ one texture, :func:`layers` several in one pass.
 """
 
 from flurries.cone.mapping import Mapping
-from flurries.cone.motion import elongation, scroll, travel
+from flurries.cone.motion import travel
 from flurries.cone.path import Path, State, path
 from flurries.cone.rays import Rays, frame, rays
 from flurries.cone.sheet import layer
@@ -24,14 +24,12 @@ __all__ = [
     "Rays",
     "State",
     "Texture",
-    "elongation",
     "frame",
     "layer",
     "layers",
     "path",
     "rain_tile",
     "rays",
-    "scroll",
     "sleet_tile",
     "snow_tile",
     "tile_of",
