@@ -6,16 +6,11 @@ windowed pictures, with a window and a lattice of the test's own.
 
 from __future__ import annotations
 
-import dataclasses
-import math
-
 import numpy as np
 import pytest
-from scipy import integrate
 
 import flurries as fl
-import measure
-from twin_space import Space, correlation, seen, simulate, statistics
+from twin_space import Space, simulate, statistics
 
 FOCAL, SIZE = 1229.0, 1024
 SNOW = Space(density=110.0, radius=(0.006, 0.014), opacity=0.9, depth=(1.5, 24.0))
@@ -73,64 +68,4 @@ def test_the_closed_form_is_that_of_the_pictures(truth):
     assert found.speed[3] / found.speed[0] < 4.0
 
 
-def test_coverage_without_fades_is_a_formula():
-    # Every depth covers alike: L = 2 pi density opacity E[r^2] / 9 (far - near).
-    # Fades take a half of 0.15 at the near and of 2.4 at the far end.
-    squares = (0.006**2 + 0.006 * 0.014 + 0.014**2) / 3.0
-    depth = 24.0 - 1.5 - 0.5 * (0.15 + 2.4)
-    covered = 110.0 * 2.0 * np.pi * 0.9 * squares / 9.0 * depth
-    found = statistics(SNOW, FOCAL).mean_opacity
-    assert found == pytest.approx(-math.expm1(-covered), rel=2e-3)
-
-
-def test_the_overlap_is_campbells_integral():
-    # By quadrature over depth, for flakes of one size, at a few distances.
-    snow = dataclasses.replace(SNOW, radius=(0.009, 0.0090001))
-    flakes = seen(snow, FOCAL)
-    overlap, change = correlation(flakes, FOCAL, flakes.amplitude**2)
-
-    def fade(z: float) -> float:
-        def part(t: float) -> float:
-            t = min(max(t, 0.0), 1.0)
-            return t * t * (3.0 - 2.0 * t)
-
-        return part((z - 1.5) / 0.15) * part((24.0 - z) / 2.4)
-
-    def integrand(z: float, x: float, y: float, moved: bool) -> float:
-        sigma2 = (FOCAL * 0.009 / (3.0 * z)) ** 2
-        drawn = max(sigma2 + 1.0 / 12.0, 0.38)
-        a = 0.9 * fade(z) * sigma2 / drawn * (1.0 + 4.8e-4 / drawn)
-        n = 110.0 * (z / FOCAL) ** 2
-        bell = n * a * a * np.pi * drawn * np.exp(-(x * x + y * y) / (4.0 * drawn))
-        return bell * (FOCAL / z) * x / (2.0 * drawn) if moved else bell
-
-    for y, x in ((0, 0), (1, 2), (-3, 4)):
-        for moved, got in ((False, overlap), (True, change)):
-            want = sum(
-                integrate.quad(integrand, *ends, args=(x, y, moved), epsabs=1e-13, limit=200)[0]
-                for ends in ((1.5, 1.65), (1.65, 6.2), (6.2, 21.6), (21.6, 24.0))
-            )
-            assert got[y, x] == pytest.approx(want, rel=1e-3, abs=1e-12)
-
-
 # Pictures -----------------------------------------------------------------------------------------
-
-FEW = Space(density=30.0, radius=(0.01, 0.03), opacity=0.8, depth=(1.0, 8.0))
-SMALL = fl.Camera(150.0)
-
-
-def few(place: np.ndarray, **options) -> np.ndarray:
-    return simulate((90, 120), FEW, SMALL, seed=5, displacement=place, **options)
-
-
-@pytest.mark.parametrize("axis", [0, 1, 2])
-@pytest.mark.parametrize("camera", [SMALL, fl.Camera(150.0, offset=(0.2, -0.1, 0.0))])
-def test_no_flake_pops_where_the_box_wraps(axis: int, camera: fl.Camera):
-    way = np.zeros(3)
-    way[axis] = 0.1
-    times = np.random.default_rng(1).uniform(0.0, 60.0, 20)
-
-    def frame(t: float) -> np.ndarray:
-        return simulate((90, 120), FEW, camera, seed=5, displacement=t * way)
-
-    assert measure.smooth(measure.largest_changes(frame, times))

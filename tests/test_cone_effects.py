@@ -83,22 +83,6 @@ def test_the_cone_moves_as_the_flakes_do():
         np.testing.assert_allclose(np.array(state.axis) * state.speed, velocity, atol=1e-9)
 
 
-def test_the_way_has_jumps_where_the_velocity_has():
-    # Places from frame to frame: the velocity jumps at every one.
-    places = np.cumsum(np.random.default_rng(3).normal(0, 0.05, (30, 3)), axis=0)
-    shown = scene(fl.ConeRain(), camera=fl.CameraPath(fl.Camera(140.0), position=places))
-    effect = shown.effects[0]
-    for t in (3.0, 3.5, 28.5, 40.0):
-        frame = frame_of(shown, t)
-        state = effect.parts.texture.state(frame)
-        velocity = -effect.parts.motion.way(frame).rate * shown.fps
-        np.testing.assert_allclose(np.array(state.axis) * state.speed, velocity, atol=1e-9)
-    before, after = (
-        effect.parts.texture.state(frame_of(shown, t)).phase for t in (10 - 1e-9, 10 + 1e-9)
-    )
-    assert abs(before - after) < 1e-6
-
-
 def test_a_camera_that_turns_sees_the_same_rain_elsewhere():
     # A pan by whole pixels' azimuths cannot be had in a plane picture: compare what rays see.
     effect = fl.ConeRain(haze=0.0, wind=(0.0, 0.0, 0.0))

@@ -87,18 +87,6 @@ def test_exact_forms_against_direct_projection():
     assert worst <= 1e-13
 
 
-def test_the_second_zero():
-    # C_x near -2 r: the zeros for D = 1, 2, 5, 20 and r = .45.
-    for depth, zero in ((1, -0.8012), (2, -0.8632), (5, -0.8930), (20, -0.8995)):
-        around = np.linspace(zero - 1e-4, zero + 1e-4, 201)
-        centers = np.stack([around, np.zeros(201), np.full(201, float(depth))], 1)
-        values = fl.gas.projection_error(centers, 0.45)[:, 0]
-        assert values[0] * values[-1] < 0
-        for center, value in zip(centers, values, strict=True):
-            want = direct(center, 0.45, 1.0)[0]
-            assert abs(float(want - mpmath.mpf(value))) <= tolerance(center, 0.45, 1.0)
-
-
 def test_nan_exactly_where_the_domain_ends():
     # Behind, at the eye's plane, and where the facing billboard's edge lies behind it.
     for depth in (0.0, -0.0, -1.0):

@@ -44,16 +44,6 @@ def test_the_film_is_numpys_inverse_transform(frames: int, size: int, band, cell
     assert np.abs(single - want).max() < 4e-6
 
 
-def test_the_spectrum_is_conjugate_symmetric_and_small():
-    # (kx, ky, n) and (-kx mod M, -ky mod M, -n mod T): M - 0 wraps to 0.
-    cube = np.fft.fftn(np.moveaxis(volume(20, 40), 0, 2), norm="forward")
-    mirrored = np.roll(np.flip(cube), 1, axis=(0, 1, 2)).conj()
-    assert np.abs(cube - mirrored).max() < 1e-15
-    # One cell per column of the band, all others empty.
-    held = np.abs(cube) > 1e-12
-    assert np.array_equal(held.sum(axis=2), (twin.band_amplitude((40, 40)) > 0.0).astype(int))
-
-
 # Against the 2-D method ---------------------------------------------------------------------------
 
 

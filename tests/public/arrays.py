@@ -228,18 +228,10 @@ CALLS: dict[str, Call] = {
         refused={"spread": (-1.0,), "size": (3,), "drops": (-1,), "length": (0.6,)},
         heavy=("drops",),
     ),
-    "cone.sleet_tile": Call(
-        {"size": 16, "seed": 1}, refused={"spread": (-1.0,), "flake_width": (2.0,)},
-        heavy=("drops", "flakes"),
-    ),
     "cone.snow_tile": Call(
         {"size": 16, "seed": 1},
         refused={"spread": (-1.0,), "width": (0.0,), "opacity": (1.1,)},
         heavy=("flakes",),
-    ),
-    "cone.tile_of": Call({"picture": RNG.random((16, 16)), "size": 16}, pictures=("picture",),
-        refused={"picture": (np.zeros(3), np.zeros((9, 9, 2)), np.full((9, 9), 2.0)),
-                 "border": (0.7,)},
     ),
     "cone.Texture": Call({"tile": TILE}, refused=NO_TILE, then=lambda made: made.tile),
     "cone.Mapping": Call(

@@ -16,7 +16,7 @@ from flurries.cone.rays import Rays, frame, rays
 from flurries.cone.sheet import layer
 from flurries.cone.stack import layers
 from flurries.cone.texture import Texture
-from flurries.cone.tiles import rain_tile, sleet_tile, snow_tile, tile_of
+from flurries.cone.tiles import rain_tile, snow_tile
 
 __all__ = [
     "Mapping",
@@ -30,8 +30,6 @@ __all__ = [
     "path",
     "rain_tile",
     "rays",
-    "sleet_tile",
     "snow_tile",
-    "tile_of",
     "travel",
 ]
