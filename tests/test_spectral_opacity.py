@@ -49,17 +49,6 @@ def test_statistics_of_the_default_opacity():
     assert tiles.std() == pytest.approx(0.17061, abs=2e-4)
 
 
-def test_opacity_is_the_same_on_seams():
-    # Power blending before the map: the mean at corners of tiles is the mean in their middle.
-    seam = np.concatenate([np.arange(s, s + 10) for s in (54, 108, 162, 216)])
-    total = np.zeros((280, 280))
-    for seed in range(200):
-        total += fl.spectral.alpha((280, 280), drift=(0.0, 0.0), seed=seed)
-    mean = total / 200
-    assert mean[np.ix_(seam, seam)].mean() == pytest.approx(twin.opacity_mean(), abs=0.005)
-    assert mean.mean() == pytest.approx(twin.opacity_mean(), abs=0.002)
-
-
 MAPPED = {"mean": 0.4, "spread": 2.5, "amount": 0.9}
 FIELD = {"drift": (3.0, 8.0), "seed": 17, "tile": 31, "overlap": 10, "wavelengths": (3.0, 30.0)}
 FIELD |= {"velocity": (5.0, 20.0), "shutter": 0.5, "alias": "soft", "shift": (1.0, 0.5)}

@@ -56,18 +56,6 @@ def test_fft_is_the_cosine_sum(shape: twin.Shape):
     assert np.abs(error).max() <= 1e-15 * np.abs(amplitude).sum()
 
 
-@pytest.mark.parametrize("size", [8, 9, 16, 64])
-def test_unit_variance_zero_mean_and_real(size: int):
-    wavelengths = (2.5, float(size))
-    amplitude = twin.band_amplitude((size, size), wavelengths=wavelengths)
-    phase = twin.random_phase((size, size), seed=3)
-    spectrum = amplitude * np.exp(2j * np.pi * phase)
-    picture = np.fft.ifft2(spectrum, norm="forward")
-    assert np.abs(picture.imag).max() < 1e-13
-    assert abs(picture.real.mean()) < 1e-13
-    assert abs(picture.real.var() - 1.0) < 1e-13
-
-
 def test_direct_field_is_the_fft_field():
     case = {"drift": (3.0, -1.0), "seed": 5, "tile": 16, "overlap": 6, "wavelengths": (2.5, 16.0)}
     error = twin.field((24, 21), **case, direct=True) - twin.field((24, 21), **case)
