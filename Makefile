@@ -160,10 +160,6 @@ bench: $(VENV)/.tools
 	$(BIN)/python benches/gas.py
 	$(BIN)/python benches/cone.py
 
-# Reference frames come from the tests' independent twin, never from the kernels.
-frames: $(VENV)/.tools
-	$(BIN)/python tests/make_frames.py
-
 # Hashes of frames in the reproducible mode; a change wants a line in the changelog.
 hashes: $(VENV)/.tools
 	$(BIN)/python tests/make_hashes.py

@@ -1,8 +1,8 @@
 """Golden frames of the looks, version by version: ``python tests/make_looks.py v2``.
 
 They freeze what presets and knobs look like: a frame changes only with a new version of the
-looks, which gets a picture of its own. Unlike the reference frames of `make_frames` they are
-rendered: they say that a look is the same, and not that it is right. Each is the opacity of
+looks, which gets a picture of its own. They are rendered: they say that a look is the same, and
+not that it is right. Each is the opacity of
 64 x 48 px in the middle of a picture, 16 bits, side by side in ``tests/frames/looks_VERSION.png``.
 """
 

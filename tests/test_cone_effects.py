@@ -41,15 +41,6 @@ def frame_of(shown, t):
 
 @pytest.mark.parametrize("effect", EFFECTS, ids=["rain", "snow"])
 @pytest.mark.parametrize("camera", [None, FLYING], ids=["still", "flying"])
-def test_keys_of_one_shutter_are_the_number(effect, camera):
-    keyed = replace(effect, shutter=fl.Keys([(4, effect.shutter), (11.5, effect.shutter)]))
-    for t in (-3, 5, 11.7, 40):
-        number = scene(effect, camera=camera).render(t)
-        assert scene(keyed, camera=camera).render(t).tobytes() == number.tobytes()
-
-
-@pytest.mark.parametrize("effect", EFFECTS, ids=["rain", "snow"])
-@pytest.mark.parametrize("camera", [None, FLYING], ids=["still", "flying"])
 def test_a_keyed_shutter(effect, camera, tmp_path):
     keys = fl.Keys([(0, 0.2), (10, 0.2), (20.5, 1.5), (33, 0.0)])
     keyed = replace(effect, shutter=keys)
@@ -90,22 +81,6 @@ def test_the_cone_moves_as_the_flakes_do():
         # Camera minus flake per frame, the other way and per second.
         velocity = -effect.parts.motion.way(frame).rate * shown.fps
         np.testing.assert_allclose(np.array(state.axis) * state.speed, velocity, atol=1e-9)
-
-
-def test_the_way_has_jumps_where_the_velocity_has():
-    # Places from frame to frame: the velocity jumps at every one.
-    places = np.cumsum(np.random.default_rng(3).normal(0, 0.05, (30, 3)), axis=0)
-    shown = scene(fl.ConeRain(), camera=fl.CameraPath(fl.Camera(140.0), position=places))
-    effect = shown.effects[0]
-    for t in (3.0, 3.5, 28.5, 40.0):
-        frame = frame_of(shown, t)
-        state = effect.parts.texture.state(frame)
-        velocity = -effect.parts.motion.way(frame).rate * shown.fps
-        np.testing.assert_allclose(np.array(state.axis) * state.speed, velocity, atol=1e-9)
-    before, after = (
-        effect.parts.texture.state(frame_of(shown, t)).phase for t in (10 - 1e-9, 10 + 1e-9)
-    )
-    assert abs(before - after) < 1e-6
 
 
 def test_a_camera_that_turns_sees_the_same_rain_elsewhere():
@@ -167,22 +142,6 @@ def test_the_fall_speed_does_not_depend_on_the_frame_rate(stutter):
         step = (moving.phase[2] - moving.phase[1]) * moving.stretch[2]
         printed.append(step * fps * moving.stretch[2])
     assert printed[0] / printed[1] > 1.7
-
-
-def test_two_eyes():
-    camera = fl.Camera(140.0)
-    shown = scene(fl.ConeRain(haze=0.0, tile=128, wind=(0, 0, 0)), camera=camera)
-    left, right = (fl.Camera(140.0, offset=(x, 0, 0)) for x in (-0.1, 0.1))
-    a, b, middle = (shown.render(9, eye=eye)[..., 1].astype(float) for eye in (left, right, camera))
-    assert (a != b).any() and (a != middle).any()
-
-    # The right eye's picture is the left one's moved to the left, by f b / R of the layers.
-    def alike(shift):
-        return np.corrcoef(a[:, 30:90].ravel(), b[:, 30 - shift : 90 - shift].ravel())[0, 1]
-
-    best = max(range(-12, 13), key=alike)
-    # 140 * .2 / (3, 6, 12, 24) is 9.3, 4.7, 2.3, 1.2 px.
-    assert 1 <= best <= 9
 
 
 def test_the_scenes_depth_hides_what_is_behind():

@@ -36,18 +36,6 @@ def test_the_speed_at_the_equator_is_a_drops():
         assert abs(flow[0, 1] - camera.focal * rate / fps) < 1e-5
 
 
-@pytest.mark.parametrize("rate", [15, 60, 600])
-def test_a_camera_that_changes_its_speed_has_one_phase_whatever_the_steps(rate):
-    # Linear from key to key; any frame rate that has the keys among its times gives the same.
-    keys = np.arange(11.0)
-    camera = np.random.default_rng(4).normal(0, 1.5, (11, 3))
-    times = np.arange(10 * rate + 1) / rate
-    dense = np.stack([np.interp(times, keys, camera[:, i]) for i in range(3)], axis=1)
-    coarse, fine = cone.path(keys, DROP, camera), cone.path(times, DROP, dense)
-    assert cycles_apart(fine.phase[::rate], coarse.phase) < 1e-9
-    np.testing.assert_allclose(fine.axis[::rate], coarse.axis, atol=1e-12)
-
-
 def test_the_phase_is_the_integral_in_exact_arithmetic():
     # A velocity that passes near zero inside a piece, at several distances from it.
     mpmath.mp.dps = 30
@@ -109,24 +97,6 @@ def test_an_exposure_that_changes_in_exact_arithmetic(ends, camera):
     assert (
         moving.at(3.0).stretch == moving.stretch[1] and moving.at(-1.0).stretch == moving.stretch[0]
     )
-
-
-def test_a_changing_exposure_has_one_phase_whatever_the_steps():
-    keys, times = np.arange(11.0), np.arange(241) / 24.0
-    rng = np.random.default_rng(4)
-    camera, exposure = rng.normal(0, 1.5, (11, 3)), rng.uniform(0.0, 0.2, 11)
-    exposure[3] = exposure[7] = 0.0
-    dense = np.stack([np.interp(times, keys, camera[:, i]) for i in range(3)], axis=1)
-    coarse = cone.path(keys, DROP, camera, exposure=exposure)
-    fine = cone.path(times, DROP, dense, exposure=np.interp(times, keys, exposure))
-    assert cycles_apart(fine.phase[::24], coarse.phase) < 1e-11
-    np.testing.assert_allclose(fine.stretch[::24], coarse.stretch, rtol=1e-13)
-
-
-def test_drops_at_the_equator_keep_their_speed_while_the_exposure_changes():
-    moving = cone.path([0.0, 1.0], (0.0, 5.0, 0.0), exposure=(0.0, 0.3))
-    a, b = moving.at(0.6), moving.at(0.6 + 1e-5)
-    assert (b.phase - a.phase) / 1e-5 * math.pi * a.stretch == pytest.approx(5.0, rel=1e-4)
 
 
 def test_v_rel_zero():
@@ -211,16 +181,6 @@ def test_straight_up():
         assert np.isfinite(alpha).all() and alpha.max() > 0.2
 
 
-def test_along_the_view_axis():
-    # Straight ahead: the apex is in the middle of the picture.
-    moving = cone.path([0.0, 1.0], (0.0, 0.0, 0.0), (0.0, 0.0, 10.0))
-    assert moving.axis.tolist() == [[0, 0, -1]] * 2 or moving.axis.tolist() == [[0, 0, 1]] * 2
-    steps = largest_steps(moving, np.linspace(0, 0.01, 6))
-    assert steps[0] == 0.0 and steps[2] < 0.05
-    alpha = picture(moving.at(0.4))
-    assert alpha.max() > 0.2 and alpha[23:25, 31:33].max() < 0.5
-
-
 def test_dt_zero_and_a_paused_clock():
     paused = cone.path([0.0, 0.5, 0.5, 0.5, 1.0], DROP)
     plain = cone.path([0.0, 0.5, 1.0], DROP)
@@ -279,46 +239,19 @@ def test_damping():
 # As printed, with its defects -------------------------------------------------------------------
 
 
-def test_as_printed_the_scroll_depends_on_the_frame_rate():
-    speeds = []
-    for fps in (15, 30, 60, 120):
-        length = np.linalg.norm(cone.travel((0, 6, 0), published=True, dt=1 / fps))
-        moved = cone.scroll(length, 1 / fps, published=True, streak=8.0, pixel=20.0)
-        speeds.append(float(moved * fps))
-    np.testing.assert_allclose(speeds, [480.0, 360.0, 300.0, 270.0])
-    # Ours: metres per second over a tile, at any rate.
-    ours = [float(cone.scroll(6.0, 1 / fps, tile=math.pi) * fps) for fps in (15, 30, 60, 120)]
-    np.testing.assert_allclose(ours, 6.0 / math.pi)
-
-
-def test_as_printed_a_larger_streak_factor_gives_shorter_streaks():
-    length = np.linalg.norm(cone.travel((0, 6, 0), published=True, dt=1 / 30))
-    longer = [
-        float(cone.elongation(length, length=streak, published=True, pixel=20.0))
-        for streak in (2.0, 4.0, 8.0, 16.0)
-    ]
-    np.testing.assert_allclose(longer, [3.0, 2.0, 1.5, 1.25])
-
-
-def test_as_printed_far_streaks_are_shorter_than_in_perspective():
-    length = 0.2
-    near, far = (
-        float(cone.elongation(length, length=8.0, published=True, pixel=20.0, scale=scale))
-        for scale in (1.0, 0.125)
-    )
-    assert near == pytest.approx(1.5) and far == pytest.approx(1.0625)
+def test_as_printed_streaks_and_scroll_depend_on_the_frame_rate():
+    tile = 20.0 * math.pi  # of the default radius and repeats, px
+    for fps, speed, stretch in ((15, 480, 2.0), (30, 360, 1.5), (60, 300, 1.25), (120, 270, 1.125)):
+        printed = cone.path(np.arange(4) / fps, (0, 6, 0), published=True, length=8.0, pixel=20.0)
+        assert printed.stretch[-1] == pytest.approx(stretch)
+        moved = np.diff(printed.phase) * tile * printed.stretch[1:]
+        np.testing.assert_allclose(moved * fps, speed)
+    # A larger S_streak makes shorter streaks.
+    for streak, stretch in ((2.0, 3.0), (4.0, 2.0), (8.0, 1.5), (16.0, 1.25)):
+        printed = cone.path(np.arange(4) / 30, (0, 6, 0), published=True, length=streak, pixel=20.0)
+        assert printed.stretch[-1] == pytest.approx(stretch)
 
 
 def test_as_printed_a_pause_has_no_direction():
     printed = cone.path([0.0, 0.1, 0.1, 0.2], (0, 5, 0), published=True, length=8.0)
     assert np.isnan(printed.axis[2]).all() and np.isfinite(printed.axis[1]).all()
-
-
-def test_as_printed_the_streaks_depend_on_the_frame_rate():
-    stretch = [
-        cone.path(np.arange(4) / fps, (0, 6, 0), published=True, length=8.0, pixel=20.0).stretch[-1]
-        for fps in (15, 30, 60)
-    ]
-    np.testing.assert_allclose(stretch, [2.0, 1.5, 1.25])
-    ours = [cone.path(np.arange(4) / fps, (0, 6, 0)).stretch[-1] for fps in (15, 30, 60)]
-    np.testing.assert_array_equal(ours, ours[0])

@@ -52,30 +52,6 @@ def test_float32_is_close_to_float64(axis, tile, focal):
     assert abs(other - exact).mean() > 0.02
 
 
-def test_float32_against_ten_by_ten_samples():
-    shape, camera = (90, 120), Camera(75.0)
-    snow = np.asarray(cone.snow_tile(256, seed=1))
-    for tile, axis in ((snow, (0.3, 1, 0.2)), (RAIN, (0.1, 0.4, 1.0))):
-        given = {"axis": axis, "phase": 0.37, "slope": 0.2}
-        total = np.zeros(shape)
-        middle = twin.centres(shape)
-        sub = (np.arange(10) + 0.5) / 10 - 0.5
-        for dy in sub:
-            for dx in sub:
-                clear, places = 1.0, middle + np.array([dx, dy])
-                for factor, offset in zip((1, 2, 4, 8), OFFSETS, strict=True):
-                    alpha = twin.point_alpha(
-                        places, shape, camera, tile, **given, repeats=4 * factor, offset=offset
-                    )
-                    clear = clear * (1 - alpha)
-                total += (1 - clear).reshape(shape) / 100
-        exact = cone.layers(shape, camera, tile, **given, dtype=np.float64)
-        assert abs(exact - total).mean() <= 0.012
-        # Steps of footprints and 8 bits cost a little of it.
-        got = cone.layers(shape, camera, tile, **given)
-        assert abs(got - total).mean() <= 0.014
-
-
 @every("axis", AXES)
 def test_a_mapping_changes_no_bit(axis):
     shape, camera = (70, 101), Camera(80.0)

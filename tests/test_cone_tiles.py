@@ -1,4 +1,4 @@
-"""Toroidal textures: drops by the twin, no edges, sizes and seeds, pictures."""
+"""Toroidal textures: drops by the twin, sizes and seeds."""
 
 from __future__ import annotations
 
@@ -6,13 +6,11 @@ import math
 
 import numpy as np
 import pytest
-from skimage import data
 
 import twin_cone as twin
-from every import every
 from flurries import cone
 
-MAKERS = [cone.rain_tile, cone.snow_tile, cone.sleet_tile]
+MAKERS = [cone.rain_tile, cone.snow_tile]
 
 
 def test_rain_is_the_twins():
@@ -38,17 +36,6 @@ def test_snow_is_the_twins():
     np.testing.assert_allclose(got, twin.drops(40, rows), atol=7 * 8e-7)
 
 
-@every("make", MAKERS)
-@every("size", [16, 33, 128])
-def test_a_tile_has_no_edge(make, size):
-    tile = make(size, seed=2, dtype=np.float64)
-    assert tile.shape == (size, size) and tile.min() >= 0.0 and tile.max() <= 1.0
-    for axis in (0, 1):
-        steps = np.abs(np.diff(np.concatenate([tile, tile.take([0], axis)], axis), axis=axis))
-        lines = steps.mean(axis=1 - axis)
-        assert lines[-1] < 3.5 * np.median(lines)
-
-
 @pytest.mark.parametrize("make", MAKERS)
 def test_seeds_sizes_and_dtypes(make):
     one, two = make(64, seed=1), make(64, seed=2)
@@ -64,58 +51,9 @@ def test_seeds_sizes_and_dtypes(make):
     assert abs(halved.mean() / coarse.mean() - 1.0) < 0.02
 
 
-def test_the_shapes_are_what_they_are_called():
-    rain = cone.rain_tile(256, seed=4, drops=1, spread=0.0, length=0.2, width=0.02)
-    seen = np.argwhere(rain > 0.1 * rain.max())
-    seen = (seen - seen[0] + 128) % 256
-    tall, wide = np.ptp(seen, axis=0) + 1
-    assert tall > 5 * wide
-    snow = cone.snow_tile(256, seed=4, flakes=1, spread=0.0, width=0.05)
-    seen = (np.argwhere(snow > 0.1 * snow.max()) - np.argwhere(snow > 0.1)[0] + 128) % 256
-    tall, wide = np.ptp(seen, axis=0) + 1
-    assert abs(tall - wide) <= 1
-    assert not cone.rain_tile(16, seed=1, drops=0).any()
-    # Sleet has both.
-    wet = cone.sleet_tile(128, seed=1, flakes=0)
-    both = cone.sleet_tile(128, seed=1)
-    assert wet.any() and (both != wet).any()
-
-
 def test_drops_smaller_than_a_texel_keep_their_energy():
     for size in (32, 64, 128):
         tile = cone.snow_tile(size, seed=9, flakes=50, width=0.01, spread=0.0, opacity=0.01,
                               dtype=np.float64)  # fmt: skip
         wanted = 50 * 0.01 * 2 * math.pi * 0.005**2
         assert abs(tile.mean() / wanted - 1.0) < 3e-3
-
-
-def test_a_picture_becomes_a_tile():
-    picture = data.coffee()
-    tile = cone.tile_of(picture, size=64)
-    assert tile.shape == (64, 64) and tile.dtype == np.float32
-    wrapped = np.concatenate([tile, tile[:1]])
-    steps = np.abs(np.diff(wrapped, axis=0)).mean(axis=1)
-    assert steps[-1] < 2.5 * np.median(steps)
-    # Without the border there is an edge: that is how one looks.
-    bare = cone.tile_of(picture, size=64, border=0.0)
-    steps = np.abs(np.diff(np.concatenate([bare, bare[:1]]), axis=0)).mean(axis=1)
-    assert steps[-1] > 3.5 * np.median(steps)
-    # Dtypes of one picture agree.
-    np.testing.assert_allclose(cone.tile_of(picture / 255.0, size=64), tile, atol=1e-7)
-    inverted = cone.tile_of(picture, size=64, invert=True)
-    np.testing.assert_allclose(inverted + tile, 1.0, atol=1e-6)
-
-
-def test_a_toroidal_picture_stays_as_it_is():
-    tile = cone.snow_tile(32, seed=1, dtype=np.float64)
-    np.testing.assert_array_equal(cone.tile_of(tile, border=0.0, dtype=np.float64), tile)
-    half = cone.tile_of(tile, size=16, border=0.0, dtype=np.float64)
-    np.testing.assert_allclose(half, tile.reshape(16, 2, 16, 2).mean(axis=(1, 3)), atol=1e-13)
-    twice = cone.tile_of(tile, size=64, border=0.0, dtype=np.float64)
-    np.testing.assert_allclose(twice.mean(), tile.mean(), rtol=1e-12)
-
-
-def test_transparency_counts():
-    picture = np.ones((20, 24, 4))
-    picture[..., 3] = 0.25
-    np.testing.assert_allclose(cone.tile_of(picture, size=8), 0.25)

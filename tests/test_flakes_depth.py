@@ -56,38 +56,6 @@ def test_depth_is_the_direct_sum(number: int):
     assert np.abs(narrow - want).max() < 2e-5 * scale
 
 
-def test_a_tile_is_irfft2_without_shear():
-    spectra = fl.spectral.flake_patterns(
-        32, counts=[30], diameters=[[1.0, 3.0]], seed=4, dtype=np.complex128
-    )
-    want = np.fft.irfft2(spectra[0, 0], s=(32, 32))
-    got = DEPTH((32, 32), spectra, drift=[(0, 0)], seed=None, overlap=0, dtype=np.float64)
-    assert np.abs(got - np.maximum(want, 0.0)).max() < 1e-13
-
-
-def test_whole_pixels_move_the_drawing():
-    spectra = fl.spectral.flake_patterns(
-        32, counts=[30], diameters=[[1.0, 3.0]], seed=4, dtype=np.complex128
-    )
-    still, moved = (
-        DEPTH((32, 32), spectra, drift=[drift], seed=None, overlap=0, dtype=np.float64)
-        for drift in [(0, 0), (5, -9)]
-    )
-    assert np.abs(np.roll(still, (-9, 5), (0, 1)) - moved).max() < 1e-13
-
-
-def test_a_sheared_torus_comes_back_to_the_side():
-    spectra = fl.spectral.flake_patterns(
-        40, counts=[50], diameters=[[1.0, 3.0]], shear=0.3, seed=4, dtype=np.complex128
-    )
-    for lattice in [(40.0, 0.0), (12.0, 40.0), (-28.0, 40.0)]:
-        still, moved = (
-            DEPTH((40, 40), spectra, drift=[d], shear=0.3, seed=None, overlap=0, dtype=np.float64)
-            for d in [(0.0, 0.0), lattice]
-        )
-        assert np.abs(still - moved).max() < 1e-12
-
-
 SPECTRA = fl.spectral.flake_patterns(
     32, counts=[60, 200], diameters=[[1.5, 2.5], [0.5, 1.5]], shear=0.382, seed=2
 )
@@ -119,20 +87,3 @@ def test_a_larger_picture_keeps_its_tiles():
     large = DEPTH((90, 140), SPECTRA, drift=[(1, 2), (3, 4)], seed=3, shear=0.382)
     # Up to the first tile that the small one lacks.
     assert np.array_equal(small[:54, :54], large[:54, :54])
-
-
-def test_out_is_filled_and_returned():
-    for dtype in (np.float32, np.float64):
-        out = np.full(SHAPE, np.nan, dtype)
-        assert DEPTH(SHAPE, SPECTRA, **GIVEN, dtype=dtype, out=out) is out
-        assert np.array_equal(out, DEPTH(SHAPE, SPECTRA, **GIVEN, dtype=dtype))
-
-
-def test_layouts_and_dtypes_of_patterns():
-    want = DEPTH(SHAPE, SPECTRA, **GIVEN)
-    for other in (
-        np.asfortranarray(SPECTRA),
-        SPECTRA.astype(np.complex128),
-        np.repeat(SPECTRA, 2, axis=3)[..., ::2],
-    ):
-        assert np.array_equal(DEPTH(SHAPE, other, **GIVEN), want)

@@ -44,12 +44,6 @@ def test_one_particle_errs_by_no_more_than_it_says(footprint, sigma):
     assert sigma > 25.0 or worst > 0.3 * bound(1.0, sigma)
 
 
-def test_narrow_particles_are_drawn_as_ever():
-    place = [[0.1, 0.05, 3.0]]
-    error, _ = apart(place, 3.0 * 23.5 * 3.0 / FOCAL, 1.0)
-    assert error == 0.0
-
-
 @pytest.mark.parametrize("seed", range(3))
 @every("colored", [False, True])
 def test_inside_the_gas_half_a_step_of_8_bits_is_never_reached(seed, colored):
@@ -63,14 +57,6 @@ def test_inside_the_gas_half_a_step_of_8_bits_is_never_reached(seed, colored):
     assert difference.max() < 0.5 / 255 and np.sqrt((difference**2).mean()) < 1e-4
     single = fl.gas.splat(SHAPE, centers, 0.4, 0.4, color, CAMERA, smooth=SMOOTH, near_mode="exact")
     assert np.abs(single - smooth).max() < 2e-5
-
-
-def test_inside_the_gas_it_is_the_twins_line_integral():
-    rng = np.random.default_rng(5)
-    centers = rng.uniform(-1.5, 1.5, (80, 3))
-    through, _ = twin.transmittance(SHAPE, centers, 0.5, 0.4, FOCAL, footprint="volume")
-    smooth = fl.gas.alpha(SHAPE, centers, 0.5, 0.4, CAMERA, footprint="volume", smooth=SMOOTH)
-    assert np.abs(1.0 - through - smooth).max() < 0.5 / 255
 
 
 def ramp():
@@ -91,13 +77,3 @@ def test_what_stands_in_the_gas_cuts_it_as_ever(footprint, occlusion):
     error, alpha = apart(centers, 0.5, 0.4, **options)
     free, _ = twin.transmittance(SHAPE, centers, 0.5, 0.4, FOCAL, footprint=footprint)
     assert error < 0.5 / 255 and np.abs(1.0 - free - alpha).max() > 0.2
-
-
-def test_no_seam_between_tiles():
-    """Second differences across the border of tiles are as small as beside it."""
-    rng = np.random.default_rng(8)
-    centers = rng.uniform((-2, -2, 1.5), (2, 2, 4.0), (150, 3))
-    alpha = fl.gas.alpha(SHAPE, centers, 0.6, 0.3, CAMERA, smooth=SMOOTH, dtype="float64")
-    bend = np.abs(np.diff(alpha, 2, axis=1)).max(axis=0)
-    border = [62, 63, 126, 127]
-    assert bend[border].max() < 1.2 * np.delete(bend, border).max() < 2e-3

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import copy
 import dataclasses
-import pickle
 from fractions import Fraction
 from typing import Any
 
@@ -48,30 +46,6 @@ def test_place_is_the_integral_of_rate(name: str, span: tuple[float, float]):
         assert moved[axis] == pytest.approx(want, abs=1e-9)
 
 
-@every("name", PATHS)
-def test_what_comes_is_three_float64(name: str):
-    for t in (-5.5, 0, 3, 1e6):
-        for vector in (PATHS[name].place(t, fps=FPS), PATHS[name].rate(t, fps=FPS)):
-            assert vector.shape == (3,) and vector.dtype == np.float64
-            assert np.isfinite(vector).all()
-
-
-def test_a_still_camera():
-    still = PATHS["still"]
-    assert still.still and not still.goes_along(FORWARD)
-    assert not any(PATHS[name].still for name in PATHS if name != "still")
-    assert still.place(77.7, fps=FPS).tolist() == [0.0, 0.0, 0.0]
-
-
-def test_an_array_is_a_place_for_each_frame():
-    path = PATHS["array"]
-    for i, place in enumerate(PLACES):
-        assert np.abs(path.place(i, fps=FPS) - place).max() < 1e-15
-    assert np.allclose(path.place(3.25, fps=FPS), 0.75 * PLACES[3] + 0.25 * PLACES[4], rtol=1e-14)
-    assert np.array_equal(path.rate(3.25, fps=FPS), PLACES[4] - PLACES[3])
-    assert np.array_equal(path.rate(3, fps=FPS), PLACES[4] - PLACES[3]), "a frame's own rate"
-
-
 def test_outside_it_goes_on_with_the_end_rates():
     first, last = PLACES[1] - PLACES[0], PLACES[-1] - PLACES[-2]
     path = PATHS["array"]
@@ -111,15 +85,6 @@ def test_a_velocity_counts_in_seconds():
 )
 def test_whether_it_goes_forward(arguments: dict[str, Any], forward: bool):
     assert fl.CameraPath(LENS, **arguments).goes_along(FORWARD) is forward
-
-
-@every("name", PATHS)
-def test_frozen_and_copied(name: str):
-    path = PATHS[name]
-    for twin in (pickle.loads(pickle.dumps(path)), copy.copy(path), copy.deepcopy(path)):
-        assert np.array_equal(twin.place(3.3, fps=FPS), path.place(3.3, fps=FPS))
-    with pytest.raises(AttributeError):
-        path.position = None
 
 
 def test_the_callers_array_is_his():
@@ -217,19 +182,6 @@ def test_a_camera_that_looks_along_the_wind_sees_it_go_away():
     drift = asked(snow, frame_of(scene, 30.0)).drift[:, :, 0]
     x = np.arange(8, 96, 16) - 48.0
     assert np.allclose(drift[..., 0], -x / 12.0, atol=1e-12), "towards the middle, 1 m in 12"
-
-
-@pytest.mark.parametrize("part", [{"flakes": 0}, {"texture": 0.0, "haze": 0.0, "near_depth": 3.0}])
-@pytest.mark.parametrize(("wind", "fall", "axis"), [((2.0, 0.0, 0.0), 0.0, 1), ((0, 0, 0), 2.0, 0)])
-def test_the_picture_moves_with_the_air(part: dict[str, Any], wind: Any, fall: float, axis: int):
-    snow = Snow(wind=wind, fall=fall, sway=(0.0, 1.0), shutter=0.0, jitter=True, **part)
-    scene = Scene((128, 128), effects=[snow], fps=60.0)
-    first, second = (np.fft.fft2(scene.render(t, layers=True).alpha) for t in (10.0, 11.0))
-    match = np.fft.ifft2(second * first.conj()).real
-    match[0, 0] = -np.inf  # what stands still, the haze
-    best = np.array(np.unravel_index(match.argmax(), match.shape))
-    best -= 128 * (best > 64)
-    assert best[axis] > 0 and abs(best[1 - axis]) <= best[axis]
 
 
 def test_a_lens_far_off_the_middle_is_no_endless_work():

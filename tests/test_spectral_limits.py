@@ -33,12 +33,6 @@ def test_a_band_without_waves_is_refused(name: str, size: int):
     assert str(size) in str(refusal.value)
 
 
-def test_a_band_between_two_lattice_waves_is_refused():
-    # |k|^2 = 8 and 9 are neighbours on the lattice: 64/|k| is 22.63 and 21.33 px.
-    with pytest.raises(ValueError, match="wavelengths"):
-        S.band_amplitude((64, 64), wavelengths=(21.4, 22.6))
-
-
 @pytest.mark.parametrize("name", ["field", "alpha"])
 def test_a_band_longer_than_the_tile_warns(name: str):
     with pytest.warns(UserWarning, match="wavelengths") as warned:

@@ -53,33 +53,6 @@ def test_the_loop_is_exact(periods: int):
     assert np.abs(loop(time=3.25) - loop(time=3.25 + periods * FRAMES)).max() < 1e-12
 
 
-def test_without_rounding_the_wrap_jumps():
-    # 1.42 sigma, as between independent frames, against an ordinary step.
-    def step(first: np.ndarray, second: np.ndarray) -> float:
-        return float(np.sqrt(np.mean((second - first) ** 2)))
-
-    film = loop()
-    steps = [step(film[t], film[(t + 1) % FRAMES]) for t in range(FRAMES)]
-    assert steps[-1] <= max(steps[:-1])
-    plain = [
-        fl.spectral.field(SHAPE, drift=(t * VELOCITY[0], t * VELOCITY[1]), tile=SHAPE, overlap=0,
-                          **STILL)
-        for t in (0, 1, FRAMES - 1)
-    ]  # fmt: skip
-    assert step(plain[2], plain[0]) == pytest.approx(np.sqrt(2.0), abs=0.2)
-    assert step(plain[2], plain[0]) > 2.5 * step(plain[0], plain[1])
-
-
-def test_the_texture_has_no_seams():
-    # A step across the border is like any other, in x and in y.
-    film = fl.spectral.opacity(loop())
-    assert film.shape == (FRAMES, *SHAPE)
-    for axis in (1, 2):
-        steps = np.abs(np.diff(film, axis=axis, append=np.take(film, [0], axis=axis)))
-        across = np.sqrt(np.mean(np.take(steps, -1, axis=axis) ** 2))
-        assert across == pytest.approx(np.sqrt(np.mean(steps**2)), rel=0.15)
-
-
 def test_shutter_cut_and_jitter_act_on_the_rounded_rates():
     speed = (20.0, 30.0)
     options = {"alias": "cut", "shutter": 0.5}

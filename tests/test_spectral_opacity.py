@@ -49,27 +49,6 @@ def test_statistics_of_the_default_opacity():
     assert tiles.std() == pytest.approx(0.17061, abs=2e-4)
 
 
-def test_share_within_three_sigma():
-    # Section 4: .9973 at M = 64, and at least .991 in nearly every tile.
-    shares = [
-        np.mean(np.abs(fl.spectral.field((64, 64), drift=(0.0, 0.0), seed=s, overlap=0)) <= 3.0)
-        for s in range(400)
-    ]
-    assert np.mean(shares) == pytest.approx(0.9973, abs=3e-4)
-    assert np.mean(np.array(shares) >= 0.991) >= 0.99
-
-
-def test_opacity_is_the_same_on_seams():
-    # Power blending before the map: the mean at corners of tiles is the mean in their middle.
-    seam = np.concatenate([np.arange(s, s + 10) for s in (54, 108, 162, 216)])
-    total = np.zeros((280, 280))
-    for seed in range(200):
-        total += fl.spectral.alpha((280, 280), drift=(0.0, 0.0), seed=seed)
-    mean = total / 200
-    assert mean[np.ix_(seam, seam)].mean() == pytest.approx(twin.opacity_mean(), abs=0.005)
-    assert mean.mean() == pytest.approx(twin.opacity_mean(), abs=0.002)
-
-
 MAPPED = {"mean": 0.4, "spread": 2.5, "amount": 0.9}
 FIELD = {"drift": (3.0, 8.0), "seed": 17, "tile": 31, "overlap": 10, "wavelengths": (3.0, 30.0)}
 FIELD |= {"velocity": (5.0, 20.0), "shutter": 0.5, "alias": "soft", "shift": (1.0, 0.5)}
@@ -106,22 +85,3 @@ def test_preserve_mean(c: float):
     assert sharp == pytest.approx(twin.opacity_mean(), abs=5e-4)
     assert kept == pytest.approx(sharp, abs=1e-3)
     assert without < sharp - {0.3: 0.003, 0.9: 0.012, 2.0: 0.0175}[c]
-
-
-def test_preserve_mean_is_nearer_to_the_mean_of_sub_frames():
-    # A real shutter sees the mean of the opacities, not the opacity of the mean.
-    c, sub = 0.9, (np.arange(64) + 0.5) / 64 - 0.5
-    velocity = np.array((32.0 * c * np.cos(1.22), 32.0 * c * np.sin(1.22)))
-    errors = {False: [], True: []}
-    for seed in range(5):
-        true = np.mean([blurred(c, 0.0, seed, drift=tuple(velocity * s)) for s in sub], axis=0)
-        for preserve, error in errors.items():
-            error.append(np.mean((blurred(c, 1.0, seed, preserve_mean=preserve) - true) ** 2))
-    assert np.sqrt(np.mean(errors[True])) < 0.75 * np.sqrt(np.mean(errors[False]))
-
-
-def test_preserve_mean_changes_nothing_without_loss():
-    plain = fl.spectral.alpha((70, 80), drift=(1.0, 2.0), seed=5)
-    assert np.abs(
-        fl.spectral.alpha((70, 80), drift=(1.0, 2.0), seed=5, preserve_mean=True) - plain
-    ).max() < 1e-6  # fmt: skip

@@ -41,15 +41,6 @@ def test_advance_phase_is_the_twins(shape: twin.Shape, shift, wavelength_max: fl
     assert np.abs(twin.reduced(got - want)).max() < 1e-14
 
 
-def test_phases_add_and_do_not_multiply():
-    # The printed product is even in k and 0 at t = 0.
-    phase = twin.random_phase((16, 16), seed=1)
-    assert np.array_equal(fl.spectral.advance_phase(phase, (0.0, 0.0)), phase)
-    moved = fl.spectral.advance_phase(phase, (2.0, 0.0))
-    rate = fl.spectral.tent_rate((16, 16), (2.0, 0.0))
-    assert np.abs(twin.reduced(moved - phase - rate)).max() < 1e-15
-
-
 @every(
     ("cycles", "expected"),
     [(0.5, -0.5), (-0.5, -0.5), (1.5, -0.5), (0.75, -0.25), (7.0, 0.0), (-3.25, -0.25)],

@@ -71,29 +71,6 @@ def test_power_left_by_a_full_shutter(c: float, left: float):
     assert share == pytest.approx(theory, abs=6e-3)
 
 
-def test_soft_roll_off():
-    # cos^2 from soft_from to 1/2: 1 up to 0.4, half at 0.45, 0 at 0.5.
-    amplitude = twin.band_amplitude(M)
-    quarter = np.cos(np.pi / 8) ** 2
-    for c, gain in [(0.39, 1.0), (0.4, 1.0), (0.425, quarter), (0.45, 0.5), (0.5, 0.0)]:
-        got = fl.spectral.temporal_filter(amplitude, (0.0, 32.0 * c), alias="soft")
-        assert got[3, 0] == pytest.approx(amplitude[3, 0] * gain, abs=1e-15)
-
-
-def test_hard_cut_pops_and_soft_does_not():
-    # The largest change of one frame's field while c goes from 0.3 to 3 in 300 frames.
-    amplitude = twin.band_amplitude(M)
-    jump = {}
-    for alias in ("cut", "soft"):
-        frames = [
-            fl.spectral.temporal_filter(amplitude, (0.0, 32.0 * c), alias=alias)
-            for c in np.linspace(0.3, 3.0, 301)
-        ]
-        jump[alias] = max(np.sqrt(np.sum(np.diff(frames, axis=0) ** 2, axis=(1, 2))))
-    assert jump["cut"] > 0.25
-    assert jump["soft"] < jump["cut"] / 3
-
-
 @pytest.mark.parametrize(("jitter", "low", "high"), [(False, 0.0830, 0.0832), (True, -1.0, 0.005)])
 def test_static_share_of_rendered_frames(jitter: bool, low: float, high: float):
     # The power of the waves whose coefficient does not change while the texture falls 0.25 cycles.

@@ -8,7 +8,7 @@ import pytest
 import flurries as fl
 import twin
 from every import every
-from flurries.spectral.tiles import tile_shares
+from flurries.spectral.tiles import power_shares, tile_shares
 
 LENGTHS = [1, 2, 63, 64, 65, 117, 118, 119, 130, 200]
 OVERLAPS = [0, 1, 10, 32, 48, 63]
@@ -25,11 +25,6 @@ def test_tile_starts(length: int, overlap: int):
     assert len(got) == 1 or got[-2] + 64 < length
 
 
-def test_nineteen_tiles():
-    got = fl.spectral.tile_starts(1024)
-    assert len(got) == 19 and got[-1] + 64 - 1024 == 12
-
-
 @every(("dtype", "limit"), [(np.float64, 1e-14), (np.float32, 2e-6)])
 @every("blend", ["power", "linear"])
 @every(
@@ -44,13 +39,6 @@ def test_blend_is_the_twins(shape, size, overlap: int, blend: str, dtype: type, 
     got = fl.spectral.blend_tiles(tiles, shape, overlap=overlap, blend=blend)
     assert got.dtype == dtype and got.shape == shape
     assert np.abs(got - twin.blend_tiles(tiles, shape, overlap=overlap, blend=blend)).max() < limit
-
-
-def test_one_tile_is_itself():
-    tiles = np.random.default_rng(0).standard_normal((1, 1, 16, 16))
-    for blend in ("power", "linear"):
-        got = fl.spectral.blend_tiles(tiles, (13, 16), overlap=7, blend=blend)
-        assert np.array_equal(got, tiles[0, 0, :13])
 
 
 # 5 x 5 tiles give 16 corners and 40 edges: with 400 seeds, 6400 nearly independent values at the
@@ -106,15 +94,6 @@ def test_growing_the_picture_keeps_old_pixels(old, new, overlap: int, blend: str
     assert np.array_equal(before[kept], after[kept])
 
 
-def test_neighbouring_tiles_are_independent():
-    # Correlation of two 64 x 64 tiles of about 160 independent values each; 200 pairs, mean square.
-    z = fl.spectral.field((64, 64 * 201), drift=(0.0, 0.0), seed=3, overlap=0, dtype=np.float64)
-    tiles = z.reshape(64, 201, 64).transpose(1, 0, 2).reshape(201, -1)
-    neighbours = np.mean(tiles[1:] * tiles[:-1], axis=1)
-    assert np.abs(np.mean(neighbours)) < 0.02
-    assert np.abs(neighbours).max() < 0.35
-
-
 @pytest.mark.parametrize("blend", ["power", "linear"])
 @pytest.mark.parametrize("overlap", OVERLAPS)
 @pytest.mark.parametrize("length", LENGTHS)
@@ -128,3 +107,24 @@ def test_shares_are_the_twins_and_sum_to_one(length: int, overlap: int, blend: s
         part[:] = of_tile[: len(part)] ** (2 if blend == "power" else 1)
     np.testing.assert_allclose(got, want, atol=1e-14)
     np.testing.assert_allclose(got.sum(axis=1), 1.0, atol=1e-14)
+
+
+CASES = ((100, 32, 8), (70, 16, 0), (95, 24, 12), (20, 32, 5), (90, 20, 19), (61, 60, 59))
+
+
+@pytest.mark.parametrize("blend", ["power", "linear"])
+@pytest.mark.parametrize(("length", "tile", "overlap"), CASES)
+def test_power_is_that_of_independent_tiles(length: int, tile: int, overlap: int, blend: str):
+    shares, power = power_shares(length, tile=tile, overlap=overlap, blend=blend)
+    count = len(fl.spectral.tile_starts(length, tile=tile, overlap=overlap))
+    assert shares.shape == (length, count)
+    # Of independent tiles the variances add up: the squares of what the blend makes of each alone.
+    for number in range(count):
+        tiles = np.zeros((count, 1, tile, tile))
+        tiles[number] = 1.0
+        alone = fl.spectral.blend_tiles(tiles, (length, 1), overlap=overlap, blend=blend)[:, 0]
+        # Across there is one tile, whose weight is 1.
+        assert np.abs(alone**2 - shares[:, number] * power).max() < 1e-14
+    assert shares.sum(axis=1) == pytest.approx(1.0, abs=1e-14)
+    if blend == "linear" and overlap > 0 and count > 1:
+        assert power.min() < 0.76

@@ -10,7 +10,6 @@ import pytest
 from scipy import integrate, stats
 
 import twin
-import twin_camera
 from every import every
 
 MASK = 2**64 - 1
@@ -47,15 +46,6 @@ def test_each_pair_has_one_leader(shape: twin.Shape):
     assert np.sum(twin.self_conjugate(shape)) == (2 - shape[0] % 2) * (2 - shape[1] % 2)
 
 
-def test_leaders_are_those_of_the_text():
-    ky, kx = twin.wave_numbers((8, 8))
-    lead = twin.leaders((8, 8))
-    assert np.all(lead[(kx > 0)])
-    assert np.array_equal(lead[:, 0], ky[:, 0] > 0)
-    assert np.array_equal(lead[:, 4], ky[:, 4] > 0)
-    assert not np.any(lead[(kx < 0) & (kx > -4)])
-
-
 @every("shape", [(16, 16), (15, 15), (8, 8), (12, 8), (9, 14)])
 def test_fft_is_the_cosine_sum(shape: twin.Shape):
     # Arbitrary, not symmetric, with dc and Nyquist: the sum is over all bins as they are. The error
@@ -66,59 +56,10 @@ def test_fft_is_the_cosine_sum(shape: twin.Shape):
     assert np.abs(error).max() <= 1e-15 * np.abs(amplitude).sum()
 
 
-@pytest.mark.parametrize("size", [8, 9, 16, 64])
-def test_unit_variance_zero_mean_and_real(size: int):
-    wavelengths = (2.5, float(size))
-    amplitude = twin.band_amplitude((size, size), wavelengths=wavelengths)
-    phase = twin.random_phase((size, size), seed=3)
-    spectrum = amplitude * np.exp(2j * np.pi * phase)
-    picture = np.fft.ifft2(spectrum, norm="forward")
-    assert np.abs(picture.imag).max() < 1e-13
-    assert abs(picture.real.mean()) < 1e-13
-    assert abs(picture.real.var() - 1.0) < 1e-13
-
-
-def test_unit_variance_at_every_pixel_of_the_ensemble():
-    # 2000 independent values: the variance is known to sqrt(2/2000) = 3.2 %, three times that.
-    pixels = [
-        twin.inverse_transform(twin.band_amplitude((16, 16), wavelengths=(4.0, 16.0)), phase)[3, 5]
-        for phase in (twin.random_phase((16, 16), seed=seed) for seed in range(2000))
-    ]
-    assert abs(np.var(pixels) - 1.0) < 0.1
-    assert abs(np.mean(pixels)) < 0.07
-
-
-def test_phases_are_uniform():
-    phase = twin.random_phase((64, 64), seed=-7)[twin.leaders((64, 64))]
-    assert stats.kstest(phase, "uniform", args=(-0.5, 1.0)).pvalue > 0.01
-
-
 def test_direct_field_is_the_fft_field():
     case = {"drift": (3.0, -1.0), "seed": 5, "tile": 16, "overlap": 6, "wavelengths": (2.5, 16.0)}
     error = twin.field((24, 21), **case, direct=True) - twin.field((24, 21), **case)
     assert np.abs(error).max() < 1e-13
-
-
-@every("blend", ["power", "linear"])
-@every("overlap", [0, 1, 10, 63])
-@every("length", [1, 63, 64, 65, 130])
-def test_axis_weights_add_up(length: int, overlap: int, blend: str):
-    weights = twin.axis_weights(length, 64, overlap, blend)
-    power = weights**2 if blend == "power" else weights
-    starts = twin.tile_starts(length, tile=64, overlap=overlap)
-    total = np.zeros(starts[-1] + 64)
-    for start, share in zip(starts, power, strict=True):
-        total[start : start + 64] += share
-    assert starts[-1] + 64 >= length
-    assert np.abs(total - 1.0).max() < 1e-14
-
-
-def test_rotation_matrix_is_right_handed_and_orthonormal():
-    turn = twin_camera.rotation_matrix((0.0, 0.0, np.pi / 2))
-    assert np.allclose(turn @ [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], atol=1e-15)
-    turn = twin_camera.rotation_matrix((0.3, -0.2, 0.9))
-    assert np.allclose(turn.T @ turn, np.eye(3), atol=1e-15)
-    assert np.isclose(np.linalg.det(turn), 1.0)
 
 
 @pytest.mark.parametrize(

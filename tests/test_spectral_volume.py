@@ -44,51 +44,7 @@ def test_the_film_is_numpys_inverse_transform(frames: int, size: int, band, cell
     assert np.abs(single - want).max() < 4e-6
 
 
-def test_the_spectrum_is_conjugate_symmetric_and_small():
-    # (kx, ky, n) and (-kx mod M, -ky mod M, -n mod T): M - 0 wraps to 0.
-    cube = np.fft.fftn(np.moveaxis(volume(20, 40), 0, 2), norm="forward")
-    mirrored = np.roll(np.flip(cube), 1, axis=(0, 1, 2)).conj()
-    assert np.abs(cube - mirrored).max() < 1e-15
-    # One cell per column of the band, all others empty.
-    held = np.abs(cube) > 1e-12
-    assert np.array_equal(held.sum(axis=2), (twin.band_amplitude((40, 40)) > 0.0).astype(int))
-
-
 # Against the 2-D method ---------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("size", [64, 63])
-def test_one_cell_is_the_2d_method_with_rounded_rates(size: int):
-    film = volume(size=size)
-    amplitude = fl.spectral.band_amplitude((size, size))
-    phase = fl.spectral.random_phase((size, size), seed=1)
-    rate = fl.spectral.tent_rate((size, size), drift(C), loop=FRAMES)
-    for t in range(FRAMES):
-        flat = fl.spectral.inverse_transform(amplitude, phase + t * rate, dtype=np.float64)
-        assert np.abs(film[t] - flat).max() < 1e-12
-
-
-def test_the_first_frame_is_that_of_field():
-    still = fl.spectral.field((64, 64), drift=(0, 0), seed=1, overlap=0, dtype=np.float64)
-    assert np.abs(volume(8, c=0.4)[0] - still).max() < 1e-12
-
-
-def test_the_unrounded_film_leaves_it_as_a_sinc():
-    # The rest that rounding takes is uniform in +-1/2 cycle per loop: correlation sinc(t/T), up to
-    # the chance of the rests of 3160 waves with unequal power.
-    film, size = volume(size=128), 128
-    amplitude = twin.band_amplitude((size, size))
-    rate = twin.tent_rate((size, size), drift(C))
-    rest = rate - twin_volume.nearest(rate, FRAMES) / FRAMES
-    for t in (8, 16, 32, 48, 63):
-        flat = fl.spectral.field(
-            (size, size), drift=t * drift(C), seed=1, tile=size, overlap=0, dtype=np.float64
-        )
-        correlation = np.mean(flat * film[t])
-        assert correlation == pytest.approx(
-            np.sum(amplitude**2 * np.cos(2 * np.pi * rest * t)), abs=1e-12
-        )
-        assert correlation == pytest.approx(np.sinc(t / FRAMES), abs=0.1)
 
 
 @pytest.mark.parametrize(("frames", "share"), [(30, 0.17), (60, 0.084), (120, 0.042)])
@@ -137,16 +93,10 @@ def test_the_power_lies_on_the_tent(degrees: float):
         assert share(shuffled, degrees) < 0.2
 
 
-def test_the_opacity_of_a_tile_keeps_to_the_tent():
-    # The square alone takes 4 %: products of waves lie off it.
-    for pictures in (volume(), fields()):
-        alpha = fl.spectral.opacity(pictures)
-        assert share(alpha, 63.0) > 0.94
-        assert share(alpha, 63.0 + 180.0) < 0.5
-        assert share(fl.spectral.opacity(pictures, power=1.0), 63.0) > 0.99
-
-
 # All cells that the tent passes through: an experiment (erratum 14) ------------------------------
+
+# The slides' band, arguments ----------------------------------------------------------------------
+
 
 OCTAVES = [(16.0, 32.0), (8.0, 16.0), (4.0, 8.0)]  # coarse first
 
@@ -178,48 +128,6 @@ def test_overlap_breaks_equal_octaves(turns: float, most: float, least: float, p
     assert (count[0], count[2]) == pytest.approx((most, least), abs=0.05)
     measured = octave_powers(film)
     assert measured / measured[2] == pytest.approx(powers, abs=0.02)
-
-
-def test_overlap_beats():
-    # Each wave of several cells has an amplitude that varies, and so has a frame's contrast.
-    one = volume()
-    films = [volume(cells="overlap", seed=seed) for seed in range(8)]
-    inside = twin.band_amplitude((64, 64)) > 0.0
-    spectra = np.abs(np.fft.fft2([one, films[1]]))
-    variation = [np.mean((z.std(axis=0) / z.mean(axis=0))[inside]) for z in spectra]
-    assert variation[0] < 1e-12
-    assert 0.33 < variation[1] < 0.40
-    assert one.std(axis=(1, 2)) == pytest.approx(1.0, abs=1e-12)
-    contrast = np.array([film.std(axis=(1, 2)) for film in films])
-    assert np.sqrt(np.mean((contrast - 1.0) ** 2)) == pytest.approx(0.064, abs=0.015)
-    assert np.mean(films[0] ** 2) == pytest.approx(1.0, abs=1e-12)
-    # And its power is spread about the tent: 55 % within one bin, where one cell has it all.
-    assert share(films[1], 63.0, 1, window=False) == pytest.approx(0.55, abs=0.01)
-    assert share(one, 63.0, 1, window=False) == pytest.approx(1.0, abs=1e-12)
-
-
-def test_overlap_moves_unsteadily():
-    # The velocity of the 24 px band, least squares, varies by 6 %, that of one cell not at all. A
-    # correlator that takes the next crest of few waves for the same one finds 38 %.
-    ky, kx = twin.wave_numbers((64, 64))
-    band = twin.leaders((64, 64)) & twin.band((64, 64), (21.0, 28.0))
-    f = np.stack([kx[band], ky[band]]) / 64.0
-
-    def unsteady(film: np.ndarray) -> float:
-        z = np.fft.fft2(film)[:, band]
-        step = -np.angle(z[1:] * z[:-1].conj()) / (2.0 * np.pi)
-        along = []
-        for power, turns in zip(np.abs(z[1:] * z[:-1]), step, strict=True):
-            velocity = np.linalg.solve((power * f) @ f.T, (power * f) @ turns)
-            along.append(velocity @ [np.cos(np.radians(63.0)), np.sin(np.radians(63.0))])
-        return float(np.std(along) / np.mean(along))
-
-    found = [unsteady(volume(cells="overlap", seed=seed)) for seed in range(8)]
-    assert 0.03 < np.mean(found) < 0.10
-    assert unsteady(volume()) < 1e-9
-
-
-# The slides' band, arguments ----------------------------------------------------------------------
 
 
 def test_the_named_bands():

@@ -241,12 +241,3 @@ def test_bad_files_are_told(name: str, tmp_path: Path):
     file.write_bytes(text if isinstance(text, bytes) else text.encode())
     with pytest.raises(ValueError, match=rf"way\.csv.*{words}"):
         fl.CameraPath.load(file, LENS)
-
-
-def test_a_turning_path_belongs_to_itself():
-    mine = TURNS.as_rotvec()
-    path = Path_(LENS, orientation=mine)
-    want = path.turn(3.3)
-    mine[...] = 0.0
-    assert np.array_equal(path.turn(3.3), want)
-    assert np.array_equal(pickle.loads(pickle.dumps(path)).turn(3.3), want)

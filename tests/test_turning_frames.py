@@ -141,21 +141,6 @@ def test_flakes_move_as_the_camera_turns_and_moves():
             assert np.median(bad) > 0.3
 
 
-def test_streaks_follow_the_turn():
-    # A whole frame of exposure is the mean of flakes at many instants.
-    way = {"orientation": Keys([(0, (0, 0, 0)), (100, (0.0, 1.5, 0.5))])}
-    base = {**FLAKES, "fall": 0.0, "wind": (0.0, 0.0, 0.0), "flakes": 40, "flake_opacity": 0.3,
-            "flake_size": (0.03, 0.03)}  # fmt: skip
-    path = Path_(Camera(FOCAL), **way)
-    blurred = picture(scene({**base, "shutter": 0.8}, camera=path), 7.0)
-    sharp = scene(base, camera=path)
-    mean = np.mean([picture(sharp, 7.0 + s) for s in (np.arange(32) + 0.5) / 40.0 - 0.4], axis=0)
-    assert np.abs(blurred - mean).max() < 0.1 * mean.max()
-    assert blurred.sum() == pytest.approx(mean.sum(), rel=0.02)
-    still = picture(scene({**base, "shutter": 0.8}, camera=Path_(Camera(FOCAL))), 7.0)
-    assert still.max() > 2.0 * blurred.max()
-
-
 def test_density_is_constant_and_nothing_pops():
     shown = [
         scene({**FLAKES, "flakes": 2000, "flake_size": (0.02, 0.02)}, seed=seed, size=256,

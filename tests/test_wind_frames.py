@@ -103,23 +103,6 @@ def test_nothing_pops(name: str):
     assert measure.smooth(measure.largest_changes(frame, np.array([0.0, 17.3, 55.1])))
 
 
-def test_density_stays():
-    calm = np.mean([picture(scene({**FLAKES, "flakes": 2500}, seed=s, size=256), 9.0).mean()
-                    for s in range(4)])  # fmt: skip
-    for snow in SCENES["gusts"], SCENES["profile"]:
-        means = [picture(scene({**FLAKES, "flakes": 2500, **snow}, seed=s, size=256), 90.0).mean()
-                 for s in range(4)]  # fmt: skip
-        assert np.mean(means) == pytest.approx(calm, rel=0.12)
-
-
-def test_a_calm_wind_is_no_wind():
-    for wind in (Wind((0.4, 0.1, 0.0)), Wind((0.4, 0.1, 0.0), gusts=0.0, swirl=0.0)):
-        assert wind.waves is None
-        frames = [fl.Scene((90, 70), effects=[Snow(wind=w, flakes=300)]).render(9)
-                  for w in (wind, wind.mean)]  # fmt: skip
-        assert np.array_equal(*frames)
-
-
 @pytest.mark.parametrize("kind", ["gusts", "profile", "keyed profile"])
 def test_scene_files_keep_the_wind(kind: str, tmp_path: Path):
     wind = {"gusts": Wind(Keys([(0, (1, 0, 0)), (9, (2, 0, 0))]), gusts=0.5, swirl=0.25, seed=9),

@@ -68,7 +68,6 @@ NO_TILE: dict[str, tuple[Any, ...]] = {
     "tile": (np.zeros((4, 5)), np.full((4, 4), 2.0), np.zeros(4)),
 }  # fmt: skip
 COSINE = {"cosine": 2.0 * RNG.random(5) - 1.0}
-SPEED = {"speed": np.array([1.0, 4.0])}
 ROUND: dict[str, Any] = {
     "times": np.array([0.0, 1.0, 3.0]), "drop": np.array([[0.0, 8.0, 0.0]] * 3),
     "camera": np.array([[0.0, 0.0, 1.0], [0.0, 0.0, 2.0], [1.0, 0.0, 2.0]]),
@@ -229,18 +228,10 @@ CALLS: dict[str, Call] = {
         refused={"spread": (-1.0,), "size": (3,), "drops": (-1,), "length": (0.6,)},
         heavy=("drops",),
     ),
-    "cone.sleet_tile": Call(
-        {"size": 16, "seed": 1}, refused={"spread": (-1.0,), "flake_width": (2.0,)},
-        heavy=("drops", "flakes"),
-    ),
     "cone.snow_tile": Call(
         {"size": 16, "seed": 1},
         refused={"spread": (-1.0,), "width": (0.0,), "opacity": (1.1,)},
         heavy=("flakes",),
-    ),
-    "cone.tile_of": Call({"picture": RNG.random((16, 16)), "size": 16}, pictures=("picture",),
-        refused={"picture": (np.zeros(3), np.zeros((9, 9, 2)), np.full((9, 9), 2.0)),
-                 "border": (0.7,)},
     ),
     "cone.Texture": Call({"tile": TILE}, refused=NO_TILE, then=lambda made: made.tile),
     "cone.Mapping": Call(
@@ -248,13 +239,6 @@ CALLS: dict[str, Call] = {
         refused={"depth": (np.ones((3, 3)),), "radius": (0.0, np.inf), "rows": ((3, 99),)},
         then=lambda made: fl.cone.layers(SHAPE, LENS, TILE, axis=DOWN, phase=0.0, mapping=made),
         **HIDES,
-    ),
-    "cone.elongation": Call(
-        SPEED, unused=("pixel", "scale"), takes={"speed": ("empty",)}
-    ),
-    "cone.elongation(published)": Call(
-        {**SPEED, "published": True}, of=fl.cone.elongation, unused=("exposure",),
-        takes={"speed": ("empty",)},
     ),
     "cone.frame": Call({"axis": ASIDE}),
     "cone.rays": Call(
@@ -283,14 +267,6 @@ CALLS: dict[str, Call] = {
     ),
     "cone.path(published)": Call(
         {**ROUND, "published": True}, of=fl.cone.path, unused=("exposure", "still")
-    ),
-    "cone.scroll": Call(
-        {**SPEED, "dt": np.array([1.0, 2.0]), "stretch": np.array([1.0, 2.0])},
-        unused=("streak", "pixel", "scale"), refused={"tile": (0.0, -1.0)},
-    ),
-    "cone.scroll(published)": Call(
-        {**SPEED, "dt": np.array([1.0, 2.0]), "published": True}, of=fl.cone.scroll,
-        unused=("stretch", "tile"),
     ),
     "cone.travel": Call(
         {"drop": np.stack([8.0 * DOWN] * 2), "camera": ASIDE, "dt": np.array([0.1, 0.2]),

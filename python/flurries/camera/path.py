@@ -108,23 +108,17 @@ class CameraPath:
             places = table("position", self.position)
             if places.shape[1] != 3 or len(places) == 0:
                 raise ValueError(f"position must have shape (n, 3), got {places.shape}")
-            places = places.copy()
-            places.flags.writeable = False
-            settle(self, "position", places)
+            settle(self, "position", _frozen(places))
         turning = None if self.orientation is None else turning_of(self.orientation)
         settle(self, "_turning", turning)
         if turning is not None and not isinstance(self.orientation, Keys):
-            given = table("orientation", self.orientation, ndim=None).copy()
-            given.flags.writeable = False
-            settle(self, "orientation", given)
+            settle(self, "orientation", _frozen(table("orientation", self.orientation, ndim=None)))
         zoom = None if self.focal is None else zoom_of(self.focal)
         settle(self, "_zoom", zoom)
         if zoom is not None:
             settle(self, "camera", replace(self.camera, focal=zoom.at(0.0)))
             if not isinstance(self.focal, Keys):
-                lengths = table("focal", self.focal, ndim=1).copy()
-                lengths.flags.writeable = False
-                settle(self, "focal", lengths)
+                settle(self, "focal", _frozen(table("focal", self.focal, ndim=1)))
 
     def __reduce__(self) -> tuple[Any, ...]:
         given = (self.camera, self.position, self.velocity, self.orientation, self.focal)
@@ -304,6 +298,12 @@ class CameraPath:
     def _piece(self, t: float) -> int:
         last = len(self.position) - 2
         return min(max(bisect.bisect_right(range(last + 1), t) - 1, 0), last)
+
+
+def _frozen(given: Float64) -> Float64:
+    own: Float64 = given.copy()
+    own.flags.writeable = False
+    return own
 
 
 def air_moved(t: float, *, fps: float, fall: Number, wind: Vector) -> Float64:

@@ -10,13 +10,13 @@ one texture, :func:`layers` several in one pass.
 """
 
 from flurries.cone.mapping import Mapping
-from flurries.cone.motion import elongation, scroll, travel
+from flurries.cone.motion import travel
 from flurries.cone.path import Path, State, path
 from flurries.cone.rays import Rays, frame, rays
 from flurries.cone.sheet import layer
 from flurries.cone.stack import layers
 from flurries.cone.texture import Texture
-from flurries.cone.tiles import rain_tile, sleet_tile, snow_tile, tile_of
+from flurries.cone.tiles import rain_tile, snow_tile
 
 __all__ = [
     "Mapping",
@@ -24,16 +24,12 @@ __all__ = [
     "Rays",
     "State",
     "Texture",
-    "elongation",
     "frame",
     "layer",
     "layers",
     "path",
     "rain_tile",
     "rays",
-    "scroll",
-    "sleet_tile",
     "snow_tile",
-    "tile_of",
     "travel",
 ]

@@ -1,8 +1,4 @@
-"""Tilt, elongation and scroll of the double cone: corrected, and as printed (Wang 2004, Eqs. 1-3).
-
-The printed forms are kept with their defects, which the tests show one by one; nothing else in the
-package uses them.
-"""
+"""The motion of precipitation against the camera (Wang 2004, Eq. 1): corrected, and as printed."""
 
 from __future__ import annotations
 
@@ -13,7 +9,7 @@ import numpy.typing as npt
 
 from flurries._contract import Float64, flag, moderate, real, table
 
-__all__ = ["elongation", "scroll", "travel"]
+__all__ = ["travel"]
 
 # t_const of Eq. 3, seconds.
 FRAME = 1.0 / 30.0
@@ -55,95 +51,6 @@ def travel(
         return np.asarray(fallen - share * moved)
     _alike(drop=fallen[..., 0], camera=moved[..., 0], dt=step)
     return np.asarray((share * moved + fallen) * (step[..., None] if step.ndim else step))
-
-
-def elongation(
-    speed: npt.ArrayLike,
-    *,
-    exposure: float = 1.0 / 60.0,
-    length: float = 0.02,
-    published: bool = False,
-    pixel: float = 1.0,
-    scale: float = 1.0,
-) -> Float64:
-    """Return the length of a drop's streak over that of the drop (Eq. 2).
-
-    Parameters
-    ----------
-    speed : float or (n,)
-        Speed of the drops relative to the camera, metres per second; the sign does not matter. As
-        printed: the length of Vec, metres per frame.
-    exposure : float
-        Seconds, 0 or more.
-    length : float
-        Length of a drop, metres, more than 0. As printed: S_streak, pixels.
-    published : bool
-        As printed: ``1 / (S_f E) = 1 + C S_f |Vec| / S_streak``: depends on the frame rate, makes
-        far streaks shorter than perspective does, and a larger S_streak gives shorter streaks.
-    pixel, scale : float
-        C_pixel, pixels per metre, and S_f, the layer's scale; used by the printed form only.
-
-    Returns
-    -------
-    () or (n,) float64
-        ``1 + |speed| exposure / length``, 1 or more.
-    """
-    pace = np.abs(_numbers("speed", speed))
-    drop = real("length", length, above=0.0)
-    if not flag("published", published):
-        return np.asarray(1.0 + pace * (real("exposure", exposure, low=0.0) / drop))
-    factor = real("pixel", pixel, above=0.0) * real("scale", scale, above=0.0)
-    return np.asarray(1.0 + factor * pace / drop)
-
-
-def scroll(
-    speed: npt.ArrayLike,
-    dt: npt.ArrayLike,
-    *,
-    stretch: npt.ArrayLike = 1.0,
-    tile: float = 1.0,
-    published: bool = False,
-    streak: float = 8.0,
-    pixel: float = 1.0,
-    scale: float = 1.0,
-) -> Float64:
-    """Return the distance that the texture moves in a time (Eq. 3).
-
-    Parameters
-    ----------
-    speed : float or (n,)
-        Of the drops relative to the camera, metres per second, negative against the axis. As
-        printed: the length of Vec, metres per frame.
-    dt : float or (n,)
-        Seconds.
-    stretch : float or (n,)
-        L, from :func:`elongation`.
-    tile : float
-        Metres that one tile of the first layer stands for: ``2 pi radius / repeats``.
-    published : bool
-        As printed: ``D / E`` with ``D = S_streak t_delta / t_const``, in pixels on the screen. It
-        depends on the frame rate and not on how fast anything falls.
-    streak, pixel, scale : float
-        S_streak (pixels), C_pixel (pixels per metre) and S_f; used by the printed form only.
-
-    Returns
-    -------
-    () or (n,) float64
-        ``speed dt / (tile stretch)``, tiles; the same for all layers, which are farther by as much
-        as they are smaller.
-    """
-    pace, step = _numbers("speed", speed), _steps(dt)
-    if not flag("published", published):
-        longer = _numbers("stretch", stretch)
-        if not (longer > 0.0).all():
-            raise ValueError(f"stretch must be positive, got {longer.min()}")
-        _alike(speed=pace, dt=step, stretch=longer)
-        return np.asarray(pace * step / (real("tile", tile, above=0.0) * longer))
-    drop, size = real("streak", streak, above=0.0), real("scale", scale, above=0.0)
-    _alike(speed=pace, dt=step)
-    moved = drop * step / FRAME
-    longer = elongation(pace, length=drop, published=True, pixel=pixel, scale=size)
-    return np.asarray(moved * size * longer)
 
 
 def _vectors(name: str, value: Any) -> Float64:

@@ -22,7 +22,7 @@ from flurries._contract import (
     require,
     table,
 )
-from flurries.cone.motion import elongation, scroll, travel
+from flurries.cone.motion import FRAME, travel
 from flurries.cone.sheet import MOST_REPEATS, wrapped
 
 __all__ = ["Path", "State", "path"]
@@ -330,7 +330,7 @@ def _printed(
     with np.errstate(invalid="ignore", divide="ignore"):
         axis = vectors / length[:, None]
         speed = length / dt
-    stretch = elongation(length, length=streak, published=True, pixel=pixel)
-    moved = scroll(length, dt, published=True, streak=streak, pixel=pixel) / (pixel * tile)
-    phase = np.array([wrapped(value) for value in np.cumsum(moved / stretch).tolist()])
+    stretch = 1.0 + pixel * length / streak
+    moved = streak * dt / (FRAME * pixel * tile)
+    phase = np.array([wrapped(value) for value in np.cumsum(moved).tolist()])
     return Path(moments, axis, phase, stretch, speed, vectors, np.zeros(len(dt)), tile, STILL, True)

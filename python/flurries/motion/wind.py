@@ -5,7 +5,8 @@ Gusts, swirls and a field of one's own are plane waves of velocity, see `flurrie
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import dataclasses
+from dataclasses import KW_ONLY, dataclass
 from typing import Any
 
 import numpy as np
@@ -30,7 +31,7 @@ _STREAM = 201
 
 
 @suggesting
-@dataclass(frozen=True, eq=False, init=False)
+@dataclass(frozen=True, eq=False)
 class Wind:
     """Wind that differs from place to place.
 
@@ -79,6 +80,7 @@ class Wind:
     """
 
     mean: Vector = (0.0, 0.0, 0.0)
+    _: KW_ONLY
     gusts: float = 0.0
     swirl: float = 0.0
     scale: float = 8.0
@@ -88,44 +90,30 @@ class Wind:
     duration: float = 1.0
     modes: int = 64
     seed: int = 0
-    _waves: Any = None
+    _waves: Any = dataclasses.field(init=False, repr=False)
 
-    def __init__(
-        self,
-        mean: Any = (0.0, 0.0, 0.0),
-        *,
-        gusts: float = 0.0,
-        swirl: float = 0.0,
-        scale: float = 8.0,
-        profile: Any = None,
-        field: Any = None,
-        spacing: float = 1.0,
-        duration: float = 1.0,
-        modes: int = 64,
-        seed: int = 0,
-    ) -> None:
+    def __post_init__(self) -> None:
         def settle(name: str, value: Any) -> None:
             object.__setattr__(self, name, value)
 
-        settle("mean", as_vector("mean", mean, 3))
-        settle("gusts", real("gusts", gusts, low=0.0))
-        settle("swirl", real("swirl", swirl, low=0.0))
-        settle("scale", real("scale", scale, above=0.0))
-        settle("profile", None if profile is None else _profile(profile))
-        settle("spacing", real("spacing", spacing, above=0.0))
-        settle("duration", real("duration", duration, above=0.0))
-        settle("modes", integer("modes", modes, low=1, high=4096))
-        settle("seed", seed_of(seed))
-        given = None
-        if field is not None:
-            given = table("field", field, ndim=None).copy()
+        settle("mean", as_vector("mean", self.mean, 3))
+        settle("gusts", real("gusts", self.gusts, low=0.0))
+        settle("swirl", real("swirl", self.swirl, low=0.0))
+        settle("scale", real("scale", self.scale, above=0.0))
+        settle("profile", None if self.profile is None else _profile(self.profile))
+        settle("spacing", real("spacing", self.spacing, above=0.0))
+        settle("duration", real("duration", self.duration, above=0.0))
+        settle("modes", integer("modes", self.modes, low=1, high=4096))
+        settle("seed", seed_of(self.seed))
+        if self.field is not None:
+            given = table("field", self.field, ndim=None).copy()
             if given.ndim not in (4, 5) or given.shape[-1] != 3 or 0 in given.shape:
                 raise ValueError(
                     "field must have shape (nz, ny, nx, 3) or (nt, nz, ny, nx, 3), "
                     f"got {given.shape}"
                 )
             given.flags.writeable = False
-        settle("field", given)
+            settle("field", given)
         settle("_waves", _waves_of(self))
 
     def __reduce__(self) -> tuple[Any, ...]:

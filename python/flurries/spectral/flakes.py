@@ -42,34 +42,17 @@ _MOST_TERMS = 2**26
 
 
 class Request(NamedTuple):
-    """A frame as the kernel reads it.
-
-    Arrays of tiles begin with (rows, cols), or with (1, 1) where all tiles are alike.
-
-    Attributes
-    ----------
-    overlap : int
-        Pixels shared by neighbours.
-    shear : float
-    pattern : (rows, cols, L) int32
-        Pattern p of layer l is number ``l P + p``.
-    shift : (rows, cols, L, 2) float64
-        Pixels (x, y) that it is moved by, shift of the torus and displacement together.
-    streak : (rows, cols, L, 2) float64 or None
-        Pixels (x, y) that it moves by while the shutter is open.
-    gain : (L,) float64
-        Factors of patterns without their mean.
-    mean : float
-        Mean optical depth.
-    """
+    """A frame as the kernel reads it; arrays of tiles begin (1, 1) where all are alike."""
 
     overlap: int
     shear: float
+    # (rows, cols, L): pattern p of layer l is number l P + p.
     pattern: npt.NDArray[np.int32]
+    # (rows, cols, L, 2) px: of torus and displacement together, and while the shutter is open.
     shift: Float64
     streak: Float64 | None
-    gain: Float64
-    mean: float
+    gain: Float64  # (L,), of patterns without their mean.
+    mean: float  # Of the optical depth.
 
 
 def complex_dtype(dtype: npt.DTypeLike) -> np.dtype[np.complexfloating]:
