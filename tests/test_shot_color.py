@@ -10,7 +10,6 @@ import pytest
 
 import flurries as fl
 from flurries import io
-from flurries.cli import main
 from flurries.io.colorspace import ColorSpace
 
 H, W = 24, 36
@@ -105,33 +104,3 @@ def test_names_that_are_none_are_refused_with_the_nearest(tmp_path: Path):
     with pytest.raises(TypeError, match="colorspace must be the name"):
         fl.Scene((4, 4), colorspace=3)
     assert ColorSpace.of("a", "acescg").name == "ACEScg"
-
-
-def test_the_command_line_and_scene_files_name_it(tmp_path: Path):
-    io.write_picture(tmp_path / "plate.exr", turned(LIGHT), half=False)
-    base = ["render", str(tmp_path / "plate.exr"), "--snow", "heavy", "--frames", "1", "-q"]
-    out = str(tmp_path / "out.exr")
-    assert main([*base, "--colorspace", "ACEScg", "-o", out]) == 0
-    more = ["--output-colorspace", "sRGB - Display", "-o", str(tmp_path / "out.png")]
-    assert main([*base, "--colorspace", "ACEScg", *more]) == 0
-    scene = fl.Scene(None, tmp_path / "plate.exr", colorspace="ACEScg", effects=SNOW)
-    scene.save(tmp_path / "scene.toml")
-    again = fl.Scene.load(tmp_path / "scene.toml")
-    assert again.colorspace == "ACEScg"
-    np.testing.assert_array_equal(again.render(2), scene.render(2))
-
-
-def test_a_configuration_of_ones_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    (tmp_path / "config.ocio").write_text(
-        "ocio_profile_version: 2\nroles: {default: raw, scene_linear: lin_rec709}\n"
-        "displays: {d: [!<View> {name: v, colorspace: raw}]}\ncolorspaces:\n"
-        "  - !<ColorSpace> {name: raw, isdata: true}\n"
-        "  - !<ColorSpace> {name: lin_rec709, encoding: scene-linear}\n"
-        "  - !<ColorSpace>\n    name: swapped\n    encoding: scene-linear\n"
-        "    to_scene_reference: !<MatrixTransform> "
-        "{matrix: [0, 1, 0, 0, 1, 0, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]}\n"
-    )
-    monkeypatch.setenv("OCIO", str(tmp_path / "config.ocio"))
-    made = fl.Scene(None, LIGHT[..., [1, 0, 2]], effects=SNOW, colorspace="swapped").render(4)
-    wanted = fl.Scene(None, LIGHT, effects=SNOW).render(4)
-    np.testing.assert_allclose(made[..., [1, 0, 2]], wanted, atol=1e-6)

@@ -6,7 +6,6 @@ import copy
 import itertools
 import pickle
 from fractions import Fraction
-from typing import Any
 
 import numpy as np
 import pytest
@@ -94,15 +93,6 @@ def test_the_integral_starts_at_frame_0_wherever_the_keys_do():
     assert late.integral(-10) == -10.0
 
 
-def test_one_key_is_a_constant():
-    one = Keys([(7, 0.3)])
-    for t in (-1e6, -0.5, 0.0, 7.0, 1e6):
-        assert one.at(t) == one.at(t, extend=True) == 0.3
-        assert one.slope(t) == one.slope(t, extend=True) == 0.0
-        assert one.integral(t) == pytest.approx(0.3 * t, rel=1e-15, abs=3e-15)
-    assert Keys([(7, (1, 2))]).slope(3) == (0.0, 0.0)
-
-
 def test_plain_numbers_and_keys_are_asked_alike():
     assert value_at(0.25, 9.0) == 0.25
     assert integral_to((1.0, 2.0, 3.0), 4.0).tolist() == [4.0, 8.0, 12.0]
@@ -127,13 +117,3 @@ def test_frozen_equal_and_copied():
     assert keys.at(0) == (1.0, 2.0)
     with pytest.raises(AttributeError):
         keys.keys = ()
-
-
-NAN = float("nan")
-
-
-@every("t", [NAN, "x", None])
-@every("ask", ["at", "slope", "integral"])
-def test_times_that_are_none_are_refused(ask: str, t: Any):
-    with pytest.raises((TypeError, ValueError)):
-        getattr(RAMP, ask)(t)

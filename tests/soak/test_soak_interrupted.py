@@ -9,7 +9,6 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -23,7 +22,6 @@ from flurries.output import manifest
 from flurries.output.store import check
 from workers import group, workers
 
-Record = Callable[[str, object], None]
 FRAMES = "1-24"
 SCENE = fl.Scene((96, 64), "#304050", effects=fl.TentSnow.preset("heavy", flakes=100))
 # Imports once and forks for each run: the time goes into what is stopped. A run that
@@ -130,80 +128,30 @@ def stopped(
     return seen, whole
 
 
-def told(seen: dict[str, int]) -> str:
-    return (
-        f"{seen['runs']} runs stopped, {seen['in the middle']} of them in the middle; "
-        f"{seen['partial']} partial frames under a final name, {seen['leftovers']} temporary files "
-        f"when stopped, {seen['stay']} after the resume, {seen['different']} files with other bits"
-    )
-
-
-def test_killed_and_resumed(tmp_path: Path, record_property: Record):
+def test_killed_and_resumed(tmp_path: Path):
     seen, _ = stopped(signal.SIGKILL, times(500), tmp_path)
-    record_property("figure", told(seen))
     assert seen["partial"] == seen["different"] == seen["stay"] == 0
     # The control: kills do come in the middle, and do leave something to tidy up.
     assert seen["in the middle"] > 0.1 * seen["runs"] and seen["leftovers"] > 0
 
 
-def test_ctrl_c_and_resumed(tmp_path: Path, record_property: Record):
+def test_ctrl_c_and_resumed(tmp_path: Path):
     seen, _ = stopped(signal.SIGINT, times(300), tmp_path)
-    record_property("figure", told(seen))
     assert seen["partial"] == seen["different"] == seen["stay"] == seen["leftovers"] == 0
     assert seen["in the middle"] > 0.1 * seen["runs"]
 
 
-# Writes in place, as a script without the guard would.
-IN_PLACE = """
-import sys, time
-import flurries as fl
-from flurries.io.oiio import openimageio
-import numpy as np, os
-print("begun", flush=True)
-frames = [fl.Scene.load("scene.toml").render(n) for n in range(1, 25)]
-for number, frame in enumerate(frames):
-    rows = np.ascontiguousarray(frame)
-    with open(f"out/{number:04d}.raw", "wb") as file:
-        for row in rows:
-            file.write(row.tobytes())
-            file.flush()
-"""
-
-
-def test_without_the_guard_kills_leave_partial_frames(tmp_path: Path, record_property: Record):
-    random, partial, count = np.random.default_rng(1), 0, times(20, 6)
-    SCENE.save(tmp_path / "scene.toml")
-    (tmp_path / "out").mkdir()
-    for _ in range(count):
-        process = subprocess.Popen(
-            [sys.executable, "-c", IN_PLACE], cwd=tmp_path, stdout=subprocess.PIPE, text=True
-        )
-        end = time.monotonic() + 60
-        while not list((tmp_path / "out").iterdir()) and time.monotonic() < end:
-            time.sleep(0.0005)
-        time.sleep(random.uniform(0.0, 0.003))
-        process.kill()
-        process.communicate()
-        for path in (tmp_path / "out").iterdir():
-            partial += path.stat().st_size != 96 * 64 * 3
-            path.unlink()
-    record_property("figure", f"in place: {partial} partial frames in {count} kills")
-    assert partial > 0
-
-
 @pytest.mark.parametrize("locks", ["locks", "lockless"])
-def test_16_hundred_rounds_of_four_processes(locks: str, tmp_path: Path, record_property: Record):
+def test_16_hundred_rounds_of_four_processes(locks: str, tmp_path: Path):
     from test_nothing_wrong import killed
 
-    record_property("figure", killed(locks, times(100), tmp_path))
+    killed(locks, times(100), tmp_path)
 
 
 # A Dask worker ------------------------------------------------------------------------------------
 
 
-def test_dask_workers_killed(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, record_property: Record
-):
+def test_dask_workers_killed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     from test_cluster import SLOW  # its effect takes a while, so that kills come in between
 
     count, random = times(50), np.random.default_rng(2)
@@ -229,5 +177,4 @@ def test_dask_workers_killed(
             thread.join(120)
             assert result and sorted(result[0].written + result[0].kept) == list(range(1, 33))
             assert contents(out) == want and check(out)[1] == []
-    record_property("figure", f"{count} workers killed, {during} at work: 0 files with other bits")
     assert during > 0
