@@ -74,7 +74,6 @@ ABSENT: dict[str, tuple[Any, dict[str, Any], set[str], str]] = {
     "no flakes": (fl.TentSnow(flakes=0), {}, {"flakes"}, "snow: flakes"),
     "no haze": (fl.TentSnow(haze=0.0), {"depth": 30.0}, {"veil"}, "snow: veil"),
     "half a step": (fl.TentSnow(amount=2e-5, flakes=0), {}, {"texture", "join"}, "snow"),
-    "no gas": (fl.Mist(count=0), {}, {"gas", "join"}, "mist"),
     "no cone": (fl.ConeSnow(amount=0), {}, {"cone", "flakes", "join"}, "cone_snow"),
 }
 
@@ -228,6 +227,8 @@ def test_gas_of_one_color_is_not_sorted():
     plain = fl.Scene(None, BYTES, effects=[gas])
     image, trace = traced(plain)
     assert "gas" in trace.calls and "lit gas" not in trace.calls
+    none = traced(plain.replace(effects=[replace(gas, amount=0.0)]))[1]
+    assert set(none.calls) == {"background", "composite"}
     assert left_out(plain)["mist: sort"] == "its particles have one color"
     # All light is even: with colors and a sort it is the same, within a step of rounding.
     want, full = traced(plain.replace(sun=sun))
